@@ -79,7 +79,7 @@ static cairn_status count_room(fitter *f, const sim_scan *scans, int32_t count,
 
     params->max_scans = count;
     params->max_segments = params->max_points = 1;
-    params->max_stubs = count;
+    params->max_short_segments = count;
     params->max_hypotheses = 24 * count;
     params->max_fill = 32 * count;
     for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {
@@ -97,11 +97,11 @@ static void leave_out(bench_ingredient without, cairn_aligner_params *params)
     if (without == BENCH_NO_DIRECTIONS)
         params->oriented = 0;
     if (without == BENCH_NO_FREE_SPACE)
-        params->contradiction = 0;
+        params->free_space_penalty = 0;
     if (without == BENCH_NO_RESTARTS)
-        params->max_repairs = 0;
+        params->max_relocalizations = 0;
     if (without == BENCH_NO_JOINT)
-        params->max_rounds = 0;
+        params->max_iterations = 0;
 }
 
 static void read_poses(const cairn_aligner *aligner, bench_pose *poses)
@@ -141,7 +141,7 @@ static cairn_status align(fitter *f, cairn_aligner *aligner, const sim_scan *sca
         status = CAIRN_OK;
     }
     run->seconds = bench_cpu_seconds() - start;
-    run->steps = cairn_aligner_read(aligner).rounds;
+    run->steps = cairn_aligner_read(aligner).iterations;
     run->units = cairn_aligner_read(aligner).units;
     run->worst_step = cairn_aligner_read(aligner).worst_step;
     return status;

@@ -136,7 +136,7 @@ static void mark_part(const bsds_image *image, uint8_t *pixels, const cairn_skel
     for (int32_t k = 0; k + 1 < r->parts[part].count; k++)
         for (int side = 0; side < 2; side++)
             if (q[k].edgel[side] >= 0 && q[k + 1].edgel[side] >= 0)
-                mark_way(image, pixels, q[k].touch[side], q[k + 1].touch[side]);
+                mark_way(image, pixels, q[k].contact[side], q[k + 1].contact[side]);
 }
 
 bsds_point bsds_grouped(const bsds_image *image, const cairn_skeleton_result *r, double least,

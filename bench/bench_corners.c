@@ -158,7 +158,7 @@ static cairn_status run_nearest(const corner corners[CORNERS], cairn_pose poses[
     params.max_target = CORNERS * MAX_POINTS;
     params.max_iterations = 1;
     params.gate_start = params.gate_end = 5;
-    params.cell = 1;
+    params.cell_size = 1;
     params.direction_gate = CAIRN_PI;
     status = open_pool(&pool, cairn_icp_memory(&params), &memory);
     if (status == CAIRN_OK)

@@ -8,7 +8,7 @@
 #include "bench/bench_json.h"
 #include "bench/bench_score.h"
 #include "cairn/random.h"
-#include "cairn/scan_cover.h"
+#include "cairn/scan_redundancy.h"
 #include "firmware/joint.h"
 
 #define DEGREE 0.017453292519943295
@@ -25,7 +25,7 @@ typedef struct robot {
     cairn_scan *scan;
     cairn_scan_set *set;
     joint joint;
-    cairn_scan_cover *cover;
+    cairn_scan_redundancy *cover;
     cairn_pool pool;
     void *memory;
     cairn_pose *poses;       /* [kept + 1] by slot */
@@ -50,7 +50,7 @@ static cairn_status create(robot *r)
     cairn_scan_params scan = cairn_scan_default();
     cairn_scan_set_params set;
     joint_params solution = joint_default();
-    cairn_scan_cover_params cover = cairn_scan_cover_default();
+    cairn_scan_redundancy_params cover = cairn_scan_redundancy_default();
     int32_t kept = r->options->kept + 1;
     cairn_status status;
     size_t bytes;
@@ -65,7 +65,7 @@ static cairn_status create(robot *r)
     solution.gate = CAIRN_REAL(0.2);
     solution.rounds = 2;
     bytes = cairn_scan_memory(&scan) + cairn_scan_set_memory(&set) +
-            cairn_scan_cover_memory(&cover) + joint_memory(&solution) + CAIRN_ALIGN;
+            cairn_scan_redundancy_memory(&cover) + joint_memory(&solution) + CAIRN_ALIGN;
     r->memory = malloc(bytes);
     r->poses = calloc((size_t)kept, sizeof *r->poses);
     r->held = calloc((size_t)kept, sizeof *r->held);
@@ -80,7 +80,7 @@ static cairn_status create(robot *r)
     if (status == CAIRN_OK)
         status = cairn_scan_set_create(&r->set, &r->pool, &set);
     if (status == CAIRN_OK)
-        status = cairn_scan_cover_create(&r->cover, &r->pool, &cover);
+        status = cairn_scan_redundancy_create(&r->cover, &r->pool, &cover);
     if (status == CAIRN_OK)
         status = joint_create(&r->joint, &r->pool, &solution);
     return status;
@@ -170,13 +170,13 @@ static cairn_status align(robot *r)
 static cairn_status release_one(robot *r, int32_t newest, bench_endless_lap *lap)
 {
     int32_t least, oldest = -1;
-    cairn_status status = cairn_scan_cover_begin(r->cover, r->set, r->poses);
+    cairn_status status = cairn_scan_redundancy_begin(r->cover, r->set, r->poses);
 
     if (status == CAIRN_OK)
-        IN_TICKS(r, cairn_scan_cover_step(r->cover, &budget));
+        IN_TICKS(r, cairn_scan_redundancy_step(r->cover, &budget));
     if (status != CAIRN_OK)
         return status;
-    least = cairn_scan_cover_least(r->cover, 0);
+    least = cairn_scan_redundancy_most_redundant(r->cover, 0);
     for (int32_t i = 1; i <= r->options->kept; i++)
         oldest = oldest < 0 || r->came[i] < r->came[oldest] ? i : oldest;
     lap->released++;

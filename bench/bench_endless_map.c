@@ -59,7 +59,7 @@ static cairn_status create(driver *d)
     cairn_mapper_params params = cairn_mapper_default_for(d->options->kept, BEAMS);
     size_t bytes;
 
-    params.release = 1;
+    params.cull_keyframes = 1;
     bytes = cairn_mapper_memory(&params) + CAIRN_ALIGN;
     d->memory = malloc(bytes);
     d->first_errors = calloc((size_t)d->options->places, sizeof *d->first_errors);
@@ -147,7 +147,7 @@ static cairn_status run(driver *d, void (*report)(void *context, const bench_end
     for (int64_t number = 0; number < laps && status == CAIRN_OK; number++) {
         bench_endless_lap lap;
         double begin = bench_seconds();
-        int32_t releases = cairn_mapper_measure(d->mapper).releases;
+        int32_t releases = cairn_mapper_measure(d->mapper).culled_keyframes;
 
         memset(&lap, 0, sizeof lap);
         lap.lap = number;
@@ -155,8 +155,8 @@ static cairn_status run(driver *d, void (*report)(void *context, const bench_end
         d->is_full = releases > 0;
         for (int32_t place = 0; place < d->options->places && status == CAIRN_OK; place++)
             status = take_in(d, number * d->options->places + place, place, &lap);
-        lap.kept = cairn_mapper_measure(d->mapper).keys;
-        lap.released = cairn_mapper_measure(d->mapper).releases - releases;
+        lap.kept = cairn_mapper_measure(d->mapper).keyframes;
+        lap.released = cairn_mapper_measure(d->mapper).culled_keyframes - releases;
         lap.loops = cairn_mapper_measure(d->mapper).loops;
         lap.links = cairn_mapper_link_count(d->mapper);
         lap.pool_used = d->pool.used;

@@ -28,8 +28,8 @@ static cairn_status feed(const bench_filter *run, cairn_filter_mapper *mapper,
             status = cairn_filter_mapper_step(mapper, &budget);
         units[i] = (double)(CAIRN_UNBOUNDED - budget.left);
         result = cairn_mapper_read(cairn_filter_mapper_front(mapper));
-        key[i] = result.key;
-        poses[i] = result.key_scan;
+        key[i] = result.keyframe;
+        poses[i] = result.keyframe_scan;
         if (live && i % 500 == 0)
             fprintf(stderr, "\r%" PRId32 " of %" PRId32 " scans ", i, log->count);
     }
@@ -42,9 +42,9 @@ int bench_filter_map(bench_filter *run, const cairn_carmen_scans *log, cairn_pos
                      double *units)
 {
     cairn_filter_mapper_params params = cairn_filter_mapper_default_for(
-        log->count < 8192 ? log->count + 1 : 8192, log->info.beams_most, run->particles);
+        log->count < 8192 ? log->count + 1 : 8192, log->info.max_beams, run->particles);
     int32_t *key = malloc(((size_t)log->count + 1) * sizeof *key), best;
-    cairn_pose *path = malloc((size_t)params.front.max_keys * sizeof *path);
+    cairn_pose *path = malloc((size_t)params.front.max_keyframes * sizeof *path);
     cairn_filter_mapper *mapper = NULL;
     cairn_pool pool;
     cairn_status status;
@@ -63,7 +63,7 @@ int bench_filter_map(bench_filter *run, const cairn_carmen_scans *log, cairn_pos
         status = feed(run, mapper, log, key, poses, units);
     if (status == CAIRN_OK) {
         best = cairn_filter_mapper_best(mapper);
-        (void)cairn_filter_mapper_path(mapper, best, path, params.front.max_keys);
+        (void)cairn_filter_mapper_path(mapper, best, path, params.front.max_keyframes);
         for (int32_t i = 0; i < log->count; i++)
             poses[i] = cairn_pose_compose(path[key[i]], poses[i]);
         run->seconds = bench_seconds() - start;

@@ -376,7 +376,7 @@ void group_found_add(group_found *found, const group_image *image,
 {
     found->best = fmax(found->best, (double)result->best_evidence);
     if (result->mode == CAIRN_MODE_AS_WRITTEN && found->searches < GROUP_INSTANCES) {
-        found->end[found->searches++] = result->end;
+        found->end[found->searches++] = result->end_reason;
         found->points_dropped += result->points_dropped;
     }
     for (int32_t i = 0; i < result->object_count && found->count < GROUP_GROUPINGS; i++) {
@@ -395,8 +395,8 @@ void group_found_add(group_found *found, const group_image *image,
                (size_t)g->outline_count * sizeof *g->outline);
         g->object = o->found;
         g->mirrored = o->mirrored;
-        g->rigid = (double)o->rigid;
-        g->bent = (double)o->bent;
+        g->rigid = (double)o->rigid_evidence;
+        g->bent = (double)o->deformed_evidence;
         g->shape = o->shape;
         for (int32_t k = 0; k < o->found.count; k++)
             mark(image, tokens->lines[result->segments[o->found.first + k]], g);
@@ -529,8 +529,8 @@ static void draw_outline(const group_image *image, uint8_t *rgb, const group_gro
 
         for (int32_t v = 0; v < 2; v++)
             for (int32_t u = 0; u < 2; u++)
-                dot(image, rgb, (double)place->at.position.x + u, (double)place->at.position.y + v,
-                    place->segment >= 0 ? blue : violet);
+                dot(image, rgb, (double)place->point.position.x + u,
+                    (double)place->point.position.y + v, place->segment >= 0 ? blue : violet);
     }
 }
 

@@ -51,7 +51,7 @@ static cairn_status align(const sim_scan *scans, int32_t count, cairn_scan *scan
         poses[i].pose.x = (double)pose.x;
         poses[i].pose.y = (double)pose.y;
         poses[i].pose.theta = (double)pose.theta;
-        poses[i].flagged = !cairn_lum_is_joined(lum, i);
+        poses[i].flagged = !cairn_lum_is_connected(lum, i);
     }
     return status;
 }
@@ -83,8 +83,8 @@ int bench_run_lum(const sim_scan *scans, int32_t count, int32_t iterations, benc
     if (way == BENCH_LUM_AS_WRITTEN) {
         hits = malloc(((size_t)scans[0].count + 1) * sizeof *hits);
     } else {
-        params.rebuild = 5;
-        params.registers = way == BENCH_LUM_REGISTERED;
+        params.rebuild_interval = 5;
+        params.sequential_registration = way == BENCH_LUM_REGISTERED;
     }
     bytes = cairn_lum_memory(&params) + cairn_scan_memory(&scan_params) + CAIRN_ALIGN;
     memory = malloc(bytes);

@@ -77,7 +77,7 @@ static cairn_status add_coarse(cairn_map_merge *merge, const picture *p, int32_t
     cairn_merge_map map;
     cairn_status status = cairn_map_merge_coarsen(fine, k, coarse);
 
-    map.cells = cairn_raster_u8_read(coarse);
+    map.cells = cairn_raster_u8_as_view(coarse);
     map.resolution = (cairn_real)(k * size); /* lengths in pixels of the target */
     map.origin = cairn_pose_identity();
     return status == CAIRN_OK ? cairn_map_merge_add(merge, &map, NULL) : status;
@@ -168,7 +168,8 @@ static int merge_pair(const picture *target, const picture *source,
                 best = placed;
             }
         }
-        if (base->mode == CAIRN_MODE_AS_WRITTEN || (best && (double)f->placed.wrong <= SURE) ||
+        if (base->mode == CAIRN_MODE_AS_WRITTEN ||
+            (best && (double)f->placed.error_probability <= SURE) ||
             side / next_size(k) < MIN_SIDE_CELLS)
             return best;
     }
@@ -258,7 +259,8 @@ static void run_pair(const picture *target, const picture *source, const shift *
     bench_json_text("verdict",
                     placed < 0 ? "failed" : cairn_merge_verdict_text(found.placed.verdict));
     bench_json_number("off_px", off);
-    bench_json_number("wrong_probability", placed > 0 ? (double)found.placed.wrong : (double)NAN);
+    bench_json_number("wrong_probability",
+                      placed > 0 ? (double)found.placed.error_probability : (double)NAN);
     bench_json_integer("cells", found.k);
     bench_json_number("size", found.size);
     bench_json_number("seconds", bench_seconds() - start);

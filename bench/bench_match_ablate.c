@@ -72,9 +72,9 @@ static int ablate_match(cairn_scan_match *match, const cairn_oriented_point *que
         cairn_scan_match_pair pair = cairn_scan_match_pair_at(match, i);
         cairn_vec2 apart = cairn_vec2_sub(query[pair.query].position, target[pair.target].position);
 
-        out->pairs += pair.stage == CAIRN_SCAN_MATCH_KEPT;
+        out->pairs += pair.stage == CAIRN_SCAN_MATCH_ACCEPTED;
         out->pairs_right +=
-            pair.stage == CAIRN_SCAN_MATCH_KEPT && (double)cairn_vec2_norm(apart) < RIGHT_PAIR;
+            pair.stage == CAIRN_SCAN_MATCH_ACCEPTED && (double)cairn_vec2_norm(apart) < RIGHT_PAIR;
     }
     found = cairn_scan_match_read(match);
     out->matches++;

@@ -268,7 +268,7 @@ static int collect_log(const bench_pairs_settings *s, bench_collection *c)
     }
     if (s->noise)
         bench_noise_poses(&log, (uint64_t)s->seed);
-    done = bench_views_start(&c->views, log.count, log.info.beams_most) &&
+    done = bench_views_start(&c->views, log.count, log.info.max_beams) &&
            read_truth(s->truth, &log, c);
     if (done) {
         draw_pairs(c, 0, c->views.count, s->partners, (int32_t)s->pairs, &random);

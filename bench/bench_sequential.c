@@ -21,8 +21,8 @@ static cairn_status open_mapper(sequential *s, cairn_pool *pool, void **memory, 
     size_t bytes;
     cairn_status status;
 
-    params.front.max_key_points = count * params.front.scan.max_points;
-    params.front.max_key_segments = count * params.front.scan.max_segments;
+    params.front.max_keyframe_points = count * params.front.scan.max_points;
+    params.front.max_keyframe_segments = count * params.front.scan.max_segments;
     bytes =
         particles > 0 ? cairn_filter_mapper_memory(&params) : cairn_mapper_memory(&params.front);
     *memory = malloc(bytes + CAIRN_ALIGN);
@@ -63,8 +63,8 @@ static cairn_status end(sequential *s, cairn_pose *path, int32_t count)
         return CAIRN_OK;
     }
     status = cairn_mapper_settle(s->mapper, &budget);
-    for (int32_t i = 0; i < cairn_mapper_measure(s->mapper).keys; i++)
-        path[i] = cairn_mapper_key_pose(s->mapper, i);
+    for (int32_t i = 0; i < cairn_mapper_measure(s->mapper).keyframes; i++)
+        path[i] = cairn_mapper_keyframe_pose(s->mapper, i);
     return status;
 }
 
@@ -113,14 +113,14 @@ int bench_run_sequential(const sim_scan *scans, int32_t count, int32_t particles
     if (status == CAIRN_OK)
         status = end(&s, path, count);
     for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {
-        cairn_pose pose = cairn_pose_compose(path[result[i].key], result[i].key_scan);
+        cairn_pose pose = cairn_pose_compose(path[result[i].keyframe], result[i].keyframe_scan);
         bench_pose *out = &poses[order[i].scan];
 
         out->pose.x = (double)pose.x;
         out->pose.y = (double)pose.y;
         out->pose.theta = (double)pose.theta;
-        out->flagged =
-            result[i].verdict == CAIRN_MAPPER_PREDICTED || result[i].verdict == CAIRN_MAPPER_BLIND;
+        out->flagged = result[i].verdict == CAIRN_MAPPER_PREDICTED ||
+                       result[i].verdict == CAIRN_MAPPER_NO_FEATURES;
     }
     run->seconds = bench_seconds() - start;
     if (status == CAIRN_OK)

@@ -148,9 +148,9 @@ double skeleton_boundary_f(const cairn_skeleton_result *r, const scene *s, int a
 
         for (int32_t k = 0; (all || r->parts[i].object == 0) && k + 1 < r->parts[i].count; k++)
             for (int side = 0; side < 2; side++) {
-                skeleton_place a = {(double)q[k].touch[side].x, (double)q[k].touch[side].y, 0};
-                skeleton_place b = {(double)q[k + 1].touch[side].x, (double)q[k + 1].touch[side].y,
-                                    0};
+                skeleton_place a = {(double)q[k].contact[side].x, (double)q[k].contact[side].y, 0};
+                skeleton_place b = {(double)q[k + 1].contact[side].x,
+                                    (double)q[k + 1].contact[side].y, 0};
 
                 skeleton_add_way(&found, a, b);
             }

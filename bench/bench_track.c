@@ -179,7 +179,7 @@ static int32_t aligner_running(const void *object)
 
 static cairn_pose aligner_pose(const void *object, int32_t scan)
 {
-    return cairn_aligner_pose_now(object, scan, NULL);
+    return cairn_aligner_current_pose(object, scan, NULL);
 }
 
 static cairn_status aligner_add(void *object, const cairn_scan_view *view, cairn_pose pose)
@@ -282,8 +282,8 @@ static cairn_status run_lum(const bench_problem *problem, cairn_scan *scan, capa
     cairn_lum_params params = cairn_lum_default();
 
     params.max_points = most.points + 1;
-    params.rebuild = 5;
-    params.registers = 1;
+    params.rebuild_interval = 5;
+    params.sequential_registration = 1;
     return run_lum_with(params, lum_add, problem, scan, poses, steps);
 }
 

@@ -68,7 +68,7 @@ int bench_views_add(bench_views *views, const cairn_scan_input *input, cairn_pos
         status = cairn_scan_step(views->scan, &budget);
     if (status != CAIRN_OK || views->count == views->capacity) {
         fprintf(stderr, "scan %d: %s\n", (int)scan,
-                fault.what != NULL ? fault.what : cairn_status_text(status));
+                fault.message != NULL ? fault.message : cairn_status_text(status));
         return 0;
     }
     view = cairn_scan_read(views->scan);

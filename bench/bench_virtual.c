@@ -133,12 +133,12 @@ static cairn_virtual_align_params params_of(const bench_virtual_method *m,
         m->field == BENCH_FIELD_AS_WRITTEN ? as_written(m) : cairn_virtual_align_default();
 
     if (m->field != BENCH_FIELD_AS_WRITTEN)
-        params.align = m->align;
+        params.use_aligner = m->align;
     if (p->lie != NULL)
-        params.every = 5;
+        params.rebuild_interval = 5;
     if (!m->hypotheses)
         params.hypotheses.lines = params.hypotheses.rectangles = params.hypotheses.ellipses =
-            params.slide.thickness = 0;
+            params.slide.use_thickness = 0;
     return params;
 }
 
@@ -182,8 +182,8 @@ static cairn_status align(int32_t prints_steps, bench_virtual_problem *p, cairn_
     result = cairn_virtual_align_read(align);
     out->seconds += processor_seconds() - start;
     out->iterations += result.iterations;
-    out->active += result.active;
-    out->moved += result.moved;
+    out->active += result.active_iterations;
+    out->moved += result.moved_scans;
     out->align_units += result.align_units;
     out->hypothesis_units += result.hypothesis_units;
     out->field_units += result.field_units;

@@ -373,9 +373,9 @@ static void complete_detection(uint8_t *pixels, const cairn_contour_place *outli
     for (int32_t i = 0; i < count; i++) {
         const cairn_contour_place *p = &outline[i], *q = &outline[(i + 1) % count];
 
-        if (p->segment < 0 && p->part == q->part &&
-            cairn_vec2_norm(cairn_vec2_sub(q->at.position, p->at.position)) < 20) {
-            cairn_segment line = {p->at.position, q->at.position};
+        if (p->segment < 0 && p->outline_index == q->outline_index &&
+            cairn_vec2_norm(cairn_vec2_sub(q->point.position, p->point.position)) < 20) {
+            cairn_segment line = {p->point.position, q->point.position};
 
             mark_line(pixels, line);
         }
@@ -394,7 +394,7 @@ static best_one best_of(const settings *set, const finder *f, const scene *s)
     cairn_grouping_result r = cairn_grouping_read(f->grouping);
     cairn_shape_model model = cairn_shape_builder_read(f->builder);
     const cairn_detection *d = f->detections.found;
-    best_one best = {NULL, 0, r.object_count, 0, (double)r.best, (double)r.best_evidence};
+    best_one best = {NULL, 0, r.object_count, 0, (double)r.best_score, (double)r.best_evidence};
 
     if (!is_group(set)) {
         best.found = f->detections.count;
@@ -421,7 +421,7 @@ static void complete_best(const settings *set, const finder *f, uint8_t *pixels)
     cairn_shape_model model = cairn_shape_builder_read(f->builder);
 
     if (is_group(set))
-        complete(pixels, &model, &r.objects[0], &r.along[r.objects[0].along]);
+        complete(pixels, &model, &r.objects[0], &r.outline_segments[r.objects[0].first_outline]);
     else
         complete_detection(pixels, &f->detections.outline[f->detections.found[0].first_outline],
                            f->detections.found[0].outline_count);
@@ -463,7 +463,7 @@ static void measure(const settings *set, sums *t, const finder *f, const scene *
         bench_json_number("score", best.score);
         bench_json_number("evidence", best.evidence);
         bench_json_integer("tokens", r.token_count);
-        bench_json_integer("starts", r.starts);
+        bench_json_integer("starts", r.hypothesis_count);
         bench_json_integer("objects", best.found);
         bench_json_number("seconds", t->seconds[t->scenes]);
         bench_json_end();
@@ -555,7 +555,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_TEXT("--method", &s->method, "NAME",
                     "group; detect: by evidence for the outline; parts: by its parts"),
         OPTION_INTEGER("--particles", &s->particles, 1, 4096, "N", "of the filter"),
-        OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_PATHS, "N", "of a model at most"),
+        OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_MAX_PATHS, "N", "of a model at most"),
         OPTION_NUMBER("--min-evidence", &s->evidence, 0, 1000, "E",
                       "of a grouping that is reported"),
         OPTION_NUMBER("--min-score", &s->score, -100, 100, "S",
@@ -603,7 +603,7 @@ int main(int argc, char **argv)
                   .seed = 1,
                   .k = 25,
                   .particles = 300,
-                  .paths = CAIRN_SHAPE_PATHS,
+                  .paths = CAIRN_SHAPE_MAX_PATHS,
                   .noise = 5,
                   .evidence = -1,
                   .score = -100,

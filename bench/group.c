@@ -90,7 +90,7 @@ static double overlap_with(const cairn_detection *d, const cairn_contour_result 
     double left = HUGE_VAL, top = HUGE_VAL, right = -HUGE_VAL, bottom = -HUGE_VAL, w, h, both;
 
     for (int32_t i = 0; i < o->outline_count; i++) {
-        const cairn_oriented_point *at = &result->outline[o->first_outline + i].at;
+        const cairn_oriented_point *at = &result->outline[o->first_outline + i].point;
 
         left = fmin(left, (double)at->position.x);
         top = fmin(top, (double)at->position.y);
@@ -255,9 +255,9 @@ static void print_best(const group_found *found)
     bench_json_number("evidence", (double)g->object.evidence);
     bench_json_number("rigid", g->rigid);
     bench_json_number("bent", g->bent);
-    bench_json_number("close", (double)g->shape.close);
-    bench_json_number("turned", (double)g->shape.turned);
-    bench_json_number("strained", (double)g->shape.strained);
+    bench_json_number("close", (double)g->shape.edge_proximity);
+    bench_json_number("turned", (double)g->shape.tangent_deviation);
+    bench_json_number("strained", (double)g->shape.deformation);
     bench_json_number("best", found->best);
 }
 
@@ -464,7 +464,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_INTEGER("--others", &s->others, 1, 100000, "N", "of each other class at most"),
         OPTION_FLAG("--no-others", &s->no_others, "no images of other classes"),
         OPTION_INTEGER("--particles", &s->particles, 1, 4096, "N", "of the filter"),
-        OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_PATHS, "N", "of a model at most"),
+        OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_MAX_PATHS, "N", "of a model at most"),
         OPTION_INTEGER("--min-strength", &s->strength, 1, 255, "N", "of edges"),
         OPTION_NUMBER("--min-score", &s->score, 0, 1, "S", "of a grouping that is reported"),
         OPTION_NUMBER("--min-evidence", &s->evidence, 0, 1000, "E",
@@ -539,7 +539,7 @@ int main(int argc, char **argv)
                   "segments",
                   100000,
                   300,
-                  CAIRN_SHAPE_PATHS,
+                  CAIRN_SHAPE_MAX_PATHS,
                   1,
                   1,
                   100000,

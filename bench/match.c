@@ -48,7 +48,7 @@ static int score(const bench_match_problem *p, const bench_match_machine *m, sim
 
         truth[i] = p->frame[i];
         places[i] = bench_sim_pose(place.map_place);
-        use[i] = place.part == 0;
+        use[i] = place.component == 0;
     }
     if (done) {
         sim_pose before = places[0], move;
@@ -74,10 +74,10 @@ static int score(const bench_match_problem *p, const bench_match_machine *m, sim
         bench_pose_errors(p->truth, poses, p->scan_count, metres, degrees);
         out->scan_median_m = bench_median(metres, n);
         out->scan_median_deg = bench_median(degrees, n);
-        out->parts = result.parts;
+        out->parts = result.components;
         out->ambiguous = result.ambiguous;
         out->total = (double)result.total;
-        out->rival = (double)result.rival;
+        out->rival = (double)result.competing_total;
         out->ok = out->right == out->places;
     }
     free(truth);

@@ -21,7 +21,7 @@
 #include "cairn/particle_filter.h"
 #include "cairn/sequence.h"
 #include "cairn/skeleton_grouping.h"
-#include "cairn/wall_slide.h"
+#include "cairn/weak_direction.h"
 
 static void print(const char *object, const char *capacities, size_t bytes)
 {
@@ -57,7 +57,7 @@ int main(void)
     cairn_aligner_params aligner = cairn_aligner_default();
     cairn_pose_consensus_params consensus = cairn_pose_consensus_default();
     cairn_place_map_params places = cairn_place_map_default();
-    cairn_wall_slide_params slide = cairn_wall_slide_default();
+    cairn_weak_direction_params slide = cairn_weak_direction_default();
 
     scan.max_beams = 181;
     scan.max_points = 256;
@@ -113,12 +113,12 @@ int main(void)
     print("aligner", "60 scans, 600 segments, 3000 points, 1440 hypotheses, 1920 blocks",
           cairn_aligner_memory(&aligner));
     aligner.max_segments = 665;
-    aligner.max_stubs = 60;
+    aligner.max_short_segments = 60;
     aligner.max_points = 3320;
     aligner.max_hypotheses = aligner.max_fill = 1150;
     print("aligner", "60 scans of 401 beams, what the largest of arenas needs",
           cairn_aligner_memory(&aligner));
-    print("wall_slide", "64 scans, 1024 walls, 24 parts", cairn_wall_slide_memory(&slide));
+    print("weak_direction", "64 scans, 1024 walls, 24 parts", cairn_weak_direction_memory(&slide));
     print("pose_consensus", "64 nodes, 1024 hypotheses, 8 candidates",
           cairn_pose_consensus_memory(&consensus));
     print("place_map", "16 places of 1024 points and 2048 beams, 4096 hypotheses",

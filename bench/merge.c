@@ -127,9 +127,9 @@ static void print_modes(const cairn_map_merge *merge, const bench_parts *parts)
             bench_json_integer("a", a);
             bench_json_integer("b", b);
             bench_json_number("shared", bench_parts_shared(parts, a, b));
-            bench_json_number("true_evidence", (double)score.evidence);
-            bench_json_number("agree", (double)score.agree);
-            bench_json_number("conflict", (double)score.conflict);
+            bench_json_number("true_evidence", (double)score.log_likelihood_ratio);
+            bench_json_number("agree", (double)score.agreeing_wall);
+            bench_json_number("conflict", (double)score.free_space_violation);
             for (int32_t k = 0; k < 3 && cairn_map_merge_mode(merge, a, b, k, &pose, &evidence);
                  k++) {
                 char key[32];
@@ -140,7 +140,7 @@ static void print_modes(const cairn_map_merge *merge, const bench_parts *parts)
                 bench_json_number(key, hypot((double)(pose.x - t.x), (double)(pose.y - t.y)));
                 if (cairn_map_merge_score(merge, a, b, pose, &score) == CAIRN_OK)
                     snprintf(key, sizeof key, "conflict%d", (int)k);
-                bench_json_number(key, (double)score.conflict);
+                bench_json_number(key, (double)score.free_space_violation);
             }
             for (int32_t k = 0; cairn_map_merge_mode(merge, a, b, k, &pose, &evidence); k++)
                 if (is_near(pose, truth, PLACE_M, PLACE_RAD) && ++right == 1)
@@ -327,7 +327,7 @@ static void print_seed(int64_t seed, const outcome *out)
     bench_json_integer("hypotheses", out->result.hypotheses);
     bench_json_integer("resamplings", out->result.resamplings);
     bench_json_integer("units", out->result.units);
-    bench_json_integer("most_particles", out->result.most_particles);
+    bench_json_integer("most_particles", out->result.peak_particles);
     bench_json_end();
     fflush(stdout);
 }

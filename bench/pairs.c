@@ -229,12 +229,12 @@ static void print_each(const settings *s, const bench_collection *c, const bench
     bench_json_number("ms", o->ms);
     if (r->count > 0) {
         bench_json_number("overlap", (double)r->hypotheses[0].overlap);
-        bench_json_number("contradiction", (double)r->hypotheses[0].contradiction);
+        bench_json_number("contradiction", (double)r->hypotheses[0].free_space_violation);
         bench_json_number("score", (double)r->hypotheses[0].score);
         bench_json_number("sd_m", sqrt((double)(r->hypotheses[0].covariance[0] +
                                                 r->hypotheses[0].covariance[4])));
         bench_json_number("sd_deg", sqrt((double)r->hypotheses[0].covariance[8]) / DEGREE);
-        bench_json_number("evidence", (double)r->hypotheses[0].evidence);
+        bench_json_number("evidence", (double)r->hypotheses[0].log_odds);
         bench_json_number("sigma", (double)r->hypotheses[0].sigma);
         bench_json_number("weak_ratio", (double)r->hypotheses[0].weak_ratio);
         bench_json_integer("paired", r->hypotheses[0].pairs);

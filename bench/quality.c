@@ -187,7 +187,7 @@ static cairn_status measure_map(scene *s, const cairn_pose *poses, double least,
     }
     if (status == CAIRN_OK)
         status = cairn_map_entropy_add(s->grid, 0, s->layout.height, &entropy);
-    f->whole.entropy = (double)entropy.whole;
+    f->whole.entropy = (double)entropy.total;
     f->entropy_of_cell = f->whole.entropy / (double)entropy.cells;
     for (int q = 0; q < CAIRN_QUADRANTS; q++)
         f->quadrant[q].entropy = (double)entropy.quadrant[q];

@@ -54,9 +54,9 @@ static void count_closure(const settings *s, const cairn_mapper_loop *loop, cons
     cairn_pose error = cairn_pose_between(truth, loop->first_second);
     double off = length(error), turn = fabs((double)error.theta);
 
-    out->waiting += loop->verdict == CAIRN_MAPPER_LOOP_WAITING;
+    out->waiting += loop->verdict == CAIRN_MAPPER_LOOP_PENDING;
     out->rejected +=
-        loop->verdict != CAIRN_MAPPER_LOOP_ACCEPTED && loop->verdict != CAIRN_MAPPER_LOOP_WAITING;
+        loop->verdict != CAIRN_MAPPER_LOOP_ACCEPTED && loop->verdict != CAIRN_MAPPER_LOOP_PENDING;
     if (loop->verdict != CAIRN_MAPPER_LOOP_ACCEPTED)
         return;
     out->accepted++;
@@ -108,19 +108,20 @@ static cairn_status feed(const settings *s, cairn_mapper *mapper, const sim_scan
     for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {
         cairn_scan_input input = sim_scan_input(&scans[i]);
         cairn_pose odometry = pose_of(scans[i].odometry);
-        int32_t keys = cairn_mapper_measure(mapper).keys;
+        int32_t keys = cairn_mapper_measure(mapper).keyframes;
 
         out->key_scans[keys] = i;
         status = cairn_mapper_add(mapper, &input, s->no_odometry ? NULL : &odometry, NULL);
         if (status == CAIRN_OK)
             status = work(s, mapper, scans, &seen, out, cairn_mapper_step);
-        key[i] = cairn_mapper_read(mapper).key;
-        out->poses[i] = cairn_mapper_read(mapper).key_scan;
+        key[i] = cairn_mapper_read(mapper).keyframe;
+        out->poses[i] = cairn_mapper_read(mapper).keyframe_scan;
     }
     if (status == CAIRN_OK)
         status = work(s, mapper, scans, &seen, out, cairn_mapper_settle);
     for (int32_t i = 0; i < count && status == CAIRN_OK; i++)
-        out->poses[i] = cairn_pose_compose(cairn_mapper_key_pose(mapper, key[i]), out->poses[i]);
+        out->poses[i] =
+            cairn_pose_compose(cairn_mapper_keyframe_pose(mapper, key[i]), out->poses[i]);
     out->state = cairn_mapper_measure(mapper);
     free(key);
     return status;

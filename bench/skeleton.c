@@ -68,11 +68,11 @@ static int open_finder(finder *f, const settings *s)
         edgel.max_height = skeleton.max_height = SCENE_HEIGHT;
     }
     edgel.sigma = (cairn_real)s->sigma;
-    edgel.min_slope = (cairn_real)s->slope;
+    edgel.min_gradient = (cairn_real)s->slope;
     if (s->particles > 0)
-        skeleton.particles = (int32_t)s->particles;
+        skeleton.particle_count = (int32_t)s->particles;
     if (!isnan(s->contrast))
-        skeleton.contrast = (cairn_real)s->contrast;
+        skeleton.contrast_weight = (cairn_real)s->contrast;
     bytes = cairn_edgel_memory(&edgel) + cairn_skeleton_memory(&skeleton) + 64 +
             (s->bsds ? cairn_boundary_memory(&boundary) : 0);
     f->memory = malloc(bytes);
@@ -171,8 +171,8 @@ static void draw(const settings *set, int64_t index, const scene *s, const cairn
 
             way.count = 0;
             for (int32_t k = 0; k + 1 < r->parts[i].count; k++) {
-                cairn_vec2 from = what < 2 ? q[k].touch[what] : q[k].centre;
-                cairn_vec2 to = what < 2 ? q[k + 1].touch[what] : q[k + 1].centre;
+                cairn_vec2 from = what < 2 ? q[k].contact[what] : q[k].centre;
+                cairn_vec2 to = what < 2 ? q[k + 1].contact[what] : q[k + 1].centre;
                 skeleton_place a = {(double)from.x, (double)from.y, 0},
                                b = {(double)to.x, (double)to.y, 0};
 
@@ -208,7 +208,7 @@ static void measure(const settings *set, sums *t, const finder *f, const scene *
     iou = skeleton_discs_iou(&found, s);
     boundary = skeleton_boundary_f(&r, s, 0);
     all_boundary = skeleton_boundary_f(&r, s, 1);
-    ends = r.object_count > 0 ? (double)r.objects[0].free_ends / shape->ends : 0;
+    ends = r.object_count > 0 ? (double)r.objects[0].free_end_count / shape->ends : 0;
     t->f += axis;
     t->all_f += all;
     t->iou += iou;
@@ -235,9 +235,9 @@ static void measure(const settings *set, sums *t, const finder *f, const scene *
     bench_json_integer("parts", r.part_count);
     bench_json_integer("objects", r.object_count);
     bench_json_number("log_odds", r.object_count > 0 ? (double)r.objects[0].log_odds : 0);
-    bench_json_integer("centres", r.centres);
-    bench_json_integer("lines", r.lines);
-    bench_json_integer("starts", r.starts);
+    bench_json_integer("centres", r.centre_count);
+    bench_json_integer("lines", r.line_count);
+    bench_json_integer("starts", r.seed_count);
     bench_json_number("min_radius", (double)r.min_radius);
     bench_json_number("max_radius", (double)r.max_radius);
     bench_json_number("seconds", t->seconds[t->scenes]);

@@ -73,9 +73,9 @@ static scan_cost cost_of(double *units, int32_t count)
 static void rehang(const cairn_mapper *mapper, int32_t *seen, int32_t *key, cairn_pose *poses,
                    int32_t count)
 {
-    for (int32_t now = cairn_mapper_measure(mapper).releases; *seen < now; (*seen)++)
+    for (int32_t now = cairn_mapper_measure(mapper).culled_keyframes; *seen < now; (*seen)++)
         for (int32_t i = 0; i < count; i++)
-            cairn_mapper_rehang(cairn_mapper_release_at(mapper, *seen), &key[i], &poses[i]);
+            cairn_mapper_reattach(cairn_mapper_culling_at(mapper, *seen), &key[i], &poses[i]);
 }
 
 /* Maps the log; poses: [count], of the sensor, as relations are between sensors. Returns the
@@ -85,7 +85,7 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
 {
     int32_t most = log->count < 8192 ? log->count + 1 : 8192;
     cairn_mapper_params params = cairn_mapper_default_for(
-        s->max_keys > 0 ? (int32_t)s->max_keys : most, log->info.beams_most);
+        s->max_keys > 0 ? (int32_t)s->max_keys : most, log->info.max_beams);
     int32_t *key = malloc((size_t)log->count * sizeof *key);
     double *units = malloc((size_t)log->count * sizeof *units);
     cairn_mapper *mapper;
@@ -97,7 +97,7 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
     int live = isatty(STDERR_FILENO);
     int32_t seen = 0;
 
-    params.release = s->max_keys > 0;
+    params.cull_keyframes = s->max_keys > 0;
     params.window = (int32_t)s->window;
     if (params.window > 0 && params.window_free >= params.window)
         params.window_free = params.window - 1;
@@ -127,8 +127,8 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
             cairn_mapper_result result = cairn_mapper_read(mapper);
 
             rehang(mapper, &seen, key, poses, i);
-            key[i] = result.key;
-            poses[i] = result.key_scan;
+            key[i] = result.keyframe;
+            poses[i] = result.keyframe_scan;
         }
         if (live && i % 500 == 0)
             fprintf(stderr, "\r%" PRId32 " of %" PRId32 " scans ", i, log->count);
@@ -145,7 +145,7 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
     if (status == CAIRN_OK) {
         for (int32_t i = 0; i < log->count; i++)
             poses[i] = cairn_pose_compose(
-                cairn_pose_compose(cairn_mapper_key_pose(mapper, key[i]), poses[i]),
+                cairn_pose_compose(cairn_mapper_keyframe_pose(mapper, key[i]), poses[i]),
                 s->no_odometry ? cairn_pose_identity() : log->record[i].scan.base_sensor);
         *state = cairn_mapper_measure(mapper);
         *cost = cost_of(units, log->count);
@@ -207,20 +207,20 @@ static void print_errors(const settings *s, const char *name, const cairn_carmen
     bench_json_integer("pool_bytes", (int64_t)pool_bytes);
     bench_json_number("units_median", cost.median);
     bench_json_number("ops_worst_over_median", cost.worst / cost.median);
-    bench_json_integer("keys", state->keys);
-    bench_json_integer("releases", state->releases);
+    bench_json_integer("keys", state->keyframes);
+    bench_json_integer("releases", state->culled_keyframes);
     bench_json_integer("unmatched", state->predicted);
     bench_json_number("unobservable_share", (double)state->unobservable / log->count);
     bench_json_integer("searched", state->searched);
-    bench_json_integer("doubtful", state->doubtful);
+    bench_json_integer("doubtful", state->low_confidence);
     bench_json_integer("contradicted", state->odometry_contradicted);
     bench_json_integer("loops", state->loops);
-    bench_json_integer("solutions", state->solutions);
-    bench_json_integer("lacks_room", state->lacks_room);
+    bench_json_integer("solutions", state->graph_solutions);
+    bench_json_integer("lacks_room", state->capacity_exceeded);
     if (s->particles > 0) {
         bench_json_integer("particles", s->particles);
         bench_json_integer("resamplings", filter->state.resamplings);
-        bench_json_integer("returns", filter->state.returns);
+        bench_json_integer("returns", filter->state.revisit_matches);
         bench_json_integer("nodes_peak", filter->state.nodes_peak);
     }
     bench_json_true("summary");

@@ -85,7 +85,7 @@ static double ends_off(const cairn_symmetry_axis *axis, const double end[2])
 
     for (int flip = 0; flip < 2; flip++)
         for (int k = 0; k < 2; k++) {
-            double d = fabs((double)axis->place[k] - end[flip ? 1 - k : k]);
+            double d = fabs((double)axis->position[k] - end[flip ? 1 - k : k]);
 
             off[flip] = fmax(off[flip], fmin(d, 1 - d));
         }
@@ -99,9 +99,9 @@ static void print_axis(const char *name, const cairn_symmetry_axis *axis)
     (void)snprintf(key, sizeof key, "%s_dissimilarity", name);
     bench_json_number(key, (double)axis->dissimilarity);
     (void)snprintf(key, sizeof key, "%s_misfit", name);
-    bench_json_number(key, (double)axis->misfit);
+    bench_json_number(key, (double)axis->mirror_residual);
     (void)snprintf(key, sizeof key, "%s_warp", name);
-    bench_json_number(key, (double)axis->warp);
+    bench_json_number(key, (double)axis->dtw_cost);
     (void)snprintf(key, sizeof key, "%s_bend", name);
     bench_json_number(key, (double)axis->bend / DEGREE);
     (void)snprintf(key, sizeof key, "%s_skew", name);
@@ -119,7 +119,7 @@ static void print_each(const settings *s, int mode, uint64_t seed, double off, i
     bench_json_integer("seed", (int64_t)seed);
     bench_json_number("ends_off", off);
     bench_json_integer("axes", r->count);
-    bench_json_integer("ties", r->ties);
+    bench_json_integer("ties", r->tie_count);
     bench_json_integer("right", right);
     if (r->count > 0)
         print_axis("first", &r->axes[0]);
@@ -195,7 +195,7 @@ static int32_t read_names(const char *folder, char **names)
 static int is_right(const bench_reflections *truth, const cairn_curve *shape, int32_t count,
                     const cairn_symmetry_axis *axis, cairn_vec2 middle)
 {
-    cairn_vec2 from = axis->mirror_point, to = cairn_vec2_add(from, axis->mirror_along);
+    cairn_vec2 from = axis->mirror_point, to = cairn_vec2_add(from, axis->mirror_direction);
 
     return bench_reflections_hit(truth, from, to, middle) ||
            bench_reflections_overlap(shape, count, from, to) >=
@@ -206,7 +206,7 @@ static int is_right(const bench_reflections *truth, const cairn_curve *shape, in
 static int run_picture(const settings *s, sums t[MODES], const char *path, const char *name)
 {
     cairn_shape_image_params params = cairn_shape_image_default();
-    cairn_curve shape[CAIRN_SHAPE_OUTLINES];
+    cairn_curve shape[CAIRN_SHAPE_MAX_OUTLINES];
     cairn_shape_image image;
     cairn_vision_image grey;
     cairn_raster_u8_view view;

@@ -70,7 +70,7 @@ cairn_status joint_create(joint *optimizer, cairn_pool *pool, const joint_params
 
     if (need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     memset(optimizer, 0, sizeof *optimizer);
     optimizer->params = *params;
@@ -168,7 +168,7 @@ static wall wall_of(const cairn_scan_set_segment *segment)
               {0, 0},
               0};
 
-    w.normal = cairn_vec2_left(w.along);
+    w.normal = cairn_vec2_left_perp(w.along);
     w.length = cairn_vec2_dot(w.along, cairn_vec2_sub(segment->segment.b, segment->segment.a));
     return w;
 }
@@ -179,7 +179,7 @@ static int may_share(const joint *optimizer, const cairn_scan_set_segment *segme
                      const cairn_scan_set_segment *other)
 {
     cairn_vec2 direction = cairn_transform_direction(optimizer->transform, segment->direction);
-    cairn_vec2 a, b, normal = cairn_vec2_left(other->direction);
+    cairn_vec2 a, b, normal = cairn_vec2_left_perp(other->direction);
     cairn_real of_a, of_b;
 
     if (cairn_vec2_dot(direction, other->direction) < MIN_WALL_COSINE)

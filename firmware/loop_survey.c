@@ -87,7 +87,7 @@ static int32_t arrive(drive *d, surveyor *s)
     d->sweep.angle_step = recorded->angle_step;
     d->sweep.range = d->range;
     d->due += (uint32_t)the_survey.arrival;
-    if (!s->waits) {
+    if (!s->queued) {
         for (int32_t i = 0; i < recorded->count; i++)
             d->range[i] =
                 recorded->range[i] + the_survey.noise * (float)cairn_random_normal(&d->random);
@@ -110,8 +110,8 @@ static void print_lap(const surveyor *s)
     cairn_real mean = the_lap.mapped > 0 ? the_lap.sum / (cairn_real)the_lap.mapped : 0;
     int32_t number[7] = {the_lap.number,
                          the_lap.mapped,
-                         state.keys,
-                         state.releases,
+                         state.keyframes,
+                         state.culled_keyframes,
                          (int32_t)(the_lap.mapped > 0 ? the_lap.units / the_lap.mapped : 0),
                          tenth_millimetres(mean),
                          tenth_millimetres(the_lap.most)};
@@ -145,11 +145,16 @@ static void count_mapped(const surveyor *s, int32_t number)
 static void print_map(const surveyor *s, int32_t refused, int32_t lost)
 {
     cairn_mapper_state state = cairn_mapper_measure(s->mapper);
-    int32_t counts[7] = {s->taken,   refused,     lost,          (int32_t)state.predicted,
-                         state.keys, state.loops, state.releases};
+    int32_t counts[7] = {s->taken,
+                         refused,
+                         lost,
+                         (int32_t)state.predicted,
+                         state.keyframes,
+                         state.loops,
+                         state.culled_keyframes};
 
-    for (int32_t key = 0; key < state.keys; key++) {
-        cairn_pose pose = cairn_mapper_key_pose(s->mapper, key);
+    for (int32_t key = 0; key < state.keyframes; key++) {
+        cairn_pose pose = cairn_mapper_keyframe_pose(s->mapper, key);
         int32_t number[4] = {key, tenth_millimetres(pose.x), tenth_millimetres(pose.y),
                              cairn_real_to_int(pose.theta * 10000)};
 
@@ -160,7 +165,7 @@ static void print_map(const surveyor *s, int32_t refused, int32_t lost)
 
 static void print_measures(const surveyor *s)
 {
-    const cairn_scan_set *kept = cairn_mapper_keys(s->mapper);
+    const cairn_scan_set *kept = cairn_mapper_keyframes(s->mapper);
     int32_t used[3] = {kept->scan_count, kept->point_count, kept->segment_count};
     int32_t memory[4] = {(int32_t)s->pool.peak, (int32_t)s->pool.size, (int32_t)board_data_bytes(),
                          (int32_t)board_stack_peak()};

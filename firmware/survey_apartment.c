@@ -27,5 +27,5 @@ void survey_read(survey *out)
     out->params.range_max = 8;
     out->params.range_sigma = 0.01f;
     out->params.mapper = cairn_mapper_default_for(KEYS, BEAMS);
-    out->params.mapper.release = 1;
+    out->params.mapper.cull_keyframes = 1;
 }

@@ -16,10 +16,10 @@ cairn_status surveyor_create(surveyor *s, void *memory, size_t bytes, const surv
 
 cairn_status surveyor_offer(surveyor *s, const robot_sweep *sweep)
 {
-    if (s->waits)
+    if (s->queued)
         return CAIRN_MORE;
     s->sweep = *sweep;
-    s->waits = 1;
+    s->queued = 1;
     return CAIRN_OK;
 }
 
@@ -45,7 +45,7 @@ static cairn_status take_in(surveyor *s)
         s->mapping = 1;
         return status;
     }
-    s->waits = 0;
+    s->queued = 0;
     if (status == CAIRN_OK) {
         s->mapping = 1;
         s->taken++;
@@ -57,7 +57,7 @@ static surveyor_work next_work(const surveyor *s)
 {
     if (s->mapping)
         return SURVEYOR_MAP;
-    if (s->waits)
+    if (s->queued)
         return SURVEYOR_ADD;
     return s->finished && !s->done ? SURVEYOR_SETTLE : SURVEYOR_IDLE;
 }
@@ -88,8 +88,8 @@ uint32_t surveyor_hash(const surveyor *s, uint32_t hash)
 
     hash = hash_words(hash, &result.map_scan, sizeof result.map_scan);
     hash = hash_words(hash, result.covariance, sizeof result.covariance);
-    for (int32_t key = 0; key < cairn_mapper_measure(s->mapper).keys; key++) {
-        cairn_pose pose = cairn_mapper_key_pose(s->mapper, key);
+    for (int32_t key = 0; key < cairn_mapper_measure(s->mapper).keyframes; key++) {
+        cairn_pose pose = cairn_mapper_keyframe_pose(s->mapper, key);
 
         hash = hash_words(hash, &pose, sizeof pose);
     }

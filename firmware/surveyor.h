@@ -26,7 +26,7 @@ typedef struct surveyor {
     cairn_pool pool;
     cairn_mapper *mapper;
     robot_sweep sweep; /* the queued sweep */
-    int32_t waits;
+    int32_t queued;
     int32_t mapping;  /* 1: the last sweep taken has no pose yet */
     int32_t finished; /* 1: no more sweeps will arrive */
     int32_t done;     /* 1: all sweeps are mapped and the map is settled */

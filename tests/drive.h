@@ -61,9 +61,9 @@ static inline cairn_mapper_params small_params(void)
     params.scan.max_beams = 181;
     params.scan.max_points = 400;
     params.scan.max_segments = 64;
-    params.max_keys = 200;
-    params.max_key_points = 40000;
-    params.max_key_segments = 8000;
+    params.max_keyframes = 200;
+    params.max_keyframe_points = 40000;
+    params.max_keyframe_segments = 8000;
     return params;
 }
 

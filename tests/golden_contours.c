@@ -165,7 +165,7 @@ uint64_t golden_edgels(void)
     edgels = cairn_edgel_list(set, &count);
     for (int32_t i = 0; i < count; i++)
         hash = add_real(add_point(add_point(hash, edgels[i].position), edgels[i].normal),
-                        edgels[i].slope);
+                        edgels[i].gradient_magnitude);
     return add_bytes(hash, &budget.left, sizeof budget.left);
 }
 
@@ -217,8 +217,8 @@ static uint64_t add_model(uint64_t hash, const cairn_shape_model *m)
         hash = add_real(add_real(add_point(hash, d->centre), d->radius), d->deviation);
         for (int32_t side = 0; side < 2; side++)
             hash = add_real(
-                add_point(add_point(hash, d->side[side].position), d->side[side].direction),
-                d->share[side]);
+                add_point(add_point(hash, d->contact[side].position), d->contact[side].direction),
+                d->outline_share[side]);
     }
     for (int32_t i = 0; i < m->path_count; i++) {
         hash = add_bytes(hash, &m->paths[i].first, sizeof m->paths[i].first);
@@ -230,18 +230,19 @@ static uint64_t add_model(uint64_t hash, const cairn_shape_model *m)
 static uint64_t add_grouping(uint64_t hash, const cairn_grouping_result *r,
                              const cairn_shape_model *m)
 {
-    hash = add_real(add_real(hash, r->best), r->best_evidence);
-    hash = add_bytes(add_bytes(hash, &r->starts, sizeof r->starts), &r->token_count,
-                     sizeof r->token_count);
+    hash = add_real(add_real(hash, r->best_score), r->best_evidence);
+    hash = add_bytes(add_bytes(hash, &r->hypothesis_count, sizeof r->hypothesis_count),
+                     &r->token_count, sizeof r->token_count);
     hash = add_bytes(hash, r->segments, (size_t)r->segment_count * sizeof *r->segments);
-    hash =
-        add_bytes(hash, r->along, (size_t)(r->object_count * m->outline_count) * sizeof *r->along);
+    hash = add_bytes(hash, r->outline_segments,
+                     (size_t)(r->object_count * m->outline_count) * sizeof *r->outline_segments);
     for (int32_t i = 0; i < r->object_count; i++) {
         const cairn_grouped_object *o = &r->objects[i];
 
         hash = add_point(add_real(add_real(hash, o->evidence), o->score), o->origin);
         hash = add_real(add_real(hash, o->size), o->turn);
-        hash = add_bytes(add_bytes(hash, &o->seen, sizeof o->seen), &o->start, sizeof o->start);
+        hash = add_bytes(add_bytes(hash, &o->matched_samples, sizeof o->matched_samples),
+                         &o->start_sample, sizeof o->start_sample);
     }
     for (int32_t i = 0; i < r->steps; i++) {
         hash = add_real(add_real(hash, r->trace[i].n_eff), r->trace[i].log_likelihood);
@@ -277,7 +278,7 @@ uint64_t golden_grouped(void)
     cairn_pool pool;
     uint64_t hash;
 
-    shape.points = 64;
+    shape.outline_samples = 64;
     params.max_width = GROUP_WIDTH;
     params.max_height = GROUP_HEIGHT;
     params.max_tokens = 300;
@@ -329,7 +330,7 @@ uint64_t golden_grouped_written(void)
     cairn_shape_model model;
     cairn_pool pool;
 
-    shape.points = 64;
+    shape.outline_samples = 64;
     params.max_width = GROUP_WIDTH;
     params.max_height = GROUP_HEIGHT;
     params.max_tokens = MOST_LINES;
@@ -373,7 +374,7 @@ static int32_t add_edgel(cairn_edgel *edgels, int32_t count, cairn_vec2 at, cair
 {
     edgels[count].position = at;
     edgels[count].normal = normal;
-    edgels[count].slope = 10;
+    edgels[count].gradient_magnitude = 10;
     return count + 1;
 }
 
@@ -414,7 +415,8 @@ static int32_t draw_edgels(cairn_edgel *edgels, cairn_random *random)
 static uint64_t add_skeletons(uint64_t hash, const cairn_skeleton_result *r)
 {
     hash = add_real(add_real(hash, r->min_radius), r->max_radius);
-    hash = add_bytes(add_bytes(hash, &r->centres, sizeof r->centres), &r->starts, sizeof r->starts);
+    hash = add_bytes(add_bytes(hash, &r->centre_count, sizeof r->centre_count), &r->seed_count,
+                     sizeof r->seed_count);
     for (int32_t i = 0; i < r->part_count; i++) {
         hash = add_real(hash, r->parts[i].log_odds);
         hash = add_bytes(hash, r->parts[i].joint, sizeof r->parts[i].joint);
@@ -422,7 +424,7 @@ static uint64_t add_skeletons(uint64_t hash, const cairn_skeleton_result *r)
     }
     for (int32_t i = 0; i < r->point_count; i++) {
         hash = add_real(add_point(hash, r->points[i].centre), r->points[i].radius);
-        hash = add_point(add_point(hash, r->points[i].touch[0]), r->points[i].touch[1]);
+        hash = add_point(add_point(hash, r->points[i].contact[0]), r->points[i].contact[1]);
     }
     return hash;
 }
@@ -446,7 +448,7 @@ static uint64_t golden_skeletons_of(cairn_skeleton_params params)
     params.max_parts = 24;
     params.max_points = 600;
     params.max_steps = 48;
-    params.particles = 8;
+    params.particle_count = 8;
     for (int32_t k = 0; k < 2; k++) {
         cairn_skeleton_input in = {
             .edgels = edgels, .width = SKELETON_WIDTH, .height = SKELETON_HEIGHT};
@@ -551,7 +553,7 @@ static uint64_t add_configurations(uint64_t hash)
         vote.centre.x = cairn_random_uniform(&random, 0, 300);
         vote.centre.y = cairn_random_uniform(&random, 0, 200);
         vote.scale = cairn_random_uniform(&random, 40, 90);
-        vote.gain = cairn_random_uniform(&random, CAIRN_REAL(0.1), 1);
+        vote.weight = cairn_random_uniform(&random, CAIRN_REAL(0.1), 1);
         votes[i] = vote;
     }
     if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
@@ -566,7 +568,7 @@ static uint64_t add_configurations(uint64_t hash)
         hash =
             add_bytes(hash, &r.votes[r.found[i].first], (size_t)r.found[i].count * sizeof *r.votes);
     }
-    hash = add_bytes(hash, &r.made, sizeof r.made);
+    hash = add_bytes(hash, &r.enumerated_count, sizeof r.enumerated_count);
     return add_bytes(hash, &budget.left, sizeof budget.left);
 }
 
@@ -599,6 +601,6 @@ uint64_t golden_parts_as_written(void)
         cairn_shape_context_step(context, &budget) != CAIRN_OK)
         return 0;
     r = cairn_shape_context_read(context);
-    hash = add_real(add_real(hash, r.distance), r.symmetric);
+    hash = add_real(add_real(hash, r.distance), r.symmetric_distance);
     return add_bytes(hash, &budget.left, sizeof budget.left);
 }

@@ -90,7 +90,7 @@ uint64_t golden_poses_and_segments(void)
         hash = add_real(hash, cairn_segment_distance(t, corners[0]));
         if (cairn_line_intersection(s, t, &point))
             hash = add_point(hash, point);
-        hash = add_real(hash, (cairn_real)cairn_segments_cross(s, t));
+        hash = add_real(hash, (cairn_real)cairn_segments_intersect(s, t));
         hash = add_real(hash, cairn_polygon_area(corners, 4));
         hash = add_point(hash, cairn_vec2_unit(corners[3]));
     }

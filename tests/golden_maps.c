@@ -46,14 +46,14 @@ static cairn_vec2 along(cairn_segment s, cairn_real share)
 static uint64_t add_line(uint64_t hash, const cairn_hough_line *line)
 {
     hash = add_point(add_point(hash, line->point), line->direction);
-    hash = add_real(add_real(add_real(hash, line->low), line->high), line->covered);
+    hash = add_real(add_real(add_real(hash, line->low), line->high), line->covered_length);
     return add_real(add_real(hash, line->votes), line->rms);
 }
 
 static uint64_t add_rectangle(uint64_t hash, const cairn_rectangle *r)
 {
     hash = add_real(add_real(add_pose(hash, r->centre), r->half_length), r->half_width);
-    hash = add_real(add_real(hash, r->covered), r->strength);
+    hash = add_real(add_real(hash, r->coverage), r->score);
     return add_bytes(add_bytes(hash, &r->kind, sizeof r->kind), r->side, sizeof r->side);
 }
 
@@ -76,7 +76,7 @@ uint64_t golden_lines_and_rectangles(void)
     for (int32_t i = 0; i < WALLS; i++) {
         cairn_segment wall = wall_of(i);
         cairn_vec2 direction = cairn_vec2_unit(cairn_vec2_sub(wall.b, wall.a)),
-                   left = cairn_vec2_left(direction);
+                   left = cairn_vec2_left_perp(direction);
 
         /* Two pieces of each wall, with a gap. */
         for (int32_t k = 0; k < 2; k++) {
@@ -127,7 +127,7 @@ enum { ROUND = 2, ROUND_POINTS = 60 };
 static uint64_t add_ellipse(uint64_t hash, const cairn_ellipse *e)
 {
     hash = add_real(add_real(add_pose(hash, e->centre), e->half_length), e->half_width);
-    hash = add_real(add_real(add_real(add_real(hash, e->covered), e->strength), e->votes), e->rms);
+    hash = add_real(add_real(add_real(add_real(hash, e->coverage), e->score), e->votes), e->rms);
     return add_bytes(hash, &e->kind, sizeof e->kind);
 }
 
@@ -302,11 +302,12 @@ static uint64_t lum_of(cairn_lum_params params, cairn_real far)
             return 0;
     }
     if (cairn_lum_begin(lum) != CAIRN_OK || cairn_lum_step(lum, &budget) != CAIRN_OK ||
-        (params.registers && cairn_lum_read(lum).registered == 0) || cairn_lum_read(lum).links == 0)
+        (params.sequential_registration && cairn_lum_read(lum).registered_scans == 0) ||
+        cairn_lum_read(lum).links == 0)
         return 0;
     for (int32_t i = 0; i < GOLDEN_VIEWS; i++)
         hash = add_pose(hash, cairn_lum_pose(lum, i));
-    return add_real(hash, cairn_lum_read(lum).error);
+    return add_real(hash, cairn_lum_read(lum).chi2);
 }
 
 /* With registration, from poses that are far off. */
@@ -314,7 +315,7 @@ uint64_t golden_registered(void)
 {
     cairn_lum_params params = cairn_lum_default();
 
-    params.registers = 1;
+    params.sequential_registration = 1;
     return lum_of(params, CAIRN_REAL(0.2));
 }
 
@@ -404,8 +405,8 @@ static uint64_t virtual_aligned_of(cairn_virtual_align_params params,
     params.aligner.max_points = 3 * 200;
     params.aligner.max_hypotheses = 64;
     params.aligner.max_fill = 64;
-    params.aligner.least_evidence = 1000;
-    params.aligner.max_repairs = 0;
+    params.aligner.min_log_likelihood_ratio = 1000;
+    params.aligner.max_relocalizations = 0;
     params.hypotheses = small_hypotheses(hypotheses);
     params.field.max_steps = 6;
     params.max_rounds = 1;
@@ -422,7 +423,7 @@ static uint64_t virtual_aligned_of(cairn_virtual_align_params params,
         cairn_virtual_align_step(align, &budget) != CAIRN_OK)
         return 0;
     result = cairn_virtual_align_read(align);
-    if (result.moved == 0 || result.active == 0)
+    if (result.moved_scans == 0 || result.active_iterations == 0)
         return 0;
     for (int32_t i = 0; i < 3; i++) {
         cairn_aligner_pose pose = cairn_virtual_align_pose_of(align, i).aligned;
@@ -451,7 +452,7 @@ uint64_t golden_mapped(void)
     cairn_pool pool;
     uint64_t hash = GOLDEN_START;
 
-    params.local_keys = params.window = 4;
+    params.local_keyframes = params.window = 4;
     params.local_recent = 2;
     params.window_free = 2;
     if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
@@ -471,9 +472,9 @@ uint64_t golden_mapped(void)
         result = cairn_mapper_read(mapper);
         hash = add_covariance(add_pose(hash, result.map_scan), result.covariance);
     }
-    for (int32_t i = 0; i < cairn_mapper_measure(mapper).keys; i++)
-        hash = add_pose(hash, cairn_mapper_key_pose(mapper, i));
-    return cairn_mapper_measure(mapper).keys > 1 ? hash : 0;
+    for (int32_t i = 0; i < cairn_mapper_measure(mapper).keyframes; i++)
+        hash = add_pose(hash, cairn_mapper_keyframe_pose(mapper, i));
+    return cairn_mapper_measure(mapper).keyframes > 1 ? hash : 0;
 }
 
 /* By particles, there and back, so that what was seen first is an old map in the end. */
@@ -488,7 +489,7 @@ uint64_t golden_filtered(void)
 
     params.front.search = 0;
     params.max_local_points = 512;
-    params.span = 2;
+    params.recent_keyframes = 2;
     if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
         cairn_filter_mapper_create(&mapper, &pool, &params) != CAIRN_OK)
         return 0;
@@ -506,7 +507,7 @@ uint64_t golden_filtered(void)
     for (int32_t i = 0; i < cairn_filter_mapper_count(mapper); i++)
         for (int32_t k = cairn_filter_mapper_path(mapper, i, path, 6) - 1; k >= 0; k--)
             hash = add_pose(hash, path[k]);
-    return cairn_filter_mapper_measure(mapper).returns > 0
+    return cairn_filter_mapper_measure(mapper).revisit_matches > 0
                ? add_real(hash, cairn_filter_mapper_measure(mapper).n_eff)
                : 0;
 }
@@ -527,9 +528,9 @@ uint64_t golden_places(void)
 
     params.max_places = params.max_scans = PLACES;
     params.max_place_points = params.max_place_beams = 256;
-    params.rounds = params.sweeps = 1;
-    params.sight_reach = 6;
-    params.sight_cell = CAIRN_REAL(0.1);
+    params.rematch_rounds = params.refinement_sweeps = 1;
+    params.visibility_reach = 6;
+    params.visibility_cell = CAIRN_REAL(0.1);
     params.match.max_hypotheses = 2;
     params.match.max_dense = 256;
     params.match.max_candidates = 64;
@@ -664,8 +665,9 @@ static uint64_t merge_two(cairn_map_merge_params params, int32_t boxes, cairn_re
     placed = cairn_map_merge_of(merge, 1);
     if (placed.verdict != CAIRN_MERGE_PLACED)
         return 0;
-    hash = add_real(add_real(add_pose(hash, placed.reference_map), placed.support), placed.wrong);
-    return add_real(hash, cairn_map_merge_read(merge).evidence);
+    hash = add_real(add_real(add_pose(hash, placed.reference_map), placed.support),
+                    placed.error_probability);
+    return add_real(hash, cairn_map_merge_read(merge).log_likelihood_ratio);
 }
 
 uint64_t golden_merged(void)

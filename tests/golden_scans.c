@@ -7,7 +7,7 @@
 #include "cairn/lum.h"
 #include "cairn/map_quality.h"
 #include "cairn/occupancy_grid.h"
-#include "cairn/scan_cover.h"
+#include "cairn/scan_redundancy.h"
 #include "cairn/scan_match.h"
 #include "tests/golden.h"
 
@@ -36,7 +36,8 @@ static cairn_real room_range(cairn_real x, cairn_real y, cairn_real c, cairn_rea
     for (size_t i = 0; i < sizeof wall / sizeof *wall; i++) {
         cairn_vec2 hit;
 
-        if (cairn_segments_cross(beam, wall[i]) && cairn_line_intersection(beam, wall[i], &hit)) {
+        if (cairn_segments_intersect(beam, wall[i]) &&
+            cairn_line_intersection(beam, wall[i], &hit)) {
             cairn_real range = cairn_sqrt((hit.x - x) * (hit.x - x) + (hit.y - y) * (hit.y - y));
 
             nearest = cairn_min(nearest, range);
@@ -300,12 +301,12 @@ uint64_t golden_matches(void)
 uint64_t golden_links_and_cover(void)
 {
     cairn_scan_set_params set_params = {GOLDEN_VIEWS, GOLDEN_VIEWS * 64, GOLDEN_VIEWS * 256, 0};
-    cairn_scan_cover_params cover_params = cairn_scan_cover_default();
+    cairn_scan_redundancy_params cover_params = cairn_scan_redundancy_default();
     cairn_lum_params lum_params = cairn_lum_default();
     cairn_random random = cairn_random_seed(10, 1);
     cairn_budget budget = {INT32_MAX};
     cairn_pose pose[GOLDEN_VIEWS], truth[GOLDEN_VIEWS];
-    cairn_scan_cover *cover;
+    cairn_scan_redundancy *cover;
     cairn_pose_errors errors;
     cairn_scan_set *set;
     cairn_scan *scan;
@@ -320,7 +321,7 @@ uint64_t golden_links_and_cover(void)
     if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
         (scan = golden_new_scan(&pool)) == NULL ||
         cairn_scan_set_create(&set, &pool, &set_params) != CAIRN_OK ||
-        cairn_scan_cover_create(&cover, &pool, &cover_params) != CAIRN_OK ||
+        cairn_scan_redundancy_create(&cover, &pool, &cover_params) != CAIRN_OK ||
         cairn_lum_create(&lum, &pool, &lum_params) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < GOLDEN_VIEWS; i++) {
@@ -342,14 +343,14 @@ uint64_t golden_links_and_cover(void)
     for (int32_t i = 0; i < GOLDEN_VIEWS; i++)
         hash = add_pose(hash, pose[i] = cairn_lum_pose(lum, i));
     budget.left = INT32_MAX;
-    if (cairn_scan_cover_begin(cover, set, pose) != CAIRN_OK ||
-        cairn_scan_cover_step(cover, &budget) != CAIRN_OK ||
+    if (cairn_scan_redundancy_begin(cover, set, pose) != CAIRN_OK ||
+        cairn_scan_redundancy_step(cover, &budget) != CAIRN_OK ||
         cairn_pose_errors_of(pose, truth, GOLDEN_VIEWS, &errors) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < GOLDEN_VIEWS; i++)
-        hash = add_real(hash, cairn_scan_cover_loss(cover, i));
+        hash = add_real(hash, cairn_scan_redundancy_loss(cover, i));
     hash = add_real(add_real(add_real(hash, errors.x), errors.y), errors.theta);
-    return add_real(hash, cairn_lum_read(lum).error);
+    return add_real(hash, cairn_lum_read(lum).chi2);
 }
 
 /* The same sweeps by the aligner, with its covariances. */

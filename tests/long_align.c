@@ -2,7 +2,7 @@
 #include "src/core/build.h"
 
 #include "cairn/lum.h"
-#include "cairn/scan_cover.h"
+#include "cairn/scan_redundancy.h"
 #include "cairn/virtual_align.h"
 #include "tests/long.h"
 #include "tests/long_scenes.h"
@@ -47,16 +47,18 @@ static cairn_pose heading_of(survey *s, int32_t i, cairn_pose *place)
 static uint64_t add_aligned(uint64_t hash, const cairn_aligner_pose *p)
 {
     hash = add_real(add_covariance(add_pose(hash, p->map_scan), p->covariance), p->support);
-    return add_int(add_int(add_int(hash, p->observable), p->placed), p->part);
+    return add_int(add_int(add_int(hash, p->observable), p->placed), p->component);
 }
 
 static uint64_t add_aligner_result(uint64_t hash, const cairn_aligner_result *r)
 {
-    hash = add_int(add_int(add_int(add_int(hash, r->verdict), r->parts), r->largest), r->placed);
+    hash = add_int(add_int(add_int(add_int(hash, r->verdict), r->components), r->largest_size),
+                   r->placed);
     hash =
         add_int(add_int(add_int(add_int(hash, r->anchor), r->hypotheses), r->dropped), r->merges);
-    hash = add_int(add_int(add_int(add_int(hash, r->moved), r->rounds), r->walls), r->fill);
-    hash = add_real(add_real(hash, r->spread), r->spread_angle);
+    hash =
+        add_int(add_int(add_int(add_int(hash, r->relocalized), r->iterations), r->walls), r->fill);
+    hash = add_real(add_real(hash, r->initial_sigma), r->initial_sigma_theta);
     return add_int(add_int(hash, r->units), r->worst_step);
 }
 
@@ -110,7 +112,7 @@ static uint64_t align_flat(uint64_t hash, uint64_t seed, cairn_real metres)
     for (int32_t i = 0; i < MOST_SCANS; i += 3) {
         cairn_pose at = cairn_aligner_pose_of(aligner, i).map_scan;
 
-        assert_ok(cairn_aligner_start_at(aligner, i, at));
+        assert_ok(cairn_aligner_set_initial_pose(aligner, i, at));
     }
     hash = align_all(hash, aligner);
     test_pool_free(&pool);
@@ -136,17 +138,17 @@ static uint64_t align_and_repair(uint64_t hash, uint64_t seed, int32_t max_hypot
     survey s;
 
     params.max_hypotheses = max_hypotheses;
-    params.max_stubs = 40;
+    params.max_short_segments = 40;
     params.max_cells = 3000;
-    params.spread = CAIRN_REAL(0.5);
-    params.spread_angle = CAIRN_REAL(0.5);
-    params.reach = 5;
-    params.sigma = CAIRN_REAL(0.015);
-    params.contradiction = 1;
+    params.max_initial_error = CAIRN_REAL(0.5);
+    params.max_initial_angle_error = CAIRN_REAL(0.5);
+    params.max_range = 5;
+    params.range_sigma = CAIRN_REAL(0.015);
+    params.free_space_penalty = 1;
     params.oriented = max_hypotheses > 200;
-    params.max_repairs = 3;
-    params.max_rounds = 4;
-    params.least_evidence = 2;
+    params.max_relocalizations = 3;
+    params.max_iterations = 4;
+    params.min_log_likelihood_ratio = 2;
     start_survey(&s, seed, 20);
     LONG_CREATE(&pool, aligner, &aligner, &params);
     for (int32_t i = 0; i < 16; i++) {
@@ -163,7 +165,7 @@ static uint64_t align_and_repair(uint64_t hash, uint64_t seed, int32_t max_hypot
         for (int32_t i = 0; i < 16; i++) {
             int32_t part;
 
-            hash = add_pose(hash, cairn_aligner_pose_now(aligner, i, &part));
+            hash = add_pose(hash, cairn_aligner_current_pose(aligner, i, &part));
             hash = add_int(hash, part);
         }
     }
@@ -194,7 +196,7 @@ uint64_t long_aligned_parts(void)
     start_survey(&s, 3, 0);
     for (int32_t k = 0; k < 3; k++) {
         params.max_fill = k == 0 ? 6 : 400;
-        params.max_rounds = k == 2 ? 0 : 10;
+        params.max_iterations = k == 2 ? 0 : 10;
         LONG_CREATE(&pool, aligner, &aligner, &params);
         for (int32_t i = 0; i < 12; i++) {
             cairn_pose pose = {CAIRN_REAL(4.5) + (cairn_real)i / 4, 4,
@@ -220,7 +222,7 @@ uint64_t long_aligned_parts(void)
 static uint64_t add_state(uint64_t hash, const cairn_force_field_state *s)
 {
     hash = add_int(add_int(add_int(add_int(hash, s->verdict), s->iterations), s->units),
-                   s->worst_step);
+                   s->max_step_units);
     hash = add_int(add_int(add_int(add_int(hash, s->start_iterations), s->pairs), s->segment_pairs),
                    s->corners);
     hash = add_int(add_int(add_int(hash, s->corners_dropped), s->bonds), s->bonds_dropped);
@@ -302,7 +304,7 @@ static uint64_t run_field(uint64_t seed, const cairn_force_field_params *params,
     }
     LONG_RUN(hash, cairn_force_field_step, field, 3000);
     hash = add_field(hash, field);
-    assert_ok(cairn_force_field_release(field, 4));
+    assert_ok(cairn_force_field_remove(field, 4));
     assert_ok(cairn_force_field_fix(field, 0, 0));
     pose = long_on_the_way(3);
     assert_ok(cairn_force_field_place(
@@ -343,8 +345,8 @@ uint64_t long_field_twisted(void)
 {
     cairn_force_field_params params = field_of(cairn_force_field_default());
 
-    params.twist = CAIRN_REAL(0.5);
-    params.sides_below = CAIRN_REAL(0.14);
+    params.alignment_torque = CAIRN_REAL(0.5);
+    params.oriented_below = CAIRN_REAL(0.14);
     params.sigma_factor = CAIRN_REAL(0.97);
     params.reach = 3;
     params.sensor_below = 0;
@@ -378,9 +380,9 @@ uint64_t long_field_springs_twisted(void)
     cairn_force_field_params params = field_of(cairn_force_field_springs(CAIRN_REAL(0.3), 10));
 
     params.max_bonds = 12;
-    params.slide = CAIRN_REAL(0.3);
-    params.grip = CAIRN_REAL(0.2);
-    params.twist = 1;
+    params.tangential_stiffness = CAIRN_REAL(0.3);
+    params.damping_sigma = CAIRN_REAL(0.2);
+    params.alignment_torque = 1;
     params.max_relocation = CAIRN_REAL(0.03);
     params.roi = 1;
     return run_field(8, &params, 0, 0);
@@ -391,12 +393,12 @@ uint64_t long_field_springs_twisted(void)
 uint64_t long_lum(void)
 {
     enum { SCANS = 12 };
-    cairn_scan_cover_params cover_params = cairn_scan_cover_default();
+    cairn_scan_redundancy_params cover_params = cairn_scan_redundancy_default();
     cairn_scan_set_params set_params = {SCANS, SCANS * 48, SCANS * 300, 0};
     cairn_lum_params params = cairn_lum_default();
     cairn_pose pose[SCANS], thought[SCANS];
     uint64_t hash = GOLDEN_START;
-    cairn_scan_cover *cover;
+    cairn_scan_redundancy *cover;
     cairn_pool pool[3];
     cairn_scan_set *set;
     cairn_lum *lum;
@@ -405,12 +407,12 @@ uint64_t long_lum(void)
     start_survey(&s, 9, 10);
     LONG_CREATE(&pool[0], scan_set, &set, &set_params);
     cover_params.max_scans = SCANS;
-    LONG_CREATE(&pool[1], scan_cover, &cover, &cover_params);
+    LONG_CREATE(&pool[1], scan_redundancy, &cover, &cover_params);
     params.max_scans = SCANS;
     params.max_iterations = 12;
-    params.rebuild = 4;
+    params.rebuild_interval = 4;
     for (int32_t registers = 0; registers < 2; registers++) {
-        params.registers = registers;
+        params.sequential_registration = registers;
         params.direction_gate = registers ? CAIRN_REAL(1.2) : CAIRN_PI;
         LONG_CREATE(&pool[2], lum, &lum, &params);
         for (int32_t i = 0; i < SCANS; i++) {
@@ -426,23 +428,24 @@ uint64_t long_lum(void)
         }
         assert_ok(cairn_lum_begin(lum));
         LONG_RUN(hash, cairn_lum_iterate, lum, 10000);
-        hash = add_real(add_real(hash, cairn_lum_read(lum).error), cairn_lum_read(lum).motion);
+        hash = add_real(add_real(hash, cairn_lum_read(lum).chi2), cairn_lum_read(lum).max_motion);
         LONG_RUN(hash, cairn_lum_step, lum, 10000);
         for (int32_t i = 0; i < SCANS; i++) {
             pose[i] = cairn_lum_pose(lum, i);
-            hash = add_int(add_pose(hash, pose[i]), cairn_lum_is_joined(lum, i));
+            hash = add_int(add_pose(hash, pose[i]), cairn_lum_is_connected(lum, i));
         }
         hash = add_int(add_int(hash, cairn_lum_read(lum).links), cairn_lum_read(lum).pairs);
-        hash = add_int(add_int(hash, cairn_lum_read(lum).registered), cairn_lum_read(lum).pieces);
-        hash = add_real(add_real(hash, cairn_lum_read(lum).error), cairn_lum_read(lum).motion);
+        hash = add_int(add_int(hash, cairn_lum_read(lum).registered_scans),
+                       cairn_lum_read(lum).components);
+        hash = add_real(add_real(hash, cairn_lum_read(lum).chi2), cairn_lum_read(lum).max_motion);
         hash = add_int(add_int(hash, cairn_lum_read(lum).verdict), cairn_lum_read(lum).iterations);
         test_pool_free(&pool[2]);
         if (registers > 0)
             continue;
-        assert_ok(cairn_scan_cover_begin(cover, set, pose));
-        LONG_RUN(hash, cairn_scan_cover_step, cover, 1000);
+        assert_ok(cairn_scan_redundancy_begin(cover, set, pose));
+        LONG_RUN(hash, cairn_scan_redundancy_step, cover, 1000);
         for (int32_t i = 0; i < SCANS; i++)
-            hash = add_real(hash, cairn_scan_cover_loss(cover, i));
+            hash = add_real(hash, cairn_scan_redundancy_loss(cover, i));
     }
     for (int32_t i = 0; i < 2; i++)
         test_pool_free(&pool[i]);
@@ -469,12 +472,12 @@ uint64_t long_hypotheses(void)
 
     start_survey(&s, 10, 4);
     params.aligner = room_for(SCANS);
-    params.aligner.least_evidence = 60;
-    params.aligner.max_repairs = 0;
+    params.aligner.min_log_likelihood_ratio = 60;
+    params.aligner.max_relocalizations = 0;
     params.hypotheses.max_hypotheses = 12;
     params.hypotheses.max_virtual = 600;
     params.field.max_steps = 14;
-    params.every = 5;
+    params.rebuild_interval = 5;
     LONG_CREATE(&pool, virtual_align, &align, &params);
     for (int32_t i = 0; i < SCANS; i++) {
         cairn_pose pose = {2, CAIRN_REAL(1.5), CAIRN_REAL(0.8) * (cairn_real)i};
@@ -491,11 +494,11 @@ uint64_t long_hypotheses(void)
     LONG_RUN(hash, cairn_virtual_align_step, align, 20000);
     result = cairn_virtual_align_read(align);
     hash = add_aligner_result(hash, &result.aligner);
-    hash = add_int(add_int(add_int(hash, result.rounds), result.moved), result.iterations);
-    hash = add_int(add_int(hash, result.active), result.hypotheses);
+    hash = add_int(add_int(add_int(hash, result.rounds), result.moved_scans), result.iterations);
+    hash = add_int(add_int(hash, result.active_iterations), result.hypotheses);
     hash = add_int(add_int(add_int(hash, result.align_units), result.hypothesis_units),
                    result.field_units);
-    assert_true(result.moved > 0 && result.hypotheses > 0);
+    assert_true(result.moved_scans > 0 && result.hypotheses > 0);
     for (int32_t i = 0; i < SCANS; i++) {
         cairn_virtual_align_pose pose = cairn_virtual_align_pose_of(align, i);
 
@@ -505,8 +508,8 @@ uint64_t long_hypotheses(void)
     for (int32_t i = 0; i < count; i++) {
         hash = add_int(add_int(add_int(hash, found[i].kind), found[i].first_point),
                        found[i].end_point);
-        hash =
-            add_real(add_real(add_int(hash, found[i].scans), found[i].strength), found[i].weight);
+        hash = add_real(add_real(add_int(hash, found[i].observing_scans), found[i].strength),
+                        found[i].weight);
     }
     points = cairn_virtual_scan_points(cairn_virtual_align_hypotheses(align), &weights, &count);
     for (int32_t i = 0; i < count; i++)

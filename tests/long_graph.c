@@ -65,8 +65,8 @@ static uint64_t add_graph(uint64_t hash, const cairn_pose_graph *graph)
     for (int32_t i = 0; i < state.links; i++) {
         cairn_pose_graph_link link = cairn_pose_graph_link_of(graph, i);
 
-        hash = add_int(add_int(add_real(add_real(hash, link.chi2), link.weight), link.outlier),
-                       link.dropped);
+        hash = add_int(add_int(add_real(add_real(hash, link.chi2), link.weight), link.is_outlier),
+                       link.is_excluded);
     }
     return hash;
 }
@@ -107,7 +107,7 @@ static uint64_t solve_with(uint64_t hash, cairn_pose_graph_params params, cairn_
     }
     assert_ok(cairn_pose_graph_fix(graph, 40, 1));
     assert_ok(cairn_pose_graph_set_pose(graph, 60, truth_of(61)));
-    assert_ok(cairn_pose_graph_drop_link(graph, 37, 1));
+    assert_ok(cairn_pose_graph_exclude_link(graph, 37, 1));
     assert_ok(cairn_pose_graph_set_kernel(graph, CAIRN_POSE_GRAPH_CAUCHY, 1));
     hash = solve(hash, graph);
     test_pool_free(&pool);
@@ -125,7 +125,7 @@ uint64_t long_pose_graphs(void)
 
         params.kernel = kernel;
         params.start = kernel % 3;
-        params.width = 2 + (cairn_real)kernel / 4;
+        params.kernel_width = 2 + (cairn_real)kernel / 4;
         params.graduated = kernel == CAIRN_POSE_GRAPH_GEMAN_MCCLURE;
         params.max_iterations = kernel == CAIRN_POSE_GRAPH_CAUCHY ? 5 : 60;
         hash = solve_with(hash, params, &random);
@@ -262,35 +262,36 @@ static uint64_t agree(uint64_t hash, const cairn_pose_consensus_params *params, 
             if (cairn_pose_consensus_add(c, &h, NULL) == CAIRN_OK)
                 count++;
         }
-    cairn_pose_consensus_judge_by(c, judged ? judge : NULL, NULL);
+    cairn_pose_consensus_set_pair_likelihood(c, judged ? judge : NULL, NULL);
     for (int32_t i = 0; i < NODES && bounded; i += 6)
-        assert_ok(cairn_pose_consensus_bound(c, i, node_of(i), 1, CAIRN_REAL(0.6)));
+        assert_ok(cairn_pose_consensus_set_bound(c, i, node_of(i), 1, CAIRN_REAL(0.6)));
     for (int32_t again = 0; again < 2; again++) {
         assert_ok(cairn_pose_consensus_begin(c));
         LONG_RUN(hash, cairn_pose_consensus_step, c, 1000);
     }
     result = cairn_pose_consensus_read(c);
-    hash = add_real(add_real(hash, result.total), result.rival);
-    hash = add_int(add_int(add_int(add_int(hash, result.placed), result.parts), result.ambiguous),
-                   result.start);
-    hash = add_int(add_int(add_int(add_int(hash, result.starts), result.rounds), result.agreeing),
+    hash = add_real(add_real(hash, result.total), result.competing_total);
+    hash =
+        add_int(add_int(add_int(add_int(hash, result.placed), result.components), result.ambiguous),
+                result.start);
+    hash = add_int(add_int(add_int(add_int(hash, result.starts), result.rounds), result.inliers),
                    result.units);
     for (int32_t i = 0; i < NODES; i++) {
         cairn_consensus_node node = cairn_pose_consensus_node(c, i);
 
         hash =
             add_real(add_covariance(add_pose(hash, node.map_node), node.covariance), node.support);
-        hash = add_int(add_int(add_int(hash, node.part), node.agreeing), node.contradicting);
+        hash = add_int(add_int(add_int(hash, node.component), node.agreeing), node.conflicting);
         hash = add_int(add_int(hash, node.alternatives), node.ambiguous);
         for (int32_t k = 0; k < node.alternatives; k++) {
             cairn_consensus_alternative other = cairn_pose_consensus_alternative(c, i, k);
 
             hash = add_real(add_real(add_pose(hash, other.map_node), other.support), other.weight);
-            hash = add_int(hash, other.whole);
+            hash = add_int(hash, other.is_other_map);
         }
     }
     for (int32_t i = 0; i < count; i++)
-        hash = add_int(hash, cairn_pose_consensus_agrees(c, i));
+        hash = add_int(hash, cairn_pose_consensus_is_inlier(c, i));
     test_pool_free(&pool);
     return hash;
 }
@@ -310,10 +311,10 @@ uint64_t long_consensus(void)
     params.max_rounds = 2;
     params.max_candidates = 3;
     params.max_alternatives = 4;
-    params.gate = 6;
-    params.contradiction = CAIRN_REAL(0.6);
+    params.max_chi2 = 6;
+    params.conflict_penalty = CAIRN_REAL(0.6);
     params.min_support = 5;
-    params.ambiguous = CAIRN_REAL(0.001);
+    params.min_ambiguous_weight = CAIRN_REAL(0.001);
     hash = agree(hash, &params, 56, 0, 0);
     return agree(hash, &params, 57, 1, 1);
 }
@@ -404,8 +405,10 @@ static uint64_t follow(uint64_t hash, const cairn_particle_filter_params *params
         hash = add_real(add_real(hash, t.n_eff), t.log_evidence);
         hash = add_int(add_int(add_int(add_int(hash, t.resamplings), t.particles), t.best),
                        t.candidates);
-        hash = add_int(add_int(add_int(add_int(hash, t.left_out), t.followers), t.cut), t.lost);
-        hash = add_int(add_int(add_int(add_int(hash, t.extinct), t.resampled), t.blocks),
+        hash = add_int(
+            add_int(add_int(add_int(hash, t.dropped_candidates), t.followers), t.pruned_followers),
+            t.particles_without_follower);
+        hash = add_int(add_int(add_int(add_int(hash, t.depleted), t.resampled), t.blocks),
                        t.blocks_peak);
     }
     for (int32_t i = 0; i < cairn_particle_filter_count(filter); i++) {
@@ -430,11 +433,11 @@ uint64_t long_particles(void)
     params.max_followers = 4;
     params.max_candidates = 90;
     params.max_blocks = 3000;
-    params.resample_below = CAIRN_REAL(0.5);
+    params.resample_ratio = CAIRN_REAL(0.5);
     for (int32_t k = 0; k < 4; k++) {
         params.proposal = k % 2;
-        params.by_entropy = k / 2;
-        params.resample_below = k == 0 ? CAIRN_REAL(0.5) : 1;
+        params.adaptive_followers = k / 2;
+        params.resample_ratio = k == 0 ? CAIRN_REAL(0.5) : 1;
         hash = follow(hash, &params);
     }
     return hash;

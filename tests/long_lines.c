@@ -27,8 +27,8 @@ static uint64_t add_polyline(uint64_t hash, const cairn_polyline *polyline)
     }
     for (int32_t i = 0; i < view.point_count; i++)
         hash = add_int(hash, view.label[i]);
-    hash = add_int(add_int(add_int(hash, view.segment_count), view.converged), view.left_out);
-    hash = add_int(add_int(add_int(hash, measure.units), measure.iterations), measure.cuts);
+    hash = add_int(add_int(add_int(hash, view.segment_count), view.converged), view.dropped);
+    hash = add_int(add_int(add_int(hash, measure.units), measure.iterations), measure.splits);
     return add_int(add_int(hash, measure.merges), measure.peak_segments);
 }
 
@@ -49,7 +49,7 @@ uint64_t long_polylines(void)
         params.max_points = POINTS;
         params.max_segments = k == 6 ? 14 : 120;
         params.max_iterations = k == 7 ? 4 : 20;
-        params.bend = k > 3 ? 12 : 20;
+        params.segment_penalty = k > 3 ? 12 : 20;
         params.gap_factor = k > 4 ? 2 : 3;
         LONG_CREATE(&pool, polyline, &polyline, &params);
         for (int32_t i = 0; i < POINTS; i++) { /* a zigzag with holes, strays, and an arc */
@@ -129,9 +129,9 @@ uint64_t long_sweeps(void)
         measure = cairn_scan_measured(scan);
         hash = add_int(add_int(add_int(add_int(hash, measure.units), measure.hits), measure.free),
                        measure.unknown);
-        hash = add_int(add_int(add_int(hash, measure.uncertain), measure.iterations),
-                       measure.converged);
-        hash = add_int(hash, measure.left_out);
+        hash = add_int(add_int(add_int(hash, measure.unassigned_hits), measure.fit_iterations),
+                       measure.fit_converged);
+        hash = add_int(hash, measure.dropped_segments);
     }
     test_pool_free(&pool);
     return hash;
@@ -148,7 +148,7 @@ static int32_t break_walls(const long_world *world, cairn_random *random, cairn_
     for (int32_t i = 0; i < world->count; i++) {
         cairn_segment wall = world->walls[i];
         cairn_vec2 way = cairn_vec2_sub(wall.b, wall.a),
-                   left = cairn_vec2_left(cairn_vec2_unit(way));
+                   left = cairn_vec2_left_perp(cairn_vec2_unit(way));
 
         for (int32_t k = 0; k < 2 && count < most; k++) {
             cairn_real from = (cairn_real)k / 2 + argument(random, CAIRN_REAL(0.04), 0);
@@ -174,7 +174,7 @@ static uint64_t add_lines(uint64_t hash, const cairn_hough *hough)
             add_real(add_real(add_point(add_point(hash, lines[i].point), lines[i].direction),
                               lines[i].low),
                      lines[i].high),
-            lines[i].covered);
+            lines[i].covered_length);
         hash = add_real(add_real(hash, lines[i].votes), lines[i].rms);
         hash = add_point(hash, cairn_hough_segment(&lines[i]).b);
     }
@@ -191,7 +191,7 @@ static uint64_t add_rectangles(uint64_t hash, const cairn_rectangle_set *set)
 
         cairn_rectangle_corners(&r[i], corners);
         hash = add_real(add_real(add_pose(hash, r[i].centre), r[i].half_length), r[i].half_width);
-        hash = add_int(add_real(add_real(hash, r[i].covered), r[i].strength), r[i].kind);
+        hash = add_int(add_real(add_real(hash, r[i].coverage), r[i].score), r[i].kind);
         for (int32_t k = 0; k < 4; k++)
             hash = add_int(add_point(hash, corners[k]), r[i].side[k]);
     }
@@ -342,7 +342,7 @@ uint64_t long_pictures(void)
         chain_params.min_length = 3 + k;
         segment_params.tolerance = 1 + (cairn_real)k / 4;
         segment_params.look_ahead = k == 2 ? 12 : 0;
-        segment_params.junction = k == 1 ? 9 : 6;
+        segment_params.junction_distance = k == 1 ? 9 : 6;
         segment_params.max_lines = 1000;
         segment_params.max_segments = 1500;
         point_params.max_segments = 1500;
@@ -375,8 +375,8 @@ uint64_t long_pictures(void)
         points = cairn_symmetric_point_list(finder, &count);
         hash = add_int(add_int(hash, count), cairn_symmetric_point_dropped(finder));
         for (int32_t i = 0; i < count; i++) {
-            hash = add_point(add_point(add_point(hash, points[i].centre), points[i].touch[0]),
-                             points[i].touch[1]);
+            hash = add_point(add_point(add_point(hash, points[i].centre), points[i].contact[0]),
+                             points[i].contact[1]);
             hash = add_real(add_real(hash, points[i].radius), points[i].deviation);
             hash = add_int(add_int(hash, points[i].first), points[i].second);
             hash = add_real(hash, cairn_symmetric_point_quality(&points[i], CAIRN_REAL(0.3)));
@@ -436,7 +436,7 @@ uint64_t long_neighbours(void)
         int32_t k = cairn_point_grid_nearest(grid, p, radius, &squared);
 
         hash = add_int(hash, k);
-        hash = add_int(hash, cairn_point_grid_has(grid, p, radius));
+        hash = add_int(hash, cairn_point_grid_has_near(grid, p, radius));
         if (k >= 0)
             hash = add_real(hash, squared);
         cursor = cairn_point_grid_begin(grid, p, radius);
@@ -482,9 +482,9 @@ uint64_t long_shape_models(void)
             vertices[i].x = 100 + radius * cosine;
             vertices[i].y = 80 + radius * sine / 2;
         }
-        params.points = k < 3 ? 96 : 64;
+        params.outline_samples = k < 3 ? 96 : 64;
         params.max_paths = k == 4 ? 1 : 8;
-        params.overlap = k == 5 ? CAIRN_REAL(0.5) : CAIRN_REAL(0.8);
+        params.min_clearance = k == 5 ? CAIRN_REAL(0.5) : CAIRN_REAL(0.8);
         LONG_CREATE(&pool, shape_builder, &builder, &params);
         assert_ok(cairn_shape_builder_begin(builder, &outline, 1));
         LONG_RUN(hash, cairn_shape_builder_step, builder, 3000);
@@ -495,15 +495,15 @@ uint64_t long_shape_models(void)
 
             hash = add_real(add_real(add_point(hash, s->centre), s->radius), s->deviation);
             for (int32_t side = 0; side < 2; side++)
-                hash = add_real(
-                    add_point(add_point(hash, s->side[side].position), s->side[side].direction),
-                    s->share[side]);
+                hash = add_real(add_point(add_point(hash, s->contact[side].position),
+                                          s->contact[side].direction),
+                                s->outline_share[side]);
         }
         for (int32_t i = 0; i < model.path_count; i++) {
             const cairn_shape_path *p = &model.paths[i];
 
             hash = add_int(add_int(add_int(hash, p->first), p->count), p->parent);
-            hash = add_real(add_int(hash, p->branch), p->share);
+            hash = add_real(add_int(hash, p->branch), p->outline_share);
         }
         for (int32_t i = 0; i < model.outline_count; i++)
             hash =

@@ -14,20 +14,22 @@ static uint64_t add_mapper_state(uint64_t hash, const cairn_mapper_state *s)
 {
     hash = add_int(add_int(add_int(add_int(hash, s->scans), s->predicted), s->odometry_rejected),
                    s->odometry_contradicted);
-    hash = add_int(add_int(add_int(add_int(hash, s->searched), s->doubtful), s->keys), s->units);
+    hash = add_int(add_int(add_int(add_int(hash, s->searched), s->low_confidence), s->keyframes),
+                   s->units);
     hash = add_int(add_int(add_int(add_real(hash, s->potential), s->loops), s->loop_events),
-                   s->waiting);
-    return add_int(add_int(hash, s->solutions), s->lacks_room);
+                   s->pending_keyframes);
+    return add_int(add_int(hash, s->graph_solutions), s->capacity_exceeded);
 }
 
 static uint64_t add_whole_map(uint64_t hash, const cairn_mapper *mapper)
 {
     cairn_mapper_state state = cairn_mapper_measure(mapper);
-    const cairn_scan_set *keys = cairn_mapper_keys(mapper);
+    const cairn_scan_set *keys = cairn_mapper_keyframes(mapper);
 
     hash = add_mapper_state(hash, &state);
-    for (int32_t i = 0; i < state.keys; i++)
-        hash = add_int(add_pose(hash, cairn_mapper_key_pose(mapper, i)), keys->scans[i].end_point);
+    for (int32_t i = 0; i < state.keyframes; i++)
+        hash = add_int(add_pose(hash, cairn_mapper_keyframe_pose(mapper, i)),
+                       keys->scans[i].end_point);
     for (int32_t i = 0; i < state.loop_events; i++) {
         cairn_mapper_loop loop = cairn_mapper_loop_at(mapper, i);
 
@@ -39,7 +41,7 @@ static uint64_t add_whole_map(uint64_t hash, const cairn_mapper *mapper)
 
         hash =
             add_int(add_int(add_int(add_pose(hash, link.first_second), link.first), link.is_loop),
-                    link.dropped);
+                    link.is_outlier);
         hash = add_real(add_real(add_real(hash, link.information.xx), link.information.xy),
                         link.information.xz);
         hash = add_real(add_real(add_real(hash, link.information.yy), link.information.yz),
@@ -87,10 +89,10 @@ static uint64_t map_drive(uint64_t seed, const cairn_mapper_params *params, cons
         assert_ok(cairn_mapper_add(mapper, &sweep.input, d->odometry > 0 ? &odometry : NULL, NULL));
         LONG_RUN(hash, cairn_mapper_step, mapper, d->each);
         result = cairn_mapper_read(mapper);
-        hash = add_int(add_int(add_int(hash, result.verdict), result.key), result.is_key);
-        hash = add_covariance(add_pose(add_pose(hash, result.key_scan), result.map_scan),
+        hash = add_int(add_int(add_int(hash, result.verdict), result.keyframe), result.is_keyframe);
+        hash = add_covariance(add_pose(add_pose(hash, result.keyframe_scan), result.map_scan),
                               result.covariance);
-        hash = add_real(hash, result.support);
+        hash = add_real(hash, result.overlap);
     }
     hash = add_whole_map(hash, mapper);
     LONG_RUN(hash, cairn_mapper_settle, mapper, 50000);
@@ -104,7 +106,7 @@ static cairn_mapper_params small_mapper(int32_t keys)
     cairn_mapper_params params = cairn_mapper_default_for(keys, LONG_BEAMS);
 
     params.max_local_points = 1500;
-    params.loop.gap = 12;
+    params.loop.min_keyframe_gap = 12;
     return params;
 }
 
@@ -126,7 +128,7 @@ uint64_t long_drive_blindly(void)
     params.window = 5;
     params.window_free = 2;
     params.window_units = 5000;
-    params.local_keys = 6;
+    params.local_keyframes = 6;
     params.local_recent = 2;
     params.local_span = 0;
     params.local_radius = 3;
@@ -141,16 +143,16 @@ uint64_t long_drive_astray(void)
     drive d = {100, 101, CAIRN_REAL(0.35), CAIRN_REAL(2.4), CAIRN_REAL(0.05), 14, 2, 40, 3, 100000};
 
     params.max_local_points = 600;
-    params.key_distance = CAIRN_REAL(0.6);
+    params.keyframe_distance = CAIRN_REAL(0.6);
     params.window = 0;
-    params.loop.units = 2500;
-    params.loop.keys = 4;
-    params.loop.agree = 1;
+    params.loop.units_per_scan = 2500;
+    params.loop.target_keyframes = 4;
+    params.loop.min_consistent = 1;
     params.loop.max_loops = 20;
-    params.loop.radius = 2;
-    params.loop.window = 2;
-    params.loop.evidence = 1;
-    params.loop.outlier = 12;
+    params.loop.candidate_radius = 2;
+    params.loop.search_radius = 2;
+    params.loop.min_log_odds = 1;
+    params.loop.max_chi2 = 12;
     return map_drive(33, &params, &d);
 }
 
@@ -161,19 +163,19 @@ uint64_t long_drive_among_twins(void)
     drive d = {130, 121, CAIRN_REAL(0.35), 2, 0, 0, 1, 0, 0, 50000};
     uint64_t hash;
 
-    params.loop.agree = 2;
-    params.loop.window = 5;
-    params.loop.window_near = CAIRN_REAL(0.2);
-    params.loop.contradiction = CAIRN_REAL(0.2);
-    params.loop.units = 20000;
+    params.loop.min_consistent = 2;
+    params.loop.search_radius = 5;
+    params.loop.local_search_radius = CAIRN_REAL(0.2);
+    params.loop.max_free_space_violation = CAIRN_REAL(0.2);
+    params.loop.units_per_scan = 20000;
     params.search = 0;
     hash = map_drive(37, &params, &d);
     d.boxes = 2;
     d.crowd = CAIRN_REAL(0.1);
     d.view = CAIRN_REAL(3.5);
-    params.loop.agree = 4;
+    params.loop.min_consistent = 4;
     params.loop.sigma = CAIRN_REAL(0.03);
-    params.loop.sigma_turn = CAIRN_REAL(0.02);
+    params.loop.sigma_theta = CAIRN_REAL(0.02);
     return add_int(hash, (int64_t)(map_drive(38, &params, &d) >> 1));
 }
 
@@ -241,7 +243,7 @@ uint64_t long_grid(void)
     memset(&entropy, 0, sizeof entropy);
     assert_ok(cairn_map_entropy_add(grid, 0, 30, &entropy));
     assert_ok(cairn_map_entropy_add(grid, 30, 70, &entropy));
-    hash = add_int(add_vector(add_real(hash, entropy.whole), entropy.quadrant, CAIRN_QUADRANTS),
+    hash = add_int(add_vector(add_real(hash, entropy.total), entropy.quadrant, CAIRN_QUADRANTS),
                    entropy.cells);
     for (int32_t i = 0; i < 300; i++) {
         cairn_vec2 from = long_point(&random, 6, 5), to;
@@ -309,13 +311,15 @@ static uint64_t add_merged(uint64_t hash, const cairn_map_merge *merge)
 
     hash = add_int(add_int(add_int(add_int(hash, result.maps), result.placed), result.reference),
                    result.hypotheses);
-    hash = add_real(add_real(add_int(hash, result.resamplings), result.n_eff), result.evidence);
+    hash = add_real(add_real(add_int(hash, result.resamplings), result.n_eff),
+                    result.log_likelihood_ratio);
     hash = add_int(hash, result.units);
     for (int32_t i = 0; i < result.maps; i++) {
         cairn_merge_placed p = cairn_map_merge_of(merge, i);
 
-        hash = add_real(add_real(add_real(add_pose(hash, p.reference_map), p.support), p.rival),
-                        p.wrong);
+        hash = add_real(
+            add_real(add_real(add_pose(hash, p.reference_map), p.support), p.competing_support),
+            p.error_probability);
         hash = add_int(add_int(add_int(add_int(hash, p.verdict), p.neighbours), p.rank), p.modes);
         hash = add_int(hash, p.corners);
     }
@@ -330,8 +334,9 @@ static uint64_t add_merged(uint64_t hash, const cairn_map_merge *merge)
                     continue;
                 hash = add_real(add_pose(hash, a_b), evidence);
                 assert_ok(cairn_map_merge_score(merge, a, b, a_b, &score));
-                hash =
-                    add_real(add_real(add_real(hash, score.evidence), score.agree), score.conflict);
+                hash = add_real(
+                    add_real(add_real(hash, score.log_likelihood_ratio), score.agreeing_wall),
+                    score.free_space_violation);
                 hash = add_real(add_real(add_real(hash, score.overlap), score.psi),
                                 score.disagreement);
                 hash = add_real(hash, score.gamma);
@@ -415,7 +420,7 @@ uint64_t long_merged_by_images(void)
     params.max_segments = 40;
     params.max_corners = 20;
     params.max_modes = 3;
-    params.correlation = 6;
+    params.correlation_length = 6;
     params.min_score = 2;
     params.min_margin = 1;
     return merge_maps(36, &params, 1);

@@ -38,15 +38,16 @@ static uint64_t add_match(uint64_t hash, const cairn_scan_match *match)
     hash = add_int(add_int(hash, result.verdict), result.count);
     hash = add_int(
         add_int(add_int(add_int(hash, measure.units), measure.worst_step), measure.candidates),
-        measure.fits);
+        measure.refinements);
     for (int32_t i = 0; i < result.count; i++) {
         const cairn_scan_match_hypothesis *h = &result.hypotheses[i];
 
         hash = add_covariance(add_pose(hash, h->target_query), h->covariance);
-        hash = add_real(add_real(add_real(hash, h->overlap), h->fit), h->contradiction);
-        hash = add_real(add_real(add_real(hash, h->target_contradiction), h->score), h->evidence);
-        hash = add_real(add_vector(add_real(hash, h->sigma), h->weak, 3), h->weak_ratio);
-        hash = add_int(add_int(add_real(hash, h->radius), h->observable), h->pairs);
+        hash = add_real(add_real(add_real(hash, h->overlap), h->fit), h->free_space_violation);
+        hash = add_real(add_real(add_real(hash, h->target_free_space_violation), h->score),
+                        h->log_odds);
+        hash = add_real(add_vector(add_real(hash, h->sigma), h->weak_direction, 3), h->weak_ratio);
+        hash = add_int(add_int(add_real(hash, h->radius), h->observable_dof), h->pairs);
     }
     for (int32_t i = 0; i < cairn_scan_match_pair_count(match); i++) {
         cairn_scan_match_pair pair = cairn_scan_match_pair_at(match, i);
@@ -125,7 +126,7 @@ uint64_t long_match_in_a_crowd(void)
     params.max_cells = 2500;
     params.max_dense = 300;
     params.max_views = 1;
-    params.sigma = CAIRN_REAL(0.02);
+    params.min_sigma = CAIRN_REAL(0.02);
     params.weak_ratio = CAIRN_REAL(0.01);
     return add_int(match_all(42, &params, CAIRN_REAL(0.3)),
                    (int64_t)(match_all(52, &params, CAIRN_REAL(0.1)) >> 1));
@@ -149,10 +150,11 @@ static uint64_t add_icp(uint64_t hash, const cairn_icp_result *r)
     hash = add_real(
         add_real(add_covariance(add_pose(hash, r->target_query), r->covariance), r->mean_distance),
         r->sigma);
-    hash = add_real(add_real(add_vector(add_real(add_real(hash, r->gate), r->overlap), r->weak, 3),
-                             r->weak_ratio),
-                    r->radius);
-    return add_int(add_int(add_int(add_int(hash, r->observable), r->pairs), r->iterations),
+    hash = add_real(
+        add_real(add_vector(add_real(add_real(hash, r->gate), r->overlap), r->weak_direction, 3),
+                 r->weak_ratio),
+        r->radius);
+    return add_int(add_int(add_int(add_int(hash, r->observable_dof), r->pairs), r->iterations),
                    r->verdict);
 }
 
@@ -236,23 +238,24 @@ static uint64_t place_all(uint64_t seed, const cairn_place_map_params *params, c
     assert_ok(cairn_place_map_begin(map));
     LONG_RUN(hash, cairn_place_map_step, map, 100000);
     result = cairn_place_map_read(map);
-    hash = add_int(add_int(add_int(add_int(hash, result.places), result.placed), result.parts),
+    hash = add_int(add_int(add_int(add_int(hash, result.places), result.placed), result.components),
                    result.ambiguous);
     hash = add_int(
         add_int(add_int(add_int(hash, result.matches), result.hypotheses), result.decoupled),
         result.units);
-    hash = add_real(add_real(hash, result.total), result.rival);
+    hash = add_real(add_real(hash, result.total), result.competing_total);
     for (int32_t i = 0; i < PLACES; i++) {
         cairn_place_map_place place = cairn_place_map_place_of(map, i);
 
         hash = add_real(add_pose(hash, place.map_place), place.support);
-        hash = add_int(add_int(add_int(hash, place.part), place.ambiguous), place.alternatives);
+        hash =
+            add_int(add_int(add_int(hash, place.component), place.ambiguous), place.alternatives);
         for (int32_t k = 0; k < place.alternatives; k++) {
             cairn_consensus_alternative other = cairn_place_map_alternative(map, i, k);
 
             hash = add_int(
                 add_real(add_real(add_pose(hash, other.map_node), other.support), other.weight),
-                other.whole);
+                other.is_other_map);
         }
     }
     for (int32_t i = 0; i < PLACES * HEADINGS; i++)
@@ -270,7 +273,7 @@ static cairn_place_map_params small_places(void)
     params.max_scans = PLACES * HEADINGS;
     params.max_place_points = 600;
     params.max_place_beams = 600;
-    params.rounds = 2;
+    params.rematch_rounds = 2;
     params.match.max_hypotheses = 6;
     params.match.max_candidates = 96;
     params.consensus.max_hypotheses = 200;
@@ -290,10 +293,10 @@ uint64_t long_places_in_a_crowd(void)
     cairn_place_map_params params = small_places();
 
     params.decoupled = CAIRN_PLACE_MAP_JOINTLY;
-    params.chance = 2;
-    params.sight_reach = 5;
-    params.sight_cell = CAIRN_REAL(0.08);
-    params.floating = CAIRN_REAL(0.3);
+    params.chance_nats = 2;
+    params.visibility_reach = 5;
+    params.visibility_cell = CAIRN_REAL(0.08);
+    params.dynamic_factor = CAIRN_REAL(0.3);
     return add_int(place_all(46, &params, CAIRN_REAL(0.15)),
                    (int64_t)(place_all(56, &params, CAIRN_REAL(0.05)) >> 1));
 }
@@ -303,7 +306,7 @@ uint64_t long_places_in_order(void)
     cairn_place_map_params params = small_places();
 
     params.mode = CAIRN_PLACE_MAP_SEQUENTIAL;
-    params.recent = 2;
+    params.recent_places = 2;
     return place_all(47, &params, 0);
 }
 
@@ -319,7 +322,7 @@ static cairn_real compare(const void *context, int32_t i, int32_t j)
     const words *w = context;
     int32_t apart = w->first[i] - w->second[j];
 
-    if (w->kind == CAIRN_SEQUENCE_COMMON)
+    if (w->kind == CAIRN_SEQUENCE_LCS)
         return apart == 0;
     if (w->kind == CAIRN_SEQUENCE_LOCAL)
         return apart == 0 ? 2 : -CAIRN_REAL(0.75);
@@ -332,7 +335,7 @@ uint64_t long_sequences(void)
     uint64_t hash = GOLDEN_START;
     words w;
 
-    for (w.kind = CAIRN_SEQUENCE_COMMON; w.kind <= CAIRN_SEQUENCE_WARP; w.kind++) {
+    for (w.kind = CAIRN_SEQUENCE_LCS; w.kind <= CAIRN_SEQUENCE_DTW; w.kind++) {
         cairn_sequence_params params = {w.kind, 60, 50, CAIRN_REAL(0.5)};
         cairn_sequence *sequence;
         cairn_pool pool;

@@ -32,7 +32,7 @@ static inline uint64_t hash_of(const cairn_map_merge *merge, int32_t maps)
 
         hash = test_hash(hash, &p.reference_map, sizeof p.reference_map);
         hash = test_hash(hash, &p.support, sizeof p.support);
-        hash = test_hash(hash, &p.wrong, sizeof p.wrong);
+        hash = test_hash(hash, &p.error_probability, sizeof p.error_probability);
     }
     return hash;
 }

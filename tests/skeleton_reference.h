@@ -42,7 +42,7 @@ static inline cairn_skeleton_params small_params(void)
     params.max_parts = 64;
     params.max_points = 8000;
     params.max_steps = 60;
-    params.particles = 12;
+    params.particle_count = 12;
     params.min_log_odds = 3;
     return params;
 }
@@ -115,7 +115,8 @@ static inline void turn_round(reference_pose *t)
 static inline double reference_weight(const reference_pose *a, const reference_pose *b,
                                       const cairn_skeleton_params *p, double least, double most)
 {
-    double sum = 0, off = fmax(0, fmax(least - b->r, b->r - most)), range = off / (double)p->radius;
+    double sum = 0, off = fmax(0, fmax(least - b->r, b->r - most)),
+           range = off / (double)p->radius_sigma;
 
     for (int32_t k = 0; k < 2; k++) {
         double contour = angle_between(a->nx[k], a->ny[k], b->nx[k], b->ny[k]);
@@ -123,8 +124,8 @@ static inline double reference_weight(const reference_pose *a, const reference_p
             angle_between(a->cx - a->x[k], a->cy - a->y[k], b->cx - b->x[k], b->cy - b->y[k]);
         double turned =
             fabs(remainder(contour - way, 2 * PI)) + fmax(b->deviation[k] - a->deviation[k], 0);
-        double gap = hypot(b->x[k] - a->x[k], b->y[k] - a->y[k]) / (double)p->reach,
-               h = turned / (double)p->duality;
+        double gap = hypot(b->x[k] - a->x[k], b->y[k] - a->y[k]) / (double)p->step_sigma,
+               h = turned / (double)p->duality_sigma;
 
         sum += exp(-h * h / 2) * exp(-gap * gap / 2) / 2;
     }
@@ -230,7 +231,7 @@ static inline void check(const cairn_skeleton_result *r, const cairn_skeleton_pa
         assert_true(part->log_odds >= p->min_log_odds &&
                     (i == 0 || part->log_odds <= r->parts[i - 1].log_odds));
         assert_true(part->joint[0] == -1 && part->joint[1] == -1 && part->object == i);
-        assert_int_equal(r->objects[i].free_ends, 2);
+        assert_int_equal(r->objects[i].free_end_count, 2);
         assert_true(part->count <= p->max_steps + 1);
         points += part->count;
         for (int32_t k = 0; k < part->count; k++) {
@@ -238,18 +239,18 @@ static inline void check(const cairn_skeleton_result *r, const cairn_skeleton_pa
 
             for (int32_t side = 0; side < 2; side++) {
                 assert_in_range(q->edgel[side], 0, edgel_count - 1);
-                assert_memory_equal(&q->touch[side], &edgels[q->edgel[side]].position,
-                                    sizeof q->touch[side]);
+                assert_memory_equal(&q->contact[side], &edgels[q->edgel[side]].position,
+                                    sizeof q->contact[side]);
             }
-            assert_true(reference_of(q->edgel[0], q->edgel[1], 1, 1000, (double)p->symmetry + 1e-3,
-                                     &walk[k]));
+            assert_true(reference_of(q->edgel[0], q->edgel[1], 1, 1000,
+                                     (double)p->symmetry_sigma + 1e-3, &walk[k]));
             assert_near(q->centre.x, walk[k].cx, NUMBER(1e-8, 2e-3));
             assert_near(q->centre.y, walk[k].cy, NUMBER(1e-8, 2e-3));
             assert_near(q->radius, walk[k].r, NUMBER(1e-8, 2e-3));
             if (k == 0)
                 continue;
             assert_true(put_in_order(&walk[k - 1], &walk[k], heading));
-            assert_near(walk[k].x[0], q->touch[0].x, 1e-3);
+            assert_near(walk[k].x[0], q->contact[0].x, 1e-3);
             assert_true(may_follow(walk, k, &walk[k]));
             sum += reference_weight(&walk[k - 1], &walk[k], p, (double)r->min_radius,
                                     (double)r->max_radius) +

@@ -101,7 +101,7 @@ static inline uint64_t tell(void *context)
         hash = test_hash(hash, &r.points[i], sizeof r.points[i]);
     for (int32_t i = 0; i < r.part_count; i++)
         hash = test_hash(hash, &r.parts[i].log_odds, sizeof r.parts[i].log_odds);
-    return test_hash(hash, &r.starts, sizeof r.starts);
+    return test_hash(hash, &r.seed_count, sizeof r.seed_count);
 }
 
 static inline cairn_status begin_scene(void *context)

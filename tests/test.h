@@ -31,9 +31,9 @@ void test_assert_near(double actual, double expected, double tolerance, const ch
 #define assert_fault(fault, call, status, where)                                                   \
     do {                                                                                           \
         (fault)->index = -7;                                                                       \
-        (fault)->what = NULL;                                                                      \
+        (fault)->message = NULL;                                                                   \
         assert_int_equal(call, status);                                                            \
-        assert_non_null((fault)->what);                                                            \
+        assert_non_null((fault)->message);                                                         \
         assert_int_equal((fault)->index, where);                                                   \
     } while (0)
 

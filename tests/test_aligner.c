@@ -83,7 +83,7 @@ static void add(struct bed *bed, const cairn_scan_input *input, cairn_pose start
     cairn_fault fault;
 
     assert_ok(cairn_aligner_add_scan(bed->aligner, &view, start, &fault));
-    assert_null(fault.what);
+    assert_null(fault.message);
 }
 
 static void run(struct bed *bed, int32_t budget)
@@ -233,15 +233,15 @@ static void aligns_an_arena(void **state)
     assert_true(out.missed <= 1);
     assert_true(out.inside >= 0.6 * out.unflagged);
     assert_true(result.verdict != CAIRN_ALIGNER_RUNNING);
-    assert_true(result.largest >= 54 && result.largest <= 60);
-    assert_true(result.placed <= result.largest && result.placed >= 50);
-    assert_true(result.parts >= 1 && result.parts <= 60 - result.largest + 1);
+    assert_true(result.largest_size >= 54 && result.largest_size <= 60);
+    assert_true(result.placed <= result.largest_size && result.placed >= 50);
+    assert_true(result.components >= 1 && result.components <= 60 - result.largest_size + 1);
     assert_true(result.walls > 60 && result.fill >= result.walls && result.merges > 30);
     assert_true(result.hypotheses > 500 && result.hypotheses <= params.max_hypotheses);
-    assert_true(result.rounds >= 7 && result.rounds <= 3 * params.max_rounds);
+    assert_true(result.iterations >= 7 && result.iterations <= 3 * params.max_iterations);
     assert_true(result.anchor >= 0 && result.anchor < 60);
-    assert_near(result.spread, 0.3 / sqrt(3.0), 0.06);
-    assert_near((double)result.spread_angle / DEGREE, 20 / sqrt(3.0), 4);
+    assert_near(result.initial_sigma, 0.3 / sqrt(3.0), 0.06);
+    assert_near((double)result.initial_sigma_theta / DEGREE, 20 / sqrt(3.0), 4);
     assert_true(result.worst_step <= 300 && result.units > 100000);
     end_bed(&bed);
     leave(&s);
@@ -261,7 +261,7 @@ static void scans_that_slide_spoil_no_solution(void **state)
         add_all(&bed, &s, 0);
         run(&bed, CAIRN_UNBOUNDED);
         result = cairn_aligner_read(bed.aligner);
-        assert_true(result.rounds >= 7 && result.anchor >= 0);
+        assert_true(result.iterations >= 7 && result.anchor >= 0);
         end_bed(&bed);
         leave(&s);
     }
@@ -286,7 +286,7 @@ static int64_t units_of_copies(const struct survey *s, int32_t copies, int32_t *
     run(&bed, CAIRN_UNBOUNDED);
     result = cairn_aligner_read(bed.aligner);
     assert_int_equal(cairn_aligner_scan_count(bed.aligner), copies * s->count);
-    assert_true(copies == 1 || result.parts >= copies);
+    assert_true(copies == 1 || result.components >= copies);
     *worst_step = result.worst_step;
     end_bed(&bed);
     return result.units;
@@ -355,7 +355,7 @@ static uint64_t hash_of(const struct bed *bed)
         hash = test_hash(hash, &p.map_scan, sizeof p.map_scan);
         hash = test_hash(hash, p.covariance, sizeof p.covariance);
         hash = test_hash(hash, &p.support, sizeof p.support);
-        hash = test_hash(hash, &p.part, sizeof p.part);
+        hash = test_hash(hash, &p.component, sizeof p.component);
         hash = test_hash(hash, &p.placed, sizeof p.placed);
     }
     hash = test_hash(hash, &result.verdict, sizeof result.verdict);
@@ -408,7 +408,7 @@ static uint64_t watch(struct bed *bed, const struct survey *s, int32_t budget, i
             continue;
         for (int32_t i = 0; i < count; i++) {
             int32_t part;
-            cairn_pose pose = cairn_aligner_pose_now(bed->aligner, i, &part);
+            cairn_pose pose = cairn_aligner_current_pose(bed->aligner, i, &part);
 
             assert_true(cairn_pose_is_finite(pose));
             assert_in_range(part, 0, count - 1);
@@ -428,8 +428,8 @@ static uint64_t watch(struct bed *bed, const struct survey *s, int32_t budget, i
         }
         ++*commits;
     }
-    assert_int_equal(parts, cairn_aligner_read(bed->aligner).parts);
-    assert_int_equal(most, cairn_aligner_read(bed->aligner).largest);
+    assert_int_equal(parts, cairn_aligner_read(bed->aligner).components);
+    assert_int_equal(most, cairn_aligner_read(bed->aligner).largest_size);
     return hash;
 }
 
@@ -444,7 +444,7 @@ static void an_alignment_can_be_watched(void **state)
     (void)state;
     add_all(&bed, &s, 0);
     assert_int_equal(cairn_aligner_running(bed.aligner), 0);
-    (void)cairn_aligner_pose_now(bed.aligner, 3, &part);
+    (void)cairn_aligner_current_pose(bed.aligner, 3, &part);
     assert_int_equal(part, 3);
     run(&bed, CAIRN_UNBOUNDED);
     expected = hash_of(&bed);
@@ -455,14 +455,14 @@ static void an_alignment_can_be_watched(void **state)
     assert_true(watch(&bed, &s, 7, &again) == hash);
     assert_int_equal(again, commits);
     for (int32_t i = 0; i < s.count; i++) {
-        cairn_pose now = cairn_aligner_pose_now(bed.aligner, i, NULL);
+        cairn_pose now = cairn_aligner_current_pose(bed.aligner, i, NULL);
         cairn_pose end = cairn_aligner_pose_of(bed.aligner, i).map_scan;
 
         assert_memory_equal(&now, &end, sizeof now);
     }
-    assert_near(cairn_aligner_pose_now(bed.aligner, s.count, &part).x, 0, 0);
+    assert_near(cairn_aligner_current_pose(bed.aligner, s.count, &part).x, 0, 0);
     assert_int_equal(part, -1);
-    assert_near(cairn_aligner_pose_now(bed.aligner, -1, &part).theta, 0, 0);
+    assert_near(cairn_aligner_current_pose(bed.aligner, -1, &part).theta, 0, 0);
     assert_int_equal(part, -1);
     assert_status(cairn_aligner_iterate(NULL, NULL), CAIRN_BAD_ARGUMENT);
     end_bed(&bed);
@@ -483,7 +483,7 @@ static void ingredients_matter(void **state)
     all = compare(&bed, &s, 0);
     end_bed(&bed);
 
-    params.contradiction = 0;
+    params.free_space_penalty = 0;
     bed = make_bed(&params);
     add_all(&bed, &s, 0);
     run(&bed, CAIRN_UNBOUNDED);
@@ -501,13 +501,13 @@ static void ingredients_matter(void **state)
     end_bed(&bed);
 
     params = room_for(s.count);
-    params.max_rounds = params.max_repairs = 0;
+    params.max_iterations = params.max_relocalizations = 0;
     bed = make_bed(&params);
     add_all(&bed, &s, 0);
     run(&bed, CAIRN_UNBOUNDED);
     assert_int_equal(cairn_aligner_read(bed.aligner).anchor, -1);
-    assert_int_equal(cairn_aligner_read(bed.aligner).rounds, 0);
-    assert_int_equal(cairn_aligner_read(bed.aligner).moved, 0);
+    assert_int_equal(cairn_aligner_read(bed.aligner).iterations, 0);
+    assert_int_equal(cairn_aligner_read(bed.aligner).relocalized, 0);
     assert_int_equal(cairn_aligner_read(bed.aligner).placed, 0);
     end_bed(&bed);
     leave(&s);
@@ -524,7 +524,7 @@ static void too_little_fill_is_a_verdict(void **state)
     bed = make_bed(&params);
     add_all(&bed, &s, 0);
     run(&bed, CAIRN_UNBOUNDED);
-    assert_int_equal(cairn_aligner_read(bed.aligner).verdict, CAIRN_ALIGNER_NO_FILL);
+    assert_int_equal(cairn_aligner_read(bed.aligner).verdict, CAIRN_ALIGNER_FILL_EXCEEDED);
     assert_int_equal(cairn_aligner_read(bed.aligner).anchor, -1);
     for (int32_t i = 0; i < s.count; i++) {
         cairn_aligner_pose p = cairn_aligner_pose_of(bed.aligner, i);
@@ -592,8 +592,8 @@ static void two_scans_of_a_box(void **state)
     assert_near(between.x, 1, 2e-3);
     assert_near(between.y, 0.5, 2e-3);
     assert_near(between.theta, 0.3, 1e-3);
-    assert_int_equal(a.part, 0);
-    assert_int_equal(b.part, 0);
+    assert_int_equal(a.component, 0);
+    assert_int_equal(b.component, 0);
     assert_int_equal(a.placed && b.placed, 1);
     assert_int_equal(b.observable, CAIRN_ALIGNER_X | CAIRN_ALIGNER_Y | CAIRN_ALIGNER_THETA);
     assert_true(a.support > 5);
@@ -645,7 +645,7 @@ static void initial_poses_can_be_changed(void **state)
     add(&bed, &input, start_at(40, -7, 3));
     add(&fresh, &input, last);
     run(&fresh, CAIRN_UNBOUNDED);
-    assert_ok(cairn_aligner_start_at(bed.aligner, 1, start_at(50, 50, 50)));
+    assert_ok(cairn_aligner_set_initial_pose(bed.aligner, 1, start_at(50, 50, 50)));
     assert_near(cairn_aligner_pose_of(bed.aligner, 1).map_scan.x, 50, 0);
     for (int k = 0; k < 3; k++) {
         assert_ok(cairn_aligner_begin(bed.aligner));
@@ -653,13 +653,13 @@ static void initial_poses_can_be_changed(void **state)
             assert_int_equal(cairn_aligner_step(bed.aligner, &budget), CAIRN_MORE);
         if (k == 2)
             run(&bed, CAIRN_UNBOUNDED);
-        assert_ok(cairn_aligner_start_at(bed.aligner, 0, start_at(2.2, 1.4, 8)));
+        assert_ok(cairn_aligner_set_initial_pose(bed.aligner, 0, start_at(2.2, 1.4, 8)));
         assert_false(cairn_aligner_running(bed.aligner));
-        assert_ok(cairn_aligner_start_at(bed.aligner, 1, last));
+        assert_ok(cairn_aligner_set_initial_pose(bed.aligner, 1, last));
         assert_near(cairn_aligner_pose_of(bed.aligner, 0).map_scan.x, 2.2, 1e-6);
         assert_near(cairn_aligner_pose_of(bed.aligner, 1).map_scan.theta, 5 * DEGREE, 1e-6);
         assert_int_equal(cairn_aligner_pose_of(bed.aligner, 1).placed, 0);
-        assert_int_equal(cairn_aligner_read(bed.aligner).parts, 0);
+        assert_int_equal(cairn_aligner_read(bed.aligner).components, 0);
         run(&bed, CAIRN_UNBOUNDED);
         for (int32_t i = 0; i < 2; i++) {
             cairn_aligner_pose a = cairn_aligner_pose_of(bed.aligner, i),
@@ -668,12 +668,12 @@ static void initial_poses_can_be_changed(void **state)
             assert_memory_equal(&a.map_scan, &b.map_scan, sizeof a.map_scan);
         }
     }
-    assert_status(cairn_aligner_start_at(NULL, 0, last), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_aligner_start_at(bed.aligner, -1, last), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_aligner_start_at(bed.aligner, 2, last), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_aligner_start_at(bed.aligner, 0, far), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_aligner_start_at(bed.aligner, 0, nan), CAIRN_NOT_FINITE);
-    assert_int_equal(cairn_aligner_read(bed.aligner).parts, 1);
+    assert_status(cairn_aligner_set_initial_pose(NULL, 0, last), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_aligner_set_initial_pose(bed.aligner, -1, last), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_aligner_set_initial_pose(bed.aligner, 2, last), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_aligner_set_initial_pose(bed.aligner, 0, far), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_aligner_set_initial_pose(bed.aligner, 0, nan), CAIRN_NOT_FINITE);
+    assert_int_equal(cairn_aligner_read(bed.aligner).components, 1);
     end_bed(&bed);
     end_bed(&fresh);
 }
@@ -726,15 +726,16 @@ static void parts_that_do_not_meet(void **state)
     add(&bed, &input, start_at(53, 2, 10));
     run(&bed, CAIRN_UNBOUNDED);
     result = cairn_aligner_read(bed.aligner);
-    assert_int_equal(result.verdict, CAIRN_ALIGNER_SPLIT);
-    assert_int_equal(result.parts, 2);
-    assert_int_equal(result.largest, 2);
-    assert_int_equal(cairn_aligner_pose_of(bed.aligner, 0).part,
-                     cairn_aligner_pose_of(bed.aligner, 1).part);
-    assert_int_equal(cairn_aligner_pose_of(bed.aligner, 2).part,
-                     cairn_aligner_pose_of(bed.aligner, 3).part);
-    assert_int_equal(
-        cairn_aligner_pose_of(bed.aligner, 0).part + cairn_aligner_pose_of(bed.aligner, 2).part, 1);
+    assert_int_equal(result.verdict, CAIRN_ALIGNER_DISCONNECTED);
+    assert_int_equal(result.components, 2);
+    assert_int_equal(result.largest_size, 2);
+    assert_int_equal(cairn_aligner_pose_of(bed.aligner, 0).component,
+                     cairn_aligner_pose_of(bed.aligner, 1).component);
+    assert_int_equal(cairn_aligner_pose_of(bed.aligner, 2).component,
+                     cairn_aligner_pose_of(bed.aligner, 3).component);
+    assert_int_equal(cairn_aligner_pose_of(bed.aligner, 0).component +
+                         cairn_aligner_pose_of(bed.aligner, 2).component,
+                     1);
     end_bed(&bed);
 }
 
@@ -770,7 +771,7 @@ static cairn_aligner_pose slide(struct kept kept, int32_t max_stubs)
     float ranges[BEAMS];
     struct bed bed;
 
-    params.max_stubs = max_stubs;
+    params.max_short_segments = max_stubs;
     bed = make_bed(&params);
     for (int k = 0; k < 3; k++) {
         input = box_scan(ranges, 12, 8, others[k]);
@@ -787,7 +788,7 @@ static cairn_aligner_pose slide(struct kept kept, int32_t max_stubs)
     last.map_scan.x = between.x - (cairn_real)(at.x - others[0].x);
     last.map_scan.y = between.y - (cairn_real)(at.y - others[0].y);
     last.map_scan.theta = between.theta - (cairn_real)at.theta;
-    assert_int_equal(last.part, 0);
+    assert_int_equal(last.component, 0);
     end_bed(&bed);
     return last;
 }
@@ -841,7 +842,7 @@ static void degenerate_scans(void **state)
     /* One scan. */
     add(&bed, &input, start_at(1, 2, 0));
     check_ends(&bed);
-    assert_int_equal(cairn_aligner_read(bed.aligner).verdict, CAIRN_ALIGNER_SPLIT);
+    assert_int_equal(cairn_aligner_read(bed.aligner).verdict, CAIRN_ALIGNER_DISCONNECTED);
     assert_near(cairn_aligner_pose_of(bed.aligner, 0).map_scan.x, 1, 1e-5);
     /* All equal, far from each other and at the same place. */
     for (int i = 0; i < 6; i++)
@@ -854,7 +855,7 @@ static void degenerate_scans(void **state)
     add(&bed, &input, start_at(0, 0, 0));
     add(&bed, &input, start_at(0, 0, 0));
     check_ends(&bed);
-    assert_int_equal(cairn_aligner_read(bed.aligner).parts, 0);
+    assert_int_equal(cairn_aligner_read(bed.aligner).components, 0);
     /* One point each. */
     ranges[180] = 2;
     add(&bed, &input, start_at(0, 0, 0));
@@ -925,28 +926,28 @@ static void params_are_refused(void **state)
     REFUSE(max_fill, (1 << 24) + 1);
     REFUSE(max_cells, 63);
     REFUSE(max_cells, (1 << 24) + 1);
-    REFUSE(max_stubs, -1);
-    REFUSE(max_stubs, (1 << 24) + 1);
-    REFUSE(max_repairs, -1);
-    REFUSE(max_rounds, -1);
-    REFUSE(contradiction, -1);
-    REFUSE(contradiction, (cairn_real)NAN);
-    REFUSE(contradiction, (cairn_real)INFINITY);
-    REFUSE(spread_angle, CAIRN_REAL(3.2));
-    REFUSE(reach, CAIRN_REAL(1.1e6));
+    REFUSE(max_short_segments, -1);
+    REFUSE(max_short_segments, (1 << 24) + 1);
+    REFUSE(max_relocalizations, -1);
+    REFUSE(max_iterations, -1);
+    REFUSE(free_space_penalty, -1);
+    REFUSE(free_space_penalty, (cairn_real)NAN);
+    REFUSE(free_space_penalty, (cairn_real)INFINITY);
+    REFUSE(max_initial_angle_error, CAIRN_REAL(3.2));
+    REFUSE(max_range, CAIRN_REAL(1.1e6));
     for (size_t k = 0; k < sizeof bad / sizeof *bad; k++) {
-        REFUSE(spread, bad[k]);
-        REFUSE(spread_angle, bad[k]);
-        REFUSE(reach, bad[k]);
-        REFUSE(sigma, bad[k]);
-        REFUSE(least_evidence, bad[k]);
-        REFUSE(observable, bad[k]);
-        REFUSE(observable_angle, bad[k]);
+        REFUSE(max_initial_error, bad[k]);
+        REFUSE(max_initial_angle_error, bad[k]);
+        REFUSE(max_range, bad[k]);
+        REFUSE(range_sigma, bad[k]);
+        REFUSE(min_log_likelihood_ratio, bad[k]);
+        REFUSE(observable_sigma, bad[k]);
+        REFUSE(observable_sigma_theta, bad[k]);
     }
     p = good;
     assert_true(cairn_aligner_memory(&p) > 0);
-    p.max_repairs = p.max_rounds = 0;
-    p.contradiction = 0;
+    p.max_relocalizations = p.max_iterations = 0;
+    p.free_space_penalty = 0;
     assert_true(cairn_aligner_memory(&p) > 0);
 }
 
@@ -974,14 +975,14 @@ static void scans_are_refused(void **state)
     assert_status(cairn_aligner_add_scan(NULL, &view, at, NULL), CAIRN_BAD_ARGUMENT);
     assert_fault(&fault, cairn_aligner_add_scan(bed.aligner, NULL, at, &fault), CAIRN_BAD_ARGUMENT,
                  -1);
-    assert_non_null(fault.what);
+    assert_non_null(fault.message);
 #define REFUSE_VIEW(change, status, where)                                                         \
     do {                                                                                           \
         view = good;                                                                               \
         change;                                                                                    \
         assert_status(cairn_aligner_add_scan(bed.aligner, &view, at, &fault), status);             \
         assert_int_equal(fault.index, where);                                                      \
-        assert_non_null(fault.what);                                                               \
+        assert_non_null(fault.message);                                                            \
         assert_int_equal(cairn_aligner_scan_count(bed.aligner), 0);                                \
     } while (0)
     REFUSE_VIEW(view.beam_count = -1, CAIRN_BAD_ARGUMENT, -1);
@@ -1029,7 +1030,7 @@ static void scans_are_refused(void **state)
     assert_int_equal(cairn_aligner_scan_count(bed.aligner), 2);
     check_ends(&bed);
     assert_int_equal(cairn_aligner_pose_of(bed.aligner, 2).placed, 0);
-    assert_int_equal(cairn_aligner_pose_of(bed.aligner, -1).part, 0);
+    assert_int_equal(cairn_aligner_pose_of(bed.aligner, -1).component, 0);
     end_bed(&bed);
 
     params.max_scans = 9;
@@ -1037,14 +1038,14 @@ static void scans_are_refused(void **state)
     bed = make_bed(&params);
     assert_ok(cairn_aligner_add_scan(bed.aligner, &view, at, NULL));
     assert_fault(&fault, cairn_aligner_add_scan(bed.aligner, &view, at, &fault), CAIRN_FULL, -1);
-    assert_non_null(strstr(fault.what, "max_points"));
+    assert_non_null(strstr(fault.message, "max_points"));
     end_bed(&bed);
     params.max_points = 50;
     params.max_segments = 3;
     bed = make_bed(&params);
     assert_ok(cairn_aligner_add_scan(bed.aligner, &view, at, NULL));
     assert_fault(&fault, cairn_aligner_add_scan(bed.aligner, &view, at, &fault), CAIRN_FULL, -1);
-    assert_non_null(strstr(fault.what, "max_segments"));
+    assert_non_null(strstr(fault.message, "max_segments"));
     end_bed(&bed);
 }
 
@@ -1095,9 +1096,9 @@ static void what_was_not_placed_is_looked_for_again(void **state)
         cairn_aligner_pose before[PLACES], now;
         cairn_aligner_result result;
 
-        assert_status(cairn_aligner_begin_again(bed.aligner, near), CAIRN_EMPTY);
+        assert_status(cairn_aligner_begin_warm(bed.aligner, near), CAIRN_EMPTY);
         add_all(&bed, &s, 0);
-        assert_status(cairn_aligner_begin_again(bed.aligner, near), CAIRN_EMPTY);
+        assert_status(cairn_aligner_begin_warm(bed.aligner, near), CAIRN_EMPTY);
         run(&bed, CAIRN_UNBOUNDED);
         result = cairn_aligner_read(bed.aligner);
         assert_int_equal(result.placed, PLACES - 1);
@@ -1109,18 +1110,18 @@ static void what_was_not_placed_is_looked_for_again(void **state)
         }
         near[LOST] = s.start[LOST];
         memcpy(bad, near, sizeof bad);
-        assert_status(cairn_aligner_begin_again(NULL, near), CAIRN_BAD_ARGUMENT);
-        assert_status(cairn_aligner_begin_again(bed.aligner, NULL), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_aligner_begin_warm(NULL, near), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_aligner_begin_warm(bed.aligner, NULL), CAIRN_BAD_ARGUMENT);
         bad[LOST].theta = (cairn_real)NAN;
-        assert_status(cairn_aligner_begin_again(bed.aligner, bad), CAIRN_NOT_FINITE);
+        assert_status(cairn_aligner_begin_warm(bed.aligner, bad), CAIRN_NOT_FINITE);
         bad[LOST] = start_at(2e6, 0, 0);
-        assert_status(cairn_aligner_begin_again(bed.aligner, bad), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_aligner_begin_warm(bed.aligner, bad), CAIRN_BAD_ARGUMENT);
         assert_false(cairn_aligner_running(bed.aligner));
 
         /* Where it was it is not found, and the result stays bit by bit. */
-        assert_ok(cairn_aligner_begin_again(bed.aligner, near));
+        assert_ok(cairn_aligner_begin_warm(bed.aligner, near));
         assert_true(cairn_aligner_running(bed.aligner));
-        assert_status(cairn_aligner_begin_again(bed.aligner, near), CAIRN_EMPTY);
+        assert_status(cairn_aligner_begin_warm(bed.aligner, near), CAIRN_EMPTY);
         while (cairn_aligner_step(bed.aligner, &left) == CAIRN_MORE)
             left.left = budgets[k];
         assert_true(cairn_aligner_read(bed.aligner).units > result.units);
@@ -1134,13 +1135,13 @@ static void what_was_not_placed_is_looked_for_again(void **state)
         near[LOST] = truth;
         near[LOST].x += (cairn_real)0.15;
         near[LOST].theta += (cairn_real)0.1 + 2 * CAIRN_PI;
-        assert_ok(cairn_aligner_begin_again(bed.aligner, near));
+        assert_ok(cairn_aligner_begin_warm(bed.aligner, near));
         left.left = budgets[k];
         while (cairn_aligner_step(bed.aligner, &left) == CAIRN_MORE)
             left.left = budgets[k];
         result = cairn_aligner_read(bed.aligner);
         assert_int_equal(result.placed, PLACES);
-        assert_int_equal(result.largest, PLACES);
+        assert_int_equal(result.largest_size, PLACES);
         assert_int_equal(compare(&bed, &s, 0).aligned, compare(&bed, &s, 0).observable);
         for (int32_t i = 0; i < PLACES; i++) {
             cairn_pose apart;
@@ -1159,8 +1160,9 @@ static void what_was_not_placed_is_looked_for_again(void **state)
         if (k == 0)
             units = result.units;
         assert_int_equal(result.units, units);
-        assert_ok(cairn_aligner_start_at(bed.aligner, 0, truth)); /* forgets what has ended */
-        assert_status(cairn_aligner_begin_again(bed.aligner, near), CAIRN_EMPTY);
+        /* forgets what has ended */
+        assert_ok(cairn_aligner_set_initial_pose(bed.aligner, 0, truth));
+        assert_status(cairn_aligner_begin_warm(bed.aligner, near), CAIRN_EMPTY);
         end_bed(&bed);
     }
     leave(&s);
@@ -1184,12 +1186,12 @@ static void initial_poses_can_be_given_again(void **state)
     add(&other, &input, start_at(5, 2, 90));
     run(&other, CAIRN_UNBOUNDED);
     far.theta += 2 * CAIRN_PI;
-    assert_ok(cairn_aligner_start_at(other.aligner, 0, start_at(102, 51.5, 0)));
-    assert_ok(cairn_aligner_start_at(other.aligner, 1, far));
+    assert_ok(cairn_aligner_set_initial_pose(other.aligner, 0, start_at(102, 51.5, 0)));
+    assert_ok(cairn_aligner_set_initial_pose(other.aligner, 1, far));
     assert_near(cairn_aligner_pose_of(other.aligner, 1).map_scan.theta, 0, 1e-6);
     assert_int_equal(cairn_aligner_pose_of(other.aligner, 1).placed, 0);
     assert_int_equal(cairn_aligner_running(other.aligner), 0);
-    assert_ok(cairn_aligner_start_at(other.aligner, 1, bad));
+    assert_ok(cairn_aligner_set_initial_pose(other.aligner, 1, bad));
     run(&bed, CAIRN_UNBOUNDED);
     run(&other, CAIRN_UNBOUNDED);
     for (int32_t i = 0; i < 2; i++) {
@@ -1198,14 +1200,14 @@ static void initial_poses_can_be_given_again(void **state)
 
         assert_memory_equal(&a, &b, sizeof a);
     }
-    assert_status(cairn_aligner_start_at(NULL, 0, far), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_aligner_start_at(other.aligner, -1, far), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_aligner_start_at(other.aligner, 2, far), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_aligner_set_initial_pose(NULL, 0, far), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_aligner_set_initial_pose(other.aligner, -1, far), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_aligner_set_initial_pose(other.aligner, 2, far), CAIRN_BAD_ARGUMENT);
     bad.theta = (cairn_real)NAN;
-    assert_status(cairn_aligner_start_at(other.aligner, 0, bad), CAIRN_NOT_FINITE);
+    assert_status(cairn_aligner_set_initial_pose(other.aligner, 0, bad), CAIRN_NOT_FINITE);
     bad = start_at(2e6, 0, 0);
-    assert_status(cairn_aligner_start_at(other.aligner, 0, bad), CAIRN_BAD_ARGUMENT);
-    assert_near(cairn_aligner_read(other.aligner).largest, 2, 0);
+    assert_status(cairn_aligner_set_initial_pose(other.aligner, 0, bad), CAIRN_BAD_ARGUMENT);
+    assert_near(cairn_aligner_read(other.aligner).largest_size, 2, 0);
     end_bed(&bed);
     end_bed(&other);
 }
@@ -1216,9 +1218,9 @@ static void initial_poses_can_be_given_again(void **state)
 static uint64_t hash_of_all(const struct bed *bed)
 {
     cairn_aligner_result r = cairn_aligner_read(bed->aligner);
-    int64_t numbers[] = {r.dropped,    r.merges, r.moved,      r.rounds, r.fill,
-                         r.hypotheses, r.anchor, r.worst_step, r.units};
-    cairn_real spreads[] = {r.spread, r.spread_angle};
+    int64_t numbers[] = {r.dropped,    r.merges, r.relocalized, r.iterations, r.fill,
+                         r.hypotheses, r.anchor, r.worst_step,  r.units};
+    cairn_real spreads[] = {r.initial_sigma, r.initial_sigma_theta};
 
     return test_hash(test_hash(hash_of(bed), numbers, sizeof numbers), spreads, sizeof spreads);
 }

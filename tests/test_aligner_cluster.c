@@ -89,12 +89,12 @@ static void partners_are_those_that_may_meet(void **state)
 
     (void)state;
     assert_ok(cairn_aligner_begin(x));
-    while (x->phase <= ALIGNER_MUTUAL)
-        (void)cairn_aligner_partner_item(x);
+    while (x->phase <= ALIGNER_SYMMETRIZE_NEIGHBOURS)
+        (void)cairn_aligner_neighbour_item(x);
     for (int32_t i = 0; i < SCANS; i++)
         for (int32_t j = 0; j < SCANS; j++)
-            if (i != j && cairn_aligner_may_meet(x, i, j, x->poses[i], x->poses[j])) {
-                assert_true(cairn_aligner_has_partner(x, i, j, ALIGNER_PARTNERS));
+            if (i != j && cairn_aligner_may_overlap(x, i, j, x->poses[i], x->poses[j])) {
+                assert_true(cairn_aligner_has_neighbour(x, i, j, ALIGNER_MAX_NEIGHBOURS));
                 met++;
             }
     assert_in_range(met, SCANS, SCANS * (SCANS - 1));
@@ -111,20 +111,20 @@ static void pulls_turn_with_their_cluster(void **state)
     cairn_real before[3], after[3];
     cairn_pool pool;
     cairn_aligner *x = take_scans(&pool, 31, 0);
-    aligner_sums *pull = &x->scans[3].pull;
+    aligner_sums *pull = &x->scans[3].normal_equations;
     int32_t fixed = 0;
 
     (void)state;
     assert_ok(cairn_aligner_begin(x));
     for (int32_t i = 1; i < 3; i++)
-        fixed = cairn_aligner_join(x, i, fixed, same);
+        fixed = cairn_aligner_merge_clusters(x, i, fixed, same);
     for (int k = 0; k < 3; k++) {
         cairn_sym3_add_outer(&pull->equations.information, rows[k], (cairn_real)(k + 1));
         pull->equations.gradient[k] = CAIRN_REAL(0.1) * (cairn_real)(k - 3);
     }
     pull->pairs = 3;
     assert_true(cairn_aligner_solve(pull, before));
-    assert_int_equal(cairn_aligner_join(x, 3, fixed, turned), fixed);
+    assert_int_equal(cairn_aligner_merge_clusters(x, 3, fixed, turned), fixed);
     assert_true(cairn_aligner_solve(pull, after));
     assert_near((double)after[0], (double)(turned.cosine * before[0] - turned.sine * before[1]),
                 NUMBER(1e-12, 1e-5));

@@ -51,11 +51,11 @@ static struct bed make_bed(uint64_t seed, double off)
     }
     bed.first = 0;
     for (int32_t i = 1; i < FIRST; i++)
-        bed.first = cairn_aligner_join(bed.x, i, bed.first, same);
+        bed.first = cairn_aligner_merge_clusters(bed.x, i, bed.first, same);
     bed.second = FIRST;
     for (int32_t i = FIRST + 1; i < SCANS; i++)
-        bed.second = cairn_aligner_join(bed.x, i, bed.second, same);
-    cairn_aligner_learn_spread(bed.x);
+        bed.second = cairn_aligner_merge_clusters(bed.x, i, bed.second, same);
+    cairn_aligner_estimate_sigmas(bed.x);
     return bed;
 }
 
@@ -70,7 +70,7 @@ struct crowd {
 static void add_cluster(struct crowd *c, const cairn_aligner *x, int32_t cluster,
                         cairn_transform motion)
 {
-    for (int32_t i = x->clusters[cluster].head; i >= 0; i = x->scans[i].next) {
+    for (int32_t i = x->clusters[cluster].head; i >= 0; i = x->scans[i].next_in_cluster) {
         cairn_transform pose = cairn_aligner_compose(motion, x->poses[i]);
 
         c->x[c->count] = (double)pose.x;
@@ -89,7 +89,8 @@ struct left {
 static struct left left_at(const cairn_aligner *x, const struct crowd *c, double turn)
 {
     double weight = pow((double)x->sigma / (double)x->sigma_angle, 2), dx = 0, dy = 0;
-    double far = 1.25 * (double)x->params.spread, wide = 1.25 * (double)x->params.spread_angle;
+    double far = 1.25 * (double)x->params.max_initial_error,
+           wide = 1.25 * (double)x->params.max_initial_angle_error;
     struct left m = {0, 0, 0, 0};
 
     for (int pass = 0; pass < 2; pass++)
@@ -238,7 +239,7 @@ static void single_scans_have_no_misfit(void **state)
     }
     all_as_slow(&bed);
     bed.x->poses[bed.x->clusters[bed.second].head] = same;
-    bed.x->clusters[bed.second].stamp = ++bed.x->changes;
+    bed.x->clusters[bed.second].stamp = ++bed.x->change_count;
     all_as_slow(&bed);
     test_pool_free(&bed.pool);
 }
@@ -251,8 +252,8 @@ static void spread_is_that_of_the_scans(void **state)
     (void)state;
     for (size_t k = 0; k < sizeof offs / sizeof *offs; k++) {
         struct bed bed = make_bed(21 + k, offs[k]);
-        double expected = (double)bed.x->params.spread / sqrt(3),
-               expected_angle = (double)bed.x->params.spread_angle / sqrt(3);
+        double expected = (double)bed.x->params.max_initial_error / sqrt(3),
+               expected_angle = (double)bed.x->params.max_initial_angle_error / sqrt(3);
         double squares = 4 * expected * expected, angles = 2 * expected_angle * expected_angle;
         cairn_real sigma = bed.x->sigma, sigma_angle = bed.x->sigma_angle;
         int32_t clusters[2] = {bed.first, bed.second};
@@ -293,17 +294,17 @@ static void spread_learnt_bit_by_bit_is_that_of_all(void **state)
                 cairn_random_uniform(&random, 0, 1) < CAIRN_REAL(0.5) ? bed.first : bed.second;
             cairn_real sigma, sigma_angle;
 
-            if (x->clusters[x->scans[scan].part].size > 1) {
+            if (x->clusters[x->scans[scan].cluster].size > 1) {
                 cairn_aligner_remove(x, scan);
                 cairn_aligner_insert(x, scan, to);
             }
-            cairn_aligner_learn_spread(x);
+            cairn_aligner_estimate_sigmas(x);
             sigma = x->sigma;
             sigma_angle = x->sigma_angle;
             if (change % 8 == 7) { /* in between, the sums go on from what was kept */
                 for (int32_t c = 0; c <= SCANS; c++)
-                    x->fits[c].stamp = -1;
-                cairn_aligner_learn_spread(x);
+                    x->prior_sums[c].stamp = -1;
+                cairn_aligner_estimate_sigmas(x);
                 assert_near((double)sigma, (double)x->sigma, NUMBER(1e-9, 1e-4));
                 assert_near((double)sigma_angle, (double)x->sigma_angle, NUMBER(1e-9, 1e-4));
             }

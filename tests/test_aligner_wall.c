@@ -28,11 +28,11 @@ static aligner_segment random_segment(cairn_random *random, cairn_real turn)
     half = cairn_vec2_scale(s.direction, s.length / 2);
     s.a = cairn_vec2_sub(s.mean, half);
     s.weight = 100 * s.length;
-    s.spread.xx = s.weight * s.length * s.length / 12 * cosine * cosine;
-    s.spread.xy = s.weight * s.length * s.length / 12 * cosine * sine;
-    s.spread.yy = s.weight * s.length * s.length / 12 * sine * sine;
+    s.scatter.xx = s.weight * s.length * s.length / 12 * cosine * cosine;
+    s.scatter.xy = s.weight * s.length * s.length / 12 * cosine * sine;
+    s.scatter.yy = s.weight * s.length * s.length / 12 * sine * sine;
     s.scan = cairn_real_to_int(cairn_floor(cairn_random_uniform(random, 0, SCANS)));
-    s.stub = s.length < CAIRN_REAL(0.3) && cairn_random_uniform(random, 0, 1) < CAIRN_REAL(0.5);
+    s.is_short = s.length < CAIRN_REAL(0.3) && cairn_random_uniform(random, 0, 1) < CAIRN_REAL(0.5);
     s.wall = -1;
     return s;
 }
@@ -43,7 +43,7 @@ static int32_t look_at_every_wall(const cairn_aligner *x, const aligner_segment 
     int32_t found = -1;
 
     for (int32_t w = 0; w < x->wall_count; w++) {
-        cairn_real misfit = cairn_aligner_misfit(x, s, &x->walls[w]);
+        cairn_real misfit = cairn_aligner_wall_distance(x, s, &x->walls[w]);
 
         if (misfit >= 0 && misfit < best) {
             best = misfit;
@@ -72,8 +72,8 @@ static cairn_aligner *make_aligner(cairn_pool *pool, uint64_t seed)
         assert_ok(cairn_aligner_add_scan(x, &nothing, origin, NULL));
     assert_ok(cairn_aligner_begin(x));
     for (int32_t i = 0; i < SCANS; i++) {
-        x->scans[i].part = 0;
-        x->scans[i].weak = i % 3 == 0;
+        x->scans[i].cluster = 0;
+        x->scans[i].is_weak = i % 3 == 0;
     }
     x->segment_count = SEGMENTS;
     for (int32_t i = 0; i < SEGMENTS; i++) {
@@ -149,7 +149,7 @@ static aligner_segment continuation(cairn_random *random, const aligner_segment 
 
     s.length =
         lengths[cairn_real_to_int(cairn_floor(cairn_random_uniform(random, 0, CAIRN_REAL(3.99))))];
-    s.stub = s.length < CAIRN_REAL(0.3);
+    s.is_short = s.length < CAIRN_REAL(0.3);
     turn = cairn_random_uniform(random, -1, 1) * CAIRN_REAL(0.09) / s.length;
     turn = cairn_max(cairn_min(turn, CAIRN_REAL(0.85)), -CAIRN_REAL(0.85));
     cairn_sincos(turn, &sine, &cosine);
@@ -158,7 +158,7 @@ static aligner_segment continuation(cairn_random *random, const aligner_segment 
     gap = cairn_random_uniform(random, -7, 7);
     s.a = cairn_vec2_add(
         of->a, cairn_vec2_scale(of->direction, gap < 0 ? gap - s.length : gap + of->length));
-    s.a = cairn_vec2_add(s.a, cairn_vec2_scale(cairn_vec2_left(of->direction), off));
+    s.a = cairn_vec2_add(s.a, cairn_vec2_scale(cairn_vec2_left_perp(of->direction), off));
     s.mean = cairn_vec2_add(s.a, cairn_vec2_scale(s.direction, s.length / 2));
     s.scan = cairn_real_to_int(cairn_floor(cairn_random_uniform(random, 0, SCANS)));
     return s;
@@ -179,7 +179,7 @@ static void what_fits_is_found(void **state)
         cairn_real misfit;
 
         wall.length = cairn_max(wall.length, CAIRN_REAL(0.4));
-        wall.stub = 0;
+        wall.is_short = 0;
         s = continuation(&random, &wall);
         x->segments[0] = wall;
         x->segments[1] = s;
@@ -188,7 +188,7 @@ static void what_fits_is_found(void **state)
         x->at = 0;
         x->round = i % 6;
         (void)cairn_aligner_associate_item(x);
-        misfit = cairn_aligner_misfit(x, &s, &x->walls[0]);
+        misfit = cairn_aligner_wall_distance(x, &s, &x->walls[0]);
         assert_int_equal(cairn_aligner_find_wall(x, &s, &passed), misfit >= 0 ? 0 : -1);
         fitting += misfit >= 0;
         far += misfit >= CAIRN_REAL(0.2); /* over more than 3 m */

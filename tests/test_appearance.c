@@ -18,14 +18,14 @@ static uint8_t grey[WIDTH * HEIGHT];
 /* Two words, two support vectors: of the first word, of the second. */
 static cairn_appearance_model make_small(void)
 {
-    static uint8_t words[2 * CAIRN_APPEARANCE_NUMBERS];
+    static uint8_t words[2 * CAIRN_APPEARANCE_DESCRIPTOR_SIZE];
     static float histograms[] = {1, 0, 0.25F, 0.75F};
     static double weights[] = {2, -1.5};
     cairn_appearance_model m = {2, 2, words, histograms, weights, 0.5, 0.25, -2, 0.125};
 
-    for (int32_t i = 0; i < CAIRN_APPEARANCE_NUMBERS; i++) {
+    for (int32_t i = 0; i < CAIRN_APPEARANCE_DESCRIPTOR_SIZE; i++) {
         words[i] = (uint8_t)i;
-        words[CAIRN_APPEARANCE_NUMBERS + i] = (uint8_t)(255 - i);
+        words[CAIRN_APPEARANCE_DESCRIPTOR_SIZE + i] = (uint8_t)(255 - i);
     }
     return m;
 }
@@ -39,24 +39,25 @@ static void judges_histograms(void **state)
                1.5 * exp(-0.5 * (0.0625 / 0.75 + 0.0625 / 1.25)) - 0.25;
 
     (void)state;
-    assert_near(cairn_appearance_judge(&m, asked), 1 / (1 + exp(-2 * f + 0.125)), 1e-12);
-    m.slope = -1e300;
+    assert_near(cairn_appearance_histogram_probability(&m, asked), 1 / (1 + exp(-2 * f + 0.125)),
+                1e-12);
+    m.platt_slope = -1e300;
     m.rho = 1e9;
-    assert_near(cairn_appearance_judge(&m, asked), 0, 1e-300);
+    assert_near(cairn_appearance_histogram_probability(&m, asked), 0, 1e-300);
 }
 
 static void finds_the_nearest_word(void **state)
 {
-    uint8_t words[3 * CAIRN_APPEARANCE_NUMBERS], asked[CAIRN_APPEARANCE_NUMBERS];
+    uint8_t words[3 * CAIRN_APPEARANCE_DESCRIPTOR_SIZE], asked[CAIRN_APPEARANCE_DESCRIPTOR_SIZE];
     int32_t distance;
 
     (void)state;
     memset(words, 10, sizeof words / 3);
-    memset(words + CAIRN_APPEARANCE_NUMBERS, 20, sizeof words / 3);
-    memset(words + 2 * CAIRN_APPEARANCE_NUMBERS, 20, sizeof words / 3);
+    memset(words + CAIRN_APPEARANCE_DESCRIPTOR_SIZE, 20, sizeof words / 3);
+    memset(words + 2 * CAIRN_APPEARANCE_DESCRIPTOR_SIZE, 20, sizeof words / 3);
     memset(asked, 16, sizeof asked);
     assert_int_equal(cairn_appearance_nearest_word(words, 3, asked, &distance), 1);
-    assert_int_equal(distance, 16 * CAIRN_APPEARANCE_NUMBERS);
+    assert_int_equal(distance, 16 * CAIRN_APPEARANCE_DESCRIPTOR_SIZE);
     memset(asked, 15, sizeof asked); /* of equal ones the first */
     assert_int_equal(cairn_appearance_nearest_word(words, 3, asked, NULL), 0);
 }
@@ -73,13 +74,13 @@ static void keeps_models(void **state)
     assert_ok(cairn_appearance_read(&got, path, &error));
     assert_int_equal(got.word_count, 2);
     assert_int_equal(got.support_count, 2);
-    assert_memory_equal(got.words, made.words, 2 * CAIRN_APPEARANCE_NUMBERS);
+    assert_memory_equal(got.words, made.words, 2 * CAIRN_APPEARANCE_DESCRIPTOR_SIZE);
     assert_memory_equal(got.histograms, made.histograms, 4 * sizeof(float));
     assert_memory_equal(got.weights, made.weights, 2 * sizeof(double));
     assert_near(got.gamma, 0.5, 0);
     assert_near(got.rho, 0.25, 0);
-    assert_near(got.slope, -2, 0);
-    assert_near(got.offset, 0.125, 0);
+    assert_near(got.platt_slope, -2, 0);
+    assert_near(got.platt_offset, 0.125, 0);
     cairn_appearance_free(&got);
     made.weights[0] = 2;
     made.histograms[2] = 0.25F;
@@ -169,7 +170,7 @@ static void writes_nothing_unreadable(void **state)
             m.rho = (double)NAN;
             break;
         case 3:
-            m.slope = -2e9;
+            m.platt_slope = -2e9;
             break;
         case 4:
             m.histograms = beyond;
@@ -209,7 +210,7 @@ static void lives_without_the_library(void **state)
     (void)unsetenv("CAIRN_APPEARANCE");
     assert_status(cairn_appearance_field_make(&field, &m, grey, 0, HEIGHT, "a.png", &error),
                   CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_appearance_field_make(&field, &m, grey, CAIRN_APPEARANCE_SIDE_MOST + 1, 1,
+    assert_status(cairn_appearance_field_make(&field, &m, grey, CAIRN_APPEARANCE_MAX_SIDE + 1, 1,
                                               "a.png", &error),
                   CAIRN_BAD_ARGUMENT);
     assert_non_null(strstr(error.text, "a.png: an image of 8193 x 1, expected"));
@@ -302,13 +303,13 @@ static void tells_textures_apart(void **state)
     /* The same again, bit by bit; another seed is another dictionary. */
     again = learn(&params);
     assert_int_equal(again.support_count, m.support_count);
-    assert_memory_equal(again.words, m.words, 20 * CAIRN_APPEARANCE_NUMBERS);
+    assert_memory_equal(again.words, m.words, 20 * CAIRN_APPEARANCE_DESCRIPTOR_SIZE);
     assert_memory_equal(again.weights, m.weights, (size_t)m.support_count * sizeof(double));
-    assert_near(again.slope, m.slope, 0);
+    assert_near(again.platt_slope, m.platt_slope, 0);
     cairn_appearance_free(&again);
     params.seed = 2;
     again = learn(&params);
-    assert_memory_not_equal(again.words, m.words, 20 * CAIRN_APPEARANCE_NUMBERS);
+    assert_memory_not_equal(again.words, m.words, 20 * CAIRN_APPEARANCE_DESCRIPTOR_SIZE);
     cairn_appearance_free(&again);
     cairn_appearance_free(&m);
 }

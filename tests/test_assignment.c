@@ -57,7 +57,7 @@ static void assert_pairs(const pairing *p, const cairn_assignment_result *r)
     }
     assert_int_equal(pairs, p->rows < p->columns ? p->rows : p->columns);
     assert_int_equal(r->pairs, pairs);
-    assert_near(r->cost, sum, NUMBER(1e-12, 1e-4));
+    assert_near(r->total_cost, sum, NUMBER(1e-12, 1e-4));
 }
 
 /* ---- The obvious way: all pairings ---- */
@@ -97,7 +97,7 @@ static void is_as_cheap_as_the_best_of_all_pairings(void **state)
         draw(&p, &random, rows, columns, trial % 2 == 0 ? 4 : 0);
         r = run(&p);
         assert_pairs(&p, &r);
-        assert_near(r.cost, brute_force(&p), NUMBER(1e-12, 1e-4));
+        assert_near(r.total_cost, brute_force(&p), NUMBER(1e-12, 1e-4));
     }
     test_pool_free(&p.pool);
 }
@@ -178,7 +178,7 @@ static void is_as_cheap_as_the_hungarian_method(void **state)
         draw(&p, &random, rows, columns, trial % 3 == 0 ? 6 : 0);
         r = run(&p);
         assert_pairs(&p, &r);
-        assert_near(r.cost, hungarian(&p), NUMBER(1e-9, 1e-3));
+        assert_near(r.total_cost, hungarian(&p), NUMBER(1e-9, 1e-3));
     }
     test_pool_free(&p.pool);
 }
@@ -197,7 +197,7 @@ static void gives_equals_to_the_first(void **state)
     r = run(&p);
     for (int32_t i = 0; i < 3; i++)
         assert_int_equal(r.column[i], i);
-    assert_near(r.cost, 6, 0);
+    assert_near(r.total_cost, 6, 0);
     test_pool_free(&p.pool);
 }
 
@@ -223,7 +223,7 @@ static uint64_t tell(void *context)
     cairn_assignment_result r = cairn_assignment_read(p->assignment);
 
     return test_hash(test_hash(TEST_HASH_START, r.column, (size_t)r.rows * sizeof *r.column),
-                     &r.cost, sizeof r.cost);
+                     &r.total_cost, sizeof r.total_cost);
 }
 
 static void does_not_depend_on_budgets(void **state)

@@ -600,7 +600,7 @@ static void not_positive_is_told_with_the_pose(void **state)
     assert_ok(run(solver, CAIRN_UNBOUNDED));
     result = cairn_block_solver_read(solver);
     assert_int_equal(result.state, CAIRN_BLOCK_SOLVER_NOT_POSITIVE);
-    assert_in_range(result.pose, 0, 9);
+    assert_in_range(result.failed_pose, 0, 9);
     assert_status(cairn_block_solver_solve(solver, b), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_block_solver_invert(solver), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_block_solver_factor(solver), CAIRN_BAD_ARGUMENT);
@@ -612,7 +612,7 @@ static void not_positive_is_told_with_the_pose(void **state)
         assert_ok(cairn_block_solver_clear(solver));
         result = cairn_block_solver_read(solver);
         assert_int_equal(result.state, CAIRN_BLOCK_SOLVER_ANALYZED);
-        assert_int_equal(result.pose, -1);
+        assert_int_equal(result.failed_pose, -1);
         for (int32_t i = 0; i < 10; i++) {
             d.xx = i == 6 && k == 0 ? 0 : 2;
             d.yy = i == 6 && k == 1 ? CAIRN_REAL(-1e-3) : 2;
@@ -627,7 +627,7 @@ static void not_positive_is_told_with_the_pose(void **state)
         assert_int_equal(result.units - units, k < 4 ? 33 : 47);
         assert_int_equal(result.state,
                          k < 4 ? CAIRN_BLOCK_SOLVER_NOT_POSITIVE : CAIRN_BLOCK_SOLVER_FACTORED);
-        assert_int_equal(result.pose, k < 4 ? 6 : -1);
+        assert_int_equal(result.failed_pose, k < 4 ? 6 : -1);
     }
     assert_status(cairn_block_solver_solution(solver, 0, x), CAIRN_EMPTY);
     test_pool_free(&pool);
@@ -649,7 +649,7 @@ static void every_pose_is_told_by_its_own_number(void **state)
         assert_ok(cairn_block_solver_factor(g.solver));
         assert_ok(run(g.solver, CAIRN_UNBOUNDED));
         assert_int_equal(cairn_block_solver_read(g.solver).state, CAIRN_BLOCK_SOLVER_NOT_POSITIVE);
-        assert_int_equal(cairn_block_solver_read(g.solver).pose, pose);
+        assert_int_equal(cairn_block_solver_read(g.solver).failed_pose, pose);
     }
     test_pool_free(&g.pool);
 }
@@ -721,7 +721,7 @@ static void overflow_is_told(void **state)
         assert_ok(cairn_block_solver_factor(solver));
         assert_ok(run(solver, CAIRN_UNBOUNDED));
         assert_int_equal(cairn_block_solver_read(solver).state, CAIRN_BLOCK_SOLVER_NOT_POSITIVE);
-        assert_int_equal(cairn_block_solver_read(solver).pose, 1);
+        assert_int_equal(cairn_block_solver_read(solver).failed_pose, 1);
         test_pool_free(&pool);
     }
 }
@@ -798,7 +798,7 @@ static void room_is_taken_when_the_fill_is_known(void **state)
                       CAIRN_BAD_ARGUMENT);
         assert_status(cairn_block_solver_extend(g.solver, &less, fill), CAIRN_NO_MEMORY);
         assert_ok(cairn_block_solver_extend(g.solver, &more, fill));
-        assert_int_equal(cairn_pool_room(&more), 0);
+        assert_int_equal(cairn_pool_remaining(&more), 0);
         /* it runs */
         assert_status(cairn_block_solver_extend(g.solver, &more, fill), CAIRN_BAD_ARGUMENT);
         assert_ok(run(g.solver, units));

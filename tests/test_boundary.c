@@ -17,7 +17,7 @@ static cairn_boundary_params small_params(void)
     params.max_width = WIDTH;
     params.max_height = HEIGHT;
     params.max_regions = PIXELS / 2;
-    params.max_points = 2 * SIDES;
+    params.max_corners = 2 * SIDES;
     return params;
 }
 
@@ -26,8 +26,8 @@ static cairn_boundary_params narrow_params(void)
 {
     cairn_boundary_params params = small_params();
 
-    params.fine = 1;
-    params.coarse = 2;
+    params.fine_half_width = 1;
+    params.coarse_half_width = 2;
     return params;
 }
 
@@ -189,11 +189,11 @@ static void strengths_are_what_the_definition_says(void **state)
     for (int32_t i = 0; i < PIXELS; i++)
         twin_colour(&picture[3 * i], lab[i]);
     for (int32_t c = 0; c < 3; c++) {
-        twin_channel(lab, c, params.fine, 1, (double)params.distribution, tensor);
-        twin_channel(lab, c, params.coarse, 1, (double)params.distribution, tensor);
-        twin_channel(lab, c, params.fine, 0, 1, tensor);
-        twin_channel(lab, c, (params.fine + params.coarse) / 2, 0, 1, tensor);
-        twin_channel(lab, c, params.fine + params.coarse, 0, 1, tensor);
+        twin_channel(lab, c, params.fine_half_width, 1, (double)params.histogram_weight, tensor);
+        twin_channel(lab, c, params.coarse_half_width, 1, (double)params.histogram_weight, tensor);
+        twin_channel(lab, c, params.fine_half_width, 0, 1, tensor);
+        twin_channel(lab, c, (params.fine_half_width + params.coarse_half_width) / 2, 0, 1, tensor);
+        twin_channel(lab, c, params.fine_half_width + params.coarse_half_width, 0, 1, tensor);
     }
     for (int32_t i = 0; i < PIXELS; i++) {
         double xx = tensor[i][0], xy = tensor[i][1], yy = tensor[i][2];
@@ -516,9 +516,9 @@ static void compare_levels(double global, double tolerance)
     int32_t compared = 0;
 
     draw_blots(5, 30);
-    params.small = CAIRN_REAL(0.2);
-    params.contrast = CAIRN_REAL(0.4);
-    params.global = (cairn_real)global;
+    params.size_exponent = CAIRN_REAL(0.2);
+    params.contrast_exponent = CAIRN_REAL(0.4);
+    params.spectral_weight = (cairn_real)global;
     f = boundary_with(params);
     r = find(&f, image_of(3));
     fill_levels(&r);
@@ -529,8 +529,8 @@ static void compare_levels(double global, double tolerance)
     weigh_sides(&r, global);
     memset(logs, 0, sizeof logs);
     for (int32_t way = 0; way < 5; way++) {
-        assert_int_equal(twin_join(powers[way][0] * (double)params.small,
-                                   powers[way][1] * (double)params.contrast, level),
+        assert_int_equal(twin_join(powers[way][0] * (double)params.size_exponent,
+                                   powers[way][1] * (double)params.contrast_exponent, level),
                          r.region_count - 1);
         for (int32_t i = 0; i < SIDES; i++)
             if (level_at[i / PIXELS][i % PIXELS] >= 0)
@@ -607,7 +607,8 @@ static void the_strongest_come_first(void **state)
     for (int32_t i = 0; i < all; i++) {
         const cairn_boundary_contour *c = &r.contours[i];
 
-        assert_near(c->strength, (double)c->level * sqrt((double)c->mean), NUMBER(1e-12, 1e-5));
+        assert_near(c->strength, (double)c->level * sqrt((double)c->mean_strength),
+                    NUMBER(1e-12, 1e-5));
         assert_true(i == 0 || c->strength <= r.contours[i - 1].strength);
     }
     strong = all / 2;
@@ -704,7 +705,7 @@ static void histograms_see_where_a_texture_ends(void **state)
         cairn_boundary_result r;
         struct fixture f;
 
-        params.distribution = with ? params.distribution : 0;
+        params.histogram_weight = with ? params.histogram_weight : 0;
         f = boundary_with(params);
         r = find(&f, image_of(1));
         for (int32_t k = 0; k < r.contour_count; k++)
@@ -835,7 +836,7 @@ static void capacities_hold(void **state)
     assert_status(cairn_boundary_begin(f.boundary, &image), CAIRN_FULL);
     test_pool_free(&f.pool);
     params = small_params();
-    params.max_points = 10;
+    params.max_corners = 10;
     f = boundary_with(params);
     image = image_of(3);
     assert_ok(cairn_boundary_begin(f.boundary, &image));
@@ -885,17 +886,17 @@ static void bad_arguments_are_refused(void **state)
     assert_status(cairn_boundary_begin(f.boundary, &image), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_boundary_begin(f.boundary, NULL), CAIRN_BAD_ARGUMENT);
     test_pool_free(&f.pool);
-    params.fine = 0;
+    params.fine_half_width = 0;
     assert_int_equal(cairn_boundary_memory(&params), 0);
     params = small_params();
-    params.small = (cairn_real)NAN;
+    params.size_exponent = (cairn_real)NAN;
     assert_int_equal(cairn_boundary_memory(&params), 0);
     params = small_params();
     params.min_strength = -1;
     assert_int_equal(cairn_boundary_memory(&params), 0);
     params = small_params();
     params.max_width = params.max_height = 4;
-    params.max_regions = params.max_points = 4;
+    params.max_regions = params.max_corners = 4;
     test_every_pool_size(create_it, &params, cairn_boundary_memory(&params));
 }
 

@@ -141,11 +141,11 @@ static void check_small_log(const char *path)
     assert_int_equal(info.ignored, 2);
     assert_int_equal(info.faults, 0);
     assert_int_equal(info.beams, 15);
-    assert_int_equal(info.beams_least, 1);
-    assert_int_equal(info.beams_most, 5);
+    assert_int_equal(info.min_beams, 1);
+    assert_int_equal(info.max_beams, 5);
     assert_true(info.first_ns == INT64_C(11000000000) && info.last_ns == INT64_C(13000000000));
-    assert_true(info.least_ns == info.first_ns && info.most_ns == info.last_ns);
-    assert_int_equal(info.stamps_back, 1);
+    assert_true(info.earliest_ns == info.first_ns && info.latest_ns == info.last_ns);
+    assert_int_equal(info.backward_stamps, 1);
     assert_near(info.odometry_length, 1 + 1 + 2, NUMBER(1e-12, 1e-5));
     assert_near(info.odometry_turn, 2 * 1.570796, NUMBER(1e-12, 1e-5));
     assert_near(info.range_max, 80, 0);
@@ -693,12 +693,12 @@ static void test_the_most_beams(void **state)
 
     (void)state;
     add_flaser(&t, 2, 3, 0, 1);
-    add_flaser(&t, CAIRN_CARMEN_BEAMS_MOST + 1, 1, 0, 1);
-    add_flaser(&t, CAIRN_CARMEN_BEAMS_MOST, 1, 0, 2);
+    add_flaser(&t, CAIRN_CARMEN_MAX_BEAMS + 1, 1, 0, 1);
+    add_flaser(&t, CAIRN_CARMEN_MAX_BEAMS, 1, 0, 2);
     assert_ok(cairn_carmen_load(&scans, write_gzip("beams.log.gz", &t), &params, NULL));
     assert_int_equal(scans.count, 2);
-    assert_int_equal(scans.record[1].count, CAIRN_CARMEN_BEAMS_MOST);
-    assert_near(scans.record[1].range[CAIRN_CARMEN_BEAMS_MOST - 1], 1, 0);
+    assert_int_equal(scans.record[1].count, CAIRN_CARMEN_MAX_BEAMS);
+    assert_near(scans.record[1].range[CAIRN_CARMEN_MAX_BEAMS - 1], 1, 0);
     assert_int_equal(f.count, 1);
     assert_int_equal(f.line[0], 2);
     cairn_carmen_scans_free(&scans);
@@ -708,8 +708,8 @@ static void test_the_most_beams(void **state)
 /* Lines of exactly the longest length, one more, and far more, in the middle and at the end. */
 static void test_endless_line(void **state)
 {
-    static const size_t size[] = {CAIRN_LINE_LONGEST, CAIRN_LINE_LONGEST + 1, (size_t)35 << 20,
-                                  (size_t)17 << 20};
+    static const size_t size[] = {CAIRN_LINE_READER_MAX_BYTES, CAIRN_LINE_READER_MAX_BYTES + 1,
+                                  (size_t)35 << 20, (size_t)17 << 20};
     char *garbage = malloc((size_t)35 << 20);
     faults f;
     cairn_carmen_params params = with_faults(&f);

@@ -102,10 +102,10 @@ static void test_json(void **state)
         assert_near(number_of(text, "y"), (70 + 0.5) * shrink - 0.5, 5 * shrink);
         assert_near(number_of(text, "size"), hypot(40, 80) * shrink, 6 * shrink);
         assert_near(number_of(text, "score"), f.result.objects[0].found.score, 1e-3);
-        assert_near(number_of(text, "best_score"), f.result.best, 1e-3);
-        assert_near(number_of(text, "seen_samples"), f.result.objects[0].found.seen, 0);
+        assert_near(number_of(text, "best_score"), f.result.best_score, 1e-3);
+        assert_near(number_of(text, "seen_samples"), f.result.objects[0].found.matched_samples, 0);
         assert_near(number_of(text, "n_eff"), f.result.trace[0][0].n_eff, 1e-2);
-        assert_near(number_of(text, "modes"), f.result.modes[0][0], 0);
+        assert_near(number_of(text, "modes"), f.result.mode_counts[0][0], 0);
         assert_near(number_of(text, "id"), f.result.segments[f.result.objects[0].found.first], 0);
         assert_int_equal(count_of(text, "\"skeleton\""),
                          f.result.object_count * f.model.model.path_count);

@@ -117,10 +117,10 @@ static void it_is_found_in_clutter_at_any_size_and_turn(void **state)
         assert_true(recall >= 0.9);
         assert_true(precision >= 0.8);
         assert_true(r.objects[0].score > (cairn_real)0.8 && r.objects[0].score <= 1);
-        assert_near(r.best, r.objects[0].score, 0);
-        assert_true(r.starts > 0 && r.steps == f.model.sample_count - 1);
-        assert_true(r.objects[0].seen > f.model.sample_count * 2 / 3 &&
-                    r.objects[0].seen <= f.model.sample_count);
+        assert_near(r.best_score, r.objects[0].score, 0);
+        assert_true(r.hypothesis_count > 0 && r.steps == f.model.sample_count - 1);
+        assert_true(r.objects[0].matched_samples > f.model.sample_count * 2 / 3 &&
+                    r.objects[0].matched_samples <= f.model.sample_count);
         for (int32_t k = 0; k < r.steps; k++) {
             assert_true(r.trace[k].particles >= 1 && r.trace[k].particles <= params.particles);
             assert_true(r.trace[k].n_eff >= (cairn_real)0.99 && r.trace[k].log_likelihood <= 0);
@@ -199,12 +199,12 @@ static int32_t samples_seen(const finder *f, const cairn_grouping_result *r,
 
             for (int32_t i = 0; i < f->model.outline_count; i++) {
                 double off = (double)cairn_vec2_norm(cairn_vec2_sub(
-                    f->model.outline[i].position, f->model.samples[k].side[side].position));
+                    f->model.outline[i].position, f->model.samples[k].contact[side].position));
 
                 nearest = off < least ? i : nearest;
                 least = fmin(off, least);
             }
-            is_seen |= r->along[o->along + nearest] >= 0;
+            is_seen |= r->outline_segments[o->first_outline + nearest] >= 0;
         }
         seen += is_seen;
     }
@@ -238,14 +238,14 @@ static void a_part_is_enough(void **state)
         r = group(&f, &in);
         assert_int_equal(r.object_count, 1);
         assert_lies(&f, &r.objects[0], 150, 110, 1.2, 5 * DEGREE);
-        assert_true(r.best_evidence < evidence && r.best < (cairn_real)0.92 &&
-                    r.best > (cairn_real)0.5);
+        assert_true(r.best_evidence < evidence && r.best_score < (cairn_real)0.92 &&
+                    r.best_score > (cairn_real)0.5);
         assert_near(r.objects[0].evidence, r.best_evidence, 0);
         shares(&r, 0, 0, own, &recall, &precision);
         assert_true(recall >= 0.9);
         assert_true(precision >= 0.8);
         for (int32_t i = 0; i < f.model.outline_count; i++) {
-            int32_t along = r.along[r.objects[0].along + i];
+            int32_t along = r.outline_segments[r.objects[0].first_outline + i];
             int own_side = is_of_sides(&f, f.model.outline[i].position, from, to);
 
             visible += own_side;
@@ -254,9 +254,9 @@ static void a_part_is_enough(void **state)
         }
         assert_true(right >= visible * 9 / 10);
         assert_true(right >= seen * 9 / 10);
-        assert_in_range(r.objects[0].seen, samples_seen(&f, &r, &r.objects[0]),
+        assert_in_range(r.objects[0].matched_samples, samples_seen(&f, &r, &r.objects[0]),
                         f.model.sample_count);
-        assert_true(r.objects[0].seen <= samples_seen(&f, &r, &r.objects[0]) + 2);
+        assert_true(r.objects[0].matched_samples <= samples_seen(&f, &r, &r.objects[0]) + 2);
     }
     test_pool_free(&f.pool);
 }
@@ -320,7 +320,7 @@ static void what_is_not_there_is_not_found(void **state)
     in = input_of(&f, &none);
     r = group(&f, &in);
     assert_int_equal(r.object_count, 0);
-    assert_int_equal(r.token_count + r.starts + r.steps, 0);
+    assert_int_equal(r.token_count + r.hypothesis_count + r.steps, 0);
     test_pool_free(&f.pool);
 }
 
@@ -492,8 +492,8 @@ static void evidence_is_that_of_the_slow_twin(void **state)
         r = group(&f, &in);
         assert_true(r.object_count >= 1);
         memset(&t, 0, sizeof t);
-        t.deform = (double)params.deform;
-        t.turn = (double)params.turn;
+        t.deform = (double)params.deform_sigma;
+        t.turn = (double)params.turn_sigma;
         t.size = (double)r.objects[0].size;
         t.cosine = cos((double)r.objects[0].turn);
         t.sine = sin((double)r.objects[0].turn);
@@ -503,7 +503,7 @@ static void evidence_is_that_of_the_slow_twin(void **state)
             w += (double)cairn_vec2_norm(
                 cairn_vec2_sub(f.model.outline[k].position, f.model.outline[k - 1].position));
         t.spacing = w / f.model.outline_count;
-        twin_cut(&t, &s, (double)params.token);
+        twin_cut(&t, &s, (double)params.token_length);
         assert_int_equal(r.token_count, t.count);
         assert_near(r.objects[0].evidence, twin_evidence(&t, &f.model), 0.02);
     }
@@ -519,7 +519,7 @@ static int32_t twin_sights(const finder *f, const scene *s, const cairn_grouping
 
     for (int32_t k = 0; k < s->count * s->count * f->model.sample_count; k++) {
         int32_t p = k % s->count, q = k / s->count % s->count;
-        const cairn_oriented_point *side = f->model.samples[k / s->count / s->count].side;
+        const cairn_oriented_point *side = f->model.samples[k / s->count / s->count].contact;
         double mx = (double)(side[1].position.x - side[0].position.x),
                my = (double)(side[1].position.y - side[0].position.y), at[2][2], turned[2], size,
                turn, off;
@@ -574,7 +574,7 @@ static void first_sight_passes_nothing_over(void **state)
         wanted = twin_sights(&f, &s, &in);
         r = group(&f, &in);
         assert_int_equal(r.token_count, s.count);
-        assert_int_equal(r.starts, wanted);
+        assert_int_equal(r.hypothesis_count, wanted);
         all += wanted;
     }
     assert_true(all > 1000);
@@ -690,7 +690,7 @@ static void parts_can_be_switched_off(void **state)
         test_pool_free(&f.pool);
     }
     params = small_params();
-    params.stop = 1;
+    params.stop_likelihood = 1;
     f = new_finder(&params);
     in = input_of(&f, &s);
     r = group(&f, &in);
@@ -704,7 +704,7 @@ static void parts_can_be_switched_off(void **state)
 
 static uint64_t hash_of(const cairn_grouping_result *r)
 {
-    uint64_t hash = test_hash(TEST_HASH_START, &r->best, sizeof r->best);
+    uint64_t hash = test_hash(TEST_HASH_START, &r->best_score, sizeof r->best_score);
 
     hash = test_hash(hash, r->segments, (size_t)r->objects[0].count * sizeof *r->segments);
     for (int32_t i = 0; i < r->object_count; i++)
@@ -843,18 +843,18 @@ static void bad_params_are_refused(void **state)
     REFUSED(particles, 4097);
     REFUSED(max_objects, 0);
     REFUSED(max_objects, 65);
-    REFUSED(token, 0);
-    REFUSED(token, (cairn_real)INFINITY);
-    REFUSED(deform, 0);
-    REFUSED(deform, (cairn_real)NAN);
-    REFUSED(turn, 0);
-    REFUSED(turn, (cairn_real)INFINITY);
-    REFUSED(symmetry, 0);
-    REFUSED(symmetry, (cairn_real)NAN);
-    REFUSED(missing, 0);
-    REFUSED(missing, (cairn_real)1.1);
-    REFUSED(stop, 0);
-    REFUSED(stop, (cairn_real)1.1);
+    REFUSED(token_length, 0);
+    REFUSED(token_length, (cairn_real)INFINITY);
+    REFUSED(deform_sigma, 0);
+    REFUSED(deform_sigma, (cairn_real)NAN);
+    REFUSED(turn_sigma, 0);
+    REFUSED(turn_sigma, (cairn_real)INFINITY);
+    REFUSED(symmetry_sigma, 0);
+    REFUSED(symmetry_sigma, (cairn_real)NAN);
+    REFUSED(missing_likelihood, 0);
+    REFUSED(missing_likelihood, (cairn_real)1.1);
+    REFUSED(stop_likelihood, 0);
+    REFUSED(stop_likelihood, (cairn_real)1.1);
     REFUSED(min_score, (cairn_real)-0.1);
     REFUSED(min_score, (cairn_real)1.1);
     REFUSED(min_evidence, -1);

@@ -93,8 +93,8 @@ static void a_flask_in_clutter_is_walked_along(void **state)
     assert_near(r.objects[0].size, f.model.size, 1e-3);
     assert_true(r.objects[0].score > (cairn_real)0.7);
     assert_int_equal(r.token_count, s.count);
-    assert_true(r.starts > 0 && r.points > 0 && r.points_dropped == 0 &&
-                r.end != CAIRN_GROUPING_NO_START);
+    assert_true(r.hypothesis_count > 0 && r.point_count > 0 && r.points_dropped == 0 &&
+                r.end_reason != CAIRN_GROUPING_NO_START);
     assert_near(r.best_evidence, r.objects[0].evidence, 0);
     for (int32_t i = 0; i < r.steps; i++)
         assert_in_range(r.trace[i].particles, 1, params.particles);
@@ -222,11 +222,11 @@ static void assert_is_walk(const finder *f, const scene *s, const cairn_grouping
         }
         for (int k = 0; k < 2; k++) {
             cairn_segment line = s->lines[d[i].segment[k]];
-            int at_b = apart(line.b, d[i].open[k]) == 0;
+            int at_b = apart(line.b, d[i].open_end[k]) == 0;
 
-            assert_true(at_b || apart(line.a, d[i].open[k]) == 0);
+            assert_true(at_b || apart(line.a, d[i].open_end[k]) == 0);
             if (i > 0)
-                assert_true(apart(d[i - 1].open[k], at_b ? line.a : line.b) <= 16.001);
+                assert_true(apart(d[i - 1].open_end[k], at_b ? line.a : line.b) <= 16.001);
             for (int32_t j = 0; j < i; j++)
                 assert_true(d[j].segment[0] != d[i].segment[k] &&
                             d[j].segment[1] != d[i].segment[k]);
@@ -267,7 +267,7 @@ static void walks_are_what_they_are_defined_to_be(void **state)
                 assert_in_range(count, steps + 1, steps + 2);
                 assert_is_walk(&f, &s, d, count);
                 assert_near(apart(particles[i].centre, d[count - 1].centre), 0, 0);
-                assert_int_equal(particles[i].sides, 2);
+                assert_int_equal(particles[i].matched_sides, 2);
                 walks++;
             }
         } while (status == CAIRN_MORE);
@@ -276,7 +276,7 @@ static void walks_are_what_they_are_defined_to_be(void **state)
         for (int32_t i = 0; i < r.object_count; i++) {
             int32_t count = cairn_grouping_skeleton(f.grouping, i, d, STEPS);
 
-            assert_int_equal(count, r.objects[i].seen);
+            assert_int_equal(count, r.objects[i].matched_samples);
             assert_is_walk(&f, &s, d, count);
             assert_near(d[count - 1].log_posterior, r.objects[i].evidence, 0);
             assert_true(i == 0 || r.objects[i].evidence <= r.objects[i - 1].evidence);
@@ -305,7 +305,7 @@ static void walks_are_what_they_are_defined_to_be(void **state)
 
 static uint64_t hash_of(const cairn_grouping_result *r)
 {
-    uint64_t hash = test_hash(TEST_HASH_START, &r->best, sizeof r->best);
+    uint64_t hash = test_hash(TEST_HASH_START, &r->best_score, sizeof r->best_score);
 
     hash = test_hash(hash, r->segments, (size_t)r->segment_count * sizeof *r->segments);
     for (int32_t i = 0; i < r->object_count; i++) {
@@ -448,14 +448,14 @@ static void no_start_is_told(void **state)
     in = input_of(&f, &s);
     in.end_count = 0;
     r = group(&f, &in);
-    assert_int_equal(r.end, CAIRN_GROUPING_NO_START);
-    assert_int_equal(r.object_count + r.steps + r.starts, 0);
+    assert_int_equal(r.end_reason, CAIRN_GROUPING_NO_START);
+    assert_int_equal(r.object_count + r.steps + r.hypothesis_count, 0);
     assert_int_equal(cairn_grouping_particles(f.grouping, &p, 1, NULL), 0);
     /* Nor is there one in an image without a chain. */
     in = input_of(&f, &none);
     r = group(&f, &in);
-    assert_int_equal(r.end, CAIRN_GROUPING_NO_START);
-    assert_int_equal(r.points, 0);
+    assert_int_equal(r.end_reason, CAIRN_GROUPING_NO_START);
+    assert_int_equal(r.point_count, 0);
     test_pool_free(&f.pool);
 }
 
@@ -477,9 +477,9 @@ static void all_particles_may_die(void **state)
     add_end(&s, 100, 50);
     in = input_of(&f, &s);
     r = group(&f, &in);
-    assert_int_equal(r.points, 1);
-    assert_int_equal(r.starts, 4);
-    assert_int_equal(r.end, CAIRN_GROUPING_NO_FOLLOWER);
+    assert_int_equal(r.point_count, 1);
+    assert_int_equal(r.hypothesis_count, 4);
+    assert_int_equal(r.end_reason, CAIRN_GROUPING_NO_FOLLOWER);
     assert_int_equal(r.object_count + r.steps, 0);
     /* Again with what can be found. */
     s.count = s.end_count = 0;
@@ -509,9 +509,9 @@ static void ten_thousand_points(void **state)
     add_end(&s, 50, 50);
     in = input_of(&f, &s);
     r = group(&f, &in);
-    assert_int_equal(r.points, 3000);
-    assert_true(r.points + r.points_dropped > 10000);
-    assert_true(r.end != CAIRN_GROUPING_NO_START);
+    assert_int_equal(r.point_count, 3000);
+    assert_true(r.point_count + r.points_dropped > 10000);
+    assert_true(r.end_reason != CAIRN_GROUPING_NO_START);
     test_pool_free(&f.pool);
 }
 
@@ -531,8 +531,8 @@ static void steps_are_bounded(void **state)
     in = input_of(&f, &s);
     r = group(&f, &in);
     assert_int_equal(r.steps, 2);
-    assert_int_equal(r.end, CAIRN_GROUPING_STEPS);
-    assert_true(r.object_count >= 1 && r.objects[0].seen <= 3);
+    assert_int_equal(r.end_reason, CAIRN_GROUPING_STEPS);
+    assert_true(r.object_count >= 1 && r.objects[0].matched_samples <= 3);
     test_pool_free(&f.pool);
 }
 
@@ -559,15 +559,15 @@ static void histories_are_bounded(void **state)
     in = input_of(&f, &s);
     in.look_ahead = 3;
     r = group(&f, &in);
-    assert_int_equal(r.end, CAIRN_GROUPING_HISTORIES);
+    assert_int_equal(r.end_reason, CAIRN_GROUPING_HISTORIES);
     assert_in_range(r.steps, 24, STEPS - 2);
     assert_true(r.object_count >= 1);
-    assert_int_equal(r.objects[0].seen, r.steps + 1);
+    assert_int_equal(r.objects[0].matched_samples, r.steps + 1);
     /* The next search has its memory again. */
     s.count = s.end_count = 0;
     add_flask(&s, 130, 100);
     in = input_of(&f, &s);
-    assert_true(group(&f, &in).end != CAIRN_GROUPING_HISTORIES);
+    assert_true(group(&f, &in).end_reason != CAIRN_GROUPING_HISTORIES);
     test_pool_free(&f.pool);
 }
 

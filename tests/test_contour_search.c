@@ -71,7 +71,7 @@ static void check_found(double x, double y, double scale, int mirrored, int32_t 
     assert_near(o->found.size, size, 0.06 * size);
     assert_near(o->found.origin.x, x + (mirrored ? -40 : 40) * scale, 0.06 * size);
     assert_near(o->found.origin.y, y + 60 * scale, 0.06 * size);
-    assert_true(r.best >= o->found.score);
+    assert_true(r.best_score >= o->found.score);
     /* Of the axis most discs have both sides, and lie inside the flag. */
     for (int32_t k = 0; k < samples; k++) {
         const cairn_contour_disc *d = &r.discs[o->first_disc + k];
@@ -113,8 +113,8 @@ static void test_without_mirror(void **state)
     params.mirror = 0;
     r = run(&tokens, &params);
     assert_null(r.trace[1]);
-    assert_null(r.modes[1]);
-    assert_int_equal(r.steps[1] + r.starts[1], 0);
+    assert_null(r.mode_counts[1]);
+    assert_int_equal(r.steps[1] + r.hypothesis_counts[1], 0);
     for (int32_t i = 0; i < r.object_count; i++)
         assert_int_equal(r.objects[i].mirrored, 0);
     cairn_contour_result_free(&r);
@@ -263,7 +263,7 @@ static void collect(const cairn_segment *lines, const int32_t *chains, int32_t c
     tokens.lines = (cairn_segment *)lines;
     tokens.chain = (int32_t *)chains;
     tokens.count = count;
-    assert_true(cairn_contour_collect_segments(&tokens, &laid, list, &listed));
+    assert_true(cairn_contour_search_collect_segments(&tokens, &laid, list, &listed));
     for (int32_t i = 0; i < listed; i++) {
         known[list[i]]++;
         if (i > 0)
@@ -384,7 +384,7 @@ static void test_what_is_followed(void **state)
             row[i].a.y = (cairn_real)(40 + 20 * (i - 3));
             row[i].b.y = row[i].a.y + 20;
         }
-        assert_true(cairn_contour_collect_segments(&tokens, &laid, list, &listed));
+        assert_true(cairn_contour_search_collect_segments(&tokens, &laid, list, &listed));
         assert_int_equal(listed, k < 2 ? 7 : k == 2 ? 6 : 3);
     }
 }
@@ -409,13 +409,13 @@ static void test_what_goes_on_at_a_gap(void **state)
     tokens.lines = (cairn_segment *)lines;
     tokens.chain = (int32_t *)apart;
     tokens.count = 3;
-    assert_true(cairn_contour_collect_with_gaps(&tokens, &laid, &gaps, list, &listed));
+    assert_true(cairn_contour_search_collect_with_gaps(&tokens, &laid, &gaps, list, &listed));
     assert_int_equal(listed, 1);
     gaps.count = 1;
-    assert_true(cairn_contour_collect_with_gaps(&tokens, &laid, &gaps, list, &listed));
+    assert_true(cairn_contour_search_collect_with_gaps(&tokens, &laid, &gaps, list, &listed));
     assert_int_equal(listed, 3);
     gaps.at[0].x = 50;
-    assert_true(cairn_contour_collect_with_gaps(&tokens, &laid, &gaps, list, &listed));
+    assert_true(cairn_contour_search_collect_with_gaps(&tokens, &laid, &gaps, list, &listed));
     assert_int_equal(listed, 1);
 }
 
@@ -436,7 +436,7 @@ static void test_pieces_not_seen(void **state)
         part += seen[i] == '|';
         if (seen[i] != '|') {
             outline[1 + n].segment = seen[i] == '+' ? 3 : -1;
-            outline[1 + n++].part = (int32_t)part;
+            outline[1 + n++].outline_index = (int32_t)part;
         }
     }
     object.outline_count = n;
@@ -471,7 +471,7 @@ static void test_hidden_piece_is_predicted(void **state)
     for (int32_t from = 0; cairn_contour_completed(&r, &r.objects[0], from, &first, &count);
          from = first + count)
         for (int32_t i = first; i < first + count; i++) {
-            cairn_vec2 p = r.outline[r.objects[0].first_outline + i].at.position;
+            cairn_vec2 p = r.outline[r.objects[0].first_outline + i].point.position;
 
             if (p.y > 92 && p.y < 130 && p.x < 90) {
                 hidden++;
@@ -507,7 +507,7 @@ static void on_step(void *context, const cairn_grouping_particle *particles, int
         w->weight += exp((double)particles[i].log_weight);
         assert_true(particles[i].size > 0 && cairn_is_finite(particles[i].origin.x));
         assert_true(cairn_is_finite(particles[i].centre.y) && particles[i].radius > 0);
-        assert_in_range(particles[i].sides, 0, 2);
+        assert_in_range(particles[i].matched_sides, 0, 2);
     }
     assert_near(w->weight, 1, 1e-3);
 }
@@ -532,7 +532,7 @@ static void test_the_walk_is_watched(void **state)
     for (int32_t m = 0; m < 2; m++) {
         assert_int_equal(w.calls[m], r.steps[m]);
         for (int32_t i = 0; i < r.steps[m]; i++)
-            assert_in_range(r.modes[m][i], 1, r.trace[m][i].particles);
+            assert_in_range(r.mode_counts[m][i], 1, r.trace[m][i].particles);
     }
     /* Who watches changes nothing. */
     assert_int_equal(r.object_count, silent.object_count);
@@ -570,7 +570,7 @@ static void test_least_of_evidence_and_score(void **state)
         params.min_score = k == 2 ? 1 : params.min_score;
         r = run(&tokens, &params);
         assert_int_equal(r.object_count > 0, k == 0);
-        assert_true(r.best > CAIRN_REAL(0.8) && r.best < 1);
+        assert_true(r.best_score > CAIRN_REAL(0.8) && r.best_score < 1);
         assert_true(r.best_evidence > params.min_evidence || k == 1);
         cairn_contour_result_free(&r);
         cairn_contour_tokens_free(&tokens);
@@ -605,10 +605,10 @@ static void test_shape_counts(void **state)
         r = run(&tokens, &params);
         assert_true(r.object_count >= 1);
         o = &r.objects[0];
-        assert_true(o->shape.close > CAIRN_REAL(0.5) && o->shape.close <= 1);
-        assert_true(o->shape.turned >= 0 && o->shape.strained >= 0);
-        left[k] = o->found.evidence - o->bent - 2 * o->rigid;
-        assert_true(k == 0 || o->shape.turned > CAIRN_REAL(0.01));
+        assert_true(o->shape.edge_proximity > CAIRN_REAL(0.5) && o->shape.edge_proximity <= 1);
+        assert_true(o->shape.tangent_deviation >= 0 && o->shape.deformation >= 0);
+        left[k] = o->found.evidence - o->deformed_evidence - 2 * o->rigid_evidence;
+        assert_true(k == 0 || o->shape.tangent_deviation > CAIRN_REAL(0.01));
         cairn_contour_result_free(&r);
         cairn_contour_tokens_free(&tokens);
     }
@@ -630,7 +630,7 @@ static void test_strengths(void **state)
     for (int32_t i = 0; i < tokens.count; i++) {
         double y = (double)tokens.lines[i].a.y;
 
-        assert_near(tokens.strength[i], y < 45 ? 0.125 : y < 105 ? 0.5 : 0.875, 0.02);
+        assert_near(tokens.strength_rank[i], y < 45 ? 0.125 : y < 105 ? 0.5 : 0.875, 0.02);
     }
     cairn_contour_tokens_free(&tokens);
 }
@@ -663,7 +663,7 @@ static void test_empty_and_full(void **state)
 
 static void test_limits(void **state)
 {
-    int32_t wide = CAIRN_CONTOUR_SIDE_MOST + 1, many = 1100;
+    int32_t wide = CAIRN_CONTOUR_MAX_SIDE + 1, many = 1100;
     uint8_t *pixels = malloc((size_t)many * (size_t)many);
     cairn_raster_u8_view row = {pixels, wide, 1, wide}, full = {pixels, many, many, many},
                          none = {NULL, 1, 1, 1};
@@ -706,7 +706,7 @@ static void test_refused_searches(void **state)
         bad.max_size = k == 2 ? bad.min_size / 2 : bad.max_size;
         bad.min_turn = k == 3 ? 4 : bad.min_turn;
         bad.grouping.particles = k == 4 ? 0 : bad.grouping.particles;
-        bad.grouping.token = k == 5 ? 0 : bad.grouping.token;
+        bad.grouping.token_length = k == 5 ? 0 : bad.grouping.token_length;
         memset(&error, 0, sizeof error);
         assert_status(cairn_contour_search_run(&r, &tokens, &model.model, &bad, "name", &error),
                       CAIRN_BAD_ARGUMENT);

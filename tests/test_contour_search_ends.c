@@ -13,13 +13,14 @@ static void assert_same_as_all(const cairn_segment *lines, int32_t count)
     for (int32_t i = 0; i < count; i++)
         if (i % 7 != 3)
             listed[listed_count++] = i;
-    assert_true(cairn_contour_ends_make(&ends, lines, listed, listed_count, APART));
+    assert_true(cairn_contour_search_ends_make(&ends, lines, listed, listed_count, APART));
     for (int32_t round = 0; round < 2; round++)
         for (int32_t i = 0; i < listed_count; i++) {
-            int32_t near = cairn_contour_ends_near(&ends, i), at = 0;
+            int32_t near = cairn_contour_search_ends_near(&ends, i), at = 0;
 
             for (int32_t k = 0; k < listed_count; k++)
-                if (k != i && cairn_contour_meet(lines[listed[i]], lines[listed[k]], APART)) {
+                if (k != i &&
+                    cairn_contour_search_meet(lines[listed[i]], lines[listed[k]], APART)) {
                     assert_true(at < near);
                     assert_int_equal(ends.neighbours[at++], k);
                 }
@@ -27,7 +28,7 @@ static void assert_same_as_all(const cairn_segment *lines, int32_t count)
             met += near;
         }
     assert_true(count < LINES / 2 || met > LINES / 4);
-    cairn_contour_ends_free(&ends);
+    cairn_contour_search_ends_free(&ends);
 }
 
 static void finds_all_that_meet(void **state)

@@ -33,7 +33,7 @@ static void clear_lines(void)
 {
     memset(&tokens, 0, sizeof tokens);
     tokens.lines = lines;
-    tokens.strength = strength;
+    tokens.strength_rank = strength;
     tokens.chain = chain;
     tokens.width = 400;
     tokens.height = 300;
@@ -83,7 +83,7 @@ static cairn_real distance_to(const cairn_vec2 corners[CORNERS], cairn_vec2 p)
     for (int32_t i = 0; i < CORNERS; i++) {
         cairn_segment side = {corners[i], corners[(i + 1) % CORNERS]};
 
-        least = cairn_min(least, cairn_contour_point_distance(side, p));
+        least = cairn_min(least, cairn_contour_search_point_distance(side, p));
     }
     return least;
 }
@@ -100,16 +100,16 @@ static bent bend(const cairn_vec2 corners[CORNERS], int32_t hidden)
 {
     cairn_shape_model_file model = make_model();
     cairn_grouped_object o = object_at(&model.model);
-    contour_field *field = cairn_contour_field_new();
+    contour_field *field = cairn_contour_search_field_new();
     int32_t n = model.model.outline_count, behind = 0;
     contour_fit fit;
     bent b;
 
     memset(&b, 0, sizeof b);
     assert_non_null(field);
-    assert_true(cairn_contour_fit_new(&fit, n));
-    cairn_contour_field_fill(field, &tokens, &o);
-    assert_true(cairn_contour_fit_run(&fit, field, &model.model, &o));
+    assert_true(cairn_contour_search_fit_new(&fit, n));
+    cairn_contour_search_field_fill(field, &tokens, &o);
+    assert_true(cairn_contour_search_fit_run(&fit, field, &model.model, &o));
     for (int32_t i = 0; i < n; i++) {
         cairn_real far = distance_to(corners, fit.outline[i].position);
 
@@ -121,7 +121,7 @@ static bent bend(const cairn_vec2 corners[CORNERS], int32_t hidden)
             cairn_segment side = {corners[k], corners[(k + 1) % CORNERS]};
 
             if (hidden >> k & 1 &&
-                cairn_contour_point_distance(side, fit.outline[i].position) <= far) {
+                cairn_contour_search_point_distance(side, fit.outline[i].position) <= far) {
                 b.hidden += fit.llr[i];
                 behind++;
             }
@@ -131,8 +131,8 @@ static bent bend(const cairn_vec2 corners[CORNERS], int32_t hidden)
     b.evidence = fit.evidence;
     b.size = o.size;
     b.origin = o.origin;
-    cairn_contour_fit_free(&fit);
-    cairn_contour_field_free(field);
+    cairn_contour_search_fit_free(&fit);
+    cairn_contour_search_field_free(field);
     cairn_shape_model_file_free(&model);
     return b;
 }
@@ -140,7 +140,7 @@ static bent bend(const cairn_vec2 corners[CORNERS], int32_t hidden)
 static void test_field_beside_its_twin(void **state)
 {
     cairn_random random = cairn_random_seed(3, 1);
-    contour_field *field = cairn_contour_field_new();
+    contour_field *field = cairn_contour_search_field_new();
     cairn_grouped_object o;
 
     (void)state;
@@ -159,7 +159,7 @@ static void test_field_beside_its_twin(void **state)
         add_line(a, b);
         strength[i] = cairn_random_uniform(&random, 0, 1);
     }
-    cairn_contour_field_fill(field, &tokens, &o);
+    cairn_contour_search_field_fill(field, &tokens, &o);
     for (int32_t bin = 0; bin < CONTOUR_FIELD_BINS; bin++) {
         double sum = 0;
 
@@ -192,7 +192,7 @@ static void test_field_beside_its_twin(void **state)
         assert_near(field->background[bin],
                     fmax(0.02, sum / (CONTOUR_FIELD_SIDE * CONTOUR_FIELD_SIDE)), 1e-3);
     }
-    cairn_contour_field_free(field);
+    cairn_contour_search_field_free(field);
 }
 
 static void test_directions(void **state)
@@ -202,7 +202,7 @@ static void test_directions(void **state)
         double angle = (i + 0.5) * acos(-1) / 24;
         cairn_vec2 d = {(cairn_real)cos(angle), (cairn_real)sin(angle)};
 
-        assert_int_equal(cairn_contour_field_bin(d), i / 2 % 12);
+        assert_int_equal(cairn_contour_search_field_bin(d), i / 2 % 12);
     }
 }
 

@@ -62,7 +62,7 @@ static cairn_contour_shape measure(double turn)
     const contour_fitted_outline c = {laid, SAMPLES, origin, size};
     const contour_reference d = {drawn, {(cairn_real)cos(turn), (cairn_real)sin(turn)}};
 
-    return cairn_contour_shape_of(&tokens, &c, part, &d, list, NULL);
+    return cairn_contour_search_shape_of(&tokens, &c, part, &d, list, NULL);
 }
 
 static void test_on_its_edges(void **state)
@@ -72,9 +72,9 @@ static void test_on_its_edges(void **state)
     (void)state;
     lay(0, 1, 0, 0);
     shape = measure(0);
-    assert_near(shape.close, 1, 1e-5);
-    assert_near(shape.turned, 0, 1e-5);
-    assert_near(shape.strained, 0, 1e-4);
+    assert_near(shape.edge_proximity, 1, 1e-5);
+    assert_near(shape.tangent_deviation, 0, 1e-5);
+    assert_near(shape.deformation, 0, 1e-4);
 }
 
 /* A sigma of 0.012 sizes off, three of them, and farther than what counts; the corners lie
@@ -83,15 +83,15 @@ static void test_how_close(void **state)
 {
     (void)state;
     lay(0, 1, 0.012 * 200, 0);
-    assert_near(measure(0).close, exp(-0.5), 1e-3);
+    assert_near(measure(0).edge_proximity, exp(-0.5), 1e-3);
     lay(0, 1, 3 * 0.012 * 200, 0);
-    assert_near(measure(0).close, exp(-4.5), 1e-3);
+    assert_near(measure(0).edge_proximity, exp(-4.5), 1e-3);
     lay(0, 1, 4.1 * 0.012 * 200, 0);
-    assert_near(measure(0).close, 0, 1e-6);
+    assert_near(measure(0).edge_proximity, 0, 1e-6);
     lay(0, 1, 0, 1 << 2);
-    assert_near(measure(0).close, 0.75, 0.02);
+    assert_near(measure(0).edge_proximity, 0.75, 0.02);
     lay(0, 1, 0, 15);
-    assert_near(measure(0).close, 0, 1e-6);
+    assert_near(measure(0).edge_proximity, 0, 1e-6);
 }
 
 /* An edge across the outline is none of it. */
@@ -103,11 +103,11 @@ static void test_of_its_direction(void **state)
     lines[0].a.y = laid[SIDE / 2].position.y - 20;
     lines[0].b.y = laid[SIDE / 2].position.y + 20;
     tokens.count = 1;
-    assert_near(measure(0).close, 0, 1e-6);
+    assert_near(measure(0).edge_proximity, 0, 1e-6);
     lines[0].a.y = lines[0].b.y = laid[0].position.y;
     lines[0].a.x = laid[0].position.x;
     lines[0].b.x = laid[SIDE].position.x;
-    assert_near(measure(0).close, 0.25, 0.02);
+    assert_near(measure(0).edge_proximity, 0.25, 0.02);
 }
 
 /* A turn of the whole counts against what is upright, never as strain. */
@@ -115,11 +115,11 @@ static void test_turned(void **state)
 {
     (void)state;
     lay(0.3, 1, 0, 0);
-    assert_near(measure(0).turned, 1 - cos(0.3), 1e-4);
-    assert_near(measure(0.3).turned, 0, 1e-4);
-    assert_near(measure(-0.1).turned, 1 - cos(0.4), 1e-4);
-    assert_near(measure(0).strained, 0, 1e-3);
-    assert_near(measure(0).close, 1, 1e-4);
+    assert_near(measure(0).tangent_deviation, 1 - cos(0.3), 1e-4);
+    assert_near(measure(0.3).tangent_deviation, 0, 1e-4);
+    assert_near(measure(-0.1).tangent_deviation, 1 - cos(0.4), 1e-4);
+    assert_near(measure(0).deformation, 0, 1e-3);
+    assert_near(measure(0).edge_proximity, 1, 1e-4);
 }
 
 /* Other proportions are no strain; skewed sides are turned. */
@@ -127,8 +127,8 @@ static void test_stretched(void **state)
 {
     (void)state;
     lay(0, 1.4, 0, 0);
-    assert_near(measure(0).strained, 0, 1e-3);
-    assert_true(measure(0).turned < CAIRN_REAL(0.01));
+    assert_near(measure(0).deformation, 0, 1e-3);
+    assert_true(measure(0).tangent_deviation < CAIRN_REAL(0.01));
 }
 
 /* A side that is moved strains the square: more so by more, and as much wherever it lies. */
@@ -143,7 +143,7 @@ static void test_strained(void **state)
         lay(0, 1, 0, 0);
         for (int32_t i = SIDE / 4; i < SIDE; i++)
             laid[i].position.y -= (cairn_real)(8 * k);
-        now = measure(0).strained;
+        now = measure(0).deformation;
         assert_true(now > before + CAIRN_REAL(0.005) && now < CAIRN_REAL(0.1));
         before = now;
     }
@@ -156,11 +156,11 @@ static void test_flat(void **state)
     lay(0, 1, 0, 0);
     for (int32_t i = 0; i < SAMPLES; i++)
         laid[i].position = origin;
-    assert_near(measure(0).strained, 1, 1e-6);
-    assert_near(measure(0).turned, 1, 1e-6);
+    assert_near(measure(0).deformation, 1, 1e-6);
+    assert_near(measure(0).tangent_deviation, 1, 1e-6);
     for (int32_t i = 0; i < SAMPLES; i++)
         drawn[i].position.y = 0;
-    assert_near(measure(0).strained, 1, 1e-6);
+    assert_near(measure(0).deformation, 1, 1e-6);
 }
 
 /* Directions are measured within an outline, not across to the next one. */
@@ -172,10 +172,10 @@ static void test_two_outlines(void **state)
     lay(0, 1, 0, 0);
     for (int32_t i = SAMPLES / 2; i < SAMPLES; i++)
         laid[i].position.x += 60;
-    one = measure(0).turned;
+    one = measure(0).tangent_deviation;
     for (int32_t i = SAMPLES / 2; i < SAMPLES; i++)
         part[i] = 1;
-    assert_near(measure(0).turned, 0, 1e-5);
+    assert_near(measure(0).tangent_deviation, 0, 1e-5);
     assert_true(one > CAIRN_REAL(0.02));
 }
 

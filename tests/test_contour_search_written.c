@@ -74,7 +74,7 @@ static void test_every_step_is_reported(void **state)
                 cairn_contour_search_run(&r, &tokens, &model.model, &params, "edges", &error));
             assert_int_equal(w.steps, r.steps[0]);
             for (int32_t i = 0; i < r.steps[0]; i++)
-                assert_in_range(r.modes[0][i], 1, r.trace[0][i].particles);
+                assert_in_range(r.mode_counts[0][i], 1, r.trace[0][i].particles);
             most = k == 0 && r.steps[0] > most ? r.steps[0] : most;
             cairn_contour_result_free(&r);
         }
@@ -102,14 +102,14 @@ static void test_the_end_is_told(void **state)
     params.grouping.max_steps = 3;
     assert_ok(cairn_contour_search_run(&r, &tokens, &model.model, &params, "edges", &error));
     assert_int_equal(r.mode, CAIRN_MODE_AS_WRITTEN);
-    assert_int_equal(r.end, CAIRN_GROUPING_STEPS);
+    assert_int_equal(r.end_reason, CAIRN_GROUPING_STEPS);
     assert_int_equal(r.steps[0], 2);
-    assert_true(r.points > 0 && r.points_dropped == 0);
+    assert_true(r.point_count > 0 && r.points_dropped == 0);
     cairn_contour_result_free(&r);
     assert_int_equal(r.mode, CAIRN_MODE_DEFAULT);
     tokens.end_count = 0;
     assert_ok(cairn_contour_search_run(&r, &tokens, &model.model, &params, "edges", &error));
-    assert_int_equal(r.end, CAIRN_GROUPING_NO_START);
+    assert_int_equal(r.end_reason, CAIRN_GROUPING_NO_START);
     assert_int_equal(r.steps[0], 0);
     cairn_contour_result_free(&r);
     tokens.end_count = end_count;
@@ -128,7 +128,7 @@ static void check_refused(const cairn_contour_tokens *tokens, const cairn_shape_
     assert_status(cairn_contour_search_run(&r, tokens, model, params, "name", &error), status);
     assert_error_holds("name: ");
     assert_error_holds(piece);
-    assert_null(r.modes[0]);
+    assert_null(r.mode_counts[0]);
 }
 
 static void test_refusals_say_what_is_wrong(void **state)
@@ -153,7 +153,7 @@ static void test_refusals_say_what_is_wrong(void **state)
     REFUSED(bad.max_size = (cairn_real)INFINITY, CAIRN_NOT_FINITE, "max_size is not finite");
     REFUSED(bad.grouping.particles = 0, CAIRN_BAD_ARGUMENT, "the params of the grouping, expected");
     REFUSED(bad.grouping.max_steps = 1, CAIRN_BAD_ARGUMENT, "the params of the grouping, expected");
-    REFUSED(bad_tokens.width = CAIRN_CONTOUR_SIDE_MOST + 1, CAIRN_BAD_ARGUMENT,
+    REFUSED(bad_tokens.width = CAIRN_CONTOUR_MAX_SIDE + 1, CAIRN_BAD_ARGUMENT,
             "the image's sides, expected 1 to 8192");
     REFUSED(bad_tokens.height = 0, CAIRN_BAD_ARGUMENT, "the image's sides, expected 1 to 8192");
     REFUSED(bad_tokens.count = (1 << 20) + 1, CAIRN_FULL,

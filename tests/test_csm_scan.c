@@ -31,7 +31,7 @@ static void test_fields(void **state)
     (void)state;
     load(&scans, whole);
     assert_int_equal(scans.count, 2);
-    assert_int_equal(scans.rays_most, 5);
+    assert_int_equal(scans.max_rays, 5);
     s = &scans.scan[0];
     assert_int_equal(s->line, 1);
     assert_int_equal(s->scan.count, 3);
@@ -280,7 +280,7 @@ static void test_many(void **state)
     }
     load(&scans, text);
     assert_int_equal(scans.count, 40);
-    assert_int_equal(scans.rays_most, 781);
+    assert_int_equal(scans.max_rays, 781);
     for (int k = 0; k < 40; k++) {
         assert_int_equal(scans.scan[k].line, k + 1);
         assert_int_equal(scans.scan[k].scan.count, 1 + 20 * k);

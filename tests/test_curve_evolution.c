@@ -47,7 +47,7 @@ static int is_simple(const cairn_vec2 *p, int32_t n)
             cairn_segment a = {p[i], p[(i + 1) % n]}, b = {p[k], p[(k + 1) % n]};
 
             if (k != i + 1 && (k + 1) % n != i) {
-                if (cairn_segments_cross(a, b))
+                if (cairn_segments_intersect(a, b))
                     return 0;
             } else if (n > 3) {
                 cairn_vec2 shared = k == i + 1 ? p[k] : p[i], from = k == i + 1 ? a.a : a.b,
@@ -112,7 +112,7 @@ static void assert_as_slow(evolving *e, const cairn_vec2 *points, int32_t count)
     int32_t rank[MANY], least = slow_evolution(points, count, rank);
 
     assert_int_equal(r.count, count);
-    assert_int_equal(r.least, least);
+    assert_int_equal(r.min_vertices, least);
     for (int32_t i = 0; i < count; i++)
         assert_int_equal(r.rank[i], rank[i]);
 }
@@ -202,7 +202,7 @@ static void never_touches_itself(void **state)
         if (!is_simple(p, 40 + (int32_t)(seed % 7) * 2))
             continue;
         r = evolve(&e, p, 40 + (int32_t)(seed % 7) * 2);
-        for (int32_t m = r.least; m <= r.count; m++) {
+        for (int32_t m = r.min_vertices; m <= r.count; m++) {
             cairn_vec2 level[MANY];
             int32_t n = 0;
 
@@ -223,7 +223,7 @@ static void what_touches_from_the_start_may_stay(void **state)
     cairn_vec2 flat[4] = {at(0, 0), at(4, 0), at(1, 0), at(3, 0)};
 
     (void)state;
-    assert_int_equal(evolve(&e, flat, 4).least, 4);
+    assert_int_equal(evolve(&e, flat, 4).min_vertices, 4);
     assert_int_equal(cairn_curve_evolution_read(e.evolution).rank[3], 3);
     test_pool_free(&e.pool);
 }
@@ -249,7 +249,7 @@ static void a_triangle_stays(void **state)
     cairn_curve_evolution_result r = evolve(&e, p, 3);
 
     (void)state;
-    assert_int_equal(r.least, 3);
+    assert_int_equal(r.min_vertices, 3);
     for (int32_t i = 0; i < 3; i++)
         assert_int_equal(r.rank[i], i);
     test_pool_free(&e.pool);

@@ -24,14 +24,14 @@ static cairn_detection found[] = {{.left = 1,
                                    .right = 20,
                                    .bottom = 15,
                                    .score = CAIRN_REAL(1.5),
-                                   .rigid = CAIRN_REAL(0.5),
-                                   .bent = 1,
-                                   .along = CAIRN_REAL(0.75),
-                                   .close = CAIRN_REAL(0.625),
-                                   .turned = CAIRN_REAL(0.125),
-                                   .strained = CAIRN_REAL(0.0625),
-                                   .agreed = CAIRN_REAL(0.375),
-                                   .grouped = CAIRN_REAL(9.75),
+                                   .rigid_evidence = CAIRN_REAL(0.5),
+                                   .deformed_evidence = 1,
+                                   .outline_coverage = CAIRN_REAL(0.75),
+                                   .edge_proximity = CAIRN_REAL(0.625),
+                                   .tangent_deviation = CAIRN_REAL(0.125),
+                                   .deformation = CAIRN_REAL(0.0625),
+                                   .rigid_proximity = CAIRN_REAL(0.375),
+                                   .grouped_evidence = CAIRN_REAL(9.75),
                                    .origin = {10, 8},
                                    .size = 23,
                                    .mirrored = 1,
@@ -40,9 +40,9 @@ static cairn_detection found[] = {{.left = 1,
 
 static const cairn_contour_tokens tokens = {.lines = lines,
                                             .chain = chains,
-                                            .strength = strengths,
+                                            .strength_rank = strengths,
                                             .count = 3,
-                                            .chains = 2,
+                                            .chain_count = 2,
                                             .width = 64,
                                             .height = 48,
                                             .mean_length = 5};
@@ -119,8 +119,8 @@ static void writes_parts(void **state)
     char *text;
 
     (void)state;
-    by_parts.distance = CAIRN_REAL(0.25);
-    by_parts.agreement = CAIRN_REAL(0.5);
+    by_parts.shape_distance = CAIRN_REAL(0.25);
+    by_parts.configuration_score = CAIRN_REAL(0.5);
     by_parts.first_part = 1;
     by_parts.part_count = 2;
     text = written(&p, 0);

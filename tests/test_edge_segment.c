@@ -305,8 +305,8 @@ static double slow_search(const drawing *d, const cairn_edge_segment_params *p)
         slow_cut(d, &slow_lines[i], look_ahead, (double)p->min_piece);
     for (int32_t i = 0; i < 2 * slow_line_count; i++)
         for (int32_t j = i + 1; j < 2 * slow_line_count; j++)
-            if (i / 2 != j / 2 && p->junction > 0)
-                slow_join(i, j, (double)p->junction, (double)p->junction_turn,
+            if (i / 2 != j / 2 && p->junction_distance > 0)
+                slow_join(i, j, (double)p->junction_distance, (double)p->min_junction_angle,
                           (double)p->min_piece);
     return look_ahead;
 }
@@ -429,7 +429,7 @@ static void ends_nearby_cut(void **state)
 
     (void)state;
     params.look_ahead = 5;
-    params.junction = 0;
+    params.junction_distance = 0;
     f = set_with(params);
     for (int k = 0; k < 4; k++) {
         static drawing d;
@@ -465,7 +465,7 @@ static void pieces_do_not_become_too_short(void **state)
 
     (void)state;
     params.look_ahead = 5;
-    params.junction = 0;
+    params.junction_distance = 0;
     f = set_with(params);
     memset(&d, 0, sizeof d);
     add_line(&d, 0, 0, 100, 0);
@@ -721,11 +721,21 @@ static void bad_params_are_refused(void **state)
         cairn_real *field;
         double bad;
     } reals[] = {
-        {&p.tolerance, 0},        {&p.tolerance, (double)NAN},  {&p.tolerance, (double)INFINITY},
-        {&p.min_piece, 1.9},      {&p.min_piece, (double)NAN},  {&p.min_piece, (double)INFINITY},
-        {&p.look_ahead, -1},      {&p.look_ahead, (double)NAN}, {&p.look_ahead, (double)INFINITY},
-        {&p.junction, -1},        {&p.junction, (double)NAN},   {&p.junction, (double)INFINITY},
-        {&p.junction_turn, -0.1}, {&p.junction_turn, 3.2},      {&p.junction_turn, (double)NAN},
+        {&p.tolerance, 0},
+        {&p.tolerance, (double)NAN},
+        {&p.tolerance, (double)INFINITY},
+        {&p.min_piece, 1.9},
+        {&p.min_piece, (double)NAN},
+        {&p.min_piece, (double)INFINITY},
+        {&p.look_ahead, -1},
+        {&p.look_ahead, (double)NAN},
+        {&p.look_ahead, (double)INFINITY},
+        {&p.junction_distance, -1},
+        {&p.junction_distance, (double)NAN},
+        {&p.junction_distance, (double)INFINITY},
+        {&p.min_junction_angle, -0.1},
+        {&p.min_junction_angle, 3.2},
+        {&p.min_junction_angle, (double)NAN},
     };
     const struct {
         int32_t *field, bad;

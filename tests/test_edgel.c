@@ -118,7 +118,7 @@ static void a_straight_edge_lies_where_it_is(void **state)
             assert_near(e[i].normal.y, 0, NUMBER(1e-9, 1e-3));
             /* The height of the step times the Gaussian's peak, a little less for the pixel's
              * own width. */
-            assert_near(e[i].slope, 180 / (1.5 * sqrt(2 * PI)), 3);
+            assert_near(e[i].gradient_magnitude, 180 / (1.5 * sqrt(2 * PI)), 3);
         }
     }
     test_pool_free(&f.pool);
@@ -283,14 +283,15 @@ static int twin_between(const struct twin *t, int32_t a, int32_t b, const cairn_
     f = hypot(fx, fy);
     slope = hypot(x, y);
     turn = -(fx * x + fy * y) / (f * slope);
-    *doubt = fabs(slope - (double)p->min_slope) < 1e-3 ||
-             fabs(turn - cos((double)p->max_turn)) < 1e-3 || fabs(fabs(fx) - fabs(fy)) < 1e-3 * f;
+    *doubt = fabs(slope - (double)p->min_gradient) < 1e-3 ||
+             fabs(turn - cos((double)p->max_normal_angle)) < 1e-3 ||
+             fabs(fabs(fx) - fabs(fy)) < 1e-3 * f;
     e->position.x = (cairn_real)(a % SMALL + (b == a + 1 ? share : 0));
     e->position.y = (cairn_real)(row + (b == a + 1 ? 0 : share));
     e->normal.x = (cairn_real)(-fx / f);
     e->normal.y = (cairn_real)(-fy / f);
-    e->slope = (cairn_real)slope;
-    return slope >= (double)p->min_slope && turn >= cos((double)p->max_turn) &&
+    e->gradient_magnitude = (cairn_real)slope;
+    return slope >= (double)p->min_gradient && turn >= cos((double)p->max_normal_angle) &&
            (fabs(fx) >= fabs(fy)) == (b == a + 1);
 }
 
@@ -310,7 +311,7 @@ static void it_is_what_the_definition_says(void **state)
         int32_t count, next = 0;
 
         params.sigma = (cairn_real)sigmas[k];
-        params.min_slope = 5;
+        params.min_gradient = 5;
         f = set_with(params);
         found = find(f.set, view_of(SMALL, SMALL), &count);
         for (int32_t i = 0; i < SMALL * SMALL; i++)
@@ -335,7 +336,8 @@ static void it_is_what_the_definition_says(void **state)
             assert_true(met);
             assert_near(found[next].normal.x, e.normal.x, NUMBER(1e-6, 1e-2));
             assert_near(found[next].normal.y, e.normal.y, NUMBER(1e-6, 1e-2));
-            assert_near(found[next].slope, e.slope, NUMBER(1e-8, 1e-3) * (1 + (double)e.slope));
+            assert_near(found[next].gradient_magnitude, e.gradient_magnitude,
+                        NUMBER(1e-8, 1e-3) * (1 + (double)e.gradient_magnitude));
             next++;
             compared++;
         }
@@ -354,26 +356,26 @@ static void limits_leave_edgels_out(void **state)
 
     (void)state;
     draw_noise(SMALL * SMALL, 12);
-    params.max_turn = (cairn_real)(PI / 2);
+    params.max_normal_angle = (cairn_real)(PI / 2);
     f = set_with(params);
     e = find(f.set, view_of(SMALL, SMALL), &all);
     test_pool_free(&f.pool);
-    params.max_turn = (cairn_real)(20 * DEGREE);
-    params.min_slope = 20;
+    params.max_normal_angle = (cairn_real)(20 * DEGREE);
+    params.min_gradient = 20;
     f = set_with(params);
     e = find(f.set, view_of(SMALL, SMALL), &count);
     assert_true(count > 10 && count < all - 100);
     for (int32_t i = 0; i < count; i++)
-        assert_true(e[i].slope >= 20);
+        assert_true(e[i].gradient_magnitude >= 20);
     test_pool_free(&f.pool);
     /* A step of 60 levels has a slope of 15 to 16 at sigma 1.5. */
-    params.min_slope = 17;
+    params.min_gradient = 17;
     f = set_with(params);
     draw_step(20, 100, 160);
     (void)find(f.set, view_of(SMALL, SMALL), &count);
     assert_int_equal(count, 0);
     test_pool_free(&f.pool);
-    params.min_slope = 14;
+    params.min_gradient = 14;
     f = set_with(params);
     (void)find(f.set, view_of(SMALL, SMALL), &count);
     assert_int_equal(count, SMALL);
@@ -575,12 +577,12 @@ static void bad_params_are_refused(void **state)
         {&p.sigma, 0.69},
         {&p.sigma, 8.01},
         {&p.sigma, (double)NAN},
-        {&p.min_slope, 0},
-        {&p.min_slope, (double)NAN},
-        {&p.min_slope, (double)INFINITY},
-        {&p.max_turn, 0},
-        {&p.max_turn, PI / 2 + 1e-6},
-        {&p.max_turn, (double)NAN},
+        {&p.min_gradient, 0},
+        {&p.min_gradient, (double)NAN},
+        {&p.min_gradient, (double)INFINITY},
+        {&p.max_normal_angle, 0},
+        {&p.max_normal_angle, PI / 2 + 1e-6},
+        {&p.max_normal_angle, (double)NAN},
     };
     const struct {
         int32_t *field, bad;
@@ -603,7 +605,7 @@ static void bad_params_are_refused(void **state)
         assert_int_equal(cairn_edgel_memory(&p), 0);
     }
     p = good;
-    p.max_turn = CAIRN_PI / 2;
+    p.max_normal_angle = CAIRN_PI / 2;
     p.max_height = CAIRN_RASTER_MAX_SIDE;
     assert_int_equal(cairn_edgel_memory(&p), cairn_edgel_memory(&good));
     p.max_width = CAIRN_RASTER_MAX_SIDE;

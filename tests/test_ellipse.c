@@ -115,7 +115,8 @@ static void slow_lay(struct slow *s)
         high_x = fmax(high_x, (double)s->c->points[i].position.x);
         high_y = fmax(high_y, (double)s->c->points[i].position.y);
     }
-    s->cell = fmax((double)s->p->cell, fmax(high_x - low_x, high_y - low_y) / (s->p->cells - 3));
+    s->cell =
+        fmax((double)s->p->cell_size, fmax(high_x - low_x, high_y - low_y) / (s->p->cells - 3));
     s->corner_x = (low_x + high_x) / 2 - s->cell * (s->p->cells - 1) / 2;
     s->corner_y = (low_y + high_y) / 2 - s->cell * (s->p->cells - 1) / 2;
     s->squares = s->p->oriented ? 2 : 1;
@@ -124,7 +125,7 @@ static void slow_lay(struct slow *s)
 static void slow_vote(struct slow *s)
 {
     int32_t cells = s->p->cells, all = s->squares * cells * cells;
-    double least = (double)s->p->least_radius, most = (double)s->p->most_radius;
+    double least = (double)s->p->min_radius, most = (double)s->p->max_radius;
 
     s->raw = calloc((size_t)all, sizeof *s->raw);
     s->votes = calloc((size_t)all, sizeof *s->votes);
@@ -164,7 +165,7 @@ static int slow_is_peak(const struct slow *s, int32_t at)
 {
     int32_t cells = s->p->cells, reach = (int32_t)ceil((double)s->p->separation / s->cell - 1e-6);
 
-    if (s->votes[at] < (double)s->p->least_votes)
+    if (s->votes[at] < (double)s->p->min_votes)
         return 0;
     for (int32_t i = 0; i < s->squares * cells * cells; i++)
         if (i / (cells * cells) == at / (cells * cells) && abs(i % cells - at % cells) <= reach &&
@@ -257,7 +258,7 @@ static int slow_fit(const struct slow *s, cairn_ellipse *e, double reach, double
         slow_row(m, across, 0, 0.1 * w);
         weight += w;
     }
-    if (weight < (double)s->p->least_votes)
+    if (weight < (double)s->p->min_votes)
         return 0;
     slow_row(m, round, 0, 1e-3 * weight);
     slow_row(m, straight, 0, 1e-3 * weight);
@@ -277,13 +278,13 @@ static int slow_fit(const struct slow *s, cairn_ellipse *e, double reach, double
     e->centre.theta = (cairn_real)fmod(angle + PI, PI);
     e->half_length = (cairn_real)(scale * sqrt(level / (mean - apart)));
     e->half_width = (cairn_real)(scale * sqrt(level / (mean + apart)));
-    return e->half_width >= s->p->least_radius && e->half_length <= s->p->most_radius &&
-           e->half_length <= s->p->most_ratio * e->half_width;
+    return e->half_width >= s->p->min_radius && e->half_length <= s->p->max_radius &&
+           e->half_length <= s->p->max_axis_ratio * e->half_width;
 }
 
 static double slow_radius(const struct slow *s, const cairn_ellipse *e)
 {
-    double bins[RADII + 1] = {0}, most = (double)s->p->most_radius, best = -1, radius = 0;
+    double bins[RADII + 1] = {0}, most = (double)s->p->max_radius, best = -1, radius = 0;
 
     for (int32_t i = 0; i < s->c->count; i++) {
         const cairn_oriented_point *p = &s->c->points[i];
@@ -305,7 +306,7 @@ static double slow_radius(const struct slow *s, const cairn_ellipse *e)
             best = bins[i - 1] + 2 * bins[i] + bins[i + 1];
             radius = most / (RADII - 1) * i;
         }
-    return fmax(radius, (double)s->p->least_radius);
+    return fmax(radius, (double)s->p->min_radius);
 }
 
 static void slow_measure(const struct slow *s, cairn_ellipse *e)
@@ -332,10 +333,10 @@ static void slow_measure(const struct slow *s, cairn_ellipse *e)
     }
     for (int i = 0; i < arcs; i++)
         marked += covered[i];
-    e->covered = (cairn_real)marked / (cairn_real)arcs;
+    e->coverage = (cairn_real)marked / (cairn_real)arcs;
     e->votes = (cairn_real)w;
     e->rms = (cairn_real)sqrt(off / w);
-    e->strength = (cairn_real)((double)e->covered * fmax(0, 1 - off / w / (reach * reach)));
+    e->score = (cairn_real)((double)e->coverage * fmax(0, 1 - off / w / (reach * reach)));
 }
 
 static void slow_refine(struct slow *s, int32_t at)
@@ -354,7 +355,7 @@ static void slow_refine(struct slow *s, int32_t at)
                       pass == 0 ? wide : tolerance))
             return;
     slow_measure(s, &e);
-    if (e.votes >= s->p->least_votes && e.covered >= s->p->least_covered)
+    if (e.votes >= s->p->min_votes && e.coverage >= s->p->min_coverage)
         s->found[s->count++] = e;
 }
 
@@ -439,7 +440,7 @@ static void finds_what_the_obvious_way_finds(void **state)
 
     (void)state;
     params.max_ellipses = MOST;
-    params.least_votes = 20;
+    params.min_votes = 20;
     for (uint64_t seed = 1; seed <= 12; seed++) {
         cairn_ellipse truth[3];
         int ellipses;
@@ -463,8 +464,8 @@ static void finds_what_the_obvious_way_finds(void **state)
             assert_true(k < s.count);
             assert_near(list[i].votes, s.found[k].votes, NUMBER(1e-9, 3));
             assert_near(list[i].rms, s.found[k].rms, NUMBER(1e-8, 1e-2));
-            assert_near(list[i].covered, s.found[k].covered, NUMBER(1e-9, 0.05));
-            assert_near(list[i].strength, s.found[k].strength, NUMBER(1e-6, 0.1));
+            assert_near(list[i].coverage, s.found[k].coverage, NUMBER(1e-9, 0.05));
+            assert_near(list[i].score, s.found[k].score, NUMBER(1e-6, 0.1));
             if (i > 0)
                 assert_true(list[i].votes <= list[i - 1].votes);
         }
@@ -535,9 +536,9 @@ static void ellipses_without_noise(void **state)
         list = search(f.set, &c, &found);
         assert_int_equal(found, 1);
         assert_true(is_near(&list[0], &truth, 0.004));
-        assert_near(list[0].covered, 1, 0);
+        assert_near(list[0].coverage, 1, 0);
         assert_near(list[0].votes, 120, 1e-6);
-        assert_true(list[0].strength > (cairn_real)0.97 && list[0].rms < (cairn_real)0.005);
+        assert_true(list[0].score > (cairn_real)0.97 && list[0].rms < (cairn_real)0.005);
         assert_true(list[0].centre.theta >= 0 && list[0].centre.theta < CAIRN_PI);
         test_pool_free(&f.pool);
     }
@@ -558,16 +559,16 @@ static void what_is_an_ellipse(void **state)
     list = search(f.set, &c, &found);
     assert_int_equal(found, 1);
     assert_true(is_near(&list[0], &round, 0.02));
-    assert_near(list[0].covered, 0.55, 0.03);
+    assert_near(list[0].coverage, 0.55, 0.03);
     c.count = 0;
     lay_arc(&c, &round, 0, PI * 0.8, 60);
     (void)search(f.set, &c, &found);
     assert_int_equal(found, 0); /* too little of it */
-    params.least_covered = (cairn_real)0.35;
+    params.min_coverage = (cairn_real)0.35;
     assert_ok(cairn_ellipse_adjust(f.set, &params));
     (void)search(f.set, &c, &found);
     assert_int_equal(found, 1);
-    params.least_votes = 61;
+    params.min_votes = 61;
     assert_ok(cairn_ellipse_adjust(f.set, &params));
     (void)search(f.set, &c, &found);
     assert_int_equal(found, 0);
@@ -587,11 +588,11 @@ static void what_is_an_ellipse(void **state)
         lay_arc(&c, &e, 0, 2 * PI, 100);
         params = cairn_ellipse_default();
         if (k == 1)
-            params.most_ratio = (cairn_real)1.45;
+            params.max_axis_ratio = (cairn_real)1.45;
         if (k == 2)
-            params.most_radius = (cairn_real)1.75;
+            params.max_radius = (cairn_real)1.75;
         if (k == 3)
-            params.least_radius = (cairn_real)1.25;
+            params.min_radius = (cairn_real)1.25;
         assert_ok(cairn_ellipse_adjust(f.set, &params));
         (void)search(f.set, &c, &found);
         assert_int_equal(found, k == 0);
@@ -632,7 +633,7 @@ static void the_strongest_are_kept(void **state)
 
     (void)state;
     params.max_ellipses = 2;
-    params.least_votes = 30;
+    params.min_votes = 30;
     f = set_with(params);
     for (int i = 0; i < 4; i++) {
         cairn_ellipse e = ellipse(3 * i, 0, 0, 0.8, 0.8, CAIRN_ELLIPSE_COLUMN);
@@ -750,19 +751,19 @@ static void shapes(void **state)
                         k % 3 == CAIRN_ELLIPSE_COLUMN ? -way : way, 1e-4);
             assert_near(cairn_ellipse_distance(&e, p.position, &normal), 0, NUMBER(1e-12, 2e-6));
             assert_near(cairn_vec2_dot(normal, p.direction), 0, NUMBER(1e-9, 1e-5));
-            assert_true(cairn_ellipse_has(&e, &p, (cairn_real)0.01, (cairn_real)0.01));
+            assert_true(cairn_ellipse_is_inlier(&e, &p, (cairn_real)0.01, (cairn_real)0.01));
             off = cairn_vec2_add(off, cairn_vec2_scale(normal, (cairn_real)0.02));
             assert_near(cairn_ellipse_distance(&e, off, &normal), 0.02, 2e-4);
             p.position = off;
-            assert_true(cairn_ellipse_has(&e, &p, (cairn_real)0.021, (cairn_real)0.02));
-            assert_false(cairn_ellipse_has(&e, &p, (cairn_real)0.019, (cairn_real)0.02));
+            assert_true(cairn_ellipse_is_inlier(&e, &p, (cairn_real)0.021, (cairn_real)0.02));
+            assert_false(cairn_ellipse_is_inlier(&e, &p, (cairn_real)0.019, (cairn_real)0.02));
             before.position = cairn_ellipse_point(&e, (cairn_real)(i * DEGREE / 2)).position;
             p.position = before.position;
             p.direction = cairn_vec2_scale(p.direction, -1);
-            assert_int_equal(cairn_ellipse_has(&e, &p, (cairn_real)0.01, (cairn_real)0.01),
+            assert_int_equal(cairn_ellipse_is_inlier(&e, &p, (cairn_real)0.01, (cairn_real)0.01),
                              e.kind == CAIRN_ELLIPSE_ANY);
-            p.direction = cairn_vec2_left(p.direction);
-            assert_false(cairn_ellipse_has(&e, &p, (cairn_real)0.01, (cairn_real)0.99));
+            p.direction = cairn_vec2_left_perp(p.direction);
+            assert_false(cairn_ellipse_is_inlier(&e, &p, (cairn_real)0.01, (cairn_real)0.99));
         }
         assert_near(cairn_ellipse_length(&e), length, 2e-3);
     }
@@ -796,13 +797,13 @@ static void what_is_far_does_not_belong(void **state)
         p.position.x = cairn_random_uniform(&random, -30, 30);
         p.position.y = cairn_random_uniform(&random, -30, 30);
         (void)cairn_ellipse_distance(&e, p.position, &normal);
-        p.direction = cairn_vec2_left(normal);
-        if (cairn_ellipse_is_far(&gate, p.position)) {
-            assert_false(cairn_ellipse_has(&e, &p, distance, 1));
+        p.direction = cairn_vec2_left_perp(normal);
+        if (cairn_ellipse_is_outside_gate(&gate, p.position)) {
+            assert_false(cairn_ellipse_is_inlier(&e, &p, distance, 1));
             far++;
         } else {
-            belong += cairn_ellipse_has(&e, &p, distance, 1);
-            outside += !cairn_ellipse_has(&e, &p, distance, 1);
+            belong += cairn_ellipse_is_inlier(&e, &p, distance, 1);
+            outside += !cairn_ellipse_is_inlier(&e, &p, distance, 1);
         }
     }
     assert_true(far > 5000 && belong > 1000 && outside > 100);
@@ -818,10 +819,10 @@ static void limits_belong_to_it(void **state)
                                off = {{4, 0}, {CAIRN_REAL(0.6), CAIRN_REAL(0.8)}};
 
     (void)state;
-    assert_true(cairn_ellipse_has(&e, &on, 0, 0));
-    assert_true(cairn_ellipse_has(&e, &off, 2, CAIRN_REAL(0.6)));
-    assert_false(cairn_ellipse_has(&e, &off, 2, CAIRN_REAL(0.59)));
-    assert_false(cairn_ellipse_has(&e, &off, CAIRN_REAL(1.99), CAIRN_REAL(0.6)));
+    assert_true(cairn_ellipse_is_inlier(&e, &on, 0, 0));
+    assert_true(cairn_ellipse_is_inlier(&e, &off, 2, CAIRN_REAL(0.6)));
+    assert_false(cairn_ellipse_is_inlier(&e, &off, 2, CAIRN_REAL(0.59)));
+    assert_false(cairn_ellipse_is_inlier(&e, &off, CAIRN_REAL(1.99), CAIRN_REAL(0.6)));
 }
 
 static void little_to_search(void **state)
@@ -930,15 +931,15 @@ static void bad_calls_are_refused(void **state)
         double bad[3];
     } reals[] = {
 #define REAL(name) offsetof(cairn_ellipse_params, name)
-        {REAL(cell), {0, (double)NAN, 2e6}},
-        {REAL(least_radius), {0, (double)NAN, 7}},
-        {REAL(most_radius), {0.15, (double)NAN, 2e6}},
-        {REAL(most_ratio), {0.99, (double)NAN, 2e6}},
+        {REAL(cell_size), {0, (double)NAN, 2e6}},
+        {REAL(min_radius), {0, (double)NAN, 7}},
+        {REAL(max_radius), {0.15, (double)NAN, 2e6}},
+        {REAL(max_axis_ratio), {0.99, (double)NAN, 2e6}},
         {REAL(angle_tolerance), {0, (double)NAN, 0.8}},
         {REAL(support_distance), {0, (double)NAN, 2e6}},
         {REAL(spacing), {0, (double)NAN, 2e6}},
-        {REAL(least_votes), {0, (double)NAN, (double)INFINITY}},
-        {REAL(least_covered), {-0.01, (double)NAN, 1.01}},
+        {REAL(min_votes), {0, (double)NAN, (double)INFINITY}},
+        {REAL(min_coverage), {-0.01, (double)NAN, 1.01}},
         {REAL(separation), {0, (double)NAN, 2e6}},
 #undef REAL
     };
@@ -980,13 +981,13 @@ static void bad_calls_are_refused(void **state)
     }
     bad = p;
     bad.oriented = 7; /* as 1 */
-    bad.least_radius = (cairn_real)0.1;
-    bad.most_ratio = 1;
-    bad.least_covered = 0;
+    bad.min_radius = (cairn_real)0.1;
+    bad.max_axis_ratio = 1;
+    bad.min_coverage = 0;
     assert_ok(cairn_ellipse_adjust(set, &bad));
-    bad.least_covered = 1;
+    bad.min_coverage = 1;
     bad.angle_tolerance = CAIRN_PI / 4;
-    bad.most_radius = (cairn_real)1e6;
+    bad.max_radius = (cairn_real)1e6;
     assert_ok(cairn_ellipse_adjust(set, &bad));
     assert_status(cairn_ellipse_adjust(NULL, &p), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_ellipse_adjust(set, NULL), CAIRN_BAD_ARGUMENT);

@@ -101,7 +101,7 @@ static int compare_near(const void *a, const void *b)
 
 static int32_t key_points(int32_t key, cairn_oriented_point *points)
 {
-    const cairn_scan_set *keys = cairn_mapper_keys(t.front);
+    const cairn_scan_set *keys = cairn_mapper_keyframes(t.front);
     int32_t count = 0;
 
     for (int32_t s = 0; s < keys->segment_count; s++)
@@ -131,7 +131,7 @@ static void twin_fill(twin_map *map, const twin_state *s, cairn_pose expected, i
         count += near[count].distance <= t.params.local_radius * t.params.local_radius;
     }
     qsort(near, (size_t)count, sizeof *near, compare_near);
-    for (int32_t k = 0; k < count && k < t.params.local_keys; k++) {
+    for (int32_t k = 0; k < count && k < t.params.local_keyframes; k++) {
         cairn_transform map_key = cairn_transform_of(s->path[near[k].key]);
         int32_t n = key_points(near[k].key, points);
 
@@ -159,10 +159,10 @@ static cairn_real twin_cost(const twin_map *map, cairn_vec2 p, cairn_vec2 direct
         }
     }
     if (nearest < 0 || cairn_vec2_dot(direction, map->direction[nearest]) < CAIRN_REAL(0.5))
-        return t.params.outlier;
+        return t.params.max_point_cost;
     across = cairn_vec2_cross(map->direction[nearest], cairn_vec2_sub(p, map->point[nearest])) /
              t.params.sigma;
-    return cairn_min(across * across / 2, t.params.outlier);
+    return cairn_min(across * across / 2, t.params.max_point_cost);
 }
 
 typedef struct twin_place {
@@ -191,8 +191,8 @@ static cairn_status twin_propose(void *context, cairn_particle_filter *filter, i
     cairn_pose_prior prior = {expected, t.distance, t.distance, t.turn};
     cairn_real d = t.distance * t.distance;
     cairn_scan_view view = cairn_mapper_view(t.front);
-    int32_t recent = s.keys > p->span ? s.keys - p->span : 0, places = 0;
-    int32_t every = (int32_t)ceil((double)view.point_count / p->points), weighed = 0;
+    int32_t recent = s.keys > p->recent_keyframes ? s.keys - p->recent_keyframes : 0, places = 0;
+    int32_t every = (int32_t)ceil((double)view.point_count / p->scored_points), weighed = 0;
     twin_place place[2];
 
     (void)context;
@@ -208,14 +208,14 @@ static cairn_status twin_propose(void *context, cairn_particle_filter *filter, i
             continue;
         assert_ok(cairn_icp_step(t.icp, &unbounded));
         match = cairn_icp_read(t.icp);
-        if (match.verdict == CAIRN_ICP_TOO_FEW_PAIRS || match.overlap < p->min_support)
+        if (match.verdict == CAIRN_ICP_TOO_FEW_PAIRS || match.overlap < p->min_overlap)
             continue;
         c.xx = match.covariance[0] + p->match_sigma * p->match_sigma;
         c.xy = match.covariance[1];
         c.xz = match.covariance[2];
         c.yy = match.covariance[4] + p->match_sigma * p->match_sigma;
         c.yz = match.covariance[5];
-        c.zz = match.covariance[8] + p->match_sigma_turn * p->match_sigma_turn;
+        c.zz = match.covariance[8] + p->match_sigma_theta * p->match_sigma_theta;
         place[places++] = twin_place_of(match.target_query, c);
         t.returns += which;
     }
@@ -254,7 +254,8 @@ static cairn_status twin_propose(void *context, cairn_particle_filter *filter, i
                 cost += (double)twin_cost(
                     &t.map[which], cairn_transform_point(map_scan, view.points[i].position),
                     cairn_transform_direction(map_scan, view.points[i].direction));
-        drawn[k].log_weight = (cairn_real)(-motion - cost * (double)p->weight / weighed);
+        drawn[k].log_weight =
+            (cairn_real)(-motion - cost * (double)p->independent_points / weighed);
         assert_ok(cairn_particle_filter_offer(filter, &drawn[k], 0));
     }
     budget->left--;
@@ -287,7 +288,7 @@ static void new_twin(const cairn_filter_mapper_params *params)
     icp.max_target = params->max_local_points;
     filter.particles = filter.max_particles = params->particles;
     filter.max_followers = 1;
-    filter.by_entropy = 0;
+    filter.adaptive_followers = 0;
     filter.state_bytes = sizeof(twin_state);
     filter.max_blocks = params->particles * KEYS_MOST;
     t.pool = test_pool(cairn_mapper_memory(&front) + cairn_icp_memory(&icp) +
@@ -311,17 +312,18 @@ static void feed_twin(const sim_scan *scan, int32_t with_odometry)
     assert_ok(cairn_mapper_add(t.front, &input, with_odometry ? &odometry : NULL, NULL));
     assert_ok(cairn_mapper_step(t.front, &unbounded));
     result = cairn_mapper_read(t.front);
-    if (!result.is_key)
+    if (!result.is_keyframe)
         return;
-    if (result.key == 0) {
+    if (result.keyframe == 0) {
         twin_state first = {.keys = 1};
 
-        first.path[0] = cairn_mapper_key_pose(t.front, 0);
+        first.path[0] = cairn_mapper_keyframe_pose(t.front, 0);
         for (int32_t i = 0; i < p->particles; i++)
             assert_ok(cairn_particle_filter_start(t.filter, &first, 0));
         return;
     }
-    t.motion = cairn_pose_between(cairn_mapper_key_pose(t.front, result.key - 1), result.map_scan);
+    t.motion = cairn_pose_between(cairn_mapper_keyframe_pose(t.front, result.keyframe - 1),
+                                  result.map_scan);
     way = hypot((double)t.motion.x, (double)t.motion.y);
     wide = (double)p->motion_distance_min + (double)p->motion_distance * way;
     t.turn = p->motion_turn_min + p->motion_turn * cairn_abs(t.motion.theta);
@@ -371,11 +373,11 @@ static void along_twin(const cairn_filter_mapper_params *params, sim_scene scene
     for (int32_t i = 0; i < most; i++) {
         feed(mapper, &d.scans[i], with_odometry, 1000);
         feed_twin(&d.scans[i], with_odometry);
-        compare_with_twin(mapper, cairn_mapper_read(t.front).key + 1);
+        compare_with_twin(mapper, cairn_mapper_read(t.front).keyframe + 1);
     }
     state = cairn_filter_mapper_measure(mapper);
-    assert_int_equal(state.returns, t.returns);
-    assert_int_equal(state.keys, cairn_mapper_read(t.front).key + 1);
+    assert_int_equal(state.revisit_matches, t.returns);
+    assert_int_equal(state.keyframes, cairn_mapper_read(t.front).keyframe + 1);
     assert_int_equal(state.resamplings, cairn_particle_filter_read(t.filter).resamplings);
     assert_near(state.n_eff, cairn_particle_filter_read(t.filter).n_eff, NUMBER(1e-5, 0.1));
     assert_int_equal(state.nodes, cairn_particle_filter_read(t.filter).blocks);
@@ -395,8 +397,8 @@ static void agrees_with_twin(void **state)
     cairn_filter_mapper_params params = filter_params(4);
 
     (void)state;
-    params.span = 6;
-    params.local_keys = 5;
+    params.recent_keyframes = 6;
+    params.local_keyframes = 5;
     along_twin(&params, SIM_APARTMENT, 60, 1);
 }
 
@@ -407,14 +409,14 @@ static void agrees_with_twin_where_room_is_short(void **state)
     cairn_filter_mapper_params params = filter_params(3);
 
     (void)state;
-    params.span = 4;
+    params.recent_keyframes = 4;
     params.max_local_points = 450;
-    params.points = 1000; /* all */
+    params.scored_points = 1000; /* all */
     params.seed = 7;
-    params.min_support = CAIRN_REAL(0.9);
+    params.min_overlap = CAIRN_REAL(0.9);
     params.local_radius = 2;
     along_twin(&params, SIM_RESCUE, 40, 0);
-    params.min_support = CAIRN_REAL(0.3);
+    params.min_overlap = CAIRN_REAL(0.3);
     params.max_local_points = 260;
     along_twin(&params, SIM_RESCUE, 40, 1);
     params.max_local_points = 190;
@@ -435,9 +437,9 @@ static void takes_just_its_memory(void **state)
     cairn_filter_mapper_params params = filter_params(2);
 
     (void)state;
-    params.front.max_keys = 4;
-    params.front.max_key_points = 500;
-    params.front.max_key_segments = 100;
+    params.front.max_keyframes = 4;
+    params.front.max_keyframe_points = 500;
+    params.front.max_keyframe_segments = 100;
     params.front.search = 0;
     params.max_local_points = 64;
     test_every_pool_size(create, &params, cairn_filter_mapper_memory(&params));
@@ -486,13 +488,13 @@ static void refuses_bad_params(void **state)
     REFUSED(particles, 0);
     REFUSED(particles, 4097);
     REFUSED(candidates, 0);
-    REFUSED(candidates, CAIRN_FILTER_MAPPER_CANDIDATES_MOST + 1);
-    REFUSED(points, 0);
-    REFUSED(local_keys, 0);
-    REFUSED(local_keys, CAIRN_FILTER_MAPPER_LOCAL_MOST + 1);
+    REFUSED(candidates, CAIRN_FILTER_MAPPER_MAX_CANDIDATES + 1);
+    REFUSED(scored_points, 0);
+    REFUSED(local_keyframes, 0);
+    REFUSED(local_keyframes, CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES + 1);
     REFUSED(max_local_points, 0);
     REFUSED(max_local_points, (1 << 20) + 1);
-    REFUSED(span, 0);
+    REFUSED(recent_keyframes, 0);
     REFUSED_UNLESS_POSITIVE(local_radius);
     REFUSED(motion_distance, CAIRN_REAL(-0.1));
     REFUSED(motion_distance, (cairn_real)NAN);
@@ -501,38 +503,38 @@ static void refuses_bad_params(void **state)
     REFUSED_UNLESS_POSITIVE(motion_distance_min);
     REFUSED_UNLESS_POSITIVE(motion_turn_min);
     REFUSED_UNLESS_POSITIVE(match_sigma);
-    REFUSED_UNLESS_POSITIVE(match_sigma_turn);
-    REFUSED(min_support, CAIRN_REAL(-0.1));
-    REFUSED(min_support, CAIRN_REAL(1.1));
-    REFUSED(min_support, (cairn_real)NAN);
+    REFUSED_UNLESS_POSITIVE(match_sigma_theta);
+    REFUSED(min_overlap, CAIRN_REAL(-0.1));
+    REFUSED(min_overlap, CAIRN_REAL(1.1));
+    REFUSED(min_overlap, (cairn_real)NAN);
     REFUSED_UNLESS_POSITIVE(sigma);
-    REFUSED_UNLESS_POSITIVE(outlier);
-    REFUSED_UNLESS_POSITIVE(weight);
-    REFUSED(front.max_keys, 0);
-    REFUSED(front.key_turn, -1);
+    REFUSED_UNLESS_POSITIVE(max_point_cost);
+    REFUSED_UNLESS_POSITIVE(independent_points);
+    REFUSED(front.max_keyframes, 0);
+    REFUSED(front.keyframe_angle, -1);
     REFUSED(front.icp.min_pairs, 0);
     TAKEN(particles, 1);
     TAKEN(particles, 4096);
     TAKEN(candidates, 1);
-    TAKEN(candidates, CAIRN_FILTER_MAPPER_CANDIDATES_MOST);
-    TAKEN(points, 1);
-    TAKEN(local_keys, 1);
-    TAKEN(local_keys, CAIRN_FILTER_MAPPER_LOCAL_MOST);
+    TAKEN(candidates, CAIRN_FILTER_MAPPER_MAX_CANDIDATES);
+    TAKEN(scored_points, 1);
+    TAKEN(local_keyframes, 1);
+    TAKEN(local_keyframes, CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES);
     TAKEN(max_local_points, 1);
     TAKEN(max_local_points, 1 << 20);
-    TAKEN(span, 1);
+    TAKEN(recent_keyframes, 1);
     TAKEN(motion_distance, 0);
     TAKEN(motion_turn, 0);
-    TAKEN(min_support, 0);
-    TAKEN(min_support, 1);
+    TAKEN(min_overlap, 0);
+    TAKEN(min_overlap, 1);
     /* What the mapper that goes ahead does without is not asked for. */
     TAKEN(front.window, 1);
     TAKEN(front.loop.max_loops, -1);
     /* 2^28 nodes at most. */
     good.particles = 4096;
-    good.front.max_keys = 1 << 16;
+    good.front.max_keyframes = 1 << 16;
     assert_true(cairn_filter_mapper_memory(&good) > 0);
-    good.front.max_keys++;
+    good.front.max_keyframes++;
     assert_refused(&good);
     assert_refused(NULL);
     good = filter_params(2);
@@ -557,7 +559,7 @@ static void refuses_bad_calls(void **state)
     assert_int_equal(cairn_filter_mapper_best(mapper), -1);
     assert_near(cairn_filter_mapper_last(mapper, 0).theta, 0, 0);
     assert_int_equal(cairn_filter_mapper_path(mapper, 0, path, 2), 0);
-    assert_int_equal(cairn_filter_mapper_measure(mapper).keys, 0);
+    assert_int_equal(cairn_filter_mapper_measure(mapper).keyframes, 0);
 
     budget.left = 10;
     assert_ok(cairn_filter_mapper_step(mapper, &budget)); /* nothing to do */
@@ -577,7 +579,7 @@ static void refuses_bad_calls(void **state)
     assert_status(cairn_filter_mapper_add(mapper, &input, NULL, NULL), CAIRN_MORE);
     budget.left = CAIRN_UNBOUNDED;
     assert_ok(cairn_filter_mapper_step(mapper, &budget));
-    assert_int_equal(cairn_filter_mapper_measure(mapper).keys, 1);
+    assert_int_equal(cairn_filter_mapper_measure(mapper).keyframes, 1);
     assert_int_equal(cairn_filter_mapper_measure(mapper).units, CAIRN_UNBOUNDED - budget.left);
     assert_int_equal(cairn_filter_mapper_count(mapper), 3);
     assert_int_equal(cairn_filter_mapper_best(mapper), 0);
@@ -591,7 +593,7 @@ static void refuses_bad_calls(void **state)
             assert_status(cairn_filter_mapper_add(mapper, &next, NULL, NULL), CAIRN_MORE);
         } while (cairn_filter_mapper_step(mapper, &budget) == CAIRN_MORE);
     }
-    assert_true(cairn_filter_mapper_measure(mapper).keys > 1);
+    assert_true(cairn_filter_mapper_measure(mapper).keyframes > 1);
     assert_int_equal(cairn_filter_mapper_path(mapper, -1, path, 2), 0);
     assert_int_equal(cairn_filter_mapper_path(mapper, 3, path, 2), 0);
     assert_near(path[0].x, 9, 0);
@@ -612,7 +614,7 @@ static void says_when_it_is_full(void **state)
     int32_t i;
 
     (void)state;
-    params.front.max_keys = 3;
+    params.front.max_keyframes = 3;
     mapper = new_filter_mapper(&pool, &params);
     for (i = 0; i < 8 && status == CAIRN_OK; i++) {
         cairn_scan_input input = sim_scan_input(&d.scans[i]);
@@ -622,7 +624,7 @@ static void says_when_it_is_full(void **state)
         status = cairn_filter_mapper_step(mapper, &budget);
     }
     assert_status(status, CAIRN_FULL);
-    assert_int_equal(cairn_filter_mapper_measure(mapper).keys, 3);
+    assert_int_equal(cairn_filter_mapper_measure(mapper).keyframes, 3);
     {
         cairn_scan_input input = sim_scan_input(&d.scans[0]);
         cairn_pose path[3];
@@ -649,7 +651,7 @@ static void result_does_not_depend_on_budget(void **state)
         cairn_filter_mapper *mapper;
         cairn_pool pool;
 
-        params.span = 4;
+        params.recent_keyframes = 4;
         mapper = new_filter_mapper(&pool, &params);
         for (int32_t i = 0; i < d.count; i++)
             feed(mapper, &d.scans[i], 1, budgets[k]);
@@ -711,10 +713,10 @@ static void takes_scans_that_show_nothing(void **state)
         assert_ok(cairn_filter_mapper_add(mapper, &blind, &odometry, NULL));
         assert_ok(cairn_filter_mapper_step(mapper, &budget));
     }
-    assert_int_equal(cairn_filter_mapper_measure(mapper).keys, 1);
+    assert_int_equal(cairn_filter_mapper_measure(mapper).keyframes, 1);
     for (int32_t i = 0; i < d.count; i++)
         feed(mapper, &d.scans[i], 1, CAIRN_UNBOUNDED);
-    assert_true(cairn_filter_mapper_measure(mapper).keys > 3);
+    assert_true(cairn_filter_mapper_measure(mapper).keyframes > 3);
     for (int32_t p = 0; p < 2; p++) {
         int32_t keys = cairn_filter_mapper_path(mapper, p, path, 8);
 
@@ -750,10 +752,10 @@ static void drive_errors(uint64_t seed, int32_t particles, double errors[2],
         cairn_pose truth = cairn_pose_between(pose_of(d.scans[0].truth), pose_of(d.scans[i].truth));
 
         for (int k = 0; k < 2; k++) {
-            cairn_pose key =
-                k == 0 ? path[results[i].key] : cairn_mapper_key_pose(front, results[i].key);
+            cairn_pose key = k == 0 ? path[results[i].keyframe]
+                                    : cairn_mapper_keyframe_pose(front, results[i].keyframe);
             cairn_pose found =
-                cairn_pose_between(path[0], cairn_pose_compose(key, results[i].key_scan));
+                cairn_pose_between(path[0], cairn_pose_compose(key, results[i].keyframe_scan));
 
             errors[k] += hypot((double)(truth.x - found.x), (double)(truth.y - found.y)) / d.count;
         }
@@ -776,10 +778,11 @@ static void closes_a_loop(void **state)
         drive_errors(seed, 10, errors, &measured);
         for (int k = 0; k < 2; k++)
             sum[k] += errors[k];
-        assert_true(measured.returns > 0);
+        assert_true(measured.revisit_matches > 0);
         assert_true(errors[0] < 0.2);
-        assert_true(measured.resamplings > 0 && measured.resamplings < measured.keys / 4);
-        assert_true(measured.nodes >= measured.keys && measured.nodes < 10 * measured.keys);
+        assert_true(measured.resamplings > 0 && measured.resamplings < measured.keyframes / 4);
+        assert_true(measured.nodes >= measured.keyframes &&
+                    measured.nodes < 10 * measured.keyframes);
     }
     assert_true(sum[0] < 0.27 && sum[1] < 0.27);
 }

@@ -356,7 +356,7 @@ static void test_as_written_is_the_thesis(void **state)
     assert_near(p.sigma_end, 0.04, 1e-8);
     assert_near(p.dt_start, 0.05, 1e-8);
     assert_near(p.dt_end, 0.01, 1e-8);
-    assert_near(p.sides_below, 0, 0);
+    assert_near(p.oriented_below, 0, 0);
     assert_int_equal(p.max_steps, 50);
 }
 
@@ -829,7 +829,7 @@ static void test_budgets_are_equal(void **state)
             assert_true(budget.left >= 0);
             s = cairn_force_field_read(f.field);
             assert_int_equal(s.units - before.units, budgets[b] - budget.left);
-            assert_true(s.worst_step >= budgets[b] - budget.left);
+            assert_true(s.max_step_units >= budgets[b] - budget.left);
             for (; committed < s.iterations; committed++) {
                 if (b == 3)
                     expected[committed] = hash_of(f.field);
@@ -850,7 +850,7 @@ static void test_budgets_are_equal(void **state)
         assert_int_equal(s.pairs, last.pairs);
         assert_int_equal(s.segment_pairs, last.segment_pairs);
         assert_true(s.potential == last.potential && s.mean_relocation == last.mean_relocation);
-        assert_true(b == 3 || s.worst_step == budgets[b]);
+        assert_true(b == 3 || s.max_step_units == budgets[b]);
         test_pool_free(&f.pool);
     }
 }
@@ -1208,9 +1208,9 @@ static void test_bad_scans_are_refused(void **state)
 #define REFUSED(change, status)                                                                    \
     bad = pose(0, 0, 0);                                                                           \
     change;                                                                                        \
-    fault.what = NULL;                                                                             \
+    fault.message = NULL;                                                                          \
     assert_status(cairn_force_field_add_scan(f.field, &scan.view, NULL, bad, &fault), status);     \
-    assert_non_null(fault.what);                                                                   \
+    assert_non_null(fault.message);                                                                \
     assert_status(cairn_force_field_add_scan(f.field, &scan.view, NULL, bad, NULL), status)
     REFUSED(bad.x = nan, CAIRN_NOT_FINITE);
     REFUSED(bad.theta = (cairn_real)INFINITY, CAIRN_NOT_FINITE);
@@ -1511,8 +1511,8 @@ static void test_nothing_moves(void **state)
 
 static void release(cairn_force_field *field, int32_t scan)
 {
-    assert_ok(cairn_force_field_release(field, scan));
-    assert_status(cairn_force_field_release(field, scan), CAIRN_BAD_ARGUMENT);
+    assert_ok(cairn_force_field_remove(field, scan));
+    assert_status(cairn_force_field_remove(field, scan), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_force_field_fix(field, scan, 1), CAIRN_BAD_ARGUMENT);
 }
 
@@ -1641,9 +1641,9 @@ static void test_release(void **state)
         add(f.field, &scan, room_pose(i));
     }
     assert_int_equal(cairn_force_field_next(f.field), -1);
-    assert_status(cairn_force_field_release(f.field, 3), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_force_field_release(f.field, -1), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_force_field_release(NULL, 0), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_force_field_remove(f.field, 3), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_force_field_remove(f.field, -1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_force_field_remove(NULL, 0), CAIRN_BAD_ARGUMENT);
 
     /* In the middle of an iteration: it takes part to the end. */
     step_into(f.field, 0, 300);
@@ -1872,7 +1872,7 @@ static void test_budgets_with_all_inputs(void **state)
                 expected[round] = hash_of(f.field);
             assert_true(hash_of(f.field) == expected[round]);
         }
-        assert_true(b == 0 || cairn_force_field_read(f.field).worst_step == budgets[b]);
+        assert_true(b == 0 || cairn_force_field_read(f.field).max_step_units == budgets[b]);
         if (b == 0)
             units = cairn_force_field_read(f.field).units;
         if (!(p.spacing > 0))

@@ -72,7 +72,7 @@ static void slow_spring(struct slow_system *s, const cairn_force_field_params *p
             slow_lever(lever[e], (p->x + q->x) / 2, (p->y + q->y) / 2, centres[ends[e]->scan]);
     for (int r = 0; r < 2; r++)
         for (int c = 0; c < 2; c++) {
-            double slide = (double)params->slide;
+            double slide = (double)params->tangential_stiffness;
             double shape = stiffness * ((r == c ? slide : 0) + (1 - slide) * normal[r] * normal[c]);
 
             for (int e = 0; e < 2; e++)
@@ -95,8 +95,8 @@ static void slow_twist(struct slow_system *s, const cairn_force_field_params *pa
     double sigma = (double)params->sigma_start, norm = sigma * sqrt(2 * 3.14159265358979323846);
     double angle = atan2(p->along_x * q->along_y - p->along_y * q->along_x,
                          p->along_x * q->along_x + p->along_y * q->along_y);
-    double strength =
-        (double)params->twist / 2 * erfc(r / (sigma * sqrt(2))) * norm * pow(cos(angle), 3);
+    double strength = (double)params->alignment_torque / 2 * erfc(r / (sigma * sqrt(2))) * norm *
+                      pow(cos(angle), 3);
     int ends[2] = {3 * p->scan + 2, 3 * q->scan + 2};
 
     for (int e = 0; e < 2; e++)
@@ -138,7 +138,7 @@ static void slow_motions(struct slow_system *s, const cairn_force_field_params *
                          const struct scan *scans, const cairn_vec2 *centres, const int *is_fixed)
 {
     double sigma = (double)params->sigma_start, grip = 0;
-    int is_sided = sigma <= (double)params->sides_below;
+    int is_sided = sigma <= (double)params->oriented_below;
 
     memset(s->matrix, 0, sizeof s->matrix);
     memset(s->right, 0, sizeof s->right);
@@ -157,8 +157,8 @@ static void slow_motions(struct slow_system *s, const cairn_force_field_params *
             if (!is_sided || cosine > 0)
                 slow_twist(s, params, p, q, r);
         }
-    if (params->grip > 0)
-        grip = pow(sigma / (double)params->grip, 3);
+    if (params->damping_sigma > 0)
+        grip = pow(sigma / (double)params->damping_sigma, 3);
     for (int i = 0; i < SCENE; i++) {
         double shift = s->matrix[3 * i][3 * i] + s->matrix[3 * i + 1][3 * i + 1], spread = 0;
 
@@ -253,15 +253,15 @@ static void test_all_pairs(void **state)
     compare_with_slow(&p, 1, 0);
     compare_with_slow(&p, 3, RUN);
     compare_with_slow(&p, 0, RUN);
-    p.grip = 0;
-    p.slide = CAIRN_REAL(0.4);
+    p.damping_sigma = 0;
+    p.tangential_stiffness = CAIRN_REAL(0.4);
     compare_with_slow(&p, 1, RUN);
-    p.slide = 1;
+    p.tangential_stiffness = 1;
     p.dt_start = p.dt_end;
     compare_with_slow(&p, 1, 0);
     p = springs_params(0.15, 10);
     compare_with_slow(&p, 1, RUN);
-    p.sides_below = CAIRN_REAL(0.149);
+    p.oriented_below = CAIRN_REAL(0.149);
     compare_with_slow(&p, 1, RUN);
 }
 
@@ -281,9 +281,9 @@ static void test_presets(void **state)
     assert_near(p.dt_start * p.dt_start / 2, 5, 1e-5);
     assert_near(p.dt_end * p.dt_end / 2, 1, 1e-5);
     assert_near(p.dt_factor * p.dt_factor, 0.7, 1e-6);
-    assert_near(p.sides_below, 0.15, 1e-7);
+    assert_near(p.oriented_below, 0.15, 1e-7);
     assert_near(p.reach, 2.5, 0);
-    assert_near(p.twist, 40, 0);
+    assert_near(p.alignment_torque, 40, 0);
     p = cairn_force_field_springs(CAIRN_REAL(0.02), 1);
     assert_near(p.sigma_end, 0.02, 1e-7);
     assert_near(p.sigma_factor, 1, 0);
@@ -291,10 +291,10 @@ static void test_presets(void **state)
     p = cairn_force_field_default();
     assert_int_equal(p.max_bonds, 0);
     assert_near(p.sigma_factor, 1, 0);
-    assert_near(p.sides_below, 0, 0);
-    assert_near(p.slide, 0.1, 1e-7);
-    assert_near(p.grip, 0.35, 1e-7);
-    assert_near(p.twist, 0, 0);
+    assert_near(p.oriented_below, 0, 0);
+    assert_near(p.tangential_stiffness, 0.1, 1e-7);
+    assert_near(p.damping_sigma, 0.35, 1e-7);
+    assert_near(p.alignment_torque, 0, 0);
     assert_near(p.max_relocation, 0.3, 1e-7);
 }
 
@@ -308,23 +308,23 @@ static void test_refused(void **state)
         {offsetof(cairn_force_field_params, sigma_factor), -0.01, 1},
         {offsetof(cairn_force_field_params, sigma_factor), 1.01, 1},
         {offsetof(cairn_force_field_params, sigma_factor), 0, 0},
-        {offsetof(cairn_force_field_params, sides_below), -0.01, 1},
-        {offsetof(cairn_force_field_params, sides_below), 0, 0},
-        {offsetof(cairn_force_field_params, slide), -0.01, 1},
-        {offsetof(cairn_force_field_params, slide), 1.01, 1},
-        {offsetof(cairn_force_field_params, slide), 0, 0},
-        {offsetof(cairn_force_field_params, slide), 1, 0},
-        {offsetof(cairn_force_field_params, grip), -0.01, 1},
-        {offsetof(cairn_force_field_params, grip), 0, 0},
-        {offsetof(cairn_force_field_params, twist), -0.01, 1},
-        {offsetof(cairn_force_field_params, twist), 0, 0},
+        {offsetof(cairn_force_field_params, oriented_below), -0.01, 1},
+        {offsetof(cairn_force_field_params, oriented_below), 0, 0},
+        {offsetof(cairn_force_field_params, tangential_stiffness), -0.01, 1},
+        {offsetof(cairn_force_field_params, tangential_stiffness), 1.01, 1},
+        {offsetof(cairn_force_field_params, tangential_stiffness), 0, 0},
+        {offsetof(cairn_force_field_params, tangential_stiffness), 1, 0},
+        {offsetof(cairn_force_field_params, damping_sigma), -0.01, 1},
+        {offsetof(cairn_force_field_params, damping_sigma), 0, 0},
+        {offsetof(cairn_force_field_params, alignment_torque), -0.01, 1},
+        {offsetof(cairn_force_field_params, alignment_torque), 0, 0},
         {offsetof(cairn_force_field_params, max_relocation), 0, 1},
         {offsetof(cairn_force_field_params, max_relocation), 1e-3, 0},
         {offsetof(cairn_force_field_params, sigma_factor), (double)NAN, 1},
-        {offsetof(cairn_force_field_params, sides_below), (double)NAN, 1},
-        {offsetof(cairn_force_field_params, slide), (double)NAN, 1},
-        {offsetof(cairn_force_field_params, grip), (double)NAN, 1},
-        {offsetof(cairn_force_field_params, twist), (double)NAN, 1},
+        {offsetof(cairn_force_field_params, oriented_below), (double)NAN, 1},
+        {offsetof(cairn_force_field_params, tangential_stiffness), (double)NAN, 1},
+        {offsetof(cairn_force_field_params, damping_sigma), (double)NAN, 1},
+        {offsetof(cairn_force_field_params, alignment_torque), (double)NAN, 1},
         {offsetof(cairn_force_field_params, max_relocation), (double)NAN, 1},
     };
     cairn_force_field_params p;
@@ -339,8 +339,8 @@ static void test_refused(void **state)
         /* What is for springs alone is not looked at without. */
         p.mode = CAIRN_FORCE_FIELD_GRADIENT;
         assert_int_equal(cairn_force_field_memory(&p) == 0,
-                         cases[i].is_refused &&
-                             cases[i].field < offsetof(cairn_force_field_params, slide));
+                         cases[i].is_refused && cases[i].field < offsetof(cairn_force_field_params,
+                                                                          tangential_stiffness));
     }
     p = springs_params(0.3, 10);
     p.mode = 3;
@@ -546,7 +546,7 @@ static void test_any_budget_gives_the_same(void **state)
         assert_memory_equal(out.poses, all.poses, sizeof all.poses);
         assert_int_equal(out.units, all.units);
         assert_int_equal(out.state.bonds, all.state.bonds);
-        assert_in_range(out.state.worst_step, 1, budgets[i]);
+        assert_in_range(out.state.max_step_units, 1, budgets[i]);
     }
 }
 
@@ -578,7 +578,7 @@ static void test_release(void **state)
                 add(f.field, &scans[i + 3], poses[i + 3]);
             iterate(f.field);
             for (int i = 3; i >= 0; i--)
-                assert_ok(cairn_force_field_release(f.field, i));
+                assert_ok(cairn_force_field_remove(f.field, i));
             assert_int_equal(cairn_force_field_step(f.field, &budget), CAIRN_EMPTY);
             cairn_force_field_restart(f.field);
         }
@@ -661,7 +661,7 @@ static void test_nearest_neighbours_end_wrong(void **state)
     p.max_target = 512;
     p.max_iterations = 1;
     p.gate_start = p.gate_end = 5;
-    p.cell = 1;
+    p.cell_size = 1;
     p.direction_gate = CAIRN_PI;
     pool = test_pool(cairn_icp_memory(&p));
     assert_ok(cairn_icp_create(&icp, &pool, &p));

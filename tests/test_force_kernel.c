@@ -97,8 +97,8 @@ static void test_zero_distance(void **state)
 /* ---- Strips ---- */
 
 struct points {
-    cairn_vec2 position[2][CAIRN_FORCE_STRIP];
-    cairn_real mass[2][CAIRN_FORCE_STRIP];
+    cairn_vec2 position[2][CAIRN_FORCE_STRIP_POINTS];
+    cairn_real mass[2][CAIRN_FORCE_STRIP_POINTS];
     cairn_force_strip strip[2];
 };
 
@@ -109,15 +109,15 @@ static void make_points(struct points *p, uint64_t seed)
     cairn_random random = cairn_random_seed(seed, 0);
 
     for (int k = 0; k < 2; k++) {
-        for (int i = 0; i < CAIRN_FORCE_STRIP; i++) {
+        for (int i = 0; i < CAIRN_FORCE_STRIP_POINTS; i++) {
             p->position[k][i].x = cairn_random_uniform(&random, 0, 1);
             p->position[k][i].y = cairn_random_uniform(&random, 0, 1);
             p->mass[k][i] = cairn_random_uniform(&random, CAIRN_REAL(0.5), 4);
         }
         p->strip[k].position = p->position[k];
         p->strip[k].mass = p->mass[k];
-        p->strip[k].count = CAIRN_FORCE_STRIP - 5 * k;
-        p->strip[k].zone = everywhere;
+        p->strip[k].count = CAIRN_FORCE_STRIP_POINTS - 5 * k;
+        p->strip[k].reach_box = everywhere;
     }
 }
 
@@ -143,23 +143,25 @@ static void test_strips_against_the_formulas(void **state)
         make_points(&p, seed);
         /* One point lies on the zone's very side. */
         if (seed % 5 == 1)
-            p.strip[1].zone.max.x = p.position[0][4].x;
+            p.strip[1].reach_box.max.x = p.position[0][4].x;
         if (seed % 5 == 2)
-            p.strip[1].zone.min.y = p.position[0][5].y;
+            p.strip[1].reach_box.min.y = p.position[0][5].y;
         if (seed % 5 == 3)
-            p.strip[1].zone.min.x = p.position[0][6].x;
+            p.strip[1].reach_box.min.x = p.position[0][6].x;
         if (seed % 5 == 4)
-            p.strip[1].zone.max.y = p.position[0][7].y;
+            p.strip[1].reach_box.max.y = p.position[0][7].y;
         memset(&cursor, 0, sizeof cursor);
         cursor.row = first;
         assert_ok(cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, with, &sum,
                                             &budget));
-        assert_int_equal(cursor.row, CAIRN_FORCE_STRIP);
+        assert_int_equal(cursor.row, CAIRN_FORCE_STRIP_POINTS);
         for (int i = first; i < p.strip[0].count; i++) {
             a.position = p.position[0][i];
             cost++;
-            if (a.position.x > p.strip[1].zone.max.x || a.position.y < p.strip[1].zone.min.y ||
-                a.position.x < p.strip[1].zone.min.x || a.position.y > p.strip[1].zone.max.y)
+            if (a.position.x > p.strip[1].reach_box.max.x ||
+                a.position.y < p.strip[1].reach_box.min.y ||
+                a.position.x < p.strip[1].reach_box.min.x ||
+                a.position.y > p.strip[1].reach_box.max.y)
                 continue;
             cost += (p.strip[1].count + 7) / 8;
             for (int j = 0; j < p.strip[1].count; j++) {
@@ -290,8 +292,8 @@ static void test_springs_turned(void **state)
 
         make_points(&p, 3);
         for (int k = 0; k < 2; k++)
-            for (int i = 0; i < CAIRN_FORCE_STRIP && turn; i++)
-                p.position[k][i] = cairn_vec2_left(p.position[k][i]);
+            for (int i = 0; i < CAIRN_FORCE_STRIP_POINTS && turn; i++)
+                p.position[k][i] = cairn_vec2_left_perp(p.position[k][i]);
         memset(&springs[turn], 0, sizeof springs[turn]);
         memset(&sum, 0, sizeof sum);
         memset(&cursor, 0, sizeof cursor);

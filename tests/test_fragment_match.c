@@ -144,9 +144,9 @@ static void finds_what_was_laid(void **state)
             good++;
             assert_int_equal(f->reversed, k % 2);
             assert_near(f->scale, scale, 0.15 * scale);
-            assert_near(f->centre.x, 200 + scale * (double)m.model.centroid.x, 0.15 * scale);
-            assert_near(f->centre.y, 150 + scale * (double)m.model.centroid.y, 0.15 * scale);
-            assert_true(f->off < CAIRN_REAL(0.04) * (cairn_real)scale);
+            assert_near(f->centroid.x, 200 + scale * (double)m.model.centroid.x, 0.15 * scale);
+            assert_near(f->centroid.y, 150 + scale * (double)m.model.centroid.y, 0.15 * scale);
+            assert_true(f->rms_residual < CAIRN_REAL(0.04) * (cairn_real)scale);
             assert_near(f->to - f->from, scale * (double)m.model.fragments[f->fragment].length,
                         0.2 * scale);
         }
@@ -184,8 +184,8 @@ static void prefers_the_larger_scale(void **state)
     assert_near(r.matches[0].similarity, 1, 0);
     assert_true(r.matches[0].scale > CAIRN_REAL(200 / 1.19) &&
                 r.matches[0].scale < CAIRN_REAL(200.001));
-    assert_near(r.matches[0].off, 0, NUMBER(1e-9, 1e-3));
-    assert_near(r.matches[0].centre.y, 20 + (double)r.matches[0].scale / 2, 1e-3);
+    assert_near(r.matches[0].rms_residual, 0, NUMBER(1e-9, 1e-3));
+    assert_near(r.matches[0].centroid.y, 20 + (double)r.matches[0].scale / 2, 1e-3);
     end(&m);
 }
 
@@ -217,9 +217,10 @@ static double align(const matching *m, const double *a, int32_t n, const double 
     memset(table, 0, sizeof table);
     for (int32_t i = 1; i <= n; i++)
         for (int32_t j = 1; j <= columns; j++) {
-            double pair = 1 - turn_between(a[i - 1], b[(j - 1) % count]) / (double)m->params.turn;
+            double pair =
+                1 - turn_between(a[i - 1], b[(j - 1) % count]) / (double)m->params.zero_score_angle;
             double sum = fmax(table[i - 1][j - 1] + pair,
-                              fmax(table[i - 1][j], table[i][j - 1]) - (double)m->params.gap);
+                              fmax(table[i - 1][j], table[i][j - 1]) - (double)m->params.gap_cost);
 
             table[i][j] = fmax(sum, 0);
             best = fmax(best, table[i][j]);
@@ -271,9 +272,9 @@ static void is_as_good_as_whole_tables(void **state)
         int32_t missed = 0, doubtful = 0;
         matching m;
 
-        params.matches_each = CHAINS;
-        params.turn = seed == 2 ? CAIRN_REAL(0.7) : params.turn;
-        params.gap = seed == 1 ? 1 : params.gap;
+        params.matches_per_fragment = CHAINS;
+        params.zero_score_angle = seed == 2 ? CAIRN_REAL(0.7) : params.zero_score_angle;
+        params.gap_cost = seed == 1 ? 1 : params.gap_cost;
         start(&m, &params);
         lay_clutter(&m, 11, seed);
         lay(&m, 5, 30, 100, 200, 100, (int)seed % 2);
@@ -300,7 +301,7 @@ static void is_as_good_as_whole_tables(void **state)
             }
         /* Where nothing is found, nothing is like the fragment, but for what went because of its
          * scale. */
-        assert_in_range(r.kept - r.count, missed, doubtful);
+        assert_in_range(r.candidate_count - r.count, missed, doubtful);
         for (int32_t i = 1; i < r.count; i++)
             assert_true(r.matches[i].fragment != r.matches[i - 1].fragment ||
                         r.matches[i].similarity <= r.matches[i - 1].similarity);
@@ -329,8 +330,8 @@ static void narrow_limits_lose_little(void **state)
         lay(&m, 0, CORNERS, 100, 200, 150, 0);
         r = run(&m);
         for (int32_t k = 0; k < r.count; k++) {
-            double dx = (double)r.matches[k].centre.x - 200 - 100 * (double)m.model.centroid.x;
-            double dy = (double)r.matches[k].centre.y - 150 - 100 * (double)m.model.centroid.y;
+            double dx = (double)r.matches[k].centroid.x - 200 - 100 * (double)m.model.centroid.x;
+            double dy = (double)r.matches[k].centroid.y - 150 - 100 * (double)m.model.centroid.y;
 
             right += hypot(dx, dy) < 15 && (double)r.matches[k].similarity > 0.8;
         }
@@ -351,7 +352,7 @@ static void keeps_the_best(void **state)
     matching m;
 
     (void)state;
-    params.matches_each = CHAINS;
+    params.matches_per_fragment = CHAINS;
     params.min_scale = CAIRN_REAL(0.001);
     params.max_scale = 1000000;
     params.min_step = 4;
@@ -361,7 +362,7 @@ static void keeps_the_best(void **state)
     count = r.count;
     memcpy(all, r.matches, (size_t)count * sizeof *all);
     end(&m);
-    params.matches_each = 3;
+    params.matches_per_fragment = 3;
     start(&m, &params);
     lay_clutter(&m, CHAINS, 8);
     r = run(&m);
@@ -392,7 +393,7 @@ static void matches_nothing(void **state)
     (void)state;
     start(&m, &params);
     assert_int_equal(run(&m).count, 0);
-    assert_int_equal(cairn_fragment_match_read(m.matcher).cells, 0);
+    assert_int_equal(cairn_fragment_match_read(m.matcher).cell_count, 0);
     assert_ok(cairn_fragment_match_begin(m.matcher, &m.model, NULL, 0));
     assert_ok(cairn_fragment_match_step(m.matcher, &budget));
     m.chains[0] = (cairn_curve){one, 1, 0};
@@ -444,9 +445,9 @@ static void is_bounded(void **state)
         for (double step = 2; step < 200; step *= 2)
             samples +=
                 MANY / CHAINS * (20 + (int64_t)((double)cairn_curve_length(&m.chains[i]) / step));
-    assert_true(r.cells > 0 && r.cells <= samples * 2 * SAMPLES * m.model.fragment_count);
-    assert_true(INT32_MAX - budget.left <= r.cells / 4);
-    assert_true(r.count <= params.matches_each * m.model.fragment_count);
+    assert_true(r.cell_count > 0 && r.cell_count <= samples * 2 * SAMPLES * m.model.fragment_count);
+    assert_true(INT32_MAX - budget.left <= r.cell_count / 4);
+    assert_true(r.count <= params.matches_per_fragment * m.model.fragment_count);
     /* Of equal chains the first. */
     for (int32_t i = 0; i < r.count; i++)
         assert_in_range(r.matches[i].chain, 0, 2 * CHAINS - 1);
@@ -474,7 +475,7 @@ static uint64_t tell(void *context)
 {
     matching *m = context;
     cairn_fragment_match_result r = cairn_fragment_match_read(m->matcher);
-    uint64_t hash = test_hash(TEST_HASH_START, &r.cells, sizeof r.cells);
+    uint64_t hash = test_hash(TEST_HASH_START, &r.cell_count, sizeof r.cell_count);
 
     for (int32_t i = 0; i < r.count; i++) {
         hash = test_hash(hash, &r.matches[i].fragment, 4 * sizeof(int32_t));
@@ -541,22 +542,22 @@ static void refuses_bad_params(void **state)
         bad[i] = good;
     bad[0].max_fragments = 0;
     bad[1].max_fragments = 65537;
-    bad[2].samples_each = 1;
-    bad[3].samples_each = 65;
+    bad[2].samples_per_fragment = 1;
+    bad[3].samples_per_fragment = 65;
     bad[4].max_chains = 0;
     bad[5].max_samples = 3;
     bad[6].max_samples = (1 << 20) + 1;
-    bad[7].matches_each = 0;
-    bad[8].matches_each = 65;
+    bad[7].matches_per_fragment = 0;
+    bad[8].matches_per_fragment = 65;
     bad[9].min_scale = 0;
     bad[10].max_scale = good.min_scale / 2;
     bad[11].max_scale = (cairn_real)NAN;
     bad[12].min_step = CAIRN_REAL(0.4);
     bad[13].step_ratio = 1;
-    bad[14].turn = 0;
-    bad[15].turn = 4;
-    bad[16].gap = CAIRN_REAL(0.4);
-    bad[17].gap = 5;
+    bad[14].zero_score_angle = 0;
+    bad[15].zero_score_angle = 4;
+    bad[16].gap_cost = CAIRN_REAL(0.4);
+    bad[17].gap_cost = 5;
     bad[18].min_similarity = 0;
     bad[19].min_similarity = CAIRN_REAL(1.1);
     for (size_t i = 0; i < count; i++) {
@@ -569,7 +570,7 @@ static void refuses_bad_params(void **state)
     good.max_fragments = 2;
     good.max_chains = 3;
     good.max_samples = 8;
-    good.samples_each = 4;
+    good.samples_per_fragment = 4;
     test_every_pool_size(create, &good, cairn_fragment_match_memory(&good));
     test_pool_free(&pool);
 }

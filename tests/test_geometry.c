@@ -60,8 +60,8 @@ static void vectors(void **state)
     assert_near(cairn_vec2_dot(a, b), -14, 0);
     assert_near(cairn_vec2_cross(a, b), 23, 0);
     assert_true(cairn_vec2_cross(vec(1, 0), vec(0, 1)) > 0);
-    assert_vec(cairn_vec2_left(a), 4, 3, 0);
-    assert_vec(cairn_vec2_left(vec(1, 0)), 0, 1, 0);
+    assert_vec(cairn_vec2_left_perp(a), 4, 3, 0);
+    assert_vec(cairn_vec2_left_perp(vec(1, 0)), 0, 1, 0);
     assert_near(cairn_vec2_norm_squared(a), 25, 0);
     assert_near(cairn_vec2_norm(a), 5, 0);
     assert_vec(cairn_vec2_unit(a), 0.6, -0.8, TOLERANCE);
@@ -235,10 +235,10 @@ static void crossing(const int corners[8], int expected)
     cairn_segment b = segment(corners[4], corners[5], corners[6], corners[7]);
     cairn_segment a_back = {a.b, a.a}, b_back = {b.b, b.a};
 
-    assert_int_equal(cairn_segments_cross(a, b), expected);
-    assert_int_equal(cairn_segments_cross(b, a), expected);
-    assert_int_equal(cairn_segments_cross(a_back, b), expected);
-    assert_int_equal(cairn_segments_cross(b_back, a), expected);
+    assert_int_equal(cairn_segments_intersect(a, b), expected);
+    assert_int_equal(cairn_segments_intersect(b, a), expected);
+    assert_int_equal(cairn_segments_intersect(a_back, b), expected);
+    assert_int_equal(cairn_segments_intersect(b_back, a), expected);
 }
 
 static void segments_cross(void **state)
@@ -411,8 +411,8 @@ static void shared_borders(void **state)
 static void a_motion_about_a_point(void **state)
 {
     cairn_vec2 from = {1, 0}, to = {-2, 5};
-    cairn_pose motion = cairn_pose_about(from, to, 0, 3),
-               straight = cairn_pose_about(from, to, 2, 0);
+    cairn_pose motion = cairn_pose_from_moments(from, to, 0, 3),
+               straight = cairn_pose_from_moments(from, to, 2, 0);
     cairn_pose by_hand = {-2, 4, CAIRN_PI / 2}, shift = {-3, 5, 0};
 
     (void)state;
@@ -497,13 +497,11 @@ static cairn_pose rolled(cairn_twist twist, double fraction)
     cairn_pose pose;
 
     for (int i = 0; i < STEPS; i++) {
-        double middle = theta + (double)twist.turn * step / 2;
+        double middle = theta + (double)twist.angular * step / 2;
 
-        x += step *
-             ((double)twist.velocity.x * cos(middle) - (double)twist.velocity.y * sin(middle));
-        y += step *
-             ((double)twist.velocity.x * sin(middle) + (double)twist.velocity.y * cos(middle));
-        theta += (double)twist.turn * step;
+        x += step * ((double)twist.linear.x * cos(middle) - (double)twist.linear.y * sin(middle));
+        y += step * ((double)twist.linear.x * sin(middle) + (double)twist.linear.y * cos(middle));
+        theta += (double)twist.angular * step;
     }
     pose.x = (cairn_real)x;
     pose.y = (cairn_real)y;
@@ -522,15 +520,16 @@ static void twists(void **state)
         cairn_twist twist;
 
         motion.theta = (cairn_real)turns[i];
-        twist = cairn_twist_of(motion);
-        assert_near(twist.turn, turns[i], 1e-6);
-        assert_pose(cairn_twist_at(twist, 1), motion, NUMBER(1e-9, 1e-4));
-        assert_pose(cairn_twist_at(twist, 0), cairn_pose_identity(), 0);
-        half = cairn_twist_at(twist, CAIRN_REAL(0.5));
+        twist = cairn_twist_log(motion);
+        assert_near(twist.angular, turns[i], 1e-6);
+        assert_pose(cairn_twist_exp(twist, 1), motion, NUMBER(1e-9, 1e-4));
+        assert_pose(cairn_twist_exp(twist, 0), cairn_pose_identity(), 0);
+        half = cairn_twist_exp(twist, CAIRN_REAL(0.5));
         assert_pose(cairn_pose_compose(half, half), motion, NUMBER(1e-9, 1e-4));
-        assert_pose(cairn_twist_at(twist, CAIRN_REAL(0.3)), rolled(twist, 0.3), NUMBER(1e-7, 1e-4));
+        assert_pose(cairn_twist_exp(twist, CAIRN_REAL(0.3)), rolled(twist, 0.3),
+                    NUMBER(1e-7, 1e-4));
     }
-    assert_near(cairn_twist_of((cairn_pose){1, 0, 2 * CAIRN_PI + CAIRN_REAL(0.5)}).turn, 0.5,
+    assert_near(cairn_twist_log((cairn_pose){1, 0, 2 * CAIRN_PI + CAIRN_REAL(0.5)}).angular, 0.5,
                 NUMBER(1e-12, 1e-5));
 }
 

@@ -135,7 +135,7 @@ static int slow_is_peak(const struct slow *s, int32_t row, int32_t column)
     int32_t beside = (int32_t)ceil((double)s->p->separation / s->step - 1e-6);
     double votes = s->votes[row * columns + column];
 
-    if (votes < 0.4 * (double)s->p->least_votes)
+    if (votes < 0.4 * (double)s->p->min_votes)
         return 0;
     for (int32_t r = 0; r < s->rows; r++)
         for (int32_t c = 0; c < columns; c++) {
@@ -295,7 +295,7 @@ static void slow_search(struct slow *s)
             slow_refit(s, l, 2 * fmax((double)s->p->support_distance, s->step));
             slow_refit(s, l, (double)s->p->support_distance);
             slow_measure(s, l);
-            s->count += l->votes >= (double)s->p->least_votes;
+            s->count += l->votes >= (double)s->p->min_votes;
         }
     free(s->votes);
     qsort(s->lines, (size_t)s->count, sizeof *s->lines, by_votes);
@@ -351,7 +351,7 @@ static void assert_same_line(const cairn_hough_line *l, const struct slow_line *
     assert_near(l->low, sign > 0 ? s->low : -s->high, near);
     assert_near(l->high, sign > 0 ? s->high : -s->low, near);
     assert_near(l->rms, s->rms, near);
-    assert_near(l->covered, s->covered, 2.1 * (double)p->distance_step);
+    assert_near(l->covered_length, s->covered, 2.1 * (double)p->distance_step);
 }
 
 static void finds_what_the_obvious_way_finds(void **state)
@@ -422,7 +422,7 @@ static void slow_as_written(struct slow *s)
             double dx = cos(row * turn), dy = sin(row * turn);
             struct slow_line *l = &s->lines[s->count];
 
-            if (s->votes[row * s->p->distances + column] < (double)s->p->least_votes ||
+            if (s->votes[row * s->p->distances + column] < (double)s->p->min_votes ||
                 !slow_is_peak(s, row, column))
                 continue;
             assert_true(s->count < MOST_LINES);
@@ -474,7 +474,7 @@ static void as_written_is_the_classical_transform(void **state)
         p.angles = 60;
         p.distances = 130 + (int32_t)seed;
         p.max_lines = MOST_LINES;
-        p.least_votes = 40;
+        p.min_votes = 40;
         scatter(&c, seed);
         s.p = &p;
         s.c = &c;
@@ -560,7 +560,7 @@ static void pieces_of_a_wall_are_one_line(void **state)
         assert_near(lines[0].direction.x, dx, NUMBER(1e-12, 1e-5));
         assert_near(lines[0].direction.y, dy, NUMBER(1e-12, 1e-5));
         assert_near(lines[0].high - lines[0].low, 7, NUMBER(1e-9, 1e-4));
-        assert_near(lines[0].covered, 5, 0.1);
+        assert_near(lines[0].covered_length, 5, 0.1);
         assert_near(lines[0].rms, 0, NUMBER(1e-7, 1e-3));
         s = cairn_hough_segment(&lines[0]);
         assert_near(s.a.x, 3 + dx, NUMBER(1e-9, 1e-4));
@@ -740,7 +740,8 @@ static void far_points_fit(void **state)
     assert_near(lines[0].point.x, 500, 1e-2);
     assert_near(lines[1].votes, 30, 0);
     assert_near(lines[1].point.y, 300, 1e-2);
-    assert_near(lines[1].covered, 0, 0); /* the points are farther apart than the spacing says */
+    /* the points are farther apart than the spacing says */
+    assert_near(lines[1].covered_length, 0, 0);
     test_pool_free(&f.pool);
 }
 
@@ -764,7 +765,7 @@ static void places_do_not_matter(void **state)
         assert_int_equal(found, 2);
         assert_near(lines[0].votes, 60, 0);
         assert_near(lines[1].votes, 40, 0);
-        assert_near(lines[1].covered, 3.9, 0.1);
+        assert_near(lines[1].covered_length, 3.9, 0.1);
     }
     test_pool_free(&f.pool);
 }
@@ -797,7 +798,7 @@ static void tolerances_can_be_adjusted(void **state)
     assert_int_equal(found, 1);
     assert_near(lines[0].votes, 60, 0);
     p.angle_tolerance = p.separation_angle = CAIRN_REAL(0.1);
-    p.least_votes = 61;
+    p.min_votes = 61;
     assert_ok(cairn_hough_adjust(f.hough, &p));
     (void)search(f.hough, &c, &found);
     assert_int_equal(found, 0);
@@ -871,7 +872,7 @@ static uint64_t add_found(const cairn_hough *hough, uint64_t hash)
         hash = add_real(add_real(add_real(add_real(hash, s.a.x), s.a.y), s.b.x), s.b.y);
         hash = add_real(add_real(hash, l[i].point.x), l[i].point.y);
         hash = add_real(add_real(hash, l[i].direction.x), l[i].direction.y);
-        hash = add_real(add_real(add_real(hash, l[i].covered), l[i].votes), l[i].rms);
+        hash = add_real(add_real(add_real(hash, l[i].covered_length), l[i].votes), l[i].rms);
     }
     return hash;
 }
@@ -899,7 +900,7 @@ static cairn_hough_params draw_params(cairn_random *random)
     p.separation_angle = CAIRN_PI / (cairn_real)(8 + cairn_random_below(random, 3));
     p.support_distance = CAIRN_REAL(0.125) * (cairn_real)(1 + cairn_random_below(random, 3));
     p.spacing = CAIRN_REAL(0.25) * (cairn_real)(1 + cairn_random_below(random, 2));
-    p.least_votes = (cairn_real)(4 + cairn_random_below(random, 8));
+    p.min_votes = (cairn_real)(4 + cairn_random_below(random, 8));
     p.max_lines = 1 + cairn_random_below(random, 12);
     return p;
 }
@@ -1140,9 +1141,9 @@ static void bad_params_are_refused(void **state)
     REFUSED(p.support_distance = (cairn_real)INFINITY);
     REFUSED(p.spacing = 0);
     REFUSED(p.spacing = (cairn_real)NAN);
-    REFUSED(p.least_votes = 0);
-    REFUSED(p.least_votes = (cairn_real)NAN);
-    REFUSED(p.least_votes = (cairn_real)INFINITY);
+    REFUSED(p.min_votes = 0);
+    REFUSED(p.min_votes = (cairn_real)NAN);
+    REFUSED(p.min_votes = (cairn_real)INFINITY);
     p = cairn_hough_default();
     assert_int_equal(cairn_hough_memory(NULL), 0);
     assert_status(cairn_hough_create(&hough, &pool, NULL), CAIRN_BAD_ARGUMENT);

@@ -128,7 +128,7 @@ static void assert_as_slow(measuring *m, const cairn_curve *outlines, int32_t co
             assert_near(r.distance[i * r.stride + k], g.d[i][k], tolerance);
             greatest = fmax(greatest, g.d[i][k]);
         }
-    assert_near(r.greatest, greatest, tolerance);
+    assert_near(r.max_distance, greatest, tolerance);
 }
 
 static cairn_curve closed(const cairn_vec2 *points, int32_t count)
@@ -287,7 +287,7 @@ static void crossed_outlines_stay_finite(void **state)
 static uint64_t hash_of(void *context)
 {
     cairn_inner_distance_result r = cairn_inner_distance_read(((measuring *)context)->inner);
-    uint64_t hash = test_hash(TEST_HASH_START, &r.greatest, sizeof r.greatest);
+    uint64_t hash = test_hash(TEST_HASH_START, &r.max_distance, sizeof r.max_distance);
 
     for (int32_t i = 0; i < r.count; i++)
         hash = test_hash(hash, &r.distance[i * r.stride], (size_t)r.count * sizeof *r.distance);

@@ -291,7 +291,7 @@ static void test_any_bytes(void **state)
 
 static void test_depth(void **state)
 {
-    char text[CAIRN_JSON_DEPTH_MOST + 2];
+    char text[CAIRN_JSON_MAX_DEPTH + 2];
     cairn_json json;
     cairn_json_token token;
     cairn_file_error error;
@@ -299,20 +299,20 @@ static void test_depth(void **state)
     (void)state;
     memset(text, '[', sizeof text);
     json = cairn_json_begin("f", text, sizeof text);
-    for (int i = 0; i < CAIRN_JSON_DEPTH_MOST; i++)
+    for (int i = 0; i < CAIRN_JSON_MAX_DEPTH; i++)
         assert_ok(cairn_json_next(&json, &token, NULL));
     assert_status(cairn_json_next(&json, &token, &error), CAIRN_FULL);
     assert_string_equal(error.text, "f:1: nested too deep, expected at most 64");
     assert_status(cairn_json_next(&json, &token, NULL), CAIRN_FULL);
     /* So deep it still knows an object from an array, and closes. */
-    for (int i = 0; i < CAIRN_JSON_DEPTH_MOST / 2; i++) {
+    for (int i = 0; i < CAIRN_JSON_MAX_DEPTH / 2; i++) {
         text[i] = '[';
-        text[CAIRN_JSON_DEPTH_MOST - 1 - i] = ']';
+        text[CAIRN_JSON_MAX_DEPTH - 1 - i] = ']';
     }
-    text[CAIRN_JSON_DEPTH_MOST / 2 - 1] = '{';
-    text[CAIRN_JSON_DEPTH_MOST / 2] = '}';
-    json = cairn_json_begin("f", text, CAIRN_JSON_DEPTH_MOST);
-    for (int i = 0; i < CAIRN_JSON_DEPTH_MOST; i++)
+    text[CAIRN_JSON_MAX_DEPTH / 2 - 1] = '{';
+    text[CAIRN_JSON_MAX_DEPTH / 2] = '}';
+    json = cairn_json_begin("f", text, CAIRN_JSON_MAX_DEPTH);
+    for (int i = 0; i < CAIRN_JSON_MAX_DEPTH; i++)
         assert_ok(cairn_json_next(&json, &token, NULL));
     assert_ok(cairn_json_next(&json, &token, NULL));
     assert_int_equal(token.kind, CAIRN_JSON_END);

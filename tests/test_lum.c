@@ -126,7 +126,7 @@ static int32_t reference_link(const cairn_lum_params *params, const cairn_pose *
     memset(g, 0, 3 * sizeof(double));
     *miss = 0;
     for (int32_t k = 0; k < scans[j].count; k++) {
-        double b[2], best = (double)params->distance, a[2], near[2] = {0, 0}, x, y, z[2];
+        double b[2], best = (double)params->max_pair_distance, a[2], near[2] = {0, 0}, x, y, z[2];
         double cj = cos((double)poses[j].theta), sj = sin((double)poses[j].theta);
         double ci = cos((double)poses[i].theta), si = sin((double)poses[i].theta);
         cairn_vec2 dj = scans[j].at[k].direction;
@@ -240,7 +240,8 @@ static double reference_iterate(const cairn_lum_params *params, cairn_pose *pose
             }
             eliminate(&d[0][0], 3);
             left = miss - d[0][3] * g[0] - d[1][3] * g[1] - d[2][3] * g[2];
-            by = 1 / fmax(left / (2.0 * pairs - 3), (double)params->sigma * (double)params->sigma);
+            by = 1 / fmax(left / (2.0 * pairs - 3),
+                          (double)params->min_sigma * (double)params->min_sigma);
             error += reference_w(h, (const double[]){d[0][3], d[1][3], d[2][3]}, 1 / by);
             for (int u = 0; u < 3; u++) {
                 for (int v = 0; v < 3; v++) {
@@ -277,16 +278,16 @@ static void iterations_are_those_of_the_reference(void **state)
         cairn_lum *lum;
 
         make_scans(0.05, 0.03);
-        params.rebuild = rebuild;
-        params.sigma = rebuild == 1 ? CAIRN_REAL(0.001) : params.sigma;
+        params.rebuild_interval = rebuild;
+        params.min_sigma = rebuild == 1 ? CAIRN_REAL(0.001) : params.min_sigma;
         params.direction_gate = rebuild == 2 ? CAIRN_PI : params.direction_gate;
         told = params;
         if (rebuild == 3) { /* as written: what the mode does not read is told wrong */
             told = params = as_written_params();
-            told.rebuild = 1;
+            told.rebuild_interval = 1;
             told.direction_gate = CAIRN_REAL(0.1);
-            told.sigma = 1;
-            told.registers = 1;
+            told.min_sigma = 1;
+            told.sequential_registration = 1;
             assert_int_equal(cairn_lum_memory(&told), cairn_lum_memory(&params));
         }
         lum = new_lum(&pool, &told);
@@ -300,7 +301,7 @@ static void iterations_are_those_of_the_reference(void **state)
 
             assert_ok(cairn_lum_iterate(lum, &budget));
             assert_int_equal(cairn_lum_read(lum).iterations, k);
-            assert_near(cairn_lum_read(lum).error, error, NUMBER(1e-9, 0.05) * error);
+            assert_near(cairn_lum_read(lum).chi2, error, NUMBER(1e-9, 0.05) * error);
             for (int32_t i = 0; i < SCANS; i++) {
                 cairn_pose pose = cairn_lum_pose(lum, i);
 
@@ -333,13 +334,13 @@ static void a_room_comes_back(void **state)
         assert_int_equal(end.verdict, CAIRN_LUM_CONVERGED);
         assert_int_equal(end.scans, SCANS);
         assert_int_equal(end.links, 6);
-        assert_int_equal(end.pieces, 1);
+        assert_int_equal(end.components, 1);
         assert_true(end.pairs > 6 * 200);
-        assert_true(end.motion <= params.converged);
+        assert_true(end.max_motion <= params.converged_distance);
         for (int32_t i = 0; i < SCANS; i++) {
             cairn_pose pose = cairn_lum_pose(lum, i);
 
-            assert_int_equal(cairn_lum_is_joined(lum, i), 1);
+            assert_int_equal(cairn_lum_is_connected(lum, i), 1);
             assert_near(pose.x, scans[i].truth.x, 0.05);
             assert_near(pose.y, scans[i].truth.y, 0.05);
             assert_near(cairn_wrap_angle(pose.theta - scans[i].truth.theta), 0, 0.02);
@@ -400,8 +401,8 @@ static double reference_match(const cairn_lum_params *params, const cairn_pose *
         return 0;
     icp_params.max_target = SCANS * MOST;
     icp_params.max_iterations = 60;
-    icp_params.gate_start = params->register_gate;
-    icp_params.gate_end = params->distance / 2;
+    icp_params.gate_start = params->registration_gate;
+    icp_params.gate_end = params->max_pair_distance / 2;
     icp_params.gate_factor = CAIRN_REAL(1.5);
     icp_params.direction_gate = params->direction_gate;
     for (int k = 0; k < 3; k++) {
@@ -416,12 +417,12 @@ static double reference_match(const cairn_lum_params *params, const cairn_pose *
         for (int32_t j = 0; j < SCANS; j++)
             if (used[j])
                 assert_ok(cairn_icp_add_target(icp, scans[j].at, scans[j].count, placed[j], NULL));
-        turned.theta += (cairn_real)(k == 2 ? -1 : k) * params->register_turn;
+        turned.theta += (cairn_real)(k == 2 ? -1 : k) * params->registration_angle;
         assert_ok(cairn_icp_begin(icp, scans[scan].at, scans[scan].count, turned, NULL, NULL));
         assert_ok(cairn_icp_step(icp, &budget));
         result = cairn_icp_read(icp);
         score = (double)result.overlap * sqrt((double)scans[scan].count) /
-                ((double)result.mean_distance + (double)params->sigma);
+                ((double)result.mean_distance + (double)params->min_sigma);
         if (result.verdict != CAIRN_ICP_TOO_FEW_PAIRS && score > best) {
             best = score;
             *pose = result.target_query;
@@ -517,7 +518,7 @@ static void check_registration(const cairn_lum_params *params, const cairn_pose 
         assert_ok(cairn_lum_begin(lum));
         assert_ok(cairn_lum_iterate(lum, &budget));
         assert_int_equal(cairn_lum_read(lum).iterations, 0);
-        assert_int_equal(cairn_lum_read(lum).registered, registered);
+        assert_int_equal(cairn_lum_read(lum).registered_scans, registered);
         for (int32_t i = 0; i < SCANS; i++) {
             pose = cairn_lum_pose(lum, i);
             assert_near(pose.x, placed[i].x, NUMBER(1e-9, 2e-3));
@@ -539,8 +540,8 @@ static void registration_is_that_of_the_reference(void **state)
     cairn_pose placed[SCANS];
 
     (void)state;
-    params.registers = 1;
-    params.register_spacing = CAIRN_REAL(0.02);
+    params.sequential_registration = 1;
+    params.registration_spacing = CAIRN_REAL(0.02);
     make_scans(0.4, 0.35);
     roughen();
     scans[0].count -= 12; /* the first scan is not the first that is placed */
@@ -553,11 +554,11 @@ static void registration_is_that_of_the_reference(void **state)
     roughen();
     scans[1].count = 0;
     scans[2].start.x += 25;
-    params.register_turn = CAIRN_REAL(0.4);
-    params.register_gate = CAIRN_REAL(0.5);
+    params.registration_angle = CAIRN_REAL(0.4);
+    params.registration_gate = CAIRN_REAL(0.5);
     params.direction_gate = CAIRN_REAL(0.7);
-    params.distance = CAIRN_REAL(0.3);
-    params.sigma = CAIRN_REAL(0.05);
+    params.max_pair_distance = CAIRN_REAL(0.3);
+    params.min_sigma = CAIRN_REAL(0.05);
     assert_int_equal(reference_register(&params, placed), 1);
     check_registration(&params, placed, 1);
     for (int32_t i = 0; i < SCANS; i++) {
@@ -570,13 +571,13 @@ static void registration_is_that_of_the_reference(void **state)
     scans[2].start.x += 25;
     scans[3].start.x += 25;
     params = small_params();
-    params.registers = 1;
-    params.register_spacing = CAIRN_REAL(0.02);
+    params.sequential_registration = 1;
+    params.registration_spacing = CAIRN_REAL(0.02);
     assert_int_equal(reference_register(&params, placed), 2);
     check_registration(&params, placed, 2);
     make_scans(0.4, 0.35);
     roughen();
-    params.register_turn = 0;
+    params.registration_angle = 0;
     check_registration(&params, placed, reference_register(&params, placed));
 }
 
@@ -588,12 +589,12 @@ static void registration_brings_back_what_is_far(void **state)
 
     (void)state;
     make_scans(0.4, 0.35);
-    params.rebuild = 5;
+    params.rebuild_interval = 5;
     for (int32_t registers = 0; registers < 2; registers++) {
         cairn_pool pool;
         cairn_lum *lum;
 
-        params.registers = registers;
+        params.sequential_registration = registers;
         lum = new_lum(&pool, &params);
         add_all(lum);
         assert_ok(cairn_lum_begin(lum));
@@ -625,10 +626,10 @@ static void pieces_stay_and_are_told(void **state)
     assert_ok(cairn_lum_begin(lum));
     assert_ok(run(lum, CAIRN_UNBOUNDED));
     assert_int_equal(cairn_lum_read(lum).verdict, CAIRN_LUM_CONVERGED);
-    assert_int_equal(cairn_lum_read(lum).pieces, 3);
+    assert_int_equal(cairn_lum_read(lum).components, 3);
     assert_int_equal(cairn_lum_read(lum).links, 1);
     for (int32_t i = 0; i < SCANS; i++)
-        assert_int_equal(cairn_lum_is_joined(lum, i), i == 0);
+        assert_int_equal(cairn_lum_is_connected(lum, i), i == 0);
     for (int32_t i = 0; i < 3; i++) {
         pose = cairn_lum_pose(lum, i);
         assert_memory_equal(&pose, &scans[i].start, sizeof pose);
@@ -723,7 +724,7 @@ static void scans_that_just_meet(void **state)
             assert_ok(cairn_lum_begin(lum));
             assert_ok(run(lum, CAIRN_UNBOUNDED));
             assert_int_equal(cairn_lum_read(lum).links, known[k].links);
-            assert_int_equal(cairn_lum_read(lum).pieces, 2 - known[k].links);
+            assert_int_equal(cairn_lum_read(lum).components, 2 - known[k].links);
             test_pool_free(&pool);
         }
 }
@@ -771,15 +772,15 @@ static void defaults(void **state)
     assert_int_equal(p.max_fill, 64 * 63 / 2);
     assert_int_equal(p.min_pairs, 5);
     assert_int_equal(p.max_iterations, 500);
-    assert_int_equal(p.rebuild, 0);
-    assert_near(p.distance, 0.2, 1e-7);
+    assert_int_equal(p.rebuild_interval, 0);
+    assert_near(p.max_pair_distance, 0.2, 1e-7);
     assert_near(p.direction_gate, acos(0.5), 1e-6);
-    assert_near(p.sigma, 0.02, 1e-7);
-    assert_near(p.converged, 0.0001, 1e-9);
-    assert_int_equal(p.registers, 0);
-    assert_near(p.register_gate, 0.7, 1e-7);
-    assert_near(p.register_turn, acos(-1) / 18, 1e-7);
-    assert_near(p.register_spacing, 0.08, 1e-7);
+    assert_near(p.min_sigma, 0.02, 1e-7);
+    assert_near(p.converged_distance, 0.0001, 1e-9);
+    assert_int_equal(p.sequential_registration, 0);
+    assert_near(p.registration_gate, 0.7, 1e-7);
+    assert_near(p.registration_angle, acos(-1) / 18, 1e-7);
+    assert_near(p.registration_spacing, 0.08, 1e-7);
 }
 
 /* Nothing but what the thesis has; pairs that fit exactly do not divide by 0. */
@@ -791,14 +792,14 @@ static void as_written(void **state)
 
     (void)state;
     assert_int_equal(p.mode, CAIRN_MODE_AS_WRITTEN);
-    assert_int_equal(p.rebuild, 0);
+    assert_int_equal(p.rebuild_interval, 0);
     assert_int_equal(p.min_pairs, 5);
     assert_int_equal(p.max_iterations, 500);
-    assert_int_equal(p.registers, 0);
-    assert_near(p.distance, 0.2, 1e-7);
+    assert_int_equal(p.sequential_registration, 0);
+    assert_near(p.max_pair_distance, 0.2, 1e-7);
     assert_near(p.direction_gate, acos(-1), 1e-6);
-    other.registers = 1;
-    other.register_gate = 2;
+    other.sequential_registration = 1;
+    other.registration_gate = 2;
     assert_int_equal(cairn_lum_memory(&other), cairn_lum_memory(&p));
     other.mode = 2;
     assert_int_equal(cairn_lum_memory(&other), 0);
@@ -816,7 +817,7 @@ static void as_written(void **state)
     assert_int_equal(cairn_lum_read(lum).iterations, 1);
     assert_int_equal(cairn_lum_read(lum).links, SCANS * (SCANS - 1) / 2);
     assert_int_equal(cairn_lum_read(lum).pairs, SCANS * (SCANS - 1) / 2 * scans[0].count);
-    assert_near(cairn_lum_read(lum).error, 0, NUMBER(1e-9, 1e-3));
+    assert_near(cairn_lum_read(lum).chi2, 0, NUMBER(1e-9, 1e-3));
     for (int32_t i = 0; i < SCANS; i++)
         assert_near(cairn_lum_pose(lum, i).x, scans[0].truth.x, 1e-5);
     test_pool_free(&pool);
@@ -838,10 +839,10 @@ static void units_are_as_told(void **state)
 
         make_scans(0.05, 0.03);
         scans[2].count = 0;
-        params.registers = way > 0;
-        params.register_turn = way == 2 ? 0 : params.register_turn;
+        params.sequential_registration = way > 0;
+        params.registration_angle = way == 2 ? 0 : params.registration_angle;
         params.max_iterations = 2;
-        params.rebuild = 1;
+        params.rebuild_interval = 1;
         lum = new_lum(&pool, &params);
         add_all(lum);
         assert_ok(cairn_lum_begin(lum));
@@ -859,7 +860,7 @@ static uint64_t hash_with(int32_t units, int32_t registers)
     cairn_lum *lum;
     cairn_lum_state end;
 
-    params.registers = registers;
+    params.sequential_registration = registers;
     lum = new_lum(&pool, &params);
     make_scans(0.05, 0.03);
     add_all(lum);
@@ -918,27 +919,27 @@ static void refusals(void **state)
     bad[count++].max_fill = -1;
     bad[count++].min_pairs = 1;
     bad[count++].max_iterations = 0;
-    bad[count++].rebuild = -1;
-    bad[count++].distance = 0;
-    bad[count++].distance = nan;
+    bad[count++].rebuild_interval = -1;
+    bad[count++].max_pair_distance = 0;
+    bad[count++].max_pair_distance = nan;
     bad[count++].direction_gate = 0;
     bad[count++].direction_gate = 4;
     bad[count++].direction_gate = nan;
-    bad[count++].sigma = 0;
-    bad[count++].sigma = nan;
-    bad[count++].converged = 0;
-    bad[count++].converged = nan;
-    bad[count++].registers = 2;
-    bad[count++].registers = -1;
-    bad[count++].register_gate = CAIRN_REAL(0.19);
-    bad[count++].register_gate = CAIRN_REAL(2e6);
-    bad[count++].register_gate = nan;
-    bad[count++].register_turn = CAIRN_REAL(-0.1);
-    bad[count++].register_turn = 4;
-    bad[count++].register_turn = nan;
-    bad[count++].register_spacing = CAIRN_REAL(-0.1);
-    bad[count++].register_spacing = CAIRN_REAL(2e6);
-    bad[count++].register_spacing = nan;
+    bad[count++].min_sigma = 0;
+    bad[count++].min_sigma = nan;
+    bad[count++].converged_distance = 0;
+    bad[count++].converged_distance = nan;
+    bad[count++].sequential_registration = 2;
+    bad[count++].sequential_registration = -1;
+    bad[count++].registration_gate = CAIRN_REAL(0.19);
+    bad[count++].registration_gate = CAIRN_REAL(2e6);
+    bad[count++].registration_gate = nan;
+    bad[count++].registration_angle = CAIRN_REAL(-0.1);
+    bad[count++].registration_angle = 4;
+    bad[count++].registration_angle = nan;
+    bad[count++].registration_spacing = CAIRN_REAL(-0.1);
+    bad[count++].registration_spacing = CAIRN_REAL(2e6);
+    bad[count++].registration_spacing = nan;
     pool = test_pool(1 << 16);
     for (int k = 0; k < count; k++) {
         assert_int_equal(cairn_lum_memory(&bad[k]), 0);
@@ -950,7 +951,7 @@ static void refusals(void **state)
     test_pool_free(&pool);
     good.max_points = 5;
     test_every_pool_size(create_one, &good, cairn_lum_memory(&good));
-    good.registers = 1;
+    good.sequential_registration = 1;
     test_every_pool_size(create_one, &good, cairn_lum_memory(&good));
     lum = new_lum(&pool, &good);
     assert_status(cairn_lum_begin(NULL), CAIRN_BAD_ARGUMENT);

@@ -124,9 +124,9 @@ static void test_params_are_refused(void **state)
     REFUSED(particles, 4097);
     REFUSED(perception, -1);
     REFUSED(perception, 2);
-    REFUSED(correlation, 0);
-    REFUSED(correlation, nan);
-    REFUSED(correlation, infinity);
+    REFUSED(correlation_length, 0);
+    REFUSED(correlation_length, nan);
+    REFUSED(correlation_length, infinity);
     REFUSED(min_score, 0);
     REFUSED(min_score, nan);
     REFUSED(min_score, infinity);
@@ -259,7 +259,7 @@ static int32_t placed_of_27(world (*make)(uint64_t seed), double apart)
                 if (cairn_map_merge_of(f.merge, i).verdict == CAIRN_MERGE_PLACED)
                     assert_placed(f.merge, i, truth_of(views[reference], views[i]), 0.06);
             assert_int_equal(cairn_map_merge_of(f.merge, reference).rank, 0);
-            assert_near(cairn_map_merge_of(f.merge, reference).wrong, 0, 0);
+            assert_near(cairn_map_merge_of(f.merge, reference).error_probability, 0, 0);
         }
         free_views(views, 3);
     }
@@ -443,7 +443,7 @@ static void test_strangers_are_refused(void **state)
             cairn_merge_placed placed = cairn_map_merge_of(f.merge, i);
 
             assert_int_not_equal(placed.verdict, CAIRN_MERGE_PLACED);
-            assert_true(placed.wrong > CAIRN_REAL(0.05));
+            assert_true(placed.error_probability > CAIRN_REAL(0.05));
             assert_true(placed.rank >= 2);
         }
         free_views(views, 4);
@@ -633,12 +633,14 @@ static void test_images_equal_the_slow_way(void **state)
                     -log(fmax((double)score.disagreement, 1e-6)) - (double)score.disagreement,
                     1e-4);
         if (shift == 0) { /* the truth */
-            assert_true(score.agree > 3 && score.conflict < CAIRN_REAL(0.3));
-            assert_near(score.evidence,
-                        (1.7 * (double)score.agree - 4 * (double)score.conflict) / 0.5, 1e-3);
+            assert_true(score.agreeing_wall > 3 && score.free_space_violation < CAIRN_REAL(0.3));
+            assert_near(
+                score.log_likelihood_ratio,
+                (1.7 * (double)score.agreeing_wall - 4 * (double)score.free_space_violation) / 0.5,
+                1e-3);
             assert_true(score.overlap > CAIRN_REAL(0.6) && score.overlap < CAIRN_REAL(0.9));
         } else {
-            assert_true(score.evidence < 0);
+            assert_true(score.log_likelihood_ratio < 0);
         }
     }
     free_views(views, 2);
@@ -692,7 +694,7 @@ static void test_modes_can_be_read(void **state)
     assert_in_range(count, 1, p.max_modes);
     assert_int_equal(cairn_map_merge_mode(f.merge, 0, 1, -1, &there, &evidence), 0);
     assert_int_equal(cairn_map_merge_mode(f.merge, 0, 3, 0, &there, &evidence), 0);
-    for (cairn_merge_verdict v = CAIRN_MERGE_PLACED; v <= CAIRN_MERGE_SLIDES; v++)
+    for (cairn_merge_verdict v = CAIRN_MERGE_PLACED; v <= CAIRN_MERGE_UNOBSERVABLE; v++)
         assert_string_not_equal(cairn_merge_verdict_text(v), cairn_merge_verdict_text(v + 1));
     free_views(views, 3);
     test_pool_free(&f.pool);
@@ -714,16 +716,16 @@ static uint64_t hash_merging(const cairn_map_merge *merge, int32_t maps)
     cairn_merge_result result = cairn_map_merge_read(merge);
     uint64_t hash = test_hash(TEST_HASH_START, &result.units, sizeof result.units);
 
-    hash =
-        hash_real(test_hash(hash, &result.hypotheses, sizeof result.hypotheses), result.evidence);
+    hash = hash_real(test_hash(hash, &result.hypotheses, sizeof result.hypotheses),
+                     result.log_likelihood_ratio);
     for (int32_t b = 0; b < maps; b++) {
         cairn_merge_placed placed = cairn_map_merge_of(merge, b);
 
         hash = test_hash(test_hash(hash, &placed.corners, sizeof placed.corners), &placed.verdict,
                          sizeof placed.verdict);
         hash = hash_real(hash_real(hash_real(hash_pose(hash, placed.reference_map), placed.support),
-                                   placed.rival),
-                         placed.wrong);
+                                   placed.competing_support),
+                         placed.error_probability);
         for (int32_t a = 0; a < b; a++) {
             cairn_pose a_b;
             cairn_real evidence;
@@ -734,8 +736,9 @@ static uint64_t hash_merging(const cairn_map_merge *merge, int32_t maps)
                 hash = hash_real(hash_pose(hash, a_b), evidence);
                 a_b.x += CAIRN_REAL(0.06);
                 assert_ok(cairn_map_merge_score(merge, a, b, a_b, &score));
-                hash = hash_real(hash_real(hash_real(hash, score.evidence), score.agree),
-                                 score.conflict);
+                hash = hash_real(
+                    hash_real(hash_real(hash, score.log_likelihood_ratio), score.agreeing_wall),
+                    score.free_space_violation);
                 hash = hash_real(hash_real(hash_real(hash, score.overlap), score.psi),
                                  score.disagreement);
             }

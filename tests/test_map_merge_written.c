@@ -91,7 +91,7 @@ static void params_of_the_mode(void **state)
     cairn_map_merge_clear(merge);
     assert_ok(cairn_map_merge_add(merge, &map, NULL));
     assert_status(cairn_map_merge_guess(merge, 0, cairn_pose_identity()), CAIRN_UNSUPPORTED);
-    p.perception = CAIRN_MERGE_EVIDENCE;
+    p.perception = CAIRN_MERGE_LIKELIHOOD_RATIO;
     assert_int_equal(cairn_map_merge_memory(&p), 0);
     p = cairn_map_merge_default();
     p.mode = 2;
@@ -348,10 +348,10 @@ static void particles_grow_with_the_modes(void **state)
     merge = merge_with(&pool, &p, maps, 3, NULL);
     result = cairn_map_merge_read(merge);
     assert_int_equal(result.placed, 3);
-    assert_true(result.most_particles > p.particles && result.most_particles <= 2 * p.particles);
+    assert_true(result.peak_particles > p.particles && result.peak_particles <= 2 * p.particles);
     assert_true(result.hypotheses >= 3 * 16);
     /* which way it is turned is not determined */
-    assert_true(cairn_map_merge_of(merge, 1).wrong > CAIRN_REAL(0.3));
+    assert_true(cairn_map_merge_of(merge, 1).error_probability > CAIRN_REAL(0.3));
     test_pool_free(&pool);
 }
 
@@ -423,7 +423,7 @@ static void maps_without_corners_are_refused(void **state)
     test_pool_free(&pool);
     merge = merge_with(&pool, &p, maps, 1, NULL);
     assert_int_equal(cairn_map_merge_read(merge).placed, 1);
-    assert_int_equal(cairn_map_merge_read(merge).most_particles, 1);
+    assert_int_equal(cairn_map_merge_read(merge).peak_particles, 1);
     test_pool_free(&pool);
 }
 

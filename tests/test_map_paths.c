@@ -112,9 +112,9 @@ static void map_drive(const drive *d, int32_t budget_each, cairn_pose *poses)
     cairn_pool pool;
 
     params.scan.max_beams = BEAMS;
-    params.max_keys = DRIVE;
-    params.max_key_points = DRIVE * 300;
-    params.max_key_segments = DRIVE * 60;
+    params.max_keyframes = DRIVE;
+    params.max_keyframe_points = DRIVE * 300;
+    params.max_keyframe_segments = DRIVE * 60;
     pool = test_pool(cairn_mapper_memory(&params));
     assert_ok(cairn_mapper_create(&mapper, &pool, &params));
     for (int32_t i = 0; i < DRIVE; i++) {
@@ -132,11 +132,11 @@ static void map_drive(const drive *d, int32_t budget_each, cairn_pose *poses)
         assert_ok(status);
         result = cairn_mapper_read(mapper);
         assert_int_equal(result.verdict, i == 0 ? CAIRN_MAPPER_FIRST : CAIRN_MAPPER_MATCHED);
-        key[i] = result.key;
-        key_scan[i] = result.key_scan;
+        key[i] = result.keyframe;
+        key_scan[i] = result.keyframe_scan;
     }
     for (int32_t i = 0; i < DRIVE; i++)
-        poses[i] = cairn_pose_compose(cairn_mapper_key_pose(mapper, key[i]), key_scan[i]);
+        poses[i] = cairn_pose_compose(cairn_mapper_keyframe_pose(mapper, key[i]), key_scan[i]);
     test_pool_free(&pool);
 }
 
@@ -437,13 +437,13 @@ static double error_among_people(sim_scene scene, uint64_t seed)
 
         assert_ok(cairn_mapper_add(mapper, &input, &odometry, NULL));
         assert_ok(cairn_mapper_step(mapper, &budget));
-        keys[i] = cairn_mapper_read(mapper).key;
-        poses[i] = cairn_mapper_read(mapper).key_scan;
+        keys[i] = cairn_mapper_read(mapper).keyframe;
+        poses[i] = cairn_mapper_read(mapper).keyframe_scan;
         budget.left = CAIRN_UNBOUNDED;
     }
     assert_ok(cairn_mapper_settle(mapper, &budget));
     for (int32_t i = 0; i < count; i++)
-        poses[i] = cairn_pose_compose(cairn_mapper_key_pose(mapper, keys[i]), poses[i]);
+        poses[i] = cairn_pose_compose(cairn_mapper_keyframe_pose(mapper, keys[i]), poses[i]);
     error = mean_error(scans, poses, count);
     test_pool_free(&pool);
     sim_survey_free(survey);

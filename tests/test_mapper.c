@@ -41,8 +41,8 @@ static void run(cairn_mapper *mapper, const drive *d, odometry_kind how, int32_t
         t->results[i] = cairn_mapper_read(mapper);
     }
     for (int32_t i = 0; i < d->count; i++)
-        t->poses[i] = cairn_pose_compose(cairn_mapper_key_pose(mapper, t->results[i].key),
-                                         t->results[i].key_scan);
+        t->poses[i] = cairn_pose_compose(cairn_mapper_keyframe_pose(mapper, t->results[i].keyframe),
+                                         t->results[i].keyframe_scan);
 }
 
 /* Mean error of position seen from the first scan, in m. */
@@ -89,8 +89,8 @@ static double median_error(const cairn_mapper_params *params)
         assert_true(mean_error(&d, &one, 1) > 2 * errors[seed]);
         measured = cairn_mapper_measure(mapper);
         assert_int_equal(measured.scans, 120);
-        assert_int_equal(measured.keys, cairn_mapper_keys(mapper)->scan_count);
-        assert_true(measured.keys > 5 && measured.keys < 120);
+        assert_int_equal(measured.keyframes, cairn_mapper_keyframes(mapper)->scan_count);
+        assert_true(measured.keyframes > 5 && measured.keyframes < 120);
         assert_true(measured.predicted <= 3);
         assert_true(measured.units > 120 * 100);
         test_pool_free(&pool);
@@ -180,14 +180,15 @@ static void verdicts_say_how_a_pose_was_found(void **state)
     (void)state;
     run(mapper, &d, WITH, CAIRN_UNBOUNDED, &one);
     assert_int_equal(one.results[0].verdict, CAIRN_MAPPER_FIRST);
-    assert_int_equal(one.results[0].is_key, 1);
-    assert_near(one.results[0].support, 0, 0);
+    assert_int_equal(one.results[0].is_keyframe, 1);
+    assert_near(one.results[0].overlap, 0, 0);
     for (int32_t i = 1; i < 30; i++) {
         assert_int_equal(one.results[i].verdict, CAIRN_MAPPER_MATCHED);
-        assert_true((double)one.results[i].support > 0.5 && one.results[i].support <= 1);
+        assert_true((double)one.results[i].overlap > 0.5 && one.results[i].overlap <= 1);
         assert_true(one.results[i].covariance[0] > 0 && one.results[i].covariance[8] > 0);
-        assert_true(one.results[i].key >= one.results[i - 1].key);
-        assert_true(one.results[i].is_key == (one.results[i].key > one.results[i - 1].key));
+        assert_true(one.results[i].keyframe >= one.results[i - 1].keyframe);
+        assert_true(one.results[i].is_keyframe ==
+                    (one.results[i].keyframe > one.results[i - 1].keyframe));
     }
 
     for (int i = 0; i < 181; i++)
@@ -197,14 +198,14 @@ static void verdicts_say_how_a_pose_was_found(void **state)
     assert_ok(cairn_mapper_add(mapper, &blind, &ahead, NULL));
     assert_ok(cairn_mapper_step(mapper, &budget));
     result = cairn_mapper_read(mapper);
-    assert_int_equal(result.verdict, CAIRN_MAPPER_BLIND);
-    assert_int_equal(result.is_key, 0);
+    assert_int_equal(result.verdict, CAIRN_MAPPER_NO_FEATURES);
+    assert_int_equal(result.is_keyframe, 0);
     assert_int_equal(cairn_mapper_view(mapper).point_count, 0);
     assert_int_equal(cairn_mapper_view(mapper).beam_count, 181);
     {
-        cairn_pose moved = cairn_pose_between(one.results[29].key_scan, result.key_scan);
+        cairn_pose moved = cairn_pose_between(one.results[29].keyframe_scan, result.keyframe_scan);
 
-        assert_int_equal(result.key, one.results[29].key);
+        assert_int_equal(result.keyframe, one.results[29].keyframe);
         assert_near(moved.x, 0.2, 1e-4);
         assert_near(moved.y, 0, 1e-4);
     }
@@ -227,7 +228,7 @@ static void what_does_not_match_is_predicted(void **state)
     cairn_mapper_result result;
 
     (void)state;
-    params.min_support = CAIRN_REAL(0.9);
+    params.min_overlap = CAIRN_REAL(0.9);
     mapper = new_mapper(&pool, &params);
     run(mapper, &d, WITH, CAIRN_UNBOUNDED, &one);
     from = pose_of(d.scans[19].odometry);
@@ -236,7 +237,7 @@ static void what_does_not_match_is_predicted(void **state)
     assert_ok(cairn_mapper_step(mapper, &budget));
     result = cairn_mapper_read(mapper);
     assert_int_equal(result.verdict, CAIRN_MAPPER_PREDICTED);
-    assert_int_equal(result.is_key, 1);
+    assert_int_equal(result.is_keyframe, 1);
     assert_near(cairn_pose_between(one.poses[19], result.map_scan).x, 50, 1e-3);
     test_pool_free(&pool);
     end_drive(&other);
@@ -256,7 +257,7 @@ static void capacities_and_bad_input_change_nothing(void **state)
     int32_t i;
 
     (void)state;
-    params.max_keys = 2;
+    params.max_keyframes = 2;
     mapper = new_mapper(&pool, &params);
     assert_status(cairn_mapper_add(NULL, &input, NULL, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_mapper_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
@@ -279,10 +280,10 @@ static void capacities_and_bad_input_change_nothing(void **state)
         status = cairn_mapper_step(mapper, &budget);
     }
     assert_status(status, CAIRN_FULL);
-    assert_int_equal(cairn_mapper_measure(mapper).keys, 2);
+    assert_int_equal(cairn_mapper_measure(mapper).keyframes, 2);
     assert_int_equal(cairn_mapper_read(mapper).verdict, CAIRN_MAPPER_MATCHED);
-    assert_int_equal(cairn_mapper_read(mapper).is_key, 0);
-    assert_int_equal(cairn_mapper_read(mapper).key, 1);
+    assert_int_equal(cairn_mapper_read(mapper).is_keyframe, 0);
+    assert_int_equal(cairn_mapper_read(mapper).keyframe, 1);
     assert_status(cairn_mapper_add(mapper, &input, NULL, NULL), CAIRN_FULL);
     test_pool_free(&pool);
     end_drive(&d);
@@ -309,18 +310,18 @@ static int32_t moves_of_the_window(int32_t units)
         assert_ok(cairn_mapper_add(mapper, &input, &believed, NULL));
         assert_ok(cairn_mapper_step(mapper, &budget));
         for (int32_t k = 0; k < keys; k++) {
-            cairn_pose now = cairn_mapper_key_pose(mapper, k);
+            cairn_pose now = cairn_mapper_keyframe_pose(mapper, k);
             int32_t same = memcmp(&now, &before[k], sizeof now) == 0;
-            int32_t count = cairn_mapper_measure(mapper).keys;
+            int32_t count = cairn_mapper_measure(mapper).keyframes;
 
             moved += !same;
             if (k == 0 || k < keys - params.window_free ||
                 (units == CAIRN_UNBOUNDED && count == keys))
                 assert_true(same);
         }
-        keys = cairn_mapper_measure(mapper).keys;
+        keys = cairn_mapper_measure(mapper).keyframes;
         for (int32_t k = 0; k < keys; k++)
-            before[k] = cairn_mapper_key_pose(mapper, k);
+            before[k] = cairn_mapper_keyframe_pose(mapper, k);
     }
     if (units >= 8000)
         assert_true(moved > keys / 2 && cairn_mapper_measure(mapper).potential < 0);
@@ -354,16 +355,16 @@ static void memory_is_exact(void **state)
     params.scan.max_beams = 8;
     params.scan.max_points = 8;
     params.scan.max_segments = 4;
-    params.max_keys = 2;
-    params.max_key_points = 16;
-    params.max_key_segments = 8;
-    params.local_keys = 2;
+    params.max_keyframes = 2;
+    params.max_keyframe_points = 16;
+    params.max_keyframe_segments = 8;
+    params.local_keyframes = 2;
     params.local_recent = 1;
     params.window = 2;
     params.window_free = 1;
     params.loop.max_loops = 2;
     params.loop.max_fill = 4;
-    params.loop.keys = 1;
+    params.loop.target_keyframes = 1;
     test_every_pool_size(create, &params, cairn_mapper_memory(&params));
     params.loop.max_loops = 0;
     test_every_pool_size(create, &params, cairn_mapper_memory(&params));
@@ -383,10 +384,10 @@ static void memory_grows_with_the_key_scans(void **state)
     for (int i = 0; i < 3; i++) {
         cairn_mapper_params params = cairn_mapper_default_for(64 << i, 181);
 
-        assert_int_equal(params.max_keys, 64 << i);
+        assert_int_equal(params.max_keyframes, 64 << i);
         assert_int_equal(params.scan.max_beams, 181);
-        assert_int_equal(params.max_key_points, (64 << i) * 160 + params.scan.max_points);
-        assert_int_equal(params.max_key_segments, (64 << i) * 40 + params.scan.max_segments);
+        assert_int_equal(params.max_keyframe_points, (64 << i) * 160 + params.scan.max_points);
+        assert_int_equal(params.max_keyframe_segments, (64 << i) * 40 + params.scan.max_segments);
         assert_int_equal(params.loop.max_loops, 4 * (64 << i));
         assert_int_equal(params.loop.max_fill, 40 * (64 << i));
         bytes[i] = cairn_mapper_memory(&params);
@@ -396,8 +397,8 @@ static void memory_grows_with_the_key_scans(void **state)
     {
         cairn_mapper_params most = cairn_mapper_default_for(1 << 20, 181);
 
-        assert_int_equal(most.max_key_points, 1 << 24);
-        assert_int_equal(most.max_key_segments, 1 << 24);
+        assert_int_equal(most.max_keyframe_points, 1 << 24);
+        assert_int_equal(most.max_keyframe_segments, 1 << 24);
         assert_int_equal(most.loop.max_loops, 1 << 22);
         assert_int_equal(most.loop.max_fill, 40 << 20);
         assert_true(cairn_mapper_memory(&most) > 0);
@@ -423,17 +424,17 @@ static void bad_params_are_refused(void **state)
         assert_int_equal(cairn_mapper_memory(&bad), 0);                                            \
         assert_status(cairn_mapper_create(&mapper, &pool, &bad), CAIRN_BAD_ARGUMENT);              \
     } while (0)
-    REFUSED(max_keys, 0);
-    REFUSED(max_keys, (1 << 20) + 1);
-    REFUSED(max_key_points, 0);
-    REFUSED(max_key_segments, 0);
+    REFUSED(max_keyframes, 0);
+    REFUSED(max_keyframes, (1 << 20) + 1);
+    REFUSED(max_keyframe_points, 0);
+    REFUSED(max_keyframe_segments, 0);
     /* of the first key scan, on which all hang */
-    REFUSED(max_key_points, good.scan.max_points - 1);
-    REFUSED(max_key_segments, good.scan.max_segments - 1);
-    REFUSED(local_keys, 0);
-    REFUSED(local_keys, CAIRN_MAPPER_LOCAL_MOST + 1);
+    REFUSED(max_keyframe_points, good.scan.max_points - 1);
+    REFUSED(max_keyframe_segments, good.scan.max_segments - 1);
+    REFUSED(local_keyframes, 0);
+    REFUSED(local_keyframes, CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES + 1);
     REFUSED(local_recent, 0);
-    REFUSED(local_recent, good.local_keys + 1);
+    REFUSED(local_recent, good.local_keyframes + 1);
     REFUSED(local_span, good.local_recent - 1);
     REFUSED(local_span, -1);
     REFUSED(max_local_points, 0);
@@ -442,9 +443,9 @@ static void bad_params_are_refused(void **state)
     REFUSED(search_units, 0);
     REFUSED(search, -1);
     REFUSED(search, 2);
-    REFUSED(key_support, CAIRN_REAL(-0.1));
-    REFUSED(key_support, CAIRN_REAL(1.1));
-    REFUSED(key_support, (cairn_real)NAN);
+    REFUSED(keyframe_min_overlap, CAIRN_REAL(-0.1));
+    REFUSED(keyframe_min_overlap, CAIRN_REAL(1.1));
+    REFUSED(keyframe_min_overlap, (cairn_real)NAN);
     REFUSED(motion_distance, -1);
     REFUSED(motion_distance, (cairn_real)NAN);
     REFUSED(motion_turn, -1);
@@ -458,30 +459,30 @@ static void bad_params_are_refused(void **state)
     REFUSED(loop.max_loops, (1 << 22) + 1);
     REFUSED(loop.max_fill, -1);
     REFUSED(loop.max_fill, (1 << 26) + 1);
-    REFUSED(loop.units, 0);
-    REFUSED(loop.keys, 0);
-    REFUSED(loop.keys, 65);
-    REFUSED(loop.gap, 0);
-    REFUSED(loop.agree, 0);
-    REFUSED(loop.agree, 9);
-    REFUSED(loop.radius, 0);
-    REFUSED(loop.radius, (cairn_real)NAN);
-    REFUSED(loop.window, 0);
-    REFUSED(loop.window, (cairn_real)NAN);
-    REFUSED(loop.window_near, 0);
-    REFUSED(loop.window_near, (cairn_real)NAN);
-    REFUSED(loop.evidence, (cairn_real)NAN);
-    REFUSED(loop.contradiction, CAIRN_REAL(-0.1));
-    REFUSED(loop.contradiction, CAIRN_REAL(1.1));
-    REFUSED(loop.contradiction, (cairn_real)NAN);
+    REFUSED(loop.units_per_scan, 0);
+    REFUSED(loop.target_keyframes, 0);
+    REFUSED(loop.target_keyframes, 65);
+    REFUSED(loop.min_keyframe_gap, 0);
+    REFUSED(loop.min_consistent, 0);
+    REFUSED(loop.min_consistent, 9);
+    REFUSED(loop.candidate_radius, 0);
+    REFUSED(loop.candidate_radius, (cairn_real)NAN);
+    REFUSED(loop.search_radius, 0);
+    REFUSED(loop.search_radius, (cairn_real)NAN);
+    REFUSED(loop.local_search_radius, 0);
+    REFUSED(loop.local_search_radius, (cairn_real)NAN);
+    REFUSED(loop.min_log_odds, (cairn_real)NAN);
+    REFUSED(loop.max_free_space_violation, CAIRN_REAL(-0.1));
+    REFUSED(loop.max_free_space_violation, CAIRN_REAL(1.1));
+    REFUSED(loop.max_free_space_violation, (cairn_real)NAN);
     REFUSED(loop.sigma, 0);
     REFUSED(loop.sigma, (cairn_real)NAN);
-    REFUSED(loop.sigma_turn, 0);
-    REFUSED(loop.sigma_turn, (cairn_real)NAN);
-    REFUSED(loop.outlier, 0);
-    REFUSED(loop.outlier, (cairn_real)NAN);
-    REFUSED(key_distance, 0);
-    REFUSED(key_turn, 0);
+    REFUSED(loop.sigma_theta, 0);
+    REFUSED(loop.sigma_theta, (cairn_real)NAN);
+    REFUSED(loop.max_chi2, 0);
+    REFUSED(loop.max_chi2, (cairn_real)NAN);
+    REFUSED(keyframe_distance, 0);
+    REFUSED(keyframe_angle, 0);
     REFUSED(window, 1);
     REFUSED(window, 65);
     REFUSED(window_free, 0);
@@ -490,8 +491,8 @@ static void bad_params_are_refused(void **state)
     REFUSED(odometry_turn, -1);
     REFUSED(odometry_distance_min, 0);
     REFUSED(odometry_turn_min, 0);
-    REFUSED(min_support, CAIRN_REAL(-0.1));
-    REFUSED(min_support, CAIRN_REAL(1.1));
+    REFUSED(min_overlap, CAIRN_REAL(-0.1));
+    REFUSED(min_overlap, CAIRN_REAL(1.1));
     REFUSED(scan.max_points, 0);
     REFUSED(scan.max_points, (1 << 17) + 1);
     REFUSED(scan.max_segments, 0);
@@ -499,13 +500,13 @@ static void bad_params_are_refused(void **state)
     REFUSED(scan.max_beams, 0);
     REFUSED(icp.max_iterations, 0);
     REFUSED(field.max_steps, 0);
-    REFUSED(key_distance, (cairn_real)NAN);
-    REFUSED(key_turn, (cairn_real)NAN);
+    REFUSED(keyframe_distance, (cairn_real)NAN);
+    REFUSED(keyframe_angle, (cairn_real)NAN);
     REFUSED(odometry_distance, (cairn_real)NAN);
     REFUSED(odometry_turn, (cairn_real)NAN);
     REFUSED(odometry_distance_min, (cairn_real)NAN);
     REFUSED(odometry_turn_min, (cairn_real)NAN);
-    REFUSED(min_support, (cairn_real)NAN);
+    REFUSED(min_overlap, (cairn_real)NAN);
     REFUSED(window, -1);
 #undef REFUSED
     assert_int_equal(pool.used, 0);
@@ -515,52 +516,52 @@ static void bad_params_are_refused(void **state)
         edge.field = value;                                                                        \
         assert_true(cairn_mapper_memory(&edge) > 0);                                               \
     } while (0)
-    ALLOWED(max_keys, 1);
-    ALLOWED(max_keys, 1 << 20);
-    ALLOWED(local_keys, good.local_recent);
-    ALLOWED(local_keys, CAIRN_MAPPER_LOCAL_MOST);
+    ALLOWED(max_keyframes, 1);
+    ALLOWED(max_keyframes, 1 << 20);
+    ALLOWED(local_keyframes, good.local_recent);
+    ALLOWED(local_keyframes, CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES);
     ALLOWED(local_span, 0);
     ALLOWED(max_local_points, 1);
     ALLOWED(max_local_points, 1 << 20);
     ALLOWED(window_units, 1);
     ALLOWED(search_units, 1);
     ALLOWED(search, 0);
-    ALLOWED(key_support, 0);
-    ALLOWED(key_support, 1);
+    ALLOWED(keyframe_min_overlap, 0);
+    ALLOWED(keyframe_min_overlap, 1);
     ALLOWED(motion_distance, 0);
     ALLOWED(motion_turn, 0);
     ALLOWED(local_span, good.local_recent);
     ALLOWED(loop.max_loops, 0);
     ALLOWED(loop.max_loops, 1 << 22);
     ALLOWED(loop.max_fill, 0);
-    ALLOWED(loop.units, 1);
-    ALLOWED(loop.keys, 1);
-    ALLOWED(loop.keys, 64);
-    ALLOWED(loop.gap, 1);
-    ALLOWED(loop.agree, 1);
-    ALLOWED(loop.agree, 8);
-    ALLOWED(loop.contradiction, 0);
-    ALLOWED(loop.contradiction, 1);
+    ALLOWED(loop.units_per_scan, 1);
+    ALLOWED(loop.target_keyframes, 1);
+    ALLOWED(loop.target_keyframes, 64);
+    ALLOWED(loop.min_keyframe_gap, 1);
+    ALLOWED(loop.min_consistent, 1);
+    ALLOWED(loop.min_consistent, 8);
+    ALLOWED(loop.max_free_space_violation, 0);
+    ALLOWED(loop.max_free_space_violation, 1);
     ALLOWED(local_recent, 1);
-    ALLOWED(local_recent, good.local_keys);
+    ALLOWED(local_recent, good.local_keyframes);
     ALLOWED(window, 64);
     ALLOWED(window_free, 1);
     ALLOWED(window_free, good.window - 1);
     ALLOWED(odometry_distance, 0);
     ALLOWED(odometry_turn, 0);
-    ALLOWED(min_support, 0);
-    ALLOWED(min_support, 1);
+    ALLOWED(min_overlap, 0);
+    ALLOWED(min_overlap, 1);
     good.window = 0;
     good.window_free = 0;
-    ALLOWED(local_keys, CAIRN_MAPPER_LOCAL_MOST);
+    ALLOWED(local_keyframes, CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES);
     good.window = 2;
     good.window_free = 1;
-    ALLOWED(max_keys, 1);
-    good.local_keys = good.local_recent = 1;
-    ALLOWED(max_keys, 1);
-    ALLOWED(max_key_points, good.scan.max_points);
-    ALLOWED(max_key_segments, good.scan.max_segments);
-    good.max_key_points = good.max_key_segments = 1 << 17;
+    ALLOWED(max_keyframes, 1);
+    good.local_keyframes = good.local_recent = 1;
+    ALLOWED(max_keyframes, 1);
+    ALLOWED(max_keyframe_points, good.scan.max_points);
+    ALLOWED(max_keyframe_segments, good.scan.max_segments);
+    good.max_keyframe_points = good.max_keyframe_segments = 1 << 17;
     ALLOWED(scan.max_points, 1);
     ALLOWED(scan.max_points, 1 << 17);
     ALLOWED(scan.max_segments, 1);
@@ -601,11 +602,11 @@ static uint64_t hash_of_round(const cairn_mapper_params *params, int32_t odometr
         assert_ok(cairn_mapper_step(mapper, &budget));
         r = cairn_mapper_read(mapper);
         hash = test_hash(hash, &r.verdict, 2 * sizeof r.verdict);
-        hash = test_hash(hash, &r.key_scan, sizeof r.key_scan);
+        hash = test_hash(hash, &r.keyframe_scan, sizeof r.keyframe_scan);
         hash = test_hash(hash, &r.map_scan, sizeof r.map_scan);
         hash = test_hash(hash, r.covariance, sizeof r.covariance);
-        hash = test_hash(hash, &r.support, sizeof r.support);
-        hash = test_hash(hash, &r.is_key, sizeof r.is_key);
+        hash = test_hash(hash, &r.overlap, sizeof r.overlap);
+        hash = test_hash(hash, &r.is_keyframe, sizeof r.is_keyframe);
         at = cairn_pose_compose(at, step);
         told.x += CAIRN_REAL(0.002) * (cairn_real)i * cairn_random_uniform(&random, -1, 1);
         told.theta += CAIRN_REAL(0.004) * (cairn_real)i * cairn_random_uniform(&random, -1, 1);
@@ -628,8 +629,8 @@ static uint64_t hash_of_round(const cairn_mapper_params *params, int32_t odometr
         hash = test_hash(hash, &event.first_second, sizeof event.first_second);
         hash = test_hash(hash, &event.verdict, sizeof event.verdict);
     }
-    for (int32_t k = 0; k < state.keys; k++) {
-        cairn_pose pose = cairn_mapper_key_pose(mapper, k);
+    for (int32_t k = 0; k < state.keyframes; k++) {
+        cairn_pose pose = cairn_mapper_keyframe_pose(mapper, k);
 
         hash = test_hash(hash, &pose, sizeof pose);
     }
@@ -648,11 +649,11 @@ static void results_stay_as_they_are(void **state)
     params.scan.max_beams = ROOMS_BEAMS;
     narrow = loops = params;
     narrow.window = 0;
-    narrow.local_keys = 4;
+    narrow.local_keyframes = 4;
     narrow.local_radius = 2;
     loops.local_span = loops.local_recent;
-    loops.loop.gap = 6;
-    loops.loop.agree = 2;
+    loops.loop.min_keyframe_gap = 6;
+    loops.loop.min_consistent = 2;
     assert_golden(hash_of_round(&params, 1), UINT64_C(0xabca3a0e797005b4),
                   UINT64_C(0x9cbb21a837796298));
     assert_golden(hash_of_round(&params, 0), UINT64_C(0x6e0b0ca54bceb4f1),

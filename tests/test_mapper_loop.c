@@ -50,19 +50,19 @@ static void check_links(const cairn_mapper *mapper, const cairn_mapper_state *st
         cairn_mapper_link link = cairn_mapper_link_at(mapper, i);
         cairn_sym3 covariance;
 
-        assert_true(link.first >= 0 && link.first < link.second && link.second < state->keys);
+        assert_true(link.first >= 0 && link.first < link.second && link.second < state->keyframes);
         assert_true(cairn_pose_is_finite(link.first_second));
         assert_true(cairn_sym3_inverse(link.information, &covariance));
         assert_true(covariance.xx > 0 && covariance.yy > 0 && covariance.zz > 0);
         if (link.is_loop)
-            loops += !link.dropped;
+            loops += !link.is_outlier;
         else if (link.second == chained) /* one more of the last key scan */
-            assert_true(link.first < chained - 1 && !link.dropped);
+            assert_true(link.first < chained - 1 && !link.is_outlier);
         else
-            assert_true(link.first == chained && link.second == ++chained && !link.dropped);
+            assert_true(link.first == chained && link.second == ++chained && !link.is_outlier);
     }
     assert_int_equal(loops, state->loops);
-    assert_int_equal(chained, links > 0 ? state->keys - 1 : 0);
+    assert_int_equal(chained, links > 0 ? state->keyframes - 1 : 0);
 }
 
 /* Takes in all scans with the odometry that was told. */
@@ -84,8 +84,8 @@ static void run(cairn_mapper *mapper, const drive *d, int32_t budget, outcome *o
         }
         assert_ok(status);
         results[i] = cairn_mapper_read(mapper);
-        if (results[i].is_key)
-            out->key_scan[results[i].key] = i;
+        if (results[i].is_keyframe)
+            out->key_scan[results[i].keyframe] = i;
         drain(mapper, &events, out);
     }
     budget = budget < 5000 ? budget : 5000;
@@ -96,8 +96,8 @@ static void run(cairn_mapper *mapper, const drive *d, int32_t budget, outcome *o
     } while (status == CAIRN_MORE);
     assert_ok(status);
     for (int32_t i = 0; i < d->count; i++)
-        out->poses[i] =
-            cairn_pose_compose(cairn_mapper_key_pose(mapper, results[i].key), results[i].key_scan);
+        out->poses[i] = cairn_pose_compose(cairn_mapper_keyframe_pose(mapper, results[i].keyframe),
+                                           results[i].keyframe_scan);
     out->state = cairn_mapper_measure(mapper);
     check_links(mapper, &out->state);
 }
@@ -134,7 +134,7 @@ static int32_t check_closures(const drive *d, const outcome *out)
         const cairn_mapper_loop *e = &out->events[i];
         cairn_pose truth;
 
-        assert_true(e->first >= 0 && e->first < e->second && e->second < out->state.keys);
+        assert_true(e->first >= 0 && e->first < e->second && e->second < out->state.keyframes);
         if (e->verdict != CAIRN_MAPPER_LOOP_ACCEPTED)
             continue;
         truth = cairn_pose_between(pose_of(d->scans[out->key_scan[e->first]].truth),
@@ -172,13 +172,13 @@ static void a_drive_that_comes_back_closes_its_loops(void **state)
         with = worst_error(&d, map(&d, &params, CAIRN_REAL(0.01), &one));
         accepted = check_closures(&d, &one);
         assert_true(one.state.loops > 20 && one.state.loops <= accepted);
-        assert_true(one.state.solutions > 1);
-        assert_int_equal(one.state.waiting, 0);
-        assert_int_equal(one.state.lacks_room, 0);
+        assert_true(one.state.graph_solutions > 1);
+        assert_int_equal(one.state.pending_keyframes, 0);
+        assert_int_equal(one.state.capacity_exceeded, 0);
         params.loop.max_loops = 0;
         without = worst_error(&d, map(&d, &params, CAIRN_REAL(0.01), &two));
         assert_int_equal(two.state.loop_events, 0);
-        assert_int_equal(two.state.solutions, 0);
+        assert_int_equal(two.state.graph_solutions, 0);
         assert_true(with < 0.15 && with < 1.5 * without);
         end_drive(&d);
     }
@@ -191,8 +191,8 @@ static void budgets_do_not_matter(void **state)
     drive d = start_drive(SIM_OFFICE, 3, 120, 0, 0.5);
 
     (void)state;
-    params.loop.units = 2000;
-    params.loop.gap = 8;
+    params.loop.units_per_scan = 2000;
+    params.loop.min_keyframe_gap = 8;
     map(&d, &params, 0, &one);
     assert_true(one.state.loops > 3);
     for (size_t b = 0; b < sizeof budgets / sizeof *budgets; b++) {
@@ -272,16 +272,16 @@ static void what_has_no_room_is_said(void **state)
     drive d = start_drive(SIM_OFFICE, 3, 120, 0, 0.5);
 
     (void)state;
-    params.loop.gap = 8;
+    params.loop.min_keyframe_gap = 8;
     params.loop.max_loops = 2;
     map(&d, &params, 0, &one);
     assert_int_equal(one.state.loops, 2);
-    assert_int_equal(one.state.lacks_room, 1);
+    assert_int_equal(one.state.capacity_exceeded, 1);
     params.loop.max_loops = 100;
     params.loop.max_fill = 10;
     map(&d, &params, 0, &one);
-    assert_int_equal(one.state.lacks_room, 2);
-    assert_int_equal(one.state.solutions, 0);
+    assert_int_equal(one.state.capacity_exceeded, 2);
+    assert_int_equal(one.state.graph_solutions, 0);
     end_drive(&d);
 }
 

@@ -28,11 +28,11 @@ static cairn_mapper_params release_params(void)
 {
     cairn_mapper_params params = small_params();
 
-    params.max_keys = KEYS;
-    params.release = 1;
+    params.max_keyframes = KEYS;
+    params.cull_keyframes = 1;
     params.local_span = 8;
-    params.local_keys = 8;
-    params.loop.gap = 8;
+    params.local_keyframes = 8;
+    params.loop.min_keyframe_gap = 8;
     params.loop.max_loops = CLOSURES;
     params.loop.max_fill = 2000;
     params.window = 4;
@@ -69,15 +69,16 @@ typedef struct hanging {
 
 static cairn_pose pose_at(const cairn_mapper *mapper, const hanging *h, int32_t i)
 {
-    return cairn_pose_compose(cairn_mapper_key_pose(mapper, h->key[i]), h->key_scan[i]);
+    return cairn_pose_compose(cairn_mapper_keyframe_pose(mapper, h->key[i]), h->key_scan[i]);
 }
 
 static void follow(const cairn_mapper *mapper, hanging *h)
 {
-    for (int32_t now = cairn_mapper_measure(mapper).releases; h->releases < now; h->releases++)
+    for (int32_t now = cairn_mapper_measure(mapper).culled_keyframes; h->releases < now;
+         h->releases++)
         for (int32_t i = 0; i < h->count; i++)
-            cairn_mapper_rehang(cairn_mapper_release_at(mapper, h->releases), &h->key[i],
-                                &h->key_scan[i]);
+            cairn_mapper_reattach(cairn_mapper_culling_at(mapper, h->releases), &h->key[i],
+                                  &h->key_scan[i]);
 }
 
 typedef void (*watch)(void *context, cairn_mapper *mapper, hanging *h);
@@ -106,8 +107,8 @@ static void run(cairn_mapper *mapper, int32_t turns, int32_t units, hanging *h, 
                 after(context, mapper, h);
         }
         assert_ok(status);
-        h->key[turn] = cairn_mapper_read(mapper).key;
-        h->key_scan[turn] = cairn_mapper_read(mapper).key_scan;
+        h->key[turn] = cairn_mapper_read(mapper).keyframe;
+        h->key_scan[turn] = cairn_mapper_read(mapper).keyframe_scan;
         h->count++;
     }
 }
@@ -117,7 +118,7 @@ static void run(cairn_mapper *mapper, int32_t turns, int32_t units, hanging *h, 
 static void check_links(const cairn_mapper *mapper)
 {
     int32_t links = cairn_mapper_link_count(mapper), loops = 0,
-            keys = cairn_mapper_measure(mapper).keys;
+            keys = cairn_mapper_measure(mapper).keyframes;
     int32_t root[KEYS];
 
     for (int32_t i = 0; i < keys; i++)
@@ -130,14 +131,14 @@ static void check_links(const cairn_mapper *mapper)
         assert_true(link.first >= 0 && link.first < link.second && link.second < keys);
         assert_true(cairn_pose_is_finite(link.first_second));
         assert_true(cairn_sym3_inverse(link.information, &covariance));
-        loops += link.is_loop && !link.dropped;
-        for (int32_t k = 0; k < keys && !link.is_loop && !link.dropped; k++)
+        loops += link.is_loop && !link.is_outlier;
+        for (int32_t k = 0; k < keys && !link.is_loop && !link.is_outlier; k++)
             if (root[k] == to)
                 root[k] = from;
     }
     assert_int_equal(loops, cairn_mapper_measure(mapper).loops);
     /* In one piece without its closures. */
-    for (int32_t i = 0; i < mapper->loop.entered; i++)
+    for (int32_t i = 0; i < mapper->loop.graph_keyframes; i++)
         assert_int_equal(root[i], root[0]);
 }
 
@@ -165,23 +166,23 @@ static void it_runs_on_in_fixed_memory(void **state)
     assert_ok(cairn_mapper_settle(mapper, &all));
     follow(mapper, &kept);
     check_links(mapper);
-    assert_true(cairn_mapper_measure(mapper).releases > 2 * KEYS);
-    assert_true(cairn_mapper_measure(mapper).keys < KEYS &&
-                cairn_mapper_measure(mapper).keys > KEYS / 2);
-    assert_int_equal(cairn_mapper_measure(mapper).keys, mapper->key_count);
-    assert_true(cairn_mapper_measure(mapper).solutions > 3);
+    assert_true(cairn_mapper_measure(mapper).culled_keyframes > 2 * KEYS);
+    assert_true(cairn_mapper_measure(mapper).keyframes < KEYS &&
+                cairn_mapper_measure(mapper).keyframes > KEYS / 2);
+    assert_int_equal(cairn_mapper_measure(mapper).keyframes, mapper->keyframe_count);
+    assert_true(cairn_mapper_measure(mapper).graph_solutions > 3);
     for (int32_t i = 0; i < TURNS; i++) {
         assert_true(error_at(mapper, &kept, i) < 0.3);
         sum[i / SCANS] += error_at(mapper, &kept, i) / SCANS;
     }
     for (int32_t i = 0; i < LAPS; i++)
         assert_true(sum[i] < 0.1);
-    for (int32_t key = 0; key < mapper->key_count; key++) {
-        int32_t slot = cairn_mapper_key_slot(mapper, key);
+    for (int32_t key = 0; key < mapper->keyframe_count; key++) {
+        int32_t slot = cairn_mapper_keyframe_slot(mapper, key);
 
-        assert_true(cairn_mapper_keys(mapper)->scans[slot].in_use);
+        assert_true(cairn_mapper_keyframes(mapper)->scans[slot].in_use);
         for (int32_t k = 0; k < key; k++)
-            assert_int_not_equal(slot, cairn_mapper_key_slot(mapper, k));
+            assert_int_not_equal(slot, cairn_mapper_keyframe_slot(mapper, k));
     }
     test_pool_free(&pool);
 }
@@ -196,7 +197,7 @@ static void without_release_it_is_full(void **state)
     int32_t turn;
 
     (void)state;
-    params.release = 0;
+    params.cull_keyframes = 0;
     mapper = new_mapper(&pool, &params);
     for (turn = 0; turn < SCANS && status == CAIRN_OK; turn++) {
         cairn_scan_input input = sim_scan_input(scan_of(turn));
@@ -205,11 +206,11 @@ static void without_release_it_is_full(void **state)
         odometry = odometry_at(turn, odometry);
         assert_ok(cairn_mapper_add(mapper, &input, &odometry, NULL));
         status = cairn_mapper_step(mapper, &all);
-        assert_int_equal(cairn_mapper_key_slot(mapper, 0), 0);
+        assert_int_equal(cairn_mapper_keyframe_slot(mapper, 0), 0);
     }
     assert_status(status, CAIRN_FULL);
-    assert_int_equal(cairn_mapper_measure(mapper).keys, KEYS);
-    assert_int_equal(cairn_mapper_measure(mapper).releases, 0);
+    assert_int_equal(cairn_mapper_measure(mapper).keyframes, KEYS);
+    assert_int_equal(cairn_mapper_measure(mapper).culled_keyframes, 0);
     test_pool_free(&pool);
 }
 
@@ -220,19 +221,19 @@ static void little_room_for_points_is_enough(void **state)
     cairn_mapper *mapper;
 
     (void)state;
-    params.max_keys = 60;
-    params.max_key_points = params.scan.max_points + 30 * 60;
+    params.max_keyframes = 60;
+    params.max_keyframe_points = params.scan.max_points + 30 * 60;
     mapper = new_mapper(&pool, &params);
     run(mapper, SCANS, INT32_MAX, &kept, NULL, NULL, NULL);
-    assert_true(cairn_mapper_measure(mapper).releases > 0);
-    assert_true(cairn_mapper_measure(mapper).keys < 50);
+    assert_true(cairn_mapper_measure(mapper).culled_keyframes > 0);
+    assert_true(cairn_mapper_measure(mapper).keyframes < 50);
     test_pool_free(&pool);
-    params.max_key_points = 200000;
-    params.max_key_segments = params.scan.max_segments + 5 * 30;
+    params.max_keyframe_points = 200000;
+    params.max_keyframe_segments = params.scan.max_segments + 5 * 30;
     mapper = new_mapper(&pool, &params);
     run(mapper, SCANS, INT32_MAX, &kept, NULL, NULL, NULL);
-    assert_true(cairn_mapper_measure(mapper).releases > 0);
-    assert_true(cairn_mapper_measure(mapper).keys < 50);
+    assert_true(cairn_mapper_measure(mapper).culled_keyframes > 0);
+    assert_true(cairn_mapper_measure(mapper).keyframes < 50);
     test_pool_free(&pool);
 }
 
@@ -253,8 +254,9 @@ static void budgets_do_not_matter(void **state)
         assert_int_equal(other.releases, kept.releases);
         assert_memory_equal(other.key, kept.key, SCANS * sizeof *kept.key);
         assert_memory_equal(other.key_scan, kept.key_scan, SCANS * sizeof *kept.key_scan);
-        for (int32_t k = 0; k < all->key_count; k++) {
-            cairn_pose a = cairn_mapper_key_pose(all, k), b = cairn_mapper_key_pose(mapper, k);
+        for (int32_t k = 0; k < all->keyframe_count; k++) {
+            cairn_pose a = cairn_mapper_keyframe_pose(all, k),
+                       b = cairn_mapper_keyframe_pose(mapper, k);
 
             assert_memory_equal(&a, &b, sizeof a);
         }
@@ -267,13 +269,13 @@ static void budgets_do_not_matter(void **state)
 
 typedef struct memory_of {
     int32_t key_count, entered, link_count, releases, local_count, pending_count, solutions;
-    int32_t slot[KEYS], pieces[KEYS], local[CAIRN_MAPPER_LOCAL_MOST], doubtful[KEYS];
+    int32_t slot[KEYS], pieces[KEYS], local[CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES], doubtful[KEYS];
     cairn_pose pose[KEYS];
     uint16_t sight[KEYS][MAPPER_BEARINGS];
     cairn_vec2 sensor[KEYS];
     cairn_mapper_link link[LINKS];
     cairn_real chi2[LINKS];
-    mapper_pending pending[MAPPER_PENDING];
+    mapper_pending pending[MAPPER_MAX_PENDING];
     cairn_mapper_loop events[MAPPER_LOOP_EVENTS];
     cairn_pose last;
     int32_t seen, fused, bent, taken, contradicted; /* releases, and links by what became of them */
@@ -286,27 +288,28 @@ static void remember(void *context, cairn_mapper *mapper, hanging *h)
     memory_of *m = context;
 
     (void)h;
-    if (mapper->phase != MAPPER_BACKGROUND || mapper->loop.phase != LOOP_COVER)
+    if (mapper->phase != MAPPER_BACKGROUND || mapper->loop.phase != LOOP_REDUNDANCY)
         return;
-    m->key_count = mapper->key_count;
-    m->entered = mapper->loop.entered;
-    m->releases = mapper->state.releases;
-    m->solutions = mapper->state.solutions;
+    m->key_count = mapper->keyframe_count;
+    m->entered = mapper->loop.graph_keyframes;
+    m->releases = mapper->state.culled_keyframes;
+    m->solutions = mapper->state.graph_solutions;
     m->link_count = mapper->loop.link_count;
     m->local_count = mapper->local_count;
     m->pending_count = mapper->loop.pending_count;
-    m->last = cairn_pose_compose(mapper->key_pose[mapper->result.key], mapper->result.key_scan);
+    m->last = cairn_pose_compose(mapper->keyframe_pose[mapper->result.keyframe],
+                                 mapper->result.keyframe_scan);
     memcpy(m->slot, mapper->slot, sizeof *m->slot * (size_t)m->key_count);
     memcpy(m->local, mapper->local, sizeof m->local);
-    memcpy(m->pose, mapper->key_pose, sizeof *m->pose * (size_t)m->key_count);
+    memcpy(m->pose, mapper->keyframe_pose, sizeof *m->pose * (size_t)m->key_count);
     memcpy(m->pending, mapper->loop.pending, sizeof m->pending);
     memcpy(m->events, mapper->loop.events, sizeof m->events);
     for (int32_t k = 0; k < m->key_count; k++) {
-        memcpy(m->sight[k], &mapper->sight[(size_t)m->slot[k] * MAPPER_BEARINGS],
+        memcpy(m->sight[k], &mapper->visibility[(size_t)m->slot[k] * MAPPER_BEARINGS],
                sizeof m->sight[k]);
-        m->sensor[k] = mapper->keys->scans[m->slot[k]].sensor;
-        m->pieces[k] = mapper->loop.ties[k].piece;
-        m->doubtful[k] = mapper->loop.ties[k].doubtful;
+        m->sensor[k] = mapper->keyframes->scans[m->slot[k]].sensor;
+        m->pieces[k] = mapper->loop.constraints[k].submap;
+        m->doubtful[k] = mapper->loop.constraints[k].low_confidence;
     }
     assert_true(m->link_count <= LINKS);
     for (int32_t i = 0; i < m->link_count; i++) {
@@ -407,12 +410,12 @@ static double slow_loss(const memory_of *m, int32_t key)
 /* Rounding may put a sample on the other side of an edge. */
 static const double ROUNDED = NUMBER(0.6, 3);
 
-static void check_choice(const memory_of *m, const cairn_mapper_release *release)
+static void check_choice(const memory_of *m, const cairn_mapper_culling *release)
 {
     int32_t end = m->entered - 8 < m->key_count - 10 ? m->entered - 8 : m->key_count - 10;
-    double loss = slow_loss(m, release->key);
+    double loss = slow_loss(m, release->keyframe);
 
-    assert_true(release->key >= 1 && release->key < end);
+    assert_true(release->keyframe >= 1 && release->keyframe < end);
     for (int32_t k = 1; k < end; k++)
         assert_true(loss <= slow_loss(m, k) + ROUNDED);
 }
@@ -592,8 +595,8 @@ static int32_t renamed(int32_t key, int32_t gone)
 static int32_t slow_find(const cairn_mapper_link *links, int32_t count, int32_t a, int32_t b)
 {
     for (int32_t i = 0; i < count; i++)
-        if (!links[i].dropped && ((links[i].first == a && links[i].second == b) ||
-                                  (links[i].first == b && links[i].second == a)))
+        if (!links[i].is_outlier && ((links[i].first == a && links[i].second == b) ||
+                                     (links[i].first == b && links[i].second == a)))
             return i;
     return -1;
 }
@@ -617,12 +620,12 @@ static double strain_at(const memory_of *m, int32_t from, int32_t to, const dens
 
 /* Every link of the one that went, one after the other, on copies of the links as they were. */
 static void check_contraction(memory_of *m, const cairn_mapper *mapper,
-                              const cairn_mapper_release *release)
+                              const cairn_mapper_culling *release)
 {
     static cairn_mapper_link now[LINKS];
     static dense expected[LINKS];
     static int32_t known[LINKS];
-    int32_t gone = release->key, best = -1, onto, count = cairn_mapper_link_count(mapper);
+    int32_t gone = release->keyframe, best = -1, onto, count = cairn_mapper_link_count(mapper);
     double least = 0;
 
     for (int32_t i = 0; i < m->link_count; i++) {
@@ -635,14 +638,14 @@ static void check_contraction(memory_of *m, const cairn_mapper *mapper,
             continue;
         d = dense_of(l, l->first);
         cost = fmax(1, (double)m->chi2[i]) * (d.c[0][0] + d.c[1][1] + d.c[2][2]);
-        if (!l->dropped && (best < 0 || cost < least * (1 - 1e-6))) {
+        if (!l->is_outlier && (best < 0 || cost < least * (1 - 1e-6))) {
             best = i;
             least = cost;
         }
     }
     onto = m->link[best].first == gone ? m->link[best].second : m->link[best].first;
-    if (release->onto != renamed(onto, gone)) { /* as good, up to rounding */
-        onto = release->onto + (release->onto >= gone);
+    if (release->reference != renamed(onto, gone)) { /* as good, up to rounding */
+        onto = release->reference + (release->reference >= gone);
         best = slow_find(m->link, m->link_count, onto, gone);
         assert_true(best >= 0);
     }
@@ -653,7 +656,7 @@ static void check_contraction(memory_of *m, const cairn_mapper *mapper,
         int32_t far = far_end(l, gone), there, after;
         dense onto_key = seen_from(&m->link[best], onto), key_far, onto_far, before, both;
 
-        if ((l->first != gone && l->second != gone) || l->dropped || far == onto)
+        if ((l->first != gone && l->second != gone) || l->is_outlier || far == onto)
             continue;
         key_far = seen_from(l, gone);
         onto_far = propagate(&onto_key, &key_far, compose);
@@ -695,7 +698,7 @@ static void check_contraction(memory_of *m, const cairn_mapper *mapper,
             at++;
         assert_true(at < count);
         assert_int_equal(now[at].is_loop, l->is_loop);
-        assert_int_equal(now[at].dropped, l->dropped);
+        assert_int_equal(now[at].is_outlier, l->is_outlier);
         assert_memory_equal(&now[at].first_second, &l->first_second, sizeof l->first_second);
         at++;
     }
@@ -711,13 +714,13 @@ static void assert_same_pose(cairn_pose a, cairn_pose b)
 }
 
 static void check_names(const memory_of *m, const cairn_mapper *mapper,
-                        const cairn_mapper_release *release)
+                        const cairn_mapper_culling *release)
 {
-    int32_t gone = release->key, heir = -1;
-    int32_t waits = m->pending_count < MAPPER_PENDING ? m->pending_count : MAPPER_PENDING;
+    int32_t gone = release->keyframe, heir = -1;
+    int32_t waits = m->pending_count < MAPPER_MAX_PENDING ? m->pending_count : MAPPER_MAX_PENDING;
 
-    assert_int_equal(mapper->key_count, m->key_count - 1);
-    assert_int_equal(mapper->loop.entered, m->entered - 1);
+    assert_int_equal(mapper->keyframe_count, m->key_count - 1);
+    assert_int_equal(mapper->loop.graph_keyframes, m->entered - 1);
     for (int32_t k = 0; k < m->key_count; k++)
         if (k != gone && m->pieces[k] == gone && heir < 0)
             heir = k;
@@ -727,26 +730,29 @@ static void check_names(const memory_of *m, const cairn_mapper *mapper,
         if (k == gone)
             continue;
         assert_int_equal(mapper->slot[now], m->slot[k]);
-        assert_memory_equal(&mapper->key_pose[now], &m->pose[k], sizeof m->pose[k]);
-        assert_int_equal(mapper->loop.ties[now].piece, renamed(piece, gone));
-        assert_int_equal(mapper->loop.ties[now].doubtful, m->doubtful[k == heir ? gone : k]);
-        if (now < mapper->loop.entered) {
+        assert_memory_equal(&mapper->keyframe_pose[now], &m->pose[k], sizeof m->pose[k]);
+        assert_int_equal(mapper->loop.constraints[now].submap, renamed(piece, gone));
+        assert_int_equal(mapper->loop.constraints[now].low_confidence,
+                         m->doubtful[k == heir ? gone : k]);
+        if (now < mapper->loop.graph_keyframes) {
             cairn_pose in_graph = cairn_pose_graph_pose(mapper->loop.graph, now);
 
             assert_near(in_graph.x, m->pose[k].x, 1e-6);
         }
     }
+    assert_same_pose(cairn_pose_compose(mapper->keyframe_pose[mapper->result.keyframe],
+                                        mapper->result.keyframe_scan),
+                     m->last);
     assert_same_pose(
-        cairn_pose_compose(mapper->key_pose[mapper->result.key], mapper->result.key_scan), m->last);
-    assert_same_pose(cairn_pose_compose(mapper->key_pose[release->onto], release->onto_key),
-                     m->pose[gone]);
+        cairn_pose_compose(mapper->keyframe_pose[release->reference], release->reference_keyframe),
+        m->pose[gone]);
     assert_int_equal(mapper->local_count, m->local_count);
     for (int32_t i = 0; i < m->local_count; i++)
         assert_int_equal(mapper->local[i], renamed(m->local[i], gone));
     for (int32_t i = 0; i < waits; i++) {
         const mapper_pending *p = &mapper->loop.pending[i], *before = &m->pending[i];
 
-        assert_same_pose(cairn_pose_compose(mapper->key_pose[p->first], p->first_second),
+        assert_same_pose(cairn_pose_compose(mapper->keyframe_pose[p->first], p->first_second),
                          cairn_pose_compose(m->pose[before->first], before->first_second));
         if (before->second != gone)
             assert_int_equal(p->second, renamed(before->second, gone));
@@ -755,22 +761,22 @@ static void check_names(const memory_of *m, const cairn_mapper *mapper,
         int32_t first = m->events[i].first, second = m->events[i].second;
 
         assert_int_equal(mapper->loop.events[i].first,
-                         first == gone ? release->onto : renamed(first, gone));
+                         first == gone ? release->reference : renamed(first, gone));
         assert_int_equal(mapper->loop.events[i].second,
-                         second == gone ? release->onto : renamed(second, gone));
+                         second == gone ? release->reference : renamed(second, gone));
     }
 }
 
 static void check_release(void *context, cairn_mapper *mapper, hanging *h)
 {
     memory_of *m = context;
-    cairn_mapper_release release;
+    cairn_mapper_culling release;
 
-    if (mapper->state.releases == m->releases || m->key_count == 0)
+    if (mapper->state.culled_keyframes == m->releases || m->key_count == 0)
         return;
-    assert_int_equal(mapper->state.releases, m->releases + 1);
-    assert_int_equal(mapper->loop.fresh, 0);
-    release = cairn_mapper_release_at(mapper, m->releases);
+    assert_int_equal(mapper->state.culled_keyframes, m->releases + 1);
+    assert_int_equal(mapper->loop.unsolved_closures, 0);
+    release = cairn_mapper_culling_at(mapper, m->releases);
     check_choice(m, &release);
     check_contraction(m, mapper, &release);
     check_names(m, mapper, &release);
@@ -796,19 +802,19 @@ static void every_release_is_that_of_the_twins(void **state)
 /* A chain solved without the key scan between two others leaves these where they were. */
 static void what_hangs_stays_in_its_place(void **state)
 {
-    cairn_mapper_release release = {4, 2, {1, 2, CAIRN_REAL(0.5)}};
+    cairn_mapper_culling release = {4, 2, {1, 2, CAIRN_REAL(0.5)}};
     cairn_pose seen = {CAIRN_REAL(0.3), CAIRN_REAL(-0.1), CAIRN_REAL(0.2)}, at;
     int32_t key = 4;
 
     (void)state;
     at = seen;
-    cairn_mapper_rehang(release, &key, &at);
+    cairn_mapper_reattach(release, &key, &at);
     assert_int_equal(key, 2);
-    assert_same_pose(at, cairn_pose_compose(release.onto_key, seen));
+    assert_same_pose(at, cairn_pose_compose(release.reference_keyframe, seen));
     for (int32_t k = 0; k < 8; k++) {
         key = k;
         at = seen;
-        cairn_mapper_rehang(release, &key, &at);
+        cairn_mapper_reattach(release, &key, &at);
         if (k != 4) {
             assert_int_equal(key, k < 4 ? k : k - 1);
             assert_memory_equal(&at, &seen, sizeof at);
@@ -828,31 +834,31 @@ static void params_are_checked(void **state)
     cairn_mapper_params params = release_params(), plain = params;
 
     (void)state;
-    plain.release = 0;
+    plain.cull_keyframes = 0;
     assert_true(cairn_mapper_memory(&params) > cairn_mapper_memory(&plain));
 #define REFUSED(field, value)                                                                      \
     do {                                                                                           \
         cairn_mapper_params bad = params;                                                          \
         bad.field = value;                                                                         \
         assert_int_equal(cairn_mapper_memory(&bad), 0);                                            \
-        bad.release = 0;                                                                           \
+        bad.cull_keyframes = 0;                                                                    \
         assert_true(cairn_mapper_memory(&bad) > 0);                                                \
     } while (0)
-    REFUSED(release, -1);
-    REFUSED(release, 2);
+    REFUSED(cull_keyframes, -1);
+    REFUSED(cull_keyframes, 2);
     REFUSED(loop.max_loops, 0);
     REFUSED(local_span, 0);
-    REFUSED(max_keys, 11);
-    params.max_keys = 12; /* gap, free ones of the window, the first one and one that may go */
+    REFUSED(max_keyframes, 11);
+    params.max_keyframes = 12; /* gap, free ones of the window, the first one and one that may go */
     assert_true(cairn_mapper_memory(&params) > 0);
-    REFUSED(max_keys, 11);
+    REFUSED(max_keyframes, 11);
     REFUSED(local_span, 11);
     REFUSED(window, 11);
-    REFUSED(loop.gap, 9);
+    REFUSED(loop.min_keyframe_gap, 9);
     params.scan.max_beams = params.scan.max_points = 8;
     params.scan.max_segments = 4;
-    params.max_key_points = 96;
-    params.max_key_segments = 48;
+    params.max_keyframe_points = 96;
+    params.max_keyframe_segments = 48;
     params.loop.max_loops = params.loop.max_fill = 8;
     test_every_pool_size(create, &params, cairn_mapper_memory(&params));
 }

@@ -26,8 +26,8 @@ static void settle(cairn_mapper *mapper, int32_t count)
 
     assert_ok(cairn_mapper_settle(mapper, &budget));
     for (int32_t i = 0; i < count; i++) {
-        poses[i] =
-            cairn_pose_compose(cairn_mapper_key_pose(mapper, results[i].key), results[i].key_scan);
+        poses[i] = cairn_pose_compose(cairn_mapper_keyframe_pose(mapper, results[i].keyframe),
+                                      results[i].keyframe_scan);
         assert_true(cairn_pose_is_finite(poses[i]));
     }
 }
@@ -66,7 +66,7 @@ static void an_empty_beginning(void **state)
             input.range = nothing;
         results[i] = take(mapper, &input, &odometry);
         if (i < 100)
-            assert_int_equal(results[i].verdict, CAIRN_MAPPER_BLIND);
+            assert_int_equal(results[i].verdict, CAIRN_MAPPER_NO_FEATURES);
     }
     settle(mapper, d.count);
     assert_int_equal(results[101].verdict, CAIRN_MAPPER_MATCHED);
@@ -96,7 +96,7 @@ static void every_scan_twice(void **state)
             results[i / times] = result;
         }
         settle(mapper, d.count);
-        keys[times - 1] = cairn_mapper_measure(mapper).keys;
+        keys[times - 1] = cairn_mapper_measure(mapper).keyframes;
         assert_int_equal(cairn_mapper_measure(mapper).scans, d.count * times);
         assert_int_equal(cairn_mapper_measure(mapper).predicted, 0);
         assert_true(worst_error(&d, 0, d.count) < 0.15);
@@ -165,7 +165,7 @@ static void a_kidnapped_start(void **state)
     for (int32_t i = 10; i < 120; i++)
         results[i] = results[9];
     settle(mapper, d.count);
-    assert_true(after.doubtful + after.predicted > before.doubtful + before.predicted);
+    assert_true(after.low_confidence + after.predicted > before.low_confidence + before.predicted);
     assert_true(worst_error(&d, 130, 170) < 0.05);
     assert_true(worst_error(&d, 130, d.count) < 0.3);
     test_pool_free(&pool);

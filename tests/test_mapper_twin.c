@@ -87,13 +87,13 @@ static void make_map(twin *t, cairn_pose at)
 {
     place places[KEYS];
     int32_t span = t->params.local_span, count = 0;
-    int32_t oldest = span > 0 && t->state.keys > span ? t->state.keys - span : 0;
+    int32_t oldest = span > 0 && t->state.keyframes > span ? t->state.keyframes - span : 0;
 
-    for (int32_t k = oldest; k < t->state.keys; k++) {
+    for (int32_t k = oldest; k < t->state.keyframes; k++) {
         cairn_real x = t->keys[k].pose.x - at.x, y = t->keys[k].pose.y - at.y;
         cairn_real distance = cairn_sqrt(x * x + y * y);
 
-        if (k >= t->state.keys - t->params.local_recent)
+        if (k >= t->state.keyframes - t->params.local_recent)
             distance = -1;
         if (distance > t->params.local_radius)
             continue;
@@ -101,12 +101,12 @@ static void make_map(twin *t, cairn_pose at)
         places[count++].distance = distance;
     }
     qsort(places, (size_t)count, sizeof *places, compare_places);
-    if (count > t->params.local_keys)
-        count = t->params.local_keys;
+    if (count > t->params.local_keyframes)
+        count = t->params.local_keyframes;
     cairn_icp_clear_target(t->icp);
     /* A unit for every key scan that was looked at, for 64 points of room and for two of each
      * key scan. */
-    t->state.units += t->state.keys - oldest + 1 + t->params.max_local_points / 64;
+    t->state.units += t->state.keyframes - oldest + 1 + t->params.max_local_points / 64;
     for (int32_t i = 0, points = 0; i < count && points <= t->params.max_local_points; i++) {
         const twin_key *k = &t->keys[places[i].key];
 
@@ -211,8 +211,8 @@ static cairn_pose expect(twin *t, cairn_pose motion, cairn_pose asked, cairn_pos
     }
     t->weak_scans++;
     cairn_sincos(cairn_pose_inverse(best->target_query).theta, &s, &c);
-    wx = c * best->weak[0] - s * best->weak[1];
-    wy = s * best->weak[0] + c * best->weak[1];
+    wx = c * best->weak_direction[0] - s * best->weak_direction[1];
+    wy = s * best->weak_direction[0] + c * best->weak_direction[1];
     lost = wx * (t->pace.x - motion.x) + wy * (t->pace.y - motion.y);
     motion.x += wx * lost;
     motion.y += wy * lost;
@@ -223,7 +223,7 @@ static cairn_pose expect(twin *t, cairn_pose motion, cairn_pose asked, cairn_pos
 
 static int counts(const twin *t, const cairn_icp_result *found)
 {
-    return found->verdict != CAIRN_ICP_TOO_FEW_PAIRS && found->overlap >= t->params.min_support &&
+    return found->verdict != CAIRN_ICP_TOO_FEW_PAIRS && found->overlap >= t->params.min_overlap &&
            found->sigma < CAIRN_REAL(0.1);
 }
 
@@ -237,7 +237,7 @@ static cairn_real quality(const cairn_icp_result *found)
 /* As kept: without beams, the points of a segment with one direction. */
 static void keep_key(twin *t, const cairn_scan_view *view, cairn_pose pose)
 {
-    twin_key *k = &t->keys[t->state.keys++];
+    twin_key *k = &t->keys[t->state.keyframes++];
 
     k->view = *view;
     k->view.beams = NULL;
@@ -262,10 +262,10 @@ static void keep_key(twin *t, const cairn_scan_view *view, cairn_pose pose)
 static void run_field(twin *t)
 {
     int32_t count = 0, points = 0;
-    twin_key *window = &t->keys[t->state.keys];
+    twin_key *window = &t->keys[t->state.keyframes];
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
-    while (count < t->params.window && count < t->state.keys &&
+    while (count < t->params.window && count < t->state.keyframes &&
            points + (window - 1)->view.point_count <= t->params.max_local_points) {
         window--;
         count++;
@@ -302,7 +302,7 @@ static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *
     int32_t is_first = t->state.scans == 0, matched = 0, has_motion, believed;
 
     if (!is_first)
-        last = cairn_pose_compose(t->keys[t->result.key].pose, t->result.key_scan);
+        last = cairn_pose_compose(t->keys[t->result.keyframe].pose, t->result.keyframe_scan);
     else if (odometry != NULL)
         last = *odometry;
     has_motion = odometry != NULL && (t->had_odometry || is_first);
@@ -329,7 +329,7 @@ static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *
     if (view.point_count > 0 && t->key_points > 0) {
         cairn_real x = prior.mean.x - t->map_at.x, y = prior.mean.y - t->map_at.y;
 
-        if (!t->map_made || x * x + y * y > p->key_distance * p->key_distance)
+        if (!t->map_made || x * x + y * y > p->keyframe_distance * p->keyframe_distance)
             make_map(t, prior.mean);
         if (cairn_icp_target_count(t->icp) > 0) {
             best = match(t, &prior);
@@ -349,7 +349,8 @@ static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *
         }
     }
     if (matched && !believed && best.weak_ratio < CAIRN_REAL(0.05)) {
-        cairn_real x = CAIRN_REAL(0.3) * best.weak[0], y = CAIRN_REAL(0.3) * best.weak[1];
+        cairn_real x = CAIRN_REAL(0.3) * best.weak_direction[0],
+                   y = CAIRN_REAL(0.3) * best.weak_direction[1];
 
         best.covariance[0] += x * x;
         best.covariance[1] += x * y;
@@ -367,15 +368,15 @@ static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *
     if (matched) {
         t->result.verdict = CAIRN_MAPPER_MATCHED;
         t->result.map_scan = best.target_query;
-        t->result.support = best.overlap;
+        t->result.overlap = best.overlap;
         memcpy(t->result.covariance, best.covariance, sizeof best.covariance);
     } else if (view.point_count == 0) {
-        t->result.verdict = CAIRN_MAPPER_BLIND;
+        t->result.verdict = CAIRN_MAPPER_NO_FEATURES;
     } else {
         t->result.verdict = is_first ? CAIRN_MAPPER_FIRST : CAIRN_MAPPER_PREDICTED;
     }
-    t->state.predicted +=
-        t->result.verdict == CAIRN_MAPPER_BLIND || t->result.verdict == CAIRN_MAPPER_PREDICTED;
+    t->state.predicted += t->result.verdict == CAIRN_MAPPER_NO_FEATURES ||
+                          t->result.verdict == CAIRN_MAPPER_PREDICTED;
     t->state.units += 4 + view.point_count / 4;
     t->state.scans++;
 
@@ -385,20 +386,22 @@ static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *
     if (odometry != NULL)
         t->odometry = *odometry;
     if (!is_first) {
-        away = cairn_pose_between(t->keys[t->state.keys - 1].pose, t->result.map_scan);
-        t->result.is_key = view.point_count > 0 &&
-                           ((t->result.support < p->key_support && t->rest >= 2) ||
-                            away.x * away.x + away.y * away.y > p->key_distance * p->key_distance ||
-                            cairn_abs(away.theta) > p->key_turn);
+        away = cairn_pose_between(t->keys[t->state.keyframes - 1].pose, t->result.map_scan);
+        t->result.is_keyframe =
+            view.point_count > 0 &&
+            ((t->result.overlap < p->keyframe_min_overlap && t->rest >= 2) ||
+             away.x * away.x + away.y * away.y > p->keyframe_distance * p->keyframe_distance ||
+             cairn_abs(away.theta) > p->keyframe_angle);
     } else {
-        t->result.is_key = 1;
+        t->result.is_keyframe = 1;
     }
-    t->rest = t->result.is_key ? 0 : t->rest + 1;
-    if (t->result.is_key)
+    t->rest = t->result.is_keyframe ? 0 : t->rest + 1;
+    if (t->result.is_keyframe)
         keep_key(t, &view, t->result.map_scan);
-    t->result.key = t->state.keys - 1;
-    t->result.key_scan = cairn_pose_between(t->keys[t->result.key].pose, t->result.map_scan);
-    if (t->result.is_key && p->window > 0 && t->state.keys > 1)
+    t->result.keyframe = t->state.keyframes - 1;
+    t->result.keyframe_scan =
+        cairn_pose_between(t->keys[t->result.keyframe].pose, t->result.map_scan);
+    if (t->result.is_keyframe && p->window > 0 && t->state.keyframes > 1)
         run_field(t);
 }
 
@@ -410,27 +413,27 @@ static void compare(const cairn_mapper *mapper, const twin *t)
 {
     cairn_mapper_result result = cairn_mapper_read(mapper);
     cairn_mapper_state state = cairn_mapper_measure(mapper);
-    const cairn_scan_set *keys = cairn_mapper_keys(mapper);
+    const cairn_scan_set *keys = cairn_mapper_keyframes(mapper);
 
     assert_int_equal(result.verdict, t->result.verdict);
-    assert_int_equal(result.key, t->result.key);
-    assert_same(result.key_scan, t->result.key_scan);
+    assert_int_equal(result.keyframe, t->result.keyframe);
+    assert_same(result.keyframe_scan, t->result.keyframe_scan);
     assert_same(result.map_scan, t->result.map_scan);
     assert_same(result.covariance, t->result.covariance);
-    assert_near(result.support, t->result.support, 0);
-    assert_int_equal(result.is_key, t->result.is_key);
+    assert_near(result.overlap, t->result.overlap, 0);
+    assert_int_equal(result.is_keyframe, t->result.is_keyframe);
     assert_int_equal(state.scans, t->state.scans);
     assert_int_equal(state.predicted, t->state.predicted);
     assert_int_equal(state.odometry_rejected, t->state.odometry_rejected);
     assert_int_equal(state.odometry_contradicted, t->state.odometry_contradicted);
     assert_int_equal(state.searched, 0);
-    assert_int_equal(state.doubtful, 0);
-    assert_int_equal(state.keys, t->state.keys);
+    assert_int_equal(state.low_confidence, 0);
+    assert_int_equal(state.keyframes, t->state.keyframes);
     assert_int_equal(state.units, t->state.units);
     assert_near(state.potential, t->state.potential, 0);
-    assert_int_equal(keys->scan_count, t->state.keys);
-    for (int32_t k = 0; k < t->state.keys; k++) {
-        cairn_pose pose = cairn_mapper_key_pose(mapper, k);
+    assert_int_equal(keys->scan_count, t->state.keyframes);
+    for (int32_t k = 0; k < t->state.keyframes; k++) {
+        cairn_pose pose = cairn_mapper_keyframe_pose(mapper, k);
 
         assert_same(pose, t->keys[k].pose);
     }
@@ -512,7 +515,7 @@ static void as_the_twin_on_a_calm_drive(void **state)
     (void)state;
     side_by_side(&params, SIM_APARTMENT, 3, 60, 0.4, &calm, &measured);
     assert_int_equal(measured.predicted, 0);
-    assert_true(measured.keys > 20);
+    assert_true(measured.keyframes > 20);
 }
 
 /* Few key scans for the local map, of which some are beyond the radius; short windows, or none. */
@@ -523,19 +526,19 @@ static void as_the_twin_with_small_maps(void **state)
     cairn_mapper_state measured;
 
     (void)state;
-    params.key_distance = CAIRN_REAL(0.3);
-    params.key_turn = CAIRN_REAL(0.35);
-    params.local_keys = 5;
+    params.keyframe_distance = CAIRN_REAL(0.3);
+    params.keyframe_angle = CAIRN_REAL(0.35);
+    params.local_keyframes = 5;
     params.local_recent = 2;
     params.local_span = 12;
     params.local_radius = CAIRN_REAL(0.8);
     params.window = 4;
     params.window_free = 3;
     side_by_side(&params, SIM_APARTMENT, 5, 70, 0.15, &calm, &measured);
-    assert_true(measured.keys > 20);
+    assert_true(measured.keyframes > 20);
     params.window = 0;
     side_by_side(&params, SIM_APARTMENT, 6, 70, 0.15, &calm, &measured);
-    assert_true(measured.keys > 20);
+    assert_true(measured.keyframes > 20);
 }
 
 static void as_the_twin_when_odometry_fails(void **state)
@@ -554,7 +557,7 @@ static void as_the_twin_when_odometry_fails(void **state)
     assert_true(measured.odometry_rejected > 0);
     assert_true(measured.odometry_contradicted > 10);
     side_by_side(&params, SIM_RESCUE, 9, 40, 0.3, &bare, &measured);
-    assert_true(measured.keys > 10);
+    assert_true(measured.keyframes > 10);
     side_by_side(&params, SIM_RESCUE, 10, 30, 0.3, &dark, &measured);
     assert_true(measured.predicted >= 6);
 }

@@ -55,7 +55,7 @@ int main(int argc, char **argv)
     const struct CMUnitTest with_gaps[] = {cmocka_unit_test(defaults_are_accepted)};
     int32_t count = 0;
 
-    if (CAIRN_POOL_GAP > 0)
+    if (CAIRN_POOL_REDZONE > 0)
         return cmocka_run_group_tests(with_gaps, NULL, NULL);
     for (const pool_object *o = pool_objects; o->name != NULL; o++)
         for (int32_t k = -1;

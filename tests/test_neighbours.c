@@ -79,7 +79,7 @@ static void check_query(const cairn_point_grid *grid, const cairn_vec2 *points, 
     assert_int_equal(cairn_point_grid_nearest(grid, p, radius, &squared), expected);
     assert_int_equal(cairn_point_grid_nearest(grid, p, radius, NULL), expected);
     assert_true(squared == (expected < 0 ? -1 : distance_squared(points[expected], p)));
-    assert_int_equal(cairn_point_grid_has(grid, p, radius), expected >= 0);
+    assert_int_equal(cairn_point_grid_has_near(grid, p, radius), expected >= 0);
     check_facing(grid, points, count, p, radius);
     check_cursor(grid, points, count, p, radius);
 }
@@ -430,7 +430,7 @@ static void test_grid_refusals(void **state)
     assert_int_equal(cairn_point_grid_nearest(grid, p, -1, NULL), -1);
     assert_int_equal(cairn_point_grid_nearest(grid, p, (cairn_real)NAN, NULL), -1);
     assert_int_equal(cairn_point_grid_nearest(grid, nan_x, 9, NULL), -1);
-    assert_int_equal(cairn_point_grid_has(grid, nan_x, 9), 0);
+    assert_int_equal(cairn_point_grid_has_near(grid, nan_x, 9), 0);
     assert_int_equal(cairn_point_grid_nearest(grid, nan_y, 9, NULL), -1);
     cursor = cairn_point_grid_begin(grid, p, -1);
     assert_int_equal(cairn_point_grid_next(grid, &cursor), -1);

@@ -18,7 +18,7 @@
 #include "cairn/part_bundle.h"
 #include "cairn/part_configuration.h"
 #include "cairn/place_map.h"
-#include "cairn/scan_cover.h"
+#include "cairn/scan_redundancy.h"
 #include "cairn/sequence.h"
 #include "cairn/shape_context.h"
 #include "cairn/shape_model.h"
@@ -117,7 +117,7 @@ static cairn_distance_map_params distance_map_params(void)
     X(pose_consensus, pose_consensus)                                                              \
     X(rectangle, rectangle_set)                                                                    \
     X(scan, scan)                                                                                  \
-    X(scan_cover, scan_cover)                                                                      \
+    X(scan_redundancy, scan_redundancy)                                                            \
     X(scan_match, scan_match)                                                                      \
     X(sequence, sequence)                                                                          \
     X(shape_builder, shape_builder)                                                                \
@@ -126,7 +126,7 @@ static cairn_distance_map_params distance_map_params(void)
     X(symmetric_point, symmetric_point_set)                                                        \
     X(virtual_align, virtual_align)                                                                \
     X(virtual_scan, virtual_scan)                                                                  \
-    X(wall_slide, wall_slide)
+    X(weak_direction, weak_direction)
 
 /* Steps that say nothing about objects that are not there. */
 #define OTHERS(X)                                                                                  \

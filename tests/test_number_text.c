@@ -79,7 +79,7 @@ static void test_refuses_what_is_no_number(void **state)
                                        "1e",   "1e+",     "1e-",   "1ex",    "1x",      "1,5",
                                        "0x10", "1 ",      " 1",    "--1",    "1.2.3",   "nano",
                                        "in",   "infinit", "1e309", "-1e999", "+nan(1)", "1e5e5"};
-    char digits[CAIRN_NUMBER_TEXT_LONGEST + 2];
+    char digits[CAIRN_NUMBER_MAX_LENGTH + 2];
     double value = 7;
 
     (void)state;
@@ -88,8 +88,8 @@ static void test_refuses_what_is_no_number(void **state)
             fail_msg("\"%s\" was read", text[i]);
     memset(digits, '1', sizeof digits);
     digits[1] = '.';
-    assert_int_equal(cairn_number_read(digits, CAIRN_NUMBER_TEXT_LONGEST + 1, &value), 0);
-    assert_int_equal(cairn_number_read(digits, CAIRN_NUMBER_TEXT_LONGEST, &value), 1);
+    assert_int_equal(cairn_number_read(digits, CAIRN_NUMBER_MAX_LENGTH + 1, &value), 0);
+    assert_int_equal(cairn_number_read(digits, CAIRN_NUMBER_MAX_LENGTH, &value), 1);
     assert_near(value, 1.1111111111111112, 0);
 }
 

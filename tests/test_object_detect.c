@@ -23,7 +23,7 @@ static cairn_detections detect(const cairn_contour_tokens *tokens,
             const cairn_contour_place *p = &found.outline[d->first_outline + k];
 
             assert_true(p->segment >= -1 && p->segment < tokens->count);
-            assert_true(p->at.position.x >= d->left && p->at.position.x <= d->right);
+            assert_true(p->point.position.x >= d->left && p->point.position.x <= d->right);
         }
         for (int32_t k = 0; k < d->segment_count; k++)
             assert_in_range(found.segments[d->first_segment + k], 0, tokens->count - 1);
@@ -59,7 +59,7 @@ static void finds_a_shape_where_it_is(void **state)
         for (int32_t k = 0; k < d->outline_count; k++)
             seen += found.outline[d->first_outline + k].segment >= 0;
         assert_true(seen > 0.85 * d->outline_count);
-        assert_true(d->along > CAIRN_REAL(0.8) && d->along < CAIRN_REAL(1.3));
+        assert_true(d->outline_coverage > CAIRN_REAL(0.8) && d->outline_coverage < CAIRN_REAL(1.3));
         cairn_detections_free(&found);
         cairn_contour_tokens_free(&tokens);
     }
@@ -138,7 +138,7 @@ static double likely_at(const cairn_contour_tokens *tokens, const detect_plane *
             int32_t v = (int32_t)floor(((double)s.a.y + dy * k / steps) / (double)p->cell_size) - y;
 
             if (abs(u) <= 3 && abs(v) <= 3)
-                least = fmin(least, -log(fmax(0.2, 2 * (double)tokens->strength[i])) +
+                least = fmin(least, -log(fmax(0.2, 2 * (double)tokens->strength_rank[i])) +
                                         turn * turn / 2 + (u * u + v * v) / 2.0);
         }
     }
@@ -165,7 +165,7 @@ static void weighs_edges_as_the_obvious_way_does(void **state)
     likely = malloc((size_t)(p->width * p->height) * sizeof *likely);
     assert_non_null(likely);
     for (int32_t bin = 0; bin < DETECT_BINS; bin += 5) {
-        const float *worth = &p->llr[(size_t)bin * cairn_detect_layer(p)];
+        const float *worth = &p->llr[(size_t)bin * cairn_object_detect_layer(p)];
 
         for (int32_t i = 0; i < p->width * p->height; i++)
             likely[i] = likely_at(&tokens, p, i % p->width, i / p->width, bin);
@@ -179,12 +179,12 @@ static void weighs_edges_as_the_obvious_way_does(void **state)
                         sum += likely[v * p->width + u];
                         cells++;
                     }
-            assert_near(worth[(size_t)(y + DETECT_MARGIN_CELLS) * cairn_detect_row(p) +
+            assert_near(worth[(size_t)(y + DETECT_MARGIN_CELLS) * cairn_object_detect_row(p) +
                               (size_t)(x + DETECT_MARGIN_CELLS)],
                         log(0.25 + 0.75 * likely[i] / fmax(0.02, sum / cells)), 1e-4);
         }
         assert_near(worth[0], -0.7, 1e-6);
-        assert_near(worth[cairn_detect_layer(p) - 1], -0.7, 1e-6);
+        assert_near(worth[cairn_object_detect_layer(p) - 1], -0.7, 1e-6);
     }
     free(likely);
     cairn_detect_field_free(field);
@@ -205,11 +205,12 @@ static double mean_worth(const detect_plane *p, const cairn_shape_model *m, doub
             x + (int32_t)lrint(sqrt(aspect) * (double)o->position.x * DETECT_CELLS_PER_SIZE);
         int32_t v =
             y + (int32_t)lrint((double)o->position.y / sqrt(aspect) * DETECT_CELLS_PER_SIZE);
-        size_t layer =
-            (size_t)cairn_contour_field_bin(cairn_vec2_unit(along)) * cairn_detect_layer(p);
+        size_t layer = (size_t)cairn_contour_search_field_bin(cairn_vec2_unit(along)) *
+                       cairn_object_detect_layer(p);
 
-        sum += (double)p->llr[layer + (size_t)(v + DETECT_MARGIN_CELLS) * cairn_detect_row(p) +
-                              (size_t)(u + DETECT_MARGIN_CELLS)];
+        sum +=
+            (double)p->llr[layer + (size_t)(v + DETECT_MARGIN_CELLS) * cairn_object_detect_row(p) +
+                           (size_t)(u + DETECT_MARGIN_CELLS)];
     }
     return sum / m->outline_count;
 }
@@ -240,7 +241,7 @@ static void looks_at_every_place(void **state)
                 best = fmax(best, mean_worth(&field->plane[0], &model.model, aspects[k], x, y));
     assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));
     assert_int_equal(found.count, 1);
-    assert_near(found.found[0].rigid, best, 1e-4);
+    assert_near(found.found[0].rigid_evidence, best, 1e-4);
     cairn_detections_free(&found);
     cairn_detect_field_free(field);
     cairn_contour_tokens_free(&tokens);
@@ -256,7 +257,7 @@ static double close_of(const cairn_contour_tokens *tokens, const cairn_contour_p
     double sum = 0;
 
     for (int32_t i = 0; i < d->outline_count; i++) {
-        cairn_oriented_point at = places[i].at;
+        cairn_oriented_point at = places[i].point;
         double best = 0;
 
         for (int32_t k = 0; k < tokens->count; k++) {
@@ -288,8 +289,8 @@ static double turned_of(const cairn_shape_model *m, const cairn_contour_place *p
         double x =
             (double)(m->outline[b].position.x - m->outline[a].position.x) * (d->mirrored ? -1 : 1);
         double was = atan2((double)(m->outline[b].position.y - m->outline[a].position.y), x);
-        double is = atan2((double)(places[b].at.position.y - places[a].at.position.y),
-                          (double)(places[b].at.position.x - places[a].at.position.x));
+        double is = atan2((double)(places[b].point.position.y - places[a].point.position.y),
+                          (double)(places[b].point.position.x - places[a].point.position.x));
 
         sum += 1 - cos(was - is);
     }
@@ -339,10 +340,10 @@ static double strained_of(const cairn_shape_model *m, const cairn_contour_place 
     double slope[2][2], left;
 
     for (int32_t i = 0; i < m->outline_count; i++)
-        value[i] = (double)places[i].at.position.x;
+        value[i] = (double)places[i].point.position.x;
     left = residual_of(m, value, slope[0]);
     for (int32_t i = 0; i < m->outline_count; i++)
-        value[i] = (double)places[i].at.position.y;
+        value[i] = (double)places[i].point.position.y;
     left += residual_of(m, value, slope[1]);
     return fmin(1, sqrt(left / m->outline_count /
                         fabs(slope[0][0] * slope[1][1] - slope[0][1] * slope[1][0])));
@@ -368,16 +369,19 @@ static void measures_how_the_outline_fits(void **state)
         const cairn_detection *d = &found.found[i];
         const cairn_contour_place *places = &found.outline[d->first_outline];
 
-        assert_near(d->close, close_of(&tokens, places, d), 1e-3);
-        assert_near(d->turned, turned_of(&model.model, places, d), 1e-4);
-        assert_near(d->strained, strained_of(&model.model, places), 1e-4);
+        assert_near(d->edge_proximity, close_of(&tokens, places, d), 1e-3);
+        assert_near(d->tangent_deviation, turned_of(&model.model, places, d), 1e-4);
+        assert_near(d->deformation, strained_of(&model.model, places), 1e-4);
         /* The flags are as drawn; what is laid along clutter is not. */
-        assert_true(i < 2 ? d->close > CAIRN_REAL(0.8) : d->close < found.found[1].close);
-        assert_true(i < 2 ? d->turned < CAIRN_REAL(0.03) : d->turned > found.found[1].turned);
-        assert_true(i < 2 ? d->strained < CAIRN_REAL(0.03) : d->strained > found.found[1].strained);
-        assert_true(d->agreed >= 0 && d->agreed <= d->close);
-        assert_true(i < 2 ? d->agreed > CAIRN_REAL(0.8) * d->close
-                          : d->agreed < found.found[1].agreed / 2);
+        assert_true(i < 2 ? d->edge_proximity > CAIRN_REAL(0.8)
+                          : d->edge_proximity < found.found[1].edge_proximity);
+        assert_true(i < 2 ? d->tangent_deviation < CAIRN_REAL(0.03)
+                          : d->tangent_deviation > found.found[1].tangent_deviation);
+        assert_true(i < 2 ? d->deformation < CAIRN_REAL(0.03)
+                          : d->deformation > found.found[1].deformation);
+        assert_true(d->rigid_proximity >= 0 && d->rigid_proximity <= d->edge_proximity);
+        assert_true(i < 2 ? d->rigid_proximity > CAIRN_REAL(0.8) * d->edge_proximity
+                          : d->rigid_proximity < found.found[1].rigid_proximity / 2);
     }
     cairn_detections_free(&found);
     cairn_contour_tokens_free(&tokens);
@@ -403,12 +407,12 @@ static double unlike(const cairn_shape_model *m, const cairn_contour_place *plac
 {
     int32_t far = m->outline_count / 2;
     cairn_vec2 a = m->outline[0].position, b = cairn_vec2_sub(m->outline[far].position, a),
-               p = places[0].at.position, q = cairn_vec2_sub(places[far].at.position, p);
+               p = places[0].point.position, q = cairn_vec2_sub(places[far].point.position, p);
     double length = (double)cairn_vec2_norm_squared(b), most = 0;
 
     for (int32_t i = 0; i < m->outline_count; i++) {
         cairn_vec2 c = cairn_vec2_sub(m->outline[i].position, a),
-                   r = cairn_vec2_sub(places[i].at.position, p);
+                   r = cairn_vec2_sub(places[i].point.position, p);
         double along = (double)cairn_vec2_dot(b, c) / length,
                across = (double)cairn_vec2_cross(b, c) / length;
 
@@ -485,7 +489,7 @@ static void finds_what_is_turned_and_hidden_by_grouping(void **state)
     params.occluded = 1;
     found = detect(&tokens, &params);
     assert_int_equal(found.count, 1);
-    assert_true(found.found[0].grouped > 13);
+    assert_true(found.found[0].grouped_evidence > 13);
     assert_near(found.found[0].origin.x, 150, 12);
     assert_near(found.found[0].size, hypot(80, 120), 12);
     cairn_detections_free(&found);
@@ -514,16 +518,16 @@ static void groups_in_all_sizes(void **state)
     for (int32_t mirror = 1; mirror >= 0; mirror--) {
         params.mirror = mirror;
         assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
-        assert_ok(cairn_detect_group(&made, field, &model.model));
+        assert_ok(cairn_object_detect_group(&made, field, &model.model));
         for (int32_t i = 0; i < made.count; i++) {
             assert_true(i == 0 || made.list[i].found.evidence <= made.list[i - 1].found.evidence);
             assert_true(mirror || !made.list[i].mirrored);
         }
         for (int32_t i = 0; i < 3; i++)
-            evidence[i] = cairn_detect_grouped_evidence(&made, &at[i]);
+            evidence[i] = cairn_object_detect_grouped_evidence(&made, &at[i]);
         assert_true(evidence[0] > 13 && evidence[2] == 0);
         assert_true(mirror ? evidence[1] > 13 : evidence[1] < evidence[0] / 2);
-        cairn_detect_group_free(&made);
+        cairn_object_detect_group_free(&made);
         cairn_detect_field_free(field);
     }
     cairn_contour_tokens_free(&tokens);
@@ -570,14 +574,15 @@ static void verifies_what_is_grouped_as_well(void **state)
     tokens = find_tokens(0);
     params.verify = 0;
     plain = detect(&tokens, &params);
-    assert_true(plain.count >= 1 && plain.found[0].grouped == 0);
+    assert_true(plain.count >= 1 && plain.found[0].grouped_evidence == 0);
     for (int32_t times = 1; times <= 2; times++) {
         params.verify = (cairn_real)times * weight;
         params.min_score = 0;
         found = detect(&tokens, &params);
-        assert_true(found.found[0].left == plain.found[0].left && found.found[0].grouped > 20);
+        assert_true(found.found[0].left == plain.found[0].left &&
+                    found.found[0].grouped_evidence > 20);
         assert_near(found.found[0].score - plain.found[0].score,
-                    params.verify * found.found[0].grouped, 1e-3);
+                    params.verify * found.found[0].grouped_evidence, 1e-3);
         cairn_detections_free(&found);
         /* What would be too little without. */
         params.min_score = plain.found[0].score + params.verify;

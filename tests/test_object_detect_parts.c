@@ -29,17 +29,17 @@ static void assert_configuration(const cairn_contour_tokens *tokens,
 {
     uint32_t bundles = 0, fragments = 0;
 
-    assert_near(d->score, 1 - (double)d->distance, 1e-6);
-    assert_true(d->agreement > 0);
-    assert_near(d->rigid, 0, 0);
+    assert_near(d->score, 1 - (double)d->shape_distance, 1e-6);
+    assert_true(d->configuration_score > 0);
+    assert_near(d->rigid_evidence, 0, 0);
     assert_true(d->part_count >= 2);
     assert_in_range(d->first_part + d->part_count, d->part_count, found->part_count);
     for (int32_t i = 0; i < d->part_count; i++) {
         const cairn_detected_part *p = &found->parts[d->first_part + i];
 
-        assert_in_range(p->bundle, 0, found->bundles - 1);
+        assert_in_range(p->bundle, 0, found->bundle_count - 1);
         assert_in_range(p->fragment, 0, 31);
-        assert_in_range(p->chain, 0, tokens->chains - 1);
+        assert_in_range(p->chain, 0, tokens->chain_count - 1);
         assert_true(p->similarity >= CAIRN_REAL(0.5) && p->similarity <= 1);
         assert_true(p->from >= 0 && p->to > p->from &&
                     p->to <= 3 * length_of_chain(tokens, p->chain));
@@ -56,7 +56,7 @@ static cairn_detections detect(const cairn_contour_tokens *tokens,
 {
     cairn_detections found = detect_flag(tokens, params);
 
-    assert_int_equal(found.bundles, 4);
+    assert_int_equal(found.bundle_count, 4);
     for (int32_t i = 0; i < found.count; i++)
         assert_configuration(tokens, params, &found, &found.found[i]);
     return found;
@@ -107,7 +107,7 @@ static void finds_it_by_every_way(void **state)
         cairn_detections found;
 
         params.bundles = way < 3 ? way : CAIRN_DETECT_BUNDLES;
-        params.modes = way == 3;
+        params.modes_only = way == 3;
         params.nearest = way == 4 ? 5 : 20;
         params.matches = way == 5 ? 20 : 2;
         found = detect(&tokens, &params);
@@ -130,8 +130,8 @@ static void follows_chains(void **state)
     draw_flag(20, 40, 1, 0);
     draw_line(150, 20, 250, 60);
     tokens = find_tokens(0);
-    assert_int_equal(cairn_detect_chains_make(&chains, &tokens), 1);
-    assert_int_equal(chains.count, tokens.chains);
+    assert_int_equal(cairn_object_detect_chains_make(&chains, &tokens), 1);
+    assert_int_equal(chains.count, tokens.chain_count);
     for (int32_t i = 0; i < chains.count; i++) {
         cairn_real length = cairn_curve_length(&chains.curves[i]);
 
@@ -140,7 +140,7 @@ static void follows_chains(void **state)
         assert_true(length <= chains.max_length);
     }
     assert_int_equal(closed, 1);
-    cairn_detect_chains_free(&chains);
+    cairn_object_detect_chains_free(&chains);
     cairn_contour_tokens_free(&tokens);
 }
 
@@ -203,15 +203,15 @@ static void takes_very_many_chains(void **state)
     cairn_random random = cairn_random_seed(4, 4);
     cairn_shape_model_file model = make_model();
     cairn_contour_tokens tokens = {
-        .width = SIDE, .height = SIDE, .count = CHAINS, .chains = CHAINS, .mean_length = 15};
+        .width = SIDE, .height = SIDE, .count = CHAINS, .chain_count = CHAINS, .mean_length = 15};
 
     (void)state;
     tokens.lines = malloc(CHAINS * sizeof *tokens.lines);
     tokens.chain = malloc(CHAINS * sizeof *tokens.chain);
-    tokens.strength = malloc(CHAINS * sizeof *tokens.strength);
+    tokens.strength_rank = malloc(CHAINS * sizeof *tokens.strength_rank);
     assert_non_null(tokens.lines);
     assert_non_null(tokens.chain);
-    assert_non_null(tokens.strength);
+    assert_non_null(tokens.strength_rank);
     for (int32_t i = 0; i < CHAINS; i++) {
         cairn_real x = cairn_random_uniform(&random, 30, SIDE - 30),
                    y = cairn_random_uniform(&random, 30, SIDE - 30);
@@ -221,7 +221,7 @@ static void takes_very_many_chains(void **state)
         tokens.lines[i].b.x = x + cairn_random_uniform(&random, -20, 20);
         tokens.lines[i].b.y = y + cairn_random_uniform(&random, -20, 20);
         tokens.chain[i] = i;
-        tokens.strength[i] = CAIRN_REAL(0.5);
+        tokens.strength_rank[i] = CAIRN_REAL(0.5);
     }
     for (int32_t way = 0; way < 2; way++) {
         cairn_object_detect_params params = cairn_object_detect_default(SIDE, SIDE);

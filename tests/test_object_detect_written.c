@@ -34,23 +34,23 @@ static void assert_hypothesis(const cairn_contour_tokens *tokens, const cairn_de
     uint32_t bundles = 0;
     double sum = 0;
 
-    assert_near(d->score, 1 - (double)d->distance, 1e-6);
-    assert_near(d->rigid, 0, 0);
-    assert_near(d->bent, 0, 0);
-    assert_near(d->grouped, 0, 0);
+    assert_near(d->score, 1 - (double)d->shape_distance, 1e-6);
+    assert_near(d->rigid_evidence, 0, 0);
+    assert_near(d->deformed_evidence, 0, 0);
+    assert_near(d->grouped_evidence, 0, 0);
     assert_true(d->part_count >= 1);
     assert_in_range(d->first_part + d->part_count, d->part_count, found->part_count);
     for (int32_t i = 0; i < d->part_count; i++) {
         const cairn_detected_part *p = &found->parts[d->first_part + i];
 
-        assert_in_range(p->bundle, 0, found->bundles - 1);
+        assert_in_range(p->bundle, 0, found->bundle_count - 1);
         assert_false(bundles >> p->bundle & 1);
         bundles |= UINT32_C(1) << p->bundle;
         sum += (double)p->similarity;
         for (int32_t k = 0; k < i; k++)
             assert_int_not_equal(p->chain, found->parts[d->first_part + k].chain);
     }
-    assert_near(d->agreement, sum, 1e-5);
+    assert_near(d->configuration_score, sum, 1e-5);
     assert_box(tokens, found, d);
 }
 
@@ -97,7 +97,7 @@ static void finds_a_shape(void **state)
         assert_true(share_of(&found.found[0], cases[k].x, cases[k].y, cases[k].scale,
                              cases[k].mirrored) > 0.85);
         assert_int_equal(found.found[0].mirrored, cases[k].mirrored);
-        assert_true(found.found[0].distance <
+        assert_true(found.found[0].shape_distance <
                     (cases[k].hidden < 0 ? CAIRN_REAL(0.3) : CAIRN_REAL(0.8)));
         cairn_detections_free(&found);
         cairn_contour_tokens_free(&tokens);
@@ -124,7 +124,7 @@ static void is_bounded(void **state)
     tokens = find_tokens(0);
     found = detect(&tokens, &params);
     assert_in_range(found.count, 1, 2 * DETECT_MAX_WRITTEN_HYPOTHESES);
-    assert_true(found.part_count <= 2 * DETECT_MAX_WRITTEN_HYPOTHESES * CAIRN_PART_BUNDLES);
+    assert_true(found.part_count <= 2 * DETECT_MAX_WRITTEN_HYPOTHESES * CAIRN_PART_MAX_BUNDLES);
     cairn_detections_free(&found);
     params.nearest = 64;
     found = detect(&tokens, &params);
@@ -137,14 +137,14 @@ static void is_bounded(void **state)
 static void takes_each_set_once(void **state)
 {
     enum { SETS = 600, CHAINS = 7 };
-    static cairn_detected_part parts[SETS][CAIRN_PART_BUNDLES];
+    static cairn_detected_part parts[SETS][CAIRN_PART_MAX_BUNDLES];
     static uint32_t bits[SETS];
     cairn_random random = cairn_random_seed(9, 5);
     detect_chain_sets sets;
     int32_t count[SETS], all = 0;
 
     (void)state;
-    assert_true(cairn_detect_chain_sets_begin(&sets, SETS));
+    assert_true(cairn_object_detect_chain_sets_begin(&sets, SETS));
     for (int32_t i = 0; i < SETS; i++) {
         int32_t is_new = 1;
 
@@ -159,11 +159,11 @@ static void takes_each_set_once(void **state)
         for (int32_t k = 0; k < i; k++)
             is_new &= bits[k] != bits[i];
         all += is_new;
-        assert_int_equal(cairn_detect_chain_sets_add(&sets, parts[i], count[i]), is_new);
+        assert_int_equal(cairn_object_detect_chain_sets_add(&sets, parts[i], count[i]), is_new);
         assert_int_equal(sets.count, all);
     }
     assert_in_range(all, 20, SETS / 2);
-    cairn_detect_chain_sets_free(&sets);
+    cairn_object_detect_chain_sets_free(&sets);
 }
 
 /* A model of one fragment by hand: a configuration is one chain. */
@@ -184,7 +184,7 @@ static void takes_one_fragment(void **state)
     params.cut_count = 1;
     assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
     assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));
-    assert_int_equal(found.bundles, 1);
+    assert_int_equal(found.bundle_count, 1);
     for (int32_t i = 0; i < found.count; i++)
         assert_int_equal(found.found[i].part_count, 1);
     cairn_detections_free(&found);
@@ -227,7 +227,7 @@ static void refuses_other_methods(void **state)
     bad[1].mode = -1;
     bad[2].method = CAIRN_DETECT_EVIDENCE;
     bad[3].bundles = CAIRN_DETECT_NO_BUNDLES;
-    bad[4].modes = 1;
+    bad[4].modes_only = 1;
     bad[5].occluded = 1;
     bad[6].verify = 1;
     bad[7].appearance_nearest = 2;

@@ -367,12 +367,12 @@ static void test_scan_refusals(void **state)
 
     (void)state;
     assert_ok(cairn_occupancy_grid_begin_scan(grid, NULL, 0, identity, &fault));
-    assert_true(fault.what == NULL && fault.index == 7);
+    assert_true(fault.message == NULL && fault.index == 7);
     assert_ok(cairn_occupancy_grid_step(grid, &budget));
     assert_int_equal(budget.left, 10);
     assert_fault(&fault, cairn_occupancy_grid_begin_scan(NULL, beams, 3, identity, &fault),
                  CAIRN_BAD_ARGUMENT, -1);
-    assert_true(fault.index == -1 && fault.what != NULL);
+    assert_true(fault.index == -1 && fault.message != NULL);
     assert_status(cairn_occupancy_grid_begin_scan(grid, NULL, 1, identity, NULL),
                   CAIRN_BAD_ARGUMENT);
     assert_status(cairn_occupancy_grid_begin_scan(grid, beams, -1, identity, NULL),

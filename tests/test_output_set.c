@@ -211,7 +211,7 @@ static void test_bad_places(void **state)
                   CAIRN_BAD_ARGUMENT);
     assert_non_null(strstr(error.text, "/x: 0 files, expected 1 to 16"));
     assert_status(
-        cairn_output_set_open(&set, files_path("x"), names, CAIRN_OUTPUT_SET_MOST + 1, &error),
+        cairn_output_set_open(&set, files_path("x"), names, CAIRN_OUTPUT_SET_MAX_FILES + 1, &error),
         CAIRN_BAD_ARGUMENT);
     assert_int_equal(count_in("x"), -1);
 }

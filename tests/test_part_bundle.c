@@ -136,7 +136,7 @@ static void cuts_by_the_rule(void **state)
             int32_t vertices = 0, at = 0;
             bundling b;
 
-            params.longest = longest;
+            params.max_pieces = longest;
             params.bundles = 2 + tips % 3;
             params.pieces_each = 1 + tips % 2;
             start(&b, params);
@@ -151,7 +151,7 @@ static void cuts_by_the_rule(void **state)
                                                              : params.bundles * params.pieces_each))
                     assert_int_equal(m.vertices[vertices++], i);
             assert_int_equal(m.vertex_count, vertices);
-            assert_int_equal(m.bundles, params.bundles);
+            assert_int_equal(m.bundle_count, params.bundles);
             assert_near(m.length, whole(&b), NUMBER(1e-9, 1e-3));
             for (int32_t i = 0; i < vertices; i++)
                 for (int32_t pieces = 1; pieces <= longest && pieces < vertices; pieces++, at++) {
@@ -188,7 +188,7 @@ static void cuts_by_hand(void **state)
     m = run(&b);
     assert_int_equal(m.fragment_count, 5);
     assert_int_equal(m.vertex_count, 4);
-    assert_int_equal(m.bundles, 4);
+    assert_int_equal(m.bundle_count, 4);
     for (int32_t i = 0; i < 4; i++) {
         assert_int_equal(m.vertices[i], vertices[i]);
         assert_near(m.piece_length[i], walk(&b, vertices[i], vertices[(i + 1) % 4]),

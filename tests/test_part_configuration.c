@@ -17,7 +17,7 @@ static cairn_part_vote *vote(voting *v, int32_t bundle, double x, double y, doub
     made->centre.x = (cairn_real)x;
     made->centre.y = (cairn_real)y;
     made->scale = (cairn_real)scale;
-    made->gain = (cairn_real)gain;
+    made->weight = (cairn_real)gain;
     made->to = 20;
     return made;
 }
@@ -46,7 +46,7 @@ static void vote_at_random(voting *v, int32_t count, int32_t bundles, uint64_t s
         made->chain = cairn_random_below(&random, 12);
         made->from = cairn_random_uniform(&random, 0, 60);
         made->to = made->from + cairn_random_uniform(&random, 5, 40);
-        made->round = made->chain % 3 == 0 ? 80 : 0;
+        made->closed_length = made->chain % 3 == 0 ? 80 : 0;
     }
 }
 
@@ -62,11 +62,11 @@ typedef struct slow_search {
 static void place_of(const voting *v, int32_t seed, int32_t i, double place[3])
 {
     const cairn_part_vote *s = &v->votes[seed], *o = &v->votes[i];
-    double size = (double)v->params.centre * (double)s->scale;
+    double size = (double)v->params.centre_tolerance * (double)s->scale;
 
     place[0] = ((double)o->centre.x - (double)s->centre.x) / size;
     place[1] = ((double)o->centre.y - (double)s->centre.y) / size;
-    place[2] = log((double)o->scale / (double)s->scale) / (double)v->params.ratio;
+    place[2] = log((double)o->scale / (double)s->scale) / (double)v->params.scale_tolerance;
 }
 
 static double squared_of(const voting *v, int32_t seed, int32_t i)
@@ -84,7 +84,7 @@ static void find_nearest(slow_search *s)
     int32_t used[VOTES] = {0};
 
     for (s->count = 0; s->count < v->params.nearest; s->count++) {
-        double least = (double)v->params.reach * (double)v->params.reach;
+        double least = (double)v->params.search_radius * (double)v->params.search_radius;
         int32_t best = -1;
 
         for (int32_t i = 0; i < v->count; i++)
@@ -105,7 +105,7 @@ static double slow_score(const slow_search *s)
     double mean[3] = {0, 0, 0}, gain = 0, scatter = 0, place[3];
 
     for (int32_t i = 0; i < s->parts; i++) {
-        double g = (double)s->v->votes[s->chosen[i]].gain;
+        double g = (double)s->v->votes[s->chosen[i]].weight;
 
         place_of(s->v, s->seed, s->chosen[i], place);
         gain += g;
@@ -115,7 +115,7 @@ static double slow_score(const slow_search *s)
     for (int32_t i = 0; i < s->parts; i++) {
         place_of(s->v, s->seed, s->chosen[i], place);
         for (int k = 0; k < 3; k++)
-            scatter += (double)s->v->votes[s->chosen[i]].gain * pow(place[k] - mean[k] / gain, 2);
+            scatter += (double)s->v->votes[s->chosen[i]].weight * pow(place[k] - mean[k] / gain, 2);
     }
     return gain - scatter / 2;
 }
@@ -127,9 +127,10 @@ static int rival(const voting *v, int32_t a, int32_t b)
 
     if (p->chain != q->chain)
         return 0;
-    for (int k = p->round > 0 ? -1 : 0; k <= (p->round > 0); k++)
-        sum += fmax(0, fmin((double)(p->to + (cairn_real)k * p->round), (double)q->to) -
-                           fmax((double)(p->from + (cairn_real)k * p->round), (double)q->from));
+    for (int k = p->closed_length > 0 ? -1 : 0; k <= (p->closed_length > 0); k++)
+        sum += fmax(
+            0, fmin((double)(p->to + (cairn_real)k * p->closed_length), (double)q->to) -
+                   fmax((double)(p->from + (cairn_real)k * p->closed_length), (double)q->from));
     return sum > (double)v->params.overlap * shorter;
 }
 
@@ -183,13 +184,13 @@ static void loses_nothing(void **state)
         params.max_found = VOTES;
         params.nearest = nearest[round];
         params.min_parts = min_parts[round];
-        params.reach = round == 4 ? 4 : params.reach;
-        params.centre = round == 5 ? CAIRN_REAL(0.3) : params.centre;
+        params.search_radius = round == 4 ? 4 : params.search_radius;
+        params.centre_tolerance = round == 5 ? CAIRN_REAL(0.3) : params.centre_tolerance;
         start(&v, &params);
         vote_at_random(&v, round == 5 ? 90 : 160, 4, round);
         r = run(&v);
-        assert_int_equal(r.seeds, v.count);
-        assert_int_equal(r.cut, 0);
+        assert_int_equal(r.seed_count, v.count);
+        assert_int_equal(r.truncated_count, 0);
         for (int32_t seed = 0; seed < v.count; seed++) {
             slow_search s = {.v = &v, .seed = seed, .bundles = 4};
             int32_t at = -1;
@@ -216,7 +217,7 @@ static void loses_nothing(void **state)
         for (int32_t k = 1; k < r.count; k++)
             assert_true(r.found[k].score <= r.found[k - 1].score);
         configurations += r.count;
-        visited += r.nodes;
+        visited += r.node_count;
         all += (int64_t)v.count * 1296;
         test_pool_free(&v.pool);
     }
@@ -245,7 +246,7 @@ static void says_where(void **state)
     assert_near(r.found[0].centre.x, 103, NUMBER(1e-9, 1e-3));
     assert_near(r.found[0].centre.y, 50, NUMBER(1e-9, 1e-3));
     assert_near(r.found[0].scale, 200, NUMBER(1e-9, 1e-3));
-    assert_near(r.found[0].gain, 4, NUMBER(1e-9, 1e-5));
+    assert_near(r.found[0].weight_sum, 4, NUMBER(1e-9, 1e-5));
     assert_near(r.found[0].score, 4 - 0.75 * pow(4 / 16.0, 2) / 2, NUMBER(1e-9, 1e-5));
     /* The same piece of a chain stands for one part only; beside it on the chain for two. */
     v.votes[1].chain = v.votes[0].chain;
@@ -256,11 +257,11 @@ static void says_where(void **state)
     v.votes[1].to = 40;
     r = run(&v);
     assert_int_equal(r.votes[r.found[0].first + 1], 1);
-    v.votes[0].round = v.votes[1].round = 25;
+    v.votes[0].closed_length = v.votes[1].closed_length = 25;
     r = run(&v);
     assert_int_equal(r.votes[r.found[0].first + 1], 2);
     /* They meet at both ends, at neither for long. */
-    v.votes[0].round = v.votes[1].round = 100;
+    v.votes[0].closed_length = v.votes[1].closed_length = 100;
     v.votes[0].from = 0;
     v.votes[0].to = 59;
     v.votes[1].from = 49;
@@ -279,12 +280,12 @@ static void climbs_to_modes(void **state)
     voting v;
 
     (void)state;
-    params.seek = CAIRN_PART_SEEK_MODES;
+    params.search = CAIRN_PART_SEARCH_MODES;
     start(&v, &params);
     for (int32_t i = 0; i < 36; i++)
         (void)vote(&v, i % 4, 100 * (i % 3) + 2 * (double)cairn_random_normal(&random), 80, 100, 1);
     r = run(&v);
-    assert_int_equal(r.seeds, 3);
+    assert_int_equal(r.seed_count, 3);
     assert_int_equal(r.count, 3);
     for (int32_t k = 0; k < 3; k++) {
         assert_int_equal(r.found[k].count, 4);
@@ -307,13 +308,13 @@ static void finds_nothing(void **state)
     assert_int_equal(run(&v).count, 0);
     assert_ok(cairn_part_configuration_begin(v.configurator, NULL, 0, NULL));
     assert_ok(cairn_part_configuration_step(v.configurator, &budget));
-    assert_int_equal(cairn_part_configuration_read(v.configurator).seeds, 0);
+    assert_int_equal(cairn_part_configuration_read(v.configurator).seed_count, 0);
     (void)vote(&v, 0, 100, 50, 200, 1);
     (void)vote(&v, 0, 100, 50, 200, 1);
     (void)vote(&v, 1, 300, 50, 200, 1);
     r = run(&v);
     assert_int_equal(r.count, 0);
-    assert_int_equal(r.seeds, 3);
+    assert_int_equal(r.seed_count, 3);
     test_pool_free(&v.pool);
 }
 
@@ -331,16 +332,16 @@ static void is_bounded(void **state)
     for (int32_t i = 0; i < VOTES; i++)
         (void)vote(&v, i % 40, 7, 7, 50, 1 + i % 7);
     r = run(&v);
-    assert_in_range(r.nodes, 1, 100 * VOTES);
-    assert_int_equal(r.cut, VOTES);
-    assert_int_equal(r.seeds, VOTES);
+    assert_in_range(r.node_count, 1, 100 * VOTES);
+    assert_int_equal(r.truncated_count, VOTES);
+    assert_int_equal(r.seed_count, VOTES);
     assert_in_range(r.count, 1, params.max_found);
     v.count = 0;
     for (int32_t i = 0; i < 100; i++)
         (void)vote(&v, i % 4, i % 2 ? 1e6 : -1e6, i % 3 ? 1e6 : -1e6, i % 5 ? 1e-6 : 1e6, 1);
     r = run(&v);
-    assert_int_equal(r.seeds, 100);
-    assert_true(r.pairs <= 100 * 101);
+    assert_int_equal(r.seed_count, 100);
+    assert_true(r.pair_count <= 100 * 101);
     test_pool_free(&v.pool);
 }
 
@@ -379,7 +380,7 @@ static void looks_near_only(void **state)
     for (int32_t i = 0; i < VOTES; i++)
         (void)vote(&v, i % 4, (double)cairn_random_uniform(&random, 0, 2000),
                    (double)cairn_random_uniform(&random, 0, 2000), 50, 1);
-    assert_true(run(&v).pairs < VOTES * VOTES / 40);
+    assert_true(run(&v).pair_count < VOTES * VOTES / 40);
     test_pool_free(&v.pool);
 }
 
@@ -393,7 +394,7 @@ static void does_not_depend_on_budgets(void **state)
         cairn_part_configuration_params params = cairn_part_configuration_default();
         voting v;
 
-        params.seek = seek;
+        params.search = seek;
         start(&v, &params);
         vote_at_random(&v, 100, 4, 9);
         assert_any_budget(&v);
@@ -422,17 +423,17 @@ static void refuses_bad_params(void **state)
     bad[6].max_found = 0;
     bad[7].max_found = 65537;
     bad[8].max_nodes = 0;
-    bad[9].seek = 2;
-    bad[10].seek = -1;
-    bad[11].centre = 0;
-    bad[12].centre = 11;
-    bad[13].ratio = 0;
-    bad[14].ratio = 2;
-    bad[15].reach = CAIRN_REAL(0.4);
-    bad[16].reach = 5;
+    bad[9].search = 2;
+    bad[10].search = -1;
+    bad[11].centre_tolerance = 0;
+    bad[12].centre_tolerance = 11;
+    bad[13].scale_tolerance = 0;
+    bad[14].scale_tolerance = 2;
+    bad[15].search_radius = CAIRN_REAL(0.4);
+    bad[16].search_radius = 5;
     bad[17].overlap = CAIRN_REAL(-0.1);
     bad[18].overlap = CAIRN_REAL(1.1);
-    bad[19].centre = (cairn_real)NAN;
+    bad[19].centre_tolerance = (cairn_real)NAN;
     for (size_t i = 0; i < count; i++) {
         assert_int_equal(cairn_part_configuration_memory(&bad[i]), 0);
         assert_status(cairn_part_configuration_create(&configurator, &pool, &bad[i]),
@@ -472,14 +473,14 @@ static void refuses_bad_votes(void **state)
     v.votes[2].centre.y = 2000000;
     v.votes[3].scale = 0;
     v.votes[4].scale = (cairn_real)INFINITY;
-    v.votes[5].gain = 0;
-    v.votes[6].gain = (cairn_real)NAN;
-    v.votes[7].gain = 2000000;
+    v.votes[5].weight = 0;
+    v.votes[6].weight = (cairn_real)NAN;
+    v.votes[7].weight = 2000000;
     v.votes[8].to = -1;
-    v.votes[9].round = -1;
+    v.votes[9].closed_length = -1;
     v.votes[10].from = (cairn_real)NAN;
     v.votes[11].to = (cairn_real)INFINITY;
-    v.votes[12].round = (cairn_real)NAN;
+    v.votes[12].closed_length = (cairn_real)NAN;
     for (int32_t i = 0; i < 13; i++) {
         cairn_part_vote two[2] = {v.votes[13], v.votes[i]};
         int32_t is_range = i == 0 || i == 5 || i == 8 || i == 9;

@@ -28,10 +28,10 @@ static void vote_at_random(voting *v, int32_t count, int32_t bundles, uint64_t s
         made->centre.x = (cairn_real)cairn_random_below(&random, 12);
         made->centre.y = (cairn_real)cairn_random_below(&random, 12);
         made->scale = cairn_random_uniform(&random, 1, 500);
-        made->gain = (cairn_real)(1 + cairn_random_below(&random, 64)) / 64;
+        made->weight = (cairn_real)(1 + cairn_random_below(&random, 64)) / 64;
         made->from = cairn_random_uniform(&random, 0, 60);
         made->to = made->from + cairn_random_uniform(&random, 0, 40);
-        made->round = made->chain % 2 == 0 ? 80 : 0;
+        made->closed_length = made->chain % 2 == 0 ? 80 : 0;
     }
 }
 
@@ -80,7 +80,7 @@ static void try_all(slow_search *s, int32_t bundle, uint64_t set, uint64_t chain
 
             if (vote->bundle == bundle && !(chains >> vote->chain & 1))
                 try_all(s, bundle + 1, set | UINT64_C(1) << s->near[i],
-                        chains | UINT64_C(1) << vote->chain, parts + 1, sum + (double)vote->gain);
+                        chains | UINT64_C(1) << vote->chain, parts + 1, sum + (double)vote->weight);
         }
         return;
     }
@@ -140,9 +140,9 @@ static void makes_every_configuration(void **state)
         r = run(&v);
         assert_true(s.set_count > 20);
         assert_int_equal(r.count, s.set_count);
-        assert_int_equal(r.made, s.set_count);
-        assert_int_equal(r.cut, 0);
-        assert_int_equal(r.seeds, v.count);
+        assert_int_equal(r.enumerated_count, s.set_count);
+        assert_int_equal(r.truncated_count, 0);
+        assert_int_equal(r.seed_count, v.count);
         for (int32_t k = 0; k < r.count; k++) {
             int32_t i = 0;
 
@@ -161,7 +161,7 @@ static void makes_every_configuration(void **state)
         start(&v, &params);
         vote_at_random(&v, round == 5 ? 50 : 40, bundles[round], round);
         r = run(&v);
-        assert_int_equal(r.made, s.set_count);
+        assert_int_equal(r.enumerated_count, s.set_count);
         assert_int_equal(r.count, s.set_count < params.max_found ? s.set_count : params.max_found);
         for (int32_t k = 0; k < r.count; k++)
             assert_true((double)r.found[k].score == found[k]);
@@ -188,7 +188,7 @@ static void has_no_other_gates(void **state)
     for (int32_t i = 0; i < 3; i++) {
         v.votes[i] =
             (cairn_part_vote){i, i, {(cairn_real)(5000 * i), 0}, i == 1 ? 1 : 900, 1, 0, 20, 0};
-        v.votes[i].gain = 1;
+        v.votes[i].weight = 1;
     }
     r = run(&v);
     assert_int_equal(r.count, 1);
@@ -225,8 +225,8 @@ static void is_bounded(void **state)
     start(&v, &params);
     vote_at_random(&v, MOST, 30, 3);
     r = run(&v);
-    assert_int_equal(r.cut, MOST);
-    assert_int_equal(r.nodes, 1000 * MOST);
+    assert_int_equal(r.truncated_count, MOST);
+    assert_int_equal(r.node_count, 1000 * MOST);
     assert_int_equal(r.count, 16);
     test_pool_free(&v.pool);
 }
@@ -260,7 +260,7 @@ static void refuses_bad_params(void **state)
     bad[2].min_sum = -1;
     bad[3].min_sum = (cairn_real)NAN;
     bad[4].max_votes = 8193;
-    bad[5].seek = CAIRN_PART_SEEK_MODES;
+    bad[5].search = CAIRN_PART_SEARCH_MODES;
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
         assert_int_equal(cairn_part_configuration_memory(&bad[i]), 0);
     good.max_votes = 40;

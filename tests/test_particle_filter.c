@@ -34,7 +34,7 @@ typedef struct chain {
 
 static cairn_status wait(chain *c, cairn_budget *budget)
 {
-    if (!cairn_budget_pay(budget, &c->waited, c->lazy))
+    if (!cairn_budget_charge(budget, &c->waited, c->lazy))
         return CAIRN_MORE;
     return CAIRN_OK;
 }
@@ -141,7 +141,7 @@ static cairn_particle_filter_params chain_params(int32_t particles)
     p.max_candidates = SYMBOLS * particles;
     p.max_blocks = 40 * particles + 400;
     p.state_bytes = (int32_t)sizeof(chain_state);
-    p.by_entropy = 0;
+    p.adaptive_followers = 0;
     return p;
 }
 
@@ -256,13 +256,13 @@ static void test_params_are_refused(void **state)
     REFUSED(state_bytes, (1 << 20) + 1);
     REFUSED(proposal, -1);
     REFUSED(proposal, 2);
-    REFUSED(by_entropy, -1);
-    REFUSED(by_entropy, 2);
-    REFUSED(past, -1);
-    REFUSED(past, (1 << 20) + 1);
-    REFUSED(resample_below, CAIRN_REAL(-0.01));
-    REFUSED(resample_below, CAIRN_REAL(1.01));
-    REFUSED(resample_below, nan);
+    REFUSED(adaptive_followers, -1);
+    REFUSED(adaptive_followers, 2);
+    REFUSED(max_history, -1);
+    REFUSED(max_history, (1 << 20) + 1);
+    REFUSED(resample_ratio, CAIRN_REAL(-0.01));
+    REFUSED(resample_ratio, CAIRN_REAL(1.01));
+    REFUSED(resample_ratio, nan);
 #undef REFUSED
     assert_int_equal(cairn_particle_filter_memory(NULL), 0);
     assert_status(cairn_particle_filter_create(NULL, &pool, &good, &model), CAIRN_BAD_ARGUMENT);
@@ -278,7 +278,7 @@ static void test_params_are_refused(void **state)
     assert_int_equal(pool.used, 0);
     good.max_particles = good.max_followers = good.max_candidates = good.state_bytes = 1 << 20;
     good.max_blocks = 1 << 28;
-    good.resample_below = 1;
+    good.resample_ratio = 1;
     assert_true(cairn_particle_filter_memory(&good) > (size_t)1 << 40 || sizeof(size_t) == 4);
     test_pool_free(&pool);
 }
@@ -295,8 +295,8 @@ static void test_default(void **state)
     assert_int_equal(p.max_blocks, 4096);
     assert_int_equal(p.state_bytes, 64);
     assert_int_equal(p.proposal, CAIRN_PROPOSAL_OPTIMAL);
-    assert_int_equal(p.by_entropy, 1);
-    assert_near(p.resample_below, 0.5, 0);
+    assert_int_equal(p.adaptive_followers, 1);
+    assert_near(p.resample_ratio, 0.5, 0);
 }
 
 static cairn_status create(void *context, cairn_pool *pool)
@@ -375,7 +375,7 @@ static void test_all_histories_are_exact(void **state)
     cairn_particle_trace trace;
 
     (void)state;
-    p.resample_below = 0;
+    p.resample_ratio = 0;
     for (p.proposal = CAIRN_PROPOSAL_PRIOR; p.proposal <= CAIRN_PROPOSAL_OPTIMAL; p.proposal++) {
         double squares = 0, heaviest = 0;
 
@@ -387,7 +387,8 @@ static void test_all_histories_are_exact(void **state)
         assert_int_equal(trace.particles, 256);
         assert_int_equal(trace.followers, 256);
         assert_int_equal(trace.candidates, 256);
-        assert_int_equal(trace.cut + trace.lost + trace.extinct + trace.resampled + trace.left_out,
+        assert_int_equal(trace.pruned_followers + trace.particles_without_follower +
+                             trace.depleted + trace.resampled + trace.dropped_candidates,
                          0);
         assert_int_equal(trace.blocks, 1 + 4 + 16 + 64 + 256);
         assert_int_equal(trace.blocks_peak, 1 + 4 + 16 + 64 + 256);
@@ -424,7 +425,7 @@ static void test_the_heaviest_are_kept(void **state)
     double kept = 0;
 
     (void)state;
-    p.resample_below = 0;
+    p.resample_ratio = 0;
     few = p;
     few.particles = 5;
     few.max_particles = 21;
@@ -434,7 +435,7 @@ static void test_the_heaviest_are_kept(void **state)
     start_at(cut.filter, 0, 1);
     run_chain(all.filter, &c, 3, CAIRN_UNBOUNDED);
     run_chain(cut.filter, &c, 3, CAIRN_UNBOUNDED);
-    assert_int_equal(cairn_particle_filter_read(cut.filter).cut, 64 - 21);
+    assert_int_equal(cairn_particle_filter_read(cut.filter).pruned_followers, 64 - 21);
     assert_int_equal(cairn_particle_filter_read(cut.filter).followers, 64);
     assert_int_equal(cairn_particle_filter_read(cut.filter).particles, 21);
     for (int32_t i = 0; i < 21; i++) {
@@ -598,7 +599,7 @@ static void compare_short_past(int32_t past)
     p.max_candidates = 240;
     p.max_blocks = 6000;
     whole = filter_with(&p, &c);
-    p.past = past;
+    p.max_history = past;
     p.max_blocks = (past + 2) * p.max_particles;
     cut = filter_with(&p, &c);
     start_at(whole.filter, 3, 40);
@@ -656,7 +657,7 @@ static struct fixture weighted(chain *c, const double *weight, int32_t count, in
         c->move[i][i] = 1;
     p.max_particles = count > particles ? count : particles;
     p.max_candidates = SYMBOLS * count;
-    p.resample_below = 1;
+    p.resample_ratio = 1;
     f = filter_with(&p, c);
     for (int32_t i = 0; i < count; i++) {
         chain_state s = {1, {(uint8_t)(i % SYMBOLS)}};
@@ -788,8 +789,8 @@ static int32_t followers_of(const double masses[SYMBOLS], int32_t most, int32_t 
         c.log_seen[0][j] = way == CAIRN_PROPOSAL_PRIOR ? 0 : log(masses[j]);
     }
     p.max_followers = most;
-    p.resample_below = 0;
-    p.by_entropy = by_entropy;
+    p.resample_ratio = 0;
+    p.adaptive_followers = by_entropy;
     p.proposal = way;
     f = filter_with(&p, &c);
     start_at(f.filter, 0, 1);
@@ -834,7 +835,7 @@ static void test_lost_and_extinct(void **state)
     chain_state s = {1, {0}};
 
     (void)state;
-    p.resample_below = 0;
+    p.resample_ratio = 0;
     f = filter_with(&p, &c);
     memset(c.move, 0, sizeof c.move);
     c.move[1][2] = 1;
@@ -843,9 +844,9 @@ static void test_lost_and_extinct(void **state)
     assert_ok(cairn_particle_filter_start(f.filter, &s, -1));
     assert_ok(run(f.filter, CAIRN_UNBOUNDED));
     trace = cairn_particle_filter_read(f.filter);
-    assert_int_equal(trace.lost, 1);
+    assert_int_equal(trace.particles_without_follower, 1);
     assert_int_equal(c.lost, 1);
-    assert_int_equal(trace.extinct, 0);
+    assert_int_equal(trace.depleted, 0);
     assert_int_equal(cairn_particle_filter_count(f.filter), 1);
     assert_int_equal(symbol_of(f.filter, 0), 2);
     assert_int_equal(trace.blocks, 2);
@@ -853,8 +854,8 @@ static void test_lost_and_extinct(void **state)
 
     assert_ok(run(f.filter, CAIRN_UNBOUNDED)); /* nothing follows 2 */
     trace = cairn_particle_filter_read(f.filter);
-    assert_int_equal(trace.extinct, 1);
-    assert_int_equal(trace.lost, 1);
+    assert_int_equal(trace.depleted, 1);
+    assert_int_equal(trace.particles_without_follower, 1);
     assert_int_equal(trace.particles, 1);
     assert_int_equal(trace.blocks, 2);
     assert_int_equal(trace.steps, 2);
@@ -865,7 +866,7 @@ static void test_lost_and_extinct(void **state)
     c.move[2][0] = 1; /* impossible by its likelihood */
     c.log_seen[0][0] = -(double)INFINITY;
     assert_ok(run(f.filter, CAIRN_UNBOUNDED));
-    assert_int_equal(cairn_particle_filter_read(f.filter).extinct, 1);
+    assert_int_equal(cairn_particle_filter_read(f.filter).depleted, 1);
     test_pool_free(&f.pool);
 }
 
@@ -928,7 +929,7 @@ static void test_blocks_run_out_in_a_full_population(void **state)
         cairn_status status = CAIRN_OK;
 
         p.max_blocks = blocks;
-        p.resample_below = 0;
+        p.resample_ratio = 0;
         f = filter_with(&p, &c);
         start_at(f.filter, 0, 1);
         for (c.time = 0; c.time < 4 && status == CAIRN_OK; c.time++)
@@ -958,7 +959,7 @@ static void test_clear_in_the_middle(void **state)
     struct fixture f;
 
     (void)state;
-    p.resample_below = 1;
+    p.resample_ratio = 1;
     f = filter_with(&p, &c);
     for (int32_t units = 1; units < 700; units += 3) {
         cairn_budget budget = {units};
@@ -987,13 +988,13 @@ static void test_offers_beyond_the_capacity(void **state)
 
     (void)state;
     p.max_candidates = 6;
-    p.resample_below = 0;
+    p.resample_ratio = 0;
     f = filter_with(&p, &c);
     c.offer_late = f.filter;
     start_at(f.filter, 0, 2);
     assert_ok(run(f.filter, CAIRN_UNBOUNDED));
     assert_int_equal(cairn_particle_filter_read(f.filter).candidates, 6);
-    assert_int_equal(cairn_particle_filter_read(f.filter).left_out, 2);
+    assert_int_equal(cairn_particle_filter_read(f.filter).dropped_candidates, 2);
     assert_int_equal(cairn_particle_filter_read(f.filter).followers, 6);
     assert_int_equal(cairn_particle_filter_read(f.filter).particles, 4);
     test_pool_free(&f.pool);
@@ -1027,7 +1028,7 @@ static void test_bad_offers(void **state)
     start_at(filter, 0, 1);
     assert_ok(run(filter, CAIRN_UNBOUNDED));
     assert_int_equal(cairn_particle_filter_read(filter).candidates, 1);
-    assert_int_equal(cairn_particle_filter_read(filter).extinct, 1);
+    assert_int_equal(cairn_particle_filter_read(filter).depleted, 1);
     test_pool_free(&pool);
 }
 
@@ -1124,12 +1125,12 @@ static uint64_t hash_of_halves(uint64_t seed)
                                        ? -(double)INFINITY
                                        : -0.5 * cairn_random_below(&random, 3);
         p.proposal = k % 2 == 0 ? CAIRN_PROPOSAL_OPTIMAL : CAIRN_PROPOSAL_PRIOR;
-        p.by_entropy = cairn_random_below(&random, 2);
+        p.adaptive_followers = cairn_random_below(&random, 2);
         p.max_followers = 1 + cairn_random_below(&random, SYMBOLS);
         p.max_particles += cairn_random_below(&random, 10);
         p.max_candidates = SYMBOLS * p.max_particles - cairn_random_below(&random, 8);
         p.max_blocks = 3 * p.max_particles + cairn_random_below(&random, 60);
-        p.resample_below = CAIRN_REAL(0.5) * (cairn_real)cairn_random_below(&random, 3);
+        p.resample_ratio = CAIRN_REAL(0.5) * (cairn_real)cairn_random_below(&random, 3);
         f = filter_with(&p, &c);
         for (int32_t i = cairn_random_below(&random, p.particles); i >= 0; i--)
             assert_ok(cairn_particle_filter_start(f.filter, &first,
@@ -1168,7 +1169,7 @@ static void test_cost(void **state)
     int32_t spent;
 
     (void)state;
-    p.resample_below = 0;
+    p.resample_ratio = 0;
     f = filter_with(&p, &c);
     start_at(f.filter, 0, 1);
     run_chain(f.filter, &c, 2, CAIRN_UNBOUNDED);

@@ -144,7 +144,7 @@ static cairn_place_map_result solve(struct mapper *m)
 
     assert_ok(cairn_place_map_begin(m->map));
     assert_int_equal(cairn_place_map_read(m->map).places, 0);
-    assert_int_equal(cairn_place_map_place_of(m->map, 0).part, 0);
+    assert_int_equal(cairn_place_map_place_of(m->map, 0).component, 0);
     while ((status = cairn_place_map_step(m->map, &budget)) == CAIRN_MORE)
         budget.left = CAIRN_UNBOUNDED;
     assert_ok(status);
@@ -184,7 +184,7 @@ static void places_of_an_arena(void **state)
     result = solve(&m);
     assert_int_equal(result.places, 6);
     assert_int_equal(result.placed, 6);
-    assert_int_equal(result.parts, 1);
+    assert_int_equal(result.components, 1);
     assert_int_equal(result.matches, 15 + 6);
     assert_true(result.hypotheses >= 5);
     assert_true(result.total > 10);
@@ -198,7 +198,7 @@ static void places_of_an_arena(void **state)
         assert_near(pose.x, expected.x, NUMBER(1e-9, 1e-4));
         assert_near(pose.y, expected.y, NUMBER(1e-9, 1e-4));
         assert_near(cairn_wrap_angle(pose.theta - expected.theta), 0, NUMBER(1e-9, 1e-4));
-        assert_int_equal(place.part, 0);
+        assert_int_equal(place.component, 0);
         assert_true(place.support > 1);
     }
     assert_near(cairn_place_map_scan_pose(m.map, arena.scans.count).x, 0, 0);
@@ -236,8 +236,8 @@ static void places_of_another_arena_are_told(void **state)
             cairn_place_map_place own = cairn_place_map_place_of(m.map, i);
             cairn_place_map_place other = cairn_place_map_place_of(m.map, k);
 
-            joined += own.part == other.part && own.island == other.island;
-            islands += other.island > 0 && other.ambiguous;
+            joined += own.component == other.component && own.submap == other.submap;
+            islands += other.submap > 0 && other.ambiguous;
         }
     assert_int_equal(joined, 0);
     assert_int_equal(islands, OWN * STRANGE);
@@ -361,8 +361,8 @@ static void parts_are_aligned_apart(void **state)
 
         place = cairn_place_map_place_of(m.map, i);
         found = cairn_pose_between(first.map_place, place.map_place);
-        assert_int_equal(place.part, first.part);
-        assert_int_equal(place.ambiguous != 0 || place.part != 0, i >= 2);
+        assert_int_equal(place.component, first.component);
+        assert_int_equal(place.ambiguous != 0 || place.component != 0, i >= 2);
         assert_near(found.x, expected.x, 0.02);
         assert_near(found.y, expected.y, 0.02);
         assert_near(cairn_wrap_angle(found.theta - expected.theta), 0, 0.01);
@@ -414,7 +414,7 @@ static void half_a_turn_of_a_rectangle_is_ambiguous(void **state)
     make_mapper(&m, &params);
     load(&m, &scans);
     result = solve(&m);
-    assert_int_equal(result.parts, 1);
+    assert_int_equal(result.components, 1);
     assert_true(result.ambiguous > 0);
     place = cairn_place_map_place_of(m.map, 1);
     assert_int_equal(place.ambiguous, 1);
@@ -459,13 +459,13 @@ static void rooms_that_differ_are_parts(void **state)
     make_mapper(&m, &params);
     load(&m, &scans);
     result = solve(&m);
-    assert_int_equal(result.parts, 2);
+    assert_int_equal(result.components, 2);
     assert_int_equal(result.placed, 2);
     for (int32_t i = 0; i < 4; i++) {
         cairn_place_map_place place = cairn_place_map_place_of(m.map, i);
         cairn_pose seen = cairn_pose_between(scans.truth[i % 2], scans.truth[i]);
 
-        assert_int_equal(place.part, i % 2);
+        assert_int_equal(place.component, i % 2);
         assert_near(place.map_place.x, seen.x, 0.02);
         assert_near(place.map_place.y, seen.y, 0.02);
         assert_near(cairn_wrap_angle(place.map_place.theta - seen.theta), 0, 0.01);
@@ -492,13 +492,13 @@ static void one_after_the_other(void **state)
         add_room_scan(&scans, &room, i, pose);
     }
     params.mode = CAIRN_PLACE_MAP_SEQUENTIAL;
-    params.recent = 2;
+    params.recent_places = 2;
     make_mapper(&m, &params);
     load(&m, &scans);
     result = solve(&m);
     assert_int_equal(result.matches, 3);
     assert_int_equal(result.hypotheses, 0);
-    assert_int_equal(result.parts, 1);
+    assert_int_equal(result.components, 1);
     assert_int_equal(count_right(&m, &scans, 0.03, 0.01), 4);
     assert_int_equal(cairn_place_map_place_of(m.map, 1).ambiguous, 0);
     test_pool_free(&m.pool);
@@ -523,7 +523,7 @@ static void one_place(void **state)
         load(&m, &scans);
         result = solve(&m);
         assert_int_equal(result.places, 1);
-        assert_int_equal(result.parts, 1);
+        assert_int_equal(result.components, 1);
         assert_int_equal(result.matches, 0);
         assert_near(cairn_place_map_place_of(m.map, 0).map_place.x, 0, 0);
         test_pool_free(&m.pool);
@@ -544,7 +544,8 @@ static double twin_among(const cairn_place_map *map, int32_t place, const cairn_
 
         for (int32_t i = 0; i < map->scans[s].point_count && (of == place || parts[of] == 0); i++) {
             const cairn_oriented_point *point = &map->points[map->scans[s].first_point + i];
-            int floats = map->doubt[map->scans[s].first_point + i] & CAIRN_POINT_FLOATING,
+            int floats =
+                    map->point_class[map->scans[s].first_point + i] & CAIRN_POINT_DYNAMIC_CANDIDATE,
                 sharers = 1;
             cairn_pose map_scan = cairn_pose_compose(poses[of], map->scans[s].place_scan);
             cairn_vec2 position = cairn_pose_point(map_scan, point->position);
@@ -556,52 +557,54 @@ static double twin_among(const cairn_place_map *map, int32_t place, const cairn_
             for (int32_t k = 0; k < map->place_count; k++) {
                 cairn_transform seen_from = cairn_transform_of(cairn_pose_inverse(poses[k]));
                 int32_t saw =
-                    cairn_place_map_saw(map, k, cairn_transform_point(seen_from, position),
-                                        cairn_transform_direction(seen_from, direction));
+                    cairn_place_map_observed(map, k, cairn_transform_point(seen_from, position),
+                                             cairn_transform_direction(seen_from, direction));
 
                 if (k == of || (k != place && parts[k] != 0))
                     continue;
                 if (of == place || k == place)
                     marks[saw] = 1;
                 else
-                    sharers += saw > CAIRN_SAW_FREE;
+                    sharers += saw > CAIRN_OBSERVED_FREE;
             }
             if (floats) {
-                worth = marks[CAIRN_SAW_BODY] || marks[CAIRN_SAW_ROUGH] ? 0.42
-                        : marks[CAIRN_SAW_ALONG] || marks[CAIRN_SAW_BACK] || marks[CAIRN_SAW_ACROSS]
+                worth = marks[CAIRN_OBSERVED_DYNAMIC] || marks[CAIRN_OBSERVED_ROUGH] ? 0.42
+                        : marks[CAIRN_OBSERVED_PARALLEL] || marks[CAIRN_OBSERVED_OPPOSITE] ||
+                                marks[CAIRN_OBSERVED_OTHER_DIRECTION]
                             ? 0.26
                             : 0;
-                worth -= marks[CAIRN_SAW_FREE] ? 0.19 : 0;
+                worth -= marks[CAIRN_OBSERVED_FREE] ? 0.19 : 0;
             } else {
-                int any = marks[CAIRN_SAW_ALONG] + marks[CAIRN_SAW_BACK] + marks[CAIRN_SAW_ACROSS] +
-                          marks[CAIRN_SAW_ROUGH] + marks[CAIRN_SAW_BODY];
+                int any = marks[CAIRN_OBSERVED_PARALLEL] + marks[CAIRN_OBSERVED_OPPOSITE] +
+                          marks[CAIRN_OBSERVED_OTHER_DIRECTION] + marks[CAIRN_OBSERVED_ROUGH] +
+                          marks[CAIRN_OBSERVED_DYNAMIC];
 
-                worth = marks[CAIRN_SAW_ALONG]   ? 0.2
-                        : marks[CAIRN_SAW_ROUGH] ? 0.87
-                        : marks[CAIRN_SAW_BACK]  ? 0.1
-                        : marks[CAIRN_SAW_BODY]  ? 0.1
-                                                 : 0;
-                worth -= !marks[CAIRN_SAW_FREE] ? 0 : any ? 1.75 : 1.2;
+                worth = marks[CAIRN_OBSERVED_PARALLEL]   ? 0.2
+                        : marks[CAIRN_OBSERVED_ROUGH]    ? 0.87
+                        : marks[CAIRN_OBSERVED_OPPOSITE] ? 0.1
+                        : marks[CAIRN_OBSERVED_DYNAMIC]  ? 0.1
+                                                         : 0;
+                worth -= !marks[CAIRN_OBSERVED_FREE] ? 0 : any ? 1.75 : 1.2;
             }
             sum += of == place ? worth : worth / sharers;
         }
     }
-    for (int32_t y = 0; y < map->side; y += 6)
-        for (int32_t x = 0; x < map->side; x += 6) {
-            cairn_vec2 here = {((cairn_real)x + CAIRN_REAL(0.5)) * map->params.sight_cell -
-                                   map->params.sight_reach,
-                               ((cairn_real)y + CAIRN_REAL(0.5)) * map->params.sight_cell -
-                                   map->params.sight_reach};
+    for (int32_t y = 0; y < map->visibility_side; y += 6)
+        for (int32_t x = 0; x < map->visibility_side; x += 6) {
+            cairn_vec2 here = {((cairn_real)x + CAIRN_REAL(0.5)) * map->params.visibility_cell -
+                                   map->params.visibility_reach,
+                               ((cairn_real)y + CAIRN_REAL(0.5)) * map->params.visibility_cell -
+                                   map->params.visibility_reach};
             cairn_vec2 at = cairn_pose_point(poses[place], here), none = {0, 0};
             int shared = 0;
 
-            if (cairn_place_map_saw(map, place, here, none) != CAIRN_SAW_FREE)
+            if (cairn_place_map_observed(map, place, here, none) != CAIRN_OBSERVED_FREE)
                 continue;
             for (int32_t k = 0; k < map->place_count; k++)
-                shared |=
-                    k != place && parts[k] == 0 &&
-                    cairn_place_map_saw(map, k, cairn_pose_point(cairn_pose_inverse(poses[k]), at),
-                                        none) == CAIRN_SAW_FREE;
+                shared |= k != place && parts[k] == 0 &&
+                          cairn_place_map_observed(
+                              map, k, cairn_pose_point(cairn_pose_inverse(poses[k]), at), none) ==
+                              CAIRN_OBSERVED_FREE;
             sum += shared ? 5 * 0.3 * 0.3 : 0;
         }
     return sum;
@@ -638,23 +641,28 @@ static void every_surface_counts_once(void **state)
             poses[arena.scans.place[k]] = arena.scans.truth[k];
     for (int32_t shift = 0; shift < 3; shift++) {
         for (int32_t i = 0; i < 4; i++)
-            assert_near(cairn_place_map_among(m.map, i, poses[i], poses, all, 0, &against, &units),
+            assert_near(cairn_place_map_joint_likelihood(m.map, i, poses[i], poses, all, 0,
+                                                         &against, &units),
                         twin_among(m.map, i, poses, all), NUMBER(1e-6, 2));
         assert_true(units > 1);
         assert_true(against > 0);
         poses[0].x += CAIRN_REAL(0.13);
         poses[2].theta += CAIRN_REAL(0.2);
     }
-    alone = (double)cairn_place_map_among(m.map, 0, poses[0], poses, two, 0, &against, &units);
+    alone = (double)cairn_place_map_joint_likelihood(m.map, 0, poses[0], poses, two, 0, &against,
+                                                     &units);
     assert_near(alone, twin_among(m.map, 0, poses, two), NUMBER(1e-6, 2));
     poses[3] = poses[1];
     for (int32_t part = -1; part < 1; part++) {
         int32_t parts[4] = {0, 0, -1, part};
 
-        both = (double)cairn_place_map_among(m.map, 0, poses[0], poses, parts, 0, &against, &units);
+        both = (double)cairn_place_map_joint_likelihood(m.map, 0, poses[0], poses, parts, 0,
+                                                        &against, &units);
         assert_near(both, alone, NUMBER(1e-6, 2));
     }
-    assert_near(cairn_place_map_among(m.map, 0, poses[0], poses, two, 2, &against, &units), 0, 0);
+    assert_near(
+        cairn_place_map_joint_likelihood(m.map, 0, poses[0], poses, two, 2, &against, &units), 0,
+        0);
     test_pool_free(&m.pool);
     free_arena(&arena);
 }
@@ -664,9 +672,9 @@ static void every_surface_counts_once(void **state)
 static uint64_t hash_of_all(const struct mapper *m, const struct scans *scans)
 {
     cairn_place_map_result r = cairn_place_map_read(m->map);
-    int64_t counts[] = {r.places,  r.placed,     r.parts,    r.ambiguous,
+    int64_t counts[] = {r.places,  r.placed,     r.components, r.ambiguous,
                         r.matches, r.hypotheses, r.decoupled};
-    cairn_real sums[] = {r.total, r.rival};
+    cairn_real sums[] = {r.total, r.competing_total};
     uint64_t hash = test_hash(hash_of(m->map, scans->count), counts, sizeof counts);
 
     hash = test_hash(hash, sums, sizeof sums);
@@ -675,7 +683,7 @@ static uint64_t hash_of_all(const struct mapper *m, const struct scans *scans)
 
         hash = test_hash(hash, &place.map_place, sizeof place.map_place);
         hash = test_hash(hash, &place.support, sizeof place.support);
-        hash = test_hash(hash, &place.part, 3 * sizeof place.part);
+        hash = test_hash(hash, &place.component, 3 * sizeof place.component);
         for (int32_t k = 0; k < place.alternatives; k++) {
             cairn_consensus_alternative other = cairn_place_map_alternative(m->map, i, k);
 
@@ -744,10 +752,10 @@ static void results_stay_as_they_are(void **state)
 
     (void)state;
     sequential.mode = CAIRN_PLACE_MAP_SEQUENTIAL;
-    sequential.recent = 2;
+    sequential.recent_places = 2;
     decoupled.decoupled = 1;
-    decoupled.rounds = 1;
-    decoupled.sweeps = 1;
+    decoupled.rematch_rounds = 1;
+    decoupled.refinement_sweeps = 1;
     assert_golden(hash_of_rooms(params, 0), UINT64_C(0xba11831d939ac3d8),
                   UINT64_C(0x12952a362ebe4d21));
     assert_golden(hash_of_rooms(params, 1), UINT64_C(0x3ab9eb8dd121d277),
@@ -774,7 +782,7 @@ static void memory_is_exact(void **state)
     params.max_scans = 2;
     params.max_place_points = 4;
     params.max_place_beams = 4;
-    params.sight_reach = CAIRN_REAL(0.5);
+    params.visibility_reach = CAIRN_REAL(0.5);
     params.match.max_hypotheses = 1;
     params.consensus.max_hypotheses = 2;
     test_every_pool_size(create, &params, cairn_place_map_memory(&params));
@@ -816,49 +824,49 @@ static void bad_params_are_refused(void **state)
     REFUSED(max_place_points, (1 << 19) + 1);
     REFUSED(max_place_beams, 0);
     REFUSED(max_place_beams, (1 << 19) + 1);
-    REFUSED(recent, 0);
-    REFUSED(rounds, -1);
-    REFUSED(sweeps, -1);
+    REFUSED(recent_places, 0);
+    REFUSED(rematch_rounds, -1);
+    REFUSED(refinement_sweeps, -1);
     REFUSED(decoupled, 3);
     REFUSED(decoupled, -1);
-    REFUSED(sight_reach, 0);
-    REFUSED(sight_reach, nan);
-    REFUSED(sight_reach, infinity);
-    REFUSED(sight_cell, 0);
-    REFUSED(sight_cell, nan);
-    REFUSED(sight_cell, CAIRN_REAL(0.001));
-    REFUSED(sight_margin, 0);
-    REFUSED(sight_margin, nan);
-    REFUSED(sight_margin, 2);
-    REFUSED(for_point, 0);
-    REFUSED(for_point, nan);
-    REFUSED(for_floating, 0);
-    REFUSED(for_floating, nan);
-    REFUSED(for_back, 0);
-    REFUSED(for_back, nan);
-    REFUSED(for_rough, 0);
-    REFUSED(for_rough, nan);
-    REFUSED(for_free, -1);
-    REFUSED(for_free, nan);
-    REFUSED(for_free, infinity);
-    REFUSED(against_point, 0);
-    REFUSED(against_point, nan);
-    REFUSED(floating, -1);
-    REFUSED(floating, 2);
-    REFUSED(floating, nan);
-    REFUSED(chance, -1);
-    REFUSED(chance, nan);
-    REFUSED(chance, infinity);
+    REFUSED(visibility_reach, 0);
+    REFUSED(visibility_reach, nan);
+    REFUSED(visibility_reach, infinity);
+    REFUSED(visibility_cell, 0);
+    REFUSED(visibility_cell, nan);
+    REFUSED(visibility_cell, CAIRN_REAL(0.001));
+    REFUSED(visibility_margin, 0);
+    REFUSED(visibility_margin, nan);
+    REFUSED(visibility_margin, 2);
+    REFUSED(surface_nats, 0);
+    REFUSED(surface_nats, nan);
+    REFUSED(dynamic_nats, 0);
+    REFUSED(dynamic_nats, nan);
+    REFUSED(opposite_face_nats, 0);
+    REFUSED(opposite_face_nats, nan);
+    REFUSED(rough_surface_nats, 0);
+    REFUSED(rough_surface_nats, nan);
+    REFUSED(free_area_nats, -1);
+    REFUSED(free_area_nats, nan);
+    REFUSED(free_area_nats, infinity);
+    REFUSED(free_space_penalty, 0);
+    REFUSED(free_space_penalty, nan);
+    REFUSED(dynamic_factor, -1);
+    REFUSED(dynamic_factor, 2);
+    REFUSED(dynamic_factor, nan);
+    REFUSED(chance_nats, -1);
+    REFUSED(chance_nats, nan);
+    REFUSED(chance_nats, infinity);
     REFUSED(match.max_hypotheses, 0);
     REFUSED(consensus.max_hypotheses, 0);
-    TAKEN(recent, 1);
-    TAKEN(for_point, CAIRN_REAL(1e6));
-    TAKEN(rounds, 0);
-    TAKEN(sweeps, 0);
-    TAKEN(floating, 0);
-    TAKEN(floating, 1);
-    TAKEN(for_free, 0);
-    TAKEN(chance, 0);
+    TAKEN(recent_places, 1);
+    TAKEN(surface_nats, CAIRN_REAL(1e6));
+    TAKEN(rematch_rounds, 0);
+    TAKEN(refinement_sweeps, 0);
+    TAKEN(dynamic_factor, 0);
+    TAKEN(dynamic_factor, 1);
+    TAKEN(free_area_nats, 0);
+    TAKEN(chance_nats, 0);
     TAKEN(max_places, 8);
     TAKEN(max_scans, 2);
     TAKEN(max_place_points, 1);
@@ -894,7 +902,7 @@ static void bad_scans_are_refused(void **state)
     assert_status(cairn_place_map_step(m.map, NULL), CAIRN_BAD_ARGUMENT);
     assert_fault(&fault, cairn_place_map_add_scan(NULL, 0, &view, pose, &fault), CAIRN_BAD_ARGUMENT,
                  -1);
-    assert_non_null(fault.what);
+    assert_non_null(fault.message);
     assert_int_equal(fault.index, -1);
     assert_status(cairn_place_map_add_scan(m.map, 0, NULL, pose, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_place_map_add_scan(m.map, 1, &view, pose, NULL), CAIRN_BAD_ARGUMENT);

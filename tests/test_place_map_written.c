@@ -126,7 +126,7 @@ static void places_in_order(void **state)
     result = solve(&b, CAIRN_UNBOUNDED, &used);
     assert_int_equal(result.places, PLACES);
     assert_int_equal(result.placed, PLACES);
-    assert_int_equal(result.parts, 1);
+    assert_int_equal(result.components, 1);
     assert_int_equal(result.matches, PLACES - 1);
     assert_int_equal(result.decoupled, (PLACES - 1) * HEADINGS);
     assert_int_equal(result.ambiguous, 0);
@@ -183,20 +183,20 @@ static void a_blind_place(void **state)
     bed b;
 
     (void)state;
-    params.recent = 1;
+    params.recent_places = 1;
     make_bed(&b, &params);
     load(&b, 1);
     result = solve(&b, CAIRN_UNBOUNDED, &used);
     assert_int_equal(result.placed, PLACES - 1);
-    assert_int_equal(result.parts, 2);
+    assert_int_equal(result.components, 2);
     assert_int_equal(result.decoupled, (PLACES - 2) * HEADINGS);
-    assert_int_equal(cairn_place_map_place_of(b.map, 1).part, 1);
+    assert_int_equal(cairn_place_map_place_of(b.map, 1).component, 1);
     assert_near(cairn_place_map_place_of(b.map, 1).map_place.x, 0, 0);
     assert_true(metres_off(&b, 2) < 0.3 && metres_off(&b, 3) < 0.3);
     load(&b, 0); /* the first place is the map's, whatever it saw */
     result = solve(&b, CAIRN_UNBOUNDED, &used);
     assert_int_equal(result.placed, 1);
-    assert_int_equal(result.parts, PLACES);
+    assert_int_equal(result.components, PLACES);
     test_pool_free(&b.pool);
 }
 
@@ -342,7 +342,7 @@ static void takes_exactly_what_it_says(void **state)
     for (int k = 0; k < 5; k++)
         assert_int_equal(cairn_place_map_memory(&bad[k]), 0);
     assert_int_equal(params.mode, CAIRN_MODE_AS_WRITTEN);
-    assert_int_equal(params.recent, 3);
+    assert_int_equal(params.recent_places, 3);
 }
 
 int main(void)

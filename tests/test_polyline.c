@@ -57,7 +57,7 @@ static void look(cloud *c, const cairn_segment *walls, int count, double x, doub
 /* `n` points evenly on a wall, with noise across it. */
 static void lay(cloud *c, cairn_segment s, int n, double noise, int label, cairn_random *random)
 {
-    cairn_vec2 left = cairn_vec2_left(cairn_vec2_unit(cairn_vec2_sub(s.b, s.a)));
+    cairn_vec2 left = cairn_vec2_left_perp(cairn_vec2_unit(cairn_vec2_sub(s.b, s.a)));
 
     for (int i = 0; i < n; i++) {
         cairn_vec2 p = cairn_vec2_add(
@@ -663,11 +663,11 @@ static void test_params(void **state)
     REFUSED(min_length, infinity);
     REFUSED(sigma, 0);
     REFUSED(sigma, nan);
-    REFUSED(s_first, CAIRN_REAL(0.01));
-    REFUSED(s_first, infinity);
-    REFUSED(s_last, 0);
-    REFUSED(shrink, 0);
-    REFUSED(shrink, CAIRN_REAL(1.1));
+    REFUSED(width_first, CAIRN_REAL(0.01));
+    REFUSED(width_first, infinity);
+    REFUSED(width_last, 0);
+    REFUSED(width_decay, 0);
+    REFUSED(width_decay, CAIRN_REAL(1.1));
     REFUSED(gap, 0);
     REFUSED(gap_factor, CAIRN_REAL(0.9));
     REFUSED(gap_factor, infinity);
@@ -676,16 +676,16 @@ static void test_params(void **state)
     REFUSED(merge_angle, CAIRN_REAL(-0.1));
     REFUSED(merge_angle, CAIRN_REAL(1.6));
     REFUSED(merge_distance, 0);
-    REFUSED(bend, 0);
+    REFUSED(segment_penalty, 0);
     REFUSED(tolerance, 0);
     TAKEN(min_length, 0);
-    TAKEN(shrink, 1);
+    TAKEN(width_decay, 1);
     TAKEN(gap_factor, 1);
     TAKEN(gap_max, CAIRN_REAL(0.25));
     TAKEN(min_points, 3);
     TAKEN(max_iterations, 1);
     TAKEN(merge_angle, 0);
-    TAKEN(s_first, CAIRN_REAL(0.02));
+    TAKEN(width_first, CAIRN_REAL(0.02));
     TAKEN(max_points, 1);
     TAKEN(max_segments, 1);
 }
@@ -709,13 +709,13 @@ static void test_begin_statuses(void **state)
     assert_fault(&fault, cairn_polyline_begin(fitter, NULL, 1, &fault), CAIRN_BAD_ARGUMENT, -1);
     assert_fault(&fault, cairn_polyline_begin(fitter, &c.point[0].x, -1, &fault),
                  CAIRN_BAD_ARGUMENT, -1);
-    assert_non_null(fault.what);
+    assert_non_null(fault.message);
     assert_fault(&fault, cairn_polyline_begin(fitter, &c.point[0].x, MAX_POINTS + 1, &fault),
                  CAIRN_FULL, MAX_POINTS);
     c.point[17].y = (cairn_real)INFINITY;
     assert_fault(&fault, cairn_polyline_begin(fitter, &c.point[0].x, c.count, &fault),
                  CAIRN_NOT_FINITE, 17);
-    assert_non_null(fault.what);
+    assert_non_null(fault.message);
     c.point[17].y = 0;
     c.point[9].x = CAIRN_REAL(-1.01) * CAIRN_POLYLINE_EXTENT;
     assert_fault(&fault, cairn_polyline_begin(fitter, &c.point[0].x, c.count, &fault),
@@ -879,12 +879,12 @@ static void test_few_segments(void **state)
         lay(&c, wall(5 * i, 0, 5 * i + 1, 1), i == 1 || i == 4 ? 60 : 20, 0.002, i, &random);
     view = fit_with(small, &c, 100);
     assert_int_equal(view.segment_count, 2);
-    assert_true(view.left_out > 0);
+    assert_true(view.dropped > 0);
     assert_found(view, wall(5, 0, 6, 1), 0.01, 0.01, 0.1);
     assert_found(view, wall(20, 0, 21, 1), 0.01, 0.01, 0.1);
     c.count = 0;
     lay(&c, wall(0, 0, 1, 1), 60, 0.002, 0, &random);
-    assert_int_equal(fit_with(small, &c, 100).left_out, 0);
+    assert_int_equal(fit_with(small, &c, 100).dropped, 0);
     test_pool_free(&own);
 }
 
@@ -1057,9 +1057,9 @@ static uint64_t hash_fit(uint64_t hash, cairn_polyline *x)
     }
     hash = test_hash(hash, view.label, (size_t)view.point_count * sizeof *view.label);
     hash = test_hash(hash, &view.converged, sizeof view.converged);
-    hash = test_hash(hash, &view.left_out, sizeof view.left_out);
+    hash = test_hash(hash, &view.dropped, sizeof view.dropped);
     hash = test_hash(hash, &cost.iterations, sizeof cost.iterations);
-    hash = test_hash(hash, &cost.cuts, sizeof cost.cuts);
+    hash = test_hash(hash, &cost.splits, sizeof cost.splits);
     hash = test_hash(hash, &cost.merges, sizeof cost.merges);
     hash = test_hash(hash, &cost.units, sizeof cost.units);
     return test_hash(hash, &cost.peak_segments, sizeof cost.peak_segments);
@@ -1173,9 +1173,9 @@ static uint64_t hash_of_grids(void)
         params.min_points = 3 + cairn_random_below(&random, 3);
         params.max_iterations = 4 + cairn_random_below(&random, 30);
         params.min_length = CAIRN_REAL(0.25) * (cairn_real)cairn_random_below(&random, 3);
-        params.s_first = CAIRN_REAL(0.25);
-        params.s_last = CAIRN_REAL(0.0625);
-        params.shrink = CAIRN_REAL(0.5);
+        params.width_first = CAIRN_REAL(0.25);
+        params.width_last = CAIRN_REAL(0.0625);
+        params.width_decay = CAIRN_REAL(0.5);
         params.gap = CAIRN_REAL(0.25);
         params.gap_factor = 2;
         params.gap_max = CAIRN_REAL(0.5) * (cairn_real)(1 + cairn_random_below(&random, 2));

@@ -5,12 +5,12 @@
 #include <xmmintrin.h>
 #endif
 
-#if CAIRN_POOL_GAP > 0
+#if CAIRN_POOL_REDZONE > 0
 void __asan_unpoison_memory_region(void const volatile *address, size_t size);
 int __asan_address_is_poisoned(void const volatile *address);
 #endif
 
-static const size_t GAP = CAIRN_POOL_GAP, PIECE = CAIRN_ALIGN + CAIRN_POOL_GAP;
+static const size_t GAP = CAIRN_POOL_REDZONE, PIECE = CAIRN_ALIGN + CAIRN_POOL_REDZONE;
 
 static size_t rounded(size_t bytes)
 {
@@ -27,7 +27,7 @@ static void init_rounds_to_the_alignment(void **state)
     assert_ptr_equal(pool.base, memory);
     assert_int_equal(pool.size, 96);
     assert_int_equal(pool.used + pool.peak + pool.refused + pool.marks, 0);
-    assert_int_equal(cairn_pool_room(&pool), 96);
+    assert_int_equal(cairn_pool_remaining(&pool), 96);
 
     assert_ok(cairn_pool_init(&pool, memory + 1, 100));
     assert_ptr_equal(pool.base, memory + 16);
@@ -44,7 +44,7 @@ static void init_rounds_to_the_alignment(void **state)
     /* A refused call changed nothing. */
     assert_ptr_equal(pool.base, memory + 16);
     assert_int_equal(pool.size, 16);
-#if CAIRN_POOL_GAP > 0
+#if CAIRN_POOL_REDZONE > 0
     __asan_unpoison_memory_region(memory, sizeof memory);
 #endif
 }
@@ -81,7 +81,7 @@ static void pieces_are_aligned_and_apart(void **state)
         memset(piece, 0x5a, bytes);
         end = piece + rounded(bytes) + GAP;
         assert_int_equal(pool.used, (size_t)(end - pool.base));
-        assert_int_equal(pool.used + cairn_pool_room(&pool), pool.size);
+        assert_int_equal(pool.used + cairn_pool_remaining(&pool), pool.size);
         assert_int_equal(pool.peak, pool.used);
     }
     assert_int_equal(pool.refused, 0);
@@ -106,7 +106,7 @@ static void a_full_pool_refuses(void **state)
     assert_int_equal(pool.used, PIECE);
     last = cairn_pool_take(&pool, 1, 3 * PIECE - GAP);
     assert_ptr_equal(last, pool.base + PIECE);
-    assert_int_equal(cairn_pool_room(&pool), 0);
+    assert_int_equal(cairn_pool_remaining(&pool), 0);
     assert_null(cairn_pool_take(&pool, 1, 1));
     assert_int_equal(pool.refused, 6);
     assert_int_equal(pool.peak, 4 * PIECE);
@@ -130,10 +130,10 @@ static void room_is_asked_for_exactly(void **state)
 
     (void)state;
     assert_non_null(cairn_pool_take(&pool, 1, 1));
-    assert_int_equal(cairn_pool_has_room(&pool, 7 * PIECE), 1);
-    assert_int_equal(cairn_pool_has_room(&pool, 0), 1);
+    assert_int_equal(cairn_pool_has_capacity(&pool, 7 * PIECE), 1);
+    assert_int_equal(cairn_pool_has_capacity(&pool, 0), 1);
     assert_int_equal(pool.refused, 0);
-    assert_int_equal(cairn_pool_has_room(&pool, 7 * PIECE + 1), 0);
+    assert_int_equal(cairn_pool_has_capacity(&pool, 7 * PIECE + 1), 0);
     assert_int_equal(pool.refused, 1);
     assert_int_equal(pool.used, PIECE);
     test_pool_free(&pool);
@@ -153,7 +153,7 @@ static void counting_measures_like_the_real_pool(void **state)
         assert_null(cairn_pool_take(&counting, count, 7));
         assert_non_null(cairn_pool_take(&pool, count, 7));
         assert_int_equal(counting.used, pool.used);
-        assert_int_equal(CAIRN_PIECE_BYTES(count, 7), pool.used - before);
+        assert_int_equal(CAIRN_ALLOCATION_BYTES(count, 7), pool.used - before);
     }
     assert_int_equal(counting.refused, 0);
     test_pool_free(&pool);
@@ -161,7 +161,7 @@ static void counting_measures_like_the_real_pool(void **state)
 
 static void counting_saturates(void **state)
 {
-    static const unsigned char constant[CAIRN_PIECE_BYTES(3, 7)];
+    static const unsigned char constant[CAIRN_ALLOCATION_BYTES(3, 7)];
     cairn_pool counting;
 
     (void)state;
@@ -190,7 +190,7 @@ static void counting_saturates(void **state)
     assert_int_equal(cairn_pool_counted(&counting), 0);
     cairn_pool_init_counting(&counting);
     assert_null(cairn_pool_take_one(&counting, 24));
-    assert_int_equal(counting.used, CAIRN_PIECE_BYTES(1, 24));
+    assert_int_equal(counting.used, CAIRN_ALLOCATION_BYTES(1, 24));
 
     cairn_pool_init_counting(&counting);
     assert_null(cairn_pool_take(&counting, SIZE_MAX / 32, 16));
@@ -299,7 +299,7 @@ static void a_split_is_a_pool_of_its_own(void **state)
     test_pool_free(&pool);
 }
 
-#if CAIRN_POOL_GAP > 0
+#if CAIRN_POOL_REDZONE > 0
 static void gaps_are_poisoned(void **state)
 {
     cairn_pool pool = test_pool(1024);
@@ -488,7 +488,7 @@ int main(void)
         cmocka_unit_test(a_mark_above_the_level_is_refused),
         cmocka_unit_test(counting_pools_take_marks),
         cmocka_unit_test(a_split_is_a_pool_of_its_own),
-#if CAIRN_POOL_GAP > 0
+#if CAIRN_POOL_REDZONE > 0
         cmocka_unit_test(gaps_are_poisoned),
 #endif
         cmocka_unit_test(block_pool_sizes),

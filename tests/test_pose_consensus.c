@@ -146,7 +146,7 @@ static int32_t count_right(const cairn_pose_consensus *consensus, const struct w
         cairn_consensus_node node = cairn_pose_consensus_node(consensus, i);
         cairn_pose seen;
 
-        if (node.part != 0)
+        if (node.component != 0)
             continue;
         if (first < 0)
             first = i;
@@ -168,7 +168,7 @@ static void two_nodes(void **state)
     cairn_pose_consensus *consensus = new_consensus(&pool, &params);
     cairn_consensus_result result;
     cairn_consensus_node node;
-    double shift, turn = (double)(params.sigma_angle * params.sigma_angle), x, y;
+    double shift, turn = (double)(params.sigma_theta * params.sigma_theta), x, y;
 
     (void)state;
     h.covariance[0] = CAIRN_REAL(0.04);
@@ -181,23 +181,23 @@ static void two_nodes(void **state)
     result = solve(consensus);
     assert_int_equal(result.nodes, 2);
     assert_int_equal(result.placed, 2);
-    assert_int_equal(result.parts, 1);
+    assert_int_equal(result.components, 1);
     assert_int_equal(result.ambiguous, 0);
-    assert_int_equal(result.agreeing, 1);
+    assert_int_equal(result.inliers, 1);
     assert_int_equal(result.starts, 1);
     assert_near(result.total, 12, 1e-5);
-    assert_near(result.rival, 0, 0);
+    assert_near(result.competing_total, 0, 0);
     assert_true(result.units > 0);
-    assert_int_equal(cairn_pose_consensus_agrees(consensus, 0), 1);
-    assert_int_equal(cairn_pose_consensus_agrees(consensus, 1), 0);
-    assert_int_equal(cairn_pose_consensus_agrees(consensus, -1), 0);
+    assert_int_equal(cairn_pose_consensus_is_inlier(consensus, 0), 1);
+    assert_int_equal(cairn_pose_consensus_is_inlier(consensus, 1), 0);
+    assert_int_equal(cairn_pose_consensus_is_inlier(consensus, -1), 0);
     node = cairn_pose_consensus_node(consensus, 0);
     assert_pose_near(node.map_node, cairn_pose_identity(), 1e-6, 1e-6);
     node = cairn_pose_consensus_node(consensus, 1);
     assert_pose_near(node.map_node, cairn_pose_inverse(h.first_second), 1e-5, 1e-6);
     assert_near(node.support, 12, 1e-4);
     assert_int_equal(node.agreeing, 1);
-    assert_int_equal(node.contradicting, 0);
+    assert_int_equal(node.conflicting, 0);
     assert_int_equal(node.alternatives, 0);
 
     /* Of node 0 given 1, in the frame of 1 it would be the covariance with the sigmas added; the
@@ -234,11 +234,11 @@ static void most_hypotheses_are_wrong(void **state)
         load(consensus, &world);
         result = solve(consensus);
         assert_int_equal(result.placed, 16);
-        assert_int_equal(result.parts, 1);
+        assert_int_equal(result.components, 1);
         assert_int_equal(count_right(consensus, &world, 0.08, 0.015), 16);
         for (int32_t k = 0; k < world.count; k++)
             if (world.is_true[k])
-                assert_int_equal(cairn_pose_consensus_agrees(consensus, k), 1);
+                assert_int_equal(cairn_pose_consensus_is_inlier(consensus, k), 1);
     }
     test_pool_free(&pool);
 }
@@ -291,8 +291,8 @@ static void many_weak_ones_beat_a_strong_one(void **state)
     assert_int_equal(solve(consensus).placed, 4);
     for (int32_t i = 0; i < 4; i++)
         assert_pose_near(cairn_pose_consensus_node(consensus, i).map_node, truth[i], 1e-3, 1e-3);
-    assert_int_equal(cairn_pose_consensus_agrees(consensus, 2), 1);
-    assert_int_equal(cairn_pose_consensus_agrees(consensus, 6), 0);
+    assert_int_equal(cairn_pose_consensus_is_inlier(consensus, 2), 1);
+    assert_int_equal(cairn_pose_consensus_is_inlier(consensus, 6), 0);
 
     /* What else node 3 could be: given the others, exp(13 - 15) as likely. */
     node = cairn_pose_consensus_node(consensus, 3);
@@ -300,7 +300,7 @@ static void many_weak_ones_beat_a_strong_one(void **state)
     assert_true(node.alternatives >= 1);
     other = cairn_pose_consensus_alternative(consensus, 3, 0);
     assert_near(other.support, 13, 0.01);
-    assert_int_equal(other.whole, 0);
+    assert_int_equal(other.is_other_map, 0);
     assert_near(other.weight, exp(-2) / (1 + exp(-2)), 0.01);
     assert_pose_near(other.map_node, wrong, 1e-3, 1e-3);
     assert_int_equal(node.ambiguous, 1);
@@ -326,7 +326,7 @@ static double plain_chi(const struct twin *twin, const cairn_pose_hypothesis *h,
     cairn_pose seen = cairn_pose_between(first, second);
     double x = (double)(seen.x - h->first_second.x), y = (double)(seen.y - h->first_second.y);
     double theta = remainder((double)(seen.theta - h->first_second.theta), 6.283185307179586);
-    double turn = (double)(twin->params->sigma_angle * twin->params->sigma_angle);
+    double turn = (double)(twin->params->sigma_theta * twin->params->sigma_theta);
     double shift = (double)(twin->params->sigma * twin->params->sigma) +
                    turn * (pow((double)h->first_second.x, 2) + pow((double)h->first_second.y, 2));
 
@@ -341,7 +341,7 @@ static double plain_total(const struct twin *twin)
     for (int32_t k = 0; k < twin->world->count; k++) {
         const cairn_pose_hypothesis *h = &twin->world->hypotheses[k];
         double share = 1 - plain_chi(twin, h, twin->pose[h->first], twin->pose[h->second]) /
-                               (double)twin->params->gate;
+                               (double)twin->params->max_chi2;
         int32_t i = h->first < h->second ? h->first : h->second, j = h->first + h->second - i;
 
         best[i][j] = fmax(best[i][j], share * (double)h->score);
@@ -400,7 +400,7 @@ static void nothing_better_is_found_by_trying_all(void **state)
         hang_rest(&twin);
         assert_true(twin.best > 0);
         assert_true((double)result.total > 0.98 * twin.best);
-        if (result.placed == 5 && result.parts == 1) {
+        if (result.placed == 5 && result.components == 1) {
             for (int32_t i = 0; i < 5; i++)
                 twin.pose[i] = cairn_pose_consensus_node(consensus, i).map_node;
             assert_near(plain_total(&twin), result.total, 2e-3 * (double)result.total);
@@ -434,7 +434,7 @@ static void what_does_not_hang_together_is_parts(void **state)
     (void)state;
     load_triangles(consensus, TRIANGLES);
     result = solve(consensus);
-    assert_int_equal(result.parts, 3);
+    assert_int_equal(result.components, 3);
     assert_int_equal(result.placed, 7);
     assert_int_equal(result.nodes, 8);
     for (int32_t i = 0; i < 7; i++) {
@@ -442,12 +442,12 @@ static void what_does_not_hang_together_is_parts(void **state)
         int32_t first = i < 3 ? 0 : 3;
 
         /* the larger part is part 0 */
-        assert_int_equal(node.part, i < 3 ? 1 : 0);
+        assert_int_equal(node.component, i < 3 ? 1 : 0);
         assert_int_equal(node.agreeing, i < 3 ? 2 : 3);
         assert_pose_near(node.map_node, cairn_pose_between(TRIANGLES[first], TRIANGLES[i]), 1e-3,
                          1e-3);
     }
-    assert_int_equal(cairn_pose_consensus_node(consensus, 7).part, 2);
+    assert_int_equal(cairn_pose_consensus_node(consensus, 7).component, 2);
     assert_pose_near(cairn_pose_consensus_node(consensus, 7).map_node, cairn_pose_identity(), 0, 0);
     assert_near(cairn_pose_consensus_node(consensus, 7).support, 0, 0);
     test_pool_free(&pool);
@@ -465,13 +465,13 @@ static void parts_are_joined_as_wholes(void **state)
     load_triangles(consensus, TRIANGLES);
     add(consensus, 0, 3, cairn_pose_between(TRIANGLES[0], TRIANGLES[3]), 2);
     add(consensus, 1, 4, wrong, CAIRN_REAL(2.5));
-    assert_int_equal(solve(consensus).parts, 3);
+    assert_int_equal(solve(consensus).components, 3);
     add(consensus, 4, 1, cairn_pose_between(TRIANGLES[4], TRIANGLES[1]), 2);
-    assert_int_equal(solve(consensus).parts, 2);
+    assert_int_equal(solve(consensus).components, 2);
     for (int32_t i = 0; i < 7; i++)
         assert_pose_near(cairn_pose_consensus_node(consensus, i).map_node, TRIANGLES[i], 2e-3,
                          1e-3);
-    assert_int_equal(cairn_pose_consensus_node(consensus, 7).part, 1);
+    assert_int_equal(cairn_pose_consensus_node(consensus, 7).component, 1);
     test_pool_free(&pool);
 }
 
@@ -486,14 +486,14 @@ static void nothing_is_placed_on_weak_evidence(void **state)
     (void)state;
     assert_ok(cairn_pose_consensus_clear(consensus, 3));
     result = solve(consensus);
-    assert_int_equal(result.parts, 3);
+    assert_int_equal(result.components, 3);
     assert_int_equal(result.placed, 0);
     add(consensus, 0, 1, pose, CAIRN_REAL(2.9));
     result = solve(consensus);
-    assert_int_equal(result.parts, 3);
+    assert_int_equal(result.components, 3);
     assert_int_equal(result.starts, 0);
     add(consensus, 0, 1, pose, CAIRN_REAL(3.1));
-    assert_int_equal(solve(consensus).parts, 2);
+    assert_int_equal(solve(consensus).components, 2);
     test_pool_free(&pool);
 }
 
@@ -520,9 +520,9 @@ static void another_map_is_an_alternative(void **state)
     add(consensus, 0, 3, cairn_pose_between(truth[0], truth[3]), 8);
     add(consensus, 0, 4, elsewhere, CAIRN_REAL(7.5));
     result = solve(consensus);
-    assert_int_equal(result.parts, 1);
+    assert_int_equal(result.components, 1);
     assert_near(result.total, 68, 0.1);
-    assert_near(result.rival, 67.5, 0.1);
+    assert_near(result.competing_total, 67.5, 0.1);
     for (int32_t i = 0; i < 5; i++) {
         cairn_consensus_node node = cairn_pose_consensus_node(consensus, i);
 
@@ -530,7 +530,7 @@ static void another_map_is_an_alternative(void **state)
         for (int32_t k = 0; k < node.alternatives; k++) {
             cairn_consensus_alternative other = cairn_pose_consensus_alternative(consensus, i, k);
 
-            if (!other.whole)
+            if (!other.is_other_map)
                 continue;
             whole++;
             assert_true(i >= 3);
@@ -579,7 +579,7 @@ static void blocks_are_laid_anew(void **state)
     load_pair_gone_astray(consensus, truth);
     result = solve(consensus);
     assert_near(result.total, 60 + 30 + 9, 0.1);
-    assert_near(result.rival, 0, 0);
+    assert_near(result.competing_total, 0, 0);
     test_pool_free(&pool);
 
     params.max_rounds = 4;
@@ -587,8 +587,8 @@ static void blocks_are_laid_anew(void **state)
     load_pair_gone_astray(consensus, truth);
     result = solve(consensus);
     assert_near(result.total, 60 + 30 + 11, 0.1);
-    assert_near(result.rival, 60 + 30 + 9, 0.1);
-    assert_int_equal(result.parts, 1);
+    assert_near(result.competing_total, 60 + 30 + 9, 0.1);
+    assert_int_equal(result.components, 1);
     assert_int_equal(result.starts, 1);
     for (int32_t i = 0; i < 5; i++)
         assert_pose_near(cairn_pose_consensus_node(consensus, i).map_node, truth[i], 1e-3, 1e-3);
@@ -630,7 +630,7 @@ static void the_judge_may_say_more_than_a_hypothesis(void **state)
             add(consensus, i, j, cairn_pose_between(jury.truth[i], jury.truth[j]), 10);
     add(consensus, 0, 3, (cairn_pose){9, 9, 0}, 7);
     add(consensus, 1, 3, cairn_pose_between(jury.truth[1], jury.truth[3]), 1);
-    cairn_pose_consensus_judge_by(consensus, likes_the_truth, &jury);
+    cairn_pose_consensus_set_pair_likelihood(consensus, likes_the_truth, &jury);
     assert_near(solve(consensus).total, 30 + 3 * 4, 0.1);
     assert_pose_near(cairn_pose_consensus_node(consensus, 3).map_node, jury.truth[3], 1e-2, 1e-2);
     assert_near(cairn_pose_consensus_node(consensus, 3).support, 3 * 4, 0.1);
@@ -666,7 +666,7 @@ static void bounds_forbid(void **state)
 
     (void)state;
     load_liar(consensus, truth);
-    assert_int_equal(solve(consensus).parts, 1);
+    assert_int_equal(solve(consensus).components, 1);
     assert_near(cairn_pose_consensus_node(consensus, 3).map_node.x, 1, 0.01);
     for (int32_t i = 0; i < 4; i++) {
         cairn_pose off = random_pose(&random, CAIRN_REAL(0.15), 6 * DEGREE);
@@ -675,9 +675,10 @@ static void bounds_forbid(void **state)
         centre.x += off.x;
         centre.y += off.y;
         centre.theta += off.theta;
-        assert_ok(cairn_pose_consensus_bound(consensus, i, centre, CAIRN_REAL(0.3), 10 * DEGREE));
+        assert_ok(
+            cairn_pose_consensus_set_bound(consensus, i, centre, CAIRN_REAL(0.3), 10 * DEGREE));
     }
-    assert_int_equal(solve(consensus).parts, 1);
+    assert_int_equal(solve(consensus).components, 1);
     first = cairn_pose_consensus_node(consensus, 0).map_node;
     for (int32_t i = 0; i < 4; i++) {
         cairn_pose pose = cairn_pose_consensus_node(consensus, i).map_node;
@@ -688,9 +689,9 @@ static void bounds_forbid(void **state)
     }
 
     /* Of a node whose hypotheses all are beyond its bound nothing is left. */
-    assert_ok(cairn_pose_consensus_bound(consensus, 2, frame, CAIRN_REAL(0.1), 10 * DEGREE));
-    assert_int_equal(solve(consensus).parts, 2);
-    assert_int_equal(cairn_pose_consensus_node(consensus, 2).part, 1);
+    assert_ok(cairn_pose_consensus_set_bound(consensus, 2, frame, CAIRN_REAL(0.1), 10 * DEGREE));
+    assert_int_equal(solve(consensus).components, 2);
+    assert_int_equal(cairn_pose_consensus_node(consensus, 2).component, 1);
     assert_pose_near(cairn_pose_consensus_node(consensus, 2).map_node, frame, 0, 0);
     test_pool_free(&pool);
 }
@@ -738,7 +739,7 @@ static void a_judge_decides(void **state)
     node = cairn_pose_consensus_node(consensus, 3);
     assert_near(node.map_node.x, 1, 0.01);
     assert_near(node.support, 6, 0.01);
-    cairn_pose_consensus_judge_by(consensus, judge, &court);
+    cairn_pose_consensus_set_pair_likelihood(consensus, judge, &court);
     assert_true(solve(consensus).units > units);
     node = cairn_pose_consensus_node(consensus, 3);
     assert_pose_near(node.map_node, court.truth[3], 0.01, 0.01);
@@ -749,9 +750,9 @@ static void a_judge_decides(void **state)
 
     /* A verdict that is not a number counts nothing. */
     court.wrong = (cairn_real)NAN;
-    assert_int_equal(solve(consensus).parts, 1);
+    assert_int_equal(solve(consensus).components, 1);
     assert_near(cairn_pose_consensus_alternative(consensus, 3, 0).support, 6, 0.02);
-    cairn_pose_consensus_judge_by(consensus, NULL, NULL);
+    cairn_pose_consensus_set_pair_likelihood(consensus, NULL, NULL);
     (void)solve(consensus);
     assert_near(cairn_pose_consensus_node(consensus, 3).map_node.x, 1, 0.01);
     test_pool_free(&pool);
@@ -802,7 +803,7 @@ static void a_jury_decides(void **state)
     add(consensus, 0, 3, cairn_pose_between(court.truth[0], court.truth[3]), 5);
     add(consensus, 0, 3, cairn_pose_between(court.truth[0], wrong), 6);
     units = solve(consensus).units;
-    cairn_pose_consensus_jury_by(consensus, whole_court, &court);
+    cairn_pose_consensus_set_joint_likelihood(consensus, whole_court, &court);
     assert_near(cairn_pose_consensus_read(consensus).total, 0, 0);
     assert_true(solve(consensus).units > units);
     assert_true(court.calls > 0);
@@ -817,11 +818,11 @@ static void a_jury_decides(void **state)
     /* A verdict that is not a number counts nothing: no node has support. */
     court.wrong = (cairn_real)NAN;
     court.truth[3].x = 7;
-    assert_int_equal(solve(consensus).parts, 2);
-    cairn_pose_consensus_jury_by(consensus, NULL, NULL);
+    assert_int_equal(solve(consensus).components, 2);
+    cairn_pose_consensus_set_joint_likelihood(consensus, NULL, NULL);
     (void)solve(consensus);
     assert_near(cairn_pose_consensus_node(consensus, 3).map_node.x, 1, 0.01);
-    cairn_pose_consensus_jury_by(consensus, whole_court, &court);
+    cairn_pose_consensus_set_joint_likelihood(consensus, whole_court, &court);
     assert_ok(cairn_pose_consensus_clear(consensus, 1)); /* forgets the jury */
     court.calls = 0;
     (void)solve(consensus);
@@ -859,15 +860,15 @@ static void what_would_be_believed_elsewhere_is_ambiguous(void **state)
 
     (void)state;
     params.min_support = 1;
-    params.contradiction = CAIRN_REAL(0.5);
-    params.ambiguous = CAIRN_REAL(1e-9);
+    params.conflict_penalty = CAIRN_REAL(0.5);
+    params.min_ambiguous_weight = CAIRN_REAL(1e-9);
     consensus = new_consensus(&pool, &params);
     /* e^-12 weighs something */
     assert_int_equal(solve_doubtful(consensus, far, 17, 0.5, 5).ambiguous, 1);
     test_pool_free(&pool);
     /* of 7.8 nats */
-    params.ambiguous = CAIRN_REAL(0.0004);
-    params.believed = 4;
+    params.min_ambiguous_weight = CAIRN_REAL(0.0004);
+    params.significant_support = 4;
     consensus = new_consensus(&pool, &params);
     assert_int_equal(solve_doubtful(consensus, far, 15, 0.5, 5).ambiguous, 0);
     assert_int_equal(solve_doubtful(consensus, near, 17, 0.5, 5).ambiguous, 0);
@@ -880,7 +881,7 @@ static void what_would_be_believed_elsewhere_is_ambiguous(void **state)
     assert_int_equal(cairn_pose_consensus_node(consensus, 4).ambiguous, 1);
     assert_int_equal(cairn_pose_consensus_node(consensus, 0).ambiguous, 0);
     test_pool_free(&pool);
-    params.ambiguous = CAIRN_REAL(0.003);
+    params.min_ambiguous_weight = CAIRN_REAL(0.003);
     consensus = new_consensus(&pool, &params);
     /* six nats against it are too much */
     assert_int_equal(solve_doubtful(consensus, far, 17, 0.5, 5).ambiguous, 0);
@@ -891,7 +892,7 @@ static cairn_consensus_result find_islands(cairn_pose_consensus *consensus, int3
 {
     cairn_budget budget = {units};
 
-    assert_ok(cairn_pose_consensus_islands(consensus));
+    assert_ok(cairn_pose_consensus_find_submaps(consensus));
     while (cairn_pose_consensus_step(consensus, &budget) == CAIRN_MORE)
         budget.left = units;
     return cairn_pose_consensus_read(consensus);
@@ -908,37 +909,37 @@ static void a_node_that_hangs_by_too_little_is_an_island(void **state)
     cairn_pose_consensus *consensus;
 
     (void)state;
-    assert_int_equal(cairn_pose_consensus_islands(NULL), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(cairn_pose_consensus_find_submaps(NULL), CAIRN_BAD_ARGUMENT);
     params.min_support = 1;
-    params.believed = 4;
+    params.significant_support = 4;
     consensus = new_consensus(&pool, &params);
-    assert_int_equal(cairn_pose_consensus_islands(consensus), CAIRN_EMPTY);
+    assert_int_equal(cairn_pose_consensus_find_submaps(consensus), CAIRN_EMPTY);
     before = solve_doubtful(consensus, near, 9, 1.5, 2.25);
     assert_int_equal(before.ambiguous, 0);
     node = cairn_pose_consensus_node(consensus, 4);
-    assert_int_equal(node.island, 0);
+    assert_int_equal(node.submap, 0);
     for (int32_t units = 1; units <= 1000; units += 999) {
         after = find_islands(consensus, units);
         assert_true(after.units > before.units);
         before.units = after.units;
         before.ambiguous = 1;
         assert_memory_equal(&after, &before, sizeof after);
-        node.ambiguous = node.island = 1;
-        assert_int_equal(cairn_pose_consensus_node(consensus, 4).island, 1);
+        node.ambiguous = node.submap = 1;
+        assert_int_equal(cairn_pose_consensus_node(consensus, 4).submap, 1);
         assert_int_equal(cairn_pose_consensus_node(consensus, 4).ambiguous, 1);
         assert_near(cairn_pose_consensus_node(consensus, 4).support, node.support, 0);
         for (int32_t i = 0; i < 4; i++) {
-            assert_int_equal(cairn_pose_consensus_node(consensus, i).island, 0);
+            assert_int_equal(cairn_pose_consensus_node(consensus, i).submap, 0);
             assert_int_equal(cairn_pose_consensus_node(consensus, i).ambiguous, 0);
         }
     }
     /* 4.25 nats are enough. */
     (void)solve_doubtful(consensus, near, 9, 1.75, 2.5);
     assert_int_equal(find_islands(consensus, 1000).ambiguous, 0);
-    assert_int_equal(cairn_pose_consensus_node(consensus, 4).island, 0);
+    assert_int_equal(cairn_pose_consensus_node(consensus, 4).submap, 0);
     test_pool_free(&pool);
 
-    params.believed = 0; /* not asked */
+    params.significant_support = 0; /* not asked */
     consensus = new_consensus(&pool, &params);
     before = solve_doubtful(consensus, near, 9, 1.5, 2.25);
     after = find_islands(consensus, 1000);
@@ -961,25 +962,25 @@ static void solve_groups(cairn_pose_consensus *consensus, cairn_real second, cai
                 add(consensus, i, j, cairn_pose_between(at[i], at[j]), 10);
     add(consensus, 1, 2, cairn_pose_between(at[1], at[2]), second);
     add(consensus, 5, 6, cairn_pose_between(at[5], at[6]), third);
-    assert_int_equal(solve(consensus).parts, 1);
+    assert_int_equal(solve(consensus).components, 1);
     (void)find_islands(consensus, 1000);
     for (int32_t i = 0; i < 9; i++) {
         assert_pose_near(cairn_pose_consensus_node(consensus, i).map_node, at[i], 0.01, 0.01);
-        assert_int_equal(cairn_pose_consensus_node(consensus, i).part, 0);
+        assert_int_equal(cairn_pose_consensus_node(consensus, i).component, 0);
         assert_int_equal(cairn_pose_consensus_node(consensus, i).ambiguous,
-                         cairn_pose_consensus_node(consensus, i).island > 0);
+                         cairn_pose_consensus_node(consensus, i).submap > 0);
     }
 }
 
 static void assert_islands(const cairn_pose_consensus *consensus, int32_t first, int32_t second,
                            int32_t third)
 {
-    assert_int_equal(cairn_pose_consensus_node(consensus, 0).island, first);
-    assert_int_equal(cairn_pose_consensus_node(consensus, 1).island, first);
+    assert_int_equal(cairn_pose_consensus_node(consensus, 0).submap, first);
+    assert_int_equal(cairn_pose_consensus_node(consensus, 1).submap, first);
     for (int32_t i = 2; i < 6; i++)
-        assert_int_equal(cairn_pose_consensus_node(consensus, i).island, second);
+        assert_int_equal(cairn_pose_consensus_node(consensus, i).submap, second);
     for (int32_t i = 6; i < 9; i++)
-        assert_int_equal(cairn_pose_consensus_node(consensus, i).island, third);
+        assert_int_equal(cairn_pose_consensus_node(consensus, i).submap, third);
 }
 
 /* Several nodes need four times as much as one, as they see by chance in several ways what they
@@ -991,7 +992,7 @@ static void blocks_that_hang_by_too_little_are_islands(void **state)
     cairn_pose_consensus *consensus;
 
     (void)state;
-    params.believed = CAIRN_REAL(2.25); /* nine nats for several */
+    params.significant_support = CAIRN_REAL(2.25); /* nine nats for several */
     consensus = new_consensus(&pool, &params);
     solve_groups(consensus, 9.5, 9.5);
     assert_islands(consensus, 0, 0, 0);
@@ -1018,7 +1019,7 @@ static void islands_are_numbered_within_their_parts(void **state)
     cairn_consensus_result result;
 
     (void)state;
-    params.believed = CAIRN_REAL(2.25);
+    params.significant_support = CAIRN_REAL(2.25);
     params.max_nodes = 17;
     consensus = new_consensus(&pool, &params);
     assert_ok(cairn_pose_consensus_clear(consensus, 17));
@@ -1030,14 +1031,14 @@ static void islands_are_numbered_within_their_parts(void **state)
         add(consensus, part + 1, part + 2, cairn_pose_between(at[1], at[2]), 8.5);
         add(consensus, part + 4, part + 5, cairn_pose_between(at[4], at[5]), 8.25);
     }
-    assert_int_equal(solve(consensus).parts, 3);
+    assert_int_equal(solve(consensus).components, 3);
     for (int32_t units = 1; units <= 1000; units += 999) {
         result = find_islands(consensus, units);
         for (int32_t i = 0; i < 17; i++) {
             cairn_consensus_node node = cairn_pose_consensus_node(consensus, i);
 
-            assert_int_equal(node.part, i / 8);
-            assert_int_equal(node.island, island[i]);
+            assert_int_equal(node.component, i / 8);
+            assert_int_equal(node.submap, island[i]);
             assert_int_equal(node.ambiguous, island[i] > 0);
         }
         assert_int_equal(result.ambiguous, 10);
@@ -1055,7 +1056,7 @@ static void contradictions_cost(void **state)
     cairn_consensus_node node;
 
     (void)state;
-    params.contradiction = CAIRN_REAL(0.5);
+    params.conflict_penalty = CAIRN_REAL(0.5);
     consensus = new_consensus(&pool, &params);
     assert_ok(cairn_pose_consensus_clear(consensus, 3));
     for (int32_t i = 0; i < 2; i++)
@@ -1065,7 +1066,7 @@ static void contradictions_cost(void **state)
     node = cairn_pose_consensus_node(consensus, 2);
     assert_near(node.support, 10 - 3, 0.01);
     assert_int_equal(node.agreeing, 1);
-    assert_int_equal(node.contradicting, 1);
+    assert_int_equal(node.conflicting, 1);
     test_pool_free(&pool);
 }
 
@@ -1075,9 +1076,9 @@ static void contradictions_cost(void **state)
 static uint64_t hash_of(const cairn_pose_consensus *consensus, int32_t hypotheses)
 {
     cairn_consensus_result r = cairn_pose_consensus_read(consensus);
-    int64_t counts[] = {r.nodes,  r.placed, r.parts,    r.ambiguous, r.start,
-                        r.starts, r.rounds, r.agreeing, r.units};
-    cairn_real totals[] = {r.total, r.rival};
+    int64_t counts[] = {r.nodes,  r.placed, r.components, r.ambiguous, r.start,
+                        r.starts, r.rounds, r.inliers,    r.units};
+    cairn_real totals[] = {r.total, r.competing_total};
     uint64_t hash =
         test_hash(test_hash(TEST_HASH_START, counts, sizeof counts), totals, sizeof totals);
 
@@ -1090,11 +1091,12 @@ static uint64_t hash_of(const cairn_pose_consensus *consensus, int32_t hypothese
             cairn_consensus_alternative other = cairn_pose_consensus_alternative(consensus, i, k);
 
             hash = test_hash(hash, &other,
-                             offsetof(cairn_consensus_alternative, whole) + sizeof other.whole);
+                             offsetof(cairn_consensus_alternative, is_other_map) +
+                                 sizeof other.is_other_map);
         }
     }
     for (int32_t k = 0; k < hypotheses; k++) {
-        int32_t agrees = cairn_pose_consensus_agrees(consensus, k);
+        int32_t agrees = cairn_pose_consensus_is_inlier(consensus, k);
 
         hash = test_hash(hash, &agrees, sizeof agrees);
     }
@@ -1134,16 +1136,16 @@ static uint64_t hash_of_scene(const struct scene *scene)
     params.max_rounds = scene->rounds;
     params.max_candidates = scene->candidates;
     params.max_alternatives = scene->alternatives;
-    params.contradiction = (cairn_real)scene->contradiction;
+    params.conflict_penalty = (cairn_real)scene->contradiction;
     consensus = new_consensus(&pool, &params);
     make_world(&world, scene->seed, scene->nodes, (cairn_real)scene->reach,
                (cairn_real)scene->known, scene->lies);
     load(consensus, &world);
     for (int32_t i = 0; i < scene->bounded; i++)
-        assert_ok(cairn_pose_consensus_bound(consensus, i, world.truth[i], CAIRN_REAL(0.5),
-                                             CAIRN_REAL(0.4)));
+        assert_ok(cairn_pose_consensus_set_bound(consensus, i, world.truth[i], CAIRN_REAL(0.5),
+                                                 CAIRN_REAL(0.4)));
     if (scene->bounded > 0)
-        cairn_pose_consensus_judge_by(consensus, likes_them_near, NULL);
+        cairn_pose_consensus_set_pair_likelihood(consensus, likes_them_near, NULL);
     (void)solve(consensus);
     hash = hash_of(consensus, world.count);
     test_pool_free(&pool);
@@ -1189,7 +1191,7 @@ static uint64_t hash_of_ties(uint64_t seed)
         params.max_rounds = cairn_random_below(&random, 4);
         params.max_candidates = 1 + cairn_random_below(&random, 6);
         params.max_alternatives = cairn_random_below(&random, 6);
-        params.contradiction = CAIRN_REAL(0.25) * (cairn_real)cairn_random_below(&random, 3);
+        params.conflict_penalty = CAIRN_REAL(0.25) * (cairn_real)cairn_random_below(&random, 3);
         consensus = new_consensus(&pool, &params);
         assert_ok(cairn_pose_consensus_clear(consensus, nodes));
         for (int32_t i = 0; i < count; i++) {
@@ -1207,10 +1209,10 @@ static uint64_t hash_of_ties(uint64_t seed)
             int32_t row = i / 3 + cairn_random_below(&random, 2);
             cairn_pose centre = {(cairn_real)(i % 3), (cairn_real)row, 0};
 
-            assert_ok(cairn_pose_consensus_bound(consensus, i, centre, 1, CAIRN_REAL(0.5)));
+            assert_ok(cairn_pose_consensus_set_bound(consensus, i, centre, 1, CAIRN_REAL(0.5)));
         }
         if (k % 4 == 1)
-            cairn_pose_consensus_judge_by(consensus, likes_them_near, NULL);
+            cairn_pose_consensus_set_pair_likelihood(consensus, likes_them_near, NULL);
         (void)solve(consensus);
         hash = test_hash(hash, &nodes, sizeof nodes) ^ hash_of(consensus, count);
         test_pool_free(&pool);
@@ -1253,7 +1255,7 @@ static void the_result_does_not_depend_on_budgets(void **state)
             units += budgets[b] - budget.left;
             if (status == CAIRN_MORE) {
                 assert_int_equal(cairn_pose_consensus_read(consensus).nodes, 0);
-                assert_int_equal(cairn_pose_consensus_agrees(consensus, 0), 0);
+                assert_int_equal(cairn_pose_consensus_is_inlier(consensus, 0), 0);
             }
         } while (status == CAIRN_MORE);
         assert_ok(status);
@@ -1361,20 +1363,20 @@ static void bad_params_are_refused(void **state)
     REFUSED(max_alternatives, 33);
     REFUSED(sigma, 0);
     REFUSED(sigma, nan);
-    REFUSED(sigma_angle, 0);
-    REFUSED(sigma_angle, nan);
-    REFUSED(gate, 0);
-    REFUSED(gate, nan);
-    REFUSED(contradiction, -1);
-    REFUSED(contradiction, nan);
+    REFUSED(sigma_theta, 0);
+    REFUSED(sigma_theta, nan);
+    REFUSED(max_chi2, 0);
+    REFUSED(max_chi2, nan);
+    REFUSED(conflict_penalty, -1);
+    REFUSED(conflict_penalty, nan);
     REFUSED(min_support, 0);
     REFUSED(min_support, nan);
-    REFUSED(ambiguous, 0);
-    REFUSED(ambiguous, 1);
-    REFUSED(ambiguous, nan);
-    REFUSED(believed, -1);
-    REFUSED(believed, nan);
-    REFUSED(believed, (cairn_real)INFINITY);
+    REFUSED(min_ambiguous_weight, 0);
+    REFUSED(min_ambiguous_weight, 1);
+    REFUSED(min_ambiguous_weight, nan);
+    REFUSED(significant_support, -1);
+    REFUSED(significant_support, nan);
+    REFUSED(significant_support, (cairn_real)INFINITY);
     TAKEN(max_nodes, 1);
     TAKEN(max_nodes, 1 << 16);
     TAKEN(max_hypotheses, 1);
@@ -1384,7 +1386,7 @@ static void bad_params_are_refused(void **state)
     TAKEN(max_candidates, 1);
     TAKEN(max_candidates, 32);
     TAKEN(max_alternatives, 32);
-    TAKEN(contradiction, 0);
+    TAKEN(conflict_penalty, 0);
     assert_int_equal(cairn_pose_consensus_memory(NULL), 0);
     assert_status(cairn_pose_consensus_create(NULL, &pool, &params), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_pose_consensus_create(&consensus, NULL, &params), CAIRN_BAD_ARGUMENT);
@@ -1424,10 +1426,10 @@ static void bad_hypotheses_are_refused(void **state)
     do {                                                                                           \
         bad = good;                                                                                \
         bad.field = value;                                                                         \
-        fault.what = NULL;                                                                         \
+        fault.message = NULL;                                                                      \
         fault.index = 7;                                                                           \
         assert_status(cairn_pose_consensus_add(consensus, &bad, &fault), status);                  \
-        assert_non_null(fault.what);                                                               \
+        assert_non_null(fault.message);                                                            \
         assert_int_equal(fault.index, -1);                                                         \
         assert_status(cairn_pose_consensus_add(consensus, &bad, NULL), status);                    \
     } while (0)
@@ -1455,24 +1457,25 @@ static void bad_hypotheses_are_refused(void **state)
     assert_fault(&fault, cairn_pose_consensus_add(consensus, &good, &fault), CAIRN_FULL, -1);
     assert_int_equal(solve(consensus).placed, 3);
 
-    assert_status(cairn_pose_consensus_bound(NULL, 0, pose, 1, 1), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_pose_consensus_bound(consensus, -1, pose, 1, 1), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_pose_consensus_bound(consensus, 3, pose, 1, 1), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_pose_consensus_bound(consensus, 0, pose, 0, 1), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_pose_consensus_bound(consensus, 0, pose, 1, 0), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_pose_consensus_bound(consensus, 0, pose, nan, 1), CAIRN_NOT_FINITE);
-    assert_status(cairn_pose_consensus_bound(consensus, 0, pose, 1, infinity), CAIRN_NOT_FINITE);
+    assert_status(cairn_pose_consensus_set_bound(NULL, 0, pose, 1, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_pose_consensus_set_bound(consensus, -1, pose, 1, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_pose_consensus_set_bound(consensus, 3, pose, 1, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_pose_consensus_set_bound(consensus, 0, pose, 0, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_pose_consensus_set_bound(consensus, 0, pose, 1, 0), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_pose_consensus_set_bound(consensus, 0, pose, nan, 1), CAIRN_NOT_FINITE);
+    assert_status(cairn_pose_consensus_set_bound(consensus, 0, pose, 1, infinity),
+                  CAIRN_NOT_FINITE);
     pose.x = CAIRN_REAL(2e6);
-    assert_status(cairn_pose_consensus_bound(consensus, 0, pose, 1, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_pose_consensus_set_bound(consensus, 0, pose, 1, 1), CAIRN_BAD_ARGUMENT);
     pose.x = nan;
-    assert_status(cairn_pose_consensus_bound(consensus, 0, pose, 1, 1), CAIRN_NOT_FINITE);
+    assert_status(cairn_pose_consensus_set_bound(consensus, 0, pose, 1, 1), CAIRN_NOT_FINITE);
     assert_int_equal(cairn_pose_consensus_read(consensus).placed, 3);
     assert_int_equal(cairn_pose_consensus_node(consensus, 3).agreeing, 0);
     assert_int_equal(cairn_pose_consensus_node(consensus, -1).agreeing, 0);
 
     /* A change ends what was found. */
     pose.x = 0;
-    assert_ok(cairn_pose_consensus_bound(consensus, 0, pose, 1, 1));
+    assert_ok(cairn_pose_consensus_set_bound(consensus, 0, pose, 1, 1));
     assert_int_equal(cairn_pose_consensus_read(consensus).placed, 0);
     assert_int_equal(solve(consensus).placed, 3);
     assert_ok(cairn_pose_consensus_clear(consensus, 3));

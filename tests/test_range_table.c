@@ -48,13 +48,13 @@ static void csv_fields(void **state)
     assert_int_equal(s.info.scans, 3);
     assert_int_equal(s.info.lines, 7);
     assert_int_equal(s.info.beams, 9);
-    assert_int_equal(s.info.beams_least, 3);
-    assert_int_equal(s.info.beams_most, 3);
+    assert_int_equal(s.info.min_beams, 3);
+    assert_int_equal(s.info.max_beams, 3);
     assert_int_equal(s.info.first_ns, 1500000000);
     assert_int_equal(s.info.last_ns, 2000000000);
-    assert_int_equal(s.info.least_ns, 1500000000);
-    assert_int_equal(s.info.most_ns, 2500000000);
-    assert_int_equal(s.info.stamps_back, 1);
+    assert_int_equal(s.info.earliest_ns, 1500000000);
+    assert_int_equal(s.info.latest_ns, 2500000000);
+    assert_int_equal(s.info.backward_stamps, 1);
     assert_int_equal(s.info.fixed_mounting, 1);
     assert_near(s.info.range_max, 80, 0);
     assert_near(s.info.odometry_length, 1, 1e-6);
@@ -203,7 +203,7 @@ static void urg_fields(void **state)
     assert_int_equal(has_odometry, 0);
     assert_int_equal(s.count, 2);
     assert_int_equal(told_count, 2);
-    assert_int_equal(s.info.beams_most, 682);
+    assert_int_equal(s.info.max_beams, 682);
     assert_near(s.info.range_max, 5.6, 1e-12);
     assert_int_equal(s.record[0].stamp_ns, 1500000000);
     assert_near(s.record[0].range[0], 5, 1e-6);

@@ -278,9 +278,9 @@ static void test_view_checks(void **state)
     cairn_raster_u8 a = {u8, 3, 2, 3};
     cairn_raster_i32 b = {i32, 3, 2, 3};
     cairn_raster_real c = {real, 3, 2, 3};
-    cairn_raster_u8_view v = cairn_raster_u8_read(a);
-    cairn_raster_i32_view w = cairn_raster_i32_read(b);
-    cairn_raster_real_view r = cairn_raster_real_read(c);
+    cairn_raster_u8_view v = cairn_raster_u8_as_view(a);
+    cairn_raster_i32_view w = cairn_raster_i32_as_view(b);
+    cairn_raster_real_view r = cairn_raster_real_as_view(c);
 
     (void)state;
     assert_ok(cairn_raster_u8_check(v));

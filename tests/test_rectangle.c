@@ -103,8 +103,8 @@ static void rooms_and_boxes(void **state)
             assert_near(r->centre.theta, theta, 1e-5);
             assert_near(r->half_length, across ? 1.5 : 2, 1e-5);
             assert_near(r->half_width, across ? 2 : 1.5, 1e-5);
-            assert_near(r->covered, 1, 0);
-            assert_near(r->strength, 1, 1e-5);
+            assert_near(r->coverage, 1, 0);
+            assert_near(r->score, 1, 1e-5);
             cairn_rectangle_corners(r, corners);
             for (int32_t i = 0; i < 4; i++) {
                 double u = (double)(corners[i].x - r->centre.x) * cos(theta) +
@@ -142,7 +142,7 @@ static void sides_are_told(void **state)
     assert_int_equal(r->side[1], 0);
     assert_int_equal(r->side[2], 2);
     assert_int_equal(r->side[3], 3);
-    assert_near(r->covered, (5 + 4.9 + 2.8 + 2.9) / 16, 0.02);
+    assert_near(r->coverage, (5 + 4.9 + 2.8 + 2.9) / 16, 0.02);
     test_pool_free(&f.pool);
 }
 
@@ -165,10 +165,10 @@ static void pieces_are_merged(void **state)
     add(&s, at, -0.02, 1.4, 0, 0);
     r = search(f.set, &s, &found);
     assert_int_equal(found, 1);
-    assert_near(r->covered, (3.5 + 3 + 2 + 3) / 14, 0.02);
+    assert_near(r->coverage, (3.5 + 3 + 2 + 3) / 14, 0.02);
     assert_near(r->half_length, 2, 0.02);
     assert_near(r->half_width, 1.5, 0.02);
-    assert_true(r->strength > CAIRN_REAL(0.7) && r->strength <= r->covered);
+    assert_true(r->score > CAIRN_REAL(0.7) && r->score <= r->coverage);
     test_pool_free(&f.pool);
 }
 
@@ -218,17 +218,17 @@ static void directions_count_or_do_not(void **state)
     r = search(lines.set, &s, &found);
     assert_int_equal(found, 1);
     assert_int_equal(r->kind, CAIRN_RECTANGLE_ANY);
-    assert_near(r->strength, 1, 1e-5);
+    assert_near(r->score, 1, 1e-5);
     /* A piece against the way of its side joins it only there. */
     s.segments[1].b = s.segments[1].a;
     s.segments[1].a = a;
     s.segments[2].b = placed(at, 2, 3);
     add(&s, at, 0, 3, 2, 3);
     r = search(lines.set, &s, &found);
-    assert_near(r->covered, 1, 0);
+    assert_near(r->coverage, 1, 0);
     r = search(oriented.set, &s, &found);
     assert_int_equal(found, 1);
-    assert_near(r->covered, 12. / 14, 0.01);
+    assert_near(r->coverage, 12. / 14, 0.01);
     test_pool_free(&oriented.pool);
     test_pool_free(&lines.pool);
 }
@@ -292,7 +292,7 @@ static void skew_costs_strength(void **state)
     add(&s, at, 3 * off, 3, 0, 0);
     r = search(f.set, &s, &found);
     assert_int_equal(found, 1);
-    assert_near(r->strength / r->covered, 1 - 0.5 * 0.25, 0.01);
+    assert_near(r->score / r->coverage, 1 - 0.5 * 0.25, 0.01);
     test_pool_free(&f.pool);
 }
 
@@ -313,15 +313,15 @@ static void near_ones_are_one(void **state)
         add_room(&s, beside, 4, 3, 0, 0.9);
         r = search(f.set, &s, &found);
         for (int32_t i = 0; i < found; i++)
-            exact += r[i].covered > CAIRN_REAL(0.99);
+            exact += r[i].coverage > CAIRN_REAL(0.99);
         assert_true(exact >= 1);
-        assert_near(r[0].covered, 1, 0.01);
+        assert_near(r[0].coverage, 1, 0.01);
         if (apart <= 25)
             assert_int_equal(found, 1);
         else
             assert_true(found > 1);
         for (int32_t i = 1; i < found; i++)
-            assert_true(r[i].strength <= r[i - 1].strength);
+            assert_true(r[i].score <= r[i - 1].score);
         test_pool_free(&f.pool);
     }
 }
@@ -383,7 +383,7 @@ static int slow_rectangle(const cairn_rectangle_params *p, const struct slow_sid
     theta += theta < 0 ? PI / 2 : 0;
     for (int i = 0; i < 4; i++)
         worst = fmax(worst, fabs(remainder(atan2(of[i]->dy, of[i]->dx) - theta, PI / 2)));
-    if (sin(worst) > sin((double)p->angle))
+    if (sin(worst) > sin((double)p->max_angle_error))
         return 0;
     for (int i = 0; i < 4; i++)
         /* lower right, upper right, upper left, lower left */
@@ -394,18 +394,18 @@ static int slow_rectangle(const cairn_rectangle_params *p, const struct slow_sid
         return 0;
     for (int i = 0; i < 4; i++) {
         share[i] = share_of(of[i], x[(i + 3) % 4], y[(i + 3) % 4], x[i], y[i]);
-        if (share[i] < (double)p->least_side)
+        if (share[i] < (double)p->min_side_coverage)
             return 0;
     }
     sum = (share[0] + share[2]) * length + (share[1] + share[3]) * width;
     r->covered = sum / (2 * (length + width));
-    r->strength = r->covered * (1 - pow(sin(worst) / sin((double)p->angle), 2) / 2);
+    r->strength = r->covered * (1 - pow(sin(worst) / sin((double)p->max_angle_error), 2) / 2);
     r->x = (x[0] + x[1] + x[2] + x[3]) / 4;
     r->y = (y[0] + y[1] + y[2] + y[3]) / 4;
     r->length = length;
     r->width = width;
     r->theta = theta;
-    return r->covered >= (double)p->least_covered;
+    return r->covered >= (double)p->min_coverage;
 }
 
 /* 1: the free sides of all four are inside; 2: outside; 0: neither. */
@@ -437,7 +437,8 @@ static int slow_quadruples(const cairn_rectangle_params *p, const struct scene *
         side[i] = slow_side_of(scene->segments[i]);
     for (int32_t i = 0; i < n; i++)
         for (int32_t k = i + 1; k < n; k++) {
-            if (fabs(side[i].dx * side[k].dx + side[i].dy * side[k].dy) < cos((double)p->angle))
+            if (fabs(side[i].dx * side[k].dx + side[i].dy * side[k].dy) <
+                cos((double)p->max_angle_error))
                 continue;
             for (int32_t j = 0; j < n; j++)
                 for (int32_t l = j + 1; l < n; l++) {
@@ -446,7 +447,7 @@ static int slow_quadruples(const cairn_rectangle_params *p, const struct scene *
 
                     if (i > j ||
                         fabs(side[j].dx * side[l].dx + side[j].dy * side[l].dy) <
-                            cos((double)p->angle) ||
+                            cos((double)p->max_angle_error) ||
                         fabs(side[i].dx * side[j].dx + side[i].dy * side[j].dy) > 0.5)
                         continue;
                     free_side = inside_or_out(of);
@@ -470,8 +471,8 @@ static int is_slow(const cairn_rectangle *r, const struct slow *s)
     return r->kind == s->kind &&
            hypot((double)r->centre.x - s->x, (double)r->centre.y - s->y) < 0.05 && size < 0.1 &&
            fabs(remainder((double)r->centre.theta - s->theta, PI / 2)) < 1e-3 &&
-           fabs((double)r->covered - s->covered) < 0.04 &&
-           fabs((double)r->strength - s->strength) < 0.05;
+           fabs((double)r->coverage - s->covered) < 0.04 &&
+           fabs((double)r->score - s->strength) < 0.05;
 }
 
 /* Walls in two directions at random, some off by a few degrees, none near enough to another to
@@ -516,8 +517,8 @@ static void finds_what_all_quadruples_give(void **state)
         p.separation = CAIRN_REAL(1e-6);
         p.max_rectangles = MOST;
         more = p;
-        more.least_covered = p.least_covered - CAIRN_REAL(0.04);
-        more.least_side = p.least_side - CAIRN_REAL(0.04);
+        more.min_coverage = p.min_coverage - CAIRN_REAL(0.04);
+        more.min_side_coverage = p.min_side_coverage - CAIRN_REAL(0.04);
         f = set_with(p);
         scatter(&s, seed);
         fast = search(f.set, &s, &found);
@@ -531,8 +532,8 @@ static void finds_what_all_quadruples_give(void **state)
                 same += is_slow(&fast[i], &slow[j]);
             assert_int_equal(same, 1);
         }
-        more.least_covered = p.least_covered + CAIRN_REAL(0.04);
-        more.least_side = p.least_side + CAIRN_REAL(0.04);
+        more.min_coverage = p.min_coverage + CAIRN_REAL(0.04);
+        more.min_side_coverage = p.min_side_coverage + CAIRN_REAL(0.04);
         count = slow_quadruples(&more, &s, slow);
         for (int32_t j = 0; j < count; j++) {
             int32_t same = 0;
@@ -618,8 +619,8 @@ static uint64_t add_found(const cairn_rectangle_set *set, uint64_t hash)
         cairn_rectangle_corners(&r[i], corners);
         for (int32_t k = 0; k < 4; k++)
             hash = add_real(add_real(hash, corners[k].x), corners[k].y);
-        hash = add_real(add_real(hash, r[i].centre.theta), r[i].covered);
-        hash = add_real(hash, r[i].strength);
+        hash = add_real(add_real(hash, r[i].centre.theta), r[i].coverage);
+        hash = add_real(hash, r[i].score);
         hash = test_hash(hash, r[i].side, sizeof r[i].side);
         hash = test_hash(hash, &r[i].kind, sizeof r[i].kind);
     }
@@ -643,8 +644,8 @@ static cairn_rectangle_params draw_params(cairn_random *random)
     p.merge_distance = CAIRN_REAL(0.125) * (cairn_real)(1 + cairn_random_below(random, 2));
     p.merge_gap = CAIRN_REAL(0.25) * (cairn_real)cairn_random_below(random, 5);
     p.min_side = CAIRN_REAL(0.5);
-    p.least_side = CAIRN_REAL(0.125) * (cairn_real)cairn_random_below(random, 3);
-    p.least_covered = CAIRN_REAL(0.125) * (cairn_real)(2 + cairn_random_below(random, 3));
+    p.min_side_coverage = CAIRN_REAL(0.125) * (cairn_real)cairn_random_below(random, 3);
+    p.min_coverage = CAIRN_REAL(0.125) * (cairn_real)(2 + cairn_random_below(random, 3));
     p.separation = CAIRN_REAL(0.25) * (cairn_real)(1 + cairn_random_below(random, 3));
     p.max_rectangles = 2 + cairn_random_below(random, 30);
     p.max_sides = 24 + cairn_random_below(random, 16);
@@ -715,7 +716,7 @@ static void the_budget_does_not_matter(void **state)
         assert_int_equal(found, count);
         for (int32_t k = 0; k < count; k++) {
             assert_near(list[k].centre.x, whole[k].centre.x, 0);
-            assert_near(list[k].strength, whole[k].strength, 0);
+            assert_near(list[k].score, whole[k].score, 0);
             assert_memory_equal(list[k].side, whole[k].side, sizeof whole[k].side);
         }
         assert_int_equal(units, NUMBER(0x10af, 0x11bc));
@@ -783,16 +784,16 @@ static void capacities(void **state)
     r = search(f.set, &s, &found);
     assert_int_equal(found, 3);
     assert_int_equal(cairn_rectangle_dropped(f.set), 0);
-    assert_near(r[0].covered, 1, 0.01);
-    assert_near(r[1].covered, 0.8, 0.01);
-    assert_near(r[2].covered, 0.7, 0.02);
+    assert_near(r[0].coverage, 1, 0.01);
+    assert_near(r[1].coverage, 0.8, 0.01);
+    assert_near(r[2].coverage, 0.7, 0.02);
     test_pool_free(&f.pool);
     p.max_rectangles = 1;
     f = set_with(p);
     r = search(f.set, &s, &found);
     assert_int_equal(found, 1);
     assert_int_equal(cairn_rectangle_dropped(f.set), 2);
-    assert_near(r[0].covered, 1, 0.01);
+    assert_near(r[0].coverage, 1, 0.01);
     test_pool_free(&f.pool);
     /* The longest walls make the sides that there is room for: of the second room all, of the
      * third the long ones. */
@@ -802,7 +803,7 @@ static void capacities(void **state)
     r = search(f.set, &s, &found);
     assert_int_equal(found, 1);
     assert_int_equal(cairn_rectangle_dropped(f.set), 5);
-    assert_near(r[0].covered, 1, 0.01);
+    assert_near(r[0].coverage, 1, 0.01);
     test_pool_free(&f.pool);
     p.max_sides = 12;
     p.max_pairs = 3;
@@ -949,14 +950,14 @@ static void bad_params_are_refused(void **state)
     REFUSED(p.merge_gap = -1);
     REFUSED(p.merge_gap = (cairn_real)NAN);
     REFUSED(p.merge_gap = (cairn_real)INFINITY);
-    REFUSED(p.angle = 0);
-    REFUSED(p.angle = CAIRN_REAL(0.8));
+    REFUSED(p.max_angle_error = 0);
+    REFUSED(p.max_angle_error = CAIRN_REAL(0.8));
     REFUSED(p.min_side = 0);
     REFUSED(p.min_side = (cairn_real)NAN);
-    REFUSED(p.least_side = CAIRN_REAL(-0.01));
-    REFUSED(p.least_side = CAIRN_REAL(1.01));
-    REFUSED(p.least_covered = CAIRN_REAL(-0.01));
-    REFUSED(p.least_covered = (cairn_real)NAN);
+    REFUSED(p.min_side_coverage = CAIRN_REAL(-0.01));
+    REFUSED(p.min_side_coverage = CAIRN_REAL(1.01));
+    REFUSED(p.min_coverage = CAIRN_REAL(-0.01));
+    REFUSED(p.min_coverage = (cairn_real)NAN);
     REFUSED(p.separation = 0);
     REFUSED(p.separation = (cairn_real)INFINITY);
     p = cairn_rectangle_default();
@@ -971,9 +972,9 @@ static void bad_params_are_refused(void **state)
     p.max_pairs = 1 << 20;
     p.max_rectangles = 256;
     p.merge_gap = 0;
-    p.angle = p.merge_angle = CAIRN_REAL(0.78); /* below a quarter of pi */
-    p.least_side = 0;
-    p.least_covered = 1;
+    p.max_angle_error = p.merge_angle = CAIRN_REAL(0.78); /* below a quarter of pi */
+    p.min_side_coverage = 0;
+    p.min_coverage = 1;
     assert_true(cairn_rectangle_memory(&p) > 0);
 }
 

@@ -244,7 +244,7 @@ static void test_doubtful_and_colours(void **state)
 
     (void)state;
     make_sample(&s);
-    s.panel[0].doubtful = doubtful;
+    s.panel[0].low_confidence = doubtful;
     s.map.connect = 0;
     svg = draw(&s.map);
     assert_holds(svg, ">low confidence</text>");
@@ -257,7 +257,7 @@ static void test_doubtful_and_colours(void **state)
     assert_lacks(svg, "M133.6 408.4L");
     assert_picture(svg, UINT64_C(0x5134bc9c3bd6e043));
     free(svg);
-    s.panel[0].doubtful = NULL;
+    s.panel[0].low_confidence = NULL;
     s.map.colour_scans = 1;
     svg = draw(&s.map);
     assert_holds(svg, "<path d=\"M42.0 500.0h0\" stroke=\"#2563eb\"/>");
@@ -363,7 +363,7 @@ static void test_many_points_become_an_image(void **state)
 
     (void)state;
     make_sample(&s);
-    s.map.elements_most = 1;
+    s.map.max_elements = 1;
     svg = draw(&s.map);
     assert_lacks(svg, "h0");
     assert_holds(svg, "transform=\"matrix(0.5 0 0 0.5 24.00 24.00)\"");
@@ -412,7 +412,7 @@ static void test_many_points_become_an_image(void **state)
 
     /* Segments: each sample along them, without end too. */
     make_sample(&s);
-    s.map.elements_most = 0;
+    s.map.max_elements = 0;
     s.scan[0].segment = &segment;
     s.scan[0].segment_count = 1;
     svg = draw(&s.map);
@@ -556,7 +556,7 @@ static void test_refusals(void **state)
     REFUSED(s.map.scan_count = 0, CAIRN_BAD_ARGUMENT, "0 scans");
     REFUSED(s.map.width = 199, CAIRN_BAD_ARGUMENT, "width 199");
     REFUSED(s.map.width = 10001, CAIRN_BAD_ARGUMENT, "width 10001");
-    REFUSED(s.map.elements_most = -1, CAIRN_BAD_ARGUMENT, "panels");
+    REFUSED(s.map.max_elements = -1, CAIRN_BAD_ARGUMENT, "panels");
     REFUSED(s.panel[0].pose = NULL, CAIRN_BAD_ARGUMENT, "panel 0 has no poses");
     REFUSED(s.pose[1].theta = (cairn_real)NAN, CAIRN_NOT_FINITE, "panel 0: pose 1 is not finite");
     REFUSED(s.point[1].y = (cairn_real)INFINITY, CAIRN_NOT_FINITE, "scan 1: point 0 is not finite");
@@ -592,7 +592,7 @@ static void test_refusals(void **state)
         make_sample(&s);
         s.map.width = k ? 10000 : 200;
         s.map.panel_count = k ? 4 : 1;
-        s.map.elements_most = 0;
+        s.map.max_elements = 0;
         s.map.scan = NULL;
         assert_ok(cairn_report_map_write(files_path("limits.svg"), &s.map, &error));
     }

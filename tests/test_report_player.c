@@ -599,8 +599,8 @@ static void test_marks(void **state)
     static const cairn_vec2 region[2] = {{1, -2}, {CAIRN_REAL(1.05), 3}};
     static const cairn_report_force force[4] = {
         {{0, 1}, {0, 2}}, {{1, 1}, {-4, 0}}, {{1, 0}, {0, 0}}, {{2, 2}, {1, -1}}};
-    static const cairn_report_guess guess[2] = {{{{1, 2}, {3, CAIRN_REAL(-1.5)}}, CAIRN_REAL(0.5)},
-                                                {{{0, 0}, {1, 2}}, 1}};
+    static const cairn_report_hypothesis guess[2] = {
+        {{{1, 2}, {3, CAIRN_REAL(-1.5)}}, CAIRN_REAL(0.5)}, {{{0, 0}, {1, 2}}, 1}};
     static const int64_t ends[8] = {200, 400, 600, -300, 0, 0, 200, 400};
     static const uint64_t turns[4] = {32, 64, 0, 112}, sizes[4] = {64, 127, 0, 45};
     static const double at[8] = {0, 1, 1, 1, 1, 0, 2, 2};
@@ -622,14 +622,14 @@ static void test_marks(void **state)
     frame.label = "\xCF\x83 0.1 m";
     frame.pose = pose;
     frame.pose_count = 5;
-    frame.doubtful = doubtful;
+    frame.low_confidence = doubtful;
     frame.value = value;
     frame.region = region;
     frame.region_count = 2;
     frame.force = force;
     frame.force_count = 4;
-    frame.guess = guess;
-    frame.guess_count = 2;
+    frame.hypothesis = guess;
+    frame.hypothesis_count = 2;
     assert_ok(cairn_report_player_add_frame(player, &frame));
     assert_ok(add_poses(player, 1, pose, 5));
     p = write_page(player);
@@ -689,7 +689,7 @@ static void test_parts(void **state)
     page *p;
 
     (void)state;
-    params.frames_most = 3;
+    params.max_frames = 3;
     player = open_player(&params);
     add_scans(player, 4);
     memset(pose, 0, sizeof pose);
@@ -697,7 +697,7 @@ static void test_parts(void **state)
     frame.pose = pose;
     for (int f = 0; f < 4; f++) {
         frame.step = f;
-        frame.part = part[f];
+        frame.submap = part[f];
         frame.pose_count = count[f];
         assert_ok(cairn_report_player_add_frame(player, &frame));
     }
@@ -727,7 +727,7 @@ static void test_links(void **state)
     page *p;
 
     (void)state;
-    params.frames_most = 3;
+    params.max_frames = 3;
     player = open_player(&params);
     add_scans(player, 3);
     assert_ok(cairn_report_player_add_link(player, 0, 1, 5));
@@ -851,8 +851,8 @@ static void test_thinned_frames(void **state)
         int32_t stride = 1, f = 0;
         page *p;
 
-        params.frames_most = cases[k].most;
-        params.poses_most = cases[k].poses;
+        params.max_frames = cases[k].most;
+        params.max_poses = cases[k].poses;
         player = open_player(&params);
         add_scans(player, 3);
         for (int32_t i = 0; i < cases[k].count; i++) {
@@ -888,7 +888,7 @@ static void test_thinned_points(void **state)
     cairn_vec2 point[EACH], region[EACH];
     cairn_segment segment[EACH];
     cairn_report_force force[EACH];
-    cairn_report_guess guess[EACH];
+    cairn_report_hypothesis guess[EACH];
     cairn_report_scan scan = {point, segment, EACH, EACH};
     cairn_report_player_params params = cairn_report_player_default();
     cairn_report_player *player;
@@ -906,14 +906,14 @@ static void test_thinned_points(void **state)
         guess[i].strength = 0;
     }
     memset(&frame, 0, sizeof frame);
-    frame.guess = guess;
-    frame.guess_count = EACH;
+    frame.hypothesis = guess;
+    frame.hypothesis_count = EACH;
     frame.region = region;
     frame.region_count = EACH;
     frame.force = force;
     frame.force_count = EACH - 1;
-    params.points_most = 9;  /* of 22: every 3rd */
-    params.forces_most = 10; /* of 20 forces every 2nd, of 22 regions every 3rd */
+    params.max_points = 9;  /* of 22: every 3rd */
+    params.max_forces = 10; /* of 20 forces every 2nd, of 22 regions every 3rd */
     player = open_player(&params);
     for (int i = 0; i < 2; i++) {
         assert_ok(cairn_report_player_add_scan(player, &scan, i));
@@ -1058,7 +1058,7 @@ static void test_write_failures(void **state)
     assert_status(cairn_report_player_write(player, "/dev/full", &error), CAIRN_IO);
     assert_int_equal(files_count(), before);
     (void)files_write_text("kept.html", "kept");
-    params.frames_most = 2;
+    params.max_frames = 2;
     assert_int_equal(chmod(files_path("kept.html"), 0444), 0);
     assert_ok(cairn_report_player_write(player, files_path("kept.html"), &error));
     kept = files_read(files_path("kept.html"), NULL);
@@ -1074,10 +1074,10 @@ static void test_open_refusals(void **state)
     cairn_report_player *player = NULL;
 
     (void)state;
-    assert_int_equal(good.frames_most, 600);
-    assert_int_equal(good.poses_most, 2000000);
-    assert_int_equal(good.points_most, 200000);
-    assert_int_equal(good.forces_most, 150000);
+    assert_int_equal(good.max_frames, 600);
+    assert_int_equal(good.max_poses, 2000000);
+    assert_int_equal(good.max_points, 200000);
+    assert_int_equal(good.max_forces, 150000);
 #define REFUSED(change)                                                                            \
     bad = good;                                                                                    \
     bad.change;                                                                                    \
@@ -1086,10 +1086,10 @@ static void test_open_refusals(void **state)
     REFUSED(curve_count = -1);
     REFUSED(curve_count = 5);
     REFUSED(curve_count = 1);
-    REFUSED(frames_most = 1);
-    REFUSED(poses_most = 1);
-    REFUSED(points_most = 0);
-    REFUSED(forces_most = 0);
+    REFUSED(max_frames = 1);
+    REFUSED(max_poses = 1);
+    REFUSED(max_points = 0);
+    REFUSED(max_forces = 0);
     REFUSED(region_radius = -1);
     REFUSED(region_radius = (cairn_real)NAN);
     REFUSED(region_radius = (cairn_real)INFINITY);
@@ -1142,7 +1142,7 @@ static void test_frame_refusals(void **state)
     cairn_pose pose[2] = {{0, 0, 0}, {1, 1, 1}};
     cairn_vec2 region[1] = {{0, 0}};
     cairn_report_force force[1] = {{{0, 0}, {1, 1}}};
-    cairn_report_guess guess[1] = {{{{0, 0}, {1, 1}}, 1}};
+    cairn_report_hypothesis guess[1] = {{{{0, 0}, {1, 1}}, 1}};
     static const int32_t low[2] = {-1, -2}, high[2] = {0, 2};
     cairn_report_frame good, bad;
     cairn_report_player_params params = cairn_report_player_default();
@@ -1171,8 +1171,8 @@ static void test_frame_refusals(void **state)
     good.region_count = 1;
     good.force = force;
     good.force_count = 1;
-    good.guess = guess;
-    good.guess_count = 1;
+    good.hypothesis = guess;
+    good.hypothesis_count = 1;
     add_scans(player, 2);
     assert_status(cairn_report_player_add_frame(NULL, &good), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_report_player_add_frame(player, NULL), CAIRN_BAD_ARGUMENT);
@@ -1188,13 +1188,13 @@ static void test_frame_refusals(void **state)
     REFUSED(pose_count = 3);
     REFUSED(region_count = -1);
     REFUSED(force_count = -1);
-    REFUSED(guess_count = -1);
+    REFUSED(hypothesis_count = -1);
     REFUSED(pose = NULL);
     REFUSED(region = NULL);
     REFUSED(force = NULL);
-    REFUSED(guess = NULL);
-    REFUSED(part = low);
-    REFUSED(part = high);
+    REFUSED(hypothesis = NULL);
+    REFUSED(submap = low);
+    REFUSED(submap = high);
 #undef REFUSED
     guess[0].strength = CAIRN_REAL(1.01);
     assert_status(cairn_report_player_add_frame(player, &good), CAIRN_BAD_ARGUMENT);

@@ -82,7 +82,7 @@ static void test_row(void **state)
         point.y = cairn_random_uniform(&random, -4, 4);
         axis.x = cairn_cos(angle);
         axis.y = cairn_sin(angle);
-        cairn_rigid_motion_row(&motion, axis, point, row);
+        cairn_rigid_motion_jacobian(&motion, axis, point, row);
         for (int i = 0; i < 3; i++) {
             cairn_rigid_motion plus = motion, minus = motion;
             cairn_real step[3] = {0, 0, 0};
@@ -190,8 +190,8 @@ static void test_solve(void **state)
         random_step(&random, 5, observed.gradient);
         random_step(&random, 5, prior.gradient);
         basis = cairn_motion_basis_of(observed.information, CAIRN_REAL(0.001));
-        assert_int_equal(basis.weak, 0);
-        assert_true(basis.ratio > CAIRN_REAL(0.02) && basis.ratio <= 1);
+        assert_int_equal(basis.unobservable, 0);
+        assert_true(basis.inverse_condition > CAIRN_REAL(0.02) && basis.inverse_condition <= 1);
         assert_int_equal(cairn_motion_solve(&basis, &observed, k % 2 ? &prior : NULL, 1000, step),
                          1);
         multiply(observed.information, step, left);
@@ -230,8 +230,8 @@ static void test_weak_directions(void **state)
     prior.information.zz = 2;
 
     basis = cairn_motion_basis_of(observed.information, CAIRN_REAL(0.01));
-    assert_int_equal(basis.weak, 1);
-    assert_near(basis.ratio, 0.005, 1e-6);
+    assert_int_equal(basis.unobservable, 1);
+    assert_near(basis.inverse_condition, 0.005, 1e-6);
     assert_near(cairn_abs(basis.vectors[0][0] + basis.vectors[0][1]), 2 * diagonal, 1e-6);
     assert_near(basis.vectors[0][2], 0, 1e-6);
     assert_true(cairn_motion_solve(&basis, &observed, NULL, 100, step));
@@ -243,9 +243,10 @@ static void test_weak_directions(void **state)
     assert_near(step[0] - step[1], -3.0 / 44, 1e-6);
     assert_near(step[2], -6.0 / 102, 1e-6);
 
-    assert_int_equal(cairn_motion_basis_of(observed.information, CAIRN_REAL(0.0049)).weak, 0);
+    assert_int_equal(cairn_motion_basis_of(observed.information, CAIRN_REAL(0.0049)).unobservable,
+                     0);
     basis = cairn_motion_basis_of(observed.information, CAIRN_REAL(0.5));
-    assert_int_equal(basis.weak, 2);
+    assert_int_equal(basis.unobservable, 2);
     assert_true(cairn_motion_solve(&basis, &observed, NULL, 100, step));
     assert_near(step[0], 0, 1e-6);
     assert_near(step[1], 0, 1e-6);
@@ -258,8 +259,8 @@ static void test_weak_directions(void **state)
     observed.information = cairn_sym3_zero();
     cairn_sym3_add_outer(&observed.information, v, 7);
     basis = cairn_motion_basis_of(observed.information, CAIRN_REAL(0.9));
-    assert_int_equal(basis.weak, 2);
-    basis.weak = 0;
+    assert_int_equal(basis.unobservable, 2);
+    basis.unobservable = 0;
     step[0] = 9;
     assert_int_equal(cairn_motion_solve(&basis, &observed, NULL, 100, step), 0);
     assert_near(step[0], 9, 0);

@@ -125,7 +125,7 @@ static cairn_scan_view take_with(cairn_scan *x, const cairn_scan_input *input, i
     int64_t used = 0;
 
     assert_ok(cairn_scan_begin(x, input, &fault));
-    assert_null(fault.what);
+    assert_null(fault.message);
     assert_int_equal(fault.index, -1);
     while ((status = cairn_scan_step(x, &left)) == CAIRN_MORE) {
         assert_int_equal(cairn_scan_read(x).beam_count, 0);
@@ -152,7 +152,8 @@ static void assert_sound(cairn_scan_view view, double spacing, double support)
     assert_int_equal(view.first_point[view.segment_count], view.point_count);
     for (int32_t k = 0; k < view.segment_count; k++) {
         cairn_segment s = view.segments[k];
-        cairn_vec2 along = cairn_vec2_unit(cairn_vec2_sub(s.b, s.a)), left = cairn_vec2_left(along);
+        cairn_vec2 along = cairn_vec2_unit(cairn_vec2_sub(s.b, s.a)),
+                   left = cairn_vec2_left_perp(along);
         double length = (double)cairn_segment_length(s);
         double margin = (length - floor(length / spacing) * spacing) / 2, last = -1;
 
@@ -247,8 +248,8 @@ static void test_kinds_of_beams(void **state)
     assert_int_equal(measure.hits, 2);
     assert_int_equal(measure.free, 2);
     assert_int_equal(measure.unknown, 5);
-    assert_int_equal(measure.uncertain, 2);
-    assert_int_equal(measure.left_out, 0);
+    assert_int_equal(measure.unassigned_hits, 2);
+    assert_int_equal(measure.dropped_segments, 0);
 }
 
 static void test_scan_without_return(void **state)
@@ -379,9 +380,9 @@ static void test_room(void **state)
             assert_true(atan2((double)p.y, (double)p.x) < atan2((double)q.y, (double)q.x) ||
                         k == 0);
         }
-        assert_true(cairn_scan_measured(scanner).converged);
-        assert_in_range(cairn_scan_measured(scanner).uncertain, 0, 20);
-        assert_in_range(cairn_scan_measured(scanner).iterations, 3, 20);
+        assert_true(cairn_scan_measured(scanner).fit_converged);
+        assert_in_range(cairn_scan_measured(scanner).unassigned_hits, 0, 20);
+        assert_in_range(cairn_scan_measured(scanner).fit_iterations, 3, 20);
         assert_int_equal(cairn_scan_measured(scanner).hits, 361);
     }
 }
@@ -479,7 +480,7 @@ static void test_spacing_and_support(void **state)
 
     params.max_beams = 1100;
     params.spacing = CAIRN_REAL(0.02);
-    params.support = CAIRN_REAL(0.05);
+    params.support_distance = CAIRN_REAL(0.05);
     own = test_pool(cairn_scan_memory(&params));
     assert_ok(cairn_scan_create(&fine, &own, &params));
     look(&s, two, 2, 1001, -PI / 2, PI / 1000, 0, 0, AT_BASE);
@@ -524,7 +525,7 @@ static void keep_longest(const cairn_scan_input *input, int32_t max_points, int3
     view = take_with(small, input, 50);
     assert_sound(view, 0.1, 0.2);
     assert_int_equal(view.segment_count, kept);
-    assert_int_equal(cairn_scan_measured(small).left_out, 3 - kept);
+    assert_int_equal(cairn_scan_measured(small).dropped_segments, 3 - kept);
     for (int32_t k = 0; k < kept; k++)
         assert_true(cairn_segment_length(view.segments[k]) > SHORTEST[kept]);
     test_pool_free(&own);
@@ -579,12 +580,12 @@ static void test_range_sigma(void **state)
     view = take(&s.input);
     assert_int_equal(view.segment_count, 1);
     assert_near(line_error(view.segments[0], truth), 0, 0.03);
-    uncertain = cairn_scan_measured(scanner).uncertain;
+    uncertain = cairn_scan_measured(scanner).unassigned_hits;
     assert_in_range(uncertain, 0, 8);
     /* Taken for 1 cm noise it is another matter. */
     s.input.range_sigma = 0;
     (void)take(&s.input);
-    assert_true(cairn_scan_measured(scanner).uncertain > uncertain);
+    assert_true(cairn_scan_measured(scanner).unassigned_hits > uncertain);
 }
 
 /* ---- Budgets, memory, statuses ---- */
@@ -629,7 +630,7 @@ static void test_budgets_are_equal(void **state)
             assert_memory_equal(&view.beams[k].to, &beams[k].to, sizeof beams[k].to);
         }
         assert_int_equal(again.units, cost.units);
-        assert_int_equal(again.iterations, cost.iterations);
+        assert_int_equal(again.fit_iterations, cost.fit_iterations);
     }
     assert_ok(cairn_scan_begin(scanner, &s.input, NULL));
     assert_status(cairn_scan_step(scanner, &none), CAIRN_MORE);
@@ -677,7 +678,7 @@ static void test_params(void **state)
     assert_int_equal(good.max_segments, 128);
     assert_int_equal(good.max_points, 2048);
     assert_near(good.spacing, 0.10, 1e-6);
-    assert_near(good.support, 0.20, 1e-6);
+    assert_near(good.support_distance, 0.20, 1e-6);
     good.fit.dim = 7; /* not read */
     good.fit.max_points = -1;
     good.fit.max_segments = -1;
@@ -693,8 +694,8 @@ static void test_params(void **state)
     REFUSED(max_points, INT32_MAX);
     REFUSED(spacing, 0);
     REFUSED(spacing, (cairn_real)NAN);
-    REFUSED(support, 0);
-    REFUSED(support, (cairn_real)INFINITY);
+    REFUSED(support_distance, 0);
+    REFUSED(support_distance, (cairn_real)INFINITY);
     REFUSED(fit.sigma, 0);
 }
 
@@ -703,7 +704,7 @@ static void assert_refused(const cairn_scan_input *input, cairn_status expected,
     cairn_fault fault = {77, NULL};
 
     assert_status(cairn_scan_begin(scanner, input, &fault), expected);
-    assert_non_null(fault.what);
+    assert_non_null(fault.message);
     assert_int_equal(fault.index, index);
     assert_status(cairn_scan_begin(scanner, input, NULL), expected);
 }
@@ -817,7 +818,7 @@ static void test_hundred_thousand_beams(void **state)
             found |= (line_error(view.segments[k], walls[i]) < 0.01) << i;
     assert_int_equal(found, 31);
     print_message("100,000 beams: %d segments, %d iterations, %.1f units a beam\n",
-                  view.segment_count, cairn_scan_measured(large).iterations,
+                  view.segment_count, cairn_scan_measured(large).fit_iterations,
                   (double)cairn_scan_measured(large).units / BEAMS);
     test_pool_free(&own);
 }
@@ -880,7 +881,7 @@ static void test_same_bits(void **state)
         hash = test_hash(hash, &view.sensor, sizeof view.sensor);
         hash = test_hash(hash, &cost.hits, sizeof cost.hits);
         hash = test_hash(hash, &cost.free, sizeof cost.free);
-        hash = test_hash(hash, &cost.uncertain, sizeof cost.uncertain);
+        hash = test_hash(hash, &cost.unassigned_hits, sizeof cost.unassigned_hits);
         hash = test_hash(hash, &cost.units, sizeof cost.units);
     }
     print_message("hash 0x%016llx\n", (unsigned long long)hash);

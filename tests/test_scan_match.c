@@ -112,7 +112,7 @@ static cairn_scan_match_result run(cairn_scan_match *match, const cairn_scan_mat
 
         assert_true(cairn_pose_is_finite(h->target_query));
         assert_true(h->score >= 0 && h->score <= 1 && h->overlap >= 0 && h->overlap <= 1);
-        assert_true(h->contradiction >= 0 && h->contradiction <= 1);
+        assert_true(h->free_space_violation >= 0 && h->free_space_violation <= 1);
         assert_true(i == 0 || h->score <= h[-1].score);
         for (int k = 0; k < 9; k++) {
             assert_true(cairn_is_finite(h->covariance[k]));
@@ -180,8 +180,8 @@ static void finds_from_a_guess_and_from_none(void **state)
         assert_int_equal(result.verdict, CAIRN_SCAN_MATCH_FOUND);
         assert_pose_near(result.hypotheses[0].target_query, truth, 0.01, 0.004);
         assert_true(result.hypotheses[0].overlap > CAIRN_REAL(0.9));
-        assert_true(result.hypotheses[0].contradiction < CAIRN_REAL(0.02));
-        assert_int_equal(result.hypotheses[0].observable, 3);
+        assert_true(result.hypotheses[0].free_space_violation < CAIRN_REAL(0.02));
+        assert_int_equal(result.hypotheses[0].observable_dof, 3);
     }
     test_pool_free(&pool);
 }
@@ -348,10 +348,10 @@ static void names_what_is_not_observable(void **state)
 
     (void)state;
     assert_int_equal(result.verdict, CAIRN_SCAN_MATCH_AMBIGUOUS);
-    assert_int_equal(h->observable, 2);
+    assert_int_equal(h->observable_dof, 2);
     /* Along the corridor, as the target sees it. */
-    assert_near(cairn_abs(h->weak[0] * cairn_cos(CAIRN_REAL(0.5)) -
-                          h->weak[1] * cairn_sin(CAIRN_REAL(0.5))),
+    assert_near(cairn_abs(h->weak_direction[0] * cairn_cos(CAIRN_REAL(0.5)) -
+                          h->weak_direction[1] * cairn_sin(CAIRN_REAL(0.5))),
                 1, 0.02);
     assert_pose_near(h->target_query, truth, 0.4, 0.01); /* in the window */
     test_pool_free(&pool);
@@ -475,13 +475,13 @@ static void refuses_params(void **state)
     bad[count++].max_query = (1 << 20) + 1;
     bad[count++].max_hypotheses = 0;
     bad[count++].max_hypotheses = 65;
-    bad[count++].once = -1;
-    bad[count++].once = 2;
+    bad[count++].vote_once = -1;
+    bad[count++].vote_once = 2;
     bad[count++].spacing = CAIRN_REAL(0.0009);
     bad[count++].spacing = nan;
-    bad[count++].sigma = 0;
-    bad[count++].sigma = nan;
-    bad[count++].sigma = (cairn_real)INFINITY;
+    bad[count++].min_sigma = 0;
+    bad[count++].min_sigma = nan;
+    bad[count++].min_sigma = (cairn_real)INFINITY;
     bad[count++].weak_ratio = -1;
     bad[count++].weak_ratio = 1;
     bad[count++].weak_ratio = nan;
@@ -623,16 +623,17 @@ static void free_space_speaks_against(void **state)
     assert_ok(cairn_scan_match_add_target(match, &first.part, cairn_pose_identity(), NULL));
     result = run(match, &second.part, cairn_pose_identity(), NULL);
     assert_true(result.count > 0);
-    assert_true(result.hypotheses[0].contradiction + result.hypotheses[0].target_contradiction >
+    assert_true(result.hypotheses[0].free_space_violation +
+                    result.hypotheses[0].target_free_space_violation >
                 CAIRN_REAL(0.1));
-    assert_true(result.hypotheses[0].evidence < 0);
+    assert_true(result.hypotheses[0].log_odds < 0);
     /* Nothing is known of free space. */
     second.part.beam_count = first.part.beam_count = 0;
     cairn_scan_match_clear_target(match);
     assert_ok(cairn_scan_match_add_target(match, &first.part, cairn_pose_identity(), NULL));
     result = run(match, &second.part, cairn_pose_identity(), NULL);
-    assert_near(result.hypotheses[0].contradiction, 0, 0);
-    assert_near(result.hypotheses[0].target_contradiction, 0, 0);
+    assert_near(result.hypotheses[0].free_space_violation, 0, 0);
+    assert_near(result.hypotheses[0].target_free_space_violation, 0, 0);
     test_pool_free(&pool);
 }
 
@@ -652,7 +653,7 @@ static void leaves_out_what_it_has_no_room_for(void **state)
     /* nothing speaks against the room turned about */
     assert_int_equal(result.verdict, CAIRN_SCAN_MATCH_AMBIGUOUS);
     assert_pose_near(result.hypotheses[0].target_query, cairn_pose_between(a, b), 0.02, 0.008);
-    assert_near(result.hypotheses[0].contradiction, 0, 0);
+    assert_near(result.hypotheses[0].free_space_violation, 0, 0);
     test_pool_free(&pool);
 }
 
@@ -772,10 +773,10 @@ static void four_pairs_are_enough(void **state)
 
         assert_int_equal(result.count, 1);
         assert_int_equal(h->pairs, part.count);
-        assert_int_equal(h->observable, enough ? 3 : 0);
+        assert_int_equal(h->observable_dof, enough ? 3 : 0);
         assert_int_equal(h->weak_ratio > 0, enough);
         for (int k = 0; k < 3 && !enough; k++)
-            assert_near(h->weak[k], 0, 0);
+            assert_near(h->weak_direction[k], 0, 0);
         assert_near(h->overlap, 1, 0);
         assert_near(h->fit, 1, 1e-6);
         assert_pose_near(h->target_query, cairn_pose_identity(), 1e-6, 1e-6);
@@ -790,7 +791,7 @@ static uint64_t hash_match(const cairn_scan_match *match)
     cairn_scan_match_result result = cairn_scan_match_read(match);
     cairn_scan_match_measure cost = cairn_scan_match_measured(match);
     int64_t numbers[] = {result.count,    result.verdict,  cost.units,
-                         cost.worst_step, cost.candidates, cost.fits};
+                         cost.worst_step, cost.candidates, cost.refinements};
     uint64_t hash = test_hash(TEST_HASH_START, result.hypotheses,
                               (size_t)result.count * sizeof *result.hypotheses);
 

@@ -72,10 +72,11 @@ static void pairs_and_their_stages(void **state)
             assert_true(pair.target > cairn_scan_match_pair_at(b.match, i - 1).target);
         }
         assert_in_range(pair.stage, 0, 2);
-        assert_true(pair.stage == CAIRN_SCAN_MATCH_COLINEAR || !is_colinear(&b, pair));
+        assert_true(pair.stage == CAIRN_SCAN_MATCH_REJECTED_COLINEAR || !is_colinear(&b, pair));
         at_stage[pair.stage]++;
     }
-    assert_true(at_stage[CAIRN_SCAN_MATCH_COLINEAR] > 0 && at_stage[CAIRN_SCAN_MATCH_KEPT] > 5);
+    assert_true(at_stage[CAIRN_SCAN_MATCH_REJECTED_COLINEAR] > 0 &&
+                at_stage[CAIRN_SCAN_MATCH_ACCEPTED] > 5);
     test_pool_free(&b.pool);
 }
 
@@ -100,13 +101,16 @@ static void modes_up_to_a_stage(void **state)
         test_pool_free(&b.pool);
         assert_int_equal(counts[0], counts[k]);
     }
-    assert_int_equal(dropped[0][CAIRN_SCAN_MATCH_KEPT], counts[0]);
-    assert_true(dropped[1][CAIRN_SCAN_MATCH_COLINEAR] >= dropped[2][CAIRN_SCAN_MATCH_COLINEAR]);
-    assert_int_equal(dropped[1][CAIRN_SCAN_MATCH_APART], 0);
-    assert_true(dropped[2][CAIRN_SCAN_MATCH_COLINEAR] > 0 && dropped[2][CAIRN_SCAN_MATCH_KEPT] > 0);
+    assert_int_equal(dropped[0][CAIRN_SCAN_MATCH_ACCEPTED], counts[0]);
+    assert_true(dropped[1][CAIRN_SCAN_MATCH_REJECTED_COLINEAR] >=
+                dropped[2][CAIRN_SCAN_MATCH_REJECTED_COLINEAR]);
+    assert_int_equal(dropped[1][CAIRN_SCAN_MATCH_REJECTED_SEGMENT], 0);
+    assert_true(dropped[2][CAIRN_SCAN_MATCH_REJECTED_COLINEAR] > 0 &&
+                dropped[2][CAIRN_SCAN_MATCH_ACCEPTED] > 0);
     assert_memory_equal(dropped[2], dropped[3], sizeof dropped[2]);
-    assert_int_equal(dropped[4][CAIRN_SCAN_MATCH_COLINEAR], 0);
-    assert_true(dropped[4][CAIRN_SCAN_MATCH_APART] > 0 && dropped[4][CAIRN_SCAN_MATCH_KEPT] > 0);
+    assert_int_equal(dropped[4][CAIRN_SCAN_MATCH_REJECTED_COLINEAR], 0);
+    assert_true(dropped[4][CAIRN_SCAN_MATCH_REJECTED_SEGMENT] > 0 &&
+                dropped[4][CAIRN_SCAN_MATCH_ACCEPTED] > 0);
 }
 
 /* Whether points within half a metre of a point, as many as a quarter of those in the fullest
@@ -159,8 +163,8 @@ static void points_of_straight_lines(void **state)
 
         if (first < 0 || second < 0 || is_colinear(&b, pair))
             continue;
-        assert_int_equal(pair.stage,
-                         first && second ? CAIRN_SCAN_MATCH_KEPT : CAIRN_SCAN_MATCH_COLINEAR);
+        assert_int_equal(pair.stage, first && second ? CAIRN_SCAN_MATCH_ACCEPTED
+                                                     : CAIRN_SCAN_MATCH_REJECTED_COLINEAR);
         straight += !(first && second);
         descriptive += first && second;
     }
@@ -183,8 +187,8 @@ static void count_strict(const bed *b, int *dropped, int *kept)
 
         if (first < 0 || second < 0 || is_colinear(b, pair))
             continue;
-        *dropped += pair.stage == CAIRN_SCAN_MATCH_COLINEAR;
-        *kept += pair.stage != CAIRN_SCAN_MATCH_COLINEAR && !(first && second);
+        *dropped += pair.stage == CAIRN_SCAN_MATCH_REJECTED_COLINEAR;
+        *kept += pair.stage != CAIRN_SCAN_MATCH_REJECTED_COLINEAR && !(first && second);
     }
 }
 
@@ -224,7 +228,7 @@ static int has_segment_of_mean(const bed *b, cairn_vec2 mean)
         cairn_vec2 q = cairn_transform_point(t, b->query[pair.query].position),
                    p = b->target[pair.target].position;
 
-        if (i < count && pair.stage == CAIRN_SCAN_MATCH_COLINEAR)
+        if (i < count && pair.stage == CAIRN_SCAN_MATCH_REJECTED_COLINEAR)
             continue;
         if (n > 0 && (i == count || cairn_vec2_norm(cairn_vec2_sub(q, last_q)) >= CAIRN_REAL(0.3) ||
                       cairn_vec2_norm(cairn_vec2_sub(p, last_p)) >= CAIRN_REAL(0.3))) {
@@ -346,28 +350,28 @@ static int32_t plain_bin(const cairn_oriented_point *p)
     double turns =
         atan2((double)p->direction.y, (double)p->direction.x) / (2 * (double)CAIRN_PI) * 65536;
 
-    return (int32_t)floor((turns < 0 ? turns + 65536 : turns) * MATCH_DIRECTIONS / 65536);
+    return (int32_t)floor((turns < 0 ? turns + 65536 : turns) * SCAN_MATCH_DIRECTION_BINS / 65536);
 }
 
 /* The cell of the grid that a pair of points votes for; -1: none. Positions are whole parts of a
  * cell, as in the vote. */
 static int32_t plain_cell(const bed *b, int32_t query, int32_t target)
 {
-    const match_votes *v = &b->match->votes;
+    const match_accumulator *v = &b->match->votes;
     const cairn_oriented_point p = b->query[query], m = b->match->target[target];
     cairn_pose heading = {0, 0, v->first_angle + (cairn_real)v->rotation * v->angle_step};
     cairn_transform turn = cairn_transform_of(heading);
-    int32_t bin = cairn_match_turn_bin(
-        (uint16_t)(cairn_match_turn(cairn_atan2(p.direction.y, p.direction.x)) +
-                   cairn_match_turn(cairn_wrap_angle(heading.theta))));
-    int32_t apart = (bin - plain_bin(&m) + MATCH_DIRECTIONS) % MATCH_DIRECTIONS;
-    match_spot corner = cairn_match_spot(
+    int32_t bin = cairn_scan_match_angle_bin(
+        (uint16_t)(cairn_scan_match_quantize_angle(cairn_atan2(p.direction.y, p.direction.x)) +
+                   cairn_scan_match_quantize_angle(cairn_wrap_angle(heading.theta))));
+    int32_t apart = (bin - plain_bin(&m) + SCAN_MATCH_DIRECTION_BINS) % SCAN_MATCH_DIRECTION_BINS;
+    match_position corner = cairn_scan_match_quantize(
         b->match, cairn_vec2_add(cairn_transform_point(turn, p.position), v->origin));
-    match_spot at = cairn_match_spot(b->match, m.position);
-    double x = floor((double)(at.x - corner.x) / MATCH_SPOTS),
-           y = floor((double)(at.y - corner.y) / MATCH_SPOTS);
+    match_position at = cairn_scan_match_quantize(b->match, m.position);
+    double x = floor((double)(at.x - corner.x) / SCAN_MATCH_CELL_STEPS),
+           y = floor((double)(at.y - corner.y) / SCAN_MATCH_CELL_STEPS);
 
-    if (apart > 3 && apart < MATCH_DIRECTIONS - 3)
+    if (apart > 3 && apart < SCAN_MATCH_DIRECTION_BINS - 3)
         return -1;
     return x < 0 || y < 0 || x >= v->width || y >= v->height ? -1
                                                              : (int32_t)y * v->width + (int32_t)x;
@@ -376,8 +380,8 @@ static int32_t plain_cell(const bed *b, int32_t query, int32_t target)
 /* Every query point that votes with every target point; `once`: no more than once for a cell. */
 static void plain_votes(const bed *b, int once, int32_t *cell)
 {
-    static int32_t last[MATCH_CELLS_MOST];
-    const match_votes *v = &b->match->votes;
+    static int32_t last[SCAN_MATCH_MAX_CELLS];
+    const match_accumulator *v = &b->match->votes;
 
     memset(cell, 0, (size_t)v->width * (size_t)v->height * sizeof *cell);
     memset(last, 0, sizeof last);
@@ -392,7 +396,8 @@ static void plain_votes(const bed *b, int once, int32_t *cell)
         }
 }
 
-static int32_t plain_window(const match_votes *v, const int32_t *cell, int32_t column, int32_t row)
+static int32_t plain_window(const match_accumulator *v, const int32_t *cell, int32_t column,
+                            int32_t row)
 {
     int32_t sum = 0;
 
@@ -431,7 +436,7 @@ static void pass_peaks(bed *b)
  * of two by two cells has more votes than those about it, or as many and comes first. */
 static int32_t assert_peaks(const bed *b, const int32_t *cell, int32_t rotation, int32_t already)
 {
-    const match_votes *v = &b->match->votes;
+    const match_accumulator *v = &b->match->votes;
     int32_t peaks = 0;
 
     for (int32_t at = 0; at < v->width * v->height; at++) {
@@ -452,11 +457,13 @@ static int32_t assert_peaks(const bed *b, const int32_t *cell, int32_t rotation,
         for (int32_t i = 0; i < b->match->candidate_count; i++) {
             const match_candidate *c = &b->match->candidates[i];
 
-            told += fabs((double)(c->pose.x - v->origin.x) / (double)v->side - column - 1) < 1e-3 &&
-                    fabs((double)(c->pose.y - v->origin.y) / (double)v->side - row - 1) < 1e-3 &&
-                    fabs((double)cairn_wrap_angle(c->pose.theta - v->first_angle -
-                                                  (cairn_real)rotation * v->angle_step)) < 1e-3 &&
-                    fabs((double)c->score - own) < 0.5;
+            told +=
+                fabs((double)(c->pose.x - v->origin.x) / (double)v->cell_size - column - 1) <
+                    1e-3 &&
+                fabs((double)(c->pose.y - v->origin.y) / (double)v->cell_size - row - 1) < 1e-3 &&
+                fabs((double)cairn_wrap_angle(c->pose.theta - v->first_angle -
+                                              (cairn_real)rotation * v->angle_step)) < 1e-3 &&
+                fabs((double)c->score - own) < 0.5;
         }
         assert_int_equal(told, 1);
     }
@@ -466,7 +473,7 @@ static int32_t assert_peaks(const bed *b, const int32_t *cell, int32_t rotation,
 
 static void votes_are_those_of_all_pairs(void **state)
 {
-    static int32_t cell[MATCH_CELLS_MOST];
+    static int32_t cell[SCAN_MATCH_MAX_CELLS];
     const cairn_scan_match_window window = {1, CAIRN_REAL(0.3)};
     static bed b;
     int32_t rotations = 0, peaks = 0, votes = 0;
@@ -474,7 +481,7 @@ static void votes_are_those_of_all_pairs(void **state)
     (void)state;
     make_bed_of(&b, CAIRN_SCAN_MATCH_CORRELATIVE, MANY);
     assert_ok(cairn_scan_match_begin(b.match, &b.query_part, b.start, &window, NULL));
-    b.match->votes.most = MANY; /* all peaks are kept */
+    b.match->votes.max_candidates = MANY; /* all peaks are kept */
     while (next_rotation(&b)) {
         int32_t rotation = b.match->votes.rotation;
 
@@ -497,7 +504,7 @@ static void votes_are_those_of_all_pairs(void **state)
 /* Without a guess a query point votes for a cell once, however many parts saw the wall. */
 static void votes_of_everything_are_points(void **state)
 {
-    static int32_t cell[MATCH_CELLS_MOST];
+    static int32_t cell[SCAN_MATCH_MAX_CELLS];
     static bed b;
     int32_t votes = 0, most = 0;
 
@@ -508,7 +515,7 @@ static void votes_of_everything_are_points(void **state)
         NULL));
     assert_ok(cairn_scan_match_begin(b.match, &b.query_part, b.start, NULL, NULL));
     while (next_rotation(&b)) { /* all but those in which nobody votes */
-        const match_votes *v = &b.match->votes;
+        const match_accumulator *v = &b.match->votes;
 
         plain_votes(&b, 1, cell);
         for (int32_t at = 0; at < v->width * v->height; at++) {

@@ -71,9 +71,9 @@ static void filter_pairs(const bed *b, reference *out, int32_t *dropped)
         int drops = fmin(one, other) < 10 * DEGREE;
 
         if (fabs(fmin(one, other) - 10 * DEGREE) > 1e-4)
-            assert_int_equal(pair.stage == CAIRN_SCAN_MATCH_COLINEAR, drops);
-        *dropped += pair.stage == CAIRN_SCAN_MATCH_COLINEAR;
-        if (pair.stage == CAIRN_SCAN_MATCH_COLINEAR)
+            assert_int_equal(pair.stage == CAIRN_SCAN_MATCH_REJECTED_COLINEAR, drops);
+        *dropped += pair.stage == CAIRN_SCAN_MATCH_REJECTED_COLINEAR;
+        if (pair.stage == CAIRN_SCAN_MATCH_REJECTED_COLINEAR)
             continue;
         out->query[out->count][0] = qx;
         out->query[out->count][1] = qy;
@@ -314,7 +314,8 @@ static void the_colinear_filter_stands_alone(void **state)
     make_bed(&b, CAIRN_SCAN_MATCH_AS_WRITTEN_LINES);
     (void)run_in(&b, NULL);
     for (int32_t i = 0; i < cairn_scan_match_pair_count(b.match); i++)
-        assert_true(cairn_scan_match_pair_at(b.match, i).stage != CAIRN_SCAN_MATCH_COLINEAR);
+        assert_true(cairn_scan_match_pair_at(b.match, i).stage !=
+                    CAIRN_SCAN_MATCH_REJECTED_COLINEAR);
     test_pool_free(&b.pool);
 }
 

@@ -101,7 +101,7 @@ static void test_params_and_memory(void **state)
                 p.spacing = 1;
                 assert_int_equal(
                     cairn_scan_set_memory(&p),
-                    CAIRN_SCAN_SET_PLACES_BYTES(p.max_scans, p.max_points, p.max_segments));
+                    CAIRN_SCAN_SET_BITS_BYTES(p.max_scans, p.max_points, p.max_segments));
             }
 }
 
@@ -120,7 +120,7 @@ static void test_scans_are_copied(void **state)
     assert_ok(cairn_scan_set_create(&set, &pool, &params));
     assert_int_equal(set->scan_count + set->segment_count + set->point_count, 0);
     assert_ok(cairn_scan_set_add(set, &e.view, NULL, &fault));
-    assert_null(fault.what);
+    assert_null(fault.message);
     assert_int_equal(fault.index, -1);
     assert_ok(cairn_scan_set_add(set, &nothing, NULL, NULL));
     assert_ok(cairn_scan_set_add(set, &e.view, e.mass, &fault));
@@ -190,7 +190,7 @@ static void test_full(void **state)
         assert_ok(cairn_scan_set_create(&set, &pool, &small[i]));
         assert_ok(cairn_scan_set_add(set, &e.view, NULL, &fault));
         assert_fault(&fault, cairn_scan_set_add(set, &e.view, NULL, &fault), CAIRN_FULL, -1);
-        assert_non_null(strstr(fault.what, what[i]));
+        assert_non_null(strstr(fault.message, what[i]));
         assert_int_equal(fault.index, -1);
         assert_int_equal(set->scan_count, 1);
         test_pool_free(&pool);
@@ -223,9 +223,9 @@ static void test_bad_scans_are_refused(void **state)
 #define REFUSED(change, status, place)                                                             \
     make_example(&e);                                                                              \
     change;                                                                                        \
-    fault.what = NULL;                                                                             \
+    fault.message = NULL;                                                                          \
     assert_status(cairn_scan_set_add(set, &e.view, e.mass, &fault), status);                       \
-    assert_non_null(fault.what);                                                                   \
+    assert_non_null(fault.message);                                                                \
     assert_int_equal(fault.index, place);                                                          \
     assert_status(cairn_scan_set_add(set, &e.view, e.mass, NULL), status);                         \
     assert_int_equal(set->scan_count + set->segment_count + set->point_count, 0)
@@ -387,7 +387,7 @@ static void test_points_are_made(void **state)
     for (int i = 0; i < MOST; i++)
         mass[i] = 1;
     assert_fault(&fault, cairn_scan_set_add(made, &w.view, mass, &fault), CAIRN_BAD_ARGUMENT, -1);
-    assert_non_null(strstr(fault.what, "mass"));
+    assert_non_null(strstr(fault.message, "mass"));
     w.points[7].position.x += CAIRN_REAL(1e-3);
     assert_fault(&fault, cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT, 7);
     make_walls(&w, 1, 0.07);
@@ -423,7 +423,7 @@ static void test_points_are_made(void **state)
         w.first_point[i] = 1;
     w.view.point_count = 1;
     assert_fault(&fault, cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_FULL, -1);
-    assert_non_null(strstr(fault.what, "places"));
+    assert_non_null(strstr(fault.message, "places"));
     test_pool_free(&pool);
 }
 
@@ -501,7 +501,7 @@ static void test_scans_come_and_go(void **state)
                     assert_int_equal(next, -1);
                 if (status == CAIRN_FULL && ledger.count < 8) {
                     /* Only because of what has not been tidied up. */
-                    assert_true(set->gaps);
+                    assert_true(set->needs_packing);
                     assert_ok(cairn_scan_set_pack(set, &rest));
                     status = cairn_scan_set_add(set, &w.view, NULL, NULL);
                 }
@@ -528,7 +528,7 @@ static void test_scans_come_and_go(void **state)
                 assert_true(budget.left >= 0 && budget.left <= given);
                 assert_true(status == CAIRN_OK || (status == CAIRN_MORE && budget.left == 0));
                 if (status == CAIRN_OK) {
-                    assert_false(set->gaps);
+                    assert_false(set->needs_packing);
                     assert_is_ledger(set, &ledger);
                 }
             }

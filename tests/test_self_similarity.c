@@ -61,8 +61,8 @@ static double ends_off(const cairn_symmetry_axis *axis, double first, double sec
     double off[2];
 
     for (int flip = 0; flip < 2; flip++) {
-        double a = fabs((double)axis->place[flip] - first),
-               b = fabs((double)axis->place[1 - flip] - second);
+        double a = fabs((double)axis->position[flip] - first),
+               b = fabs((double)axis->position[1 - flip] - second);
 
         off[flip] = fmax(fmin(a, 1 - a), fmin(b, 1 - b));
     }
@@ -209,7 +209,7 @@ static void slow_search(slow *s, const cairn_vec2 *samples, int32_t count)
 
                 sum += (ahead - behind) * (ahead - behind);
             }
-            s->unlike[i][k] = sqrt(sum / count) / (double)d.greatest;
+            s->unlike[i][k] = sqrt(sum / count) / (double)d.max_distance;
         }
     s->best = 1e9;
     for (int32_t m = 5; m <= 20; m++)
@@ -252,22 +252,22 @@ static void searches_as_the_obvious_way(void **state)
 /* What a result must always be. */
 static void assert_sound(const cairn_self_similarity_result *r, int32_t mode)
 {
-    assert_true(r->count >= 1 && r->count <= CAIRN_SYMMETRY_AXES && r->ties >= 1 &&
-                r->ties <= r->count);
-    assert_int_equal(r->verdict, r->ties == 1        ? CAIRN_SYMMETRY_ONE
-                                 : r->rotations == 0 ? CAIRN_SYMMETRY_ROUND
-                                                     : CAIRN_SYMMETRY_MANY);
+    assert_true(r->count >= 1 && r->count <= CAIRN_SYMMETRY_MAX_AXES && r->tie_count >= 1 &&
+                r->tie_count <= r->count);
+    assert_int_equal(r->verdict, r->tie_count == 1        ? CAIRN_SYMMETRY_SINGLE
+                                 : r->rotation_order == 0 ? CAIRN_SYMMETRY_CIRCULAR
+                                                          : CAIRN_SYMMETRY_MULTIPLE);
     for (int32_t i = 0; i < r->count; i++) {
         const cairn_symmetry_axis *a = &r->axes[i];
 
         assert_true(a->dissimilarity >= 0 && cairn_is_finite(a->dissimilarity));
         for (int32_t k = 0; k < 2; k++) {
-            double place = (double)a->place[k] * r->sample_count;
+            double place = (double)a->position[k] * r->sample_count;
             int32_t low = (int32_t)place;
             cairn_vec2 from = r->samples[low % r->sample_count],
                        to = r->samples[(low + 1) % r->sample_count];
 
-            assert_true(a->place[k] >= 0 && a->place[k] < 1);
+            assert_true(a->position[k] >= 0 && a->position[k] < 1);
             assert_near(a->end[k].x, from.x + (to.x - from.x) * (cairn_real)(place - low),
                         NUMBER(1e-9, 1e-2));
             assert_near(a->end[k].y, from.y + (to.y - from.y) * (cairn_real)(place - low),
@@ -277,8 +277,8 @@ static void assert_sound(const cairn_self_similarity_result *r, int32_t mode)
                         a->arc[k].to >= a->arc[k].from && a->arc[k].to <= a->arc[k].from + 1);
         }
         for (int32_t k = 0; k < i; k++)
-            assert_true(ends_off(a, (double)r->axes[k].place[0], (double)r->axes[k].place[1]) >
-                        0.0499);
+            assert_true(ends_off(a, (double)r->axes[k].position[0],
+                                 (double)r->axes[k].position[1]) > 0.0499);
     }
 }
 
@@ -298,8 +298,8 @@ static void finds_a_plain_axis(void **state)
             assert_sound(&r, mode);
             assert_true(ends_off(&r.axes[0], 0, half) <
                         (mode == CAIRN_MODE_DEFAULT ? 0.006 : 0.05));
-            assert_int_equal(r.verdict, CAIRN_SYMMETRY_ONE);
-            assert_int_equal(r.rotations, 1);
+            assert_int_equal(r.verdict, CAIRN_SYMMETRY_SINGLE);
+            assert_int_equal(r.rotation_order, 1);
             if (mode == CAIRN_MODE_DEFAULT) {
                 assert_near(r.axes[0].bend, 0, 0.03);
                 assert_near(r.axes[0].skew, 0, 0.03);
@@ -330,7 +330,7 @@ static void takes_bends_and_skews_back(void **state)
             /* The axis may be found from either end. */
             assert_near(fabs((double)r.axes[0].bend), fabs(bend), 0.06);
             assert_near(fabs((double)r.axes[0].skew), fabs(skew), 0.04);
-            if ((double)r.axes[0].place[0] < 0.1 || (double)r.axes[0].place[0] > 0.9)
+            if ((double)r.axes[0].position[0] < 0.1 || (double)r.axes[0].position[0] > 0.9)
                 assert_true(i == 0 || (double)r.axes[0].bend * bend > 0);
             assert_true(i != 0 || (double)r.axes[0].skew * skew > 0);
         }
@@ -462,16 +462,16 @@ static void the_mirror_line_is_told_by_all_samples(void **state)
                    chord = cairn_vec2_sub(r.axes[0].end[1], r.axes[0].end[0]);
 
         assert_true(r.count > 0);
-        assert_near(cairn_vec2_norm(r.axes[0].mirror_along), 1, 1e-5);
-        assert_near(cairn_vec2_cross(r.axes[0].mirror_along, along), 0, 0.004);
+        assert_near(cairn_vec2_norm(r.axes[0].mirror_direction), 1, 1e-5);
+        assert_near(cairn_vec2_cross(r.axes[0].mirror_direction, along), 0, 0.004);
         assert_near(cairn_vec2_cross(r.axes[0].mirror_point, along), 0, 0.5);
         worst_chord =
             fmax(worst_chord, fabs((double)cairn_vec2_cross(cairn_vec2_unit(chord), along)));
         written = look(&by_ends, &egg, 1);
         for (int32_t i = 0; i < written.count; i++) {
             chord = cairn_vec2_sub(written.axes[i].end[1], written.axes[i].end[0]);
-            assert_near(cairn_vec2_cross(written.axes[i].mirror_along, cairn_vec2_unit(chord)), 0,
-                        1e-5);
+            assert_near(cairn_vec2_cross(written.axes[i].mirror_direction, cairn_vec2_unit(chord)),
+                        0, 1e-5);
         }
     }
     assert_true(worst_chord > 0.01);
@@ -492,10 +492,10 @@ static void many_axes_are_said_so(void **state)
         c = regular(p, corners[i], 0.3);
         r = look(&l, &c, 1);
         assert_sound(&r, CAIRN_MODE_DEFAULT);
-        assert_int_equal(r.rotations, corners[i]);
-        assert_int_equal(r.ties, corners[i]);
-        assert_int_equal(r.verdict, CAIRN_SYMMETRY_MANY);
-        for (int32_t k = 0; k < r.ties; k++) {
+        assert_int_equal(r.rotation_order, corners[i]);
+        assert_int_equal(r.tie_count, corners[i]);
+        assert_int_equal(r.verdict, CAIRN_SYMMETRY_MULTIPLE);
+        for (int32_t k = 0; k < r.tie_count; k++) {
             double best = 1;
 
             /* Axes of a regular polygon: through opposite multiples of half a side. */
@@ -518,9 +518,9 @@ static void a_circle_has_no_single_axis(void **state)
         cairn_self_similarity_result r = look(&l, &c, 1);
 
         assert_sound(&r, mode);
-        assert_int_equal(r.rotations, 0);
-        assert_int_equal(r.verdict, CAIRN_SYMMETRY_ROUND);
-        assert_true(r.ties > 4);
+        assert_int_equal(r.rotation_order, 0);
+        assert_int_equal(r.verdict, CAIRN_SYMMETRY_CIRCULAR);
+        assert_true(r.tie_count > 4);
         test_pool_free(&l.pool);
     }
 }
@@ -535,9 +535,9 @@ static void a_bar_has_two(void **state)
 
     (void)state;
     assert_sound(&r, CAIRN_MODE_DEFAULT);
-    assert_int_equal(r.verdict, CAIRN_SYMMETRY_MANY);
-    assert_int_equal(r.rotations, 2);
-    for (int32_t i = 0; i < r.ties; i++) {
+    assert_int_equal(r.verdict, CAIRN_SYMMETRY_MULTIPLE);
+    assert_int_equal(r.rotation_order, 2);
+    for (int32_t i = 0; i < r.tie_count; i++) {
         across += ends_off(&r.axes[i], 100.0 / 412, 306.0 / 412) < 0.02;
         along += ends_off(&r.axes[i], 203.0 / 412, 409.0 / 412) < 0.02;
     }
@@ -563,25 +563,25 @@ static void holes_count_unless_filled(void **state)
     r = look(&l, shape, 3);
     assert_sound(&r, CAIRN_MODE_DEFAULT);
     assert_true(ends_off(&r.axes[0], 0.375, 0.875) < 0.03);
-    assert_int_equal(r.verdict, CAIRN_SYMMETRY_ONE);
+    assert_int_equal(r.verdict, CAIRN_SYMMETRY_SINGLE);
     test_pool_free(&l.pool);
-    params.hole_points = 0;
+    params.hole_samples = 0;
     l = new_looking(&params);
     r = look(&l, shape, 3);
     assert_sound(&r, CAIRN_MODE_DEFAULT);
-    assert_int_equal(r.ties, 4);
+    assert_int_equal(r.tie_count, 4);
     test_pool_free(&l.pool);
 }
 
 static uint64_t hash_of(void *context)
 {
     cairn_self_similarity_result r = cairn_self_similarity_read(((looking *)context)->similarity);
-    uint64_t hash = test_hash(TEST_HASH_START, &r.ties, sizeof r.ties);
+    uint64_t hash = test_hash(TEST_HASH_START, &r.tie_count, sizeof r.tie_count);
 
     for (int32_t i = 0; i < r.count; i++) {
         const cairn_symmetry_axis *a = &r.axes[i];
 
-        hash = test_hash(hash, a->place, sizeof a->place);
+        hash = test_hash(hash, a->position, sizeof a->position);
         hash = test_hash(hash, a->end, sizeof a->end);
         hash = test_hash(hash, &a->dissimilarity, sizeof a->dissimilarity);
     }
@@ -610,8 +610,8 @@ static void budgets_do_not_matter(void **state)
     cairn_self_similarity_params params = cairn_self_similarity_default();
 
     (void)state;
-    params.points = 64;
-    params.most_vertices = 12;
+    params.outline_samples = 64;
+    params.max_vertices = 12;
     for (int32_t mode = 0; mode < 2; mode++) {
         cairn_budget all = {INT32_MAX}, none = {0};
         uint64_t hash;
@@ -650,7 +650,7 @@ static void bad_outlines_are_refused(void **state)
 {
     looking l = of_mode(CAIRN_MODE_DEFAULT);
     cairn_vec2 p[MOST], hole[4] = {at(60, 15), at(70, 15), at(70, 25), at(60, 25)};
-    cairn_curve shape[CAIRN_SYMMETRY_OUTLINES + 1], kept[2];
+    cairn_curve shape[CAIRN_SYMMETRY_MAX_OUTLINES + 1], kept[2];
     cairn_budget budget = {1};
     double half;
     uint64_t hash;
@@ -658,7 +658,7 @@ static void bad_outlines_are_refused(void **state)
     (void)state;
     assert_ok(cairn_self_similarity_step(l.similarity, &budget));
     shape[0] = pear(p, 100, 20, 0, 0, &half);
-    for (int i = 1; i <= CAIRN_SYMMETRY_OUTLINES; i++)
+    for (int i = 1; i <= CAIRN_SYMMETRY_MAX_OUTLINES; i++)
         shape[i] = closed(hole, 4);
     (void)look(&l, shape, 2);
     hash = hash_of(&l);
@@ -666,7 +666,7 @@ static void bad_outlines_are_refused(void **state)
     assert_status(cairn_self_similarity_begin(NULL, shape, 1), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_self_similarity_begin(l.similarity, NULL, 1), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_self_similarity_begin(l.similarity, shape, 0), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_self_similarity_begin(l.similarity, shape, CAIRN_SYMMETRY_OUTLINES + 1),
+    assert_status(cairn_self_similarity_begin(l.similarity, shape, CAIRN_SYMMETRY_MAX_OUTLINES + 1),
                   CAIRN_FULL);
     for (int i = 0; i < 2; i++) {
         shape[i].points = NULL;
@@ -695,7 +695,7 @@ static void bad_outlines_are_refused(void **state)
     assert_int_equal(cairn_self_similarity_read(NULL).count, 0);
     /* As many holes as there may be, more than there is room for. */
     shape[0] = pear(p, 100, 20, 0, 0, &half);
-    (void)look(&l, shape, CAIRN_SYMMETRY_OUTLINES);
+    (void)look(&l, shape, CAIRN_SYMMETRY_MAX_OUTLINES);
     test_pool_free(&l.pool);
 }
 
@@ -720,25 +720,25 @@ static void bad_params_are_refused(void **state)
         bad[i] = good;
     bad[n++].mode = 2;
     bad[n++].mode = -1;
-    bad[n++].points = 15;
-    bad[n++].points = 513;
-    bad[n++].hole_points = 3;
-    bad[n++].hole_points = -1;
-    bad[n++].hole_points = 513;
-    bad[n++].least_vertices = 3;
-    bad[n++].least_vertices = 21;
-    bad[n++].most_vertices = 33;
-    bad[n++].tie = nan;
-    bad[n++].tie = -1;
-    bad[n++].tie = (cairn_real)INFINITY;
+    bad[n++].outline_samples = 15;
+    bad[n++].outline_samples = 513;
+    bad[n++].hole_samples = 3;
+    bad[n++].hole_samples = -1;
+    bad[n++].hole_samples = 513;
+    bad[n++].min_vertices = 3;
+    bad[n++].min_vertices = 21;
+    bad[n++].max_vertices = 33;
+    bad[n++].tie_ratio = nan;
+    bad[n++].tie_ratio = -1;
+    bad[n++].tie_ratio = (cairn_real)INFINITY;
     bad[n++].tie_floor = nan;
     bad[n++].tie_floor = -1;
     bad[n++].tie_floor = (cairn_real)INFINITY;
     bad[n++].separation = nan;
     bad[n++].separation = 0;
     bad[n++].separation = CAIRN_REAL(0.26);
-    bad[n].points = 16;
-    bad[n++].most_vertices = 17;
+    bad[n].outline_samples = 16;
+    bad[n++].max_vertices = 17;
     for (int i = 0; i < n; i++) {
         assert_int_equal(cairn_self_similarity_memory(&bad[i]), 0);
         assert_status(cairn_self_similarity_create(&similarity, &pool, &bad[i]),
@@ -747,10 +747,10 @@ static void bad_params_are_refused(void **state)
     assert_int_equal(cairn_self_similarity_memory(NULL), 0);
     assert_status(cairn_self_similarity_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_self_similarity_create(&similarity, NULL, &good), CAIRN_BAD_ARGUMENT);
-    edge.points = edge.most_vertices = 16;
-    edge.least_vertices = 4;
-    edge.hole_points = 4;
-    edge.tie = edge.tie_floor = 0;
+    edge.outline_samples = edge.max_vertices = 16;
+    edge.min_vertices = 4;
+    edge.hole_samples = 4;
+    edge.tie_ratio = edge.tie_floor = 0;
     edge.separation = CAIRN_REAL(0.25);
     test_every_pool_size(create, &edge, cairn_self_similarity_memory(&edge));
     test_pool_free(&pool);

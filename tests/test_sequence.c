@@ -18,9 +18,7 @@ static double compared(const struct sequences *s, int32_t i, int32_t j)
 {
     double d = fabs(s->first[i] - s->second[j]);
 
-    return s->kind == CAIRN_SEQUENCE_COMMON  ? d < 0.5
-           : s->kind == CAIRN_SEQUENCE_LOCAL ? 1.5 - d
-                                             : d;
+    return s->kind == CAIRN_SEQUENCE_LCS ? d < 0.5 : s->kind == CAIRN_SEQUENCE_LOCAL ? 1.5 - d : d;
 }
 
 static cairn_real compare(const void *context, int32_t i, int32_t j)
@@ -43,10 +41,10 @@ static double twin(const struct sequences *s, double gap)
         for (int32_t j = 0; j <= s->second_count; j++) {
             double *t = &table[i][j];
 
-            *t = s->kind == CAIRN_SEQUENCE_WARP && i + j > 0 ? 1e9 : 0;
+            *t = s->kind == CAIRN_SEQUENCE_DTW && i + j > 0 ? 1e9 : 0;
             if (i == 0 || j == 0)
                 continue;
-            if (s->kind == CAIRN_SEQUENCE_COMMON)
+            if (s->kind == CAIRN_SEQUENCE_LCS)
                 *t = fmax(fmax(table[i - 1][j], table[i][j - 1]),
                           table[i - 1][j - 1] + compared(s, i - 1, j - 1));
             else if (s->kind == CAIRN_SEQUENCE_LOCAL)
@@ -71,17 +69,17 @@ static double score_of(const struct sequences *s, const cairn_sequence_result *r
         int32_t di = k > 0 ? p->first - p[-1].first : 1, dj = k > 0 ? p->second - p[-1].second : 1;
 
         score += value;
-        if (s->kind == CAIRN_SEQUENCE_WARP) {
+        if (s->kind == CAIRN_SEQUENCE_DTW) {
             assert_true((di == 0 || di == 1) && (dj == 0 || dj == 1) && di + dj > 0);
             continue;
         }
         assert_true(di > 0 && dj > 0);
-        if (s->kind == CAIRN_SEQUENCE_COMMON)
+        if (s->kind == CAIRN_SEQUENCE_LCS)
             assert_true(value > 0);
         else
             score -= gap * (di - 1 + dj - 1);
     }
-    if (s->kind == CAIRN_SEQUENCE_WARP) {
+    if (s->kind == CAIRN_SEQUENCE_DTW) {
         assert_int_equal(result->pairs[0].first, 0);
         assert_int_equal(result->pairs[0].second, 0);
         assert_int_equal(result->pairs[result->count - 1].first, s->first_count - 1);
@@ -117,7 +115,7 @@ static void gives_the_score_and_the_path_of_the_whole_table(void **state)
     cairn_random random = cairn_random_seed(1, 1);
 
     (void)state;
-    for (cairn_sequence_kind kind = CAIRN_SEQUENCE_COMMON; kind <= CAIRN_SEQUENCE_WARP; kind++)
+    for (cairn_sequence_kind kind = CAIRN_SEQUENCE_LCS; kind <= CAIRN_SEQUENCE_DTW; kind++)
         for (int trial = 0; trial < 300; trial++) {
             cairn_sequence_params params = {kind, MOST, MOST,
                                             trial % 3 == 0 ? 0 : CAIRN_REAL(0.75)};
@@ -132,13 +130,14 @@ static void gives_the_score_and_the_path_of_the_whole_table(void **state)
             s.kind = kind;
             s.comparisons = &comparisons;
             draw(&s, &random, trial < 60 ? 3 : MOST);
-            expected = twin(&s, (double)params.gap);
+            expected = twin(&s, (double)params.gap_cost);
             assert_ok(cairn_sequence_begin(sequence, s.first_count, s.second_count, compare, &s));
             assert_int_equal(cairn_sequence_read(sequence).count, 0);
             assert_ok(cairn_sequence_step(sequence, &budget));
             result = cairn_sequence_read(sequence);
             assert_near(result.score, expected, NUMBER(1e-12, 1e-4));
-            assert_near(score_of(&s, &result, (double)params.gap), expected, NUMBER(1e-12, 1e-4));
+            assert_near(score_of(&s, &result, (double)params.gap_cost), expected,
+                        NUMBER(1e-12, 1e-4));
             /* Halving: a table, half a table, a quarter ... */
             assert_true(comparisons <= (int64_t)(s.first_count + 3) * (s.second_count + 3) *
                                            (kind == CAIRN_SEQUENCE_LOCAL ? 5 : 4));
@@ -149,7 +148,7 @@ static void gives_the_score_and_the_path_of_the_whole_table(void **state)
 static void finds_what_is_known(void **state)
 {
     static const double a[] = {1, 2, 3, 4, 1}, b[] = {3, 4, 1, 2, 1, 3};
-    struct sequences s = {{0}, {0}, 5, 6, CAIRN_SEQUENCE_COMMON, NULL};
+    struct sequences s = {{0}, {0}, 5, 6, CAIRN_SEQUENCE_LCS, NULL};
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_pool pool;
     cairn_sequence *sequence = make(&pool, cairn_sequence_default());
@@ -187,15 +186,15 @@ static void takes_the_first_of_equal_paths_in_known_units(void **state)
     } knowns[] = {
         /* take; two nodes forward, two backward, two joins; the move and the end of the walk;
          * take */
-        {CAIRN_SEQUENCE_COMMON, 1, 1, {1}, {1}, 10, 1, {{0, 0}}},
-        {CAIRN_SEQUENCE_WARP, 1, 1, {1}, {3}, 10, 1, {{0, 0}}},
+        {CAIRN_SEQUENCE_LCS, 1, 1, {1}, {1}, 10, 1, {{0, 0}}},
+        {CAIRN_SEQUENCE_DTW, 1, 1, {1}, {3}, 10, 1, {{0, 0}}},
         /* and four nodes to find the end and four to find the start */
         {CAIRN_SEQUENCE_LOCAL, 1, 1, {1}, {1}, 18, 1, {{0, 0}}},
         /* the end lies in the middle of six nodes, the start four nodes before it */
         {CAIRN_SEQUENCE_LOCAL, 1, 2, {1}, {1, 9}, 20, 1, {{0, 0}}},
         {CAIRN_SEQUENCE_LOCAL, 2, 2, {1, 2}, {1, 2}, 53, 2, {{0, 0}, {1, 1}}},
-        {CAIRN_SEQUENCE_COMMON, 2, 2, {1, 2}, {2, 1}, 36, 1, {{1, 0}}},
-        {CAIRN_SEQUENCE_COMMON,
+        {CAIRN_SEQUENCE_LCS, 2, 2, {1, 2}, {2, 1}, 36, 1, {{1, 0}}},
+        {CAIRN_SEQUENCE_LCS,
          5,
          6,
          {1, 2, 3, 4, 1},
@@ -211,8 +210,8 @@ static void takes_the_first_of_equal_paths_in_known_units(void **state)
          135,
          3,
          {{2, 0}, {3, 1}, {4, 2}}},
-        {CAIRN_SEQUENCE_WARP, 3, 3, {1, 1, 1}, {1, 1, 1}, 70, 4, {{0, 0}, {1, 0}, {2, 1}, {2, 2}}},
-        {CAIRN_SEQUENCE_WARP,
+        {CAIRN_SEQUENCE_DTW, 3, 3, {1, 1, 1}, {1, 1, 1}, 70, 4, {{0, 0}, {1, 0}, {2, 1}, {2, 2}}},
+        {CAIRN_SEQUENCE_DTW,
          5,
          6,
          {1, 2, 3, 4, 1},
@@ -267,7 +266,7 @@ static void budgets_do_not_matter(void **state)
     cairn_random random = cairn_random_seed(2, 1);
 
     (void)state;
-    for (cairn_sequence_kind kind = CAIRN_SEQUENCE_COMMON; kind <= CAIRN_SEQUENCE_WARP; kind++) {
+    for (cairn_sequence_kind kind = CAIRN_SEQUENCE_LCS; kind <= CAIRN_SEQUENCE_DTW; kind++) {
         cairn_sequence_params params = {kind, MOST, MOST, CAIRN_REAL(0.5)};
         cairn_budget all = {CAIRN_UNBOUNDED}, none = {0};
         cairn_sequence_pair whole[2 * MOST];
@@ -326,9 +325,9 @@ static void refuses(void **state)
     bad[count++].max_first = (1 << 24) + 1;
     bad[count++].max_second = 0;
     bad[count++].max_second = (1 << 24) + 1;
-    bad[count++].gap = -1;
-    bad[count++].gap = (cairn_real)NAN;
-    bad[count++].gap = (cairn_real)INFINITY;
+    bad[count++].gap_cost = -1;
+    bad[count++].gap_cost = (cairn_real)NAN;
+    bad[count++].gap_cost = (cairn_real)INFINITY;
     for (int i = 0; i < count; i++) {
         assert_int_equal(cairn_sequence_memory(&bad[i]), 0);
         assert_status(cairn_sequence_create(&made, &other, &bad[i]), CAIRN_BAD_ARGUMENT);
@@ -360,7 +359,7 @@ static cairn_status create(void *context, cairn_pool *pool)
 
 static void takes_exactly_what_it_says(void **state)
 {
-    cairn_sequence_params params = {CAIRN_SEQUENCE_WARP, 11, 5, 0};
+    cairn_sequence_params params = {CAIRN_SEQUENCE_DTW, 11, 5, 0};
 
     (void)state;
     test_every_pool_size(create, &params, cairn_sequence_memory(&params));

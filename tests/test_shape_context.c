@@ -26,7 +26,7 @@ static void start(comparing *c)
     cairn_shape_context_params params = small_params();
 
     memset(&c->input, 0, sizeof c->input);
-    params.missing = CAIRN_REAL(0.75);
+    params.missing_cost = CAIRN_REAL(0.75);
     c->pool = test_pool(cairn_shape_context_memory(&params));
     assert_ok(cairn_shape_context_create(&c->context, &c->pool, &params));
     c->input.first = c->first;
@@ -196,12 +196,12 @@ static void measures_both_ways(void **state)
             expected += least / m;
         }
         r = run(&c);
-        assert_near(r.symmetric, expected, NUMBER(1e-12, 1e-5));
+        assert_near(r.symmetric_distance, expected, NUMBER(1e-12, 1e-5));
         c.input.first = c.second;
         c.input.second = c.first;
         c.input.first_count = m;
         c.input.second_count = n;
-        assert_near(run(&c).symmetric, expected, NUMBER(1e-12, 1e-5));
+        assert_near(run(&c).symmetric_distance, expected, NUMBER(1e-12, 1e-5));
     }
     test_pool_free(&c.pool);
 }
@@ -378,15 +378,15 @@ static void refuses_bad_params(void **state)
         bad[i] = good;
     bad[0].max_points = 1;
     bad[1].max_points = 1025;
-    bad[2].inner = 0;
-    bad[3].inner = nan;
-    bad[4].outer = bad[4].inner;
-    bad[5].outer = nan;
-    bad[6].outer = infinite;
-    bad[7].missing = CAIRN_REAL(-0.1);
-    bad[8].missing = nan;
-    bad[9].missing = infinite;
-    bad[10].inner = -1;
+    bad[2].inner_radius = 0;
+    bad[3].inner_radius = nan;
+    bad[4].outer_radius = bad[4].inner_radius;
+    bad[5].outer_radius = nan;
+    bad[6].outer_radius = infinite;
+    bad[7].missing_cost = CAIRN_REAL(-0.1);
+    bad[8].missing_cost = nan;
+    bad[9].missing_cost = infinite;
+    bad[10].inner_radius = -1;
     bad[11].max_points = -1;
     assert_int_equal(cairn_shape_context_memory(NULL), 0);
     for (int i = 0; i < 12; i++) {
@@ -397,7 +397,7 @@ static void refuses_bad_params(void **state)
     assert_status(cairn_shape_context_create(&made, NULL, &good), CAIRN_BAD_ARGUMENT);
     bad[0].max_points = 2;
     bad[1].max_points = 1024;
-    bad[7].missing = 0;
+    bad[7].missing_cost = 0;
     assert_true(cairn_shape_context_memory(&bad[0]) > 0 &&
                 cairn_shape_context_memory(&bad[1]) > 0 && cairn_shape_context_memory(&bad[7]) > 0);
     good.max_points = 6;

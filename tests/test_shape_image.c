@@ -105,7 +105,8 @@ static void test_silhouette(void **state)
         fill(20, 10, 79, 49, colours[k][1]);
         image = trace();
         assert_int_equal(image.count, 1);
-        assert_int_equal(image.holes + image.is_drawing + image.joined + image.specks, 0);
+        assert_int_equal(
+            image.holes + image.is_drawing + image.bridged_gaps + image.dropped_regions, 0);
         box = box_of(&image.outlines[0]);
         assert_near(box.min.x, 19.5, 1e-4);
         assert_near(box.min.y, 9.5, 1e-4);
@@ -196,7 +197,7 @@ static void test_parts_by_size_and_specks(void **state)
     image = trace();
     assert_int_equal(image.count, 3);
     assert_int_equal(image.holes, 1);
-    assert_int_equal(image.specks, 2);
+    assert_int_equal(image.dropped_regions, 2);
     assert_near(area_of(&image.outlines[0]), 3600, 8);
     assert_near(area_of(&image.outlines[1]), 400, 8);
     assert_near(box_of(&image.outlines[1]).min.x, 4.5, 1e-4);
@@ -237,7 +238,7 @@ static void test_drawing(void **state)
         image = trace();
         assert_int_equal(image.is_drawing, 1);
         assert_int_equal(image.count, 1);
-        assert_int_equal(image.holes + image.joined + image.specks, 0);
+        assert_int_equal(image.holes + image.bridged_gaps + image.dropped_regions, 0);
         assert_near(area_of(&image.outlines[0]), 60 * 60, 8);
         cairn_shape_image_free(&image);
     }
@@ -257,7 +258,7 @@ static void test_gaps(void **state)
     image = trace();
     assert_int_equal(image.is_drawing, 1);
     assert_int_equal(image.count, 1);
-    assert_int_equal(image.joined, 2);
+    assert_int_equal(image.bridged_gaps, 2);
     assert_near(image.gaps[0].x, 42, 0.6);
     assert_near(image.gaps[0].y, 10, 0);
     assert_near(image.gaps[1].x, 63, 0.6);
@@ -305,7 +306,7 @@ static void test_parts_of_a_drawing(void **state)
     image = trace();
     assert_int_equal(image.count, 2);
     assert_int_equal(image.holes, 0);
-    assert_int_equal(image.specks, 1);
+    assert_int_equal(image.dropped_regions, 1);
     assert_near(area_of(&image.outlines[0]), 3600, 8);
     cairn_shape_image_free(&image);
 }
@@ -316,8 +317,8 @@ static void test_refusals(void **state)
 {
     cairn_shape_image_params params = cairn_shape_image_default(), bad;
     cairn_shape_image image;
-    cairn_raster_u8_view wide = {grey, CAIRN_SHAPE_IMAGE_SIDE_MOST + 1, 1,
-                                 CAIRN_SHAPE_IMAGE_SIDE_MOST + 1};
+    cairn_raster_u8_view wide = {grey, CAIRN_SHAPE_IMAGE_MAX_SIDE + 1, 1,
+                                 CAIRN_SHAPE_IMAGE_MAX_SIDE + 1};
     cairn_raster_u8_view one = {grey, 1, 1, 1};
 
     (void)state;

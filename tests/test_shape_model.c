@@ -24,7 +24,7 @@ static shape new_shape(int32_t max_paths)
     shape s;
 
     s.params = cairn_shape_builder_default();
-    s.params.points = 128;
+    s.params.outline_samples = 128;
     s.params.max_paths = max_paths;
     s.pool = test_pool(cairn_shape_builder_memory(&s.params));
     assert_ok(cairn_shape_builder_create(&s.builder, &s.pool, &s.params));
@@ -89,16 +89,17 @@ static void a_bar_has_its_middle_line(void **state)
         assert_near(d->centre.y, 0, 0.01);
         assert_near(d->radius, 20 / size, 0.01);
         for (int32_t side = 0; side < 2; side++) {
-            assert_near(fabs((double)d->side[side].position.y), 20 / size, 1e-3);
-            assert_near(cairn_vec2_norm(cairn_vec2_sub(d->side[side].position, d->centre)),
+            assert_near(fabs((double)d->contact[side].position.y), 20 / size, 1e-3);
+            assert_near(cairn_vec2_norm(cairn_vec2_sub(d->contact[side].position, d->centre)),
                         d->radius, 1e-3);
         }
         /* To the left with y down, and both in the sense of the walk. */
-        assert_true(cairn_vec2_cross(d->side[0].direction,
-                                     cairn_vec2_sub(d->side[0].position, d->centre)) < 0);
-        assert_true(cairn_vec2_cross(d->side[1].direction,
-                                     cairn_vec2_sub(d->side[1].position, d->centre)) > 0);
-        assert_true(cairn_vec2_dot(d->side[0].direction, d->side[1].direction) > (cairn_real)0.9);
+        assert_true(cairn_vec2_cross(d->contact[0].direction,
+                                     cairn_vec2_sub(d->contact[0].position, d->centre)) < 0);
+        assert_true(cairn_vec2_cross(d->contact[1].direction,
+                                     cairn_vec2_sub(d->contact[1].position, d->centre)) > 0);
+        assert_true(cairn_vec2_dot(d->contact[0].direction, d->contact[1].direction) >
+                    (cairn_real)0.9);
     }
     assert_true(on_middle >= 3);
     assert_near(cairn_shape_displacement(&m, 0, 0).x, 0, 0);
@@ -121,7 +122,7 @@ static void a_disc_is_swept_once(void **state)
         v[i] = at(30 + 10 * cos(i * 2 * 3.14159265 / 120), 40 - 10 * sin(i * 2 * 3.14159265 / 120));
     m = build(&s, &outline, 1);
     assert_int_equal(m.path_count, 1);
-    assert_true(m.paths[0].share > (cairn_real)0.8);
+    assert_true(m.paths[0].outline_share > (cairn_real)0.8);
     for (int32_t k = 0; k < m.sample_count; k++) {
         assert_near(cairn_vec2_norm(m.samples[k].centre), 0, 0.01);
         assert_near(m.samples[k].radius * m.size, 10, 0.1);
@@ -138,13 +139,13 @@ static void corners_are_branches(void **state)
     cairn_vec2 v[8];
     cairn_curve outline = {v, box_with_leg(v, 36), 1};
     cairn_shape_model m = build(&one, &outline, 1);
-    cairn_real share = m.paths[0].share;
+    cairn_real share = m.paths[0].outline_share;
     int32_t in_leg = 0;
 
     (void)state;
     assert_int_equal(m.path_count, 1);
     m = build(&s, &outline, 1);
-    assert_near(m.paths[0].share, share, 0);
+    assert_near(m.paths[0].outline_share, share, 0);
     for (int32_t k = 0; k < m.paths[0].count; k++)
         in_leg += fabs((double)(m.samples[k].radius * m.size) - 6) < 0.5 &&
                   fabs((double)(m.samples[k].centre.x * m.size + m.origin.x) - 69) < 0.5;
@@ -158,7 +159,7 @@ static void corners_are_branches(void **state)
         assert_int_equal(m.paths[p].parent, 0);
         assert_true(to->radius < from->radius / 2);
         assert_true(cairn_vec2_norm(cairn_vec2_sub(root->centre, from->centre)) < root->radius);
-        share += m.paths[p].share;
+        share += m.paths[p].outline_share;
     }
     assert_true(share > (cairn_real)0.85 && share <= (cairn_real)1.05);
     test_pool_free(&one.pool);
@@ -213,9 +214,9 @@ static void size_place_and_sense_do_not_matter(void **state)
     for (int32_t i = 0; i < other.count; i++)
         w[i] = v[other.count - 1 - i];
     n = build(&t, &other, 1);
-    assert_near(n.paths[0].share, m.paths[0].share, 0.1);
+    assert_near(n.paths[0].outline_share, m.paths[0].outline_share, 0.1);
     for (int32_t i = 0; i < n.outline_count; i++) {
-        cairn_vec2 in = cairn_vec2_left(n.outline[i].direction), p = n.outline[i].position;
+        cairn_vec2 in = cairn_vec2_left_perp(n.outline[i].direction), p = n.outline[i].position;
         cairn_vec2 probe = cairn_vec2_add(
             n.origin,
             cairn_vec2_scale(cairn_vec2_add(p, cairn_vec2_scale(in, (cairn_real)0.03)), n.size));
@@ -284,7 +285,7 @@ static void bad_outlines_are_refused(void **state)
     assert_status(cairn_shape_builder_begin(NULL, &outline, 1), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_shape_builder_begin(s.builder, NULL, 1), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_shape_builder_begin(s.builder, &outline, 0), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_shape_builder_begin(s.builder, &outline, CAIRN_SHAPE_OUTLINES + 1),
+    assert_status(cairn_shape_builder_begin(s.builder, &outline, CAIRN_SHAPE_MAX_OUTLINES + 1),
                   CAIRN_BAD_ARGUMENT);
     assert_status(cairn_shape_builder_begin(s.builder, &open, 1), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_shape_builder_begin(s.builder, &two, 1), CAIRN_BAD_ARGUMENT);
@@ -320,26 +321,26 @@ static void bad_params_are_refused(void **state)
     p.field = bad;                                                                                 \
     assert_int_equal(cairn_shape_builder_memory(&p), 0);                                           \
     assert_status(cairn_shape_builder_create(&b, &pool, &p), CAIRN_BAD_ARGUMENT)
-    REFUSED(points, 15);
-    REFUSED(points, 1025);
-    REFUSED(samples, 3);
-    REFUSED(samples, 257);
+    REFUSED(outline_samples, 15);
+    REFUSED(outline_samples, 1025);
+    REFUSED(path_samples, 3);
+    REFUSED(path_samples, 257);
     REFUSED(max_paths, 0);
     REFUSED(max_paths, 9);
     REFUSED(max_deviation, 0);
     REFUSED(max_deviation, (cairn_real)1.6);
-    REFUSED(sigma, 0);
-    REFUSED(sigma, (cairn_real)NAN);
-    REFUSED(sigma, (cairn_real)INFINITY);
-    REFUSED(overlap, (cairn_real)-0.1);
-    REFUSED(overlap, (cairn_real)1.1);
-    REFUSED(min_share, 0);
-    REFUSED(min_share, (cairn_real)1.1);
+    REFUSED(deviation_sigma, 0);
+    REFUSED(deviation_sigma, (cairn_real)NAN);
+    REFUSED(deviation_sigma, (cairn_real)INFINITY);
+    REFUSED(min_clearance, (cairn_real)-0.1);
+    REFUSED(min_clearance, (cairn_real)1.1);
+    REFUSED(min_outline_share, 0);
+    REFUSED(min_outline_share, (cairn_real)1.1);
 #undef REFUSED
     assert_int_equal(cairn_shape_builder_memory(NULL), 0);
     assert_status(cairn_shape_builder_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_shape_builder_create(&b, NULL, &good), CAIRN_BAD_ARGUMENT);
-    good.points = 16;
+    good.outline_samples = 16;
     test_every_pool_size(create, &good, cairn_shape_builder_memory(&good));
     test_pool_free(&pool);
 }
@@ -352,7 +353,7 @@ static void models_are_checked(void **state)
     cairn_shape_model good = build(&s, &outline, 1), m;
     static cairn_shape_sample samples[MOST];
     static cairn_oriented_point points[MOST];
-    cairn_shape_path paths[CAIRN_SHAPE_PATHS];
+    cairn_shape_path paths[CAIRN_SHAPE_MAX_PATHS];
     cairn_fault fault;
 
     (void)state;
@@ -380,10 +381,10 @@ static void models_are_checked(void **state)
     CHANGED(samples[2].deviation = (cairn_real)NAN, CAIRN_NOT_FINITE, 2);
     CHANGED(samples[1].radius = 0, CAIRN_BAD_ARGUMENT, 1);
     CHANGED(samples[1].deviation = -1, CAIRN_BAD_ARGUMENT, 1);
-    CHANGED(samples[1].share[1] = 2, CAIRN_BAD_ARGUMENT, 1);
-    CHANGED(samples[1].share[0] = -1, CAIRN_BAD_ARGUMENT, 1);
-    CHANGED(samples[1].side[1].direction.x = 2, CAIRN_BAD_ARGUMENT, 1);
-    CHANGED(samples[1].side[0].position.y = (cairn_real)NAN, CAIRN_BAD_ARGUMENT, 1);
+    CHANGED(samples[1].outline_share[1] = 2, CAIRN_BAD_ARGUMENT, 1);
+    CHANGED(samples[1].outline_share[0] = -1, CAIRN_BAD_ARGUMENT, 1);
+    CHANGED(samples[1].contact[1].direction.x = 2, CAIRN_BAD_ARGUMENT, 1);
+    CHANGED(samples[1].contact[0].position.y = (cairn_real)NAN, CAIRN_BAD_ARGUMENT, 1);
     CHANGED(points[3].direction.x = (cairn_real)NAN, CAIRN_BAD_ARGUMENT, 3);
     CHANGED(paths[0].first = -1, CAIRN_BAD_ARGUMENT, 0);
     CHANGED(paths[0].count = 0, CAIRN_BAD_ARGUMENT, 0);
@@ -391,7 +392,7 @@ static void models_are_checked(void **state)
     CHANGED(paths[1].parent = 1, CAIRN_BAD_ARGUMENT, 1);
     CHANGED(paths[1].branch = -1, CAIRN_BAD_ARGUMENT, 1);
     CHANGED(paths[1].branch = paths[0].count, CAIRN_BAD_ARGUMENT, 1);
-    CHANGED(paths[0].share = 2, CAIRN_BAD_ARGUMENT, 0);
+    CHANGED(paths[0].outline_share = 2, CAIRN_BAD_ARGUMENT, 0);
 #undef CHANGED
     assert_fault(&fault, cairn_shape_model_check(NULL, &fault), CAIRN_BAD_ARGUMENT, -1);
     test_pool_free(&s.pool);

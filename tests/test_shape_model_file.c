@@ -91,8 +91,8 @@ static void test_smallest_and_comments(void **state)
     assert_near(file.model.origin.y, 2, 0);
     assert_int_equal(file.model.paths[1].first, 1);
     assert_int_equal(file.model.paths[1].parent, 0);
-    assert_near(file.model.samples[1].side[1].position.y, -0.1, 1e-6);
-    assert_near(file.model.samples[1].share[1], 0.5, 0);
+    assert_near(file.model.samples[1].contact[1].position.y, -0.1, 1e-6);
+    assert_near(file.model.samples[1].outline_share[1], 0.5, 0);
     cairn_shape_model_file_free(&file);
 }
 
@@ -166,7 +166,7 @@ static void test_what_cannot_be_read_or_written(void **state)
     assert_status(cairn_shape_model_file_draw(&bad, "a", files_path("a.svg"), &error),
                   CAIRN_BAD_ARGUMENT);
     bad = made.model;
-    bad.outline_count = CAIRN_SHAPE_FILE_OUTLINE_MOST + 1;
+    bad.outline_count = CAIRN_SHAPE_FILE_MAX_OUTLINE + 1;
     bad.outline = calloc((size_t)bad.outline_count, sizeof *bad.outline);
     for (int32_t i = 0; i < bad.outline_count; i++)
         ((cairn_oriented_point *)bad.outline)[i].direction.x = 1;
@@ -192,7 +192,7 @@ static void test_outlines_that_make_no_model(void **state)
     assert_null(file.samples);
     assert_status(cairn_shape_model_file_build(&file, &flat, 0, &params, "name", &error),
                   CAIRN_BAD_ARGUMENT);
-    params.points = 1;
+    params.outline_samples = 1;
     assert_status(cairn_shape_model_file_build(&file, &flat, 1, &params, "name", &error),
                   CAIRN_BAD_ARGUMENT);
 }
@@ -244,7 +244,7 @@ static void test_gaps(void **state)
     cairn_shape_model_file_mirror(&again);
     assert_near(again.model.gaps[0].x, -file.model.gaps[0].x, 0);
     assert_near(again.model.gaps[0].y, file.model.gaps[0].y, 0);
-    again.model.gap_count = CAIRN_SHAPE_GAPS + 1;
+    again.model.gap_count = CAIRN_SHAPE_MAX_GAPS + 1;
     assert_status(cairn_shape_model_check(&again.model, NULL), CAIRN_BAD_ARGUMENT);
     cairn_shape_model_file_free(&again);
     cairn_shape_model_file_free(&file);
@@ -302,19 +302,19 @@ static void test_mirror(void **state)
 
         assert_near(a->centre.x, -b->centre.x, 0);
         assert_near(a->centre.y, b->centre.y, 0);
-        assert_near(a->side[0].position.x, -b->side[1].position.x, 0);
-        assert_near(a->side[1].position.y, b->side[0].position.y, 0);
-        assert_near(a->share[0], b->share[1], 0);
+        assert_near(a->contact[0].position.x, -b->contact[1].position.x, 0);
+        assert_near(a->contact[1].position.y, b->contact[0].position.y, 0);
+        assert_near(a->outline_share[0], b->outline_share[1], 0);
         /* Left is to the left of the path in image coordinates, as before. */
         if (i + 1 < m->paths[0].count) {
             cairn_vec2 along = cairn_vec2_sub(twice.samples[i + 1].centre, b->centre);
             cairn_vec2 was = cairn_vec2_sub(m->samples[i + 1].centre, a->centre);
             cairn_real side =
-                cairn_vec2_cross(along, cairn_vec2_sub(b->side[0].position, b->centre));
+                cairn_vec2_cross(along, cairn_vec2_sub(b->contact[0].position, b->centre));
 
-            assert_near(side,
-                        cairn_vec2_cross(was, cairn_vec2_sub(a->side[1].position, a->centre)) * -1,
-                        1e-6);
+            assert_near(
+                side, cairn_vec2_cross(was, cairn_vec2_sub(a->contact[1].position, a->centre)) * -1,
+                1e-6);
         }
     }
     for (int32_t i = 0; i < m->outline_count; i++) {

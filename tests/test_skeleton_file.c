@@ -46,9 +46,9 @@ static cairn_skeleton_picture picture(int there)
     p.result.point_count = 5;
     p.result.part_count = 2;
     p.result.object_count = 1;
-    p.result.centres = 21;
-    p.result.lines = 4;
-    p.result.starts = 6;
+    p.result.centre_count = 21;
+    p.result.line_count = 4;
+    p.result.seed_count = 6;
     p.boundary.contours = contours;
     p.boundary.corners = corners;
     p.boundary.contour_count = 2;
@@ -204,8 +204,8 @@ static void test_lines(void **state)
     text = files_read(files_path("lines.svg"), NULL);
     assert_non_null(text);
     assert_well_formed(text);
-    assert_int_equal(count_of(text, "h0\"/>"), p.result.centres);
-    assert_int_equal(count_of(text, "<path class=\"line\""), p.result.starts);
+    assert_int_equal(count_of(text, "h0\"/>"), p.result.centre_count);
+    assert_int_equal(count_of(text, "<path class=\"line\""), p.result.seed_count);
     assert_non_null(strstr(text, "M30.0 25.0h0"));
     free(text);
     test_pool_free(&pool);

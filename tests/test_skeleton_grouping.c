@@ -68,8 +68,8 @@ static void check(const cairn_skeleton_result *r, const cairn_skeleton_params *p
         for (int32_t side = 0; side < 2; side++) {
             assert_true(q->edgel[side] >= -1 && q->edgel[side] < edgel_count);
             if (q->edgel[side] >= 0)
-                assert_memory_equal(&q->touch[side], &edgels[q->edgel[side]].position,
-                                    sizeof q->touch[side]);
+                assert_memory_equal(&q->contact[side], &edgels[q->edgel[side]].position,
+                                    sizeof q->contact[side]);
         }
     }
     for (int32_t o = 0; o < r->object_count; o++) {
@@ -83,8 +83,8 @@ static void check(const cairn_skeleton_result *r, const cairn_skeleton_params *p
                 sum += (double)r->parts[i].log_odds;
             }
         assert_true(members > 0);
-        assert_int_equal(r->objects[o].parts, members);
-        assert_int_equal(r->objects[o].free_ends, ends);
+        assert_int_equal(r->objects[o].part_count, members);
+        assert_int_equal(r->objects[o].free_end_count, ends);
         assert_near(r->objects[o].log_odds, sum, NUMBER(1e-9, 1e-2));
         assert_true(o == 0 || r->objects[o].log_odds <= r->objects[o - 1].log_odds);
         parts += members;
@@ -112,8 +112,8 @@ static void a_bar_has_its_axis(void **state)
         check(&found, &params);
         assert_int_equal(found.part_count, 1);
         assert_int_equal(found.object_count, 1);
-        assert_int_equal(found.objects[0].free_ends, 2);
-        assert_true(found.centres > 60 && found.lines >= 1 && found.starts >= 1);
+        assert_int_equal(found.objects[0].free_end_count, 2);
+        assert_true(found.centre_count > 60 && found.line_count >= 1 && found.seed_count >= 1);
         assert_near(found.min_radius, 0.8 * r, 1e-5);
         assert_near(found.max_radius, 1.2 * r, 1e-5);
         for (int32_t i = 0; i < found.point_count; i++) {
@@ -132,7 +132,7 @@ static void a_bar_has_its_axis(void **state)
 
             for (int32_t side = 0; side < 2; side++) {
                 cairn_vec2 out =
-                    cairn_vec2_sub(found.points[i].touch[side], found.points[i].centre);
+                    cairn_vec2_sub(found.points[i].contact[side], found.points[i].centre);
 
                 assert_true(cairn_vec2_cross(way, out) * (side == 0 ? 1 : -1) > 0);
             }
@@ -184,7 +184,7 @@ static void limbs_join(void **state)
     check(&found, &params);
     assert_int_equal(found.part_count, 2);
     assert_int_equal(found.object_count, 1);
-    assert_int_equal(found.objects[0].free_ends, 3);
+    assert_int_equal(found.objects[0].free_end_count, 3);
     assert_near(found.points[found.parts[0].first + 3].radius, 10, 1);
     assert_near(found.points[found.parts[1].first + 3].radius, 5, 1);
     test_pool_free(&f.pool);
@@ -323,7 +323,7 @@ static void run_two_bars(const cairn_skeleton_params *params, double slope, doub
     half = edgel_count;
     add_bar(40, 120, 160, 120, 9);
     for (int32_t i = 0; i < edgel_count; i++)
-        edgels[i].slope = (cairn_real)(i < half ? slope : other);
+        edgels[i].gradient_magnitude = (cairn_real)(i < half ? slope : other);
     found = run(f.skeleton, 7, 11);
     check(&found, params);
     log_odds[0] = log_odds[1] = 0;
@@ -343,7 +343,7 @@ static void steep_edges_stand_out(void **state)
     double even[2], odds[2];
 
     (void)state;
-    params.contrast = 2;
+    params.contrast_weight = 2;
     run_two_bars(&params, 10, 10, even);
     for (int32_t way = 0; way < 3; way++) {
         run_two_bars(&params, unknown[way][0], unknown[way][1], odds);
@@ -355,7 +355,7 @@ static void steep_edges_stand_out(void **state)
     run_two_bars(&params, 10, 90, odds);
     assert_true(odds[1] > even[1] + 2 * log(3) * 38);
     assert_true(odds[0] < even[0] - 2 * log(3) * 38);
-    params.contrast = 0;
+    params.contrast_weight = 0;
     run_two_bars(&params, 10, 90, odds);
     assert_near(odds[0], even[0], 1e-3 * even[0]);
     assert_near(odds[1], even[1], 1e-3 * even[1]);
@@ -369,7 +369,7 @@ static int32_t starts_of(double contrast, double white, double left, double righ
     cairn_skeleton_result found;
     struct fixture f;
 
-    params.contrast = (cairn_real)contrast;
+    params.contrast_weight = (cairn_real)contrast;
     f = with(params);
     for (int32_t i = 0; i < 20; i++) {
         int32_t column = i % 5, row = i / 5;
@@ -379,11 +379,11 @@ static int32_t starts_of(double contrast, double white, double left, double righ
     }
     (void)run(f.skeleton, 5, 8);
     for (int32_t i = 0; i < edgel_count; i++)
-        edgels[i].slope = (cairn_real)(i / 2 % 2 ? white : i % 2 ? right : left);
+        edgels[i].gradient_magnitude = (cairn_real)(i / 2 % 2 ? white : i % 2 ? right : left);
     found = run(f.skeleton, 5, 8);
     check(&found, &params);
     test_pool_free(&f.pool);
-    return found.starts;
+    return found.seed_count;
 }
 
 /* Dull CPs do not take the starts from those with steep edges on both sides; where slopes do not
@@ -449,11 +449,11 @@ static void centres_are_those_of_all_pairs(void **state)
 
                 for (int32_t j = 0; j < edgel_count; j++)
                     best = fmin(best, twin_cost(&edgels[i], k ? 1 : -1, &edgels[j], low, high,
-                                                (double)params.symmetry));
+                                                (double)params.symmetry_sigma));
                 expected += best < 4;
             }
         assert_true(expected > 20);
-        assert_int_equal(run(f.skeleton, 5, 11).centres, expected);
+        assert_int_equal(run(f.skeleton, 5, 11).centre_count, expected);
     }
     test_pool_free(&f.pool);
 }
@@ -468,7 +468,7 @@ static void little_or_nothing(void **state)
 
     (void)state;
     assert_int_equal(found.part_count, 0);
-    assert_int_equal(found.centres, 0);
+    assert_int_equal(found.centre_count, 0);
     found = run(f.skeleton, 0, 0);
     assert_int_equal(found.part_count, 0);
     add(10, 10, 1, 0);
@@ -532,8 +532,8 @@ static void little_room(void **state)
     (void)state;
     for (int32_t k = 0; k < 6; k++) {
         cairn_skeleton_params params = small_params();
-        int32_t *field[] = {&params.max_lines, &params.max_parts, &params.max_points,
-                            &params.max_steps, &params.particles, &params.max_centres};
+        int32_t *field[] = {&params.max_lines, &params.max_parts,      &params.max_points,
+                            &params.max_steps, &params.particle_count, &params.max_centres};
         cairn_skeleton_result found;
         struct fixture f;
 
@@ -543,8 +543,8 @@ static void little_room(void **state)
         found = run(f.skeleton, 4, 12);
         check(&found, &params);
         assert_true(k != 1 || found.part_count <= 1);
-        assert_true(k != 5 || found.centres <= 40);
-        assert_true(k != 0 || found.starts <= 1);
+        assert_true(k != 5 || found.centre_count <= 40);
+        assert_true(k != 0 || found.seed_count <= 1);
         test_pool_free(&f.pool);
     }
 }
@@ -563,7 +563,7 @@ static void few_centres(void **state)
         draw_scene();
         found = run(f.skeleton, 4, 12);
         check(&found, &params);
-        assert_in_range(found.centres, 0, most);
+        assert_in_range(found.centre_count, 0, most);
         test_pool_free(&f.pool);
     }
 }
@@ -582,11 +582,11 @@ static void starts_are_left_out(void **state)
         f = with(params);
         draw_scene();
         found = run(f.skeleton, 4, 12);
-        assert_int_equal(found.left_out > 0, k > 0);
+        assert_int_equal(found.dropped_seed_count > 0, k > 0);
         if (k == 0)
-            assert_true(found.starts > 1);
+            assert_true(found.seed_count > 1);
         else
-            assert_int_equal(found.starts, k == 1 ? 1 : 0);
+            assert_int_equal(found.seed_count, k == 1 ? 1 : 0);
         test_pool_free(&f.pool);
     }
 }
@@ -625,7 +625,7 @@ static void steepness_is_of_the_image(void **state)
     for (size_t k = 0; k < sizeof slopes / sizeof *slopes; k++) {
         edgel_count = 0;
         add(WIDTH / 2.0, HEIGHT / 2.0, 1, 0);
-        edgels[0].slope = (cairn_real)slopes[k];
+        edgels[0].gradient_magnitude = (cairn_real)slopes[k];
         (void)run(f.skeleton, 4, 12);
         edgel_count = 0;
         draw_scene();
@@ -689,7 +689,7 @@ static void bad_input_is_refused(void **state)
     assert_true(tell(f.skeleton) == before);
     for (int32_t k = 0; k < 5; k++) {
         cairn_real *field[] = {&edgels[9].position.x, &edgels[9].position.y, &edgels[9].normal.x,
-                               &edgels[9].normal.y, &edgels[9].slope};
+                               &edgels[9].normal.y, &edgels[9].gradient_magnitude};
         cairn_real kept = *field[k];
 
         *field[k] = (cairn_real)(k % 2 ? NAN : INFINITY);
@@ -714,9 +714,10 @@ static void bad_params_are_refused(void **state)
         int32_t *field, most;
     } counts[] = {{&p.max_width, 8192},      {&p.max_height, 8192}, {&p.max_edgels, 1 << 24},
                   {&p.max_centres, 1 << 20}, {&p.max_lines, 4096},  {&p.max_parts, 4096},
-                  {&p.max_points, 1 << 20},  {&p.max_steps, 1024},  {&p.particles, 1024}};
-    cairn_real *const positive[] = {&p.duality, &p.reach, &p.radius, &p.symmetry, &p.stop};
-    cairn_real *const shares[] = {&p.detection, &p.flip};
+                  {&p.max_points, 1 << 20},  {&p.max_steps, 1024},  {&p.particle_count, 1024}};
+    cairn_real *const positive[] = {&p.duality_sigma, &p.step_sigma, &p.radius_sigma,
+                                    &p.symmetry_sigma, &p.stop_log_odds};
+    cairn_real *const shares[] = {&p.detection_probability, &p.polarity_flip_probability};
     cairn_pool pool = test_pool(cairn_skeleton_memory(&good));
     cairn_skeleton *skeleton = NULL;
 
@@ -750,10 +751,10 @@ static void bad_params_are_refused(void **state)
         p.min_log_odds = (cairn_real)bad;
         assert_int_equal(cairn_skeleton_memory(&p), 0);
         p = good;
-        p.contrast = (cairn_real)bad;
+        p.contrast_weight = (cairn_real)bad;
         assert_int_equal(cairn_skeleton_memory(&p), 0);
         p = good;
-        p.min_mirror = (cairn_real)bad;
+        p.min_mirror_ratio = (cairn_real)bad;
         assert_int_equal(cairn_skeleton_memory(&p), 0);
     }
     p = good;
@@ -762,8 +763,8 @@ static void bad_params_are_refused(void **state)
     p.mode = -1;
     assert_int_equal(cairn_skeleton_memory(&p), 0);
     p = good;
-    p.min_log_odds = p.contrast = 0;
-    p.min_mirror = 1;
+    p.min_log_odds = p.contrast_weight = 0;
+    p.min_mirror_ratio = 1;
     assert_true(cairn_skeleton_memory(&p) > 0);
     assert_int_equal(cairn_skeleton_memory(NULL), 0);
     assert_status(cairn_skeleton_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
@@ -779,7 +780,7 @@ static void memory_is_what_it_says(void **state)
     (void)state;
     params.max_width = params.max_height = 20;
     params.max_edgels = params.max_centres = params.max_points = 9;
-    params.max_lines = params.max_parts = params.max_steps = params.particles = 2;
+    params.max_lines = params.max_parts = params.max_steps = params.particle_count = 2;
     test_every_pool_size(create_in, &params, cairn_skeleton_memory(&params));
 }
 

@@ -21,7 +21,7 @@ static void a_bar_has_its_axis(void **state)
         add_bar(100 - 45 * c, 80 - 45 * s, 100 + 45 * c, 80 + 45 * s, r, 3 + (uint64_t)k);
         found = run(f.skeleton, 0.8 * r, 1.2 * r);
         check(&found, &params);
-        assert_true(found.part_count >= 1 && found.left_out == 0);
+        assert_true(found.part_count >= 1 && found.dropped_seed_count == 0);
         for (int32_t i = 0; i < found.point_count; i++) {
             double x = (double)found.points[i].centre.x - 100,
                    y = (double)found.points[i].centre.y - 80;
@@ -82,7 +82,7 @@ static void contrast_does_not_count(void **state)
     first = found.parts[0].log_odds;
     parts = found.part_count;
     for (int32_t i = 0; i < edgel_count; i++) {
-        edgels[i].slope = (cairn_real)(1 + i % 7 * 5);
+        edgels[i].gradient_magnitude = (cairn_real)(1 + i % 7 * 5);
         edgels[i].normal = cairn_vec2_scale(edgels[i].normal, i % 3 ? 1 : -1);
     }
     found = run(f.skeleton, 6, 10);
@@ -104,7 +104,7 @@ static void little_or_nothing(void **state)
 
     (void)state;
     assert_int_equal(found.part_count, 0);
-    assert_int_equal(found.centres, 0);
+    assert_int_equal(found.centre_count, 0);
     assert_false(cairn_skeleton_centre_point(f.skeleton, 0, &at, &radius));
     assert_false(cairn_skeleton_mirror_line(f.skeleton, 0, &line));
     assert_false(cairn_skeleton_mirror_line(f.skeleton, -1, &line));
@@ -127,11 +127,11 @@ static void all_particles_die(void **state)
     cairn_skeleton_result found;
 
     (void)state;
-    params.reach = CAIRN_REAL(0.3);
+    params.step_sigma = CAIRN_REAL(0.3);
     f = with(params);
     add_bar(40, 60, 150, 80, 8, 2);
     found = run(f.skeleton, 6, 10);
-    assert_true(found.centres > 100 && found.starts > 0);
+    assert_true(found.centre_count > 100 && found.seed_count > 0);
     assert_int_equal(found.part_count, 0);
     test_pool_free(&f.pool);
 }
@@ -150,13 +150,13 @@ static void crowds_are_thinned(void **state)
     (void)state;
     params.max_centres = 1001;
     params.max_steps = 6;
-    params.particles = 4;
-    params.reach = 12;
+    params.particle_count = 4;
+    params.step_sigma = 12;
     f = with(params);
     add_noise(2900, 7);
     found = run(f.skeleton, 4, 20);
     check(&found, &params);
-    assert_true(found.centres > 10000);
+    assert_true(found.centre_count > 10000);
     while (cairn_skeleton_centre_point(f.skeleton, listed, &at, &radius))
         listed++;
     assert_in_range(listed, 1001 / 2, 1001);
@@ -168,8 +168,8 @@ static void little_room(void **state)
     (void)state;
     for (int32_t k = 0; k < 6; k++) {
         cairn_skeleton_params params = small_params();
-        int32_t *field[] = {&params.max_lines, &params.max_parts, &params.max_points,
-                            &params.max_steps, &params.particles, &params.max_centres};
+        int32_t *field[] = {&params.max_lines, &params.max_parts,      &params.max_points,
+                            &params.max_steps, &params.particle_count, &params.max_centres};
         cairn_skeleton_result found;
         struct fixture f;
 
@@ -179,9 +179,9 @@ static void little_room(void **state)
         add_bar(30, 120, 170, 120, 7, 2);
         found = run(f.skeleton, 6, 10);
         check(&found, &params);
-        assert_true(k != 1 || (found.part_count == 0 && found.left_out > 0));
-        assert_true(k != 2 || (found.starts == 1 && found.left_out > 0));
-        assert_true(k != 0 || found.starts <= 1);
+        assert_true(k != 1 || (found.part_count == 0 && found.dropped_seed_count > 0));
+        assert_true(k != 2 || (found.seed_count == 1 && found.dropped_seed_count > 0));
+        assert_true(k != 0 || found.seed_count <= 1);
         test_pool_free(&f.pool);
     }
 }
@@ -201,7 +201,7 @@ static void budgets_do_not_matter(void **state)
     struct fixture f;
 
     (void)state;
-    params.particles = 4;
+    params.particle_count = 4;
     params.max_steps = 20;
     params.max_centres = 300;
     f = with(params);
@@ -217,7 +217,7 @@ static void it_begins_anew(void **state)
     test_stepped object;
 
     (void)state;
-    params.particles = 4;
+    params.particle_count = 4;
     params.max_steps = 20;
     params.max_centres = 300;
     f = with(params);
@@ -234,7 +234,7 @@ static void memory_is_what_it_says(void **state)
     (void)state;
     params.max_width = params.max_height = 20;
     params.max_edgels = params.max_centres = params.max_points = 9;
-    params.max_lines = params.max_parts = params.max_steps = params.particles = 1;
+    params.max_lines = params.max_parts = params.max_steps = params.particle_count = 1;
     test_every_pool_size(create_in, &params, cairn_skeleton_memory(&params));
     assert_true(cairn_skeleton_memory(&params) > 0);
 }

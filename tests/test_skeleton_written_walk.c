@@ -19,18 +19,19 @@ static int best_follower(const reference_pose *walk, int32_t count, const double
                          reference_pose *best, double *weight)
 {
     const reference_pose *last = &walk[count - 1];
-    double margin = 3 * (double)p->radius;
+    double margin = 3 * (double)p->radius_sigma;
     int32_t followers = 0;
 
     for (int32_t i = 0; i < edgel_count; i++)
         for (int32_t j = 0;
-             j < edgel_count && is_ahead(last, heading, 0, &edgels[i], (double)p->reach); j++) {
+             j < edgel_count && is_ahead(last, heading, 0, &edgels[i], (double)p->step_sigma);
+             j++) {
             reference_pose next;
             double way[2], w;
 
-            if (i == j || !is_ahead(last, heading, 1, &edgels[j], (double)p->reach) ||
-                !reference_of(i, j, fmax(least - margin, 1), most + margin, (double)p->symmetry,
-                              &next) ||
+            if (i == j || !is_ahead(last, heading, 1, &edgels[j], (double)p->step_sigma) ||
+                !reference_of(i, j, fmax(least - margin, 1), most + margin,
+                              (double)p->symmetry_sigma, &next) ||
                 !put_in_order(last, &next, way) || !may_follow(walk, count, &next))
                 continue;
             w = reference_weight(last, &next, p, least, most);
@@ -56,7 +57,7 @@ static int is_walk_of(const cairn_skeleton_result *r, const cairn_skeleton_part 
     assert_true(reference_of(first, second, 1, 1000, PI, &walk[0]));
     for (; count <= p->max_steps; count++) {
         if (!best_follower(walk, count, heading, p, least, most, &walk[count], &weight) ||
-            weight < -(double)p->stop)
+            weight < -(double)p->stop_log_odds)
             break;
         (void)put_in_order(&walk[count - 1], &walk[count], heading);
         sum += weight + REFERENCE;
@@ -88,10 +89,10 @@ static void centres_are_those_of_all_pairs(void **state)
             for (int32_t j = i + 1; j < edgel_count; j++) {
                 reference_pose t;
 
-                expected += reference_of(i, j, 5, 11, (double)params.symmetry, &t);
+                expected += reference_of(i, j, 5, 11, (double)params.symmetry_sigma, &t);
             }
         assert_true(expected > 50 && expected < params.max_centres);
-        assert_near(run(f.skeleton, 5, 11).centres, expected, NUMBER(0, 2));
+        assert_near(run(f.skeleton, 5, 11).centre_count, expected, NUMBER(0, 2));
         while (cairn_skeleton_centre_point(f.skeleton, listed, &at, &radius)) {
             assert_true(radius >= 5 && radius <= 11);
             listed++;
@@ -110,8 +111,8 @@ static void walks_are_those_of_the_reference(void **state)
     (void)state;
     if (sizeof(cairn_real) < sizeof(double))
         skip();
-    params.particles = 1;
-    params.reach = 6;
+    params.particle_count = 1;
+    params.step_sigma = 6;
     params.min_log_odds = 0;
     params.max_steps = 40;
     for (uint64_t seed = 1; seed <= 3; seed++) {

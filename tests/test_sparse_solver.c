@@ -113,7 +113,7 @@ static void same_solutions_and_covariances(void **state)
     (void)state;
     if (!open_or_say_so(&sparse))
         return;
-    face[0] = cairn_sparse_solver_face(sparse);
+    face[0] = cairn_sparse_solver_interface(sparse);
     face[1] = builtin(&pool);
     for (uint64_t seed = 1; seed < 6; seed++) {
         for (int32_t i = 0; i < 3 * POSES; i++)
@@ -169,7 +169,7 @@ static void same_poses(void **state)
     (void)state;
     if (!open_or_say_so(&sparse))
         return;
-    face = cairn_sparse_solver_face(sparse);
+    face = cairn_sparse_solver_interface(sparse);
     for (int k = 0; k < 2; k++) {
         const cairn_pose_solver *own = k == 0 ? &face : NULL;
         cairn_random random = cairn_random_seed(5, 0);
@@ -222,7 +222,7 @@ static void refusals(void **state)
     cairn_sparse_solver_close(NULL);
     if (!open_or_say_so(&sparse))
         return;
-    f = cairn_sparse_solver_face(sparse);
+    f = cairn_sparse_solver_interface(sparse);
     assert_ok(f.step(f.context, &budget));
     assert_int_equal(budget.left, 5);
     assert_status(f.add_link(f.context, 0, 1), CAIRN_BAD_ARGUMENT);
@@ -253,14 +253,14 @@ static void refusals(void **state)
     assert_status(f.factor(f.context), CAIRN_BAD_ARGUMENT);
     assert_ok(run(&f));
     assert_int_equal(f.read(f.context).state, CAIRN_BLOCK_SOLVER_NOT_POSITIVE);
-    assert_int_equal(f.read(f.context).pose, 1);
+    assert_int_equal(f.read(f.context).failed_pose, 1);
     assert_ok(f.clear(f.context));
-    assert_int_equal(f.read(f.context).pose, -1);
+    assert_int_equal(f.read(f.context).failed_pose, -1);
     for (int32_t i = 0; i < 2; i++)
         assert_ok(f.add_pose_block(f.context, i, one));
     assert_ok(f.factor(f.context));
     assert_ok(run(&f));
-    assert_int_equal(f.read(f.context).pose, -1);
+    assert_int_equal(f.read(f.context).failed_pose, -1);
     b[5] = nan;
     assert_status(f.solve(f.context, b), CAIRN_NOT_FINITE);
     assert_status(f.solution(f.context, 0, x), CAIRN_EMPTY);
@@ -294,7 +294,7 @@ static void one_pose(void **state)
     (void)state;
     if (!open_or_say_so(&sparse))
         return;
-    f = cairn_sparse_solver_face(sparse);
+    f = cairn_sparse_solver_interface(sparse);
     assert_int_equal(state_of_pose(&f, uneven), CAIRN_BLOCK_SOLVER_FACTORED);
     for (int k = 0; k < 3; k++) {
         const cairn_real tiny = (cairn_real)NUMBER(1e-300, 1e-30);
@@ -324,7 +324,7 @@ static void small_pivots(void **state)
     (void)state;
     if (!open_or_say_so(&sparse))
         return;
-    f = cairn_sparse_solver_face(sparse);
+    f = cairn_sparse_solver_interface(sparse);
     for (int k = 0; k < 6; k++) {
         const cairn_real left = (cairn_real)(k < 3 ? 48 : 96) * (cairn_real)DBL_EPSILON;
         const cairn_sym3 rest = {k % 3 == 0 ? left : 1, 0, 0,
@@ -359,7 +359,7 @@ static void memory(void **state)
     (void)state;
     if (!open_or_say_so(&sparse))
         return;
-    f = cairn_sparse_solver_face(sparse);
+    f = cairn_sparse_solver_interface(sparse);
     empty = cairn_sparse_solver_memory(sparse);
     for (int32_t poses = 1; poses < 8; poses++) {
         size_t n = 3 * (size_t)poses;

@@ -44,19 +44,19 @@ static void dear_items_are_paid_over_several_calls(void **state)
     int32_t paid = 0;
 
     (void)state;
-    assert_false(cairn_budget_pay(&budget, &paid, 1));
+    assert_false(cairn_budget_charge(&budget, &paid, 1));
     budget.left = -3;
-    assert_false(cairn_budget_pay(&budget, &paid, 1));
+    assert_false(cairn_budget_charge(&budget, &paid, 1));
     assert_int_equal(budget.left, -3);
     budget.left = 2;
-    assert_false(cairn_budget_pay(&budget, &paid, 5));
+    assert_false(cairn_budget_charge(&budget, &paid, 5));
     assert_int_equal(budget.left, 0);
     budget.left = 7;
-    assert_true(cairn_budget_pay(&budget, &paid, 5));
+    assert_true(cairn_budget_charge(&budget, &paid, 5));
     assert_int_equal(budget.left, 4);
-    assert_true(cairn_budget_pay(&budget, &paid, 4));
+    assert_true(cairn_budget_charge(&budget, &paid, 4));
     assert_int_equal(budget.left + paid, 0);
-    assert_true(cairn_budget_pay(&budget, &paid, 0));
+    assert_true(cairn_budget_charge(&budget, &paid, 0));
 }
 
 static void a_refusal_fills_in_the_fault(void **state)
@@ -66,7 +66,7 @@ static void a_refusal_fills_in_the_fault(void **state)
     (void)state;
     assert_status(cairn_refuse(&fault, INT64_MAX, "what", CAIRN_FULL), CAIRN_FULL);
     assert_true(fault.index == INT64_MAX);
-    assert_string_equal(fault.what, "what");
+    assert_string_equal(fault.message, "what");
     assert_status(cairn_refuse(NULL, 0, "what", CAIRN_EMPTY), CAIRN_EMPTY);
 }
 

@@ -100,7 +100,7 @@ static void fly(surveyor *s, const drive *d, int32_t units, int32_t early)
         cairn_budget budget = {units};
         surveyor_work work;
 
-        if (next < SWEEPS && !s->waits && (early || !s->mapping)) {
+        if (next < SWEEPS && !s->queued && (early || !s->mapping)) {
             assert_int_equal(surveyor_offer(s, &d->sweep[next]), CAIRN_OK);
             if (++next == SWEEPS)
                 surveyor_finish(s);
@@ -220,7 +220,7 @@ static void what_is_refused(void **state)
     assert_int_equal(surveyor_create(&s, memory, cairn_mapper_memory(&params.mapper) / 2, &params),
                      CAIRN_NO_MEMORY);
     assert_int_equal(surveyor_create(&s, NULL, MEMORY, &params), CAIRN_BAD_ARGUMENT);
-    params.mapper.max_keys = 0;
+    params.mapper.max_keyframes = 0;
     assert_int_equal(surveyor_create(&s, memory, MEMORY, &params), CAIRN_BAD_ARGUMENT);
     s = made_surveyor();
     assert_int_equal(surveyor_offer(&s, &bad), CAIRN_OK);
@@ -277,7 +277,7 @@ static void it_goes_on_and_on(void **state)
 
     (void)state;
     params.mapper = cairn_mapper_default_for(FEW_KEYS, BEAMS);
-    params.mapper.release = 1;
+    params.mapper.cull_keyframes = 1;
     d.random = cairn_random_seed(7, 1);
     assert_int_equal(surveyor_create(&s, memory, sizeof memory, &params), CAIRN_OK);
     for (int32_t turn = 0; turn < LAPS * LAP; turn++) {
@@ -286,7 +286,7 @@ static void it_goes_on_and_on(void **state)
 
         drive_on(&d, turn);
         assert_int_equal(surveyor_offer(&s, &d.sweep), CAIRN_OK);
-        while (s.waits || s.mapping) {
+        while (s.queued || s.mapping) {
             cairn_budget budget = {1000};
             surveyor_work work;
 
@@ -297,13 +297,13 @@ static void it_goes_on_and_on(void **state)
         off[turn / LAP] +=
             hypot((double)(found.x - d.truth.x), (double)(found.y - d.truth.y)) / LAP;
         assert_int_equal(s.pool.used, used);
-        assert_true(cairn_mapper_measure(s.mapper).keys < FEW_KEYS);
-        if (full == LAPS && cairn_mapper_measure(s.mapper).releases > 0)
+        assert_true(cairn_mapper_measure(s.mapper).keyframes < FEW_KEYS);
+        if (full == LAPS && cairn_mapper_measure(s.mapper).culled_keyframes > 0)
             full = turn / LAP + 1;
     }
     assert_int_equal(s.taken, LAPS * LAP);
     assert_true(full < LAPS / 4);
-    assert_true(cairn_mapper_measure(s.mapper).releases > 3 * FEW_KEYS);
+    assert_true(cairn_mapper_measure(s.mapper).culled_keyframes > 3 * FEW_KEYS);
     for (int32_t lap = full; lap < LAPS; lap++) {
         assert_true(off[lap] < 0.02);
         sum[lap >= (full + LAPS) / 2] +=
@@ -324,13 +324,13 @@ static void a_full_map_stays(void **state)
 
     (void)state;
     make_drive(&d);
-    params.mapper.max_keys = 2;
+    params.mapper.max_keyframes = 2;
     assert_int_equal(surveyor_create(&s, memory, sizeof memory, &params), CAIRN_OK);
     while (status != CAIRN_OK) {
         cairn_budget budget = {1000};
         surveyor_work work;
 
-        if (next < SWEEPS && !s.waits) {
+        if (next < SWEEPS && !s.queued) {
             assert_int_equal(surveyor_offer(&s, &d.sweep[next]), CAIRN_OK);
             if (++next == SWEEPS)
                 surveyor_finish(&s);
@@ -339,7 +339,7 @@ static void a_full_map_stays(void **state)
         refused += status == CAIRN_FULL;
         assert_true(status >= 0 || status == CAIRN_FULL);
     }
-    assert_int_equal(cairn_mapper_measure(s.mapper).keys, 2);
+    assert_int_equal(cairn_mapper_measure(s.mapper).keyframes, 2);
     assert_int_equal(refused, SWEEPS - s.taken + 1);
     assert_true(s.taken > 2);
 }

@@ -56,8 +56,8 @@ static void of_a_circle_it_is_the_centre(void **state)
         assert_near(sp.centre.y, y, NUMBER(1e-9, 1e-3));
         assert_near(sp.radius, r, NUMBER(1e-9, 1e-3));
         assert_near(sp.deviation, 0, NUMBER(1e-12, 1e-5));
-        assert_memory_equal(&sp.touch[i % 3 == 0], &p.position, sizeof p.position);
-        assert_memory_equal(&sp.touch[i % 3 != 0], &q.position, sizeof q.position);
+        assert_memory_equal(&sp.contact[i % 3 == 0], &p.position, sizeof p.position);
+        assert_memory_equal(&sp.contact[i % 3 != 0], &q.position, sizeof q.position);
         assert_int_equal(sp.first, 0);
         assert_int_equal(sp.second, 1);
     }
@@ -200,8 +200,8 @@ static int slow_pair(const cairn_symmetric_point_params *p, cairn_segment s, cai
                 sp.radius < p->min_radius || sp.radius > p->max_radius ||
                 sp.deviation > p->max_deviation)
                 continue;
-            off = hypot((double)(sp.centre.x - (sp.touch[0].x + sp.touch[1].x) / 2),
-                        (double)(sp.centre.y - (sp.touch[0].y + sp.touch[1].y) / 2));
+            off = hypot((double)(sp.centre.x - (sp.contact[0].x + sp.contact[1].x) / 2),
+                        (double)(sp.centre.y - (sp.contact[0].y + sp.contact[1].y) / 2));
             if (!found || (double)sp.deviation < (double)best->deviation - NUMBER(1e-12, 1e-6) ||
                 (fabs((double)(sp.deviation - best->deviation)) <= NUMBER(1e-12, 1e-6) &&
                  off < off_best - NUMBER(1e-9, 1e-4))) {
@@ -267,8 +267,8 @@ static void equally_good_pairs(void **state)
     assert_int_equal(cairn_symmetric_point_of_segments(&params, segment(2, 2, 22, 12),
                                                        segment(2, -2, 22, -12), &sp),
                      1);
-    assert_near(sp.touch[0].x, 4, NUMBER(1e-12, 1e-5));
-    assert_near(sp.touch[1].x, 4, NUMBER(1e-12, 1e-5));
+    assert_near(sp.contact[0].x, 4, NUMBER(1e-12, 1e-5));
+    assert_near(sp.contact[1].x, 4, NUMBER(1e-12, 1e-5));
 }
 
 static void samples_follow_the_length(void **state)
@@ -286,7 +286,7 @@ static void samples_follow_the_length(void **state)
             cairn_symmetric_point_of_segments(&params, segment(0, 0, cases[k].length, 0),
                                               segment(0, 30, cases[k].length, 30), &sp),
             1);
-        assert_near(sp.touch[0].x, cases[k].at, NUMBER(1e-12, 1e-5));
+        assert_near(sp.contact[0].x, cases[k].at, NUMBER(1e-12, 1e-5));
     }
 }
 

@@ -18,8 +18,8 @@ static cairn_virtual_align_params hesitant_params(void)
 {
     cairn_virtual_align_params p = small_params();
 
-    p.aligner.least_evidence = 16;
-    p.aligner.max_repairs = 0;
+    p.aligner.min_log_likelihood_ratio = 16;
+    p.aligner.max_relocalizations = 0;
     return p;
 }
 
@@ -42,7 +42,7 @@ static void rooms_come_together(void **state)
         right_with += right(&r, bed.align) == SCANS;
         assert_in_range(result.rounds, 0, 2);
         assert_int_equal(result.iterations % with.field.max_steps, 0);
-        assert_int_equal(result.active, result.iterations);
+        assert_int_equal(result.active_iterations, result.iterations);
         assert_true(result.align_units > 0);
         assert_int_equal(result.hypotheses > 0, result.rounds > 0);
         assert_int_equal(result.hypothesis_units > result.slide.units + 2 * SCANS + 1,
@@ -53,7 +53,7 @@ static void rooms_come_together(void **state)
         add_rooms(&bed, &r);
         run(bed.align, CAIRN_UNBOUNDED);
         right_without += right(&r, bed.align) == SCANS;
-        assert_int_equal(cairn_virtual_align_read(bed.align).active, 0);
+        assert_int_equal(cairn_virtual_align_read(bed.align).active_iterations, 0);
         test_pool_free(&bed.pool);
         leave(&r);
     }
@@ -99,7 +99,7 @@ static void settled_scans_stay(void **state)
         assert_int_equal(moves[i],
                          !cairn_aligner_pose_of(cairn_virtual_align_aligner(bed.align), i).placed);
     }
-    assert_int_equal(moved, cairn_virtual_align_read(bed.align).moved);
+    assert_int_equal(moved, cairn_virtual_align_read(bed.align).moved_scans);
     assert_in_range(moved, 1, SCANS - 2);
     assert_true(cairn_virtual_align_running(bed.align));
     test_pool_free(&bed.pool);
@@ -117,7 +117,7 @@ static void the_budget_does_not_matter(void **state)
 
     (void)state;
     p.field.max_steps = 7;
-    p.every = 2;
+    p.rebuild_interval = 2;
     bed = bed_with(&p);
     add_rooms(&bed, &r);
     for (int k = 0; k < 3; k++) {
@@ -194,12 +194,12 @@ static void the_field_alone(void **state)
     cairn_virtual_align_result result;
 
     (void)state;
-    p.align = 0;
+    p.use_aligner = 0;
     bed = bed_with(&p);
     add_rooms(&bed, &r);
     run(bed.align, CAIRN_UNBOUNDED);
     result = cairn_virtual_align_read(bed.align);
-    assert_int_equal(result.moved, SCANS);
+    assert_int_equal(result.moved_scans, SCANS);
     assert_int_equal(result.rounds, 1);
     assert_int_equal(result.iterations, p.field.max_steps);
     assert_int_equal(result.align_units, 0);
@@ -236,7 +236,7 @@ static void little_to_align(void **state)
             assert_near(got.aligned.map_scan.x, 1, 1e-6);
             assert_near(got.aligned.map_scan.theta, 0.5, 1e-6);
         }
-        assert_int_equal(cairn_virtual_align_read(bed.align).active, 0);
+        assert_int_equal(cairn_virtual_align_read(bed.align).active_iterations, 0);
     }
     assert_near(cairn_virtual_align_pose_of(bed.align, 3).aligned.map_scan.x, 0, 0);
     assert_near(cairn_virtual_align_pose_of(bed.align, -1).aligned.map_scan.x, 0, 0);
@@ -252,7 +252,7 @@ struct twin {
     cairn_aligner *aligner;
     cairn_force_field *field;
     cairn_virtual_scan *hypotheses;
-    cairn_wall_slide *slide;
+    cairn_weak_direction *slide;
     cairn_real spread;
     const cairn_pose *start;
     cairn_virtual_align_result result;
@@ -272,14 +272,14 @@ static struct twin twin_of(const cairn_virtual_align_params *p, const struct roo
     t.p.field.max_points = t.p.hypotheses.max_points = p->aligner.max_points;
     t.p.field.max_extra = p->hypotheses.max_virtual;
     t.p.field.max_bonds = SCANS * (SCANS + 1) / 2;
-    t.pool =
-        test_pool(cairn_aligner_memory(&t.p.aligner) + cairn_force_field_memory(&t.p.field) +
-                  cairn_virtual_scan_memory(&t.p.hypotheses) + cairn_wall_slide_memory(&t.p.slide));
+    t.pool = test_pool(cairn_aligner_memory(&t.p.aligner) + cairn_force_field_memory(&t.p.field) +
+                       cairn_virtual_scan_memory(&t.p.hypotheses) +
+                       cairn_weak_direction_memory(&t.p.slide));
     t.start = r->start;
     assert_ok(cairn_aligner_create(&t.aligner, &t.pool, &t.p.aligner));
     assert_ok(cairn_force_field_create(&t.field, &t.pool, &t.p.field));
     assert_ok(cairn_virtual_scan_create(&t.hypotheses, &t.pool, &t.p.hypotheses));
-    assert_ok(cairn_wall_slide_create(&t.slide, &t.pool, &t.p.slide));
+    assert_ok(cairn_weak_direction_create(&t.slide, &t.pool, &t.p.slide));
     for (int32_t i = 0; i < SCANS; i++) {
         cairn_scan_view view = view_of(r, i);
 
@@ -337,7 +337,7 @@ static double twin_across(const struct twin *t, int32_t scan)
 /* 1 when the aligner goes on from what it has found. */
 static int twin_goes_on(const struct twin *t)
 {
-    return t->result.aligner.placed >= 2 && t->result.aligner.largest >= 3;
+    return t->result.aligner.placed >= 2 && t->result.aligner.largest_size >= 3;
 }
 
 /* What was placed before stays; the new ones by the motion of all that was. */
@@ -375,7 +375,7 @@ static int twin_judges(struct twin *t)
         return 1;
     }
     for (int32_t i = 0; i < t->count; i++) {
-        t->moves[i] = t->moves[i] && (t->result.aligner.placed < 2 || t->kept[i].part != 0);
+        t->moves[i] = t->moves[i] && (t->result.aligner.placed < 2 || t->kept[i].component != 0);
         if (!t->moves[i])
             t->found[i] = t->kept[i].map_scan;
     }
@@ -386,17 +386,17 @@ static int twin_judges(struct twin *t)
 /* Fixed is what the aligner has placed together with another scan. */
 static void twin_places(struct twin *t)
 {
-    t->result.moved = 0;
+    t->result.moved_scans = 0;
     for (int32_t i = 0; i < t->count; i++) {
         cairn_aligner_pose at = t->kept[i];
 
-        t->moves[i] =
-            !t->p.align || t->result.aligner.placed < 2 ||
-            (!at.placed && !cairn_wall_slide_is_loose(t->slide, &at) && twin_across(t, i) >= 0.1);
+        t->moves[i] = !t->p.use_aligner || t->result.aligner.placed < 2 ||
+                      (!at.placed && !cairn_weak_direction_is_weak(t->slide, &at) &&
+                       twin_across(t, i) >= 0.1);
         t->result.field_units += 2 + (cairn_force_field_scans(t->field)->scans[i].end_segment -
                                       cairn_force_field_scans(t->field)->scans[i].first_segment) /
                                          4;
-        t->result.moved += t->moves[i];
+        t->result.moved_scans += t->moves[i];
         assert_ok(cairn_force_field_place(t->field, i, at.map_scan));
         assert_ok(cairn_force_field_fix(t->field, i, !t->moves[i]));
         t->found[i] = at.map_scan;
@@ -414,7 +414,7 @@ static void twin_makes_hypotheses(struct twin *t, cairn_real sigma)
 
     assert_ok(cairn_virtual_scan_begin(t->hypotheses, sigma));
     for (int32_t i = 0; i < t->count; i++) {
-        if (t->result.aligner.placed < 2 || !t->p.align || !t->moves[i])
+        if (t->result.aligner.placed < 2 || !t->p.use_aligner || !t->moves[i])
             assert_ok(cairn_virtual_scan_add_scan(t->hypotheses, set, i,
                                                   cairn_force_field_pose(t->field, i)));
         t->result.hypothesis_units += 1 + (set->scans[i].end_point - set->scans[i].first_point) / 4;
@@ -435,14 +435,14 @@ static void twin_relaxes(struct twin *t)
          since++) {
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
-        if (since == 0 ||
-            (since % t->p.every == 0 && (!t->p.align || t->result.aligner.placed < 2)))
+        if (since == 0 || (since % t->p.rebuild_interval == 0 &&
+                           (!t->p.use_aligner || t->result.aligner.placed < 2)))
             twin_makes_hypotheses(t, since == 0 ? t->p.field.sigma_start
                                                 : cairn_force_field_read(t->field).sigma);
         assert_ok(cairn_force_field_iterate(t->field, &budget));
         t->result.field_units += CAIRN_UNBOUNDED - budget.left;
         t->result.iterations++;
-        t->result.active += t->result.hypotheses > 0 && t->p.hypotheses.weight > 0;
+        t->result.active_iterations += t->result.hypotheses > 0 && t->p.hypotheses.weight > 0;
     }
     for (int32_t i = 0; i < t->count; i++)
         t->found[i] = cairn_force_field_pose(t->field, i);
@@ -452,27 +452,27 @@ static void twin_starts_again(struct twin *t)
 {
     t->result.field_units += 1 + (int64_t)t->count;
     if (twin_goes_on(t)) {
-        assert_ok(cairn_aligner_begin_again(t->aligner, t->found));
+        assert_ok(cairn_aligner_begin_warm(t->aligner, t->found));
         twin_steps_aligner(t);
         return;
     }
     for (int32_t i = 0; i < t->count; i++)
-        assert_ok(cairn_aligner_start_at(t->aligner, i, t->found[i]));
+        assert_ok(cairn_aligner_set_initial_pose(t->aligner, i, t->found[i]));
     twin_aligns(t);
 }
 
 static void twin_places_and_relaxes(struct twin *t)
 {
-    if (t->p.align)
+    if (t->p.use_aligner)
         twin_aligns(t);
-    t->spread = cairn_aligner_read(t->aligner).spread;
+    t->spread = cairn_aligner_read(t->aligner).initial_sigma;
     twin_keeps(t);
     for (;;) {
         twin_places(t);
-        if (t->result.moved == 0)
+        if (t->result.moved_scans == 0)
             return;
         twin_relaxes(t);
-        if (!t->p.align)
+        if (!t->p.use_aligner)
             return;
         twin_starts_again(t);
         if (!twin_judges(t) || t->result.rounds >= t->p.max_rounds)
@@ -485,23 +485,23 @@ static void twin_slides(struct twin *t)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
-    assert_ok(
-        cairn_wall_slide_begin(t->slide, t->aligner, cairn_force_field_scans(t->field), t->spread));
+    assert_ok(cairn_weak_direction_begin(t->slide, t->aligner, cairn_force_field_scans(t->field),
+                                         t->spread));
     for (int32_t i = 0; i < t->count; i++) {
         cairn_aligner_pose aligned = t->kept[i];
 
         aligned.map_scan = t->found[i];
-        assert_ok(cairn_wall_slide_add(t->slide, t->start[i], &aligned));
+        assert_ok(cairn_weak_direction_add(t->slide, t->start[i], &aligned));
     }
-    assert_ok(cairn_wall_slide_step(t->slide, &budget));
+    assert_ok(cairn_weak_direction_step(t->slide, &budget));
     for (int32_t i = 0; i < t->count; i++) {
-        cairn_vec2 shift = cairn_wall_slide_shift_of(t->slide, i);
+        cairn_vec2 shift = cairn_weak_direction_translation(t->slide, i);
 
         t->found[i].x += shift.x;
         t->found[i].y += shift.y;
         t->moves[i] |= shift.x != 0 || shift.y != 0;
     }
-    t->result.slide = cairn_wall_slide_read(t->slide);
+    t->result.slide = cairn_weak_direction_read(t->slide);
     t->result.hypothesis_units += CAIRN_UNBOUNDED - budget.left;
     t->result.hypothesis_units += 2 * (int64_t)t->count + 1 + t->count / 8;
 }
@@ -509,7 +509,7 @@ static void twin_slides(struct twin *t)
 static void twin_runs(struct twin *t)
 {
     twin_places_and_relaxes(t);
-    if (t->p.align && t->result.aligner.placed >= 2)
+    if (t->p.use_aligner && t->result.aligner.placed >= 2)
         twin_slides(t);
 }
 
@@ -518,9 +518,9 @@ static void assert_same(const struct twin *t, const cairn_virtual_align *align)
     cairn_virtual_align_result result = cairn_virtual_align_read(align);
 
     assert_int_equal(result.rounds, t->result.rounds);
-    assert_int_equal(result.moved, t->result.moved);
+    assert_int_equal(result.moved_scans, t->result.moved_scans);
     assert_int_equal(result.iterations, t->result.iterations);
-    assert_int_equal(result.active, t->result.active);
+    assert_int_equal(result.active_iterations, t->result.active_iterations);
     assert_int_equal(result.hypotheses, t->result.hypotheses);
     assert_int_equal(result.align_units, t->result.align_units);
     assert_int_equal(result.hypothesis_units, t->result.hypothesis_units);
@@ -557,9 +557,9 @@ static void does_what_is_done_by_hand(void **state)
 
         r.narrow = cases[k].narrow;
         if (cases[k].hesitant == 2)
-            p.aligner.least_evidence = 1000; /* no scan is placed with another */
-        p.align = cases[k].align;
-        p.every = cases[k].every;
+            p.aligner.min_log_likelihood_ratio = 1000; /* no scan is placed with another */
+        p.use_aligner = cases[k].align;
+        p.rebuild_interval = cases[k].every;
         p.field.max_steps = cases[k].steps;
         p.max_rounds = cases[k].rounds;
         p.hypotheses.weight = (cairn_real)cases[k].weight;
@@ -569,10 +569,11 @@ static void does_what_is_done_by_hand(void **state)
         add_rooms(&bed, &r);
         run(bed.align, 1000);
         assert_same(&t, bed.align);
-        slid += t.result.slide.slid;
+        slid += t.result.slide.translated_scans;
         if (r.narrow < SCANS)
             stayed += !t.kept[r.narrow].placed &&
-                      !cairn_wall_slide_is_loose(t.slide, &t.kept[r.narrow]) && !t.moves[r.narrow];
+                      !cairn_weak_direction_is_weak(t.slide, &t.kept[r.narrow]) &&
+                      !t.moves[r.narrow];
         test_pool_free(&t.pool);
         test_pool_free(&bed.pool);
         leave(&r);
@@ -597,12 +598,12 @@ static void bad_calls_are_refused(void **state)
     (void)state;
     for (int32_t i = 0; i < 7; i++) {
         bad = p;
-        bad.every = i == 0 ? 0 : 1;
+        bad.rebuild_interval = i == 0 ? 0 : 1;
         bad.max_rounds = i == 1 ? 0 : 1;
         bad.aligner.max_scans = i == 2 ? 0 : 4;
         bad.field.sigma_end = i == 3 ? 0 : bad.field.sigma_end;
         bad.hypotheses.stride = i == 4 ? 0 : 1;
-        bad.slide.step = i == 6 ? 0 : 1;
+        bad.slide.translation_step = i == 6 ? 0 : 1;
         assert_int_equal(cairn_virtual_align_memory(i == 5 ? NULL : &bad), 0);
         assert_status(cairn_virtual_align_create(&align, &pool, i == 5 ? NULL : &bad),
                       CAIRN_BAD_ARGUMENT);
@@ -629,7 +630,7 @@ static void bad_calls_are_refused(void **state)
     for (int32_t i = 0; i < 8; i++)
         assert_ok(cairn_virtual_align_add_scan(align, &empty, pose, &fault));
     assert_status(cairn_virtual_align_add_scan(align, &empty, pose, &fault), CAIRN_FULL);
-    assert_non_null(fault.what);
+    assert_non_null(fault.message);
     test_pool_free(&pool);
 
     p.aligner.max_scans = 2;
@@ -637,7 +638,7 @@ static void bad_calls_are_refused(void **state)
     p.aligner.max_hypotheses = p.aligner.max_fill = 4;
     p.aligner.max_cells = 64;
     p.hypotheses.max_virtual = 6;
-    p.slide.max_walls = p.slide.max_parts = 2;
+    p.slide.max_walls = p.slide.max_submaps = 2;
     p.hypotheses.hough.angles = p.hypotheses.hough.distances = 8;
     p.hypotheses.rectangle.max_pairs = p.hypotheses.rectangle.max_sides = 4;
     test_every_pool_size(create, &p, cairn_virtual_align_memory(&p));

@@ -81,11 +81,11 @@ static void is_algorithm_2(void **state)
     reference_runs(&t, &p, &r);
     assert_int_equal(t.with_hypotheses, 3);
     /* Not read as written: */
-    p.every = 9;
+    p.rebuild_interval = 9;
     p.max_rounds = 0;
-    p.align = 1;
+    p.use_aligner = 1;
     p.field.roi = 1;
-    p.field.sides_below = 2;
+    p.field.oriented_below = 2;
     p.field.mode = CAIRN_FORCE_FIELD_SPRINGS;
     p.hypotheses.mode = CAIRN_MODE_DEFAULT;
     for (size_t k = 0; k < sizeof units / sizeof *units; k++) {
@@ -96,7 +96,7 @@ static void is_algorithm_2(void **state)
         if (k == 0)
             run(bed.align, units[k]); /* again: the virtual scan of the first run is forgotten */
         assert_int_equal(cairn_virtual_align_read(bed.align).iterations, 4);
-        assert_int_equal(cairn_virtual_align_read(bed.align).active, 3);
+        assert_int_equal(cairn_virtual_align_read(bed.align).active_iterations, 3);
         for (int32_t i = 0; i < SCANS; i++) {
             cairn_pose pose = cairn_virtual_align_pose_of(bed.align, i).aligned.map_scan;
 
@@ -126,7 +126,8 @@ static void rooms_come_together(void **state)
             add_rooms(&bed, &r);
             run(bed.align, CAIRN_UNBOUNDED);
             *(virtual ? &with : &without) += right(&r, bed.align);
-            assert_int_equal(cairn_virtual_align_read(bed.align).active, virtual ? 29 : 0);
+            assert_int_equal(cairn_virtual_align_read(bed.align).active_iterations,
+                             virtual ? 29 : 0);
             test_pool_free(&bed.pool);
             leave(&r);
         }
@@ -180,8 +181,8 @@ static void lines_are_as_strong_as_they_have_points(void **state)
     (void)state;
     p.weight = CAIRN_REAL(0.5);
     p.stride = 3; /* not read, as these */
-    p.least_scans = 5;
-    p.least_length = 100;
+    p.min_scans = 5;
+    p.min_wall_length = 100;
     p.ellipses = 1;
     pool = test_pool(cairn_virtual_scan_memory(&p));
     assert_ok(cairn_scan_set_create(&set, &set_pool, &set_params));
@@ -202,7 +203,7 @@ static void lines_are_as_strong_as_they_have_points(void **state)
         static const double votes[] = {100, 61, 51}; /* and a point of the wall across */
 
         assert_int_equal(h[i].kind, CAIRN_HYPOTHESIS_LINE);
-        assert_int_equal(h[i].scans, 0);
+        assert_int_equal(h[i].observing_scans, 0);
         assert_near(h[i].strength, votes[i] / 100, 1e-6);
         for (int32_t k = h[i].first_point; k < h[i].end_point; k++)
             assert_near(weights[k], votes[i] / 200, 1e-6); /* weight 0.5 of strength 1 */
@@ -260,12 +261,12 @@ static void constants_are_those_of_the_thesis(void **state)
 
     (void)state;
     assert_int_equal(p.mode, CAIRN_MODE_AS_WRITTEN);
-    assert_int_equal(p.every, 1);
-    assert_int_equal(p.align, 0);
+    assert_int_equal(p.rebuild_interval, 1);
+    assert_int_equal(p.use_aligner, 0);
     assert_int_equal(p.field.mode, CAIRN_FORCE_FIELD_GRADIENT);
     assert_int_equal(p.field.roi, 0);
     assert_int_equal(p.field.max_steps, 100);
-    assert_near(p.field.sides_below, 0, 0);
+    assert_near(p.field.oriented_below, 0, 0);
     assert_near(p.field.sigma_start, 0.15, 1e-7);
     assert_near(p.field.sigma_end, 0.04, 1e-7);
     assert_near(p.field.dt_start, 0.05, 1e-7);
@@ -278,7 +279,7 @@ static void constants_are_those_of_the_thesis(void **state)
     assert_near(p.hypotheses.spacing, 0.1, 1e-7);
     assert_int_equal(p.hypotheses.rectangle.oriented, 0);
     assert_int_equal(p.hypotheses.hough.mode, CAIRN_MODE_AS_WRITTEN);
-    assert_near(p.hypotheses.hough.least_votes, 40, 0);
+    assert_near(p.hypotheses.hough.min_votes, 40, 0);
     bad = p;
     bad.mode = 2;
     assert_int_equal(cairn_virtual_align_memory(&bad), 0);

@@ -138,7 +138,7 @@ static void walls_of_two_scans_make_a_line(void **state)
         h = detect(&f, 0.2, &count);
         assert_int_equal(count, 1);
         assert_int_equal(h->kind, CAIRN_HYPOTHESIS_LINE);
-        assert_int_equal(h->scans, 2);
+        assert_int_equal(h->observing_scans, 2);
         assert_near(h->strength, 0.5, 0.05); /* 4 of 8 m are seen */
         assert_near(h->weight, h->strength, 0);
         points = cairn_virtual_scan_points(f.v, &weights, &point_count);
@@ -215,10 +215,10 @@ static void short_walls_do_not_count(void **state)
     put(&f, &third);
     h = detect(&f, 0.1, &count);
     assert_int_equal(count, 1);
-    assert_int_equal(h->scans, 2);
+    assert_int_equal(h->observing_scans, 2);
     end_fixture(&f);
     /* Three of them are asked for. */
-    p.least_scans = 3;
+    p.min_scans = 3;
     f = fixture_with(&p);
     put(&f, &one);
     put(&f, &other);
@@ -234,7 +234,7 @@ static void short_walls_do_not_count(void **state)
     put(&f, &third);
     h = detect(&f, 0.1, &count);
     assert_int_equal(count, 1);
-    assert_int_equal(h->scans, 3);
+    assert_int_equal(h->observing_scans, 3);
     end_fixture(&f);
 }
 
@@ -349,7 +349,7 @@ static void round_rooms_are_ellipses(void **state)
         points = cairn_virtual_scan_points(f.v, &weights, &point_count);
         if (scans == 3) {
             assert_int_equal(h->kind, CAIRN_HYPOTHESIS_ELLIPSE);
-            assert_int_equal(h->scans, 3);
+            assert_int_equal(h->observing_scans, 3);
             assert_true(h->strength > (cairn_real)0.7 && h->weight == h->strength);
             assert_int_equal(h->first_point, 0);
             assert_int_equal(h->end_point, point_count);
@@ -713,13 +713,13 @@ static cairn_virtual_scan_params draw_params(cairn_random *random)
     p.stride = 1 + cairn_random_below(random, 3);
     p.spacing = CAIRN_REAL(0.125) * (cairn_real)(1 + cairn_random_below(random, 2));
     p.weight = CAIRN_REAL(0.5) * (cairn_real)cairn_random_below(random, 4);
-    p.line_support = CAIRN_REAL(0.25);
-    p.line_angle = CAIRN_REAL(0.25);
-    p.least_scans = 1 + cairn_random_below(random, 2);
-    p.least_length = CAIRN_REAL(0.25) * (cairn_real)cairn_random_below(random, 4);
+    p.distance_per_sigma = CAIRN_REAL(0.25);
+    p.angle_per_sigma = CAIRN_REAL(0.25);
+    p.min_scans = 1 + cairn_random_below(random, 2);
+    p.min_wall_length = CAIRN_REAL(0.25) * (cairn_real)cairn_random_below(random, 4);
     p.hough.angles = 32;
     p.hough.spacing = CAIRN_REAL(0.125);
-    p.hough.least_votes = (cairn_real)(3 + cairn_random_below(random, 4));
+    p.hough.min_votes = (cairn_real)(3 + cairn_random_below(random, 4));
     p.hough.oriented = cairn_random_below(random, 2);
     p.rectangle.min_side = CAIRN_REAL(0.5);
     p.rectangle.oriented = cairn_random_below(random, 2);
@@ -744,7 +744,7 @@ static uint64_t add_found(const struct fixture *f, uint64_t hash)
     dropped = cairn_virtual_scan_dropped(f->v);
     hash = test_hash(hash, &dropped, sizeof dropped);
     for (int32_t i = 0; i < count; i++) {
-        int32_t whole[4] = {h[i].kind, h[i].first_point, h[i].end_point, h[i].scans};
+        int32_t whole[4] = {h[i].kind, h[i].first_point, h[i].end_point, h[i].observing_scans};
 
         hash = add_real(add_real(test_hash(hash, whole, sizeof whole), h[i].strength), h[i].weight);
     }
@@ -915,14 +915,14 @@ static void bad_params_are_refused(void **state)
     REFUSED(p.weight = -1);
     REFUSED(p.weight = (cairn_real)NAN);
     REFUSED(p.weight = (cairn_real)INFINITY);
-    REFUSED(p.line_support = 0);
-    REFUSED(p.line_support = CAIRN_REAL(1.1));
-    REFUSED(p.line_support = (cairn_real)NAN);
-    REFUSED(p.line_angle = 0);
-    REFUSED(p.line_angle = (cairn_real)INFINITY);
-    REFUSED(p.least_scans = 0);
-    REFUSED(p.least_length = -1);
-    REFUSED(p.least_length = (cairn_real)NAN);
+    REFUSED(p.distance_per_sigma = 0);
+    REFUSED(p.distance_per_sigma = CAIRN_REAL(1.1));
+    REFUSED(p.distance_per_sigma = (cairn_real)NAN);
+    REFUSED(p.angle_per_sigma = 0);
+    REFUSED(p.angle_per_sigma = (cairn_real)INFINITY);
+    REFUSED(p.min_scans = 0);
+    REFUSED(p.min_wall_length = -1);
+    REFUSED(p.min_wall_length = (cairn_real)NAN);
     REFUSED(p.hough.angles = 0);
     REFUSED(p.rectangle.max_pairs = 0);
     p = cairn_virtual_scan_default();
@@ -938,12 +938,12 @@ static void bad_params_are_refused(void **state)
     p.max_hypotheses = 1024;
     p.max_detectors = 16;
     p.stride = 1;
-    p.spacing = p.weight = p.line_angle = p.least_length = CAIRN_REAL(1e6);
-    p.line_support = 1;
-    p.least_scans = 1;
+    p.spacing = p.weight = p.angle_per_sigma = p.min_wall_length = CAIRN_REAL(1e6);
+    p.distance_per_sigma = 1;
+    p.min_scans = 1;
     assert_true(cairn_virtual_scan_memory(&p) > 0);
     p.max_points = p.max_virtual = p.max_hypotheses = p.max_scans = p.max_segments = 1;
-    p.weight = p.least_length = 0;
+    p.weight = p.min_wall_length = 0;
     assert_true(cairn_virtual_scan_memory(&p) > 0);
     p = cairn_virtual_scan_default();
     p.max_scans = 3;

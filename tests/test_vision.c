@@ -124,7 +124,7 @@ static void test_nothing_half_written(void **state)
         bad.channels = k == 2 ? 2 : bad.channels;
         bad.sample_bytes = k == 3 ? 4 : bad.sample_bytes;
         bad.samples = k == 4 ? NULL : bad.samples;
-        bad.width = k == 5 ? CAIRN_VISION_SIDE_MOST + 1 : bad.width;
+        bad.width = k == 5 ? CAIRN_VISION_MAX_SIDE + 1 : bad.width;
         assert_status(cairn_vision_write(&bad, files_path("a.png"), &error), CAIRN_BAD_ARGUMENT);
         assert_status(cairn_vision_make_grey(&bad), CAIRN_BAD_ARGUMENT);
     }

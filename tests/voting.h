@@ -55,7 +55,7 @@ static inline uint64_t tell(void *context)
 {
     voting *v = context;
     cairn_part_configuration_result r = cairn_part_configuration_read(v->configurator);
-    uint64_t hash = test_hash(TEST_HASH_START, &r.nodes, sizeof r.nodes);
+    uint64_t hash = test_hash(TEST_HASH_START, &r.node_count, sizeof r.node_count);
 
     for (int32_t k = 0; k < r.count; k++) {
         hash = test_hash(hash, &r.found[k].score, 5 * sizeof(cairn_real));

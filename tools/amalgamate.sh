@@ -1,7 +1,7 @@
 #!/bin/sh
 # Writes the library as two files, cairn.h and cairn.c, into a directory: tools/amalgamate.sh DIRECTORY
 #
-# The public headers and the .c files of core, contour and mapping are concatenated in the order of tools/rooms.txt.
+# The public headers and the .c files of core, contour and mapping are concatenated in the order of tools/modules.txt.
 # Macros of a .c are undefined at its end. A file-level name (static function or variable, type, tag, enum constant) that several
 # files use is renamed in each .c by a macro, to <module>_<name>.
 set -e
@@ -9,11 +9,11 @@ export LC_ALL=C
 out=${1:?usage: tools/amalgamate.sh DIRECTORY}
 mkdir -p "$out"
 
-modules=$(awk '$1 == "core" || $1 == "contour" || $1 == "mapping" { print $1 "/" $2 }' tools/rooms.txt)
+modules=$(awk '$1 == "core" || $1 == "contour" || $1 == "mapping" { print $1 "/" $2 }' tools/modules.txt)
 # The .c files in the order of their modules; parts (<module>_<part>.c) follow their module.
 sources=$(ls src/core/*.c src/contour/*.c src/mapping/*.c 2>/dev/null | awk '
     BEGIN {
-        while ((getline line < "tools/rooms.txt") > 0)
+        while ((getline line < "tools/modules.txt") > 0)
             if (line !~ /^#/ && split(line, word, " ") == 2) place["src/" word[1] "/" word[2]] = ++modules
     }
     {

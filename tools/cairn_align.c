@@ -261,7 +261,7 @@ static int survey(align_job *job, cairn_scan *scan)
         cairn_scan_view view;
         cairn_status status = fit(scan, &record->scan, &view, &fault);
 
-        if (status == CAIRN_OK && !map_scan_keep(kept, &view))
+        if (status == CAIRN_OK && !map_scan_copy(kept, &view))
             status = CAIRN_NO_MEMORY;
         if (status != CAIRN_OK) {
             tool_progress_end(&progress);
@@ -332,7 +332,7 @@ static int run(align_job *job)
     int code;
 
     job->scan = cairn_scan_default();
-    job->scan.max_beams = job->log->info.beams_most;
+    job->scan.max_beams = job->log->info.max_beams;
     job->scan.spacing = (cairn_real)job->settings->spacing;
     code = measure(job);
     if (code == TOOL_OK && job->settings->no_poses)

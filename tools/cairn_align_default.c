@@ -40,16 +40,16 @@ static const char *verdict_of(const align_job *job, int32_t i, const cairn_align
 {
     return job->scans[i].point_count == 0 ? "blind"
            : pose->placed                 ? "placed"
-           : pose->part > 0               ? "apart"
+           : pose->component > 0          ? "apart"
                                           : "uncertain";
 }
 
 static const char *verdict_text(cairn_aligner_verdict verdict)
 {
-    return verdict == CAIRN_ALIGNER_CONVERGED      ? "converged"
-           : verdict == CAIRN_ALIGNER_OUT_OF_STEPS ? "out of steps"
-           : verdict == CAIRN_ALIGNER_NO_FILL      ? "joint optimization skipped"
-                                                   : "split";
+    return verdict == CAIRN_ALIGNER_CONVERGED           ? "converged"
+           : verdict == CAIRN_ALIGNER_OUT_OF_ITERATIONS ? "out of steps"
+           : verdict == CAIRN_ALIGNER_FILL_EXCEEDED     ? "joint optimization skipped"
+                                                        : "split";
 }
 
 void align_read_pose(align_job *job, int32_t i, const cairn_aligner_pose *pose)
@@ -59,7 +59,7 @@ void align_read_pose(align_job *job, int32_t i, const cairn_aligner_pose *pose)
     scan->after = pose->map_scan;
     memcpy(scan->covariance, pose->covariance, sizeof scan->covariance);
     scan->support = pose->support;
-    scan->doubtful = !pose->placed;
+    scan->low_confidence = !pose->placed;
     scan->verdict = verdict_of(job, i, pose);
 }
 
@@ -71,8 +71,9 @@ void align_summarize(align_job *job, const cairn_aligner_result *result)
              "parts      %" PRId32 " (%s), the largest of %" PRId32 " scans, of which %" PRId32
              " are placed\n"
              "spread     %.3g m and %.3g degrees of the poses in the log (standard deviation)\n",
-             result->parts, verdict_text(result->verdict), result->largest, result->placed,
-             (double)result->spread, (double)result->spread_angle * DEGREES);
+             result->components, verdict_text(result->verdict), result->largest_size,
+             result->placed, (double)result->initial_sigma,
+             (double)result->initial_sigma_theta * DEGREES);
 }
 
 static void read_result(align_job *job, const cairn_aligner *aligner)
@@ -97,8 +98,9 @@ cairn_aligner_params align_params_of(const align_job *job)
     params.max_points = job->points;
     params.max_hypotheses = 24 * job->log->count;
     params.max_fill = 32 * job->log->count;
-    params.spread = (cairn_real)job->settings->spread[0];
-    params.spread_angle = (cairn_real)fmin(job->settings->spread[1] / DEGREES, (double)CAIRN_PI);
+    params.max_initial_error = (cairn_real)job->settings->spread[0];
+    params.max_initial_angle_error =
+        (cairn_real)fmin(job->settings->spread[1] / DEGREES, (double)CAIRN_PI);
     return params;
 }
 

@@ -120,8 +120,8 @@ void align_field_read(align_job *job, const cairn_force_field *field, cairn_real
 
     for (int32_t i = 0; i < job->log->count; i++) {
         job->scans[i].after = cairn_force_field_pose(field, i);
-        job->scans[i].doubtful = job->scans[i].point_count == 0;
-        job->scans[i].verdict = job->scans[i].doubtful ? "blind" : "aligned";
+        job->scans[i].low_confidence = job->scans[i].point_count == 0;
+        job->scans[i].verdict = job->scans[i].low_confidence ? "blind" : "aligned";
     }
     snprintf(job->subtitle, sizeof job->subtitle,
              "%" PRId32 " iterations of force field simulation%s%s", state.iterations,

@@ -64,14 +64,14 @@ static cairn_status record(const align_job *job, const cairn_lum *lum, int64_t s
     for (int32_t i = 0; i < job->log->count; i++)
         pose[i] = cairn_lum_pose(lum, i);
     if (state.iterations > 0) {
-        value[0] = (double)state.error;
+        value[0] = (double)state.chi2;
         value[1] = state.links;
-        value[2] = 1000 * (double)state.motion;
+        value[2] = 1000 * (double)state.max_motion;
         snprintf(label, sizeof label, "iteration %" PRId32, state.iterations);
     } else {
         snprintf(label, sizeof label,
                  step > 0 ? "%" PRId32 " scans registered one after the other" : "start",
-                 state.registered);
+                 state.registered_scans);
     }
     frame.step = step;
     frame.label = label;
@@ -111,10 +111,10 @@ static void read_result(align_job *job, const cairn_lum *lum)
 
     for (int32_t i = 0; i < job->log->count; i++) {
         map_scan *scan = &job->scans[i];
-        int blind = scan->point_count == 0, apart = !blind && !cairn_lum_is_joined(lum, i);
+        int blind = scan->point_count == 0, apart = !blind && !cairn_lum_is_connected(lum, i);
 
         scan->after = cairn_lum_pose(lum, i);
-        scan->doubtful = (uint8_t)(blind || apart);
+        scan->low_confidence = (uint8_t)(blind || apart);
         scan->verdict = blind ? "blind" : apart ? "apart" : "aligned";
     }
     snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " iterations of Lu and Milios",
@@ -126,7 +126,7 @@ static void read_result(align_job *job, const cairn_lum *lum)
              "registered %" PRId32 " scans, one after the other\n"
              "links      %" PRId32 ", %" PRId32 " connected components\n"
              "steps      %" PRId32 " (%s)\n",
-             state.registered, state.links, state.pieces, state.iterations,
+             state.registered_scans, state.links, state.components, state.iterations,
              state.verdict == CAIRN_LUM_CONVERGED  ? "converged"
              : state.verdict == CAIRN_LUM_SINGULAR ? "singular"
                                                    : "out of steps");
@@ -144,7 +144,7 @@ static int32_t max_links_of(int32_t scans)
 /* Returns the number of beams of all scans, limited to the aligner's maximum of points. */
 static int32_t max_hits_of(const align_job *job)
 {
-    int64_t all = (int64_t)job->log->count * job->log->info.beams_most;
+    int64_t all = (int64_t)job->log->count * job->log->info.max_beams;
 
     return all < ALIGN_MAX_POINTS ? (int32_t)all : ALIGN_MAX_POINTS;
 }
@@ -164,8 +164,8 @@ int align_by_lum(align_job *job)
     params.max_links = params.max_fill = max_links_of(job->log->count);
     params.max_iterations = (int32_t)job->settings->steps;
     if (!as_written) {
-        params.rebuild = REBUILD_INTERVAL;
-        params.registers = 1;
+        params.rebuild_interval = REBUILD_INTERVAL;
+        params.sequential_registration = 1;
     }
     code = tool_pool_open(&pool, ALIGN_PROGRAM, job->settings->pool,
                           cairn_lum_memory(&params) + cairn_scan_memory(&job->scan));

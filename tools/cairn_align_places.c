@@ -113,8 +113,8 @@ cairn_place_map_params align_places_params(const align_job *job, const align_pla
     /* the poses of scans in their places come from odometry at best */
     params.decoupled = CAIRN_PLACE_MAP_JOINTLY;
     params.aligner = align_params_of(job);
-    params.aligner.spread = cairn_aligner_default().spread;
-    params.aligner.spread_angle = cairn_aligner_default().spread_angle;
+    params.aligner.max_initial_error = cairn_aligner_default().max_initial_error;
+    params.aligner.max_initial_angle_error = cairn_aligner_default().max_initial_angle_error;
     return params;
 }
 
@@ -165,7 +165,7 @@ static const char *verdict_of(const map_scan *scan, const cairn_place_map_place 
                               int32_t has_own_pose)
 {
     return scan->point_count == 0              ? "blind"
-           : place->part > 0                   ? "apart"
+           : place->component > 0              ? "apart"
            : place->ambiguous || !has_own_pose ? "uncertain"
                                                : "placed";
 }
@@ -185,10 +185,10 @@ static void read_result(align_job *job, const align_places *grouping, const cair
 
         scan->after = cairn_place_map_scan_pose(map, i);
         scan->verdict = verdict_of(scan, &place, has_own_pose);
-        scan->doubtful = place.part > 0 || place.ambiguous || !has_own_pose;
+        scan->low_confidence = place.component > 0 || place.ambiguous || !has_own_pose;
         if (!job->settings->as_written)
             scan->support = place.support;
-        if (place.part > 0 && !job->settings->chain)
+        if (place.component > 0 && !job->settings->chain)
             scan->beam_count = scan->point_count = scan->segment_count = 0;
     }
     snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " places without odometry%s",
@@ -196,7 +196,7 @@ static void read_result(align_job *job, const align_places *grouping, const cair
     snprintf(job->summary, sizeof job->summary,
              "places     %" PRId32 ", %" PRId32 " in the largest of %" PRId32
              " components, %" PRId32 " ambiguous; %" PRId32 " scans aligned by themselves\n%s",
-             result.places, result.placed, result.parts, result.ambiguous, result.decoupled,
+             result.places, result.placed, result.components, result.ambiguous, result.decoupled,
              job->settings->as_written ? "           as written: wrong places are not detected\n"
                                        : "");
 }

@@ -14,9 +14,9 @@ typedef struct virtual_record {
     cairn_report_player *player;
     const cairn_virtual_align *align;
     cairn_pose *pose;
-    uint8_t *doubtful;
-    cairn_report_guess *guess;
-    int32_t scans, guess_room;
+    uint8_t *low_confidence;
+    cairn_report_hypothesis *hypothesis;
+    int32_t scans, hypothesis_capacity;
     int32_t as_written;
     int64_t step;
 } virtual_record;
@@ -71,11 +71,11 @@ static cairn_status record_begin(virtual_record *record, const align_job *job,
     record->align = align;
     record->scans = job->log->count;
     record->as_written = job->settings->as_written;
-    record->guess_room = params_of(job).hypotheses.max_virtual;
+    record->hypothesis_capacity = params_of(job).hypotheses.max_virtual;
     record->pose = malloc(scans * sizeof *record->pose);
-    record->doubtful = calloc(scans, 1);
-    record->guess = malloc((size_t)record->guess_room * sizeof *record->guess);
-    return record->pose != NULL && record->doubtful != NULL && record->guess != NULL
+    record->low_confidence = calloc(scans, 1);
+    record->hypothesis = malloc((size_t)record->hypothesis_capacity * sizeof *record->hypothesis);
+    return record->pose != NULL && record->low_confidence != NULL && record->hypothesis != NULL
                ? CAIRN_OK
                : CAIRN_NO_MEMORY;
 }
@@ -83,8 +83,8 @@ static cairn_status record_begin(virtual_record *record, const align_job *job,
 static void record_free(virtual_record *record)
 {
     free(record->pose);
-    free(record->doubtful);
-    free(record->guess);
+    free(record->low_confidence);
+    free(record->hypothesis);
 }
 
 static int is_straight_on(const cairn_oriented_point *a, const cairn_oriented_point *b)
@@ -104,7 +104,7 @@ static int32_t take_guesses(virtual_record *record)
 
     for (int32_t i = 0; i < hypotheses; i++)
         for (int32_t first = h[i].first_point, end; first < h[i].end_point; first = end) {
-            cairn_report_guess *guess = &record->guess[count++];
+            cairn_report_hypothesis *guess = &record->hypothesis[count++];
 
             for (end = first + 1; end < h[i].end_point && is_straight_on(&p[first], &p[end]);)
                 end++;
@@ -132,7 +132,7 @@ static double take_poses(virtual_record *record)
         cairn_pose last = record->pose[i];
 
         record->pose[i] = pose.aligned.map_scan;
-        record->doubtful[i] = !record->as_written && !pose.aligned.placed;
+        record->low_confidence[i] = !record->as_written && !pose.aligned.placed;
         if (pose.moved && record->step > 0) {
             way +=
                 hypot((double)(record->pose[i].x - last.x), (double)(record->pose[i].y - last.y));
@@ -158,10 +158,10 @@ static cairn_status record_frame(virtual_record *record)
     value[1] = in_field ? sigma : (double)NAN;
     if (in_field) {
         snprintf(label, sizeof label,
-                 "%" PRId32 " scans move with %" PRId32 " hypotheses, sigma %.2f m", result.moved,
-                 result.hypotheses, sigma);
-        frame.guess = record->guess;
-        frame.guess_count = take_guesses(record);
+                 "%" PRId32 " scans move with %" PRId32 " hypotheses, sigma %.2f m",
+                 result.moved_scans, result.hypotheses, sigma);
+        frame.hypothesis = record->hypothesis;
+        frame.hypothesis_count = take_guesses(record);
     } else if (record->as_written) {
         snprintf(label, sizeof label, "end: %" PRId32 " iterations", result.iterations);
     } else {
@@ -171,7 +171,7 @@ static cairn_status record_frame(virtual_record *record)
     frame.step = record->step++;
     frame.label = label;
     frame.pose = record->pose;
-    frame.doubtful = record->doubtful;
+    frame.low_confidence = record->low_confidence;
     frame.pose_count = record->scans;
     frame.value = value;
     return cairn_report_player_add_frame(record->player, &frame);
@@ -208,7 +208,7 @@ static void read_result(align_job *job, const cairn_virtual_align *align)
         cairn_virtual_align_pose pose = cairn_virtual_align_pose_of(align, i);
 
         align_read_pose(job, i, &pose.aligned);
-        if (pose.moved && pose.aligned.part != 0 && job->scans[i].doubtful &&
+        if (pose.moved && pose.aligned.component != 0 && job->scans[i].low_confidence &&
             job->scans[i].point_count > 0) {
             job->scans[i].verdict = "guessed";
             guessed++;
@@ -219,7 +219,7 @@ static void read_result(align_job *job, const cairn_virtual_align *align)
     snprintf(job->summary, sizeof job->summary,
              "virtual    %" PRId32 " scans registered against hypotheses in %" PRId32
              " iterations, %" PRId32 " slid along walls, %" PRId32 " placed by hypotheses alone\n",
-             result.moved, result.iterations, result.slide.slid, guessed);
+             result.moved_scans, result.iterations, result.slide.translated_scans, guessed);
     align_summarize(job, &result.aligner);
 }
 
@@ -233,8 +233,8 @@ static void read_as_written(align_job *job, const cairn_virtual_align *align)
         map_scan *scan = &job->scans[i];
 
         scan->after = cairn_virtual_align_pose_of(align, i).aligned.map_scan;
-        scan->doubtful = scan->point_count == 0;
-        scan->verdict = scan->doubtful ? "blind" : "aligned";
+        scan->low_confidence = scan->point_count == 0;
+        scan->verdict = scan->low_confidence ? "blind" : "aligned";
     }
     snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " iterations of algorithm 2",
              result.iterations);
@@ -243,7 +243,7 @@ static void read_as_written(align_job *job, const cairn_virtual_align *align)
              " hypotheses\n",
              result.iterations,
              state.verdict == CAIRN_FORCE_FIELD_CONVERGED ? "converged" : "out of steps",
-             result.active, result.hypotheses);
+             result.active_iterations, result.hypotheses);
 }
 
 int align_by_hypotheses(align_job *job)

@@ -31,7 +31,7 @@ typedef struct settings {
     int64_t strength, jobs, candidates, nearest, matches;
     double overlap, score, weight, verify;
     int32_t no_mirror, modes, occluded, as_written, quiet;
-    cairn_part_cut cut[CAIRN_PART_FRAGMENTS]; /* of --cuts */
+    cairn_part_cut cut[CAIRN_PART_MAX_FRAGMENTS]; /* of --cuts */
     int32_t cut_count;
     cairn_appearance_model look; /* of --appearance */
     detect_truth truth;          /* of --truth */
@@ -201,7 +201,7 @@ static cairn_status detect(const settings *s, work *w, const cairn_shape_model *
     params.min_score = (cairn_real)s->score;
     params.nearest = (int32_t)s->nearest;
     params.matches = (int32_t)s->matches;
-    params.modes = s->modes;
+    params.modes_only = s->modes;
     params.cuts = s->cuts != NULL ? s->cut : NULL;
     params.cut_count = s->cut_count;
     params.bundles = s->bundles[0] == 'o'   ? CAIRN_DETECT_BUNDLES_OF_ONE
@@ -286,7 +286,7 @@ static cairn_status print_record(const settings *s, const work *w, FILE *record,
 
     fprintf(record, "%s: %" PRId32 " detection%s; %" PRId32 " segments of %" PRId32 " chains\n",
             w->path, w->detections.count, w->detections.count == 1 ? "" : "s", w->tokens.count,
-            w->tokens.chains);
+            w->tokens.chain_count);
     for (int pass = 0; pass < 2; pass++) {
         if (pass == 1)
             fputc(TABLE_BEGIN, record);
@@ -392,7 +392,7 @@ static cairn_status merge_record(const settings *s, FILE *record, cairn_output *
             c = EOF;
         else if (line[0] == RECORD_END)
             c = RECORD_END;
-        else if (!detect_truth_take(truth, line))
+        else if (!detect_truth_parse(truth, line))
             return CAIRN_NO_MEMORY;
     return c == RECORD_END ? CAIRN_OK : CAIRN_TRUNCATED;
 }

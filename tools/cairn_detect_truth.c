@@ -67,7 +67,7 @@ cairn_status detect_truth_read(detect_truth *truth, const char *path, cairn_file
     return status;
 }
 
-int detect_truth_take(detect_truth *truth, const char *line)
+int detect_truth_parse(detect_truth *truth, const char *line)
 {
     cairn_detection_event *e;
     char *end;

@@ -30,7 +30,7 @@ CAIRN_CHECKED cairn_status detect_truth_print(const detect_truth *truth, const c
                                               const cairn_detection_picture *picture, FILE *record,
                                               cairn_file_error *error);
 /* Parses one line of detect_truth_print() into an event. Returns 0 when there is no memory. */
-int detect_truth_take(detect_truth *truth, const char *line);
+int detect_truth_parse(detect_truth *truth, const char *line);
 /* Writes STEM.csv and STEM.svg over these images; objects of others do not count. */
 CAIRN_CHECKED cairn_status detect_truth_write(detect_truth *truth, const char *const *images,
                                               size_t count, const char *stem, const char *title,

@@ -109,7 +109,7 @@ static int keep_beams(const settings *s, const cairn_carmen_scans *log, map_scan
     cairn_status status;
     int code;
 
-    params.max_beams = log->info.beams_most;
+    params.max_beams = log->info.max_beams;
     code = tool_pool_open(&pool, PROGRAM, NULL, cairn_scan_memory(&params));
     if (code != TOOL_OK)
         return code;
@@ -125,7 +125,7 @@ static int keep_beams(const settings *s, const cairn_carmen_scans *log, map_scan
             status = CAIRN_OK;
         }
         view = cairn_scan_read(scan);
-        if (status == CAIRN_OK && !map_scan_keep(&kept[i], &view))
+        if (status == CAIRN_OK && !map_scan_copy(&kept[i], &view))
             status = CAIRN_NO_MEMORY;
         if (status != CAIRN_OK)
             code = tool_report_scan(s->log, log->record[i].line, status, &fault);
@@ -209,7 +209,7 @@ static void print_json(const figures *f, int32_t scans)
            ", \"cells\": %" PRId64
            ", \"resolution_m\": %.9g, \"entropy\": %.9g, \"log_likelihood\": %.9g",
            scans, f->beams, f->hits, f->entropy.cells, (double)f->grid.resolution,
-           (double)f->entropy.whole, f->likelihood);
+           (double)f->entropy.total, f->likelihood);
     for (int q = 0; q < CAIRN_QUADRANTS; q++)
         printf(", \"entropy_%s\": %.9g, \"log_likelihood_%s\": %.9g", quadrant_name[q],
                (double)f->entropy.quadrant[q], quadrant_name[q], f->quadrant[q]);
@@ -224,7 +224,7 @@ static void print_text(const figures *f, int32_t scans)
            "entropy    %.2f nat (%.5f a cell)\n"
            "likelihood %.1f (%.5f a beam; logarithm)\n",
            scans, f->beams, f->hits, f->entropy.cells, (double)f->grid.resolution,
-           (double)f->entropy.whole, (double)f->entropy.whole / (double)f->entropy.cells,
+           (double)f->entropy.total, (double)f->entropy.total / (double)f->entropy.cells,
            f->likelihood, f->likelihood / (double)f->beams);
     for (int q = 0; q < CAIRN_QUADRANTS; q++)
         printf("%s         entropy %.2f nat, likelihood %.1f\n", quadrant_name[q],

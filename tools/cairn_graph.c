@@ -60,7 +60,7 @@ static const char *verdict_text(const cairn_pose_graph_state *state)
         return "converged";
     case CAIRN_POSE_GRAPH_OUT_OF_ITERATIONS:
         return "out of iterations";
-    case CAIRN_POSE_GRAPH_SPLIT:
+    case CAIRN_POSE_GRAPH_DISCONNECTED:
         return "disconnected without the outlier links";
     default:
         return "singular";

@@ -114,7 +114,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
                     "rotation from the model to the object, clockwise, degrees (-15:15)"),
         OPTION_INTEGER("--particles", &s->particles, 1, 4096, "N", "particles of the filter"),
         OPTION_TEXT("--tokens", &s->tokens, "NAME", "tokens to group: segments, or edgels"),
-        OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_PATHS, "N",
+        OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_MAX_PATHS, "N",
                        "maximum number of paths of a model that is built from a picture"),
         OPTION_FLAG(
             "--as-written", &s->as_written,
@@ -263,12 +263,12 @@ static void print_summary(const work *w, double seconds)
     const cairn_contour_result *r = &w->result;
 
     if (r->object_count == 0)
-        printf("%s: no object, best score %.2f", w->path, (double)r->best);
+        printf("%s: no object, best score %.2f", w->path, (double)r->best_score);
     else
         printf("%s: %" PRId32 " object%s, best score %.2f", w->path, r->object_count,
-               r->object_count > 1 ? "s" : "", (double)r->best);
+               r->object_count > 1 ? "s" : "", (double)r->best_score);
     printf("; %" PRId32 " segments of %" PRId32 " chains, %zu bytes, %.2f s\n", w->tokens.count,
-           w->tokens.chains, r->pool_bytes, seconds);
+           w->tokens.chain_count, r->pool_bytes, seconds);
     for (int32_t i = 0; i < r->object_count; i++) {
         const cairn_contour_object *o = &r->objects[i];
 

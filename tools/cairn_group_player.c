@@ -131,7 +131,7 @@ static cairn_vec2 place(const cairn_grouping_particle *p, cairn_vec2 m, int mirr
 
 /* A model's outline as dashes; their number. */
 static int32_t add_outline(const cairn_shape_model *m, const cairn_grouping_particle *p,
-                           int mirrored, double strength, cairn_report_guess *guesses)
+                           int mirrored, double strength, cairn_report_hypothesis *guesses)
 {
     int32_t count = 0;
 
@@ -143,7 +143,7 @@ static int32_t add_outline(const cairn_shape_model *m, const cairn_grouping_part
     return count;
 }
 
-static int32_t add_dash(cairn_report_guess *guess, cairn_vec2 a, cairn_vec2 b, double strength)
+static int32_t add_dash(cairn_report_hypothesis *guess, cairn_vec2 a, cairn_vec2 b, double strength)
 {
     guess->segment.a = flipped(a);
     guess->segment.b = flipped(b);
@@ -154,7 +154,7 @@ static int32_t add_dash(cairn_report_guess *guess, cairn_vec2 a, cairn_vec2 b, d
 /* The walk of the heaviest particle: its contour and skeleton, and the circles about both open
  * ends in which it looks ahead; their number. */
 static int32_t add_walk(const group_record *r, const cairn_contour_picture *p, int32_t step,
-                        cairn_report_guess *guesses)
+                        cairn_report_hypothesis *guesses)
 {
     const cairn_grouping_disc *d = &r->discs[r->walk[step]];
     int32_t n = 0, count = r->walk[step + 1] - r->walk[step];
@@ -171,7 +171,7 @@ static int32_t add_walk(const group_record *r, const cairn_contour_picture *p, i
     for (int32_t k = 0; k < 2 && count > 0; k++)
         for (int32_t i = 0; i < CIRCLE_SIDES; i += 2) {
             double from = 2 * PI * i / CIRCLE_SIDES, to = 2 * PI * (i + 1) / CIRCLE_SIDES;
-            cairn_vec2 at = d[count - 1].open[k];
+            cairn_vec2 at = d[count - 1].open_end[k];
             cairn_vec2 a = {at.x + (cairn_real)(r->look_ahead * cos(from)),
                             at.y + (cairn_real)(r->look_ahead * sin(from))};
             cairn_vec2 b = {at.x + (cairn_real)(r->look_ahead * cos(to)),
@@ -197,8 +197,8 @@ static cairn_pose pose_of(const cairn_shape_model *m, const cairn_grouping_parti
 
 typedef struct frame_memory {
     cairn_pose *pose;
-    uint8_t *doubtful;
-    cairn_report_guess *guess;
+    uint8_t *low_confidence;
+    cairn_report_hypothesis *hypothesis;
 } frame_memory;
 
 static cairn_status add_frame(cairn_report_player *player, const group_record *r,
@@ -210,31 +210,31 @@ static cairn_status add_frame(cairn_report_player *player, const group_record *r
     const cairn_grouping_particle *particles = &r->particles[r->first[step]];
     const cairn_grouping_trace *t = &p->result->trace[mirrored][own];
     double values[4] = {(double)t->n_eff, exp((double)t->log_likelihood),
-                        (double)p->result->modes[mirrored][own], (double)t->followers};
+                        (double)p->result->mode_counts[mirrored][own], (double)t->followers};
     cairn_report_frame frame = {.step = step + 1,
                                 .pose = memory->pose,
-                                .doubtful = memory->doubtful,
+                                .low_confidence = memory->low_confidence,
                                 .value = values,
-                                .guess = memory->guess,
+                                .hypothesis = memory->hypothesis,
                                 .pose_count = count + 1};
     char label[96];
 
     memset(&memory->pose[0], 0, sizeof memory->pose[0]);
-    memory->doubtful[0] = 0;
+    memory->low_confidence[0] = 0;
     for (int32_t i = 0; i < count; i++) {
         memory->pose[i + 1] = pose_of(p->model, &particles[i], mirrored);
-        memory->doubtful[i + 1] = particles[i].sides == 0;
+        memory->low_confidence[i + 1] = particles[i].matched_sides == 0;
         best = particles[i].log_weight > particles[best].log_weight ? i : best;
     }
     if (r->walks > 0)
-        frame.guess_count = add_walk(r, p, step, memory->guess);
+        frame.hypothesis_count = add_walk(r, p, step, memory->hypothesis);
     for (int32_t k = 1; k < MAX_SHOWN_MODELS && count > MAX_SHOWN_MODELS && r->walks == 0; k++)
-        frame.guess_count +=
+        frame.hypothesis_count +=
             add_outline(p->model, &particles[k * (count / MAX_SHOWN_MODELS)], mirrored,
-                        OTHER_STRENGTH, &memory->guess[frame.guess_count]);
+                        OTHER_STRENGTH, &memory->hypothesis[frame.hypothesis_count]);
     if (count > 0 && r->walks == 0)
-        frame.guess_count += add_outline(p->model, &particles[best], mirrored, BEST_STRENGTH,
-                                         &memory->guess[frame.guess_count]);
+        frame.hypothesis_count += add_outline(p->model, &particles[best], mirrored, BEST_STRENGTH,
+                                              &memory->hypothesis[frame.hypothesis_count]);
     if (r->walks > 0)
         (void)snprintf(label, sizeof label, "%d symmetric points, sample %d%s",
                        (int)(r->walk[step + 1] - r->walk[step]),
@@ -259,10 +259,10 @@ static cairn_status add_frames(cairn_report_player *player, const group_record *
     for (int32_t step = 0; step < r->walks; step++)
         discs =
             r->walk[step + 1] - r->walk[step] > discs ? r->walk[step + 1] - r->walk[step] : discs;
-    memory.guess = malloc(((size_t)MAX_SHOWN_MODELS * (size_t)p->model->outline_count +
-                           3 * (size_t)discs + CIRCLE_SIDES) *
-                          sizeof *memory.guess);
-    status = memory.pose != NULL && memory.doubtful != NULL && memory.guess != NULL
+    memory.hypothesis = malloc(((size_t)MAX_SHOWN_MODELS * (size_t)p->model->outline_count +
+                                3 * (size_t)discs + CIRCLE_SIDES) *
+                               sizeof *memory.hypothesis);
+    status = memory.pose != NULL && memory.low_confidence != NULL && memory.hypothesis != NULL
                  ? CAIRN_OK
                  : CAIRN_NO_MEMORY;
     for (int32_t step = 0; step < r->steps && status == CAIRN_OK; step++)
@@ -276,8 +276,8 @@ static cairn_status add_frames(cairn_report_player *player, const group_record *
         status = cairn_report_player_add_frame(player, &frame);
     }
     free(memory.pose);
-    free(memory.doubtful);
-    free(memory.guess);
+    free(memory.low_confidence);
+    free(memory.hypothesis);
     return status;
 }
 

@@ -79,11 +79,11 @@ static void print_range(const char *label, int64_t least, int64_t most, const ch
 static void print_text(const char *path, const cairn_carmen_info *info, const beam_counts *beams)
 {
     char first[CAIRN_NUMBER_TEXT_BYTES], last[CAIRN_NUMBER_TEXT_BYTES];
-    double seconds = (double)(info->most_ns - info->least_ns) * 1e-9;
+    double seconds = (double)(info->latest_ns - info->earliest_ns) * 1e-9;
 
     printf("%-12s %s\n", "log", path);
     printf("%-12s %" PRId64 " in %" PRId64 " lines\n", "scans", info->scans, info->lines);
-    print_range("beams", info->beams_least, info->beams_most, "a scan");
+    print_range("beams", info->min_beams, info->max_beams, "a scan");
     printf("%-12s %.2f to %.2f degrees in the first scan\n", "bearings",
            (double)beams->angle_min * DEGREES, (double)beams->angle_last * DEGREES);
     printf("%-12s up to %.2f m; no return from %.2f m on\n", "ranges", beams->farthest,
@@ -96,9 +96,9 @@ static void print_text(const char *path, const cairn_carmen_info *info, const be
     if (seconds > 0 && info->scans > 1)
         printf(", %.2f scans/s", (double)(info->scans - 1) / seconds);
     printf("\n");
-    if (info->stamps_back > 0)
+    if (info->backward_stamps > 0)
         printf("%-12s %" PRId64 " scans are stamped earlier than the one before\n", "",
-               info->stamps_back);
+               info->backward_stamps);
     printf("%-12s %.1f m, %.0f degrees of turning, from the scans' odometry\n", "path",
            info->odometry_length, info->odometry_turn * DEGREES);
     if (info->fixed_mounting)

@@ -25,8 +25,9 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
                     "folder for poses.csv, poses.tum, graph.g2o, map.pgm, map.yaml, map.svg"),
         OPTION_FLAG("--no-odometry", &s->no_odometry,
                     "uses the ranges alone; poses are then those of the sensor"),
-        OPTION_INTEGER("--max-keys", &s->max_keys, 2, 1000000, "N", "maximum number of keyframes"),
-        OPTION_FLAG("--release", &s->release,
+        OPTION_INTEGER("--max-keys", &s->max_keyframes, 2, 1000000, "N",
+                       "maximum number of keyframes"),
+        OPTION_FLAG("--release", &s->cull_keyframes,
                     "keyframe culling: beyond --max-keys the most redundant keyframes are removed"),
         OPTION_INTEGER("--window", &s->window, 0, 64, "N",
                        "sliding window of keyframes for the force field, 0: none"),
@@ -71,7 +72,7 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
     }
     s->log = s->logs[0];
     s->log_count = (int32_t)words;
-    if (s->release && s->particles > 0) {
+    if (s->cull_keyframes && s->particles > 0) {
         (void)options_refuse(MAP_PROGRAM, "--release with --filter, expected one of them: the "
                                           "particle filter has no keyframe culling");
         return OPTIONS_BAD;
@@ -90,25 +91,25 @@ static const char *verdict_text(cairn_mapper_verdict verdict)
     return texts[verdict];
 }
 
-int map_keep(const map_input *input, const cairn_mapper *mapper, int32_t index, map_scan *scan,
-             map_place *place)
+int map_copy_result(const map_input *input, const cairn_mapper *mapper, int32_t index,
+                    map_scan *scan, map_place *place)
 {
     const cairn_carmen_record *record = &input->record[index];
     cairn_mapper_result result = cairn_mapper_read(mapper);
     cairn_scan_view view = cairn_mapper_view(mapper);
 
-    if (!map_scan_keep(scan, &view))
+    if (!map_scan_copy(scan, &view))
         return 0;
-    place->key = result.key;
-    place->key_scan = result.key_scan;
+    place->keyframe = result.keyframe;
+    place->keyframe_scan = result.keyframe_scan;
     scan->line = record->line;
     scan->stamp_ns = record->stamp_ns;
     scan->before = record->robot;
-    scan->support = result.support;
+    scan->support = result.overlap;
     if (result.verdict == CAIRN_MAPPER_MATCHED)
         memcpy(scan->covariance, result.covariance, sizeof scan->covariance);
     scan->verdict = verdict_text(result.verdict);
-    scan->doubtful = result.verdict == CAIRN_MAPPER_PREDICTED;
+    scan->low_confidence = result.verdict == CAIRN_MAPPER_PREDICTED;
     return 1;
 }
 
@@ -116,7 +117,8 @@ int map_keep(const map_input *input, const cairn_mapper *mapper, int32_t index, 
  * pose. */
 static cairn_pose current_pose(const cairn_mapper *mapper, const map_place *place)
 {
-    return cairn_pose_compose(cairn_mapper_key_pose(mapper, place->key), place->key_scan);
+    return cairn_pose_compose(cairn_mapper_keyframe_pose(mapper, place->keyframe),
+                              place->keyframe_scan);
 }
 
 cairn_scan_input map_scan_input(const map_settings *s, const map_input *input, int32_t index)
@@ -161,14 +163,14 @@ static void apply_culling(keyframe_list *keys, const cairn_mapper *mapper, map_p
 {
     cairn_mapper_state state = cairn_mapper_measure(mapper);
 
-    for (; keys->releases < state.releases; keys->releases++) {
-        cairn_mapper_release release = cairn_mapper_release_at(mapper, keys->releases);
+    for (; keys->releases < state.culled_keyframes; keys->releases++) {
+        cairn_mapper_culling release = cairn_mapper_culling_at(mapper, keys->releases);
 
         for (int32_t i = 0; i < count; i++)
-            cairn_mapper_rehang(release, &places[i].key, &places[i].key_scan);
+            cairn_mapper_reattach(release, &places[i].keyframe, &places[i].keyframe_scan);
         keys->present--;
-        memmove(&keys->number[release.key], &keys->number[release.key + 1],
-                (size_t)(keys->present - release.key) * sizeof *keys->number);
+        memmove(&keys->number[release.keyframe], &keys->number[release.keyframe + 1],
+                (size_t)(keys->present - release.keyframe) * sizeof *keys->number);
     }
 }
 
@@ -187,7 +189,7 @@ static cairn_status add_frame(cairn_report_player *player, const cairn_mapper *m
 {
     cairn_mapper_state state = cairn_mapper_measure(mapper);
     cairn_mapper_result result = cairn_mapper_read(mapper);
-    double value[2] = {result.verdict == CAIRN_MAPPER_FIRST ? (double)NAN : (double)result.support,
+    double value[2] = {result.verdict == CAIRN_MAPPER_FIRST ? (double)NAN : (double)result.overlap,
                        (double)state.potential};
     cairn_report_frame frame;
     cairn_pose *pose = malloc(((size_t)keys->total + 1) * sizeof *pose);
@@ -199,7 +201,7 @@ static cairn_status add_frame(cairn_report_player *player, const cairn_mapper *m
     for (int32_t i = 0; i < keys->total; i++)
         pose[i] = current_pose(mapper, &places[keys->scan[i]]);
     memset(&frame, 0, sizeof frame);
-    snprintf(label, sizeof label, "%" PRId32 " keyframes", state.keys);
+    snprintf(label, sizeof label, "%" PRId32 " keyframes", state.keyframes);
     frame.step = index;
     frame.label = label;
     frame.pose = pose;
@@ -220,7 +222,7 @@ static cairn_status add_loop_closures(cairn_report_player *player, const cairn_m
     for (; status == CAIRN_OK && *shown < cairn_mapper_measure(mapper).loop_events; (*shown)++) {
         cairn_mapper_loop loop = cairn_mapper_loop_at(mapper, *shown);
 
-        if (loop.verdict != CAIRN_MAPPER_LOOP_WAITING && loop.verdict != CAIRN_MAPPER_LOOP_NONE)
+        if (loop.verdict != CAIRN_MAPPER_LOOP_PENDING && loop.verdict != CAIRN_MAPPER_LOOP_NO_MATCH)
             status = cairn_report_player_add_link(player, keys->number[loop.first],
                                                   keys->number[loop.second],
                                                   loop.verdict == CAIRN_MAPPER_LOOP_ACCEPTED);
@@ -297,13 +299,14 @@ static int feed(const map_settings *s, const map_input *input, cairn_mapper *map
         }
         result = cairn_mapper_read(mapper);
         apply_culling(keys, mapper, places, i);
-        if (result.is_key)
+        if (result.is_keyframe)
             append_keyframe(keys, i);
-        if (!map_keep(input, mapper, i, &scans[i], &places[i]))
+        if (!map_copy_result(input, mapper, i, &scans[i], &places[i]))
             status = CAIRN_NO_MEMORY;
-        if (status == CAIRN_OK && player != NULL && (result.is_key || i == input->count - 1))
-            status = result.is_key ? record_keyframe(player, mapper, keys, &scans[i], places, i)
-                                   : add_frame(player, mapper, keys, places, i);
+        if (status == CAIRN_OK && player != NULL && (result.is_keyframe || i == input->count - 1))
+            status = result.is_keyframe
+                         ? record_keyframe(player, mapper, keys, &scans[i], places, i)
+                         : add_frame(player, mapper, keys, places, i);
         if (status == CAIRN_OK && player != NULL)
             status = add_loop_closures(player, mapper, keys, &shown);
         if (status != CAIRN_OK) {
@@ -346,7 +349,7 @@ static cairn_status open_player(const map_settings *s, const map_input *input,
  * memory. */
 static int graph_of(const cairn_mapper *mapper, cairn_pose_graph_file *graph)
 {
-    int32_t keys = cairn_mapper_measure(mapper).keys, links = cairn_mapper_link_count(mapper);
+    int32_t keys = cairn_mapper_measure(mapper).keyframes, links = cairn_mapper_link_count(mapper);
 
     memset(graph, 0, sizeof *graph);
     graph->vertex = calloc((size_t)keys, sizeof *graph->vertex);
@@ -359,13 +362,13 @@ static int graph_of(const cairn_mapper *mapper, cairn_pose_graph_file *graph)
     for (; graph->vertex_count < keys; graph->vertex_count++) {
         graph->vertex[graph->vertex_count].id = graph->vertex_count;
         graph->vertex[graph->vertex_count].pose =
-            cairn_mapper_key_pose(mapper, graph->vertex_count);
+            cairn_mapper_keyframe_pose(mapper, graph->vertex_count);
     }
     for (int32_t i = 0; i < links; i++) {
         cairn_mapper_link link = cairn_mapper_link_at(mapper, i);
         cairn_pose_graph_edge *edge = &graph->edge[graph->edge_count];
 
-        if (link.dropped)
+        if (link.is_outlier)
             continue;
         edge->first = link.first;
         edge->second = link.second;
@@ -408,7 +411,7 @@ static int write_all(const map_settings *s, const map_input *input, const cairn_
         scans[i].after = current_pose(mapper, &places[i]);
     snprintf(title, sizeof title, "%s, mapped", cairn_path_name(s->log));
     snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans, %" PRId32 " keyframes%s", input->count,
-             cairn_mapper_measure(mapper).keys, s->no_odometry ? ", without odometry" : "");
+             cairn_mapper_measure(mapper).keyframes, s->no_odometry ? ", without odometry" : "");
     output = map_output_of(s, scans, input->count);
     output.title = title;
     output.subtitle = subtitle;
@@ -437,9 +440,10 @@ static void print_summary(const map_input *input, const cairn_mapper *mapper, si
            " matched better from the predicted motion\n"
            "potential  %.6g\n",
            input->count, input->faults, input->stamps_back > 0 ? ", some times run back" : "",
-           seconds, input->count / seconds_to_map, pool_bytes, state.keys, state.releases,
-           state.loops, state.solutions, state.lacks_room ? ", capacity reached" : "",
-           state.predicted, state.doubtful, state.unobservable, state.odometry_contradicted,
+           seconds, input->count / seconds_to_map, pool_bytes, state.keyframes,
+           state.culled_keyframes, state.loops, state.graph_solutions,
+           state.capacity_exceeded ? ", capacity reached" : "", state.predicted,
+           state.low_confidence, state.unobservable, state.odometry_contradicted,
            state.odometry_rejected, (double)state.potential);
 }
 
@@ -452,17 +456,18 @@ static int32_t least(int64_t a, int32_t b)
 static cairn_mapper_params params_for(const map_settings *s, const map_input *input, int32_t points)
 {
     cairn_mapper_params params =
-        cairn_mapper_default_for(least(s->max_keys, input->count), input->beams_most);
+        cairn_mapper_default_for(least(s->max_keyframes, input->count), input->beams_most);
 
-    params.release = s->release && s->max_keys < input->count;
+    params.cull_keyframes = s->cull_keyframes && s->max_keyframes < input->count;
     params.window = (int32_t)s->window;
     params.field.potential = 1;
     if (params.window > 0 && params.window_free >= params.window)
         params.window_free = params.window - 1;
-    params.max_key_points =
-        least((int64_t)params.max_keys * points + params.scan.max_points, MAX_KEYFRAME_ELEMENTS);
-    params.max_key_segments = least(
-        (int64_t)params.max_keys * points / 4 + params.scan.max_segments, MAX_KEYFRAME_ELEMENTS);
+    params.max_keyframe_points = least(
+        (int64_t)params.max_keyframes * points + params.scan.max_points, MAX_KEYFRAME_ELEMENTS);
+    params.max_keyframe_segments =
+        least((int64_t)params.max_keyframes * points / 4 + params.scan.max_segments,
+              MAX_KEYFRAME_ELEMENTS);
     return params;
 }
 
@@ -489,9 +494,10 @@ static int map_with_capacity(const map_settings *s, const map_input *input, map_
     int code;
 
     *full = 0;
-    if (params.release && cairn_mapper_memory(&params) == 0)
-        return options_refuse(
-            MAP_PROGRAM, "--max-keys is '%" PRId64 "', expected more with --release", s->max_keys);
+    if (params.cull_keyframes && cairn_mapper_memory(&params) == 0)
+        return options_refuse(MAP_PROGRAM,
+                              "--max-keys is '%" PRId64 "', expected more with --release",
+                              s->max_keyframes);
     if (s->particles > 0)
         return map_by_filter(s, input, &params, scans, places, full);
     code = tool_pool_open(&pool, MAP_PROGRAM, s->pool, cairn_mapper_memory(&params));
@@ -509,9 +515,9 @@ static int map_with_capacity(const map_settings *s, const map_input *input, map_
     }
     code = feed(s, input, mapper, scans, places, &keys, player, full);
     fed = tool_seconds();
-    if (*full && cairn_mapper_measure(mapper).keys == params.max_keys) {
+    if (*full && cairn_mapper_measure(mapper).keyframes == params.max_keyframes) {
         *full = 0;
-        code = map_refuse_keys(s, params.max_keys);
+        code = map_refuse_keys(s, params.max_keyframes);
     }
     if (code == TOOL_OK)
         code = write_all(s, input, mapper, scans, places, player);
@@ -549,7 +555,7 @@ int tool_map(int argc, char **argv)
     map_place *places;
     int code;
 
-    s.max_keys = 4096;
+    s.max_keyframes = 4096;
     s.window = 8;
     s.seed = 1;
     s.resolution = 0.05;

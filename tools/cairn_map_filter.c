@@ -35,13 +35,13 @@ static cairn_status add_frame(filter_run *run, int32_t index)
 {
     cairn_mapper_result result = cairn_mapper_read(cairn_filter_mapper_front(run->mapper));
     cairn_filter_mapper_state state = cairn_filter_mapper_measure(run->mapper);
-    double value[2] = {result.verdict == CAIRN_MAPPER_FIRST ? (double)NAN : (double)result.support,
-                       state.keys > 1 ? (double)state.n_eff : (double)NAN};
+    double value[2] = {result.verdict == CAIRN_MAPPER_FIRST ? (double)NAN : (double)result.overlap,
+                       state.keyframes > 1 ? (double)state.n_eff : (double)NAN};
     cairn_report_frame frame;
     char label[64];
 
     memset(&frame, 0, sizeof frame);
-    snprintf(label, sizeof label, "%" PRId32 " keyframes", state.keys);
+    snprintf(label, sizeof label, "%" PRId32 " keyframes", state.keyframes);
     frame.step = index;
     frame.label = label;
     frame.pose = run->path;
@@ -67,9 +67,9 @@ static cairn_status map_scan_at(filter_run *run, int32_t index, map_scan *scan, 
             status = cairn_filter_mapper_step(run->mapper, &budget);
         } while (status == CAIRN_MORE);
     }
-    if (status == CAIRN_OK && !map_keep(run->input, front, index, scan, place))
+    if (status == CAIRN_OK && !map_copy_result(run->input, front, index, scan, place))
         status = CAIRN_NO_MEMORY;
-    if (status == CAIRN_OK && run->player != NULL && cairn_mapper_read(front).is_key) {
+    if (status == CAIRN_OK && run->player != NULL && cairn_mapper_read(front).is_keyframe) {
         status = player_add_scan(run->player, scan, index);
         if (status == CAIRN_OK)
             status = add_frame(run, index);
@@ -98,7 +98,7 @@ static int feed(filter_run *run, map_scan *scans, map_place *places, int32_t *fu
     if (!*full)
         return tool_report_scan(map_input_log(input, i)->path, input->record[i].line, status,
                                 &fault);
-    if (cairn_mapper_measure(cairn_filter_mapper_front(run->mapper)).keys < run->max_keys)
+    if (cairn_mapper_measure(cairn_filter_mapper_front(run->mapper)).keyframes < run->max_keys)
         return TOOL_BAD;
     *full = 0;
     return map_refuse_keys(run->settings, run->max_keys);
@@ -136,7 +136,7 @@ static int write_all(filter_run *run, map_scan *scans, const map_place *places)
     cairn_file_error error;
 
     for (int32_t i = 0; i < count; i++)
-        scans[i].after = cairn_pose_compose(run->path[places[i].key], places[i].key_scan);
+        scans[i].after = cairn_pose_compose(run->path[places[i].keyframe], places[i].keyframe_scan);
     snprintf(title, sizeof title, "%s, mapped", cairn_path_name(run->settings->log));
     snprintf(subtitle, sizeof subtitle,
              "%" PRId32 " scans, %" PRId32 " keyframes, the best of %" PRId64 " particles", count,
@@ -163,7 +163,7 @@ static void print_summary(const filter_run *run, double seconds, double seconds_
            "unmatched  %" PRId64 " (pose by prediction)\n",
            run->input->count, run->input->faults,
            run->input->stamps_back > 0 ? ", some times run back" : "", seconds,
-           run->input->count / seconds_to_map, run->pool.peak, state.keys,
+           run->input->count / seconds_to_map, run->pool.peak, state.keyframes,
            cairn_filter_mapper_count(run->mapper), state.resamplings, state.nodes, state.nodes_peak,
            front.predicted);
 }
@@ -172,7 +172,7 @@ int map_by_filter(const map_settings *s, const map_input *input, const cairn_map
                   map_scan *scans, map_place *places, int32_t *full)
 {
     cairn_filter_mapper_params params = cairn_filter_mapper_default();
-    filter_run run = {s, input, NULL, {0}, NULL, NULL, front->max_keys};
+    filter_run run = {s, input, NULL, {0}, NULL, NULL, front->max_keyframes};
     double start = tool_seconds(), fed;
     cairn_status status;
     int code;
@@ -184,7 +184,7 @@ int map_by_filter(const map_settings *s, const map_input *input, const cairn_map
     code = tool_pool_open(&run.pool, MAP_PROGRAM, s->pool, cairn_filter_mapper_memory(&params));
     if (code != TOOL_OK)
         return code;
-    run.path = malloc((size_t)front->max_keys * sizeof *run.path);
+    run.path = malloc((size_t)front->max_keyframes * sizeof *run.path);
     status = run.path == NULL ? CAIRN_NO_MEMORY
                               : cairn_filter_mapper_create(&run.mapper, &run.pool, &params);
     if (status == CAIRN_OK)

@@ -50,10 +50,10 @@ static int join(map_input *input)
                (size_t)log->scans.count * sizeof *input->record);
         input->count += log->scans.count;
         input->beams_most =
-            info->beams_most > input->beams_most ? info->beams_most : input->beams_most;
+            info->max_beams > input->beams_most ? info->max_beams : input->beams_most;
         input->has_odometry |= log->has_odometry;
         input->faults += info->faults;
-        input->stamps_back += info->stamps_back;
+        input->stamps_back += info->backward_stamps;
     }
     return 1;
 }

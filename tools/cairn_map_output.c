@@ -44,7 +44,7 @@ void map_scans_free(map_scan *scan, int32_t count)
     free(scan);
 }
 
-int32_t map_scan_keep(map_scan *scan, const cairn_scan_view *view)
+int32_t map_scan_copy(map_scan *scan, const cairn_scan_view *view)
 {
     free_scan_data(scan);
     /* One element more than needed, as malloc(0) may return NULL. */
@@ -342,7 +342,7 @@ static cairn_status write_picture(const map_output *output, const cairn_map_file
             scan[i].segment_count = s->segment_count;
             before[i] = s->before;
             after[i] = s->after;
-            doubtful[i] = s->doubtful;
+            doubtful[i] = s->low_confidence;
         }
         panel[0].title = "before";
         panel[0].note = output->before != NULL ? output->before : "poses of the log";
@@ -350,7 +350,7 @@ static cairn_status write_picture(const map_output *output, const cairn_map_file
         panel[1].title = "after";
         panel[1].note = output->grid_panel ? "occupancy grid and path" : "aligned";
         panel[1].pose = after;
-        panel[1].doubtful = doubtful;
+        panel[1].low_confidence = doubtful;
         panel[1].grid = output->grid_panel ? &grid : NULL;
         picture.title = output->title;
         picture.subtitle = output->subtitle;

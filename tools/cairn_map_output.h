@@ -17,7 +17,7 @@ typedef struct map_scan {
     cairn_real covariance[9]; /* row-major over x, y, theta; NaN: not known */
     cairn_real support;       /* NaN: not known */
     const char *verdict;      /* constant text */
-    uint8_t doubtful;         /* 1: drawn in red */
+    uint8_t low_confidence;   /* 1: drawn in red */
 
     /* Sensor data in the frame of the scan. */
     cairn_vec2 sensor;
@@ -57,7 +57,7 @@ void map_scans_free(map_scan *scan, int32_t count);
 
 /* Copies the sensor data of a scan and replaces an earlier copy. Returns 0 when there is no
  * memory. */
-int32_t map_scan_keep(map_scan *scan, const cairn_scan_view *view);
+int32_t map_scan_copy(map_scan *scan, const cairn_scan_view *view);
 
 /* Transforms beam i of a scan to the map and clips it at the output's range; *hit: 1 when its end
  * is a hit within the range. Returns 0 for a beam of zero length. */

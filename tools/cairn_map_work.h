@@ -14,21 +14,21 @@ typedef struct map_settings {
     const char *logs[MAP_MAX_LOGS];
     const char *folder, *pool, *report;
     int32_t log_count;
-    int64_t max_keys, window, seed, particles;
+    int64_t max_keyframes, window, seed, particles;
     double resolution, range, range_max;
     double sweep; /* s; 0: as the log says */
-    int32_t no_odometry, quiet, release;
+    int32_t no_odometry, quiet, cull_keyframes;
 } map_settings;
 
 /* Pose of a scan relative to its reference keyframe. */
 typedef struct map_place {
-    cairn_pose key_scan;
-    int32_t key;
+    cairn_pose keyframe_scan;
+    int32_t keyframe;
 } map_place;
 
 /* Copies the mapper's result for scan `index`. Returns 0 when there is no memory. */
-int map_keep(const map_input *input, const cairn_mapper *mapper, int32_t index, map_scan *scan,
-             map_place *place);
+int map_copy_result(const map_input *input, const cairn_mapper *mapper, int32_t index,
+                    map_scan *scan, map_place *place);
 
 /* Returns scan `index` as the mapper's input. */
 cairn_scan_input map_scan_input(const map_settings *s, const map_input *input, int32_t index);

@@ -46,17 +46,17 @@ static void print_hypothesis(FILE *out, const cairn_scan_match_hypothesis *h, in
     else
         fprintf(out, "%8s", "any");
     fprintf(out, "  %7.3f %7.3f %6.3f  %3" PRId32 "\n", (double)h->overlap,
-            (double)h->contradiction, (double)h->score, h->observable);
+            (double)h->free_space_violation, (double)h->score, h->observable_dof);
 }
 
 /* Prints the unobservable direction of the best hypothesis (eigenvector of the smallest eigenvalue
  * of its information), if it has one. */
 static void print_unobservable(FILE *out, const cairn_scan_match_hypothesis *h)
 {
-    double x = (double)h->weak[0], y = (double)h->weak[1], turn = (double)h->weak[2],
-           shift = hypot(x, y);
+    double x = (double)h->weak_direction[0], y = (double)h->weak_direction[1],
+           turn = (double)h->weak_direction[2], shift = hypot(x, y);
 
-    if (h->observable >= 3)
+    if (h->observable_dof >= 3)
         return;
     if (shift >= fabs(turn))
         fprintf(out,
@@ -130,9 +130,9 @@ static void print_json_hypothesis(FILE *out, const cairn_scan_match_hypothesis *
     fprintf(out,
             ", \"overlap\": %.9g, \"contradiction\": %.9g, \"score\": %.9g, \"sigma\": %.9g, "
             "\"pairs\": %" PRId32 ", \"observable\": %" PRId32,
-            (double)h->overlap, (double)h->contradiction, (double)h->score, (double)h->sigma,
-            h->pairs, h->observable);
-    print_numbers(out, "weak", h->weak, 3);
+            (double)h->overlap, (double)h->free_space_violation, (double)h->score, (double)h->sigma,
+            h->pairs, h->observable_dof);
+    print_numbers(out, "weak", h->weak_direction, 3);
     fprintf(out, ", \"weak_ratio\": %.9g, \"radius\": %.9g}", (double)h->weak_ratio,
             (double)h->radius);
 }
@@ -158,7 +158,7 @@ static void print_json(FILE *out, const match_record *record)
             "],\n  \"units\": %" PRId64 ", \"worst_step\": %" PRId32 ", \"candidates\": %" PRId32
             ", \"fits\": %" PRId32 "\n}\n",
             record->measure.units, record->measure.worst_step, record->measure.candidates,
-            record->measure.fits);
+            record->measure.refinements);
 }
 
 /* ---- to the heap ---- */

@@ -209,7 +209,7 @@ static cairn_map_merge_params params_for(const merge_job *job)
         most = own > most ? own : most;
     }
     p.max_maps = job->settings->count;
-    p.max_cells = cells > CAIRN_MAP_FILE_CELLS_MOST ? 0 : (int32_t)cells;
+    p.max_cells = cells > CAIRN_MAP_FILE_MAX_CELLS ? 0 : (int32_t)cells;
     p.max_map_cells = (int32_t)most;
     p.max_points = 4096;
     if (s->perception != NULL && strcmp(s->perception, "images") == 0)
@@ -256,7 +256,7 @@ static int begin(merge_job *job)
         cairn_fault fault = {-1, "refused"};
 
         if (cairn_map_merge_add(job->merge, &input, &fault) != CAIRN_OK)
-            return options_refuse(MERGE_PROGRAM, "%s: %s", s->map[i], fault.what);
+            return options_refuse(MERGE_PROGRAM, "%s: %s", s->map[i], fault.message);
     }
     code = add_start(job);
     if (code != TOOL_OK)
@@ -284,7 +284,8 @@ static int is_better(const merge_job *job)
     cairn_merge_result result = cairn_map_merge_read(job->merge);
 
     return job->k == 0 || result.placed > job->result.placed ||
-           (result.placed == job->result.placed && result.evidence > job->result.evidence);
+           (result.placed == job->result.placed &&
+            result.log_likelihood_ratio > job->result.log_likelihood_ratio);
 }
 
 /* Returns 1 when every map is placed with a small error probability. */
@@ -293,7 +294,7 @@ static int is_confident(const merge_job *job)
     int32_t doubtful = 0;
 
     for (int32_t i = 0; i < job->settings->count; i++)
-        doubtful += !((double)job->map[i].placed.wrong <= MERGE_MAX_ERROR_PROBABILITY);
+        doubtful += !((double)job->map[i].placed.error_probability <= MERGE_MAX_ERROR_PROBABILITY);
     return doubtful == 0;
 }
 
@@ -309,7 +310,7 @@ static int merge_once(merge_job *job, int32_t k)
     if (params.max_cells == 0)
         return options_refuse(MERGE_PROGRAM,
                               "more than %d cells in all, expected fewer: use --coarsen",
-                              (int)CAIRN_MAP_FILE_CELLS_MOST);
+                              (int)CAIRN_MAP_FILE_MAX_CELLS);
     job->pool_bytes = cairn_map_merge_memory(&params);
     code = tool_pool_open(&pool, MERGE_PROGRAM, job->settings->pool, job->pool_bytes);
     if (code != TOOL_OK)
@@ -332,7 +333,7 @@ static int merge_once(merge_job *job, int32_t k)
             job->map[i].placed = cairn_map_merge_of(job->merge, i);
         job->result = cairn_map_merge_read(job->merge);
         job->k = k;
-        if (!merge_take_places(job)) {
+        if (!merge_read_places(job)) {
             (void)options_refuse(MERGE_PROGRAM, "no memory");
             code = TOOL_FAILED;
         }
@@ -418,7 +419,7 @@ static void print_summary(const merge_job *job, double seconds)
         if (p->verdict == CAIRN_MERGE_PLACED)
             printf("%-10" PRId32 " %.3f %.3f %.4f  error probability %.2g  %s\n", i,
                    (double)p->reference_map.x, (double)p->reference_map.y,
-                   (double)p->reference_map.theta, (double)p->wrong, s->map[i]);
+                   (double)p->reference_map.theta, (double)p->error_probability, s->map[i]);
         else
             printf("%-10" PRId32 " rejected: %s  %s\n", i, cairn_merge_verdict_text(p->verdict),
                    s->map[i]);

@@ -35,9 +35,9 @@ typedef struct merge_tool_map {
 
 /* A pose hypothesis of a map relative to a map placed before it. */
 typedef struct merge_place {
-    int32_t map, beside;
+    int32_t map, placed_map;
     cairn_pose pose; /* of the map's frame in that of the reference */
-    cairn_real evidence;
+    cairn_real log_likelihood_ratio;
     cairn_merge_score score;
     double psi_share, gamma_share; /* relative to the sum over all hypotheses of the map */
     double product; /* product of both shares, normalized over the map's hypotheses */
@@ -59,7 +59,7 @@ typedef struct merge_job {
 cairn_status merge_draw_map(const merge_job *job, cairn_map_file *merged, cairn_file_error *error);
 
 /* Reads the pose hypotheses of all maps from job->merge. Returns 0 when there is no memory. */
-int merge_take_places(merge_job *job);
+int merge_read_places(merge_job *job);
 
 cairn_status merge_write_places(const merge_job *job, const char *path, cairn_file_error *error);
 cairn_status merge_write_yaml(const merge_job *job, const char *path, cairn_file_error *error);

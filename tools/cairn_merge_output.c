@@ -85,7 +85,7 @@ cairn_status merge_draw_map(const merge_job *job, cairn_map_file *merged, cairn_
     merged->origin.y = box.min.y;
     width = ceil((double)((box.max.x - box.min.x) / merged->resolution));
     height = ceil((double)((box.max.y - box.min.y) / merged->resolution));
-    if (!(width >= 1 && height >= 1 && width * height <= CAIRN_MAP_FILE_CELLS_MOST))
+    if (!(width >= 1 && height >= 1 && width * height <= CAIRN_MAP_FILE_MAX_CELLS))
         return cairn_file_error_set(error, CAIRN_FULL, folder, 0,
                                     "the merged map has %g by %g cells, expected fewer", width,
                                     height);
@@ -152,11 +152,11 @@ cairn_status merge_write_yaml(const merge_job *job, const char *path, cairn_file
             cairn_output_print(out,
                                "    transform: {x: %.9g, y: %.9g, yaw: %.9g}\n    wrong: %.3g\n",
                                (double)p->reference_map.x, (double)p->reference_map.y,
-                               (double)p->reference_map.theta, (double)p->wrong);
+                               (double)p->reference_map.theta, (double)p->error_probability);
         else
             cairn_output_print(out, "    reason: %s\n", cairn_merge_verdict_text(p->verdict));
         cairn_output_print(out, "    support: %.9g\n    rival: %.9g\n", (double)p->support,
-                           (double)p->rival);
+                           (double)p->competing_support);
     }
     return cairn_output_commit(out, error);
 }
@@ -184,7 +184,8 @@ cairn_status merge_write_csv(const merge_job *job, const char *path, cairn_file_
         cairn_output_print(out, "%" PRId32 ",%.9g,%.9g,%.9g,%s,%.3g,%.9g,%.9g,%" PRId32 "\n", i,
                            (double)p->reference_map.x, (double)p->reference_map.y,
                            (double)p->reference_map.theta, verdict_word(p->verdict),
-                           (double)p->wrong, (double)p->support, (double)p->rival, p->neighbours);
+                           (double)p->error_probability, (double)p->support,
+                           (double)p->competing_support, p->neighbours);
     }
     return cairn_output_commit(out, error);
 }

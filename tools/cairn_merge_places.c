@@ -54,7 +54,7 @@ static void normalize_scores(merge_job *job, int32_t first)
         list[i].product = products > 0 ? list[i].psi_share * list[i].gamma_share / products : 0;
 }
 
-int merge_take_places(merge_job *job)
+int merge_read_places(merge_job *job)
 {
     job->place_count = 0;
     for (int32_t map = 0; map < job->settings->count; map++) {
@@ -62,10 +62,11 @@ int merge_take_places(merge_job *job)
 
         for (int32_t other = 0; other < job->settings->count; other++)
             for (int32_t k = 0; was_before(job, other, map); k++) {
-                merge_place p = {.map = map, .beside = other};
+                merge_place p = {.map = map, .placed_map = other};
                 cairn_pose seen;
 
-                if (!cairn_map_merge_mode(job->merge, other, map, k, &seen, &p.evidence))
+                if (!cairn_map_merge_mode(job->merge, other, map, k, &seen,
+                                          &p.log_likelihood_ratio))
                     break;
                 if (cairn_map_merge_score(job->merge, other, map, seen, &p.score) != CAIRN_OK)
                     break;
@@ -90,11 +91,11 @@ cairn_status merge_write_places(const merge_job *job, const char *path, cairn_fi
     for (int32_t i = 0; i < job->place_count; i++) {
         const merge_place *p = &job->place[i];
 
-        cairn_output_print(out,
-                           "%" PRId32 ",%" PRId32 ",%.9g,%.9g,%.9g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g\n",
-                           p->map, p->beside, (double)p->pose.x, (double)p->pose.y,
-                           (double)p->pose.theta, (double)p->evidence, (double)p->score.psi,
-                           (double)p->score.gamma, p->psi_share, p->gamma_share, p->product);
+        cairn_output_print(
+            out, "%" PRId32 ",%" PRId32 ",%.9g,%.9g,%.9g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g\n", p->map,
+            p->placed_map, (double)p->pose.x, (double)p->pose.y, (double)p->pose.theta,
+            (double)p->log_likelihood_ratio, (double)p->score.psi, (double)p->score.gamma,
+            p->psi_share, p->gamma_share, p->product);
     }
     return cairn_output_commit(out, error);
 }

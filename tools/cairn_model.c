@@ -29,7 +29,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_INTEGER("--points", &s->points, 16, 1024, "N", "samples of the outline"),
         OPTION_INTEGER("--samples", &s->samples, 4, 256, "N",
                        "samples of a path that covers the complete outline"),
-        OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_PATHS, "N",
+        OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_MAX_PATHS, "N",
                        "maximum number of paths; 1: only the longest"),
         OPTION_TEXT("--holes", &s->holes, "NAME",
                     "holes: keep as separate outlines, fill, or refuse"),
@@ -80,8 +80,8 @@ static cairn_status load(const settings *s, cairn_shape_model_file *file, cairn_
                                        : CAIRN_SHAPE_HOLES_REFUSE;
     image.max_gap = s->gap;
     image.min_part = s->part;
-    builder.points = (int32_t)s->points;
-    builder.samples = (int32_t)s->samples;
+    builder.outline_samples = (int32_t)s->points;
+    builder.path_samples = (int32_t)s->samples;
     builder.max_paths = (int32_t)s->paths;
     return cairn_shape_model_file_load(file, s->shape, &image, &builder, traced, error);
 }
@@ -91,27 +91,27 @@ static void print_summary(const cairn_shape_model *m, const cairn_shape_image *t
     double share = 0;
 
     for (int32_t i = 0; i < m->path_count; i++)
-        share += (double)m->paths[i].share;
+        share += (double)m->paths[i].outline_share;
     if (traced->count > 0)
         printf("picture    %s, outlines %" PRId32 ", holes %" PRId32 "\n"
                "gaps       %" PRId32 " joined\n"
                "specks     %" PRId32 " left out\n",
                traced->is_drawing ? "a drawing" : "a silhouette", traced->count, traced->holes,
-               traced->joined, traced->specks);
+               traced->bridged_gaps, traced->dropped_regions);
     printf("size       %.6g\n"
            "outline    %" PRId32 " samples, %.0f %% of it on the sides of paths\n"
            "paths      %" PRId32 ", %" PRId32 " samples\n",
            (double)m->size, m->outline_count, 100 * share, m->path_count, m->sample_count);
     for (int32_t i = 0; i < m->path_count; i++)
         printf("  %" PRId32 "        %" PRId32 " samples, %.0f %% of the outline%s\n", i,
-               m->paths[i].count, 100 * (double)m->paths[i].share,
+               m->paths[i].count, 100 * (double)m->paths[i].outline_share,
                m->paths[i].parent < 0 ? "" : ", a branch");
 }
 
 static cairn_status draw_parts(const settings *s, const cairn_shape_model *model,
                                cairn_file_error *error)
 {
-    cairn_part_cut cut[CAIRN_PART_FRAGMENTS];
+    cairn_part_cut cut[CAIRN_PART_MAX_FRAGMENTS];
     int32_t count = 0;
     cairn_status status =
         s->cuts == NULL ? CAIRN_OK : cairn_part_cut_file_read(cut, &count, s->cuts, error);
@@ -124,7 +124,7 @@ static cairn_status draw_parts(const settings *s, const cairn_shape_model *model
 
 int tool_model(int argc, char **argv)
 {
-    settings s = {NULL, NULL, NULL, NULL, NULL, "keep", 128, 32, CAIRN_SHAPE_PATHS,
+    settings s = {NULL, NULL, NULL, NULL, NULL, "keep", 128, 32, CAIRN_SHAPE_MAX_PATHS,
                   0.1,  0.01, 0,    0};
     option_result result = read_settings(&s, argc, argv);
     cairn_shape_model_file file;

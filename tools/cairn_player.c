@@ -229,9 +229,9 @@ cairn_status player_aligner_begin(player_aligner *record, cairn_report_player *p
     record->player = player;
     record->aligner = aligner;
     record->pose = malloc(scans * sizeof *record->pose);
-    record->part = malloc(scans * sizeof *record->part);
-    record->doubtful = calloc(scans, 1);
-    return record->pose != NULL && record->part != NULL && record->doubtful != NULL
+    record->submap = malloc(scans * sizeof *record->submap);
+    record->low_confidence = calloc(scans, 1);
+    return record->pose != NULL && record->submap != NULL && record->low_confidence != NULL
                ? CAIRN_OK
                : CAIRN_NO_MEMORY;
 }
@@ -239,8 +239,8 @@ cairn_status player_aligner_begin(player_aligner *record, cairn_report_player *p
 void player_aligner_free(player_aligner *record)
 {
     free(record->pose);
-    free(record->part);
-    free(record->doubtful);
+    free(record->submap);
+    free(record->low_confidence);
 }
 
 /* Copies the current poses and submaps. Returns 1 when a change is visible. *way: m, the mean
@@ -253,17 +253,18 @@ static int take_commit(player_aligner *record, double *way)
     *way = 0;
     for (int32_t i = 0; i < scans; i++) {
         int32_t part;
-        cairn_pose pose = cairn_aligner_pose_now(record->aligner, i, &part), last = record->pose[i];
+        cairn_pose pose = cairn_aligner_current_pose(record->aligner, i, &part),
+                   last = record->pose[i];
         double moved =
             record->step > 0 ? hypot((double)(pose.x - last.x), (double)(pose.y - last.y)) : 0;
 
         seen |= record->step > 0 &&
-                (part != record->part[i] || moved > MIN_VISIBLE_MOTION ||
+                (part != record->submap[i] || moved > MIN_VISIBLE_MOTION ||
                  fabs((double)cairn_wrap_angle(pose.theta - last.theta)) > MIN_VISIBLE_MOTION);
         *way += moved / scans;
     }
     for (int32_t i = 0; i < scans && seen; i++)
-        record->pose[i] = cairn_aligner_pose_now(record->aligner, i, &record->part[i]);
+        record->pose[i] = cairn_aligner_current_pose(record->aligner, i, &record->submap[i]);
     return seen;
 }
 
@@ -277,7 +278,7 @@ static int32_t count_parts(const player_aligner *record, int32_t *parts)
         int32_t size = 0;
 
         for (int32_t k = 0; k < scans; k++)
-            size += record->part[k] == i;
+            size += record->submap[k] == i;
         *parts += size > 0;
         largest = size > largest ? size : largest;
     }
@@ -302,10 +303,10 @@ cairn_status player_aligner_commit(player_aligner *record)
         snprintf(label, sizeof label, "end: %" PRId32 " scans placed, the others in red",
                  result.placed);
         for (int32_t i = 0; i < cairn_aligner_scan_count(record->aligner); i++)
-            record->doubtful[i] = !cairn_aligner_pose_of(record->aligner, i).placed;
-    } else if (result.rounds > 0) {
+            record->low_confidence[i] = !cairn_aligner_pose_of(record->aligner, i).placed;
+    } else if (result.iterations > 0) {
         snprintf(label, sizeof label, "all poses and walls at once, iteration %" PRId32,
-                 result.rounds);
+                 result.iterations);
     } else {
         snprintf(label, sizeof label, "%" PRId32 " submaps, the largest of %.0f scans", parts,
                  value[1]);
@@ -313,8 +314,8 @@ cairn_status player_aligner_commit(player_aligner *record)
     frame.step = record->step++;
     frame.label = label;
     frame.pose = record->pose;
-    frame.part = record->part;
-    frame.doubtful = record->doubtful;
+    frame.submap = record->submap;
+    frame.low_confidence = record->low_confidence;
     frame.pose_count = cairn_aligner_scan_count(record->aligner);
     frame.value = value;
     return cairn_report_player_add_frame(record->player, &frame);

@@ -40,8 +40,8 @@ typedef struct player_aligner {
     cairn_report_player *player;
     const cairn_aligner *aligner;
     cairn_pose *pose;
-    int32_t *part;
-    uint8_t *doubtful;
+    int32_t *submap;
+    uint8_t *low_confidence;
     int64_t step;
 } player_aligner;
 

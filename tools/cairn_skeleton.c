@@ -246,18 +246,18 @@ static cairn_status create_objects(const settings *s, work *w)
     boundary.max_height = w->grey.height;
     /* Capacity: the basins of photographs have about 100 pixels, as the windows blur. */
     boundary.max_regions = (w->grey.width * w->grey.height + 31) / 32;
-    boundary.max_points = 2 * w->grey.width * w->grey.height + 3 * boundary.max_regions;
+    boundary.max_corners = 2 * w->grey.width * w->grey.height + 3 * boundary.max_regions;
     boundary.min_strength = isnan(s->strength) ? DEFAULT_MIN_STRENGTH : (cairn_real)s->strength;
     edgel.max_width = skeleton.max_width = w->grey.width;
     edgel.max_height = skeleton.max_height = w->grey.height;
     /* An edgel for each row and column of a pixel at most. */
     edgel.max_edgels = skeleton.max_edgels = 2 * w->grey.width * w->grey.height;
     edgel.sigma = (cairn_real)s->sigma;
-    edgel.min_slope = (cairn_real)s->slope;
+    edgel.min_gradient = (cairn_real)s->slope;
     if (s->particles > 0)
-        skeleton.particles = (int32_t)s->particles;
+        skeleton.particle_count = (int32_t)s->particles;
     if (!isnan(s->contrast))
-        skeleton.contrast = (cairn_real)s->contrast;
+        skeleton.contrast_weight = (cairn_real)s->contrast;
     if (!isnan(s->log_odds))
         skeleton.min_log_odds = (cairn_real)s->log_odds;
     skeleton.seed = s->seed;
@@ -319,8 +319,8 @@ static cairn_status read_edgels(const char *path, const work *w, cairn_edgel **e
 
         (*edgels)[i] = (cairn_edgel){
             .position = cairn_vec2_scale(cairn_vec2_add(line.a, line.b), CAIRN_REAL(0.5)),
-            .normal = cairn_vec2_scale(cairn_vec2_left(along), 1 / length),
-            .slope = 0};
+            .normal = cairn_vec2_scale(cairn_vec2_left_perp(along), 1 / length),
+            .gradient_magnitude = 0};
     }
     cairn_contour_tokens_free(&tokens);
     return status;
@@ -525,7 +525,7 @@ int tool_skeleton(int argc, char **argv)
     memset(&s, 0, sizeof s);
     s.contrast = s.log_odds = s.strength = (double)NAN;
     s.sigma = (double)edgel.sigma;
-    s.slope = (double)edgel.min_slope;
+    s.slope = (double)edgel.min_gradient;
     s.seed = 1;
     result = read_settings(&s, argc, argv);
     if (result != OPTIONS_READ)

@@ -162,12 +162,12 @@ static void print_summary(const symmetry_found *f, double seconds)
     const cairn_symmetry_axis *a = r->axes;
 
     printf("%s: %s", f->path, symmetry_verdict_name(r->verdict));
-    if (r->verdict != CAIRN_SYMMETRY_ONE)
-        printf(" (%" PRId32 " as good as the best)", r->ties);
-    if (r->rotations != 1)
-        printf(r->rotations == 0 ? ", the same after any turn"
-                                 : ", the same after a turn by 1/%" PRId32,
-               r->rotations);
+    if (r->verdict != CAIRN_SYMMETRY_SINGLE)
+        printf(" (%" PRId32 " as good as the best)", r->tie_count);
+    if (r->rotation_order != 1)
+        printf(r->rotation_order == 0 ? ", the same after any turn"
+                                      : ", the same after a turn by 1/%" PRId32,
+               r->rotation_order);
     if (f->parts > 1)
         printf(", the largest of %" PRId32 " parts", f->parts);
     printf("; %.3f s\n", seconds);
@@ -248,7 +248,7 @@ int tool_symmetry(int argc, char **argv)
 
     memset(&s, 0, sizeof s);
     s.holes = "keep";
-    s.points = params.points;
+    s.points = params.outline_samples;
     s.gap = image.max_gap;
     s.part = image.min_part;
     result = read_settings(&s, argc, argv);
@@ -256,9 +256,9 @@ int tool_symmetry(int argc, char **argv)
         return (int)result;
     if (s.as_written)
         params = cairn_self_similarity_as_written();
-    params.points = (int32_t)s.points;
-    params.most_vertices =
-        params.points < params.most_vertices ? params.points : params.most_vertices;
+    params.outline_samples = (int32_t)s.points;
+    params.max_vertices =
+        params.outline_samples < params.max_vertices ? params.outline_samples : params.max_vertices;
     found = calloc(s.count, sizeof *found);
     if (found == NULL)
         return options_refuse(PROGRAM, "no memory for %zu shapes", s.count), TOOL_FAILED;

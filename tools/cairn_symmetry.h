@@ -14,9 +14,9 @@ typedef struct symmetry_found {
     cairn_shape_image image; /* all outlines: parts, then holes */
     int32_t parts;           /* parts of the picture; the largest one is analysed */
     int32_t holes;           /* holes of the largest part */
-    cairn_curve shape[CAIRN_SHAPE_OUTLINES];
+    cairn_curve shape[CAIRN_SHAPE_MAX_OUTLINES];
     int32_t mode; /* CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN */
-    cairn_symmetry_axis axes[CAIRN_SYMMETRY_AXES];
+    cairn_symmetry_axis axes[CAIRN_SYMMETRY_MAX_AXES];
     cairn_vec2 samples[SYMMETRY_MAX_POINTS];
     cairn_self_similarity_result result; /* its arrays are axes and samples */
 } symmetry_found;

@@ -22,9 +22,9 @@ const char *symmetry_mode_name(int32_t mode)
 
 const char *symmetry_verdict_name(cairn_symmetry_verdict verdict)
 {
-    return verdict == CAIRN_SYMMETRY_ONE    ? "one axis"
-           : verdict == CAIRN_SYMMETRY_MANY ? "several axes"
-                                            : "no single axis";
+    return verdict == CAIRN_SYMMETRY_SINGLE     ? "one axis"
+           : verdict == CAIRN_SYMMETRY_MULTIPLE ? "several axes"
+                                                : "no single axis";
 }
 
 /* ---- Pictures ---- */
@@ -120,7 +120,7 @@ static void print_shape(cairn_output *output, const symmetry_found *f, const vie
         return;
     print_arc(output, f, v, best->arc[0], "first");
     print_arc(output, f, v, best->arc[1], "second");
-    for (int32_t i = 1; i < f->result.ties && i < AXES_DRAWN; i++)
+    for (int32_t i = 1; i < f->result.tie_count && i < AXES_DRAWN; i++)
         print_axis(output, v, &f->axes[i], "tie");
     print_axis(output, v, best, "axis");
     for (int k = 0; k < 2; k++)
@@ -142,10 +142,10 @@ static void describe(const symmetry_found *f, char *text, size_t size)
 {
     char turns[32] = "";
 
-    if (f->result.rotations == 0)
+    if (f->result.rotation_order == 0)
         (void)snprintf(turns, sizeof turns, ", any turn");
-    else if (f->result.rotations > 1)
-        (void)snprintf(turns, sizeof turns, ", %d turns", (int)f->result.rotations);
+    else if (f->result.rotation_order > 1)
+        (void)snprintf(turns, sizeof turns, ", %d turns", (int)f->result.rotation_order);
     (void)snprintf(text, size, "%s, dissimilarity %.4f%s", symmetry_verdict_name(f->result.verdict),
                    f->result.count > 0 ? (double)f->axes[0].dissimilarity : 0, turns);
 }
@@ -220,12 +220,13 @@ static void write_axis(cairn_output *output, const cairn_symmetry_axis *a)
         "\"bend_deg\": %.2f, "
         "\"skew\": %.4f,\n   \"mirror\": [%.2f, %.2f, %.3f], \"vertices\": %d, \"division\": %d}",
         (double)a->end[0].x, (double)a->end[0].y, (double)a->end[1].x, (double)a->end[1].y,
-        (double)a->place[0], (double)a->place[1], (double)a->arc[0].from, (double)a->arc[0].to,
-        (double)a->arc[1].from, (double)a->arc[1].to, (double)a->dissimilarity, (double)a->misfit,
-        (double)a->warp, DEGREES * (double)a->bend, (double)a->skew, (double)a->mirror_point.x,
+        (double)a->position[0], (double)a->position[1], (double)a->arc[0].from,
+        (double)a->arc[0].to, (double)a->arc[1].from, (double)a->arc[1].to,
+        (double)a->dissimilarity, (double)a->mirror_residual, (double)a->dtw_cost,
+        DEGREES * (double)a->bend, (double)a->skew, (double)a->mirror_point.x,
         (double)a->mirror_point.y,
-        DEGREES * atan2((double)a->mirror_along.y, (double)a->mirror_along.x), (int)a->vertices,
-        (int)a->division);
+        DEGREES * atan2((double)a->mirror_direction.y, (double)a->mirror_direction.x),
+        (int)a->vertices, (int)a->division);
 }
 
 cairn_status symmetry_write(const symmetry_found *f, const char *path, cairn_file_error *error)
@@ -242,7 +243,8 @@ cairn_status symmetry_write(const symmetry_found *f, const char *path, cairn_fil
         ", \"mode\": \"%s\", \"parts\": %d, \"holes\": %d,\n \"verdict\": \"%s\", \"ties\": %d, "
         "\"rotations\": %d,\n \"axes\": [",
         symmetry_mode_name(f->mode), (int)f->parts, (int)f->holes,
-        symmetry_verdict_name(f->result.verdict), (int)f->result.ties, (int)f->result.rotations);
+        symmetry_verdict_name(f->result.verdict), (int)f->result.tie_count,
+        (int)f->result.rotation_order);
     for (int32_t i = 0; i < f->result.count; i++) {
         cairn_output_print(output, "%s\n", i > 0 ? "," : "");
         write_axis(output, &f->axes[i]);

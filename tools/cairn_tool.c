@@ -42,7 +42,7 @@ int tool_report(const cairn_file_error *error)
 int tool_report_scan(const char *path, int64_t line, cairn_status status, const cairn_fault *fault)
 {
     const char *what =
-        fault != NULL && fault->what != NULL ? fault->what : cairn_status_text(status);
+        fault != NULL && fault->message != NULL ? fault->message : cairn_status_text(status);
 
     fprintf(stderr, "%s:%" PRId64 ": the scan cannot be used: %s\n", path, line, what);
     return tool_exit_code(status);

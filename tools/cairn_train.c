@@ -12,7 +12,7 @@
 
 #define PROGRAM "cairn train"
 
-enum { MAX_IMAGES = CAIRN_APPEARANCE_IMAGES_MOST };
+enum { MAX_IMAGES = CAIRN_APPEARANCE_MAX_IMAGES };
 
 typedef struct settings {
     const char *images[MAX_IMAGES];
@@ -33,10 +33,10 @@ static option_result read_settings(settings *s, int argc, char **argv)
             "names without folder"),
         OPTION_TEXT("-o", &s->output, "FILE",
                     "the trained model, a text file for cairn detect --appearance"),
-        OPTION_INTEGER("--words", &s->words, 2, CAIRN_APPEARANCE_WORDS_MOST, "N",
+        OPTION_INTEGER("--words", &s->words, 2, CAIRN_APPEARANCE_MAX_WORDS, "N",
                        "size of the dictionary of visual words"),
         OPTION_INTEGER("--negatives", &s->negatives, 1, 100, "N", "negative windows per box"),
-        OPTION_INTEGER("--max-side", &s->side, 16, CAIRN_APPEARANCE_SIDE_MOST, "PX",
+        OPTION_INTEGER("--max-side", &s->side, 16, CAIRN_APPEARANCE_MAX_SIDE, "PX",
                        "maximum side of an image; larger ones are halved, as in cairn detect"),
         OPTION_NUMBER("--cost", &s->cost, 1e-6, 1e6, "C", "cost C of a misclassified window (SVM)"),
         OPTION_SEED("--seed", &s->seed, "seed of the dictionary and of the windows"),

@@ -177,7 +177,7 @@ step_freestanding()
 
 step_rooms()
 {
-    sh tools/check-rooms-test.sh && sh tools/check-rooms.sh
+    sh tools/check-modules-test.sh && sh tools/check-modules.sh
 }
 
 # Each public header alone, as C and as C++, in double and float.

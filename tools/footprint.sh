@@ -22,7 +22,7 @@ table=$fw/footprint.md
 export LC_ALL=C
 cc -std=c11 -DCAIRN_FLOAT -I. -Iinclude tools/pool_formulas.c tools/pool_objects.c "$1/libcairn-float.a" -lm -o "$fw/pool_formulas" || exit 1
 
-# name of the module of an object: the longest module whose name begins it (rooms.txt); parts belong to their modules.
+# name of the module of an object: the longest module whose name begins it (modules.txt); parts belong to their modules.
 {
     echo
     echo '| mission | code bytes in the image | pool bytes used | pool, state and data, bytes | stack bytes, painted |'
@@ -56,7 +56,7 @@ cc -std=c11 -DCAIRN_FLOAT -I. -Iinclude tools/pool_formulas.c tools/pool_objects
             for (i = 1; i <= modules; i++) if (name == module[i]) best = name
             size[best] += $1
         }
-        END { for (i = 1; i <= modules; i++) if (module[i] in size) print "| " module[i] " | " size[module[i]] " |" }' tools/rooms.txt -
+        END { for (i = 1; i <= modules; i++) if (module[i] in size) print "| " module[i] " | " size[module[i]] " |" }' tools/modules.txt -
     echo
     echo '| function | worst stack, bytes |'
     echo '|---|---|'

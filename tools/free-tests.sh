@@ -13,7 +13,7 @@ for layer in "$@"; do
         ;;
     host)
         program=cairn-arena
-        pattern="$pattern|tests/programs\.h|src/host/|include/cairn/($(awk '$1 == "host" { printf "%s%s", sep, $2; sep = "|" }' tools/rooms.txt))\\.h"
+        pattern="$pattern|tests/programs\.h|src/host/|include/cairn/($(awk '$1 == "host" { printf "%s%s", sep, $2; sep = "|" }' tools/modules.txt))\\.h"
         ;;
     *)
         echo "tools/free-tests.sh: unknown layer '$layer', expected sim or host" >&2

@@ -17,7 +17,7 @@
 #include "cairn/particle_filter.h"
 #include "cairn/place_map.h"
 #include "cairn/pose_graph.h"
-#include "cairn/scan_cover.h"
+#include "cairn/scan_redundancy.h"
 #include "cairn/self_similarity.h"
 #include "cairn/sequence.h"
 #include "cairn/fragment_match.h"
@@ -62,7 +62,7 @@ typedef union any_params {
     cairn_rectangle_params rectangle;
     cairn_ellipse_params ellipse;
     cairn_scan_params scan;
-    cairn_scan_cover_params scan_cover;
+    cairn_scan_redundancy_params scan_redundancy;
     cairn_scan_match_params scan_match;
     cairn_scan_set_params scan_set;
     cairn_sequence_params sequence;
@@ -72,7 +72,7 @@ typedef union any_params {
     cairn_symmetric_point_params symmetric_point;
     cairn_virtual_align_params virtual_align;
     cairn_virtual_scan_params virtual_scan;
-    cairn_wall_slide_params wall_slide;
+    cairn_weak_direction_params weak_direction;
 } any_params;
 
 #define MEMORY_OF(module)                                                                          \
@@ -114,7 +114,7 @@ MODULE(pose_consensus)
 MODULE(rectangle)
 MODULE(ellipse)
 MODULE(scan)
-MODULE(scan_cover)
+MODULE(scan_redundancy)
 MODULE(scan_match)
 MODULE(sequence)
 MODULE(shape_builder)
@@ -123,7 +123,7 @@ MODULE(skeleton)
 MODULE(symmetric_point)
 MODULE(virtual_align)
 MODULE(virtual_scan)
-MODULE(wall_slide)
+MODULE(weak_direction)
 
 /* Objects without _default(): all capacities are set here. */
 MEMORY_OF(point_grid)
@@ -224,9 +224,9 @@ const pool_object pool_objects[] = {
      3,
      {HAS(scan_set, "scan", max_scans), HAS(scan_set, "segment", max_segments),
       HAS(scan_set, "point", max_points)}},
-    {OBJECT(scan_cover),
+    {OBJECT(scan_redundancy),
      2,
-     {HAS(scan_cover, "scan", max_scans), HAS(scan_cover, "point", max_points)}},
+     {HAS(scan_redundancy, "scan", max_scans), HAS(scan_redundancy, "point", max_points)}},
     {OBJECT(polyline),
      2,
      {HAS(polyline, "point", max_points), HAS(polyline, "segment", max_segments),
@@ -250,7 +250,7 @@ const pool_object pool_objects[] = {
     {OBJECT(lum),
      4,
      {HAS(lum, "scan", max_scans), HAS(lum, "point", max_points), HAS(lum, "link", max_links),
-      HAS(lum, "block of fill", max_fill), HAS(lum, "registration", registers)}},
+      HAS(lum, "block of fill", max_fill), HAS(lum, "registration", sequential_registration)}},
     {OBJECT(pose_consensus),
      2,
      {HAS(pose_consensus, "node", max_nodes), HAS(pose_consensus, "hypothesis", max_hypotheses),
@@ -265,13 +265,13 @@ const pool_object pool_objects[] = {
      5,
      {HAS(aligner, "scan", max_scans), HAS(aligner, "segment", max_segments),
       HAS(aligner, "point", max_points), HAS(aligner, "hypothesis", max_hypotheses),
-      HAS(aligner, "block of fill", max_fill), HAS(aligner, "stub", max_stubs),
+      HAS(aligner, "block of fill", max_fill), HAS(aligner, "stub", max_short_segments),
       HAS(aligner, "cell", max_cells)}},
     {OBJECT(occupancy_grid), 1, {HAS(occupancy_grid, "cell", width)}},
     {OBJECT(mapper),
      3,
-     {HAS(mapper, "key scan", max_keys), HAS(mapper, "key segment", max_key_segments),
-      HAS(mapper, "key point", max_key_points), HAS(mapper, "local point", max_local_points),
+     {HAS(mapper, "key scan", max_keyframes), HAS(mapper, "key segment", max_keyframe_segments),
+      HAS(mapper, "key point", max_keyframe_points), HAS(mapper, "local point", max_local_points),
       HAS(mapper, "closure", loop.max_loops), HAS(mapper, "block of fill", loop.max_fill),
       HAS(mapper, "beam", scan.max_beams)}},
     {OBJECT(edge_chain),
@@ -292,8 +292,8 @@ const pool_object pool_objects[] = {
      3,
      {HAS(fragment_match, "fragment", max_fragments), HAS(fragment_match, "chain", max_chains),
       HAS(fragment_match, "sample of a chain", max_samples),
-      HAS(fragment_match, "match of a fragment", matches_each),
-      HAS(fragment_match, "sample of a fragment", samples_each)}},
+      HAS(fragment_match, "match of a fragment", matches_per_fragment),
+      HAS(fragment_match, "sample of a fragment", samples_per_fragment)}},
     {OBJECT(part_configuration),
      2,
      {HAS(part_configuration, "vote", max_votes),
@@ -302,11 +302,12 @@ const pool_object pool_objects[] = {
     {OBJECT(inner_distance), 0, {HAS(inner_distance, "point", max_points)}},
     {OBJECT(self_similarity),
      0,
-     {HAS(self_similarity, "point", points), HAS(self_similarity, "point of holes", hole_points)}},
+     {HAS(self_similarity, "point", outline_samples),
+      HAS(self_similarity, "point of holes", hole_samples)}},
     {OBJECT(boundary),
      1,
      {HAS(boundary, "column", max_width), HAS(boundary, "region", max_regions),
-      HAS(boundary, "point", max_points)}},
+      HAS(boundary, "point", max_corners)}},
     {OBJECT(edgel), 1, {HAS(edgel, "edgel", max_edgels), HAS(edgel, "column", max_width)}},
     {OBJECT(symmetric_point),
      2,
@@ -315,17 +316,17 @@ const pool_object pool_objects[] = {
      2,
      {HAS(skeleton, "edgel", max_edgels), HAS(skeleton, "centre", max_centres),
       HAS(skeleton, "line", max_lines), HAS(skeleton, "part", max_parts),
-      HAS(skeleton, "disc", max_points), HAS(skeleton, "particle", particles)}},
+      HAS(skeleton, "disc", max_points), HAS(skeleton, "particle", particle_count)}},
     {.name = "skeleton_as_written",
      .set_default = written_skeleton_set_default,
      .memory = skeleton_memory,
      2,
      {HAS(skeleton, "edgel", max_edgels), HAS(skeleton, "centre", max_centres),
       HAS(skeleton, "line", max_lines), HAS(skeleton, "part", max_parts),
-      HAS(skeleton, "disc", max_points), HAS(skeleton, "particle", particles)}},
+      HAS(skeleton, "disc", max_points), HAS(skeleton, "particle", particle_count)}},
     {OBJECT(shape_builder),
      0,
-     {HAS(shape_builder, "point", points), HAS(shape_builder, "sample", samples),
+     {HAS(shape_builder, "point", outline_samples), HAS(shape_builder, "sample", path_samples),
       HAS(shape_builder, "path", max_paths)}},
     {OBJECT(block_solver),
      0,
@@ -356,13 +357,13 @@ const pool_object pool_objects[] = {
      {HAS(place_map, "place", max_places), HAS(place_map, "scan", max_scans),
       HAS(place_map, "point of a place", max_place_points),
       HAS(place_map, "beam of a place", max_place_beams),
-      HAS(place_map, "place to match with", recent),
+      HAS(place_map, "place to match with", recent_places),
       HAS(place_map, "hypothesis", consensus.max_hypotheses),
       HAS(place_map, "decoupling", decoupled)}},
-    {OBJECT(wall_slide),
+    {OBJECT(weak_direction),
      0,
-     {HAS(wall_slide, "scan", max_scans), HAS(wall_slide, "wall", max_walls),
-      HAS(wall_slide, "part", max_parts)}},
+     {HAS(weak_direction, "scan", max_scans), HAS(weak_direction, "wall", max_walls),
+      HAS(weak_direction, "part", max_submaps)}},
     {OBJECT(virtual_scan),
      0,
      {HAS(virtual_scan, "scan", max_scans), HAS(virtual_scan, "point", max_points),

@@ -32,7 +32,7 @@ typedef struct cairn_aligner_params {
     int32_t max_segments;
     /* short segments of all scans together, 0 ... 2^24: surfaces too short for a direction of their
      * own; those beyond the limit are left out (256) */
-    int32_t max_stubs;
+    int32_t max_short_segments;
     /* points of all scans together, 1 ... 2^24 (4096) */
     int32_t max_points;
     /* hypotheses of relative poses, 1 ... 2^24; beyond the limit the best ones are kept (1536) */
@@ -43,28 +43,28 @@ typedef struct cairn_aligner_params {
      * (25600) */
     int32_t max_cells;
     /* m, > 0: bound of the error in x and in y of an initial pose, approximately (0.6) */
-    cairn_real spread;
+    cairn_real max_initial_error;
     /* rad, > 0, <= pi: bound of the error of an initial heading (35 degrees) */
-    cairn_real spread_angle;
+    cairn_real max_initial_angle_error;
     /* m, > 0: longer ranges are not used (30) */
-    cairn_real reach;
+    cairn_real max_range;
     /* m, > 0: standard deviation of a range (0.01) */
-    cairn_real sigma;
+    cairn_real range_sigma;
     /* nats, >= 0: penalty of a point in space that another scan measured free; 0: none (1.5) */
-    cairn_real contradiction;
+    cairn_real free_space_penalty;
     /* not 0: surfaces have a free side; 0: directions are those of lines, modulo half a turn (1) */
     int32_t oriented;
     /* rounds of relocalization of badly fitting scans, >= 0 (2) */
-    int32_t max_repairs;
+    int32_t max_relocalizations;
     /* Gauss-Newton iterations of each joint solution, >= 0; 0: no walls, no covariances (10) */
-    int32_t max_rounds;
+    int32_t max_iterations;
     /* nats, > 0: clusters are merged only above this log-likelihood ratio, competing hypotheses
      * taken into account (1) */
-    cairn_real least_evidence;
+    cairn_real min_log_likelihood_ratio;
     /* m, > 0: a position is observable when its standard deviation (x and y) is below (0.05) */
-    cairn_real observable;
+    cairn_real observable_sigma;
     /* rad, > 0: a heading is observable when its standard deviation is below (1 degree) */
-    cairn_real observable_angle;
+    cairn_real observable_sigma_theta;
 } cairn_aligner_params;
 
 /* State of an alignment, and the reason why it ended. */
@@ -74,11 +74,11 @@ enum {
     /* one connected component; the joint solution converged */
     CAIRN_ALIGNER_CONVERGED = 1,
     /* the joint solution did not converge within max_iterations */
-    CAIRN_ALIGNER_OUT_OF_STEPS = 2,
+    CAIRN_ALIGNER_OUT_OF_ITERATIONS = 2,
     /* several components without a link between them, or nothing to align: see components */
-    CAIRN_ALIGNER_SPLIT = 3,
+    CAIRN_ALIGNER_DISCONNECTED = 3,
     /* the joint solution needs more than max_fill blocks: poses without covariances */
-    CAIRN_ALIGNER_NO_FILL = 4
+    CAIRN_ALIGNER_FILL_EXCEEDED = 4
 };
 
 /* Bits of the observable directions of a pose. */
@@ -97,15 +97,15 @@ typedef struct cairn_aligner_pose {
     /* 1: in component 0, position and heading observable, support at least 2 nats */
     int32_t placed;
     /* connected component; 0: the largest */
-    int32_t part;
+    int32_t component;
 } cairn_aligner_pose;
 
 typedef struct cairn_aligner_result {
     cairn_aligner_verdict verdict;
     /* connected components, of scans with at least one segment */
-    int32_t parts;
+    int32_t components;
     /* scans in component 0 */
-    int32_t largest;
+    int32_t largest_size;
     /* placed scans */
     int32_t placed;
     /* scan that the covariances are relative to; -1: none */
@@ -117,17 +117,17 @@ typedef struct cairn_aligner_result {
     /* merges of two clusters */
     int32_t merges;
     /* scans that were relocalized, or placed only after the merges */
-    int32_t moved;
+    int32_t relocalized;
     /* Gauss-Newton iterations of the last joint solution */
-    int32_t rounds;
+    int32_t iterations;
     /* walls that two or more scans share */
     int32_t walls;
     /* blocks of the Cholesky factor, the maximum */
     int32_t fill;
     /* m: standard deviation of x and of y of the initial poses, as estimated */
-    cairn_real spread;
+    cairn_real initial_sigma;
     /* rad: standard deviation of the initial headings, as estimated */
-    cairn_real spread_angle;
+    cairn_real initial_sigma_theta;
     /* work units of all steps */
     int64_t units;
     /* work units of the most expensive item */
@@ -161,8 +161,8 @@ CAIRN_CHECKED cairn_status cairn_aligner_add_scan(cairn_aligner *aligner,
 /* Sets the initial pose of a scan. Ends a running alignment. CAIRN_BAD_ARGUMENT: NULL, no such
  * scan, a pose beyond 1e6 m. CAIRN_NOT_FINITE. Linear in the scans the first time after an
  * alignment, then constant time. */
-CAIRN_CHECKED cairn_status cairn_aligner_start_at(cairn_aligner *aligner, int32_t scan,
-                                                  cairn_pose map_scan);
+CAIRN_CHECKED cairn_status cairn_aligner_set_initial_pose(cairn_aligner *aligner, int32_t scan,
+                                                          cairn_pose map_scan);
 
 /* Removes all scans. Constant time. */
 void cairn_aligner_clear(cairn_aligner *aligner);
@@ -180,8 +180,8 @@ CAIRN_CHECKED cairn_status cairn_aligner_begin(cairn_aligner *aligner);
  * map_scan: [scans], not read of placed scans. CAIRN_EMPTY: no alignment has ended since scans were
  * added or one was begun. CAIRN_BAD_ARGUMENT: NULL, a pose beyond 1e6 m. CAIRN_NOT_FINITE. Linear
  * in the scans. The steps cost the relocalization alone unless one succeeds. */
-CAIRN_CHECKED cairn_status cairn_aligner_begin_again(cairn_aligner *aligner,
-                                                     const cairn_pose *map_scan);
+CAIRN_CHECKED cairn_status cairn_aligner_begin_warm(cairn_aligner *aligner,
+                                                    const cairn_pose *map_scan);
 
 /* Continues the alignment. CAIRN_MORE: the budget is used up. CAIRN_OK: the alignment has ended. An
  * item is a pair of segments, a pair of scans, or a row of the raster. A scan is compared with at
@@ -201,7 +201,7 @@ int32_t cairn_aligner_running(const cairn_aligner *aligner);
  * does not exist. Not meaningful between commit points. *part, when not NULL: label of the scan's
  * cluster, 0 ... scan_count - 1; a label may be used again for another cluster. Linear in the
  * cluster. */
-cairn_pose cairn_aligner_pose_now(const cairn_aligner *aligner, int32_t scan, int32_t *part);
+cairn_pose cairn_aligner_current_pose(const cairn_aligner *aligner, int32_t scan, int32_t *part);
 
 /* ---- The result: the initial poses until step() returns CAIRN_OK ---- */
 
@@ -217,14 +217,16 @@ int32_t cairn_aligner_share_wall(const cairn_aligner *aligner, int32_t first, in
 
 /* Returns 1 when two scans are a candidate pair: near enough by their initial poses to be compared.
  * Cost: a quarter of a unit. */
-int32_t cairn_aligner_are_partners(const cairn_aligner *aligner, int32_t first, int32_t second);
+int32_t cairn_aligner_is_candidate_pair(const cairn_aligner *aligner, int32_t first,
+                                        int32_t second);
 
 /* Returns the log-likelihood, in nats, <= 0, of the free-space violations of a relative pose of two
  * scans: surfaces of one scan where the other measured free space or another surface. 0 for scans
  * that do not exist or cannot overlap in this pose. *units, when not NULL: the cost, one per point
  * of both scans. */
-cairn_real cairn_aligner_objection(const cairn_aligner *aligner, int32_t first, int32_t second,
-                                   cairn_pose second_first, int32_t *units);
+cairn_real cairn_aligner_free_space_violation(const cairn_aligner *aligner, int32_t first,
+                                              int32_t second, cairn_pose second_first,
+                                              int32_t *units);
 
 cairn_aligner_result cairn_aligner_read(const cairn_aligner *aligner);
 

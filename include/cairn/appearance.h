@@ -19,12 +19,12 @@ extern "C" {
 
 /* Dimension of a descriptor; greatest numbers of words of a dictionary, support vectors, and
  * training images or windows. */
-#define CAIRN_APPEARANCE_NUMBERS      128
-#define CAIRN_APPEARANCE_WORDS_MOST   1000
-#define CAIRN_APPEARANCE_SUPPORT_MOST 20000
-#define CAIRN_APPEARANCE_IMAGES_MOST  4096
+#define CAIRN_APPEARANCE_DESCRIPTOR_SIZE     128
+#define CAIRN_APPEARANCE_MAX_WORDS           1000
+#define CAIRN_APPEARANCE_MAX_SUPPORT_VECTORS 20000
+#define CAIRN_APPEARANCE_MAX_IMAGES          4096
 /* Greatest side of an image, px. */
-#define CAIRN_APPEARANCE_SIDE_MOST 8192
+#define CAIRN_APPEARANCE_MAX_SIDE 8192
 
 /* Appearance model of a class, on the heap. Decision function f = sum of weight exp(-gamma
  * chi2(support histogram, histogram of the box)) - rho, with chi2 = sum of (a - b)^2 / (a + b). */
@@ -42,7 +42,7 @@ typedef struct cairn_appearance_model {
     /* kernel width gamma > 0, bias rho */
     double gamma, rho;
     /* Platt scaling: the probability is 1 / (1 + exp(platt_slope f + platt_offset)) (Platt 2000) */
-    double slope, offset;
+    double platt_slope, platt_offset;
 } cairn_appearance_model;
 
 /* Loads the plug-in. CAIRN_OK: descriptors can be computed. CAIRN_UNSUPPORTED: libcairn-appearance
@@ -100,7 +100,8 @@ double cairn_appearance_probability(const cairn_appearance_field *field, const d
 double cairn_appearance_distance(const cairn_appearance_field *field, const double box[4]);
 
 /* Returns the probability of the class for a normalized histogram [word_count]. */
-double cairn_appearance_judge(const cairn_appearance_model *model, const float *histogram);
+double cairn_appearance_histogram_probability(const cairn_appearance_model *model,
+                                              const float *histogram);
 
 /* ---- Training ---- */
 

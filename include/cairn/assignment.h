@@ -56,7 +56,7 @@ typedef struct cairn_assignment_result {
     /* Number of rows, and of pairs. */
     int32_t rows, pairs;
     /* Sum of the costs of the pairs. */
-    cairn_real cost;
+    cairn_real total_cost;
 } cairn_assignment_result;
 
 /* The result. All zero until step() returns CAIRN_OK. Ties between assignments are broken the same

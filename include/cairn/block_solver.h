@@ -75,7 +75,7 @@ typedef struct cairn_block_solver_result {
     /* State NOT_POSITIVE: the pose at which the factorization or the inversion stopped. H does not
      * determine this pose given the poses eliminated later (an unobservable part of the graph).
      * Else -1. */
-    int32_t pose;
+    int32_t failed_pose;
     /* Work units charged by step() so far. */
     int64_t units;
 } cairn_block_solver_result;

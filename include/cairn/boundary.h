@@ -40,22 +40,22 @@ typedef struct cairn_boundary_params {
     int32_t max_regions;
     /* Capacity of corners of all reported contours, 1 ... 2^28 (262,144). 2 pixels + 3
      * max_regions suffice. */
-    int32_t max_points;
+    int32_t max_corners;
     /* Half-widths of the histogram windows, px, 1 ... 32 (2 and 5). Each window is a box filter
      * applied three times. The half-widths of the mean windows are the fine one, the average of
      * both, and their sum. */
-    int32_t fine, coarse;
+    int32_t fine_half_width, coarse_half_width;
     /* Weight of histogram changes, >= 0 (8). A change of a mean by 10 units of L, a, b has
      * weight 1. */
-    cairn_real distribution;
+    cairn_real histogram_weight;
     /* Weight of the spectral cue, >= 0, relative to the mean border strength (0.3). */
-    cairn_real global;
+    cairn_real spectral_weight;
     /* Exponent of the smaller region's share of the image in the merge cost, 0 ... 1; the merge
      * criteria use it times 0 to 2 (0.1). */
-    cairn_real small;
+    cairn_real size_exponent;
     /* Exponent of the colour distance of both regions in the merge cost, 0 ... 1; used by two of
      * the five criteria (0.15). */
-    cairn_real contrast;
+    cairn_real contrast_exponent;
     /* Least strength of a reported contour, >= 0 (0). */
     cairn_real min_strength;
 } cairn_boundary_params;
@@ -76,7 +76,7 @@ typedef struct cairn_boundary_contour {
      * 0. */
     cairn_real level;
     /* Mean edge strength of the pixels along the contour, >= 0. */
-    cairn_real mean;
+    cairn_real mean_strength;
     /* level sqrt(mean_strength), the key by which contours are ranked. */
     cairn_real strength;
 } cairn_boundary_contour;

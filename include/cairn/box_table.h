@@ -14,9 +14,9 @@ extern "C" {
 #endif
 
 /* Maximum rows, capacity of an image's name in bytes, maximum fields of a line. */
-#define CAIRN_BOX_TABLE_ROWS_MOST   1000000
-#define CAIRN_BOX_TABLE_NAME_BYTES  256
-#define CAIRN_BOX_TABLE_FIELDS_MOST 64
+#define CAIRN_BOX_TABLE_MAX_ROWS   1000000
+#define CAIRN_BOX_TABLE_NAME_BYTES 256
+#define CAIRN_BOX_TABLE_MAX_FIELDS 64
 
 /* A bounding box. */
 typedef struct cairn_box_row {

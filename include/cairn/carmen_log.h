@@ -59,7 +59,7 @@ extern "C" {
 #endif
 
 /* The maximum number of ranges, and of remissions, of one scan. */
-#define CAIRN_CARMEN_BEAMS_MOST 100000
+#define CAIRN_CARMEN_MAX_BEAMS 100000
 
 /* Parameters of the reader. */
 typedef struct cairn_carmen_params {
@@ -91,14 +91,14 @@ typedef struct cairn_carmen_info {
     /* sum over all scans */
     int64_t beams;
     /* fewest and most beams of one scan */
-    int32_t beams_least;
-    int32_t beams_most;
+    int32_t min_beams;
+    int32_t max_beams;
     /* stamps of the first and the last scan, ns */
     int64_t first_ns, last_ns;
     /* earliest and latest stamp of all scans, ns */
-    int64_t least_ns, most_ns;
+    int64_t earliest_ns, latest_ns;
     /* scans with a stamp earlier than the scan before */
-    int64_t stamps_back;
+    int64_t backward_stamps;
     /* m, path length over the robot's odometry poses at the scans */
     double odometry_length;
     /* rad, sum of the absolute rotations between them */

@@ -60,18 +60,18 @@ typedef struct cairn_grouping_params {
     /* token_length, deform_sigma, turn_sigma, missing_likelihood, min_score and min_evidence apply
      * to the default mode only. */
     /* px, > 0: length of the tokens that segments are cut into (10) */
-    cairn_real token;
+    cairn_real token_length;
     /* share of the object's size, > 0: standard deviation of contour positions (0.025) */
-    cairn_real deform;
+    cairn_real deform_sigma;
     /* rad, > 0: standard deviation of contour directions (15 degrees) */
-    cairn_real turn;
+    cairn_real turn_sigma;
     /* rad, > 0: S_sigma, standard deviation of the loss of symmetry per step (45 degrees) */
-    cairn_real symmetry;
+    cairn_real symmetry_sigma;
     /* 0 < p <= 1: likelihood of a side that matches no token (0.3) */
-    cairn_real missing;
+    cairn_real missing_likelihood;
     /* 0 < p <= 1: the filter ends when the best mean likelihood per step falls below. As written:
      * Delta_p, see above (0.3; as written 0.5). */
-    cairn_real stop;
+    cairn_real stop_likelihood;
     cairn_real min_score;    /* 0 ... 1: least score of a reported object (0.2) */
     cairn_real min_evidence; /* nats, >= 0: least evidence of a reported object (13) */
     /* seed of the random numbers (1) */
@@ -132,11 +132,11 @@ typedef struct cairn_grouped_object {
     int32_t first, count;
     /* matched segment of each outline sample: outline_segments[first_outline ... first_outline +
      * outline_count - 1] of the result */
-    int32_t along;
+    int32_t first_outline;
     /* path samples with at least one matched side; as written: discs of the trajectory */
-    int32_t seen;
+    int32_t matched_samples;
     /* model sample at which its trajectory began */
-    int32_t start;
+    int32_t start_sample;
 } cairn_grouped_object;
 
 /* Diagnostics of one step of the particle filter. */
@@ -155,23 +155,24 @@ typedef struct cairn_grouping_result {
     const int32_t *segments;
     /* Segment index at each sample of the model's outline, -1: unmatched; object by object. As
      * written: only at the outline samples nearest to the model samples of the discs. */
-    const int32_t *along;
+    const int32_t *outline_segments;
     const cairn_grouping_trace *trace; /* [steps] */
     int32_t object_count, segment_count, steps;
     /* Pose hypotheses generated from pairs of tokens. As written: start states that the initial
      * particles are sampled from, four per symmetric point near an end of a strong chain. */
-    int32_t starts;
+    int32_t hypothesis_count;
     /* pieces of segments; as written: segments */
     int32_t token_count;
     /* score of the pose with the most evidence, reported or not; as written: of the first object */
-    cairn_real best;
+    cairn_real best_score;
     /* nats, its evidence */
     cairn_real best_evidence;
     /* Mode as written only. */
-    int32_t points, points_dropped; /* symmetric points; those dropped beyond max_points */
+    int32_t point_count, points_dropped; /* symmetric points; those dropped beyond max_points */
     /* states that were not proposed because the memory for 100 per particle was used up */
     int32_t candidates_dropped;
-    int32_t end;                    /* CAIRN_GROUPING_...: termination reason of the filter */
+    /* CAIRN_GROUPING_...: termination reason of the filter */
+    int32_t end_reason;
 } cairn_grouping_result;
 
 /* Termination reasons of the filter in the mode as written. */
@@ -237,8 +238,8 @@ typedef struct cairn_grouping_particle {
     cairn_vec2 centre; /* px */
     cairn_real radius; /* px */
     cairn_real log_weight;
-    int32_t sample; /* of the model */
-    int32_t sides;  /* 0 ... 2: matched sides of the disc */
+    int32_t sample;        /* of the model */
+    int32_t matched_sides; /* 0 ... 2: matched sides of the disc */
 } cairn_grouping_particle;
 
 /* Writes the first `most` particles after the last completed filter step into particles[] and
@@ -257,7 +258,7 @@ typedef struct cairn_grouping_disc {
     /* rad, deviation of the edge normals from perfect symmetry */
     cairn_real deviation;
     /* px: open ends of both sides, the centres of the look-ahead circles */
-    cairn_vec2 open[2];
+    cairn_vec2 open_end[2];
     /* segment indices of the input */
     int32_t segment[2];
     /* sample of the model's longest path that is nearest by (2.12) */

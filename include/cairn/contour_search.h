@@ -16,17 +16,17 @@ extern "C" {
 
 /* Limits of an image: edge pixels, and side length, px; more is refused. More tokens than the third
  * limit are subsampled. */
-#define CAIRN_CONTOUR_EDGES_MOST  (INT32_C(1) << 20)
-#define CAIRN_CONTOUR_SIDE_MOST   8192
-#define CAIRN_CONTOUR_TOKENS_MOST 32768
+#define CAIRN_CONTOUR_MAX_EDGES  (INT32_C(1) << 20)
+#define CAIRN_CONTOUR_MAX_SIDE   8192
+#define CAIRN_CONTOUR_MAX_TOKENS 32768
 
 /* The tokens of an image: straight edge segments. */
 typedef struct cairn_contour_tokens {
     cairn_segment *lines; /* [count] */
     int32_t *chain;       /* [count] chain index of each segment */
     /* [count] 0 ... 1: rank of its strength, the share of the total edge length that is weaker */
-    cairn_real *strength;
-    int32_t count, chains;
+    cairn_real *strength_rank;
+    int32_t count, chain_count;
     int32_t width, height;  /* px, size of the image */
     cairn_real mean_length; /* px, mean length of the segments */
     size_t pool_bytes;      /* bytes of pool memory used */
@@ -71,22 +71,22 @@ typedef struct cairn_contour_disc {
  * is. */
 typedef struct cairn_contour_place {
     /* px, position and tangent direction */
-    cairn_oriented_point at;
+    cairn_oriented_point point;
     /* segment of the contour along the sample; -1: unmatched */
     int32_t segment;
     /* index of the model's closed outline that the sample belongs to */
-    int32_t part;
+    int32_t outline_index;
 } cairn_contour_place;
 
 /* Quality of the fit of a deformed outline, independent of its surroundings. */
 typedef struct cairn_contour_shape {
     /* 0 ... 1, mean edge proximity over the deformed outline, counting edges of its direction */
-    cairn_real close;
+    cairn_real edge_proximity;
     /* 0 ... 2, mean of 1 - cos of the angle between the deformed and the original outline */
-    cairn_real turned;
+    cairn_real tangent_deviation;
     /* 0 ... 1, rms residual of the best affine map from the original to the deformed outline, in
      * object sizes */
-    cairn_real strained;
+    cairn_real deformation;
 } cairn_contour_shape;
 
 /* One detected object. found.evidence: approximate log-likelihood ratio (nats) of its edges, object
@@ -107,7 +107,7 @@ typedef struct cairn_contour_object {
     /* the model's; 0 in the mode as written, which deforms no outline */
     int32_t outline_count;
     /* nats, evidence of the outline before and after deformation */
-    cairn_real rigid, bent;
+    cairn_real rigid_evidence, deformed_evidence;
     cairn_contour_shape shape;
 } cairn_contour_object;
 
@@ -123,11 +123,11 @@ typedef struct cairn_contour_result {
     cairn_grouping_trace *trace[2];
     /* [steps] number of clusters of particles: clusters of model poses; as written: of start
      * points */
-    int32_t *modes[2];
-    int32_t steps[2], starts[2];
+    int32_t *mode_counts[2];
+    int32_t steps[2], hypothesis_counts[2];
     int32_t object_count, segment_count, disc_count, outline_count;
     /* the best score of all hypotheses, reported or not */
-    cairn_real best;
+    cairn_real best_score;
     /* nats, the most evidence of all hypotheses */
     cairn_real best_evidence;
     /* bytes of pool memory, the larger of both searches */
@@ -136,9 +136,9 @@ typedef struct cairn_contour_result {
     int32_t mode;
     /* Mode as written only. */
     /* symmetric points; those dropped beyond the capacity, the least symmetric ones */
-    int32_t points, points_dropped;
+    int32_t point_count, points_dropped;
     /* CAIRN_GROUPING_...: termination reason of the filter */
-    int32_t end;
+    int32_t end_reason;
 } cairn_contour_result;
 
 /* Returns the name of a CAIRN_GROUPING_... termination reason: "no start", "posterior", "no

@@ -64,9 +64,9 @@ typedef struct cairn_corner_set cairn_corner_set;
 
 /* Upper bound of cairn_corner_memory as a constant expression. */
 #define CAIRN_CORNER_BYTES(segments, corners)                                                      \
-    (544 + CAIRN_PIECE_BYTES(segments, sizeof(int32_t)) +                                          \
-     CAIRN_PIECE_BYTES(segments, sizeof(cairn_box)) +                                              \
-     2 * CAIRN_PIECE_BYTES(corners, sizeof(cairn_corner)))
+    (544 + CAIRN_ALLOCATION_BYTES(segments, sizeof(int32_t)) +                                     \
+     CAIRN_ALLOCATION_BYTES(segments, sizeof(cairn_box)) +                                         \
+     2 * CAIRN_ALLOCATION_BYTES(corners, sizeof(cairn_corner)))
 
 /* Returns 256 segments, 128 corners, and the other defaults in brackets above. */
 cairn_corner_params cairn_corner_default(void);

@@ -21,7 +21,7 @@ extern "C" {
 #endif
 
 /* The maximum number of rays of a scan. */
-#define CAIRN_CSM_RAYS_MOST 100000
+#define CAIRN_CSM_MAX_RAYS 100000
 
 /* Parameters of the reader. */
 typedef struct cairn_csm_params {
@@ -46,11 +46,11 @@ typedef struct cairn_csm_scan {
 typedef struct cairn_csm_scans {
     cairn_csm_scan *scan; /* [count] */
     int32_t count;
-    int32_t rays_most; /* most rays of one scan */
+    int32_t max_rays; /* most rays of one scan */
 } cairn_csm_scans;
 
 /* Reads a whole file. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED: not in the format above, the error has
- * file and line; CAIRN_EMPTY: no scan; CAIRN_FULL: more rays than CAIRN_CSM_RAYS_MOST or nested too
+ * file and line; CAIRN_EMPTY: no scan; CAIRN_FULL: more rays than CAIRN_CSM_MAX_RAYS or nested too
  * deep; CAIRN_UNSUPPORTED (not a regular file), CAIRN_IO, CAIRN_NO_MEMORY; CAIRN_BAD_ARGUMENT:
  * params. params NULL: the defaults. On failure there is nothing to free. */
 CAIRN_CHECKED cairn_status cairn_csm_load(cairn_csm_scans *scans, const char *path,

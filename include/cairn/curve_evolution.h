@@ -54,7 +54,7 @@ typedef struct cairn_curve_evolution_result {
     int32_t count;
     /* Vertices of the coarsest level: 3, or more when every further removal would make the polyline
      * intersect itself. */
-    int32_t least;
+    int32_t min_vertices;
 } cairn_curve_evolution_result;
 
 /* The result. All zero until step() returns CAIRN_OK; valid until the next begin(). */

@@ -58,10 +58,10 @@ typedef struct cairn_edge_chain_set cairn_edge_chain_set;
 
 /* Upper bound of cairn_edge_chain_memory as a constant expression. */
 #define CAIRN_EDGE_CHAIN_BYTES(width, height, edges, chains)                                       \
-    (384 + CAIRN_PIECE_BYTES(((size_t)(width) + 2) * ((size_t)(height) + 2), 1) +                  \
-     CAIRN_PIECE_BYTES(4096, 4) + CAIRN_PIECE_BYTES(edges, 8) +                                    \
-     CAIRN_PIECE_BYTES((size_t)(edges) + 2 * (size_t)(chains) + 2, 4) +                            \
-     CAIRN_PIECE_BYTES(chains, sizeof(cairn_edge_chain)))
+    (384 + CAIRN_ALLOCATION_BYTES(((size_t)(width) + 2) * ((size_t)(height) + 2), 1) +             \
+     CAIRN_ALLOCATION_BYTES(4096, 4) + CAIRN_ALLOCATION_BYTES(edges, 8) +                          \
+     CAIRN_ALLOCATION_BYTES((size_t)(edges) + 2 * (size_t)(chains) + 2, 4) +                       \
+     CAIRN_ALLOCATION_BYTES(chains, sizeof(cairn_edge_chain)))
 
 /* Returns the values in brackets above. */
 cairn_edge_chain_params cairn_edge_chain_default(void);

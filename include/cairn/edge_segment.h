@@ -43,10 +43,10 @@ typedef struct cairn_edge_segment_params {
     cairn_real look_ahead;
     /* px, >= 0: two segments form a junction when the crossing of their lines is within this
      * distance of an end of both (6); 0: no virtual segments */
-    cairn_real junction;
+    cairn_real junction_distance;
     /* rad, 0 ... pi: least turning angle of a junction; flatter ones get no virtual segment (20
      * degrees) */
-    cairn_real junction_turn;
+    cairn_real min_junction_angle;
 } cairn_edge_segment_params;
 
 typedef struct cairn_edge_segment_set cairn_edge_segment_set;

@@ -21,8 +21,10 @@ extern "C" {
 typedef struct cairn_edgel {
     /* px */
     cairn_vec2 position;
-    cairn_vec2 normal; /* unit vector across the edge, towards the brighter side */
-    cairn_real slope;  /* grey levels per px, gradient magnitude of the smoothed image */
+    /* unit vector across the edge, towards the brighter side */
+    cairn_vec2 normal;
+    /* grey levels per px, gradient magnitude of the smoothed image */
+    cairn_real gradient_magnitude;
 } cairn_edgel;
 
 typedef struct cairn_edgel_params {
@@ -33,10 +35,10 @@ typedef struct cairn_edgel_params {
     /* px, 0.7 ... 8: standard deviation of the Gaussian; more suppresses noise and detail (1.5) */
     cairn_real sigma;
     /* grey levels per px, > 0: least gradient magnitude of an edge (2) */
-    cairn_real min_slope;
+    cairn_real min_gradient;
     /* rad, > 0, <= pi/2: greatest angle between the normal and the gradient of an edge (60
      * degrees) */
-    cairn_real max_turn;
+    cairn_real max_normal_angle;
 } cairn_edgel_params;
 
 typedef struct cairn_edgel_set cairn_edgel_set;

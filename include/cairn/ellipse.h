@@ -36,9 +36,9 @@ typedef struct cairn_ellipse {
     /* Semi-minor axis, in m, <= half_length. */
     cairn_real half_width;
     /* Fraction of the outline that points cover, 0 ... 1. */
-    cairn_real covered;
+    cairn_real coverage;
     /* Score, 0 ... 1. */
-    cairn_real strength;
+    cairn_real score;
     /* Sum of the weights of the inliers. */
     cairn_real votes;
     /* Weighted root mean square distance of the inliers from the outline, in m. */
@@ -54,15 +54,15 @@ typedef struct cairn_ellipse_params {
     /* Cells along a side of the square accumulator of centres, 8 ... 1024 (96). */
     int32_t cells;
     /* m, > 0: side of a cell (0.15). Larger when the points extend too far for `cells` cells. */
-    cairn_real cell;
+    cairn_real cell_size;
     /* 1: points have free space on the left of their direction; 0: not known (1). */
     int32_t oriented;
     /* m, > 0: least semi-minor axis (0.15). */
-    cairn_real least_radius;
+    cairn_real min_radius;
     /* m, > least_radius: largest semi-major axis (6). */
-    cairn_real most_radius;
+    cairn_real max_radius;
     /* >= 1: largest ratio of the major to the minor axis (2). */
-    cairn_real most_ratio;
+    cairn_real max_axis_ratio;
     /* rad, > 0, <= pi / 4: largest angle of an inlier's direction to the outline (15 degrees). */
     cairn_real angle_tolerance;
     /* m, > 0: largest distance of an inlier from the outline (0.05). */
@@ -70,9 +70,9 @@ typedef struct cairn_ellipse_params {
     /* m, > 0: usual spacing of the points along an outline (0.10). */
     cairn_real spacing;
     /* > 0: least sum of the weights of an ellipse's inliers (8). */
-    cairn_real least_votes;
+    cairn_real min_votes;
     /* 0 ... 1: least covered fraction of the outline (0.5). */
-    cairn_real least_covered;
+    cairn_real min_coverage;
     /* m, > 0: non-maximum suppression: of ellipses of a kind whose centres and axes differ by less
      * only the one with the most votes stays (0.3). */
     cairn_real separation;
@@ -139,8 +139,8 @@ cairn_real cairn_ellipse_distance(const cairn_ellipse *ellipse, cairn_vec2 point
 /* 1 when a point is an inlier of the ellipse: within max_distance m of the outline, with the angle
  * between its direction and the outline's of a sine of at most max_sine. For kinds other than ANY
  * the directions must also have the same sense. */
-int32_t cairn_ellipse_has(const cairn_ellipse *ellipse, const cairn_oriented_point *point,
-                          cairn_real max_distance, cairn_real max_sine);
+int32_t cairn_ellipse_is_inlier(const cairn_ellipse *ellipse, const cairn_oriented_point *point,
+                                cairn_real max_distance, cairn_real max_sine);
 
 #ifdef __cplusplus
 }

@@ -26,10 +26,10 @@ extern "C" {
 #endif
 
 /* Maximum number of keyframes in a particle's local map. */
-#define CAIRN_FILTER_MAPPER_LOCAL_MOST 32
+#define CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES 32
 
 /* Maximum number of candidate poses per particle. */
-#define CAIRN_FILTER_MAPPER_CANDIDATES_MOST 64
+#define CAIRN_FILTER_MAPPER_MAX_CANDIDATES 64
 
 typedef struct cairn_filter_mapper cairn_filter_mapper;
 
@@ -41,15 +41,15 @@ typedef struct cairn_filter_mapper_params {
     /* candidate poses per particle and keyframe, 1 ... CAIRN_FILTER_MAPPER_MAX_CANDIDATES (6) */
     int32_t candidates;
     /* points of a scan that its likelihood uses, >= 1 (60) */
-    int32_t points;
+    int32_t scored_points;
     /* keyframes of the recent map, and of the old one, 1 ...
      * CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES (10) */
-    int32_t local_keys;
+    int32_t local_keyframes;
     /* capacity for points of either map, 1 ... 2^20; keyframes beyond it are left out, farthest
      * first (2048) */
     int32_t max_local_points;
     /* number of most recent keyframes that form the recent map, >= 1; the others are old (25) */
-    int32_t span;
+    int32_t recent_keyframes;
     /* m, > 0: maximum distance of keyframes in a local map (4) */
     cairn_real local_radius;
     /* motion noise: standard deviation of translation per metre travelled, >= 0 (0.05) */
@@ -63,17 +63,17 @@ typedef struct cairn_filter_mapper_params {
     /* m, > 0: standard deviation added to a match (0.0025) */
     cairn_real match_sigma;
     /* rad, > 0: likewise in heading (0.001) */
-    cairn_real match_sigma_turn;
+    cairn_real match_sigma_theta;
     /* minimum overlap of a valid match: share of the scan's points with a correspondence, in [0, 1]
      * (0.3) */
-    cairn_real min_support;
+    cairn_real min_overlap;
     /* m, > 0: standard deviation of a point normal to its wall, in the likelihood field (0.07) */
     cairn_real sigma;
     /* nats, > 0: maximum cost of a point, also that of a point off all walls (3) */
-    cairn_real outlier;
+    cairn_real max_point_cost;
     /* > 0: effective number of independent points per scan, since errors of neighbours correlate
      * (8) */
-    cairn_real weight;
+    cairn_real independent_points;
     /* of the random generator (1) */
     uint64_t seed;
 } cairn_filter_mapper_params;
@@ -132,11 +132,11 @@ int32_t cairn_filter_mapper_path(const cairn_filter_mapper *mapper, int32_t part
 
 /* Counters; those of the front-end mapper are read from it. */
 typedef struct cairn_filter_mapper_state {
-    int32_t keys;        /* keyframes: filter steps + 1 */
+    int32_t keyframes;   /* keyframes: filter steps + 1 */
     int32_t resamplings; /* resampling steps so far */
     /* effective sample size 1 / sum w^2 of the last step, before resampling */
     cairn_real n_eff;
-    int64_t returns;           /* matches on an old map, of all particles */
+    int64_t revisit_matches;   /* matches on an old map, of all particles */
     int32_t nodes, nodes_peak; /* nodes of the tree of paths, and their peak */
     int64_t units;             /* work units charged, the front-end mapper included */
 } cairn_filter_mapper_state;

@@ -81,7 +81,7 @@ typedef struct cairn_force_field_params {
     cairn_real sigma_factor;
     /* m, >= 0: at sigma up to this value directions are oriented: the two faces of a wall do not
      * attract each other, max(0, cos) replaces |cos| (0) */
-    cairn_real sides_below;
+    cairn_real oriented_below;
     /* s, > 0: time step in the first iteration (0.05; 5) */
     cairn_real dt_start;
     /* s, > 0, <= dt_start: minimum time step (0.01; 1) */
@@ -124,14 +124,14 @@ typedef struct cairn_force_field_params {
     int32_t max_bonds;
     /* 0 ... 1: stiffness of a spring tangential to the lines of its points, relative to normal
      * (0.1) */
-    cairn_real slide;
+    cairn_real tangential_stiffness;
     /* m, >= 0: a translation of a scan is damped by (sigma / damping_sigma)^3 times its own
      * stiffness, so headings settle first; 0: no damping (0.35) */
-    cairn_real grip;
+    cairn_real damping_sigma;
     /* >= 0: strength of the alignment of directions: each pair of points exerts the torque
      * alignment_torque/2 erfc(r / (sigma sqrt 2)) sin cos^3 of the angle between the lines; 0: none
      * (0) */
-    cairn_real twist;
+    cairn_real alignment_torque;
     /* m, > 0: maximum root mean square displacement of the points of a scan per iteration (0.3) */
     cairn_real max_relocation;
 } cairn_force_field_params;
@@ -153,7 +153,7 @@ typedef struct cairn_force_field_state {
     /* work units charged by all steps */
     int64_t units;
     /* work units of the most expensive call of a step */
-    int32_t worst_step;
+    int32_t max_step_units;
     /* iterations since the last start of the cooling */
     int32_t start_iterations;
     /* pairs of points within reach */
@@ -197,39 +197,40 @@ typedef struct cairn_force_field cairn_force_field;
 #define CAIRN_FORCE_FIELD_BYTES(scans, points, segments, corners)                                  \
     (CAIRN_FORCE_FIELD_OTHER_BYTES(scans, points, segments, corners) +                             \
      CAIRN_SCAN_SET_BYTES(scans, points, segments) +                                               \
-     CAIRN_PIECE_BYTES(points, sizeof(cairn_vec2)) +                                               \
-     CAIRN_PIECE_BYTES(points, sizeof(cairn_real)))
+     CAIRN_ALLOCATION_BYTES(points, sizeof(cairn_vec2)) +                                          \
+     CAIRN_ALLOCATION_BYTES(points, sizeof(cairn_real)))
 
 /* ... generated from the segments ... */
 #define CAIRN_FORCE_FIELD_PLACES_BYTES(scans, points, segments, corners)                           \
     (CAIRN_FORCE_FIELD_OTHER_BYTES(scans, points, segments, corners) +                             \
-     CAIRN_SCAN_SET_PLACES_BYTES(scans, points, segments) +                                        \
-     CAIRN_PIECE_BYTES((points) / 32 + 1, sizeof(uint32_t)))
+     CAIRN_SCAN_SET_BITS_BYTES(scans, points, segments) +                                          \
+     CAIRN_ALLOCATION_BYTES((points) / 32 + 1, sizeof(uint32_t)))
 
 /* ... in addition for external points ... */
 #define CAIRN_FORCE_FIELD_EXTRA_BYTES(extra)                                                       \
-    (2 * (2 * CAIRN_PIECE_BYTES(extra, sizeof(cairn_vec2)) +                                       \
-          CAIRN_PIECE_BYTES(extra, sizeof(cairn_real)) +                                           \
-          CAIRN_PIECE_BYTES((extra) + 1, sizeof(int32_t))) +                                       \
-     CAIRN_PIECE_BYTES(extra, sizeof(cairn_box)) + CAIRN_PIECE_BYTES(extra, sizeof(int32_t)))
+    (2 * (2 * CAIRN_ALLOCATION_BYTES(extra, sizeof(cairn_vec2)) +                                  \
+          CAIRN_ALLOCATION_BYTES(extra, sizeof(cairn_real)) +                                      \
+          CAIRN_ALLOCATION_BYTES((extra) + 1, sizeof(int32_t))) +                                  \
+     CAIRN_ALLOCATION_BYTES(extra, sizeof(cairn_box)) +                                            \
+     CAIRN_ALLOCATION_BYTES(extra, sizeof(int32_t)))
 
 /* ... in addition for springs ... */
 #define CAIRN_FORCE_FIELD_BOND_BYTES(scans, bonds)                                                 \
-    (CAIRN_PIECE_BYTES(bonds, 16 + 9 * sizeof(cairn_real)) +                                       \
-     CAIRN_PIECE_BYTES(scans, 8 + 21 * sizeof(cairn_real)))
+    (CAIRN_ALLOCATION_BYTES(bonds, 16 + 9 * sizeof(cairn_real)) +                                  \
+     CAIRN_ALLOCATION_BYTES(scans, 8 + 21 * sizeof(cairn_real)))
 
 /* ... and the common part. */
 #define CAIRN_FORCE_FIELD_OTHER_BYTES(scans, points, segments, corners)                            \
     (1408 + 512 * sizeof(cairn_real) + CAIRN_CORNER_BYTES(segments, corners) +                     \
-     2 * CAIRN_PIECE_BYTES(scans, sizeof(cairn_pose) + sizeof(cairn_force_field_motion)) +         \
-     CAIRN_PIECE_BYTES(scans, 40 + (13 * sizeof(cairn_real) + 7) / 8 * 8) +                        \
-     CAIRN_PIECE_BYTES(segments, sizeof(cairn_segment)) +                                          \
-     CAIRN_PIECE_BYTES(segments, sizeof(cairn_vec2)) +                                             \
-     CAIRN_PIECE_BYTES(segments, sizeof(cairn_box)) +                                              \
-     CAIRN_PIECE_BYTES((points) / 32 + 1, sizeof(uint32_t)) +                                      \
-     CAIRN_PIECE_BYTES(segments, sizeof(int32_t)) +                                                \
-     CAIRN_PIECE_BYTES(corners, sizeof(cairn_vec2)) +                                              \
-     3 * CAIRN_PIECE_BYTES(corners, sizeof(int32_t)))
+     2 * CAIRN_ALLOCATION_BYTES(scans, sizeof(cairn_pose) + sizeof(cairn_force_field_motion)) +    \
+     CAIRN_ALLOCATION_BYTES(scans, 40 + (13 * sizeof(cairn_real) + 7) / 8 * 8) +                   \
+     CAIRN_ALLOCATION_BYTES(segments, sizeof(cairn_segment)) +                                     \
+     CAIRN_ALLOCATION_BYTES(segments, sizeof(cairn_vec2)) +                                        \
+     CAIRN_ALLOCATION_BYTES(segments, sizeof(cairn_box)) +                                         \
+     CAIRN_ALLOCATION_BYTES((points) / 32 + 1, sizeof(uint32_t)) +                                 \
+     CAIRN_ALLOCATION_BYTES(segments, sizeof(int32_t)) +                                           \
+     CAIRN_ALLOCATION_BYTES(corners, sizeof(cairn_vec2)) +                                         \
+     3 * CAIRN_ALLOCATION_BYTES(corners, sizeof(int32_t)))
 
 /* Returns the defaults given in parentheses above. */
 cairn_force_field_params cairn_force_field_default(void);
@@ -288,7 +289,7 @@ CAIRN_CHECKED cairn_status cairn_force_field_place(cairn_force_field *field, int
 /* Removes a scan. Its index is reused and its memory free when a later step has reached the next
  * iteration or has returned CAIRN_OK. CAIRN_BAD_ARGUMENT: no such scan. Constant time; the steps
  * pay for compaction. */
-CAIRN_CHECKED cairn_status cairn_force_field_release(cairn_force_field *field, int32_t scan);
+CAIRN_CHECKED cairn_status cairn_force_field_remove(cairn_force_field *field, int32_t scan);
 
 /* Replaces the external points: points in the map that exert forces on the scans but belong to
  * none, such as virtual scans (chapter 8). Pairs with them count in P(g). weights: [count], >= 0,

@@ -21,10 +21,10 @@ extern "C" {
 #endif
 
 /* m: points closer than this exert no force, since the direction between them is undefined. */
-#define CAIRN_FORCE_KERNEL_NEAR CAIRN_REAL(1e-9)
+#define CAIRN_FORCE_KERNEL_MIN_DISTANCE_M CAIRN_REAL(1e-9)
 
 /* Maximum cut-off distance in multiples of sigma. */
-#define CAIRN_FORCE_KERNEL_REACH 6
+#define CAIRN_FORCE_KERNEL_MAX_REACH 6
 
 /* Returns the force on p1 by the formulas above, without cut-off; *potential may be NULL. sigma in
  * m, > 0. */
@@ -34,14 +34,14 @@ cairn_vec2 cairn_force_kernel_pair(cairn_oriented_point p1, cairn_oriented_point
 /* Tables and constants for many pairs. Visible because other objects contain it; read-only for
  * callers. */
 typedef struct cairn_force_kernel {
-    cairn_real coarse[20];    /* exp(-i) */
-    cairn_real fine[64];      /* exp(-i / 64) */
+    cairn_real exp_integer[20];  /* exp(-i) */
+    cairn_real exp_fraction[64]; /* exp(-i / 64) */
     cairn_real erfc[69][4];   /* with x = i / 16, e = exp(-x^2): erfc(x), e, 2 x e, (2 x^2 - 1) e */
     cairn_real scale;         /* 1 / (2 sigma^2) */
     cairn_real root_scale;    /* 1 / (sigma sqrt(2)) */
     cairn_real norm;          /* 1 / (sigma sqrt(2 pi)) */
     cairn_real limit_squared; /* (reach sigma)^2 */
-    cairn_real least_length;  /* m: minimum spring length, sigma / 8 */
+    cairn_real min_spring_length; /* m: minimum spring length, sigma / 8 */
 } cairn_force_kernel;
 
 /* Fills in the tables. */
@@ -52,14 +52,14 @@ void cairn_force_kernel_init(cairn_force_kernel *kernel);
 void cairn_force_kernel_set(cairn_force_kernel *kernel, cairn_real sigma, cairn_real reach);
 
 /* Maximum number of points in a strip. */
-enum { CAIRN_FORCE_STRIP = 16 };
+enum { CAIRN_FORCE_STRIP_POINTS = 16 };
 
 /* A strip: a few points in the map with similar direction; the arrays are the caller's. */
 typedef struct cairn_force_strip {
     const cairn_vec2 *position; /* [count] */
     const cairn_real *mass;     /* [count] */
-    int32_t count;              /* 0 ... CAIRN_FORCE_STRIP */
-    cairn_box zone;             /* no point of any strip is within reach outside of it */
+    int32_t count;              /* 0 ... CAIRN_FORCE_STRIP_POINTS */
+    cairn_box reach_box;        /* no point of any strip is within reach outside of it */
 } cairn_force_strip;
 
 /* Sums over pairs as springs of rest length 0 with the same force, weighted by m1 m2. For a pair: k
@@ -103,7 +103,7 @@ typedef struct cairn_force_pull {
 typedef struct cairn_force_cursor {
     int32_t row, next;     /* point of the first strip, and of the second */
     int32_t is_begun;      /* the row has been begun */
-    int32_t paid;          /* units charged towards its beginning */
+    int32_t units_charged; /* units charged towards its beginning */
     cairn_force_pull pull; /* of the row so far */
 } cairn_force_cursor;
 

@@ -20,11 +20,11 @@ extern "C" {
 typedef struct cairn_fragment_match_params {
     /* Capacity of fragments of a model, 1 ... 65536 (CAIRN_PART_MAX_FRAGMENTS). */
     int32_t max_fragments;
-    int32_t samples_each; /* Capacity of samples of a fragment, 2 ... 64 (20). */
-    int32_t max_chains;   /* Capacity of chains, 1 ... 2^24 (10,000). */
-    int32_t max_samples;  /* Capacity of samples of a chain at min_step, 4 ... 2^20 (4096). */
+    int32_t samples_per_fragment; /* Capacity of samples of a fragment, 2 ... 64 (20). */
+    int32_t max_chains;           /* Capacity of chains, 1 ... 2^24 (10,000). */
+    int32_t max_samples; /* Capacity of samples of a chain at min_step, 4 ... 2^20 (4096). */
     /* Matches kept for each fragment, each on a different chain, 1 ... 64 (2). */
-    int32_t matches_each;
+    int32_t matches_per_fragment;
     /* Range of scales, px per unit of the model, 0 < min <= max <= 1e6 (24 ... 800). A range
      * narrower than step_ratio is widened to step_ratio about its centre. */
     cairn_real min_scale, max_scale;
@@ -33,9 +33,9 @@ typedef struct cairn_fragment_match_params {
     /* Ratio of consecutive sampling steps, 1.05 ... 2 (1.19). */
     cairn_real step_ratio;
     /* Difference of two directions at which a pair scores 0, rad, 0.02 ... pi (pi/8). */
-    cairn_real turn;
+    cairn_real zero_score_angle;
     /* Cost of a skipped sample, relative to the gain of an equal pair, 0.5 ... 4 (0.5). */
-    cairn_real gap;
+    cairn_real gap_cost;
     /* Least similarity of a match, > 0 ... 1 (0.5). */
     cairn_real min_similarity;
 } cairn_fragment_match_params;
@@ -47,15 +47,15 @@ typedef struct cairn_fragment_match {
     /* 1: the chain's points run against the orientation of the outline. */
     int32_t reversed;
     /* Number of aligned samples. */
-    int32_t pairs;
+    int32_t pair_count;
     /* Alignment score (gains less gap costs) divided by the fragment's samples, 0 ... 1. */
     cairn_real similarity;
     /* Scale, px per unit of the model, from an upright least-squares fit to the pairs. */
     cairn_real scale;
     /* Predicted centroid of the model, px. */
-    cairn_vec2 centre;
+    cairn_vec2 centroid;
     /* Root mean square residual of the fitted pairs, px. */
-    cairn_real off;
+    cairn_real rms_residual;
     /* Arc length along the chain from its first point, px; on a closed chain `to` may exceed its
      * length. */
     cairn_real from, to;
@@ -68,9 +68,9 @@ typedef struct cairn_fragment_match_result {
     int32_t count;
     /* Number of alignments before those without a scale, or with one outside min_scale ...
      * max_scale, were dropped. */
-    int32_t kept;
+    int32_t candidate_count;
     /* Number of evaluated cells of the alignment tables. */
-    int64_t cells;
+    int64_t cell_count;
 } cairn_fragment_match_result;
 
 typedef struct cairn_fragment_matcher cairn_fragment_matcher;

@@ -85,7 +85,7 @@ static inline cairn_real cairn_vec2_cross(cairn_vec2 a, cairn_vec2 b)
 }
 
 /* Left perpendicular vector: a rotated by +90 degrees. */
-static inline cairn_vec2 cairn_vec2_left(cairn_vec2 a)
+static inline cairn_vec2 cairn_vec2_left_perp(cairn_vec2 a)
 {
     cairn_vec2 left = {-a.y, a.x};
     return left;
@@ -157,24 +157,25 @@ int32_t cairn_pose_is_finite(cairn_pose pose);
  * over unit time. */
 typedef struct cairn_twist {
     /* Linear velocity times time, in m, in the moving frame. */
-    cairn_vec2 velocity;
+    cairn_vec2 linear;
     /* Angular velocity times time, in rad. In [-pi, pi) for a logarithm. */
-    cairn_real turn;
+    cairn_real angular;
 } cairn_twist;
 
 /* Logarithm map of SE(2): the twist of the shortest motion of constant twist from the identity to a
  * pose. */
-cairn_twist cairn_twist_of(cairn_pose motion);
+cairn_twist cairn_twist_log(cairn_pose motion);
 
 /* Exponential map of SE(2): exp(fraction * twist), the pose after a fraction of the motion.
  * Fractions outside 0 ... 1 extrapolate. theta is not wrapped. */
-cairn_pose cairn_twist_at(cairn_twist twist, cairn_real fraction);
+cairn_pose cairn_twist_exp(cairn_twist twist, cairn_real fraction);
 
 /* Least-squares rigid motion of paired points in closed form, from the moments of the pairs (Horn
  * 1987; Umeyama 1991, without scale). from, to: centroids of the points and of their partners, in
  * m. dot, cross: sums of the dot and of the cross products of the offsets from the centroids. The
  * motion maps `from` onto `to` and rotates by atan2(cross, dot). */
-cairn_pose cairn_pose_about(cairn_vec2 from, cairn_vec2 to, cairn_real dot, cairn_real cross);
+cairn_pose cairn_pose_from_moments(cairn_vec2 from, cairn_vec2 to, cairn_real dot,
+                                   cairn_real cross);
 
 /* Least-squares rigid motion that aligns from[i] with to[i], the alignment of two trajectories:
  * for all i < count with use[i] != 0 (use NULL: all). lever_arm, in m, > 0, weighs headings against
@@ -200,7 +201,7 @@ cairn_real cairn_segment_distance(cairn_segment segment, cairn_vec2 p);
 int32_t cairn_line_intersection(cairn_segment first, cairn_segment second, cairn_vec2 *point);
 
 /* 1 when two segments intersect, end points included. */
-int32_t cairn_segments_cross(cairn_segment first, cairn_segment second);
+int32_t cairn_segments_intersect(cairn_segment first, cairn_segment second);
 
 /* ---- Boxes and polygons ---- */
 

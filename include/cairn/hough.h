@@ -52,7 +52,7 @@ typedef struct cairn_hough_params {
     /* m, > 0: usual spacing of the points along a line (0.10). */
     cairn_real spacing;
     /* > 0: least sum of the weights of a line's inliers (20). */
-    cairn_real least_votes;
+    cairn_real min_votes;
 } cairn_hough_params;
 
 /* Line with the extent of its inliers. */
@@ -65,7 +65,7 @@ typedef struct cairn_hough_line {
     /* Extent of the inliers along `direction`, from `point`, in m. */
     cairn_real low, high;
     /* Length of the extent without the gaps wider than 2 * spacing, in m. */
-    cairn_real covered;
+    cairn_real covered_length;
     /* Sum of the weights of the inliers. */
     cairn_real votes;
     /* Weighted root mean square distance of the inliers from the line, in m. */
@@ -77,11 +77,11 @@ typedef struct cairn_hough cairn_hough;
 
 /* Upper bound of cairn_hough_memory as a constant expression. */
 #define CAIRN_HOUGH_BYTES(angles, distances, lines)                                                \
-    (640 + CAIRN_PIECE_BYTES(2 * (angles), sizeof(cairn_vec2)) +                                   \
-     CAIRN_PIECE_BYTES(2 * (size_t)(angles) * (size_t)(distances), sizeof(cairn_real)) +           \
-     CAIRN_PIECE_BYTES((distances) / 32 + 1, sizeof(uint32_t)) +                                   \
-     2 * CAIRN_PIECE_BYTES(lines, sizeof(cairn_hough_line)) +                                      \
-     CAIRN_PIECE_BYTES(lines, 8 + sizeof(double)))
+    (640 + CAIRN_ALLOCATION_BYTES(2 * (angles), sizeof(cairn_vec2)) +                              \
+     CAIRN_ALLOCATION_BYTES(2 * (size_t)(angles) * (size_t)(distances), sizeof(cairn_real)) +      \
+     CAIRN_ALLOCATION_BYTES((distances) / 32 + 1, sizeof(uint32_t)) +                              \
+     2 * CAIRN_ALLOCATION_BYTES(lines, sizeof(cairn_hough_line)) +                                 \
+     CAIRN_ALLOCATION_BYTES(lines, 8 + sizeof(double)))
 
 /* The default values. */
 cairn_hough_params cairn_hough_default(void);

@@ -35,7 +35,7 @@ typedef struct cairn_icp_params {
     int32_t min_pairs;
     cairn_icp_mode mode;
     /* m, > 0: side of the search grid's cells; about half the gate is fastest */
-    cairn_real cell;
+    cairn_real cell_size;
     /* m: distance gate of the first iteration */
     cairn_real gate_start;
     /* m, <= gate_start: least distance gate; the gate shrinks in between */
@@ -45,7 +45,7 @@ typedef struct cairn_icp_params {
     /* rad, (0, pi]: greatest angle between the oriented directions of a pair */
     cairn_real direction_gate;
     /* m: lower bound of the estimated standard deviation of a point across its line */
-    cairn_real sigma;
+    cairn_real min_sigma;
     /* m: converged when a step translates less, ... */
     cairn_real converged_distance;
     /* rad: ... and rotates less */
@@ -98,10 +98,10 @@ typedef struct cairn_icp_result {
     /* Least observable direction, about the query's centroid: unit vector over (x, y, theta times
      * radius) in the target's frame, sign free. weak_ratio is its information as a share of the
      * best observable direction's. */
-    cairn_real weak[3];
+    cairn_real weak_direction[3];
     cairn_real weak_ratio;
-    cairn_real radius;  /* m: root mean square distance of the query points from their centroid */
-    int32_t observable; /* observable degrees of freedom, 0 ... 3 */
+    cairn_real radius; /* m: root mean square distance of the query points from their centroid */
+    int32_t observable_dof; /* observable degrees of freedom, 0 ... 3 */
     int32_t pairs;
     int32_t iterations;
     cairn_icp_verdict verdict;
@@ -149,14 +149,14 @@ cairn_icp_result cairn_icp_read(const cairn_icp *icp);
 
 /* Information per target part. A part is the set of points of one add_target() call. Parts beyond
  * CAIRN_ICP_MAX_PARTS are counted with the last one. */
-#define CAIRN_ICP_PARTS 64
+#define CAIRN_ICP_MAX_PARTS 64
 
 typedef struct cairn_icp_parts {
     /* motion of the query at the linearization point of the information */
     cairn_rigid_motion motion;
     int32_t count;
     /* point-to-line information of the pairs with each part, last complete iteration */
-    cairn_sym3 information[CAIRN_ICP_PARTS];
+    cairn_sym3 information[CAIRN_ICP_MAX_PARTS];
 } cairn_icp_parts;
 
 /* Writes the information per target part; all zero while an alignment has no complete iteration

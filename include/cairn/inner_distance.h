@@ -55,7 +55,7 @@ typedef struct cairn_inner_distance_result {
     /* Vertices of outlines[0]; row length of the matrix. */
     int32_t count, stride;
     /* Greatest distance. */
-    cairn_real greatest;
+    cairn_real max_distance;
 } cairn_inner_distance_result;
 
 /* Returns the distances. All zero until step() returns CAIRN_OK; valid until the next begin(). */

@@ -24,7 +24,7 @@ extern "C" {
 #endif
 
 /* The maximum nesting depth of objects and arrays. */
-#define CAIRN_JSON_DEPTH_MOST 64
+#define CAIRN_JSON_MAX_DEPTH 64
 
 /* The kind of a token. */
 typedef int32_t cairn_json_kind;
@@ -76,7 +76,7 @@ typedef struct cairn_json {
 cairn_json cairn_json_begin(const char *path, const char *text, size_t length);
 
 /* Reads the next token. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED (the text ends within a value),
- * CAIRN_FULL (nested deeper than CAIRN_JSON_DEPTH_MOST): the error has file and line, and every
+ * CAIRN_FULL (nested deeper than CAIRN_JSON_MAX_DEPTH): the error has file and line, and every
  * later call returns the same status. */
 CAIRN_CHECKED cairn_status cairn_json_next(cairn_json *json, cairn_json_token *token,
                                            cairn_file_error *error);

@@ -45,33 +45,33 @@ typedef struct cairn_lum_params {
     /* >= 1 (500) */
     int32_t max_iterations;
     /* iterations between two searches for links; 0: links are built once, as in the thesis (0) */
-    int32_t rebuild;
+    int32_t rebuild_interval;
     /* m, > 0: greatest distance of a closest-point pair (0.20) */
-    cairn_real distance;
+    cairn_real max_pair_distance;
     /* rad, (0, pi]: greatest angle between the oriented directions of a pair; pi: any, as in the
      * thesis, which attracts the two faces of a wall to each other (60 degrees) */
     cairn_real direction_gate;
     /* m, > 0: lower bound of the standard deviation of a pair (0.02; with less, links of a few
      * pairs that agree by chance outweigh all others) */
-    cairn_real sigma;
+    cairn_real min_sigma;
     /* m, > 0: converged when no scan moves farther, rotations counted at a radius of 1 m
      * (0.0001) */
-    cairn_real converged;
+    cairn_real converged_distance;
     /* 1: sequential registration before the first search for links. Scan after scan is matched with
      * the placed scans by ICP (icp, point to line), the best match first. The start pose is the
      * scan's pose moved by the mean motion of the placed scans. 0: none (0). 1 helps from poor
      * initial poses: links within 0.20 m alone keep nearly correct poses and do not find distant
      * ones. */
-    int32_t registers;
+    int32_t sequential_registration;
     /* CAIRN_MODE_DEFAULT; CAIRN_MODE_AS_WRITTEN: rebuild_interval, direction_gate, min_sigma and
      * sequential_registration are not read (CAIRN_MODE_DEFAULT) */
     int32_t mode;
     /* m, >= max_pair_distance: distance gate of the registration's first iteration (0.7) */
-    cairn_real register_gate;
+    cairn_real registration_gate;
     /* rad, [0, pi]: offset of two further start headings, to both sides (10 degrees) */
-    cairn_real register_turn;
+    cairn_real registration_angle;
     /* m, >= 0: registration skips points of a scan nearer to the point before (0.08) */
-    cairn_real register_spacing;
+    cairn_real registration_spacing;
 } cairn_lum_params;
 
 cairn_lum_params cairn_lum_default(void);
@@ -95,15 +95,15 @@ typedef struct cairn_lum_state {
     int32_t iterations;
     int32_t links;
     /* connected components of the link graph; 1 is good */
-    int32_t pieces;
+    int32_t components;
     /* scans that the sequential registration matched */
-    int32_t registered;
+    int32_t registered_scans;
     /* closest-point pairs of the last iteration */
     int64_t pairs;
     /* W of eq. 10.2 before the last iteration's step: the sum of chi-squared over the links */
-    cairn_real error;
+    cairn_real chi2;
     /* m: largest motion of a scan in the last iteration */
-    cairn_real motion;
+    cairn_real max_motion;
 } cairn_lum_state;
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
@@ -146,7 +146,7 @@ cairn_pose cairn_lum_pose(const cairn_lum *lum, int32_t scan);
 
 /* Returns 1 when scan < scans is in the connected component of the first scan. Valid once links
  * have been searched for. */
-int32_t cairn_lum_is_joined(const cairn_lum *lum, int32_t scan);
+int32_t cairn_lum_is_connected(const cairn_lum *lum, int32_t scan);
 
 #ifdef __cplusplus
 }

@@ -27,7 +27,7 @@ extern "C" {
 #endif
 
 /* The maximum number of cells of a map. */
-#define CAIRN_MAP_FILE_CELLS_MOST (INT32_C(1) << 28)
+#define CAIRN_MAP_FILE_MAX_CELLS (INT32_C(1) << 28)
 
 /* How pixels are interpreted. */
 typedef int32_t cairn_map_file_mode;
@@ -55,7 +55,7 @@ typedef struct cairn_map_file {
 cairn_map_file cairn_map_file_default(void);
 
 /* Allocates the arrays, all cells unknown (occupancy -1, pixel 205). CAIRN_BAD_ARGUMENT: a size
- * below 1; CAIRN_FULL: more than CAIRN_MAP_FILE_CELLS_MOST; CAIRN_NO_MEMORY. */
+ * below 1; CAIRN_FULL: more than CAIRN_MAP_FILE_MAX_CELLS; CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_map_file_allocate(cairn_map_file *map, int32_t width,
                                                    int32_t height);
 

@@ -56,7 +56,7 @@ typedef struct cairn_map_merge cairn_map_merge;
 typedef int32_t cairn_merge_perception;
 enum {
     /* log-likelihood ratio: length of agreeing wall less free-space violations, in nats */
-    CAIRN_MERGE_EVIDENCE = 0,
+    CAIRN_MERGE_LIKELIHOOD_RATIO = 0,
     /* image similarity Psi and gamma of the thesis (eqs. 9.5, 9.6) */
     CAIRN_MERGE_IMAGES = 1
 };
@@ -83,7 +83,7 @@ typedef struct cairn_map_merge_params {
     int32_t mode;
     /* correlation length of errors along a wall, in cells of the first map, > 0: wall of this
      * length counts as one observation (10) */
-    cairn_real correlation;
+    cairn_real correlation_length;
     /* nats, > 0: minimum support; a map with less is rejected; not as written */
     cairn_real min_score;
     /* nats, >= 0: minimum margin over the best competing pose; not as written */
@@ -158,12 +158,12 @@ CAIRN_CHECKED cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_bu
 
 typedef struct cairn_merge_score {
     /* nats: (1.7 agreeing_wall - 4 free_space_violation) / correlation_length */
-    cairn_real evidence;
+    cairn_real log_likelihood_ratio;
     /* m: length of wall that both maps have; a long straight wall counts by the root of its
      * length */
-    cairn_real agree;
+    cairn_real agreeing_wall;
     /* m: length of wall of either map that lies in observed free space of the other */
-    cairn_real conflict;
+    cairn_real free_space_violation;
     /* share of the smaller map's free cells that the other map has observed */
     cairn_real overlap;
     /* image similarity Psi (9.5), 0 ... 4 */
@@ -186,12 +186,12 @@ CAIRN_CHECKED cairn_status cairn_map_merge_score(const cairn_map_merge *merge, i
 typedef int32_t cairn_merge_verdict;
 enum {
     CAIRN_MERGE_PLACED = 0,
-    CAIRN_MERGE_EMPTY = 1,      /* rejected: it has no wall, or no known cell */
-    CAIRN_MERGE_NO_OVERLAP = 2, /* rejected: no pose agrees with any other map */
-    CAIRN_MERGE_WEAK = 3,       /* rejected: the best pose has too little support */
-    CAIRN_MERGE_AMBIGUOUS = 4,  /* rejected: a competing pose has nearly as much support */
-    CAIRN_MERGE_SLIDES = 5,     /* rejected: translation along its walls is unobservable */
-    CAIRN_MERGE_NO_CORNER = 6   /* as written: no corner is similar to one of the merged maps */
+    CAIRN_MERGE_EMPTY = 1,        /* rejected: it has no wall, or no known cell */
+    CAIRN_MERGE_NO_OVERLAP = 2,   /* rejected: no pose agrees with any other map */
+    CAIRN_MERGE_LOW_SUPPORT = 3,  /* rejected: the best pose has too little support */
+    CAIRN_MERGE_AMBIGUOUS = 4,    /* rejected: a competing pose has nearly as much support */
+    CAIRN_MERGE_UNOBSERVABLE = 5, /* rejected: translation along its walls is unobservable */
+    CAIRN_MERGE_NO_CORNER = 6     /* as written: no corner is similar to one of the merged maps */
 };
 
 /* Returns the verdict in words, without a full stop. */
@@ -206,10 +206,10 @@ typedef struct cairn_merge_placed {
      * before it */
     cairn_real support;
     /* nats: support of its best competing pose; as written: 0 */
-    cairn_real rival;
+    cairn_real competing_support;
     /* probability that the pose is wrong, 0 ... 1; of the reference 0; as written: the weight of
      * all particles that have the map elsewhere */
-    cairn_real wrong;
+    cairn_real error_probability;
     /* maps that support it; as written: 1, the map with the similar corner */
     int32_t neighbours;
     /* 0: the reference, 1: the first one merged ...; rejected maps come last */
@@ -228,11 +228,11 @@ typedef struct cairn_merge_result {
     int32_t resamplings;
     /* largest number of particles after any step: as written, more than `particles` while N_eff is
      * high */
-    int32_t most_particles;
+    int32_t peak_particles;
     /* effective sample size of the last step */
     cairn_real n_eff;
     /* nats: total log-likelihood ratio of all pairs placed; as written: the sum of Psi */
-    cairn_real evidence;
+    cairn_real log_likelihood_ratio;
     int64_t units;
 } cairn_merge_result;
 

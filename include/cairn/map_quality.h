@@ -20,7 +20,7 @@ enum {
 
 typedef struct cairn_map_entropy {
     /* nats: entropy -sum p log p + (1 - p) log(1 - p) over the observed cells */
-    cairn_real whole;
+    cairn_real total;
     cairn_real quadrant[CAIRN_QUADRANTS];
     /* number of observed cells */
     int64_t cells;

@@ -33,7 +33,7 @@ extern "C" {
 #endif
 
 /* Maximum number of keyframes in the local map that a scan is matched against. */
-#define CAIRN_MAPPER_LOCAL_MOST 64
+#define CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES 64
 
 /* Parameters of loop-closure detection. A return to a known place is searched for within the
  * uncertainty that has accumulated along the path. Defaults in parentheses. */
@@ -43,31 +43,31 @@ typedef struct cairn_mapper_loop_params {
     /* maximum number of blocks in the graph's sparse Cholesky factor, see block_solver (32768) */
     int32_t max_fill;
     /* work units that loop closure and graph optimization may use per scan, >= 1 (8000) */
-    int32_t units;
+    int32_t units_per_scan;
     /* keyframes around a candidate that form the target map of the match, 1 ... 64 (9) */
-    int32_t keys;
+    int32_t target_keyframes;
     /* minimum difference of keyframe indices for a loop closure, >= 1 (25) */
-    int32_t gap;
+    int32_t min_keyframe_gap;
     /* number of consistent closures that a wide search requires, 1 ... 8 (3) */
-    int32_t agree;
+    int32_t min_consistent;
     /* m, > 0: maximum distance between the scan centroids of a candidate and the query, beyond the
      * path uncertainty (3) */
-    cairn_real radius;
+    cairn_real candidate_radius;
     /* m, > 0: half side of the largest search window (4) */
-    cairn_real window;
+    cairn_real search_radius;
     /* m, > 0: a search within this radius is local and needs no consistent closures (0.6) */
-    cairn_real window_near;
+    cairn_real local_search_radius;
     /* nats: minimum log odds of a closure, by scan_match and the path prior (2) */
-    cairn_real evidence;
+    cairn_real min_log_odds;
     /* maximum share of points in observed free space of an accepted closure, in [0, 1] (0.1) */
-    cairn_real contradiction;
+    cairn_real max_free_space_violation;
     /* m, > 0: standard deviation added to every link (0.01) */
     cairn_real sigma;
     /* rad, > 0: likewise in heading (0.004) */
-    cairn_real sigma_turn;
+    cairn_real sigma_theta;
     /* a closure whose chi-squared (squared Mahalanobis distance) exceeds this value after an
      * optimization is removed as an outlier, > 0 (50) */
-    cairn_real outlier;
+    cairn_real max_chi2;
 } cairn_mapper_loop_params;
 
 typedef struct cairn_mapper_params {
@@ -78,21 +78,21 @@ typedef struct cairn_mapper_params {
     cairn_force_field_params field;
     cairn_mapper_loop_params loop;
     /* maximum number of keyframes, 1 ... 2^20 (1024) */
-    int32_t max_keys;
+    int32_t max_keyframes;
     /* capacity for segments of all keyframes, scan.max_segments ... 2^24 (32768) */
-    int32_t max_key_segments;
+    int32_t max_keyframe_segments;
     /* capacity for points of all keyframes, scan.max_points ... 2^24 (131072) */
-    int32_t max_key_points;
+    int32_t max_keyframe_points;
     /* 1: the most redundant keyframe is culled before one of the three capacities is exceeded.
      * Requires loop closure, local_span > 0, and max_keyframes greater than local_span,
      * loop.min_keyframe_gap plus window_free, and window, plus 1. 0: the mapper stops with
      * CAIRN_FULL (0) */
-    int32_t release;
+    int32_t cull_keyframes;
     /* capacity for the points of the local map, 1 ... 2^20, at least one keyframe; the same for the
      * window of the force field. The farthest or oldest keyframes are left out beyond it (4096) */
     int32_t max_local_points;
     /* keyframes in the local map, 1 ... CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES (15) */
-    int32_t local_keys;
+    int32_t local_keyframes;
     /* of which the most recent ones, the others being the nearest: 1 ... local_keyframes (3) */
     int32_t local_recent;
     /* the local map uses only this number of most recent keyframes, >= local_recent; 0: all (25) */
@@ -100,11 +100,11 @@ typedef struct cairn_mapper_params {
     /* m, > 0: maximum distance of the nearest keyframes (4) */
     cairn_real local_radius;
     /* m, > 0: translation since the last keyframe that starts a new keyframe (0.5) */
-    cairn_real key_distance;
+    cairn_real keyframe_distance;
     /* rad, > 0: rotation since the last keyframe that starts a new keyframe (0.5) */
-    cairn_real key_turn;
+    cairn_real keyframe_angle;
     /* a scan with a smaller overlap also becomes a keyframe, in [0, 1] (0.6) */
-    cairn_real key_support;
+    cairn_real keyframe_min_overlap;
     /* keyframes in the sliding window of the force field, 2 ... 64; 0: no force field (8) */
     int32_t window;
     /* of which the most recent ones may move, 1 ... window - 1 (3) */
@@ -129,7 +129,7 @@ typedef struct cairn_mapper_params {
     /* rad, > 0: minimum standard deviation of rotation (0.02) */
     cairn_real motion_turn_min;
     /* minimum overlap of a valid match: share of the scan's points with a correspondence (0.3) */
-    cairn_real min_support;
+    cairn_real min_overlap;
     /* 1: a match of low confidence is searched for globally in a window by scan_match; 0: never
      * (1) */
     int32_t search;
@@ -141,27 +141,27 @@ typedef struct cairn_mapper_params {
 /* Source of the pose of a scan. */
 typedef int32_t cairn_mapper_verdict;
 enum {
-    CAIRN_MAPPER_FIRST = 0,     /* the first scan defines the map frame */
-    CAIRN_MAPPER_MATCHED = 1,   /* scan matching succeeded */
-    CAIRN_MAPPER_PREDICTED = 2, /* no match: predicted by odometry or velocity */
-    CAIRN_MAPPER_BLIND = 3      /* predicted; the scan has no segments */
+    CAIRN_MAPPER_FIRST = 0,      /* the first scan defines the map frame */
+    CAIRN_MAPPER_MATCHED = 1,    /* scan matching succeeded */
+    CAIRN_MAPPER_PREDICTED = 2,  /* no match: predicted by odometry or velocity */
+    CAIRN_MAPPER_NO_FEATURES = 3 /* predicted; the scan has no segments */
 };
 
 typedef struct cairn_mapper_result {
     cairn_mapper_verdict verdict;
     /* index of the reference keyframe of the scan; the scan itself when it is a keyframe */
-    int32_t key;
+    int32_t keyframe;
     /* pose of the scan in the frame of its reference keyframe, m and rad */
-    cairn_pose key_scan;
+    cairn_pose keyframe_scan;
     /* pose of the scan in the map at the time of the match, m and rad */
     cairn_pose map_scan;
     /* covariance of the match, 3 x 3 row-major over (x, y, theta) in the map frame, m and rad;
      * zeros for FIRST; always finite */
     cairn_real covariance[9];
     /* share of the scan's points with a correspondence; 0 without a match */
-    cairn_real support;
+    cairn_real overlap;
     /* 1: the scan was stored as a keyframe */
-    int32_t is_key;
+    int32_t is_keyframe;
 } cairn_mapper_result;
 
 /* Counters over the whole life of the mapper. */
@@ -178,8 +178,8 @@ typedef struct cairn_mapper_state {
     /* scans whose match had low confidence and was searched for */
     int64_t searched;
     /* scans whose match still has low confidence; their covariance is inflated */
-    int64_t doubtful;
-    int32_t keys;
+    int64_t low_confidence;
+    int32_t keyframes;
     /* work units charged so far */
     int64_t units;
     /* potential P(g) at the end of the last force field run */
@@ -189,14 +189,14 @@ typedef struct cairn_mapper_state {
     /* number of events of cairn_mapper_loop_at() */
     int32_t loop_events;
     /* keyframes that loop-closure detection has not processed yet */
-    int32_t waiting;
+    int32_t pending_keyframes;
     /* number of graph optimizations */
-    int32_t solutions;
+    int32_t graph_solutions;
     /* 1: the graph has no capacity for more links; 2: its factor has none for more blocks; 0:
      * neither */
-    int32_t lacks_room;
+    int32_t capacity_exceeded;
     /* number of events of cairn_mapper_culling_at() */
-    int32_t releases;
+    int32_t culled_keyframes;
 } cairn_mapper_state;
 
 /* Outcome of a loop-closure candidate. */
@@ -204,15 +204,15 @@ typedef int32_t cairn_mapper_loop_verdict;
 enum {
     CAIRN_MAPPER_LOOP_ACCEPTED = 0,
     /* waits for consistent closures */
-    CAIRN_MAPPER_LOOP_WAITING = 1,
+    CAIRN_MAPPER_LOOP_PENDING = 1,
     /* no match found, or below min_log_odds */
-    CAIRN_MAPPER_LOOP_NONE = 2,
+    CAIRN_MAPPER_LOOP_NO_MATCH = 2,
     /* several matches of nearly the same score (perceptual aliasing) */
     CAIRN_MAPPER_LOOP_AMBIGUOUS = 3,
     /* too many points lie in space that was observed free */
-    CAIRN_MAPPER_LOOP_CONTRADICTED = 4,
+    CAIRN_MAPPER_LOOP_FREE_SPACE_VIOLATION = 4,
     /* accepted earlier, then removed as an outlier after a graph optimization */
-    CAIRN_MAPPER_LOOP_DROPPED = 5,
+    CAIRN_MAPPER_LOOP_OUTLIER = 5,
     /* the log odds do not outweigh the squared Mahalanobis distance from the path prior */
     CAIRN_MAPPER_LOOP_UNLIKELY = 6
 };
@@ -272,31 +272,31 @@ cairn_pose cairn_mapper_map_odom(const cairn_mapper *mapper);
 cairn_scan_view cairn_mapper_view(const cairn_mapper *mapper);
 
 /* Returns the current pose of a keyframe in the map, 0 <= keyframe < keyframes. */
-cairn_pose cairn_mapper_key_pose(const cairn_mapper *mapper, int32_t keyframe);
+cairn_pose cairn_mapper_keyframe_pose(const cairn_mapper *mapper, int32_t keyframe);
 
 /* Returns segments and points of all keyframes, each in its own frame. keyframe_slot() maps a
  * keyframe index, 0 <= keyframe < keyframes, to its index in the set; both are equal until a
  * keyframe is culled. */
-const cairn_scan_set *cairn_mapper_keys(const cairn_mapper *mapper);
-int32_t cairn_mapper_key_slot(const cairn_mapper *mapper, int32_t keyframe);
+const cairn_scan_set *cairn_mapper_keyframes(const cairn_mapper *mapper);
+int32_t cairn_mapper_keyframe_slot(const cairn_mapper *mapper, int32_t keyframe);
 
 /* A culling event: a keyframe was removed. Higher keyframe indices decrease by one from then on.
  * Results, loop events and links that are read later use the new indices. */
-typedef struct cairn_mapper_release {
-    int32_t key; /* index before the culling */
+typedef struct cairn_mapper_culling {
+    int32_t keyframe; /* index before the culling */
     /* its neighbour in the graph, index after the culling; the attached scans move to it */
-    int32_t onto;
-    cairn_pose onto_key; /* pose of the culled keyframe in the frame of reference */
-} cairn_mapper_release;
+    int32_t reference;
+    cairn_pose reference_keyframe; /* pose of the culled keyframe in the frame of reference */
+} cairn_mapper_culling;
 
 /* Returns culling event 0 <= index < state.culled_keyframes. Only the last 64 are stored: index is
  * taken modulo 64. Few keyframes are culled per step(), so reading after each step misses none. */
-cairn_mapper_release cairn_mapper_release_at(const cairn_mapper *mapper, int32_t index);
+cairn_mapper_culling cairn_mapper_culling_at(const cairn_mapper *mapper, int32_t index);
 
 /* Reattaches a relative pose after a culling: maps the keyframe index and, for the culled keyframe,
  * the pose relative to it. */
-void cairn_mapper_rehang(cairn_mapper_release culling, int32_t *keyframe,
-                         cairn_pose *keyframe_scan);
+void cairn_mapper_reattach(cairn_mapper_culling culling, int32_t *keyframe,
+                           cairn_pose *keyframe_scan);
 
 /* Returns loop event 0 <= index < state.loop_events. Only the last 64 are stored: index is taken
  * modulo 64. */
@@ -309,7 +309,7 @@ typedef struct cairn_mapper_link {
     int32_t first, second;
     cairn_pose first_second;
     cairn_sym3 information; /* inverse covariance of first_second, in the frame of second */
-    int32_t is_loop, dropped;
+    int32_t is_loop, is_outlier;
 } cairn_mapper_link;
 
 /* Returns the number of links; 0 without loop closure. The last keyframes get theirs in

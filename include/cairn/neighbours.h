@@ -20,7 +20,7 @@ typedef struct cairn_point_grid_params {
     /* Points, 1 ... 2^28. */
     int32_t max_points;
     /* Side of a cell, in m, > 0. Fastest when about the usual query radius. */
-    cairn_real cell;
+    cairn_real cell_size;
 } cairn_point_grid_params;
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. */
@@ -63,7 +63,7 @@ typedef struct cairn_point_grid_facing {
     /* Unit direction of the query. */
     cairn_vec2 direction;
     /* Least cosine of the angle between both directions, inclusive. */
-    cairn_real least_cosine;
+    cairn_real min_cosine;
 } cairn_point_grid_facing;
 
 /* Nearest neighbour among the points whose direction passes the gate; else as nearest().
@@ -73,7 +73,7 @@ int32_t cairn_point_grid_nearest_facing(const cairn_point_grid *grid, cairn_vec2
                                         int32_t *visited);
 
 /* 1 when any point lies within `radius` m (inclusive) of p. Cost: at most that of nearest(). */
-int32_t cairn_point_grid_has(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius);
+int32_t cairn_point_grid_has_near(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius);
 
 /* Cursor of a radius search: enumerates the points within a radius one by one, so a caller can stop
  * and resume. Call begin(), then next() until -1. The order depends only on the points and their

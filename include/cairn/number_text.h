@@ -20,7 +20,7 @@ extern "C" {
 #define CAIRN_NUMBER_TEXT_BYTES 32
 
 /* The maximum length of a decimal number, in bytes. A longer token is not a number. */
-#define CAIRN_NUMBER_TEXT_LONGEST 1024
+#define CAIRN_NUMBER_MAX_LENGTH 1024
 
 /* Parses all of text[0 .. length) as one decimal number: [+-]digits[.digits][e[+-]digits], or nan,
  * inf, infinity in any case and with a sign. Returns 1 and sets *value. Returns 0 and leaves *value

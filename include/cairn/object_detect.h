@@ -90,7 +90,7 @@ typedef struct cairn_object_detect_params {
     /* 1 ... 64: nearest votes that the configurations around a vote are formed from (20) */
     int32_t nearest;
     /* 1: only around the modes of the votes, found by mean shift (0) */
-    int32_t modes;
+    int32_t modes_only;
     /* appearance of the same image, for the score of a box; NULL: not used (NULL) */
     const cairn_appearance_field *appearance;
     /* 0 ... 1000: weight of the appearance distance, lambda of the thesis (8) */
@@ -132,23 +132,23 @@ typedef struct cairn_detection {
      * deformation, the box's aspect ratio, the size over the image's diagonal, and
      * grouped_evidence. With `occluded`: of rigid_proximity, grouped_evidence and that size. */
     cairn_real score;
-    cairn_real rigid, bent;
+    cairn_real rigid_evidence, deformed_evidence;
     /* total length of the segments over that of the outline */
-    cairn_real along;
+    cairn_real outline_coverage;
     /* 0 ... 1, mean edge proximity over the deformed outline, counting edges of its direction */
-    cairn_real close;
+    cairn_real edge_proximity;
     /* 0 ... 2, mean of 1 - cos of the angle between the deformed and the original outline */
-    cairn_real turned;
+    cairn_real tangent_deviation;
     /* 0 ... 1, rms residual of the best affine map from the original to the deformed outline, in
      * object sizes */
-    cairn_real strained;
+    cairn_real deformation;
     /* 0 ... 1, edge proximity of the edges that also agree with one similarity map of the original
      * outline: observed without deformation */
-    cairn_real agreed;
+    cairn_real rigid_proximity;
     /* nats, greatest evidence of a contour found by grouping that coincides with this box
      * (intersection over union of at least a half). All sizes and rotations of up to 15 degrees
      * either way are searched. 0: none, or no grouping. */
-    cairn_real grouped;
+    cairn_real grouped_evidence;
     /* px, position of the model's origin */
     cairn_vec2 origin;
     /* px, diagonal of the model's box */
@@ -165,9 +165,9 @@ typedef struct cairn_detection {
     /* Of method PARTS, else 0. There, and for candidates by grouping, rigid_evidence is 0 and score
      * = 1 - shape_distance. Appearance reduces a score by appearance_weight (1 - appearance). */
     /* shape context distance of the parts to the outline, with a penalty for missing parts */
-    cairn_real distance;
+    cairn_real shape_distance;
     /* score of the configuration (part_configuration) */
-    cairn_real agreement;
+    cairn_real configuration_score;
     /* parts[first_part ... first_part + part_count - 1] */
     int32_t first_part, part_count;
     /* 0 ... 1: probability that the box shows the class, or its similarity to the training set; 0
@@ -191,7 +191,7 @@ typedef struct cairn_detections {
     cairn_contour_place *outline; /* [outline_count] */
     cairn_detected_part *parts;   /* [part_count] */
     int32_t count, segment_count, outline_count, part_count;
-    int32_t bundles;        /* bundles of the model; 0: not detected by parts */
+    int32_t bundle_count;   /* bundles of the model; 0: not detected by parts */
     int32_t has_appearance; /* 1: the scores include appearance */
 } cairn_detections;
 

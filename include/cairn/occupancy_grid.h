@@ -30,7 +30,7 @@ cairn_occupancy_grid_params cairn_occupancy_grid_default(void);
 
 /* Upper bound of cairn_occupancy_grid_memory() as a constant expression. */
 #define CAIRN_OCCUPANCY_GRID_BYTES(width, height)                                                  \
-    (CAIRN_PIECE_BYTES(1, 256) + CAIRN_PIECE_BYTES((size_t)(width) * (size_t)(height), 8))
+    (CAIRN_ALLOCATION_BYTES(1, 256) + CAIRN_ALLOCATION_BYTES((size_t)(width) * (size_t)(height), 8))
 
 /* Returns the bytes that create() takes from the pool; 0 for invalid params. */
 size_t cairn_occupancy_grid_memory(const cairn_occupancy_grid_params *params);

@@ -14,7 +14,7 @@ extern "C" {
 #endif
 
 /* The maximum number of files in a set. */
-#define CAIRN_OUTPUT_SET_MOST 16
+#define CAIRN_OUTPUT_SET_MAX_FILES 16
 
 /* A set in progress. */
 typedef struct cairn_output_set cairn_output_set;
@@ -26,7 +26,7 @@ CAIRN_CHECKED cairn_status cairn_output_set_check(const char *folder, const char
                                                   int32_t count, cairn_file_error *error);
 
 /* Opens a set and creates missing folders. CAIRN_BAD_ARGUMENT: count outside 1 ...
- * CAIRN_OUTPUT_SET_MOST; statuses of cairn_output_set_check(). */
+ * CAIRN_OUTPUT_SET_MAX_FILES; statuses of cairn_output_set_check(). */
 CAIRN_CHECKED cairn_status cairn_output_set_open(cairn_output_set **set, const char *folder,
                                                  const char *const *names, int32_t count,
                                                  cairn_file_error *error);

@@ -17,9 +17,9 @@ extern "C" {
 
 /* Greatest numbers of bundles, pieces (arcs between consecutive vertices) and fragments of a
  * model. */
-#define CAIRN_PART_BUNDLES   8
-#define CAIRN_PART_PIECES    32
-#define CAIRN_PART_FRAGMENTS 96
+#define CAIRN_PART_MAX_BUNDLES   8
+#define CAIRN_PART_MAX_PIECES    32
+#define CAIRN_PART_MAX_FRAGMENTS 96
 
 typedef struct cairn_part_fragment {
     /* vertex indices of the input outline: the fragment runs from one to the other in outline
@@ -47,7 +47,7 @@ typedef struct cairn_part_model {
     const int32_t *vertices;
     /* [vertex_count] arc length of each piece in the unit of the outline */
     const cairn_real *piece_length;
-    int32_t fragment_count, samples_each, vertex_count, bundles;
+    int32_t fragment_count, samples_each, vertex_count, bundle_count;
     /* arc length of the outline */
     cairn_real length;
     /* length-weighted centroid of the outline */
@@ -58,7 +58,7 @@ typedef struct cairn_part_bundle_params {
     int32_t max_points;   /* capacity for outline points, 3 ... 4096 (256) */
     int32_t bundles;      /* number of bundles, 1 ... CAIRN_PART_MAX_BUNDLES (4) */
     int32_t pieces_each;  /* 1 ... 4: DCE vertices per bundle (2) */
-    int32_t longest;      /* 1 ... 3: greatest number of pieces of a fragment (3) */
+    int32_t max_pieces;   /* 1 ... 3: greatest number of pieces of a fragment (3) */
     int32_t samples_each; /* samples of each fragment, 2 ... 64 (20) */
 } cairn_part_bundle_params;
 

@@ -29,18 +29,18 @@ typedef struct cairn_part_vote {
     int32_t chain;       /* chain index; a configuration uses no interval of a chain twice */
     cairn_vec2 centre;   /* px, centre of the object */
     cairn_real scale;    /* px per unit of the model, > 0 */
-    cairn_real gain;     /* > 0: weight of the part alone; as written its similarity */
+    cairn_real weight;   /* > 0: weight of the part alone; as written its similarity */
     cairn_real from, to; /* px, interval along the chain, from <= to */
-    cairn_real round;    /* px, length of a closed chain; 0: an open chain */
+    cairn_real closed_length; /* px, length of a closed chain; 0: an open chain */
 } cairn_part_vote;
 
-typedef int32_t cairn_part_seek;
+typedef int32_t cairn_part_search;
 enum {
     /* configurations of the votes nearest to each vote */
-    CAIRN_PART_SEEK_NEAREST = 0,
+    CAIRN_PART_SEARCH_NEAREST = 0,
     /* configurations of the votes nearest to each mode of the votes, found by mean shift from every
      * vote */
-    CAIRN_PART_SEEK_MODES = 1
+    CAIRN_PART_SEARCH_MODES = 1
 };
 
 typedef struct cairn_part_configuration_params {
@@ -57,13 +57,13 @@ typedef struct cairn_part_configuration_params {
      * (1,000,000) */
     int32_t max_nodes;
     /* (NEAREST) */
-    cairn_part_seek seek;
+    cairn_part_search search;
     /* tolerance of the centre, in units of the model, 1e-4 ... 10 (0.08) */
-    cairn_real centre;
+    cairn_real centre_tolerance;
     /* tolerance of the logarithm of the scale, 0.01 ... 1 (0.15) */
-    cairn_real ratio;
+    cairn_real scale_tolerance;
     /* radius of the neighbourhood of a vote, in tolerances, 0.5 ... 4 (3) */
-    cairn_real reach;
+    cairn_real search_radius;
     /* 0 ... 1: two parts conflict when a greater share of the shorter one's interval lies in both
      * (0.2) */
     cairn_real overlap;
@@ -77,8 +77,8 @@ typedef struct cairn_part_configuration_params {
 /* A configuration. Default mode: score is the sum over its parts of weight (1 - d^2 / 2), with d
  * the distance of a vote from the weighted mean, in tolerances. As written: score is weight_sum. */
 typedef struct cairn_part_configuration {
-    cairn_real score, gain; /* weight_sum: sum of the weights */
-    cairn_vec2 centre;      /* px, weighted mean */
+    cairn_real score, weight_sum; /* weight_sum: sum of the weights */
+    cairn_vec2 centre;            /* px, weighted mean */
     cairn_real scale;
     int32_t seed;         /* index of the vote whose neighbourhood it was found in */
     int32_t first, count; /* votes[first ... first + count - 1], vote indices in ascending order */
@@ -91,16 +91,16 @@ typedef struct cairn_part_configuration_result {
     const int32_t *votes;
     int32_t count;
     /* votes or modes whose neighbourhoods were searched */
-    int32_t seeds;
+    int32_t seed_count;
     /* seeds whose search was truncated at max_nodes; the best configuration may be missing there */
-    int32_t cut;
+    int32_t truncated_count;
     /* search-tree nodes of all seeds */
-    int64_t nodes;
+    int64_t node_count;
     /* pairs of votes whose distance was computed */
-    int64_t pairs;
+    int64_t pair_count;
     /* as written: enumerated configurations of at least min_sum, of which the best max_found are
      * kept; else 0 */
-    int64_t made;
+    int64_t enumerated_count;
 } cairn_part_configuration_result;
 
 typedef struct cairn_part_configurator cairn_part_configurator;

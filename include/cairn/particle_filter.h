@@ -55,11 +55,11 @@ typedef struct cairn_particle_filter_params {
     /* 1: a particle has exp(H) followers, rounded up, at most max_followers, where H is the entropy
      * of the distribution from which the followers are drawn: one per mode. 0: max_followers
      * (1). */
-    int32_t by_entropy;
+    int32_t adaptive_followers;
     /* States of a history that are kept before the last one, 1 ... 2^20; 0: all states (0). */
-    int32_t past;
+    int32_t max_history;
     /* The population is resampled when N_eff is below this fraction of N, 0 ... 1 (0.5). */
-    cairn_real resample_below;
+    cairn_real resample_ratio;
 } cairn_particle_filter_params;
 
 /* The default values. */
@@ -85,8 +85,8 @@ typedef void (*cairn_particle_append)(void *context, const cairn_particle_filter
                                       int32_t index, void *state);
 
 /* Reports that particle `index` has no follower and is discarded; its history can still be read. */
-typedef void (*cairn_particle_lost)(void *context, const cairn_particle_filter *filter,
-                                    int32_t index);
+typedef void (*cairn_particle_discard)(void *context, const cairn_particle_filter *filter,
+                                       int32_t index);
 
 /* The caller's model. The states passed to callbacks are aligned, and their addresses are valid
  * only during the call. Callbacks may read the filter. Of the functions that change the filter only
@@ -101,7 +101,7 @@ typedef struct cairn_particle_model {
     /* NULL: states need no completion. */
     cairn_particle_append append;
     /* NULL: discarded particles are not reported. */
-    cairn_particle_lost lost;
+    cairn_particle_discard discard;
 } cairn_particle_model;
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. */
@@ -181,16 +181,16 @@ typedef struct cairn_particle_trace {
     /* Candidates offered. */
     int32_t candidates;
     /* Candidates dropped because of max_candidates. */
-    int32_t left_out;
+    int32_t dropped_candidates;
     /* Followers drawn. */
     int32_t followers;
     /* Followers of the lowest weights, discarded because of max_particles. */
-    int32_t cut;
+    int32_t pruned_followers;
     /* Particles without a follower. */
-    int32_t lost;
+    int32_t particles_without_follower;
     /* 1: no particle had a follower, and all particles stayed as they were (particle
      * depletion). */
-    int32_t extinct;
+    int32_t depleted;
     /* 1: the population was resampled, because N_eff was below the limit. */
     int32_t resampled;
     /* Effective sample size N_eff = 1 / sum w^2 before resampling. */

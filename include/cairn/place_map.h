@@ -57,38 +57,38 @@ typedef struct cairn_place_map_params {
     /* beams of one place, >= 1 (2048) */
     int32_t max_place_beams;
     /* places that the sequential modes match with, >= 1 (3) */
-    int32_t recent;
+    int32_t recent_places;
     /* rounds in which every place is matched again with the map of the others, >= 0 (4) */
-    int32_t rounds;
+    int32_t rematch_rounds;
     /* sweeps of the ICP refinement over all places, >= 0 (10) */
-    int32_t sweeps;
+    int32_t refinement_sweeps;
     cairn_place_map_decoupling decoupled;
     /* m, > 0: half the side of a place's visibility grid (8) */
-    cairn_real sight_reach;
+    cairn_real visibility_reach;
     /* m, > 0: side of its cells (0.05) */
-    cairn_real sight_cell;
+    cairn_real visibility_cell;
     /* m, > 0: distance to a surface within which another surface counts as the same (0.10) */
-    cairn_real sight_margin;
+    cairn_real visibility_margin;
     /* Log-likelihood ratios per point of one place, in the visibility grid of the other. nats, > 0:
      * on a surface of its direction (0.05) */
-    cairn_real for_point;
+    cairn_real surface_nats;
     /* nats, > 0: of a dynamic-object candidate (small isolated body) on such a body (0.25) */
-    cairn_real for_floating;
+    cairn_real dynamic_nats;
     /* nats, > 0: on the opposite face of a wall, saturating with their number (0.3) */
-    cairn_real for_back;
+    cairn_real opposite_face_nats;
     /* nats, > 0: on a surface too rough to have a direction (0.65) */
-    cairn_real for_rough;
+    cairn_real rough_surface_nats;
     /* nats, >= 0, per square metre that both places measured free (1.6) */
-    cairn_real for_free;
+    cairn_real free_area_nats;
     /* nats, > 0: penalty of a free-space violation, a point in space that the other place measured
      * free (0.6) */
-    cairn_real against_point;
+    cairn_real free_space_penalty;
     /* in [0, 1]: factor on the penalty of points of dynamic-object candidates, which may have moved
      * (0.05) */
-    cairn_real floating;
+    cairn_real dynamic_factor;
     /* nats, >= 0: subtracted from every hypothesis, as the best of many random ones reaches this
      * ratio by chance (0) */
-    cairn_real chance;
+    cairn_real chance_nats;
     /* scan matching; max_target ... max_query are not read */
     cairn_scan_match_params match;
     /* consensus; max_nodes is not read */
@@ -166,7 +166,7 @@ typedef struct cairn_place_map_result {
     /* placed: places in the largest component */
     int32_t places, placed;
     /* connected components of the map; 1 is good */
-    int32_t parts;
+    int32_t components;
     /* places with a competing pose, or without overlap with the rest */
     int32_t ambiguous;
     /* scan_match runs */
@@ -176,7 +176,7 @@ typedef struct cairn_place_map_result {
     /* scans that were aligned individually */
     int32_t decoupled;
     /* nats: log-likelihood ratio of the map, and of the best competing map found; 0: none */
-    cairn_real total, rival;
+    cairn_real total, competing_total;
     int64_t units;
 } cairn_place_map_result;
 
@@ -189,13 +189,13 @@ typedef struct cairn_place_map_place {
      * sequential modes */
     cairn_real support;
     /* connected component; 0: the largest */
-    int32_t part;
+    int32_t component;
     /* 1: in a submap other than the component's largest, or see cairn_place_map_alternative() */
     int32_t ambiguous;
     int32_t alternatives;
     /* submap within the component; 0: the largest; the links between submaps may be due to
      * chance */
-    int32_t island;
+    int32_t submap;
 } cairn_place_map_place;
 
 /* Returns the estimate of a place; all zero for a place that does not exist. */

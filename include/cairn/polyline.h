@@ -44,12 +44,12 @@ typedef struct cairn_polyline_params {
     cairn_real sigma;
     /* m, >= width_last: width of the Gaussian of the E-step in the first iteration (0.04). A larger
      * width bridges more gaps and blurs corners more. */
-    cairn_real s_first;
+    cairn_real width_first;
     /* m, > 0: width of the Gaussian of the E-step in the last iterations (0.02). Twice sigma keeps
      * nearly all points of a line. */
-    cairn_real s_last;
+    cairn_real width_last;
     /* (0, 1]: factor of the width per iteration (annealing; 0.5). */
-    cairn_real shrink;
+    cairn_real width_decay;
     /* m, > 0: a gap between points along a segment that is longer splits the segment
      * (0.25), ... */
     cairn_real gap;
@@ -67,7 +67,7 @@ typedef struct cairn_polyline_params {
      * residuals, which is at least sigma^2 (20). The penalty is at least sigma^2 / 4 per point. Two
      * segments are merged unless they reduce the sum of squared residuals by more than the penalty;
      * a segment is split when the reduction is more than 1.5 times the penalty. */
-    cairn_real bend;
+    cairn_real segment_penalty;
     /* m, > 0: the fit has converged when no end point moves farther in an iteration (0.001). */
     cairn_real tolerance;
 } cairn_polyline_params;
@@ -131,7 +131,7 @@ typedef struct cairn_polyline_view {
     int32_t converged;
     /* Number of segments dropped, those of fewest points first, because max_segments were in use;
      * usually 0. */
-    int32_t left_out;
+    int32_t dropped;
 } cairn_polyline_view;
 
 /* The result of the last fit. */
@@ -144,7 +144,7 @@ typedef struct cairn_polyline_measure {
     /* EM iterations. */
     int32_t iterations;
     /* Splits at gaps and bends. */
-    int32_t cuts;
+    int32_t splits;
     /* Merges of two segments. */
     int32_t merges;
     /* Largest number of segments at a time. */

@@ -20,21 +20,21 @@ extern "C" {
 
 /* Bytes of the poisoned redzone behind each allocation. */
 #if defined(__SANITIZE_ADDRESS__)
-#define CAIRN_POOL_GAP 32
+#define CAIRN_POOL_REDZONE 32
 #elif defined(__has_feature)
 #if __has_feature(address_sanitizer)
-#define CAIRN_POOL_GAP 32
+#define CAIRN_POOL_REDZONE 32
 #endif
 #endif
-#ifndef CAIRN_POOL_GAP
-#define CAIRN_POOL_GAP 0
+#ifndef CAIRN_POOL_REDZONE
+#define CAIRN_POOL_REDZONE 0
 #endif
 
 /* Bytes that an allocation of `count` elements of `size` bytes takes, rounding and redzone
  * included, as a constant expression. */
-#define CAIRN_PIECE_BYTES(count, size)                                                             \
+#define CAIRN_ALLOCATION_BYTES(count, size)                                                        \
     (((((size_t)(count)) * (size_t)(size) + (CAIRN_ALIGN - 1)) / CAIRN_ALIGN) * CAIRN_ALIGN +      \
-     CAIRN_POOL_GAP)
+     CAIRN_POOL_REDZONE)
 
 /* ---- Bump allocator ---- */
 
@@ -98,11 +98,11 @@ static inline void *cairn_pool_take_one(cairn_pool *pool, size_t size)
 }
 
 /* Bytes left in the pool. */
-size_t cairn_pool_room(const cairn_pool *pool);
+size_t cairn_pool_remaining(const cairn_pool *pool);
 
 /* 1 when at least `bytes` bytes are left; else 0, and `refused` is incremented. Every _create()
  * checks with this function before its first allocation, so a failure leaves the pool as it was. */
-CAIRN_CHECKED int32_t cairn_pool_has_room(cairn_pool *pool, size_t bytes);
+CAIRN_CHECKED int32_t cairn_pool_has_capacity(cairn_pool *pool, size_t bytes);
 
 /* Records the state of the pool in *mark. CAIRN_BAD_ARGUMENT: NULL. Constant time. */
 CAIRN_CHECKED cairn_status cairn_pool_mark(cairn_pool *pool, cairn_mark *mark);

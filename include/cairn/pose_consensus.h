@@ -51,22 +51,22 @@ typedef struct cairn_pose_consensus_params {
     cairn_real sigma;
     /* rad, > 0: model noise of the headings, likewise; times the distance of the nodes it adds to
      * their positions (0.6 degrees) */
-    cairn_real sigma_angle;
+    cairn_real sigma_theta;
     /* > 0: a hypothesis is an inlier when its chi-squared (3 degrees of freedom) is below (16) */
-    cairn_real gate;
+    cairn_real max_chi2;
     /* >= 0: share of the best score of a pair that is subtracted when none of its hypotheses is an
      * inlier and there is no pairwise likelihood function (0) */
-    cairn_real contradiction;
+    cairn_real conflict_penalty;
     /* nats, > 0: a node with less support from all others together is not placed (3) */
     cairn_real min_support;
     /* in (0, 1): least weight of an alternative that makes its node ambiguous (0.02) */
-    cairn_real ambiguous;
+    cairn_real min_ambiguous_weight;
     /* nats, >= 0: significance threshold of a pose's support, violations subtracted twice. A node
      * is ambiguous that reaches it at an alternative pose, however much greater the support of the
      * chosen pose, if the violations there weigh at least min_ambiguous_weight; so are nodes that
      * owe most of their support to ambiguous nodes. See also cairn_pose_consensus_find_submaps().
      * 0: no test (0) */
-    cairn_real believed;
+    cairn_real significant_support;
 } cairn_pose_consensus_params;
 
 /* Returns the defaults in brackets above. */
@@ -99,35 +99,36 @@ CAIRN_CHECKED cairn_status cairn_pose_consensus_add(cairn_pose_consensus *consen
  * that no common motion of their component brings within the bounds are dropped, and the result is
  * in the frame of the bounds. CAIRN_BAD_ARGUMENT: NULL, no such node, not > 0. CAIRN_NOT_FINITE.
  * Cancels a running search. Constant time. */
-CAIRN_CHECKED cairn_status cairn_pose_consensus_bound(cairn_pose_consensus *consensus, int32_t node,
-                                                      cairn_pose map_node, cairn_real metres,
-                                                      cairn_real radians);
+CAIRN_CHECKED cairn_status cairn_pose_consensus_set_bound(cairn_pose_consensus *consensus,
+                                                          int32_t node, cairn_pose map_node,
+                                                          cairn_real metres, cairn_real radians);
 
 /* Pairwise likelihood function: returns the log-likelihood ratio in nats, positive or negative, of
  * the data of two nodes for a relative pose. A pair counts with this value, or with the score of
  * its agreeing hypothesis where that is greater. *units: the cost. A pure function of its
  * arguments. */
-typedef cairn_real (*cairn_pose_judge)(void *context, int32_t first, int32_t second,
-                                       cairn_pose first_second, int32_t *units);
+typedef cairn_real (*cairn_pose_pair_likelihood)(void *context, int32_t first, int32_t second,
+                                                 cairn_pose first_second, int32_t *units);
 
 /* Sets the pairwise likelihood function; NULL: none. Cancels a running search. */
-void cairn_pose_consensus_judge_by(cairn_pose_consensus *consensus, cairn_pose_judge judge,
-                                   void *context);
+void cairn_pose_consensus_set_pair_likelihood(cairn_pose_consensus *consensus,
+                                              cairn_pose_pair_likelihood judge, void *context);
 
 /* Joint likelihood function: returns the log-likelihood ratio in nats, positive or negative, of the
  * data of a node for a pose given all other nodes of a component: those i != node with parts[i] ==
  * part, at map_nodes[i]. Data that several nodes share so count once, which sums over pairs cannot
  * do. *against: the violations that were subtracted, nats, >= 0. *units: the cost. A pure function
  * of its arguments. */
-typedef cairn_real (*cairn_pose_jury)(void *context, int32_t node, cairn_pose map_node,
-                                      const cairn_pose *map_nodes, const int32_t *parts,
-                                      int32_t part, cairn_real *against, int32_t *units);
+typedef cairn_real (*cairn_pose_joint_likelihood)(void *context, int32_t node, cairn_pose map_node,
+                                                  const cairn_pose *map_nodes, const int32_t *parts,
+                                                  int32_t part, cairn_real *against,
+                                                  int32_t *units);
 
 /* Sets the joint likelihood function; NULL: none. Its value replaces the sum over pairs wherever
  * the support by a whole component is evaluated; pairs still determine the tree of strongest links.
  * clear() removes it. Cancels a running search. */
-void cairn_pose_consensus_jury_by(cairn_pose_consensus *consensus, cairn_pose_jury jury,
-                                  void *context);
+void cairn_pose_consensus_set_joint_likelihood(cairn_pose_consensus *consensus,
+                                               cairn_pose_joint_likelihood jury, void *context);
 
 /* Starts the search. CAIRN_EMPTY: no nodes (clear() was never called). CAIRN_BAD_ARGUMENT: NULL.
  * Linear in nodes and hypotheses. */
@@ -148,7 +149,7 @@ CAIRN_CHECKED cairn_status cairn_pose_consensus_step(cairn_pose_consensus *conse
  * become ambiguous. step() until CAIRN_OK, as after begin(). CAIRN_EMPTY: there is no result.
  * CAIRN_BAD_ARGUMENT: NULL. Cost: for every submap one pass over all pairs, and one evaluation of
  * the joint likelihood at every node for each pair of the tree above it. */
-CAIRN_CHECKED cairn_status cairn_pose_consensus_islands(cairn_pose_consensus *consensus);
+CAIRN_CHECKED cairn_status cairn_pose_consensus_find_submaps(cairn_pose_consensus *consensus);
 
 /* ---- The result: empty until step() returns CAIRN_OK ---- */
 
@@ -161,18 +162,18 @@ typedef struct cairn_consensus_node {
     /* nats: log-likelihood ratio given all other nodes of the component, violations subtracted */
     cairn_real support;
     /* connected component; 0: the largest; a node without support is a component of its own */
-    int32_t part;
+    int32_t component;
     /* pairs with a positive log-likelihood ratio */
     int32_t agreeing;
     /* pairs with a negative log-likelihood ratio */
-    int32_t contradicting;
+    int32_t conflicting;
     /* number of alternatives, see cairn_pose_consensus_alternative() */
     int32_t alternatives;
     /* 1: an alternative weighs at least params.min_ambiguous_weight, or see
      * params.significant_support */
     int32_t ambiguous;
     /* submap within the component, by cairn_pose_consensus_find_submaps(); 0: the largest */
-    int32_t island;
+    int32_t submap;
 } cairn_consensus_node;
 
 /* Alternative pose of a node given the others, or (whole = 1) given another consistent map. */
@@ -181,18 +182,18 @@ typedef struct cairn_consensus_alternative {
     cairn_real support; /* nats; of the other map's total for whole = 1 */
     /* softmax of the support over the chosen pose and all alternatives, 0 ... 1 */
     cairn_real weight;
-    int32_t whole;
+    int32_t is_other_map;
 } cairn_consensus_alternative;
 
 typedef struct cairn_consensus_result {
-    cairn_real total;      /* nats, sum over all pairs */
-    cairn_real rival;      /* total of the best competing map found; 0: none */
-    int32_t nodes, placed; /* placed: nodes in components of two or more */
-    int32_t parts;         /* connected components; 1 is good */
-    int32_t ambiguous;     /* ambiguous nodes */
-    int32_t start;         /* seed hypothesis of the best map */
+    cairn_real total;           /* nats, sum over all pairs */
+    cairn_real competing_total; /* total of the best competing map found; 0: none */
+    int32_t nodes, placed;      /* placed: nodes in components of two or more */
+    int32_t components;         /* connected components; 1 is good */
+    int32_t ambiguous;          /* ambiguous nodes */
+    int32_t start;              /* seed hypothesis of the best map */
     int32_t starts, rounds;
-    int32_t agreeing; /* inlier hypotheses */
+    int32_t inliers; /* inlier hypotheses */
     int64_t units;
 } cairn_consensus_result;
 
@@ -208,7 +209,7 @@ cairn_consensus_alternative cairn_pose_consensus_alternative(const cairn_pose_co
 
 /* Returns 1 when a hypothesis is an inlier of the poses found; the inliers are the measurements for
  * a joint solution. */
-int32_t cairn_pose_consensus_agrees(const cairn_pose_consensus *consensus, int32_t hypothesis);
+int32_t cairn_pose_consensus_is_inlier(const cairn_pose_consensus *consensus, int32_t hypothesis);
 
 #ifdef __cplusplus
 }

@@ -79,17 +79,17 @@ typedef struct cairn_pose_graph_params {
     /* robust kernel (SQUARE) */
     cairn_pose_graph_kernel kernel;
     /* c, in standard deviations, > 0 (3) */
-    cairn_real width;
+    cairn_real kernel_width;
     /* not 0: graduated non-convexity (GNC, Yang et al. 2020): the kernel starts nearly quadratic
      * and is narrowed in every iteration. GEMAN_MCCLURE only; other kernels stay unchanged (0) */
     int32_t graduated;
     /* >= 1, rejected steps included (100) */
     int32_t max_iterations;
     /* relative decrease of the cost, in (0, 1): converged below it (1e-9; float 1e-5) */
-    cairn_real converged;
+    cairn_real converged_decrease;
     /* > 0: links with e^T Omega e above this are counted as outliers (16.27: 99.9 % of the inliers
      * are below) */
-    cairn_real outlier;
+    cairn_real max_chi2;
 } cairn_pose_graph_params;
 
 /* Returns the defaults in brackets above. */
@@ -105,7 +105,7 @@ enum {
     CAIRN_POSE_GRAPH_OUT_OF_ITERATIONS = 2,
     /* disconnected graph: `pose` is the first pose without a path to a fixed one; nothing was
      * solved */
-    CAIRN_POSE_GRAPH_SPLIT = 3,
+    CAIRN_POSE_GRAPH_DISCONNECTED = 3,
     /* the links do not determine `pose`; the poses are those of the best iteration */
     CAIRN_POSE_GRAPH_SINGULAR = 4
 };
@@ -127,10 +127,10 @@ typedef struct cairn_pose_graph_state {
 /* Residual of a link at the last accepted poses. */
 typedef struct cairn_pose_graph_link {
     int32_t first, second;
-    cairn_real chi2;   /* e^T Omega e */
-    cairn_real weight; /* weight by the robust kernel, 0 ... 1 */
-    int32_t outlier;   /* 1: chi2 > params.max_chi2 */
-    int32_t dropped;   /* 1: excluded by drop_link() */
+    cairn_real chi2;     /* e^T Omega e */
+    cairn_real weight;   /* weight by the robust kernel, 0 ... 1 */
+    int32_t is_outlier;  /* 1: chi2 > params.max_chi2 */
+    int32_t is_excluded; /* 1: excluded by drop_link() */
 } cairn_pose_graph_link;
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. solver: as in
@@ -177,10 +177,10 @@ CAIRN_CHECKED cairn_status cairn_pose_graph_add_link(cairn_pose_graph *graph, in
                                                      int32_t second, cairn_pose first_second,
                                                      cairn_sym3 information);
 
-/* Excludes a link from the solution (excluded not 0), or includes it again; its chi2 is still reported.
- * CAIRN_BAD_ARGUMENT: no such link. */
-CAIRN_CHECKED cairn_status cairn_pose_graph_drop_link(cairn_pose_graph *graph, int32_t link,
-                                                      int32_t excluded);
+/* Excludes a link from the solution (excluded not 0), or includes it again; its chi2 is still
+ * reported. CAIRN_BAD_ARGUMENT: no such link. */
+CAIRN_CHECKED cairn_status cairn_pose_graph_exclude_link(cairn_pose_graph *graph, int32_t link,
+                                                         int32_t excluded);
 
 /* Replaces the measurement of a link, and the poses that it joins. Statuses of add_link();
  * CAIRN_BAD_ARGUMENT also: no such link. */
@@ -225,8 +225,8 @@ cairn_pose_graph_link cairn_pose_graph_link_of(const cairn_pose_graph *graph, in
 
 /* Returns the measured pose of a link of an index below `links`, as it was added, and its
  * information (up to rounding). */
-cairn_pose cairn_pose_graph_measured(const cairn_pose_graph *graph, int32_t link,
-                                     cairn_sym3 *information);
+cairn_pose cairn_pose_graph_measurement(const cairn_pose_graph *graph, int32_t link,
+                                        cairn_sym3 *information);
 
 /* Covariance of two poses' errors, row-major over (x, y, theta) of the first and of the second in m
  * and rad, in the map frame; zero for fixed poses. For a pose with itself and for linked poses.

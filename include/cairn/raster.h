@@ -85,21 +85,21 @@ CAIRN_CHECKED cairn_status cairn_raster_i32_check(cairn_raster_i32_view view);
 CAIRN_CHECKED cairn_status cairn_raster_real_check(cairn_raster_real_view view);
 
 /* The read-only view of a writable view. */
-static inline cairn_raster_u8_view cairn_raster_u8_read(cairn_raster_u8 raster)
+static inline cairn_raster_u8_view cairn_raster_u8_as_view(cairn_raster_u8 raster)
 {
     cairn_raster_u8_view view = {raster.data, raster.width, raster.height, raster.stride};
     return view;
 }
 
 /* The read-only view of a writable view. */
-static inline cairn_raster_i32_view cairn_raster_i32_read(cairn_raster_i32 raster)
+static inline cairn_raster_i32_view cairn_raster_i32_as_view(cairn_raster_i32 raster)
 {
     cairn_raster_i32_view view = {raster.data, raster.width, raster.height, raster.stride};
     return view;
 }
 
 /* The read-only view of a writable view. */
-static inline cairn_raster_real_view cairn_raster_real_read(cairn_raster_real raster)
+static inline cairn_raster_real_view cairn_raster_real_as_view(cairn_raster_real raster)
 {
     cairn_raster_real_view view = {raster.data, raster.width, raster.height, raster.stride};
     return view;

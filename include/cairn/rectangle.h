@@ -35,9 +35,9 @@ typedef struct cairn_rectangle {
     /* Half the length across theta, in m. */
     cairn_real half_width;
     /* Fraction of the outline that segments cover, 0 ... 1. */
-    cairn_real covered;
+    cairn_real coverage;
     /* Score, 0 ... 1. */
-    cairn_real strength;
+    cairn_real score;
     /* Which side of the outline is free space. */
     cairn_rectangle_kind kind;
     /* Merged sides: 0 and 1 along theta, at -half_width and half_width; 2 and 3 across, at
@@ -66,13 +66,13 @@ typedef struct cairn_rectangle_params {
     cairn_real merge_gap;
     /* rad, > 0, < pi / 4: largest deviation of two sides from parallel, and of two pairs from
      * perpendicular (8 degrees). */
-    cairn_real angle;
+    cairn_real max_angle_error;
     /* m, > 0: shortest side (0.3). */
     cairn_real min_side;
     /* 0 ... 1: least covered fraction of each side (0.15). */
-    cairn_real least_side;
+    cairn_real min_side_coverage;
     /* 0 ... 1: least covered fraction of the outline (0.5). */
-    cairn_real least_covered;
+    cairn_real min_coverage;
     /* m, > 0: non-maximum suppression: of rectangles of a kind whose corners are all closer than
      * this only the one with the highest score stays (0.3). */
     cairn_real separation;
@@ -83,12 +83,13 @@ typedef struct cairn_rectangle_set cairn_rectangle_set;
 
 /* Upper bound of cairn_rectangle_memory as a constant expression. */
 #define CAIRN_RECTANGLE_BYTES(segments, sides, pairs, rectangles)                                  \
-    (512 + 2 * CAIRN_PIECE_BYTES(segments, sizeof(int32_t)) +                                      \
-     CAIRN_PIECE_BYTES(segments, sizeof(cairn_real)) +                                             \
-     CAIRN_PIECE_BYTES(sides, 16 + 16 * sizeof(cairn_real)) +                                      \
-     CAIRN_PIECE_BYTES(sides, sizeof(int32_t)) + CAIRN_PIECE_BYTES(sides, sizeof(cairn_real)) +    \
-     CAIRN_PIECE_BYTES(pairs, 16 + 8 * sizeof(cairn_real)) +                                       \
-     2 * CAIRN_PIECE_BYTES(rectangles, sizeof(cairn_rectangle)))
+    (512 + 2 * CAIRN_ALLOCATION_BYTES(segments, sizeof(int32_t)) +                                 \
+     CAIRN_ALLOCATION_BYTES(segments, sizeof(cairn_real)) +                                        \
+     CAIRN_ALLOCATION_BYTES(sides, 16 + 16 * sizeof(cairn_real)) +                                 \
+     CAIRN_ALLOCATION_BYTES(sides, sizeof(int32_t)) +                                              \
+     CAIRN_ALLOCATION_BYTES(sides, sizeof(cairn_real)) +                                           \
+     CAIRN_ALLOCATION_BYTES(pairs, 16 + 8 * sizeof(cairn_real)) +                                  \
+     2 * CAIRN_ALLOCATION_BYTES(rectangles, sizeof(cairn_rectangle)))
 
 /* The default values. */
 cairn_rectangle_params cairn_rectangle_default(void);

@@ -20,7 +20,7 @@ extern "C" {
 #endif
 
 /* The maximum number of panels of a picture. */
-#define CAIRN_REPORT_PANELS_MOST 4
+#define CAIRN_REPORT_MAX_PANELS 4
 
 /* Points and walls of a scan in the frame of its pose, m. The segments are drawn when there are
  * any, otherwise the points. */
@@ -45,7 +45,7 @@ typedef struct cairn_report_panel {
     const char *note;       /* small, to the right of the title; NULL: none */
     const cairn_pose *pose; /* [scan_count] poses of the scans; m, m, rad */
     /* [scan_count] 1: a pose with low confidence, drawn in red; NULL: none */
-    const uint8_t *doubtful;
+    const uint8_t *low_confidence;
     const cairn_report_grid *grid; /* NULL: the walls of the scans are drawn */
 } cairn_report_panel;
 
@@ -58,7 +58,7 @@ typedef struct cairn_report_map {
     const cairn_report_panel *panel;
     /* [scan_count], shared by all panels; NULL: only poses and grids */
     const cairn_report_scan *scan;
-    /* 1 .. CAIRN_REPORT_PANELS_MOST */
+    /* 1 .. CAIRN_REPORT_MAX_PANELS */
     int32_t panel_count;
     /* scans and poses, above 0 */
     int32_t scan_count;
@@ -68,7 +68,7 @@ typedef struct cairn_report_map {
     int32_t colour_scans;
     /* limit of the points or segments drawn as vectors in a panel; beyond it they are drawn as a
      * density image. Default 20000 */
-    int32_t elements_most;
+    int32_t max_elements;
     /* width of the picture in pixels, 200 .. 10000. Default 1200 */
     int32_t width;
 } cairn_report_map;
@@ -85,7 +85,7 @@ CAIRN_CHECKED cairn_status cairn_report_map_write(const char *path, const cairn_
 /* ---- Figures: plots of points, lines and bars side by side ---- */
 
 /* The maximum number of plots of a figure. */
-#define CAIRN_REPORT_PLOTS_MOST 4
+#define CAIRN_REPORT_MAX_PLOTS 4
 
 /* The marks of a layer. */
 typedef int32_t cairn_report_mark;
@@ -127,7 +127,7 @@ typedef struct cairn_report_figure {
     const char *title;    /* NULL: none */
     const char *subtitle; /* NULL: none */
     const cairn_report_plot *plot;
-    int32_t plot_count; /* 1 .. CAIRN_REPORT_PLOTS_MOST */
+    int32_t plot_count; /* 1 .. CAIRN_REPORT_MAX_PLOTS */
     int32_t width;      /* width of the picture in pixels, 200 .. 10000. Default 1200 */
 } cairn_report_figure;
 
@@ -157,7 +157,7 @@ CAIRN_CHECKED cairn_status cairn_report_figure_write(const char *path,
 typedef struct cairn_report_player cairn_report_player;
 
 /* The maximum number of curves of a player. */
-#define CAIRN_REPORT_CURVES_MOST 4
+#define CAIRN_REPORT_MAX_CURVES 4
 
 /* A quantity that is plotted over the frames. */
 typedef struct cairn_report_curve {
@@ -176,18 +176,18 @@ typedef struct cairn_report_player_params {
     const char *step_name;
     /* [curve_count] */
     const cairn_report_curve *curve;
-    /* 0 .. CAIRN_REPORT_CURVES_MOST */
+    /* 0 .. CAIRN_REPORT_MAX_CURVES */
     int32_t curve_count;
     /* 1: the poses are connected in order as a path. Default 0 */
     int32_t connect;
     /* limit of frames, 2 or more: beyond it every second frame is dropped (600) */
-    int32_t frames_most;
+    int32_t max_frames;
     /* limit of the poses of all frames, 2 or more: likewise (2,000,000) */
-    int64_t poses_most;
+    int64_t max_poses;
     /* limit of the points, and of the walls, of all scans, 1 or more (200,000) */
-    int64_t points_most;
+    int64_t max_points;
     /* limit of the forces, regions, and hypotheses of all frames, each 1 or more (150,000) */
-    int64_t forces_most;
+    int64_t max_forces;
     /* radius of the regions of interest, m, >= 0 (0) */
     cairn_real region_radius;
 } cairn_report_player_params;
@@ -201,10 +201,10 @@ typedef struct cairn_report_force {
 
 /* A segment of a hypothesized structure that no scan shows yet, such as a line or a side of a
  * rectangle. */
-typedef struct cairn_report_guess {
+typedef struct cairn_report_hypothesis {
     cairn_segment segment;
     cairn_real strength; /* relative weight, 0 ... 1 */
-} cairn_report_guess;
+} cairn_report_hypothesis;
 
 /* The state after a step. Arrays are copied. */
 typedef struct cairn_report_frame {
@@ -215,10 +215,10 @@ typedef struct cairn_report_frame {
     /* [pose_count] poses of the first pose_count scans; m, m, rad */
     const cairn_pose *pose;
     /* [pose_count] 1: a pose with low confidence, drawn in red; NULL: none */
-    const uint8_t *doubtful;
+    const uint8_t *low_confidence;
     /* [pose_count] submap of each scan: -1: none, or the scan whose colour it takes; NULL: all
      * -1 */
-    const int32_t *part;
+    const int32_t *submap;
     /* [curve_count] values of the curves; NaN: unknown; NULL: all unknown */
     const double *value;
     /* [region_count] centres of the regions of interest, m */
@@ -226,11 +226,11 @@ typedef struct cairn_report_frame {
     /* [force_count] forces */
     const cairn_report_force *force;
     /* [hypothesis_count] segments of hypotheses */
-    const cairn_report_guess *guess;
+    const cairn_report_hypothesis *hypothesis;
     int32_t pose_count;
     int32_t region_count;
     int32_t force_count;
-    int32_t guess_count;
+    int32_t hypothesis_count;
 } cairn_report_frame;
 
 /* Returns the default parameters. */

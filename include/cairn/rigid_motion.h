@@ -50,9 +50,9 @@ typedef struct cairn_motion_basis {
     /* Unit eigenvectors, the least observable first. */
     cairn_real vectors[3][3];
     /* Smallest eigenvalue over the largest: the inverse condition number, 0 ... 1. */
-    cairn_real ratio;
+    cairn_real inverse_condition;
     /* Number of unobservable directions, 0 ... 2: the first eigenvectors. */
-    int32_t weak;
+    int32_t unobservable;
 } cairn_motion_basis;
 
 /* An estimate at a pose. centre: in the body's frame, in m. radius: in m, > 0. */
@@ -60,8 +60,8 @@ cairn_rigid_motion cairn_rigid_motion_at(cairn_pose map_body, cairn_vec2 centre,
 
 /* Row of the Jacobian: the derivative of a body point's coordinate along the unit vector `axis`
  * (in the map) with respect to the small motion. body_point: in the body's frame, in m. */
-void cairn_rigid_motion_row(const cairn_rigid_motion *motion, cairn_vec2 axis,
-                            cairn_vec2 body_point, cairn_real row[3]);
+void cairn_rigid_motion_jacobian(const cairn_rigid_motion *motion, cairn_vec2 axis,
+                                 cairn_vec2 body_point, cairn_real row[3]);
 
 /* Eigenbasis of the observed information. A direction is unobservable when its eigenvalue is less
  * than min_ratio, in [0, 1), of the largest eigenvalue, which must be positive. At most two

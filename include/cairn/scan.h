@@ -86,7 +86,7 @@ typedef struct cairn_scan_params {
     cairn_real spacing;
     /* m, > 0: a resampled point is left out without a hit of its segment within this distance along
      * it (0.20) */
-    cairn_real support;
+    cairn_real support_distance;
     /* line fit of the hits; its dim, max_points and max_segments are not read */
     cairn_polyline_params fit;
 } cairn_scan_params;
@@ -137,13 +137,13 @@ typedef struct cairn_scan_measure {
     /* number of beams of each kind */
     int32_t hits, free, unknown;
     /* hits that belong to no segment */
-    int32_t uncertain;
+    int32_t unassigned_hits;
     /* iterations of the line fit */
-    int32_t iterations;
+    int32_t fit_iterations;
     /* 1: the line fit converged */
-    int32_t converged;
+    int32_t fit_converged;
     /* segments beyond max_points, or polyline pieces beyond max_segments */
-    int32_t left_out;
+    int32_t dropped_segments;
 } cairn_scan_measure;
 
 cairn_scan_measure cairn_scan_measured(const cairn_scan *scan);

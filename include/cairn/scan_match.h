@@ -67,12 +67,12 @@ typedef struct cairn_scan_match_params {
     /* 1: in a search without a window a query point votes for a pose once, however many target
      * parts show the surface there, so that poses on rarely seen surfaces are found, too; 0: once
      * for each target point there (1) */
-    int32_t once;
+    int32_t vote_once;
     /* m, >= 0.001: spacing of the evenly spaced points; lengths of the search are multiples of it
      * (0.10) */
     cairn_real spacing;
     /* m, > 0: lower bound of the estimated standard deviation of a point across its line (0.01) */
-    cairn_real sigma;
+    cairn_real min_sigma;
     /* [0, 1): a direction is unobservable when its information is below this share of the best
      * direction's (0.001) */
     cairn_real weak_ratio;
@@ -140,24 +140,24 @@ typedef struct cairn_scan_match_hypothesis {
     cairn_real fit;
     /* Free-space violation, 0 ... 1: of the query's points on a surface or in the target's free
      * space, the share of the latter; 0 where no free space is known. */
-    cairn_real contradiction;
+    cairn_real free_space_violation;
     /* free-space violation of the target's points in the query's visibility profile, likewise */
-    cairn_real target_contradiction;
+    cairn_real target_free_space_violation;
     /* rank: 0 ... 1, grows with the fit, falls with the free-space violations */
     cairn_real score;
     /* log odds of the pose against a chance similarity of places without overlap; a calibrated
      * regression over the fields above, the number of points and the best competing score */
-    cairn_real evidence;
+    cairn_real log_odds;
     /* m, >= params.min_sigma: robust standard deviation of the points across the lines */
     cairn_real sigma;
     /* Least observable direction, about the query's centroid: unit vector over (x, y, theta times
      * radius) in the target's frame, sign free. weak_ratio is its information as a share of the
      * best observable direction's. */
-    cairn_real weak[3];
+    cairn_real weak_direction[3];
     cairn_real weak_ratio;
-    cairn_real radius;  /* m: root mean square distance of the query's points from their centroid */
-    int32_t observable; /* observable degrees of freedom, 0 ... 3 */
-    int32_t pairs;      /* inlier pairs of the last refinement */
+    cairn_real radius; /* m: root mean square distance of the query's points from their centroid */
+    int32_t observable_dof; /* observable degrees of freedom, 0 ... 3 */
+    int32_t pairs;          /* inlier pairs of the last refinement */
 } cairn_scan_match_hypothesis;
 
 typedef int32_t cairn_scan_match_verdict;
@@ -183,9 +183,9 @@ typedef struct cairn_scan_match_result {
 /* Cost of the last match. */
 typedef struct cairn_scan_match_measure {
     int64_t units;
-    int32_t worst_step; /* units of the most expensive item */
-    int32_t candidates; /* candidate poses of the search */
-    int32_t fits;       /* poses that were refined */
+    int32_t worst_step;  /* units of the most expensive item */
+    int32_t candidates;  /* candidate poses of the search */
+    int32_t refinements; /* poses that were refined */
 } cairn_scan_match_measure;
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
@@ -261,9 +261,12 @@ cairn_scan_match_measure cairn_scan_match_measured(const cairn_scan_match *match
 /* Filter that a correspondence passed or failed. */
 typedef int32_t cairn_scan_match_stage;
 enum {
-    CAIRN_SCAN_MATCH_COLINEAR = 0, /* in the common subsequence; rejected by the colinear filter */
-    CAIRN_SCAN_MATCH_APART = 1,    /* rejected with its segment */
-    CAIRN_SCAN_MATCH_KEPT = 2      /* accepted by all filters of the mode */
+    /* in the common subsequence; rejected by the colinear filter */
+    CAIRN_SCAN_MATCH_REJECTED_COLINEAR = 0,
+    /* rejected with its segment */
+    CAIRN_SCAN_MATCH_REJECTED_SEGMENT = 1,
+    /* accepted by all filters of the mode */
+    CAIRN_SCAN_MATCH_ACCEPTED = 2
 };
 
 typedef struct cairn_scan_match_pair {

@@ -41,7 +41,7 @@ typedef struct cairn_scan_set_scan {
     int32_t first_segment, end_segment;
     int32_t first_point, end_point;
     /* words of the position bits of its segments */
-    int32_t words;
+    int32_t word_count;
     /* m; (0, 0) without points */
     cairn_vec2 centroid;
     cairn_vec2 sensor;
@@ -71,35 +71,35 @@ typedef struct cairn_scan_set {
     cairn_real *mass;
     /* with spacing: position bits, one for each position along a segment; a segment starts at a
      * whole word */
-    uint32_t *places;
+    uint32_t *position_bits;
     /* slots that were ever used: upper bound of the slots in use */
     int32_t scan_count;
     int32_t segment_count, point_count, word_count;
     /* slot of the last removed scan, head of the free list; -1: none */
     int32_t free_slot;
     /* not 0: pack() has work to do */
-    int32_t gaps;
+    int32_t needs_packing;
     /* position of pack(): segment read, and segment, point and word written */
-    int32_t from, to_segment, to_point, to_word;
+    int32_t pack_from, pack_segment, pack_point, pack_word;
     /* units of pack() already charged towards the next scan */
-    int32_t paid;
+    int32_t pack_units;
     cairn_scan_set_params params;
 } cairn_scan_set;
 
 /* Upper bound of cairn_scan_set_memory as a constant expression, with the points kept. */
 #define CAIRN_SCAN_SET_BYTES(scans, points, segments)                                              \
-    (CAIRN_PIECE_BYTES(1, sizeof(cairn_scan_set)) +                                                \
-     CAIRN_PIECE_BYTES(scans, sizeof(cairn_scan_set_scan)) +                                       \
-     CAIRN_PIECE_BYTES(segments, sizeof(cairn_scan_set_segment)) +                                 \
-     CAIRN_PIECE_BYTES(points, sizeof(cairn_vec2)) +                                               \
-     CAIRN_PIECE_BYTES(points, sizeof(cairn_real)))
+    (CAIRN_ALLOCATION_BYTES(1, sizeof(cairn_scan_set)) +                                           \
+     CAIRN_ALLOCATION_BYTES(scans, sizeof(cairn_scan_set_scan)) +                                  \
+     CAIRN_ALLOCATION_BYTES(segments, sizeof(cairn_scan_set_segment)) +                            \
+     CAIRN_ALLOCATION_BYTES(points, sizeof(cairn_vec2)) +                                          \
+     CAIRN_ALLOCATION_BYTES(points, sizeof(cairn_real)))
 
 /* Upper bound of cairn_scan_set_memory as a constant expression, with spacing. */
-#define CAIRN_SCAN_SET_PLACES_BYTES(scans, points, segments)                                       \
-    (CAIRN_PIECE_BYTES(1, sizeof(cairn_scan_set)) +                                                \
-     CAIRN_PIECE_BYTES(scans, sizeof(cairn_scan_set_scan)) +                                       \
-     CAIRN_PIECE_BYTES(segments, sizeof(cairn_scan_set_segment)) +                                 \
-     CAIRN_PIECE_BYTES((points) / 32 + (segments), sizeof(uint32_t)))
+#define CAIRN_SCAN_SET_BITS_BYTES(scans, points, segments)                                         \
+    (CAIRN_ALLOCATION_BYTES(1, sizeof(cairn_scan_set)) +                                           \
+     CAIRN_ALLOCATION_BYTES(scans, sizeof(cairn_scan_set_scan)) +                                  \
+     CAIRN_ALLOCATION_BYTES(segments, sizeof(cairn_scan_set_segment)) +                            \
+     CAIRN_ALLOCATION_BYTES((points) / 32 + (segments), sizeof(uint32_t)))
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_scan_set_memory(const cairn_scan_set_params *params);

@@ -36,24 +36,24 @@ extern "C" {
 #endif
 
 /* Capacity of the list of axes. */
-#define CAIRN_SYMMETRY_AXES 16
+#define CAIRN_SYMMETRY_MAX_AXES 16
 /* Greatest number of outlines of a shape. */
-#define CAIRN_SYMMETRY_OUTLINES 16
+#define CAIRN_SYMMETRY_MAX_OUTLINES 16
 
 typedef struct cairn_self_similarity_params {
     /* CAIRN_MODE_DEFAULT (re-ranked) or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT). */
     int32_t mode;
     /* Samples of the outline, 16 ... 512 (96). */
-    int32_t points;
+    int32_t outline_samples;
     /* Greatest number of samples of all holes together, 4 ... 512; 0: holes are filled (48). */
-    int32_t hole_points;
+    int32_t hole_samples;
     /* Vertices of the coarsest evolution level, 4 ... 32 (5). */
-    int32_t least_vertices;
+    int32_t min_vertices;
     /* Vertices of the finest level, min_vertices ... 32, at most outline_samples (20). */
-    int32_t most_vertices;
+    int32_t max_vertices;
     /* Relative tie tolerance, >= 0: axes whose dissimilarity exceeds the best by at most this
      * ratio tie with it (0.01). */
-    cairn_real tie;
+    cairn_real tie_ratio;
     /* Absolute tie tolerance of the dissimilarity, >= 0 (0.001). */
     cairn_real tie_floor;
     /* Non-maximum-suppression radius, share of the outline's length, > 0 ... 0.25: axes with all
@@ -105,17 +105,17 @@ typedef struct cairn_symmetry_axis {
     cairn_vec2 end[2];
     /* Positions of the end points, shares of the outline's length, 0 ... 1; arc[0] begins at
      * position[0]. */
-    cairn_real place[2];
+    cairn_real position[2];
     /* The two arcs; stretches between critical points are left out. */
     cairn_symmetry_arc arc[2];
     /* Ranking score, >= 0, relative to the greatest inner distance; as written c(S, T). */
     cairn_real dissimilarity;
     /* Mean mirror residual of one arc to the other, relative to the greatest inner distance; 0
      * as written. */
-    cairn_real misfit;
+    cairn_real mirror_residual;
     /* Mean dynamic-time-warping cost of the arcs, relative to a quarter of the greatest inner
      * distance; 0: no articulated limbs. */
-    cairn_real warp;
+    cairn_real dtw_cost;
     /* Bend: change of the axis direction from end[0] to end[1], rad; 0 as written. */
     cairn_real bend;
     /* Skew: tangent of the angle between the ribs and the normal of the axis; 0 as written. */
@@ -123,7 +123,7 @@ typedef struct cairn_symmetry_axis {
     /* Mirror line that fits one arc best to the other: a point on the line and its unit
      * direction. Without bend and skew it is the axis itself, estimated from all samples and not
      * from its ends alone. As written: the line through both ends. */
-    cairn_vec2 mirror_point, mirror_along;
+    cairn_vec2 mirror_point, mirror_direction;
     /* Vertices of the evolution level of the cut; 0: a cut between critical points. */
     int32_t vertices;
     /* Division of the cyclic sequence, 1 ... 4 as in the thesis; 0 when re-ranked. */
@@ -133,11 +133,11 @@ typedef struct cairn_symmetry_axis {
 typedef int32_t cairn_symmetry_verdict;
 enum {
     /* One axis is better than all others. */
-    CAIRN_SYMMETRY_ONE = 0,
+    CAIRN_SYMMETRY_SINGLE = 0,
     /* Several axes tie: the first tie_count of the list. */
-    CAIRN_SYMMETRY_MANY = 1,
+    CAIRN_SYMMETRY_MULTIPLE = 1,
     /* Circular symmetry: no single axis, the tied axes end all over the outline. */
-    CAIRN_SYMMETRY_ROUND = 2
+    CAIRN_SYMMETRY_CIRCULAR = 2
 };
 
 typedef struct cairn_self_similarity_result {
@@ -146,18 +146,18 @@ typedef struct cairn_self_similarity_result {
     /* Number of axes. */
     int32_t count;
     /* Axes that tie with the best, itself included. */
-    int32_t ties;
+    int32_t tie_count;
     /* Whether the best axis is unique. */
     cairn_symmetry_verdict verdict;
     /* Order n of rotational symmetry: a rotation by 1/n turn maps the shape to itself. 1: none;
      * 0: any angle. */
-    int32_t rotations;
+    int32_t rotation_order;
     /* [sample_count] Equidistant samples of the outline from its first vertex. */
     const cairn_vec2 *samples;
     /* Number of outline samples. */
     int32_t sample_count;
     /* Number of arc comparisons. */
-    int64_t comparisons;
+    int64_t comparison_count;
 } cairn_self_similarity_result;
 
 /* Returns the result. All zero until step() returns CAIRN_OK; valid until the next begin(). */

@@ -21,13 +21,13 @@ typedef struct cairn_sequence cairn_sequence;
 typedef int32_t cairn_sequence_kind;
 enum {
     /* Longest common subsequence: the largest number of matching pairs, in order. */
-    CAIRN_SEQUENCE_COMMON = 0,
+    CAIRN_SEQUENCE_LCS = 0,
     /* Local alignment of the best-scoring subsequences, with linear gap costs (Smith and Waterman
      * 1981). */
     CAIRN_SEQUENCE_LOCAL = 1,
     /* Dynamic time warping: every element is paired at least once, with the least sum of distances
      * (Sakoe and Chiba 1978). */
-    CAIRN_SEQUENCE_WARP = 2
+    CAIRN_SEQUENCE_DTW = 2
 };
 
 /* Compares element i of the first sequence with element j of the second. LCS: > 0 when both match.
@@ -44,7 +44,7 @@ typedef struct cairn_sequence_params {
     /* Elements of the second sequence, 1 ... 2^24 (1024). */
     int32_t max_second;
     /* LOCAL: cost of an unpaired element between pairs, >= 0 (1). */
-    cairn_real gap;
+    cairn_real gap_cost;
 } cairn_sequence_params;
 
 /* The default values. */

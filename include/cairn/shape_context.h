@@ -40,9 +40,9 @@ typedef struct cairn_shape_context_params {
     int32_t max_points;
     /* Radii of the innermost and outermost ring, relative to the mean distance of two points, 0
      * < inner_radius < outer_radius (1/8, 2). */
-    cairn_real inner, outer;
+    cairn_real inner_radius, outer_radius;
     /* Cost of an unmatched point, and of the missing share of a shape, >= 0 (1). */
-    cairn_real missing;
+    cairn_real missing_cost;
 } cairn_shape_context_params;
 
 /* Returns the default values, in brackets above. */
@@ -97,7 +97,7 @@ typedef struct cairn_shape_context_result {
     /* Shape distance, see above. */
     cairn_real distance;
     /* WHOLE: see above; 0 for PART. */
-    cairn_real symmetric;
+    cairn_real symmetric_distance;
 } cairn_shape_context_result;
 
 /* Returns the result. All zero until step() returns CAIRN_OK. */

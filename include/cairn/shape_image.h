@@ -18,7 +18,7 @@ extern "C" {
 #endif
 
 /* The maximum side of a picture in pixels. */
-#define CAIRN_SHAPE_IMAGE_SIDE_MOST 4096
+#define CAIRN_SHAPE_IMAGE_MAX_SIDE 4096
 
 /* How holes are treated. */
 typedef int32_t cairn_shape_holes;
@@ -43,13 +43,13 @@ typedef struct cairn_shape_image_params {
 /* Outlines on the heap, in pixels; (0, 0) is the centre of the first pixel. Components come first
  * by descending area, then holes. */
 typedef struct cairn_shape_image {
-    cairn_curve outlines[CAIRN_SHAPE_OUTLINES];
-    int32_t count, holes;              /* outlines; holes among them */
-    int32_t is_drawing;                /* 1: a line drawing; 0: a silhouette */
-    int32_t joined;                    /* gaps that were bridged */
-    cairn_vec2 gaps[CAIRN_SHAPE_GAPS]; /* centres of the first bridged gaps */
-    int32_t specks;                    /* components and holes below min_part */
-    cairn_vec2 *points;                /* storage of the outlines */
+    cairn_curve outlines[CAIRN_SHAPE_MAX_OUTLINES];
+    int32_t count, holes;                  /* outlines; holes among them */
+    int32_t is_drawing;                    /* 1: a line drawing; 0: a silhouette */
+    int32_t bridged_gaps;                  /* gaps that were bridged */
+    cairn_vec2 gaps[CAIRN_SHAPE_MAX_GAPS]; /* centres of the first bridged gaps */
+    int32_t dropped_regions;               /* components and holes below min_part */
+    cairn_vec2 *points;                    /* storage of the outlines */
 } cairn_shape_image;
 
 /* Returns the default parameters. */
@@ -58,7 +58,7 @@ cairn_shape_image_params cairn_shape_image_default(void);
 /* Traces the outlines of the object in a grey picture. path: used in the error. CAIRN_BAD_ARGUMENT:
  * an invalid view or parameter; CAIRN_EMPTY: no ink, or an object smaller than 16 pixels along its
  * diagonal; CAIRN_BAD_FORMAT: lines that do not close; CAIRN_FULL: a side beyond
- * CAIRN_SHAPE_IMAGE_SIDE_MOST, or more than CAIRN_SHAPE_OUTLINES outlines; CAIRN_UNSUPPORTED: a
+ * CAIRN_SHAPE_IMAGE_MAX_SIDE, or more than CAIRN_SHAPE_MAX_OUTLINES outlines; CAIRN_UNSUPPORTED: a
  * hole where holes are refused; CAIRN_NO_MEMORY. On failure there is nothing to free. Cost: linear
  * in pixels. */
 CAIRN_CHECKED cairn_status cairn_shape_image_trace(cairn_shape_image *image,

@@ -22,10 +22,10 @@ extern "C" {
 #endif
 
 /* Greatest numbers of outlines and paths of a model. */
-#define CAIRN_SHAPE_OUTLINES 8
-#define CAIRN_SHAPE_PATHS    8
+#define CAIRN_SHAPE_MAX_OUTLINES 8
+#define CAIRN_SHAPE_MAX_PATHS    8
 /* Greatest number of stored gaps of a drawing. */
-#define CAIRN_SHAPE_GAPS 8
+#define CAIRN_SHAPE_MAX_GAPS 8
 
 /* One maximal disc on a path. The origin of the frame is the centre of the bounding box of the
  * outlines. Contact 0 lies to the left of the path from its first to its last sample in image
@@ -38,9 +38,9 @@ typedef struct cairn_shape_sample {
     /* Symmetry error: angle between the outline's normals and the vector to the centre, rad. */
     cairn_real deviation;
     /* Contact points of the disc, with the direction of the outline in the walking direction. */
-    cairn_oriented_point side[2];
+    cairn_oriented_point contact[2];
     /* Share of the length of all outlines that each contact point represents. */
-    cairn_real share[2];
+    cairn_real outline_share[2];
 } cairn_shape_sample;
 
 typedef struct cairn_shape_path {
@@ -51,7 +51,7 @@ typedef struct cairn_shape_path {
     /* Sample of the parent at the branch point; -1 without a parent. */
     int32_t branch;
     /* Share of the length of all outlines on the path's two sides. */
-    cairn_real share;
+    cairn_real outline_share;
 } cairn_shape_path;
 
 /* A read-only view of a model, from a builder or a file. Path 0 is the longest; its reversal is
@@ -60,14 +60,14 @@ typedef struct cairn_shape_model {
     const cairn_shape_sample *samples; /* [sample_count] */
     const cairn_shape_path *paths;     /* [path_count] */
     /* Equidistant samples of all outlines, each oriented with its interior on the side of
-     * cairn_vec2_left(direction). */
+     * cairn_vec2_left_perp(direction). */
     const cairn_oriented_point *outline; /* [outline_count] */
     int32_t sample_count, path_count, outline_count;
     cairn_real size;   /* Size of the model in the units of the input outline, > 0. */
     cairn_vec2 origin; /* Origin of the model's frame in the units of the input outline. */
     /* Centres of gaps of the drawing, over which its outline was closed. The object may continue
      * there, as at legs. */
-    cairn_vec2 gaps[CAIRN_SHAPE_GAPS];
+    cairn_vec2 gaps[CAIRN_SHAPE_MAX_GAPS];
     int32_t gap_count; /* 0 ... CAIRN_SHAPE_MAX_GAPS; 0 in a builder's model. */
 } cairn_shape_model;
 
@@ -94,10 +94,10 @@ int32_t cairn_shape_first_outline(const cairn_shape_model *model);
 
 typedef struct cairn_shape_builder_params {
     /* Samples along all outlines together, 16 ... 1024 (128). */
-    int32_t points;
+    int32_t outline_samples;
     /* Samples of a path that covers the whole outline, 4 ... 256; other paths in proportion, at
      * least 3 (32). */
-    int32_t samples;
+    int32_t path_samples;
     /* Greatest number of paths, 1 ... CAIRN_SHAPE_MAX_PATHS (8); 1: the longest path only, as in
      * the thesis. */
     int32_t max_paths;
@@ -105,12 +105,12 @@ typedef struct cairn_shape_builder_params {
      * degrees). */
     cairn_real max_deviation;
     /* Standard deviation of the symmetry error, rad, > 0 (10 degrees). */
-    cairn_real sigma;
+    cairn_real deviation_sigma;
     /* Least distance of the outline to a disc's centre, share of the radius, 0 ... 1; 0: any
      * disc (0.8). */
-    cairn_real overlap;
+    cairn_real min_clearance;
     /* Least share of an outline for a path of its own, > 0 ... 1 (0.08). */
-    cairn_real min_share;
+    cairn_real min_outline_share;
 } cairn_shape_builder_params;
 
 typedef struct cairn_shape_builder cairn_shape_builder;

@@ -27,8 +27,8 @@ extern "C" {
 #endif
 
 /* The maximum number of samples of an outline, and of all paths. */
-#define CAIRN_SHAPE_FILE_OUTLINE_MOST 4096
-#define CAIRN_SHAPE_FILE_SAMPLES_MOST 1024
+#define CAIRN_SHAPE_FILE_MAX_OUTLINE 4096
+#define CAIRN_SHAPE_FILE_MAX_SAMPLES 1024
 
 /* A model on the heap. */
 typedef struct cairn_shape_model_file {

@@ -73,35 +73,35 @@ typedef struct cairn_skeleton_params {
     /* Greatest number of steps of a walk, 1 ... 1024 (96). */
     int32_t max_steps;
     /* Particles of a filter, 1 ... 1024 (16). */
-    int32_t particles;
+    int32_t particle_count;
     /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN, see above. */
     int32_t mode;
     /* D sigma, rad, > 0: standard deviation of directions and of the loss of symmetry (20
      * degrees). */
-    cairn_real duality;
+    cairn_real duality_sigma;
     /* C sigma, px, > 0: standard deviation of the step length and search radius of a step (8). */
-    cairn_real reach;
+    cairn_real step_sigma;
     /* R sigma, share of the radius, > 0: standard deviation of the distance of a radius to the
      * range (0.2); as written px. */
-    cairn_real radius;
+    cairn_real radius_sigma;
     /* Standard deviation of the angle between an edgel's normal and the vector to its CP, rad, >
      * 0 (8 degrees); as written the greatest mean angle. */
-    cairn_real symmetry;
+    cairn_real symmetry_sigma;
     /* Detection probability: share of a contour that has edgels, between 0 and 1, both excluded
      * (0.9). */
-    cairn_real detection;
+    cairn_real detection_probability;
     /* Probability that the contrast polarity changes from one contour point to the next, between
      * 0 and 1, both excluded (0.05). */
-    cairn_real flip;
+    cairn_real polarity_flip_probability;
     /* Log odds of an edgel e times as steep as the mean, >= 0 (6); unused as written. */
-    cairn_real contrast;
+    cairn_real contrast_weight;
     /* A walk stops when its log odds fall this much below their maximum, nats, > 0 (10); as
      * written -log Delta_p. */
-    cairn_real stop;
+    cairn_real stop_log_odds;
     /* Least log odds of a reported part, nats, >= 0 (20); as written log p_min. */
     cairn_real min_log_odds;
     /* Least share of a line's CPs that are mirror symmetric about it, 0 ... 1 (0.6). */
-    cairn_real min_mirror;
+    cairn_real min_mirror_ratio;
     /* Seed of the random numbers (1). */
     uint64_t seed;
 } cairn_skeleton_params;
@@ -161,7 +161,7 @@ typedef struct cairn_skeleton_point {
     /* Radius of the disc, px. */
     cairn_real radius;
     /* Contact points on the contour, left and right of the walking direction (y up). */
-    cairn_vec2 touch[2];
+    cairn_vec2 contact[2];
     /* Edgel indices at the contact points; -1: undetected, the contour is interpolated. */
     int32_t edgel[2];
 } cairn_skeleton_point;
@@ -179,7 +179,7 @@ typedef struct cairn_skeleton_part {
 
 typedef struct cairn_skeleton_object {
     /* Number of parts, and of their free ends. */
-    int32_t parts, free_ends;
+    int32_t part_count, free_end_count;
     cairn_real log_odds; /* Sum over its parts. */
 } cairn_skeleton_object;
 
@@ -194,9 +194,9 @@ typedef struct cairn_skeleton_result {
     /* Numbers of points, parts and objects. */
     int32_t point_count, part_count, object_count;
     /* Number of CPs, of lines through CPs, and of seeds of walks. */
-    int32_t centres, lines, starts;
+    int32_t centre_count, line_count, seed_count;
     /* Seeds whose walks exceeded max_parts or max_points. */
-    int32_t left_out;
+    int32_t dropped_seed_count;
     /* The given or proposed range of radii, px. */
     cairn_real min_radius, max_radius;
 } cairn_skeleton_result;

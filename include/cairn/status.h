@@ -61,7 +61,7 @@ typedef struct cairn_fault {
      * has no single position. */
     int64_t index;
     /* Error message: the fault and the value that was expected. Constant text. NULL: no fault. */
-    const char *what;
+    const char *message;
 } cairn_fault;
 
 /* Fills in *fault, unless NULL, and returns the status. Functions that report the position of a
@@ -80,7 +80,7 @@ typedef struct cairn_budget {
  * in between: so no step exceeds its budget. *charged holds the units charged so far, 0 before
  * the first call and after the last. Returns 1 when the operation is charged in full and may be
  * done, 0 when the budget is used up. Constant time. */
-static inline int cairn_budget_pay(cairn_budget *budget, int32_t *charged, int32_t cost)
+static inline int cairn_budget_charge(cairn_budget *budget, int32_t *charged, int32_t cost)
 {
     int32_t due = cost - *charged, now = due < budget->left ? due : budget->left;
 

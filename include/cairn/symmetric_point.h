@@ -23,7 +23,7 @@ typedef struct cairn_symmetric_point {
     /* rad, mean angle between the edgels' normals and their directions to the centre */
     cairn_real deviation;
     /* px, contact points: positions of the two edgels, on the first and on the second segment */
-    cairn_vec2 touch[2];
+    cairn_vec2 contact[2];
     /* indices of the segments, first < second; 0 and 1 from the functions for one pair */
     int32_t first, second;
 } cairn_symmetric_point;

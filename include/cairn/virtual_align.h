@@ -14,7 +14,7 @@
  *    Otherwise only scans that share no surface with the largest connected component keep the poses
  *    of the force field.
  * 4. Submaps of the largest component that only long parallel walls hold are translated along these
- *    (wall_slide), so that walls get the thickness of others.
+ *    (weak_direction), so that walls get the thickness of others.
  *
  * The influence of hypotheses needs no manual setting: they propose poses, and the consistency of
  * the map decides. They never move scans that the aligner has placed. They are not made for scans
@@ -36,7 +36,7 @@
 #include "cairn/aligner.h"
 #include "cairn/force_field.h"
 #include "cairn/virtual_scan.h"
-#include "cairn/wall_slide.h"
+#include "cairn/weak_direction.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -52,15 +52,15 @@ typedef struct cairn_virtual_align_params {
     /* its max_scans, max_points and max_segments are ignored */
     cairn_virtual_scan_params hypotheses;
     /* its max_scans is ignored */
-    cairn_wall_slide_params slide;
+    cairn_weak_direction_params slide;
     /* >= 1: iterations of the field between two virtual scans while their source scans move (8) */
-    int32_t every;
+    int32_t rebuild_interval;
     /* >= 1: maximum runs of the field, each followed by the aligner, while scans are unplaced
      * (2) */
     int32_t max_rounds;
     /* 0: no aligner: all scans move from their initial poses, and none is translated along walls
      * (1) */
-    int32_t align;
+    int32_t use_aligner;
     /* CAIRN_MODE_DEFAULT, or CAIRN_MODE_AS_WRITTEN, which ignores rebuild_interval, max_rounds,
      * use_aligner, slide, hypotheses.mode, and the field's mode, roi and oriented_below
      * (CAIRN_MODE_DEFAULT) */
@@ -80,16 +80,16 @@ typedef struct cairn_virtual_align_result {
     /* runs of the field */
     int32_t rounds;
     /* scans that the field moved in the last run */
-    int32_t moved;
+    int32_t moved_scans;
     /* iterations of the field */
     int32_t iterations;
     /* of which with hypotheses of positive weight */
-    int32_t active;
+    int32_t active_iterations;
     /* hypotheses in the last virtual scan */
     int32_t hypotheses;
     /* work units; those of the slide count as hypothesis_units */
     int64_t align_units, hypothesis_units, field_units;
-    cairn_wall_slide_result slide;
+    cairn_weak_direction_result slide;
 } cairn_virtual_align_result;
 
 typedef struct cairn_virtual_align cairn_virtual_align;

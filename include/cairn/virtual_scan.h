@@ -56,7 +56,7 @@ typedef struct cairn_hypothesis {
     /* range of its points in the virtual scan */
     int32_t first_point, end_point;
     /* scans that observe it; 0: not counted */
-    int32_t scans;
+    int32_t observing_scans;
     /* 0 ... 1: observed share of the outline; of a line as written its votes divided by the
      * maximum */
     cairn_real strength;
@@ -121,18 +121,18 @@ typedef struct cairn_virtual_scan_params {
     /* >= 0: weight of a point of a hypothesis of strength 1 (1) */
     cairn_real weight;
     /* in sigma, > 0: maximum distance of an inlier from its line or ellipse (0.3) */
-    cairn_real line_support;
+    cairn_real distance_per_sigma;
     /* rad per m of sigma, > 0: maximum deviation of an inlier's direction, within 4 to 10 degrees
      * (0.2) */
-    cairn_real line_angle;
+    cairn_real angle_per_sigma;
     /* >= 1: minimum number of scans that a line or ellipse joins (2) */
-    int32_t least_scans;
+    int32_t min_scans;
     /* CAIRN_MODE_DEFAULT, or CAIRN_MODE_AS_WRITTEN, which ignores ellipses, stride,
      * distance_per_sigma, angle_per_sigma, min_scans, min_wall_length, hough.mode and
      * rectangle.oriented (CAIRN_MODE_DEFAULT) */
     int32_t mode;
     /* m, >= 0: minimum length of wall of a scan on it for the scan to count (0.5) */
-    cairn_real least_length;
+    cairn_real min_wall_length;
     /* its tolerances are minimum values, for sigma 0 */
     cairn_hough_params hough;
     /* its max_segments is ignored */

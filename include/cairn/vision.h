@@ -17,8 +17,8 @@ extern "C" {
 #endif
 
 /* Maximum side and area in pixels. Larger images are refused before they are decoded. */
-#define CAIRN_VISION_SIDE_MOST   32768
-#define CAIRN_VISION_PIXELS_MOST (INT32_C(1) << 27)
+#define CAIRN_VISION_MAX_SIDE   32768
+#define CAIRN_VISION_MAX_PIXELS (INT32_C(1) << 27)
 
 /* An image on the heap. Samples of 1 byte are uint8_t, of 2 bytes uint16_t. */
 typedef struct cairn_vision_image {

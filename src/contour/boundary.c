@@ -2,10 +2,10 @@
  *
  * Method:
  * 1. CIE L, a, b colours; for each feature map its box filters and its gradient tensor; edge
- *    strengths (boundary_measure.c).
+ *    strengths (boundary_strength.c).
  * 2. Watershed regions and their borders (boundary_region.c).
  * 3. Spectral cue of the region graph (boundary_spectral.c).
- * 4. Region merging, once for each merge criterion (boundary_joint.c).
+ * 4. Region merging, once for each merge criterion (boundary_merge.c).
  * 5. Contour tracing and ranking (boundary_contour.c).
  *
  * Memory layout: images of reals for the colours, a feature map and its filtered copy, and the
@@ -33,13 +33,13 @@ cairn_boundary_params cairn_boundary_default(void)
         .max_width = 640,
         .max_height = 480,
         .max_regions = 8192,
-        .max_points = 262144,
-        .fine = 2,
-        .coarse = 5,
-        .distribution = 8,
-        .global = CAIRN_REAL(0.3),
-        .small = CAIRN_REAL(0.1),
-        .contrast = CAIRN_REAL(0.15),
+        .max_corners = 262144,
+        .fine_half_width = 2,
+        .coarse_half_width = 5,
+        .histogram_weight = 8,
+        .spectral_weight = CAIRN_REAL(0.3),
+        .size_exponent = CAIRN_REAL(0.1),
+        .contrast_exponent = CAIRN_REAL(0.15),
         .min_strength = 0,
     };
     return params;
@@ -55,11 +55,13 @@ static int params_are_valid(const cairn_boundary_params *p)
 {
     return p != NULL && is_within(p->max_width, MAX_SIDE_PX) &&
            is_within(p->max_height, MAX_SIDE_PX) && is_within(p->max_regions, MAX_REGIONS) &&
-           is_within(p->max_points, MAX_POINTS) && is_within(p->fine, MAX_HALF_WIDTH_PX) &&
-           is_within(p->coarse, MAX_HALF_WIDTH_PX) && p->distribution >= 0 &&
-           cairn_is_finite(p->distribution) && p->global >= 0 && cairn_is_finite(p->global) &&
-           p->small >= 0 && p->small <= 1 && p->contrast >= 0 && p->contrast <= 1 &&
-           p->min_strength >= 0 && cairn_is_finite(p->min_strength);
+           is_within(p->max_corners, MAX_POINTS) &&
+           is_within(p->fine_half_width, MAX_HALF_WIDTH_PX) &&
+           is_within(p->coarse_half_width, MAX_HALF_WIDTH_PX) && p->histogram_weight >= 0 &&
+           cairn_is_finite(p->histogram_weight) && p->spectral_weight >= 0 &&
+           cairn_is_finite(p->spectral_weight) && p->size_exponent >= 0 && p->size_exponent <= 1 &&
+           p->contrast_exponent >= 0 && p->contrast_exponent <= 1 && p->min_strength >= 0 &&
+           cairn_is_finite(p->min_strength);
 }
 
 /* Returns a power of two that keeps the hash table at most half full. */
@@ -108,7 +110,7 @@ static cairn_boundary *carve(cairn_pool *pool, const cairn_boundary_params *p)
     taken.heap = cairn_pool_take(pool, borders, sizeof *taken.heap);
     taken.traced = cairn_pool_take(pool, borders, sizeof *taken.traced);
     taken.ranked = cairn_pool_take(pool, borders, sizeof *taken.ranked);
-    taken.corners = cairn_pool_take(pool, (size_t)p->max_points, sizeof *taken.corners);
+    taken.corners = cairn_pool_take(pool, (size_t)p->max_corners, sizeof *taken.corners);
     if (made != NULL)
         *made = taken;
     return made;
@@ -143,7 +145,7 @@ cairn_status cairn_boundary_create(cairn_boundary **boundary, cairn_pool *pool,
 
     if (boundary == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     *boundary = carve(pool, params);
     for (int32_t i = 0; i < 256; i++)
@@ -265,7 +267,7 @@ cairn_status cairn_boundary_step(cairn_boundary *boundary, cairn_budget *budget)
     while (boundary->phase != BOUNDARY_IDLE && boundary->phase != BOUNDARY_DONE) {
         cairn_status status;
 
-        if (!cairn_budget_pay(budget, &boundary->units_charged, next_item_cost(boundary)))
+        if (!cairn_budget_charge(budget, &boundary->units_charged, next_item_cost(boundary)))
             return CAIRN_MORE;
         status = process_item(boundary);
         if (status < CAIRN_OK) {

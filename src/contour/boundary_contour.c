@@ -65,7 +65,7 @@ static int32_t border_sides_at(const cairn_boundary *boundary, int32_t x, int32_
 /* Appends the current corner. CAIRN_FULL: more than max_corners. */
 static cairn_status add_corner(cairn_boundary *boundary)
 {
-    if (boundary->corner_count == boundary->params.max_points)
+    if (boundary->corner_count == boundary->params.max_corners)
         return CAIRN_FULL;
     boundary->corners[boundary->corner_count].x = (int16_t)boundary->x;
     boundary->corners[boundary->corner_count++].y = (int16_t)boundary->y;
@@ -141,8 +141,9 @@ static void end_trace(cairn_boundary *boundary)
 
     boundary->is_tracing = 0;
     c->count = boundary->corner_count - c->first;
-    c->mean = boundary->trace_strength_sum / (cairn_real)(c->closed ? c->count : c->count - 1);
-    c->strength = c->level * cairn_sqrt(c->mean);
+    c->mean_strength =
+        boundary->trace_strength_sum / (cairn_real)(c->closed ? c->count : c->count - 1);
+    c->strength = c->level * cairn_sqrt(c->mean_strength);
     if (c->strength >= boundary->params.min_strength)
         boundary->contour_count++;
     else

@@ -76,7 +76,8 @@ void cairn_boundary_spectral_begin(cairn_boundary *boundary)
     boundary->mean_strength =
         sum / (cairn_real)(boundary->border_count > 0 ? boundary->border_count : 1);
     boundary->vector_count = boundary->region_count >= 2 * BLOCK_SIZE &&
-                                     boundary->params.global > 0 && boundary->mean_strength > 0
+                                     boundary->params.spectral_weight > 0 &&
+                                     boundary->mean_strength > 0
                                  ? BLOCK_SIZE
                                  : 0;
     boundary->iteration = boundary->vector_index = boundary->chebyshev_term = 0;
@@ -291,8 +292,8 @@ static void add_spectral_strength(const cairn_boundary *boundary)
         sum += boundary->borders[i].key;
     if (!(sum > 0))
         return;
-    unit = boundary->params.global * boundary->mean_strength * (cairn_real)boundary->border_count /
-           sum;
+    unit = boundary->params.spectral_weight * boundary->mean_strength *
+           (cairn_real)boundary->border_count / sum;
     for (int32_t i = 0; i < boundary->border_count; i++)
         boundary->borders[i].strength += unit * boundary->borders[i].key;
 }

@@ -3,11 +3,11 @@
  *
  * Method:
  * 1. Segments are cut into tokens, which are sorted into a grid.
- * 2. Hypothesis generation (contour_grouping_sight.c): pairs of tokens that match the two sides of
- *    any model sample give poses of any size within the range. An object with both ends occluded
- *    can be found.
+ * 2. Hypothesis generation (contour_grouping_hypothesis.c): pairs of tokens that match the two
+ *    sides of any model sample give poses of any size within the range. An object with both ends
+ *    occluded can be found.
  * 3. The hypotheses are refined against the outline (contour_grouping_object.c).
- * 4. A particle filter (contour_grouping_walk.c) starts from them. Its particles track one object
+ * 4. A particle filter (contour_grouping_filter.c) starts from them. Its particles track one object
  *    or several.
  * 5. The final pose of every particle is refined, and non-maximum suppression gives the objects
  *    (contour_grouping_object.c).
@@ -63,12 +63,12 @@ cairn_grouping_params cairn_grouping_default(void)
         .max_objects = 8,
         .use_model = 1,
         .use_skeleton = 1,
-        .token = 10,
-        .deform = CAIRN_REAL(0.025),
-        .turn = 15 * (CAIRN_PI / 180),
-        .symmetry = 45 * (CAIRN_PI / 180),
-        .missing = CAIRN_REAL(0.3),
-        .stop = CAIRN_REAL(0.3),
+        .token_length = 10,
+        .deform_sigma = CAIRN_REAL(0.025),
+        .turn_sigma = 15 * (CAIRN_PI / 180),
+        .symmetry_sigma = 45 * (CAIRN_PI / 180),
+        .missing_likelihood = CAIRN_REAL(0.3),
+        .stop_likelihood = CAIRN_REAL(0.3),
         .min_score = CAIRN_REAL(0.2),
         .min_evidence = 13,
         .seed = 1,
@@ -92,12 +92,14 @@ static int params_are_valid(const cairn_grouping_params *params)
            params->max_tokens <= 1 << 20 && params->max_samples >= 1 &&
            params->max_samples <= 1024 && params->max_outline >= 1 && params->max_outline <= 4096 &&
            params->particles >= 1 && params->particles <= 4096 && params->max_objects >= 1 &&
-           params->max_objects <= 64 && params->token > 0 && cairn_is_finite(params->token) &&
-           params->deform > 0 && cairn_is_finite(params->deform) && params->turn > 0 &&
-           cairn_is_finite(params->turn) && params->symmetry > 0 &&
-           cairn_is_finite(params->symmetry) && is_probability(params->missing) &&
-           is_probability(params->stop) && params->min_score >= 0 && params->min_score <= 1 &&
-           params->min_evidence >= 0 && cairn_is_finite(params->min_evidence) &&
+           params->max_objects <= 64 && params->token_length > 0 &&
+           cairn_is_finite(params->token_length) && params->deform_sigma > 0 &&
+           cairn_is_finite(params->deform_sigma) && params->turn_sigma > 0 &&
+           cairn_is_finite(params->turn_sigma) && params->symmetry_sigma > 0 &&
+           cairn_is_finite(params->symmetry_sigma) && is_probability(params->missing_likelihood) &&
+           is_probability(params->stop_likelihood) && params->min_score >= 0 &&
+           params->min_score <= 1 && params->min_evidence >= 0 &&
+           cairn_is_finite(params->min_evidence) &&
            (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN) &&
            params->max_points >= 1 && params->max_points <= 1 << 22 && params->max_steps >= 2 &&
            params->max_steps <= 1024 && params->path_sigma > 0 &&
@@ -113,7 +115,7 @@ static cairn_particle_filter_params filter_params(const cairn_grouping_params *p
     settings.max_followers = GROUPING_MAX_FOLLOWERS;
     settings.max_candidates = params->particles * GROUPING_MAX_CANDIDATES;
     /* The sums of the state summarize the trajectory. */
-    settings.past = 1;
+    settings.max_history = 1;
     settings.max_blocks = 3 * params->particles;
     settings.state_bytes = (int32_t)sizeof(grouping_state);
     return settings;
@@ -128,7 +130,7 @@ static cairn_particle_filter *carve_filter(cairn_pool *pool, const cairn_groupin
                                            cairn_grouping *grouping)
 {
     cairn_particle_filter_params settings = filter_params(params);
-    cairn_particle_model model = cairn_grouping_filter_model(grouping);
+    cairn_particle_model model = cairn_contour_grouping_filter_model(grouping);
     cairn_particle_filter *filter = NULL;
     cairn_status status;
 
@@ -207,7 +209,7 @@ static cairn_grouping *carve(cairn_pool *pool, const cairn_grouping_params *para
     grouping = cairn_pool_take_one(pool, sizeof *grouping);
     if (grouping != NULL)
         memset(grouping, 0, sizeof *grouping);
-    written = cairn_grouping_written_carve(pool, params, grouping);
+    written = cairn_contour_grouping_written_carve(pool, params, grouping);
     if (grouping != NULL)
         grouping->written = written;
     return grouping;
@@ -232,7 +234,7 @@ cairn_status cairn_grouping_create(cairn_grouping **grouping, cairn_pool *pool,
 
     if (grouping == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     made->params = *params;
@@ -256,7 +258,8 @@ static cairn_status check_input(const cairn_grouping *grouping, const cairn_grou
         input->model->sample_count > grouping->params.max_samples ||
         input->model->outline_count > grouping->params.max_outline)
         return CAIRN_FULL;
-    return grouping->written != NULL ? cairn_grouping_written_check(grouping, input) : CAIRN_OK;
+    return grouping->written != NULL ? cairn_contour_grouping_written_check(grouping, input)
+                                     : CAIRN_OK;
 }
 
 cairn_status cairn_grouping_begin(cairn_grouping *grouping, const cairn_grouping_input *input)
@@ -281,8 +284,8 @@ cairn_status cairn_grouping_begin(cairn_grouping *grouping, const cairn_grouping
     for (int32_t i = 0; i < input->model->sample_count; i++) {
         const cairn_shape_sample *s = &input->model->samples[i];
 
-        widest = cairn_max(
-            widest, cairn_vec2_norm(cairn_vec2_sub(s->side[1].position, s->side[0].position)));
+        widest = cairn_max(widest, cairn_vec2_norm(cairn_vec2_sub(s->contact[1].position,
+                                                                  s->contact[0].position)));
     }
     grouping->max_chord = widest * input->max_size + 1;
     grouping->piece_count = grouping->cut_piece_count = grouping->token_count =
@@ -294,11 +297,11 @@ cairn_status cairn_grouping_begin(cairn_grouping *grouping, const cairn_grouping
     grouping->next_token = -1;
     grouping->phase = PHASE_CUT;
     if (grouping->written != NULL) {
-        cairn_grouping_written_begin(grouping);
+        cairn_contour_grouping_written_begin(grouping);
         return CAIRN_OK;
     }
-    cairn_grouping_begin_hypotheses(grouping);
-    cairn_grouping_begin_outline(grouping);
+    cairn_contour_grouping_begin_hypotheses(grouping);
+    cairn_contour_grouping_begin_outline(grouping);
     return CAIRN_OK;
 }
 
@@ -334,7 +337,8 @@ static int32_t pieces_of(const cairn_grouping *grouping, int32_t segment)
 {
     cairn_real length = cairn_segment_length(grouping->input.segments[segment]);
 
-    return cairn_real_to_int(cairn_min(cairn_ceil(length / grouping->params.token), MAX_PIECES));
+    return cairn_real_to_int(
+        cairn_min(cairn_ceil(length / grouping->params.token_length), MAX_PIECES));
 }
 
 /* 1 when piece number `piece` of all becomes a token: all of them, or an even subsample of
@@ -386,12 +390,12 @@ static cairn_status step_cut(cairn_grouping *grouping, cairn_budget *budget)
     int32_t cells = grouping->columns * grouping->rows;
 
     for (; grouping->cursor < cells; grouping->cursor++) {
-        if (!cairn_budget_pay(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
             return CAIRN_MORE;
         grouping->cell_start[grouping->cursor] = -1;
     }
     for (; grouping->cursor - cells < grouping->input.count; grouping->cursor++) {
-        if (!cairn_budget_pay(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
             return CAIRN_MORE;
         if (!is_finite_segment(&grouping->input.segments[grouping->cursor - cells]))
             return CAIRN_NOT_FINITE;
@@ -402,12 +406,12 @@ static cairn_status step_cut(cairn_grouping *grouping, cairn_budget *budget)
     for (; grouping->second_cursor < grouping->input.count; grouping->second_cursor++) {
         int32_t pieces = pieces_of(grouping, grouping->second_cursor);
 
-        if (!cairn_budget_pay(budget, &grouping->charged_units, 1 + pieces))
+        if (!cairn_budget_charge(budget, &grouping->charged_units, 1 + pieces))
             return CAIRN_MORE;
         cut(grouping, grouping->second_cursor, grouping->cut_piece_count);
         grouping->cut_piece_count += pieces;
     }
-    cairn_grouping_set_clutter_cost(grouping);
+    cairn_contour_grouping_set_clutter_cost(grouping);
     return CAIRN_OK;
 }
 
@@ -418,7 +422,7 @@ static cairn_status step_sort(cairn_grouping *grouping, cairn_budget *budget)
     int32_t cells = grouping->columns * grouping->rows;
 
     while (grouping->next_token >= 0 || grouping->cursor < cells) {
-        if (!cairn_budget_pay(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
             return CAIRN_MORE;
         if (grouping->next_token >= 0) {
             const grouping_token *token = &grouping->tokens[grouping->next_token];
@@ -436,7 +440,8 @@ static cairn_status step_sort(cairn_grouping *grouping, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-cairn_vec2 cairn_grouping_nearest_point(const cairn_grouping *grouping, int32_t token, cairn_vec2 p)
+cairn_vec2 cairn_contour_grouping_nearest_point(const cairn_grouping *grouping, int32_t token,
+                                                cairn_vec2 p)
 {
     const grouping_token *t = &grouping->tokens[token];
     cairn_real along = cairn_vec2_dot(t->direction, cairn_vec2_sub(p, t->middle));
@@ -476,15 +481,15 @@ static cairn_real token_cost(const contour_place *p, const grouping_sorted_token
     return CAIRN_REAL(0.5) * ((across * across + gap * gap) * p->across + turn_cost);
 }
 
-int32_t cairn_grouping_match_tokens(const cairn_grouping *grouping, cairn_vec2 at,
-                                    cairn_vec2 direction, cairn_real sigma, int32_t most,
-                                    int32_t *token, cairn_real *cost)
+int32_t cairn_contour_grouping_match_tokens(const cairn_grouping *grouping, cairn_vec2 at,
+                                            cairn_vec2 direction, cairn_real sigma, int32_t most,
+                                            int32_t *token, cairn_real *cost)
 {
-    cairn_real reach = cairn_min(cairn_max(3 * sigma, 4) + grouping->params.token / 2, 64),
+    cairn_real reach = cairn_min(cairn_max(3 * sigma, 4) + grouping->params.token_length / 2, 64),
                limit = CAIRN_REAL(4.5);
     cairn_vec2 low = {at.x - reach, at.y - reach}, high = {at.x + reach, at.y + reach};
     contour_place point = {at, cairn_vec2_unit(direction), 0,
-                           1 / (grouping->params.turn * grouping->params.turn)};
+                           1 / (grouping->params.turn_sigma * grouping->params.turn_sigma)};
     int32_t from = cell_of(grouping, low), to = cell_of(grouping, high),
             columns = grouping->columns, count = 0;
     int32_t left = from % columns, right = to % columns, bottom = to / columns;
@@ -518,8 +523,8 @@ int32_t cairn_grouping_match_tokens(const cairn_grouping *grouping, cairn_vec2 a
 
 /* ---- The fit ---- */
 
-void cairn_grouping_add_point(grouping_fit_sums *sums, cairn_vec2 model_point,
-                              cairn_vec2 image_point, cairn_real weight)
+void cairn_contour_grouping_add_point(grouping_fit_sums *sums, cairn_vec2 model_point,
+                                      cairn_vec2 image_point, cairn_real weight)
 {
     sums->weight += weight;
     sums->model_squared += weight * cairn_vec2_norm_squared(model_point);
@@ -529,7 +534,8 @@ void cairn_grouping_add_point(grouping_fit_sums *sums, cairn_vec2 model_point,
     sums->image = cairn_vec2_add(sums->image, cairn_vec2_scale(image_point, weight));
 }
 
-grouping_pose cairn_grouping_fit_pose(const grouping_fit_sums *sums, const grouping_pose *otherwise)
+grouping_pose cairn_contour_grouping_fit_pose(const grouping_fit_sums *sums,
+                                              const grouping_pose *otherwise)
 {
     cairn_real spread = sums->model_squared - cairn_vec2_norm_squared(sums->model) /
                                                   cairn_max(sums->weight, CAIRN_REAL_MIN);
@@ -547,7 +553,7 @@ grouping_pose cairn_grouping_fit_pose(const grouping_fit_sums *sums, const group
     return pose;
 }
 
-grouping_fit_sums cairn_grouping_pose_prior(const grouping_pose *pose, cairn_real weight)
+grouping_fit_sums cairn_contour_grouping_pose_prior(const grouping_pose *pose, cairn_real weight)
 {
     static const cairn_real corner = CAIRN_REAL(0.35);
     grouping_fit_sums sums = {.weight = 0};
@@ -555,8 +561,8 @@ grouping_fit_sums cairn_grouping_pose_prior(const grouping_pose *pose, cairn_rea
     for (int32_t i = 0; i < 4; i++) {
         cairn_vec2 model_point = {i % 2 ? corner : -corner, i / 2 ? corner : -corner};
 
-        cairn_grouping_add_point(&sums, model_point, grouping_transform_point(pose, model_point),
-                                 weight / 4);
+        cairn_contour_grouping_add_point(&sums, model_point,
+                                         grouping_transform_point(pose, model_point), weight / 4);
     }
     return sums;
 }
@@ -573,16 +579,16 @@ static cairn_status step_phase(cairn_grouping *grouping, cairn_budget *budget)
     case PHASE_SORT:
         return step_sort(grouping, budget);
     case PHASE_GENERATE:
-        return cairn_grouping_generate_hypotheses(grouping, budget);
+        return cairn_contour_grouping_generate_hypotheses(grouping, budget);
     case PHASE_REFINE:
-        status = cairn_grouping_refine_hypotheses(grouping, budget);
-        return status == CAIRN_OK ? cairn_grouping_begin_filter(grouping) : status;
+        status = cairn_contour_grouping_refine_hypotheses(grouping, budget);
+        return status == CAIRN_OK ? cairn_contour_grouping_begin_filter(grouping) : status;
     case PHASE_FILTER:
-        return cairn_grouping_run_filter(grouping, budget);
+        return cairn_contour_grouping_run_filter(grouping, budget);
     case PHASE_REFINE_PARTICLES:
-        return cairn_grouping_refine_particles(grouping, budget);
+        return cairn_contour_grouping_refine_particles(grouping, budget);
     default:
-        return cairn_grouping_select_objects(grouping, budget);
+        return cairn_contour_grouping_select_objects(grouping, budget);
     }
 }
 
@@ -590,15 +596,15 @@ static cairn_status step_written(cairn_grouping *grouping, cairn_budget *budget)
 {
     switch (grouping->phase) {
     case PHASE_WRITTEN_POINTS:
-        return cairn_grouping_written_points(grouping, budget);
+        return cairn_contour_grouping_written_points(grouping, budget);
     case PHASE_WRITTEN_INDEX:
-        return cairn_grouping_written_index(grouping, budget);
+        return cairn_contour_grouping_written_index(grouping, budget);
     case PHASE_WRITTEN_START:
-        return cairn_grouping_written_start(grouping, budget);
+        return cairn_contour_grouping_written_start(grouping, budget);
     case PHASE_WRITTEN_FILTER:
-        return cairn_grouping_written_run_filter(grouping, budget);
+        return cairn_contour_grouping_written_run_filter(grouping, budget);
     default:
-        return cairn_grouping_written_finish(grouping, budget);
+        return cairn_contour_grouping_written_finish(grouping, budget);
     }
 }
 
@@ -631,16 +637,16 @@ cairn_grouping_result cairn_grouping_read(const cairn_grouping *grouping)
         return result;
     result.objects = grouping->objects;
     result.segments = grouping->segments;
-    result.along = grouping->along;
+    result.outline_segments = grouping->along;
     result.trace = grouping->trace;
     result.object_count = grouping->object_count;
     result.segment_count = grouping->segment_count;
     result.steps = grouping->step_count;
-    result.starts = grouping->generated_count;
+    result.hypothesis_count = grouping->generated_count;
     result.token_count = grouping->token_count;
-    result.best = grouping->best_score;
+    result.best_score = grouping->best_score;
     result.best_evidence = grouping->best_evidence;
     if (grouping->written != NULL)
-        cairn_grouping_written_read(grouping, &result);
+        cairn_contour_grouping_written_read(grouping, &result);
     return result;
 }

@@ -54,8 +54,10 @@ static void remove_object(cairn_grouping *grouping, int32_t index)
 static void insert_object(cairn_grouping *grouping, const grouping_pose *pose, cairn_real evidence,
                           int32_t start)
 {
-    cairn_grouped_object object = {
-        .evidence = evidence, .origin = pose->t, .size = grouping_size(pose), .start = start};
+    cairn_grouped_object object = {.evidence = evidence,
+                                   .origin = pose->t,
+                                   .size = grouping_size(pose),
+                                   .start_sample = start};
     int32_t index;
 
     if (!(evidence > 0) || !is_size_allowed(grouping, pose))
@@ -107,11 +109,11 @@ static void list_segments(cairn_grouping *grouping, cairn_grouped_object *object
     for (int32_t i = 0; i < grouping->input.model->outline_count; i++) {
         int32_t known = 0, segment;
 
-        grouping->along[object->along + i] = -1;
+        grouping->along[object->first_outline + i] = -1;
         if (grouping->match[i] < 0 || !is_segment_used(grouping, grouping->match[i]))
             continue;
         segment = grouping->tokens[grouping->match[i]].segment;
-        grouping->along[object->along + i] = segment;
+        grouping->along[object->first_outline + i] = segment;
         for (int32_t k = 0; k < object->count && !known; k++)
             known = list[k] == segment;
         if (!known)
@@ -146,8 +148,8 @@ static int32_t count_matched_sides(const cairn_grouping *grouping)
 
     for (int32_t k = 0; k < model->sample_count; k++)
         matched +=
-            grouping->match[nearest_sample(model, model->samples[k].side[0].position)] >= 0 ||
-            grouping->match[nearest_sample(model, model->samples[k].side[1].position)] >= 0;
+            grouping->match[nearest_sample(model, model->samples[k].contact[0].position)] >= 0 ||
+            grouping->match[nearest_sample(model, model->samples[k].contact[1].position)] >= 0;
     return matched;
 }
 
@@ -187,11 +189,11 @@ static void list_object(cairn_grouping *grouping)
 {
     cairn_grouped_object *object = &grouping->objects[grouping->cursor];
 
-    object->along = grouping->cursor * grouping->input.model->outline_count;
+    object->first_outline = grouping->cursor * grouping->input.model->outline_count;
     object->score = score_of(grouping);
     if (grouping->cursor == 0 && object->evidence >= grouping->best_evidence)
         grouping->best_score = object->score;
-    object->seen = count_matched_sides(grouping);
+    object->matched_samples = count_matched_sides(grouping);
     list_segments(grouping, object);
     grouping->is_listing = grouping->round = 0;
     grouping->cursor++;
@@ -207,7 +209,8 @@ static grouping_pose pose_of(const cairn_grouped_object *object)
     return pose;
 }
 
-cairn_status cairn_grouping_refine_hypotheses(cairn_grouping *grouping, cairn_budget *budget)
+cairn_status cairn_contour_grouping_refine_hypotheses(cairn_grouping *grouping,
+                                                      cairn_budget *budget)
 {
     for (; grouping->cursor < grouping->hypothesis_count; grouping->cursor++) {
         grouping_hypothesis *start = &grouping->hypotheses[grouping->cursor];
@@ -215,7 +218,7 @@ cairn_status cairn_grouping_refine_hypotheses(cairn_grouping *grouping, cairn_bu
 
         if (!grouping->is_fitting)
             grouping->pose = start->pose;
-        status = cairn_grouping_refine_pose(grouping, budget);
+        status = cairn_contour_grouping_refine_pose(grouping, budget);
         if (status != CAIRN_OK)
             return status;
         start->pose = grouping->pose;
@@ -244,7 +247,7 @@ static int is_known_end(cairn_grouping *grouping)
     return 0;
 }
 
-cairn_status cairn_grouping_refine_particles(cairn_grouping *grouping, cairn_budget *budget)
+cairn_status cairn_contour_grouping_refine_particles(cairn_grouping *grouping, cairn_budget *budget)
 {
     int32_t count =
         grouping->hypothesis_count > 0 ? cairn_particle_filter_count(grouping->filter) : 0;
@@ -255,14 +258,14 @@ cairn_status cairn_grouping_refine_particles(cairn_grouping *grouping, cairn_bud
         cairn_status status;
 
         if (!grouping->is_fitting) {
-            if (!cairn_budget_pay(budget, &grouping->charged_units,
-                                  1 + grouping->second_cursor / ENDS_PER_UNIT))
+            if (!cairn_budget_charge(budget, &grouping->charged_units,
+                                     1 + grouping->second_cursor / ENDS_PER_UNIT))
                 return CAIRN_MORE;
             grouping->pose = s->pose;
             if (is_known_end(grouping))
                 continue;
         }
-        status = cairn_grouping_refine_pose(grouping, budget);
+        status = cairn_contour_grouping_refine_pose(grouping, budget);
         if (status != CAIRN_OK)
             return status;
         insert_object(grouping, &grouping->pose, grouping->evidence, s->start);
@@ -270,20 +273,20 @@ cairn_status cairn_grouping_refine_particles(cairn_grouping *grouping, cairn_bud
     return CAIRN_OK;
 }
 
-cairn_status cairn_grouping_select_objects(cairn_grouping *grouping, cairn_budget *budget)
+cairn_status cairn_contour_grouping_select_objects(cairn_grouping *grouping, cairn_budget *budget)
 {
     while (grouping->cursor < grouping->object_count) {
         cairn_status status;
 
         if (!grouping->is_fitting)
             grouping->pose = pose_of(&grouping->objects[grouping->cursor]);
-        status = cairn_grouping_match_outline(grouping, budget);
+        status = cairn_contour_grouping_match_outline(grouping, budget);
         if (status != CAIRN_OK)
             return status;
         if (!grouping->is_listing)
             verify_object(grouping);
         else if (grouping->round++ < DEFORM_ROUNDS)
-            cairn_grouping_deform_outline(grouping);
+            cairn_contour_grouping_deform_outline(grouping);
         else
             list_object(grouping);
     }

@@ -60,7 +60,7 @@ enum { UNITS_PER_SAMPLE = 12 };
 
 /* Clutter cost: reduces the score of a piece in images with more edges than usual, where chance
  * matches are more frequent. */
-void cairn_grouping_set_clutter_cost(cairn_grouping *grouping)
+void cairn_contour_grouping_set_clutter_cost(cairn_grouping *grouping)
 {
     cairn_real length = 0,
                area = (cairn_real)grouping->input.width * (cairn_real)grouping->input.height;
@@ -135,7 +135,7 @@ static int32_t make_nodes(const cairn_grouping *grouping, const grouping_pose *p
 {
     cairn_vec2 at = grouping_transform_point(pose, sample->position),
                direction = grouping_transform_vector(pose, sample->direction);
-    cairn_real size = grouping_size(pose), sigma = grouping->params.deform * size,
+    cairn_real size = grouping_size(pose), sigma = grouping->params.deform_sigma * size,
                cost[GROUPING_MAX_NODES - 1];
     cairn_real pieces = grouping->spacing / PIECE_LENGTH,
                weight = grouping->is_listing ? 1 : 1 - STRAIGHT_DISCOUNT * (1 - curvature);
@@ -145,15 +145,15 @@ static int32_t make_nodes(const cairn_grouping *grouping, const grouping_pose *p
     at = grouping->is_listing
              ? cairn_vec2_add(at, grouping->shift[sample - grouping->input.model->outline])
              : at;
-    count = cairn_grouping_match_tokens(grouping, at, direction, sigma, GROUPING_MAX_NODES - 1,
-                                        token, cost);
+    count = cairn_contour_grouping_match_tokens(grouping, at, direction, sigma,
+                                                GROUPING_MAX_NODES - 1, token, cost);
 
     row[0].token = -1;
     row[0].cost = row[0].offset = 0;
     row[0].value = -OCCLUSION_COST * pieces;
     for (int32_t k = 0; k < count; k++) {
         cairn_vec2 offset =
-            cairn_vec2_sub(cairn_grouping_nearest_point(grouping, token[k], at), at);
+            cairn_vec2_sub(cairn_contour_grouping_nearest_point(grouping, token[k], at), at);
 
         row[k + 1].token = token[k];
         row[k + 1].cost = cost[k];
@@ -221,11 +221,11 @@ static cairn_real backtrack(cairn_grouping *grouping)
     return value;
 }
 
-cairn_status cairn_grouping_match_outline(cairn_grouping *grouping, cairn_budget *budget)
+cairn_status cairn_contour_grouping_match_outline(cairn_grouping *grouping, cairn_budget *budget)
 {
     grouping->is_fitting = 1;
     for (; grouping->sample < grouping->input.model->outline_count; grouping->sample++) {
-        if (!cairn_budget_pay(budget, &grouping->charged_units, UNITS_PER_SAMPLE))
+        if (!cairn_budget_charge(budget, &grouping->charged_units, UNITS_PER_SAMPLE))
             return CAIRN_MORE;
         extend_paths(grouping, grouping->sample);
     }
@@ -238,26 +238,26 @@ cairn_status cairn_grouping_match_outline(cairn_grouping *grouping, cairn_budget
 static void fit_matches(cairn_grouping *grouping)
 {
     const cairn_shape_model *model = grouping->input.model;
-    grouping_fit_sums sums = cairn_grouping_pose_prior(&grouping->pose, PRIOR_WEIGHT);
+    grouping_fit_sums sums = cairn_contour_grouping_pose_prior(&grouping->pose, PRIOR_WEIGHT);
     grouping_pose previous = grouping->pose;
 
     for (int32_t i = 0; i < model->outline_count; i++) {
         cairn_vec2 point = model->outline[i].position;
 
         if (grouping->match[i] >= 0)
-            cairn_grouping_add_point(
+            cairn_contour_grouping_add_point(
                 &sums, point,
-                cairn_grouping_nearest_point(grouping, grouping->match[i],
-                                             grouping_transform_point(&previous, point)),
+                cairn_contour_grouping_nearest_point(grouping, grouping->match[i],
+                                                     grouping_transform_point(&previous, point)),
                 cairn_exp(-grouping->cost[i]));
     }
-    grouping->pose = cairn_grouping_fit_pose(&sums, &previous);
+    grouping->pose = cairn_contour_grouping_fit_pose(&sums, &previous);
 }
 
-cairn_status cairn_grouping_refine_pose(cairn_grouping *grouping, cairn_budget *budget)
+cairn_status cairn_contour_grouping_refine_pose(cairn_grouping *grouping, cairn_budget *budget)
 {
     for (; grouping->round < MAX_ROUNDS; grouping->round++) {
-        cairn_status status = cairn_grouping_match_outline(grouping, budget);
+        cairn_status status = cairn_contour_grouping_match_outline(grouping, budget);
 
         if (status != CAIRN_OK)
             return status;
@@ -288,9 +288,9 @@ static int32_t shifts_around(const cairn_grouping *grouping, int32_t i, cairn_ve
                 grouping_transform_point(&grouping->pose, model->outline[k].position);
             cairn_vec2 from = cairn_vec2_add(point, grouping->shift[k]);
 
-            *sum = cairn_vec2_add(
-                *sum, cairn_vec2_sub(
-                          cairn_grouping_nearest_point(grouping, grouping->match[k], from), point));
+            *sum = cairn_vec2_add(*sum, cairn_vec2_sub(cairn_contour_grouping_nearest_point(
+                                                           grouping, grouping->match[k], from),
+                                                       point));
             count++;
         }
     return count;
@@ -314,7 +314,7 @@ static void propagate_shifts(cairn_vec2 *shift, int32_t *match_distance, int32_t
     }
 }
 
-void cairn_grouping_deform_outline(cairn_grouping *grouping)
+void cairn_contour_grouping_deform_outline(cairn_grouping *grouping)
 {
     int32_t count = grouping->input.model->outline_count;
     cairn_vec2 sum;
@@ -331,7 +331,7 @@ void cairn_grouping_deform_outline(cairn_grouping *grouping)
     memcpy(grouping->shift, grouping->next_shift, (size_t)count * sizeof *grouping->next_shift);
 }
 
-void cairn_grouping_begin_outline(cairn_grouping *grouping)
+void cairn_contour_grouping_begin_outline(cairn_grouping *grouping)
 {
     const cairn_shape_model *model = grouping->input.model;
     cairn_real sum = 0;

@@ -190,50 +190,53 @@ static inline cairn_vec2 grouping_transform_vector(const grouping_pose *pose, ca
 }
 
 /* Adds a weighted point pair (model point, image point) to the sums. */
-void cairn_grouping_add_point(grouping_fit_sums *sums, cairn_vec2 m, cairn_vec2 p,
-                              cairn_real weight);
+void cairn_contour_grouping_add_point(grouping_fit_sums *sums, cairn_vec2 m, cairn_vec2 p,
+                                      cairn_real weight);
 /* Least-squares similarity transform of the sums (Umeyama, closed form); `otherwise` when it is
  * degenerate. */
-grouping_pose cairn_grouping_fit_pose(const grouping_fit_sums *sums,
-                                      const grouping_pose *otherwise);
+grouping_pose cairn_contour_grouping_fit_pose(const grouping_fit_sums *sums,
+                                              const grouping_pose *otherwise);
 
 /* Sums of a prior that pulls the fit towards a pose with the weight of `weight` points. */
-grouping_fit_sums cairn_grouping_pose_prior(const grouping_pose *pose, cairn_real weight);
+grouping_fit_sums cairn_contour_grouping_pose_prior(const grouping_pose *pose, cairn_real weight);
 
 /* Finds the tokens nearest to a contour point and its direction, at most `most`, by ascending cost
  * (half the squared distance in sigmas). Returns their number. */
-int32_t cairn_grouping_match_tokens(const cairn_grouping *grouping, cairn_vec2 at,
-                                    cairn_vec2 direction, cairn_real sigma, int32_t most,
-                                    int32_t *token, cairn_real *cost);
+int32_t cairn_contour_grouping_match_tokens(const cairn_grouping *grouping, cairn_vec2 at,
+                                            cairn_vec2 direction, cairn_real sigma, int32_t most,
+                                            int32_t *token, cairn_real *cost);
 
 /* Nearest point on a token's segment to p. */
-cairn_vec2 cairn_grouping_nearest_point(const cairn_grouping *grouping, int32_t token,
-                                        cairn_vec2 p);
+cairn_vec2 cairn_contour_grouping_nearest_point(const cairn_grouping *grouping, int32_t token,
+                                                cairn_vec2 p);
 
 /* Hypothesis generation: precomputation from the model; and the search over pairs of tokens. */
-void cairn_grouping_begin_hypotheses(cairn_grouping *grouping);
-cairn_status cairn_grouping_generate_hypotheses(cairn_grouping *grouping, cairn_budget *budget);
+void cairn_contour_grouping_begin_hypotheses(cairn_grouping *grouping);
+cairn_status cairn_contour_grouping_generate_hypotheses(cairn_grouping *grouping,
+                                                        cairn_budget *budget);
 
 /* The particle filter. */
-cairn_particle_model cairn_grouping_filter_model(cairn_grouping *grouping);
-cairn_status cairn_grouping_begin_filter(cairn_grouping *grouping);
-cairn_status cairn_grouping_run_filter(cairn_grouping *grouping, cairn_budget *budget);
+cairn_particle_model cairn_contour_grouping_filter_model(cairn_grouping *grouping);
+cairn_status cairn_contour_grouping_begin_filter(cairn_grouping *grouping);
+cairn_status cairn_contour_grouping_run_filter(cairn_grouping *grouping, cairn_budget *budget);
 
 /* The outline: precomputation from the model; the clutter cost; matching of the posed outline to
  * the tokens (match[], cost[], evidence); and iterative refinement of the pose. */
-void cairn_grouping_begin_outline(cairn_grouping *grouping);
-void cairn_grouping_set_clutter_cost(cairn_grouping *grouping);
-cairn_status cairn_grouping_match_outline(cairn_grouping *grouping, cairn_budget *budget);
-cairn_status cairn_grouping_refine_pose(cairn_grouping *grouping, cairn_budget *budget);
+void cairn_contour_grouping_begin_outline(cairn_grouping *grouping);
+void cairn_contour_grouping_set_clutter_cost(cairn_grouping *grouping);
+cairn_status cairn_contour_grouping_match_outline(cairn_grouping *grouping, cairn_budget *budget);
+cairn_status cairn_contour_grouping_refine_pose(cairn_grouping *grouping, cairn_budget *budget);
 
 /* Deforms the outline to its matches, sample by sample, for the next matching while the tokens of
  * an object are listed. */
-void cairn_grouping_deform_outline(cairn_grouping *grouping);
+void cairn_contour_grouping_deform_outline(cairn_grouping *grouping);
 
 /* Object selection: refinement of the hypotheses, refinement of the particles' final poses, and
  * non-maximum suppression. */
-cairn_status cairn_grouping_refine_hypotheses(cairn_grouping *grouping, cairn_budget *budget);
-cairn_status cairn_grouping_refine_particles(cairn_grouping *grouping, cairn_budget *budget);
-cairn_status cairn_grouping_select_objects(cairn_grouping *grouping, cairn_budget *budget);
+cairn_status cairn_contour_grouping_refine_hypotheses(cairn_grouping *grouping,
+                                                      cairn_budget *budget);
+cairn_status cairn_contour_grouping_refine_particles(cairn_grouping *grouping,
+                                                     cairn_budget *budget);
+cairn_status cairn_contour_grouping_select_objects(cairn_grouping *grouping, cairn_budget *budget);
 
 #endif

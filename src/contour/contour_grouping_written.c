@@ -6,7 +6,7 @@
  *    (cairn_symmetric_point_set) is stored in a hash table by pair.
  * 2. Initial particles: points of segments near the end points of strong chains, in both directions
  *    of travel and of the model's path, sampled by quality (2.10) times likelihood (2.13).
- * 3. Filter steps (contour_grouping_written_walk.c): prior proposal, prior boosting, residual
+ * 3. Filter steps (contour_grouping_written_filter.c): prior proposal, prior boosting, residual
  *    resampling when N_eff < N / 2.
  * 4. After each step the best trajectory of every mode is recorded
  *    (contour_grouping_written_mode.c). The filter ends when the greatest posterior per step is
@@ -31,7 +31,7 @@ cairn_grouping_params cairn_grouping_as_written(void)
     cairn_grouping_params params = cairn_grouping_default();
 
     params.mode = CAIRN_MODE_AS_WRITTEN;
-    params.stop = CAIRN_REAL(0.5);
+    params.stop_likelihood = CAIRN_REAL(0.5);
     return params;
 }
 
@@ -61,7 +61,7 @@ static cairn_particle_filter_params filter_params(const cairn_grouping_params *p
     settings.proposal = CAIRN_PROPOSAL_PRIOR;
     settings.max_followers = MAX_FOLLOWERS;
     settings.max_candidates = params->particles * WRITTEN_CANDIDATES_PER_PARTICLE;
-    settings.past = 0;
+    settings.max_history = 0;
     settings.max_blocks = BLOCKS_PER_PARTICLE * params->particles + params->max_steps;
     settings.state_bytes = (int32_t)sizeof(grouping_written_state);
     return settings;
@@ -73,9 +73,10 @@ static void create_members(cairn_pool *pool, const cairn_grouping_params *params
                            cairn_grouping *grouping, struct grouping_written *written)
 {
     cairn_symmetric_point_params points = symmetric_point_params(params);
-    cairn_point_grid_params ends = {.max_points = 2 * params->max_tokens, .cell = END_GRID_CELL_PX};
+    cairn_point_grid_params ends = {.max_points = 2 * params->max_tokens,
+                                    .cell_size = END_GRID_CELL_PX};
     cairn_particle_filter_params filter = filter_params(params);
-    cairn_particle_model model = cairn_grouping_written_model(grouping);
+    cairn_particle_model model = cairn_contour_grouping_written_model(grouping);
     cairn_status status;
 
     if (pool->base == NULL) {
@@ -93,9 +94,9 @@ static void create_members(cairn_pool *pool, const cairn_grouping_params *params
     (void)status;
 }
 
-struct grouping_written *cairn_grouping_written_carve(cairn_pool *pool,
-                                                      const cairn_grouping_params *params,
-                                                      cairn_grouping *grouping)
+struct grouping_written *cairn_contour_grouping_written_carve(cairn_pool *pool,
+                                                              const cairn_grouping_params *params,
+                                                              cairn_grouping *grouping)
 {
     struct grouping_written *written = cairn_pool_take_one(pool, sizeof *written);
     int32_t *pair_slots =
@@ -143,8 +144,8 @@ struct grouping_written *cairn_grouping_written_carve(cairn_pool *pool,
 
 /* ---- Beginning ---- */
 
-cairn_status cairn_grouping_written_check(const cairn_grouping *grouping,
-                                          const cairn_grouping_input *in)
+cairn_status cairn_contour_grouping_written_check(const cairn_grouping *grouping,
+                                                  const cairn_grouping_input *in)
 {
     if (!cairn_is_finite(in->look_ahead))
         return CAIRN_NOT_FINITE;
@@ -172,14 +173,14 @@ static void read_model(struct grouping_written *written, const cairn_shape_model
     written->points.max_radius = written->size * (max_radius + slack * written->mean_radius);
 }
 
-void cairn_grouping_written_begin(cairn_grouping *grouping)
+void cairn_contour_grouping_written_begin(cairn_grouping *grouping)
 {
     struct grouping_written *written = grouping->written;
 
     written->points = symmetric_point_params(&grouping->params);
     written->size = cairn_sqrt(grouping->input.min_size * grouping->input.max_size);
     read_model(written, grouping->input.model, grouping->params.radius_sigma);
-    written->log_stop = cairn_log(grouping->params.stop);
+    written->log_stop = cairn_log(grouping->params.stop_likelihood);
     written->stamp = 0;
     written->random = cairn_random_seed(grouping->params.seed, 1);
     written->has_segments = written->is_sampling = written->end_reason = written->start_count =
@@ -190,7 +191,7 @@ void cairn_grouping_written_begin(cairn_grouping *grouping)
 
 /* ---- Points ---- */
 
-cairn_status cairn_grouping_written_points(cairn_grouping *grouping, cairn_budget *budget)
+cairn_status cairn_contour_grouping_written_points(cairn_grouping *grouping, cairn_budget *budget)
 {
     struct grouping_written *written = grouping->written;
 
@@ -216,8 +217,8 @@ static int32_t pair_slot(const struct grouping_written *written, int32_t first, 
     return (int32_t)((h ^ (h >> 15)) & (uint32_t)(written->slot_count - 1));
 }
 
-const cairn_symmetric_point *cairn_grouping_written_point(const cairn_grouping *grouping,
-                                                          int32_t first, int32_t second)
+const cairn_symmetric_point *cairn_contour_grouping_written_point(const cairn_grouping *grouping,
+                                                                  int32_t first, int32_t second)
 {
     const struct grouping_written *written = grouping->written;
     const cairn_symmetric_point *points = cairn_symmetric_point_list(written->set, NULL);
@@ -235,14 +236,14 @@ const cairn_symmetric_point *cairn_grouping_written_point(const cairn_grouping *
 
 /* Fills the hash table and the grid of ends; marks the segments near the ends of strong chains.
  * `cursor` and `second_cursor` count all items. */
-cairn_status cairn_grouping_written_index(cairn_grouping *grouping, cairn_budget *budget)
+cairn_status cairn_contour_grouping_written_index(cairn_grouping *grouping, cairn_budget *budget)
 {
     struct grouping_written *written = grouping->written;
     int32_t count, slots = written->slot_count, ends = 2 * grouping->input.count;
     const cairn_symmetric_point *points = cairn_symmetric_point_list(written->set, &count);
 
     for (; grouping->cursor < slots; grouping->cursor++) {
-        if (!cairn_budget_pay(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
             return CAIRN_MORE;
         written->pair_slots[grouping->cursor] = -1;
     }
@@ -250,14 +251,14 @@ cairn_status cairn_grouping_written_index(cairn_grouping *grouping, cairn_budget
         const cairn_symmetric_point *point = &points[grouping->cursor - slots];
         int32_t at = pair_slot(written, point->first, point->second);
 
-        if (!cairn_budget_pay(budget, &grouping->charged_units, 2))
+        if (!cairn_budget_charge(budget, &grouping->charged_units, 2))
             return CAIRN_MORE;
         while (written->pair_slots[at] >= 0)
             at = (at + 1) & (written->slot_count - 1);
         written->pair_slots[at] = grouping->cursor - slots;
     }
     while (grouping->second_cursor == 0 && cairn_point_grid_count(written->ends) > 0) {
-        if (!cairn_budget_pay(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
             return CAIRN_MORE;
         cairn_point_grid_remove_last(written->ends);
     }
@@ -265,7 +266,7 @@ cairn_status cairn_grouping_written_index(cairn_grouping *grouping, cairn_budget
         const cairn_segment *s = &grouping->input.segments[grouping->second_cursor / 2];
         cairn_status status;
 
-        if (!cairn_budget_pay(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
             return CAIRN_MORE;
         written->is_start[grouping->second_cursor / 2] = 0;
         written->segment_stamp[grouping->second_cursor / 2] = 0;
@@ -278,7 +279,7 @@ cairn_status cairn_grouping_written_index(cairn_grouping *grouping, cairn_budget
             written->ends, grouping->input.ends[grouping->second_cursor - ends],
             grouping->input.look_ahead);
 
-        if (!cairn_budget_pay(budget, &grouping->charged_units, UNITS_PER_START))
+        if (!cairn_budget_charge(budget, &grouping->charged_units, UNITS_PER_START))
             return CAIRN_MORE;
         if (!cairn_is_finite(search.centre.x) || !cairn_is_finite(search.centre.y))
             return CAIRN_NOT_FINITE;
@@ -297,7 +298,7 @@ static cairn_real make_start(const cairn_grouping *grouping, const cairn_symmetr
                              int32_t which, grouping_written_state *state)
 {
     const cairn_segment *lines = grouping->input.segments;
-    cairn_vec2 forward = cairn_vec2_left(cairn_vec2_sub(point->touch[1], point->touch[0]));
+    cairn_vec2 forward = cairn_vec2_left_perp(cairn_vec2_sub(point->contact[1], point->contact[0]));
     cairn_real likelihood;
     int32_t is_reversed_travel = which & 1;
 
@@ -318,11 +319,11 @@ static cairn_real make_start(const cairn_grouping *grouping, const cairn_symmetr
         state->end[side] = 2 * state->segment[side] +
                            (cairn_vec2_dot(forward, cairn_vec2_sub(line->b, line->a)) > 0);
     }
-    likelihood = cairn_grouping_written_likelihood(grouping, state, &state->sample);
+    likelihood = cairn_contour_grouping_written_likelihood(grouping, state, &state->sample);
     state->log_posterior = likelihood - grouping->written->log_stop;
     return likelihood +
            (grouping->params.use_skeleton
-                ? cairn_log(cairn_symmetric_point_quality(point, grouping->params.symmetry))
+                ? cairn_log(cairn_symmetric_point_quality(point, grouping->params.symmetry_sigma))
                 : 0);
 }
 
@@ -334,7 +335,7 @@ static int is_start_point(const struct grouping_written *written,
 
 /* Sums the masses of all start states; then systematic sampling of as many particles, at even steps
  * of the cumulative sum. */
-cairn_status cairn_grouping_written_start(cairn_grouping *grouping, cairn_budget *budget)
+cairn_status cairn_contour_grouping_written_start(cairn_grouping *grouping, cairn_budget *budget)
 {
     struct grouping_written *written = grouping->written;
     const cairn_symmetric_point *points;
@@ -346,11 +347,11 @@ cairn_status cairn_grouping_written_start(cairn_grouping *grouping, cairn_budget
         const cairn_symmetric_point *point = &points[grouping->cursor / STARTS_PER_POINT];
         grouping_written_state state;
 
-        if (!cairn_budget_pay(budget, &grouping->charged_units,
-                              is_start_point(written, point)
-                                  ? UNITS_PER_START +
-                                        cairn_grouping_written_likelihood_units(grouping)
-                                  : 1))
+        if (!cairn_budget_charge(budget, &grouping->charged_units,
+                                 is_start_point(written, point)
+                                     ? UNITS_PER_START +
+                                           cairn_contour_grouping_written_likelihood_units(grouping)
+                                     : 1))
             return CAIRN_MORE;
         if (!is_start_point(written, point))
             continue;
@@ -372,11 +373,11 @@ cairn_status cairn_grouping_written_start(cairn_grouping *grouping, cairn_budget
         const cairn_symmetric_point *point = &points[grouping->second_cursor / STARTS_PER_POINT];
         grouping_written_state state;
 
-        if (!cairn_budget_pay(budget, &grouping->charged_units,
-                              is_start_point(written, point)
-                                  ? UNITS_PER_START +
-                                        cairn_grouping_written_likelihood_units(grouping)
-                                  : 1))
+        if (!cairn_budget_charge(budget, &grouping->charged_units,
+                                 is_start_point(written, point)
+                                     ? UNITS_PER_START +
+                                           cairn_contour_grouping_written_likelihood_units(grouping)
+                                     : 1))
             return CAIRN_MORE;
         if (!is_start_point(written, point))
             continue;
@@ -417,7 +418,7 @@ static int record_step(cairn_grouping *grouping)
     cairn_particle_trace t = cairn_particle_filter_read(grouping->filter);
     cairn_grouping_trace *trace = &grouping->trace[grouping->step_count];
 
-    if (t.extinct)
+    if (t.depleted)
         return 0;
     grouping->step_count++;
     trace->n_eff = t.n_eff;
@@ -437,7 +438,8 @@ static int32_t end_reason(const cairn_grouping *grouping)
     return grouping->step_count + 1 >= grouping->params.max_steps ? CAIRN_GROUPING_STEPS : 0;
 }
 
-cairn_status cairn_grouping_written_run_filter(cairn_grouping *grouping, cairn_budget *budget)
+cairn_status cairn_contour_grouping_written_run_filter(cairn_grouping *grouping,
+                                                       cairn_budget *budget)
 {
     struct grouping_written *written = grouping->written;
 
@@ -462,9 +464,9 @@ cairn_status cairn_grouping_written_run_filter(cairn_grouping *grouping, cairn_b
             int32_t units = UNITS_PER_RECORD +
                             grouping->step_count * (1 + grouping->object_count / OBJECTS_PER_UNIT);
 
-            if (!cairn_budget_pay(budget, &grouping->charged_units, units))
+            if (!cairn_budget_charge(budget, &grouping->charged_units, units))
                 return CAIRN_MORE;
-            cairn_grouping_written_record(grouping, grouping->cursor);
+            cairn_contour_grouping_written_record(grouping, grouping->cursor);
         }
         written->is_recording = 0;
         written->end_reason = end_reason(grouping);
@@ -477,13 +479,13 @@ cairn_status cairn_grouping_written_run_filter(cairn_grouping *grouping, cairn_b
     return CAIRN_OK;
 }
 
-void cairn_grouping_written_read(const cairn_grouping *grouping, cairn_grouping_result *r)
+void cairn_contour_grouping_written_read(const cairn_grouping *grouping, cairn_grouping_result *r)
 {
     const struct grouping_written *written = grouping->written;
 
-    (void)cairn_symmetric_point_list(written->set, &r->points);
+    (void)cairn_symmetric_point_list(written->set, &r->point_count);
     r->points_dropped = cairn_symmetric_point_dropped(written->set);
     r->candidates_dropped = written->dropped_candidates;
     r->token_count = grouping->input.count;
-    r->end = written->end_reason;
+    r->end_reason = written->end_reason;
 }

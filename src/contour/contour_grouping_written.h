@@ -98,38 +98,41 @@ static inline cairn_vec2 grouping_written_end(const cairn_grouping *grouping, in
 }
 
 /* Memory; validation of the input; the phases, in order. */
-struct grouping_written *cairn_grouping_written_carve(cairn_pool *pool,
-                                                      const cairn_grouping_params *params,
-                                                      cairn_grouping *grouping);
-cairn_status cairn_grouping_written_check(const cairn_grouping *grouping,
-                                          const cairn_grouping_input *input);
-void cairn_grouping_written_begin(cairn_grouping *grouping);
-cairn_status cairn_grouping_written_points(cairn_grouping *grouping, cairn_budget *budget);
-cairn_status cairn_grouping_written_index(cairn_grouping *grouping, cairn_budget *budget);
-cairn_status cairn_grouping_written_start(cairn_grouping *grouping, cairn_budget *budget);
-cairn_status cairn_grouping_written_run_filter(cairn_grouping *grouping, cairn_budget *budget);
-cairn_status cairn_grouping_written_finish(cairn_grouping *grouping, cairn_budget *budget);
+struct grouping_written *cairn_contour_grouping_written_carve(cairn_pool *pool,
+                                                              const cairn_grouping_params *params,
+                                                              cairn_grouping *grouping);
+cairn_status cairn_contour_grouping_written_check(const cairn_grouping *grouping,
+                                                  const cairn_grouping_input *input);
+void cairn_contour_grouping_written_begin(cairn_grouping *grouping);
+cairn_status cairn_contour_grouping_written_points(cairn_grouping *grouping, cairn_budget *budget);
+cairn_status cairn_contour_grouping_written_index(cairn_grouping *grouping, cairn_budget *budget);
+cairn_status cairn_contour_grouping_written_start(cairn_grouping *grouping, cairn_budget *budget);
+cairn_status cairn_contour_grouping_written_run_filter(cairn_grouping *grouping,
+                                                       cairn_budget *budget);
+cairn_status cairn_contour_grouping_written_finish(cairn_grouping *grouping, cairn_budget *budget);
 
-void cairn_grouping_written_read(const cairn_grouping *grouping, cairn_grouping_result *result);
+void cairn_contour_grouping_written_read(const cairn_grouping *grouping,
+                                         cairn_grouping_result *result);
 
-cairn_grouping_particle cairn_grouping_written_particle(const cairn_grouping *grouping,
-                                                        const cairn_particle *particle);
+cairn_grouping_particle cairn_contour_grouping_written_particle(const cairn_grouping *grouping,
+                                                                const cairn_particle *particle);
 
 /* Callbacks of the particle filter. */
-cairn_particle_model cairn_grouping_written_model(cairn_grouping *grouping);
+cairn_particle_model cairn_contour_grouping_written_model(cairn_grouping *grouping);
 
 /* Work units of one likelihood evaluation. */
-int32_t cairn_grouping_written_likelihood_units(const cairn_grouping *grouping);
+int32_t cairn_contour_grouping_written_likelihood_units(const cairn_grouping *grouping);
 
 /* Log-likelihood (2.13) of a state; *sample is k of (2.12). */
-cairn_real cairn_grouping_written_likelihood(const cairn_grouping *grouping,
-                                             const grouping_written_state *s, int32_t *sample);
+cairn_real cairn_contour_grouping_written_likelihood(const cairn_grouping *grouping,
+                                                     const grouping_written_state *s,
+                                                     int32_t *sample);
 
 /* Symmetric point of two segments, NULL: none. */
-const cairn_symmetric_point *cairn_grouping_written_point(const cairn_grouping *grouping,
-                                                          int32_t first, int32_t second);
+const cairn_symmetric_point *cairn_contour_grouping_written_point(const cairn_grouping *grouping,
+                                                                  int32_t first, int32_t second);
 
 /* Records the trajectory of a particle when it is the best of its mode. */
-void cairn_grouping_written_record(cairn_grouping *grouping, int32_t index);
+void cairn_contour_grouping_written_record(cairn_grouping *grouping, int32_t index);
 
 #endif

@@ -63,7 +63,7 @@ static void set_disc(const cairn_grouping *grouping, cairn_grouping_disc *disc,
     disc->log_posterior = state->log_posterior;
     for (int32_t k = 0; k < 2; k++) {
         disc->segment[k] = state->segment[k];
-        disc->open[k] = grouping_written_end(grouping, state->end[k]);
+        disc->open_end[k] = grouping_written_end(grouping, state->end[k]);
     }
     if (state->is_reversed)
         disc->sample = grouping->input.model->paths[0].count - 1 - state->sample;
@@ -90,7 +90,7 @@ static void list_segments(cairn_grouping *grouping, cairn_grouped_object *object
                           const cairn_grouping_disc *trajectory)
 {
     struct grouping_written *written = grouping->written;
-    int32_t steps = object->seen;
+    int32_t steps = object->matched_samples;
 
     object->count = 0;
     written->stamp++;
@@ -111,7 +111,7 @@ static void write_trajectory(cairn_grouping *grouping, cairn_grouped_object *obj
     cairn_grouping_disc *trajectory =
         &grouping->written->trajectories[grouping->params.max_steps * slot_of(grouping, object)];
 
-    object->seen = steps;
+    object->matched_samples = steps;
     for (int32_t i = steps - 1; i >= 0; i--) {
         set_disc(grouping, &trajectory[i], last);
         last = cairn_particle_state_before(last);
@@ -119,7 +119,7 @@ static void write_trajectory(cairn_grouping *grouping, cairn_grouped_object *obj
     list_segments(grouping, object, trajectory);
 }
 
-void cairn_grouping_written_record(cairn_grouping *grouping, int32_t index)
+void cairn_contour_grouping_written_record(cairn_grouping *grouping, int32_t index)
 {
     cairn_particle p = cairn_particle_filter_particle(grouping->filter, index);
     const grouping_written_state *state = p.state;
@@ -158,11 +158,11 @@ static void set_outline_segments(cairn_grouping *grouping, cairn_grouped_object 
     int32_t is_backwards = trajectory[0].sample > trajectory[steps - 1].sample;
 
     for (int32_t i = 0; i < model->outline_count; i++)
-        grouping->along[object->along + i] = -1;
+        grouping->along[object->first_outline + i] = -1;
     for (int32_t i = 0; i < steps; i++)
         for (int32_t k = 0; k < 2; k++) {
             cairn_vec2 position = model->samples[model->paths[0].first + trajectory[i].sample]
-                                      .side[is_backwards ? 1 - k : k]
+                                      .contact[is_backwards ? 1 - k : k]
                                       .position;
             cairn_real smallest = CAIRN_REAL_MAX;
             int32_t nearest = 0;
@@ -176,7 +176,7 @@ static void set_outline_segments(cairn_grouping *grouping, cairn_grouped_object 
                     nearest = j;
                 }
             }
-            grouping->along[object->along + nearest] = trajectory[i].segment[k];
+            grouping->along[object->first_outline + nearest] = trajectory[i].segment[k];
         }
 }
 
@@ -187,7 +187,7 @@ static void set_pose(cairn_grouping *grouping, cairn_grouped_object *object, int
     const cairn_shape_model *model = grouping->input.model;
     const cairn_grouping_disc *trajectory =
         &written->trajectories[grouping->params.max_steps * written->trajectory_slot[index]];
-    int32_t steps = object->seen, first_sample = model->paths[0].count, last_sample = 0;
+    int32_t steps = object->matched_samples, first_sample = model->paths[0].count, last_sample = 0;
 
     for (int32_t i = 0; i < steps; i++) {
         cairn_vec2 c = model->samples[model->paths[0].first + trajectory[i].sample].centre;
@@ -200,14 +200,14 @@ static void set_pose(cairn_grouping *grouping, cairn_grouped_object *object, int
     }
     object->origin = cairn_vec2_scale(object->origin, 1 / (cairn_real)steps);
     object->size = written->size;
-    object->start = model->paths[0].first + trajectory[0].sample;
+    object->start_sample = model->paths[0].first + trajectory[0].sample;
     object->score =
         (cairn_real)(last_sample - first_sample + 1) / (cairn_real)model->paths[0].count;
-    object->along = index * model->outline_count;
+    object->first_outline = index * model->outline_count;
     set_outline_segments(grouping, object, trajectory, steps);
 }
 
-cairn_status cairn_grouping_written_finish(cairn_grouping *grouping, cairn_budget *budget)
+cairn_status cairn_contour_grouping_written_finish(cairn_grouping *grouping, cairn_budget *budget)
 {
     struct grouping_written *written = grouping->written;
 
@@ -217,8 +217,9 @@ cairn_status cairn_grouping_written_finish(cairn_grouping *grouping, cairn_budge
     for (; grouping->cursor < grouping->object_count; grouping->cursor++) {
         cairn_grouped_object *object = &grouping->objects[grouping->cursor];
 
-        if (!cairn_budget_pay(budget, &grouping->charged_units,
-                              1 + object->seen * grouping->input.model->outline_count / 16))
+        if (!cairn_budget_charge(budget, &grouping->charged_units,
+                                 1 + object->matched_samples *
+                                         grouping->input.model->outline_count / 16))
             return CAIRN_MORE;
         /* The segment lists are rewritten contiguously, which overwrites the slots' lists. The
          * slots of the trajectories remain valid. */
@@ -240,8 +241,8 @@ cairn_status cairn_grouping_written_finish(cairn_grouping *grouping, cairn_budge
 
 /* ---- Reading ---- */
 
-cairn_grouping_particle cairn_grouping_written_particle(const cairn_grouping *grouping,
-                                                        const cairn_particle *p)
+cairn_grouping_particle cairn_contour_grouping_written_particle(const cairn_grouping *grouping,
+                                                                const cairn_particle *p)
 {
     const grouping_written_state *s = p->state;
     const cairn_shape_model *model = grouping->input.model;
@@ -250,7 +251,7 @@ cairn_grouping_particle cairn_grouping_written_particle(const cairn_grouping *gr
                                         .centre = s->centre,
                                         .radius = s->radius,
                                         .log_weight = p->log_weight,
-                                        .sides = 2};
+                                        .matched_sides = 2};
 
     particle.sample = path->first + (s->is_reversed ? path->count - 1 - s->sample : s->sample);
     particle.origin =
@@ -287,7 +288,7 @@ int32_t cairn_grouping_skeleton(const cairn_grouping *grouping, int32_t object,
     if (grouping == NULL || grouping->written == NULL || object < 0 ||
         object >= result.object_count)
         return 0;
-    count = result.objects[object].seen;
+    count = result.objects[object].matched_samples;
     for (int32_t i = 0; i < count && i < most && discs != NULL; i++)
         discs[i] = grouping->written->trajectories[grouping->params.max_steps *
                                                        grouping->written->trajectory_slot[object] +

@@ -155,7 +155,7 @@ cairn_status cairn_edge_chain_create(cairn_edge_chain_set **set, cairn_pool *poo
 
     if (set == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     made->params = *params;
@@ -488,8 +488,8 @@ static cairn_status step_prune(cairn_edge_chain_set *set, cairn_budget *budget)
     while ((found = find_edge(set, budget)) > 0) {
         int32_t is_end = bit_count(links_of(set, set->cursor)) == 1;
 
-        if (!cairn_budget_pay(budget, &set->charged_units,
-                              is_end ? 2 * set->params.max_spur + 1 : 1))
+        if (!cairn_budget_charge(budget, &set->charged_units,
+                                 is_end ? 2 * set->params.max_spur + 1 : 1))
             return CAIRN_MORE;
         if (is_end)
             prune_spur(set, set->cursor);
@@ -607,7 +607,7 @@ static cairn_status step_follow(cairn_edge_chain_set *set, cairn_budget *budget)
 
         if (found < 0)
             return CAIRN_OK;
-        if (found == 0 || !cairn_budget_pay(budget, &set->charged_units, 2))
+        if (found == 0 || !cairn_budget_charge(budget, &set->charged_units, 2))
             return CAIRN_MORE;
         if (set->is_following) {
             cairn_status status = follow(set);

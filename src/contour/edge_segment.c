@@ -101,8 +101,8 @@ cairn_edge_segment_params cairn_edge_segment_default(void)
         .tolerance = CAIRN_REAL(1.5),
         .min_piece = 4,
         .look_ahead = 0,
-        .junction = 6,
-        .junction_turn = 20 * (CAIRN_PI / 180),
+        .junction_distance = 6,
+        .min_junction_angle = 20 * (CAIRN_PI / 180),
     };
     return params;
 }
@@ -113,14 +113,14 @@ static int params_are_valid(const cairn_edge_segment_params *params)
            params->max_segments >= 1 && params->max_segments <= MAX_SEGMENTS &&
            params->tolerance > 0 && cairn_is_finite(params->tolerance) && params->min_piece >= 2 &&
            cairn_is_finite(params->min_piece) && params->look_ahead >= 0 &&
-           cairn_is_finite(params->look_ahead) && params->junction >= 0 &&
-           cairn_is_finite(params->junction) && params->junction_turn >= 0 &&
-           params->junction_turn <= CAIRN_PI;
+           cairn_is_finite(params->look_ahead) && params->junction_distance >= 0 &&
+           cairn_is_finite(params->junction_distance) && params->min_junction_angle >= 0 &&
+           params->min_junction_angle <= CAIRN_PI;
 }
 
 static cairn_point_grid *carve_grid(cairn_pool *pool, int32_t max_points)
 {
-    cairn_point_grid_params params = {.max_points = max_points, .cell = GRID_CELL_PX};
+    cairn_point_grid_params params = {.max_points = max_points, .cell_size = GRID_CELL_PX};
     size_t need = cairn_point_grid_memory(&params);
     cairn_point_grid *grid = NULL;
     cairn_status status;
@@ -173,11 +173,11 @@ cairn_status cairn_edge_segment_create(cairn_edge_segment_set **set, cairn_pool 
 
     if (set == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     made->params = *params;
-    made->cos_turn = cairn_cos(params->junction_turn);
+    made->cos_turn = cairn_cos(params->min_junction_angle);
     *set = made;
     return CAIRN_OK;
 }
@@ -447,7 +447,7 @@ static int32_t search_cost(const cairn_edge_segment_set *set, cairn_real radius)
 static int start_search(cairn_edge_segment_set *set, cairn_vec2 centre, cairn_real radius,
                         cairn_budget *budget)
 {
-    if (!cairn_budget_pay(budget, &set->charged_units, search_cost(set, radius)))
+    if (!cairn_budget_charge(budget, &set->charged_units, search_cost(set, radius)))
         return 0;
     set->search = cairn_point_grid_begin(set->grid, centre, radius);
     set->search_state = 1;
@@ -582,7 +582,7 @@ static cairn_vec2 inwards(const cairn_edge_segment_set *set, int32_t end)
 static int is_near(const cairn_edge_segment_set *set, int32_t end, cairn_vec2 point)
 {
     return cairn_vec2_norm(cairn_vec2_sub(cairn_point_grid_point(set->grid, end), point)) <=
-           set->params.junction;
+           set->params.junction_distance;
 }
 
 static int32_t segment_at(const cairn_edge_segment_set *set, int32_t end)
@@ -618,13 +618,13 @@ static cairn_status join(cairn_edge_segment_set *set, int32_t end, int32_t other
 
 static cairn_status step_join(cairn_edge_segment_set *set, cairn_budget *budget)
 {
-    while (set->params.junction > 0 && set->cursor < 2 * set->line_count) {
+    while (set->params.junction_distance > 0 && set->cursor < 2 * set->line_count) {
         int32_t other;
         cairn_status status = CAIRN_OK;
 
         if (set->search_state == 0 &&
             !start_search(set, cairn_point_grid_point(set->grid, set->cursor),
-                          2 * set->params.junction, budget))
+                          2 * set->params.junction_distance, budget))
             return CAIRN_MORE;
         if (budget->left <= 0)
             return CAIRN_MORE;

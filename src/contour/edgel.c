@@ -66,8 +66,8 @@ cairn_edgel_params cairn_edgel_default(void)
         .max_height = 480,
         .max_edgels = 40000,
         .sigma = CAIRN_REAL(1.5),
-        .min_slope = 2,
-        .max_turn = 60 * (CAIRN_PI / 180),
+        .min_gradient = 2,
+        .max_normal_angle = 60 * (CAIRN_PI / 180),
     };
     return params;
 }
@@ -77,9 +77,9 @@ static int params_are_valid(const cairn_edgel_params *params)
     return params != NULL && params->max_width >= 1 && params->max_width <= CAIRN_RASTER_MAX_SIDE &&
            params->max_height >= 1 && params->max_height <= CAIRN_RASTER_MAX_SIDE &&
            params->max_edgels >= 1 && params->max_edgels <= MAX_EDGELS &&
-           params->sigma >= CAIRN_REAL(0.7) && params->sigma <= 8 && params->min_slope > 0 &&
-           cairn_is_finite(params->min_slope) && params->max_turn > 0 &&
-           params->max_turn <= CAIRN_PI / 2;
+           params->sigma >= CAIRN_REAL(0.7) && params->sigma <= 8 && params->min_gradient > 0 &&
+           cairn_is_finite(params->min_gradient) && params->max_normal_angle > 0 &&
+           params->max_normal_angle <= CAIRN_PI / 2;
 }
 
 static int32_t reach_of(const cairn_edgel_params *params)
@@ -172,13 +172,13 @@ cairn_status cairn_edgel_create(cairn_edgel_set **set, cairn_pool *pool,
 
     if (set == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     made->params = *params;
     made->reach = reach_of(params);
     made->taps = 2 * made->reach + 1;
-    made->cos_turn = cairn_cos(params->max_turn);
+    made->cos_turn = cairn_cos(params->max_normal_angle);
     make_filters(made);
     *set = made;
     return CAIRN_OK;
@@ -295,10 +295,10 @@ static int edgel_between(const cairn_edgel_set *set, const edgel_sample *a, cons
     gradient = between(a->gradient, b->gradient, *share);
     normal = cairn_vec2_unit(between(a->f_gradient, b->f_gradient, *share));
     edgel->normal = cairn_vec2_scale(normal, -1);
-    edgel->slope = cairn_vec2_norm(gradient);
-    return edgel->slope >= set->params.min_slope &&
+    edgel->gradient_magnitude = cairn_vec2_norm(gradient);
+    return edgel->gradient_magnitude >= set->params.min_gradient &&
            (cairn_abs(normal.x) >= cairn_abs(normal.y)) == upright &&
-           cairn_vec2_dot(edgel->normal, gradient) >= set->cos_turn * edgel->slope;
+           cairn_vec2_dot(edgel->normal, gradient) >= set->cos_turn * edgel->gradient_magnitude;
 }
 
 static cairn_status add_edgel(cairn_edgel_set *set, const cairn_edgel *edgel, cairn_real x,
@@ -378,7 +378,7 @@ cairn_status cairn_edgel_step(cairn_edgel_set *set, cairn_budget *budget)
     while (set->phase != PHASE_IDLE && set->phase != PHASE_DONE) {
         cairn_status status;
 
-        if (!cairn_budget_pay(budget, &set->charged_units, unit_cost(set)))
+        if (!cairn_budget_charge(budget, &set->charged_units, unit_cost(set)))
             return CAIRN_MORE;
         status = process_pixel(set);
         if (status != CAIRN_OK) {

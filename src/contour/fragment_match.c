@@ -40,17 +40,17 @@ static const cairn_real MAX_COORDINATE = CAIRN_REAL(1e6);
 cairn_fragment_match_params cairn_fragment_match_default(void)
 {
     cairn_fragment_match_params params = {
-        .max_fragments = CAIRN_PART_FRAGMENTS,
-        .samples_each = 20,
+        .max_fragments = CAIRN_PART_MAX_FRAGMENTS,
+        .samples_per_fragment = 20,
         .max_chains = 10000,
         .max_samples = 4096,
-        .matches_each = 2,
+        .matches_per_fragment = 2,
         .min_scale = 24,
         .max_scale = 800,
         .min_step = CAIRN_REAL(1.5),
         .step_ratio = CAIRN_REAL(1.19),
-        .turn = CAIRN_PI / 8,
-        .gap = CAIRN_REAL(0.5),
+        .zero_score_angle = CAIRN_PI / 8,
+        .gap_cost = CAIRN_REAL(0.5),
         .min_similarity = CAIRN_REAL(0.5),
     };
 
@@ -60,11 +60,11 @@ cairn_fragment_match_params cairn_fragment_match_default(void)
 /* Validates the capacities. */
 static int capacities_are_valid(const cairn_fragment_match_params *p)
 {
-    return p->max_fragments >= 1 && p->max_fragments <= MAX_FRAGMENTS && p->samples_each >= 2 &&
-           p->samples_each <= FRAGMENT_MAX_SAMPLES && p->max_chains >= 1 &&
-           p->max_chains <= MAX_CHAINS && p->max_samples >= 4 &&
-           p->max_samples <= MAX_CHAIN_SAMPLES && p->matches_each >= 1 &&
-           p->matches_each <= MAX_MATCHES;
+    return p->max_fragments >= 1 && p->max_fragments <= MAX_FRAGMENTS &&
+           p->samples_per_fragment >= 2 && p->samples_per_fragment <= FRAGMENT_MAX_SAMPLES &&
+           p->max_chains >= 1 && p->max_chains <= MAX_CHAINS && p->max_samples >= 4 &&
+           p->max_samples <= MAX_CHAIN_SAMPLES && p->matches_per_fragment >= 1 &&
+           p->matches_per_fragment <= MAX_MATCHES;
 }
 
 static int params_are_valid(const cairn_fragment_match_params *p)
@@ -72,18 +72,19 @@ static int params_are_valid(const cairn_fragment_match_params *p)
     return p != NULL && capacities_are_valid(p) && p->min_scale > 0 &&
            p->max_scale >= p->min_scale && p->max_scale <= MAX_COORDINATE &&
            p->min_step >= CAIRN_REAL(0.5) && p->min_step <= MAX_COORDINATE &&
-           p->step_ratio >= CAIRN_REAL(1.05) && p->step_ratio <= 2 && p->turn >= CAIRN_REAL(0.02) &&
-           p->turn <= CAIRN_PI && p->gap >= CAIRN_REAL(0.5) && p->gap <= 4 &&
-           p->min_similarity > 0 && p->min_similarity <= 1;
+           p->step_ratio >= CAIRN_REAL(1.05) && p->step_ratio <= 2 &&
+           p->zero_score_angle >= CAIRN_REAL(0.02) && p->zero_score_angle <= CAIRN_PI &&
+           p->gap_cost >= CAIRN_REAL(0.5) && p->gap_cost <= 4 && p->min_similarity > 0 &&
+           p->min_similarity <= 1;
 }
 
 static cairn_sequence_params aligner_params(const cairn_fragment_match_params *p)
 {
     cairn_sequence_params params = {
         .kind = CAIRN_SEQUENCE_LOCAL,
-        .max_first = p->samples_each,
-        .max_second = FRAGMENT_WINDOW_RATIO * p->samples_each,
-        .gap = (cairn_real)cairn_real_to_int(p->gap * FRAGMENT_SCORE_UNIT),
+        .max_first = p->samples_per_fragment,
+        .max_second = FRAGMENT_WINDOW_RATIO * p->samples_per_fragment,
+        .gap_cost = (cairn_real)cairn_real_to_int(p->gap_cost * FRAGMENT_SCORE_UNIT),
     };
 
     return params;
@@ -93,11 +94,11 @@ static cairn_sequence_params aligner_params(const cairn_fragment_match_params *p
 static cairn_fragment_matcher *carve(cairn_pool *pool, const cairn_fragment_match_params *p)
 {
     size_t fragments = (size_t)p->max_fragments, samples = (size_t)p->max_samples,
-           matches = fragments * (size_t)p->matches_each;
+           matches = fragments * (size_t)p->matches_per_fragment;
     cairn_fragment_matcher *matcher = cairn_pool_take_one(pool, sizeof *matcher);
     cairn_real *length = cairn_pool_take(pool, (size_t)p->max_chains, sizeof *length);
-    int16_t *fragment_code =
-        cairn_pool_take(pool, 2 * fragments * (size_t)p->samples_each, sizeof *fragment_code);
+    int16_t *fragment_code = cairn_pool_take(pool, 2 * fragments * (size_t)p->samples_per_fragment,
+                                             sizeof *fragment_code);
     cairn_vec2 *positions = cairn_pool_take(pool, 2 * samples, sizeof *positions);
     int16_t *chain_code = cairn_pool_take(pool, samples, sizeof *chain_code);
     alignment_end *ends = cairn_pool_take(pool, matches, sizeof *ends);
@@ -139,10 +140,10 @@ static void fill_gains(cairn_fragment_matcher *matcher)
         int32_t parts = k <= FRAGMENT_DIRECTIONS / 2 ? k : FRAGMENT_DIRECTIONS - k;
         cairn_real turn = (cairn_real)parts * (2 * CAIRN_PI / FRAGMENT_DIRECTIONS);
 
-        matcher->gain[k] =
-            cairn_real_to_int(cairn_rint(FRAGMENT_SCORE_UNIT * (1 - turn / matcher->params.turn)));
+        matcher->gain[k] = cairn_real_to_int(
+            cairn_rint(FRAGMENT_SCORE_UNIT * (1 - turn / matcher->params.zero_score_angle)));
     }
-    matcher->gap_score = cairn_real_to_int(matcher->params.gap * FRAGMENT_SCORE_UNIT);
+    matcher->gap_score = cairn_real_to_int(matcher->params.gap_cost * FRAGMENT_SCORE_UNIT);
 }
 
 cairn_status cairn_fragment_match_create(cairn_fragment_matcher **matcher, cairn_pool *pool,
@@ -153,7 +154,7 @@ cairn_status cairn_fragment_match_create(cairn_fragment_matcher **matcher, cairn
 
     if (matcher == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     *matcher = carve(pool, params);
     (*matcher)->params = *params;
@@ -209,7 +210,7 @@ static cairn_status check_model(const cairn_fragment_matcher *matcher,
         (model->fragment_count > 0 && (model->fragments == NULL || model->samples == NULL)))
         return CAIRN_BAD_ARGUMENT;
     if (model->fragment_count > matcher->params.max_fragments ||
-        model->samples_each > matcher->params.samples_each)
+        model->samples_each > matcher->params.samples_per_fragment)
         return CAIRN_FULL;
     if (!are_finite(&model->centroid, 1))
         return CAIRN_NOT_FINITE;
@@ -312,8 +313,8 @@ cairn_fragment_match_result cairn_fragment_match_read(const cairn_fragment_match
     if (matcher != NULL && matcher->phase == FRAGMENT_DONE) {
         result.matches = matcher->matches;
         result.count = matcher->match_count;
-        result.kept = matcher->candidate_count;
-        result.cells = matcher->cell_count;
+        result.candidate_count = matcher->candidate_count;
+        result.cell_count = matcher->cell_count;
     }
     return result;
 }

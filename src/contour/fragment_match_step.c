@@ -75,12 +75,12 @@ static int is_better(const alignment_end *a, const alignment_end *b)
 static void insert_end(cairn_fragment_matcher *matcher, const alignment_end *found)
 {
     alignment_end *ends =
-        &matcher->ends[(size_t)matcher->fragment * (size_t)matcher->params.matches_each];
+        &matcher->ends[(size_t)matcher->fragment * (size_t)matcher->params.matches_per_fragment];
     int32_t *count = &matcher->end_count[matcher->fragment], at = 0;
 
     while (at < *count && ends[at].chain != found->chain)
         at++;
-    if (at == *count && *count < matcher->params.matches_each) {
+    if (at == *count && *count < matcher->params.matches_per_fragment) {
         (*count)++;
     } else {
         at = at < *count ? at : at - 1;
@@ -178,8 +178,8 @@ static int step_sample(cairn_fragment_matcher *matcher, cairn_budget *budget)
     if (matcher->length[matcher->chain] > 0)
         measure_chain(matcher);
     is_long = matcher->sample_count >= matcher->min_samples;
-    if (!cairn_budget_pay(budget, &matcher->units_charged,
-                          1 + (is_long ? sampling_cost(matcher) : 0)))
+    if (!cairn_budget_charge(budget, &matcher->units_charged,
+                             1 + (is_long ? sampling_cost(matcher) : 0)))
         return 0;
     if (!is_long) {
         next_chain(matcher);
@@ -201,12 +201,12 @@ static int step_align(cairn_fragment_matcher *matcher, cairn_budget *budget)
         cairn_fragment_match_codes(matcher, matcher->fragment, matcher->reversed);
 
     if (!is_scale_allowed(matcher, scale_of(matcher, matcher->fragment))) {
-        if (!cairn_budget_pay(budget, &matcher->units_charged, 1))
+        if (!cairn_budget_charge(budget, &matcher->units_charged, 1))
             return 0;
         next_alignment(matcher);
         return 1;
     }
-    if (!cairn_budget_pay(budget, &matcher->units_charged, 1 + block * n / CELLS_PER_UNIT))
+    if (!cairn_budget_charge(budget, &matcher->units_charged, 1 + block * n / CELLS_PER_UNIT))
         return 0;
     for (int32_t k = 0; k < block; k++, matcher->current_column++)
         align_column(matcher, codes, n);
@@ -235,7 +235,7 @@ static int32_t window_start(const cairn_fragment_matcher *matcher, const alignme
 /* Returns the current alignment end. */
 static const alignment_end *current_end(const cairn_fragment_matcher *matcher)
 {
-    return &matcher->ends[(size_t)matcher->fragment * (size_t)matcher->params.matches_each +
+    return &matcher->ends[(size_t)matcher->fragment * (size_t)matcher->params.matches_per_fragment +
                           (size_t)matcher->next_end];
 }
 
@@ -262,7 +262,7 @@ static int step_trace(cairn_fragment_matcher *matcher, cairn_budget *budget)
     cairn_real step = matcher->params.min_step;
 
     if (matcher->next_end == matcher->end_count[matcher->fragment]) {
-        if (!cairn_budget_pay(budget, &matcher->units_charged, 1))
+        if (!cairn_budget_charge(budget, &matcher->units_charged, 1))
             return 0;
         matcher->next_end = 0;
         if (++matcher->fragment == matcher->model.fragment_count)
@@ -275,7 +275,7 @@ static int step_trace(cairn_fragment_matcher *matcher, cairn_budget *budget)
     matcher->step = step;
     matcher->chain = end->chain;
     measure_chain(matcher);
-    if (!cairn_budget_pay(budget, &matcher->units_charged, 1 + sampling_cost(matcher)))
+    if (!cairn_budget_charge(budget, &matcher->units_charged, 1 + sampling_cost(matcher)))
         return 0;
     sample_chain(matcher);
     status =
@@ -323,7 +323,7 @@ static void fit(const cairn_fragment_matcher *matcher, const alignment_end *end,
         own += cairn_vec2_norm_squared(f);
     }
     match->scale = own > 0 ? both / own : 0;
-    match->centre = cairn_vec2_add(
+    match->centroid = cairn_vec2_add(
         mean[1], cairn_vec2_scale(cairn_vec2_sub(matcher->model.centroid, mean[0]), match->scale));
     for (int32_t i = 0; i < r->count; i++) {
         positions_of(matcher, end, r->pairs[i], position);
@@ -331,7 +331,7 @@ static void fit(const cairn_fragment_matcher *matcher, const alignment_end *end,
             cairn_vec2_sub(cairn_vec2_sub(position[1], mean[1]),
                            cairn_vec2_scale(cairn_vec2_sub(position[0], mean[0]), match->scale)));
     }
-    match->off = cairn_sqrt(squared_sum / (cairn_real)r->count);
+    match->rms_residual = cairn_sqrt(squared_sum / (cairn_real)r->count);
 }
 
 static int step_pair(cairn_fragment_matcher *matcher, cairn_budget *budget)
@@ -349,7 +349,7 @@ static int step_fit(cairn_fragment_matcher *matcher, cairn_budget *budget)
     cairn_sequence_result r = cairn_sequence_read(matcher->aligner);
     int32_t first, last;
 
-    if (!cairn_budget_pay(budget, &matcher->units_charged, 1 + r.count / PAIRS_PER_UNIT))
+    if (!cairn_budget_charge(budget, &matcher->units_charged, 1 + r.count / PAIRS_PER_UNIT))
         return 0;
     first = window_start(matcher, end) + r.pairs[0].second;
     last = window_start(matcher, end) + r.pairs[r.count - 1].second;
@@ -358,7 +358,7 @@ static int step_fit(cairn_fragment_matcher *matcher, cairn_budget *budget)
         match->fragment = matcher->fragment;
         match->chain = end->chain;
         match->reversed = end->reversed;
-        match->pairs = r.count;
+        match->pair_count = r.count;
         match->similarity = (cairn_real)end->score /
                             (cairn_real)(FRAGMENT_SCORE_UNIT * matcher->model.samples_each);
         match->from = (cairn_real)first * sample_distance(matcher);

@@ -99,7 +99,7 @@ cairn_status cairn_inner_distance_create(cairn_inner_distance **inner, cairn_poo
 
     if (inner == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     *inner = carve(pool, params);
     (*inner)->params = *params;
@@ -282,8 +282,8 @@ static cairn_status step_visibility(cairn_inner_distance *inner, cairn_budget *b
         for (; inner->column < inner->row; inner->column++) {
             cairn_real length = inner->unreachable;
 
-            if (!cairn_budget_pay(budget, &inner->units_charged,
-                                  UNITS_PER_PAIR + n / EDGES_PER_UNIT))
+            if (!cairn_budget_charge(budget, &inner->units_charged,
+                                     UNITS_PER_PAIR + n / EDGES_PER_UNIT))
                 return CAIRN_MORE;
             if (are_visible(inner, inner->row, inner->column))
                 length = cairn_vec2_norm(cairn_vec2_sub(inner->vertices[inner->row].position,
@@ -317,7 +317,7 @@ static cairn_status step_paths(cairn_inner_distance *inner, cairn_budget *budget
 
     for (; inner->column < n; inner->column++, inner->row = 0) {
         for (; inner->row < n && inner->vertices[inner->column].is_path_vertex; inner->row++) {
-            if (!cairn_budget_pay(budget, &inner->units_charged, 1 + n / SUMS_PER_UNIT))
+            if (!cairn_budget_charge(budget, &inner->units_charged, 1 + n / SUMS_PER_UNIT))
                 return CAIRN_MORE;
             if (inner->distance[inner->row * n + inner->column] < inner->unreachable)
                 relax(inner, inner->row, inner->column);
@@ -332,8 +332,8 @@ static cairn_status step_paths(cairn_inner_distance *inner, cairn_budget *budget
 static cairn_status step_maximum(cairn_inner_distance *inner, cairn_budget *budget)
 {
     for (; inner->row < inner->outer_count; inner->row++) {
-        if (!cairn_budget_pay(budget, &inner->units_charged,
-                              1 + inner->outer_count / SUMS_PER_UNIT))
+        if (!cairn_budget_charge(budget, &inner->units_charged,
+                                 1 + inner->outer_count / SUMS_PER_UNIT))
             return CAIRN_MORE;
         for (int32_t k = 0; k < inner->outer_count; k++)
             inner->max_distance =
@@ -366,7 +366,7 @@ cairn_inner_distance_result cairn_inner_distance_read(const cairn_inner_distance
         result.distance = inner->distance;
         result.count = inner->outer_count;
         result.stride = inner->count;
-        result.greatest = inner->max_distance;
+        result.max_distance = inner->max_distance;
     }
     return result;
 }

@@ -42,8 +42,8 @@ struct cairn_part_builder {
     cairn_part_fragment *fragments;     /* [FRAGMENTS] */
     cairn_oriented_point *samples;      /* [FRAGMENTS * samples_each] */
     cairn_curve_evolution *evolution;
-    int32_t vertices[CAIRN_PART_PIECES];
-    cairn_real piece_length[CAIRN_PART_PIECES];
+    int32_t vertices[CAIRN_PART_MAX_PIECES];
+    cairn_real piece_length[CAIRN_PART_MAX_PIECES];
     int32_t count, vertex_count, fragment_count, bundles;
     cairn_vec2 centroid;
     int32_t next_fragment; /* next fragment to sample */
@@ -56,7 +56,7 @@ cairn_part_bundle_params cairn_part_bundle_default(void)
         .max_points = 256,
         .bundles = 4,
         .pieces_each = 2,
-        .longest = 3,
+        .max_pieces = 3,
         .samples_each = 20,
     };
 
@@ -66,9 +66,9 @@ cairn_part_bundle_params cairn_part_bundle_default(void)
 static int params_are_good(const cairn_part_bundle_params *params)
 {
     return params != NULL && params->max_points >= 3 && params->max_points <= MAX_POINTS &&
-           params->bundles >= 1 && params->bundles <= CAIRN_PART_BUNDLES &&
+           params->bundles >= 1 && params->bundles <= CAIRN_PART_MAX_BUNDLES &&
            params->pieces_each >= 1 && params->pieces_each <= MAX_PIECES_EACH &&
-           params->longest >= 1 && params->longest <= MAX_FRAGMENT_PIECES &&
+           params->max_pieces >= 1 && params->max_pieces <= MAX_FRAGMENT_PIECES &&
            params->samples_each >= 2 && params->samples_each <= MAX_SAMPLES_EACH;
 }
 
@@ -88,9 +88,10 @@ static cairn_part_builder *carve(cairn_pool *pool, const cairn_part_bundle_param
     cairn_real *arc_length = cairn_pool_take(pool, n + 1, sizeof *arc_length);
     cairn_vec2 *arc = cairn_pool_take(pool, n + 1, sizeof *arc);
     cairn_vec2 *positions = cairn_pool_take(pool, 2 * samples, sizeof *positions);
-    cairn_part_fragment *fragments = cairn_pool_take(pool, CAIRN_PART_FRAGMENTS, sizeof *fragments);
+    cairn_part_fragment *fragments =
+        cairn_pool_take(pool, CAIRN_PART_MAX_FRAGMENTS, sizeof *fragments);
     cairn_oriented_point *fragment_samples =
-        cairn_pool_take(pool, CAIRN_PART_FRAGMENTS * samples, sizeof *fragment_samples);
+        cairn_pool_take(pool, CAIRN_PART_MAX_FRAGMENTS * samples, sizeof *fragment_samples);
 
     if (builder != NULL) {
         memset(builder, 0, sizeof *builder);
@@ -127,7 +128,7 @@ cairn_status cairn_part_bundle_create(cairn_part_builder **builder, cairn_pool *
 
     if (builder == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     *builder = carve(pool, params);
     (*builder)->params = *params;
@@ -225,7 +226,7 @@ static void cut_by_rule(cairn_part_builder *builder)
     n = builder->vertex_count;
     measure_pieces(builder);
     for (int32_t i = 0; i < n; i++)
-        for (int32_t pieces = 1; pieces <= builder->params.longest && pieces < n; pieces++) {
+        for (int32_t pieces = 1; pieces <= builder->params.max_pieces && pieces < n; pieces++) {
             int32_t from = builder->vertices[i], to = builder->vertices[(i + pieces) % n];
             cairn_real middle = builder->arc_length[from] -
                                 builder->arc_length[builder->vertices[0]] +
@@ -328,17 +329,17 @@ static cairn_status check_cuts(const cairn_vec2 *points, int32_t count, const ca
     for (int32_t k = 0; k < cut_count; k++)
         if (cuts[k].from < 0 || cuts[k].from >= count || cuts[k].to < 0 || cuts[k].to >= count ||
             cuts[k].from == cuts[k].to || cuts[k].bundle < 0 ||
-            cuts[k].bundle >= CAIRN_PART_BUNDLES)
+            cuts[k].bundle >= CAIRN_PART_MAX_BUNDLES)
             return CAIRN_BAD_ARGUMENT;
     for (int32_t k = 0; k < cut_count; k++)
         bundles |= UINT32_C(1) << cuts[k].bundle;
     if ((bundles & (bundles + 1)) != 0) /* a bundle below the greatest has no fragment */
         return CAIRN_BAD_ARGUMENT;
-    if (cut_count > CAIRN_PART_FRAGMENTS)
+    if (cut_count > CAIRN_PART_MAX_FRAGMENTS)
         return CAIRN_FULL;
     for (int32_t i = 0; i < count; i++)
         vertices += is_end(cuts, cut_count, i);
-    if (vertices > CAIRN_PART_PIECES)
+    if (vertices > CAIRN_PART_MAX_PIECES)
         return CAIRN_FULL;
     for (int32_t k = 0; k < cut_count; k++)
         if (!(cut_length(points, count, &cuts[k]) > 0))
@@ -383,7 +384,7 @@ cairn_status cairn_part_bundle_step(cairn_part_builder *builder, cairn_budget *b
         builder->phase = PHASE_SELECT_VERTICES;
     }
     if (builder->phase == PHASE_SELECT_VERTICES) {
-        if (!cairn_budget_pay(
+        if (!cairn_budget_charge(
                 budget, &builder->charged_units,
                 1 + (builder->count + MAX_FRAGMENT_PIECES * level_of(&builder->params)) /
                         POINTS_PER_UNIT))
@@ -395,9 +396,9 @@ cairn_status cairn_part_bundle_step(cairn_part_builder *builder, cairn_budget *b
             builder->phase = PHASE_DONE;
             break;
         }
-        if (!cairn_budget_pay(budget, &builder->charged_units,
-                              1 + (builder->count + builder->params.samples_each) /
-                                      POINTS_PER_UNIT))
+        if (!cairn_budget_charge(budget, &builder->charged_units,
+                                 1 + (builder->count + builder->params.samples_each) /
+                                         POINTS_PER_UNIT))
             return CAIRN_MORE;
         sample_fragment(builder, &builder->fragments[builder->next_fragment++]);
     }
@@ -418,7 +419,7 @@ cairn_part_model cairn_part_bundle_read(const cairn_part_builder *builder)
     model.fragment_count = builder->fragment_count;
     model.samples_each = builder->params.samples_each;
     model.vertex_count = builder->vertex_count;
-    model.bundles = builder->bundles;
+    model.bundle_count = builder->bundles;
     model.length = builder->arc_length[builder->count];
     model.centroid = builder->centroid;
     return model;

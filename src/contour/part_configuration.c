@@ -16,7 +16,7 @@
  *    discarded.
  *
  * As written: the K nearest come from a linear scan of all votes, by their centres. The tree is
- * enumerated completely, except for branches below the threshold (part_configuration_every.c).
+ * enumerated completely, except for branches below the threshold (part_configuration_exhaustive.c).
  *
  * Memory layout: the index; the neighbouring votes in groups; one node per level; the best
  * configurations, sorted by slots.
@@ -55,10 +55,10 @@ cairn_part_configuration_params cairn_part_configuration_default(void)
         .min_parts = 2,
         .max_found = 64,
         .max_nodes = 1000000,
-        .seek = CAIRN_PART_SEEK_NEAREST,
-        .centre = CAIRN_REAL(0.08),
-        .ratio = CAIRN_REAL(0.15),
-        .reach = 3,
+        .search = CAIRN_PART_SEARCH_NEAREST,
+        .centre_tolerance = CAIRN_REAL(0.08),
+        .scale_tolerance = CAIRN_REAL(0.15),
+        .search_radius = 3,
         .overlap = CAIRN_REAL(0.2),
         .mode = CAIRN_MODE_DEFAULT,
         .min_sum = 0,
@@ -82,8 +82,8 @@ static int mode_is_good(const cairn_part_configuration_params *params)
 {
     return (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN) &&
            params->min_sum >= 0 && params->min_sum <= MAX_COORDINATE &&
-           (params->mode == CAIRN_MODE_DEFAULT ||
-            (params->max_votes <= MAX_WRITTEN_VOTES && params->seek == CAIRN_PART_SEEK_NEAREST));
+           (params->mode == CAIRN_MODE_DEFAULT || (params->max_votes <= MAX_WRITTEN_VOTES &&
+                                                   params->search == CAIRN_PART_SEARCH_NEAREST));
 }
 
 static int capacities_are_good(const cairn_part_configuration_params *params)
@@ -98,11 +98,12 @@ static int capacities_are_good(const cairn_part_configuration_params *params)
 static int params_are_good(const cairn_part_configuration_params *params)
 {
     return params != NULL && capacities_are_good(params) && mode_is_good(params) &&
-           params->seek >= CAIRN_PART_SEEK_NEAREST && params->seek <= CAIRN_PART_SEEK_MODES &&
-           params->centre >= CAIRN_REAL(1e-4) && params->centre <= 10 &&
-           params->ratio >= CAIRN_REAL(0.01) && params->ratio <= 1 &&
-           params->reach >= CAIRN_REAL(0.5) && params->reach <= 4 && params->overlap >= 0 &&
-           params->overlap <= 1;
+           params->search >= CAIRN_PART_SEARCH_NEAREST &&
+           params->search <= CAIRN_PART_SEARCH_MODES &&
+           params->centre_tolerance >= CAIRN_REAL(1e-4) && params->centre_tolerance <= 10 &&
+           params->scale_tolerance >= CAIRN_REAL(0.01) && params->scale_tolerance <= 1 &&
+           params->search_radius >= CAIRN_REAL(0.5) && params->search_radius <= 4 &&
+           params->overlap >= 0 && params->overlap <= 1;
 }
 
 static uint32_t bucket_count(int32_t max_votes)
@@ -163,7 +164,7 @@ cairn_status cairn_part_configuration_create(cairn_part_configurator **configura
 
     if (configurator == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     *configurator = carve(pool, params);
     (*configurator)->params = *params;
@@ -203,15 +204,15 @@ cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurat
 
     sort_votes(configurator);
     configuration.score = configurator->best_score;
-    configuration.gain = node->weight;
-    configuration.scale =
-        configurator->query.centre.scale * cairn_exp(node->log_scale * configurator->params.ratio);
+    configuration.weight_sum = node->weight;
+    configuration.scale = configurator->query.centre.scale *
+                          cairn_exp(node->log_scale * configurator->params.scale_tolerance);
     configuration.centre.x =
         configurator->query.centre.centre.x +
-        node->x * configurator->params.centre * configurator->query.centre.scale;
+        node->x * configurator->params.centre_tolerance * configurator->query.centre.scale;
     configuration.centre.y =
         configurator->query.centre.centre.y +
-        node->y * configurator->params.centre * configurator->query.centre.scale;
+        node->y * configurator->params.centre_tolerance * configurator->query.centre.scale;
     configuration.seed = configurator->seed;
     configuration.first = first;
     configuration.count = configurator->best_count;
@@ -268,13 +269,13 @@ static void next_seed(cairn_part_configurator *configurator)
 static int shift_mean(cairn_part_configurator *configurator)
 {
     cairn_real sum = 0, x = 0, y = 0, log_scale = 0,
-               size = configurator->params.centre * configurator->query.centre.scale;
+               size = configurator->params.centre_tolerance * configurator->query.centre.scale;
     vote_point point = configurator->query.centre;
 
     for (int32_t i = 0; i < configurator->near_count; i++) {
         const near_vote *near = &configurator->near_votes[i];
         cairn_real weight =
-            configurator->votes[near->vote].gain * cairn_exp(-near->squared_distance / 2);
+            configurator->votes[near->vote].weight * cairn_exp(-near->squared_distance / 2);
 
         sum += weight;
         x += weight * near->x;
@@ -286,22 +287,22 @@ static int shift_mean(cairn_part_configurator *configurator)
         return 0;
     point.centre.x += x / sum * size;
     point.centre.y += y / sum * size;
-    point.scale *= cairn_exp(log_scale / sum * configurator->params.ratio);
+    point.scale *= cairn_exp(log_scale / sum * configurator->params.scale_tolerance);
     cairn_part_configuration_query(configurator, point);
     return 1;
 }
 
 static int is_new_mode(const cairn_part_configurator *configurator)
 {
-    cairn_real size = configurator->params.centre * configurator->query.centre.scale,
+    cairn_real size = configurator->params.centre_tolerance * configurator->query.centre.scale,
                scale = cairn_log(configurator->query.centre.scale);
 
     for (int32_t i = 0; i < configurator->mode_count; i++) {
         cairn_vec2 offset = cairn_vec2_scale(
             cairn_vec2_sub(configurator->modes[i].centre, configurator->query.centre.centre),
             1 / size);
-        cairn_real log_scale =
-            (cairn_log(configurator->modes[i].scale) - scale) / configurator->params.ratio;
+        cairn_real log_scale = (cairn_log(configurator->modes[i].scale) - scale) /
+                               configurator->params.scale_tolerance;
 
         if (cairn_vec2_norm_squared(offset) + log_scale * log_scale < MODE_RADIUS_SQUARED)
             return 0;
@@ -312,7 +313,7 @@ static int is_new_mode(const cairn_part_configurator *configurator)
 /* The neighbourhood of the seed is complete: shifts it (MODES) or starts the tree. */
 static void end_gather(cairn_part_configurator *configurator)
 {
-    if (configurator->params.seek == CAIRN_PART_SEEK_MODES) {
+    if (configurator->params.search == CAIRN_PART_SEARCH_MODES) {
         if (shift_mean(configurator))
             return;
         if (!is_new_mode(configurator)) {
@@ -334,9 +335,9 @@ static int step_gather(cairn_part_configurator *configurator, cairn_budget *budg
     int32_t cost = cairn_part_configuration_query_cost(configurator);
     int32_t end =
         configurator->params.nearest +
-        (configurator->params.seek == CAIRN_PART_SEEK_MODES ? configurator->mode_count : 0);
+        (configurator->params.search == CAIRN_PART_SEARCH_MODES ? configurator->mode_count : 0);
 
-    if (!cairn_budget_pay(budget, &configurator->charged_units, cost > 0 ? cost : 1 + end))
+    if (!cairn_budget_charge(budget, &configurator->charged_units, cost > 0 ? cost : 1 + end))
         return 0;
     if (cost > 0)
         cairn_part_configuration_query_next(configurator);
@@ -354,7 +355,7 @@ static int step_enumerate(cairn_part_configurator *configurator, cairn_budget *b
                     : ends ? 1 + configurator->found_count / COMPARISONS_PER_UNIT
                            : 1;
 
-    if (!cairn_budget_pay(budget, &configurator->charged_units, units))
+    if (!cairn_budget_charge(budget, &configurator->charged_units, units))
         return 0;
     if (!ends) {
         configurator->visited_count++;
@@ -374,10 +375,10 @@ static int step_index(cairn_part_configurator *configurator, cairn_budget *budge
 {
     int32_t buckets = (int32_t)configurator->mask + 1;
 
-    if (!cairn_budget_pay(budget, &configurator->charged_units,
-                          configurator->exhaustive != NULL
-                              ? cairn_part_configuration_exhaustive_units(configurator)
-                              : 1))
+    if (!cairn_budget_charge(budget, &configurator->charged_units,
+                             configurator->exhaustive != NULL
+                                 ? cairn_part_configuration_exhaustive_units(configurator)
+                                 : 1))
         return 0;
     if (configurator->index_cursor < buckets) {
         configurator->bucket_heads[configurator->index_cursor] = -1;
@@ -398,8 +399,8 @@ static int step_index(cairn_part_configurator *configurator, cairn_budget *budge
 
 static int step_sort(cairn_part_configurator *configurator, cairn_budget *budget)
 {
-    if (!cairn_budget_pay(budget, &configurator->charged_units,
-                          cairn_part_configuration_exhaustive_units(configurator)))
+    if (!cairn_budget_charge(budget, &configurator->charged_units,
+                             cairn_part_configuration_exhaustive_units(configurator)))
         return 0;
     if (!cairn_part_configuration_exhaustive_sort(configurator))
         configurator->phase = CONFIGURATION_DONE;
@@ -412,15 +413,15 @@ static cairn_status check_vote(const cairn_part_vote *v, int64_t index, cairn_fa
 {
     if (!(cairn_abs(v->centre.x) <= MAX_COORDINATE) ||
         !(cairn_abs(v->centre.y) <= MAX_COORDINATE) || !(cairn_abs(v->from) <= MAX_COORDINATE) ||
-        !(cairn_abs(v->to) <= MAX_COORDINATE) || !(cairn_abs(v->round) <= MAX_COORDINATE))
+        !(cairn_abs(v->to) <= MAX_COORDINATE) || !(cairn_abs(v->closed_length) <= MAX_COORDINATE))
         return cairn_refuse(fault, index, "a position that is not finite or beyond 1e6",
                             CAIRN_NOT_FINITE);
     if (!(v->scale >= 1 / MAX_COORDINATE && v->scale <= MAX_COORDINATE))
         return cairn_refuse(fault, index, "a scale outside 1e-6 ... 1e6", CAIRN_NOT_FINITE);
-    if (!(v->gain <= MAX_COORDINATE))
+    if (!(v->weight <= MAX_COORDINATE))
         return cairn_refuse(fault, index, "a weight that is not finite or above 1e6",
                             CAIRN_NOT_FINITE);
-    if (v->bundle < 0 || !(v->gain > 0) || v->to < v->from || v->round < 0)
+    if (v->bundle < 0 || !(v->weight > 0) || v->to < v->from || v->closed_length < 0)
         return cairn_refuse(
             fault, index, "no vote, expected a bundle, a weight above 0 and an interval of a chain",
             CAIRN_BAD_ARGUMENT);
@@ -479,11 +480,11 @@ cairn_part_configuration_read(const cairn_part_configurator *configurator)
         result.found = configurator->found;
         result.votes = configurator->found_votes;
         result.count = configurator->found_count;
-        result.seeds = configurator->seed_count;
-        result.cut = configurator->truncated_count;
-        result.nodes = configurator->node_count;
-        result.pairs = configurator->pair_count;
-        result.made =
+        result.seed_count = configurator->seed_count;
+        result.truncated_count = configurator->truncated_count;
+        result.node_count = configurator->node_count;
+        result.pair_count = configurator->pair_count;
+        result.enumerated_count =
             configurator->exhaustive != NULL ? configurator->exhaustive->enumerated_count : 0;
     }
     return result;

@@ -9,7 +9,7 @@ static const cairn_real ROUND_UP = CAIRN_REAL(1.0001);
 
 static cairn_real layer_height(const cairn_part_configurator *configurator)
 {
-    return ROUND_UP * configurator->params.reach * configurator->params.ratio;
+    return ROUND_UP * configurator->params.search_radius * configurator->params.scale_tolerance;
 }
 
 static int32_t floor_to_int(cairn_real value)
@@ -24,7 +24,7 @@ static int32_t layer_of(const cairn_part_configurator *configurator, cairn_real 
 
 static cairn_real cell_of_layer(const cairn_part_configurator *configurator, int32_t layer)
 {
-    return configurator->params.reach * configurator->params.centre *
+    return configurator->params.search_radius * configurator->params.centre_tolerance *
            cairn_exp((cairn_real)(layer + 1) * layer_height(configurator));
 }
 
@@ -68,8 +68,8 @@ static void enter_layer(cairn_part_configurator *configurator)
 {
     vote_query *query = &configurator->query;
     cairn_real cell = cell_of_layer(configurator, query->layer),
-               reach = ROUND_UP * configurator->params.reach * configurator->params.centre *
-                       query->centre.scale;
+               reach = ROUND_UP * configurator->params.search_radius *
+                       configurator->params.centre_tolerance * query->centre.scale;
 
     query->cell = cell;
     query->min_x = query->x = floor_to_int((query->centre.centre.x - reach) / cell);
@@ -113,15 +113,15 @@ int32_t cairn_part_configuration_query_cost(const cairn_part_configurator *confi
 static void insert_near_vote(cairn_part_configurator *configurator, int32_t vote)
 {
     const cairn_part_vote *v = &configurator->votes[vote];
-    cairn_real size = configurator->params.centre * configurator->query.centre.scale,
-               reach = configurator->params.reach;
+    cairn_real size = configurator->params.centre_tolerance * configurator->query.centre.scale,
+               reach = configurator->params.search_radius;
     near_vote n;
     int32_t index;
 
     n.x = (v->centre.x - configurator->query.centre.centre.x) / size;
     n.y = (v->centre.y - configurator->query.centre.centre.y) / size;
     n.log_scale = (cairn_log(v->scale) - cairn_log(configurator->query.centre.scale)) /
-                  configurator->params.ratio;
+                  configurator->params.scale_tolerance;
     n.squared_distance =
         configurator->exhaustive == NULL
             ? n.x * n.x + n.y * n.y + n.log_scale * n.log_scale

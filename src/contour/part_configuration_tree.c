@@ -19,7 +19,7 @@ static int is_before(const cairn_part_configurator *configurator, int32_t a, int
 
     if (v->bundle != u->bundle)
         return v->bundle < u->bundle;
-    return v->gain > u->gain || (v->gain >= u->gain && a < b);
+    return v->weight > u->weight || (v->weight >= u->weight && a < b);
 }
 
 /* Sorts groups by descending weight, so that good configurations are found early and prune more;
@@ -64,7 +64,7 @@ void cairn_part_configuration_begin_tree(cairn_part_configurator *configurator)
             g->bundle = v->bundle;
             g->first = i;
             g->count = 0;
-            g->bound = v->gain;
+            g->bound = v->weight;
         }
         g->count++;
     }
@@ -107,10 +107,10 @@ static cairn_real score_of(const configuration_node *node)
 static cairn_real overlap_of(const cairn_part_vote *a, const cairn_part_vote *b)
 {
     cairn_real shorter = cairn_min(a->to - a->from, b->to - b->from), sum = 0;
-    int32_t has_rounds = a->round > 0;
+    int32_t has_rounds = a->closed_length > 0;
 
     for (int32_t k = -has_rounds; k <= has_rounds; k++) {
-        cairn_real shift = (cairn_real)k * a->round;
+        cairn_real shift = (cairn_real)k * a->closed_length;
 
         sum += cairn_max(0, cairn_min(a->to + shift, b->to) - cairn_max(a->from + shift, b->from));
     }
@@ -184,7 +184,7 @@ int cairn_part_configuration_visit_node(cairn_part_configurator *configurator)
 
         if (is_compatible(configurator, node, v)) {
             configurator->nodes[configurator->depth + 1] =
-                add_vote(node, &configurator->near_votes[near], v->gain);
+                add_vote(node, &configurator->near_votes[near], v->weight);
             configurator->chosen[node->part_count] = near;
             configurator->depth++;
             if (is_as_written(configurator)) {

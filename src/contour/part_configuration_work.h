@@ -126,7 +126,7 @@ int cairn_part_configuration_visit_node(cairn_part_configurator *configurator);
 cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurator *configurator,
                                                            int32_t first);
 
-/* ---- As written (part_configuration_every.c) ---- */
+/* ---- As written (part_configuration_exhaustive.c) ---- */
 
 void cairn_part_configuration_exhaustive_carve(cairn_pool *pool,
                                                const cairn_part_configuration_params *p,

@@ -8,7 +8,7 @@
  *    The cost is the sum along the warping path; by default it is divided by the path length, so
  *    that long and short arcs compare.
  * 3. Cuts are searched on all levels of the discrete curve evolution, whose vertices are samples.
- * 4. The default mode re-ranks the cuts (self_similarity_rank.c, self_similarity_joint.c).
+ * 4. The default mode re-ranks the cuts (self_similarity_rank.c, self_similarity_articulated.c).
  * 5. Non-maximum suppression keeps the local minima.
  *
  * Memory layout: samples, the matrix of descriptor distances, two rows of the warping table, cuts,
@@ -35,11 +35,11 @@ cairn_self_similarity_params cairn_self_similarity_default(void)
 {
     cairn_self_similarity_params params = {
         .mode = CAIRN_MODE_DEFAULT,
-        .points = 96,
-        .hole_points = 48,
-        .least_vertices = 5,
-        .most_vertices = 20,
-        .tie = CAIRN_REAL(0.01),
+        .outline_samples = 96,
+        .hole_samples = 48,
+        .min_vertices = 5,
+        .max_vertices = 20,
+        .tie_ratio = CAIRN_REAL(0.01),
         .tie_floor = CAIRN_REAL(0.001),
         .separation = CAIRN_REAL(0.05),
     };
@@ -57,20 +57,20 @@ cairn_self_similarity_params cairn_self_similarity_as_written(void)
 static int params_are_valid(const cairn_self_similarity_params *p)
 {
     return p != NULL && (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
-           p->points >= MIN_SAMPLES && p->points <= MAX_SAMPLES &&
-           (p->hole_points == 0 ||
-            (p->hole_points >= MIN_HOLE_SAMPLES && p->hole_points <= MAX_SAMPLES)) &&
-           p->least_vertices >= MIN_VERTICES && p->most_vertices >= p->least_vertices &&
-           p->most_vertices <= SIMILARITY_MAX_VERTICES && p->most_vertices <= p->points &&
-           p->tie >= 0 && cairn_is_finite(p->tie) && p->tie_floor >= 0 &&
+           p->outline_samples >= MIN_SAMPLES && p->outline_samples <= MAX_SAMPLES &&
+           (p->hole_samples == 0 ||
+            (p->hole_samples >= MIN_HOLE_SAMPLES && p->hole_samples <= MAX_SAMPLES)) &&
+           p->min_vertices >= MIN_VERTICES && p->max_vertices >= p->min_vertices &&
+           p->max_vertices <= SIMILARITY_MAX_VERTICES && p->max_vertices <= p->outline_samples &&
+           p->tie_ratio >= 0 && cairn_is_finite(p->tie_ratio) && p->tie_floor >= 0 &&
            cairn_is_finite(p->tie_floor) && p->separation > 0 && p->separation <= CAIRN_REAL(0.25);
 }
 
 static cairn_inner_distance_params inner_params(const cairn_self_similarity_params *p)
 {
     cairn_inner_distance_params inner = {
-        .max_points = p->points + p->hole_points,
-        .fill_holes = p->hole_points == 0,
+        .max_points = p->outline_samples + p->hole_samples,
+        .fill_holes = p->hole_samples == 0,
     };
 
     return inner;
@@ -78,12 +78,12 @@ static cairn_inner_distance_params inner_params(const cairn_self_similarity_para
 
 static cairn_self_similarity *carve(cairn_pool *pool, const cairn_self_similarity_params *p)
 {
-    size_t n = (size_t)p->points;
+    size_t n = (size_t)p->outline_samples;
     cairn_self_similarity *similarity = cairn_pool_take_one(pool, sizeof *similarity);
-    cairn_vec2 *samples = cairn_pool_take(pool, n + (size_t)p->hole_points, sizeof *samples);
-    cairn_vec2 *next = cairn_pool_take(pool, n + (size_t)p->hole_points, sizeof *next);
+    cairn_vec2 *samples = cairn_pool_take(pool, n + (size_t)p->hole_samples, sizeof *samples);
+    cairn_vec2 *next = cairn_pool_take(pool, n + (size_t)p->hole_samples, sizeof *next);
     cairn_vec2 *smooth = cairn_pool_take(pool, n, sizeof *smooth);
-    cairn_vec2 *flat_holes = cairn_pool_take(pool, (size_t)p->hole_points, sizeof *flat_holes);
+    cairn_vec2 *flat_holes = cairn_pool_take(pool, (size_t)p->hole_samples, sizeof *flat_holes);
     cairn_vec2 *flat = cairn_pool_take(pool, 3 * (n + FLAT_ENDS), sizeof *flat);
     cairn_real *descriptor_distance = cairn_pool_take(pool, n * n, sizeof *descriptor_distance);
     cairn_real *dtw_sum = cairn_pool_take(pool, 2 * n, sizeof *dtw_sum);
@@ -121,7 +121,7 @@ size_t cairn_self_similarity_memory(const cairn_self_similarity_params *params)
     if (!params_are_valid(params))
         return 0;
     inner = inner_params(params);
-    evolution.max_points = params->points;
+    evolution.max_points = params->outline_samples;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
     cairn_pool_count(&counting, cairn_inner_distance_memory(&inner));
@@ -140,10 +140,10 @@ cairn_status cairn_self_similarity_create(cairn_self_similarity **similarity, ca
 
     if (similarity == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     inner = inner_params(params);
-    evolution.max_points = params->points;
+    evolution.max_points = params->outline_samples;
     made = carve(pool, params);
     made->params = *params;
     status = cairn_inner_distance_create(&made->inner, pool, &inner);
@@ -181,7 +181,8 @@ static cairn_status check_outlines(const cairn_curve *outlines, int32_t count)
 static int32_t sample_holes(cairn_self_similarity *similarity, const cairn_curve *outlines,
                             int32_t count, cairn_curve *sampled)
 {
-    int32_t n = similarity->params.points, most = similarity->params.hole_points, taken = 1;
+    int32_t n = similarity->params.outline_samples, most = similarity->params.hole_samples,
+            taken = 1;
     cairn_real spacing = cairn_curve_length(&outlines[0]) / (cairn_real)n, all = 0, spare_samples,
                density;
     cairn_vec2 *to = similarity->next_samples + n;
@@ -208,30 +209,30 @@ static int32_t sample_holes(cairn_self_similarity *similarity, const cairn_curve
 cairn_status cairn_self_similarity_begin(cairn_self_similarity *similarity,
                                          const cairn_curve *outlines, int32_t count)
 {
-    cairn_curve sampled[CAIRN_SYMMETRY_OUTLINES];
+    cairn_curve sampled[CAIRN_SYMMETRY_MAX_OUTLINES];
     cairn_vec2 *to_swap;
     int32_t holes = 1;
     cairn_status status;
 
     if (similarity == NULL || outlines == NULL || count < 1)
         return CAIRN_BAD_ARGUMENT;
-    if (count > CAIRN_SYMMETRY_OUTLINES)
+    if (count > CAIRN_SYMMETRY_MAX_OUTLINES)
         return CAIRN_FULL;
     status = check_outlines(outlines, count);
     if (status != CAIRN_OK)
         return status;
     sampled[0].points = similarity->next_samples;
-    sampled[0].count = similarity->params.points;
+    sampled[0].count = similarity->params.outline_samples;
     sampled[0].closed = 1;
     status = cairn_curve_resample(&outlines[0], similarity->next_samples, NULL,
-                                  similarity->params.points);
+                                  similarity->params.outline_samples);
     if (status == CAIRN_OK)
         holes = sample_holes(similarity, outlines, count, sampled);
     if (status == CAIRN_OK)
         status = cairn_inner_distance_begin(similarity->inner, sampled, holes);
     if (status == CAIRN_OK)
         status = cairn_curve_evolution_begin(similarity->evolution, similarity->next_samples,
-                                             similarity->params.points);
+                                             similarity->params.outline_samples);
     if (status != CAIRN_OK)
         return status;
     to_swap = similarity->samples;
@@ -265,18 +266,19 @@ static cairn_real descriptor_difference(const cairn_inner_distance_result *inner
         to = to + 1 < n ? to + 1 : 0;
         back = back > 0 ? back - 1 : n - 1;
     }
-    return cairn_sqrt(dtw_sum / (cairn_real)n) / inner->greatest;
+    return cairn_sqrt(dtw_sum / (cairn_real)n) / inner->max_distance;
 }
 
 /* Fills the symmetric matrix of descriptor distances. */
 static cairn_status step_compare(cairn_self_similarity *similarity, cairn_budget *budget)
 {
     cairn_inner_distance_result inner = cairn_inner_distance_read(similarity->inner);
-    int32_t n = similarity->params.points;
+    int32_t n = similarity->params.outline_samples;
 
     for (; similarity->cursor < n; similarity->cursor++, similarity->inner_cursor = 0)
         for (; similarity->inner_cursor <= similarity->cursor; similarity->inner_cursor++) {
-            if (!cairn_budget_pay(budget, &similarity->units_charged, 1 + n / DISTANCES_PER_UNIT))
+            if (!cairn_budget_charge(budget, &similarity->units_charged,
+                                     1 + n / DISTANCES_PER_UNIT))
                 return CAIRN_MORE;
             similarity->descriptor_distance[similarity->cursor * n + similarity->inner_cursor] =
                 similarity->descriptor_distance[similarity->inner_cursor * n + similarity->cursor] =
@@ -299,7 +301,7 @@ static cairn_real cyclic_distance(cairn_real a, cairn_real b, cairn_real round)
 static int are_within_radius(const cairn_self_similarity *similarity, const similarity_cut *a,
                              const similarity_cut *b)
 {
-    cairn_real n = (cairn_real)similarity->params.points,
+    cairn_real n = (cairn_real)similarity->params.outline_samples,
                nearby = similarity->params.separation * n;
 
     return (cyclic_distance(a->position[0], b->position[0], n) < nearby &&
@@ -336,7 +338,7 @@ void cairn_similarity_insert(const cairn_self_similarity *similarity, similarity
 cairn_vec2 cairn_similarity_point(const cairn_self_similarity *similarity,
                                   const cairn_vec2 *samples, cairn_real position)
 {
-    int32_t n = similarity->params.points, i = cairn_real_to_int(cairn_floor(position));
+    int32_t n = similarity->params.outline_samples, i = cairn_real_to_int(cairn_floor(position));
     cairn_vec2 a = samples[i % n], b = samples[(i + 1) % n];
 
     return cairn_vec2_add(a, cairn_vec2_scale(cairn_vec2_sub(b, a), position - (cairn_real)i));
@@ -346,22 +348,22 @@ cairn_vec2 cairn_similarity_point(const cairn_self_similarity *similarity,
 static cairn_symmetry_axis axis_of(const cairn_self_similarity *similarity,
                                    const similarity_cut *cut)
 {
-    cairn_real n = (cairn_real)similarity->params.points;
+    cairn_real n = (cairn_real)similarity->params.outline_samples;
     cairn_symmetry_axis axis;
 
     for (int32_t i = 0; i < 2; i++) {
         axis.end[i] = cairn_similarity_point(similarity, similarity->samples, cut->position[i]);
-        axis.place[i] = cut->position[i] / n;
+        axis.position[i] = cut->position[i] / n;
         axis.arc[i].from = cut->from[i] / n;
         axis.arc[i].to = cut->to[i] / n;
     }
     axis.dissimilarity = cut->cost;
-    axis.misfit = cut->mirror_residual;
-    axis.warp = cut->dtw_cost;
+    axis.mirror_residual = cut->mirror_residual;
+    axis.dtw_cost = cut->dtw_cost;
     axis.bend = cut->bend;
     axis.skew = cut->skew;
     axis.mirror_point = cairn_vec2_scale(cairn_vec2_add(axis.end[0], axis.end[1]), CAIRN_REAL(0.5));
-    axis.mirror_along = cairn_vec2_unit(cairn_vec2_sub(axis.end[1], axis.end[0]));
+    axis.mirror_direction = cairn_vec2_unit(cairn_vec2_sub(axis.end[1], axis.end[0]));
     axis.vertices = cut->vertices;
     axis.division = cut->division;
     return axis;
@@ -374,23 +376,23 @@ static cairn_status step_report(cairn_self_similarity *similarity, cairn_budget 
     int32_t units = UNITS_PER_AXIS + (fits ? cairn_similarity_mirror_cost(similarity) : 0);
     cairn_real good;
 
-    for (; similarity->cursor < count && similarity->cursor < CAIRN_SYMMETRY_AXES;
+    for (; similarity->cursor < count && similarity->cursor < CAIRN_SYMMETRY_MAX_AXES;
          similarity->cursor++) {
-        if (!cairn_budget_pay(budget, &similarity->units_charged, units))
+        if (!cairn_budget_charge(budget, &similarity->units_charged, units))
             return CAIRN_MORE;
         similarity->axes[similarity->cursor] =
             axis_of(similarity, &similarity->list.cuts[similarity->cursor]);
         if (fits)
             cairn_similarity_mirror(similarity, &similarity->list.cuts[similarity->cursor],
                                     &similarity->axes[similarity->cursor]);
-        good = similarity->axes[0].dissimilarity * (1 + similarity->params.tie) +
+        good = similarity->axes[0].dissimilarity * (1 + similarity->params.tie_ratio) +
                similarity->params.tie_floor;
         similarity->tie_count += similarity->axes[similarity->cursor].dissimilarity <= good;
         similarity->axis_count = similarity->cursor + 1;
     }
-    similarity->verdict = similarity->tie_count < 2         ? CAIRN_SYMMETRY_ONE
-                          : similarity->rotation_order == 0 ? CAIRN_SYMMETRY_ROUND
-                                                            : CAIRN_SYMMETRY_MANY;
+    similarity->verdict = similarity->tie_count < 2         ? CAIRN_SYMMETRY_SINGLE
+                          : similarity->rotation_order == 0 ? CAIRN_SYMMETRY_CIRCULAR
+                                                            : CAIRN_SYMMETRY_MULTIPLE;
     return CAIRN_OK;
 }
 
@@ -488,11 +490,11 @@ cairn_self_similarity_result cairn_self_similarity_read(const cairn_self_similar
         return result;
     result.axes = similarity->axes;
     result.count = similarity->axis_count;
-    result.ties = similarity->tie_count;
+    result.tie_count = similarity->tie_count;
     result.verdict = similarity->verdict;
-    result.rotations = similarity->rotation_order;
+    result.rotation_order = similarity->rotation_order;
     result.samples = similarity->samples;
-    result.sample_count = similarity->params.points;
-    result.comparisons = similarity->comparison_count;
+    result.sample_count = similarity->params.outline_samples;
+    result.comparison_count = similarity->comparison_count;
     return result;
 }

@@ -44,7 +44,7 @@ static void compute_residuals(const cairn_self_similarity *similarity,
         for (int32_t i = 1; i + 1 < flat->count[arc]; i++, nearest_segment++, to++) {
             cairn_vec2 a = flat->points[1 - arc][*nearest_segment],
                        b = flat->points[1 - arc][*nearest_segment + 1];
-            cairn_vec2 normal = cairn_vec2_left(cairn_vec2_unit(cairn_vec2_sub(b, a)));
+            cairn_vec2 normal = cairn_vec2_left_perp(cairn_vec2_unit(cairn_vec2_sub(b, a)));
 
             *to = cairn_vec2_dot(normal, cairn_vec2_sub(flat->points[arc][i], a)) /
                   similarity->max_distance;
@@ -54,7 +54,7 @@ static void compute_residuals(const cairn_self_similarity *similarity,
 /* Returns the residuals (row 0) or a column of the Jacobian (row 1 + v). */
 static cairn_real *row_of(const cairn_self_similarity *similarity, int32_t row)
 {
-    return &similarity->residual[row * similarity->params.points];
+    return &similarity->residual[row * similarity->params.outline_samples];
 }
 
 /* Computes the residuals (row 0) and the Jacobian (row 1 + v: derivative with respect to
@@ -72,8 +72,8 @@ static int32_t compute_jacobian(cairn_self_similarity *similarity, const similar
 
         *variable(&moved, v) += DIFFERENCE_STEP * unit[v];
         for (int32_t i = 0; i < 2; i++)
-            moved.position[i] -= moved.position[i] >= (cairn_real)similarity->params.points
-                                     ? (cairn_real)similarity->params.points
+            moved.position[i] -= moved.position[i] >= (cairn_real)similarity->params.outline_samples
+                                     ? (cairn_real)similarity->params.outline_samples
                                      : 0;
         perturbed = cairn_similarity_unbend(similarity, &moved, &t->sides, similarity->perturbed);
         compute_residuals(similarity, &perturbed, t->nearest_segment, change);
@@ -167,13 +167,14 @@ void cairn_similarity_fit_begin(cairn_self_similarity *similarity, const similar
 
 cairn_status cairn_similarity_fit_step(cairn_self_similarity *similarity, cairn_budget *budget)
 {
-    int32_t units = cairn_similarity_evaluate_cost(similarity, 1), n = similarity->params.points;
+    int32_t units = cairn_similarity_evaluate_cost(similarity, 1),
+            n = similarity->params.outline_samples;
 
     while (similarity->fit_iteration <= MAX_ITERATIONS) {
         int continues = 1;
 
-        if (!cairn_budget_pay(budget, &similarity->units_charged,
-                              similarity->fit_iteration == 0 ? units : units + VARIABLES * n))
+        if (!cairn_budget_charge(budget, &similarity->units_charged,
+                                 similarity->fit_iteration == 0 ? units : units + VARIABLES * n))
             return CAIRN_MORE;
         if (similarity->fit_iteration == 0)
             cairn_similarity_evaluate(similarity, &similarity->trial[similarity->current_trial], 1);

@@ -38,7 +38,7 @@ static cairn_vec2 reflect(const mirror_line *line, cairn_vec2 p)
 static cairn_vec2 sample_of(const cairn_self_similarity *similarity, const similarity_sides *sides,
                             int32_t arc, int32_t i)
 {
-    return similarity->samples[(sides->first[arc] + i) % similarity->params.points];
+    return similarity->samples[(sides->first[arc] + i) % similarity->params.outline_samples];
 }
 
 /* Finds the segment of the other arc nearest to the reflection of sample i, within the search
@@ -75,7 +75,7 @@ static int32_t nearest_segment(const cairn_self_similarity *similarity,
 static void add_sample(normal_equations *sums, const mirror_line *line, cairn_vec2 p,
                        cairn_vec2 image, const cairn_segment *side, cairn_real outlier)
 {
-    cairn_vec2 normal = cairn_vec2_left(cairn_vec2_unit(cairn_vec2_sub(side->b, side->a)));
+    cairn_vec2 normal = cairn_vec2_left_perp(cairn_vec2_unit(cairn_vec2_sub(side->b, side->a)));
     cairn_vec2 from = cairn_vec2_sub(p, line->point), turn;
     cairn_real residual = cairn_vec2_dot(normal, cairn_vec2_sub(image, side->a)),
                scaled = residual / outlier;
@@ -119,7 +119,7 @@ static int32_t iterate(const cairn_self_similarity *similarity, const similarity
     line->point = cairn_vec2_add(line->point, cairn_vec2_scale(line->normal, shift));
     line->along = cairn_vec2_unit(cairn_vec2_add(cairn_vec2_scale(line->along, cosine),
                                                  cairn_vec2_scale(line->normal, sine)));
-    line->normal = cairn_vec2_left(line->along);
+    line->normal = cairn_vec2_left_perp(line->along);
     return 1;
 }
 
@@ -134,12 +134,12 @@ void cairn_similarity_mirror(const cairn_self_similarity *similarity, const simi
     similarity_sides sides = cairn_similarity_sides(similarity, cut, 1);
     mirror_line line;
 
-    line.along = axis->mirror_along;
-    line.normal = cairn_vec2_left(line.along);
+    line.along = axis->mirror_direction;
+    line.normal = cairn_vec2_left_perp(line.along);
     line.point = axis->mirror_point;
     for (int32_t round = 0; round < MAX_ITERATIONS; round++)
         if (!iterate(similarity, &sides, &line))
             return;
-    axis->mirror_along = line.along;
+    axis->mirror_direction = line.along;
     axis->mirror_point = line.point;
 }

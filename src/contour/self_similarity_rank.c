@@ -6,7 +6,7 @@
  * 2. The best of these cuts, and the best of the search on evolution levels, are fitted
  *    (self_similarity_fit.c).
  * 3. The least mirror residual gives the degree of articulation. Above 0 the cuts are re-ranked
- *    for articulated shapes (self_similarity_joint.c). */
+ *    for articulated shapes (self_similarity_articulated.c). */
 #include "src/core/build.h"
 
 #include "src/contour/self_similarity_work.h"
@@ -21,7 +21,7 @@ enum { MIN_ARC_DIVISOR = 8 };
 
 void cairn_similarity_scan_begin(cairn_self_similarity *similarity)
 {
-    int32_t n = similarity->params.points;
+    int32_t n = similarity->params.outline_samples;
 
     for (int32_t i = 0; i < n; i++) {
         cairn_vec2 before = similarity->samples[i > 0 ? i - 1 : n - 1],
@@ -31,7 +31,7 @@ void cairn_similarity_scan_begin(cairn_self_similarity *similarity)
         similarity->smoothed[i] =
             cairn_vec2_add(beside, cairn_vec2_scale(similarity->samples[i], CAIRN_REAL(0.5)));
     }
-    similarity->max_distance = cairn_inner_distance_read(similarity->inner).greatest;
+    similarity->max_distance = cairn_inner_distance_read(similarity->inner).max_distance;
     similarity->candidates.count = 0;
     similarity->articulation = 0;
     similarity->robust = 0;
@@ -40,7 +40,7 @@ void cairn_similarity_scan_begin(cairn_self_similarity *similarity)
 
 int cairn_similarity_is_valid_cut(const cairn_self_similarity *similarity, int32_t i, int32_t k)
 {
-    int32_t n = similarity->params.points, least = n / MIN_ARC_DIVISOR;
+    int32_t n = similarity->params.outline_samples, least = n / MIN_ARC_DIVISOR;
 
     return i - k >= least && i - k <= n - least;
 }
@@ -58,17 +58,17 @@ cairn_status cairn_similarity_scan_step(cairn_self_similarity *similarity, cairn
 {
     int32_t units = 4 + 2 * cairn_similarity_evaluate_cost(similarity, SIMILARITY_SCAN_STRIDE);
 
-    for (; similarity->cursor < similarity->params.points;
+    for (; similarity->cursor < similarity->params.outline_samples;
          similarity->cursor += SIMILARITY_SCAN_STRIDE, similarity->inner_cursor = 0)
         for (; similarity->inner_cursor < similarity->cursor;
              similarity->inner_cursor += SIMILARITY_SCAN_STRIDE) {
             similarity_trial *straight = &similarity->trial[0], *bent = &similarity->trial[1];
 
-            if (!cairn_budget_pay(budget, &similarity->units_charged,
-                                  cairn_similarity_is_valid_cut(similarity, similarity->cursor,
-                                                                similarity->inner_cursor)
-                                      ? units
-                                      : 1))
+            if (!cairn_budget_charge(budget, &similarity->units_charged,
+                                     cairn_similarity_is_valid_cut(similarity, similarity->cursor,
+                                                                   similarity->inner_cursor)
+                                         ? units
+                                         : 1))
                 return CAIRN_MORE;
             if (!cairn_similarity_is_valid_cut(similarity, similarity->cursor,
                                                similarity->inner_cursor))
@@ -126,7 +126,8 @@ void cairn_similarity_set_arcs(const cairn_self_similarity *similarity, similari
     for (int32_t arc = 0; arc < 2; arc++) {
         cut->from[arc] = cut->position[arc];
         cut->to[arc] = cut->position[1 - arc];
-        cut->to[arc] += cut->to[arc] < cut->from[arc] ? (cairn_real)similarity->params.points : 0;
+        cut->to[arc] +=
+            cut->to[arc] < cut->from[arc] ? (cairn_real)similarity->params.outline_samples : 0;
     }
     cut->vertices = cut->division = 0;
 }

@@ -89,7 +89,7 @@ struct cairn_self_similarity {
     /* The same for a new shape, until begin() accepts it. */
     cairn_vec2 *next_samples;
     /* Number of holes and of their samples; samples[outline_samples ...]. */
-    int32_t hole_total, hole_count[CAIRN_SYMMETRY_OUTLINES];
+    int32_t hole_total, hole_count[CAIRN_SYMMETRY_MAX_OUTLINES];
     /* [outline_samples^2] c(i, k) of eq. 4.4. */
     cairn_real *descriptor_distance;
     /* [2 * outline_samples] Two rows of the warping table: least sums. */
@@ -132,7 +132,7 @@ struct cairn_self_similarity {
     cairn_real rotation_residual, radius_sum;
     int32_t matching_rotations;
     /* The result. */
-    cairn_symmetry_axis axes[CAIRN_SYMMETRY_AXES];
+    cairn_symmetry_axis axes[CAIRN_SYMMETRY_MAX_AXES];
     int32_t axis_count, tie_count, rotation_order;
     cairn_symmetry_verdict verdict;
     int64_t comparison_count;

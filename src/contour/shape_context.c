@@ -63,9 +63,9 @@ cairn_shape_context_params cairn_shape_context_default(void)
 {
     cairn_shape_context_params params = {
         .max_points = 128,
-        .inner = CAIRN_REAL(0.125),
-        .outer = 2,
-        .missing = 1,
+        .inner_radius = CAIRN_REAL(0.125),
+        .outer_radius = 2,
+        .missing_cost = 1,
     };
 
     return params;
@@ -73,9 +73,9 @@ cairn_shape_context_params cairn_shape_context_default(void)
 
 static int params_are_valid(const cairn_shape_context_params *p)
 {
-    return p != NULL && p->max_points >= 2 && p->max_points <= MAX_POINTS && p->inner > 0 &&
-           p->outer > p->inner && p->outer <= MAX_COORDINATE && p->missing >= 0 &&
-           p->missing <= MAX_COORDINATE;
+    return p != NULL && p->max_points >= 2 && p->max_points <= MAX_POINTS && p->inner_radius > 0 &&
+           p->outer_radius > p->inner_radius && p->outer_radius <= MAX_COORDINATE &&
+           p->missing_cost >= 0 && p->missing_cost <= MAX_COORDINATE;
 }
 
 static cairn_assignment_params assignment_params(const cairn_shape_context_params *p)
@@ -132,7 +132,7 @@ cairn_status cairn_shape_context_create(cairn_shape_context **context, cairn_poo
 
     if (context == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     *context = carve(pool, params);
     (*context)->params = *params;
@@ -201,8 +201,9 @@ static int set_mean_distances(cairn_shape_context *matcher)
 static int32_t bin_of(const cairn_shape_context *matcher, cairn_vec2 d, cairn_real mean)
 {
     cairn_real distance = cairn_vec2_norm(d) / mean, angle = cairn_atan2(d.y, d.x);
-    cairn_real step = cairn_sqrt(cairn_sqrt(matcher->params.outer / matcher->params.inner)),
-               bound = matcher->params.inner;
+    cairn_real step = cairn_sqrt(
+                   cairn_sqrt(matcher->params.outer_radius / matcher->params.inner_radius)),
+               bound = matcher->params.inner_radius;
     int32_t ring = 0, sector = cairn_real_to_int((angle < 0 ? angle + 2 * CAIRN_PI : angle) *
                                                  (SECTORS / (2 * CAIRN_PI)));
 
@@ -321,8 +322,9 @@ static void finish_assignment(cairn_shape_context *matcher)
     int32_t more = matcher->count[0] > matcher->count[1] ? matcher->count[0] : matcher->count[1];
 
     memcpy(matcher->match, pairs.column, (size_t)matcher->count[0] * sizeof *matcher->match);
-    matcher->distance = (pairs.cost + matcher->params.missing * (cairn_real)(more - pairs.pairs)) /
-                        (cairn_real)more;
+    matcher->distance =
+        (pairs.total_cost + matcher->params.missing_cost * (cairn_real)(more - pairs.pairs)) /
+        (cairn_real)more;
     matcher->phase = PHASE_DONE;
 }
 
@@ -346,7 +348,7 @@ static cairn_status end_rows(cairn_shape_context *matcher)
     }
     if (matcher->kind == CAIRN_SHAPE_CONTEXT_PART) {
         matcher->distance = matcher->distance / (cairn_real)matcher->count[0] +
-                            matcher->params.missing * matcher->missing_share;
+                            matcher->params.missing_cost * matcher->missing_share;
         matcher->phase = PHASE_DONE;
         return CAIRN_OK;
     }
@@ -396,7 +398,7 @@ cairn_status cairn_shape_context_step(cairn_shape_context *matcher, cairn_budget
         return CAIRN_BAD_ARGUMENT;
     while (status == CAIRN_OK && matcher->phase >= PHASE_MEAN_DISTANCE &&
            matcher->phase <= PHASE_NEAREST) {
-        if (!cairn_budget_pay(budget, &matcher->units_charged, row_cost(matcher)))
+        if (!cairn_budget_charge(budget, &matcher->units_charged, row_cost(matcher)))
             return CAIRN_MORE;
         run_row(matcher);
         if (++matcher->row == row_count(matcher))
@@ -418,7 +420,7 @@ cairn_shape_context_result cairn_shape_context_read(const cairn_shape_context *m
         result.match = matcher->match;
         result.count = matcher->count[0];
         result.distance = matcher->distance;
-        result.symmetric = matcher->symmetric_distance;
+        result.symmetric_distance = matcher->symmetric_distance;
     }
     return result;
 }

@@ -42,41 +42,42 @@ enum { TANGENT_HALF_WIDTH = 2 };
 cairn_shape_builder_params cairn_shape_builder_default(void)
 {
     cairn_shape_builder_params params = {
-        .points = 128,
-        .samples = 32,
-        .max_paths = CAIRN_SHAPE_PATHS,
+        .outline_samples = 128,
+        .path_samples = 32,
+        .max_paths = CAIRN_SHAPE_MAX_PATHS,
         .max_deviation = 20 * (CAIRN_PI / 180),
-        .sigma = 10 * (CAIRN_PI / 180),
-        .overlap = CAIRN_REAL(0.8),
-        .min_share = CAIRN_REAL(0.08),
+        .deviation_sigma = 10 * (CAIRN_PI / 180),
+        .min_clearance = CAIRN_REAL(0.8),
+        .min_outline_share = CAIRN_REAL(0.08),
     };
     return params;
 }
 
 static int params_are_valid(const cairn_shape_builder_params *p)
 {
-    return p != NULL && p->points >= SHAPE_MIN_OUTLINE_SAMPLES && p->points <= 1024 &&
-           p->samples >= 4 && p->samples <= 256 && p->max_paths >= 1 &&
-           p->max_paths <= CAIRN_SHAPE_PATHS && p->max_deviation > 0 &&
-           p->max_deviation < CAIRN_PI / 2 && p->sigma > 0 && cairn_is_finite(p->sigma) &&
-           p->overlap >= 0 && p->overlap <= 1 && p->min_share > 0 && p->min_share <= 1;
+    return p != NULL && p->outline_samples >= SHAPE_MIN_OUTLINE_SAMPLES &&
+           p->outline_samples <= 1024 && p->path_samples >= 4 && p->path_samples <= 256 &&
+           p->max_paths >= 1 && p->max_paths <= CAIRN_SHAPE_MAX_PATHS && p->max_deviation > 0 &&
+           p->max_deviation < CAIRN_PI / 2 && p->deviation_sigma > 0 &&
+           cairn_is_finite(p->deviation_sigma) && p->min_clearance >= 0 && p->min_clearance <= 1 &&
+           p->min_outline_share > 0 && p->min_outline_share <= 1;
 }
 
 /* Paths share an outline, and each has a least number of samples. */
 int32_t cairn_shape_max_samples(const cairn_shape_builder_params *p)
 {
-    return p->samples + CAIRN_SHAPE_PATHS * (SHAPE_MIN_PATH_SAMPLES + 1);
+    return p->path_samples + CAIRN_SHAPE_MAX_PATHS * (SHAPE_MIN_PATH_SAMPLES + 1);
 }
 
 /* Returns the greatest number of samples of all outlines. */
 static int32_t max_outline_samples(const cairn_shape_builder_params *p)
 {
-    return p->points + CAIRN_SHAPE_OUTLINES * (SHAPE_MIN_OUTLINE_SAMPLES + 1);
+    return p->outline_samples + CAIRN_SHAPE_MAX_OUTLINES * (SHAPE_MIN_OUTLINE_SAMPLES + 1);
 }
 
 static cairn_shape_builder *carve(cairn_pool *pool, const cairn_shape_builder_params *p)
 {
-    size_t side = (size_t)p->points + SHAPE_MIN_OUTLINE_SAMPLES;
+    size_t side = (size_t)p->outline_samples + SHAPE_MIN_OUTLINE_SAMPLES;
     cairn_shape_builder *builder = cairn_pool_take_one(pool, sizeof *builder);
     cairn_oriented_point *outline =
         cairn_pool_take(pool, (size_t)max_outline_samples(p), sizeof *outline);
@@ -86,7 +87,7 @@ static cairn_shape_builder *carve(cairn_pool *pool, const cairn_shape_builder_pa
     shape_pair *path_pairs = cairn_pool_take(pool, 2 * side, sizeof *path_pairs);
     cairn_shape_sample *samples =
         cairn_pool_take(pool, (size_t)cairn_shape_max_samples(p), sizeof *samples);
-    cairn_shape_path *paths = cairn_pool_take(pool, CAIRN_SHAPE_PATHS, sizeof *paths);
+    cairn_shape_path *paths = cairn_pool_take(pool, CAIRN_SHAPE_MAX_PATHS, sizeof *paths);
 
     if (builder != NULL) {
         memset(builder, 0, sizeof *builder);
@@ -120,7 +121,7 @@ cairn_status cairn_shape_builder_create(cairn_shape_builder **builder, cairn_poo
 
     if (builder == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     made->params = *params;
@@ -186,7 +187,7 @@ cairn_status cairn_shape_builder_begin(cairn_shape_builder *builder, const cairn
     cairn_status status;
     cairn_box box;
 
-    if (builder == NULL || outlines == NULL || count < 1 || count > CAIRN_SHAPE_OUTLINES)
+    if (builder == NULL || outlines == NULL || count < 1 || count > CAIRN_SHAPE_MAX_OUTLINES)
         return CAIRN_BAD_ARGUMENT;
     status = check_outlines(outlines, count, &box, &whole);
     if (status != CAIRN_OK)
@@ -200,8 +201,8 @@ cairn_status cairn_shape_builder_begin(cairn_shape_builder *builder, const cairn
     builder->outline_first[0] = 0;
     for (int32_t i = 0; i < count; i++) {
         cairn_real length = cairn_curve_length(&outlines[i]);
-        int32_t points =
-            cairn_real_to_int(cairn_rint((cairn_real)builder->params.points * (length / whole)));
+        int32_t points = cairn_real_to_int(
+            cairn_rint((cairn_real)builder->params.outline_samples * (length / whole)));
 
         points = points < SHAPE_MIN_OUTLINE_SAMPLES ? SHAPE_MIN_OUTLINE_SAMPLES : points;
         builder->outline_length[i] = length / builder->size;
@@ -222,16 +223,18 @@ int cairn_shape_disc(const cairn_shape_builder *builder, int32_t low, int32_t hi
 
     if (!cairn_symmetric_point_of(p, q, MAX_ANGLE_RAD, &sp) ||
         sp.deviation > builder->params.max_deviation ||
-        cairn_vec2_dot(cairn_vec2_left(p.direction), cairn_vec2_sub(sp.centre, p.position)) <= 0 ||
-        cairn_vec2_dot(cairn_vec2_left(q.direction), cairn_vec2_sub(sp.centre, q.position)) <= 0)
+        cairn_vec2_dot(cairn_vec2_left_perp(p.direction), cairn_vec2_sub(sp.centre, p.position)) <=
+            0 ||
+        cairn_vec2_dot(cairn_vec2_left_perp(q.direction), cairn_vec2_sub(sp.centre, q.position)) <=
+            0)
         return 0;
     disc->centre = sp.centre;
     disc->radius = sp.radius;
     disc->deviation = sp.deviation;
-    disc->side[0] = q;
-    disc->side[1].position = p.position;
-    disc->side[1].direction = cairn_vec2_scale(p.direction, -1);
-    disc->share[0] = disc->share[1] = 0;
+    disc->contact[0] = q;
+    disc->contact[1].position = p.position;
+    disc->contact[1].direction = cairn_vec2_scale(p.direction, -1);
+    disc->outline_share[0] = disc->outline_share[1] = 0;
     return 1;
 }
 
@@ -242,13 +245,13 @@ cairn_real cairn_shape_gain(const cairn_shape_builder *builder, int32_t low, int
 
     if (!cairn_shape_disc(builder, low, high, &disc))
         return -MIN_QUALITY;
-    clear = builder->params.overlap * disc.radius;
+    clear = builder->params.min_clearance * disc.radius;
     for (int32_t i = builder->outline_first[builder->outline_index];
          i < builder->outline_first[builder->outline_index + 1]; i++)
         if (cairn_vec2_norm_squared(cairn_vec2_sub(builder->outline[i].position, disc.centre)) <
             clear * clear)
             return -MIN_QUALITY;
-    scaled = disc.deviation / builder->params.sigma;
+    scaled = disc.deviation / builder->params.deviation_sigma;
     return cairn_exp(CAIRN_REAL(-0.5) * scaled * scaled) - MIN_QUALITY;
 }
 
@@ -261,7 +264,7 @@ static cairn_status step_pairs(cairn_shape_builder *builder, cairn_budget *budge
     for (; builder->cursor < n * n; builder->cursor++) {
         int32_t low = builder->cursor / n, high = builder->cursor % n;
 
-        if (!cairn_budget_pay(budget, &builder->units_charged, low == high ? 1 : 4 + n / 16))
+        if (!cairn_budget_charge(budget, &builder->units_charged, low == high ? 1 : 4 + n / 16))
             return CAIRN_MORE;
         builder->gain[builder->cursor] =
             low == high ? -MIN_QUALITY : cairn_shape_gain(builder, first + low, first + high);
@@ -278,9 +281,10 @@ void cairn_shape_add_arc(cairn_shape_builder *builder, shape_arc arc)
 {
     int32_t i = builder->arc_count;
 
-    if ((cairn_real)arc.count < builder->params.min_share * (cairn_real)shape_points(builder))
+    if ((cairn_real)arc.count <
+        builder->params.min_outline_share * (cairn_real)shape_points(builder))
         return;
-    if (builder->arc_count == CAIRN_SHAPE_PATHS) {
+    if (builder->arc_count == CAIRN_SHAPE_MAX_PATHS) {
         if (builder->arcs[i - 1].count >= arc.count)
             return;
         i--;
@@ -300,7 +304,7 @@ static cairn_status step_search(cairn_shape_builder *builder, cairn_budget *budg
         cairn_status status = cairn_shape_search_step(builder, &arc, budget);
 
         if (status != CAIRN_OK ||
-            !cairn_budget_pay(budget, &builder->units_charged, UNITS_PER_PATH))
+            !cairn_budget_charge(budget, &builder->units_charged, UNITS_PER_PATH))
             return CAIRN_MORE;
         memmove(&builder->arcs[0], &builder->arcs[1],
                 (size_t)(builder->arc_count - 1) * sizeof builder->arcs[0]);
@@ -373,11 +377,12 @@ static cairn_status check_sample(const cairn_shape_sample *s, int64_t index, cai
         !cairn_is_finite(s->radius) || !cairn_is_finite(s->deviation))
         return cairn_refuse(fault, index, "a sample that is not finite, expected finite ones",
                             CAIRN_NOT_FINITE);
-    if (!(s->radius > 0) || s->deviation < 0 || !is_share(s->share[0]) || !is_share(s->share[1]))
+    if (!(s->radius > 0) || s->deviation < 0 || !is_share(s->outline_share[0]) ||
+        !is_share(s->outline_share[1]))
         return cairn_refuse(
             fault, index, "a sample out of range, expected a radius above 0 and shares from 0 to 1",
             CAIRN_BAD_ARGUMENT);
-    if (!is_valid_point(s->side[0]) || !is_valid_point(s->side[1]))
+    if (!is_valid_point(s->contact[0]) || !is_valid_point(s->contact[1]))
         return cairn_refuse(
             fault, index,
             "a contact point out of range, expected a finite position and a unit direction",
@@ -395,7 +400,7 @@ static cairn_status check_path(const cairn_shape_model *m, int32_t index, cairn_
                             "a path beyond the samples, expected at least one of them",
                             CAIRN_BAD_ARGUMENT);
     if (p->parent < -1 || p->parent >= index || (p->parent < 0) != (p->branch < 0) ||
-        (p->parent >= 0 && p->branch >= m->paths[p->parent].count) || !is_share(p->share))
+        (p->parent >= 0 && p->branch >= m->paths[p->parent].count) || !is_share(p->outline_share))
         return cairn_refuse(
             fault, index, "a path that branches off nowhere, expected a sample of a path before it",
             CAIRN_BAD_ARGUMENT);
@@ -405,7 +410,7 @@ static cairn_status check_path(const cairn_shape_model *m, int32_t index, cairn_
 /* Validates the gaps of a model. */
 static int gaps_are_valid(const cairn_shape_model *m)
 {
-    int32_t good = m->gap_count >= 0 && m->gap_count <= CAIRN_SHAPE_GAPS;
+    int32_t good = m->gap_count >= 0 && m->gap_count <= CAIRN_SHAPE_MAX_GAPS;
 
     for (int32_t i = 0; good && i < m->gap_count; i++)
         good = cairn_is_finite(m->gaps[i].x) && cairn_is_finite(m->gaps[i].y);
@@ -417,7 +422,7 @@ cairn_status cairn_shape_model_check(const cairn_shape_model *m, cairn_fault *fa
     cairn_status status = CAIRN_OK;
 
     if (m == NULL || m->samples == NULL || m->paths == NULL || m->outline == NULL ||
-        m->sample_count < 1 || m->path_count < 1 || m->path_count > CAIRN_SHAPE_PATHS ||
+        m->sample_count < 1 || m->path_count < 1 || m->path_count > CAIRN_SHAPE_MAX_PATHS ||
         m->outline_count < 1 || !(m->size > 0) || !cairn_is_finite(m->size) ||
         !cairn_is_finite(m->origin.x) || !cairn_is_finite(m->origin.y))
         return cairn_refuse(fault, -1, "no model, expected a size, paths, samples and an outline",

@@ -18,7 +18,7 @@ enum { MOVE_START, MOVE_BOTH, MOVE_UP, MOVE_DOWN };
 
 static int32_t row_stride(const cairn_shape_builder *builder)
 {
-    return builder->params.points + SHAPE_MIN_OUTLINE_SAMPLES;
+    return builder->params.outline_samples + SHAPE_MIN_OUTLINE_SAMPLES;
 }
 
 /* Returns the row of values of a gap. */
@@ -179,12 +179,12 @@ static void add_shares(const cairn_shape_builder *builder, const shape_arc *arc,
                          *now = &builder->path_pairs[i];
 
         if (gain_at(builder, arc, now->low, now->high) > 0) {
-            sample->share[0] += each * (cairn_real)(now->high - before->high);
-            sample->share[1] += each * (cairn_real)(before->low - now->low);
+            sample->outline_share[0] += each * (cairn_real)(now->high - before->high);
+            sample->outline_share[1] += each * (cairn_real)(before->low - now->low);
         }
     }
-    sample->share[0] = cairn_min(sample->share[0], 1);
-    sample->share[1] = cairn_min(sample->share[1], 1);
+    sample->outline_share[0] = cairn_min(sample->outline_share[0], 1);
+    sample->outline_share[1] = cairn_min(sample->outline_share[1], 1);
 }
 
 /* Adds waiting arcs: asymmetric stretches passed on one side, where a limb branches off, and the
@@ -248,10 +248,10 @@ static void reverse_path(cairn_shape_builder *builder, const cairn_shape_path *p
             cairn_shape_sample turned = pair[e];
 
             for (int32_t side = 0; side < 2; side++) {
-                turned.side[side].position = pair[e].side[1 - side].position;
-                turned.side[side].direction =
-                    cairn_vec2_scale(pair[e].side[1 - side].direction, -1);
-                turned.share[side] = pair[e].share[1 - side];
+                turned.contact[side].position = pair[e].contact[1 - side].position;
+                turned.contact[side].direction =
+                    cairn_vec2_scale(pair[e].contact[1 - side].direction, -1);
+                turned.outline_share[side] = pair[e].outline_share[1 - side];
             }
             s[e == 0 ? j : i] = turned;
         }
@@ -268,10 +268,10 @@ void cairn_shape_add_path(cairn_shape_builder *builder, const shape_arc *arc)
                          : 0,
             wanted, from = 0;
 
-    if ((cairn_real)length < builder->params.min_share * (cairn_real)shape_points(builder))
+    if ((cairn_real)length < builder->params.min_outline_share * (cairn_real)shape_points(builder))
         return;
     wanted = cairn_real_to_int(
-        cairn_rint((cairn_real)builder->params.samples * each * (cairn_real)length));
+        cairn_rint((cairn_real)builder->params.path_samples * each * (cairn_real)length));
     wanted = wanted < SHAPE_MIN_PATH_SAMPLES ? SHAPE_MIN_PATH_SAMPLES : wanted;
     for (int32_t k = 0;
          k < wanted && builder->sample_count < cairn_shape_max_samples(&builder->params); k++) {
@@ -286,7 +286,7 @@ void cairn_shape_add_path(cairn_shape_builder *builder, const shape_arc *arc)
             cairn_shape_disc(builder, shape_point(builder, arc, builder->path_pairs[best].low),
                              shape_point(builder, arc, builder->path_pairs[best].high), sample)) {
             add_shares(builder, arc, from, to, sample);
-            path.share += sample->share[0] + sample->share[1];
+            path.outline_share += sample->outline_share[0] + sample->outline_share[1];
             builder->sample_count++;
             path.count++;
         }
@@ -294,7 +294,7 @@ void cairn_shape_add_path(cairn_shape_builder *builder, const shape_arc *arc)
     }
     if (path.count == 0)
         return;
-    path.share = cairn_min(path.share, 1);
+    path.outline_share = cairn_min(path.outline_share, 1);
     if (path.parent >= 0) {
         if (!arc->is_closed)
             reverse_path(builder, &path);

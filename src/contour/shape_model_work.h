@@ -37,11 +37,11 @@ struct cairn_shape_builder {
     cairn_shape_sample *samples;
     cairn_shape_path *paths;
     /* Waiting arcs, the longest first. */
-    shape_arc arcs[CAIRN_SHAPE_PATHS];
+    shape_arc arcs[CAIRN_SHAPE_MAX_PATHS];
     /* First sample of each outline in outline[]. */
-    int32_t outline_first[CAIRN_SHAPE_OUTLINES + 1];
+    int32_t outline_first[CAIRN_SHAPE_MAX_OUTLINES + 1];
     /* Length of each outline, units of the size. */
-    cairn_real outline_length[CAIRN_SHAPE_OUTLINES];
+    cairn_real outline_length[CAIRN_SHAPE_MAX_OUTLINES];
     /* Length of all outlines, units of the size. */
     cairn_real total_length;
     /* Size and origin of the model in the units of the input outline. */

@@ -6,7 +6,7 @@
  * 2. Each edgel searches along its normal, to both sides, for the edgel that faces it best: their
  *    centre point, CP (skeleton_grouping_centre.c).
  * 3. Expectation-maximization fits lines to the CPs in (x, y, radius). Lines of mirror-symmetric
- *    CPs are seeds (skeleton_grouping_start.c).
+ *    CPs are seeds (skeleton_grouping_seed.c).
  * 4. From each seed a particle filter follows the axis to both ends (skeleton_grouping_walk.c).
  * 5. Walks compete for edgels by log odds; the selected parts that continue into each other form
  *    objects (skeleton_grouping_part.c).
@@ -52,18 +52,18 @@ cairn_skeleton_params cairn_skeleton_default(void)
         .max_parts = 256,
         .max_points = 8192,
         .max_steps = 96,
-        .particles = 16,
+        .particle_count = 16,
         .mode = CAIRN_MODE_DEFAULT,
-        .duality = 20 * (CAIRN_PI / 180),
-        .reach = 8,
-        .radius = CAIRN_REAL(0.2),
-        .symmetry = 8 * (CAIRN_PI / 180),
-        .detection = CAIRN_REAL(0.9),
-        .flip = CAIRN_REAL(0.05),
-        .contrast = 6,
-        .stop = 10,
+        .duality_sigma = 20 * (CAIRN_PI / 180),
+        .step_sigma = 8,
+        .radius_sigma = CAIRN_REAL(0.2),
+        .symmetry_sigma = 8 * (CAIRN_PI / 180),
+        .detection_probability = CAIRN_REAL(0.9),
+        .polarity_flip_probability = CAIRN_REAL(0.05),
+        .contrast_weight = 6,
+        .stop_log_odds = 10,
         .min_log_odds = 20,
-        .min_mirror = CAIRN_REAL(0.6),
+        .min_mirror_ratio = CAIRN_REAL(0.6),
         .seed = 1,
     };
     return params;
@@ -78,10 +78,10 @@ cairn_skeleton_params cairn_skeleton_as_written(void)
     params.max_points = 32768;
     params.max_parts = 512;
     params.max_steps = 256;
-    params.particles = 50;
-    params.radius = 2;
-    params.symmetry = 10 * (CAIRN_PI / 180);
-    params.stop = 2;
+    params.particle_count = 50;
+    params.radius_sigma = 2;
+    params.symmetry_sigma = 10 * (CAIRN_PI / 180);
+    params.stop_log_odds = 2;
     params.min_log_odds = 12;
     return params;
 }
@@ -107,13 +107,14 @@ static int params_are_valid(const cairn_skeleton_params *p)
            is_count(p->max_edgels, 1 << 24) && is_count(p->max_centres, 1 << 20) &&
            is_count(p->max_lines, 4096) && is_count(p->max_parts, 4096) &&
            is_count(p->max_points, 1 << 20) && is_count(p->max_steps, 1024) &&
-           is_count(p->particles, 1024) &&
+           is_count(p->particle_count, 1024) &&
            (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
-           is_positive(p->duality) && is_positive(p->reach) && is_positive(p->radius) &&
-           is_positive(p->symmetry) && is_share(p->detection) && is_share(p->flip) &&
-           p->contrast >= 0 && cairn_is_finite(p->contrast) && is_positive(p->stop) &&
-           p->min_log_odds >= 0 && cairn_is_finite(p->min_log_odds) && p->min_mirror >= 0 &&
-           p->min_mirror <= 1;
+           is_positive(p->duality_sigma) && is_positive(p->step_sigma) &&
+           is_positive(p->radius_sigma) && is_positive(p->symmetry_sigma) &&
+           is_share(p->detection_probability) && is_share(p->polarity_flip_probability) &&
+           p->contrast_weight >= 0 && cairn_is_finite(p->contrast_weight) &&
+           is_positive(p->stop_log_odds) && p->min_log_odds >= 0 &&
+           cairn_is_finite(p->min_log_odds) && p->min_mirror_ratio >= 0 && p->min_mirror_ratio <= 1;
 }
 
 /* Returns the params of the particle filter. */
@@ -121,19 +122,19 @@ static cairn_particle_filter_params filter_params(const cairn_skeleton_params *p
 {
     cairn_particle_filter_params f = cairn_particle_filter_default();
 
-    f.particles = f.max_particles = p->particles;
-    f.max_blocks = (p->max_steps + 2) * p->particles;
+    f.particles = f.max_particles = p->particle_count;
+    f.max_blocks = (p->max_steps + 2) * p->particle_count;
     if (p->mode == CAIRN_MODE_AS_WRITTEN) {
         /* Prior boosting: all followers are kept, each with its weight. */
         f.proposal = CAIRN_PROPOSAL_PRIOR;
-        f.by_entropy = 0;
+        f.adaptive_followers = 0;
         f.max_followers = WRITTEN_MAX_FOLLOWERS;
-        f.max_candidates = p->particles * WRITTEN_MAX_FOLLOWERS;
+        f.max_candidates = p->particle_count * WRITTEN_MAX_FOLLOWERS;
         f.state_bytes = (int32_t)sizeof(skeleton_written_state);
         return f;
     }
     f.max_followers = SKELETON_MAX_FOLLOWERS;
-    f.max_candidates = p->particles * SKELETON_MAX_CANDIDATES;
+    f.max_candidates = p->particle_count * SKELETON_MAX_CANDIDATES;
     f.state_bytes = (int32_t)sizeof(skeleton_state);
     return f;
 }
@@ -150,9 +151,9 @@ static cairn_polyline_params line_params(const cairn_skeleton_params *p)
     line.max_iterations = 15;
     line.min_length = 4;
     line.sigma = 1;
-    line.s_first = 4;
-    line.s_last = 2;
-    line.shrink = CAIRN_REAL(0.8);
+    line.width_first = 4;
+    line.width_last = 2;
+    line.width_decay = CAIRN_REAL(0.8);
     line.gap = 8;
     line.gap_max = 12;
     line.merge_angle = 10 * (CAIRN_PI / 180);
@@ -266,7 +267,7 @@ cairn_status cairn_skeleton_create(cairn_skeleton **skeleton, cairn_pool *pool,
 
     if (skeleton == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     made->params = *params;
@@ -345,16 +346,16 @@ static int is_finite_edgel(const cairn_edgel *e)
 {
     return cairn_is_finite(e->position.x) && cairn_is_finite(e->position.y) &&
            cairn_is_finite(e->normal.x) && cairn_is_finite(e->normal.y) &&
-           cairn_is_finite(e->slope);
+           cairn_is_finite(e->gradient_magnitude);
 }
 
 /* Counts an edgel in its cell and updates the mean logarithmic slope. */
 static void count(cairn_skeleton *skeleton, const cairn_edgel *e)
 {
     skeleton->cell_first[cell_of(skeleton, e->position)]++;
-    if (e->slope > 0)
-        skeleton->mean_log_slope +=
-            (cairn_log(e->slope) - skeleton->mean_log_slope) / (cairn_real)++skeleton->slope_count;
+    if (e->gradient_magnitude > 0)
+        skeleton->mean_log_slope += (cairn_log(e->gradient_magnitude) - skeleton->mean_log_slope) /
+                                    (cairn_real)++skeleton->slope_count;
 }
 
 /* Stores an input edgel in its cell. */
@@ -366,7 +367,9 @@ static void store_edgel(cairn_skeleton *skeleton, int32_t source)
 
     e->position = from->position;
     e->normal = from->normal;
-    e->log_slope_ratio = from->slope > 0 ? cairn_log(from->slope) - skeleton->mean_log_slope : 0;
+    e->log_slope_ratio = from->gradient_magnitude > 0
+                             ? cairn_log(from->gradient_magnitude) - skeleton->mean_log_slope
+                             : 0;
     e->input_index = source;
     e->assigned = 0;
 }
@@ -380,7 +383,7 @@ cairn_status cairn_skeleton_index(cairn_skeleton *skeleton, cairn_budget *budget
     for (; skeleton->cursor < 3 * lists + 2 * n; skeleton->cursor++) {
         int32_t i = skeleton->cursor;
 
-        if (!cairn_budget_pay(budget, &skeleton->units_charged, 1))
+        if (!cairn_budget_charge(budget, &skeleton->units_charged, 1))
             return CAIRN_MORE;
         if (i < lists) {
             skeleton->cell_first[i] = 0;
@@ -475,10 +478,10 @@ cairn_skeleton_result cairn_skeleton_read(const cairn_skeleton *skeleton)
     r.point_count = skeleton->point_count;
     r.part_count = skeleton->part_count;
     r.object_count = skeleton->object_count;
-    r.centres = skeleton->centres_found;
-    r.lines = skeleton->line_count;
-    r.starts = skeleton->walk_count;
-    r.left_out = skeleton->seed_count - skeleton->seed_index;
+    r.centre_count = skeleton->centres_found;
+    r.line_count = skeleton->line_count;
+    r.seed_count = skeleton->walk_count;
+    r.dropped_seed_count = skeleton->seed_count - skeleton->seed_index;
     r.min_radius = skeleton->input.min_radius;
     r.max_radius = skeleton->input.max_radius;
     return r;

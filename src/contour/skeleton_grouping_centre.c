@@ -65,7 +65,7 @@ static search_wedge search_wedge_of(const cairn_skeleton *skeleton, const skelet
     cairn_vec2 inward = skeleton_inward(e, polarity);
     cairn_vec2 tip =
         cairn_vec2_add(e->position, cairn_vec2_scale(inward, 2 * skeleton->max_search_radius));
-    cairn_vec2 aside = cairn_vec2_scale(cairn_vec2_left(inward),
+    cairn_vec2 aside = cairn_vec2_scale(cairn_vec2_left_perp(inward),
                                         CAIRN_REAL(0.6) * 2 * skeleton->max_search_radius);
     cairn_box box = {e->position, e->position};
     search_wedge w;
@@ -110,7 +110,7 @@ static cairn_real pair_cost(const cairn_skeleton *skeleton, const search_wedge *
      * deviation. */
     mirrored = cairn_vec2_sub(w->inward, cairn_vec2_scale(chord, 2 * along / squared));
     cosine = cairn_vec2_dot(mirrored, skeleton_inward(other, *polarity));
-    return (1 - cosine) / (4 * skeleton->params.symmetry * skeleton->params.symmetry) +
+    return (1 - cosine) / (4 * skeleton->params.symmetry_sigma * skeleton->params.symmetry_sigma) +
            (*polarity != w->polarity ? POLARITY_CHANGE_COST : 0) +
            MAX_RADIUS_COST * (radius - skeleton->min_search_radius) /
                (skeleton->max_search_radius - skeleton->min_search_radius + 1);
@@ -142,7 +142,7 @@ static int32_t partner_of(const cairn_skeleton *skeleton, const search_wedge *w,
 
 static cairn_oriented_point oriented(const skeleton_edgel *e)
 {
-    cairn_oriented_point p = {e->position, cairn_vec2_left(e->normal)};
+    cairn_oriented_point p = {e->position, cairn_vec2_left_perp(e->normal)};
 
     return p;
 }
@@ -178,7 +178,7 @@ cairn_status cairn_skeleton_centres(cairn_skeleton *skeleton, cairn_budget *budg
                                              skeleton->polarity_cursor);
             int32_t partner, polarity = 0;
 
-            if (!cairn_budget_pay(budget, &skeleton->units_charged, wedge_cost(skeleton, &w)))
+            if (!cairn_budget_charge(budget, &skeleton->units_charged, wedge_cost(skeleton, &w)))
                 return CAIRN_MORE;
             partner = partner_of(skeleton, &w, &polarity);
             if (partner >= 0)
@@ -244,12 +244,12 @@ cairn_status cairn_skeleton_propose_range(cairn_skeleton *skeleton, cairn_budget
     if (skeleton->input.max_radius > 0)
         return CAIRN_OK;
     for (; skeleton->cursor < skeleton->centre_count; skeleton->cursor++) {
-        if (!cairn_budget_pay(budget, &skeleton->units_charged, 1))
+        if (!cairn_budget_charge(budget, &skeleton->units_charged, 1))
             return CAIRN_MORE;
         skeleton->histogram[bin_of(skeleton, skeleton->centres[skeleton->cursor].radius)] += 1;
     }
-    if (!cairn_budget_pay(budget, &skeleton->units_charged,
-                          SKELETON_RADIUS_BINS / 4 + skeleton->centres_found / 8))
+    if (!cairn_budget_charge(budget, &skeleton->units_charged,
+                             SKELETON_RADIUS_BINS / 4 + skeleton->centres_found / 8))
         return CAIRN_MORE;
     set_range(skeleton);
     skeleton->centre_count = 0;

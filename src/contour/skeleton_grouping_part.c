@@ -143,7 +143,7 @@ static cairn_skeleton_point smoothed_point(const cairn_skeleton *skeleton, const
                        cairn_vec2_scale(cairn_vec2_add(a->centre, b->centre), CAIRN_REAL(0.25)));
     q.radius = CAIRN_REAL(0.5) * d->radius + CAIRN_REAL(0.25) * (a->radius + b->radius);
     for (int32_t side = 0; side < 2; side++) {
-        q.touch[side] = d->contact[side];
+        q.contact[side] = d->contact[side];
         q.edgel[side] = d->edgel[side] >= 0 ? skeleton->edgels[d->edgel[side]].input_index : -1;
     }
     return q;
@@ -193,7 +193,7 @@ cairn_status cairn_skeleton_select_parts(cairn_skeleton *skeleton, cairn_budget 
 
             if (p->state != 0)
                 continue;
-            if (!cairn_budget_pay(budget, &skeleton->units_charged, 1 + p->count / 8))
+            if (!cairn_budget_charge(budget, &skeleton->units_charged, 1 + p->count / 8))
                 return CAIRN_MORE;
             score_best_stretch(skeleton, p);
             if (p->log_odds < skeleton->params.min_log_odds ||
@@ -201,17 +201,18 @@ cairn_status cairn_skeleton_select_parts(cairn_skeleton *skeleton, cairn_budget 
                 p->state = -1;
         }
         if (skeleton->cursor == skeleton->candidate_count) {
-            if (!cairn_budget_pay(budget, &skeleton->units_charged,
-                                  1 + skeleton->candidate_count / 32))
+            if (!cairn_budget_charge(budget, &skeleton->units_charged,
+                                     1 + skeleton->candidate_count / 32))
                 return CAIRN_MORE;
             skeleton->second_cursor = best_of(skeleton);
             if (skeleton->second_cursor < 0)
                 return CAIRN_OK;
             skeleton->cursor++;
         }
-        if (!cairn_budget_pay(budget, &skeleton->units_charged,
-                              1 + 8 * (skeleton->candidates[skeleton->second_cursor].kept_end -
-                                       skeleton->candidates[skeleton->second_cursor].kept_first)))
+        if (!cairn_budget_charge(
+                budget, &skeleton->units_charged,
+                1 + 8 * (skeleton->candidates[skeleton->second_cursor].kept_end -
+                         skeleton->candidates[skeleton->second_cursor].kept_first)))
             return CAIRN_MORE;
         if (!is_written(skeleton))
             assign_edgels(skeleton, &skeleton->candidates[skeleton->second_cursor]);
@@ -326,9 +327,9 @@ static void collect_objects(cairn_skeleton *skeleton)
         }
         skeleton->parts[i].object = skeleton->parts[home].object;
         o = &skeleton->objects[skeleton->parts[i].object];
-        o->parts++;
+        o->part_count++;
         o->log_odds += skeleton->parts[i].log_odds;
-        o->free_ends += (skeleton->parts[i].joint[0] < 0) + (skeleton->parts[i].joint[1] < 0);
+        o->free_end_count += (skeleton->parts[i].joint[0] < 0) + (skeleton->parts[i].joint[1] < 0);
     }
 }
 
@@ -403,7 +404,7 @@ cairn_status cairn_skeleton_join_parts(cairn_skeleton *skeleton, cairn_budget *b
     for (; skeleton->cursor < skeleton->part_count; skeleton->cursor++) {
         cairn_skeleton_part *p = &skeleton->parts[skeleton->cursor];
 
-        if (!cairn_budget_pay(budget, &skeleton->units_charged, 2 + skeleton->point_count / 4))
+        if (!cairn_budget_charge(budget, &skeleton->units_charged, 2 + skeleton->point_count / 4))
             return CAIRN_MORE;
         for (int32_t end = 0; end < 2 && !is_written(skeleton); end++) {
             p->joint[end] = joint_of(skeleton, p, end);
@@ -411,7 +412,7 @@ cairn_status cairn_skeleton_join_parts(cairn_skeleton *skeleton, cairn_budget *b
                 unite(skeleton, skeleton->cursor, part_of(skeleton, p->joint[end]));
         }
     }
-    if (!cairn_budget_pay(budget, &skeleton->units_charged, 1 + 2 * skeleton->part_count))
+    if (!cairn_budget_charge(budget, &skeleton->units_charged, 1 + 2 * skeleton->part_count))
         return CAIRN_MORE;
     collect_objects(skeleton);
     sort_objects(skeleton);

@@ -67,13 +67,13 @@ static cairn_real angle_from(cairn_vec2 a, cairn_vec2 b)
 /* Returns the step length, px. */
 static cairn_real step_of(const cairn_skeleton *skeleton, cairn_real radius)
 {
-    return cairn_min(cairn_max(STEP_RADII * radius, MIN_STEP_PX), skeleton->params.reach);
+    return cairn_min(cairn_max(STEP_RADII * radius, MIN_STEP_PX), skeleton->params.step_sigma);
 }
 
 /* Returns the contour's forward tangent. */
 static cairn_vec2 tangent_of(const skeleton_state *s, int32_t side)
 {
-    cairn_vec2 tangent = cairn_vec2_left(s->inward[side]);
+    cairn_vec2 tangent = cairn_vec2_left_perp(s->inward[side]);
 
     return cairn_vec2_dot(tangent, s->heading) < 0 ? cairn_vec2_scale(tangent, -1) : tangent;
 }
@@ -90,16 +90,17 @@ static cairn_real side_gain(const cairn_skeleton *skeleton, const skeleton_state
 {
     cairn_vec2 chord = cairn_vec2_sub(c->position, s->contact[side]);
     cairn_real bend = angle_from(ahead, chord), turn = angle_from(s->inward[side], c->inward);
-    cairn_real flip =
-        c->polarity == s->polarity[side] ? 1 - skeleton->params.flip : skeleton->params.flip;
+    cairn_real flip = c->polarity == s->polarity[side]
+                          ? 1 - skeleton->params.polarity_flip_probability
+                          : skeleton->params.polarity_flip_probability;
 
     if (cairn_abs(bend) > MAX_TURN_RAD)
         return -CAIRN_REAL_MAX;
-    return cairn_log(skeleton->params.detection * 2 * flip * 2 * CAIRN_PI /
+    return cairn_log(skeleton->params.detection_probability * 2 * flip * 2 * CAIRN_PI /
                      cairn_max(c->chord, 1)) -
-           log_density + log_normal(bend, CAIRN_REAL(0.75) * skeleton->params.duality) +
-           log_normal(turn - 2 * bend, CAIRN_REAL(0.5) * skeleton->params.duality) +
-           skeleton->params.contrast * skeleton->edgels[c->edgel].log_slope_ratio;
+           log_density + log_normal(bend, CAIRN_REAL(0.75) * skeleton->params.duality_sigma) +
+           log_normal(turn - 2 * bend, CAIRN_REAL(0.5) * skeleton->params.duality_sigma) +
+           skeleton->params.contrast_weight * skeleton->edgels[c->edgel].log_slope_ratio;
 }
 
 /* Inserts a choice with non-maximum suppression; the list is sorted by decreasing gain. */
@@ -136,8 +137,9 @@ static int32_t choices_of(const cairn_skeleton *skeleton, const skeleton_state *
     int32_t x0 = cairn_skeleton_column(skeleton, predicted.x - search_radius),
             x1 = cairn_skeleton_column(skeleton, predicted.x + search_radius);
     int32_t y1 = cairn_skeleton_row(skeleton, predicted.y + search_radius), count = 0;
-    choice none = {predicted, s->inward[side],  cairn_log(1 - skeleton->params.detection), step,
-                   -1,        s->polarity[side]};
+    choice none = {
+        predicted, s->inward[side],  cairn_log(1 - skeleton->params.detection_probability), step,
+        -1,        s->polarity[side]};
 
     for (int32_t y = cairn_skeleton_row(skeleton, predicted.y - search_radius); y <= y1; y++) {
         int32_t from, end;
@@ -170,7 +172,8 @@ static cairn_real range_gain(const cairn_skeleton *skeleton, cairn_real radius)
     cairn_real off = cairn_max(
         cairn_max(skeleton->input.min_radius - radius, radius - skeleton->input.max_radius), 0);
 
-    return cairn_max(-cairn_half_square(off / (skeleton->params.radius * radius)), MIN_RANGE_GAIN);
+    return cairn_max(-cairn_half_square(off / (skeleton->params.radius_sigma * radius)),
+                     MIN_RANGE_GAIN);
 }
 
 /* Returns the gain of the symmetry and of the change of radius, nats. */
@@ -179,7 +182,7 @@ static cairn_real pair_gain(const cairn_skeleton *skeleton, const skeleton_state
 {
     cairn_real along = cairn_max(cairn_vec2_norm(cairn_vec2_sub(s->centre, before->centre)), 1);
     cairn_real symmetry =
-        log_normal(s->deviation, skeleton->params.symmetry) + cairn_log(2 * CAIRN_PI / 3);
+        log_normal(s->deviation, skeleton->params.symmetry_sigma) + cairn_log(2 * CAIRN_PI / 3);
     cairn_real slope =
         log_normal((s->radius - before->radius) / along, RADIUS_SLOPE_SIGMA) + cairn_log(2);
 
@@ -239,8 +242,8 @@ static int make_state(const cairn_skeleton *skeleton, const skeleton_state *befo
                       const choice *left, const choice *right, cairn_real step, cairn_real interior,
                       skeleton_state *s)
 {
-    cairn_oriented_point first = {left->position, cairn_vec2_left(left->inward)};
-    cairn_oriented_point second = {right->position, cairn_vec2_left(right->inward)};
+    cairn_oriented_point first = {left->position, cairn_vec2_left_perp(left->inward)};
+    cairn_oriented_point second = {right->position, cairn_vec2_left_perp(right->inward)};
     cairn_symmetric_point sp;
     cairn_vec2 moved;
     cairn_real along;
@@ -319,10 +322,10 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     int32_t count[2];
     cairn_real step = step_of(skeleton, before->radius), interior;
 
-    if (!cairn_budget_pay(budget, &skeleton->step_units_charged,
-                          proposal_cost(skeleton, before, step)))
+    if (!cairn_budget_charge(budget, &skeleton->step_units_charged,
+                             proposal_cost(skeleton, before, step)))
         return CAIRN_MORE;
-    if (before->best_log_odds - before->log_odds > skeleton->params.stop ||
+    if (before->best_log_odds - before->log_odds > skeleton->params.stop_log_odds ||
         self_intersects(before,
                         cairn_vec2_add(before->centre, cairn_vec2_scale(before->heading, step))))
         return CAIRN_OK;
@@ -397,7 +400,7 @@ static skeleton_state first_state(const cairn_skeleton *skeleton)
     skeleton_state s;
 
     memset(&s, 0, sizeof s);
-    s.heading = cairn_vec2_unit(cairn_vec2_left(chord));
+    s.heading = cairn_vec2_unit(cairn_vec2_left_perp(chord));
     if (skeleton->direction == 0)
         s.heading = cairn_vec2_scale(s.heading, -1);
     for (int32_t side = 0; side < 2; side++) {
@@ -474,7 +477,7 @@ static cairn_status run(cairn_skeleton *skeleton, cairn_budget *budget)
         if (status != CAIRN_OK)
             return status;
         t = cairn_particle_filter_read(skeleton->filter);
-        if (t.extinct || t.steps >= skeleton->params.max_steps)
+        if (t.depleted || t.steps >= skeleton->params.max_steps)
             break;
         status = cairn_particle_filter_begin(skeleton->filter);
         if (status != CAIRN_OK)
@@ -519,8 +522,8 @@ cairn_status cairn_skeleton_walks(cairn_skeleton *skeleton, cairn_budget *budget
                     skeleton->disc_count + 2 * skeleton->params.max_steps + 1 >
                         skeleton->params.max_points)
                     break;
-                if (!cairn_budget_pay(budget, &skeleton->units_charged,
-                                      1 + skeleton->disc_count / 16))
+                if (!cairn_budget_charge(budget, &skeleton->units_charged,
+                                         1 + skeleton->disc_count / 16))
                     return CAIRN_MORE;
                 if (is_covered(skeleton,
                                &skeleton->centres[skeleton->seeds[skeleton->seed_index].centre])) {

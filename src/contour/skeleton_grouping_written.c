@@ -21,8 +21,8 @@ written_limits cairn_skeleton_written_limits_of(const cairn_skeleton *skeleton, 
 
     rule.min_radius = cairn_max(skeleton->min_search_radius - margin, 1);
     rule.max_radius = skeleton->max_search_radius + margin;
-    rule.max_deviation = skeleton->params.symmetry;
-    rule.min_cosine = cairn_cos(cairn_min(2 * skeleton->params.symmetry, CAIRN_PI));
+    rule.max_deviation = skeleton->params.symmetry_sigma;
+    rule.min_cosine = cairn_cos(cairn_min(2 * skeleton->params.symmetry_sigma, CAIRN_PI));
     return rule;
 }
 
@@ -72,7 +72,7 @@ int cairn_skeleton_written_pair(const cairn_skeleton *skeleton, const written_li
     if (pair->radius < rule->min_radius || pair->radius > rule->max_radius)
         return 0;
     middle = cairn_vec2_scale(cairn_vec2_add(a->position, b->position), CAIRN_REAL(0.5));
-    pair->centre = cairn_vec2_add(middle, cairn_vec2_scale(cairn_vec2_left(along), up));
+    pair->centre = cairn_vec2_add(middle, cairn_vec2_scale(cairn_vec2_left_perp(along), up));
     if (!deviation_of(rule, a->normal, cairn_vec2_sub(pair->centre, a->position), pair->radius,
                       &pair->inward[0], &pair->deviation[0]) ||
         !deviation_of(rule, b->normal, cairn_vec2_sub(pair->centre, b->position), pair->radius,
@@ -127,7 +127,7 @@ static int pairs_of(cairn_skeleton *skeleton, int32_t edgel, cairn_budget *budge
                            skeleton_cells_cost(skeleton, x0, x1, y0, y1);
     written_limits rule;
 
-    if (!cairn_budget_pay(budget, &skeleton->units_charged, cost))
+    if (!cairn_budget_charge(budget, &skeleton->units_charged, cost))
         return 0;
     rule = cairn_skeleton_written_limits_of(skeleton, 0);
     for (int32_t y = y0; y <= y1; y++) {

@@ -62,7 +62,8 @@ static cairn_real log_side(const cairn_skeleton *skeleton, const written_pair *b
                    cairn_max(now->deviation[side] - before->deviation[side], 0);
     cairn_real gap = cairn_vec2_norm(cairn_vec2_sub(now->contact[side], before->contact[side]));
 
-    return log_gaussian(h, skeleton->params.duality) + log_gaussian(gap, skeleton->params.reach);
+    return log_gaussian(h, skeleton->params.duality_sigma) +
+           log_gaussian(gap, skeleton->params.step_sigma);
 }
 
 /* Returns the logarithm of (3.7) relative to its maximum. */
@@ -76,7 +77,7 @@ static cairn_real log_step(const cairn_skeleton *skeleton, const written_pair *b
                                0);
 
     return most + cairn_log(CAIRN_REAL(0.5) * (cairn_exp(h - most) + cairn_exp(t - most))) +
-           log_gaussian(off, skeleton->params.radius);
+           log_gaussian(off, skeleton->params.radius_sigma);
 }
 
 /* ---- Proposal ---- */
@@ -86,9 +87,9 @@ static cairn_real log_step(const cairn_skeleton *skeleton, const written_pair *b
 static cairn_vec2 search_centre(const cairn_skeleton *skeleton, const skeleton_written_state *s,
                                 int32_t side)
 {
-    cairn_vec2 tangent = cairn_vec2_left(s->pair.inward[side]);
-    cairn_real offset =
-        cairn_vec2_dot(tangent, s->heading) < 0 ? -skeleton->params.reach : skeleton->params.reach;
+    cairn_vec2 tangent = cairn_vec2_left_perp(s->pair.inward[side]);
+    cairn_real offset = cairn_vec2_dot(tangent, s->heading) < 0 ? -skeleton->params.step_sigma
+                                                                : skeleton->params.step_sigma;
 
     return cairn_vec2_add(s->pair.contact[side], cairn_vec2_scale(tangent, offset));
 }
@@ -98,7 +99,7 @@ static cairn_vec2 search_centre(const cairn_skeleton *skeleton, const skeleton_w
 static int32_t scan_circle(const cairn_skeleton *skeleton, cairn_vec2 middle, int32_t stride,
                            written_candidate *list)
 {
-    cairn_real reach = skeleton->params.reach;
+    cairn_real reach = skeleton->params.step_sigma;
     int32_t x0 = cairn_skeleton_column(skeleton, middle.x - reach),
             x1 = cairn_skeleton_column(skeleton, middle.x + reach);
     int32_t y1 = cairn_skeleton_row(skeleton, middle.y + reach), count = 0;
@@ -143,7 +144,7 @@ static void collect_candidates(cairn_skeleton *skeleton, const skeleton_written_
 /* Returns the cost of both look-ahead circles in units. */
 static int32_t search_cost(const cairn_skeleton *skeleton, const skeleton_written_state *s)
 {
-    cairn_real reach = skeleton->params.reach;
+    cairn_real reach = skeleton->params.step_sigma;
     int32_t cost = UNITS_PER_PARTICLE;
 
     for (int32_t side = 0; side < 2; side++) {
@@ -168,7 +169,7 @@ static int boxes_overlap(cairn_segment a, cairn_segment b)
 
 static int is_crossed(cairn_segment a, cairn_segment b)
 {
-    return boxes_overlap(a, b) && cairn_segments_cross(a, b);
+    return boxes_overlap(a, b) && cairn_segments_intersect(a, b);
 }
 
 /* Point-in-polygon test of the explored region, one polygon segment at a time: toggles each
@@ -297,8 +298,8 @@ static void add_pair(skeleton_written *w, const written_pair *pair)
 static void make_pairs(cairn_skeleton *skeleton, const skeleton_written_state *last)
 {
     skeleton_written *w = skeleton->written;
-    written_limits rule =
-        cairn_skeleton_written_limits_of(skeleton, RADIUS_MARGIN_SIGMAS * skeleton->params.radius);
+    written_limits rule = cairn_skeleton_written_limits_of(
+        skeleton, RADIUS_MARGIN_SIGMAS * skeleton->params.radius_sigma);
 
     w->pair_count = 0;
     w->pairs_seen = 0;
@@ -367,7 +368,8 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     int32_t cost;
 
     if (!w->has_candidates) {
-        if (!cairn_budget_pay(budget, &skeleton->step_units_charged, search_cost(skeleton, last)))
+        if (!cairn_budget_charge(budget, &skeleton->step_units_charged,
+                                 search_cost(skeleton, last)))
             return CAIRN_MORE;
         collect_candidates(skeleton, last);
         w->has_candidates = 1;
@@ -376,7 +378,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
                             WRITTEN_MAX_FOLLOWERS / FOLLOWERS_PER_UNIT) +
            UNITS_PER_PAIR * w->candidate_count[0] * w->candidate_count[1] +
            UNITS_PER_FOLLOWER * WRITTEN_MAX_FOLLOWERS;
-    if (!cairn_budget_pay(budget, &skeleton->step_units_charged, cost))
+    if (!cairn_budget_charge(budget, &skeleton->step_units_charged, cost))
         return CAIRN_MORE;
     w->has_candidates = 0;
     cull_candidates(w, last);
@@ -413,8 +415,8 @@ cairn_particle_model cairn_skeleton_written_model(cairn_skeleton *skeleton)
 static int first_state(const cairn_skeleton *skeleton, const skeleton_centre *c,
                        cairn_vec2 direction, skeleton_written_state *s)
 {
-    written_limits rule =
-        cairn_skeleton_written_limits_of(skeleton, RADIUS_MARGIN_SIGMAS * skeleton->params.radius);
+    written_limits rule = cairn_skeleton_written_limits_of(
+        skeleton, RADIUS_MARGIN_SIGMAS * skeleton->params.radius_sigma);
 
     memset(s, 0, sizeof *s);
     if (!cairn_skeleton_written_pair(skeleton, &rule, c->edgel[0], c->edgel[1], &s->pair))
@@ -434,7 +436,8 @@ static cairn_status begin_run(cairn_skeleton *skeleton)
     cairn_vec2 a = {line->a[0], line->a[1]}, b = {line->b[0], line->b[1]};
     cairn_vec2 direction =
         cairn_vec2_unit(skeleton->direction ? cairn_vec2_sub(b, a) : cairn_vec2_sub(a, b));
-    int32_t stride = (start->support + skeleton->params.particles - 1) / skeleton->params.particles,
+    int32_t stride = (start->support + skeleton->params.particle_count - 1) /
+                     skeleton->params.particle_count,
             number = 0;
     cairn_status status = cairn_particle_filter_clear(
         skeleton->filter,
@@ -481,8 +484,8 @@ static cairn_status run(cairn_skeleton *skeleton, cairn_budget *budget)
             return status;
         skeleton->is_walking = 0;
         t = cairn_particle_filter_read(skeleton->filter);
-        if (t.extinct || t.steps >= skeleton->params.max_steps ||
-            best_of(skeleton)->log_step < -skeleton->params.stop)
+        if (t.depleted || t.steps >= skeleton->params.max_steps ||
+            best_of(skeleton)->log_step < -skeleton->params.stop_log_odds)
             return CAIRN_OK;
     }
 }
@@ -495,7 +498,7 @@ static void end_run(cairn_skeleton *skeleton)
         cairn_particle_filter_count(skeleton->filter) > 0 ? best_of(skeleton) : NULL;
     int32_t count = 0;
 
-    if (s != NULL && s->log_step < -skeleton->params.stop)
+    if (s != NULL && s->log_step < -skeleton->params.stop_log_odds)
         s = cairn_particle_state_before(s);
     for (const skeleton_written_state *at = s; at != NULL; at = cairn_particle_state_before(at))
         count++;
@@ -534,8 +537,8 @@ cairn_status cairn_skeleton_written_walks(cairn_skeleton *skeleton, cairn_budget
                             (2 - skeleton->direction) * (skeleton->params.max_steps + 1) >
                         skeleton->params.max_points)
                     return CAIRN_OK;
-                if (!cairn_budget_pay(budget, &skeleton->units_charged,
-                                      1 + skeleton->centre_count / 4))
+                if (!cairn_budget_charge(budget, &skeleton->units_charged,
+                                         1 + skeleton->centre_count / 4))
                     return CAIRN_MORE;
                 status = begin_run(skeleton);
                 if (status != CAIRN_OK)

@@ -140,7 +140,7 @@ cairn_status cairn_symmetric_point_create(cairn_symmetric_point_set **set, cairn
 
     if (set == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     made->params = *params;
@@ -235,13 +235,13 @@ static int point_of(cairn_oriented_point first, cairn_oriented_point second, cai
     } else {
         height = half * tangent(CAIRN_REAL(0.5) * (a - b));
     }
-    bisector = cairn_vec2_left(u);
+    bisector = cairn_vec2_left_perp(u);
     point->centre = cairn_vec2_add(cairn_vec2_add(first.position, cairn_vec2_scale(u, half)),
                                    cairn_vec2_scale(bisector, height));
     point->radius = cairn_sqrt(half * half + height * height);
     point->deviation = CAIRN_REAL(0.5) * cairn_abs(a + b);
-    point->touch[0] = first.position;
-    point->touch[1] = second.position;
+    point->contact[0] = first.position;
+    point->contact[1] = second.position;
     point->first = 0;
     point->second = 1;
     return 1;
@@ -280,7 +280,8 @@ static cairn_oriented_point sample(cairn_segment segment, cairn_real length, int
 /* Squared distance of the centre from the midpoint of the chord, px^2. */
 static cairn_real squared_chord_offset(const cairn_symmetric_point *p)
 {
-    cairn_vec2 middle = cairn_vec2_scale(cairn_vec2_add(p->touch[0], p->touch[1]), CAIRN_REAL(0.5));
+    cairn_vec2 middle =
+        cairn_vec2_scale(cairn_vec2_add(p->contact[0], p->contact[1]), CAIRN_REAL(0.5));
 
     return cairn_vec2_norm_squared(cairn_vec2_sub(p->centre, middle));
 }
@@ -403,7 +404,7 @@ static cairn_status step_pairs(cairn_symmetric_point_set *set, cairn_budget *bud
                 return status == CAIRN_EMPTY ? CAIRN_OK : status;
             }
         }
-        if (!cairn_budget_pay(budget, &set->charged_units, pair_cost(set)))
+        if (!cairn_budget_charge(budget, &set->charged_units, pair_cost(set)))
             return CAIRN_MORE;
         if (cairn_symmetric_point_of_segments(&set->params, set->segments[set->first],
                                               set->segments[set->second], &point)) {
@@ -422,7 +423,7 @@ static cairn_status step_sort(cairn_symmetric_point_set *set, cairn_budget *budg
         int32_t last = set->count - 1 - set->cursor;
         cairn_symmetric_point worst = set->heap[0], moved = set->heap[last];
 
-        if (!cairn_budget_pay(budget, &set->charged_units, UNITS_PER_HEAP_OPERATION))
+        if (!cairn_budget_charge(budget, &set->charged_units, UNITS_PER_HEAP_OPERATION))
             return CAIRN_MORE;
         sift_down(set->heap, last, 0, &moved);
         set->heap[last] = worst;

@@ -124,7 +124,7 @@ cairn_status cairn_assignment_create(cairn_assignment **assignment, cairn_pool *
 
     if (assignment == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     *assignment = carve(pool, params);
     (*assignment)->params = *params;
@@ -259,8 +259,8 @@ cairn_status cairn_assignment_step(cairn_assignment *assignment, cairn_budget *b
     if (assignment == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
     while (assignment->phase == PHASE_GROW || assignment->phase == PHASE_AUGMENT) {
-        if (!cairn_budget_pay(budget, &assignment->charged,
-                              1 + assignment->long_count / COLUMNS_PER_UNIT))
+        if (!cairn_budget_charge(budget, &assignment->charged,
+                                 1 + assignment->long_count / COLUMNS_PER_UNIT))
             return CAIRN_MORE;
         if (assignment->phase == PHASE_GROW) {
             if (!grow_path(assignment)) {
@@ -289,7 +289,7 @@ cairn_assignment_result cairn_assignment_read(const cairn_assignment *assignment
         result.column = assignment->column;
         result.rows = assignment->rows;
         result.pairs = assignment->short_count;
-        result.cost = assignment->total_cost;
+        result.total_cost = assignment->total_cost;
     }
     return result;
 }

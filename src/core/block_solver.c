@@ -104,12 +104,12 @@ cairn_status cairn_block_solver_create(cairn_block_solver **solver, cairn_pool *
 
     if (solver == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     memset(&layout, 0, sizeof layout);
     made = carve(&layout, pool, params);
     layout.params = *params;
-    layout.result.pose = -1;
+    layout.result.failed_pose = -1;
     layout.is_closed = 1;
     *made = layout;
     *solver = made;
@@ -129,7 +129,7 @@ cairn_status cairn_block_solver_begin(cairn_block_solver *solver, int32_t poses)
     units = solver->result.units;
     memset(&solver->result, 0, sizeof solver->result);
     solver->result.poses = poses;
-    solver->result.pose = -1;
+    solver->result.failed_pose = -1;
     solver->result.units = units;
     solver->phase = BLOCK_SOLVER_IDLE;
     solver->units_due = 0;
@@ -203,7 +203,7 @@ cairn_status cairn_block_solver_extend(cairn_block_solver *solver, cairn_pool *p
     if (pool == NULL || need == 0 || !is_in(solver, CAIRN_BLOCK_SOLVER_NEW) || !solver->is_closed ||
         solver->result.fill <= solver->params.max_fill || solver->result.fill > max_fill)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     carve_fill(solver, pool, (size_t)max_fill);
     solver->params.max_fill = max_fill;
@@ -221,7 +221,7 @@ static void clear_values(cairn_block_solver *solver)
     solver->is_zero = 1;
     solver->solved = 0;
     solver->is_coupled = 0;
-    solver->result.pose = -1;
+    solver->result.failed_pose = -1;
     solver->result.state = CAIRN_BLOCK_SOLVER_ANALYZED;
 }
 

@@ -159,7 +159,7 @@ static int32_t next_column(cairn_block_solver *solver)
 
     if (j >= 0) {
         if (!invert_pivot(&solver->diagonal[j], solver->panel.scale[j - solver->panel.first])) {
-            solver->result.pose = solver->order[j];
+            solver->result.failed_pose = solver->order[j];
             cairn_block_solver_end(solver, CAIRN_BLOCK_SOLVER_NOT_POSITIVE, CAIRN_OK);
             return 1;
         }

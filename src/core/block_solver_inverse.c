@@ -103,7 +103,7 @@ static int32_t end_column(cairn_block_solver *solver)
     d->xz = (z[2] + z[6]) / 2;
     d->yz = (z[5] + z[7]) / 2;
     if (!(d->xx <= CAIRN_REAL_MAX && d->yy <= CAIRN_REAL_MAX && d->zz <= CAIRN_REAL_MAX)) {
-        solver->result.pose = solver->order[j];
+        solver->result.failed_pose = solver->order[j];
         cairn_block_solver_end(solver, CAIRN_BLOCK_SOLVER_NOT_POSITIVE, CAIRN_OK);
     } else if (j == 0) {
         cairn_block_solver_end(solver, CAIRN_BLOCK_SOLVER_INVERTED, CAIRN_OK);

@@ -90,7 +90,7 @@ cairn_status cairn_curve_evolution_create(cairn_curve_evolution **evolution, cai
 
     if (evolution == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     *evolution = carve(pool, params);
     (*evolution)->params = *params;
@@ -179,7 +179,7 @@ static int would_intersect(const cairn_curve_evolution *evolution, int32_t i)
     for (int32_t k = evolution->next[to]; evolution->next[k] != from; k = evolution->next[k]) {
         cairn_segment other = {points[k], points[evolution->next[k]]};
 
-        if (cairn_segments_cross(side, other))
+        if (cairn_segments_intersect(side, other))
             return 1;
     }
     return folds_back(points[from], points[to], points[evolution->next[to]]) ||
@@ -219,7 +219,7 @@ cairn_status cairn_curve_evolution_step(cairn_curve_evolution *evolution, cairn_
                            ? 1 + evolution->remaining / VISITS_PER_UNIT
                            : UNITS_PER_REMOVAL + evolution->remaining / TESTS_PER_UNIT;
 
-        if (!cairn_budget_pay(budget, &evolution->charged, cost))
+        if (!cairn_budget_charge(budget, &evolution->charged, cost))
             return CAIRN_MORE;
         if (evolution->phase == PHASE_SEARCH) {
             evolution->candidate =
@@ -246,7 +246,7 @@ cairn_curve_evolution_result cairn_curve_evolution_read(const cairn_curve_evolut
     if (evolution != NULL && evolution->phase == PHASE_DONE) {
         result.rank = evolution->rank;
         result.count = evolution->count;
-        result.least = evolution->remaining;
+        result.min_vertices = evolution->remaining;
     }
     return result;
 }

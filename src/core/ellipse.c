@@ -33,16 +33,16 @@ cairn_ellipse_params cairn_ellipse_default(void)
     cairn_ellipse_params params = {
         .max_ellipses = 32,
         .cells = 96,
-        .cell = CAIRN_REAL(0.15),
+        .cell_size = CAIRN_REAL(0.15),
         .oriented = 1,
-        .least_radius = CAIRN_REAL(0.15),
-        .most_radius = 6,
-        .most_ratio = 2,
+        .min_radius = CAIRN_REAL(0.15),
+        .max_radius = 6,
+        .max_axis_ratio = 2,
         .angle_tolerance = 15 * (CAIRN_PI / 180),
         .support_distance = CAIRN_REAL(0.05),
         .spacing = CAIRN_REAL(0.10),
-        .least_votes = 8,
-        .least_covered = CAIRN_REAL(0.5),
+        .min_votes = 8,
+        .min_coverage = CAIRN_REAL(0.5),
         .separation = CAIRN_REAL(0.3),
     };
     return params;
@@ -58,14 +58,14 @@ static int is_length(cairn_real x)
 static int params_are_valid(const cairn_ellipse_params *params)
 {
     return params != NULL && params->max_ellipses >= 1 && params->max_ellipses <= 256 &&
-           params->cells >= 8 && params->cells <= 1024 && is_length(params->cell) &&
-           is_length(params->least_radius) && params->most_radius > params->least_radius &&
-           is_length(params->most_radius) && params->most_ratio >= 1 &&
-           params->most_ratio <= MAX_MAGNITUDE && params->angle_tolerance > 0 &&
+           params->cells >= 8 && params->cells <= 1024 && is_length(params->cell_size) &&
+           is_length(params->min_radius) && params->max_radius > params->min_radius &&
+           is_length(params->max_radius) && params->max_axis_ratio >= 1 &&
+           params->max_axis_ratio <= MAX_MAGNITUDE && params->angle_tolerance > 0 &&
            params->angle_tolerance <= CAIRN_PI / 4 && is_length(params->support_distance) &&
-           is_length(params->spacing) && params->least_votes > 0 &&
-           cairn_is_finite(params->least_votes) && params->least_covered >= 0 &&
-           params->least_covered <= 1 && is_length(params->separation);
+           is_length(params->spacing) && params->min_votes > 0 &&
+           cairn_is_finite(params->min_votes) && params->min_coverage >= 0 &&
+           params->min_coverage <= 1 && is_length(params->separation);
 }
 
 /* Number of cells of all accumulators. */
@@ -120,7 +120,7 @@ cairn_status cairn_ellipse_create(cairn_ellipse_set **set, cairn_pool *pool,
 
     if (set == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     set_params(made, params);
@@ -183,7 +183,7 @@ static void set_up_cells(cairn_ellipse_set *set)
         centre = cairn_vec2_scale(cairn_vec2_add(set->box.max, set->box.min), CAIRN_REAL(0.5));
     }
     set->cell_size =
-        cairn_max(params->cell, cairn_max(size.x, size.y) / (cairn_real)(params->cells - 3));
+        cairn_max(params->cell_size, cairn_max(size.x, size.y) / (cairn_real)(params->cells - 3));
     half = set->cell_size * (cairn_real)(params->cells - 1) / 2;
     set->first_cell.x = centre.x - half;
     set->first_cell.y = centre.y - half;
@@ -233,7 +233,7 @@ static cairn_status step_clear(cairn_ellipse_set *set, cairn_budget *budget)
 /* Number of centres along a normal that a point votes for. */
 static int32_t votes_per_point(const cairn_ellipse_set *set)
 {
-    cairn_real steps = (set->params.most_radius - set->params.least_radius) / set->cell_size;
+    cairn_real steps = (set->params.max_radius - set->params.min_radius) / set->cell_size;
 
     return cairn_real_to_int(cairn_min(steps, (cairn_real)(2 * set->params.cells))) + 1;
 }
@@ -244,7 +244,7 @@ static void vote_along(cairn_ellipse_set *set, int32_t layer, cairn_vec2 from, c
 {
     int32_t cells = set->params.cells, steps = votes_per_point(set);
     cairn_real *accumulator = &set->accumulator[layer * cells * cells],
-               min_radius = set->params.least_radius / set->cell_size;
+               min_radius = set->params.min_radius / set->cell_size;
     cairn_real x =
         (from.x - set->first_cell.x) / set->cell_size + CAIRN_REAL(0.5) + normal.x * min_radius;
     cairn_real y =
@@ -263,10 +263,10 @@ static cairn_status step_vote(cairn_ellipse_set *set, cairn_budget *budget)
 {
     for (; set->cursor < set->count; set->cursor++) {
         const cairn_oriented_point *point = &set->points[set->cursor];
-        cairn_vec2 normal = cairn_vec2_left(cairn_vec2_unit(point->direction));
+        cairn_vec2 normal = cairn_vec2_left_perp(cairn_vec2_unit(point->direction));
         cairn_real weight = cairn_ellipse_weight(set, set->cursor);
 
-        if (!cairn_budget_pay(budget, &set->charged, 1 + votes_per_point(set) / 4))
+        if (!cairn_budget_charge(budget, &set->charged, 1 + votes_per_point(set) / 4))
             return CAIRN_MORE;
         if (!(weight > 0) || !(cairn_vec2_norm_squared(normal) > 0))
             continue;
@@ -302,7 +302,7 @@ static cairn_status step_smooth(cairn_ellipse_set *set, cairn_budget *budget)
         cairn_real *layer = &set->accumulator[set->cursor / (2 * cells) * cells * cells];
         int32_t line = set->cursor % (2 * cells);
 
-        if (!cairn_budget_pay(budget, &set->charged, 1 + cells / 16))
+        if (!cairn_budget_charge(budget, &set->charged, 1 + cells / 16))
             return CAIRN_MORE;
         if (line < cells)
             smooth_line(&layer[line * cells], 1, cells);
@@ -355,7 +355,7 @@ static void insert_peak(cairn_ellipse_set *set, int32_t cell)
  * and votes spread over 4 x 4 cells by 1. */
 static int is_above_threshold(const cairn_ellipse_set *set, int32_t cell)
 {
-    return set->accumulator[cell] >= set->params.least_votes;
+    return set->accumulator[cell] >= set->params.min_votes;
 }
 
 /* Phase PEAKS: finds the local maxima of the accumulators. */
@@ -374,7 +374,7 @@ static cairn_status step_peaks(cairn_ellipse_set *set, cairn_budget *budget)
                 set->cursor++;
             continue;
         }
-        if (!cairn_budget_pay(budget, &set->charged, 1 + window_cells / 32))
+        if (!cairn_budget_charge(budget, &set->charged, 1 + window_cells / 32))
             return CAIRN_MORE;
         if (is_peak(set, set->cursor)) {
             /* Charged together with the next operation. */
@@ -406,7 +406,7 @@ static cairn_status step_suppress(cairn_ellipse_set *set, cairn_budget *budget)
     cairn_ellipse *list = set->result;
     int32_t kept = 0;
 
-    if (!cairn_budget_pay(budget, &set->charged, 1 + set->found_count * set->found_count / 8))
+    if (!cairn_budget_charge(budget, &set->charged, 1 + set->found_count * set->found_count / 8))
         return CAIRN_MORE;
     for (int32_t i = 0; i < set->found_count; i++) {
         int is_suppressed = 0;

@@ -102,7 +102,7 @@ int32_t cairn_ellipse_gate_passes(const cairn_ellipse_gate *gate, const cairn_or
     cairn_real cosine;
 
     *distance = sampson_distance(&gate->ellipse, gate->map_ellipse, point->position, &normal);
-    along = cairn_vec2_left(normal);
+    along = cairn_vec2_left_perp(normal);
     cosine = cairn_vec2_dot(along, point->direction);
     if (gate->ellipse.kind == CAIRN_ELLIPSE_COLUMN)
         cosine = -cosine;
@@ -112,8 +112,8 @@ int32_t cairn_ellipse_gate_passes(const cairn_ellipse_gate *gate, const cairn_or
            cairn_abs(cairn_vec2_cross(along, point->direction)) <= gate->max_sine;
 }
 
-int32_t cairn_ellipse_has(const cairn_ellipse *ellipse, const cairn_oriented_point *point,
-                          cairn_real max_distance, cairn_real max_sine)
+int32_t cairn_ellipse_is_inlier(const cairn_ellipse *ellipse, const cairn_oriented_point *point,
+                                cairn_real max_distance, cairn_real max_sine)
 {
     cairn_ellipse_gate gate = cairn_ellipse_gate_of(ellipse, max_distance, max_sine);
     cairn_real signed_distance;

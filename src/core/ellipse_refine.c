@@ -79,10 +79,10 @@ static void add_radius(cairn_ellipse_set *set, const cairn_oriented_point *point
         radius = -radius;
     if (set->fit.kind == CAIRN_ELLIPSE_ANY)
         radius = cairn_abs(radius);
-    if (!(radius > 0) || radius > set->params.most_radius ||
+    if (!(radius > 0) || radius > set->params.max_radius ||
         offset > set->max_sine * radius + 2 * set->cell_size)
         return;
-    at = radius / set->params.most_radius * (ELLIPSE_RADIUS_BINS - 1);
+    at = radius / set->params.max_radius * (ELLIPSE_RADIUS_BINS - 1);
     bin = (int32_t)at;
     set->radius_histogram[bin] += weight * (1 - (at - (cairn_real)bin));
     if (bin + 1 < ELLIPSE_RADIUS_BINS)
@@ -105,8 +105,8 @@ static void choose_radius(cairn_ellipse_set *set)
         }
     }
     set->fit.half_length = set->fit.half_width =
-        cairn_max((cairn_real)best * (set->params.most_radius / (ELLIPSE_RADIUS_BINS - 1)),
-                  set->params.least_radius);
+        cairn_max((cairn_real)best * (set->params.max_radius / (ELLIPSE_RADIUS_BINS - 1)),
+                  set->params.min_radius);
 }
 
 /* Marks the arc of the outline, by parametric angle, that contains a point p, in m. */
@@ -130,8 +130,8 @@ static void add_point(cairn_ellipse_set *set, const cairn_oriented_point *point,
     cairn_oriented_point oriented;
     cairn_real distance;
 
-    if (!(weight > 0) ||
-        (set->pass != ELLIPSE_PASS_RADIUS && cairn_ellipse_is_far(&set->gate, point->position)))
+    if (!(weight > 0) || (set->pass != ELLIPSE_PASS_RADIUS &&
+                          cairn_ellipse_is_outside_gate(&set->gate, point->position)))
         return;
     oriented.position = point->position;
     oriented.direction = cairn_vec2_unit(point->direction);
@@ -154,9 +154,9 @@ static int is_in_bounds(const cairn_ellipse_set *set)
 {
     const cairn_ellipse *ellipse = &set->fit;
 
-    return ellipse->half_width >= set->params.least_radius &&
-           ellipse->half_length <= set->params.most_radius &&
-           ellipse->half_length <= set->params.most_ratio * ellipse->half_width;
+    return ellipse->half_width >= set->params.min_radius &&
+           ellipse->half_length <= set->params.max_radius &&
+           ellipse->half_length <= set->params.max_axis_ratio * ellipse->half_width;
 }
 
 /* Completes the current ellipse: votes, residuals, coverage and score. */
@@ -168,13 +168,13 @@ static void finish_ellipse(cairn_ellipse_set *set)
 
     for (int32_t i = 0; i < arcs; i++)
         marked += ((set->arcs[i / 32] >> (i % 32)) & 1) != 0;
-    ellipse->covered = (cairn_real)marked / (cairn_real)arcs;
+    ellipse->coverage = (cairn_real)marked / (cairn_real)arcs;
     ellipse->votes = set->inlier_weight;
     ellipse->rms = cairn_sqrt(mean_squared);
-    ellipse->strength =
-        ellipse->covered *
+    ellipse->score =
+        ellipse->coverage *
         (1 - mean_squared / (set->params.support_distance * set->params.support_distance));
-    ellipse->strength = cairn_max(ellipse->strength, 0);
+    ellipse->score = cairn_max(ellipse->score, 0);
 }
 
 /* Inserts the current ellipse by decreasing votes, behind equal ones. */
@@ -195,14 +195,14 @@ static void end_pass(cairn_ellipse_set *set)
         start_pass(set, ELLIPSE_PASS_COARSE);
         return;
     }
-    if (set->pass != ELLIPSE_PASS_SUPPORT && set->equations.weight >= set->params.least_votes &&
+    if (set->pass != ELLIPSE_PASS_SUPPORT && set->equations.weight >= set->params.min_votes &&
         cairn_ellipse_conic_solve(&set->equations, &set->fit) && is_in_bounds(set)) {
         start_pass(set, set->pass + 1);
         return;
     }
-    if (set->pass == ELLIPSE_PASS_SUPPORT && set->inlier_weight >= set->params.least_votes) {
+    if (set->pass == ELLIPSE_PASS_SUPPORT && set->inlier_weight >= set->params.min_votes) {
         finish_ellipse(set);
-        if (set->fit.covered >= set->params.least_covered)
+        if (set->fit.coverage >= set->params.min_coverage)
             insert_ellipse(set);
     }
     set->current_peak++;
@@ -214,12 +214,12 @@ cairn_status cairn_ellipse_refine(cairn_ellipse_set *set, cairn_budget *budget)
 {
     while (set->current_peak < set->peak_count) {
         while (set->cursor < set->count) {
-            if (!cairn_budget_pay(budget, &set->charged, 1))
+            if (!cairn_budget_charge(budget, &set->charged, 1))
                 return CAIRN_MORE;
             for (int32_t i = 0; i < 2 && set->cursor < set->count; i++, set->cursor++)
                 add_point(set, &set->points[set->cursor], cairn_ellipse_weight(set, set->cursor));
         }
-        if (!cairn_budget_pay(budget, &set->charged, 16 + set->found_count / 2))
+        if (!cairn_budget_charge(budget, &set->charged, 16 + set->found_count / 2))
             return CAIRN_MORE;
         end_pass(set);
     }

@@ -153,7 +153,8 @@ int32_t cairn_ellipse_gate_passes(const cairn_ellipse_gate *gate, const cairn_or
                                   cairn_real *distance);
 
 /* Fast rejection: 1 when a point cannot pass the gate, whatever its direction. 0: it may pass. */
-static inline int32_t cairn_ellipse_is_far(const cairn_ellipse_gate *gate, cairn_vec2 point)
+static inline int32_t cairn_ellipse_is_outside_gate(const cairn_ellipse_gate *gate,
+                                                    cairn_vec2 point)
 {
     cairn_vec2 from = {point.x - gate->map_ellipse.x, point.y - gate->map_ellipse.y};
     cairn_real squared = cairn_vec2_norm_squared(from);

@@ -80,22 +80,22 @@ static cairn_real x_cot_x(cairn_real x)
     return x * cosine / sine;
 }
 
-cairn_twist cairn_twist_of(cairn_pose motion)
+cairn_twist cairn_twist_log(cairn_pose motion)
 {
     cairn_twist twist;
     cairn_real half, diagonal;
 
-    twist.turn = cairn_wrap_angle(motion.theta);
-    half = twist.turn / 2;
+    twist.angular = cairn_wrap_angle(motion.theta);
+    half = twist.angular / 2;
     diagonal = x_cot_x(half);
-    twist.velocity.x = diagonal * motion.x + half * motion.y;
-    twist.velocity.y = diagonal * motion.y - half * motion.x;
+    twist.linear.x = diagonal * motion.x + half * motion.y;
+    twist.linear.y = diagonal * motion.y - half * motion.x;
     return twist;
 }
 
-cairn_pose cairn_twist_at(cairn_twist twist, cairn_real fraction)
+cairn_pose cairn_twist_exp(cairn_twist twist, cairn_real fraction)
 {
-    cairn_real angle = fraction * twist.turn, along = 1 - angle * angle / 6, across = angle / 2;
+    cairn_real angle = fraction * twist.angular, along = 1 - angle * angle / 6, across = angle / 2;
     cairn_pose pose;
 
     if (cairn_abs(angle) > CAIRN_REAL(1e-3)) {
@@ -105,13 +105,13 @@ cairn_pose cairn_twist_at(cairn_twist twist, cairn_real fraction)
         along = 2 * sine * cosine / angle;
         across = 2 * sine * sine / angle;
     }
-    pose.x = fraction * (along * twist.velocity.x - across * twist.velocity.y);
-    pose.y = fraction * (across * twist.velocity.x + along * twist.velocity.y);
+    pose.x = fraction * (along * twist.linear.x - across * twist.linear.y);
+    pose.y = fraction * (across * twist.linear.x + along * twist.linear.y);
     pose.theta = angle;
     return pose;
 }
 
-cairn_pose cairn_pose_about(cairn_vec2 from, cairn_vec2 to, cairn_real dot, cairn_real cross)
+cairn_pose cairn_pose_from_moments(cairn_vec2 from, cairn_vec2 to, cairn_real dot, cairn_real cross)
 {
     cairn_pose motion = {0, 0, cairn_atan2(cross, dot)};
     cairn_vec2 rotated = cairn_pose_point(motion, from);
@@ -138,7 +138,7 @@ cairn_pose cairn_pose_fit(const cairn_pose *from, const cairn_pose *to, const in
             sine += cairn_vec2_cross(p, q) + lever_arm * lever_arm * cairn_sin(rotation);
             cosine += cairn_vec2_dot(p, q) + lever_arm * lever_arm * cairn_cos(rotation);
         }
-    return cairn_pose_about(a, b, cosine, sine);
+    return cairn_pose_from_moments(a, b, cosine, sine);
 }
 
 cairn_real cairn_segment_length(cairn_segment segment)
@@ -194,7 +194,7 @@ static int within_box(cairn_segment s, cairn_vec2 p)
            p.y >= cairn_min(s.a.y, s.b.y) && p.y <= cairn_max(s.a.y, s.b.y);
 }
 
-int32_t cairn_segments_cross(cairn_segment first, cairn_segment second)
+int32_t cairn_segments_intersect(cairn_segment first, cairn_segment second)
 {
     int a = orientation(first.a, first.b, second.a), b = orientation(first.a, first.b, second.b);
     int c = orientation(second.a, second.b, first.a), d = orientation(second.a, second.b, first.b);

@@ -48,7 +48,7 @@ cairn_hough_params cairn_hough_default(void)
         .separation_angle = 10 * (CAIRN_PI / 180),
         .support_distance = CAIRN_REAL(0.05),
         .spacing = CAIRN_REAL(0.10),
-        .least_votes = 20,
+        .min_votes = 20,
     };
     return params;
 }
@@ -96,7 +96,7 @@ static int params_are_valid(const cairn_hough_params *params)
            is_length(params->distance_step) && is_angle(params->angle_tolerance) &&
            is_length(params->separation) && is_angle(params->separation_angle) &&
            is_length(params->support_distance) && is_length(params->spacing) &&
-           params->least_votes > 0 && cairn_is_finite(params->least_votes) &&
+           params->min_votes > 0 && cairn_is_finite(params->min_votes) &&
            (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN);
 }
 
@@ -163,7 +163,7 @@ cairn_status cairn_hough_create(cairn_hough **hough, cairn_pool *pool,
 
     if (hough == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     used = params_in_mode(params);
     made = carve(pool, &used);
@@ -342,7 +342,7 @@ static cairn_status step_vote_as_written(cairn_hough *hough, cairn_budget *budge
     for (; hough->cursor < hough->count; hough->cursor++) {
         cairn_vec2 p = cairn_vec2_sub(hough->points[hough->cursor].position, hough->centre);
 
-        if (!cairn_budget_pay(budget, &hough->charged, 2 + hough->rows / 4))
+        if (!cairn_budget_charge(budget, &hough->charged, 2 + hough->rows / 4))
             return CAIRN_MORE;
         vote_as_written(hough, p, cairn_hough_weight(hough, hough->cursor));
     }
@@ -360,7 +360,7 @@ static cairn_status step_vote(cairn_hough *hough, cairn_budget *budget)
         if (budget->left <= 0)
             return CAIRN_MORE;
         centre = rows_near_direction(hough, point->direction, &first, &last);
-        if (!cairn_budget_pay(budget, &hough->charged, 2 + (last - first) / 4))
+        if (!cairn_budget_charge(budget, &hough->charged, 2 + (last - first) / 4))
             return CAIRN_MORE;
         if (weight > 0 && cairn_vec2_norm_squared(point->direction) > 0)
             vote_near_direction(hough, cairn_vec2_sub(point->position, hough->centre), weight,
@@ -418,7 +418,7 @@ static int is_above_threshold(const cairn_hough *hough, int32_t bin)
 {
     cairn_real share = cairn_hough_is_as_written(hough) ? 1 : CAIRN_REAL(0.4);
 
-    return hough->accumulator[bin] >= share * hough->params.least_votes;
+    return hough->accumulator[bin] >= share * hough->params.min_votes;
 }
 
 /* Phase PEAKS: finds the local maxima of the accumulator. */
@@ -437,8 +437,8 @@ static cairn_status step_peaks(cairn_hough *hough, cairn_budget *budget)
                 hough->cursor++;
             continue;
         }
-        if (!cairn_budget_pay(budget, &hough->charged,
-                              2 + window_bins / 16 + hough->peak_count / 8))
+        if (!cairn_budget_charge(budget, &hough->charged,
+                                 2 + window_bins / 16 + hough->peak_count / 8))
             return CAIRN_MORE;
         if (is_peak(hough, hough->cursor / columns, hough->cursor % columns))
             insert_peak(hough, hough->cursor / columns, hough->cursor % columns);

@@ -40,7 +40,7 @@ static void start_line(cairn_hough *hough)
 
     hough->fit.direction = direction;
     hough->fit.point =
-        cairn_vec2_add(hough->centre, cairn_vec2_scale(cairn_vec2_left(direction), distance));
+        cairn_vec2_add(hough->centre, cairn_vec2_scale(cairn_vec2_left_perp(direction), distance));
     hough->pass = cairn_hough_is_as_written(hough) ? PASS_SUPPORT : PASS_COARSE;
     start_pass(hough);
 }
@@ -104,7 +104,7 @@ static void add_point(cairn_hough *hough, const cairn_oriented_point *point, cai
 static int refit(cairn_hough *hough)
 {
     const hough_moments *moments = &hough->moments;
-    cairn_vec2 d = hough->fit.direction, left = cairn_vec2_left(d);
+    cairn_vec2 d = hough->fit.direction, left = cairn_vec2_left_perp(d);
     cairn_real t, s, tt, slope;
 
     if (!(moments->w > 0))
@@ -149,7 +149,7 @@ static void finish_line(cairn_hough *hough)
     line->point = cairn_vec2_add(line->point, cairn_vec2_scale(line->direction, t));
     line->low -= t;
     line->high -= t;
-    line->covered = cairn_min(covered_length(hough), line->high - line->low);
+    line->covered_length = cairn_min(covered_length(hough), line->high - line->low);
     line->votes = moments->w;
     line->rms = cairn_sqrt(cairn_max(moments->ss / moments->w - s * s, 0));
     if (!hough->params.oriented &&
@@ -196,7 +196,7 @@ static void end_pass(cairn_hough *hough)
         start_pass(hough);
         return;
     }
-    if (hough->pass == PASS_SUPPORT && hough->moments.w >= hough->params.least_votes &&
+    if (hough->pass == PASS_SUPPORT && hough->moments.w >= hough->params.min_votes &&
         hough->fit.high > hough->fit.low) {
         finish_line(hough);
         insert_line(hough);
@@ -224,8 +224,8 @@ cairn_status cairn_hough_fit_lines(cairn_hough *hough, cairn_budget *budget)
                 add_point(hough, &hough->points[hough->cursor],
                           cairn_hough_weight(hough, hough->cursor));
         }
-        if (!cairn_budget_pay(budget, &hough->charged,
-                              4 + hough->params.distances / 16 + hough->found_count / 2))
+        if (!cairn_budget_charge(budget, &hough->charged,
+                                 4 + hough->params.distances / 16 + hough->found_count / 2))
             return CAIRN_MORE;
         end_pass(hough);
     }
@@ -237,7 +237,8 @@ cairn_status cairn_hough_suppress_lines(cairn_hough *hough, cairn_budget *budget
     cairn_hough_line *list = hough->result;
     int32_t kept = 0;
 
-    if (!cairn_budget_pay(budget, &hough->charged, 1 + hough->found_count * hough->found_count / 8))
+    if (!cairn_budget_charge(budget, &hough->charged,
+                             1 + hough->found_count * hough->found_count / 8))
         return CAIRN_MORE;
     for (int32_t i = 0; i < hough->found_count; i++) {
         int is_suppressed = 0;

@@ -76,7 +76,8 @@ static uint32_t bucket_count(int32_t max_points)
 static int point_grid_params_are_valid(const cairn_point_grid_params *params)
 {
     return params != NULL && params->max_points >= 1 && params->max_points <= MAX_COUNT &&
-           params->cell > 0 && params->cell <= CAIRN_REAL_MAX && 1 / params->cell <= CAIRN_REAL_MAX;
+           params->cell_size > 0 && params->cell_size <= CAIRN_REAL_MAX &&
+           1 / params->cell_size <= CAIRN_REAL_MAX;
 }
 
 /* Allocates the object and its arrays; NULL from a counting pool. */
@@ -114,10 +115,10 @@ cairn_status cairn_point_grid_create(cairn_point_grid **grid, cairn_pool *pool,
 
     if (grid == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve_point_grid(pool, params);
-    made->inverse_cell_size = 1 / params->cell;
+    made->inverse_cell_size = 1 / params->cell_size;
     made->mask = bucket_count(params->max_points) - 1;
     made->capacity = params->max_points;
     cairn_point_grid_clear(made);
@@ -226,7 +227,7 @@ struct nearest {
 static int passes_gate(const cairn_point_grid_facing *facing, int32_t i)
 {
     return facing == NULL ||
-           cairn_vec2_dot(facing->directions[i], facing->direction) >= facing->least_cosine;
+           cairn_vec2_dot(facing->directions[i], facing->direction) >= facing->min_cosine;
 }
 
 /* Tests point i. */
@@ -325,7 +326,7 @@ int32_t cairn_point_grid_nearest_facing(const cairn_point_grid *grid, cairn_vec2
     return best.index;
 }
 
-int32_t cairn_point_grid_has(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius)
+int32_t cairn_point_grid_has_near(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius)
 {
     struct cell_box box;
 
@@ -475,7 +476,7 @@ cairn_status cairn_box_sweep_create(cairn_box_sweep **sweep, cairn_pool *pool,
 
     if (sweep == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve_box_sweep(pool, params);
     for (int32_t i = 0; i < params->max_boxes; i++)

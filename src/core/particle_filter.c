@@ -44,8 +44,8 @@ cairn_particle_filter_params cairn_particle_filter_default(void)
         .max_blocks = 4096,
         .state_bytes = 64,
         .proposal = CAIRN_PROPOSAL_OPTIMAL,
-        .by_entropy = 1,
-        .resample_below = CAIRN_REAL(0.5),
+        .adaptive_followers = 1,
+        .resample_ratio = CAIRN_REAL(0.5),
     };
     return params;
 }
@@ -64,8 +64,9 @@ static int params_are_valid(const cairn_particle_filter_params *params)
            is_count(params->max_candidates) && params->max_blocks >= 1 &&
            params->max_blocks <= MAX_BLOCKS && is_count(params->state_bytes) &&
            params->proposal >= CAIRN_PROPOSAL_PRIOR && params->proposal <= CAIRN_PROPOSAL_OPTIMAL &&
-           params->by_entropy >= 0 && params->by_entropy <= 1 && params->past >= 0 &&
-           params->past <= MAX_COUNT && params->resample_below >= 0 && params->resample_below <= 1;
+           params->adaptive_followers >= 0 && params->adaptive_followers <= 1 &&
+           params->max_history >= 0 && params->max_history <= MAX_COUNT &&
+           params->resample_ratio >= 0 && params->resample_ratio <= 1;
 }
 
 /* Bytes of a state, rounded up to the alignment. */
@@ -146,7 +147,7 @@ cairn_status cairn_particle_filter_create(cairn_particle_filter **filter, cairn_
     if (filter == NULL || pool == NULL || need == 0 || model == NULL || model->propose == NULL ||
         model->likelihood == NULL)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     made->model = *model;
@@ -202,9 +203,9 @@ static void truncate_history(cairn_particle_filter *filter, particle_filter_node
 {
     particle_filter_node *node = leaf;
 
-    for (int32_t k = 0; k < filter->params.past && node != NULL; k++)
+    for (int32_t k = 0; k < filter->params.max_history && node != NULL; k++)
         node = node->parent;
-    if (node != NULL && filter->params.past > 0) {
+    if (node != NULL && filter->params.max_history > 0) {
         release_history(filter, node->parent);
         node->parent = NULL;
     }
@@ -259,7 +260,7 @@ cairn_status cairn_particle_filter_add_follower(cairn_particle_filter *filter,
 
     follower.birth_number = filter->birth_count++;
     filter->step_trace.followers++;
-    filter->step_trace.cut += is_full;
+    filter->step_trace.pruned_followers += is_full;
     if (is_full && cairn_particle_filter_is_lighter(&follower, &filter->next.list[0]))
         return CAIRN_OK;
     if (is_full)
@@ -361,7 +362,7 @@ cairn_status cairn_particle_filter_offer(cairn_particle_filter *filter, const vo
         return CAIRN_NOT_FINITE;
     at = filter->step_trace.candidates;
     if (at == filter->params.max_candidates) {
-        filter->step_trace.left_out++;
+        filter->step_trace.dropped_candidates++;
         return CAIRN_FULL;
     }
     memcpy(filter->states + (size_t)at * filter->state_stride, state,

@@ -33,15 +33,15 @@ cairn_polyline_params cairn_polyline_default(void)
     params.max_iterations = 20;
     params.min_length = CAIRN_REAL(0.08);
     params.sigma = CAIRN_REAL(0.01);
-    params.s_first = CAIRN_REAL(0.04);
-    params.s_last = CAIRN_REAL(0.02);
-    params.shrink = CAIRN_REAL(0.5);
+    params.width_first = CAIRN_REAL(0.04);
+    params.width_last = CAIRN_REAL(0.02);
+    params.width_decay = CAIRN_REAL(0.5);
     params.gap = CAIRN_REAL(0.25);
     params.gap_factor = 3;
     params.gap_max = CAIRN_REAL(1.5);
     params.merge_angle = CAIRN_REAL(0.26);
     params.merge_distance = CAIRN_REAL(0.10);
-    params.bend = 20;
+    params.segment_penalty = 20;
     params.tolerance = CAIRN_REAL(0.001);
     return params;
 }
@@ -60,13 +60,13 @@ static int params_are_valid(const cairn_polyline_params *params)
            params->max_segments <= INT32_C(1) << 20 && params->min_points >= 3 &&
            params->max_iterations >= 1 && params->min_length >= 0 &&
            cairn_is_finite(params->min_length) && is_positive(params->sigma) &&
-           is_positive(params->s_last) && params->s_first >= params->s_last &&
-           cairn_is_finite(params->s_first) && params->shrink > 0 && params->shrink <= 1 &&
-           is_positive(params->gap) && params->gap_factor >= 1 &&
+           is_positive(params->width_last) && params->width_first >= params->width_last &&
+           cairn_is_finite(params->width_first) && params->width_decay > 0 &&
+           params->width_decay <= 1 && is_positive(params->gap) && params->gap_factor >= 1 &&
            cairn_is_finite(params->gap_factor) && params->gap_max >= params->gap &&
            cairn_is_finite(params->gap_max) && params->merge_angle >= 0 &&
            params->merge_angle <= CAIRN_PI / 2 && is_positive(params->merge_distance) &&
-           is_positive(params->bend) && is_positive(params->tolerance);
+           is_positive(params->segment_penalty) && is_positive(params->tolerance);
 }
 
 /* Allocates the object and its arrays; NULL from a counting pool. */
@@ -138,7 +138,7 @@ cairn_status cairn_polyline_create(cairn_polyline **polyline, cairn_pool *pool,
 
     if (polyline == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     *polyline = carve(pool, params);
     return CAIRN_OK;
@@ -166,18 +166,18 @@ static cairn_status check_points(const cairn_polyline *polyline, const cairn_rea
     cairn_status status = CAIRN_OK;
 
     fault->index = -1;
-    fault->what = "points: NULL or a negative count, expected an array";
+    fault->message = "points: NULL or a negative count, expected an array";
     if (polyline == NULL || count < 0 || (points == NULL && count > 0))
         return CAIRN_BAD_ARGUMENT;
     fault->index = polyline->params.max_points;
-    fault->what = "points: more than max_points";
+    fault->message = "points: more than max_points";
     if (count > polyline->params.max_points)
         return CAIRN_FULL;
-    fault->what = NULL;
+    fault->message = NULL;
     for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {
         fault->index = i;
         status = check_point(points + (size_t)i * (size_t)polyline->params.dim,
-                             polyline->params.dim, &fault->what);
+                             polyline->params.dim, &fault->message);
     }
     return status;
 }
@@ -187,8 +187,8 @@ cairn_status cairn_polyline_clear(cairn_polyline *polyline, cairn_real scale)
     if (polyline == NULL || !is_positive(scale))
         return CAIRN_BAD_ARGUMENT;
     polyline->sigma = scale * polyline->params.sigma;
-    polyline->width_first = scale * polyline->params.s_first;
-    polyline->width_last = scale * polyline->params.s_last;
+    polyline->width_first = scale * polyline->params.width_first;
+    polyline->width_last = scale * polyline->params.width_last;
     polyline->width = polyline->width_first;
     polyline->box_side = 0;
     polyline->point_count = 0;
@@ -370,7 +370,8 @@ static polyline_phase end_iteration(cairn_polyline *polyline)
         polyline->converged = 1;
         return POLYLINE_ASSIGN;
     }
-    polyline->width = cairn_max(polyline->width * polyline->params.shrink, polyline->width_last);
+    polyline->width =
+        cairn_max(polyline->width * polyline->params.width_decay, polyline->width_last);
     return POLYLINE_EXPECT;
 }
 

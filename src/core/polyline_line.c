@@ -183,7 +183,8 @@ cairn_real cairn_polyline_split_penalty(const cairn_polyline *polyline, cairn_re
 
     /* With many points bends far below sigma become significant; a root mean square of half a sigma
      * is accurate enough for a map. */
-    return cairn_max(polyline->params.bend * variance, n * polyline->sigma * polyline->sigma / 4);
+    return cairn_max(polyline->params.segment_penalty * variance,
+                     n * polyline->sigma * polyline->sigma / 4);
 }
 
 void cairn_polyline_insert(cairn_polyline *polyline, polyline_component *list, int32_t *count,

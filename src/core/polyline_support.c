@@ -96,7 +96,7 @@ static void emit_component(cairn_polyline *polyline, int32_t component, int32_t 
                                 cairn_abs(polyline->made_component.high - parent->high)));
     }
     if (is_split || polyline->other == component + 1) {
-        polyline->measure.cuts++;
+        polyline->measure.splits++;
         polyline->has_changed = 1;
     }
     polyline->other = component + 1;

@@ -15,7 +15,7 @@
 #include "cairn/pool.h"
 #include "cairn/real.h"
 
-#if CAIRN_POOL_GAP > 0
+#if CAIRN_POOL_REDZONE > 0
 void __asan_poison_memory_region(void const volatile *address, size_t size);
 void __asan_unpoison_memory_region(void const volatile *address, size_t size);
 #define POISON(address, size)   __asan_poison_memory_region(address, size)
@@ -29,9 +29,9 @@ void __asan_unpoison_memory_region(void const volatile *address, size_t size);
  * overflows. */
 static int allocation_bytes(size_t count, size_t size, size_t *bytes)
 {
-    if (size != 0 && count > (SIZE_MAX - CAIRN_ALIGN - CAIRN_POOL_GAP) / size)
+    if (size != 0 && count > (SIZE_MAX - CAIRN_ALIGN - CAIRN_POOL_REDZONE) / size)
         return 0;
-    *bytes = CAIRN_PIECE_BYTES(count, size);
+    *bytes = CAIRN_ALLOCATION_BYTES(count, size);
     return 1;
 }
 
@@ -114,12 +114,12 @@ void *cairn_pool_take(cairn_pool *pool, size_t count, size_t size)
     return start;
 }
 
-size_t cairn_pool_room(const cairn_pool *pool)
+size_t cairn_pool_remaining(const cairn_pool *pool)
 {
     return pool->size - pool->used;
 }
 
-int32_t cairn_pool_has_room(cairn_pool *pool, size_t bytes)
+int32_t cairn_pool_has_capacity(cairn_pool *pool, size_t bytes)
 {
     if (bytes <= pool->size - pool->used)
         return 1;
@@ -229,7 +229,7 @@ cairn_status cairn_block_pool_create(cairn_block_pool **blocks, cairn_pool *pool
 
     if (blocks == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve_blocks(pool, block_stride(block_bytes), count);
     made->stride = block_stride(block_bytes);

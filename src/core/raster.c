@@ -129,7 +129,7 @@ cairn_status cairn_distance_map_create(cairn_distance_map **map, cairn_pool *poo
 
     if (map == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     made->max_width = params->max_width;
@@ -142,7 +142,7 @@ cairn_status cairn_distance_map_begin(cairn_distance_map *map,
                                       const cairn_distance_map_input *input)
 {
     if (map == NULL || input == NULL || cairn_raster_u8_check(input->pixels) != CAIRN_OK ||
-        cairn_raster_i32_check(cairn_raster_i32_read(input->distances)) != CAIRN_OK ||
+        cairn_raster_i32_check(cairn_raster_i32_as_view(input->distances)) != CAIRN_OK ||
         input->pixels.width != input->distances.width ||
         input->pixels.height != input->distances.height ||
         (input->metric != CAIRN_DISTANCE_L1 && input->metric != CAIRN_DISTANCE_L2_SQUARED))

@@ -36,10 +36,10 @@ cairn_rectangle_params cairn_rectangle_default(void)
         .merge_distance = CAIRN_REAL(0.10),
         .merge_angle = 10 * (CAIRN_PI / 180),
         .merge_gap = 2,
-        .angle = 8 * (CAIRN_PI / 180),
+        .max_angle_error = 8 * (CAIRN_PI / 180),
         .min_side = CAIRN_REAL(0.3),
-        .least_side = CAIRN_REAL(0.15),
-        .least_covered = CAIRN_REAL(0.5),
+        .min_side_coverage = CAIRN_REAL(0.15),
+        .min_coverage = CAIRN_REAL(0.5),
         .separation = CAIRN_REAL(0.3),
     };
     return params;
@@ -76,9 +76,9 @@ static int params_are_valid(const cairn_rectangle_params *params)
            is_count(params->max_sides, 1 << 16) && is_count(params->max_pairs, 1 << 20) &&
            is_count(params->max_rectangles, 256) && is_length(params->merge_distance) &&
            is_angle(params->merge_angle) && params->merge_gap >= 0 &&
-           params->merge_gap <= MAX_MAGNITUDE && is_angle(params->angle) &&
-           is_length(params->min_side) && is_share(params->least_side) &&
-           is_share(params->least_covered) && is_length(params->separation);
+           params->merge_gap <= MAX_MAGNITUDE && is_angle(params->max_angle_error) &&
+           is_length(params->min_side) && is_share(params->min_side_coverage) &&
+           is_share(params->min_coverage) && is_length(params->separation);
 }
 
 /* Allocates the object and its arrays; NULL from a counting pool. */
@@ -135,12 +135,12 @@ cairn_status cairn_rectangle_create(cairn_rectangle_set **set, cairn_pool *pool,
 
     if (set == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     made->params = *params;
     made->sine_merge_angle = cairn_sin(params->merge_angle);
-    made->sine_max_angle_error = cairn_sin(params->angle);
+    made->sine_max_angle_error = cairn_sin(params->max_angle_error);
     *set = made;
     return CAIRN_OK;
 }
@@ -207,7 +207,7 @@ static void sift_down(rectangle_sorter *sorter, int32_t hole, int32_t end)
 static cairn_status step_sort(rectangle_sorter *sorter, int32_t *charged, cairn_budget *budget)
 {
     while (sorter->build > 0) {
-        if (!cairn_budget_pay(budget, charged, 3))
+        if (!cairn_budget_charge(budget, charged, 3))
             return CAIRN_MORE;
         sorter->build--;
         sift_down(sorter, sorter->build, sorter->count);
@@ -215,7 +215,7 @@ static cairn_status step_sort(rectangle_sorter *sorter, int32_t *charged, cairn_
     while (sorter->end > 1) {
         int32_t last;
 
-        if (!cairn_budget_pay(budget, charged, 3))
+        if (!cairn_budget_charge(budget, charged, 3))
             return CAIRN_MORE;
         sorter->end--;
         last = sorter->index[0];
@@ -402,7 +402,7 @@ static cairn_status step_pairs(cairn_rectangle_set *set, cairn_budget *budget)
 
             is_last = (position >= set->side_count && set->sides[next].slope >= side->slope) ||
                       cairn_rectangle_angle_difference(set->sides[next].slope, side->slope) >
-                          set->params.angle;
+                          set->params.max_angle_error;
             if (is_last ||
                 !cairn_rectangle_make_pair(set, set->side_order[set->cursor], next, &made))
                 continue;

@@ -33,7 +33,7 @@ int cairn_rectangle_make_pair(const struct cairn_rectangle_set *set, int32_t fir
     const rectangle_side *side = &set->sides[first], *other = &set->sides[second];
     cairn_vec2 u = cairn_vec2_unit(
         cairn_vec2_add(side->direction, oriented_like(other->direction, side->direction)));
-    cairn_vec2 across = cairn_vec2_left(u),
+    cairn_vec2 across = cairn_vec2_left_perp(u),
                to = cairn_vec2_sub(midpoint(other->segment), midpoint(side->segment));
     cairn_real distance_across = cairn_vec2_dot(across, to), slope = cairn_atan2(u.y, u.x);
     int32_t is_above = distance_across > 0;
@@ -121,7 +121,7 @@ static int fit_rectangle(const struct cairn_rectangle_set *set, const rectangle_
 
     rectangle->centre.theta = common_direction(set, p, q);
     cairn_sincos(rectangle->centre.theta, &candidate->u.y, &candidate->u.x);
-    candidate->v = cairn_vec2_left(candidate->u);
+    candidate->v = cairn_vec2_left_perp(candidate->u);
     if (cairn_abs(cairn_vec2_dot(candidate->v, set->sides[p->side[0]].direction)) >
         CAIRN_REAL(0.7)) {
         const rectangle_pair *other = p;
@@ -189,10 +189,10 @@ static int can_be_covered(const struct cairn_rectangle_set *set,
 
         coverage[i] =
             overlap_fraction(&set->sides[candidate->rectangle.side[i]], axis, at - half, at + half);
-        if (coverage[i] < set->params.least_side)
+        if (coverage[i] < set->params.min_side_coverage)
             return 0;
     }
-    return outline_coverage(&candidate->rectangle, coverage) >= set->params.least_covered;
+    return outline_coverage(&candidate->rectangle, coverage) >= set->params.min_coverage;
 }
 
 /* ---- Coverage ---- */
@@ -299,20 +299,19 @@ static void insert_rectangle(struct cairn_rectangle_set *set, const cairn_rectan
     int32_t index;
 
     for (int32_t i = 0; i < set->found_count; i++)
-        if (set->found[i].strength >= rectangle->strength &&
-            is_duplicate(set, &set->found[i], rectangle))
+        if (set->found[i].score >= rectangle->score && is_duplicate(set, &set->found[i], rectangle))
             return;
     for (int32_t i = set->found_count - 1; i >= 0; i--)
         if (is_duplicate(set, &set->found[i], rectangle))
             remove_rectangle(set, i);
     if (set->found_count == set->params.max_rectangles) {
         set->found_dropped++;
-        if (set->found[set->found_count - 1].strength >= rectangle->strength)
+        if (set->found[set->found_count - 1].score >= rectangle->score)
             return;
         set->found_count--;
     }
-    for (index = set->found_count++;
-         index > 0 && set->found[index - 1].strength < rectangle->strength; index--)
+    for (index = set->found_count++; index > 0 && set->found[index - 1].score < rectangle->score;
+         index--)
         set->found[index] = set->found[index - 1];
     set->found[index] = *rectangle;
 }
@@ -325,13 +324,13 @@ static void score_candidate(struct cairn_rectangle_set *set)
 
     for (int32_t i = 0; i < 4; i++) {
         coverage[i] = (cairn_real)count_bits(candidate->coverage[i]) / RECTANGLE_COVERAGE_BITS;
-        if (coverage[i] < set->params.least_side)
+        if (coverage[i] < set->params.min_side_coverage)
             return;
     }
-    candidate->rectangle.covered = outline_coverage(&candidate->rectangle, coverage);
-    candidate->rectangle.strength =
-        candidate->rectangle.covered * (1 - candidate->deviation * candidate->deviation / 2);
-    if (candidate->rectangle.covered >= set->params.least_covered)
+    candidate->rectangle.coverage = outline_coverage(&candidate->rectangle, coverage);
+    candidate->rectangle.score =
+        candidate->rectangle.coverage * (1 - candidate->deviation * candidate->deviation / 2);
+    if (candidate->rectangle.coverage >= set->params.min_coverage)
         insert_rectangle(set, &candidate->rectangle);
 }
 
@@ -379,23 +378,24 @@ cairn_status cairn_rectangle_match(struct cairn_rectangle_set *set, cairn_budget
 
         if (set->has_candidate) {
             if (step_coverage(set, budget) == CAIRN_MORE ||
-                !cairn_budget_pay(budget, &set->charged, 8 + 4 * set->found_count))
+                !cairn_budget_charge(budget, &set->charged, 8 + 4 * set->found_count))
                 return CAIRN_MORE;
             score_candidate(set);
             set->has_candidate = 0;
             continue;
         }
-        if (!cairn_budget_pay(budget, &set->charged, 2))
+        if (!cairn_budget_charge(budget, &set->charged, 2))
             return CAIRN_MORE;
         p = pair_at(set, set->cursor);
-        from = p->slope + CAIRN_PI / 2 - set->params.angle;
+        from = p->slope + CAIRN_PI / 2 - set->params.max_angle_error;
         from = from >= CAIRN_PI ? from - CAIRN_PI : from;
         if (set->compared == 0)
             set->best = lower_bound(set, from);
         if (set->compared < set->pair_count) {
             q = pair_at(set, set->best + set->compared);
             set->compared++;
-            if (cairn_rectangle_angle_difference(q->slope, from) <= 2 * set->params.angle) {
+            if (cairn_rectangle_angle_difference(q->slope, from) <=
+                2 * set->params.max_angle_error) {
                 /* Every two pairs are visited twice; only one visit counts. */
                 set->has_candidate = q > p && open_candidate(set, p, q);
                 continue;

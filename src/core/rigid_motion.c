@@ -28,15 +28,15 @@ cairn_rigid_motion cairn_rigid_motion_at(cairn_pose map_body, cairn_vec2 centre,
     return motion;
 }
 
-void cairn_rigid_motion_row(const cairn_rigid_motion *motion, cairn_vec2 axis,
-                            cairn_vec2 body_point, cairn_real row[3])
+void cairn_rigid_motion_jacobian(const cairn_rigid_motion *motion, cairn_vec2 axis,
+                                 cairn_vec2 body_point, cairn_real row[3])
 {
     cairn_vec2 arm =
         cairn_transform_direction(motion->transform, cairn_vec2_sub(body_point, motion->centre));
 
     row[0] = axis.x;
     row[1] = axis.y;
-    row[2] = cairn_vec2_dot(axis, cairn_vec2_left(arm)) / motion->radius;
+    row[2] = cairn_vec2_dot(axis, cairn_vec2_left_perp(arm)) / motion->radius;
 }
 
 cairn_motion_basis cairn_motion_basis_of(cairn_sym3 information, cairn_real min_ratio)
@@ -45,10 +45,10 @@ cairn_motion_basis cairn_motion_basis_of(cairn_sym3 information, cairn_real min_
     cairn_real values[3];
 
     cairn_sym3_eigen(information, values, basis.vectors);
-    basis.ratio = cairn_max(values[0], 0) / values[2];
-    basis.weak = 0;
-    while (basis.weak < 2 && values[basis.weak] < min_ratio * values[2])
-        basis.weak++;
+    basis.inverse_condition = cairn_max(values[0], 0) / values[2];
+    basis.unobservable = 0;
+    while (basis.unobservable < 2 && values[basis.unobservable] < min_ratio * values[2])
+        basis.unobservable++;
     return basis;
 }
 
@@ -67,7 +67,7 @@ cairn_normal_equations cairn_rigid_motion_prior(const cairn_rigid_motion *motion
 
         if (k < 2) {
             error = cairn_vec2_dot(axes[k], offset);
-            cairn_rigid_motion_row(motion, axes[k], origin, row);
+            cairn_rigid_motion_jacobian(motion, axes[k], origin, row);
         } else {
             error = cairn_wrap_angle(motion->map_body.theta - prior->mean.theta);
             row[2] = 1 / motion->radius;
@@ -130,9 +130,9 @@ static cairn_sym3 observable_part(const cairn_motion_basis *basis, cairn_sym3 in
 {
     cairn_sym3 m = sym3_to_basis(basis, information);
 
-    if (basis->weak > 0)
+    if (basis->unobservable > 0)
         m.xx = m.xy = m.xz = 0;
-    if (basis->weak > 1)
+    if (basis->unobservable > 1)
         m.yy = m.yz = 0;
     return m;
 }
@@ -146,7 +146,7 @@ int32_t cairn_motion_solve(const cairn_motion_basis *basis, const cairn_normal_e
 
     to_basis(basis, observed->gradient, rhs);
     for (int i = 0; i < 3; i++)
-        rhs[i] = i < basis->weak ? 0 : -rhs[i];
+        rhs[i] = i < basis->unobservable ? 0 : -rhs[i];
     if (prior != NULL) {
         cairn_real prior_gradient[3];
 
@@ -156,9 +156,9 @@ int32_t cairn_motion_solve(const cairn_motion_basis *basis, const cairn_normal_e
             rhs[i] -= prior_gradient[i];
     } else {
         /* Equations of zero motion along the unobservable directions. */
-        if (basis->weak > 0)
+        if (basis->unobservable > 0)
             information.xx = information.zz;
-        if (basis->weak > 1)
+        if (basis->unobservable > 1)
             information.yy = information.zz;
     }
     if (!cairn_sym3_solve(information, rhs, step_in_basis))
@@ -191,7 +191,8 @@ void cairn_rigid_motion_covariance(const cairn_rigid_motion *motion,
                                    const cairn_normal_equations *prior, cairn_real covariance[9])
 {
     static const cairn_motion_basis axes = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, 0, 0};
-    cairn_vec2 arm = cairn_vec2_left(cairn_transform_direction(motion->transform, motion->centre));
+    cairn_vec2 arm =
+        cairn_vec2_left_perp(cairn_transform_direction(motion->transform, motion->centre));
     cairn_sym3 information = cairn_sym3_zero();
     cairn_real values[3], inner[3][3];
 

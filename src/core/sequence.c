@@ -90,7 +90,7 @@ struct cairn_sequence {
 cairn_sequence_params cairn_sequence_default(void)
 {
     cairn_sequence_params params = {
-        .kind = CAIRN_SEQUENCE_COMMON, .max_first = 1024, .max_second = 1024, .gap = 1};
+        .kind = CAIRN_SEQUENCE_LCS, .max_first = 1024, .max_second = 1024, .gap_cost = 1};
 
     return params;
 }
@@ -98,10 +98,11 @@ cairn_sequence_params cairn_sequence_default(void)
 /* 1 when all params are in range. */
 static int params_are_valid(const cairn_sequence_params *params)
 {
-    return params != NULL && params->kind >= CAIRN_SEQUENCE_COMMON &&
-           params->kind <= CAIRN_SEQUENCE_WARP && params->max_first >= 1 &&
+    return params != NULL && params->kind >= CAIRN_SEQUENCE_LCS &&
+           params->kind <= CAIRN_SEQUENCE_DTW && params->max_first >= 1 &&
            params->max_first <= MAX_ELEMENTS && params->max_second >= 1 &&
-           params->max_second <= MAX_ELEMENTS && params->gap >= 0 && params->gap <= CAIRN_REAL(1e9);
+           params->max_second <= MAX_ELEMENTS && params->gap_cost >= 0 &&
+           params->gap_cost <= CAIRN_REAL(1e9);
 }
 
 /* Allocates the object and its arrays; NULL from a counting pool. */
@@ -141,7 +142,7 @@ cairn_status cairn_sequence_create(cairn_sequence **sequence, cairn_pool *pool,
 
     if (sequence == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     *sequence = carve(pool, params);
     return CAIRN_OK;
@@ -187,13 +188,13 @@ static void move_gains(const cairn_sequence *sequence, int32_t i, int32_t j, cai
     cairn_real value = i > 0 && j > 0 ? sequence->compare(sequence->context, i - 1, j - 1) : 0;
 
     switch (sequence->params.kind) {
-    case CAIRN_SEQUENCE_COMMON:
+    case CAIRN_SEQUENCE_LCS:
         *pair_gain = value > 0 ? 1 : IMPOSSIBLE_GAIN;
         *skip_gain = 0;
         break;
     case CAIRN_SEQUENCE_LOCAL:
         *pair_gain = value;
-        *skip_gain = -sequence->params.gap;
+        *skip_gain = -sequence->params.gap_cost;
         break;
     default:
         *pair_gain = *skip_gain = i > 0 && j > 0 ? -value : IMPOSSIBLE_GAIN;
@@ -224,7 +225,7 @@ static cairn_real best_arriving(cairn_sequence *sequence, int32_t first_row, int
 static cairn_real best_leaving(cairn_sequence *sequence, int32_t last_row, int32_t last_column)
 {
     int32_t i = sequence->row, j = sequence->column;
-    int32_t is_dtw = sequence->params.kind == CAIRN_SEQUENCE_WARP;
+    int32_t is_dtw = sequence->params.kind == CAIRN_SEQUENCE_DTW;
     cairn_real pair_gain = 0, skip_gain = 0,
                below = i < last_row ? sequence->backward[j] : IMPOSSIBLE_GAIN,
                best = i == last_row && j == last_column ? 0 : IMPOSSIBLE_GAIN;
@@ -373,7 +374,7 @@ static void push_job(cairn_sequence *sequence, int32_t first_row, int32_t last_r
 static void find_split(cairn_sequence *sequence)
 {
     const sequence_job *job = &sequence->job;
-    int32_t is_dtw = sequence->params.kind == CAIRN_SEQUENCE_WARP, j = sequence->column;
+    int32_t is_dtw = sequence->params.kind == CAIRN_SEQUENCE_DTW, j = sequence->column;
     cairn_real pair_gain, skip_gain;
 
     if (sequence->below_row == sequence->middle_row) {
@@ -421,7 +422,7 @@ static void append_pair(cairn_sequence *sequence)
 static void trace_path(cairn_sequence *sequence)
 {
     const sequence_job *job = &sequence->job;
-    int32_t is_dtw = sequence->params.kind == CAIRN_SEQUENCE_WARP,
+    int32_t is_dtw = sequence->params.kind == CAIRN_SEQUENCE_DTW,
             moves_down = sequence->row < job->last_row && sequence->column == sequence->best_column;
 
     if (sequence->row == job->last_row && sequence->column == job->last_column) {

@@ -25,7 +25,7 @@ void cairn_sym2_eigen(cairn_sym2 m, cairn_real values[2], cairn_vec2 *minor, cai
     values[0] = mean - radius;
     values[1] = mean + radius;
     *major = axis;
-    *minor = cairn_vec2_left(axis);
+    *minor = cairn_vec2_left_perp(axis);
 }
 
 /* Factorization m = L D L^T with unit lower triangular L. 0 when a pivot is not positive to

@@ -39,7 +39,7 @@ cairn_status cairn_refuse(cairn_fault *fault, int64_t index, const char *what, c
 {
     if (fault != NULL) {
         fault->index = index;
-        fault->what = what;
+        fault->message = what;
     }
     return status;
 }

@@ -91,11 +91,11 @@ cairn_status cairn_appearance_describe(appearance_patches *patches, const uint8_
     cairn_status status;
 
     memset(patches, 0, sizeof *patches);
-    if (grey == NULL || width < 1 || height < 1 || width > CAIRN_APPEARANCE_SIDE_MOST ||
-        height > CAIRN_APPEARANCE_SIDE_MOST)
+    if (grey == NULL || width < 1 || height < 1 || width > CAIRN_APPEARANCE_MAX_SIDE ||
+        height > CAIRN_APPEARANCE_MAX_SIDE)
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
                                     "an image of %d x %d, expected 8-bit grey of at most %d a side",
-                                    (int)width, (int)height, CAIRN_APPEARANCE_SIDE_MOST);
+                                    (int)width, (int)height, CAIRN_APPEARANCE_MAX_SIDE);
     shim = cairn_appearance_need_shim(path, error);
     if (shim == NULL)
         return CAIRN_UNSUPPORTED;
@@ -189,10 +189,11 @@ double cairn_appearance_decision(const cairn_appearance_model *model, const floa
     return sum;
 }
 
-double cairn_appearance_judge(const cairn_appearance_model *model, const float *histogram)
+double cairn_appearance_histogram_probability(const cairn_appearance_model *model,
+                                              const float *histogram)
 {
-    return 1 / (1 + exp(fmin(700, model->slope * cairn_appearance_decision(model, histogram) +
-                                      model->offset)));
+    return 1 / (1 + exp(fmin(700, model->platt_slope * cairn_appearance_decision(model, histogram) +
+                                      model->platt_offset)));
 }
 
 cairn_status cairn_appearance_field_make(cairn_appearance_field **field,
@@ -241,11 +242,11 @@ void cairn_appearance_field_free(cairn_appearance_field *field)
 
 /* Computes the normalized histogram of a box. Returns 0 when it has no patch. */
 static int compute_histogram(const cairn_appearance_field *field, const double box[4],
-                             float histogram[CAIRN_APPEARANCE_WORDS_MOST])
+                             float histogram[CAIRN_APPEARANCE_MAX_WORDS])
 {
     int32_t patches = 0;
 
-    memset(histogram, 0, CAIRN_APPEARANCE_WORDS_MOST * sizeof *histogram);
+    memset(histogram, 0, CAIRN_APPEARANCE_MAX_WORDS * sizeof *histogram);
     for (int32_t i = 0; i < field->count; i++)
         if (cairn_appearance_is_in_box(&field->keypoints[i], box)) {
             histogram[field->words[i]]++;
@@ -257,10 +258,10 @@ static int compute_histogram(const cairn_appearance_field *field, const double b
 
 double cairn_appearance_probability(const cairn_appearance_field *field, const double box[4])
 {
-    float histogram[CAIRN_APPEARANCE_WORDS_MOST];
+    float histogram[CAIRN_APPEARANCE_MAX_WORDS];
 
     return compute_histogram(field, box, histogram)
-               ? cairn_appearance_judge(field->model, histogram)
+               ? cairn_appearance_histogram_probability(field->model, histogram)
                : UNKNOWN_PROBABILITY;
 }
 
@@ -269,13 +270,13 @@ double cairn_appearance_probability(const cairn_appearance_field *field, const d
 double cairn_appearance_distance(const cairn_appearance_field *field, const double box[4])
 {
     const cairn_appearance_model *model = field->model;
-    float histogram[CAIRN_APPEARANCE_WORDS_MOST];
+    float histogram[CAIRN_APPEARANCE_MAX_WORDS];
     double smallest = MAX_CHI2;
 
     if (!compute_histogram(field, box, histogram))
         return 1;
     for (int32_t i = 0; i < model->support_count; i++)
-        if (model->weights[i] * model->slope < 0)
+        if (model->weights[i] * model->platt_slope < 0)
             smallest = fmin(smallest, cairn_appearance_chi2(
                                           &model->histograms[(size_t)i * (size_t)model->word_count],
                                           histogram, model->word_count));

@@ -140,7 +140,7 @@ static cairn_status read_words(appearance_reader *reader, cairn_appearance_model
     if (status == CAIRN_OK)
         status = expect_token(reader, "words");
     if (status == CAIRN_OK)
-        status = read_integer(reader, 2, CAIRN_APPEARANCE_WORDS_MOST, &model->word_count);
+        status = read_integer(reader, 2, CAIRN_APPEARANCE_MAX_WORDS, &model->word_count);
     if (status == CAIRN_OK)
         status = expect_line_end(reader);
     if (status != CAIRN_OK)
@@ -181,7 +181,8 @@ static cairn_status read_support(appearance_reader *reader, cairn_appearance_mod
 
 static cairn_status read_machine(appearance_reader *reader, cairn_appearance_model *model)
 {
-    double *const numbers[] = {&model->gamma, &model->rho, &model->slope, &model->offset};
+    double *const numbers[] = {&model->gamma, &model->rho, &model->platt_slope,
+                               &model->platt_offset};
     cairn_status status = next_line(reader, "'machine'");
 
     if (status == CAIRN_OK)
@@ -189,7 +190,8 @@ static cairn_status read_machine(appearance_reader *reader, cairn_appearance_mod
     for (int i = 0; i < (int)(sizeof numbers / sizeof *numbers) && status == CAIRN_OK; i++)
         status = read_number(reader, i == 0 ? MIN_GAMMA : -MAX_NUMBER, MAX_NUMBER, numbers[i]);
     if (status == CAIRN_OK)
-        status = read_integer(reader, 1, CAIRN_APPEARANCE_SUPPORT_MOST, &model->support_count);
+        status =
+            read_integer(reader, 1, CAIRN_APPEARANCE_MAX_SUPPORT_VECTORS, &model->support_count);
     if (status == CAIRN_OK)
         status = expect_line_end(reader);
     if (status != CAIRN_OK)
@@ -239,12 +241,13 @@ static int is_within(double value, double min_value, double max_value)
 /* Returns 1 when the written file can be read again. */
 static int is_writable(const cairn_appearance_model *model)
 {
-    int ok = model->word_count >= 2 && model->word_count <= CAIRN_APPEARANCE_WORDS_MOST &&
-             model->support_count >= 1 && model->support_count <= CAIRN_APPEARANCE_SUPPORT_MOST &&
+    int ok = model->word_count >= 2 && model->word_count <= CAIRN_APPEARANCE_MAX_WORDS &&
+             model->support_count >= 1 &&
+             model->support_count <= CAIRN_APPEARANCE_MAX_SUPPORT_VECTORS &&
              is_within(model->gamma, MIN_GAMMA, MAX_NUMBER) &&
              is_within(model->rho, -MAX_NUMBER, MAX_NUMBER) &&
-             is_within(model->slope, -MAX_NUMBER, MAX_NUMBER) &&
-             is_within(model->offset, -MAX_NUMBER, MAX_NUMBER);
+             is_within(model->platt_slope, -MAX_NUMBER, MAX_NUMBER) &&
+             is_within(model->platt_offset, -MAX_NUMBER, MAX_NUMBER);
 
     for (int32_t i = 0; ok && i < model->support_count; i++)
         ok = is_within(model->weights[i], -MAX_NUMBER, MAX_NUMBER);
@@ -271,7 +274,7 @@ cairn_status cairn_appearance_write(const cairn_appearance_model *model, const c
         cairn_output_print(output, "%d%c", (int)model->words[i],
                            (i + 1) % APPEARANCE_DESCRIPTOR_SIZE == 0 ? '\n' : ' ');
     cairn_output_print(output, "machine %.17g %.17g %.17g %.17g %d\n", model->gamma, model->rho,
-                       model->slope, model->offset, (int)model->support_count);
+                       model->platt_slope, model->platt_offset, (int)model->support_count);
     for (int32_t i = 0; i < model->support_count; i++) {
         cairn_output_print(output, "%.17g", model->weights[i]);
         for (int32_t k = 0; k < model->word_count; k++)

@@ -38,7 +38,7 @@ enum { MAX_PAIRED_SAMPLES = 1000 };
 #define MAX_NEGATIVE_OVERLAP 0.2
 /* Streams of random numbers of one seed. */
 /* limit of sampled windows; not all of them are kept */
-enum { MAX_WINDOWS = 10 * CAIRN_APPEARANCE_SUPPORT_MOST };
+enum { MAX_WINDOWS = 10 * CAIRN_APPEARANCE_MAX_SUPPORT_VECTORS };
 enum { STREAM_WORDS = 11, STREAM_WINDOWS = 12 };
 
 typedef struct trained_image {
@@ -77,7 +77,7 @@ cairn_appearance_trainer *cairn_appearance_trainer_new(void)
     cairn_appearance_trainer *trainer = calloc(1, sizeof *trainer);
 
     if (trainer != NULL)
-        trainer->images = calloc(CAIRN_APPEARANCE_IMAGES_MOST, sizeof *trainer->images);
+        trainer->images = calloc(CAIRN_APPEARANCE_MAX_IMAGES, sizeof *trainer->images);
     if (trainer != NULL && trainer->images == NULL) {
         free(trainer);
         return NULL;
@@ -105,8 +105,8 @@ static cairn_status no_memory(const char *path, cairn_file_error *error)
 static int is_box(const double box[4], int32_t width, int32_t height)
 {
     return box[2] - box[0] >= 1 && box[3] - box[1] >= 1 && box[0] < width && box[1] < height &&
-           box[2] > 0 && box[3] > 0 && box[2] - box[0] <= 2.0 * CAIRN_APPEARANCE_SIDE_MOST &&
-           box[3] - box[1] <= 2.0 * CAIRN_APPEARANCE_SIDE_MOST;
+           box[2] > 0 && box[3] > 0 && box[2] - box[0] <= 2.0 * CAIRN_APPEARANCE_MAX_SIDE &&
+           box[3] - box[1] <= 2.0 * CAIRN_APPEARANCE_MAX_SIDE;
 }
 
 cairn_status cairn_appearance_trainer_add(cairn_appearance_trainer *trainer, const uint8_t *grey,
@@ -116,10 +116,10 @@ cairn_status cairn_appearance_trainer_add(cairn_appearance_trainer *trainer, con
     trained_image *image = &trainer->images[trainer->count];
     cairn_status status;
 
-    if (trainer->count == CAIRN_APPEARANCE_IMAGES_MOST)
+    if (trainer->count == CAIRN_APPEARANCE_MAX_IMAGES)
         return cairn_file_error_set(error, CAIRN_FULL, path, 0,
                                     "one image more, expected at most %d",
-                                    CAIRN_APPEARANCE_IMAGES_MOST);
+                                    CAIRN_APPEARANCE_MAX_IMAGES);
     if (count < 0 || (boxes == NULL && count > 0))
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
                                     "%d boxes, expected none or more", (int)count);
@@ -524,13 +524,14 @@ static void fit_sigmoid(cairn_appearance_model *model, const training_set *set)
     double of_class = count_class(set), others = set->count - of_class;
     double target[2] = {1 / (others + 2), (of_class + 1) / (of_class + 2)};
 
-    model->slope = 0;
-    model->offset = log((others + 1) / (of_class + 1));
+    model->platt_slope = 0;
+    model->platt_offset = log((others + 1) / (of_class + 1));
     for (int32_t step = 0; step < MAX_NEWTON_STEPS; step++) {
         double h11 = 1e-12, h22 = 1e-12, h21 = 0, g1 = 0, g2 = 0, det, a, b, current, size = 1;
 
         for (int32_t i = 0; i < set->count; i++) {
-            double f = set->decision[i], p = 1 / (1 + exp(model->slope * f + model->offset)),
+            double f = set->decision[i],
+                   p = 1 / (1 + exp(model->platt_slope * f + model->platt_offset)),
                    d2 = p * (1 - p);
             double d1 = target[set->is_class[i]] - p;
 
@@ -547,15 +548,15 @@ static void fit_sigmoid(cairn_appearance_model *model, const training_set *set)
             return; /* singular by rounding: all decision values are equal */
         a = -(h22 * g1 - h21 * g2) / det;
         b = -(h11 * g2 - h21 * g1) / det;
-        current = cross_entropy(set, target, model->slope, model->offset);
+        current = cross_entropy(set, target, model->platt_slope, model->platt_offset);
         for (int32_t k = 0;
-             k < MAX_HALVINGS &&
-             !(cross_entropy(set, target, model->slope + size * a, model->offset + size * b) <
-               current + 1e-4 * size * (g1 * a + g2 * b));
+             k < MAX_HALVINGS && !(cross_entropy(set, target, model->platt_slope + size * a,
+                                                 model->platt_offset + size * b) <
+                                   current + 1e-4 * size * (g1 * a + g2 * b));
              k++)
             size /= 2;
-        model->slope += size * a;
-        model->offset += size * b;
+        model->platt_slope += size * a;
+        model->platt_offset += size * b;
     }
 }
 
@@ -582,12 +583,12 @@ static cairn_status check(const cairn_appearance_trainer *trainer,
                           const cairn_appearance_params *params, const char *path,
                           cairn_file_error *error)
 {
-    if (params->words < 2 || params->words > CAIRN_APPEARANCE_WORDS_MOST || params->negatives < 1 ||
+    if (params->words < 2 || params->words > CAIRN_APPEARANCE_MAX_WORDS || params->negatives < 1 ||
         params->negatives > 100 || !(params->cost > 0) || params->cost > 1e6)
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, path, 0,
             "%d words, %d windows per box, cost %g, expected 2 to %d, 1 to 100, above 0 to 1000000",
-            (int)params->words, (int)params->negatives, params->cost, CAIRN_APPEARANCE_WORDS_MOST);
+            (int)params->words, (int)params->negatives, params->cost, CAIRN_APPEARANCE_MAX_WORDS);
     if (count_boxes(trainer) == 0)
         return cairn_file_error_set(error, CAIRN_EMPTY, path, 0,
                                     "no box in any image, expected at least one");
@@ -616,9 +617,9 @@ cairn_status cairn_appearance_train(cairn_appearance_model *model,
         status = cairn_file_error_set(
             error, CAIRN_EMPTY, path, 0,
             "no space for negative windows beside the boxes, expected larger images");
-    if (status == CAIRN_OK && set.count > CAIRN_APPEARANCE_SUPPORT_MOST)
+    if (status == CAIRN_OK && set.count > CAIRN_APPEARANCE_MAX_SUPPORT_VECTORS)
         status = cairn_file_error_set(error, CAIRN_FULL, path, 0, "%d windows, expected at most %d",
-                                      (int)set.count, CAIRN_APPEARANCE_SUPPORT_MOST);
+                                      (int)set.count, CAIRN_APPEARANCE_MAX_SUPPORT_VECTORS);
     if (status == CAIRN_OK)
         status = train_model(model, &set, trainer, params->cost, path, error);
     free_samples(&set);

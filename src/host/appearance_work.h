@@ -5,7 +5,7 @@
 #include "cairn/appearance.h"
 #include "src/host/appearance_shim.h"
 
-enum { APPEARANCE_DESCRIPTOR_SIZE = CAIRN_APPEARANCE_NUMBERS };
+enum { APPEARANCE_DESCRIPTOR_SIZE = CAIRN_APPEARANCE_DESCRIPTOR_SIZE };
 
 /* The patches of an image and their SIFT descriptors. */
 typedef struct appearance_patches {

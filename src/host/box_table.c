@@ -21,7 +21,7 @@ typedef struct box_reader {
     const char *path;
     cairn_file_error *error;
     /* fields of the current line, without quotes */
-    char field[CAIRN_BOX_TABLE_FIELDS_MOST][CAIRN_BOX_TABLE_NAME_BYTES];
+    char field[CAIRN_BOX_TABLE_MAX_FIELDS][CAIRN_BOX_TABLE_NAME_BYTES];
     /* fields of the line; field of each column */
     int32_t fields, column[COLUMNS];
 } box_reader;
@@ -74,7 +74,7 @@ static cairn_status read_fields(box_reader *reader, const char *line, size_t len
     int last = 0;
 
     for (reader->fields = 0; status == CAIRN_OK && !last; reader->fields++) {
-        if (reader->fields == CAIRN_BOX_TABLE_FIELDS_MOST)
+        if (reader->fields == CAIRN_BOX_TABLE_MAX_FIELDS)
             return bad_line(reader, "more than 64 fields, expected image,left,top,right,bottom");
         status = read_field(reader, &at, end, &last);
     }
@@ -143,10 +143,10 @@ static cairn_status read_rows(box_reader *reader, cairn_box_row **row, int32_t *
             has_header = 1;
             continue;
         }
-        if (*count == CAIRN_BOX_TABLE_ROWS_MOST)
+        if (*count == CAIRN_BOX_TABLE_MAX_ROWS)
             return cairn_file_error_set(reader->error, CAIRN_FULL, reader->path, line_of(reader),
                                         "too many rows, expected at most %d",
-                                        CAIRN_BOX_TABLE_ROWS_MOST);
+                                        CAIRN_BOX_TABLE_MAX_ROWS);
         if (*count == capacity) {
             cairn_box_row *grown = realloc(*row, (size_t)(2 * capacity + 16) * sizeof *grown);
 

@@ -136,18 +136,19 @@ static void survey_scan(survey_statistics *statistics, cairn_carmen_info *info,
         survey_ranges(statistics, message);
     survey_poses(statistics, info, message);
     if (info->scans == 0) {
-        info->beams_least = message->count;
+        info->min_beams = message->count;
         info->first_ns = message->stamp_ns;
-        info->least_ns = message->stamp_ns;
-        info->most_ns = message->stamp_ns;
+        info->earliest_ns = message->stamp_ns;
+        info->latest_ns = message->stamp_ns;
         info->last_ns = message->stamp_ns;
     }
     info->beams += message->count;
-    info->beams_least = message->count < info->beams_least ? message->count : info->beams_least;
-    info->beams_most = message->count > info->beams_most ? message->count : info->beams_most;
-    info->least_ns = message->stamp_ns < info->least_ns ? message->stamp_ns : info->least_ns;
-    info->most_ns = message->stamp_ns > info->most_ns ? message->stamp_ns : info->most_ns;
-    info->stamps_back += message->stamp_ns < info->last_ns;
+    info->min_beams = message->count < info->min_beams ? message->count : info->min_beams;
+    info->max_beams = message->count > info->max_beams ? message->count : info->max_beams;
+    info->earliest_ns =
+        message->stamp_ns < info->earliest_ns ? message->stamp_ns : info->earliest_ns;
+    info->latest_ns = message->stamp_ns > info->latest_ns ? message->stamp_ns : info->latest_ns;
+    info->backward_stamps += message->stamp_ns < info->last_ns;
     info->last_ns = message->stamp_ns;
     info->scans++;
 }
@@ -228,7 +229,7 @@ static cairn_status next_message(cairn_carmen_log *log, int32_t first_pass, cair
         if (status == CAIRN_FULL)
             (void)cairn_file_error_set(&fault, status, path, cairn_line_reader_number(log->reader),
                                        "the line has %zu bytes, expected at most %d", length,
-                                       CAIRN_LINE_LONGEST);
+                                       CAIRN_LINE_READER_MAX_BYTES);
         if (status == CAIRN_OK)
             status = cairn_carmen_message_read(&log->message, line, length, path,
                                                cairn_line_reader_number(log->reader), &fault);

@@ -103,7 +103,7 @@ static void read_finite(line_parser *parser, const char *field_name, double *val
     }
 }
 
-/* Reads an integer from `least` to CAIRN_CARMEN_BEAMS_MOST. */
+/* Reads an integer from `least` to CAIRN_CARMEN_MAX_BEAMS. */
 static void read_count(line_parser *parser, const char *field_name, int32_t least, int32_t *count)
 {
     size_t length;
@@ -114,12 +114,12 @@ static void read_count(line_parser *parser, const char *field_name, int32_t leas
     if (token == NULL)
         return;
     if (cairn_number_read_integer(token, length, &value) && value >= least &&
-        value <= CAIRN_CARMEN_BEAMS_MOST) {
+        value <= CAIRN_CARMEN_MAX_BEAMS) {
         *count = (int32_t)value;
         return;
     }
     (void)snprintf(expected, sizeof expected, "a whole number from %d to %d", (int)least,
-                   CAIRN_CARMEN_BEAMS_MOST);
+                   CAIRN_CARMEN_MAX_BEAMS);
     report_bad_token(parser, token, length, expected);
 }
 

@@ -256,7 +256,7 @@ static cairn_status report_end(cairn_line_reader *reader, cairn_file_error *erro
 static cairn_status return_line(cairn_line_reader *reader, size_t length, size_t step,
                                 const char **line, size_t *found)
 {
-    cairn_status status = length > CAIRN_LINE_LONGEST ? CAIRN_FULL : CAIRN_OK;
+    cairn_status status = length > CAIRN_LINE_READER_MAX_BYTES ? CAIRN_FULL : CAIRN_OK;
 
     if (status == CAIRN_OK && length > 0 && reader->buffer[reader->begin + length - 1] == '\r')
         length--;
@@ -302,7 +302,7 @@ cairn_status cairn_line_reader_next(cairn_line_reader *reader, const char **line
         }
         if (reader->at_end)
             break;
-        if (pending > CAIRN_LINE_LONGEST)
+        if (pending > CAIRN_LINE_READER_MAX_BYTES)
             return skip_line(reader, pending, line, length);
         searched = pending;
         status = make_space(reader, error);

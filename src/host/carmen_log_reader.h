@@ -7,7 +7,7 @@
 
 /* The maximum length of a line in bytes. A longer line is skipped, so that a file without line ends
  * does not exhaust the memory. */
-#define CAIRN_LINE_LONGEST (16 * 1024 * 1024)
+#define CAIRN_LINE_READER_MAX_BYTES (16 * 1024 * 1024)
 
 /* An open text file. */
 typedef struct cairn_line_reader cairn_line_reader;
@@ -18,10 +18,10 @@ CAIRN_CHECKED cairn_status cairn_line_reader_open(cairn_line_reader **reader, co
                                                   cairn_file_error *error);
 
 /* Returns the next line without its end ("\n" or "\r\n") in *line and *length; valid until the next
- * call. CAIRN_EMPTY: the end of the file. CAIRN_FULL: the line was longer than CAIRN_LINE_LONGEST
- * and was skipped; *length is its length. After the last readable line: CAIRN_TRUNCATED: the gzip
- * data end early; CAIRN_BAD_FORMAT: they are corrupt; CAIRN_IO: reading failed. Each of these is
- * returned once, then CAIRN_EMPTY. CAIRN_NO_MEMORY. */
+ * call. CAIRN_EMPTY: the end of the file. CAIRN_FULL: the line was longer than
+ * CAIRN_LINE_READER_MAX_BYTES and was skipped; *length is its length. After the last readable
+ * line: CAIRN_TRUNCATED: the gzip data end early; CAIRN_BAD_FORMAT: they are corrupt; CAIRN_IO:
+ * reading failed. Each of these is returned once, then CAIRN_EMPTY. CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_line_reader_next(cairn_line_reader *reader, const char **line,
                                                   size_t *length, cairn_file_error *error);
 

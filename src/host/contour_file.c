@@ -93,7 +93,7 @@ static void print_completed(cairn_output *output, const cairn_contour_picture *p
          from = first + count) {
         cairn_output_print(output, "%s[", printed++ > 0 ? ", " : "");
         for (int32_t i = first; i < first + count; i++) {
-            cairn_vec2 at = picture->result->outline[object->first_outline + i].at.position;
+            cairn_vec2 at = picture->result->outline[object->first_outline + i].point.position;
 
             cairn_output_print(output, "%s[%.2f, %.2f]", i > first ? ", " : "",
                                image_x(picture, at.x), image_x(picture, at.y));
@@ -112,13 +112,14 @@ static void print_object(cairn_output *output, const cairn_contour_picture *pict
         "\"turned\": %.4f, \"strained\": %.4f, \"x\": %.2f, \"y\": %.2f, \"size\": %.2f, "
         "\"turn_deg\": %.2f, \"mirrored\": %s, "
         "\"seen_samples\": %d, \"seen_share\": %.3f, \"start_sample\": %d,\n   ",
-        (double)object->found.score, (double)object->found.evidence, (double)object->rigid,
-        (double)object->bent, (double)object->shape.close, (double)object->shape.turned,
-        (double)object->shape.strained, image_x(picture, object->found.origin.x),
-        image_x(picture, object->found.origin.y), image_length(picture, object->found.size),
-        DEGREES_PER_RADIAN * (double)object->found.turn, object->mirrored ? "true" : "false",
-        (int)object->found.seen, (double)object->found.seen / picture->model->sample_count,
-        (int)object->found.start);
+        (double)object->found.score, (double)object->found.evidence, (double)object->rigid_evidence,
+        (double)object->deformed_evidence, (double)object->shape.edge_proximity,
+        (double)object->shape.tangent_deviation, (double)object->shape.deformation,
+        image_x(picture, object->found.origin.x), image_x(picture, object->found.origin.y),
+        image_length(picture, object->found.size), DEGREES_PER_RADIAN * (double)object->found.turn,
+        object->mirrored ? "true" : "false", (int)object->found.matched_samples,
+        (double)object->found.matched_samples / picture->model->sample_count,
+        (int)object->found.start_sample);
     print_segments(output, picture, &object->found);
     cairn_output_print(output, ",\n   ");
     print_completed(output, picture, object);
@@ -140,11 +141,11 @@ static void print_number(cairn_output *output, const char *name, double value)
 static void print_trace(cairn_output *output, const cairn_contour_result *result, int32_t mirrored)
 {
     cairn_output_print(output, "  {\"mirrored\": %s, \"starts\": %d, ", mirrored ? "true" : "false",
-                       (int)result->starts[mirrored]);
+                       (int)result->hypothesis_counts[mirrored]);
     if (result->mode == CAIRN_MODE_AS_WRITTEN)
         cairn_output_print(output, "\"points\": %d, \"points_dropped\": %d, \"end\": \"%s\", ",
-                           (int)result->points, (int)result->points_dropped,
-                           cairn_contour_end_text(result->end));
+                           (int)result->point_count, (int)result->points_dropped,
+                           cairn_contour_end_text(result->end_reason));
     cairn_output_print(output, "\"steps\": [");
     for (int32_t i = 0; i < result->steps[mirrored]; i++) {
         const cairn_grouping_trace *step = &result->trace[mirrored][i];
@@ -156,7 +157,7 @@ static void print_trace(cairn_output *output, const cairn_contour_result *result
         cairn_output_print(
             output, ", \"followers\": %d, \"resampled\": %s, \"particles\": %d, \"modes\": %d}",
             (int)step->followers, step->resampled ? "true" : "false", (int)step->particles,
-            (int)result->modes[mirrored][i]);
+            (int)result->mode_counts[mirrored][i]);
     }
     cairn_output_print(output, "]}");
 }
@@ -181,9 +182,9 @@ cairn_status cairn_contour_file_write(const cairn_contour_picture *picture, cons
                        "\"objects\": [",
                        (int)(picture->tokens->width * picture->shrink),
                        (int)(picture->tokens->height * picture->shrink), (int)picture->shrink,
-                       (int)picture->tokens->chains, (int)picture->tokens->count,
+                       (int)picture->tokens->chain_count, (int)picture->tokens->count,
                        result->pool_bytes, result->object_count > 0 ? "found" : "none",
-                       (double)result->best, (double)result->best_evidence);
+                       (double)result->best_score, (double)result->best_evidence);
     for (int32_t i = 0; i < result->object_count; i++) {
         cairn_output_print(output, "%s\n", i > 0 ? "," : "");
         print_object(output, picture, &result->objects[i]);

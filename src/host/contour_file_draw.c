@@ -69,14 +69,15 @@ static void print_model(cairn_output *output, const cairn_contour_picture *pictu
 
     cairn_output_print(output, "<path class=\"model\" d=\"");
     for (int32_t i = 0; i < object->outline_count; i++)
-        cairn_output_print(output, "M%.1f %.1fh0", (double)outline[i].at.position.x,
-                           (double)outline[i].at.position.y);
+        cairn_output_print(output, "M%.1f %.1fh0", (double)outline[i].point.position.x,
+                           (double)outline[i].point.position.y);
     cairn_output_print(output, "\"/>\n<path class=\"completed\" d=\"");
     for (int32_t from = 0; cairn_contour_completed(picture->result, object, from, &first, &count);
          from = first + count)
         for (int32_t i = first; i < first + count; i++)
             cairn_output_print(output, "%s%.1f %.1f", i == first ? "M" : "L",
-                               (double)outline[i].at.position.x, (double)outline[i].at.position.y);
+                               (double)outline[i].point.position.x,
+                               (double)outline[i].point.position.y);
     cairn_output_print(output, "\"/>\n");
 }
 
@@ -116,10 +117,11 @@ cairn_status cairn_contour_file_draw(const cairn_contour_picture *picture, const
 
     if (status != CAIRN_OK)
         return status;
-    (void)snprintf(
-        subtitle, sizeof subtitle, "%d of %.120s, best score %.2f; %d segments of %d chains",
-        (int)picture->result->object_count, picture->model_name, (double)picture->result->best,
-        (int)picture->tokens->count, (int)picture->tokens->chains);
+    (void)snprintf(subtitle, sizeof subtitle,
+                   "%d of %.120s, best score %.2f; %d segments of %d chains",
+                   (int)picture->result->object_count, picture->model_name,
+                   (double)picture->result->best_score, (int)picture->tokens->count,
+                   (int)picture->tokens->chain_count);
     (void)snprintf(style, sizeof style,
                    "path{fill:none}.left,.right,.other{stroke-width:%.2f;stroke-linecap:round}"
                    ".left{stroke:#2563eb}.right{stroke:#ea580c}.other{stroke:#16a34a}.axis{stroke:#"

@@ -92,15 +92,15 @@ void cairn_contour_result_free(cairn_contour_result *result)
     free(result->outline);
     free(result->trace[0]);
     free(result->trace[1]);
-    free(result->modes[0]);
-    free(result->modes[1]);
+    free(result->mode_counts[0]);
+    free(result->mode_counts[1]);
     memset(result, 0, sizeof *result);
 }
 
 /* ---- Discs ---- */
 
-cairn_vec2 cairn_contour_transform_vector(const cairn_grouped_object *object,
-                                          cairn_vec2 model_vector)
+cairn_vec2 cairn_contour_search_transform_vector(const cairn_grouped_object *object,
+                                                 cairn_vec2 model_vector)
 {
     cairn_real c = object->size * (cairn_real)cos((double)object->turn),
                s = object->size * (cairn_real)sin((double)object->turn);
@@ -110,7 +110,7 @@ cairn_vec2 cairn_contour_transform_vector(const cairn_grouped_object *object,
     return p;
 }
 
-cairn_real cairn_contour_point_distance(cairn_segment line, cairn_vec2 p)
+cairn_real cairn_contour_search_point_distance(cairn_segment line, cairn_vec2 p)
 {
     cairn_vec2 along = cairn_vec2_sub(line.b, line.a), to = cairn_vec2_sub(p, line.a);
     cairn_real share =
@@ -130,7 +130,7 @@ static int32_t segment_at(const contour_searcher *searcher, const cairn_grouped_
     for (int32_t i = 0; i < object->count; i++) {
         int32_t index = searcher->result->segments[object->first + i];
         cairn_segment line = searcher->tokens->lines[index];
-        cairn_real distance = cairn_contour_point_distance(line, point.position);
+        cairn_real distance = cairn_contour_search_point_distance(line, point.position);
 
         if (distance < nearest &&
             cairn_abs(cairn_vec2_dot(cairn_vec2_unit(cairn_vec2_sub(line.b, line.a)),
@@ -175,10 +175,10 @@ static cairn_contour_disc disc_of(const contour_searcher *searcher,
 
     for (int32_t k = 0; k < 2; k++) {
         const cairn_contour_place *sample_place =
-            &outline[nearest_sample(model, sample->side[k].position)];
+            &outline[nearest_sample(model, sample->contact[k].position)];
 
         disc.side[k] = sample_place->segment;
-        side[k] = sample_place->at.position;
+        side[k] = sample_place->point.position;
     }
     disc.centre = cairn_vec2_scale(cairn_vec2_add(side[0], side[1]), CAIRN_REAL(0.5));
     disc.radius = cairn_max(1, cairn_vec2_norm(cairn_vec2_sub(side[1], side[0])) / 2);
@@ -233,10 +233,10 @@ static void count_matched(const cairn_contour_result *result, cairn_contour_obje
     for (int32_t i = 0; i < model->outline_count; i++)
         matched += result->outline[object->first_outline + i].segment >= 0;
     object->found.score = (cairn_real)matched / (cairn_real)model->outline_count;
-    object->found.seen = 0;
+    object->found.matched_samples = 0;
     for (int32_t k = 0; k < model->sample_count; k++)
-        object->found.seen += result->discs[object->first_disc + k].side[0] >= 0 ||
-                              result->discs[object->first_disc + k].side[1] >= 0;
+        object->found.matched_samples += result->discs[object->first_disc + k].side[0] >= 0 ||
+                                         result->discs[object->first_disc + k].side[1] >= 0;
 }
 
 /* Positions on the deformed outline of the gaps in the model's drawing. */
@@ -256,16 +256,17 @@ static cairn_contour_shape shape_of(const contour_searcher *searcher,
     const contour_reference drawn = {
         model->outline, {(cairn_real)cos((double)turn), (cairn_real)sin((double)turn)}};
 
-    return cairn_contour_shape_of(searcher->tokens, fitted, searcher->fit.outline_index, &drawn,
-                                  searcher->scratch, NULL);
+    return cairn_contour_search_shape_of(searcher->tokens, fitted, searcher->fit.outline_index,
+                                         &drawn, searcher->scratch, NULL);
 }
 
 static cairn_real evidence_of(const cairn_contour_object *object)
 {
     const cairn_contour_shape *shape = &object->shape;
 
-    return object->bent + RIGID_EVIDENCE_WEIGHT * object->rigid + PROXIMITY_WEIGHT * shape->close -
-           TANGENT_WEIGHT * shape->turned - DEFORMATION_WEIGHT * shape->strained * shape->strained +
+    return object->deformed_evidence + RIGID_EVIDENCE_WEIGHT * object->rigid_evidence +
+           PROXIMITY_WEIGHT * shape->edge_proximity - TANGENT_WEIGHT * shape->tangent_deviation -
+           DEFORMATION_WEIGHT * shape->deformation * shape->deformation +
            MATCHED_SHARE_WEIGHT * object->found.score - SCORE_OFFSET;
 }
 
@@ -284,34 +285,34 @@ static int add_object(contour_searcher *searcher, const cairn_grouping_result *f
     contour_fitted_outline fitted = {searcher->fit.outline, model->outline_count, {0, 0}, 0};
     contour_gaps gaps;
 
-    cairn_contour_field_fill(searcher->field, searcher->tokens, &object.found);
-    if (!cairn_contour_fit_run(&searcher->fit, searcher->field, model, &object.found))
+    cairn_contour_search_field_fill(searcher->field, searcher->tokens, &object.found);
+    if (!cairn_contour_search_fit_run(&searcher->fit, searcher->field, model, &object.found))
         return 0;
     if (!reserve_object(result, searcher->tokens->count, model))
         return 0;
     object.found.first = result->segment_count;
-    object.found.along = 0;
+    object.found.first_outline = 0;
     fitted.origin = object.found.origin;
     fitted.size = object.found.size;
     gaps = gaps_of(&searcher->fit, model);
-    if (!cairn_contour_collect_with_gaps(searcher->tokens, &fitted, &gaps,
-                                         &result->segments[object.found.first],
-                                         &object.found.count))
+    if (!cairn_contour_search_collect_with_gaps(searcher->tokens, &fitted, &gaps,
+                                                &result->segments[object.found.first],
+                                                &object.found.count))
         return 0;
-    object.rigid = found->objects[index].evidence / searcher->fit.length;
-    object.bent = searcher->fit.evidence / searcher->fit.length;
+    object.rigid_evidence = found->objects[index].evidence / searcher->fit.length;
+    object.deformed_evidence = searcher->fit.evidence / searcher->fit.length;
     object.shape = shape_of(searcher, &fitted, object.found.turn, model);
     for (int32_t i = 0; i < model->outline_count; i++) {
-        result->outline[object.first_outline + i].at = searcher->fit.outline[i];
+        result->outline[object.first_outline + i].point = searcher->fit.outline[i];
         result->outline[object.first_outline + i].segment =
             segment_at(searcher, &object.found, searcher->fit.outline[i]);
-        result->outline[object.first_outline + i].part = searcher->fit.outline_index[i];
+        result->outline[object.first_outline + i].outline_index = searcher->fit.outline_index[i];
     }
     for (int32_t k = 0; k < model->sample_count; k++)
         result->discs[object.first_disc + k] = disc_of(searcher, &object, model, k);
     count_matched(result, &object, model);
     object.found.evidence = evidence_of(&object);
-    result->best = cairn_max(result->best, object.found.score);
+    result->best_score = cairn_max(result->best_score, object.found.score);
     result->best_evidence = cairn_max(result->best_evidence, object.found.evidence);
     if (object.found.evidence < searcher->params->min_evidence ||
         object.found.score < searcher->params->min_score)
@@ -367,7 +368,7 @@ int cairn_contour_completed(const cairn_contour_result *result, const cairn_cont
         i++;
     *first = i;
     while (i < object->outline_count && outline[i].segment < 0 &&
-           outline[i].part == outline[*first].part)
+           outline[i].outline_index == outline[*first].outline_index)
         i++;
     *count = i - *first;
     return *count > 0;
@@ -415,7 +416,7 @@ static void observe(const contour_searcher *searcher, const cairn_grouping *grou
     observer->last_step = steps;
     (void)cairn_grouping_particles(grouping, observer->particles, observer->capacity, NULL);
     count = count < observer->capacity ? count : observer->capacity;
-    searcher->result->modes[mirrored][searcher->result->steps[mirrored] + steps - 1] =
+    searcher->result->mode_counts[mirrored][searcher->result->steps[mirrored] + steps - 1] =
         count_modes(observer->particles, count, observer->mode);
     if (searcher->params->on_step != NULL)
         searcher->params->on_step(searcher->params->context, observer->particles, count, mirrored);
@@ -426,16 +427,16 @@ static cairn_status run_grouping(const contour_searcher *searcher, cairn_groupin
 {
     filter_observer observer = {malloc((size_t)particles * sizeof *observer.particles),
                                 malloc((size_t)particles * sizeof *observer.mode), particles, 0};
-    void *modes = searcher->result->modes[mirrored];
+    void *modes = searcher->result->mode_counts[mirrored];
     cairn_status status =
         observer.particles != NULL && observer.mode != NULL &&
                 reserve(&modes, searcher->result->steps[mirrored], samples, sizeof(int32_t))
             ? CAIRN_MORE
             : CAIRN_NO_MEMORY;
 
-    searcher->result->modes[mirrored] = modes;
+    searcher->result->mode_counts[mirrored] = modes;
     if (status == CAIRN_MORE)
-        memset(&searcher->result->modes[mirrored][searcher->result->steps[mirrored]], 0,
+        memset(&searcher->result->mode_counts[mirrored][searcher->result->steps[mirrored]], 0,
                (size_t)samples * sizeof(int32_t));
     while (status == CAIRN_MORE) {
         cairn_budget budget = {UNITS_PER_CALLBACK};
@@ -464,7 +465,7 @@ static int append_result(contour_searcher *searcher, const cairn_grouping *group
         memcpy(&result->trace[mirrored][result->steps[mirrored]], found.trace,
                (size_t)found.steps * sizeof *found.trace);
     result->steps[mirrored] += found.steps;
-    result->starts[mirrored] += found.starts;
+    result->hypothesis_counts[mirrored] += found.hypothesis_count;
     for (int32_t i = 0; i < found.object_count; i++)
         if (!add_object(searcher, &found, i, model, mirrored))
             return 0;
@@ -516,9 +517,9 @@ static int32_t count_tokens(const cairn_contour_tokens *tokens, cairn_real token
 
     for (int32_t i = 0; i < tokens->count; i++)
         count += ceil((double)cairn_segment_length(tokens->lines[i]) / (double)token);
-    return count < MIN_TOKENS                  ? MIN_TOKENS
-           : count > CAIRN_CONTOUR_TOKENS_MOST ? CAIRN_CONTOUR_TOKENS_MOST
-                                               : (int32_t)count;
+    return count < MIN_TOKENS                 ? MIN_TOKENS
+           : count > CAIRN_CONTOUR_MAX_TOKENS ? CAIRN_CONTOUR_MAX_TOKENS
+                                              : (int32_t)count;
 }
 
 static cairn_status search_both(contour_searcher *searcher, const cairn_shape_model *model,
@@ -560,18 +561,19 @@ cairn_status cairn_contour_search_run(cairn_contour_result *result,
     memset(result, 0, sizeof *result);
     grouping.max_width = tokens->width;
     grouping.max_height = tokens->height;
-    grouping.max_tokens = grouping.token > 0 ? count_tokens(tokens, grouping.token) : 1;
+    grouping.max_tokens =
+        grouping.token_length > 0 ? count_tokens(tokens, grouping.token_length) : 1;
     grouping.max_samples = model->sample_count;
     grouping.max_outline = model->outline_count;
     result->pool_bytes = cairn_grouping_memory(&grouping) + CAIRN_ALIGN;
     memory = malloc(result->pool_bytes);
-    searcher.field = cairn_contour_field_new();
+    searcher.field = cairn_contour_search_field_new();
     searcher.scratch = malloc(((size_t)tokens->count + 1) * sizeof *searcher.scratch);
     if (memory == NULL || searcher.field == NULL || searcher.scratch == NULL ||
-        !cairn_contour_fit_new(&searcher.fit, model->outline_count)) {
+        !cairn_contour_search_fit_new(&searcher.fit, model->outline_count)) {
         free(memory);
         free(searcher.scratch);
-        cairn_contour_field_free(searcher.field);
+        cairn_contour_search_field_free(searcher.field);
         return cairn_file_error_system(error, path, "search", ENOMEM);
     }
     status = cairn_pool_init(&pool, memory, result->pool_bytes);
@@ -579,8 +581,8 @@ cairn_status cairn_contour_search_run(cairn_contour_result *result,
         status = search_both(&searcher, model, &pool, &grouping);
     free(memory);
     free(searcher.scratch);
-    cairn_contour_field_free(searcher.field);
-    cairn_contour_fit_free(&searcher.fit);
+    cairn_contour_search_field_free(searcher.field);
+    cairn_contour_search_fit_free(&searcher.fit);
     if (status != CAIRN_OK) {
         cairn_contour_result_free(result);
         return cairn_file_error_set(error, status, path, 0,

@@ -169,7 +169,7 @@ static int32_t cross_junctions(const cairn_contour_tokens *tokens,
 
     for (int32_t i = 0; i < ends->count; i++) {
         int32_t from = ends->listed[i],
-                neighbour_count = selected[from] ? cairn_contour_ends_near(ends, i) : 0;
+                neighbour_count = selected[from] ? cairn_contour_search_ends_near(ends, i) : 0;
 
         for (int32_t k = 0; k < neighbour_count; k++) {
             int32_t to = ends->listed[ends->neighbours[k]];
@@ -353,7 +353,7 @@ static void extend_all(edge_extender *extender, contour_ends *ends)
         for (int32_t i = 0; i < ends->count; i++) {
             int32_t current = ends->listed[i],
                     neighbour_count = extender->extension[current] < extender->max_extension
-                                          ? cairn_contour_ends_near(ends, i)
+                                          ? cairn_contour_search_ends_near(ends, i)
                                           : 0;
 
             for (int32_t k = 0; k < neighbour_count; k++)
@@ -372,7 +372,8 @@ static int extend_gaps(edge_extender *extender, const contour_gaps *gaps, const 
 {
     contour_ends wide;
 
-    if (!cairn_contour_ends_make(&wide, ends->lines, ends->listed, ends->count, GAP_JUNCTION_PX))
+    if (!cairn_contour_search_ends_make(&wide, ends->lines, ends->listed, ends->count,
+                                        GAP_JUNCTION_PX))
         return 0;
     for (int32_t i = 0; i < extender->tokens->count; i++)
         extender->extension[i] = extender->extension[i] < CAIRN_REAL_MAX ? 0 : CAIRN_REAL_MAX;
@@ -380,7 +381,7 @@ static int extend_gaps(edge_extender *extender, const contour_gaps *gaps, const 
     extender->chain_cosine = (cairn_real)MIN_GAP_COSINE;
     extender->junction_cosine = -1;
     extend_all(extender, &wide);
-    cairn_contour_ends_free(&wide);
+    cairn_contour_search_ends_free(&wide);
     return 1;
 }
 
@@ -415,16 +416,16 @@ static int extend_selected(const cairn_contour_tokens *tokens, const contour_fit
     return ok;
 }
 
-int cairn_contour_collect_with_gaps(const cairn_contour_tokens *tokens,
-                                    const contour_fitted_outline *fitted, const contour_gaps *gaps,
-                                    int32_t *list, int32_t *count)
+int cairn_contour_search_collect_with_gaps(const cairn_contour_tokens *tokens,
+                                           const contour_fitted_outline *fitted,
+                                           const contour_gaps *gaps, int32_t *list, int32_t *count)
 {
     uint8_t *selected = calloc((size_t)tokens->count + 1, 1);
     int32_t *listed = malloc(((size_t)tokens->count + 1) * sizeof *listed);
     contour_ends ends;
     int ok = selected != NULL && listed != NULL &&
-             cairn_contour_ends_make(&ends, tokens->lines, listed,
-                                     list_ends(tokens, fitted, listed), JUNCTION_PX);
+             cairn_contour_search_ends_make(&ends, tokens->lines, listed,
+                                            list_ends(tokens, fitted, listed), JUNCTION_PX);
 
     if (ok) {
         select_along_outline(tokens, fitted, selected);
@@ -434,18 +435,18 @@ int cairn_contour_collect_with_gaps(const cairn_contour_tokens *tokens,
             complete_chains(tokens, fitted, selected);
         ok = extend_selected(tokens, fitted, gaps, &ends, selected) &&
              list_selected(tokens, fitted, selected, list, count);
-        cairn_contour_ends_free(&ends);
+        cairn_contour_search_ends_free(&ends);
     }
     free(selected);
     free(listed);
     return ok;
 }
 
-int cairn_contour_collect_segments(const cairn_contour_tokens *tokens,
-                                   const contour_fitted_outline *fitted, int32_t *list,
-                                   int32_t *count)
+int cairn_contour_search_collect_segments(const cairn_contour_tokens *tokens,
+                                          const contour_fitted_outline *fitted, int32_t *list,
+                                          int32_t *count)
 {
     const contour_gaps none = {.count = 0};
 
-    return cairn_contour_collect_with_gaps(tokens, fitted, &none, list, count);
+    return cairn_contour_search_collect_with_gaps(tokens, fitted, &none, list, count);
 }

@@ -8,7 +8,7 @@
 
 enum { CELLS_PER_END = 4 };
 
-int cairn_contour_meet(cairn_segment a, cairn_segment b, cairn_real max_distance)
+int cairn_contour_search_meet(cairn_segment a, cairn_segment b, cairn_real max_distance)
 {
     const cairn_real max_squared = max_distance * max_distance;
 
@@ -30,8 +30,8 @@ static int32_t cell_of(cairn_real offset, cairn_real cell)
     return cairn_real_to_int(offset / cell);
 }
 
-int cairn_contour_ends_make(contour_ends *ends, const cairn_segment *lines, const int32_t *listed,
-                            int32_t count, cairn_real max_distance)
+int cairn_contour_search_ends_make(contour_ends *ends, const cairn_segment *lines,
+                                   const int32_t *listed, int32_t count, cairn_real max_distance)
 {
     cairn_box box = cairn_box_empty();
     contour_ends made = {
@@ -55,7 +55,7 @@ int cairn_contour_ends_make(contour_ends *ends, const cairn_segment *lines, cons
     made.neighbours = malloc(((size_t)count + 1) * sizeof *made.neighbours);
     if (made.cell_heads == NULL || made.next == NULL || made.last_query == NULL ||
         made.neighbours == NULL) {
-        cairn_contour_ends_free(&made);
+        cairn_contour_search_ends_free(&made);
         return 0;
     }
     for (int32_t i = 0; i < 2 * count; i++) {
@@ -78,7 +78,7 @@ static int ascending(const void *a, const void *b)
     return (*x > *y) - (*x < *y);
 }
 
-int32_t cairn_contour_ends_near(contour_ends *ends, int32_t index)
+int32_t cairn_contour_search_ends_near(contour_ends *ends, int32_t index)
 {
     int32_t count = 0;
 
@@ -95,8 +95,9 @@ int32_t cairn_contour_ends_near(contour_ends *ends, int32_t index)
                     int32_t other = (i - 1) / 2;
 
                     if (other == index || ends->last_query[other] == ends->query_count ||
-                        !cairn_contour_meet(ends->lines[ends->listed[index]],
-                                            ends->lines[ends->listed[other]], ends->max_distance))
+                        !cairn_contour_search_meet(ends->lines[ends->listed[index]],
+                                                   ends->lines[ends->listed[other]],
+                                                   ends->max_distance))
                         continue;
                     ends->last_query[other] = ends->query_count;
                     ends->neighbours[count++] = other;
@@ -106,7 +107,7 @@ int32_t cairn_contour_ends_near(contour_ends *ends, int32_t index)
     return count;
 }
 
-void cairn_contour_ends_free(contour_ends *ends)
+void cairn_contour_search_ends_free(contour_ends *ends)
 {
     free(ends->cell_heads);
     free(ends->next);

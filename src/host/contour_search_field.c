@@ -144,7 +144,7 @@ static cairn_real spread(cairn_real *cost, cairn_real *plane)
     return (cairn_real)fmax(MIN_BACKGROUND, sum / (SIDE * SIDE));
 }
 
-contour_field *cairn_contour_field_new(void)
+contour_field *cairn_contour_search_field_new(void)
 {
     contour_field *field = calloc(1, sizeof *field);
 
@@ -155,11 +155,11 @@ contour_field *cairn_contour_field_new(void)
     field->plane = malloc((size_t)(SIDE + 2 * SPREAD_CELLS) * SIDE * sizeof *field->plane);
     if (field->cost != NULL && field->llr != NULL && field->plane != NULL)
         return field;
-    cairn_contour_field_free(field);
+    cairn_contour_search_field_free(field);
     return NULL;
 }
 
-void cairn_contour_field_free(contour_field *field)
+void cairn_contour_search_field_free(contour_field *field)
 {
     if (field != NULL) {
         free(field->cost);
@@ -169,8 +169,8 @@ void cairn_contour_field_free(contour_field *field)
     free(field);
 }
 
-void cairn_contour_field_fill(contour_field *field, const cairn_contour_tokens *tokens,
-                              const cairn_grouped_object *object)
+void cairn_contour_search_field_fill(contour_field *field, const cairn_contour_tokens *tokens,
+                                     const cairn_grouped_object *object)
 {
     cairn_real half;
 
@@ -184,12 +184,12 @@ void cairn_contour_field_fill(contour_field *field, const cairn_contour_tokens *
         clear_costs(&field->cost[(size_t)bin * SIDE * SIDE]);
     for (int32_t i = 0; i < tokens->count; i++)
         if (!is_outside(field, tokens->lines[i]))
-            enter_segment(field, tokens->lines[i], tokens->strength[i]);
+            enter_segment(field, tokens->lines[i], tokens->strength_rank[i]);
     for (int32_t bin = 0; bin < BINS; bin++)
         field->background[bin] = spread(&field->cost[(size_t)bin * SIDE * SIDE], field->plane);
 }
 
-int32_t cairn_contour_field_bin(cairn_vec2 direction)
+int32_t cairn_contour_search_field_bin(cairn_vec2 direction)
 {
     double angle = atan2((double)direction.y, (double)direction.x);
     int32_t bin = (int32_t)floor(angle / ((double)CAIRN_PI / BINS));

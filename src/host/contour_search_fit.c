@@ -75,7 +75,7 @@ typedef struct outline_deformer {
     cairn_real step;
 } outline_deformer;
 
-int cairn_contour_fit_new(contour_fit *fit, int32_t outline_count)
+int cairn_contour_search_fit_new(contour_fit *fit, int32_t outline_count)
 {
     fit->outline = malloc((size_t)outline_count * sizeof *fit->outline);
     fit->llr = malloc((size_t)outline_count * sizeof *fit->llr);
@@ -83,11 +83,11 @@ int cairn_contour_fit_new(contour_fit *fit, int32_t outline_count)
     fit->evidence = 0;
     if (fit->outline != NULL && fit->llr != NULL && fit->outline_index != NULL)
         return 1;
-    cairn_contour_fit_free(fit);
+    cairn_contour_search_fit_free(fit);
     return 0;
 }
 
-void cairn_contour_fit_free(contour_fit *fit)
+void cairn_contour_search_fit_free(contour_fit *fit)
 {
     free(fit->outline);
     free(fit->llr);
@@ -208,7 +208,7 @@ static int32_t best_move(const outline_deformer *deformer, const cairn_real *pre
 static void compute_sample_llr(const outline_deformer *deformer, int32_t sample,
                                cairn_real *sample_llr)
 {
-    int32_t bin = cairn_contour_field_bin(deformer->fit->outline[sample].direction),
+    int32_t bin = cairn_contour_search_field_bin(deformer->fit->outline[sample].direction),
             column[MAX_GRID_WIDTH], row[MAX_GRID_WIDTH];
 
     for (int32_t i = 0; i < deformer->grid_width; i++) {
@@ -296,12 +296,12 @@ static void smooth_outline(outline_deformer *deformer, const cairn_grouped_objec
     for (int32_t i = 0; i < count; i++) {
         int32_t previous = first + (i + count - TANGENT_SPAN) % count,
                 after = first + (i + TANGENT_SPAN) % count;
-        cairn_vec2 reference_direction = cairn_vec2_unit(cairn_contour_transform_vector(
+        cairn_vec2 reference_direction = cairn_vec2_unit(cairn_contour_search_transform_vector(
                        object, cairn_vec2_sub(deformer->model->outline[after].position,
                                               deformer->model->outline[previous].position))),
                    fitted_direction = cairn_vec2_unit(
                        cairn_vec2_sub(deformer->base[after], deformer->base[previous])),
-                   d = cairn_vec2_unit(cairn_contour_transform_vector(
+                   d = cairn_vec2_unit(cairn_contour_search_transform_vector(
                        object, deformer->model->outline[first + i].direction));
         cairn_real cosine = cairn_vec2_dot(reference_direction, fitted_direction),
                    sine = cairn_vec2_cross(reference_direction, fitted_direction);
@@ -348,7 +348,7 @@ static void score_samples(outline_deformer *deformer)
     for (int32_t i = 0; i < deformer->model->outline_count; i++)
         deformer->fit->llr[i] =
             llr_at(deformer, deformer->fit->outline[i].position,
-                   cairn_contour_field_bin(deformer->fit->outline[i].direction));
+                   cairn_contour_search_field_bin(deformer->fit->outline[i].direction));
 }
 
 /* Cost of an affine map's anisotropy. */
@@ -423,7 +423,7 @@ static void fit_similarity(const outline_deformer *deformer, cairn_grouped_objec
         return;
     object->size = cairn_sqrt(dot * dot + cross * cross) / squared_norms;
     object->turn = (cairn_real)atan2((double)cross, (double)dot);
-    moved = cairn_contour_transform_vector(object, model_mean);
+    moved = cairn_contour_search_transform_vector(object, model_mean);
     object->origin = cairn_vec2_sub(image_mean, moved);
 }
 
@@ -433,10 +433,10 @@ static void place_outline(outline_deformer *deformer, const cairn_grouped_object
     for (int32_t i = 0; i < deformer->model->outline_count; i++) {
         deformer->base[i] = cairn_vec2_add(
             object->origin,
-            cairn_contour_transform_vector(object, deformer->model->outline[i].position));
+            cairn_contour_search_transform_vector(object, deformer->model->outline[i].position));
         deformer->fit->outline[i].position = deformer->base[i];
         deformer->fit->outline[i].direction = cairn_vec2_unit(
-            cairn_contour_transform_vector(object, deformer->model->outline[i].direction));
+            cairn_contour_search_transform_vector(object, deformer->model->outline[i].direction));
     }
 }
 
@@ -484,8 +484,8 @@ static cairn_real spacing_of(const cairn_shape_model *model)
     return mean;
 }
 
-int cairn_contour_fit_run(contour_fit *fit, const contour_field *field,
-                          const cairn_shape_model *model, cairn_grouped_object *object)
+int cairn_contour_search_fit_run(contour_fit *fit, const contour_field *field,
+                                 const cairn_shape_model *model, cairn_grouped_object *object)
 {
     outline_deformer deformer = {.field = field,
                                  .model = model,

@@ -31,8 +31,8 @@ enum { TANGENT_SPAN = 2 };
 static cairn_real cost_of(cairn_segment line, cairn_oriented_point point, cairn_real size)
 {
     cairn_vec2 along = cairn_vec2_unit(cairn_vec2_sub(line.b, line.a));
-    cairn_real distance =
-        cairn_contour_point_distance(line, point.position) / ((cairn_real)DISTANCE_SIGMA * size);
+    cairn_real distance = cairn_contour_search_point_distance(line, point.position) /
+                          ((cairn_real)DISTANCE_SIGMA * size);
     cairn_real turn = cairn_vec2_cross(along, point.direction) / (cairn_real)SINE_SIGMA;
 
     return distance <= MAX_DISTANCE_SIGMAS && cairn_abs(turn) <= MAX_SINE_SIGMAS
@@ -167,16 +167,16 @@ static cairn_real deformation_of(const contour_fitted_outline *fitted,
                     : 1;
 }
 
-cairn_contour_shape cairn_contour_shape_of(const cairn_contour_tokens *tokens,
-                                           const contour_fitted_outline *fitted,
-                                           const int32_t *outline_index,
-                                           const contour_reference *reference, int32_t *list,
-                                           cairn_real *proximity)
+cairn_contour_shape cairn_contour_search_shape_of(const cairn_contour_tokens *tokens,
+                                                  const contour_fitted_outline *fitted,
+                                                  const int32_t *outline_index,
+                                                  const contour_reference *reference, int32_t *list,
+                                                  cairn_real *proximity)
 {
     cairn_contour_shape shape;
 
-    shape.close = edge_proximity(tokens, fitted, list, proximity);
-    shape.turned = tangent_deviation(fitted, outline_index, reference);
-    shape.strained = deformation_of(fitted, reference->outline);
+    shape.edge_proximity = edge_proximity(tokens, fitted, list, proximity);
+    shape.tangent_deviation = tangent_deviation(fitted, outline_index, reference);
+    shape.deformation = deformation_of(fitted, reference->outline);
     return shape;
 }

@@ -22,7 +22,7 @@ void cairn_contour_tokens_free(cairn_contour_tokens *tokens)
 {
     free(tokens->lines);
     free(tokens->chain);
-    free(tokens->strength);
+    free(tokens->strength_rank);
     free(tokens->ends);
     memset(tokens, 0, sizeof *tokens);
 }
@@ -31,8 +31,8 @@ static int allocate(cairn_contour_tokens *tokens, int32_t count)
 {
     tokens->lines = malloc(((size_t)count + 1) * sizeof *tokens->lines);
     tokens->chain = malloc(((size_t)count + 1) * sizeof *tokens->chain);
-    tokens->strength = malloc(((size_t)count + 1) * sizeof *tokens->strength);
-    return tokens->lines != NULL && tokens->chain != NULL && tokens->strength != NULL;
+    tokens->strength_rank = malloc(((size_t)count + 1) * sizeof *tokens->strength_rank);
+    return tokens->lines != NULL && tokens->chain != NULL && tokens->strength_rank != NULL;
 }
 
 static cairn_vec2 pixel_position(const cairn_edge_pixel *pixel)
@@ -156,7 +156,7 @@ static cairn_status extract_tokens(cairn_contour_tokens *tokens, cairn_raster_u8
     if (status != CAIRN_OK)
         return status;
     r = cairn_edge_chain_read(chains);
-    tokens->chains = r.chain_count;
+    tokens->chain_count = r.chain_count;
     status = kind->edgels ? extract_edgels(tokens, &r)
                           : extract_segments(tokens, segments, &r, kind->written);
     return status == CAIRN_OK && kind->written ? extract_strong_ends(tokens, &r, kind->strong)
@@ -203,7 +203,7 @@ static void rank_strengths(cairn_contour_tokens *tokens, cairn_raster_u8_view vi
         total += length[level];
     }
     for (int32_t i = 0; i < tokens->count; i++)
-        tokens->strength[i] =
+        tokens->strength_rank[i] =
             total > 0 ? (cairn_real)(weaker[mean_strength(view, tokens->lines[i])] / total)
                       : CAIRN_REAL(0.5);
 }
@@ -234,13 +234,13 @@ static cairn_status find_tokens(cairn_contour_tokens *tokens, cairn_raster_u8_vi
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
                                     "no edge image, expected strengths from 1 to 255");
     edges = count_edges(strengths, min_strength);
-    if (strengths.width > CAIRN_CONTOUR_SIDE_MOST || strengths.height > CAIRN_CONTOUR_SIDE_MOST ||
-        edges > CAIRN_CONTOUR_EDGES_MOST)
+    if (strengths.width > CAIRN_CONTOUR_MAX_SIDE || strengths.height > CAIRN_CONTOUR_MAX_SIDE ||
+        edges > CAIRN_CONTOUR_MAX_EDGES)
         return cairn_file_error_set(
             error, CAIRN_FULL, path, 0,
             "%d x %d pixels, %d of them edges, expected at most %d a side and %d of edges",
-            (int)strengths.width, (int)strengths.height, (int)edges, CAIRN_CONTOUR_SIDE_MOST,
-            (int)CAIRN_CONTOUR_EDGES_MOST);
+            (int)strengths.width, (int)strengths.height, (int)edges, CAIRN_CONTOUR_MAX_SIDE,
+            (int)CAIRN_CONTOUR_MAX_EDGES);
     chain.max_width = strengths.width;
     chain.max_height = strengths.height;
     chain.max_edges = chain.max_chains = edges + 1;

@@ -6,10 +6,10 @@
 #include "cairn/contour_search.h"
 
 /* Transforms a vector of the model by the object's rotation and scale, px. */
-cairn_vec2 cairn_contour_transform_vector(const cairn_grouped_object *object, cairn_vec2 m);
+cairn_vec2 cairn_contour_search_transform_vector(const cairn_grouped_object *object, cairn_vec2 m);
 
 /* Distance of a point to a segment, px. */
-cairn_real cairn_contour_point_distance(cairn_segment line, cairn_vec2 p);
+cairn_real cairn_contour_search_point_distance(cairn_segment line, cairn_vec2 p);
 
 /* A deformed outline, fitted to the image. */
 typedef struct contour_fitted_outline {
@@ -28,21 +28,21 @@ cairn_status cairn_contour_search_written(cairn_contour_result *result,
 
 /* Positions on the deformed outline of the gaps in the model's drawing. */
 typedef struct contour_gaps {
-    cairn_vec2 at[CAIRN_SHAPE_GAPS]; /* px */
+    cairn_vec2 at[CAIRN_SHAPE_MAX_GAPS]; /* px */
     int32_t count;
 } contour_gaps;
 
 /* Collects the segments of an outline: those along it, those between two of them on one chain, and
  * those that continue beyond the last ones along the outline. list: [tokens->count] in the order of
  * the outline, *count of them. Returns 0 when out of memory. */
-int cairn_contour_collect_segments(const cairn_contour_tokens *tokens,
-                                   const contour_fitted_outline *fitted, int32_t *list,
-                                   int32_t *count);
+int cairn_contour_search_collect_segments(const cairn_contour_tokens *tokens,
+                                          const contour_fitted_outline *fitted, int32_t *list,
+                                          int32_t *count);
 
 /* Collects the segments of an outline and, near the gaps, also segments that continue from them in
  * any direction. */
-int cairn_contour_collect_with_gaps(const cairn_contour_tokens *tokens,
-                                    const contour_fitted_outline *fitted, const contour_gaps *gaps,
-                                    int32_t *list, int32_t *count);
+int cairn_contour_search_collect_with_gaps(const cairn_contour_tokens *tokens,
+                                           const contour_fitted_outline *fitted,
+                                           const contour_gaps *gaps, int32_t *list, int32_t *count);
 
 #endif

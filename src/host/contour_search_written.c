@@ -79,7 +79,7 @@ static void observe(written_run *search)
         return;
     search->last_step = steps;
     (void)cairn_grouping_particles(search->grouping, search->particles, count, NULL);
-    search->result->modes[0][steps - 1] = count_modes(search, count);
+    search->result->mode_counts[0][steps - 1] = count_modes(search, count);
     if (search->params->on_step != NULL)
         search->params->on_step(search->params->context, search->particles, count, 0);
     for (int32_t i = 1; i < count; i++)
@@ -99,7 +99,7 @@ static void append_object(written_run *search, const cairn_grouping_result *foun
     memset(object, 0, sizeof *object);
     object->found = found->objects[index];
     object->found.first = result->segment_count;
-    object->found.along = 0;
+    object->found.first_outline = 0;
     object->first_disc = result->disc_count;
     object->disc_count = cairn_grouping_skeleton(search->grouping, index, search->discs,
                                                  search->params->grouping.max_steps);
@@ -134,13 +134,13 @@ static cairn_status copy_result(written_run *search)
     if (found.steps > 0)
         memcpy(result->trace[0], found.trace, (size_t)found.steps * sizeof *found.trace);
     result->steps[0] = found.steps;
-    result->starts[0] = found.starts;
-    result->best = found.best;
+    result->hypothesis_counts[0] = found.hypothesis_count;
+    result->best_score = found.best_score;
     result->best_evidence = found.best_evidence;
     result->mode = CAIRN_MODE_AS_WRITTEN;
-    result->points = found.points;
+    result->point_count = found.point_count;
     result->points_dropped = found.points_dropped;
-    result->end = found.end;
+    result->end_reason = found.end_reason;
     for (int32_t i = 0; i < found.object_count; i++)
         append_object(search, &found, i);
     return CAIRN_OK;
@@ -174,11 +174,11 @@ static const char *bad_argument(const cairn_grouping_params *grouping,
 {
     cairn_fault fault = {-1, NULL};
 
-    if (input->width < 1 || input->height < 1 || input->width > CAIRN_CONTOUR_SIDE_MOST ||
-        input->height > CAIRN_CONTOUR_SIDE_MOST)
+    if (input->width < 1 || input->height < 1 || input->width > CAIRN_CONTOUR_MAX_SIDE ||
+        input->height > CAIRN_CONTOUR_MAX_SIDE)
         return "the image's sides, expected 1 to 8192 pixels";
     if (cairn_shape_model_check(input->model, &fault) != CAIRN_OK)
-        return fault.what;
+        return fault.message;
     if (!(input->min_size > 0) || !(input->max_size >= input->min_size))
         return "the sizes, expected 0 < min_size <= max_size";
     if (cairn_grouping_memory(grouping) == 0)
@@ -245,10 +245,10 @@ cairn_status cairn_contour_search_written(cairn_contour_result *result,
         malloc((size_t)(grouping.max_steps > 0 ? grouping.max_steps : 1) * sizeof *search.discs);
     search.start_points = malloc((size_t)(grouping.particles > 0 ? grouping.particles : 1) *
                                  sizeof *search.start_points);
-    result->modes[0] =
-        calloc((size_t)(grouping.max_steps > 0 ? grouping.max_steps : 1), sizeof *result->modes[0]);
+    result->mode_counts[0] = calloc((size_t)(grouping.max_steps > 0 ? grouping.max_steps : 1),
+                                    sizeof *result->mode_counts[0]);
     status = memory != NULL && search.particles != NULL && search.discs != NULL &&
-                     search.start_points != NULL && result->modes[0] != NULL
+                     search.start_points != NULL && result->mode_counts[0] != NULL
                  ? CAIRN_OK
                  : CAIRN_NO_MEMORY;
     if (status == CAIRN_OK && tokens->count > MAX_TOKENS)

@@ -73,7 +73,7 @@ static cairn_status read_text(file_text *text, const char *path, cairn_file_erro
     if (status == CAIRN_FULL)
         status = cairn_file_error_set(error, CAIRN_FULL, path, cairn_line_reader_number(reader),
                                       "a line of %zu bytes, expected at most %d", length,
-                                      CAIRN_LINE_LONGEST);
+                                      CAIRN_LINE_READER_MAX_BYTES);
     cairn_line_reader_close(reader);
     /* the last line end is dropped, so that an early end is reported in the last line */
     text->count -= text->count > 0;
@@ -139,11 +139,11 @@ static cairn_status no_memory(const csm_loader *loader)
 static cairn_status append_value(const csm_loader *loader, csm_field *field, int32_t which,
                                  double value)
 {
-    if (field->count == CAIRN_CSM_RAYS_MOST)
+    if (field->count == CAIRN_CSM_MAX_RAYS)
         return cairn_file_error_set(
             loader->error, CAIRN_FULL, loader->path, loader->json.line,
             "%s holds more numbers than a scan has rays, expected at most %d", rules[which].name,
-            CAIRN_CSM_RAYS_MOST);
+            CAIRN_CSM_MAX_RAYS);
     if (field->count == field->capacity) {
         int32_t capacity = 2 * field->capacity + 512;
         double *grown = realloc(field->value, (size_t)capacity * sizeof *grown);
@@ -279,12 +279,12 @@ static cairn_status check_object(const csm_loader *loader, int64_t line)
         return cairn_file_error_set(
             loader->error, CAIRN_BAD_FORMAT, loader->path, line,
             "a scan without directions, expected theta or min_theta and max_theta");
-    if (!(field[NRAYS].value[0] >= 1 && field[NRAYS].value[0] <= CAIRN_CSM_RAYS_MOST) ||
+    if (!(field[NRAYS].value[0] >= 1 && field[NRAYS].value[0] <= CAIRN_CSM_MAX_RAYS) ||
         field[NRAYS].value[0] != floor(field[NRAYS].value[0]))
         return cairn_file_error_set(loader->error, CAIRN_BAD_FORMAT, loader->path,
                                     field[NRAYS].line,
                                     "nrays is %g, expected a whole number from 1 to %d",
-                                    field[NRAYS].value[0], CAIRN_CSM_RAYS_MOST);
+                                    field[NRAYS].value[0], CAIRN_CSM_MAX_RAYS);
     rays = (int32_t)field[NRAYS].value[0];
     for (i = THETA; i <= VALID && status == CAIRN_OK; i++)
         status = check_count(loader, i, rays);
@@ -395,7 +395,7 @@ static cairn_status add_scan(csm_loader *loader, int64_t line)
     scan.has_estimate = read_pose(&loader->field[ESTIMATE], &scan.estimate);
     scan.has_true_pose = read_pose(&loader->field[TRUE_POSE], &scan.true_pose);
     scans->scan[scans->count++] = scan;
-    scans->rays_most = rays > scans->rays_most ? rays : scans->rays_most;
+    scans->max_rays = rays > scans->max_rays ? rays : scans->max_rays;
     return CAIRN_OK;
 }
 

@@ -50,8 +50,8 @@ static void print_outline(cairn_output *output, const cairn_detection_picture *p
     cairn_output_print(output, "\"outline\": [");
     for (int32_t i = 0; i < detection->outline_count; i++)
         cairn_output_print(output, "%s[%.2f, %.2f, %d]", i > 0 ? ", " : "",
-                           image_x(picture, outline[i].at.position.x),
-                           image_x(picture, outline[i].at.position.y), (int)outline[i].segment);
+                           image_x(picture, outline[i].point.position.x),
+                           image_x(picture, outline[i].point.position.y), (int)outline[i].segment);
     cairn_output_print(output, "]");
 }
 
@@ -62,7 +62,7 @@ static void print_parts(cairn_output *output, const cairn_detection_picture *pic
     const char *comma = "";
 
     cairn_output_print(output, "\"distance\": %.4f, \"agreement\": %.4f, \"parts\": [",
-                       (double)detection->distance, (double)detection->agreement);
+                       (double)detection->shape_distance, (double)detection->configuration_score);
     for (int32_t i = 0; i < detection->part_count; i++) {
         const cairn_detected_part *part = &picture->detections->parts[detection->first_part + i];
 
@@ -76,7 +76,7 @@ static void print_parts(cairn_output *output, const cairn_detection_picture *pic
                            (double)part->to * picture->shrink);
     }
     cairn_output_print(output, "], \"missing\": [");
-    for (int32_t bundle = 0; bundle < picture->detections->bundles; bundle++) {
+    for (int32_t bundle = 0; bundle < picture->detections->bundle_count; bundle++) {
         int is_missing = 1;
 
         for (int32_t i = 0; i < detection->part_count && is_missing; i++)
@@ -102,15 +102,16 @@ static void print_detection(cairn_output *output, const cairn_detection_picture 
         "%.4f, "
         "\"box\": [%.2f, %.2f, %.2f, %.2f], \"x\": %.2f, \"y\": %.2f, \"size\": %.2f, "
         "\"mirrored\": %s,\n   ",
-        (double)detection->score, (double)detection->rigid, (double)detection->bent,
-        (double)detection->along, (double)detection->close, (double)detection->turned,
-        (double)detection->strained, (double)detection->agreed, (double)detection->grouped, box[0],
-        box[1], box[2], box[3], image_x(picture, detection->origin.x),
-        image_x(picture, detection->origin.y), (double)detection->size * picture->shrink,
-        detection->mirrored ? "true" : "false");
+        (double)detection->score, (double)detection->rigid_evidence,
+        (double)detection->deformed_evidence, (double)detection->outline_coverage,
+        (double)detection->edge_proximity, (double)detection->tangent_deviation,
+        (double)detection->deformation, (double)detection->rigid_proximity,
+        (double)detection->grouped_evidence, box[0], box[1], box[2], box[3],
+        image_x(picture, detection->origin.x), image_x(picture, detection->origin.y),
+        (double)detection->size * picture->shrink, detection->mirrored ? "true" : "false");
     if (picture->detections->has_appearance)
         cairn_output_print(output, "\"appearance\": %.4f, ", (double)detection->appearance);
-    if (picture->detections->bundles > 0)
+    if (picture->detections->bundle_count > 0)
         print_parts(output, picture, detection);
     print_segments(output, picture, detection);
     cairn_output_print(output, ",\n   ");
@@ -136,7 +137,7 @@ cairn_status cairn_detection_file_write(const cairn_detection_picture *picture, 
         " \"detections\": [",
         (int)(picture->tokens->width * picture->shrink),
         (int)(picture->tokens->height * picture->shrink), (int)picture->shrink,
-        (int)picture->tokens->chains, (int)picture->tokens->count);
+        (int)picture->tokens->chain_count, (int)picture->tokens->count);
     for (int32_t i = 0; i < picture->detections->count; i++) {
         cairn_output_print(output, "%s\n", i > 0 ? "," : "");
         print_detection(output, picture, &picture->detections->found[i]);
@@ -155,10 +156,12 @@ static void draw_outline(cairn_output *output, const cairn_detection_picture *pi
 
     cairn_output_print(output, "<path class=\"%s\" d=\"", is_seen ? "seen" : "missing");
     for (int32_t i = 1; i < detection->outline_count; i++)
-        if (outline[i].part == outline[i - 1].part && (outline[i].segment >= 0) == is_seen)
-            cairn_output_print(output, "M%.1f %.1fL%.1f %.1f", (double)outline[i - 1].at.position.x,
-                               (double)outline[i - 1].at.position.y,
-                               (double)outline[i].at.position.x, (double)outline[i].at.position.y);
+        if (outline[i].outline_index == outline[i - 1].outline_index &&
+            (outline[i].segment >= 0) == is_seen)
+            cairn_output_print(
+                output, "M%.1f %.1fL%.1f %.1f", (double)outline[i - 1].point.position.x,
+                (double)outline[i - 1].point.position.y, (double)outline[i].point.position.x,
+                (double)outline[i].point.position.y);
     cairn_output_print(output, "\"/>\n");
 }
 
@@ -210,7 +213,7 @@ cairn_status cairn_detection_file_draw(const cairn_detection_picture *picture, c
         return status;
     (void)snprintf(subtitle, sizeof subtitle, "%d of %.120s; %d segments of %d chains",
                    (int)picture->detections->count, picture->model_name,
-                   (int)picture->tokens->count, (int)picture->tokens->chains);
+                   (int)picture->tokens->count, (int)picture->tokens->chain_count);
     (void)snprintf(
         style, sizeof style,
         "path,.box{fill:none}.segment{stroke:#ea580c;stroke-width:%.2f;stroke-linecap:round}"

@@ -233,9 +233,9 @@ static cairn_status open_level(cairn_json *json, cairn_json_token *token, int ob
 {
     uint64_t bit;
 
-    if (json->depth == CAIRN_JSON_DEPTH_MOST)
+    if (json->depth == CAIRN_JSON_MAX_DEPTH)
         return cairn_file_error_set(error, CAIRN_FULL, json->path, json->line,
-                                    "nested too deep, expected at most %d", CAIRN_JSON_DEPTH_MOST);
+                                    "nested too deep, expected at most %d", CAIRN_JSON_MAX_DEPTH);
     json->at++;
     bit = UINT64_C(1) << json->depth++;
     json->objects = object ? json->objects | bit : json->objects & ~bit;

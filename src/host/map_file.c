@@ -51,7 +51,7 @@ cairn_status cairn_map_file_allocate(cairn_map_file *map, int32_t width, int32_t
 
     if (width < 1 || height < 1)
         return CAIRN_BAD_ARGUMENT;
-    if (height > CAIRN_MAP_FILE_CELLS_MOST / width)
+    if (height > CAIRN_MAP_FILE_MAX_CELLS / width)
         return CAIRN_FULL;
     count = (size_t)width * (size_t)height;
     map->pixel = malloc(count);

@@ -20,10 +20,10 @@ static cairn_status allocate_pixels(cairn_image *image, int64_t width, int64_t h
         return cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, line,
                                     "the image has %lld x %lld pixels, expected at least 1 x 1",
                                     (long long)width, (long long)height);
-    if (width > CAIRN_IMAGE_PIXELS_MOST || height > CAIRN_IMAGE_PIXELS_MOST / width)
+    if (width > CAIRN_IMAGE_MAX_PIXELS || height > CAIRN_IMAGE_MAX_PIXELS / width)
         return cairn_file_error_set(error, CAIRN_FULL, path, line,
                                     "the image has %lld x %lld pixels, expected at most %d",
-                                    (long long)width, (long long)height, CAIRN_IMAGE_PIXELS_MOST);
+                                    (long long)width, (long long)height, CAIRN_IMAGE_MAX_PIXELS);
     image->width = (int32_t)width;
     image->height = (int32_t)height;
     image->pixel = malloc((size_t)width * (size_t)height);

@@ -5,7 +5,7 @@
 #include "cairn/output.h"
 
 /* The maximum number of pixels of an image. */
-#define CAIRN_IMAGE_PIXELS_MOST (INT32_C(1) << 28)
+#define CAIRN_IMAGE_MAX_PIXELS (INT32_C(1) << 28)
 
 /* A grey image on the heap. Row 0 is the topmost. */
 typedef struct cairn_image {
@@ -17,7 +17,7 @@ typedef struct cairn_image {
 /* Reads a PGM (P2 or P5, of 255 grey levels) or a PNG, detected by their first bytes. Colours are
  * converted to the mean of their channels, 16-bit samples to their upper 8 bits. CAIRN_BAD_FORMAT,
  * CAIRN_TRUNCATED, CAIRN_UNSUPPORTED (a maximum grey level other than 255), CAIRN_FULL (more than
- * CAIRN_IMAGE_PIXELS_MOST), CAIRN_IO, CAIRN_NO_MEMORY. On failure there is nothing to free. */
+ * CAIRN_IMAGE_MAX_PIXELS), CAIRN_IO, CAIRN_NO_MEMORY. On failure there is nothing to free. */
 CAIRN_CHECKED cairn_status cairn_image_read(cairn_image *image, const char *path,
                                             cairn_file_error *error);
 

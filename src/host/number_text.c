@@ -79,7 +79,7 @@ static int32_t read_decimal(const char *text, size_t length, decimal *number)
     size_t i = 0;
 
     memset(number, 0, sizeof *number);
-    if (length > CAIRN_NUMBER_TEXT_LONGEST)
+    if (length > CAIRN_NUMBER_MAX_LENGTH)
         return 0;
     if (i < length && (text[i] == '+' || text[i] == '-'))
         number->negative = text[i++] == '-';
@@ -108,7 +108,7 @@ static int32_t read_decimal(const char *text, size_t length, decimal *number)
 /* The slow path: strtod of a text that read_decimal has accepted. */
 static int32_t read_by_strtod(const char *text, size_t length, double *value)
 {
-    char copy[CAIRN_NUMBER_TEXT_LONGEST + 1] = "";
+    char copy[CAIRN_NUMBER_MAX_LENGTH + 1] = "";
     cairn_c_locale scope;
     double read;
 

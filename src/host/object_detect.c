@@ -76,7 +76,7 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
         .cut_count = 0,
         .matches = 2,
         .nearest = 20,
-        .modes = 0,
+        .modes_only = 0,
         .appearance = NULL,
         .appearance_weight = 8,
         .on_stage = NULL,
@@ -119,7 +119,7 @@ static cairn_status group_contours(object_detector *detector)
     const cairn_object_detect_params *params = &detector->field->params;
     cairn_status status =
         params->occluded || params->verify > 0
-            ? cairn_detect_group(&detector->groupings, detector->field, detector->model)
+            ? cairn_object_detect_group(&detector->groupings, detector->field, detector->model)
             : CAIRN_OK;
 
     for (int32_t i = 0; status == CAIRN_OK && params->occluded && i < detector->groupings.count &&
@@ -152,8 +152,8 @@ static void append_outline(const object_detector *detector, cairn_detections *fo
         cairn_contour_place *sample = &found->outline[detection->first_outline + i];
         cairn_vec2 position = detector->fit.outline[i].position;
 
-        sample->at = detector->fit.outline[i];
-        sample->part = detector->fit.outline_index[i];
+        sample->point = detector->fit.outline[i];
+        sample->outline_index = detector->fit.outline_index[i];
         detection->left = cairn_min(detection->left, position.x);
         detection->right = cairn_max(detection->right, position.x);
         detection->top = cairn_min(detection->top, position.y);
@@ -171,7 +171,7 @@ static int32_t segment_at(const object_detector *detector, const int32_t *list, 
 
     for (int32_t i = 0; i < count; i++) {
         cairn_segment line = detector->field->tokens->lines[list[i]];
-        cairn_real distance = cairn_contour_point_distance(line, point.position);
+        cairn_real distance = cairn_contour_search_point_distance(line, point.position);
         cairn_vec2 along = cairn_vec2_unit(cairn_vec2_sub(line.b, line.a));
 
         if (distance < nearest &&
@@ -200,17 +200,17 @@ static int append_segments(const object_detector *detector, cairn_detections *fo
     found->segments = list;
     detection->first_segment = found->segment_count;
     list += found->segment_count;
-    if (!cairn_contour_collect_segments(tokens, &fitted, list, &detection->segment_count))
+    if (!cairn_contour_search_collect_segments(tokens, &fitted, list, &detection->segment_count))
         return 0;
     found->segment_count += detection->segment_count;
     for (int32_t i = 0; i < detection->segment_count; i++)
         length += cairn_segment_length(tokens->lines[list[i]]);
-    detection->along = length / (detector->fit.length * detection->size);
+    detection->outline_coverage = length / (detector->fit.length * detection->size);
     for (int32_t i = 0; i < detection->outline_count; i++) {
         cairn_contour_place *sample = &found->outline[detection->first_outline + i];
 
         sample->segment =
-            segment_at(detector, list, detection->segment_count, sample->at, detection->size);
+            segment_at(detector, list, detection->segment_count, sample->point, detection->size);
     }
     return 1;
 }
@@ -223,23 +223,23 @@ static const cairn_oriented_point *model_outline(const object_detector *detector
 }
 
 /* Computes the shape quality. Objects are upright: a rotation counts as tangent deviation. map: see
- * cairn_detect_rigid_proximity(). */
+ * cairn_object_detect_rigid_proximity(). */
 static void measure_shape(const object_detector *detector, cairn_detection *detection,
                           detect_similarity *map)
 {
     const contour_fitted_outline fitted = {detector->fit.outline, detection->outline_count,
                                            detection->origin, detection->size};
     const contour_reference reference = {model_outline(detector, detection), {1, 0}};
-    cairn_contour_shape shape =
-        cairn_contour_shape_of(detector->field->tokens, &fitted, detector->fit.outline_index,
-                               &reference, detector->segment_scratch, detector->sample_scratch);
+    cairn_contour_shape shape = cairn_contour_search_shape_of(
+        detector->field->tokens, &fitted, detector->fit.outline_index, &reference,
+        detector->segment_scratch, detector->sample_scratch);
 
-    detection->close = shape.close;
-    detection->turned = shape.turned;
-    detection->strained = shape.strained;
-    detection->agreed =
-        cairn_detect_rigid_proximity(&fitted, reference.outline, detector->sample_scratch,
-                                     detector->sample_scratch + detection->outline_count, map);
+    detection->edge_proximity = shape.edge_proximity;
+    detection->tangent_deviation = shape.tangent_deviation;
+    detection->deformation = shape.deformation;
+    detection->rigid_proximity = cairn_object_detect_rigid_proximity(
+        &fitted, reference.outline, detector->sample_scratch,
+        detector->sample_scratch + detection->outline_count, map);
 }
 
 static cairn_real score_of(const object_detector *detector, const cairn_detection *detection)
@@ -252,14 +252,15 @@ static cairn_real score_of(const object_detector *detector, const cairn_detectio
         ((double)(detection->bottom - detection->top) * (double)(plain->right - plain->left));
 
     if (detector->field->params.occluded)
-        return OCCLUDED_PROXIMITY_WEIGHT * detection->agreed +
-               OCCLUDED_GROUPING_WEIGHT * detection->grouped +
+        return OCCLUDED_PROXIMITY_WEIGHT * detection->rigid_proximity +
+               OCCLUDED_GROUPING_WEIGHT * detection->grouped_evidence +
                (cairn_real)(OCCLUDED_SIZE_WEIGHT * log((double)detection->size / diagonal) -
                             OCCLUDED_SCORE_OFFSET);
-    return detection->bent + RIGID_EVIDENCE_WEIGHT * detection->rigid +
-           detector->field->params.verify * detection->grouped +
-           PROXIMITY_WEIGHT * detection->close - TANGENT_WEIGHT * detection->turned -
-           DEFORMATION_WEIGHT * detection->strained +
+    return detection->deformed_evidence + RIGID_EVIDENCE_WEIGHT * detection->rigid_evidence +
+           detector->field->params.verify * detection->grouped_evidence +
+           PROXIMITY_WEIGHT * detection->edge_proximity -
+           TANGENT_WEIGHT * detection->tangent_deviation -
+           DEFORMATION_WEIGHT * detection->deformation +
            (cairn_real)(SIZE_WEIGHT * log((double)detection->size / diagonal) -
                         ASPECT_WEIGHT * log(aspect) * log(aspect) - SCORE_OFFSET);
 }
@@ -268,8 +269,8 @@ static cairn_real score_of(const object_detector *detector, const cairn_detectio
 static void set_part_scores(const detect_hypothesis *hypothesis, cairn_detection *detection)
 {
     detection->score = hypothesis->score;
-    detection->distance = hypothesis->distance;
-    detection->agreement = hypothesis->agreement;
+    detection->shape_distance = hypothesis->distance;
+    detection->configuration_score = hypothesis->agreement;
     detection->first_part = hypothesis->first_part;
     detection->part_count = hypothesis->part_count;
 }
@@ -303,26 +304,28 @@ static int refine_candidate(object_detector *detector, const detect_peak *peak,
     object.size = (cairn_real)peak->size;
     object.turn = (cairn_real)peak->turn;
     model.outline = variant->outline;
-    cairn_contour_field_fill(detector->window, detector->field->tokens, &object);
-    if (!cairn_contour_fit_run(&detector->fit, detector->window, &model, &object))
+    cairn_contour_search_field_fill(detector->window, detector->field->tokens, &object);
+    if (!cairn_contour_search_fit_run(&detector->fit, detector->window, &model, &object))
         return 0;
     memset(detection, 0, sizeof *detection);
-    detection->rigid = (cairn_real)peak->rigid;
-    detection->bent = detector->fit.evidence / detector->fit.length * (cairn_real)PIECE_LENGTH;
+    detection->rigid_evidence = (cairn_real)peak->rigid;
+    detection->deformed_evidence =
+        detector->fit.evidence / detector->fit.length * (cairn_real)PIECE_LENGTH;
     detection->origin = object.origin;
     detection->size = object.size;
     detection->mirrored = variant->mirrored;
     append_outline(detector, found, detection);
     measure_shape(detector, detection, &map);
-    if (detector->field->params.occluded && detection->agreed > 0) {
-        cairn_detect_place_outline(&map, model_outline(detector, detection), &detector->fit,
-                                   detection);
+    if (detector->field->params.occluded && detection->rigid_proximity > 0) {
+        cairn_object_detect_place_outline(&map, model_outline(detector, detection), &detector->fit,
+                                          detection);
         found->outline_count -= detection->outline_count;
         append_outline(detector, found, detection);
     }
     if (!append_segments(detector, found, detection))
         return 0;
-    detection->grouped = cairn_detect_grouped_evidence(&detector->groupings, detection);
+    detection->grouped_evidence =
+        cairn_object_detect_grouped_evidence(&detector->groupings, detection);
     detection->score = score_of(detector, detection);
     if (peak->hypothesis >= 0)
         set_part_scores(&detector->hypotheses.list[peak->hypothesis], detection);
@@ -356,11 +359,11 @@ static void suppress_non_maxima(const object_detector *detector, cairn_detection
             const cairn_detection *b = &found->found[k];
 
             is_separate =
-                cairn_detect_overlap((float)detection->left, (float)detection->top,
-                                     (float)detection->right, (float)detection->bottom,
-                                     (float)b->left, (float)b->top, (float)b->right,
-                                     (float)b->bottom) <= (float)detector->field->params.overlap &&
-                (cairn_detect_is_as_written(detector->field) ||
+                cairn_object_detect_overlap(
+                    (float)detection->left, (float)detection->top, (float)detection->right,
+                    (float)detection->bottom, (float)b->left, (float)b->top, (float)b->right,
+                    (float)b->bottom) <= (float)detector->field->params.overlap &&
+                (cairn_object_detect_is_as_written(detector->field) ||
                  contained_share(detection, b) <= MAX_CONTAINED_SHARE);
         }
         if (is_separate)
@@ -373,7 +376,7 @@ static void move_parts(object_detector *detector, cairn_detections *found)
 {
     found->parts = detector->hypotheses.parts;
     found->part_count = detector->hypotheses.part_count;
-    found->bundles = detector->hypotheses.bundles;
+    found->bundle_count = detector->hypotheses.bundles;
     found->has_appearance = detector->field->params.appearance != NULL;
     detector->hypotheses.parts = NULL;
 }
@@ -382,37 +385,37 @@ static void move_parts(object_detector *detector, cairn_detections *found)
 static cairn_status detect_as_written(object_detector *detector, cairn_detections *found)
 {
     cairn_status status =
-        cairn_detect_parts(&detector->hypotheses, detector->field, detector->model);
+        cairn_object_detect_parts(&detector->hypotheses, detector->field, detector->model);
 
     if (status != CAIRN_OK)
         return status;
     move_parts(detector, found);
-    cairn_detect_report_stage(detector->field, CAIRN_DETECT_BOXES);
-    status = cairn_detect_written_add(found, &detector->hypotheses, detector->field);
+    cairn_object_detect_report_stage(detector->field, CAIRN_DETECT_BOXES);
+    status = cairn_object_detect_written_add(found, &detector->hypotheses, detector->field);
     if (status != CAIRN_OK)
         return status;
     suppress_non_maxima(detector, found);
-    return cairn_detect_written_outlines(found, detector->field, detector->model);
+    return cairn_object_detect_written_outlines(found, detector->field, detector->model);
 }
 
 static cairn_status detect(object_detector *detector, cairn_detections *found)
 {
     cairn_status status = CAIRN_OK;
 
-    detector->window = cairn_contour_field_new();
+    detector->window = cairn_contour_search_field_new();
     detector->segment_scratch =
         malloc(((size_t)detector->field->tokens->count + 1) * sizeof *detector->segment_scratch);
     detector->sample_scratch =
         malloc(2 * (size_t)detector->model->outline_count * sizeof *detector->sample_scratch);
     if (detector->window == NULL || detector->segment_scratch == NULL ||
         detector->sample_scratch == NULL ||
-        !cairn_contour_fit_new(&detector->fit, detector->model->outline_count) ||
-        !cairn_detect_variants_add(detector))
+        !cairn_contour_search_fit_new(&detector->fit, detector->model->outline_count) ||
+        !cairn_object_detect_variants_add(detector))
         return CAIRN_NO_MEMORY;
-    cairn_detect_report_stage(detector->field, CAIRN_DETECT_VOTES);
+    cairn_object_detect_report_stage(detector->field, CAIRN_DETECT_VOTES);
     if (detector->field->params.method == CAIRN_DETECT_PARTS)
-        status = cairn_detect_candidates_of_parts(detector);
-    else if (!cairn_detect_candidates_find(detector))
+        status = cairn_object_detect_candidates_of_parts(detector);
+    else if (!cairn_object_detect_candidates_find(detector))
         status = CAIRN_NO_MEMORY;
     else
         status = group_contours(detector);
@@ -424,13 +427,14 @@ static cairn_status detect(object_detector *detector, cairn_detections *found)
                             sizeof *found->outline);
     if (found->found == NULL || found->outline == NULL)
         return CAIRN_NO_MEMORY;
-    cairn_detect_report_stage(detector->field, detector->field->params.method == CAIRN_DETECT_PARTS
-                                                   ? CAIRN_DETECT_BOXES
-                                                   : CAIRN_DETECT_SCORES);
+    cairn_object_detect_report_stage(detector->field,
+                                     detector->field->params.method == CAIRN_DETECT_PARTS
+                                         ? CAIRN_DETECT_BOXES
+                                         : CAIRN_DETECT_SCORES);
     for (int32_t i = 0; i < detector->count; i++)
         if (!refine_candidate(detector, &detector->peaks[i], found))
             return CAIRN_NO_MEMORY;
-    cairn_detect_report_stage(detector->field, CAIRN_DETECT_BOXES);
+    cairn_object_detect_report_stage(detector->field, CAIRN_DETECT_BOXES);
     suppress_non_maxima(detector, found);
     return CAIRN_OK;
 }
@@ -456,7 +460,7 @@ static cairn_status check_model(const cairn_shape_model *model, cairn_fault *fau
         status = cairn_refuse(
             fault, -1, "an outline along one straight line, expected one with a width and a height",
             CAIRN_BAD_ARGUMENT);
-    if (status == CAIRN_OK && !cairn_detect_variants_fit(model))
+    if (status == CAIRN_OK && !cairn_object_detect_variants_fit(model))
         status = cairn_refuse(
             fault, -1,
             "the outline extends farther from its origin than half its size, expected it within",
@@ -474,17 +478,17 @@ cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detec
 
     memset(detections, 0, sizeof *detections);
     if (status != CAIRN_OK)
-        return cairn_file_error_set(error, status, path, 0, "%s", fault.what);
-    status = cairn_detect_is_as_written(field) ? detect_as_written(&detector, detections)
-                                               : detect(&detector, detections);
-    cairn_detect_parts_free(&detector.hypotheses);
-    cairn_detect_group_free(&detector.groupings);
+        return cairn_file_error_set(error, status, path, 0, "%s", fault.message);
+    status = cairn_object_detect_is_as_written(field) ? detect_as_written(&detector, detections)
+                                                      : detect(&detector, detections);
+    cairn_object_detect_parts_free(&detector.hypotheses);
+    cairn_object_detect_group_free(&detector.groupings);
     free(detector.outlines);
     free(detector.peaks);
     free(detector.segment_scratch);
     free(detector.sample_scratch);
-    cairn_contour_field_free(detector.window);
-    cairn_contour_fit_free(&detector.fit);
+    cairn_contour_search_field_free(detector.window);
+    cairn_contour_search_fit_free(&detector.fit);
     if (status == CAIRN_OK)
         return CAIRN_OK;
     cairn_detections_free(detections);

@@ -93,10 +93,10 @@ static cairn_real reweight(const contour_fitted_outline *fitted,
     return sum / (cairn_real)fitted->outline_count;
 }
 
-cairn_real cairn_detect_rigid_proximity(const contour_fitted_outline *fitted,
-                                        const cairn_oriented_point *reference,
-                                        const cairn_real *proximity, cairn_real *weight,
-                                        detect_similarity *map)
+cairn_real cairn_object_detect_rigid_proximity(const contour_fitted_outline *fitted,
+                                               const cairn_oriented_point *reference,
+                                               const cairn_real *proximity, cairn_real *weight,
+                                               detect_similarity *map)
 {
     cairn_real best = 0;
 
@@ -124,8 +124,9 @@ cairn_real cairn_detect_rigid_proximity(const contour_fitted_outline *fitted,
     return best;
 }
 
-void cairn_detect_place_outline(const detect_similarity *map, const cairn_oriented_point *reference,
-                                contour_fit *fit, cairn_detection *detection)
+void cairn_object_detect_place_outline(const detect_similarity *map,
+                                       const cairn_oriented_point *reference, contour_fit *fit,
+                                       cairn_detection *detection)
 {
     const cairn_vec2 none = {0, 0};
     cairn_vec2 middle = apply_similarity(map, none);

@@ -45,7 +45,7 @@ static void add_variant(object_detector *detector, int32_t mirrored, double aspe
     }
 }
 
-int cairn_detect_variants_add(object_detector *detector)
+int cairn_object_detect_variants_add(object_detector *detector)
 {
     detector->outlines = malloc(2 * DETECT_ASPECTS * (size_t)detector->model->outline_count *
                                 sizeof *detector->outlines);
@@ -57,7 +57,7 @@ int cairn_detect_variants_add(object_detector *detector)
     return 1;
 }
 
-int cairn_detect_variants_fit(const cairn_shape_model *model)
+int cairn_object_detect_variants_fit(const cairn_shape_model *model)
 {
     for (int32_t k = 0; k < DETECT_ASPECTS; k++)
         for (int32_t i = 0; i < model->outline_count; i++) {
@@ -141,14 +141,14 @@ static void correlate(const object_detector *detector, const detect_plane *plane
 
     memset(sum, 0, (size_t)w * (size_t)h * sizeof *sum);
     for (int32_t i = 0; i < detector->model->outline_count; i++) {
-        int32_t bin = cairn_contour_field_bin(variant->outline[i].direction);
+        int32_t bin = cairn_contour_search_field_bin(variant->outline[i].direction);
         int32_t dx = (int32_t)lrint((double)variant->outline[i].position.x * DETECT_CELLS_PER_SIZE);
         int32_t dy = (int32_t)lrint((double)variant->outline[i].position.y * DETECT_CELLS_PER_SIZE);
-        const float *layer = &plane->llr[(size_t)bin * cairn_detect_layer(plane)];
+        const float *layer = &plane->llr[(size_t)bin * cairn_object_detect_layer(plane)];
 
         for (int32_t y = 0; y < h; y++) {
             const float *from =
-                &layer[(size_t)(y + dy + DETECT_MARGIN_CELLS) * cairn_detect_row(plane) +
+                &layer[(size_t)(y + dy + DETECT_MARGIN_CELLS) * cairn_object_detect_row(plane) +
                        (size_t)(DETECT_MARGIN_CELLS + dx)];
             float *to = &sum[y * w];
 
@@ -163,10 +163,10 @@ static float peak_overlap(const object_detector *detector, const detect_peak *a,
 {
     const detect_variant *v = &detector->variants[a->variant], *u = &detector->variants[b->variant];
 
-    return cairn_detect_overlap(a->x + a->size * v->left, a->y + a->size * v->top,
-                                a->x + a->size * v->right, a->y + a->size * v->bottom,
-                                b->x + b->size * u->left, b->y + b->size * u->top,
-                                b->x + b->size * u->right, b->y + b->size * u->bottom);
+    return cairn_object_detect_overlap(a->x + a->size * v->left, a->y + a->size * v->top,
+                                       a->x + a->size * v->right, a->y + a->size * v->bottom,
+                                       b->x + b->size * u->left, b->y + b->size * u->top,
+                                       b->x + b->size * u->right, b->y + b->size * u->bottom);
 }
 
 /* Non-maximum suppression: sorts the peaks and keeps the best non-overlapping ones. */
@@ -187,10 +187,10 @@ static void suppress_non_maxima(object_detector *detector)
     detector->count = kept;
 }
 
-cairn_status cairn_detect_candidates_of_parts(object_detector *detector)
+cairn_status cairn_object_detect_candidates_of_parts(object_detector *detector)
 {
     cairn_status status =
-        cairn_detect_parts(&detector->hypotheses, detector->field, detector->model);
+        cairn_object_detect_parts(&detector->hypotheses, detector->field, detector->model);
 
     if (status != CAIRN_OK)
         return status;
@@ -214,7 +214,7 @@ cairn_status cairn_detect_candidates_of_parts(object_detector *detector)
     return CAIRN_OK;
 }
 
-int cairn_detect_candidates_find(object_detector *detector)
+int cairn_object_detect_candidates_find(object_detector *detector)
 {
     float *sum = NULL;
 

@@ -42,20 +42,20 @@ typedef struct object_detector {
 } object_detector;
 
 /* Creates the variants of the model and its mirror image. Returns 0 when out of memory. */
-int cairn_detect_variants_add(object_detector *detector);
+int cairn_object_detect_variants_add(object_detector *detector);
 /* Returns 1 when no variant of the outline exceeds the margins of a field. */
-int cairn_detect_variants_fit(const cairn_shape_model *model);
+int cairn_object_detect_variants_fit(const cairn_shape_model *model);
 
 /* Computes detector->peaks: the best candidates over all sizes and variants after non-maximum
  * suppression. Returns 0 when out of memory. */
-int cairn_detect_candidates_find(object_detector *detector);
+int cairn_object_detect_candidates_find(object_detector *detector);
 /* Computes detector->peaks from hypotheses by parts. CAIRN_NO_MEMORY, or as
- * cairn_detect_parts(). */
-cairn_status cairn_detect_candidates_of_parts(object_detector *detector);
+ * cairn_object_detect_parts(). */
+cairn_status cairn_object_detect_candidates_of_parts(object_detector *detector);
 
 /* Intersection over union of two boxes. */
-static inline float cairn_detect_overlap(float al, float at, float ar, float ab, float bl, float bt,
-                                         float br, float bb)
+static inline float cairn_object_detect_overlap(float al, float at, float ar, float ab, float bl,
+                                                float bt, float br, float bb)
 {
     float w = fminf(ar, br) - fmaxf(al, bl), h = fminf(ab, bb) - fmaxf(at, bt),
           both = w > 0 && h > 0 ? w * h : 0;

@@ -44,7 +44,7 @@ enum { BINS = DETECT_BINS, MARGIN = DETECT_MARGIN_CELLS };
 /* Limits of the params. */
 enum {
     MIN_SIZE_PX = 8,
-    MAX_SIZE_PX = 2 * CAIRN_CONTOUR_SIDE_MOST,
+    MAX_SIZE_PX = 2 * CAIRN_CONTOUR_MAX_SIDE,
     MAX_CANDIDATES = 64,
     MAX_MATCHES = 64,
     MAX_NEAREST = 64,
@@ -141,7 +141,7 @@ static void compute_llr(const detect_plane *plane, const float *likelihood, cons
     for (int32_t y = 0; y < h; y++) {
         int32_t above = y > WINDOW_CELLS ? y - WINDOW_CELLS : 0,
                 below = y + WINDOW_CELLS < h ? y + WINDOW_CELLS : h;
-        float *row = &llr[(size_t)(y + MARGIN) * cairn_detect_row(plane) + MARGIN];
+        float *row = &llr[(size_t)(y + MARGIN) * cairn_object_detect_row(plane) + MARGIN];
 
         for (int32_t x = 0; x < w; x++) {
             int32_t left = x > WINDOW_CELLS ? x - WINDOW_CELLS : 0,
@@ -165,7 +165,7 @@ static int make_plane(detect_plane *plane, const cairn_contour_tokens *tokens,
     int32_t w = plane->width, h = plane->height, longest = w > h ? w : h;
     size_t cells = (size_t)w * (size_t)h;
 
-    plane->llr = malloc(BINS * cairn_detect_layer(plane) * sizeof *plane->llr);
+    plane->llr = malloc(BINS * cairn_object_detect_layer(plane) * sizeof *plane->llr);
     buffers->cost = calloc(BINS * cells, sizeof *buffers->cost);
     buffers->sums = malloc(((size_t)w + 1) * ((size_t)h + 1) * sizeof *buffers->sums);
     buffers->strip = malloc(((size_t)longest + 2 * SPREAD_CELLS) * sizeof *buffers->strip);
@@ -174,10 +174,10 @@ static int make_plane(detect_plane *plane, const cairn_contour_tokens *tokens,
         return 0;
     for (size_t i = 0; i < BINS * cells; i++)
         buffers->cost[i] = MAX_COST;
-    for (size_t i = 0; i < BINS * cairn_detect_layer(plane); i++)
+    for (size_t i = 0; i < BINS * cairn_object_detect_layer(plane); i++)
         plane->llr[i] = OUTSIDE_LLR;
     for (int32_t i = 0; i < tokens->count; i++)
-        enter_segment(plane, tokens->lines[i], tokens->strength[i], buffers->cost);
+        enter_segment(plane, tokens->lines[i], tokens->strength_rank[i], buffers->cost);
     for (int32_t bin = 0; bin < BINS; bin++) {
         float *cost = &buffers->cost[(size_t)bin * cells];
 
@@ -187,7 +187,7 @@ static int make_plane(detect_plane *plane, const cairn_contour_tokens *tokens,
             spread_line(buffers->strip, &cost[x], h, w);
         integrate(plane, cost, buffers->sums);
         compute_llr(plane, cost, buffers->sums,
-                    &plane->llr[(size_t)bin * cairn_detect_layer(plane)]);
+                    &plane->llr[(size_t)bin * cairn_object_detect_layer(plane)]);
     }
     return 1;
 }
@@ -211,7 +211,7 @@ static cairn_status check_parts(const cairn_object_detect_params *params, const 
                                     params->appearance_nearest);
     if (params->mode == CAIRN_MODE_AS_WRITTEN &&
         (params->method != CAIRN_DETECT_PARTS || params->bundles != CAIRN_DETECT_BUNDLES ||
-         params->modes || params->occluded || params->verify > 0))
+         params->modes_only || params->occluded || params->verify > 0))
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, path, 0,
             "as written by another method, with other bundles, modes, occluded or verify, "
@@ -294,7 +294,7 @@ cairn_status cairn_detect_field_make(cairn_detect_field **field, const cairn_con
     made->tokens = tokens;
     made->params = *params;
     if (params->method == CAIRN_DETECT_PARTS)
-        ok = cairn_detect_chains_make(&made->chains, tokens);
+        ok = cairn_object_detect_chains_make(&made->chains, tokens);
     for (int32_t k = 0; params->method == CAIRN_DETECT_EVIDENCE && k < plane_count_of(params) && ok;
          k++) {
         detect_plane *plane = &made->plane[made->planes++];
@@ -322,6 +322,6 @@ void cairn_detect_field_free(cairn_detect_field *field)
     for (int32_t k = 0; field != NULL && k < field->planes; k++)
         free(field->plane[k].llr);
     if (field != NULL)
-        cairn_detect_chains_free(&field->chains);
+        cairn_object_detect_chains_free(&field->chains);
     free(field);
 }

@@ -28,7 +28,7 @@
 #define MIN_OVERLAP 0.5
 enum { MIN_TOKENS = 64 };
 
-void cairn_detect_group_free(detect_groupings *groupings)
+void cairn_object_detect_group_free(detect_groupings *groupings)
 {
     free(groupings->list);
     memset(groupings, 0, sizeof *groupings);
@@ -41,7 +41,7 @@ static int32_t count_tokens(const cairn_contour_tokens *tokens, cairn_real token
 
     for (int32_t i = 0; i < tokens->count; i++)
         count += ceil((double)cairn_segment_length(tokens->lines[i]) / (double)token);
-    return (int32_t)fmax(MIN_TOKENS, fmin(count, CAIRN_CONTOUR_TOKENS_MOST));
+    return (int32_t)fmax(MIN_TOKENS, fmin(count, CAIRN_CONTOUR_MAX_TOKENS));
 }
 
 static cairn_grouping_params params_for(const cairn_contour_tokens *tokens,
@@ -51,7 +51,7 @@ static cairn_grouping_params params_for(const cairn_contour_tokens *tokens,
 
     params.max_width = tokens->width;
     params.max_height = tokens->height;
-    params.max_tokens = count_tokens(tokens, params.token);
+    params.max_tokens = count_tokens(tokens, params.token_length);
     params.max_samples = model->sample_count;
     params.max_outline = model->outline_count;
     params.max_objects = DETECT_MAX_OBJECTS_PER_SEARCH;
@@ -165,8 +165,8 @@ static int compare_groupings(const void *a, const void *b)
     return x->found.origin.x < y->found.origin.x ? -1 : x->found.origin.x > y->found.origin.x;
 }
 
-cairn_status cairn_detect_group(detect_groupings *groupings, const cairn_detect_field *field,
-                                const cairn_shape_model *model)
+cairn_status cairn_object_detect_group(detect_groupings *groupings, const cairn_detect_field *field,
+                                       const cairn_shape_model *model)
 {
     cairn_grouping_params params = params_for(field->tokens, model);
     size_t bytes = cairn_grouping_memory(&params) + CAIRN_ALIGN;
@@ -192,8 +192,8 @@ cairn_status cairn_detect_group(detect_groupings *groupings, const cairn_detect_
     return status;
 }
 
-cairn_real cairn_detect_grouped_evidence(const detect_groupings *groupings,
-                                         const cairn_detection *detection)
+cairn_real cairn_object_detect_grouped_evidence(const detect_groupings *groupings,
+                                                const cairn_detection *detection)
 {
     const double own[4] = {(double)detection->left, (double)detection->top,
                            (double)detection->right, (double)detection->bottom};

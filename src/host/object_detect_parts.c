@@ -71,13 +71,13 @@ static void add_chain(detect_chains *chains, const cairn_contour_tokens *tokens,
     chains->max_length = cairn_max(chains->max_length, cairn_curve_length(curve));
 }
 
-int cairn_detect_chains_make(detect_chains *chains, const cairn_contour_tokens *tokens)
+int cairn_object_detect_chains_make(detect_chains *chains, const cairn_contour_tokens *tokens)
 {
     cairn_vec2 *points;
 
-    chains->count = tokens->chains;
+    chains->count = tokens->chain_count;
     chains->max_length = 0;
-    chains->curves = calloc((size_t)tokens->chains + 1, sizeof *chains->curves);
+    chains->curves = calloc((size_t)tokens->chain_count + 1, sizeof *chains->curves);
     chains->points = malloc(2 * ((size_t)tokens->count + 1) * sizeof *chains->points);
     if (chains->curves == NULL || chains->points == NULL)
         return 0;
@@ -91,7 +91,7 @@ int cairn_detect_chains_make(detect_chains *chains, const cairn_contour_tokens *
     return 1;
 }
 
-void cairn_detect_chains_free(detect_chains *chains)
+void cairn_object_detect_chains_free(detect_chains *chains)
 {
     free(chains->curves);
     free(chains->points);
@@ -134,10 +134,10 @@ static cairn_fragment_match_params match_params(const part_searcher *searcher)
     params.max_chains = f->chains.count > 0 ? f->chains.count : 1;
     params.min_step = MIN_SAMPLE_STEP_PX;
     params.max_samples = 8 + (int32_t)((double)f->chains.max_length / (double)MIN_SAMPLE_STEP_PX);
-    params.matches_each = f->params.matches;
+    params.matches_per_fragment = f->params.matches;
     params.min_scale = f->params.min_size;
     params.max_scale = f->params.max_size;
-    if (cairn_detect_is_as_written(f))
+    if (cairn_object_detect_is_as_written(f))
         params.min_similarity = MIN_WRITTEN_SIMILARITY;
     return params;
 }
@@ -147,17 +147,17 @@ static cairn_part_configuration_params configuration_params(const part_searcher 
     const cairn_object_detect_params *detect = &searcher->field->params;
     cairn_part_configuration_params params = cairn_part_configuration_default();
 
-    if (cairn_detect_is_as_written(searcher->field)) {
+    if (cairn_object_detect_is_as_written(searcher->field)) {
         params = cairn_part_configuration_as_written();
-        params.max_votes = CAIRN_PART_FRAGMENTS * detect->matches;
+        params.max_votes = CAIRN_PART_MAX_FRAGMENTS * detect->matches;
         params.nearest = detect->nearest;
         params.max_found = DETECT_MAX_WRITTEN_HYPOTHESES;
         params.min_sum = MIN_SIMILARITY_SUM;
         return params;
     }
-    params.max_votes = CAIRN_PART_FRAGMENTS * detect->matches;
+    params.max_votes = CAIRN_PART_MAX_FRAGMENTS * detect->matches;
     params.nearest = detect->nearest;
-    params.seek = detect->modes ? CAIRN_PART_SEEK_MODES : CAIRN_PART_SEEK_NEAREST;
+    params.search = detect->modes_only ? CAIRN_PART_SEARCH_MODES : CAIRN_PART_SEARCH_NEAREST;
     params.max_nodes = MAX_NODES;
     params.max_found = DETECT_MAX_HYPOTHESES / 2;
     return params;
@@ -184,7 +184,7 @@ static cairn_status create(part_searcher *searcher, cairn_pool *pool, void **mem
 
     *memory = malloc(bytes);
     searcher->votes = malloc((size_t)configuration.max_votes * sizeof *searcher->votes);
-    searcher->samples = malloc((size_t)CAIRN_PART_FRAGMENTS * (size_t)bundle.samples_each *
+    searcher->samples = malloc((size_t)CAIRN_PART_MAX_FRAGMENTS * (size_t)bundle.samples_each *
                                sizeof *searcher->samples);
     if (cairn_part_bundle_memory(&bundle) == 0)
         return bundle.max_points < 3 ? CAIRN_EMPTY : CAIRN_FULL;
@@ -307,14 +307,14 @@ static int32_t cast_votes(part_searcher *searcher, const cairn_fragment_match_re
         v->bundle = searcher->field->params.bundles == CAIRN_DETECT_NO_BUNDLES ? match->fragment
                                                                                : f->bundle;
         v->chain = match->chain;
-        v->centre = match->centre;
+        v->centre = match->centroid;
         v->scale = match->scale;
-        v->gain = cairn_detect_is_as_written(searcher->field)
-                      ? match->similarity
-                      : match->similarity * f->length / searcher->parts.length;
+        v->weight = cairn_object_detect_is_as_written(searcher->field)
+                        ? match->similarity
+                        : match->similarity * f->length / searcher->parts.length;
         v->from = match->from;
         v->to = match->to;
-        v->round = chain->closed ? cairn_curve_length(chain) : 0;
+        v->closed_length = chain->closed ? cairn_curve_length(chain) : 0;
         match_of[count++] = i;
     }
     return count;
@@ -433,12 +433,12 @@ static cairn_status compare_whole(part_searcher *searcher, detect_hypothesis *hy
                                        .second_count = searcher->outline_count};
     cairn_status status;
 
-    if (!cairn_detect_written_sample(searcher->field, hypothesis,
-                                     &searcher->made->parts[hypothesis->first_part], points,
-                                     OUTLINE_POINTS))
+    if (!cairn_object_detect_written_sample(searcher->field, hypothesis,
+                                            &searcher->made->parts[hypothesis->first_part], points,
+                                            OUTLINE_POINTS))
         return CAIRN_EMPTY;
     status = run_context(searcher, &input);
-    hypothesis->distance = cairn_shape_context_read(searcher->context).symmetric;
+    hypothesis->distance = cairn_shape_context_read(searcher->context).symmetric_distance;
     return status;
 }
 
@@ -485,14 +485,15 @@ static cairn_status add_hypothesis(part_searcher *searcher,
         part->from = match->from;
         part->to = match->to;
     }
-    if (cairn_detect_is_as_written(searcher->field) &&
-        !cairn_detect_chain_sets_add(&searcher->sets,
-                                     &searcher->made->parts[hypothesis->first_part],
-                                     hypothesis->part_count))
+    if (cairn_object_detect_is_as_written(searcher->field) &&
+        !cairn_object_detect_chain_sets_add(&searcher->sets,
+                                            &searcher->made->parts[hypothesis->first_part],
+                                            hypothesis->part_count))
         return CAIRN_OK;
-    status = cairn_detect_is_as_written(searcher->field) ? compare_whole(searcher, hypothesis)
-                                                         : compare_shapes(searcher, hypothesis);
-    if (status == CAIRN_EMPTY && cairn_detect_is_as_written(searcher->field))
+    status = cairn_object_detect_is_as_written(searcher->field)
+                 ? compare_whole(searcher, hypothesis)
+                 : compare_shapes(searcher, hypothesis);
+    if (status == CAIRN_EMPTY && cairn_object_detect_is_as_written(searcher->field))
         return CAIRN_OK;
     if (status != CAIRN_OK)
         return status;
@@ -509,38 +510,39 @@ static cairn_status search(part_searcher *searcher, int32_t mirrored, int32_t *m
     cairn_fragment_match_result matches = {.count = 0};
     cairn_status status;
 
-    cairn_detect_report_stage(searcher->field, CAIRN_DETECT_VOTES);
+    cairn_object_detect_report_stage(searcher->field, CAIRN_DETECT_VOTES);
     set_model(searcher, mirrored);
     status = match_fragments(searcher, &matches);
     if (status == CAIRN_OK)
         status = find_configurations(searcher, cast_votes(searcher, &matches, match_of),
                                      &configurations);
-    cairn_detect_report_stage(searcher->field, CAIRN_DETECT_SCORES);
-    if (status == CAIRN_OK && cairn_detect_is_as_written(searcher->field) &&
-        !cairn_detect_chain_sets_begin(&searcher->sets, configurations.count))
+    cairn_object_detect_report_stage(searcher->field, CAIRN_DETECT_SCORES);
+    if (status == CAIRN_OK && cairn_object_detect_is_as_written(searcher->field) &&
+        !cairn_object_detect_chain_sets_begin(&searcher->sets, configurations.count))
         status = CAIRN_NO_MEMORY;
     for (int32_t i = 0; status == CAIRN_OK && i < configurations.count; i++)
         status = add_hypothesis(searcher, &configurations.found[i], configurations.votes,
                                 matches.matches, match_of);
-    cairn_detect_chain_sets_free(&searcher->sets);
+    cairn_object_detect_chain_sets_free(&searcher->sets);
     return status;
 }
 
-cairn_status cairn_detect_parts(detect_hypotheses *hypotheses, const cairn_detect_field *field,
-                                const cairn_shape_model *model)
+cairn_status cairn_object_detect_parts(detect_hypotheses *hypotheses,
+                                       const cairn_detect_field *field,
+                                       const cairn_shape_model *model)
 {
     part_searcher searcher = {.field = field, .model = model, .made = hypotheses};
-    int written = cairn_detect_is_as_written(field);
+    int written = cairn_object_detect_is_as_written(field);
     size_t capacity = written ? 2 * DETECT_MAX_WRITTEN_HYPOTHESES : DETECT_MAX_HYPOTHESES;
     int32_t *match_of =
-        malloc((size_t)CAIRN_PART_FRAGMENTS * (size_t)field->params.matches * sizeof *match_of);
+        malloc((size_t)CAIRN_PART_MAX_FRAGMENTS * (size_t)field->params.matches * sizeof *match_of);
     cairn_status status = CAIRN_NO_MEMORY;
     void *memory = NULL;
     cairn_pool pool;
 
     memset(hypotheses, 0, sizeof *hypotheses);
     hypotheses->list = malloc(capacity * sizeof *hypotheses->list);
-    hypotheses->parts = malloc(capacity * (written ? CAIRN_PART_BUNDLES : DETECT_MAX_PARTS) *
+    hypotheses->parts = malloc(capacity * (written ? CAIRN_PART_MAX_BUNDLES : DETECT_MAX_PARTS) *
                                sizeof *hypotheses->parts);
     if (hypotheses->list != NULL && hypotheses->parts != NULL && match_of != NULL)
         status = create(&searcher, &pool, &memory);
@@ -549,17 +551,17 @@ cairn_status cairn_detect_parts(detect_hypotheses *hypotheses, const cairn_detec
     for (int32_t mirrored = 0; status == CAIRN_OK && mirrored < (field->params.mirror ? 2 : 1);
          mirrored++)
         status = search(&searcher, mirrored, match_of);
-    hypotheses->bundles = searcher.parts.bundles;
+    hypotheses->bundles = searcher.parts.bundle_count;
     free(match_of);
     free(searcher.votes);
     free(searcher.samples);
     free(memory);
     if (status != CAIRN_OK)
-        cairn_detect_parts_free(hypotheses);
+        cairn_object_detect_parts_free(hypotheses);
     return status;
 }
 
-void cairn_detect_parts_free(detect_hypotheses *hypotheses)
+void cairn_object_detect_parts_free(detect_hypotheses *hypotheses)
 {
     free(hypotheses->list);
     free(hypotheses->parts);

@@ -43,19 +43,19 @@ struct cairn_detect_field {
     detect_chains chains;
 };
 
-static inline size_t cairn_detect_row(const detect_plane *plane)
+static inline size_t cairn_object_detect_row(const detect_plane *plane)
 {
     return (size_t)plane->width + 2 * DETECT_MARGIN_CELLS;
 }
 
-static inline size_t cairn_detect_layer(const detect_plane *plane)
+static inline size_t cairn_object_detect_layer(const detect_plane *plane)
 {
-    return cairn_detect_row(plane) * ((size_t)plane->height + 2 * DETECT_MARGIN_CELLS);
+    return cairn_object_detect_row(plane) * ((size_t)plane->height + 2 * DETECT_MARGIN_CELLS);
 }
 
 /* Reports the start of a stage to the callback. */
-static inline void cairn_detect_report_stage(const cairn_detect_field *field,
-                                             cairn_detect_stage stage)
+static inline void cairn_object_detect_report_stage(const cairn_detect_field *field,
+                                                    cairn_detect_stage stage)
 {
     if (field->params.on_stage != NULL)
         field->params.on_stage(field->params.on_stage_context, stage);
@@ -104,18 +104,19 @@ typedef struct detect_groupings {
 
 /* Detects the model by contour grouping among the edges of a field, over the sizes of its params.
  * CAIRN_NO_MEMORY, or as cairn_grouping_begin(). The result must be freed on failure, too. */
-cairn_status cairn_detect_group(detect_groupings *made, const cairn_detect_field *field,
-                                const cairn_shape_model *model);
-void cairn_detect_group_free(detect_groupings *made);
+cairn_status cairn_object_detect_group(detect_groupings *made, const cairn_detect_field *field,
+                                       const cairn_shape_model *model);
+void cairn_object_detect_group_free(detect_groupings *made);
 
 /* Returns the greatest evidence (nats) of a grouped object that coincides with a detection; 0:
  * none. */
-cairn_real cairn_detect_grouped_evidence(const detect_groupings *made, const cairn_detection *o);
+cairn_real cairn_object_detect_grouped_evidence(const detect_groupings *made,
+                                                const cairn_detection *o);
 
 /* Builds the polylines of all chains. Returns 0 when out of memory; the result must be freed then,
  * too. */
-int cairn_detect_chains_make(detect_chains *chains, const cairn_contour_tokens *tokens);
-void cairn_detect_chains_free(detect_chains *chains);
+int cairn_object_detect_chains_make(detect_chains *chains, const cairn_contour_tokens *tokens);
+void cairn_object_detect_chains_free(detect_chains *chains);
 
 /* Similarity transform (x, y) -> (a x - b y, b x + a y) + shift. */
 typedef struct detect_similarity {
@@ -128,53 +129,56 @@ typedef struct detect_similarity {
  * each sample; weight: [outline_count] scratch. map: the transform with the greatest agreement,
  * relative to the outline's origin and in its sizes, set when the result is > 0. Cost: about 40
  * passes over the samples. */
-cairn_real cairn_detect_rigid_proximity(const contour_fitted_outline *laid,
-                                        const cairn_oriented_point *drawn, const cairn_real *near,
-                                        cairn_real *weight, detect_similarity *map);
+cairn_real cairn_object_detect_rigid_proximity(const contour_fitted_outline *laid,
+                                               const cairn_oriented_point *drawn,
+                                               const cairn_real *near, cairn_real *weight,
+                                               detect_similarity *map);
 
 /* Replaces the deformed outline by the original outline at the transform; updates the detection's
  * origin and size. */
-void cairn_detect_place_outline(const detect_similarity *laid, const cairn_oriented_point *drawn,
-                                contour_fit *fit, cairn_detection *o);
+void cairn_object_detect_place_outline(const detect_similarity *laid,
+                                       const cairn_oriented_point *drawn, contour_fit *fit,
+                                       cairn_detection *o);
 
 /* Finds hypotheses by parts. CAIRN_NO_MEMORY; CAIRN_EMPTY: an outline of zero length. On failure
  * there is nothing to free. */
-cairn_status cairn_detect_parts(detect_hypotheses *made, const cairn_detect_field *field,
-                                const cairn_shape_model *model);
-void cairn_detect_parts_free(detect_hypotheses *made);
+cairn_status cairn_object_detect_parts(detect_hypotheses *made, const cairn_detect_field *field,
+                                       const cairn_shape_model *model);
+void cairn_object_detect_parts_free(detect_hypotheses *made);
 
-static inline int cairn_detect_is_as_written(const cairn_detect_field *field)
+static inline int cairn_object_detect_is_as_written(const cairn_detect_field *field)
 {
     return field->params.mode == CAIRN_MODE_AS_WRITTEN;
 }
 
 /* As written (object_detect_written.c). Computes the bounding box of a hypothesis' fragments, and
  * samples points[count] at even steps along all of them. Returns 0 when their length is zero. */
-int cairn_detect_written_sample(const cairn_detect_field *field, detect_hypothesis *h,
-                                const cairn_detected_part *parts, cairn_vec2 *points,
-                                int32_t count);
+int cairn_object_detect_written_sample(const cairn_detect_field *field, detect_hypothesis *h,
+                                       const cairn_detected_part *parts, cairn_vec2 *points,
+                                       int32_t count);
 /* Hash set of sets of chains, so that hypotheses of the same chains are compared once. begin:
  * capacity: greatest number of sets; returns 0 when out of memory. add: returns 1 for a new set, 0
  * for a duplicate. */
 typedef struct detect_chain_sets {
     /* [capacity] ascending, padded with -1 */
-    int32_t (*chains)[CAIRN_PART_BUNDLES];
+    int32_t (*chains)[CAIRN_PART_MAX_BUNDLES];
     /* [mask + 1] hash table: index of a set; -1: empty */
     int32_t *slots;
     uint32_t mask;
     int32_t count;
 } detect_chain_sets;
-int cairn_detect_chain_sets_begin(detect_chain_sets *sets, int32_t room);
-int cairn_detect_chain_sets_add(detect_chain_sets *sets, const cairn_detected_part *parts,
-                                int32_t count);
-void cairn_detect_chain_sets_free(detect_chain_sets *sets);
+int cairn_object_detect_chain_sets_begin(detect_chain_sets *sets, int32_t room);
+int cairn_object_detect_chain_sets_add(detect_chain_sets *sets, const cairn_detected_part *parts,
+                                       int32_t count);
+void cairn_object_detect_chain_sets_free(detect_chain_sets *sets);
 
 /* Creates a detection for every hypothesis: found->found only, on the heap. */
-cairn_status cairn_detect_written_add(cairn_detections *found, const detect_hypotheses *made,
-                                      const cairn_detect_field *field);
+cairn_status cairn_object_detect_written_add(cairn_detections *found, const detect_hypotheses *made,
+                                             const cairn_detect_field *field);
 /* Adds the lines of the fragments and the model's outline at the voted centroid to the detections
  * of found->found. */
-cairn_status cairn_detect_written_outlines(cairn_detections *found, const cairn_detect_field *field,
-                                           const cairn_shape_model *model);
+cairn_status cairn_object_detect_written_outlines(cairn_detections *found,
+                                                  const cairn_detect_field *field,
+                                                  const cairn_shape_model *model);
 
 #endif

@@ -60,8 +60,10 @@ static int32_t sample_chain(const cairn_curve *chain, cairn_real step, cairn_rea
     return count;
 }
 
-int cairn_detect_written_sample(const cairn_detect_field *field, detect_hypothesis *hypothesis,
-                                const cairn_detected_part *parts, cairn_vec2 *points, int32_t count)
+int cairn_object_detect_written_sample(const cairn_detect_field *field,
+                                       detect_hypothesis *hypothesis,
+                                       const cairn_detected_part *parts, cairn_vec2 *points,
+                                       int32_t count)
 {
     cairn_real length = 0, step, next;
     cairn_box box = cairn_box_empty();
@@ -92,7 +94,7 @@ int cairn_detect_written_sample(const cairn_detect_field *field, detect_hypothes
 
 /* ---- Sets of chains ---- */
 
-int cairn_detect_chain_sets_begin(detect_chain_sets *sets, int32_t capacity)
+int cairn_object_detect_chain_sets_begin(detect_chain_sets *sets, int32_t capacity)
 {
     size_t slots = 2;
 
@@ -108,27 +110,27 @@ int cairn_detect_chain_sets_begin(detect_chain_sets *sets, int32_t capacity)
     return 1;
 }
 
-void cairn_detect_chain_sets_free(detect_chain_sets *sets)
+void cairn_object_detect_chain_sets_free(detect_chain_sets *sets)
 {
     free(sets->chains);
     free(sets->slots);
     memset(sets, 0, sizeof *sets);
 }
 
-int cairn_detect_chain_sets_add(detect_chain_sets *sets, const cairn_detected_part *parts,
-                                int32_t count)
+int cairn_object_detect_chain_sets_add(detect_chain_sets *sets, const cairn_detected_part *parts,
+                                       int32_t count)
 {
     int32_t *chains = sets->chains[sets->count];
     uint32_t hash = 0, index;
 
-    for (int32_t i = 0; i < CAIRN_PART_BUNDLES; i++) {
+    for (int32_t i = 0; i < CAIRN_PART_MAX_BUNDLES; i++) {
         int32_t chain = i < count ? parts[i].chain : -1, k = i;
 
         for (; i < count && k > 0 && chains[k - 1] > chain; k--)
             chains[k] = chains[k - 1];
         chains[k] = chain;
     }
-    for (int32_t i = 0; i < CAIRN_PART_BUNDLES; i++)
+    for (int32_t i = 0; i < CAIRN_PART_MAX_BUNDLES; i++)
         hash = (hash ^ (uint32_t)chains[i]) * HASH_PRIME;
     for (index = (hash ^ hash >> HASH_FOLD_BITS) & sets->mask; sets->slots[index] >= 0;
          index = (index + 1) & sets->mask)
@@ -140,8 +142,8 @@ int cairn_detect_chain_sets_add(detect_chain_sets *sets, const cairn_detected_pa
 
 /* ---- Detections ---- */
 
-cairn_status cairn_detect_written_add(cairn_detections *found, const detect_hypotheses *made,
-                                      const cairn_detect_field *field)
+cairn_status cairn_object_detect_written_add(cairn_detections *found, const detect_hypotheses *made,
+                                             const cairn_detect_field *field)
 {
     const cairn_object_detect_params *params = &field->params;
 
@@ -163,8 +165,8 @@ cairn_status cairn_detect_written_add(cairn_detections *found, const detect_hypo
         detection->size = hypothesis->size;
         detection->mirrored = hypothesis->mirrored;
         detection->score = hypothesis->score;
-        detection->distance = hypothesis->distance;
-        detection->agreement = hypothesis->agreement;
+        detection->shape_distance = hypothesis->distance;
+        detection->configuration_score = hypothesis->agreement;
         detection->first_part = hypothesis->first_part;
         detection->part_count = hypothesis->part_count;
         found->count += detection->score >= params->min_score;
@@ -206,16 +208,17 @@ static void append_outline(cairn_detections *found, cairn_detection *detection,
 
         position.position.x *= detection->mirrored ? -1 : 1;
         position.direction.x *= detection->mirrored ? -1 : 1;
-        sample->at.position =
+        sample->point.position =
             cairn_vec2_add(detection->origin, cairn_vec2_scale(position.position, detection->size));
-        sample->at.direction = position.direction;
-        sample->part = i >= cairn_shape_first_outline(model);
+        sample->point.direction = position.direction;
+        sample->outline_index = i >= cairn_shape_first_outline(model);
         sample->segment = -1;
     }
 }
 
-cairn_status cairn_detect_written_outlines(cairn_detections *found, const cairn_detect_field *field,
-                                           const cairn_shape_model *model)
+cairn_status cairn_object_detect_written_outlines(cairn_detections *found,
+                                                  const cairn_detect_field *field,
+                                                  const cairn_shape_model *model)
 {
     size_t kept = (size_t)found->count + 1;
 

@@ -36,7 +36,7 @@ struct cairn_output_set {
     char *folder, *stage;
     /* length of the shortest prefix of `folder` that was created; 0: the folder existed */
     size_t created_prefix;
-    staged_file file[CAIRN_OUTPUT_SET_MOST];
+    staged_file file[CAIRN_OUTPUT_SET_MAX_FILES];
     int32_t count;
     bool has_stage; /* the staging folder exists */
 };
@@ -186,10 +186,10 @@ cairn_status cairn_output_set_open(cairn_output_set **set, const char *folder,
     int32_t code;
 
     *set = NULL;
-    if (count < 1 || count > CAIRN_OUTPUT_SET_MOST)
+    if (count < 1 || count > CAIRN_OUTPUT_SET_MAX_FILES)
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, folder, 0,
                                     "%d files, expected 1 to %d", (int)count,
-                                    CAIRN_OUTPUT_SET_MOST);
+                                    CAIRN_OUTPUT_SET_MAX_FILES);
     status = cairn_output_set_check(folder, names, count, error);
     if (status != CAIRN_OK)
         return status;

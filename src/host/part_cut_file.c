@@ -43,13 +43,13 @@ static cairn_status read_lines(cairn_line_reader *lines, cairn_part_cut *cuts, i
             continue;
         if (numbers != NUMBERS || number[0] < 0 || number[0] > MAX_SAMPLE || number[1] < 0 ||
             number[1] > MAX_SAMPLE || number[0] == number[1] || number[2] < 0 ||
-            number[2] >= CAIRN_PART_BUNDLES)
+            number[2] >= CAIRN_PART_MAX_BUNDLES)
             return cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, at,
                                         "not a fragment, " EXPECTED);
-        if (*count == CAIRN_PART_FRAGMENTS)
+        if (*count == CAIRN_PART_MAX_FRAGMENTS)
             return cairn_file_error_set(error, CAIRN_FULL, path, at,
                                         "too many fragments, expected at most %d",
-                                        CAIRN_PART_FRAGMENTS);
+                                        CAIRN_PART_MAX_FRAGMENTS);
         cuts[*count].from = (int32_t)number[0];
         cuts[*count].to = (int32_t)number[1];
         cuts[(*count)++].bundle = (int32_t)number[2];
@@ -60,7 +60,7 @@ static cairn_status read_lines(cairn_line_reader *lines, cairn_part_cut *cuts, i
                       : cairn_file_error_set(error, CAIRN_EMPTY, path, 0, "no fragment, " EXPECTED);
 }
 
-cairn_status cairn_part_cut_file_read(cairn_part_cut cuts[CAIRN_PART_FRAGMENTS], int32_t *count,
+cairn_status cairn_part_cut_file_read(cairn_part_cut cuts[CAIRN_PART_MAX_FRAGMENTS], int32_t *count,
                                       const char *path, cairn_file_error *error)
 {
     cairn_line_reader *lines;

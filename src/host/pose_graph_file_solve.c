@@ -63,7 +63,7 @@ static cairn_status make_graph(struct graph_solver *solver)
         status = cairn_sparse_solver_open(&solver->sparse);
         if (status != CAIRN_OK)
             return status;
-        interface = cairn_sparse_solver_face(solver->sparse);
+        interface = cairn_sparse_solver_interface(solver->sparse);
         external = &interface;
     }
     solver->solution->pool_bytes = cairn_pose_graph_memory(&params, external);
@@ -114,7 +114,7 @@ static cairn_status solve_once(struct graph_solver *solver, cairn_pose_graph_ker
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_status status =
-        cairn_pose_graph_set_kernel(solver->graph, kernel, cairn_pose_graph_default().width);
+        cairn_pose_graph_set_kernel(solver->graph, kernel, cairn_pose_graph_default().kernel_width);
 
     if (status == CAIRN_OK)
         status = cairn_pose_graph_solve(solver->graph);
@@ -157,11 +157,11 @@ static cairn_status drop_outliers(struct graph_solver *solver)
     cairn_status status = CAIRN_OK;
 
     for (int32_t e = 0; e < solver->file->edge_count && status == CAIRN_OK; e++) {
-        int32_t outlier = cairn_pose_graph_link_of(solver->graph, e).outlier;
+        int32_t outlier = cairn_pose_graph_link_of(solver->graph, e).is_outlier;
 
         solver->solution->outlier[e] = (uint8_t)outlier;
         solver->solution->outliers += outlier;
-        status = cairn_pose_graph_drop_link(solver->graph, e, outlier);
+        status = cairn_pose_graph_exclude_link(solver->graph, e, outlier);
     }
     return status;
 }
@@ -192,7 +192,7 @@ static cairn_status solve_robustly(struct graph_solver *solver)
         return status;
     store_poses(solver);
     status = solve_once(solver, CAIRN_POSE_GRAPH_SQUARE);
-    if (status == CAIRN_OK && solver->solution->state.verdict != CAIRN_POSE_GRAPH_SPLIT)
+    if (status == CAIRN_OK && solver->solution->state.verdict != CAIRN_POSE_GRAPH_DISCONNECTED)
         store_poses(solver);
     return status;
 }

@@ -192,10 +192,10 @@ static cairn_status read_header(range_loader *loader, const char *line, size_t l
     if (seen[X] + seen[Y] + seen[THETA] != 3 * seen[X])
         return cairn_file_error_set(error, CAIRN_BAD_FORMAT, loader->path, number,
                                     "only some of x, y and theta, expected all");
-    if (table->beams == 0 || table->beams > CAIRN_CARMEN_BEAMS_MOST)
+    if (table->beams == 0 || table->beams > CAIRN_CARMEN_MAX_BEAMS)
         return cairn_file_error_set(error, CAIRN_BAD_FORMAT, loader->path, number,
                                     "%d bearings, expected 1 to %d", table->beams,
-                                    CAIRN_CARMEN_BEAMS_MOST);
+                                    CAIRN_CARMEN_MAX_BEAMS);
     table->has_time = seen[TIME];
     table->has_odometry = seen[X];
     table->time_unit = 1e9;
@@ -278,17 +278,17 @@ static void update_summary(cairn_carmen_info *info, const cairn_carmen_record *r
                            const cairn_carmen_record *previous)
 {
     if (previous == NULL) {
-        info->first_ns = info->least_ns = info->most_ns = record->stamp_ns;
+        info->first_ns = info->earliest_ns = info->latest_ns = record->stamp_ns;
     } else {
         cairn_pose step = cairn_pose_between(previous->robot, record->robot);
 
-        info->stamps_back += record->stamp_ns < previous->stamp_ns;
+        info->backward_stamps += record->stamp_ns < previous->stamp_ns;
         info->odometry_length += hypot((double)step.x, (double)step.y);
         info->odometry_turn += fabs((double)step.theta);
     }
     info->last_ns = record->stamp_ns;
-    info->least_ns = record->stamp_ns < info->least_ns ? record->stamp_ns : info->least_ns;
-    info->most_ns = record->stamp_ns > info->most_ns ? record->stamp_ns : info->most_ns;
+    info->earliest_ns = record->stamp_ns < info->earliest_ns ? record->stamp_ns : info->earliest_ns;
+    info->latest_ns = record->stamp_ns > info->latest_ns ? record->stamp_ns : info->latest_ns;
     info->scans++;
     info->beams += record->count;
 }
@@ -398,9 +398,9 @@ static cairn_pose odometry_at(const cairn_carmen_record *record, int32_t index, 
     step = cairn_pose_between(record[before].robot, record[before + 1].robot);
     return cairn_pose_compose(
         record[before].robot,
-        cairn_twist_at(cairn_twist_of(step),
-                       (cairn_real)(time - record[before].stamp_ns) /
-                           (cairn_real)(record[before + 1].stamp_ns - record[before].stamp_ns)));
+        cairn_twist_exp(cairn_twist_log(step),
+                        (cairn_real)(time - record[before].stamp_ns) /
+                            (cairn_real)(record[before + 1].stamp_ns - record[before].stamp_ns)));
 }
 
 /* Completes the scans: shifts URG odometry by the latency, sets the pointers to the ranges. */
@@ -415,7 +415,7 @@ static void finish(range_loader *loader)
             odometry_at(scans->record, i, scans->record[i].stamp_ns - URG_LATENCY_NS);
         scans->record[i].laser = cairn_pose_compose(scans->record[i].robot, info->base_sensor);
     }
-    info->beams_least = info->beams_most = table->beams;
+    info->min_beams = info->max_beams = table->beams;
     info->fixed_mounting = 1;
     memcpy(scans->range, table->bearing, (size_t)table->beams * sizeof *scans->range);
     for (int32_t i = 0; i < scans->count; i++) {

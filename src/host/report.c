@@ -21,7 +21,7 @@ cairn_report_map cairn_report_map_default(void)
 
     memset(&map, 0, sizeof map);
     map.connect = 1;
-    map.elements_most = 20000;
+    map.max_elements = 20000;
     map.width = 1200;
     return map;
 }
@@ -46,7 +46,7 @@ static double path_position(const cairn_report_map *map, int32_t index)
 
 static int has_low_confidence(const cairn_report_panel *panel, int32_t index)
 {
-    return panel->doubtful != NULL && panel->doubtful[index] != 0;
+    return panel->low_confidence != NULL && panel->low_confidence[index] != 0;
 }
 
 static void draw_scan(cairn_output *output, const cairn_report_view *view,
@@ -204,7 +204,7 @@ static cairn_status draw_panel(cairn_output *output, const cairn_report_map *map
         (int)index, (int)index);
     if (panel->grid != NULL)
         status = cairn_report_draw_grid(output, &view, panel->grid);
-    else if (cairn_report_elements(map) > map->elements_most)
+    else if (cairn_report_elements(map) > map->max_elements)
         status = cairn_report_draw_density(output, &view, map, panel->pose);
     else if (map->scan != NULL)
         draw_walls(output, &view, map, panel);

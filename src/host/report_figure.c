@@ -93,12 +93,11 @@ static cairn_status check(const char *path, const cairn_report_figure *figure,
     int32_t i;
 
     if (figure->plot == NULL || figure->plot_count < 1 ||
-        figure->plot_count > CAIRN_REPORT_PLOTS_MOST || figure->width < 200 ||
-        figure->width > 10000)
+        figure->plot_count > CAIRN_REPORT_MAX_PLOTS || figure->width < 200 || figure->width > 10000)
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, path, 0,
             "%d plots, width %d: expected 1 to %d plots, a width from 200 to 10000",
-            (int)figure->plot_count, (int)figure->width, CAIRN_REPORT_PLOTS_MOST);
+            (int)figure->plot_count, (int)figure->width, CAIRN_REPORT_MAX_PLOTS);
     for (i = 0; i < figure->plot_count && status == CAIRN_OK; i++)
         status = check_plot(path, &figure->plot[i], (int)i, error);
     return status;

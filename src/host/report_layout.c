@@ -81,13 +81,13 @@ cairn_status cairn_report_check(const char *path, const cairn_report_map *map,
     cairn_status status;
     int32_t i;
 
-    if (map->panel == NULL || map->panel_count < 1 || map->panel_count > CAIRN_REPORT_PANELS_MOST ||
-        map->scan_count < 1 || map->width < 200 || map->width > 10000 || map->elements_most < 0)
+    if (map->panel == NULL || map->panel_count < 1 || map->panel_count > CAIRN_REPORT_MAX_PANELS ||
+        map->scan_count < 1 || map->width < 200 || map->width > 10000 || map->max_elements < 0)
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, path, 0,
             "%d panels, %d scans, width %d: expected 1 to %d panels, 1 or more scans, a width from "
             "200 to 10000",
-            (int)map->panel_count, (int)map->scan_count, (int)map->width, CAIRN_REPORT_PANELS_MOST);
+            (int)map->panel_count, (int)map->scan_count, (int)map->width, CAIRN_REPORT_MAX_PANELS);
     status = check_scans(path, map, error);
     for (i = 0; i < map->panel_count && status == CAIRN_OK; i++)
         status = check_panel(path, map, i, error);

@@ -12,7 +12,7 @@ typedef struct cairn_report_layout {
     double width; /* of a frame */
     double height;
     double scale; /* pixels per m */
-    cairn_box box[CAIRN_REPORT_PANELS_MOST];
+    cairn_box box[CAIRN_REPORT_MAX_PANELS];
 } cairn_report_layout;
 
 /* Transformation from metres of a map to px of the SVG: x = left + (mx - min_x) scale, y = bottom -

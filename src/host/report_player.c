@@ -21,10 +21,10 @@ cairn_report_player_params cairn_report_player_default(void)
 
     memset(&params, 0, sizeof params);
     params.step_name = "step";
-    params.frames_most = 600;
-    params.poses_most = 2000000;
-    params.points_most = 200000;
-    params.forces_most = 150000;
+    params.max_frames = 600;
+    params.max_poses = 2000000;
+    params.max_points = 200000;
+    params.max_forces = 150000;
     return params;
 }
 
@@ -108,9 +108,9 @@ cairn_status cairn_report_player_open(cairn_report_player **player,
     cairn_report_player *added;
 
     if (player == NULL || params == NULL || params->curve_count < 0 ||
-        params->curve_count > CAIRN_REPORT_CURVES_MOST ||
-        (params->curve_count > 0 && params->curve == NULL) || params->frames_most < 2 ||
-        params->poses_most < 2 || params->points_most < 1 || params->forces_most < 1 ||
+        params->curve_count > CAIRN_REPORT_MAX_CURVES ||
+        (params->curve_count > 0 && params->curve == NULL) || params->max_frames < 2 ||
+        params->max_poses < 2 || params->max_points < 1 || params->max_forces < 1 ||
         !(params->region_radius >= 0) || !(params->region_radius <= MAX_COORDINATE))
         return CAIRN_BAD_ARGUMENT;
     added = calloc(1, sizeof *added);
@@ -135,7 +135,7 @@ void cairn_report_player_free(cairn_report_player *player)
         free_scan(&player->scan[i]);
     for (i = 0; i < player->frame_count; i++)
         free_frame(&player->frame[i]);
-    for (i = 0; i < CAIRN_REPORT_CURVES_MOST; i++) {
+    for (i = 0; i < CAIRN_REPORT_MAX_CURVES; i++) {
         free((char *)player->curve[i].name);
         free((char *)player->curve[i].unit);
         free((char *)player->curve[i].note);
@@ -204,11 +204,11 @@ static cairn_status check_frame(const cairn_report_player *player, const cairn_r
     int32_t i;
 
     if (frame->pose_count < 0 || frame->pose_count > player->scan_count ||
-        frame->region_count < 0 || frame->force_count < 0 || frame->guess_count < 0 ||
+        frame->region_count < 0 || frame->force_count < 0 || frame->hypothesis_count < 0 ||
         (frame->pose_count > 0 && frame->pose == NULL) ||
         (frame->region_count > 0 && frame->region == NULL) ||
         (frame->force_count > 0 && frame->force == NULL) ||
-        (frame->guess_count > 0 && frame->guess == NULL) ||
+        (frame->hypothesis_count > 0 && frame->hypothesis == NULL) ||
         (player->frame_count > 0 && frame->step <= player->frame[player->frame_count - 1].step))
         return CAIRN_BAD_ARGUMENT;
     for (i = 0; i < frame->pose_count; i++) {
@@ -216,7 +216,8 @@ static cairn_status check_frame(const cairn_report_player *player, const cairn_r
 
         if (!is_within(position) || !(cairn_abs(frame->pose[i].theta) <= MAX_COORDINATE))
             return CAIRN_NOT_FINITE;
-        if (frame->part != NULL && (frame->part[i] < -1 || frame->part[i] >= player->scan_count))
+        if (frame->submap != NULL &&
+            (frame->submap[i] < -1 || frame->submap[i] >= player->scan_count))
             return CAIRN_BAD_ARGUMENT;
     }
     for (i = 0; i < frame->region_count; i++)
@@ -225,10 +226,11 @@ static cairn_status check_frame(const cairn_report_player *player, const cairn_r
     for (i = 0; i < frame->force_count; i++)
         if (!is_within(frame->force[i].at) || !is_within(frame->force[i].force))
             return CAIRN_NOT_FINITE;
-    for (i = 0; i < frame->guess_count; i++) {
-        if (!is_within(frame->guess[i].segment.a) || !is_within(frame->guess[i].segment.b))
+    for (i = 0; i < frame->hypothesis_count; i++) {
+        if (!is_within(frame->hypothesis[i].segment.a) ||
+            !is_within(frame->hypothesis[i].segment.b))
             return CAIRN_NOT_FINITE;
-        if (!(frame->guess[i].strength >= 0 && frame->guess[i].strength <= 1))
+        if (!(frame->hypothesis[i].strength >= 0 && frame->hypothesis[i].strength <= 1))
             return CAIRN_BAD_ARGUMENT;
     }
     return CAIRN_OK;
@@ -247,23 +249,24 @@ static int copy_frame(cairn_player_frame *added, const cairn_report_player *play
     added->pose = copy_of(frame->pose, frame->pose_count, sizeof *frame->pose, &failed);
     added->region = copy_of(frame->region, frame->region_count, sizeof *frame->region, &failed);
     added->force = copy_of(frame->force, frame->force_count, sizeof *frame->force, &failed);
-    added->hypothesis = copy_of(frame->guess, frame->guess_count, sizeof *frame->guess, &failed);
-    added->submap = frame->part != NULL
-                        ? copy_of(frame->part, frame->pose_count, sizeof *frame->part, &failed)
+    added->hypothesis =
+        copy_of(frame->hypothesis, frame->hypothesis_count, sizeof *frame->hypothesis, &failed);
+    added->submap = frame->submap != NULL
+                        ? copy_of(frame->submap, frame->pose_count, sizeof *frame->submap, &failed)
                         : NULL;
     added->pose_count = frame->pose_count;
     added->region_count = frame->region_count;
     added->force_count = frame->force_count;
-    added->hypothesis_count = frame->guess_count;
+    added->hypothesis_count = frame->hypothesis_count;
     added->low_confidence_count = 0;
-    for (i = 0; i < frame->pose_count && frame->doubtful != NULL; i++)
-        added->low_confidence_count += frame->doubtful[i] != 0;
+    for (i = 0; i < frame->pose_count && frame->low_confidence != NULL; i++)
+        added->low_confidence_count += frame->low_confidence[i] != 0;
     added->low_confidence =
         malloc((size_t)added->low_confidence_count * sizeof *added->low_confidence + 1);
     failed |= added->low_confidence == NULL;
     added->low_confidence_count = 0;
-    for (i = 0; i < frame->pose_count && frame->doubtful != NULL && !failed; i++)
-        if (frame->doubtful[i] != 0)
+    for (i = 0; i < frame->pose_count && frame->low_confidence != NULL && !failed; i++)
+        if (frame->low_confidence[i] != 0)
             added->low_confidence[added->low_confidence_count++] = i;
     for (i = 0; i < player->params.curve_count; i++)
         added->value[i] = frame->value != NULL ? frame->value[i] : (double)NAN;
@@ -280,8 +283,8 @@ static void drop_frame(cairn_report_player *player, int32_t index)
 /* Drops every second frame until the limits hold. The first and the last frame are kept. */
 static void drop_excess_frames(cairn_report_player *player)
 {
-    while (player->frame_count > 2 && (player->frame_count > player->params.frames_most ||
-                                       player->pose_count > player->params.poses_most)) {
+    while (player->frame_count > 2 && (player->frame_count > player->params.max_frames ||
+                                       player->pose_count > player->params.max_poses)) {
         int32_t kept = 0, i;
 
         player->stride *= 2;

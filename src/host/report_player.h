@@ -22,9 +22,9 @@ typedef struct cairn_player_frame {
     int32_t *submap;         /* [pose_count] or NULL */
     cairn_vec2 *region;
     cairn_report_force *force;
-    cairn_report_guess *hypothesis;
+    cairn_report_hypothesis *hypothesis;
     int32_t pose_count, low_confidence_count, region_count, force_count, hypothesis_count;
-    double value[CAIRN_REPORT_CURVES_MOST];
+    double value[CAIRN_REPORT_MAX_CURVES];
 } cairn_player_frame;
 
 /* A recorded loop closure. */
@@ -37,7 +37,7 @@ typedef struct cairn_player_link {
 /* The player. Texts are never NULL. */
 struct cairn_report_player {
     cairn_report_player_params params;
-    cairn_report_curve curve[CAIRN_REPORT_CURVES_MOST];
+    cairn_report_curve curve[CAIRN_REPORT_MAX_CURVES];
     cairn_player_scan *scan;
     /* kept frames: ordinals are multiples of the stride, except for the last frame */
     cairn_player_frame *frame;

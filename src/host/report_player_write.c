@@ -268,7 +268,7 @@ static void put_hypotheses(byte_stream *stream, const cairn_player_frame *frame,
 
     put_unsigned(stream, (uint64_t)multiples(0, frame->hypothesis_count, stride));
     for (i = 0; i < frame->hypothesis_count; i++) {
-        const cairn_report_guess *hypothesis = &frame->hypothesis[i];
+        const cairn_report_hypothesis *hypothesis = &frame->hypothesis[i];
 
         if (i % stride != 0)
             continue;
@@ -379,11 +379,11 @@ static subsampling find_subsampling(const cairn_report_player *player)
         factors.forces += player->frame[i].force_count;
         factors.hypotheses += player->frame[i].hypothesis_count;
     }
-    factors.point_stride = stride_for(factors.points, player->params.points_most);
-    factors.wall_stride = stride_for(factors.walls, player->params.points_most);
-    factors.region_stride = stride_for(factors.regions, player->params.forces_most);
-    factors.force_stride = stride_for(factors.forces, player->params.forces_most);
-    factors.hypothesis_stride = stride_for(factors.hypotheses, player->params.forces_most);
+    factors.point_stride = stride_for(factors.points, player->params.max_points);
+    factors.wall_stride = stride_for(factors.walls, player->params.max_points);
+    factors.region_stride = stride_for(factors.regions, player->params.max_forces);
+    factors.force_stride = stride_for(factors.forces, player->params.max_forces);
+    factors.hypothesis_stride = stride_for(factors.hypotheses, player->params.max_forces);
     return factors;
 }
 

@@ -147,7 +147,7 @@ static void add_region(region *regions, int32_t *count, int32_t *overflow, regio
 {
     int32_t at = *count;
 
-    if (at == CAIRN_SHAPE_OUTLINES) {
+    if (at == CAIRN_SHAPE_MAX_OUTLINES) {
         ++*overflow;
         return;
     }
@@ -245,7 +245,7 @@ static cairn_status select_regions(const shape_picture *picture,
 
         if (part[i].area < params->min_part * largest ||
             (image->is_drawing && !is_closed(&part[i], face)))
-            image->specks++;
+            image->dropped_regions++;
         else
             add_region(regions, &image->count, &overflow, candidate);
     }
@@ -255,7 +255,7 @@ static cairn_status select_regions(const shape_picture *picture,
         if (image->is_drawing && part[face[i].part].inside == i)
             continue;
         if (face[i].area < params->min_part * largest) {
-            image->specks++;
+            image->dropped_regions++;
             continue;
         }
         if (params->holes == CAIRN_SHAPE_HOLES_REFUSE)
@@ -264,13 +264,13 @@ static cairn_status select_regions(const shape_picture *picture,
                 "a hole of %d pixels at (%d, %d), expected an object without holes",
                 (int)candidate.area, (int)(candidate.first % picture->width - 1),
                 (int)(candidate.first / picture->width - 1));
-        image->holes += image->count < CAIRN_SHAPE_OUTLINES;
+        image->holes += image->count < CAIRN_SHAPE_MAX_OUTLINES;
         add_region(regions, &image->count, &overflow, candidate);
     }
     if (overflow > 0)
         return cairn_file_error_set(picture->error, CAIRN_FULL, picture->path, 0,
                                     "%d parts and holes, expected one object of at most %d",
-                                    (int)(image->count + overflow), CAIRN_SHAPE_OUTLINES);
+                                    (int)(image->count + overflow), CAIRN_SHAPE_MAX_OUTLINES);
     return CAIRN_OK;
 }
 
@@ -280,7 +280,7 @@ static cairn_status select_regions(const shape_picture *picture,
 static cairn_status trace_regions(const shape_picture *picture, const region *regions,
                                   cairn_shape_image *image)
 {
-    int32_t counts[CAIRN_SHAPE_OUTLINES], sum = 0;
+    int32_t counts[CAIRN_SHAPE_MAX_OUTLINES], sum = 0;
 
     for (int32_t i = 0; i < image->count; i++) {
         const region *traced = &regions[i];
@@ -311,7 +311,7 @@ static cairn_status trace_regions(const shape_picture *picture, const region *re
 static cairn_status label_and_trace(shape_picture *picture, const cairn_shape_image_params *params,
                                     cairn_shape_image *image)
 {
-    region regions[CAIRN_SHAPE_OUTLINES] = {{0, 0, 0, 0}};
+    region regions[CAIRN_SHAPE_MAX_OUTLINES] = {{0, 0, 0, 0}};
     int32_t parts, faces;
     cairn_status status;
     label_stats *part, *face;
@@ -369,10 +369,10 @@ cairn_status cairn_shape_image_trace(cairn_shape_image *image, cairn_raster_u8_v
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, path, 0,
             "cannot be traced, expected a picture, gaps and parts from 0 to 1");
-    if (grey.width > CAIRN_SHAPE_IMAGE_SIDE_MOST || grey.height > CAIRN_SHAPE_IMAGE_SIDE_MOST)
+    if (grey.width > CAIRN_SHAPE_IMAGE_MAX_SIDE || grey.height > CAIRN_SHAPE_IMAGE_MAX_SIDE)
         return cairn_file_error_set(error, CAIRN_FULL, path, 0,
                                     "%d x %d pixels, expected at most %d a side", (int)grey.width,
-                                    (int)grey.height, CAIRN_SHAPE_IMAGE_SIDE_MOST);
+                                    (int)grey.height, CAIRN_SHAPE_IMAGE_MAX_SIDE);
     picture.width = grey.width + 2;
     picture.height = grey.height + 2;
     pixels = (size_t)picture.width * (size_t)picture.height;

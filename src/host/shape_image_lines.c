@@ -64,7 +64,8 @@ static void draw_line(shape_picture *picture, cairn_edge_pixel a, cairn_edge_pix
 }
 
 /* Bridges the closest pair of open ends until none is within `reach`; returns the number of
- * bridges. gaps: [CAIRN_SHAPE_GAPS] centres of the first ones, without the border of one pixel. */
+ * bridges. gaps: [CAIRN_SHAPE_MAX_GAPS] centres of the first ones, without the border of one
+ * pixel. */
 static int32_t bridge_gaps(shape_picture *picture, cairn_edge_pixel *ends, int32_t count,
                            double reach, cairn_vec2 *gaps)
 {
@@ -87,7 +88,7 @@ static int32_t bridge_gaps(shape_picture *picture, cairn_edge_pixel *ends, int32
         if (first < 0)
             return joined;
         draw_line(picture, ends[first], ends[second]);
-        if (joined < CAIRN_SHAPE_GAPS) {
+        if (joined < CAIRN_SHAPE_MAX_GAPS) {
             gaps[joined].x = (cairn_real)(ends[first].x + ends[second].x) / 2 - 1;
             gaps[joined].y = (cairn_real)(ends[first].y + ends[second].y) / 2 - 1;
         }
@@ -125,7 +126,8 @@ cairn_status cairn_shape_image_join(shape_picture *picture, double reach, cairn_
     if (status == CAIRN_OK)
         status = find_open_ends(picture, set, ends, &count);
     free(memory);
-    image->joined = status == CAIRN_OK ? bridge_gaps(picture, ends, count, reach, image->gaps) : 0;
+    image->bridged_gaps =
+        status == CAIRN_OK ? bridge_gaps(picture, ends, count, reach, image->gaps) : 0;
     return status;
 }
 

@@ -28,7 +28,7 @@ void cairn_shape_model_file_free(cairn_shape_model_file *file)
 static int allocate(cairn_shape_model_file *file, size_t samples, size_t outline)
 {
     file->samples = calloc(samples, sizeof *file->samples);
-    file->paths = calloc(CAIRN_SHAPE_PATHS, sizeof *file->paths);
+    file->paths = calloc(CAIRN_SHAPE_MAX_PATHS, sizeof *file->paths);
     file->outline = calloc(outline, sizeof *file->outline);
     file->model.samples = file->samples;
     file->model.paths = file->paths;
@@ -122,7 +122,7 @@ typedef struct shape_reader {
     double number[MAX_NUMBERS]; /* the numbers behind it, or all numbers of the line */
     int32_t count;
     int64_t *outline_line, *sample_line; /* lines of the samples and paths */
-    int64_t path_line[CAIRN_SHAPE_PATHS];
+    int64_t path_line[CAIRN_SHAPE_MAX_PATHS];
 } shape_reader;
 
 static int64_t line_of(const shape_reader *reader)
@@ -260,10 +260,10 @@ static cairn_status read_outline(shape_reader *reader, cairn_shape_model_file *f
 
     if (status != CAIRN_OK)
         return status;
-    if (!is_integer_within(reader->number[0], 1, CAIRN_SHAPE_FILE_OUTLINE_MOST))
+    if (!is_integer_within(reader->number[0], 1, CAIRN_SHAPE_FILE_MAX_OUTLINE))
         return cairn_file_error_set(reader->error, CAIRN_FULL, reader->path, line_of(reader),
                                     "%g samples, expected 1 ... %d", reader->number[0],
-                                    CAIRN_SHAPE_FILE_OUTLINE_MOST);
+                                    CAIRN_SHAPE_FILE_MAX_OUTLINE);
     file->model.outline_count = (int32_t)reader->number[0];
     for (int32_t i = 0; i < file->model.outline_count && status == CAIRN_OK; i++) {
         status = next_sample(reader, OUTLINE_NUMBERS,
@@ -281,8 +281,8 @@ static void set_sample(const double *number, cairn_shape_sample *sample)
     sample->radius = (cairn_real)number[2];
     sample->deviation = (cairn_real)number[3];
     for (int32_t side = 0; side < 2; side++) {
-        sample->side[side] = point_of(&number[4 + 5 * side]);
-        sample->share[side] = (cairn_real)number[8 + 5 * side];
+        sample->contact[side] = point_of(&number[4 + 5 * side]);
+        sample->outline_share[side] = (cairn_real)number[8 + 5 * side];
     }
 }
 
@@ -293,25 +293,25 @@ static cairn_status read_path(shape_reader *reader, cairn_shape_model_file *file
     cairn_shape_path *parsed = &file->paths[model->path_count];
     cairn_status status = CAIRN_OK;
 
-    if (model->path_count == CAIRN_SHAPE_PATHS)
+    if (model->path_count == CAIRN_SHAPE_MAX_PATHS)
         return cairn_file_error_set(reader->error, CAIRN_FULL, reader->path, line_of(reader),
-                                    "too many paths, expected at most %d", CAIRN_SHAPE_PATHS);
+                                    "too many paths, expected at most %d", CAIRN_SHAPE_MAX_PATHS);
     if (!is_word(reader, "path") || reader->count != 4 ||
-        !is_integer_within(reader->number[0], -1, CAIRN_SHAPE_PATHS) ||
-        !is_integer_within(reader->number[1], -1, CAIRN_SHAPE_FILE_SAMPLES_MOST))
+        !is_integer_within(reader->number[0], -1, CAIRN_SHAPE_MAX_PATHS) ||
+        !is_integer_within(reader->number[1], -1, CAIRN_SHAPE_FILE_MAX_SAMPLES))
         return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path, line_of(reader),
                                     "malformed path, expected \"path\", its parent, the sample "
                                     "there (-1 -1: none), its share "
                                     "and the number of its samples");
     if (!is_integer_within(reader->number[3], 1,
-                           CAIRN_SHAPE_FILE_SAMPLES_MOST - model->sample_count))
+                           CAIRN_SHAPE_FILE_MAX_SAMPLES - model->sample_count))
         return cairn_file_error_set(
             reader->error, CAIRN_FULL, reader->path, line_of(reader),
             "%g samples, expected at least one, and at most %d of all paths", reader->number[3],
-            CAIRN_SHAPE_FILE_SAMPLES_MOST);
+            CAIRN_SHAPE_FILE_MAX_SAMPLES);
     parsed->parent = (int32_t)reader->number[0];
     parsed->branch = (int32_t)reader->number[1];
-    parsed->share = (cairn_real)reader->number[2];
+    parsed->outline_share = (cairn_real)reader->number[2];
     parsed->first = model->sample_count;
     parsed->count = (int32_t)reader->number[3];
     reader->path_line[model->path_count++] = line_of(reader);
@@ -333,10 +333,10 @@ static cairn_status check(const shape_reader *reader, const cairn_shape_model *m
     if (status == CAIRN_OK)
         return CAIRN_OK;
     if (fault.index >= 0)
-        line = strstr(fault.what, "outline") != NULL ? reader->outline_line[fault.index]
-               : strstr(fault.what, "path") != NULL  ? reader->path_line[fault.index]
-                                                     : reader->sample_line[fault.index];
-    return cairn_file_error_set(reader->error, status, reader->path, line, "%s", fault.what);
+        line = strstr(fault.message, "outline") != NULL ? reader->outline_line[fault.index]
+               : strstr(fault.message, "path") != NULL  ? reader->path_line[fault.index]
+                                                        : reader->sample_line[fault.index];
+    return cairn_file_error_set(reader->error, status, reader->path, line, "%s", fault.message);
 }
 
 /* Reads a gap from the current line. */
@@ -347,9 +347,9 @@ static cairn_status read_gap(const shape_reader *reader, cairn_shape_model *mode
     if (model->path_count > 0 || reader->count != 2)
         return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path, line_of(reader),
                                     "malformed gap, expected \"gap\" and x y, before the paths");
-    if (model->gap_count == CAIRN_SHAPE_GAPS)
+    if (model->gap_count == CAIRN_SHAPE_MAX_GAPS)
         return cairn_file_error_set(reader->error, CAIRN_FULL, reader->path, line_of(reader),
-                                    "too many gaps, expected at most %d", CAIRN_SHAPE_GAPS);
+                                    "too many gaps, expected at most %d", CAIRN_SHAPE_MAX_GAPS);
     model->gaps[model->gap_count++] = gap;
     return CAIRN_OK;
 }
@@ -387,10 +387,10 @@ cairn_status cairn_shape_model_file_read(cairn_shape_model_file *file, const cha
     status = cairn_line_reader_open(&reader.lines, path, error);
     if (status != CAIRN_OK)
         return status;
-    reader.outline_line = calloc(CAIRN_SHAPE_FILE_OUTLINE_MOST, sizeof *reader.outline_line);
-    reader.sample_line = calloc(CAIRN_SHAPE_FILE_SAMPLES_MOST, sizeof *reader.sample_line);
+    reader.outline_line = calloc(CAIRN_SHAPE_FILE_MAX_OUTLINE, sizeof *reader.outline_line);
+    reader.sample_line = calloc(CAIRN_SHAPE_FILE_MAX_SAMPLES, sizeof *reader.sample_line);
     if (reader.outline_line != NULL && reader.sample_line != NULL &&
-        allocate(file, CAIRN_SHAPE_FILE_SAMPLES_MOST, CAIRN_SHAPE_FILE_OUTLINE_MOST))
+        allocate(file, CAIRN_SHAPE_FILE_MAX_SAMPLES, CAIRN_SHAPE_FILE_MAX_OUTLINE))
         status = read_all(&reader, file);
     else
         status = no_memory(path, "read", error);
@@ -441,10 +441,10 @@ static void print_sample(cairn_output *output, const cairn_shape_sample *sample)
     print_number(output, sample->centre.y, " ");
     print_number(output, sample->radius, " ");
     print_number(output, sample->deviation, "  ");
-    print_point(output, &sample->side[0], " ");
-    print_number(output, sample->share[0], "  ");
-    print_point(output, &sample->side[1], " ");
-    print_number(output, sample->share[1], "\n");
+    print_point(output, &sample->contact[0], " ");
+    print_number(output, sample->outline_share[0], "  ");
+    print_point(output, &sample->contact[1], " ");
+    print_number(output, sample->outline_share[1], "\n");
 }
 
 static void print_model(cairn_output *output, const cairn_shape_model *model)
@@ -465,7 +465,7 @@ static void print_model(cairn_output *output, const cairn_shape_model *model)
         const cairn_shape_path *path = &model->paths[i];
 
         cairn_output_print(output, "path %d %d ", (int)path->parent, (int)path->branch);
-        print_number(output, path->share, "");
+        print_number(output, path->outline_share, "");
         cairn_output_print(output, " %d\n", (int)path->count);
         for (int32_t k = 0; k < path->count; k++)
             print_sample(output, &model->samples[path->first + k]);
@@ -480,14 +480,14 @@ cairn_status cairn_shape_model_file_write(const cairn_shape_model *model, const 
     cairn_output *output;
 
     if (status != CAIRN_OK)
-        return cairn_file_error_set(error, status, path, 0, "%s", fault.what);
-    if (model->outline_count > CAIRN_SHAPE_FILE_OUTLINE_MOST ||
-        model->sample_count > CAIRN_SHAPE_FILE_SAMPLES_MOST)
+        return cairn_file_error_set(error, status, path, 0, "%s", fault.message);
+    if (model->outline_count > CAIRN_SHAPE_FILE_MAX_OUTLINE ||
+        model->sample_count > CAIRN_SHAPE_FILE_MAX_SAMPLES)
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, path, 0,
             "a model of %d and %d samples, expected at most %d of the outline and %d of paths",
-            (int)model->outline_count, (int)model->sample_count, CAIRN_SHAPE_FILE_OUTLINE_MOST,
-            CAIRN_SHAPE_FILE_SAMPLES_MOST);
+            (int)model->outline_count, (int)model->sample_count, CAIRN_SHAPE_FILE_MAX_OUTLINE,
+            CAIRN_SHAPE_FILE_MAX_SAMPLES);
     status = cairn_output_open(&output, path, error);
     if (status != CAIRN_OK)
         return status;

@@ -72,14 +72,14 @@ static void print_radii(cairn_output *output, const cairn_shape_model *model,
     for (int32_t i = 0; i < model->sample_count; i++)
         cairn_output_print(output, "M%.1f %.1fL%.1f %.1f", x_of(origin, model->samples[i].centre),
                            y_of(origin, model->samples[i].centre),
-                           x_of(origin, model->samples[i].side[side].position),
-                           y_of(origin, model->samples[i].side[side].position));
+                           x_of(origin, model->samples[i].contact[side].position),
+                           y_of(origin, model->samples[i].contact[side].position));
     cairn_output_print(output, "\"/>\n");
     for (int32_t i = 0; i < model->sample_count; i++)
         cairn_output_print(output, "<circle class=\"%s\" cx=\"%.1f\" cy=\"%.1f\" r=\"3\"/>\n",
                            side == 0 ? "at-left" : "at-right",
-                           x_of(origin, model->samples[i].side[side].position),
-                           y_of(origin, model->samples[i].side[side].position));
+                           x_of(origin, model->samples[i].contact[side].position),
+                           y_of(origin, model->samples[i].contact[side].position));
 }
 
 /* Prints the axes of all paths. */
@@ -117,7 +117,7 @@ cairn_status cairn_shape_model_file_draw(const cairn_shape_model *model, const c
     model_view origin;
 
     if (status != CAIRN_OK)
-        return cairn_file_error_set(error, status, path, 0, "%s", fault.what);
+        return cairn_file_error_set(error, status, path, 0, "%s", fault.message);
     (void)snprintf(subtitle, sizeof subtitle, "%d paths, %d samples, %d of the outline",
                    (int)model->path_count, (int)model->sample_count, (int)model->outline_count);
     box = box_of(model);

@@ -9,7 +9,8 @@
 /* Copies the bridged gaps of the drawing, transformed to the model's frame. */
 static void copy_gaps(cairn_shape_model *model, const cairn_shape_image *shape)
 {
-    model->gap_count = shape->joined < CAIRN_SHAPE_GAPS ? shape->joined : CAIRN_SHAPE_GAPS;
+    model->gap_count =
+        shape->bridged_gaps < CAIRN_SHAPE_MAX_GAPS ? shape->bridged_gaps : CAIRN_SHAPE_MAX_GAPS;
     for (int32_t i = 0; i < model->gap_count; i++)
         model->gaps[i] =
             cairn_vec2_scale(cairn_vec2_sub(shape->gaps[i], model->origin), 1 / model->size);
@@ -73,16 +74,16 @@ void cairn_shape_model_file_mirror(cairn_shape_model_file *file)
 
     for (int32_t i = 0; i < file->model.sample_count; i++) {
         cairn_shape_sample *sample = &file->samples[i];
-        cairn_oriented_point left = sample->side[0];
-        cairn_real share = sample->share[0];
+        cairn_oriented_point left = sample->contact[0];
+        cairn_real share = sample->outline_share[0];
 
         sample->centre.x = -sample->centre.x;
-        sample->side[0] = sample->side[1];
-        sample->side[1] = left;
-        sample->share[0] = sample->share[1];
-        sample->share[1] = share;
-        mirror_point(&sample->side[0]);
-        mirror_point(&sample->side[1]);
+        sample->contact[0] = sample->contact[1];
+        sample->contact[1] = left;
+        sample->outline_share[0] = sample->outline_share[1];
+        sample->outline_share[1] = share;
+        mirror_point(&sample->contact[0]);
+        mirror_point(&sample->contact[1]);
     }
     for (int32_t i = 0; i < file->model.gap_count; i++)
         file->model.gaps[i].x = -file->model.gaps[i].x;

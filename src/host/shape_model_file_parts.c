@@ -13,8 +13,8 @@
 #define CELL 120.0 /* px: side of a fragment's cell; SIZE: the model's size in it */
 #define SIZE 100.0
 
-static const char *const colours[CAIRN_PART_BUNDLES] = {"#2563eb", "#ea580c", "#16a34a", "#dc2626",
-                                                        "#7c3aed", "#0891b2", "#ca8a04", "#475569"};
+static const char *const colours[CAIRN_PART_MAX_BUNDLES] = {
+    "#2563eb", "#ea580c", "#16a34a", "#dc2626", "#7c3aed", "#0891b2", "#ca8a04", "#475569"};
 
 /* The drawing: one column of cells for each bundle. */
 typedef struct parts_drawing {
@@ -61,7 +61,7 @@ static void print_fragment(cairn_output *output, const parts_drawing *drawing,
 /* Returns the fragments of the largest bundle. */
 static int32_t count_rows(const cairn_part_model *parts)
 {
-    int32_t rows[CAIRN_PART_BUNDLES] = {0}, largest = 0;
+    int32_t rows[CAIRN_PART_MAX_BUNDLES] = {0}, largest = 0;
 
     for (int32_t i = 0; i < parts->fragment_count; i++) {
         rows[parts->fragments[i].bundle]++;
@@ -74,7 +74,7 @@ static int32_t count_rows(const cairn_part_model *parts)
 static cairn_status print_drawing(parts_drawing *drawing, const char *title, const char *path,
                                   cairn_file_error *error)
 {
-    int32_t row[CAIRN_PART_BUNDLES] = {0};
+    int32_t row[CAIRN_PART_MAX_BUNDLES] = {0};
     char subtitle[128];
     cairn_output *output;
     cairn_status status = cairn_output_open(&output, path, error);
@@ -83,10 +83,10 @@ static cairn_status print_drawing(parts_drawing *drawing, const char *title, con
         return status;
     (void)snprintf(subtitle, sizeof subtitle,
                    "%d fragments in %d bundles; an image has at most one of each bundle",
-                   (int)drawing->parts.fragment_count, (int)drawing->parts.bundles);
+                   (int)drawing->parts.fragment_count, (int)drawing->parts.bundle_count);
     drawing->head_height = cairn_report_head_height(title, subtitle) + CAIRN_REPORT_MARGIN;
     cairn_report_print_head(
-        output, 2 * CAIRN_REPORT_MARGIN + CELL * fmax(5, drawing->parts.bundles),
+        output, 2 * CAIRN_REPORT_MARGIN + CELL * fmax(5, drawing->parts.bundle_count),
         drawing->head_height + CELL * count_rows(&drawing->parts) + CAIRN_REPORT_MARGIN, title,
         subtitle);
     cairn_output_print(
@@ -140,7 +140,7 @@ cairn_status cairn_shape_model_file_draw_parts(const cairn_shape_model *model,
     void *memory;
 
     if (status != CAIRN_OK)
-        return cairn_file_error_set(error, status, path, 0, "%s", fault.what);
+        return cairn_file_error_set(error, status, path, 0, "%s", fault.message);
     drawing.outline = cairn_shape_first_outline(model);
     if (drawing.outline < 3)
         return cairn_file_error_set(

@@ -31,7 +31,7 @@ static void print_part(cairn_output *output, const cairn_skeleton_picture *pictu
             const cairn_skeleton_point *point = &picture->result.points[part->first + i];
 
             cairn_output_print(output, "%s[%.2f, %.2f, %s]", i > 0 ? ", " : "",
-                               (double)point->touch[side].x, (double)point->touch[side].y,
+                               (double)point->contact[side].x, (double)point->contact[side].y,
                                point->edgel[side] >= 0 ? "true" : "false");
         }
     }
@@ -97,13 +97,14 @@ cairn_status cairn_skeleton_file_write(const cairn_skeleton_picture *picture, co
                        " \"objects\": [",
                        (int)picture->width, (int)picture->height, (double)result->min_radius,
                        (double)result->max_radius, picture->proposed ? "true" : "false",
-                       (int)picture->edgel_count, (int)result->centres, (int)result->lines,
-                       (int)result->starts, (int)result->left_out,
-                       result->part_count > 0 ? "found" : "none");
+                       (int)picture->edgel_count, (int)result->centre_count,
+                       (int)result->line_count, (int)result->seed_count,
+                       (int)result->dropped_seed_count, result->part_count > 0 ? "found" : "none");
     for (int32_t i = 0; i < result->object_count; i++)
         cairn_output_print(output, "%s\n  {\"log_odds\": %.2f, \"parts\": %d, \"free_ends\": %d}",
                            i > 0 ? "," : "", (double)result->objects[i].log_odds,
-                           (int)result->objects[i].parts, (int)result->objects[i].free_ends);
+                           (int)result->objects[i].part_count,
+                           (int)result->objects[i].free_end_count);
     cairn_output_print(output, "],\n \"parts\": [");
     for (int32_t i = 0; i < result->part_count; i++) {
         cairn_output_print(output, "%s\n", i > 0 ? "," : "");
@@ -127,9 +128,10 @@ static void print_side(cairn_output *output, const cairn_skeleton_point *points,
     cairn_output_print(output, "<path class=\"%s\" d=\"", supported ? "contour" : "carried");
     for (int32_t i = 0; i + 1 < count; i++)
         if ((points[i].edgel[side] >= 0 && points[i + 1].edgel[side] >= 0) == supported)
-            cairn_output_print(output, "M%.1f %.1fL%.1f %.1f", (double)points[i].touch[side].x,
-                               (double)points[i].touch[side].y, (double)points[i + 1].touch[side].x,
-                               (double)points[i + 1].touch[side].y);
+            cairn_output_print(output, "M%.1f %.1fL%.1f %.1f", (double)points[i].contact[side].x,
+                               (double)points[i].contact[side].y,
+                               (double)points[i + 1].contact[side].x,
+                               (double)points[i + 1].contact[side].y);
     cairn_output_print(output, "\"/>\n");
 }
 
@@ -265,8 +267,8 @@ cairn_status cairn_skeleton_file_draw_lines(const cairn_skeleton_picture *pictur
         lines++;
     (void)snprintf(subtitle, sizeof subtitle,
                    "%d centre points, radii %.1f to %.1f px, %d of %d lines mirror symmetric",
-                   (int)picture->result.centres, (double)picture->result.min_radius,
-                   (double)picture->result.max_radius, (int)lines, (int)picture->result.lines);
+                   (int)picture->result.centre_count, (double)picture->result.min_radius,
+                   (double)picture->result.max_radius, (int)lines, (int)picture->result.line_count);
     (void)snprintf(style, sizeof style,
                    "path{fill:none;stroke-linecap:round;stroke-width:%.2f}.line{stroke:#06b6d4;"
                    "stroke-width:%.2f}",

@@ -115,7 +115,7 @@ cairn_status cairn_sparse_solver_open(cairn_sparse_solver **solver)
         return CAIRN_UNSUPPORTED;
     }
     made->structure_closed = 1;
-    made->result.pose = -1;
+    made->result.failed_pose = -1;
     *solver = made;
     return CAIRN_OK;
 }
@@ -182,7 +182,7 @@ static cairn_status sparse_begin(void *context, int32_t poses)
     free_arrays(solver);
     memset(&solver->result, 0, sizeof solver->result);
     solver->result.poses = poses;
-    solver->result.pose = -1;
+    solver->result.failed_pose = -1;
     solver->n = 3 * poses;
     solver->phase = PHASE_NONE;
     solver->structure_closed = solver->solved = 0;
@@ -357,7 +357,7 @@ static cairn_status sparse_clear(void *context)
         return CAIRN_BAD_ARGUMENT;
     memset(solver->value, 0, (size_t)solver->column[solver->n] * sizeof *solver->value);
     solver->solved = 0;
-    solver->result.pose = -1;
+    solver->result.failed_pose = -1;
     solver->result.state = CAIRN_BLOCK_SOLVER_ANALYZED;
     return CAIRN_OK;
 }
@@ -452,7 +452,7 @@ static void factor(cairn_sparse_solver *solver)
               64 * DBL_EPSILON *
                   solver->value[solver->column[solver->order[k] + 1] - 3 + solver->order[k] % 3]))
             failed = k;
-    solver->result.pose = failed >= 0 ? solver->order[failed] / 3 : -1;
+    solver->result.failed_pose = failed >= 0 ? solver->order[failed] / 3 : -1;
     solver->result.state =
         failed >= 0 ? CAIRN_BLOCK_SOLVER_NOT_POSITIVE : CAIRN_BLOCK_SOLVER_FACTORED;
 }
@@ -547,7 +547,7 @@ static cairn_block_solver_result sparse_read(const void *context)
     return result;
 }
 
-cairn_pose_solver cairn_sparse_solver_face(cairn_sparse_solver *solver)
+cairn_pose_solver cairn_sparse_solver_interface(cairn_sparse_solver *solver)
 {
     cairn_pose_solver interface = {.context = solver,
                                    .begin = sparse_begin,

@@ -22,9 +22,9 @@
 #include "src/host/vision_shim.h"
 
 #define LIBRARY "libcairn-vision.so"
-/* Largest accepted file in bytes: CAIRN_VISION_PIXELS_MOST pixels of four 16-bit samples, and
+/* Largest accepted file in bytes: CAIRN_VISION_MAX_PIXELS pixels of four 16-bit samples, and
  * metadata. */
-#define MAX_FILE_BYTES   ((int64_t)CAIRN_VISION_PIXELS_MOST * 8 + (1 << 20))
+#define MAX_FILE_BYTES   ((int64_t)CAIRN_VISION_MAX_PIXELS * 8 + (1 << 20))
 #define MAX_SIGMA_PIXELS 50
 #define MAX_GRADIENT     1000
 
@@ -136,13 +136,13 @@ static cairn_status decode(cairn_vision_image *image, const uint8_t *bytes, size
 
     if (status != CAIRN_OK)
         return status;
-    if (header.width > CAIRN_VISION_SIDE_MOST || header.height > CAIRN_VISION_SIDE_MOST ||
-        header.width * header.height > CAIRN_VISION_PIXELS_MOST)
+    if (header.width > CAIRN_VISION_MAX_SIDE || header.height > CAIRN_VISION_MAX_SIDE ||
+        header.width * header.height > CAIRN_VISION_MAX_PIXELS)
         return cairn_file_error_set(
             error, CAIRN_FULL, path, 0,
             "the image has %lld x %lld pixels, expected at most %d a side and %d in all",
-            (long long)header.width, (long long)header.height, CAIRN_VISION_SIDE_MOST,
-            CAIRN_VISION_PIXELS_MOST);
+            (long long)header.width, (long long)header.height, CAIRN_VISION_MAX_SIDE,
+            CAIRN_VISION_MAX_PIXELS);
     shim = find_shim();
     if (shim == NULL && (header.format == CAIRN_VISION_PNG || header.format == CAIRN_VISION_PNM))
         return read_without_opencv(image, path, error);
@@ -199,7 +199,7 @@ void cairn_vision_free(cairn_vision_image *image)
 static int is_image(const cairn_vision_image *image)
 {
     return image != NULL && image->samples != NULL && image->width >= 1 && image->height >= 1 &&
-           image->width <= CAIRN_VISION_SIDE_MOST && image->height <= CAIRN_VISION_SIDE_MOST &&
+           image->width <= CAIRN_VISION_MAX_SIDE && image->height <= CAIRN_VISION_MAX_SIDE &&
            (image->channels == 1 || image->channels == 3 || image->channels == 4) &&
            (image->sample_bytes == 1 || image->sample_bytes == 2);
 }

@@ -1,14 +1,14 @@
 /* aligner: joint alignment of many scans; the object, its input, steps and results.
  *
  * Method:
- * 1. aligner_partner.c: candidate pairs (neighbours) of scans.
+ * 1. aligner_neighbour.c: candidate pairs (neighbours) of scans.
  * 2. aligner_pairs.c: pairwise registration, hypotheses of relative poses.
  * 3. aligner_merge.c, aligner_cluster.c: agglomerative clustering by the most certain hypothesis.
- * 4. aligner_repair.c: relocalization of single scans against all others.
+ * 4. aligner_relocalize.c: relocalization of single scans against all others.
  * 5. aligner_joint.c, aligner_wall.c: joint least squares over all poses and shared walls.
- * 6. aligner_slide.c: translation of scans along their weakly observable direction.
+ * 6. aligner_translate.c: translation of scans along their weakly observable direction.
  * aligner_beams.c stores scans; aligner_scan.c evaluates pairs of scans; aligner_prior.c evaluates
- * the initial poses; aligner_witness.c answers queries about the result.
+ * the initial poses; aligner_query.c answers queries about the result.
  *
  * Layout: scans keep segments with the moments of their hits, points along them, and a visibility
  * profile. The work is a sequence of items that charge their units to the budgets. A scan is only
@@ -33,22 +33,22 @@ cairn_aligner_params cairn_aligner_default(void)
     cairn_aligner_params params = {
         .max_scans = 64,
         .max_segments = 1024,
-        .max_stubs = 256,
+        .max_short_segments = 256,
         .max_points = 4096,
         .max_hypotheses = 1536,
         .max_fill = 2048,
         .max_cells = 25600,
-        .spread = CAIRN_REAL(0.6),
-        .spread_angle = 35 * CAIRN_PI / 180,
-        .reach = 30,
-        .sigma = CAIRN_REAL(0.01),
-        .contradiction = CAIRN_REAL(1.5),
+        .max_initial_error = CAIRN_REAL(0.6),
+        .max_initial_angle_error = 35 * CAIRN_PI / 180,
+        .max_range = 30,
+        .range_sigma = CAIRN_REAL(0.01),
+        .free_space_penalty = CAIRN_REAL(1.5),
         .oriented = 1,
-        .max_repairs = 2,
-        .max_rounds = 10,
-        .least_evidence = 1,
-        .observable = CAIRN_REAL(0.05),
-        .observable_angle = CAIRN_PI / 180,
+        .max_relocalizations = 2,
+        .max_iterations = 10,
+        .min_log_likelihood_ratio = 1,
+        .observable_sigma = CAIRN_REAL(0.05),
+        .observable_sigma_theta = CAIRN_PI / 180,
     };
     return params;
 }
@@ -66,20 +66,22 @@ static int is_capacity(int32_t count, int32_t most)
 static int params_are_valid(const cairn_aligner_params *p)
 {
     return p != NULL && is_capacity(p->max_scans, MAX_SCANS) &&
-           is_capacity(p->max_segments, MAX_COUNT) && p->max_stubs >= 0 &&
-           p->max_stubs <= MAX_COUNT && is_capacity(p->max_points, MAX_COUNT) &&
+           is_capacity(p->max_segments, MAX_COUNT) && p->max_short_segments >= 0 &&
+           p->max_short_segments <= MAX_COUNT && is_capacity(p->max_points, MAX_COUNT) &&
            is_capacity(p->max_hypotheses, MAX_COUNT) && is_capacity(p->max_fill, MAX_COUNT) &&
            is_capacity(p->max_cells, MAX_COUNT) && p->max_cells >= MIN_CELLS &&
-           is_positive(p->spread) && is_positive(p->spread_angle) && p->spread_angle <= CAIRN_PI &&
-           is_positive(p->reach) && p->reach <= MAX_COORDINATE_M && is_positive(p->sigma) &&
-           p->contradiction >= 0 && p->contradiction <= CAIRN_REAL_MAX && p->max_repairs >= 0 &&
-           p->max_rounds >= 0 && is_positive(p->least_evidence) && is_positive(p->observable) &&
-           is_positive(p->observable_angle);
+           is_positive(p->max_initial_error) && is_positive(p->max_initial_angle_error) &&
+           p->max_initial_angle_error <= CAIRN_PI && is_positive(p->max_range) &&
+           p->max_range <= MAX_COORDINATE_M && is_positive(p->range_sigma) &&
+           p->free_space_penalty >= 0 && p->free_space_penalty <= CAIRN_REAL_MAX &&
+           p->max_relocalizations >= 0 && p->max_iterations >= 0 &&
+           is_positive(p->min_log_likelihood_ratio) && is_positive(p->observable_sigma) &&
+           is_positive(p->observable_sigma_theta);
 }
 
 static cairn_block_solver_params solver_params(const cairn_aligner_params *p)
 {
-    int32_t segments = p->max_segments + p->max_stubs;
+    int32_t segments = p->max_segments + p->max_short_segments;
     cairn_block_solver_params params = {
         .max_poses = p->max_scans + (segments + 1) / 2,
         .max_links = segments,
@@ -102,7 +104,7 @@ static void carve_shared(cairn_aligner *aligner, cairn_pool *pool, size_t segmen
 {
     size_t drawn = bytes_of(cells, sizeof *aligner->cells),
            built = bytes_of(segments, sizeof *aligner->walls);
-    size_t raster = drawn + bytes_of(cells / ALIGNER_VOTES, sizeof *aligner->votes);
+    size_t raster = drawn + bytes_of(cells / ALIGNER_CELLS_PER_SHIFT, sizeof *aligner->votes);
     size_t walls = built + bytes_of(segments, sizeof *aligner->order);
     unsigned char *shared = cairn_pool_take(pool, raster > walls ? raster : walls, 1);
 
@@ -116,27 +118,30 @@ static void carve_shared(cairn_aligner *aligner, cairn_pool *pool, size_t segmen
 
 static cairn_aligner *carve(cairn_pool *pool, const cairn_aligner_params *p)
 {
-    size_t scans = (size_t)p->max_scans, segments = (size_t)p->max_segments + (size_t)p->max_stubs;
+    size_t scans = (size_t)p->max_scans,
+           segments = (size_t)p->max_segments + (size_t)p->max_short_segments;
     cairn_aligner *made = cairn_pool_take_one(pool, sizeof *made), arrays;
 
     memset(&arrays, 0, sizeof arrays);
     arrays.scans = cairn_pool_take(pool, scans, sizeof *arrays.scans);
     arrays.poses = cairn_pool_take(pool, scans + 1, sizeof *arrays.poses);
-    arrays.tables = cairn_pool_take(pool, scans, sizeof *arrays.tables);
+    arrays.visibility = cairn_pool_take(pool, scans, sizeof *arrays.visibility);
     arrays.clusters = cairn_pool_take(pool, scans + 1, sizeof *arrays.clusters);
-    arrays.fits = cairn_pool_take(pool, scans + 1, sizeof *arrays.fits);
+    arrays.prior_sums = cairn_pool_take(pool, scans + 1, sizeof *arrays.prior_sums);
     arrays.segments = cairn_pool_take(pool, segments, sizeof *arrays.segments);
     arrays.points = cairn_pool_take(pool, (size_t)p->max_points, sizeof *arrays.points);
-    arrays.partners = cairn_pool_take(pool, scans * ALIGNER_PARTNERS, sizeof *arrays.partners);
-    arrays.patches = cairn_pool_take(pool, (size_t)p->max_points / ALIGNER_PATCH + scans,
+    arrays.neighbours =
+        cairn_pool_take(pool, scans * ALIGNER_MAX_NEIGHBOURS, sizeof *arrays.neighbours);
+    arrays.patches = cairn_pool_take(pool, (size_t)p->max_points / ALIGNER_PATCH_POINTS + scans,
                                      sizeof *arrays.patches);
     arrays.hypotheses = cairn_pool_take(pool, (size_t)p->max_hypotheses, sizeof *arrays.hypotheses);
     arrays.links = cairn_pool_take(pool, scans, sizeof *arrays.links);
-    arrays.surest =
-        cairn_pool_take(pool, (size_t)p->max_hypotheses / ALIGNER_BLOCK + 1, sizeof *arrays.surest);
+    arrays.best_of_block =
+        cairn_pool_take(pool, (size_t)p->max_hypotheses / ALIGNER_HYPOTHESIS_BLOCK + 1,
+                        sizeof *arrays.best_of_block);
     carve_shared(&arrays, pool, segments, (size_t)p->max_cells);
     arrays.rhs = cairn_pool_take(pool, 3 * (scans + (segments + 1) / 2), sizeof *arrays.rhs);
-    arrays.bearings = cairn_pool_take(pool, ALIGNER_BINS, sizeof *arrays.bearings);
+    arrays.bearings = cairn_pool_take(pool, ALIGNER_PROFILE_BINS, sizeof *arrays.bearings);
     arrays.results = cairn_pool_take(pool, scans, sizeof *arrays.results);
     if (made != NULL)
         *made = arrays;
@@ -160,8 +165,8 @@ size_t cairn_aligner_memory(const cairn_aligner_params *params)
 /* Fills the unit directions of the bins' middles on the diamond. */
 static void fill_bearings(cairn_vec2 *bearings)
 {
-    for (int32_t bin = 0; bin < ALIGNER_BINS; bin++) {
-        cairn_real place = ((cairn_real)bin + CAIRN_REAL(0.5)) * 4 / ALIGNER_BINS;
+    for (int32_t bin = 0; bin < ALIGNER_PROFILE_BINS; bin++) {
+        cairn_real place = ((cairn_real)bin + CAIRN_REAL(0.5)) * 4 / ALIGNER_PROFILE_BINS;
         cairn_vec2 p;
 
         p.x = cairn_abs(place - 2) - 1;
@@ -179,7 +184,7 @@ cairn_status cairn_aligner_create(cairn_aligner **aligner, cairn_pool *pool,
 
     if (aligner == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     made->params = *params;
@@ -197,7 +202,7 @@ static cairn_status refuse(cairn_fault *fault, int32_t index, const char *what, 
 {
     if (fault != NULL) {
         fault->index = index;
-        fault->what = what;
+        fault->message = what;
     }
     return status;
 }
@@ -266,9 +271,11 @@ static void set_initial_result(cairn_aligner *aligner, int32_t i)
 
     memset(r, 0, sizeof *r);
     r->map_scan = aligner->scans[i].initial;
-    r->covariance[0] = r->covariance[4] = 2 * aligner->params.spread * aligner->params.spread / 3;
-    r->covariance[8] = 2 * aligner->params.spread_angle * aligner->params.spread_angle / 3;
-    r->part = i;
+    r->covariance[0] = r->covariance[4] =
+        2 * aligner->params.max_initial_error * aligner->params.max_initial_error / 3;
+    r->covariance[8] =
+        2 * aligner->params.max_initial_angle_error * aligner->params.max_initial_angle_error / 3;
+    r->component = i;
 }
 
 /* Discards the result and ends an alignment. */
@@ -276,8 +283,8 @@ static void discard_result(cairn_aligner *aligner)
 {
     aligner->phase = ALIGNER_DONE;
     aligner->has_ended = 0;
-    aligner->debt = 0;
-    aligner->look.active = aligner->relax.active = 0;
+    aligner->units_owed = 0;
+    aligner->evaluation.active = aligner->relax.active = 0;
     memset(&aligner->result, 0, sizeof aligner->result);
     aligner->result.anchor = -1;
     for (int32_t i = 0; i < aligner->scan_count; i++)
@@ -304,7 +311,7 @@ cairn_status cairn_aligner_add_scan(cairn_aligner *aligner, const cairn_scan_vie
     if (aligner->scan_count == aligner->params.max_scans)
         return refuse(fault, -1, "more than max_scans scans", CAIRN_FULL);
     if (view->segment_count >
-        aligner->params.max_segments - (aligner->segment_count - aligner->stub_count))
+        aligner->params.max_segments - (aligner->segment_count - aligner->short_segment_count))
         return refuse(fault, -1, "more than max_segments segments", CAIRN_FULL);
     if (view->point_count > aligner->params.max_points - aligner->point_count)
         return refuse(fault, -1, "more than max_points points", CAIRN_FULL);
@@ -314,7 +321,8 @@ cairn_status cairn_aligner_add_scan(cairn_aligner *aligner, const cairn_scan_vie
     return refuse(fault, -1, NULL, CAIRN_OK);
 }
 
-cairn_status cairn_aligner_start_at(cairn_aligner *aligner, int32_t scan, cairn_pose map_scan)
+cairn_status cairn_aligner_set_initial_pose(cairn_aligner *aligner, int32_t scan,
+                                            cairn_pose map_scan)
 {
     cairn_vec2 place = {map_scan.x, map_scan.y};
 
@@ -335,7 +343,7 @@ cairn_status cairn_aligner_start_at(cairn_aligner *aligner, int32_t scan, cairn_
 
 void cairn_aligner_clear(cairn_aligner *aligner)
 {
-    aligner->scan_count = aligner->segment_count = aligner->stub_count = 0;
+    aligner->scan_count = aligner->segment_count = aligner->short_segment_count = 0;
     aligner->point_count = aligner->patch_count = 0;
     discard_result(aligner);
 }
@@ -351,18 +359,19 @@ cairn_status cairn_aligner_begin(cairn_aligner *aligner)
     memset(&aligner->result, 0, sizeof aligner->result);
     aligner->result.anchor = -1;
     aligner->hypothesis_count = aligner->wall_count = 0;
-    aligner->changes = aligner->shown = 0;
+    aligner->change_count = aligner->reported_commit = 0;
     cairn_aligner_begin_clusters(aligner);
-    aligner->look.active = aligner->relax.active = 0;
-    aligner->phase = ALIGNER_NEAR;
-    aligner->debt = 0;
-    aligner->i = aligner->j = aligner->k = aligner->l = aligner->nearest_count = 0;
-    aligner->trial_count = aligner->repairs = aligner->slides = 0;
-    aligner->again = aligner->has_ended = 0;
+    aligner->evaluation.active = aligner->relax.active = 0;
+    aligner->phase = ALIGNER_FIND_NEIGHBOURS;
+    aligner->units_owed = 0;
+    aligner->scan_index = aligner->neighbour_index = aligner->item_index = aligner->inner_index =
+        aligner->nearest_count = 0;
+    aligner->trial_count = aligner->relocalization_rounds = aligner->translation_passes = 0;
+    aligner->is_warm_start = aligner->has_ended = 0;
     return CAIRN_OK;
 }
 
-cairn_status cairn_aligner_begin_again(cairn_aligner *aligner, const cairn_pose *map_scan)
+cairn_status cairn_aligner_begin_warm(cairn_aligner *aligner, const cairn_pose *map_scan)
 {
     cairn_aligner *x = aligner;
 
@@ -373,44 +382,44 @@ cairn_status cairn_aligner_begin_again(cairn_aligner *aligner, const cairn_pose 
     for (int32_t i = 0; i < x->scan_count; i++) {
         cairn_vec2 place = {map_scan[i].x, map_scan[i].y};
 
-        if (!x->scans[i].held && !cairn_pose_is_finite(map_scan[i]))
+        if (!x->scans[i].was_placed && !cairn_pose_is_finite(map_scan[i]))
             return CAIRN_NOT_FINITE;
-        if (!x->scans[i].held && !is_within_limit(place))
+        if (!x->scans[i].was_placed && !is_within_limit(place))
             return CAIRN_BAD_ARGUMENT;
     }
     for (int32_t i = 0; i < x->scan_count; i++)
-        if (!x->scans[i].held) {
+        if (!x->scans[i].was_placed) {
             x->scans[i].initial = map_scan[i];
             x->scans[i].initial.theta = cairn_wrap_angle(map_scan[i].theta);
         }
     for (int32_t c = 0; c <= x->scan_count; c++)
-        x->fits[c].stamp = -1; /* computed for the previous initial poses */
+        x->prior_sums[c].stamp = -1; /* computed for the previous initial poses */
     x->hypothesis_count = 0;
-    x->repairs = x->slides = x->changed = 0;
-    x->i = x->j = x->k = x->l = 0;
-    x->debt = 0;
-    x->again = 1;
+    x->relocalization_rounds = x->translation_passes = x->changed_scans = 0;
+    x->scan_index = x->neighbour_index = x->item_index = x->inner_index = 0;
+    x->units_owed = 0;
+    x->is_warm_start = 1;
     x->has_ended = 0;
-    x->phase = ALIGNER_REPAIR;
+    x->phase = ALIGNER_RELOCALIZE;
     return CAIRN_OK;
 }
 
 static int32_t next_item(cairn_aligner *aligner)
 {
-    if (aligner->look.active)
-        return cairn_aligner_look_item(aligner);
+    if (aligner->evaluation.active)
+        return cairn_aligner_evaluation_item(aligner);
     if (aligner->relax.active)
         return cairn_aligner_relax_item(aligner);
-    if (aligner->phase <= ALIGNER_MUTUAL)
-        return cairn_aligner_partner_item(aligner);
-    if (aligner->phase <= ALIGNER_TRIALS_OF_PAIR)
+    if (aligner->phase <= ALIGNER_SYMMETRIZE_NEIGHBOURS)
+        return cairn_aligner_neighbour_item(aligner);
+    if (aligner->phase <= ALIGNER_REFINE_TRIALS)
         return cairn_aligner_pairs_item(aligner);
-    if (aligner->phase <= ALIGNER_CLOSE)
+    if (aligner->phase <= ALIGNER_REJECT_MERGED)
         return cairn_aligner_merge_item(aligner);
     if (aligner->phase <= ALIGNER_PLACE)
-        return cairn_aligner_repair_item(aligner);
-    if (aligner->phase == ALIGNER_SLIDE || aligner->phase == ALIGNER_SLIDE_TRY)
-        return cairn_aligner_slide_item(aligner);
+        return cairn_aligner_relocalize_item(aligner);
+    if (aligner->phase == ALIGNER_TRANSLATE || aligner->phase == ALIGNER_TRY_TRANSLATIONS)
+        return cairn_aligner_translate_item(aligner);
     return cairn_aligner_joint_item(aligner);
 }
 
@@ -425,21 +434,21 @@ static int run_solver(cairn_aligner *aligner, cairn_budget *budget)
     status = cairn_block_solver_step(aligner->solver, budget);
     aligner->result.units += before - budget->left;
     if (status < 0)
-        cairn_aligner_give_up(aligner, status);
+        cairn_aligner_skip_joint_solution(aligner, status);
     return status == CAIRN_MORE;
 }
 
 /* Returns a count that changes with every commit point. */
 static int32_t commits_of(const cairn_aligner *aligner)
 {
-    return aligner->changes + aligner->result.rounds;
+    return aligner->change_count + aligner->result.iterations;
 }
 
 /* Returns 1 when the poses are consistent: no evaluation or relaxation is running, no scan is being
  * relocalized. */
 static int is_consistent(const cairn_aligner *aligner)
 {
-    return !aligner->look.active && !aligner->relax.active &&
+    return !aligner->evaluation.active && !aligner->relax.active &&
            aligner->clusters[aligner->scan_count].size == 0;
 }
 
@@ -447,22 +456,23 @@ static cairn_status run(cairn_aligner *aligner, cairn_budget *budget, int to_com
 {
     if (aligner == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (aligner->phase != ALIGNER_DONE || aligner->debt > 0) {
+    while (aligner->phase != ALIGNER_DONE || aligner->units_owed > 0) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (aligner->debt > 0) {
-            int32_t paid = aligner->debt < budget->left ? aligner->debt : budget->left;
+        if (aligner->units_owed > 0) {
+            int32_t paid = aligner->units_owed < budget->left ? aligner->units_owed : budget->left;
 
-            aligner->debt -= paid;
+            aligner->units_owed -= paid;
             aligner->result.units += paid;
             budget->left -= paid;
-        } else if (to_commit && commits_of(aligner) != aligner->shown && is_consistent(aligner)) {
-            aligner->shown = commits_of(aligner);
+        } else if (to_commit && commits_of(aligner) != aligner->reported_commit &&
+                   is_consistent(aligner)) {
+            aligner->reported_commit = commits_of(aligner);
             return CAIRN_OK;
         } else if (!run_solver(aligner, budget) && aligner->phase != ALIGNER_DONE) {
-            aligner->debt += next_item(aligner);
-            if (aligner->debt > aligner->result.worst_step)
-                aligner->result.worst_step = aligner->debt;
+            aligner->units_owed += next_item(aligner);
+            if (aligner->units_owed > aligner->result.worst_step)
+                aligner->result.worst_step = aligner->units_owed;
         }
     }
     return CAIRN_OK;
@@ -480,7 +490,7 @@ cairn_status cairn_aligner_iterate(cairn_aligner *aligner, cairn_budget *budget)
 
 int32_t cairn_aligner_running(const cairn_aligner *aligner)
 {
-    return aligner->phase != ALIGNER_DONE || aligner->debt > 0;
+    return aligner->phase != ALIGNER_DONE || aligner->units_owed > 0;
 }
 
 /* ---- Results ---- */
@@ -503,7 +513,7 @@ cairn_aligner_pose cairn_aligner_pose_of(const cairn_aligner *aligner, int32_t s
     return scan >= 0 && scan < aligner->scan_count ? aligner->results[scan] : none;
 }
 
-cairn_pose cairn_aligner_pose_now(const cairn_aligner *aligner, int32_t scan, int32_t *part)
+cairn_pose cairn_aligner_current_pose(const cairn_aligner *aligner, int32_t scan, int32_t *part)
 {
     cairn_transform gauge;
     int32_t known = scan >= 0 && scan < aligner->scan_count, own;
@@ -512,7 +522,7 @@ cairn_pose cairn_aligner_pose_now(const cairn_aligner *aligner, int32_t scan, in
         *part = known ? scan : -1;
     if (!known)
         return cairn_pose_identity();
-    own = aligner->scans[scan].part;
+    own = aligner->scans[scan].cluster;
     if (!cairn_aligner_running(aligner) &&
         aligner->result.verdict == CAIRN_ALIGNER_RUNNING) /* not begun */
         return aligner->results[scan].map_scan;

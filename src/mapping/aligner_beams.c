@@ -21,10 +21,10 @@ enum { MIN_HITS = 4 };
 
 /* ---- Hits of segments ---- */
 
-static void mark_bins(aligner_table *table, int32_t first, int32_t last, uint16_t range,
+static void mark_bins(aligner_visibility *table, int32_t first, int32_t last, uint16_t range,
                       uint8_t segment)
 {
-    for (int32_t bin = first;; bin = (bin + 1) & (ALIGNER_BINS - 1)) {
+    for (int32_t bin = first;; bin = (bin + 1) & (ALIGNER_PROFILE_BINS - 1)) {
         if (table->range[bin] == 0 || range < table->range[bin]) {
             table->range[bin] = range;
             table->segment[bin] = segment;
@@ -69,18 +69,18 @@ static void add_hit(cairn_aligner *aligner, aligner_segment *s, const cairn_beam
     cairn_real incidence = cairn_abs(cairn_vec2_cross(s->direction, ray)) / cairn_vec2_norm(ray),
                deviation, weight;
 
-    deviation = aligner->params.sigma * cairn_max(incidence, MIN_INCIDENCE);
+    deviation = aligner->params.range_sigma * cairn_max(incidence, MIN_INCIDENCE);
     weight = 1 / (deviation * deviation);
     d = cairn_vec2_sub(beam->to, about_mean ? s->mean : s->a);
     if (!about_mean) {
         s->weight += weight;
-        s->spread.xx += weight * d.x;
-        s->spread.yy += weight * d.y;
+        s->scatter.xx += weight * d.x;
+        s->scatter.yy += weight * d.y;
         return;
     }
-    s->spread.xx += weight * d.x * d.x;
-    s->spread.xy += weight * d.x * d.y;
-    s->spread.yy += weight * d.y * d.y;
+    s->scatter.xx += weight * d.x * d.x;
+    s->scatter.xy += weight * d.x * d.y;
+    s->scatter.yy += weight * d.y * d.y;
 }
 
 static void finish_means(cairn_aligner *aligner, const aligner_scan *scan)
@@ -90,10 +90,10 @@ static void finish_means(cairn_aligner *aligner, const aligner_scan *scan)
         cairn_sym2 none = {0, 0, 0};
 
         if (s->weight > 0) {
-            s->mean.x = s->a.x + s->spread.xx / s->weight;
-            s->mean.y = s->a.y + s->spread.yy / s->weight;
+            s->mean.x = s->a.x + s->scatter.xx / s->weight;
+            s->mean.y = s->a.y + s->scatter.yy / s->weight;
         }
-        s->spread = none;
+        s->scatter = none;
     }
 }
 
@@ -103,8 +103,8 @@ static void finish_moments(cairn_aligner *aligner, const aligner_scan *scan)
         cairn_real values[2];
         cairn_vec2 minor, major;
 
-        cairn_sym2_eigen(aligner->segments[k].spread, values, &minor, &major);
-        aligner->segments[k].least = cairn_max(values[0], 0);
+        cairn_sym2_eigen(aligner->segments[k].scatter, values, &minor, &major);
+        aligner->segments[k].min_scatter = cairn_max(values[0], 0);
     }
 }
 
@@ -126,13 +126,14 @@ static void add_short_segment(cairn_aligner *aligner, aligner_scan *scan, const 
                          r->squares.xy * share - mean.x * mean.y,
                          r->squares.yy * share - mean.y * mean.y};
 
-    if (aligner->stub_count == aligner->params.max_stubs)
+    if (aligner->short_segment_count == aligner->params.max_short_segments)
         return;
     cairn_sym2_eigen(spread, values, &minor, &major);
     half = cairn_max(
         cairn_abs(cairn_vec2_dot(major, mean)),
         cairn_abs(cairn_vec2_dot(major, cairn_vec2_sub(cairn_vec2_sub(r->last, r->first), mean))));
-    if (values[0] > MAX_SCATTER_VARIANCES * aligner->params.sigma * aligner->params.sigma ||
+    if (values[0] >
+            MAX_SCATTER_VARIANCES * aligner->params.range_sigma * aligner->params.range_sigma ||
         !(half > 0))
         return;
     mean = cairn_vec2_add(mean, r->first);
@@ -144,9 +145,9 @@ static void add_short_segment(cairn_aligner *aligner, aligner_scan *scan, const 
     s->a = cairn_vec2_sub(mean, cairn_vec2_scale(major, half));
     s->scan = aligner->scan_count;
     s->wall = -1;
-    s->stub = 1;
+    s->is_short = 1;
     aligner->segment_count++;
-    aligner->stub_count++;
+    aligner->short_segment_count++;
     scan->end_segment++;
 }
 
@@ -198,8 +199,8 @@ static void find_short_segments(cairn_aligner *aligner, aligner_scan *scan,
 static void read_beams(cairn_aligner *aligner, int32_t index, const cairn_scan_view *view)
 {
     aligner_scan *scan = &aligner->scans[index];
-    aligner_table *table = &aligner->tables[index];
-    cairn_real gate = HIT_GATE_SIGMAS * aligner->params.sigma, distance;
+    aligner_visibility *table = &aligner->visibility[index];
+    cairn_real gate = HIT_GATE_SIGMAS * aligner->params.range_sigma, distance;
 
     for (int32_t pass = 0; pass < 2; pass++) {
         int32_t last = -1;
@@ -215,20 +216,20 @@ static void read_beams(cairn_aligner *aligner, int32_t index, const cairn_scan_v
                 last = -1;
                 continue;
             }
-            if (beam->kind == CAIRN_BEAM_HIT && range <= aligner->params.reach)
+            if (beam->kind == CAIRN_BEAM_HIT && range <= aligner->params.max_range)
                 segment = segment_of(aligner, scan, beam->to, &distance);
             if (segment != ALIGNER_NO_SEGMENT && distance < gate)
                 add_hit(aligner, &aligner->segments[scan->first_segment + segment], beam, pass);
             if (pass == 0) {
                 uint16_t scaled = (uint16_t)cairn_real_to_int(cairn_max(
-                    1, cairn_min(range / aligner->params.reach, 1) * CAIRN_REAL(65535.0)));
+                    1, cairn_min(range / aligner->params.max_range, 1) * CAIRN_REAL(65535.0)));
 
-                gap = (bin - last) & (ALIGNER_BINS - 1);
+                gap = (bin - last) & (ALIGNER_PROFILE_BINS - 1);
                 if (last >= 0 && gap > 0 && gap <= 6)
-                    first = (last + 1) & (ALIGNER_BINS - 1);
-                gap = (last - bin) & (ALIGNER_BINS - 1);
+                    first = (last + 1) & (ALIGNER_PROFILE_BINS - 1);
+                gap = (last - bin) & (ALIGNER_PROFILE_BINS - 1);
                 if (last >= 0 && gap > 0 && gap <= 6)
-                    mark_bins(table, bin, (last - 1) & (ALIGNER_BINS - 1), scaled,
+                    mark_bins(table, bin, (last - 1) & (ALIGNER_PROFILE_BINS - 1), scaled,
                               (uint8_t)segment);
                 else
                     mark_bins(table, first, bin, scaled, (uint8_t)segment);
@@ -245,44 +246,44 @@ static void read_beams(cairn_aligner *aligner, int32_t index, const cairn_scan_v
 static void measure_view(cairn_aligner *aligner, int32_t index)
 {
     aligner_scan *scan = &aligner->scans[index];
-    const aligner_table *table = &aligner->tables[index];
+    const aligner_visibility *table = &aligner->visibility[index];
     int32_t widest = 0, end = 0, blind = 0;
 
-    for (int32_t k = 0; k < 2 * ALIGNER_BINS; k++) {
-        blind = table->range[k & (ALIGNER_BINS - 1)] == 0 ? blind + 1 : 0;
+    for (int32_t k = 0; k < 2 * ALIGNER_PROFILE_BINS; k++) {
+        blind = table->range[k & (ALIGNER_PROFILE_BINS - 1)] == 0 ? blind + 1 : 0;
         if (blind > widest) {
             widest = blind;
-            end = k & (ALIGNER_BINS - 1);
+            end = k & (ALIGNER_PROFILE_BINS - 1);
         }
     }
     scan->view_cosine = -1;
     scan->view_sine = 0;
     scan->axis.x = 1;
     scan->axis.y = 0;
-    if (widest < ALIGNER_BINS / 2 || widest >= ALIGNER_BINS)
+    if (widest < ALIGNER_PROFILE_BINS / 2 || widest >= ALIGNER_PROFILE_BINS)
         return;
     /* Less than half a turn is visible: the axis bisects it. */
-    scan->axis =
-        cairn_vec2_unit(cairn_vec2_add(aligner->bearings[(end + 1) & (ALIGNER_BINS - 1)],
-                                       aligner->bearings[(end - widest) & (ALIGNER_BINS - 1)]));
+    scan->axis = cairn_vec2_unit(
+        cairn_vec2_add(aligner->bearings[(end + 1) & (ALIGNER_PROFILE_BINS - 1)],
+                       aligner->bearings[(end - widest) & (ALIGNER_PROFILE_BINS - 1)]));
     scan->view_cosine =
-        cairn_vec2_dot(scan->axis, aligner->bearings[(end + 1) & (ALIGNER_BINS - 1)]) -
+        cairn_vec2_dot(scan->axis, aligner->bearings[(end + 1) & (ALIGNER_PROFILE_BINS - 1)]) -
         CAIRN_REAL(0.02);
     scan->view_sine = cairn_sqrt(cairn_max(0, 1 - scan->view_cosine * scan->view_cosine));
 }
 
 /* Greatest range of each sector and its neighbours. */
-static void measure_sectors(aligner_table *table)
+static void measure_sectors(aligner_visibility *table)
 {
-    enum { WIDTH = ALIGNER_BINS / ALIGNER_SECTORS };
+    enum { WIDTH = ALIGNER_PROFILE_BINS / ALIGNER_PROFILE_SECTORS };
 
-    for (int32_t k = 0; k < ALIGNER_SECTORS; k++) {
+    for (int32_t k = 0; k < ALIGNER_PROFILE_SECTORS; k++) {
         uint16_t farthest = 0;
 
         for (int32_t bin = (k - 1) * WIDTH; bin < (k + 2) * WIDTH; bin++)
-            if (table->range[bin & (ALIGNER_BINS - 1)] > farthest)
-                farthest = table->range[bin & (ALIGNER_BINS - 1)];
-        table->farthest[k] = farthest;
+            if (table->range[bin & (ALIGNER_PROFILE_BINS - 1)] > farthest)
+                farthest = table->range[bin & (ALIGNER_PROFILE_BINS - 1)];
+        table->sector_max[k] = farthest;
     }
 }
 
@@ -290,9 +291,10 @@ static void measure_sectors(aligner_table *table)
 static void measure_patches(cairn_aligner *aligner, aligner_scan *scan)
 {
     scan->first_patch = aligner->patch_count;
-    for (int32_t first = scan->first_point; first < scan->end_point; first += ALIGNER_PATCH) {
-        int32_t end =
-            first + ALIGNER_PATCH < scan->end_point ? first + ALIGNER_PATCH : scan->end_point;
+    for (int32_t first = scan->first_point; first < scan->end_point;
+         first += ALIGNER_PATCH_POINTS) {
+        int32_t end = first + ALIGNER_PATCH_POINTS < scan->end_point ? first + ALIGNER_PATCH_POINTS
+                                                                     : scan->end_point;
         aligner_patch *patch = &aligner->patches[aligner->patch_count++];
 
         patch->middle.x = patch->middle.y = patch->radius = 0;
@@ -341,7 +343,7 @@ static void copy_surfaces(cairn_aligner *aligner, aligner_scan *scan, const cair
             point->position = view->points[i].position;
             point->segment = aligner->segment_count;
             if (cairn_vec2_norm(cairn_vec2_sub(point->position, scan->sensor)) <=
-                aligner->params.reach)
+                aligner->params.max_range)
                 aligner->point_count++;
         }
         aligner->segment_count++;
@@ -352,7 +354,7 @@ void cairn_aligner_fill_scan(cairn_aligner *aligner, const cairn_scan_view *view
                              cairn_pose initial)
 {
     aligner_scan *scan = &aligner->scans[aligner->scan_count];
-    aligner_table *table = &aligner->tables[aligner->scan_count];
+    aligner_visibility *table = &aligner->visibility[aligner->scan_count];
 
     memset(scan, 0, sizeof *scan);
     scan->sensor = view->sensor;

@@ -24,26 +24,26 @@ void cairn_aligner_insert(cairn_aligner *aligner, int32_t scan, int32_t cluster)
 {
     aligner_cluster *c = &aligner->clusters[cluster];
 
-    cairn_aligner_fit_scan(aligner, scan, cluster, 1);
-    aligner->scans[scan].part = cluster;
-    aligner->scans[scan].next = c->head;
+    cairn_aligner_update_prior_sums(aligner, scan, cluster, 1);
+    aligner->scans[scan].cluster = cluster;
+    aligner->scans[scan].next_in_cluster = c->head;
     c->head = scan;
     c->size++;
-    c->stamp = ++aligner->changes;
+    c->stamp = ++aligner->change_count;
 }
 
 void cairn_aligner_remove(cairn_aligner *aligner, int32_t scan)
 {
-    aligner_cluster *c = &aligner->clusters[aligner->scans[scan].part];
+    aligner_cluster *c = &aligner->clusters[aligner->scans[scan].cluster];
     int32_t *link = &c->head;
 
-    cairn_aligner_fit_scan(aligner, scan, aligner->scans[scan].part, -1);
+    cairn_aligner_update_prior_sums(aligner, scan, aligner->scans[scan].cluster, -1);
     while (*link != scan)
-        link = &aligner->scans[*link].next;
-    *link = aligner->scans[scan].next;
-    aligner->scans[scan].next = -1;
+        link = &aligner->scans[*link].next_in_cluster;
+    *link = aligner->scans[scan].next_in_cluster;
+    aligner->scans[scan].next_in_cluster = -1;
     c->size--;
-    c->stamp = ++aligner->changes;
+    c->stamp = ++aligner->change_count;
 }
 
 int32_t cairn_aligner_largest(const cairn_aligner *aligner)
@@ -62,25 +62,25 @@ void cairn_aligner_begin_clusters(cairn_aligner *aligner)
 
     memset(aligner->clusters, 0, ((size_t)aligner->scan_count + 1) * sizeof *aligner->clusters);
     for (int32_t i = 0; i <= aligner->scan_count; i++)
-        aligner->clusters[i].head = aligner->fits[i].stamp = -1;
+        aligner->clusters[i].head = aligner->prior_sums[i].stamp = -1;
     for (int32_t i = 0; i < aligner->scan_count; i++) {
         aligner->poses[i] = cairn_transform_of(aligner->scans[i].initial);
-        aligner->scans[i].support = aligner->scans[i].evidence = 0;
-        aligner->scans[i].weak = aligner->scans[i].stirred = 0;
-        aligner->scans[i].joined = -1 - i;
-        aligner->scans[i].frame = x_axis;
-        memset(&aligner->scans[i].pull, 0, sizeof aligner->scans[i].pull);
+        aligner->scans[i].support = aligner->scans[i].log_likelihood_ratio = 0;
+        aligner->scans[i].is_weak = aligner->scans[i].relax_state = 0;
+        aligner->scans[i].merge_event = -1 - i;
+        aligner->scans[i].first_axis = x_axis;
+        memset(&aligner->scans[i].normal_equations, 0, sizeof aligner->scans[i].normal_equations);
         cairn_aligner_insert(aligner, i, i);
     }
-    cairn_aligner_learn_spread(aligner);
+    cairn_aligner_estimate_sigmas(aligner);
 }
 
 /* ---- Evaluation ---- */
 
-void cairn_aligner_begin_look(cairn_aligner *aligner, int32_t moving, int32_t fixed,
-                              cairn_transform pose, int32_t rounds, cairn_real least)
+void cairn_aligner_begin_evaluation(cairn_aligner *aligner, int32_t moving, int32_t fixed,
+                                    cairn_transform pose, int32_t rounds, cairn_real least)
 {
-    aligner_look *look = &aligner->look;
+    aligner_evaluation *look = &aligner->evaluation;
     int32_t first = aligner->clusters[moving].head;
 
     memset(look, 0, sizeof *look);
@@ -89,10 +89,10 @@ void cairn_aligner_begin_look(cairn_aligner *aligner, int32_t moving, int32_t fi
     look->fixed = fixed;
     look->pose = pose;
     look->rounds = rounds;
-    look->least = least;
+    look->lower_bound = least;
     look->outer = aligner->clusters[moving].size <= aligner->clusters[fixed].size ? moving : fixed;
     look->inner = look->outer == moving ? fixed : moving;
-    look->at = aligner->clusters[look->outer].head;
+    look->member = aligner->clusters[look->outer].head;
     look->centre = cairn_transform_point(cairn_aligner_compose(pose, aligner->poses[first]),
                                          aligner->scans[first].middle);
 }
@@ -104,7 +104,7 @@ static cairn_real refine_gate(int32_t round)
     return gates[round < 2 ? round : 2];
 }
 
-static void find_weak_direction(aligner_look *look)
+static void find_weak_direction(aligner_evaluation *look)
 {
     cairn_sym3 m = look->sums.equations.information;
     cairn_real values[3], vectors[3][3];
@@ -113,11 +113,11 @@ static void find_weak_direction(aligner_look *look)
     m.yz /= ARM_M;
     m.zz /= ARM_M * ARM_M;
     cairn_sym3_eigen(m, values, vectors);
-    memcpy(look->weak, vectors[0], sizeof look->weak);
-    look->weak[2] /= ARM_M;
+    memcpy(look->weak_direction, vectors[0], sizeof look->weak_direction);
+    look->weak_direction[2] /= ARM_M;
 }
 
-static void end_refinement(aligner_look *look)
+static void end_refinement(aligner_evaluation *look)
 {
     cairn_real motion[3];
 
@@ -132,24 +132,24 @@ static void end_refinement(aligner_look *look)
 
 static void end_evaluation(cairn_aligner *aligner)
 {
-    aligner_look *look = &aligner->look;
+    aligner_evaluation *look = &aligner->evaluation;
 
     look->active = 0;
-    look->evidence = cairn_aligner_evidence(aligner, look->count);
-    look->prior = cairn_aligner_prior(aligner, look->moving, look->fixed, look->pose);
+    look->log_likelihood_ratio = cairn_aligner_log_likelihood_ratio(aligner, look->count);
+    look->log_prior = cairn_aligner_prior(aligner, look->moving, look->fixed, look->pose);
 }
 
 /* Evaluates a pair of scans, a of the outer cluster; returns the number of lookups. */
 static int32_t evaluate_pair(cairn_aligner *aligner, int32_t a, int32_t b, cairn_transform pose_a,
                              cairn_transform pose_b)
 {
-    aligner_look *look = &aligner->look;
+    aligner_evaluation *look = &aligner->evaluation;
     int32_t turn = look->outer != look->moving, i = turn ? b : a, j = turn ? a : b;
     cairn_transform pose_i = turn ? pose_b : pose_a, pose_j = turn ? pose_a : pose_b;
 
     if (look->round < look->rounds)
-        return cairn_aligner_pull(aligner, i, j, pose_i, pose_j, refine_gate(look->round), 1,
-                                  look->centre, &look->sums);
+        return cairn_aligner_add_normal_equations(
+            aligner, i, j, pose_i, pose_j, refine_gate(look->round), 1, look->centre, &look->sums);
     return cairn_aligner_count_pair(aligner, i, j, cairn_aligner_between(pose_j, pose_i),
                                     COUNT_GATE_M, &look->count);
 }
@@ -157,44 +157,45 @@ static int32_t evaluate_pair(cairn_aligner *aligner, int32_t a, int32_t b, cairn
 /* Returns 1 when the count cannot change the decision. */
 static int is_decided(const cairn_aligner *aligner)
 {
-    return aligner->look.round >= aligner->look.rounds &&
-           cairn_aligner_evidence(aligner, aligner->look.count) <= aligner->look.least;
+    return aligner->evaluation.round >= aligner->evaluation.rounds &&
+           cairn_aligner_log_likelihood_ratio(aligner, aligner->evaluation.count) <=
+               aligner->evaluation.lower_bound;
 }
 
 /* Evaluates a scan of the outer cluster with its next neighbour that it may overlap. */
-int32_t cairn_aligner_look_item(cairn_aligner *aligner)
+int32_t cairn_aligner_evaluation_item(cairn_aligner *aligner)
 {
-    aligner_look *look = &aligner->look;
+    aligner_evaluation *look = &aligner->evaluation;
     cairn_transform same = {0, 0, 1, 0}, to_outer, to_inner, pose_a;
-    int32_t a = look->at, passed = 0, work = 0;
+    int32_t a = look->member, passed = 0, work = 0;
 
     if (a < 0 || is_decided(aligner)) {
         if (look->round < look->rounds)
             end_refinement(look);
         else
             end_evaluation(aligner);
-        look->at = aligner->clusters[look->outer].head;
+        look->member = aligner->clusters[look->outer].head;
         return 4;
     }
     to_outer = look->outer == look->moving ? look->pose : same;
     to_inner = look->outer == look->moving ? same : look->pose;
     pose_a = cairn_aligner_compose(to_outer, aligner->poses[a]);
-    while (work == 0 && look->partner < aligner->scans[a].partner_count) {
-        int32_t b = cairn_aligner_partner(aligner, a, look->partner++);
+    while (work == 0 && look->neighbour < aligner->scans[a].neighbour_count) {
+        int32_t b = cairn_aligner_neighbour(aligner, a, look->neighbour++);
         cairn_transform pose_b;
 
         passed++;
-        if (aligner->scans[b].part != look->inner)
+        if (aligner->scans[b].cluster != look->inner)
             continue;
         pose_b = cairn_aligner_compose(to_inner, aligner->poses[b]);
-        if (cairn_aligner_may_meet(aligner, a, b, pose_a, pose_b))
+        if (cairn_aligner_may_overlap(aligner, a, b, pose_a, pose_b))
             work = evaluate_pair(aligner, a, b, pose_a, pose_b);
     }
-    if (look->partner >= aligner->scans[a].partner_count) {
-        look->at = aligner->scans[a].next;
-        look->partner = 0;
+    if (look->neighbour >= aligner->scans[a].neighbour_count) {
+        look->member = aligner->scans[a].next_in_cluster;
+        look->neighbour = 0;
     }
-    return 1 + passed / ALIGNER_FAR_OF_UNIT + work / ALIGNER_POINTS_OF_UNIT;
+    return 1 + passed / ALIGNER_FAR_PAIRS_PER_UNIT + work / ALIGNER_POINTS_PER_UNIT;
 }
 
 /* ---- Relaxation ---- */
@@ -210,20 +211,20 @@ void cairn_aligner_begin_relax(cairn_aligner *aligner, int32_t cluster, cairn_re
     relax->cluster = cluster;
     relax->rounds = rounds;
     relax->gate = gate;
-    relax->i = aligner->clusters[cluster].head;
+    relax->scan = aligner->clusters[cluster].head;
 }
 
 static void end_round(cairn_aligner *aligner)
 {
     aligner_relax *relax = &aligner->relax;
 
-    relax->i = aligner->clusters[relax->cluster].head;
+    relax->scan = aligner->clusters[relax->cluster].head;
     relax->active = ++relax->round < relax->rounds;
     relax->all = 0;
     if (relax->active)
         return;
-    aligner->clusters[relax->cluster].stamp = ++aligner->changes;
-    cairn_aligner_learn_spread(aligner);
+    aligner->clusters[relax->cluster].stamp = ++aligner->change_count;
+    cairn_aligner_estimate_sigmas(aligner);
 }
 
 static int is_move(const cairn_real motion[3])
@@ -251,8 +252,8 @@ static void add_sums(aligner_sums *to, const aligner_sums *from)
 /* Returns 1 when two scans were relaxed together in a cluster before. */
 static int were_relaxed_together(const cairn_aligner *aligner, int32_t i, int32_t j)
 {
-    return aligner->scans[i].stirred != ALIGNER_JOINED ||
-           aligner->scans[i].joined == aligner->scans[j].joined;
+    return aligner->scans[i].relax_state != ALIGNER_RELAX_MERGED ||
+           aligner->scans[i].merge_event == aligner->scans[j].merge_event;
 }
 
 /* Propagates the motion of scan i to the gradient of scan j, and all of their pair's gradient when
@@ -276,10 +277,11 @@ static void propagate(cairn_aligner *aligner, int32_t i, int32_t j, const aligne
         pull[k] += pair->equations.gradient[k];
     pull[2] += arm.x * pull[1] - arm.y * pull[0];
     for (int k = 0; k < 3; k++)
-        partner->pull.equations.gradient[k] -= pull[k];
-    if (partner->stirred == 0 &&
-        (partner->pull.pairs < 3 || (cairn_aligner_solve(&partner->pull, moved) && is_move(moved))))
-        partner->stirred = ALIGNER_MET;
+        partner->normal_equations.equations.gradient[k] -= pull[k];
+    if (partner->relax_state == 0 &&
+        (partner->normal_equations.pairs < 3 ||
+         (cairn_aligner_solve(&partner->normal_equations, moved) && is_move(moved))))
+        partner->relax_state = ALIGNER_RELAX_DIRTY;
 }
 
 static void next_scan(cairn_aligner *aligner)
@@ -288,27 +290,28 @@ static void next_scan(cairn_aligner *aligner)
 
     memset(relax->pairs, 0, sizeof relax->pairs);
     memset(&relax->sums, 0, sizeof relax->sums);
-    relax->i = aligner->scans[relax->i].next;
-    relax->partner = relax->old = 0;
-    if (relax->i < 0)
+    relax->scan = aligner->scans[relax->scan].next_in_cluster;
+    relax->neighbour = relax->second_pass = 0;
+    if (relax->scan < 0)
         end_round(aligner);
 }
 
 static void end_scan(cairn_aligner *aligner, const cairn_real motion[3])
 {
     aligner_relax *relax = &aligner->relax;
-    aligner_scan *scan = &aligner->scans[relax->i];
-    cairn_transform *pose = &aligner->poses[relax->i];
+    aligner_scan *scan = &aligner->scans[relax->scan];
+    cairn_transform *pose = &aligner->poses[relax->scan];
     cairn_vec2 centre = cairn_transform_point(*pose, scan->middle);
 
-    for (int32_t k = 0; k < scan->partner_count; k++)
+    for (int32_t k = 0; k < scan->neighbour_count; k++)
         if (relax->pairs[k].pairs > 0)
-            propagate(aligner, relax->i, cairn_aligner_partner(aligner, relax->i, k),
+            propagate(aligner, relax->scan, cairn_aligner_neighbour(aligner, relax->scan, k),
                       &relax->pairs[k], motion);
     *pose = cairn_aligner_moved(*pose, centre, motion);
-    scan->pull = relax->sums;
-    memset(scan->pull.equations.gradient, 0, sizeof scan->pull.equations.gradient);
-    scan->stirred = is_move(motion) ? ALIGNER_MET : 0;
+    scan->normal_equations = relax->sums;
+    memset(scan->normal_equations.equations.gradient, 0,
+           sizeof scan->normal_equations.equations.gradient);
+    scan->relax_state = is_move(motion) ? ALIGNER_RELAX_DIRTY : 0;
     next_scan(aligner);
 }
 
@@ -318,22 +321,23 @@ static void end_first_pass(cairn_aligner *aligner)
 {
     static const cairn_real still[3] = {0, 0, 0};
     aligner_relax *relax = &aligner->relax;
-    aligner_scan *scan = &aligner->scans[relax->i];
-    aligner_sums sums = scan->pull;
+    aligner_scan *scan = &aligner->scans[relax->scan];
+    aligner_sums sums = scan->normal_equations;
     cairn_real motion[3];
 
-    relax->partner = 0;
-    relax->old = 1;
+    relax->neighbour = 0;
+    relax->second_pass = 1;
     add_sums(&sums, &relax->sums);
-    if (relax->all || scan->stirred != ALIGNER_JOINED || scan->pull.pairs == 0 ||
+    if (relax->all || scan->relax_state != ALIGNER_RELAX_MERGED ||
+        scan->normal_equations.pairs == 0 ||
         (cairn_aligner_solve(&sums, motion) && is_move(motion)))
         return;
-    for (int32_t k = 0; k < scan->partner_count; k++)
+    for (int32_t k = 0; k < scan->neighbour_count; k++)
         if (relax->pairs[k].pairs > 0)
-            propagate(aligner, relax->i, cairn_aligner_partner(aligner, relax->i, k),
+            propagate(aligner, relax->scan, cairn_aligner_neighbour(aligner, relax->scan, k),
                       &relax->pairs[k], still);
-    scan->pull = sums;
-    scan->stirred = 0;
+    scan->normal_equations = sums;
+    scan->relax_state = 0;
     next_scan(aligner);
 }
 
@@ -343,13 +347,14 @@ static int32_t skip_clean(cairn_aligner *aligner)
     aligner_relax *relax = &aligner->relax;
     int32_t passed = 0;
 
-    while (relax->i >= 0 && aligner->scans[relax->i].stirred == 0 && passed < MOST_PASSED) {
-        relax->i = aligner->scans[relax->i].next;
+    while (relax->scan >= 0 && aligner->scans[relax->scan].relax_state == 0 &&
+           passed < ALIGNER_MAX_PASSED_SCANS) {
+        relax->scan = aligner->scans[relax->scan].next_in_cluster;
         passed++;
     }
-    if (relax->i < 0)
+    if (relax->scan < 0)
         end_round(aligner);
-    return 1 + passed / ALIGNER_FAR_OF_UNIT;
+    return 1 + passed / ALIGNER_FAR_PAIRS_PER_UNIT;
 }
 
 /* Adds the current scan's next neighbour that it may overlap: first those it was not relaxed
@@ -357,40 +362,40 @@ static int32_t skip_clean(cairn_aligner *aligner)
 int32_t cairn_aligner_relax_item(cairn_aligner *aligner)
 {
     aligner_relax *relax = &aligner->relax;
-    int32_t i = relax->i, passed = 0, work = 0;
+    int32_t i = relax->scan, passed = 0, work = 0;
     cairn_vec2 centre;
 
-    if (!relax->all && aligner->scans[i].stirred == 0)
+    if (!relax->all && aligner->scans[i].relax_state == 0)
         return skip_clean(aligner);
-    if (relax->partner >= aligner->scans[i].partner_count) {
+    if (relax->neighbour >= aligner->scans[i].neighbour_count) {
         cairn_real motion[3];
 
-        if (!relax->old) {
+        if (!relax->second_pass) {
             end_first_pass(aligner);
         } else {
             if (!cairn_aligner_solve(&relax->sums, motion))
                 memset(motion, 0, sizeof motion);
             end_scan(aligner, motion);
         }
-        return 4 + aligner->scans[i].partner_count / 8;
+        return 4 + aligner->scans[i].neighbour_count / 8;
     }
     centre = cairn_transform_point(aligner->poses[i], aligner->scans[i].middle);
-    while (work == 0 && relax->partner < aligner->scans[i].partner_count) {
-        int32_t k = relax->partner++, j = cairn_aligner_partner(aligner, i, k);
+    while (work == 0 && relax->neighbour < aligner->scans[i].neighbour_count) {
+        int32_t k = relax->neighbour++, j = cairn_aligner_neighbour(aligner, i, k);
         aligner_sums *pair = &relax->pairs[k];
 
         passed++;
-        if (aligner->scans[j].part != relax->cluster ||
-            were_relaxed_together(aligner, i, j) != relax->old ||
-            !cairn_aligner_may_meet(aligner, i, j, aligner->poses[i], aligner->poses[j]))
+        if (aligner->scans[j].cluster != relax->cluster ||
+            were_relaxed_together(aligner, i, j) != relax->second_pass ||
+            !cairn_aligner_may_overlap(aligner, i, j, aligner->poses[i], aligner->poses[j]))
             continue;
-        work = cairn_aligner_pull(aligner, i, j, aligner->poses[i], aligner->poses[j], relax->gate,
-                                  1, centre, pair);
-        work += cairn_aligner_pull(aligner, j, i, aligner->poses[j], aligner->poses[i], relax->gate,
-                                   -1, centre, pair);
+        work = cairn_aligner_add_normal_equations(aligner, i, j, aligner->poses[i],
+                                                  aligner->poses[j], relax->gate, 1, centre, pair);
+        work += cairn_aligner_add_normal_equations(
+            aligner, j, i, aligner->poses[j], aligner->poses[i], relax->gate, -1, centre, pair);
         add_sums(&relax->sums, pair);
     }
-    return 1 + passed / ALIGNER_FAR_OF_UNIT + work / ALIGNER_POINTS_OF_UNIT;
+    return 1 + passed / ALIGNER_FAR_PAIRS_PER_UNIT + work / ALIGNER_POINTS_PER_UNIT;
 }
 
 /* Rotates the stored normal equations of a scan with its cluster. */
@@ -410,10 +415,10 @@ static void rotate_normal_equations(aligner_sums *sums, cairn_transform pose)
 }
 
 /* Moves the smaller cluster into the frame of the larger one; returns that. pose: fixed_moving. */
-int32_t cairn_aligner_join(cairn_aligner *aligner, int32_t moving, int32_t fixed,
-                           cairn_transform pose)
+int32_t cairn_aligner_merge_clusters(cairn_aligner *aligner, int32_t moving, int32_t fixed,
+                                     cairn_transform pose)
 {
-    int32_t event = aligner->changes;
+    int32_t event = aligner->change_count;
 
     if (aligner->clusters[moving].size > aligner->clusters[fixed].size) {
         int32_t swap = moving;
@@ -426,9 +431,9 @@ int32_t cairn_aligner_join(cairn_aligner *aligner, int32_t moving, int32_t fixed
         int32_t scan = aligner->clusters[moving].head;
 
         aligner->poses[scan] = cairn_aligner_compose(pose, aligner->poses[scan]);
-        rotate_normal_equations(&aligner->scans[scan].pull, pose);
-        aligner->scans[scan].stirred = ALIGNER_JOINED;
-        aligner->scans[scan].joined = event;
+        rotate_normal_equations(&aligner->scans[scan].normal_equations, pose);
+        aligner->scans[scan].relax_state = ALIGNER_RELAX_MERGED;
+        aligner->scans[scan].merge_event = event;
         cairn_aligner_remove(aligner, scan);
         cairn_aligner_insert(aligner, scan, fixed);
     }

@@ -37,8 +37,8 @@ static void set_tolerance(cairn_aligner *aligner, int32_t round)
     static const cairn_real metres[] = {CAIRN_REAL(0.08), CAIRN_REAL(0.08), CAIRN_REAL(0.05),
                                         CAIRN_REAL(0.03)};
 
-    aligner->tolerance = tolerances[round < 6 ? round : 6];
-    aligner->loose = round < 4 ? metres[round] * metres[round] : 0;
+    aligner->robust_chi2 = tolerances[round < 6 ? round : 6];
+    aligner->robust_squared_distance = round < 4 ? metres[round] * metres[round] : 0;
 }
 
 /* ---- The linear system ---- */
@@ -49,8 +49,8 @@ static void number_walls(cairn_aligner *aligner)
     aligner->node_count = aligner->scan_count;
     aligner->result.walls = 0;
     for (int32_t w = 0; w < aligner->wall_count; w++) {
-        aligner->walls[w].node = aligner->walls[w].scans > 1 ? aligner->node_count++ : -1;
-        aligner->result.walls += aligner->walls[w].scans > 1;
+        aligner->walls[w].node = aligner->walls[w].scan_count > 1 ? aligner->node_count++ : -1;
+        aligner->result.walls += aligner->walls[w].scan_count > 1;
     }
 }
 
@@ -72,7 +72,7 @@ static int32_t link_item(cairn_aligner *aligner)
     if (aligner->at == 0) {
         number_walls(aligner);
         units += aligner->wall_count / 32 + aligner->node_count / 8;
-        if (cairn_aligner_keeps_walls(aligner)) {
+        if (cairn_aligner_has_fixed_association(aligner)) {
             aligner->phase = ALIGNER_SOLVE;
             return units;
         }
@@ -93,7 +93,7 @@ static int32_t link_item(cairn_aligner *aligner)
         aligner->at = aligner->stage = 0;
     }
     if (status != CAIRN_OK)
-        cairn_aligner_give_up(aligner, status);
+        cairn_aligner_skip_joint_solution(aligner, status);
     return units + TERMS_PER_ITEM / 8;
 }
 
@@ -125,13 +125,14 @@ static term term_of(const cairn_aligner *aligner, const aligner_segment *s)
     n.y = pose.cosine * wall->normal.y - pose.sine * wall->normal.x;
     t.x = n.y;
     t.y = -n.x;
-    m.along = s->spread.xx * t.x * t.x + 2 * s->spread.xy * t.x * t.y + s->spread.yy * t.y * t.y;
-    across = s->spread.xx * n.x * n.x + 2 * s->spread.xy * n.x * n.y + s->spread.yy * n.y * n.y;
-    m.oblique = s->spread.xx * t.x * n.x + s->spread.xy * (t.x * n.y + t.y * n.x) +
-                s->spread.yy * t.y * n.y;
+    m.along = s->scatter.xx * t.x * t.x + 2 * s->scatter.xy * t.x * t.y + s->scatter.yy * t.y * t.y;
+    across = s->scatter.xx * n.x * n.x + 2 * s->scatter.xy * n.x * n.y + s->scatter.yy * n.y * n.y;
+    m.oblique = s->scatter.xx * t.x * n.x + s->scatter.xy * (t.x * n.y + t.y * n.x) +
+                s->scatter.yy * t.y * n.y;
     m.error = cairn_vec2_dot(wall->normal, mean) - wall->offset;
-    m.chi = s->weight * m.error * m.error + cairn_max(across - s->least, 0);
-    m.scale = 1 / (1 + m.chi / cairn_max(aligner->tolerance, s->weight * aligner->loose));
+    m.chi = s->weight * m.error * m.error + cairn_max(across - s->min_scatter, 0);
+    m.scale = 1 / (1 + m.chi / cairn_max(aligner->robust_chi2,
+                                         s->weight * aligner->robust_squared_distance));
     m.scale *= m.scale;
     m.row[0] = wall->normal.x;
     m.row[1] = wall->normal.y;
@@ -183,7 +184,7 @@ static cairn_status add_segment(cairn_aligner *aligner, const aligner_segment *s
     cairn_sym3 own = cairn_sym3_zero(), walls = cairn_sym3_zero();
     cairn_status status;
 
-    into_frame(aligner->scans[s->scan].frame, m.row);
+    into_frame(aligner->scans[s->scan].first_axis, m.row);
     cairn_sym3_add_outer(&own, m.row, weight);
     own.zz += m.scale * m.along;
     cairn_sym3_add_outer(&walls, m.column, weight);
@@ -251,8 +252,8 @@ static cairn_status add_value(cairn_aligner *aligner, int32_t k, int32_t anchor)
         int32_t scan = aligner->segments[k].scan;
 
         if (k == aligner->scans[scan].first_segment) {
-            aligner->scans[scan].frame = frame_of(aligner, scan);
-            aligner->debt += (aligner->scans[scan].end_segment - k) / 2;
+            aligner->scans[scan].first_axis = frame_of(aligner, scan);
+            aligner->units_owed += (aligner->scans[scan].end_segment - k) / 2;
         }
         return is_shared(aligner, &aligner->segments[k])
                    ? add_segment(aligner, &aligner->segments[k], aligner->link++)
@@ -287,27 +288,27 @@ static int32_t build_item(cairn_aligner *aligner, int32_t anchor)
         aligner->stage = 1;
     }
     if (status != CAIRN_OK)
-        cairn_aligner_give_up(aligner, status);
+        cairn_aligner_skip_joint_solution(aligner, status);
     return units;
 }
 
 static void move_scans(cairn_aligner *aligner)
 {
-    aligner->moved = 0;
+    aligner->max_step = 0;
     for (int32_t i = 0; i < aligner->scan_count; i++) {
         cairn_transform *pose = &aligner->poses[i];
         cairn_vec2 centre = {pose->x, pose->y};
         cairn_real motion[3];
 
-        if (aligner->scans[i].part != aligner->home ||
+        if (aligner->scans[i].cluster != aligner->home ||
             cairn_block_solver_solution(aligner->solver, i, motion) != CAIRN_OK)
             continue;
-        out_of_frame(aligner->scans[i].frame, motion);
-        aligner->moved =
-            cairn_max(aligner->moved, cairn_max(cairn_abs(motion[0]), cairn_abs(motion[1])));
+        out_of_frame(aligner->scans[i].first_axis, motion);
+        aligner->max_step =
+            cairn_max(aligner->max_step, cairn_max(cairn_abs(motion[0]), cairn_abs(motion[1])));
         *pose = cairn_aligner_moved(*pose, centre, motion);
     }
-    aligner->clusters[aligner->home].stamp = ++aligner->changes;
+    aligner->clusters[aligner->home].stamp = ++aligner->change_count;
 }
 
 /* ---- Results ---- */
@@ -322,7 +323,7 @@ static int32_t choose_anchor(const cairn_aligner *aligner)
         cairn_sym3 own;
         cairn_real determinant;
 
-        if (aligner->scans[i].part != aligner->home)
+        if (aligner->scans[i].cluster != aligner->home)
             continue;
         own = cairn_aligner_own_information(aligner, i);
         determinant = own.xx * (own.yy * own.zz - own.yz * own.yz) -
@@ -354,19 +355,20 @@ static void set_observability(cairn_aligner *aligner, int32_t i)
 {
     cairn_aligner_pose *r = &aligner->results[i];
     const cairn_real *c = r->covariance;
-    cairn_real far = aligner->params.observable, turned = aligner->params.observable_angle;
+    cairn_real far = aligner->params.observable_sigma,
+               turned = aligner->params.observable_sigma_theta;
 
     r->observable = (cairn_sqrt(c[0]) < far ? CAIRN_ALIGNER_X : 0) |
                     (cairn_sqrt(c[4]) < far ? CAIRN_ALIGNER_Y : 0) |
                     (cairn_sqrt(c[8]) < turned ? CAIRN_ALIGNER_THETA : 0);
-    r->placed = r->part == 0 && r->support >= MIN_SUPPORT_NATS && cairn_sqrt(c[0] + c[4]) < far &&
-                cairn_sqrt(c[8]) < turned;
+    r->placed = r->component == 0 && r->support >= MIN_SUPPORT_NATS &&
+                cairn_sqrt(c[0] + c[4]) < far && cairn_sqrt(c[8]) < turned;
 }
 
 /* Returns the component number of a scan's cluster: by size, ties by index. */
 static int32_t component_of(const cairn_aligner *aligner, int32_t i)
 {
-    int32_t own = aligner->scans[i].part, before = 0;
+    int32_t own = aligner->scans[i].cluster, before = 0;
 
     for (int32_t c = 0; c < aligner->scan_count; c++)
         before += aligner->clusters[c].size > aligner->clusters[own].size ||
@@ -396,12 +398,12 @@ static void read_covariance(const cairn_aligner *aligner, int32_t i, cairn_trans
     memset(covariance, 0, 9 * sizeof *covariance);
     covariance[0] = covariance[4] = prior;
     covariance[8] = turn;
-    if (aligner->scans[i].part != aligner->home || aligner->result.anchor < 0)
+    if (aligner->scans[i].cluster != aligner->home || aligner->result.anchor < 0)
         return;
     if (i == aligner->result.anchor)
         memset(covariance, 0, 9 * sizeof *covariance);
     else if (cairn_block_solver_covariance(aligner->solver, i, i, block) == CAIRN_OK) {
-        cairn_vec2 frame = aligner->scans[i].frame;
+        cairn_vec2 frame = aligner->scans[i].first_axis;
         cairn_transform own = {0, 0, frame.x, frame.y};
 
         rotate_covariance(cairn_aligner_compose(gauge, own), block, covariance);
@@ -417,38 +419,39 @@ static int32_t add_chi2(cairn_aligner *aligner)
                       : aligner->segment_count;
 
     if (aligner->at == 0) {
-        aligner->margin = 0;
-        aligner->freedom = -3 * aligner->clusters[aligner->home].size - 2 * aligner->result.walls;
+        aligner->chi2_per_dof = 0;
+        aligner->dof = -3 * aligner->clusters[aligner->home].size - 2 * aligner->result.walls;
     }
     for (; aligner->at < end; aligner->at++)
         if (is_shared(aligner, &aligner->segments[aligner->at])) {
             term m = term_of(aligner, &aligner->segments[aligner->at]);
 
-            aligner->margin += m.chi * m.scale;
-            aligner->freedom += 2;
+            aligner->chi2_per_dof += m.chi * m.scale;
+            aligner->dof += 2;
         }
     if (end == aligner->segment_count) {
-        aligner->margin =
-            aligner->freedom > 0 ? cairn_max(aligner->margin / (cairn_real)aligner->freedom, 1) : 1;
+        aligner->chi2_per_dof =
+            aligner->dof > 0 ? cairn_max(aligner->chi2_per_dof / (cairn_real)aligner->dof, 1) : 1;
         aligner->gauge_part = -1;
         aligner->result.placed = 0;
         aligner->stage = 4;
-        aligner->i = 0;
+        aligner->scan_index = 0;
     }
     return TERMS_PER_ITEM;
 }
 
 static int32_t finish(cairn_aligner *aligner)
 {
-    aligner->result.parts = count_components(aligner);
-    aligner->result.largest = aligner->clusters[aligner->home].size;
-    aligner->result.spread = aligner->sigma;
-    aligner->result.spread_angle = aligner->sigma_angle;
+    aligner->result.components = count_components(aligner);
+    aligner->result.largest_size = aligner->clusters[aligner->home].size;
+    aligner->result.initial_sigma = aligner->sigma;
+    aligner->result.initial_sigma_theta = aligner->sigma_angle;
     if (aligner->result.verdict == CAIRN_ALIGNER_RUNNING) {
-        aligner->result.verdict = aligner->moved <= CONVERGED_STEP_M ? CAIRN_ALIGNER_CONVERGED
-                                                                     : CAIRN_ALIGNER_OUT_OF_STEPS;
-        if (aligner->result.parts > 1 || aligner->result.largest < 2)
-            aligner->result.verdict = CAIRN_ALIGNER_SPLIT;
+        aligner->result.verdict = aligner->max_step <= CONVERGED_STEP_M
+                                      ? CAIRN_ALIGNER_CONVERGED
+                                      : CAIRN_ALIGNER_OUT_OF_ITERATIONS;
+        if (aligner->result.components > 1 || aligner->result.largest_size < 2)
+            aligner->result.verdict = CAIRN_ALIGNER_DISCONNECTED;
     }
     aligner->has_ended = 1;
     aligner->phase = ALIGNER_DONE;
@@ -461,39 +464,39 @@ static int32_t report_scan(cairn_aligner *aligner, int32_t i)
     cairn_aligner_pose *r = &aligner->results[i];
     int32_t units = 8 + aligner->scan_count / 16;
 
-    if (aligner->scans[i].part != aligner->gauge_part) {
-        aligner->gauge_part = aligner->scans[i].part;
+    if (aligner->scans[i].cluster != aligner->gauge_part) {
+        aligner->gauge_part = aligner->scans[i].cluster;
         aligner->gauge = cairn_aligner_gauge(aligner, aligner->gauge_part);
         units += aligner->clusters[aligner->gauge_part].size;
     }
-    r->part = component_of(aligner, i);
+    r->component = component_of(aligner, i);
     r->map_scan = cairn_aligner_to_pose(cairn_aligner_compose(aligner->gauge, aligner->poses[i]));
     r->support = aligner->scans[i].support;
     read_covariance(aligner, i, aligner->gauge, r->covariance);
     set_observability(aligner, i);
     for (int k = 0; k < 9; k++)
-        r->covariance[k] *= aligner->margin;
+        r->covariance[k] *= aligner->chi2_per_dof;
     aligner->result.placed += r->placed;
-    aligner->scans[i].held = r->placed;
+    aligner->scans[i].was_placed = r->placed;
     return units;
 }
 
 /* No joint solution: the covariances are those of the initial poses. */
-void cairn_aligner_give_up(cairn_aligner *aligner, cairn_status status)
+void cairn_aligner_skip_joint_solution(cairn_aligner *aligner, cairn_status status)
 {
     if (status == CAIRN_FULL)
-        aligner->result.verdict = CAIRN_ALIGNER_NO_FILL;
+        aligner->result.verdict = CAIRN_ALIGNER_FILL_EXCEEDED;
     aligner->result.anchor = -1;
     aligner->phase = ALIGNER_MARGINALS;
     aligner->stage = 2;
-    aligner->i = aligner->j = 0;
+    aligner->scan_index = aligner->neighbour_index = 0;
 }
 
 /* Adds the log-likelihood ratio of one pair of scans to the support of both. */
 static int32_t support_item(cairn_aligner *aligner)
 {
     aligner_count count = {0, 0, 0};
-    int32_t i = aligner->i, j, work;
+    int32_t i = aligner->scan_index, j, work;
     cairn_real evidence;
 
     if (i == aligner->scan_count) {
@@ -501,22 +504,22 @@ static int32_t support_item(cairn_aligner *aligner)
         aligner->at = 0;
         return 1;
     }
-    if (aligner->j == aligner->scans[i].partner_count) {
-        aligner->i++;
-        aligner->j = 0;
+    if (aligner->neighbour_index == aligner->scans[i].neighbour_count) {
+        aligner->scan_index++;
+        aligner->neighbour_index = 0;
         return 1;
     }
-    j = cairn_aligner_partner(aligner, i, aligner->j++);
-    if (j > i || aligner->scans[i].part != aligner->scans[j].part ||
-        !cairn_aligner_may_meet(aligner, i, j, aligner->poses[i], aligner->poses[j]))
+    j = cairn_aligner_neighbour(aligner, i, aligner->neighbour_index++);
+    if (j > i || aligner->scans[i].cluster != aligner->scans[j].cluster ||
+        !cairn_aligner_may_overlap(aligner, i, j, aligner->poses[i], aligner->poses[j]))
         return 1;
     work = cairn_aligner_count_pair(aligner, i, j,
                                     cairn_aligner_between(aligner->poses[j], aligner->poses[i]),
                                     CAIRN_REAL(0.07), &count);
-    evidence = cairn_aligner_evidence(aligner, count);
+    evidence = cairn_aligner_log_likelihood_ratio(aligner, count);
     aligner->scans[i].support += evidence;
     aligner->scans[j].support += evidence;
-    return 1 + work / ALIGNER_POINTS_OF_UNIT;
+    return 1 + work / ALIGNER_POINTS_PER_UNIT;
 }
 
 /* ---- Phases ---- */
@@ -525,10 +528,10 @@ static int32_t sort_segments(cairn_aligner *aligner)
 {
     if (aligner->stage == 0 && aligner->at == 0) {
         aligner->home = cairn_aligner_largest(aligner);
-        aligner->settled = 0;
-        if (aligner->segment_count == 0 || aligner->params.max_rounds == 0) {
-            aligner->moved = 0;
-            cairn_aligner_give_up(aligner, CAIRN_OK);
+        aligner->translations_done = 0;
+        if (aligner->segment_count == 0 || aligner->params.max_iterations == 0) {
+            aligner->max_step = 0;
+            cairn_aligner_skip_joint_solution(aligner, CAIRN_OK);
             return 1;
         }
     }
@@ -538,27 +541,27 @@ static int32_t sort_segments(cairn_aligner *aligner)
 /* Starts the marginals at the final poses and walls. */
 static void begin_marginals(cairn_aligner *aligner)
 {
-    aligner->tolerance = tolerances[COVARIANCE_ITERATION];
-    aligner->loose = 0;
+    aligner->robust_chi2 = tolerances[COVARIANCE_ITERATION];
+    aligner->robust_squared_distance = 0;
     aligner->result.anchor = choose_anchor(aligner);
     aligner->phase = ALIGNER_MARGINALS;
 }
 
 static int has_ended(const cairn_aligner *aligner)
 {
-    return aligner->round >= aligner->params.max_rounds ||
-           (cairn_aligner_keeps_walls(aligner) && aligner->moved <= CONVERGED_STEP_M);
+    return aligner->round >= aligner->params.max_iterations ||
+           (cairn_aligner_has_fixed_association(aligner) && aligner->max_step <= CONVERGED_STEP_M);
 }
 
-void cairn_aligner_end_slides(cairn_aligner *aligner, int32_t changed)
+void cairn_aligner_end_translations(cairn_aligner *aligner, int32_t changed)
 {
     aligner->at = aligner->stage = 0;
     aligner->phase = ALIGNER_ASSOCIATE;
-    aligner->settled = changed == 0;
-    if (!aligner->settled)
-        aligner->round = RESUME_ITERATION < aligner->params.max_rounds
+    aligner->translations_done = changed == 0;
+    if (!aligner->translations_done)
+        aligner->round = RESUME_ITERATION < aligner->params.max_iterations
                              ? RESUME_ITERATION
-                             : aligner->params.max_rounds - 1;
+                             : aligner->params.max_iterations - 1;
     else if (has_ended(aligner))
         begin_marginals(aligner);
 }
@@ -570,11 +573,11 @@ static void end_round(cairn_aligner *aligner)
     aligner->at = aligner->stage = 0;
     aligner->phase = ALIGNER_ASSOCIATE;
     aligner->round++;
-    aligner->result.rounds++;
-    if (!aligner->settled &&
-        (aligner->round >= aligner->params.max_rounds || cairn_aligner_keeps_walls(aligner)))
-        cairn_aligner_begin_slides(aligner);
-    else if (aligner->settled && has_ended(aligner))
+    aligner->result.iterations++;
+    if (!aligner->translations_done && (aligner->round >= aligner->params.max_iterations ||
+                                        cairn_aligner_has_fixed_association(aligner)))
+        cairn_aligner_begin_translations(aligner);
+    else if (aligner->translations_done && has_ended(aligner))
         begin_marginals(aligner);
 }
 
@@ -594,7 +597,7 @@ static int32_t solve(cairn_aligner *aligner)
 
         aligner->stage = 2;
         if (status != CAIRN_OK)
-            cairn_aligner_give_up(aligner, status);
+            cairn_aligner_skip_joint_solution(aligner, status);
         return 1 + aligner->node_count / 8;
     }
     move_scans(aligner);
@@ -615,24 +618,24 @@ static int32_t marginals(cairn_aligner *aligner)
                 : CAIRN_UNSUPPORTED;
 
         aligner->stage = 2;
-        aligner->i = aligner->j = 0;
+        aligner->scan_index = aligner->neighbour_index = 0;
         if (status != CAIRN_OK)
-            cairn_aligner_give_up(aligner, status);
+            cairn_aligner_skip_joint_solution(aligner, status);
         return 1;
     }
     if (aligner->stage == 2)
         return support_item(aligner);
     if (aligner->stage == 3)
         return add_chi2(aligner);
-    if (aligner->i < aligner->scan_count)
-        return report_scan(aligner, aligner->i++);
+    if (aligner->scan_index < aligner->scan_count)
+        return report_scan(aligner, aligner->scan_index++);
     return finish(aligner);
 }
 
 int32_t cairn_aligner_joint_item(cairn_aligner *aligner)
 {
     switch (aligner->phase) {
-    case ALIGNER_SETTLE:
+    case ALIGNER_SORT_SEGMENTS:
         return sort_segments(aligner);
     case ALIGNER_ASSOCIATE:
         if (aligner->at < aligner->segment_count)

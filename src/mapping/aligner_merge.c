@@ -29,7 +29,7 @@ enum { HYPOTHESES_PER_ITEM = 128, LINKS_PER_ITEM = 64, LINKS_PER_UNIT = 8 };
 
 static int32_t cluster_of(const cairn_aligner *aligner, int32_t scan)
 {
-    return aligner->scans[scan].part;
+    return aligner->scans[scan].cluster;
 }
 
 static int is_fresh(const cairn_aligner *aligner, const aligner_hypothesis *h)
@@ -41,7 +41,7 @@ static int is_fresh(const cairn_aligner *aligner, const aligner_hypothesis *h)
 /* Invalidates the best hypothesis of a block. */
 static void invalidate_block(cairn_aligner *aligner, const aligner_hypothesis *h)
 {
-    aligner->surest[(h - aligner->hypotheses) / ALIGNER_BLOCK] = UNKNOWN;
+    aligner->best_of_block[(h - aligner->hypotheses) / ALIGNER_HYPOTHESIS_BLOCK] = UNKNOWN;
 }
 
 /* Returns the pose of the first scan's cluster in the frame of the second's. */
@@ -61,45 +61,47 @@ static int begin_evaluation(cairn_aligner *aligner, aligner_hypothesis *h)
     cairn_transform pose = clusters_pose(aligner, h);
 
     if (cairn_aligner_prior(aligner, first, second, pose) < MIN_PRIOR_NATS) {
-        h->state = ALIGNER_OUT;
+        h->state = ALIGNER_REJECTED;
         invalidate_block(aligner, h);
         return 0;
     }
-    cairn_aligner_begin_look(aligner, first, second, pose,
-                             h->first_stamp < 0 ? 1 : EVALUATION_ROUNDS, MIN_PRIOR_NATS);
+    cairn_aligner_begin_evaluation(aligner, first, second, pose,
+                                   h->first_stamp < 0 ? 1 : EVALUATION_ROUNDS, MIN_PRIOR_NATS);
     return 1;
 }
 
 static void store_evaluation(cairn_aligner *aligner, aligner_hypothesis *h)
 {
-    cairn_transform first = cairn_aligner_compose(aligner->look.pose, aligner->poses[h->first]);
+    cairn_transform first =
+        cairn_aligner_compose(aligner->evaluation.pose, aligner->poses[h->first]);
 
     h->second_first =
         cairn_aligner_to_pose(cairn_aligner_between(aligner->poses[h->second], first));
-    h->score = h->key = aligner->look.evidence + aligner->look.prior;
+    h->score = h->rank = aligner->evaluation.log_likelihood_ratio + aligner->evaluation.log_prior;
     h->first_stamp = aligner->clusters[cluster_of(aligner, h->first)].stamp;
     h->second_stamp = aligner->clusters[cluster_of(aligner, h->second)].stamp;
-    h->state = h->score < MIN_NATS ? ALIGNER_OUT : ALIGNER_LOOKED;
+    h->state = h->score < MIN_NATS ? ALIGNER_REJECTED : ALIGNER_EVALUATED;
     invalidate_block(aligner, h);
 }
 
 static void find_best_of_block(cairn_aligner *aligner, int32_t block)
 {
-    int32_t first = block * ALIGNER_BLOCK, end = first + ALIGNER_BLOCK, best = -1;
+    int32_t first = block * ALIGNER_HYPOTHESIS_BLOCK, end = first + ALIGNER_HYPOTHESIS_BLOCK,
+            best = -1;
 
     for (int32_t i = first; i < end && i < aligner->hypothesis_count; i++) {
         const aligner_hypothesis *h = &aligner->hypotheses[i];
 
-        if (h->state != ALIGNER_OUT && h->key > aligner->params.least_evidence &&
-            (best < 0 || h->key > aligner->hypotheses[best].key))
+        if (h->state != ALIGNER_REJECTED && h->rank > aligner->params.min_log_likelihood_ratio &&
+            (best < 0 || h->rank > aligner->hypotheses[best].rank))
             best = i;
     }
-    aligner->surest[block] = best;
+    aligner->best_of_block[block] = best;
 }
 
 static int32_t blocks_of(const cairn_aligner *aligner)
 {
-    return (aligner->hypothesis_count + ALIGNER_BLOCK - 1) / ALIGNER_BLOCK;
+    return (aligner->hypothesis_count + ALIGNER_HYPOTHESIS_BLOCK - 1) / ALIGNER_HYPOTHESIS_BLOCK;
 }
 
 /* Finds the best hypotheses of some blocks; 0: all are known. */
@@ -109,11 +111,11 @@ static int find_some_best(cairn_aligner *aligner)
     int32_t found = 0;
 
     for (int32_t block = 0; block < blocks_of(aligner) && found < OF_ITEM; block++)
-        if (aligner->surest[block] == UNKNOWN) {
+        if (aligner->best_of_block[block] == UNKNOWN) {
             find_best_of_block(aligner, block);
             found++;
         }
-    aligner->debt += blocks_of(aligner) / 32 + found * (ALIGNER_BLOCK / 16);
+    aligner->units_owed += blocks_of(aligner) / 32 + found * (ALIGNER_HYPOTHESIS_BLOCK / 16);
     return found == OF_ITEM;
 }
 
@@ -125,15 +127,16 @@ static int32_t best_hypothesis(cairn_aligner *aligner)
     for (int32_t block = 0; block < blocks_of(aligner); block++) {
         int32_t own;
 
-        if (aligner->surest[block] == UNKNOWN) {
+        if (aligner->best_of_block[block] == UNKNOWN) {
             find_best_of_block(aligner, block);
-            aligner->debt += ALIGNER_BLOCK / 16;
+            aligner->units_owed += ALIGNER_HYPOTHESIS_BLOCK / 16;
         }
-        own = aligner->surest[block];
-        if (own >= 0 && (best < 0 || aligner->hypotheses[own].key > aligner->hypotheses[best].key))
+        own = aligner->best_of_block[block];
+        if (own >= 0 &&
+            (best < 0 || aligner->hypotheses[own].rank > aligner->hypotheses[best].rank))
             best = own;
     }
-    aligner->debt += blocks_of(aligner) / 16;
+    aligner->units_owed += blocks_of(aligner) / 16;
     return best;
 }
 
@@ -144,7 +147,7 @@ static int is_competing(const cairn_aligner *aligner, const aligner_hypothesis *
     int32_t a = cluster_of(aligner, h->first), b = cluster_of(aligner, h->second);
     int32_t c = cluster_of(aligner, g->first), d = cluster_of(aligner, g->second);
 
-    return h != g && g->state != ALIGNER_OUT && ((a == c && b == d) || (a == d && b == c));
+    return h != g && g->state != ALIGNER_REJECTED && ((a == c && b == d) || (a == d && b == c));
 }
 
 /* Returns the pose of h's clusters by hypothesis g. */
@@ -164,9 +167,9 @@ static void begin_competing(cairn_aligner *aligner)
     const aligner_hypothesis *h = &aligner->hypotheses[aligner->chosen];
     int32_t a = cluster_of(aligner, h->first), b = cluster_of(aligner, h->second);
 
-    aligner->rival_scan =
+    aligner->competing_scan =
         aligner->clusters[aligner->clusters[a].size <= aligner->clusters[b].size ? a : b].head;
-    aligner->rival_link = aligner->links[aligner->rival_scan];
+    aligner->competing_link = aligner->links[aligner->competing_scan];
 }
 
 /* Returns the next competing hypothesis, after at most `most` others; NULL: none, and
@@ -175,18 +178,18 @@ static aligner_hypothesis *next_competing(cairn_aligner *aligner, int32_t *passe
 {
     const aligner_hypothesis *h = &aligner->hypotheses[aligner->chosen];
 
-    while (aligner->rival_scan >= 0 && *passed < most) {
+    while (aligner->competing_scan >= 0 && *passed < most) {
         aligner_hypothesis *g;
 
         ++*passed;
-        if (aligner->rival_link < 0) {
-            aligner->rival_scan = aligner->scans[aligner->rival_scan].next;
-            aligner->rival_link =
-                aligner->rival_scan >= 0 ? aligner->links[aligner->rival_scan] : -1;
+        if (aligner->competing_link < 0) {
+            aligner->competing_scan = aligner->scans[aligner->competing_scan].next_in_cluster;
+            aligner->competing_link =
+                aligner->competing_scan >= 0 ? aligner->links[aligner->competing_scan] : -1;
             continue;
         }
-        g = &aligner->hypotheses[aligner->rival_link / 2];
-        aligner->rival_link = g->next[aligner->rival_link & 1];
+        g = &aligner->hypotheses[aligner->competing_link / 2];
+        aligner->competing_link = g->next[aligner->competing_link & 1];
         if (is_competing(aligner, h, g))
             return g;
     }
@@ -210,20 +213,20 @@ static int32_t evaluate_competing(cairn_aligner *aligner)
     aligner_hypothesis *g;
     int32_t passed = 0, compared = 0;
 
-    if (aligner->looked >= 0)
-        store_evaluation(aligner, &aligner->hypotheses[aligner->looked]);
-    aligner->looked = -1;
+    if (aligner->evaluated_competing >= 0)
+        store_evaluation(aligner, &aligner->hypotheses[aligner->evaluated_competing]);
+    aligner->evaluated_competing = -1;
     for (; (g = next_competing(aligner, &passed, LINKS_PER_ITEM)) != NULL; compared++)
         if (!is_fresh(aligner, g) && g->score >= h->score - COMPETING_MARGIN_NATS &&
-            !cairn_aligner_near(pose, pose_by(aligner, g), SAME_POSE_M, SAME_HEADING_COSINE)) {
-            aligner->looked =
+            !cairn_aligner_is_near(pose, pose_by(aligner, g), SAME_POSE_M, SAME_HEADING_COSINE)) {
+            aligner->evaluated_competing =
                 begin_evaluation(aligner, g) ? (int32_t)(g - aligner->hypotheses) : -1;
             break;
         }
-    if (g == NULL && aligner->rival_scan < 0) {
+    if (g == NULL && aligner->competing_scan < 0) {
         aligner->phase =
-            best_hypothesis(aligner) == aligner->chosen ? ALIGNER_WEIGHED : ALIGNER_PICK;
-        aligner->odds = 1;
+            best_hypothesis(aligner) == aligner->chosen ? ALIGNER_COMPARE_COMPETING : ALIGNER_PICK;
+        aligner->competing_odds = 1;
         begin_competing(aligner);
     }
     return 2 + compared + passed / LINKS_PER_UNIT;
@@ -240,16 +243,16 @@ static int32_t compare(cairn_aligner *aligner)
         cairn_transform competing = pose_by(aligner, g);
 
         if (is_fresh(aligner, g) &&
-            !cairn_aligner_near(pose, competing, SAME_POSE_M, SAME_HEADING_COSINE)) {
-            aligner->odds += cairn_exp(cairn_min(g->score, 60));
+            !cairn_aligner_is_near(pose, competing, SAME_POSE_M, SAME_HEADING_COSINE)) {
+            aligner->competing_odds += cairn_exp(cairn_min(g->score, 60));
         } else if (g->score <= h->score &&
-                   cairn_aligner_near(pose, competing, SAME_POSE_M / 3, CAIRN_REAL(0.9998))) {
-            g->state = ALIGNER_OUT;
+                   cairn_aligner_is_near(pose, competing, SAME_POSE_M / 3, CAIRN_REAL(0.9998))) {
+            g->state = ALIGNER_REJECTED;
             invalidate_block(aligner, g);
         }
     }
-    if (aligner->rival_scan < 0) {
-        h->key = h->score - cairn_log(aligner->odds);
+    if (aligner->competing_scan < 0) {
+        h->rank = h->score - cairn_log(aligner->competing_odds);
         h->state = ALIGNER_COMPARED;
         invalidate_block(aligner, h);
         aligner->phase = ALIGNER_PICK;
@@ -264,7 +267,7 @@ static void begin_shifted(cairn_aligner *aligner)
 
     for (int k = 0; k < 3; k++)
         motion[k] = (aligner->side == 1 ? SHIFT_M : -SHIFT_M) * aligner->shift[k];
-    cairn_aligner_begin_look(
+    cairn_aligner_begin_evaluation(
         aligner, cluster_of(aligner, h->first), cluster_of(aligner, h->second),
         cairn_aligner_moved(clusters_pose(aligner, h), aligner->shift_centre, motion), 0,
         MIN_SHIFTED_NATS);
@@ -276,27 +279,29 @@ static void test_shifted(cairn_aligner *aligner)
     aligner_hypothesis *h = &aligner->hypotheses[aligner->chosen];
 
     if (aligner->side == 0) {
-        memcpy(aligner->shift, aligner->look.weak, sizeof aligner->shift);
-        aligner->shift_centre = aligner->look.centre;
-        aligner->rest = 0;
+        memcpy(aligner->shift, aligner->evaluation.weak_direction, sizeof aligner->shift);
+        aligner->shift_centre = aligner->evaluation.centre;
+        aligner->second_best_score = 0;
     } else {
-        aligner->rest = cairn_max(aligner->rest, aligner->look.evidence + aligner->look.prior);
+        aligner->second_best_score =
+            cairn_max(aligner->second_best_score,
+                      aligner->evaluation.log_likelihood_ratio + aligner->evaluation.log_prior);
     }
     if (++aligner->side <= 2) {
         begin_shifted(aligner);
         return;
     }
-    h->key = cairn_min(h->key, h->score - aligner->rest);
-    h->state = ALIGNER_SURE;
+    h->rank = cairn_min(h->rank, h->score - aligner->second_best_score);
+    h->state = ALIGNER_VERIFIED;
     invalidate_block(aligner, h);
     aligner->phase = ALIGNER_PICK;
 }
 
-void cairn_aligner_begin_open(cairn_aligner *aligner, int32_t again)
+void cairn_aligner_begin_merging(cairn_aligner *aligner, int32_t again)
 {
-    aligner->phase = ALIGNER_OPEN;
+    aligner->phase = ALIGNER_LINK_HYPOTHESES;
     aligner->stage = again;
-    aligner->k = 0;
+    aligner->item_index = 0;
 }
 
 static void link_to(cairn_aligner *aligner, int32_t hypothesis, int32_t side, int32_t scan)
@@ -308,27 +313,29 @@ static void link_to(cairn_aligner *aligner, int32_t hypothesis, int32_t side, in
 /* Links some hypotheses; those within one cluster are rejected. */
 static int32_t link_some(cairn_aligner *aligner)
 {
-    int32_t end = aligner->k + HYPOTHESES_PER_ITEM < aligner->hypothesis_count
-                      ? aligner->k + HYPOTHESES_PER_ITEM
+    int32_t end = aligner->item_index + HYPOTHESES_PER_ITEM < aligner->hypothesis_count
+                      ? aligner->item_index + HYPOTHESES_PER_ITEM
                       : aligner->hypothesis_count,
             units = 1;
 
-    if (aligner->k == 0) {
+    if (aligner->item_index == 0) {
         for (int32_t i = 0; i < aligner->scan_count; i++)
             aligner->links[i] = -1;
         units += aligner->scan_count / 64;
     }
-    for (; aligner->k < end; aligner->k++, units += aligner->k % LINKS_PER_UNIT == 0) {
-        aligner_hypothesis *h = &aligner->hypotheses[aligner->k];
+    for (; aligner->item_index < end;
+         aligner->item_index++, units += aligner->item_index % LINKS_PER_UNIT == 0) {
+        aligner_hypothesis *h = &aligner->hypotheses[aligner->item_index];
 
         if (aligner->stage) {
-            h->key = cairn_max(h->score, aligner->params.least_evidence * 2);
+            h->rank = cairn_max(h->score, aligner->params.min_log_likelihood_ratio * 2);
             h->first_stamp = -1;
         }
-        h->state = cluster_of(aligner, h->first) != cluster_of(aligner, h->second) ? ALIGNER_LOOKED
-                                                                                   : ALIGNER_OUT;
-        link_to(aligner, aligner->k, 0, h->first);
-        link_to(aligner, aligner->k, 1, h->second);
+        h->state = cluster_of(aligner, h->first) != cluster_of(aligner, h->second)
+                       ? ALIGNER_EVALUATED
+                       : ALIGNER_REJECTED;
+        link_to(aligner, aligner->item_index, 0, h->first);
+        link_to(aligner, aligner->item_index, 1, h->second);
         invalidate_block(aligner, h);
     }
     if (end == aligner->hypothesis_count)
@@ -341,22 +348,22 @@ static int32_t reject_some(cairn_aligner *aligner)
 {
     int32_t passed = 0, link;
 
-    if (aligner->l == 0) {
+    if (aligner->inner_index == 0) {
         aligner->phase = ALIGNER_PICK;
         return 1;
     }
-    for (link = aligner->links[aligner->k]; link >= 0; passed++) {
+    for (link = aligner->links[aligner->item_index]; link >= 0; passed++) {
         aligner_hypothesis *h = &aligner->hypotheses[link / 2];
 
         link = h->next[link & 1];
-        if (h->state != ALIGNER_OUT &&
+        if (h->state != ALIGNER_REJECTED &&
             cluster_of(aligner, h->first) == cluster_of(aligner, h->second)) {
-            h->state = ALIGNER_OUT;
+            h->state = ALIGNER_REJECTED;
             invalidate_block(aligner, h);
         }
     }
-    aligner->k = aligner->scans[aligner->k].next;
-    aligner->l--;
+    aligner->item_index = aligner->scans[aligner->item_index].next_in_cluster;
+    aligner->inner_index--;
     return 1 + passed / LINKS_PER_UNIT;
 }
 
@@ -366,11 +373,12 @@ static void merge(cairn_aligner *aligner)
     aligner_hypothesis *h = &aligner->hypotheses[aligner->chosen];
     int32_t a = cluster_of(aligner, h->first), b = cluster_of(aligner, h->second), joined;
 
-    aligner->l = aligner->clusters[a].size < aligner->clusters[b].size ? aligner->clusters[a].size
-                                                                       : aligner->clusters[b].size;
-    joined = cairn_aligner_join(aligner, a, b, clusters_pose(aligner, h));
-    aligner->k = aligner->clusters[joined].head;
-    aligner->phase = ALIGNER_CLOSE;
+    aligner->inner_index = aligner->clusters[a].size < aligner->clusters[b].size
+                               ? aligner->clusters[a].size
+                               : aligner->clusters[b].size;
+    joined = cairn_aligner_merge_clusters(aligner, a, b, clusters_pose(aligner, h));
+    aligner->item_index = aligner->clusters[joined].head;
+    aligner->phase = ALIGNER_REJECT_MERGED;
     aligner->result.merges++;
     cairn_aligner_begin_relax(aligner, joined, CAIRN_REAL(0.08),
                               aligner->clusters[joined].size < 6 ? 3 : 2, 0);
@@ -384,25 +392,25 @@ static void pick(cairn_aligner *aligner)
         return;
     aligner->chosen = best_hypothesis(aligner);
     if (aligner->chosen < 0) {
-        aligner->phase = ALIGNER_REPAIR;
-        aligner->i = 0;
-        aligner->changed = 0;
+        aligner->phase = ALIGNER_RELOCALIZE;
+        aligner->scan_index = 0;
+        aligner->changed_scans = 0;
         return;
     }
     h = &aligner->hypotheses[aligner->chosen];
     if (!is_fresh(aligner, h)) {
         if (begin_evaluation(aligner, h))
-            aligner->phase = ALIGNER_LOOKED_AT;
-    } else if (h->state == ALIGNER_LOOKED) {
-        aligner->looked = -1;
+            aligner->phase = ALIGNER_PICK_EVALUATED;
+    } else if (h->state == ALIGNER_EVALUATED) {
+        aligner->evaluated_competing = -1;
         begin_competing(aligner);
-        aligner->phase = ALIGNER_RIVALS;
+        aligner->phase = ALIGNER_EVALUATE_COMPETING;
     } else if (h->state == ALIGNER_COMPARED) {
         aligner->side = 0;
-        cairn_aligner_begin_look(aligner, cluster_of(aligner, h->first),
-                                 cluster_of(aligner, h->second), clusters_pose(aligner, h), 1,
-                                 CAIRN_REAL_MAX);
-        aligner->phase = ALIGNER_SHIFTED;
+        cairn_aligner_begin_evaluation(aligner, cluster_of(aligner, h->first),
+                                       cluster_of(aligner, h->second), clusters_pose(aligner, h), 1,
+                                       CAIRN_REAL_MAX);
+        aligner->phase = ALIGNER_TEST_SHIFTED;
     } else {
         merge(aligner);
     }
@@ -411,20 +419,20 @@ static void pick(cairn_aligner *aligner)
 int32_t cairn_aligner_merge_item(cairn_aligner *aligner)
 {
     switch (aligner->phase) {
-    case ALIGNER_OPEN:
+    case ALIGNER_LINK_HYPOTHESES:
         return link_some(aligner);
     case ALIGNER_PICK:
         pick(aligner);
         return 1;
-    case ALIGNER_LOOKED_AT:
+    case ALIGNER_PICK_EVALUATED:
         store_evaluation(aligner, &aligner->hypotheses[aligner->chosen]);
         aligner->phase = ALIGNER_PICK;
         return 2;
-    case ALIGNER_RIVALS:
+    case ALIGNER_EVALUATE_COMPETING:
         return evaluate_competing(aligner);
-    case ALIGNER_WEIGHED:
+    case ALIGNER_COMPARE_COMPETING:
         return compare(aligner);
-    case ALIGNER_CLOSE:
+    case ALIGNER_REJECT_MERGED:
         return reject_some(aligner);
     default:
         test_shifted(aligner);

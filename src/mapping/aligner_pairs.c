@@ -27,14 +27,14 @@ static void insert_trial(cairn_aligner *aligner, cairn_transform pose, cairn_rea
     int32_t worst = 0, i;
 
     for (i = 0; i < aligner->trial_count; i++) {
-        if (cairn_aligner_near(pose, cairn_transform_of(aligner->trial[i].second_first),
-                               CAIRN_REAL(0.2), CAIRN_REAL(0.9962)))
+        if (cairn_aligner_is_near(pose, cairn_transform_of(aligner->trial[i].second_first),
+                                  CAIRN_REAL(0.2), CAIRN_REAL(0.9962)))
             break;
         if (aligner->trial[i].score < aligner->trial[worst].score)
             worst = i;
     }
     if (i == aligner->trial_count) {
-        if (aligner->trial_count < ALIGNER_TRIALS)
+        if (aligner->trial_count < ALIGNER_MAX_TRIALS)
             aligner->trial_count++;
         else
             i = worst;
@@ -43,8 +43,8 @@ static void insert_trial(cairn_aligner *aligner, cairn_transform pose, cairn_rea
         aligner->trial[i].score = -1;
     }
     if (score > aligner->trial[i].score) {
-        aligner->trial[i].first = aligner->i;
-        aligner->trial[i].second = aligner->second;
+        aligner->trial[i].first = aligner->scan_index;
+        aligner->trial[i].second = aligner->second_scan;
         aligner->trial[i].second_first = cairn_aligner_to_pose(pose);
         aligner->trial[i].score = score;
     }
@@ -58,34 +58,34 @@ static int32_t try_end(cairn_aligner *aligner, const aligner_segment *k, const a
     cairn_vec2 to = cairn_vec2_add(l->a, cairn_vec2_scale(l->direction, end ? l->length : 0));
     cairn_transform pose = {0, 0, cairn_vec2_dot(k->direction, l->direction),
                             cairn_vec2_cross(k->direction, l->direction)};
-    cairn_real far = CAIRN_REAL(1.6) * aligner->params.spread +
-                     aligner->params.spread_angle *
+    cairn_real far = CAIRN_REAL(1.6) * aligner->params.max_initial_error +
+                     aligner->params.max_initial_angle_error *
                          cairn_sqrt(expected.x * expected.x + expected.y * expected.y);
-    int32_t first = aligner->i, second = aligner->second, work;
+    int32_t first = aligner->scan_index, second = aligner->second_scan, work;
     aligner_count count = {0, 0, 0};
     cairn_real score;
 
     pose.x = to.x - (pose.cosine * from.x - pose.sine * from.y);
     pose.y = to.y - (pose.sine * from.x + pose.cosine * from.y);
-    if (!cairn_aligner_near(pose, expected, far, -2))
+    if (!cairn_aligner_is_near(pose, expected, far, -2))
         return 1;
     work = cairn_aligner_count_points(aligner, first, second, pose, TRIAL_GATE_M, MIN_HALF_NATS,
                                       &count);
-    if (cairn_aligner_evidence(aligner, count) > MIN_HALF_NATS)
+    if (cairn_aligner_log_likelihood_ratio(aligner, count) > MIN_HALF_NATS)
         work += cairn_aligner_count_points(aligner, second, first, cairn_aligner_inverse(pose),
                                            TRIAL_GATE_M, MIN_TRIAL_NATS, &count);
-    score = cairn_aligner_evidence(aligner, count);
+    score = cairn_aligner_log_likelihood_ratio(aligner, count);
     if (score > MIN_TRIAL_NATS)
         insert_trial(aligner, pose, score);
-    return 1 + work / ALIGNER_POINTS_OF_UNIT;
+    return 1 + work / ALIGNER_POINTS_PER_UNIT;
 }
 
 /* Advances to the next neighbour of the current scan. */
 static void next_pair(cairn_aligner *aligner)
 {
-    aligner->j++;
-    aligner->k = 0;
-    aligner->l = 0;
+    aligner->neighbour_index++;
+    aligner->item_index = 0;
+    aligner->inner_index = 0;
     aligner->trial_count = 0;
 }
 
@@ -105,58 +105,60 @@ static int may_align(const cairn_aligner *aligner, const aligner_segment *k,
 /* Starts a pair; returns 0 without segments to align. */
 static int begin_pair(cairn_aligner *aligner, int32_t second)
 {
-    const aligner_scan *a = &aligner->scans[aligner->i], *b = &aligner->scans[second];
+    const aligner_scan *a = &aligner->scans[aligner->scan_index], *b = &aligner->scans[second];
 
-    aligner->second = second;
+    aligner->second_scan = second;
     aligner->least_cosine =
-        cairn_cos(cairn_min(CAIRN_REAL(1.6) * aligner->params.spread_angle, CAIRN_PI));
+        cairn_cos(cairn_min(CAIRN_REAL(1.6) * aligner->params.max_initial_angle_error, CAIRN_PI));
     aligner->expected = cairn_transform_of(cairn_pose_between(b->initial, a->initial));
-    return second < aligner->i &&
-           (aligner->j < MAX_PAIRED_NEIGHBOURS ||
-            cairn_aligner_has_partner(aligner, second, aligner->i, MAX_PAIRED_NEIGHBOURS)) &&
+    return second < aligner->scan_index &&
+           (aligner->neighbour_index < MAX_PAIRED_NEIGHBOURS ||
+            cairn_aligner_has_neighbour(aligner, second, aligner->scan_index,
+                                        MAX_PAIRED_NEIGHBOURS)) &&
            a->end_segment > a->first_segment && b->end_segment > b->first_segment;
 }
 
 /* One pair of segments of a pair of scans. */
 static int32_t try_segments(cairn_aligner *aligner)
 {
-    const aligner_scan *first = &aligner->scans[aligner->i], *second;
+    const aligner_scan *first = &aligner->scans[aligner->scan_index], *second;
     const aligner_segment *k, *l;
     int32_t passed = 0, units = 1;
 
-    if (aligner->j == first->partner_count) {
-        aligner->i++;
-        aligner->j = 0;
+    if (aligner->neighbour_index == first->neighbour_count) {
+        aligner->scan_index++;
+        aligner->neighbour_index = 0;
         return 1;
     }
-    if (aligner->k == 0 && aligner->l == 0 &&
-        !begin_pair(aligner, cairn_aligner_partner(aligner, aligner->i, aligner->j))) {
+    if (aligner->item_index == 0 && aligner->inner_index == 0 &&
+        !begin_pair(aligner, cairn_aligner_neighbour(aligner, aligner->scan_index,
+                                                     aligner->neighbour_index))) {
         next_pair(aligner);
         return 1;
     }
-    if (first->first_segment + aligner->k == first->end_segment) {
-        aligner->phase = ALIGNER_TRIALS_OF_PAIR;
+    if (first->first_segment + aligner->item_index == first->end_segment) {
+        aligner->phase = ALIGNER_REFINE_TRIALS;
         aligner->trial_at = 0;
         return 1;
     }
-    second = &aligner->scans[aligner->second];
-    k = &aligner->segments[first->first_segment + aligner->k];
+    second = &aligner->scans[aligner->second_scan];
+    k = &aligner->segments[first->first_segment + aligner->item_index];
     for (;;) {
-        l = &aligner->segments[second->first_segment + aligner->l++];
+        l = &aligner->segments[second->first_segment + aligner->inner_index++];
         if (may_align(aligner, k, l))
             break;
         passed++;
-        if (second->first_segment + aligner->l == second->end_segment)
+        if (second->first_segment + aligner->inner_index == second->end_segment)
             break;
     }
     if (may_align(aligner, k, l))
         for (int32_t end = 0; end < 2; end++)
             units += try_end(aligner, k, l, end, aligner->expected);
-    if (second->first_segment + aligner->l == second->end_segment) {
-        aligner->l = 0;
-        aligner->k++;
+    if (second->first_segment + aligner->inner_index == second->end_segment) {
+        aligner->inner_index = 0;
+        aligner->item_index++;
     }
-    return units + passed / ALIGNER_FAR_OF_UNIT;
+    return units + passed / ALIGNER_FAR_PAIRS_PER_UNIT;
 }
 
 /* Refines a trial of the current pair. */
@@ -172,8 +174,8 @@ static int32_t refine_trial(cairn_aligner *aligner, aligner_hypothesis *trial)
         aligner_sums sums;
 
         memset(&sums, 0, sizeof sums);
-        work += cairn_aligner_pull(aligner, trial->first, trial->second, pose, same, gate, 1,
-                                   centre, &sums);
+        work += cairn_aligner_add_normal_equations(aligner, trial->first, trial->second, pose, same,
+                                                   gate, 1, centre, &sums);
         if (!cairn_aligner_solve(&sums, motion))
             break;
         pose = cairn_aligner_moved(pose, centre, motion);
@@ -181,8 +183,8 @@ static int32_t refine_trial(cairn_aligner *aligner, aligner_hypothesis *trial)
     trial->second_first = cairn_aligner_to_pose(pose);
     work +=
         cairn_aligner_count_pair(aligner, trial->first, trial->second, pose, COUNT_GATE_M, &count);
-    trial->score = cairn_aligner_evidence(aligner, count);
-    return 4 + work / ALIGNER_POINTS_OF_UNIT;
+    trial->score = cairn_aligner_log_likelihood_ratio(aligner, count);
+    return 4 + work / ALIGNER_POINTS_PER_UNIT;
 }
 
 /* Stores a hypothesis; at capacity it replaces the worst one, if better. */
@@ -197,18 +199,18 @@ static void store_hypothesis(cairn_aligner *aligner, const aligner_hypothesis *t
         for (int32_t i = 1; i < aligner->hypothesis_count; i++)
             if (aligner->hypotheses[i].score < h->score)
                 h = &aligner->hypotheses[i];
-        aligner->debt += aligner->hypothesis_count / 32;
+        aligner->units_owed += aligner->hypothesis_count / 32;
         if (h->score >= trial->score)
             return;
     }
     *h = *trial;
-    h->key = h->score;
+    h->rank = h->score;
     h->first_stamp = h->second_stamp = -1;
 }
 
 static void store_best(cairn_aligner *aligner)
 {
-    for (int32_t kept = 0; kept < ALIGNER_KEPT; kept++) {
+    for (int32_t kept = 0; kept < ALIGNER_MAX_KEPT_PER_PAIR; kept++) {
         aligner_hypothesis *best = NULL;
         cairn_transform pose;
 
@@ -221,8 +223,8 @@ static void store_best(cairn_aligner *aligner)
         store_hypothesis(aligner, best);
         pose = cairn_transform_of(best->second_first);
         for (int32_t i = 0; i < aligner->trial_count; i++)
-            if (cairn_aligner_near(pose, cairn_transform_of(aligner->trial[i].second_first),
-                                   NMS_RADIUS_M, CAIRN_REAL(0.9976)))
+            if (cairn_aligner_is_near(pose, cairn_transform_of(aligner->trial[i].second_first),
+                                      NMS_RADIUS_M, CAIRN_REAL(0.9976)))
                 aligner->trial[i].score = -1;
     }
 }
@@ -230,9 +232,9 @@ static void store_best(cairn_aligner *aligner)
 int32_t cairn_aligner_pairs_item(cairn_aligner *aligner)
 {
     if (aligner->phase == ALIGNER_PAIRS) {
-        if (aligner->i == aligner->scan_count) {
+        if (aligner->scan_index == aligner->scan_count) {
             aligner->result.hypotheses = aligner->hypothesis_count;
-            cairn_aligner_begin_open(aligner, 0);
+            cairn_aligner_begin_merging(aligner, 0);
             return 1;
         }
         return try_segments(aligner);
@@ -242,5 +244,5 @@ int32_t cairn_aligner_pairs_item(cairn_aligner *aligner)
     store_best(aligner);
     next_pair(aligner);
     aligner->phase = ALIGNER_PAIRS;
-    return ALIGNER_TRIALS;
+    return ALIGNER_MAX_TRIALS;
 }

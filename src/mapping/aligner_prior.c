@@ -54,13 +54,15 @@ cairn_transform cairn_aligner_gauge(const cairn_aligner *aligner, int32_t cluste
                share = 1 / (cairn_real)aligner->clusters[cluster].size;
     cairn_vec2 p = {0, 0}, q = {0, 0};
 
-    for (int32_t i = aligner->clusters[cluster].head; i >= 0; i = aligner->scans[i].next) {
+    for (int32_t i = aligner->clusters[cluster].head; i >= 0;
+         i = aligner->scans[i].next_in_cluster) {
         p.x += share * aligner->poses[i].x;
         p.y += share * aligner->poses[i].y;
         q.x += share * aligner->scans[i].initial.x;
         q.y += share * aligner->scans[i].initial.y;
     }
-    for (int32_t i = aligner->clusters[cluster].head; i >= 0; i = aligner->scans[i].next) {
+    for (int32_t i = aligner->clusters[cluster].head; i >= 0;
+         i = aligner->scans[i].next_in_cluster) {
         cairn_transform pose = aligner->poses[i],
                         initial = cairn_transform_of(aligner->scans[i].initial);
         cairn_vec2 u = {pose.x - p.x, pose.y - p.y}, v = {initial.x - q.x, initial.y - q.y};
@@ -93,7 +95,8 @@ static residual residual_of(const cairn_aligner *aligner, int32_t scan, cairn_tr
 }
 
 /* Adds a scan (sign 1) or removes it (-1); the maxima only grow. */
-static void add_scan(const cairn_aligner *aligner, aligner_fit *fit, int32_t scan, cairn_real sign)
+static void add_scan(const cairn_aligner *aligner, aligner_prior_sums *fit, int32_t scan,
+                     cairn_real sign)
 {
     residual m = residual_of(aligner, scan, fit->gauge);
     cairn_vec2 u = cairn_vec2_sub(m.place, fit->origin);
@@ -107,29 +110,31 @@ static void add_scan(const cairn_aligner *aligner, aligner_fit *fit, int32_t sca
     fit->ee += sign * cairn_vec2_norm_squared(m.error);
     fit->ue += sign * cairn_vec2_dot(u, m.error);
     fit->uxe += sign * cairn_vec2_cross(u, m.error);
-    fit->turn += sign * m.turn;
-    fit->turns += sign * m.turn * m.turn;
+    fit->sum_angle += sign * m.turn;
+    fit->sum_angle2 += sign * m.turn * m.turn;
     fit->cosine += sign * cosine;
     fit->sine += sign * sine;
-    fit->far = cairn_max(fit->far, cairn_max(cairn_abs(m.error.x), cairn_abs(m.error.y)));
-    fit->turned = cairn_max(fit->turned, cairn_abs(m.turn));
+    fit->max_error =
+        cairn_max(fit->max_error, cairn_max(cairn_abs(m.error.x), cairn_abs(m.error.y)));
+    fit->max_angle_error = cairn_max(fit->max_angle_error, cairn_abs(m.turn));
     fit->radius = cairn_max(fit->radius, cairn_vec2_norm(u));
 }
 
-void cairn_aligner_fit_scan(cairn_aligner *aligner, int32_t scan, int32_t cluster, int32_t sign)
+void cairn_aligner_update_prior_sums(cairn_aligner *aligner, int32_t scan, int32_t cluster,
+                                     int32_t sign)
 {
-    aligner_fit *fit = &aligner->fits[cluster];
+    aligner_prior_sums *fit = &aligner->prior_sums[cluster];
 
     if (fit->stamp != aligner->clusters[cluster].stamp || aligner->clusters[cluster].size == 0)
         return;
     add_scan(aligner, fit, scan, (cairn_real)sign);
-    fit->stamp = aligner->changes + 1; /* the stamp of the change that follows */
+    fit->stamp = aligner->change_count + 1; /* the stamp of the change that follows */
 }
 
 /* Returns the sums of a cluster, computed anew if outdated. */
-static const aligner_fit *sums_of(cairn_aligner *aligner, int32_t cluster)
+static const aligner_prior_sums *sums_of(cairn_aligner *aligner, int32_t cluster)
 {
-    aligner_fit *fit = &aligner->fits[cluster];
+    aligner_prior_sums *fit = &aligner->prior_sums[cluster];
     int32_t head = aligner->clusters[cluster].head;
     cairn_transform middle;
 
@@ -137,14 +142,14 @@ static const aligner_fit *sums_of(cairn_aligner *aligner, int32_t cluster)
         return fit;
     memset(fit, 0, sizeof *fit);
     fit->stamp = aligner->clusters[cluster].stamp;
-    fit->learnt = -1;
+    fit->estimate_stamp = -1;
     fit->gauge = cairn_aligner_gauge(aligner, cluster);
     middle = cairn_aligner_compose(fit->gauge, aligner->poses[head]);
     fit->origin.x = middle.x;
     fit->origin.y = middle.y;
-    for (int32_t i = head; i >= 0; i = aligner->scans[i].next)
+    for (int32_t i = head; i >= 0; i = aligner->scans[i].next_in_cluster)
         add_scan(aligner, fit, i, 1);
-    aligner->debt += aligner->clusters[cluster].size / SCANS_PER_UNIT;
+    aligner->units_owed += aligner->clusters[cluster].size / SCANS_PER_UNIT;
     return fit;
 }
 
@@ -152,7 +157,7 @@ static const aligner_fit *sums_of(cairn_aligner *aligner, int32_t cluster)
 
 /* A cluster in a common frame, and its contribution to the common gauge. */
 typedef struct gauge_member {
-    const aligner_fit *fit;
+    const aligner_prior_sums *fit;
     int32_t cluster;
     cairn_transform moved;       /* motion of the sums' positions */
     cairn_vec2 place, placement; /* means of its positions there, and of the initial ones */
@@ -187,7 +192,7 @@ static cairn_transform common_gauge(const cairn_aligner *aligner, const gauge_me
         q = cairn_vec2_add(q, cairn_vec2_scale(cairn_vec2_sub(parties[k].placement, q), n / scans));
     }
     for (int32_t k = 0; k < count; k++) {
-        const aligner_fit *f = parties[k].fit;
+        const aligner_prior_sums *f = parties[k].fit;
         cairn_real c = parties[k].moved.cosine, s = parties[k].moved.sine, n = f->count;
         cairn_vec2 a = cairn_vec2_sub(parties[k].place, p),
                    b = cairn_vec2_sub(parties[k].placement, q);
@@ -213,8 +218,8 @@ typedef struct residual_sums {
 static cairn_real distance_outside_box(const cairn_aligner *aligner, cairn_real x_error,
                                        cairn_real y_error, cairn_real turn)
 {
-    cairn_real far = BOX_FACTOR * aligner->params.spread,
-               turned = BOX_FACTOR * aligner->params.spread_angle;
+    cairn_real far = BOX_FACTOR * aligner->params.max_initial_error,
+               turned = BOX_FACTOR * aligner->params.max_initial_angle_error;
 
     return cairn_max(cairn_abs(x_error) - far, 0) + cairn_max(cairn_abs(y_error) - far, 0) +
            ARM_M * cairn_max(cairn_abs(turn) - turned, 0);
@@ -225,14 +230,15 @@ static residual_sums visit_scans(cairn_aligner *aligner, int32_t cluster, cairn_
 {
     residual_sums m = {0, 0, 0};
 
-    for (int32_t i = aligner->clusters[cluster].head; i >= 0; i = aligner->scans[i].next) {
+    for (int32_t i = aligner->clusters[cluster].head; i >= 0;
+         i = aligner->scans[i].next_in_cluster) {
         residual one = residual_of(aligner, i, gauge);
 
         m.squares += cairn_vec2_norm_squared(one.error);
         m.squares_angle += one.turn * one.turn;
         m.beyond += distance_outside_box(aligner, one.error.x, one.error.y, one.turn);
     }
-    aligner->debt += aligner->clusters[cluster].size / SCANS_PER_UNIT;
+    aligner->units_owed += aligner->clusters[cluster].size / SCANS_PER_UNIT;
     return m;
 }
 
@@ -241,7 +247,7 @@ static residual_sums visit_scans(cairn_aligner *aligner, int32_t cluster, cairn_
 static residual_sums residual_sums_of(cairn_aligner *aligner, const gauge_member *own,
                                       cairn_transform common)
 {
-    const aligner_fit *f = own->fit;
+    const aligner_prior_sums *f = own->fit;
     cairn_transform motion = cairn_aligner_compose(common, own->moved);
     cairn_vec2 s = cairn_vec2_sub(cairn_transform_point(motion, f->origin), f->origin), turned;
     cairn_real sine = motion.sine,
@@ -250,7 +256,8 @@ static residual_sums residual_sums_of(cairn_aligner *aligner, const gauge_member
                stray = cairn_vec2_norm(s) + cairn_abs(turn) * f->radius;
     residual_sums m;
 
-    if (distance_outside_box(aligner, f->far + stray, 0, f->turned + cairn_abs(turn)) > 0)
+    if (distance_outside_box(aligner, f->max_error + stray, 0,
+                             f->max_angle_error + cairn_abs(turn)) > 0)
         return visit_scans(
             aligner, own->cluster,
             cairn_aligner_compose(common, cairn_aligner_compose(own->moved, f->gauge)));
@@ -259,7 +266,7 @@ static residual_sums residual_sums_of(cairn_aligner *aligner, const gauge_member
     m.squares = f->ee + f->count * cairn_vec2_norm_squared(s) + 2 * cairn_vec2_dot(s, f->e) +
                 2 * lost * f->uu + 2 * cairn_vec2_dot(s, turned) +
                 2 * (sine * f->uxe - lost * f->ue);
-    m.squares_angle = f->turns + 2 * turn * f->turn + f->count * turn * turn;
+    m.squares_angle = f->sum_angle2 + 2 * turn * f->sum_angle + f->count * turn * turn;
     m.beyond = 0;
     return m;
 }
@@ -305,39 +312,40 @@ cairn_real cairn_aligner_prior(cairn_aligner *aligner, int32_t moving, int32_t f
 
         together += chi_squared(aligner, &m);
     }
-    aligner->debt += 4;
+    aligner->units_owed += 4;
     return -(together - own_chi2(aligner, moving) - own_chi2(aligner, fixed)) / 2;
 }
 
 /* Returns the residuals of a cluster at its own gauge; computed anew when it has changed. */
-static const aligner_fit *update_estimate(cairn_aligner *aligner, int32_t cluster)
+static const aligner_prior_sums *update_estimate(cairn_aligner *aligner, int32_t cluster)
 {
-    aligner_fit *fit = &aligner->fits[cluster];
+    aligner_prior_sums *fit = &aligner->prior_sums[cluster];
     residual_sums m;
 
-    if (fit->stamp == aligner->clusters[cluster].stamp && fit->learnt == fit->stamp)
+    if (fit->stamp == aligner->clusters[cluster].stamp && fit->estimate_stamp == fit->stamp)
         return fit;
     m = own_residual_sums(aligner, cluster);
-    fit->learnt = fit->stamp;
+    fit->estimate_stamp = fit->stamp;
     fit->squares = m.squares;
     fit->squares_angle = m.squares_angle;
-    aligner->debt++;
+    aligner->units_owed++;
     return fit;
 }
 
-void cairn_aligner_learn_spread(cairn_aligner *aligner)
+void cairn_aligner_estimate_sigmas(cairn_aligner *aligner)
 {
-    cairn_real expected = aligner->params.spread * aligner->params.spread / 3;
-    cairn_real expected_angle = aligner->params.spread_angle * aligner->params.spread_angle / 3;
+    cairn_real expected = aligner->params.max_initial_error * aligner->params.max_initial_error / 3;
+    cairn_real expected_angle =
+        aligner->params.max_initial_angle_error * aligner->params.max_initial_angle_error / 3;
     cairn_real squares = PRIOR_SCANS * 2 * expected, squares_angle = PRIOR_SCANS * expected_angle;
     cairn_real count = PRIOR_SCANS;
 
-    aligner->debt += aligner->scan_count / CLUSTERS_PER_UNIT;
+    aligner->units_owed += aligner->scan_count / CLUSTERS_PER_UNIT;
     aligner->sigma = cairn_sqrt(expected);
     aligner->sigma_angle = cairn_sqrt(expected_angle);
     for (int32_t c = 0; c < aligner->scan_count; c++)
         if (aligner->clusters[c].size > 1) {
-            const aligner_fit *fit = update_estimate(aligner, c);
+            const aligner_prior_sums *fit = update_estimate(aligner, c);
 
             squares += fit->squares;
             squares_angle += fit->squares_angle;

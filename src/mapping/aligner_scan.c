@@ -82,8 +82,8 @@ cairn_pose cairn_aligner_to_pose(cairn_transform t)
     return pose;
 }
 
-int32_t cairn_aligner_near(cairn_transform a, cairn_transform b, cairn_real metres,
-                           cairn_real cosine)
+int32_t cairn_aligner_is_near(cairn_transform a, cairn_transform b, cairn_real metres,
+                              cairn_real cosine)
 {
     cairn_real dx = a.x - b.x, dy = a.y - b.y;
 
@@ -110,7 +110,7 @@ cairn_transform cairn_aligner_moved(cairn_transform pose, cairn_vec2 centre,
 
 static cairn_real range_of(const cairn_aligner *aligner, uint16_t range)
 {
-    return (cairn_real)range * (aligner->params.reach / CAIRN_REAL(65535.0));
+    return (cairn_real)range * (aligner->params.max_range / CAIRN_REAL(65535.0));
 }
 
 int32_t cairn_aligner_points_of(const cairn_aligner *aligner, int32_t scan)
@@ -150,8 +150,8 @@ static int may_see(const aligner_scan *a, cairn_transform map_a, cairn_vec2 midd
     return is_in_cone(a, map_a, a->view_cosine, a->view_sine, middle, radius);
 }
 
-int32_t cairn_aligner_may_meet(const cairn_aligner *aligner, int32_t i, int32_t j,
-                               cairn_transform map_i, cairn_transform map_j)
+int32_t cairn_aligner_may_overlap(const cairn_aligner *aligner, int32_t i, int32_t j,
+                                  cairn_transform map_i, cairn_transform map_j)
 {
     const aligner_scan *a = &aligner->scans[i], *b = &aligner->scans[j];
     cairn_vec2 p = cairn_transform_point(map_i, a->middle),
@@ -174,13 +174,13 @@ static int have_same_direction(const cairn_aligner *aligner, cairn_vec2 a, cairn
 static int32_t surface_at(const cairn_aligner *aligner, int32_t scan, int32_t bin, cairn_vec2 p,
                           cairn_vec2 direction, cairn_real gate, cairn_real *error)
 {
-    const aligner_table *table = &aligner->tables[scan];
+    const aligner_visibility *table = &aligner->visibility[scan];
     int32_t best = -1, before = ALIGNER_NO_SEGMENT;
     cairn_real margin = END_MARGIN_M + gate / 2;
 
     *error = gate;
     for (int32_t k = -1; k <= 1; k++) {
-        int32_t id = table->segment[(bin + k) & (ALIGNER_BINS - 1)];
+        int32_t id = table->segment[(bin + k) & (ALIGNER_PROFILE_BINS - 1)];
         const aligner_segment *s;
         cairn_vec2 from;
         cairn_real across, along;
@@ -207,11 +207,11 @@ static int32_t surface_at(const cairn_aligner *aligner, int32_t scan, int32_t bi
 static lookup_result look_up(const cairn_aligner *aligner, int32_t scan, cairn_vec2 p,
                              cairn_vec2 direction, cairn_real gate)
 {
-    const aligner_table *table = &aligner->tables[scan];
+    const aligner_visibility *table = &aligner->visibility[scan];
     cairn_vec2 ray = cairn_vec2_sub(p, aligner->scans[scan].sensor);
     int32_t bin = cairn_aligner_bin_of(ray.x, ray.y);
-    uint16_t before = table->range[(bin - 1) & (ALIGNER_BINS - 1)];
-    uint16_t here = table->range[bin], after = table->range[(bin + 1) & (ALIGNER_BINS - 1)];
+    uint16_t before = table->range[(bin - 1) & (ALIGNER_PROFILE_BINS - 1)];
+    uint16_t here = table->range[bin], after = table->range[(bin + 1) & (ALIGNER_PROFILE_BINS - 1)];
     cairn_real error, range, clear, squared;
 
     if (here == 0)
@@ -240,13 +240,14 @@ static int may_be_visible(const cairn_aligner *aligner, int32_t scan, cairn_vec2
 {
     cairn_vec2 ray = cairn_vec2_sub(middle, aligner->scans[scan].sensor);
     cairn_real squared = cairn_vec2_norm_squared(ray), reach;
-    const uint16_t *sectors = aligner->tables[scan].farthest;
-    int32_t sector = cairn_aligner_bin_of(ray.x, ray.y) / (ALIGNER_BINS / ALIGNER_SECTORS);
+    const uint16_t *sectors = aligner->visibility[scan].sector_max;
+    int32_t sector =
+        cairn_aligner_bin_of(ray.x, ray.y) / (ALIGNER_PROFILE_BINS / ALIGNER_PROFILE_SECTORS);
     uint16_t farthest = sectors[sector];
 
     if (radius * radius > SINE_OF_SECTOR * SINE_OF_SECTOR * squared) {
-        uint16_t before = sectors[(sector - 1) & (ALIGNER_SECTORS - 1)];
-        uint16_t after = sectors[(sector + 1) & (ALIGNER_SECTORS - 1)];
+        uint16_t before = sectors[(sector - 1) & (ALIGNER_PROFILE_SECTORS - 1)];
+        uint16_t after = sectors[(sector + 1) & (ALIGNER_PROFILE_SECTORS - 1)];
 
         if (radius * radius > SINE_OF_TWO * SINE_OF_TWO * squared)
             return 1;
@@ -281,7 +282,7 @@ static int next_patch(patch_walk *w, cairn_transform to_from)
         const aligner_patch *patch = &w->x->patches[w->patch++];
 
         w->at = w->end;
-        w->end = w->at + ALIGNER_PATCH < w->last ? w->at + ALIGNER_PATCH : w->last;
+        w->end = w->at + ALIGNER_PATCH_POINTS < w->last ? w->at + ALIGNER_PATCH_POINTS : w->last;
         w->work += w->patch & 1;
         if (may_be_visible(w->x, w->to, cairn_transform_point(to_from, patch->middle),
                            patch->radius)) {
@@ -296,8 +297,8 @@ static int32_t visible_patches_of(const cairn_aligner *aligner, int32_t from, in
                                   cairn_transform to_from)
 {
     int32_t first = aligner->scans[from].first_patch, shown = 0;
-    int32_t end =
-        first + (cairn_aligner_points_of(aligner, from) + ALIGNER_PATCH - 1) / ALIGNER_PATCH;
+    int32_t end = first + (cairn_aligner_points_of(aligner, from) + ALIGNER_PATCH_POINTS - 1) /
+                              ALIGNER_PATCH_POINTS;
 
     for (int32_t k = first; k < end; k++)
         shown +=
@@ -306,7 +307,8 @@ static int32_t visible_patches_of(const cairn_aligner *aligner, int32_t from, in
     return shown;
 }
 
-int32_t cairn_aligner_shown(const cairn_aligner *aligner, int32_t i, int32_t j, cairn_transform i_j)
+int32_t cairn_aligner_visible_patches(const cairn_aligner *aligner, int32_t i, int32_t j,
+                                      cairn_transform i_j)
 {
     return visible_patches_of(aligner, j, i, i_j) +
            visible_patches_of(aligner, i, j, cairn_aligner_inverse(i_j));
@@ -325,8 +327,8 @@ static cairn_real saturated(int32_t points)
 static int is_hopeless(const cairn_aligner *aligner, aligner_count count, int32_t left,
                        cairn_real least)
 {
-    count.same += cairn_min((cairn_real)left, LOOKAHEAD_POINTS);
-    return cairn_aligner_evidence(aligner, count) <= least;
+    count.same_surface += cairn_min((cairn_real)left, LOOKAHEAD_POINTS);
+    return cairn_aligner_log_likelihood_ratio(aligner, count) <= least;
 }
 
 int32_t cairn_aligner_count_points(const cairn_aligner *aligner, int32_t from, int32_t to,
@@ -342,7 +344,7 @@ int32_t cairn_aligner_count_points(const cairn_aligner *aligner, int32_t from, i
             const aligner_point *point = &aligner->points[i];
 
             if (point->segment != segment) {
-                count->same += saturated(same);
+                count->same_surface += saturated(same);
                 same = 0;
                 segment = point->segment;
                 direction =
@@ -354,23 +356,23 @@ int32_t cairn_aligner_count_points(const cairn_aligner *aligner, int32_t from, i
                 same++;
                 break;
             case LOOKUP_OTHER_SURFACE:
-                count->other += 1;
+                count->other_surface += 1;
                 break;
             case LOOKUP_FREE_SPACE:
-                count->through += 1;
+                count->free_space += 1;
                 break;
             default:
                 break;
             }
         }
-    count->same += saturated(same);
+    count->same_surface += saturated(same);
     return w.work;
 }
 
-cairn_real cairn_aligner_evidence(const cairn_aligner *aligner, aligner_count count)
+cairn_real cairn_aligner_log_likelihood_ratio(const cairn_aligner *aligner, aligner_count count)
 {
-    return SAME_SURFACE_NATS * count.same - OTHER_SURFACE_NATS * count.other -
-           aligner->params.contradiction * count.through;
+    return SAME_SURFACE_NATS * count.same_surface - OTHER_SURFACE_NATS * count.other_surface -
+           aligner->params.free_space_penalty * count.free_space;
 }
 
 int32_t cairn_aligner_count_pair(const cairn_aligner *aligner, int32_t first, int32_t second,
@@ -401,8 +403,8 @@ static void add_point(const cairn_aligner *aligner, const aligner_point *point, 
 
     if (surface < 0)
         return;
-    normal =
-        cairn_transform_direction(map_to, cairn_vec2_left(aligner->segments[surface].direction));
+    normal = cairn_transform_direction(map_to,
+                                       cairn_vec2_left_perp(aligner->segments[surface].direction));
     arm = cairn_vec2_sub(cairn_transform_point(map_to, p), centre);
     weight = 1 / (1 + 4 / (gate * gate) * error * error);
     row[0] = normal.x;
@@ -414,9 +416,10 @@ static void add_point(const cairn_aligner *aligner, const aligner_point *point, 
     sums->pairs++;
 }
 
-int32_t cairn_aligner_pull(const cairn_aligner *aligner, int32_t from, int32_t to,
-                           cairn_transform map_from, cairn_transform map_to, cairn_real gate,
-                           cairn_real sign, cairn_vec2 centre, aligner_sums *sums)
+int32_t cairn_aligner_add_normal_equations(const cairn_aligner *aligner, int32_t from, int32_t to,
+                                           cairn_transform map_from, cairn_transform map_to,
+                                           cairn_real gate, cairn_real sign, cairn_vec2 centre,
+                                           aligner_sums *sums)
 {
     cairn_transform to_from = cairn_aligner_between(map_to, map_from);
     patch_walk w = begin_patches(aligner, from, to);

@@ -52,8 +52,8 @@ static cairn_real gate_of(int32_t round)
 
 static int is_used(const cairn_aligner *aligner, const aligner_segment *s)
 {
-    return s->weight > 0 && (s->stub || s->length > MIN_LENGTH_M) &&
-           aligner->scans[s->scan].part == aligner->home;
+    return s->weight > 0 && (s->is_short || s->length > MIN_LENGTH_M) &&
+           aligner->scans[s->scan].cluster == aligner->home;
 }
 
 /* ---- Order of the segments: decreasing information, by heap sort ---- */
@@ -117,8 +117,8 @@ static void fit_wall(aligner_wall *wall, cairn_vec2 direction)
     cairn_real values[2];
     cairn_vec2 minor, major;
 
-    cairn_sym2_eigen(wall->spread, values, &minor, &major);
-    if (cairn_vec2_dot(minor, cairn_vec2_left(direction)) < 0)
+    cairn_sym2_eigen(wall->scatter, values, &minor, &major);
+    if (cairn_vec2_dot(minor, cairn_vec2_left_perp(direction)) < 0)
         minor = cairn_vec2_scale(minor, -1);
     wall->normal = minor;
     wall->offset = cairn_vec2_dot(minor, wall->middle);
@@ -138,11 +138,11 @@ static void add_to_wall(cairn_aligner *aligner, aligner_wall *wall, const aligne
     cairn_real c = pose.cosine, si = pose.sine, sum = wall->weight + s->weight,
                share = wall->weight * s->weight / sum;
     cairn_real dx = mean.x - wall->middle.x, dy = mean.y - wall->middle.y, low, high;
-    cairn_sym2 m = s->spread;
+    cairn_sym2 m = s->scatter;
 
-    wall->spread.xx += c * c * m.xx - 2 * c * si * m.xy + si * si * m.yy + share * dx * dx;
-    wall->spread.xy += c * si * (m.xx - m.yy) + (c * c - si * si) * m.xy + share * dx * dy;
-    wall->spread.yy += si * si * m.xx + 2 * c * si * m.xy + c * c * m.yy + share * dy * dy;
+    wall->scatter.xx += c * c * m.xx - 2 * c * si * m.xy + si * si * m.yy + share * dx * dx;
+    wall->scatter.xy += c * si * (m.xx - m.yy) + (c * c - si * si) * m.xy + share * dx * dy;
+    wall->scatter.yy += si * si * m.xx + 2 * c * si * m.xy + c * c * m.yy + share * dy * dy;
     wall->middle.x += dx * s->weight / sum;
     wall->middle.y += dy * s->weight / sum;
     wall->weight = sum;
@@ -152,10 +152,10 @@ static void add_to_wall(cairn_aligner *aligner, aligner_wall *wall, const aligne
     high = low + s->length;
     wall->low = cairn_min(wall->low, low);
     wall->high = cairn_max(wall->high, high);
-    if (wall->scans == 0)
+    if (wall->scan_count == 0)
         wall->first_scan = s->scan;
-    if (wall->scans < 2 && (wall->scans == 0 || wall->first_scan != s->scan))
-        wall->scans++;
+    if (wall->scan_count < 2 && (wall->scan_count == 0 || wall->first_scan != s->scan))
+        wall->scan_count++;
 }
 
 int cairn_aligner_same_line(const aligner_wall *wall, const aligner_segment *s,
@@ -163,8 +163,8 @@ int cairn_aligner_same_line(const aligner_wall *wall, const aligner_segment *s,
 {
     cairn_real cosine = cairn_vec2_dot(cairn_aligner_along(wall), direction);
 
-    return s->stub ? cosine >= MIN_COSINE_SHORT && wall->high - wall->low >= MIN_WALL_LENGTH_M
-                   : cosine >= MIN_COSINE;
+    return s->is_short ? cosine >= MIN_COSINE_SHORT && wall->high - wall->low >= MIN_WALL_LENGTH_M
+                       : cosine >= MIN_COSINE;
 }
 
 /* A segment in the map. */
@@ -184,7 +184,7 @@ static placed place_segment(const cairn_aligner *aligner, const aligner_segment 
     p.a = cairn_transform_point(pose, s->a);
     p.b = cairn_vec2_add(p.a, cairn_vec2_scale(p.direction, s->length));
     p.gate = gate_of(aligner->round) + (s->length < SHORT_LENGTH_M ? SHORT_EXTRA_GATE_M : 0);
-    p.far = aligner->scans[s->scan].weak ? MAX_GAP_WEAK_M : MAX_GAP_M;
+    p.far = aligner->scans[s->scan].is_weak ? MAX_GAP_WEAK_M : MAX_GAP_M;
     return p;
 }
 
@@ -212,8 +212,8 @@ static cairn_real distance_from_wall(const aligner_wall *wall, const placed *p)
     return error + GAP_COST_PER_M * cairn_max(gap, 0);
 }
 
-cairn_real cairn_aligner_misfit(const cairn_aligner *aligner, const aligner_segment *s,
-                                const aligner_wall *wall)
+cairn_real cairn_aligner_wall_distance(const cairn_aligner *aligner, const aligner_segment *s,
+                                       const aligner_wall *wall)
 {
     placed p = place_segment(aligner, s);
 
@@ -222,7 +222,8 @@ cairn_real cairn_aligner_misfit(const cairn_aligner *aligner, const aligner_segm
 
 static int32_t direction_bin(cairn_vec2 direction)
 {
-    return cairn_aligner_bin_of(direction.x, direction.y) / (ALIGNER_BINS / ALIGNER_WAYS);
+    return cairn_aligner_bin_of(direction.x, direction.y) /
+           (ALIGNER_PROFILE_BINS / ALIGNER_WALL_DIRECTIONS);
 }
 
 /* ---- Wall index ---- */
@@ -231,7 +232,7 @@ static int32_t bucket_of(int32_t x, int32_t y, int32_t way)
 {
     uint32_t hash = (uint32_t)x * 73856093U ^ (uint32_t)y * 19349663U ^ (uint32_t)way * 83492791U;
 
-    return (int32_t)((hash ^ hash >> 15) & (ALIGNER_TILES - 1));
+    return (int32_t)((hash ^ hash >> 15) & (ALIGNER_WALL_BUCKETS - 1));
 }
 
 static int32_t tile_index(cairn_real metres)
@@ -247,7 +248,7 @@ static int32_t bucket_of_wall(const aligner_wall *wall)
     int32_t way = direction_bin(along);
 
     if (wall->high - wall->low > TILE_M)
-        return ALIGNER_TILES + way;
+        return ALIGNER_WALL_BUCKETS + way;
     p = cairn_vec2_add(cairn_vec2_scale(wall->normal, wall->offset),
                        cairn_vec2_scale(along, middle));
     return bucket_of(tile_index(p.x), tile_index(p.y), way);
@@ -259,16 +260,16 @@ static void index_wall(cairn_aligner *aligner, int32_t w)
     aligner_wall *wall = &aligner->walls[w];
     int32_t tile = bucket_of_wall(wall), *link;
 
-    if (tile == wall->tile)
+    if (tile == wall->bucket)
         return;
-    if (wall->tile >= 0) {
-        for (link = &aligner->tiles[wall->tile]; *link != w;)
-            link = &aligner->walls[*link].next;
-        *link = wall->next;
+    if (wall->bucket >= 0) {
+        for (link = &aligner->buckets[wall->bucket]; *link != w;)
+            link = &aligner->walls[*link].next_in_bucket;
+        *link = wall->next_in_bucket;
     }
-    wall->tile = tile;
-    wall->next = aligner->tiles[tile];
-    aligner->tiles[tile] = w;
+    wall->bucket = tile;
+    wall->next_in_bucket = aligner->buckets[tile];
+    aligner->buckets[tile] = w;
 }
 
 /* Search for the nearest wall. */
@@ -283,7 +284,7 @@ typedef struct wall_search {
 /* Visits the walls of a bucket. */
 static void visit_bucket(const cairn_aligner *aligner, int32_t tile, wall_search *f)
 {
-    for (int32_t w = aligner->tiles[tile]; w >= 0; w = aligner->walls[w].next) {
+    for (int32_t w = aligner->buckets[tile]; w >= 0; w = aligner->walls[w].next_in_bucket) {
         cairn_real fit;
 
         f->passed++;
@@ -315,7 +316,7 @@ static int may_hold(const wall_search *f, int32_t u, int32_t v)
 int32_t cairn_aligner_find_wall(const cairn_aligner *aligner, const aligner_segment *s,
                                 int32_t *passed)
 {
-    cairn_transform cone = s->stub ? CONE_SHORT : CONE;
+    cairn_transform cone = s->is_short ? CONE_SHORT : CONE;
     wall_search f = {place_segment(aligner, s), cone.sine / cone.cosine, CAIRN_REAL_MAX, -1, 0};
     const placed *p = &f.segment;
     cairn_real gap = cairn_min(cairn_max(p->far, MAX_GAP_RATIO * s->length),
@@ -329,14 +330,16 @@ int32_t cairn_aligner_find_wall(const cairn_aligner *aligner, const aligner_segm
 
     cone.sine = -cone.sine;
     first = direction_bin(cairn_transform_direction(cone, p->direction));
-    ways = 1 + ((last - first) & (ALIGNER_WAYS - 1));
+    ways = 1 + ((last - first) & (ALIGNER_WALL_DIRECTIONS - 1));
     for (int32_t k = 0; k < ways; k++)
-        visit_bucket(aligner, ALIGNER_TILES + ((first + k) & (ALIGNER_WAYS - 1)), &f);
+        visit_bucket(aligner, ALIGNER_WALL_BUCKETS + ((first + k) & (ALIGNER_WALL_DIRECTIONS - 1)),
+                     &f);
     for (int32_t v = south; v <= north; v++)
         for (int32_t u = west; u <= east; u++, f.passed++)
             if (may_hold(&f, u, v))
                 for (int32_t k = 0; k < ways; k++)
-                    visit_bucket(aligner, bucket_of(u, v, (first + k) & (ALIGNER_WAYS - 1)), &f);
+                    visit_bucket(aligner,
+                                 bucket_of(u, v, (first + k) & (ALIGNER_WALL_DIRECTIONS - 1)), &f);
     *passed = f.passed;
     return f.wall;
 }
@@ -346,22 +349,22 @@ static void clear_wall(aligner_wall *wall)
     memset(wall, 0, sizeof *wall);
     wall->low = CAIRN_REAL_MAX;
     wall->high = -CAIRN_REAL_MAX;
-    wall->tile = wall->next = -1;
+    wall->bucket = wall->next_in_bucket = -1;
 }
 
 /* Associates the next segment; with a fixed association only the walls' moments are recomputed. */
 int32_t cairn_aligner_associate_item(cairn_aligner *aligner)
 {
     aligner_segment *s = &aligner->segments[aligner->order[aligner->at]];
-    int32_t keep = cairn_aligner_keeps_walls(aligner), cleared = 0, passed = 0;
+    int32_t keep = cairn_aligner_has_fixed_association(aligner), cleared = 0, passed = 0;
 
     if (aligner->at == 0) {
         cleared = keep ? aligner->wall_count : 0;
         for (int32_t w = 0; w < cleared; w++)
             clear_wall(&aligner->walls[w]);
         aligner->wall_count = cleared;
-        for (int32_t k = 0; k < ALIGNER_TILES + ALIGNER_WAYS; k++)
-            aligner->tiles[k] = -1;
+        for (int32_t k = 0; k < ALIGNER_WALL_BUCKETS + ALIGNER_WALL_DIRECTIONS; k++)
+            aligner->buckets[k] = -1;
     }
     aligner->at++;
     if (!keep) {

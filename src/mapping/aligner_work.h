@@ -7,52 +7,52 @@
 
 enum {
     /* bearing bins of a visibility profile, evenly over the diamond |x| + |y| = 1 */
-    ALIGNER_BINS = 512,
+    ALIGNER_PROFILE_BINS = 512,
     /* sectors of these bins, as coarse bearings */
-    ALIGNER_SECTORS = 32,
+    ALIGNER_PROFILE_SECTORS = 32,
     /* direction bins of the wall index */
-    ALIGNER_WAYS = 16,
+    ALIGNER_WALL_DIRECTIONS = 16,
     /* hash buckets of the wall index, by direction and position */
-    ALIGNER_TILES = 1024,
+    ALIGNER_WALL_BUCKETS = 1024,
     /* hypotheses per block whose best one is stored */
-    ALIGNER_BLOCK = 32,
+    ALIGNER_HYPOTHESIS_BLOCK = 32,
     /* consecutive points in one bounding circle */
-    ALIGNER_PATCH = 8,
+    ALIGNER_PATCH_POINTS = 8,
     /* also the most segments of a scan that a profile can name */
     ALIGNER_NO_SEGMENT = 255,
     /* relative poses of one pair that are compared */
-    ALIGNER_TRIALS = 12,
+    ALIGNER_MAX_TRIALS = 12,
     /* hypotheses stored per pair, at most */
-    ALIGNER_KEPT = 4,
+    ALIGNER_MAX_KEPT_PER_PAIR = 4,
     /* nearest scans of each scan, ... */
-    ALIGNER_NEAREST = 24,
+    ALIGNER_NEAREST_SCANS = 24,
     /* ... and with the scans that it is among the nearest of, at most */
-    ALIGNER_PARTNERS = 48,
+    ALIGNER_MAX_NEIGHBOURS = 48,
     /* raster cells per shift */
-    ALIGNER_VOTES = 4,
+    ALIGNER_CELLS_PER_SHIFT = 4,
     /* peaks of a relocalization that are refined, ... */
-    ALIGNER_FINDS = 12,
+    ALIGNER_MAX_PEAKS = 12,
     /* ... and translations along the walls */
-    ALIGNER_SLIDES = 16,
+    ALIGNER_MAX_TRANSLATIONS = 16,
     /* iteration of the joint solution from which the segments' walls are fixed */
-    ALIGNER_KEEP_FROM = 7
+    ALIGNER_FIXED_ASSOCIATION_FROM = 7
 };
 
 /* Work units: a unit is about three point lookups, or eight pairs of distant scans. */
-enum { ALIGNER_POINTS_OF_UNIT = 3, ALIGNER_FAR_OF_UNIT = 8 };
+enum { ALIGNER_POINTS_PER_UNIT = 3, ALIGNER_FAR_PAIRS_PER_UNIT = 8 };
 
-enum { MOST_PASSED = 64 }; /* distant scans skipped in one item */
+enum { ALIGNER_MAX_PASSED_SCANS = 64 }; /* distant scans skipped in one item */
 
 /* A segment of a scan, in its frame, with the moments of its hits. */
 typedef struct aligner_segment {
     cairn_vec2 a, direction;
     cairn_real length;
-    cairn_real weight;  /* sum of 1 / variance across the line; 0: no hits */
-    cairn_vec2 mean;    /* weighted mean of the hits, m */
-    cairn_sym2 spread;  /* scatter matrix: weighted squares about the mean */
-    cairn_real least;   /* its least eigenvalue: squares across the hits' own best line */
-    int32_t scan, wall; /* wall: -1 none */
-    int32_t stub;       /* 1: a short segment of a few hits, its own direction is poor */
+    cairn_real weight;      /* sum of 1 / variance across the line; 0: no hits */
+    cairn_vec2 mean;        /* weighted mean of the hits, m */
+    cairn_sym2 scatter;     /* scatter matrix: weighted squares about the mean */
+    cairn_real min_scatter; /* its least eigenvalue: squares across the hits' own best line */
+    int32_t scan, wall;     /* wall: -1 none */
+    int32_t is_short;       /* 1: a short segment of a few hits, its own direction is poor */
 } aligner_segment;
 
 typedef struct aligner_point {
@@ -67,17 +67,20 @@ typedef struct aligner_patch {
 } aligner_patch;
 
 /* A candidate neighbour. */
-typedef struct aligner_near {
+typedef struct aligner_neighbour {
     cairn_real nearness;
     int32_t scan;
-} aligner_near;
+} aligner_neighbour;
 
 /* Visibility profile: range and segment by bearing. */
-typedef struct aligner_table {
-    uint16_t range[ALIGNER_BINS];       /* in max_range / 65535; 0: unknown */
-    uint16_t farthest[ALIGNER_SECTORS]; /* greatest range of a sector and both beside it */
-    uint8_t segment[ALIGNER_BINS];      /* index within the scan, or ALIGNER_NO_SEGMENT */
-} aligner_table;
+typedef struct aligner_visibility {
+    /* in max_range / 65535; 0: unknown */
+    uint16_t range[ALIGNER_PROFILE_BINS];
+    /* greatest range of a sector and both beside it */
+    uint16_t sector_max[ALIGNER_PROFILE_SECTORS];
+    /* index within the scan, or ALIGNER_NO_SEGMENT */
+    uint8_t segment[ALIGNER_PROFILE_BINS];
+} aligner_visibility;
 
 /* Normal equations of a rigid body's motion about a centre. */
 typedef struct aligner_sums {
@@ -98,23 +101,23 @@ typedef struct aligner_scan {
     cairn_real view_cosine, view_sine;
     cairn_pose initial;
     /* cluster; next member of it, -1 */
-    int32_t part, next;
+    int32_t cluster, next_in_cluster;
     /* 1: weakly observable: it could be translated along its shared walls */
-    int32_t weak;
+    int32_t is_weak;
     /* ALIGNER_RELAX_MERGED, ... */
-    int32_t stirred;
+    int32_t relax_state;
     /* equal for scans that were merged into another cluster together */
-    int32_t joined;
+    int32_t merge_event;
     /* unit direction of the first unknown of the joint solution */
-    cairn_vec2 frame;
+    cairn_vec2 first_axis;
     /* normal equations of its last relaxation, and the gradient accumulated since */
-    aligner_sums pull;
+    aligner_sums normal_equations;
     /* 1: placed by the last completed alignment */
-    int32_t held;
+    int32_t was_placed;
     cairn_real support;
     /* nats: log-likelihood ratio of its pose in the largest cluster, at the last evaluation */
-    cairn_real evidence;
-    int32_t partner_count;
+    cairn_real log_likelihood_ratio;
+    int32_t neighbour_count;
 } aligner_scan;
 
 /* A cluster: scans with known relative poses. */
@@ -125,27 +128,27 @@ typedef struct aligner_cluster {
 
 /* Residuals of a cluster's initial poses after its best common motion (gauge): sums over its
  * scans. */
-typedef struct aligner_fit {
+typedef struct aligner_prior_sums {
     int32_t stamp;         /* of the cluster at that time */
     cairn_transform gauge; /* the gauge: nearly the best */
     cairn_vec2 origin;     /* a point near the centre of the scans after it */
     cairn_real count;
-    cairn_vec2 u, e;            /* sums of positions u from the origin, and of errors e */
-    cairn_real uu, ee, ue, uxe; /* sums of squares and products */
-    cairn_real turn, turns;     /* sums of heading errors and of their squares */
-    cairn_real cosine, sine;    /* sums of their cosines and sines */
-    cairn_real far, turned;     /* greatest error along an axis, and of a heading */
-    cairn_real radius;          /* greatest distance of a position from the origin */
-    int32_t learnt;             /* stamp at which squares and squares_angle were computed */
+    cairn_vec2 u, e;                  /* sums of positions u from the origin, and of errors e */
+    cairn_real uu, ee, ue, uxe;       /* sums of squares and products */
+    cairn_real sum_angle, sum_angle2; /* sums of heading errors and of their squares */
+    cairn_real cosine, sine;          /* sums of their cosines and sines */
+    cairn_real max_error, max_angle_error; /* greatest error along an axis, and of a heading */
+    cairn_real radius;                     /* greatest distance of a position from the origin */
+    int32_t estimate_stamp; /* stamp at which squares and squares_angle were computed */
     cairn_real squares, squares_angle;
-} aligner_fit;
+} aligner_prior_sums;
 
 /* A hypothesis of the relative pose of two scans: `first` in the frame of `second`. */
 typedef struct aligner_hypothesis {
     int32_t first, second;
     cairn_pose second_first;
     /* nats: log-likelihood ratio of the last evaluation; reduced by competing hypotheses */
-    cairn_real score, key;
+    cairn_real score, rank;
     /* stamps of the clusters at that evaluation; -1: none yet */
     int32_t first_stamp, second_stamp;
     int32_t state;
@@ -155,87 +158,88 @@ typedef struct aligner_hypothesis {
 } aligner_hypothesis;
 
 /* Relaxation state: a scan merged into another cluster, and one that needs relaxation. */
-enum { ALIGNER_JOINED = 1, ALIGNER_MET = 2 };
+enum { ALIGNER_RELAX_MERGED = 1, ALIGNER_RELAX_DIRTY = 2 };
 
 /* States of a hypothesis. */
-enum { ALIGNER_LOOKED = 1, ALIGNER_COMPARED = 2, ALIGNER_SURE = 3, ALIGNER_OUT = 4 };
+enum { ALIGNER_EVALUATED = 1, ALIGNER_COMPARED = 2, ALIGNER_VERIFIED = 3, ALIGNER_REJECTED = 4 };
 
 typedef struct aligner_count {
-    cairn_real same, other, through; /* points on the same surface, on another one, in free space */
+    /* points on the same surface, on another one, in free space */
+    cairn_real same_surface, other_surface, free_space;
 } aligner_count;
 
 /* Pairwise evaluation (registration and scoring) of cluster (or single scan) `moving` against
  * cluster `fixed`, at the pose fixed_moving. */
-typedef struct aligner_look {
+typedef struct aligner_evaluation {
     int32_t active;
-    int32_t moving, fixed; /* clusters */
-    cairn_transform pose;  /* fixed_moving */
-    int32_t round, rounds; /* rounds of refinement, then one of counting */
-    int32_t outer, inner;  /* the clusters, the smaller one first */
-    int32_t at, partner;   /* current member of outer, and which of its neighbours */
+    int32_t moving, fixed;     /* clusters */
+    cairn_transform pose;      /* fixed_moving */
+    int32_t round, rounds;     /* rounds of refinement, then one of counting */
+    int32_t outer, inner;      /* the clusters, the smaller one first */
+    int32_t member, neighbour; /* current member of outer, and which of its neighbours */
     cairn_vec2 centre;
     aligner_sums sums;
-    aligner_count count; /* point counts of the evaluation, ... */
-    cairn_real evidence; /* ... and their log-likelihood ratio, nats */
-    cairn_real least;    /* counting ends when the log-likelihood ratio falls to it */
-    cairn_real prior;    /* log-likelihood of the initial poses, nats */
-    cairn_real weak[3];  /* least observable unit motion about the centre: m, m, rad */
-} aligner_look;
+    aligner_count count;             /* point counts of the evaluation, ... */
+    cairn_real log_likelihood_ratio; /* ... and their log-likelihood ratio, nats */
+    cairn_real lower_bound;          /* counting ends when the log-likelihood ratio falls to it */
+    cairn_real log_prior;            /* log-likelihood of the initial poses, nats */
+    cairn_real weak_direction[3];    /* least observable unit motion about the centre: m, m, rad */
+} aligner_evaluation;
 
 /* Relaxation (nonlinear Gauss-Seidel) of the scans of a cluster: all, or the merged and dirty
  * ones. */
 typedef struct aligner_relax {
     int32_t active, all;
-    int32_t old; /* 0: neighbours that the scan was not yet relaxed with, 1: the others */
+    int32_t second_pass; /* 0: neighbours that the scan was not yet relaxed with, 1: the others */
     int32_t cluster, round, rounds;
     cairn_real gate;
-    int32_t i, partner;                   /* current scan, and which of its neighbours */
-    aligner_sums pairs[ALIGNER_PARTNERS]; /* normal equations with each neighbour */
+    int32_t scan, neighbour;                    /* current scan, and which of its neighbours */
+    aligner_sums pairs[ALIGNER_MAX_NEIGHBOURS]; /* normal equations with each neighbour */
     aligner_sums sums;
 } aligner_relax;
 
 typedef enum aligner_phase {
-    ALIGNER_NEAR,           /* nearest scans of each scan */
-    ALIGNER_MUTUAL,         /* symmetric neighbours */
-    ALIGNER_PAIRS,          /* trials of pairs of segments */
-    ALIGNER_TRIALS_OF_PAIR, /* refinement of a pair's trials */
-    ALIGNER_OPEN,           /* lists of hypotheses by scan */
-    ALIGNER_PICK,           /* the best hypothesis */
-    ALIGNER_LOOKED_AT,      /* ... has been evaluated again */
-    ALIGNER_RIVALS,         /* evaluation of competing hypotheses */
-    ALIGNER_WEIGHED,        /* odds against these */
-    ALIGNER_SHIFTED,        /* poses along the weak direction */
-    ALIGNER_CLOSE,          /* hypotheses within a merged cluster */
-    ALIGNER_REPAIR,         /* next scan to relocalize */
-    ALIGNER_DRAW,           /* raster of the rest */
-    ALIGNER_SEARCH,         /* votes */
-    ALIGNER_TRY,            /* refinement of the peaks */
-    ALIGNER_PLACE,          /* acceptance */
-    ALIGNER_SETTLE,         /* order of the segments */
-    ALIGNER_ASSOCIATE,      /* data association with walls */
-    ALIGNER_LINK,           /* sparsity structure */
-    ALIGNER_SOLVE,          /* Gauss-Newton step */
-    ALIGNER_SLIDE,          /* next weakly observable scan */
-    ALIGNER_SLIDE_TRY,      /* its translations */
-    ALIGNER_MARGINALS,      /* covariances and results */
+    ALIGNER_FIND_NEIGHBOURS,       /* nearest scans of each scan */
+    ALIGNER_SYMMETRIZE_NEIGHBOURS, /* symmetric neighbours */
+    ALIGNER_PAIRS,                 /* trials of pairs of segments */
+    ALIGNER_REFINE_TRIALS,         /* refinement of a pair's trials */
+    ALIGNER_LINK_HYPOTHESES,       /* lists of hypotheses by scan */
+    ALIGNER_PICK,                  /* the best hypothesis */
+    ALIGNER_PICK_EVALUATED,        /* ... has been evaluated again */
+    ALIGNER_EVALUATE_COMPETING,    /* evaluation of competing hypotheses */
+    ALIGNER_COMPARE_COMPETING,     /* odds against these */
+    ALIGNER_TEST_SHIFTED,          /* poses along the weak direction */
+    ALIGNER_REJECT_MERGED,         /* hypotheses within a merged cluster */
+    ALIGNER_RELOCALIZE,            /* next scan to relocalize */
+    ALIGNER_DRAW_RASTER,           /* raster of the rest */
+    ALIGNER_SEARCH,                /* votes */
+    ALIGNER_TRY_PEAKS,             /* refinement of the peaks */
+    ALIGNER_PLACE,                 /* acceptance */
+    ALIGNER_SORT_SEGMENTS,         /* order of the segments */
+    ALIGNER_ASSOCIATE,             /* data association with walls */
+    ALIGNER_LINK,                  /* sparsity structure */
+    ALIGNER_SOLVE,                 /* Gauss-Newton step */
+    ALIGNER_TRANSLATE,             /* next weakly observable scan */
+    ALIGNER_TRY_TRANSLATIONS,      /* its translations */
+    ALIGNER_MARGINALS,             /* covariances and results */
     ALIGNER_DONE
 } aligner_phase;
 
-typedef struct aligner_find {
+typedef struct aligner_peak {
     cairn_pose pose;
     cairn_real score;
-} aligner_find;
+} aligner_peak;
 
 /* A wall: a line that segments of several scans share, in the map. */
 typedef struct aligner_wall {
     cairn_vec2 normal;
     cairn_real offset, low, high; /* n p = offset; extent along the direction */
-    int32_t next;                 /* next wall of its bucket, -1 */
-    int32_t tile;                 /* its bucket in the wall index */
+    int32_t next_in_bucket;       /* next wall of its bucket, -1 */
+    int32_t bucket;               /* its bucket in the wall index */
     cairn_vec2 middle;
     cairn_real weight;
-    cairn_sym2 spread;
-    int32_t scans; /* scans with a segment on it; 2: two or more */
+    cairn_sym2 scatter;
+    int32_t scan_count; /* scans with a segment on it; 2: two or more */
     int32_t first_scan, node;
 } aligner_wall;
 
@@ -244,23 +248,23 @@ struct cairn_aligner {
     aligner_scan *scans;
     /* [max_scans + 1] poses in the frame of the cluster; the last for a tried scan */
     cairn_transform *poses;
-    aligner_table *tables;
+    aligner_visibility *visibility;
     /* [max_scans + 1] */
     aligner_cluster *clusters;
     /* [max_scans + 1] */
-    aligner_fit *fits;
+    aligner_prior_sums *prior_sums;
     aligner_segment *segments;
     aligner_point *points;
-    /* [max_scans * ALIGNER_PARTNERS] */
-    uint16_t *partners;
-    /* [max_points / ALIGNER_PATCH + max_scans] */
+    /* [max_scans * ALIGNER_MAX_NEIGHBOURS] */
+    uint16_t *neighbours;
+    /* [max_points / ALIGNER_PATCH_POINTS + max_scans] */
     aligner_patch *patches;
     /* [max_hypotheses] */
     aligner_hypothesis *hypotheses;
     /* [max_scans] first hypothesis of each scan, -1 */
     int32_t *links;
     /* [max_hypotheses / HYPOTHESIS_BLOCK + 1] best hypothesis of each block, -1: none */
-    int32_t *surest;
+    int32_t *best_of_block;
     /* [max_segments + max_short_segments] */
     aligner_wall *walls;
     /* [max_segments + max_short_segments] segments by decreasing weight */
@@ -277,52 +281,53 @@ struct cairn_aligner {
     cairn_aligner_pose *results;
     cairn_block_solver *solver;
 
-    int32_t scan_count, segment_count, stub_count, point_count, patch_count, hypothesis_count,
-        wall_count, node_count;
+    int32_t scan_count, segment_count, short_segment_count, point_count, patch_count,
+        hypothesis_count, wall_count, node_count;
     /* standard deviations of the initial poses, as estimated, m and rad */
     cairn_real sigma, sigma_angle;
     /* 1: clusters and poses are those of a completed alignment of the current scans */
     int32_t has_ended;
     /* 1: warm start: only scans that were not placed are relocalized */
-    int32_t again;
+    int32_t is_warm_start;
     /* number of changes, the source of stamps */
-    int32_t changes;
+    int32_t change_count;
     /* the last commit point that iterate() returned at */
-    int32_t shown;
+    int32_t reported_commit;
 
     aligner_phase phase;
-    int32_t debt;
-    aligner_look look;
+    int32_t units_owed;
+    aligner_evaluation evaluation;
     aligner_relax relax;
     /* Current item of pairs, hypotheses, relocalizations: scan, neighbour, and two inner
      * counters. */
-    int32_t i, j, k, l;
-    aligner_near nearest[ALIGNER_NEAREST]; /* by falling nearness */
+    int32_t scan_index, neighbour_index, item_index, inner_index;
+    aligner_neighbour nearest[ALIGNER_NEAREST_SCANS]; /* by falling nearness */
     int32_t nearest_count;
-    int32_t second;           /* second scan of the current pair */
+    int32_t second_scan;      /* second scan of the current pair */
     cairn_transform expected; /* its relative pose by the initial poses, ... */
     cairn_real least_cosine;  /* ... and the cosine of the greatest heading error */
-    aligner_hypothesis trial[ALIGNER_TRIALS];
+    aligner_hypothesis trial[ALIGNER_MAX_TRIALS];
     int32_t trial_count, trial_at;
     int32_t chosen, side;
     /* current competing hypothesis, and the one that is evaluated, -1 */
-    int32_t rival_scan, rival_link, looked;
-    cairn_real odds; /* sum of the odds of the compared ones */
-    cairn_real rest; /* log-likelihood ratio of the second-best pose */
+    int32_t competing_scan, competing_link, evaluated_competing;
+    cairn_real competing_odds;    /* sum of the odds of the compared ones */
+    cairn_real second_best_score; /* log-likelihood ratio of the second-best pose */
     cairn_real shift[3];
     cairn_vec2 shift_centre;
     /* Relocalization. */
-    int32_t side_cells, half_window, turns, turn, repairs, slides, changed;
+    int32_t side_cells, half_window, turns, turn, relocalization_rounds, translation_passes,
+        changed_scans;
     /* direction in which a scan is translated */
-    cairn_vec2 along;
+    cairn_vec2 weak_direction;
     /* corner of the raster */
     cairn_vec2 corner;
     cairn_real cell;
     cairn_pose predicted;
-    aligner_find find[ALIGNER_SLIDES];
-    int32_t find_count, find_at;
+    aligner_peak peaks[ALIGNER_MAX_TRANSLATIONS];
+    int32_t peak_count, peak_index;
     /* of the relocalized scan */
-    cairn_transform before, best;
+    cairn_transform previous_pose, best_pose;
     cairn_real before_score, best_score;
     /* the largest cluster when the search began */
     int32_t largest;
@@ -332,21 +337,21 @@ struct cairn_aligner {
     int32_t moving;
     int32_t round, stage, at;
     /* first wall of each bucket, -1; at the end the long walls of each direction */
-    int32_t tiles[ALIGNER_TILES + ALIGNER_WAYS];
+    int32_t buckets[ALIGNER_WALL_BUCKETS + ALIGNER_WALL_DIRECTIONS];
     /* m: largest step of the joint solution */
-    cairn_real moved;
+    cairn_real max_step;
     /* 1: no scan is translated any more */
-    int32_t settled;
+    int32_t translations_done;
     /* link of the next segment */
     int32_t link;
     /* gauge of the cluster gauge_part */
     cairn_transform gauge;
     int32_t gauge_part;
     /* chi-squared of the solution per degree of freedom, >= 1 */
-    cairn_real margin;
-    int32_t freedom;
+    cairn_real chi2_per_dof;
+    int32_t dof;
     /* chi-squared and m^2 above which a segment loses weight */
-    cairn_real tolerance, loose;
+    cairn_real robust_chi2, robust_squared_distance;
     cairn_aligner_result result;
 };
 
@@ -367,7 +372,7 @@ static inline int32_t cairn_aligner_bin_of(cairn_real x, cairn_real y)
     place = ay / sum; /* one division, no arc tangent */
     place = x < 0 ? 2 - place : place;
     place = y < 0 ? 4 - place : place;
-    return (int32_t)(place / 4 * ALIGNER_BINS) & (ALIGNER_BINS - 1);
+    return (int32_t)(place / 4 * ALIGNER_PROFILE_BINS) & (ALIGNER_PROFILE_BINS - 1);
 }
 
 cairn_transform cairn_aligner_between(cairn_transform a_b, cairn_transform a_c);
@@ -381,7 +386,7 @@ cairn_pose cairn_aligner_to_pose(cairn_transform t);
 int32_t cairn_aligner_count_points(const cairn_aligner *aligner, int32_t from, int32_t to,
                                    cairn_transform to_from, cairn_real gate, cairn_real least,
                                    aligner_count *count);
-cairn_real cairn_aligner_evidence(const cairn_aligner *aligner, aligner_count count);
+cairn_real cairn_aligner_log_likelihood_ratio(const cairn_aligner *aligner, aligner_count count);
 
 /* Counts the points of both scans. */
 int32_t cairn_aligner_count_pair(const cairn_aligner *aligner, int32_t first, int32_t second,
@@ -390,9 +395,10 @@ int32_t cairn_aligner_count_pair(const cairn_aligner *aligner, int32_t first, in
 /* Adds the point-to-line normal equations of the points of `from` against the surfaces of `to`:
  * `from` moves with sign +1, `to` with sign -1. Both poses and centre are in one frame. Returns the
  * cost as count_points. */
-int32_t cairn_aligner_pull(const cairn_aligner *aligner, int32_t from, int32_t to,
-                           cairn_transform map_from, cairn_transform map_to, cairn_real gate,
-                           cairn_real sign, cairn_vec2 centre, aligner_sums *sums);
+int32_t cairn_aligner_add_normal_equations(const cairn_aligner *aligner, int32_t from, int32_t to,
+                                           cairn_transform map_from, cairn_transform map_to,
+                                           cairn_real gate, cairn_real sign, cairn_vec2 centre,
+                                           aligner_sums *sums);
 
 /* Returns a pose moved by (x, y, rotation) about a centre. */
 cairn_transform cairn_aligner_moved(cairn_transform pose, cairn_vec2 centre,
@@ -408,56 +414,56 @@ int cairn_aligner_may_see(const aligner_scan *scan, cairn_transform map_scan, ca
 
 /* Returns the k-th neighbour of a scan: a scan that it is compared with; the relation is
  * symmetric. */
-static inline int32_t cairn_aligner_partner(const cairn_aligner *aligner, int32_t scan, int32_t k)
+static inline int32_t cairn_aligner_neighbour(const cairn_aligner *aligner, int32_t scan, int32_t k)
 {
-    return aligner->partners[ALIGNER_PARTNERS * scan + k];
+    return aligner->neighbours[ALIGNER_MAX_NEIGHBOURS * scan + k];
 }
 
 /* Returns 1 when the second scan is one of the first `most` neighbours of the first. */
-int cairn_aligner_has_partner(const cairn_aligner *aligner, int32_t scan, int32_t partner,
-                              int32_t most);
+int cairn_aligner_has_neighbour(const cairn_aligner *aligner, int32_t scan, int32_t partner,
+                                int32_t most);
 
 /* Returns 1 when the bounding circles of two scans overlap and one is in the other's field of
  * view. */
-int32_t cairn_aligner_may_meet(const cairn_aligner *aligner, int32_t i, int32_t j,
-                               cairn_transform map_i, cairn_transform map_j);
+int32_t cairn_aligner_may_overlap(const cairn_aligner *aligner, int32_t i, int32_t j,
+                                  cairn_transform map_i, cairn_transform map_j);
 
 /* Returns the number of patches of two scans that the other one may see; j in the frame of i is
  * i_j. */
-int32_t cairn_aligner_shown(const cairn_aligner *aligner, int32_t i, int32_t j,
-                            cairn_transform i_j);
+int32_t cairn_aligner_visible_patches(const cairn_aligner *aligner, int32_t i, int32_t j,
+                                      cairn_transform i_j);
 int32_t cairn_aligner_points_of(const cairn_aligner *aligner, int32_t scan);
-int32_t cairn_aligner_near(cairn_transform a, cairn_transform b, cairn_real metres,
-                           cairn_real cosine);
+int32_t cairn_aligner_is_near(cairn_transform a, cairn_transform b, cairn_real metres,
+                              cairn_real cosine);
 
 /* ---- Items: each executes a bounded piece of work and returns its units ---- */
 
-int32_t cairn_aligner_partner_item(cairn_aligner *aligner);
+int32_t cairn_aligner_neighbour_item(cairn_aligner *aligner);
 int32_t cairn_aligner_pairs_item(cairn_aligner *aligner);
-int32_t cairn_aligner_look_item(cairn_aligner *aligner);
+int32_t cairn_aligner_evaluation_item(cairn_aligner *aligner);
 int32_t cairn_aligner_relax_item(cairn_aligner *aligner);
 int32_t cairn_aligner_merge_item(cairn_aligner *aligner);
 
 /* Starts merging: hypotheses between different clusters are linked and the best one is picked;
  * again: all are evaluated anew, as relocalized scans may let clusters merge. */
-void cairn_aligner_begin_open(cairn_aligner *aligner, int32_t again);
-int32_t cairn_aligner_repair_item(cairn_aligner *aligner);
+void cairn_aligner_begin_merging(cairn_aligner *aligner, int32_t again);
+int32_t cairn_aligner_relocalize_item(cairn_aligner *aligner);
 int32_t cairn_aligner_joint_item(cairn_aligner *aligner);
 
-int32_t cairn_aligner_slide_item(cairn_aligner *aligner);
+int32_t cairn_aligner_translate_item(cairn_aligner *aligner);
 int32_t cairn_aligner_sort_item(cairn_aligner *aligner);
 int32_t cairn_aligner_associate_item(cairn_aligner *aligner);
 
 /* ---- aligner_wall.c ---- */
 
-static inline int cairn_aligner_keeps_walls(const cairn_aligner *aligner)
+static inline int cairn_aligner_has_fixed_association(const cairn_aligner *aligner)
 {
-    return aligner->round >= ALIGNER_KEEP_FROM;
+    return aligner->round >= ALIGNER_FIXED_ASSOCIATION_FROM;
 }
 
 /* Returns the distance of a segment from a wall, m, gaps added; negative: no association. */
-cairn_real cairn_aligner_misfit(const cairn_aligner *aligner, const aligner_segment *s,
-                                const aligner_wall *wall);
+cairn_real cairn_aligner_wall_distance(const cairn_aligner *aligner, const aligner_segment *s,
+                                       const aligner_wall *wall);
 
 /* Returns the wall nearest to a segment, of equal ones the first; -1: none. *passed: buckets and
  * walls visited. */
@@ -471,32 +477,32 @@ cairn_vec2 cairn_aligner_along(const aligner_wall *wall);
 int cairn_aligner_same_line(const aligner_wall *wall, const aligner_segment *s,
                             cairn_vec2 direction);
 
-/* ---- aligner_joint.c and aligner_slide.c ---- */
+/* ---- aligner_joint.c and aligner_translate.c ---- */
 
 /* Returns the information of a scan's pose, its walls given. */
 cairn_sym3 cairn_aligner_own_information(const cairn_aligner *aligner, int32_t scan);
 
 /* Starts the translations, after the joint solution; they end with more iterations or with the
  * marginals. */
-void cairn_aligner_begin_slides(cairn_aligner *aligner);
-void cairn_aligner_end_slides(cairn_aligner *aligner, int32_t changed);
+void cairn_aligner_begin_translations(cairn_aligner *aligner);
+void cairn_aligner_end_translations(cairn_aligner *aligner, int32_t changed);
 void cairn_aligner_put_back(cairn_aligner *aligner, int32_t cluster, cairn_transform pose);
 
 /* Continues without a joint solution, for which the solver has refused. */
-void cairn_aligner_give_up(cairn_aligner *aligner, cairn_status status);
+void cairn_aligner_skip_joint_solution(cairn_aligner *aligner, cairn_status status);
 
 /* aligner_cluster.c */
 void cairn_aligner_begin_clusters(cairn_aligner *aligner);
 /* least: nats; counting stops when the log-likelihood ratio has fallen to it. */
-void cairn_aligner_begin_look(cairn_aligner *aligner, int32_t moving, int32_t fixed,
-                              cairn_transform pose, int32_t rounds, cairn_real least);
+void cairn_aligner_begin_evaluation(cairn_aligner *aligner, int32_t moving, int32_t fixed,
+                                    cairn_transform pose, int32_t rounds, cairn_real least);
 void cairn_aligner_begin_relax(cairn_aligner *aligner, int32_t cluster, cairn_real gate,
                                int32_t rounds, int32_t all);
 void cairn_aligner_insert(cairn_aligner *aligner, int32_t scan, int32_t cluster);
 void cairn_aligner_remove(cairn_aligner *aligner, int32_t scan);
 int32_t cairn_aligner_largest(const cairn_aligner *aligner);
-int32_t cairn_aligner_join(cairn_aligner *aligner, int32_t moving, int32_t fixed,
-                           cairn_transform pose);
+int32_t cairn_aligner_merge_clusters(cairn_aligner *aligner, int32_t moving, int32_t fixed,
+                                     cairn_transform pose);
 
 /* ---- aligner_prior.c ---- */
 
@@ -506,13 +512,14 @@ cairn_real cairn_aligner_prior(cairn_aligner *aligner, int32_t moving, int32_t f
                                cairn_transform pose);
 
 /* Estimates the standard deviations of the initial poses from all clusters; charges for it. */
-void cairn_aligner_learn_spread(cairn_aligner *aligner);
+void cairn_aligner_estimate_sigmas(cairn_aligner *aligner);
 
 /* Returns the gauge of a cluster: the least-squares common motion onto its initial poses. Linear in
  * the cluster. */
 cairn_transform cairn_aligner_gauge(const cairn_aligner *aligner, int32_t cluster);
 
 /* Called before a scan enters a cluster (sign 1) or leaves it (-1). */
-void cairn_aligner_fit_scan(cairn_aligner *aligner, int32_t scan, int32_t cluster, int32_t sign);
+void cairn_aligner_update_prior_sums(cairn_aligner *aligner, int32_t scan, int32_t cluster,
+                                     int32_t sign);
 
 #endif

@@ -42,14 +42,14 @@ struct cairn_corner_set {
     int32_t work_dropped, done_dropped;
     const cairn_segment *segments;
     int32_t segment_count;
-    int32_t sorted; /* segments of the last search */
+    int32_t sorted_boxes; /* segments of the last search */
     search_phase phase;
     /* BOXES: segment; SORT: end of the heap; SUPPRESS: corner to be tested */
     int32_t cursor;
-    int32_t kept, against; /* SUPPRESS: corners that stay, and the next of them to be compared */
-    int32_t first, second; /* PAIRS: near segments to be tested next; first -1: none */
-    int32_t is_found;      /* PAIRS: `found` is to be inserted */
-    int32_t paid;          /* units already charged to the current item */
+    int32_t kept, compared; /* SUPPRESS: corners that stay, and the next of them to be compared */
+    int32_t first, second;  /* PAIRS: near segments to be tested next; first -1: none */
+    int32_t is_found;       /* PAIRS: `found` is to be inserted */
+    int32_t item_units;     /* units already charged to the current item */
     cairn_corner found;
 };
 
@@ -132,7 +132,7 @@ cairn_status cairn_corner_create(cairn_corner_set **set, cairn_pool *pool,
 
     if (set == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     made->params = *params;
@@ -158,15 +158,15 @@ cairn_status cairn_corner_begin(cairn_corner_set *set, const cairn_segment *segm
     set->cursor = 0;
     set->first = -1;
     set->is_found = 0;
-    set->paid = 0;
+    set->item_units = 0;
     /* The sweep's order of the last search is of other boxes: reset it. */
-    if (count < set->sorted) {
+    if (count < set->sorted_boxes) {
         cairn_status status = cairn_box_sweep_begin(set->sweep, NULL, 0);
 
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
     }
-    set->sorted = count;
+    set->sorted_boxes = count;
     set->phase = BOXES;
     return CAIRN_OK;
 }
@@ -317,13 +317,13 @@ static cairn_status step_boxes(cairn_corner_set *set, cairn_budget *budget)
 static int finish_pair(cairn_corner_set *set, cairn_budget *budget)
 {
     if (set->first >= 0) {
-        if (!cairn_budget_pay(budget, &set->paid, 3))
+        if (!cairn_budget_charge(budget, &set->item_units, 3))
             return 0;
         set->is_found = find_corner(set, set->first, set->second, &set->found);
         set->first = -1;
     }
     if (set->is_found) {
-        if (!cairn_budget_pay(budget, &set->paid, 4))
+        if (!cairn_budget_charge(budget, &set->item_units, 4))
             return 0;
         insert_corner(set, &set->found);
         set->is_found = 0;
@@ -357,7 +357,7 @@ static cairn_status step_sort(cairn_corner_set *set, cairn_budget *budget)
     while (set->cursor > 1) {
         cairn_corner last = set->work[set->cursor - 1];
 
-        if (!cairn_budget_pay(budget, &set->paid, 4))
+        if (!cairn_budget_charge(budget, &set->item_units, 4))
             return CAIRN_MORE;
         set->cursor--;
         set->work[set->cursor] = set->work[0];
@@ -365,7 +365,7 @@ static cairn_status step_sort(cairn_corner_set *set, cairn_budget *budget)
     }
     set->cursor = 0;
     set->kept = 0;
-    set->against = 0;
+    set->compared = 0;
     return CAIRN_OK;
 }
 
@@ -391,14 +391,14 @@ static cairn_status step_suppress(cairn_corner_set *set, cairn_budget *budget)
         if (budget->left <= 0)
             return CAIRN_MORE;
         budget->left--;
-        for (int32_t i = 0; i < 8 && set->against < set->kept && !same; i++)
-            same = is_duplicate(set, c, &set->work[set->against++]);
-        if (!same && set->against < set->kept)
+        for (int32_t i = 0; i < 8 && set->compared < set->kept && !same; i++)
+            same = is_duplicate(set, c, &set->work[set->compared++]);
+        if (!same && set->compared < set->kept)
             continue;
         if (!same)
             set->work[set->kept++] = *c;
         set->cursor++;
-        set->against = 0;
+        set->compared = 0;
         same = 0;
     }
     set->work_count = set->kept;

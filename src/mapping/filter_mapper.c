@@ -38,21 +38,21 @@ cairn_filter_mapper_params cairn_filter_mapper_default(void)
     params.front = cairn_mapper_default();
     params.particles = 30;
     params.candidates = 6;
-    params.points = 60;
-    params.local_keys = 10;
+    params.scored_points = 60;
+    params.local_keyframes = 10;
     params.max_local_points = 2048;
-    params.span = 25;
+    params.recent_keyframes = 25;
     params.local_radius = 4;
     params.motion_distance = CAIRN_REAL(0.05);
     params.motion_turn = CAIRN_REAL(0.05);
     params.motion_distance_min = CAIRN_REAL(0.02);
     params.motion_turn_min = CAIRN_REAL(0.01);
     params.match_sigma = CAIRN_REAL(0.0025);
-    params.match_sigma_turn = CAIRN_REAL(0.001);
-    params.min_support = CAIRN_REAL(0.3);
+    params.match_sigma_theta = CAIRN_REAL(0.001);
+    params.min_overlap = CAIRN_REAL(0.3);
     params.sigma = CAIRN_REAL(0.07);
-    params.outlier = 3;
-    params.weight = 8;
+    params.max_point_cost = 3;
+    params.independent_points = 8;
     params.seed = 1;
     return params;
 }
@@ -101,9 +101,9 @@ static cairn_particle_filter_params filter_params(const cairn_filter_mapper_para
     filter.particles = filter.max_particles = params->particles;
     filter.max_followers = 1;
     filter.max_candidates = params->particles * params->candidates;
-    filter.max_blocks = params->particles * params->front.max_keys;
+    filter.max_blocks = params->particles * params->front.max_keyframes;
     filter.state_bytes = (int32_t)sizeof(path_state);
-    filter.by_entropy = 0;
+    filter.adaptive_followers = 0;
     return filter;
 }
 
@@ -111,15 +111,16 @@ static cairn_particle_filter_params filter_params(const cairn_filter_mapper_para
 static int is_valid(const cairn_filter_mapper_params *p)
 {
     return p != NULL && p->particles >= 1 && p->particles <= MAX_PARTICLES &&
-           p->front.max_keys >= 1 && p->front.max_keys <= MAX_NODES / p->particles &&
-           p->candidates >= 1 && p->candidates <= CAIRN_FILTER_MAPPER_CANDIDATES_MOST &&
-           p->points >= 1 && p->local_keys >= 1 &&
-           p->local_keys <= CAIRN_FILTER_MAPPER_LOCAL_MOST && p->max_local_points >= 1 &&
-           p->max_local_points <= MAX_LOCAL_POINTS && p->span >= 1 && p->local_radius > 0 &&
-           p->motion_distance >= 0 && p->motion_turn >= 0 && p->motion_distance_min > 0 &&
-           p->motion_turn_min > 0 && p->match_sigma > 0 && p->match_sigma_turn > 0 &&
-           p->min_support >= 0 && p->min_support <= 1 && p->sigma > 0 && p->outlier > 0 &&
-           p->weight > 0;
+           p->front.max_keyframes >= 1 && p->front.max_keyframes <= MAX_NODES / p->particles &&
+           p->candidates >= 1 && p->candidates <= CAIRN_FILTER_MAPPER_MAX_CANDIDATES &&
+           p->scored_points >= 1 && p->local_keyframes >= 1 &&
+           p->local_keyframes <= CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES &&
+           p->max_local_points >= 1 && p->max_local_points <= MAX_LOCAL_POINTS &&
+           p->recent_keyframes >= 1 && p->local_radius > 0 && p->motion_distance >= 0 &&
+           p->motion_turn >= 0 && p->motion_distance_min > 0 && p->motion_turn_min > 0 &&
+           p->match_sigma > 0 && p->match_sigma_theta > 0 && p->min_overlap >= 0 &&
+           p->min_overlap <= 1 && p->sigma > 0 && p->max_point_cost > 0 &&
+           p->independent_points > 0;
 }
 
 /* ---- Memory ---- */
@@ -199,7 +200,7 @@ cairn_status cairn_filter_mapper_create(cairn_filter_mapper **mapper, cairn_pool
 
     if (mapper == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     made->params = *params;
@@ -229,7 +230,7 @@ cairn_status cairn_filter_mapper_add(cairn_filter_mapper *mapper, const cairn_sc
 /* Adds the first keyframe, at which all paths begin. */
 static cairn_status start_paths(cairn_filter_mapper *mapper)
 {
-    path_state first = {cairn_mapper_key_pose(mapper->front, 0), 0, 0};
+    path_state first = {cairn_mapper_keyframe_pose(mapper->front, 0), 0, 0};
     cairn_status status = CAIRN_OK;
 
     for (int32_t i = 0; i < mapper->params.particles && status == CAIRN_OK; i++)
@@ -242,8 +243,8 @@ static cairn_status start_paths(cairn_filter_mapper *mapper)
 static void find_motion(cairn_filter_mapper *mapper, const cairn_mapper_result *result)
 {
     const cairn_filter_mapper_params *p = &mapper->params;
-    cairn_pose motion =
-        cairn_pose_between(cairn_mapper_key_pose(mapper->front, result->key - 1), result->map_scan);
+    cairn_pose motion = cairn_pose_between(
+        cairn_mapper_keyframe_pose(mapper->front, result->keyframe - 1), result->map_scan);
     cairn_real way = cairn_sqrt(motion.x * motion.x + motion.y * motion.y),
                turn = cairn_abs(motion.theta);
 
@@ -262,9 +263,9 @@ static cairn_status begin_filter(cairn_filter_mapper *mapper)
     cairn_mapper_result result = cairn_mapper_read(mapper->front);
 
     mapper->front_is_active = 0;
-    if (!result.is_key)
+    if (!result.is_keyframe)
         return CAIRN_OK;
-    if (result.key == 0)
+    if (result.keyframe == 0)
         return start_paths(mapper);
     find_motion(mapper, &result);
     mapper->proposal.stage = PROPOSE_BEGIN;
@@ -363,10 +364,10 @@ cairn_filter_mapper_state cairn_filter_mapper_measure(const cairn_filter_mapper 
     cairn_filter_mapper_state state;
 
     memset(&state, 0, sizeof state);
-    state.keys = mapper->keyframe_count;
+    state.keyframes = mapper->keyframe_count;
     state.resamplings = trace.resamplings;
     state.n_eff = trace.n_eff;
-    state.returns = mapper->revisit_matches;
+    state.revisit_matches = mapper->revisit_matches;
     state.nodes = trace.blocks;
     state.nodes_peak = trace.blocks_peak;
     state.units = mapper->units;

@@ -41,7 +41,7 @@ static const cairn_real MIN_COSINE = CAIRN_REAL(0.5);
 
 static int charge(proposal *work, cairn_budget *budget, int32_t cost)
 {
-    return cairn_budget_pay(budget, &work->units_charged, cost);
+    return cairn_budget_charge(budget, &work->units_charged, cost);
 }
 
 /* ---- The local maps ---- */
@@ -106,9 +106,10 @@ static int walk_path(cairn_filter_mapper *mapper, cairn_budget *budget)
 
             if (keyframe.distance <= p->local_radius * p->local_radius)
                 insert_nearest(
-                    &work->maps[s->keyframe < mapper->keyframe_count - p->span ? OLD_MAP
-                                                                               : RECENT_MAP],
-                    p->local_keys, keyframe);
+                    &work->maps[s->keyframe < mapper->keyframe_count - p->recent_keyframes
+                                    ? OLD_MAP
+                                    : RECENT_MAP],
+                    p->local_keyframes, keyframe);
             work->ancestor = cairn_particle_state_before(s);
         }
     }
@@ -118,7 +119,7 @@ static int walk_path(cairn_filter_mapper *mapper, cairn_budget *budget)
 /* Copies the points of a keyframe, in its own frame; returns their number. */
 static int32_t read_key(cairn_filter_mapper *mapper, int32_t keyframe)
 {
-    const cairn_scan_set *keys = cairn_mapper_keys(mapper->front);
+    const cairn_scan_set *keys = cairn_mapper_keyframes(mapper->front);
     const cairn_scan_set_scan *scan = &keys->scans[keyframe];
     int32_t count = 0;
 
@@ -155,7 +156,7 @@ static int add_key(cairn_filter_mapper *mapper, local_map *map, const local_keyf
 
 static int32_t points_of(const cairn_filter_mapper *mapper, int32_t keyframe)
 {
-    const cairn_scan_set_scan *scan = &cairn_mapper_keys(mapper->front)->scans[keyframe];
+    const cairn_scan_set_scan *scan = &cairn_mapper_keyframes(mapper->front)->scans[keyframe];
 
     return scan->end_point - scan->first_point;
 }
@@ -211,9 +212,9 @@ static void end_match(cairn_filter_mapper *mapper)
                              c[2],
                              c[4] + p->match_sigma * p->match_sigma,
                              c[5],
-                             c[8] + p->match_sigma_turn * p->match_sigma_turn};
+                             c[8] + p->match_sigma_theta * p->match_sigma_theta};
 
-    if (match.verdict == CAIRN_ICP_TOO_FEW_PAIRS || match.overlap < p->min_support)
+    if (match.verdict == CAIRN_ICP_TOO_FEW_PAIRS || match.overlap < p->min_overlap)
         return;
     add_mode(mapper, match.target_query, covariance);
     mapper->revisit_matches += mapper->proposal.map_index == OLD_MAP;
@@ -279,7 +280,7 @@ static int draw_candidates(cairn_filter_mapper *mapper, cairn_budget *budget)
 /* Returns n where every n-th point of the scan is scored. */
 static int32_t stride_of(const cairn_filter_mapper *mapper, int32_t count)
 {
-    return (count + mapper->params.points - 1) / mapper->params.points;
+    return (count + mapper->params.scored_points - 1) / mapper->params.scored_points;
 }
 
 /* Returns the cost of a point against a map: half the squared normalized distance along the normal,
@@ -294,11 +295,11 @@ static cairn_real point_cost(const cairn_filter_mapper *mapper, const local_map 
     cairn_real across;
 
     if (nearest < 0 || cairn_vec2_dot(direction, map->direction[nearest]) < MIN_COSINE)
-        return mapper->params.outlier;
+        return mapper->params.max_point_cost;
     across = cairn_vec2_cross(map->direction[nearest],
                               cairn_vec2_sub(p, cairn_point_grid_point(map->points, nearest))) /
              mapper->params.sigma;
-    return cairn_min(across * across / 2, mapper->params.outlier);
+    return cairn_min(across * across / 2, mapper->params.max_point_cost);
 }
 
 /* Continues scoring the current candidate. Returns 1 when done. */
@@ -317,7 +318,7 @@ static int weigh_candidate(cairn_filter_mapper *mapper, cairn_scan_view view, ca
             work->cost +=
                 point_cost(mapper, &work->maps[which], map_scan, view.points[work->cursor]);
     }
-    s->log_weight -= work->cost * mapper->params.weight / (cairn_real)weighed;
+    s->log_weight -= work->cost * mapper->params.independent_points / (cairn_real)weighed;
     work->cursor = 0;
     work->cost = 0;
     return 1;

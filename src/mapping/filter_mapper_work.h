@@ -25,7 +25,7 @@ enum { RECENT_MAP = 0, OLD_MAP = 1, LOCAL_MAPS = 2 };
 /* The recent or the old part of a particle's map near the current keyframe. */
 typedef struct local_map {
     /* nearest keyframes, sorted by distance */
-    local_keyframe nearest[CAIRN_FILTER_MAPPER_LOCAL_MOST];
+    local_keyframe nearest[CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES];
     int32_t count;
     cairn_point_grid *points;
     cairn_vec2 *direction; /* [max_local_points] tangent directions of the points */
@@ -63,7 +63,7 @@ typedef struct proposal {
     local_map maps[LOCAL_MAPS];
     proposal_mode modes[LOCAL_MAPS];
     int32_t mode_count;
-    path_state candidates[CAIRN_FILTER_MAPPER_CANDIDATES_MOST];
+    path_state candidates[CAIRN_FILTER_MAPPER_MAX_CANDIDATES];
     cairn_real cost; /* nats: cost of the current candidate */
 } proposal;
 

@@ -197,11 +197,11 @@ cairn_status cairn_force_field_create(cairn_force_field **field, cairn_pool *poo
 
     if (field == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     made->params = *params;
-    if (made->unknowns != NULL && params->twist > 0)
+    if (made->unknowns != NULL && params->alignment_torque > 0)
         made->params.potential = 1;
     cairn_force_kernel_init(&made->kernel);
     if (made->in_region != NULL)
@@ -231,13 +231,13 @@ cairn_status cairn_force_field_add_scan(cairn_force_field *field, const cairn_sc
     int32_t slot;
 
     if (field == NULL) {
-        pose_fault.what = "no field";
+        pose_fault.message = "no field";
         status = CAIRN_BAD_ARGUMENT;
     } else if (!cairn_pose_is_finite(map_scan)) {
-        pose_fault.what = "the pose is not finite";
+        pose_fault.message = "the pose is not finite";
         status = CAIRN_NOT_FINITE;
     } else if (!(cairn_abs(map_scan.x) <= MAX_VALUE && cairn_abs(map_scan.y) <= MAX_VALUE)) {
-        pose_fault.what = "the pose is farther than 1e6 m";
+        pose_fault.message = "the pose is farther than 1e6 m";
         status = CAIRN_BAD_ARGUMENT;
     }
     if (status != CAIRN_OK) {
@@ -306,7 +306,7 @@ cairn_status cairn_force_field_place(cairn_force_field *field, int32_t scan, cai
     return CAIRN_OK;
 }
 
-cairn_status cairn_force_field_release(cairn_force_field *field, int32_t scan)
+cairn_status cairn_force_field_remove(cairn_force_field *field, int32_t scan)
 {
     struct cairn_force_body *body;
 
@@ -409,7 +409,7 @@ void cairn_force_field_clear(cairn_force_field *field)
 
 static int is_untidy(const cairn_force_field *field)
 {
-    return field->last_leaving >= 0 || field->set->gaps;
+    return field->last_leaving >= 0 || field->set->needs_packing;
 }
 
 static cairn_status run(cairn_force_field *field, cairn_budget *budget, int one)
@@ -455,8 +455,8 @@ static cairn_status run_counted(cairn_force_field *field, cairn_budget *budget, 
     status = run(field, budget, one);
     used = before - budget->left;
     field->state.units += used;
-    if (used > field->state.worst_step)
-        field->state.worst_step = used;
+    if (used > field->state.max_step_units)
+        field->state.max_step_units = used;
     return status;
 }
 

@@ -114,8 +114,8 @@ static cairn_status step_pack(cairn_force_field *field, cairn_budget *budget)
         struct cairn_force_body *body = &field->bodies[field->last_leaving];
         const cairn_scan_set_scan *scan = &field->set->scans[field->last_leaving];
 
-        if (!cairn_budget_pay(budget, &field->units_charged,
-                              1 + (scan->end_segment - scan->first_segment) / 16))
+        if (!cairn_budget_charge(budget, &field->units_charged,
+                                 1 + (scan->end_segment - scan->first_segment) / 16))
             return CAIRN_MORE;
         must_be_ok(cairn_scan_set_remove(field->set, field->last_leaving));
         field->last_leaving = body->next_leaving;
@@ -126,7 +126,7 @@ static cairn_status step_pack(cairn_force_field *field, cairn_budget *budget)
 static cairn_status step_compare(cairn_force_field *field, cairn_budget *budget)
 {
     while (field->scan < field->slots) {
-        if (!cairn_budget_pay(budget, &field->units_charged, 1))
+        if (!cairn_budget_charge(budget, &field->units_charged, 1))
             return CAIRN_MORE;
         for (int32_t i = 0; i < ITEMS_PER_GROUP && field->scan < field->slots; i++, field->scan++) {
             struct cairn_force_body *body = &field->bodies[field->scan];
@@ -198,9 +198,9 @@ static void place_points(cairn_force_field *field)
     const cairn_scan_set_segment *from = &field->set->segments[field->segment];
     cairn_transform transform = field->bodies[from->scan].transform;
     cairn_box *box = &field->boxes[field->extra[field->extra_front].runs + field->segment];
-    cairn_vec2 points[CAIRN_FORCE_STRIP];
+    cairn_vec2 points[CAIRN_FORCE_STRIP_POINTS];
     int32_t left = from->end_point - from->first_point - field->point;
-    int32_t count = left < CAIRN_FORCE_STRIP ? left : CAIRN_FORCE_STRIP;
+    int32_t count = left < CAIRN_FORCE_STRIP_POINTS ? left : CAIRN_FORCE_STRIP_POINTS;
 
     cairn_scan_set_read(field->set, field->segment, field->point, count, points);
     for (int32_t i = 0; i < count; i++) {
@@ -218,7 +218,7 @@ static void place_points(cairn_force_field *field)
 /* Returns the units for the next points of a segment, of which `left` are left. */
 static int32_t place_cost(int32_t left)
 {
-    return 1 + (left < CAIRN_FORCE_STRIP ? left : CAIRN_FORCE_STRIP) / 2;
+    return 1 + (left < CAIRN_FORCE_STRIP_POINTS ? left : CAIRN_FORCE_STRIP_POINTS) / 2;
 }
 
 static cairn_status step_place_extra(cairn_force_field *field, cairn_budget *budget)
@@ -233,7 +233,7 @@ static cairn_status step_place_extra(cairn_force_field *field, cairn_budget *bud
         while (field->point < extra->first[field->segment + 1]) {
             int32_t end = field->point + POINTS_PER_GROUP;
 
-            if (!cairn_budget_pay(budget, &field->units_charged, 1))
+            if (!cairn_budget_charge(budget, &field->units_charged, 1))
                 return CAIRN_MORE;
             for (; field->point < end && field->point < extra->first[field->segment + 1];
                  field->point++)
@@ -256,7 +256,7 @@ static cairn_status step_place(cairn_force_field *field, cairn_budget *budget)
         if (field->point < 0) {
             int32_t is_first = field->set->scans[slot].first_segment == field->segment;
 
-            if (!cairn_budget_pay(budget, &field->units_charged, is_first ? 4 : 2))
+            if (!cairn_budget_charge(budget, &field->units_charged, is_first ? 4 : 2))
                 return CAIRN_MORE;
             if (!field->bodies[slot].moved)
                 continue;
@@ -268,7 +268,8 @@ static cairn_status step_place(cairn_force_field *field, cairn_budget *budget)
                 end_box(field);
         }
         while (field->point < count) {
-            if (!cairn_budget_pay(budget, &field->units_charged, place_cost(count - field->point)))
+            if (!cairn_budget_charge(budget, &field->units_charged,
+                                     place_cost(count - field->point)))
                 return CAIRN_MORE;
             place_points(field);
         }
@@ -280,7 +281,7 @@ static cairn_status step_place(cairn_force_field *field, cairn_budget *budget)
 static cairn_status step_ungrid(cairn_force_field *field, cairn_budget *budget)
 {
     while (cairn_point_grid_count(field->grid) > 0) {
-        if (!cairn_budget_pay(budget, &field->units_charged, 2 * ITEMS_PER_GROUP))
+        if (!cairn_budget_charge(budget, &field->units_charged, 2 * ITEMS_PER_GROUP))
             return CAIRN_MORE;
         for (int32_t i = 0; i < ITEMS_PER_GROUP; i++)
             cairn_point_grid_remove_last(field->grid);
@@ -294,7 +295,7 @@ static cairn_status step_grid(cairn_force_field *field, cairn_budget *budget)
     const cairn_corner *corners = cairn_corner_list(field->corners, &count);
 
     while (cairn_point_grid_count(field->grid) < count) {
-        if (!cairn_budget_pay(budget, &field->units_charged, 2))
+        if (!cairn_budget_charge(budget, &field->units_charged, 2))
             return CAIRN_MORE;
         /* The capacity is max_corners. */
         must_be_ok(cairn_point_grid_insert(field->grid,
@@ -334,9 +335,9 @@ static int find_regions(cairn_force_field *field)
 
     cairn_force_points(field, field->segment, field->point, count, points);
     for (int32_t i = 0; i < count; i++)
-        changed |=
-            set_mass(field, segment->first_point + field->point + i,
-                     cairn_point_grid_has(field->grid, points[i], field->params.roi_radius) != 0);
+        changed |= set_mass(
+            field, segment->first_point + field->point + i,
+            cairn_point_grid_has_near(field->grid, points[i], field->params.roi_radius) != 0);
     field->point += count;
     return changed;
 }
@@ -348,7 +349,7 @@ static cairn_status step_masses(cairn_force_field *field, cairn_budget *budget)
         int32_t count = segment->end_point - segment->first_point;
 
         while (field->point < count) {
-            if (!cairn_budget_pay(budget, &field->units_charged, 12))
+            if (!cairn_budget_charge(budget, &field->units_charged, 12))
                 return CAIRN_MORE;
             if (find_regions(field)) {
                 field->bodies[segment->scan].moved = 1;
@@ -364,16 +365,16 @@ static cairn_status step_reset(cairn_force_field *field, cairn_budget *budget)
     const cairn_vec2 none = {0, 0};
 
     while (field->scan < field->slots) {
-        if (!cairn_budget_pay(budget, &field->units_charged,
-                              cairn_force_has_springs(field) ? POINTS_PER_GROUP
-                                                             : POINTS_PER_GROUP / 2))
+        if (!cairn_budget_charge(budget, &field->units_charged,
+                                 cairn_force_has_springs(field) ? POINTS_PER_GROUP
+                                                                : POINTS_PER_GROUP / 2))
             return CAIRN_MORE;
         for (int32_t i = 0; i < POINTS_PER_GROUP && field->scan < field->slots;
              i++, field->scan++) {
             struct cairn_force_body *body = &field->bodies[field->scan];
 
             if (cairn_force_has_springs(field))
-                cairn_force_unbind(field, field->scan);
+                cairn_force_remove_springs(field, field->scan);
             if (!body->dirty)
                 continue;
             body->force = none;
@@ -463,11 +464,11 @@ static cairn_status run_phase(cairn_force_field *field, cairn_budget *budget)
     case PHASE_PAIRS:
         return cairn_force_pairs(field, budget);
     case PHASE_SOLVE:
-        return cairn_force_balance_step(field, budget);
+        return cairn_force_solve_step(field, budget);
     case PHASE_MOVE:
         return cairn_force_move(field, budget);
     default:
-        return cairn_force_mark(field, budget);
+        return cairn_force_mark_dirty(field, budget);
     }
 }
 
@@ -519,7 +520,7 @@ static cairn_status begin_phase(cairn_force_field *field)
         return cairn_box_sweep_begin_in(field->sweep, field->boxes, boxes_of(field),
                                         field->free_box);
     case PHASE_SOLVE:
-        cairn_force_balance_begin(field);
+        cairn_force_solve_begin(field);
         return CAIRN_OK;
     case PHASE_MOVE:
         field->scan = 0;

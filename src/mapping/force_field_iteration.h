@@ -84,8 +84,8 @@ struct cairn_force_bond {
 /* Unknowns of a scan in the sparse linear system of all springs: its motion (x, y, rotation) about
  * the centre. */
 struct cairn_force_unknown {
-    int32_t last_bond,
-        bond_count; /* the last bond with the scan as second, -1: none; number of bonds */
+    /* the last bond with the scan as second, -1: none; number of bonds */
+    int32_t last_bond, bond_count;
     /* diagonal block of the system, then its inverse (Jacobi preconditioner); 0: fixed */
     cairn_sym3 diagonal;
     cairn_real damping[3]; /* diagonal damping that holds the scan at its pose */
@@ -113,8 +113,8 @@ struct cairn_force_extra {
 /* A tile: a few points of one line, and buffers for points generated on demand. */
 struct cairn_force_tile {
     cairn_force_strip strip;
-    cairn_vec2 position[CAIRN_FORCE_STRIP];
-    cairn_real mass[CAIRN_FORCE_STRIP];
+    cairn_vec2 position[CAIRN_FORCE_STRIP_POINTS];
+    cairn_real mass[CAIRN_FORCE_STRIP_POINTS];
     cairn_box box;       /* of the points when the line has more than one tile */
     int32_t line, first; /* line -1: empty */
 };
@@ -271,18 +271,18 @@ void cairn_force_place_scan(cairn_force_field *field, int32_t scan);
 int32_t cairn_force_has_springs(const cairn_force_field *field);
 
 /* Removes the springs of a scan. */
-void cairn_force_unbind(cairn_force_field *field, int32_t scan);
+void cairn_force_remove_springs(cairn_force_field *field, int32_t scan);
 
 /* Returns the units of adding the current pair of lines. */
-int32_t cairn_force_bind_cost(const cairn_force_field *field);
+int32_t cairn_force_add_springs_cost(const cairn_force_field *field);
 
 /* Adds the springs of the current pair of lines to the bond of their scans. */
-void cairn_force_bind(cairn_force_field *field);
+void cairn_force_add_springs(cairn_force_field *field);
 
-void cairn_force_balance_begin(cairn_force_field *field);
+void cairn_force_solve_begin(cairn_force_field *field);
 
 /* Computes the motions to the equilibrium of all springs, to the solver's accuracy. */
-CAIRN_CHECKED cairn_status cairn_force_balance_step(cairn_force_field *field, cairn_budget *budget);
+CAIRN_CHECKED cairn_status cairn_force_solve_step(cairn_force_field *field, cairn_budget *budget);
 
 /* ---- force_field_pairs ---- */
 
@@ -292,7 +292,7 @@ void cairn_force_points(const cairn_force_field *field, int32_t segment, int32_t
                         int32_t count, cairn_vec2 *points);
 
 /* Marks the scans near one that has moved as dirty. */
-CAIRN_CHECKED cairn_status cairn_force_mark(cairn_force_field *field, cairn_budget *budget);
+CAIRN_CHECKED cairn_status cairn_force_mark_dirty(cairn_force_field *field, cairn_budget *budget);
 
 /* Computes the forces of all pairs of lines that involve a dirty scan. */
 CAIRN_CHECKED cairn_status cairn_force_pairs(cairn_force_field *field, cairn_budget *budget);

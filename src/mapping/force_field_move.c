@@ -108,7 +108,7 @@ cairn_status cairn_force_move(cairn_force_field *field, cairn_budget *budget)
     for (; field->scan < field->slots; field->scan++) {
         struct cairn_force_body *body = &field->bodies[field->scan];
 
-        if (!cairn_budget_pay(budget, &field->units_charged, 4))
+        if (!cairn_budget_charge(budget, &field->units_charged, 4))
             return CAIRN_MORE;
         body->has_forces = cairn_force_iteration_has(field, field->scan) != 0;
         if (!body->has_forces)

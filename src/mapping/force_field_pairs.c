@@ -69,8 +69,8 @@ static int32_t tile_cost(const cairn_force_field *field, const struct cairn_forc
                          int32_t first)
 {
     int32_t left = line->count - first,
-            points = left < CAIRN_FORCE_STRIP ? left : CAIRN_FORCE_STRIP;
-    int32_t is_long = line->count > CAIRN_FORCE_STRIP;
+            points = left < CAIRN_FORCE_STRIP_POINTS ? left : CAIRN_FORCE_STRIP_POINTS;
+    int32_t is_long = line->count > CAIRN_FORCE_STRIP_POINTS;
 
     return TILE_UNITS + (field->position != NULL ? 0 : points / 4) + (is_long ? points / 4 : 0);
 }
@@ -130,10 +130,10 @@ static void load_tile(const cairn_force_field *field, const struct cairn_force_l
 
     tile->line = line->index;
     tile->first = first;
-    tile->strip.count = left < CAIRN_FORCE_STRIP ? left : CAIRN_FORCE_STRIP;
+    tile->strip.count = left < CAIRN_FORCE_STRIP_POINTS ? left : CAIRN_FORCE_STRIP_POINTS;
     find_points(field, line, tile);
-    tile->strip.zone = grown(field->boxes[line->index], field->margin);
-    if (line->count <= CAIRN_FORCE_STRIP)
+    tile->strip.reach_box = grown(field->boxes[line->index], field->margin);
+    if (line->count <= CAIRN_FORCE_STRIP_POINTS)
         return;
     box.min = box.max = tile->strip.position[0];
     for (int32_t i = 1; i < tile->strip.count; i++) {
@@ -143,7 +143,7 @@ static void load_tile(const cairn_force_field *field, const struct cairn_force_l
         box.max.y = cairn_max(box.max.y, tile->strip.position[i].y);
     }
     tile->box = box;
-    tile->strip.zone = grown(box, 2 * field->margin);
+    tile->strip.reach_box = grown(box, 2 * field->margin);
 }
 
 /* ---- Pairs of lines ---- */
@@ -169,7 +169,7 @@ static inline int can_attract(const cairn_force_field *field, const struct cairn
 /* Returns 1 when directions are oriented: the faces of a wall are distinguished. */
 static int uses_orientation(const cairn_force_field *field)
 {
-    return field->sigma <= field->params.sides_below;
+    return field->sigma <= field->params.oriented_below;
 }
 
 /* Returns the direction factor of two lines: |cos|, or max(0, cos) when oriented. */
@@ -234,7 +234,7 @@ static void end_pair(cairn_force_field *field)
     if (is_dirty(field, b))
         add_to_scan(field, b, -1, a);
     if (cairn_force_has_springs(field))
-        cairn_force_bind(field);
+        cairn_force_add_springs(field);
     field->pair.is_begun = 0;
 }
 
@@ -249,8 +249,8 @@ static int load_tiles(cairn_force_field *field, cairn_budget *budget)
         int32_t first = pair->tile_first[pair->loaded],
                 is_there = tile->line == line->index && tile->first == first;
 
-        if (!cairn_budget_pay(budget, &field->units_charged,
-                              is_there ? TILE_UNITS : tile_cost(field, line, first)))
+        if (!cairn_budget_charge(budget, &field->units_charged,
+                                 is_there ? TILE_UNITS : tile_cost(field, line, first)))
             return 0;
         if (!is_there)
             load_tile(field, line, first, tile);
@@ -271,7 +271,8 @@ static int are_out_of_reach(const cairn_force_field *field)
     const cairn_box *a = &field->tiles[0].box, *b = &field->tiles[1].box;
     cairn_real x, y;
 
-    if (pair->line[0].count <= CAIRN_FORCE_STRIP || pair->line[1].count <= CAIRN_FORCE_STRIP)
+    if (pair->line[0].count <= CAIRN_FORCE_STRIP_POINTS ||
+        pair->line[1].count <= CAIRN_FORCE_STRIP_POINTS)
         return 0;
     x = gap(a->min.x, a->max.x, b->min.x, b->max.x);
     y = gap(a->min.y, a->max.y, b->min.y, b->max.y);
@@ -282,11 +283,11 @@ static int are_out_of_reach(const cairn_force_field *field)
 static int next_tiles(struct cairn_force_pair *pair)
 {
     pair->loaded = pair->cursor.row = 0;
-    pair->tile_first[1] += CAIRN_FORCE_STRIP;
+    pair->tile_first[1] += CAIRN_FORCE_STRIP_POINTS;
     if (pair->tile_first[1] < pair->line[1].count)
         return 1;
     pair->tile_first[1] = 0;
-    pair->tile_first[0] += CAIRN_FORCE_STRIP;
+    pair->tile_first[0] += CAIRN_FORCE_STRIP_POINTS;
     return pair->tile_first[0] < pair->line[0].count;
 }
 
@@ -317,7 +318,7 @@ static cairn_status step_pair(cairn_force_field *field, cairn_budget *budget)
     if (status != CAIRN_OK)
         return status;
     if (cairn_force_has_springs(field) &&
-        !cairn_budget_pay(budget, &field->units_charged, cairn_force_bind_cost(field)))
+        !cairn_budget_charge(budget, &field->units_charged, cairn_force_add_springs_cost(field)))
         return CAIRN_MORE;
     end_pair(field);
     return CAIRN_OK;
@@ -330,7 +331,7 @@ cairn_status cairn_force_pairs(cairn_force_field *field, cairn_budget *budget)
         cairn_status status;
 
         if (field->pair.units_due > 0 &&
-            !cairn_budget_pay(budget, &field->units_charged, field->pair.units_due))
+            !cairn_budget_charge(budget, &field->units_charged, field->pair.units_due))
             return CAIRN_MORE;
         field->pair.units_due = 0;
         if (field->pair.is_begun) {
@@ -365,7 +366,7 @@ static void mark_pair(cairn_force_field *field)
         field->bodies[b].dirty = 1;
 }
 
-cairn_status cairn_force_mark(cairn_force_field *field, cairn_budget *budget)
+cairn_status cairn_force_mark_dirty(cairn_force_field *field, cairn_budget *budget)
 {
     struct cairn_force_pair *pair = &field->pair;
 
@@ -374,7 +375,7 @@ cairn_status cairn_force_mark(cairn_force_field *field, cairn_budget *budget)
         cairn_status status;
 
         if (pair->is_begun) {
-            if (!cairn_budget_pay(budget, &field->units_charged, FOUND_UNITS))
+            if (!cairn_budget_charge(budget, &field->units_charged, FOUND_UNITS))
                 return CAIRN_MORE;
             mark_pair(field);
         }
@@ -398,7 +399,7 @@ static void add_force(const cairn_force_field *field, const struct cairn_force_l
     cairn_force_sum sum;
 
     memset(&sum, 0, sizeof sum);
-    for (int32_t first = 0; first < from->count; first += CAIRN_FORCE_STRIP) {
+    for (int32_t first = 0; first < from->count; first += CAIRN_FORCE_STRIP_POINTS) {
         cairn_budget budget = {CAIRN_UNBOUNDED};
         struct cairn_force_tile tile;
         cairn_force_cursor cursor;
@@ -430,7 +431,7 @@ cairn_vec2 cairn_force_at(const cairn_force_field *field, int32_t segment, int32
     point.mass = mass;
     point.count = 1;
     box.min = box.max = position;
-    point.zone = box = grown(box, field->margin);
+    point.reach_box = box = grown(box, field->margin);
     for (int32_t i = 0; i < runs + field->placed_segments; i++) {
         struct cairn_force_line other = line_of(field, i);
 

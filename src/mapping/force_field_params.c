@@ -25,7 +25,7 @@ cairn_force_field_params cairn_force_field_default(void)
         .sigma_end = CAIRN_REAL(0.04),
         .sigma_step = CAIRN_REAL(0.0025),
         .sigma_factor = 1,
-        .sides_below = 0,
+        .oriented_below = 0,
         .dt_start = CAIRN_REAL(0.05),
         .dt_end = CAIRN_REAL(0.01),
         .dt_factor = CAIRN_REAL(0.96),
@@ -43,9 +43,9 @@ cairn_force_field_params cairn_force_field_default(void)
         .spacing = 0,
         .max_extra = 0,
         .max_bonds = 0,
-        .slide = CAIRN_REAL(0.1),
-        .grip = CAIRN_REAL(0.35),
-        .twist = 0,
+        .tangential_stiffness = CAIRN_REAL(0.1),
+        .damping_sigma = CAIRN_REAL(0.35),
+        .alignment_torque = 0,
         .max_relocation = CAIRN_REAL(0.3),
     };
     return params;
@@ -82,13 +82,13 @@ cairn_force_field_params cairn_force_field_springs(cairn_real sigma_start, int32
     if (steps > 1)
         params.sigma_factor =
             cairn_exp(cairn_log(params.sigma_end / sigma_start) / (cairn_real)(steps - 1));
-    params.sides_below = CAIRN_REAL(0.15);
+    params.oriented_below = CAIRN_REAL(0.15);
     /* 1/2 dt^2 is 5, and decreases by the factor 0.7 per iteration to 1. */
     params.dt_start = cairn_sqrt(10);
     params.dt_end = cairn_sqrt(2);
     params.dt_factor = cairn_sqrt(CAIRN_REAL(0.7));
     params.reach = CAIRN_REAL(2.5);
-    params.twist = 40;
+    params.alignment_torque = 40;
     params.roi = CAIRN_FORCE_FIELD_ROI_NONE;
     params.max_steps = steps;
     return params;
@@ -106,7 +106,7 @@ static const struct {
     {OFFSET_OF(sigma_end), POSITIVE},
     {OFFSET_OF(sigma_step), 0},
     {OFFSET_OF(sigma_factor), UNIT_INTERVAL},
-    {OFFSET_OF(sides_below), 0},
+    {OFFSET_OF(oriented_below), 0},
     {OFFSET_OF(dt_start), POSITIVE},
     {OFFSET_OF(dt_end), POSITIVE},
     {OFFSET_OF(dt_factor), UNIT_INTERVAL},
@@ -116,9 +116,9 @@ static const struct {
     {OFFSET_OF(spacing), 0},
     {OFFSET_OF(roi_radius), WITH_ROI | POSITIVE},
     {OFFSET_OF(roi_mass), WITH_ROI | POSITIVE},
-    {OFFSET_OF(slide), WITH_SPRINGS | UNIT_INTERVAL},
-    {OFFSET_OF(grip), WITH_SPRINGS},
-    {OFFSET_OF(twist), WITH_SPRINGS},
+    {OFFSET_OF(tangential_stiffness), WITH_SPRINGS | UNIT_INTERVAL},
+    {OFFSET_OF(damping_sigma), WITH_SPRINGS},
+    {OFFSET_OF(alignment_torque), WITH_SPRINGS},
     {OFFSET_OF(max_relocation), WITH_SPRINGS | POSITIVE},
 };
 
@@ -143,7 +143,7 @@ int32_t cairn_force_params_are_valid(const cairn_force_field_params *p)
     return p != NULL && p->mode >= CAIRN_FORCE_FIELD_GRADIENT &&
            p->mode <= CAIRN_FORCE_FIELD_SPRINGS && are_in_range(p) &&
            p->sigma_end <= p->sigma_start && p->dt_end <= p->dt_start &&
-           p->reach <= CAIRN_FORCE_KERNEL_REACH && (!p->roi || p->max_corners <= MAX_CORNERS) &&
+           p->reach <= CAIRN_FORCE_KERNEL_MAX_REACH && (!p->roi || p->max_corners <= MAX_CORNERS) &&
            p->max_steps >= 1 && p->max_extra >= 0 && p->max_extra <= MAX_EXTRA &&
            (p->mode == CAIRN_FORCE_FIELD_GRADIENT ||
             (p->max_bonds >= 0 && p->max_bonds <= MAX_BONDS));

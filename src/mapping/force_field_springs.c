@@ -53,7 +53,7 @@ int32_t cairn_force_has_springs(const cairn_force_field *field)
 
 /* ---- Bonds ---- */
 
-void cairn_force_unbind(cairn_force_field *field, int32_t scan)
+void cairn_force_remove_springs(cairn_force_field *field, int32_t scan)
 {
     struct cairn_force_unknown *unknown = &field->unknowns[scan];
 
@@ -61,7 +61,7 @@ void cairn_force_unbind(cairn_force_field *field, int32_t scan)
     unknown->last_bond = -1;
 }
 
-int32_t cairn_force_bind_cost(const cairn_force_field *field)
+int32_t cairn_force_add_springs_cost(const cairn_force_field *field)
 {
     return 3 + field->unknowns[field->pair.line[1].scan].bond_count / BONDS_PER_UNIT;
 }
@@ -113,19 +113,19 @@ static void add_twist(const cairn_force_field *field, struct cairn_force_bond *b
     const struct cairn_force_pair *pair = &field->pair;
     cairn_vec2 a = pair->line[0].direction, b = pair->line[1].direction;
     cairn_real cosine = cairn_vec2_dot(a, b);
-    cairn_real torque =
-        field->params.twist / 2 * pair->sum.potential / field->kernel.norm * (cosine * cosine);
+    cairn_real torque = field->params.alignment_torque / 2 * pair->sum.potential /
+                        field->kernel.norm * (cosine * cosine);
 
     bond->stiffness.zz += torque * (cosine * cosine);
     bond->wrench[2] += torque * (cosine * cairn_vec2_cross(a, b));
 }
 
-void cairn_force_bind(cairn_force_field *field)
+void cairn_force_add_springs(cairn_force_field *field)
 {
     const struct cairn_force_pair *pair = &field->pair;
     const cairn_force_springs *s = &pair->springs;
-    cairn_sym2 shape =
-        stiffness_shape(pair->line[0].direction, pair->line[1].direction, field->params.slide);
+    cairn_sym2 shape = stiffness_shape(pair->line[0].direction, pair->line[1].direction,
+                                       field->params.tangential_stiffness);
     struct cairn_force_bond *bond = find_bond(field, pair->line[0].scan, pair->line[1].scan);
     cairn_real weight = pair->cosine;
     cairn_vec2 arm, pull;
@@ -135,7 +135,7 @@ void cairn_force_bind(cairn_force_field *field)
         return;
     }
     /* A rotation moves the midpoint c of a spring by (-c.y, c.x). */
-    arm = times(shape, cairn_vec2_left(s->middle));
+    arm = times(shape, cairn_vec2_left_perp(s->middle));
     pull = times(shape, s->pull);
     bond->stiffness.xx += weight * shape.xx * s->stiffness;
     bond->stiffness.xy += weight * shape.xy * s->stiffness;
@@ -159,7 +159,7 @@ static cairn_vec2 lever_arm(const cairn_force_field *field, const struct cairn_f
 {
     cairn_vec2 centre = field->bodies[bond->second].centre;
 
-    return cairn_vec2_left(cairn_vec2_sub(centre, field->bodies[bond->first].centre));
+    return cairn_vec2_left_perp(cairn_vec2_sub(centre, field->bodies[bond->first].centre));
 }
 
 static void multiply(const cairn_sym3 *m, const cairn_real v[3], cairn_real product[3])
@@ -271,8 +271,8 @@ static void prepare_unknown(cairn_force_field *field, int32_t index)
     cairn_real shift = unknown->diagonal.xx + unknown->diagonal.yy, damping_ratio = 0;
     cairn_sym3 inverse = cairn_sym3_zero();
 
-    if (field->params.grip > 0)
-        damping_ratio = field->sigma / field->params.grip;
+    if (field->params.damping_sigma > 0)
+        damping_ratio = field->sigma / field->params.damping_sigma;
     unknown->damping[0] = unknown->damping[1] =
         (DAMPING_SHARE + damping_ratio * damping_ratio * damping_ratio) * shift;
     unknown->damping[2] = DAMPING_SHARE * shift * field->set->scans[index].sensor_spread;
@@ -368,12 +368,12 @@ static int32_t next_stage(struct cairn_force_solver *solver)
     }
 }
 
-void cairn_force_balance_begin(cairn_force_field *field)
+void cairn_force_solve_begin(cairn_force_field *field)
 {
     memset(&field->solver, 0, sizeof field->solver);
 }
 
-cairn_status cairn_force_balance_step(cairn_force_field *field, cairn_budget *budget)
+cairn_status cairn_force_solve_step(cairn_force_field *field, cairn_budget *budget)
 {
     struct cairn_force_solver *solver = &field->solver;
 
@@ -382,8 +382,8 @@ cairn_status cairn_force_balance_step(cairn_force_field *field, cairn_budget *bu
         int32_t count = is_of_bonds ? field->bond_count : field->slots;
 
         for (; solver->next_item < count; solver->next_item++) {
-            if (!cairn_budget_pay(budget, &field->units_charged,
-                                  solver->stage <= STAGE_PREPARE ? 3 : 1))
+            if (!cairn_budget_charge(budget, &field->units_charged,
+                                     solver->stage <= STAGE_PREPARE ? 3 : 1))
                 return CAIRN_MORE;
             process_item(field, solver->next_item);
         }

@@ -38,15 +38,15 @@ cairn_vec2 cairn_force_kernel_pair(cairn_oriented_point p1, cairn_oriented_point
 
     if (potential != NULL)
         *potential = -weight / 2 * cairn_erfc(r * INVERSE_SQRT_2 / sigma);
-    return r < CAIRN_FORCE_KERNEL_NEAR ? none : cairn_vec2_scale(to, strength / r);
+    return r < CAIRN_FORCE_KERNEL_MIN_DISTANCE_M ? none : cairn_vec2_scale(to, strength / r);
 }
 
 void cairn_force_kernel_init(cairn_force_kernel *kernel)
 {
     for (int32_t i = 0; i < EXP_INTEGER_NODES; i++)
-        kernel->coarse[i] = cairn_exp(-(cairn_real)i);
+        kernel->exp_integer[i] = cairn_exp(-(cairn_real)i);
     for (int32_t i = 0; i < EXP_FRACTION_NODES; i++)
-        kernel->fine[i] = cairn_exp(-(cairn_real)i / EXP_FRACTION_NODES);
+        kernel->exp_fraction[i] = cairn_exp(-(cairn_real)i / EXP_FRACTION_NODES);
     for (int32_t i = 0; i < ERFC_NODES; i++) {
         cairn_real x = (cairn_real)i / 16, e = cairn_exp(-x * x);
 
@@ -55,7 +55,7 @@ void cairn_force_kernel_init(cairn_force_kernel *kernel)
         kernel->erfc[i][2] = 2 * x * e;
         kernel->erfc[i][3] = (2 * x * x - 1) * e;
     }
-    cairn_force_kernel_set(kernel, 1, CAIRN_FORCE_KERNEL_REACH);
+    cairn_force_kernel_set(kernel, 1, CAIRN_FORCE_KERNEL_MAX_REACH);
 }
 
 void cairn_force_kernel_set(cairn_force_kernel *kernel, cairn_real sigma, cairn_real reach)
@@ -64,7 +64,7 @@ void cairn_force_kernel_set(cairn_force_kernel *kernel, cairn_real sigma, cairn_
     kernel->root_scale = INVERSE_SQRT_2 / sigma;
     kernel->norm = INVERSE_SQRT_2PI / sigma;
     kernel->limit_squared = reach * sigma * (reach * sigma);
-    kernel->least_length = sigma / 8;
+    kernel->min_spring_length = sigma / 8;
 }
 
 /* Returns exp(-s), 0 <= s < EXP_INTEGER_NODES - 1. */
@@ -83,8 +83,8 @@ static inline cairn_real exp_negative(const cairn_force_kernel *kernel, cairn_re
         (d +
          d * d * (CAIRN_REAL(1.0) / 2 + d * (CAIRN_REAL(1.0) / 6 + d * (CAIRN_REAL(1.0) / 24))));
 #endif
-    return kernel->coarse[(uint32_t)k / EXP_FRACTION_NODES] *
-           kernel->fine[(uint32_t)k % EXP_FRACTION_NODES] * series;
+    return kernel->exp_integer[(uint32_t)k / EXP_FRACTION_NODES] *
+           kernel->exp_fraction[(uint32_t)k % EXP_FRACTION_NODES] * series;
 }
 
 /* Returns erfc(x), 0 <= x < ERFC_NODES / 16, with square = x^2 and e = exp(-x^2). */
@@ -107,7 +107,7 @@ static inline cairn_real erfc_interpolated(const cairn_force_kernel *kernel, cai
 static inline void add_spring(const cairn_force_kernel *kernel, cairn_real x, cairn_real y,
                               cairn_real r, cairn_real strength, cairn_force_pull *pull)
 {
-    cairn_real stiffness = strength / cairn_max(r, kernel->least_length);
+    cairn_real stiffness = strength / cairn_max(r, kernel->min_spring_length);
 
     pull->stiffness += stiffness;
     pull->spring_x += stiffness * x;
@@ -128,7 +128,7 @@ static inline void add_pair(const cairn_force_kernel *kernel, cairn_real x, cair
         pull->potential += mass * erfc_interpolated(kernel, r * kernel->root_scale, scaled, e);
     if (with_springs)
         add_spring(kernel, x, y, r, mass * e, pull);
-    strength = r < CAIRN_FORCE_KERNEL_NEAR ? 0 : mass * e / r;
+    strength = r < CAIRN_FORCE_KERNEL_MIN_DISTANCE_M ? 0 : mass * e / r;
     pull->x += strength * x;
     pull->y += strength * y;
 }
@@ -202,16 +202,16 @@ static inline cairn_status add_strips(const cairn_force_kernel *kernel, const ca
         int32_t before;
 
         if (!cursor->is_begun) {
-            int outside = is_outside(&b->zone, p);
-            int32_t cost = (outside ? 1 : near_cost) - cursor->paid;
+            int outside = is_outside(&b->reach_box, p);
+            int32_t cost = (outside ? 1 : near_cost) - cursor->units_charged;
 
             if (left < cost) {
-                cursor->paid += left;
+                cursor->units_charged += left;
                 left = 0;
                 break;
             }
             left -= cost;
-            cursor->paid = 0;
+            cursor->units_charged = 0;
             if (outside)
                 continue;
             next = 0;

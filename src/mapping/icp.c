@@ -42,7 +42,7 @@ struct sums {
     cairn_real point_weight, point_squares; /* sums of w and w d^2 over the point distances */
     cairn_real distance;
     int32_t pairs;
-    cairn_sym3 parts[CAIRN_ICP_PARTS]; /* point-to-line information by target part */
+    cairn_sym3 parts[CAIRN_ICP_MAX_PARTS]; /* point-to-line information by target part */
 };
 
 /* State of an iteration at the pose that it started from. */
@@ -55,15 +55,15 @@ struct iteration {
 struct cairn_icp {
     cairn_point_grid *grid;
     cairn_vec2 *directions; /* [max_target] directions of the target points */
-    int32_t part_end[CAIRN_ICP_PARTS];
+    int32_t part_end[CAIRN_ICP_MAX_PARTS];
     int32_t part_count;
     cairn_icp_params params;
     cairn_real least_cosine; /* cosine of the direction gate */
     const cairn_oriented_point *query;
     int32_t query_count;
     int32_t running;
-    int32_t next; /* query point to pair; == query_count: the iteration is to be solved */
-    int32_t debt; /* units of finished items, not yet charged */
+    int32_t next_point; /* query point to pair; == query_count: the iteration is to be solved */
+    int32_t units_owed; /* units of finished items, not yet charged */
     int32_t has_prior;
     cairn_pose_prior prior;
     cairn_rigid_motion motion; /* motion of the query about its centroid */
@@ -84,12 +84,12 @@ cairn_icp_params cairn_icp_default(void)
     params.max_iterations = 40;
     params.min_pairs = 10;
     params.mode = CAIRN_ICP_POINT_TO_LINE;
-    params.cell = CAIRN_REAL(0.2);
+    params.cell_size = CAIRN_REAL(0.2);
     params.gate_start = CAIRN_REAL(0.5);
     params.gate_end = CAIRN_REAL(0.1);
     params.gate_factor = 3;
     params.direction_gate = CAIRN_PI / 3;
-    params.sigma = CAIRN_REAL(0.01);
+    params.min_sigma = CAIRN_REAL(0.01);
     params.converged_distance = CAIRN_REAL(1e-4);
     params.converged_angle = CAIRN_REAL(1e-4);
     params.weak_ratio = CAIRN_REAL(0.01);
@@ -109,7 +109,8 @@ static int params_are_valid(const cairn_icp_params *params)
            is_positive_finite(params->gate_start) && is_positive_finite(params->gate_end) &&
            params->gate_end <= params->gate_start && is_positive_finite(params->gate_factor) &&
            is_positive_finite(params->direction_gate) && params->direction_gate <= CAIRN_PI &&
-           is_positive_finite(params->sigma) && is_positive_finite(params->converged_distance) &&
+           is_positive_finite(params->min_sigma) &&
+           is_positive_finite(params->converged_distance) &&
            is_positive_finite(params->converged_angle) && params->weak_ratio >= 0 &&
            params->weak_ratio < 1 && (params->roll_back == 0 || params->roll_back == 1);
 }
@@ -126,7 +127,7 @@ static cairn_icp *carve(cairn_pool *pool, const cairn_icp_params *params)
 
 static cairn_point_grid_params grid_params(const cairn_icp_params *params)
 {
-    cairn_point_grid_params grid = {params->max_target, params->cell};
+    cairn_point_grid_params grid = {params->max_target, params->cell_size};
     return grid;
 }
 
@@ -153,7 +154,7 @@ cairn_status cairn_icp_create(cairn_icp **icp, cairn_pool *pool, const cairn_icp
 
     if (icp == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     directions = made->directions;
@@ -220,7 +221,7 @@ cairn_status cairn_icp_add_target(cairn_icp *icp, const cairn_oriented_point *po
         CAIRN_ASSERT(status == CAIRN_OK);
         icp->directions[index] = cairn_transform_direction(transform, points[i].direction);
     }
-    if (icp->part_count < CAIRN_ICP_PARTS)
+    if (icp->part_count < CAIRN_ICP_MAX_PARTS)
         icp->part_count++;
     icp->part_end[icp->part_count - 1] = cairn_point_grid_count(icp->grid);
     return status;
@@ -255,7 +256,7 @@ static cairn_rigid_motion measure_query(const cairn_icp *icp, cairn_pose start)
     for (int32_t i = 0; i < icp->query_count; i++)
         squares += cairn_vec2_norm_squared(cairn_vec2_sub(icp->query[i].position, centroid));
     return cairn_rigid_motion_at(start, centroid,
-                                 cairn_max(cairn_sqrt(squares / count), icp->params.sigma));
+                                 cairn_max(cairn_sqrt(squares / count), icp->params.min_sigma));
 }
 
 cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, int32_t count,
@@ -277,8 +278,8 @@ cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, 
     icp->query = query;
     icp->query_count = count;
     icp->running = 1;
-    icp->next = 0;
-    icp->debt = 0;
+    icp->next_point = 0;
+    icp->units_owed = 0;
     icp->has_prior = prior != NULL;
     if (prior != NULL)
         icp->prior = *prior;
@@ -308,7 +309,7 @@ static int32_t find_pair(cairn_icp *icp, cairn_vec2 p, cairn_vec2 direction)
     int32_t looked_at,
         best = cairn_point_grid_nearest_facing(icp->grid, p, icp->gate, &facing, &looked_at);
 
-    icp->debt += looked_at / VISITS_PER_UNIT;
+    icp->units_owed += looked_at / VISITS_PER_UNIT;
     return best;
 }
 
@@ -333,7 +334,7 @@ static void add_point_terms(cairn_icp *icp, const cairn_oriented_point *q, cairn
     cairn_real weight = cauchy_weight(squared, icp->point_sigma), row[3];
 
     for (int k = 0; k < 2; k++) {
-        cairn_rigid_motion_row(&icp->motion, axes[k], q->position, row);
+        cairn_rigid_motion_jacobian(&icp->motion, axes[k], q->position, row);
         cairn_sym3_add_outer(&sums->points, row, weight);
         add_gradient(sums->gradient, row, weight * cairn_vec2_dot(axes[k], difference));
     }
@@ -369,10 +370,10 @@ static void add_query_point(cairn_icp *icp, const cairn_oriented_point *q)
     if (target < 0)
         return;
     difference = cairn_vec2_sub(p, cairn_point_grid_point(icp->grid, target));
-    normal = cairn_vec2_left(icp->directions[target]);
+    normal = cairn_vec2_left_perp(icp->directions[target]);
     error = cairn_vec2_dot(normal, difference);
     weight = cauchy_weight(error * error, icp->sigma);
-    cairn_rigid_motion_row(&icp->motion, normal, q->position, row);
+    cairn_rigid_motion_jacobian(&icp->motion, normal, q->position, row);
     cairn_sym3_add_outer(&sums->lines, row, weight);
     cairn_sym3_add_outer(&sums->parts[part_of(icp, target)], row, weight);
     sums->weight += weight;
@@ -398,7 +399,7 @@ static cairn_real information_scale(const cairn_icp *icp)
     cairn_real n = (cairn_real)sums->pairs, slope = cairn_max(sums->slopes / n, CAIRN_REAL(0.1));
     cairn_real scale = sums->psi_squares / (n - 3) * (sums->weight / n) / (slope * slope);
 
-    return 1 / cairn_max(scale, icp->params.sigma * icp->params.sigma);
+    return 1 / cairn_max(scale, icp->params.min_sigma * icp->params.min_sigma);
 }
 
 static cairn_sym3 scaled(cairn_sym3 m, cairn_real by)
@@ -429,11 +430,11 @@ static void update_sigmas(cairn_icp *icp)
 {
     const struct sums *sums = &icp->sums;
 
-    icp->sigma =
-        cairn_max(icp->params.sigma, cairn_sqrt(CAUCHY_VARIANCE * sums->squares / sums->weight));
+    icp->sigma = cairn_max(icp->params.min_sigma,
+                           cairn_sqrt(CAUCHY_VARIANCE * sums->squares / sums->weight));
     if (icp->params.mode == CAIRN_ICP_POINT_TO_POINT)
         icp->point_sigma =
-            cairn_max(icp->params.sigma,
+            cairn_max(icp->params.min_sigma,
                       cairn_sqrt(CAUCHY_VARIANCE * sums->point_squares / (2 * sums->point_weight)));
 }
 
@@ -487,7 +488,7 @@ static void end_iteration(cairn_icp *icp)
     result->overlap = (cairn_real)result->pairs / (cairn_real)icp->query_count;
     result->gate = icp->gate;
     if (result->pairs < params->min_pairs) {
-        result->observable = 0;
+        result->observable_dof = 0;
         stop(icp, CAIRN_ICP_TOO_FEW_PAIRS, NULL);
         return;
     }
@@ -495,9 +496,9 @@ static void end_iteration(cairn_icp *icp)
     update_sigmas(icp);
     result->sigma = icp->sigma;
     basis = cairn_motion_basis_of(icp->sums.lines, params->weak_ratio);
-    result->observable = 3 - basis.weak;
-    result->weak_ratio = basis.ratio;
-    memcpy(result->weak, basis.vectors[0], sizeof result->weak);
+    result->observable_dof = 3 - basis.unobservable;
+    result->weak_ratio = basis.inverse_condition;
+    memcpy(result->weak_direction, basis.vectors[0], sizeof result->weak_direction);
     if (rolls_back(icp)) {
         stop(icp, CAIRN_ICP_ROLLED_BACK, &basis);
         return;
@@ -517,30 +518,31 @@ static void end_iteration(cairn_icp *icp)
     if (converged || result->iterations == params->max_iterations) {
         cairn_icp_verdict verdict = converged ? CAIRN_ICP_CONVERGED : CAIRN_ICP_OUT_OF_ITERATIONS;
 
-        stop(icp, basis.weak > 0 && !icp->has_prior ? CAIRN_ICP_UNOBSERVABLE : verdict, &basis);
+        stop(icp, basis.unobservable > 0 && !icp->has_prior ? CAIRN_ICP_UNOBSERVABLE : verdict,
+             &basis);
         return;
     }
     icp->gate = gate;
-    icp->next = 0;
+    icp->next_point = 0;
     memset(&icp->sums, 0, sizeof icp->sums);
 }
 
 cairn_status cairn_icp_step(cairn_icp *icp, cairn_budget *budget)
 {
-    while (icp->running || icp->debt > 0) {
+    while (icp->running || icp->units_owed > 0) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (icp->debt > 0) {
-            int32_t paid = icp->debt < budget->left ? icp->debt : budget->left;
+        if (icp->units_owed > 0) {
+            int32_t paid = icp->units_owed < budget->left ? icp->units_owed : budget->left;
 
-            icp->debt -= paid;
+            icp->units_owed -= paid;
             budget->left -= paid;
-        } else if (icp->next < icp->query_count) {
-            icp->debt = UNITS_PER_PAIR;
-            add_query_point(icp, &icp->query[icp->next]);
-            icp->next++;
+        } else if (icp->next_point < icp->query_count) {
+            icp->units_owed = UNITS_PER_PAIR;
+            add_query_point(icp, &icp->query[icp->next_point]);
+            icp->next_point++;
         } else {
-            icp->debt = UNITS_PER_SOLVE;
+            icp->units_owed = UNITS_PER_SOLVE;
             end_iteration(icp);
         }
     }

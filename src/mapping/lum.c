@@ -43,16 +43,16 @@ cairn_lum_params cairn_lum_default(void)
         .max_fill = 2016,
         .min_pairs = 5,
         .max_iterations = 500,
-        .rebuild = 0,
-        .distance = CAIRN_REAL(0.2),
+        .rebuild_interval = 0,
+        .max_pair_distance = CAIRN_REAL(0.2),
         .direction_gate = CAIRN_PI / 3,
-        .sigma = CAIRN_REAL(0.02),
-        .converged = CAIRN_REAL(0.0001),
-        .registers = 0,
+        .min_sigma = CAIRN_REAL(0.02),
+        .converged_distance = CAIRN_REAL(0.0001),
+        .sequential_registration = 0,
         .mode = CAIRN_MODE_DEFAULT,
-        .register_gate = CAIRN_REAL(0.7),
-        .register_turn = CAIRN_PI / 18,
-        .register_spacing = CAIRN_REAL(0.08),
+        .registration_gate = CAIRN_REAL(0.7),
+        .registration_angle = CAIRN_PI / 18,
+        .registration_spacing = CAIRN_REAL(0.08),
     };
     return params;
 }
@@ -63,10 +63,10 @@ static cairn_lum_params apply_mode(const cairn_lum_params *params)
     cairn_lum_params p = *params;
 
     if (p.mode == CAIRN_MODE_AS_WRITTEN) {
-        p.rebuild = 0;
+        p.rebuild_interval = 0;
         p.direction_gate = CAIRN_PI;
-        p.sigma = MIN_SIGMA_M;
-        p.registers = 0;
+        p.min_sigma = MIN_SIGMA_M;
+        p.sequential_registration = 0;
     }
     return p;
 }
@@ -90,14 +90,15 @@ static int params_are_valid(const cairn_lum_params *p)
 {
     return p->max_scans >= 1 && p->max_scans <= MAX_SCANS && p->max_points >= 1 &&
            p->max_points <= MAX_POINTS && p->max_links >= 1 && p->max_links <= MAX_LINKS &&
-           p->min_pairs >= 2 && p->max_iterations >= 1 && p->rebuild >= 0 &&
-           is_length(p->distance) && p->direction_gate > 0 && p->direction_gate <= CAIRN_PI &&
-           is_length(p->sigma) && is_length(p->converged) &&
-           (p->registers == 0 || p->registers == 1) &&
+           p->min_pairs >= 2 && p->max_iterations >= 1 && p->rebuild_interval >= 0 &&
+           is_length(p->max_pair_distance) && p->direction_gate > 0 &&
+           p->direction_gate <= CAIRN_PI && is_length(p->min_sigma) &&
+           is_length(p->converged_distance) &&
+           (p->sequential_registration == 0 || p->sequential_registration == 1) &&
            (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
-           p->register_gate >= p->distance && is_length(p->register_gate) &&
-           p->register_turn >= 0 && p->register_turn <= CAIRN_PI && p->register_spacing >= 0 &&
-           p->register_spacing <= MAX_COORDINATE_M;
+           p->registration_gate >= p->max_pair_distance && is_length(p->registration_gate) &&
+           p->registration_angle >= 0 && p->registration_angle <= CAIRN_PI &&
+           p->registration_spacing >= 0 && p->registration_spacing <= MAX_COORDINATE_M;
 }
 
 static cairn_block_solver_params solver_params(const cairn_lum_params *params)
@@ -124,8 +125,8 @@ static cairn_lum *carve(cairn_lum *lum, cairn_pool *pool, const cairn_lum_params
     lum->next = cairn_pool_take(pool, points, sizeof *lum->next);
     lum->links = cairn_pool_take(pool, (size_t)params->max_links, sizeof *lum->links);
     lum->right = cairn_pool_take(pool, scans, sizeof *lum->right);
-    if (params->registers)
-        cairn_lum_register_carve(&lum->registers, pool, params);
+    if (params->sequential_registration)
+        cairn_lum_register_carve(&lum->registration, pool, params);
     return made;
 }
 
@@ -145,13 +146,13 @@ size_t cairn_lum_memory(const cairn_lum_params *params)
         return 0;
     inner = solver_params(&used);
     bytes = cairn_block_solver_memory(&inner);
-    if (used.registers) {
+    if (used.sequential_registration) {
         icp = cairn_lum_register_icp(&used);
         more = cairn_icp_memory(&icp);
     }
     cairn_pool_init_counting(&counting);
     (void)carve(&layout, &counting, &used);
-    if (bytes == 0 || (used.registers && more == 0) || more > SIZE_MAX - bytes ||
+    if (bytes == 0 || (used.sequential_registration && more == 0) || more > SIZE_MAX - bytes ||
         counting.used >= SIZE_MAX - bytes - more)
         return 0;
     return counting.used + bytes + more;
@@ -167,7 +168,7 @@ cairn_status cairn_lum_create(cairn_lum **lum, cairn_pool *pool, const cairn_lum
 
     if (lum == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     memset(&layout, 0, sizeof layout);
     layout.params = apply_mode(params);
@@ -178,9 +179,9 @@ cairn_status cairn_lum_create(cairn_lum **lum, cairn_pool *pool, const cairn_lum
         params->mode == CAIRN_MODE_AS_WRITTEN ? -2 : cairn_cos(params->direction_gate);
     inner = solver_params(&layout.params);
     status = cairn_block_solver_create(&layout.solver, pool, &inner);
-    if (status == CAIRN_OK && layout.params.registers) {
+    if (status == CAIRN_OK && layout.params.sequential_registration) {
         icp = cairn_lum_register_icp(&layout.params);
-        status = cairn_icp_create(&layout.registers.icp, pool, &icp);
+        status = cairn_icp_create(&layout.registration.icp, pool, &icp);
     }
     CAIRN_ASSERT(status == CAIRN_OK);
     *made = layout;
@@ -193,7 +194,7 @@ void cairn_lum_clear(cairn_lum *lum)
     memset(&lum->state, 0, sizeof lum->state);
     lum->point_count = 0;
     lum->stage = LUM_IDLE;
-    lum->debt = 0;
+    lum->units_owed = 0;
     lum->outcome = CAIRN_OK;
 }
 
@@ -201,7 +202,7 @@ void cairn_lum_clear(cairn_lum *lum)
 
 static int is_running(const cairn_lum *lum)
 {
-    return lum->stage != LUM_IDLE || lum->debt > 0 || lum->outcome != CAIRN_OK;
+    return lum->stage != LUM_IDLE || lum->units_owed > 0 || lum->outcome != CAIRN_OK;
 }
 
 static cairn_status check_points(const cairn_oriented_point *points, int32_t count,
@@ -247,17 +248,17 @@ cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *poin
     scan = &lum->scans[lum->state.scans];
     scan->first = lum->point_count;
     scan->pose = map_scan;
-    scan->reach = 0;
+    scan->radius = 0;
     for (int32_t k = 0; k < count; k++) {
         lum->directions[lum->point_count] = points[k].direction;
         lum->points[lum->point_count++] = points[k].position;
-        scan->reach = cairn_max(scan->reach, cairn_vec2_norm(points[k].position));
+        scan->radius = cairn_max(scan->radius, cairn_vec2_norm(points[k].position));
     }
     scan->end = lum->point_count;
     cairn_lum_fill_buckets(lum, scan);
     lum->root[lum->state.scans] = lum->state.scans;
     lum->state.scans++;
-    if (lum->params.registers)
+    if (lum->params.sequential_registration)
         cairn_lum_register_add(lum, points, count);
     return CAIRN_OK;
 }
@@ -289,7 +290,7 @@ static int next_pair(cairn_lum *lum)
         for (; lum->second < lum->state.scans; lum->second++) {
             const struct lum_scan *a = &lum->scans[lum->first], *b = &lum->scans[lum->second];
             cairn_real dx = a->pose.x - b->pose.x, dy = a->pose.y - b->pose.y;
-            cairn_real reach = a->reach + b->reach + lum->params.distance;
+            cairn_real reach = a->radius + b->radius + lum->params.max_pair_distance;
 
             if (a->end > a->first && b->end > b->first && dx * dx + dy * dy <= reach * reach)
                 return 1;
@@ -321,10 +322,10 @@ static void begin_structure(cairn_lum *lum)
         status =
             cairn_block_solver_add_link(lum->solver, lum->links[k].first, lum->links[k].second);
     }
-    lum->state.pieces = 0;
+    lum->state.components = 0;
     for (int32_t i = 0; i < lum->state.scans; i++) {
         lum->root[i] = root_of(lum->root, i);
-        lum->state.pieces += lum->root[i] == i;
+        lum->state.components += lum->root[i] == i;
     }
     if (status == CAIRN_OK)
         status = cairn_block_solver_analyze(lum->solver);
@@ -351,9 +352,9 @@ static void end_search_pair(cairn_lum *lum)
 
 static void begin_measure(cairn_lum *lum)
 {
-    lum->at = 0;
+    lum->index = 0;
     lum->pairs = 0;
-    lum->error = 0;
+    lum->chi2 = 0;
     memset(lum->right, 0, (size_t)lum->state.scans * sizeof *lum->right);
     lum->stage = LUM_MEASURE;
     if (lum->state.links > 0)
@@ -380,8 +381,8 @@ static void begin_factor(cairn_lum *lum)
 
 static void begin_move(cairn_lum *lum)
 {
-    lum->at = 0;
-    lum->motion = 0;
+    lum->index = 0;
+    lum->max_motion = 0;
     lum->stage = LUM_MOVE;
 }
 
@@ -398,7 +399,7 @@ static void move_scan(cairn_lum *lum, int32_t index)
         return;
     step.x = x[0] - x[2] * (pose->y - lum->centre.y);
     step.y = x[1] + x[2] * (pose->x - lum->centre.x);
-    lum->motion = cairn_max(lum->motion, cairn_vec2_norm(step) + cairn_abs(x[2]));
+    lum->max_motion = cairn_max(lum->max_motion, cairn_vec2_norm(step) + cairn_abs(x[2]));
     pose->x += step.x;
     pose->y += step.y;
     pose->theta = cairn_wrap_angle(pose->theta + x[2]);
@@ -408,14 +409,15 @@ static void end_iteration(cairn_lum *lum)
 {
     lum->state.iterations++;
     lum->state.pairs = lum->pairs;
-    lum->state.error = lum->error;
-    lum->state.motion = lum->motion;
+    lum->state.chi2 = lum->chi2;
+    lum->state.max_motion = lum->max_motion;
     lum->committed = 1;
-    if (lum->motion <= lum->params.converged)
+    if (lum->max_motion <= lum->params.converged_distance)
         end(lum, CAIRN_LUM_CONVERGED, CAIRN_OK);
     else if (lum->state.iterations >= lum->params.max_iterations)
         end(lum, CAIRN_LUM_OUT_OF_ITERATIONS, CAIRN_OK);
-    else if (lum->params.rebuild > 0 && lum->state.iterations % lum->params.rebuild == 0)
+    else if (lum->params.rebuild_interval > 0 &&
+             lum->state.iterations % lum->params.rebuild_interval == 0)
         begin_search(lum);
     else if (cairn_block_solver_clear(lum->solver) == CAIRN_OK)
         begin_measure(lum);
@@ -466,7 +468,7 @@ static int32_t do_item(cairn_lum *lum)
         return LUM_UNITS_PER_LINK;
     }
     if (lum->stage == LUM_MEASURE) {
-        if (lum->at == lum->state.links) {
+        if (lum->index == lum->state.links) {
             begin_factor(lum);
             return 1 + lum->state.scans / LUM_UNITS_PER_LINK;
         }
@@ -474,14 +476,14 @@ static int32_t do_item(cairn_lum *lum)
             cairn_lum_add_pair(lum);
             return LUM_UNITS_PER_POINT;
         }
-        if (cairn_lum_add_link(lum, lum->at++) != CAIRN_OK)
+        if (cairn_lum_add_link(lum, lum->index++) != CAIRN_OK)
             end(lum, CAIRN_LUM_SINGULAR, CAIRN_OK);
-        else if (lum->at < lum->state.links)
-            cairn_lum_begin_pairs(lum, lum->links[lum->at].first, lum->links[lum->at].second);
+        else if (lum->index < lum->state.links)
+            cairn_lum_begin_pairs(lum, lum->links[lum->index].first, lum->links[lum->index].second);
         return LUM_UNITS_PER_LINK;
     }
-    if (lum->at < lum->state.scans)
-        move_scan(lum, lum->at++);
+    if (lum->index < lum->state.scans)
+        move_scan(lum, lum->index++);
     else
         end_iteration(lum);
     return 1;
@@ -497,8 +499,8 @@ cairn_status cairn_lum_begin(cairn_lum *lum)
     lum->state.iterations = 0;
     lum->centre.x = lum->scans[0].pose.x;
     lum->centre.y = lum->scans[0].pose.y;
-    lum->state.registered = 0;
-    if (lum->params.registers) {
+    lum->state.registered_scans = 0;
+    if (lum->params.sequential_registration) {
         cairn_lum_register_begin(lum);
         lum->stage = LUM_REGISTER;
     } else {
@@ -517,13 +519,13 @@ cairn_status cairn_lum_iterate(cairn_lum *lum, cairn_budget *budget)
     cairn_status outcome;
 
     lum->committed = 0;
-    while (lum->debt > 0 || (lum->stage != LUM_IDLE && !lum->committed)) {
+    while (lum->units_owed > 0 || (lum->stage != LUM_IDLE && !lum->committed)) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (lum->debt > 0) {
-            int32_t paid = lum->debt < budget->left ? lum->debt : budget->left;
+        if (lum->units_owed > 0) {
+            int32_t paid = lum->units_owed < budget->left ? lum->units_owed : budget->left;
 
-            lum->debt -= paid;
+            lum->units_owed -= paid;
             budget->left -= paid;
         } else if (is_solver_stage(lum->stage)) {
             cairn_status status = cairn_block_solver_step(lum->solver, budget);
@@ -531,12 +533,12 @@ cairn_status cairn_lum_iterate(cairn_lum *lum, cairn_budget *budget)
             if (status == CAIRN_MORE)
                 return CAIRN_MORE;
             end_solver_phase(lum, status);
-        } else if (lum->stage == LUM_REGISTER && lum->registers.matching) {
-            if (cairn_icp_step(lum->registers.icp, budget) == CAIRN_MORE)
+        } else if (lum->stage == LUM_REGISTER && lum->registration.icp_running) {
+            if (cairn_icp_step(lum->registration.icp, budget) == CAIRN_MORE)
                 return CAIRN_MORE;
             cairn_lum_register_matched(lum);
         } else {
-            lum->debt = do_item(lum);
+            lum->units_owed = do_item(lum);
         }
     }
     outcome = lum->outcome;
@@ -564,7 +566,7 @@ cairn_pose cairn_lum_pose(const cairn_lum *lum, int32_t scan)
     return lum->scans[scan].pose;
 }
 
-int32_t cairn_lum_is_joined(const cairn_lum *lum, int32_t scan)
+int32_t cairn_lum_is_connected(const cairn_lum *lum, int32_t scan)
 {
     return lum->root[scan] == 0;
 }

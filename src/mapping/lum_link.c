@@ -8,7 +8,7 @@
 
 static int32_t cell_of(const cairn_lum *lum, cairn_real x)
 {
-    return cairn_real_to_int(cairn_floor(x / lum->params.distance));
+    return cairn_real_to_int(cairn_floor(x / lum->params.max_pair_distance));
 }
 
 static int32_t bucket_of(const struct lum_scan *scan, int32_t x, int32_t y)
@@ -38,7 +38,7 @@ void cairn_lum_fill_buckets(cairn_lum *lum, const struct lum_scan *scan)
 static int32_t nearest_point(const cairn_lum *lum, const struct lum_scan *scan, cairn_vec2 p,
                              cairn_vec2 direction)
 {
-    cairn_real best = lum->params.distance * lum->params.distance;
+    cairn_real best = lum->params.max_pair_distance * lum->params.max_pair_distance;
     int32_t cx = cell_of(lum, p.x), cy = cell_of(lum, p.y), found = -1;
 
     for (int32_t c = 0; c < 9; c++)
@@ -87,19 +87,19 @@ void cairn_lum_add_pair(cairn_lum *lum)
     s->pairs++;
     s->x += x;
     s->y += y;
-    s->squares += x * x + y * y;
+    s->middle_squares += x * x + y * y;
     s->zx += zx;
     s->zy += zy;
-    s->turn += x * zy - y * zx;
-    s->miss += zx * zx + zy * zy;
+    s->cross += x * zy - y * zx;
+    s->residual_squares += zx * zx + zy * zy;
 }
 
 /* Adds the link's normal equations. */
 cairn_status cairn_lum_add_link(cairn_lum *lum, int32_t index)
 {
     const struct lum_sums *s = &lum->sums;
-    const cairn_real n = (cairn_real)s->pairs, mz[3] = {s->zx, s->zy, s->turn};
-    cairn_sym3 m = {n, 0, -s->y, n, s->x, s->squares};
+    const cairn_real n = (cairn_real)s->pairs, mz[3] = {s->zx, s->zy, s->cross};
+    cairn_sym3 m = {n, 0, -s->y, n, s->x, s->middle_squares};
     cairn_real d[3] = {0, 0, 0}, by, explained = 0;
     cairn_real block[9] = {0};
     int moves_first = lum->root[lum->first] != lum->first,
@@ -110,9 +110,10 @@ cairn_status cairn_lum_add_link(cairn_lum *lum, int32_t index)
         return CAIRN_OK; /* built from other poses; the scans no longer overlap */
     if (cairn_sym3_solve(m, mz, d))
         explained = d[0] * mz[0] + d[1] * mz[1] + d[2] * mz[2];
-    by = 1 / cairn_max((s->miss - explained) / (2 * n - 3), lum->params.sigma * lum->params.sigma);
+    by = 1 / cairn_max((s->residual_squares - explained) / (2 * n - 3),
+                       lum->params.min_sigma * lum->params.min_sigma);
     /* D^T C^-1 D, as C^-1 = M^T M / s^2 and the poses have not moved yet */
-    lum->error += by * explained;
+    lum->chi2 += by * explained;
     lum->pairs += s->pairs;
     m.xx *= by;
     m.xz *= by;

@@ -32,8 +32,8 @@ cairn_icp_params cairn_lum_register_icp(const cairn_lum_params *params)
 
     icp.max_target = params->max_points;
     icp.max_iterations = MAX_ITERATIONS;
-    icp.gate_start = params->register_gate;
-    icp.gate_end = params->distance / 2;
+    icp.gate_start = params->registration_gate;
+    icp.gate_end = params->max_pair_distance / 2;
     icp.gate_factor = CAIRN_REAL(1.5);
     icp.direction_gate = params->direction_gate;
     return icp;
@@ -46,15 +46,15 @@ void cairn_lum_register_carve(struct lum_register *r, cairn_pool *pool,
 
     r->points = cairn_pool_take(pool, (size_t)params->max_points, sizeof *r->points);
     r->first = cairn_pool_take(pool, scans + 1, sizeof *r->first);
-    r->start = cairn_pool_take(pool, scans, sizeof *r->start);
+    r->initial = cairn_pool_take(pool, scans, sizeof *r->initial);
     r->placed = cairn_pool_take(pool, scans, sizeof *r->placed);
     r->is_placed = cairn_pool_take(pool, scans, sizeof *r->is_placed);
 }
 
 void cairn_lum_register_add(cairn_lum *lum, const cairn_oriented_point *points, int32_t count)
 {
-    struct lum_register *r = &lum->registers;
-    cairn_real spacing = lum->params.register_spacing;
+    struct lum_register *r = &lum->registration;
+    cairn_real spacing = lum->params.registration_spacing;
     int32_t scan = lum->state.scans - 1, end, last = 0;
 
     if (scan == 0)
@@ -78,14 +78,14 @@ static int32_t count_of(const struct lum_register *r, int32_t scan)
 
 static void begin_round(struct lum_register *r)
 {
-    r->scan = r->turn = 0;
+    r->scan = r->turn_index = 0;
     r->best.scan = -1;
     r->best.score = 0;
 }
 
 static void place_scan(cairn_lum *lum, int32_t scan, cairn_pose pose)
 {
-    struct lum_register *r = &lum->registers;
+    struct lum_register *r = &lum->registration;
     cairn_status status =
         cairn_icp_add_target(r->icp, r->points + r->first[scan], count_of(r, scan), pose, NULL);
 
@@ -94,14 +94,15 @@ static void place_scan(cairn_lum *lum, int32_t scan, cairn_pose pose)
     r->placed[scan] = pose;
     r->is_placed[scan] = 1;
     r->placed_count++;
-    r->motion = cairn_pose_fit(r->start, r->placed, r->is_placed, lum->state.scans, HEADING_ARM_M);
+    r->motion =
+        cairn_pose_fit(r->initial, r->placed, r->is_placed, lum->state.scans, HEADING_ARM_M);
     begin_round(r);
 }
 
 /* Returns the scan with the most points among those not placed; -1: none has any. */
 static int32_t next_seed(const cairn_lum *lum)
 {
-    const struct lum_register *r = &lum->registers;
+    const struct lum_register *r = &lum->registration;
     int32_t seed = -1, most = 0;
 
     for (int32_t i = 0; i < lum->state.scans; i++)
@@ -114,16 +115,16 @@ static int32_t next_seed(const cairn_lum *lum)
 
 void cairn_lum_register_begin(cairn_lum *lum)
 {
-    struct lum_register *r = &lum->registers;
+    struct lum_register *r = &lum->registration;
 
     cairn_icp_clear_target(r->icp);
     for (int32_t i = 0; i < lum->state.scans; i++) {
-        r->start[i] = lum->scans[i].pose;
+        r->initial[i] = lum->scans[i].pose;
         r->is_placed[i] = 0;
     }
     r->motion = cairn_pose_identity();
     r->placed_count = 0;
-    r->matching = 0;
+    r->icp_running = 0;
     begin_round(r);
 }
 
@@ -131,17 +132,17 @@ void cairn_lum_register_begin(cairn_lum *lum)
  * left. */
 static int32_t end_round(cairn_lum *lum)
 {
-    struct lum_register *r = &lum->registers;
+    struct lum_register *r = &lum->registration;
     int32_t seed;
 
     if (r->best.scan >= 0) {
-        lum->state.registered++;
+        lum->state.registered_scans++;
         place_scan(lum, r->best.scan, r->best.pose);
         return 1;
     }
     seed = next_seed(lum);
     if (seed >= 0)
-        place_scan(lum, seed, cairn_pose_compose(r->motion, r->start[seed]));
+        place_scan(lum, seed, cairn_pose_compose(r->motion, r->initial[seed]));
     return seed >= 0;
 }
 
@@ -149,20 +150,20 @@ static int32_t end_round(cairn_lum *lum)
  * the common motion. */
 static void commit(cairn_lum *lum)
 {
-    struct lum_register *r = &lum->registers;
+    struct lum_register *r = &lum->registration;
     cairn_pose back;
 
     for (int32_t i = 0; i < lum->state.scans; i++)
         if (!r->is_placed[i])
-            r->placed[i] = cairn_pose_compose(r->motion, r->start[i]);
-    back = cairn_pose_compose(r->start[0], cairn_pose_inverse(r->placed[0]));
+            r->placed[i] = cairn_pose_compose(r->motion, r->initial[i]);
+    back = cairn_pose_compose(r->initial[0], cairn_pose_inverse(r->placed[0]));
     for (int32_t i = 1; i < lum->state.scans; i++)
         lum->scans[i].pose = cairn_pose_compose(back, r->placed[i]);
 }
 
 int32_t cairn_lum_register_next(cairn_lum *lum, int32_t *units)
 {
-    struct lum_register *r = &lum->registers;
+    struct lum_register *r = &lum->registration;
     cairn_status status;
     cairn_pose start;
     int32_t points, target = cairn_icp_target_count(r->icp);
@@ -180,32 +181,32 @@ int32_t cairn_lum_register_next(cairn_lum *lum, int32_t *units)
         return 1;
     }
     points = count_of(r, r->scan);
-    start = cairn_pose_compose(r->motion, r->start[r->scan]);
-    start.theta = cairn_wrap_angle(start.theta +
-                                   (cairn_real)HEADING_STEPS[r->turn] * lum->params.register_turn);
+    start = cairn_pose_compose(r->motion, r->initial[r->scan]);
+    start.theta = cairn_wrap_angle(start.theta + (cairn_real)HEADING_STEPS[r->turn_index] *
+                                                     lum->params.registration_angle);
     status = cairn_icp_begin(r->icp, r->points + r->first[r->scan], points, start, NULL, NULL);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
-    r->matching = 1;
+    r->icp_running = 1;
     *units += points / POINTS_PER_UNIT;
     return 0;
 }
 
 void cairn_lum_register_matched(cairn_lum *lum)
 {
-    struct lum_register *r = &lum->registers;
+    struct lum_register *r = &lum->registration;
     cairn_icp_result result = cairn_icp_read(r->icp);
     cairn_real score = result.overlap * cairn_sqrt((cairn_real)count_of(r, r->scan)) /
-                       (result.mean_distance + lum->params.sigma);
+                       (result.mean_distance + lum->params.min_sigma);
 
-    r->matching = 0;
+    r->icp_running = 0;
     if (result.verdict != CAIRN_ICP_TOO_FEW_PAIRS && score > r->best.score) {
         r->best.score = score;
         r->best.pose = result.target_query;
         r->best.scan = r->scan;
     }
-    if (++r->turn == (lum->params.register_turn > 0 ? 3 : 1)) {
-        r->turn = 0;
+    if (++r->turn_index == (lum->params.registration_angle > 0 ? 3 : 1)) {
+        r->turn_index = 0;
         r->scan++;
     }
 }

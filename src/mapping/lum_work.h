@@ -21,13 +21,15 @@ enum {
 struct lum_scan {
     int32_t first, end; /* range of its points */
     cairn_pose pose;
-    cairn_real reach; /* m: greatest distance of its points from its origin */
+    cairn_real radius; /* m: greatest distance of its points from its origin */
 };
 
 /* Sums over the pairs of two scans, about the map's centre. */
 struct lum_sums {
-    cairn_real x, y, squares;      /* sums of the middles m and of |m|^2 */
-    cairn_real zx, zy, turn, miss; /* sums of z, of the cross products m x z, and of |z|^2 */
+    /* sums of the middles m and of |m|^2 */
+    cairn_real x, y, middle_squares;
+    /* sums of z, of the cross products m x z, and of |z|^2 */
+    cairn_real zx, zy, cross, residual_squares;
     int32_t pairs;
 };
 
@@ -40,7 +42,7 @@ struct lum_register {
     /* [max_scans + 1] first subsampled point of each scan */
     int32_t *first;
     /* [max_scans] initial poses */
-    cairn_pose *start;
+    cairn_pose *initial;
     /* [max_scans] poses of the placed scans */
     cairn_pose *placed;
     /* [max_scans] */
@@ -48,10 +50,10 @@ struct lum_register {
     /* least-squares motion of the initial poses onto the placed ones */
     cairn_pose motion;
     /* current trial: scan, and index of its start heading */
-    int32_t scan, turn;
+    int32_t scan, turn_index;
     int32_t placed_count;
     /* 1: the ICP is running */
-    int32_t matching;
+    int32_t icp_running;
     struct {
         cairn_real score;
         cairn_pose pose;
@@ -63,7 +65,7 @@ struct cairn_lum {
     cairn_lum_params params;
     cairn_lum_state state;
     cairn_block_solver *solver;
-    struct lum_register registers;
+    struct lum_register registration;
     cairn_real least_cosine; /* cosine of the direction gate */
     struct lum_scan *scans;
     int32_t *root;          /* [max_scans] first scan of the connected component */
@@ -82,13 +84,13 @@ struct cairn_lum {
     cairn_transform second_first;
     cairn_transform map_first;
     int32_t point_count;
-    int32_t stage, debt, committed;
+    int32_t stage, units_owed, committed;
     /* current pair of scans, and point of the second */
     int32_t first, second, point;
     /* current link or scan */
-    int32_t at;
+    int32_t index;
     int64_t pairs;
-    cairn_real error, motion;
+    cairn_real chi2, max_motion;
     cairn_status outcome;
 };
 

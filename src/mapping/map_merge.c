@@ -36,8 +36,8 @@ cairn_map_merge_params cairn_map_merge_default(void)
         .max_corners = 48,
         .max_modes = 6,
         .particles = 100,
-        .perception = CAIRN_MERGE_EVIDENCE,
-        .correlation = 10,
+        .perception = CAIRN_MERGE_LIKELIHOOD_RATIO,
+        .correlation_length = 10,
         .min_score = 6,
         .min_margin = 3,
         .seed = 1,
@@ -70,9 +70,10 @@ static int params_are_valid(const cairn_map_merge_params *p)
            is_count(p->particles, 1, 4096) &&
            is_count(p->mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN) &&
            (p->mode == CAIRN_MODE_DEFAULT || p->perception == CAIRN_MERGE_IMAGES) &&
-           p->perception >= CAIRN_MERGE_EVIDENCE && p->perception <= CAIRN_MERGE_IMAGES &&
-           p->correlation > 0 && cairn_is_finite(p->correlation) && p->min_score > 0 &&
-           cairn_is_finite(p->min_score) && p->min_margin >= 0 && cairn_is_finite(p->min_margin);
+           p->perception >= CAIRN_MERGE_LIKELIHOOD_RATIO && p->perception <= CAIRN_MERGE_IMAGES &&
+           p->correlation_length > 0 && cairn_is_finite(p->correlation_length) &&
+           p->min_score > 0 && cairn_is_finite(p->min_score) && p->min_margin >= 0 &&
+           cairn_is_finite(p->min_margin);
 }
 
 static cairn_corner_params corner_params(const cairn_map_merge_params *p)
@@ -244,7 +245,7 @@ cairn_status cairn_map_merge_create(cairn_map_merge **merge, cairn_pool *pool,
 
     if (merge == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = take_memory(pool, params);
     for (int32_t d = 0; d <= MERGE_MAX_DISTANCE; d++) {
@@ -259,7 +260,7 @@ cairn_status cairn_map_merge_create(cairn_map_merge **merge, cairn_pool *pool,
 cairn_status cairn_map_merge_coarsen(cairn_raster_u8_view cells, int32_t k, cairn_raster_u8 out)
 {
     if (cairn_raster_u8_check(cells) != CAIRN_OK ||
-        cairn_raster_u8_check(cairn_raster_u8_read(out)) != CAIRN_OK || k < 1 ||
+        cairn_raster_u8_check(cairn_raster_u8_as_view(out)) != CAIRN_OK || k < 1 ||
         out.width != (cells.width - 1) / k + 1 || out.height != (cells.height - 1) / k + 1)
         return CAIRN_BAD_ARGUMENT;
     for (int32_t y = 0; y < out.height; y++)
@@ -415,14 +416,14 @@ static void finish(cairn_map_merge *merge)
     r->hypotheses = merge->tried_count;
     r->resamplings = cairn_particle_filter_read(merge->filter).resamplings;
     r->n_eff = cairn_particle_filter_read(merge->filter).n_eff;
-    r->most_particles =
+    r->peak_particles =
         merge_is_written(&merge->params) ? merge->written->peak_particles : merge->params.particles;
     for (int32_t i = 0; i < merge->map_count; i++) {
         cairn_merge_placed *p = &merge->placed[i];
 
         p->reference_map = frames_of(merge, merge->reference, i, merge->check.pose[i]);
         r->placed += p->verdict == CAIRN_MERGE_PLACED;
-        r->evidence += p->verdict == CAIRN_MERGE_PLACED ? p->support : 0;
+        r->log_likelihood_ratio += p->verdict == CAIRN_MERGE_PLACED ? p->support : 0;
     }
     for (int32_t k = 0; k < merge->check.count; k++)
         if (merge->check.accepted[merge->check.list[k]])
@@ -486,8 +487,8 @@ cairn_status cairn_map_merge_score(const cairn_map_merge *merge, int32_t a, int3
     if (!cairn_pose_is_finite(a_b))
         return CAIRN_NOT_FINITE;
     cairn_merge_score_at(merge, a, b, centres_of(merge, a, b, a_b), score);
-    score->agree *= merge->unit;
-    score->conflict *= merge->unit;
+    score->agreeing_wall *= merge->unit;
+    score->free_space_violation *= merge->unit;
     return CAIRN_OK;
 }
 
@@ -500,11 +501,11 @@ const char *cairn_merge_verdict_text(cairn_merge_verdict verdict)
         return "no wall or no free space in it";
     case CAIRN_MERGE_NO_OVERLAP:
         return "no pose agrees with any other map";
-    case CAIRN_MERGE_WEAK:
+    case CAIRN_MERGE_LOW_SUPPORT:
         return "too little support for its best pose";
     case CAIRN_MERGE_AMBIGUOUS:
         return "a competing pose has nearly as much support";
-    case CAIRN_MERGE_SLIDES:
+    case CAIRN_MERGE_UNOBSERVABLE:
         return "translation along its walls is unobservable";
     case CAIRN_MERGE_NO_CORNER:
         return "no corner is similar to one of the merged maps";

@@ -75,7 +75,7 @@ static void begin_at_reference(cairn_map_merge *merge)
 
 static void begin_check(cairn_map_merge *merge)
 {
-    (void)cairn_merge_gather(merge, best_of(merge));
+    (void)cairn_merge_collect_neighbours(merge, best_of(merge));
     memset(&merge->check, 0, sizeof merge->check);
     memset(merge->placed, 0, sizeof merge->placed);
     for (int32_t i = 0; i < merge->map_count; i++) {
@@ -85,7 +85,7 @@ static void begin_check(cairn_map_merge *merge)
                          ? CAIRN_MERGE_EMPTY
                          : CAIRN_MERGE_NO_OVERLAP;
         p->corners = merge->maps[i].corner_count;
-        p->wrong = 1;
+        p->error_probability = 1;
         p->rank = -1;
     }
     begin_at_reference(merge);
@@ -97,7 +97,7 @@ static void begin_check(cairn_map_merge *merge)
         merge->placed[map].verdict = CAIRN_MERGE_PLACED;
         merge->placed[map].rank = i;
     }
-    merge->placed[merge->reference].wrong = 0;
+    merge->placed[merge->reference].error_probability = 0;
     merge->check.stage = CHECK_REFINE;
     merge->phase = MERGE_CHECK;
     merge->cursor = 1;
@@ -131,7 +131,7 @@ static cairn_status step_joint(cairn_map_merge *merge, cairn_budget *budget)
                                         1);
                 merge->inner = 1;
             }
-            if (!cairn_merge_go_on_lines(merge, budget))
+            if (!cairn_merge_step_lines(merge, budget))
                 return CAIRN_MORE;
             merge->check.pose[map] = merge->climb.best;
         }
@@ -154,7 +154,7 @@ static cairn_status step_links(cairn_map_merge *merge, cairn_budget *budget)
                                         merge->params.max_points);
                 merge->inner++;
             }
-            if (!cairn_merge_go_on_total(merge, budget))
+            if (!cairn_merge_step_total(merge, budget))
                 return CAIRN_MORE;
             merge->check
                 .pair_score[merge_pair(other < map ? other : map, other < map ? map : other)] =
@@ -230,13 +230,13 @@ static cairn_status step_cuts(cairn_map_merge *merge, cairn_budget *budget)
         int32_t side[MERGE_MAX_MAPS];
         int32_t cost = 1 + merge->map_count * merge->map_count / 8 * merge->map_count;
 
-        if (!cairn_budget_pay(budget, &merge->units_charged, cost))
+        if (!cairn_budget_charge(budget, &merge->units_charged, cost))
             return CAIRN_MORE;
         if (minimum_cut(merge, side) >= merge->params.min_score)
             return CAIRN_OK;
         for (int32_t i = 0; i < merge->map_count; i++)
             if (side[i])
-                refuse_map(merge, i, CAIRN_MERGE_WEAK);
+                refuse_map(merge, i, CAIRN_MERGE_LOW_SUPPORT);
     }
 }
 
@@ -269,7 +269,7 @@ static void insert_place(cairn_map_merge *merge, int32_t map, int32_t index)
         p->support = merge->total.log_ratio;
         p->neighbours = merge->total.neighbours;
     } else if (index <= merge->check.competing_count) {
-        p->rival = cairn_max(p->rival, merge->total.log_ratio);
+        p->competing_support = cairn_max(p->competing_support, merge->total.log_ratio);
     } else {
         merge->check.shifted_score = cairn_max(merge->check.shifted_score, merge->total.log_ratio);
     }
@@ -284,7 +284,7 @@ static cairn_status step_places(cairn_map_merge *merge, int32_t map, cairn_budge
             cairn_merge_places(merge, map, merge->check.competing, MERGE_MAX_REFINED);
         merge->check.shifted_score = 0;
         merge->placed[map].modes = merge->check.competing_count;
-        merge->placed[map].rival = 0;
+        merge->placed[map].competing_support = 0;
         merge->check.looking = 1;
         merge->check.at = 0;
         merge->inner = 0;
@@ -300,7 +300,7 @@ static cairn_status step_places(cairn_map_merge *merge, int32_t map, cairn_budge
             cairn_merge_begin_total(merge, map, pose, merge->params.max_points);
             merge->inner = 1;
         }
-        if (!cairn_merge_go_on_total(merge, budget))
+        if (!cairn_merge_step_total(merge, budget))
             return CAIRN_MORE;
         insert_place(merge, map, merge->check.at);
     }
@@ -311,7 +311,8 @@ static cairn_status step_places(cairn_map_merge *merge, int32_t map, cairn_budge
 /* Returns the probability that a competing pose, or chance, reaches the same support. */
 static cairn_real error_probability(const cairn_merge_placed *p)
 {
-    cairn_real competing = cairn_exp(cairn_min((p->rival - p->support) / CHANCE_SPREAD_NATS, 30));
+    cairn_real competing =
+        cairn_exp(cairn_min((p->competing_support - p->support) / CHANCE_SPREAD_NATS, 30));
     cairn_real chance = cairn_exp(cairn_min((CHANCE_NATS - p->support) / CHANCE_SPREAD_NATS, 30));
 
     return cairn_max((competing + chance) / (1 + competing + chance), MIN_ERROR_PROBABILITY);
@@ -326,19 +327,20 @@ static cairn_status step_verdicts(cairn_map_merge *merge, cairn_budget *budget)
         cairn_merge_placed *p = &merge->placed[map];
 
         if (map == merge->reference ||
-            (!merge->check.accepted[map] && p->verdict != CAIRN_MERGE_WEAK))
+            (!merge->check.accepted[map] && p->verdict != CAIRN_MERGE_LOW_SUPPORT))
             continue;
         if (step_places(merge, map, budget) != CAIRN_OK)
             return CAIRN_MORE;
-        p->wrong = error_probability(p);
+        p->error_probability = error_probability(p);
         if (!merge->check.accepted[map])
             continue;
         if (p->support < merge->params.min_score)
-            refuse_map(merge, map, CAIRN_MERGE_WEAK); /* the cuts ignore negative pair scores */
-        else if (p->support - p->rival < merge->params.min_margin)
+            /* the cuts ignore negative pair scores */
+            refuse_map(merge, map, CAIRN_MERGE_LOW_SUPPORT);
+        else if (p->support - p->competing_support < merge->params.min_margin)
             refuse_map(merge, map, CAIRN_MERGE_AMBIGUOUS);
         else if (merge->check.shifted_score > MAX_SHIFTED_SHARE * p->support)
-            refuse_map(merge, map, CAIRN_MERGE_SLIDES);
+            refuse_map(merge, map, CAIRN_MERGE_UNOBSERVABLE);
         merge->check.refused |= !merge->check.accepted[map];
     }
     return CAIRN_OK;

@@ -63,7 +63,7 @@ cairn_pose cairn_merge_motion_of(const cairn_vec2 *to, const cairn_vec2 *from)
         sine += cairn_vec2_cross(u, v);
         cosine += cairn_vec2_dot(u, v);
     }
-    return cairn_pose_about(q, p, cosine, sine);
+    return cairn_pose_from_moments(q, p, cosine, sine);
 }
 
 static cairn_pose registration_of(const merge_map *first, const cairn_corner *a,
@@ -101,14 +101,15 @@ static cairn_status step_pair(cairn_map_merge *merge, cairn_budget *budget)
         const cairn_corner *b = &second->corners[merge->cursor % second->corner_count];
         merge_mode mode;
 
-        if (!cairn_budget_pay(budget, &merge->units_charged, 4))
+        if (!cairn_budget_charge(budget, &merge->units_charged, 4))
             return CAIRN_MORE;
         mode.log_ratio = similarity_of(first, a, second, b);
         if (mode.log_ratio < 0)
             continue;
         merge->tried_count++;
         mode.first_second = registration_of(first, a, second, b);
-        cairn_merge_keep(modes, &merge->mode_count[pair], merge->params.max_modes, mode, 0, 0);
+        cairn_merge_insert_mode(modes, &merge->mode_count[pair], merge->params.max_modes, mode, 0,
+                                0);
     }
     return CAIRN_OK;
 }

@@ -35,13 +35,13 @@ cairn_particle_filter_params cairn_merge_filter_params(const cairn_map_merge_par
     f.max_candidates = p->particles * MERGE_MAX_CANDIDATES;
     f.max_blocks = p->particles * (STEPS_PER_MAP * p->max_maps + 2) + 1;
     f.state_bytes = (int32_t)sizeof(merge_state);
-    f.by_entropy = 0;
+    f.adaptive_followers = 0;
     return f;
 }
 
 /* ---- Proposal ---- */
 
-int cairn_merge_gather(cairn_map_merge *merge, const void *state)
+int cairn_merge_collect_neighbours(cairn_map_merge *merge, const void *state)
 {
     int ended = 0;
 
@@ -117,13 +117,13 @@ int32_t cairn_merge_places(const cairn_map_merge *merge, int32_t map, merge_mode
 
         for (int32_t k = 0; mode_of(merge, merge->neighbours[i], map, k, &mode); k++) {
             mode.first_second = cairn_pose_compose(merge->neighbour_poses[i], mode.first_second);
-            cairn_merge_keep(list, &count, most, mode, MERGE_SAME_M, MERGE_SAME_RAD);
+            cairn_merge_insert_mode(list, &count, most, mode, MERGE_SAME_M, MERGE_SAME_RAD);
         }
     }
     if (merge->maps[map].has_guess) {
         merge_mode guess = {merge->maps[map].guess, CAIRN_REAL_MAX};
 
-        cairn_merge_keep(list, &count, most, guess, CAIRN_REAL(0.05), CAIRN_REAL(0.02));
+        cairn_merge_insert_mode(list, &count, most, guess, CAIRN_REAL(0.05), CAIRN_REAL(0.02));
     }
     return count;
 }
@@ -218,7 +218,7 @@ static void begin_proposal(cairn_map_merge *merge, const merge_state *state)
     merge->proposals.stage = 1;
     if (merge->proposals.current->count > 0) {
         merge->proposals.at = merge->proposals.current->count;
-    } else if (cairn_merge_gather(merge, state)) {
+    } else if (cairn_merge_collect_neighbours(merge, state)) {
         merge->proposals.current->candidates[0] = *state;
         merge->proposals.current->count = 1;
     } else {
@@ -234,13 +234,13 @@ static int step_candidate(cairn_map_merge *merge, merge_state *s, cairn_budget *
         merge->proposals.stage = 2;
     }
     if (merge->proposals.stage == 2) {
-        if (!cairn_merge_go_on_lines(merge, budget))
+        if (!cairn_merge_step_lines(merge, budget))
             return 0;
         s->reference_map = merge->climb.best;
         cairn_merge_begin_total(merge, s->map, s->reference_map, merge->params.max_points);
         merge->proposals.stage = 3;
     }
-    if (!cairn_merge_go_on_total(merge, budget))
+    if (!cairn_merge_step_total(merge, budget))
         return 0;
     s->log_ratio = merge->total.log_ratio;
     if (merge->params.perception == CAIRN_MERGE_IMAGES)
@@ -256,7 +256,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     merge_proposal *offer;
 
     if (merge->proposals.stage == 0) {
-        if (!cairn_budget_pay(budget, &merge->units_charged, 1 + merge->map_count))
+        if (!cairn_budget_charge(budget, &merge->units_charged, 1 + merge->map_count))
             return CAIRN_MORE;
         begin_proposal(merge, cairn_particle_filter_particle(filter, index).state);
     }

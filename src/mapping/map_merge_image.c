@@ -241,14 +241,14 @@ static void add_row(merge_images *c, int32_t k, const cairn_real *kernel)
     c->known += k == 1 ? r.known : 0;
 }
 
-int cairn_merge_go_on_images(merge_images *c, const cairn_real *kernel, int32_t *paid,
-                             cairn_budget *budget)
+int cairn_merge_step_images(merge_images *c, const cairn_real *kernel, int32_t *paid,
+                            cairn_budget *budget)
 {
     for (; c->turn < 2; c->turn++, c->row = c->turn < 2 ? c->begin[c->turn][1] : 0)
         for (; c->row < c->end[c->turn][1]; c->row++) {
             int32_t cells = c->end[c->turn][0] - c->begin[c->turn][0];
 
-            if (!cairn_budget_pay(budget, paid, 1 + (cells > 0 ? cells : 0) / CELLS_PER_UNIT))
+            if (!cairn_budget_charge(budget, paid, 1 + (cells > 0 ? cells : 0) / CELLS_PER_UNIT))
                 return 0;
             add_row(c, c->turn, kernel);
         }
@@ -289,7 +289,7 @@ static void merged_extent(const cairn_map_merge *merge, cairn_real low, cairn_re
     *end = cell_index((high - corner) * scale - hair, INT32_MAX / 4) + 1;
 }
 
-int cairn_merge_has_room(const cairn_map_merge *merge, cairn_box box)
+int cairn_merge_has_capacity(const cairn_map_merge *merge, cairn_box box)
 {
     cairn_vec2 corner = merge->maps[merge->reference].corner;
     int32_t x, y, right, top;
@@ -371,7 +371,7 @@ static int step_votes(cairn_map_merge *merge, cairn_budget *budget)
 
     for (; w->map <= merge->neighbour_count; w->map++, w->cursor = 0)
         for (; w->cursor < w->merged.input.cells.height; w->cursor++) {
-            if (!cairn_budget_pay(budget, &merge->units_charged, 1 + width / CELLS_PER_UNIT))
+            if (!cairn_budget_charge(budget, &merge->units_charged, 1 + width / CELLS_PER_UNIT))
                 return 0;
             if (w->map < 0)
                 memset(w->merged.grid + (size_t)w->cursor * (size_t)width, 0,

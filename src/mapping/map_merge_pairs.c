@@ -122,7 +122,7 @@ static int resume_comparing(cairn_map_merge *merge, cairn_budget *budget)
         while (c->cursor < c->point_counts[c->direction]) {
             int32_t end = c->cursor + MERGE_POINTS_PER_UNIT;
 
-            if (!cairn_budget_pay(budget, &merge->units_charged, 1))
+            if (!cairn_budget_charge(budget, &merge->units_charged, 1))
                 return 0;
             end = end < c->point_counts[c->direction] ? end : c->point_counts[c->direction];
             cairn_merge_sum(merge, &merge->maps[to], &merge->maps[from],
@@ -148,7 +148,7 @@ static cairn_real wall_per_point(const cairn_map_merge *merge, const merge_compa
 cairn_real cairn_merge_nats(const cairn_map_merge *merge, cairn_real agree, cairn_real conflict)
 {
     return (AGREEMENT_NATS * agree - CONFLICT_NATS * conflict) /
-           (merge->params.correlation * MERGE_CELL);
+           (merge->params.correlation_length * MERGE_CELL);
 }
 
 static cairn_real log_ratio_of(const cairn_map_merge *merge, const merge_comparison *c)
@@ -172,8 +172,8 @@ static cairn_real soft_score(const cairn_map_merge *merge)
 
 /* ---- Hypotheses ---- */
 
-void cairn_merge_keep(merge_mode *list, int32_t *count, int32_t most, merge_mode mode,
-                      cairn_real metres, cairn_real radians)
+void cairn_merge_insert_mode(merge_mode *list, int32_t *count, int32_t most, merge_mode mode,
+                             cairn_real metres, cairn_real radians)
 {
     int32_t at;
 
@@ -221,7 +221,7 @@ static cairn_status step_hypotheses(cairn_map_merge *merge, cairn_budget *budget
         const cairn_corner *b = &second->corners[merge->cursor % second->corner_count];
 
         if (!merge->is_comparing) {
-            if (!cairn_budget_pay(budget, &merge->units_charged, 1))
+            if (!cairn_budget_charge(budget, &merge->units_charged, 1))
                 return CAIRN_MORE;
             if (!corners_match(a, b))
                 continue;
@@ -235,8 +235,8 @@ static cairn_status step_hypotheses(cairn_map_merge *merge, cairn_budget *budget
         {
             merge_mode mode = {merge->comparison.first_second, soft_score(merge)};
 
-            cairn_merge_keep(merge->hypotheses, &merge->hypothesis_count, MERGE_MAX_HYPOTHESES,
-                             mode, MERGE_COARSE_M, MERGE_COARSE_RAD);
+            cairn_merge_insert_mode(merge->hypotheses, &merge->hypothesis_count,
+                                    MERGE_MAX_HYPOTHESES, mode, MERGE_COARSE_M, MERGE_COARSE_RAD);
         }
     }
     return CAIRN_OK;
@@ -281,8 +281,8 @@ static cairn_real reach_of(const merge_map *map)
     return cairn_vec2_norm(map->corner);
 }
 
-int cairn_merge_is_apart(const cairn_map_merge *merge, int32_t first, int32_t second,
-                         cairn_pose first_second)
+int cairn_merge_is_disjoint(const cairn_map_merge *merge, int32_t first, int32_t second,
+                            cairn_pose first_second)
 {
     cairn_real reach = reach_of(&merge->maps[first]) + reach_of(&merge->maps[second]);
 
@@ -317,7 +317,7 @@ static void add_comparison(cairn_map_merge *merge, cairn_real log_ratio)
     merge->total.neighbours += log_ratio > MIN_NEIGHBOUR_NATS;
 }
 
-int cairn_merge_go_on_total(cairn_map_merge *merge, cairn_budget *budget)
+int cairn_merge_step_total(cairn_map_merge *merge, cairn_budget *budget)
 {
     int whole = merge->total.points == merge->params.max_points;
 
@@ -329,9 +329,9 @@ int cairn_merge_go_on_total(cairn_map_merge *merge, cairn_budget *budget)
                           *slot = cache_slot(merge, &key);
 
         if (!merge->is_comparing) {
-            if (!cairn_budget_pay(budget, &merge->units_charged, 2))
+            if (!cairn_budget_charge(budget, &merge->units_charged, 2))
                 return 0;
-            if (cairn_merge_is_apart(merge, near, merge->total.map, seen))
+            if (cairn_merge_is_disjoint(merge, near, merge->total.map, seen))
                 continue;
             if (whole && is_cached(slot, &key)) {
                 merge->total.log_ratio += slot->log_ratio;
@@ -425,7 +425,7 @@ static int end_trial(cairn_map_merge *merge)
 static int resume_climbing(cairn_map_merge *merge, cairn_budget *budget)
 {
     for (;;) {
-        if (!cairn_merge_go_on_total(merge, budget))
+        if (!cairn_merge_step_total(merge, budget))
             return 0;
         if (end_trial(merge))
             return 1;
@@ -449,8 +449,8 @@ static cairn_status step_rescore(cairn_map_merge *merge, cairn_budget *budget)
             return CAIRN_MORE;
         merge->is_comparing = 0;
         mode.log_ratio = soft_score(merge);
-        cairn_merge_keep(merge->refined, &merge->refined_count, MERGE_MAX_REFINED, mode,
-                         MERGE_COARSE_M, MERGE_COARSE_RAD);
+        cairn_merge_insert_mode(merge->refined, &merge->refined_count, MERGE_MAX_REFINED, mode,
+                                MERGE_COARSE_M, MERGE_COARSE_RAD);
     }
     return CAIRN_OK;
 }
@@ -494,12 +494,12 @@ static int step_place(cairn_map_merge *merge, cairn_budget *budget)
         merge->inner = 4;
     }
     if (merge->inner == 4) {
-        if (!cairn_merge_go_on_lines(merge, budget))
+        if (!cairn_merge_step_lines(merge, budget))
             return 0;
         cairn_merge_begin_total(merge, merge->other, merge->climb.best, merge->params.max_points);
         merge->inner = 5;
     }
-    return cairn_merge_go_on_total(merge, budget);
+    return cairn_merge_step_total(merge, budget);
 }
 
 /* Refines each hypothesis kept, and its variants when its score is high enough. */
@@ -515,9 +515,9 @@ static cairn_status step_refine(cairn_map_merge *merge, cairn_budget *budget)
         mode.first_second = merge->climb.best;
         mode.log_ratio = merge->total.log_ratio;
         if (mode.log_ratio > 0)
-            cairn_merge_keep(merge->modes + (size_t)pair * (size_t)merge->params.max_modes,
-                             &merge->mode_count[pair], merge->params.max_modes, mode, NMS_RADIUS_M,
-                             NMS_RADIUS_RAD);
+            cairn_merge_insert_mode(merge->modes + (size_t)pair * (size_t)merge->params.max_modes,
+                                    &merge->mode_count[pair], merge->params.max_modes, mode,
+                                    NMS_RADIUS_M, NMS_RADIUS_RAD);
         if (merge->climb.variant == 0) {
             merge->climb.base = merge->climb.best;
             merge->climb.base_pivot = merge->climb.pivot;
@@ -552,7 +552,7 @@ static cairn_status step_phase(cairn_map_merge *merge, cairn_budget *budget)
     case MERGE_TRANSLATIONS:
         return cairn_merge_correlate(merge, budget);
     case MERGE_CURVE_PAIRS:
-        return cairn_merge_try_bends(merge, budget);
+        return cairn_merge_register_curve_points(merge, budget);
     case MERGE_RESCORE:
         return step_rescore(merge, budget);
     default:
@@ -563,7 +563,7 @@ static cairn_status step_phase(cairn_map_merge *merge, cairn_budget *budget)
 cairn_status cairn_merge_find_modes(cairn_map_merge *merge, cairn_budget *budget)
 {
     if (merge->phase == MERGE_OCCUPIED_DISTANCE) {
-        if (!cairn_budget_pay(budget, &merge->units_charged, MERGE_CACHE_SLOTS / 16))
+        if (!cairn_budget_charge(budget, &merge->units_charged, MERGE_CACHE_SLOTS / 16))
             return CAIRN_MORE;
         for (int32_t i = 0; i < MERGE_CACHE_SLOTS; i++)
             merge->cache[i].first = -1;

@@ -97,7 +97,7 @@ cairn_status cairn_merge_pack(cairn_map_merge *merge, merge_map *map, int32_t sh
         int32_t at = *cursor, d = merge->scratch[at];
         uint16_t packed = (uint16_t)(d < MERGE_MAX_DISTANCE ? d : MERGE_MAX_DISTANCE);
 
-        if (at % 16 == 0 && !cairn_budget_pay(budget, &merge->units_charged, 1))
+        if (at % 16 == 0 && !cairn_budget_charge(budget, &merge->units_charged, 1))
             return CAIRN_MORE;
         if (shift == 0) {
             int32_t x = at % width_of(map), y = at / width_of(map);
@@ -152,7 +152,7 @@ static cairn_status step_surface(cairn_map_merge *merge, cairn_budget *budget)
     for (; merge->cursor < 2 * count; merge->cursor++) {
         int32_t cell = merge->cursor < count ? merge->cursor : merge->cursor - count;
 
-        if (merge->cursor % 16 == 0 && !cairn_budget_pay(budget, &merge->units_charged, 1))
+        if (merge->cursor % 16 == 0 && !cairn_budget_charge(budget, &merge->units_charged, 1))
             return CAIRN_MORE;
         if (merge->cursor < count) {
             merge->scratch[cell] = 0;
@@ -237,7 +237,7 @@ static cairn_status step_normals(cairn_map_merge *merge, cairn_budget *budget)
     for (; merge->cursor < map->point_count; merge->cursor++) {
         merge_point *p = &map->points[merge->cursor];
 
-        if (!cairn_budget_pay(budget, &merge->units_charged, 4))
+        if (!cairn_budget_charge(budget, &merge->units_charged, 4))
             return CAIRN_MORE;
         p->normal = normal_at(map, p->cell);
         p->free_side = cairn_vec2_add(
@@ -314,7 +314,7 @@ static void end_line(cairn_map_merge *merge, int32_t seed)
         p->weight = 1 / cairn_sqrt(cairn_max(1, (line.high - line.low) / SATURATED_WALL_M));
         p->is_curved &= line.high - line.low < MERGE_MIN_LINE_M;
     }
-    if (cairn_vec2_dot(cairn_vec2_left(line.direction), map->points[seed].normal) < 0) {
+    if (cairn_vec2_dot(cairn_vec2_left_perp(line.direction), map->points[seed].normal) < 0) {
         cairn_vec2 a = segment.a;
 
         segment.a = segment.b;
@@ -351,7 +351,7 @@ static int refit_line(cairn_map_merge *merge)
 
     if (merge->queued < merge->fitted + merge->fitted / 2 || !fit_line(merge, &line))
         return 0;
-    normal = cairn_vec2_left(line.direction);
+    normal = cairn_vec2_left_perp(line.direction);
     merge->fitted = merge->queued;
     merge->inner = 0;
     merge->line_at = line.mean;
@@ -368,7 +368,7 @@ static cairn_status step_segments(cairn_map_merge *merge, cairn_budget *budget)
         if (merge->queued == 0) {
             if (merge->label[merge->cursor] != 0 ||
                 cairn_vec2_norm_squared(map->points[merge->cursor].normal) < CAIRN_REAL(0.5)) {
-                if (!cairn_budget_pay(budget, &merge->units_charged, 1))
+                if (!cairn_budget_charge(budget, &merge->units_charged, 1))
                     return CAIRN_MORE;
                 merge->cursor++;
                 continue;
@@ -376,11 +376,11 @@ static cairn_status step_segments(cairn_map_merge *merge, cairn_budget *budget)
             begin_line(merge, merge->cursor);
         }
         for (; merge->inner < merge->queued;) {
-            if (!cairn_budget_pay(budget, &merge->units_charged, 2))
+            if (!cairn_budget_charge(budget, &merge->units_charged, 2))
                 return CAIRN_MORE;
             grow_line(merge);
         }
-        if (!cairn_budget_pay(budget, &merge->units_charged, 1 + merge->queued / 4))
+        if (!cairn_budget_charge(budget, &merge->units_charged, 1 + merge->queued / 4))
             return CAIRN_MORE;
         if (refit_line(merge))
             continue;
@@ -489,11 +489,11 @@ static cairn_status step_phase(cairn_map_merge *merge, cairn_budget *budget)
     case MERGE_CORNERS:
         return step_corners(merge, budget);
     case MERGE_CURVE_POINTS:
-        return cairn_merge_choose_bends(merge, current(merge), budget);
+        return cairn_merge_select_curve_points(merge, current(merge), budget);
     default:
-        if (!cairn_budget_pay(budget, &merge->units_charged,
-                              1 + (current(merge)->point_count + current(merge)->free_cell_count) /
-                                      8))
+        if (!cairn_budget_charge(
+                budget, &merge->units_charged,
+                1 + (current(merge)->point_count + current(merge)->free_cell_count) / 8))
             return CAIRN_MORE;
         shuffle(merge);
         return CAIRN_OK;

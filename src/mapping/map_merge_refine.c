@@ -52,7 +52,7 @@ static void add_end(merge_fit *f, cairn_vec2 p, cairn_vec2 at, cairn_vec2 n, cai
     cairn_real r = cairn_vec2_dot(n, cairn_vec2_sub(p, at)), row[3];
 
     weight /= 1 + r * r / (f->cell * f->cell);
-    cairn_rigid_motion_row(&f->motion, n, body, row);
+    cairn_rigid_motion_jacobian(&f->motion, n, body, row);
     cairn_sym3_add_outer(&f->equations.information, row, weight);
     for (int i = 0; i < 3; i++)
         f->equations.gradient[i] += weight * row[i] * r;
@@ -85,7 +85,7 @@ static void add_lines(merge_fit *f, cairn_segment own, cairn_segment t)
     cairn_real length = cairn_vec2_norm(along), own_length = cairn_vec2_norm(way), low, high, from,
                to, share, weight;
     cairn_vec2 u = cairn_vec2_scale(along, 1 / length), v = cairn_vec2_scale(way, 1 / own_length),
-               n = cairn_vec2_left(u);
+               n = cairn_vec2_left_perp(u);
     int near = 0;
 
     if (length < MERGE_MIN_LINE_M || own_length < MERGE_MIN_LINE_M)
@@ -188,8 +188,8 @@ static int next_neighbour(cairn_map_merge *merge)
         const merge_map *body = &merge->maps[merge->total.map],
                         *other = &merge->maps[merge->neighbours[f->neighbour]];
 
-        if (cairn_merge_is_apart(merge, merge->neighbours[f->neighbour], merge->total.map,
-                                 cairn_pose_between(pose, merge->climb.best)))
+        if (cairn_merge_is_disjoint(merge, merge->neighbours[f->neighbour], merge->total.map,
+                                    cairn_pose_between(pose, merge->climb.best)))
             continue;
         f->neighbour_transform = cairn_transform_of(pose);
         f->to_neighbour = cairn_transform_of(cairn_pose_between(pose, merge->climb.best));
@@ -211,9 +211,9 @@ static int add_neighbour(cairn_map_merge *merge, cairn_budget *budget)
             count = curve_points + other->curve_point_count;
 
     for (; f->item < count; f->item++) {
-        if (!cairn_budget_pay(budget, &merge->units_charged,
-                              f->item < other->line_count ? 1 + body->line_count / LINES_PER_UNIT
-                                                          : UNITS_PER_CURVE_POINT))
+        if (!cairn_budget_charge(budget, &merge->units_charged,
+                                 f->item < other->line_count ? 1 + body->line_count / LINES_PER_UNIT
+                                                             : UNITS_PER_CURVE_POINT))
             return 0;
         if (f->item < other->line_count)
             add_line(f, body, other, f->item);
@@ -255,13 +255,13 @@ void cairn_merge_begin_lines(cairn_map_merge *merge, int32_t map, cairn_pose sta
     merge->fit.under_way = 0;
 }
 
-int cairn_merge_go_on_lines(cairn_map_merge *merge, cairn_budget *budget)
+int cairn_merge_step_lines(cairn_map_merge *merge, cairn_budget *budget)
 {
     for (; merge->climb.rounds > 0; merge->climb.rounds--) {
         int more = 1;
 
         if (!merge->fit.under_way) {
-            if (!cairn_budget_pay(budget, &merge->units_charged, 8 + merge->neighbour_count))
+            if (!cairn_budget_charge(budget, &merge->units_charged, 8 + merge->neighbour_count))
                 return 0;
             begin_fit(merge);
             more = next_neighbour(merge);

@@ -62,16 +62,17 @@ void cairn_merge_score_at(const cairn_map_merge *merge, int32_t a, int32_t b, ca
     memset(score, 0, sizeof *score);
     cairn_merge_sum(merge, first, second, &there, 0, second->point_count, &s[0]);
     cairn_merge_sum(merge, second, first, &back, 0, first->point_count, &s[1]);
-    score->agree = (s[0].agree * second->spacing + s[1].agree * first->spacing) / 2;
-    score->conflict = s[0].conflict * second->spacing + s[1].conflict * first->spacing;
-    score->evidence = cairn_merge_nats(merge, score->agree, score->conflict);
+    score->agreeing_wall = (s[0].agree * second->spacing + s[1].agree * first->spacing) / 2;
+    score->free_space_violation = s[0].conflict * second->spacing + s[1].conflict * first->spacing;
+    score->log_likelihood_ratio =
+        cairn_merge_nats(merge, score->agreeing_wall, score->free_space_violation);
     if (merge_is_written(&merge->params)) {
         merge_images images;
         cairn_budget budget = {CAIRN_UNBOUNDED};
         int32_t paid = 0;
 
         cairn_merge_begin_images(&images, first, second, centres);
-        while (!cairn_merge_go_on_images(&images, merge->written->kernel, &paid, &budget))
+        while (!cairn_merge_step_images(&images, merge->written->kernel, &paid, &budget))
             budget.left = CAIRN_UNBOUNDED;
         cairn_merge_end_images(&images, score);
         return;

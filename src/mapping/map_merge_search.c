@@ -37,7 +37,7 @@ static cairn_status step_bins(cairn_map_merge *merge, cairn_budget *budget)
             cairn_real turn = (a.angle - b.angle) * (MERGE_ANGLE_BINS / (2 * CAIRN_PI));
             int32_t bin;
 
-            if (merge->inner % 4 == 0 && !cairn_budget_pay(budget, &merge->units_charged, 1))
+            if (merge->inner % 4 == 0 && !cairn_budget_charge(budget, &merge->units_charged, 1))
                 return CAIRN_MORE;
             bin = cairn_real_to_int(cairn_rint(turn)) % MERGE_ANGLE_BINS;
             merge->search.bins[bin < 0 ? bin + MERGE_ANGLE_BINS : bin] +=
@@ -192,7 +192,7 @@ static int step_translation(cairn_map_merge *merge, cairn_pose pose, cairn_budge
         int32_t end = merge->inner + LOOK_UPS_PER_UNIT;
         merge_sums *s = &merge->search.sums;
 
-        if (!cairn_budget_pay(budget, &merge->units_charged, 2))
+        if (!cairn_budget_charge(budget, &merge->units_charged, 2))
             return 0;
         look_up_points(merge, first, merge->search.second, merge->search.second_front, there,
                        merge->inner,
@@ -221,8 +221,8 @@ static cairn_status step_translations(cairn_map_merge *merge, cairn_budget *budg
         merge->inner = 0;
         merge->tried_count++;
         if (mode.log_ratio > 0)
-            cairn_merge_keep(merge->hypotheses, &merge->hypothesis_count, MERGE_MAX_HYPOTHESES,
-                             mode, MERGE_COARSE_M, MERGE_COARSE_RAD);
+            cairn_merge_insert_mode(merge->hypotheses, &merge->hypothesis_count,
+                                    MERGE_MAX_HYPOTHESES, mode, MERGE_COARSE_M, MERGE_COARSE_RAD);
     }
     return CAIRN_OK;
 }
@@ -235,7 +235,7 @@ cairn_status cairn_merge_correlate(cairn_map_merge *merge, cairn_budget *budget)
         if (merge->cursor == 0 && merge->inner == 0)
             memset(merge->search.bins, 0, sizeof merge->search.bins);
         if (step_bins(merge, budget) != CAIRN_OK ||
-            !cairn_budget_pay(budget, &merge->units_charged, 80))
+            !cairn_budget_charge(budget, &merge->units_charged, 80))
             return CAIRN_MORE;
         find_peaks(merge);
         merge->search.at = 0;
@@ -244,7 +244,7 @@ cairn_status cairn_merge_correlate(cairn_map_merge *merge, cairn_budget *budget)
     }
     for (; merge->search.at < merge->search.count; merge->search.at++) {
         if (merge->search.columns == 0) {
-            if (!cairn_budget_pay(budget, &merge->units_charged, 24))
+            if (!cairn_budget_charge(budget, &merge->units_charged, 24))
                 return CAIRN_MORE;
             rotate_points(merge, merge->search.rotations[merge->search.at]);
             merge->search.sums = none;

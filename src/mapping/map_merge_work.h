@@ -449,10 +449,11 @@ cairn_status cairn_merge_pack(cairn_map_merge *merge, merge_map *map, int32_t sh
  * translations. */
 cairn_status cairn_merge_correlate(cairn_map_merge *merge, cairn_budget *budget);
 
-/* ---- map_merge_bend.c ---- */
+/* ---- map_merge_curve_points.c ---- */
 
 /* Selects evenly spread points off all lines; a phase of the preparation. */
-cairn_status cairn_merge_choose_bends(cairn_map_merge *merge, merge_map *map, cairn_budget *budget);
+cairn_status cairn_merge_select_curve_points(cairn_map_merge *merge, merge_map *map,
+                                             cairn_budget *budget);
 
 /* Finds the transition from free to occupied cells along a normal from p, within 2.5 cells; returns
  * 1 when there is one. */
@@ -460,7 +461,7 @@ int cairn_merge_surface_along(const merge_map *map, cairn_vec2 p, cairn_vec2 nor
                               cairn_real *along);
 
 /* Registers a pair of maps by all pairs of curve points. */
-cairn_status cairn_merge_try_bends(cairn_map_merge *merge, cairn_budget *budget);
+cairn_status cairn_merge_register_curve_points(cairn_map_merge *merge, cairn_budget *budget);
 
 cairn_status cairn_merge_find_modes(cairn_map_merge *merge, cairn_budget *budget);
 void cairn_merge_sum(const cairn_map_merge *merge, const merge_map *to, const merge_map *from,
@@ -471,23 +472,23 @@ int cairn_merge_is_same(cairn_pose a, cairn_pose b, cairn_real metres, cairn_rea
 
 /* Inserts a mode into the list of the best `most` modes, best first. Non-maximum suppression: of
  * duplicates within the tolerances only the better one stays. */
-void cairn_merge_keep(merge_mode *list, int32_t *count, int32_t most, merge_mode mode,
-                      cairn_real metres, cairn_real radians);
+void cairn_merge_insert_mode(merge_mode *list, int32_t *count, int32_t most, merge_mode mode,
+                             cairn_real metres, cairn_real radians);
 
 /* Scores a pose of map `map` against all neighbours; step_total() returns 1 when merge->total is
  * complete. */
 void cairn_merge_begin_total(cairn_map_merge *merge, int32_t map, cairn_pose pose, int32_t points);
-int cairn_merge_go_on_total(cairn_map_merge *merge, cairn_budget *budget);
+int cairn_merge_step_total(cairn_map_merge *merge, cairn_budget *budget);
 
 /* Returns 1 when two maps at this relative pose cannot overlap. */
-int cairn_merge_is_apart(const cairn_map_merge *merge, int32_t first, int32_t second,
-                         cairn_pose first_second);
+int cairn_merge_is_disjoint(const cairn_map_merge *merge, int32_t first, int32_t second,
+                            cairn_pose first_second);
 
 /* Refines a pose of `map`, which is close to `start`, relative to the neighbours by lines and curve
  * points, in at most `rounds` steps; step_lines() returns 1 when merge->climb.best is final. */
 void cairn_merge_begin_lines(cairn_map_merge *merge, int32_t map, cairn_pose start, cairn_pose pose,
                              int32_t rounds);
-int cairn_merge_go_on_lines(cairn_map_merge *merge, cairn_budget *budget);
+int cairn_merge_step_lines(cairn_map_merge *merge, cairn_budget *budget);
 
 /* Returns the log-likelihood ratio of agreeing and violating lengths of wall, nats. */
 cairn_real cairn_merge_nats(const cairn_map_merge *merge, cairn_real agree, cairn_real conflict);
@@ -512,7 +513,7 @@ cairn_status cairn_merge_run_filter(cairn_map_merge *merge, cairn_budget *budget
 
 /* Collects the maps that a particle has placed as neighbours. Returns 1 when the particle has
  * ended. */
-int cairn_merge_gather(cairn_map_merge *merge, const void *state);
+int cairn_merge_collect_neighbours(cairn_map_merge *merge, const void *state);
 
 /* Collects competing modes of a map relative to all neighbours, best first; returns their
  * number. */
@@ -528,8 +529,8 @@ int cairn_merge_is_same_history(const merge_state *a, const merge_state *b);
  * Four cells a unit. */
 void cairn_merge_begin_images(merge_images *c, const merge_map *a, const merge_map *b,
                               cairn_pose a_b);
-int cairn_merge_go_on_images(merge_images *c, const cairn_real *kernel, int32_t *paid,
-                             cairn_budget *budget);
+int cairn_merge_step_images(merge_images *c, const cairn_real *kernel, int32_t *paid,
+                            cairn_budget *budget);
 
 /* Computes psi, disagreement, gamma and overlap from the sums. */
 void cairn_merge_end_images(const merge_images *c, cairn_merge_score *score);
@@ -545,7 +546,7 @@ int cairn_merge_draw_merged(cairn_map_merge *merge, cairn_budget *budget);
  * the box fits. */
 cairn_box cairn_merge_box_of(const merge_map *map, cairn_pose pose);
 cairn_box cairn_merge_join(cairn_box a, cairn_box b);
-int cairn_merge_has_room(const cairn_map_merge *merge, cairn_box box);
+int cairn_merge_has_capacity(const cairn_map_merge *merge, cairn_box box);
 
 /* ---- map_merge_corners.c ---- */
 

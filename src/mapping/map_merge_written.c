@@ -107,7 +107,7 @@ static void list_places(cairn_map_merge *merge, merge_places *places, int32_t ma
         s->source_map = merge->neighbours[i];
         s->reference_map = cairn_pose_compose(
             merge->neighbour_poses[i], registration_at(merge, merge->neighbours[i], map, index));
-        if (!cairn_merge_has_room(
+        if (!cairn_merge_has_capacity(
                 merge,
                 cairn_merge_join(w->box, cairn_merge_box_of(&merge->maps[map], s->reference_map))))
             continue;
@@ -179,14 +179,14 @@ static int score_places(cairn_map_merge *merge, const merge_places *places, cair
         cairn_merge_score score;
 
         if (w->stage == 0) {
-            if (!cairn_budget_pay(budget, &merge->units_charged, 2 + places->count))
+            if (!cairn_budget_charge(budget, &merge->units_charged, 2 + places->count))
                 return 0;
             s->log_ratio = log_prior(merge, places, s);
             cairn_merge_begin_images(&w->images, &w->merged, &merge->maps[s->map],
                                      s->reference_map);
             w->stage = 1;
         }
-        if (!cairn_merge_go_on_images(&w->images, w->kernel, &merge->units_charged, budget))
+        if (!cairn_merge_step_images(&w->images, w->kernel, &merge->units_charged, budget))
             return 0;
         cairn_merge_end_images(&w->images, &score);
         s->psi = score.psi;
@@ -232,11 +232,11 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     if (merge->proposals.stage == PROPOSAL_FIND) {
         const merge_state *state = cairn_particle_filter_particle(filter, index).state;
 
-        if (!cairn_budget_pay(budget, &merge->units_charged, 1 + index + merge->map_count))
+        if (!cairn_budget_charge(budget, &merge->units_charged, 1 + index + merge->map_count))
             return CAIRN_MORE;
         merge->proposals.stage = find_places(merge, index, state) ? PROPOSAL_EMIT : PROPOSAL_DRAW;
         if (merge->proposals.stage == PROPOSAL_DRAW)
-            (void)cairn_merge_gather(merge, state);
+            (void)cairn_merge_collect_neighbours(merge, state);
         w->stage = 0;
     }
     if (merge->proposals.stage == PROPOSAL_DRAW) {
@@ -245,9 +245,9 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
         merge->proposals.stage = PROPOSAL_LIST;
     }
     if (merge->proposals.stage == PROPOSAL_LIST) {
-        if (!cairn_budget_pay(budget, &merge->units_charged,
-                              1 + merge->neighbour_count * merge->map_count +
-                                  2 * places_of(&merge->params)))
+        if (!cairn_budget_charge(budget, &merge->units_charged,
+                                 1 + merge->neighbour_count * merge->map_count +
+                                     2 * places_of(&merge->params)))
             return CAIRN_MORE;
         list_candidates(merge, places);
         merge->proposals.stage = PROPOSAL_SCORE;
@@ -257,7 +257,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     if (merge->proposals.stage == PROPOSAL_SCORE && !score_places(merge, places, budget))
         return CAIRN_MORE;
     merge->proposals.stage = PROPOSAL_EMIT;
-    if (!cairn_budget_pay(budget, &merge->units_charged, 1 + places->count / 4))
+    if (!cairn_budget_charge(budget, &merge->units_charged, 1 + places->count / 4))
         return CAIRN_MORE;
     for (int32_t i = 0; i < places->count; i++) {
         const merge_state *s = &w->candidates[places->first + i];
@@ -329,8 +329,8 @@ cairn_status cairn_merge_run_written(cairn_map_merge *merge, cairn_budget *budge
     merge_written *w = merge->written;
 
     if (merge->phase != MERGE_FILTER) {
-        if (!cairn_budget_pay(budget, &merge->units_charged,
-                              1 + merge->map_count * merge->map_count))
+        if (!cairn_budget_charge(budget, &merge->units_charged,
+                                 1 + merge->map_count * merge->map_count))
             return CAIRN_MORE;
         begin_filter(merge);
     }
@@ -352,7 +352,7 @@ cairn_status cairn_merge_run_written(cairn_map_merge *merge, cairn_budget *budge
         CAIRN_ASSERT(status == CAIRN_OK);
         count = cairn_particle_filter_count(merge->filter);
         w->peak_particles = count > w->peak_particles ? count : w->peak_particles;
-        if (cairn_particle_filter_read(merge->filter).extinct)
+        if (cairn_particle_filter_read(merge->filter).depleted)
             w->steps = merge->filter_steps;
     }
     return CAIRN_OK;
@@ -383,7 +383,7 @@ static void take_best(cairn_map_merge *merge)
                                   merge->filter, cairn_particle_filter_read(merge->filter).best)
                                   .state;
 
-    (void)cairn_merge_gather(merge, best);
+    (void)cairn_merge_collect_neighbours(merge, best);
     memset(&merge->check, 0, sizeof merge->check);
     memset(merge->placed, 0, sizeof merge->placed);
     for (int32_t i = 0; i < merge->map_count; i++) {
@@ -392,7 +392,7 @@ static void take_best(cairn_map_merge *merge)
             : is_near(merge, i) || is_within_reach(merge, i) ? CAIRN_MERGE_NO_OVERLAP
                                                              : CAIRN_MERGE_NO_CORNER;
         merge->placed[i].corners = merge->maps[i].corner_count;
-        merge->placed[i].wrong = 1;
+        merge->placed[i].error_probability = 1;
     }
     merge->check.count = merge->neighbour_count;
     for (const merge_state *s = best; s != NULL; s = cairn_particle_state_before(s)) {
@@ -411,8 +411,8 @@ static void take_best(cairn_map_merge *merge)
 cairn_status cairn_merge_end_written(cairn_map_merge *merge, cairn_budget *budget)
 {
     if (merge->phase != MERGE_CHECK) {
-        if (!cairn_budget_pay(budget, &merge->units_charged,
-                              1 + merge->map_count * merge->map_count))
+        if (!cairn_budget_charge(budget, &merge->units_charged,
+                                 1 + merge->map_count * merge->map_count))
             return CAIRN_MORE;
         take_best(merge);
         merge->phase = MERGE_CHECK;
@@ -421,11 +421,13 @@ cairn_status cairn_merge_end_written(cairn_map_merge *merge, cairn_budget *budge
     for (; merge->cursor < merge->check.count; merge->cursor++) {
         int32_t map = merge->check.list[merge->cursor];
 
-        if (!cairn_budget_pay(budget, &merge->units_charged,
-                              1 + cairn_particle_filter_count(merge->filter) * merge->check.count))
+        if (!cairn_budget_charge(budget, &merge->units_charged,
+                                 1 + cairn_particle_filter_count(merge->filter) *
+                                         merge->check.count))
             return CAIRN_MORE;
-        merge->placed[map].wrong = cairn_max(0, cairn_min(1, 1 - weight_of(merge, map)));
+        merge->placed[map].error_probability =
+            cairn_max(0, cairn_min(1, 1 - weight_of(merge, map)));
     }
-    merge->placed[merge->reference].wrong = 0;
+    merge->placed[merge->reference].error_probability = 0;
     return CAIRN_OK;
 }

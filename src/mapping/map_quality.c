@@ -42,7 +42,7 @@ cairn_status cairn_map_entropy_add(const cairn_occupancy_grid *grid, int32_t fir
             if (p < 0)
                 continue;
             h = entropy_of(p);
-            entropy->whole += h;
+            entropy->total += h;
             entropy->quadrant[quadrant_of(&params, x, y)] += h;
             entropy->cells++;
         }

@@ -38,7 +38,8 @@ static cairn_pose last_pose(const cairn_mapper *mapper)
 {
     if (mapper->state.scans == 0)
         return cairn_pose_identity();
-    return cairn_pose_compose(mapper->key_pose[mapper->result.key], mapper->result.key_scan);
+    return cairn_pose_compose(mapper->keyframe_pose[mapper->result.keyframe],
+                              mapper->result.keyframe_scan);
 }
 
 cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *input,
@@ -63,7 +64,7 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
     has_odometry = odometry != NULL && (mapper->had_odometry || mapper->state.scans == 0);
     if (has_odometry && mapper->state.scans > 0)
         by_odometry = cairn_pose_between(mapper->last_odometry, *odometry);
-    if (!(cairn_mapper_way(by_odometry) <= CAIRN_SCAN_EXTENT)) {
+    if (!(cairn_mapper_translation(by_odometry) <= CAIRN_SCAN_EXTENT)) {
         by_odometry = cairn_pose_identity(); /* a jump of odometry is ignored */
         has_odometry = 0;
     }
@@ -97,7 +98,7 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
 /* The lines are fitted: chooses the next phase of pose estimation. */
 static cairn_status begin_pose(cairn_mapper *mapper)
 {
-    if (cairn_scan_read(mapper->scan).point_count == 0 || mapper->keys->point_count == 0) {
+    if (cairn_scan_read(mapper->scan).point_count == 0 || mapper->keyframes->point_count == 0) {
         mapper->phase = MAPPER_STORE;
         return CAIRN_OK;
     }
@@ -124,17 +125,17 @@ static int is_keyframe(const cairn_mapper *mapper, cairn_pose map_scan)
 {
     cairn_pose key_scan;
 
-    if (mapper->key_count == 0)
+    if (mapper->keyframe_count == 0)
         return 1;
     if (has_new_hypothesis(mapper))
         return 0;
-    if (mapper->result.support < mapper->params.key_support &&
+    if (mapper->result.overlap < mapper->params.keyframe_min_overlap &&
         mapper->scans_since_keyframe >= MIN_SCANS_BETWEEN_KEYFRAMES)
         return 1;
-    key_scan = cairn_pose_between(mapper->key_pose[mapper->key_count - 1], map_scan);
+    key_scan = cairn_pose_between(mapper->keyframe_pose[mapper->keyframe_count - 1], map_scan);
     return key_scan.x * key_scan.x + key_scan.y * key_scan.y >
-               mapper->params.key_distance * mapper->params.key_distance ||
-           cairn_abs(key_scan.theta) > mapper->params.key_turn;
+               mapper->params.keyframe_distance * mapper->params.keyframe_distance ||
+           cairn_abs(key_scan.theta) > mapper->params.keyframe_angle;
 }
 
 /* Stores the current scan as a keyframe. A force field run in progress ends with the poses reached
@@ -142,32 +143,33 @@ static int is_keyframe(const cairn_mapper *mapper, cairn_pose map_scan)
 static cairn_status store_keyframe(cairn_mapper *mapper, const cairn_scan_view *view)
 {
     cairn_mapper_result *result = &mapper->result;
-    int32_t keyframe = mapper->key_count, slot = cairn_scan_set_next(mapper->keys);
-    cairn_status status = cairn_scan_set_add(mapper->keys, view, NULL, NULL);
+    int32_t keyframe = mapper->keyframe_count, slot = cairn_scan_set_next(mapper->keyframes);
+    cairn_status status = cairn_scan_set_add(mapper->keyframes, view, NULL, NULL);
 
     if (status != CAIRN_OK) {
-        result->is_key = 0;
+        result->is_keyframe = 0;
         mapper->full = 1;
         return status;
     }
     if (mapper->window_phase == WINDOW_RUN) {
-        cairn_pose key_scan = cairn_pose_between(mapper->key_pose[keyframe - 1], result->map_scan);
+        cairn_pose key_scan =
+            cairn_pose_between(mapper->keyframe_pose[keyframe - 1], result->map_scan);
 
         cairn_mapper_read_window(mapper);
-        result->map_scan = cairn_pose_compose(mapper->key_pose[keyframe - 1], key_scan);
+        result->map_scan = cairn_pose_compose(mapper->keyframe_pose[keyframe - 1], key_scan);
     }
     mapper->slot[keyframe] = slot;
-    mapper->key_count++;
-    mapper->key_pose[keyframe] = result->map_scan;
+    mapper->keyframe_count++;
+    mapper->keyframe_pose[keyframe] = result->map_scan;
     mapper->target_stale = 1;
-    if (mapper->sight != NULL)
-        cairn_mapper_keep_sight(mapper, keyframe, view);
+    if (mapper->visibility != NULL)
+        cairn_mapper_store_visibility(mapper, keyframe, view);
     if (mapper->loop.graph != NULL)
-        cairn_mapper_tie(mapper, &mapper->loop.ties[keyframe]);
-    if (mapper->params.release)
+        cairn_mapper_constrain_keyframe(mapper, &mapper->loop.constraints[keyframe]);
+    if (mapper->params.cull_keyframes)
         mapper->loop.redundancy.score[keyframe] = -1;
     mapper->window_phase = WINDOW_IDLE;
-    if (mapper->params.window && keyframe > 0 && !cairn_mapper_is_behind(mapper))
+    if (mapper->params.window && keyframe > 0 && !cairn_mapper_loops_lag(mapper))
         cairn_mapper_begin_window(mapper);
     return status;
 }
@@ -179,7 +181,7 @@ static cairn_status store_result(cairn_mapper *mapper)
     cairn_mapper_result *result = &mapper->result;
     cairn_pose last = last_pose(mapper);
     cairn_status status = CAIRN_OK;
-    int32_t first = mapper->key_count == 0;
+    int32_t first = mapper->keyframe_count == 0;
 
     if (mapper->state.scans == 0)
         last = mapper->predicted;
@@ -187,38 +189,41 @@ static cairn_status store_result(cairn_mapper *mapper)
         mapper->map_odom = cairn_mapper_map_odom(mapper);
         mapper->finished_has_odometry = 0;
     }
-    cairn_mapper_learn(mapper);
+    cairn_mapper_update_motion_model(mapper);
     result->map_scan = mapper->has_match ? mapper->match.target_query : mapper->predicted;
-    result->support = mapper->has_match ? mapper->match.overlap : 0;
+    result->overlap = mapper->has_match ? mapper->match.overlap : 0;
     memset(result->covariance, 0, sizeof result->covariance);
     if (mapper->has_match)
         memcpy(result->covariance, mapper->match.covariance, sizeof result->covariance);
     if (mapper->has_match)
         result->verdict = CAIRN_MAPPER_MATCHED;
     else if (view.point_count == 0)
-        result->verdict = CAIRN_MAPPER_BLIND;
+        result->verdict = CAIRN_MAPPER_NO_FEATURES;
     else
         result->verdict = first ? CAIRN_MAPPER_FIRST : CAIRN_MAPPER_PREDICTED;
     mapper->state.predicted +=
-        result->verdict == CAIRN_MAPPER_PREDICTED || result->verdict == CAIRN_MAPPER_BLIND;
+        result->verdict == CAIRN_MAPPER_PREDICTED || result->verdict == CAIRN_MAPPER_NO_FEATURES;
 
     mapper->last_motion =
         cairn_mapper_next_motion(mapper, cairn_pose_between(last, result->map_scan));
     /* The first scan is a keyframe even without features: other scans need a reference. */
-    result->is_key = (first || view.point_count > 0) && is_keyframe(mapper, result->map_scan);
-    if (result->is_key)
+    result->is_keyframe = (first || view.point_count > 0) && is_keyframe(mapper, result->map_scan);
+    if (result->is_keyframe)
         status = store_keyframe(mapper, &view);
-    result->key = result->is_key ? mapper->key_count - 1 : cairn_mapper_hang_on(mapper);
-    result->key_scan = cairn_pose_between(mapper->key_pose[result->key], result->map_scan);
+    result->keyframe =
+        result->is_keyframe ? mapper->keyframe_count - 1 : cairn_mapper_choose_reference(mapper);
+    result->keyframe_scan =
+        cairn_pose_between(mapper->keyframe_pose[result->keyframe], result->map_scan);
     mapper->scans_since_keyframe =
-        result->is_key ? 0
-                       : mapper->scans_since_keyframe + (mapper->scans_since_keyframe < INT32_MAX);
+        result->is_keyframe
+            ? 0
+            : mapper->scans_since_keyframe + (mapper->scans_since_keyframe < INT32_MAX);
     if (mapper->had_odometry) {
         mapper->finished_has_odometry = 1;
         mapper->finished_odometry = mapper->last_odometry;
     }
     mapper->state.scans++;
-    mapper->state.keys = mapper->key_count;
+    mapper->state.keyframes = mapper->keyframe_count;
     return status;
 }
 
@@ -228,7 +233,7 @@ static cairn_status store_result(cairn_mapper *mapper)
  * while a keyframe must be culled. */
 static int32_t quota_left(const cairn_mapper *mapper)
 {
-    if (cairn_mapper_must_release(mapper))
+    if (cairn_mapper_must_cull(mapper))
         return CAIRN_UNBOUNDED;
     if (mapper->window_phase != WINDOW_IDLE)
         return mapper->window_quota;
@@ -240,10 +245,10 @@ static int32_t quota_left(const cairn_mapper *mapper)
 static void begin_background(cairn_mapper *mapper)
 {
     mapper->window_quota = mapper->params.window_units - mapper->search_units_used;
-    mapper->loop.quota = mapper->params.loop.units - mapper->search_units_used;
-    if (cairn_mapper_is_behind(mapper))
+    mapper->loop.quota = mapper->params.loop.units_per_scan - mapper->search_units_used;
+    if (cairn_mapper_loops_lag(mapper))
         mapper->loop.quota = mapper->window_quota;
-    if (cairn_mapper_must_release(mapper))
+    if (cairn_mapper_must_cull(mapper))
         cairn_mapper_end_window(mapper);
     mapper->phase = quota_left(mapper) > 0 ? MAPPER_BACKGROUND : MAPPER_IDLE;
 }
@@ -257,7 +262,7 @@ static cairn_status background_step(cairn_mapper *mapper, cairn_budget *budget)
     cairn_budget share = {most};
     cairn_status status =
         is_window ? cairn_mapper_window_step(mapper, &share)
-                  : cairn_mapper_loop_step(mapper, &share, cairn_mapper_must_release(mapper));
+                  : cairn_mapper_loop_step(mapper, &share, cairn_mapper_must_cull(mapper));
 
     budget->left -= most - share.left;
     mapper->window_quota -= most - share.left;
@@ -293,7 +298,7 @@ static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
         if (cairn_mapper_select_local(mapper)) {
             cairn_icp_clear_target(mapper->icp);
             budget->left -=
-                1 + cairn_mapper_local_points(&mapper->params, mapper->params.local_keys) / 64;
+                1 + cairn_mapper_local_points(&mapper->params, mapper->params.local_keyframes) / 64;
             mapper->phase = MAPPER_BUILD_TARGET;
             mapper->cursor = 0;
         }
@@ -392,14 +397,14 @@ cairn_scan_view cairn_mapper_view(const cairn_mapper *mapper)
     return cairn_scan_read(mapper->scan);
 }
 
-cairn_pose cairn_mapper_key_pose(const cairn_mapper *mapper, int32_t keyframe)
+cairn_pose cairn_mapper_keyframe_pose(const cairn_mapper *mapper, int32_t keyframe)
 {
-    return mapper->key_pose[keyframe];
+    return mapper->keyframe_pose[keyframe];
 }
 
-const cairn_scan_set *cairn_mapper_keys(const cairn_mapper *mapper)
+const cairn_scan_set *cairn_mapper_keyframes(const cairn_mapper *mapper)
 {
-    return mapper->keys;
+    return mapper->keyframes;
 }
 
 cairn_pose cairn_mapper_map_odom(const cairn_mapper *mapper)
@@ -419,12 +424,12 @@ int32_t cairn_mapper_link_count(const cairn_mapper *mapper)
     return mapper->loop.link_count;
 }
 
-int32_t cairn_mapper_key_slot(const cairn_mapper *mapper, int32_t keyframe)
+int32_t cairn_mapper_keyframe_slot(const cairn_mapper *mapper, int32_t keyframe)
 {
     return mapper->slot[keyframe];
 }
 
-cairn_mapper_release cairn_mapper_release_at(const cairn_mapper *mapper, int32_t index)
+cairn_mapper_culling cairn_mapper_culling_at(const cairn_mapper *mapper, int32_t index)
 {
     return mapper->cullings[index % MAPPER_CULLING_EVENTS];
 }
@@ -437,9 +442,9 @@ cairn_mapper_link cairn_mapper_link_at(const cairn_mapper *mapper, int32_t index
     memset(&out, 0, sizeof out);
     out.first = link->first;
     out.second = link->second;
-    out.first_second = cairn_pose_graph_measured(mapper->loop.graph, index, &out.information);
+    out.first_second = cairn_pose_graph_measurement(mapper->loop.graph, index, &out.information);
     out.is_loop = link->is_loop;
-    out.dropped = link->dropped;
+    out.is_outlier = link->dropped;
     return out;
 }
 

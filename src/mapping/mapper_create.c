@@ -31,29 +31,29 @@ cairn_mapper_params cairn_mapper_default(void)
     params.field.max_steps = 10;
     params.loop.max_loops = 4096;
     params.loop.max_fill = 32768;
-    params.loop.units = 8000;
-    params.loop.keys = 9;
-    params.loop.gap = 25;
-    params.loop.agree = 3;
-    params.loop.radius = 3;
-    params.loop.window = 4;
-    params.loop.window_near = CAIRN_REAL(0.6);
-    params.loop.evidence = 2;
-    params.loop.contradiction = CAIRN_REAL(0.1);
+    params.loop.units_per_scan = 8000;
+    params.loop.target_keyframes = 9;
+    params.loop.min_keyframe_gap = 25;
+    params.loop.min_consistent = 3;
+    params.loop.candidate_radius = 3;
+    params.loop.search_radius = 4;
+    params.loop.local_search_radius = CAIRN_REAL(0.6);
+    params.loop.min_log_odds = 2;
+    params.loop.max_free_space_violation = CAIRN_REAL(0.1);
     params.loop.sigma = CAIRN_REAL(0.01);
-    params.loop.sigma_turn = CAIRN_REAL(0.004);
-    params.loop.outlier = 50;
-    params.max_keys = 1024;
-    params.max_key_segments = 32768;
-    params.max_key_points = 131072;
+    params.loop.sigma_theta = CAIRN_REAL(0.004);
+    params.loop.max_chi2 = 50;
+    params.max_keyframes = 1024;
+    params.max_keyframe_segments = 32768;
+    params.max_keyframe_points = 131072;
     params.max_local_points = 4096;
-    params.local_keys = 15;
+    params.local_keyframes = 15;
     params.local_recent = 3;
     params.local_span = 25;
     params.local_radius = 4;
-    params.key_distance = CAIRN_REAL(0.5);
-    params.key_turn = CAIRN_REAL(0.5);
-    params.key_support = CAIRN_REAL(0.6);
+    params.keyframe_distance = CAIRN_REAL(0.5);
+    params.keyframe_angle = CAIRN_REAL(0.5);
+    params.keyframe_min_overlap = CAIRN_REAL(0.6);
     params.window = 8;
     params.window_free = 3;
     params.window_units = 32000;
@@ -65,7 +65,7 @@ cairn_mapper_params cairn_mapper_default(void)
     params.motion_turn = CAIRN_REAL(0.3);
     params.motion_distance_min = CAIRN_REAL(0.03);
     params.motion_turn_min = CAIRN_REAL(0.02);
-    params.min_support = CAIRN_REAL(0.3);
+    params.min_overlap = CAIRN_REAL(0.3);
     params.search = 1;
     params.search_units = 155000;
     return params;
@@ -83,18 +83,20 @@ cairn_mapper_params cairn_mapper_default_for(int32_t max_keys, int32_t max_beams
     cairn_mapper_params params = cairn_mapper_default();
 
     params.scan.max_beams = max_beams;
-    params.max_keys = max_keys;
-    params.max_key_points = in_proportion(max_keys, 160, params.scan.max_points, MAX_CAPACITY);
-    params.max_key_segments = in_proportion(max_keys, 40, params.scan.max_segments, MAX_CAPACITY);
+    params.max_keyframes = max_keys;
+    params.max_keyframe_points = in_proportion(max_keys, 160, params.scan.max_points, MAX_CAPACITY);
+    params.max_keyframe_segments =
+        in_proportion(max_keys, 40, params.scan.max_segments, MAX_CAPACITY);
     params.loop.max_loops = in_proportion(max_keys, 4, 0, MAX_LOOPS);
     params.loop.max_fill = in_proportion(max_keys, 40, 0, MAX_FILL);
     return params;
 }
 
-int32_t cairn_mapper_last_kept(const cairn_mapper_params *params)
+int32_t cairn_mapper_protected_count(const cairn_mapper_params *params)
 {
     int32_t kept = params->local_span > params->window ? params->local_span : params->window;
-    int32_t of_loops = params->loop.gap + (params->window > 0 ? params->window_free : 0);
+    int32_t of_loops =
+        params->loop.min_keyframe_gap + (params->window > 0 ? params->window_free : 0);
 
     return kept > of_loops ? kept : of_loops;
 }
@@ -114,7 +116,7 @@ static cairn_icp_params icp_params(const cairn_mapper_params *params)
 {
     cairn_icp_params icp = params->icp;
 
-    icp.max_target = cairn_mapper_local_points(params, params->local_keys);
+    icp.max_target = cairn_mapper_local_points(params, params->local_keyframes);
     return icp;
 }
 
@@ -130,8 +132,8 @@ static cairn_force_field_params field_params(const cairn_mapper_params *params)
 
 static cairn_scan_set_params keyframe_params(const cairn_mapper_params *params)
 {
-    cairn_scan_set_params keys = {params->max_keys, params->max_key_segments,
-                                  params->max_key_points, 0};
+    cairn_scan_set_params keys = {params->max_keyframes, params->max_keyframe_segments,
+                                  params->max_keyframe_points, 0};
 
     return keys;
 }
@@ -153,10 +155,10 @@ static cairn_scan_match_params match_params(const cairn_mapper_params *params)
     int32_t keys = params->search ? MAPPER_SEARCH_KEYFRAMES : 1;
     cairn_real half = MAPPER_WIDE_SEARCH_M;
 
-    if (has_loops(params) && params->loop.keys > keys)
-        keys = params->loop.keys;
+    if (has_loops(params) && params->loop.target_keyframes > keys)
+        keys = params->loop.target_keyframes;
     if (has_loops(params))
-        half = cairn_max(half, params->loop.window);
+        half = cairn_max(half, params->loop.search_radius);
     match.max_target = cairn_mapper_local_points(params, keys);
     match.max_dense = 0;
     match.max_candidates = MAPPER_SEARCH_CANDIDATES;
@@ -171,13 +173,13 @@ static cairn_pose_graph_params graph_params(const cairn_mapper_params *params)
 {
     cairn_pose_graph_params graph = cairn_pose_graph_default();
 
-    graph.max_poses = params->max_keys;
-    graph.max_links = params->max_keys + params->loop.max_loops;
+    graph.max_poses = params->max_keyframes;
+    graph.max_links = params->max_keyframes + params->loop.max_loops;
     graph.max_fill = params->loop.max_fill;
     graph.start = CAIRN_POSE_GRAPH_GIVEN;
     graph.kernel = CAIRN_POSE_GRAPH_HUBER;
     graph.max_iterations = 12;
-    graph.converged = CAIRN_REAL(1e-4);
+    graph.converged_decrease = CAIRN_REAL(1e-4);
     return graph;
 }
 
@@ -188,28 +190,30 @@ static int loop_is_valid(const cairn_mapper_params *params)
     if (p->max_loops == 0)
         return 1;
     return p->max_loops > 0 && p->max_loops <= MAX_LOOPS && p->max_fill >= 0 &&
-           p->max_fill <= MAX_FILL && p->units >= 1 && p->keys >= 1 && p->keys <= 64 &&
-           p->gap >= 1 && p->agree >= 1 && p->agree <= 8 && p->radius > 0 && p->window > 0 &&
-           p->window_near > 0 && p->evidence == p->evidence && p->contradiction >= 0 &&
-           p->contradiction <= 1 && p->sigma > 0 && p->sigma_turn > 0 && p->outlier > 0;
+           p->max_fill <= MAX_FILL && p->units_per_scan >= 1 && p->target_keyframes >= 1 &&
+           p->target_keyframes <= 64 && p->min_keyframe_gap >= 1 && p->min_consistent >= 1 &&
+           p->min_consistent <= 8 && p->candidate_radius > 0 && p->search_radius > 0 &&
+           p->local_search_radius > 0 && p->min_log_odds == p->min_log_odds &&
+           p->max_free_space_violation >= 0 && p->max_free_space_violation <= 1 && p->sigma > 0 &&
+           p->sigma_theta > 0 && p->max_chi2 > 0;
 }
 
 /* Culling needs the graph, which joins the neighbours of a culled keyframe. The most recent
  * keyframes are in use and are never culled. */
 static int culling_is_valid(const cairn_mapper_params *p)
 {
-    if (p->release == 0)
+    if (p->cull_keyframes == 0)
         return 1;
-    return p->release == 1 && has_loops(p) && p->local_span > 0 &&
-           p->max_keys > cairn_mapper_last_kept(p) + 1;
+    return p->cull_keyframes == 1 && has_loops(p) && p->local_span > 0 &&
+           p->max_keyframes > cairn_mapper_protected_count(p) + 1;
 }
 
 static int is_valid(const cairn_mapper_params *p)
 {
-    if (p == NULL || p->max_keys < 1 || p->max_keys > MAX_KEYFRAMES)
+    if (p == NULL || p->max_keyframes < 1 || p->max_keyframes > MAX_KEYFRAMES)
         return 0;
-    if (p->local_keys < 1 || p->local_keys > CAIRN_MAPPER_LOCAL_MOST || p->local_recent < 1 ||
-        p->local_recent > p->local_keys)
+    if (p->local_keyframes < 1 || p->local_keyframes > CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES ||
+        p->local_recent < 1 || p->local_recent > p->local_keyframes)
         return 0;
     if (!loop_is_valid(p) || p->local_span < 0 ||
         (p->local_span > 0 && p->local_span < p->local_recent))
@@ -223,14 +227,15 @@ static int is_valid(const cairn_mapper_params *p)
     if (p->max_local_points < 1 || p->max_local_points > 1 << 20)
         return 0;
     /* The first scan must fit: all others are stored relative to it. */
-    if (p->max_key_points < p->scan.max_points || p->max_key_segments < p->scan.max_segments)
+    if (p->max_keyframe_points < p->scan.max_points ||
+        p->max_keyframe_segments < p->scan.max_segments)
         return 0;
-    return culling_is_valid(p) && p->local_radius > 0 && p->key_distance > 0 && p->key_turn > 0 &&
-           p->key_support >= 0 && p->key_support <= 1 && p->odometry_distance >= 0 &&
-           p->odometry_turn >= 0 && p->odometry_distance_min > 0 && p->odometry_turn_min > 0 &&
-           p->motion_distance >= 0 && p->motion_turn >= 0 && p->motion_distance_min > 0 &&
-           p->motion_turn_min > 0 && p->min_support >= 0 && p->min_support <= 1 &&
-           (p->search == 0 || (p->search == 1 && p->search_units >= 1));
+    return culling_is_valid(p) && p->local_radius > 0 && p->keyframe_distance > 0 &&
+           p->keyframe_angle > 0 && p->keyframe_min_overlap >= 0 && p->keyframe_min_overlap <= 1 &&
+           p->odometry_distance >= 0 && p->odometry_turn >= 0 && p->odometry_distance_min > 0 &&
+           p->odometry_turn_min > 0 && p->motion_distance >= 0 && p->motion_turn >= 0 &&
+           p->motion_distance_min > 0 && p->motion_turn_min > 0 && p->min_overlap >= 0 &&
+           p->min_overlap <= 1 && (p->search == 0 || (p->search == 1 && p->search_units >= 1));
 }
 
 /* Counts the memory of the objects that the mapper creates. */
@@ -260,11 +265,12 @@ static void count_modules(cairn_pool *counting, const cairn_mapper_params *param
 /* Takes the arrays of loop closure from the pool; loop NULL: the pool only counts. */
 static void take_loop_memory(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_params *params)
 {
-    size_t keys = (size_t)params->max_keys, scored_keyframes = params->release ? keys : 0;
+    size_t keys = (size_t)params->max_keyframes,
+           scored_keyframes = params->cull_keyframes ? keys : 0;
     mapper_link *links =
         cairn_pool_take(pool, keys + (size_t)params->loop.max_loops, sizeof *links);
     int32_t *first_link = cairn_pool_take(pool, keys, sizeof *first_link);
-    mapper_tie *ties = cairn_pool_take(pool, keys, sizeof *ties);
+    mapper_constraint *ties = cairn_pool_take(pool, keys, sizeof *ties);
     cairn_real *variance = cairn_pool_take(pool, keys, sizeof *variance);
     cairn_real *heading_variance = cairn_pool_take(pool, keys, sizeof *heading_variance);
     int32_t *heap = cairn_pool_take(pool, keys, sizeof *heap);
@@ -281,7 +287,7 @@ static void take_loop_memory(mapper_loop *loop, cairn_pool *pool, const cairn_ma
     loop->redundancy.neighbour_radius2 = reach;
     loop->links = links;
     loop->first_link = first_link;
-    loop->ties = ties;
+    loop->constraints = ties;
     loop->variance = variance;
     loop->heading_variance = heading_variance;
     loop->heap = heap;
@@ -293,8 +299,8 @@ static void take_loop_memory(mapper_loop *loop, cairn_pool *pool, const cairn_ma
 static cairn_mapper *take_memory(cairn_pool *pool, const cairn_mapper_params *params)
 {
     cairn_mapper *mapper = cairn_pool_take_one(pool, sizeof *mapper);
-    int32_t *slot = cairn_pool_take(pool, (size_t)params->max_keys, sizeof *slot);
-    cairn_pose *key_pose = cairn_pool_take(pool, (size_t)params->max_keys, sizeof *key_pose);
+    int32_t *slot = cairn_pool_take(pool, (size_t)params->max_keyframes, sizeof *slot);
+    cairn_pose *key_pose = cairn_pool_take(pool, (size_t)params->max_keyframes, sizeof *key_pose);
     cairn_oriented_point *oriented =
         cairn_pool_take(pool, (size_t)params->scan.max_points, sizeof *oriented);
     cairn_segment *segments =
@@ -303,17 +309,17 @@ static cairn_mapper *take_memory(cairn_pool *pool, const cairn_mapper_params *pa
         cairn_pool_take(pool, (size_t)params->scan.max_segments + 1, sizeof *first_point);
     size_t bearings = has_match(params) ? MAPPER_BEARINGS : 0;
     uint16_t *visibility =
-        cairn_pool_take(pool, (size_t)params->max_keys * bearings, sizeof *visibility);
+        cairn_pool_take(pool, (size_t)params->max_keyframes * bearings, sizeof *visibility);
     cairn_beam *beams = cairn_pool_take(pool, bearings, sizeof *beams);
 
     if (mapper != NULL) {
         memset(mapper, 0, sizeof *mapper);
         mapper->slot = slot;
-        mapper->key_pose = key_pose;
+        mapper->keyframe_pose = key_pose;
         mapper->points = oriented;
         mapper->segments = segments;
         mapper->first_point = first_point;
-        mapper->sight = has_match(params) ? visibility : NULL;
+        mapper->visibility = has_match(params) ? visibility : NULL;
         mapper->beams = beams;
         mapper->odometry_health = mapper->odometry_noise_scale = 1;
     }
@@ -346,7 +352,7 @@ cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool *pool,
 
     if (mapper == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     icp = icp_params(params);
     field = field_params(params);
@@ -357,7 +363,7 @@ cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool *pool,
     if (status == CAIRN_OK)
         status = cairn_icp_create(&made->icp, pool, &icp);
     if (status == CAIRN_OK)
-        status = cairn_scan_set_create(&made->keys, pool, &keys);
+        status = cairn_scan_set_create(&made->keyframes, pool, &keys);
     if (status == CAIRN_OK && params->window)
         status = cairn_force_field_create(&made->field, pool, &field);
     CAIRN_ASSERT(status == CAIRN_OK);

@@ -85,8 +85,8 @@ cairn_pose cairn_mapper_sweep_motion(const cairn_mapper *mapper, const cairn_sca
     if (!(sweep > 0) || has_motion(input) || mapper->state.scans < 2 ||
         !(span > 0 && span < MAX_SCAN_INTERVAL_NS))
         return input->motion;
-    return cairn_twist_at(cairn_twist_of(uses_odometry ? *by_odometry : mapper->smoothed_motion),
-                          cairn_min(1, sweep / (cairn_real)span));
+    return cairn_twist_exp(cairn_twist_log(uses_odometry ? *by_odometry : mapper->smoothed_motion),
+                           cairn_min(1, sweep / (cairn_real)span));
 }
 
 void cairn_mapper_predict(cairn_mapper *mapper, cairn_pose last, cairn_pose by_odometry)
@@ -114,7 +114,7 @@ cairn_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, cairn_pose mo
                                        int32_t is_odometry)
 {
     const cairn_mapper_params *p = &mapper->params;
-    cairn_real translation = cairn_mapper_way(motion);
+    cairn_real translation = cairn_mapper_translation(motion);
     cairn_pose_prior prior;
 
     prior.mean = cairn_pose_compose(mapper->last, motion);
@@ -168,7 +168,8 @@ static cairn_real quality(const cairn_icp_result *match)
 
 /* Returns the squared distance of a pose from the prediction or from standing still, whichever is
  * less, in units of m and rad; at most 4. */
-cairn_real cairn_mapper_out_of_the_way(const cairn_mapper *mapper, cairn_pose pose, cairn_real unit)
+cairn_real cairn_mapper_prior_deviation(const cairn_mapper *mapper, cairn_pose pose,
+                                        cairn_real unit)
 {
     cairn_pose a = cairn_pose_between(mapper->predicted, pose),
                b = cairn_pose_between(mapper->last, pose);
@@ -180,7 +181,7 @@ cairn_real cairn_mapper_out_of_the_way(const cairn_mapper *mapper, cairn_pose po
 
 static cairn_real prior_penalty(const cairn_mapper *mapper, cairn_pose pose)
 {
-    return cairn_mapper_out_of_the_way(mapper, pose, MAPPER_PRIOR_SCALE);
+    return cairn_mapper_prior_deviation(mapper, pose, MAPPER_PRIOR_SCALE);
 }
 
 /* Returns the score of a pose: the log of the quality, less a penalty for deviating from the
@@ -203,7 +204,7 @@ static int32_t take_match(cairn_mapper *mapper)
 {
     cairn_icp_result match = cairn_icp_read(mapper->icp);
 
-    if (!is_acceptable(&match, mapper->params.min_support) ||
+    if (!is_acceptable(&match, mapper->params.min_overlap) ||
         (mapper->has_match && !(quality(&match) > MIN_QUALITY_RATIO * quality(&mapper->match))))
         return 0;
     mapper->match = match;
@@ -212,24 +213,26 @@ static int32_t take_match(cairn_mapper *mapper)
     return 1;
 }
 
-int32_t cairn_mapper_is_far(const cairn_mapper *mapper, cairn_pose pose)
+int32_t cairn_mapper_is_motion_outlier(const cairn_mapper *mapper, cairn_pose pose)
 {
     cairn_pose d = cairn_pose_between(mapper->predicted, pose);
 
-    return cairn_mapper_way(d) > JUMP_M + JUMP_SHARE * cairn_mapper_way(mapper->motion) ||
+    return cairn_mapper_translation(d) >
+               JUMP_M + JUMP_SHARE * cairn_mapper_translation(mapper->motion) ||
            cairn_abs(d.theta) > JUMP_RAD + JUMP_SHARE * cairn_abs(mapper->motion.theta);
 }
 
 /* Returns 1 when the match is a jump: an outlier of the predicted motion. */
 static int32_t is_jump(const cairn_mapper *mapper)
 {
-    return cairn_mapper_is_far(mapper, mapper->match.target_query);
+    return cairn_mapper_is_motion_outlier(mapper, mapper->match.target_query);
 }
 
 /* Returns the minimum overlap of a match from a search: half of min_overlap when it is no jump. */
 static cairn_real found_min_overlap(const cairn_mapper *mapper, const cairn_icp_result *match)
 {
-    return mapper->params.min_support / (cairn_mapper_is_far(mapper, match->target_query) ? 1 : 2);
+    return mapper->params.min_overlap /
+           (cairn_mapper_is_motion_outlier(mapper, match->target_query) ? 1 : 2);
 }
 
 /* Takes the match from the search's hypothesis when its score is higher. Otherwise the current
@@ -247,7 +250,7 @@ static void take_found(cairn_mapper *mapper)
     if (mapper->has_match &&
         match_score(mapper, quality(&match), match.target_query) <=
             match_score(mapper, quality(&mapper->match), mapper->match.target_query)) {
-        mapper->low_confidence |= (cairn_mapper_way(difference) > MAPPER_DISTINCT_M ||
+        mapper->low_confidence |= (cairn_mapper_translation(difference) > MAPPER_DISTINCT_M ||
                                    cairn_abs(difference.theta) > MAPPER_DISTINCT_RAD) &&
                                   (!mapper->uses_odometry || is_jump(mapper));
         return;
@@ -296,7 +299,7 @@ static cairn_status begin_constrained(cairn_mapper *mapper)
                            NULL);
 }
 
-cairn_status cairn_mapper_end_choice(cairn_mapper *mapper)
+cairn_status cairn_mapper_finish_match(cairn_mapper *mapper)
 {
     mapper->phase = MAPPER_STORE;
     return is_weak_jump(mapper) ? begin_constrained(mapper) : CAIRN_OK;
@@ -356,7 +359,7 @@ cairn_status cairn_mapper_end_match(cairn_mapper *mapper)
         return finish_or_search(mapper);
     case MAPPER_MATCH_FOUND:
         take_found(mapper);
-        return cairn_mapper_end_choice(mapper);
+        return cairn_mapper_finish_match(mapper);
     default:
         take_constrained(mapper);
         mapper->phase = MAPPER_STORE;
@@ -372,8 +375,8 @@ static void update_odometry_health(cairn_mapper *mapper)
     cairn_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->by_odometry, 1);
     cairn_pose e = cairn_pose_between(prior.mean, mapper->match.target_query);
     cairn_real deviation =
-        mapper->odometry_noise_scale *
-        cairn_max(cairn_mapper_way(e) / prior.sigma_x, cairn_abs(e.theta) / prior.sigma_theta);
+        mapper->odometry_noise_scale * cairn_max(cairn_mapper_translation(e) / prior.sigma_x,
+                                                 cairn_abs(e.theta) / prior.sigma_theta);
     cairn_vec2 translation = {e.x, e.y};
     int32_t contradicted = deviation > 2;
 
@@ -382,8 +385,9 @@ static void update_odometry_health(cairn_mapper *mapper)
             cairn_max(1, cairn_max(mapper->odometry_noise_scale * NOISE_SCALE_DECAY,
                                    cairn_min(deviation, MAX_NOISE_SCALE)));
         mapper->odometry_bias.x = mapper->odometry_bias.y = 0;
-        if (mapper->odometry_noise_scale * cairn_mapper_way(e) > BIAS_MIN_SIGMAS * prior.sigma_x &&
-            cairn_abs(e.theta) < JUMP_RAD && cairn_mapper_way(e) > JUMP_M)
+        if (mapper->odometry_noise_scale * cairn_mapper_translation(e) >
+                BIAS_MIN_SIGMAS * prior.sigma_x &&
+            cairn_abs(e.theta) < JUMP_RAD && cairn_mapper_translation(e) > JUMP_M)
             mapper->odometry_bias = translation;
     } else {
         mapper->odometry_bias = cairn_vec2_scale(mapper->odometry_bias, NOISE_SCALE_DECAY);
@@ -397,8 +401,8 @@ static void update_odometry_health(cairn_mapper *mapper)
  * unnoticed unless odometry constrains it. */
 static void inflate_weak_direction(cairn_mapper *mapper)
 {
-    cairn_real x = MAPPER_LOW_CONFIDENCE_M * mapper->match.weak[0],
-               y = MAPPER_LOW_CONFIDENCE_M * mapper->match.weak[1];
+    cairn_real x = MAPPER_LOW_CONFIDENCE_M * mapper->match.weak_direction[0],
+               y = MAPPER_LOW_CONFIDENCE_M * mapper->match.weak_direction[1];
 
     mapper->extra_covariance[0] += x * x;
     mapper->extra_covariance[1] += x * y;
@@ -417,7 +421,7 @@ static void accumulate_motion_variance(cairn_mapper *mapper)
     mapper->motion_heading_variance += prior.sigma_theta * prior.sigma_theta;
 }
 
-void cairn_mapper_learn(cairn_mapper *mapper)
+void cairn_mapper_update_motion_model(cairn_mapper *mapper)
 {
     accumulate_motion_variance(mapper);
     memset(mapper->extra_covariance, 0, sizeof mapper->extra_covariance);
@@ -432,7 +436,7 @@ void cairn_mapper_learn(cairn_mapper *mapper)
         inflate_weak_direction(mapper);
     for (int k = 0; k < 9 && mapper->has_match; k++)
         mapper->match.covariance[k] += mapper->extra_covariance[k];
-    mapper->state.doubtful += mapper->low_confidence;
+    mapper->state.low_confidence += mapper->low_confidence;
     mapper->state.unobservable +=
         !mapper->has_match || mapper->match.weak_ratio < MAPPER_MIN_INFORMATION_RATIO;
     if (!mapper->has_match)
@@ -471,8 +475,8 @@ cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion)
         mapper->velocity.y += SMOOTHING_GAIN * (motion.y - mapper->velocity.y);
         return motion;
     }
-    weak.x = mapper->match.weak[0];
-    weak.y = mapper->match.weak[1];
+    weak.x = mapper->match.weak_direction[0];
+    weak.y = mapper->match.weak_direction[1];
     weak = cairn_transform_direction(
         cairn_transform_of(cairn_pose_inverse(mapper->match.target_query)), weak);
     correction.x = mapper->velocity.x - motion.x;

@@ -38,11 +38,11 @@ cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_r
     own.yz = s * in_map.xz + c * in_map.yz;
     own.xx += p->sigma * p->sigma;
     own.yy += p->sigma * p->sigma;
-    own.zz += p->sigma_turn * p->sigma_turn;
+    own.zz += p->sigma_theta * p->sigma_theta;
     return own;
 }
 
-void cairn_mapper_hang_link(mapper_loop *loop, int32_t link, int32_t end)
+void cairn_mapper_attach_link(mapper_loop *loop, int32_t link, int32_t end)
 {
     int32_t keyframe = end ? loop->links[link].second : loop->links[link].first;
 
@@ -70,43 +70,45 @@ static cairn_status add_link(cairn_mapper *mapper, int32_t first, int32_t second
     link->heading_variance = covariance.zz;
     link->is_loop = is_loop;
     link->dropped = 0;
-    cairn_mapper_hang_link(loop, loop->link_count, 0);
-    cairn_mapper_hang_link(loop, loop->link_count, 1);
+    cairn_mapper_attach_link(loop, loop->link_count, 0);
+    cairn_mapper_attach_link(loop, loop->link_count, 1);
     loop->link_count++;
     return CAIRN_OK;
 }
 
-cairn_status cairn_mapper_enter(cairn_mapper *mapper)
+cairn_status cairn_mapper_add_to_graph(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t keyframe = loop->entered;
-    cairn_status status = cairn_pose_graph_add_pose(loop->graph, mapper->key_pose[keyframe]);
+    int32_t keyframe = loop->graph_keyframes;
+    cairn_status status = cairn_pose_graph_add_pose(loop->graph, mapper->keyframe_pose[keyframe]);
 
     CAIRN_ASSERT(status == CAIRN_OK);
     loop->first_link[keyframe] = -1;
-    loop->entered++;
+    loop->graph_keyframes++;
     if (keyframe > 0)
-        status =
-            add_link(mapper, keyframe - 1, keyframe,
-                     cairn_pose_between(mapper->key_pose[keyframe - 1], mapper->key_pose[keyframe]),
-                     loop->ties[keyframe].covariance, 0);
-    for (int32_t i = 0; i < loop->ties[keyframe].anchor_count && status == CAIRN_OK; i++) {
-        int32_t anchor = loop->ties[keyframe].anchors[i];
+        status = add_link(mapper, keyframe - 1, keyframe,
+                          cairn_pose_between(mapper->keyframe_pose[keyframe - 1],
+                                             mapper->keyframe_pose[keyframe]),
+                          loop->constraints[keyframe].covariance, 0);
+    for (int32_t i = 0; i < loop->constraints[keyframe].anchor_count && status == CAIRN_OK; i++) {
+        int32_t anchor = loop->constraints[keyframe].anchors[i];
 
-        if (loop->link_count - loop->entered + 1 >= mapper->params.loop.max_loops)
+        if (loop->link_count - loop->graph_keyframes + 1 >= mapper->params.loop.max_loops)
             break;
-        status = add_link(mapper, anchor, keyframe,
-                          cairn_pose_between(mapper->key_pose[anchor], mapper->key_pose[keyframe]),
-                          loop->ties[keyframe].anchor_covariance[i], 0);
+        status = add_link(
+            mapper, anchor, keyframe,
+            cairn_pose_between(mapper->keyframe_pose[anchor], mapper->keyframe_pose[keyframe]),
+            loop->constraints[keyframe].anchor_covariance[i], 0);
     }
     return status;
 }
 
-cairn_real cairn_mapper_strain_of(const cairn_mapper *mapper, int32_t first, int32_t second,
-                                  cairn_pose first_second, cairn_sym3 covariance)
+cairn_real cairn_mapper_chi2(const cairn_mapper *mapper, int32_t first, int32_t second,
+                             cairn_pose first_second, cairn_sym3 covariance)
 {
-    cairn_pose e = cairn_pose_between(
-        first_second, cairn_pose_between(mapper->key_pose[first], mapper->key_pose[second]));
+    cairn_pose e =
+        cairn_pose_between(first_second, cairn_pose_between(mapper->keyframe_pose[first],
+                                                            mapper->keyframe_pose[second]));
     cairn_real error[3], solved[3];
 
     error[0] = e.x;
@@ -123,45 +125,45 @@ cairn_status cairn_mapper_add_closure(cairn_mapper *mapper, int32_t first, int32
     mapper_loop *loop = &mapper->loop;
     cairn_status status;
 
-    if (loop->link_count - (loop->entered - 1) == mapper->params.loop.max_loops)
+    if (loop->link_count - (loop->graph_keyframes - 1) == mapper->params.loop.max_loops)
         return CAIRN_FULL;
     status = add_link(mapper, first, second, first_second, covariance, 1);
     if (status != CAIRN_OK)
         return status;
-    loop->largest_chi2 =
-        cairn_max(loop->largest_chi2,
-                  cairn_mapper_strain_of(mapper, first, second, first_second, covariance));
-    loop->fresh++;
+    loop->largest_chi2 = cairn_max(
+        loop->largest_chi2, cairn_mapper_chi2(mapper, first, second, first_second, covariance));
+    loop->unsolved_closures++;
     mapper->state.loops++;
     return CAIRN_OK;
 }
 
-int32_t cairn_mapper_wants_solution(const cairn_mapper *mapper)
+int32_t cairn_mapper_needs_optimization(const cairn_mapper *mapper)
 {
     const mapper_loop *loop = &mapper->loop;
 
-    if (loop->fresh == 0 || loop->factor_full)
+    if (loop->unsolved_closures == 0 || loop->factor_full)
         return 0;
     return loop->largest_chi2 > URGENT_CHI2 ||
-           loop->keyframes_since_solve > 8 + loop->entered / KEYFRAMES_PER_SOLVE;
+           loop->keyframes_since_solve > 8 + loop->graph_keyframes / KEYFRAMES_PER_SOLVE;
 }
 
 /* Applies the solution to the keyframe poses. */
 static void apply_solution(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t last = loop->entered - 1;
-    cairn_pose before = mapper->key_pose[last], after = cairn_pose_graph_pose(loop->graph, last);
+    int32_t last = loop->graph_keyframes - 1;
+    cairn_pose before = mapper->keyframe_pose[last],
+               after = cairn_pose_graph_pose(loop->graph, last);
 
     for (int32_t keyframe = 0; keyframe <= last; keyframe++)
-        mapper->key_pose[keyframe] = cairn_pose_graph_pose(loop->graph, keyframe);
-    for (int32_t keyframe = last + 1; keyframe < mapper->key_count; keyframe++)
-        mapper->key_pose[keyframe] =
-            cairn_pose_compose(after, cairn_pose_between(before, mapper->key_pose[keyframe]));
+        mapper->keyframe_pose[keyframe] = cairn_pose_graph_pose(loop->graph, keyframe);
+    for (int32_t keyframe = last + 1; keyframe < mapper->keyframe_count; keyframe++)
+        mapper->keyframe_pose[keyframe] =
+            cairn_pose_compose(after, cairn_pose_between(before, mapper->keyframe_pose[keyframe]));
     mapper->target_stale = 1;
-    if (mapper->params.release)
-        cairn_mapper_forget_cover(mapper);
-    mapper->state.solutions++;
+    if (mapper->params.cull_keyframes)
+        cairn_mapper_invalidate_redundancy(mapper);
+    mapper->state.graph_solutions++;
 }
 
 /* Removes the closures that are outliers; returns their number. */
@@ -174,25 +176,25 @@ static int32_t drop_outliers(cairn_mapper *mapper)
         mapper_link *link = &loop->links[i];
 
         if (!link->is_loop || link->dropped ||
-            !(cairn_pose_graph_link_of(loop->graph, i).chi2 > mapper->params.loop.outlier) ||
-            cairn_pose_graph_drop_link(loop->graph, i, 1) != CAIRN_OK)
+            !(cairn_pose_graph_link_of(loop->graph, i).chi2 > mapper->params.loop.max_chi2) ||
+            cairn_pose_graph_exclude_link(loop->graph, i, 1) != CAIRN_OK)
             continue;
         link->dropped = 1;
-        cairn_mapper_loop_tell(mapper, link->first, link->second, cairn_pose_identity(),
-                               CAIRN_MAPPER_LOOP_DROPPED);
+        cairn_mapper_record_loop(mapper, link->first, link->second, cairn_pose_identity(),
+                                 CAIRN_MAPPER_LOOP_OUTLIER);
         dropped++;
     }
     mapper->state.loops -= dropped;
     return dropped;
 }
 
-cairn_status cairn_mapper_solve_step(cairn_mapper *mapper, cairn_budget *budget)
+cairn_status cairn_mapper_optimize_step(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
     cairn_status status = CAIRN_OK;
 
     if (loop->cursor == 0) {
-        budget->left -= 1 + (loop->entered + loop->link_count) / 8;
+        budget->left -= 1 + (loop->graph_keyframes + loop->link_count) / 8;
         loop->cursor = 1;
         return cairn_pose_graph_solve(loop->graph);
     }
@@ -201,16 +203,16 @@ cairn_status cairn_mapper_solve_step(cairn_mapper *mapper, cairn_budget *budget)
         return status;
     loop->phase = LOOP_IDLE;
     loop->cursor = 0;
-    loop->fresh = loop->keyframes_since_solve = 0;
+    loop->unsolved_closures = loop->keyframes_since_solve = 0;
     loop->largest_chi2 = 0;
     if (status != CAIRN_OK) {
         loop->factor_full = 1;
-        mapper->state.lacks_room = 2;
+        mapper->state.capacity_exceeded = 2;
         return CAIRN_OK;
     }
-    budget->left -= 1 + mapper->key_count / 4 + loop->link_count / 8;
+    budget->left -= 1 + mapper->keyframe_count / 4 + loop->link_count / 8;
     apply_solution(mapper);
     if (drop_outliers(mapper) > 0)
-        loop->fresh = 1;
+        loop->unsolved_closures = 1;
     return CAIRN_OK;
 }

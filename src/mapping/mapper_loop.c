@@ -36,8 +36,8 @@ static const cairn_real SIGMA_COST = 5;
 /* m^2: variance without a path */
 static const cairn_real NO_PATH_VARIANCE = CAIRN_REAL(1e6);
 
-void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second,
-                            cairn_pose first_second, cairn_mapper_loop_verdict verdict)
+void cairn_mapper_record_loop(cairn_mapper *mapper, int32_t first, int32_t second,
+                              cairn_pose first_second, cairn_mapper_loop_verdict verdict)
 {
     cairn_mapper_loop *event = &mapper->loop.events[mapper->state.loop_events % MAPPER_LOOP_EVENTS];
 
@@ -106,7 +106,8 @@ static void relax_link(cairn_mapper *mapper, int32_t keyframe, const mapper_link
                        int32_t from)
 {
     mapper_loop *loop = &mapper->loop;
-    cairn_real lever_arm2 = distance_squared(mapper->key_pose[from], mapper->key_pose[loop->query]);
+    cairn_real lever_arm2 =
+        distance_squared(mapper->keyframe_pose[from], mapper->keyframe_pose[loop->query]);
     cairn_real variance =
         loop->variance[from] + link->variance + link->heading_variance * lever_arm2;
 
@@ -125,7 +126,7 @@ static void begin_distances(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
 
-    for (int32_t keyframe = 0; keyframe < loop->entered; keyframe++) {
+    for (int32_t keyframe = 0; keyframe < loop->graph_keyframes; keyframe++) {
         loop->variance[keyframe] = NO_PATH_VARIANCE;
         loop->heading_variance[keyframe] = CAIRN_PI * CAIRN_PI;
         loop->heap_position[keyframe] = -1;
@@ -162,8 +163,8 @@ static int32_t distance_item(cairn_mapper *mapper, cairn_budget *budget)
 /* Returns the centroid of a keyframe's scan in the map. */
 static cairn_vec2 scan_centroid(const cairn_mapper *mapper, int32_t keyframe)
 {
-    return cairn_pose_point(mapper->key_pose[keyframe],
-                            cairn_mapper_key_scan(mapper, keyframe)->centroid);
+    return cairn_pose_point(mapper->keyframe_pose[keyframe],
+                            cairn_mapper_keyframe_record(mapper, keyframe)->centroid);
 }
 
 /* Inserts the best candidate of the finished run into the sorted candidates. */
@@ -189,7 +190,8 @@ static void end_run(mapper_loop *loop)
 /* Returns the search radius of a keyframe, m: three standard deviations, at most search_radius. */
 static cairn_real search_reach(const cairn_mapper *mapper, int32_t keyframe)
 {
-    return cairn_min(3 * cairn_sqrt(mapper->loop.variance[keyframe]), mapper->params.loop.window);
+    return cairn_min(3 * cairn_sqrt(mapper->loop.variance[keyframe]),
+                     mapper->params.loop.search_radius);
 }
 
 /* Looks at one keyframe; returns 1 when all have been looked at. */
@@ -202,11 +204,11 @@ static int32_t choose_item(cairn_mapper *mapper)
     cairn_real distance = cairn_vec2_norm(difference);
 
     if (cairn_mapper_point_count(mapper, keyframe) > 0 &&
-        distance < mapper->params.loop.radius + search_reach(mapper, keyframe)) {
-        distance += cairn_sqrt(distance_squared(mapper->key_pose[keyframe],
-                                                mapper->key_pose[loop->query])) /
+        distance < mapper->params.loop.candidate_radius + search_reach(mapper, keyframe)) {
+        distance += cairn_sqrt(distance_squared(mapper->keyframe_pose[keyframe],
+                                                mapper->keyframe_pose[loop->query])) /
                         2 +
-                    SIGMA_COST * loop->ties[keyframe].position_sigma;
+                    SIGMA_COST * loop->constraints[keyframe].position_sigma;
         if (!loop->in_run || distance < loop->best_of_run.distance) {
             loop->best_of_run.key = keyframe;
             loop->best_of_run.distance = distance;
@@ -215,7 +217,7 @@ static int32_t choose_item(cairn_mapper *mapper)
     } else {
         end_run(loop);
     }
-    if (loop->cursor < loop->query - mapper->params.loop.gap)
+    if (loop->cursor < loop->query - mapper->params.loop.min_keyframe_gap)
         return 0;
     end_run(loop);
     return 1;
@@ -226,13 +228,14 @@ static int32_t choose_item(cairn_mapper *mapper)
 static void begin_candidate(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t keyframe = loop->candidates[loop->candidate].key, half = mapper->params.loop.keys / 2;
-    int32_t last = loop->query - mapper->params.loop.gap;
+    int32_t keyframe = loop->candidates[loop->candidate].key,
+            half = mapper->params.loop.target_keyframes / 2;
+    int32_t last = loop->query - mapper->params.loop.min_keyframe_gap;
 
     mapper->search_target_count = 0;
     cairn_scan_match_clear_target(mapper->search);
     loop->target_from = keyframe > half ? keyframe - half : 0;
-    loop->target_end = loop->target_from + mapper->params.loop.keys;
+    loop->target_end = loop->target_from + mapper->params.loop.target_keyframes;
     if (loop->target_end > last)
         loop->target_end = last;
     loop->phase = LOOP_BUILD_TARGET;
@@ -242,9 +245,11 @@ static void begin_candidate(cairn_mapper *mapper)
  * between were culled, or the path is broken. */
 static int32_t is_off_path(const cairn_mapper *mapper, int32_t keyframe, int32_t candidate)
 {
-    cairn_real most = (cairn_real)mapper->params.loop.keys * mapper->params.key_distance;
+    cairn_real most =
+        (cairn_real)mapper->params.loop.target_keyframes * mapper->params.keyframe_distance;
 
-    return distance_squared(mapper->key_pose[keyframe], mapper->key_pose[candidate]) > most * most;
+    return distance_squared(mapper->keyframe_pose[keyframe], mapper->keyframe_pose[candidate]) >
+           most * most;
 }
 
 /* Adds a keyframe to the target map around the candidate; the map is complete when scan_match is
@@ -256,12 +261,12 @@ static void target_item(cairn_mapper *mapper, cairn_budget *budget)
     cairn_scan_match_part part;
 
     budget->left -= 1;
-    if (keyframe != candidate && (loop->ties[keyframe].position_sigma > MAX_TARGET_SIGMA_M ||
+    if (keyframe != candidate && (loop->constraints[keyframe].position_sigma > MAX_TARGET_SIGMA_M ||
                                   is_off_path(mapper, keyframe, candidate)))
         return;
-    part = cairn_mapper_key_part(mapper, keyframe, mapper->points, mapper->beams);
+    part = cairn_mapper_keyframe_part(mapper, keyframe, mapper->points, mapper->beams);
     budget->left -= 1 + part.count + part.beam_count;
-    if (cairn_scan_match_add_target(mapper->search, &part, mapper->key_pose[keyframe], NULL) !=
+    if (cairn_scan_match_add_target(mapper->search, &part, mapper->keyframe_pose[keyframe], NULL) !=
         CAIRN_OK)
         loop->target_from = loop->target_end;
 }
@@ -273,17 +278,17 @@ static void begin_match(cairn_mapper *mapper, cairn_budget *budget)
     int32_t keyframe = loop->candidates[loop->candidate].key;
     cairn_scan_match_window window;
 
-    window.distance =
-        cairn_min(search_reach(mapper, keyframe) + CAIRN_REAL(0.2), mapper->params.loop.window);
+    window.distance = cairn_min(search_reach(mapper, keyframe) + CAIRN_REAL(0.2),
+                                mapper->params.loop.search_radius);
     window.angle = 3 * cairn_sqrt(loop->heading_variance[keyframe]) + CAIRN_REAL(0.1);
     loop->phase = LOOP_MATCH;
     budget->left -= 2 + loop->query_part.count / 4;
-    if (cairn_scan_match_begin(mapper->search, &loop->query_part, mapper->key_pose[loop->query],
-                               &window, NULL) != CAIRN_OK)
+    if (cairn_scan_match_begin(mapper->search, &loop->query_part,
+                               mapper->keyframe_pose[loop->query], &window, NULL) != CAIRN_OK)
         cairn_scan_match_clear_target(mapper->search);
 }
 
-void cairn_mapper_yield_match(cairn_mapper *mapper)
+void cairn_mapper_preempt_loop_match(cairn_mapper *mapper)
 {
     if (mapper->loop.phase == LOOP_BUILD_TARGET || mapper->loop.phase == LOOP_MATCH)
         mapper->loop.phase = LOOP_BEGIN_CANDIDATE;
@@ -297,8 +302,9 @@ static int32_t is_consistent(const cairn_mapper *mapper, const mapper_pending *a
                              const mapper_pending *b)
 {
     cairn_pose second =
-        cairn_pose_between(mapper->key_pose[a->second], mapper->key_pose[b->second]);
-    cairn_pose first = cairn_pose_between(mapper->key_pose[a->first], mapper->key_pose[b->first]);
+        cairn_pose_between(mapper->keyframe_pose[a->second], mapper->keyframe_pose[b->second]);
+    cairn_pose first =
+        cairn_pose_between(mapper->keyframe_pose[a->first], mapper->keyframe_pose[b->first]);
     cairn_pose composed_a = cairn_pose_compose(a->first_second, second),
                composed_b = cairn_pose_compose(first, b->first_second);
     cairn_pose difference = cairn_pose_between(composed_a, composed_b);
@@ -319,10 +325,11 @@ static void accept(cairn_mapper *mapper, mapper_pending *closure)
 
     closure->accepted = 1;
     if (status == CAIRN_FULL)
-        mapper->state.lacks_room = mapper->state.lacks_room > 1 ? mapper->state.lacks_room : 1;
+        mapper->state.capacity_exceeded =
+            mapper->state.capacity_exceeded > 1 ? mapper->state.capacity_exceeded : 1;
     if (status == CAIRN_OK)
-        cairn_mapper_loop_tell(mapper, closure->first, closure->second, closure->first_second,
-                               CAIRN_MAPPER_LOOP_ACCEPTED);
+        cairn_mapper_record_loop(mapper, closure->first, closure->second, closure->first_second,
+                                 CAIRN_MAPPER_LOOP_ACCEPTED);
 }
 
 /* Verifies a closure of a wide search: it is accepted with the consistent pending closures when
@@ -330,15 +337,16 @@ static void accept(cairn_mapper *mapper, mapper_pending *closure)
 static void check_consistency(cairn_mapper *mapper, const mapper_pending *closure)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t count = loop->pending_count < MAPPER_PENDING ? loop->pending_count : MAPPER_PENDING;
+    int32_t count =
+        loop->pending_count < MAPPER_MAX_PENDING ? loop->pending_count : MAPPER_MAX_PENDING;
     int32_t consistent_count = 1, inconsistent_count = 0, last = -1;
-    mapper_pending *kept = &loop->pending[loop->pending_count % MAPPER_PENDING];
-    int32_t consistent[MAPPER_PENDING], stored_count = 0;
+    mapper_pending *kept = &loop->pending[loop->pending_count % MAPPER_MAX_PENDING];
+    int32_t consistent[MAPPER_MAX_PENDING], stored_count = 0;
 
     for (int32_t i = 0; i < count; i++) {
         mapper_pending *composed_b = &loop->pending[i];
 
-        if (closure->second - composed_b->second > mapper->params.loop.gap)
+        if (closure->second - composed_b->second > mapper->params.loop.min_keyframe_gap)
             continue;
         if (is_consistent(mapper, composed_b, closure)) {
             consistent_count += composed_b->second != closure->second && composed_b->second != last;
@@ -348,7 +356,8 @@ static void check_consistency(cairn_mapper *mapper, const mapper_pending *closur
             inconsistent_count++;
         }
     }
-    if (consistent_count >= mapper->params.loop.agree && consistent_count > inconsistent_count) {
+    if (consistent_count >= mapper->params.loop.min_consistent &&
+        consistent_count > inconsistent_count) {
         for (int32_t i = 0; i < stored_count; i++)
             if (!loop->pending[consistent[i]].accepted)
                 accept(mapper, &loop->pending[consistent[i]]);
@@ -356,13 +365,13 @@ static void check_consistency(cairn_mapper *mapper, const mapper_pending *closur
         accept(mapper, kept);
     } else {
         *kept = *closure;
-        cairn_mapper_loop_tell(mapper, closure->first, closure->second, closure->first_second,
-                               CAIRN_MAPPER_LOOP_WAITING);
+        cairn_mapper_record_loop(mapper, closure->first, closure->second, closure->first_second,
+                                 CAIRN_MAPPER_LOOP_PENDING);
     }
     loop->pending_count++;
 }
 
-int32_t cairn_mapper_has_rival(const cairn_scan_match_result *result)
+int32_t cairn_mapper_is_ambiguous(const cairn_scan_match_result *result)
 {
     return result->count > 1 &&
            result->hypotheses[1].score > CAIRN_REAL(0.9) * result->hypotheses[0].score;
@@ -373,8 +382,8 @@ int32_t cairn_mapper_has_rival(const cairn_scan_match_result *result)
 static cairn_real prior_cost(const cairn_mapper *mapper, const mapper_pending *closure)
 {
     const mapper_loop *loop = &mapper->loop;
-    cairn_pose now =
-        cairn_pose_between(mapper->key_pose[closure->first], mapper->key_pose[closure->second]);
+    cairn_pose now = cairn_pose_between(mapper->keyframe_pose[closure->first],
+                                        mapper->keyframe_pose[closure->second]);
     cairn_pose off = cairn_pose_between(closure->first_second, now);
 
     return (off.x * off.x + off.y * off.y) / loop->variance[closure->first] +
@@ -386,8 +395,8 @@ static cairn_real prior_cost(const cairn_mapper *mapper, const mapper_pending *c
 static cairn_sym3 closure_covariance(const cairn_mapper *mapper,
                                      const cairn_scan_match_hypothesis *h)
 {
-    cairn_real covariance[9], x = MAPPER_LOW_CONFIDENCE_M * h->weak[0],
-                              y = MAPPER_LOW_CONFIDENCE_M * h->weak[1];
+    cairn_real covariance[9], x = MAPPER_LOW_CONFIDENCE_M * h->weak_direction[0],
+                              y = MAPPER_LOW_CONFIDENCE_M * h->weak_direction[1];
 
     memcpy(covariance, h->covariance, sizeof covariance);
     if (h->weak_ratio < MAPPER_MIN_INFORMATION_RATIO) {
@@ -413,23 +422,25 @@ static void verify(cairn_mapper *mapper)
     closure.first = keyframe;
     closure.second = loop->query;
     if (result.count > 0) {
-        closure.first_second = cairn_pose_between(mapper->key_pose[keyframe], h->target_query);
+        closure.first_second = cairn_pose_between(mapper->keyframe_pose[keyframe], h->target_query);
         closure.covariance = closure_covariance(mapper, h);
     }
-    if (result.count == 0 || result.verdict == CAIRN_SCAN_MATCH_NONE || h->evidence < p->evidence)
-        cairn_mapper_loop_tell(mapper, keyframe, loop->query, closure.first_second,
-                               CAIRN_MAPPER_LOOP_NONE);
-    else if (cairn_mapper_has_rival(&result))
-        cairn_mapper_loop_tell(mapper, keyframe, loop->query, closure.first_second,
-                               CAIRN_MAPPER_LOOP_AMBIGUOUS);
-    else if (h->contradiction > p->contradiction || h->target_contradiction > p->contradiction)
-        cairn_mapper_loop_tell(mapper, keyframe, loop->query, closure.first_second,
-                               CAIRN_MAPPER_LOOP_CONTRADICTED);
-    else if (search_reach(mapper, keyframe) < p->window_near)
+    if (result.count == 0 || result.verdict == CAIRN_SCAN_MATCH_NONE ||
+        h->log_odds < p->min_log_odds)
+        cairn_mapper_record_loop(mapper, keyframe, loop->query, closure.first_second,
+                                 CAIRN_MAPPER_LOOP_NO_MATCH);
+    else if (cairn_mapper_is_ambiguous(&result))
+        cairn_mapper_record_loop(mapper, keyframe, loop->query, closure.first_second,
+                                 CAIRN_MAPPER_LOOP_AMBIGUOUS);
+    else if (h->free_space_violation > p->max_free_space_violation ||
+             h->target_free_space_violation > p->max_free_space_violation)
+        cairn_mapper_record_loop(mapper, keyframe, loop->query, closure.first_second,
+                                 CAIRN_MAPPER_LOOP_FREE_SPACE_VIOLATION);
+    else if (search_reach(mapper, keyframe) < p->local_search_radius)
         accept(mapper, &closure);
-    else if (h->evidence - prior_cost(mapper, &closure) < p->evidence)
-        cairn_mapper_loop_tell(mapper, keyframe, loop->query, closure.first_second,
-                               CAIRN_MAPPER_LOOP_UNLIKELY);
+    else if (h->log_odds - prior_cost(mapper, &closure) < p->min_log_odds)
+        cairn_mapper_record_loop(mapper, keyframe, loop->query, closure.first_second,
+                                 CAIRN_MAPPER_LOOP_UNLIKELY);
     else
         check_consistency(mapper, &closure);
 }
@@ -439,7 +450,7 @@ static void verify(cairn_mapper *mapper)
 /* Returns the number of keyframes that the force field no longer moves. */
 static int32_t settled_keyframes(const cairn_mapper *mapper)
 {
-    int32_t keys = mapper->key_count;
+    int32_t keys = mapper->keyframe_count;
 
     if (mapper->params.window == 0 || mapper->loop.settling)
         return keys;
@@ -450,24 +461,24 @@ static int32_t settled_keyframes(const cairn_mapper *mapper)
 static cairn_status begin_next(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t has_next = loop->entered < settled_keyframes(mapper);
-    int32_t may_release = cairn_mapper_may_release(mapper);
+    int32_t has_next = loop->graph_keyframes < settled_keyframes(mapper);
+    int32_t may_release = cairn_mapper_may_cull(mapper);
     cairn_status status = CAIRN_OK;
 
     loop->cursor = 0;
-    if (may_release && (loop->fresh == 0 || loop->factor_full)) {
-        cairn_mapper_begin_cover(mapper);
+    if (may_release && (loop->unsolved_closures == 0 || loop->factor_full)) {
+        cairn_mapper_begin_redundancy(mapper);
         budget->left -= 1;
-        loop->phase = LOOP_COVER;
-    } else if (may_release || cairn_mapper_wants_solution(mapper) ||
-               (!has_next && loop->settling && loop->fresh > 0 && !loop->factor_full)) {
+        loop->phase = LOOP_REDUNDANCY;
+    } else if (may_release || cairn_mapper_needs_optimization(mapper) ||
+               (!has_next && loop->settling && loop->unsolved_closures > 0 && !loop->factor_full)) {
         loop->phase = LOOP_OPTIMIZE;
     } else if (has_next) {
-        loop->query = loop->entered;
-        status = cairn_mapper_enter(mapper);
+        loop->query = loop->graph_keyframes;
+        status = cairn_mapper_add_to_graph(mapper);
         budget->left -= 4;
         loop->keyframes_since_solve++;
-        if (loop->query > mapper->params.loop.gap &&
+        if (loop->query > mapper->params.loop.min_keyframe_gap &&
             cairn_mapper_point_count(mapper, loop->query) > 0)
             loop->phase = LOOP_RESET_PATHS;
     }
@@ -482,7 +493,7 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
     switch (loop->phase) {
     case LOOP_RESET_PATHS:
         begin_distances(mapper);
-        budget->left -= 1 + loop->entered / KEYFRAMES_PER_UNIT;
+        budget->left -= 1 + loop->graph_keyframes / KEYFRAMES_PER_UNIT;
         loop->phase = LOOP_PATH_VARIANCE;
         break;
     case LOOP_PATH_VARIANCE:
@@ -498,8 +509,8 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
         loop->candidate = 0;
         loop->phase = LOOP_IDLE;
         if (loop->candidate_count > 0) {
-            loop->query_part =
-                cairn_mapper_key_part(mapper, loop->query, loop->query_points, loop->query_beams);
+            loop->query_part = cairn_mapper_keyframe_part(mapper, loop->query, loop->query_points,
+                                                          loop->query_beams);
             budget->left -= 2 + loop->query_part.count / 4 + loop->query_part.beam_count / 4;
             loop->phase = LOOP_BEGIN_CANDIDATE;
         }
@@ -519,25 +530,25 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
         if (status != CAIRN_OK)
             break;
         verify(mapper);
-        budget->left -= 8 + 4 * MAPPER_PENDING;
+        budget->left -= 8 + 4 * MAPPER_MAX_PENDING;
         loop->phase = LOOP_IDLE;
         if (++loop->candidate < loop->candidate_count)
             loop->phase = LOOP_BEGIN_CANDIDATE;
         break;
-    case LOOP_COVER:
-        if (!cairn_mapper_cover_item(mapper, cairn_mapper_release_end(mapper), budget))
+    case LOOP_REDUNDANCY:
+        if (!cairn_mapper_redundancy_item(mapper, cairn_mapper_cull_end(mapper), budget))
             break;
-        status = cairn_mapper_release_key(
-            mapper, cairn_mapper_best_covered(mapper, cairn_mapper_release_end(mapper)), budget);
+        status = cairn_mapper_cull_keyframe(
+            mapper, cairn_mapper_most_redundant(mapper, cairn_mapper_cull_end(mapper)), budget);
         loop->phase = LOOP_COMPACT;
         break;
     case LOOP_COMPACT:
-        status = cairn_scan_set_pack(mapper->keys, budget);
+        status = cairn_scan_set_pack(mapper->keyframes, budget);
         if (status == CAIRN_OK)
             loop->phase = LOOP_IDLE;
         break;
     default:
-        status = cairn_mapper_solve_step(mapper, budget);
+        status = cairn_mapper_optimize_step(mapper, budget);
         break;
     }
     return status;
@@ -549,16 +560,16 @@ cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget, 
     cairn_status status = CAIRN_OK;
 
     while (status == CAIRN_OK) {
-        if (budget->left <= 0 || (until_room && !cairn_mapper_must_release(mapper)))
+        if (budget->left <= 0 || (until_room && !cairn_mapper_must_cull(mapper)))
             return CAIRN_MORE;
         if (loop->phase == LOOP_IDLE) {
             status = begin_next(mapper, budget);
-            if (loop->phase == LOOP_IDLE && loop->entered >= settled_keyframes(mapper))
+            if (loop->phase == LOOP_IDLE && loop->graph_keyframes >= settled_keyframes(mapper))
                 break;
         } else {
             status = loop_item(mapper, budget);
         }
     }
-    mapper->state.waiting = settled_keyframes(mapper) - loop->entered;
+    mapper->state.pending_keyframes = settled_keyframes(mapper) - loop->graph_keyframes;
     return status;
 }

@@ -32,11 +32,11 @@ static cairn_status begin_search(cairn_mapper *mapper)
 {
     cairn_scan_view view = cairn_scan_read(mapper->scan);
     cairn_scan_match_part query = cairn_scan_match_part_of(&view);
-    cairn_scan_match_window window = {SEARCH_RADIUS_M + cairn_mapper_way(mapper->motion),
+    cairn_scan_match_window window = {SEARCH_RADIUS_M + cairn_mapper_translation(mapper->motion),
                                       SEARCH_ANGLE_RAD};
 
     if (mapper->searches > 0) {
-        window.distance = MAPPER_WIDE_SEARCH_M + cairn_mapper_way(mapper->motion);
+        window.distance = MAPPER_WIDE_SEARCH_M + cairn_mapper_translation(mapper->motion);
         window.angle = WIDE_SEARCH_RAD;
     }
     mapper->state.searched += mapper->searches == 0;
@@ -65,13 +65,13 @@ cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budg
     if (mapper->search_target_count == search_keyframes(mapper))
         return begin_search(mapper);
     if (mapper->search_target_count == 0) {
-        cairn_mapper_yield_match(mapper);
+        cairn_mapper_preempt_loop_match(mapper);
         cairn_scan_match_clear_target(mapper->search);
     }
     keyframe = mapper->local[mapper->search_target_count++];
-    part = cairn_mapper_key_part(mapper, keyframe, mapper->points, mapper->beams);
+    part = cairn_mapper_keyframe_part(mapper, keyframe, mapper->points, mapper->beams);
     budget->left -= 2 + part.count + part.beam_count;
-    if (cairn_scan_match_add_target(mapper->search, &part, mapper->key_pose[keyframe], NULL) !=
+    if (cairn_scan_match_add_target(mapper->search, &part, mapper->keyframe_pose[keyframe], NULL) !=
         CAIRN_OK)
         mapper->search_target_count = search_keyframes(mapper); /* full */
     return CAIRN_OK;
@@ -84,7 +84,7 @@ static int32_t is_repeated(const cairn_mapper *mapper, cairn_pose pose)
         cairn_pose_between(cairn_pose_compose(mapper->hypothesis, mapper->motion), pose);
 
     return mapper->hypothesis_scan > 0 && mapper->hypothesis_scan == mapper->state.scans &&
-           cairn_mapper_way(difference) <= REPEAT_TOLERANCE &&
+           cairn_mapper_translation(difference) <= REPEAT_TOLERANCE &&
            cairn_abs(difference.theta) <= REPEAT_TOLERANCE;
 }
 
@@ -92,7 +92,7 @@ static int32_t is_repeated(const cairn_mapper *mapper, cairn_pose pose)
 static cairn_real total_log_odds(const cairn_mapper *mapper,
                                  const cairn_scan_match_hypothesis *found)
 {
-    return found->evidence +
+    return found->log_odds +
            (is_repeated(mapper, found->target_query) ? mapper->hypothesis_log_odds : 0);
 }
 
@@ -101,7 +101,8 @@ static cairn_real total_log_odds(const cairn_mapper *mapper,
  * hypothesis agrees: random similarities differ between scans. */
 static cairn_real kidnapping_cost(const cairn_mapper *mapper, cairn_pose pose)
 {
-    cairn_real cost = KIDNAPPING_COST * cairn_mapper_out_of_the_way(mapper, pose, KIDNAPPING_SCALE);
+    cairn_real cost =
+        KIDNAPPING_COST * cairn_mapper_prior_deviation(mapper, pose, KIDNAPPING_SCALE);
 
     if (mapper->result.verdict != CAIRN_MAPPER_MATCHED)
         cost /= 2;
@@ -117,7 +118,7 @@ static int32_t is_found(const cairn_mapper *mapper, const cairn_scan_match_resul
     if (result->count == 0)
         return 0;
     if (!mapper->uses_odometry)
-        return best->evidence > MIN_LOG_ODDS;
+        return best->log_odds > MIN_LOG_ODDS;
     if (mapper->searches > 1 &&
         (result->verdict == CAIRN_SCAN_MATCH_NONE || best->fit <= MIN_WIDE_FIT))
         return 0;
@@ -150,7 +151,7 @@ static int32_t confirms(const cairn_mapper *mapper, const cairn_scan_match_resul
     if (!mapper->has_match || result->count == 0)
         return 0;
     difference = cairn_pose_between(mapper->match.target_query, result->hypotheses[0].target_query);
-    return cairn_mapper_way(difference) <= 2 * MAPPER_DISTINCT_M &&
+    return cairn_mapper_translation(difference) <= 2 * MAPPER_DISTINCT_M &&
            cairn_abs(difference.theta) <= 2 * MAPPER_DISTINCT_RAD;
 }
 
@@ -165,7 +166,7 @@ static cairn_status end_search(cairn_mapper *mapper)
     int32_t chosen = -1;
 
     if (!is_found(mapper, &result) && confirms(mapper, &result))
-        return cairn_mapper_end_choice(mapper);
+        return cairn_mapper_finish_match(mapper);
     if (!is_found(mapper, &result) && mapper->searches == 1)
         return begin_search(mapper);
     mapper->phase = MAPPER_STORE;
@@ -178,7 +179,7 @@ static cairn_status end_search(cairn_mapper *mapper)
         cairn_pose pose = result.hypotheses[i].target_query;
         cairn_real value =
             cairn_log(result.hypotheses[i].score + CAIRN_REAL(1e-3)) -
-            CAIRN_REAL(0.05) * cairn_mapper_out_of_the_way(mapper, pose, MAPPER_PRIOR_SCALE);
+            CAIRN_REAL(0.05) * cairn_mapper_prior_deviation(mapper, pose, MAPPER_PRIOR_SCALE);
 
         if (chosen < 0 || value > best) {
             chosen = i;
@@ -186,9 +187,10 @@ static cairn_status end_search(cairn_mapper *mapper)
         }
     }
     /* Odometry decides between ambiguous hypotheses. */
-    mapper->low_confidence = cairn_mapper_has_rival(&result) &&
-                             (!mapper->uses_odometry ||
-                              cairn_mapper_is_far(mapper, result.hypotheses[chosen].target_query));
+    mapper->low_confidence =
+        cairn_mapper_is_ambiguous(&result) &&
+        (!mapper->uses_odometry ||
+         cairn_mapper_is_motion_outlier(mapper, result.hypotheses[chosen].target_query));
     mapper->phase = MAPPER_MATCH_FOUND;
     prior.mean = result.hypotheses[chosen].target_query;
     return cairn_icp_begin(mapper->icp, view.points, view.point_count,

@@ -15,7 +15,7 @@
  * points. */
 static int32_t window_begin(const cairn_mapper *mapper)
 {
-    int32_t end = mapper->key_count, first = end - 1,
+    int32_t end = mapper->keyframe_count, first = end - 1,
             points = cairn_mapper_point_count(mapper, first);
     int32_t capacity = cairn_mapper_local_points(&mapper->params, mapper->params.window);
 
@@ -29,7 +29,7 @@ static int32_t window_begin(const cairn_mapper *mapper)
 
 void cairn_mapper_begin_window(cairn_mapper *mapper)
 {
-    mapper->window_end = mapper->key_count;
+    mapper->window_end = mapper->keyframe_count;
     mapper->window_first = mapper->window_cursor = window_begin(mapper);
     mapper->window_phase = WINDOW_FILL;
     cairn_force_field_clear(mapper->field);
@@ -39,15 +39,15 @@ void cairn_mapper_begin_window(cairn_mapper *mapper)
 static cairn_status fill_item(cairn_mapper *mapper, cairn_budget *budget)
 {
     int32_t keyframe = mapper->window_cursor++;
-    cairn_scan_view view = cairn_mapper_key_view(mapper, keyframe);
-    cairn_status status =
-        cairn_force_field_add_scan(mapper->field, &view, NULL, mapper->key_pose[keyframe], NULL);
+    cairn_scan_view view = cairn_mapper_keyframe_view(mapper, keyframe);
+    cairn_status status = cairn_force_field_add_scan(mapper->field, &view, NULL,
+                                                     mapper->keyframe_pose[keyframe], NULL);
 
     /* The first keyframe is always fixed, which removes the gauge freedom of the window. Those with
      * links in the graph are fixed as well. */
     if (status == CAIRN_OK && (keyframe == mapper->window_first ||
                                keyframe < mapper->window_end - mapper->params.window_free ||
-                               keyframe < mapper->loop.entered))
+                               keyframe < mapper->loop.graph_keyframes))
         status = cairn_force_field_fix(mapper->field, keyframe - mapper->window_first, 1);
     budget->left -= 2 + view.point_count / 2;
     if (mapper->window_cursor == mapper->window_end)
@@ -64,7 +64,7 @@ void cairn_mapper_read_window(cairn_mapper *mapper)
     int32_t count = cairn_force_field_pose_count(mapper->field);
 
     for (int32_t i = 0; i < count; i++)
-        mapper->key_pose[mapper->window_first + i] = cairn_force_field_pose(mapper->field, i);
+        mapper->keyframe_pose[mapper->window_first + i] = cairn_force_field_pose(mapper->field, i);
     mapper->state.potential = cairn_force_field_potential(mapper->field);
     mapper->target_stale = 1;
 }
@@ -73,8 +73,8 @@ void cairn_mapper_end_window(cairn_mapper *mapper)
 {
     if (mapper->window_phase == WINDOW_RUN) {
         cairn_mapper_read_window(mapper);
-        mapper->result.map_scan =
-            cairn_pose_compose(mapper->key_pose[mapper->result.key], mapper->result.key_scan);
+        mapper->result.map_scan = cairn_pose_compose(mapper->keyframe_pose[mapper->result.keyframe],
+                                                     mapper->result.keyframe_scan);
     }
     mapper->window_phase = WINDOW_IDLE;
 }

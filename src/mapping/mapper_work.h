@@ -26,7 +26,7 @@ enum {
     /* constraints of a keyframe to earlier submaps, besides the one to its predecessor */
     MAPPER_MAX_ANCHORS = 2,
     /* closures that wait for consistent ones (ring buffer) */
-    MAPPER_PENDING = 32,
+    MAPPER_MAX_PENDING = 32,
     /* loop events that can be read (ring buffer) */
     MAPPER_LOOP_EVENTS = 64,
     /* culling events that can be read (ring buffer) */
@@ -89,8 +89,8 @@ enum {
     LOOP_BUILD_TARGET,      /* target map around the candidate */
     LOOP_MATCH,
     LOOP_OPTIMIZE,
-    LOOP_COVER,  /* redundancy scores of keyframes, then cull one */
-    LOOP_COMPACT /* compact the scan set after a culling */
+    LOOP_REDUNDANCY, /* redundancy scores of keyframes, then cull one */
+    LOOP_COMPACT     /* compact the scan set after a culling */
 };
 
 /* A link of the pose graph as loop-closure detection uses it: an adjacency list with variances. It
@@ -119,18 +119,18 @@ typedef struct mapper_pending {
 /* Sequential constraints of a keyframe: the covariance relative to its predecessor, and to other
  * submaps that constrain it better. Covariances are in the keyframe's own frame, m and rad. See
  * mapper_constraint.c. */
-typedef struct mapper_tie {
+typedef struct mapper_constraint {
     cairn_sym3 covariance; /* relative to the predecessor */
     int32_t anchors[MAPPER_MAX_ANCHORS];
     cairn_sym3 anchor_covariance[MAPPER_MAX_ANCHORS];
     int32_t anchor_count;
-    int32_t doubtful;
-    int32_t piece;             /* submap of mutually rigid keyframes: index of its first one */
+    int32_t low_confidence;
+    int32_t submap;            /* submap of mutually rigid keyframes: index of its first one */
     cairn_real position_sigma; /* m, standard deviation of its position by all constraints */
-} mapper_tie;
+} mapper_constraint;
 
 /* Redundancy of keyframes, and the computation in progress. See mapper_redundancy.c. */
-typedef struct mapper_cover {
+typedef struct mapper_redundancy {
     /* [max_keyframes] redundancy score: coverage that culling would lose, in samples; small is
      * redundant; -1: unknown */
     cairn_real *score;
@@ -143,22 +143,26 @@ typedef struct mapper_cover {
     int32_t neighbour_count, next_neighbour;
     /* number of neighbours that observe each sample */
     uint8_t observer_counts[MAPPER_SAMPLES];
-} mapper_cover;
+} mapper_redundancy;
 
 typedef struct mapper_loop {
     cairn_pose_graph *graph;
     mapper_link *links; /* [max_keyframes + max_loops] */
     /* [max_keyframes] head of the adjacency list of a keyframe; -1: none */
     int32_t *first_link;
-    mapper_tie *ties;             /* [max_keyframes] of the match that stored the keyframe */
-    cairn_real *variance;         /* [max_keyframes] m^2, accumulated along the path to the query */
-    cairn_real *heading_variance; /* [max_keyframes] rad^2, likewise */
-    int32_t *heap;                /* [max_keyframes] binary min-heap of keyframes by variance */
+    /* [max_keyframes] of the match that stored the keyframe */
+    mapper_constraint *constraints;
+    /* [max_keyframes] m^2, accumulated along the path to the query */
+    cairn_real *variance;
+    /* [max_keyframes] rad^2, likewise */
+    cairn_real *heading_variance;
+    /* [max_keyframes] binary min-heap of keyframes by variance */
+    int32_t *heap;
     /* [max_keyframes] position in the heap; -1: not in it, -2: settled */
     int32_t *heap_position;
     int32_t heap_count; /* keyframes in the heap */
     int32_t link_count;
-    int32_t entered; /* keyframes in the pose graph */
+    int32_t graph_keyframes; /* keyframes in the pose graph */
 
     mapper_loop_phase phase;
     int32_t quota;                      /* work units left of the scan's share */
@@ -173,15 +177,15 @@ typedef struct mapper_loop {
     int32_t in_run;                  /* 1: a run of candidates is open */
     int32_t target_from, target_end; /* keyframes to add to the target map */
 
-    mapper_pending pending[MAPPER_PENDING];
+    mapper_pending pending[MAPPER_MAX_PENDING];
     int32_t pending_count;         /* total over the mapper's life */
-    int32_t fresh;                 /* closures since the last optimization */
+    int32_t unsolved_closures;     /* closures since the last optimization */
     int32_t keyframes_since_solve; /* keyframes added since the last optimization */
     cairn_real largest_chi2;       /* largest chi-squared of the unsolved closures */
     int32_t settling;              /* 1: settle() is running, all pending work is finished */
     int32_t factor_full;           /* 1: the factor of the graph has no capacity */
     int32_t culling;               /* 1: keyframes are culled until there is some capacity again */
-    mapper_cover redundancy;
+    mapper_redundancy redundancy;
     cairn_mapper_loop events[MAPPER_LOOP_EVENTS];
 } mapper_loop;
 
@@ -190,10 +194,10 @@ struct cairn_mapper {
     cairn_scan *scan;
     cairn_icp *icp;
     cairn_force_field *field;
-    cairn_scan_set *keys;
-    int32_t key_count;
-    int32_t *slot;        /* [max_keyframes] index of a keyframe in the set */
-    cairn_pose *key_pose; /* [max_keyframes] map_key, m and rad */
+    cairn_scan_set *keyframes;
+    int32_t keyframe_count;
+    int32_t *slot;             /* [max_keyframes] index of a keyframe in the set */
+    cairn_pose *keyframe_pose; /* [max_keyframes] map_key, m and rad */
     /* Buffers of one keyframe on its way into the local map or the force field:
      * [scan.max_points] */
     cairn_oriented_point *points;
@@ -205,7 +209,7 @@ struct cairn_mapper {
     cairn_beam *beams;
     /* [max_keyframes * MAPPER_BEARINGS] visibility profiles by slot: free range in cm by bearing,
      * 0: unknown; NULL when no module uses them */
-    uint16_t *sight;
+    uint16_t *visibility;
 
     mapper_phase phase;
     int32_t cursor;       /* index within the phase */
@@ -256,8 +260,8 @@ struct cairn_mapper {
 
     /* Keyframes of the local map: the most recent ones first, then by distance. local_distance in
      * m. */
-    int32_t local[CAIRN_MAPPER_LOCAL_MOST];
-    cairn_real local_distance[CAIRN_MAPPER_LOCAL_MOST];
+    int32_t local[CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES];
+    cairn_real local_distance[CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES];
     int32_t local_count;
     /* 1: keyframes were added or moved since the local map was built */
     int32_t target_stale;
@@ -292,7 +296,7 @@ struct cairn_mapper {
     mapper_loop loop; /* its graph is NULL without loop closure */
     cairn_mapper_result result;
     cairn_mapper_state state;
-    cairn_mapper_release cullings[MAPPER_CULLING_EVENTS];
+    cairn_mapper_culling cullings[MAPPER_CULLING_EVENTS];
 };
 
 /* ---- mapper_create.c ---- */
@@ -301,25 +305,25 @@ struct cairn_mapper {
 int32_t cairn_mapper_local_points(const cairn_mapper_params *params, int32_t keys);
 
 /* Returns the number of most recent keyframes that are never culled. */
-int32_t cairn_mapper_last_kept(const cairn_mapper_params *params);
+int32_t cairn_mapper_protected_count(const cairn_mapper_params *params);
 
-/* ---- mapper_keys.c ---- */
+/* ---- mapper_keyframes.c ---- */
 
-static inline const cairn_scan_set_scan *cairn_mapper_key_scan(const cairn_mapper *mapper,
-                                                               int32_t keyframe)
+static inline const cairn_scan_set_scan *cairn_mapper_keyframe_record(const cairn_mapper *mapper,
+                                                                      int32_t keyframe)
 {
-    return &mapper->keys->scans[mapper->slot[keyframe]];
+    return &mapper->keyframes->scans[mapper->slot[keyframe]];
 }
 
 static inline int32_t cairn_mapper_point_count(const cairn_mapper *mapper, int32_t keyframe)
 {
-    const cairn_scan_set_scan *scan = cairn_mapper_key_scan(mapper, keyframe);
+    const cairn_scan_set_scan *scan = cairn_mapper_keyframe_record(mapper, keyframe);
 
     return scan->end_point - scan->first_point;
 }
 
 /* Returns a keyframe as stored, without its beams; valid until the next call. */
-cairn_scan_view cairn_mapper_key_view(cairn_mapper *mapper, int32_t keyframe);
+cairn_scan_view cairn_mapper_keyframe_view(cairn_mapper *mapper, int32_t keyframe);
 
 /* Begins the selection of the keyframes of the local map; select_local() looks at one keyframe per
  * call and returns 1 after the last. */
@@ -333,21 +337,23 @@ int32_t cairn_mapper_needs_local(const cairn_mapper *mapper);
 cairn_status cairn_mapper_add_local(cairn_mapper *mapper, cairn_budget *budget);
 
 /* Copies the points of a keyframe, in its own frame; returns their number. */
-int32_t cairn_mapper_key_points(const cairn_mapper *mapper, int32_t keyframe,
-                                cairn_oriented_point *points);
+int32_t cairn_mapper_keyframe_points(const cairn_mapper *mapper, int32_t keyframe,
+                                     cairn_oriented_point *points);
 
 /* Stores the visibility profile of a keyframe; visibility_beams() returns it as beams:
  * [MAPPER_BEARINGS]. Returns the number of beams. */
-void cairn_mapper_keep_sight(cairn_mapper *mapper, int32_t keyframe, const cairn_scan_view *view);
-int32_t cairn_mapper_sight(const cairn_mapper *mapper, int32_t keyframe, cairn_beam *beams);
+void cairn_mapper_store_visibility(cairn_mapper *mapper, int32_t keyframe,
+                                   const cairn_scan_view *view);
+int32_t cairn_mapper_visibility_beams(const cairn_mapper *mapper, int32_t keyframe,
+                                      cairn_beam *beams);
 
 /* Returns the bearing sector of a direction, and the unit vector at the middle of a sector. */
 int32_t cairn_mapper_bearing_of(cairn_vec2 d);
 cairn_vec2 cairn_mapper_bearing_direction(int32_t bearing);
 
 /* Returns a keyframe as input of a match; its points and beams are copied to the arrays. */
-cairn_scan_match_part cairn_mapper_key_part(const cairn_mapper *mapper, int32_t keyframe,
-                                            cairn_oriented_point *points, cairn_beam *beams);
+cairn_scan_match_part cairn_mapper_keyframe_part(const cairn_mapper *mapper, int32_t keyframe,
+                                                 cairn_oriented_point *points, cairn_beam *beams);
 
 /* ---- mapper_window.c ---- */
 
@@ -366,7 +372,7 @@ void cairn_mapper_read_window(cairn_mapper *mapper);
 /* ---- mapper_front.c ---- */
 
 /* Returns the length of a motion's translation, m. */
-static inline cairn_real cairn_mapper_way(cairn_pose motion)
+static inline cairn_real cairn_mapper_translation(cairn_pose motion)
 {
     return cairn_sqrt(motion.x * motion.x + motion.y * motion.y);
 }
@@ -385,7 +391,7 @@ cairn_status cairn_mapper_end_match(cairn_mapper *mapper);
 
 /* Accepts the chosen match; a jump in a weakly observable direction is matched once more with the
  * odometry prior. */
-cairn_status cairn_mapper_end_choice(cairn_mapper *mapper);
+cairn_status cairn_mapper_finish_match(cairn_mapper *mapper);
 
 /* Returns the prior of the scan's pose after a motion from odometry or from the velocity model. */
 cairn_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, cairn_pose motion,
@@ -393,17 +399,17 @@ cairn_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, cairn_pose mo
 
 /* Returns the squared distance of a pose from the prediction or from standing still, whichever is
  * less, in units of m and rad; at most 4. */
-cairn_real cairn_mapper_out_of_the_way(const cairn_mapper *mapper, cairn_pose pose,
-                                       cairn_real unit);
+cairn_real cairn_mapper_prior_deviation(const cairn_mapper *mapper, cairn_pose pose,
+                                        cairn_real unit);
 
 /* Returns 1 when a pose deviates from the prediction by more than motions change between scans. */
-int32_t cairn_mapper_is_far(const cairn_mapper *mapper, cairn_pose pose);
+int32_t cairn_mapper_is_motion_outlier(const cairn_mapper *mapper, cairn_pose pose);
 
 /* Returns the motion prior of the current scan. */
 cairn_pose_prior cairn_mapper_prior(const cairn_mapper *mapper);
 
 /* Updates match quality, odometry health, noise scale and bias from the current scan's match. */
-void cairn_mapper_learn(cairn_mapper *mapper);
+void cairn_mapper_update_motion_model(cairn_mapper *mapper);
 
 /* Returns the motion that the velocity model predicts for the next scan. */
 cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion);
@@ -419,32 +425,32 @@ cairn_status cairn_mapper_search_step(cairn_mapper *mapper, cairn_budget *budget
 /* ---- mapper_loop.c ---- */
 
 /* Returns 1 when the second hypothesis scores nearly as well as the first (ambiguity ratio). */
-int32_t cairn_mapper_has_rival(const cairn_scan_match_result *result);
+int32_t cairn_mapper_is_ambiguous(const cairn_scan_match_result *result);
 
 /* Records a loop-closure event. */
-void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second,
-                            cairn_pose first_second, cairn_mapper_loop_verdict verdict);
+void cairn_mapper_record_loop(cairn_mapper *mapper, int32_t first, int32_t second,
+                              cairn_pose first_second, cairn_mapper_loop_verdict verdict);
 
 /* Gives the match object to a relocalization search; the current loop candidate restarts later. */
-void cairn_mapper_yield_match(cairn_mapper *mapper);
+void cairn_mapper_preempt_loop_match(cairn_mapper *mapper);
 
 /* Continues loop closure and graph optimization; with until_room only until there is capacity for
  * another keyframe. CAIRN_MORE: the budget is used up. CAIRN_OK: nothing to do now. */
 cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget, int32_t until_room);
 
-/* ---- mapper_tie.c ---- */
+/* ---- mapper_constraint.c ---- */
 
 /* Returns the reference keyframe of the current scan: the one relative to which its pose is most
  * certain. The scan is no keyframe itself. */
-int32_t cairn_mapper_hang_on(const cairn_mapper *mapper);
+int32_t cairn_mapper_choose_reference(const cairn_mapper *mapper);
 
 /* Computes the sequential constraints of the current scan, the last keyframe stored. */
-void cairn_mapper_tie(const cairn_mapper *mapper, mapper_tie *tie);
+void cairn_mapper_constrain_keyframe(const cairn_mapper *mapper, mapper_constraint *tie);
 
 /* ---- mapper_graph.c ---- */
 
 /* Adds the next keyframe to the pose graph with its sequential constraints. */
-cairn_status cairn_mapper_enter(cairn_mapper *mapper);
+cairn_status cairn_mapper_add_to_graph(cairn_mapper *mapper);
 
 /* Adds a loop-closure link. covariance: of first_second, in the frame of second. CAIRN_FULL: no
  * capacity for links. */
@@ -452,50 +458,51 @@ cairn_status cairn_mapper_add_closure(cairn_mapper *mapper, int32_t first, int32
                                       cairn_pose first_second, cairn_sym3 covariance);
 
 /* Returns 1 when the graph should be optimized. */
-int32_t cairn_mapper_wants_solution(const cairn_mapper *mapper);
-cairn_status cairn_mapper_solve_step(cairn_mapper *mapper, cairn_budget *budget);
+int32_t cairn_mapper_needs_optimization(const cairn_mapper *mapper);
+cairn_status cairn_mapper_optimize_step(cairn_mapper *mapper, cairn_budget *budget);
 
 /* Attaches an end (0: first, 1: second) of a link to the adjacency list of its keyframe. */
-void cairn_mapper_hang_link(mapper_loop *loop, int32_t link, int32_t end);
+void cairn_mapper_attach_link(mapper_loop *loop, int32_t link, int32_t end);
 
 /* Returns e^T Omega e, the chi-squared of a relative measurement at the current poses. */
-cairn_real cairn_mapper_strain_of(const cairn_mapper *mapper, int32_t first, int32_t second,
-                                  cairn_pose first_second, cairn_sym3 covariance);
+cairn_real cairn_mapper_chi2(const cairn_mapper *mapper, int32_t first, int32_t second,
+                             cairn_pose first_second, cairn_sym3 covariance);
 
 /* Rotates the row-major covariance of a pose from the map into the pose's own frame and adds the
  * common noise floor of links. */
 cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_real covariance[9],
                                        cairn_real theta);
 
-/* ---- mapper_cover.c ---- */
+/* ---- mapper_redundancy.c ---- */
 
 /* Begins with the first keyframe; item() processes the next unit of work. It returns 1 when all
  * keyframes before `end` have a score. */
-void cairn_mapper_begin_cover(cairn_mapper *mapper);
-int32_t cairn_mapper_cover_item(cairn_mapper *mapper, int32_t end, cairn_budget *budget);
+void cairn_mapper_begin_redundancy(cairn_mapper *mapper);
+int32_t cairn_mapper_redundancy_item(cairn_mapper *mapper, int32_t end, cairn_budget *budget);
 
 /* Returns the most redundant keyframe before `end`; never the first one. */
-int32_t cairn_mapper_best_covered(const cairn_mapper *mapper, int32_t end);
+int32_t cairn_mapper_most_redundant(const cairn_mapper *mapper, int32_t end);
 
 /* Invalidates the redundancy scores: of all keyframes, and of those near a culled one. */
-void cairn_mapper_forget_cover(cairn_mapper *mapper);
-void cairn_mapper_uncover(cairn_mapper *mapper, int32_t gone);
+void cairn_mapper_invalidate_redundancy(cairn_mapper *mapper);
+void cairn_mapper_invalidate_redundancy_near(cairn_mapper *mapper, int32_t gone);
 
-/* ---- mapper_release.c ---- */
+/* ---- mapper_culling.c ---- */
 
 /* Returns 1 when culling is on and there is no capacity for another keyframe. */
-int32_t cairn_mapper_must_release(const cairn_mapper *mapper);
+int32_t cairn_mapper_must_cull(const cairn_mapper *mapper);
 
 /* Returns 1 when capacity is low and a keyframe may be culled; has hysteresis. */
-int32_t cairn_mapper_may_release(cairn_mapper *mapper);
+int32_t cairn_mapper_may_cull(cairn_mapper *mapper);
 
 /* Returns 1 when loop closure lags so far behind that too few keyframes may be culled soon. */
-int32_t cairn_mapper_is_behind(const cairn_mapper *mapper);
+int32_t cairn_mapper_loops_lag(const cairn_mapper *mapper);
 
 /* Returns the end of the keyframes that may be culled. */
-int32_t cairn_mapper_release_end(const cairn_mapper *mapper);
+int32_t cairn_mapper_cull_end(const cairn_mapper *mapper);
 
 /* Culls a keyframe: redirects its links, renumbers. Its memory is free after compaction. */
-cairn_status cairn_mapper_release_key(cairn_mapper *mapper, int32_t keyframe, cairn_budget *budget);
+cairn_status cairn_mapper_cull_keyframe(cairn_mapper *mapper, int32_t keyframe,
+                                        cairn_budget *budget);
 
 #endif

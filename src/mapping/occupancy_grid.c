@@ -81,7 +81,7 @@ cairn_status cairn_occupancy_grid_create(cairn_occupancy_grid **grid, cairn_pool
 
     if (grid == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     made->params = *params;
@@ -388,7 +388,7 @@ cairn_status cairn_occupancy_grid_classify(const cairn_occupancy_grid *grid,
 {
     cairn_real occupied, free;
 
-    if (grid == NULL || cairn_raster_u8_check(cairn_raster_u8_read(out)) != CAIRN_OK ||
+    if (grid == NULL || cairn_raster_u8_check(cairn_raster_u8_as_view(out)) != CAIRN_OK ||
         out.width != grid->params.width || first_row < 0 ||
         first_row > grid->params.height - out.height || !(thresholds.free > 0) ||
         !(thresholds.free <= thresholds.occupied) || !(thresholds.occupied < 1))

@@ -1,7 +1,7 @@
 /* place_map: global map of places without odometry; the object, its params, scans and results.
  *
  * Method:
- * 1. Visibility grid of each place (place_map_sight.c).
+ * 1. Visibility grid of each place (place_map_visibility.c).
  * 2. Round 0: global scan matching of all pairs of places, over the full circle and all positions.
  * 3. Each hypothesis is moved to the nearest local maximum of its likelihood: matches align faces
  *    of walls, and opposite faces, rough surfaces and bodies determine the pose where few faces are
@@ -9,7 +9,7 @@
  * 4. Consensus (pose_consensus). The same likelihood evaluates pairs without an agreeing
  *    hypothesis, so that no place gets a pose that contradicts places it was never matched with. A
  *    place in a map is evaluated against all others of its component jointly, each surface once
- *    (place_map_among.c).
+ *    (place_map_joint_likelihood.c).
  * 5. Further rounds, while the map changes: every place, and every smaller component as a whole, is
  *    matched with the map of all others, which shows more of the place than any single one. The
  *    results become hypotheses of the pairs that support them; back to 3.
@@ -40,30 +40,30 @@ cairn_place_map_params cairn_place_map_default(void)
     params.max_scans = 64;
     params.max_place_points = 1024;
     params.max_place_beams = 2048;
-    params.recent = 3;
-    params.rounds = 4;
-    params.sweeps = 10;
-    params.sight_reach = 8;
-    params.sight_cell = CAIRN_REAL(0.05);
-    params.sight_margin = CAIRN_REAL(0.1);
-    params.for_point = CAIRN_REAL(0.05);
-    params.for_floating = CAIRN_REAL(0.25);
-    params.for_back = CAIRN_REAL(0.3);
-    params.for_rough = CAIRN_REAL(0.65);
-    params.for_free = CAIRN_REAL(1.6);
-    params.against_point = CAIRN_REAL(0.6);
-    params.floating = CAIRN_REAL(0.05);
-    params.chance = 0;
+    params.recent_places = 3;
+    params.rematch_rounds = 4;
+    params.refinement_sweeps = 10;
+    params.visibility_reach = 8;
+    params.visibility_cell = CAIRN_REAL(0.05);
+    params.visibility_margin = CAIRN_REAL(0.1);
+    params.surface_nats = CAIRN_REAL(0.05);
+    params.dynamic_nats = CAIRN_REAL(0.25);
+    params.opposite_face_nats = CAIRN_REAL(0.3);
+    params.rough_surface_nats = CAIRN_REAL(0.65);
+    params.free_area_nats = CAIRN_REAL(1.6);
+    params.free_space_penalty = CAIRN_REAL(0.6);
+    params.dynamic_factor = CAIRN_REAL(0.05);
+    params.chance_nats = 0;
     params.match = cairn_scan_match_default();
     params.match.max_candidates = 768;
     params.match.max_hypotheses = 40;
     /* with this many candidates, sharper peaks are better */
-    params.match.once = 0;
+    params.match.vote_once = 0;
     params.consensus = cairn_pose_consensus_default();
     params.consensus.max_hypotheses = 4096;
     /* nats of correlated points overstate the likelihood */
-    params.consensus.ambiguous = CAIRN_REAL(1e-5);
-    params.consensus.believed = 12;
+    params.consensus.min_ambiguous_weight = CAIRN_REAL(1e-5);
+    params.consensus.significant_support = 12;
     params.aligner = cairn_aligner_default();
     params.aligner.max_segments = 4096;
     params.aligner.max_fill = 8192;
@@ -111,26 +111,29 @@ static int counts_are_valid(const cairn_place_map_params *p)
            p->max_places >= 2 && p->max_places <= MAX_PLACES && p->max_scans >= p->max_places &&
            p->max_scans <= MAX_COUNT && p->max_place_points >= 1 &&
            p->max_place_points <= MAX_MATCHED_POINTS / p->max_places && p->max_place_beams >= 1 &&
-           p->max_place_beams <= MAX_MATCHED_POINTS / p->max_places && p->recent >= 1 &&
-           p->rounds >= 0 && p->sweeps >= 0 && p->decoupled >= CAIRN_PLACE_MAP_COUPLED &&
-           p->decoupled <= CAIRN_PLACE_MAP_JOINTLY;
+           p->max_place_beams <= MAX_MATCHED_POINTS / p->max_places && p->recent_places >= 1 &&
+           p->rematch_rounds >= 0 && p->refinement_sweeps >= 0 &&
+           p->decoupled >= CAIRN_PLACE_MAP_COUPLED && p->decoupled <= CAIRN_PLACE_MAP_JOINTLY;
 }
 
 static int params_are_valid(const cairn_place_map_params *p)
 {
     return p != NULL && counts_are_valid(p) && (!is_written(p) || written_is_valid(p)) &&
-           is_positive(p->sight_reach) && is_positive(p->sight_cell) &&
-           is_positive(p->sight_margin) && p->sight_margin <= 20 * p->sight_cell &&
-           is_positive(p->for_point) && is_positive(p->for_floating) && is_positive(p->for_back) &&
-           is_positive(p->for_rough) && is_positive(p->against_point) && p->for_free >= 0 &&
-           p->for_free <= CAIRN_REAL(1e6) && p->floating >= 0 && p->floating <= 1 &&
-           p->chance >= 0 && p->chance <= CAIRN_REAL(1e6) && cairn_place_map_side(p) > 0;
+           is_positive(p->visibility_reach) && is_positive(p->visibility_cell) &&
+           is_positive(p->visibility_margin) && p->visibility_margin <= 20 * p->visibility_cell &&
+           is_positive(p->surface_nats) && is_positive(p->dynamic_nats) &&
+           is_positive(p->opposite_face_nats) && is_positive(p->rough_surface_nats) &&
+           is_positive(p->free_space_penalty) && p->free_area_nats >= 0 &&
+           p->free_area_nats <= CAIRN_REAL(1e6) && p->dynamic_factor >= 0 &&
+           p->dynamic_factor <= 1 && p->chance_nats >= 0 && p->chance_nats <= CAIRN_REAL(1e6) &&
+           cairn_place_map_side(p) > 0;
 }
 
 /* Returns the number of places that mode AS_WRITTEN matches with. */
 static int32_t written_target(const cairn_place_map_params *params)
 {
-    return params->recent < params->max_places - 1 ? params->recent : params->max_places - 1;
+    return params->recent_places < params->max_places - 1 ? params->recent_places
+                                                          : params->max_places - 1;
 }
 
 /* Params of the inner objects: capacities follow from those of the map. */
@@ -183,14 +186,14 @@ static cairn_aligner_params aligner_params(const cairn_place_map_params *params)
 static cairn_place_map *carve(cairn_pool *pool, const cairn_place_map_params *params)
 {
     size_t places = (size_t)params->max_places, side = (size_t)cairn_place_map_side(params);
-    size_t sampled = (side + CAIRN_SIGHT_STRIDE - 1) / CAIRN_SIGHT_STRIDE;
+    size_t sampled = (side + CAIRN_VISIBILITY_SAMPLE_STRIDE - 1) / CAIRN_VISIBILITY_SAMPLE_STRIDE;
     size_t points = (size_t)params->max_place_points, beams = (size_t)params->max_place_beams;
     cairn_place_map *map = cairn_pool_take_one(pool, sizeof *map);
     cairn_place_map made;
 
     memset(&made, 0, sizeof made);
     made.params = *params;
-    made.side = (int32_t)side;
+    made.visibility_side = (int32_t)side;
     made.places = cairn_pool_take(pool, places, sizeof *made.places);
     made.scans = cairn_pool_take(pool, (size_t)params->max_scans, sizeof *made.scans);
     made.points = cairn_pool_take(pool, places * points, sizeof *made.points);
@@ -200,14 +203,14 @@ static cairn_place_map *carve(cairn_pool *pool, const cairn_place_map_params *pa
             *map = made;
         return map;
     }
-    made.doubt = cairn_pool_take(pool, places * points, sizeof *made.doubt);
+    made.point_class = cairn_pool_take(pool, places * points, sizeof *made.point_class);
     made.hypotheses =
         cairn_pool_take(pool, (size_t)params->consensus.max_hypotheses, sizeof *made.hypotheses);
     made.beams = cairn_pool_take(pool, places * beams, sizeof *made.beams);
-    made.sight = cairn_pool_take(pool, places * side, side);
+    made.visibility = cairn_pool_take(pool, places * side, side);
     made.free_cells = cairn_pool_take(pool, places * sampled, sampled * sizeof *made.free_cells);
-    made.seers = cairn_pool_take(pool, places, sizeof *made.seers);
-    made.seers_map = cairn_pool_take(pool, places, sizeof *made.seers_map);
+    made.observing_places = cairn_pool_take(pool, places, sizeof *made.observing_places);
+    made.observer_map = cairn_pool_take(pool, places, sizeof *made.observer_map);
     made.query_points = cairn_pool_take(pool, places * points, sizeof *made.query_points);
     made.query_beams = cairn_pool_take(pool, beams, sizeof *made.query_beams);
     if (map != NULL)
@@ -259,16 +262,16 @@ cairn_status cairn_place_map_create(cairn_place_map **map, cairn_pool *pool,
 
     if (map == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     match = match_params(params);
     consensus = consensus_params(params);
     icp = icp_params(params);
     aligner = aligner_params(params);
     made = carve(pool, params);
-    for (int32_t k = 0; k < CAIRN_SIGHT_DIRECTIONS; k++)
-        cairn_sincos((cairn_real)k * 2 * CAIRN_PI / CAIRN_SIGHT_DIRECTIONS, &made->directions[k].y,
-                     &made->directions[k].x);
+    for (int32_t k = 0; k < CAIRN_VISIBILITY_DIRECTIONS; k++)
+        cairn_sincos((cairn_real)k * 2 * CAIRN_PI / CAIRN_VISIBILITY_DIRECTIONS,
+                     &made->directions[k].y, &made->directions[k].x);
     status = cairn_scan_match_create(&made->match, pool, &match);
     if (is_written(params)) {
         CAIRN_ASSERT(status == CAIRN_OK);
@@ -290,7 +293,7 @@ void cairn_place_map_clear(cairn_place_map *map)
 {
     map->place_count = map->scan_count = map->point_count = map->beam_count = 0;
     map->phase = CAIRN_PLACE_MAP_IDLE;
-    map->place = map->debt = 0;
+    map->place = map->units_owed = 0;
     if (map->aligner != NULL)
         cairn_aligner_clear(map->aligner);
 }
@@ -375,7 +378,7 @@ cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place,
                (size_t)view->point_count * sizeof *map->points);
         memcpy(map->beams + map->beam_count, view->beams,
                (size_t)view->beam_count * sizeof *map->beams);
-        cairn_place_map_find_floating(map, scan, view);
+        cairn_place_map_find_dynamic_candidates(map, scan, view);
     }
     map->point_count += scan->point_count;
     map->beam_count += scan->beam_count;
@@ -384,7 +387,7 @@ cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place,
     map->places[place].beam_count += scan->beam_count;
     map->scan_count++;
     map->phase = CAIRN_PLACE_MAP_IDLE;
-    map->debt = 0;
+    map->units_owed = 0;
     return CAIRN_OK;
 }
 
@@ -395,17 +398,17 @@ cairn_status cairn_place_map_begin(cairn_place_map *map)
     if (map->scan_count == 0)
         return CAIRN_EMPTY;
     memset(&map->result, 0, sizeof map->result);
-    map->phase = is_written(&map->params) ? CAIRN_PLACE_MAP_TARGET : CAIRN_PLACE_MAP_SIGHT;
-    for (int32_t i = 0; i < map->point_count && map->doubt != NULL; i++)
-        map->doubt[i] &= CAIRN_POINT_FLOATING;
-    map->hypothesis_count = map->polished = 0;
-    map->next = map->place = map->query = map->round = map->sweep = map->running = map->is_judged =
-        map->debt = 0;
+    map->phase = is_written(&map->params) ? CAIRN_PLACE_MAP_TARGET : CAIRN_PLACE_MAP_VISIBILITY;
+    for (int32_t i = 0; i < map->point_count && map->point_class != NULL; i++)
+        map->point_class[i] &= CAIRN_POINT_DYNAMIC_CANDIDATE;
+    map->hypothesis_count = map->optimized_hypotheses = 0;
+    map->item = map->place = map->query = map->round = map->sweep = map->inner_running =
+        map->submaps_found = map->units_owed = 0;
     if (is_written(&map->params))
         map->query = 1; /* the first place is the origin of the map */
     for (int32_t i = 0; i < map->place_count; i++) {
         map->places[i].map_place = cairn_pose_identity();
-        map->places[i].part = 0;
+        map->places[i].component = 0;
     }
     return CAIRN_OK;
 }
@@ -443,15 +446,15 @@ cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budget *budget)
     if (map == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
     while ((map->phase != CAIRN_PLACE_MAP_IDLE && map->phase != CAIRN_PLACE_MAP_DONE) ||
-           map->debt > 0) {
+           map->units_owed > 0) {
         int32_t before = budget->left;
 
         if (before <= 0)
             return CAIRN_MORE;
-        if (map->debt > 0) {
-            int32_t paid = map->debt < before ? map->debt : before;
+        if (map->units_owed > 0) {
+            int32_t paid = map->units_owed < before ? map->units_owed : before;
 
-            map->debt -= paid;
+            map->units_owed -= paid;
             budget->left -= paid;
         } else {
             cairn_place_map_item(map, budget);
@@ -465,7 +468,7 @@ cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budget *budget)
 
 static int has_result(const cairn_place_map *map)
 {
-    return map->phase == CAIRN_PLACE_MAP_DONE && map->debt == 0;
+    return map->phase == CAIRN_PLACE_MAP_DONE && map->units_owed == 0;
 }
 
 cairn_place_map_result cairn_place_map_read(const cairn_place_map *map)
@@ -484,13 +487,13 @@ cairn_place_map_place cairn_place_map_place_of(const cairn_place_map *map, int32
     if (!has_result(map) || place < 0 || place >= map->place_count)
         return out;
     out.map_place = map->places[place].map_place;
-    out.part = map->places[place].part;
+    out.component = map->places[place].component;
     if (map->params.mode == CAIRN_PLACE_MAP_CONSENSUS) {
         cairn_consensus_node node = cairn_pose_consensus_node(map->consensus, place);
 
         out.support = node.support;
         out.ambiguous = node.ambiguous;
-        out.island = node.island;
+        out.submap = node.submap;
         out.alternatives = node.alternatives;
     }
     return out;

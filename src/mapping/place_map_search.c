@@ -22,26 +22,26 @@ static const cairn_real MAX_UNMOVED_M = CAIRN_REAL(0.3);
 void cairn_place_map_enter(cairn_place_map *map, cairn_place_map_phase phase)
 {
     map->phase = phase;
-    map->next = map->running = 0;
+    map->item = map->inner_running = 0;
 }
 
 /* ---- Visibility grids ---- */
 
 static void visibility_item(cairn_place_map *map)
 {
-    size_t cells = (size_t)map->side * (size_t)map->side;
+    size_t cells = (size_t)map->visibility_side * (size_t)map->visibility_side;
 
-    if (map->next == 0) {
-        memset(map->sight + (size_t)map->place * cells, CAIRN_SIGHT_UNKNOWN, cells);
-        map->debt += 1 + (int32_t)(cells / CELLS_PER_UNIT);
+    if (map->item == 0) {
+        memset(map->visibility + (size_t)map->place * cells, CAIRN_VISIBILITY_UNKNOWN, cells);
+        map->units_owed += 1 + (int32_t)(cells / CELLS_PER_UNIT);
     }
-    if (cairn_place_map_see(map, map->place, map->next)) {
-        map->next++;
+    if (cairn_place_map_visibility_item(map, map->place, map->item)) {
+        map->item++;
         return;
     }
     cairn_place_map_sample_free(map, map->place);
     map->place++;
-    map->next = 0;
+    map->item = 0;
     if (map->place == map->place_count) {
         map->place = 0;
         map->query = 1;
@@ -60,8 +60,8 @@ static int32_t copy_points(const cairn_place_map *map, const cairn_place_scan *s
     int32_t count = 0;
 
     for (int32_t i = scan->first_point; i < scan->first_point + scan->point_count; i++)
-        if (map->round > 0 ? map->doubt[i] < CAIRN_POINT_SUSPECT
-                           : map->doubt[i] == CAIRN_POINT_SOUND) {
+        if (map->round > 0 ? map->point_class[i] < CAIRN_POINT_INVALIDATED
+                           : map->point_class[i] == CAIRN_POINT_STATIC) {
             out[count].position = cairn_transform_point(t, map->points[i].position);
             out[count++].direction = cairn_transform_direction(t, map->points[i].direction);
         }
@@ -84,7 +84,7 @@ static void add_to_target(cairn_place_map *map, int32_t place, cairn_pose target
 
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
-        map->debt += (scan->point_count + scan->beam_count) / POINTS_PER_UNIT;
+        map->units_owed += (scan->point_count + scan->beam_count) / POINTS_PER_UNIT;
     }
 }
 
@@ -92,9 +92,9 @@ static void add_to_target(cairn_place_map *map, int32_t place, cairn_pose target
 static int is_target(const cairn_place_map *map, int32_t place)
 {
     if (map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL)
-        return place < map->query && place >= map->query - map->params.recent;
+        return place < map->query && place >= map->query - map->params.recent_places;
     return map->round == 0 ? place == map->place
-                           : place != map->query && map->places[place].part == 0;
+                           : place != map->query && map->places[place].component == 0;
 }
 
 static void make_target(cairn_place_map *map)
@@ -105,7 +105,7 @@ static void make_target(cairn_place_map *map)
     for (int32_t i = 0; i < map->place_count; i++)
         if (is_target(map, i))
             add_to_target(map, i, is_pair ? cairn_pose_identity() : map->places[i].map_place);
-    map->debt++;
+    map->units_owed++;
     cairn_place_map_enter(map, CAIRN_PLACE_MAP_MATCH);
 }
 
@@ -128,10 +128,10 @@ static void add_to_query(cairn_place_map *map, const cairn_place_scan *scan, cai
  * component, which is matched as a whole. */
 static int is_in_query(const cairn_place_map *map, int32_t place)
 {
-    int32_t part = map->places[map->query].part;
+    int32_t part = map->places[map->query].component;
 
     return place == map->query || (map->phase == CAIRN_PLACE_MAP_MATCH && map->round > 0 &&
-                                   part > 0 && map->places[place].part == part);
+                                   part > 0 && map->places[place].component == part);
 }
 
 /* Returns the points of the query in the frame of its place, with those of all places of the query;
@@ -152,7 +152,7 @@ static cairn_scan_match_part query_part(cairn_place_map *map)
             add_to_query(map, &map->scans[s],
                          cairn_pose_compose(query_place, map->scans[s].place_scan), &part);
     }
-    map->debt += (part.count + part.beam_count) / POINTS_PER_UNIT;
+    map->units_owed += (part.count + part.beam_count) / POINTS_PER_UNIT;
     return part;
 }
 
@@ -169,10 +169,10 @@ static void add_pair_of_map_match(cairn_place_map *map, int32_t target, int32_t 
     cairn_pose seen = cairn_pose_between(map_target, map_asked);
     cairn_real covariance[9];
 
-    if (!(cairn_place_map_weigh(map, target, asked, seen) > 0))
+    if (!(cairn_place_map_score_pair(map, target, asked, seen) > 0))
         return;
-    cairn_place_map_turn(h->covariance, map_target.theta, covariance);
-    cairn_place_map_keep(map, target, asked, seen, covariance);
+    cairn_place_map_rotate_covariance(h->covariance, map_target.theta, covariance);
+    cairn_place_map_add_hypothesis(map, target, asked, seen, covariance);
 }
 
 static void add_map_match(cairn_place_map *map, const cairn_scan_match_hypothesis *h)
@@ -198,19 +198,20 @@ static void store_match(cairn_place_map *map)
 
         if (map->round > 0)
             add_map_match(map, h);
-        else if (cairn_place_map_weigh(map, map->place, map->query, h->target_query) >
+        else if (cairn_place_map_score_pair(map, map->place, map->query, h->target_query) >
                  MIN_PAIR_NATS)
-            cairn_place_map_keep(map, map->place, map->query, h->target_query, h->covariance);
+            cairn_place_map_add_hypothesis(map, map->place, map->query, h->target_query,
+                                           h->covariance);
     }
 }
 
 /* Returns 1 when the query's smaller component was already matched in this round. */
 static int was_matched(const cairn_place_map *map, int32_t query)
 {
-    int32_t part = map->places[query].part;
+    int32_t part = map->places[query].component;
 
     for (int32_t i = 0; i < query && map->round > 0 && part > 0; i++)
-        if (map->places[i].part == part)
+        if (map->places[i].component == part)
             return 1;
     return 0;
 }
@@ -235,9 +236,9 @@ static void next_match(cairn_place_map *map)
     map->place = 0;
     cairn_place_map_enter(map, map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL
                                    ? CAIRN_PLACE_MAP_REFINE
-                                   : CAIRN_PLACE_MAP_WEIGH);
+                                   : CAIRN_PLACE_MAP_SCORE);
     if (map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL)
-        map->sweep = map->params.sweeps;
+        map->sweep = map->params.refinement_sweeps;
 }
 
 static void match_item(cairn_place_map *map, cairn_budget *budget)
@@ -245,15 +246,15 @@ static void match_item(cairn_place_map *map, cairn_budget *budget)
     cairn_scan_match_part part;
     cairn_status status;
 
-    if (!map->running) {
+    if (!map->inner_running) {
         if (map->query < map->place_count) {
             part = query_part(map);
             status = cairn_scan_match_begin(map->match, &part, cairn_pose_identity(), NULL, NULL);
             CAIRN_ASSERT(status == CAIRN_OK);
-            map->running = status == CAIRN_OK;
+            map->inner_running = status == CAIRN_OK;
         }
-        map->debt++;
-        if (!map->running)
+        map->units_owed++;
+        if (!map->inner_running)
             next_match(map);
         return;
     }
@@ -271,8 +272,8 @@ static cairn_real pair_likelihood(void *context, int32_t first, int32_t second,
 {
     const cairn_place_map *map = context;
 
-    *units = cairn_place_map_weighing(map, first, second);
-    return cairn_place_map_evidence(map, first, second, first_second);
+    *units = cairn_place_map_pair_units(map, first, second);
+    return cairn_place_map_pair_likelihood(map, first, second, first_second);
 }
 
 /* Joint likelihood function of the consensus. */
@@ -280,35 +281,35 @@ static cairn_real joint_likelihood(void *context, int32_t place, cairn_pose map_
                                    const cairn_pose *map_places, const int32_t *parts, int32_t part,
                                    cairn_real *against, int32_t *units)
 {
-    return cairn_place_map_among(context, place, map_place, map_places, parts, part, against,
-                                 units);
+    return cairn_place_map_joint_likelihood(context, place, map_place, map_places, parts, part,
+                                            against, units);
 }
 
 /* Scores one hypothesis; all are scored again in each round, as fewer points are valid. */
 static void score_item(cairn_place_map *map)
 {
-    cairn_pose_hypothesis *h = &map->hypotheses[map->next];
+    cairn_pose_hypothesis *h = &map->hypotheses[map->item];
 
-    if (map->next == 0) {
+    if (map->item == 0) {
         cairn_status status = cairn_pose_consensus_clear(map->consensus, map->place_count);
 
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
-        cairn_pose_consensus_judge_by(map->consensus, pair_likelihood, map);
-        cairn_pose_consensus_jury_by(map->consensus, joint_likelihood, map);
+        cairn_pose_consensus_set_pair_likelihood(map->consensus, pair_likelihood, map);
+        cairn_pose_consensus_set_joint_likelihood(map->consensus, joint_likelihood, map);
         map->result.hypotheses = 0;
-        map->debt += 1 + map->place_count;
+        map->units_owed += 1 + map->place_count;
     }
-    if (map->next == map->hypothesis_count) {
-        map->polished = map->hypothesis_count;
-        cairn_place_map_enter(map, CAIRN_PLACE_MAP_AGREE);
+    if (map->item == map->hypothesis_count) {
+        map->optimized_hypotheses = map->hypothesis_count;
+        cairn_place_map_enter(map, CAIRN_PLACE_MAP_FIND_CONSENSUS);
         return;
     }
-    h->score = (map->next < map->polished
-                    ? cairn_place_map_weigh(map, h->first, h->second, h->first_second)
-                    : cairn_place_map_polish(map, h)) -
-               map->params.chance;
-    map->next++;
+    h->score = (map->item < map->optimized_hypotheses
+                    ? cairn_place_map_score_pair(map, h->first, h->second, h->first_second)
+                    : cairn_place_map_optimize_hypothesis(map, h)) -
+               map->params.chance_nats;
+    map->item++;
     if (h->score > 0 && cairn_pose_consensus_add(map->consensus, h, NULL) == CAIRN_OK)
         map->result.hypotheses++;
 }
@@ -318,50 +319,50 @@ static void store_consensus(cairn_place_map *map)
     cairn_consensus_result found = cairn_pose_consensus_read(map->consensus);
 
     map->result.total = found.total;
-    map->result.rival = found.rival;
+    map->result.competing_total = found.competing_total;
     map->result.ambiguous = found.ambiguous;
-    map->moved = 0;
+    map->moved_places = 0;
     for (int32_t i = 0; i < map->place_count; i++) {
         cairn_consensus_node node = cairn_pose_consensus_node(map->consensus, i);
         cairn_pose before = map->places[i].map_place;
 
-        map->moved +=
-            node.part != map->places[i].part ||
+        map->moved_places +=
+            node.component != map->places[i].component ||
             cairn_abs(node.map_node.x - before.x) + cairn_abs(node.map_node.y - before.y) >
                 MAX_UNMOVED_M;
         map->places[i].map_place = node.map_node;
-        map->places[i].part = node.part;
+        map->places[i].component = node.component;
     }
 }
 
 /* Rounds continue while the map changes. */
 static int is_last_round(const cairn_place_map *map)
 {
-    return map->round >= map->params.rounds || map->moved == 0;
+    return map->round >= map->params.rematch_rounds || map->moved_places == 0;
 }
 
 /* Submaps are searched in the last map only: earlier, weak links may still get more support. */
 static void consensus_item(cairn_place_map *map, cairn_budget *budget)
 {
-    if (!map->running) {
+    if (!map->inner_running) {
         cairn_status status = cairn_pose_consensus_begin(map->consensus);
 
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
-        map->debt += 1 + map->place_count;
-        map->running = 1;
+        map->units_owed += 1 + map->place_count;
+        map->inner_running = 1;
     } else if (cairn_pose_consensus_step(map->consensus, budget) == CAIRN_OK) {
         store_consensus(map);
-        if (!is_last_round(map) || map->is_judged) {
+        if (!is_last_round(map) || map->submaps_found) {
             map->query = map->place = map->sweep = 0;
-            cairn_place_map_enter(map, CAIRN_PLACE_MAP_DOUBT);
+            cairn_place_map_enter(map, CAIRN_PLACE_MAP_CLASSIFY);
         } else {
-            cairn_status status = cairn_pose_consensus_islands(map->consensus);
+            cairn_status status = cairn_pose_consensus_find_submaps(map->consensus);
 
             CAIRN_ASSERT(status == CAIRN_OK);
             (void)status;
-            map->debt += 1 + map->place_count;
-            map->is_judged = 1;
+            map->units_owed += 1 + map->place_count;
+            map->submaps_found = 1;
         }
     }
 }
@@ -372,21 +373,22 @@ static int32_t count_placed(const cairn_place_map *map)
     int32_t placed = 0;
 
     for (int32_t i = 0; i < map->place_count; i++)
-        placed += map->places[i].part == 0;
+        placed += map->places[i].component == 0;
     return placed;
 }
 
 /* Classifies the points of one place: only static ones are aligned at the end. */
 static void classify_item(cairn_place_map *map)
 {
-    if (map->next < map->place_count) {
-        cairn_place_map_doubt(map, map->next++, map->is_judged);
+    if (map->item < map->place_count) {
+        cairn_place_map_classify_points(map, map->item++, map->submaps_found);
         return;
     }
-    cairn_place_map_enter(map, map->is_judged ? CAIRN_PLACE_MAP_REFINE : CAIRN_PLACE_MAP_TARGET);
+    cairn_place_map_enter(map,
+                          map->submaps_found ? CAIRN_PLACE_MAP_REFINE : CAIRN_PLACE_MAP_TARGET);
     map->result.placed = count_placed(map);
     map->round++;
-    map->debt++;
+    map->units_owed++;
 }
 
 /* ---- Refinement ---- */
@@ -402,15 +404,15 @@ static void target_others(cairn_place_map *map, int32_t place, int32_t only_scan
         int32_t count;
 
         if ((only_scan < 0 ? scan->place == place : s == only_scan) ||
-            map->places[scan->place].part != map->places[place].part)
+            map->places[scan->place].component != map->places[place].component)
             continue;
         count = copy_points(map, scan, cairn_pose_identity(), map->query_points);
         status = cairn_icp_add_target(map->icp, map->query_points, count, scan->map_scan, NULL);
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
-        map->debt += scan->point_count / POINTS_PER_UNIT;
+        map->units_owed += scan->point_count / POINTS_PER_UNIT;
     }
-    map->debt++;
+    map->units_owed++;
 }
 
 void cairn_place_map_place_scans(cairn_place_map *map, int32_t place)
@@ -425,7 +427,7 @@ static int32_t first_of_part(const cairn_place_map *map, int32_t place)
 {
     int32_t first = 0;
 
-    while (map->places[first].part != map->places[place].part)
+    while (map->places[first].component != map->places[place].component)
         first++;
     return first;
 }
@@ -443,10 +445,11 @@ void cairn_place_map_finish(cairn_place_map *map)
         for (int32_t s = place->first_scan; s < place->first_scan + place->scan_count; s++)
             map->scans[s].map_scan = cairn_pose_compose(part_map, map->scans[s].map_scan);
         place->map_place = cairn_pose_compose(part_map, place->map_place);
-        result->parts = place->part >= result->parts ? place->part + 1 : result->parts;
+        result->components =
+            place->component >= result->components ? place->component + 1 : result->components;
     }
     result->placed = count_placed(map);
-    map->debt += map->place_count;
+    map->units_owed += map->place_count;
     cairn_place_map_enter(map, CAIRN_PLACE_MAP_DONE);
 }
 
@@ -455,29 +458,29 @@ static void refine_item(cairn_place_map *map, cairn_budget *budget)
 {
     cairn_place *here = &map->places[map->place];
 
-    if (map->sweep == 0 && map->place == 0 && !map->running)
+    if (map->sweep == 0 && map->place == 0 && !map->inner_running)
         for (int32_t i = 0; i < map->place_count; i++)
             cairn_place_map_place_scans(map, i);
-    if (map->sweep >= map->params.sweeps) {
+    if (map->sweep >= map->params.refinement_sweeps) {
         for (int32_t i = 0; i < map->place_count; i++)
             cairn_place_map_place_scans(map, i);
         map->place = 0;
         if (map->params.decoupled == CAIRN_PLACE_MAP_COUPLED)
             cairn_place_map_finish(map);
         else
-            cairn_place_map_enter(map, map->aligner != NULL ? CAIRN_PLACE_MAP_JOIN
+            cairn_place_map_enter(map, map->aligner != NULL ? CAIRN_PLACE_MAP_ALIGN_JOINTLY
                                                             : CAIRN_PLACE_MAP_DECOUPLE);
         return;
     }
-    if (!map->running) {
+    if (!map->inner_running) {
         cairn_scan_match_part part;
 
         target_others(map, map->place, -1);
         map->query = map->place;
         part = query_part(map);
-        map->running = cairn_icp_begin(map->icp, part.points, part.count, here->map_place, NULL,
-                                       NULL) == CAIRN_OK;
-        if (map->running)
+        map->inner_running = cairn_icp_begin(map->icp, part.points, part.count, here->map_place,
+                                             NULL, NULL) == CAIRN_OK;
+        if (map->inner_running)
             return;
     } else if (cairn_icp_step(map->icp, budget) == CAIRN_OK) {
         cairn_icp_result aligned = cairn_icp_read(map->icp);
@@ -489,7 +492,7 @@ static void refine_item(cairn_place_map *map, cairn_budget *budget)
     } else {
         return;
     }
-    map->running = 0;
+    map->inner_running = 0;
     map->place++;
     if (map->place == map->place_count) {
         map->place = 0;
@@ -502,37 +505,38 @@ static void decouple_item(cairn_place_map *map, cairn_budget *budget)
 {
     cairn_place_scan *scan = &map->scans[map->place];
 
-    if (!map->running) {
+    if (!map->inner_running) {
         cairn_pose_prior prior = {scan->map_scan, SCAN_SIGMA_M, SCAN_SIGMA_M, SCAN_SIGMA_RAD};
 
         target_others(map, scan->place, map->place);
-        map->running = cairn_icp_begin(map->icp, map->points + scan->first_point, scan->point_count,
-                                       scan->map_scan, &prior, NULL) == CAIRN_OK;
-        if (map->running)
+        map->inner_running =
+            cairn_icp_begin(map->icp, map->points + scan->first_point, scan->point_count,
+                            scan->map_scan, &prior, NULL) == CAIRN_OK;
+        if (map->inner_running)
             return;
     } else if (cairn_icp_step(map->icp, budget) == CAIRN_OK) {
         cairn_icp_result aligned = cairn_icp_read(map->icp);
 
         if (aligned.verdict != CAIRN_ICP_TOO_FEW_PAIRS) {
             scan->map_scan = aligned.target_query;
-            map->result.decoupled += map->sweep == map->params.sweeps;
+            map->result.decoupled += map->sweep == map->params.refinement_sweeps;
         }
     } else {
         return;
     }
-    map->running = 0;
+    map->inner_running = 0;
     map->place++;
     if (map->place < map->scan_count)
         return;
     map->place = 0;
-    if (++map->sweep == map->params.sweeps + DECOUPLED_SWEEPS)
+    if (++map->sweep == map->params.refinement_sweeps + DECOUPLED_SWEEPS)
         cairn_place_map_finish(map);
 }
 
 /* Returns an offset, m, that keeps the components out of each other's range in the aligner. */
 static cairn_real component_offset(const cairn_place_map *map, int32_t place)
 {
-    return CAIRN_REAL(1e3) * (cairn_real)map->places[place].part;
+    return CAIRN_REAL(1e3) * (cairn_real)map->places[place].component;
 }
 
 static void store_alignment(cairn_place_map *map)
@@ -549,7 +553,7 @@ static void store_alignment(cairn_place_map *map)
             here->map_place =
                 cairn_pose_compose(found.map_scan, cairn_pose_inverse(scan->place_scan));
     }
-    map->debt += map->scan_count;
+    map->units_owed += map->scan_count;
 }
 
 /* Joint alignment of all scans, from the poses of their places. */
@@ -557,18 +561,18 @@ static void align_jointly_item(cairn_place_map *map, cairn_budget *budget)
 {
     cairn_status status = CAIRN_OK;
 
-    if (!map->running) {
+    if (!map->inner_running) {
         for (int32_t s = 0; s < map->scan_count && status == CAIRN_OK; s++) {
             cairn_pose start = map->scans[s].map_scan;
 
             start.x += component_offset(map, map->scans[s].place);
-            status = cairn_aligner_start_at(map->aligner, s, start);
+            status = cairn_aligner_set_initial_pose(map->aligner, s, start);
         }
         if (status == CAIRN_OK)
             status = cairn_aligner_begin(map->aligner);
-        map->debt += map->scan_count;
-        map->running = status == CAIRN_OK;
-        if (!map->running)
+        map->units_owed += map->scan_count;
+        map->inner_running = status == CAIRN_OK;
+        if (!map->inner_running)
             cairn_place_map_finish(map);
     } else if (cairn_aligner_step(map->aligner, budget) == CAIRN_OK) {
         store_alignment(map);
@@ -583,7 +587,7 @@ void cairn_place_map_item(cairn_place_map *map, cairn_budget *budget)
         return;
     }
     switch (map->phase) {
-    case CAIRN_PLACE_MAP_SIGHT:
+    case CAIRN_PLACE_MAP_VISIBILITY:
         visibility_item(map);
         break;
     case CAIRN_PLACE_MAP_TARGET:
@@ -592,13 +596,13 @@ void cairn_place_map_item(cairn_place_map *map, cairn_budget *budget)
     case CAIRN_PLACE_MAP_MATCH:
         match_item(map, budget);
         break;
-    case CAIRN_PLACE_MAP_WEIGH:
+    case CAIRN_PLACE_MAP_SCORE:
         score_item(map);
         break;
-    case CAIRN_PLACE_MAP_AGREE:
+    case CAIRN_PLACE_MAP_FIND_CONSENSUS:
         consensus_item(map, budget);
         break;
-    case CAIRN_PLACE_MAP_DOUBT:
+    case CAIRN_PLACE_MAP_CLASSIFY:
         classify_item(map);
         break;
     case CAIRN_PLACE_MAP_REFINE:

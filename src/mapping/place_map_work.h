@@ -17,53 +17,56 @@ typedef struct cairn_place {
     int32_t point_count, beam_count;
     int32_t free_count; /* cells of its free-space sample */
     cairn_pose map_place;
-    int32_t part;
+    int32_t component;
 } cairn_place;
 
 /* Visibility grid of a place, by cells about its origin: codes of a cell. */
 enum {
-    CAIRN_SIGHT_UNKNOWN = 0,
-    CAIRN_SIGHT_FREE = 1,
-    CAIRN_SIGHT_DIRECTIONS = 16, /* quantized surface directions of the full circle */
-    CAIRN_SIGHT_BEHIND = 2,      /* occluded just behind a surface: this plus its direction */
-    CAIRN_SIGHT_ROUGH = 18,      /* a surface of unknown direction */
-    CAIRN_SIGHT_BODY = 19,       /* a surface of a dynamic-object candidate */
-    CAIRN_SIGHT_DIRECTION = 20   /* a static surface: this plus its direction */
+    CAIRN_VISIBILITY_UNKNOWN = 0,
+    CAIRN_VISIBILITY_FREE = 1,
+    CAIRN_VISIBILITY_DIRECTIONS = 16, /* quantized surface directions of the full circle */
+    CAIRN_VISIBILITY_BEHIND = 2,      /* occluded just behind a surface: this plus its direction */
+    CAIRN_VISIBILITY_ROUGH = 18,      /* a surface of unknown direction */
+    CAIRN_VISIBILITY_DYNAMIC = 19,    /* a surface of a dynamic-object candidate */
+    CAIRN_VISIBILITY_SURFACE = 20     /* a static surface: this plus its direction */
 };
 
-enum { CAIRN_SIGHT_STRIDE = 6 }; /* stride of the rows and columns in the free-space sample */
+/* stride of the rows and columns in the free-space sample */
+enum { CAIRN_VISIBILITY_SAMPLE_STRIDE = 6 };
 
 /* Observation of a place at a point of another one; bits. */
 enum {
-    CAIRN_SAW_NOTHING = 0,
-    CAIRN_SAW_FREE = 1,
-    CAIRN_SAW_ALONG = 2,  /* a surface of the point's direction */
-    CAIRN_SAW_BACK = 4,   /* the opposite face of a wall */
-    CAIRN_SAW_ACROSS = 8, /* a surface of another direction */
-    CAIRN_SAW_ROUGH = 16,
-    CAIRN_SAW_BODY = 32,
-    CAIRN_SAW_SURFACE = 62 /* any surface */
+    CAIRN_OBSERVED_UNKNOWN = 0,
+    CAIRN_OBSERVED_FREE = 1,
+    CAIRN_OBSERVED_PARALLEL = 2,        /* a surface of the point's direction */
+    CAIRN_OBSERVED_OPPOSITE = 4,        /* the opposite face of a wall */
+    CAIRN_OBSERVED_OTHER_DIRECTION = 8, /* a surface of another direction */
+    CAIRN_OBSERVED_ROUGH = 16,
+    CAIRN_OBSERVED_DYNAMIC = 32,
+    CAIRN_OBSERVED_SURFACE = 62 /* any surface */
 };
 
 /* Class of a point; bits. */
 enum {
-    CAIRN_POINT_SOUND = 0,
-    CAIRN_POINT_FLOATING = 1, /* on a small round body with free space beside it */
-    CAIRN_POINT_SUSPECT = 2   /* invalidated: another place of the map measured free space there */
+    CAIRN_POINT_STATIC = 0,
+    /* on a small round body with free space beside it */
+    CAIRN_POINT_DYNAMIC_CANDIDATE = 1,
+    /* invalidated: another place of the map measured free space there */
+    CAIRN_POINT_INVALIDATED = 2
 };
 
 typedef int32_t cairn_place_map_phase;
 enum {
     CAIRN_PLACE_MAP_IDLE = 0,
-    CAIRN_PLACE_MAP_SIGHT,  /* visibility grid of each place */
-    CAIRN_PLACE_MAP_TARGET, /* target of the next match */
+    CAIRN_PLACE_MAP_VISIBILITY, /* visibility grid of each place */
+    CAIRN_PLACE_MAP_TARGET,     /* target of the next match */
     CAIRN_PLACE_MAP_MATCH,
-    CAIRN_PLACE_MAP_WEIGH, /* scores the hypotheses and adds them to the consensus */
-    CAIRN_PLACE_MAP_AGREE,
-    CAIRN_PLACE_MAP_DOUBT,    /* points in free space of other places */
-    CAIRN_PLACE_MAP_REFINE,   /* ICP of each place with all others */
-    CAIRN_PLACE_MAP_DECOUPLE, /* ICP of each scan with all others */
-    CAIRN_PLACE_MAP_JOIN,     /* joint alignment of all scans */
+    CAIRN_PLACE_MAP_SCORE, /* scores the hypotheses and adds them to the consensus */
+    CAIRN_PLACE_MAP_FIND_CONSENSUS,
+    CAIRN_PLACE_MAP_CLASSIFY,      /* points in free space of other places */
+    CAIRN_PLACE_MAP_REFINE,        /* ICP of each place with all others */
+    CAIRN_PLACE_MAP_DECOUPLE,      /* ICP of each scan with all others */
+    CAIRN_PLACE_MAP_ALIGN_JOINTLY, /* joint alignment of all scans */
     CAIRN_PLACE_MAP_DONE
 };
 
@@ -81,39 +84,39 @@ struct cairn_place_map {
     /* [max_places * max_place_points] in the frames of the scans */
     cairn_oriented_point *points;
     /* [as points] class of each point */
-    uint8_t *doubt;
+    uint8_t *point_class;
     /* [consensus.max_hypotheses] hypotheses of all matches */
     cairn_pose_hypothesis *hypotheses;
     /* [max_places * max_place_beams] */
     cairn_beam *beams;
     /* [max_places][side][side] visibility grids */
-    uint8_t *sight;
+    uint8_t *visibility;
     /* [max_places][(side / VISIBILITY_SAMPLE_STRIDE)^2] sample of the free cells */
     int32_t *free_cells;
     /* [max_places] observing places of a joint likelihood, ... */
-    int32_t *seers;
+    int32_t *observing_places;
     /* ... and the map in the frame of each */
-    cairn_transform *seers_map;
+    cairn_transform *observer_map;
     /* [max_places * max_place_points] query points, in the frame of its place */
     cairn_oriented_point *query_points;
     /* [max_place_beams] */
     cairn_beam *query_beams;
     /* cells along a side of a visibility grid */
-    int32_t side;
-    cairn_vec2 directions[CAIRN_SIGHT_DIRECTIONS];
+    int32_t visibility_side;
+    cairn_vec2 directions[CAIRN_VISIBILITY_DIRECTIONS];
     int32_t place_count, scan_count, point_count, beam_count, hypothesis_count;
 
     cairn_place_map_phase phase;
-    int32_t next;  /* beam or point of the place whose grid is built, ... */
+    int32_t item;  /* beam or point of the place whose grid is built, ... */
     int32_t place; /* ... the target of a match in the first round, or the place that is aligned */
     int32_t query; /* place that is matched */
     int32_t round; /* 0: pairs; then with the map of all others */
     int32_t sweep;
-    int32_t moved;     /* places that the last consensus moved */
-    int32_t is_judged; /* 1: the submaps of the last map are known */
-    int32_t polished;  /* hypotheses whose poses have been optimized */
-    int32_t running;   /* 1: icp or consensus is running */
-    int32_t debt;      /* units of finished items, not yet charged */
+    int32_t moved_places;         /* places that the last consensus moved */
+    int32_t submaps_found;        /* 1: the submaps of the last map are known */
+    int32_t optimized_hypotheses; /* hypotheses whose poses have been optimized */
+    int32_t inner_running;        /* 1: icp or consensus is running */
+    int32_t units_owed;           /* units of finished items, not yet charged */
     cairn_place_map_result result;
 };
 
@@ -121,31 +124,31 @@ struct cairn_place_map {
 int32_t cairn_place_map_side(const cairn_place_map_params *params);
 
 /* Marks the dynamic-object candidates among the points of the scan added last. */
-void cairn_place_map_find_floating(cairn_place_map *map, const cairn_place_scan *scan,
-                                   const cairn_scan_view *view);
+void cairn_place_map_find_dynamic_candidates(cairn_place_map *map, const cairn_place_scan *scan,
+                                             const cairn_scan_view *view);
 
 /* Invalidates the points of a place at which more other places of its component measured free space
  * than a surface; with is_last also dynamic-object candidates at which no other place measured a
  * surface. */
-void cairn_place_map_doubt(cairn_place_map *map, int32_t place, int32_t is_last);
+void cairn_place_map_classify_points(cairn_place_map *map, int32_t place, int32_t is_last);
 
 /* Enters one beam or point of a place into its visibility grid; returns 0 when none is left. */
-int32_t cairn_place_map_see(cairn_place_map *map, int32_t place, int32_t item);
+int32_t cairn_place_map_visibility_item(cairn_place_map *map, int32_t place, int32_t item);
 
 /* Samples the free cells of a complete visibility grid. */
 void cairn_place_map_sample_free(cairn_place_map *map, int32_t place);
 
 /* Returns the units of a pair's likelihood. */
-int32_t cairn_place_map_weighing(const cairn_place_map *map, int32_t first, int32_t second);
+int32_t cairn_place_map_pair_units(const cairn_place_map *map, int32_t first, int32_t second);
 
 /* Returns the log-likelihood ratio of a relative pose of two places, nats: from points of each on
  * surfaces of the other and from shared free space, less free-space violations. */
-cairn_real cairn_place_map_evidence(const cairn_place_map *map, int32_t first, int32_t second,
-                                    cairn_pose first_second);
+cairn_real cairn_place_map_pair_likelihood(const cairn_place_map *map, int32_t first,
+                                           int32_t second, cairn_pose first_second);
 
 /* Returns the observation of a place at a point in its own frame. */
-int32_t cairn_place_map_saw(const cairn_place_map *map, int32_t place, cairn_vec2 point,
-                            cairn_vec2 direction);
+int32_t cairn_place_map_observed(const cairn_place_map *map, int32_t place, cairn_vec2 point,
+                                 cairn_vec2 direction);
 
 /* Returns point `i` of the free-space sample, in the place's frame. */
 cairn_vec2 cairn_place_map_free_point(const cairn_place_map *map, int32_t place, int32_t i);
@@ -156,25 +159,27 @@ cairn_real cairn_place_map_free_area(const cairn_place_map *map);
 /* Joint likelihood function of the consensus: the log-likelihood ratio of a place's pose given all
  * others of a component, nats, each surface counted once however many places observed it; *against:
  * its free-space violations. */
-cairn_real cairn_place_map_among(const cairn_place_map *map, int32_t place, cairn_pose map_place,
-                                 const cairn_pose *map_places, const int32_t *parts, int32_t part,
-                                 cairn_real *against, int32_t *units);
+cairn_real cairn_place_map_joint_likelihood(const cairn_place_map *map, int32_t place,
+                                            cairn_pose map_place, const cairn_pose *map_places,
+                                            const int32_t *parts, int32_t part, cairn_real *against,
+                                            int32_t *units);
 
 /* Pairwise log-likelihood ratio, its units charged. */
-cairn_real cairn_place_map_weigh(cairn_place_map *map, int32_t first, int32_t second,
-                                 cairn_pose first_second);
+cairn_real cairn_place_map_score_pair(cairn_place_map *map, int32_t first, int32_t second,
+                                      cairn_pose first_second);
 
 /* Rotates a covariance of map_query into the frame of a place with heading theta in the map. */
-void cairn_place_map_turn(const cairn_real in[9], cairn_real theta, cairn_real out[9]);
+void cairn_place_map_rotate_covariance(const cairn_real in[9], cairn_real theta, cairn_real out[9]);
 
 /* Adds a hypothesis, its covariance bounded to where its likelihood is valid. A full store drops
  * it: earlier ones come from better matches. */
-void cairn_place_map_keep(cairn_place_map *map, int32_t first, int32_t second,
-                          cairn_pose first_second, const cairn_real covariance[9]);
+void cairn_place_map_add_hypothesis(cairn_place_map *map, int32_t first, int32_t second,
+                                    cairn_pose first_second, const cairn_real covariance[9]);
 
 /* Moves a hypothesis to the local maximum of its likelihood (pattern search), and returns the
  * log-likelihood ratio. */
-cairn_real cairn_place_map_polish(cairn_place_map *map, cairn_pose_hypothesis *hypothesis);
+cairn_real cairn_place_map_optimize_hypothesis(cairn_place_map *map,
+                                               cairn_pose_hypothesis *hypothesis);
 
 /* ---- Shared by the modes ---- */
 

@@ -28,7 +28,7 @@ static int32_t append_scan(cairn_place_map *map, const cairn_place_scan *scan, c
         map->query_points[count++].direction =
             cairn_transform_direction(t, map->points[i].direction);
     }
-    map->debt += scan->point_count / POINTS_PER_UNIT;
+    map->units_owed += scan->point_count / POINTS_PER_UNIT;
     return count;
 }
 
@@ -51,7 +51,7 @@ static int32_t placed_before(const cairn_place_map *map, int32_t place)
 {
     do
         place--;
-    while (map->places[place].part > 0);
+    while (map->places[place].component > 0);
     return place;
 }
 
@@ -59,7 +59,7 @@ static void target_item(cairn_place_map *map)
 {
     int32_t first = map->query;
 
-    map->debt++;
+    map->units_owed++;
     if (map->query == 1 && map->place == 0)
         cairn_place_map_place_scans(map, 0);
     if (map->query >= map->place_count) {
@@ -67,17 +67,17 @@ static void target_item(cairn_place_map *map)
         cairn_place_map_finish(map);
         return;
     }
-    for (int32_t k = 0; k < map->params.recent && first > 0; k++)
+    for (int32_t k = 0; k < map->params.recent_places && first > 0; k++)
         first = placed_before(map, first);
     cairn_scan_match_clear_target(map->match);
     for (int32_t i = first; i < map->query; i++) {
         cairn_scan_match_part part;
 
-        if (map->places[i].part > 0)
+        if (map->places[i].component > 0)
             continue;
         part = part_of_place(map, i, 1);
         if (cairn_scan_match_add_target(map->match, &part, cairn_pose_identity(), NULL) != CAIRN_OK)
-            map->debt++; /* too far away to match with */
+            map->units_owed++; /* too far away to match with */
     }
     cairn_place_map_enter(map, CAIRN_PLACE_MAP_MATCH);
 }
@@ -94,8 +94,9 @@ static void set_unplaced(cairn_place_map *map)
     cairn_place *here = &map->places[map->query];
 
     for (int32_t i = 0; i < map->query; i++)
-        here->part = map->places[i].part >= here->part ? map->places[i].part + 1 : here->part;
-    map->debt += 1 + map->query / POINTS_PER_UNIT;
+        here->component = map->places[i].component >= here->component ? map->places[i].component + 1
+                                                                      : here->component;
+    map->units_owed += 1 + map->query / POINTS_PER_UNIT;
     cairn_place_map_place_scans(map, map->query);
     next_place(map);
 }
@@ -126,7 +127,7 @@ static void match_item(cairn_place_map *map, cairn_budget *budget)
     cairn_scan_match_part part;
     cairn_pose before;
 
-    if (map->running) {
+    if (map->inner_running) {
         if (cairn_scan_match_step(map->match, budget) == CAIRN_OK)
             store_match(map);
         return;
@@ -135,18 +136,19 @@ static void match_item(cairn_place_map *map, cairn_budget *budget)
     start.x = before.x;
     start.y = before.y;
     part = part_of_place(map, map->query, 0);
-    map->debt++;
-    map->running = cairn_scan_match_begin(map->match, &part, start, &window, NULL) == CAIRN_OK;
-    if (!map->running)
+    map->units_owed++;
+    map->inner_running =
+        cairn_scan_match_begin(map->match, &part, start, &window, NULL) == CAIRN_OK;
+    if (!map->inner_running)
         set_unplaced(map);
 }
 
 static void decouple_item(cairn_place_map *map, cairn_budget *budget)
 {
     const cairn_place *here = &map->places[map->query];
-    cairn_place_scan *scan = &map->scans[here->first_scan + map->next];
+    cairn_place_scan *scan = &map->scans[here->first_scan + map->item];
 
-    if (map->running) {
+    if (map->inner_running) {
         if (cairn_scan_match_step(map->match, budget) == CAIRN_OK) {
             cairn_scan_match_result found = cairn_scan_match_read(map->match);
 
@@ -154,20 +156,20 @@ static void decouple_item(cairn_place_map *map, cairn_budget *budget)
                 scan->map_scan = found.hypotheses[0].target_query;
                 map->result.decoupled++;
             }
-            map->running = 0;
-            map->next++;
+            map->inner_running = 0;
+            map->item++;
         }
-    } else if (map->next == here->scan_count) {
-        map->debt++;
+    } else if (map->item == here->scan_count) {
+        map->units_owed++;
         next_place(map);
     } else {
         cairn_scan_match_part part = {
             map->points + scan->first_point, NULL, NULL, scan->point_count, 0, 0};
 
-        map->debt++;
-        map->running =
+        map->units_owed++;
+        map->inner_running =
             cairn_scan_match_begin_icp(map->match, &part, scan->map_scan, NULL) == CAIRN_OK;
-        map->next += !map->running;
+        map->item += !map->inner_running;
     }
 }
 
@@ -175,10 +177,10 @@ void cairn_place_map_written_extend(cairn_place_map *map)
 {
     for (int32_t i = map->place; i < map->place_count; i++) {
         map->places[i].map_place = cairn_pose_identity();
-        map->places[i].part = 0;
+        map->places[i].component = 0;
     }
     map->query = map->place;
-    map->next = map->running = map->debt = 0;
+    map->item = map->inner_running = map->units_owed = 0;
     cairn_place_map_enter(map, CAIRN_PLACE_MAP_TARGET);
 }
 

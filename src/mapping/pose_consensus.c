@@ -46,12 +46,12 @@ cairn_pose_consensus_params cairn_pose_consensus_default(void)
         .max_candidates = 8,
         .max_alternatives = 4,
         .sigma = CAIRN_REAL(0.03),
-        .sigma_angle = CAIRN_PI / 300,
-        .gate = 16,
-        .contradiction = 0,
+        .sigma_theta = CAIRN_PI / 300,
+        .max_chi2 = 16,
+        .conflict_penalty = 0,
         .min_support = 3,
-        .ambiguous = CAIRN_REAL(0.02),
-        .believed = 0,
+        .min_ambiguous_weight = CAIRN_REAL(0.02),
+        .significant_support = 0,
     };
     return params;
 }
@@ -68,10 +68,11 @@ static int params_are_valid(const cairn_pose_consensus_params *params)
            params->max_starts >= 1 && params->max_rounds >= 0 && params->max_candidates >= 1 &&
            params->max_candidates <= MAX_LISTED && params->max_alternatives >= 0 &&
            params->max_alternatives <= MAX_LISTED && is_positive(params->sigma) &&
-           is_positive(params->sigma_angle) && is_positive(params->gate) &&
-           params->contradiction >= 0 && params->contradiction <= MAX_COORDINATE_M &&
-           is_positive(params->min_support) && params->ambiguous > 0 && params->ambiguous < 1 &&
-           params->believed >= 0 && params->believed <= MAX_COORDINATE_M;
+           is_positive(params->sigma_theta) && is_positive(params->max_chi2) &&
+           params->conflict_penalty >= 0 && params->conflict_penalty <= MAX_COORDINATE_M &&
+           is_positive(params->min_support) && params->min_ambiguous_weight > 0 &&
+           params->min_ambiguous_weight < 1 && params->significant_support >= 0 &&
+           params->significant_support <= MAX_COORDINATE_M;
 }
 
 static cairn_pose_consensus *carve(cairn_pool *pool, const cairn_pose_consensus_params *params)
@@ -85,17 +86,17 @@ static cairn_pose_consensus *carve(cairn_pool *pool, const cairn_pose_consensus_
     made.hypotheses = cairn_pool_take(pool, hypotheses, sizeof *made.hypotheses);
     made.links = cairn_pool_take(pool, 2 * hypotheses, sizeof *made.links);
     made.first_link = cairn_pool_take(pool, nodes + 1, sizeof *made.first_link);
-    made.fill = cairn_pool_take(pool, nodes, sizeof *made.fill);
+    made.next_free = cairn_pool_take(pool, nodes, sizeof *made.next_free);
     made.bounds = cairn_pool_take(pool, nodes, sizeof *made.bounds);
-    made.chart = cairn_pool_take(pool, nodes, sizeof *made.chart);
+    made.current = cairn_pool_take(pool, nodes, sizeof *made.current);
     made.best = cairn_pool_take(pool, nodes, sizeof *made.best);
-    made.rival = cairn_pool_take(pool, nodes, sizeof *made.rival);
+    made.competing = cairn_pool_take(pool, nodes, sizeof *made.competing);
     made.tree = cairn_pool_take(pool, nodes, sizeof *made.tree);
     made.nodes = cairn_pool_take(pool, nodes, sizeof *made.nodes);
     made.alternatives =
         cairn_pool_take(pool, nodes * (size_t)params->max_alternatives, sizeof *made.alternatives);
-    made.jury_poses = cairn_pool_take(pool, nodes, sizeof *made.jury_poses);
-    made.jury_parts = cairn_pool_take(pool, nodes, sizeof *made.jury_parts);
+    made.joint_poses = cairn_pool_take(pool, nodes, sizeof *made.joint_poses);
+    made.joint_components = cairn_pool_take(pool, nodes, sizeof *made.joint_components);
     made.candidates =
         cairn_pool_take(pool, (size_t)params->max_candidates, sizeof *made.candidates);
     if (consensus != NULL)
@@ -121,7 +122,7 @@ cairn_status cairn_pose_consensus_create(cairn_pose_consensus **consensus, cairn
 
     if (consensus == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     *consensus = carve(pool, params);
     return CAIRN_OK;
@@ -131,7 +132,7 @@ cairn_status cairn_pose_consensus_create(cairn_pose_consensus **consensus, cairn
 static void cancel(cairn_pose_consensus *consensus)
 {
     consensus->phase = CAIRN_CONSENSUS_IDLE;
-    consensus->debt = 0;
+    consensus->units_owed = 0;
     memset(&consensus->result, 0, sizeof consensus->result);
 }
 
@@ -144,8 +145,8 @@ cairn_status cairn_pose_consensus_clear(cairn_pose_consensus *consensus, int32_t
     cancel(consensus);
     consensus->node_count = nodes;
     consensus->hypothesis_count = consensus->bound_count = 0;
-    consensus->judge = NULL;
-    consensus->jury = NULL;
+    consensus->pair_likelihood = NULL;
+    consensus->joint_likelihood = NULL;
     memset(consensus->bounds, 0, (size_t)nodes * sizeof *consensus->bounds);
     return CAIRN_OK;
 }
@@ -180,7 +181,7 @@ static int32_t information_of(const cairn_pose_consensus_params *params,
 {
     const cairn_real *c = h->covariance;
     cairn_real x = h->first_second.x, y = h->first_second.y,
-               turn = params->sigma_angle * params->sigma_angle;
+               turn = params->sigma_theta * params->sigma_theta;
     cairn_real shift = params->sigma * params->sigma + turn * (x * x + y * y);
     cairn_sym3 sum = {c[0] + shift, (c[1] + c[3]) / 2, (c[2] + c[6]) / 2,
                       c[4] + shift, (c[5] + c[7]) / 2, c[8] + turn};
@@ -192,7 +193,7 @@ static int32_t information_of(const cairn_pose_consensus_params *params,
 cairn_status cairn_pose_consensus_add(cairn_pose_consensus *consensus,
                                       const cairn_pose_hypothesis *hypothesis, cairn_fault *fault)
 {
-    cairn_kept_hypothesis kept;
+    cairn_consensus_hypothesis kept;
     cairn_status status;
 
     if (consensus == NULL || hypothesis == NULL)
@@ -207,20 +208,21 @@ cairn_status cairn_pose_consensus_add(cairn_pose_consensus *consensus,
         return cairn_refuse(fault, -1, "more hypotheses than max_hypotheses", CAIRN_FULL);
     kept.first = hypothesis->first;
     kept.second = hypothesis->second;
-    kept.first_second = cairn_turned_of(hypothesis->first_second);
-    kept.second_first = cairn_turned_inverse(kept.first_second);
+    kept.first_second = cairn_consensus_pose_of(hypothesis->first_second);
+    kept.second_first = cairn_consensus_inverse(kept.first_second);
     kept.score = hypothesis->score;
-    kept.cycles = 0;
+    kept.cycle_score = 0;
     kept.is_explained = 0;
     consensus->hypotheses[consensus->hypothesis_count++] = kept;
     cancel(consensus);
     return CAIRN_OK;
 }
 
-cairn_status cairn_pose_consensus_bound(cairn_pose_consensus *consensus, int32_t node,
-                                        cairn_pose map_node, cairn_real metres, cairn_real radians)
+cairn_status cairn_pose_consensus_set_bound(cairn_pose_consensus *consensus, int32_t node,
+                                            cairn_pose map_node, cairn_real metres,
+                                            cairn_real radians)
 {
-    cairn_node_bound bound = {map_node, metres, radians};
+    cairn_consensus_bound bound = {map_node, metres, radians};
 
     if (consensus == NULL || node < 0 || node >= consensus->node_count)
         return CAIRN_BAD_ARGUMENT;
@@ -234,19 +236,19 @@ cairn_status cairn_pose_consensus_bound(cairn_pose_consensus *consensus, int32_t
     return CAIRN_OK;
 }
 
-void cairn_pose_consensus_judge_by(cairn_pose_consensus *consensus, cairn_pose_judge judge,
-                                   void *context)
+void cairn_pose_consensus_set_pair_likelihood(cairn_pose_consensus *consensus,
+                                              cairn_pose_pair_likelihood judge, void *context)
 {
-    consensus->judge = judge;
-    consensus->judge_context = context;
+    consensus->pair_likelihood = judge;
+    consensus->pair_context = context;
     cancel(consensus);
 }
 
-void cairn_pose_consensus_jury_by(cairn_pose_consensus *consensus, cairn_pose_jury jury,
-                                  void *context)
+void cairn_pose_consensus_set_joint_likelihood(cairn_pose_consensus *consensus,
+                                               cairn_pose_joint_likelihood jury, void *context)
 {
-    consensus->jury = jury;
-    consensus->jury_context = context;
+    consensus->joint_likelihood = jury;
+    consensus->joint_context = context;
     cancel(consensus);
 }
 
@@ -299,13 +301,13 @@ static void build_links(cairn_pose_consensus *consensus)
 {
     count_links(consensus);
     for (int32_t i = 0; i < consensus->node_count; i++)
-        consensus->fill[i] = consensus->first_link[i];
+        consensus->next_free[i] = consensus->first_link[i];
     for (int32_t i = 0; i < consensus->hypothesis_count; i++) {
-        const cairn_kept_hypothesis *h = &consensus->hypotheses[i];
+        const cairn_consensus_hypothesis *h = &consensus->hypotheses[i];
         cairn_consensus_link from_first = {h->second, i}, from_second = {h->first, i};
 
-        consensus->links[consensus->fill[h->first]++] = from_first;
-        consensus->links[consensus->fill[h->second]++] = from_second;
+        consensus->links[consensus->next_free[h->first]++] = from_first;
+        consensus->links[consensus->next_free[h->second]++] = from_second;
     }
     for (int32_t i = 0; i < consensus->node_count; i++)
         sort_links(&consensus->links[consensus->first_link[i]],
@@ -314,7 +316,7 @@ static void build_links(cairn_pose_consensus *consensus)
 
 cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)
 {
-    const cairn_chart_node unplaced = {{{0, 0, 1, 0}, 0}, -1, -1};
+    const cairn_consensus_assignment unplaced = {{{0, 0, 1, 0}, 0}, -1, -1};
 
     if (consensus == NULL)
         return CAIRN_BAD_ARGUMENT;
@@ -324,10 +326,10 @@ cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)
     build_links(consensus);
     memset(consensus->nodes, 0, (size_t)consensus->node_count * sizeof *consensus->nodes);
     for (int32_t i = 0; i < consensus->node_count; i++)
-        consensus->chart[i] = consensus->best[i] = consensus->rival[i] = unplaced;
+        consensus->current[i] = consensus->best[i] = consensus->competing[i] = unplaced;
     for (int32_t i = 0; i < consensus->hypothesis_count; i++)
         consensus->hypotheses[i].is_explained = 0;
-    consensus->passes = consensus->is_settled = 0;
+    consensus->block_passes = consensus->is_final = 0;
     consensus->phase = CAIRN_CONSENSUS_CYCLES;
     consensus->next = 0;
     consensus->end = consensus->hypothesis_count;
@@ -336,19 +338,19 @@ cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)
 
 static int has_result(const cairn_pose_consensus *consensus)
 {
-    return consensus->phase == CAIRN_CONSENSUS_IDLE && consensus->debt == 0 &&
+    return consensus->phase == CAIRN_CONSENSUS_IDLE && consensus->units_owed == 0 &&
            consensus->result.nodes > 0;
 }
 
-cairn_status cairn_pose_consensus_islands(cairn_pose_consensus *consensus)
+cairn_status cairn_pose_consensus_find_submaps(cairn_pose_consensus *consensus)
 {
     if (consensus == NULL)
         return CAIRN_BAD_ARGUMENT;
     if (!has_result(consensus))
         return CAIRN_EMPTY;
-    if (!(consensus->params.believed > 0))
+    if (!(consensus->params.significant_support > 0))
         return CAIRN_OK;
-    consensus->is_settled = 1;
+    consensus->is_final = 1;
     cairn_consensus_begin_tree(consensus);
     return CAIRN_OK;
 }
@@ -357,13 +359,14 @@ cairn_status cairn_pose_consensus_step(cairn_pose_consensus *consensus, cairn_bu
 {
     if (consensus == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (consensus->phase != CAIRN_CONSENSUS_IDLE || consensus->debt > 0) {
+    while (consensus->phase != CAIRN_CONSENSUS_IDLE || consensus->units_owed > 0) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (consensus->debt > 0) {
-            int32_t paid = consensus->debt < budget->left ? consensus->debt : budget->left;
+        if (consensus->units_owed > 0) {
+            int32_t paid =
+                consensus->units_owed < budget->left ? consensus->units_owed : budget->left;
 
-            consensus->debt -= paid;
+            consensus->units_owed -= paid;
             budget->left -= paid;
             consensus->result.units += paid;
         } else {
@@ -404,15 +407,15 @@ cairn_consensus_alternative cairn_pose_consensus_alternative(const cairn_pose_co
     return consensus->alternatives[node * consensus->params.max_alternatives + index];
 }
 
-int32_t cairn_pose_consensus_agrees(const cairn_pose_consensus *consensus, int32_t hypothesis)
+int32_t cairn_pose_consensus_is_inlier(const cairn_pose_consensus *consensus, int32_t hypothesis)
 {
-    const cairn_kept_hypothesis *h;
+    const cairn_consensus_hypothesis *h;
 
     if (!has_result(consensus) || hypothesis < 0 || hypothesis >= consensus->hypothesis_count)
         return 0;
     h = &consensus->hypotheses[hypothesis];
-    return consensus->nodes[h->first].part == consensus->nodes[h->second].part &&
-           cairn_consensus_chi(h, cairn_turned_of(consensus->nodes[h->first].map_node),
-                               cairn_turned_of(consensus->nodes[h->second].map_node),
-                               NULL) < consensus->params.gate;
+    return consensus->nodes[h->first].component == consensus->nodes[h->second].component &&
+           cairn_consensus_chi2(h, cairn_consensus_pose_of(consensus->nodes[h->first].map_node),
+                                cairn_consensus_pose_of(consensus->nodes[h->second].map_node),
+                                NULL) < consensus->params.max_chi2;
 }

@@ -23,27 +23,27 @@ void cairn_consensus_begin_tree(cairn_pose_consensus *consensus)
 {
     const cairn_consensus_branch bare = {-1, 0, 0};
 
-    memcpy(consensus->chart, consensus->best,
-           (size_t)consensus->node_count * sizeof *consensus->chart);
+    memcpy(consensus->current, consensus->best,
+           (size_t)consensus->node_count * sizeof *consensus->current);
     for (int32_t i = 0; i < consensus->node_count; i++)
         consensus->tree[i] = bare;
-    consensus->parts = 0;
+    consensus->component_count = 0;
     for (int32_t i = 0; i < consensus->node_count; i++)
-        consensus->parts = consensus->chart[i].part >= consensus->parts
-                               ? consensus->chart[i].part + 1
-                               : consensus->parts;
-    consensus->debt += consensus->node_count / 2;
+        consensus->component_count = consensus->current[i].component >= consensus->component_count
+                                         ? consensus->current[i].component + 1
+                                         : consensus->component_count;
+    consensus->units_owed += consensus->node_count / 2;
     cairn_consensus_enter(consensus, CAIRN_CONSENSUS_TREE, consensus->node_count);
 }
 
 void cairn_consensus_begin_blocks(cairn_pose_consensus *consensus)
 {
-    if (consensus->result.starts == 0 || consensus->passes >= consensus->params.max_rounds ||
-        (consensus->passes > 0 && consensus->total < consensus->result.total)) {
+    if (consensus->result.starts == 0 || consensus->block_passes >= consensus->params.max_rounds ||
+        (consensus->block_passes > 0 && consensus->total < consensus->result.total)) {
         cairn_consensus_begin_report(consensus);
         return;
     }
-    consensus->passes++;
+    consensus->block_passes++;
     cairn_consensus_begin_tree(consensus);
 }
 
@@ -56,11 +56,11 @@ static int32_t next_tree_node(const cairn_pose_consensus *consensus)
     for (int32_t i = 0; i < consensus->node_count; i++) {
         const cairn_consensus_branch *branch = &consensus->tree[i];
 
-        if (branch->is_in)
+        if (branch->is_in_tree)
             continue;
-        if (best < 0 ||
-            (branch->parent >= 0 && (consensus->tree[best].parent < 0 ||
-                                     branch->evidence > consensus->tree[best].evidence)))
+        if (best < 0 || (branch->parent >= 0 && (consensus->tree[best].parent < 0 ||
+                                                 branch->log_likelihood_ratio >
+                                                     consensus->tree[best].log_likelihood_ratio)))
             best = i;
     }
     return best;
@@ -72,33 +72,35 @@ void cairn_consensus_tree_item(cairn_pose_consensus *consensus)
     int32_t node, link, units = 1 + consensus->node_count / 4;
 
     if (consensus->next == consensus->end) {
-        consensus->block = consensus->changed = 0;
+        consensus->block_node = consensus->changed_nodes = 0;
         consensus->merge.support = 0;
-        if (consensus->is_settled)
-            cairn_consensus_enter(consensus, CAIRN_CONSENSUS_PART, consensus->node_count);
+        if (consensus->is_final)
+            cairn_consensus_enter(consensus, CAIRN_CONSENSUS_SPLIT, consensus->node_count);
         else
             cairn_consensus_enter(consensus, CAIRN_CONSENSUS_BLOCK, 0);
-        consensus->debt++;
+        consensus->units_owed++;
         return;
     }
     consensus->next++;
     node = next_tree_node(consensus);
     link = consensus->first_link[node];
-    consensus->tree[node].is_in = 1;
-    for (int32_t i = 0; i < consensus->node_count && consensus->chart[node].part >= 0; i++) {
+    consensus->tree[node].is_in_tree = 1;
+    for (int32_t i = 0; i < consensus->node_count && consensus->current[node].component >= 0; i++) {
         cairn_consensus_branch *branch = &consensus->tree[i];
         cairn_real evidence;
 
-        if (branch->is_in || consensus->chart[i].part != consensus->chart[node].part)
+        if (branch->is_in_tree ||
+            consensus->current[i].component != consensus->current[node].component)
             continue;
-        evidence = cairn_consensus_evidence(consensus, node, consensus->chart[node].pose, i, &link,
-                                            &units);
-        if (branch->parent < 0 || evidence > branch->evidence) {
+        evidence = cairn_consensus_pair_likelihood(consensus, node, consensus->current[node].pose,
+                                                   i, &link, &units);
+        if (branch->parent < 0 || evidence > branch->log_likelihood_ratio) {
             branch->parent = node;
-            branch->evidence = evidence;
+            branch->log_likelihood_ratio = evidence;
         }
     }
-    consensus->debt += units + (consensus->first_link[node + 1] - consensus->first_link[node]) / 4;
+    consensus->units_owed +=
+        units + (consensus->first_link[node + 1] - consensus->first_link[node]) / 4;
 }
 
 /* Returns 1 when `branch` is on the path from a node to the root of its tree. */
@@ -115,45 +117,47 @@ static int32_t cut_off(cairn_pose_consensus *consensus, int32_t branch)
 {
     int32_t below = 0, all = 0, takes_below, size, is_root = consensus->tree[branch].parent < 0;
 
-    consensus->whole = consensus->chart[branch].part;
-    if (consensus->whole < 0) {
-        consensus->chart[branch].part = consensus->parts;
+    consensus->block_component = consensus->current[branch].component;
+    if (consensus->block_component < 0) {
+        consensus->current[branch].component = consensus->component_count;
         return 1;
     }
     for (int32_t i = 0; i < consensus->node_count; i++) {
-        all += consensus->chart[i].part == consensus->whole;
-        below += consensus->chart[i].part == consensus->whole && is_below(consensus, i, branch);
+        all += consensus->current[i].component == consensus->block_component;
+        below += consensus->current[i].component == consensus->block_component &&
+                 is_below(consensus, i, branch);
     }
     takes_below = 2 * below <= (is_root ? consensus->node_count : all);
     size = takes_below ? below : all - below;
     for (int32_t i = 0; i < consensus->node_count; i++)
-        if (consensus->chart[i].part == consensus->whole &&
+        if (consensus->current[i].component == consensus->block_component &&
             is_below(consensus, i, branch) == takes_below)
-            consensus->chart[i].part = consensus->parts;
-    consensus->debt += consensus->node_count;
+            consensus->current[i].component = consensus->component_count;
+    consensus->units_owed += consensus->node_count;
     return size;
 }
 
 /* Starts the next block, or the phase after the last. */
 void cairn_consensus_block_item(cairn_pose_consensus *consensus)
 {
-    consensus->debt++;
-    while (consensus->block < consensus->node_count && cut_off(consensus, consensus->block) == 0)
-        consensus->block++;
-    if (consensus->block == consensus->node_count) {
+    consensus->units_owed++;
+    while (consensus->block_node < consensus->node_count &&
+           cut_off(consensus, consensus->block_node) == 0)
+        consensus->block_node++;
+    if (consensus->block_node == consensus->node_count) {
         consensus->rounds = 0;
-        if (consensus->changed > 0)
+        if (consensus->changed_nodes > 0)
             cairn_consensus_begin_rounds(consensus);
         else
             cairn_consensus_begin_report(consensus);
         return;
     }
     memset(&consensus->merge, 0, sizeof consensus->merge);
-    consensus->merge.node = consensus->parts;
-    consensus->merge.part = consensus->whole;
-    consensus->merge.pose = cairn_turned_of(cairn_pose_identity());
-    consensus->merge.current = 1;
-    if (consensus->whole >= 0)
+    consensus->merge.node = consensus->component_count;
+    consensus->merge.component = consensus->block_component;
+    consensus->merge.pose = cairn_consensus_pose_of(cairn_pose_identity());
+    consensus->merge.is_current = 1;
+    if (consensus->block_component >= 0)
         consensus->merge.support = cairn_consensus_merged_support(consensus, &consensus->merge, 1);
     cairn_consensus_enter(consensus, CAIRN_CONSENSUS_PROPOSE, consensus->hypothesis_count);
 }
@@ -162,17 +166,17 @@ void cairn_consensus_block_item(cairn_pose_consensus *consensus)
 static void restore_block(cairn_pose_consensus *consensus)
 {
     for (int32_t i = 0; i < consensus->node_count; i++)
-        if (consensus->chart[i].part == consensus->parts)
-            consensus->chart[i].part = consensus->whole;
+        if (consensus->current[i].component == consensus->component_count)
+            consensus->current[i].component = consensus->block_component;
 }
 
 /* Moves the block to its best supported pose, or leaves it. */
 static void move_block(cairn_pose_consensus *consensus)
 {
-    if (!consensus->merge.current && consensus->merge.support >= consensus->params.min_support)
-        consensus->changed += cairn_consensus_lay(consensus, &consensus->merge);
+    if (!consensus->merge.is_current && consensus->merge.support >= consensus->params.min_support)
+        consensus->changed_nodes += cairn_consensus_apply_merge(consensus, &consensus->merge);
     restore_block(consensus);
-    consensus->block++;
+    consensus->block_node++;
     cairn_consensus_enter(consensus, CAIRN_CONSENSUS_BLOCK, 0);
 }
 
@@ -180,33 +184,35 @@ static void move_block(cairn_pose_consensus *consensus)
  * those of the hypothesis' own node have positive support. */
 void cairn_consensus_propose_item(cairn_pose_consensus *consensus)
 {
-    const cairn_kept_hypothesis *h = &consensus->hypotheses[consensus->next];
+    const cairn_consensus_hypothesis *h = &consensus->hypotheses[consensus->next];
     cairn_consensus_support own;
-    cairn_candidate merge;
+    cairn_consensus_candidate merge;
     int32_t inside, outside;
 
-    consensus->debt++;
+    consensus->units_owed++;
     if (consensus->next == consensus->end) {
         move_block(consensus);
         return;
     }
     consensus->next++;
-    inside = consensus->chart[h->first].part == consensus->parts ? h->first : h->second;
+    inside =
+        consensus->current[h->first].component == consensus->component_count ? h->first : h->second;
     outside = inside == h->first ? h->second : h->first;
-    if (consensus->chart[inside].part != consensus->parts || consensus->chart[outside].part < 0 ||
-        consensus->chart[outside].part == consensus->parts)
+    if (consensus->current[inside].component != consensus->component_count ||
+        consensus->current[outside].component < 0 ||
+        consensus->current[outside].component == consensus->component_count)
         return;
     memset(&merge, 0, sizeof merge);
-    merge.node = consensus->parts;
-    merge.part = consensus->chart[outside].part;
-    merge.pose =
-        cairn_turned_compose(consensus->chart[outside].pose, cairn_consensus_seen_from(h, outside));
-    own = cairn_consensus_support_of(consensus, inside, merge.pose, merge.part, 1);
-    consensus->debt += own.units;
+    merge.node = consensus->component_count;
+    merge.component = consensus->current[outside].component;
+    merge.pose = cairn_consensus_compose(consensus->current[outside].pose,
+                                         cairn_consensus_relative_to(h, outside));
+    own = cairn_consensus_support_of(consensus, inside, merge.pose, merge.component, 1);
+    consensus->units_owed += own.units;
     if (!(own.sum > 0))
         return;
-    merge.pose =
-        cairn_turned_compose(merge.pose, cairn_turned_inverse(consensus->chart[inside].pose));
+    merge.pose = cairn_consensus_compose(merge.pose,
+                                         cairn_consensus_inverse(consensus->current[inside].pose));
     merge.support = cairn_consensus_merged_support(consensus, &merge, 1);
     if (merge.support > consensus->merge.support + MIN_GAIN_NATS)
         consensus->merge = merge;
@@ -223,48 +229,48 @@ static cairn_real missing_support(cairn_pose_consensus *consensus)
     int32_t size = 0;
 
     for (int32_t i = 0; i < consensus->node_count; i++)
-        if (consensus->chart[i].part == consensus->parts) {
+        if (consensus->current[i].component == consensus->component_count) {
             cairn_consensus_support of = cairn_consensus_support_of(
-                consensus, i, consensus->chart[i].pose, consensus->whole, 1);
+                consensus, i, consensus->current[i].pose, consensus->block_component, 1);
 
             support += of.sum;
-            against += of.against;
+            against += of.violations;
             size++;
-            consensus->debt += of.units;
+            consensus->units_owed += of.units;
         }
-    return size > 1 ? BLOCK_FACTOR * consensus->params.believed - (support + against)
-                    : consensus->params.believed - (support - against);
+    return size > 1 ? BLOCK_FACTOR * consensus->params.significant_support - (support + against)
+                    : consensus->params.significant_support - (support - against);
 }
 
 /* Splits off the nodes below a node as a submap of their own. */
 static void split_off(cairn_pose_consensus *consensus, int32_t node)
 {
     (void)cut_off(consensus, node);
-    memcpy(consensus->best, consensus->chart,
+    memcpy(consensus->best, consensus->current,
            (size_t)consensus->node_count * sizeof *consensus->best);
 }
 
 /* Finds the first node and the size of the next node's submap; an unplaced node is a submap by
  * itself. */
-void cairn_consensus_island_item(cairn_pose_consensus *consensus)
+void cairn_consensus_submap_item(cairn_pose_consensus *consensus)
 {
     int32_t node = consensus->next, size = 0, first = node;
 
     if (consensus->next == consensus->end) {
         consensus->result.ambiguous = 0;
-        cairn_consensus_enter(consensus, CAIRN_CONSENSUS_NUMBER, consensus->node_count);
+        cairn_consensus_enter(consensus, CAIRN_CONSENSUS_NUMBER_SUBMAPS, consensus->node_count);
         return;
     }
     consensus->next++;
-    consensus->debt += consensus->node_count - consensus->node_count / 2;
+    consensus->units_owed += consensus->node_count - consensus->node_count / 2;
     for (int32_t i = 0; i < consensus->node_count; i++)
-        if (i == node || (consensus->chart[node].part >= 0 &&
-                          consensus->chart[i].part == consensus->chart[node].part)) {
+        if (i == node || (consensus->current[node].component >= 0 &&
+                          consensus->current[i].component == consensus->current[node].component)) {
             first = i < first ? i : first;
             size++;
         }
     consensus->tree[node].parent = first;
-    consensus->fill[node] = size;
+    consensus->next_free[node] = size;
 }
 
 /* Numbers the submap of the next node within its component: larger ones first, of equal ones that
@@ -279,22 +285,23 @@ void cairn_consensus_number_item(cairn_pose_consensus *consensus)
         return;
     }
     consensus->next++;
-    consensus->debt += consensus->node_count / 2;
+    consensus->units_owed += consensus->node_count / 2;
     first = consensus->tree[own].parent;
-    node->island = first < own ? consensus->nodes[first].island : 0;
+    node->submap = first < own ? consensus->nodes[first].submap : 0;
     for (int32_t i = 0; first == own && i < consensus->node_count; i++)
-        node->island += consensus->tree[i].parent == i && consensus->nodes[i].part == node->part &&
-                        (consensus->fill[i] > consensus->fill[own] ||
-                         (i < own && consensus->fill[i] == consensus->fill[own]));
-    node->ambiguous |= node->island > 0;
+        node->submap += consensus->tree[i].parent == i &&
+                        consensus->nodes[i].component == node->component &&
+                        (consensus->next_free[i] > consensus->next_free[own] ||
+                         (i < own && consensus->next_free[i] == consensus->next_free[own]));
+    node->ambiguous |= node->submap > 0;
     consensus->result.ambiguous += node->ambiguous;
 }
 
 /* Splits off the block with the greatest missing support, until every remaining link is
  * significant. */
-void cairn_consensus_part_item(cairn_pose_consensus *consensus)
+void cairn_consensus_split_item(cairn_pose_consensus *consensus)
 {
-    consensus->debt++;
+    consensus->units_owed++;
     if (consensus->next < consensus->end) {
         int32_t node = consensus->next++;
         cairn_real lack;
@@ -306,12 +313,12 @@ void cairn_consensus_part_item(cairn_pose_consensus *consensus)
         restore_block(consensus);
         if (lack > consensus->merge.support) {
             consensus->merge.support = lack;
-            consensus->block = node;
+            consensus->block_node = node;
         }
     } else if (consensus->merge.support > 0) {
-        split_off(consensus, consensus->block);
+        split_off(consensus, consensus->block_node);
         cairn_consensus_begin_tree(consensus);
     } else {
-        cairn_consensus_enter(consensus, CAIRN_CONSENSUS_ISLANDS, consensus->node_count);
+        cairn_consensus_enter(consensus, CAIRN_CONSENSUS_SUBMAPS, consensus->node_count);
     }
 }

@@ -9,11 +9,11 @@
 /* m and rad: farther poses count as another place, not as another estimate of the same place. */
 static const cairn_real OTHER_PLACE_M = 1, OTHER_PLACE_RAD = CAIRN_REAL(0.5);
 
-static int32_t first_of_part(const cairn_chart_node *chart, int32_t node)
+static int32_t first_of_part(const cairn_consensus_assignment *chart, int32_t node)
 {
     int32_t first = 0;
 
-    while (chart[first].part != chart[node].part)
+    while (chart[first].component != chart[node].component)
         first++;
     return first;
 }
@@ -22,18 +22,18 @@ static int32_t first_of_part(const cairn_chart_node *chart, int32_t node)
  * by the first node of its component that both have placed. 0 when the competing map has no other
  * pose. */
 static int competing_pose(const cairn_pose_consensus *consensus, int32_t node,
-                          cairn_turned_pose *pose)
+                          cairn_consensus_pose *pose)
 {
-    int32_t anchor = first_of_part(consensus->chart, node);
+    int32_t anchor = first_of_part(consensus->current, node);
 
-    if (!(consensus->result.rival > 0) || consensus->rival[node].part < 0 ||
-        consensus->rival[node].part != consensus->rival[anchor].part)
+    if (!(consensus->result.competing_total > 0) || consensus->competing[node].component < 0 ||
+        consensus->competing[node].component != consensus->competing[anchor].component)
         return 0;
-    *pose = cairn_turned_compose(
-        consensus->chart[anchor].pose,
-        cairn_turned_compose(cairn_turned_inverse(consensus->rival[anchor].pose),
-                             consensus->rival[node].pose));
-    return !cairn_consensus_same(consensus, *pose, consensus->chart[node].pose);
+    *pose = cairn_consensus_compose(
+        consensus->current[anchor].pose,
+        cairn_consensus_compose(cairn_consensus_inverse(consensus->competing[anchor].pose),
+                                consensus->competing[node].pose));
+    return !cairn_consensus_is_same_pose(consensus, *pose, consensus->current[node].pose);
 }
 
 /* Inserts the competing map's pose first, if alternatives are stored at all. */
@@ -41,7 +41,7 @@ static void insert_competing(cairn_pose_consensus *consensus, int32_t node)
 {
     cairn_consensus_alternative *list =
         &consensus->alternatives[node * consensus->params.max_alternatives];
-    cairn_turned_pose pose;
+    cairn_consensus_pose pose;
     int32_t *count = &consensus->nodes[node].alternatives;
 
     if (consensus->params.max_alternatives == 0 || !competing_pose(consensus, node, &pose))
@@ -49,9 +49,9 @@ static void insert_competing(cairn_pose_consensus *consensus, int32_t node)
     if (*count == consensus->params.max_alternatives)
         (*count)--;
     memmove(&list[1], &list[0], (size_t)*count * sizeof *list);
-    list[0].map_node = cairn_turned_pose_of(pose);
-    list[0].support = consensus->result.rival;
-    list[0].whole = 1;
+    list[0].map_node = cairn_consensus_to_pose(pose);
+    list[0].support = consensus->result.competing_total;
+    list[0].is_other_map = 1;
     (*count)++;
 }
 
@@ -65,7 +65,8 @@ static void set_weights(cairn_pose_consensus *consensus, int32_t node)
 
     for (int32_t i = 0; i < chosen->alternatives; i++) {
         list[i].weight = cairn_exp(cairn_min(
-            list[i].support - (list[i].whole ? consensus->result.total : chosen->support), 0));
+            list[i].support - (list[i].is_other_map ? consensus->result.total : chosen->support),
+            0));
         sum += list[i].weight;
     }
     for (int32_t i = 0; i < chosen->alternatives; i++)
@@ -78,7 +79,8 @@ static void set_weights(cairn_pose_consensus *consensus, int32_t node)
             list[at] = list[at + 1];
         list[at] = other_map;
     }
-    chosen->ambiguous |= chosen->alternatives > 0 && list[0].weight >= consensus->params.ambiguous;
+    chosen->ambiguous |=
+        chosen->alternatives > 0 && list[0].weight >= consensus->params.min_ambiguous_weight;
     consensus->result.ambiguous += chosen->ambiguous;
 }
 
@@ -87,7 +89,7 @@ static int32_t size_of_part(const cairn_pose_consensus *consensus, int32_t part)
     int32_t size = 0;
 
     for (int32_t i = 0; i < consensus->node_count; i++)
-        size += consensus->chart[i].part == part;
+        size += consensus->current[i].component == part;
     return size;
 }
 
@@ -96,15 +98,15 @@ static int32_t size_of_part(const cairn_pose_consensus *consensus, int32_t part)
 static void number_parts(cairn_pose_consensus *consensus)
 {
     for (int32_t i = 0; i < consensus->node_count; i++)
-        consensus->nodes[i].part = -1;
+        consensus->nodes[i].component = -1;
     for (;;) {
         int32_t best = -1, size = 0;
 
         for (int32_t i = 0; i < consensus->node_count; i++) {
-            int32_t here = consensus->nodes[i].part >= 0 ? 0
-                           : consensus->chart[i].part < 0
+            int32_t here = consensus->nodes[i].component >= 0 ? 0
+                           : consensus->current[i].component < 0
                                ? 1
-                               : size_of_part(consensus, consensus->chart[i].part);
+                               : size_of_part(consensus, consensus->current[i].component);
 
             if (here > size) {
                 best = i;
@@ -114,11 +116,12 @@ static void number_parts(cairn_pose_consensus *consensus)
         if (best < 0)
             return;
         for (int32_t i = 0; i < consensus->node_count; i++)
-            if (i == best || (consensus->chart[best].part >= 0 &&
-                              consensus->chart[i].part == consensus->chart[best].part))
-                consensus->nodes[i].part = consensus->result.parts;
-        consensus->result.parts++;
-        consensus->result.placed += consensus->chart[best].part >= 0 ? size : 0;
+            if (i == best ||
+                (consensus->current[best].component >= 0 &&
+                 consensus->current[i].component == consensus->current[best].component))
+                consensus->nodes[i].component = consensus->result.components;
+        consensus->result.components++;
+        consensus->result.placed += consensus->current[best].component >= 0 ? size : 0;
     }
 }
 
@@ -128,10 +131,10 @@ static cairn_pose frame_of(const cairn_pose_consensus *consensus, int32_t node)
     cairn_pose frame;
 
     if (consensus->bound_count == 0)
-        return cairn_pose_inverse(
-            cairn_turned_pose_of(consensus->chart[first_of_part(consensus->chart, node)].pose));
-    (void)cairn_consensus_within_bounds(consensus, consensus->chart[node].part, -1,
-                                        consensus->chart[node].pose, &frame);
+        return cairn_pose_inverse(cairn_consensus_to_pose(
+            consensus->current[first_of_part(consensus->current, node)].pose));
+    (void)cairn_consensus_within_bounds(consensus, consensus->current[node].component, -1,
+                                        consensus->current[node].pose, &frame);
     return frame;
 }
 
@@ -157,7 +160,7 @@ static void move_into_frame(cairn_pose_consensus *consensus, int32_t node)
     cairn_pose frame = frame_of(consensus, node);
 
     consensus->nodes[node].map_node =
-        cairn_pose_compose(frame, cairn_turned_pose_of(consensus->chart[node].pose));
+        cairn_pose_compose(frame, cairn_consensus_to_pose(consensus->current[node].pose));
     rotate_covariance(consensus->nodes[node].covariance, frame);
     for (int32_t i = 0; i < consensus->nodes[node].alternatives; i++)
         list[i].map_node = cairn_pose_compose(frame, list[i].map_node);
@@ -180,15 +183,15 @@ static void write_covariance(cairn_pose_consensus *consensus, int32_t node)
 
 /* Returns 1 when a candidate is at another place and significant there by itself. */
 static int is_significant_elsewhere(const cairn_pose_consensus *consensus,
-                                    const cairn_candidate *candidate)
+                                    const cairn_consensus_candidate *candidate)
 {
-    cairn_turned_pose here = consensus->chart[candidate->node].pose;
+    cairn_consensus_pose here = consensus->current[candidate->node].pose;
     cairn_real x = candidate->pose.transform.x - here.transform.x,
                y = candidate->pose.transform.y - here.transform.y;
 
-    return consensus->params.believed > 0 &&
-           cairn_consensus_is_believed(consensus, candidate->support, candidate->against) &&
-           cairn_exp(-candidate->against) >= consensus->params.ambiguous &&
+    return consensus->params.significant_support > 0 &&
+           cairn_consensus_is_significant(consensus, candidate->support, candidate->violations) &&
+           cairn_exp(-candidate->violations) >= consensus->params.min_ambiguous_weight &&
            (x * x + y * y > OTHER_PLACE_M * OTHER_PLACE_M ||
             cairn_abs(cairn_wrap_angle(candidate->pose.theta - here.theta)) > OTHER_PLACE_RAD);
 }
@@ -197,25 +200,25 @@ static int is_significant_elsewhere(const cairn_pose_consensus *consensus,
 void cairn_consensus_report_node(cairn_pose_consensus *consensus)
 {
     cairn_consensus_node *node = &consensus->nodes[consensus->subject];
-    const cairn_chart_node *chart = &consensus->chart[consensus->subject];
+    const cairn_consensus_assignment *chart = &consensus->current[consensus->subject];
     cairn_consensus_alternative *list =
         &consensus->alternatives[consensus->subject * consensus->params.max_alternatives];
     cairn_consensus_support support =
-        cairn_consensus_support_of(consensus, consensus->subject, chart->pose, chart->part, 1);
+        cairn_consensus_support_of(consensus, consensus->subject, chart->pose, chart->component, 1);
 
-    consensus->debt += 2 * support.units;
+    consensus->units_owed += 2 * support.units;
     write_covariance(consensus, consensus->subject);
     node->support = support.sum;
     node->agreeing = support.agreeing;
-    node->contradicting = support.contradicting;
+    node->conflicting = support.conflicting;
     for (int32_t i = 0; i < consensus->candidate_count; i++) {
         cairn_consensus_alternative alternative = {
-            cairn_turned_pose_of(consensus->candidates[i].pose), consensus->candidates[i].support,
-            0, 0};
+            cairn_consensus_to_pose(consensus->candidates[i].pose),
+            consensus->candidates[i].support, 0, 0};
         int32_t at = node->alternatives;
 
         node->ambiguous |= is_significant_elsewhere(consensus, &consensus->candidates[i]);
-        if (consensus->candidates[i].current || !(alternative.support > 0))
+        if (consensus->candidates[i].is_current || !(alternative.support > 0))
             continue;
         while (at > 0 && list[at - 1].support < alternative.support)
             at--;
@@ -231,60 +234,62 @@ void cairn_consensus_report_node(cairn_pose_consensus *consensus)
 
 /* Propagates ambiguity: a node is ambiguous when most of its support comes from ambiguous nodes.
  * Repeated until nothing changes. */
-void cairn_consensus_spread_item(cairn_pose_consensus *consensus)
+void cairn_consensus_propagate_ambiguity_item(cairn_pose_consensus *consensus)
 {
     int32_t node = consensus->next, link, units = 1;
     cairn_real all = 0, doubtful = 0;
 
-    consensus->debt++;
+    consensus->units_owed++;
     if (consensus->next == consensus->end) {
-        cairn_consensus_enter(
-            consensus, consensus->changed > 0 ? CAIRN_CONSENSUS_SPREAD : CAIRN_CONSENSUS_IDLE,
-            consensus->node_count);
-        consensus->changed = 0;
+        cairn_consensus_enter(consensus,
+                              consensus->changed_nodes > 0 ? CAIRN_CONSENSUS_PROPAGATE_AMBIGUITY
+                                                           : CAIRN_CONSENSUS_IDLE,
+                              consensus->node_count);
+        consensus->changed_nodes = 0;
         return;
     }
     consensus->next++;
-    if (consensus->chart[node].part < 0 || consensus->nodes[node].ambiguous)
+    if (consensus->current[node].component < 0 || consensus->nodes[node].ambiguous)
         return;
     link = consensus->first_link[node];
     for (int32_t i = 0; i < consensus->node_count; i++)
-        if (i != node && consensus->chart[i].part == consensus->chart[node].part) {
-            cairn_real evidence = cairn_consensus_evidence(
-                consensus, node, consensus->chart[node].pose, i, &link, &units);
+        if (i != node && consensus->current[i].component == consensus->current[node].component) {
+            cairn_real evidence = cairn_consensus_pair_likelihood(
+                consensus, node, consensus->current[node].pose, i, &link, &units);
 
             all += cairn_max(evidence, 0);
             doubtful += consensus->nodes[i].ambiguous ? cairn_max(evidence, 0) : 0;
         }
     consensus->nodes[node].ambiguous = 2 * doubtful > all;
-    consensus->changed += consensus->nodes[node].ambiguous;
+    consensus->changed_nodes += consensus->nodes[node].ambiguous;
     consensus->result.ambiguous += consensus->nodes[node].ambiguous;
-    consensus->debt += units;
+    consensus->units_owed += units;
 }
 
 void cairn_consensus_finish(cairn_pose_consensus *consensus)
 {
     consensus->result.nodes = consensus->node_count;
     for (int32_t i = 0; i < consensus->node_count; i++) {
-        if (consensus->chart[i].part < 0) {
+        if (consensus->current[i].component < 0) {
             consensus->nodes[i].map_node = consensus->bounds[i].centre;
             continue;
         }
         insert_competing(consensus, i);
         set_weights(consensus, i);
         move_into_frame(consensus, i);
-        consensus->debt += 4;
+        consensus->units_owed += 4;
     }
     number_parts(consensus);
-    consensus->debt += consensus->node_count;
+    consensus->units_owed += consensus->node_count;
     for (int32_t h = 0; h < consensus->hypothesis_count; h++) {
-        const cairn_kept_hypothesis *kept = &consensus->hypotheses[h];
-        const cairn_chart_node *first = &consensus->chart[kept->first],
-                               *second = &consensus->chart[kept->second];
+        const cairn_consensus_hypothesis *kept = &consensus->hypotheses[h];
+        const cairn_consensus_assignment *first = &consensus->current[kept->first],
+                                         *second = &consensus->current[kept->second];
 
-        consensus->result.agreeing +=
-            first->part >= 0 && first->part == second->part &&
-            cairn_consensus_chi(kept, first->pose, second->pose, NULL) < consensus->params.gate;
+        consensus->result.inliers += first->component >= 0 &&
+                                     first->component == second->component &&
+                                     cairn_consensus_chi2(kept, first->pose, second->pose, NULL) <
+                                         consensus->params.max_chi2;
     }
-    consensus->debt += consensus->hypothesis_count / 2;
+    consensus->units_owed += consensus->hypothesis_count / 2;
 }

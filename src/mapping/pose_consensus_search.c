@@ -29,24 +29,24 @@ static int32_t strongest_hypothesis(cairn_pose_consensus *consensus, int32_t for
     int32_t index = -1;
 
     for (int32_t i = 0; i < consensus->hypothesis_count; i++) {
-        const cairn_kept_hypothesis *h = &consensus->hypotheses[i];
+        const cairn_consensus_hypothesis *h = &consensus->hypotheses[i];
 
-        if (consensus->chart[h->first].part < 0 && consensus->chart[h->second].part < 0 &&
-            !(for_new_map && h->is_explained) && h->score >= consensus->params.min_support &&
-            h->score + h->cycles > best) {
-            best = h->score + h->cycles;
+        if (consensus->current[h->first].component < 0 &&
+            consensus->current[h->second].component < 0 && !(for_new_map && h->is_explained) &&
+            h->score >= consensus->params.min_support && h->score + h->cycle_score > best) {
+            best = h->score + h->cycle_score;
             index = i;
         }
     }
-    consensus->debt += 1 + consensus->hypothesis_count / 8;
+    consensus->units_owed += 1 + consensus->hypothesis_count / 8;
     return index;
 }
 
-static void place(cairn_pose_consensus *consensus, int32_t node, cairn_turned_pose pose,
+static void place(cairn_pose_consensus *consensus, int32_t node, cairn_consensus_pose pose,
                   int32_t part)
 {
-    consensus->chart[node].pose = pose;
-    consensus->chart[node].part = part;
+    consensus->current[node].pose = pose;
+    consensus->current[node].component = part;
 }
 
 static void search(cairn_pose_consensus *consensus, cairn_consensus_choice choice, int32_t subject)
@@ -66,14 +66,14 @@ static void search(cairn_pose_consensus *consensus, cairn_consensus_choice choic
  * second. */
 static void begin_part(cairn_pose_consensus *consensus, int32_t hypothesis)
 {
-    const cairn_kept_hypothesis *h = &consensus->hypotheses[hypothesis];
-    cairn_turned_pose first = cairn_turned_of(consensus->bounds[h->first].centre);
-    cairn_turned_pose second = cairn_turned_compose(first, h->first_second);
+    const cairn_consensus_hypothesis *h = &consensus->hypotheses[hypothesis];
+    cairn_consensus_pose first = cairn_consensus_pose_of(consensus->bounds[h->first].centre);
+    cairn_consensus_pose second = cairn_consensus_compose(first, h->first_second);
 
-    consensus->part = consensus->parts++;
-    place(consensus, h->first, first, consensus->part);
-    if (cairn_consensus_within_bounds(consensus, consensus->part, h->second, second, NULL))
-        place(consensus, h->second, second, consensus->part);
+    consensus->component = consensus->component_count++;
+    place(consensus, h->first, first, consensus->component);
+    if (cairn_consensus_within_bounds(consensus, consensus->component, h->second, second, NULL))
+        place(consensus, h->second, second, consensus->component);
     search(consensus, CAIRN_CHOOSE_NEXT, 0);
 }
 
@@ -86,8 +86,8 @@ static void relax(cairn_pose_consensus *consensus, int32_t sweeps, cairn_consens
 
 void cairn_consensus_begin_report(cairn_pose_consensus *consensus)
 {
-    memcpy(consensus->chart, consensus->best,
-           (size_t)consensus->node_count * sizeof *consensus->chart);
+    memcpy(consensus->current, consensus->best,
+           (size_t)consensus->node_count * sizeof *consensus->current);
     relax(consensus, SWEEPS_END, CAIRN_CONSENSUS_REPORT);
 }
 
@@ -96,10 +96,10 @@ static void start_growth(cairn_pose_consensus *consensus)
     int32_t hypothesis = -1;
 
     for (int32_t i = 0; i < consensus->node_count; i++)
-        consensus->chart[i].part = -1;
-    if (consensus->result.starts < consensus->params.max_starts && consensus->passes == 0)
+        consensus->current[i].component = -1;
+    if (consensus->result.starts < consensus->params.max_starts && consensus->block_passes == 0)
         hypothesis = strongest_hypothesis(consensus, 1);
-    consensus->debt++;
+    consensus->units_owed++;
     if (hypothesis < 0) {
         cairn_consensus_begin_blocks(consensus);
         return;
@@ -107,33 +107,34 @@ static void start_growth(cairn_pose_consensus *consensus)
     consensus->hypotheses[hypothesis].is_explained = 1;
     consensus->start = hypothesis;
     consensus->result.starts++;
-    consensus->parts = consensus->rounds = 0;
+    consensus->component_count = consensus->rounds = 0;
     begin_part(consensus, hypothesis);
 }
 
 /* ---- A choice ---- */
 
-static cairn_real rank_of(const cairn_candidate *candidate)
+static cairn_real rank_of(const cairn_consensus_candidate *candidate)
 {
-    return candidate->support + candidate->cycles;
+    return candidate->support + candidate->cycle_score;
 }
 
 /* Order of the candidate list; the current pose is always kept. */
-static int is_before(const cairn_candidate *a, const cairn_candidate *b)
+static int is_before(const cairn_consensus_candidate *a, const cairn_consensus_candidate *b)
 {
-    return a->current || (!b->current && rank_of(a) >= rank_of(b));
+    return a->is_current || (!b->is_current && rank_of(a) >= rank_of(b));
 }
 
 /* Inserts into the list of the best candidates, with non-maximum suppression: of two equal poses of
  * a node the better stays, or the current one. */
-static void insert_candidate(cairn_pose_consensus *consensus, const cairn_candidate *candidate)
+static void insert_candidate(cairn_pose_consensus *consensus,
+                             const cairn_consensus_candidate *candidate)
 {
-    cairn_candidate *list = consensus->candidates;
+    cairn_consensus_candidate *list = consensus->candidates;
     int32_t at = 0, same = -1;
 
     for (int32_t i = 0; i < consensus->candidate_count && same < 0; i++)
-        if (list[i].node == candidate->node && list[i].part == candidate->part &&
-            cairn_consensus_same(consensus, list[i].pose, candidate->pose))
+        if (list[i].node == candidate->node && list[i].component == candidate->component &&
+            cairn_consensus_is_same_pose(consensus, list[i].pose, candidate->pose))
             same = i;
     if (same >= 0 && is_before(&list[same], candidate))
         return;
@@ -153,58 +154,58 @@ static void insert_candidate(cairn_pose_consensus *consensus, const cairn_candid
     consensus->candidate_count++;
 }
 
-static void vote(cairn_pose_consensus *consensus, cairn_candidate *candidate)
+static void vote(cairn_pose_consensus *consensus, cairn_consensus_candidate *candidate)
 {
-    cairn_consensus_support support =
-        cairn_consensus_support_of(consensus, candidate->node, candidate->pose, candidate->part, 0);
+    cairn_consensus_support support = cairn_consensus_support_of(
+        consensus, candidate->node, candidate->pose, candidate->component, 0);
 
     candidate->support = support.sum;
-    consensus->debt += support.units;
-    if (cairn_consensus_within_bounds(consensus, candidate->part, candidate->node, candidate->pose,
-                                      NULL))
+    consensus->units_owed += support.units;
+    if (cairn_consensus_within_bounds(consensus, candidate->component, candidate->node,
+                                      candidate->pose, NULL))
         insert_candidate(consensus, candidate);
     if (consensus->bound_count > 0)
-        consensus->debt += consensus->node_count;
+        consensus->units_owed += consensus->node_count;
 }
 
 static void propose(cairn_pose_consensus *consensus, int32_t link)
 {
-    const cairn_kept_hypothesis *h = &consensus->hypotheses[consensus->links[link].hypothesis];
-    const cairn_chart_node *other = &consensus->chart[consensus->links[link].other];
-    cairn_candidate candidate;
+    const cairn_consensus_hypothesis *h = &consensus->hypotheses[consensus->links[link].hypothesis];
+    const cairn_consensus_assignment *other = &consensus->current[consensus->links[link].other];
+    cairn_consensus_candidate candidate;
 
     memset(&candidate, 0, sizeof candidate);
     candidate.node = consensus->subject;
-    candidate.part = other->part;
-    candidate.pose = cairn_turned_compose(
-        other->pose, cairn_consensus_seen_from(h, consensus->links[link].other));
-    candidate.cycles = consensus->choice == CAIRN_CHOOSE_NEXT ? h->cycles : 0;
+    candidate.component = other->component;
+    candidate.pose = cairn_consensus_compose(
+        other->pose, cairn_consensus_relative_to(h, consensus->links[link].other));
+    candidate.cycle_score = consensus->choice == CAIRN_CHOOSE_NEXT ? h->cycle_score : 0;
     vote(consensus, &candidate);
 }
 
 static int is_open(const cairn_pose_consensus *consensus, int32_t link)
 {
-    int32_t here = consensus->chart[consensus->subject].part,
-            there = consensus->chart[consensus->links[link].other].part;
+    int32_t here = consensus->current[consensus->subject].component,
+            there = consensus->current[consensus->links[link].other].component;
 
     if (consensus->choice == CAIRN_CHOOSE_NEXT)
-        return here < 0 && there == consensus->part;
-    return consensus->choice == CAIRN_CHOOSE_AGAIN ? there >= 0 : there >= 0 && there == here;
+        return here < 0 && there == consensus->component;
+    return consensus->choice == CAIRN_CHOOSE_REASSIGN ? there >= 0 : there >= 0 && there == here;
 }
 
 static void search_item(cairn_pose_consensus *consensus)
 {
-    consensus->debt++;
+    consensus->units_owed++;
     if (consensus->choice != CAIRN_CHOOSE_NEXT &&
         consensus->next == consensus->first_link[consensus->subject] &&
-        consensus->candidate_count == 0 && consensus->chart[consensus->subject].part >= 0) {
-        cairn_candidate current;
+        consensus->candidate_count == 0 && consensus->current[consensus->subject].component >= 0) {
+        cairn_consensus_candidate current;
 
         memset(&current, 0, sizeof current);
         current.node = consensus->subject;
-        current.part = consensus->chart[consensus->subject].part;
-        current.pose = consensus->chart[consensus->subject].pose;
-        current.current = 1;
+        current.component = consensus->current[consensus->subject].component;
+        current.pose = consensus->current[consensus->subject].pose;
+        current.is_current = 1;
         vote(consensus, &current);
     }
     if (consensus->next < consensus->end) {
@@ -215,7 +216,7 @@ static void search_item(cairn_pose_consensus *consensus)
         consensus->next++;
         return;
     }
-    cairn_consensus_enter(consensus, CAIRN_CONSENSUS_JUDGE, consensus->candidate_count);
+    cairn_consensus_enter(consensus, CAIRN_CONSENSUS_EVALUATE, consensus->candidate_count);
 }
 
 /* Returns the candidate of the best rank with enough support; -1: none. */
@@ -243,7 +244,7 @@ static void choose_next(cairn_pose_consensus *consensus)
 
     if (best >= 0) {
         place(consensus, consensus->candidates[best].node, consensus->candidates[best].pose,
-              consensus->part);
+              consensus->component);
         relax(consensus, SWEEPS_GROWTH, CAIRN_CONSENSUS_SEARCH);
         return;
     }
@@ -257,21 +258,21 @@ static void choose_next(cairn_pose_consensus *consensus)
 static void reassign(cairn_pose_consensus *consensus)
 {
     int32_t best = best_candidate(consensus), current = -1;
-    cairn_chart_node *node = &consensus->chart[consensus->subject];
+    cairn_consensus_assignment *node = &consensus->current[consensus->subject];
 
     for (int32_t i = 0; i < consensus->candidate_count; i++)
-        if (consensus->candidates[i].current)
+        if (consensus->candidates[i].is_current)
             current = i;
     if (best < 0) {
-        consensus->changed += node->part >= 0;
-        node->part = -1;
+        consensus->changed_nodes += node->component >= 0;
+        node->component = -1;
     } else if (current < 0 || consensus->candidates[best].support >
                                   consensus->candidates[current].support + MIN_GAIN_NATS) {
         place(consensus, consensus->subject, consensus->candidates[best].pose,
-              consensus->candidates[best].part);
-        consensus->changed++;
+              consensus->candidates[best].component);
+        consensus->changed_nodes++;
     }
-    cairn_consensus_enter(consensus, CAIRN_CONSENSUS_AGAIN, consensus->node_count);
+    cairn_consensus_enter(consensus, CAIRN_CONSENSUS_REASSIGN, consensus->node_count);
     consensus->next = consensus->subject + 1;
 }
 
@@ -279,18 +280,18 @@ static void report_item(cairn_pose_consensus *consensus);
 
 static void evaluate_item(cairn_pose_consensus *consensus)
 {
-    consensus->debt++;
+    consensus->units_owed++;
     if (consensus->next < consensus->end) {
-        cairn_candidate *candidate = &consensus->candidates[consensus->next++];
+        cairn_consensus_candidate *candidate = &consensus->candidates[consensus->next++];
         cairn_consensus_support support = cairn_consensus_support_of(
-            consensus, candidate->node, candidate->pose, candidate->part, 1);
+            consensus, candidate->node, candidate->pose, candidate->component, 1);
 
         candidate->support = support.sum;
-        candidate->against = support.against;
-        consensus->debt += support.units;
+        candidate->violations = support.violations;
+        consensus->units_owed += support.units;
     } else if (consensus->choice == CAIRN_CHOOSE_NEXT) {
         choose_next(consensus);
-    } else if (consensus->choice == CAIRN_CHOOSE_AGAIN) {
+    } else if (consensus->choice == CAIRN_CHOOSE_REASSIGN) {
         reassign(consensus);
     } else {
         report_item(consensus);
@@ -300,63 +301,66 @@ static void evaluate_item(cairn_pose_consensus *consensus)
 /* ---- Merging and reassignment ---- */
 
 cairn_real cairn_consensus_merged_support(cairn_pose_consensus *consensus,
-                                          const cairn_candidate *merge, int32_t judged)
+                                          const cairn_consensus_candidate *merge, int32_t judged)
 {
     cairn_real sum = 0;
 
     for (int32_t i = 0; i < consensus->node_count; i++)
-        if (consensus->chart[i].part == merge->node) {
+        if (consensus->current[i].component == merge->node) {
             cairn_consensus_support support = cairn_consensus_support_of(
-                consensus, i, cairn_turned_compose(merge->pose, consensus->chart[i].pose),
-                merge->part, judged);
+                consensus, i, cairn_consensus_compose(merge->pose, consensus->current[i].pose),
+                merge->component, judged);
 
             sum += support.sum;
-            consensus->debt += support.units;
+            consensus->units_owed += support.units;
         }
     return sum;
 }
 
-static void propose_merge(cairn_pose_consensus *consensus, const cairn_kept_hypothesis *h)
+static void propose_merge(cairn_pose_consensus *consensus, const cairn_consensus_hypothesis *h)
 {
-    const cairn_chart_node *first = &consensus->chart[h->first],
-                           *second = &consensus->chart[h->second];
-    cairn_candidate merge;
+    const cairn_consensus_assignment *first = &consensus->current[h->first],
+                                     *second = &consensus->current[h->second];
+    cairn_consensus_candidate merge;
 
     memset(&merge, 0, sizeof merge);
-    merge.node = second->part;
-    merge.part = first->part;
-    merge.pose = cairn_turned_compose(cairn_turned_compose(first->pose, h->first_second),
-                                      cairn_turned_inverse(second->pose));
+    merge.node = second->component;
+    merge.component = first->component;
+    merge.pose = cairn_consensus_compose(cairn_consensus_compose(first->pose, h->first_second),
+                                         cairn_consensus_inverse(second->pose));
     merge.support = cairn_consensus_merged_support(consensus, &merge, 0);
     if (merge.support > consensus->merge.support)
         consensus->merge = merge;
 }
 
-int32_t cairn_consensus_lay(cairn_pose_consensus *consensus, const cairn_candidate *merge)
+int32_t cairn_consensus_apply_merge(cairn_pose_consensus *consensus,
+                                    const cairn_consensus_candidate *merge)
 {
-    cairn_turned_pose back = cairn_turned_inverse(merge->pose);
+    cairn_consensus_pose back = cairn_consensus_inverse(merge->pose);
 
     for (int32_t i = 0; i < consensus->node_count; i++) {
-        consensus->chart[i].part_before = consensus->chart[i].part;
-        if (consensus->chart[i].part == merge->node)
-            place(consensus, i, cairn_turned_compose(merge->pose, consensus->chart[i].pose),
-                  merge->part);
+        consensus->current[i].component_before = consensus->current[i].component;
+        if (consensus->current[i].component == merge->node)
+            place(consensus, i, cairn_consensus_compose(merge->pose, consensus->current[i].pose),
+                  merge->component);
     }
-    if (cairn_consensus_within_bounds(consensus, merge->part, -1, back, NULL))
+    if (cairn_consensus_within_bounds(consensus, merge->component, -1, back, NULL))
         return 1;
     for (int32_t i = 0; i < consensus->node_count; i++)
-        if (consensus->chart[i].part_before == merge->node)
-            place(consensus, i, cairn_turned_compose(back, consensus->chart[i].pose), merge->node);
+        if (consensus->current[i].component_before == merge->node)
+            place(consensus, i, cairn_consensus_compose(back, consensus->current[i].pose),
+                  merge->node);
     return 0;
 }
 
 static void merge_item(cairn_pose_consensus *consensus)
 {
-    const cairn_kept_hypothesis *h = &consensus->hypotheses[consensus->next];
+    const cairn_consensus_hypothesis *h = &consensus->hypotheses[consensus->next];
 
-    consensus->debt++;
+    consensus->units_owed++;
     if (consensus->next < consensus->end) {
-        int32_t first = consensus->chart[h->first].part, second = consensus->chart[h->second].part;
+        int32_t first = consensus->current[h->first].component,
+                second = consensus->current[h->second].component;
 
         consensus->next++;
         if (first >= 0 && second >= 0 && first != second)
@@ -364,12 +368,12 @@ static void merge_item(cairn_pose_consensus *consensus)
     } else if (consensus->merge.support > 0 &&
                cairn_consensus_merged_support(consensus, &consensus->merge, 1) >=
                    consensus->params.min_support &&
-               cairn_consensus_lay(consensus, &consensus->merge)) {
+               cairn_consensus_apply_merge(consensus, &consensus->merge)) {
         cairn_consensus_begin_rounds(consensus);
     } else {
-        consensus->changed = 0;
+        consensus->changed_nodes = 0;
         cairn_consensus_enter(
-            consensus, CAIRN_CONSENSUS_AGAIN,
+            consensus, CAIRN_CONSENSUS_REASSIGN,
             consensus->rounds < consensus->params.max_rounds ? consensus->node_count : 0);
         consensus->rounds++;
     }
@@ -377,10 +381,10 @@ static void merge_item(cairn_pose_consensus *consensus)
 
 static void reassign_item(cairn_pose_consensus *consensus)
 {
-    consensus->debt++;
+    consensus->units_owed++;
     if (consensus->next < consensus->end) {
-        search(consensus, CAIRN_CHOOSE_AGAIN, consensus->next);
-    } else if (consensus->changed > 0) {
+        search(consensus, CAIRN_CHOOSE_REASSIGN, consensus->next);
+    } else if (consensus->changed_nodes > 0) {
         consensus->result.rounds++;
         relax(consensus, SWEEPS_ROUND, CAIRN_CONSENSUS_MERGE);
     } else {
@@ -392,9 +396,9 @@ static void reassign_item(cairn_pose_consensus *consensus)
 static void relax_item(cairn_pose_consensus *consensus)
 {
     if (consensus->next < consensus->end) {
-        consensus->debt += 2 + (consensus->first_link[consensus->next + 1] -
-                                consensus->first_link[consensus->next]) /
-                                   4;
+        consensus->units_owed += 2 + (consensus->first_link[consensus->next + 1] -
+                                      consensus->first_link[consensus->next]) /
+                                         4;
         cairn_consensus_relax(consensus, consensus->next);
         consensus->next++;
     } else if (--consensus->sweeps > 0) {
@@ -411,30 +415,31 @@ static void relax_item(cairn_pose_consensus *consensus)
 /* ---- Comparison ---- */
 
 /* Returns 1 when two maps have the same components with equal relative poses. */
-static int same_map(const cairn_pose_consensus *consensus, const cairn_chart_node *a,
-                    const cairn_chart_node *b)
+static int same_map(const cairn_pose_consensus *consensus, const cairn_consensus_assignment *a,
+                    const cairn_consensus_assignment *b)
 {
     for (int32_t i = 0; i < consensus->node_count; i++) {
         int32_t anchor = 0;
 
-        if (a[i].part < 0 || b[i].part < 0) {
-            if (a[i].part != b[i].part)
+        if (a[i].component < 0 || b[i].component < 0) {
+            if (a[i].component != b[i].component)
                 return 0;
             continue;
         }
-        while (a[anchor].part != a[i].part)
+        while (a[anchor].component != a[i].component)
             anchor++;
-        if (b[anchor].part != b[i].part ||
-            !cairn_consensus_same(
-                consensus, cairn_turned_compose(cairn_turned_inverse(a[anchor].pose), a[i].pose),
-                cairn_turned_compose(cairn_turned_inverse(b[anchor].pose), b[i].pose)))
+        if (b[anchor].component != b[i].component ||
+            !cairn_consensus_is_same_pose(
+                consensus,
+                cairn_consensus_compose(cairn_consensus_inverse(a[anchor].pose), a[i].pose),
+                cairn_consensus_compose(cairn_consensus_inverse(b[anchor].pose), b[i].pose)))
             return 0;
     }
     return 1;
 }
 
-static void copy_map(const cairn_pose_consensus *consensus, cairn_chart_node *to,
-                     const cairn_chart_node *from)
+static void copy_map(const cairn_pose_consensus *consensus, cairn_consensus_assignment *to,
+                     const cairn_consensus_assignment *from)
 {
     memcpy(to, from, (size_t)consensus->node_count * sizeof *to);
 }
@@ -443,51 +448,51 @@ static void copy_map(const cairn_pose_consensus *consensus, cairn_chart_node *to
 static void compare(cairn_pose_consensus *consensus)
 {
     cairn_consensus_result *result = &consensus->result;
-    int is_first = result->starts == 1 && consensus->passes == 0,
-        is_other = !is_first && !same_map(consensus, consensus->chart, consensus->best);
+    int is_first = result->starts == 1 && consensus->block_passes == 0,
+        is_other = !is_first && !same_map(consensus, consensus->current, consensus->best);
     int is_better = is_first || consensus->total > result->total;
 
     if (is_better && is_other) {
-        copy_map(consensus, consensus->rival, consensus->best);
-        result->rival = result->total;
-    } else if (is_other && consensus->total > result->rival) {
-        copy_map(consensus, consensus->rival, consensus->chart);
-        result->rival = consensus->total;
+        copy_map(consensus, consensus->competing, consensus->best);
+        result->competing_total = result->total;
+    } else if (is_other && consensus->total > result->competing_total) {
+        copy_map(consensus, consensus->competing, consensus->current);
+        result->competing_total = consensus->total;
     }
     if (is_better) {
-        copy_map(consensus, consensus->best, consensus->chart);
+        copy_map(consensus, consensus->best, consensus->current);
         result->total = consensus->total;
         result->start = consensus->start;
     }
-    consensus->debt += consensus->node_count / 2;
+    consensus->units_owed += consensus->node_count / 2;
 }
 
 static void mark_explained(cairn_pose_consensus *consensus)
 {
     for (int32_t i = 0; i < consensus->hypothesis_count; i++) {
-        cairn_kept_hypothesis *h = &consensus->hypotheses[i];
-        const cairn_chart_node *first = &consensus->chart[h->first],
-                               *second = &consensus->chart[h->second];
+        cairn_consensus_hypothesis *h = &consensus->hypotheses[i];
+        const cairn_consensus_assignment *first = &consensus->current[h->first],
+                                         *second = &consensus->current[h->second];
 
-        if (first->part >= 0 && first->part == second->part &&
-            cairn_consensus_chi(h, first->pose, second->pose, NULL) < consensus->params.gate)
+        if (first->component >= 0 && first->component == second->component &&
+            cairn_consensus_chi2(h, first->pose, second->pose, NULL) < consensus->params.max_chi2)
             h->is_explained = 1;
     }
-    consensus->debt += consensus->hypothesis_count / 2;
+    consensus->units_owed += consensus->hypothesis_count / 2;
 }
 
 static void total_item(cairn_pose_consensus *consensus)
 {
-    consensus->debt++;
+    consensus->units_owed++;
     if (consensus->next < consensus->end) {
-        const cairn_chart_node *node = &consensus->chart[consensus->next];
+        const cairn_consensus_assignment *node = &consensus->current[consensus->next];
 
-        if (node->part >= 0) {
-            cairn_consensus_support support =
-                cairn_consensus_support_of(consensus, consensus->next, node->pose, node->part, 1);
+        if (node->component >= 0) {
+            cairn_consensus_support support = cairn_consensus_support_of(
+                consensus, consensus->next, node->pose, node->component, 1);
 
             consensus->total += support.sum / 2;
-            consensus->debt += support.units;
+            consensus->units_owed += support.units;
         }
         consensus->next++;
     } else {
@@ -502,23 +507,24 @@ static void total_item(cairn_pose_consensus *consensus)
 /* Visited twice per node: to search its alternatives, and after their evaluation. */
 static void report_item(cairn_pose_consensus *consensus)
 {
-    consensus->debt++;
-    if (consensus->phase == CAIRN_CONSENSUS_JUDGE) {
+    consensus->units_owed++;
+    if (consensus->phase == CAIRN_CONSENSUS_EVALUATE) {
         cairn_consensus_report_node(consensus);
         cairn_consensus_enter(consensus, CAIRN_CONSENSUS_REPORT, consensus->node_count);
         consensus->next = consensus->subject + 1;
         return;
     }
-    while (consensus->next < consensus->end && consensus->chart[consensus->next].part < 0)
+    while (consensus->next < consensus->end && consensus->current[consensus->next].component < 0)
         consensus->next++;
     if (consensus->next < consensus->end) {
         search(consensus, CAIRN_CHOOSE_ALTERNATIVES, consensus->next);
     } else {
         cairn_consensus_finish(consensus);
-        consensus->changed = 0;
+        consensus->changed_nodes = 0;
         cairn_consensus_enter(consensus,
-                              consensus->params.believed > 0 ? CAIRN_CONSENSUS_SPREAD
-                                                             : CAIRN_CONSENSUS_IDLE,
+                              consensus->params.significant_support > 0
+                                  ? CAIRN_CONSENSUS_PROPAGATE_AMBIGUITY
+                                  : CAIRN_CONSENSUS_IDLE,
                               consensus->node_count);
     }
 }
@@ -538,7 +544,7 @@ void cairn_consensus_item(cairn_pose_consensus *consensus)
     case CAIRN_CONSENSUS_SEARCH:
         search_item(consensus);
         break;
-    case CAIRN_CONSENSUS_JUDGE:
+    case CAIRN_CONSENSUS_EVALUATE:
         evaluate_item(consensus);
         break;
     case CAIRN_CONSENSUS_RELAX:
@@ -547,7 +553,7 @@ void cairn_consensus_item(cairn_pose_consensus *consensus)
     case CAIRN_CONSENSUS_MERGE:
         merge_item(consensus);
         break;
-    case CAIRN_CONSENSUS_AGAIN:
+    case CAIRN_CONSENSUS_REASSIGN:
         reassign_item(consensus);
         break;
     case CAIRN_CONSENSUS_TALLY:
@@ -562,17 +568,17 @@ void cairn_consensus_item(cairn_pose_consensus *consensus)
     case CAIRN_CONSENSUS_PROPOSE:
         cairn_consensus_propose_item(consensus);
         break;
-    case CAIRN_CONSENSUS_PART:
-        cairn_consensus_part_item(consensus);
+    case CAIRN_CONSENSUS_SPLIT:
+        cairn_consensus_split_item(consensus);
         break;
-    case CAIRN_CONSENSUS_ISLANDS:
-        cairn_consensus_island_item(consensus);
+    case CAIRN_CONSENSUS_SUBMAPS:
+        cairn_consensus_submap_item(consensus);
         break;
-    case CAIRN_CONSENSUS_NUMBER:
+    case CAIRN_CONSENSUS_NUMBER_SUBMAPS:
         cairn_consensus_number_item(consensus);
         break;
-    case CAIRN_CONSENSUS_SPREAD:
-        cairn_consensus_spread_item(consensus);
+    case CAIRN_CONSENSUS_PROPAGATE_AMBIGUITY:
+        cairn_consensus_propagate_ambiguity_item(consensus);
         break;
     default:
         report_item(consensus);

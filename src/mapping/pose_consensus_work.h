@@ -7,22 +7,22 @@
 #include "cairn/small_matrix.h"
 
 /* A pose with the sine and cosine of its angle. */
-typedef struct cairn_turned_pose {
+typedef struct cairn_consensus_pose {
     cairn_transform transform;
     cairn_real theta;
-} cairn_turned_pose;
+} cairn_consensus_pose;
 
-typedef struct cairn_kept_hypothesis {
+typedef struct cairn_consensus_hypothesis {
     int32_t first, second;
-    cairn_turned_pose first_second, second_first;
+    cairn_consensus_pose first_second, second_first;
     /* information of first_second with the nodes' model noise, in the frame of the first */
     cairn_sym3 information;
     cairn_real score;
     /* score of the agreeing cycles through a third node */
-    cairn_real cycles;
+    cairn_real cycle_score;
     /* 1: an inlier of a map found before, or the seed of one */
     int32_t is_explained;
-} cairn_kept_hypothesis;
+} cairn_consensus_hypothesis;
 
 /* A hypothesis in the list of one of its nodes; the links of a node are contiguous, sorted by the
  * other node. */
@@ -31,39 +31,39 @@ typedef struct cairn_consensus_link {
 } cairn_consensus_link;
 
 /* Assignment of a node: its pose and its component, -1 when it is not placed. */
-typedef struct cairn_chart_node {
-    cairn_turned_pose pose;
-    int32_t part;
-    int32_t part_before; /* during a tentative merge */
-} cairn_chart_node;
+typedef struct cairn_consensus_assignment {
+    cairn_consensus_pose pose;
+    int32_t component;
+    int32_t component_before; /* during a tentative merge */
+} cairn_consensus_assignment;
 
 /* A node in the maximum spanning tree of its component. */
 typedef struct cairn_consensus_branch {
     int32_t parent; /* -1: a root; while submaps are numbered the first node of its own submap */
-    int32_t is_in;
-    cairn_real evidence; /* log-likelihood ratio of the pair with the parent, nats */
+    int32_t is_in_tree;
+    cairn_real log_likelihood_ratio; /* log-likelihood ratio of the pair with the parent, nats */
 } cairn_consensus_branch;
 
-typedef struct cairn_node_bound {
+typedef struct cairn_consensus_bound {
     cairn_pose centre;
     cairn_real metres, radians; /* metres 0: no bound */
-} cairn_node_bound;
+} cairn_consensus_bound;
 
-typedef struct cairn_candidate {
-    cairn_turned_pose pose;
-    cairn_real support, against;
+typedef struct cairn_consensus_candidate {
+    cairn_consensus_pose pose;
+    cairn_real support, violations;
     /* score of the agreeing cycles of the proposing hypothesis, in growth; added to the support in
      * the choice */
-    cairn_real cycles;
-    int32_t node, part;
+    cairn_real cycle_score;
+    int32_t node, component;
     /* 1: the node's current pose */
-    int32_t current;
-} cairn_candidate;
+    int32_t is_current;
+} cairn_consensus_candidate;
 
 /* Support of a pose of a node by all pairs, nats. */
 typedef struct cairn_consensus_support {
-    cairn_real sum, against; /* violations: the sum of the negative terms, >= 0 */
-    int32_t agreeing, contradicting;
+    cairn_real sum, violations; /* violations: the sum of the negative terms, >= 0 */
+    int32_t agreeing, conflicting;
     int32_t units;
 } cairn_consensus_support;
 
@@ -72,44 +72,53 @@ enum {
     CAIRN_CONSENSUS_IDLE = 0,
     CAIRN_CONSENSUS_CYCLES,
     CAIRN_CONSENSUS_START,
-    CAIRN_CONSENSUS_SEARCH, /* votes for the candidates of a choice ... */
-    CAIRN_CONSENSUS_JUDGE,  /* ... and evaluation of the best voted by the likelihood functions */
+    /* votes for the candidates of a choice ... */
+    CAIRN_CONSENSUS_SEARCH,
+    /* ... and evaluation of the best voted by the likelihood functions */
+    CAIRN_CONSENSUS_EVALUATE,
     CAIRN_CONSENSUS_RELAX,
     CAIRN_CONSENSUS_MERGE,
-    CAIRN_CONSENSUS_AGAIN, /* every node is assigned again, given the others */
+    /* every node is assigned again, given the others */
+    CAIRN_CONSENSUS_REASSIGN,
     CAIRN_CONSENSUS_TALLY,
-    CAIRN_CONSENSUS_TREE,  /* maximum spanning tree of the best map, ... */
-    CAIRN_CONSENSUS_BLOCK, /* ... blocks cut off at its edges are moved as a whole */
+    /* maximum spanning tree of the best map, ... */
+    CAIRN_CONSENSUS_TREE,
+    /* ... blocks cut off at its edges are moved as a whole */
+    CAIRN_CONSENSUS_BLOCK,
     CAIRN_CONSENSUS_PROPOSE,
-    CAIRN_CONSENSUS_PART,    /* submaps are split off, ... */
-    CAIRN_CONSENSUS_ISLANDS, /* ... measured ... */
-    CAIRN_CONSENSUS_NUMBER,  /* ... and numbered */
+    /* submaps are split off, ... */
+    CAIRN_CONSENSUS_SPLIT,
+    /* ... measured ... */
+    CAIRN_CONSENSUS_SUBMAPS,
+    /* ... and numbered */
+    CAIRN_CONSENSUS_NUMBER_SUBMAPS,
     CAIRN_CONSENSUS_REPORT,
-    CAIRN_CONSENSUS_SPREAD /* ambiguity propagates to nodes that depend on ambiguous ones */
+    /* ambiguity propagates to nodes that depend on ambiguous ones */
+    CAIRN_CONSENSUS_PROPAGATE_AMBIGUITY
 };
 
 /* Subject of a search. */
 typedef int32_t cairn_consensus_choice;
 enum {
     CAIRN_CHOOSE_NEXT = 0,        /* the next node of the growing component */
-    CAIRN_CHOOSE_AGAIN = 1,       /* the pose of a node given the others */
+    CAIRN_CHOOSE_REASSIGN = 1,    /* the pose of a node given the others */
     CAIRN_CHOOSE_ALTERNATIVES = 2 /* alternatives of a node */
 };
 
 struct cairn_pose_consensus {
     cairn_pose_consensus_params params;
     /* [max_hypotheses] */
-    cairn_kept_hypothesis *hypotheses;
+    cairn_consensus_hypothesis *hypotheses;
     /* [2 * max_hypotheses] */
     cairn_consensus_link *links;
     /* [max_nodes + 1] */
     int32_t *first_link;
     /* [max_nodes] insertion points while links are built; sizes of submaps */
-    int32_t *fill;
+    int32_t *next_free;
     /* [max_nodes] */
-    cairn_node_bound *bounds;
+    cairn_consensus_bound *bounds;
     /* [max_nodes] assignment: current, best, and best competing map */
-    cairn_chart_node *chart, *best, *rival;
+    cairn_consensus_assignment *current, *best, *competing;
     /* [max_nodes] */
     cairn_consensus_branch *tree;
     /* [max_nodes] */
@@ -117,14 +126,14 @@ struct cairn_pose_consensus {
     /* [max_nodes * max_alternatives] */
     cairn_consensus_alternative *alternatives;
     /* [max_candidates] of the search, the best first */
-    cairn_candidate *candidates;
+    cairn_consensus_candidate *candidates;
     /* [max_nodes] poses of the current assignment, for the joint likelihood, ... */
-    cairn_pose *jury_poses;
+    cairn_pose *joint_poses;
     /* ... and its components */
-    int32_t *jury_parts;
-    cairn_pose_judge judge;
-    cairn_pose_jury jury;
-    void *judge_context, *jury_context;
+    int32_t *joint_components;
+    cairn_pose_pair_likelihood pair_likelihood;
+    cairn_pose_joint_likelihood joint_likelihood;
+    void *pair_context, *joint_context;
     int32_t node_count, hypothesis_count, bound_count;
 
     /* after: the phase after relaxation */
@@ -135,73 +144,77 @@ struct cairn_pose_consensus {
     /* node of the link, or the one that is reassigned or reported */
     int32_t subject;
     /* growing component */
-    int32_t part;
+    int32_t component;
     /* components begun so far */
-    int32_t parts;
+    int32_t component_count;
     /* node at the edge where the block is cut off */
-    int32_t block;
+    int32_t block_node;
     /* component of the block */
-    int32_t whole;
+    int32_t block_component;
     /* passes over all blocks */
-    int32_t passes;
+    int32_t block_passes;
     /* 1: the map is final; submaps are searched */
-    int32_t is_settled;
+    int32_t is_final;
     /* sweeps of relaxation left */
     int32_t sweeps;
     /* reassignment rounds of this growth */
     int32_t rounds;
     /* nodes changed in this round */
-    int32_t changed;
+    int32_t changed_nodes;
     /* units of finished items, not yet charged */
-    int32_t debt;
+    int32_t units_owed;
     int32_t candidate_count;
     /* best merge so far: its pose maps component `node` into `part` */
-    cairn_candidate merge;
+    cairn_consensus_candidate merge;
     cairn_real total;
     /* seed hypothesis of this map */
     int32_t start;
     cairn_consensus_result result;
 };
 
-cairn_turned_pose cairn_turned_of(cairn_pose pose);
-cairn_pose cairn_turned_pose_of(cairn_turned_pose pose);
-cairn_turned_pose cairn_turned_compose(cairn_turned_pose a_b, cairn_turned_pose b_c);
-cairn_turned_pose cairn_turned_inverse(cairn_turned_pose a_b);
+cairn_consensus_pose cairn_consensus_pose_of(cairn_pose pose);
+cairn_pose cairn_consensus_to_pose(cairn_consensus_pose pose);
+cairn_consensus_pose cairn_consensus_compose(cairn_consensus_pose a_b, cairn_consensus_pose b_c);
+cairn_consensus_pose cairn_consensus_inverse(cairn_consensus_pose a_b);
 
 /* Returns 1 when two poses are equal within five of the nodes' model sigmas. */
-int32_t cairn_consensus_same(const cairn_pose_consensus *consensus, cairn_turned_pose a,
-                             cairn_turned_pose b);
+int32_t cairn_consensus_is_same_pose(const cairn_pose_consensus *consensus, cairn_consensus_pose a,
+                                     cairn_consensus_pose b);
 
 /* Returns chi-squared of a hypothesis given two poses; of the second only its position and angle
  * are read. residual, when not NULL: its residual in the frame of the first node. */
-cairn_real cairn_consensus_chi(const cairn_kept_hypothesis *hypothesis, cairn_turned_pose map_first,
-                               cairn_turned_pose map_second, cairn_real residual[3]);
+cairn_real cairn_consensus_chi2(const cairn_consensus_hypothesis *hypothesis,
+                                cairn_consensus_pose map_first, cairn_consensus_pose map_second,
+                                cairn_real residual[3]);
 
 /* Returns the best agreeing hypothesis of the pair (node, other), and its weighted score; -1: none.
  * `from` is the first link of the pair, *to is set behind its last. *strongest: best score of the
  * pair, agreeing or not. */
-int32_t cairn_consensus_pair(const cairn_pose_consensus *consensus, int32_t node,
-                             cairn_turned_pose map_node, int32_t from, cairn_turned_pose map_other,
-                             int32_t *to, cairn_real *earned, cairn_real *strongest);
+int32_t cairn_consensus_best_of_pair(const cairn_pose_consensus *consensus, int32_t node,
+                                     cairn_consensus_pose map_node, int32_t from,
+                                     cairn_consensus_pose map_other, int32_t *to,
+                                     cairn_real *earned, cairn_real *strongest);
 
 /* Returns the support of a pose of a node by the placed nodes of a component; judged 1: by the
  * likelihood functions. */
 cairn_consensus_support cairn_consensus_support_of(const cairn_pose_consensus *consensus,
-                                                   int32_t node, cairn_turned_pose map_node,
+                                                   int32_t node, cairn_consensus_pose map_node,
                                                    int32_t part, int32_t judged);
 
 /* Returns 1 when the support is significant by itself. */
-int32_t cairn_consensus_is_believed(const cairn_pose_consensus *consensus, cairn_real support,
-                                    cairn_real against);
+int32_t cairn_consensus_is_significant(const cairn_pose_consensus *consensus, cairn_real support,
+                                       cairn_real against);
 
 /* Returns 1 when a common motion of the component brings its nodes and the candidate within their
  * bounds; *map_part, when not NULL, is that motion (identity without bounds). node -1: no
  * candidate. */
 int32_t cairn_consensus_within_bounds(const cairn_pose_consensus *consensus, int32_t part,
-                                      int32_t node, cairn_turned_pose pose, cairn_pose *map_part);
+                                      int32_t node, cairn_consensus_pose pose,
+                                      cairn_pose *map_part);
 
 /* Returns the other node's pose in the frame of `node`. */
-cairn_turned_pose cairn_consensus_seen_from(const cairn_kept_hypothesis *hypothesis, int32_t node);
+cairn_consensus_pose cairn_consensus_relative_to(const cairn_consensus_hypothesis *hypothesis,
+                                                 int32_t node);
 
 /* Computes the cycle score of the next hypothesis, and advances. */
 void cairn_consensus_add_cycles(cairn_pose_consensus *consensus);
@@ -220,16 +233,17 @@ void cairn_consensus_relax(cairn_pose_consensus *consensus, int32_t node);
 /* Returns the log-likelihood ratio of a pair of placed nodes: the weighted score of its best
  * hypothesis or the pairwise likelihood, the greater. *link: the first link of the node that is not
  * to a lower node than `other`; it is advanced. */
-cairn_real cairn_consensus_evidence(const cairn_pose_consensus *consensus, int32_t node,
-                                    cairn_turned_pose map_node, int32_t other, int32_t *link,
-                                    int32_t *units);
+cairn_real cairn_consensus_pair_likelihood(const cairn_pose_consensus *consensus, int32_t node,
+                                           cairn_consensus_pose map_node, int32_t other,
+                                           int32_t *link, int32_t *units);
 
 /* Returns the support of placing component merge->node in merge->part by merge->pose. */
 cairn_real cairn_consensus_merged_support(cairn_pose_consensus *consensus,
-                                          const cairn_candidate *merge, int32_t judged);
+                                          const cairn_consensus_candidate *merge, int32_t judged);
 
 /* Merges one component into the other; returns 0 and changes nothing when bounds forbid it. */
-int32_t cairn_consensus_lay(cairn_pose_consensus *consensus, const cairn_candidate *merge);
+int32_t cairn_consensus_apply_merge(cairn_pose_consensus *consensus,
+                                    const cairn_consensus_candidate *merge);
 
 /* Starts to merge components and to reassign every node. */
 void cairn_consensus_begin_rounds(cairn_pose_consensus *consensus);
@@ -249,10 +263,10 @@ void cairn_consensus_block_item(cairn_pose_consensus *consensus);
 void cairn_consensus_propose_item(cairn_pose_consensus *consensus);
 
 /* Evaluates a block of the final map, or splits off the least supported one as a submap. */
-void cairn_consensus_part_item(cairn_pose_consensus *consensus);
+void cairn_consensus_split_item(cairn_pose_consensus *consensus);
 
 /* Measures the submap of a node; numbers it. */
-void cairn_consensus_island_item(cairn_pose_consensus *consensus);
+void cairn_consensus_submap_item(cairn_pose_consensus *consensus);
 void cairn_consensus_number_item(cairn_pose_consensus *consensus);
 
 /* Enters a phase of `end` items. */
@@ -263,7 +277,7 @@ void cairn_consensus_enter(cairn_pose_consensus *consensus, cairn_consensus_phas
 void cairn_consensus_item(cairn_pose_consensus *consensus);
 
 /* Marks a node as ambiguous when it depends on ambiguous nodes. */
-void cairn_consensus_spread_item(cairn_pose_consensus *consensus);
+void cairn_consensus_propagate_ambiguity_item(cairn_pose_consensus *consensus);
 
 /* Makes the best map the result: frames, components by size, alternatives from other maps. */
 void cairn_consensus_finish(cairn_pose_consensus *consensus);

@@ -19,11 +19,12 @@ cairn_pose_graph_params cairn_pose_graph_default(void)
         .max_fill = 12000,
         .start = CAIRN_POSE_GRAPH_BEST,
         .kernel = CAIRN_POSE_GRAPH_SQUARE,
-        .width = 3,
+        .kernel_width = 3,
         .graduated = 0,
         .max_iterations = 100,
-        .converged = CAIRN_REAL_EPSILON < CAIRN_REAL(1e-10) ? CAIRN_REAL(1e-9) : CAIRN_REAL(1e-5),
-        .outlier = CAIRN_REAL(16.27),
+        .converged_decrease =
+            CAIRN_REAL_EPSILON < CAIRN_REAL(1e-10) ? CAIRN_REAL(1e-9) : CAIRN_REAL(1e-5),
+        .max_chi2 = CAIRN_REAL(16.27),
     };
     return params;
 }
@@ -123,8 +124,9 @@ static int params_are_valid(const cairn_pose_graph_params *params)
            params->max_links >= 1 && params->max_links <= MAX_LINKS &&
            params->start >= CAIRN_POSE_GRAPH_GIVEN && params->start <= CAIRN_POSE_GRAPH_BEST &&
            params->kernel >= CAIRN_POSE_GRAPH_SQUARE && params->kernel <= CAIRN_POSE_GRAPH_DCS &&
-           params->width > 0 && params->width <= CAIRN_REAL(1e6) && params->max_iterations >= 1 &&
-           params->converged > 0 && params->converged < 1 && params->outlier > 0;
+           params->kernel_width > 0 && params->kernel_width <= CAIRN_REAL(1e6) &&
+           params->max_iterations >= 1 && params->converged_decrease > 0 &&
+           params->converged_decrease < 1 && params->max_chi2 > 0;
 }
 
 static cairn_block_solver_params solver_params(const cairn_pose_graph_params *params)
@@ -185,7 +187,7 @@ cairn_status cairn_pose_graph_create(cairn_pose_graph **graph, cairn_pool *pool,
 
     if (graph == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     memset(&layout, 0, sizeof layout);
     made = carve(&layout, pool, params);
@@ -193,10 +195,10 @@ cairn_status cairn_pose_graph_create(cairn_pose_graph **graph, cairn_pool *pool,
     layout.state.pose = -1;
     if (solver == NULL) {
         inner = solver_params(params);
-        status = cairn_block_solver_create(&layout.own, pool, &inner);
+        status = cairn_block_solver_create(&layout.builtin_solver, pool, &inner);
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
-        layout.solver = cairn_pose_solver_of(layout.own);
+        layout.solver = cairn_pose_solver_of(layout.builtin_solver);
     } else {
         layout.solver = *solver;
     }
@@ -209,13 +211,13 @@ cairn_status cairn_pose_graph_extend(cairn_pose_graph *graph, cairn_pool *pool, 
 {
     cairn_status status;
 
-    if (graph == NULL || !cairn_pose_graph_is_idle(graph) || !graph->full)
+    if (graph == NULL || !cairn_pose_graph_is_idle(graph) || !graph->fill_exceeded)
         return CAIRN_BAD_ARGUMENT;
-    status = cairn_block_solver_extend(graph->own, pool, max_fill);
+    status = cairn_block_solver_extend(graph->builtin_solver, pool, max_fill);
     if (status != CAIRN_OK)
         return status;
-    graph->full = 0;
-    cairn_pose_graph_go_on(graph);
+    graph->fill_exceeded = 0;
+    cairn_pose_graph_resume(graph);
     return CAIRN_OK;
 }
 
@@ -231,19 +233,19 @@ void cairn_pose_graph_clear(cairn_pose_graph *graph)
     memset(&graph->state, 0, sizeof graph->state);
     graph->state.pose = -1;
     graph->stage = POSE_GRAPH_IDLE;
-    graph->debt = 0;
+    graph->units_owed = 0;
     graph->fixed_count = 0;
     graph->analyzed = 0;
-    graph->full = 0;
-    graph->settled = 0;
+    graph->fill_exceeded = 0;
+    graph->is_solution = 0;
     graph->has_marginals = 0;
     graph->outcome = CAIRN_OK;
 }
 
 static void invalidate_solution(cairn_pose_graph *graph)
 {
-    graph->full = 0;
-    graph->settled = 0;
+    graph->fill_exceeded = 0;
+    graph->is_solution = 0;
     graph->has_marginals = 0;
 }
 
@@ -320,10 +322,10 @@ static void write_link(cairn_pose_graph *graph, int32_t index, int32_t first, in
     link->first = first;
     link->second = second;
     link->measured = first_second;
-    link->information = cairn_pose_graph_turned(information, first_second.theta);
+    link->information = cairn_pose_graph_rotate_information(information, first_second.theta);
     link->chi2 = 0;
     link->weight = 1;
-    link->dropped = 0;
+    link->is_excluded = 0;
     graph->analyzed = 0;
     invalidate_solution(graph);
 }
@@ -382,11 +384,11 @@ cairn_status cairn_pose_graph_remove_pose(cairn_pose_graph *graph, int32_t pose)
     return CAIRN_OK;
 }
 
-cairn_status cairn_pose_graph_drop_link(cairn_pose_graph *graph, int32_t link, int32_t excluded)
+cairn_status cairn_pose_graph_exclude_link(cairn_pose_graph *graph, int32_t link, int32_t excluded)
 {
     if (!may_change(graph) || link < 0 || link >= graph->state.links)
         return CAIRN_BAD_ARGUMENT;
-    graph->links[link].dropped = excluded != 0;
+    graph->links[link].is_excluded = excluded != 0;
     invalidate_solution(graph);
     return CAIRN_OK;
 }
@@ -400,7 +402,7 @@ cairn_status cairn_pose_graph_set_kernel(cairn_pose_graph *graph, cairn_pose_gra
         return CAIRN_BAD_ARGUMENT;
     params = graph->params;
     params.kernel = kernel;
-    params.width = width;
+    params.kernel_width = width;
     if (!params_are_valid(&params))
         return CAIRN_BAD_ARGUMENT;
     graph->params = params;
@@ -428,19 +430,19 @@ cairn_pose_graph_link cairn_pose_graph_link_of(const cairn_pose_graph *graph, in
         .second = l->second,
         .chi2 = l->chi2,
         .weight = l->weight,
-        .outlier = l->chi2 > graph->params.outlier,
-        .dropped = l->dropped,
+        .is_outlier = l->chi2 > graph->params.max_chi2,
+        .is_excluded = l->is_excluded,
     };
 
     return out;
 }
 
-cairn_pose cairn_pose_graph_measured(const cairn_pose_graph *graph, int32_t link,
-                                     cairn_sym3 *information)
+cairn_pose cairn_pose_graph_measurement(const cairn_pose_graph *graph, int32_t link,
+                                        cairn_sym3 *information)
 {
     const struct pose_graph_link *l = &graph->links[link];
 
-    *information = cairn_pose_graph_turned(l->information, -l->measured.theta);
+    *information = cairn_pose_graph_rotate_information(l->information, -l->measured.theta);
     return l->measured;
 }
 
@@ -451,7 +453,7 @@ cairn_status cairn_pose_graph_covariance(const cairn_pose_graph *graph, int32_t 
         return CAIRN_BAD_ARGUMENT;
     if (!graph->has_marginals)
         return CAIRN_EMPTY;
-    if (cairn_pose_graph_stays(graph, first) || cairn_pose_graph_stays(graph, second)) {
+    if (cairn_pose_graph_is_fixed(graph, first) || cairn_pose_graph_is_fixed(graph, second)) {
         memset(block, 0, 9 * sizeof *block);
         return CAIRN_OK;
     }

@@ -34,13 +34,13 @@ static int32_t find_disconnected(cairn_pose_graph *graph)
     for (int32_t i = 0; i < graph->state.poses; i++)
         graph->root[i] = i;
     for (int32_t i = 0; i < graph->state.poses; i++)
-        if (cairn_pose_graph_stays(graph, i)) {
+        if (cairn_pose_graph_is_fixed(graph, i)) {
             if (stays >= 0)
                 unite(graph->root, stays, i);
             stays = i;
         }
     for (int32_t l = 0; l < graph->state.links; l++)
-        if (!graph->links[l].dropped)
+        if (!graph->links[l].is_excluded)
             unite(graph->root, graph->links[l].first, graph->links[l].second);
     for (int32_t i = 0; i < graph->state.poses; i++)
         if (find_root(graph->root, i) != find_root(graph->root, stays))
@@ -59,9 +59,9 @@ static cairn_status begin_structure(cairn_pose_graph *graph)
     return status == CAIRN_OK ? graph->solver.analyze(graph->solver.context) : status;
 }
 
-void cairn_pose_graph_go_on(cairn_pose_graph *graph)
+void cairn_pose_graph_resume(cairn_pose_graph *graph)
 {
-    cairn_pose_graph_enter(graph, POSE_GRAPH_AS_GIVEN, POSE_GRAPH_ANALYZE);
+    cairn_pose_graph_enter(graph, POSE_GRAPH_INITIAL_COST, POSE_GRAPH_ANALYZE);
 }
 
 cairn_status cairn_pose_graph_solve(cairn_pose_graph *graph)
@@ -77,10 +77,10 @@ cairn_status cairn_pose_graph_solve(cairn_pose_graph *graph)
     fresh.links = graph->state.links;
     fresh.fill = graph->analyzed ? graph->state.fill : 0;
     fresh.pose = find_disconnected(graph);
-    graph->settled = 0;
+    graph->is_solution = 0;
     graph->has_marginals = 0;
     if (fresh.pose >= 0) {
-        fresh.verdict = CAIRN_POSE_GRAPH_SPLIT;
+        fresh.verdict = CAIRN_POSE_GRAPH_DISCONNECTED;
         graph->state = fresh;
         return CAIRN_OK;
     }
@@ -91,21 +91,21 @@ cairn_status cairn_pose_graph_solve(cairn_pose_graph *graph)
             return status;
     }
     graph->state = fresh;
-    graph->widening = 1;
-    graph->length = 1;
-    graph->ahead = 0;
+    graph->kernel_scale = 1;
+    graph->step_fraction = 1;
+    graph->is_watchdog_step = 0;
     memcpy(graph->trial, graph->poses, (size_t)fresh.poses * sizeof *graph->trial);
-    cairn_pose_graph_enter(graph, POSE_GRAPH_AS_GIVEN,
+    cairn_pose_graph_enter(graph, POSE_GRAPH_INITIAL_COST,
                            graph->analyzed ? POSE_GRAPH_COST : POSE_GRAPH_ANALYZE);
     return CAIRN_OK;
 }
 
 cairn_status cairn_pose_graph_marginals(cairn_pose_graph *graph)
 {
-    if (graph == NULL || !cairn_pose_graph_is_idle(graph) || !graph->settled)
+    if (graph == NULL || !cairn_pose_graph_is_idle(graph) || !graph->is_solution)
         return CAIRN_BAD_ARGUMENT;
     graph->has_marginals = 0;
-    graph->widening = 1;
+    graph->kernel_scale = 1;
     cairn_pose_graph_enter(graph, POSE_GRAPH_COVARIANCE, POSE_GRAPH_CLEAR);
     return CAIRN_OK;
 }

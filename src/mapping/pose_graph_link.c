@@ -17,7 +17,7 @@ static cairn_sym3 rotate_by(cairn_sym3 information, cairn_real s, cairn_real c)
     return m;
 }
 
-cairn_sym3 cairn_pose_graph_turned(cairn_sym3 information, cairn_real theta)
+cairn_sym3 cairn_pose_graph_rotate_information(cairn_sym3 information, cairn_real theta)
 {
     cairn_real s, c;
 
@@ -28,20 +28,20 @@ cairn_sym3 cairn_pose_graph_turned(cairn_sym3 information, cairn_real theta)
 /* Returns rho(s) and its derivative, the weight; with c^2 scaled by graduated non-convexity. */
 static cairn_real rho(const cairn_pose_graph *graph, cairn_real s, cairn_real *weight)
 {
-    cairn_real c2 = graph->params.width * graph->params.width, share;
+    cairn_real c2 = graph->params.kernel_width * graph->params.kernel_width, share;
 
     *weight = 1;
     switch (graph->params.kernel) {
     case CAIRN_POSE_GRAPH_HUBER:
         if (s <= c2)
             return s;
-        *weight = graph->params.width / cairn_sqrt(s);
-        return 2 * graph->params.width * cairn_sqrt(s) - c2;
+        *weight = graph->params.kernel_width / cairn_sqrt(s);
+        return 2 * graph->params.kernel_width * cairn_sqrt(s) - c2;
     case CAIRN_POSE_GRAPH_CAUCHY:
         *weight = 1 / (1 + s / c2);
         return c2 * cairn_log(1 + s / c2);
     case CAIRN_POSE_GRAPH_GEMAN_MCCLURE:
-        c2 *= graph->widening;
+        c2 *= graph->kernel_scale;
         share = c2 / (c2 + s);
         *weight = share * share;
         return s * share;
@@ -138,8 +138,8 @@ static void add_blocks(cairn_pose_graph *graph, int32_t index, cairn_sym3 w, con
 {
     const struct pose_graph_link *link = &graph->links[index];
     cairn_real aw[9];
-    int moves_first = !cairn_pose_graph_stays(graph, link->first),
-        moves_second = !cairn_pose_graph_stays(graph, link->second);
+    int moves_first = !cairn_pose_graph_is_fixed(graph, link->first),
+        moves_second = !cairn_pose_graph_is_fixed(graph, link->second);
 
     multiply_transposed(a, w, aw);
     if (moves_second)
@@ -161,10 +161,10 @@ static void add_right_side(cairn_pose_graph *graph, const struct pose_graph_link
                               w.xy * e[0] + w.yy * e[1] + w.yz * e[2],
                               w.xz * e[0] + w.yz * e[1] + w.zz * e[2]};
 
-    if (!cairn_pose_graph_stays(graph, link->second))
+    if (!cairn_pose_graph_is_fixed(graph, link->second))
         for (int k = 0; k < 3; k++)
             graph->right[link->second][k] -= we[k];
-    if (!cairn_pose_graph_stays(graph, link->first))
+    if (!cairn_pose_graph_is_fixed(graph, link->first))
         for (int k = 0; k < 3; k++)
             graph->right[link->first][k] += a[k] * we[0] + a[3 + k] * we[1] + a[6 + k] * we[2];
 }
@@ -177,19 +177,19 @@ static void add_link(cairn_pose_graph *graph, int32_t index, const cairn_real e[
     add_blocks(graph, index, w, a);
 }
 
-const cairn_pose *cairn_pose_graph_base(const cairn_pose_graph *graph)
+const cairn_pose *cairn_pose_graph_linearization_poses(const cairn_pose_graph *graph)
 {
-    return graph->mode == POSE_GRAPH_JOINT || graph->ahead ? graph->trial : graph->poses;
+    return graph->mode == POSE_GRAPH_JOINT || graph->is_watchdog_step ? graph->trial : graph->poses;
 }
 
 void cairn_pose_graph_assemble_link(cairn_pose_graph *graph, int32_t index)
 {
     struct pose_graph_link *link = &graph->links[index];
-    const cairn_pose *poses = cairn_pose_graph_base(graph);
+    const cairn_pose *poses = cairn_pose_graph_linearization_poses(graph);
     cairn_real a[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, e[3], v[2], chi2;
     cairn_sym3 w;
 
-    if (link->dropped)
+    if (link->is_excluded)
         return;
     if (graph->mode == POSE_GRAPH_HEADINGS) {
         heading_residual(link, poses, e, &w, a);
@@ -213,16 +213,17 @@ void cairn_pose_graph_assemble_link(cairn_pose_graph *graph, int32_t index)
 cairn_real cairn_pose_graph_curvature_of_link(const cairn_pose_graph *graph, int32_t index)
 {
     const struct pose_graph_link *link = &graph->links[index];
-    const cairn_pose *poses = cairn_pose_graph_base(graph);
+    const cairn_pose *poses = cairn_pose_graph_linearization_poses(graph);
     const cairn_real *first = graph->direction[link->first],
                      *second = graph->direction[link->second];
     cairn_pose a = poses[link->first], b = poses[link->second];
     const cairn_real e[3] = {second[0] - first[0] + (b.y - a.y) * first[2],
                              second[1] - first[1] - (b.x - a.x) * first[2], second[2] - first[2]};
 
-    if (link->dropped)
+    if (link->is_excluded)
         return 0;
-    return link->weight * cairn_sym3_form(cairn_pose_graph_turned(link->information, a.theta), e);
+    return link->weight *
+           cairn_sym3_form(cairn_pose_graph_rotate_information(link->information, a.theta), e);
 }
 
 static void cost_of_link(cairn_pose_graph *graph, struct pose_graph_link *link,
@@ -230,13 +231,13 @@ static void cost_of_link(cairn_pose_graph *graph, struct pose_graph_link *link,
 {
     residual(link, poses, e, w);
     link->chi2 = cairn_sym3_form(*w, e);
-    if (link->dropped) {
+    if (link->is_excluded) {
         link->weight = 0;
         return;
     }
     graph->chi2 += link->chi2;
     graph->cost += rho(graph, link->chi2, &link->weight);
-    graph->largest = cairn_max(graph->largest, link->chi2);
+    graph->max_chi2 = cairn_max(graph->max_chi2, link->chi2);
 }
 
 void cairn_pose_graph_cost_of_link(cairn_pose_graph *graph, int32_t index)
@@ -254,7 +255,7 @@ void cairn_pose_graph_try_link(cairn_pose_graph *graph, int32_t index)
     cairn_sym3 w;
 
     cost_of_link(graph, link, graph->trial, e, &w);
-    if (link->dropped || graph->mode != POSE_GRAPH_NEWTON)
+    if (link->is_excluded || graph->mode != POSE_GRAPH_NEWTON)
         return;
     set_lever(a, graph->trial[link->second].x - graph->trial[link->first].x,
               graph->trial[link->second].y - graph->trial[link->first].y);

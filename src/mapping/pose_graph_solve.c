@@ -56,11 +56,11 @@ void cairn_pose_graph_enter(cairn_pose_graph *graph, int32_t mode, int32_t stage
 {
     graph->mode = mode;
     graph->stage = stage;
-    graph->at = 0;
+    graph->index = 0;
     if (mode != POSE_GRAPH_NEWTON)
-        graph->reuse = graph->ahead = 0;
+        graph->reuse_factor = graph->is_watchdog_step = 0;
     if (stage == POSE_GRAPH_CLEAR || stage == POSE_GRAPH_COST || stage == POSE_GRAPH_REPORT)
-        graph->chi2 = graph->cost = graph->largest = 0;
+        graph->chi2 = graph->cost = graph->max_chi2 = 0;
 }
 
 static void end(cairn_pose_graph *graph, cairn_status outcome)
@@ -85,20 +85,20 @@ static void accept(cairn_pose_graph *graph)
 /* Starts the Newton steps. */
 static void begin_newton(cairn_pose_graph *graph)
 {
-    cairn_real c2 = graph->params.width * graph->params.width;
+    cairn_real c2 = graph->params.kernel_width * graph->params.kernel_width;
 
     graph->damping = MIN_DAMPING;
-    graph->refused = 0;
-    graph->widening = 1;
+    graph->was_rejected = 0;
+    graph->kernel_scale = 1;
     if (graph->params.graduated && graph->params.kernel == CAIRN_POSE_GRAPH_GEMAN_MCCLURE)
-        graph->widening = cairn_max(1, 2 * graph->largest / c2);
+        graph->kernel_scale = cairn_max(1, 2 * graph->max_chi2 / c2);
     cairn_pose_graph_enter(graph, POSE_GRAPH_NEWTON, POSE_GRAPH_CLEAR);
 }
 
 static int raise_damping(cairn_pose_graph *graph)
 {
-    graph->refused = 1;
-    graph->length = 1;
+    graph->was_rejected = 1;
+    graph->step_fraction = 1;
     graph->damping *= DAMPING_INCREASE;
     return graph->damping <= MAX_DAMPING;
 }
@@ -106,26 +106,26 @@ static int raise_damping(cairn_pose_graph *graph)
 /* After a rejected step the successful damping stays for one more step. */
 static void lower_damping(cairn_pose_graph *graph)
 {
-    if (!graph->refused)
+    if (!graph->was_rejected)
         graph->damping = cairn_max(MIN_DAMPING, DAMPING_DECREASE * graph->damping);
-    graph->refused = 0;
+    graph->was_rejected = 0;
 }
 
 /* Returns the decrease of the cost that counts as converged. */
 static cairn_real convergence_threshold(const cairn_pose_graph *graph)
 {
-    return graph->params.converged * (graph->base_cost + (cairn_real)graph->state.links);
+    return graph->params.converged_decrease * (graph->base_cost + (cairn_real)graph->state.links);
 }
 
 /* Returns 1 when the factor is reused for the next step, after a decrease of the cost: not where
  * the decrease was small and the factor had predicted more. */
 static int may_reuse_factor(const cairn_pose_graph *graph, cairn_real better)
 {
-    if (graph->widening > 1 || graph->length < 1)
+    if (graph->kernel_scale > 1 || graph->step_fraction < 1)
         return 0;
-    if (!graph->reuse || graph->ahead)
+    if (!graph->reuse_factor || graph->is_watchdog_step)
         return better <= MAX_REUSE_DECREASE * graph->base_cost;
-    return better <= MAX_DECREASE_RATIO * graph->better &&
+    return better <= MAX_DECREASE_RATIO * graph->last_decrease &&
            (better > convergence_threshold(graph) || better >= MAX_DECREASE_RATIO * graph->slope);
 }
 
@@ -133,7 +133,7 @@ static int may_reuse_factor(const cairn_pose_graph *graph, cairn_real better)
  * (watchdog). */
 static int may_defer_judgement(const cairn_pose_graph *graph, cairn_real better)
 {
-    return !graph->reuse && graph->length == 1 && graph->widening <= 1 &&
+    return !graph->reuse_factor && graph->step_fraction == 1 && graph->kernel_scale <= 1 &&
            -better <= MAX_REUSE_DECREASE * graph->base_cost;
 }
 
@@ -141,11 +141,11 @@ static int may_defer_judgement(const cairn_pose_graph *graph, cairn_real better)
  * or with a factor of its own. */
 static void begin_step(cairn_pose_graph *graph)
 {
-    if (graph->reuse && !graph->ahead)
+    if (graph->reuse_factor && !graph->is_watchdog_step)
         graph->base_cost = graph->cost;
-    graph->widening = cairn_max(1, graph->widening / KERNEL_NARROWING);
+    graph->kernel_scale = cairn_max(1, graph->kernel_scale / KERNEL_NARROWING);
     cairn_pose_graph_enter(graph, POSE_GRAPH_NEWTON,
-                           graph->reuse ? POSE_GRAPH_TURN : POSE_GRAPH_CLEAR);
+                           graph->reuse_factor ? POSE_GRAPH_ROTATE : POSE_GRAPH_CLEAR);
 }
 
 /* Accepts or rejects a tried step. Its cost is cost, that of the linearization point base_cost,
@@ -154,33 +154,33 @@ static void begin_step(cairn_pose_graph *graph)
 static void judge_step(cairn_pose_graph *graph)
 {
     cairn_real better = graph->base_cost - graph->cost;
-    int at_rest = !graph->reuse && cairn_abs(better) <= convergence_threshold(graph) &&
-                  graph->widening <= 1,
+    int at_rest = !graph->reuse_factor && cairn_abs(better) <= convergence_threshold(graph) &&
+                  graph->kernel_scale <= 1,
         damped = graph->damping > MIN_DAMPING;
     int shorter = 0;
 
     graph->state.iterations++;
     if (better >= 0) {
         accept(graph);
-        if (!graph->reuse)
+        if (!graph->reuse_factor)
             lower_damping(graph);
-        if (!graph->reuse || graph->ahead)
+        if (!graph->reuse_factor || graph->is_watchdog_step)
             graph->last_slope = 0;
         /* a damped step hides the distance to the minimum */
-        graph->reuse = !damped && may_reuse_factor(graph, better);
-        graph->ahead = 0;
-        graph->better = better;
-        graph->length = 1;
+        graph->reuse_factor = !damped && may_reuse_factor(graph, better);
+        graph->is_watchdog_step = 0;
+        graph->last_decrease = better;
+        graph->step_fraction = 1;
     } else if (may_defer_judgement(graph, better)) {
-        graph->reuse = graph->ahead = 1;
+        graph->reuse_factor = graph->is_watchdog_step = 1;
         graph->last_slope = 0;
-    } else if (graph->ahead) {
-        graph->reuse = graph->ahead = 0;
+    } else if (graph->is_watchdog_step) {
+        graph->reuse_factor = graph->is_watchdog_step = 0;
         at_rest = !raise_damping(graph);
-    } else if (graph->reuse) {
-        graph->reuse = 0;
-    } else if (graph->length > MIN_STEP_FRACTION) {
-        graph->length /= 2;
+    } else if (graph->reuse_factor) {
+        graph->reuse_factor = 0;
+    } else if (graph->step_fraction > MIN_STEP_FRACTION) {
+        graph->step_fraction /= 2;
         shorter = 1;
     } else if (!raise_damping(graph)) {
         at_rest = 1;
@@ -200,7 +200,7 @@ static void end_cost(cairn_pose_graph *graph)
 {
     int finite = cairn_is_finite(graph->cost) && cairn_is_finite(graph->chi2);
 
-    if (graph->mode == POSE_GRAPH_AS_GIVEN) {
+    if (graph->mode == POSE_GRAPH_INITIAL_COST) {
         if (!finite) {
             end(graph, CAIRN_NOT_FINITE);
             return;
@@ -229,11 +229,11 @@ static void end_cost(cairn_pose_graph *graph)
 /* Handles a factor that does not exist or solves nothing: `pose` is undetermined. */
 static void not_positive(cairn_pose_graph *graph, int32_t pose)
 {
-    graph->reuse = graph->ahead = 0;
+    graph->reuse_factor = graph->is_watchdog_step = 0;
     if (graph->mode == POSE_GRAPH_COVARIANCE) {
         graph->state.pose = pose;
         graph->state.verdict = CAIRN_POSE_GRAPH_SINGULAR;
-        graph->settled = 0;
+        graph->is_solution = 0;
         end(graph, CAIRN_OK);
     } else if (graph->mode != POSE_GRAPH_NEWTON) {
         begin_newton(graph);
@@ -250,7 +250,7 @@ static void assemble_pose(cairn_pose_graph *graph, int32_t pose)
 {
     cairn_sym3 block = graph->diagonal[pose];
 
-    if (cairn_pose_graph_stays(graph, pose)) {
+    if (cairn_pose_graph_is_fixed(graph, pose)) {
         block.xx = block.yy = block.zz = 1;
     } else if (graph->mode == POSE_GRAPH_NEWTON) {
         block.xx += graph->damping * block.xx;
@@ -259,7 +259,7 @@ static void assemble_pose(cairn_pose_graph *graph, int32_t pose)
     } else if (graph->mode == POSE_GRAPH_HEADINGS) {
         block.zz = 1;
     }
-    graph->heading[pose] = cairn_pose_graph_base(graph)[pose].theta;
+    graph->heading[pose] = cairn_pose_graph_linearization_poses(graph)[pose].theta;
     if (graph->solver.add_pose_block(graph->solver.context, pose, block) != CAIRN_OK)
         graph->outcome = CAIRN_NOT_FINITE;
 }
@@ -277,8 +277,9 @@ static void solution_of(const cairn_pose_graph *graph, int32_t index, cairn_real
 static void rotate_displacement(const cairn_pose_graph *graph, int32_t index, int back,
                                 cairn_real x[3])
 {
-    cairn_real angle = graph->heading[index] - cairn_pose_graph_base(graph)[index].theta, s, c,
-               first = x[0];
+    cairn_real angle =
+                   graph->heading[index] - cairn_pose_graph_linearization_poses(graph)[index].theta,
+               s, c, first = x[0];
 
     cairn_sincos(back ? -angle : angle, &s, &c);
     x[0] = c * first - s * x[1];
@@ -307,14 +308,14 @@ static void set_direction(cairn_pose_graph *graph, int32_t index)
 
 static void move_pose(cairn_pose_graph *graph, int32_t index)
 {
-    cairn_pose pose = cairn_pose_graph_base(graph)[index];
-    cairn_real x[3], length = graph->length;
+    cairn_pose pose = cairn_pose_graph_linearization_poses(graph)[index];
+    cairn_real x[3], length = graph->step_fraction;
 
     graph->trial[index] = pose;
     memset(graph->right[index], 0, sizeof graph->right[index]);
-    if (cairn_pose_graph_stays(graph, index))
+    if (cairn_pose_graph_is_fixed(graph, index))
         return;
-    if (graph->reuse) {
+    if (graph->reuse_factor) {
         memcpy(x, graph->direction[index], sizeof x);
         length = graph->slope / graph->curvature;
     } else {
@@ -348,7 +349,7 @@ static int32_t clear_equations(cairn_pose_graph *graph)
 /* Tests convergence by the slope: the decrease of the cost that the factor predicts. */
 static void end_slope(cairn_pose_graph *graph)
 {
-    if (!graph->ahead && cairn_abs(graph->slope) <= convergence_threshold(graph))
+    if (!graph->is_watchdog_step && cairn_abs(graph->slope) <= convergence_threshold(graph))
         finish(graph, CAIRN_POSE_GRAPH_CONVERGED);
     else
         cairn_pose_graph_enter(graph, graph->mode, POSE_GRAPH_DIRECTION);
@@ -361,14 +362,14 @@ static void end_curvature(cairn_pose_graph *graph)
         graph->last_slope = graph->slope;
         cairn_pose_graph_enter(graph, graph->mode, POSE_GRAPH_MOVE);
     } else {
-        graph->reuse = graph->ahead = 0;
+        graph->reuse_factor = graph->is_watchdog_step = 0;
         cairn_pose_graph_enter(graph, graph->mode, POSE_GRAPH_CLEAR);
     }
 }
 
 static void end_report(cairn_pose_graph *graph)
 {
-    graph->settled = graph->state.verdict != CAIRN_POSE_GRAPH_SINGULAR;
+    graph->is_solution = graph->state.verdict != CAIRN_POSE_GRAPH_SINGULAR;
     graph->state.chi2 = graph->chi2;
     graph->state.cost = graph->cost;
     end(graph, CAIRN_OK);
@@ -389,15 +390,15 @@ static void end_solver_phase(cairn_pose_graph *graph, cairn_status status)
     if (graph->stage == POSE_GRAPH_ANALYZE) {
         graph->state.fill = result.fill;
         graph->analyzed = status == CAIRN_OK;
-        graph->full = status == CAIRN_FULL;
+        graph->fill_exceeded = status == CAIRN_FULL;
         if (status == CAIRN_OK)
             cairn_pose_graph_enter(graph, graph->mode,
-                                   graph->mode == POSE_GRAPH_AS_GIVEN ? POSE_GRAPH_COST
-                                                                      : POSE_GRAPH_CLEAR);
+                                   graph->mode == POSE_GRAPH_INITIAL_COST ? POSE_GRAPH_COST
+                                                                          : POSE_GRAPH_CLEAR);
         else
             end(graph, status);
     } else if (result.state == CAIRN_BLOCK_SOLVER_NOT_POSITIVE || status != CAIRN_OK) {
-        not_positive(graph, result.pose);
+        not_positive(graph, result.failed_pose);
     } else if (graph->stage == POSE_GRAPH_FACTOR && graph->mode == POSE_GRAPH_COVARIANCE) {
         status = graph->solver.invert(graph->solver.context);
         CAIRN_ASSERT(status == CAIRN_OK);
@@ -407,7 +408,7 @@ static void end_solver_phase(cairn_pose_graph *graph, cairn_status status)
     } else if (graph->stage == POSE_GRAPH_SOLVE) {
         graph->slope = graph->curvature = 0;
         cairn_pose_graph_enter(graph, graph->mode,
-                               graph->reuse ? POSE_GRAPH_SLOPE : POSE_GRAPH_MOVE);
+                               graph->reuse_factor ? POSE_GRAPH_SLOPE : POSE_GRAPH_MOVE);
     } else {
         graph->has_marginals = 1;
         end(graph, CAIRN_OK);
@@ -438,65 +439,65 @@ static int32_t do_item(cairn_pose_graph *graph)
         cairn_pose_graph_enter(graph, graph->mode, POSE_GRAPH_LINKS);
         return 1 + poses / POSES_PER_UNIT;
     case POSE_GRAPH_LINKS:
-        if (graph->at < links) {
-            cairn_pose_graph_assemble_link(graph, graph->at++);
+        if (graph->index < links) {
+            cairn_pose_graph_assemble_link(graph, graph->index++);
             return UNITS_PER_EQUATIONS;
         }
         graph->base_cost = graph->cost;
         cairn_pose_graph_enter(graph, graph->mode, POSE_GRAPH_POSES);
         return UNITS_PER_POSE;
     case POSE_GRAPH_POSES:
-        if (graph->at < poses)
-            assemble_pose(graph, graph->at++);
+        if (graph->index < poses)
+            assemble_pose(graph, graph->index++);
         else
             begin_factor(graph);
         return UNITS_PER_POSE;
-    case POSE_GRAPH_TURN:
-        if (graph->at < poses) {
-            rotate_displacement(graph, graph->at, 0, graph->right[graph->at]);
-            graph->at++;
+    case POSE_GRAPH_ROTATE:
+        if (graph->index < poses) {
+            rotate_displacement(graph, graph->index, 0, graph->right[graph->index]);
+            graph->index++;
         } else {
             begin_solve(graph);
         }
         return UNITS_PER_POSE;
     case POSE_GRAPH_SLOPE:
-        if (graph->at < poses)
-            add_slope(graph, graph->at++);
+        if (graph->index < poses)
+            add_slope(graph, graph->index++);
         else
             end_slope(graph);
         return UNITS_PER_POSE;
     case POSE_GRAPH_DIRECTION:
-        if (graph->at < poses)
-            set_direction(graph, graph->at++);
+        if (graph->index < poses)
+            set_direction(graph, graph->index++);
         else
             cairn_pose_graph_enter(graph, graph->mode, POSE_GRAPH_CURVATURE);
         return UNITS_PER_POSE;
     case POSE_GRAPH_CURVATURE:
-        if (graph->at < links) {
-            graph->curvature += cairn_pose_graph_curvature_of_link(graph, graph->at++);
+        if (graph->index < links) {
+            graph->curvature += cairn_pose_graph_curvature_of_link(graph, graph->index++);
             return UNITS_PER_COST;
         }
         end_curvature(graph);
         return UNITS_PER_POSE;
     case POSE_GRAPH_MOVE:
-        if (graph->at < poses)
-            move_pose(graph, graph->at++);
+        if (graph->index < poses)
+            move_pose(graph, graph->index++);
         else if (graph->mode == POSE_GRAPH_HEADINGS)
             cairn_pose_graph_enter(graph, POSE_GRAPH_JOINT, POSE_GRAPH_CLEAR);
         else
             cairn_pose_graph_enter(graph, graph->mode, POSE_GRAPH_COST);
         return UNITS_PER_POSE;
     case POSE_GRAPH_COST:
-        if (graph->at < links) {
-            cairn_pose_graph_try_link(graph, graph->at++);
+        if (graph->index < links) {
+            cairn_pose_graph_try_link(graph, graph->index++);
             return UNITS_PER_COST;
         }
         end_cost(graph);
         return 1 + poses / POSES_PER_UNIT;
     default:
-        if (graph->at < links) {
-            cairn_pose_graph_cost_of_link(graph, graph->at);
-            graph->state.outliers += graph->links[graph->at++].chi2 > graph->params.outlier;
+        if (graph->index < links) {
+            cairn_pose_graph_cost_of_link(graph, graph->index);
+            graph->state.outliers += graph->links[graph->index++].chi2 > graph->params.max_chi2;
             return UNITS_PER_COST;
         }
         end_report(graph);
@@ -514,13 +515,13 @@ cairn_status cairn_pose_graph_step(cairn_pose_graph *graph, cairn_budget *budget
 {
     cairn_status outcome;
 
-    while (graph->stage != POSE_GRAPH_IDLE || graph->debt > 0) {
+    while (graph->stage != POSE_GRAPH_IDLE || graph->units_owed > 0) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (graph->debt > 0) {
-            int32_t paid = graph->debt < budget->left ? graph->debt : budget->left;
+        if (graph->units_owed > 0) {
+            int32_t paid = graph->units_owed < budget->left ? graph->units_owed : budget->left;
 
-            graph->debt -= paid;
+            graph->units_owed -= paid;
             budget->left -= paid;
         } else if (is_solver_stage(graph->stage)) {
             cairn_status status = graph->solver.step(graph->solver.context, budget);
@@ -529,7 +530,7 @@ cairn_status cairn_pose_graph_step(cairn_pose_graph *graph, cairn_budget *budget
                 return CAIRN_MORE;
             end_solver_phase(graph, status);
         } else {
-            graph->debt = do_item(graph);
+            graph->units_owed = do_item(graph);
         }
     }
     outcome = graph->outcome;

@@ -8,11 +8,11 @@
 
 /* Linear problem of the current stage. */
 enum {
-    POSE_GRAPH_AS_GIVEN,  /* none: the cost of the initial poses */
-    POSE_GRAPH_HEADINGS,  /* chordal initialisation: cosines and sines */
-    POSE_GRAPH_JOINT,     /* chordal initialisation: poses, linearized about those headings */
-    POSE_GRAPH_NEWTON,    /* a Newton step of all poses */
-    POSE_GRAPH_COVARIANCE /* none: the inverse */
+    POSE_GRAPH_INITIAL_COST, /* none: the cost of the initial poses */
+    POSE_GRAPH_HEADINGS,     /* chordal initialisation: cosines and sines */
+    POSE_GRAPH_JOINT,        /* chordal initialisation: poses, linearized about those headings */
+    POSE_GRAPH_NEWTON,       /* a Newton step of all poses */
+    POSE_GRAPH_COVARIANCE    /* none: the inverse */
 };
 
 /* Stage: kind of the next work item. */
@@ -28,7 +28,7 @@ enum {
     POSE_GRAPH_SOLVE,
     /* with a reused factor: rotates the right sides into the headings of the factor; SOLVE is
      * next */
-    POSE_GRAPH_TURN,
+    POSE_GRAPH_ROTATE,
     /* ... rotates the solution back and computes the slope */
     POSE_GRAPH_SLOPE,
     /* ... conjugate direction */
@@ -49,7 +49,7 @@ struct pose_graph_link {
     cairn_pose measured;
     cairn_sym3 information; /* in the frame of the first pose */
     cairn_real chi2, weight;
-    int32_t dropped;
+    int32_t is_excluded;
 };
 
 struct cairn_pose_graph {
@@ -57,7 +57,7 @@ struct cairn_pose_graph {
     cairn_pose_graph_state state;
     cairn_pose_solver solver;
     /* NULL: the solver is the caller's */
-    cairn_block_solver *own;
+    cairn_block_solver *builtin_solver;
     /* [max_poses] accepted poses */
     cairn_pose *poses;
     cairn_pose *trial;
@@ -77,28 +77,28 @@ struct cairn_pose_graph {
     /* 1: the solver has the sparsity structure */
     int32_t analyzed;
     /* 1: the factor exceeds max_fill */
-    int32_t full;
+    int32_t fill_exceeded;
     /* 1: the poses are a solution */
-    int32_t settled;
+    int32_t is_solution;
     /* 1: the solver holds the inverse */
     int32_t has_marginals;
     /* status of the step that ends */
     cairn_status outcome;
-    int32_t mode, stage, at, debt;
+    int32_t mode, stage, index, units_owed;
     /* factor on the kernel's c^2 (graduated non-convexity), >= 1 */
-    cairn_real widening;
+    cairn_real kernel_scale;
     /* Levenberg-Marquardt damping: share of the diagonal that is added */
     cairn_real damping;
     /* 1: the damping was raised since the last accepted step */
-    int32_t refused;
+    int32_t was_rejected;
     /* fraction of the full step that is tried (backtracking) */
-    cairn_real length;
+    cairn_real step_fraction;
     /* 1: the next step reuses the last factor as a preconditioner */
-    int32_t reuse;
+    int32_t reuse_factor;
     /* 1: watchdog: the step starts at the trial poses, though their cost is higher */
-    int32_t ahead;
+    int32_t is_watchdog_step;
     /* decrease of the cost by the last accepted step */
-    cairn_real better;
+    cairn_real last_decrease;
     /* right-hand side times solution; 0: no step yet */
     cairn_real slope, last_slope;
     /* direction^T matrix direction */
@@ -106,15 +106,15 @@ struct cairn_pose_graph {
     /* cost at the linearization point, with the current kernel */
     cairn_real base_cost;
     /* sums and maximum over a pass of the links */
-    cairn_real chi2, cost, largest;
+    cairn_real chi2, cost, max_chi2;
 };
 
 /* Returns an information matrix rotated from the frame of a pose into the frame in which the pose
  * has heading theta, rad. */
-cairn_sym3 cairn_pose_graph_turned(cairn_sym3 information, cairn_real theta);
+cairn_sym3 cairn_pose_graph_rotate_information(cairn_sym3 information, cairn_real theta);
 
 /* Returns the linearization point of the links: the trial poses where these are being built. */
-const cairn_pose *cairn_pose_graph_base(const cairn_pose_graph *graph);
+const cairn_pose *cairn_pose_graph_linearization_poses(const cairn_pose_graph *graph);
 
 /* Link operations. assemble: adds the link's blocks to the normal equations of the current mode.
  * curvature: returns its part of the curvature along the direction. cost: adds chi2 and cost at the
@@ -129,16 +129,16 @@ void cairn_pose_graph_try_link(cairn_pose_graph *graph, int32_t index);
 void cairn_pose_graph_enter(cairn_pose_graph *graph, int32_t mode, int32_t stage);
 
 /* Waits for the solver's structure again. */
-void cairn_pose_graph_go_on(cairn_pose_graph *graph);
+void cairn_pose_graph_resume(cairn_pose_graph *graph);
 
 /* Returns 1 when no solution is running. */
 static inline int cairn_pose_graph_is_idle(const cairn_pose_graph *graph)
 {
-    return graph->stage == POSE_GRAPH_IDLE && graph->debt == 0 && graph->outcome == CAIRN_OK;
+    return graph->stage == POSE_GRAPH_IDLE && graph->units_owed == 0 && graph->outcome == CAIRN_OK;
 }
 
 /* Returns 1 for fixed poses. */
-static inline int cairn_pose_graph_stays(const cairn_pose_graph *graph, int32_t pose)
+static inline int cairn_pose_graph_is_fixed(const cairn_pose_graph *graph, int32_t pose)
 {
     return graph->fixed_count > 0 ? graph->fixed[pose] : pose == 0;
 }

@@ -23,7 +23,7 @@ cairn_scan_params cairn_scan_default(void)
     params.max_segments = 128;
     params.max_points = 2048;
     params.spacing = CAIRN_REAL(0.10);
-    params.support = CAIRN_REAL(0.20);
+    params.support_distance = CAIRN_REAL(0.20);
     params.fit = cairn_polyline_default();
     return params;
 }
@@ -48,7 +48,7 @@ static int params_are_valid(const cairn_scan_params *p)
     cairn_polyline_params step_fit;
 
     if (p == NULL || p->max_beams < 1 || p->max_beams > 100000 || p->max_points < 1 ||
-        p->max_points >= INT32_MAX || !is_positive(p->spacing) || !is_positive(p->support))
+        p->max_points >= INT32_MAX || !is_positive(p->spacing) || !is_positive(p->support_distance))
         return 0;
     step_fit = fit_params(p);
     return cairn_polyline_memory(&step_fit) > 0;
@@ -76,7 +76,7 @@ static cairn_scan *carve(cairn_pool *pool, const cairn_scan_params *p)
         scan->angle = angle;
         scan->beams = beams;
         scan->hit = hit;
-        scan->walls = walls;
+        scan->fitted = walls;
         scan->order = order;
         scan->support = support;
         scan->segments = segments;
@@ -113,7 +113,7 @@ cairn_status cairn_scan_create(cairn_scan **scan, cairn_pool *pool, const cairn_
 
     if (scan == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     step_fit = fit_params(params);
     *scan = carve(pool, params);
@@ -134,49 +134,50 @@ static cairn_status check_input(const cairn_scan *scan, const cairn_scan_input *
                                 cairn_fault *fault)
 {
     fault->index = -1;
-    fault->what = "scan: NULL, expected an object, an input and its ranges";
+    fault->message = "scan: NULL, expected an object, an input and its ranges";
     if (scan == NULL || in == NULL || in->range == NULL)
         return CAIRN_BAD_ARGUMENT;
-    fault->what = "count: expected at least 1";
+    fault->message = "count: expected at least 1";
     if (in->count < 1)
         return CAIRN_BAD_ARGUMENT;
-    fault->what = "count: more beams than max_beams";
+    fault->message = "count: more beams than max_beams";
     if (in->count > scan->params.max_beams)
         return CAIRN_FULL;
-    fault->what = "range_min, range_max, range_sigma: expected finite numbers";
+    fault->message = "range_min, range_max, range_sigma: expected finite numbers";
     if (!is_finite_float(in->range_min) || !is_finite_float(in->range_max) ||
         !is_finite_float(in->range_sigma))
         return CAIRN_NOT_FINITE;
-    fault->what = "range_min, range_max: expected 0 <= range_min < range_max <= CAIRN_SCAN_EXTENT";
+    fault->message =
+        "range_min, range_max: expected 0 <= range_min < range_max <= CAIRN_SCAN_EXTENT";
     if (in->range_min < 0 || in->range_max <= in->range_min ||
         (cairn_real)in->range_max > CAIRN_SCAN_EXTENT)
         return CAIRN_BAD_ARGUMENT;
-    fault->what = "range_sigma: expected >= 0";
+    fault->message = "range_sigma: expected >= 0";
     if (in->range_sigma < 0)
         return CAIRN_BAD_ARGUMENT;
-    fault->what = "time_step: expected a finite number";
+    fault->message = "time_step: expected a finite number";
     if (!is_finite_float(in->time_step))
         return CAIRN_NOT_FINITE;
-    fault->what = "time_step: expected >= 0";
+    fault->message = "time_step: expected >= 0";
     if (in->time_step < 0)
         return CAIRN_BAD_ARGUMENT;
-    fault->what = "base_sensor, motion: expected finite numbers";
+    fault->message = "base_sensor, motion: expected finite numbers";
     if (!cairn_pose_is_finite(in->base_sensor) || !cairn_pose_is_finite(in->motion))
         return CAIRN_NOT_FINITE;
-    fault->what = "base_sensor, motion: beyond CAIRN_SCAN_EXTENT";
+    fault->message = "base_sensor, motion: beyond CAIRN_SCAN_EXTENT";
     if (!within_extent(in->base_sensor) || !within_extent(in->motion))
         return CAIRN_BAD_ARGUMENT;
-    fault->what = "angle_min, angle_step: expected finite numbers";
+    fault->message = "angle_min, angle_step: expected finite numbers";
     if (in->angle == NULL && !(is_finite_float(in->angle_min) && is_finite_float(in->angle_step)))
         return CAIRN_NOT_FINITE;
-    fault->what = "angle: not a finite number";
+    fault->message = "angle: not a finite number";
     for (int32_t i = 0; in->angle != NULL && i < in->count; i++) {
         fault->index = i;
         if (!is_finite_float(in->angle[i]))
             return CAIRN_NOT_FINITE;
     }
     fault->index = -1;
-    fault->what = NULL;
+    fault->message = NULL;
     return CAIRN_OK;
 }
 
@@ -197,15 +198,15 @@ cairn_status cairn_scan_begin(cairn_scan *scan, const cairn_scan_input *input, c
     else
         for (int32_t i = 0; i < input->count; i++)
             scan->angle[i] = input->angle_min + (float)i * input->angle_step;
-    scan->twist = cairn_twist_of(input->motion);
-    scan->hit_count = scan->wall_count = scan->place_count = scan->segment_count =
+    scan->twist = cairn_twist_log(input->motion);
+    scan->hit_count = scan->fitted_count = scan->position_count = scan->segment_count =
         scan->point_count = 0;
     scan->view.beam_count = scan->view.segment_count = scan->view.point_count = 0;
     scan->first_point[0] = 0;
     memset(&scan->measure, 0, sizeof scan->measure);
-    scan->part = 0;
+    scan->eighths = 0;
     scan->phase = SCAN_BEAMS;
-    scan->at = scan->other = scan->stage = scan->running = 0;
+    scan->item_index = scan->inner_index = scan->stage = scan->support_count = 0;
     return cairn_polyline_clear(
         scan->polyline, cairn_max(1, (cairn_real)input->range_sigma / scan->params.fit.sigma));
 }
@@ -221,7 +222,8 @@ static cairn_beam beam_of(const cairn_scan *scan, int32_t i)
 {
     float range = scan->range[i], length = range;
     cairn_real f = scan->input.count > 1 ? (cairn_real)i / (cairn_real)(scan->input.count - 1) : 0;
-    cairn_pose sensor = cairn_pose_compose(cairn_twist_at(scan->twist, f), scan->input.base_sensor);
+    cairn_pose sensor =
+        cairn_pose_compose(cairn_twist_exp(scan->twist, f), scan->input.base_sensor);
     cairn_beam beam = {{sensor.x, sensor.y}, {sensor.x, sensor.y}, CAIRN_BEAM_HIT};
     cairn_vec2 direction;
 
@@ -240,18 +242,18 @@ static cairn_beam beam_of(const cairn_scan *scan, int32_t i)
 
 static cairn_status make_beams(cairn_scan *scan, cairn_budget *budget)
 {
-    for (; scan->at < scan->input.count; scan->at++) {
-        cairn_beam *beam = &scan->beams[scan->at];
+    for (; scan->item_index < scan->input.count; scan->item_index++) {
+        cairn_beam *beam = &scan->beams[scan->item_index];
         cairn_real point[2];
         cairn_status status;
 
         if (!cairn_scan_pay(scan, budget, 42))
             return CAIRN_MORE;
-        *beam = beam_of(scan, scan->at);
+        *beam = beam_of(scan, scan->item_index);
         (*kind_count(scan, beam->kind))++;
         if (beam->kind != CAIRN_BEAM_HIT)
             continue;
-        scan->hit[scan->hit_count++] = scan->at;
+        scan->hit[scan->hit_count++] = scan->item_index;
         point[0] = beam->to.x;
         point[1] = beam->to.y;
         status = cairn_polyline_add(scan->polyline, point);
@@ -269,7 +271,7 @@ static cairn_status step_fit(cairn_scan *scan, cairn_budget *budget)
         cairn_polyline_measure cost = cairn_polyline_measured(scan->polyline);
 
         scan->measure.units += cost.units;
-        scan->measure.iterations = cost.iterations;
+        scan->measure.fit_iterations = cost.iterations;
     }
     return status;
 }
@@ -304,7 +306,7 @@ cairn_status cairn_scan_step(cairn_scan *scan, cairn_budget *budget)
         if (status != CAIRN_OK)
             return status;
         scan->phase++;
-        scan->at = scan->other = scan->stage = scan->running = 0;
+        scan->item_index = scan->inner_index = scan->stage = scan->support_count = 0;
     }
     return CAIRN_OK;
 }

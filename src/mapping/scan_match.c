@@ -12,12 +12,12 @@
  * 5. Decision: found, ambiguous or none by a logistic regression over the final scores.
  *
  * Layout: the target's points in the order of add_target(); sorted by cell (scan_match_index.c);
- * their quantized positions sorted by direction and strip (scan_match_spots.c). Both sorted copies
- * are built at the first match after the target changed. Beams are reduced to a visibility profile
- * (scan_match_free.c).
- * The number of operations is bounded: by the voting points of query and target, by the number of
- * headings, and by fixed numbers of candidates, iterations and points of each stage.
- * Limits: positions farther than 256 cells of two spacings apart are not searched. */
+ * their quantized positions sorted by direction and strip (scan_match_positions.c). Both sorted
+ * copies are built at the first match after the target changed. Beams are reduced to a
+ * visibility profile (scan_match_visibility.c). The number of operations is bounded: by the
+ * voting points of query and target, by the number of headings, and by fixed numbers of
+ * candidates, iterations and points of each stage. Limits: positions farther than 256 cells of
+ * two spacings apart are not searched. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -41,10 +41,10 @@ cairn_scan_match_params cairn_scan_match_default(void)
         .max_query = 1024,
         .max_hypotheses = 8,
         .max_candidates = 128,
-        .max_cells = MATCH_CELLS_MOST,
-        .once = 1,
+        .max_cells = SCAN_MATCH_MAX_CELLS,
+        .vote_once = 1,
         .spacing = CAIRN_REAL(0.1),
-        .sigma = CAIRN_REAL(0.01),
+        .min_sigma = CAIRN_REAL(0.01),
         .weak_ratio = CAIRN_REAL(0.001),
     };
     return params;
@@ -80,14 +80,15 @@ static int params_are_valid(const cairn_scan_match_params *p)
            is_within(p->max_views, 0, MAX_VIEWS) && is_within(p->max_query, 1, MAX_POINTS) &&
            is_within(p->max_hypotheses, 1, MAX_HYPOTHESES) &&
            is_within(p->max_candidates, 1, MAX_CANDIDATES) &&
-           is_within(p->max_cells, MATCH_CELLS_LEAST, MATCH_CELLS_MOST) &&
-           is_within(p->once, 0, 1) && is_positive(p->spacing) && p->spacing >= MIN_SPACING_M &&
-           is_positive(p->sigma) && p->weak_ratio >= 0 && p->weak_ratio < 1;
+           is_within(p->max_cells, SCAN_MATCH_MIN_CELLS, SCAN_MATCH_MAX_CELLS) &&
+           is_within(p->vote_once, 0, 1) && is_positive(p->spacing) &&
+           p->spacing >= MIN_SPACING_M && is_positive(p->min_sigma) && p->weak_ratio >= 0 &&
+           p->weak_ratio < 1;
 }
 
 static cairn_sequence_params sequence_params(const cairn_scan_match_params *p)
 {
-    cairn_sequence_params params = {CAIRN_SEQUENCE_COMMON, p->max_query, p->max_target, 0};
+    cairn_sequence_params params = {CAIRN_SEQUENCE_LCS, p->max_query, p->max_target, 0};
 
     return params;
 }
@@ -101,8 +102,8 @@ static match_shape *carve_shape(cairn_pool *pool, const cairn_scan_match_params 
     memset(&made, 0, sizeof made);
     made.target = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.target);
     made.query = cairn_pool_take(pool, (size_t)p->max_query, sizeof *made.query);
-    made.part_of = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.part_of);
-    made.turned = cairn_pool_take(pool, (size_t)p->max_query, sizeof *made.turned);
+    made.target_part = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.target_part);
+    made.rotated_query = cairn_pool_take(pool, (size_t)p->max_query, sizeof *made.rotated_query);
     made.pairs = cairn_pool_take(pool, (size_t)p->max_query, sizeof *made.pairs);
     made.segments = cairn_pool_take(pool, (size_t)p->max_query + 1, sizeof *made.segments);
     if (shape != NULL)
@@ -123,16 +124,17 @@ static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *
     made.dense = cairn_pool_take(pool, (size_t)p->max_dense, sizeof *made.dense);
     made.dense_index.points =
         cairn_pool_take(pool, (size_t)p->max_dense, sizeof *made.dense_index.points);
-    made.dense_index.start = cairn_pool_take(pool, cairn_match_index_cells(p->max_dense) + 1,
+    made.dense_index.start = cairn_pool_take(pool, cairn_scan_match_index_cells(p->max_dense) + 1,
                                              sizeof *made.dense_index.start);
     made.views = cairn_pool_take(pool, (size_t)p->max_views, sizeof *made.views);
     made.query_profile = cairn_pool_take_one(pool, sizeof *made.query_profile);
     made.index.points = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.index.points);
-    made.index.start =
-        cairn_pool_take(pool, cairn_match_index_cells(p->max_target) + 1, sizeof *made.index.start);
+    made.index.start = cairn_pool_take(pool, cairn_scan_match_index_cells(p->max_target) + 1,
+                                       sizeof *made.index.start);
     made.by_direction =
         cairn_pool_take(pool, cells > 0 ? (size_t)p->max_target : 0, sizeof *made.by_direction);
-    made.query_turn = cairn_pool_take(pool, cells > 0 ? MATCH_VOTERS : 0, sizeof *made.query_turn);
+    made.query_angle = cairn_pool_take(pool, cells > 0 ? SCAN_MATCH_MAX_QUERY_POINTS : 0,
+                                       sizeof *made.query_angle);
     made.votes.cell = cairn_pool_take(pool, cells, sizeof *made.votes.cell);
     made.votes.touched = cairn_pool_take(pool, cells, sizeof *made.votes.touched);
     made.candidates = cairn_pool_take(pool, (size_t)p->max_candidates, sizeof *made.candidates);
@@ -169,7 +171,7 @@ cairn_status cairn_scan_match_create(cairn_scan_match **match, cairn_pool *pool,
 
     if (match == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     if (made->shape == NULL)
@@ -202,7 +204,7 @@ static void cancel(cairn_scan_match *match)
         match->votes.cell[match->votes.touched[i]] = 0;
     match->votes.touched_count = 0;
     match->phase = MATCH_IDLE;
-    match->owed = 0;
+    match->parts_owed = 0;
     memset(&match->result, 0, sizeof match->result);
 }
 
@@ -267,7 +269,7 @@ static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pos
 }
 
 /* Builds the visibility profile of a part; returns 0 when none of its beams has a range. */
-static int32_t make_profile(match_profile *profile, const cairn_scan_match_part *part,
+static int32_t make_profile(match_visibility_profile *profile, const cairn_scan_match_part *part,
                             cairn_transform transform)
 {
     int32_t known = 0;
@@ -278,9 +280,9 @@ static int32_t make_profile(match_profile *profile, const cairn_scan_match_part 
         if (beam->kind == CAIRN_BEAM_UNKNOWN)
             continue;
         if (!known)
-            cairn_match_profile_clear(profile, cairn_transform_point(transform, beam->from));
+            cairn_scan_match_profile_clear(profile, cairn_transform_point(transform, beam->from));
         known = 1;
-        cairn_match_profile_add(profile, cairn_transform_point(transform, beam->to));
+        cairn_scan_match_profile_add(profile, cairn_transform_point(transform, beam->to));
     }
     return known;
 }
@@ -311,7 +313,7 @@ cairn_status cairn_scan_match_add_target(cairn_scan_match *match, const cairn_sc
         cairn_oriented_point *p = &match->target[match->target_count];
 
         if (match->shape != NULL)
-            match->shape->part_of[match->target_count] = match->part_count;
+            match->shape->target_part[match->target_count] = match->part_count;
         match->target_count++;
         p->position = cairn_transform_point(transform, part->points[i].position);
         p->direction = cairn_transform_direction(transform, part->points[i].direction);
@@ -343,11 +345,12 @@ static void measure_query(cairn_scan_match *match)
     cairn_real n = (cairn_real)q->count, squares = 0;
 
     match->centroid.x = match->centroid.y = 0;
-    match->query_reach = 0;
+    match->query_extent = 0;
     for (int32_t i = 0; i < q->count; i++) {
         match->centroid =
             cairn_vec2_add(match->centroid, cairn_vec2_scale(q->points[i].position, 1 / n));
-        match->query_reach = cairn_max(match->query_reach, cairn_vec2_norm(q->points[i].position));
+        match->query_extent =
+            cairn_max(match->query_extent, cairn_vec2_norm(q->points[i].position));
     }
     for (int32_t i = 0; i < q->count; i++)
         squares += cairn_vec2_norm_squared(cairn_vec2_sub(q->points[i].position, match->centroid));
@@ -386,10 +389,10 @@ static cairn_status set_query(cairn_scan_match *match, const cairn_scan_match_pa
     cancel(match);
     memset(&match->measure, 0, sizeof match->measure);
     match->query = *query;
-    match->query_sees =
+    match->query_has_profile =
         make_profile(match->query_profile, query, cairn_transform_of(cairn_pose_identity()));
     match->candidate_count = match->hypothesis_count = 0;
-    match->at = match->other = match->stage = 0;
+    match->index_in_phase = match->hypothesis_index = match->stage = 0;
     if (query->count == 0 || match->target_count == 0) {
         match->result.hypotheses = match->hypotheses;
         match->result.verdict = CAIRN_SCAN_MATCH_NONE;
@@ -417,7 +420,7 @@ cairn_status cairn_scan_match_begin(cairn_scan_match *match, const cairn_scan_ma
         return CAIRN_OK;
     measure_query(match);
     set_window(match, start, window);
-    cairn_match_start(match);
+    cairn_scan_match_start(match);
     return CAIRN_OK;
 }
 
@@ -428,7 +431,7 @@ cairn_status cairn_scan_match_begin_icp(cairn_scan_match *match, const cairn_sca
 
     if (match == NULL || query == NULL)
         return cairn_refuse(fault, -1, "no object or no query", CAIRN_BAD_ARGUMENT);
-    if (!cairn_match_is_as_written(match) || !cairn_match_has_icp(match))
+    if (!cairn_scan_match_is_as_written(match) || !cairn_scan_match_has_icp(match))
         return cairn_refuse(fault, -1, "the mode has no ICP of its own", CAIRN_BAD_ARGUMENT);
     status = set_query(match, query, start, fault);
     if (status != CAIRN_OK)
@@ -437,7 +440,7 @@ cairn_status cairn_scan_match_begin_icp(cairn_scan_match *match, const cairn_sca
         return CAIRN_OK;
     measure_query(match);
     set_window(match, start, NULL);
-    cairn_match_start_icp(match, start);
+    cairn_scan_match_start_icp(match, start);
     return CAIRN_OK;
 }
 
@@ -449,7 +452,9 @@ cairn_scan_match_result cairn_scan_match_read(const cairn_scan_match *match)
         .verdict = CAIRN_SCAN_MATCH_RUNNING,
     };
 
-    return match->phase == MATCH_DONE && match->owed < MATCH_PART ? match->result : running;
+    return match->phase == MATCH_DONE && match->parts_owed < SCAN_MATCH_PARTS_PER_UNIT
+               ? match->result
+               : running;
 }
 
 cairn_scan_match_measure cairn_scan_match_measured(const cairn_scan_match *match)

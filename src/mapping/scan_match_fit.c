@@ -40,19 +40,19 @@ enum { MIN_PAIRS = 4 };
 
 /* Points, iterations, hypotheses kept (at least twice max_hypotheses; 0: max_hypotheses), dense,
  * gates. */
-static const match_stage STAGES[MATCH_STAGES + 1] = {
+static const match_stage STAGES[SCAN_MATCH_STAGES + 1] = {
     {48, 3, 16, 0, 5, 3},
     {128, 6, 0, 0, 3, CAIRN_REAL(1.5)},
     {1 << 20, 8, 0, 1, 2, 1},
     {1 << 20, 0, 0, 1, 2, 2}, /* evaluation only */
 };
 
-const match_stage *cairn_match_stage_of(const cairn_scan_match *match)
+const match_stage *cairn_scan_match_current_stage(const cairn_scan_match *match)
 {
     return &STAGES[match->stage];
 }
 
-void cairn_match_fit_begin(cairn_scan_match *match, cairn_pose pose)
+void cairn_scan_match_fit_begin(cairn_scan_match *match, cairn_pose pose)
 {
     const match_stage *stage = &STAGES[match->stage];
     match_fit *fit = &match->fit;
@@ -67,7 +67,7 @@ void cairn_match_fit_begin(cairn_scan_match *match, cairn_pose pose)
     fit->motion = cairn_rigid_motion_at(pose, match->centroid, match->radius);
     fit->gate = stage->gate_start * match->params.spacing;
     fit->sigma = match->stage == 0 ? fit->gate / 2 : match->params.spacing / 2;
-    match->at = 0;
+    match->index_in_phase = 0;
 }
 
 /* Adds the symmetric product of a pair's two Jacobian rows, one per normal. */
@@ -76,7 +76,8 @@ static void add_cross(cairn_scan_match *match, const cairn_real row[3], cairn_ve
 {
     cairn_real other[3], sum[3], difference[3];
 
-    cairn_rigid_motion_row(&match->fit.motion, cairn_vec2_left(direction), position, other);
+    cairn_rigid_motion_jacobian(&match->fit.motion, cairn_vec2_left_perp(direction), position,
+                                other);
     for (int k = 0; k < 3; k++) {
         sum[k] = row[k] + other[k];
         difference[k] = row[k] - other[k];
@@ -98,22 +99,22 @@ static void add_pair(cairn_scan_match *match, const cairn_oriented_point *q)
     search.p = cairn_transform_point(fit->motion.transform, q->position);
     search.direction = cairn_transform_direction(fit->motion.transform, q->direction);
     search.cosine = MIN_PAIR_COSINE;
-    m = cairn_match_index_nearest(fit->index, &search, fit->gate, &parts);
-    cairn_match_charge(match, parts);
+    m = cairn_scan_match_index_nearest(fit->index, &search, fit->gate, &parts);
+    cairn_scan_match_charge(match, parts);
     if (m == NULL)
         return;
-    normal = cairn_vec2_left(m->direction);
+    normal = cairn_vec2_left_perp(m->direction);
     error = cairn_vec2_dot(normal, cairn_vec2_sub(search.p, m->position));
     squared = error * error;
     weight = 1 / (1 + squared / (scale * scale));
-    cairn_rigid_motion_row(&fit->motion, normal, q->position, row);
+    cairn_rigid_motion_jacobian(&fit->motion, normal, q->position, row);
     cairn_sym3_add_outer(&sums->lines, row, weight);
     if (STAGES[match->stage].dense)
         add_cross(match, row, search.direction, q->position, weight);
     for (int k = 0; k < 3; k++)
         sums->gradient[k] += weight * error * row[k];
     sums->weight += weight;
-    sums->squares += weight * squared;
+    sums->residual_squares += weight * squared;
     sums->psi_squares += weight * weight * squared;
     /* psi = w e, psi' = 1 - (e / scale)^2 over (...)^2 */
     sums->slopes += weight * weight * (2 - 1 / weight);
@@ -128,7 +129,7 @@ static cairn_real information_scale(const cairn_scan_match *match)
     cairn_real scale =
         sums->psi_squares / cairn_max(n - 3, 1) * (sums->weight / n) / (slope * slope);
 
-    return 1 / cairn_max(scale, match->params.sigma * match->params.sigma);
+    return 1 / cairn_max(scale, match->params.min_sigma * match->params.min_sigma);
 }
 
 static cairn_sym3 scaled(cairn_sym3 m, cairn_real by)
@@ -154,7 +155,7 @@ static void add_covariance_floor(const cairn_scan_match *match, cairn_real covar
 /* Stores the refined pose; of the last stage also its covariance and observability. */
 static void store_hypothesis(cairn_scan_match *match, const cairn_motion_basis *basis)
 {
-    cairn_scan_match_hypothesis *h = &match->hypotheses[match->other];
+    cairn_scan_match_hypothesis *h = &match->hypotheses[match->hypothesis_index];
     cairn_motion_basis seen;
     cairn_normal_equations prior;
     cairn_sym3 information = cairn_sym3_zero();
@@ -162,22 +163,22 @@ static void store_hypothesis(cairn_scan_match *match, const cairn_motion_basis *
     h->target_query = match->fit.motion.map_body;
     if (!STAGES[match->stage].dense)
         return;
-    cairn_match_charge(match, 40 * MATCH_PART);
+    cairn_scan_match_charge(match, 40 * SCAN_MATCH_PARTS_PER_UNIT);
     h->pairs = match->fit.sums.pairs;
     h->sigma = match->fit.sigma;
     h->radius = match->radius;
-    h->observable = 0;
+    h->observable_dof = 0;
     h->weak_ratio = 0;
-    memset(h->weak, 0, sizeof h->weak);
+    memset(h->weak_direction, 0, sizeof h->weak_direction);
     if (match->has_window)
         prior = cairn_rigid_motion_prior(&match->fit.motion, &match->prior);
     if (basis != NULL) {
         seen = cairn_motion_basis_of(match->fit.sums.cross, match->params.weak_ratio);
         basis = &seen;
         information = scaled(match->fit.sums.cross, information_scale(match));
-        h->observable = 3 - basis->weak;
-        h->weak_ratio = basis->ratio;
-        memcpy(h->weak, basis->vectors[0], sizeof h->weak);
+        h->observable_dof = 3 - basis->unobservable;
+        h->weak_ratio = basis->inverse_condition;
+        memcpy(h->weak_direction, basis->vectors[0], sizeof h->weak_direction);
     }
     cairn_rigid_motion_covariance(&match->fit.motion, basis, basis == NULL ? NULL : &information,
                                   match->has_window ? &prior : NULL, h->covariance);
@@ -206,14 +207,15 @@ static int32_t end_iteration(cairn_scan_match *match)
     cairn_real step[3], moved, by, gate_end = stage->gate_end * match->params.spacing,
                                    sigma = fit->sigma;
 
-    cairn_match_charge(match, 24 * MATCH_PART);
+    cairn_scan_match_charge(match, 24 * SCAN_MATCH_PARTS_PER_UNIT);
     fit->iteration++;
     if (fit->sums.pairs < MIN_PAIRS) {
         store_hypothesis(match, NULL);
         return 1;
     }
-    fit->sigma = cairn_max(match->params.sigma,
-                           cairn_sqrt(CAUCHY_VARIANCE * fit->sums.squares / fit->sums.weight));
+    fit->sigma =
+        cairn_max(match->params.min_sigma,
+                  cairn_sqrt(CAUCHY_VARIANCE * fit->sums.residual_squares / fit->sums.weight));
     by = 1 / (2 * fit->sigma * fit->sigma);
     basis = cairn_motion_basis_of(fit->sums.lines, MIN_STEP_RATIO);
     if (stage->iterations == 0) {
@@ -239,34 +241,36 @@ static int32_t end_iteration(cairn_scan_match *match)
     }
     fit->gate = cairn_max(gate_end, CAIRN_REAL(0.7) * fit->gate);
     memset(&fit->sums, 0, sizeof fit->sums);
-    match->at = 0;
+    match->index_in_phase = 0;
     return 0;
 }
 
-int32_t cairn_match_fit_item(cairn_scan_match *match)
+int32_t cairn_scan_match_fit_item(cairn_scan_match *match)
 {
-    if (match->at >= match->fit.count)
+    if (match->index_in_phase >= match->fit.count)
         return end_iteration(match);
-    add_pair(match, &match->fit.points[match->at]);
-    match->at += match->fit.stride;
+    add_pair(match, &match->fit.points[match->index_in_phase]);
+    match->index_in_phase += match->fit.stride;
     return 0;
 }
 
 /* ---- Inliers and free-space violations ---- */
 
-void cairn_match_tally_begin(cairn_scan_match *match)
+void cairn_scan_match_score_begin(cairn_scan_match *match)
 {
     const match_stage *stage = &STAGES[match->stage];
     int32_t witnesses;
 
-    memset(&match->tally, 0, sizeof match->tally);
-    match->tally_transform = cairn_transform_of(match->hypotheses[match->other].target_query);
-    match->tally_inverse =
-        cairn_transform_of(cairn_pose_inverse(match->hypotheses[match->other].target_query));
-    match->tally_stride = match->fit.stride;
-    witnesses = stage->points < MATCH_WITNESSES ? stage->points : MATCH_WITNESSES;
-    match->witness_stride = (match->target_count + witnesses - 1) / witnesses;
-    match->at = 0;
+    memset(&match->inlier_count, 0, sizeof match->inlier_count);
+    match->target_query =
+        cairn_transform_of(match->hypotheses[match->hypothesis_index].target_query);
+    match->query_target = cairn_transform_of(
+        cairn_pose_inverse(match->hypotheses[match->hypothesis_index].target_query));
+    match->query_stride = match->fit.stride;
+    witnesses = stage->points < SCAN_MATCH_MAX_TARGET_SAMPLES ? stage->points
+                                                              : SCAN_MATCH_MAX_TARGET_SAMPLES;
+    match->target_stride = (match->target_count + witnesses - 1) / witnesses;
+    match->index_in_phase = 0;
 }
 
 static void test_query_point(cairn_scan_match *match, const cairn_oriented_point *q)
@@ -275,42 +279,42 @@ static void test_query_point(cairn_scan_match *match, const cairn_oriented_point
     match_search search;
     int32_t parts = 20;
 
-    search.p = cairn_transform_point(match->tally_transform, q->position);
-    search.direction = cairn_transform_direction(match->tally_transform, q->direction);
+    search.p = cairn_transform_point(match->target_query, q->position);
+    search.direction = cairn_transform_direction(match->target_query, q->direction);
     search.cosine = MIN_INLIER_COSINE;
-    match->tally.asked++;
-    m = cairn_match_index_nearest(match->fit.index, &search, INLIER_GATE * match->params.spacing,
-                                  &parts);
+    match->inlier_count.query_points++;
+    m = cairn_scan_match_index_nearest(match->fit.index, &search,
+                                       INLIER_GATE * match->params.spacing, &parts);
     if (m != NULL) {
-        cairn_real e =
-            cairn_vec2_dot(cairn_vec2_left(m->direction), cairn_vec2_sub(search.p, m->position)) /
-            (HALF_WEIGHT_DISTANCE * match->params.spacing);
+        cairn_real e = cairn_vec2_dot(cairn_vec2_left_perp(m->direction),
+                                      cairn_vec2_sub(search.p, m->position)) /
+                       (HALF_WEIGHT_DISTANCE * match->params.spacing);
 
-        match->tally.closeness += 1 / (1 + e * e);
-        match->tally.explained++;
-        cairn_match_charge(match, parts);
+        match->inlier_count.fit_sum += 1 / (1 + e * e);
+        match->inlier_count.inliers++;
+        cairn_scan_match_charge(match, parts);
         return;
     }
     for (int32_t i = 0; i < match->view_count; i++) {
         parts += 8;
-        if (cairn_match_profile_ask(&match->views[i], search.p,
-                                    FREE_SPACE_MARGIN * match->params.spacing) > 0) {
-            match->tally.contradicted++;
+        if (cairn_scan_match_profile_lookup(&match->views[i], search.p,
+                                            FREE_SPACE_MARGIN * match->params.spacing) > 0) {
+            match->inlier_count.violations++;
             break;
         }
     }
-    cairn_match_charge(match, parts);
+    cairn_scan_match_charge(match, parts);
 }
 
 static void test_target_point(cairn_scan_match *match, const cairn_oriented_point *p)
 {
-    int32_t says = cairn_match_profile_ask(match->query_profile,
-                                           cairn_transform_point(match->tally_inverse, p->position),
-                                           FREE_SPACE_MARGIN * match->params.spacing);
+    int32_t says = cairn_scan_match_profile_lookup(
+        match->query_profile, cairn_transform_point(match->query_target, p->position),
+        FREE_SPACE_MARGIN * match->params.spacing);
 
-    match->tally.target_explained += says < 0;
-    match->tally.target_contradicted += says > 0;
-    cairn_match_charge(match, 12);
+    match->inlier_count.target_inliers += says < 0;
+    match->inlier_count.target_violations += says > 0;
+    cairn_scan_match_charge(match, 12);
 }
 
 static cairn_real share(cairn_real part, int32_t rest)
@@ -320,33 +324,34 @@ static cairn_real share(cairn_real part, int32_t rest)
 
 static void score(cairn_scan_match *match)
 {
-    cairn_scan_match_hypothesis *h = &match->hypotheses[match->other];
-    const match_tally *t = &match->tally;
-    cairn_real asked = (cairn_real)(t->asked > 0 ? t->asked : 1), agreement;
+    cairn_scan_match_hypothesis *h = &match->hypotheses[match->hypothesis_index];
+    const match_inlier_count *t = &match->inlier_count;
+    cairn_real asked = (cairn_real)(t->query_points > 0 ? t->query_points : 1), agreement;
 
-    h->overlap = (cairn_real)t->explained / asked;
-    h->fit = t->closeness / asked;
-    h->contradiction = share((cairn_real)t->contradicted, t->explained);
-    h->target_contradiction = share((cairn_real)t->target_contradicted, t->target_explained);
-    agreement = (1 - h->contradiction) * (1 - h->target_contradiction);
+    h->overlap = (cairn_real)t->inliers / asked;
+    h->fit = t->fit_sum / asked;
+    h->free_space_violation = share((cairn_real)t->violations, t->inliers);
+    h->target_free_space_violation = share((cairn_real)t->target_violations, t->target_inliers);
+    agreement = (1 - h->free_space_violation) * (1 - h->target_free_space_violation);
     h->score = h->fit * agreement * agreement * agreement;
 }
 
-int32_t cairn_match_tally_item(cairn_scan_match *match)
+int32_t cairn_scan_match_score_item(cairn_scan_match *match)
 {
-    int32_t queries = match->fit.count, witnesses = match->query_sees ? match->target_count : 0;
+    int32_t queries = match->fit.count,
+            witnesses = match->query_has_profile ? match->target_count : 0;
 
-    if (match->at < queries) {
-        test_query_point(match, &match->fit.points[match->at]);
-        match->at += match->tally_stride;
-        if (match->at < queries)
+    if (match->index_in_phase < queries) {
+        test_query_point(match, &match->fit.points[match->index_in_phase]);
+        match->index_in_phase += match->query_stride;
+        if (match->index_in_phase < queries)
             return 0;
-        match->at = queries;
-    } else if (match->at - queries < witnesses) {
-        test_target_point(match, &match->target[match->at - queries]);
-        match->at += match->witness_stride;
+        match->index_in_phase = queries;
+    } else if (match->index_in_phase - queries < witnesses) {
+        test_target_point(match, &match->target[match->index_in_phase - queries]);
+        match->index_in_phase += match->target_stride;
     }
-    if (match->at - queries < witnesses)
+    if (match->index_in_phase - queries < witnesses)
         return 0;
     score(match);
     return 1;

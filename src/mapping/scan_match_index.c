@@ -21,18 +21,19 @@ static int32_t side_for(int32_t max_points)
     return side;
 }
 
-size_t cairn_match_index_cells(int32_t max_points)
+size_t cairn_scan_match_index_cells(int32_t max_points)
 {
     return (size_t)side_for(max_points) * (size_t)side_for(max_points);
 }
 
-void cairn_match_index_reset(match_index *index, int32_t max_points, int32_t count, cairn_real cell)
+void cairn_scan_match_index_reset(match_index *index, int32_t max_points, int32_t count,
+                                  cairn_real cell)
 {
     index->side = side_for(max_points);
     index->count = count;
     index->cell = cell;
     index->per_metre = 1 / cell;
-    memset(index->start, 0, (cairn_match_index_cells(max_points) + 1) * sizeof *index->start);
+    memset(index->start, 0, (cairn_scan_match_index_cells(max_points) + 1) * sizeof *index->start);
 }
 
 static int32_t coordinate(const match_index *index, cairn_real x)
@@ -47,20 +48,20 @@ static int32_t cell_of(const match_index *index, cairn_vec2 p)
     return (coordinate(index, p.y) & mask) * index->side + (coordinate(index, p.x) & mask);
 }
 
-void cairn_match_index_count(match_index *index, cairn_vec2 p)
+void cairn_scan_match_index_count(match_index *index, cairn_vec2 p)
 {
     index->start[cell_of(index, p)]++;
 }
 
 /* Prefix sums: counts become the ends of their cells. */
-void cairn_match_index_sum(match_index *index, int32_t first, int32_t end)
+void cairn_scan_match_index_sum(match_index *index, int32_t first, int32_t end)
 {
     for (int32_t cell = first > 0 ? first : 1; cell < end; cell++)
         index->start[cell] += index->start[cell - 1];
 }
 
 /* Places a point; ends become starts as points are placed, the last one first. */
-void cairn_match_index_place(match_index *index, cairn_oriented_point p)
+void cairn_scan_match_index_place(match_index *index, cairn_oriented_point p)
 {
     index->points[--index->start[cell_of(index, p.position)]] = p;
 }
@@ -98,8 +99,9 @@ static int32_t visit_row(const match_index *index, int32_t y, cairn_real reach, 
 }
 
 /* Visits rows from the point's own outwards, until the next one is farther than the best. */
-const cairn_oriented_point *cairn_match_index_nearest(const match_index *index, match_search *asked,
-                                                      cairn_real gate, int32_t *parts)
+const cairn_oriented_point *cairn_scan_match_index_nearest(const match_index *index,
+                                                           match_search *asked, cairn_real gate,
+                                                           int32_t *parts)
 {
     int32_t up = coordinate(index, asked->p.y), down = up - 1;
     cairn_real above = 0, below = asked->p.y - (cairn_real)up * index->cell;

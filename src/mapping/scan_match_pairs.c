@@ -21,7 +21,7 @@ static int32_t is_in_selected_segment(const cairn_scan_match *match, int32_t k)
     const match_shape *shape = match->shape;
     int32_t low = 0, high = shape->segment_count - 1;
 
-    if (!cairn_match_has_segment_filter(match))
+    if (!cairn_scan_match_has_segment_filter(match))
         return 1;
     while (low < high) {
         int32_t middle = (low + high + 1) / 2;
@@ -31,14 +31,14 @@ static int32_t is_in_selected_segment(const cairn_scan_match *match, int32_t k)
         else
             high = middle - 1;
     }
-    return shape->segments[low].kept;
+    return shape->segments[low].is_selected;
 }
 
 cairn_scan_match_pair cairn_scan_match_pair_at(const cairn_scan_match *match, int32_t index)
 {
     const match_shape *shape = match->shape;
     cairn_sequence_pair own = cairn_sequence_read(shape->sequence).pairs[index];
-    cairn_scan_match_pair pair = {own.first, own.second, CAIRN_SCAN_MATCH_COLINEAR};
+    cairn_scan_match_pair pair = {own.first, own.second, CAIRN_SCAN_MATCH_REJECTED_COLINEAR};
     int32_t low = 0, high = shape->pair_count;
 
     while (low < high) { /* the filtered pairs are in the same order */
@@ -50,8 +50,8 @@ cairn_scan_match_pair cairn_scan_match_pair_at(const cairn_scan_match *match, in
             high = middle;
     }
     if (low < shape->pair_count && shape->pairs[low].first == own.first)
-        pair.stage =
-            is_in_selected_segment(match, low) ? CAIRN_SCAN_MATCH_KEPT : CAIRN_SCAN_MATCH_APART;
+        pair.stage = is_in_selected_segment(match, low) ? CAIRN_SCAN_MATCH_ACCEPTED
+                                                        : CAIRN_SCAN_MATCH_REJECTED_SEGMENT;
     return pair;
 }
 
@@ -63,7 +63,7 @@ cairn_pose cairn_scan_match_pair_pose(const cairn_scan_match *match)
         return pose;
     pose.x = match->shape->shift.x;
     pose.y = match->shape->shift.y;
-    pose.theta = cairn_wrap_angle(match->shape->turned_angle);
+    pose.theta = cairn_wrap_angle(match->shape->rotated_angle);
     return pose;
 }
 

@@ -25,7 +25,7 @@ static const cairn_real MIN_LOG_ODDS = CAIRN_REAL(0.5);
 /* ratio of the second score to the best from which a match is ambiguous */
 static const cairn_real AMBIGUITY_RATIO = CAIRN_REAL(0.9);
 
-int32_t cairn_match_before(const match_candidate *a, const match_candidate *b)
+int32_t cairn_scan_match_ranks_before(const match_candidate *a, const match_candidate *b)
 {
     return a->score > b->score || (!(b->score > a->score) && a->order < b->order);
 }
@@ -40,9 +40,9 @@ static void sift_down(match_candidate *heap, int32_t count, int32_t root)
 
         if (child >= count)
             break;
-        if (child + 1 < count && cairn_match_before(&heap[child], &heap[child + 1]))
+        if (child + 1 < count && cairn_scan_match_ranks_before(&heap[child], &heap[child + 1]))
             child++;
-        if (!cairn_match_before(&moving, &heap[child]))
+        if (!cairn_scan_match_ranks_before(&moving, &heap[child]))
             break;
         heap[root] = heap[child];
         root = child;
@@ -50,7 +50,8 @@ static void sift_down(match_candidate *heap, int32_t count, int32_t root)
     heap[root] = moving;
 }
 
-void cairn_match_keep(cairn_scan_match *match, const match_candidate *candidate, int32_t most)
+void cairn_scan_match_insert_candidate(cairn_scan_match *match, const match_candidate *candidate,
+                                       int32_t most)
 {
     match_candidate *heap = match->candidates;
 
@@ -62,13 +63,14 @@ void cairn_match_keep(cairn_scan_match *match, const match_candidate *candidate,
     {
         int32_t at = match->candidate_count++;
 
-        for (; at > 0 && cairn_match_before(&heap[(at - 1) / 2], candidate); at = (at - 1) / 2)
+        for (; at > 0 && cairn_scan_match_ranks_before(&heap[(at - 1) / 2], candidate);
+             at = (at - 1) / 2)
             heap[at] = heap[(at - 1) / 2];
         heap[at] = *candidate;
     }
 }
 
-void cairn_match_sort(cairn_scan_match *match)
+void cairn_scan_match_sort_candidates(cairn_scan_match *match)
 {
     for (int32_t count = match->candidate_count - 1; count > 0; count--) {
         match_candidate worst = match->candidates[0];
@@ -94,21 +96,21 @@ static int is_near(const cairn_scan_match *match, cairn_pose a, cairn_pose b, ca
 
 /* Non-maximum suppression: the next candidate becomes a hypothesis unless a better peak at the same
  * or a neighbouring heading exists. Returns 1 when all candidates have been tested. */
-int32_t cairn_match_choose(cairn_scan_match *match)
+int32_t cairn_scan_match_suppress_item(cairn_scan_match *match)
 {
     cairn_real angle = PEAK_HEADING_STEPS * match->votes.angle_step;
     int32_t beside = 0;
 
-    if (match->at == match->candidate_count)
+    if (match->index_in_phase == match->candidate_count)
         return 1;
     for (int32_t k = 0; k < match->hypothesis_count && !beside; k++)
         beside = is_near(match, match->hypotheses[k].target_query,
-                         match->candidates[match->at].pose, PEAK_DISTANCE, angle);
-    cairn_match_charge(match, 8 + 3 * match->hypothesis_count);
+                         match->candidates[match->index_in_phase].pose, PEAK_DISTANCE, angle);
+    cairn_scan_match_charge(match, 8 + 3 * match->hypothesis_count);
     if (!beside)
         match->hypotheses[match->hypothesis_count++].target_query =
-            match->candidates[match->at].pose;
-    match->at++;
+            match->candidates[match->index_in_phase].pose;
+    match->index_in_phase++;
     return 0;
 }
 
@@ -127,7 +129,7 @@ static int is_inside(const cairn_scan_match *match, cairn_pose pose)
 
 /* Sorts the hypotheses by score and removes duplicates and those outside the window; keeps at most
  * `keep`. */
-void cairn_match_thin(cairn_scan_match *match, int32_t keep)
+void cairn_scan_match_select(cairn_scan_match *match, int32_t keep)
 {
     int32_t kept = 0;
 
@@ -169,8 +171,8 @@ static cairn_real log_odds_of(const cairn_scan_match *match, int32_t i)
     cairn_real least = CAIRN_REAL(0.01), points = h->fit * (cairn_real)match->query.count;
 
     return LOG_ODDS_BIAS + LOG_ODDS_PER_LOG_FIT * cairn_log(h->fit + least) +
-           LOG_ODDS_PER_VIOLATION * h->contradiction +
-           LOG_ODDS_PER_TARGET_VIOLATION * h->target_contradiction +
+           LOG_ODDS_PER_VIOLATION * h->free_space_violation +
+           LOG_ODDS_PER_TARGET_VIOLATION * h->target_free_space_violation +
            LOG_ODDS_PER_LOG_POINTS * cairn_log(points + 1) +
            LOG_ODDS_PER_COMPETING_RATIO *
                cairn_min(competing_score(match, i) / (h->score + least), 1);
@@ -181,21 +183,21 @@ static cairn_real log_odds_of(const cairn_scan_match *match, int32_t i)
 static int is_as_good(const cairn_scan_match_hypothesis *second,
                       const cairn_scan_match_hypothesis *best)
 {
-    return second->score > AMBIGUITY_RATIO * best->score || second->evidence >= MIN_LOG_ODDS;
+    return second->score > AMBIGUITY_RATIO * best->score || second->log_odds >= MIN_LOG_ODDS;
 }
 
-void cairn_match_judge(cairn_scan_match *match)
+void cairn_scan_match_decide(cairn_scan_match *match)
 {
     cairn_scan_match_hypothesis *h = match->hypotheses;
 
     for (int32_t i = 0; i < match->hypothesis_count; i++)
-        h[i].evidence = log_odds_of(match, i);
-    cairn_match_charge(match, match->hypothesis_count * (40 + 4 * match->hypothesis_count));
+        h[i].log_odds = log_odds_of(match, i);
+    cairn_scan_match_charge(match, match->hypothesis_count * (40 + 4 * match->hypothesis_count));
     match->result.hypotheses = h;
     match->result.count = match->hypothesis_count;
-    if (match->hypothesis_count == 0 || h[0].evidence < MIN_LOG_ODDS)
+    if (match->hypothesis_count == 0 || h[0].log_odds < MIN_LOG_ODDS)
         match->result.verdict = CAIRN_SCAN_MATCH_NONE;
-    else if (h[0].observable < 3 || (match->hypothesis_count > 1 && is_as_good(&h[1], &h[0])))
+    else if (h[0].observable_dof < 3 || (match->hypothesis_count > 1 && is_as_good(&h[1], &h[0])))
         match->result.verdict = CAIRN_SCAN_MATCH_AMBIGUOUS;
     else
         match->result.verdict = CAIRN_SCAN_MATCH_FOUND;

@@ -75,26 +75,28 @@ static void describe(cairn_scan_match *match, const cairn_oriented_point *points
         bin = bearing_bin(cairn_transform_direction(turn, d));
         count[bin]++;
         most = count[bin] > most ? count[bin] : most;
-        cairn_match_charge(match, 6);
+        cairn_scan_match_charge(match, 6);
     }
-    cairn_match_charge(match, (end - first) / 3 + 16);
+    cairn_scan_match_charge(match, (end - first) / 3 + 16);
     for (int32_t b = 0; b < SHAPE_BINS; b++)
         descriptor->bin[b] = (uint8_t)(255 * count[b] / most);
 }
 
-int32_t cairn_match_shape_target(cairn_scan_match *match)
+int32_t cairn_scan_match_shape_describe_target(cairn_scan_match *match)
 {
     match_shape *shape = match->shape;
     cairn_transform still = cairn_transform_of(cairn_pose_identity());
-    int32_t part = shape->part_of[match->at], first = match->at, end = match->at + 1;
+    int32_t part = shape->target_part[match->index_in_phase], first = match->index_in_phase,
+            end = match->index_in_phase + 1;
 
-    if (match->at > 0 && shape->part_of[match->at - 1] == part)
+    if (match->index_in_phase > 0 && shape->target_part[match->index_in_phase - 1] == part)
         first = shape->part_first;
-    while (end < match->target_count && shape->part_of[end] == part)
+    while (end < match->target_count && shape->target_part[end] == part)
         end++;
     shape->part_first = first;
-    describe(match, match->target, match->at, first, end, still, &shape->target[match->at]);
-    return ++match->at == match->target_count;
+    describe(match, match->target, match->index_in_phase, first, end, still,
+             &shape->target[match->index_in_phase]);
+    return ++match->index_in_phase == match->target_count;
 }
 
 static int are_similar(const shape_descriptor *a, const shape_descriptor *b)
@@ -111,28 +113,28 @@ static cairn_real compare(const void *context, int32_t i, int32_t j)
     const cairn_scan_match *match = context;
     const match_shape *shape = match->shape;
 
-    return cairn_vec2_dot(shape->turned[i].direction, match->target[j].direction) >=
+    return cairn_vec2_dot(shape->rotated_query[i].direction, match->target[j].direction) >=
                SIMILAR_COSINE &&
            are_similar(&shape->query[i], &shape->target[j]);
 }
 
 /* ---- Rotations ---- */
 
-void cairn_match_shape_begin(cairn_scan_match *match)
+void cairn_scan_match_shape_begin(cairn_scan_match *match)
 {
     match_shape *shape = match->shape;
     cairn_real half = match->has_window ? cairn_min(match->window.angle, CAIRN_PI) : CAIRN_PI;
     int32_t steps;
 
-    if (cairn_match_is_as_written(match) && !match->has_window)
+    if (cairn_scan_match_is_as_written(match) && !match->has_window)
         half = CAIRN_SCAN_MATCH_WRITTEN_HEADING;
     shape->shift.x = match->has_window ? match->start.x : 0;
     shape->shift.y = match->has_window ? match->start.y : 0;
-    shape->step = half <= COARSE_STEP_DEGREES * DEGREE || cairn_match_is_as_written(match)
+    shape->step = half <= COARSE_STEP_DEGREES * DEGREE || cairn_scan_match_is_as_written(match)
                       ? DEGREE
                       : COARSE_STEP_DEGREES * DEGREE;
     steps = cairn_real_to_int(cairn_floor(
-        half / shape->step + (cairn_match_is_as_written(match) ? WINDOW_SLACK_STEPS : 0)));
+        half / shape->step + (cairn_scan_match_is_as_written(match) ? WINDOW_SLACK_STEPS : 0)));
     shape->rotations = 2 * steps + 1;
     shape->first_angle =
         (match->has_window ? match->start.theta : 0) - shape->step * (cairn_real)steps;
@@ -141,7 +143,7 @@ void cairn_match_shape_begin(cairn_scan_match *match)
     shape->rotation = 0;
     shape->is_fine = shape->step < 2 * DEGREE;
     shape->best_overlap = -1;
-    shape->with_lines = shape->is_again = 0;
+    shape->with_lines = shape->is_replay = 0;
 }
 
 static cairn_real angle_of(const match_shape *shape)
@@ -150,23 +152,26 @@ static cairn_real angle_of(const match_shape *shape)
 }
 
 /* Rotates one query point and computes its histogram. */
-int32_t cairn_match_shape_turn(cairn_scan_match *match)
+int32_t cairn_scan_match_shape_rotate(cairn_scan_match *match)
 {
     match_shape *shape = match->shape;
     cairn_pose turn = {0, 0, 0};
-    cairn_oriented_point *p = &shape->turned[match->at];
+    cairn_oriented_point *p = &shape->rotated_query[match->index_in_phase];
     cairn_status status;
 
-    if (match->at == 0) {
-        turn.theta = shape->turned_angle = angle_of(shape);
-        shape->turn = cairn_transform_of(turn);
+    if (match->index_in_phase == 0) {
+        turn.theta = shape->rotated_angle = angle_of(shape);
+        shape->rotation_transform = cairn_transform_of(turn);
     }
-    p->position = cairn_vec2_add(
-        cairn_transform_point(shape->turn, match->query.points[match->at].position), shape->shift);
-    p->direction = cairn_transform_direction(shape->turn, match->query.points[match->at].direction);
-    describe(match, match->query.points, match->at, 0, match->query.count, shape->turn,
-             &shape->query[match->at]);
-    if (++match->at < match->query.count)
+    p->position =
+        cairn_vec2_add(cairn_transform_point(shape->rotation_transform,
+                                             match->query.points[match->index_in_phase].position),
+                       shape->shift);
+    p->direction = cairn_transform_direction(shape->rotation_transform,
+                                             match->query.points[match->index_in_phase].direction);
+    describe(match, match->query.points, match->index_in_phase, 0, match->query.count,
+             shape->rotation_transform, &shape->query[match->index_in_phase]);
+    if (++match->index_in_phase < match->query.count)
         return 0;
     status = cairn_sequence_begin(shape->sequence, match->query.count, match->target_count, compare,
                                   match);
@@ -175,7 +180,7 @@ int32_t cairn_match_shape_turn(cairn_scan_match *match)
     return 1;
 }
 
-cairn_status cairn_match_shape_align(cairn_scan_match *match, cairn_budget *budget)
+cairn_status cairn_scan_match_shape_align(cairn_scan_match *match, cairn_budget *budget)
 {
     int32_t before = budget->left;
     cairn_status status = cairn_sequence_step(match->shape->sequence, budget);
@@ -189,7 +194,7 @@ cairn_status cairn_match_shape_align(cairn_scan_match *match, cairn_budget *budg
 static cairn_vec2 vector_of(const cairn_scan_match *match, cairn_sequence_pair pair)
 {
     return cairn_vec2_sub(match->target[pair.second].position,
-                          match->shape->turned[pair.first].position);
+                          match->shape->rotated_query[pair.first].position);
 }
 
 /* Returns 1 when the vector of the pair runs along the line of one of its points. */
@@ -201,7 +206,7 @@ static int is_colinear(const cairn_scan_match *match, cairn_sequence_pair pair)
         return 0;
     return cairn_abs(cairn_vec2_cross(along, match->target[pair.second].direction)) <
                SIMILAR_SINE ||
-           cairn_abs(cairn_vec2_cross(along, match->shape->turned[pair.first].direction)) <
+           cairn_abs(cairn_vec2_cross(along, match->shape->rotated_query[pair.first].direction)) <
                SIMILAR_SINE;
 }
 
@@ -225,13 +230,13 @@ static int32_t is_rejected(const cairn_scan_match *match, cairn_sequence_pair pa
 {
     const match_shape *shape = match->shape;
 
-    if (!cairn_match_has_colinear_filter(match))
+    if (!cairn_scan_match_has_colinear_filter(match))
         return 0;
-    if (cairn_match_is_as_written(match))
+    if (cairn_scan_match_is_as_written(match))
         return is_colinear(match, pair);
     return is_colinear(match, pair) ||
            (!shape->with_lines &&
-            (is_straight(&shape->query[pair.first], shape->turned[pair.first].direction) ||
+            (is_straight(&shape->query[pair.first], shape->rotated_query[pair.first].direction) ||
              is_straight(&shape->target[pair.second], match->target[pair.second].direction)));
 }
 
@@ -241,29 +246,29 @@ static cairn_real gap_between(cairn_vec2 a, cairn_vec2 b)
 }
 
 /* One pair of the common subsequence: rejected, or added to its segment. */
-int32_t cairn_match_shape_filter(cairn_scan_match *match)
+int32_t cairn_scan_match_shape_filter(cairn_scan_match *match)
 {
     match_shape *shape = match->shape;
     cairn_sequence_result common = cairn_sequence_read(shape->sequence);
 
-    if (match->at == 0)
+    if (match->index_in_phase == 0)
         shape->segment_count = shape->pair_count = 0;
-    cairn_match_charge(match, shape->with_lines ? 20 : 60);
-    if (match->at < common.count) {
-        cairn_sequence_pair pair = common.pairs[match->at++], last;
+    cairn_scan_match_charge(match, shape->with_lines ? 20 : 60);
+    if (match->index_in_phase < common.count) {
+        cairn_sequence_pair pair = common.pairs[match->index_in_phase++], last;
 
         if (!is_rejected(match, pair)) {
             last = shape->pairs[shape->pair_count > 0 ? shape->pair_count - 1 : 0];
             if (shape->pair_count == 0 ||
-                gap_between(shape->turned[pair.first].position,
-                            shape->turned[last.first].position) >= SEGMENT_JUMP_M ||
+                gap_between(shape->rotated_query[pair.first].position,
+                            shape->rotated_query[last.first].position) >= SEGMENT_JUMP_M ||
                 gap_between(match->target[pair.second].position,
                             match->target[last.second].position) >= SEGMENT_JUMP_M)
                 shape->segments[shape->segment_count++].first = shape->pair_count;
             shape->pairs[shape->pair_count++] = pair;
         }
     }
-    if (match->at < common.count)
+    if (match->index_in_phase < common.count)
         return 0;
     shape->segments[shape->segment_count].first = shape->pair_count;
     shape->most_pairs = 0;
@@ -291,7 +296,7 @@ static cairn_real mean_distance(const cairn_scan_match *match, int32_t first, in
 
 /* Tests one segment as the main one, and the consistency of the others with it. The main segment
  * with most consistent pairs is selected. */
-int32_t cairn_match_shape_segment(cairn_scan_match *match)
+int32_t cairn_scan_match_shape_segment(cairn_scan_match *match)
 {
     match_shape *shape = match->shape;
     shape_segment *main;
@@ -299,26 +304,26 @@ int32_t cairn_match_shape_segment(cairn_scan_match *match)
     cairn_real most;
     int32_t left = 0;
 
-    cairn_match_charge(match, 8 + 2 * shape->pair_count);
-    if (match->at == shape->segment_count)
+    cairn_scan_match_charge(match, 8 + 2 * shape->pair_count);
+    if (match->index_in_phase == shape->segment_count)
         return 1;
-    main = &shape->segments[match->at];
+    main = &shape->segments[match->index_in_phase];
     shift = mean_of(match, main[0].first, main[1].first);
     most = SEGMENT_FACTOR * mean_distance(match, main[0].first, main[1].first, shift) +
            SEGMENT_SLACK_M;
     for (int32_t k = 0; k < shape->segment_count; k++) {
         shape_segment *other = &shape->segments[k];
 
-        other->agrees =
-            k == match->at || mean_distance(match, other[0].first, other[1].first, shift) <= most;
-        left += other->agrees ? other[1].first - other[0].first : 0;
+        other->is_consistent = k == match->index_in_phase ||
+                               mean_distance(match, other[0].first, other[1].first, shift) <= most;
+        left += other->is_consistent ? other[1].first - other[0].first : 0;
     }
     if (left > shape->most_pairs) {
         shape->most_pairs = left;
         for (int32_t k = 0; k < shape->segment_count; k++)
-            shape->segments[k].kept = shape->segments[k].agrees;
+            shape->segments[k].is_selected = shape->segments[k].is_consistent;
     }
-    return ++match->at == shape->segment_count;
+    return ++match->index_in_phase == shape->segment_count;
 }
 
 /* Without the segment filter: the mean translation of all pairs. */
@@ -332,28 +337,28 @@ static void shift_by_all(cairn_scan_match *match)
 }
 
 /* Tests the translation of one selected segment by the number of consistent pairs. */
-int32_t cairn_match_shape_translate(cairn_scan_match *match)
+int32_t cairn_scan_match_shape_translate(cairn_scan_match *match)
 {
     match_shape *shape = match->shape;
     int32_t left = 0;
 
-    cairn_match_charge(match, 8 + 2 * shape->pair_count);
-    if (match->at == 0)
+    cairn_scan_match_charge(match, 8 + 2 * shape->pair_count);
+    if (match->index_in_phase == 0)
         shape->most_pairs = 0;
-    if (!cairn_match_has_segment_filter(match)) {
+    if (!cairn_scan_match_has_segment_filter(match)) {
         shift_by_all(match);
         return 1;
     }
-    if (match->at == shape->segment_count)
+    if (match->index_in_phase == shape->segment_count)
         return 1;
-    if (shape->segments[match->at].kept) {
-        const shape_segment *own = &shape->segments[match->at];
+    if (shape->segments[match->index_in_phase].is_selected) {
+        const shape_segment *own = &shape->segments[match->index_in_phase];
         cairn_vec2 shift = mean_of(match, own[0].first, own[1].first);
         cairn_real distance = mean_distance(match, own[0].first, own[1].first, shift);
 
         for (int32_t k = 0; k < shape->segment_count; k++)
             for (int32_t i = shape->segments[k].first;
-                 shape->segments[k].kept && i < shape->segments[k + 1].first; i++)
+                 shape->segments[k].is_selected && i < shape->segments[k + 1].first; i++)
                 left += gap_between(vector_of(match, shape->pairs[i]), shift) <=
                         distance + CAIRN_REAL(1e-6);
         if (left > shape->most_pairs) {
@@ -362,15 +367,16 @@ int32_t cairn_match_shape_translate(cairn_scan_match *match)
             shape->best_distance = distance;
         }
     }
-    return ++match->at == shape->segment_count;
+    return ++match->index_in_phase == shape->segment_count;
 }
 
 /* ---- Overlap ---- */
 
-const cairn_oriented_point *cairn_match_shape_partner(cairn_scan_match *match,
-                                                      const cairn_oriented_point *q,
-                                                      cairn_transform transform, cairn_real gate,
-                                                      cairn_vec2 *p, cairn_real *distance)
+const cairn_oriented_point *cairn_scan_match_shape_nearest(cairn_scan_match *match,
+                                                           const cairn_oriented_point *q,
+                                                           cairn_transform transform,
+                                                           cairn_real gate, cairn_vec2 *p,
+                                                           cairn_real *distance)
 {
     match_search search;
     int32_t parts = 8;
@@ -379,9 +385,9 @@ const cairn_oriented_point *cairn_match_shape_partner(cairn_scan_match *match,
     *p = search.p = cairn_transform_point(transform, q->position);
     search.direction = cairn_transform_direction(transform, q->direction);
     search.cosine = SIMILAR_COSINE;
-    found = cairn_match_index_nearest(&match->index, &search, gate, &parts);
+    found = cairn_scan_match_index_nearest(&match->index, &search, gate, &parts);
     *distance = found != NULL ? cairn_sqrt(search.nearest) : 0;
-    cairn_match_charge(match, parts);
+    cairn_scan_match_charge(match, parts);
     return found;
 }
 
@@ -406,23 +412,23 @@ static void next_rotation(cairn_scan_match *match)
 
 /* Tests one query point for overlap; at the end of a rotation the best is stored. Returns 1 at the
  * end of the query. */
-int32_t cairn_match_shape_overlap(cairn_scan_match *match)
+int32_t cairn_scan_match_shape_overlap(cairn_scan_match *match)
 {
     match_shape *shape = match->shape;
-    cairn_transform at = shape->turn;
+    cairn_transform at = shape->rotation_transform;
     cairn_real distance;
     cairn_vec2 p;
 
-    if (match->at == 0)
+    if (match->index_in_phase == 0)
         shape->overlap = 0;
     at.x = shape->shift.x + shape->best_shift.x;
     at.y = shape->shift.y + shape->best_shift.y;
     if (shape->most_pairs > 0)
-        shape->overlap += cairn_match_shape_partner(match, &match->query.points[match->at], at,
-                                                    shape->best_distance + OVERLAP_SLACK_M, &p,
-                                                    &distance) != NULL;
-    cairn_match_charge(match, 2);
-    if (++match->at < match->query.count)
+        shape->overlap += cairn_scan_match_shape_nearest(
+                              match, &match->query.points[match->index_in_phase], at,
+                              shape->best_distance + OVERLAP_SLACK_M, &p, &distance) != NULL;
+    cairn_scan_match_charge(match, 2);
+    if (++match->index_in_phase < match->query.count)
         return 0;
     if (shape->most_pairs > 0 && shape->overlap > shape->best_overlap) {
         shape->best_overlap = shape->overlap;
@@ -438,17 +444,17 @@ int32_t cairn_match_shape_overlap(cairn_scan_match *match)
     return 1;
 }
 
-int32_t cairn_match_shape_is_turned(const cairn_scan_match *match)
+int32_t cairn_scan_match_shape_has_ended(const cairn_scan_match *match)
 {
     return match->shape->rotation >= match->shape->rotations;
 }
 
-int32_t cairn_match_shape_again(cairn_scan_match *match)
+int32_t cairn_scan_match_shape_restore_best(cairn_scan_match *match)
 {
     match_shape *shape = match->shape;
-    int32_t is_there = shape->turned_angle == shape->best_angle;
+    int32_t is_there = shape->rotated_angle == shape->best_angle;
 
-    shape->is_again = 1;
+    shape->is_replay = 1;
     shape->with_lines = shape->best_with_lines;
     shape->first_angle = shape->best_angle;
     shape->rotation = 0;
@@ -457,7 +463,7 @@ int32_t cairn_match_shape_again(cairn_scan_match *match)
 
 /* ---- ICP ---- */
 
-void cairn_match_shape_icp_begin(cairn_scan_match *match)
+void cairn_scan_match_shape_icp_begin(cairn_scan_match *match)
 {
     match_shape *shape = match->shape;
 
@@ -469,7 +475,7 @@ void cairn_match_shape_icp_begin(cairn_scan_match *match)
     memset(&shape->sums, 0, sizeof shape->sums);
 }
 
-void cairn_match_written_icp_at(cairn_scan_match *match, cairn_pose start)
+void cairn_scan_match_written_icp_begin(cairn_scan_match *match, cairn_pose start)
 {
     match_shape *shape = match->shape;
 
@@ -477,17 +483,17 @@ void cairn_match_written_icp_at(cairn_scan_match *match, cairn_pose start)
     shape->best = start;
     shape->best_overlap = 1;
     shape->gate = shape->overlap_gate > 0 ? shape->overlap_gate : OVERLAP_SLACK_M;
-    cairn_match_shape_icp_begin(match);
+    cairn_scan_match_shape_icp_begin(match);
 }
 
-cairn_pose cairn_match_shape_moved(const shape_sums *sums, cairn_pose pose)
+cairn_pose cairn_scan_match_shape_move(const shape_sums *sums, cairn_pose pose)
 {
     cairn_real n = (cairn_real)sums->pairs;
     cairn_vec2 from = cairn_vec2_scale(sums->from, 1 / n), to = cairn_vec2_scale(sums->to, 1 / n);
     cairn_real sine = sums->cross - n * cairn_vec2_cross(from, to),
                cosine = sums->dot - n * cairn_vec2_dot(from, to);
 
-    return cairn_pose_compose(cairn_pose_about(from, to, cosine, sine), pose);
+    return cairn_pose_compose(cairn_pose_from_moments(from, to, cosine, sine), pose);
 }
 
 /* Ends an ICP iteration; returns 1 when the ICP ends. */
@@ -498,7 +504,7 @@ static int32_t end_iteration(cairn_scan_match *match)
     cairn_real mean = sums->overlap > 0 ? sums->overlap_distance / (cairn_real)sums->overlap : 0;
     cairn_pose moved;
 
-    cairn_match_charge(match, 3 * MATCH_PART);
+    cairn_scan_match_charge(match, 3 * SCAN_MATCH_PARTS_PER_UNIT);
     if (shape->last_overlap >= 0 && sums->overlap < shape->last_overlap &&
         mean > shape->last_mean) {
         shape->best = shape->last;
@@ -506,7 +512,7 @@ static int32_t end_iteration(cairn_scan_match *match)
     }
     if (shape->iteration++ == MAX_ITERATIONS || sums->pairs < MIN_PAIRS)
         return 1;
-    moved = cairn_match_shape_moved(sums, shape->best);
+    moved = cairn_scan_match_shape_move(sums, shape->best);
     shape->last = shape->best;
     shape->last_overlap = sums->overlap;
     shape->last_mean = mean;
@@ -514,11 +520,12 @@ static int32_t end_iteration(cairn_scan_match *match)
                             CAIRN_REAL(1.5) * match->params.spacing);
     shape->best = moved;
     memset(&shape->sums, 0, sizeof shape->sums);
-    match->at = 0;
+    match->index_in_phase = 0;
     return 0;
 }
 
-void cairn_match_shape_add(shape_sums *sums, cairn_vec2 p, cairn_vec2 partner, cairn_real distance)
+void cairn_scan_match_shape_add_pair(shape_sums *sums, cairn_vec2 p, cairn_vec2 partner,
+                                     cairn_real distance)
 {
     sums->pairs++;
     sums->distance += distance;
@@ -529,7 +536,7 @@ void cairn_match_shape_add(shape_sums *sums, cairn_vec2 p, cairn_vec2 partner, c
 }
 
 /* One query point, or the end of an iteration; returns 1 when the ICP ends. */
-int32_t cairn_match_shape_icp(cairn_scan_match *match)
+int32_t cairn_scan_match_shape_icp(cairn_scan_match *match)
 {
     match_shape *shape = match->shape;
     shape_sums *sums = &shape->sums;
@@ -537,18 +544,19 @@ int32_t cairn_match_shape_icp(cairn_scan_match *match)
     cairn_real distance;
     cairn_vec2 p;
 
-    if (match->at == 0)
-        shape->turn = cairn_transform_of(shape->best);
-    if (match->at == match->query.count)
+    if (match->index_in_phase == 0)
+        shape->rotation_transform = cairn_transform_of(shape->best);
+    if (match->index_in_phase == match->query.count)
         return end_iteration(match);
-    found = cairn_match_shape_partner(match, &match->query.points[match->at++], shape->turn,
-                                      shape->overlap_gate, &p, &distance);
+    found = cairn_scan_match_shape_nearest(match, &match->query.points[match->index_in_phase++],
+                                           shape->rotation_transform, shape->overlap_gate, &p,
+                                           &distance);
     if (found == NULL)
         return 0;
     sums->overlap++;
     sums->overlap_distance += distance;
     if (distance > shape->gate)
         return 0;
-    cairn_match_shape_add(sums, p, found->position, distance);
+    cairn_scan_match_shape_add_pair(sums, p, found->position, distance);
     return 0;
 }

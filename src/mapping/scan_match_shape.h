@@ -15,7 +15,7 @@ typedef struct shape_descriptor {
 typedef struct shape_segment {
     int32_t first;
     /* 1: consistent with the current main segment; selected with the best one */
-    int32_t agrees, kept;
+    int32_t is_consistent, is_selected;
 } shape_segment;
 
 typedef struct shape_sums {
@@ -30,13 +30,13 @@ struct match_shape {
     /* [max_target], [max_query] */
     shape_descriptor *target, *query;
     /* [max_target] target part of each target point */
-    int32_t *part_of;
+    int32_t *target_part;
     /* first point of the current part */
     int32_t part_first;
     /* as written: 1: an iteration adds up pairs, 0: it measures their quality */
     int32_t is_summing;
     /* [max_query] query points in the current rotation */
-    cairn_oriented_point *turned;
+    cairn_oriented_point *rotated_query;
     /* [max_query] */
     cairn_sequence_pair *pairs;
     /* [max_query + 1] */
@@ -47,9 +47,9 @@ struct match_shape {
     /* Rotations. */
     /* position of the start */
     cairn_vec2 shift;
-    cairn_transform turn;
+    cairn_transform rotation_transform;
     /* angle of the last rotation, whose common subsequence is stored */
-    cairn_real first_angle, step, turned_angle;
+    cairn_real first_angle, step, rotated_angle;
     int32_t rotation, rotations, is_fine;
     /* The translation of this rotation. */
     cairn_vec2 best_shift;
@@ -60,7 +60,7 @@ struct match_shape {
     cairn_real best_angle;
     int32_t best_overlap, best_with_lines, last_overlap;
     /* 1: the best rotation is replayed, for the reported pairs */
-    int32_t is_again;
+    int32_t is_replay;
     cairn_real last_mean;
     cairn_real gate, overlap_gate;
     int32_t iteration;
@@ -68,13 +68,13 @@ struct match_shape {
 };
 
 /* Steps of the mode; the modes after AS_WRITTEN_COMMON are parts of AS_WRITTEN. */
-static inline int32_t cairn_match_is_as_written(const cairn_scan_match *match)
+static inline int32_t cairn_scan_match_is_as_written(const cairn_scan_match *match)
 {
     return match->params.mode == CAIRN_SCAN_MATCH_AS_WRITTEN ||
            match->params.mode >= CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON;
 }
 
-static inline int32_t cairn_match_has_colinear_filter(const cairn_scan_match *match)
+static inline int32_t cairn_scan_match_has_colinear_filter(const cairn_scan_match *match)
 {
     return match->params.mode != CAIRN_SCAN_MATCH_SHAPE_COMMON &&
            match->params.mode != CAIRN_SCAN_MATCH_SHAPE_LINES &&
@@ -82,7 +82,7 @@ static inline int32_t cairn_match_has_colinear_filter(const cairn_scan_match *ma
            match->params.mode != CAIRN_SCAN_MATCH_AS_WRITTEN_LINES;
 }
 
-static inline int32_t cairn_match_has_segment_filter(const cairn_scan_match *match)
+static inline int32_t cairn_scan_match_has_segment_filter(const cairn_scan_match *match)
 {
     return match->params.mode != CAIRN_SCAN_MATCH_SHAPE_COMMON &&
            match->params.mode != CAIRN_SCAN_MATCH_SHAPE_COLINEAR &&
@@ -90,7 +90,7 @@ static inline int32_t cairn_match_has_segment_filter(const cairn_scan_match *mat
            match->params.mode != CAIRN_SCAN_MATCH_AS_WRITTEN_COLINEAR;
 }
 
-static inline int32_t cairn_match_has_icp(const cairn_scan_match *match)
+static inline int32_t cairn_scan_match_has_icp(const cairn_scan_match *match)
 {
     return match->params.mode == CAIRN_SCAN_MATCH_SHAPE ||
            match->params.mode == CAIRN_SCAN_MATCH_SHAPE_LINES ||
@@ -98,33 +98,35 @@ static inline int32_t cairn_match_has_icp(const cairn_scan_match *match)
            match->params.mode == CAIRN_SCAN_MATCH_AS_WRITTEN_LINES;
 }
 
-int32_t cairn_match_shape_target(cairn_scan_match *match);
-void cairn_match_shape_begin(cairn_scan_match *match);
-int32_t cairn_match_shape_turn(cairn_scan_match *match);
-cairn_status cairn_match_shape_align(cairn_scan_match *match, cairn_budget *budget);
-int32_t cairn_match_shape_filter(cairn_scan_match *match);
-int32_t cairn_match_shape_segment(cairn_scan_match *match);
-int32_t cairn_match_shape_translate(cairn_scan_match *match);
-int32_t cairn_match_shape_overlap(cairn_scan_match *match);
-int32_t cairn_match_shape_is_turned(const cairn_scan_match *match);
+int32_t cairn_scan_match_shape_describe_target(cairn_scan_match *match);
+void cairn_scan_match_shape_begin(cairn_scan_match *match);
+int32_t cairn_scan_match_shape_rotate(cairn_scan_match *match);
+cairn_status cairn_scan_match_shape_align(cairn_scan_match *match, cairn_budget *budget);
+int32_t cairn_scan_match_shape_filter(cairn_scan_match *match);
+int32_t cairn_scan_match_shape_segment(cairn_scan_match *match);
+int32_t cairn_scan_match_shape_translate(cairn_scan_match *match);
+int32_t cairn_scan_match_shape_overlap(cairn_scan_match *match);
+int32_t cairn_scan_match_shape_has_ended(const cairn_scan_match *match);
 /* Restores the winning rotation and filters. Returns 1 when its common subsequence is stored, so
  * that only the filters remain. */
-int32_t cairn_match_shape_again(cairn_scan_match *match);
-void cairn_match_shape_icp_begin(cairn_scan_match *match);
-int32_t cairn_match_shape_icp(cairn_scan_match *match);
+int32_t cairn_scan_match_shape_restore_best(cairn_scan_match *match);
+void cairn_scan_match_shape_icp_begin(cairn_scan_match *match);
+int32_t cairn_scan_match_shape_icp(cairn_scan_match *match);
 /* Returns the target point nearest to query point q mapped by `transform`, of a direction within 10
  * degrees and within the gate; NULL: none. *p: the query point in the target's frame. */
-const cairn_oriented_point *cairn_match_shape_partner(cairn_scan_match *match,
-                                                      const cairn_oriented_point *q,
-                                                      cairn_transform transform, cairn_real gate,
-                                                      cairn_vec2 *p, cairn_real *distance);
+const cairn_oriented_point *cairn_scan_match_shape_nearest(cairn_scan_match *match,
+                                                           const cairn_oriented_point *q,
+                                                           cairn_transform transform,
+                                                           cairn_real gate, cairn_vec2 *p,
+                                                           cairn_real *distance);
 /* Adds a pair to the sums of ICP. */
-void cairn_match_shape_add(shape_sums *sums, cairn_vec2 p, cairn_vec2 partner, cairn_real distance);
+void cairn_scan_match_shape_add_pair(shape_sums *sums, cairn_vec2 p, cairn_vec2 partner,
+                                     cairn_real distance);
 /* Returns the pose moved by the least-squares motion of the pairs (closed form). */
-cairn_pose cairn_match_shape_moved(const shape_sums *sums, cairn_pose pose);
+cairn_pose cairn_scan_match_shape_move(const shape_sums *sums, cairn_pose pose);
 
 /* scan_match_written.c: one query point, or the end of a pass; returns 1 at the end of the ICP. */
-void cairn_match_written_icp_at(cairn_scan_match *match, cairn_pose start);
-int32_t cairn_match_written_icp(cairn_scan_match *match);
+void cairn_scan_match_written_icp_begin(cairn_scan_match *match, cairn_pose start);
+int32_t cairn_scan_match_written_icp(cairn_scan_match *match);
 
 #endif

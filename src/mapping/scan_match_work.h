@@ -7,27 +7,28 @@
 
 enum {
     /* direction bins of the full circle for voting */
-    MATCH_DIRECTIONS = 72,
+    SCAN_MATCH_DIRECTION_BINS = 72,
     /* strips of the target's bounding box, the second sort key */
-    MATCH_COLUMNS = 16,
+    SCAN_MATCH_STRIPS = 16,
     /* quantization steps per cell side of the vote accumulator */
-    MATCH_SPOTS = 256,
+    SCAN_MATCH_CELL_STEPS = 256,
     /* bins of a visibility profile */
-    MATCH_BEARINGS = 256,
-    MATCH_SIDE_MOST = 256,
-    MATCH_CELLS_MOST = MATCH_SIDE_MOST * MATCH_SIDE_MOST,
+    SCAN_MATCH_PROFILE_BINS = 256,
+    SCAN_MATCH_MAX_SIDE = 256,
+    SCAN_MATCH_MAX_CELLS = SCAN_MATCH_MAX_SIDE * SCAN_MATCH_MAX_SIDE,
     /* cells of a window without extent */
-    MATCH_CELLS_LEAST = 25,
+    SCAN_MATCH_MIN_CELLS = 25,
     /* query points that vote, at most */
-    MATCH_VOTERS = 256,
+    SCAN_MATCH_MAX_QUERY_POINTS = 256,
     /* target samples tested in the query's visibility profile, at most */
-    MATCH_WITNESSES = 192,
-    MATCH_STAGES = 3,
+    SCAN_MATCH_MAX_TARGET_SAMPLES = 192,
+    SCAN_MATCH_STAGES = 3,
     /* parts of a work unit */
-    MATCH_PART = 16
+    SCAN_MATCH_PARTS_PER_UNIT = 16
 };
 
-static const cairn_real MATCH_CELL = 2; /* cell side of the vote accumulator, in spacings */
+/* cell side of the vote accumulator, in spacings */
+static const cairn_real SCAN_MATCH_CELL_SPACINGS = 2;
 
 /* Spatial hash grid of oriented points, wrapped around: point sets of any extent in fixed memory.
  * Points of one cell, and of the cells of a row, are contiguous. */
@@ -49,15 +50,15 @@ typedef struct match_search {
 
 /* Visibility profile: free range of a sensor by bearing, in the frame of the target (or of the
  * query). */
-typedef struct match_profile {
+typedef struct match_visibility_profile {
     cairn_vec2 sensor;
-    float range[MATCH_BEARINGS]; /* m: least range of the bin; negative: unknown */
-} match_profile;
+    float range[SCAN_MATCH_PROFILE_BINS]; /* m: least range of the bin; negative: unknown */
+} match_visibility_profile;
 
 /* A quantized position: integers, so that a vote costs a few integer operations. */
-typedef struct match_spot {
+typedef struct match_position {
     int32_t x, y;
-} match_spot;
+} match_position;
 
 typedef struct match_candidate {
     cairn_pose pose;
@@ -66,28 +67,28 @@ typedef struct match_candidate {
 } match_candidate;
 
 /* Vote accumulator (Hough voting) over positions of the query's origin, for one heading. */
-typedef struct match_votes {
+typedef struct match_accumulator {
     uint16_t *cell;    /* [capacity] all 0 between rotations */
     uint16_t *touched; /* [capacity] cells that are not 0 */
     int32_t touched_count;
     int32_t width, height;
-    cairn_vec2 origin; /* corner of the grid */
-    cairn_real side;   /* side of a cell, m */
+    cairn_vec2 origin;    /* corner of the grid */
+    cairn_real cell_size; /* side of a cell, m */
     int32_t rotations, rotation;
     cairn_real first_angle, angle_step;
-    cairn_transform turn;
-    uint16_t heading; /* heading of the rotation, quantized as query_angle */
-    int32_t stride;   /* stride over the query points that vote */
-    int32_t shift;    /* bits by which the count is shifted in a cell */
-    int32_t most;     /* candidates to keep */
-} match_votes;
+    cairn_transform rotation_transform;
+    uint16_t quantized_heading; /* heading of the rotation, quantized as query_angle */
+    int32_t stride;             /* stride over the query points that vote */
+    int32_t count_shift;        /* bits by which the count is shifted in a cell */
+    int32_t max_candidates;     /* candidates to keep */
+} match_accumulator;
 
 /* Point-to-line normal equations of one iteration. */
 typedef struct match_sums {
     cairn_sym3 lines;
     cairn_sym3 cross; /* of the normals of both points of each pair, see scan_match_fit.c */
     cairn_real gradient[3];
-    cairn_real weight, squares, psi_squares, slopes;
+    cairn_real weight, residual_squares, psi_squares, slopes;
     int32_t pairs;
 } match_sums;
 
@@ -110,14 +111,14 @@ typedef struct match_fit {
 } match_fit;
 
 /* Inliers and free-space violations of one hypothesis. */
-typedef struct match_tally {
-    int32_t asked;        /* query points tested */
-    cairn_real closeness; /* sum of the inliers' weights by distance */
+typedef struct match_inlier_count {
+    int32_t query_points; /* query points tested */
+    cairn_real fit_sum;   /* sum of the inliers' weights by distance */
     /* query points on a surface, and in the target's free space */
-    int32_t explained, contradicted;
+    int32_t inliers, violations;
     /* target samples on the boundary of the query's visibility profile, and in its free space */
-    int32_t target_explained, target_contradicted;
-} match_tally;
+    int32_t target_inliers, target_violations;
+} match_inlier_count;
 
 /* State of the shape modes: scan_match_shape.h. */
 typedef struct match_shape match_shape;
@@ -133,7 +134,7 @@ enum {
     MATCH_PEAKS,           /* peaks of one heading */
     MATCH_CHOOSE,          /* non-maximum suppression of the candidates */
     MATCH_FIT,             /* refinement of a hypothesis */
-    MATCH_TALLY,           /* inliers and violations of a hypothesis */
+    MATCH_SCORE,           /* inliers and violations of a hypothesis */
     MATCH_RANK,            /* pruning, or the decision */
     MATCH_SHAPE_TARGET,    /* histograms of the target */
     MATCH_SHAPE_TURN,      /* next rotation, histograms of the query */
@@ -154,7 +155,7 @@ struct cairn_scan_match {
     /* [max_dense] */
     cairn_oriented_point *dense;
     /* [max_views] */
-    match_profile *views;
+    match_visibility_profile *views;
     int32_t target_count, dense_count, view_count, part_count;
     /* 1: a part has no dense points */
     int32_t lacks_dense;
@@ -164,21 +165,21 @@ struct cairn_scan_match {
     /* grid of `dense` */
     match_index dense_index;
     /* [max_target] quantized positions of `target`, sorted by direction, then by strip */
-    match_spot *by_direction;
+    match_position *by_direction;
     /* first position of each direction and strip */
-    int32_t direction_start[MATCH_DIRECTIONS * MATCH_COLUMNS + 1];
+    int32_t direction_start[SCAN_MATCH_DIRECTION_BINS * SCAN_MATCH_STRIPS + 1];
     cairn_vec2 target_low, target_high, target_sum;
     /* strips divide the longer side of the target's bounding box, ... */
-    int32_t columns_along_y;
+    int32_t strips_along_y;
     /* ... each 2^strip_bits quantization steps wide */
-    int32_t column_bits;
+    int32_t strip_bits;
     /* The query. */
     cairn_scan_match_part query;
-    match_profile *query_profile;
+    match_visibility_profile *query_profile;
     /* 1: the query has a visibility profile */
-    int32_t query_sees;
+    int32_t query_has_profile;
     /* [MAX_QUERY_POINTS] angle of a voting point's direction, 65536 to the full circle */
-    uint16_t *query_turn;
+    uint16_t *query_angle;
     cairn_pose start;
     cairn_scan_match_window window;
     int32_t has_window;
@@ -187,9 +188,9 @@ struct cairn_scan_match {
     cairn_vec2 centroid;
     cairn_real radius;
     /* m: greatest distance of a query point from the origin */
-    cairn_real query_reach;
+    cairn_real query_extent;
     /* The search. */
-    match_votes votes;
+    match_accumulator votes;
     /* [max_candidates] bounded heap with the worst on top, then sorted */
     match_candidate *candidates;
     int32_t candidate_count;
@@ -199,78 +200,81 @@ struct cairn_scan_match {
     int32_t hypothesis_count;
     int32_t stage;
     match_fit fit;
-    match_tally tally;
-    cairn_transform tally_transform, tally_inverse; /* target_query, query_target */
-    int32_t tally_stride, witness_stride;
+    match_inlier_count inlier_count;
+    cairn_transform target_query, query_target; /* target_query, query_target */
+    int32_t query_stride, target_stride;
     /* State of the steps. */
     match_phase phase;
-    int32_t at, other;
-    int32_t owed; /* parts of units of finished items, not yet charged */
+    int32_t index_in_phase, hypothesis_index;
+    int32_t parts_owed; /* parts of units of finished items, not yet charged */
     cairn_scan_match_result result;
     cairn_scan_match_measure measure;
 };
 
 /* Charges the current item. */
-static inline void cairn_match_charge(cairn_scan_match *match, int32_t parts)
+static inline void cairn_scan_match_charge(cairn_scan_match *match, int32_t parts)
 {
-    match->owed += parts;
+    match->parts_owed += parts;
 }
 
 /* scan_match_index.c */
-size_t cairn_match_index_cells(int32_t max_points);
-void cairn_match_index_reset(match_index *index, int32_t max_points, int32_t count,
-                             cairn_real cell);
-void cairn_match_index_count(match_index *index, cairn_vec2 p);
-void cairn_match_index_sum(match_index *index, int32_t first, int32_t end);
-void cairn_match_index_place(match_index *index, cairn_oriented_point p);
+size_t cairn_scan_match_index_cells(int32_t max_points);
+void cairn_scan_match_index_reset(match_index *index, int32_t max_points, int32_t count,
+                                  cairn_real cell);
+void cairn_scan_match_index_count(match_index *index, cairn_vec2 p);
+void cairn_scan_match_index_sum(match_index *index, int32_t first, int32_t end);
+void cairn_scan_match_index_place(match_index *index, cairn_oriented_point p);
 /* Returns the nearest point within the distance gate and the direction gate; NULL: none. *parts
  * grows by the cost. */
-const cairn_oriented_point *cairn_match_index_nearest(const match_index *index, match_search *asked,
-                                                      cairn_real gate, int32_t *parts);
-/* scan_match_spots.c: quantized target positions by direction and strip. */
-void cairn_match_spots_reset(cairn_scan_match *match);
-void cairn_match_spots_count(cairn_scan_match *match, const cairn_oriented_point *p);
-void cairn_match_spots_sum(cairn_scan_match *match);
+const cairn_oriented_point *cairn_scan_match_index_nearest(const match_index *index,
+                                                           match_search *asked, cairn_real gate,
+                                                           int32_t *parts);
+/* scan_match_positions.c: quantized target positions by direction and strip. */
+void cairn_scan_match_positions_reset(cairn_scan_match *match);
+void cairn_scan_match_positions_count(cairn_scan_match *match, const cairn_oriented_point *p);
+void cairn_scan_match_positions_sum(cairn_scan_match *match);
 /* Called with the last point first, so that the sort is stable. */
-void cairn_match_spots_place(cairn_scan_match *match, const cairn_oriented_point *p);
-match_spot cairn_match_spot(const cairn_scan_match *match, cairn_vec2 p);
+void cairn_scan_match_positions_place(cairn_scan_match *match, const cairn_oriented_point *p);
+match_position cairn_scan_match_quantize(const cairn_scan_match *match, cairn_vec2 p);
 /* Returns the strip of a position along the longer side of the target's bounding box; positions
  * outside are in the first or last. */
-int32_t cairn_match_column(const cairn_scan_match *match, match_spot spot);
+int32_t cairn_scan_match_strip(const cairn_scan_match *match, match_position spot);
 /* Returns an angle, rad, quantized to 65536ths of the full circle, wrapped. */
-uint16_t cairn_match_turn(cairn_real angle);
+uint16_t cairn_scan_match_quantize_angle(cairn_real angle);
 /* Returns the direction bin of a quantized angle. */
-int32_t cairn_match_turn_bin(uint16_t turn);
+int32_t cairn_scan_match_angle_bin(uint16_t turn);
 
-/* scan_match_free.c */
-void cairn_match_profile_clear(match_profile *profile, cairn_vec2 sensor);
-void cairn_match_profile_add(match_profile *profile, cairn_vec2 to);
+/* scan_match_visibility.c */
+void cairn_scan_match_profile_clear(match_visibility_profile *profile, cairn_vec2 sensor);
+void cairn_scan_match_profile_add(match_visibility_profile *profile, cairn_vec2 to);
 /* Returns 1: the point is in free space, a violation; -1: at the boundary of the visible region; 0:
  * unknown. */
-int32_t cairn_match_profile_ask(const match_profile *profile, cairn_vec2 p, cairn_real margin);
+int32_t cairn_scan_match_profile_lookup(const match_visibility_profile *profile, cairn_vec2 p,
+                                        cairn_real margin);
 
 /* scan_match_vote.c: one item each; returns 1 at the end of the phase. */
-void cairn_match_votes_begin(cairn_scan_match *match);
-int32_t cairn_match_vote(cairn_scan_match *match);
-int32_t cairn_match_peaks(cairn_scan_match *match);
+void cairn_scan_match_votes_begin(cairn_scan_match *match);
+int32_t cairn_scan_match_vote_item(cairn_scan_match *match);
+int32_t cairn_scan_match_peak_item(cairn_scan_match *match);
 
 /* scan_match_step.c: starts the first phase of a match, or of an ICP alone. */
-void cairn_match_start(cairn_scan_match *match);
-void cairn_match_start_icp(cairn_scan_match *match, cairn_pose start);
+void cairn_scan_match_start(cairn_scan_match *match);
+void cairn_scan_match_start_icp(cairn_scan_match *match, cairn_pose start);
 
 /* scan_match_fit.c */
-void cairn_match_fit_begin(cairn_scan_match *match, cairn_pose pose);
-int32_t cairn_match_fit_item(cairn_scan_match *match);
-void cairn_match_tally_begin(cairn_scan_match *match);
-int32_t cairn_match_tally_item(cairn_scan_match *match);
-const match_stage *cairn_match_stage_of(const cairn_scan_match *match);
+void cairn_scan_match_fit_begin(cairn_scan_match *match, cairn_pose pose);
+int32_t cairn_scan_match_fit_item(cairn_scan_match *match);
+void cairn_scan_match_score_begin(cairn_scan_match *match);
+int32_t cairn_scan_match_score_item(cairn_scan_match *match);
+const match_stage *cairn_scan_match_current_stage(const cairn_scan_match *match);
 
 /* scan_match_rank.c */
-int32_t cairn_match_before(const match_candidate *a, const match_candidate *b);
-void cairn_match_keep(cairn_scan_match *match, const match_candidate *candidate, int32_t most);
-void cairn_match_sort(cairn_scan_match *match);
-int32_t cairn_match_choose(cairn_scan_match *match);
-void cairn_match_thin(cairn_scan_match *match, int32_t keep);
-void cairn_match_judge(cairn_scan_match *match);
+int32_t cairn_scan_match_ranks_before(const match_candidate *a, const match_candidate *b);
+void cairn_scan_match_insert_candidate(cairn_scan_match *match, const match_candidate *candidate,
+                                       int32_t most);
+void cairn_scan_match_sort_candidates(cairn_scan_match *match);
+int32_t cairn_scan_match_suppress_item(cairn_scan_match *match);
+void cairn_scan_match_select(cairn_scan_match *match, int32_t keep);
+void cairn_scan_match_decide(cairn_scan_match *match);
 
 #endif

@@ -44,36 +44,36 @@ static int32_t end_summing(cairn_scan_match *match)
     if (shape->sums.pairs < MIN_PAIRS)
         return 1;
     shape->last = shape->best;
-    shape->best = cairn_match_shape_moved(&shape->sums, shape->best);
+    shape->best = cairn_scan_match_shape_move(&shape->sums, shape->best);
     shape->is_summing = 0;
     return 0;
 }
 
-int32_t cairn_match_written_icp(cairn_scan_match *match)
+int32_t cairn_scan_match_written_icp(cairn_scan_match *match)
 {
     match_shape *shape = match->shape;
     cairn_real distance;
     const cairn_oriented_point *found;
     cairn_vec2 p;
 
-    if (match->at == match->query.count) {
+    if (match->index_in_phase == match->query.count) {
         int32_t ended = shape->is_summing ? end_summing(match) : end_measuring(match);
 
-        cairn_match_charge(match, 3 * MATCH_PART);
+        cairn_scan_match_charge(match, 3 * SCAN_MATCH_PARTS_PER_UNIT);
         memset(&shape->sums, 0, sizeof shape->sums);
-        match->at = 0;
+        match->index_in_phase = 0;
         return ended;
     }
-    if (match->at == 0)
-        shape->turn = cairn_transform_of(shape->best);
-    found = cairn_match_shape_partner(match, &match->query.points[match->at++], shape->turn,
-                                      shape->is_summing ? shape->gate : shape->overlap_gate, &p,
-                                      &distance);
-    cairn_match_charge(match, 2);
+    if (match->index_in_phase == 0)
+        shape->rotation_transform = cairn_transform_of(shape->best);
+    found = cairn_scan_match_shape_nearest(
+        match, &match->query.points[match->index_in_phase++], shape->rotation_transform,
+        shape->is_summing ? shape->gate : shape->overlap_gate, &p, &distance);
+    cairn_scan_match_charge(match, 2);
     if (found == NULL)
         return 0;
     if (shape->is_summing) {
-        cairn_match_shape_add(&shape->sums, p, found->position, distance);
+        cairn_scan_match_shape_add_pair(&shape->sums, p, found->position, distance);
     } else {
         shape->sums.overlap++;
         shape->sums.overlap_distance += distance;

@@ -20,9 +20,9 @@ cairn_status cairn_scan_attribute(cairn_scan *scan, cairn_budget *budget)
 {
     cairn_polyline_view view = cairn_polyline_read(scan->polyline);
 
-    for (; scan->stage == 0 && scan->at < view.segment_count; scan->at++) {
-        const cairn_polyline_segment *from = &view.segments[scan->at];
-        scan_segment *w = &scan->walls[scan->at];
+    for (; scan->stage == 0 && scan->item_index < view.segment_count; scan->item_index++) {
+        const cairn_polyline_segment *from = &view.segments[scan->item_index];
+        scan_segment *w = &scan->fitted[scan->item_index];
 
         if (!cairn_scan_pay(scan, budget, 8))
             return CAIRN_MORE;
@@ -35,34 +35,35 @@ cairn_status cairn_scan_attribute(cairn_scan *scan, cairn_budget *budget)
         w->first_angle = CAIRN_REAL_MAX;
     }
     if (scan->stage == 0) {
-        scan->wall_count = view.segment_count;
-        scan->measure.left_out = view.left_out;
-        scan->measure.converged = view.converged;
+        scan->fitted_count = view.segment_count;
+        scan->measure.dropped_segments = view.dropped;
+        scan->measure.fit_converged = view.converged;
         scan->stage = 1;
-        scan->at = 0;
+        scan->item_index = 0;
     }
-    for (; scan->at < scan->hit_count; scan->at++) {
-        int32_t label = view.label[scan->at];
-        const cairn_beam *beam = &scan->beams[scan->hit[scan->at]];
+    for (; scan->item_index < scan->hit_count; scan->item_index++) {
+        int32_t label = view.label[scan->item_index];
+        const cairn_beam *beam = &scan->beams[scan->hit[scan->item_index]];
         scan_segment *w;
 
         if (!cairn_scan_pay(scan, budget, 6))
             return CAIRN_MORE;
         if (label < 0) {
-            scan->measure.uncertain++;
+            scan->measure.unassigned_hits++;
             continue;
         }
-        w = &scan->walls[label];
+        w = &scan->fitted[label];
         w->side += cairn_vec2_cross(cairn_vec2_sub(w->segment.b, w->segment.a),
                                     cairn_vec2_sub(beam->from, beam->to));
-        w->first_angle = cairn_min(w->first_angle, (cairn_real)scan->angle[scan->hit[scan->at]]);
+        w->first_angle =
+            cairn_min(w->first_angle, (cairn_real)scan->angle[scan->hit[scan->item_index]]);
     }
     return CAIRN_OK;
 }
 
 static int comes_before(const cairn_scan *scan, int32_t a, int32_t b)
 {
-    cairn_real first = scan->walls[a].first_angle, second = scan->walls[b].first_angle;
+    cairn_real first = scan->fitted[a].first_angle, second = scan->fitted[b].first_angle;
 
     return first < second || (!(second < first) && a < b);
 }
@@ -70,8 +71,8 @@ static int comes_before(const cairn_scan *scan, int32_t a, int32_t b)
 /* Orients the segments, counts their positions, and sorts them by insertion. */
 cairn_status cairn_scan_turn(cairn_scan *scan, cairn_budget *budget)
 {
-    for (; scan->at < scan->wall_count; scan->at++) {
-        scan_segment *w = &scan->walls[scan->at];
+    for (; scan->item_index < scan->fitted_count; scan->item_index++) {
+        scan_segment *w = &scan->fitted[scan->item_index];
 
         if (scan->stage == 0) {
             if (!cairn_scan_pay(scan, budget, 16))
@@ -82,17 +83,18 @@ cairn_status cairn_scan_turn(cairn_scan *scan, cairn_budget *budget)
                 w->segment.a = w->segment.b;
                 w->segment.b = swap;
             }
-            w->places = cairn_scan_places(w->length, scan->params.spacing);
-            scan->other = scan->at;
+            w->positions = cairn_scan_position_count(w->length, scan->params.spacing);
+            scan->inner_index = scan->item_index;
             scan->stage = 1;
         }
-        for (; scan->other > 0 && comes_before(scan, scan->at, scan->order[scan->other - 1]);
-             scan->other--) {
+        for (; scan->inner_index > 0 &&
+               comes_before(scan, scan->item_index, scan->order[scan->inner_index - 1]);
+             scan->inner_index--) {
             if (!cairn_scan_pay(scan, budget, 2))
                 return CAIRN_MORE;
-            scan->order[scan->other] = scan->order[scan->other - 1];
+            scan->order[scan->inner_index] = scan->order[scan->inner_index - 1];
         }
-        scan->order[scan->other] = scan->at;
+        scan->order[scan->inner_index] = scan->item_index;
         scan->stage = 0;
     }
     return CAIRN_OK;
@@ -104,35 +106,36 @@ cairn_status cairn_scan_turn(cairn_scan *scan, cairn_budget *budget)
 cairn_status cairn_scan_choose(cairn_scan *scan, cairn_budget *budget)
 {
     while (scan->stage == 0) {
-        if (scan->at == 0) {
+        if (scan->item_index == 0) {
             scan->total = 0;
-            scan->other = -1;
+            scan->inner_index = -1;
         }
-        for (; scan->at < scan->wall_count; scan->at++) {
-            const scan_segment *w = &scan->walls[scan->at];
+        for (; scan->item_index < scan->fitted_count; scan->item_index++) {
+            const scan_segment *w = &scan->fitted[scan->item_index];
 
             if (!cairn_scan_pay(scan, budget, 2))
                 return CAIRN_MORE;
-            scan->total += w->places;
-            if (w->places > 0 && (scan->other < 0 || w->length <= scan->walls[scan->other].length))
-                scan->other = scan->at;
+            scan->total += w->positions;
+            if (w->positions > 0 &&
+                (scan->inner_index < 0 || w->length <= scan->fitted[scan->inner_index].length))
+                scan->inner_index = scan->item_index;
         }
-        scan->at = 0;
+        scan->item_index = 0;
         if (scan->total <= scan->params.max_points) {
             scan->stage = 1;
-            scan->place_count = 0;
+            scan->position_count = 0;
         } else {
-            scan->walls[scan->other].places = 0;
-            scan->measure.left_out++;
+            scan->fitted[scan->inner_index].positions = 0;
+            scan->measure.dropped_segments++;
         }
     }
-    for (; scan->at < scan->wall_count; scan->at++) {
-        scan_segment *w = &scan->walls[scan->order[scan->at]];
+    for (; scan->item_index < scan->fitted_count; scan->item_index++) {
+        scan_segment *w = &scan->fitted[scan->order[scan->item_index]];
 
         if (!cairn_scan_pay(scan, budget, 2))
             return CAIRN_MORE;
-        w->first_place = scan->place_count;
-        scan->place_count += w->places;
+        w->first_position = scan->position_count;
+        scan->position_count += w->positions;
     }
     return CAIRN_OK;
 }
@@ -140,7 +143,7 @@ cairn_status cairn_scan_choose(cairn_scan *scan, cairn_budget *budget)
 /* Distance of the first position from the segment's start, m. */
 static cairn_real first_position(const cairn_scan *scan, const scan_segment *w)
 {
-    return cairn_scan_margin(w->length, w->places, scan->params.spacing);
+    return cairn_scan_first_position(w->length, w->positions, scan->params.spacing);
 }
 
 /* Stage 0 clears the difference array, stage 1 enters the interval that each hit supports. */
@@ -148,36 +151,37 @@ cairn_status cairn_scan_mark(cairn_scan *scan, cairn_budget *budget)
 {
     cairn_polyline_view view = cairn_polyline_read(scan->polyline);
 
-    for (; scan->stage == 0 && scan->at <= scan->place_count; scan->at++) {
+    for (; scan->stage == 0 && scan->item_index <= scan->position_count; scan->item_index++) {
         if (!cairn_scan_pay(scan, budget, 1))
             return CAIRN_MORE;
-        scan->support[scan->at] = 0;
+        scan->support[scan->item_index] = 0;
     }
     if (scan->stage == 0) {
         scan->stage = 1;
-        scan->at = 0;
+        scan->item_index = 0;
     }
-    for (; scan->at < scan->hit_count; scan->at++) {
-        int32_t label = view.label[scan->at], first, last;
-        const scan_segment *w = &scan->walls[label < 0 ? 0 : label];
+    for (; scan->item_index < scan->hit_count; scan->item_index++) {
+        int32_t label = view.label[scan->item_index], first, last;
+        const scan_segment *w = &scan->fitted[label < 0 ? 0 : label];
         cairn_real along;
 
         if (!cairn_scan_pay(scan, budget, 12))
             return CAIRN_MORE;
-        if (label < 0 || w->places == 0)
+        if (label < 0 || w->positions == 0)
             continue;
-        (void)cairn_segment_nearest(w->segment, scan->beams[scan->hit[scan->at]].to, &along);
+        (void)cairn_segment_nearest(w->segment, scan->beams[scan->hit[scan->item_index]].to,
+                                    &along);
         along = along * w->length - first_position(scan, w);
-        first =
-            cairn_real_to_int(cairn_ceil((along - scan->params.support) / scan->params.spacing));
-        last =
-            cairn_real_to_int(cairn_floor((along + scan->params.support) / scan->params.spacing));
+        first = cairn_real_to_int(
+            cairn_ceil((along - scan->params.support_distance) / scan->params.spacing));
+        last = cairn_real_to_int(
+            cairn_floor((along + scan->params.support_distance) / scan->params.spacing));
         first = first > 0 ? first : 0;
-        last = last < w->places - 1 ? last : w->places - 1;
+        last = last < w->positions - 1 ? last : w->positions - 1;
         if (first > last)
             continue;
-        scan->support[w->first_place + first]++;
-        scan->support[w->first_place + last + 1]--;
+        scan->support[w->first_position + first]++;
+        scan->support[w->first_position + last + 1]--;
     }
     return CAIRN_OK;
 }
@@ -186,29 +190,29 @@ cairn_status cairn_scan_mark(cairn_scan *scan, cairn_budget *budget)
  * it; support_count: number of hits that support the position. */
 cairn_status cairn_scan_emit(cairn_scan *scan, cairn_budget *budget)
 {
-    for (; scan->at < scan->wall_count; scan->at++, scan->other = 0) {
-        const scan_segment *w = &scan->walls[scan->order[scan->at]];
+    for (; scan->item_index < scan->fitted_count; scan->item_index++, scan->inner_index = 0) {
+        const scan_segment *w = &scan->fitted[scan->order[scan->item_index]];
         cairn_vec2 direction;
 
         if (scan->stage == 0 && !cairn_scan_pay(scan, budget, 16))
             return CAIRN_MORE;
         scan->stage = 1;
         direction = cairn_vec2_unit(cairn_vec2_sub(w->segment.b, w->segment.a));
-        for (; scan->other < w->places; scan->other++) {
+        for (; scan->inner_index < w->positions; scan->inner_index++) {
             cairn_oriented_point *point = &scan->points[scan->point_count];
 
             if (!cairn_scan_pay(scan, budget, 9))
                 return CAIRN_MORE;
-            scan->running += scan->support[w->first_place + scan->other];
-            if (scan->running <= 0)
+            scan->support_count += scan->support[w->first_position + scan->inner_index];
+            if (scan->support_count <= 0)
                 continue;
-            point->position = cairn_scan_place(w->segment.a, direction, first_position(scan, w),
-                                               scan->other, scan->params.spacing);
+            point->position = cairn_scan_position(w->segment.a, direction, first_position(scan, w),
+                                                  scan->inner_index, scan->params.spacing);
             point->direction = direction;
             scan->point_count++;
         }
         scan->stage = 0;
-        if (w->places == 0)
+        if (w->positions == 0)
             continue;
         scan->segments[scan->segment_count++] = w->segment;
         scan->first_point[scan->segment_count] = scan->point_count;

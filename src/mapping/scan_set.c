@@ -45,7 +45,7 @@ static cairn_scan_set *carve(cairn_pool *pool, const cairn_scan_set_params *para
         set->segments = segments;
         set->points = points;
         set->mass = mass;
-        set->places = places;
+        set->position_bits = places;
     }
     return set;
 }
@@ -71,7 +71,7 @@ cairn_status cairn_scan_set_create(cairn_scan_set **set, cairn_pool *pool,
 
     if (set == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     made->params = *params;
@@ -158,15 +158,16 @@ static struct lattice lattice_of(const cairn_scan_set *set, cairn_segment segmen
     struct lattice lattice;
 
     lattice.direction = cairn_vec2_unit(along);
-    lattice.count = cairn_scan_places(length, set->params.spacing);
-    lattice.margin = cairn_scan_margin(length, lattice.count, set->params.spacing);
+    lattice.count = cairn_scan_position_count(length, set->params.spacing);
+    lattice.margin = cairn_scan_first_position(length, lattice.count, set->params.spacing);
     return lattice;
 }
 
 static cairn_vec2 position_at(const cairn_scan_set *set, cairn_segment segment,
                               const struct lattice *lattice, int32_t k)
 {
-    return cairn_scan_place(segment.a, lattice->direction, lattice->margin, k, set->params.spacing);
+    return cairn_scan_position(segment.a, lattice->direction, lattice->margin, k,
+                               set->params.spacing);
 }
 
 /* Matches the points of a segment with its positions in order; sets their bits in bits[] unless
@@ -264,7 +265,7 @@ static void copy_segments(cairn_scan_set *set, const cairn_scan_view *view, int3
         to->first_word = set->word_count;
         to->scan = slot;
         if (set->params.spacing > 0)
-            copy_position_bits(set, view, i, set->places + set->word_count);
+            copy_position_bits(set, view, i, set->position_bits + set->word_count);
     }
 }
 
@@ -327,9 +328,9 @@ cairn_status cairn_scan_set_add(cairn_scan_set *set, const cairn_scan_view *view
 
     slot = take_slot(set);
     scan = &set->scans[slot];
-    scan->words = -set->word_count;
+    scan->word_count = -set->word_count;
     copy_segments(set, view, slot);
-    scan->words += set->word_count;
+    scan->word_count += set->word_count;
     for (int32_t i = 0; i < view->point_count && !(set->params.spacing > 0); i++) {
         set->points[set->point_count + i] = view->points[i].position;
         set->mass[set->point_count + i] = mass != NULL ? mass[i] : 1;
@@ -360,13 +361,13 @@ cairn_status cairn_scan_set_remove(cairn_scan_set *set, int32_t scan)
     for (int32_t i = removed->first_segment; i < removed->end_segment; i++)
         set->segments[i].scan = NO_SLOT;
     if (removed->first_segment < removed->end_segment &&
-        (!set->gaps || removed->first_segment < set->from)) {
+        (!set->needs_packing || removed->first_segment < set->pack_from)) {
         const cairn_scan_set_segment *first = &set->segments[removed->first_segment];
 
-        set->gaps = 1;
-        set->from = set->to_segment = removed->first_segment;
-        set->to_point = first->first_point;
-        set->to_word = first->first_word;
+        set->needs_packing = 1;
+        set->pack_from = set->pack_segment = removed->first_segment;
+        set->pack_point = first->first_point;
+        set->pack_word = first->first_word;
     }
     removed->in_use = 0;
     removed->first_segment = set->free_slot;
@@ -379,67 +380,67 @@ static void move_scan(cairn_scan_set *set, cairn_scan_set_scan *scan)
 {
     int32_t first = scan->first_segment, end = scan->end_segment, count = end - first;
     int32_t points = scan->end_point - scan->first_point,
-            by_points = scan->first_point - set->to_point;
-    int32_t word = set->segments[first].first_word, by_words = word - set->to_word;
+            by_points = scan->first_point - set->pack_point;
+    int32_t word = set->segments[first].first_word, by_words = word - set->pack_word;
 
-    if (set->places != NULL) {
-        memmove(set->places + set->to_word, set->places + word,
-                (size_t)scan->words * sizeof *set->places);
+    if (set->position_bits != NULL) {
+        memmove(set->position_bits + set->pack_word, set->position_bits + word,
+                (size_t)scan->word_count * sizeof *set->position_bits);
     } else {
-        memmove(set->points + set->to_point, set->points + scan->first_point,
+        memmove(set->points + set->pack_point, set->points + scan->first_point,
                 (size_t)points * sizeof *set->points);
-        memmove(set->mass + set->to_point, set->mass + scan->first_point,
+        memmove(set->mass + set->pack_point, set->mass + scan->first_point,
                 (size_t)points * sizeof *set->mass);
     }
     for (int32_t i = 0; i < count; i++) {
-        cairn_scan_set_segment *to = &set->segments[set->to_segment + i];
+        cairn_scan_set_segment *to = &set->segments[set->pack_segment + i];
 
         *to = set->segments[first + i];
         to->first_point -= by_points;
         to->end_point -= by_points;
         to->first_word -= by_words;
     }
-    scan->first_segment = set->to_segment;
-    scan->end_segment = set->to_segment + count;
+    scan->first_segment = set->pack_segment;
+    scan->end_segment = set->pack_segment + count;
     scan->first_point -= by_points;
     scan->end_point -= by_points;
     for (int32_t i = first > scan->end_segment ? first : scan->end_segment; i < end; i++)
         set->segments[i].scan = NO_SLOT;
-    set->to_segment += count;
-    set->to_point += points;
-    set->to_word += scan->words;
-    set->from = end;
+    set->pack_segment += count;
+    set->pack_point += points;
+    set->pack_word += scan->word_count;
+    set->pack_from = end;
 }
 
 cairn_status cairn_scan_set_pack(cairn_scan_set *set, cairn_budget *budget)
 {
     if (set == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (set->gaps && set->from < set->segment_count) {
-        int32_t slot = set->segments[set->from].scan;
+    while (set->needs_packing && set->pack_from < set->segment_count) {
+        int32_t slot = set->segments[set->pack_from].scan;
 
         if (slot == NO_SLOT) {
-            if (!cairn_budget_pay(budget, &set->paid, 1))
+            if (!cairn_budget_charge(budget, &set->pack_units, 1))
                 return CAIRN_MORE;
-            for (int32_t i = 0; i < 8 && set->from < set->segment_count &&
-                                set->segments[set->from].scan == NO_SLOT;
+            for (int32_t i = 0; i < 8 && set->pack_from < set->segment_count &&
+                                set->segments[set->pack_from].scan == NO_SLOT;
                  i++)
-                set->from++;
+                set->pack_from++;
         } else {
             cairn_scan_set_scan *scan = &set->scans[slot];
             int32_t segments = scan->end_segment - scan->first_segment,
                     points = scan->end_point - scan->first_point;
 
-            if (!cairn_budget_pay(budget, &set->paid, 1 + segments / 2 + points / 8))
+            if (!cairn_budget_charge(budget, &set->pack_units, 1 + segments / 2 + points / 8))
                 return CAIRN_MORE;
             move_scan(set, scan);
         }
     }
-    if (set->gaps) {
-        set->segment_count = set->to_segment;
-        set->point_count = set->to_point;
-        set->word_count = set->to_word;
-        set->gaps = 0;
+    if (set->needs_packing) {
+        set->segment_count = set->pack_segment;
+        set->point_count = set->pack_point;
+        set->word_count = set->pack_word;
+        set->needs_packing = 0;
     }
     return CAIRN_OK;
 }
@@ -463,13 +464,13 @@ void cairn_scan_set_read(const cairn_scan_set *set, int32_t segment, int32_t fir
     int32_t k = 0, done = 0, skip = first;
 
     CAIRN_ASSERT(first >= 0 && first + count <= s->end_point - s->first_point);
-    if (set->places == NULL) {
+    if (set->position_bits == NULL) {
         for (; done < count; done++)
             points[done] = set->points[s->first_point + first + done];
         return;
     }
     lattice = lattice_of(set, s->segment);
-    word = set->places + s->first_word;
+    word = set->position_bits + s->first_word;
     for (; skip > 0 && bits_in(*word) <= skip; word++, k += 32)
         skip -= bits_in(*word);
     for (; done < count; k++) {
@@ -487,6 +488,6 @@ void cairn_scan_set_clear(cairn_scan_set *set)
 {
     set->scan_count = set->segment_count = set->point_count = set->word_count = 0;
     set->free_slot = NO_SLOT;
-    set->gaps = 0;
-    set->paid = 0;
+    set->needs_packing = 0;
+    set->pack_units = 0;
 }

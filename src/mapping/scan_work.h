@@ -21,8 +21,8 @@ typedef struct scan_segment {
     cairn_real length;
     cairn_real side;        /* sum over its hits; > 0: the sensors are on the left */
     cairn_real first_angle; /* rad, smallest bearing of its hits */
-    int32_t first_place;    /* index of its first position in support */
-    int32_t places;         /* positions of resampled points; 0: left out */
+    int32_t first_position; /* index of its first position in support */
+    int32_t positions;      /* positions of resampled points; 0: left out */
 } scan_segment;
 
 struct cairn_scan {
@@ -31,7 +31,7 @@ struct cairn_scan {
     float *range, *angle;
     cairn_beam *beams;
     int32_t *hit; /* [max_beams] beam of each hit */
-    scan_segment *walls;
+    scan_segment *fitted;
     int32_t *order; /* [max_segments] segments of the fit, in the order of the view */
     /* [max_points + 1] difference array: changes of the number of hits that support a position */
     int32_t *support;
@@ -41,14 +41,14 @@ struct cairn_scan {
 
     cairn_scan_input input; /* without its arrays */
     cairn_twist twist;      /* twist of the motion */
-    int32_t hit_count, wall_count, place_count, segment_count, point_count;
+    int32_t hit_count, fitted_count, position_count, segment_count, point_count;
     int64_t total; /* resampling positions of all segments */
     cairn_scan_view view;
     cairn_scan_measure measure;
 
     scan_phase phase;
-    int32_t at, other, stage, running;
-    int32_t part; /* eighths of a unit, used but not yet charged */
+    int32_t item_index, inner_index, stage, support_count;
+    int32_t eighths; /* eighths of a unit, used but not yet charged */
 };
 
 /* Charges `eighths` of a unit; 0 when the budget is used up and the item must wait. */
@@ -56,10 +56,10 @@ static inline int cairn_scan_pay(cairn_scan *scan, cairn_budget *budget, int32_t
 {
     if (budget->left <= 0)
         return 0;
-    scan->part += eighths;
-    budget->left -= scan->part / 8;
-    scan->measure.units += scan->part / 8;
-    scan->part %= 8;
+    scan->eighths += eighths;
+    budget->left -= scan->eighths / 8;
+    scan->measure.units += scan->eighths / 8;
+    scan->eighths %= 8;
     return 1;
 }
 

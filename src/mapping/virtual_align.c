@@ -15,7 +15,7 @@
  *    former result stands, and only scans that share no surface with the largest component keep the
  *    field's poses.
  * 5. Last, weakly observable submaps of the largest component are translated along their walls
- *    (wall_slide).
+ *    (weak_direction).
  *
  * Layout: the aligner, the field, the hypotheses and the slide in one pool. A scan has the same
  * index in the aligner and in the field. The best result of the aligner is stored beside it.
@@ -36,14 +36,14 @@ cairn_virtual_align_params cairn_virtual_align_default(void)
         .aligner = cairn_aligner_default(),
         .field = cairn_force_field_springs(CAIRN_REAL(0.9), 15),
         .hypotheses = cairn_virtual_scan_default(),
-        .slide = cairn_wall_slide_default(),
-        .every = 8,
+        .slide = cairn_weak_direction_default(),
+        .rebuild_interval = 8,
         .max_rounds = 2,
-        .align = 1,
+        .use_aligner = 1,
         .mode = CAIRN_MODE_DEFAULT,
     };
 
-    params.field.sides_below = params.field.sigma_start;
+    params.field.oriented_below = params.field.sigma_start;
     params.field.potential = 0;
     params.hypotheses.spacing = CAIRN_REAL(0.30);
     params.hypotheses.weight = 3;
@@ -61,12 +61,12 @@ static cairn_virtual_align_params in_mode(const cairn_virtual_align_params *para
     if (p.mode == CAIRN_MODE_AS_WRITTEN) {
         p.field.mode = CAIRN_FORCE_FIELD_GRADIENT;
         p.field.roi = CAIRN_FORCE_FIELD_ROI_NONE;
-        p.field.sides_below = 0;
+        p.field.oriented_below = 0;
         p.hypotheses.mode = CAIRN_MODE_AS_WRITTEN;
-        p.slide = cairn_wall_slide_default();
-        p.every = 1;
+        p.slide = cairn_weak_direction_default();
+        p.rebuild_interval = 1;
         p.max_rounds = 1;
-        p.align = 0;
+        p.use_aligner = 0;
     }
     return p;
 }
@@ -112,9 +112,9 @@ static cairn_virtual_scan_params hypotheses_of(const cairn_virtual_align_params 
     return hypotheses;
 }
 
-static cairn_wall_slide_params slide_of(const cairn_virtual_align_params *params)
+static cairn_weak_direction_params slide_of(const cairn_virtual_align_params *params)
 {
-    cairn_wall_slide_params slide = params->slide;
+    cairn_weak_direction_params slide = params->slide;
 
     slide.max_scans = params->aligner.max_scans;
     return slide;
@@ -141,14 +141,15 @@ size_t cairn_virtual_align_memory(const cairn_virtual_align_params *params)
     cairn_force_field_params field;
     cairn_virtual_scan_params hypotheses;
     cairn_virtual_align_params used;
-    cairn_wall_slide_params slide;
+    cairn_weak_direction_params slide;
     cairn_pool counting;
 
     if (params == NULL ||
         (params->mode != CAIRN_MODE_DEFAULT && params->mode != CAIRN_MODE_AS_WRITTEN))
         return 0;
     used = in_mode(params);
-    if (used.every < 1 || used.max_rounds < 1 || cairn_aligner_memory(&used.aligner) == 0)
+    if (used.rebuild_interval < 1 || used.max_rounds < 1 ||
+        cairn_aligner_memory(&used.aligner) == 0)
         return 0;
     field = field_of(&used);
     hypotheses = hypotheses_of(&used);
@@ -158,7 +159,7 @@ size_t cairn_virtual_align_memory(const cairn_virtual_align_params *params)
     cairn_pool_count(&counting, cairn_aligner_memory(&used.aligner));
     cairn_pool_count(&counting, cairn_force_field_memory(&field));
     cairn_pool_count(&counting, cairn_virtual_scan_memory(&hypotheses));
-    cairn_pool_count(&counting, cairn_wall_slide_memory(&slide));
+    cairn_pool_count(&counting, cairn_weak_direction_memory(&slide));
     return cairn_pool_counted(&counting);
 }
 
@@ -169,12 +170,12 @@ cairn_status cairn_virtual_align_create(cairn_virtual_align **align, cairn_pool 
     cairn_force_field_params field;
     cairn_virtual_scan_params hypotheses;
     cairn_virtual_align_params used;
-    cairn_wall_slide_params slide;
+    cairn_weak_direction_params slide;
     cairn_virtual_align *made;
 
     if (align == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     used = in_mode(params);
     field = field_of(&used);
@@ -184,7 +185,7 @@ cairn_status cairn_virtual_align_create(cairn_virtual_align **align, cairn_pool 
     cairn_virtual_align_must(cairn_aligner_create(&made->aligner, pool, &used.aligner));
     cairn_virtual_align_must(cairn_force_field_create(&made->field, pool, &field));
     cairn_virtual_align_must(cairn_virtual_scan_create(&made->hypotheses, pool, &hypotheses));
-    cairn_virtual_align_must(cairn_wall_slide_create(&made->slide, pool, &slide));
+    cairn_virtual_align_must(cairn_weak_direction_create(&made->slide, pool, &slide));
     *align = made;
     return CAIRN_OK;
 }
@@ -234,11 +235,12 @@ cairn_status cairn_virtual_align_begin(cairn_virtual_align *align)
         return CAIRN_EMPTY;
     memset(&align->result, 0, sizeof align->result);
     for (int32_t i = 0; i < align->scan_count; i++) {
-        cairn_virtual_align_must(cairn_aligner_start_at(align->aligner, i, align->places[i].start));
+        cairn_virtual_align_must(
+            cairn_aligner_set_initial_pose(align->aligner, i, align->places[i].start));
         align->places[i].moves = 0;
     }
     cairn_virtual_align_must(cairn_aligner_begin(align->aligner));
-    align->phase = align->params.align ? VIRTUAL_ALIGN_FIRST : VIRTUAL_ALIGN_STORE;
+    align->phase = align->params.use_aligner ? VIRTUAL_ALIGN_FIRST : VIRTUAL_ALIGN_STORE;
     align->is_done = 0;
     align->cursor = 0;
     align->units_charged = 0;
@@ -250,7 +252,7 @@ cairn_status cairn_virtual_align_step(cairn_virtual_align *align, cairn_budget *
     if (align == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
     while (align->phase != VIRTUAL_ALIGN_IDLE) {
-        cairn_status status = cairn_virtual_align_go_on(align, budget);
+        cairn_status status = cairn_virtual_align_run_phase(align, budget);
 
         if (status != CAIRN_OK)
             return status;
@@ -264,11 +266,12 @@ cairn_status cairn_virtual_align_iterate(cairn_virtual_align *align, cairn_budge
         return CAIRN_BAD_ARGUMENT;
     while (align->phase != VIRTUAL_ALIGN_IDLE) {
         virtual_align_phase done = align->phase;
-        cairn_status status = cairn_virtual_align_go_on(align, budget);
+        cairn_status status = cairn_virtual_align_run_phase(align, budget);
 
         if (status != CAIRN_OK)
             return status;
-        if ((done == VIRTUAL_ALIGN_STORE && align->params.align) || done == VIRTUAL_ALIGN_ITERATE)
+        if ((done == VIRTUAL_ALIGN_STORE && align->params.use_aligner) ||
+            done == VIRTUAL_ALIGN_ITERATE)
             return CAIRN_OK;
     }
     return CAIRN_OK;
@@ -297,7 +300,7 @@ cairn_virtual_align_pose cairn_virtual_align_pose_of(const cairn_virtual_align *
                        ? cairn_aligner_pose_of(align->aligner, scan)
                        : align->places[scan].aligned;
     pose.moved = align->places[scan].moves;
-    if (pose.moved && (align->phase >= VIRTUAL_ALIGN_GATHER || !align->params.align))
+    if (pose.moved && (align->phase >= VIRTUAL_ALIGN_GATHER || !align->params.use_aligner))
         pose.aligned.map_scan = cairn_force_field_pose(align->field, scan);
     return pose;
 }

@@ -20,7 +20,7 @@ static int is_as_written(const cairn_virtual_align *align)
 /* Returns 1 when the aligner has matched at least two scans. */
 static int has_matches(const cairn_virtual_align *align)
 {
-    return align->params.align && align->result.aligner.placed >= 2;
+    return align->params.use_aligner && align->result.aligner.placed >= 2;
 }
 
 /* Runs the first alignment, which alone knows the initial error of the poses. */
@@ -30,7 +30,7 @@ static cairn_status step_align(cairn_virtual_align *align, cairn_budget *budget)
 
     if (status == CAIRN_OK)
         align->initial_spread =
-            cairn_min(cairn_aligner_read(align->aligner).spread, CAIRN_REAL(1e6));
+            cairn_min(cairn_aligner_read(align->aligner).initial_sigma, CAIRN_REAL(1e6));
     return status;
 }
 
@@ -38,7 +38,7 @@ static cairn_status step_align(cairn_virtual_align *align, cairn_budget *budget)
 static cairn_status step_store(cairn_virtual_align *align, cairn_budget *budget)
 {
     for (; align->cursor < align->scan_count; align->cursor++) {
-        if (!cairn_budget_pay(budget, &align->units_charged, 2))
+        if (!cairn_budget_charge(budget, &align->units_charged, 2))
             return CAIRN_MORE;
         align->places[align->cursor].aligned = cairn_aligner_pose_of(align->aligner, align->cursor);
     }
@@ -49,7 +49,7 @@ static cairn_status step_store(cairn_virtual_align *align, cairn_budget *budget)
 /* Returns 1 when the aligner has resumed from its former result, 0 when it has started anew. */
 static int has_resumed(const cairn_virtual_align *align)
 {
-    return has_matches(align) && align->result.aligner.largest >= MIN_COMPONENT_SCANS;
+    return has_matches(align) && align->result.aligner.largest_size >= MIN_COMPONENT_SCANS;
 }
 
 /* Returns the motion from the map of the aligner's new result to the former one, by the scans that
@@ -74,7 +74,7 @@ static cairn_status step_apply(cairn_virtual_align *align, cairn_budget *budget)
 {
     cairn_pose former;
 
-    if (!cairn_budget_pay(budget, &align->units_charged, 1 + align->scan_count))
+    if (!cairn_budget_charge(budget, &align->units_charged, 1 + align->scan_count))
         return CAIRN_MORE;
     former = motion_to_former_map(align);
     for (int32_t i = 0; i < align->scan_count; i++) {
@@ -94,13 +94,13 @@ static cairn_status step_compare(cairn_virtual_align *align, cairn_budget *budge
 {
     if (cairn_aligner_read(align->aligner).placed > align->result.aligner.placed)
         return has_resumed(align) ? step_apply(align, budget) : step_store(align, budget);
-    if (!cairn_budget_pay(budget, &align->units_charged, 1 + align->scan_count / 2))
+    if (!cairn_budget_charge(budget, &align->units_charged, 1 + align->scan_count / 2))
         return CAIRN_MORE;
     align->is_done = 1;
     for (int32_t i = 0; i < align->scan_count; i++) {
         struct cairn_virtual_place *place = &align->places[i];
 
-        place->moves = place->moves && (!has_matches(align) || place->aligned.part != 0);
+        place->moves = place->moves && (!has_matches(align) || place->aligned.component != 0);
         if (place->moves)
             place->aligned.map_scan = cairn_force_field_pose(align->field, i);
     }
@@ -149,17 +149,17 @@ static cairn_status step_place(cairn_virtual_align *align, cairn_budget *budget)
         align->is_iterating = 0;
     }
     if (align->cursor == 0)
-        align->result.moved = 0;
+        align->result.moved_scans = 0;
     for (; align->cursor < align->scan_count; align->cursor++) {
-        if (!cairn_budget_pay(budget, &align->units_charged,
-                              2 + segments_of(align, align->cursor) / 4))
+        if (!cairn_budget_charge(budget, &align->units_charged,
+                                 2 + segments_of(align, align->cursor) / 4))
             return CAIRN_MORE;
         place = &align->places[align->cursor];
         place->moves =
-            !has_matches(align) ||
-            (!place->aligned.placed && !cairn_wall_slide_is_loose(align->slide, &place->aligned) &&
-             transverse_wall(align, align->cursor) >= MIN_TRANSVERSE_WALL_M);
-        align->result.moved += place->moves;
+            !has_matches(align) || (!place->aligned.placed &&
+                                    !cairn_weak_direction_is_weak(align->slide, &place->aligned) &&
+                                    transverse_wall(align, align->cursor) >= MIN_TRANSVERSE_WALL_M);
+        align->result.moved_scans += place->moves;
         cairn_virtual_align_must(
             cairn_force_field_place(align->field, align->cursor, place->aligned.map_scan));
         cairn_virtual_align_must(cairn_force_field_fix(align->field, align->cursor, !place->moves));
@@ -168,7 +168,7 @@ static cairn_status step_place(cairn_virtual_align *align, cairn_budget *budget)
     if (is_as_written(align)) /* The first virtual scan is empty. */
         cairn_virtual_align_must(cairn_force_field_set_extra(align->field, NULL, NULL, 0));
     align->iterations_since_scan = 0;
-    align->result.rounds += align->result.moved > 0;
+    align->result.rounds += align->result.moved_scans > 0;
     return CAIRN_OK;
 }
 
@@ -184,8 +184,8 @@ static cairn_status step_gather(cairn_virtual_align *align, cairn_budget *budget
     for (; align->cursor < align->scan_count; align->cursor++) {
         const cairn_scan_set_scan *scan = &set->scans[align->cursor];
 
-        if (!cairn_budget_pay(budget, &align->units_charged,
-                              1 + (scan->end_point - scan->first_point) / 4))
+        if (!cairn_budget_charge(budget, &align->units_charged,
+                                 1 + (scan->end_point - scan->first_point) / 4))
             return CAIRN_MORE;
         if (!has_matches(align) || !align->places[align->cursor].moves)
             cairn_virtual_align_must(
@@ -204,7 +204,7 @@ static cairn_status step_detect(cairn_virtual_align *align, cairn_budget *budget
     if (cairn_virtual_scan_step(align->hypotheses, budget) == CAIRN_MORE)
         return CAIRN_MORE;
     points = cairn_virtual_scan_points(align->hypotheses, &weights, &count);
-    if (!cairn_budget_pay(budget, &align->units_charged, 1 + count / 8))
+    if (!cairn_budget_charge(budget, &align->units_charged, 1 + count / 8))
         return CAIRN_MORE;
     cairn_virtual_align_must(cairn_force_field_set_extra(align->field, points, weights, count));
     (void)cairn_virtual_scan_hypotheses(align->hypotheses, &align->result.hypotheses);
@@ -220,7 +220,8 @@ static cairn_status step_iteration(cairn_virtual_align *align, cairn_budget *bud
         return status;
     align->iterations_since_scan++;
     align->result.iterations++;
-    align->result.active += align->result.hypotheses > 0 && align->params.hypotheses.weight > 0;
+    align->result.active_iterations +=
+        align->result.hypotheses > 0 && align->params.hypotheses.weight > 0;
     return CAIRN_OK;
 }
 
@@ -229,15 +230,16 @@ static cairn_status step_return_poses(cairn_virtual_align *align, cairn_budget *
 {
     cairn_status status;
 
-    if (!cairn_budget_pay(budget, &align->units_charged, 1 + align->scan_count))
+    if (!cairn_budget_charge(budget, &align->units_charged, 1 + align->scan_count))
         return CAIRN_MORE;
     for (int32_t i = 0; i < align->scan_count; i++)
         align->poses[i] = cairn_force_field_pose(align->field, i);
     if (has_resumed(align)) {
-        status = cairn_aligner_begin_again(align->aligner, align->poses);
+        status = cairn_aligner_begin_warm(align->aligner, align->poses);
     } else {
         for (int32_t i = 0; i < align->scan_count; i++)
-            cairn_virtual_align_must(cairn_aligner_start_at(align->aligner, i, align->poses[i]));
+            cairn_virtual_align_must(
+                cairn_aligner_set_initial_pose(align->aligner, i, align->poses[i]));
         status = cairn_aligner_begin(align->aligner);
     }
     CAIRN_ASSERT(status == CAIRN_OK);
@@ -249,27 +251,28 @@ static cairn_status step_return_poses(cairn_virtual_align *align, cairn_budget *
 static cairn_status step_begin_slide(cairn_virtual_align *align, cairn_budget *budget)
 {
     if (align->cursor == 0)
-        cairn_virtual_align_must(cairn_wall_slide_begin(align->slide, align->aligner,
-                                                        cairn_force_field_scans(align->field),
-                                                        align->initial_spread));
+        cairn_virtual_align_must(cairn_weak_direction_begin(align->slide, align->aligner,
+                                                            cairn_force_field_scans(align->field),
+                                                            align->initial_spread));
     for (; align->cursor < align->scan_count; align->cursor++) {
         const struct cairn_virtual_place *place = &align->places[align->cursor];
 
-        if (!cairn_budget_pay(budget, &align->units_charged, 2))
+        if (!cairn_budget_charge(budget, &align->units_charged, 2))
             return CAIRN_MORE;
-        cairn_virtual_align_must(cairn_wall_slide_add(align->slide, place->start, &place->aligned));
+        cairn_virtual_align_must(
+            cairn_weak_direction_add(align->slide, place->start, &place->aligned));
     }
     return CAIRN_OK;
 }
 
 static cairn_status step_apply_slide(cairn_virtual_align *align, cairn_budget *budget)
 {
-    if (!cairn_budget_pay(budget, &align->units_charged, 1 + align->scan_count / 8))
+    if (!cairn_budget_charge(budget, &align->units_charged, 1 + align->scan_count / 8))
         return CAIRN_MORE;
-    align->result.slide = cairn_wall_slide_read(align->slide);
+    align->result.slide = cairn_weak_direction_read(align->slide);
     for (int32_t i = 0; i < align->scan_count; i++) {
         struct cairn_virtual_place *place = &align->places[i];
-        cairn_vec2 shift = cairn_wall_slide_shift_of(align->slide, i);
+        cairn_vec2 shift = cairn_weak_direction_translation(align->slide, i);
 
         if (shift.x == 0 && shift.y == 0)
             continue;
@@ -298,7 +301,7 @@ static cairn_status step_phase(cairn_virtual_align *align, cairn_budget *budget)
     case VIRTUAL_ALIGN_BEGIN_SLIDE:
         return step_begin_slide(align, budget);
     case VIRTUAL_ALIGN_SLIDE:
-        return cairn_wall_slide_step(align->slide, budget);
+        return cairn_weak_direction_step(align->slide, budget);
     case VIRTUAL_ALIGN_APPLY_SLIDE:
         return step_apply_slide(align, budget);
     case VIRTUAL_ALIGN_GATHER:
@@ -327,7 +330,7 @@ static virtual_align_phase next_phase(const cairn_virtual_align *align)
     case VIRTUAL_ALIGN_PLACE:
         if (is_as_written(align))
             return VIRTUAL_ALIGN_ITERATE;
-        return align->result.moved > 0 ? VIRTUAL_ALIGN_GATHER : last_phase(align);
+        return align->result.moved_scans > 0 ? VIRTUAL_ALIGN_GATHER : last_phase(align);
     case VIRTUAL_ALIGN_BEGIN_SLIDE:
         return VIRTUAL_ALIGN_SLIDE;
     case VIRTUAL_ALIGN_SLIDE:
@@ -348,8 +351,9 @@ static virtual_align_phase next_phase(const cairn_virtual_align *align)
                    : last_phase(align);
     default:
         if (cairn_force_field_read(align->field).verdict != CAIRN_FORCE_FIELD_RUNNING)
-            return align->params.align ? VIRTUAL_ALIGN_RETURN_POSES : VIRTUAL_ALIGN_IDLE;
-        return !has_matches(align) && align->iterations_since_scan % align->params.every == 0
+            return align->params.use_aligner ? VIRTUAL_ALIGN_RETURN_POSES : VIRTUAL_ALIGN_IDLE;
+        return !has_matches(align) &&
+                       align->iterations_since_scan % align->params.rebuild_interval == 0
                    ? VIRTUAL_ALIGN_GATHER
                    : VIRTUAL_ALIGN_ITERATE;
     }
@@ -366,7 +370,7 @@ static int64_t *units_of(cairn_virtual_align *align)
     return &align->result.field_units;
 }
 
-cairn_status cairn_virtual_align_go_on(cairn_virtual_align *align, cairn_budget *budget)
+cairn_status cairn_virtual_align_run_phase(cairn_virtual_align *align, cairn_budget *budget)
 {
     int32_t left = budget->left;
     int64_t *units = units_of(align);

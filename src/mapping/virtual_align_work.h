@@ -34,7 +34,7 @@ struct cairn_virtual_align {
     cairn_aligner *aligner;
     cairn_force_field *field;
     cairn_virtual_scan *hypotheses;
-    cairn_wall_slide *slide;
+    cairn_weak_direction *slide;
     /* [max_scans] */
     struct cairn_virtual_place *places;
     /* [max_scans] initial poses of the aligner's next run, or its results */
@@ -67,6 +67,6 @@ static inline void cairn_virtual_align_must(cairn_status status)
 
 /* Processes the current phase to its end and advances to the next. CAIRN_MORE: the budget is used
  * up. */
-cairn_status cairn_virtual_align_go_on(cairn_virtual_align *align, cairn_budget *budget);
+cairn_status cairn_virtual_align_run_phase(cairn_virtual_align *align, cairn_budget *budget);
 
 #endif

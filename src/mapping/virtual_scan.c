@@ -39,11 +39,11 @@ cairn_virtual_scan_params cairn_virtual_scan_default(void)
         .stride = 2,
         .spacing = CAIRN_REAL(0.10),
         .weight = 1,
-        .line_support = CAIRN_REAL(0.3),
-        .line_angle = CAIRN_REAL(0.2),
-        .least_scans = 2,
+        .distance_per_sigma = CAIRN_REAL(0.3),
+        .angle_per_sigma = CAIRN_REAL(0.2),
+        .min_scans = 2,
         .mode = CAIRN_MODE_DEFAULT,
-        .least_length = CAIRN_REAL(0.5),
+        .min_wall_length = CAIRN_REAL(0.5),
         .hough = cairn_hough_default(),
         .rectangle = cairn_rectangle_default(),
         .ellipse = cairn_ellipse_default(),
@@ -55,13 +55,13 @@ cairn_virtual_scan_params cairn_virtual_scan_default(void)
     params.hough.angle_tolerance = 4 * (CAIRN_PI / 180);
     params.hough.separation_angle = 6 * (CAIRN_PI / 180);
     params.hough.spacing = CAIRN_REAL(0.20);
-    params.hough.least_votes = 10;
+    params.hough.min_votes = 10;
     params.rectangle.merge_distance = CAIRN_REAL(0.15);
     params.rectangle.merge_gap = 3;
-    params.rectangle.angle = 10 * (CAIRN_PI / 180);
+    params.rectangle.max_angle_error = 10 * (CAIRN_PI / 180);
     params.rectangle.min_side = 1;
-    params.rectangle.least_side = CAIRN_REAL(0.3);
-    params.rectangle.least_covered = CAIRN_REAL(0.55);
+    params.rectangle.min_side_coverage = CAIRN_REAL(0.3);
+    params.rectangle.min_coverage = CAIRN_REAL(0.55);
     return params;
 }
 
@@ -76,10 +76,10 @@ static cairn_virtual_scan_params in_mode(const cairn_virtual_scan_params *params
     if (p.mode == CAIRN_MODE_AS_WRITTEN) {
         p.ellipses = 0;
         p.stride = 1;
-        p.line_support = fixed.line_support;
-        p.line_angle = fixed.line_angle;
-        p.least_scans = 1;
-        p.least_length = 0;
+        p.distance_per_sigma = fixed.distance_per_sigma;
+        p.angle_per_sigma = fixed.angle_per_sigma;
+        p.min_scans = 1;
+        p.min_wall_length = 0;
         p.hough.mode = CAIRN_MODE_AS_WRITTEN;
         p.rectangle.oriented = 0;
     }
@@ -92,7 +92,7 @@ cairn_virtual_scan_params cairn_virtual_scan_as_written(void)
 
     params.mode = CAIRN_MODE_AS_WRITTEN;
     params.hough = cairn_hough_as_written();
-    params.hough.least_votes = MIN_VOTES;
+    params.hough.min_votes = MIN_VOTES;
     /* Memory for whatever passes the thresholds: no capacity decides. */
     params.hough.max_lines = 256;
     params.max_hypotheses = 1024;
@@ -113,9 +113,9 @@ static int params_are_valid(const cairn_virtual_scan_params *p)
            is_count(p->max_segments, 1, 1 << 20) && is_count(p->max_hypotheses, 1, 1024) &&
            is_count(p->max_virtual, 1, 1 << 24) && is_count(p->max_detectors, 0, 16) &&
            p->stride >= 1 && p->spacing > 0 && p->spacing <= MAX_VALUE && p->weight >= 0 &&
-           p->weight <= MAX_VALUE && p->line_support > 0 && p->line_support <= 1 &&
-           p->line_angle > 0 && p->line_angle <= MAX_VALUE && p->least_scans >= 1 &&
-           p->least_length >= 0 && p->least_length <= MAX_VALUE &&
+           p->weight <= MAX_VALUE && p->distance_per_sigma > 0 && p->distance_per_sigma <= 1 &&
+           p->angle_per_sigma > 0 && p->angle_per_sigma <= MAX_VALUE && p->min_scans >= 1 &&
+           p->min_wall_length >= 0 && p->min_wall_length <= MAX_VALUE &&
            (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
            cairn_hough_memory(&p->hough) > 0 && cairn_ellipse_memory(&p->ellipse) > 0;
 }
@@ -231,7 +231,7 @@ cairn_status cairn_virtual_scan_create(cairn_virtual_scan **virtual_scan, cairn_
 
     if (virtual_scan == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_room(pool, need))
+    if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     used = in_mode(params);
     made = take_memory(pool, &used);
@@ -258,15 +258,17 @@ cairn_status cairn_virtual_scan_add_detector(cairn_virtual_scan *virtual_scan,
 static void adjust_lines(cairn_virtual_scan *virtual_scan, cairn_real sigma)
 {
     cairn_hough_params hough = virtual_scan->params.hough;
-    cairn_real angle = cairn_min(
-        cairn_max(virtual_scan->params.line_angle * sigma, hough.angle_tolerance), CAIRN_PI / 6);
+    cairn_real angle =
+        cairn_min(cairn_max(virtual_scan->params.angle_per_sigma * sigma, hough.angle_tolerance),
+                  CAIRN_PI / 6);
     cairn_status status;
 
     if (virtual_scan->params.mode == CAIRN_MODE_AS_WRITTEN)
         return;
     hough.support_distance =
-        cairn_max(hough.support_distance, virtual_scan->params.line_support * sigma);
-    hough.separation = cairn_max(hough.separation, 2 * virtual_scan->params.line_support * sigma);
+        cairn_max(hough.support_distance, virtual_scan->params.distance_per_sigma * sigma);
+    hough.separation =
+        cairn_max(hough.separation, 2 * virtual_scan->params.distance_per_sigma * sigma);
     hough.distance_step = cairn_max(hough.distance_step, hough.support_distance / 2);
     hough.angle_tolerance = cairn_max(hough.angle_tolerance, angle);
     hough.separation_angle = cairn_max(hough.separation_angle, angle);
@@ -285,9 +287,10 @@ static void adjust_ellipses(cairn_virtual_scan *virtual_scan, cairn_real sigma)
     cairn_status status;
 
     ellipse.support_distance =
-        cairn_max(ellipse.support_distance, virtual_scan->params.line_support * sigma);
-    ellipse.angle_tolerance = cairn_max(
-        ellipse.angle_tolerance, cairn_min(virtual_scan->params.line_angle * sigma, CAIRN_PI / 8));
+        cairn_max(ellipse.support_distance, virtual_scan->params.distance_per_sigma * sigma);
+    ellipse.angle_tolerance =
+        cairn_max(ellipse.angle_tolerance,
+                  cairn_min(virtual_scan->params.angle_per_sigma * sigma, CAIRN_PI / 8));
     virtual_scan->ellipse_support = ellipse.support_distance;
     virtual_scan->sine_tangent = cairn_sin(ellipse.angle_tolerance);
     status = cairn_ellipse_adjust(virtual_scan->ellipses, &ellipse);
@@ -412,17 +415,17 @@ static cairn_status step_phase(cairn_virtual_scan *virtual_scan, cairn_budget *b
     case VIRTUAL_LINES:
         return cairn_hough_step(virtual_scan->hough, budget);
     case VIRTUAL_SAMPLE_LINES:
-        return cairn_virtual_lay_lines(virtual_scan, budget);
+        return cairn_virtual_sample_lines(virtual_scan, budget);
     case VIRTUAL_RECTANGLES:
         return cairn_rectangle_step(virtual_scan->rectangles, budget);
     case VIRTUAL_SAMPLE_RECTANGLES:
-        return cairn_virtual_lay_rectangles(virtual_scan, budget);
+        return cairn_virtual_sample_rectangles(virtual_scan, budget);
     case VIRTUAL_ELLIPSES:
         return cairn_ellipse_step(virtual_scan->ellipses, budget);
     case VIRTUAL_SAMPLE_ELLIPSES:
-        return cairn_virtual_lay_ellipses(virtual_scan, budget);
+        return cairn_virtual_sample_ellipses(virtual_scan, budget);
     case VIRTUAL_CALLER_DETECTORS:
-        return cairn_virtual_ask_callers(virtual_scan, budget);
+        return cairn_virtual_run_detectors(virtual_scan, budget);
     default:
         return CAIRN_OK;
     }

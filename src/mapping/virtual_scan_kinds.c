@@ -20,7 +20,7 @@ static cairn_hypothesis *add_hypothesis(cairn_virtual_scan *virtual_scan,
     virtual_scan->work.count++;
     h->kind = kind;
     h->first_point = h->end_point = virtual_scan->work.point_count;
-    h->scans = 0;
+    h->observing_scans = 0;
     h->strength = strength;
     h->weight = virtual_scan->params.weight * strength;
     return h;
@@ -88,7 +88,7 @@ static int is_on_ellipse(const cairn_virtual_scan *virtual_scan, const cairn_ori
 {
     int32_t count;
 
-    return cairn_ellipse_has(
+    return cairn_ellipse_is_inlier(
         &cairn_ellipse_list(virtual_scan->ellipses, &count)[virtual_scan->item], p,
         virtual_scan->ellipse_support, virtual_scan->sine_tangent);
 }
@@ -102,7 +102,7 @@ static cairn_status count_scans(cairn_virtual_scan *virtual_scan,
     int32_t used = virtual_scan->params.max_scans;
 
     if (!virtual_scan->inliers_cleared) {
-        if (!cairn_budget_pay(budget, &virtual_scan->units_charged, 1 + used / 64))
+        if (!cairn_budget_charge(budget, &virtual_scan->units_charged, 1 + used / 64))
             return CAIRN_MORE;
         memset(virtual_scan->scan_inliers, 0, (size_t)used * sizeof *virtual_scan->scan_inliers);
         virtual_scan->inliers_cleared = 1;
@@ -116,14 +116,14 @@ static cairn_status count_scans(cairn_virtual_scan *virtual_scan,
             virtual_scan->scan_inliers[virtual_scan->point_scan[virtual_scan->cursor]] +=
                 is_on_it(virtual_scan, &virtual_scan->points[virtual_scan->cursor]);
     }
-    if (!cairn_budget_pay(budget, &virtual_scan->units_charged, 1 + used / 32))
+    if (!cairn_budget_charge(budget, &virtual_scan->units_charged, 1 + used / 32))
         return CAIRN_MORE;
     virtual_scan->scan_count = 0;
     for (int32_t i = 0; i < used; i++)
         virtual_scan->scan_count +=
             virtual_scan->scan_inliers[i] > 0 &&
             (cairn_real)virtual_scan->scan_inliers[i] * virtual_scan->params.hough.spacing >=
-                virtual_scan->params.least_length;
+                virtual_scan->params.min_wall_length;
     virtual_scan->scans_counted = 1;
     return CAIRN_OK;
 }
@@ -140,11 +140,12 @@ static void next_item(cairn_virtual_scan *virtual_scan)
 static cairn_real strength_of(const cairn_virtual_scan *virtual_scan, const cairn_hough_line *lines,
                               const cairn_hough_line *l)
 {
-    return virtual_scan->params.mode == CAIRN_MODE_AS_WRITTEN ? l->votes / lines->votes
-                                                              : l->covered / (l->high - l->low);
+    return virtual_scan->params.mode == CAIRN_MODE_AS_WRITTEN
+               ? l->votes / lines->votes
+               : l->covered_length / (l->high - l->low);
 }
 
-cairn_status cairn_virtual_lay_lines(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
+cairn_status cairn_virtual_sample_lines(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
 {
     int32_t count, is_as_written = virtual_scan->params.mode == CAIRN_MODE_AS_WRITTEN;
     const cairn_hough_line *lines = cairn_hough_list(virtual_scan->hough, &count);
@@ -156,15 +157,15 @@ cairn_status cairn_virtual_lay_lines(cairn_virtual_scan *virtual_scan, cairn_bud
         if (!is_as_written && !virtual_scan->scans_counted &&
             count_scans(virtual_scan, is_on_line, budget) != CAIRN_OK)
             return CAIRN_MORE;
-        if (!is_as_written && virtual_scan->scan_count < virtual_scan->params.least_scans)
+        if (!is_as_written && virtual_scan->scan_count < virtual_scan->params.min_scans)
             continue;
-        if (!cairn_budget_pay(budget, &virtual_scan->units_charged,
-                              sample_cost(virtual_scan, l->high - l->low)))
+        if (!cairn_budget_charge(budget, &virtual_scan->units_charged,
+                                 sample_cost(virtual_scan, l->high - l->low)))
             return CAIRN_MORE;
         h = add_hypothesis(virtual_scan, CAIRN_HYPOTHESIS_LINE,
                            strength_of(virtual_scan, lines, l));
         if (h != NULL) {
-            h->scans = is_as_written ? 0 : virtual_scan->scan_count;
+            h->observing_scans = is_as_written ? 0 : virtual_scan->scan_count;
             sample_segment(virtual_scan, h, cairn_hough_segment(l));
         }
     }
@@ -194,7 +195,7 @@ static void sample_ellipse(cairn_virtual_scan *virtual_scan, cairn_hypothesis *h
     h->end_point = virtual_scan->work.point_count;
 }
 
-cairn_status cairn_virtual_lay_ellipses(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
+cairn_status cairn_virtual_sample_ellipses(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
 {
     int32_t count;
     const cairn_ellipse *ellipses = cairn_ellipse_list(virtual_scan->ellipses, &count);
@@ -206,14 +207,14 @@ cairn_status cairn_virtual_lay_ellipses(cairn_virtual_scan *virtual_scan, cairn_
         if (!virtual_scan->scans_counted &&
             count_scans(virtual_scan, is_on_ellipse, budget) != CAIRN_OK)
             return CAIRN_MORE;
-        if (virtual_scan->scan_count < virtual_scan->params.least_scans)
+        if (virtual_scan->scan_count < virtual_scan->params.min_scans)
             continue;
-        if (!cairn_budget_pay(budget, &virtual_scan->units_charged,
-                              4 * sample_cost(virtual_scan, cairn_ellipse_length(e))))
+        if (!cairn_budget_charge(budget, &virtual_scan->units_charged,
+                                 4 * sample_cost(virtual_scan, cairn_ellipse_length(e))))
             return CAIRN_MORE;
-        h = add_hypothesis(virtual_scan, CAIRN_HYPOTHESIS_ELLIPSE, e->strength);
+        h = add_hypothesis(virtual_scan, CAIRN_HYPOTHESIS_ELLIPSE, e->score);
         if (h != NULL) {
-            h->scans = virtual_scan->scan_count;
+            h->observing_scans = virtual_scan->scan_count;
             sample_ellipse(virtual_scan, h, e);
         }
     }
@@ -238,7 +239,7 @@ static cairn_segment side_of(const cairn_rectangle *r, int32_t i)
     return side;
 }
 
-cairn_status cairn_virtual_lay_rectangles(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
+cairn_status cairn_virtual_sample_rectangles(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
 {
     int32_t count;
     const cairn_rectangle *list = cairn_rectangle_list(virtual_scan->rectangles, &count);
@@ -247,10 +248,10 @@ cairn_status cairn_virtual_lay_rectangles(cairn_virtual_scan *virtual_scan, cair
         const cairn_rectangle *r = &list[virtual_scan->item];
         cairn_hypothesis *h;
 
-        if (!cairn_budget_pay(budget, &virtual_scan->units_charged,
-                              sample_cost(virtual_scan, 4 * (r->half_length + r->half_width))))
+        if (!cairn_budget_charge(budget, &virtual_scan->units_charged,
+                                 sample_cost(virtual_scan, 4 * (r->half_length + r->half_width))))
             return CAIRN_MORE;
-        h = add_hypothesis(virtual_scan, CAIRN_HYPOTHESIS_RECTANGLE, r->strength);
+        h = add_hypothesis(virtual_scan, CAIRN_HYPOTHESIS_RECTANGLE, r->score);
         for (int32_t i = 0; i < 4 && h != NULL; i++)
             sample_segment(virtual_scan, h, side_of(r, i));
     }
@@ -280,7 +281,7 @@ static void take_outline(cairn_virtual_scan *virtual_scan, const cairn_hypothesi
     h->end_point = virtual_scan->work.point_count;
 }
 
-cairn_status cairn_virtual_ask_callers(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
+cairn_status cairn_virtual_run_detectors(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
 {
     while (virtual_scan->item < virtual_scan->detector_count) {
         const cairn_hypothesis_detector *d = &virtual_scan->detectors[virtual_scan->item];
@@ -294,8 +295,8 @@ cairn_status cairn_virtual_ask_callers(cairn_virtual_scan *virtual_scan, cairn_b
         if (status != CAIRN_OK)
             return status;
         for (; virtual_scan->cursor < d->count(d->state); virtual_scan->cursor++) {
-            if (!cairn_budget_pay(budget, &virtual_scan->units_charged,
-                                  sample_cost(virtual_scan, CAIRN_REAL(1e6))))
+            if (!cairn_budget_charge(budget, &virtual_scan->units_charged,
+                                     sample_cost(virtual_scan, CAIRN_REAL(1e6))))
                 return CAIRN_MORE;
             take_outline(virtual_scan, d, virtual_scan->cursor);
         }

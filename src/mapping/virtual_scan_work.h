@@ -55,9 +55,10 @@ struct cairn_virtual_scan {
 
 /* Samples the hypotheses that the detector of a phase has found, and runs the caller's detectors;
  * CAIRN_OK when all are sampled. */
-cairn_status cairn_virtual_lay_lines(cairn_virtual_scan *virtual_scan, cairn_budget *budget);
-cairn_status cairn_virtual_lay_rectangles(cairn_virtual_scan *virtual_scan, cairn_budget *budget);
-cairn_status cairn_virtual_lay_ellipses(cairn_virtual_scan *virtual_scan, cairn_budget *budget);
-cairn_status cairn_virtual_ask_callers(cairn_virtual_scan *virtual_scan, cairn_budget *budget);
+cairn_status cairn_virtual_sample_lines(cairn_virtual_scan *virtual_scan, cairn_budget *budget);
+cairn_status cairn_virtual_sample_rectangles(cairn_virtual_scan *virtual_scan,
+                                             cairn_budget *budget);
+cairn_status cairn_virtual_sample_ellipses(cairn_virtual_scan *virtual_scan, cairn_budget *budget);
+cairn_status cairn_virtual_run_detectors(cairn_virtual_scan *virtual_scan, cairn_budget *budget);
 
 #endif

@@ -1,0 +1,105 @@
+#!/bin/sh
+# Checks the dependency order of the modules: tools/check-modules.sh [ROOT]
+#
+# Checks the includes of src/*/*.[ch] and include/cairn/*.h against tools/modules.txt. A module is src/<layer>/<module>.c with the
+# header include/cairn/<module>.h, or src/<layer>/<module>.h when only its own layer may use it. A file <module>_<part>.[ch] in
+# src/ that is not listed itself is a part of that module. Refused are: an include of a
+# module below, contour and mapping including each other, a header of libc that is not freestanding in the library, a module
+# that is not listed, has no header, no .c or no test, a .c of the library that does not include src/core/build.h first.
+# Reported: modules of more than 500 lines.
+cd "${1:-.}" || exit 2
+export LC_ALL=C
+ls src/*/*.c src/*/*.h include/cairn/*.h tests/test_*.c 2>/dev/null | awk '
+function refuse(text) { print text; bad = 1 }
+function base_of(path) { sub(/^.*\//, "", path); sub(/\.[ch]$/, "", path); return path }
+# The listed module of a file, or its bare name; of a part the listed module with the longest name.
+function room_of(path,    base, module)
+{
+    base = module = base_of(path)
+    if (path ~ /^src/)
+        while (!((module in place) && layer[module] == layer_of(path)) && sub(/_[^_]*$/, "", module)) {}
+    return path !~ /^src/ || ((module in place) && layer[module] == layer_of(path)) ? module : base
+}
+function layer_of(path) { sub(/^src\//, "", path); sub(/\/.*/, "", path); return path }
+BEGIN {
+    while ((getline line < "tools/modules.txt") > 0) {
+        if (line ~ /^#/ || split(line, word, " ") != 2) continue
+        place[word[2]] = ++modules
+        layer[word[2]] = word[1]
+        name[modules] = word[2]
+        lowest[word[1]] = modules
+    }
+    if (!modules) { print "tools/modules.txt: no modules"; exit bad = 2 }
+    split("float.h limits.h math.h stddef.h stdint.h string.h", list, " ")
+    for (i in list) freestanding[list[i]] = 1
+}
+/^tests\// { sub(/^tests\/test_/, ""); sub(/\.c$/, ""); tested[$0] = 1; next }
+{
+    file[++files] = $0
+    module = room_of($0)
+    if ($0 ~ /\.c$/) {
+        if (base_of($0) == module) source[module] = $0
+        else parts[module]++
+        if (!(module in place)) refuse($0 ": tools/modules.txt does not list the module " module)
+        else if (layer[module] != layer_of($0)) refuse($0 ": tools/modules.txt has " module " on the layer " layer[module])
+    } else if ($0 ~ /^include/) {
+        public[module] = 1
+        if (!(module in place)) refuse($0 ": tools/modules.txt does not list the module " module)
+    } else
+        inner[base_of($0)] = $0
+}
+END {
+    if (bad == 2) exit 2
+    for (i = 1; i <= modules; i++) {
+        module = name[i]
+        if (!(module in source)) refuse("module " module ": no src/" layer[module] "/" module ".c")
+        if (!(module in public) && !(module in inner)) refuse("module " module ": no header of its name")
+        if ((module in public) && !(module in tested)) refuse("module " module ": no tests/test_" module ".c")
+    }
+    for (i = 1; i <= files; i++) {
+        path = file[i]
+        module = room_of(path)
+        # A header without a .c (such as build.h) belongs to its layer and may include what the layer may.
+        if (!(module in place) && (path ~ /\.c$/ || (module in source) || (module in public))) continue
+        where = path ~ /^src/ ? layer_of(path) : layer[module]
+        own = (module in place) ? place[module] : lowest[where]
+        lines = 0
+        first = ""
+        while ((getline line < path) > 0) {
+            lines++
+            if (line !~ /^[ \t]*#[ \t]*include/) continue
+            if (first == "") {
+                first = line
+                if (path ~ /\.c$/ && where != "host" && line !~ /"src\/core\/build\.h"/)
+                    refuse(path ":" lines ": expected #include \"src/core/build.h\" first")
+            }
+            at = path ":" lines ": "
+            if (match(line, /<[^>]*>/)) {
+                header = substr(line, RSTART + 1, RLENGTH - 2)
+                if (where != "host" && !(header in freestanding)) refuse(at "<" header "> is not for the freestanding library")
+                continue
+            }
+            if (!match(line, /"[^"]*"/)) continue
+            header = substr(line, RSTART + 1, RLENGTH - 2)
+            other = room_of(header)
+            if (header !~ /^(cairn|src\/[a-z]+)\/[a-z0-9_]+\.h$/) {
+                refuse(at "\"" header "\": expected \"cairn/...\" or \"src/...\"")
+                continue
+            }
+            if (header ~ /^src/ && layer_of(header) != where && header != "src/core/build.h")
+                refuse(at header " is private to " layer_of(header))
+            if (other in place) {
+                if (place[other] > own && other != module) refuse(at module " may not know " other ", which is below it")
+                if ((where == "mapping" && layer[other] == "contour") || (where == "contour" && layer[other] == "mapping"))
+                    refuse(at "contour and mapping may not know each other (" other ")")
+            } else if (header ~ /^cairn/)
+                refuse(at "no module " other)
+        }
+        close(path)
+        if (path ~ /\.c$/ && lines > 500) print "note   " path " has " lines " lines: split it: more than 500 lines"
+    }
+    for (i = 1; i <= modules; i++)
+        if (parts[name[i]]) print "note   " name[i] " has " parts[name[i]] " more parts"
+    if (!bad) print "ok     modules: " modules " in order"
+    exit bad
+}'
