@@ -407,7 +407,7 @@ static void refuses_what_cannot_be_learnt(void **state)
         assert_ok(
             cairn_appearance_trainer_add(trainer, grey, WIDTH, HEIGHT, whole, 1, "image", &error));
         assert_status(cairn_appearance_train(&m, trainer, &params, "images", &error), CAIRN_EMPTY);
-        assert_non_null(strstr(error.text, "no room for windows"));
+        assert_non_null(strstr(error.text, "no space for negative windows"));
         assert_null(m.words);
     }
     cairn_appearance_trainer_free(trainer);
