@@ -128,10 +128,10 @@ static void mark_way(const bsds_image *image, uint8_t *pixels, cairn_vec2 a, cai
 }
 
 /* Intervals with edgels at both ends. */
-static void mark_part(const bsds_image *image, uint8_t *pixels, const cairn_skeleton_result *r,
-                      int32_t part)
+static void mark_part(const bsds_image *image, uint8_t *pixels,
+                      const cairn_skeleton_grouping_result *r, int32_t part)
 {
-    const cairn_skeleton_point *q = &r->points[r->parts[part].first];
+    const cairn_skeleton_grouping_point *q = &r->points[r->parts[part].first];
 
     for (int32_t k = 0; k + 1 < r->parts[part].count; k++)
         for (int side = 0; side < 2; side++)
@@ -139,8 +139,8 @@ static void mark_part(const bsds_image *image, uint8_t *pixels, const cairn_skel
                 mark_way(image, pixels, q[k].contact[side], q[k + 1].contact[side]);
 }
 
-bsds_point bsds_grouped(const bsds_image *image, const cairn_skeleton_result *r, double least,
-                        uint8_t *pixels)
+bsds_point bsds_grouped(const bsds_image *image, const cairn_skeleton_grouping_result *r,
+                        double least, uint8_t *pixels)
 {
     bsds_point p = {0, 0};
 

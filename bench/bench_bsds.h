@@ -27,8 +27,8 @@ bsds_point bsds_score(const bsds_image *image, const uint8_t *pixels);
 
 /* The pixels along the contours of the likeliest parts, as many as it takes for a recall of
  * `least`, or all. */
-bsds_point bsds_grouped(const bsds_image *image, const cairn_skeleton_result *r, double least,
-                        uint8_t *pixels);
+bsds_point bsds_grouped(const bsds_image *image, const cairn_skeleton_grouping_result *r,
+                        double least, uint8_t *pixels);
 
 /* The pixels along the strongest contours between regions, as many as it takes for a recall of
  * `least`, or all. */

@@ -3,15 +3,16 @@
 
 #include "bench/bench_detect.h"
 
-static double overlap(const group_box *a, const cairn_detection *b)
+static double overlap(const group_box *a, const cairn_object_detection *b)
 {
     const double first[4] = {a->left, a->top, a->right, a->bottom};
     const double second[4] = {(double)b->left, (double)b->top, (double)b->right, (double)b->bottom};
 
-    return cairn_detection_overlap(first, second);
+    return cairn_detection_curve_overlap(first, second);
 }
 
-int32_t detect_object(const group_image *truth, const cairn_detection *detection, double *share)
+int32_t detect_object(const group_image *truth, const cairn_object_detection *detection,
+                      double *share)
 {
     int32_t best = -1;
 
@@ -25,7 +26,7 @@ int32_t detect_object(const group_image *truth, const cairn_detection *detection
 }
 
 /* 1 when a detection hits an object that is still free. */
-static int take_object(const group_image *truth, const cairn_detection *d, int32_t criterion,
+static int take_object(const group_image *truth, const cairn_object_detection *d, int32_t criterion,
                        int32_t taken[GROUP_INSTANCES])
 {
     double most = 0;
@@ -45,7 +46,7 @@ static int take_object(const group_image *truth, const cairn_detection *d, int32
     return 1;
 }
 
-int detect_tally_add(detect_tally *tally, const cairn_detection *found, int32_t count,
+int detect_tally_add(detect_tally *tally, const cairn_object_detection *found, int32_t count,
                      const group_image *truth)
 {
     int32_t taken[DETECT_CRITERIA][GROUP_INSTANCES] = {{0}};
@@ -76,9 +77,9 @@ void detect_tally_free(detect_tally *tally)
     memset(tally, 0, sizeof *tally);
 }
 
-int detect_curve(const detect_tally *tally, int32_t criterion, cairn_detection_point *points)
+int detect_curve(const detect_tally *tally, int32_t criterion, cairn_detection_curve_point *points)
 {
-    cairn_detection_event *events = malloc(((size_t)tally->count + 1) * sizeof *events);
+    cairn_detection_curve_event *events = malloc(((size_t)tally->count + 1) * sizeof *events);
 
     for (int32_t i = 0; i < tally->count && events != NULL; i++) {
         events[i].score = tally->events[i].score;

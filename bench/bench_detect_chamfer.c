@@ -19,7 +19,7 @@ typedef struct matcher {
     const group_image *image;
     const cairn_shape_model *model;
     float *distance; /* [CHANNELS][height][width] px */
-    cairn_detection *peaks;
+    cairn_object_detection *peaks;
     int32_t count, seen;
 } matcher;
 
@@ -59,10 +59,10 @@ static int make_channels(matcher *m)
 {
     int32_t w = m->image->width, h = m->image->height;
     cairn_raster_u8_view view = {m->image->edges, w, h, w};
-    cairn_contour_tokens tokens;
+    cairn_contour_search_tokens tokens;
     cairn_file_error error;
 
-    if (cairn_contour_tokens_find(&tokens, view, 1, 0, m->image->name, &error) != CAIRN_OK)
+    if (cairn_contour_search_tokens_find(&tokens, view, 1, 0, m->image->name, &error) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < CHANNELS * w * h; i++)
         m->distance[i] = 1e6F;
@@ -85,13 +85,13 @@ static int make_channels(matcher *m)
     }
     for (int32_t c = 0; c < CHANNELS; c++)
         spread(&m->distance[c * w * h], w, h);
-    cairn_contour_tokens_free(&tokens);
+    cairn_contour_search_tokens_free(&tokens);
     return 1;
 }
 
 static int compare_peaks(const void *a, const void *b)
 {
-    const cairn_detection *x = a, *y = b;
+    const cairn_object_detection *x = a, *y = b;
 
     if (x->score != y->score)
         return x->score < y->score ? 1 : -1;
@@ -99,7 +99,7 @@ static int compare_peaks(const void *a, const void *b)
 }
 
 /* Room for a peak; when there is none the worse half goes. */
-static cairn_detection *next_peak(matcher *m)
+static cairn_object_detection *next_peak(matcher *m)
 {
     if (m->count == MAX_PEAKS) {
         qsort(m->peaks, (size_t)m->count, sizeof *m->peaks, compare_peaks);
@@ -122,7 +122,7 @@ static void match(matcher *m, double size, double aspect, int32_t mirrored)
     }
     for (int32_t y = 0; y < h; y += STEP)
         for (int32_t x = 0; x < w; x += STEP) {
-            cairn_detection *d;
+            cairn_object_detection *d;
             double sum = 0;
 
             for (int32_t i = 0; i < n && sum < 0.6 * n * (double)cut; i++) {
@@ -150,7 +150,7 @@ static void match(matcher *m, double size, double aspect, int32_t mirrored)
         }
 }
 
-static double shared(const cairn_detection *a, const cairn_detection *b)
+static double shared(const cairn_object_detection *a, const cairn_object_detection *b)
 {
     double w = fmin((double)a->right, (double)b->right) - fmax((double)a->left, (double)b->left);
     double h = fmin((double)a->bottom, (double)b->bottom) - fmax((double)a->top, (double)b->top);
@@ -177,7 +177,7 @@ static void keep_best(matcher *m)
 }
 
 int32_t detect_chamfer(const group_image *image, const cairn_shape_model *model,
-                       cairn_detection **found)
+                       cairn_object_detection **found)
 {
     static const double aspects[ASPECTS] = {0.8, 1, 1.25};
     matcher m = {image, model, NULL, NULL, 0, 0};

@@ -8,7 +8,7 @@
 #include "bench/bench_json.h"
 
 static cairn_status feed(const bench_filter *run, cairn_filter_mapper *mapper,
-                         const cairn_carmen_scans *log, int32_t *key, cairn_pose *poses,
+                         const cairn_carmen_log_scans *log, int32_t *key, cairn_pose *poses,
                          double *units)
 {
     cairn_status status = CAIRN_OK;
@@ -38,7 +38,7 @@ static cairn_status feed(const bench_filter *run, cairn_filter_mapper *mapper,
     return status;
 }
 
-int bench_filter_map(bench_filter *run, const cairn_carmen_scans *log, cairn_pose *poses,
+int bench_filter_map(bench_filter *run, const cairn_carmen_log_scans *log, cairn_pose *poses,
                      double *units)
 {
     cairn_filter_mapper_params params = cairn_filter_mapper_default_for(

@@ -17,7 +17,7 @@ typedef struct bench_filter {
 
 /* Maps the log; poses: [count] of the robot along the best path, units: [count] work units of each
  * scan. 0 on failure, with a line on standard error. */
-int bench_filter_map(bench_filter *run, const cairn_carmen_scans *log, cairn_pose *poses,
+int bench_filter_map(bench_filter *run, const cairn_carmen_log_scans *log, cairn_pose *poses,
                      double *units);
 
 #endif

@@ -372,7 +372,8 @@ static void mark(const group_image *image, cairn_segment line, group_grouping *g
 }
 
 void group_found_add(group_found *found, const group_image *image,
-                     const cairn_contour_tokens *tokens, const cairn_contour_result *result)
+                     const cairn_contour_search_tokens *tokens,
+                     const cairn_contour_search_result *result)
 {
     found->best = fmax(found->best, (double)result->best_evidence);
     if (result->mode == CAIRN_MODE_AS_WRITTEN && found->searches < GROUP_INSTANCES) {
@@ -380,7 +381,7 @@ void group_found_add(group_found *found, const group_image *image,
         found->points_dropped += result->points_dropped;
     }
     for (int32_t i = 0; i < result->object_count && found->count < GROUP_GROUPINGS; i++) {
-        const cairn_contour_object *o = &result->objects[i];
+        const cairn_contour_search_object *o = &result->objects[i];
         group_grouping *g = &found->grouping[found->count];
 
         memset(g, 0, sizeof *g);
@@ -417,11 +418,11 @@ void group_found_sort(group_found *found)
 
     qsort(found->grouping, (size_t)found->count, sizeof *found->grouping, compare_groupings);
     for (int32_t i = 0; i < found->count; i++) {
-        const cairn_grouped_object *o = &found->grouping[i].object;
+        const cairn_contour_grouping_object *o = &found->grouping[i].object;
         int32_t apart = 1;
 
         for (int32_t k = 0; k < kept && apart; k++) {
-            const cairn_grouped_object *b = &found->grouping[k].object;
+            const cairn_contour_grouping_object *b = &found->grouping[k].object;
 
             apart =
                 hypot((double)(o->origin.x - b->origin.x), (double)(o->origin.y - b->origin.y)) >
@@ -525,7 +526,7 @@ static void draw_outline(const group_image *image, uint8_t *rgb, const group_gro
     static const uint8_t blue[3] = {60, 120, 255}, violet[3] = {220, 60, 255};
 
     for (int32_t i = 0; i < g->outline_count; i++) {
-        const cairn_contour_place *place = &g->outline[i];
+        const cairn_contour_search_place *place = &g->outline[i];
 
         for (int32_t v = 0; v < 2; v++)
             for (int32_t u = 0; u < 2; u++)

@@ -46,12 +46,12 @@ void group_image_free(group_image *image);
 typedef struct group_grouping {
     uint8_t *pixels;
     int32_t pixel_count;
-    cairn_grouped_object object;
-    cairn_contour_place *outline; /* [outline_count] */
+    cairn_contour_grouping_object object;
+    cairn_contour_search_place *outline; /* [outline_count] */
     int32_t outline_count;
     int32_t mirrored;
     double rigid, bent; /* of the evidence */
-    cairn_contour_shape shape;
+    cairn_contour_search_shape shape;
 } group_grouping;
 
 typedef struct group_found {
@@ -65,7 +65,8 @@ typedef struct group_found {
 
 void group_found_clear(group_found *found);
 void group_found_add(group_found *found, const group_image *image,
-                     const cairn_contour_tokens *tokens, const cairn_contour_result *result);
+                     const cairn_contour_search_tokens *tokens,
+                     const cairn_contour_search_result *result);
 /* The best first; of those at one place the best. */
 void group_found_sort(group_found *found);
 

@@ -355,7 +355,7 @@ void bench_guess_straightness(const sim_arena *arena, const sim_scan *scans, con
 
 /* ---- A lie ---- */
 
-static cairn_status begin_lie(void *state, const cairn_virtual_map *map)
+static cairn_status begin_lie(void *state, const cairn_virtual_scan_map *map)
 {
     (void)map;
     ((bench_lie *)state)->detections++;
@@ -398,9 +398,10 @@ static int32_t lay_lie(const void *state, int32_t i, cairn_real spacing,
     return count;
 }
 
-cairn_hypothesis_detector bench_lie_detector(bench_lie *lie)
+cairn_virtual_scan_hypothesis_detector bench_lie_detector(bench_lie *lie)
 {
-    cairn_hypothesis_detector detector = {lie, begin_lie, step_lie, count_lies, lay_lie};
+    cairn_virtual_scan_hypothesis_detector detector = {lie, begin_lie, step_lie, count_lies,
+                                                       lay_lie};
 
     return detector;
 }
@@ -425,7 +426,7 @@ static int is_on_lie(const bench_lie *lie, const cairn_oriented_point *p)
 int bench_lie_is_believed(const bench_lie *lie, const cairn_virtual_scan *hypotheses)
 {
     int32_t count, points;
-    const cairn_hypothesis *h = cairn_virtual_scan_hypotheses(hypotheses, &count);
+    const cairn_virtual_scan_hypothesis *h = cairn_virtual_scan_hypotheses(hypotheses, &count);
     const cairn_real *weights;
     const cairn_oriented_point *p = cairn_virtual_scan_points(hypotheses, &weights, &points);
     const double outline = 4 * (double)(lie->rectangle.half_length + lie->rectangle.half_width);
@@ -463,7 +464,7 @@ void bench_guess_print(const cairn_virtual_scan *hypotheses, int32_t step)
 {
     static const char *const kinds[] = {"line", "rectangle", "ellipse", "of the caller"};
     int32_t count;
-    const cairn_hypothesis *h = cairn_virtual_scan_hypotheses(hypotheses, &count);
+    const cairn_virtual_scan_hypothesis *h = cairn_virtual_scan_hypotheses(hypotheses, &count);
 
     for (int32_t i = 0; i < count; i++) {
         bench_json_begin("virtual");

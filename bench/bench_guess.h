@@ -45,7 +45,7 @@ typedef struct bench_lie {
  * second detection. */
 bench_lie bench_lie_draw(const sim_pose *start, int32_t count, uint64_t seed);
 
-cairn_hypothesis_detector bench_lie_detector(bench_lie *lie);
+cairn_virtual_scan_hypothesis_detector bench_lie_detector(bench_lie *lie);
 
 /* 1 when a hypothesis of some weight lies along most of that rectangle's outline. */
 int bench_lie_is_believed(const bench_lie *lie, const cairn_virtual_scan *hypotheses);

@@ -13,7 +13,7 @@ int32_t bench_lum_hits(const cairn_scan_view *view, cairn_oriented_point *points
     int32_t count = 0;
 
     for (int32_t k = 0; k < view->beam_count; k++)
-        if (view->beams[k].kind == CAIRN_BEAM_HIT) {
+        if (view->beams[k].kind == CAIRN_SCAN_BEAM_HIT) {
             points[count].position = view->beams[k].to;
             points[count++].direction = any;
         }

@@ -59,9 +59,10 @@ static int load(const char *folder, const char *name, picture *p)
             uint8_t v =
                 image.pixel[(size_t)(image.height - 1 - y) * (size_t)image.width + (size_t)x];
 
-            p->cells[(size_t)y * (size_t)image.width + (size_t)x] = v < 90    ? CAIRN_CELL_OCCUPIED
-                                                                    : v > 220 ? CAIRN_CELL_FREE
-                                                                              : CAIRN_CELL_UNKNOWN;
+            p->cells[(size_t)y * (size_t)image.width + (size_t)x] =
+                v < 90    ? CAIRN_OCCUPANCY_GRID_OCCUPIED
+                : v > 220 ? CAIRN_OCCUPANCY_GRID_FREE
+                          : CAIRN_OCCUPANCY_GRID_UNKNOWN;
         }
     cairn_image_free(&image);
     return p->cells != NULL;
@@ -74,7 +75,7 @@ static cairn_status add_coarse(cairn_map_merge *merge, const picture *p, int32_t
     cairn_raster_u8_view fine = {p->cells, p->width, p->height, p->width};
     cairn_raster_u8 coarse = {room, (p->width - 1) / k + 1, (p->height - 1) / k + 1,
                               (p->width - 1) / k + 1};
-    cairn_merge_map map;
+    cairn_map_merge_map map;
     cairn_status status = cairn_map_merge_coarsen(fine, k, coarse);
 
     map.cells = cairn_raster_u8_as_view(coarse);
@@ -86,7 +87,7 @@ static cairn_status add_coarse(cairn_map_merge *merge, const picture *p, int32_t
 /* Where `source` lies in `target`, in pixels. 1 and *found set when it was placed; -1 on
  * failure. */
 static int merge_at(const picture *target, const picture *source, int32_t k, double size,
-                    const cairn_map_merge_params *base, cairn_merge_placed *found)
+                    const cairn_map_merge_params *base, cairn_map_merge_placed *found)
 {
     cairn_map_merge_params params = *base;
     int32_t cells = target->width * target->height, own = source->width * source->height;
@@ -123,7 +124,7 @@ static int merge_at(const picture *target, const picture *source, int32_t k, dou
     free(room[0]);
     free(room[1]);
     free(memory);
-    return !ok ? -1 : found->verdict == CAIRN_MERGE_PLACED;
+    return !ok ? -1 : found->verdict == CAIRN_MAP_MERGE_PLACED;
 }
 
 /* By about a half more. */
@@ -134,13 +135,13 @@ static int32_t next_size(int32_t k)
 
 /* Where a source was placed, and how. */
 typedef struct finding {
-    cairn_merge_placed placed;
+    cairn_map_merge_placed placed;
     int32_t k;   /* pixels to a side of a cell; 0: none yet */
     double size; /* of its pixels in those of the target */
 } finding;
 
 /* Whether it was placed comes first, then the evidence. */
-static int is_better(int placed, const cairn_merge_placed *tried, int best, const finding *f)
+static int is_better(int placed, const cairn_map_merge_placed *tried, int best, const finding *f)
 {
     return f->k == 0 || placed > best || (placed == best && tried->support > f->placed.support);
 }
@@ -156,7 +157,7 @@ static int merge_pair(const picture *target, const picture *source,
     for (int32_t k = side > MAX_SIDE_CELLS ? (side - 1) / MAX_SIDE_CELLS + 1 : 1;;
          k = next_size(k)) {
         for (int i = 0; i < (base->mode == CAIRN_MODE_AS_WRITTEN ? 1 : SIZES); i++) {
-            cairn_merge_placed tried;
+            cairn_map_merge_placed tried;
             int placed = merge_at(target, source, k, SIZE[i], base, &tried);
 
             if (placed < 0)
@@ -192,7 +193,8 @@ static double to_wall(const picture *target, cairn_vec2 p)
     for (int32_t y = v - FAR; y <= v + FAR; y++)
         for (int32_t x = u - FAR; x <= u + FAR; x++)
             if (x >= 0 && y >= 0 && x < target->width && y < target->height &&
-                target->cells[(size_t)y * (size_t)target->width + (size_t)x] == CAIRN_CELL_OCCUPIED)
+                target->cells[(size_t)y * (size_t)target->width + (size_t)x] ==
+                    CAIRN_OCCUPANCY_GRID_OCCUPIED)
                 least = fmin(least, hypot(x - u, y - v));
     return least;
 }
@@ -206,7 +208,8 @@ static double distance_to_walls(const picture *target, const picture *source, co
 
     for (int32_t y = 0; y < source->height; y++)
         for (int32_t x = 0; x < source->width; x++) {
-            if (source->cells[(size_t)y * (size_t)source->width + (size_t)x] != CAIRN_CELL_OCCUPIED)
+            if (source->cells[(size_t)y * (size_t)source->width + (size_t)x] !=
+                CAIRN_OCCUPANCY_GRID_OCCUPIED)
                 continue;
             sum += to_wall(target, placed_at(found, x, y));
             count++;
@@ -225,7 +228,8 @@ static double displacement(const picture *source, shift truth, const finding *fo
             double u = x + 0.5, v = y + 0.5;
             cairn_vec2 p = placed_at(found, x, y);
 
-            if (source->cells[(size_t)y * (size_t)source->width + (size_t)x] != CAIRN_CELL_OCCUPIED)
+            if (source->cells[(size_t)y * (size_t)source->width + (size_t)x] !=
+                CAIRN_OCCUPANCY_GRID_OCCUPIED)
                 continue;
             sum += hypot((double)p.x - truth.scale * (truth.cosine * u - truth.sine * v) - truth.x,
                          (double)p.y - truth.scale * (truth.sine * u + truth.cosine * v) - truth.y);
@@ -257,7 +261,7 @@ static void run_pair(const picture *target, const picture *source, const shift *
     bench_json_text("source", source->name);
     bench_json_text("target", target->name);
     bench_json_text("verdict",
-                    placed < 0 ? "failed" : cairn_merge_verdict_text(found.placed.verdict));
+                    placed < 0 ? "failed" : cairn_map_merge_verdict_text(found.placed.verdict));
     bench_json_number("off_px", off);
     bench_json_number("wrong_probability",
                       placed > 0 ? (double)found.placed.error_probability : (double)NAN);

@@ -2,7 +2,7 @@
 
 #include "cairn/random.h"
 
-void bench_noise_poses(cairn_carmen_scans *log, uint64_t seed)
+void bench_noise_poses(cairn_carmen_log_scans *log, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 1);
 

@@ -219,7 +219,7 @@ static int collect_simulated(const bench_pairs_settings *s, bench_collection *c)
 /* ---- From a log ---- */
 
 /* Lines "scan x y theta". */
-static int read_truth(const char *path, const cairn_carmen_scans *log, bench_collection *c)
+static int read_truth(const char *path, const cairn_carmen_log_scans *log, bench_collection *c)
 {
     FILE *file = fopen(path, "r");
     char line[1024];
@@ -257,12 +257,12 @@ static int read_truth(const char *path, const cairn_carmen_scans *log, bench_col
 
 static int collect_log(const bench_pairs_settings *s, bench_collection *c)
 {
-    cairn_carmen_scans log;
+    cairn_carmen_log_scans log;
     cairn_file_error error;
     cairn_random random = cairn_random_seed((uint64_t)s->seed, 5);
     int done;
 
-    if (cairn_carmen_load(&log, s->log, NULL, &error) != CAIRN_OK) {
+    if (cairn_carmen_log_load(&log, s->log, NULL, &error) != CAIRN_OK) {
         fprintf(stderr, "%s\n", error.text);
         return 0;
     }
@@ -282,7 +282,7 @@ static int collect_log(const bench_pairs_settings *s, bench_collection *c)
                 add_stranger(c, a, b);
         }
     }
-    cairn_carmen_scans_free(&log);
+    cairn_carmen_log_scans_free(&log);
     return done;
 }
 

@@ -113,8 +113,8 @@ static int draw_part(bench_part *part, const sim_survey *survey, double resoluti
                       grid, end_of(part, &scan[k], i, 0),
                       end_of(part, &scan[k], i, hit ? range : scan[k].range_max), hit) == CAIRN_OK;
         }
-    ok = ok && cairn_occupancy_grid_classify(grid, cairn_occupancy_thresholds_default(), 0, out) ==
-                   CAIRN_OK;
+    ok = ok && cairn_occupancy_grid_classify(grid, cairn_occupancy_grid_thresholds_default(), 0,
+                                             out) == CAIRN_OK;
     free(memory);
     for (size_t i = 0; ok && i < cells; i++) {
         double x = ((double)(i % (size_t)part->side) + 0.5 - part->side / 2.0) * resolution;
@@ -138,7 +138,7 @@ static void cut_part(bench_part *p)
         for (int k = 0; k < 2; k++)
             inside &= (double)p->place[k][i] >= -p->half[k] - p->margin[k][0] &&
                       (double)p->place[k][i] <= p->half[k] + p->margin[k][1];
-        p->cells[i] = inside ? p->seen[i] : CAIRN_CELL_UNKNOWN;
+        p->cells[i] = inside ? p->seen[i] : CAIRN_OCCUPANCY_GRID_UNKNOWN;
     }
 }
 
@@ -150,18 +150,18 @@ double bench_parts_shared(const bench_parts *parts, int32_t a, int32_t b)
     int64_t known_p = 0, known_q = 0, shared = 0;
 
     for (int32_t i = 0; i < q->side * q->side; i++)
-        known_q += q->cells[i] != CAIRN_CELL_UNKNOWN;
+        known_q += q->cells[i] != CAIRN_OCCUPANCY_GRID_UNKNOWN;
     for (int32_t i = 0; i < p->side * p->side; i++) {
         double x = (i % p->side + 0.5 - p->side / 2.0) * r,
                y = ((int32_t)(i / p->side) + 0.5 - p->side / 2.0) * r;
         double u = (seen.x + c * x - s * y) / r + q->side / 2.0,
                v = (seen.y + s * x + c * y) / r + q->side / 2.0;
 
-        if (p->cells[i] == CAIRN_CELL_UNKNOWN)
+        if (p->cells[i] == CAIRN_OCCUPANCY_GRID_UNKNOWN)
             continue;
         known_p++;
         if (u >= 0 && v >= 0 && u < q->side && v < q->side)
-            shared += q->cells[(int32_t)v * q->side + (int32_t)u] != CAIRN_CELL_UNKNOWN;
+            shared += q->cells[(int32_t)v * q->side + (int32_t)u] != CAIRN_OCCUPANCY_GRID_UNKNOWN;
     }
     return (double)shared /
            (double)(known_p < known_q ? (known_p > 0 ? known_p : 1) : (known_q > 0 ? known_q : 1));
@@ -337,9 +337,9 @@ void bench_part_mirror(bench_part *part)
         }
 }
 
-cairn_merge_map bench_part_map(const bench_part *part, double resolution)
+cairn_map_merge_map bench_part_map(const bench_part *part, double resolution)
 {
-    cairn_merge_map map;
+    cairn_map_merge_map map;
 
     map.cells.data = part->cells;
     map.cells.width = map.cells.height = part->side;

@@ -59,6 +59,6 @@ double bench_parts_shared(const bench_parts *parts, int32_t a, int32_t b);
 /* Returns the mirror image of a part. */
 void bench_part_mirror(bench_part *part);
 
-cairn_merge_map bench_part_map(const bench_part *part, double resolution);
+cairn_map_merge_map bench_part_map(const bench_part *part, double resolution);
 
 #endif

@@ -96,8 +96,8 @@ static uint8_t cell_at(const building *b, const box *seen, int count, double x, 
 {
     for (int i = 0; i < count; i++)
         if (x >= seen[i].x0 && x <= seen[i].x1 && y >= seen[i].y0 && y <= seen[i].y1)
-            return is_wall(b, x, y) ? CAIRN_CELL_OCCUPIED : CAIRN_CELL_FREE;
-    return CAIRN_CELL_UNKNOWN;
+            return is_wall(b, x, y) ? CAIRN_OCCUPANCY_GRID_OCCUPIED : CAIRN_OCCUPANCY_GRID_FREE;
+    return CAIRN_OCCUPANCY_GRID_UNKNOWN;
 }
 
 static int draw(const building *b, const box *seen, int count, double resolution,

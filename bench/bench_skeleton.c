@@ -38,19 +38,19 @@ void skeleton_add_truth(skeleton_places *p, const scene *s, const sweep_shape *s
         }
 }
 
-skeleton_place skeleton_place_of(const cairn_skeleton_point *q)
+skeleton_place skeleton_place_of(const cairn_skeleton_grouping_point *q)
 {
     skeleton_place p = {(double)q->centre.x, (double)q->centre.y, (double)q->radius};
 
     return p;
 }
 
-void skeleton_add_found(skeleton_places *p, const cairn_skeleton_result *r, int all)
+void skeleton_add_found(skeleton_places *p, const cairn_skeleton_grouping_result *r, int all)
 {
     p->count = 0;
     for (int32_t i = 0; i < r->part_count; i++) {
-        const cairn_skeleton_part *part = &r->parts[i];
-        const cairn_skeleton_point *q = &r->points[part->first];
+        const cairn_skeleton_grouping_part *part = &r->parts[i];
+        const cairn_skeleton_grouping_point *q = &r->points[part->first];
 
         if (!all && part->object != 0)
             continue;
@@ -138,13 +138,13 @@ double skeleton_discs_iou(const skeleton_places *found, const scene *s)
     return either > 0 ? (double)both / either : 0;
 }
 
-double skeleton_boundary_f(const cairn_skeleton_result *r, const scene *s, int all)
+double skeleton_boundary_f(const cairn_skeleton_grouping_result *r, const scene *s, int all)
 {
     static skeleton_places found, truth;
 
     found.count = truth.count = 0;
     for (int32_t i = 0; i < r->part_count; i++) {
-        const cairn_skeleton_point *q = &r->points[r->parts[i].first];
+        const cairn_skeleton_grouping_point *q = &r->points[r->parts[i].first];
 
         for (int32_t k = 0; (all || r->parts[i].object == 0) && k + 1 < r->parts[i].count; k++)
             for (int side = 0; side < 2; side++) {

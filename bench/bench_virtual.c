@@ -226,7 +226,7 @@ int bench_virtual_run(bench_virtual_problem *p, const bench_virtual_method *m, i
     if (status == CAIRN_OK)
         status = cairn_virtual_align_create(&aligned, &pool, &params);
     if (status == CAIRN_OK && p->lie != NULL) {
-        cairn_hypothesis_detector detector = bench_lie_detector(p->lie);
+        cairn_virtual_scan_hypothesis_detector detector = bench_lie_detector(p->lie);
 
         status = cairn_virtual_align_add_detector(aligned, &detector);
     }

@@ -42,12 +42,12 @@ typedef struct finder {
     void *memory;
     cairn_edge_chain_set *chains;
     cairn_edge_segment_set *segments;
-    cairn_shape_builder *builder;
-    cairn_grouping *grouping;
+    cairn_shape_model_builder *builder;
+    cairn_contour_grouping *grouping;
     cairn_segment lines[MOST_SEGMENTS];
     int32_t line_count;
-    cairn_contour_tokens tokens; /* methods detect and parts: the segments, */
-    cairn_detections detections; /* and the detections */
+    cairn_contour_search_tokens tokens; /* methods detect and parts: the segments, */
+    cairn_object_detections detections; /* and the detections */
 } finder;
 
 typedef struct sums {
@@ -58,18 +58,19 @@ typedef struct sums {
 
 static size_t need_of(const cairn_edge_chain_params *chain,
                       const cairn_edge_segment_params *segment,
-                      const cairn_shape_builder_params *shape, const cairn_grouping_params *group)
+                      const cairn_shape_model_builder_params *shape,
+                      const cairn_contour_grouping_params *group)
 {
     return cairn_edge_chain_memory(chain) + cairn_edge_segment_memory(segment) +
-           cairn_shape_builder_memory(shape) + cairn_grouping_memory(group) + 64;
+           cairn_shape_model_builder_memory(shape) + cairn_contour_grouping_memory(group) + 64;
 }
 
 static int open_finder(finder *f, const settings *s)
 {
     cairn_edge_chain_params chain = cairn_edge_chain_default();
     cairn_edge_segment_params segment = cairn_edge_segment_default();
-    cairn_shape_builder_params shape = cairn_shape_builder_default();
-    cairn_grouping_params group = cairn_grouping_default();
+    cairn_shape_model_builder_params shape = cairn_shape_model_builder_default();
+    cairn_contour_grouping_params group = cairn_contour_grouping_default();
     size_t bytes;
 
     group.max_width = SCENE_WIDTH;
@@ -85,8 +86,8 @@ static int open_finder(finder *f, const settings *s)
     return f->memory != NULL && cairn_pool_init(&f->pool, f->memory, bytes) == CAIRN_OK &&
            cairn_edge_chain_create(&f->chains, &f->pool, &chain) == CAIRN_OK &&
            cairn_edge_segment_create(&f->segments, &f->pool, &segment) == CAIRN_OK &&
-           cairn_shape_builder_create(&f->builder, &f->pool, &shape) == CAIRN_OK &&
-           cairn_grouping_create(&f->grouping, &f->pool, &group) == CAIRN_OK;
+           cairn_shape_model_builder_create(&f->builder, &f->pool, &shape) == CAIRN_OK &&
+           cairn_contour_grouping_create(&f->grouping, &f->pool, &group) == CAIRN_OK;
 }
 
 static int make_model(finder *f, const scene_shape *shape)
@@ -104,8 +105,8 @@ static int make_model(finder *f, const scene_shape *shape)
         curves[i] = curve;
         next += counts[i];
     }
-    return cairn_shape_builder_begin(f->builder, curves, outlines) == CAIRN_OK &&
-           cairn_shape_builder_step(f->builder, &budget) == CAIRN_OK;
+    return cairn_shape_model_builder_begin(f->builder, curves, outlines) == CAIRN_OK &&
+           cairn_shape_model_builder_step(f->builder, &budget) == CAIRN_OK;
 }
 
 /* Tokens instead of segments: pieces of chains of EDGEL px each. */
@@ -115,7 +116,7 @@ static void take_edgels(finder *f, const cairn_edge_chain_result *r)
     for (int32_t c = 0; c < r->chain_count; c++)
         for (int32_t i = 0; i + EDGEL < r->chains[c].count && f->line_count < MOST_SEGMENTS;
              i += EDGEL) {
-            const cairn_edge_pixel *a = &r->pixels[r->chains[c].first + i], *b = a + EDGEL;
+            const cairn_edge_chain_pixel *a = &r->pixels[r->chains[c].first + i], *b = a + EDGEL;
             cairn_segment *line = &f->lines[f->line_count++];
 
             line->a.x = (cairn_real)a->x;
@@ -132,8 +133,8 @@ static int is_group(const settings *s)
 
 static void free_found(finder *f)
 {
-    cairn_contour_tokens_free(&f->tokens);
-    cairn_detections_free(&f->detections);
+    cairn_contour_search_tokens_free(&f->tokens);
+    cairn_object_detections_free(&f->detections);
 }
 
 /* By cairn_object_detect, which takes models as they stand, not turned. */
@@ -141,25 +142,26 @@ static int detect(const settings *set, finder *f, const scene *s)
 {
     cairn_raster_u8_view view = {s->edges, SCENE_WIDTH, SCENE_HEIGHT, SCENE_WIDTH};
     cairn_object_detect_params params = cairn_object_detect_default(SCENE_WIDTH, SCENE_HEIGHT);
-    cairn_shape_model model = cairn_shape_builder_read(f->builder);
+    cairn_shape_model model = cairn_shape_model_builder_read(f->builder);
     cairn_file_error error;
-    cairn_detect_field *field;
+    cairn_object_detect_field *field;
     int ok;
 
     free_found(f);
     params.min_size = (cairn_real)(set->smallest * (double)model.size / 240);
     params.max_size = (cairn_real)(set->largest * (double)model.size / 240);
-    params.method = strcmp(set->method, "parts") == 0 ? CAIRN_DETECT_PARTS : CAIRN_DETECT_EVIDENCE;
+    params.method = strcmp(set->method, "parts") == 0 ? CAIRN_OBJECT_DETECT_PARTS
+                                                      : CAIRN_OBJECT_DETECT_EVIDENCE;
     params.mirror = 0;
     params.occluded = set->occluded;
     if (set->score > -100)
         params.min_score = (cairn_real)set->score;
-    if (cairn_contour_tokens_find(&f->tokens, view, 1, 0, "scene", &error) != CAIRN_OK ||
+    if (cairn_contour_search_tokens_find(&f->tokens, view, 1, 0, "scene", &error) != CAIRN_OK ||
         f->tokens.count > MOST_SEGMENTS ||
-        cairn_detect_field_make(&field, &f->tokens, &params, "scene", &error) != CAIRN_OK)
+        cairn_object_detect_field_make(&field, &f->tokens, &params, "scene", &error) != CAIRN_OK)
         return 0;
     ok = cairn_object_detect(&f->detections, field, &model, "scene", &error) == CAIRN_OK;
-    cairn_detect_field_free(field);
+    cairn_object_detect_field_free(field);
     f->line_count = f->tokens.count;
     if (f->line_count > 0)
         memcpy(f->lines, f->tokens.lines, (size_t)f->line_count * sizeof *f->lines);
@@ -170,11 +172,11 @@ static int detect(const settings *set, finder *f, const scene *s)
 static int group(const settings *set, finder *f, const scene *s)
 {
     cairn_raster_u8_view view = {s->edges, SCENE_WIDTH, SCENE_HEIGHT, SCENE_WIDTH};
-    cairn_shape_model model = cairn_shape_builder_read(f->builder);
+    cairn_shape_model model = cairn_shape_model_builder_read(f->builder);
     cairn_budget budget = {INT32_MAX};
     cairn_edge_chain_result chains;
     cairn_edge_segment_result r;
-    cairn_grouping_input in;
+    cairn_contour_grouping_input in;
     cairn_status status;
     double size = (double)model.size / 240;
 
@@ -201,11 +203,11 @@ static int group(const settings *set, finder *f, const scene *s)
     in.max_turn = (cairn_real)(12 * DEGREE);
     in.min_turn = -in.max_turn;
     in.mean_length = r.mean_length;
-    if (cairn_grouping_begin(f->grouping, &in) != CAIRN_OK)
+    if (cairn_contour_grouping_begin(f->grouping, &in) != CAIRN_OK)
         return 0;
     do {
         budget.left = INT32_MAX;
-        status = cairn_grouping_step(f->grouping, &budget);
+        status = cairn_contour_grouping_step(f->grouping, &budget);
     } while (status == CAIRN_MORE);
     return status == CAIRN_OK;
 }
@@ -266,7 +268,7 @@ static double share_of(const double b[4], const double box[4])
     return both / ((b[2] - b[0]) * (b[3] - b[1]) + (box[2] - box[0]) * (box[3] - box[1]) - both);
 }
 
-static double overlap(const cairn_shape_model *m, const cairn_grouped_object *o,
+static double overlap(const cairn_shape_model *m, const cairn_contour_grouping_object *o,
                       const double box[4])
 {
     double b[4] = {1e9, 1e9, -1e9, -1e9};
@@ -286,8 +288,8 @@ static double overlap(const cairn_shape_model *m, const cairn_grouped_object *o,
 }
 
 /* Completes the contour of an object in its gaps by the outline of the model. */
-static void complete(uint8_t *pixels, const cairn_shape_model *m, const cairn_grouped_object *o,
-                     const int32_t *along)
+static void complete(uint8_t *pixels, const cairn_shape_model *m,
+                     const cairn_contour_grouping_object *o, const int32_t *along)
 {
     double c = cos((double)o->turn) * (double)o->size, s = sin((double)o->turn) * (double)o->size;
 
@@ -368,10 +370,11 @@ static void draw(const char *folder, int64_t index, const scene *s, const uint8_
 }
 
 /* The same of a detection: its bent outline where none of its segments is. */
-static void complete_detection(uint8_t *pixels, const cairn_contour_place *outline, int32_t count)
+static void complete_detection(uint8_t *pixels, const cairn_contour_search_place *outline,
+                               int32_t count)
 {
     for (int32_t i = 0; i < count; i++) {
-        const cairn_contour_place *p = &outline[i], *q = &outline[(i + 1) % count];
+        const cairn_contour_search_place *p = &outline[i], *q = &outline[(i + 1) % count];
 
         if (p->segment < 0 && p->outline_index == q->outline_index &&
             cairn_vec2_norm(cairn_vec2_sub(q->point.position, p->point.position)) < 20) {
@@ -391,9 +394,9 @@ typedef struct best_one {
 
 static best_one best_of(const settings *set, const finder *f, const scene *s)
 {
-    cairn_grouping_result r = cairn_grouping_read(f->grouping);
-    cairn_shape_model model = cairn_shape_builder_read(f->builder);
-    const cairn_detection *d = f->detections.found;
+    cairn_contour_grouping_result r = cairn_contour_grouping_read(f->grouping);
+    cairn_shape_model model = cairn_shape_model_builder_read(f->builder);
+    const cairn_object_detection *d = f->detections.found;
     best_one best = {NULL, 0, r.object_count, 0, (double)r.best_score, (double)r.best_evidence};
 
     if (!is_group(set)) {
@@ -417,8 +420,8 @@ static best_one best_of(const settings *set, const finder *f, const scene *s)
 
 static void complete_best(const settings *set, const finder *f, uint8_t *pixels)
 {
-    cairn_grouping_result r = cairn_grouping_read(f->grouping);
-    cairn_shape_model model = cairn_shape_builder_read(f->builder);
+    cairn_contour_grouping_result r = cairn_contour_grouping_read(f->grouping);
+    cairn_shape_model model = cairn_shape_model_builder_read(f->builder);
 
     if (is_group(set))
         complete(pixels, &model, &r.objects[0], &r.outline_segments[r.objects[0].first_outline]);
@@ -430,7 +433,7 @@ static void complete_best(const settings *set, const finder *f, uint8_t *pixels)
 static void measure(const settings *set, sums *t, const finder *f, const scene *s, int64_t index)
 {
     static uint8_t grouped[SCENE_PIXELS], chosen[MOST_SEGMENTS];
-    cairn_grouping_result r = cairn_grouping_read(f->grouping);
+    cairn_contour_grouping_result r = cairn_contour_grouping_read(f->grouping);
     best_one best = best_of(set, f, s);
     double coverage, precision, visible;
 
@@ -555,7 +558,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_TEXT("--method", &s->method, "NAME",
                     "group; detect: by evidence for the outline; parts: by its parts"),
         OPTION_INTEGER("--particles", &s->particles, 1, 4096, "N", "of the filter"),
-        OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_MAX_PATHS, "N", "of a model at most"),
+        OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_MODEL_MAX_PATHS, "N",
+                       "of a model at most"),
         OPTION_NUMBER("--min-evidence", &s->evidence, 0, 1000, "E",
                       "of a grouping that is reported"),
         OPTION_NUMBER("--min-score", &s->score, -100, 100, "S",
@@ -603,7 +607,7 @@ int main(int argc, char **argv)
                   .seed = 1,
                   .k = 25,
                   .particles = 300,
-                  .paths = CAIRN_SHAPE_MAX_PATHS,
+                  .paths = CAIRN_SHAPE_MODEL_MAX_PATHS,
                   .noise = 5,
                   .evidence = -1,
                   .score = -100,

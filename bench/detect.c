@@ -80,7 +80,7 @@ static void begin_stage(stage_clock *c, int32_t stage)
     c->stage = stage;
 }
 
-static void on_stage(void *context, cairn_detect_stage stage)
+static void on_stage(void *context, cairn_object_detect_stage stage)
 {
     begin_stage(context, STAGE_SEARCH + stage);
 }
@@ -113,7 +113,7 @@ static int time_edges(run *r, const char *folder, const char *name)
 /* ---- Images ---- */
 
 static void print_each(const run *r, const group_image *image, int32_t class,
-                       const group_image *truth, const cairn_detection *found, int32_t count)
+                       const group_image *truth, const cairn_object_detection *found, int32_t count)
 {
     for (int32_t i = 0; i < count && r->s->each; i++) {
         double overlap;
@@ -146,7 +146,7 @@ static void print_each(const run *r, const group_image *image, int32_t class,
 }
 
 static int count_image(run *r, const group_image *image, int32_t class, int32_t own,
-                       const cairn_detection *found, int32_t count, double seconds)
+                       const cairn_object_detection *found, int32_t count, double seconds)
 {
     if (r->timed < MAX_SECONDS)
         r->seconds[r->timed++] = seconds;
@@ -158,7 +158,7 @@ static int run_chamfer(run *r, const group_image *image, int32_t own)
 {
     for (int32_t k = 0; k < CLASSES; k++) {
         double start = bench_cpu_seconds();
-        cairn_detection *found = NULL;
+        cairn_object_detection *found = NULL;
         int32_t count = r->wanted[k] ? detect_chamfer(image, &r->model[k].model, &found) : 0;
         int ok = !r->wanted[k] || (count >= 0 && count_image(r, image, k, own, found, count,
                                                              bench_cpu_seconds() - start));
@@ -180,19 +180,20 @@ static int run_default(run *r, const group_image *image, const char *folder, int
                          : cairn_object_detect_default(image->width, image->height);
     cairn_raster_u8_view view = {image->edges, image->width, image->height, image->width};
     double start, field_seconds;
-    cairn_contour_tokens tokens;
+    cairn_contour_search_tokens tokens;
     cairn_appearance_field *look = NULL;
-    cairn_detect_field *field = NULL;
+    cairn_object_detect_field *field = NULL;
     int ok = 1;
 
     params.candidates = (int32_t)r->s->candidates;
     params.overlap = (cairn_real)r->s->overlap;
     params.mirror = !r->s->no_mirror;
     params.min_score = -100;
-    params.method = r->s->method[0] == 'p' ? CAIRN_DETECT_PARTS : CAIRN_DETECT_EVIDENCE;
-    params.bundles = r->s->bundles[0] == 'o'   ? CAIRN_DETECT_BUNDLES_OF_ONE
-                     : r->s->bundles[0] == 'n' ? CAIRN_DETECT_NO_BUNDLES
-                                               : CAIRN_DETECT_BUNDLES;
+    params.method =
+        r->s->method[0] == 'p' ? CAIRN_OBJECT_DETECT_PARTS : CAIRN_OBJECT_DETECT_EVIDENCE;
+    params.bundles = r->s->bundles[0] == 'o'   ? CAIRN_OBJECT_DETECT_BUNDLES_OF_ONE
+                     : r->s->bundles[0] == 'n' ? CAIRN_OBJECT_DETECT_NO_BUNDLES
+                                               : CAIRN_OBJECT_DETECT_BUNDLES;
     params.occluded = r->s->occluded;
     params.verify = (cairn_real)r->s->verify;
     params.matches = (int32_t)r->s->matches;
@@ -210,14 +211,15 @@ static int run_default(run *r, const group_image *image, const char *folder, int
         return 0;
     params.appearance = look;
     begin_stage(&r->stages, STAGE_SEGMENTS);
-    ok = cairn_contour_tokens_find(&tokens, view, 1, 0, image->name, error) == CAIRN_OK;
+    ok = cairn_contour_search_tokens_find(&tokens, view, 1, 0, image->name, error) == CAIRN_OK;
     begin_stage(&r->stages, STAGE_FIELD);
-    ok = ok && cairn_detect_field_make(&field, &tokens, &params, image->name, error) == CAIRN_OK;
+    ok = ok &&
+         cairn_object_detect_field_make(&field, &tokens, &params, image->name, error) == CAIRN_OK;
     begin_stage(&r->stages, -1);
     r->stages.images++;
     field_seconds = bench_cpu_seconds() - start;
     for (int32_t k = 0; k < CLASSES && ok; k++) {
-        cairn_detections d;
+        cairn_object_detections d;
 
         if (!r->wanted[k])
             continue;
@@ -228,11 +230,11 @@ static int run_default(run *r, const group_image *image, const char *folder, int
         if (ok)
             ok = count_image(r, image, k, own, d.found, d.count,
                              field_seconds + bench_cpu_seconds() - start);
-        cairn_detections_free(&d);
+        cairn_object_detections_free(&d);
     }
-    cairn_detect_field_free(field);
+    cairn_object_detect_field_free(field);
     cairn_appearance_field_free(look);
-    cairn_contour_tokens_free(&tokens);
+    cairn_contour_search_tokens_free(&tokens);
     return ok;
 }
 
@@ -284,7 +286,7 @@ static int run_folder(run *r, int32_t own)
 static int load_models(run *r)
 {
     cairn_shape_image_params image = cairn_shape_image_default();
-    cairn_shape_builder_params builder = cairn_shape_builder_default();
+    cairn_shape_model_builder_params builder = cairn_shape_model_builder_default();
     cairn_file_error error;
 
     for (int32_t k = 0; k < CLASSES; k++) {
@@ -316,8 +318,8 @@ static int learn_looks(run *r)
 
 /* ---- Figures ---- */
 
-static int write_curves(const settings *s, const char *name, const cairn_detection_point *points,
-                        int32_t count)
+static int write_curves(const settings *s, const char *name,
+                        const cairn_detection_curve_point *points, int32_t count)
 {
     cairn_file_error error;
     char stem[4000], title[80];
@@ -340,44 +342,44 @@ typedef struct means {
 static int print_class(run *r, int32_t k, means *m)
 {
     detect_tally *t = &r->tally[k];
-    cairn_detection_point *half = malloc(((size_t)t->count + 1) * sizeof *half);
-    cairn_detection_point *fifth = malloc(((size_t)t->count + 1) * sizeof *fifth);
+    cairn_detection_curve_point *half = malloc(((size_t)t->count + 1) * sizeof *half);
+    cairn_detection_curve_point *fifth = malloc(((size_t)t->count + 1) * sizeof *fifth);
     int ok = half != NULL && fifth != NULL && detect_curve(t, DETECT_HALF, half) &&
              detect_curve(t, DETECT_FIFTH, fifth);
 
     if (ok) {
         double rate03, rate04, precision, low, high;
 
-        rate03 = cairn_detection_rate_at(half, t->count, 0.3);
-        rate04 = cairn_detection_rate_at(half, t->count, 0.4);
-        precision = cairn_detection_average_precision(half, t->count);
+        rate03 = cairn_detection_curve_rate_at(half, t->count, 0.3);
+        rate04 = cairn_detection_curve_rate_at(half, t->count, 0.4);
+        precision = cairn_detection_curve_average_precision(half, t->count);
         bench_json_begin("detect");
         bench_json_text("class", classes[k].folder);
         bench_json_text("method", r->s->method);
         bench_json_text("mode", r->s->as_written ? "as written" : "default");
         bench_json_integer("images", t->images);
         bench_json_integer("instances", t->instances);
-        cairn_detection_interval(rate03, t->instances, &low, &high);
+        cairn_detection_curve_interval(rate03, t->instances, &low, &high);
         bench_json_number("dr03", rate03);
         bench_json_number("dr03_low", low);
         bench_json_number("dr03_high", high);
-        cairn_detection_interval(rate04, t->instances, &low, &high);
+        cairn_detection_curve_interval(rate04, t->instances, &low, &high);
         bench_json_number("dr04", rate04);
         bench_json_number("dr04_low", low);
         bench_json_number("dr04_high", high);
         bench_json_number("ap", precision);
-        bench_json_number("ap_fifth", cairn_detection_average_precision(fifth, t->count));
+        bench_json_number("ap_fifth", cairn_detection_curve_average_precision(fifth, t->count));
         bench_json_number("recall_most", t->count > 0 ? half[t->count - 1].recall : 0);
         bench_json_number("recall_most_fifth", t->count > 0 ? fifth[t->count - 1].recall : 0);
         bench_json_number("precision_at_recall",
-                          cairn_detection_precision_at(fifth, t->count, classes[k].recall));
+                          cairn_detection_curve_precision_at(fifth, t->count, classes[k].recall));
         bench_json_number("precision_at_recall_half",
-                          cairn_detection_precision_at(half, t->count, classes[k].recall));
+                          cairn_detection_curve_precision_at(half, t->count, classes[k].recall));
         bench_json_end();
         m->rate03 += rate03;
         m->rate04 += rate04;
         m->precision += precision;
-        m->at_recall += cairn_detection_precision_at(fifth, t->count, classes[k].recall);
+        m->at_recall += cairn_detection_curve_precision_at(fifth, t->count, classes[k].recall);
         m->recall += t->count > 0 ? fifth[t->count - 1].recall : 0;
         m->classes++;
         ok = write_curves(r->s, classes[k].folder, r->s->as_written ? fifth : half, t->count);

@@ -71,7 +71,7 @@ static int generate(cairn_pose_graph_file *file, int32_t poses, int64_t more, ui
         file->vertex[i].pose = truth[i];
         for (int32_t k = 0; k < 2; k++) {
             int32_t from = k == 0 ? i - 1 : i / side * side - 1 - i % side;
-            cairn_pose_graph_edge *edge = &file->edge[file->edge_count];
+            cairn_pose_graph_file_edge *edge = &file->edge[file->edge_count];
 
             if (from < 0 || (k == 1 && column % 4 != 0))
                 continue;
@@ -96,7 +96,7 @@ static void add_wrong(cairn_pose_graph_file *file, int64_t wrong, uint64_t seed)
     cairn_random random = cairn_random_seed(seed, 1);
 
     for (int64_t k = 0; k < wrong; k++) {
-        cairn_pose_graph_edge *edge = &file->edge[file->edge_count++];
+        cairn_pose_graph_file_edge *edge = &file->edge[file->edge_count++];
 
         edge->first = cairn_random_below(&random, file->vertex_count - 1);
         edge->second =
@@ -129,7 +129,7 @@ static int compare_links(const void *a, const void *b)
 
 static named_link name_link(const cairn_pose_graph_file *file, int32_t e)
 {
-    const cairn_pose_graph_edge *edge = &file->edge[e];
+    const cairn_pose_graph_file_edge *edge = &file->edge[e];
     named_link link = {file->vertex[edge->first].id, file->vertex[edge->second].id,
                        (double)edge->first_second.x, (double)edge->first_second.y,
                        (double)edge->first_second.theta};
@@ -164,8 +164,8 @@ static uint8_t *wrong_links(const settings *s, const cairn_pose_graph_file *file
 }
 
 /* How many of the wrong and of the good links were dropped. */
-static void print_dropped(const cairn_pose_graph_file *file, const cairn_pose_graph_solution *out,
-                          const uint8_t *wrong)
+static void print_dropped(const cairn_pose_graph_file *file,
+                          const cairn_pose_graph_file_solution *out, const uint8_t *wrong)
 {
     int32_t links[2] = {0, 0}, dropped[2] = {0, 0};
 
@@ -182,13 +182,13 @@ static int solve(const settings *s, const char *name, const cairn_pose_graph_fil
                  const cairn_pose_graph_file *clean, totals *sum)
 {
     uint8_t *wrong = s->wrong > 0 || clean != NULL ? wrong_links(s, file, clean) : NULL;
-    cairn_pose_graph_solution out;
+    cairn_pose_graph_file_solution out;
     double start = bench_seconds(), seconds;
     cairn_status status;
 
     memset(&out, 0, sizeof out);
-    out.solver =
-        strcmp(s->solver, "sparse") == 0 ? CAIRN_POSE_GRAPH_SPARSE : CAIRN_POSE_GRAPH_BUILTIN;
+    out.solver = strcmp(s->solver, "sparse") == 0 ? CAIRN_POSE_GRAPH_FILE_SPARSE
+                                                  : CAIRN_POSE_GRAPH_FILE_BUILTIN;
     out.keep_all = s->keep_all;
     status = cairn_pose_graph_file_solve(file, &out);
     seconds = bench_seconds() - start;
@@ -216,7 +216,7 @@ static int solve(const settings *s, const char *name, const cairn_pose_graph_fil
     sum->files++;
     sum->outliers += out.outliers;
     sum->seconds += seconds;
-    cairn_pose_graph_solution_free(&out);
+    cairn_pose_graph_file_solution_free(&out);
     return 0;
 }
 
@@ -240,7 +240,8 @@ static int solve_file(const settings *s, const char *path, const char *clean_pat
         return code;
     code = clean_path != NULL ? read_file(&clean, clean_path) : 0;
     if (code == 0) {
-        code = solve(s, cairn_path_name(path), &file, clean_path != NULL ? &clean : NULL, sum);
+        code =
+            solve(s, cairn_output_path_name(path), &file, clean_path != NULL ? &clean : NULL, sum);
         if (clean_path != NULL)
             cairn_pose_graph_file_free(&clean);
     }
@@ -294,14 +295,14 @@ enum { SIZES = 4, MAX_REPEATS = 99 };
 
 /* The processor's time of one solution, < 0: refused. */
 static double cpu_seconds(const settings *s, const cairn_pose_graph_file *file,
-                          cairn_pose_graph_solution *out)
+                          cairn_pose_graph_file_solution *out)
 {
     clock_t start;
     cairn_status status;
 
     memset(out, 0, sizeof *out);
-    out->solver =
-        strcmp(s->solver, "sparse") == 0 ? CAIRN_POSE_GRAPH_SPARSE : CAIRN_POSE_GRAPH_BUILTIN;
+    out->solver = strcmp(s->solver, "sparse") == 0 ? CAIRN_POSE_GRAPH_FILE_SPARSE
+                                                   : CAIRN_POSE_GRAPH_FILE_BUILTIN;
     start = clock();
     status = cairn_pose_graph_file_solve(file, out);
     if (status != CAIRN_OK) {
@@ -309,7 +310,7 @@ static double cpu_seconds(const settings *s, const cairn_pose_graph_file *file,
                 cairn_status_text(status));
         return -1;
     }
-    cairn_pose_graph_solution_free(out);
+    cairn_pose_graph_file_solution_free(out);
     return (double)(clock() - start) / CLOCKS_PER_SEC;
 }
 
@@ -319,7 +320,7 @@ static int solve_growing(const settings *s)
 {
     static double seconds[SIZES][MAX_REPEATS];
     cairn_pose_graph_file file[SIZES];
-    cairn_pose_graph_solution out[SIZES];
+    cairn_pose_graph_file_solution out[SIZES];
     double median[SIZES], octaves = log((double)(1 << (SIZES - 1)));
     int made = 1;
 

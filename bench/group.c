@@ -53,7 +53,7 @@ typedef struct sums {
     int32_t timed;
     /* Of the mode as written. */
     int64_t points_dropped;
-    int32_t ends[CAIRN_GROUPING_HISTORIES + 1]; /* searches by why the walk ended */
+    int32_t ends[CAIRN_CONTOUR_GROUPING_HISTORIES + 1]; /* searches by why the walk ended */
 } sums;
 
 static const struct {
@@ -84,8 +84,9 @@ static cairn_contour_search_params params_of(const settings *s, const group_imag
     return p;
 }
 
-static double overlap_with(const cairn_detection *d, const cairn_contour_result *result,
-                           const cairn_contour_object *o)
+static double overlap_with(const cairn_object_detection *d,
+                           const cairn_contour_search_result *result,
+                           const cairn_contour_search_object *o)
 {
     double left = HUGE_VAL, top = HUGE_VAL, right = -HUGE_VAL, bottom = -HUGE_VAL, w, h, both;
 
@@ -106,7 +107,7 @@ static double overlap_with(const cairn_detection *d, const cairn_contour_result 
     return w * h / (both - w * h);
 }
 
-static void keep_detected(cairn_contour_result *result, const cairn_detection *d)
+static void keep_detected(cairn_contour_search_result *result, const cairn_object_detection *d)
 {
     int32_t kept = 0;
 
@@ -118,22 +119,23 @@ static void keep_detected(cairn_contour_result *result, const cairn_detection *d
 
 /* Groups at the size of each detection. */
 static int search_detected(const settings *s, const group_image *image,
-                           const cairn_contour_tokens *tokens, const cairn_shape_model *model,
-                           group_found *found, cairn_file_error *error)
+                           const cairn_contour_search_tokens *tokens,
+                           const cairn_shape_model *model, group_found *found,
+                           cairn_file_error *error)
 {
     cairn_object_detect_params params = cairn_object_detect_default(image->width, image->height);
     const cairn_contour_search_params all = params_of(s, image);
-    cairn_detect_field *field = NULL;
-    cairn_detections d;
+    cairn_object_detect_field *field = NULL;
+    cairn_object_detections d;
     int ok;
 
     params.mirror = !s->no_mirror;
-    if (cairn_detect_field_make(&field, tokens, &params, image->name, error) != CAIRN_OK)
+    if (cairn_object_detect_field_make(&field, tokens, &params, image->name, error) != CAIRN_OK)
         return 0;
     ok = cairn_object_detect(&d, field, model, image->name, error) == CAIRN_OK;
     for (int32_t i = 0; i < d.count && ok; i++) {
         cairn_contour_search_params p = all;
-        cairn_contour_result result;
+        cairn_contour_search_result result;
 
         p.min_size =
             (cairn_real)fmax((double)all.min_size, (double)d.found[i].size / DETECTED_SLACK);
@@ -145,11 +147,11 @@ static int search_detected(const settings *s, const group_image *image,
         if (ok) {
             keep_detected(&result, &d.found[i]);
             group_found_add(found, image, tokens, &result);
-            cairn_contour_result_free(&result);
+            cairn_contour_search_result_free(&result);
         }
     }
-    cairn_detections_free(&d);
-    cairn_detect_field_free(field);
+    cairn_object_detections_free(&d);
+    cairn_object_detect_field_free(field);
     return ok;
 }
 
@@ -158,15 +160,15 @@ static int search_from_detections(const settings *s, sums *t, const group_image 
                                   const cairn_shape_model *model, group_found *found)
 {
     cairn_raster_u8_view view = {image->edges, image->width, image->height, image->width};
-    cairn_contour_tokens tokens;
+    cairn_contour_search_tokens tokens;
     cairn_file_error error;
     double start = bench_seconds();
-    int ok = cairn_contour_tokens_find(&tokens, view, (int32_t)s->strength, s->tokens[0] == 'e',
-                                       image->name, &error) == CAIRN_OK;
+    int ok = cairn_contour_search_tokens_find(&tokens, view, (int32_t)s->strength,
+                                              s->tokens[0] == 'e', image->name, &error) == CAIRN_OK;
 
     if (ok) {
         ok = search_detected(s, image, &tokens, model, found, &error);
-        cairn_contour_tokens_free(&tokens);
+        cairn_contour_search_tokens_free(&tokens);
         group_found_sort(found);
     }
     if (ok && t->timed < MAX_SECONDS)
@@ -177,16 +179,17 @@ static int search_from_detections(const settings *s, sums *t, const group_image 
 }
 
 static cairn_status find_tokens(const settings *s, const group_image *image,
-                                cairn_contour_tokens *tokens, cairn_file_error *error)
+                                cairn_contour_search_tokens *tokens, cairn_file_error *error)
 {
     cairn_raster_u8_view view = {image->edges, image->width, image->height, image->width};
     int32_t edgels = s->tokens[0] == 'e';
 
     return s->as_written
-               ? cairn_contour_tokens_find_written(tokens, view, (int32_t)s->strength, edgels,
-                                                   (cairn_real)s->strong, image->name, error)
-               : cairn_contour_tokens_find(tokens, view, (int32_t)s->strength, edgels, image->name,
-                                           error);
+               ? cairn_contour_search_tokens_find_written(tokens, view, (int32_t)s->strength,
+                                                          edgels, (cairn_real)s->strong,
+                                                          image->name, error)
+               : cairn_contour_search_tokens_find(tokens, view, (int32_t)s->strength, edgels,
+                                                  image->name, error);
 }
 
 /* Runs the search on an image; 0: a line was printed. */
@@ -194,8 +197,8 @@ static int search(const settings *s, sums *t, const group_image *image,
                   const cairn_shape_model *model, const cairn_contour_search_params *params,
                   group_found *found)
 {
-    cairn_contour_tokens tokens;
-    cairn_contour_result result;
+    cairn_contour_search_tokens tokens;
+    cairn_contour_search_result result;
     cairn_file_error error;
     double start = bench_seconds();
 
@@ -211,8 +214,8 @@ static int search(const settings *s, sums *t, const group_image *image,
                         ? t->pool_bytes
                         : result.pool_bytes + tokens.pool_bytes;
     group_found_add(found, image, &tokens, &result);
-    cairn_contour_result_free(&result);
-    cairn_contour_tokens_free(&tokens);
+    cairn_contour_search_result_free(&result);
+    cairn_contour_search_tokens_free(&tokens);
     return 1;
 }
 
@@ -266,7 +269,7 @@ static void print_end(const group_found *found, int32_t search)
 {
     if (search >= found->searches)
         return;
-    bench_json_text("end", cairn_contour_end_text(found->end[search]));
+    bench_json_text("end", cairn_contour_search_end_text(found->end[search]));
     bench_json_integer("points_dropped", found->points_dropped);
 }
 
@@ -283,7 +286,7 @@ static void print_ends(const sums *t)
                                        "end_steps", "end_histories"};
 
     bench_json_integer("points_dropped", t->points_dropped);
-    for (int32_t i = 0; i <= CAIRN_GROUPING_HISTORIES; i++)
+    for (int32_t i = 0; i <= CAIRN_CONTOUR_GROUPING_HISTORIES; i++)
         bench_json_integer(keys[i], t->ends[i]);
 }
 
@@ -464,7 +467,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_INTEGER("--others", &s->others, 1, 100000, "N", "of each other class at most"),
         OPTION_FLAG("--no-others", &s->no_others, "no images of other classes"),
         OPTION_INTEGER("--particles", &s->particles, 1, 4096, "N", "of the filter"),
-        OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_MAX_PATHS, "N", "of a model at most"),
+        OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_MODEL_MAX_PATHS, "N",
+                       "of a model at most"),
         OPTION_INTEGER("--min-strength", &s->strength, 1, 255, "N", "of edges"),
         OPTION_NUMBER("--min-score", &s->score, 0, 1, "S", "of a grouping that is reported"),
         OPTION_NUMBER("--min-evidence", &s->evidence, 0, 1000, "E",
@@ -512,7 +516,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
 static int load_model(const settings *s, int which, cairn_shape_model_file *model)
 {
     cairn_shape_image_params image = cairn_shape_image_default();
-    cairn_shape_builder_params builder = cairn_shape_builder_default();
+    cairn_shape_model_builder_params builder = cairn_shape_model_builder_default();
     cairn_file_error error;
     char path[4096];
     DIR *inner;
@@ -539,7 +543,7 @@ int main(int argc, char **argv)
                   "segments",
                   100000,
                   300,
-                  CAIRN_SHAPE_MAX_PATHS,
+                  CAIRN_SHAPE_MODEL_MAX_PATHS,
                   1,
                   1,
                   100000,

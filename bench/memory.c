@@ -42,7 +42,7 @@ int main(void)
     cairn_rectangle_params rectangle = cairn_rectangle_default();
     cairn_boundary_params boundary = cairn_boundary_default();
     cairn_edgel_params edgel = cairn_edgel_default();
-    cairn_skeleton_params skeleton = cairn_skeleton_default();
+    cairn_skeleton_grouping_params skeleton = cairn_skeleton_grouping_default();
     cairn_inner_distance_params inner = cairn_inner_distance_default();
     cairn_self_similarity_params similarity = cairn_self_similarity_default();
     cairn_fragment_match_params fragments = cairn_fragment_match_default();
@@ -84,7 +84,7 @@ int main(void)
           cairn_boundary_memory(&boundary));
     print("edgel", "640 x 480 pixels, 40000 edgels", cairn_edgel_memory(&edgel));
     print("skeleton", "640 x 480 pixels, 40000 edgels, 4000 centres, 256 lines",
-          cairn_skeleton_memory(&skeleton));
+          cairn_skeleton_grouping_memory(&skeleton));
     print("fragment_match",
           "96 fragments of 20 samples, 2 matches each, 10000 chains of up to 4096 samples",
           cairn_fragment_match_memory(&fragments));

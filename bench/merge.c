@@ -41,7 +41,7 @@ typedef struct outcome {
     double overlap, seconds;
     double corners; /* of a map, in the mean */
     size_t pool_bytes;
-    cairn_merge_result result;
+    cairn_map_merge_result result;
 } outcome;
 
 static cairn_map_merge_params base_params(const settings *s)
@@ -51,7 +51,7 @@ static cairn_map_merge_params base_params(const settings *s)
 
     p.particles = (int32_t)s->particles;
     if (s->perception != NULL && strcmp(s->perception, "images") == 0)
-        p.perception = CAIRN_MERGE_IMAGES;
+        p.perception = CAIRN_MAP_MERGE_IMAGES;
     return p;
 }
 
@@ -85,7 +85,7 @@ static void print_best(const cairn_map_merge *merge, int32_t a, int32_t b, sim_p
     static const char *const names[3] = {"psi_right", "gamma_right", "product_right"};
     cairn_real best[3] = {0, 0, 0}, least = 0, evidence;
     int32_t right[3] = {0, 0, 0};
-    cairn_merge_score score;
+    cairn_map_merge_pair_score score;
     cairn_pose pose;
 
     for (int32_t k = 0; cairn_map_merge_mode(merge, a, b, k, &pose, &evidence); k++)
@@ -117,7 +117,7 @@ static void print_modes(const cairn_map_merge *merge, const bench_parts *parts)
             sim_pose truth = bench_pose_between(parts->list[a].world_map, parts->list[b].world_map);
             cairn_pose t = {(cairn_real)truth.x, (cairn_real)truth.y, (cairn_real)truth.theta},
                        pose;
-            cairn_merge_score score;
+            cairn_map_merge_pair_score score;
             cairn_real evidence;
             int32_t right = 0;
 
@@ -164,7 +164,7 @@ static int run_merge(cairn_map_merge *merge, const bench_parts *parts, const ben
         order[i] = i;
     cairn_map_merge_clear(merge);
     for (int32_t i = 0; i < parts->count + (decoy != NULL) && status == CAIRN_OK; i++) {
-        cairn_merge_map map =
+        cairn_map_merge_map map =
             bench_part_map(i < parts->count ? &parts->list[i] : decoy, parts->resolution);
 
         status = cairn_map_merge_add(merge, &map, NULL);
@@ -184,7 +184,7 @@ static int run_merge(cairn_map_merge *merge, const bench_parts *parts, const ben
 
 static int is_placed(const cairn_map_merge *merge, int32_t i)
 {
-    return cairn_map_merge_of(merge, i).verdict == CAIRN_MERGE_PLACED;
+    return cairn_map_merge_of(merge, i).verdict == CAIRN_MAP_MERGE_PLACED;
 }
 
 /* Counts the placed maps within tolerance of the truth, relative to map k. */
@@ -234,16 +234,16 @@ static int write_maps(const bench_parts *parts, const char *folder)
         char name[32], *path;
 
         snprintf(name, sizeof name, "robot_%d.yaml", (int)i);
-        path = cairn_path_join(folder, name);
+        path = cairn_output_path_join(folder, name);
         file.resolution = (cairn_real)parts->resolution;
         file.origin.x = file.origin.y = -(cairn_real)(part->side * parts->resolution / 2);
         ok = path != NULL && cairn_map_file_allocate(&file, part->side, part->side) == CAIRN_OK;
         for (int32_t k = 0; ok && k < part->side * part->side; k++)
-            file.occupancy[k] = (int8_t)(part->cells[k] == CAIRN_CELL_OCCUPIED ? 100
-                                         : part->cells[k] == CAIRN_CELL_FREE   ? 0
-                                                                               : -1);
+            file.occupancy[k] = (int8_t)(part->cells[k] == CAIRN_OCCUPANCY_GRID_OCCUPIED ? 100
+                                         : part->cells[k] == CAIRN_OCCUPANCY_GRID_FREE   ? 0
+                                                                                         : -1);
         ok = ok && cairn_map_file_draw(&file) == CAIRN_OK;
-        if (ok && cairn_map_file_write(&file, path, CAIRN_MAP_PGM, &error) != CAIRN_OK) {
+        if (ok && cairn_map_file_write(&file, path, CAIRN_MAP_FILE_PGM, &error) != CAIRN_OK) {
             fprintf(stderr, "%s\n", error.text);
             ok = 0;
         }
@@ -298,8 +298,8 @@ static int run_seed(const settings *s, int64_t seed, outcome *out)
         score(merge, &parts, out);
         for (int32_t i = 0; i < parts.count; i++)
             out->corners += (double)cairn_map_merge_of(merge, i).corners / parts.count;
-        out->decoy_accepted =
-            decoy != NULL && cairn_map_merge_of(merge, parts.count).verdict == CAIRN_MERGE_PLACED;
+        out->decoy_accepted = decoy != NULL && cairn_map_merge_of(merge, parts.count).verdict ==
+                                                   CAIRN_MAP_MERGE_PLACED;
         if (s->modes)
             print_modes(merge, &parts);
     }

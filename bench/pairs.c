@@ -473,7 +473,7 @@ int main(int argc, char **argv)
         return run_data(&s, s.of.unions      ? "unions"
                             : s.of.places    ? "places"
                             : s.of.simulated ? "simulated"
-                                             : cairn_path_name(s.of.log));
+                                             : cairn_output_path_name(s.of.log));
     }
     for (size_t i = 0; i < sizeof names / sizeof *names && code == 0; i++) {
         char log[4096], truth[4096];

@@ -45,7 +45,7 @@ typedef struct part {
 
 /* Of one map. */
 typedef struct figures {
-    part whole, quadrant[CAIRN_QUADRANTS];
+    part whole, quadrant[CAIRN_MAP_QUALITY_QUADRANTS];
     double entropy_of_cell, likelihood_of_beam;
     double from_end; /* m, mean distance from the method's own end */
 } figures;
@@ -53,7 +53,7 @@ typedef struct figures {
 /* One arena: the beams of its scans and the grid that all maps of it share. */
 typedef struct scene {
     bench_problem problem;
-    cairn_beam **beams; /* [scans] */
+    cairn_scan_beam **beams; /* [scans] */
     int32_t *beam_count;
     cairn_pose *truth;
     cairn_occupancy_grid_params layout;
@@ -117,7 +117,7 @@ static cairn_status keep_beams(scene *s, cairn_box *box)
             status = CAIRN_NO_MEMORY;
         for (int32_t k = 0; k < view.beam_count && status == CAIRN_OK; k++) {
             s->beams[i][k] = view.beams[k];
-            if (view.beams[k].kind == CAIRN_BEAM_HIT)
+            if (view.beams[k].kind == CAIRN_SCAN_BEAM_HIT)
                 *box = cairn_box_extend(*box, cairn_transform_point(map_scan, view.beams[k].to));
         }
     }
@@ -164,15 +164,15 @@ static int quadrant_of(const scene *s, cairn_pose p)
     int east = p.x >= s->layout.origin.x + (cairn_real)half_width * s->layout.resolution;
     int north = p.y >= s->layout.origin.y + (cairn_real)half_height * s->layout.resolution;
 
-    return north  ? (east ? CAIRN_QUADRANT_NE : CAIRN_QUADRANT_NW)
-           : east ? CAIRN_QUADRANT_SE
-                  : CAIRN_QUADRANT_SW;
+    return north  ? (east ? CAIRN_MAP_QUALITY_QUADRANT_NE : CAIRN_MAP_QUALITY_QUADRANT_NW)
+           : east ? CAIRN_MAP_QUALITY_QUADRANT_SE
+                  : CAIRN_MAP_QUALITY_QUADRANT_SW;
 }
 
 /* Draws the map of the poses; adds its entropy and the likelihood of its beams to *f. */
 static cairn_status measure_map(scene *s, const cairn_pose *poses, double least, figures *f)
 {
-    cairn_map_entropy entropy = {0};
+    cairn_map_quality_entropy entropy = {0};
     cairn_status status = CAIRN_OK;
     int64_t beams = 0;
 
@@ -186,24 +186,24 @@ static cairn_status measure_map(scene *s, const cairn_pose *poses, double least,
             status = cairn_occupancy_grid_step(s->grid, &budget);
     }
     if (status == CAIRN_OK)
-        status = cairn_map_entropy_add(s->grid, 0, s->layout.height, &entropy);
+        status = cairn_map_quality_entropy_add(s->grid, 0, s->layout.height, &entropy);
     f->whole.entropy = (double)entropy.total;
     f->entropy_of_cell = f->whole.entropy / (double)entropy.cells;
-    for (int q = 0; q < CAIRN_QUADRANTS; q++)
+    for (int q = 0; q < CAIRN_MAP_QUALITY_QUADRANTS; q++)
         f->quadrant[q].entropy = (double)entropy.quadrant[q];
     for (int32_t i = 0; i < s->problem.count && status == CAIRN_OK; i++) {
         cairn_transform t = cairn_transform_of(poses[i]);
         part *own = &f->quadrant[quadrant_of(s, s->truth[i])];
 
         for (int32_t k = 0; k < s->beam_count[i] && status == CAIRN_OK; k++) {
-            const cairn_beam *beam = &s->beams[i][k];
+            const cairn_scan_beam *beam = &s->beams[i][k];
             cairn_real value;
 
-            if (beam->kind == CAIRN_BEAM_UNKNOWN)
+            if (beam->kind == CAIRN_SCAN_BEAM_UNKNOWN)
                 continue;
-            status = cairn_map_beam_likelihood(
+            status = cairn_map_quality_beam_likelihood(
                 s->grid, cairn_transform_point(t, beam->from), cairn_transform_point(t, beam->to),
-                beam->kind == CAIRN_BEAM_HIT, (cairn_real)least, &value);
+                beam->kind == CAIRN_SCAN_BEAM_HIT, (cairn_real)least, &value);
             f->whole.likelihood += (double)value;
             own->likelihood += (double)value;
             beams++;
@@ -239,7 +239,7 @@ static void take_means(part *p, int32_t scans)
 /* Adds the mean errors of the scans of each quadrant and of all to *f. */
 static void measure_errors(const scene *s, const cairn_pose *poses, figures *f)
 {
-    int32_t scans[CAIRN_QUADRANTS] = {0};
+    int32_t scans[CAIRN_MAP_QUALITY_QUADRANTS] = {0};
 
     for (int32_t i = 0; i < s->problem.count; i++) {
         int q = quadrant_of(s, s->truth[i]);
@@ -249,7 +249,7 @@ static void measure_errors(const scene *s, const cairn_pose *poses, figures *f)
         scans[q]++;
     }
     take_means(&f->whole, s->problem.count);
-    for (int q = 0; q < CAIRN_QUADRANTS; q++)
+    for (int q = 0; q < CAIRN_MAP_QUALITY_QUADRANTS; q++)
         take_means(&f->quadrant[q], scans[q]);
 }
 
@@ -401,7 +401,7 @@ static void compare_quadrants(const study *all, int32_t arena, int32_t method, i
     for (int32_t m = 0; m < METHODS; m++) {
         const figures *b = map_of(all, arena, m, SAMPLES - 1);
 
-        for (int q = 0; q < CAIRN_QUADRANTS && m != method; q++) {
+        for (int q = 0; q < CAIRN_MAP_QUALITY_QUADRANTS && m != method; q++) {
             double entropy = a->quadrant[q].entropy - b->quadrant[q].entropy;
             double error = a->quadrant[q].distance - b->quadrant[q].distance;
 
@@ -508,11 +508,11 @@ static void medians(const study *all, size_t offset, double *value, double *work
 /* A row of panels: a measure of the whole map and of its four quadrants. */
 #define ROW(title, field)                                                                          \
     {title, offsetof(figures, whole.field)},                                                       \
-        {title ", north-west", offsetof(figures, quadrant[CAIRN_QUADRANT_NW].field)},              \
-        {title ", north-east", offsetof(figures, quadrant[CAIRN_QUADRANT_NE].field)},              \
-        {title ", south-west", offsetof(figures, quadrant[CAIRN_QUADRANT_SW].field)},              \
+        {title ", north-west", offsetof(figures, quadrant[CAIRN_MAP_QUALITY_QUADRANT_NW].field)},  \
+        {title ", north-east", offsetof(figures, quadrant[CAIRN_MAP_QUALITY_QUADRANT_NE].field)},  \
+        {title ", south-west", offsetof(figures, quadrant[CAIRN_MAP_QUALITY_QUADRANT_SW].field)},  \
     {                                                                                              \
-        title ", south-east", offsetof(figures, quadrant[CAIRN_QUADRANT_SE].field)                 \
+        title ", south-east", offsetof(figures, quadrant[CAIRN_MAP_QUALITY_QUADRANT_SE].field)     \
     }
 
 static int draw(const study *all, const settings *set)

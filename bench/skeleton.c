@@ -39,7 +39,7 @@ typedef struct finder {
     cairn_pool pool;
     void *memory;
     cairn_edgel_set *edgels;
-    cairn_skeleton *skeleton;
+    cairn_skeleton_grouping *skeleton;
     cairn_boundary *boundary; /* of photographs alone */
 } finder;
 
@@ -53,8 +53,8 @@ static int open_finder(finder *f, const settings *s)
 {
     cairn_boundary_params boundary = cairn_boundary_default();
     cairn_edgel_params edgel = cairn_edgel_default();
-    cairn_skeleton_params skeleton =
-        s->written ? cairn_skeleton_as_written() : cairn_skeleton_default();
+    cairn_skeleton_grouping_params skeleton =
+        s->written ? cairn_skeleton_grouping_as_written() : cairn_skeleton_grouping_default();
     size_t bytes;
 
     if (s->bsds) {
@@ -73,12 +73,12 @@ static int open_finder(finder *f, const settings *s)
         skeleton.particle_count = (int32_t)s->particles;
     if (!isnan(s->contrast))
         skeleton.contrast_weight = (cairn_real)s->contrast;
-    bytes = cairn_edgel_memory(&edgel) + cairn_skeleton_memory(&skeleton) + 64 +
+    bytes = cairn_edgel_memory(&edgel) + cairn_skeleton_grouping_memory(&skeleton) + 64 +
             (s->bsds ? cairn_boundary_memory(&boundary) : 0);
     f->memory = malloc(bytes);
     return f->memory != NULL && cairn_pool_init(&f->pool, f->memory, bytes) == CAIRN_OK &&
            cairn_edgel_create(&f->edgels, &f->pool, &edgel) == CAIRN_OK &&
-           cairn_skeleton_create(&f->skeleton, &f->pool, &skeleton) == CAIRN_OK &&
+           cairn_skeleton_grouping_create(&f->skeleton, &f->pool, &skeleton) == CAIRN_OK &&
            (!s->bsds || cairn_boundary_create(&f->boundary, &f->pool, &boundary) == CAIRN_OK);
 }
 
@@ -94,14 +94,14 @@ static cairn_status run_edgels(cairn_edgel_set *set)
     return status;
 }
 
-static cairn_status run_skeleton(cairn_skeleton *skeleton)
+static cairn_status run_skeleton(cairn_skeleton_grouping *skeleton)
 {
     cairn_budget budget = {INT32_MAX};
     cairn_status status;
 
     do {
         budget.left = INT32_MAX;
-        status = cairn_skeleton_step(skeleton, &budget);
+        status = cairn_skeleton_grouping_step(skeleton, &budget);
     } while (status == CAIRN_MORE);
     return status;
 }
@@ -109,7 +109,7 @@ static cairn_status run_skeleton(cairn_skeleton *skeleton)
 /* Radii in px: [least, most], or 0 and 0. 0: it cannot be grouped. */
 static int group(finder *f, cairn_raster_u8_view grey, double least, double most)
 {
-    cairn_skeleton_input in;
+    cairn_skeleton_grouping_input in;
 
     if (cairn_edgel_begin(f->edgels, grey) != CAIRN_OK || run_edgels(f->edgels) != CAIRN_OK)
         return 0;
@@ -118,7 +118,7 @@ static int group(finder *f, cairn_raster_u8_view grey, double least, double most
     in.height = grey.height;
     in.min_radius = (cairn_real)least;
     in.max_radius = (cairn_real)most;
-    return cairn_skeleton_begin(f->skeleton, &in) == CAIRN_OK &&
+    return cairn_skeleton_grouping_begin(f->skeleton, &in) == CAIRN_OK &&
            run_skeleton(f->skeleton) == CAIRN_OK;
 }
 
@@ -147,8 +147,8 @@ static void dot(uint8_t *pixels, double x, double y, int red, int green, int blu
 
 /* The likeliest object's contours blue and axes red, those of others dark, the true axis green:
  * PPM. */
-static void draw(const settings *set, int64_t index, const scene *s, const cairn_skeleton_result *r,
-                 const skeleton_places *truth)
+static void draw(const settings *set, int64_t index, const scene *s,
+                 const cairn_skeleton_grouping_result *r, const skeleton_places *truth)
 {
     static uint8_t pixels[3 * SCENE_PIXELS];
     char path[512];
@@ -167,7 +167,7 @@ static void draw(const settings *set, int64_t index, const scene *s, const cairn
         static skeleton_places way;
 
         for (int what = 0; what < 3; what++) {
-            const cairn_skeleton_point *q = &r->points[r->parts[i].first];
+            const cairn_skeleton_grouping_point *q = &r->points[r->parts[i].first];
 
             way.count = 0;
             for (int32_t k = 0; k + 1 < r->parts[i].count; k++) {
@@ -196,7 +196,7 @@ static void measure(const settings *set, sums *t, const finder *f, const scene *
                     const sweep_shape *shape, int64_t index)
 {
     static skeleton_places truth, found;
-    cairn_skeleton_result r = cairn_skeleton_read(f->skeleton);
+    cairn_skeleton_grouping_result r = cairn_skeleton_grouping_read(f->skeleton);
     double all, axis, error, iou, ends, boundary, all_boundary;
 
     skeleton_add_truth(&truth, s, shape);
@@ -301,7 +301,7 @@ static int run_image(const settings *set, image_sums *t, finder *f, const char *
 {
     bsds_image image;
     cairn_raster_u8_view view;
-    cairn_skeleton_result parts;
+    cairn_skeleton_grouping_result parts;
     cairn_boundary_result contours;
     uint8_t *pixels;
     double start;
@@ -324,7 +324,7 @@ static int run_image(const settings *set, image_sums *t, finder *f, const char *
         contours = cairn_boundary_read(f->boundary);
         add_way_point(set, &t->contours, &image, name, "contours",
                       bsds_contours(&image, &contours, LEAST_RECALL, pixels));
-        parts = cairn_skeleton_read(f->skeleton);
+        parts = cairn_skeleton_grouping_read(f->skeleton);
         add_way_point(set, &t->parts, &image, name, "parts",
                       bsds_grouped(&image, &parts, LEAST_RECALL, pixels));
         t->images++;

@@ -29,11 +29,11 @@ typedef struct settings {
 } settings;
 
 /* Reads the relations of a log's scans; prints errors. To be freed; NULL on failure. */
-static cairn_relation_row *read_relations(const char *path, const cairn_carmen_scans *log,
-                                          int32_t *count)
+static cairn_relation_table_row *read_relations(const char *path, const cairn_carmen_log_scans *log,
+                                                int32_t *count)
 {
     int64_t *stamp = malloc(((size_t)log->count + 1) * sizeof *stamp);
-    cairn_relation_row *row = NULL;
+    cairn_relation_table_row *row = NULL;
     cairn_file_error error;
 
     if (stamp == NULL) {
@@ -80,7 +80,7 @@ static void rehang(const cairn_mapper *mapper, int32_t *seen, int32_t *key, cair
 
 /* Maps the log; poses: [count], of the sensor, as relations are between sensors. Returns the
  * elapsed time, -1 on failure. */
-static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_pose *poses,
+static double map_log(const settings *s, const cairn_carmen_log_scans *log, cairn_pose *poses,
                       size_t *pool_bytes, cairn_mapper_state *state, scan_cost *cost)
 {
     int32_t most = log->count < 8192 ? log->count + 1 : 8192;
@@ -160,7 +160,7 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
 }
 
 /* The same by particles. */
-static double filter_log(const settings *s, const cairn_carmen_scans *log, cairn_pose *poses,
+static double filter_log(const settings *s, const cairn_carmen_log_scans *log, cairn_pose *poses,
                          bench_filter *filter, scan_cost *cost)
 {
     double *units = malloc((size_t)log->count * sizeof *units);
@@ -179,20 +179,22 @@ static double filter_log(const settings *s, const cairn_carmen_scans *log, cairn
 }
 
 /* Relations whose scans the log does not have are left out. */
-static void print_errors(const settings *s, const char *name, const cairn_carmen_scans *log,
-                         const cairn_pose *poses, const cairn_relation_row *row, int32_t count,
-                         double seconds, size_t pool_bytes, const cairn_mapper_state *state,
-                         const bench_filter *filter, scan_cost cost)
+static void print_errors(const settings *s, const char *name, const cairn_carmen_log_scans *log,
+                         const cairn_pose *poses, const cairn_relation_table_row *row,
+                         int32_t count, double seconds, size_t pool_bytes,
+                         const cairn_mapper_state *state, const bench_filter *filter,
+                         scan_cost cost)
 {
-    cairn_relation_sums sums = {0, 0, 0, 0, 0};
-    cairn_relation_errors errors;
+    cairn_map_quality_relation_sums sums = {0, 0, 0, 0, 0};
+    cairn_map_quality_relation_errors errors;
 
     for (int32_t i = 0; i < count; i++)
-        if (row[i].first >= 0 && cairn_relation_add(&sums, row[i].reference, poses[row[i].first],
-                                                    poses[row[i].second]) != CAIRN_OK)
+        if (row[i].first >= 0 &&
+            cairn_map_quality_relation_add(&sums, row[i].reference, poses[row[i].first],
+                                           poses[row[i].second]) != CAIRN_OK)
             fprintf(stderr, "bench/slam: line %" PRId64 ": the relation cannot be compared\n",
                     row[i].line);
-    errors = cairn_relation_errors_of(&sums);
+    errors = cairn_map_quality_relation_errors_of(&sums);
     bench_json_begin("slam");
     bench_json_text("log", name);
     bench_json_text("method", s->particles > 0 ? "filter" : "mapper");
@@ -229,18 +231,18 @@ static void print_errors(const settings *s, const char *name, const cairn_carmen
 
 static int run_log(const settings *s, const char *log_path, const char *relations_path)
 {
-    cairn_carmen_scans log;
+    cairn_carmen_log_scans log;
     cairn_file_error error;
     cairn_mapper_state state = {0};
     bench_filter filter = {0};
-    cairn_relation_row *row;
+    cairn_relation_table_row *row;
     cairn_pose *poses;
     size_t pool_bytes = 0;
     scan_cost cost = {0, 0};
     int32_t count = 0;
     double seconds = -1;
 
-    if (cairn_carmen_load(&log, log_path, NULL, &error) != CAIRN_OK) {
+    if (cairn_carmen_log_load(&log, log_path, NULL, &error) != CAIRN_OK) {
         fprintf(stderr, "%s\n", error.text);
         return 3;
     }
@@ -258,11 +260,11 @@ static int run_log(const settings *s, const char *log_path, const char *relation
         seconds = map_log(s, &log, poses, &pool_bytes, &state, &cost);
     }
     if (seconds >= 0)
-        print_errors(s, cairn_path_name(log_path), &log, poses, row, count, seconds, pool_bytes,
-                     &state, &filter, cost);
+        print_errors(s, cairn_output_path_name(log_path), &log, poses, row, count, seconds,
+                     pool_bytes, &state, &filter, cost);
     free(poses);
     cairn_relation_table_free(row);
-    cairn_carmen_scans_free(&log);
+    cairn_carmen_log_scans_free(&log);
     return seconds >= 0 ? 0 : 3;
 }
 

@@ -79,7 +79,7 @@ static int analyze(sums *t, const cairn_curve *outlines, int32_t count,
 }
 
 /* Of an axis to the true one, the farther end, as a share of the outline. */
-static double ends_off(const cairn_symmetry_axis *axis, const double end[2])
+static double ends_off(const cairn_self_similarity_axis *axis, const double end[2])
 {
     double off[2] = {0, 0};
 
@@ -92,7 +92,7 @@ static double ends_off(const cairn_symmetry_axis *axis, const double end[2])
     return fmin(off[0], off[1]);
 }
 
-static void print_axis(const char *name, const cairn_symmetry_axis *axis)
+static void print_axis(const char *name, const cairn_self_similarity_axis *axis)
 {
     char key[64];
 
@@ -193,7 +193,7 @@ static int32_t read_names(const char *folder, char **names)
 
 /* Returns 1 when the axis is one of the best or ties with them. */
 static int is_right(const bench_reflections *truth, const cairn_curve *shape, int32_t count,
-                    const cairn_symmetry_axis *axis, cairn_vec2 middle)
+                    const cairn_self_similarity_axis *axis, cairn_vec2 middle)
 {
     cairn_vec2 from = axis->mirror_point, to = cairn_vec2_add(from, axis->mirror_direction);
 
@@ -206,7 +206,7 @@ static int is_right(const bench_reflections *truth, const cairn_curve *shape, in
 static int run_picture(const settings *s, sums t[MODES], const char *path, const char *name)
 {
     cairn_shape_image_params params = cairn_shape_image_default();
-    cairn_curve shape[CAIRN_SHAPE_MAX_OUTLINES];
+    cairn_curve shape[CAIRN_SHAPE_MODEL_MAX_OUTLINES];
     cairn_shape_image image;
     cairn_vision_image grey;
     cairn_raster_u8_view view;

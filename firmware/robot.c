@@ -215,7 +215,7 @@ uint32_t robot_hash(const robot *r, uint32_t hash)
     hash = hash_words(hash, &state.potential, sizeof state.potential);
     for (int32_t y = 0; y < r->params.grid.height; y++)
         for (int32_t x = 0; x < r->params.grid.width; x++) {
-            cairn_occupancy_cell cell = cairn_occupancy_grid_cell(r->grid, x, y);
+            cairn_occupancy_grid_cell_state cell = cairn_occupancy_grid_cell(r->grid, x, y);
 
             hash = hash_words(hash, &cell, sizeof cell);
         }

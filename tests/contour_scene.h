@@ -19,9 +19,9 @@ typedef struct scene {
 
 typedef struct finder {
     cairn_pool pool;
-    cairn_shape_builder *builder;
-    cairn_grouping *grouping;
-    cairn_grouping_params params;
+    cairn_shape_model_builder *builder;
+    cairn_contour_grouping *grouping;
+    cairn_contour_grouping_params params;
     cairn_shape_model model;
 } finder;
 
@@ -59,10 +59,10 @@ static inline void add_clutter(scene *s, int32_t count, double least, double mos
     }
 }
 
-static inline finder new_finder_of(const cairn_grouping_params *params, const double (*corners)[2],
-                                   int32_t count)
+static inline finder new_finder_of(const cairn_contour_grouping_params *params,
+                                   const double (*corners)[2], int32_t count)
 {
-    cairn_shape_builder_params shape = cairn_shape_builder_default();
+    cairn_shape_model_builder_params shape = cairn_shape_model_builder_default();
     cairn_vec2 v[CORNERS_MOST];
     cairn_curve outline = {v, count, 1};
     cairn_budget budget = {INT32_MAX};
@@ -74,31 +74,32 @@ static inline finder new_finder_of(const cairn_grouping_params *params, const do
         v[i].y = (cairn_real)corners[i][1];
     }
     f.params = *params;
-    f.pool = test_pool(cairn_shape_builder_memory(&shape) + cairn_grouping_memory(params));
-    assert_ok(cairn_shape_builder_create(&f.builder, &f.pool, &shape));
-    assert_ok(cairn_grouping_create(&f.grouping, &f.pool, params));
-    assert_ok(cairn_shape_builder_begin(f.builder, &outline, 1));
-    assert_ok(cairn_shape_builder_step(f.builder, &budget));
-    f.model = cairn_shape_builder_read(f.builder);
+    f.pool =
+        test_pool(cairn_shape_model_builder_memory(&shape) + cairn_contour_grouping_memory(params));
+    assert_ok(cairn_shape_model_builder_create(&f.builder, &f.pool, &shape));
+    assert_ok(cairn_contour_grouping_create(&f.grouping, &f.pool, params));
+    assert_ok(cairn_shape_model_builder_begin(f.builder, &outline, 1));
+    assert_ok(cairn_shape_model_builder_step(f.builder, &budget));
+    f.model = cairn_shape_model_builder_read(f.builder);
     return f;
 }
 
-static inline cairn_grouping_result group(finder *f, const cairn_grouping_input *in)
+static inline cairn_contour_grouping_result group(finder *f, const cairn_contour_grouping_input *in)
 {
     cairn_budget budget = {INT32_MAX};
 
-    assert_ok(cairn_grouping_begin(f->grouping, in));
-    assert_int_equal(cairn_grouping_read(f->grouping).token_count, 0);
-    assert_int_equal(cairn_grouping_read(f->grouping).object_count, 0);
-    assert_ok(cairn_grouping_step(f->grouping, &budget));
-    return cairn_grouping_read(f->grouping);
+    assert_ok(cairn_contour_grouping_begin(f->grouping, in));
+    assert_int_equal(cairn_contour_grouping_read(f->grouping).token_count, 0);
+    assert_int_equal(cairn_contour_grouping_read(f->grouping).object_count, 0);
+    assert_ok(cairn_contour_grouping_step(f->grouping, &budget));
+    return cairn_contour_grouping_read(f->grouping);
 }
 
 static inline cairn_status create(void *context, cairn_pool *pool)
 {
-    cairn_grouping *grouping;
+    cairn_contour_grouping *grouping;
 
-    return cairn_grouping_create(&grouping, pool, context);
+    return cairn_contour_grouping_create(&grouping, pool, context);
 }
 
 #endif

@@ -24,7 +24,7 @@ enum { CORNERS = sizeof flag / sizeof *flag };
 static inline cairn_shape_model_file make_model(void)
 {
     cairn_curve outline = {flag, CORNERS, 1};
-    cairn_shape_builder_params params = cairn_shape_builder_default();
+    cairn_shape_model_builder_params params = cairn_shape_model_builder_default();
     cairn_shape_model_file file;
 
     assert_ok(cairn_shape_model_file_build(&file, &outline, 1, &params, "flag", &error));
@@ -90,17 +90,17 @@ static inline void draw_edges_everywhere(void)
         edges[i] = i % WIDTH % 8 < 6 && i / WIDTH % 3 == 0 ? 255 : 0;
 }
 
-static inline cairn_contour_tokens find_tokens(int32_t edgels)
+static inline cairn_contour_search_tokens find_tokens(int32_t edgels)
 {
     cairn_raster_u8_view view = {edges, WIDTH, HEIGHT, WIDTH};
-    cairn_contour_tokens tokens;
+    cairn_contour_search_tokens tokens;
 
-    assert_ok(cairn_contour_tokens_find(&tokens, view, 1, edgels, "edges", &error));
+    assert_ok(cairn_contour_search_tokens_find(&tokens, view, 1, edgels, "edges", &error));
     return tokens;
 }
 
 /* The share of a box and that of a flag, over their union. */
-static inline double share_of(const cairn_detection *d, double x, double y, double scale,
+static inline double share_of(const cairn_object_detection *d, double x, double y, double scale,
                               int mirrored)
 {
     double left = mirrored ? x - 80 * scale : x, w, h;
@@ -115,25 +115,25 @@ static inline double share_of(const cairn_detection *d, double x, double y, doub
 }
 
 /* What is detected of the flag among tokens, the best first. */
-static inline cairn_detections detect_flag(const cairn_contour_tokens *tokens,
-                                           const cairn_object_detect_params *params)
+static inline cairn_object_detections detect_flag(const cairn_contour_search_tokens *tokens,
+                                                  const cairn_object_detect_params *params)
 {
     cairn_shape_model_file model = make_model();
-    cairn_detect_field *field;
-    cairn_detections found;
+    cairn_object_detect_field *field;
+    cairn_object_detections found;
 
-    assert_ok(cairn_detect_field_make(&field, tokens, params, "edges", &error));
+    assert_ok(cairn_object_detect_field_make(&field, tokens, params, "edges", &error));
     assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));
     for (int32_t i = 1; i < found.count; i++)
         assert_true(found.found[i].score <= found.found[i - 1].score);
-    cairn_detect_field_free(field);
+    cairn_object_detect_field_free(field);
     cairn_shape_model_file_free(&model);
     return found;
 }
 
 /* Stages come one after the other, of the model and of its mirror image: writes each as a digit
  * behind those before, char[16]. */
-static inline void hear_stage(void *context, cairn_detect_stage stage)
+static inline void hear_stage(void *context, cairn_object_detect_stage stage)
 {
     char *heard = context;
     size_t count = strlen(heard);

@@ -212,7 +212,7 @@ static int32_t add_clutter(cairn_segment *lines, int32_t count, int32_t more, ca
 static uint64_t add_model(uint64_t hash, const cairn_shape_model *m)
 {
     for (int32_t i = 0; i < m->sample_count; i++) {
-        const cairn_shape_sample *d = &m->samples[i];
+        const cairn_shape_model_sample *d = &m->samples[i];
 
         hash = add_real(add_real(add_point(hash, d->centre), d->radius), d->deviation);
         for (int32_t side = 0; side < 2; side++)
@@ -227,7 +227,7 @@ static uint64_t add_model(uint64_t hash, const cairn_shape_model *m)
     return add_point(add_real(hash, m->size), m->origin);
 }
 
-static uint64_t add_grouping(uint64_t hash, const cairn_grouping_result *r,
+static uint64_t add_grouping(uint64_t hash, const cairn_contour_grouping_result *r,
                              const cairn_shape_model *m)
 {
     hash = add_real(add_real(hash, r->best_score), r->best_evidence);
@@ -237,7 +237,7 @@ static uint64_t add_grouping(uint64_t hash, const cairn_grouping_result *r,
     hash = add_bytes(hash, r->outline_segments,
                      (size_t)(r->object_count * m->outline_count) * sizeof *r->outline_segments);
     for (int32_t i = 0; i < r->object_count; i++) {
-        const cairn_grouped_object *o = &r->objects[i];
+        const cairn_contour_grouping_object *o = &r->objects[i];
 
         hash = add_point(add_real(add_real(hash, o->evidence), o->score), o->origin);
         hash = add_real(add_real(hash, o->size), o->turn);
@@ -252,28 +252,30 @@ static uint64_t add_grouping(uint64_t hash, const cairn_grouping_result *r,
 }
 
 /* 0: it cannot be grouped. The units that it took go into the hash. */
-static uint64_t group(uint64_t hash, cairn_grouping *g, const cairn_grouping_input *in)
+static uint64_t group(uint64_t hash, cairn_contour_grouping *g,
+                      const cairn_contour_grouping_input *in)
 {
     cairn_budget budget = {INT32_MAX};
-    cairn_grouping_result r;
+    cairn_contour_grouping_result r;
 
-    if (cairn_grouping_begin(g, in) != CAIRN_OK || cairn_grouping_step(g, &budget) != CAIRN_OK)
+    if (cairn_contour_grouping_begin(g, in) != CAIRN_OK ||
+        cairn_contour_grouping_step(g, &budget) != CAIRN_OK)
         return 0;
-    r = cairn_grouping_read(g);
+    r = cairn_contour_grouping_read(g);
     return add_bytes(add_grouping(hash, &r, in->model), &budget.left, sizeof budget.left);
 }
 
 uint64_t golden_grouped(void)
 {
-    cairn_shape_builder_params shape = cairn_shape_builder_default();
-    cairn_grouping_params params = cairn_grouping_default();
+    cairn_shape_model_builder_params shape = cairn_shape_model_builder_default();
+    cairn_contour_grouping_params params = cairn_contour_grouping_default();
     static cairn_segment lines[MOST_LINES];
     cairn_random random = cairn_random_seed(31, 1);
     cairn_vec2 corners[JUG], at[2] = {{70, 80}, {180, 70}};
     cairn_curve outline = {corners, JUG, 1};
     cairn_budget budget = {INT32_MAX};
-    cairn_shape_builder *builder;
-    cairn_grouping *grouping;
+    cairn_shape_model_builder *builder;
+    cairn_contour_grouping *grouping;
     cairn_shape_model model;
     cairn_pool pool;
     uint64_t hash;
@@ -290,15 +292,15 @@ uint64_t golden_grouped(void)
         corners[i].y = jug[i][1];
     }
     if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
-        cairn_shape_builder_create(&builder, &pool, &shape) != CAIRN_OK ||
-        cairn_grouping_create(&grouping, &pool, &params) != CAIRN_OK ||
-        cairn_shape_builder_begin(builder, &outline, 1) != CAIRN_OK ||
-        cairn_shape_builder_step(builder, &budget) != CAIRN_OK)
+        cairn_shape_model_builder_create(&builder, &pool, &shape) != CAIRN_OK ||
+        cairn_contour_grouping_create(&grouping, &pool, &params) != CAIRN_OK ||
+        cairn_shape_model_builder_begin(builder, &outline, 1) != CAIRN_OK ||
+        cairn_shape_model_builder_step(builder, &budget) != CAIRN_OK)
         return 0;
-    model = cairn_shape_builder_read(builder);
+    model = cairn_shape_model_builder_read(builder);
     hash = add_model(GOLDEN_START, &model);
     for (int32_t part = 0; part < 2; part++) {
-        cairn_grouping_input in = {
+        cairn_contour_grouping_input in = {
             .segments = lines, .width = GROUP_WIDTH, .height = GROUP_HEIGHT, .model = &model};
 
         in.count = add_jug(lines, 0, at[0], 1, JUG);
@@ -317,16 +319,16 @@ uint64_t golden_grouped(void)
 /* The jug and clutter by the method of the thesis. */
 uint64_t golden_grouped_written(void)
 {
-    cairn_shape_builder_params shape = cairn_shape_builder_default();
-    cairn_grouping_params params = cairn_grouping_as_written();
+    cairn_shape_model_builder_params shape = cairn_shape_model_builder_default();
+    cairn_contour_grouping_params params = cairn_contour_grouping_as_written();
     static cairn_segment lines[MOST_LINES];
     cairn_random random = cairn_random_seed(33, 1);
     cairn_vec2 corners[JUG], at = {120, 80}, ends[JUG];
     cairn_curve outline = {corners, JUG, 1};
     cairn_budget budget = {INT32_MAX};
-    cairn_shape_builder *builder;
-    cairn_grouping *grouping;
-    cairn_grouping_input in;
+    cairn_shape_model_builder *builder;
+    cairn_contour_grouping *grouping;
+    cairn_contour_grouping_input in;
     cairn_shape_model model;
     cairn_pool pool;
 
@@ -346,12 +348,12 @@ uint64_t golden_grouped_written(void)
         ends[i].y = at.y + jug[i][1];
     }
     if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
-        cairn_shape_builder_create(&builder, &pool, &shape) != CAIRN_OK ||
-        cairn_grouping_create(&grouping, &pool, &params) != CAIRN_OK ||
-        cairn_shape_builder_begin(builder, &outline, 1) != CAIRN_OK ||
-        cairn_shape_builder_step(builder, &budget) != CAIRN_OK)
+        cairn_shape_model_builder_create(&builder, &pool, &shape) != CAIRN_OK ||
+        cairn_contour_grouping_create(&grouping, &pool, &params) != CAIRN_OK ||
+        cairn_shape_model_builder_begin(builder, &outline, 1) != CAIRN_OK ||
+        cairn_shape_model_builder_step(builder, &budget) != CAIRN_OK)
         return 0;
-    model = cairn_shape_builder_read(builder);
+    model = cairn_shape_model_builder_read(builder);
     memset(&in, 0, sizeof in);
     in.segments = lines;
     in.count = add_clutter(lines, add_jug(lines, 0, at, 1, JUG), 60, &random);
@@ -412,7 +414,7 @@ static int32_t draw_edgels(cairn_edgel *edgels, cairn_random *random)
     return count;
 }
 
-static uint64_t add_skeletons(uint64_t hash, const cairn_skeleton_result *r)
+static uint64_t add_skeletons(uint64_t hash, const cairn_skeleton_grouping_result *r)
 {
     hash = add_real(add_real(hash, r->min_radius), r->max_radius);
     hash = add_bytes(add_bytes(hash, &r->centre_count, sizeof r->centre_count), &r->seed_count,
@@ -430,13 +432,13 @@ static uint64_t add_skeletons(uint64_t hash, const cairn_skeleton_result *r)
 }
 
 /* Hash of two images, the first without a range of radii. */
-static uint64_t golden_skeletons_of(cairn_skeleton_params params)
+static uint64_t golden_skeletons_of(cairn_skeleton_grouping_params params)
 {
     static cairn_edgel edgels[MOST_EDGELS];
     cairn_random random = cairn_random_seed(41, 1);
     cairn_budget budget = {INT32_MAX};
-    cairn_skeleton_result r;
-    cairn_skeleton *skeleton;
+    cairn_skeleton_grouping_result r;
+    cairn_skeleton_grouping *skeleton;
     uint64_t hash = GOLDEN_START;
     cairn_pool pool;
 
@@ -450,18 +452,18 @@ static uint64_t golden_skeletons_of(cairn_skeleton_params params)
     params.max_steps = 48;
     params.particle_count = 8;
     for (int32_t k = 0; k < 2; k++) {
-        cairn_skeleton_input in = {
+        cairn_skeleton_grouping_input in = {
             .edgels = edgels, .width = SKELETON_WIDTH, .height = SKELETON_HEIGHT};
 
         in.count = draw_edgels(edgels, &random);
         in.min_radius = k ? 5 : 0;
         in.max_radius = k ? 10 : 0;
         if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
-            cairn_skeleton_create(&skeleton, &pool, &params) != CAIRN_OK ||
-            cairn_skeleton_begin(skeleton, &in) != CAIRN_OK ||
-            cairn_skeleton_step(skeleton, &budget) != CAIRN_OK)
+            cairn_skeleton_grouping_create(&skeleton, &pool, &params) != CAIRN_OK ||
+            cairn_skeleton_grouping_begin(skeleton, &in) != CAIRN_OK ||
+            cairn_skeleton_grouping_step(skeleton, &budget) != CAIRN_OK)
             return 0;
-        r = cairn_skeleton_read(skeleton);
+        r = cairn_skeleton_grouping_read(skeleton);
         hash = add_skeletons(hash, &r);
     }
     return add_bytes(hash, &budget.left, sizeof budget.left);
@@ -469,12 +471,12 @@ static uint64_t golden_skeletons_of(cairn_skeleton_params params)
 
 uint64_t golden_skeletons(void)
 {
-    return golden_skeletons_of(cairn_skeleton_default());
+    return golden_skeletons_of(cairn_skeleton_grouping_default());
 }
 
 uint64_t golden_skeletons_written(void)
 {
-    cairn_skeleton_params params = cairn_skeleton_as_written();
+    cairn_skeleton_grouping_params params = cairn_skeleton_grouping_as_written();
 
     /* Walks are short here. */
     params.min_log_odds = 3;
@@ -509,7 +511,7 @@ static uint64_t symmetry_of_leaf(const cairn_self_similarity_params *params)
         return 0;
     r = cairn_self_similarity_read(similarity);
     for (int32_t i = 0; i < r.count; i++) {
-        const cairn_symmetry_axis *a = &r.axes[i];
+        const cairn_self_similarity_axis *a = &r.axes[i];
 
         hash = add_point(add_point(add_real(hash, a->dissimilarity), a->end[0]), a->end[1]);
         hash = add_real(add_real(hash, a->bend), a->skew);
@@ -541,14 +543,15 @@ static uint64_t add_configurations(uint64_t hash)
     cairn_part_configuration_result r;
     cairn_part_configurator *configurator;
     cairn_budget budget = {INT32_MAX};
-    cairn_part_vote votes[VOTES];
+    cairn_part_configuration_vote votes[VOTES];
     cairn_pool pool;
 
     params.max_votes = VOTES;
     params.max_found = 200;
     params.min_sum = 1;
     for (int32_t i = 0; i < VOTES; i++) {
-        cairn_part_vote vote = {i % 4, cairn_random_below(&random, 12), {0, 0}, 0, 0, 0, 20, 0};
+        cairn_part_configuration_vote vote = {
+            i % 4, cairn_random_below(&random, 12), {0, 0}, 0, 0, 0, 20, 0};
 
         vote.centre.x = cairn_random_uniform(&random, 0, 300);
         vote.centre.y = cairn_random_uniform(&random, 0, 200);

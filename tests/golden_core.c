@@ -209,7 +209,7 @@ uint64_t golden_consensus(void)
     for (int32_t i = 0; i < NODES; i++)
         for (int32_t k = 1; k <= 4; k++) {
             int32_t j = (i + k) % NODES;
-            cairn_pose_hypothesis h = {
+            cairn_pose_consensus_relative_pose h = {
                 .first = i, .second = j, .score = 5 + (cairn_real)((i * 7 + k) % 5)};
 
             h.first_second = measured(&random, i, (i + k) % 5 == 0 ? (j + 4) % NODES : j);
@@ -222,7 +222,7 @@ uint64_t golden_consensus(void)
         cairn_pose_consensus_step(c, &budget) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < NODES; i++) {
-        cairn_consensus_node node = cairn_pose_consensus_node(c, i);
+        cairn_pose_consensus_estimate node = cairn_pose_consensus_node(c, i);
 
         hash =
             add_real(add_covariance(add_pose(hash, node.map_node), node.covariance), node.support);

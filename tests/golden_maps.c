@@ -219,7 +219,7 @@ uint64_t golden_particles(void)
 {
     cairn_particle_filter_params params = cairn_particle_filter_default();
     walk w = {cairn_random_seed(12, 1), 0};
-    cairn_particle_model model = {&w, propose, likelihood, NULL, NULL};
+    cairn_particle_filter_model model = {&w, propose, likelihood, NULL, NULL};
     cairn_particle_filter *filter;
     cairn_vec2 truth = {0, 0};
     cairn_pool pool;
@@ -238,7 +238,7 @@ uint64_t golden_particles(void)
     }
     for (int32_t step = 0; step < 15; step++) {
         cairn_budget budget = unbounded();
-        cairn_particle_trace trace;
+        cairn_particle_filter_trace trace;
 
         truth.x += CAIRN_REAL(0.3);
         w.seen =
@@ -614,14 +614,14 @@ static void draw_map(cairn_pose hall_map, uint8_t *cells, int32_t boxes, cairn_r
         cairn_vec2 cell = {(cairn_real)column / 10 - 2, (cairn_real)row / 10 - 2};
         cairn_vec2 p = cairn_transform_point(hall, cell);
 
-        cells[i] = cairn_abs(p.y) > CAIRN_REAL(1.9)   ? CAIRN_CELL_UNKNOWN
-                   : cairn_abs(p.y) > CAIRN_REAL(1.8) ? CAIRN_CELL_OCCUPIED
-                                                      : CAIRN_CELL_FREE;
+        cells[i] = cairn_abs(p.y) > CAIRN_REAL(1.9)   ? CAIRN_OCCUPANCY_GRID_UNKNOWN
+                   : cairn_abs(p.y) > CAIRN_REAL(1.8) ? CAIRN_OCCUPANCY_GRID_OCCUPIED
+                                                      : CAIRN_OCCUPANCY_GRID_FREE;
         for (int32_t k = 0; k < boxes; k++) {
             cairn_vec2 q = cairn_transform_point(cairn_transform_of(cairn_pose_inverse(box[k])), p);
 
             if (cairn_abs(q.x) < CAIRN_REAL(0.3) * size && cairn_abs(q.y) < CAIRN_REAL(0.15) * size)
-                cells[i] = CAIRN_CELL_OCCUPIED;
+                cells[i] = CAIRN_OCCUPANCY_GRID_OCCUPIED;
         }
     }
 }
@@ -633,7 +633,7 @@ static uint64_t merge_two(cairn_map_merge_params params, int32_t boxes, cairn_re
     static const cairn_pose hall_map[2] = {{-1, 0, 0},
                                            {CAIRN_REAL(0.2), CAIRN_REAL(0.1), CAIRN_REAL(0.3)}};
     cairn_budget budget = unbounded();
-    cairn_merge_placed placed;
+    cairn_map_merge_placed placed;
     cairn_map_merge *merge;
     cairn_pool pool;
     uint64_t hash = GOLDEN_START;
@@ -652,7 +652,7 @@ static uint64_t merge_two(cairn_map_merge_params params, int32_t boxes, cairn_re
         cairn_map_merge_create(&merge, &pool, &params) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < 2; i++) {
-        cairn_merge_map map = {
+        cairn_map_merge_map map = {
             {cells[i], MAP_SIDE, MAP_SIDE, MAP_SIDE}, CAIRN_REAL(0.1), {-2, -2, 0}};
 
         draw_map(hall_map[i], cells[i], boxes, size);
@@ -663,7 +663,7 @@ static uint64_t merge_two(cairn_map_merge_params params, int32_t boxes, cairn_re
         cairn_map_merge_step(merge, &budget) != CAIRN_OK)
         return 0;
     placed = cairn_map_merge_of(merge, 1);
-    if (placed.verdict != CAIRN_MERGE_PLACED)
+    if (placed.verdict != CAIRN_MAP_MERGE_PLACED)
         return 0;
     hash = add_real(add_real(add_pose(hash, placed.reference_map), placed.support),
                     placed.error_probability);

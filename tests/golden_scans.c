@@ -227,7 +227,7 @@ uint64_t golden_scans_and_grid(void)
     }
     for (int32_t y = 0; y < params.height; y++)
         for (int32_t x = 0; x < params.width; x++) {
-            cairn_occupancy_cell cell = cairn_occupancy_grid_cell(grid, x, y);
+            cairn_occupancy_grid_cell_state cell = cairn_occupancy_grid_cell(grid, x, y);
 
             hash = add_bytes(hash, &cell, sizeof cell);
         }
@@ -307,7 +307,7 @@ uint64_t golden_links_and_cover(void)
     cairn_budget budget = {INT32_MAX};
     cairn_pose pose[GOLDEN_VIEWS], truth[GOLDEN_VIEWS];
     cairn_scan_redundancy *cover;
-    cairn_pose_errors errors;
+    cairn_map_quality_pose_errors errors;
     cairn_scan_set *set;
     cairn_scan *scan;
     cairn_lum *lum;
@@ -345,7 +345,7 @@ uint64_t golden_links_and_cover(void)
     budget.left = INT32_MAX;
     if (cairn_scan_redundancy_begin(cover, set, pose) != CAIRN_OK ||
         cairn_scan_redundancy_step(cover, &budget) != CAIRN_OK ||
-        cairn_pose_errors_of(pose, truth, GOLDEN_VIEWS, &errors) != CAIRN_OK)
+        cairn_map_quality_pose_errors_of(pose, truth, GOLDEN_VIEWS, &errors) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < GOLDEN_VIEWS; i++)
         hash = add_real(hash, cairn_scan_redundancy_loss(cover, i));

@@ -464,7 +464,7 @@ uint64_t long_hypotheses(void)
     cairn_virtual_align *align;
     uint64_t hash = GOLDEN_START;
     const cairn_oriented_point *points;
-    const cairn_hypothesis *found;
+    const cairn_virtual_scan_hypothesis *found;
     const cairn_real *weights;
     int32_t count;
     cairn_pool pool;

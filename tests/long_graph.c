@@ -232,7 +232,7 @@ static uint64_t agree(uint64_t hash, const cairn_pose_consensus_params *params, 
                       int32_t judged, int32_t bounded)
 {
     cairn_random random = cairn_random_seed(seed, 32);
-    cairn_consensus_result result;
+    cairn_pose_consensus_result result;
     cairn_pose_consensus *c;
     int32_t count = 0;
     cairn_pool pool;
@@ -243,7 +243,7 @@ static uint64_t agree(uint64_t hash, const cairn_pose_consensus_params *params, 
         for (int32_t k = 0; k < 9; k++) {
             static const int32_t apart[9] = {1, 8, 7, 1, 8, 9, 5, 2, 8};
             int32_t j = i + apart[k];
-            cairn_pose_hypothesis h = {
+            cairn_pose_consensus_relative_pose h = {
                 .first = i, .second = j, .score = 3 + cairn_random_unit(&random) * 6};
             cairn_pose seen;
 
@@ -277,14 +277,14 @@ static uint64_t agree(uint64_t hash, const cairn_pose_consensus_params *params, 
     hash = add_int(add_int(add_int(add_int(hash, result.starts), result.rounds), result.inliers),
                    result.units);
     for (int32_t i = 0; i < NODES; i++) {
-        cairn_consensus_node node = cairn_pose_consensus_node(c, i);
+        cairn_pose_consensus_estimate node = cairn_pose_consensus_node(c, i);
 
         hash =
             add_real(add_covariance(add_pose(hash, node.map_node), node.covariance), node.support);
         hash = add_int(add_int(add_int(hash, node.component), node.agreeing), node.conflicting);
         hash = add_int(add_int(hash, node.alternatives), node.ambiguous);
         for (int32_t k = 0; k < node.alternatives; k++) {
-            cairn_consensus_alternative other = cairn_pose_consensus_alternative(c, i, k);
+            cairn_pose_consensus_competing_pose other = cairn_pose_consensus_alternative(c, i, k);
 
             hash = add_real(add_real(add_pose(hash, other.map_node), other.support), other.weight);
             hash = add_int(hash, other.is_other_map);
@@ -381,7 +381,7 @@ static void append(void *context, const cairn_particle_filter *filter, int32_t i
 static uint64_t follow(uint64_t hash, const cairn_particle_filter_params *params)
 {
     walk w = {cairn_random_seed(58, 33), 0, GOLDEN_START};
-    cairn_particle_model model = {&w, propose, weigh, append, lost};
+    cairn_particle_filter_model model = {&w, propose, weigh, append, lost};
     cairn_vec2 truth = {0, 0}, beacon = {2, 1};
     cairn_particle_filter *filter;
     cairn_pool pool = test_pool(cairn_particle_filter_memory(params));
@@ -394,7 +394,7 @@ static uint64_t follow(uint64_t hash, const cairn_particle_filter_params *params
         assert_ok(cairn_particle_filter_start(filter, &start, -(cairn_real)(i % 4) / 4));
     }
     for (int32_t step = 0; step < 20; step++) {
-        cairn_particle_trace t;
+        cairn_particle_filter_trace t;
 
         truth.x += CAIRN_REAL(0.25);
         w.seen =
@@ -415,7 +415,8 @@ static uint64_t follow(uint64_t hash, const cairn_particle_filter_params *params
         cairn_particle p = cairn_particle_filter_particle(filter, i);
 
         hash = add_int(add_real(add_real(hash, p.log_weight), p.log_likelihood), p.steps);
-        for (const void *state = p.state; state != NULL; state = cairn_particle_state_before(state))
+        for (const void *state = p.state; state != NULL;
+             state = cairn_particle_filter_state_before(state))
             hash = add_point(hash, *(const cairn_vec2 *)state);
     }
     test_pool_free(&pool);

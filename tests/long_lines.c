@@ -466,10 +466,10 @@ uint64_t long_shape_models(void)
     uint64_t hash = GOLDEN_START;
 
     for (int32_t k = 0; k < 6; k++) {
-        cairn_shape_builder_params params = cairn_shape_builder_default();
+        cairn_shape_model_builder_params params = cairn_shape_model_builder_default();
         cairn_vec2 vertices[VERTICES];
         cairn_curve outline = {vertices, VERTICES, 1};
-        cairn_shape_builder *builder;
+        cairn_shape_model_builder *builder;
         cairn_shape_model model;
         cairn_pool pool;
 
@@ -485,13 +485,13 @@ uint64_t long_shape_models(void)
         params.outline_samples = k < 3 ? 96 : 64;
         params.max_paths = k == 4 ? 1 : 8;
         params.min_clearance = k == 5 ? CAIRN_REAL(0.5) : CAIRN_REAL(0.8);
-        LONG_CREATE(&pool, shape_builder, &builder, &params);
-        assert_ok(cairn_shape_builder_begin(builder, &outline, 1));
-        LONG_RUN(hash, cairn_shape_builder_step, builder, 3000);
-        model = cairn_shape_builder_read(builder);
+        LONG_CREATE(&pool, shape_model_builder, &builder, &params);
+        assert_ok(cairn_shape_model_builder_begin(builder, &outline, 1));
+        LONG_RUN(hash, cairn_shape_model_builder_step, builder, 3000);
+        model = cairn_shape_model_builder_read(builder);
         assert_ok(cairn_shape_model_check(&model, NULL));
         for (int32_t i = 0; i < model.sample_count; i++) {
-            const cairn_shape_sample *s = &model.samples[i];
+            const cairn_shape_model_sample *s = &model.samples[i];
 
             hash = add_real(add_real(add_point(hash, s->centre), s->radius), s->deviation);
             for (int32_t side = 0; side < 2; side++)
@@ -500,7 +500,7 @@ uint64_t long_shape_models(void)
                                 s->outline_share[side]);
         }
         for (int32_t i = 0; i < model.path_count; i++) {
-            const cairn_shape_path *p = &model.paths[i];
+            const cairn_shape_model_path *p = &model.paths[i];
 
             hash = add_int(add_int(add_int(hash, p->first), p->count), p->parent);
             hash = add_real(add_int(hash, p->branch), p->outline_share);

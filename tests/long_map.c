@@ -220,35 +220,36 @@ uint64_t long_grid(void)
 {
     static uint8_t cells[SIDE * 100];
     cairn_raster_u8 picture = {cells, SIDE, 100, SIDE};
-    cairn_relation_sums sums = {0, 0, 0, 0, 0};
+    cairn_map_quality_relation_sums sums = {0, 0, 0, 0, 0};
     cairn_random random = cairn_random_seed(34, 25);
-    cairn_relation_errors errors;
-    cairn_pose_errors pose_errors;
+    cairn_map_quality_relation_errors errors;
+    cairn_map_quality_pose_errors pose_errors;
     cairn_pose estimate[50], truth[50];
-    cairn_map_entropy entropy;
+    cairn_map_quality_entropy entropy;
     uint64_t hash = GOLDEN_START;
     cairn_pool pool;
     cairn_occupancy_grid *grid = draw_flat(&pool, 34, &hash);
 
     for (int32_t y = 0; y < 100; y++)
         for (int32_t x = 0; x < SIDE; x++) {
-            cairn_occupancy_cell cell = cairn_occupancy_grid_cell(grid, x, y);
+            cairn_occupancy_grid_cell_state cell = cairn_occupancy_grid_cell(grid, x, y);
 
             hash = add_real(add_real(add_int(hash, cell.hits), (cairn_real)cell.length),
                             cairn_occupancy_grid_probability(grid, x, y));
         }
     assert_ok(
-        cairn_occupancy_grid_classify(grid, cairn_occupancy_thresholds_default(), 0, picture));
+        cairn_occupancy_grid_classify(grid, cairn_occupancy_grid_thresholds_default(), 0, picture));
     hash = add_bytes(hash, cells, sizeof cells);
     memset(&entropy, 0, sizeof entropy);
-    assert_ok(cairn_map_entropy_add(grid, 0, 30, &entropy));
-    assert_ok(cairn_map_entropy_add(grid, 30, 70, &entropy));
-    hash = add_int(add_vector(add_real(hash, entropy.total), entropy.quadrant, CAIRN_QUADRANTS),
-                   entropy.cells);
+    assert_ok(cairn_map_quality_entropy_add(grid, 0, 30, &entropy));
+    assert_ok(cairn_map_quality_entropy_add(grid, 30, 70, &entropy));
+    hash = add_int(
+        add_vector(add_real(hash, entropy.total), entropy.quadrant, CAIRN_MAP_QUALITY_QUADRANTS),
+        entropy.cells);
     for (int32_t i = 0; i < 300; i++) {
         cairn_vec2 from = long_point(&random, 6, 5), to;
-        cairn_occupancy_walk walk;
-        cairn_occupancy_chord chord;
+        cairn_occupancy_grid_ray walk;
+        cairn_occupancy_grid_chord chord;
         cairn_real likelihood;
         int32_t x, y;
 
@@ -258,12 +259,12 @@ uint64_t long_grid(void)
         to.y = i % 11 == 0 ? from.y : 4 + argument(&random, 8, 0);
         if (cairn_occupancy_grid_locate(grid, to, &x, &y))
             hash = add_int(add_int(hash, x), y);
-        assert_ok(
-            cairn_map_beam_likelihood(grid, from, to, i % 3 > 0, CAIRN_REAL(0.05), &likelihood));
+        assert_ok(cairn_map_quality_beam_likelihood(grid, from, to, i % 3 > 0, CAIRN_REAL(0.05),
+                                                    &likelihood));
         hash = add_real(hash, likelihood);
         if (cairn_occupancy_grid_walk(grid, from, to, &walk) == CAIRN_EMPTY)
             continue;
-        while (cairn_occupancy_walk_next(&walk, &chord))
+        while (cairn_occupancy_grid_ray_next(&walk, &chord))
             hash = add_real(add_int(add_int(hash, chord.x), chord.y), chord.length);
     }
     for (int32_t i = 0; i < 50; i++) {
@@ -272,11 +273,11 @@ uint64_t long_grid(void)
         truth[i] = long_disturbed(&random, nowhere, 5, 3);
         estimate[i] = long_disturbed(&random, truth[i], CAIRN_REAL(0.3), CAIRN_REAL(0.3));
         if (i > 0)
-            assert_ok(cairn_relation_add(&sums, cairn_pose_between(truth[i - 1], truth[i]),
-                                         estimate[i - 1], estimate[i]));
+            assert_ok(cairn_map_quality_relation_add(
+                &sums, cairn_pose_between(truth[i - 1], truth[i]), estimate[i - 1], estimate[i]));
     }
-    assert_ok(cairn_pose_errors_of(estimate, truth, 50, &pose_errors));
-    errors = cairn_relation_errors_of(&sums);
+    assert_ok(cairn_map_quality_pose_errors_of(estimate, truth, 50, &pose_errors));
+    errors = cairn_map_quality_relation_errors_of(&sums);
     hash = add_real(add_real(add_real(hash, pose_errors.x), pose_errors.y), pose_errors.theta);
     hash = add_real(add_real(add_real(hash, errors.distance_mean), errors.distance_sd),
                     errors.distance_squared);
@@ -307,7 +308,7 @@ static void cut_part(const uint8_t *flat, int32_t index, uint8_t *part)
 
 static uint64_t add_merged(uint64_t hash, const cairn_map_merge *merge)
 {
-    cairn_merge_result result = cairn_map_merge_read(merge);
+    cairn_map_merge_result result = cairn_map_merge_read(merge);
 
     hash = add_int(add_int(add_int(add_int(hash, result.maps), result.placed), result.reference),
                    result.hypotheses);
@@ -315,7 +316,7 @@ static uint64_t add_merged(uint64_t hash, const cairn_map_merge *merge)
                     result.log_likelihood_ratio);
     hash = add_int(hash, result.units);
     for (int32_t i = 0; i < result.maps; i++) {
-        cairn_merge_placed p = cairn_map_merge_of(merge, i);
+        cairn_map_merge_placed p = cairn_map_merge_of(merge, i);
 
         hash = add_real(
             add_real(add_real(add_pose(hash, p.reference_map), p.support), p.competing_support),
@@ -326,7 +327,7 @@ static uint64_t add_merged(uint64_t hash, const cairn_map_merge *merge)
     for (int32_t a = 0; a < result.maps; a++)
         for (int32_t b = 0; b < result.maps; b++)
             for (int32_t k = 0; k < 3 && a != b; k++) {
-                cairn_merge_score score;
+                cairn_map_merge_pair_score score;
                 cairn_real evidence;
                 cairn_pose a_b;
 
@@ -355,20 +356,20 @@ static uint64_t merge_maps(uint64_t seed, cairn_map_merge_params *params, int32_
     cairn_occupancy_grid *grid = draw_flat(&pool, seed, &hash);
 
     assert_ok(
-        cairn_occupancy_grid_classify(grid, cairn_occupancy_thresholds_default(), 0, picture));
+        cairn_occupancy_grid_classify(grid, cairn_occupancy_grid_thresholds_default(), 0, picture));
     test_pool_free(&pool);
     params->max_maps = MAPS;
     params->max_map_cells = PART * PART;
     params->max_cells = MAPS * PART * PART;
     LONG_CREATE(&pool, map_merge, &merge, params);
     for (int32_t i = 0; i < MAPS; i++) {
-        cairn_merge_map map = {{parts[i], PART, PART, PART},
-                               CAIRN_REAL(0.08),
-                               {1, -2, CAIRN_REAL(0.3) * (cairn_real)i}};
+        cairn_map_merge_map map = {{parts[i], PART, PART, PART},
+                                   CAIRN_REAL(0.08),
+                                   {1, -2, CAIRN_REAL(0.3) * (cairn_real)i}};
 
         cut_part(flat, i, parts[i]);
         if (i == 3 && params->max_corners < 15) /* one that shows nothing */
-            memset(parts[i], CAIRN_CELL_UNKNOWN, sizeof parts[i]);
+            memset(parts[i], CAIRN_OCCUPANCY_GRID_UNKNOWN, sizeof parts[i]);
         assert_ok(cairn_map_merge_add(merge, &map, NULL));
     }
     if (with_guess) {
@@ -414,7 +415,7 @@ uint64_t long_merged_by_images(void)
 {
     cairn_map_merge_params params = cairn_map_merge_default();
 
-    params.perception = CAIRN_MERGE_IMAGES;
+    params.perception = CAIRN_MAP_MERGE_IMAGES;
     params.particles = 8;
     params.max_points = 300;
     params.max_segments = 40;

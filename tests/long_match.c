@@ -162,7 +162,8 @@ uint64_t long_icp(void)
 {
     enum { VIEWS = 8 };
     static kept_view views[VIEWS];
-    cairn_pose_prior prior = {{0, 0, 0}, CAIRN_REAL(0.1), CAIRN_REAL(0.2), CAIRN_REAL(0.1)};
+    cairn_rigid_motion_pose_prior prior = {
+        {0, 0, 0}, CAIRN_REAL(0.1), CAIRN_REAL(0.2), CAIRN_REAL(0.1)};
     cairn_random random = cairn_random_seed(44, 27);
     static long_world world;
     uint64_t hash = GOLDEN_START;
@@ -251,7 +252,7 @@ static uint64_t place_all(uint64_t seed, const cairn_place_map_params *params, c
         hash =
             add_int(add_int(add_int(hash, place.component), place.ambiguous), place.alternatives);
         for (int32_t k = 0; k < place.alternatives; k++) {
-            cairn_consensus_alternative other = cairn_place_map_alternative(map, i, k);
+            cairn_pose_consensus_competing_pose other = cairn_place_map_alternative(map, i, k);
 
             hash = add_int(
                 add_real(add_real(add_pose(hash, other.map_node), other.support), other.weight),

@@ -28,7 +28,7 @@ static inline uint64_t hash_of(const cairn_map_merge *merge, int32_t maps)
     uint64_t hash = TEST_HASH_START;
 
     for (int32_t i = 0; i < maps; i++) {
-        cairn_merge_placed p = cairn_map_merge_of(merge, i);
+        cairn_map_merge_placed p = cairn_map_merge_of(merge, i);
 
         hash = test_hash(hash, &p.reference_map, sizeof p.reference_map);
         hash = test_hash(hash, &p.support, sizeof p.support);

@@ -31,9 +31,9 @@ static inline void add_bar(double ax, double ay, double bx, double by, double r,
     add_line(bx - uy * r, by + ux * r, ax - uy * r, ay + ux * r, &random);
 }
 
-static inline cairn_skeleton_params small_params(void)
+static inline cairn_skeleton_grouping_params small_params(void)
 {
-    cairn_skeleton_params params = cairn_skeleton_as_written();
+    cairn_skeleton_grouping_params params = cairn_skeleton_grouping_as_written();
 
     params.max_width = WIDTH;
     params.max_height = HEIGHT;
@@ -113,7 +113,8 @@ static inline void turn_round(reference_pose *t)
 /* Logarithm of (3.7) to (3.9), each Gaussian of its greatest value, the sign of the loss of
  * symmetry mended. */
 static inline double reference_weight(const reference_pose *a, const reference_pose *b,
-                                      const cairn_skeleton_params *p, double least, double most)
+                                      const cairn_skeleton_grouping_params *p, double least,
+                                      double most)
 {
     double sum = 0, off = fmax(0, fmax(least - b->r, b->r - most)),
            range = off / (double)p->radius_sigma;
@@ -217,14 +218,15 @@ static inline int put_in_order(const reference_pose *last, reference_pose *next,
 }
 
 /* What holds of any result: the weights of all parts, what is culled, one object for each part. */
-static inline void check(const cairn_skeleton_result *r, const cairn_skeleton_params *p)
+static inline void check(const cairn_skeleton_grouping_result *r,
+                         const cairn_skeleton_grouping_params *p)
 {
     static reference_pose walk[300];
     int32_t points = 0;
 
     assert_int_equal(r->object_count, r->part_count);
     for (int32_t i = 0; i < r->part_count; i++) {
-        const cairn_skeleton_part *part = &r->parts[i];
+        const cairn_skeleton_grouping_part *part = &r->parts[i];
         double sum = 0, heading[2];
 
         assert_int_equal(part->first, points);
@@ -235,7 +237,7 @@ static inline void check(const cairn_skeleton_result *r, const cairn_skeleton_pa
         assert_true(part->count <= p->max_steps + 1);
         points += part->count;
         for (int32_t k = 0; k < part->count; k++) {
-            const cairn_skeleton_point *q = &r->points[part->first + k];
+            const cairn_skeleton_grouping_point *q = &r->points[part->first + k];
 
             for (int32_t side = 0; side < 2; side++) {
                 assert_in_range(q->edgel[side], 0, edgel_count - 1);

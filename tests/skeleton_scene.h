@@ -39,41 +39,42 @@ static inline void add_noise(int32_t count, uint64_t seed)
     }
 }
 
-static inline cairn_skeleton_input input_of(double least, double most)
+static inline cairn_skeleton_grouping_input input_of(double least, double most)
 {
-    cairn_skeleton_input in = {edgels, edgel_count,       WIDTH,
-                               HEIGHT, (cairn_real)least, (cairn_real)most};
+    cairn_skeleton_grouping_input in = {edgels, edgel_count,       WIDTH,
+                                        HEIGHT, (cairn_real)least, (cairn_real)most};
 
     return in;
 }
 
 struct fixture {
     cairn_pool pool;
-    cairn_skeleton *skeleton;
+    cairn_skeleton_grouping *skeleton;
 };
 
-static inline struct fixture with(cairn_skeleton_params params)
+static inline struct fixture with(cairn_skeleton_grouping_params params)
 {
     struct fixture f;
 
-    f.pool = test_pool(cairn_skeleton_memory(&params));
-    assert_ok(cairn_skeleton_create(&f.skeleton, &f.pool, &params));
+    f.pool = test_pool(cairn_skeleton_grouping_memory(&params));
+    assert_ok(cairn_skeleton_grouping_create(&f.skeleton, &f.pool, &params));
     edgel_count = 0;
     return f;
 }
 
-static inline cairn_skeleton_result run(cairn_skeleton *skeleton, double least, double most)
+static inline cairn_skeleton_grouping_result run(cairn_skeleton_grouping *skeleton, double least,
+                                                 double most)
 {
-    cairn_skeleton_input in = input_of(least, most);
+    cairn_skeleton_grouping_input in = input_of(least, most);
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
-    assert_ok(cairn_skeleton_begin(skeleton, &in));
-    assert_ok(cairn_skeleton_step(skeleton, &budget));
-    return cairn_skeleton_read(skeleton);
+    assert_ok(cairn_skeleton_grouping_begin(skeleton, &in));
+    assert_ok(cairn_skeleton_grouping_step(skeleton, &budget));
+    return cairn_skeleton_grouping_read(skeleton);
 }
 
 /* Edgels of both senses at one place are no part. */
-static inline void assert_nothing_at_one_place(cairn_skeleton *skeleton)
+static inline void assert_nothing_at_one_place(cairn_skeleton_grouping *skeleton)
 {
     for (int32_t i = 0; i < 50; i++)
         add(10, 10, i % 2 ? 1 : -1, 0);
@@ -94,7 +95,7 @@ static inline void place_far_edgels(void)
 
 static inline uint64_t tell(void *context)
 {
-    cairn_skeleton_result r = cairn_skeleton_read(context);
+    cairn_skeleton_grouping_result r = cairn_skeleton_grouping_read(context);
     uint64_t hash = test_hash(TEST_HASH_START, &r.part_count, sizeof r.part_count);
 
     for (int32_t i = 0; i < r.point_count; i++)
@@ -106,19 +107,19 @@ static inline uint64_t tell(void *context)
 
 static inline cairn_status begin_scene(void *context)
 {
-    cairn_skeleton_input in = input_of(0, 0);
+    cairn_skeleton_grouping_input in = input_of(0, 0);
 
-    return cairn_skeleton_begin(context, &in);
+    return cairn_skeleton_grouping_begin(context, &in);
 }
 
 static inline cairn_status step_scene(void *context, cairn_budget *budget)
 {
-    return cairn_skeleton_step(context, budget);
+    return cairn_skeleton_grouping_step(context, budget);
 }
 
 /* The scene that was drawn gives the same result with small budgets, none of which is overdrawn
  * by more than an item. */
-static inline void assert_any_budget(cairn_skeleton *skeleton)
+static inline void assert_any_budget(cairn_skeleton_grouping *skeleton)
 {
     static const int32_t budgets[] = {1, 7, 1000};
     uint64_t all;
@@ -132,21 +133,21 @@ static inline void assert_any_budget(cairn_skeleton *skeleton)
         while (status == CAIRN_MORE) {
             cairn_budget budget = {budgets[k]};
 
-            assert_int_equal(cairn_skeleton_read(skeleton).part_count, 0);
-            status = cairn_skeleton_step(skeleton, &budget);
+            assert_int_equal(cairn_skeleton_grouping_read(skeleton).part_count, 0);
+            status = cairn_skeleton_grouping_step(skeleton, &budget);
             assert_true(budget.left >= -OVERDRAWN && (status != CAIRN_MORE || budget.left <= 0));
         }
         assert_ok(status);
-        assert_true(cairn_skeleton_read(skeleton).part_count > 0);
+        assert_true(cairn_skeleton_grouping_read(skeleton).part_count > 0);
         assert_true(tell(skeleton) == all);
     }
 }
 
 static inline cairn_status create_in(void *context, cairn_pool *pool)
 {
-    cairn_skeleton *skeleton;
+    cairn_skeleton_grouping *skeleton;
 
-    return cairn_skeleton_create(&skeleton, pool, context);
+    return cairn_skeleton_grouping_create(&skeleton, pool, context);
 }
 
 #endif

@@ -956,7 +956,7 @@ static void scans_are_refused(void **state)
     cairn_aligner_params params = room_for(2);
     cairn_segment segments[2] = {{{1, 0}, {1, 1}}, {{1, 1}, {0, 1}}};
     cairn_oriented_point points[3] = {{{1, 0}, {0, 1}}, {{1, 1}, {0, 1}}, {{0, 1}, {-1, 0}}};
-    cairn_beam beams[1] = {{{0, 0}, {1, CAIRN_REAL(0.5)}, CAIRN_BEAM_HIT}};
+    cairn_scan_beam beams[1] = {{{0, 0}, {1, CAIRN_REAL(0.5)}, CAIRN_SCAN_BEAM_HIT}};
     int32_t first[3] = {0, 2, 3};
     const cairn_scan_view good = {beams, segments, first, points, 1, 2, 3, {0, 0}, 0};
     cairn_scan_view view = good;

@@ -10,7 +10,7 @@ static void reads_boxes(void **state)
                                                      "a,\"b, \"\"c\"\".png\",1,2.5,30,40,7\r\n"
                                                      "\n"
                                                      "a,d.png,-3,0,4e1,9,\n");
-    cairn_box_row *row;
+    cairn_box_table_row *row;
     int32_t count;
 
     (void)state;
@@ -43,7 +43,7 @@ static void finds_rows_of_an_image(void **state)
 {
     static const char *const names[] = {"", "a.png", "b", "b.png", "z.png"};
     static const int32_t firsts[] = {0, 0, 2, 2, 5}, counts[] = {0, 2, 0, 3, 0};
-    cairn_box_row *row;
+    cairn_box_table_row *row;
     int32_t count, own;
 
     (void)state;
@@ -92,7 +92,7 @@ static void refuses_what_is_no_table(void **state)
          ":1: more than 64 fields", CAIRN_BAD_FORMAT},
     };
     char text[400] = "image,left,top,right,bottom\n";
-    cairn_box_row *row;
+    cairn_box_table_row *row;
     int32_t count;
 
     (void)state;

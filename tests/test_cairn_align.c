@@ -57,7 +57,7 @@ static double mean_distance(const char *folder)
 static int32_t count_verdict(const char *folder, const char *verdict)
 {
     char path[128];
-    cairn_pose_row *row;
+    cairn_pose_table_row *row;
     cairn_file_error error;
     int32_t count, found = 0;
 
@@ -109,10 +109,10 @@ static void as_written(void **state)
     assert_same("written/poses.csv", "written-far/poses.csv");
 }
 
-static cairn_pose_row *read_poses(const char *folder)
+static cairn_pose_table_row *read_poses(const char *folder)
 {
     char path[128];
-    cairn_pose_row *row;
+    cairn_pose_table_row *row;
     int32_t count;
 
     (void)snprintf(path, sizeof path, "%s/poses.csv", folder);
@@ -124,7 +124,7 @@ static cairn_pose_row *read_poses(const char *folder)
 /* The distance between a scan's poses in two folders at most, m. */
 static double farthest(const char *first, const char *second)
 {
-    cairn_pose_row *a = read_poses(first), *b = read_poses(second);
+    cairn_pose_table_row *a = read_poses(first), *b = read_poses(second);
     double most = 0;
 
     for (int i = 0; i < 16; i++)

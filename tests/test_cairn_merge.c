@@ -23,9 +23,9 @@ static void write_view(const char *name, const view *v, cairn_map_file_mode mode
     assert_ok(cairn_map_file_allocate(&file, SIDE, SIDE));
     for (int32_t i = 0; i < SIDE * SIDE; i++) {
         file.occupancy[i] = -1;
-        if (v->cells[i] == CAIRN_CELL_OCCUPIED)
+        if (v->cells[i] == CAIRN_OCCUPANCY_GRID_OCCUPIED)
             file.occupancy[i] = 100;
-        else if (v->cells[i] == CAIRN_CELL_FREE)
+        else if (v->cells[i] == CAIRN_OCCUPANCY_GRID_FREE)
             file.occupancy[i] = 0;
     }
     assert_ok(cairn_map_file_draw(&file));
@@ -42,10 +42,10 @@ static int make_maps(void **state)
 
     if (files_setup(state) != 0)
         return 1;
-    write_view("a.yaml", v[0], CAIRN_MAP_TRINARY, 0, CAIRN_MAP_PGM);
-    write_view("b.yaml", v[1], CAIRN_MAP_RAW, 0, CAIRN_MAP_PNG);
-    write_view("c.yaml", v[2], CAIRN_MAP_TRINARY, 1, CAIRN_MAP_PGM);
-    write_view("d.yaml", v[3], CAIRN_MAP_TRINARY, 0, CAIRN_MAP_PGM);
+    write_view("a.yaml", v[0], CAIRN_MAP_FILE_TRINARY, 0, CAIRN_MAP_FILE_PGM);
+    write_view("b.yaml", v[1], CAIRN_MAP_FILE_RAW, 0, CAIRN_MAP_FILE_PNG);
+    write_view("c.yaml", v[2], CAIRN_MAP_FILE_TRINARY, 1, CAIRN_MAP_FILE_PGM);
+    write_view("d.yaml", v[3], CAIRN_MAP_FILE_TRINARY, 0, CAIRN_MAP_FILE_PGM);
     for (int i = 0; i < 4; i++)
         free(v[i]);
     return 0;
@@ -66,7 +66,7 @@ static void assert_pose(cairn_pose p, double x, double y, double theta)
 /* Where the maps lie: seen from the first one. */
 static void assert_transforms(const char *name)
 {
-    cairn_pose_row *row;
+    cairn_pose_table_row *row;
     cairn_file_error error;
     int32_t count;
     double c = cos(0.3), s = sin(0.3);
@@ -186,7 +186,7 @@ static void by_images_and_as_written(void **state)
 {
     outcome o = programs_run(
         "cairn merge @/a.yaml @/b.yaml @/c.yaml -o @/images --perception images --coarsen 1");
-    cairn_pose_row *row;
+    cairn_pose_table_row *row;
     cairn_file_error error;
     int32_t count;
 

@@ -102,9 +102,9 @@ static void on_fault(void *context, const cairn_file_error *fault)
     f->count++;
 }
 
-static cairn_carmen_params with_faults(faults *f)
+static cairn_carmen_log_params with_faults(faults *f)
 {
-    cairn_carmen_params params = cairn_carmen_default();
+    cairn_carmen_log_params params = cairn_carmen_log_default();
 
     memset(f, 0, sizeof *f);
     params.on_fault = on_fault;
@@ -129,8 +129,8 @@ static void assert_error(const cairn_file_error *error, cairn_status status, int
 static void check_small_log(const char *path)
 {
     cairn_carmen_log *log;
-    cairn_carmen_record record;
-    cairn_carmen_info info;
+    cairn_carmen_log_record record;
+    cairn_carmen_log_summary info;
     cairn_file_error error;
 
     assert_ok(cairn_carmen_log_open(&log, path, NULL, &error));
@@ -156,7 +156,7 @@ static void check_small_log(const char *path)
 
     for (int round = 0; round < 2; round++) {
         assert_ok(cairn_carmen_log_next(log, &record, &error));
-        assert_int_equal(record.kind, CAIRN_CARMEN_ODOMETRY);
+        assert_int_equal(record.kind, CAIRN_CARMEN_LOG_ODOMETRY);
         assert_int_equal(record.line, 3);
         assert_int_equal(record.count, 0);
         assert_int_equal(record.scan.count, 0);
@@ -165,7 +165,7 @@ static void check_small_log(const char *path)
         assert_true(record.stamp_ns == INT64_C(10500000000));
 
         assert_ok(cairn_carmen_log_next(log, &record, &error));
-        assert_int_equal(record.kind, CAIRN_CARMEN_SCAN);
+        assert_int_equal(record.kind, CAIRN_CARMEN_LOG_SCAN);
         assert_int_equal(record.line, 4);
         assert_int_equal(record.count, 4);
         assert_ptr_equal(record.range, record.scan.range);
@@ -220,7 +220,7 @@ static void check_small_log(const char *path)
         assert_near(record.robot.y, 3, 0);
 
         assert_ok(cairn_carmen_log_next(log, &record, &error));
-        assert_int_equal(record.kind, CAIRN_CARMEN_ODOMETRY);
+        assert_int_equal(record.kind, CAIRN_CARMEN_LOG_ODOMETRY);
         assert_int_equal(record.line, 10);
         assert_near(record.robot.theta, -3.5 + 2 * 3.141592653589793, 1e-6);
         assert_status(cairn_carmen_log_next(log, &record, &error), CAIRN_EMPTY);
@@ -259,13 +259,13 @@ static void test_load(void **state)
 {
     text t = small_log();
     const char *path = write_gzip("load.log.gz", &t);
-    cairn_carmen_params params = cairn_carmen_default();
-    cairn_carmen_scans scans;
+    cairn_carmen_log_params params = cairn_carmen_log_default();
+    cairn_carmen_log_scans scans;
     cairn_file_error error;
 
     (void)state;
     params.range_sigma = 0.25;
-    assert_ok(cairn_carmen_load(&scans, path, &params, &error));
+    assert_ok(cairn_carmen_log_load(&scans, path, &params, &error));
     assert_int_equal(scans.count, 4);
     assert_int_equal(scans.info.scans, 4);
     assert_int_equal(scans.record[0].line, 4);
@@ -277,11 +277,11 @@ static void test_load(void **state)
     assert_near(scans.record[2].range[1], 19.9, 1e-6);
     assert_near(scans.record[3].range[0], 3, 0);
     assert_near(scans.record[3].scan.range_sigma, 0.25, 0);
-    cairn_carmen_scans_free(&scans);
+    cairn_carmen_log_scans_free(&scans);
     assert_null(scans.record);
     assert_int_equal(scans.count, 0);
 
-    assert_status(cairn_carmen_load(&scans, files_path("none.log"), NULL, &error), CAIRN_IO);
+    assert_status(cairn_carmen_log_load(&scans, files_path("none.log"), NULL, &error), CAIRN_IO);
     assert_null(scans.record);
     free(t.bytes);
 }
@@ -299,13 +299,13 @@ static void test_bearings(void **state)
                   {3, 90, 90},
                   {682, 180.0 / 682, 90 - 180.0 / 682}};
     const double degree = 3.14159265358979323846 / 180;
-    cairn_carmen_scans scans;
+    cairn_carmen_log_scans scans;
     text t = {NULL, 0, 0};
 
     (void)state;
     for (size_t i = 0; i < sizeof sample / sizeof *sample; i++)
         add_flaser(&t, sample[i].count, 2, (double)i, (double)i);
-    assert_ok(cairn_carmen_load(&scans, write_plain("bearings.log", &t), NULL, NULL));
+    assert_ok(cairn_carmen_log_load(&scans, write_plain("bearings.log", &t), NULL, NULL));
     for (size_t i = 0; i < sizeof sample / sizeof *sample; i++) {
         const cairn_scan_input *scan = &scans.record[i].scan;
 
@@ -315,15 +315,15 @@ static void test_bearings(void **state)
         assert_near((double)scan->angle_min + (sample[i].count - 1) * (double)scan->angle_step,
                     sample[i].last * degree, 1e-5);
     }
-    cairn_carmen_scans_free(&scans);
+    cairn_carmen_log_scans_free(&scans);
     free(t.bytes);
 }
 
 /* ROBOTLASER1 lines whose step is 0, with and without a limit of their own. */
 static void test_robotlaser_without_step(void **state)
 {
-    cairn_carmen_params params = cairn_carmen_default();
-    cairn_carmen_scans scans;
+    cairn_carmen_log_params params = cairn_carmen_log_default();
+    cairn_carmen_log_scans scans;
     text t = {NULL, 0, 0};
     const char *path;
 
@@ -337,7 +337,7 @@ static void test_robotlaser_without_step(void **state)
     add(&t, "ROBOTLASER1 0 -0.5 2.0 -0.5 1e5 0.02 1 2 0.25 1 0 0 0 0 0 0 0 0.1 0.2 1 1 0 11.5 host "
             "11.5\n");
     path = write_plain("robotlaser.log", &t);
-    assert_ok(cairn_carmen_load(&scans, path, NULL, NULL));
+    assert_ok(cairn_carmen_log_load(&scans, path, NULL, NULL));
     assert_int_equal(scans.count, 4);
     assert_int_equal(scans.info.ignored, 1);
     assert_near(scans.record[2].scan.angle_step, 2, 0);
@@ -350,15 +350,15 @@ static void test_robotlaser_without_step(void **state)
     assert_true(isinf(scans.record[0].range[2]));
     assert_near(scans.record[1].scan.angle_step, 0, 0);
     assert_near(scans.record[1].scan.range_max, 20, 0);
-    cairn_carmen_scans_free(&scans);
+    cairn_carmen_log_scans_free(&scans);
 
     /* The caller's limit comes first. */
     params.range_max = 0.75;
-    assert_ok(cairn_carmen_load(&scans, path, &params, NULL));
+    assert_ok(cairn_carmen_log_load(&scans, path, &params, NULL));
     assert_true(isinf(scans.record[1].range[0]));
     assert_near(scans.record[1].scan.range_max, 0.75, 0);
     assert_near(scans.info.range_max, 0.75, 0);
-    cairn_carmen_scans_free(&scans);
+    cairn_carmen_log_scans_free(&scans);
     free(t.bytes);
 }
 
@@ -373,7 +373,7 @@ static int64_t lines_of(const text *t, const char *name)
 
 static double limit_of(const text *t, double given)
 {
-    cairn_carmen_params params = cairn_carmen_default();
+    cairn_carmen_log_params params = cairn_carmen_log_default();
     cairn_carmen_log *log;
     double limit;
 
@@ -504,15 +504,15 @@ static void test_limit_by_param(void **state)
 
 static void test_no_return_and_unknown(void **state)
 {
-    cairn_carmen_params params = cairn_carmen_default();
-    cairn_carmen_scans scans;
+    cairn_carmen_log_params params = cairn_carmen_log_default();
+    cairn_carmen_log_scans scans;
     text t = {NULL, 0, 0};
 
     (void)state;
     add(&t, "FLASER 8 9.99 10 10.01 -inf -0.5 nan inf 1e30");
     add_tail(&t, 0, 0, 0, 0, 0, 0, 1);
     params.range_max = 10;
-    assert_ok(cairn_carmen_load(&scans, write_plain("ranges.log", &t), &params, NULL));
+    assert_ok(cairn_carmen_log_load(&scans, write_plain("ranges.log", &t), &params, NULL));
     assert_near(scans.range[0], 9.99, 1e-6);
     assert_true(isinf(scans.range[1]) && scans.range[1] > 0);
     assert_true(isinf(scans.range[2]) && scans.range[2] > 0);
@@ -522,15 +522,15 @@ static void test_no_return_and_unknown(void **state)
     assert_true(isinf(scans.range[6]) && scans.range[6] > 0);
     assert_true(isinf(scans.range[7]) && scans.range[7] > 0);
     assert_near(scans.record[0].scan.range_max, 10, 0);
-    cairn_carmen_scans_free(&scans);
+    cairn_carmen_log_scans_free(&scans);
     free(t.bytes);
 }
 
 static void test_mounting(void **state)
 {
     cairn_carmen_log *log;
-    cairn_carmen_record record;
-    cairn_carmen_info info;
+    cairn_carmen_log_record record;
+    cairn_carmen_log_summary info;
     text t = {NULL, 0, 0};
 
     (void)state;
@@ -558,9 +558,9 @@ static void test_mounting(void **state)
 
     /* A place that no robot reaches is none, and so the scans can be used. */
     for (int part = 0; part < 2; part++) {
-        cairn_carmen_scans scans;
+        cairn_carmen_log_scans scans;
 
-        assert_ok(cairn_carmen_load(
+        assert_ok(cairn_carmen_log_load(
             &scans,
             files_write_text("far.log", part == 0 ? "FLASER 1 2 100001 0 0 0 0 0 1 h 1\n"
                                                   : "FLASER 1 2 0 -100001 0 0 0 0 1 h 1\n"),
@@ -568,7 +568,7 @@ static void test_mounting(void **state)
         assert_int_equal(scans.info.fixed_mounting, 0);
         assert_near(scans.record[0].scan.base_sensor.x, 0, 0);
         assert_near(scans.record[0].scan.base_sensor.y, 0, 0);
-        cairn_carmen_scans_free(&scans);
+        cairn_carmen_log_scans_free(&scans);
     }
 
     /* One that is elsewhere by 0.02 m or rad makes the mounting unknown. */
@@ -650,12 +650,12 @@ static void test_damaged_lines(void **state)
          "expected the stamp"},
     };
     faults f;
-    cairn_carmen_params params = with_faults(&f);
+    cairn_carmen_log_params params = with_faults(&f);
 
     (void)state;
     for (size_t i = 0; i < sizeof sample / sizeof *sample; i++) {
         text t = {NULL, 0, 0};
-        cairn_carmen_scans scans;
+        cairn_carmen_log_scans scans;
         const char *path;
 
         add_flaser(&t, 2, 3, 0, 1);
@@ -663,7 +663,7 @@ static void test_damaged_lines(void **state)
         add_flaser(&t, 2, 4, 1, 2);
         path = write_plain("damaged.log", &t);
         params = with_faults(&f);
-        assert_ok(cairn_carmen_load(&scans, path, &params, NULL));
+        assert_ok(cairn_carmen_log_load(&scans, path, &params, NULL));
         assert_int_equal(scans.count, 2);
         assert_int_equal(scans.info.faults, 1);
         assert_int_equal(scans.record[1].line, 3);
@@ -675,11 +675,11 @@ static void test_damaged_lines(void **state)
         assert_holds(f.text[0], sample[i].piece);
         if (sample[i].status == CAIRN_TRUNCATED) /* and the piece ends it */
             assert_string_equal(strstr(f.text[0], sample[i].piece), sample[i].piece);
-        cairn_carmen_scans_free(&scans);
+        cairn_carmen_log_scans_free(&scans);
         /* Without a callback they are counted all the same. */
-        assert_ok(cairn_carmen_load(&scans, path, NULL, NULL));
+        assert_ok(cairn_carmen_log_load(&scans, path, NULL, NULL));
         assert_int_equal(scans.info.faults, 1);
-        cairn_carmen_scans_free(&scans);
+        cairn_carmen_log_scans_free(&scans);
         free(t.bytes);
     }
 }
@@ -687,21 +687,21 @@ static void test_damaged_lines(void **state)
 static void test_the_most_beams(void **state)
 {
     text t = {NULL, 0, 0};
-    cairn_carmen_scans scans;
+    cairn_carmen_log_scans scans;
     faults f;
-    cairn_carmen_params params = with_faults(&f);
+    cairn_carmen_log_params params = with_faults(&f);
 
     (void)state;
     add_flaser(&t, 2, 3, 0, 1);
-    add_flaser(&t, CAIRN_CARMEN_MAX_BEAMS + 1, 1, 0, 1);
-    add_flaser(&t, CAIRN_CARMEN_MAX_BEAMS, 1, 0, 2);
-    assert_ok(cairn_carmen_load(&scans, write_gzip("beams.log.gz", &t), &params, NULL));
+    add_flaser(&t, CAIRN_CARMEN_LOG_MAX_BEAMS + 1, 1, 0, 1);
+    add_flaser(&t, CAIRN_CARMEN_LOG_MAX_BEAMS, 1, 0, 2);
+    assert_ok(cairn_carmen_log_load(&scans, write_gzip("beams.log.gz", &t), &params, NULL));
     assert_int_equal(scans.count, 2);
-    assert_int_equal(scans.record[1].count, CAIRN_CARMEN_MAX_BEAMS);
-    assert_near(scans.record[1].range[CAIRN_CARMEN_MAX_BEAMS - 1], 1, 0);
+    assert_int_equal(scans.record[1].count, CAIRN_CARMEN_LOG_MAX_BEAMS);
+    assert_near(scans.record[1].range[CAIRN_CARMEN_LOG_MAX_BEAMS - 1], 1, 0);
     assert_int_equal(f.count, 1);
     assert_int_equal(f.line[0], 2);
-    cairn_carmen_scans_free(&scans);
+    cairn_carmen_log_scans_free(&scans);
     free(t.bytes);
 }
 
@@ -712,8 +712,8 @@ static void test_endless_line(void **state)
                                   (size_t)35 << 20, (size_t)17 << 20};
     char *garbage = malloc((size_t)35 << 20);
     faults f;
-    cairn_carmen_params params = with_faults(&f);
-    cairn_carmen_scans scans;
+    cairn_carmen_log_params params = with_faults(&f);
+    cairn_carmen_log_scans scans;
     text t = {NULL, 0, 0};
     const char *path;
     FILE *file;
@@ -734,7 +734,7 @@ static void test_endless_line(void **state)
     }
     assert_int_equal(fclose(file), 0);
 
-    assert_ok(cairn_carmen_load(&scans, path, &params, NULL));
+    assert_ok(cairn_carmen_log_load(&scans, path, &params, NULL));
     assert_int_equal(scans.count, 2);
     assert_int_equal(scans.record[0].line, 2);
     assert_int_equal(scans.record[1].line, 4);
@@ -750,14 +750,14 @@ static void test_endless_line(void **state)
         assert_int_equal(f.status[i], CAIRN_FULL);
         assert_holds(f.text[i], words);
     }
-    cairn_carmen_scans_free(&scans);
+    cairn_carmen_log_scans_free(&scans);
     free(garbage);
     free(t.bytes);
 }
 
 static void test_nothing_to_read(void **state)
 {
-    cairn_carmen_params params = cairn_carmen_default();
+    cairn_carmen_log_params params = cairn_carmen_log_default();
     cairn_carmen_log *log;
     cairn_file_error error;
     const char *path;
@@ -817,7 +817,7 @@ static void test_nothing_to_read(void **state)
     params.range_max = 100000;
     assert_ok(cairn_carmen_log_open(&log, path, &params, &error));
     cairn_carmen_log_close(log);
-    params = cairn_carmen_default();
+    params = cairn_carmen_log_default();
     params.range_sigma = (double)NAN;
     assert_status(cairn_carmen_log_open(&log, path, &params, &error), CAIRN_BAD_ARGUMENT);
     assert_error(&error, CAIRN_BAD_ARGUMENT, 0, "good.log: the standard deviation of the ranges");
@@ -867,12 +867,12 @@ static void test_cut_plain_file(void **state)
     add_flaser(&t, 3, 3, 2, 3);
     for (size_t cut = line; cut < t.count; cut++) {
         text piece = {t.bytes, cut, t.capacity};
-        cairn_carmen_scans scans;
+        cairn_carmen_log_scans scans;
         faults f;
-        cairn_carmen_params params = with_faults(&f);
+        cairn_carmen_log_params params = with_faults(&f);
         int whole = (int)(cut / line);
 
-        assert_ok(cairn_carmen_load(&scans, write_plain("cut.log", &piece), &params, NULL));
+        assert_ok(cairn_carmen_log_load(&scans, write_plain("cut.log", &piece), &params, NULL));
         /* The very last field, which is not used, may be cut. */
         if (f.count == 0) {
             assert_true(scans.count == whole ||
@@ -882,7 +882,7 @@ static void test_cut_plain_file(void **state)
             assert_int_equal(scans.count, whole);
             assert_int_equal(f.line[0], whole + 1);
         }
-        cairn_carmen_scans_free(&scans);
+        cairn_carmen_log_scans_free(&scans);
     }
     free(t.bytes);
 }
@@ -910,12 +910,12 @@ static void test_cut_and_damaged_gzip(void **state)
         cairn_carmen_log *log;
         cairn_file_error error;
         faults f;
-        cairn_carmen_params params = with_faults(&f);
+        cairn_carmen_log_params params = with_faults(&f);
         cairn_status status = cairn_carmen_log_open(&log, path, &params, &error);
 
         if (status == CAIRN_OK) {
-            cairn_carmen_info info = cairn_carmen_log_info(log);
-            cairn_carmen_record record;
+            cairn_carmen_log_summary info = cairn_carmen_log_info(log);
+            cairn_carmen_log_record record;
             int count = 0;
 
             /* More bytes never give fewer scans, and the cut is always told. */
@@ -936,14 +936,14 @@ static void test_cut_and_damaged_gzip(void **state)
     }
     assert_int_equal(scans_most, 400);
     for (size_t at = 20; at < size; at += 31) {
-        cairn_carmen_scans scans;
+        cairn_carmen_log_scans scans;
         faults f;
-        cairn_carmen_params params = with_faults(&f);
+        cairn_carmen_log_params params = with_faults(&f);
         cairn_status status;
 
         bytes[at] = (char)(bytes[at] ^ 0x55);
         status =
-            cairn_carmen_load(&scans, files_write("broken.log.gz", bytes, size), &params, NULL);
+            cairn_carmen_log_load(&scans, files_write("broken.log.gz", bytes, size), &params, NULL);
         bytes[at] = (char)(bytes[at] ^ 0x55);
         assert_true(status == CAIRN_OK || status == CAIRN_EMPTY);
         assert_true(f.count > 0);
@@ -951,23 +951,24 @@ static void test_cut_and_damaged_gzip(void **state)
             damaged += strstr(f.text[i], "the gzip data are damaged after this line") != NULL &&
                        f.status[i] == CAIRN_BAD_FORMAT;
         if (status == CAIRN_OK)
-            cairn_carmen_scans_free(&scans);
+            cairn_carmen_log_scans_free(&scans);
     }
     assert_true(damaged > 10);
     /* The checksum, the fourth last byte of the first word at the end. */
     {
-        cairn_carmen_scans scans;
+        cairn_carmen_log_scans scans;
         faults f;
-        cairn_carmen_params params = with_faults(&f);
+        cairn_carmen_log_params params = with_faults(&f);
 
         bytes[size - 8] = (char)(bytes[size - 8] ^ 1);
-        assert_ok(cairn_carmen_load(&scans, files_write("sum.log.gz", bytes, size), &params, NULL));
+        assert_ok(
+            cairn_carmen_log_load(&scans, files_write("sum.log.gz", bytes, size), &params, NULL));
         assert_int_equal(scans.count, 400);
         assert_int_equal(f.count, 1);
         assert_holds(
             f.text[0],
             ":400: the gzip data are damaged after this line (incorrect data check), expected");
-        cairn_carmen_scans_free(&scans);
+        cairn_carmen_log_scans_free(&scans);
     }
     free(bytes);
     free(t.bytes);
@@ -999,17 +1000,17 @@ static void test_a_file_that_changes(void **state)
 
     (void)state;
     for (size_t i = 0; i < sizeof sample / sizeof *sample; i++) {
-        cairn_carmen_params params = cairn_carmen_default();
-        cairn_carmen_scans scans;
+        cairn_carmen_log_params params = cairn_carmen_log_default();
+        cairn_carmen_log_scans scans;
 
         params.on_fault = rewrite;
         params.context = sample[i].second;
-        assert_ok(cairn_carmen_load(&scans, files_write_text("changing.log", sample[i].first),
-                                    &params, NULL));
+        assert_ok(cairn_carmen_log_load(&scans, files_write_text("changing.log", sample[i].first),
+                                        &params, NULL));
         assert_int_equal(scans.count, sample[i].count);
         assert_int_equal(scans.info.scans, 2);
         assert_near(scans.record[0].range[0], 7, 0);
-        cairn_carmen_scans_free(&scans);
+        cairn_carmen_log_scans_free(&scans);
     }
 }
 
@@ -1022,9 +1023,9 @@ static void test_gzip_members(void **state)
     char *one = files_read(write_gzip("one.gz", &first), &size), *both;
     size_t more = 0;
     char *two = files_read(write_gzip("two.gz", &second), &more);
-    cairn_carmen_scans scans;
+    cairn_carmen_log_scans scans;
     faults f;
-    cairn_carmen_params params = with_faults(&f);
+    cairn_carmen_log_params params = with_faults(&f);
 
     (void)state;
     both = malloc(size + more + 5);
@@ -1049,11 +1050,11 @@ static void test_gzip_members(void **state)
         free(padded);
     }
     /* Cut in the header of the second. */
-    assert_ok(cairn_carmen_load(&scans, files_write("members-cut.log.gz", both, size + 5), &params,
-                                NULL));
+    assert_ok(cairn_carmen_log_load(&scans, files_write("members-cut.log.gz", both, size + 5),
+                                    &params, NULL));
     assert_true(f.count >= 1);
     assert_int_equal(f.status[f.count - 1], CAIRN_TRUNCATED);
-    cairn_carmen_scans_free(&scans);
+    cairn_carmen_log_scans_free(&scans);
     free(one);
     free(two);
     free(both);
@@ -1075,10 +1076,10 @@ static void test_mutations(void **state)
     for (int round = 0; round < 2000; round++) {
         size_t count = t.count;
         int edits = 1 + cairn_random_below(&random, 4);
-        cairn_carmen_scans scans;
+        cairn_carmen_log_scans scans;
         cairn_file_error error;
         faults f;
-        cairn_carmen_params params = with_faults(&f);
+        cairn_carmen_log_params params = with_faults(&f);
         text changed;
         cairn_status status;
 
@@ -1109,7 +1110,8 @@ static void test_mutations(void **state)
         }
         changed.bytes = bytes;
         changed.count = count;
-        status = cairn_carmen_load(&scans, write_plain("mutated.log", &changed), &params, &error);
+        status =
+            cairn_carmen_log_load(&scans, write_plain("mutated.log", &changed), &params, &error);
         assert_true(status == CAIRN_OK || status == CAIRN_EMPTY);
         for (int i = 0; i < f.count && i < 32; i++) {
             assert_true(f.line[i] >= 1);
@@ -1124,7 +1126,7 @@ static void test_mutations(void **state)
                 assert_int_equal(cairn_pose_is_finite(scans.record[i].robot), 1);
                 assert_true(scans.record[i].count >= 1);
             }
-            cairn_carmen_scans_free(&scans);
+            cairn_carmen_log_scans_free(&scans);
         }
     }
     assert_true(read > 1500 && faulty > 500);
@@ -1170,20 +1172,21 @@ static void test_heap(void **state)
     (void)state;
     (void)write_gzip("heap.log.gz", &t);
     for (int round = 0; round <= FILES_HEAP_ROUNDS; round++) {
-        cairn_carmen_scans scans;
+        cairn_carmen_log_scans scans;
         cairn_carmen_log *log;
         const char *path = files_path("heap.log.gz");
 
         if (round == 1)
             heap = files_heap();
-        assert_ok(cairn_carmen_load(&scans, path, NULL, NULL));
-        cairn_carmen_scans_free(&scans);
+        assert_ok(cairn_carmen_log_load(&scans, path, NULL, NULL));
+        cairn_carmen_log_scans_free(&scans);
         assert_ok(cairn_carmen_log_open(&log, path, NULL, NULL));
         assert_ok(cairn_carmen_log_rewind(log, NULL));
         cairn_carmen_log_close(log);
-        assert_status(cairn_carmen_load(&scans, files_folder, NULL, NULL), CAIRN_UNSUPPORTED);
-        assert_status(cairn_carmen_load(&scans, files_write_text("heap.log", "ODOM\n"), NULL, NULL),
-                      CAIRN_EMPTY);
+        assert_status(cairn_carmen_log_load(&scans, files_folder, NULL, NULL), CAIRN_UNSUPPORTED);
+        assert_status(
+            cairn_carmen_log_load(&scans, files_write_text("heap.log", "ODOM\n"), NULL, NULL),
+            CAIRN_EMPTY);
     }
     assert_true(files_heap() < heap + FILES_HEAP_NOISE);
     free(t.bytes);

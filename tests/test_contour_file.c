@@ -17,9 +17,9 @@ static cairn_file_error error;
 
 typedef struct found {
     cairn_shape_model_file model;
-    cairn_contour_tokens tokens;
-    cairn_contour_result result;
-    cairn_contour_picture picture;
+    cairn_contour_search_tokens tokens;
+    cairn_contour_search_result result;
+    cairn_contour_file_picture picture;
 } found;
 
 /* A box of 40 x 80 in the picture, or nothing. */
@@ -27,7 +27,7 @@ static found find(int there, int32_t shrink)
 {
     static const cairn_vec2 box[] = {{0, 0}, {40, 0}, {40, 80}, {0, 80}};
     cairn_contour_search_params params = cairn_contour_search_default(WIDTH, HEIGHT);
-    cairn_shape_builder_params builder = cairn_shape_builder_default();
+    cairn_shape_model_builder_params builder = cairn_shape_model_builder_default();
     cairn_raster_u8_view view = {edges, WIDTH, HEIGHT, WIDTH};
     cairn_curve outline = {box, 4, 1};
     found f;
@@ -41,7 +41,7 @@ static found find(int there, int32_t shrink)
     params.max_size = 100;
     params.min_score = CAIRN_REAL(0.3);
     assert_ok(cairn_shape_model_file_build(&f.model, &outline, 1, &builder, "box", &error));
-    assert_ok(cairn_contour_tokens_find(&f.tokens, view, 1, 0, "edges", &error));
+    assert_ok(cairn_contour_search_tokens_find(&f.tokens, view, 1, 0, "edges", &error));
     assert_ok(
         cairn_contour_search_run(&f.result, &f.tokens, &f.model.model, &params, "edges", &error));
     f.picture.image = "a \"<image>\".png";
@@ -61,8 +61,8 @@ static void link_up(found *f)
 static void drop(found *f)
 {
     cairn_shape_model_file_free(&f->model);
-    cairn_contour_tokens_free(&f->tokens);
-    cairn_contour_result_free(&f->result);
+    cairn_contour_search_tokens_free(&f->tokens);
+    cairn_contour_search_result_free(&f->result);
 }
 
 /* The number behind the first such name; the text is valid JSON. */

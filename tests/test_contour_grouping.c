@@ -23,9 +23,9 @@ static void add_lamp(scene *s, double x, double y, double scale, double turn, in
     }
 }
 
-static cairn_grouping_params small_params(void)
+static cairn_contour_grouping_params small_params(void)
 {
-    cairn_grouping_params p = cairn_grouping_default();
+    cairn_contour_grouping_params p = cairn_contour_grouping_default();
 
     p.max_width = WIDTH;
     p.max_height = HEIGHT;
@@ -34,14 +34,14 @@ static cairn_grouping_params small_params(void)
     return p;
 }
 
-static finder new_finder(const cairn_grouping_params *params)
+static finder new_finder(const cairn_contour_grouping_params *params)
 {
     return new_finder_of(params, lamp, SIDES);
 }
 
-static cairn_grouping_input input_of(const finder *f, const scene *s)
+static cairn_contour_grouping_input input_of(const finder *f, const scene *s)
 {
-    cairn_grouping_input in = {
+    cairn_contour_grouping_input in = {
         .segments = s->lines,
         .count = s->count,
         .width = WIDTH,
@@ -59,10 +59,10 @@ static cairn_grouping_input input_of(const finder *f, const scene *s)
 
 /* The share of the segments first ... last - 1 that an object has, and of its own that are among
  * them. */
-static void shares(const cairn_grouping_result *r, int32_t object, int32_t first, int32_t last,
-                   double *recall, double *precision)
+static void shares(const cairn_contour_grouping_result *r, int32_t object, int32_t first,
+                   int32_t last, double *recall, double *precision)
 {
-    const cairn_grouped_object *o = &r->objects[object];
+    const cairn_contour_grouping_object *o = &r->objects[object];
     int32_t among = 0;
 
     for (int32_t i = 0; i < o->count; i++) {
@@ -77,7 +77,7 @@ static void shares(const cairn_grouping_result *r, int32_t object, int32_t first
 }
 
 /* Where the frame of the model comes to lie: its origin is the middle of the box. */
-static void assert_lies(const finder *f, const cairn_grouped_object *o, double x, double y,
+static void assert_lies(const finder *f, const cairn_contour_grouping_object *o, double x, double y,
                         double scale, double turn)
 {
     double mx = (double)f->model.origin.x * scale, my = (double)f->model.origin.y * scale;
@@ -94,15 +94,15 @@ static void it_is_found_in_clutter_at_any_size_and_turn(void **state)
                                        {90, 100, 0.7, 12 * DEGREE},
                                        {200, 130, 1.5, -12 * DEGREE},
                                        {60, 60, 1.1, 5 * DEGREE}};
-    cairn_grouping_params params = small_params();
+    cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
 
     (void)state;
     for (int i = 0; i < 4; i++) {
         const double *w = where[i];
         scene s = {.count = 0};
-        cairn_grouping_result r;
-        cairn_grouping_input in;
+        cairn_contour_grouping_result r;
+        cairn_contour_grouping_input in;
         double recall, precision;
         int32_t own;
 
@@ -131,11 +131,11 @@ static void it_is_found_in_clutter_at_any_size_and_turn(void **state)
 
 static void two_are_found_and_told_apart(void **state)
 {
-    cairn_grouping_params params = small_params();
+    cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
     scene s = {.count = 0};
-    cairn_grouping_input in;
-    cairn_grouping_result r;
+    cairn_contour_grouping_input in;
+    cairn_contour_grouping_result r;
     double recall, precision;
     int32_t first, second;
 
@@ -185,8 +185,8 @@ static int is_of_sides(const finder *f, cairn_vec2 place, int from, int to)
 
 /* Samples of the paths of which a side lies next to a place of the outline that a segment goes
  * along. */
-static int32_t samples_seen(const finder *f, const cairn_grouping_result *r,
-                            const cairn_grouped_object *o)
+static int32_t samples_seen(const finder *f, const cairn_contour_grouping_result *r,
+                            const cairn_contour_grouping_object *o)
 {
     int32_t seen = 0;
 
@@ -215,7 +215,7 @@ static int32_t samples_seen(const finder *f, const cairn_grouping_result *r,
  * which part was seen. */
 static void a_part_is_enough(void **state)
 {
-    cairn_grouping_params params = small_params();
+    cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
 
     (void)state;
@@ -223,8 +223,8 @@ static void a_part_is_enough(void **state)
         int from = part ? 2 : 0, to = part ? 7 : 5;
         int32_t right = 0, seen = 0, visible = 0, own;
         scene s = {.count = 0}, whole = {.count = 0};
-        cairn_grouping_input in;
-        cairn_grouping_result r;
+        cairn_contour_grouping_input in;
+        cairn_contour_grouping_result r;
         cairn_real evidence;
         double recall, precision;
 
@@ -264,11 +264,11 @@ static void a_part_is_enough(void **state)
 /* A third of it lies beyond the border of the image. */
 static void what_the_border_cuts_is_found(void **state)
 {
-    cairn_grouping_params params = small_params();
+    cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
     scene all = {.count = 0}, s = {.count = 0};
-    cairn_grouping_input in;
-    cairn_grouping_result r;
+    cairn_contour_grouping_input in;
+    cairn_contour_grouping_result r;
     int32_t own;
 
     (void)state;
@@ -290,10 +290,10 @@ static void what_the_border_cuts_is_found(void **state)
  * best score. */
 static void what_is_not_there_is_not_found(void **state)
 {
-    cairn_grouping_params params = small_params();
+    cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
-    cairn_grouping_input in;
-    cairn_grouping_result r;
+    cairn_contour_grouping_input in;
+    cairn_contour_grouping_result r;
     scene s = {.count = 0}, none = {.count = 0};
 
     (void)state;
@@ -474,7 +474,7 @@ static double twin_evidence(const twin *t, const cairn_shape_model *m)
 
 static void evidence_is_that_of_the_slow_twin(void **state)
 {
-    cairn_grouping_params params = small_params();
+    cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
 
     (void)state;
@@ -482,8 +482,8 @@ static void evidence_is_that_of_the_slow_twin(void **state)
         static twin t;
         double w = 0;
         scene s = {.count = 0};
-        cairn_grouping_input in;
-        cairn_grouping_result r;
+        cairn_contour_grouping_input in;
+        cairn_contour_grouping_result r;
 
         add_lamp(&s, 140 + 7.3 * i, 100 + 4.1 * i, 0.9 + 0.1 * i, (2.5 * i - 5) * DEGREE, i % 3,
                  SIDES);
@@ -513,7 +513,7 @@ static void evidence_is_that_of_the_slow_twin(void **state)
 /* ---- Degenerate input ---- */
 
 /* Pairs of lines, each a token, that may be both sides of a sample, by angles. */
-static int32_t twin_sights(const finder *f, const scene *s, const cairn_grouping_input *in)
+static int32_t twin_sights(const finder *f, const scene *s, const cairn_contour_grouping_input *in)
 {
     int32_t count = 0;
 
@@ -548,7 +548,7 @@ static void first_sight_passes_nothing_over(void **state)
 {
     static const double turns[][2] = {{-15, 15}, {-180, 180}, {20, 50}, {-90, 90},
                                       {-89, 89}, {150, 180},  {0, 1}};
-    cairn_grouping_params params = small_params();
+    cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
     cairn_random random = cairn_random_seed(5, 3);
     scene s = {.count = 0};
@@ -563,8 +563,8 @@ static void first_sight_passes_nothing_over(void **state)
         add_line(&s, x, y, x + 6 * cos(turn), y + 6 * sin(turn));
     }
     for (size_t i = 0; i < sizeof turns / sizeof *turns; i++) {
-        cairn_grouping_input in = input_of(&f, &s);
-        cairn_grouping_result r;
+        cairn_contour_grouping_input in = input_of(&f, &s);
+        cairn_contour_grouping_result r;
         int32_t wanted;
 
         in.min_size = 60;
@@ -584,11 +584,11 @@ static void first_sight_passes_nothing_over(void **state)
 /* Edges everywhere: so many tokens as there is room for, evenly; and it comes to an end. */
 static void an_image_full_of_edges_is_thinned_out(void **state)
 {
-    cairn_grouping_params params = small_params();
+    cairn_contour_grouping_params params = small_params();
     cairn_segment *lines = calloc(6000, sizeof *lines);
     scene none = {.count = 0};
-    cairn_grouping_input in;
-    cairn_grouping_result r;
+    cairn_contour_grouping_input in;
+    cairn_contour_grouping_result r;
     finder f;
 
     (void)state;
@@ -614,13 +614,13 @@ static void an_image_full_of_edges_is_thinned_out(void **state)
     in.count = 499;
     assert_int_equal(group(&f, &in).token_count, 499);
     lines[3].b.x = (cairn_real)1e12;
-    assert_ok(cairn_grouping_begin(f.grouping, &in));
+    assert_ok(cairn_contour_grouping_begin(f.grouping, &in));
     {
         cairn_budget budget = {INT32_MAX};
 
-        assert_status(cairn_grouping_step(f.grouping, &budget), CAIRN_FULL);
+        assert_status(cairn_contour_grouping_step(f.grouping, &budget), CAIRN_FULL);
     }
-    assert_int_equal(cairn_grouping_read(f.grouping).token_count, 0);
+    assert_int_equal(cairn_contour_grouping_read(f.grouping).token_count, 0);
     free(lines);
     test_pool_free(&f.pool);
 }
@@ -628,18 +628,18 @@ static void an_image_full_of_edges_is_thinned_out(void **state)
 /* A triangle is a model as well; an image of one pixel has nothing in it. */
 static void small_models_and_images(void **state)
 {
-    cairn_grouping_params params = small_params();
+    cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
     cairn_vec2 corner[3] = {{0, 0}, {60, 10}, {20, 50}};
     cairn_curve outline = {corner, 3, 1};
     cairn_budget budget = {INT32_MAX};
     scene s = {.count = 0};
-    cairn_grouping_input in;
+    cairn_contour_grouping_input in;
 
     (void)state;
-    assert_ok(cairn_shape_builder_begin(f.builder, &outline, 1));
-    assert_ok(cairn_shape_builder_step(f.builder, &budget));
-    f.model = cairn_shape_builder_read(f.builder);
+    assert_ok(cairn_shape_model_builder_begin(f.builder, &outline, 1));
+    assert_ok(cairn_shape_model_builder_step(f.builder, &budget));
+    f.model = cairn_shape_model_builder_read(f.builder);
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 6; k++) {
             cairn_vec2 a = corner[i], b = corner[(i + 1) % 3];
@@ -652,8 +652,8 @@ static void small_models_and_images(void **state)
         }
     in = input_of(&f, &s);
     assert_int_equal(group(&f, &in).object_count, 1);
-    assert_near(cairn_grouping_read(f.grouping).objects[0].origin.x, 100 + (double)f.model.origin.x,
-                1);
+    assert_near(cairn_contour_grouping_read(f.grouping).objects[0].origin.x,
+                100 + (double)f.model.origin.x, 1);
     in.width = in.height = 1;
     in.count = 0;
     assert_int_equal(group(&f, &in).object_count, 0);
@@ -664,9 +664,9 @@ static void small_models_and_images(void **state)
  * larger pool but for its trace. */
 static void parts_can_be_switched_off(void **state)
 {
-    cairn_grouping_params params = small_params(), longer = params;
-    cairn_grouping_input in;
-    cairn_grouping_result r;
+    cairn_contour_grouping_params params = small_params(), longer = params;
+    cairn_contour_grouping_input in;
+    cairn_contour_grouping_result r;
     cairn_real likelihood;
     scene s = {.count = 0};
     finder f;
@@ -698,11 +698,11 @@ static void parts_can_be_switched_off(void **state)
     assert_int_equal(r.object_count, 1);
     test_pool_free(&f.pool);
     longer.max_samples = params.max_samples + 100;
-    assert_true(cairn_grouping_memory(&longer) - cairn_grouping_memory(&params) <=
-                100 * sizeof(cairn_grouping_trace) + CAIRN_ALIGN);
+    assert_true(cairn_contour_grouping_memory(&longer) - cairn_contour_grouping_memory(&params) <=
+                100 * sizeof(cairn_contour_grouping_trace) + CAIRN_ALIGN);
 }
 
-static uint64_t hash_of(const cairn_grouping_result *r)
+static uint64_t hash_of(const cairn_contour_grouping_result *r)
 {
     uint64_t hash = test_hash(TEST_HASH_START, &r->best_score, sizeof r->best_score);
 
@@ -717,11 +717,11 @@ static uint64_t hash_of(const cairn_grouping_result *r)
 static void budgets_do_not_matter(void **state)
 {
     static const int32_t budgets[] = {7, 1000, 100000};
-    cairn_grouping_params params = small_params();
+    cairn_contour_grouping_params params = small_params();
     cairn_budget all = {INT32_MAX};
     finder f;
-    cairn_grouping_input in;
-    cairn_grouping_result r;
+    cairn_contour_grouping_input in;
+    cairn_contour_grouping_result r;
     scene s = {.count = 0};
     int32_t units;
     uint64_t hash;
@@ -732,26 +732,26 @@ static void budgets_do_not_matter(void **state)
     add_lamp(&s, 160, 120, 1, 0, 0, SIDES);
     add_clutter(&s, 10, 2, 8, 5);
     in = input_of(&f, &s);
-    assert_ok(cairn_grouping_begin(f.grouping, &in));
-    assert_ok(cairn_grouping_step(f.grouping, &all));
+    assert_ok(cairn_contour_grouping_begin(f.grouping, &in));
+    assert_ok(cairn_contour_grouping_step(f.grouping, &all));
     units = INT32_MAX - all.left;
-    r = cairn_grouping_read(f.grouping);
+    r = cairn_contour_grouping_read(f.grouping);
     assert_int_equal(r.object_count, 1);
     hash = hash_of(&r);
     for (int i = 0; i < 3; i++) {
         int64_t used = 0;
         cairn_status status;
 
-        assert_ok(cairn_grouping_begin(f.grouping, &in));
+        assert_ok(cairn_contour_grouping_begin(f.grouping, &in));
         do {
             cairn_budget budget = {budgets[i]};
 
-            status = cairn_grouping_step(f.grouping, &budget);
+            status = cairn_contour_grouping_step(f.grouping, &budget);
             assert_true(budget.left >= 0);
             used += budgets[i] - budget.left;
         } while (status == CAIRN_MORE);
         assert_ok(status);
-        r = cairn_grouping_read(f.grouping);
+        r = cairn_contour_grouping_read(f.grouping);
         assert_true(hash_of(&r) == hash);
         assert_int_equal(used, units);
     }
@@ -760,13 +760,13 @@ static void budgets_do_not_matter(void **state)
 
 static void bad_input_is_refused(void **state)
 {
-    cairn_grouping_params params = small_params();
+    cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
     scene s = {.count = 0};
-    cairn_grouping_input good, in;
+    cairn_contour_grouping_input good, in;
     cairn_budget budget = {INT32_MAX};
     cairn_shape_model model = f.model;
-    cairn_shape_sample *many;
+    cairn_shape_model_sample *many;
 
     (void)state;
     add_lamp(&s, 160, 120, 1, 0, 0, SIDES);
@@ -775,8 +775,8 @@ static void bad_input_is_refused(void **state)
 #define REFUSED(change, status)                                                                    \
     in = good;                                                                                     \
     change;                                                                                        \
-    assert_status(cairn_grouping_begin(f.grouping, &in), status);                                  \
-    assert_int_equal(cairn_grouping_read(f.grouping).object_count, 1)
+    assert_status(cairn_contour_grouping_begin(f.grouping, &in), status);                          \
+    assert_int_equal(cairn_contour_grouping_read(f.grouping).object_count, 1)
     REFUSED(in.count = -1, CAIRN_BAD_ARGUMENT);
     REFUSED(in.segments = NULL, CAIRN_BAD_ARGUMENT);
     REFUSED(in.width = 0, CAIRN_BAD_ARGUMENT);
@@ -804,31 +804,31 @@ static void bad_input_is_refused(void **state)
     REFUSED(in.model = &model, CAIRN_FULL);
     free(many);
 #undef REFUSED
-    assert_status(cairn_grouping_begin(NULL, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_grouping_begin(f.grouping, NULL), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_grouping_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_grouping_step(f.grouping, NULL), CAIRN_BAD_ARGUMENT);
-    assert_ok(cairn_grouping_step(f.grouping, &budget));
+    assert_status(cairn_contour_grouping_begin(NULL, &good), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_contour_grouping_begin(f.grouping, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_contour_grouping_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_contour_grouping_step(f.grouping, NULL), CAIRN_BAD_ARGUMENT);
+    assert_ok(cairn_contour_grouping_step(f.grouping, &budget));
     s.lines[2].b.y = (cairn_real)NAN;
-    assert_ok(cairn_grouping_begin(f.grouping, &good));
-    assert_status(cairn_grouping_step(f.grouping, &budget), CAIRN_NOT_FINITE);
-    assert_int_equal(cairn_grouping_read(f.grouping).object_count, 0);
-    assert_int_equal(cairn_grouping_read(NULL).steps, 0);
+    assert_ok(cairn_contour_grouping_begin(f.grouping, &good));
+    assert_status(cairn_contour_grouping_step(f.grouping, &budget), CAIRN_NOT_FINITE);
+    assert_int_equal(cairn_contour_grouping_read(f.grouping).object_count, 0);
+    assert_int_equal(cairn_contour_grouping_read(NULL).steps, 0);
     test_pool_free(&f.pool);
 }
 
 static void bad_params_are_refused(void **state)
 {
-    cairn_grouping_params good = small_params(), p;
+    cairn_contour_grouping_params good = small_params(), p;
     cairn_pool pool = test_pool(64);
-    cairn_grouping *g;
+    cairn_contour_grouping *g;
 
     (void)state;
 #define REFUSED(field, bad)                                                                        \
     p = good;                                                                                      \
     p.field = bad;                                                                                 \
-    assert_int_equal(cairn_grouping_memory(&p), 0);                                                \
-    assert_status(cairn_grouping_create(&g, &pool, &p), CAIRN_BAD_ARGUMENT)
+    assert_int_equal(cairn_contour_grouping_memory(&p), 0);                                        \
+    assert_status(cairn_contour_grouping_create(&g, &pool, &p), CAIRN_BAD_ARGUMENT)
     REFUSED(max_width, 0);
     REFUSED(max_width, 8193);
     REFUSED(max_height, 0);
@@ -860,14 +860,14 @@ static void bad_params_are_refused(void **state)
     REFUSED(min_evidence, -1);
     REFUSED(min_evidence, (cairn_real)NAN);
 #undef REFUSED
-    assert_int_equal(cairn_grouping_memory(NULL), 0);
-    assert_status(cairn_grouping_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_grouping_create(&g, NULL, &good), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(cairn_contour_grouping_memory(NULL), 0);
+    assert_status(cairn_contour_grouping_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_contour_grouping_create(&g, NULL, &good), CAIRN_BAD_ARGUMENT);
     good.particles = 2;
     good.max_tokens = 4;
     good.max_samples = 4;
     good.max_width = good.max_height = 32;
-    test_every_pool_size(create, &good, cairn_grouping_memory(&good));
+    test_every_pool_size(create, &good, cairn_contour_grouping_memory(&good));
     test_pool_free(&pool);
 }
 

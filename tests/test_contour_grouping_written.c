@@ -28,9 +28,9 @@ static void add_flask(scene *s, double x, double y)
     add_end(s, x + flask[1][0], y + flask[1][1]);
 }
 
-static cairn_grouping_params small_params(void)
+static cairn_contour_grouping_params small_params(void)
 {
-    cairn_grouping_params p = cairn_grouping_as_written();
+    cairn_contour_grouping_params p = cairn_contour_grouping_as_written();
 
     p.max_width = WIDTH;
     p.max_height = HEIGHT;
@@ -42,24 +42,24 @@ static cairn_grouping_params small_params(void)
     return p;
 }
 
-static finder new_finder(const cairn_grouping_params *params)
+static finder new_finder(const cairn_contour_grouping_params *params)
 {
     return new_finder_of(params, flask, SIDES);
 }
 
-static cairn_grouping_input input_of(const finder *f, const scene *s)
+static cairn_contour_grouping_input input_of(const finder *f, const scene *s)
 {
-    cairn_grouping_input in = {.segments = s->lines,
-                               .count = s->count,
-                               .width = WIDTH,
-                               .height = HEIGHT,
-                               .model = &f->model,
-                               .min_size = f->model.size,
-                               .max_size = f->model.size,
-                               .mean_length = 8,
-                               .look_ahead = 16,
-                               .ends = s->ends,
-                               .end_count = s->end_count};
+    cairn_contour_grouping_input in = {.segments = s->lines,
+                                       .count = s->count,
+                                       .width = WIDTH,
+                                       .height = HEIGHT,
+                                       .model = &f->model,
+                                       .min_size = f->model.size,
+                                       .max_size = f->model.size,
+                                       .mean_length = 8,
+                                       .look_ahead = 16,
+                                       .ends = s->ends,
+                                       .end_count = s->end_count};
 
     return in;
 }
@@ -68,10 +68,10 @@ static cairn_grouping_input input_of(const finder *f, const scene *s)
 
 static void a_flask_in_clutter_is_walked_along(void **state)
 {
-    cairn_grouping_params params = small_params();
+    cairn_contour_grouping_params params = small_params();
     scene s = {.count = 0};
-    cairn_grouping_input in;
-    cairn_grouping_result r;
+    cairn_contour_grouping_input in;
+    cairn_contour_grouping_result r;
     int32_t own, among = 0;
     finder f;
 
@@ -94,7 +94,7 @@ static void a_flask_in_clutter_is_walked_along(void **state)
     assert_true(r.objects[0].score > (cairn_real)0.7);
     assert_int_equal(r.token_count, s.count);
     assert_true(r.hypothesis_count > 0 && r.point_count > 0 && r.points_dropped == 0 &&
-                r.end_reason != CAIRN_GROUPING_NO_START);
+                r.end_reason != CAIRN_CONTOUR_GROUPING_NO_START);
     assert_near(r.best_evidence, r.objects[0].evidence, 0);
     for (int32_t i = 0; i < r.steps; i++)
         assert_in_range(r.trace[i].particles, 1, params.particles);
@@ -113,9 +113,9 @@ static void terms_can_be_switched_off(void **state)
     add_flask(&s, 130, 100);
     add_clutter(&s, 120, 4, 4, 2);
     for (int off = 0; off < 3; off++) {
-        cairn_grouping_params params = small_params();
-        cairn_grouping_input in;
-        cairn_grouping_result r;
+        cairn_contour_grouping_params params = small_params();
+        cairn_contour_grouping_input in;
+        cairn_contour_grouping_result r;
         finder f;
 
         params.use_model = off != 1;
@@ -140,12 +140,12 @@ static double reference_normal(double x, double sigma)
 }
 
 /* The log of (2.13), the path walked from its first or its last sample. */
-static double reference_likelihood(const finder *f, const cairn_grouping_disc *first,
-                                   const cairn_grouping_disc *d, int way)
+static double reference_likelihood(const finder *f, const cairn_contour_grouping_disc *first,
+                                   const cairn_contour_grouping_disc *d, int way)
 {
     const cairn_shape_model *m = &f->model;
     int32_t n = m->paths[0].count;
-    const cairn_shape_sample *p = &m->samples[m->paths[0].first];
+    const cairn_shape_model_sample *p = &m->samples[m->paths[0].first];
     double size = (double)m->size, mean = 0, least = 1e9, radius = 0;
     double x = (double)(d->centre.x - first->centre.x) / size,
            y = (double)(d->centre.y - first->centre.y) / size;
@@ -153,7 +153,8 @@ static double reference_likelihood(const finder *f, const cairn_grouping_disc *f
     for (int32_t k = 0; k < n; k++)
         mean += (double)p[k].radius / n;
     for (int32_t k = 0; k < n; k++) {
-        const cairn_shape_sample *sample = &p[way ? n - 1 - k : k], *start = &p[way ? n - 1 : 0];
+        const cairn_shape_model_sample *sample = &p[way ? n - 1 - k : k],
+                                       *start = &p[way ? n - 1 : 0];
         double mx = (double)(sample->centre.x - start->centre.x),
                my = (double)(sample->centre.y - start->centre.y);
         double angle = fabs(remainder(atan2(y, x) - atan2(my, mx), 2 * acos(-1)));
@@ -177,7 +178,7 @@ static double apart(cairn_vec2 a, cairn_vec2 b)
 /* The range of the model's radii, a fifth of their mean wider on both sides. */
 static void model_radii(const finder *f, cairn_real radii[2])
 {
-    const cairn_shape_path *path = &f->model.paths[0];
+    const cairn_shape_model_path *path = &f->model.paths[0];
     cairn_real least = 1, most = 0, sum = 0;
 
     for (int32_t k = path->first; k < path->first + path->count; k++) {
@@ -193,7 +194,7 @@ static void model_radii(const finder *f, cairn_real radii[2])
 /* Every disc is the symmetric point of its segments; every step leads from an open end to an end
  * within the look-ahead, and takes two new segments; the posterior is the sum of (2.13), above
  * `stop`, along one of the two ways. */
-static void assert_is_walk(const finder *f, const scene *s, const cairn_grouping_disc *d,
+static void assert_is_walk(const finder *f, const scene *s, const cairn_contour_grouping_disc *d,
                            int32_t count)
 {
     double sum[2] = {0, 0};
@@ -237,31 +238,31 @@ static void assert_is_walk(const finder *f, const scene *s, const cairn_grouping
 
 static void walks_are_what_they_are_defined_to_be(void **state)
 {
-    cairn_grouping_params params = small_params();
+    cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
-    static cairn_grouping_disc d[STEPS];
-    cairn_grouping_particle particles[60];
+    static cairn_contour_grouping_disc d[STEPS];
+    cairn_contour_grouping_particle particles[60];
     int32_t steps, walks = 0, longest = 0;
     cairn_status status;
 
     (void)state;
     for (uint64_t seed = 1; seed < 4; seed++) {
         scene s = {.count = 0};
-        cairn_grouping_input in;
-        cairn_grouping_result r;
+        cairn_contour_grouping_input in;
+        cairn_contour_grouping_result r;
 
         add_flask(&s, 120, 100);
         add_clutter(&s, 80, 4, 4, seed);
         in = input_of(&f, &s);
-        assert_ok(cairn_grouping_begin(f.grouping, &in));
-        assert_int_equal(cairn_grouping_history(f.grouping, 0, d, STEPS), 0);
+        assert_ok(cairn_contour_grouping_begin(f.grouping, &in));
+        assert_int_equal(cairn_contour_grouping_history(f.grouping, 0, d, STEPS), 0);
         do {
             cairn_budget budget = {20000};
 
-            status = cairn_grouping_step(f.grouping, &budget);
-            for (int32_t i = 0; i < cairn_grouping_particles(f.grouping, particles, 60, &steps);
-                 i += 7) {
-                int32_t count = cairn_grouping_history(f.grouping, i, d, STEPS);
+            status = cairn_contour_grouping_step(f.grouping, &budget);
+            for (int32_t i = 0;
+                 i < cairn_contour_grouping_particles(f.grouping, particles, 60, &steps); i += 7) {
+                int32_t count = cairn_contour_grouping_history(f.grouping, i, d, STEPS);
 
                 /* The step after may have been made, and not yet been counted. */
                 assert_in_range(count, steps + 1, steps + 2);
@@ -272,9 +273,9 @@ static void walks_are_what_they_are_defined_to_be(void **state)
             }
         } while (status == CAIRN_MORE);
         assert_ok(status);
-        r = cairn_grouping_read(f.grouping);
+        r = cairn_contour_grouping_read(f.grouping);
         for (int32_t i = 0; i < r.object_count; i++) {
-            int32_t count = cairn_grouping_skeleton(f.grouping, i, d, STEPS);
+            int32_t count = cairn_contour_grouping_skeleton(f.grouping, i, d, STEPS);
 
             assert_int_equal(count, r.objects[i].matched_samples);
             assert_is_walk(&f, &s, d, count);
@@ -290,20 +291,20 @@ static void walks_are_what_they_are_defined_to_be(void **state)
                     assert_true(is_listed);
                 }
         }
-        assert_int_equal(cairn_grouping_skeleton(f.grouping, r.object_count, d, STEPS), 0);
+        assert_int_equal(cairn_contour_grouping_skeleton(f.grouping, r.object_count, d, STEPS), 0);
     }
     assert_true(walks > 20 && longest >= 8);
-    assert_int_equal(cairn_grouping_history(f.grouping, -1, d, STEPS), 0);
-    assert_int_equal(cairn_grouping_history(f.grouping, 60, d, STEPS), 0);
-    assert_int_equal(cairn_grouping_history(NULL, 0, d, STEPS), 0);
-    assert_int_equal(cairn_grouping_skeleton(NULL, 0, d, STEPS), 0);
-    assert_true(cairn_grouping_history(f.grouping, 0, NULL, 0) > 1);
+    assert_int_equal(cairn_contour_grouping_history(f.grouping, -1, d, STEPS), 0);
+    assert_int_equal(cairn_contour_grouping_history(f.grouping, 60, d, STEPS), 0);
+    assert_int_equal(cairn_contour_grouping_history(NULL, 0, d, STEPS), 0);
+    assert_int_equal(cairn_contour_grouping_skeleton(NULL, 0, d, STEPS), 0);
+    assert_true(cairn_contour_grouping_history(f.grouping, 0, NULL, 0) > 1);
     test_pool_free(&f.pool);
 }
 
 /* ---- Budgets, memory ---- */
 
-static uint64_t hash_of(const cairn_grouping_result *r)
+static uint64_t hash_of(const cairn_contour_grouping_result *r)
 {
     uint64_t hash = test_hash(TEST_HASH_START, &r->best_score, sizeof r->best_score);
 
@@ -320,10 +321,10 @@ static uint64_t hash_of(const cairn_grouping_result *r)
 static void budgets_do_not_matter(void **state)
 {
     static const int32_t budgets[] = {1, 7, 1000, INT32_MAX};
-    cairn_grouping_params params = small_params();
+    cairn_contour_grouping_params params = small_params();
     scene s = {.count = 0};
     uint64_t first = 0;
-    cairn_grouping_input in;
+    cairn_contour_grouping_input in;
     finder f;
 
     (void)state;
@@ -333,19 +334,19 @@ static void budgets_do_not_matter(void **state)
     add_clutter(&s, 30, 4, 4, 5);
     in = input_of(&f, &s);
     for (int i = 0; i < 4; i++) {
-        cairn_grouping_result r;
+        cairn_contour_grouping_result r;
         cairn_status status;
         uint64_t hash;
 
-        assert_ok(cairn_grouping_begin(f.grouping, &in));
+        assert_ok(cairn_contour_grouping_begin(f.grouping, &in));
         do {
             cairn_budget budget = {budgets[i]};
 
-            status = cairn_grouping_step(f.grouping, &budget);
+            status = cairn_contour_grouping_step(f.grouping, &budget);
             assert_true(budget.left >= 0);
         } while (status == CAIRN_MORE);
         assert_ok(status);
-        r = cairn_grouping_read(f.grouping);
+        r = cairn_contour_grouping_read(f.grouping);
         assert_true(r.object_count >= 1);
         hash = hash_of(&r);
         first = i == 0 ? hash : first;
@@ -356,7 +357,7 @@ static void budgets_do_not_matter(void **state)
 
 static void every_pool_size(void **state)
 {
-    cairn_grouping_params params = small_params();
+    cairn_contour_grouping_params params = small_params();
 
     (void)state;
     params.max_tokens = 20;
@@ -365,21 +366,21 @@ static void every_pool_size(void **state)
     params.particles = 3;
     params.max_objects = 1;
     params.max_outline = 16;
-    test_every_pool_size(create, &params, cairn_grouping_memory(&params));
+    test_every_pool_size(create, &params, cairn_contour_grouping_memory(&params));
 }
 
 /* ---- Bad input ---- */
 
 static void bad_params_are_refused(void **state)
 {
-    cairn_grouping_params p;
+    cairn_contour_grouping_params p;
 
     (void)state;
 #define REFUSED(change)                                                                            \
     p = small_params();                                                                            \
-    assert_true(cairn_grouping_memory(&p) > 0);                                                    \
+    assert_true(cairn_contour_grouping_memory(&p) > 0);                                            \
     change;                                                                                        \
-    assert_int_equal(cairn_grouping_memory(&p), 0)
+    assert_int_equal(cairn_contour_grouping_memory(&p), 0)
     REFUSED(p.mode = -1);
     REFUSED(p.mode = 2);
     REFUSED(p.max_points = 0);
@@ -391,20 +392,20 @@ static void bad_params_are_refused(void **state)
     REFUSED(p.radius_sigma = 0);
     REFUSED(p.radius_sigma = (cairn_real)INFINITY);
 #undef REFUSED
-    p = cairn_grouping_as_written();
+    p = cairn_contour_grouping_as_written();
     assert_int_equal(p.mode, CAIRN_MODE_AS_WRITTEN);
     assert_near(p.path_sigma, 0.7, 1e-6);
     assert_near(p.radius_sigma, 0.2, 1e-6);
-    assert_int_equal(cairn_grouping_default().mode, CAIRN_MODE_DEFAULT);
+    assert_int_equal(cairn_contour_grouping_default().mode, CAIRN_MODE_DEFAULT);
 }
 
 static void bad_input_is_refused(void **state)
 {
-    cairn_grouping_params params = small_params();
+    cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
     cairn_shape_model pathless = f.model;
     cairn_budget budget = {INT32_MAX};
-    cairn_grouping_input good, in;
+    cairn_contour_grouping_input good, in;
     scene s = {.count = 0};
 
     (void)state;
@@ -414,7 +415,7 @@ static void bad_input_is_refused(void **state)
 #define REFUSED(change, status)                                                                    \
     in = good;                                                                                     \
     change;                                                                                        \
-    assert_status(cairn_grouping_begin(f.grouping, &in), status)
+    assert_status(cairn_contour_grouping_begin(f.grouping, &in), status)
     REFUSED(in.look_ahead = 0, CAIRN_BAD_ARGUMENT);
     REFUSED(in.look_ahead = (cairn_real)NAN, CAIRN_NOT_FINITE);
     REFUSED(in.end_count = -1, CAIRN_BAD_ARGUMENT);
@@ -424,37 +425,37 @@ static void bad_input_is_refused(void **state)
     REFUSED(in.min_size = 0, CAIRN_BAD_ARGUMENT);
 #undef REFUSED
     s.lines[3].a.x = (cairn_real)NAN;
-    assert_ok(cairn_grouping_begin(f.grouping, &good));
-    assert_status(cairn_grouping_step(f.grouping, &budget), CAIRN_NOT_FINITE);
-    assert_int_equal(cairn_grouping_read(f.grouping).object_count, 0);
+    assert_ok(cairn_contour_grouping_begin(f.grouping, &good));
+    assert_status(cairn_contour_grouping_step(f.grouping, &budget), CAIRN_NOT_FINITE);
+    assert_int_equal(cairn_contour_grouping_read(f.grouping).object_count, 0);
     s.lines[3].a.x = 0;
     s.ends[0].y = (cairn_real)INFINITY;
-    assert_ok(cairn_grouping_begin(f.grouping, &good));
-    assert_status(cairn_grouping_step(f.grouping, &budget), CAIRN_NOT_FINITE);
+    assert_ok(cairn_contour_grouping_begin(f.grouping, &good));
+    assert_status(cairn_contour_grouping_step(f.grouping, &budget), CAIRN_NOT_FINITE);
     test_pool_free(&f.pool);
 }
 
 static void no_start_is_told(void **state)
 {
-    cairn_grouping_params params = small_params();
+    cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
     scene s = {.count = 0}, none = {.count = 0};
-    cairn_grouping_particle p;
-    cairn_grouping_input in;
-    cairn_grouping_result r;
+    cairn_contour_grouping_particle p;
+    cairn_contour_grouping_input in;
+    cairn_contour_grouping_result r;
 
     (void)state;
     add_flask(&s, 130, 100);
     in = input_of(&f, &s);
     in.end_count = 0;
     r = group(&f, &in);
-    assert_int_equal(r.end_reason, CAIRN_GROUPING_NO_START);
+    assert_int_equal(r.end_reason, CAIRN_CONTOUR_GROUPING_NO_START);
     assert_int_equal(r.object_count + r.steps + r.hypothesis_count, 0);
-    assert_int_equal(cairn_grouping_particles(f.grouping, &p, 1, NULL), 0);
+    assert_int_equal(cairn_contour_grouping_particles(f.grouping, &p, 1, NULL), 0);
     /* Nor is there one in an image without a chain. */
     in = input_of(&f, &none);
     r = group(&f, &in);
-    assert_int_equal(r.end_reason, CAIRN_GROUPING_NO_START);
+    assert_int_equal(r.end_reason, CAIRN_CONTOUR_GROUPING_NO_START);
     assert_int_equal(r.point_count, 0);
     test_pool_free(&f.pool);
 }
@@ -463,10 +464,10 @@ static void no_start_is_told(void **state)
  * on. */
 static void all_particles_may_die(void **state)
 {
-    cairn_grouping_params params = small_params();
+    cairn_contour_grouping_params params = small_params();
     scene s = {.count = 0};
-    cairn_grouping_input in;
-    cairn_grouping_result r;
+    cairn_contour_grouping_input in;
+    cairn_contour_grouping_result r;
     finder f;
 
     (void)state;
@@ -479,7 +480,7 @@ static void all_particles_may_die(void **state)
     r = group(&f, &in);
     assert_int_equal(r.point_count, 1);
     assert_int_equal(r.hypothesis_count, 4);
-    assert_int_equal(r.end_reason, CAIRN_GROUPING_NO_FOLLOWER);
+    assert_int_equal(r.end_reason, CAIRN_CONTOUR_GROUPING_NO_FOLLOWER);
     assert_int_equal(r.object_count + r.steps, 0);
     /* Again with what can be found. */
     s.count = s.end_count = 0;
@@ -493,10 +494,10 @@ static void all_particles_may_die(void **state)
  * kept. */
 static void ten_thousand_points(void **state)
 {
-    cairn_grouping_params params = small_params();
+    cairn_contour_grouping_params params = small_params();
     scene s = {.count = 0};
-    cairn_grouping_input in;
-    cairn_grouping_result r;
+    cairn_contour_grouping_input in;
+    cairn_contour_grouping_result r;
     finder f;
 
     (void)state;
@@ -511,17 +512,17 @@ static void ten_thousand_points(void **state)
     r = group(&f, &in);
     assert_int_equal(r.point_count, 3000);
     assert_true(r.point_count + r.points_dropped > 10000);
-    assert_true(r.end_reason != CAIRN_GROUPING_NO_START);
+    assert_true(r.end_reason != CAIRN_CONTOUR_GROUPING_NO_START);
     test_pool_free(&f.pool);
 }
 
 /* Two steps are all that there is memory for. */
 static void steps_are_bounded(void **state)
 {
-    cairn_grouping_params params = small_params();
+    cairn_contour_grouping_params params = small_params();
     scene s = {.count = 0};
-    cairn_grouping_input in;
-    cairn_grouping_result r;
+    cairn_contour_grouping_input in;
+    cairn_contour_grouping_result r;
     finder f;
 
     (void)state;
@@ -531,7 +532,7 @@ static void steps_are_bounded(void **state)
     in = input_of(&f, &s);
     r = group(&f, &in);
     assert_int_equal(r.steps, 2);
-    assert_int_equal(r.end_reason, CAIRN_GROUPING_STEPS);
+    assert_int_equal(r.end_reason, CAIRN_CONTOUR_GROUPING_STEPS);
     assert_true(r.object_count >= 1 && r.objects[0].matched_samples <= 3);
     test_pool_free(&f.pool);
 }
@@ -541,10 +542,10 @@ static void steps_are_bounded(void **state)
  * the walk ends; what was found until then is the result. */
 static void histories_are_bounded(void **state)
 {
-    cairn_grouping_params params = small_params();
+    cairn_contour_grouping_params params = small_params();
     scene s = {.count = 0};
-    cairn_grouping_input in;
-    cairn_grouping_result r;
+    cairn_contour_grouping_input in;
+    cairn_contour_grouping_result r;
     finder f;
 
     (void)state;
@@ -559,7 +560,7 @@ static void histories_are_bounded(void **state)
     in = input_of(&f, &s);
     in.look_ahead = 3;
     r = group(&f, &in);
-    assert_int_equal(r.end_reason, CAIRN_GROUPING_HISTORIES);
+    assert_int_equal(r.end_reason, CAIRN_CONTOUR_GROUPING_HISTORIES);
     assert_in_range(r.steps, 24, STEPS - 2);
     assert_true(r.object_count >= 1);
     assert_int_equal(r.objects[0].matched_samples, r.steps + 1);
@@ -567,7 +568,7 @@ static void histories_are_bounded(void **state)
     s.count = s.end_count = 0;
     add_flask(&s, 130, 100);
     in = input_of(&f, &s);
-    assert_true(group(&f, &in).end_reason != CAIRN_GROUPING_HISTORIES);
+    assert_true(group(&f, &in).end_reason != CAIRN_CONTOUR_GROUPING_HISTORIES);
     test_pool_free(&f.pool);
 }
 

@@ -7,11 +7,11 @@
 
 static int32_t samples; /* of the model that was searched last */
 
-static cairn_contour_result run(const cairn_contour_tokens *tokens,
-                                const cairn_contour_search_params *params)
+static cairn_contour_search_result run(const cairn_contour_search_tokens *tokens,
+                                       const cairn_contour_search_params *params)
 {
     cairn_shape_model_file model = make_model();
-    cairn_contour_result result;
+    cairn_contour_search_result result;
 
     assert_ok(cairn_contour_search_run(&result, tokens, &model.model, params, "edges", &error));
     samples = model.model.sample_count;
@@ -20,10 +20,10 @@ static cairn_contour_result run(const cairn_contour_tokens *tokens,
 }
 
 /* Every index is one of the list it points into. */
-static void assert_whole(const cairn_contour_result *r, const cairn_contour_tokens *t)
+static void assert_whole(const cairn_contour_search_result *r, const cairn_contour_search_tokens *t)
 {
     for (int32_t i = 0; i < r->object_count; i++) {
-        const cairn_contour_object *o = &r->objects[i];
+        const cairn_contour_search_object *o = &r->objects[i];
 
         assert_in_range(o->found.first, 0, r->segment_count);
         assert_in_range(o->found.first + o->found.count, o->found.first, r->segment_count);
@@ -52,9 +52,9 @@ static void check_found(double x, double y, double scale, int mirrored, int32_t 
 {
     cairn_contour_search_params params = generous();
     double size = scale * hypot(80, 120);
-    cairn_contour_tokens tokens;
-    cairn_contour_result r;
-    const cairn_contour_object *o;
+    cairn_contour_search_tokens tokens;
+    cairn_contour_search_result r;
+    const cairn_contour_search_object *o;
     int32_t sides = 0;
 
     clear_picture();
@@ -74,16 +74,16 @@ static void check_found(double x, double y, double scale, int mirrored, int32_t 
     assert_true(r.best_score >= o->found.score);
     /* Of the axis most discs have both sides, and lie inside the flag. */
     for (int32_t k = 0; k < samples; k++) {
-        const cairn_contour_disc *d = &r.discs[o->first_disc + k];
+        const cairn_contour_search_disc *d = &r.discs[o->first_disc + k];
 
         assert_int_equal(d->sample, k);
         assert_true(d->radius > 0);
         sides += (d->side[0] >= 0) + (d->side[1] >= 0);
     }
     assert_true(sides >= 12 * samples / 10);
-    cairn_contour_result_free(&r);
+    cairn_contour_search_result_free(&r);
     assert_null(r.objects);
-    cairn_contour_tokens_free(&tokens);
+    cairn_contour_search_tokens_free(&tokens);
 }
 
 static void test_found_as_it_is_and_mirrored(void **state)
@@ -103,8 +103,8 @@ static void test_found_among_edgels(void **state)
 static void test_without_mirror(void **state)
 {
     cairn_contour_search_params params = generous();
-    cairn_contour_tokens tokens;
-    cairn_contour_result r;
+    cairn_contour_search_tokens tokens;
+    cairn_contour_search_result r;
 
     (void)state;
     clear_picture();
@@ -117,15 +117,15 @@ static void test_without_mirror(void **state)
     assert_int_equal(r.steps[1] + r.hypothesis_counts[1], 0);
     for (int32_t i = 0; i < r.object_count; i++)
         assert_int_equal(r.objects[i].mirrored, 0);
-    cairn_contour_result_free(&r);
-    cairn_contour_tokens_free(&tokens);
+    cairn_contour_search_result_free(&r);
+    cairn_contour_search_tokens_free(&tokens);
 }
 
 static void test_both_of_two(void **state)
 {
     cairn_contour_search_params params = generous();
-    cairn_contour_tokens tokens;
-    cairn_contour_result r;
+    cairn_contour_search_tokens tokens;
+    cairn_contour_search_result r;
     int32_t found[2] = {0, 0};
 
     (void)state;
@@ -143,8 +143,8 @@ static void test_both_of_two(void **state)
     assert_int_equal(found[1], 1);
     assert_near(r.objects[0].mirrored ? r.objects[1].found.origin.x : r.objects[0].found.origin.x,
                 60, 6);
-    cairn_contour_result_free(&r);
-    cairn_contour_tokens_free(&tokens);
+    cairn_contour_search_result_free(&r);
+    cairn_contour_search_tokens_free(&tokens);
 }
 
 /* Of a flag alone in the picture all edges but bits about the corners belong to the object, each
@@ -153,8 +153,8 @@ static void test_both_of_two(void **state)
 static void test_cut_by_the_border(void **state)
 {
     cairn_contour_search_params params = generous();
-    cairn_contour_tokens tokens;
-    cairn_contour_result r;
+    cairn_contour_search_tokens tokens;
+    cairn_contour_search_result r;
 
     (void)state;
     clear_picture();
@@ -168,8 +168,8 @@ static void test_cut_by_the_border(void **state)
     assert_near(r.objects[0].found.origin.x, WIDTH - 55 + 40, 10);
     assert_near(r.objects[0].found.origin.y, 100, 10);
     assert_true(r.objects[0].found.score < CAIRN_REAL(0.95));
-    cairn_contour_result_free(&r);
-    cairn_contour_tokens_free(&tokens);
+    cairn_contour_search_result_free(&r);
+    cairn_contour_search_tokens_free(&tokens);
 }
 
 /* A triangle by its three corners is a model like any other. */
@@ -177,11 +177,11 @@ static void test_model_of_three_points(void **state)
 {
     static const cairn_vec2 corners[] = {{0, 0}, {90, 10}, {30, 100}};
     cairn_curve outline = {corners, 3, 1};
-    cairn_shape_builder_params builder = cairn_shape_builder_default();
+    cairn_shape_model_builder_params builder = cairn_shape_model_builder_default();
     cairn_contour_search_params params = generous();
     cairn_shape_model_file model;
-    cairn_contour_tokens tokens;
-    cairn_contour_result r;
+    cairn_contour_search_tokens tokens;
+    cairn_contour_search_result r;
 
     (void)state;
     assert_ok(cairn_shape_model_file_build(&model, &outline, 1, &builder, "triangle", &error));
@@ -197,16 +197,16 @@ static void test_model_of_three_points(void **state)
     assert_true(r.object_count >= 1);
     assert_near(r.objects[0].found.origin.x, 80 + (double)model.model.origin.x, 6);
     assert_near(r.objects[0].found.origin.y, 50 + (double)model.model.origin.y, 6);
-    cairn_contour_result_free(&r);
-    cairn_contour_tokens_free(&tokens);
+    cairn_contour_search_result_free(&r);
+    cairn_contour_search_tokens_free(&tokens);
     cairn_shape_model_file_free(&model);
 }
 
 static void test_completed_along_the_chains(void **state)
 {
     cairn_contour_search_params params = generous();
-    cairn_contour_tokens tokens;
-    cairn_contour_result r;
+    cairn_contour_search_tokens tokens;
+    cairn_contour_search_result r;
     double all = 0, found = 0;
     uint8_t *seen;
 
@@ -232,8 +232,8 @@ static void test_completed_along_the_chains(void **state)
     }
     assert_true(found >= 0.9 * all);
     free(seen);
-    cairn_contour_result_free(&r);
-    cairn_contour_tokens_free(&tokens);
+    cairn_contour_search_result_free(&r);
+    cairn_contour_search_tokens_free(&tokens);
 }
 
 enum { LEVEL = 41 };
@@ -255,7 +255,7 @@ static void collect(const cairn_segment *lines, const int32_t *chains, int32_t c
 {
     cairn_oriented_point outline[LEVEL];
     contour_fitted_outline laid = {outline, LEVEL, {100, 100}, 200};
-    cairn_contour_tokens tokens;
+    cairn_contour_search_tokens tokens;
     int32_t list[16], listed = 0, known[16] = {0};
 
     memset(&tokens, 0, sizeof tokens);
@@ -352,7 +352,7 @@ static void test_what_is_followed(void **state)
     static const int32_t one[8] = {0, 0, 0, 0, 0, 0, 0, 0}, two[8] = {0, 0, 0, 1, 1, 1, 1, 1};
     cairn_oriented_point outline[40];
     contour_fitted_outline laid = {outline, 40, {100, 100}, 200};
-    cairn_contour_tokens tokens;
+    cairn_contour_search_tokens tokens;
     cairn_segment row[8];
     int32_t list[8], listed;
 
@@ -400,7 +400,7 @@ static void test_what_goes_on_at_a_gap(void **state)
     cairn_oriented_point outline[LEVEL];
     contour_fitted_outline laid = {outline, LEVEL, {100, 100}, 200};
     contour_gaps gaps = {.at = {{200, 100}}, .count = 0};
-    cairn_contour_tokens tokens;
+    cairn_contour_search_tokens tokens;
     int32_t list[3], listed;
 
     (void)state;
@@ -422,9 +422,9 @@ static void test_what_goes_on_at_a_gap(void **state)
 static void test_pieces_not_seen(void **state)
 {
     static const char seen[] = "..++.+..|..+++..", *const wanted = "aa++b+cc|dd+++ee";
-    cairn_contour_place outline[16];
-    cairn_contour_object object;
-    cairn_contour_result r;
+    cairn_contour_search_place outline[16];
+    cairn_contour_search_object object;
+    cairn_contour_search_result r;
     int32_t first, count, pieces = 0, n = 0;
 
     (void)state;
@@ -440,7 +440,7 @@ static void test_pieces_not_seen(void **state)
         }
     }
     object.outline_count = n;
-    for (int32_t from = 0; cairn_contour_completed(&r, &object, from, &first, &count);
+    for (int32_t from = 0; cairn_contour_search_completed(&r, &object, from, &first, &count);
          from = first + count, pieces++)
         for (int32_t i = first; i < first + count; i++)
             assert_int_equal(wanted[i < 8 ? i : i + 1], 'a' + pieces);
@@ -453,8 +453,8 @@ static void test_pieces_not_seen(void **state)
 static void test_hidden_piece_is_predicted(void **state)
 {
     cairn_contour_search_params params = generous();
-    cairn_contour_tokens tokens;
-    cairn_contour_result r;
+    cairn_contour_search_tokens tokens;
+    cairn_contour_search_result r;
     int32_t first, count, hidden = 0, others = 0;
 
     (void)state;
@@ -468,7 +468,7 @@ static void test_hidden_piece_is_predicted(void **state)
     params.mirror = 0;
     r = run(&tokens, &params);
     assert_true(r.object_count >= 1);
-    for (int32_t from = 0; cairn_contour_completed(&r, &r.objects[0], from, &first, &count);
+    for (int32_t from = 0; cairn_contour_search_completed(&r, &r.objects[0], from, &first, &count);
          from = first + count)
         for (int32_t i = first; i < first + count; i++) {
             cairn_vec2 p = r.outline[r.objects[0].first_outline + i].point.position;
@@ -482,8 +482,8 @@ static void test_hidden_piece_is_predicted(void **state)
         }
     assert_true(hidden >= 10);
     assert_true(others <= 8);
-    cairn_contour_result_free(&r);
-    cairn_contour_tokens_free(&tokens);
+    cairn_contour_search_result_free(&r);
+    cairn_contour_search_tokens_free(&tokens);
 }
 
 /* ---- The walk watched ---- */
@@ -493,7 +493,7 @@ typedef struct watch {
     double weight;
 } watch;
 
-static void on_step(void *context, const cairn_grouping_particle *particles, int32_t count,
+static void on_step(void *context, const cairn_contour_grouping_particle *particles, int32_t count,
                     int32_t mirrored)
 {
     watch *w = context;
@@ -515,8 +515,8 @@ static void on_step(void *context, const cairn_grouping_particle *particles, int
 static void test_the_walk_is_watched(void **state)
 {
     cairn_contour_search_params params = generous();
-    cairn_contour_tokens tokens;
-    cairn_contour_result r, silent;
+    cairn_contour_search_tokens tokens;
+    cairn_contour_search_result r, silent;
     watch w = {{0, 0}, 0, 0};
 
     (void)state;
@@ -537,20 +537,20 @@ static void test_the_walk_is_watched(void **state)
     /* Who watches changes nothing. */
     assert_int_equal(r.object_count, silent.object_count);
     assert_memory_equal(r.segments, silent.segments, (size_t)r.segment_count * sizeof *r.segments);
-    cairn_contour_result_free(&silent);
-    cairn_contour_result_free(&r);
-    cairn_contour_tokens_free(&tokens);
+    cairn_contour_search_result_free(&silent);
+    cairn_contour_search_result_free(&r);
+    cairn_contour_search_tokens_free(&tokens);
 }
 
 static void test_no_walk_no_particles(void **state)
 {
-    cairn_grouping_particle particle;
+    cairn_contour_grouping_particle particle;
     int32_t steps = 7;
 
     (void)state;
-    assert_int_equal(cairn_grouping_particles(NULL, &particle, 1, &steps), 0);
+    assert_int_equal(cairn_contour_grouping_particles(NULL, &particle, 1, &steps), 0);
     assert_int_equal(steps, 0);
-    assert_int_equal(cairn_grouping_particles(NULL, NULL, 0, NULL), 0);
+    assert_int_equal(cairn_contour_grouping_particles(NULL, NULL, 0, NULL), 0);
 }
 
 /* Objects with less than what is asked for are not reported, but the best there is said. */
@@ -561,8 +561,8 @@ static void test_least_of_evidence_and_score(void **state)
     draw_flag(60, 40, 1, 0);
     for (int k = 0; k < 3; k++) {
         cairn_contour_search_params params = generous();
-        cairn_contour_tokens tokens = find_tokens(0);
-        cairn_contour_result r;
+        cairn_contour_search_tokens tokens = find_tokens(0);
+        cairn_contour_search_result r;
 
         params.min_size = 120;
         params.max_size = 170;
@@ -572,8 +572,8 @@ static void test_least_of_evidence_and_score(void **state)
         assert_int_equal(r.object_count > 0, k == 0);
         assert_true(r.best_score > CAIRN_REAL(0.8) && r.best_score < 1);
         assert_true(r.best_evidence > params.min_evidence || k == 1);
-        cairn_contour_result_free(&r);
-        cairn_contour_tokens_free(&tokens);
+        cairn_contour_search_result_free(&r);
+        cairn_contour_search_tokens_free(&tokens);
     }
 }
 
@@ -586,9 +586,9 @@ static void test_shape_counts(void **state)
     (void)state;
     for (int k = 0; k < 2; k++) {
         cairn_contour_search_params params = generous();
-        cairn_contour_tokens tokens;
-        cairn_contour_result r;
-        const cairn_contour_object *o;
+        cairn_contour_search_tokens tokens;
+        cairn_contour_search_result r;
+        const cairn_contour_search_object *o;
 
         clear_picture();
         draw_flag(60, 40, 1, 0);
@@ -609,8 +609,8 @@ static void test_shape_counts(void **state)
         assert_true(o->shape.tangent_deviation >= 0 && o->shape.deformation >= 0);
         left[k] = o->found.evidence - o->deformed_evidence - 2 * o->rigid_evidence;
         assert_true(k == 0 || o->shape.tangent_deviation > CAIRN_REAL(0.01));
-        cairn_contour_result_free(&r);
-        cairn_contour_tokens_free(&tokens);
+        cairn_contour_search_result_free(&r);
+        cairn_contour_search_tokens_free(&tokens);
     }
     assert_true(left[1] < left[0] - 3);
 }
@@ -618,7 +618,7 @@ static void test_shape_counts(void **state)
 /* Of edges in three strengths each has the share of the length that is weaker. */
 static void test_strengths(void **state)
 {
-    cairn_contour_tokens tokens;
+    cairn_contour_search_tokens tokens;
 
     (void)state;
     clear_picture();
@@ -632,7 +632,7 @@ static void test_strengths(void **state)
 
         assert_near(tokens.strength_rank[i], y < 45 ? 0.125 : y < 105 ? 0.5 : 0.875, 0.02);
     }
-    cairn_contour_tokens_free(&tokens);
+    cairn_contour_search_tokens_free(&tokens);
 }
 
 /* ---- Pictures with nothing in them, or too much ---- */
@@ -645,45 +645,46 @@ static void test_empty_and_full(void **state)
 
     (void)state;
     for (int k = 0; k < 3; k++) {
-        cairn_contour_tokens tokens;
-        cairn_contour_result r;
+        cairn_contour_search_tokens tokens;
+        cairn_contour_search_result r;
 
         memset(edges, k == 0 ? 0 : 255, sizeof edges);
         if (k < 2)
             tokens = find_tokens(0);
         else
-            assert_ok(cairn_contour_tokens_find(&tokens, dot, 1, 0, "dot", &error));
+            assert_ok(cairn_contour_search_tokens_find(&tokens, dot, 1, 0, "dot", &error));
         assert_int_equal(tokens.width, k < 2 ? WIDTH : 1);
         r = run(&tokens, &params);
         assert_int_equal(r.object_count, 0);
-        cairn_contour_result_free(&r);
-        cairn_contour_tokens_free(&tokens);
+        cairn_contour_search_result_free(&r);
+        cairn_contour_search_tokens_free(&tokens);
     }
 }
 
 static void test_limits(void **state)
 {
-    int32_t wide = CAIRN_CONTOUR_MAX_SIDE + 1, many = 1100;
+    int32_t wide = CAIRN_CONTOUR_SEARCH_MAX_SIDE + 1, many = 1100;
     uint8_t *pixels = malloc((size_t)many * (size_t)many);
     cairn_raster_u8_view row = {pixels, wide, 1, wide}, full = {pixels, many, many, many},
                          none = {NULL, 1, 1, 1};
-    cairn_contour_tokens tokens;
+    cairn_contour_search_tokens tokens;
 
     (void)state;
     assert_non_null(pixels);
     memset(pixels, 9, (size_t)many * (size_t)many);
-    assert_status(cairn_contour_tokens_find(&tokens, row, 1, 0, "row", &error), CAIRN_FULL);
+    assert_status(cairn_contour_search_tokens_find(&tokens, row, 1, 0, "row", &error), CAIRN_FULL);
     assert_non_null(strstr(error.text, "row: 8193 x 1 pixels"));
-    assert_status(cairn_contour_tokens_find(&tokens, full, 1, 0, "full", &error), CAIRN_FULL);
+    assert_status(cairn_contour_search_tokens_find(&tokens, full, 1, 0, "full", &error),
+                  CAIRN_FULL);
     assert_non_null(strstr(error.text, "1210000 of them edges, expected"));
-    assert_ok(cairn_contour_tokens_find(&tokens, full, 10, 0, "full", &error));
+    assert_ok(cairn_contour_search_tokens_find(&tokens, full, 10, 0, "full", &error));
     assert_int_equal(tokens.count, 0);
-    cairn_contour_tokens_free(&tokens);
-    assert_status(cairn_contour_tokens_find(&tokens, none, 1, 0, "none", &error),
+    cairn_contour_search_tokens_free(&tokens);
+    assert_status(cairn_contour_search_tokens_find(&tokens, none, 1, 0, "none", &error),
                   CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_contour_tokens_find(&tokens, full, 0, 0, "full", &error),
+    assert_status(cairn_contour_search_tokens_find(&tokens, full, 0, 0, "full", &error),
                   CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_contour_tokens_find(&tokens, full, 256, 0, "full", &error),
+    assert_status(cairn_contour_search_tokens_find(&tokens, full, 256, 0, "full", &error),
                   CAIRN_BAD_ARGUMENT);
     assert_null(tokens.lines);
     free(pixels);
@@ -692,8 +693,8 @@ static void test_limits(void **state)
 static void test_refused_searches(void **state)
 {
     cairn_shape_model_file model = make_model();
-    cairn_contour_tokens tokens;
-    cairn_contour_result r;
+    cairn_contour_search_tokens tokens;
+    cairn_contour_search_result r;
 
     (void)state;
     clear_picture();
@@ -715,7 +716,7 @@ static void test_refused_searches(void **state)
         assert_null(r.trace[0]);
     }
     cairn_shape_model_file_free(&model);
-    cairn_contour_tokens_free(&tokens);
+    cairn_contour_search_tokens_free(&tokens);
 }
 
 int main(void)

@@ -13,7 +13,7 @@ static cairn_file_error error;
 static cairn_segment lines[LINES_MOST];
 static cairn_real strength[LINES_MOST];
 static int32_t chain[LINES_MOST];
-static cairn_contour_tokens tokens;
+static cairn_contour_search_tokens tokens;
 
 /* A jug: a body with a spout on one side. */
 static const cairn_vec2 jug[] = {{0, 0}, {60, 0}, {95, 20}, {60, 40}, {60, 120}, {0, 120}};
@@ -22,7 +22,7 @@ enum { CORNERS = sizeof jug / sizeof *jug };
 static cairn_shape_model_file make_model(void)
 {
     cairn_curve outline = {jug, CORNERS, 1};
-    cairn_shape_builder_params params = cairn_shape_builder_default();
+    cairn_shape_model_builder_params params = cairn_shape_model_builder_default();
     cairn_shape_model_file file;
 
     assert_ok(cairn_shape_model_file_build(&file, &outline, 1, &params, "jug", &error));
@@ -65,9 +65,9 @@ static void draw_jug(double wide, double high, double down, int32_t hidden,
 }
 
 /* The model laid over it as it is. */
-static cairn_grouped_object object_at(const cairn_shape_model *model)
+static cairn_contour_grouping_object object_at(const cairn_shape_model *model)
 {
-    cairn_grouped_object o;
+    cairn_contour_grouping_object o;
 
     memset(&o, 0, sizeof o);
     o.size = model->size;
@@ -99,7 +99,7 @@ typedef struct bent {
 static bent bend(const cairn_vec2 corners[CORNERS], int32_t hidden)
 {
     cairn_shape_model_file model = make_model();
-    cairn_grouped_object o = object_at(&model.model);
+    cairn_contour_grouping_object o = object_at(&model.model);
     contour_field *field = cairn_contour_search_field_new();
     int32_t n = model.model.outline_count, behind = 0;
     contour_fit fit;
@@ -141,7 +141,7 @@ static void test_field_beside_its_twin(void **state)
 {
     cairn_random random = cairn_random_seed(3, 1);
     contour_field *field = cairn_contour_search_field_new();
-    cairn_grouped_object o;
+    cairn_contour_grouping_object o;
 
     (void)state;
     assert_non_null(field);

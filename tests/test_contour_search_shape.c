@@ -12,7 +12,7 @@ enum { SIDE = 16, SAMPLES = 4 * SIDE, LINES = 8 };
 static cairn_oriented_point drawn[SAMPLES], laid[SAMPLES];
 static int32_t part[SAMPLES], list[LINES];
 static cairn_segment lines[LINES];
-static cairn_contour_tokens tokens;
+static cairn_contour_search_tokens tokens;
 
 static const cairn_real size = 200;
 static const cairn_vec2 origin = {150, 140};
@@ -57,7 +57,7 @@ static void lay(double turn, double wide, double off, int32_t hidden)
 }
 
 /* turn: what counts as upright. */
-static cairn_contour_shape measure(double turn)
+static cairn_contour_search_shape measure(double turn)
 {
     const contour_fitted_outline c = {laid, SAMPLES, origin, size};
     const contour_reference d = {drawn, {(cairn_real)cos(turn), (cairn_real)sin(turn)}};
@@ -67,7 +67,7 @@ static cairn_contour_shape measure(double turn)
 
 static void test_on_its_edges(void **state)
 {
-    cairn_contour_shape shape;
+    cairn_contour_search_shape shape;
 
     (void)state;
     lay(0, 1, 0, 0);

@@ -2,14 +2,14 @@
  * particle; why the walk ended; refusals that say which argument was wrong. */
 #include "tests/flag_picture.h"
 
-static cairn_contour_tokens written_tokens(void)
+static cairn_contour_search_tokens written_tokens(void)
 {
     cairn_raster_u8_view view = {edges, WIDTH, HEIGHT, WIDTH};
-    cairn_contour_tokens tokens;
+    cairn_contour_search_tokens tokens;
 
     clear_picture();
     draw_flag(60, 40, 1, 0);
-    assert_ok(cairn_contour_tokens_find_written(&tokens, view, 1, 0, 0, "edges", &error));
+    assert_ok(cairn_contour_search_tokens_find_written(&tokens, view, 1, 0, 0, "edges", &error));
     return tokens;
 }
 
@@ -25,7 +25,7 @@ typedef struct watch {
     int32_t steps, walks;
 } watch;
 
-static void on_step(void *context, const cairn_grouping_particle *particles, int32_t count,
+static void on_step(void *context, const cairn_contour_grouping_particle *particles, int32_t count,
                     int32_t mirrored)
 {
     watch *w = context;
@@ -39,7 +39,7 @@ static void on_step(void *context, const cairn_grouping_particle *particles, int
 }
 
 /* A walk of n steps has n + 1 discs: the report misses none. */
-static void on_walk(void *context, const cairn_grouping_disc *discs, int32_t count)
+static void on_walk(void *context, const cairn_contour_grouping_disc *discs, int32_t count)
 {
     watch *w = context;
 
@@ -53,14 +53,14 @@ static void test_every_step_is_reported(void **state)
 {
     static const int32_t particles[] = {1, 2, 5, 20, 300};
     cairn_shape_model_file model = make_model();
-    cairn_contour_tokens tokens = written_tokens();
+    cairn_contour_search_tokens tokens = written_tokens();
     int32_t most = 0;
 
     (void)state;
     for (size_t k = 0; k < sizeof particles / sizeof *particles; k++)
         for (uint64_t seed = 1; seed < 5; seed++) {
             cairn_contour_search_params params = written_params();
-            cairn_contour_result r;
+            cairn_contour_search_result r;
             watch w = {0, 0};
 
             /* No walk ends because it does not fit. */
@@ -76,11 +76,11 @@ static void test_every_step_is_reported(void **state)
             for (int32_t i = 0; i < r.steps[0]; i++)
                 assert_in_range(r.mode_counts[0][i], 1, r.trace[0][i].particles);
             most = k == 0 && r.steps[0] > most ? r.steps[0] : most;
-            cairn_contour_result_free(&r);
+            cairn_contour_search_result_free(&r);
         }
     /* Of one particle, too, there is something to miss. */
     assert_true(most >= 2);
-    cairn_contour_tokens_free(&tokens);
+    cairn_contour_search_tokens_free(&tokens);
     cairn_shape_model_file_free(&model);
 }
 
@@ -89,40 +89,40 @@ static void test_the_end_is_told(void **state)
     static const char *const ends[] = {"no start", "posterior", "no follower", "steps",
                                        "histories"};
     cairn_shape_model_file model = make_model();
-    cairn_contour_tokens tokens = written_tokens();
+    cairn_contour_search_tokens tokens = written_tokens();
     cairn_contour_search_params params = written_params();
     int32_t end_count = tokens.end_count;
-    cairn_contour_result r;
+    cairn_contour_search_result r;
 
     (void)state;
-    for (int32_t i = 0; i <= CAIRN_GROUPING_HISTORIES; i++)
-        assert_string_equal(cairn_contour_end_text(i), ends[i]);
-    assert_string_equal(cairn_contour_end_text(-1), "");
-    assert_string_equal(cairn_contour_end_text(CAIRN_GROUPING_HISTORIES + 1), "");
+    for (int32_t i = 0; i <= CAIRN_CONTOUR_GROUPING_HISTORIES; i++)
+        assert_string_equal(cairn_contour_search_end_text(i), ends[i]);
+    assert_string_equal(cairn_contour_search_end_text(-1), "");
+    assert_string_equal(cairn_contour_search_end_text(CAIRN_CONTOUR_GROUPING_HISTORIES + 1), "");
     params.grouping.max_steps = 3;
     assert_ok(cairn_contour_search_run(&r, &tokens, &model.model, &params, "edges", &error));
     assert_int_equal(r.mode, CAIRN_MODE_AS_WRITTEN);
-    assert_int_equal(r.end_reason, CAIRN_GROUPING_STEPS);
+    assert_int_equal(r.end_reason, CAIRN_CONTOUR_GROUPING_STEPS);
     assert_int_equal(r.steps[0], 2);
     assert_true(r.point_count > 0 && r.points_dropped == 0);
-    cairn_contour_result_free(&r);
+    cairn_contour_search_result_free(&r);
     assert_int_equal(r.mode, CAIRN_MODE_DEFAULT);
     tokens.end_count = 0;
     assert_ok(cairn_contour_search_run(&r, &tokens, &model.model, &params, "edges", &error));
-    assert_int_equal(r.end_reason, CAIRN_GROUPING_NO_START);
+    assert_int_equal(r.end_reason, CAIRN_CONTOUR_GROUPING_NO_START);
     assert_int_equal(r.steps[0], 0);
-    cairn_contour_result_free(&r);
+    cairn_contour_search_result_free(&r);
     tokens.end_count = end_count;
-    cairn_contour_tokens_free(&tokens);
+    cairn_contour_search_tokens_free(&tokens);
     cairn_shape_model_file_free(&model);
 }
 
 /* A search that is refused with a status and a text. */
-static void check_refused(const cairn_contour_tokens *tokens, const cairn_shape_model *model,
+static void check_refused(const cairn_contour_search_tokens *tokens, const cairn_shape_model *model,
                           const cairn_contour_search_params *params, cairn_status status,
                           const char *piece)
 {
-    cairn_contour_result r;
+    cairn_contour_search_result r;
 
     memset(&error, 0, sizeof error);
     assert_status(cairn_contour_search_run(&r, tokens, model, params, "name", &error), status);
@@ -135,7 +135,7 @@ static void test_refusals_say_what_is_wrong(void **state)
 {
     cairn_shape_model_file model = make_model();
     cairn_shape_model bad_model = model.model;
-    cairn_contour_tokens tokens = written_tokens(), bad_tokens;
+    cairn_contour_search_tokens tokens = written_tokens(), bad_tokens;
     const cairn_contour_search_params good = written_params();
     cairn_contour_search_params bad;
     cairn_vec2 end = {(cairn_real)NAN, 0};
@@ -153,7 +153,7 @@ static void test_refusals_say_what_is_wrong(void **state)
     REFUSED(bad.max_size = (cairn_real)INFINITY, CAIRN_NOT_FINITE, "max_size is not finite");
     REFUSED(bad.grouping.particles = 0, CAIRN_BAD_ARGUMENT, "the params of the grouping, expected");
     REFUSED(bad.grouping.max_steps = 1, CAIRN_BAD_ARGUMENT, "the params of the grouping, expected");
-    REFUSED(bad_tokens.width = CAIRN_CONTOUR_MAX_SIDE + 1, CAIRN_BAD_ARGUMENT,
+    REFUSED(bad_tokens.width = CAIRN_CONTOUR_SEARCH_MAX_SIDE + 1, CAIRN_BAD_ARGUMENT,
             "the image's sides, expected 1 to 8192");
     REFUSED(bad_tokens.height = 0, CAIRN_BAD_ARGUMENT, "the image's sides, expected 1 to 8192");
     REFUSED(bad_tokens.count = (1 << 20) + 1, CAIRN_FULL,
@@ -162,7 +162,7 @@ static void test_refusals_say_what_is_wrong(void **state)
             "an end of a chain is not finite");
     REFUSED(bad_model.path_count = 0, CAIRN_BAD_ARGUMENT, "no model, expected a size, paths");
 #undef REFUSED
-    cairn_contour_tokens_free(&tokens);
+    cairn_contour_search_tokens_free(&tokens);
     cairn_shape_model_file_free(&model);
 }
 

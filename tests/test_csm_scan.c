@@ -14,18 +14,18 @@ static const char whole[] =
     "{\"max_theta\": 2, \"min_theta\": 1, \"readings\": [0, -1, 79.5, 80, 1e30], \"nrays\": 5, "
     "\"timestamp\": -0.5}";
 
-static void load(cairn_csm_scans *scans, const char *text)
+static void load(cairn_csm_scan_list *scans, const char *text)
 {
     cairn_file_error error;
 
-    if (cairn_csm_load(scans, files_write_text("scans.json", text), NULL, &error) != CAIRN_OK)
+    if (cairn_csm_scan_load(scans, files_write_text("scans.json", text), NULL, &error) != CAIRN_OK)
         fail_msg("%s", error.text);
 }
 
 static void test_fields(void **state)
 {
     static const float angle[3] = {-1.5f, 0.25f, 1.5f};
-    cairn_csm_scans scans;
+    cairn_csm_scan_list scans;
     const cairn_csm_scan *s;
 
     (void)state;
@@ -62,7 +62,7 @@ static void test_fields(void **state)
     assert_true(isinf(s->scan.range[3]) && s->scan.range[3] > 0 && isinf(s->scan.range[4]));
     assert_int_equal(s->scan.stamp_ns, -500000000);
     assert_int_equal(s->has_odometry + s->has_estimate + s->has_true_pose, 0);
-    cairn_csm_scans_free(&scans);
+    cairn_csm_scan_list_free(&scans);
     assert_int_equal(scans.count, 0);
     assert_null(scans.scan);
 
@@ -75,29 +75,29 @@ static void test_fields(void **state)
     assert_int_equal(scans.scan[0].has_stamp, 0);
     assert_near(scans.scan[1].scan.angle[1], 6, 0);
     assert_true(isnan(scans.scan[1].scan.range[0]) && isnan(scans.scan[1].scan.range[1]));
-    cairn_csm_scans_free(&scans);
+    cairn_csm_scan_list_free(&scans);
 }
 
 static void test_params(void **state)
 {
-    cairn_csm_params params = cairn_csm_default();
-    cairn_csm_scans scans;
+    cairn_csm_scan_params params = cairn_csm_scan_default();
+    cairn_csm_scan_list scans;
     cairn_file_error error;
     const char *path = files_write_text("scans.json", whole);
 
     (void)state;
     params.range_max = 3;
     params.range_sigma = 0.5;
-    assert_ok(cairn_csm_load(&scans, path, &params, &error));
+    assert_ok(cairn_csm_scan_load(&scans, path, &params, &error));
     assert_near(scans.scan[0].scan.range[0], 2.5, 0);
     assert_true(isinf(scans.scan[0].scan.range[2]));
     assert_near(scans.scan[0].scan.range_max, 3, 0);
     assert_near(scans.scan[0].scan.range_sigma, 0.5, 0);
-    cairn_csm_scans_free(&scans);
+    cairn_csm_scan_list_free(&scans);
 #define REFUSED(change)                                                                            \
-    params = cairn_csm_default();                                                                  \
+    params = cairn_csm_scan_default();                                                             \
     params.change;                                                                                 \
-    assert_status(cairn_csm_load(&scans, path, &params, &error), CAIRN_BAD_ARGUMENT);              \
+    assert_status(cairn_csm_scan_load(&scans, path, &params, &error), CAIRN_BAD_ARGUMENT);         \
     assert_int_equal(scans.count, 0)
     REFUSED(range_max = 0);
     REFUSED(range_max = (double)NAN);
@@ -113,7 +113,7 @@ static void test_as_scans(void **state)
 {
     cairn_scan_params params = cairn_scan_default();
     cairn_pool pool = test_pool(cairn_scan_memory(&params));
-    cairn_csm_scans scans;
+    cairn_csm_scan_list scans;
     cairn_scan *scan;
 
     (void)state;
@@ -128,7 +128,7 @@ static void test_as_scans(void **state)
     assert_int_equal(cairn_scan_measured(scan).hits, 1);
     assert_int_equal(cairn_scan_measured(scan).free, 2);
     assert_int_equal(cairn_scan_measured(scan).unknown, 2);
-    cairn_csm_scans_free(&scans);
+    cairn_csm_scan_list_free(&scans);
     test_pool_free(&pool);
 }
 
@@ -210,12 +210,12 @@ static void test_refusals(void **state)
 
     (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        cairn_csm_scans scans;
+        cairn_csm_scan_list scans;
         cairn_file_error error;
 
-        assert_status(
-            cairn_csm_load(&scans, files_write_text("scans.json", cases[i].text), NULL, &error),
-            cases[i].status);
+        assert_status(cairn_csm_scan_load(&scans, files_write_text("scans.json", cases[i].text),
+                                          NULL, &error),
+                      cases[i].status);
         if (strstr(error.text, cases[i].piece) == NULL)
             fail_msg("\"%s\" does not hold \"%s\"", error.text, cases[i].piece);
         assert_int_equal(scans.count, 0);
@@ -226,24 +226,24 @@ static void test_refusals(void **state)
 /* Files that cannot be read, and one with more rays than a scan may have. */
 static void test_files(void **state)
 {
-    cairn_csm_scans scans;
+    cairn_csm_scan_list scans;
     cairn_file_error error;
     gzFile zip = gzopen(files_path("scans.json.gz"), "wb");
     size_t room = 300000, used = 0;
     char *text = malloc(room), *packed;
 
     (void)state;
-    assert_status(cairn_csm_load(&scans, files_path("missing.json"), NULL, &error), CAIRN_IO);
-    assert_status(cairn_csm_load(&scans, files_folder, NULL, &error), CAIRN_UNSUPPORTED);
+    assert_status(cairn_csm_scan_load(&scans, files_path("missing.json"), NULL, &error), CAIRN_IO);
+    assert_status(cairn_csm_scan_load(&scans, files_folder, NULL, &error), CAIRN_UNSUPPORTED);
     assert_non_null(zip);
     assert_int_equal(gzwrite(zip, whole, sizeof whole - 1), sizeof whole - 1);
     assert_int_equal(gzclose(zip), Z_OK);
-    assert_ok(cairn_csm_load(&scans, files_path("scans.json.gz"), NULL, &error));
+    assert_ok(cairn_csm_scan_load(&scans, files_path("scans.json.gz"), NULL, &error));
     assert_int_equal(scans.count, 2);
-    cairn_csm_scans_free(&scans);
+    cairn_csm_scan_list_free(&scans);
     packed = files_read(files_path("scans.json.gz"), &used);
     assert_status(
-        cairn_csm_load(&scans, files_write("cut.json.gz", packed, used - 20), NULL, &error),
+        cairn_csm_scan_load(&scans, files_write("cut.json.gz", packed, used - 20), NULL, &error),
         CAIRN_TRUNCATED);
     free(packed);
     assert_non_null(text);
@@ -251,7 +251,7 @@ static void test_files(void **state)
     for (int i = 0; i < 100001; i++)
         used += (size_t)snprintf(text + used, room - used, "1,");
     (void)snprintf(text + used, room - used, "1]}");
-    assert_status(cairn_csm_load(&scans, files_write_text("many.json", text), NULL, &error),
+    assert_status(cairn_csm_scan_load(&scans, files_write_text("many.json", text), NULL, &error),
                   CAIRN_FULL);
     assert_non_null(
         strstr(error.text,
@@ -263,7 +263,7 @@ static void test_files(void **state)
 static void test_many(void **state)
 {
     char *text = calloc(1, 400000);
-    cairn_csm_scans scans;
+    cairn_csm_scan_list scans;
     size_t used = 0;
 
     (void)state;
@@ -290,7 +290,7 @@ static void test_many(void **state)
             assert_near(scans.scan[k].scan.angle[i], (double)i / (20 * k), 1e-6);
         }
     }
-    cairn_csm_scans_free(&scans);
+    cairn_csm_scan_list_free(&scans);
     free(text);
 }
 
@@ -302,15 +302,15 @@ static void test_cut_anywhere(void **state)
 
     (void)state;
     for (size_t length = 0; length < sizeof whole - 1; length++) {
-        cairn_csm_scans scans;
+        cairn_csm_scan_list scans;
         cairn_file_error error;
         cairn_status status =
-            cairn_csm_load(&scans, files_write("cut.json", whole, length), NULL, &error);
+            cairn_csm_scan_load(&scans, files_write("cut.json", whole, length), NULL, &error);
 
         if (length == first || length == first + 1) {
             assert_ok(status);
             assert_int_equal(scans.count, 1);
-            cairn_csm_scans_free(&scans);
+            cairn_csm_scan_list_free(&scans);
         } else {
             assert_true(status == CAIRN_TRUNCATED || status == CAIRN_BAD_FORMAT ||
                         (length == 0 && status == CAIRN_EMPTY));
@@ -327,14 +327,14 @@ static void test_any_byte_changed(void **state)
 
     (void)state;
     for (size_t i = 0; i < sizeof whole - 1; i++) {
-        cairn_csm_scans scans;
+        cairn_csm_scan_list scans;
         cairn_file_error error;
 
         memcpy(text, whole, sizeof whole);
         text[i] = bytes[i % (sizeof bytes - 1)];
-        if (cairn_csm_load(&scans, files_write_text("changed.json", text), NULL, &error) ==
+        if (cairn_csm_scan_load(&scans, files_write_text("changed.json", text), NULL, &error) ==
             CAIRN_OK)
-            cairn_csm_scans_free(&scans);
+            cairn_csm_scan_list_free(&scans);
         else
             assert_non_null(strstr(error.text, "changed.json:"));
     }

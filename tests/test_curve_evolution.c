@@ -78,7 +78,7 @@ static int32_t slow_evolution(const cairn_vec2 *points, int32_t count, int32_t *
 
             best = -1;
             for (int32_t k = 0; k < n; k++) {
-                cairn_real relevance = cairn_curve_relevance(
+                cairn_real relevance = cairn_curve_evolution_relevance(
                     points[left[(k + n - 1) % n]], points[left[k]], points[left[(k + 1) % n]]);
 
                 if (!refused[k] && (best < 0 || relevance < least)) {
@@ -231,15 +231,15 @@ static void what_touches_from_the_start_may_stay(void **state)
 static void relevance_is_that_of_the_thesis(void **state)
 {
     (void)state;
-    assert_near(cairn_curve_relevance(at(0, 0), at(3, 0), at(3, 6)), 1.5707963267948966 * 2,
-                NUMBER(1e-12, 1e-5));
-    assert_near(cairn_curve_relevance(at(0, 0), at(3, 0), at(9, 0)), 0, 0);
-    assert_near(cairn_curve_relevance(at(0, 0), at(4, 0), at(2, 0)), 3.141592653589793 * 4 / 3,
-                NUMBER(1e-12, 1e-5));
-    assert_near(cairn_curve_relevance(at(3, 6), at(3, 0), at(0, 0)), 1.5707963267948966 * 2,
-                NUMBER(1e-12, 1e-5));
-    assert_near(cairn_curve_relevance(at(2, 2), at(2, 2), at(2, 2)), 0, 0);
-    assert_near(cairn_curve_relevance(at(2, 2), at(2, 2), at(5, 2)), 0, 0);
+    assert_near(cairn_curve_evolution_relevance(at(0, 0), at(3, 0), at(3, 6)),
+                1.5707963267948966 * 2, NUMBER(1e-12, 1e-5));
+    assert_near(cairn_curve_evolution_relevance(at(0, 0), at(3, 0), at(9, 0)), 0, 0);
+    assert_near(cairn_curve_evolution_relevance(at(0, 0), at(4, 0), at(2, 0)),
+                3.141592653589793 * 4 / 3, NUMBER(1e-12, 1e-5));
+    assert_near(cairn_curve_evolution_relevance(at(3, 6), at(3, 0), at(0, 0)),
+                1.5707963267948966 * 2, NUMBER(1e-12, 1e-5));
+    assert_near(cairn_curve_evolution_relevance(at(2, 2), at(2, 2), at(2, 2)), 0, 0);
+    assert_near(cairn_curve_evolution_relevance(at(2, 2), at(2, 2), at(5, 2)), 0, 0);
 }
 
 static void a_triangle_stays(void **state)

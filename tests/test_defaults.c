@@ -72,7 +72,7 @@ static void of_map_merging(void **state)
         VALUE(p.max_corners, 48),
         VALUE(p.max_modes, 6),
         VALUE(p.particles, 100),
-        VALUE(p.perception, CAIRN_MERGE_LIKELIHOOD_RATIO),
+        VALUE(p.perception, CAIRN_MAP_MERGE_LIKELIHOOD_RATIO),
         VALUE(p.correlation_length, 10),
         VALUE(p.min_score, 6),
         VALUE(p.min_margin, 3),
@@ -520,7 +520,7 @@ static void of_the_mapper(void **state)
 static void of_grids(void **state)
 {
     cairn_occupancy_grid_params grid = cairn_occupancy_grid_default();
-    cairn_occupancy_thresholds thresholds = cairn_occupancy_thresholds_default();
+    cairn_occupancy_grid_thresholds thresholds = cairn_occupancy_grid_thresholds_default();
     const value values[] = {
         VALUE(grid.width, 400),      VALUE(grid.height, 400),   VALUE(grid.resolution, 0.05),
         VALUE(grid.origin.x, -10),   VALUE(grid.origin.y, -10), VALUE(thresholds.occupied, 0.25),
@@ -533,7 +533,7 @@ static void of_grids(void **state)
 
 static void of_files(void **state)
 {
-    cairn_carmen_params log = cairn_carmen_default();
+    cairn_carmen_log_params log = cairn_carmen_log_default();
     cairn_map_file map = cairn_map_file_default();
     cairn_report_map report = cairn_report_map_default();
     const value values[] = {
@@ -549,7 +549,7 @@ static void of_files(void **state)
         VALUE(map.negate, 0),
         VALUE(map.occupied_threshold, 0.65),
         VALUE(map.free_threshold, 0.196),
-        VALUE(map.mode, CAIRN_MAP_TRINARY),
+        VALUE(map.mode, CAIRN_MAP_FILE_TRINARY),
         VALUE(map.pixel != NULL, 0),
         VALUE(map.occupancy != NULL, 0),
         VALUE(report.connect, 1),
@@ -578,10 +578,10 @@ static void of_contours(void **state)
     cairn_inner_distance_params inner = cairn_inner_distance_default();
     cairn_self_similarity_params similarity = cairn_self_similarity_default();
     cairn_symmetric_point_params sp = cairn_symmetric_point_default();
-    cairn_skeleton_params skeleton = cairn_skeleton_default(),
-                          written = cairn_skeleton_as_written();
-    cairn_shape_builder_params shape = cairn_shape_builder_default();
-    cairn_grouping_params group = cairn_grouping_default();
+    cairn_skeleton_grouping_params skeleton = cairn_skeleton_grouping_default(),
+                                   written = cairn_skeleton_grouping_as_written();
+    cairn_shape_model_builder_params shape = cairn_shape_model_builder_default();
+    cairn_contour_grouping_params group = cairn_contour_grouping_default();
     cairn_vision_canny_params canny = cairn_vision_canny_default();
     const value values[] = {
         VALUE(chain.max_width, 640),
@@ -611,8 +611,8 @@ static void of_contours(void **state)
         VALUE(detect.candidates, 30),
         VALUE(detect.overlap, 0.2),
         VALUE(detect.min_score, 0),
-        VALUE(detect.method, CAIRN_DETECT_EVIDENCE),
-        VALUE(detect.bundles, CAIRN_DETECT_BUNDLES),
+        VALUE(detect.method, CAIRN_OBJECT_DETECT_EVIDENCE),
+        VALUE(detect.bundles, CAIRN_OBJECT_DETECT_BUNDLES),
         VALUE(detect.matches, 2),
         VALUE(detect.nearest, 20),
         VALUE(detect.modes_only, 0),

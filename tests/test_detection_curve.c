@@ -14,8 +14,8 @@ enum { MOST = 60 };
 
 static void curves_by_hand(void **state)
 {
-    cairn_detection_event e[] = {{1, 0}, {5, 1}, {3, 1}, {3, 0}, {4, 0}};
-    cairn_detection_point p[5];
+    cairn_detection_curve_event e[] = {{1, 0}, {5, 1}, {3, 1}, {3, 0}, {4, 0}};
+    cairn_detection_curve_point p[5];
 
     (void)state;
     cairn_detection_curve(e, 5, 2, 4, p);
@@ -27,14 +27,14 @@ static void curves_by_hand(void **state)
     assert_near(p[2].score, 3, 0);
     assert_near(p[3].recall, 0.5, 0);
     assert_near(p[4].false_per_image, 1.5, 0);
-    assert_near(cairn_detection_rate_at(p, 5, 0.5), 0.25, 0);
-    assert_near(cairn_detection_rate_at(p, 5, 1), 0.5, 0);
-    assert_near(cairn_detection_rate_at(p, 0, 1), 0, 0);
-    assert_near(cairn_detection_precision_at(p, 5, 0.5), 0.5, 0);
-    assert_near(cairn_detection_precision_at(p, 5, 0.51), 0, 0);
+    assert_near(cairn_detection_curve_rate_at(p, 5, 0.5), 0.25, 0);
+    assert_near(cairn_detection_curve_rate_at(p, 5, 1), 0.5, 0);
+    assert_near(cairn_detection_curve_rate_at(p, 0, 1), 0, 0);
+    assert_near(cairn_detection_curve_precision_at(p, 5, 0.5), 0.5, 0);
+    assert_near(cairn_detection_curve_precision_at(p, 5, 0.51), 0, 0);
     /* 1 at recalls 0, 0.1, 0.2; 0.5 at 0.3, 0.4, 0.5. */
-    assert_near(cairn_detection_average_precision(p, 5), 4.5 / 11, 1e-15);
-    assert_near(cairn_detection_average_precision(p, 0), 0, 0);
+    assert_near(cairn_detection_curve_average_precision(p, 5), 4.5 / 11, 1e-15);
+    assert_near(cairn_detection_curve_average_precision(p, 0), 0, 0);
 }
 
 static void shares_of_boxes(void **state)
@@ -45,13 +45,13 @@ static void shares_of_boxes(void **state)
     double share;
 
     (void)state;
-    assert_near(cairn_detection_overlap(objects[0], objects[1]), 0.8, 1e-15);
-    assert_near(cairn_detection_overlap(objects[0], objects[2]), 0, 0);
-    assert_int_equal(cairn_detection_object(objects, taken, 3, box, &share), 0);
+    assert_near(cairn_detection_curve_overlap(objects[0], objects[1]), 0.8, 1e-15);
+    assert_near(cairn_detection_curve_overlap(objects[0], objects[2]), 0, 0);
+    assert_int_equal(cairn_detection_curve_object(objects, taken, 3, box, &share), 0);
     assert_near(share, 0.9, 1e-15);
     taken[0] = 1;
-    assert_int_equal(cairn_detection_object(objects, taken, 3, box, &share), 1);
-    assert_int_equal(cairn_detection_object(objects, taken, 3, off, &share), -1);
+    assert_int_equal(cairn_detection_curve_object(objects, taken, 3, box, &share), 1);
+    assert_int_equal(cairn_detection_curve_object(objects, taken, 3, off, &share), -1);
     assert_near(share, 0, 0);
 }
 
@@ -62,8 +62,8 @@ static void as_the_obvious_way(void **state)
 
     (void)state;
     for (int32_t round = 0; round < 50; round++) {
-        cairn_detection_event e[MOST];
-        cairn_detection_point p[MOST];
+        cairn_detection_curve_event e[MOST];
+        cairn_detection_curve_point p[MOST];
         int32_t count = 1 + cairn_random_below(&random, MOST), hits = 0;
 
         for (int32_t i = 0; i < count; i++) {
@@ -100,7 +100,7 @@ static void intervals(void **state)
         for (int32_t k = 0; k <= n; k++) {
             double share = (double)k / n;
 
-            cairn_detection_interval(share, n, &low, &high);
+            cairn_detection_curve_interval(share, n, &low, &high);
             assert_true(low >= 0 && low <= share + 1e-12 && high >= share - 1e-12 && high <= 1);
             assert_near((share - high) * (share - high), 1.96 * 1.96 * high * (1 - high) / n,
                         1e-12);
@@ -110,8 +110,8 @@ static void intervals(void **state)
 
 static void files(void **state)
 {
-    cairn_detection_event e[] = {{2, 1}, {1, 0}};
-    cairn_detection_point p[2];
+    cairn_detection_curve_event e[] = {{2, 1}, {1, 0}};
+    cairn_detection_curve_point p[2];
     cairn_file_error error;
     char *text;
 

@@ -14,49 +14,50 @@ static const uint8_t grey[64 * 48];
 static cairn_file_error error;
 
 /* Two outlines of two and three samples; one sample of each is not seen. */
-static cairn_contour_place outline[] = {
+static cairn_contour_search_place outline[] = {
     {{{1, 2}, {1, 0}}, 0, 0},   {{{9, 2}, {1, 0}}, -1, 0},   {{{20, 9}, {0, 1}}, 1, 1},
     {{{20, 12}, {0, 1}}, 1, 1}, {{{20, 15}, {0, 1}}, -1, 1},
 };
 
-static cairn_detection found[] = {{.left = 1,
-                                   .top = 2,
-                                   .right = 20,
-                                   .bottom = 15,
-                                   .score = CAIRN_REAL(1.5),
-                                   .rigid_evidence = CAIRN_REAL(0.5),
-                                   .deformed_evidence = 1,
-                                   .outline_coverage = CAIRN_REAL(0.75),
-                                   .edge_proximity = CAIRN_REAL(0.625),
-                                   .tangent_deviation = CAIRN_REAL(0.125),
-                                   .deformation = CAIRN_REAL(0.0625),
-                                   .rigid_proximity = CAIRN_REAL(0.375),
-                                   .grouped_evidence = CAIRN_REAL(9.75),
-                                   .origin = {10, 8},
-                                   .size = 23,
-                                   .mirrored = 1,
-                                   .segment_count = 2,
-                                   .outline_count = 5}};
+static cairn_object_detection found[] = {{.left = 1,
+                                          .top = 2,
+                                          .right = 20,
+                                          .bottom = 15,
+                                          .score = CAIRN_REAL(1.5),
+                                          .rigid_evidence = CAIRN_REAL(0.5),
+                                          .deformed_evidence = 1,
+                                          .outline_coverage = CAIRN_REAL(0.75),
+                                          .edge_proximity = CAIRN_REAL(0.625),
+                                          .tangent_deviation = CAIRN_REAL(0.125),
+                                          .deformation = CAIRN_REAL(0.0625),
+                                          .rigid_proximity = CAIRN_REAL(0.375),
+                                          .grouped_evidence = CAIRN_REAL(9.75),
+                                          .origin = {10, 8},
+                                          .size = 23,
+                                          .mirrored = 1,
+                                          .segment_count = 2,
+                                          .outline_count = 5}};
 
-static const cairn_contour_tokens tokens = {.lines = lines,
-                                            .chain = chains,
-                                            .strength_rank = strengths,
-                                            .count = 3,
-                                            .chain_count = 2,
-                                            .width = 64,
-                                            .height = 48,
-                                            .mean_length = 5};
-static const cairn_detections detections = {found, segments, outline, NULL, 1, 2, 5, 0, 0, 0},
-                              none = {NULL, NULL, NULL, NULL, 0, 0, 0, 0, 0, 0};
+static const cairn_contour_search_tokens tokens = {.lines = lines,
+                                                   .chain = chains,
+                                                   .strength_rank = strengths,
+                                                   .count = 3,
+                                                   .chain_count = 2,
+                                                   .width = 64,
+                                                   .height = 48,
+                                                   .mean_length = 5};
+static const cairn_object_detections detections = {found, segments, outline, NULL, 1,
+                                                   2,     5,        0,       0,    0},
+                                     none = {NULL, NULL, NULL, NULL, 0, 0, 0, 0, 0, 0};
 
-static cairn_detection_picture picture_of(const cairn_detections *d)
+static cairn_detection_file_picture picture_of(const cairn_object_detections *d)
 {
-    cairn_detection_picture p = {"a \"b\" <c>.png", "mug & co", grey, 2, &tokens, d};
+    cairn_detection_file_picture p = {"a \"b\" <c>.png", "mug & co", grey, 2, &tokens, d};
 
     return p;
 }
 
-static char *written(const cairn_detection_picture *p, int draws)
+static char *written(const cairn_detection_file_picture *p, int draws)
 {
     const char *path = files_path(draws ? "found.svg" : "found.json");
     char *text;
@@ -80,7 +81,7 @@ static void assert_json(const char *text)
 
 static void writes_json(void **state)
 {
-    cairn_detection_picture p = picture_of(&detections);
+    cairn_detection_file_picture p = picture_of(&detections);
     char *text = written(&p, 0);
 
     (void)state;
@@ -110,12 +111,12 @@ static void writes_json(void **state)
 /* The configuration of a detection by parts: of four bundles two are missing. */
 static void writes_parts(void **state)
 {
-    static cairn_detected_part parts[] = {{0, 3, 9, 0, 1, 0, 1},
-                                          {2, 7, 1, 1, CAIRN_REAL(0.75), 4, CAIRN_REAL(20.5)},
-                                          {1, 5, 0, 0, CAIRN_REAL(0.5), 0, 9}};
-    cairn_detection by_parts = found[0];
-    cairn_detections all = {&by_parts, segments, outline, parts, 1, 2, 5, 3, 4, 0};
-    cairn_detection_picture p = picture_of(&all);
+    static cairn_object_detect_part parts[] = {{0, 3, 9, 0, 1, 0, 1},
+                                               {2, 7, 1, 1, CAIRN_REAL(0.75), 4, CAIRN_REAL(20.5)},
+                                               {1, 5, 0, 0, CAIRN_REAL(0.5), 0, 9}};
+    cairn_object_detection by_parts = found[0];
+    cairn_object_detections all = {&by_parts, segments, outline, parts, 1, 2, 5, 3, 4, 0};
+    cairn_detection_file_picture p = picture_of(&all);
     char *text;
 
     (void)state;
@@ -145,7 +146,7 @@ static void writes_parts(void **state)
 
 static void draws(void **state)
 {
-    cairn_detection_picture p = picture_of(&detections);
+    cairn_detection_file_picture p = picture_of(&detections);
     char *text = written(&p, 1);
 
     (void)state;
@@ -171,7 +172,7 @@ static void draws(void **state)
 
 static void refuses_places_that_are_not_there(void **state)
 {
-    cairn_detection_picture p = picture_of(&detections);
+    cairn_detection_file_picture p = picture_of(&detections);
 
     (void)state;
     assert_status(cairn_detection_file_draw(&p, files_path("no/found.svg"), &error), CAIRN_IO);

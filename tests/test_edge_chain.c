@@ -217,7 +217,7 @@ static int32_t degree(const picture *p, int32_t x, int32_t y)
     return count;
 }
 
-static int linked(const picture *p, cairn_edge_pixel a, cairn_edge_pixel b)
+static int linked(const picture *p, cairn_edge_chain_pixel a, cairn_edge_chain_pixel b)
 {
     int32_t dx = b.x - a.x, dy = b.y - a.y;
 
@@ -237,8 +237,8 @@ static void check_chains(const picture *thin, const cairn_edge_chain_result *r, 
             links += at(thin, x, y) ? degree(thin, x, y) : 0;
     for (int32_t i = 0; i < r->chain_count; i++) {
         const cairn_edge_chain *c = &r->chains[i];
-        const cairn_edge_pixel *pixel = &r->pixels[c->first];
-        int closed = c->from == CAIRN_EDGE_CLOSED;
+        const cairn_edge_chain_pixel *pixel = &r->pixels[c->first];
+        int closed = c->from == CAIRN_EDGE_CHAIN_CLOSED;
 
         assert_int_equal(c->first, end);
         assert_true(c->count >= min_length);
@@ -252,9 +252,9 @@ static void check_chains(const picture *thin, const cairn_edge_chain_result *r, 
             assert_int_equal(own == 2, !is_end);
             if (is_end)
                 assert_int_equal(k == 0 ? c->from : c->to,
-                                 own == 1 ? CAIRN_EDGE_OPEN : CAIRN_EDGE_JUNCTION);
+                                 own == 1 ? CAIRN_EDGE_CHAIN_OPEN : CAIRN_EDGE_CHAIN_JUNCTION);
         }
-        assert_int_equal(closed, c->to == CAIRN_EDGE_CLOSED);
+        assert_int_equal(closed, c->to == CAIRN_EDGE_CHAIN_CLOSED);
         assert_true(!closed || linked(thin, pixel[0], pixel[c->count - 1]));
         in_chains += 2 * (c->count - !closed);
     }
@@ -376,8 +376,8 @@ static void corners_of_stairs_go(void **state)
                    "...##.");
 }
 
-static void expect_chain(const cairn_edge_chain_result *r, int32_t i, cairn_edge_end from,
-                         cairn_edge_end to, int32_t count)
+static void expect_chain(const cairn_edge_chain_result *r, int32_t i, cairn_edge_chain_end from,
+                         cairn_edge_chain_end to, int32_t count)
 {
     assert_true(i < r->chain_count);
     assert_int_equal(r->chains[i].from, from);
@@ -398,11 +398,11 @@ static void lines_part_at_junctions(void **state)
 
     (void)state;
     assert_int_equal(r.chain_count, 3);
-    expect_chain(&r, 0, CAIRN_EDGE_OPEN, CAIRN_EDGE_JUNCTION, 3);
-    expect_chain(&r, 1, CAIRN_EDGE_OPEN, CAIRN_EDGE_JUNCTION, 3);
-    expect_chain(&r, 2, CAIRN_EDGE_JUNCTION, CAIRN_EDGE_OPEN, 3);
+    expect_chain(&r, 0, CAIRN_EDGE_CHAIN_OPEN, CAIRN_EDGE_CHAIN_JUNCTION, 3);
+    expect_chain(&r, 1, CAIRN_EDGE_CHAIN_OPEN, CAIRN_EDGE_CHAIN_JUNCTION, 3);
+    expect_chain(&r, 2, CAIRN_EDGE_CHAIN_JUNCTION, CAIRN_EDGE_CHAIN_OPEN, 3);
     for (int32_t i = 0; i < 3; i++) {
-        const cairn_edge_pixel *end = &r.pixels[r.chains[i].first + (i < 2 ? 2 : 0)];
+        const cairn_edge_chain_pixel *end = &r.pixels[r.chains[i].first + (i < 2 ? 2 : 0)];
 
         assert_int_equal(end->x, 3);
         assert_int_equal(end->y, 3);
@@ -427,20 +427,20 @@ static void a_ring_is_closed_and_its_tail_is_not(void **state)
 
     (void)state;
     assert_int_equal(r.chain_count, 1);
-    expect_chain(&r, 0, CAIRN_EDGE_CLOSED, CAIRN_EDGE_CLOSED, 10);
+    expect_chain(&r, 0, CAIRN_EDGE_CHAIN_CLOSED, CAIRN_EDGE_CHAIN_CLOSED, 10);
     assert_int_equal(r.pixels[0].x, 2);
     assert_int_equal(r.pixels[0].y, 0);
     assert_int_equal(r.pixels[1].x, 3);
 
     r = search(f.set, &tail);
     assert_int_equal(r.chain_count, 2);
-    assert_int_equal(r.chains[0].from, CAIRN_EDGE_JUNCTION);
-    assert_int_equal(r.chains[0].to, CAIRN_EDGE_OPEN);
-    assert_int_equal(r.chains[1].from, CAIRN_EDGE_JUNCTION);
-    assert_int_equal(r.chains[1].to, CAIRN_EDGE_JUNCTION);
+    assert_int_equal(r.chains[0].from, CAIRN_EDGE_CHAIN_JUNCTION);
+    assert_int_equal(r.chains[0].to, CAIRN_EDGE_CHAIN_OPEN);
+    assert_int_equal(r.chains[1].from, CAIRN_EDGE_CHAIN_JUNCTION);
+    assert_int_equal(r.chains[1].to, CAIRN_EDGE_CHAIN_JUNCTION);
     assert_memory_equal(&r.pixels[r.chains[1].first],
                         &r.pixels[r.chains[1].first + r.chains[1].count - 1],
-                        sizeof(cairn_edge_pixel));
+                        sizeof(cairn_edge_chain_pixel));
     test_pool_free(&f.pool);
 }
 
@@ -496,16 +496,16 @@ static void spurs_go_and_branches_stay(void **state)
     f = set_with(params);
     r = search(f.set, &p);
     assert_int_equal(r.chain_count, 6);
-    expect_chain(&r, 0, CAIRN_EDGE_OPEN, CAIRN_EDGE_JUNCTION, 3);
-    expect_chain(&r, 5, CAIRN_EDGE_OPEN, CAIRN_EDGE_OPEN, 2);
+    expect_chain(&r, 0, CAIRN_EDGE_CHAIN_OPEN, CAIRN_EDGE_CHAIN_JUNCTION, 3);
+    expect_chain(&r, 5, CAIRN_EDGE_CHAIN_OPEN, CAIRN_EDGE_CHAIN_OPEN, 2);
     test_pool_free(&f.pool);
 
     params.max_spur = 2;
     f = set_with(params);
     r = search(f.set, &p);
     assert_int_equal(r.chain_count, 2);
-    expect_chain(&r, 0, CAIRN_EDGE_OPEN, CAIRN_EDGE_OPEN, 15);
-    expect_chain(&r, 1, CAIRN_EDGE_OPEN, CAIRN_EDGE_OPEN, 2);
+    expect_chain(&r, 0, CAIRN_EDGE_CHAIN_OPEN, CAIRN_EDGE_CHAIN_OPEN, 15);
+    expect_chain(&r, 1, CAIRN_EDGE_CHAIN_OPEN, CAIRN_EDGE_CHAIN_OPEN, 2);
     test_pool_free(&f.pool);
 }
 
@@ -529,9 +529,9 @@ static void long_branches_stay(void **state)
     f = set_with(params);
     r = search(f.set, &p);
     assert_int_equal(r.chain_count, 3);
-    expect_chain(&r, 0, CAIRN_EDGE_OPEN, CAIRN_EDGE_JUNCTION, 4);
-    expect_chain(&r, 1, CAIRN_EDGE_JUNCTION, CAIRN_EDGE_OPEN, 6);
-    expect_chain(&r, 2, CAIRN_EDGE_JUNCTION, CAIRN_EDGE_OPEN, 6);
+    expect_chain(&r, 0, CAIRN_EDGE_CHAIN_OPEN, CAIRN_EDGE_CHAIN_JUNCTION, 4);
+    expect_chain(&r, 1, CAIRN_EDGE_CHAIN_JUNCTION, CAIRN_EDGE_CHAIN_OPEN, 6);
+    expect_chain(&r, 2, CAIRN_EDGE_CHAIN_JUNCTION, CAIRN_EDGE_CHAIN_OPEN, 6);
     test_pool_free(&f.pool);
     params.max_spur = 3;
     f = set_with(params);

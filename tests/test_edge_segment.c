@@ -9,7 +9,7 @@ enum { MANY_CHAINS = 40, MANY_PIXELS = 4000, MANY = 4000 };
 /* Chains made by hand. */
 typedef struct drawing {
     cairn_edge_chain chains[MANY_CHAINS];
-    cairn_edge_pixel pixels[MANY_PIXELS];
+    cairn_edge_chain_pixel pixels[MANY_PIXELS];
     int32_t chain_count, pixel_count;
 } drawing;
 
@@ -19,7 +19,7 @@ static void start(drawing *d, int closed, double strength)
 
     memset(chain, 0, sizeof *chain);
     chain->first = d->pixel_count;
-    chain->from = chain->to = closed ? CAIRN_EDGE_CLOSED : CAIRN_EDGE_OPEN;
+    chain->from = chain->to = closed ? CAIRN_EDGE_CHAIN_CLOSED : CAIRN_EDGE_CHAIN_OPEN;
     chain->strength = (cairn_real)strength;
 }
 
@@ -127,15 +127,15 @@ typedef struct slow_line {
 static slow_line slow_lines[MANY];
 static int32_t slow_line_count;
 
-static const cairn_edge_pixel *pixel_at(const drawing *d, int32_t chain, int32_t k)
+static const cairn_edge_chain_pixel *pixel_at(const drawing *d, int32_t chain, int32_t k)
 {
     return &d->pixels[d->chains[chain].first + k % d->chains[chain].count];
 }
 
 static double to_chord(const drawing *d, int32_t chain, int32_t low, int32_t high, int32_t k)
 {
-    const cairn_edge_pixel *a = pixel_at(d, chain, low), *b = pixel_at(d, chain, high),
-                           *p = pixel_at(d, chain, k);
+    const cairn_edge_chain_pixel *a = pixel_at(d, chain, low), *b = pixel_at(d, chain, high),
+                                 *p = pixel_at(d, chain, k);
     double dx = b->x - a->x, dy = b->y - a->y, squared = dx * dx + dy * dy, t = 0;
 
     if (squared > 0)
@@ -145,8 +145,8 @@ static double to_chord(const drawing *d, int32_t chain, int32_t low, int32_t hig
 
 static void slow_regression(const drawing *d, slow_line *line)
 {
-    const cairn_edge_pixel *p = pixel_at(d, line->chain, line->low),
-                           *q = pixel_at(d, line->chain, line->high);
+    const cairn_edge_chain_pixel *p = pixel_at(d, line->chain, line->low),
+                                 *q = pixel_at(d, line->chain, line->high);
     int32_t n = line->high - line->low + 1;
     double x = 0, y = 0, xx = 0, xy = 0, yy = 0, angle, s, t;
 
@@ -299,7 +299,7 @@ static double slow_search(const drawing *d, const cairn_edge_segment_params *p)
     slow_line_count = slow_count = 0;
     for (int32_t c = 0; c < d->chain_count; c++)
         slow_split(d, (double)p->tolerance, c, 0,
-                   d->chains[c].count - (d->chains[c].from != CAIRN_EDGE_CLOSED));
+                   d->chains[c].count - (d->chains[c].from != CAIRN_EDGE_CHAIN_CLOSED));
     look_ahead = slow_look_ahead();
     for (int32_t i = 0; i < slow_line_count; i++)
         slow_cut(d, &slow_lines[i], look_ahead, (double)p->min_piece);

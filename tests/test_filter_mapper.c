@@ -188,7 +188,7 @@ static cairn_status twin_propose(void *context, cairn_particle_filter *filter, i
     twin_state s = *(const twin_state *)cairn_particle_filter_particle(filter, index).state,
                drawn[CANDIDATES];
     cairn_pose expected = cairn_pose_compose(s.path[s.keys - 1], t.motion);
-    cairn_pose_prior prior = {expected, t.distance, t.distance, t.turn};
+    cairn_rigid_motion_pose_prior prior = {expected, t.distance, t.distance, t.turn};
     cairn_real d = t.distance * t.distance;
     cairn_scan_view view = cairn_mapper_view(t.front);
     int32_t recent = s.keys > p->recent_keyframes ? s.keys - p->recent_keyframes : 0, places = 0;
@@ -277,7 +277,7 @@ static cairn_status twin_likelihood(void *context, const cairn_particle_filter *
 static void new_twin(const cairn_filter_mapper_params *params)
 {
     cairn_particle_filter_params filter = cairn_particle_filter_default();
-    cairn_particle_model model = {NULL, twin_propose, twin_likelihood, NULL, NULL};
+    cairn_particle_filter_model model = {NULL, twin_propose, twin_likelihood, NULL, NULL};
     cairn_mapper_params front = params->front;
     cairn_icp_params icp = front.icp;
 

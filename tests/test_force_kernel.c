@@ -99,7 +99,7 @@ static void test_zero_distance(void **state)
 struct points {
     cairn_vec2 position[2][CAIRN_FORCE_STRIP_POINTS];
     cairn_real mass[2][CAIRN_FORCE_STRIP_POINTS];
-    cairn_force_strip strip[2];
+    cairn_force_kernel_strip strip[2];
 };
 
 static const cairn_box everywhere = {{-9, -9}, {9, 9}};
@@ -135,9 +135,9 @@ static void test_strips_against_the_formulas(void **state)
         int32_t with = (int32_t)(seed % 2), first = (int32_t)(seed % 3), pairs = 0, cost = 0;
         double potential = 0.25, force_x = 3, force_y = 2, torque = 1, levers = 0;
         struct points p;
-        cairn_force_sum sum = {{3, 2}, 1,   CAIRN_REAL(0.25), {CAIRN_REAL(0.3), CAIRN_REAL(-0.2)},
-                               5,      NULL};
-        cairn_force_cursor cursor;
+        cairn_force_kernel_sum sum = {
+            {3, 2}, 1, CAIRN_REAL(0.25), {CAIRN_REAL(0.3), CAIRN_REAL(-0.2)}, 5, NULL};
+        cairn_force_kernel_cursor cursor;
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
         make_points(&p, seed);
@@ -206,9 +206,9 @@ static void test_springs_against_the_formulas(void **state)
     for (uint64_t seed = 0; seed < 20; seed++) {
         struct points p;
         double slow[11] = {0};
-        cairn_force_springs springs, s;
-        cairn_force_sum sum, plain;
-        cairn_force_cursor cursor;
+        cairn_force_kernel_springs springs, s;
+        cairn_force_kernel_sum sum, plain;
+        cairn_force_kernel_cursor cursor;
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
         make_points(&p, seed);
@@ -257,7 +257,7 @@ static void test_springs_against_the_formulas(void **state)
                 assert_near(fast[t], slow[t], NUMBER(1e-11, 1e-4) * slow[0]);
         }
         for (int32_t left = 1; left < 20; left += 6) {
-            cairn_force_springs parts;
+            cairn_force_kernel_springs parts;
             cairn_status status;
 
             memset(&parts, 0, sizeof parts);
@@ -279,15 +279,15 @@ static void test_springs_against_the_formulas(void **state)
 static void test_springs_turned(void **state)
 {
     cairn_force_kernel kernel;
-    cairn_force_springs springs[2];
+    cairn_force_kernel_springs springs[2];
 
     (void)state;
     cairn_force_kernel_init(&kernel);
     cairn_force_kernel_set(&kernel, CAIRN_REAL(0.12), 4);
     for (int turn = 0; turn < 2; turn++) {
         struct points p;
-        cairn_force_sum sum;
-        cairn_force_cursor cursor;
+        cairn_force_kernel_sum sum;
+        cairn_force_kernel_cursor cursor;
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
         make_points(&p, 3);
@@ -313,8 +313,8 @@ static void test_strips_act_on_both(void **state)
 {
     cairn_force_kernel kernel;
     struct points p;
-    cairn_force_sum there, back;
-    cairn_force_cursor cursor;
+    cairn_force_kernel_sum there, back;
+    cairn_force_kernel_cursor cursor;
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
     (void)state;
@@ -349,10 +349,10 @@ static void test_tables(void **state)
         double x = i * 1e-4, force, potential;
         cairn_vec2 position[2] = {{0, 0}, {(cairn_real)x, 0}};
         cairn_real mass[2] = {1, 2};
-        cairn_force_strip a = {position, mass, 1, everywhere},
-                          b = {position + 1, mass + 1, 1, everywhere};
-        cairn_force_cursor cursor;
-        cairn_force_sum sum;
+        cairn_force_kernel_strip a = {position, mass, 1, everywhere},
+                                 b = {position + 1, mass + 1, 1, everywhere};
+        cairn_force_kernel_cursor cursor;
+        cairn_force_kernel_sum sum;
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
         memset(&sum, 0, sizeof sum);
@@ -384,11 +384,11 @@ static void test_strips_at_no_distance(void **state)
 {
     cairn_vec2 position[4] = {{1, 1}, {1, 1}, {1, 1}, {1, 2}};
     cairn_real mass[4] = {2, 1, 1, 1};
-    cairn_force_strip a = {position, mass, 1, everywhere},
-                      b = {position + 1, mass + 1, 3, everywhere};
+    cairn_force_kernel_strip a = {position, mass, 1, everywhere},
+                             b = {position + 1, mass + 1, 3, everywhere};
     cairn_force_kernel kernel;
-    cairn_force_cursor cursor;
-    cairn_force_sum sum;
+    cairn_force_kernel_cursor cursor;
+    cairn_force_kernel_sum sum;
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
     (void)state;
@@ -415,8 +415,8 @@ static void test_strips_budgets(void **state)
     static const int32_t budgets[] = {1, 2, 7, 1000};
     cairn_force_kernel kernel;
     struct points p;
-    cairn_force_sum whole;
-    cairn_force_cursor cursor;
+    cairn_force_kernel_sum whole;
+    cairn_force_kernel_cursor cursor;
     cairn_budget unbounded = {CAIRN_UNBOUNDED}, none = {0};
 
     (void)state;
@@ -433,7 +433,7 @@ static void test_strips_budgets(void **state)
                                         &unbounded));
     for (int i = 0; i < 4; i++) {
         cairn_status status = CAIRN_MORE;
-        cairn_force_sum sum;
+        cairn_force_kernel_sum sum;
         int32_t used = 0;
 
         memset(&sum, 0, sizeof sum);

@@ -12,7 +12,7 @@ typedef struct matching {
     cairn_pool pool, model_pool;
     cairn_fragment_match_params params;
     cairn_fragment_matcher *matcher;
-    cairn_part_model model;
+    cairn_part_bundle_model model;
     cairn_vec2 outline[CORNERS];
     cairn_vec2 points[CHAINS][CORNERS];
     cairn_curve chains[CHAINS];
@@ -47,7 +47,7 @@ static cairn_fragment_match_params small_params(void)
 static void start(matching *m, const cairn_fragment_match_params *params)
 {
     cairn_part_bundle_params parts = cairn_part_bundle_default();
-    cairn_part_builder *builder;
+    cairn_part_bundle_builder *builder;
     cairn_budget budget = {INT32_MAX};
 
     draw_outline(m);
@@ -160,10 +160,10 @@ static void finds_what_was_laid(void **state)
 static void prefers_the_larger_scale(void **state)
 {
     static const cairn_vec2 square[] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
-    static const cairn_part_cut cut[] = {{0, 1, 0}};
+    static const cairn_part_bundle_cut cut[] = {{0, 1, 0}};
     cairn_part_bundle_params parts = cairn_part_bundle_default();
     cairn_fragment_match_params params = small_params();
-    cairn_part_builder *builder;
+    cairn_part_bundle_builder *builder;
     cairn_budget budget = {INT32_MAX};
     cairn_fragment_match_result r;
     matching m;
@@ -231,7 +231,7 @@ static double align(const matching *m, const double *a, int32_t n, const double 
 /* The best similarity of a fragment and a chain in one sense. */
 static double slow_similarity(const matching *m, int32_t fragment, int32_t chain, int32_t reversed)
 {
-    const cairn_part_fragment *f = &m->model.fragments[fragment];
+    const cairn_part_bundle_fragment *f = &m->model.fragments[fragment];
     const cairn_curve *c = &m->chains[chain];
     int32_t n = m->model.samples_each;
     double own[SAMPLES], theirs[2048], best = 0;
@@ -384,8 +384,8 @@ static void matches_nothing(void **state)
 {
     static const cairn_vec2 one[] = {{5, 5}, {5, 5}, {5, 5}};
     cairn_fragment_match_params params = small_params();
-    cairn_part_fragment none;
-    cairn_part_model empty = {NULL, NULL, NULL, NULL, 0, 20, 0, 4, 0, {0, 0}};
+    cairn_part_bundle_fragment none;
+    cairn_part_bundle_model empty = {NULL, NULL, NULL, NULL, 0, 20, 0, 4, 0, {0, 0}};
     cairn_fragment_match_result r;
     cairn_budget budget = {INT32_MAX};
     matching m;
@@ -579,8 +579,8 @@ static void refuses_bad_input(void **state)
 {
     cairn_fragment_match_params params = small_params();
     cairn_budget budget = {INT32_MAX};
-    cairn_part_model bad;
-    cairn_part_fragment odd;
+    cairn_part_bundle_model bad;
+    cairn_part_bundle_fragment odd;
     matching m;
 
     (void)state;

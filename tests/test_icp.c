@@ -69,7 +69,7 @@ static cairn_icp *make_icp(cairn_pool *pool, cairn_icp_params params)
 }
 
 static cairn_icp_result align(cairn_icp *icp, const struct points *query, cairn_pose start,
-                              const cairn_pose_prior *prior)
+                              const cairn_rigid_motion_pose_prior *prior)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_icp_result result;
@@ -121,8 +121,8 @@ struct twin {
     int32_t pairs;
 };
 
-static void twin_prior(const cairn_pose_prior *prior, const struct twin *twin, double kx, double ky,
-                       double m[3][4])
+static void twin_prior(const cairn_rigid_motion_pose_prior *prior, const struct twin *twin,
+                       double kx, double ky, double m[3][4])
 {
     for (int k = 0; prior != NULL && k < 3; k++) {
         double pc = cos((double)prior->mean.theta), ps = sin((double)prior->mean.theta);
@@ -165,7 +165,7 @@ static void eliminate(double m[3][4], double sides[3][3])
 }
 
 static void twin_iterate(const cairn_icp_params *params, const struct points *target,
-                         const struct points *query, const cairn_pose_prior *prior,
+                         const struct points *query, const cairn_rigid_motion_pose_prior *prior,
                          struct twin *twin)
 {
     double a[3][4] = {{0}}, lines[3][3] = {{0}}, weights = 0, squares = 0, psi = 0, slopes = 0,
@@ -294,7 +294,8 @@ static void test_icp_matches_twin(void **state)
         cairn_pose truth = random_pose(&random, CAIRN_REAL(0.8), 3),
                    off = random_pose(&random, CAIRN_REAL(0.1), CAIRN_REAL(0.08));
         cairn_pose start = cairn_pose_compose(truth, off);
-        cairn_pose_prior prior = {start, CAIRN_REAL(0.02), CAIRN_REAL(0.05), CAIRN_REAL(0.01)};
+        cairn_rigid_motion_pose_prior prior = {start, CAIRN_REAL(0.02), CAIRN_REAL(0.05),
+                                               CAIRN_REAL(0.01)};
         cairn_icp_params params = cairn_icp_default();
         struct twin twin = {
             (double)start.x, (double)start.y, (double)start.theta, 0.5, 0.5, 0.5, {{0}}, 0, 0};
@@ -538,7 +539,7 @@ static void test_corridor(void **state)
     for (int mode = CAIRN_ICP_POINT_TO_POINT; mode <= CAIRN_ICP_POINT_TO_LINE; mode++) {
         cairn_icp_params params = cairn_icp_default();
         cairn_pose off = {CAIRN_REAL(0.2), CAIRN_REAL(0.1), CAIRN_REAL(0.05)};
-        cairn_pose_prior prior;
+        cairn_rigid_motion_pose_prior prior;
         cairn_icp_result result;
         cairn_pool pool;
         cairn_icp *icp;
@@ -830,7 +831,8 @@ static void a_ratio_decides_what_is_weak(void **state)
     cairn_pool pool;
     cairn_icp *icp = make_icp(&pool, cairn_icp_default());
     cairn_pose start = {CAIRN_REAL(0.06), 0, 0};
-    cairn_pose_prior prior = {start, CAIRN_REAL(0.1), CAIRN_REAL(0.1), CAIRN_REAL(0.1)};
+    cairn_rigid_motion_pose_prior prior = {start, CAIRN_REAL(0.1), CAIRN_REAL(0.1),
+                                           CAIRN_REAL(0.1)};
 
     (void)state;
     target.count = 0;
@@ -852,7 +854,7 @@ static void a_ratio_decides_what_is_weak(void **state)
 static void test_few_points(void **state)
 {
     static struct points world, query;
-    cairn_pose_prior prior = {
+    cairn_rigid_motion_pose_prior prior = {
         {CAIRN_REAL(0.1), 0, 0}, CAIRN_REAL(0.1), CAIRN_REAL(0.2), CAIRN_REAL(0.3)};
     cairn_pose start = {CAIRN_REAL(0.01), CAIRN_REAL(0.02), CAIRN_REAL(0.03)}, away = {50, 0, 0};
     cairn_icp_params params = cairn_icp_default();
@@ -1088,7 +1090,7 @@ static void test_bad_inputs(void **state)
     }
     for (int k = 0; k < 3; k++) {
         cairn_pose pose = identity;
-        cairn_pose_prior prior = {identity, 1, 1, 1};
+        cairn_rigid_motion_pose_prior prior = {identity, 1, 1, 1};
 
         *(k == 0 ? &pose.x : k == 1 ? &pose.y : &pose.theta) = (cairn_real)NAN;
         assert_fault(&fault, cairn_icp_add_target(icp, world.at, 20, pose, &fault),

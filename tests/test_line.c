@@ -187,7 +187,7 @@ static void merge_against_points(cairn_segment a, double mass_a, cairn_segment b
         weights[i] = (cairn_real)mass_a;
         weights[HALF + i] = (cairn_real)mass_b;
     }
-    assert_ok(cairn_segment_merge(a, (cairn_real)mass_a, b, (cairn_real)mass_b, &merged));
+    assert_ok(cairn_line_merge(a, (cairn_real)mass_a, b, (cairn_real)mass_b, &merged));
     assert_ok(cairn_line_fit(points, weights, 2 * HALF, &line));
     sense = cairn_vec2_dot(line.direction, cairn_vec2_sub(heavy.b, heavy.a)) < 0 ? -1 : 1;
     ends[0] = a.a;
@@ -230,10 +230,10 @@ static void test_merge_known(void **state)
     cairn_segment a = {{0, 0}, {2, 0}}, b = {{5, 0}, {3, 0}}, above = {{0, 0}, {2, 0}}, merged;
 
     (void)state;
-    assert_ok(cairn_segment_merge(a, 1, b, 1, &merged));
+    assert_ok(cairn_line_merge(a, 1, b, 1, &merged));
     assert_near(merged.a.x, 0, 1e-6);
     assert_near(merged.b.x, 5, 1e-6);
-    assert_ok(cairn_segment_merge(a, 1, b, 3, &merged));
+    assert_ok(cairn_line_merge(a, 1, b, 3, &merged));
     assert_near(merged.a.x, 5, 1e-6);
     assert_near(merged.b.x, 0, 1e-6);
     assert_near(merged.a.y, 0, 1e-6);
@@ -241,7 +241,7 @@ static void test_merge_known(void **state)
         cairn_real d = k ? CAIRN_REAL(1.18) : CAIRN_REAL(1.13);
 
         above.a.y = above.b.y = d;
-        assert_ok(cairn_segment_merge(a, 1, above, 1, &merged));
+        assert_ok(cairn_line_merge(a, 1, above, 1, &merged));
         assert_near(cairn_abs(merged.b.x - merged.a.x), k ? 0 : 2, 1e-6);
         assert_near(cairn_abs(merged.b.y - merged.a.y), k ? d : 0, 1e-6);
         assert_near(merged.a.y + merged.b.y, d, 1e-6);
@@ -254,16 +254,16 @@ static void test_merge_statuses(void **state)
                   bad = {{0, 0}, {(cairn_real)NAN, 0}}, merged = a;
 
     (void)state;
-    assert_status(cairn_segment_merge(a, 1, a, 1, NULL), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_segment_merge(a, 0, a, 1, &merged), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_segment_merge(a, 1, a, 0, &merged), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_segment_merge(a, 1, a, (cairn_real)NAN, &merged), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_segment_merge(a, 1, bad, 1, &merged), CAIRN_NOT_FINITE);
-    assert_status(cairn_segment_merge(bad, 1, a, 1, &merged), CAIRN_NOT_FINITE);
-    assert_status(cairn_segment_merge(a, 1, a, (cairn_real)INFINITY, &merged), CAIRN_NOT_FINITE);
-    assert_status(cairn_segment_merge(point, 1, point, 1, &merged), CAIRN_EMPTY);
+    assert_status(cairn_line_merge(a, 1, a, 1, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_line_merge(a, 0, a, 1, &merged), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_line_merge(a, 1, a, 0, &merged), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_line_merge(a, 1, a, (cairn_real)NAN, &merged), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_line_merge(a, 1, bad, 1, &merged), CAIRN_NOT_FINITE);
+    assert_status(cairn_line_merge(bad, 1, a, 1, &merged), CAIRN_NOT_FINITE);
+    assert_status(cairn_line_merge(a, 1, a, (cairn_real)INFINITY, &merged), CAIRN_NOT_FINITE);
+    assert_status(cairn_line_merge(point, 1, point, 1, &merged), CAIRN_EMPTY);
     assert_memory_equal(&merged, &a, sizeof a);
-    assert_ok(cairn_segment_merge(a, 1, point, 1, &merged));
+    assert_ok(cairn_line_merge(a, 1, point, 1, &merged));
 }
 
 int main(void)

@@ -36,20 +36,20 @@ static void test_round_trips(void **state)
         map.origin.y = 7;
         map.origin.theta = CAIRN_REAL(0.1);
         map.negate = round % 2;
-        map.mode = round % 4 < 2 ? CAIRN_MAP_TRINARY : CAIRN_MAP_RAW;
+        map.mode = round % 4 < 2 ? CAIRN_MAP_FILE_TRINARY : CAIRN_MAP_FILE_RAW;
         map.occupied_threshold = CAIRN_REAL(0.7);
         map.free_threshold = CAIRN_REAL(0.2);
         for (size_t i = 0; i < count; i++) {
             int32_t kind = cairn_random_below(&random, 3);
 
-            if (map.mode == CAIRN_MAP_RAW)
+            if (map.mode == CAIRN_MAP_FILE_RAW)
                 map.occupancy[i] = (int8_t)(cairn_random_below(&random, 102) - 1);
             else
                 map.occupancy[i] = (int8_t)(kind == 0 ? -1 : kind == 1 ? 0 : 100);
         }
         assert_ok(cairn_map_file_draw(&map));
-        assert_ok(
-            cairn_map_file_write(&map, path, round < 4 ? CAIRN_MAP_PGM : CAIRN_MAP_PNG, &error));
+        assert_ok(cairn_map_file_write(
+            &map, path, round < 4 ? CAIRN_MAP_FILE_PGM : CAIRN_MAP_FILE_PNG, &error));
         image = files_read(files_path(round < 4 ? "map.v1.pgm" : "map.v1.png"), NULL);
         assert_memory_equal(image, round < 4 ? "P5\n" : "\x89PN", 3);
         free(image);
@@ -114,7 +114,7 @@ static void test_meaning_of_pixels(void **state)
 
     (void)state;
     read_ramp(&map, "image: ramp.pgm\n" NUMBERS);
-    assert_int_equal(map.mode, CAIRN_MAP_TRINARY);
+    assert_int_equal(map.mode, CAIRN_MAP_FILE_TRINARY);
     for (int v = 0; v < 256; v++) {
         double p = (255 - v) / 255.0;
 
@@ -127,7 +127,7 @@ static void test_meaning_of_pixels(void **state)
     read_ramp(&map, "image: ramp.pgm\nresolution: 1\norigin: [0,0,0]\nnegate: 1\noccupied_thresh: "
                     "0.5\nfree_thresh: "
                     "0.25\nmode: scale\n");
-    assert_int_equal(map.mode, CAIRN_MAP_SCALE);
+    assert_int_equal(map.mode, CAIRN_MAP_FILE_SCALE);
     for (int v = 0; v < 256; v++) {
         double p = v / 255.0;
 
@@ -175,14 +175,14 @@ static void test_draw(void **state)
     map.negate = 1;
     assert_ok(cairn_map_file_draw(&map));
     assert_memory_equal(map.pixel, "\x01\x01\x32\x32\xff\xff", 6);
-    map.mode = CAIRN_MAP_RAW;
+    map.mode = CAIRN_MAP_FILE_RAW;
     map.occupancy[1] = -1;
     map.occupancy[2] = 101;
     assert_ok(cairn_map_file_draw(&map));
     assert_memory_equal(map.pixel, "\x00\xff\xff\x41\x42\x64", 6);
 
     /* On a threshold, which is neither free nor occupied; 205 on the one and the other. */
-    map.mode = CAIRN_MAP_TRINARY;
+    map.mode = CAIRN_MAP_FILE_TRINARY;
     map.negate = 0;
     map.free_threshold = map.occupied_threshold = CAIRN_REAL(0.5);
     memcpy(map.occupancy, "\x00\x31\x32\x32\x33\xff", 6); /* 0 49 50 50 51 -1 */
@@ -523,42 +523,45 @@ static void test_maps_that_cannot_be_written(void **state)
     cairn_file_error error;
 
     (void)state;
-    assert_status(cairn_map_file_write(&good, path, CAIRN_MAP_PGM, &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_file_write(&good, path, CAIRN_MAP_FILE_PGM, &error),
+                  CAIRN_BAD_ARGUMENT);
     assert_holds(error.text, "refused.yaml: not written: no cells");
     assert_int_equal(error.line, 0);
     assert_ok(cairn_map_file_allocate(&good, 2, 2));
     map = good;
     map.height = 0;
-    assert_status(cairn_map_file_write(&map, path, CAIRN_MAP_PGM, &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_file_write(&map, path, CAIRN_MAP_FILE_PGM, &error), CAIRN_BAD_ARGUMENT);
     map = good;
     map.resolution = 0;
-    assert_status(cairn_map_file_write(&map, path, CAIRN_MAP_PGM, &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_file_write(&map, path, CAIRN_MAP_FILE_PGM, &error), CAIRN_BAD_ARGUMENT);
     map.resolution = (cairn_real)INFINITY;
-    assert_status(cairn_map_file_write(&map, path, CAIRN_MAP_PGM, &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_file_write(&map, path, CAIRN_MAP_FILE_PGM, &error), CAIRN_BAD_ARGUMENT);
     map = good;
     map.free_threshold = CAIRN_REAL(0.7);
-    assert_status(cairn_map_file_write(&map, path, CAIRN_MAP_PGM, &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_file_write(&map, path, CAIRN_MAP_FILE_PGM, &error), CAIRN_BAD_ARGUMENT);
     map.free_threshold = CAIRN_REAL(-0.7);
-    assert_status(cairn_map_file_write(&map, path, CAIRN_MAP_PGM, &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_file_write(&map, path, CAIRN_MAP_FILE_PGM, &error), CAIRN_BAD_ARGUMENT);
     map = good;
     map.occupied_threshold = CAIRN_REAL(1.1);
-    assert_status(cairn_map_file_write(&map, path, CAIRN_MAP_PGM, &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_file_write(&map, path, CAIRN_MAP_FILE_PGM, &error), CAIRN_BAD_ARGUMENT);
     map = good;
     map.mode = 3;
-    assert_status(cairn_map_file_write(&map, path, CAIRN_MAP_PGM, &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_file_write(&map, path, CAIRN_MAP_FILE_PGM, &error), CAIRN_BAD_ARGUMENT);
     map = good;
     map.negate = 2;
-    assert_status(cairn_map_file_write(&map, path, CAIRN_MAP_PGM, &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_file_write(&map, path, CAIRN_MAP_FILE_PGM, &error), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_map_file_write(&good, path, 2, &error), CAIRN_BAD_ARGUMENT);
     map = good;
     map.origin.theta = (cairn_real)NAN;
-    assert_status(cairn_map_file_write(&map, path, CAIRN_MAP_PGM, &error), CAIRN_NOT_FINITE);
+    assert_status(cairn_map_file_write(&map, path, CAIRN_MAP_FILE_PGM, &error), CAIRN_NOT_FINITE);
     assert_holds(error.text, "refused.yaml: not written: an origin");
     assert_int_equal(error.line, 0);
-    assert_status(cairn_map_file_write(&good, files_path("no/folder.yaml"), CAIRN_MAP_PGM, &error),
-                  CAIRN_IO);
-    assert_status(cairn_map_file_write(&good, files_path("no/folder.yaml"), CAIRN_MAP_PNG, &error),
-                  CAIRN_IO);
+    assert_status(
+        cairn_map_file_write(&good, files_path("no/folder.yaml"), CAIRN_MAP_FILE_PGM, &error),
+        CAIRN_IO);
+    assert_status(
+        cairn_map_file_write(&good, files_path("no/folder.yaml"), CAIRN_MAP_FILE_PNG, &error),
+        CAIRN_IO);
     assert_int_equal(access(path, F_OK), -1);
     cairn_map_file_free(&good);
 }
@@ -632,7 +635,7 @@ static void test_odd_names(void **state)
     (void)state;
     assert_ok(cairn_map_file_allocate(&map, 2, 1));
     for (size_t i = 0; i < 4; i++) {
-        assert_ok(cairn_map_file_write(&map, files_path(names[i]), CAIRN_MAP_PGM, &error));
+        assert_ok(cairn_map_file_write(&map, files_path(names[i]), CAIRN_MAP_FILE_PGM, &error));
         assert_ok(cairn_map_file_read(&back, files_path(names[i]), &error));
         cairn_map_file_free(&back);
     }
@@ -651,7 +654,7 @@ static void test_locale(void **state)
     if (!files_comma_locale())
         skip();
     assert_ok(cairn_map_file_read(&map, path, NULL));
-    assert_ok(cairn_map_file_write(&map, path, CAIRN_MAP_PNG, NULL));
+    assert_ok(cairn_map_file_write(&map, path, CAIRN_MAP_FILE_PNG, NULL));
     cairn_map_file_free(&map);
     assert_non_null(setlocale(LC_ALL, "C"));
     assert_ok(cairn_map_file_read(&map, path, NULL));

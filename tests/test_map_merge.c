@@ -1,9 +1,9 @@
 #include "tests/merging.h"
 #include "tests/world.h"
 
-static cairn_merge_map map_of(const view *v)
+static cairn_map_merge_map map_of(const view *v)
 {
-    cairn_merge_map map = {{v->cells, SIDE, SIDE, SIDE}, (cairn_real)v->resolution, {0, 0, 0}};
+    cairn_map_merge_map map = {{v->cells, SIDE, SIDE, SIDE}, (cairn_real)v->resolution, {0, 0, 0}};
 
     /* Not where the frame of the view is: that lies in the middle. */
     map.origin.x = map.origin.y = -(cairn_real)(SIDE * v->resolution / 2);
@@ -44,7 +44,7 @@ static void merge_views(cairn_map_merge *merge, view *const *views, int32_t coun
 {
     cairn_map_merge_clear(merge);
     for (int32_t i = 0; i < count; i++) {
-        cairn_merge_map map = map_of(views[i]);
+        cairn_map_merge_map map = map_of(views[i]);
 
         assert_ok(cairn_map_merge_add(merge, &map, NULL));
     }
@@ -64,9 +64,9 @@ static cairn_pose truth_of(const view *reference, const view *v)
 static void assert_placed(const cairn_map_merge *merge, int32_t map, cairn_pose truth,
                           double metres)
 {
-    cairn_merge_placed p = cairn_map_merge_of(merge, map);
+    cairn_map_merge_placed p = cairn_map_merge_of(merge, map);
 
-    assert_int_equal(p.verdict, CAIRN_MERGE_PLACED);
+    assert_int_equal(p.verdict, CAIRN_MAP_MERGE_PLACED);
     assert_near(p.reference_map.x, truth.x, metres);
     assert_near(p.reference_map.y, truth.y, metres);
     assert_near(remainder((double)(p.reference_map.theta - truth.theta), 2 * PI), 0, metres / 3);
@@ -158,11 +158,11 @@ static void test_calls_are_refused(void **state)
     cairn_map_merge_params p = small_params();
     struct fixture f;
     uint8_t cells[8] = {0};
-    cairn_merge_map map = {{cells, 4, 2, 4}, CAIRN_REAL(0.05), {0, 0, 0}}, bad;
+    cairn_map_merge_map map = {{cells, 4, 2, 4}, CAIRN_REAL(0.05), {0, 0, 0}}, bad;
     const int32_t order[2] = {0, 1}, twice[2] = {0, 0}, beyond[2] = {0, 2}, other[2] = {1, 0};
     cairn_pose nowhere = {(cairn_real)NAN, 0, 0}, pose;
     cairn_budget budget = {1};
-    cairn_merge_score score;
+    cairn_map_merge_pair_score score;
     cairn_fault fault;
     cairn_real evidence;
 
@@ -218,7 +218,7 @@ static void test_calls_are_refused(void **state)
     run(f.merge, 3);
     assert_int_equal(cairn_map_merge_read(f.merge).maps, 2);
     assert_int_equal(cairn_map_merge_read(f.merge).placed, 1);
-    assert_int_equal(cairn_map_merge_of(f.merge, 1).verdict, CAIRN_MERGE_EMPTY);
+    assert_int_equal(cairn_map_merge_of(f.merge, 1).verdict, CAIRN_MAP_MERGE_EMPTY);
     assert_status(cairn_map_merge_score(f.merge, 0, 2, cairn_pose_identity(), &score),
                   CAIRN_BAD_ARGUMENT);
     assert_status(cairn_map_merge_score(f.merge, -1, 0, cairn_pose_identity(), &score),
@@ -247,7 +247,7 @@ static int32_t placed_of_27(world (*make)(uint64_t seed), double apart)
 
         three_views_apart(&w, views, apart);
         for (int32_t reference = 0; reference < 3; reference++) {
-            cairn_merge_result r;
+            cairn_map_merge_result r;
 
             merge_views(f.merge, views, 3, reference);
             r = cairn_map_merge_read(f.merge);
@@ -256,7 +256,7 @@ static int32_t placed_of_27(world (*make)(uint64_t seed), double apart)
             assert_true(r.units > 0 && r.hypotheses > 0);
             placed += r.placed;
             for (int32_t i = 0; i < 3; i++)
-                if (cairn_map_merge_of(f.merge, i).verdict == CAIRN_MERGE_PLACED)
+                if (cairn_map_merge_of(f.merge, i).verdict == CAIRN_MAP_MERGE_PLACED)
                     assert_placed(f.merge, i, truth_of(views[reference], views[i]), 0.06);
             assert_int_equal(cairn_map_merge_of(f.merge, reference).rank, 0);
             assert_near(cairn_map_merge_of(f.merge, reference).error_probability, 0, 0);
@@ -293,7 +293,7 @@ static void test_known_order_and_other_resolution(void **state)
     views[2] = draw(&w, 4, 0.3, 1.4, 0.2, 7.2, 0.07, 0);
     cairn_map_merge_clear(f.merge);
     for (int32_t i = 0; i < 3; i++) {
-        cairn_merge_map map = map_of(views[i]);
+        cairn_map_merge_map map = map_of(views[i]);
 
         assert_ok(cairn_map_merge_add(f.merge, &map, NULL));
     }
@@ -328,7 +328,7 @@ static void test_size_of_cells_is_only_a_unit(void **state)
     for (int32_t i = 0; i < 3; i++) {
         cairn_pose after = cairn_map_merge_of(f.merge, i).reference_map;
 
-        assert_int_equal(cairn_map_merge_of(f.merge, i).verdict, CAIRN_MERGE_PLACED);
+        assert_int_equal(cairn_map_merge_of(f.merge, i).verdict, CAIRN_MAP_MERGE_PLACED);
         assert_near(after.x, before[i].x * 8, NUMBER(1e-6, 0.05));
         assert_near(after.y, before[i].y * 8, NUMBER(1e-6, 0.05));
         assert_near(after.theta, before[i].theta, NUMBER(1e-9, 1e-3));
@@ -402,7 +402,7 @@ static void test_a_guess_is_kept(void **state)
     (void)state;
     cairn_map_merge_clear(f.merge);
     for (int32_t i = 0; i < 2; i++) {
-        cairn_merge_map map = map_of(views[i]);
+        cairn_map_merge_map map = map_of(views[i]);
 
         assert_ok(cairn_map_merge_add(f.merge, &map, NULL));
     }
@@ -440,9 +440,9 @@ static void test_strangers_are_refused(void **state)
         merge_views(f.merge, views, 4, 0);
         assert_placed(f.merge, 1, truth_of(views[0], views[1]), 0.06);
         for (int32_t i = 2; i < 4; i++) {
-            cairn_merge_placed placed = cairn_map_merge_of(f.merge, i);
+            cairn_map_merge_placed placed = cairn_map_merge_of(f.merge, i);
 
-            assert_int_not_equal(placed.verdict, CAIRN_MERGE_PLACED);
+            assert_int_not_equal(placed.verdict, CAIRN_MAP_MERGE_PLACED);
             assert_true(placed.error_probability > CAIRN_REAL(0.05));
             assert_true(placed.rank >= 2);
         }
@@ -466,7 +466,7 @@ static void test_a_map_may_come_too_early(void **state)
         three_views(&w, views);
         cairn_map_merge_clear(f.merge);
         for (int32_t i = 0; i < 3; i++) {
-            cairn_merge_map map = map_of(views[i]);
+            cairn_map_merge_map map = map_of(views[i]);
 
             assert_ok(cairn_map_merge_add(f.merge, &map, NULL));
         }
@@ -515,9 +515,9 @@ static void test_nothing_in_a_map(void **state)
     views[2] = draw(&none, 0, 0, 0, -7, 7, 0.05, 0); /* no wall */
     views[3] = draw(&w, 50, 0, 0, 40, 60, 0.05, 0);  /* all unknown */
     merge_views(f.merge, views, 4, 0);
-    assert_int_equal(cairn_map_merge_of(f.merge, 1).verdict, CAIRN_MERGE_PLACED);
-    assert_int_equal(cairn_map_merge_of(f.merge, 2).verdict, CAIRN_MERGE_EMPTY);
-    assert_int_equal(cairn_map_merge_of(f.merge, 3).verdict, CAIRN_MERGE_EMPTY);
+    assert_int_equal(cairn_map_merge_of(f.merge, 1).verdict, CAIRN_MAP_MERGE_PLACED);
+    assert_int_equal(cairn_map_merge_of(f.merge, 2).verdict, CAIRN_MAP_MERGE_EMPTY);
+    assert_int_equal(cairn_map_merge_of(f.merge, 3).verdict, CAIRN_MAP_MERGE_EMPTY);
     merge_views(f.merge, &views[3], 1, 0); /* alone */
     assert_int_equal(cairn_map_merge_read(f.merge).placed, 1);
     free_views(views, 4);
@@ -552,8 +552,8 @@ static void test_corridor_is_refused(void **state)
     views[0] = draw(&w, 0, 0, 0.2, -2.5, 2.5, 0.05, 0);
     views[1] = draw(&w, 1, 0.1, 0.9, -1.5, 3.5, 0.05, 0);
     merge_views(f.merge, views, 2, 0);
-    assert_int_not_equal(cairn_map_merge_of(f.merge, 1).verdict, CAIRN_MERGE_PLACED);
-    assert_int_not_equal(cairn_map_merge_of(f.merge, 1).verdict, CAIRN_MERGE_EMPTY);
+    assert_int_not_equal(cairn_map_merge_of(f.merge, 1).verdict, CAIRN_MAP_MERGE_PLACED);
+    assert_int_not_equal(cairn_map_merge_of(f.merge, 1).verdict, CAIRN_MAP_MERGE_EMPTY);
     free_views(views, 2);
     test_pool_free(&f.pool);
 }
@@ -565,11 +565,11 @@ static int is_surface(const view *v, int32_t i)
 {
     int32_t x = i % SIDE, y = i / SIDE;
 
-    return v->cells[i] == CAIRN_CELL_OCCUPIED &&
-           ((x > 0 && v->cells[i - 1] == CAIRN_CELL_FREE) ||
-            (x + 1 < SIDE && v->cells[i + 1] == CAIRN_CELL_FREE) ||
-            (y > 0 && v->cells[i - SIDE] == CAIRN_CELL_FREE) ||
-            (y + 1 < SIDE && v->cells[i + SIDE] == CAIRN_CELL_FREE));
+    return v->cells[i] == CAIRN_OCCUPANCY_GRID_OCCUPIED &&
+           ((x > 0 && v->cells[i - 1] == CAIRN_OCCUPANCY_GRID_FREE) ||
+            (x + 1 < SIDE && v->cells[i + 1] == CAIRN_OCCUPANCY_GRID_FREE) ||
+            (y > 0 && v->cells[i - SIDE] == CAIRN_OCCUPANCY_GRID_FREE) ||
+            (y + 1 < SIDE && v->cells[i + SIDE] == CAIRN_OCCUPANCY_GRID_FREE));
 }
 
 /* s(from, to, c1, c2) with kernel exp(-x^2 / 8), or exact agreement, over all cells of the class
@@ -583,7 +583,7 @@ static double slow_s(const view *from, const view *to, int32_t dx, int32_t dy, u
     for (int32_t i = 0; i < SIDE * SIDE; i++) {
         int32_t x = i % SIDE + dx, y = i / SIDE + dy, least = 1000;
 
-        if (c1 == CAIRN_CELL_OCCUPIED ? !is_surface(from, i) : from->cells[i] != c1)
+        if (c1 == CAIRN_OCCUPANCY_GRID_OCCUPIED ? !is_surface(from, i) : from->cells[i] != c1)
             continue;
         count++;
         if (x < 0 || y < 0 || x >= SIDE || y >= SIDE)
@@ -608,7 +608,7 @@ static void test_images_equal_the_slow_way(void **state)
     struct fixture f;
     world w = rooms(4);
     view *views[2] = {draw(&w, 0, 0, 0, -2, 2, 0.05, 0), draw(&w, 0.5, 0.25, 0, -1, 3, 0.05, 0)};
-    const uint8_t class[2] = {CAIRN_CELL_OCCUPIED, CAIRN_CELL_FREE};
+    const uint8_t class[2] = {CAIRN_OCCUPANCY_GRID_OCCUPIED, CAIRN_OCCUPANCY_GRID_FREE};
 
     (void)state;
     p.max_points = 1 << 14; /* all cells */
@@ -618,7 +618,7 @@ static void test_images_equal_the_slow_way(void **state)
         int32_t dx = 10 - 3 * shift, dy = 5 + 2 * shift;
         cairn_pose pose = {(cairn_real)(dx * 0.05 + 1e-4), (cairn_real)(dy * 0.05 + 1e-4), 0};
         double psi = 0, d = 0;
-        cairn_merge_score score;
+        cairn_map_merge_pair_score score;
 
         for (int k = 0; k < 2; k++) {
             psi += slow_s(views[1], views[0], dx, dy, class[k], class[k], 0);
@@ -656,12 +656,12 @@ static void test_images_as_perception(void **state)
     view *views[3];
 
     (void)state;
-    p.perception = CAIRN_MERGE_IMAGES;
+    p.perception = CAIRN_MAP_MERGE_IMAGES;
     f = merge_with(&p);
     three_views(&w, views);
     merge_views(f.merge, views, 3, 1);
     for (int32_t i = 0; i < 3; i++)
-        if (cairn_map_merge_of(f.merge, i).verdict == CAIRN_MERGE_PLACED)
+        if (cairn_map_merge_of(f.merge, i).verdict == CAIRN_MAP_MERGE_PLACED)
             assert_placed(f.merge, i, truth_of(views[1], views[i]), 0.06);
     assert_true(cairn_map_merge_read(f.merge).placed >= 2);
     free_views(views, 3);
@@ -694,8 +694,9 @@ static void test_modes_can_be_read(void **state)
     assert_in_range(count, 1, p.max_modes);
     assert_int_equal(cairn_map_merge_mode(f.merge, 0, 1, -1, &there, &evidence), 0);
     assert_int_equal(cairn_map_merge_mode(f.merge, 0, 3, 0, &there, &evidence), 0);
-    for (cairn_merge_verdict v = CAIRN_MERGE_PLACED; v <= CAIRN_MERGE_UNOBSERVABLE; v++)
-        assert_string_not_equal(cairn_merge_verdict_text(v), cairn_merge_verdict_text(v + 1));
+    for (cairn_map_merge_verdict v = CAIRN_MAP_MERGE_PLACED; v <= CAIRN_MAP_MERGE_UNOBSERVABLE; v++)
+        assert_string_not_equal(cairn_map_merge_verdict_text(v),
+                                cairn_map_merge_verdict_text(v + 1));
     free_views(views, 3);
     test_pool_free(&f.pool);
 }
@@ -713,13 +714,13 @@ static uint64_t hash_pose(uint64_t hash, cairn_pose p)
 /* All that can be read of a merging: places, rivals, scores at them and beside them. */
 static uint64_t hash_merging(const cairn_map_merge *merge, int32_t maps)
 {
-    cairn_merge_result result = cairn_map_merge_read(merge);
+    cairn_map_merge_result result = cairn_map_merge_read(merge);
     uint64_t hash = test_hash(TEST_HASH_START, &result.units, sizeof result.units);
 
     hash = hash_real(test_hash(hash, &result.hypotheses, sizeof result.hypotheses),
                      result.log_likelihood_ratio);
     for (int32_t b = 0; b < maps; b++) {
-        cairn_merge_placed placed = cairn_map_merge_of(merge, b);
+        cairn_map_merge_placed placed = cairn_map_merge_of(merge, b);
 
         hash = test_hash(test_hash(hash, &placed.corners, sizeof placed.corners), &placed.verdict,
                          sizeof placed.verdict);
@@ -731,7 +732,7 @@ static uint64_t hash_merging(const cairn_map_merge *merge, int32_t maps)
             cairn_real evidence;
 
             for (int32_t k = 0; cairn_map_merge_mode(merge, a, b, k, &a_b, &evidence); k++) {
-                cairn_merge_score score;
+                cairn_map_merge_pair_score score;
 
                 hash = hash_real(hash_pose(hash, a_b), evidence);
                 a_b.x += CAIRN_REAL(0.06);

@@ -33,9 +33,9 @@ static void cut_out(cut_map *map, world_at world, double x0, double x1, double y
     }
 }
 
-static cairn_merge_map view_of(const cut_map *map)
+static cairn_map_merge_map view_of(const cut_map *map)
 {
-    cairn_merge_map view = {
+    cairn_map_merge_map view = {
         {map->cells, map->width, map->height, map->width}, (cairn_real)CELL, {0, 0, 0}};
 
     return view;
@@ -65,7 +65,7 @@ static cairn_map_merge *merge_with(cairn_pool *pool, const cairn_map_merge_param
     assert_ok(cairn_map_merge_create(&merge, pool, p));
     cairn_map_merge_clear(merge);
     for (int32_t i = 0; i < count; i++) {
-        cairn_merge_map view = view_of(&maps[i]);
+        cairn_map_merge_map view = view_of(&maps[i]);
 
         assert_ok(cairn_map_merge_add(merge, &view, NULL));
     }
@@ -81,8 +81,8 @@ static void params_of_the_mode(void **state)
     cairn_map_merge_params p = small_params();
     cairn_map_merge *merge;
     cairn_pool pool = test_pool(cairn_map_merge_memory(&p));
-    uint8_t cells[1] = {CAIRN_CELL_FREE};
-    cairn_merge_map map = {{cells, 1, 1, 1}, 1, {0, 0, 0}};
+    uint8_t cells[1] = {CAIRN_OCCUPANCY_GRID_FREE};
+    cairn_map_merge_map map = {{cells, 1, 1, 1}, 1, {0, 0, 0}};
 
     (void)state;
     assert_int_equal(cairn_map_merge_as_written().mode, CAIRN_MODE_AS_WRITTEN);
@@ -91,7 +91,7 @@ static void params_of_the_mode(void **state)
     cairn_map_merge_clear(merge);
     assert_ok(cairn_map_merge_add(merge, &map, NULL));
     assert_status(cairn_map_merge_guess(merge, 0, cairn_pose_identity()), CAIRN_UNSUPPORTED);
-    p.perception = CAIRN_MERGE_LIKELIHOOD_RATIO;
+    p.perception = CAIRN_MAP_MERGE_LIKELIHOOD_RATIO;
     assert_int_equal(cairn_map_merge_memory(&p), 0);
     p = cairn_map_merge_default();
     p.mode = 2;
@@ -124,9 +124,9 @@ static void fill_at_random(cut_map *map, uint64_t seed, int32_t width, int32_t h
     for (int32_t i = 0; i < width * height; i++) {
         double u = (double)cairn_random_unit(&random);
 
-        map->cells[i] = u < 0.15  ? CAIRN_CELL_OCCUPIED
-                        : u < 0.6 ? CAIRN_CELL_FREE
-                                  : CAIRN_CELL_UNKNOWN;
+        map->cells[i] = u < 0.15  ? CAIRN_OCCUPANCY_GRID_OCCUPIED
+                        : u < 0.6 ? CAIRN_OCCUPANCY_GRID_FREE
+                                  : CAIRN_OCCUPANCY_GRID_UNKNOWN;
     }
 }
 
@@ -160,7 +160,7 @@ static double slow_s(const cut_map *from, const cut_map *to, cairn_pose to_from,
 
 static void images_equal_the_slow_way(void **state)
 {
-    static const uint8_t class[2] = {CAIRN_CELL_OCCUPIED, CAIRN_CELL_FREE};
+    static const uint8_t class[2] = {CAIRN_OCCUPANCY_GRID_OCCUPIED, CAIRN_OCCUPANCY_GRID_FREE};
     static cut_map maps[2];
     cairn_map_merge_params p = small_params();
     cairn_random random = cairn_random_seed(3, 4);
@@ -176,7 +176,7 @@ static void images_equal_the_slow_way(void **state)
                           cairn_random_uniform(&random, -CAIRN_REAL(0.8), CAIRN_REAL(1.2)),
                           n % 6 == 0 ? 0 : cairn_random_uniform(&random, -3, 3)};
         cairn_pose b_a = cairn_pose_inverse(a_b);
-        cairn_merge_score score;
+        cairn_map_merge_pair_score score;
         double psi = 0, d = 0;
 
         for (int k = 0; k < 2; k++) {
@@ -193,7 +193,7 @@ static void images_equal_the_slow_way(void **state)
     }
     {
         cairn_pose far = {CAIRN_REAL(1e30), 0, 1};
-        cairn_merge_score score;
+        cairn_map_merge_pair_score score;
 
         assert_ok(cairn_map_merge_score(merge, 0, 1, far, &score));
         assert_near(score.psi, 0, 0);
@@ -234,7 +234,7 @@ static void registration_is_the_best_motion(void **state)
             middle[0] = cairn_vec2_add(middle[0], cairn_vec2_scale(to[i], CAIRN_REAL(1.0) / 3));
             middle[1] = cairn_vec2_add(middle[1], cairn_vec2_scale(from[i], CAIRN_REAL(1.0) / 3));
         }
-        pose = cairn_merge_motion_of(to, from);
+        pose = cairn_map_merge_motion_of(to, from);
         least = squared_distances(to, from, pose);
         for (int32_t k = 0; k < 3600; k++)
             for (int32_t step = 0; step < 9; step++) {
@@ -266,12 +266,12 @@ static int is_within(double x, double y, double x0, double x1, double y0, double
 static uint8_t symmetric_corridor(double x, double y)
 {
     if (is_within(x, y, 0.8, 1.5, 0.2, 0.7) || is_within(-x, -y, 0.8, 1.5, 0.2, 0.7))
-        return CAIRN_CELL_OCCUPIED;
+        return CAIRN_OCCUPANCY_GRID_OCCUPIED;
     if (x < -2)
-        return fabs(y) < 1.6 ? CAIRN_CELL_OCCUPIED : CAIRN_CELL_UNKNOWN;
-    return fabs(y) < 1.3   ? CAIRN_CELL_FREE
-           : fabs(y) < 1.4 ? CAIRN_CELL_OCCUPIED
-                           : CAIRN_CELL_UNKNOWN;
+        return fabs(y) < 1.6 ? CAIRN_OCCUPANCY_GRID_OCCUPIED : CAIRN_OCCUPANCY_GRID_UNKNOWN;
+    return fabs(y) < 1.3   ? CAIRN_OCCUPANCY_GRID_FREE
+           : fabs(y) < 1.4 ? CAIRN_OCCUPANCY_GRID_OCCUPIED
+                           : CAIRN_OCCUPANCY_GRID_UNKNOWN;
 }
 
 static void cut_corridor(cut_map *maps)
@@ -304,7 +304,7 @@ static void likelihood_is_that_of_the_merged_map(void **state)
     static cut_map maps[3];
     cairn_map_merge_params p = small_params();
     cairn_map_merge *merge;
-    cairn_merge_score right, wrong;
+    cairn_map_merge_pair_score right, wrong;
     cairn_pose at, turned = {CAIRN_REAL(1.8), CAIRN_REAL(3.2), (cairn_real)3.14159265358979};
     cairn_pool pool;
 
@@ -317,7 +317,7 @@ static void likelihood_is_that_of_the_merged_map(void **state)
     assert_near(right.psi, wrong.psi, NUMBER(1e-9, 0.05));
     assert_near(right.gamma, wrong.gamma, NUMBER(1e-9, 0.05));
     for (int32_t i = 0; i < 3; i++) {
-        assert_int_equal(cairn_map_merge_of(merge, i).verdict, CAIRN_MERGE_PLACED);
+        assert_int_equal(cairn_map_merge_of(merge, i).verdict, CAIRN_MAP_MERGE_PLACED);
         assert_int_equal(cairn_map_merge_of(merge, i).rank, i);
         assert_pose(cairn_map_merge_of(merge, i).reference_map, truth_of(&maps[0], &maps[i]), 0.05);
     }
@@ -329,14 +329,16 @@ static uint8_t square_room(double x, double y)
 {
     double most = fmax(fabs(x), fabs(y));
 
-    return most < 1 ? CAIRN_CELL_FREE : most < 1.1 ? CAIRN_CELL_OCCUPIED : CAIRN_CELL_UNKNOWN;
+    return most < 1     ? CAIRN_OCCUPANCY_GRID_FREE
+           : most < 1.1 ? CAIRN_OCCUPANCY_GRID_OCCUPIED
+                        : CAIRN_OCCUPANCY_GRID_UNKNOWN;
 }
 
 static void particles_grow_with_the_modes(void **state)
 {
     static cut_map maps[3];
     cairn_map_merge_params p = small_params();
-    cairn_merge_result result;
+    cairn_map_merge_result result;
     cairn_map_merge *merge;
     cairn_pool pool;
 
@@ -386,14 +388,14 @@ static void budgets_do_not_matter(void **state)
 static uint8_t plain_wall(double x, double y)
 {
     (void)x;
-    return y < 0 ? CAIRN_CELL_OCCUPIED : CAIRN_CELL_FREE;
+    return y < 0 ? CAIRN_OCCUPANCY_GRID_OCCUPIED : CAIRN_OCCUPANCY_GRID_FREE;
 }
 
 static uint8_t all_unknown(double x, double y)
 {
     (void)x;
     (void)y;
-    return CAIRN_CELL_UNKNOWN;
+    return CAIRN_OCCUPANCY_GRID_UNKNOWN;
 }
 
 static void maps_without_corners_are_refused(void **state)
@@ -410,15 +412,15 @@ static void maps_without_corners_are_refused(void **state)
     cut_out(&maps[3], all_unknown, -1, 1, -1, 1);
     merge = merge_with(&pool, &p, maps, 4, NULL);
     assert_int_equal(cairn_map_merge_read(merge).placed, 2);
-    assert_int_equal(cairn_map_merge_of(merge, 0).verdict, CAIRN_MERGE_PLACED);
-    assert_int_equal(cairn_map_merge_of(merge, 1).verdict, CAIRN_MERGE_NO_CORNER);
-    assert_int_equal(cairn_map_merge_of(merge, 2).verdict, CAIRN_MERGE_PLACED);
-    assert_int_equal(cairn_map_merge_of(merge, 3).verdict, CAIRN_MERGE_EMPTY);
+    assert_int_equal(cairn_map_merge_of(merge, 0).verdict, CAIRN_MAP_MERGE_PLACED);
+    assert_int_equal(cairn_map_merge_of(merge, 1).verdict, CAIRN_MAP_MERGE_NO_CORNER);
+    assert_int_equal(cairn_map_merge_of(merge, 2).verdict, CAIRN_MAP_MERGE_PLACED);
+    assert_int_equal(cairn_map_merge_of(merge, 3).verdict, CAIRN_MAP_MERGE_EMPTY);
     test_pool_free(&pool);
     merge = merge_with(&pool, &p, maps + 1, 2, NULL); /* the reference itself has none */
     assert_int_equal(cairn_map_merge_read(merge).placed, 1);
-    assert_int_equal(cairn_map_merge_of(merge, 1).verdict, CAIRN_MERGE_NO_CORNER);
-    assert_string_equal(cairn_merge_verdict_text(CAIRN_MERGE_NO_CORNER),
+    assert_int_equal(cairn_map_merge_of(merge, 1).verdict, CAIRN_MAP_MERGE_NO_CORNER);
+    assert_string_equal(cairn_map_merge_verdict_text(CAIRN_MAP_MERGE_NO_CORNER),
                         "no corner is similar to one of the merged maps");
     test_pool_free(&pool);
     merge = merge_with(&pool, &p, maps, 1, NULL);
@@ -445,7 +447,7 @@ static void no_room_for_the_merged_map(void **state)
     assert_ok(cairn_map_merge_begin(merge, 0, NULL));
     run(merge, 100);
     assert_int_equal(cairn_map_merge_read(merge).placed, 1);
-    assert_int_equal(cairn_map_merge_of(merge, 1).verdict, CAIRN_MERGE_NO_OVERLAP);
+    assert_int_equal(cairn_map_merge_of(merge, 1).verdict, CAIRN_MAP_MERGE_NO_OVERLAP);
     test_pool_free(&pool);
 }
 

@@ -170,13 +170,14 @@ static void make_grid(const drive *d, const cairn_pose *poses, uint8_t *states)
             cairn_occupancy_grid_begin_scan(grid, seen.beams, seen.beam_count, poses[i], NULL));
         assert_ok(cairn_occupancy_grid_step(grid, &budget));
     }
-    assert_ok(cairn_occupancy_grid_classify(grid, cairn_occupancy_thresholds_default(), 0, view));
+    assert_ok(
+        cairn_occupancy_grid_classify(grid, cairn_occupancy_grid_thresholds_default(), 0, view));
     test_pool_free(&pool);
 }
 
 static int is_occupied(const drive *d, const uint8_t *states, int32_t x, int32_t y)
 {
-    return states[y * d->cells + x] == CAIRN_CELL_OCCUPIED;
+    return states[y * d->cells + x] == CAIRN_OCCUPANCY_GRID_OCCUPIED;
 }
 
 static double edge_distance(const sim_edge *e, double x, double y)
@@ -247,7 +248,7 @@ static double free_in_bodies(const drive *d, const uint8_t *states)
         for (int32_t x = 0; x < d->cells; x++) {
             sim_point p;
 
-            if (states[y * d->cells + x] != CAIRN_CELL_FREE)
+            if (states[y * d->cells + x] != CAIRN_OCCUPANCY_GRID_FREE)
                 continue;
             p.x = (x + 0.5) * resolution - d->side / 2;
             p.y = (y + 0.5) * resolution - d->side / 2;

@@ -34,7 +34,7 @@ static void entropy_by_quadrants(void **state)
 {
     /* Five wide and three high: the south is one row, the west two columns. */
     const cairn_vec2 cell[4] = {{0, 2}, {2, 1}, {4, 0}, {1, 0}};
-    cairn_map_entropy entropy, none;
+    cairn_map_quality_entropy entropy, none;
     cairn_occupancy_grid *grid;
     cairn_pool pool;
     double whole = 0;
@@ -49,9 +49,9 @@ static void entropy_by_quadrants(void **state)
 
             assert_ok(cairn_occupancy_grid_add_beam(grid, at(x, y), at(x + 0.8, y), k == 0));
         }
-    assert_ok(cairn_map_entropy_add(grid, 0, 1, &entropy));
+    assert_ok(cairn_map_quality_entropy_add(grid, 0, 1, &entropy));
     assert_int_equal(entropy.cells, 2);
-    assert_ok(cairn_map_entropy_add(grid, 1, 2, &entropy));
+    assert_ok(cairn_map_quality_entropy_add(grid, 1, 2, &entropy));
     assert_int_equal(entropy.cells, 4);
     for (int q = 0; q < 4; q++) {
         double h = entropy_of(1 - exp(-1 / (0.8 * (q + 2))));
@@ -60,14 +60,14 @@ static void entropy_by_quadrants(void **state)
         whole += h;
     }
     assert_near(entropy.total, whole, CLOSE);
-    assert_ok(cairn_map_entropy_add(grid, 3, 0, &none));
+    assert_ok(cairn_map_quality_entropy_add(grid, 3, 0, &none));
     assert_int_equal(none.cells, 0);
-    assert_status(cairn_map_entropy_add(NULL, 0, 1, &none), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_map_entropy_add(grid, 0, 1, NULL), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_map_entropy_add(grid, -1, 1, &none), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_map_entropy_add(grid, 0, -1, &none), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_map_entropy_add(grid, 2, 2, &none), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_map_entropy_add(grid, 4, 0, &none), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_quality_entropy_add(NULL, 0, 1, &none), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_quality_entropy_add(grid, 0, 1, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_quality_entropy_add(grid, -1, 1, &none), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_quality_entropy_add(grid, 0, -1, &none), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_quality_entropy_add(grid, 2, 2, &none), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_quality_entropy_add(grid, 4, 0, &none), CAIRN_BAD_ARGUMENT);
     test_pool_free(&pool);
 }
 
@@ -93,51 +93,54 @@ static void a_beam_through_unequal_chords(void **state)
         last = chord[c] * hits[c] / (0.5 * beams[c]);
         passed += c < 2 ? last : 0;
     }
-    assert_ok(cairn_map_beam_likelihood(grid, at(0.5, 0.25), at(2.5, 1.25), 1, (cairn_real)least,
-                                        &log_p));
+    assert_ok(cairn_map_quality_beam_likelihood(grid, at(0.5, 0.25), at(2.5, 1.25), 1,
+                                                (cairn_real)least, &log_p));
     assert_near(log_p, log(least + (1 - least) * exp(-passed) * (1 - exp(-last))), CLOSE);
-    assert_ok(cairn_map_beam_likelihood(grid, at(0.5, 0.25), at(2.5, 1.25), 0, (cairn_real)least,
-                                        &log_p));
+    assert_ok(cairn_map_quality_beam_likelihood(grid, at(0.5, 0.25), at(2.5, 1.25), 0,
+                                                (cairn_real)least, &log_p));
     assert_near(log_p, log(least + (1 - least) * exp(-passed - last)), CLOSE);
     /* Ends beyond the grid, beside it, in cells never seen. */
-    assert_ok(
-        cairn_map_beam_likelihood(grid, at(3.5, 2.5), at(9, 2.5), 1, (cairn_real)least, &log_p));
+    assert_ok(cairn_map_quality_beam_likelihood(grid, at(3.5, 2.5), at(9, 2.5), 1,
+                                                (cairn_real)least, &log_p));
     assert_near(log_p, log(least), CLOSE);
-    assert_ok(
-        cairn_map_beam_likelihood(grid, at(3.5, 2.5), at(9, 2.5), 0, (cairn_real)least, &log_p));
+    assert_ok(cairn_map_quality_beam_likelihood(grid, at(3.5, 2.5), at(9, 2.5), 0,
+                                                (cairn_real)least, &log_p));
     assert_near(log_p, 0, CLOSE);
-    assert_ok(
-        cairn_map_beam_likelihood(grid, at(-3, -3), at(-9, -3), 0, (cairn_real)least, &log_p));
+    assert_ok(cairn_map_quality_beam_likelihood(grid, at(-3, -3), at(-9, -3), 0, (cairn_real)least,
+                                                &log_p));
     assert_near(log_p, 0, CLOSE);
-    assert_ok(
-        cairn_map_beam_likelihood(grid, at(-3, -3), at(-9, -3), 1, (cairn_real)least, &log_p));
+    assert_ok(cairn_map_quality_beam_likelihood(grid, at(-3, -3), at(-9, -3), 1, (cairn_real)least,
+                                                &log_p));
     assert_near(log_p, log(least), CLOSE);
     /* Half a metre of beam, one hit. */
     assert_ok(cairn_occupancy_grid_add_beam(grid, at(0.2, 2.5), at(0.7, 2.5), 1));
-    assert_ok(
-        cairn_map_beam_likelihood(grid, at(0.1, 2.5), at(0.9, 2.5), 0, (cairn_real)least, &log_p));
+    assert_ok(cairn_map_quality_beam_likelihood(grid, at(0.1, 2.5), at(0.9, 2.5), 0,
+                                                (cairn_real)least, &log_p));
     assert_near(log_p, log(least + (1 - least) * exp(-0.8 / 0.5)), CLOSE);
     /* A hit without length stops every beam. */
     assert_ok(cairn_occupancy_grid_add_beam(grid, at(3.5, 2.5), at(3.5, 2.5), 1));
-    assert_ok(
-        cairn_map_beam_likelihood(grid, at(2.5, 2.5), at(3.5, 2.5), 1, (cairn_real)least, &log_p));
+    assert_ok(cairn_map_quality_beam_likelihood(grid, at(2.5, 2.5), at(3.5, 2.5), 1,
+                                                (cairn_real)least, &log_p));
     assert_near(log_p, 0, CLOSE);
-    assert_ok(
-        cairn_map_beam_likelihood(grid, at(2.5, 2.5), at(3.5, 2.5), 0, (cairn_real)least, &log_p));
+    assert_ok(cairn_map_quality_beam_likelihood(grid, at(2.5, 2.5), at(3.5, 2.5), 0,
+                                                (cairn_real)least, &log_p));
     assert_near(log_p, log(least), CLOSE);
-    assert_status(cairn_map_beam_likelihood(NULL, at(0, 0), at(1, 1), 1, CAIRN_REAL(0.1), &log_p),
+    assert_status(
+        cairn_map_quality_beam_likelihood(NULL, at(0, 0), at(1, 1), 1, CAIRN_REAL(0.1), &log_p),
+        CAIRN_BAD_ARGUMENT);
+    assert_status(
+        cairn_map_quality_beam_likelihood(grid, at(0, 0), at(1, 1), 1, CAIRN_REAL(0.1), NULL),
+        CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_quality_beam_likelihood(grid, at(0, 0), at(1, 1), 1, 0, &log_p),
                   CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_map_beam_likelihood(grid, at(0, 0), at(1, 1), 1, CAIRN_REAL(0.1), NULL),
-                  CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_map_beam_likelihood(grid, at(0, 0), at(1, 1), 1, 0, &log_p),
-                  CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_map_beam_likelihood(grid, at(0, 0), at(1, 1), 1, 1, &log_p),
-                  CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_map_beam_likelihood(grid, at(0, 0), at(1, 1), 1, (cairn_real)NAN, &log_p),
+    assert_status(cairn_map_quality_beam_likelihood(grid, at(0, 0), at(1, 1), 1, 1, &log_p),
                   CAIRN_BAD_ARGUMENT);
     assert_status(
-        cairn_map_beam_likelihood(grid, at(0, 0), at((double)NAN, 1), 1, CAIRN_REAL(0.1), &log_p),
-        CAIRN_NOT_FINITE);
+        cairn_map_quality_beam_likelihood(grid, at(0, 0), at(1, 1), 1, (cairn_real)NAN, &log_p),
+        CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_quality_beam_likelihood(grid, at(0, 0), at((double)NAN, 1), 1,
+                                                    CAIRN_REAL(0.1), &log_p),
+                  CAIRN_NOT_FINITE);
     test_pool_free(&pool);
 }
 
@@ -148,23 +151,23 @@ static void pose_errors(void **state)
     cairn_pose estimate[3] = {{5, 5, CAIRN_PI / 2}, {5, 6, CAIRN_PI / 2 + 1}, {0, 0, 0}};
     /* truth: (1, 2, 3.1) */
     const cairn_pose last = {CAIRN_REAL(1.5), CAIRN_REAL(1.7), CAIRN_REAL(-3.0)};
-    cairn_pose_errors e;
+    cairn_map_quality_pose_errors e;
 
     (void)state;
     estimate[2] = cairn_pose_compose(estimate[0], last);
-    assert_ok(cairn_pose_errors_of(estimate, truth, 3, &e));
+    assert_ok(cairn_map_quality_pose_errors_of(estimate, truth, 3, &e));
     assert_near(e.x, 0.5 / 3, CLOSE);
     assert_near(e.y, 0.3 / 3, CLOSE);
     assert_near(e.theta, (2 * 3.14159265358979 - 6.1) / 3, CLOSE);
-    assert_ok(cairn_pose_errors_of(estimate, truth, 1, &e));
+    assert_ok(cairn_map_quality_pose_errors_of(estimate, truth, 1, &e));
     assert_true(e.x == 0 && e.y == 0 && e.theta == 0);
-    assert_ok(cairn_pose_errors_of(estimate, truth, 3, &e));
-    assert_status(cairn_pose_errors_of(NULL, truth, 3, &e), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_pose_errors_of(estimate, NULL, 3, &e), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_pose_errors_of(estimate, truth, 3, NULL), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_pose_errors_of(estimate, truth, 0, &e), CAIRN_EMPTY);
+    assert_ok(cairn_map_quality_pose_errors_of(estimate, truth, 3, &e));
+    assert_status(cairn_map_quality_pose_errors_of(NULL, truth, 3, &e), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_quality_pose_errors_of(estimate, NULL, 3, &e), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_quality_pose_errors_of(estimate, truth, 3, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_quality_pose_errors_of(estimate, truth, 0, &e), CAIRN_EMPTY);
     estimate[1].theta = (cairn_real)NAN;
-    assert_status(cairn_pose_errors_of(estimate, truth, 3, &e), CAIRN_NOT_FINITE);
+    assert_status(cairn_map_quality_pose_errors_of(estimate, truth, 3, &e), CAIRN_NOT_FINITE);
     assert_near(e.x, 0.5 / 3, CLOSE);
 }
 
@@ -173,12 +176,12 @@ static void relations(void **state)
     const cairn_pose first = {3, 4, 2}, reference = {1, 2, CAIRN_REAL(0.5)},
                      bad = {0, 0, (cairn_real)NAN};
     const double distance[2] = {0.5, 0.1}, angle[2] = {-0.2, 0.6};
-    cairn_relation_sums sums;
-    cairn_relation_errors e;
+    cairn_map_quality_relation_sums sums;
+    cairn_map_quality_relation_errors e;
 
     (void)state;
     memset(&sums, 0, sizeof sums);
-    e = cairn_relation_errors_of(&sums);
+    e = cairn_map_quality_relation_errors_of(&sums);
     assert_true(e.distance_mean == 0 && e.distance_sd == 0 && e.distance_squared == 0);
     assert_true(e.angle_mean == 0 && e.angle_sd == 0 && e.angle_squared == 0);
     for (int k = 0; k < 2; k++) {
@@ -186,19 +189,20 @@ static void relations(void **state)
                           (cairn_real)angle[k]};
         cairn_pose second = cairn_pose_compose(first, cairn_pose_compose(reference, off));
 
-        assert_ok(cairn_relation_add(&sums, reference, first, second));
+        assert_ok(cairn_map_quality_relation_add(&sums, reference, first, second));
     }
-    e = cairn_relation_errors_of(&sums);
+    e = cairn_map_quality_relation_errors_of(&sums);
     assert_near(e.distance_mean, 0.3, CLOSE);
     assert_near(e.distance_sd, 0.2, CLOSE);
     assert_near(e.distance_squared, 0.13, CLOSE);
     assert_near(e.angle_mean, 0.4, CLOSE);
     assert_near(e.angle_sd, 0.2, CLOSE);
     assert_near(e.angle_squared, 0.2, CLOSE);
-    assert_status(cairn_relation_add(NULL, reference, first, first), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_relation_add(&sums, bad, first, first), CAIRN_NOT_FINITE);
-    assert_status(cairn_relation_add(&sums, reference, bad, first), CAIRN_NOT_FINITE);
-    assert_status(cairn_relation_add(&sums, reference, first, bad), CAIRN_NOT_FINITE);
+    assert_status(cairn_map_quality_relation_add(NULL, reference, first, first),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_quality_relation_add(&sums, bad, first, first), CAIRN_NOT_FINITE);
+    assert_status(cairn_map_quality_relation_add(&sums, reference, bad, first), CAIRN_NOT_FINITE);
+    assert_status(cairn_map_quality_relation_add(&sums, reference, first, bad), CAIRN_NOT_FINITE);
     assert_int_equal(sums.count, 2);
 }
 

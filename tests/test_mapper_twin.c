@@ -128,12 +128,12 @@ static cairn_real way_of(cairn_pose motion)
 }
 
 /* What a motion tells of the scan, by odometry or because the one before was such. */
-static cairn_pose_prior prior_of(const twin *t, cairn_pose last, cairn_pose motion,
-                                 int32_t is_odometry)
+static cairn_rigid_motion_pose_prior prior_of(const twin *t, cairn_pose last, cairn_pose motion,
+                                              int32_t is_odometry)
 {
     const cairn_mapper_params *p = &t->params;
     cairn_real way = way_of(motion);
-    cairn_pose_prior prior;
+    cairn_rigid_motion_pose_prior prior;
 
     prior.mean = cairn_pose_compose(last, motion);
     prior.sigma_x = is_odometry ? t->slip * (p->odometry_distance_min + p->odometry_distance * way)
@@ -146,7 +146,7 @@ static cairn_pose_prior prior_of(const twin *t, cairn_pose last, cairn_pose moti
     return prior;
 }
 
-static cairn_icp_result match(twin *t, const cairn_pose_prior *prior)
+static cairn_icp_result match(twin *t, const cairn_rigid_motion_pose_prior *prior)
 {
     cairn_scan_view view = cairn_scan_read(t->scan);
     cairn_budget budget = {CAIRN_UNBOUNDED};
@@ -160,7 +160,8 @@ static cairn_icp_result match(twin *t, const cairn_pose_prior *prior)
 /* Odometry that is two standard deviations off is believed less; what agrees is believed more,
  * by a tenth each. Where the scan tells all of its motion: beyond one standard deviation it may
  * be off by as much for a while, up to four, beyond one and a half by the same way. */
-static void weigh_odometry(twin *t, const cairn_pose_prior *prior, const cairn_icp_result *found)
+static void weigh_odometry(twin *t, const cairn_rigid_motion_pose_prior *prior,
+                           const cairn_icp_result *found)
 {
     cairn_pose e = cairn_pose_between(prior->mean, found->target_query);
     cairn_real way_off = way_of(e) / prior->sigma_x,
@@ -295,7 +296,7 @@ static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *
     cairn_pose last = cairn_pose_identity(), by_odometry = cairn_pose_identity(),
                motion = t->motion;
     cairn_pose alternative = cairn_pose_identity(), away;
-    cairn_pose_prior prior, second;
+    cairn_rigid_motion_pose_prior prior, second;
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_icp_result best, other;
     cairn_scan_view view;
@@ -358,7 +359,7 @@ static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *
         best.covariance[4] += y * y;
     }
     if (matched && has_motion) {
-        cairn_pose_prior told = prior_of(t, last, by_odometry, 1);
+        cairn_rigid_motion_pose_prior told = prior_of(t, last, by_odometry, 1);
 
         weigh_odometry(t, &told, &best);
     }

@@ -110,7 +110,7 @@ static cairn_distance_map_params distance_map_params(void)
     X(hough, hough)                                                                                \
     X(map_merge, map_merge)                                                                        \
     X(mapper, mapper)                                                                              \
-    X(part_bundle, part_builder)                                                                   \
+    X(part_bundle, part_bundle_builder)                                                            \
     X(part_configuration, part_configurator)                                                       \
     X(place_map, place_map)                                                                        \
     X(polyline, polyline)                                                                          \
@@ -120,9 +120,9 @@ static cairn_distance_map_params distance_map_params(void)
     X(scan_redundancy, scan_redundancy)                                                            \
     X(scan_match, scan_match)                                                                      \
     X(sequence, sequence)                                                                          \
-    X(shape_builder, shape_builder)                                                                \
+    X(shape_model_builder, shape_model_builder)                                                    \
     X(shape_context, shape_context)                                                                \
-    X(skeleton, skeleton)                                                                          \
+    X(skeleton_grouping, skeleton_grouping)                                                        \
     X(symmetric_point, symmetric_point_set)                                                        \
     X(virtual_align, virtual_align)                                                                \
     X(virtual_scan, virtual_scan)                                                                  \

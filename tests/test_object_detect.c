@@ -5,14 +5,14 @@
 #include "src/host/contour_search_fit.h"
 #include "src/host/object_detect_work.h"
 
-static cairn_detections detect(const cairn_contour_tokens *tokens,
-                               const cairn_object_detect_params *params)
+static cairn_object_detections detect(const cairn_contour_search_tokens *tokens,
+                                      const cairn_object_detect_params *params)
 {
     cairn_shape_model_file model = make_model();
-    cairn_detections found = detect_flag(tokens, params);
+    cairn_object_detections found = detect_flag(tokens, params);
 
     for (int32_t i = 0; i < found.count; i++) {
-        const cairn_detection *d = &found.found[i];
+        const cairn_object_detection *d = &found.found[i];
 
         assert_int_equal(d->outline_count, model.model.outline_count);
         assert_in_range(d->first_outline + d->outline_count, d->outline_count, found.outline_count);
@@ -20,7 +20,7 @@ static cairn_detections detect(const cairn_contour_tokens *tokens,
         assert_true(d->right > d->left && d->bottom > d->top && d->size > 0);
         assert_true(d->score >= params->min_score);
         for (int32_t k = 0; k < d->outline_count; k++) {
-            const cairn_contour_place *p = &found.outline[d->first_outline + k];
+            const cairn_contour_search_place *p = &found.outline[d->first_outline + k];
 
             assert_true(p->segment >= -1 && p->segment < tokens->count);
             assert_true(p->point.position.x >= d->left && p->point.position.x <= d->right);
@@ -42,9 +42,9 @@ static void finds_a_shape_where_it_is(void **state)
     (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
-        cairn_contour_tokens tokens;
-        cairn_detections found;
-        const cairn_detection *d;
+        cairn_contour_search_tokens tokens;
+        cairn_object_detections found;
+        const cairn_object_detection *d;
         int32_t seen = 0;
 
         clear_picture();
@@ -60,8 +60,8 @@ static void finds_a_shape_where_it_is(void **state)
             seen += found.outline[d->first_outline + k].segment >= 0;
         assert_true(seen > 0.85 * d->outline_count);
         assert_true(d->outline_coverage > CAIRN_REAL(0.8) && d->outline_coverage < CAIRN_REAL(1.3));
-        cairn_detections_free(&found);
-        cairn_contour_tokens_free(&tokens);
+        cairn_object_detections_free(&found);
+        cairn_contour_search_tokens_free(&tokens);
     }
 }
 
@@ -70,8 +70,8 @@ static void finds_a_shape_where_it_is(void **state)
 static void finds_two_shapes(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
-    cairn_contour_tokens tokens;
-    cairn_detections found;
+    cairn_contour_search_tokens tokens;
+    cairn_object_detections found;
     cairn_real best, second;
 
     (void)state;
@@ -89,7 +89,7 @@ static void finds_two_shapes(void **state)
     second = found.found[1].score;
     for (int32_t i = 0; i < found.count; i++)
         for (int32_t k = 0; k < i; k++) {
-            const cairn_detection *a = &found.found[i], *b = &found.found[k];
+            const cairn_object_detection *a = &found.found[i], *b = &found.found[k];
             cairn_real w = cairn_min(a->right, b->right) - cairn_max(a->left, b->left),
                        h = cairn_min(a->bottom, b->bottom) - cairn_max(a->top, b->top);
             cairn_real both = w > 0 && h > 0 ? w * h : 0;
@@ -101,28 +101,28 @@ static void finds_two_shapes(void **state)
                         CAIRN_REAL(0.2001) * ((a->right - a->left) * (a->bottom - a->top) +
                                               (b->right - b->left) * (b->bottom - b->top) - both));
         }
-    cairn_detections_free(&found);
+    cairn_object_detections_free(&found);
     /* Without the mirror image one is left; nothing is better than the best. */
     params.mirror = 0;
     found = detect(&tokens, &params);
     assert_true(share_of(&found.found[0], 30, 50, 1, 0) > 0.85);
     for (int32_t i = 0; i < found.count; i++)
         assert_int_equal(found.found[i].mirrored, 0);
-    cairn_detections_free(&found);
+    cairn_object_detections_free(&found);
     params.mirror = 1;
     params.min_score = (best + second) / 2;
     if (best > second) {
         found = detect(&tokens, &params);
         assert_int_equal(found.count, 1);
-        cairn_detections_free(&found);
+        cairn_object_detections_free(&found);
     }
-    cairn_contour_tokens_free(&tokens);
+    cairn_contour_search_tokens_free(&tokens);
 }
 
 /* ---- The obvious way ---- */
 
 /* How well the edges nearest to a cell go with a direction. */
-static double likely_at(const cairn_contour_tokens *tokens, const detect_plane *p, int32_t x,
+static double likely_at(const cairn_contour_search_tokens *tokens, const detect_plane *p, int32_t x,
                         int32_t y, int32_t bin)
 {
     double least = 30;
@@ -148,8 +148,8 @@ static double likely_at(const cairn_contour_tokens *tokens, const detect_plane *
 static void weighs_edges_as_the_obvious_way_does(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
-    cairn_contour_tokens tokens;
-    cairn_detect_field *field;
+    cairn_contour_search_tokens tokens;
+    cairn_object_detect_field *field;
     const detect_plane *p;
     double *likely;
 
@@ -159,7 +159,7 @@ static void weighs_edges_as_the_obvious_way_does(void **state)
     draw_flag(110, 40, 1, 0);
     tokens = find_tokens(0);
     params.min_size = params.max_size = 250;
-    assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
+    assert_ok(cairn_object_detect_field_make(&field, &tokens, &params, "edges", &error));
     assert_int_equal(field->planes, 1);
     p = &field->plane[0];
     likely = malloc((size_t)(p->width * p->height) * sizeof *likely);
@@ -187,8 +187,8 @@ static void weighs_edges_as_the_obvious_way_does(void **state)
         assert_near(worth[cairn_object_detect_layer(p) - 1], -0.7, 1e-6);
     }
     free(likely);
-    cairn_detect_field_free(field);
-    cairn_contour_tokens_free(&tokens);
+    cairn_object_detect_field_free(field);
+    cairn_contour_search_tokens_free(&tokens);
 }
 
 /* The mean worth of a flag's samples at a cell. */
@@ -220,9 +220,9 @@ static void looks_at_every_place(void **state)
     static const double aspects[] = {1, 0.8, 1.25, 0.64, 1.5625};
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
     cairn_shape_model_file model = make_model();
-    cairn_contour_tokens tokens;
-    cairn_detect_field *field;
-    cairn_detections found;
+    cairn_contour_search_tokens tokens;
+    cairn_object_detect_field *field;
+    cairn_object_detections found;
     double best = -1e9;
 
     (void)state;
@@ -234,7 +234,7 @@ static void looks_at_every_place(void **state)
     params.mirror = 0;
     params.candidates = 1;
     params.min_score = -100;
-    assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
+    assert_ok(cairn_object_detect_field_make(&field, &tokens, &params, "edges", &error));
     for (int32_t k = 0; k < 5; k++)
         for (int32_t y = 0; y < field->plane[0].height; y++)
             for (int32_t x = 0; x < field->plane[0].width; x++)
@@ -242,17 +242,17 @@ static void looks_at_every_place(void **state)
     assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));
     assert_int_equal(found.count, 1);
     assert_near(found.found[0].rigid_evidence, best, 1e-4);
-    cairn_detections_free(&found);
-    cairn_detect_field_free(field);
-    cairn_contour_tokens_free(&tokens);
+    cairn_object_detections_free(&found);
+    cairn_object_detect_field_free(field);
+    cairn_contour_search_tokens_free(&tokens);
     cairn_shape_model_file_free(&model);
 }
 
 /* ---- How the bent outline fits ---- */
 
 /* The nearest edge in sigmas of 0.012 sizes and of a sine of 0.35, of all there are. */
-static double close_of(const cairn_contour_tokens *tokens, const cairn_contour_place *places,
-                       const cairn_detection *d)
+static double close_of(const cairn_contour_search_tokens *tokens,
+                       const cairn_contour_search_place *places, const cairn_object_detection *d)
 {
     double sum = 0;
 
@@ -278,8 +278,8 @@ static double close_of(const cairn_contour_tokens *tokens, const cairn_contour_p
 }
 
 /* Angles of the ways from two samples before to two behind, by atan2; the flag has one outline. */
-static double turned_of(const cairn_shape_model *m, const cairn_contour_place *places,
-                        const cairn_detection *d)
+static double turned_of(const cairn_shape_model *m, const cairn_contour_search_place *places,
+                        const cairn_object_detection *d)
 {
     double sum = 0;
     int32_t n = m->outline_count;
@@ -334,7 +334,7 @@ static double residual_of(const cairn_shape_model *m, double *value, double slop
     return left;
 }
 
-static double strained_of(const cairn_shape_model *m, const cairn_contour_place *places)
+static double strained_of(const cairn_shape_model *m, const cairn_contour_search_place *places)
 {
     static double value[1024];
     double slope[2][2], left;
@@ -353,8 +353,8 @@ static void measures_how_the_outline_fits(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
     cairn_shape_model_file model = make_model();
-    cairn_contour_tokens tokens;
-    cairn_detections found;
+    cairn_contour_search_tokens tokens;
+    cairn_object_detections found;
 
     (void)state;
     clear_picture();
@@ -366,8 +366,8 @@ static void measures_how_the_outline_fits(void **state)
     found = detect(&tokens, &params);
     assert_true(found.count >= 4);
     for (int32_t i = 0; i < found.count; i++) {
-        const cairn_detection *d = &found.found[i];
-        const cairn_contour_place *places = &found.outline[d->first_outline];
+        const cairn_object_detection *d = &found.found[i];
+        const cairn_contour_search_place *places = &found.outline[d->first_outline];
 
         assert_near(d->edge_proximity, close_of(&tokens, places, d), 1e-3);
         assert_near(d->tangent_deviation, turned_of(&model.model, places, d), 1e-4);
@@ -383,8 +383,8 @@ static void measures_how_the_outline_fits(void **state)
         assert_true(i < 2 ? d->rigid_proximity > CAIRN_REAL(0.8) * d->edge_proximity
                           : d->rigid_proximity < found.found[1].rigid_proximity / 2);
     }
-    cairn_detections_free(&found);
-    cairn_contour_tokens_free(&tokens);
+    cairn_object_detections_free(&found);
+    cairn_contour_search_tokens_free(&tokens);
     cairn_shape_model_file_free(&model);
 }
 
@@ -403,7 +403,7 @@ static void hide_behind_disc(int32_t x, int32_t y, int32_t radius)
 
 /* How far an outline is from every similarity of the drawn one: of its triangles with the first
  * and a far place, the third places, px. */
-static double unlike(const cairn_shape_model *m, const cairn_contour_place *places)
+static double unlike(const cairn_shape_model *m, const cairn_contour_search_place *places)
 {
     int32_t far = m->outline_count / 2;
     cairn_vec2 a = m->outline[0].position, b = cairn_vec2_sub(m->outline[far].position, a),
@@ -428,8 +428,8 @@ static void finds_what_is_hidden_in_part(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
     cairn_shape_model_file model = make_model();
-    cairn_contour_tokens tokens;
-    cairn_detections found, bent;
+    cairn_contour_search_tokens tokens;
+    cairn_object_detections found, bent;
 
     (void)state;
     clear_picture();
@@ -449,9 +449,9 @@ static void finds_what_is_hidden_in_part(void **state)
     for (int32_t i = 0; i < found.count; i++)
         assert_true(unlike(&model.model, &found.outline[found.found[i].first_outline]) < 0.01);
     assert_true(unlike(&model.model, &bent.outline[bent.found[0].first_outline]) > 1);
-    cairn_detections_free(&found);
-    cairn_detections_free(&bent);
-    cairn_contour_tokens_free(&tokens);
+    cairn_object_detections_free(&found);
+    cairn_object_detections_free(&bent);
+    cairn_contour_search_tokens_free(&tokens);
     cairn_shape_model_file_free(&model);
 }
 
@@ -477,8 +477,8 @@ static void draw_turned_flag(double x, double y, double turn, int32_t first, int
 static void finds_what_is_turned_and_hidden_by_grouping(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
-    cairn_contour_tokens tokens;
-    cairn_detections found;
+    cairn_contour_search_tokens tokens;
+    cairn_object_detections found;
 
     (void)state;
     clear_picture();
@@ -492,8 +492,8 @@ static void finds_what_is_turned_and_hidden_by_grouping(void **state)
     assert_true(found.found[0].grouped_evidence > 13);
     assert_near(found.found[0].origin.x, 150, 12);
     assert_near(found.found[0].size, hypot(80, 120), 12);
-    cairn_detections_free(&found);
-    cairn_contour_tokens_free(&tokens);
+    cairn_object_detections_free(&found);
+    cairn_contour_search_tokens_free(&tokens);
 }
 
 /* Flags of two sizes, one mirrored: both are grouped, most evidence first, where they are, and
@@ -502,12 +502,12 @@ static void groups_in_all_sizes(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
     cairn_shape_model_file model = make_model();
-    cairn_contour_tokens tokens;
-    cairn_detect_field *field;
+    cairn_contour_search_tokens tokens;
+    cairn_object_detect_field *field;
     detect_groupings made;
-    cairn_detection at[3] = {{.left = 30, .top = 50, .right = 110, .bottom = 170},
-                             {.left = 214, .top = 120, .right = 270, .bottom = 204},
-                             {.left = 140, .top = 10, .right = 200, .bottom = 90}};
+    cairn_object_detection at[3] = {{.left = 30, .top = 50, .right = 110, .bottom = 170},
+                                    {.left = 214, .top = 120, .right = 270, .bottom = 204},
+                                    {.left = 140, .top = 10, .right = 200, .bottom = 90}};
     cairn_real evidence[3];
 
     (void)state;
@@ -517,7 +517,7 @@ static void groups_in_all_sizes(void **state)
     tokens = find_tokens(0);
     for (int32_t mirror = 1; mirror >= 0; mirror--) {
         params.mirror = mirror;
-        assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
+        assert_ok(cairn_object_detect_field_make(&field, &tokens, &params, "edges", &error));
         assert_ok(cairn_object_detect_group(&made, field, &model.model));
         for (int32_t i = 0; i < made.count; i++) {
             assert_true(i == 0 || made.list[i].found.evidence <= made.list[i - 1].found.evidence);
@@ -528,9 +528,9 @@ static void groups_in_all_sizes(void **state)
         assert_true(evidence[0] > 13 && evidence[2] == 0);
         assert_true(mirror ? evidence[1] > 13 : evidence[1] < evidence[0] / 2);
         cairn_object_detect_group_free(&made);
-        cairn_detect_field_free(field);
+        cairn_object_detect_field_free(field);
     }
-    cairn_contour_tokens_free(&tokens);
+    cairn_contour_search_tokens_free(&tokens);
     cairn_shape_model_file_free(&model);
 }
 
@@ -539,8 +539,8 @@ static void groups_in_all_sizes(void **state)
 static void finds_a_large_shape_among_very_many_peaks(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
-    cairn_contour_tokens tokens;
-    cairn_detections found;
+    cairn_contour_search_tokens tokens;
+    cairn_object_detections found;
 
     (void)state;
     clear_picture();
@@ -554,8 +554,8 @@ static void finds_a_large_shape_among_very_many_peaks(void **state)
     found = detect(&tokens, &params);
     assert_true(found.count >= 1);
     assert_true(share_of(&found.found[0], 100, 20, 1.5, 0) > 0.85);
-    cairn_detections_free(&found);
-    cairn_contour_tokens_free(&tokens);
+    cairn_object_detections_free(&found);
+    cairn_contour_search_tokens_free(&tokens);
 }
 
 /* Grouping finds the flag, too: its score goes up in proportion to the weight, before overlaps
@@ -563,8 +563,8 @@ static void finds_a_large_shape_among_very_many_peaks(void **state)
 static void verifies_what_is_grouped_as_well(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
-    cairn_contour_tokens tokens;
-    cairn_detections plain, found;
+    cairn_contour_search_tokens tokens;
+    cairn_object_detections plain, found;
     cairn_real weight = params.verify;
 
     (void)state;
@@ -583,19 +583,19 @@ static void verifies_what_is_grouped_as_well(void **state)
                     found.found[0].grouped_evidence > 20);
         assert_near(found.found[0].score - plain.found[0].score,
                     params.verify * found.found[0].grouped_evidence, 1e-3);
-        cairn_detections_free(&found);
+        cairn_object_detections_free(&found);
         /* What would be too little without. */
         params.min_score = plain.found[0].score + params.verify;
         found = detect(&tokens, &params);
         assert_int_equal(found.count, 1);
-        cairn_detections_free(&found);
+        cairn_object_detections_free(&found);
     }
     params.verify = 0;
     found = detect(&tokens, &params);
     assert_int_equal(found.count, 0);
-    cairn_detections_free(&found);
-    cairn_detections_free(&plain);
-    cairn_contour_tokens_free(&tokens);
+    cairn_object_detections_free(&found);
+    cairn_object_detections_free(&plain);
+    cairn_contour_search_tokens_free(&tokens);
 }
 
 /* ---- Odd pictures, refusals ---- */
@@ -603,22 +603,22 @@ static void verifies_what_is_grouped_as_well(void **state)
 static void takes_odd_pictures(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
-    cairn_contour_tokens tokens;
-    cairn_detections found;
+    cairn_contour_search_tokens tokens;
+    cairn_object_detections found;
 
     (void)state;
     clear_picture();
     tokens = find_tokens(0);
     found = detect(&tokens, &params);
     assert_int_equal(found.count, 0);
-    cairn_detections_free(&found);
-    cairn_contour_tokens_free(&tokens);
+    cairn_object_detections_free(&found);
+    cairn_contour_search_tokens_free(&tokens);
     draw_edges_everywhere();
     tokens = find_tokens(0);
     assert_true(tokens.count > 1000);
     found = detect(&tokens, &params);
-    cairn_detections_free(&found);
-    cairn_contour_tokens_free(&tokens);
+    cairn_object_detections_free(&found);
+    cairn_contour_search_tokens_free(&tokens);
 }
 
 static void refuses_what_cannot_be(void **state)
@@ -639,9 +639,9 @@ static void refuses_what_cannot_be(void **state)
                                          "verify"};
     cairn_object_detect_params good = cairn_object_detect_default(WIDTH, HEIGHT), bad[13];
     cairn_shape_model_file model = make_model();
-    cairn_contour_tokens tokens = {.width = WIDTH, .height = HEIGHT};
-    cairn_detect_field *field;
-    cairn_detections found;
+    cairn_contour_search_tokens tokens = {.width = WIDTH, .height = HEIGHT};
+    cairn_object_detect_field *field;
+    cairn_object_detections found;
 
     (void)state;
     assert_near(good.min_size, hypot(WIDTH, HEIGHT) / 10, 1e-3);
@@ -664,13 +664,13 @@ static void refuses_what_cannot_be(void **state)
     bad[11].verify = 101;
     bad[12].verify = (cairn_real)NAN;
     for (int i = 0; i < 13; i++) {
-        field = (cairn_detect_field *)&found;
-        assert_status(cairn_detect_field_make(&field, &tokens, &bad[i], "edges", &error),
+        field = (cairn_object_detect_field *)&found;
+        assert_status(cairn_object_detect_field_make(&field, &tokens, &bad[i], "edges", &error),
                       CAIRN_BAD_ARGUMENT);
         assert_null(field);
         assert_error_holds(what[i]);
     }
-    assert_ok(cairn_detect_field_make(&field, &tokens, &good, "edges", &error));
+    assert_ok(cairn_object_detect_field_make(&field, &tokens, &good, "edges", &error));
     model.model.size = 0;
     assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error),
                   CAIRN_BAD_ARGUMENT);
@@ -690,8 +690,8 @@ static void refuses_what_cannot_be(void **state)
                       CAIRN_BAD_ARGUMENT);
         assert_error_holds("along one straight line");
     }
-    cairn_detect_field_free(field);
-    cairn_detect_field_free(NULL);
+    cairn_object_detect_field_free(field);
+    cairn_object_detect_field_free(NULL);
     cairn_shape_model_file_free(&model);
 }
 
@@ -699,29 +699,29 @@ static void refuses_what_cannot_be(void **state)
 static void takes_sizes_up_to_the_bounds(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
-    cairn_contour_tokens tokens = {.width = 8192, .height = 20};
-    cairn_detect_field *field;
+    cairn_contour_search_tokens tokens = {.width = 8192, .height = 20};
+    cairn_object_detect_field *field;
 
     (void)state;
     for (int32_t turned = 0; turned < 2; turned++) {
         params.min_size = params.max_size = 163;
-        assert_status(cairn_detect_field_make(&field, &tokens, &params, "edges", &error),
+        assert_status(cairn_object_detect_field_make(&field, &tokens, &params, "edges", &error),
                       CAIRN_BAD_ARGUMENT);
         assert_error_holds("min_size 163 in an image of 8192 pixels, expected at least 163.84");
         params.min_size = params.max_size = 164;
-        assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
-        cairn_detect_field_free(field);
+        assert_ok(cairn_object_detect_field_make(&field, &tokens, &params, "edges", &error));
+        cairn_object_detect_field_free(field);
         tokens.width = 20;
         tokens.height = 8192;
     }
     tokens.height = 10;
     params.min_size = 8;
     params.max_size = 16384;
-    assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
+    assert_ok(cairn_object_detect_field_make(&field, &tokens, &params, "edges", &error));
     assert_int_equal(field->planes, DETECT_MAX_PLANES);
     assert_true(field->plane[DETECT_MAX_PLANES - 1].size <= 16384 &&
                 field->plane[DETECT_MAX_PLANES - 1].size * CAIRN_REAL(1.2) > 16384);
-    cairn_detect_field_free(field);
+    cairn_object_detect_field_free(field);
 }
 
 /* An outline that would reach beyond the field's margins. */
@@ -731,17 +731,17 @@ static void refuses_outlines_that_reach_too_far(void **state)
                                      CAIRN_REAL_MAX};
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
     cairn_shape_model_file model = make_model();
-    cairn_contour_tokens tokens = {.width = WIDTH, .height = HEIGHT};
+    cairn_contour_search_tokens tokens = {.width = WIDTH, .height = HEIGHT};
     cairn_oriented_point *outline = malloc((size_t)model.model.outline_count * sizeof *outline);
-    cairn_shape_sample sample = model.model.samples[0];
-    cairn_shape_path path = {0, 1, -1, -1, 1};
+    cairn_shape_model_sample sample = model.model.samples[0];
+    cairn_shape_model_path path = {0, 1, -1, -1, 1};
     cairn_shape_model bad = model.model;
-    cairn_detect_field *field;
-    cairn_detections found;
+    cairn_object_detect_field *field;
+    cairn_object_detections found;
 
     (void)state;
     assert_non_null(outline);
-    assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
+    assert_ok(cairn_object_detect_field_make(&field, &tokens, &params, "edges", &error));
     bad.outline = outline;
     for (size_t i = 0; i < 4 * sizeof far / sizeof *far; i++) {
         cairn_real position = far[i / 4] * (cairn_real)(i % 2 == 0 ? 1 : -1);
@@ -759,7 +759,7 @@ static void refuses_outlines_that_reach_too_far(void **state)
         outline[0].position.y = CAIRN_REAL(-0.53);
         assert_ok(cairn_object_detect(&found, field, &bad, "edges", &error));
         assert_int_equal(found.count, 0);
-        cairn_detections_free(&found);
+        cairn_object_detections_free(&found);
     }
     bad = model.model;
     bad.samples = &sample;
@@ -769,7 +769,7 @@ static void refuses_outlines_that_reach_too_far(void **state)
     assert_status(cairn_object_detect(&found, field, &bad, "edges", &error), CAIRN_NOT_FINITE);
     assert_error_holds("a sample that is not finite");
     free(outline);
-    cairn_detect_field_free(field);
+    cairn_object_detect_field_free(field);
     cairn_shape_model_file_free(&model);
 }
 

@@ -9,11 +9,11 @@ static cairn_object_detect_params parts_params(void)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
 
-    params.method = CAIRN_DETECT_PARTS;
+    params.method = CAIRN_OBJECT_DETECT_PARTS;
     return params;
 }
 
-static cairn_real length_of_chain(const cairn_contour_tokens *tokens, int32_t chain)
+static cairn_real length_of_chain(const cairn_contour_search_tokens *tokens, int32_t chain)
 {
     cairn_real length = 0;
 
@@ -23,9 +23,10 @@ static cairn_real length_of_chain(const cairn_contour_tokens *tokens, int32_t ch
 }
 
 /* Every part is a fragment along a chain; of each bundle there is one at most. */
-static void assert_configuration(const cairn_contour_tokens *tokens,
+static void assert_configuration(const cairn_contour_search_tokens *tokens,
                                  const cairn_object_detect_params *params,
-                                 const cairn_detections *found, const cairn_detection *d)
+                                 const cairn_object_detections *found,
+                                 const cairn_object_detection *d)
 {
     uint32_t bundles = 0, fragments = 0;
 
@@ -35,7 +36,7 @@ static void assert_configuration(const cairn_contour_tokens *tokens,
     assert_true(d->part_count >= 2);
     assert_in_range(d->first_part + d->part_count, d->part_count, found->part_count);
     for (int32_t i = 0; i < d->part_count; i++) {
-        const cairn_detected_part *p = &found->parts[d->first_part + i];
+        const cairn_object_detect_part *p = &found->parts[d->first_part + i];
 
         assert_in_range(p->bundle, 0, found->bundle_count - 1);
         assert_in_range(p->fragment, 0, 31);
@@ -44,17 +45,17 @@ static void assert_configuration(const cairn_contour_tokens *tokens,
         assert_true(p->from >= 0 && p->to > p->from &&
                     p->to <= 3 * length_of_chain(tokens, p->chain));
         assert_false(fragments >> p->fragment & 1);
-        if (params->bundles != CAIRN_DETECT_NO_BUNDLES)
+        if (params->bundles != CAIRN_OBJECT_DETECT_NO_BUNDLES)
             assert_false(bundles >> p->bundle & 1);
         fragments |= UINT32_C(1) << p->fragment;
         bundles |= UINT32_C(1) << p->bundle;
     }
 }
 
-static cairn_detections detect(const cairn_contour_tokens *tokens,
-                               const cairn_object_detect_params *params)
+static cairn_object_detections detect(const cairn_contour_search_tokens *tokens,
+                                      const cairn_object_detect_params *params)
 {
-    cairn_detections found = detect_flag(tokens, params);
+    cairn_object_detections found = detect_flag(tokens, params);
 
     assert_int_equal(found.bundle_count, 4);
     for (int32_t i = 0; i < found.count; i++)
@@ -74,8 +75,8 @@ static void finds_a_shape_by_its_parts(void **state)
     (void)state;
     for (size_t i = 0; i < 2 * (sizeof cases / sizeof *cases); i++) {
         cairn_object_detect_params params = parts_params();
-        cairn_contour_tokens tokens;
-        cairn_detections found;
+        cairn_contour_search_tokens tokens;
+        cairn_object_detections found;
         size_t k = i / 2;
 
         clear_picture();
@@ -89,8 +90,8 @@ static void finds_a_shape_by_its_parts(void **state)
         assert_true(share_of(&found.found[0], cases[k].x, cases[k].y, cases[k].scale,
                              cases[k].mirrored) > 0.7);
         assert_int_equal(found.found[0].mirrored, cases[k].mirrored);
-        cairn_detections_free(&found);
-        cairn_contour_tokens_free(&tokens);
+        cairn_object_detections_free(&found);
+        cairn_contour_search_tokens_free(&tokens);
     }
 }
 
@@ -103,25 +104,25 @@ static void finds_it_by_every_way(void **state)
     draw_flag(110, 40, 1, 0);
     for (int32_t way = 0; way < 6; way++) {
         cairn_object_detect_params params = parts_params();
-        cairn_contour_tokens tokens = find_tokens(0);
-        cairn_detections found;
+        cairn_contour_search_tokens tokens = find_tokens(0);
+        cairn_object_detections found;
 
-        params.bundles = way < 3 ? way : CAIRN_DETECT_BUNDLES;
+        params.bundles = way < 3 ? way : CAIRN_OBJECT_DETECT_BUNDLES;
         params.modes_only = way == 3;
         params.nearest = way == 4 ? 5 : 20;
         params.matches = way == 5 ? 20 : 2;
         found = detect(&tokens, &params);
         assert_true(found.count >= 1);
         assert_true(share_of(&found.found[0], 110, 40, 1, 0) > 0.7);
-        cairn_detections_free(&found);
-        cairn_contour_tokens_free(&tokens);
+        cairn_object_detections_free(&found);
+        cairn_contour_search_tokens_free(&tokens);
     }
 }
 
 /* Chains run through the tokens' segments; a round one is closed. */
 static void follows_chains(void **state)
 {
-    cairn_contour_tokens tokens;
+    cairn_contour_search_tokens tokens;
     detect_chains chains;
     int32_t closed = 0;
 
@@ -141,30 +142,30 @@ static void follows_chains(void **state)
     }
     assert_int_equal(closed, 1);
     cairn_object_detect_chains_free(&chains);
-    cairn_contour_tokens_free(&tokens);
+    cairn_contour_search_tokens_free(&tokens);
 }
 
 static void takes_odd_pictures(void **state)
 {
     cairn_object_detect_params params = parts_params();
-    cairn_contour_tokens tokens;
-    cairn_detections found;
+    cairn_contour_search_tokens tokens;
+    cairn_object_detections found;
 
     (void)state;
     clear_picture();
     tokens = find_tokens(0);
     found = detect(&tokens, &params);
     assert_int_equal(found.count, 0);
-    cairn_detections_free(&found);
-    cairn_contour_tokens_free(&tokens);
+    cairn_object_detections_free(&found);
+    cairn_contour_search_tokens_free(&tokens);
     /* Nothing of them is as long as half a fragment. */
     draw_edges_everywhere();
     tokens = find_tokens(0);
     assert_true(tokens.count > 1000);
     found = detect(&tokens, &params);
     assert_int_equal(found.count, 0);
-    cairn_detections_free(&found);
-    cairn_contour_tokens_free(&tokens);
+    cairn_object_detections_free(&found);
+    cairn_contour_search_tokens_free(&tokens);
 }
 
 static void tells_its_stages(void **state)
@@ -177,20 +178,20 @@ static void tells_its_stages(void **state)
     for (int32_t way = 0; way < 2; way++) {
         cairn_object_detect_params params = parts_params();
         cairn_shape_model_file model = make_model();
-        cairn_contour_tokens tokens = find_tokens(0);
+        cairn_contour_search_tokens tokens = find_tokens(0);
         char heard[16] = "";
-        cairn_detect_field *field;
-        cairn_detections found;
+        cairn_object_detect_field *field;
+        cairn_object_detections found;
 
         params.method = way;
         params.on_stage = hear_stage;
         params.on_stage_context = heard;
-        assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
+        assert_ok(cairn_object_detect_field_make(&field, &tokens, &params, "edges", &error));
         assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));
         assert_string_equal(heard, expected[way]);
-        cairn_detections_free(&found);
-        cairn_detect_field_free(field);
-        cairn_contour_tokens_free(&tokens);
+        cairn_object_detections_free(&found);
+        cairn_object_detect_field_free(field);
+        cairn_contour_search_tokens_free(&tokens);
         cairn_shape_model_file_free(&model);
     }
 }
@@ -202,7 +203,7 @@ static void takes_very_many_chains(void **state)
     enum { CHAINS = 10000, SIDE = 1600 };
     cairn_random random = cairn_random_seed(4, 4);
     cairn_shape_model_file model = make_model();
-    cairn_contour_tokens tokens = {
+    cairn_contour_search_tokens tokens = {
         .width = SIDE, .height = SIDE, .count = CHAINS, .chain_count = CHAINS, .mean_length = 15};
 
     (void)state;
@@ -225,20 +226,20 @@ static void takes_very_many_chains(void **state)
     }
     for (int32_t way = 0; way < 2; way++) {
         cairn_object_detect_params params = cairn_object_detect_default(SIDE, SIDE);
-        cairn_detect_field *field;
-        cairn_detections found;
+        cairn_object_detect_field *field;
+        cairn_object_detections found;
 
         params.candidates = 2;
         params.min_size = 250;
         params.max_size = 300;
         params.method = way;
-        assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
+        assert_ok(cairn_object_detect_field_make(&field, &tokens, &params, "edges", &error));
         assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));
         assert_in_range(found.count, 0, params.candidates);
-        cairn_detections_free(&found);
-        cairn_detect_field_free(field);
+        cairn_object_detections_free(&found);
+        cairn_object_detect_field_free(field);
     }
-    cairn_contour_tokens_free(&tokens);
+    cairn_contour_search_tokens_free(&tokens);
     cairn_shape_model_file_free(&model);
 }
 
@@ -257,9 +258,9 @@ static void refuses_what_cannot_be(void **state)
     cairn_object_detect_params good = parts_params(), bad[BAD];
     cairn_shape_model_file model = make_model();
     int32_t full = model.model.outline_count;
-    cairn_contour_tokens tokens = {.width = WIDTH, .height = HEIGHT};
-    cairn_detect_field *field;
-    cairn_detections found;
+    cairn_contour_search_tokens tokens = {.width = WIDTH, .height = HEIGHT};
+    cairn_object_detect_field *field;
+    cairn_object_detections found;
 
     (void)state;
     for (int i = 0; i < BAD; i++)
@@ -274,27 +275,27 @@ static void refuses_what_cannot_be(void **state)
     bad[7].appearance_weight = -1;
     bad[8].appearance_weight = 1001;
     for (int i = 0; i < BAD; i++) {
-        assert_status(cairn_detect_field_make(&field, &tokens, &bad[i], "edges", &error),
+        assert_status(cairn_object_detect_field_make(&field, &tokens, &bad[i], "edges", &error),
                       CAIRN_BAD_ARGUMENT);
         assert_error_holds(what[i]);
     }
     /* One vertex is no outline. */
-    assert_ok(cairn_detect_field_make(&field, &tokens, &good, "edges", &error));
+    assert_ok(cairn_object_detect_field_make(&field, &tokens, &good, "edges", &error));
     model.model.outline_count = 1;
     assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error),
                   CAIRN_BAD_ARGUMENT);
     assert_non_null(strstr(error.text, "expected"));
     assert_null(found.found);
     model.model.outline_count = full;
-    cairn_detect_field_free(field);
+    cairn_object_detect_field_free(field);
     /* An outline without length is none. */
-    assert_ok(cairn_detect_field_make(&field, &tokens, &good, "edges", &error));
+    assert_ok(cairn_object_detect_field_make(&field, &tokens, &good, "edges", &error));
     for (int32_t i = 0; i < model.model.outline_count; i++)
         model.outline[i].position = model.outline[0].position;
     assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error),
                   CAIRN_BAD_ARGUMENT);
     assert_null(found.found);
-    cairn_detect_field_free(field);
+    cairn_object_detect_field_free(field);
     cairn_shape_model_file_free(&model);
 }
 

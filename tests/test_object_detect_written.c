@@ -6,8 +6,8 @@
 #include "src/host/object_detect_work.h"
 
 /* The box about all lines of the chains that the parts are. */
-static void assert_box(const cairn_contour_tokens *tokens, const cairn_detections *found,
-                       const cairn_detection *d)
+static void assert_box(const cairn_contour_search_tokens *tokens,
+                       const cairn_object_detections *found, const cairn_object_detection *d)
 {
     cairn_box box = cairn_box_empty();
     int32_t lines = 0;
@@ -28,8 +28,8 @@ static void assert_box(const cairn_contour_tokens *tokens, const cairn_detection
 }
 
 /* One fragment of a bundle, one to one with chains; nothing but the distance of shapes counts. */
-static void assert_hypothesis(const cairn_contour_tokens *tokens, const cairn_detections *found,
-                              const cairn_detection *d)
+static void assert_hypothesis(const cairn_contour_search_tokens *tokens,
+                              const cairn_object_detections *found, const cairn_object_detection *d)
 {
     uint32_t bundles = 0;
     double sum = 0;
@@ -41,7 +41,7 @@ static void assert_hypothesis(const cairn_contour_tokens *tokens, const cairn_de
     assert_true(d->part_count >= 1);
     assert_in_range(d->first_part + d->part_count, d->part_count, found->part_count);
     for (int32_t i = 0; i < d->part_count; i++) {
-        const cairn_detected_part *p = &found->parts[d->first_part + i];
+        const cairn_object_detect_part *p = &found->parts[d->first_part + i];
 
         assert_in_range(p->bundle, 0, found->bundle_count - 1);
         assert_false(bundles >> p->bundle & 1);
@@ -54,10 +54,10 @@ static void assert_hypothesis(const cairn_contour_tokens *tokens, const cairn_de
     assert_box(tokens, found, d);
 }
 
-static cairn_detections detect(const cairn_contour_tokens *tokens,
-                               const cairn_object_detect_params *params)
+static cairn_object_detections detect(const cairn_contour_search_tokens *tokens,
+                                      const cairn_object_detect_params *params)
 {
-    cairn_detections found = detect_flag(tokens, params);
+    cairn_object_detections found = detect_flag(tokens, params);
 
     for (int32_t i = 0; i < found.count; i++)
         assert_hypothesis(tokens, &found, &found.found[i]);
@@ -85,8 +85,8 @@ static void finds_a_shape(void **state)
     (void)state;
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
         cairn_object_detect_params params = written_params();
-        cairn_contour_tokens tokens;
-        cairn_detections found;
+        cairn_contour_search_tokens tokens;
+        cairn_object_detections found;
 
         clear_picture();
         draw_flag_without(cases[k].x, cases[k].y, cases[k].scale, cases[k].mirrored,
@@ -99,8 +99,8 @@ static void finds_a_shape(void **state)
         assert_int_equal(found.found[0].mirrored, cases[k].mirrored);
         assert_true(found.found[0].shape_distance <
                     (cases[k].hidden < 0 ? CAIRN_REAL(0.3) : CAIRN_REAL(0.8)));
-        cairn_detections_free(&found);
-        cairn_contour_tokens_free(&tokens);
+        cairn_object_detections_free(&found);
+        cairn_contour_search_tokens_free(&tokens);
     }
 }
 
@@ -108,16 +108,16 @@ static void finds_a_shape(void **state)
 static void is_bounded(void **state)
 {
     cairn_object_detect_params params = written_params();
-    cairn_contour_tokens tokens;
-    cairn_detections found;
+    cairn_contour_search_tokens tokens;
+    cairn_object_detections found;
 
     (void)state;
     clear_picture();
     tokens = find_tokens(0);
     found = detect(&tokens, &params);
     assert_int_equal(found.count, 0);
-    cairn_detections_free(&found);
-    cairn_contour_tokens_free(&tokens);
+    cairn_object_detections_free(&found);
+    cairn_contour_search_tokens_free(&tokens);
     clear_picture();
     draw_clutter(12);
     draw_flag(110, 40, 1, 0);
@@ -125,19 +125,19 @@ static void is_bounded(void **state)
     found = detect(&tokens, &params);
     assert_in_range(found.count, 1, 2 * DETECT_MAX_WRITTEN_HYPOTHESES);
     assert_true(found.part_count <= 2 * DETECT_MAX_WRITTEN_HYPOTHESES * CAIRN_PART_MAX_BUNDLES);
-    cairn_detections_free(&found);
+    cairn_object_detections_free(&found);
     params.nearest = 64;
     found = detect(&tokens, &params);
     assert_true(found.count >= 1);
-    cairn_detections_free(&found);
-    cairn_contour_tokens_free(&tokens);
+    cairn_object_detections_free(&found);
+    cairn_contour_search_tokens_free(&tokens);
 }
 
 /* Of sets of chains each is new once, in whatever order; against all before it. */
 static void takes_each_set_once(void **state)
 {
     enum { SETS = 600, CHAINS = 7 };
-    static cairn_detected_part parts[SETS][CAIRN_PART_MAX_BUNDLES];
+    static cairn_object_detect_part parts[SETS][CAIRN_PART_MAX_BUNDLES];
     static uint32_t bits[SETS];
     cairn_random random = cairn_random_seed(9, 5);
     detect_chain_sets sets;
@@ -169,12 +169,12 @@ static void takes_each_set_once(void **state)
 /* A model of one fragment by hand: a configuration is one chain. */
 static void takes_one_fragment(void **state)
 {
-    static const cairn_part_cut cut = {0, 20, 0};
+    static const cairn_part_bundle_cut cut = {0, 20, 0};
     cairn_object_detect_params params = written_params();
     cairn_shape_model_file model = make_model();
-    cairn_contour_tokens tokens;
-    cairn_detect_field *field;
-    cairn_detections found;
+    cairn_contour_search_tokens tokens;
+    cairn_object_detect_field *field;
+    cairn_object_detections found;
 
     (void)state;
     clear_picture();
@@ -182,14 +182,14 @@ static void takes_one_fragment(void **state)
     tokens = find_tokens(0);
     params.cuts = &cut;
     params.cut_count = 1;
-    assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
+    assert_ok(cairn_object_detect_field_make(&field, &tokens, &params, "edges", &error));
     assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));
     assert_int_equal(found.bundle_count, 1);
     for (int32_t i = 0; i < found.count; i++)
         assert_int_equal(found.found[i].part_count, 1);
-    cairn_detections_free(&found);
-    cairn_detect_field_free(field);
-    cairn_contour_tokens_free(&tokens);
+    cairn_object_detections_free(&found);
+    cairn_object_detect_field_free(field);
+    cairn_contour_search_tokens_free(&tokens);
     cairn_shape_model_file_free(&model);
 }
 
@@ -197,8 +197,8 @@ static void tells_its_stages(void **state)
 {
     cairn_object_detect_params params = written_params();
     char heard[16] = "";
-    cairn_contour_tokens tokens;
-    cairn_detections found;
+    cairn_contour_search_tokens tokens;
+    cairn_object_detections found;
 
     (void)state;
     clear_picture();
@@ -208,8 +208,8 @@ static void tells_its_stages(void **state)
     params.on_stage_context = heard;
     found = detect(&tokens, &params);
     assert_string_equal(heard, "01012");
-    cairn_detections_free(&found);
-    cairn_contour_tokens_free(&tokens);
+    cairn_object_detections_free(&found);
+    cairn_contour_search_tokens_free(&tokens);
 }
 
 /* What the thesis does not have. */
@@ -217,16 +217,16 @@ static void refuses_other_methods(void **state)
 {
     enum { BAD = 9 };
     cairn_object_detect_params bad[BAD];
-    cairn_contour_tokens tokens = {.width = WIDTH, .height = HEIGHT};
-    cairn_detect_field *field;
+    cairn_contour_search_tokens tokens = {.width = WIDTH, .height = HEIGHT};
+    cairn_object_detect_field *field;
 
     (void)state;
     for (int i = 0; i < BAD; i++)
         bad[i] = written_params();
     bad[0].mode = 2;
     bad[1].mode = -1;
-    bad[2].method = CAIRN_DETECT_EVIDENCE;
-    bad[3].bundles = CAIRN_DETECT_NO_BUNDLES;
+    bad[2].method = CAIRN_OBJECT_DETECT_EVIDENCE;
+    bad[3].bundles = CAIRN_OBJECT_DETECT_NO_BUNDLES;
     bad[4].modes_only = 1;
     bad[5].occluded = 1;
     bad[6].verify = 1;
@@ -234,7 +234,7 @@ static void refuses_other_methods(void **state)
     bad[8] = cairn_object_detect_default(WIDTH, HEIGHT);
     bad[8].appearance_nearest = 1;
     for (int i = 0; i < BAD; i++) {
-        assert_status(cairn_detect_field_make(&field, &tokens, &bad[i], "edges", &error),
+        assert_status(cairn_object_detect_field_make(&field, &tokens, &bad[i], "edges", &error),
                       CAIRN_BAD_ARGUMENT);
         assert_error_holds(i < 2 ? "expected 0 or 1" : "as written");
     }

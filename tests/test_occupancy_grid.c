@@ -54,8 +54,8 @@ static void check_beam(cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 t
            bottom = (double)params.origin.y;
     double tolerance = NUMBER(1e-12, 2e-5), sum = 0, whole;
     double walked[HEIGHT][WIDTH] = {{0}};
-    cairn_occupancy_walk walk;
-    cairn_occupancy_chord chord;
+    cairn_occupancy_grid_ray walk;
+    cairn_occupancy_grid_chord chord;
     int32_t last_x = -1, last_y = -1, cells = 0, end_x, end_y;
     int32_t inside = cairn_occupancy_grid_locate(grid, to, &end_x, &end_y);
     cairn_status status = cairn_occupancy_grid_walk(grid, from, to, &walk);
@@ -66,7 +66,7 @@ static void check_beam(cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 t
     if (status == CAIRN_OK) {
         assert_int_equal(walk.ends_inside, inside);
         while (!walk.done) {
-            assert_int_equal(cairn_occupancy_walk_next(&walk, &chord), 1);
+            assert_int_equal(cairn_occupancy_grid_ray_next(&walk, &chord), 1);
             assert_in_range(chord.x, 0, WIDTH - 1);
             assert_in_range(chord.y, 0, HEIGHT - 1);
             assert_true(generic ? chord.length > 0 : chord.length >= 0);
@@ -79,7 +79,7 @@ static void check_beam(cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 t
         }
         assert_true(!inside || (last_x == end_x && last_y == end_y));
         assert_int_equal(walk.done, 1);
-        assert_int_equal(cairn_occupancy_walk_next(&walk, &chord), 0);
+        assert_int_equal(cairn_occupancy_grid_ray_next(&walk, &chord), 0);
         assert_true(cells <= WIDTH + HEIGHT - 1);
     }
     assert_near(sum, whole, tolerance);
@@ -90,7 +90,7 @@ static void check_beam(cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 t
         assert_ok(cairn_occupancy_grid_add_beam(grid, from, to, hit * 5));
         for (int32_t y = 0; y < HEIGHT; y++)
             for (int32_t x = 0; x < WIDTH; x++) {
-                cairn_occupancy_cell cell = cairn_occupancy_grid_cell(grid, x, y);
+                cairn_occupancy_grid_cell_state cell = cairn_occupancy_grid_cell(grid, x, y);
 
                 assert_near(walked[y][x],
                             slow_chord(from, to, left + res * x, bottom + res * y, res, res),
@@ -200,7 +200,7 @@ static void test_beams_far_and_not_finite(void **state)
     cairn_vec2 good = {0, 1}, far = {NUMBER(1e9, 1e3f), 1}, other_far = {-NUMBER(1e9, 1e3f), 1};
     cairn_pool pool;
     cairn_occupancy_grid *grid = make_grid(&pool, SMALL);
-    cairn_occupancy_walk walk;
+    cairn_occupancy_grid_ray walk;
 
     (void)state;
     for (int k = 0; k < 4; k++)
@@ -232,7 +232,7 @@ static void test_beams_far_and_not_finite(void **state)
 
 enum { BEAMS = 60 };
 
-static void random_scan(cairn_random *random, cairn_beam *beams)
+static void random_scan(cairn_random *random, cairn_scan_beam *beams)
 {
     for (int32_t i = 0; i < BEAMS; i++) {
         cairn_real angle = cairn_random_uniform(random, -CAIRN_PI, CAIRN_PI);
@@ -242,9 +242,9 @@ static void random_scan(cairn_random *random, cairn_beam *beams)
         beams[i].from.y = CAIRN_REAL(0.2);
         beams[i].to.x = range * cairn_cos(angle);
         beams[i].to.y = range * cairn_sin(angle);
-        beams[i].kind = i % 4 == 0   ? CAIRN_BEAM_UNKNOWN
-                        : i % 4 == 1 ? CAIRN_BEAM_FREE
-                                     : CAIRN_BEAM_HIT;
+        beams[i].kind = i % 4 == 0   ? CAIRN_SCAN_BEAM_UNKNOWN
+                        : i % 4 == 1 ? CAIRN_SCAN_BEAM_FREE
+                                     : CAIRN_SCAN_BEAM_HIT;
         if (i % 8 == 0)
             beams[i].to.x = (cairn_real)NAN;
     }
@@ -252,17 +252,17 @@ static void random_scan(cairn_random *random, cairn_beam *beams)
 }
 
 /* A unit for the start of a beam, one for two of its cells. */
-static int32_t units_of(const cairn_occupancy_grid *grid, const cairn_beam *beam,
+static int32_t units_of(const cairn_occupancy_grid *grid, const cairn_scan_beam *beam,
                         cairn_transform transform)
 {
-    cairn_occupancy_walk walk;
-    cairn_occupancy_chord chord;
+    cairn_occupancy_grid_ray walk;
+    cairn_occupancy_grid_chord chord;
     int32_t cells = 0;
 
-    if (beam->kind != CAIRN_BEAM_UNKNOWN &&
+    if (beam->kind != CAIRN_SCAN_BEAM_UNKNOWN &&
         cairn_occupancy_grid_walk(grid, cairn_transform_point(transform, beam->from),
                                   cairn_transform_point(transform, beam->to), &walk) == CAIRN_OK)
-        while (cairn_occupancy_walk_next(&walk, &chord))
+        while (cairn_occupancy_grid_ray_next(&walk, &chord))
             cells++;
     return 1 + (cells + 1) / 2;
 }
@@ -274,7 +274,7 @@ static void test_scan_matches_beams(void **state)
     cairn_random random = cairn_random_seed(23, 0);
     cairn_pose map_scan = {CAIRN_REAL(0.4), CAIRN_REAL(1.3), CAIRN_REAL(0.7)};
     cairn_transform transform = cairn_transform_of(map_scan);
-    cairn_beam beams[BEAMS];
+    cairn_scan_beam beams[BEAMS];
     cairn_pool pool, other;
     cairn_occupancy_grid *grid = make_grid(&pool, SMALL), *twin = make_grid(&other, SMALL);
     int32_t units[4], expected = (WIDTH * HEIGHT + 63) / 64;
@@ -284,10 +284,11 @@ static void test_scan_matches_beams(void **state)
     for (int32_t i = 0; i < BEAMS; i++)
         expected += units_of(twin, &beams[i], transform);
     for (int32_t i = 0; i < BEAMS; i++)
-        if (beams[i].kind != CAIRN_BEAM_UNKNOWN)
-            assert_ok(cairn_occupancy_grid_add_beam(
-                twin, cairn_transform_point(transform, beams[i].from),
-                cairn_transform_point(transform, beams[i].to), beams[i].kind == CAIRN_BEAM_HIT));
+        if (beams[i].kind != CAIRN_SCAN_BEAM_UNKNOWN)
+            assert_ok(cairn_occupancy_grid_add_beam(twin,
+                                                    cairn_transform_point(transform, beams[i].from),
+                                                    cairn_transform_point(transform, beams[i].to),
+                                                    beams[i].kind == CAIRN_SCAN_BEAM_HIT));
     for (int k = 0; k < 4; k++) {
         cairn_budget budget = {3};
         cairn_fault fault = {7, NULL};
@@ -316,8 +317,8 @@ static void test_scan_matches_beams(void **state)
         } while (status == CAIRN_MORE);
         for (int32_t y = 0; y < HEIGHT; y++)
             for (int32_t x = 0; x < WIDTH; x++) {
-                cairn_occupancy_cell a = cairn_occupancy_grid_cell(grid, x, y);
-                cairn_occupancy_cell b = cairn_occupancy_grid_cell(twin, x, y);
+                cairn_occupancy_grid_cell_state a = cairn_occupancy_grid_cell(grid, x, y);
+                cairn_occupancy_grid_cell_state b = cairn_occupancy_grid_cell(twin, x, y);
 
                 assert_int_equal(a.hits, b.hits);
                 assert_true(a.length == b.length);
@@ -357,8 +358,9 @@ static void test_clear(void **state)
 
 static void test_scan_refusals(void **state)
 {
-    cairn_beam beams[3] = {
-        {{0, 0}, {1, 1}, CAIRN_BEAM_HIT}, {{0, 0}, {1, 1}, CAIRN_BEAM_FREE}, {{0, 0}, {1, 1}, 0}};
+    cairn_scan_beam beams[3] = {{{0, 0}, {1, 1}, CAIRN_SCAN_BEAM_HIT},
+                                {{0, 0}, {1, 1}, CAIRN_SCAN_BEAM_FREE},
+                                {{0, 0}, {1, 1}, 0}};
     cairn_pose identity = {0, 0, 0}, bad = {0, 0, (cairn_real)NAN};
     cairn_fault fault = {7, NULL};
     cairn_budget budget = {10};
@@ -385,11 +387,11 @@ static void test_scan_refusals(void **state)
     beams[1].kind = -1;
     assert_fault(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, identity, &fault),
                  CAIRN_BAD_ARGUMENT, 1);
-    beams[1].kind = CAIRN_BEAM_FREE;
+    beams[1].kind = CAIRN_SCAN_BEAM_FREE;
     beams[0].from.y = (cairn_real)NAN;
     assert_fault(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, identity, &fault),
                  CAIRN_NOT_FINITE, 0);
-    beams[0].kind = CAIRN_BEAM_UNKNOWN;
+    beams[0].kind = CAIRN_SCAN_BEAM_UNKNOWN;
     beams[1].to.x = (cairn_real)INFINITY;
     assert_fault(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, identity, &fault),
                  CAIRN_NOT_FINITE, 1);
@@ -404,7 +406,7 @@ static void test_scan_refusals(void **state)
 static void test_classify(void **state)
 {
     cairn_occupancy_grid_params params = {4, 3, CAIRN_REAL(0.5), {0, 0}};
-    cairn_occupancy_thresholds thresholds = cairn_occupancy_thresholds_default();
+    cairn_occupancy_grid_thresholds thresholds = cairn_occupancy_grid_thresholds_default();
     uint8_t picture[3][6];
     cairn_raster_u8 out = {picture[2], 4, 3, -6};
     cairn_pool pool;
@@ -429,10 +431,10 @@ static void test_classify(void **state)
     for (int32_t y = 0; y < 3; y++)
         for (int32_t x = 0; x < 4; x++) {
             cairn_real p = cairn_occupancy_grid_probability(grid, x, y);
-            int expected = p < 0                      ? CAIRN_CELL_UNKNOWN
-                           : p >= thresholds.occupied ? CAIRN_CELL_OCCUPIED
-                           : p <= thresholds.free     ? CAIRN_CELL_FREE
-                                                      : CAIRN_CELL_UNKNOWN;
+            int expected = p < 0                      ? CAIRN_OCCUPANCY_GRID_UNKNOWN
+                           : p >= thresholds.occupied ? CAIRN_OCCUPANCY_GRID_OCCUPIED
+                           : p <= thresholds.free     ? CAIRN_OCCUPANCY_GRID_FREE
+                                                      : CAIRN_OCCUPANCY_GRID_UNKNOWN;
 
             assert_int_equal(picture[2 - y][x], expected);
             seen[expected == 0 ? 0 : expected == 205 ? 1 : 2]++;
@@ -447,9 +449,10 @@ static void test_classify(void **state)
     out.height = 1;
     assert_ok(cairn_occupancy_grid_classify(grid, thresholds, 1, out));
     for (int32_t x = 0; x < 4; x++)
-        assert_int_equal(picture[0][x], x < 1 ? CAIRN_CELL_FREE : CAIRN_CELL_OCCUPIED);
+        assert_int_equal(picture[0][x],
+                         x < 1 ? CAIRN_OCCUPANCY_GRID_FREE : CAIRN_OCCUPANCY_GRID_OCCUPIED);
     assert_ok(cairn_occupancy_grid_classify(grid, thresholds, 2, out));
-    assert_int_equal(picture[0][0], CAIRN_CELL_UNKNOWN);
+    assert_int_equal(picture[0][0], CAIRN_OCCUPANCY_GRID_UNKNOWN);
     assert_status(cairn_occupancy_grid_classify(grid, thresholds, 3, out), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_occupancy_grid_classify(grid, thresholds, -1, out), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_occupancy_grid_classify(NULL, thresholds, 0, out), CAIRN_BAD_ARGUMENT);

@@ -175,12 +175,12 @@ static void test_paths(void **state)
 
     (void)state;
     for (size_t i = 0; i < 5; i++) {
-        char *path = cairn_path_join(joined[i][0], joined[i][1]),
-             *folder = cairn_path_folder(split[i][0]);
+        char *path = cairn_output_path_join(joined[i][0], joined[i][1]),
+             *folder = cairn_output_path_folder(split[i][0]);
 
         assert_string_equal(path, joined[i][2]);
         assert_string_equal(folder, split[i][1]);
-        assert_string_equal(cairn_path_name(split[i][0]), split[i][2]);
+        assert_string_equal(cairn_output_path_name(split[i][0]), split[i][2]);
         free(path);
         free(folder);
     }

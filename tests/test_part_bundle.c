@@ -9,10 +9,10 @@ enum { MOST = 96 };
 
 typedef struct bundling {
     cairn_pool pool;
-    cairn_part_builder *builder;
+    cairn_part_bundle_builder *builder;
     cairn_vec2 points[MOST];
     int32_t count;
-    const cairn_part_cut *cuts;
+    const cairn_part_bundle_cut *cuts;
     int32_t cut_count;
 } bundling;
 
@@ -44,7 +44,7 @@ static void draw_star(bundling *b, int32_t tips, int32_t count)
     }
 }
 
-static cairn_part_model run(bundling *b)
+static cairn_part_bundle_model run(bundling *b)
 {
     cairn_budget budget = {INT32_MAX};
 
@@ -93,9 +93,9 @@ static void place_at(const bundling *b, int32_t from, double far, double place[2
         (double)b->points[i].y + far * (double)(b->points[(i + 1) % b->count].y - b->points[i].y);
 }
 
-static void assert_fragment(const bundling *b, const cairn_part_model *m, int32_t index)
+static void assert_fragment(const bundling *b, const cairn_part_bundle_model *m, int32_t index)
 {
-    const cairn_part_fragment *f = &m->fragments[index];
+    const cairn_part_bundle_fragment *f = &m->fragments[index];
     double length = walk(b, f->from, f->to), pieces = 0;
 
     assert_near(f->length, length, NUMBER(1e-9, 1e-3));
@@ -132,7 +132,7 @@ static void cuts_by_the_rule(void **state)
             cairn_pool pool = test_pool(cairn_curve_evolution_memory(&evolution_params));
             cairn_budget budget = {INT32_MAX};
             cairn_curve_evolution *evolution;
-            cairn_part_model m;
+            cairn_part_bundle_model m;
             int32_t vertices = 0, at = 0;
             bundling b;
 
@@ -155,7 +155,7 @@ static void cuts_by_the_rule(void **state)
             assert_near(m.length, whole(&b), NUMBER(1e-9, 1e-3));
             for (int32_t i = 0; i < vertices; i++)
                 for (int32_t pieces = 1; pieces <= longest && pieces < vertices; pieces++, at++) {
-                    const cairn_part_fragment *f = &m.fragments[at];
+                    const cairn_part_bundle_fragment *f = &m.fragments[at];
                     double middle = i > 0 ? walk(&b, m.vertices[0], m.vertices[i]) : 0;
 
                     assert_int_equal(f->from, m.vertices[i]);
@@ -173,11 +173,11 @@ static void cuts_by_the_rule(void **state)
 
 static void cuts_by_hand(void **state)
 {
-    static const cairn_part_cut cuts[] = {
+    static const cairn_part_bundle_cut cuts[] = {
         {3, 20, 0}, {20, 40, 2}, {50, 3, 3}, {3, 40, 0}, {40, 20, 1}};
     static const int32_t vertices[] = {3, 20, 40, 50};
     static const uint32_t pieces[] = {1, 2, 8, 3, 13};
-    cairn_part_model m;
+    cairn_part_bundle_model m;
     bundling b;
 
     (void)state;
@@ -207,7 +207,7 @@ static void cuts_by_hand(void **state)
 static void finds_the_middle_of_the_line(void **state)
 {
     static const cairn_vec2 triangle[] = {{0, 0}, {4, 0}, {0, 3}};
-    cairn_part_model m;
+    cairn_part_bundle_model m;
     bundling b;
 
     (void)state;
@@ -248,7 +248,7 @@ static cairn_status step_star(void *context, cairn_budget *budget)
 static uint64_t tell(void *context)
 {
     bundling *b = context;
-    cairn_part_model m = cairn_part_bundle_read(b->builder);
+    cairn_part_bundle_model m = cairn_part_bundle_read(b->builder);
     uint64_t hash = TEST_HASH_START;
 
     for (int32_t k = 0; k < m.fragment_count; k++) {
@@ -297,7 +297,7 @@ static void does_not_depend_on_budgets(void **state)
 
 static cairn_status create(void *context, cairn_pool *pool)
 {
-    cairn_part_builder *builder;
+    cairn_part_bundle_builder *builder;
 
     return cairn_part_bundle_create(&builder, pool, context);
 }
@@ -310,7 +310,7 @@ static void refuses_bad_params(void **state)
         {9, 4, 2, 3, 1},  {9, 4, 2, 3, 65}};
     static const cairn_part_bundle_params edge[] = {{3, 1, 1, 1, 2}, {4096, 8, 4, 3, 64}};
     cairn_part_bundle_params good = small_params();
-    cairn_part_builder *builder;
+    cairn_part_bundle_builder *builder;
     cairn_pool pool = test_pool(1 << 20);
 
     (void)state;
@@ -359,28 +359,28 @@ static void refuses_bad_outlines(void **state)
 
 static void refuses_bad_cuts(void **state)
 {
-    static const cairn_part_cut bad[] = {{-1, 5, 0}, {30, 5, 0}, {5, -1, 0}, {5, 30, 0},
-                                         {5, 5, 0},  {1, 5, -1}, {1, 5, 8},  {1, 5, 2}};
-    cairn_part_cut cuts[97];
+    static const cairn_part_bundle_cut bad[] = {{-1, 5, 0}, {30, 5, 0}, {5, -1, 0}, {5, 30, 0},
+                                                {5, 5, 0},  {1, 5, -1}, {1, 5, 8},  {1, 5, 2}};
+    cairn_part_bundle_cut cuts[97];
     bundling b;
 
     (void)state;
     start(&b, small_params());
     draw_star(&b, 3, 30);
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
-        cuts[0] = (cairn_part_cut){1, 9, 0};
+        cuts[0] = (cairn_part_bundle_cut){1, 9, 0};
         cuts[1] = bad[i];
         assert_status(cairn_part_bundle_begin(b.builder, b.points, 30, cuts, 2),
                       CAIRN_BAD_ARGUMENT);
     }
     assert_status(cairn_part_bundle_begin(b.builder, b.points, 30, cuts, 0), CAIRN_BAD_ARGUMENT);
     for (int32_t k = 0; k < 97; k++)
-        cuts[k] = (cairn_part_cut){k % 30, (k + 1) % 30, k % 8};
+        cuts[k] = (cairn_part_bundle_cut){k % 30, (k + 1) % 30, k % 8};
     assert_status(cairn_part_bundle_begin(b.builder, b.points, 30, cuts, 97), CAIRN_FULL);
     assert_ok(cairn_part_bundle_begin(b.builder, b.points, 30, cuts, 96));
     draw_star(&b, 3, 40);
     for (int32_t k = 0; k < 33; k++)
-        cuts[k] = (cairn_part_cut){k, k + 1 < 33 ? k + 1 : 0, 0};
+        cuts[k] = (cairn_part_bundle_cut){k, k + 1 < 33 ? k + 1 : 0, 0};
     assert_status(cairn_part_bundle_begin(b.builder, b.points, 40, cuts, 33), CAIRN_FULL);
     assert_ok(cairn_part_bundle_begin(b.builder, b.points, 40, cuts, 31));
     b.points[1] = b.points[0];

@@ -6,10 +6,10 @@
 
 enum { NEAREST = 64 };
 
-static cairn_part_vote *vote(voting *v, int32_t bundle, double x, double y, double scale,
-                             double gain)
+static cairn_part_configuration_vote *vote(voting *v, int32_t bundle, double x, double y,
+                                           double scale, double gain)
 {
-    cairn_part_vote *made = &v->votes[v->count];
+    cairn_part_configuration_vote *made = &v->votes[v->count];
 
     memset(made, 0, sizeof *made);
     made->bundle = bundle;
@@ -35,7 +35,7 @@ static void vote_at_random(voting *v, int32_t count, int32_t bundles, uint64_t s
         double gain = (double)cairn_random_uniform(&random, CAIRN_REAL(0.1), 1);
         int32_t bundle = cairn_random_below(&random, bundles),
                 place = cairn_random_below(&random, 5);
-        cairn_part_vote *made;
+        cairn_part_configuration_vote *made;
 
         if (place < 3) {
             scale = 60 * (place + 1) * exp(0.15 * (double)cairn_random_normal(&random));
@@ -61,7 +61,7 @@ typedef struct slow_search {
 
 static void place_of(const voting *v, int32_t seed, int32_t i, double place[3])
 {
-    const cairn_part_vote *s = &v->votes[seed], *o = &v->votes[i];
+    const cairn_part_configuration_vote *s = &v->votes[seed], *o = &v->votes[i];
     double size = (double)v->params.centre_tolerance * (double)s->scale;
 
     place[0] = ((double)o->centre.x - (double)s->centre.x) / size;
@@ -122,7 +122,7 @@ static double slow_score(const slow_search *s)
 
 static int rival(const voting *v, int32_t a, int32_t b)
 {
-    const cairn_part_vote *p = &v->votes[a], *q = &v->votes[b];
+    const cairn_part_configuration_vote *p = &v->votes[a], *q = &v->votes[b];
     double shorter = fmin((double)(p->to - p->from), (double)(q->to - q->from)), sum = 0;
 
     if (p->chain != q->chain)
@@ -482,7 +482,7 @@ static void refuses_bad_votes(void **state)
     v.votes[11].to = (cairn_real)INFINITY;
     v.votes[12].closed_length = (cairn_real)NAN;
     for (int32_t i = 0; i < 13; i++) {
-        cairn_part_vote two[2] = {v.votes[13], v.votes[i]};
+        cairn_part_configuration_vote two[2] = {v.votes[13], v.votes[i]};
         int32_t is_range = i == 0 || i == 5 || i == 8 || i == 9;
 
         assert_fault(&fault, cairn_part_configuration_begin(v.configurator, two, 2, &fault),

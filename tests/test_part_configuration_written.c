@@ -20,7 +20,7 @@ static void vote_at_random(voting *v, int32_t count, int32_t bundles, uint64_t s
     cairn_random random = cairn_random_seed(seed, 4);
 
     for (v->count = 0; v->count < count; v->count++) {
-        cairn_part_vote *made = &v->votes[v->count];
+        cairn_part_configuration_vote *made = &v->votes[v->count];
 
         memset(made, 0, sizeof *made);
         made->bundle = cairn_random_below(&random, bundles);
@@ -76,7 +76,7 @@ static void try_all(slow_search *s, int32_t bundle, uint64_t set, uint64_t chain
     if (bundle < s->bundles) {
         try_all(s, bundle + 1, set, chains, parts, sum);
         for (int32_t i = 0; i < s->count; i++) {
-            const cairn_part_vote *vote = &v->votes[s->near[i]];
+            const cairn_part_configuration_vote *vote = &v->votes[s->near[i]];
 
             if (vote->bundle == bundle && !(chains >> vote->chain & 1))
                 try_all(s, bundle + 1, set | UINT64_C(1) << s->near[i],
@@ -186,8 +186,8 @@ static void has_no_other_gates(void **state)
     memset(v.votes, 0, sizeof v.votes);
     v.count = 3;
     for (int32_t i = 0; i < 3; i++) {
-        v.votes[i] =
-            (cairn_part_vote){i, i, {(cairn_real)(5000 * i), 0}, i == 1 ? 1 : 900, 1, 0, 20, 0};
+        v.votes[i] = (cairn_part_configuration_vote){
+            i, i, {(cairn_real)(5000 * i), 0}, i == 1 ? 1 : 900, 1, 0, 20, 0};
         v.votes[i].weight = 1;
     }
     r = run(&v);

@@ -6,7 +6,7 @@ static cairn_file_error error;
 
 static void reads_cuts(void **state)
 {
-    cairn_part_cut cuts[CAIRN_PART_MAX_FRAGMENTS];
+    cairn_part_bundle_cut cuts[CAIRN_PART_MAX_FRAGMENTS];
     int32_t count;
 
     (void)state;
@@ -25,7 +25,7 @@ static void refuses_what_is_none(void **state)
 {
     static const char *const bad[] = {"0 31\n",     "0 31 0 0\n", "0 x 1\n",  "-1 3 0\n", "3 3 0\n",
                                       "0 4096 0\n", "0 3 8\n",    "0 3 -1\n", "0 3.5 1\n"};
-    cairn_part_cut cuts[CAIRN_PART_MAX_FRAGMENTS];
+    cairn_part_bundle_cut cuts[CAIRN_PART_MAX_FRAGMENTS];
     char text[1024] = "";
     int32_t count;
 

@@ -110,9 +110,9 @@ static void lose(void *context, const cairn_particle_filter *filter, int32_t ind
     c->lost++;
 }
 
-static cairn_particle_model chain_model(chain *c)
+static cairn_particle_filter_model chain_model(chain *c)
 {
-    cairn_particle_model model = {c, propose, likelihood, append, lose};
+    cairn_particle_filter_model model = {c, propose, likelihood, append, lose};
 
     return model;
 }
@@ -152,7 +152,7 @@ struct fixture {
 
 static struct fixture filter_with(const cairn_particle_filter_params *params, chain *c)
 {
-    cairn_particle_model model = chain_model(c);
+    cairn_particle_filter_model model = chain_model(c);
     struct fixture f;
 
     f.pool = test_pool(cairn_particle_filter_memory(params));
@@ -230,7 +230,7 @@ static void test_params_are_refused(void **state)
 {
     const cairn_real nan = (cairn_real)NAN;
     chain c = new_chain(1);
-    cairn_particle_model model = chain_model(&c), bad;
+    cairn_particle_filter_model model = chain_model(&c), bad;
     cairn_particle_filter_params good = chain_params(4), p;
     cairn_pool pool = test_pool(cairn_particle_filter_memory(&good));
     cairn_particle_filter *filter;
@@ -294,7 +294,7 @@ static void test_default(void **state)
     assert_int_equal(p.max_candidates, 4096);
     assert_int_equal(p.max_blocks, 4096);
     assert_int_equal(p.state_bytes, 64);
-    assert_int_equal(p.proposal, CAIRN_PROPOSAL_OPTIMAL);
+    assert_int_equal(p.proposal, CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL);
     assert_int_equal(p.adaptive_followers, 1);
     assert_near(p.resample_ratio, 0.5, 0);
 }
@@ -302,7 +302,7 @@ static void test_default(void **state)
 static cairn_status create(void *context, cairn_pool *pool)
 {
     chain c = new_chain(1);
-    cairn_particle_model model = chain_model(&c);
+    cairn_particle_filter_model model = chain_model(&c);
     cairn_particle_filter *filter;
 
     return cairn_particle_filter_create(&filter, pool, context, &model);
@@ -355,7 +355,8 @@ static void test_calls_out_of_turn(void **state)
     assert_null(none.state);
     assert_int_equal(none.steps, 0);
     assert_true(none.log_weight == 0 && none.log_likelihood == 0);
-    assert_null(cairn_particle_state_before(cairn_particle_filter_particle(f.filter, 0).state));
+    assert_null(
+        cairn_particle_filter_state_before(cairn_particle_filter_particle(f.filter, 0).state));
     assert_ok(cairn_particle_filter_begin(f.filter));
     assert_status(cairn_particle_filter_begin(f.filter), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_particle_filter_start(f.filter, &s, 0), CAIRN_BAD_ARGUMENT);
@@ -372,11 +373,12 @@ static void test_all_histories_are_exact(void **state)
     cairn_particle_filter_params p = chain_params(256);
     double filtered[SYMBOLS], mass[SYMBOLS] = {0};
     struct fixture f;
-    cairn_particle_trace trace;
+    cairn_particle_filter_trace trace;
 
     (void)state;
     p.resample_ratio = 0;
-    for (p.proposal = CAIRN_PROPOSAL_PRIOR; p.proposal <= CAIRN_PROPOSAL_OPTIMAL; p.proposal++) {
+    for (p.proposal = CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR;
+         p.proposal <= CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL; p.proposal++) {
         double squares = 0, heaviest = 0;
 
         memset(mass, 0, sizeof mass);
@@ -475,7 +477,8 @@ static void test_the_heaviest_are_kept(void **state)
 
 /* ---- Drawn followers: right in the mean ---- */
 
-static void check_mean(cairn_particle_proposal proposal, int32_t followers, int32_t particles)
+static void check_mean(cairn_particle_filter_proposal proposal, int32_t followers,
+                       int32_t particles)
 {
     enum { RUNS = 4000, STEPS = 4 };
     chain c = new_chain(8);
@@ -513,10 +516,10 @@ static void check_mean(cairn_particle_proposal proposal, int32_t followers, int3
 static void test_drawn_followers_are_right_in_the_mean(void **state)
 {
     (void)state;
-    check_mean(CAIRN_PROPOSAL_PRIOR, 1, 8);
-    check_mean(CAIRN_PROPOSAL_PRIOR, 3, 8);
-    check_mean(CAIRN_PROPOSAL_OPTIMAL, 1, 8);
-    check_mean(CAIRN_PROPOSAL_OPTIMAL, 3, 4);
+    check_mean(CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR, 1, 8);
+    check_mean(CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR, 3, 8);
+    check_mean(CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL, 1, 8);
+    check_mean(CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL, 3, 4);
 }
 
 /* ---- Histories ---- */
@@ -531,7 +534,7 @@ static int32_t distinct_nodes(const cairn_particle_filter *filter)
     for (int32_t i = 0; i < cairn_particle_filter_count(filter); i++) {
         const void *s = cairn_particle_filter_particle(filter, i).state;
 
-        for (; s != NULL; s = cairn_particle_state_before(s)) {
+        for (; s != NULL; s = cairn_particle_filter_state_before(s)) {
             int32_t k = 0;
 
             while (k < count && seen[k] != s)
@@ -546,7 +549,7 @@ static int32_t distinct_nodes(const cairn_particle_filter *filter)
     return count;
 }
 
-static int32_t compare_tree_with_copies(cairn_particle_proposal way, int32_t followers)
+static int32_t compare_tree_with_copies(cairn_particle_filter_proposal way, int32_t followers)
 {
     chain c = new_chain(9);
     cairn_particle_filter_params p = chain_params(40);
@@ -572,7 +575,7 @@ static int32_t compare_tree_with_copies(cairn_particle_proposal way, int32_t fol
 
             assert_int_equal(length, c.time + 2);
             assert_int_equal(q.steps, c.time + 1);
-            for (; node != NULL; node = cairn_particle_state_before(node))
+            for (; node != NULL; node = cairn_particle_filter_state_before(node))
                 assert_int_equal(node->path[node->length - 1], copy->path[--length]);
             assert_int_equal(length, 0);
         }
@@ -618,11 +621,11 @@ static void compare_short_past(int32_t past)
             assert_near(a.log_weight, b.log_weight, 0);
             assert_int_equal(b.steps, c.time + 1);
             for (int32_t k = 0; k < past && k <= c.time; k++) {
-                node = cairn_particle_state_before(node);
+                node = cairn_particle_filter_state_before(node);
                 assert_non_null(node);
                 assert_int_equal(node->length, c.time + 1 - k);
             }
-            assert_null(cairn_particle_state_before(node));
+            assert_null(cairn_particle_filter_state_before(node));
         }
         assert_int_equal(cairn_particle_filter_read(cut.filter).blocks, distinct_nodes(cut.filter));
     }
@@ -640,8 +643,8 @@ static void test_a_short_past_changes_nothing_else(void **state)
 static void test_tree_equals_copies(void **state)
 {
     (void)state;
-    assert_in_range(compare_tree_with_copies(CAIRN_PROPOSAL_PRIOR, 1), 30, 245);
-    (void)compare_tree_with_copies(CAIRN_PROPOSAL_OPTIMAL, 2);
+    assert_in_range(compare_tree_with_copies(CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR, 1), 30, 245);
+    (void)compare_tree_with_copies(CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL, 2);
 }
 
 /* ---- Resampling ---- */
@@ -672,7 +675,7 @@ static void test_residual_resampling(void **state)
     static const double weight[] = {0.42, 0.25, 0.031, 0.299};
     enum { N = 10, RUNS = 400 };
     double mean[SYMBOLS] = {0}, sum = 0;
-    cairn_particle_trace trace;
+    cairn_particle_filter_trace trace;
     struct fixture f;
     chain c;
 
@@ -716,7 +719,7 @@ static void test_residual_resampling(void **state)
 static void test_whole_shares(void **state)
 {
     static const double weight[] = {0.5, 0.1, 0.1, 0.3};
-    cairn_particle_trace trace;
+    cairn_particle_filter_trace trace;
     struct fixture f;
     chain c;
     int32_t copies[SYMBOLS] = {0};
@@ -777,7 +780,7 @@ static void test_weights_do_not_underflow(void **state)
 /* ---- Followers ---- */
 
 static int32_t followers_of(const double masses[SYMBOLS], int32_t most, int32_t by_entropy,
-                            cairn_particle_proposal way)
+                            cairn_particle_filter_proposal way)
 {
     chain c = new_chain(1);
     cairn_particle_filter_params p = chain_params(8);
@@ -785,8 +788,8 @@ static int32_t followers_of(const double masses[SYMBOLS], int32_t most, int32_t 
     int32_t followers;
 
     for (int j = 0; j < SYMBOLS; j++) {
-        c.move[0][j] = way == CAIRN_PROPOSAL_PRIOR ? masses[j] : 1;
-        c.log_seen[0][j] = way == CAIRN_PROPOSAL_PRIOR ? 0 : log(masses[j]);
+        c.move[0][j] = way == CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR ? masses[j] : 1;
+        c.log_seen[0][j] = way == CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR ? 0 : log(masses[j]);
     }
     p.max_followers = most;
     p.resample_ratio = 0;
@@ -798,7 +801,7 @@ static int32_t followers_of(const double masses[SYMBOLS], int32_t most, int32_t 
     followers = cairn_particle_filter_read(f.filter).followers;
     assert_int_equal(followers, cairn_particle_filter_count(f.filter));
     assert_int_equal(c.appended, followers);
-    if (way == CAIRN_PROPOSAL_PRIOR && followers < SYMBOLS)
+    if (way == CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR && followers < SYMBOLS)
         assert_int_equal(c.weighed, followers); /* only what is drawn is weighed */
     test_pool_free(&f.pool);
     return followers;
@@ -811,7 +814,8 @@ static void test_as_many_followers_as_modes(void **state)
                         nearly[] = {0.97, 0.01, 0.01, 0.01};
 
     (void)state;
-    for (cairn_particle_proposal way = CAIRN_PROPOSAL_PRIOR; way <= CAIRN_PROPOSAL_OPTIMAL; way++) {
+    for (cairn_particle_filter_proposal way = CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR;
+         way <= CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL; way++) {
         assert_int_equal(followers_of(even, 4, 1, way), 4);
         assert_in_range(followers_of(even, 3, 1, way), 1, 3); /* some are drawn twice */
         assert_int_equal(followers_of(two, 4, 1, way), 2);
@@ -820,9 +824,9 @@ static void test_as_many_followers_as_modes(void **state)
         assert_int_equal(followers_of(two, 4, 0, way), 2);
         assert_int_equal(followers_of(even, 1, 0, way), 1);
     }
-    assert_in_range(followers_of(nearly, 4, 1, CAIRN_PROPOSAL_OPTIMAL), 1, 2);
+    assert_in_range(followers_of(nearly, 4, 1, CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL), 1, 2);
     /* room for all: none is drawn */
-    assert_int_equal(followers_of(peaked, 4, 0, CAIRN_PROPOSAL_OPTIMAL), 4);
+    assert_int_equal(followers_of(peaked, 4, 0, CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL), 4);
 }
 
 static void test_lost_and_extinct(void **state)
@@ -830,7 +834,7 @@ static void test_lost_and_extinct(void **state)
     chain c = new_chain(2);
     cairn_particle_filter_params p = chain_params(4);
     struct fixture f;
-    cairn_particle_trace trace;
+    cairn_particle_filter_trace trace;
     const void *kept;
     chain_state s = {1, {0}};
 
@@ -877,7 +881,7 @@ static void test_failures_undo_the_step(void **state)
     chain c = new_chain(4);
     cairn_particle_filter_params p = chain_params(16);
     struct fixture f;
-    cairn_particle_trace before;
+    cairn_particle_filter_trace before;
     const void *first;
 
     (void)state;
@@ -888,7 +892,7 @@ static void test_failures_undo_the_step(void **state)
     before = cairn_particle_filter_read(f.filter);
     first = cairn_particle_filter_particle(f.filter, 0).state;
     for (int k = 0; k < 5; k++) {
-        cairn_particle_trace after;
+        cairn_particle_filter_trace after;
         static const cairn_status expected[] = {CAIRN_FULL, CAIRN_NOT_FINITE, CAIRN_NOT_FINITE,
                                                 CAIRN_IO, CAIRN_EMPTY};
 
@@ -1019,7 +1023,7 @@ static void test_bad_offers(void **state)
 {
     chain c = new_chain(4);
     cairn_particle_filter_params p = chain_params(4);
-    cairn_particle_model model = {&c, offer_badly, likelihood, NULL, NULL};
+    cairn_particle_filter_model model = {&c, offer_badly, likelihood, NULL, NULL};
     cairn_pool pool = test_pool(cairn_particle_filter_memory(&p));
     cairn_particle_filter *filter;
 
@@ -1034,7 +1038,7 @@ static void test_bad_offers(void **state)
 
 /* ---- Budgets ---- */
 
-static uint64_t hash_of_run(cairn_particle_proposal way, int32_t lazy, int32_t units)
+static uint64_t hash_of_run(cairn_particle_filter_proposal way, int32_t lazy, int32_t units)
 {
     chain c = new_chain(12);
     cairn_particle_filter_params p = chain_params(12);
@@ -1049,7 +1053,7 @@ static uint64_t hash_of_run(cairn_particle_proposal way, int32_t lazy, int32_t u
     f = filter_with(&p, &c);
     start_at(f.filter, 0, 12);
     for (c.time = 0; c.time < 12; c.time++) {
-        cairn_particle_trace t;
+        cairn_particle_filter_trace t;
 
         assert_ok(run(f.filter, units));
         t = cairn_particle_filter_read(f.filter);
@@ -1071,7 +1075,8 @@ static void test_budgets_do_not_matter(void **state)
     static const int32_t units[] = {1, 7, 1000, CAIRN_UNBOUNDED};
 
     (void)state;
-    for (cairn_particle_proposal way = CAIRN_PROPOSAL_PRIOR; way <= CAIRN_PROPOSAL_OPTIMAL; way++) {
+    for (cairn_particle_filter_proposal way = CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR;
+         way <= CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL; way++) {
         uint64_t expected = hash_of_run(way, 0, CAIRN_UNBOUNDED);
 
         for (int i = 0; i < 4; i++) {
@@ -1084,10 +1089,10 @@ static void test_budgets_do_not_matter(void **state)
 static uint64_t hash_of_step(const cairn_particle_filter *filter, cairn_status status,
                              uint64_t hash)
 {
-    cairn_particle_trace t = cairn_particle_filter_read(filter);
+    cairn_particle_filter_trace t = cairn_particle_filter_read(filter);
 
     hash = test_hash(test_hash(hash, &status, sizeof status), &t,
-                     offsetof(cairn_particle_trace, resampled) + sizeof t.resampled);
+                     offsetof(cairn_particle_filter_trace, resampled) + sizeof t.resampled);
     hash = test_hash(hash, &t.n_eff, sizeof t.n_eff);
     hash = test_hash(hash, &t.log_evidence, sizeof t.log_evidence);
     hash = test_hash(hash, &t.blocks, sizeof t.blocks);
@@ -1124,7 +1129,8 @@ static uint64_t hash_of_halves(uint64_t seed)
                 c.log_seen[t][i] = cairn_random_below(&random, 12) == 0
                                        ? -(double)INFINITY
                                        : -0.5 * cairn_random_below(&random, 3);
-        p.proposal = k % 2 == 0 ? CAIRN_PROPOSAL_OPTIMAL : CAIRN_PROPOSAL_PRIOR;
+        p.proposal = k % 2 == 0 ? CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL
+                                : CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR;
         p.adaptive_followers = cairn_random_below(&random, 2);
         p.max_followers = 1 + cairn_random_below(&random, SYMBOLS);
         p.max_particles += cairn_random_below(&random, 10);

@@ -404,7 +404,7 @@ static void half_a_turn_of_a_rectangle_is_ambiguous(void **state)
     struct mapper m;
     cairn_place_map_result result;
     cairn_place_map_place place;
-    cairn_consensus_alternative other;
+    cairn_pose_consensus_competing_pose other;
 
     (void)state;
     rooms_add_box(&room, -3, -2, 3, 2);
@@ -685,7 +685,7 @@ static uint64_t hash_of_all(const struct mapper *m, const struct scans *scans)
         hash = test_hash(hash, &place.support, sizeof place.support);
         hash = test_hash(hash, &place.component, 3 * sizeof place.component);
         for (int32_t k = 0; k < place.alternatives; k++) {
-            cairn_consensus_alternative other = cairn_place_map_alternative(m->map, i, k);
+            cairn_pose_consensus_competing_pose other = cairn_place_map_alternative(m->map, i, k);
 
             hash = test_hash(hash, &other.map_node, sizeof other.map_node);
             hash = test_hash(hash, &other.weight, sizeof other.weight);

@@ -19,11 +19,11 @@ static cairn_pose_consensus *new_consensus(cairn_pool *pool,
 }
 
 /* first_second, known to `sigma` m and `sigma_angle` rad. */
-static cairn_pose_hypothesis hypothesis_of(int32_t first, int32_t second, cairn_pose first_second,
-                                           cairn_real sigma, cairn_real sigma_angle,
-                                           cairn_real score)
+static cairn_pose_consensus_relative_pose hypothesis_of(int32_t first, int32_t second,
+                                                        cairn_pose first_second, cairn_real sigma,
+                                                        cairn_real sigma_angle, cairn_real score)
 {
-    cairn_pose_hypothesis h = {
+    cairn_pose_consensus_relative_pose h = {
         first,
         second,
         first_second,
@@ -35,13 +35,13 @@ static cairn_pose_hypothesis hypothesis_of(int32_t first, int32_t second, cairn_
 static void add(cairn_pose_consensus *consensus, int32_t first, int32_t second,
                 cairn_pose first_second, cairn_real score)
 {
-    cairn_pose_hypothesis h = hypothesis_of(first, second, first_second, CAIRN_REAL(0.01),
-                                            CAIRN_REAL(0.3) * DEGREE, score);
+    cairn_pose_consensus_relative_pose h = hypothesis_of(
+        first, second, first_second, CAIRN_REAL(0.01), CAIRN_REAL(0.3) * DEGREE, score);
 
     assert_ok(cairn_pose_consensus_add(consensus, &h, NULL));
 }
 
-static cairn_consensus_result solve(cairn_pose_consensus *consensus)
+static cairn_pose_consensus_result solve(cairn_pose_consensus *consensus)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
@@ -73,7 +73,7 @@ static void assert_pose_near(cairn_pose pose, cairn_pose expected, double distan
 struct world {
     cairn_pose truth[MAX_NODES];
     int32_t nodes;
-    cairn_pose_hypothesis hypotheses[MAX_HYPOTHESES];
+    cairn_pose_consensus_relative_pose hypotheses[MAX_HYPOTHESES];
     int32_t is_true[MAX_HYPOTHESES];
     int32_t count;
 };
@@ -143,7 +143,7 @@ static int32_t count_right(const cairn_pose_consensus *consensus, const struct w
     int32_t right = 0, first = -1;
 
     for (int32_t i = 0; i < world->nodes; i++) {
-        cairn_consensus_node node = cairn_pose_consensus_node(consensus, i);
+        cairn_pose_consensus_estimate node = cairn_pose_consensus_node(consensus, i);
         cairn_pose seen;
 
         if (node.component != 0)
@@ -163,11 +163,11 @@ static int32_t count_right(const cairn_pose_consensus *consensus, const struct w
 static void two_nodes(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
-    cairn_pose_hypothesis h = {1, 0, {1, 2, CAIRN_REAL(0.5)}, {0}, 12};
+    cairn_pose_consensus_relative_pose h = {1, 0, {1, 2, CAIRN_REAL(0.5)}, {0}, 12};
     cairn_pool pool;
     cairn_pose_consensus *consensus = new_consensus(&pool, &params);
-    cairn_consensus_result result;
-    cairn_consensus_node node;
+    cairn_pose_consensus_result result;
+    cairn_pose_consensus_estimate node;
     double shift, turn = (double)(params.sigma_theta * params.sigma_theta), x, y;
 
     (void)state;
@@ -228,7 +228,7 @@ static void most_hypotheses_are_wrong(void **state)
 
     (void)state;
     for (uint64_t seed = 1; seed <= 8; seed++) {
-        cairn_consensus_result result;
+        cairn_pose_consensus_result result;
 
         make_world(&world, seed, 16, 7, CAIRN_REAL(0.8), 600);
         load(consensus, &world);
@@ -279,8 +279,8 @@ static void many_weak_ones_beat_a_strong_one(void **state)
     cairn_pose wrong = {1, -2, CAIRN_REAL(0.5)};
     cairn_pool pool;
     cairn_pose_consensus *consensus = new_consensus(&pool, &params);
-    cairn_consensus_node node;
-    cairn_consensus_alternative other;
+    cairn_pose_consensus_estimate node;
+    cairn_pose_consensus_competing_pose other;
 
     (void)state;
     assert_ok(cairn_pose_consensus_clear(consensus, 4));
@@ -320,8 +320,8 @@ struct twin {
     double best;
 };
 
-static double plain_chi(const struct twin *twin, const cairn_pose_hypothesis *h, cairn_pose first,
-                        cairn_pose second)
+static double plain_chi(const struct twin *twin, const cairn_pose_consensus_relative_pose *h,
+                        cairn_pose first, cairn_pose second)
 {
     cairn_pose seen = cairn_pose_between(first, second);
     double x = (double)(seen.x - h->first_second.x), y = (double)(seen.y - h->first_second.y);
@@ -339,7 +339,7 @@ static double plain_total(const struct twin *twin)
     double best[MAX_NODES][MAX_NODES] = {{0}}, total = 0;
 
     for (int32_t k = 0; k < twin->world->count; k++) {
-        const cairn_pose_hypothesis *h = &twin->world->hypotheses[k];
+        const cairn_pose_consensus_relative_pose *h = &twin->world->hypotheses[k];
         double share = 1 - plain_chi(twin, h, twin->pose[h->first], twin->pose[h->second]) /
                                (double)twin->params->max_chi2;
         int32_t i = h->first < h->second ? h->first : h->second, j = h->first + h->second - i;
@@ -363,7 +363,7 @@ static void hang_rest(struct twin *twin)
         return;
     }
     for (int32_t k = 0; k < twin->world->count; k++) {
-        const cairn_pose_hypothesis *h = &twin->world->hypotheses[k];
+        const cairn_pose_consensus_relative_pose *h = &twin->world->hypotheses[k];
         int32_t node = twin->placed[h->first] ? h->second : h->first;
 
         if (twin->placed[h->first] == twin->placed[h->second])
@@ -388,7 +388,7 @@ static void nothing_better_is_found_by_trying_all(void **state)
 
     (void)state;
     for (uint64_t seed = 40; seed < 60; seed++) {
-        cairn_consensus_result result;
+        cairn_pose_consensus_result result;
 
         make_world(&world, seed, 5, 20, CAIRN_REAL(0.8), 6);
         load(consensus, &world);
@@ -429,7 +429,7 @@ static void what_does_not_hang_together_is_parts(void **state)
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
     cairn_pool pool;
     cairn_pose_consensus *consensus = new_consensus(&pool, &params);
-    cairn_consensus_result result;
+    cairn_pose_consensus_result result;
 
     (void)state;
     load_triangles(consensus, TRIANGLES);
@@ -438,7 +438,7 @@ static void what_does_not_hang_together_is_parts(void **state)
     assert_int_equal(result.placed, 7);
     assert_int_equal(result.nodes, 8);
     for (int32_t i = 0; i < 7; i++) {
-        cairn_consensus_node node = cairn_pose_consensus_node(consensus, i);
+        cairn_pose_consensus_estimate node = cairn_pose_consensus_node(consensus, i);
         int32_t first = i < 3 ? 0 : 3;
 
         /* the larger part is part 0 */
@@ -480,7 +480,7 @@ static void nothing_is_placed_on_weak_evidence(void **state)
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
     cairn_pool pool;
     cairn_pose_consensus *consensus = new_consensus(&pool, &params);
-    cairn_consensus_result result;
+    cairn_pose_consensus_result result;
     cairn_pose pose = {1, 0, 0};
 
     (void)state;
@@ -508,7 +508,7 @@ static void another_map_is_an_alternative(void **state)
     const cairn_pose elsewhere = {-4, 0, 1};
     cairn_pool pool;
     cairn_pose_consensus *consensus = new_consensus(&pool, &params);
-    cairn_consensus_result result;
+    cairn_pose_consensus_result result;
     int32_t whole = 0;
 
     (void)state;
@@ -524,11 +524,12 @@ static void another_map_is_an_alternative(void **state)
     assert_near(result.total, 68, 0.1);
     assert_near(result.competing_total, 67.5, 0.1);
     for (int32_t i = 0; i < 5; i++) {
-        cairn_consensus_node node = cairn_pose_consensus_node(consensus, i);
+        cairn_pose_consensus_estimate node = cairn_pose_consensus_node(consensus, i);
 
         assert_pose_near(node.map_node, truth[i], 1e-3, 1e-3);
         for (int32_t k = 0; k < node.alternatives; k++) {
-            cairn_consensus_alternative other = cairn_pose_consensus_alternative(consensus, i, k);
+            cairn_pose_consensus_competing_pose other =
+                cairn_pose_consensus_alternative(consensus, i, k);
 
             if (!other.is_other_map)
                 continue;
@@ -570,7 +571,7 @@ static void blocks_are_laid_anew(void **state)
     const cairn_pose truth[5] = {{0, 0, 0}, {2, 0, 1}, {1, 2, 2}, {6, 0, 3}, {8, 0, -2}};
     cairn_pool pool;
     cairn_pose_consensus *consensus;
-    cairn_consensus_result result;
+    cairn_pose_consensus_result result;
 
     (void)state;
     params.max_starts = 1;
@@ -724,7 +725,7 @@ static void a_judge_decides(void **state)
     struct court court = {{{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}}, 0, -2};
     cairn_pool pool;
     cairn_pose_consensus *consensus = new_consensus(&pool, &params);
-    cairn_consensus_node node;
+    cairn_pose_consensus_estimate node;
     cairn_pose wrong = {1, 3, 3};
     int64_t units;
 
@@ -791,7 +792,7 @@ static void a_jury_decides(void **state)
     struct court court = {{{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}}, 0, -2};
     cairn_pool pool;
     cairn_pose_consensus *consensus = new_consensus(&pool, &params);
-    cairn_consensus_node node;
+    cairn_pose_consensus_estimate node;
     cairn_pose wrong = {1, 3, 3};
     int64_t units;
 
@@ -833,9 +834,9 @@ static void a_jury_decides(void **state)
 /* Node 3 has 22 nats where it lies and `elsewhere` at a pose that is off by `off`, where it
  * contradicts two nodes of six nats each, which costs three each; node 4 hangs by node 3 and by
  * node 0. */
-static cairn_consensus_result solve_doubtful(cairn_pose_consensus *consensus, cairn_pose off,
-                                             cairn_real elsewhere, cairn_real by_third,
-                                             cairn_real by_first)
+static cairn_pose_consensus_result solve_doubtful(cairn_pose_consensus *consensus, cairn_pose off,
+                                                  cairn_real elsewhere, cairn_real by_third,
+                                                  cairn_real by_first)
 {
     const cairn_pose truth[5] = {{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}, {2, 2, 0}};
 
@@ -888,7 +889,7 @@ static void what_would_be_believed_elsewhere_is_ambiguous(void **state)
     test_pool_free(&pool);
 }
 
-static cairn_consensus_result find_islands(cairn_pose_consensus *consensus, int32_t units)
+static cairn_pose_consensus_result find_islands(cairn_pose_consensus *consensus, int32_t units)
 {
     cairn_budget budget = {units};
 
@@ -903,8 +904,8 @@ static void a_node_that_hangs_by_too_little_is_an_island(void **state)
 {
     const cairn_pose near = {CAIRN_REAL(0.8), 0, 0};
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
-    cairn_consensus_result before, after;
-    cairn_consensus_node node;
+    cairn_pose_consensus_result before, after;
+    cairn_pose_consensus_estimate node;
     cairn_pool pool;
     cairn_pose_consensus *consensus;
 
@@ -1016,7 +1017,7 @@ static void islands_are_numbered_within_their_parts(void **state)
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
     cairn_pool pool;
     cairn_pose_consensus *consensus;
-    cairn_consensus_result result;
+    cairn_pose_consensus_result result;
 
     (void)state;
     params.significant_support = CAIRN_REAL(2.25);
@@ -1035,7 +1036,7 @@ static void islands_are_numbered_within_their_parts(void **state)
     for (int32_t units = 1; units <= 1000; units += 999) {
         result = find_islands(consensus, units);
         for (int32_t i = 0; i < 17; i++) {
-            cairn_consensus_node node = cairn_pose_consensus_node(consensus, i);
+            cairn_pose_consensus_estimate node = cairn_pose_consensus_node(consensus, i);
 
             assert_int_equal(node.component, i / 8);
             assert_int_equal(node.submap, island[i]);
@@ -1053,7 +1054,7 @@ static void contradictions_cost(void **state)
     cairn_pose wrong = {1, 3, 3};
     cairn_pool pool;
     cairn_pose_consensus *consensus;
-    cairn_consensus_node node;
+    cairn_pose_consensus_estimate node;
 
     (void)state;
     params.conflict_penalty = CAIRN_REAL(0.5);
@@ -1075,7 +1076,7 @@ static void contradictions_cost(void **state)
 /* All that is told. */
 static uint64_t hash_of(const cairn_pose_consensus *consensus, int32_t hypotheses)
 {
-    cairn_consensus_result r = cairn_pose_consensus_read(consensus);
+    cairn_pose_consensus_result r = cairn_pose_consensus_read(consensus);
     int64_t counts[] = {r.nodes,  r.placed, r.components, r.ambiguous, r.start,
                         r.starts, r.rounds, r.inliers,    r.units};
     cairn_real totals[] = {r.total, r.competing_total};
@@ -1083,15 +1084,17 @@ static uint64_t hash_of(const cairn_pose_consensus *consensus, int32_t hypothese
         test_hash(test_hash(TEST_HASH_START, counts, sizeof counts), totals, sizeof totals);
 
     for (int32_t i = 0; i < r.nodes; i++) {
-        cairn_consensus_node node = cairn_pose_consensus_node(consensus, i);
+        cairn_pose_consensus_estimate node = cairn_pose_consensus_node(consensus, i);
 
-        hash = test_hash(hash, &node,
-                         offsetof(cairn_consensus_node, ambiguous) + sizeof node.ambiguous);
+        hash =
+            test_hash(hash, &node,
+                      offsetof(cairn_pose_consensus_estimate, ambiguous) + sizeof node.ambiguous);
         for (int32_t k = 0; k < node.alternatives; k++) {
-            cairn_consensus_alternative other = cairn_pose_consensus_alternative(consensus, i, k);
+            cairn_pose_consensus_competing_pose other =
+                cairn_pose_consensus_alternative(consensus, i, k);
 
             hash = test_hash(hash, &other,
-                             offsetof(cairn_consensus_alternative, is_other_map) +
+                             offsetof(cairn_pose_consensus_competing_pose, is_other_map) +
                                  sizeof other.is_other_map);
         }
     }
@@ -1262,11 +1265,11 @@ static void the_result_does_not_depend_on_budgets(void **state)
         assert_int_equal(cairn_pose_consensus_read(consensus).units, units);
         hashes[b] = TEST_HASH_START;
         for (int32_t i = 0; i < 10; i++) {
-            cairn_consensus_node node = cairn_pose_consensus_node(consensus, i);
+            cairn_pose_consensus_estimate node = cairn_pose_consensus_node(consensus, i);
 
-            hashes[b] =
-                test_hash(hashes[b], &node,
-                          offsetof(cairn_consensus_node, ambiguous) + sizeof node.ambiguous);
+            hashes[b] = test_hash(hashes[b], &node,
+                                  offsetof(cairn_pose_consensus_estimate, ambiguous) +
+                                      sizeof node.ambiguous);
         }
         assert_true(hashes[b] == hashes[0]);
         test_pool_free(&pool);
@@ -1399,8 +1402,9 @@ static void bad_hypotheses_are_refused(void **state)
     const cairn_real nan = (cairn_real)NAN, infinity = (cairn_real)INFINITY;
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
     cairn_pose pose = {1, 2, 3};
-    cairn_pose_hypothesis good = hypothesis_of(0, 1, pose, CAIRN_REAL(0.1), CAIRN_REAL(0.1), 5),
-                          bad;
+    cairn_pose_consensus_relative_pose good = hypothesis_of(0, 1, pose, CAIRN_REAL(0.1),
+                                                            CAIRN_REAL(0.1), 5),
+                                       bad;
     cairn_pool pool;
     cairn_pose_consensus *consensus;
     cairn_fault fault;

@@ -88,7 +88,7 @@ struct made {
 };
 
 static struct made make_graph(const struct problem *p, const cairn_pose_graph_params *params,
-                              const cairn_pose_solver *solver)
+                              const cairn_pose_graph_solver *solver)
 {
     struct made made;
 
@@ -657,7 +657,7 @@ static void room_is_taken_when_the_fill_is_known(void **state)
     struct made whole, made;
     cairn_block_solver_params inner;
     cairn_block_solver *solver;
-    cairn_pose_solver face;
+    cairn_pose_graph_solver face;
     cairn_pool more;
     int32_t fill;
     size_t bytes;
@@ -698,7 +698,7 @@ static void room_is_taken_when_the_fill_is_known(void **state)
     inner = (cairn_block_solver_params){params.max_poses, params.max_links, 0};
     more = test_pool(cairn_block_solver_memory(&inner) + bytes);
     assert_ok(cairn_block_solver_create(&solver, &more, &inner));
-    face = cairn_pose_solver_of(solver);
+    face = cairn_pose_graph_solver_of(solver);
     made = make_graph(&p, &params, &face);
     assert_ok(cairn_pose_graph_solve(made.graph));
     assert_status(run(made.graph, 3), CAIRN_FULL);
@@ -710,7 +710,7 @@ static void room_is_taken_when_the_fill_is_known(void **state)
 
 /* A solver around the built-in one that counts, and refuses on demand. */
 static struct {
-    cairn_pose_solver inner;
+    cairn_pose_graph_solver inner;
     int32_t refuse_from; /* factors from this one on are not positive; -1: none */
     int32_t factors;
 } outer;
@@ -738,14 +738,14 @@ static void a_solver_of_ones_own(void **state)
     cairn_pose_graph_params params = small_params();
     cairn_block_solver_params inner = {POSES, MAX_LINKS, 400};
     cairn_block_solver *solver;
-    cairn_pose_solver face;
+    cairn_pose_graph_solver face;
     cairn_pool pool = test_pool(cairn_block_solver_memory(&inner));
     struct made mine, builtin = make_graph(&p, &params, NULL);
     cairn_pose_graph_state s = solve(builtin.graph), t;
 
     (void)state;
     assert_ok(cairn_block_solver_create(&solver, &pool, &inner));
-    outer.inner = face = cairn_pose_solver_of(solver);
+    outer.inner = face = cairn_pose_graph_solver_of(solver);
     face.factor = outer_factor;
     face.read = outer_read;
     outer.refuse_from = -1;
@@ -858,12 +858,12 @@ static void weak_motions_take_few_factors(void **state)
         cairn_block_solver *solver;
         cairn_pose_graph *graph;
         cairn_pose_graph_state s, again;
-        cairn_pose_solver face;
+        cairn_pose_graph_solver face;
 
         params.max_poses = STREETS;
         params.max_links = 2 * STREETS;
         assert_ok(cairn_block_solver_create(&solver, &pool, &inner));
-        outer.inner = face = cairn_pose_solver_of(solver);
+        outer.inner = face = cairn_pose_graph_solver_of(solver);
         face.factor = outer_factor;
         face.read = outer_read;
         outer.refuse_from = -1;
@@ -891,7 +891,7 @@ static void weak_motions_take_few_factors(void **state)
  * there: it moves only that coordinate on which the graph pulls least, and so far that the slope
  * is 1. */
 static struct {
-    cairn_pose_solver inner;
+    cairn_pose_graph_solver inner;
     int32_t solves; /* since the last factor */
     int32_t spoiled, least;
     cairn_real pull;
@@ -934,14 +934,14 @@ static void old_factors_do_not_end_it(void **state)
     cairn_pose_graph_params params = small_params();
     cairn_block_solver_params inner = {POSES, MAX_LINKS, 400};
     cairn_block_solver *solver;
-    cairn_pose_solver face;
+    cairn_pose_graph_solver face;
     cairn_pool pool = test_pool(cairn_block_solver_memory(&inner));
     struct made mine, builtin = make_graph(&p, &params, NULL);
     cairn_pose_graph_state s = solve(builtin.graph), t;
 
     (void)state;
     assert_ok(cairn_block_solver_create(&solver, &pool, &inner));
-    stale.inner = face = cairn_pose_solver_of(solver);
+    stale.inner = face = cairn_pose_graph_solver_of(solver);
     stale.spoiled = 0;
     face.factor = stale_factor;
     face.solve = stale_solve;

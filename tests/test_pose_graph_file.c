@@ -231,7 +231,7 @@ static void bad_links_are_dropped(void **state)
         for (int32_t keep_all = 0; keep_all < 2; keep_all++) {
             char *text = a_ring(bad);
             cairn_pose_graph_file file = read_text(text);
-            cairn_pose_graph_solution out;
+            cairn_pose_graph_file_solution out;
             double chi2;
 
             memset(&out, 0, sizeof out);
@@ -255,7 +255,7 @@ static void bad_links_are_dropped(void **state)
                 assert_near(out.chi2_all, chi2, NUMBER(1e-6, 1e-2) * chi2);
             assert_true(out.chi2_initial > chi2);
             assert_near(file.vertex[0].pose.x, 0, 0);
-            cairn_pose_graph_solution_free(&out);
+            cairn_pose_graph_file_solution_free(&out);
             assert_null(out.pose);
             cairn_pose_graph_file_free(&file);
             free(text);
@@ -273,7 +273,7 @@ static void fixed_poses_stay(void **state)
                    "EDGE_SE2 4 5 1 0 0" INFORMATION "EDGE_SE2 5 6 1 0 0" INFORMATION
                  : "VERTEX_SE2 4 0 0 0\nVERTEX_SE2 5 1 1 0.2\nVERTEX_SE2 6 3 0 0\nFIX 6\n"
                    "EDGE_SE2 4 5 1 0 0" INFORMATION "EDGE_SE2 5 6 1 0 0" INFORMATION);
-        cairn_pose_graph_solution out;
+        cairn_pose_graph_file_solution out;
 
         memset(&out, 0, sizeof out);
         out.keep_all = 1;
@@ -283,7 +283,7 @@ static void fixed_poses_stay(void **state)
         assert_near(out.pose[0].x, both ? 0 : 1, NUMBER(1e-6, 1e-3));
         assert_near(out.pose[1].x, both ? 1.5 : 2, NUMBER(1e-6, 1e-3));
         assert_near(out.pose[1].y, 0, NUMBER(1e-6, 1e-3));
-        cairn_pose_graph_solution_free(&out);
+        cairn_pose_graph_file_solution_free(&out);
         cairn_pose_graph_file_free(&file);
     }
 }
@@ -314,11 +314,11 @@ static cairn_pose_graph_file a_grid(int32_t side)
         for (int32_t k = 0; k < 2; k++)
             if (before[k] >= 0)
                 file.edge[file.edge_count++] =
-                    (cairn_pose_graph_edge){before[k],
-                                            i,
-                                            0,
-                                            cairn_pose_between(truth[before[k]], truth[i]),
-                                            {100, 0, 0, 100, 0, 400}};
+                    (cairn_pose_graph_file_edge){before[k],
+                                                 i,
+                                                 0,
+                                                 cairn_pose_between(truth[before[k]], truth[i]),
+                                                 {100, 0, 0, 100, 0, 400}};
     }
     free(truth);
     return file;
@@ -332,11 +332,11 @@ static void large_graphs_are_solved(void **state)
 
     (void)state;
     for (int32_t sparse = 0; sparse < 2; sparse++) {
-        cairn_pose_graph_solution out;
+        cairn_pose_graph_file_solution out;
         cairn_status status;
 
         memset(&out, 0, sizeof out);
-        out.solver = sparse ? CAIRN_POSE_GRAPH_SPARSE : CAIRN_POSE_GRAPH_BUILTIN;
+        out.solver = sparse ? CAIRN_POSE_GRAPH_FILE_SPARSE : CAIRN_POSE_GRAPH_FILE_BUILTIN;
         status = cairn_pose_graph_file_solve(&file, &out);
         if (sparse && status == CAIRN_UNSUPPORTED)
             continue;
@@ -349,7 +349,7 @@ static void large_graphs_are_solved(void **state)
             assert_near(out.pose[i].x, column, NUMBER(1e-6, 5e-3));
             assert_near(out.pose[i].y, row, NUMBER(1e-6, 5e-3));
         }
-        cairn_pose_graph_solution_free(&out);
+        cairn_pose_graph_file_solution_free(&out);
     }
     cairn_pose_graph_file_free(&file);
 }
@@ -358,7 +358,7 @@ static void the_picture_shows_dropped_links_in_red(void **state)
 {
     char *text = a_ring(3), *picture;
     cairn_pose_graph_file file = read_text(text);
-    cairn_pose_graph_solution out;
+    cairn_pose_graph_file_solution out;
     int32_t moves = 0;
 
     (void)state;
@@ -382,7 +382,7 @@ static void the_picture_shows_dropped_links_in_red(void **state)
     free(picture);
     assert_status(cairn_pose_graph_file_draw(files_path("none/graph.svg"), &file, &out, "", NULL),
                   CAIRN_IO);
-    cairn_pose_graph_solution_free(&out);
+    cairn_pose_graph_file_solution_free(&out);
     cairn_pose_graph_file_free(&file);
     free(text);
 }
@@ -401,7 +401,7 @@ static void pictures_fit_their_panels(void **state)
     (void)state;
     for (int k = 0; k < 2; k++) {
         cairn_pose_graph_file file = read_text(texts[k]);
-        cairn_pose_graph_solution out;
+        cairn_pose_graph_file_solution out;
         char *picture;
 
         memset(&out, 0, sizeof out);
@@ -410,7 +410,7 @@ static void pictures_fit_their_panels(void **state)
         picture = files_read(files_path("far.svg"), NULL);
         assert_golden(test_hash(TEST_HASH_START, picture, strlen(picture)), known[k], known[k]);
         free(picture);
-        cairn_pose_graph_solution_free(&out);
+        cairn_pose_graph_file_solution_free(&out);
         cairn_pose_graph_file_free(&file);
     }
 }
@@ -425,7 +425,7 @@ static void the_command(void **state)
     free(text);
     o = programs_run("cairn graph @/ring.g2o -o @/solved.g2o --report");
     assert_int_equal(o.code, 0);
-    assert_holds(o.out, "poses      20 (from the links");
+    assert_holds(o.out, "poses      20 (composed from the links");
     assert_holds(o.out, "outliers   4 links dropped");
     assert_holds(o.out, "ring.g2o:41: link 0 -> 9 dropped");
     assert_holds(o.out, "ring.g2o:44: link 3 -> 12 dropped");

@@ -17,14 +17,14 @@ static int same(cairn_real a, cairn_real b)
 static void test_text(void **state)
 {
     cairn_pose pose = {CAIRN_REAL(1.5), CAIRN_REAL(-0.25), CAIRN_REAL(0.1)};
-    cairn_pose_row row[2];
+    cairn_pose_table_row row[2];
     const char *path = files_path("poses.csv");
     char *bytes;
 
     (void)state;
-    row[0] = cairn_pose_row_of(0, pose);
+    row[0] = cairn_pose_table_row_of(0, pose);
     row[0].line = 1;
-    row[1] = cairn_pose_row_of(7, pose);
+    row[1] = cairn_pose_table_row_of(7, pose);
     row[1].line = 12;
     row[1].stamp_ns = INT64_C(976052857337530000);
     for (int i = 0; i < 9; i++)
@@ -42,7 +42,7 @@ static void test_round_trip(void **state)
 {
     enum { COUNT = 1000 };
     cairn_random random = cairn_random_seed(1, 1);
-    cairn_pose_row *row = calloc(COUNT, sizeof *row), *back;
+    cairn_pose_table_row *row = calloc(COUNT, sizeof *row), *back;
     const char *path = files_path("round.csv");
     cairn_file_error error;
     int32_t count;
@@ -54,9 +54,9 @@ static void test_round_trip(void **state)
         pose.x = cairn_random_uniform(&random, -100, 100);
         pose.y = cairn_random_uniform(&random, CAIRN_REAL(-1e-6), CAIRN_REAL(1e-6));
         pose.theta = cairn_random_uniform(&random, -3, 3);
-        row[i] = cairn_pose_row_of(i - 3, pose);
+        row[i] = cairn_pose_table_row_of(i - 3, pose);
         row[i].line = i % 3 == 0 ? 0 : 1000 + i;
-        row[i].stamp_ns = i % 5 == 0 ? CAIRN_POSE_NO_STAMP
+        row[i].stamp_ns = i % 5 == 0 ? CAIRN_POSE_TABLE_NO_STAMP
                                      : INT64_C(1234567890123456789) * (i % 2 == 0 ? -1 : 1) + i;
         if (i % 2 == 0)
             for (int k = 0; k < 9; k++)
@@ -94,7 +94,7 @@ static void test_reads_by_name(void **state)
     const char *path = files_write_text(
         "named.csv",
         "# poses\r\n\r\ntheta, y ,x,colour,index\r\n 0.5,2,1,red, 9 \r\n#\r\n-1,0,0,,10");
-    cairn_pose_row *row;
+    cairn_pose_table_row *row;
     int32_t count;
 
     (void)state;
@@ -105,7 +105,7 @@ static void test_reads_by_name(void **state)
     assert_near(row[0].pose.y, 2, 0);
     assert_near(row[0].pose.theta, 0.5, 0);
     assert_int_equal(row[0].line, 0);
-    assert_true(row[0].stamp_ns == CAIRN_POSE_NO_STAMP);
+    assert_true(row[0].stamp_ns == CAIRN_POSE_TABLE_NO_STAMP);
     assert_true(isnan(row[0].covariance[4]) && isnan(row[0].support));
     assert_string_equal(row[0].verdict, "");
     assert_int_equal(row[1].index, 10);
@@ -149,7 +149,7 @@ static void test_bad_tables(void **state)
          "expected at most 31 bytes"},
         {"\x89PNG\r\n", CAIRN_BAD_FORMAT, 1, "no column"},
     };
-    cairn_pose_row *row;
+    cairn_pose_table_row *row;
     cairn_file_error error;
     int32_t count;
     char line[200];
@@ -191,7 +191,7 @@ static void test_endless_line(void **state)
 {
     size_t size = (size_t)17 << 20;
     char *bytes = malloc(size);
-    cairn_pose_row *row;
+    cairn_pose_table_row *row;
     cairn_file_error error;
     int32_t count;
 
@@ -208,7 +208,8 @@ static void test_endless_line(void **state)
 static void test_rows_that_cannot_be_written(void **state)
 {
     const char *path = files_path("unwritten.csv");
-    cairn_pose_row good = cairn_pose_row_of(1, cairn_pose_identity()), row[2] = {good, good};
+    cairn_pose_table_row good = cairn_pose_table_row_of(1, cairn_pose_identity()),
+                         row[2] = {good, good};
     cairn_file_error error;
 
     (void)state;
@@ -248,7 +249,7 @@ static void test_heap(void **state)
 
     (void)state;
     for (int round = 0; round <= FILES_HEAP_ROUNDS; round++) {
-        cairn_pose_row *row;
+        cairn_pose_table_row *row;
         int32_t count;
 
         if (round == 1)

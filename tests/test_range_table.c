@@ -16,10 +16,10 @@ static void on_fault(void *context, const cairn_file_error *fault)
     told_count++;
 }
 
-static cairn_status load(cairn_carmen_scans *scans, int32_t *has_odometry, const char *text,
+static cairn_status load(cairn_carmen_log_scans *scans, int32_t *has_odometry, const char *text,
                          cairn_range_table_kind kind, double range_max, cairn_file_error *error)
 {
-    cairn_carmen_params params = cairn_carmen_default();
+    cairn_carmen_log_params params = cairn_carmen_log_default();
 
     params.range_max = range_max;
     params.on_fault = on_fault;
@@ -30,9 +30,9 @@ static cairn_status load(cairn_carmen_scans *scans, int32_t *has_odometry, const
 
 static void csv_fields(void **state)
 {
-    cairn_carmen_scans s;
+    cairn_carmen_log_scans s;
     int32_t has_odometry;
-    const cairn_carmen_record *r;
+    const cairn_carmen_log_record *r;
 
     (void)state;
     assert_ok(load(&s, &has_odometry,
@@ -60,7 +60,7 @@ static void csv_fields(void **state)
     assert_near(s.info.odometry_length, 1, 1e-6);
     assert_near(s.info.odometry_turn, 1 + 7.5 - 2 * 3.14159265358979, 1e-5);
     r = &s.record[0];
-    assert_int_equal(r->kind, CAIRN_CARMEN_SCAN);
+    assert_int_equal(r->kind, CAIRN_CARMEN_LOG_SCAN);
     assert_int_equal(r->line, 4);
     assert_int_equal(r->stamp_ns, 1500000000);
     assert_int_equal(r->count, 3);
@@ -89,14 +89,14 @@ static void csv_fields(void **state)
     assert_true(isinf(r->range[1]));
     assert_near(r->range[2], 79, 0);
     assert_near(r->robot.theta, 7 - 2 * 3.14159265358979, 1e-5);
-    cairn_carmen_scans_free(&s);
+    cairn_carmen_log_scans_free(&s);
 }
 
 /* Many scans, without time and odometry; the greatest range is the caller's. */
 static void csv_of_ranges_alone(void **state)
 {
     char *text = malloc(100000), *at = text;
-    cairn_carmen_scans s;
+    cairn_carmen_log_scans s;
     int32_t has_odometry;
 
     (void)state;
@@ -112,13 +112,13 @@ static void csv_of_ranges_alone(void **state)
         assert_near(s.record[i].range[1], 5, 0);
         assert_true(i < 500 ? s.record[i].range[0] == (float)i : isinf(s.record[i].range[0]));
     }
-    cairn_carmen_scans_free(&s);
+    cairn_carmen_log_scans_free(&s);
     free(text);
 }
 
 static void damaged_lines_are_told_and_left_out(void **state)
 {
-    cairn_carmen_scans s;
+    cairn_carmen_log_scans s;
     int32_t has_odometry;
 
     (void)state;
@@ -135,7 +135,7 @@ static void damaged_lines_are_told_and_left_out(void **state)
     assert_non_null(strstr(told[2].text, "not a number"));
     assert_non_null(strstr(told[3].text, "not finite"));
     assert_non_null(strstr(told[4].text, "not a number"));
-    cairn_carmen_scans_free(&s);
+    cairn_carmen_log_scans_free(&s);
 }
 
 static void bad_heads_and_files_are_refused(void **state)
@@ -153,7 +153,7 @@ static void bad_heads_and_files_are_refused(void **state)
         {"time,0\n1\n", CAIRN_EMPTY},
         {"", CAIRN_EMPTY},
     };
-    cairn_carmen_scans s;
+    cairn_carmen_log_scans s;
     cairn_file_error error;
     int32_t has_odometry;
 
@@ -190,7 +190,7 @@ static char *add_urg(char *at, int fields, int microseconds, int range)
 static void urg_fields(void **state)
 {
     char *text = malloc(100000), *at = text;
-    cairn_carmen_scans s;
+    cairn_carmen_log_scans s;
     int32_t has_odometry;
 
     (void)state;
@@ -214,7 +214,7 @@ static void urg_fields(void **state)
     assert_near(s.record[1].range[681], 0, 0);
     assert_int_equal(s.record[1].line, 4);
     assert_near(s.record[1].robot.x, 0, 0);
-    cairn_carmen_scans_free(&s);
+    cairn_carmen_log_scans_free(&s);
     free(text);
 }
 
@@ -236,8 +236,8 @@ static void urg_wheels(void **state)
     static const double tick = 2 * 3.14159265358979 * 0.077 / 2000;
     static const double known[] = {0, 0, 400, 400, 600, 600};
     char *text = malloc(100000), *at = text;
-    cairn_carmen_scans s;
-    const cairn_carmen_record *r;
+    cairn_carmen_log_scans s;
+    const cairn_carmen_log_record *r;
     int32_t has_odometry;
 
     (void)state;
@@ -266,7 +266,7 @@ static void urg_wheels(void **state)
     assert_near(r[20].scan.range_min, 0.02, 1e-9);
     assert_near(s.info.base_sensor.x, 0.145, 1e-6);
     assert_near(s.info.odometry_length, 1000 * tick, 1e-5);
-    cairn_carmen_scans_free(&s);
+    cairn_carmen_log_scans_free(&s);
 
     /* Across a gap in time nothing is known either. */
     at = add_rolling_urg(text, 0, 0, 0);
@@ -278,7 +278,7 @@ static void urg_wheels(void **state)
     assert_ok(load(&s, &has_odometry, text, CAIRN_RANGE_TABLE_URG, 0, NULL));
     for (int i = 0; i < 6; i++)
         assert_near(s.record[i].robot.x, known[i] * tick, 1e-6);
-    cairn_carmen_scans_free(&s);
+    cairn_carmen_log_scans_free(&s);
     free(text);
 }
 

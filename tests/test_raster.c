@@ -16,12 +16,12 @@ static cairn_distance_map *make_map(cairn_pool *pool, int32_t max_width)
 
 static int32_t slow_distance(const cairn_distance_map_input *input, int32_t x, int32_t y)
 {
-    int32_t best = CAIRN_DISTANCE_FAR;
+    int32_t best = CAIRN_DISTANCE_MAP_FAR;
 
     for (int32_t v = 0; v < input->pixels.height; v++)
         for (int32_t u = 0; u < input->pixels.width; u++) {
             int32_t dx = abs(x - u), dy = abs(y - v);
-            int32_t d = input->metric == CAIRN_DISTANCE_L1 ? dx + dy : dx * dx + dy * dy;
+            int32_t d = input->metric == CAIRN_DISTANCE_MAP_L1 ? dx + dy : dx * dx + dy * dy;
 
             if ((input->pixels.data[v * input->pixels.stride + u] & input->mask) == input->match &&
                 d < best)
@@ -63,7 +63,7 @@ static void check_raster(cairn_distance_map *map, const uint8_t *pixels, int32_t
 
     input.mask = mask;
     input.match = match;
-    for (int32_t metric = CAIRN_DISTANCE_L1; metric <= CAIRN_DISTANCE_L2_SQUARED; metric++)
+    for (int32_t metric = CAIRN_DISTANCE_MAP_L1; metric <= CAIRN_DISTANCE_MAP_L2_SQUARED; metric++)
         for (int k = 0; k < 4; k++) {
             int flipped = k % 2;
             int64_t spent;
@@ -83,7 +83,7 @@ static void check_raster(cairn_distance_map *map, const uint8_t *pixels, int32_t
             input.distances.stride = flipped ? out_stride : -out_stride;
             spent = run_map(map, &input, budgets[k]);
             /* Down, up from the second row, right and left: six pixels a unit. */
-            if (metric == CAIRN_DISTANCE_L1)
+            if (metric == CAIRN_DISTANCE_MAP_L1)
                 assert_int_equal(spent, ((4 * height - 1) * width + 5) / 6);
             else
                 assert_true(spent * 6 >= 3 * width * height && spent * 6 <= 5 * width * height + 6);
@@ -148,8 +148,11 @@ static void test_distance_of_longest_sides(void **state)
     static int32_t distances[LONG];
     cairn_pool pool;
     cairn_distance_map *map = make_map(&pool, LONG);
-    cairn_distance_map_input input = {
-        {pixels, LONG, 1, LONG}, {distances, LONG, 1, LONG}, 0xFF, 1, CAIRN_DISTANCE_L2_SQUARED};
+    cairn_distance_map_input input = {{pixels, LONG, 1, LONG},
+                                      {distances, LONG, 1, LONG},
+                                      0xFF,
+                                      1,
+                                      CAIRN_DISTANCE_MAP_L2_SQUARED};
 
     (void)state;
     for (int turn = 0; turn < 4; turn++) {
@@ -185,17 +188,17 @@ static void test_distance_begins_anew(void **state)
                                           {distances, SIDE, SIDE, SIDE},
                                           0xFF,
                                           3,
-                                          CAIRN_DISTANCE_L2_SQUARED};
+                                          CAIRN_DISTANCE_MAP_L2_SQUARED};
         cairn_budget budget = {units};
 
         for (int32_t i = 0; i < SIDE * SIDE; i++)
             expected[i] = slow_distance(&input, i % SIDE, i / SIDE);
         input.match = 1;
-        input.metric = units % 2 ? CAIRN_DISTANCE_L1 : CAIRN_DISTANCE_L2_SQUARED;
+        input.metric = units % 2 ? CAIRN_DISTANCE_MAP_L1 : CAIRN_DISTANCE_MAP_L2_SQUARED;
         assert_ok(cairn_distance_map_begin(map, &input));
         (void)!cairn_distance_map_step(map, &budget);
         input.match = 3;
-        input.metric = CAIRN_DISTANCE_L2_SQUARED;
+        input.metric = CAIRN_DISTANCE_MAP_L2_SQUARED;
         (void)run_map(map, &input, 100);
         assert_memory_equal(distances, expected, sizeof expected);
     }
@@ -221,7 +224,7 @@ static void test_distance_refusals(void **state)
                                      {distances, 5, 4, 5},
                                      0xFF,
                                      0,
-                                     CAIRN_DISTANCE_L1},
+                                     CAIRN_DISTANCE_MAP_L1},
                              input;
     cairn_pool pool = test_pool(10000);
     cairn_distance_map *map;

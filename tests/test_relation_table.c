@@ -15,7 +15,7 @@ static void both_kinds_are_read(void **state)
                                "  # 1 2 3\n"
                                "0.0000015 -1 0 0 0 0 0 3\n";
     const char *path = files_path("good.relations");
-    cairn_relation_row *row;
+    cairn_relation_table_row *row;
     int32_t count;
 
     (void)state;
@@ -45,7 +45,7 @@ static void many_are_read(void **state)
 {
     enum { MANY = 1000 };
     FILE *file = fopen(files_path("many.relations"), "w");
-    cairn_relation_row *row;
+    cairn_relation_table_row *row;
     int32_t count;
 
     (void)state;
@@ -83,7 +83,7 @@ static void scans_are_found(void **state)
 {
     enum { SCANS = 50, ROWS = 400 };
     cairn_random random = cairn_random_seed(1, 0);
-    cairn_relation_row row[ROWS], wanted[ROWS];
+    cairn_relation_table_row row[ROWS], wanted[ROWS];
     int64_t stamp[SCANS];
     int32_t found = 0;
 
@@ -144,7 +144,7 @@ static void bad_files(void **state)
         {"", CAIRN_EMPTY, 0, "no relation, expected lines"},
         {"# none\n", CAIRN_EMPTY, 0, "no relation"},
     };
-    cairn_relation_row *row;
+    cairn_relation_table_row *row;
     cairn_file_error error;
     int32_t count;
 

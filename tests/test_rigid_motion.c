@@ -99,7 +99,7 @@ static void test_row(void **state)
     }
 }
 
-static double prior_cost(const cairn_pose_prior *prior, cairn_pose pose)
+static double prior_cost(const cairn_rigid_motion_pose_prior *prior, cairn_pose pose)
 {
     cairn_pose off = cairn_pose_between(prior->mean, pose);
 
@@ -118,9 +118,9 @@ static void test_prior(void **state)
     for (int k = 0; k < 30; k++) {
         cairn_rigid_motion motion = random_motion(&random);
         cairn_pose off = {CAIRN_REAL(0.2), CAIRN_REAL(-0.1), CAIRN_REAL(0.15)};
-        cairn_pose_prior prior = {motion.map_body, CAIRN_REAL(0.5), CAIRN_REAL(0.8),
-                                  CAIRN_REAL(0.3)};
-        cairn_normal_equations equations;
+        cairn_rigid_motion_pose_prior prior = {motion.map_body, CAIRN_REAL(0.5), CAIRN_REAL(0.8),
+                                               CAIRN_REAL(0.3)};
+        cairn_rigid_motion_equations equations;
         cairn_real m[3][3];
 
         if (k % 2)
@@ -180,8 +180,8 @@ static void test_solve(void **state)
 
     (void)state;
     for (int k = 0; k < 30; k++) {
-        cairn_normal_equations observed, prior;
-        cairn_motion_basis basis;
+        cairn_rigid_motion_equations observed, prior;
+        cairn_rigid_motion_basis basis;
         cairn_real step[4] = {0, 0, 0, 9}, cut[4] = {0, 0, 0, 9}, left[3], more[3] = {0, 0, 0},
                    length, dot;
 
@@ -189,11 +189,11 @@ static void test_solve(void **state)
         prior.information = random_information(&random);
         random_step(&random, 5, observed.gradient);
         random_step(&random, 5, prior.gradient);
-        basis = cairn_motion_basis_of(observed.information, CAIRN_REAL(0.001));
+        basis = cairn_rigid_motion_basis_of(observed.information, CAIRN_REAL(0.001));
         assert_int_equal(basis.unobservable, 0);
         assert_true(basis.inverse_condition > CAIRN_REAL(0.02) && basis.inverse_condition <= 1);
-        assert_int_equal(cairn_motion_solve(&basis, &observed, k % 2 ? &prior : NULL, 1000, step),
-                         1);
+        assert_int_equal(
+            cairn_rigid_motion_solve(&basis, &observed, k % 2 ? &prior : NULL, 1000, step), 1);
         multiply(observed.information, step, left);
         if (k % 2)
             multiply(prior.information, step, more);
@@ -201,7 +201,8 @@ static void test_solve(void **state)
             assert_near(left[i] + more[i] + observed.gradient[i] + (k % 2 ? prior.gradient[i] : 0),
                         0, NUMBER(1e-11, 1e-4));
         length = cairn_sqrt(step[0] * step[0] + step[1] * step[1] + step[2] * step[2]);
-        assert_true(cairn_motion_solve(&basis, &observed, k % 2 ? &prior : NULL, length / 4, cut));
+        assert_true(
+            cairn_rigid_motion_solve(&basis, &observed, k % 2 ? &prior : NULL, length / 4, cut));
         dot = cut[0] * step[0] + cut[1] * step[1] + cut[2] * step[2];
         assert_near(dot, length * length / 4, NUMBER(1e-11, 1e-4));
         assert_near(cairn_sqrt(cut[0] * cut[0] + cut[1] * cut[1] + cut[2] * cut[2]), length / 4,
@@ -217,9 +218,9 @@ static void test_weak_directions(void **state)
     const cairn_real diagonal = cairn_sqrt(CAIRN_REAL(0.5));
     const cairn_real u[3] = {diagonal, diagonal, 0}, v[3] = {diagonal, -diagonal, 0},
                      w[3] = {0, 0, 1};
-    cairn_normal_equations observed = {cairn_sym3_zero(), {3, -2, 5}},
-                           prior = {cairn_sym3_zero(), {1, 3, 1}};
-    cairn_motion_basis basis;
+    cairn_rigid_motion_equations observed = {cairn_sym3_zero(), {3, -2, 5}},
+                                 prior = {cairn_sym3_zero(), {1, 3, 1}};
+    cairn_rigid_motion_basis basis;
     cairn_real step[3];
 
     (void)state;
@@ -229,40 +230,40 @@ static void test_weak_directions(void **state)
     prior.information.xx = prior.information.yy = 4;
     prior.information.zz = 2;
 
-    basis = cairn_motion_basis_of(observed.information, CAIRN_REAL(0.01));
+    basis = cairn_rigid_motion_basis_of(observed.information, CAIRN_REAL(0.01));
     assert_int_equal(basis.unobservable, 1);
     assert_near(basis.inverse_condition, 0.005, 1e-6);
     assert_near(cairn_abs(basis.vectors[0][0] + basis.vectors[0][1]), 2 * diagonal, 1e-6);
     assert_near(basis.vectors[0][2], 0, 1e-6);
-    assert_true(cairn_motion_solve(&basis, &observed, NULL, 100, step));
+    assert_true(cairn_rigid_motion_solve(&basis, &observed, NULL, 100, step));
     assert_near(step[0] + step[1], 0, 1e-6);
     assert_near(step[0] - step[1], -5.0 / 40, 1e-6);
     assert_near(step[2], -0.05, 1e-6);
-    assert_true(cairn_motion_solve(&basis, &observed, &prior, 100, step));
+    assert_true(cairn_rigid_motion_solve(&basis, &observed, &prior, 100, step));
     assert_near(step[0] + step[1], -4.0 / 4, 1e-6);
     assert_near(step[0] - step[1], -3.0 / 44, 1e-6);
     assert_near(step[2], -6.0 / 102, 1e-6);
 
-    assert_int_equal(cairn_motion_basis_of(observed.information, CAIRN_REAL(0.0049)).unobservable,
-                     0);
-    basis = cairn_motion_basis_of(observed.information, CAIRN_REAL(0.5));
+    assert_int_equal(
+        cairn_rigid_motion_basis_of(observed.information, CAIRN_REAL(0.0049)).unobservable, 0);
+    basis = cairn_rigid_motion_basis_of(observed.information, CAIRN_REAL(0.5));
     assert_int_equal(basis.unobservable, 2);
-    assert_true(cairn_motion_solve(&basis, &observed, NULL, 100, step));
+    assert_true(cairn_rigid_motion_solve(&basis, &observed, NULL, 100, step));
     assert_near(step[0], 0, 1e-6);
     assert_near(step[1], 0, 1e-6);
     assert_near(step[2], -0.05, 1e-6);
-    assert_true(cairn_motion_solve(&basis, &observed, &prior, 100, step));
+    assert_true(cairn_rigid_motion_solve(&basis, &observed, &prior, 100, step));
     assert_near(step[0], -0.25, 1e-6);
     assert_near(step[1], -0.75, 1e-6);
 
     /* One direction alone is never weak; nothing at all cannot be solved. */
     observed.information = cairn_sym3_zero();
     cairn_sym3_add_outer(&observed.information, v, 7);
-    basis = cairn_motion_basis_of(observed.information, CAIRN_REAL(0.9));
+    basis = cairn_rigid_motion_basis_of(observed.information, CAIRN_REAL(0.9));
     assert_int_equal(basis.unobservable, 2);
     basis.unobservable = 0;
     step[0] = 9;
-    assert_int_equal(cairn_motion_solve(&basis, &observed, NULL, 100, step), 0);
+    assert_int_equal(cairn_rigid_motion_solve(&basis, &observed, NULL, 100, step), 0);
     assert_near(step[0], 9, 0);
 }
 
@@ -276,8 +277,9 @@ static void test_covariance(void **state)
     for (int k = 0; k < 20; k++) {
         cairn_rigid_motion motion = random_motion(&random);
         cairn_sym3 information = random_information(&random), total = information, inverse;
-        cairn_normal_equations prior = {random_information(&random), {0, 0, 0}};
-        cairn_motion_basis basis = cairn_motion_basis_of(information, CAIRN_REAL(0.0001));
+        cairn_rigid_motion_equations prior = {random_information(&random), {0, 0, 0}};
+        cairn_rigid_motion_basis basis =
+            cairn_rigid_motion_basis_of(information, CAIRN_REAL(0.0001));
         cairn_real covariance[10];
         double by[3][3], expected, inner[3][3];
 
@@ -329,9 +331,9 @@ static void test_covariance_of_the_unknown(void **state)
     cairn_vec2 centre = {0, 0};
     cairn_rigid_motion motion = cairn_rigid_motion_at(pose, centre, 2);
     cairn_sym3 information = {0, 0, 0, 100, 0, 400};
-    cairn_pose_prior known = {pose, CAIRN_REAL(0.1), CAIRN_REAL(0.2), CAIRN_REAL(0.3)};
-    cairn_normal_equations prior;
-    cairn_motion_basis basis = cairn_motion_basis_of(information, CAIRN_REAL(0.1));
+    cairn_rigid_motion_pose_prior known = {pose, CAIRN_REAL(0.1), CAIRN_REAL(0.2), CAIRN_REAL(0.3)};
+    cairn_rigid_motion_equations prior;
+    cairn_rigid_motion_basis basis = cairn_rigid_motion_basis_of(information, CAIRN_REAL(0.1));
     cairn_real covariance[9];
 
     (void)state;

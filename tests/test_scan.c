@@ -172,7 +172,7 @@ static void assert_sound(cairn_scan_view view, double spacing, double support)
             assert_true(t > last);
             last = t;
             for (int32_t b = 0; b < view.beam_count; b++)
-                if (view.beams[b].kind == CAIRN_BEAM_HIT &&
+                if (view.beams[b].kind == CAIRN_SCAN_BEAM_HIT &&
                     cairn_segment_distance(s, view.beams[b].to) < CAIRN_REAL(0.07))
                     nearest = fmin(nearest, fabs((double)cairn_vec2_dot(
                                                      along, cairn_vec2_sub(view.beams[b].to, s.a)) -
@@ -211,10 +211,10 @@ static void test_kinds_of_beams(void **state)
 {
     static const float NOTHING = NAN, FAR = INFINITY;
     float range[9] = {NOTHING, FAR, -FAR, 0, -1, 0.0499F, 0.05F, 30, 30.01F};
-    static const cairn_beam_kind KIND[9] = {
-        CAIRN_BEAM_UNKNOWN, CAIRN_BEAM_FREE,    CAIRN_BEAM_UNKNOWN,
-        CAIRN_BEAM_UNKNOWN, CAIRN_BEAM_UNKNOWN, CAIRN_BEAM_UNKNOWN,
-        CAIRN_BEAM_HIT,     CAIRN_BEAM_HIT,     CAIRN_BEAM_FREE};
+    static const cairn_scan_beam_kind KIND[9] = {
+        CAIRN_SCAN_BEAM_UNKNOWN, CAIRN_SCAN_BEAM_FREE,    CAIRN_SCAN_BEAM_UNKNOWN,
+        CAIRN_SCAN_BEAM_UNKNOWN, CAIRN_SCAN_BEAM_UNKNOWN, CAIRN_SCAN_BEAM_UNKNOWN,
+        CAIRN_SCAN_BEAM_HIT,     CAIRN_SCAN_BEAM_HIT,     CAIRN_SCAN_BEAM_FREE};
     cairn_scan_input input;
     cairn_scan_view view;
     cairn_scan_measure measure;
@@ -234,9 +234,9 @@ static void test_kinds_of_beams(void **state)
     assert_int_equal(view.segment_count, 0);
     assert_int_equal(view.point_count, 0);
     for (int i = 0; i < 9; i++) {
-        double length = KIND[i] == CAIRN_BEAM_FREE  ? 30
-                        : KIND[i] == CAIRN_BEAM_HIT ? (double)range[i]
-                                                    : 0;
+        double length = KIND[i] == CAIRN_SCAN_BEAM_FREE  ? 30
+                        : KIND[i] == CAIRN_SCAN_BEAM_HIT ? (double)range[i]
+                                                         : 0;
 
         assert_int_equal(view.beams[i].kind, KIND[i]);
         assert_near(view.beams[i].from.x, 1, 0);
@@ -265,7 +265,7 @@ static void test_scan_without_return(void **state)
     assert_int_equal(view.point_count, 0);
     assert_int_equal(view.first_point[0], 0);
     for (int i = 0; i < 181; i++)
-        assert_int_equal(view.beams[i].kind, CAIRN_BEAM_FREE);
+        assert_int_equal(view.beams[i].kind, CAIRN_SCAN_BEAM_FREE);
     s.input.count = 1; /* at no fraction of the motion */
     s.input.motion.x = 1;
     view = take(&s.input);
@@ -333,7 +333,7 @@ static void test_wall_while_turning(void **state)
     assert_near(b.a.y, a.a.y, 0.02);
     assert_near(b.b.y, a.b.y, 0.02);
     for (int i = 0; i < 361; i++)
-        if (view.beams[i].kind == CAIRN_BEAM_HIT)
+        if (view.beams[i].kind == CAIRN_SCAN_BEAM_HIT)
             assert_near(view.beams[i].to.x, 2, NUMBER(1e-6, 1e-5));
     moved.input.motion = cairn_pose_identity();
     view = take(&moved.input);
@@ -595,7 +595,7 @@ static void test_budgets_are_equal(void **state)
     static const int32_t BUDGETS[] = {1, 7, 1000};
     static cairn_segment segments[128];
     static cairn_oriented_point points[2048];
-    static cairn_beam beams[MAX_BEAMS];
+    static cairn_scan_beam beams[MAX_BEAMS];
     cairn_segment walls[5];
     cairn_scan_measure cost;
     cairn_scan_view view;

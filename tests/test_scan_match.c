@@ -18,7 +18,7 @@ static const cairn_vec2 TRIANGLE[] = {{-2.5, -1.5}, {3, -1}, {0.5, 3}};
 struct seen {
     cairn_oriented_point points[MAX_POINTS];
     cairn_oriented_point dense[MAX_POINTS];
-    cairn_beam beams[MAX_BEAMS];
+    cairn_scan_beam beams[MAX_BEAMS];
     cairn_scan_match_part part;
 };
 
@@ -74,7 +74,7 @@ static void look(struct seen *seen, const cairn_vec2 *corners, int32_t count, ca
 
         range = cast(corners, count, from, world, 12);
         seen->beams[i].from = origin;
-        seen->beams[i].kind = range < 12 ? CAIRN_BEAM_HIT : CAIRN_BEAM_FREE;
+        seen->beams[i].kind = range < 12 ? CAIRN_SCAN_BEAM_HIT : CAIRN_SCAN_BEAM_FREE;
         if (noise > 0 && range < 12)
             range += noise * cairn_random_normal(random);
         seen->beams[i].to = cairn_vec2_scale(body, range);
@@ -711,7 +711,7 @@ static void is_sure_of_nothing_in_a_round_room(void **state)
 
 static void dense_points_have_the_direction_of_their_wall(void **state)
 {
-    cairn_beam beams[43];
+    cairn_scan_beam beams[43];
     cairn_oriented_point dense[43];
     cairn_scan_view view;
     int32_t count;
@@ -724,13 +724,13 @@ static void dense_points_have_the_direction_of_their_wall(void **state)
     /* A corner at (2, 0.6), seen from the origin counter-clockwise: up along x = 2, then left
      * along y = 0.6; then one hit alone, and one beam that hit nothing. */
     for (int i = 0; i < 41; i++) {
-        beams[i].kind = CAIRN_BEAM_HIT;
+        beams[i].kind = CAIRN_SCAN_BEAM_HIT;
         beams[i].to.x = i < 21 ? 2 : 2 - (cairn_real)(i - 20) * CAIRN_REAL(0.03);
         beams[i].to.y = i < 21 ? (cairn_real)i * CAIRN_REAL(0.03) : CAIRN_REAL(0.6);
     }
-    beams[41].kind = CAIRN_BEAM_HIT;
+    beams[41].kind = CAIRN_SCAN_BEAM_HIT;
     beams[41].to.x = -5;
-    beams[42].kind = CAIRN_BEAM_FREE;
+    beams[42].kind = CAIRN_SCAN_BEAM_FREE;
     beams[42].to.x = -5;
     count = cairn_scan_match_dense(&view, dense);
     assert_int_equal(count, 41);
@@ -983,7 +983,7 @@ static void refuses_input(void **state)
     cairn_scan_match_part part;
     cairn_budget budget = {100};
     cairn_oriented_point kept;
-    cairn_beam beam;
+    cairn_scan_beam beam;
     cairn_fault fault;
     cairn_pool pool;
     cairn_scan_match *match;

@@ -513,7 +513,7 @@ static void readings_have_the_direction_of_the_nearest_segment(void **state)
     for (int32_t i = 0; i < view.beam_count; i++) {
         double nearest = 1e9, own = 1e9;
 
-        if (view.beams[i].kind != CAIRN_BEAM_HIT)
+        if (view.beams[i].kind != CAIRN_SCAN_BEAM_HIT)
             continue;
         assert_true(at < count);
         assert_near(readings[at].position.x, view.beams[i].to.x, 0);

@@ -56,7 +56,7 @@ static cairn_self_similarity_result look(looking *l, const cairn_curve *outlines
 }
 
 /* The farther of two ends from where they should be, either way round, in shares of the outline. */
-static double ends_off(const cairn_symmetry_axis *axis, double first, double second)
+static double ends_off(const cairn_self_similarity_axis *axis, double first, double second)
 {
     double off[2];
 
@@ -252,13 +252,13 @@ static void searches_as_the_obvious_way(void **state)
 /* What a result must always be. */
 static void assert_sound(const cairn_self_similarity_result *r, int32_t mode)
 {
-    assert_true(r->count >= 1 && r->count <= CAIRN_SYMMETRY_MAX_AXES && r->tie_count >= 1 &&
+    assert_true(r->count >= 1 && r->count <= CAIRN_SELF_SIMILARITY_MAX_AXES && r->tie_count >= 1 &&
                 r->tie_count <= r->count);
-    assert_int_equal(r->verdict, r->tie_count == 1        ? CAIRN_SYMMETRY_SINGLE
-                                 : r->rotation_order == 0 ? CAIRN_SYMMETRY_CIRCULAR
-                                                          : CAIRN_SYMMETRY_MULTIPLE);
+    assert_int_equal(r->verdict, r->tie_count == 1        ? CAIRN_SELF_SIMILARITY_SINGLE
+                                 : r->rotation_order == 0 ? CAIRN_SELF_SIMILARITY_CIRCULAR
+                                                          : CAIRN_SELF_SIMILARITY_MULTIPLE);
     for (int32_t i = 0; i < r->count; i++) {
-        const cairn_symmetry_axis *a = &r->axes[i];
+        const cairn_self_similarity_axis *a = &r->axes[i];
 
         assert_true(a->dissimilarity >= 0 && cairn_is_finite(a->dissimilarity));
         for (int32_t k = 0; k < 2; k++) {
@@ -298,7 +298,7 @@ static void finds_a_plain_axis(void **state)
             assert_sound(&r, mode);
             assert_true(ends_off(&r.axes[0], 0, half) <
                         (mode == CAIRN_MODE_DEFAULT ? 0.006 : 0.05));
-            assert_int_equal(r.verdict, CAIRN_SYMMETRY_SINGLE);
+            assert_int_equal(r.verdict, CAIRN_SELF_SIMILARITY_SINGLE);
             assert_int_equal(r.rotation_order, 1);
             if (mode == CAIRN_MODE_DEFAULT) {
                 assert_near(r.axes[0].bend, 0, 0.03);
@@ -494,7 +494,7 @@ static void many_axes_are_said_so(void **state)
         assert_sound(&r, CAIRN_MODE_DEFAULT);
         assert_int_equal(r.rotation_order, corners[i]);
         assert_int_equal(r.tie_count, corners[i]);
-        assert_int_equal(r.verdict, CAIRN_SYMMETRY_MULTIPLE);
+        assert_int_equal(r.verdict, CAIRN_SELF_SIMILARITY_MULTIPLE);
         for (int32_t k = 0; k < r.tie_count; k++) {
             double best = 1;
 
@@ -519,7 +519,7 @@ static void a_circle_has_no_single_axis(void **state)
 
         assert_sound(&r, mode);
         assert_int_equal(r.rotation_order, 0);
-        assert_int_equal(r.verdict, CAIRN_SYMMETRY_CIRCULAR);
+        assert_int_equal(r.verdict, CAIRN_SELF_SIMILARITY_CIRCULAR);
         assert_true(r.tie_count > 4);
         test_pool_free(&l.pool);
     }
@@ -535,7 +535,7 @@ static void a_bar_has_two(void **state)
 
     (void)state;
     assert_sound(&r, CAIRN_MODE_DEFAULT);
-    assert_int_equal(r.verdict, CAIRN_SYMMETRY_MULTIPLE);
+    assert_int_equal(r.verdict, CAIRN_SELF_SIMILARITY_MULTIPLE);
     assert_int_equal(r.rotation_order, 2);
     for (int32_t i = 0; i < r.tie_count; i++) {
         across += ends_off(&r.axes[i], 100.0 / 412, 306.0 / 412) < 0.02;
@@ -563,7 +563,7 @@ static void holes_count_unless_filled(void **state)
     r = look(&l, shape, 3);
     assert_sound(&r, CAIRN_MODE_DEFAULT);
     assert_true(ends_off(&r.axes[0], 0.375, 0.875) < 0.03);
-    assert_int_equal(r.verdict, CAIRN_SYMMETRY_SINGLE);
+    assert_int_equal(r.verdict, CAIRN_SELF_SIMILARITY_SINGLE);
     test_pool_free(&l.pool);
     params.hole_samples = 0;
     l = new_looking(&params);
@@ -579,7 +579,7 @@ static uint64_t hash_of(void *context)
     uint64_t hash = test_hash(TEST_HASH_START, &r.tie_count, sizeof r.tie_count);
 
     for (int32_t i = 0; i < r.count; i++) {
-        const cairn_symmetry_axis *a = &r.axes[i];
+        const cairn_self_similarity_axis *a = &r.axes[i];
 
         hash = test_hash(hash, a->position, sizeof a->position);
         hash = test_hash(hash, a->end, sizeof a->end);
@@ -650,7 +650,7 @@ static void bad_outlines_are_refused(void **state)
 {
     looking l = of_mode(CAIRN_MODE_DEFAULT);
     cairn_vec2 p[MOST], hole[4] = {at(60, 15), at(70, 15), at(70, 25), at(60, 25)};
-    cairn_curve shape[CAIRN_SYMMETRY_MAX_OUTLINES + 1], kept[2];
+    cairn_curve shape[CAIRN_SELF_SIMILARITY_MAX_OUTLINES + 1], kept[2];
     cairn_budget budget = {1};
     double half;
     uint64_t hash;
@@ -658,7 +658,7 @@ static void bad_outlines_are_refused(void **state)
     (void)state;
     assert_ok(cairn_self_similarity_step(l.similarity, &budget));
     shape[0] = pear(p, 100, 20, 0, 0, &half);
-    for (int i = 1; i <= CAIRN_SYMMETRY_MAX_OUTLINES; i++)
+    for (int i = 1; i <= CAIRN_SELF_SIMILARITY_MAX_OUTLINES; i++)
         shape[i] = closed(hole, 4);
     (void)look(&l, shape, 2);
     hash = hash_of(&l);
@@ -666,8 +666,9 @@ static void bad_outlines_are_refused(void **state)
     assert_status(cairn_self_similarity_begin(NULL, shape, 1), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_self_similarity_begin(l.similarity, NULL, 1), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_self_similarity_begin(l.similarity, shape, 0), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_self_similarity_begin(l.similarity, shape, CAIRN_SYMMETRY_MAX_OUTLINES + 1),
-                  CAIRN_FULL);
+    assert_status(
+        cairn_self_similarity_begin(l.similarity, shape, CAIRN_SELF_SIMILARITY_MAX_OUTLINES + 1),
+        CAIRN_FULL);
     for (int i = 0; i < 2; i++) {
         shape[i].points = NULL;
         assert_status(cairn_self_similarity_begin(l.similarity, shape, 2), CAIRN_BAD_ARGUMENT);
@@ -695,7 +696,7 @@ static void bad_outlines_are_refused(void **state)
     assert_int_equal(cairn_self_similarity_read(NULL).count, 0);
     /* As many holes as there may be, more than there is room for. */
     shape[0] = pear(p, 100, 20, 0, 0, &half);
-    (void)look(&l, shape, CAIRN_SYMMETRY_MAX_OUTLINES);
+    (void)look(&l, shape, CAIRN_SELF_SIMILARITY_MAX_OUTLINES);
     test_pool_free(&l.pool);
 }
 

@@ -215,9 +215,9 @@ static void test_holes(void **state)
     clear(0);
     fill(10, 10, 79, 79, 255);
     fill(30, 41, 49, 60, 0);
-    params.holes = CAIRN_SHAPE_HOLES_REFUSE;
+    params.holes = CAIRN_SHAPE_IMAGE_HOLES_REFUSE;
     assert_refused(&params, CAIRN_UNSUPPORTED, "a hole of 400 pixels at (30, 41)");
-    params.holes = CAIRN_SHAPE_HOLES_FILL;
+    params.holes = CAIRN_SHAPE_IMAGE_HOLES_FILL;
     assert_ok(cairn_shape_image_trace(&image, view(), &params, "name", &error));
     assert_int_equal(image.count, 1);
     assert_int_equal(image.holes, 0);

@@ -15,19 +15,19 @@ static cairn_vec2 at(double x, double y)
 
 typedef struct shape {
     cairn_pool pool;
-    cairn_shape_builder *builder;
-    cairn_shape_builder_params params;
+    cairn_shape_model_builder *builder;
+    cairn_shape_model_builder_params params;
 } shape;
 
 static shape new_shape(int32_t max_paths)
 {
     shape s;
 
-    s.params = cairn_shape_builder_default();
+    s.params = cairn_shape_model_builder_default();
     s.params.outline_samples = 128;
     s.params.max_paths = max_paths;
-    s.pool = test_pool(cairn_shape_builder_memory(&s.params));
-    assert_ok(cairn_shape_builder_create(&s.builder, &s.pool, &s.params));
+    s.pool = test_pool(cairn_shape_model_builder_memory(&s.params));
+    assert_ok(cairn_shape_model_builder_create(&s.builder, &s.pool, &s.params));
     return s;
 }
 
@@ -37,9 +37,9 @@ static cairn_shape_model build(shape *s, const cairn_curve *outlines, int32_t co
     cairn_shape_model model;
     cairn_fault fault;
 
-    assert_ok(cairn_shape_builder_begin(s->builder, outlines, count));
-    assert_ok(cairn_shape_builder_step(s->builder, &budget));
-    model = cairn_shape_builder_read(s->builder);
+    assert_ok(cairn_shape_model_builder_begin(s->builder, outlines, count));
+    assert_ok(cairn_shape_model_builder_step(s->builder, &budget));
+    model = cairn_shape_model_builder_read(s->builder);
     assert_ok(cairn_shape_model_check(&model, &fault));
     return model;
 }
@@ -81,7 +81,7 @@ static void a_bar_has_its_middle_line(void **state)
     assert_int_equal(m.outline_count, 128);
     assert_true(m.paths[0].count >= 8);
     for (int32_t k = 0; k < m.paths[0].count; k++) {
-        const cairn_shape_sample *d = &m.samples[m.paths[0].first + k];
+        const cairn_shape_model_sample *d = &m.samples[m.paths[0].first + k];
 
         if (fabs((double)d->centre.x) * size > 25)
             continue;
@@ -102,9 +102,9 @@ static void a_bar_has_its_middle_line(void **state)
                     (cairn_real)0.9);
     }
     assert_true(on_middle >= 3);
-    assert_near(cairn_shape_displacement(&m, 0, 0).x, 0, 0);
-    assert_near(cairn_shape_displacement(&m, 0, 3).x, m.samples[3].centre.x - m.samples[0].centre.x,
-                0);
+    assert_near(cairn_shape_model_displacement(&m, 0, 0).x, 0, 0);
+    assert_near(cairn_shape_model_displacement(&m, 0, 3).x,
+                m.samples[3].centre.x - m.samples[0].centre.x, 0);
     test_pool_free(&s.pool);
 }
 
@@ -152,9 +152,9 @@ static void corners_are_branches(void **state)
     assert_true(in_leg >= 4);
     assert_int_equal(m.path_count, 4);
     for (int32_t p = 1; p < m.path_count; p++) {
-        const cairn_shape_sample *from = &m.samples[m.paths[p].first],
-                                 *to = from + m.paths[p].count - 1;
-        const cairn_shape_sample *root = &m.samples[m.paths[0].first + m.paths[p].branch];
+        const cairn_shape_model_sample *from = &m.samples[m.paths[p].first],
+                                       *to = from + m.paths[p].count - 1;
+        const cairn_shape_model_sample *root = &m.samples[m.paths[0].first + m.paths[p].branch];
 
         assert_int_equal(m.paths[p].parent, 0);
         assert_true(to->radius < from->radius / 2);
@@ -183,11 +183,11 @@ static void outlines_are_joined(void **state)
     assert_int_equal(joined, 1);
     /* Samples are even: of 128 those along 160 of 240 px; the second outline lies more than 10
      * px off. */
-    assert_int_equal(cairn_shape_first_outline(&m), 85);
+    assert_int_equal(cairn_shape_model_first_outline(&m), 85);
     m.outline_count = 1;
-    assert_int_equal(cairn_shape_first_outline(&m), 1);
+    assert_int_equal(cairn_shape_model_first_outline(&m), 1);
     m.outline_count = 0;
-    assert_int_equal(cairn_shape_first_outline(&m), 0);
+    assert_int_equal(cairn_shape_model_first_outline(&m), 0);
     test_pool_free(&s.pool);
 }
 
@@ -229,7 +229,7 @@ static void size_place_and_sense_do_not_matter(void **state)
 
 static uint64_t hash_of(shape *s)
 {
-    cairn_shape_model m = cairn_shape_builder_read(s->builder);
+    cairn_shape_model m = cairn_shape_model_builder_read(s->builder);
 
     return test_hash(
         test_hash(TEST_HASH_START, m.samples, (size_t)m.sample_count * sizeof *m.samples), m.paths,
@@ -249,19 +249,19 @@ static void budgets_do_not_matter(void **state)
     (void)state;
     (void)build(&s, &outline, 1);
     hash = hash_of(&s);
-    assert_ok(cairn_shape_builder_begin(s.builder, &outline, 1));
-    assert_int_equal(cairn_shape_builder_read(s.builder).path_count, 0);
-    assert_ok(cairn_shape_builder_step(s.builder, &all));
+    assert_ok(cairn_shape_model_builder_begin(s.builder, &outline, 1));
+    assert_int_equal(cairn_shape_model_builder_read(s.builder).path_count, 0);
+    assert_ok(cairn_shape_model_builder_step(s.builder, &all));
     units = INT32_MAX - all.left;
     for (int i = 0; i < 3; i++) {
         int64_t used = 0;
         cairn_status status;
 
-        assert_ok(cairn_shape_builder_begin(s.builder, &outline, 1));
+        assert_ok(cairn_shape_model_builder_begin(s.builder, &outline, 1));
         do {
             cairn_budget budget = {budgets[i]};
 
-            status = cairn_shape_builder_step(s.builder, &budget);
+            status = cairn_shape_model_builder_step(s.builder, &budget);
             assert_true(budget.left >= 0);
             used += budgets[i] - budget.left;
         } while (status == CAIRN_MORE);
@@ -282,45 +282,46 @@ static void bad_outlines_are_refused(void **state)
 
     (void)state;
     (void)build(&s, &outline, 1);
-    assert_status(cairn_shape_builder_begin(NULL, &outline, 1), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_shape_builder_begin(s.builder, NULL, 1), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_shape_builder_begin(s.builder, &outline, 0), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_shape_builder_begin(s.builder, &outline, CAIRN_SHAPE_MAX_OUTLINES + 1),
-                  CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_shape_builder_begin(s.builder, &open, 1), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_shape_builder_begin(s.builder, &two, 1), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_shape_builder_begin(s.builder, &none, 1), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_shape_builder_begin(s.builder, &line, 1), CAIRN_EMPTY);
+    assert_status(cairn_shape_model_builder_begin(NULL, &outline, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_model_builder_begin(s.builder, NULL, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_model_builder_begin(s.builder, &outline, 0), CAIRN_BAD_ARGUMENT);
+    assert_status(
+        cairn_shape_model_builder_begin(s.builder, &outline, CAIRN_SHAPE_MODEL_MAX_OUTLINES + 1),
+        CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_model_builder_begin(s.builder, &open, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_model_builder_begin(s.builder, &two, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_model_builder_begin(s.builder, &none, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_model_builder_begin(s.builder, &line, 1), CAIRN_EMPTY);
     v[2].y = (cairn_real)NAN;
-    assert_status(cairn_shape_builder_begin(s.builder, &outline, 1), CAIRN_NOT_FINITE);
+    assert_status(cairn_shape_model_builder_begin(s.builder, &outline, 1), CAIRN_NOT_FINITE);
     v[2].y = 4;
-    assert_true(cairn_shape_builder_read(s.builder).path_count > 0);
-    assert_status(cairn_shape_builder_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_shape_builder_step(s.builder, NULL), CAIRN_BAD_ARGUMENT);
-    assert_ok(cairn_shape_builder_step(s.builder, &budget));
-    assert_int_equal(cairn_shape_builder_read(NULL).path_count, 0);
+    assert_true(cairn_shape_model_builder_read(s.builder).path_count > 0);
+    assert_status(cairn_shape_model_builder_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_model_builder_step(s.builder, NULL), CAIRN_BAD_ARGUMENT);
+    assert_ok(cairn_shape_model_builder_step(s.builder, &budget));
+    assert_int_equal(cairn_shape_model_builder_read(NULL).path_count, 0);
     test_pool_free(&s.pool);
 }
 
 static cairn_status create(void *context, cairn_pool *pool)
 {
-    cairn_shape_builder *b;
+    cairn_shape_model_builder *b;
 
-    return cairn_shape_builder_create(&b, pool, context);
+    return cairn_shape_model_builder_create(&b, pool, context);
 }
 
 static void bad_params_are_refused(void **state)
 {
-    cairn_shape_builder_params good = cairn_shape_builder_default(), p;
-    cairn_shape_builder *b;
+    cairn_shape_model_builder_params good = cairn_shape_model_builder_default(), p;
+    cairn_shape_model_builder *b;
     cairn_pool pool = test_pool(64);
 
     (void)state;
 #define REFUSED(field, bad)                                                                        \
     p = good;                                                                                      \
     p.field = bad;                                                                                 \
-    assert_int_equal(cairn_shape_builder_memory(&p), 0);                                           \
-    assert_status(cairn_shape_builder_create(&b, &pool, &p), CAIRN_BAD_ARGUMENT)
+    assert_int_equal(cairn_shape_model_builder_memory(&p), 0);                                     \
+    assert_status(cairn_shape_model_builder_create(&b, &pool, &p), CAIRN_BAD_ARGUMENT)
     REFUSED(outline_samples, 15);
     REFUSED(outline_samples, 1025);
     REFUSED(path_samples, 3);
@@ -337,11 +338,11 @@ static void bad_params_are_refused(void **state)
     REFUSED(min_outline_share, 0);
     REFUSED(min_outline_share, (cairn_real)1.1);
 #undef REFUSED
-    assert_int_equal(cairn_shape_builder_memory(NULL), 0);
-    assert_status(cairn_shape_builder_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_shape_builder_create(&b, NULL, &good), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(cairn_shape_model_builder_memory(NULL), 0);
+    assert_status(cairn_shape_model_builder_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_model_builder_create(&b, NULL, &good), CAIRN_BAD_ARGUMENT);
     good.outline_samples = 16;
-    test_every_pool_size(create, &good, cairn_shape_builder_memory(&good));
+    test_every_pool_size(create, &good, cairn_shape_model_builder_memory(&good));
     test_pool_free(&pool);
 }
 
@@ -351,9 +352,9 @@ static void models_are_checked(void **state)
     cairn_vec2 v[8];
     cairn_curve outline = {v, box_with_leg(v, 36), 1};
     cairn_shape_model good = build(&s, &outline, 1), m;
-    static cairn_shape_sample samples[MOST];
+    static cairn_shape_model_sample samples[MOST];
     static cairn_oriented_point points[MOST];
-    cairn_shape_path paths[CAIRN_SHAPE_MAX_PATHS];
+    cairn_shape_model_path paths[CAIRN_SHAPE_MODEL_MAX_PATHS];
     cairn_fault fault;
 
     (void)state;

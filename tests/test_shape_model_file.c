@@ -18,7 +18,7 @@ static cairn_shape_model_file make(void)
                                          {120, 80}, {60, 80}, {60, 200}, {40, 200},
                                          {40, 80},  {0, 80},  {0, 50},   {40, 50}};
     cairn_curve outline = {corners, 12, 1};
-    cairn_shape_builder_params params = cairn_shape_builder_default();
+    cairn_shape_model_builder_params params = cairn_shape_model_builder_default();
     cairn_shape_model_file file;
 
     assert_ok(cairn_shape_model_file_build(&file, &outline, 1, &params, "cross", &error));
@@ -166,7 +166,7 @@ static void test_what_cannot_be_read_or_written(void **state)
     assert_status(cairn_shape_model_file_draw(&bad, "a", files_path("a.svg"), &error),
                   CAIRN_BAD_ARGUMENT);
     bad = made.model;
-    bad.outline_count = CAIRN_SHAPE_FILE_MAX_OUTLINE + 1;
+    bad.outline_count = CAIRN_SHAPE_MODEL_FILE_MAX_OUTLINE + 1;
     bad.outline = calloc((size_t)bad.outline_count, sizeof *bad.outline);
     for (int32_t i = 0; i < bad.outline_count; i++)
         ((cairn_oriented_point *)bad.outline)[i].direction.x = 1;
@@ -182,7 +182,7 @@ static void test_outlines_that_make_no_model(void **state)
 {
     static const cairn_vec2 line[] = {{0, 0}, {10, 0}, {20, 0}};
     cairn_curve flat = {line, 3, 1};
-    cairn_shape_builder_params params = cairn_shape_builder_default();
+    cairn_shape_model_builder_params params = cairn_shape_model_builder_default();
     cairn_shape_model_file file;
 
     (void)state;
@@ -230,7 +230,7 @@ static const char *write_drawing(void)
 static void test_gaps(void **state)
 {
     cairn_shape_image_params image = cairn_shape_image_default();
-    cairn_shape_builder_params builder = cairn_shape_builder_default();
+    cairn_shape_model_builder_params builder = cairn_shape_model_builder_default();
     cairn_shape_model_file file, again;
 
     (void)state;
@@ -244,7 +244,7 @@ static void test_gaps(void **state)
     cairn_shape_model_file_mirror(&again);
     assert_near(again.model.gaps[0].x, -file.model.gaps[0].x, 0);
     assert_near(again.model.gaps[0].y, file.model.gaps[0].y, 0);
-    again.model.gap_count = CAIRN_SHAPE_MAX_GAPS + 1;
+    again.model.gap_count = CAIRN_SHAPE_MODEL_MAX_GAPS + 1;
     assert_status(cairn_shape_model_check(&again.model, NULL), CAIRN_BAD_ARGUMENT);
     cairn_shape_model_file_free(&again);
     cairn_shape_model_file_free(&file);
@@ -261,7 +261,7 @@ static void test_gaps(void **state)
 static void test_load(void **state)
 {
     cairn_shape_image_params image = cairn_shape_image_default();
-    cairn_shape_builder_params builder = cairn_shape_builder_default();
+    cairn_shape_model_builder_params builder = cairn_shape_model_builder_default();
     cairn_shape_model_file file, again;
     cairn_shape_image traced;
 
@@ -298,7 +298,7 @@ static void test_mirror(void **state)
     cairn_shape_model_file_mirror(&twice);
     assert_ok(cairn_shape_model_check(&twice.model, NULL));
     for (int32_t i = 0; i < m->sample_count; i++) {
-        const cairn_shape_sample *a = &m->samples[i], *b = &twice.samples[i];
+        const cairn_shape_model_sample *a = &m->samples[i], *b = &twice.samples[i];
 
         assert_near(a->centre.x, -b->centre.x, 0);
         assert_near(a->centre.y, b->centre.y, 0);
@@ -348,7 +348,7 @@ static void test_parts_drawn(void **state)
     cairn_shape_model_file made = make();
     cairn_shape_model bad = made.model;
     cairn_oriented_point two[34];
-    cairn_part_cut by_hand[3] = {{0, 8, 0}, {8, 16, 0}, {16, 24, 1}};
+    cairn_part_bundle_cut by_hand[3] = {{0, 8, 0}, {8, 16, 0}, {16, 24, 1}};
     char *text;
 
     (void)state;
@@ -444,7 +444,7 @@ static void test_drawn(void **state)
 static void test_nothing_is_lost(void **state)
 {
     cairn_shape_image_params image = cairn_shape_image_default();
-    cairn_shape_builder_params builder = cairn_shape_builder_default();
+    cairn_shape_model_builder_params builder = cairn_shape_model_builder_default();
     cairn_shape_model_file file;
     size_t before = 0;
 

@@ -10,14 +10,14 @@
 static cairn_file_error error;
 
 /* A stem of three discs, and a branch of two that leads into its middle. */
-static const cairn_skeleton_point points[] = {
+static const cairn_skeleton_grouping_point points[] = {
     {{10, 20}, 4, {{10, 16}, {10, 24}}, {3, 7}},  {{20, 20}, 5, {{20, 15}, {20, 25}}, {4, -1}},
     {{30, 20}, 6, {{30, 14}, {30, 26}}, {5, 8}},  {{20, 40}, 2, {{18, 40}, {22, 40}}, {-1, -1}},
     {{20, 30}, 3, {{17, 30}, {23, 30}}, {9, 10}},
 };
-static const cairn_skeleton_part parts[] = {{0, 3, 0, {-1, -1}, CAIRN_REAL(12.5)},
-                                            {3, 2, 0, {-1, 1}, CAIRN_REAL(3.25)}};
-static const cairn_skeleton_object objects[] = {{2, 3, CAIRN_REAL(15.75)}};
+static const cairn_skeleton_grouping_part parts[] = {{0, 3, 0, {-1, -1}, CAIRN_REAL(12.5)},
+                                                     {3, 2, 0, {-1, 1}, CAIRN_REAL(3.25)}};
+static const cairn_skeleton_grouping_object objects[] = {{2, 3, CAIRN_REAL(15.75)}};
 static uint8_t grey[60 * 50];
 /* A square of two pixels a side, and an angle. */
 static const cairn_boundary_corner corners[] = {{3, 4}, {4, 4}, {5, 4}, {5, 5}, {5, 6}, {4, 6},
@@ -25,9 +25,9 @@ static const cairn_boundary_corner corners[] = {{3, 4}, {4, 4}, {5, 4}, {5, 5}, 
 static const cairn_boundary_contour contours[] = {{0, 8, 1, CAIRN_REAL(2.5), 4, 5},
                                                   {8, 4, 0, 1, CAIRN_REAL(2.25), CAIRN_REAL(1.5)}};
 
-static cairn_skeleton_picture picture(int there)
+static cairn_skeleton_file_picture picture(int there)
 {
-    cairn_skeleton_picture p;
+    cairn_skeleton_file_picture p;
 
     memset(&p, 0, sizeof p);
     p.image = "a \"<image>\".png";
@@ -91,7 +91,7 @@ static void test_json(void **state)
         "  {\"strength\": 1.50, \"level\": 1.00, \"closed\": false, \"points\": [[6.5, 0.5], [8.5, "
         "0.5], [8.5, "
         "1.5]]}]}\n";
-    cairn_skeleton_picture p = picture(1);
+    cairn_skeleton_file_picture p = picture(1);
     char *text;
 
     (void)state;
@@ -104,7 +104,7 @@ static void test_json(void **state)
 
 static void test_picture(void **state)
 {
-    cairn_skeleton_picture p = picture(1);
+    cairn_skeleton_file_picture p = picture(1);
     char *text;
 
     (void)state;
@@ -139,7 +139,7 @@ static void test_picture(void **state)
 
 static void test_nothing_found(void **state)
 {
-    cairn_skeleton_picture p = picture(0);
+    cairn_skeleton_file_picture p = picture(0);
     char *text;
 
     (void)state;
@@ -162,7 +162,7 @@ static void test_nothing_found(void **state)
 
 static void test_folders_are_named(void **state)
 {
-    cairn_skeleton_picture p = picture(1);
+    cairn_skeleton_file_picture p = picture(1);
 
     (void)state;
     assert_status(cairn_skeleton_file_write(&p, files_path("none/a.json"), &error), CAIRN_IO);
@@ -178,12 +178,12 @@ static void test_folders_are_named(void **state)
  * without a skeleton only the image. */
 static void test_lines(void **state)
 {
-    cairn_skeleton_params params = cairn_skeleton_as_written();
+    cairn_skeleton_grouping_params params = cairn_skeleton_grouping_as_written();
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_edgel edgels[80];
-    cairn_skeleton_input in = {edgels, 80, 60, 50, 4, 6};
-    cairn_skeleton_picture p = picture(1);
-    cairn_skeleton *skeleton;
+    cairn_skeleton_grouping_input in = {edgels, 80, 60, 50, 4, 6};
+    cairn_skeleton_file_picture p = picture(1);
+    cairn_skeleton_grouping *skeleton;
     cairn_pool pool;
     char *text;
 
@@ -195,11 +195,11 @@ static void test_lines(void **state)
     params.max_width = 60;
     params.max_height = 50;
     params.max_edgels = 80;
-    pool = test_pool(cairn_skeleton_memory(&params));
-    assert_ok(cairn_skeleton_create(&skeleton, &pool, &params));
-    assert_ok(cairn_skeleton_begin(skeleton, &in));
-    assert_ok(cairn_skeleton_step(skeleton, &budget));
-    p.result = cairn_skeleton_read(skeleton);
+    pool = test_pool(cairn_skeleton_grouping_memory(&params));
+    assert_ok(cairn_skeleton_grouping_create(&skeleton, &pool, &params));
+    assert_ok(cairn_skeleton_grouping_begin(skeleton, &in));
+    assert_ok(cairn_skeleton_grouping_step(skeleton, &budget));
+    p.result = cairn_skeleton_grouping_read(skeleton);
     assert_ok(cairn_skeleton_file_draw_lines(&p, skeleton, files_path("lines.svg"), &error));
     text = files_read(files_path("lines.svg"), NULL);
     assert_non_null(text);

@@ -26,9 +26,9 @@ static void add_arc(double cx, double cy, double r, double from, double to, doub
         add(cx + r * cos(t), cy + r * sin(t), -inward * cos(t), -inward * sin(t));
 }
 
-static cairn_skeleton_params small_params(void)
+static cairn_skeleton_grouping_params small_params(void)
 {
-    cairn_skeleton_params params = cairn_skeleton_default();
+    cairn_skeleton_grouping_params params = cairn_skeleton_grouping_default();
 
     params.max_width = WIDTH;
     params.max_height = HEIGHT;
@@ -41,12 +41,12 @@ static cairn_skeleton_params small_params(void)
 }
 
 /* What holds of any result. */
-static void check(const cairn_skeleton_result *r, const cairn_skeleton_params *p)
+static void check(const cairn_skeleton_grouping_result *r, const cairn_skeleton_grouping_params *p)
 {
     int32_t points = 0, parts = 0;
 
     for (int32_t i = 0; i < r->part_count; i++) {
-        const cairn_skeleton_part *part = &r->parts[i];
+        const cairn_skeleton_grouping_part *part = &r->parts[i];
 
         assert_int_equal(part->first, points);
         assert_true(part->count >= 3);
@@ -62,7 +62,7 @@ static void check(const cairn_skeleton_result *r, const cairn_skeleton_params *p
     }
     assert_int_equal(points, r->point_count);
     for (int32_t i = 0; i < r->point_count; i++) {
-        const cairn_skeleton_point *q = &r->points[i];
+        const cairn_skeleton_grouping_point *q = &r->points[i];
 
         assert_true(q->radius > 0 && q->radius < 1000);
         for (int32_t side = 0; side < 2; side++) {
@@ -97,14 +97,14 @@ static void check(const cairn_skeleton_result *r, const cairn_skeleton_params *p
 /* At any angle; from one end of the axis to the other, but for a disc. */
 static void a_bar_has_its_axis(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     struct fixture f = with(params);
 
     (void)state;
     for (int32_t k = 0; k < 6; k++) {
         double turn = 0.5 * k, r = 5 + 1.5 * k, c = cos(turn), s = sin(turn), least = 1e9,
                most = -1e9;
-        cairn_skeleton_result found;
+        cairn_skeleton_grouping_result found;
 
         edgel_count = 0;
         add_bar(100 - 45 * c, 80 - 45 * s, 100 + 45 * c, 80 + 45 * s, r);
@@ -117,7 +117,7 @@ static void a_bar_has_its_axis(void **state)
         assert_near(found.min_radius, 0.8 * r, 1e-5);
         assert_near(found.max_radius, 1.2 * r, 1e-5);
         for (int32_t i = 0; i < found.point_count; i++) {
-            const cairn_skeleton_point *q = &found.points[i];
+            const cairn_skeleton_grouping_point *q = &found.points[i];
             double x = (double)q->centre.x - 100, y = (double)q->centre.y - 80;
 
             assert_near(c * y - s * x, 0, 0.4);
@@ -143,9 +143,9 @@ static void a_bar_has_its_axis(void **state)
 
 static void a_bent_band_has_a_bent_axis(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     struct fixture f = with(params);
-    cairn_skeleton_result found;
+    cairn_skeleton_grouping_result found;
     double first = 9, last = -9;
 
     (void)state;
@@ -170,9 +170,9 @@ static void a_bent_band_has_a_bent_axis(void **state)
 /* A limb of 24 px leads into a bar: one object with three free ends. */
 static void limbs_join(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     struct fixture f = with(params);
-    cairn_skeleton_result found;
+    cairn_skeleton_grouping_result found;
 
     (void)state;
     add_line(30, 70, 170, 70);
@@ -193,9 +193,9 @@ static void limbs_join(void **state)
 /* A dark bar that leads into a bright one is none of its limbs. */
 static void dark_and_bright_do_not_join(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     struct fixture f = with(params);
-    cairn_skeleton_result found;
+    cairn_skeleton_grouping_result found;
 
     (void)state;
     add_line(30, 70, 170, 70);
@@ -213,9 +213,9 @@ static void dark_and_bright_do_not_join(void **state)
 /* One side hidden for a while: the contour is carried on there, and the axis goes through. */
 static void gaps_are_bridged(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     struct fixture f = with(params);
-    cairn_skeleton_result found;
+    cairn_skeleton_grouping_result found;
     int32_t carried = 0;
 
     (void)state;
@@ -237,9 +237,9 @@ static void gaps_are_bridged(void **state)
  * taken. */
 static void a_contour_belongs_to_one_part(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     struct fixture f = with(params);
-    cairn_skeleton_result found;
+    cairn_skeleton_grouping_result found;
 
     (void)state;
     add_line(40, 60, 160, 60);
@@ -254,9 +254,9 @@ static void a_contour_belongs_to_one_part(void **state)
 
 static void the_range_is_proposed(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     struct fixture f = with(params);
-    cairn_skeleton_result found;
+    cairn_skeleton_grouping_result found;
 
     (void)state;
     add_bar(20, 40, 180, 40, 9);
@@ -274,7 +274,7 @@ static void the_range_is_proposed(void **state)
  * there is none. */
 static void the_range_counts(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     struct fixture f = with(params);
     cairn_real inside, near;
 
@@ -290,9 +290,9 @@ static void the_range_counts(void **state)
 
 static void noise_is_no_object(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     struct fixture f = with(params);
-    cairn_skeleton_result found;
+    cairn_skeleton_grouping_result found;
 
     (void)state;
     add_noise(1500, 4);
@@ -312,11 +312,11 @@ static void noise_is_no_object(void **state)
 }
 
 /* Two bars, the second one with slopes of its own: log odds of the parts of both. */
-static void run_two_bars(const cairn_skeleton_params *params, double slope, double other,
+static void run_two_bars(const cairn_skeleton_grouping_params *params, double slope, double other,
                          double log_odds[2])
 {
     struct fixture f = with(*params);
-    cairn_skeleton_result found;
+    cairn_skeleton_grouping_result found;
     int32_t half;
 
     add_bar(40, 40, 160, 40, 9);
@@ -339,7 +339,7 @@ static void run_two_bars(const cairn_skeleton_params *params, double slope, doub
 static void steep_edges_stand_out(void **state)
 {
     static const double unknown[3][2] = {{0, 0}, {0, -1}, {-1, 90}};
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     double even[2], odds[2];
 
     (void)state;
@@ -365,8 +365,8 @@ static void steep_edges_stand_out(void **state)
  * slopes of the white squares' pairs, and of both sides of the black ones'. */
 static int32_t starts_of(double contrast, double white, double left, double right)
 {
-    cairn_skeleton_params params = small_params();
-    cairn_skeleton_result found;
+    cairn_skeleton_grouping_params params = small_params();
+    cairn_skeleton_grouping_result found;
     struct fixture f;
 
     params.contrast_weight = (cairn_real)contrast;
@@ -433,7 +433,7 @@ static double twin_cost(const cairn_edgel *a, double sense, const cairn_edgel *b
 
 static void centres_are_those_of_all_pairs(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     struct fixture f = with(params);
 
     (void)state;
@@ -462,9 +462,9 @@ static void centres_are_those_of_all_pairs(void **state)
 
 static void little_or_nothing(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     struct fixture f = with(params);
-    cairn_skeleton_result found = run(f.skeleton, 5, 10);
+    cairn_skeleton_grouping_result found = run(f.skeleton, 5, 10);
 
     (void)state;
     assert_int_equal(found.part_count, 0);
@@ -484,9 +484,9 @@ static void little_or_nothing(void **state)
 /* A circle has no way to go; a square has the axes between its sides; both end. */
 static void circles_and_squares(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     struct fixture f = with(params);
-    cairn_skeleton_result found;
+    cairn_skeleton_grouping_result found;
 
     (void)state;
     add_arc(100, 80, 12, 0, 2 * PI, 1);
@@ -531,10 +531,10 @@ static void little_room(void **state)
 {
     (void)state;
     for (int32_t k = 0; k < 6; k++) {
-        cairn_skeleton_params params = small_params();
+        cairn_skeleton_grouping_params params = small_params();
         int32_t *field[] = {&params.max_lines, &params.max_parts,      &params.max_points,
                             &params.max_steps, &params.particle_count, &params.max_centres};
-        cairn_skeleton_result found;
+        cairn_skeleton_grouping_result found;
         struct fixture f;
 
         *field[k] = k == 2 ? 200 : k == 5 ? 40 : 1;
@@ -554,8 +554,8 @@ static void few_centres(void **state)
 {
     (void)state;
     for (int32_t most = 1; most < 12; most++) {
-        cairn_skeleton_params params = small_params();
-        cairn_skeleton_result found;
+        cairn_skeleton_grouping_params params = small_params();
+        cairn_skeleton_grouping_result found;
         struct fixture f;
 
         params.max_centres = most;
@@ -573,8 +573,8 @@ static void starts_are_left_out(void **state)
 {
     (void)state;
     for (int32_t k = 0; k < 3; k++) {
-        cairn_skeleton_params params = small_params();
-        cairn_skeleton_result found;
+        cairn_skeleton_grouping_params params = small_params();
+        cairn_skeleton_grouping_result found;
         struct fixture f;
 
         params.max_parts = k == 1 ? 1 : 256;
@@ -640,10 +640,10 @@ static void steepness_is_of_the_image(void **state)
 
 static void bad_input_is_refused(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     struct fixture f = with(params);
     cairn_budget budget = {CAIRN_UNBOUNDED};
-    cairn_skeleton_input good, in;
+    cairn_skeleton_grouping_input good, in;
     const struct {
         cairn_real *field;
         double bad;
@@ -671,21 +671,21 @@ static void bad_input_is_refused(void **state)
     for (size_t k = 0; k < sizeof reals / sizeof *reals; k++) {
         in = good;
         *reals[k].field = (cairn_real)reals[k].bad;
-        assert_status(cairn_skeleton_begin(f.skeleton, &in), reals[k].status);
+        assert_status(cairn_skeleton_grouping_begin(f.skeleton, &in), reals[k].status);
     }
     for (size_t k = 0; k < sizeof counts / sizeof *counts; k++) {
         in = good;
         *counts[k].field = counts[k].bad;
-        assert_status(cairn_skeleton_begin(f.skeleton, &in), counts[k].status);
+        assert_status(cairn_skeleton_grouping_begin(f.skeleton, &in), counts[k].status);
     }
     in = good;
     in.edgels = NULL;
-    assert_status(cairn_skeleton_begin(f.skeleton, &in), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_skeleton_begin(f.skeleton, NULL), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_skeleton_begin(NULL, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_skeleton_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_skeleton_step(f.skeleton, NULL), CAIRN_BAD_ARGUMENT);
-    assert_int_equal(cairn_skeleton_read(NULL).part_count, 0);
+    assert_status(cairn_skeleton_grouping_begin(f.skeleton, &in), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_skeleton_grouping_begin(f.skeleton, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_skeleton_grouping_begin(NULL, &good), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_skeleton_grouping_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_skeleton_grouping_step(f.skeleton, NULL), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(cairn_skeleton_grouping_read(NULL).part_count, 0);
     assert_true(tell(f.skeleton) == before);
     for (int32_t k = 0; k < 5; k++) {
         cairn_real *field[] = {&edgels[9].position.x, &edgels[9].position.y, &edgels[9].normal.x,
@@ -693,23 +693,23 @@ static void bad_input_is_refused(void **state)
         cairn_real kept = *field[k];
 
         *field[k] = (cairn_real)(k % 2 ? NAN : INFINITY);
-        assert_ok(cairn_skeleton_begin(f.skeleton, &good));
-        assert_status(cairn_skeleton_step(f.skeleton, &budget), CAIRN_NOT_FINITE);
-        assert_int_equal(cairn_skeleton_read(f.skeleton).part_count, 0);
-        assert_ok(cairn_skeleton_step(f.skeleton, &budget));
+        assert_ok(cairn_skeleton_grouping_begin(f.skeleton, &good));
+        assert_status(cairn_skeleton_grouping_step(f.skeleton, &budget), CAIRN_NOT_FINITE);
+        assert_int_equal(cairn_skeleton_grouping_read(f.skeleton).part_count, 0);
+        assert_ok(cairn_skeleton_grouping_step(f.skeleton, &budget));
         *field[k] = kept;
     }
     in = good;
     in.edgels = NULL;
     in.count = 0;
-    assert_ok(cairn_skeleton_begin(f.skeleton, &in));
-    assert_ok(cairn_skeleton_step(f.skeleton, &budget));
+    assert_ok(cairn_skeleton_grouping_begin(f.skeleton, &in));
+    assert_ok(cairn_skeleton_grouping_step(f.skeleton, &budget));
     test_pool_free(&f.pool);
 }
 
 static void bad_params_are_refused(void **state)
 {
-    cairn_skeleton_params good = small_params(), p = good;
+    cairn_skeleton_grouping_params good = small_params(), p = good;
     const struct {
         int32_t *field, most;
     } counts[] = {{&p.max_width, 8192},      {&p.max_height, 8192}, {&p.max_edgels, 1 << 24},
@@ -718,70 +718,70 @@ static void bad_params_are_refused(void **state)
     cairn_real *const positive[] = {&p.duality_sigma, &p.step_sigma, &p.radius_sigma,
                                     &p.symmetry_sigma, &p.stop_log_odds};
     cairn_real *const shares[] = {&p.detection_probability, &p.polarity_flip_probability};
-    cairn_pool pool = test_pool(cairn_skeleton_memory(&good));
-    cairn_skeleton *skeleton = NULL;
+    cairn_pool pool = test_pool(cairn_skeleton_grouping_memory(&good));
+    cairn_skeleton_grouping *skeleton = NULL;
 
     (void)state;
     for (size_t k = 0; k < sizeof counts / sizeof *counts; k++) {
         p = good;
         *counts[k].field = 0;
-        assert_int_equal(cairn_skeleton_memory(&p), 0);
+        assert_int_equal(cairn_skeleton_grouping_memory(&p), 0);
         *counts[k].field = counts[k].most + 1;
-        assert_int_equal(cairn_skeleton_memory(&p), 0);
-        assert_status(cairn_skeleton_create(&skeleton, &pool, &p), CAIRN_BAD_ARGUMENT);
+        assert_int_equal(cairn_skeleton_grouping_memory(&p), 0);
+        assert_status(cairn_skeleton_grouping_create(&skeleton, &pool, &p), CAIRN_BAD_ARGUMENT);
         *counts[k].field = counts[k].most;
-        assert_true(cairn_skeleton_memory(&p) > 0);
+        assert_true(cairn_skeleton_grouping_memory(&p) > 0);
     }
     for (size_t k = 0; k < sizeof positive / sizeof *positive; k++)
         for (int32_t i = 0; i < 3; i++) {
             p = good;
             *positive[k] = (cairn_real)(i == 0 ? 0 : i == 1 ? (double)NAN : (double)INFINITY);
-            assert_int_equal(cairn_skeleton_memory(&p), 0);
+            assert_int_equal(cairn_skeleton_grouping_memory(&p), 0);
         }
     for (size_t k = 0; k < sizeof shares / sizeof *shares; k++)
         for (int32_t i = 0; i < 3; i++) {
             p = good;
             *shares[k] = (cairn_real)(i == 0 ? 0 : i == 1 ? (double)NAN : 1);
-            assert_int_equal(cairn_skeleton_memory(&p), 0);
+            assert_int_equal(cairn_skeleton_grouping_memory(&p), 0);
         }
     for (int32_t i = 0; i < 3; i++) {
         double bad = i == 0 ? -0.1 : i == 1 ? (double)NAN : (double)INFINITY;
 
         p = good;
         p.min_log_odds = (cairn_real)bad;
-        assert_int_equal(cairn_skeleton_memory(&p), 0);
+        assert_int_equal(cairn_skeleton_grouping_memory(&p), 0);
         p = good;
         p.contrast_weight = (cairn_real)bad;
-        assert_int_equal(cairn_skeleton_memory(&p), 0);
+        assert_int_equal(cairn_skeleton_grouping_memory(&p), 0);
         p = good;
         p.min_mirror_ratio = (cairn_real)bad;
-        assert_int_equal(cairn_skeleton_memory(&p), 0);
+        assert_int_equal(cairn_skeleton_grouping_memory(&p), 0);
     }
     p = good;
     p.mode = 2;
-    assert_int_equal(cairn_skeleton_memory(&p), 0);
+    assert_int_equal(cairn_skeleton_grouping_memory(&p), 0);
     p.mode = -1;
-    assert_int_equal(cairn_skeleton_memory(&p), 0);
+    assert_int_equal(cairn_skeleton_grouping_memory(&p), 0);
     p = good;
     p.min_log_odds = p.contrast_weight = 0;
     p.min_mirror_ratio = 1;
-    assert_true(cairn_skeleton_memory(&p) > 0);
-    assert_int_equal(cairn_skeleton_memory(NULL), 0);
-    assert_status(cairn_skeleton_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_skeleton_create(&skeleton, NULL, &good), CAIRN_BAD_ARGUMENT);
+    assert_true(cairn_skeleton_grouping_memory(&p) > 0);
+    assert_int_equal(cairn_skeleton_grouping_memory(NULL), 0);
+    assert_status(cairn_skeleton_grouping_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_skeleton_grouping_create(&skeleton, NULL, &good), CAIRN_BAD_ARGUMENT);
     assert_int_equal(pool.used, 0);
     test_pool_free(&pool);
 }
 
 static void memory_is_what_it_says(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
 
     (void)state;
     params.max_width = params.max_height = 20;
     params.max_edgels = params.max_centres = params.max_points = 9;
     params.max_lines = params.max_parts = params.max_steps = params.particle_count = 2;
-    test_every_pool_size(create_in, &params, cairn_skeleton_memory(&params));
+    test_every_pool_size(create_in, &params, cairn_skeleton_grouping_memory(&params));
 }
 
 int main(void)

@@ -7,7 +7,7 @@
 /* At any angle, over most of its length by the two walks of a line together. */
 static void a_bar_has_its_axis(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     struct fixture f = with(params);
 
     (void)state;
@@ -15,7 +15,7 @@ static void a_bar_has_its_axis(void **state)
         double turn = 0.7 * k, r = 6 + 1.5 * k, c = cos(turn), s = sin(turn), least = 1e9,
                most = -1e9;
         cairn_polyline_segment line;
-        cairn_skeleton_result found;
+        cairn_skeleton_grouping_result found;
 
         edgel_count = 0;
         add_bar(100 - 45 * c, 80 - 45 * s, 100 + 45 * c, 80 + 45 * s, r, 3 + (uint64_t)k);
@@ -32,7 +32,7 @@ static void a_bar_has_its_axis(void **state)
             most = fmax(most, c * x + s * y);
         }
         assert_true(most - least > 55);
-        assert_true(cairn_skeleton_mirror_line(f.skeleton, 0, &line));
+        assert_true(cairn_skeleton_grouping_mirror_line(f.skeleton, 0, &line));
         assert_near(line.a[2], r, 1);
         assert_near(c * ((double)line.a[1] - 80) - s * ((double)line.a[0] - 100), 0, 1.5);
     }
@@ -41,9 +41,9 @@ static void a_bar_has_its_axis(void **state)
 
 static void clutter_and_bends_are_checked(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     struct fixture f = with(params);
-    cairn_skeleton_result found;
+    cairn_skeleton_grouping_result found;
 
     (void)state;
     for (uint64_t seed = 1; seed <= 3; seed++) {
@@ -69,9 +69,9 @@ static void clutter_and_bends_are_checked(void **state)
 /* How steep edges are, and which side of them is brighter, says nothing. */
 static void contrast_does_not_count(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     struct fixture f = with(params);
-    cairn_skeleton_result found;
+    cairn_skeleton_grouping_result found;
     cairn_real first;
     int32_t parts;
 
@@ -95,9 +95,9 @@ static void contrast_does_not_count(void **state)
 
 static void little_or_nothing(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     struct fixture f = with(params);
-    cairn_skeleton_result found = run(f.skeleton, 5, 10);
+    cairn_skeleton_grouping_result found = run(f.skeleton, 5, 10);
     cairn_polyline_segment line;
     cairn_real radius;
     cairn_vec2 at;
@@ -105,11 +105,11 @@ static void little_or_nothing(void **state)
     (void)state;
     assert_int_equal(found.part_count, 0);
     assert_int_equal(found.centre_count, 0);
-    assert_false(cairn_skeleton_centre_point(f.skeleton, 0, &at, &radius));
-    assert_false(cairn_skeleton_mirror_line(f.skeleton, 0, &line));
-    assert_false(cairn_skeleton_mirror_line(f.skeleton, -1, &line));
-    assert_false(cairn_skeleton_centre_point(NULL, 0, &at, &radius));
-    assert_false(cairn_skeleton_mirror_line(NULL, 0, &line));
+    assert_false(cairn_skeleton_grouping_centre_point(f.skeleton, 0, &at, &radius));
+    assert_false(cairn_skeleton_grouping_mirror_line(f.skeleton, 0, &line));
+    assert_false(cairn_skeleton_grouping_mirror_line(f.skeleton, -1, &line));
+    assert_false(cairn_skeleton_grouping_centre_point(NULL, 0, &at, &radius));
+    assert_false(cairn_skeleton_grouping_mirror_line(NULL, 0, &line));
     found = run(f.skeleton, 0, 0);
     assert_int_equal(found.part_count, 0);
     assert_nothing_at_one_place(f.skeleton);
@@ -122,9 +122,9 @@ static void little_or_nothing(void **state)
 /* A line of CPs whose contours end: all particles die at once, and a lone CP is no part. */
 static void all_particles_die(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     struct fixture f;
-    cairn_skeleton_result found;
+    cairn_skeleton_grouping_result found;
 
     (void)state;
     params.step_sigma = CAIRN_REAL(0.3);
@@ -140,9 +140,9 @@ static void all_particles_die(void **state)
  * says is true. */
 static void crowds_are_thinned(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     struct fixture f;
-    cairn_skeleton_result found;
+    cairn_skeleton_grouping_result found;
     int32_t listed = 0;
     cairn_real radius;
     cairn_vec2 at;
@@ -157,7 +157,7 @@ static void crowds_are_thinned(void **state)
     found = run(f.skeleton, 4, 20);
     check(&found, &params);
     assert_true(found.centre_count > 10000);
-    while (cairn_skeleton_centre_point(f.skeleton, listed, &at, &radius))
+    while (cairn_skeleton_grouping_centre_point(f.skeleton, listed, &at, &radius))
         listed++;
     assert_in_range(listed, 1001 / 2, 1001);
     test_pool_free(&f.pool);
@@ -167,10 +167,10 @@ static void little_room(void **state)
 {
     (void)state;
     for (int32_t k = 0; k < 6; k++) {
-        cairn_skeleton_params params = small_params();
+        cairn_skeleton_grouping_params params = small_params();
         int32_t *field[] = {&params.max_lines, &params.max_parts,      &params.max_points,
                             &params.max_steps, &params.particle_count, &params.max_centres};
-        cairn_skeleton_result found;
+        cairn_skeleton_grouping_result found;
         struct fixture f;
 
         *field[k] = k == 2 ? 2 * params.max_steps + 2 : k == 5 ? 40 : 1;
@@ -197,7 +197,7 @@ static void draw_scene(void)
 
 static void budgets_do_not_matter(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     struct fixture f;
 
     (void)state;
@@ -212,7 +212,7 @@ static void budgets_do_not_matter(void **state)
 
 static void it_begins_anew(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     struct fixture f;
     test_stepped object;
 
@@ -229,14 +229,14 @@ static void it_begins_anew(void **state)
 
 static void memory_is_what_it_says(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
 
     (void)state;
     params.max_width = params.max_height = 20;
     params.max_edgels = params.max_centres = params.max_points = 9;
     params.max_lines = params.max_parts = params.max_steps = params.particle_count = 1;
-    test_every_pool_size(create_in, &params, cairn_skeleton_memory(&params));
-    assert_true(cairn_skeleton_memory(&params) > 0);
+    test_every_pool_size(create_in, &params, cairn_skeleton_grouping_memory(&params));
+    assert_true(cairn_skeleton_grouping_memory(&params) > 0);
 }
 
 int main(void)

@@ -15,7 +15,7 @@ static int is_ahead(const reference_pose *last, const double heading[2], int32_t
 
 /* The heaviest of all followers. 0: there is none. */
 static int best_follower(const reference_pose *walk, int32_t count, const double heading[2],
-                         const cairn_skeleton_params *p, double least, double most,
+                         const cairn_skeleton_grouping_params *p, double least, double most,
                          reference_pose *best, double *weight)
 {
     const reference_pose *last = &walk[count - 1];
@@ -45,12 +45,12 @@ static int best_follower(const reference_pose *walk, int32_t count, const double
 }
 
 /* Poses of the walk of one particle from a pose on; 0: not these. */
-static int is_walk_of(const cairn_skeleton_result *r, const cairn_skeleton_part *part,
-                      const double way[2], const cairn_skeleton_params *p, double least,
-                      double most)
+static int is_walk_of(const cairn_skeleton_grouping_result *r,
+                      const cairn_skeleton_grouping_part *part, const double way[2],
+                      const cairn_skeleton_grouping_params *p, double least, double most)
 {
     static reference_pose walk[64];
-    const cairn_skeleton_point *points = &r->points[part->first];
+    const cairn_skeleton_grouping_point *points = &r->points[part->first];
     double heading[2] = {way[0], way[1]}, sum = 0, weight = 0;
     int32_t count = 1, first = points[0].edgel[0], second = points[0].edgel[1];
 
@@ -74,7 +74,7 @@ static int is_walk_of(const cairn_skeleton_result *r, const cairn_skeleton_part 
 
 static void centres_are_those_of_all_pairs(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     struct fixture f = with(params);
 
     (void)state;
@@ -93,7 +93,7 @@ static void centres_are_those_of_all_pairs(void **state)
             }
         assert_true(expected > 50 && expected < params.max_centres);
         assert_near(run(f.skeleton, 5, 11).centre_count, expected, NUMBER(0, 2));
-        while (cairn_skeleton_centre_point(f.skeleton, listed, &at, &radius)) {
+        while (cairn_skeleton_grouping_centre_point(f.skeleton, listed, &at, &radius)) {
             assert_true(radius >= 5 && radius <= 11);
             listed++;
         }
@@ -105,7 +105,7 @@ static void centres_are_those_of_all_pairs(void **state)
 /* With one particle the walk is the chain of the heaviest followers. */
 static void walks_are_those_of_the_reference(void **state)
 {
-    cairn_skeleton_params params = small_params();
+    cairn_skeleton_grouping_params params = small_params();
     int32_t walks = 0;
 
     (void)state;
@@ -117,7 +117,7 @@ static void walks_are_those_of_the_reference(void **state)
     params.max_steps = 40;
     for (uint64_t seed = 1; seed <= 3; seed++) {
         struct fixture f = with(params);
-        cairn_skeleton_result found;
+        cairn_skeleton_grouping_result found;
 
         add_bar(50, 60, 110, 70, 7, seed);
         add_noise(60, seed);
@@ -127,7 +127,8 @@ static void walks_are_those_of_the_reference(void **state)
             cairn_polyline_segment line;
             int known = 0;
 
-            for (int32_t k = 0; !known && cairn_skeleton_mirror_line(f.skeleton, k, &line); k++)
+            for (int32_t k = 0; !known && cairn_skeleton_grouping_mirror_line(f.skeleton, k, &line);
+                 k++)
                 for (int32_t sign = -1; sign <= 1; sign += 2) {
                     double way[2] = {sign * (double)(line.b[0] - line.a[0]),
                                      sign * (double)(line.b[1] - line.a[1])};

@@ -22,17 +22,17 @@ static int open_or_say_so(cairn_sparse_solver **solver)
     return 1;
 }
 
-static cairn_pose_solver builtin(cairn_pool *pool)
+static cairn_pose_graph_solver builtin(cairn_pool *pool)
 {
     cairn_block_solver_params params = {POSES, LINKS, FILL};
     cairn_block_solver *solver;
 
     *pool = test_pool(cairn_block_solver_memory(&params));
     assert_ok(cairn_block_solver_create(&solver, pool, &params));
-    return cairn_pose_solver_of(solver);
+    return cairn_pose_graph_solver_of(solver);
 }
 
-static cairn_status run(const cairn_pose_solver *face)
+static cairn_status run(const cairn_pose_graph_solver *face)
 {
     cairn_budget budget = {0};
     cairn_status status = face->step(face->context, &budget);
@@ -49,7 +49,7 @@ static cairn_status run(const cairn_pose_solver *face)
 
 /* A random positive definite system, the same in every solver; pairs are linked in both
  * directions and twice. */
-static void give_system(const cairn_pose_solver *face, uint64_t seed, cairn_real prior)
+static void give_system(const cairn_pose_graph_solver *face, uint64_t seed, cairn_real prior)
 {
     cairn_random random = cairn_random_seed(seed, 0);
 
@@ -105,7 +105,7 @@ static void give_system(const cairn_pose_solver *face, uint64_t seed, cairn_real
 static void same_solutions_and_covariances(void **state)
 {
     cairn_sparse_solver *sparse;
-    cairn_pose_solver face[2];
+    cairn_pose_graph_solver face[2];
     cairn_real b[3 * POSES];
     cairn_pool pool;
     int32_t compared = 0;
@@ -163,7 +163,7 @@ static void same_poses(void **state)
     const cairn_sym3 information = {400, 30, 10, 300, -20, 900};
     cairn_pose_graph *graph[2];
     cairn_sparse_solver *sparse;
-    cairn_pose_solver face;
+    cairn_pose_graph_solver face;
     cairn_pool pool[2];
 
     (void)state;
@@ -171,7 +171,7 @@ static void same_poses(void **state)
         return;
     face = cairn_sparse_solver_interface(sparse);
     for (int k = 0; k < 2; k++) {
-        const cairn_pose_solver *own = k == 0 ? &face : NULL;
+        const cairn_pose_graph_solver *own = k == 0 ? &face : NULL;
         cairn_random random = cairn_random_seed(5, 0);
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
@@ -215,7 +215,7 @@ static void refusals(void **state)
                      flat = {1, 0, 0, 0, 0, 1};
     cairn_real b[6] = {0}, x[9] = {0};
     cairn_sparse_solver *sparse;
-    cairn_pose_solver f;
+    cairn_pose_graph_solver f;
     cairn_budget budget = {5};
 
     (void)state;
@@ -271,7 +271,7 @@ static void refusals(void **state)
 }
 
 /* One pose with a diagonal and nothing else: what factor() makes of it. */
-static cairn_block_solver_state state_of_pose(const cairn_pose_solver *f, cairn_sym3 block)
+static cairn_block_solver_state state_of_pose(const cairn_pose_graph_solver *f, cairn_sym3 block)
 {
     assert_ok(f->begin(f->context, 1));
     assert_ok(f->analyze(f->context));
@@ -288,7 +288,7 @@ static void one_pose(void **state)
 {
     const cairn_sym3 uneven = {CAIRN_REAL(1e-18), 0, 0, 1, 0, CAIRN_REAL(1e18)};
     cairn_sparse_solver *sparse;
-    cairn_pose_solver f;
+    cairn_pose_graph_solver f;
     cairn_real x[3];
 
     (void)state;
@@ -319,7 +319,7 @@ static void small_pivots(void **state)
 {
     const cairn_sym3 one = {1, 0, 0, 1, 0, 1};
     cairn_sparse_solver *sparse;
-    cairn_pose_solver f;
+    cairn_pose_graph_solver f;
 
     (void)state;
     if (!open_or_say_so(&sparse))
@@ -353,7 +353,7 @@ static void memory(void **state)
     const size_t numbers = 8 * sizeof(int) + 3 * sizeof(double),
                  entries = sizeof(int) + sizeof(double);
     cairn_sparse_solver *sparse;
-    cairn_pose_solver f;
+    cairn_pose_graph_solver f;
     size_t empty;
 
     (void)state;

@@ -360,10 +360,10 @@ static void same_seed_same_bytes(void **state)
 
 /* Mean distance of poses.csv from the true positions, the first one laid over its truth when
  * `relative`. */
-static double mean_error(const cairn_pose_row *row, int32_t count, const char *truth_path,
+static double mean_error(const cairn_pose_table_row *row, int32_t count, const char *truth_path,
                          int32_t relative)
 {
-    cairn_pose_row *truth;
+    cairn_pose_table_row *truth;
     cairn_pose shift = cairn_pose_identity();
     cairn_file_error error;
     int32_t truths;
@@ -412,8 +412,8 @@ static void a_pose_for_every_scan(void **state)
     assert_done(programs_run("cairn align @/places/scans.log --virtual -o @/virtual"));
     for (size_t k = 0; k < sizeof sample / sizeof *sample; k++) {
         char *bytes = files_read(files_path(sample[k].poses), NULL);
-        cairn_carmen_scans scans;
-        cairn_pose_row *row;
+        cairn_carmen_log_scans scans;
+        cairn_pose_table_row *row;
         int32_t count;
 
         assert_non_null(bytes);
@@ -423,7 +423,7 @@ static void a_pose_for_every_scan(void **state)
             "verdict\n",
             92);
         free(bytes);
-        assert_ok(cairn_carmen_load(&scans, files_path(sample[k].log), NULL, NULL));
+        assert_ok(cairn_carmen_log_load(&scans, files_path(sample[k].log), NULL, NULL));
         assert_ok(cairn_pose_table_read(&row, &count, files_path(sample[k].poses), NULL));
         assert_int_equal(count, scans.count);
         for (int32_t i = 0; i < count; i++) {
@@ -447,7 +447,7 @@ static void a_pose_for_every_scan(void **state)
             fail_msg("%s is off by %g m", sample[k].poses,
                      mean_error(row, count, files_path(sample[k].truth), sample[k].relative));
         cairn_pose_table_free(row);
-        cairn_carmen_scans_free(&scans);
+        cairn_carmen_log_scans_free(&scans);
     }
 }
 
@@ -465,7 +465,7 @@ static void the_map_reads_back(void **state)
         assert_ok(cairn_map_file_read(&map, in_folder(folders[k], "map.yaml"), &error));
         count = (size_t)map.width * (size_t)map.height;
         assert_near(map.resolution, 0.05, 1e-9);
-        assert_int_equal(map.mode, CAIRN_MAP_TRINARY);
+        assert_int_equal(map.mode, CAIRN_MAP_FILE_TRINARY);
         for (size_t i = 0; i < count; i++) {
             assert_true(map.pixel[i] == 0 || map.pixel[i] == 205 || map.pixel[i] == 254);
             assert_int_equal(map.occupancy[i], map.pixel[i] == 0     ? 100
@@ -542,7 +542,7 @@ static void maps_by_particles(void **state)
     outcome o = programs_run(
         "cairn map @/drive/scans.log -o @/filter --filter 3 --seed 5 --report @/filter.html");
     cairn_file_error error;
-    cairn_pose_row *row;
+    cairn_pose_table_row *row;
     int32_t count;
     char *one, *two;
 
@@ -689,7 +689,7 @@ static void pages(void **state)
         char before[256], here[256], *programs;
 
         assert_non_null(getcwd(here, sizeof here));
-        programs = cairn_path_join(here, programs_folder);
+        programs = cairn_output_path_join(here, programs_folder);
         assert_non_null(programs);
         (void)snprintf(programs_folder, sizeof programs_folder, "%s", programs);
         free(programs);
@@ -741,7 +741,7 @@ static match_result read_match(const char *bytes)
 
 static void matches(void **state)
 {
-    cairn_pose_row *truth;
+    cairn_pose_table_row *truth;
     cairn_pose expected;
     match_result result;
     int32_t count;
@@ -940,7 +940,7 @@ static void matches_of_poor_scans(void **state)
 static void a_damaged_scan_is_left_out(void **state)
 {
     char *whole = files_read(files_path("drive/scans.log"), NULL), *line = whole;
-    cairn_pose_row *row, *all;
+    cairn_pose_table_row *row, *all;
     int32_t count, all_count;
     outcome o;
 
@@ -1011,21 +1011,21 @@ static void a_tenth_of_the_lines_is_damaged(void **state)
 static void tables_of_ranges_and_several_logs(void **state)
 {
     text t = {NULL, 0, 0};
-    cairn_carmen_scans log;
-    cairn_pose_row *row, *first;
+    cairn_carmen_log_scans log;
+    cairn_pose_table_row *row, *first;
     cairn_pose_graph_file graph;
     int32_t count, first_count;
     outcome o;
 
     (void)state;
-    assert_ok(cairn_carmen_load(&log, files_path("drive/scans.log"), NULL, NULL));
+    assert_ok(cairn_carmen_log_load(&log, files_path("drive/scans.log"), NULL, NULL));
     add(&t, "time,x,y,theta");
     for (int32_t k = 0; k < log.record[0].count; k++)
         add(&t, ",%.9g",
             (double)(log.record[0].scan.angle_min + (float)k * log.record[0].scan.angle_step) *
                 57.29577951308232);
     for (int32_t i = 0; i < log.count; i++) {
-        const cairn_carmen_record *r = &log.record[i];
+        const cairn_carmen_log_record *r = &log.record[i];
 
         add(&t, "\n%.6f,%.9g,%.9g,%.9g", (double)r->stamp_ns * 1e-9, (double)r->robot.x,
             (double)r->robot.y, (double)r->robot.theta);
@@ -1059,7 +1059,7 @@ static void tables_of_ranges_and_several_logs(void **state)
         assert_int_equal(lines_of(tum), log.count);
         free(tum);
     }
-    cairn_carmen_scans_free(&log);
+    cairn_carmen_log_scans_free(&log);
     o = programs_run("cairn map @/drive.csv @/missing.log -o @/refused");
     assert_int_equal(o.code, 2);
     assert_holds(o.err, "missing.log: cannot open");
@@ -1069,7 +1069,7 @@ static void tables_of_ranges_and_several_logs(void **state)
 static void damage_of_all_kinds_among_good_scans(void **state)
 {
     text t = {NULL, 0, 0};
-    cairn_pose_row *row;
+    cairn_pose_table_row *row;
     int32_t count;
     outcome o;
 
@@ -1171,7 +1171,7 @@ static void a_log_without_walls(void **state)
 static void large_rooms_get_more_room(void **state)
 {
     text t = {NULL, 0, 0};
-    cairn_pose_row *row;
+    cairn_pose_table_row *row;
     int32_t count;
     outcome o;
 
@@ -1200,7 +1200,7 @@ static void key_scans_that_go_leave_their_scans(void **state)
     enum { TO_AND_FRO = 90 };
     text t = {NULL, 0, 0};
     cairn_pose_graph_file graph;
-    cairn_pose_row *row;
+    cairn_pose_table_row *row;
     int32_t count;
     outcome o;
     char *page;

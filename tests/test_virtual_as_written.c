@@ -170,7 +170,7 @@ static void lines_are_as_strong_as_they_have_points(void **state)
     cairn_pool pool, set_pool = test_pool(cairn_scan_set_memory(&set_params));
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_pose pose = {0, 0, 0};
-    const cairn_hypothesis *h;
+    const cairn_virtual_scan_hypothesis *h;
     const cairn_oriented_point *points;
     const cairn_real *weights;
     cairn_virtual_scan *v;
@@ -202,7 +202,7 @@ static void lines_are_as_strong_as_they_have_points(void **state)
     for (int32_t i = 0; i < count; i++) {
         static const double votes[] = {100, 61, 51}; /* and a point of the wall across */
 
-        assert_int_equal(h[i].kind, CAIRN_HYPOTHESIS_LINE);
+        assert_int_equal(h[i].kind, CAIRN_VIRTUAL_SCAN_LINE);
         assert_int_equal(h[i].observing_scans, 0);
         assert_near(h[i].strength, votes[i] / 100, 1e-6);
         for (int32_t k = h[i].first_point; k < h[i].end_point; k++)
@@ -223,7 +223,7 @@ static void faces_are_not_told_apart(void **state)
     cairn_pool pool, set_pool = test_pool(cairn_scan_set_memory(&set_params));
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_pose pose = {1, 2, CAIRN_REAL(0.3)};
-    const cairn_hypothesis *h;
+    const cairn_virtual_scan_hypothesis *h;
     cairn_virtual_scan *v;
     cairn_scan_set *set;
     cairn_scan_view view;
@@ -246,7 +246,7 @@ static void faces_are_not_told_apart(void **state)
     assert_ok(cairn_virtual_scan_step(v, &budget));
     h = cairn_virtual_scan_hypotheses(v, &count);
     assert_int_equal(count, 1);
-    assert_int_equal(h->kind, CAIRN_HYPOTHESIS_RECTANGLE);
+    assert_int_equal(h->kind, CAIRN_VIRTUAL_SCAN_RECTANGLE);
     assert_near(h->strength, 1, 0.03);
     assert_near(h->weight, h->strength, 0);
     test_pool_free(&pool);

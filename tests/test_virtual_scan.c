@@ -105,7 +105,7 @@ static void give(struct fixture *f, double sigma)
         assert_ok(cairn_virtual_scan_add_scan(f->v, f->set, i, f->poses[i]));
 }
 
-static const cairn_hypothesis *detect(struct fixture *f, double sigma, int32_t *count)
+static const cairn_virtual_scan_hypothesis *detect(struct fixture *f, double sigma, int32_t *count)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
@@ -124,7 +124,7 @@ static void walls_of_two_scans_make_a_line(void **state)
         struct fixture f = default_fixture();
         double angle = turn * 30 * DEGREE + 0.1, dx = cos(angle), dy = sin(angle);
         struct drawing one = drawing_at(1, 2, 0.5), other = drawing_at(-3, 4, 2);
-        const cairn_hypothesis *h;
+        const cairn_virtual_scan_hypothesis *h;
         const cairn_oriented_point *points;
         const cairn_real *weights;
         int32_t count, point_count;
@@ -137,7 +137,7 @@ static void walls_of_two_scans_make_a_line(void **state)
         put(&f, &other);
         h = detect(&f, 0.2, &count);
         assert_int_equal(count, 1);
-        assert_int_equal(h->kind, CAIRN_HYPOTHESIS_LINE);
+        assert_int_equal(h->kind, CAIRN_VIRTUAL_SCAN_LINE);
         assert_int_equal(h->observing_scans, 2);
         assert_near(h->strength, 0.5, 0.05); /* 4 of 8 m are seen */
         assert_near(h->weight, h->strength, 0);
@@ -201,7 +201,7 @@ static void short_walls_do_not_count(void **state)
     struct fixture f = fixture_with(&p);
     struct drawing one = drawing_at(0, -1, 0), other = drawing_at(4, -1, 0),
                    third = drawing_at(1, 1, 1);
-    const cairn_hypothesis *h;
+    const cairn_virtual_scan_hypothesis *h;
     int32_t count;
 
     (void)state;
@@ -265,7 +265,7 @@ static void rooms_are_rectangles(void **state)
     (void)state;
     for (int32_t is_box = 0; is_box < 2; is_box++) {
         struct fixture f = default_fixture();
-        const cairn_hypothesis *h;
+        const cairn_virtual_scan_hypothesis *h;
         const cairn_oriented_point *points;
         const cairn_real *weights;
         int32_t count, point_count, on[4] = {0, 0, 0, 0};
@@ -273,7 +273,7 @@ static void rooms_are_rectangles(void **state)
         draw_room(&f, 4, is_box);
         h = detect(&f, 0, &count);
         assert_int_equal(count, 1);
-        assert_int_equal(h->kind, CAIRN_HYPOTHESIS_RECTANGLE);
+        assert_int_equal(h->kind, CAIRN_VIRTUAL_SCAN_RECTANGLE);
         assert_near(h->strength, 1, 1e-3);
         assert_near(h->weight, h->strength, 0);
         points = cairn_virtual_scan_points(f.v, &weights, &point_count);
@@ -331,7 +331,7 @@ static void round_rooms_are_ellipses(void **state)
     p.stride = 1;
     for (int scans = 1; scans <= 3; scans += 2) {
         struct fixture f = fixture_with(&p);
-        const cairn_hypothesis *h;
+        const cairn_virtual_scan_hypothesis *h;
         const cairn_oriented_point *points;
         const cairn_real *weights;
         int32_t count, point_count, walls = scans == 1 ? 16 : 8;
@@ -348,7 +348,7 @@ static void round_rooms_are_ellipses(void **state)
         assert_int_equal(count, scans == 3);
         points = cairn_virtual_scan_points(f.v, &weights, &point_count);
         if (scans == 3) {
-            assert_int_equal(h->kind, CAIRN_HYPOTHESIS_ELLIPSE);
+            assert_int_equal(h->kind, CAIRN_VIRTUAL_SCAN_ELLIPSE);
             assert_int_equal(h->observing_scans, 3);
             assert_true(h->strength > (cairn_real)0.7 && h->weight == h->strength);
             assert_int_equal(h->first_point, 0);
@@ -399,7 +399,7 @@ static void kinds_can_be_left_out(void **state)
     wall(&more, 5, 0, 7, 0);
     for (int32_t kinds = 0; kinds < 4; kinds++) {
         struct fixture f;
-        const cairn_hypothesis *h;
+        const cairn_virtual_scan_hypothesis *h;
         int32_t count, seen[2] = {0, 0};
 
         p.lines = kinds & 1;
@@ -413,10 +413,10 @@ static void kinds_can_be_left_out(void **state)
             seen[h[i].kind]++;
             assert_near(h[i].weight, 2 * h[i].strength, 0);
         }
-        assert_int_equal(seen[CAIRN_HYPOTHESIS_LINE], kinds & 1);
-        assert_int_equal(seen[CAIRN_HYPOTHESIS_RECTANGLE], kinds >> 1);
+        assert_int_equal(seen[CAIRN_VIRTUAL_SCAN_LINE], kinds & 1);
+        assert_int_equal(seen[CAIRN_VIRTUAL_SCAN_RECTANGLE], kinds >> 1);
         if (count == 2) {
-            assert_int_equal(h[0].kind, CAIRN_HYPOTHESIS_LINE);
+            assert_int_equal(h[0].kind, CAIRN_VIRTUAL_SCAN_LINE);
             assert_int_equal(h[1].first_point, h[0].end_point);
         }
         end_fixture(&f);
@@ -452,10 +452,10 @@ static void hypotheses_vanish(void **state)
 /* Finds `count` discs of three points each, in as many steps, and fails when told to. */
 struct discs {
     int32_t count, done, begun, fail_at;
-    cairn_virtual_map map;
+    cairn_virtual_scan_map map;
 };
 
-static cairn_status begin_discs(void *state, const cairn_virtual_map *map)
+static cairn_status begin_discs(void *state, const cairn_virtual_scan_map *map)
 {
     struct discs *d = state;
 
@@ -505,9 +505,10 @@ static void kinds_of_the_caller(void **state)
     struct fixture f;
     struct discs discs = {5, 0, 0, 0, {NULL, NULL, NULL, NULL, 0, 0, 0}},
                  others = {2, 0, 0, 0, {NULL, NULL, NULL, NULL, 0, 0, 0}};
-    cairn_hypothesis_detector d = {&discs, begin_discs, step_discs, count_discs, outline_disc},
-                              e = d, bad;
-    const cairn_hypothesis *h;
+    cairn_virtual_scan_hypothesis_detector d = {&discs, begin_discs, step_discs, count_discs,
+                                                outline_disc},
+                                           e = d, bad;
+    const cairn_virtual_scan_hypothesis *h;
     const cairn_oriented_point *points;
     const cairn_real *weights;
     int32_t count, point_count;
@@ -544,7 +545,7 @@ static void kinds_of_the_caller(void **state)
     assert_near(discs.map.segments[1].b.y, 3, 1e-5);
     points = cairn_virtual_scan_points(f.v, &weights, &point_count);
     for (int32_t i = 1; i < 8; i++) {
-        assert_int_equal(h[i].kind, CAIRN_HYPOTHESIS_CALLER + (i > 5));
+        assert_int_equal(h[i].kind, CAIRN_VIRTUAL_SCAN_CALLER + (i > 5));
         assert_near(h[i].strength, 0.25, 0);
         assert_near(h[i].weight, 0.25, 0);
         assert_int_equal(h[i].end_point, h[i].first_point + 3);
@@ -574,8 +575,9 @@ static void what_finds_no_room(void **state)
 {
     cairn_virtual_scan_params p = cairn_virtual_scan_default();
     struct discs discs = {5, 0, 0, 0, {NULL, NULL, NULL, NULL, 0, 0, 0}};
-    cairn_hypothesis_detector d = {&discs, begin_discs, step_discs, count_discs, outline_disc};
-    const cairn_hypothesis *h;
+    cairn_virtual_scan_hypothesis_detector d = {&discs, begin_discs, step_discs, count_discs,
+                                                outline_disc};
+    const cairn_virtual_scan_hypothesis *h;
     const cairn_real *weights;
     struct fixture f;
     int32_t count, point_count, whole;
@@ -632,7 +634,8 @@ static void the_budget_does_not_matter(void **state)
     static cairn_oriented_point whole[5000];
     struct fixture f = default_fixture();
     struct discs discs = {5, 0, 0, 0, {NULL, NULL, NULL, NULL, 0, 0, 0}};
-    cairn_hypothesis_detector d = {&discs, begin_discs, step_discs, count_discs, outline_disc};
+    cairn_virtual_scan_hypothesis_detector d = {&discs, begin_discs, step_discs, count_discs,
+                                                outline_disc};
     struct drawing more = drawing_at(1, 1, 0);
     const cairn_oriented_point *points;
     const cairn_real *weights;
@@ -734,7 +737,7 @@ static uint64_t add_real(uint64_t hash, cairn_real x)
 
 static uint64_t add_found(const struct fixture *f, uint64_t hash)
 {
-    const cairn_hypothesis *h;
+    const cairn_virtual_scan_hypothesis *h;
     const cairn_oriented_point *points;
     const cairn_real *weights;
     int32_t count, point_count, dropped;
@@ -774,7 +777,8 @@ static uint64_t hash_of_maps(uint64_t seed)
         cairn_virtual_scan_params p = draw_params(&random);
         struct fixture f = fixture_with(&p);
         struct discs discs = {2, 0, 0, 0, {NULL, NULL, NULL, NULL, 0, 0, 0}};
-        cairn_hypothesis_detector d = {&discs, begin_discs, step_discs, count_discs, outline_disc};
+        cairn_virtual_scan_hypothesis_detector d = {&discs, begin_discs, step_discs, count_discs,
+                                                    outline_disc};
 
         if (i % 3 == 0)
             assert_ok(cairn_virtual_scan_add_detector(f.v, &d));
@@ -809,7 +813,8 @@ static void begins_anew(void **state)
     cairn_virtual_scan_params p = draw_params(&random);
     struct fixture f;
     struct discs discs = {5, 0, 0, 0, {NULL, NULL, NULL, NULL, 0, 0, 0}};
-    cairn_hypothesis_detector d = {&discs, begin_discs, step_discs, count_discs, outline_disc};
+    cairn_virtual_scan_hypothesis_detector d = {&discs, begin_discs, step_discs, count_discs,
+                                                outline_disc};
     test_stepped object = {begin_map, step_map, tell_map, &f};
 
     (void)state;

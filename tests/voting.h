@@ -15,7 +15,7 @@ typedef struct voting {
     cairn_pool pool;
     cairn_part_configuration_params params;
     cairn_part_configurator *configurator;
-    cairn_part_vote votes[VOTES];
+    cairn_part_configuration_vote votes[VOTES];
     int32_t count;
 } voting;
 

@@ -126,10 +126,10 @@ static inline uint8_t look(const world *w, double x, double y, double cell)
     for (int32_t i = 0; i < w->count; i++)
         nearest = fmin(nearest, outside(&w->box[i], x, y));
     if (fabs(x) > 7.1 || y > w->top + 0.1 || y < w->bottom - 0.1)
-        return CAIRN_CELL_UNKNOWN;
-    return nearest > cell / 2    ? CAIRN_CELL_FREE
-           : nearest > -cell / 2 ? CAIRN_CELL_OCCUPIED
-                                 : CAIRN_CELL_UNKNOWN;
+        return CAIRN_OCCUPANCY_GRID_UNKNOWN;
+    return nearest > cell / 2    ? CAIRN_OCCUPANCY_GRID_FREE
+           : nearest > -cell / 2 ? CAIRN_OCCUPANCY_GRID_OCCUPIED
+                                 : CAIRN_OCCUPANCY_GRID_UNKNOWN;
 }
 
 /* Draws the part of the world with low <= x <= high. */
@@ -150,7 +150,8 @@ static inline view *draw(const world *w, double x, double y, double theta, doubl
         double u = x + cos(theta) * p - sin(theta) * q, t = y + sin(theta) * p + cos(theta) * q;
 
         t = mirrored ? -t : t;
-        v->cells[i] = u >= low && u <= high ? look(w, u, t, resolution) : CAIRN_CELL_UNKNOWN;
+        v->cells[i] =
+            u >= low && u <= high ? look(w, u, t, resolution) : CAIRN_OCCUPANCY_GRID_UNKNOWN;
     }
     return v;
 }

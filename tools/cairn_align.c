@@ -210,7 +210,7 @@ int align_add_range(align_job *job, cairn_scan *scan, int32_t first, int32_t end
                     void *aligner)
 {
     for (int32_t i = first; i < end; i++) {
-        const cairn_carmen_record *record = &job->log->record[i];
+        const cairn_carmen_log_record *record = &job->log->record[i];
         cairn_fault fault = {-1, NULL};
         cairn_scan_view view;
         cairn_status status = fit(scan, &record->scan, &view, &fault);
@@ -235,7 +235,7 @@ cairn_status align_open_player(align_job *job, cairn_report_player_params params
 
     if (job->settings->report == NULL)
         return CAIRN_OK;
-    snprintf(title, sizeof title, "%s, aligned", cairn_path_name(job->settings->log));
+    snprintf(title, sizeof title, "%s, aligned", cairn_output_path_name(job->settings->log));
     snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans, %s", job->log->count, how);
     params.title = title;
     params.subtitle = subtitle;
@@ -255,7 +255,7 @@ static int survey(align_job *job, cairn_scan *scan)
     int64_t segments = 0, points = 0;
 
     for (int32_t i = 0; i < job->log->count; i++) {
-        const cairn_carmen_record *record = &job->log->record[i];
+        const cairn_carmen_log_record *record = &job->log->record[i];
         map_scan *kept = &job->scans[i];
         cairn_fault fault = {-1, NULL};
         cairn_scan_view view;
@@ -311,7 +311,7 @@ static int write_all(const align_job *job)
     map_output output;
     char title[256], subtitle[256];
 
-    snprintf(title, sizeof title, "%s, aligned", cairn_path_name(s->log));
+    snprintf(title, sizeof title, "%s, aligned", cairn_output_path_name(s->log));
     snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans, %s", job->log->count, job->subtitle);
     memset(&output, 0, sizeof output);
     output.title = title;
@@ -366,7 +366,7 @@ int tool_align(int argc, char **argv)
                         .spread = {SPREAD_M, SPREAD_DEG}};
     cairn_file_error error;
     option_result result;
-    cairn_carmen_scans log;
+    cairn_carmen_log_scans log;
     align_job job;
     int code;
 
@@ -398,6 +398,6 @@ int tool_align(int argc, char **argv)
         }
         map_scans_free(job.scans, log.count);
     }
-    cairn_carmen_scans_free(&log);
+    cairn_carmen_log_scans_free(&log);
     return code;
 }

@@ -35,7 +35,7 @@ typedef struct align_settings {
 
 typedef struct align_job {
     const align_settings *settings;
-    const cairn_carmen_scans *log;
+    const cairn_carmen_log_scans *log;
     /* input: before; a method sets after, verdict, covariance and support */
     map_scan *scans;
     cairn_scan_params scan;

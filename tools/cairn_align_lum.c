@@ -26,7 +26,7 @@ static cairn_status add_hits(void *lum, const cairn_scan_view *view, cairn_pose 
     int32_t count = 0;
 
     for (int32_t k = 0; k < view->beam_count && hit != NULL; k++) {
-        if (view->beams[k].kind != CAIRN_BEAM_HIT)
+        if (view->beams[k].kind != CAIRN_SCAN_BEAM_HIT)
             continue;
         hit[count].position = view->beams[k].to;
         hit[count].direction.x = 1;

@@ -99,7 +99,7 @@ static int32_t take_guesses(virtual_record *record)
     const cairn_virtual_scan *from = cairn_virtual_align_hypotheses(record->align);
     const cairn_real half = cairn_virtual_align_default().hypotheses.spacing / 2, *weights;
     int32_t hypotheses, points, count = 0;
-    const cairn_hypothesis *h = cairn_virtual_scan_hypotheses(from, &hypotheses);
+    const cairn_virtual_scan_hypothesis *h = cairn_virtual_scan_hypotheses(from, &hypotheses);
     const cairn_oriented_point *p = cairn_virtual_scan_points(from, &weights, &points);
 
     for (int32_t i = 0; i < hypotheses; i++)

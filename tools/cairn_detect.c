@@ -31,7 +31,7 @@ typedef struct settings {
     int64_t strength, jobs, candidates, nearest, matches;
     double overlap, score, weight, verify;
     int32_t no_mirror, modes, occluded, as_written, quiet;
-    cairn_part_cut cut[CAIRN_PART_MAX_FRAGMENTS]; /* of --cuts */
+    cairn_part_bundle_cut cut[CAIRN_PART_MAX_FRAGMENTS]; /* of --cuts */
     int32_t cut_count;
     cairn_appearance_model look; /* of --appearance */
     detect_truth truth;          /* of --truth */
@@ -174,8 +174,8 @@ typedef struct work {
     const char *path;
     char stem[PICTURE_NAME_BYTES];
     searched_picture picture;
-    cairn_contour_tokens tokens;
-    cairn_detections detections;
+    cairn_contour_search_tokens tokens;
+    cairn_object_detections detections;
 } work;
 
 static cairn_status detect(const settings *s, work *w, const cairn_shape_model *model,
@@ -188,11 +188,11 @@ static cairn_status detect(const settings *s, work *w, const cairn_shape_model *
                       : cairn_object_detect_default(edges->width, edges->height);
     const cairn_vision_image *grey = &w->picture.grey;
     cairn_appearance_field *look = NULL;
-    cairn_detect_field *field;
+    cairn_object_detect_field *field;
     cairn_status status =
-        cairn_contour_tokens_find(&w->tokens, view, (int32_t)s->strength, 0, w->path, error);
+        cairn_contour_search_tokens_find(&w->tokens, view, (int32_t)s->strength, 0, w->path, error);
 
-    params.method = s->method[0] == 'p' ? CAIRN_DETECT_PARTS : CAIRN_DETECT_EVIDENCE;
+    params.method = s->method[0] == 'p' ? CAIRN_OBJECT_DETECT_PARTS : CAIRN_OBJECT_DETECT_EVIDENCE;
     params.mirror = !s->no_mirror;
     params.occluded = s->occluded;
     params.verify = (cairn_real)s->verify;
@@ -204,19 +204,19 @@ static cairn_status detect(const settings *s, work *w, const cairn_shape_model *
     params.modes_only = s->modes;
     params.cuts = s->cuts != NULL ? s->cut : NULL;
     params.cut_count = s->cut_count;
-    params.bundles = s->bundles[0] == 'o'   ? CAIRN_DETECT_BUNDLES_OF_ONE
-                     : s->bundles[0] == 'n' ? CAIRN_DETECT_NO_BUNDLES
-                                            : CAIRN_DETECT_BUNDLES;
+    params.bundles = s->bundles[0] == 'o'   ? CAIRN_OBJECT_DETECT_BUNDLES_OF_ONE
+                     : s->bundles[0] == 'n' ? CAIRN_OBJECT_DETECT_NO_BUNDLES
+                                            : CAIRN_OBJECT_DETECT_BUNDLES;
     params.appearance_weight = (cairn_real)s->weight;
     if (status == CAIRN_OK && s->appearance != NULL)
         status = cairn_appearance_field_make(&look, &s->look, grey->samples, grey->width,
                                              grey->height, w->path, error);
     params.appearance = look;
     if (status == CAIRN_OK)
-        status = cairn_detect_field_make(&field, &w->tokens, &params, w->path, error);
+        status = cairn_object_detect_field_make(&field, &w->tokens, &params, w->path, error);
     if (status == CAIRN_OK) {
         status = cairn_object_detect(&w->detections, field, model, w->path, error);
-        cairn_detect_field_free(field);
+        cairn_object_detect_field_free(field);
     }
     cairn_appearance_field_free(look);
     return status;
@@ -224,12 +224,12 @@ static cairn_status detect(const settings *s, work *w, const cairn_shape_model *
 
 static cairn_status write_all(const settings *s, const work *w, cairn_file_error *error)
 {
-    cairn_detection_picture p = {cairn_path_name(w->path),
-                                 cairn_path_name(s->model),
-                                 w->picture.grey.samples,
-                                 w->picture.shrink,
-                                 &w->tokens,
-                                 &w->detections};
+    cairn_detection_file_picture p = {cairn_output_path_name(w->path),
+                                      cairn_output_path_name(s->model),
+                                      w->picture.grey.samples,
+                                      w->picture.shrink,
+                                      &w->tokens,
+                                      &w->detections};
     char svg[PICTURE_NAME_BYTES + 8], json[PICTURE_NAME_BYTES + 8];
     const char *names[] = {svg, json};
     cairn_output_set *set;
@@ -267,11 +267,11 @@ static void print_field(const char *text, FILE *record)
     fputc(',', record);
 }
 
-static void print_row(const settings *s, const work *w, const cairn_detection *d,
+static void print_row(const settings *s, const work *w, const cairn_object_detection *d,
                       const double box[4], FILE *record)
 {
-    print_field(cairn_path_name(w->path), record);
-    print_field(cairn_path_name(s->model), record);
+    print_field(cairn_output_path_name(w->path), record);
+    print_field(cairn_output_path_name(s->model), record);
     fprintf(record, "%.2f,%.2f,%.2f,%.2f,%.6f,%" PRId32 "\n", box[0], box[1], box[2], box[3],
             (double)d->score, d->mirrored);
 }
@@ -281,7 +281,7 @@ static void print_row(const settings *s, const work *w, const cairn_detection *d
 static cairn_status print_record(const settings *s, const work *w, FILE *record,
                                  cairn_file_error *error)
 {
-    cairn_detection_picture p = {.shrink = w->picture.shrink, .detections = &w->detections};
+    cairn_detection_file_picture p = {.shrink = w->picture.shrink, .detections = &w->detections};
     cairn_status status = CAIRN_OK;
 
     fprintf(record, "%s: %" PRId32 " detection%s; %" PRId32 " segments of %" PRId32 " chains\n",
@@ -291,10 +291,10 @@ static cairn_status print_record(const settings *s, const work *w, FILE *record,
         if (pass == 1)
             fputc(TABLE_BEGIN, record);
         for (int32_t i = 0; i < w->detections.count; i++) {
-            const cairn_detection *d = &w->detections.found[i];
+            const cairn_object_detection *d = &w->detections.found[i];
             double box[4];
 
-            cairn_detection_box(&p, d, box);
+            cairn_detection_file_box(&p, d, box);
             if (pass == 0)
                 fprintf(record, "  %.2f  (%.0f, %.0f) to (%.0f, %.0f)%s\n", (double)d->score,
                         box[0], box[1], box[2], box[3], d->mirrored ? ", mirrored" : "");
@@ -327,8 +327,8 @@ static int run_image(const settings *s, const char *path, const cairn_shape_mode
     if (status == CAIRN_OK)
         status = print_record(s, &w, record, &error);
     picture_free(&w.picture);
-    cairn_contour_tokens_free(&w.tokens);
-    cairn_detections_free(&w.detections);
+    cairn_contour_search_tokens_free(&w.tokens);
+    cairn_object_detections_free(&w.detections);
     return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
 }
 
@@ -450,7 +450,7 @@ static int run(const settings *s, const cairn_shape_model *model, detect_truth *
         return tool_report(&error);
     code = run_all(s, model, table, truth);
     if (code == TOOL_OK && s->curves != NULL &&
-        detect_truth_write(truth, s->images, s->count, s->curves, cairn_path_name(s->model),
+        detect_truth_write(truth, s->images, s->count, s->curves, cairn_output_path_name(s->model),
                            &error) != CAIRN_OK)
         code = tool_report(&error);
     if (code != TOOL_OK)
@@ -464,7 +464,7 @@ int tool_detect(int argc, char **argv)
 {
     static settings s;
     cairn_shape_image_params image = cairn_shape_image_default();
-    cairn_shape_builder_params builder = cairn_shape_builder_default();
+    cairn_shape_model_builder_params builder = cairn_shape_model_builder_default();
     cairn_object_detect_params params = cairn_object_detect_default(1, 1);
     cairn_shape_model_file model;
     cairn_file_error error;

@@ -18,17 +18,17 @@ static int is_hit(const detect_truth *truth, double share)
 }
 
 /* Assigns detections to objects greedily by score; each object is assigned once. */
-static void print_hits(const detect_truth *truth, const cairn_detection_picture *picture,
+static void print_hits(const detect_truth *truth, const cairn_detection_file_picture *picture,
                        const double (*objects)[4], int32_t count, int32_t *taken, FILE *record)
 {
-    const cairn_detections *found = picture->detections;
+    const cairn_object_detections *found = picture->detections;
 
     for (int32_t i = 0; i < found->count; i++) {
         double box[4], share;
         int32_t object, hit;
 
-        cairn_detection_box(picture, &found->found[i], box);
-        object = cairn_detection_object(objects, taken, count, box, &share);
+        cairn_detection_file_box(picture, &found->found[i], box);
+        object = cairn_detection_curve_object(objects, taken, count, box, &share);
         hit = object >= 0 && is_hit(truth, share);
         if (hit)
             taken[object] = 1;
@@ -37,11 +37,11 @@ static void print_hits(const detect_truth *truth, const cairn_detection_picture 
 }
 
 cairn_status detect_truth_print(const detect_truth *truth, const char *path,
-                                const cairn_detection_picture *picture, FILE *record,
+                                const cairn_detection_file_picture *picture, FILE *record,
                                 cairn_file_error *error)
 {
-    int32_t count,
-        first = cairn_box_table_find(truth->rows, truth->count, cairn_path_name(path), &count);
+    int32_t count, first = cairn_box_table_find(truth->rows, truth->count,
+                                                cairn_output_path_name(path), &count);
     double(*objects)[4] = malloc(((size_t)count + 1) * sizeof *objects);
     int32_t *taken = calloc((size_t)count + 1, sizeof *taken);
     cairn_status status = CAIRN_OK;
@@ -69,7 +69,7 @@ cairn_status detect_truth_read(detect_truth *truth, const char *path, cairn_file
 
 int detect_truth_parse(detect_truth *truth, const char *line)
 {
-    cairn_detection_event *e;
+    cairn_detection_curve_event *e;
     char *end;
 
     if (truth->event_count == truth->event_capacity) {
@@ -94,7 +94,8 @@ static int32_t count_objects(const detect_truth *truth, const char *const *image
     for (size_t k = 0; k < count; k++) {
         int32_t own;
 
-        (void)cairn_box_table_find(truth->rows, truth->count, cairn_path_name(images[k]), &own);
+        (void)cairn_box_table_find(truth->rows, truth->count, cairn_output_path_name(images[k]),
+                                   &own);
         objects += own;
     }
     return objects;
@@ -103,7 +104,7 @@ static int32_t count_objects(const detect_truth *truth, const char *const *image
 cairn_status detect_truth_write(detect_truth *truth, const char *const *images, size_t count,
                                 const char *stem, const char *title, cairn_file_error *error)
 {
-    cairn_detection_point *points = malloc(((size_t)truth->event_count + 1) * sizeof *points);
+    cairn_detection_curve_point *points = malloc(((size_t)truth->event_count + 1) * sizeof *points);
     cairn_status status;
 
     if (points == NULL)

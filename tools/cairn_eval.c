@@ -16,12 +16,13 @@
 
 static int compare_rows(const void *a, const void *b)
 {
-    const cairn_pose_row *x = a, *y = b;
+    const cairn_pose_table_row *x = a, *y = b;
 
     return (x->index > y->index) - (x->index < y->index);
 }
 
-int eval_read_poses(const char *program, const char *path, cairn_pose_row **row, int32_t *count)
+int eval_read_poses(const char *program, const char *path, cairn_pose_table_row **row,
+                    int32_t *count)
 {
     cairn_file_error error;
 
@@ -54,8 +55,8 @@ static void free_pairs(pose_pairs *pairs)
 }
 
 /* Pairs poses of equal index of two sorted tables. Returns 0 when there is no memory. */
-static int match_indices(const cairn_pose_row *a, int32_t a_count, const cairn_pose_row *b,
-                         int32_t b_count, pose_pairs *pairs)
+static int match_indices(const cairn_pose_table_row *a, int32_t a_count,
+                         const cairn_pose_table_row *b, int32_t b_count, pose_pairs *pairs)
 {
     pairs->count = 0;
     pairs->estimate = malloc((size_t)a_count * sizeof *pairs->estimate);
@@ -74,8 +75,8 @@ static int match_indices(const cairn_pose_row *a, int32_t a_count, const cairn_p
 }
 
 typedef struct pose_figures {
-    cairn_pose_errors first,
-        common; /* errors after alignment of the first poses; after rigid least-squares alignment */
+    /* errors after alignment of the first poses; after rigid least-squares alignment */
+    cairn_map_quality_pose_errors first, common;
     double distance_mean, distance_most;
 } pose_figures;
 
@@ -84,7 +85,7 @@ static cairn_status measure_poses(pose_pairs *pairs, pose_figures *f)
 {
     cairn_pose motion = cairn_pose_fit(pairs->estimate, pairs->truth, NULL, pairs->count, 1);
     cairn_status status =
-        cairn_pose_errors_of(pairs->estimate, pairs->truth, pairs->count, &f->first);
+        cairn_map_quality_pose_errors_of(pairs->estimate, pairs->truth, pairs->count, &f->first);
 
     memset(&f->common, 0, sizeof f->common);
     f->distance_mean = f->distance_most = 0;
@@ -130,8 +131,9 @@ static void print_poses(const pose_figures *f, int32_t count, int32_t left_out, 
            (double)f->first.x, (double)f->first.y, (double)f->first.theta * DEGREES);
 }
 
-static int compare_poses(const char *const arguments[2], const cairn_pose_row *a, int32_t a_count,
-                         const cairn_pose_row *b, int32_t b_count, int32_t json)
+static int compare_poses(const char *const arguments[2], const cairn_pose_table_row *a,
+                         int32_t a_count, const cairn_pose_table_row *b, int32_t b_count,
+                         int32_t json)
 {
     pose_pairs pairs;
     pose_figures figures;
@@ -167,7 +169,7 @@ int eval_poses(int argc, char **argv)
     const char *arguments[2] = {NULL, NULL};
     size_t count = 2;
     option_result result = options_read(&set, argc, argv, arguments, &count);
-    cairn_pose_row *a, *b;
+    cairn_pose_table_row *a, *b;
     int code;
 
     if (result != OPTIONS_READ)
@@ -205,7 +207,7 @@ static int new_timed(timed_poses *t, int64_t count)
     t->stamp_ns = malloc(((size_t)count + 1) * sizeof *t->stamp_ns);
     t->known = calloc((size_t)count + 1, 1);
     for (int64_t i = 0; i < count && t->stamp_ns != NULL; i++)
-        t->stamp_ns[i] = CAIRN_POSE_NO_STAMP;
+        t->stamp_ns[i] = CAIRN_POSE_TABLE_NO_STAMP;
     if (t->pose != NULL && t->stamp_ns != NULL && t->known != NULL)
         return TOOL_OK;
     (void)options_refuse(RELATIONS_PROGRAM, "no memory for %" PRId64 " poses", count);
@@ -221,7 +223,7 @@ static void free_timed(timed_poses *t)
 
 static int poses_of_table(const char *path, timed_poses *t)
 {
-    cairn_pose_row *row;
+    cairn_pose_table_row *row;
     int32_t count;
     int code = eval_read_poses(RELATIONS_PROGRAM, path, &row, &count);
 
@@ -245,7 +247,7 @@ static int poses_of_table(const char *path, timed_poses *t)
 /* Reads the poses of the sensors from a log; relations are between sensors. */
 static int poses_of_log(const char *path, timed_poses *t)
 {
-    cairn_carmen_scans log;
+    cairn_carmen_log_scans log;
     int code = tool_load(&log, path, 0, 0);
 
     if (code != TOOL_OK)
@@ -256,14 +258,14 @@ static int poses_of_log(const char *path, timed_poses *t)
         t->stamp_ns[i] = log.record[i].stamp_ns;
         t->known[i] = 1;
     }
-    cairn_carmen_scans_free(&log);
+    cairn_carmen_log_scans_free(&log);
     return code;
 }
 
 /* Converts poses of the robot to poses of the sensor by the mounting in the log. */
 static int move_to_sensors(const char *path, timed_poses *t)
 {
-    cairn_carmen_scans log;
+    cairn_carmen_log_scans log;
     int code = tool_load(&log, path, 0, 0);
 
     if (code != TOOL_OK)
@@ -275,7 +277,7 @@ static int move_to_sensors(const char *path, timed_poses *t)
                            path, log.count, t->count);
     for (int32_t i = 0; i < t->count && code == TOOL_OK; i++)
         t->pose[i] = cairn_pose_compose(t->pose[i], log.record[i].scan.base_sensor);
-    cairn_carmen_scans_free(&log);
+    cairn_carmen_log_scans_free(&log);
     return code;
 }
 
@@ -286,8 +288,8 @@ static int is_table(const char *path)
     return length > 4 && strcmp(path + length - 4, ".csv") == 0;
 }
 
-static void print_relations(const cairn_relation_errors *e, int64_t used, int64_t left_out,
-                            int32_t json)
+static void print_relations(const cairn_map_quality_relation_errors *e, int64_t used,
+                            int64_t left_out, int32_t json)
 {
     if (json) {
         printf("{\"relations\": %" PRId64 ", \"left_out\": %" PRId64
@@ -308,22 +310,22 @@ static void print_relations(const cairn_relation_errors *e, int64_t used, int64_
 }
 
 static int compare_relations(const char *const arguments[2], const timed_poses *t,
-                             cairn_relation_row *row, int32_t count, int32_t json)
+                             cairn_relation_table_row *row, int32_t count, int32_t json)
 {
-    cairn_relation_sums sums = {0, 0, 0, 0, 0};
-    cairn_relation_errors errors;
+    cairn_map_quality_relation_sums sums = {0, 0, 0, 0, 0};
+    cairn_map_quality_relation_errors errors;
 
     if (cairn_relation_table_find(row, count, t->stamp_ns, t->count) < 0) {
         (void)options_refuse(RELATIONS_PROGRAM, "no memory for %" PRId32 " poses", t->count);
         return TOOL_FAILED;
     }
     for (int32_t k = 0; k < count; k++) {
-        const cairn_relation_row *r = &row[k];
+        const cairn_relation_table_row *r = &row[k];
 
         if (r->first < 0 || !t->known[r->first] || !t->known[r->second])
             continue;
-        if (cairn_relation_add(&sums, r->reference, t->pose[r->first], t->pose[r->second]) !=
-            CAIRN_OK)
+        if (cairn_map_quality_relation_add(&sums, r->reference, t->pose[r->first],
+                                           t->pose[r->second]) != CAIRN_OK)
             return options_refuse(RELATIONS_PROGRAM,
                                   "%s:%" PRId64
                                   ": the relation cannot be compared, expected finite poses",
@@ -333,7 +335,7 @@ static int compare_relations(const char *const arguments[2], const timed_poses *
         return options_refuse(RELATIONS_PROGRAM,
                               "no scan of %s is in %s, expected relations between its scans",
                               arguments[0], arguments[1]);
-    errors = cairn_relation_errors_of(&sums);
+    errors = cairn_map_quality_relation_errors_of(&sums);
     print_relations(&errors, sums.count, count - sums.count, json);
     return TOOL_OK;
 }
@@ -361,7 +363,7 @@ int eval_relations(int argc, char **argv)
     size_t count = 2;
     option_result result = options_read(&set, argc, argv, arguments, &count);
     cairn_file_error error;
-    cairn_relation_row *row;
+    cairn_relation_table_row *row;
     int32_t rows;
     int code;
 

@@ -12,6 +12,7 @@ int eval_relations(int argc, char **argv);
 
 /* Reads a table of poses sorted by index, every index once. TOOL_OK and rows for
  * cairn_pose_table_free, or another exit code after a line on standard error. */
-int eval_read_poses(const char *program, const char *path, cairn_pose_row **row, int32_t *count);
+int eval_read_poses(const char *program, const char *path, cairn_pose_table_row **row,
+                    int32_t *count);
 
 #endif

@@ -18,14 +18,15 @@ typedef struct settings {
 } settings;
 
 typedef struct figures {
-    cairn_map_entropy entropy;
+    cairn_map_quality_entropy entropy;
     double likelihood,
-        quadrant[CAIRN_QUADRANTS]; /* log-likelihood, by the quadrant in which a beam ends */
+        /* log-likelihood, by the quadrant in which a beam ends */
+        quadrant[CAIRN_MAP_QUALITY_QUADRANTS];
     int64_t beams, hits;
     cairn_occupancy_grid_params grid;
 } figures;
 
-static const char *const quadrant_name[CAIRN_QUADRANTS] = {"nw", "ne", "se", "sw"};
+static const char *const quadrant_name[CAIRN_MAP_QUALITY_QUADRANTS] = {"nw", "ne", "se", "sw"};
 
 static option_result read_settings(settings *s, int argc, char **argv)
 {
@@ -67,9 +68,9 @@ static option_result read_settings(settings *s, int argc, char **argv)
 }
 
 /* Sets the poses of the scans from the table, or from the log without a table. */
-static int set_poses(const settings *s, const cairn_carmen_scans *log, map_scan *scan)
+static int set_poses(const settings *s, const cairn_carmen_log_scans *log, map_scan *scan)
 {
-    cairn_pose_row *row;
+    cairn_pose_table_row *row;
     int32_t count, k = 0;
     int code;
 
@@ -100,7 +101,7 @@ static int set_poses(const settings *s, const cairn_carmen_scans *log, map_scan 
 }
 
 /* Copies the beams of all scans. */
-static int keep_beams(const settings *s, const cairn_carmen_scans *log, map_scan *kept)
+static int keep_beams(const settings *s, const cairn_carmen_log_scans *log, map_scan *kept)
 {
     cairn_scan_params params = cairn_scan_default();
     tool_progress progress = tool_progress_begin("scans", log->count, s->quiet);
@@ -172,15 +173,15 @@ static int quadrant_of(const cairn_occupancy_grid_params *grid, cairn_vec2 p)
     int east = p.x >= grid->origin.x + (cairn_real)column * grid->resolution;
     int north = p.y >= grid->origin.y + (cairn_real)row * grid->resolution;
 
-    return north  ? (east ? CAIRN_QUADRANT_NE : CAIRN_QUADRANT_NW)
-           : east ? CAIRN_QUADRANT_SE
-                  : CAIRN_QUADRANT_SW;
+    return north  ? (east ? CAIRN_MAP_QUALITY_QUADRANT_NE : CAIRN_MAP_QUALITY_QUADRANT_NW)
+           : east ? CAIRN_MAP_QUALITY_QUADRANT_SE
+                  : CAIRN_MAP_QUALITY_QUADRANT_SW;
 }
 
 static cairn_status measure(const settings *s, const map_output *output,
                             const cairn_occupancy_grid *grid, figures *f)
 {
-    cairn_status status = cairn_map_entropy_add(grid, 0, f->grid.height, &f->entropy);
+    cairn_status status = cairn_map_quality_entropy_add(grid, 0, f->grid.height, &f->entropy);
 
     for (int32_t k = 0; k < output->count && status == CAIRN_OK; k++) {
         const map_scan *scan = &output->scan[k];
@@ -193,7 +194,8 @@ static cairn_status measure(const settings *s, const map_output *output,
 
             if (!map_beam(output, scan, i, t, &from, &to, &hit))
                 continue;
-            status = cairn_map_beam_likelihood(grid, from, to, hit, (cairn_real)s->least, &value);
+            status = cairn_map_quality_beam_likelihood(grid, from, to, hit, (cairn_real)s->least,
+                                                       &value);
             f->likelihood += (double)value;
             f->quadrant[quadrant_of(&f->grid, to)] += (double)value;
             f->beams++;
@@ -210,7 +212,7 @@ static void print_json(const figures *f, int32_t scans)
            ", \"resolution_m\": %.9g, \"entropy\": %.9g, \"log_likelihood\": %.9g",
            scans, f->beams, f->hits, f->entropy.cells, (double)f->grid.resolution,
            (double)f->entropy.total, f->likelihood);
-    for (int q = 0; q < CAIRN_QUADRANTS; q++)
+    for (int q = 0; q < CAIRN_MAP_QUALITY_QUADRANTS; q++)
         printf(", \"entropy_%s\": %.9g, \"log_likelihood_%s\": %.9g", quadrant_name[q],
                (double)f->entropy.quadrant[q], quadrant_name[q], f->quadrant[q]);
     printf("}\n");
@@ -226,7 +228,7 @@ static void print_text(const figures *f, int32_t scans)
            scans, f->beams, f->hits, f->entropy.cells, (double)f->grid.resolution,
            (double)f->entropy.total, (double)f->entropy.total / (double)f->entropy.cells,
            f->likelihood, f->likelihood / (double)f->beams);
-    for (int q = 0; q < CAIRN_QUADRANTS; q++)
+    for (int q = 0; q < CAIRN_MAP_QUALITY_QUADRANTS; q++)
         printf("%s         entropy %.2f nat, likelihood %.1f\n", quadrant_name[q],
                (double)f->entropy.quadrant[q], f->quadrant[q]);
 }
@@ -259,7 +261,7 @@ int eval_map(int argc, char **argv)
 {
     settings s = {NULL, NULL, NULL, 0.05, 30, 0, 1e-3, 0, 0};
     option_result result = read_settings(&s, argc, argv);
-    cairn_carmen_scans log;
+    cairn_carmen_log_scans log;
     map_output output = {0};
     int code;
 
@@ -283,6 +285,6 @@ int eval_map(int argc, char **argv)
     if (code == TOOL_OK)
         code = evaluate(&s, &output);
     map_scans_free(output.scan, output.count);
-    cairn_carmen_scans_free(&log);
+    cairn_carmen_log_scans_free(&log);
     return code;
 }

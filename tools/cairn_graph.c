@@ -68,7 +68,7 @@ static const char *verdict_text(const cairn_pose_graph_state *state)
 }
 
 static void print_summary(const settings *s, const cairn_pose_graph_file *file,
-                          const cairn_pose_graph_solution *out, double seconds)
+                          const cairn_pose_graph_file_solution *out, double seconds)
 {
     printf("poses      %" PRId32 "%s\n"
            "links      %" PRId32 "\n"
@@ -86,7 +86,7 @@ static void print_summary(const settings *s, const cairn_pose_graph_file *file,
 }
 
 static void print_outliers(const settings *s, const cairn_pose_graph_file *file,
-                           const cairn_pose_graph_solution *out)
+                           const cairn_pose_graph_file_solution *out)
 {
     for (int32_t e = 0; e < file->edge_count; e++)
         if (out->outlier[e])
@@ -109,7 +109,7 @@ static char *picture_path(const char *output)
 }
 
 static int draw(const settings *s, const cairn_pose_graph_file *file,
-                const cairn_pose_graph_solution *out)
+                const cairn_pose_graph_file_solution *out)
 {
     char *path = picture_path(s->output);
     cairn_file_error error;
@@ -117,13 +117,13 @@ static int draw(const settings *s, const cairn_pose_graph_file *file,
 
     if (path == NULL)
         return TOOL_FAILED;
-    status = cairn_pose_graph_file_draw(path, file, out, cairn_path_name(s->graph), &error);
+    status = cairn_pose_graph_file_draw(path, file, out, cairn_output_path_name(s->graph), &error);
     free(path);
     return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
 }
 
 static int write_all(const settings *s, cairn_pose_graph_file *file,
-                     const cairn_pose_graph_solution *out)
+                     const cairn_pose_graph_file_solution *out)
 {
     cairn_file_error error;
     int code = TOOL_OK;
@@ -143,7 +143,7 @@ static int write_all(const settings *s, cairn_pose_graph_file *file,
 int tool_graph(int argc, char **argv)
 {
     settings s = {NULL, NULL, "builtin", 0, 0, 0};
-    cairn_pose_graph_solution out;
+    cairn_pose_graph_file_solution out;
     option_result result = read_settings(&s, argc, argv);
     cairn_pose_graph_file file;
     cairn_file_error error;
@@ -156,8 +156,8 @@ int tool_graph(int argc, char **argv)
     if (cairn_pose_graph_file_read(&file, s.graph, &error) != CAIRN_OK)
         return tool_report(&error);
     memset(&out, 0, sizeof out);
-    out.solver =
-        strcmp(s.solver, "sparse") == 0 ? CAIRN_POSE_GRAPH_SPARSE : CAIRN_POSE_GRAPH_BUILTIN;
+    out.solver = strcmp(s.solver, "sparse") == 0 ? CAIRN_POSE_GRAPH_FILE_SPARSE
+                                                 : CAIRN_POSE_GRAPH_FILE_BUILTIN;
     out.keep_all = s.keep_all;
     start = tool_seconds();
     status = cairn_pose_graph_file_solve(&file, &out);
@@ -177,7 +177,7 @@ int tool_graph(int argc, char **argv)
         if (code == TOOL_OK && s.report)
             print_outliers(&s, &file, &out);
     }
-    cairn_pose_graph_solution_free(&out);
+    cairn_pose_graph_file_solution_free(&out);
     cairn_pose_graph_file_free(&file);
     return code;
 }

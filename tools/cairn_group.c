@@ -114,7 +114,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
                     "rotation from the model to the object, clockwise, degrees (-15:15)"),
         OPTION_INTEGER("--particles", &s->particles, 1, 4096, "N", "particles of the filter"),
         OPTION_TEXT("--tokens", &s->tokens, "NAME", "tokens to group: segments, or edgels"),
-        OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_MAX_PATHS, "N",
+        OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_MODEL_MAX_PATHS, "N",
                        "maximum number of paths of a model that is built from a picture"),
         OPTION_FLAG(
             "--as-written", &s->as_written,
@@ -167,16 +167,16 @@ typedef struct work {
     const char *path;
     char stem[PICTURE_NAME_BYTES];
     searched_picture picture;
-    cairn_contour_tokens tokens;
-    cairn_contour_result result;
+    cairn_contour_search_tokens tokens;
+    cairn_contour_search_result result;
     group_record record;
 } work;
 
 static void free_work(work *w)
 {
     picture_free(&w->picture);
-    cairn_contour_tokens_free(&w->tokens);
-    cairn_contour_result_free(&w->result);
+    cairn_contour_search_tokens_free(&w->tokens);
+    cairn_contour_search_result_free(&w->result);
     group_record_free(&w->record);
 }
 
@@ -191,10 +191,11 @@ static cairn_status search(const settings *s, work *w, const cairn_shape_model *
                                                   : cairn_contour_search_default(width, height);
     cairn_status status =
         s->as_written
-            ? cairn_contour_tokens_find_written(&w->tokens, view, (int32_t)s->strength, edgels,
-                                                (cairn_real)s->strong, w->path, error)
-            : cairn_contour_tokens_find(&w->tokens, view, (int32_t)s->strength, edgels, w->path,
-                                        error);
+            ? cairn_contour_search_tokens_find_written(&w->tokens, view, (int32_t)s->strength,
+                                                       edgels, (cairn_real)s->strong, w->path,
+                                                       error)
+            : cairn_contour_search_tokens_find(&w->tokens, view, (int32_t)s->strength, edgels,
+                                               w->path, error);
 
     if (status != CAIRN_OK)
         return status;
@@ -228,13 +229,13 @@ static cairn_status write_all(const settings *s, const work *w, const cairn_shap
                               cairn_file_error *error)
 {
     static const char *const endings[FILES] = {"svg", "json", "html"};
-    cairn_contour_picture picture = {cairn_path_name(w->path),
-                                     cairn_path_name(s->model),
-                                     w->picture.grey.samples,
-                                     w->picture.shrink,
-                                     &w->tokens,
-                                     model,
-                                     &w->result};
+    cairn_contour_file_picture picture = {cairn_output_path_name(w->path),
+                                          cairn_output_path_name(s->model),
+                                          w->picture.grey.samples,
+                                          w->picture.shrink,
+                                          &w->tokens,
+                                          model,
+                                          &w->result};
     char name[FILES][PICTURE_NAME_BYTES + 8];
     const char *names[FILES];
     cairn_output_set *set;
@@ -260,7 +261,7 @@ static cairn_status write_all(const settings *s, const work *w, const cairn_shap
 
 static void print_summary(const work *w, double seconds)
 {
-    const cairn_contour_result *r = &w->result;
+    const cairn_contour_search_result *r = &w->result;
 
     if (r->object_count == 0)
         printf("%s: no object, best score %.2f", w->path, (double)r->best_score);
@@ -270,7 +271,7 @@ static void print_summary(const work *w, double seconds)
     printf("; %" PRId32 " segments of %" PRId32 " chains, %zu bytes, %.2f s\n", w->tokens.count,
            w->tokens.chain_count, r->pool_bytes, seconds);
     for (int32_t i = 0; i < r->object_count; i++) {
-        const cairn_contour_object *o = &r->objects[i];
+        const cairn_contour_search_object *o = &r->objects[i];
 
         printf("  %.2f  at (%.0f, %.0f), size %.0f px, turned %.0f degrees%s, %" PRId32
                " segments\n",
@@ -307,7 +308,7 @@ int tool_group(int argc, char **argv)
 {
     static settings s;
     cairn_shape_image_params image = cairn_shape_image_default();
-    cairn_shape_builder_params builder = cairn_shape_builder_default();
+    cairn_shape_model_builder_params builder = cairn_shape_model_builder_default();
     cairn_vision_canny_params canny = cairn_vision_canny_default();
     cairn_shape_model_file model;
     cairn_file_error error;
@@ -316,7 +317,7 @@ int tool_group(int argc, char **argv)
 
     memset(&s, 0, sizeof s);
     s.tokens = "segments";
-    s.particles = cairn_grouping_default().particles;
+    s.particles = cairn_contour_grouping_default().particles;
     s.strength = 1;
     s.side = 1600;
     s.paths = builder.max_paths;

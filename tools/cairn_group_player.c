@@ -17,8 +17,8 @@
 #define PI                3.14159265358979323846
 enum { MAX_SHOWN_MODELS = 6, CIRCLE_SIDES = 48 };
 
-void group_record_step(void *context, const cairn_grouping_particle *particles, int32_t count,
-                       int32_t mirrored)
+void group_record_step(void *context, const cairn_contour_grouping_particle *particles,
+                       int32_t count, int32_t mirrored)
 {
     group_record *r = context;
     int32_t used = r->steps > 0 ? r->first[r->steps] : 0;
@@ -35,7 +35,8 @@ void group_record_step(void *context, const cairn_grouping_particle *particles, 
     }
     if (used + count > r->particle_capacity) {
         int32_t capacity = 2 * r->particle_capacity + count + 1024;
-        cairn_grouping_particle *grown = realloc(r->particles, (size_t)capacity * sizeof *grown);
+        cairn_contour_grouping_particle *grown =
+            realloc(r->particles, (size_t)capacity * sizeof *grown);
 
         r->out_of_memory |= grown == NULL;
         if (grown == NULL)
@@ -65,7 +66,7 @@ static int grow(group_record *r, void **items, int32_t *capacity, int32_t used, 
     return 1;
 }
 
-void group_record_walk(void *context, const cairn_grouping_disc *discs, int32_t count)
+void group_record_walk(void *context, const cairn_contour_grouping_disc *discs, int32_t count)
 {
     group_record *r = context;
     int32_t used = r->walks > 0 ? r->walk[r->walks] : 0;
@@ -99,8 +100,8 @@ static cairn_vec2 flipped(cairn_vec2 p)
 }
 
 /* Adds the edges as scan 0, which does not move, and an empty scan per particle. */
-static cairn_status add_scans(cairn_report_player *player, const cairn_contour_tokens *tokens,
-                              int32_t most)
+static cairn_status add_scans(cairn_report_player *player,
+                              const cairn_contour_search_tokens *tokens, int32_t most)
 {
     cairn_segment *lines = malloc(((size_t)tokens->count + 1) * sizeof *lines);
     cairn_report_scan scan = {NULL, lines, 0, tokens->count};
@@ -119,7 +120,7 @@ static cairn_status add_scans(cairn_report_player *player, const cairn_contour_t
     return status;
 }
 
-static cairn_vec2 place(const cairn_grouping_particle *p, cairn_vec2 m, int mirrored)
+static cairn_vec2 place(const cairn_contour_grouping_particle *p, cairn_vec2 m, int mirrored)
 {
     double c = (double)p->size * cos((double)p->turn), s = (double)p->size * sin((double)p->turn);
     double x = mirrored ? -(double)m.x : (double)m.x, y = (double)m.y;
@@ -130,7 +131,7 @@ static cairn_vec2 place(const cairn_grouping_particle *p, cairn_vec2 m, int mirr
 }
 
 /* A model's outline as dashes; their number. */
-static int32_t add_outline(const cairn_shape_model *m, const cairn_grouping_particle *p,
+static int32_t add_outline(const cairn_shape_model *m, const cairn_contour_grouping_particle *p,
                            int mirrored, double strength, cairn_report_hypothesis *guesses)
 {
     int32_t count = 0;
@@ -153,10 +154,10 @@ static int32_t add_dash(cairn_report_hypothesis *guess, cairn_vec2 a, cairn_vec2
 
 /* The walk of the heaviest particle: its contour and skeleton, and the circles about both open
  * ends in which it looks ahead; their number. */
-static int32_t add_walk(const group_record *r, const cairn_contour_picture *p, int32_t step,
+static int32_t add_walk(const group_record *r, const cairn_contour_file_picture *p, int32_t step,
                         cairn_report_hypothesis *guesses)
 {
-    const cairn_grouping_disc *d = &r->discs[r->walk[step]];
+    const cairn_contour_grouping_disc *d = &r->discs[r->walk[step]];
     int32_t n = 0, count = r->walk[step + 1] - r->walk[step];
 
     for (int32_t i = 0; i < count; i++) {
@@ -182,7 +183,7 @@ static int32_t add_walk(const group_record *r, const cairn_contour_picture *p, i
     return n;
 }
 
-static cairn_pose pose_of(const cairn_shape_model *m, const cairn_grouping_particle *p,
+static cairn_pose pose_of(const cairn_shape_model *m, const cairn_contour_grouping_particle *p,
                           int mirrored)
 {
     int32_t before = p->sample > 0 ? p->sample - 1 : 0,
@@ -202,13 +203,14 @@ typedef struct frame_memory {
 } frame_memory;
 
 static cairn_status add_frame(cairn_report_player *player, const group_record *r,
-                              const cairn_contour_picture *p, int32_t step, frame_memory *memory)
+                              const cairn_contour_file_picture *p, int32_t step,
+                              frame_memory *memory)
 {
     int mirrored = step >= r->mirrored_from;
     int32_t own = mirrored ? step - r->mirrored_from : step,
             count = r->first[step + 1] - r->first[step], best = 0;
-    const cairn_grouping_particle *particles = &r->particles[r->first[step]];
-    const cairn_grouping_trace *t = &p->result->trace[mirrored][own];
+    const cairn_contour_grouping_particle *particles = &r->particles[r->first[step]];
+    const cairn_contour_grouping_trace *t = &p->result->trace[mirrored][own];
     double values[4] = {(double)t->n_eff, exp((double)t->log_likelihood),
                         (double)p->result->mode_counts[mirrored][own], (double)t->followers};
     cairn_report_frame frame = {.step = step + 1,
@@ -249,7 +251,7 @@ static cairn_status add_frame(cairn_report_player *player, const group_record *r
 }
 
 static cairn_status add_frames(cairn_report_player *player, const group_record *r,
-                               const cairn_contour_picture *p, int32_t most)
+                               const cairn_contour_file_picture *p, int32_t most)
 {
     int32_t discs = 0;
     frame_memory memory = {malloc(((size_t)most + 1) * sizeof *memory.pose),
@@ -282,7 +284,7 @@ static cairn_status add_frames(cairn_report_player *player, const group_record *
 }
 
 /* Sets the searched image as the grid, bottom row first. */
-static cairn_status set_grid(cairn_report_player *player, const cairn_contour_picture *p)
+static cairn_status set_grid(cairn_report_player *player, const cairn_contour_file_picture *p)
 {
     int32_t w = p->tokens->width, h = p->tokens->height;
     uint8_t *pixel = malloc((size_t)w * (size_t)h);
@@ -301,7 +303,7 @@ static cairn_status set_grid(cairn_report_player *player, const cairn_contour_pi
 }
 
 static cairn_status record(cairn_report_player *player, const group_record *r,
-                           const cairn_contour_picture *p)
+                           const cairn_contour_file_picture *p)
 {
     int32_t most = 0;
     cairn_status status;
@@ -314,7 +316,7 @@ static cairn_status record(cairn_report_player *player, const group_record *r,
     return status == CAIRN_OK && p->grey != NULL ? set_grid(player, p) : status;
 }
 
-cairn_status group_record_write(const group_record *r, const cairn_contour_picture *picture,
+cairn_status group_record_write(const group_record *r, const cairn_contour_file_picture *picture,
                                 const char *path, cairn_file_error *error)
 {
     static const cairn_report_curve curves[] = {

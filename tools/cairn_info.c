@@ -16,7 +16,7 @@ typedef struct beam_counts {
     float range_max;             /* m, the largest limit of any scan */
 } beam_counts;
 
-static void count_beams(beam_counts *counts, const cairn_carmen_record *record, int first)
+static void count_beams(beam_counts *counts, const cairn_carmen_log_record *record, int first)
 {
     if (first) {
         counts->angle_min = record->scan.angle_min;
@@ -42,13 +42,13 @@ static int read_beams(cairn_carmen_log *log, beam_counts *counts, int32_t quiet)
 {
     tool_progress progress =
         tool_progress_begin("reading", cairn_carmen_log_info(log).scans, quiet);
-    cairn_carmen_record record;
+    cairn_carmen_log_record record;
     cairn_file_error error;
     cairn_status status;
     int64_t scans = 0;
 
     while ((status = cairn_carmen_log_next(log, &record, &error)) == CAIRN_OK) {
-        if (record.kind != CAIRN_CARMEN_SCAN)
+        if (record.kind != CAIRN_CARMEN_LOG_SCAN)
             continue;
         count_beams(counts, &record, scans == 0);
         tool_progress_at(&progress, ++scans);
@@ -76,7 +76,8 @@ static void print_range(const char *label, int64_t least, int64_t most, const ch
         printf("%-12s %" PRId64 " to %" PRId64 " %s\n", label, least, most, unit);
 }
 
-static void print_text(const char *path, const cairn_carmen_info *info, const beam_counts *beams)
+static void print_text(const char *path, const cairn_carmen_log_summary *info,
+                       const beam_counts *beams)
 {
     char first[CAIRN_NUMBER_TEXT_BYTES], last[CAIRN_NUMBER_TEXT_BYTES];
     double seconds = (double)(info->latest_ns - info->earliest_ns) * 1e-9;
@@ -114,7 +115,7 @@ static void print_text(const char *path, const cairn_carmen_info *info, const be
 
 int tool_info(int argc, char **argv)
 {
-    cairn_carmen_params params = cairn_carmen_default();
+    cairn_carmen_log_params params = cairn_carmen_log_default();
     tool_faults faults = {0, 0};
     int32_t quiet = 0;
     const option table[] = {
@@ -131,7 +132,7 @@ int tool_info(int argc, char **argv)
     size_t word_count = 1;
     beam_counts beams = {0, 0, 0, 0, 0, 0, 0};
     cairn_carmen_log *log;
-    cairn_carmen_info info;
+    cairn_carmen_log_summary info;
     cairn_file_error error;
     option_result result;
     int code;

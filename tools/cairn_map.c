@@ -94,7 +94,7 @@ static const char *verdict_text(cairn_mapper_verdict verdict)
 int map_copy_result(const map_input *input, const cairn_mapper *mapper, int32_t index,
                     map_scan *scan, map_place *place)
 {
-    const cairn_carmen_record *record = &input->record[index];
+    const cairn_carmen_log_record *record = &input->record[index];
     cairn_mapper_result result = cairn_mapper_read(mapper);
     cairn_scan_view view = cairn_mapper_view(mapper);
 
@@ -276,7 +276,7 @@ static int feed(const map_settings *s, const map_input *input, cairn_mapper *map
 
     *full = 0;
     for (i = 0; i < input->count; i++) {
-        const cairn_carmen_record *record = &input->record[i];
+        const cairn_carmen_log_record *record = &input->record[i];
         cairn_fault fault = {-1, NULL};
         cairn_mapper_result result;
         cairn_scan_input scan = map_scan_input(s, input, i);
@@ -333,7 +333,7 @@ static cairn_status open_player(const map_settings *s, const map_input *input,
     *player = NULL;
     if (s->report == NULL)
         return CAIRN_OK;
-    snprintf(title, sizeof title, "%s, mapped", cairn_path_name(s->log));
+    snprintf(title, sizeof title, "%s, mapped", cairn_output_path_name(s->log));
     snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans%s", input->count,
              s->no_odometry ? ", without odometry" : "");
     params.title = title;
@@ -366,7 +366,7 @@ static int graph_of(const cairn_mapper *mapper, cairn_pose_graph_file *graph)
     }
     for (int32_t i = 0; i < links; i++) {
         cairn_mapper_link link = cairn_mapper_link_at(mapper, i);
-        cairn_pose_graph_edge *edge = &graph->edge[graph->edge_count];
+        cairn_pose_graph_file_edge *edge = &graph->edge[graph->edge_count];
 
         if (link.is_outlier)
             continue;
@@ -409,7 +409,7 @@ static int write_all(const map_settings *s, const map_input *input, const cairn_
     }
     for (int32_t i = 0; i < input->count; i++)
         scans[i].after = current_pose(mapper, &places[i]);
-    snprintf(title, sizeof title, "%s, mapped", cairn_path_name(s->log));
+    snprintf(title, sizeof title, "%s, mapped", cairn_output_path_name(s->log));
     snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans, %" PRId32 " keyframes%s", input->count,
              cairn_mapper_measure(mapper).keyframes, s->no_odometry ? ", without odometry" : "");
     output = map_output_of(s, scans, input->count);

@@ -116,7 +116,7 @@ static cairn_status open_player(filter_run *run)
 
     if (run->settings->report == NULL)
         return CAIRN_OK;
-    snprintf(title, sizeof title, "%s, mapped", cairn_path_name(run->settings->log));
+    snprintf(title, sizeof title, "%s, mapped", cairn_output_path_name(run->settings->log));
     snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans, the best of %" PRId64 " particles",
              run->input->count, run->settings->particles);
     params.title = title;
@@ -137,7 +137,7 @@ static int write_all(filter_run *run, map_scan *scans, const map_place *places)
 
     for (int32_t i = 0; i < count; i++)
         scans[i].after = cairn_pose_compose(run->path[places[i].keyframe], places[i].keyframe_scan);
-    snprintf(title, sizeof title, "%s, mapped", cairn_path_name(run->settings->log));
+    snprintf(title, sizeof title, "%s, mapped", cairn_output_path_name(run->settings->log));
     snprintf(subtitle, sizeof subtitle,
              "%" PRId32 " scans, %" PRId32 " keyframes, the best of %" PRId64 " particles", count,
              keys, run->settings->particles);

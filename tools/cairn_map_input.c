@@ -9,7 +9,7 @@
 
 static int load_log(map_log *log, double range_max, int32_t quiet)
 {
-    cairn_carmen_params params = cairn_carmen_default();
+    cairn_carmen_log_params params = cairn_carmen_log_default();
     tool_faults faults = {0, quiet};
     cairn_range_table_kind kind;
     cairn_file_error error;
@@ -23,7 +23,7 @@ static int load_log(map_log *log, double range_max, int32_t quiet)
         return tool_report(&error);
     log->has_odometry = 1;
     if (kind == CAIRN_RANGE_TABLE_NONE)
-        status = cairn_carmen_load(&log->scans, log->path, &params, &error);
+        status = cairn_carmen_log_load(&log->scans, log->path, &params, &error);
     else
         status = cairn_range_table_load(&log->scans, &log->has_odometry, log->path, kind, &params,
                                         &error);
@@ -43,7 +43,7 @@ static int join(map_input *input)
         return 0;
     for (int32_t i = 0; i < input->log_count; i++) {
         map_log *log = &input->log[i];
-        const cairn_carmen_info *info = &log->scans.info;
+        const cairn_carmen_log_summary *info = &log->scans.info;
 
         log->first = input->count;
         memcpy(&input->record[input->count], log->scans.record,
@@ -83,7 +83,7 @@ int map_input_load(map_input *input, const char *const *path, int32_t count, dou
 void map_input_free(map_input *input)
 {
     for (int32_t i = 0; i < input->log_count; i++)
-        cairn_carmen_scans_free(&input->log[i].scans);
+        cairn_carmen_log_scans_free(&input->log[i].scans);
     free(input->record);
     memset(input, 0, sizeof *input);
 }

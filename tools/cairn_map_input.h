@@ -8,7 +8,7 @@ enum { MAP_MAX_LOGS = 64 };
 
 typedef struct map_log {
     const char *path;
-    cairn_carmen_scans scans; /* its records are moved to map_input.record */
+    cairn_carmen_log_scans scans; /* its records are moved to map_input.record */
     int32_t has_odometry;
     int32_t first; /* index of its first scan among all */
 } map_log;
@@ -16,7 +16,7 @@ typedef struct map_log {
 typedef struct map_input {
     map_log log[MAP_MAX_LOGS];
     int32_t log_count;
-    cairn_carmen_record *record; /* [count] of all logs */
+    cairn_carmen_log_record *record; /* [count] of all logs */
     int32_t count;
     int32_t beams_most;
     int32_t has_odometry; /* 1: at least one log has odometry */

@@ -56,13 +56,13 @@ int32_t map_scan_copy(map_scan *scan, const cairn_scan_view *view)
         return 0;
     scan->sensor = view->sensor;
     for (int32_t i = 0; i < view->beam_count; i++) {
-        const cairn_beam *beam = &view->beams[i];
+        const cairn_scan_beam *beam = &view->beams[i];
 
-        if (beam->kind == CAIRN_BEAM_UNKNOWN)
+        if (beam->kind == CAIRN_SCAN_BEAM_UNKNOWN)
             continue;
         scan->beam[2 * scan->beam_count] = (float)beam->to.x;
         scan->beam[2 * scan->beam_count + 1] = (float)beam->to.y;
-        scan->hit[scan->beam_count++] = beam->kind == CAIRN_BEAM_HIT;
+        scan->hit[scan->beam_count++] = beam->kind == CAIRN_SCAN_BEAM_HIT;
     }
     for (int32_t i = 0; i < view->point_count; i++)
         scan->point[i] = view->points[i].position;
@@ -179,11 +179,12 @@ static cairn_status read_grid(const cairn_occupancy_grid *grid, cairn_map_file *
     view.width = map->width;
     view.height = map->height;
     view.stride = map->width;
-    status = cairn_occupancy_grid_classify(grid, cairn_occupancy_thresholds_default(), 0, view);
+    status =
+        cairn_occupancy_grid_classify(grid, cairn_occupancy_grid_thresholds_default(), 0, view);
     for (size_t i = 0; i < (size_t)map->width * (size_t)map->height && status == CAIRN_OK; i++)
-        map->occupancy[i] = (int8_t)(map->pixel[i] == CAIRN_CELL_OCCUPIED ? 100
-                                     : map->pixel[i] == CAIRN_CELL_FREE   ? 0
-                                                                          : -1);
+        map->occupancy[i] = (int8_t)(map->pixel[i] == CAIRN_OCCUPANCY_GRID_OCCUPIED ? 100
+                                     : map->pixel[i] == CAIRN_OCCUPANCY_GRID_FREE   ? 0
+                                                                                    : -1);
     return status;
 }
 
@@ -263,7 +264,7 @@ static cairn_status make_map(const map_output *output, cairn_map_file *map, cair
 
 static cairn_status write_poses(const map_output *output, const char *path, cairn_file_error *error)
 {
-    cairn_pose_row *row = malloc((size_t)output->count * sizeof *row);
+    cairn_pose_table_row *row = malloc((size_t)output->count * sizeof *row);
     cairn_status status;
 
     if (row == NULL)
@@ -272,7 +273,7 @@ static cairn_status write_poses(const map_output *output, const char *path, cair
     for (int32_t i = 0; i < output->count; i++) {
         const map_scan *scan = &output->scan[i];
 
-        row[i] = cairn_pose_row_of(i, scan->after);
+        row[i] = cairn_pose_table_row_of(i, scan->after);
         row[i].line = scan->line;
         row[i].stamp_ns = scan->stamp_ns;
         memcpy(row[i].covariance, scan->covariance, sizeof row[i].covariance);
@@ -408,8 +409,8 @@ cairn_status map_output_write(const map_output *output, const char *folder, cair
     if (status == CAIRN_OK)
         status = write_poses(output, cairn_output_set_path(files, POSES), error);
     if (status == CAIRN_OK)
-        status =
-            cairn_map_file_write(&map, cairn_output_set_path(files, YAML), CAIRN_MAP_PGM, error);
+        status = cairn_map_file_write(&map, cairn_output_set_path(files, YAML), CAIRN_MAP_FILE_PGM,
+                                      error);
     if (status == CAIRN_OK)
         status = write_picture(output, &map, cairn_output_set_path(files, PICTURE), error);
     if (status == CAIRN_OK && output->graph != NULL)

@@ -51,12 +51,12 @@ static int refuse_index(const match_input *input, const char *program, int32_t c
 
 static int load_csm(match_input *input, const char *program, double range_max)
 {
-    cairn_csm_params params = cairn_csm_default();
+    cairn_csm_scan_params params = cairn_csm_scan_default();
     cairn_file_error error;
 
     if (range_max > 0)
         params.range_max = range_max;
-    if (cairn_csm_load(&input->csm, input->path, &params, &error) != CAIRN_OK)
+    if (cairn_csm_scan_load(&input->csm, input->path, &params, &error) != CAIRN_OK)
         return tool_report(&error);
     if (input->index >= input->csm.count)
         return refuse_index(input, program, input->csm.count);
@@ -93,6 +93,6 @@ int match_input_load(match_input *input, const char *program, const char *word, 
 void match_input_free(match_input *input)
 {
     free(input->path);
-    cairn_csm_scans_free(&input->csm);
-    cairn_carmen_scans_free(&input->carmen);
+    cairn_csm_scan_list_free(&input->csm);
+    cairn_carmen_log_scans_free(&input->carmen);
 }

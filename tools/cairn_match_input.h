@@ -10,8 +10,8 @@ typedef struct match_input {
     int64_t index; /* among the scans of the file, from 0 */
     int64_t line;
     cairn_scan_input scan; /* its arrays belong to carmen or csm */
-    cairn_carmen_scans carmen;
-    cairn_csm_scans csm;
+    cairn_carmen_log_scans carmen;
+    cairn_csm_scan_list csm;
 } match_input;
 
 /* Reads FILE or FILE:INDEX, a CARMEN log or scans of CSM, told apart by the first character.

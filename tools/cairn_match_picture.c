@@ -63,8 +63,8 @@ cairn_status match_no_memory(const char *path, cairn_file_error *error)
 void match_names(const match_record *record, char *title, size_t size)
 {
     (void)snprintf(title, size, "%s:%" PRId64 " and %s:%" PRId64,
-                   cairn_path_name(record->target.input.path), record->target.input.index,
-                   cairn_path_name(record->query.input.path), record->query.input.index);
+                   cairn_output_path_name(record->target.input.path), record->target.input.index,
+                   cairn_output_path_name(record->query.input.path), record->query.input.index);
 }
 
 /* ---- overlay ---- */
@@ -170,8 +170,8 @@ cairn_status match_draw_tangents(const match_record *record, const char *path,
     plot[1].box.min.y = -180;
     plot[1].box.max.y = 180;
     plot[1].box.max.x = (cairn_real)(view->point_count > 1 ? view->point_count - 1 : 1);
-    (void)snprintf(title, sizeof title, "%s:%" PRId64, cairn_path_name(record->query.input.path),
-                   record->query.input.index);
+    (void)snprintf(title, sizeof title, "%s:%" PRId64,
+                   cairn_output_path_name(record->query.input.path), record->query.input.index);
     (void)snprintf(subtitle, sizeof subtitle, "%" PRId32 " points on %" PRId32 " walls",
                    view->point_count, view->segment_count);
     figure.title = title;

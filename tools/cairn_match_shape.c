@@ -105,8 +105,8 @@ cairn_status match_draw_histogram(const match_record *record, const char *path,
     plot[1].layer_count = 1;
     plot[1].box.max.x = 360;
     plot[1].box.max.y = 1;
-    (void)snprintf(title, sizeof title, "%s:%" PRId64, cairn_path_name(record->query.input.path),
-                   record->query.input.index);
+    (void)snprintf(title, sizeof title, "%s:%" PRId64,
+                   cairn_output_path_name(record->query.input.path), record->query.input.index);
     (void)snprintf(subtitle, sizeof subtitle, "point %" PRId32 " of %" PRId32, point,
                    record->query.view.point_count);
     figure.title = title;

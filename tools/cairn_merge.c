@@ -126,12 +126,14 @@ static uint8_t class_of(const cairn_map_file *file, int8_t value)
     double p = (double)value / 100;
 
     if (value < 0)
-        return CAIRN_CELL_UNKNOWN;
-    if (file->mode == CAIRN_MAP_RAW)
-        return p >= (double)file->occupied_threshold ? CAIRN_CELL_OCCUPIED
-               : p <= (double)file->free_threshold   ? CAIRN_CELL_FREE
-                                                     : CAIRN_CELL_UNKNOWN;
-    return value == 100 ? CAIRN_CELL_OCCUPIED : value == 0 ? CAIRN_CELL_FREE : CAIRN_CELL_UNKNOWN;
+        return CAIRN_OCCUPANCY_GRID_UNKNOWN;
+    if (file->mode == CAIRN_MAP_FILE_RAW)
+        return p >= (double)file->occupied_threshold ? CAIRN_OCCUPANCY_GRID_OCCUPIED
+               : p <= (double)file->free_threshold   ? CAIRN_OCCUPANCY_GRID_FREE
+                                                     : CAIRN_OCCUPANCY_GRID_UNKNOWN;
+    return value == 100 ? CAIRN_OCCUPANCY_GRID_OCCUPIED
+           : value == 0 ? CAIRN_OCCUPANCY_GRID_FREE
+                        : CAIRN_OCCUPANCY_GRID_UNKNOWN;
 }
 
 /* Classifies all cells. Returns 0 when there is no memory. */
@@ -162,7 +164,8 @@ static void coarsen(merge_job *job, int32_t k)
         out.height = map->height;
         out.stride = map->width;
         if (cairn_map_merge_coarsen(fine, k, out) != CAIRN_OK)
-            memset(map->cells, CAIRN_CELL_UNKNOWN, (size_t)map->width * (size_t)map->height);
+            memset(map->cells, CAIRN_OCCUPANCY_GRID_UNKNOWN,
+                   (size_t)map->width * (size_t)map->height);
     }
 }
 
@@ -213,7 +216,7 @@ static cairn_map_merge_params params_for(const merge_job *job)
     p.max_map_cells = (int32_t)most;
     p.max_points = 4096;
     if (s->perception != NULL && strcmp(s->perception, "images") == 0)
-        p.perception = CAIRN_MERGE_IMAGES;
+        p.perception = CAIRN_MAP_MERGE_IMAGES;
     p.particles = (int32_t)s->particles;
     p.min_score = (cairn_real)s->min_score;
     p.seed = (uint64_t)s->seed;
@@ -224,7 +227,7 @@ static cairn_map_merge_params params_for(const merge_job *job)
 static int add_start(const merge_job *job)
 {
     cairn_file_error error;
-    cairn_pose_row *row;
+    cairn_pose_table_row *row;
     int32_t count;
 
     if (job->settings->start == NULL)
@@ -250,9 +253,9 @@ static int begin(merge_job *job)
 
     for (int32_t i = 0; i < s->count; i++) {
         merge_tool_map *map = &job->map[i];
-        cairn_merge_map input = {{map->cells, map->width, map->height, map->width},
-                                 (cairn_real)map->resolution,
-                                 map->file.origin};
+        cairn_map_merge_map input = {{map->cells, map->width, map->height, map->width},
+                                     (cairn_real)map->resolution,
+                                     map->file.origin};
         cairn_fault fault = {-1, "refused"};
 
         if (cairn_map_merge_add(job->merge, &input, &fault) != CAIRN_OK)
@@ -281,7 +284,7 @@ static int begin(merge_job *job)
  * log-likelihood ratio. */
 static int is_better(const merge_job *job)
 {
-    cairn_merge_result result = cairn_map_merge_read(job->merge);
+    cairn_map_merge_result result = cairn_map_merge_read(job->merge);
 
     return job->k == 0 || result.placed > job->result.placed ||
            (result.placed == job->result.placed &&
@@ -384,8 +387,8 @@ static int write_files(merge_job *job)
         return tool_report(&error);
     status = cairn_output_set_open(&set, job->settings->folder, file_names, FILES, &error);
     if (status == CAIRN_OK) {
-        status =
-            cairn_map_file_write(&merged, cairn_output_set_path(set, YAML), CAIRN_MAP_PGM, &error);
+        status = cairn_map_file_write(&merged, cairn_output_set_path(set, YAML), CAIRN_MAP_FILE_PGM,
+                                      &error);
         if (status == CAIRN_OK)
             status = merge_write_yaml(job, cairn_output_set_path(set, TRANSFORMS_YAML), &error);
         if (status == CAIRN_OK)
@@ -414,14 +417,14 @@ static void print_summary(const merge_job *job, double seconds)
                 printf(" %" PRId32, i);
     printf("\n");
     for (int32_t i = 0; i < s->count; i++) {
-        const cairn_merge_placed *p = &job->map[i].placed;
+        const cairn_map_merge_placed *p = &job->map[i].placed;
 
-        if (p->verdict == CAIRN_MERGE_PLACED)
+        if (p->verdict == CAIRN_MAP_MERGE_PLACED)
             printf("%-10" PRId32 " %.3f %.3f %.4f  error probability %.2g  %s\n", i,
                    (double)p->reference_map.x, (double)p->reference_map.y,
                    (double)p->reference_map.theta, (double)p->error_probability, s->map[i]);
         else
-            printf("%-10" PRId32 " rejected: %s  %s\n", i, cairn_merge_verdict_text(p->verdict),
+            printf("%-10" PRId32 " rejected: %s  %s\n", i, cairn_map_merge_verdict_text(p->verdict),
                    s->map[i]);
     }
     printf("downsampled %" PRId32 " by %" PRId32 "\nseconds    %.3f\npool       %zu bytes\n",

@@ -30,7 +30,7 @@ typedef struct merge_tool_map {
     int32_t width, height;
     double resolution; /* m */
     int32_t loaded;
-    cairn_merge_placed placed;
+    cairn_map_merge_placed placed;
 } merge_tool_map;
 
 /* A pose hypothesis of a map relative to a map placed before it. */
@@ -38,7 +38,7 @@ typedef struct merge_place {
     int32_t map, placed_map;
     cairn_pose pose; /* of the map's frame in that of the reference */
     cairn_real log_likelihood_ratio;
-    cairn_merge_score score;
+    cairn_map_merge_pair_score score;
     double psi_share, gamma_share; /* relative to the sum over all hypotheses of the map */
     double product; /* product of both shares, normalized over the map's hypotheses */
 } merge_place;
@@ -47,7 +47,7 @@ typedef struct merge_job {
     const merge_settings *settings;
     merge_tool_map map[MERGE_MAX_MAPS];
     cairn_map_merge *merge;
-    cairn_merge_result result;
+    cairn_map_merge_result result;
     size_t pool_bytes;
     merge_place *place; /* [place_count] */
     int32_t place_count;

@@ -11,7 +11,7 @@
 
 static int is_placed(const merge_job *job, int32_t i)
 {
-    return job->map[i].placed.verdict == CAIRN_MERGE_PLACED;
+    return job->map[i].placed.verdict == CAIRN_MAP_MERGE_PLACED;
 }
 
 /* Transforms a position in cells of a map to the frame of the reference. */
@@ -45,7 +45,7 @@ static uint8_t cell_at(const merge_tool_map *map, cairn_transform grid_reference
     double x = floor((double)q.x / map->resolution), y = floor((double)q.y / map->resolution);
 
     if (!(x >= 0 && y >= 0 && x < map->width && y < map->height))
-        return CAIRN_CELL_UNKNOWN;
+        return CAIRN_OCCUPANCY_GRID_UNKNOWN;
     return map->cells[(size_t)y * (size_t)map->width + (size_t)x];
 }
 
@@ -64,8 +64,9 @@ static void vote(const merge_tool_map *map, const cairn_map_file *merged, int8_t
                 merged->origin.y + ((cairn_real)y + CAIRN_REAL(0.5)) * merged->resolution};
             uint8_t cell = cell_at(map, t, p);
 
-            sum[at] = (int8_t)(sum[at] + (cell == CAIRN_CELL_OCCUPIED) - (cell == CAIRN_CELL_FREE));
-            known[at] = (uint8_t)(known[at] | (cell != CAIRN_CELL_UNKNOWN));
+            sum[at] = (int8_t)(sum[at] + (cell == CAIRN_OCCUPANCY_GRID_OCCUPIED) -
+                               (cell == CAIRN_OCCUPANCY_GRID_FREE));
+            known[at] = (uint8_t)(known[at] | (cell != CAIRN_OCCUPANCY_GRID_UNKNOWN));
         }
 }
 
@@ -143,7 +144,7 @@ cairn_status merge_write_yaml(const merge_job *job, const char *path, cairn_file
             }
     cairn_output_print(out, "]\nmaps:\n");
     for (int32_t i = 0; i < s->count; i++) {
-        const cairn_merge_placed *p = &job->map[i].placed;
+        const cairn_map_merge_placed *p = &job->map[i].placed;
 
         cairn_output_print(out, "  - map: ");
         print_quoted(out, s->map[i]);
@@ -154,7 +155,7 @@ cairn_status merge_write_yaml(const merge_job *job, const char *path, cairn_file
                                (double)p->reference_map.x, (double)p->reference_map.y,
                                (double)p->reference_map.theta, (double)p->error_probability);
         else
-            cairn_output_print(out, "    reason: %s\n", cairn_merge_verdict_text(p->verdict));
+            cairn_output_print(out, "    reason: %s\n", cairn_map_merge_verdict_text(p->verdict));
         cairn_output_print(out, "    support: %.9g\n    rival: %.9g\n", (double)p->support,
                            (double)p->competing_support);
     }
@@ -162,7 +163,7 @@ cairn_status merge_write_yaml(const merge_job *job, const char *path, cairn_file
 }
 
 /* A word for each verdict, without spaces. */
-static const char *verdict_word(cairn_merge_verdict verdict)
+static const char *verdict_word(cairn_map_merge_verdict verdict)
 {
     static const char *const words[] = {"placed",    "empty",  "no-overlap", "weak",
                                         "ambiguous", "slides", "no-corner"};
@@ -179,7 +180,7 @@ cairn_status merge_write_csv(const merge_job *job, const char *path, cairn_file_
         return status;
     cairn_output_print(out, "index,x,y,theta,verdict,wrong,support,rival,neighbours\n");
     for (int32_t i = 0; i < job->settings->count; i++) {
-        const cairn_merge_placed *p = &job->map[i].placed;
+        const cairn_map_merge_placed *p = &job->map[i].placed;
 
         cairn_output_print(out, "%" PRId32 ",%.9g,%.9g,%.9g,%s,%.3g,%.9g,%.9g,%" PRId32 "\n", i,
                            (double)p->reference_map.x, (double)p->reference_map.y,
@@ -214,13 +215,13 @@ static cairn_vec2 *walls_of(const merge_tool_map *map, int32_t *count)
     cairn_vec2 *points;
 
     for (size_t i = 0; i < cells; i++)
-        walls += map->cells[i] == CAIRN_CELL_OCCUPIED;
+        walls += map->cells[i] == CAIRN_OCCUPANCY_GRID_OCCUPIED;
     points = malloc((walls + 1) * sizeof *points);
     *count = 0;
     for (size_t i = 0; i < cells && points != NULL; i++) {
         size_t column = i % (size_t)map->width, row = i / (size_t)map->width;
 
-        if (map->cells[i] == CAIRN_CELL_OCCUPIED)
+        if (map->cells[i] == CAIRN_OCCUPANCY_GRID_OCCUPIED)
             points[(*count)++] = cell_in_reference(map, (double)column + 0.5, (double)row + 0.5);
     }
     return points;
@@ -234,8 +235,8 @@ static void list_refused(const merge_job *job, char *text, size_t size)
     for (int32_t i = 0; i < job->settings->count && used < size; i++)
         if (!is_placed(job, i))
             used += (size_t)snprintf(text + used, size - used, "; %s rejected: %s",
-                                     cairn_path_name(job->settings->map[i]),
-                                     cairn_merge_verdict_text(job->map[i].placed.verdict));
+                                     cairn_output_path_name(job->settings->map[i]),
+                                     cairn_map_merge_verdict_text(job->map[i].placed.verdict));
 }
 
 cairn_status merge_write_picture(const merge_job *job, const char *path, cairn_file_error *error)
@@ -256,7 +257,7 @@ cairn_status merge_write_picture(const merge_job *job, const char *path, cairn_f
             continue;
         memset(l, 0, sizeof *l);
         colour_of(i, colour[i]);
-        l->name = cairn_path_name(job->settings->map[i]);
+        l->name = cairn_output_path_name(job->settings->map[i]);
         l->colour = colour[i];
         l->mark = CAIRN_REPORT_DOTS;
         l->width = 1.5;

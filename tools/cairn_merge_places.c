@@ -10,9 +10,9 @@
 /* Returns 1 when `other` was placed before `map`. For a rejected map all placed maps count. */
 static int was_before(const merge_job *job, int32_t other, int32_t map)
 {
-    const cairn_merge_placed *a = &job->map[other].placed, *b = &job->map[map].placed;
+    const cairn_map_merge_placed *a = &job->map[other].placed, *b = &job->map[map].placed;
 
-    return other != map && a->verdict == CAIRN_MERGE_PLACED && a->rank < b->rank;
+    return other != map && a->verdict == CAIRN_MAP_MERGE_PLACED && a->rank < b->rank;
 }
 
 /* Appends a hypothesis. Returns 0 when there is no memory. */

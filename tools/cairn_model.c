@@ -29,7 +29,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_INTEGER("--points", &s->points, 16, 1024, "N", "samples of the outline"),
         OPTION_INTEGER("--samples", &s->samples, 4, 256, "N",
                        "samples of a path that covers the complete outline"),
-        OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_MAX_PATHS, "N",
+        OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_MODEL_MAX_PATHS, "N",
                        "maximum number of paths; 1: only the longest"),
         OPTION_TEXT("--holes", &s->holes, "NAME",
                     "holes: keep as separate outlines, fill, or refuse"),
@@ -73,11 +73,11 @@ static cairn_status load(const settings *s, cairn_shape_model_file *file, cairn_
                          cairn_file_error *error)
 {
     cairn_shape_image_params image = cairn_shape_image_default();
-    cairn_shape_builder_params builder = cairn_shape_builder_default();
+    cairn_shape_model_builder_params builder = cairn_shape_model_builder_default();
 
-    image.holes = s->holes[0] == 'k'   ? CAIRN_SHAPE_HOLES_KEEP
-                  : s->holes[0] == 'f' ? CAIRN_SHAPE_HOLES_FILL
-                                       : CAIRN_SHAPE_HOLES_REFUSE;
+    image.holes = s->holes[0] == 'k'   ? CAIRN_SHAPE_IMAGE_HOLES_KEEP
+                  : s->holes[0] == 'f' ? CAIRN_SHAPE_IMAGE_HOLES_FILL
+                                       : CAIRN_SHAPE_IMAGE_HOLES_REFUSE;
     image.max_gap = s->gap;
     image.min_part = s->part;
     builder.outline_samples = (int32_t)s->points;
@@ -111,7 +111,7 @@ static void print_summary(const cairn_shape_model *m, const cairn_shape_image *t
 static cairn_status draw_parts(const settings *s, const cairn_shape_model *model,
                                cairn_file_error *error)
 {
-    cairn_part_cut cut[CAIRN_PART_MAX_FRAGMENTS];
+    cairn_part_bundle_cut cut[CAIRN_PART_MAX_FRAGMENTS];
     int32_t count = 0;
     cairn_status status =
         s->cuts == NULL ? CAIRN_OK : cairn_part_cut_file_read(cut, &count, s->cuts, error);
@@ -119,12 +119,12 @@ static cairn_status draw_parts(const settings *s, const cairn_shape_model *model
     if (status != CAIRN_OK)
         return status;
     return cairn_shape_model_file_draw_parts(model, s->cuts != NULL ? cut : NULL, count,
-                                             cairn_path_name(s->shape), s->parts, error);
+                                             cairn_output_path_name(s->shape), s->parts, error);
 }
 
 int tool_model(int argc, char **argv)
 {
-    settings s = {NULL, NULL, NULL, NULL, NULL, "keep", 128, 32, CAIRN_SHAPE_MAX_PATHS,
+    settings s = {NULL, NULL, NULL, NULL, NULL, "keep", 128, 32, CAIRN_SHAPE_MODEL_MAX_PATHS,
                   0.1,  0.01, 0,    0};
     option_result result = read_settings(&s, argc, argv);
     cairn_shape_model_file file;
@@ -138,9 +138,10 @@ int tool_model(int argc, char **argv)
         return tool_report(&error);
     if (s.mirror)
         cairn_shape_model_file_mirror(&file);
-    status = s.picture == NULL ? CAIRN_OK
-                               : cairn_shape_model_file_draw(&file.model, cairn_path_name(s.shape),
-                                                             s.picture, &error);
+    status = s.picture == NULL
+                 ? CAIRN_OK
+                 : cairn_shape_model_file_draw(&file.model, cairn_output_path_name(s.shape),
+                                               s.picture, &error);
     if (status == CAIRN_OK && s.parts != NULL)
         status = draw_parts(&s, &file.model, &error);
     if (status == CAIRN_OK)

@@ -82,7 +82,7 @@ cairn_status picture_read(searched_picture *p, const char *path, const picture_s
 
 int picture_stem(const char *path, char stem[PICTURE_NAME_BYTES])
 {
-    const char *name = cairn_path_name(path), *dot = strrchr(name, '.');
+    const char *name = cairn_output_path_name(path), *dot = strrchr(name, '.');
     size_t length = dot != NULL && dot > name ? (size_t)(dot - name) : strlen(name);
 
     if (length < 1 || length >= PICTURE_NAME_BYTES)

@@ -16,7 +16,7 @@
 /* The page's folder, "." when the path names none; to be freed. */
 static char *folder_of(const char *path)
 {
-    char *folder = cairn_path_folder(path);
+    char *folder = cairn_output_path_folder(path);
 
     if (folder != NULL && folder[0] == '\0') {
         free(folder);
@@ -27,7 +27,7 @@ static char *folder_of(const char *path)
 
 cairn_status player_check(const char *path, cairn_file_error *error)
 {
-    const char *name = cairn_path_name(path);
+    const char *name = cairn_output_path_name(path);
     char *folder = folder_of(path);
     cairn_status status;
 
@@ -45,7 +45,7 @@ cairn_status player_check(const char *path, cairn_file_error *error)
 cairn_status player_write(const cairn_report_player *player, const char *path,
                           cairn_file_error *error)
 {
-    const char *name = cairn_path_name(path);
+    const char *name = cairn_output_path_name(path);
     char *folder = folder_of(path);
     cairn_output_set *files = NULL;
     cairn_status status;

@@ -162,7 +162,7 @@ static cairn_status learn_from(const char *path, double *radii, int32_t *count,
                                cairn_file_error *error)
 {
     cairn_shape_image_params image = cairn_shape_image_default();
-    cairn_shape_builder_params builder = cairn_shape_builder_default();
+    cairn_shape_model_builder_params builder = cairn_shape_model_builder_default();
     cairn_shape_model_file model;
     cairn_status status = cairn_shape_model_file_load(&model, path, &image, &builder, NULL, error);
 
@@ -228,8 +228,8 @@ typedef struct work {
     int has_pool;
     cairn_boundary *boundary;
     cairn_edgel_set *edgels;
-    cairn_skeleton *skeleton;
-    cairn_skeleton_picture picture;
+    cairn_skeleton_grouping *skeleton;
+    cairn_skeleton_file_picture picture;
     cairn_edgel *given; /* [given_count] of --edges; NULL: the image's own */
     int32_t given_count;
 } work;
@@ -237,8 +237,8 @@ typedef struct work {
 static cairn_status create_objects(const settings *s, work *w)
 {
     cairn_edgel_params edgel = cairn_edgel_default();
-    cairn_skeleton_params skeleton =
-        s->written ? cairn_skeleton_as_written() : cairn_skeleton_default();
+    cairn_skeleton_grouping_params skeleton =
+        s->written ? cairn_skeleton_grouping_as_written() : cairn_skeleton_grouping_default();
     cairn_boundary_params boundary = cairn_boundary_default();
     size_t need;
 
@@ -261,7 +261,7 @@ static cairn_status create_objects(const settings *s, work *w)
     if (!isnan(s->log_odds))
         skeleton.min_log_odds = (cairn_real)s->log_odds;
     skeleton.seed = s->seed;
-    need = cairn_edgel_memory(&edgel) + cairn_skeleton_memory(&skeleton) +
+    need = cairn_edgel_memory(&edgel) + cairn_skeleton_grouping_memory(&skeleton) +
            (s->written ? 0 : cairn_boundary_memory(&boundary));
     if (tool_pool_open(&w->pool, PROGRAM, NULL, need) != TOOL_OK)
         return CAIRN_NO_MEMORY;
@@ -269,7 +269,7 @@ static cairn_status create_objects(const settings *s, work *w)
     if (cairn_edgel_create(&w->edgels, &w->pool, &edgel) != CAIRN_OK ||
         (!s->written && cairn_boundary_create(&w->boundary, &w->pool, &boundary) != CAIRN_OK))
         return CAIRN_NO_MEMORY;
-    return cairn_skeleton_create(&w->skeleton, &w->pool, &skeleton);
+    return cairn_skeleton_grouping_create(&w->skeleton, &w->pool, &skeleton);
 }
 
 static cairn_status run_edgels(cairn_edgel_set *edgels)
@@ -289,7 +289,7 @@ static cairn_status read_edgels(const char *path, const work *w, cairn_edgel **e
                                 int32_t *count, cairn_file_error *error)
 {
     cairn_vision_image image;
-    cairn_contour_tokens tokens;
+    cairn_contour_search_tokens tokens;
     cairn_raster_u8_view view;
     cairn_status status = cairn_vision_read_grey(&image, path, error);
 
@@ -302,7 +302,7 @@ static cairn_status read_edgels(const char *path, const work *w, cairn_edgel **e
                                       " x %" PRId32 " as the image",
                                       image.width, image.height, w->grey.width, w->grey.height);
     else
-        status = cairn_contour_tokens_find(&tokens, view, 1, 1, path, error);
+        status = cairn_contour_search_tokens_find(&tokens, view, 1, 1, path, error);
     cairn_vision_free(&image);
     if (status != CAIRN_OK)
         return status;
@@ -322,18 +322,18 @@ static cairn_status read_edgels(const char *path, const work *w, cairn_edgel **e
             .normal = cairn_vec2_scale(cairn_vec2_left_perp(along), 1 / length),
             .gradient_magnitude = 0};
     }
-    cairn_contour_tokens_free(&tokens);
+    cairn_contour_search_tokens_free(&tokens);
     return status;
 }
 
-static cairn_status run_skeleton(cairn_skeleton *skeleton)
+static cairn_status run_skeleton(cairn_skeleton_grouping *skeleton)
 {
     cairn_status status;
 
     do {
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
-        status = cairn_skeleton_step(skeleton, &budget);
+        status = cairn_skeleton_grouping_step(skeleton, &budget);
     } while (status == CAIRN_MORE);
     return status;
 }
@@ -361,7 +361,7 @@ static cairn_status run_boundary(work *w)
 static cairn_status group(const settings *s, work *w)
 {
     cairn_raster_u8_view view = {w->grey.samples, w->grey.width, w->grey.height, w->grey.width};
-    cairn_skeleton_input in;
+    cairn_skeleton_grouping_input in;
     cairn_status status = create_objects(s, w);
 
     if (status == CAIRN_OK && w->given == NULL)
@@ -378,18 +378,18 @@ static cairn_status group(const settings *s, work *w)
     in.height = w->grey.height;
     in.min_radius = (cairn_real)s->least;
     in.max_radius = (cairn_real)s->most;
-    status = cairn_skeleton_begin(w->skeleton, &in);
+    status = cairn_skeleton_grouping_begin(w->skeleton, &in);
     if (status == CAIRN_OK)
         status = run_skeleton(w->skeleton);
     if (status == CAIRN_OK && !s->written)
         status = run_boundary(w);
-    w->picture.image = cairn_path_name(w->path);
+    w->picture.image = cairn_output_path_name(w->path);
     w->picture.grey = w->grey.samples;
     w->picture.width = in.width;
     w->picture.height = in.height;
     w->picture.edgel_count = in.count;
     w->picture.proposed = s->most == 0;
-    w->picture.result = cairn_skeleton_read(w->skeleton);
+    w->picture.result = cairn_skeleton_grouping_read(w->skeleton);
     return status;
 }
 
@@ -423,7 +423,7 @@ static cairn_status write_all(const settings *s, const work *w, cairn_file_error
 
 static void print_summary(const work *w, double seconds)
 {
-    const cairn_skeleton_result *r = &w->picture.result;
+    const cairn_skeleton_grouping_result *r = &w->picture.result;
 
     printf("%s: %" PRId32 " part%s of %" PRId32 " object%s, radii %.1f to %.1f px%s; %" PRId32
            " contour%s between regions; %" PRId32 " edgels, %zu bytes, %.2f s\n",
@@ -437,7 +437,7 @@ static void print_summary(const work *w, double seconds)
 /* "folder/swan.jpg" -> "swan"; Returns 0 when there is no such name. */
 static int stem_of(const char *path, char stem[NAME_BYTES])
 {
-    const char *name = cairn_path_name(path), *dot = strrchr(name, '.');
+    const char *name = cairn_output_path_name(path), *dot = strrchr(name, '.');
     size_t length = dot != NULL && dot > name ? (size_t)(dot - name) : strlen(name);
 
     if (length < 1 || length >= NAME_BYTES)

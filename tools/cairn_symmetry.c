@@ -78,7 +78,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
 /* "folder/horse-1.png" -> "horse-1"; Returns 0 when there is no such name. */
 static int stem_of(const char *path, char stem[SYMMETRY_NAME_BYTES])
 {
-    const char *name = cairn_path_name(path), *dot = strrchr(name, '.');
+    const char *name = cairn_output_path_name(path), *dot = strrchr(name, '.');
     size_t length = dot != NULL && dot > name ? (size_t)(dot - name) : strlen(name);
 
     if (length < 1 || length >= SYMMETRY_NAME_BYTES)
@@ -116,9 +116,9 @@ static cairn_status read_shape(const settings *s, symmetry_found *f, cairn_file_
 
     if (status != CAIRN_OK)
         return status;
-    params.holes = s->holes[0] == 'k'   ? CAIRN_SHAPE_HOLES_KEEP
-                   : s->holes[0] == 'f' ? CAIRN_SHAPE_HOLES_FILL
-                                        : CAIRN_SHAPE_HOLES_REFUSE;
+    params.holes = s->holes[0] == 'k'   ? CAIRN_SHAPE_IMAGE_HOLES_KEEP
+                   : s->holes[0] == 'f' ? CAIRN_SHAPE_IMAGE_HOLES_FILL
+                                        : CAIRN_SHAPE_IMAGE_HOLES_REFUSE;
     params.max_gap = s->gap;
     params.min_part = s->part;
     view = (cairn_raster_u8_view){grey.samples, grey.width, grey.height, grey.width};
@@ -159,10 +159,10 @@ static cairn_status find_axes(cairn_self_similarity *similarity, symmetry_found 
 static void print_summary(const symmetry_found *f, double seconds)
 {
     const cairn_self_similarity_result *r = &f->result;
-    const cairn_symmetry_axis *a = r->axes;
+    const cairn_self_similarity_axis *a = r->axes;
 
     printf("%s: %s", f->path, symmetry_verdict_name(r->verdict));
-    if (r->verdict != CAIRN_SYMMETRY_SINGLE)
+    if (r->verdict != CAIRN_SELF_SIMILARITY_SINGLE)
         printf(" (%" PRId32 " as good as the best)", r->tie_count);
     if (r->rotation_order != 1)
         printf(r->rotation_order == 0 ? ", the same after any turn"
@@ -202,7 +202,7 @@ static cairn_status write_shape(const settings *s, const symmetry_found *f, cair
 static cairn_status write_sheet(const settings *s, const symmetry_found *found,
                                 cairn_file_error *error)
 {
-    char *path = cairn_path_join(s->folder, "sheet.svg");
+    char *path = cairn_output_path_join(s->folder, "sheet.svg");
     cairn_status status;
 
     if (path == NULL)

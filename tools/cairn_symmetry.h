@@ -14,9 +14,9 @@ typedef struct symmetry_found {
     cairn_shape_image image; /* all outlines: parts, then holes */
     int32_t parts;           /* parts of the picture; the largest one is analysed */
     int32_t holes;           /* holes of the largest part */
-    cairn_curve shape[CAIRN_SHAPE_MAX_OUTLINES];
+    cairn_curve shape[CAIRN_SHAPE_MODEL_MAX_OUTLINES];
     int32_t mode; /* CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN */
-    cairn_symmetry_axis axes[CAIRN_SYMMETRY_MAX_AXES];
+    cairn_self_similarity_axis axes[CAIRN_SELF_SIMILARITY_MAX_AXES];
     cairn_vec2 samples[SYMMETRY_MAX_POINTS];
     cairn_self_similarity_result result; /* its arrays are axes and samples */
 } symmetry_found;
@@ -25,7 +25,7 @@ typedef struct symmetry_found {
 const char *symmetry_mode_name(int32_t mode);
 
 /* Returns the verdict as text. */
-const char *symmetry_verdict_name(cairn_symmetry_verdict verdict);
+const char *symmetry_verdict_name(cairn_self_similarity_verdict verdict);
 
 /* The picture of one shape: its two arcs red and blue, the rest of the outline grey, its axes. */
 CAIRN_CHECKED cairn_status symmetry_draw(const symmetry_found *found, const char *path,

@@ -20,11 +20,11 @@ const char *symmetry_mode_name(int32_t mode)
     return mode == CAIRN_MODE_AS_WRITTEN ? "as written" : "re-ranked";
 }
 
-const char *symmetry_verdict_name(cairn_symmetry_verdict verdict)
+const char *symmetry_verdict_name(cairn_self_similarity_verdict verdict)
 {
-    return verdict == CAIRN_SYMMETRY_SINGLE     ? "one axis"
-           : verdict == CAIRN_SYMMETRY_MULTIPLE ? "several axes"
-                                                : "no single axis";
+    return verdict == CAIRN_SELF_SIMILARITY_SINGLE     ? "one axis"
+           : verdict == CAIRN_SELF_SIMILARITY_MULTIPLE ? "several axes"
+                                                       : "no single axis";
 }
 
 /* ---- Pictures ---- */
@@ -78,7 +78,7 @@ static void print_filled(cairn_output *output, const symmetry_found *f, const vi
 
 /* Draws the outline between two positions, given as fractions of its length. */
 static void print_arc(cairn_output *output, const symmetry_found *f, const view *v,
-                      cairn_symmetry_arc arc, const char *name)
+                      cairn_self_similarity_arc arc, const char *name)
 {
     int32_t n = f->result.sample_count, first = (int32_t)ceil((double)arc.from * n);
     int32_t last = (int32_t)floor((double)arc.to * n);
@@ -89,7 +89,7 @@ static void print_arc(cairn_output *output, const symmetry_found *f, const view 
     cairn_output_print(output, "\"/>\n");
 }
 
-static void print_axis(cairn_output *output, const view *v, const cairn_symmetry_axis *a,
+static void print_axis(cairn_output *output, const view *v, const cairn_self_similarity_axis *a,
                        const char *name)
 {
     double chord = hypot((double)(a->end[1].x - a->end[0].x), (double)(a->end[1].y - a->end[0].y)),
@@ -111,8 +111,8 @@ static void print_axis(cairn_output *output, const view *v, const cairn_symmetry
 /* Draws the complete outline grey, the arcs over it, the best axis and ties. */
 static void print_shape(cairn_output *output, const symmetry_found *f, const view *v)
 {
-    const cairn_symmetry_axis *best = &f->axes[0];
-    cairn_symmetry_arc whole = {0, 1};
+    const cairn_self_similarity_axis *best = &f->axes[0];
+    cairn_self_similarity_arc whole = {0, 1};
 
     print_filled(output, f, v);
     print_arc(output, f, v, whole, "skipped");
@@ -152,7 +152,7 @@ static void describe(const symmetry_found *f, char *text, size_t size)
 
 cairn_status symmetry_draw(const symmetry_found *f, const char *path, cairn_file_error *error)
 {
-    const char *title = cairn_path_name(f->path);
+    const char *title = cairn_output_path_name(f->path);
     cairn_output *output;
     cairn_status status;
     char subtitle[160];
@@ -200,7 +200,7 @@ cairn_status symmetry_draw_sheet(const symmetry_found *found, int32_t count, con
         print_shape(output, &found[i], &v);
         cairn_report_print_text(output, left, top + SMALL + LINE,
                                 "font-size=\"14\" fill=\"#0f172a\"",
-                                cairn_path_name(found[i].path));
+                                cairn_output_path_name(found[i].path));
         cairn_report_print_text(output, left, top + SMALL + 2 * LINE,
                                 "font-size=\"12\" fill=\"#475569\"", text);
     }
@@ -210,7 +210,7 @@ cairn_status symmetry_draw_sheet(const symmetry_found *found, int32_t count, con
 
 /* ---- JSON ---- */
 
-static void write_axis(cairn_output *output, const cairn_symmetry_axis *a)
+static void write_axis(cairn_output *output, const cairn_self_similarity_axis *a)
 {
     cairn_output_print(
         output,
@@ -237,7 +237,7 @@ cairn_status symmetry_write(const symmetry_found *f, const char *path, cairn_fil
     if (status != CAIRN_OK)
         return status;
     cairn_output_print(output, "{\"shape\": ");
-    cairn_report_print_json(output, cairn_path_name(f->path));
+    cairn_report_print_json(output, cairn_output_path_name(f->path));
     cairn_output_print(
         output,
         ", \"mode\": \"%s\", \"parts\": %d, \"holes\": %d,\n \"verdict\": \"%s\", \"ties\": %d, "

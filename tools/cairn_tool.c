@@ -72,9 +72,9 @@ void tool_faults_end(const tool_faults *faults)
                 faults->count - MAX_SHOWN_FAULTS);
 }
 
-int tool_load(cairn_carmen_scans *scans, const char *path, double range_max, int32_t quiet)
+int tool_load(cairn_carmen_log_scans *scans, const char *path, double range_max, int32_t quiet)
 {
-    cairn_carmen_params params = cairn_carmen_default();
+    cairn_carmen_log_params params = cairn_carmen_log_default();
     tool_faults faults = {0, quiet};
     cairn_file_error error;
     cairn_status status;
@@ -82,7 +82,7 @@ int tool_load(cairn_carmen_scans *scans, const char *path, double range_max, int
     params.range_max = range_max;
     params.on_fault = tool_on_fault;
     params.context = &faults;
-    status = cairn_carmen_load(scans, path, &params, &error);
+    status = cairn_carmen_log_load(scans, path, &params, &error);
     tool_faults_end(&faults);
     return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
 }

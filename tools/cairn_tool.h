@@ -58,13 +58,13 @@ typedef struct tool_faults {
     int32_t quiet; /* 1: no fault is printed */
 } tool_faults;
 
-/* For cairn_carmen_params.on_fault; the context is a tool_faults. */
+/* For cairn_carmen_log_params.on_fault; the context is a tool_faults. */
 void tool_on_fault(void *context, const cairn_file_error *fault);
 void tool_faults_end(const tool_faults *faults);
 
 /* Loads a log and prints its faults. range_max: m, ranges from this value on count as no return; 0:
  * the limit of the log. TOOL_OK, or another exit code after a line on standard error. */
-int tool_load(cairn_carmen_scans *scans, const char *path, double range_max, int32_t quiet);
+int tool_load(cairn_carmen_log_scans *scans, const char *path, double range_max, int32_t quiet);
 
 /* Monotonic time in s. */
 double tool_seconds(void);

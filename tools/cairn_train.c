@@ -64,17 +64,18 @@ static option_result read_settings(settings *s, int argc, char **argv)
 
 /* Checks that every box belongs to a given image; reports the first one in the file that does not.
  * Rows are sorted. */
-static int check_rows(const settings *s, const cairn_box_row *row, int32_t count)
+static int check_rows(const settings *s, const cairn_box_table_row *row, int32_t count)
 {
     uint8_t *is_known = calloc((size_t)count + 1, sizeof *is_known);
-    const cairn_box_row *unknown = NULL;
+    const cairn_box_table_row *unknown = NULL;
 
     if (is_known == NULL) {
         fprintf(stderr, "%s: no memory\n", s->boxes);
         return TOOL_FAILED;
     }
     for (size_t k = 0; k < s->count; k++) {
-        int32_t own, first = cairn_box_table_find(row, count, cairn_path_name(s->images[k]), &own);
+        int32_t own,
+            first = cairn_box_table_find(row, count, cairn_output_path_name(s->images[k]), &own);
 
         memset(&is_known[first], 1, (size_t)own);
     }
@@ -91,10 +92,10 @@ static int check_rows(const settings *s, const cairn_box_row *row, int32_t count
 
 /* Adds an image and its boxes, both downsampled by the same factor. */
 static cairn_status add_image(const settings *s, cairn_appearance_trainer *trainer,
-                              const char *path, const cairn_box_row *row, int32_t count,
+                              const char *path, const cairn_box_table_row *row, int32_t count,
                               cairn_file_error *error)
 {
-    int32_t own, first = cairn_box_table_find(row, count, cairn_path_name(path), &own);
+    int32_t own, first = cairn_box_table_find(row, count, cairn_output_path_name(path), &own);
     double *boxes = malloc(((size_t)own + 1) * 4 * sizeof *boxes);
     cairn_vision_image grey;
     cairn_status status;
@@ -127,7 +128,7 @@ static int check_output(const settings *s)
     return TOOL_OK;
 }
 
-static int run(const settings *s, const cairn_box_row *row, int32_t count)
+static int run(const settings *s, const cairn_box_table_row *row, int32_t count)
 {
     cairn_appearance_params params = cairn_appearance_default();
     cairn_appearance_trainer *trainer = cairn_appearance_trainer_new();
@@ -165,7 +166,7 @@ int tool_train(int argc, char **argv)
     static settings s;
     cairn_appearance_params params = cairn_appearance_default();
     cairn_file_error error;
-    cairn_box_row *row;
+    cairn_box_table_row *row;
     option_result result;
     int32_t count;
     int code;

@@ -85,7 +85,7 @@ typedef enum option_result {
 void options_help(const option_set *set);
 
 /* "program: ..." on standard error; returns 2, the exit code of a refused command line. */
-int options_refuse(const char *program, const char *format, ...) CAIRN_FORMAT(2, 3);
+int options_refuse(const char *program, const char *format, ...) CAIRN_FILE_ERROR_FORMAT(2, 3);
 
 /* Reads argv[1 ... argc-1]. Words that are no options are collected, in order, in words[0 ...
  * *word_count-1]; *word_count is their capacity before; one more is refused. */

@@ -66,9 +66,9 @@ typedef union any_params {
     cairn_scan_match_params scan_match;
     cairn_scan_set_params scan_set;
     cairn_sequence_params sequence;
-    cairn_shape_builder_params shape_builder;
+    cairn_shape_model_builder_params shape_model_builder;
     cairn_shape_context_params shape_context;
-    cairn_skeleton_params skeleton;
+    cairn_skeleton_grouping_params skeleton_grouping;
     cairn_symmetric_point_params symmetric_point;
     cairn_virtual_align_params virtual_align;
     cairn_virtual_scan_params virtual_scan;
@@ -117,9 +117,9 @@ MODULE(scan)
 MODULE(scan_redundancy)
 MODULE(scan_match)
 MODULE(sequence)
-MODULE(shape_builder)
+MODULE(shape_model_builder)
 MODULE(shape_context)
-MODULE(skeleton)
+MODULE(skeleton_grouping)
 MODULE(symmetric_point)
 MODULE(virtual_align)
 MODULE(virtual_scan)
@@ -171,7 +171,7 @@ static void occupancy_grid_set_default(void *params)
 
 static void written_skeleton_set_default(void *params)
 {
-    *(cairn_skeleton_params *)params = cairn_skeleton_as_written();
+    *(cairn_skeleton_grouping_params *)params = cairn_skeleton_grouping_as_written();
 }
 
 static void pose_graph_set_default(void *params)
@@ -312,22 +312,25 @@ const pool_object pool_objects[] = {
     {OBJECT(symmetric_point),
      2,
      {HAS(symmetric_point, "segment", max_segments), HAS(symmetric_point, "point", max_points)}},
-    {OBJECT(skeleton),
+    {OBJECT(skeleton_grouping),
      2,
-     {HAS(skeleton, "edgel", max_edgels), HAS(skeleton, "centre", max_centres),
-      HAS(skeleton, "line", max_lines), HAS(skeleton, "part", max_parts),
-      HAS(skeleton, "disc", max_points), HAS(skeleton, "particle", particle_count)}},
+     {HAS(skeleton_grouping, "edgel", max_edgels), HAS(skeleton_grouping, "centre", max_centres),
+      HAS(skeleton_grouping, "line", max_lines), HAS(skeleton_grouping, "part", max_parts),
+      HAS(skeleton_grouping, "disc", max_points),
+      HAS(skeleton_grouping, "particle", particle_count)}},
     {.name = "skeleton_as_written",
      .set_default = written_skeleton_set_default,
-     .memory = skeleton_memory,
+     .memory = skeleton_grouping_memory,
      2,
-     {HAS(skeleton, "edgel", max_edgels), HAS(skeleton, "centre", max_centres),
-      HAS(skeleton, "line", max_lines), HAS(skeleton, "part", max_parts),
-      HAS(skeleton, "disc", max_points), HAS(skeleton, "particle", particle_count)}},
-    {OBJECT(shape_builder),
+     {HAS(skeleton_grouping, "edgel", max_edgels), HAS(skeleton_grouping, "centre", max_centres),
+      HAS(skeleton_grouping, "line", max_lines), HAS(skeleton_grouping, "part", max_parts),
+      HAS(skeleton_grouping, "disc", max_points),
+      HAS(skeleton_grouping, "particle", particle_count)}},
+    {OBJECT(shape_model_builder),
      0,
-     {HAS(shape_builder, "point", outline_samples), HAS(shape_builder, "sample", path_samples),
-      HAS(shape_builder, "path", max_paths)}},
+     {HAS(shape_model_builder, "point", outline_samples),
+      HAS(shape_model_builder, "sample", path_samples),
+      HAS(shape_model_builder, "path", max_paths)}},
     {OBJECT(block_solver),
      0,
      {HAS(block_solver, "pose", max_poses), HAS(block_solver, "link", max_links),

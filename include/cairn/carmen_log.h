@@ -59,26 +59,26 @@ extern "C" {
 #endif
 
 /* The maximum number of ranges, and of remissions, of one scan. */
-#define CAIRN_CARMEN_MAX_BEAMS 100000
+#define CAIRN_CARMEN_LOG_MAX_BEAMS 100000
 
 /* Parameters of the reader. */
-typedef struct cairn_carmen_params {
+typedef struct cairn_carmen_log_params {
     /* m; ranges at or above it are no returns. 0: estimated by rules 2 to 5. Default 0 */
     double range_max;
     /* m; standard deviation of the ranges, copied into the scans. Default 0.01 */
     double range_sigma;
     /* Called once for each fault, in the order of the lines, by cairn_carmen_log_open() or
-     * cairn_carmen_load(). NULL: faults are only counted. */
+     * cairn_carmen_log_load(). NULL: faults are only counted. */
     void (*on_fault)(void *context, const cairn_file_error *fault);
     /* passed to on_fault */
     void *context;
-} cairn_carmen_params;
+} cairn_carmen_log_params;
 
 /* Returns the default parameters. */
-cairn_carmen_params cairn_carmen_default(void);
+cairn_carmen_log_params cairn_carmen_log_default(void);
 
 /* Summary of a whole log. */
-typedef struct cairn_carmen_info {
+typedef struct cairn_carmen_log_summary {
     int64_t lines;
     /* well-formed FLASER and ROBOTLASER1 lines */
     int64_t scans;
@@ -109,18 +109,18 @@ typedef struct cairn_carmen_info {
     int32_t fixed_mounting;
     /* the sensor's pose in the robot frame */
     cairn_pose base_sensor;
-} cairn_carmen_info;
+} cairn_carmen_log_summary;
 
 /* The kind of a record. */
-typedef int32_t cairn_carmen_kind;
+typedef int32_t cairn_carmen_log_kind;
 enum {
-    CAIRN_CARMEN_SCAN = 0,    /* FLASER, ROBOTLASER1 */
-    CAIRN_CARMEN_ODOMETRY = 1 /* ODOM */
+    CAIRN_CARMEN_LOG_SCAN = 0,    /* FLASER, ROBOTLASER1 */
+    CAIRN_CARMEN_LOG_ODOMETRY = 1 /* ODOM */
 };
 
 /* A scan or an odometry message. */
-typedef struct cairn_carmen_record {
-    cairn_carmen_kind kind;
+typedef struct cairn_carmen_log_record {
+    cairn_carmen_log_kind kind;
     /* number of ranges; 0 for odometry */
     int32_t count;
     /* number of the line, from 1 */
@@ -135,7 +135,7 @@ typedef struct cairn_carmen_record {
     /* the record as input of a scan: ranges, bearings, maximum range, mounting, stamp. Empty for
      * odometry */
     cairn_scan_input scan;
-} cairn_carmen_record;
+} cairn_carmen_log_record;
 
 /* An open log. */
 typedef struct cairn_carmen_log cairn_carmen_log;
@@ -145,15 +145,16 @@ typedef struct cairn_carmen_log cairn_carmen_log;
  * is negative or not finite; CAIRN_IO, CAIRN_UNSUPPORTED (not a regular file), CAIRN_NO_MEMORY.
  * Memory: the longest line. params NULL: the defaults. */
 CAIRN_CHECKED cairn_status cairn_carmen_log_open(cairn_carmen_log **log, const char *path,
-                                                 const cairn_carmen_params *params,
+                                                 const cairn_carmen_log_params *params,
                                                  cairn_file_error *error);
 
 /* Returns the summary of the log. */
-cairn_carmen_info cairn_carmen_log_info(const cairn_carmen_log *log);
+cairn_carmen_log_summary cairn_carmen_log_info(const cairn_carmen_log *log);
 
 /* Reads the next scan or odometry message. The record's arrays are valid until the next call.
  * CAIRN_EMPTY: the end of the log; CAIRN_IO, CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status cairn_carmen_log_next(cairn_carmen_log *log, cairn_carmen_record *record,
+CAIRN_CHECKED cairn_status cairn_carmen_log_next(cairn_carmen_log *log,
+                                                 cairn_carmen_log_record *record,
                                                  cairn_file_error *error);
 
 /* Rewinds to the first record. CAIRN_IO. */
@@ -163,21 +164,21 @@ CAIRN_CHECKED cairn_status cairn_carmen_log_rewind(cairn_carmen_log *log, cairn_
 void cairn_carmen_log_close(cairn_carmen_log *log);
 
 /* All scans of a log. */
-typedef struct cairn_carmen_scans {
-    cairn_carmen_record *record; /* [count] */
+typedef struct cairn_carmen_log_scans {
+    cairn_carmen_log_record *record; /* [count] */
     int32_t count;
     float *range; /* storage of the records' ranges */
-    cairn_carmen_info info;
-} cairn_carmen_scans;
+    cairn_carmen_log_summary info;
+} cairn_carmen_log_scans;
 
 /* Reads all scans of a log. Statuses of cairn_carmen_log_open() and cairn_carmen_log_next(); on
  * failure there is nothing to free. CAIRN_FULL: more than INT32_MAX scans. */
-CAIRN_CHECKED cairn_status cairn_carmen_load(cairn_carmen_scans *scans, const char *path,
-                                             const cairn_carmen_params *params,
-                                             cairn_file_error *error);
+CAIRN_CHECKED cairn_status cairn_carmen_log_load(cairn_carmen_log_scans *scans, const char *path,
+                                                 const cairn_carmen_log_params *params,
+                                                 cairn_file_error *error);
 
 /* Frees the arrays. */
-void cairn_carmen_scans_free(cairn_carmen_scans *scans);
+void cairn_carmen_log_scans_free(cairn_carmen_log_scans *scans);
 
 #ifdef __cplusplus
 }

@@ -11,25 +11,25 @@ extern "C" {
 
 /* The data to be written. The search may have used a downscaled picture, whose pixel (x, y) covers
  * shrink x shrink pixels of the image. All lengths are written in pixels of the image. */
-typedef struct cairn_contour_picture {
+typedef struct cairn_contour_file_picture {
     /* names, as displayed */
     const char *image, *model_name;
     /* [height * width] of the searched picture, background of the drawing; NULL: white */
     const uint8_t *grey;
     /* downscaling factor: 1, 2, 4 ... */
     int32_t shrink;
-    const cairn_contour_tokens *tokens;
+    const cairn_contour_search_tokens *tokens;
     const cairn_shape_model *model;
-    const cairn_contour_result *result;
-} cairn_contour_picture;
+    const cairn_contour_search_result *result;
+} cairn_contour_file_picture;
 
 /* Writes the contours as JSON; docs/formats.md defines the keys. CAIRN_IO, CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status cairn_contour_file_write(const cairn_contour_picture *picture,
+CAIRN_CHECKED cairn_status cairn_contour_file_write(const cairn_contour_file_picture *picture,
                                                     const char *path, cairn_file_error *error);
 
 /* Draws the contours over the image as SVG: segments of the left side blue, of the right side
  * orange, others green, the skeleton red, the model's outline dotted. CAIRN_IO, CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status cairn_contour_file_draw(const cairn_contour_picture *picture,
+CAIRN_CHECKED cairn_status cairn_contour_file_draw(const cairn_contour_file_picture *picture,
                                                    const char *path, cairn_file_error *error);
 
 #ifdef __cplusplus

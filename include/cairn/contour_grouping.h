@@ -45,7 +45,7 @@
 extern "C" {
 #endif
 
-typedef struct cairn_grouping_params {
+typedef struct cairn_contour_grouping_params {
     int32_t mode;                  /* CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN */
     int32_t max_width, max_height; /* px, size of the image, 1 ... 8192 (1024 and 1024) */
     /* 1 ... 2^20 (8192). Default mode: pieces of segments; a longer list is subsampled evenly. As
@@ -86,10 +86,10 @@ typedef struct cairn_grouping_params {
     cairn_real path_sigma;
     /* > 0: R_sigma of (2.13), standard deviation of the radius, in mean radii of the model (0.2) */
     cairn_real radius_sigma;
-} cairn_grouping_params;
+} cairn_contour_grouping_params;
 
 /* The shape model to search for and the segments of the image. */
-typedef struct cairn_grouping_input {
+typedef struct cairn_contour_grouping_input {
     /* [count] px; must stay valid until step() returns CAIRN_OK */
     const cairn_segment *segments;
     int32_t count;
@@ -111,11 +111,11 @@ typedef struct cairn_grouping_input {
      * too */
     const cairn_vec2 *ends;
     int32_t end_count;
-} cairn_grouping_input;
+} cairn_contour_grouping_input;
 
 /* One detected object. Similarity transform from the model: image = origin + scale * (cosine,
  * -sine; sine, cosine) * model. Differences of the mode as written follow "as written". */
-typedef struct cairn_grouped_object {
+typedef struct cairn_contour_grouping_object {
     /* nats: approximate log-likelihood ratio of its segments, object against background. As
      * written: the log posterior of its trajectory. */
     cairn_real evidence;
@@ -137,26 +137,26 @@ typedef struct cairn_grouped_object {
     int32_t matched_samples;
     /* model sample at which its trajectory began */
     int32_t start_sample;
-} cairn_grouped_object;
+} cairn_contour_grouping_object;
 
 /* Diagnostics of one step of the particle filter. */
-typedef struct cairn_grouping_trace {
+typedef struct cairn_contour_grouping_trace {
     /* effective sample size */
     cairn_real n_eff;
     /* nats, of the best particle, mean over its steps; as written: of the greatest posterior */
     cairn_real log_likelihood;
     int32_t followers, resampled, particles;
-} cairn_grouping_trace;
+} cairn_contour_grouping_trace;
 
-typedef struct cairn_grouping_result {
-    const cairn_grouped_object *objects; /* [object_count] by descending evidence */
+typedef struct cairn_contour_grouping_result {
+    const cairn_contour_grouping_object *objects; /* [object_count] by descending evidence */
     /* Indices of the input's segments, object by object, in the order of the outline. As written:
      * the left side in the direction of travel, then the right side backwards. */
     const int32_t *segments;
     /* Segment index at each sample of the model's outline, -1: unmatched; object by object. As
      * written: only at the outline samples nearest to the model samples of the discs. */
     const int32_t *outline_segments;
-    const cairn_grouping_trace *trace; /* [steps] */
+    const cairn_contour_grouping_trace *trace; /* [steps] */
     int32_t object_count, segment_count, steps;
     /* Pose hypotheses generated from pairs of tokens. As written: start states that the initial
      * particles are sampled from, four per symmetric point near an end of a strong chain. */
@@ -173,45 +173,46 @@ typedef struct cairn_grouping_result {
     int32_t candidates_dropped;
     /* CAIRN_GROUPING_...: termination reason of the filter */
     int32_t end_reason;
-} cairn_grouping_result;
+} cairn_contour_grouping_result;
 
 /* Termination reasons of the filter in the mode as written. */
 enum {
     /* no symmetric point within the model's radii lies near an end of a strong chain */
-    CAIRN_GROUPING_NO_START = 0,
+    CAIRN_CONTOUR_GROUPING_NO_START = 0,
     /* the greatest posterior fell below 1 */
-    CAIRN_GROUPING_POSTERIOR = 1,
+    CAIRN_CONTOUR_GROUPING_POSTERIOR = 1,
     /* no particle has a successor */
-    CAIRN_GROUPING_NO_FOLLOWER = 2,
+    CAIRN_CONTOUR_GROUPING_NO_FOLLOWER = 2,
     /* max_steps reached */
-    CAIRN_GROUPING_STEPS = 3,
+    CAIRN_CONTOUR_GROUPING_STEPS = 3,
     /* the memory for the particles' histories is exhausted */
-    CAIRN_GROUPING_HISTORIES = 4
+    CAIRN_CONTOUR_GROUPING_HISTORIES = 4
 };
 
-typedef struct cairn_grouping cairn_grouping;
+typedef struct cairn_contour_grouping cairn_contour_grouping;
 
 /* Returns the values in brackets above. */
-cairn_grouping_params cairn_grouping_default(void);
+cairn_contour_grouping_params cairn_contour_grouping_default(void);
 
 /* Returns the mode as written with the constants of the thesis. */
-cairn_grouping_params cairn_grouping_as_written(void);
+cairn_contour_grouping_params cairn_contour_grouping_as_written(void);
 
 /* Returns the bytes that create() takes from the pool; 0 for params that create() would refuse.
  * Default mode: about 5 KB per particle, independent of the length of the paths, and 100 bytes per
  * token. As written: about 13 KB per particle, 90 bytes per token, 80 per symmetric point, and 110
  * per object and step. */
-size_t cairn_grouping_memory(const cairn_grouping_params *params);
+size_t cairn_contour_grouping_memory(const cairn_contour_grouping_params *params);
 
 /* Creates a grouping in the pool. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status cairn_grouping_create(cairn_grouping **grouping, cairn_pool *pool,
-                                                 const cairn_grouping_params *params);
+CAIRN_CHECKED cairn_status
+cairn_contour_grouping_create(cairn_contour_grouping **grouping, cairn_pool *pool,
+                              const cairn_contour_grouping_params *params);
 
 /* Starts the search in one image and discards earlier results. CAIRN_BAD_ARGUMENT: NULL, an empty
  * range, an invalid model. CAIRN_FULL: an image or a model beyond the params; as written also more
  * than max_tokens segments. CAIRN_NOT_FINITE: a number of the input. Cost: linear in the model. */
-CAIRN_CHECKED cairn_status cairn_grouping_begin(cairn_grouping *grouping,
-                                                const cairn_grouping_input *input);
+CAIRN_CHECKED cairn_status cairn_contour_grouping_begin(cairn_contour_grouping *grouping,
+                                                        const cairn_contour_grouping_input *input);
 
 /* Resumes the search. CAIRN_MORE: the budget is exhausted. CAIRN_OK: the result is complete, or no
  * search is running. CAIRN_NOT_FINITE: a segment (as written also an end of a chain) is not finite.
@@ -223,15 +224,16 @@ CAIRN_CHECKED cairn_status cairn_grouping_begin(cairn_grouping *grouping,
  * every object nine times. Cost as written: that of cairn_symmetric_point_step(); two path samples
  * per start; per particle and step 60 units, 12 for each earlier step, one per segment end in the
  * look-ahead circles and one per pair of the nearest ten; more for long trajectories. */
-CAIRN_CHECKED cairn_status cairn_grouping_step(cairn_grouping *grouping, cairn_budget *budget);
+CAIRN_CHECKED cairn_status cairn_contour_grouping_step(cairn_contour_grouping *grouping,
+                                                       cairn_budget *budget);
 
 /* Returns the result; all zero until step() returns CAIRN_OK; valid until the next begin(). */
-cairn_grouping_result cairn_grouping_read(const cairn_grouping *grouping);
+cairn_contour_grouping_result cairn_contour_grouping_read(const cairn_contour_grouping *grouping);
 
 /* A particle of the filter: the current pose of the model and the disc of the last step. As
  * written: the model is placed so that its sample coincides with the disc, at the searched size and
  * without rotation, and both sides are matched. */
-typedef struct cairn_grouping_particle {
+typedef struct cairn_contour_grouping_particle {
     cairn_vec2 origin; /* px */
     cairn_real size;   /* px */
     cairn_real turn;   /* rad, rotation */
@@ -240,17 +242,18 @@ typedef struct cairn_grouping_particle {
     cairn_real log_weight;
     int32_t sample;        /* of the model */
     int32_t matched_sides; /* 0 ... 2: matched sides of the disc */
-} cairn_grouping_particle;
+} cairn_contour_grouping_particle;
 
 /* Writes the first `most` particles after the last completed filter step into particles[] and
  * returns their total number: 0 before the first step and without hypotheses. *steps, when not
  * NULL: number of completed steps. Cost: linear. */
-int32_t cairn_grouping_particles(const cairn_grouping *grouping, cairn_grouping_particle *particles,
-                                 int32_t most, int32_t *steps);
+int32_t cairn_contour_grouping_particles(const cairn_contour_grouping *grouping,
+                                         cairn_contour_grouping_particle *particles, int32_t most,
+                                         int32_t *steps);
 
 /* One symmetric point of a trajectory in the mode as written. Sides in image coordinates (y down):
  * 0 left of the direction of travel, 1 right. */
-typedef struct cairn_grouping_disc {
+typedef struct cairn_contour_grouping_disc {
     /* px */
     cairn_vec2 centre;
     /* px */
@@ -266,17 +269,18 @@ typedef struct cairn_grouping_disc {
     /* nats, of the trajectory up to this step: sum of the logarithms of (2.13) over
      * stop_likelihood */
     cairn_real log_posterior;
-} cairn_grouping_disc;
+} cairn_contour_grouping_disc;
 
 /* Writes the first `most` discs of a particle's trajectory, from its start to the last step, into
  * discs[] and returns their total number: 0 for an unknown particle and in the default mode. Cost:
  * linear. */
-int32_t cairn_grouping_history(const cairn_grouping *grouping, int32_t particle,
-                               cairn_grouping_disc *discs, int32_t most);
+int32_t cairn_contour_grouping_history(const cairn_contour_grouping *grouping, int32_t particle,
+                                       cairn_contour_grouping_disc *discs, int32_t most);
 
-/* Writes the skeleton of an object of the result, as cairn_grouping_history does for a particle. */
-int32_t cairn_grouping_skeleton(const cairn_grouping *grouping, int32_t object,
-                                cairn_grouping_disc *discs, int32_t most);
+/* Writes the skeleton of an object of the result, as cairn_contour_grouping_history does for a
+ * particle. */
+int32_t cairn_contour_grouping_skeleton(const cairn_contour_grouping *grouping, int32_t object,
+                                        cairn_contour_grouping_disc *discs, int32_t most);
 
 #ifdef __cplusplus
 }

@@ -16,12 +16,12 @@ extern "C" {
 
 /* Limits of an image: edge pixels, and side length, px; more is refused. More tokens than the third
  * limit are subsampled. */
-#define CAIRN_CONTOUR_MAX_EDGES  (INT32_C(1) << 20)
-#define CAIRN_CONTOUR_MAX_SIDE   8192
-#define CAIRN_CONTOUR_MAX_TOKENS 32768
+#define CAIRN_CONTOUR_SEARCH_MAX_EDGES  (INT32_C(1) << 20)
+#define CAIRN_CONTOUR_SEARCH_MAX_SIDE   8192
+#define CAIRN_CONTOUR_SEARCH_MAX_TOKENS 32768
 
 /* The tokens of an image: straight edge segments. */
-typedef struct cairn_contour_tokens {
+typedef struct cairn_contour_search_tokens {
     cairn_segment *lines; /* [count] */
     int32_t *chain;       /* [count] chain index of each segment */
     /* [count] 0 ... 1: rank of its strength, the share of the total edge length that is weaker */
@@ -30,33 +30,32 @@ typedef struct cairn_contour_tokens {
     int32_t width, height;  /* px, size of the image */
     cairn_real mean_length; /* px, mean length of the segments */
     size_t pool_bytes;      /* bytes of pool memory used */
-    /* Set by cairn_contour_tokens_find_written() only. */
+    /* Set by cairn_contour_search_tokens_find_written() only. */
     cairn_real look_ahead; /* px, look-ahead L */
     cairn_vec2 *ends;      /* [end_count] px: end points of the strong chains */
     int32_t end_count;
-} cairn_contour_tokens;
+} cairn_contour_search_tokens;
 
 /* Extracts the segments of an edge image. edgels 1: extracts edgels instead, short straight pieces
  * at even steps along the chains. min_strength: 1 ... 255. CAIRN_FULL: beyond the limits above;
  * CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. On failure there is nothing to free. The error message names
  * `path`. */
-CAIRN_CHECKED cairn_status cairn_contour_tokens_find(cairn_contour_tokens *tokens,
-                                                     cairn_raster_u8_view strengths,
-                                                     int32_t min_strength, int32_t edgels,
-                                                     const char *path, cairn_file_error *error);
+CAIRN_CHECKED cairn_status cairn_contour_search_tokens_find(cairn_contour_search_tokens *tokens,
+                                                            cairn_raster_u8_view strengths,
+                                                            int32_t min_strength, int32_t edgels,
+                                                            const char *path,
+                                                            cairn_file_error *error);
 
 /* Extracts the tokens for the mode as written (Adluru 2008, 2.6 and 2.7). Adds the virtual segments
  * at junctions (their chain is -1), and the end points of strong chains: chains whose mean strength
  * is at least `strong` times the length-weighted mean of all. strong: finite, >= 0. */
-CAIRN_CHECKED cairn_status cairn_contour_tokens_find_written(cairn_contour_tokens *tokens,
-                                                             cairn_raster_u8_view strengths,
-                                                             int32_t min_strength, int32_t edgels,
-                                                             cairn_real strong, const char *path,
-                                                             cairn_file_error *error);
-void cairn_contour_tokens_free(cairn_contour_tokens *tokens);
+CAIRN_CHECKED cairn_status cairn_contour_search_tokens_find_written(
+    cairn_contour_search_tokens *tokens, cairn_raster_u8_view strengths, int32_t min_strength,
+    int32_t edgels, cairn_real strong, const char *path, cairn_file_error *error);
+void cairn_contour_search_tokens_free(cairn_contour_search_tokens *tokens);
 
 /* One disc of an object's skeleton. */
-typedef struct cairn_contour_disc {
+typedef struct cairn_contour_search_disc {
     /* px; the symmetric point of both sides where both are matched, else the model's prediction */
     cairn_vec2 centre;
     /* px */
@@ -65,21 +64,21 @@ typedef struct cairn_contour_disc {
     int32_t side[2];
     /* sample of the model */
     int32_t sample;
-} cairn_contour_disc;
+} cairn_contour_search_disc;
 
 /* A sample of the model's outline, deformed to the image: the predicted contour where no edge
  * is. */
-typedef struct cairn_contour_place {
+typedef struct cairn_contour_search_place {
     /* px, position and tangent direction */
     cairn_oriented_point point;
     /* segment of the contour along the sample; -1: unmatched */
     int32_t segment;
     /* index of the model's closed outline that the sample belongs to */
     int32_t outline_index;
-} cairn_contour_place;
+} cairn_contour_search_place;
 
 /* Quality of the fit of a deformed outline, independent of its surroundings. */
-typedef struct cairn_contour_shape {
+typedef struct cairn_contour_search_shape {
     /* 0 ... 1, mean edge proximity over the deformed outline, counting edges of its direction */
     cairn_real edge_proximity;
     /* 0 ... 2, mean of 1 - cos of the angle between the deformed and the original outline */
@@ -87,15 +86,15 @@ typedef struct cairn_contour_shape {
     /* 0 ... 1, rms residual of the best affine map from the original to the deformed outline, in
      * object sizes */
     cairn_real deformation;
-} cairn_contour_shape;
+} cairn_contour_search_shape;
 
 /* One detected object. found.evidence: approximate log-likelihood ratio (nats) of its edges, object
  * against background, per object size of outline length. It includes the shape fit and the score;
  * the tangent deviation is measured against the model rotated as the object is. found.score: the
  * matched share of the outline. */
-typedef struct cairn_contour_object {
+typedef struct cairn_contour_search_object {
     /* found.first: index of its first segment in segments[] below; found.first_outline: 0 */
-    cairn_grouped_object found;
+    cairn_contour_grouping_object found;
     /* 1: an instance of the mirrored model */
     int32_t mirrored;
     /* discs[first_disc ... + disc_count - 1] */
@@ -108,19 +107,19 @@ typedef struct cairn_contour_object {
     int32_t outline_count;
     /* nats, evidence of the outline before and after deformation */
     cairn_real rigid_evidence, deformed_evidence;
-    cairn_contour_shape shape;
-} cairn_contour_object;
+    cairn_contour_search_shape shape;
+} cairn_contour_search_object;
 
-typedef struct cairn_contour_result {
+typedef struct cairn_contour_search_result {
     /* [object_count] by descending evidence */
-    cairn_contour_object *objects;
+    cairn_contour_search_object *objects;
     /* [segment_count] indices of the tokens' lines, object by object, in the order of the model's
      * outline */
     int32_t *segments;
-    cairn_contour_disc *discs;
-    cairn_contour_place *outline;
+    cairn_contour_search_disc *discs;
+    cairn_contour_search_place *outline;
     /* [steps] of the filter, for the model and for its mirror image */
-    cairn_grouping_trace *trace[2];
+    cairn_contour_grouping_trace *trace[2];
     /* [steps] number of clusters of particles: clusters of model poses; as written: of start
      * points */
     int32_t *mode_counts[2];
@@ -139,15 +138,15 @@ typedef struct cairn_contour_result {
     int32_t point_count, points_dropped;
     /* CAIRN_GROUPING_...: termination reason of the filter */
     int32_t end_reason;
-} cairn_contour_result;
+} cairn_contour_search_result;
 
 /* Returns the name of a CAIRN_GROUPING_... termination reason: "no start", "posterior", "no
  * follower", "steps", "histories"; "" for other values. */
-const char *cairn_contour_end_text(int32_t end);
+const char *cairn_contour_search_end_text(int32_t end);
 
 typedef struct cairn_contour_search_params {
     /* the search sets its capacities and refines its objects */
-    cairn_grouping_params grouping;
+    cairn_contour_grouping_params grouping;
     /* nats per object size of outline length: least evidence of a reported object (34) */
     cairn_real min_evidence;
     /* 0 ... 1: least matched share of a reported object (0.3) */
@@ -159,12 +158,12 @@ typedef struct cairn_contour_search_params {
     /* 1: the mirrored model is searched, too (1) */
     int32_t mirror;
     /* called with the particles after every filter step; NULL: no callback */
-    void (*on_step)(void *context, const cairn_grouping_particle *particles, int32_t count,
+    void (*on_step)(void *context, const cairn_contour_grouping_particle *particles, int32_t count,
                     int32_t mirrored);
     void *context;
     /* mode as written: called after on_step with the trajectory of the particle of greatest weight;
      * NULL: no callback */
-    void (*on_walk)(void *context, const cairn_grouping_disc *discs, int32_t count);
+    void (*on_walk)(void *context, const cairn_contour_grouping_disc *discs, int32_t count);
 } cairn_contour_search_params;
 
 /* Returns the values in brackets above; sizes from a tenth of the image's diagonal, at least 24 px,
@@ -176,20 +175,22 @@ cairn_contour_search_params cairn_contour_search_default(int32_t width, int32_t 
 cairn_contour_search_params cairn_contour_search_as_written(int32_t width, int32_t height);
 
 /* Detects the instances of a model. CAIRN_BAD_ARGUMENT: params, or a model that cannot be searched
- * (statuses of cairn_grouping_begin). CAIRN_FULL: in the mode as written, more than 2^20 segments.
- * CAIRN_NO_MEMORY. On failure there is nothing to free. The error message names `path`. */
-CAIRN_CHECKED cairn_status cairn_contour_search_run(cairn_contour_result *result,
-                                                    const cairn_contour_tokens *tokens,
+ * (statuses of cairn_contour_grouping_begin). CAIRN_FULL: in the mode as written, more than 2^20
+ * segments. CAIRN_NO_MEMORY. On failure there is nothing to free. The error message names
+ * `path`. */
+CAIRN_CHECKED cairn_status cairn_contour_search_run(cairn_contour_search_result *result,
+                                                    const cairn_contour_search_tokens *tokens,
                                                     const cairn_shape_model *model,
                                                     const cairn_contour_search_params *params,
                                                     const char *path, cairn_file_error *error);
-void cairn_contour_result_free(cairn_contour_result *result);
+void cairn_contour_search_result_free(cairn_contour_search_result *result);
 
 /* Finds the next run of outline samples, at or after sample `from`, that no segment of the contour
  * matches: samples *first ... *first + *count - 1 are predicted, not observed. A run ends at the
  * end of an outline. Returns 0 when there is none. Cost: linear. */
-int cairn_contour_completed(const cairn_contour_result *result, const cairn_contour_object *object,
-                            int32_t from, int32_t *first, int32_t *count);
+int cairn_contour_search_completed(const cairn_contour_search_result *result,
+                                   const cairn_contour_search_object *object, int32_t from,
+                                   int32_t *first, int32_t *count);
 
 #ifdef __cplusplus
 }

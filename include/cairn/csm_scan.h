@@ -21,17 +21,17 @@ extern "C" {
 #endif
 
 /* The maximum number of rays of a scan. */
-#define CAIRN_CSM_MAX_RAYS 100000
+#define CAIRN_CSM_SCAN_MAX_RAYS 100000
 
 /* Parameters of the reader. */
-typedef struct cairn_csm_params {
+typedef struct cairn_csm_scan_params {
     double range_max; /* m, above 0; ranges at or above it are no returns. Default 80 */
     /* m; standard deviation of the ranges, copied into the scans. Default 0.01 */
     double range_sigma;
-} cairn_csm_params;
+} cairn_csm_scan_params;
 
 /* Returns the default parameters. */
-cairn_csm_params cairn_csm_default(void);
+cairn_csm_scan_params cairn_csm_scan_default(void);
 
 /* One scan. */
 typedef struct cairn_csm_scan {
@@ -43,21 +43,22 @@ typedef struct cairn_csm_scan {
 } cairn_csm_scan;
 
 /* All scans of a file. */
-typedef struct cairn_csm_scans {
+typedef struct cairn_csm_scan_list {
     cairn_csm_scan *scan; /* [count] */
     int32_t count;
     int32_t max_rays; /* most rays of one scan */
-} cairn_csm_scans;
+} cairn_csm_scan_list;
 
 /* Reads a whole file. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED: not in the format above, the error has
- * file and line; CAIRN_EMPTY: no scan; CAIRN_FULL: more rays than CAIRN_CSM_MAX_RAYS or nested too
- * deep; CAIRN_UNSUPPORTED (not a regular file), CAIRN_IO, CAIRN_NO_MEMORY; CAIRN_BAD_ARGUMENT:
- * params. params NULL: the defaults. On failure there is nothing to free. */
-CAIRN_CHECKED cairn_status cairn_csm_load(cairn_csm_scans *scans, const char *path,
-                                          const cairn_csm_params *params, cairn_file_error *error);
+ * file and line; CAIRN_EMPTY: no scan; CAIRN_FULL: more rays than CAIRN_CSM_SCAN_MAX_RAYS or
+ * nested too deep; CAIRN_UNSUPPORTED (not a regular file), CAIRN_IO, CAIRN_NO_MEMORY;
+ * CAIRN_BAD_ARGUMENT: params. params NULL: the defaults. On failure there is nothing to free. */
+CAIRN_CHECKED cairn_status cairn_csm_scan_load(cairn_csm_scan_list *scans, const char *path,
+                                               const cairn_csm_scan_params *params,
+                                               cairn_file_error *error);
 
 /* Frees the scans. */
-void cairn_csm_scans_free(cairn_csm_scans *scans);
+void cairn_csm_scan_list_free(cairn_csm_scan_list *scans);
 
 #ifdef __cplusplus
 }

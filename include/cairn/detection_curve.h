@@ -14,51 +14,52 @@ extern "C" {
 
 /* A scored detection. hit 1: true positive, its box matches an object that no better detection has
  * claimed; 0: false positive. */
-typedef struct cairn_detection_event {
+typedef struct cairn_detection_curve_event {
     double score;
     int32_t hit;
-} cairn_detection_event;
+} cairn_detection_curve_event;
 
 /* A point of the curve: all detections down to one score. */
-typedef struct cairn_detection_point {
+typedef struct cairn_detection_curve_point {
     double score; /* score threshold, of the last detection */
     /* 0 ... 1: true positives over all objects, and over all detections */
     double recall, precision;
     double false_per_image;        /* false positives per image */
     int32_t instances, detections; /* denominators of recall and precision */
-} cairn_detection_point;
+} cairn_detection_curve_point;
 
 /* Returns the intersection over union (IoU) of two boxes (left, top, right, bottom): 0 ... 1. */
-double cairn_detection_overlap(const double a[4], const double b[4]);
+double cairn_detection_curve_overlap(const double a[4], const double b[4]);
 
 /* Returns the index of the object with taken[i] 0 whose intersection over union with a box is
  * greatest; -1: none. *share: that overlap. */
-int32_t cairn_detection_object(const double (*objects)[4], const int32_t *taken, int32_t count,
-                               const double box[4], double *share);
+int32_t cairn_detection_curve_object(const double (*objects)[4], const int32_t *taken,
+                                     int32_t count, const double box[4], double *share);
 
 /* Computes the curve in descending order of score: points[count]. events are sorted in place; false
  * positives precede true positives of the same score, so that ties give no advantage. Cost: n log
  * n. */
-void cairn_detection_curve(cairn_detection_event *events, int32_t count, int32_t images,
-                           int32_t instances, cairn_detection_point *points);
+void cairn_detection_curve(cairn_detection_curve_event *events, int32_t count, int32_t images,
+                           int32_t instances, cairn_detection_curve_point *points);
 
 /* Return the recall at a number of false positives per image; the 11-point interpolated average
  * precision (mean of the greatest precision at recalls of 0, 0.1 ... 1); the greatest precision at
  * a recall or above, 0 where it is not reached. */
-double cairn_detection_rate_at(const cairn_detection_point *points, int32_t count,
-                               double false_per_image);
-double cairn_detection_average_precision(const cairn_detection_point *points, int32_t count);
-double cairn_detection_precision_at(const cairn_detection_point *points, int32_t count,
-                                    double recall);
+double cairn_detection_curve_rate_at(const cairn_detection_curve_point *points, int32_t count,
+                                     double false_per_image);
+double cairn_detection_curve_average_precision(const cairn_detection_curve_point *points,
+                                               int32_t count);
+double cairn_detection_curve_precision_at(const cairn_detection_curve_point *points, int32_t count,
+                                          double recall);
 
 /* Computes the 95 % Wilson score interval of a proportion `share` of `count` trials (Wilson
  * 1927). */
-void cairn_detection_interval(double share, int32_t count, double *low, double *high);
+void cairn_detection_curve_interval(double share, int32_t count, double *low, double *high);
 
 /* Writes STEM.csv, one line per point with confidence intervals, and STEM.svg, a plot of both
  * curves with confidence bands. CAIRN_IO, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_detection_curve_write(const char *stem, const char *title,
-                                                       const cairn_detection_point *points,
+                                                       const cairn_detection_curve_point *points,
                                                        int32_t count, cairn_file_error *error);
 
 #ifdef __cplusplus

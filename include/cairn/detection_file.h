@@ -10,28 +10,28 @@ extern "C" {
 #endif
 
 /* The input of the writers: the detections in an image and their source. */
-typedef struct cairn_detection_picture {
+typedef struct cairn_detection_file_picture {
     const char *image; /* name of the image */
     const char *model_name;
     /* [height * width] grey levels of the searched image; NULL: drawn without a background */
     const uint8_t *grey;
     /* downscaling factor: pixels of the image per pixel of the searched image, >= 1 */
     int32_t shrink;
-    const cairn_contour_tokens *tokens;
-    const cairn_detections *detections;
-} cairn_detection_picture;
+    const cairn_contour_search_tokens *tokens;
+    const cairn_object_detections *detections;
+} cairn_detection_file_picture;
 
 /* Computes the box of a detection in pixels of the original image: left, top, right, bottom. */
-void cairn_detection_box(const cairn_detection_picture *picture, const cairn_detection *detection,
-                         double box[4]);
+void cairn_detection_file_box(const cairn_detection_file_picture *picture,
+                              const cairn_object_detection *detection, double box[4]);
 
 /* Writes SVG: the image, boxes with scores, segments, and the deformed outlines, dashed where no
  * edge matches. CAIRN_IO, CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status cairn_detection_file_draw(const cairn_detection_picture *picture,
+CAIRN_CHECKED cairn_status cairn_detection_file_draw(const cairn_detection_file_picture *picture,
                                                      const char *path, cairn_file_error *error);
 
 /* Writes JSON, in pixels of the original image. CAIRN_IO, CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status cairn_detection_file_write(const cairn_detection_picture *picture,
+CAIRN_CHECKED cairn_status cairn_detection_file_write(const cairn_detection_file_picture *picture,
                                                       const char *path, cairn_file_error *error);
 
 #ifdef __cplusplus

@@ -14,26 +14,26 @@
 extern "C" {
 #endif
 
-typedef struct cairn_edge_pixel {
+typedef struct cairn_edge_chain_pixel {
     int16_t x, y;
-} cairn_edge_pixel;
+} cairn_edge_chain_pixel;
 
 /* The kind of a chain's end. */
-typedef int32_t cairn_edge_end;
+typedef int32_t cairn_edge_chain_end;
 enum {
     /* an open end of a line */
-    CAIRN_EDGE_OPEN = 0,
+    CAIRN_EDGE_CHAIN_OPEN = 0,
     /* a junction of lines; its pixel belongs to the chains of all of them */
-    CAIRN_EDGE_JUNCTION = 1,
+    CAIRN_EDGE_CHAIN_JUNCTION = 1,
     /* a closed chain (at both ends): the last pixel is a neighbour of the first */
-    CAIRN_EDGE_CLOSED = 2
+    CAIRN_EDGE_CHAIN_CLOSED = 2
 };
 
 typedef struct cairn_edge_chain {
     /* pixels[first ... first + count - 1]; consecutive pixels are neighbours */
     int32_t first, count;
     /* kinds of the first and the last end */
-    cairn_edge_end from, to;
+    cairn_edge_chain_end from, to;
     /* mean edge strength of its pixels, 0 ... 255 */
     cairn_real strength;
 } cairn_edge_chain;
@@ -89,8 +89,8 @@ CAIRN_CHECKED cairn_status cairn_edge_chain_step(cairn_edge_chain_set *set, cair
  * ordered by the row and column of that pixel. Closed chains follow, ordered by their topmost
  * pixel. */
 typedef struct cairn_edge_chain_result {
-    const cairn_edge_chain *chains; /* [chain_count] */
-    const cairn_edge_pixel *pixels; /* [pixel_count] */
+    const cairn_edge_chain *chains;       /* [chain_count] */
+    const cairn_edge_chain_pixel *pixels; /* [pixel_count] */
     int32_t chain_count, pixel_count;
     int32_t edge_count;  /* edge pixels of the image, before thinning */
     int32_t short_count; /* chains of at least two pixels dropped as too short */

@@ -28,15 +28,16 @@ typedef struct cairn_file_error {
 /* Lets the compiler check printf arguments: index of the format and of its first argument, from
  * 1. */
 #if defined(__GNUC__) || defined(__clang__)
-#define CAIRN_FORMAT(text, first) __attribute__((format(printf, text, first)))
+#define CAIRN_FILE_ERROR_FORMAT(text, first) __attribute__((format(printf, text, first)))
 #else
-#define CAIRN_FORMAT(text, first)
+#define CAIRN_FILE_ERROR_FORMAT(text, first)
 #endif
 
 /* Fills *error unless it is NULL, formats without the user's locale, and returns `status`, so that
  * a caller can write `return cairn_file_error_set(...)`. line 0: the file as a whole. */
 cairn_status cairn_file_error_set(cairn_file_error *error, cairn_status status, const char *path,
-                                  int64_t line, const char *format, ...) CAIRN_FORMAT(5, 6);
+                                  int64_t line, const char *format, ...)
+    CAIRN_FILE_ERROR_FORMAT(5, 6);
 
 /* The same for an error of the operating system: "path: cannot <what>: <text of code>". code: a
  * value of errno. Returns CAIRN_NO_MEMORY for ENOMEM, CAIRN_IO otherwise. */

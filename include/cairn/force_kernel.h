@@ -55,29 +55,29 @@ void cairn_force_kernel_set(cairn_force_kernel *kernel, cairn_real sigma, cairn_
 enum { CAIRN_FORCE_STRIP_POINTS = 16 };
 
 /* A strip: a few points in the map with similar direction; the arrays are the caller's. */
-typedef struct cairn_force_strip {
+typedef struct cairn_force_kernel_strip {
     const cairn_vec2 *position; /* [count] */
     const cairn_real *mass;     /* [count] */
     int32_t count;              /* 0 ... CAIRN_FORCE_STRIP_POINTS */
     cairn_box reach_box;        /* no point of any strip is within reach outside of it */
-} cairn_force_strip;
+} cairn_force_kernel_strip;
 
 /* Sums over pairs as springs of rest length 0 with the same force, weighted by m1 m2. For a pair: k
  * = exp(-r^2 / (2 sigma^2)) / max(r, sigma / 8) is its stiffness, d the vector from the point of
  * the first strip to that of the second, c their midpoint relative to the sum's centre. The
  * stiffness is bounded at sigma / 8, below which points coincide. */
-typedef struct cairn_force_springs {
+typedef struct cairn_force_kernel_springs {
     cairn_real stiffness;                       /* k */
     cairn_vec2 middle;                          /* k c */
     cairn_real middle_xx, middle_xy, middle_yy; /* k c c^T */
     cairn_vec2 pull;                            /* k d */
     cairn_real middle_pull_xx, middle_pull_xy;  /* k c.x d */
     cairn_real middle_pull_yx, middle_pull_yy;  /* k c.y d */
-} cairn_force_springs;
+} cairn_force_kernel_springs;
 
 /* Sums over pairs for the points of the first strip, as if all directions were parallel and without
  * the factor `norm`; those of the second strip get the opposite. */
-typedef struct cairn_force_sum {
+typedef struct cairn_force_kernel_sum {
     cairn_vec2 force;
     /* about `centre`; equal for both strips, since a pair's force acts along the line through its
      * points */
@@ -89,23 +89,23 @@ typedef struct cairn_force_sum {
     /* pairs within reach */
     int64_t pairs;
     /* input; NULL: not computed */
-    cairn_force_springs *springs;
-} cairn_force_sum;
+    cairn_force_kernel_springs *springs;
+} cairn_force_kernel_sum;
 
 /* Sums for one point of mass 1 over several others; the last six fields only for springs. */
-typedef struct cairn_force_pull {
+typedef struct cairn_force_kernel_pull {
     cairn_real x, y, potential;
     cairn_real stiffness, spring_x, spring_y;   /* k, k d */
     cairn_real spring_xx, spring_xy, spring_yy; /* k d d^T */
-} cairn_force_pull;
+} cairn_force_kernel_pull;
 
 /* Progress of a sum; all 0 before the first call. After completion it may be reused with row 0. */
-typedef struct cairn_force_cursor {
-    int32_t row, next;     /* point of the first strip, and of the second */
-    int32_t is_begun;      /* the row has been begun */
-    int32_t units_charged; /* units charged towards its beginning */
-    cairn_force_pull pull; /* of the row so far */
-} cairn_force_cursor;
+typedef struct cairn_force_kernel_cursor {
+    int32_t row, next;            /* point of the first strip, and of the second */
+    int32_t is_begun;             /* the row has been begun */
+    int32_t units_charged;        /* units charged towards its beginning */
+    cairn_force_kernel_pull pull; /* of the row so far */
+} cairn_force_kernel_cursor;
 
 /* Adds to *sum the effect of strip b on the points of strip a from the cursor on; potentials only
  * when with_potential, springs only when sum->springs is not NULL. Relative error of a force 3e-13
@@ -114,8 +114,9 @@ typedef struct cairn_force_cursor {
  * the second strip unless the row is outside its reach_box, and one for each pair within reach. The
  * sums do not depend on how the budget is split. */
 CAIRN_CHECKED cairn_status cairn_force_kernel_strips(
-    const cairn_force_kernel *kernel, const cairn_force_strip *a, const cairn_force_strip *b,
-    cairn_force_cursor *cursor, int32_t with_potential, cairn_force_sum *sum, cairn_budget *budget);
+    const cairn_force_kernel *kernel, const cairn_force_kernel_strip *a,
+    const cairn_force_kernel_strip *b, cairn_force_kernel_cursor *cursor, int32_t with_potential,
+    cairn_force_kernel_sum *sum, cairn_budget *budget);
 
 #ifdef __cplusplus
 }

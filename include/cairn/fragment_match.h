@@ -95,7 +95,7 @@ CAIRN_CHECKED cairn_status cairn_fragment_match_create(cairn_fragment_matcher **
  * max_samples steps of min_step. CAIRN_NOT_FINITE: a coordinate that is not finite or beyond
  * 1e6; a fragment's length that is not finite, negative or beyond 1e6. Cost: linear. */
 CAIRN_CHECKED cairn_status cairn_fragment_match_begin(cairn_fragment_matcher *matcher,
-                                                      const cairn_part_model *model,
+                                                      const cairn_part_bundle_model *model,
                                                       const cairn_curve *chains,
                                                       int32_t chain_count);
 

@@ -133,7 +133,8 @@ int32_t cairn_icp_target_count(const cairn_icp *icp);
  * add_target(), sigmas that are not > 0. CAIRN_NOT_FINITE. Cost: a linear pass over the query. */
 CAIRN_CHECKED cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query,
                                            int32_t count, cairn_pose start,
-                                           const cairn_pose_prior *prior, cairn_fault *fault);
+                                           const cairn_rigid_motion_pose_prior *prior,
+                                           cairn_fault *fault);
 
 /* Sets the least information ratio of an observable direction (params.weak_ratio) for the next
  * alignments. CAIRN_BAD_ARGUMENT: not in [0, 1), or an alignment is running. */

@@ -41,9 +41,9 @@ cairn_segment cairn_line_segment(const cairn_line *line);
  * Constant time. CAIRN_BAD_ARGUMENT: NULL, or a mass that is not > 0. CAIRN_NOT_FINITE.
  * CAIRN_EMPTY: both segments are the same point. Source: the segment merging of Lakaemper and
  * Latecki 2006, with moments in place of end points. */
-CAIRN_CHECKED cairn_status cairn_segment_merge(cairn_segment first, cairn_real first_mass,
-                                               cairn_segment second, cairn_real second_mass,
-                                               cairn_segment *merged);
+CAIRN_CHECKED cairn_status cairn_line_merge(cairn_segment first, cairn_real first_mass,
+                                            cairn_segment second, cairn_real second_mass,
+                                            cairn_segment *merged);
 
 #ifdef __cplusplus
 }

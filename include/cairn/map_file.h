@@ -31,11 +31,11 @@ extern "C" {
 
 /* How pixels are interpreted. */
 typedef int32_t cairn_map_file_mode;
-enum { CAIRN_MAP_TRINARY = 0, CAIRN_MAP_SCALE = 1, CAIRN_MAP_RAW = 2 };
+enum { CAIRN_MAP_FILE_TRINARY = 0, CAIRN_MAP_FILE_SCALE = 1, CAIRN_MAP_FILE_RAW = 2 };
 
 /* The format of the image file. */
 typedef int32_t cairn_map_file_image;
-enum { CAIRN_MAP_PGM = 0, CAIRN_MAP_PNG = 1 };
+enum { CAIRN_MAP_FILE_PGM = 0, CAIRN_MAP_FILE_PNG = 1 };
 
 /* A map with its metadata. */
 typedef struct cairn_map_file {

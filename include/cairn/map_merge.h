@@ -53,12 +53,12 @@ extern "C" {
 typedef struct cairn_map_merge cairn_map_merge;
 
 /* Perception model: how a candidate pose of a map is weighted. */
-typedef int32_t cairn_merge_perception;
+typedef int32_t cairn_map_merge_perception;
 enum {
     /* log-likelihood ratio: length of agreeing wall less free-space violations, in nats */
-    CAIRN_MERGE_LIKELIHOOD_RATIO = 0,
+    CAIRN_MAP_MERGE_LIKELIHOOD_RATIO = 0,
     /* image similarity Psi and gamma of the thesis (eqs. 9.5, 9.6) */
-    CAIRN_MERGE_IMAGES = 1
+    CAIRN_MAP_MERGE_IMAGES = 1
 };
 
 typedef struct cairn_map_merge_params {
@@ -78,8 +78,8 @@ typedef struct cairn_map_merge_params {
     int32_t max_modes;
     /* particles of the filter, 1 ... 4096 */
     int32_t particles;
-    cairn_merge_perception perception;
-    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN, which requires CAIRN_MERGE_IMAGES */
+    cairn_map_merge_perception perception;
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN, which requires CAIRN_MAP_MERGE_IMAGES */
     int32_t mode;
     /* correlation length of errors along a wall, in cells of the first map, > 0: wall of this
      * length counts as one observation (10) */
@@ -107,15 +107,16 @@ size_t cairn_map_merge_memory(const cairn_map_merge_params *params);
 CAIRN_CHECKED cairn_status cairn_map_merge_create(cairn_map_merge **merge, cairn_pool *pool,
                                                   const cairn_map_merge_params *params);
 
-/* An input map. Cells are CAIRN_CELL_OCCUPIED or CAIRN_CELL_FREE; all other values are unknown. */
-typedef struct cairn_merge_map {
+/* An input map. Cells are CAIRN_OCCUPANCY_GRID_OCCUPIED or CAIRN_OCCUPANCY_GRID_FREE; all other
+ * values are unknown. */
+typedef struct cairn_map_merge_map {
     /* row 0 lowest; must stay valid until merging has ended */
     cairn_raster_u8_view cells;
     /* m, side of a cell; may differ between maps */
     cairn_real resolution;
     /* pose of the lower left corner of cell (0, 0) in the frame of the map, m and rad */
     cairn_pose origin;
-} cairn_merge_map;
+} cairn_map_merge_map;
 
 /* Downsamples a grid by k: an output cell is occupied when any of its k x k cells is, else free
  * when any is free, else unknown. For maps distorted by more than two cells, which agree only at a
@@ -131,8 +132,8 @@ void cairn_map_merge_clear(cairn_map_merge *merge);
  * resolution that is not > 0, or merging is in progress. CAIRN_NOT_FINITE: the resolution or the
  * origin. CAIRN_FULL: max_maps, max_cells or max_map_cells. *fault, when not NULL, gives the
  * reason. Constant time. */
-CAIRN_CHECKED cairn_status cairn_map_merge_add(cairn_map_merge *merge, const cairn_merge_map *map,
-                                               cairn_fault *fault);
+CAIRN_CHECKED cairn_status cairn_map_merge_add(cairn_map_merge *merge,
+                                               const cairn_map_merge_map *map, cairn_fault *fault);
 
 /* Sets an initial guess of a map's pose in the frame of the reference, as from an earlier merging.
  * The pose becomes a candidate and is kept unless another one is better by min_margin.
@@ -156,7 +157,7 @@ CAIRN_CHECKED cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_bu
 
 /* ---- Score of one relative pose of two maps ---- */
 
-typedef struct cairn_merge_score {
+typedef struct cairn_map_merge_pair_score {
     /* nats: (1.7 agreeing_wall - 4 free_space_violation) / correlation_length */
     cairn_real log_likelihood_ratio;
     /* m: length of wall that both maps have; a long straight wall counts by the root of its
@@ -172,33 +173,39 @@ typedef struct cairn_merge_score {
     cairn_real disagreement;
     /* gamma = -log d - d (9.6) */
     cairn_real gamma;
-} cairn_merge_score;
+} cairn_map_merge_pair_score;
 
 /* Scores the relative pose a_b of map b in the frame of map a, at once. psi, disagreement and gamma
  * use an evenly spread sample of cells, d exact disagreement; as written all cells and one kernel.
  * CAIRN_BAD_ARGUMENT: no such maps, or not prepared (no merging has ended). CAIRN_NOT_FINITE.
  * Linear in the points, as written in the cells. */
 CAIRN_CHECKED cairn_status cairn_map_merge_score(const cairn_map_merge *merge, int32_t a, int32_t b,
-                                                 cairn_pose a_b, cairn_merge_score *score);
+                                                 cairn_pose a_b, cairn_map_merge_pair_score *score);
 
 /* ---- Result of the last merging that has ended ---- */
 
-typedef int32_t cairn_merge_verdict;
+typedef int32_t cairn_map_merge_verdict;
 enum {
-    CAIRN_MERGE_PLACED = 0,
-    CAIRN_MERGE_EMPTY = 1,        /* rejected: it has no wall, or no known cell */
-    CAIRN_MERGE_NO_OVERLAP = 2,   /* rejected: no pose agrees with any other map */
-    CAIRN_MERGE_LOW_SUPPORT = 3,  /* rejected: the best pose has too little support */
-    CAIRN_MERGE_AMBIGUOUS = 4,    /* rejected: a competing pose has nearly as much support */
-    CAIRN_MERGE_UNOBSERVABLE = 5, /* rejected: translation along its walls is unobservable */
-    CAIRN_MERGE_NO_CORNER = 6     /* as written: no corner is similar to one of the merged maps */
+    CAIRN_MAP_MERGE_PLACED = 0,
+    /* rejected: it has no wall, or no known cell */
+    CAIRN_MAP_MERGE_EMPTY = 1,
+    /* rejected: no pose agrees with any other map */
+    CAIRN_MAP_MERGE_NO_OVERLAP = 2,
+    /* rejected: the best pose has too little support */
+    CAIRN_MAP_MERGE_LOW_SUPPORT = 3,
+    /* rejected: a competing pose has nearly as much support */
+    CAIRN_MAP_MERGE_AMBIGUOUS = 4,
+    /* rejected: translation along its walls is unobservable */
+    CAIRN_MAP_MERGE_UNOBSERVABLE = 5,
+    /* as written: no corner is similar to one of the merged maps */
+    CAIRN_MAP_MERGE_NO_CORNER = 6
 };
 
 /* Returns the verdict in words, without a full stop. */
-const char *cairn_merge_verdict_text(cairn_merge_verdict verdict);
+const char *cairn_map_merge_verdict_text(cairn_map_merge_verdict verdict);
 
-typedef struct cairn_merge_placed {
-    cairn_merge_verdict verdict;
+typedef struct cairn_map_merge_placed {
+    cairn_map_merge_verdict verdict;
     /* pose of the map's frame in that of the reference, m and rad; the best pose found for a
      * rejected map */
     cairn_pose reference_map;
@@ -218,9 +225,9 @@ typedef struct cairn_merge_placed {
     int32_t modes;
     /* corners in the map */
     int32_t corners;
-} cairn_merge_placed;
+} cairn_map_merge_placed;
 
-typedef struct cairn_merge_result {
+typedef struct cairn_map_merge_result {
     int32_t maps, placed;
     int32_t reference;
     /* registrations of structures that were tried */
@@ -234,13 +241,13 @@ typedef struct cairn_merge_result {
     /* nats: total log-likelihood ratio of all pairs placed; as written: the sum of Psi */
     cairn_real log_likelihood_ratio;
     int64_t units;
-} cairn_merge_result;
+} cairn_map_merge_result;
 
 /* Returns the summary of the result. */
-cairn_merge_result cairn_map_merge_read(const cairn_map_merge *merge);
+cairn_map_merge_result cairn_map_merge_read(const cairn_map_merge *merge);
 
 /* Returns the result of one map; all zero when there is no such map. */
-cairn_merge_placed cairn_map_merge_of(const cairn_map_merge *merge, int32_t map);
+cairn_map_merge_placed cairn_map_merge_of(const cairn_map_merge *merge, int32_t map);
 
 /* Gets mode `index` of map b relative to map a, the best first; returns 0 beyond the last. *a_b is
  * in the frames of the maps. As written, *log_ratio is the similarity of the corners, 0 ... 1. */

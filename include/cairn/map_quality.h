@@ -11,73 +11,78 @@ extern "C" {
 
 /* Quadrants of a grid, sides halved and rounded down; north is up. */
 enum {
-    CAIRN_QUADRANT_NW,
-    CAIRN_QUADRANT_NE,
-    CAIRN_QUADRANT_SE,
-    CAIRN_QUADRANT_SW,
-    CAIRN_QUADRANTS
+    CAIRN_MAP_QUALITY_QUADRANT_NW,
+    CAIRN_MAP_QUALITY_QUADRANT_NE,
+    CAIRN_MAP_QUALITY_QUADRANT_SE,
+    CAIRN_MAP_QUALITY_QUADRANT_SW,
+    CAIRN_MAP_QUALITY_QUADRANTS
 };
 
-typedef struct cairn_map_entropy {
+typedef struct cairn_map_quality_entropy {
     /* nats: entropy -sum p log p + (1 - p) log(1 - p) over the observed cells */
     cairn_real total;
-    cairn_real quadrant[CAIRN_QUADRANTS];
+    cairn_real quadrant[CAIRN_MAP_QUALITY_QUADRANTS];
     /* number of observed cells */
     int64_t cells;
-} cairn_map_entropy;
+} cairn_map_quality_entropy;
 
 /* Adds the entropy of rows first_row ... first_row + rows - 1 to *entropy, which the caller sets to
  * 0 before. p is the probability that a beam stops on a chord as long as the cell's side. Compare
  * only maps of one resolution. CAIRN_BAD_ARGUMENT: NULL, or rows outside the grid. Cost: linear in
  * the cells of these rows. Source: Adluru 2008, section 10. */
-CAIRN_CHECKED cairn_status cairn_map_entropy_add(const cairn_occupancy_grid *grid,
-                                                 int32_t first_row, int32_t rows,
-                                                 cairn_map_entropy *entropy);
+CAIRN_CHECKED cairn_status cairn_map_quality_entropy_add(const cairn_occupancy_grid *grid,
+                                                         int32_t first_row, int32_t rows,
+                                                         cairn_map_quality_entropy *entropy);
 
 /* Computes the log-likelihood of a beam: it passes all cells before its end and, when hit is not 0,
  * stops in the cell of its end, each by its chord. The likelihood is mixed with `least`, in (0, 1),
  * the uniform likelihood of unmodelled causes. Unobserved cells let beams pass. The part outside
  * the grid counts as passed, an end there as never. CAIRN_BAD_ARGUMENT: NULL, or `least`.
  * CAIRN_NOT_FINITE. Cost: linear in the cells on the beam. Source: Eliazar and Parr 2004. */
-CAIRN_CHECKED cairn_status cairn_map_beam_likelihood(const cairn_occupancy_grid *grid,
-                                                     cairn_vec2 from, cairn_vec2 to, int32_t hit,
-                                                     cairn_real least, cairn_real *log_likelihood);
+CAIRN_CHECKED cairn_status cairn_map_quality_beam_likelihood(const cairn_occupancy_grid *grid,
+                                                             cairn_vec2 from, cairn_vec2 to,
+                                                             int32_t hit, cairn_real least,
+                                                             cairn_real *log_likelihood);
 
-typedef struct cairn_pose_errors {
+typedef struct cairn_map_quality_pose_errors {
     cairn_real x, y;  /* m, mean absolute errors */
     cairn_real theta; /* rad, mean absolute error */
-} cairn_pose_errors;
+} cairn_map_quality_pose_errors;
 
 /* Computes the mean absolute errors E(x), E(y), E(theta) after both trajectories are moved so that
  * their first poses are the identity. estimate, truth: [count]. CAIRN_BAD_ARGUMENT: NULL.
  * CAIRN_EMPTY: count < 1. CAIRN_NOT_FINITE. Cost: linear in count. */
-CAIRN_CHECKED cairn_status cairn_pose_errors_of(const cairn_pose *estimate, const cairn_pose *truth,
-                                                int32_t count, cairn_pose_errors *errors);
+CAIRN_CHECKED cairn_status cairn_map_quality_pose_errors_of(const cairn_pose *estimate,
+                                                            const cairn_pose *truth, int32_t count,
+                                                            cairn_map_quality_pose_errors *errors);
 
 /* Sums over relations; the caller sets them to 0 before the first. */
-typedef struct cairn_relation_sums {
+typedef struct cairn_map_quality_relation_sums {
     int64_t count;
     /* sums of translation errors in m and of absolute rotation errors in rad */
     cairn_real distance, angle;
     /* sums of their squares, m^2 and rad^2 */
     cairn_real distance_squared, angle_squared;
-} cairn_relation_sums;
+} cairn_map_quality_relation_sums;
 
 /* Adds the error of a relation: the difference between a reference relative pose, second in the
  * frame of first, and that of the two estimated poses (Kümmerle et al. 2009). CAIRN_BAD_ARGUMENT:
  * NULL. CAIRN_NOT_FINITE. */
-CAIRN_CHECKED cairn_status cairn_relation_add(cairn_relation_sums *sums, cairn_pose reference,
-                                              cairn_pose map_first, cairn_pose map_second);
+CAIRN_CHECKED cairn_status cairn_map_quality_relation_add(cairn_map_quality_relation_sums *sums,
+                                                          cairn_pose reference,
+                                                          cairn_pose map_first,
+                                                          cairn_pose map_second);
 
-typedef struct cairn_relation_errors {
+typedef struct cairn_map_quality_relation_errors {
     /* m, m, m^2: mean, standard deviation, mean square */
     cairn_real distance_mean, distance_sd, distance_squared;
     /* rad, rad, rad^2: likewise */
     cairn_real angle_mean, angle_sd, angle_squared;
-} cairn_relation_errors;
+} cairn_map_quality_relation_errors;
 
 /* Returns the statistics of the sums; all 0 without relations. */
-cairn_relation_errors cairn_relation_errors_of(const cairn_relation_sums *sums);
+cairn_map_quality_relation_errors
+cairn_map_quality_relation_errors_of(const cairn_map_quality_relation_sums *sums);
 
 #ifdef __cplusplus
 }

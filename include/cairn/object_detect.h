@@ -39,33 +39,36 @@
 extern "C" {
 #endif
 
-typedef int32_t cairn_detect_method;
+typedef int32_t cairn_object_detect_method;
 enum {
     /* sliding window over all positions and sizes, scored by log-likelihood ratio */
-    CAIRN_DETECT_EVIDENCE = 0,
+    CAIRN_OBJECT_DETECT_EVIDENCE = 0,
     /* configurations of parts, ranked by shape contexts (Adluru 2008, chapter 5) */
-    CAIRN_DETECT_PARTS = 1
+    CAIRN_OBJECT_DETECT_PARTS = 1
 };
 
-typedef int32_t cairn_detect_bundles;
+typedef int32_t cairn_object_detect_bundles;
 enum {
-    CAIRN_DETECT_BUNDLES = 0,        /* at most one fragment per bundle */
-    CAIRN_DETECT_BUNDLES_OF_ONE = 1, /* only the longest fragment of each bundle is matched */
-    CAIRN_DETECT_NO_BUNDLES = 2      /* each fragment is a bundle of its own */
+    /* at most one fragment per bundle */
+    CAIRN_OBJECT_DETECT_BUNDLES = 0,
+    /* only the longest fragment of each bundle is matched */
+    CAIRN_OBJECT_DETECT_BUNDLES_OF_ONE = 1,
+    /* each fragment is a bundle of its own */
+    CAIRN_OBJECT_DETECT_NO_BUNDLES = 2
 };
 
 /* Stages of a search, in order; method PARTS runs the first two for the model and again for its
  * mirror image. */
-typedef int32_t cairn_detect_stage;
+typedef int32_t cairn_object_detect_stage;
 enum {
-    CAIRN_DETECT_VOTES = 0,  /* candidates are generated, fragments matched */
-    CAIRN_DETECT_SCORES = 1, /* outlines deformed to the edges; PARTS: shapes compared */
-    CAIRN_DETECT_BOXES = 2   /* non-maximum suppression; PARTS: outlines deformed, too */
+    CAIRN_OBJECT_DETECT_VOTES = 0,  /* candidates are generated, fragments matched */
+    CAIRN_OBJECT_DETECT_SCORES = 1, /* outlines deformed to the edges; PARTS: shapes compared */
+    CAIRN_OBJECT_DETECT_BOXES = 2   /* non-maximum suppression; PARTS: outlines deformed, too */
 };
 
 typedef struct cairn_object_detect_params {
-    /* px, range of the diagonal of the object's box: 8 <= min <= max <= 2 CAIRN_CONTOUR_MAX_SIDE,
-     * min at least a fiftieth of the image's longer side. */
+    /* px, range of the diagonal of the object's box: 8 <= min <= max <= 2
+     * CAIRN_CONTOUR_SEARCH_MAX_SIDE, min at least a fiftieth of the image's longer side. */
     cairn_real min_size, max_size;
     /* 1: the mirrored model is searched, too (1) */
     int32_t mirror;
@@ -78,12 +81,12 @@ typedef struct cairn_object_detect_params {
     /* least score of a reported detection, before appearance counts (0) */
     cairn_real min_score;
     /* (EVIDENCE) */
-    cairn_detect_method method;
+    cairn_object_detect_method method;
     /* Of method PARTS: */
     /* (BUNDLES) */
-    cairn_detect_bundles bundles;
+    cairn_object_detect_bundles bundles;
     /* [cut_count] manually chosen fragments of the first outline; NULL: chosen by rule (NULL) */
-    const cairn_part_cut *cuts;
+    const cairn_part_bundle_cut *cuts;
     int32_t cut_count;
     /* 1 ... 64: chains that vote for each fragment (2, as in the thesis) */
     int32_t matches;
@@ -96,7 +99,7 @@ typedef struct cairn_object_detect_params {
     /* 0 ... 1000: weight of the appearance distance, lambda of the thesis (8) */
     cairn_real appearance_weight;
     /* called when a stage begins; NULL: no callback (NULL) */
-    void (*on_stage)(void *context, cairn_detect_stage stage);
+    void (*on_stage)(void *context, cairn_object_detect_stage stage);
     void *on_stage_context;
     /* Of method EVIDENCE, 1: objects may be partly occluded and have the model's own shape. Only
      * edges that agree on one similarity map of the original outline count (rigid_proximity). The
@@ -126,7 +129,7 @@ cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t
 /* One detection. rigid_evidence and deformed_evidence: mean log-likelihood ratio (nats) of the
  * edges over the outline's samples, object against background, at the initial rigid pose and after
  * deformation, less the deformation cost. */
-typedef struct cairn_detection {
+typedef struct cairn_object_detection {
     cairn_real left, top, right, bottom; /* px, bounding box of the deformed outline */
     /* Linear score of rigid_evidence, deformed_evidence, edge_proximity, tangent_deviation,
      * deformation, the box's aspect ratio, the size over the image's diagonal, and
@@ -173,51 +176,52 @@ typedef struct cairn_detection {
     /* 0 ... 1: probability that the box shows the class, or its similarity to the training set; 0
      * without appearance */
     cairn_real appearance;
-} cairn_detection;
+} cairn_object_detection;
 
 /* A fragment of the model's outline (part_bundle, by rule) matched in the image. */
-typedef struct cairn_detected_part {
+typedef struct cairn_object_detect_part {
     int32_t bundle, fragment, chain; /* chain: index in the tokens */
     int32_t reversed;                /* 1: the chain runs opposite to the outline */
     cairn_real similarity;           /* 0 ... 1 */
     cairn_real from, to;             /* px, matched interval along the chain */
-} cairn_detected_part;
+} cairn_object_detect_part;
 
 /* The detections in an image. segments and outline also contain entries of suppressed
  * detections. */
-typedef struct cairn_detections {
-    cairn_detection *found;       /* [count] by descending score */
-    int32_t *segments;            /* [segment_count] indices of the tokens' lines */
-    cairn_contour_place *outline; /* [outline_count] */
-    cairn_detected_part *parts;   /* [part_count] */
+typedef struct cairn_object_detections {
+    cairn_object_detection *found;       /* [count] by descending score */
+    int32_t *segments;                   /* [segment_count] indices of the tokens' lines */
+    cairn_contour_search_place *outline; /* [outline_count] */
+    cairn_object_detect_part *parts;     /* [part_count] */
     int32_t count, segment_count, outline_count, part_count;
     int32_t bundle_count;   /* bundles of the model; 0: not detected by parts */
     int32_t has_appearance; /* 1: the scores include appearance */
-} cairn_detections;
+} cairn_object_detections;
 
 /* The edge field of an image, in which all models are searched: computed once per image. */
-typedef struct cairn_detect_field cairn_detect_field;
+typedef struct cairn_object_detect_field cairn_object_detect_field;
 
 /* Creates the field for all sizes within params. `tokens` must stay valid. CAIRN_BAD_ARGUMENT:
  * params; CAIRN_NO_MEMORY. On failure there is nothing to free, and *field is NULL. The error
  * message names `path`. */
-CAIRN_CHECKED cairn_status cairn_detect_field_make(cairn_detect_field **field,
-                                                   const cairn_contour_tokens *tokens,
-                                                   const cairn_object_detect_params *params,
-                                                   const char *path, cairn_file_error *error);
-void cairn_detect_field_free(cairn_detect_field *field);
+CAIRN_CHECKED cairn_status cairn_object_detect_field_make(cairn_object_detect_field **field,
+                                                          const cairn_contour_search_tokens *tokens,
+                                                          const cairn_object_detect_params *params,
+                                                          const char *path,
+                                                          cairn_file_error *error);
+void cairn_object_detect_field_free(cairn_object_detect_field *field);
 
 /* Detects the instances of a model. CAIRN_BAD_ARGUMENT, CAIRN_NOT_FINITE: a model that
  * cairn_shape_model_check refuses. CAIRN_BAD_ARGUMENT: a model with fewer than 3 outline samples,
  * without width or height, or with a sample 0.54 of its size or farther from its origin along an
  * axis. Method PARTS: also the statuses of cairn_part_bundle_begin() (CAIRN_EMPTY, CAIRN_FULL,
  * CAIRN_BAD_ARGUMENT: cuts). CAIRN_NO_MEMORY. On failure there is nothing to free. */
-CAIRN_CHECKED cairn_status cairn_object_detect(cairn_detections *detections,
-                                               const cairn_detect_field *field,
+CAIRN_CHECKED cairn_status cairn_object_detect(cairn_object_detections *detections,
+                                               const cairn_object_detect_field *field,
                                                const cairn_shape_model *model, const char *path,
                                                cairn_file_error *error);
 
-void cairn_detections_free(cairn_detections *detections);
+void cairn_object_detections_free(cairn_object_detections *detections);
 
 #ifdef __cplusplus
 }

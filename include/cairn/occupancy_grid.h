@@ -59,8 +59,9 @@ CAIRN_CHECKED cairn_status cairn_occupancy_grid_add_beam(cairn_occupancy_grid *g
  * unknown kind of beam, or a scan in progress. CAIRN_NOT_FINITE: the pose, or an end of a beam that
  * is not unknown. *fault, when not NULL, names the beam. Cost: linear in the beams. */
 CAIRN_CHECKED cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid *grid,
-                                                           const cairn_beam *beams, int32_t count,
-                                                           cairn_pose map_scan, cairn_fault *fault);
+                                                           const cairn_scan_beam *beams,
+                                                           int32_t count, cairn_pose map_scan,
+                                                           cairn_fault *fault);
 
 /* Starts to clear all cells; a scan in progress is dropped. A scan may be begun right after it.
  * Constant time. */
@@ -74,48 +75,52 @@ CAIRN_CHECKED cairn_status cairn_occupancy_grid_step(cairn_occupancy_grid *grid,
 
 /* ---- Reading ---- */
 
-typedef struct cairn_occupancy_cell {
+typedef struct cairn_occupancy_grid_cell_state {
     int32_t hits;
     float length; /* m */
-} cairn_occupancy_cell;
+} cairn_occupancy_grid_cell_state;
 
 /* Returns 1 and sets *x, *y to the cell that contains the point; 0 outside the grid. */
 int32_t cairn_occupancy_grid_locate(const cairn_occupancy_grid *grid, cairn_vec2 point, int32_t *x,
                                     int32_t *y);
 
 /* Returns hits and length of cell (x, y); zeros outside the grid. */
-cairn_occupancy_cell cairn_occupancy_grid_cell(const cairn_occupancy_grid *grid, int32_t x,
-                                               int32_t y);
+cairn_occupancy_grid_cell_state cairn_occupancy_grid_cell(const cairn_occupancy_grid *grid,
+                                                          int32_t x, int32_t y);
 
 /* Returns the probability that a beam stops on a chord as long as the side of the cell, in [0, 1];
  * -1 for an unobserved cell or outside the grid. */
 cairn_real cairn_occupancy_grid_probability(const cairn_occupancy_grid *grid, int32_t x, int32_t y);
 
 /* Cell values of the trinary maps of ROS map_server. */
-enum { CAIRN_CELL_OCCUPIED = 0, CAIRN_CELL_UNKNOWN = 205, CAIRN_CELL_FREE = 254 };
+enum {
+    CAIRN_OCCUPANCY_GRID_OCCUPIED = 0,
+    CAIRN_OCCUPANCY_GRID_UNKNOWN = 205,
+    CAIRN_OCCUPANCY_GRID_FREE = 254
+};
 
-typedef struct cairn_occupancy_thresholds {
+typedef struct cairn_occupancy_grid_thresholds {
     cairn_real occupied; /* minimum probability of an occupied cell, < 1 */
     /* maximum probability of a free cell, > 0 and <= occupied; unknown in between */
     cairn_real free;
-} cairn_occupancy_thresholds;
+} cairn_occupancy_grid_thresholds;
 
 /* Returns the default thresholds 0.25 and 0.1: a cell that stops a quarter of the beams that cross
  * it is a surface. */
-cairn_occupancy_thresholds cairn_occupancy_thresholds_default(void);
+cairn_occupancy_grid_thresholds cairn_occupancy_grid_thresholds_default(void);
 
 /* Classifies rows first_row ... first_row + out.height - 1 into `out`, which is as wide as the
  * grid; unobserved cells are unknown. CAIRN_BAD_ARGUMENT: a bad view, another width, rows outside
  * the grid, or bad thresholds. Cost: linear in the cells of these rows. */
 CAIRN_CHECKED cairn_status cairn_occupancy_grid_classify(const cairn_occupancy_grid *grid,
-                                                         cairn_occupancy_thresholds thresholds,
+                                                         cairn_occupancy_grid_thresholds thresholds,
                                                          int32_t first_row, cairn_raster_u8 out);
 
 /* ---- Ray traversal ---- */
 
 /* Iterator over the cells on a beam (voxel traversal). The caller owns it and may copy it; only
  * ends_inside and length are to be read. */
-typedef struct cairn_occupancy_walk {
+typedef struct cairn_occupancy_grid_ray {
     /* start of the beam, in cells */
     cairn_real from_x, from_y;
     /* share of the beam per cell in x and y, signed */
@@ -129,22 +134,23 @@ typedef struct cairn_occupancy_walk {
     /* 1: the last cell contains the end of the beam; 0: the beam leaves the grid */
     int32_t ends_inside;
     int32_t done;
-} cairn_occupancy_walk;
+} cairn_occupancy_grid_ray;
 
-typedef struct cairn_occupancy_chord {
+typedef struct cairn_occupancy_grid_chord {
     int32_t x, y;
     cairn_real length; /* m; 0 where the beam only touches a corner */
-} cairn_occupancy_chord;
+} cairn_occupancy_grid_chord;
 
 /* Starts a traversal of the cells that the beam crosses, from its start to its end. CAIRN_EMPTY: it
  * misses the grid. CAIRN_NOT_FINITE as for add_beam(). Source: Amanatides and Woo 1987, with the
  * border crossings computed one by one, so that no error accumulates. */
 CAIRN_CHECKED cairn_status cairn_occupancy_grid_walk(const cairn_occupancy_grid *grid,
                                                      cairn_vec2 from, cairn_vec2 to,
-                                                     cairn_occupancy_walk *walk);
+                                                     cairn_occupancy_grid_ray *walk);
 
 /* Returns 1 and the next cell with the length of the beam in it; 0 after the last cell. */
-int32_t cairn_occupancy_walk_next(cairn_occupancy_walk *walk, cairn_occupancy_chord *chord);
+int32_t cairn_occupancy_grid_ray_next(cairn_occupancy_grid_ray *walk,
+                                      cairn_occupancy_grid_chord *chord);
 
 #ifdef __cplusplus
 }

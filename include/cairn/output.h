@@ -28,7 +28,8 @@ CAIRN_CHECKED cairn_status cairn_output_open(cairn_output **output, const char *
 void cairn_output_bytes(cairn_output *output, const void *bytes, size_t count);
 
 /* Appends formatted text as printf does, under the "C" locale. */
-void cairn_output_print(cairn_output *output, const char *format, ...) CAIRN_FORMAT(2, 3);
+void cairn_output_print(cairn_output *output, const char *format, ...)
+    CAIRN_FILE_ERROR_FORMAT(2, 3);
 
 /* Closes and frees the output, also on failure. CAIRN_OK: the target is the complete new file.
  * CAIRN_IO: the target is unchanged. */
@@ -42,14 +43,14 @@ CAIRN_CHECKED cairn_status cairn_output_folder(const char *path, cairn_file_erro
 
 /* Returns "folder/name", or the name alone when the folder is "" or the name is absolute. The
  * caller frees the string; NULL: out of memory. */
-char *cairn_path_join(const char *folder, const char *name);
+char *cairn_output_path_join(const char *folder, const char *name);
 
 /* Returns the folder of a path, "" when the path has none. The caller frees the string; NULL: out
  * of memory. */
-char *cairn_path_folder(const char *path);
+char *cairn_output_path_folder(const char *path);
 
 /* Returns the last component of a path, a pointer into `path`. */
-const char *cairn_path_name(const char *path);
+const char *cairn_output_path_name(const char *path);
 
 #ifdef __cplusplus
 }

@@ -21,7 +21,7 @@ extern "C" {
 #define CAIRN_PART_MAX_PIECES    32
 #define CAIRN_PART_MAX_FRAGMENTS 96
 
-typedef struct cairn_part_fragment {
+typedef struct cairn_part_bundle_fragment {
     /* vertex indices of the input outline: the fragment runs from one to the other in outline
      * order */
     int32_t from, to;
@@ -33,13 +33,13 @@ typedef struct cairn_part_fragment {
     int32_t first;
     /* arc length in the unit of the outline */
     cairn_real length;
-} cairn_part_fragment;
+} cairn_part_bundle_fragment;
 
 /* A part model; its arrays are valid until the builder's next begin(). */
-typedef struct cairn_part_model {
+typedef struct cairn_part_bundle_model {
     /* [fragment_count] ordered by first vertex, then by length; manual fragments in the order of
      * the cuts. */
-    const cairn_part_fragment *fragments;
+    const cairn_part_bundle_fragment *fragments;
     /* [fragment_count * samples_each] evenly spaced samples of each fragment, with the outline's
      * tangent direction */
     const cairn_oriented_point *samples;
@@ -52,7 +52,7 @@ typedef struct cairn_part_model {
     cairn_real length;
     /* length-weighted centroid of the outline */
     cairn_vec2 centroid;
-} cairn_part_model;
+} cairn_part_bundle_model;
 
 typedef struct cairn_part_bundle_params {
     int32_t max_points;   /* capacity for outline points, 3 ... 4096 (256) */
@@ -62,7 +62,7 @@ typedef struct cairn_part_bundle_params {
     int32_t samples_each; /* samples of each fragment, 2 ... 64 (20) */
 } cairn_part_bundle_params;
 
-typedef struct cairn_part_builder cairn_part_builder;
+typedef struct cairn_part_bundle_builder cairn_part_bundle_builder;
 
 /* Returns the values in brackets above. */
 cairn_part_bundle_params cairn_part_bundle_default(void);
@@ -71,16 +71,17 @@ cairn_part_bundle_params cairn_part_bundle_default(void);
 size_t cairn_part_bundle_memory(const cairn_part_bundle_params *params);
 
 /* Creates a builder in the pool. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status cairn_part_bundle_create(cairn_part_builder **builder, cairn_pool *pool,
+CAIRN_CHECKED cairn_status cairn_part_bundle_create(cairn_part_bundle_builder **builder,
+                                                    cairn_pool *pool,
                                                     const cairn_part_bundle_params *params);
 
 /* A manually chosen fragment. */
-typedef struct cairn_part_cut {
+typedef struct cairn_part_bundle_cut {
     /* two different vertex indices of the outline */
     int32_t from, to;
     /* 0 ... CAIRN_PART_MAX_BUNDLES - 1; every bundle below the greatest index has a fragment */
     int32_t bundle;
-} cairn_part_cut;
+} cairn_part_bundle_cut;
 
 /* Starts on a closed outline, which is copied, and discards the previous run. cuts: [cut_count]
  * manually chosen fragments, whose ends are the model's vertices. NULL: fragments by rule, all arcs
@@ -90,18 +91,19 @@ typedef struct cairn_part_cut {
  * points than max_points, more than CAIRN_PART_MAX_FRAGMENTS cuts or CAIRN_PART_MAX_PIECES vertices
  * of cuts. CAIRN_NOT_FINITE: a coordinate that is not finite, or beyond 1e9. CAIRN_EMPTY: an
  * outline or a cut of zero length. Cost: linear in points, times cuts. */
-CAIRN_CHECKED cairn_status cairn_part_bundle_begin(cairn_part_builder *builder,
+CAIRN_CHECKED cairn_status cairn_part_bundle_begin(cairn_part_bundle_builder *builder,
                                                    const cairn_vec2 *points, int32_t count,
-                                                   const cairn_part_cut *cuts, int32_t cut_count);
+                                                   const cairn_part_bundle_cut *cuts,
+                                                   int32_t cut_count);
 
 /* Resumes the construction. CAIRN_MORE: the budget is exhausted. CAIRN_OK: the model is complete,
  * or nothing was begun. Cost by rule: the units of curve_evolution, and one per four points plus
  * three times the vertices; per fragment one per four points and samples. */
-CAIRN_CHECKED cairn_status cairn_part_bundle_step(cairn_part_builder *builder,
+CAIRN_CHECKED cairn_status cairn_part_bundle_step(cairn_part_bundle_builder *builder,
                                                   cairn_budget *budget);
 
 /* Returns the model; all zero until step() returns CAIRN_OK. */
-cairn_part_model cairn_part_bundle_read(const cairn_part_builder *builder);
+cairn_part_bundle_model cairn_part_bundle_read(const cairn_part_bundle_builder *builder);
 
 #ifdef __cplusplus
 }

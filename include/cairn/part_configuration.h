@@ -24,7 +24,7 @@
 extern "C" {
 #endif
 
-typedef struct cairn_part_vote {
+typedef struct cairn_part_configuration_vote {
     int32_t bundle;      /* >= 0: bundle index; a configuration uses at most one vote per bundle */
     int32_t chain;       /* chain index; a configuration uses no interval of a chain twice */
     cairn_vec2 centre;   /* px, centre of the object */
@@ -32,7 +32,7 @@ typedef struct cairn_part_vote {
     cairn_real weight;   /* > 0: weight of the part alone; as written its similarity */
     cairn_real from, to; /* px, interval along the chain, from <= to */
     cairn_real closed_length; /* px, length of a closed chain; 0: an open chain */
-} cairn_part_vote;
+} cairn_part_configuration_vote;
 
 typedef int32_t cairn_part_search;
 enum {
@@ -124,9 +124,9 @@ cairn_part_configuration_create(cairn_part_configurator **configurator, cairn_po
  * previous run. CAIRN_BAD_ARGUMENT: NULL (except for no votes), a negative count, an invalid vote
  * (*fault: its index). CAIRN_FULL: more than max_votes. CAIRN_NOT_FINITE: a position or length
  * beyond 1e6, a scale outside 1e-6 ... 1e6, a weight above 1e6. Cost: linear. */
-CAIRN_CHECKED cairn_status cairn_part_configuration_begin(cairn_part_configurator *configurator,
-                                                          const cairn_part_vote *votes,
-                                                          int32_t count, cairn_fault *fault);
+CAIRN_CHECKED cairn_status cairn_part_configuration_begin(
+    cairn_part_configurator *configurator, const cairn_part_configuration_vote *votes,
+    int32_t count, cairn_fault *fault);
 
 /* Resumes the search. CAIRN_MORE: the budget is exhausted. CAIRN_OK: the configurations are
  * complete, or nothing was begun. Cost per vote: one unit per cell of the index within the search

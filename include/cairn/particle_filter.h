@@ -24,13 +24,13 @@ extern "C" {
 typedef struct cairn_particle_filter cairn_particle_filter;
 
 /* Proposal distribution, from which followers are drawn. */
-typedef int32_t cairn_particle_proposal;
+typedef int32_t cairn_particle_filter_proposal;
 enum {
     /* Prior proposal: candidates are drawn by prior mass, and only drawn ones are weighted by their
      * likelihood. */
-    CAIRN_PROPOSAL_PRIOR = 0,
+    CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR = 0,
     /* Optimal proposal: all candidates are weighted, and drawn by prior mass times likelihood. */
-    CAIRN_PROPOSAL_OPTIMAL = 1
+    CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL = 1
 };
 
 /* Parameters. Default values in brackets. */
@@ -51,7 +51,7 @@ typedef struct cairn_particle_filter_params {
     /* Bytes of a state, 1 ... 2^20 (64). States are aligned to CAIRN_ALIGN. */
     int32_t state_bytes;
     /* Proposal distribution (optimal). */
-    cairn_particle_proposal proposal;
+    cairn_particle_filter_proposal proposal;
     /* 1: a particle has exp(H) followers, rounded up, at most max_followers, where H is the entropy
      * of the distribution from which the followers are drawn: one per mode. 0: max_followers
      * (1). */
@@ -69,20 +69,21 @@ cairn_particle_filter_params cairn_particle_filter_default(void);
  * CAIRN_OK: all candidates are offered. CAIRN_MORE: the budget is used up, call again. Negative:
  * the step ends with this status. Called for all particles in turn before any candidate is
  * weighted, so scores may be normalized over all particles. */
-typedef cairn_status (*cairn_particle_propose)(void *context, cairn_particle_filter *filter,
-                                               int32_t index, cairn_budget *budget);
+typedef cairn_status (*cairn_particle_filter_propose)(void *context, cairn_particle_filter *filter,
+                                                      int32_t index, cairn_budget *budget);
 
 /* Observation model: sets *log_likelihood to ln p(observation | history of particle `index`,
  * state), in nats; -infinity (or less than -CAIRN_REAL_MAX / 4): impossible. Statuses as for
  * propose. */
-typedef cairn_status (*cairn_particle_likelihood)(void *context,
-                                                  const cairn_particle_filter *filter,
-                                                  int32_t index, const void *state,
-                                                  cairn_real *log_likelihood, cairn_budget *budget);
+typedef cairn_status (*cairn_particle_filter_likelihood)(void *context,
+                                                         const cairn_particle_filter *filter,
+                                                         int32_t index, const void *state,
+                                                         cairn_real *log_likelihood,
+                                                         cairn_budget *budget);
 
 /* Completes a drawn state when it becomes the last state of a history. */
-typedef void (*cairn_particle_append)(void *context, const cairn_particle_filter *filter,
-                                      int32_t index, void *state);
+typedef void (*cairn_particle_filter_append)(void *context, const cairn_particle_filter *filter,
+                                             int32_t index, void *state);
 
 /* Reports that particle `index` has no follower and is discarded; its history can still be read. */
 typedef void (*cairn_particle_discard)(void *context, const cairn_particle_filter *filter,
@@ -91,18 +92,18 @@ typedef void (*cairn_particle_discard)(void *context, const cairn_particle_filte
 /* The caller's model. The states passed to callbacks are aligned, and their addresses are valid
  * only during the call. Callbacks may read the filter. Of the functions that change the filter only
  * offer() may be called, and only by propose. */
-typedef struct cairn_particle_model {
+typedef struct cairn_particle_filter_model {
     /* Passed to all callbacks. */
     void *context;
     /* Motion model. */
-    cairn_particle_propose propose;
+    cairn_particle_filter_propose propose;
     /* Observation model. */
-    cairn_particle_likelihood likelihood;
+    cairn_particle_filter_likelihood likelihood;
     /* NULL: states need no completion. */
-    cairn_particle_append append;
+    cairn_particle_filter_append append;
     /* NULL: discarded particles are not reported. */
     cairn_particle_discard discard;
-} cairn_particle_model;
+} cairn_particle_filter_model;
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_particle_filter_memory(const cairn_particle_filter_params *params);
@@ -112,7 +113,7 @@ size_t cairn_particle_filter_memory(const cairn_particle_filter_params *params);
 CAIRN_CHECKED cairn_status cairn_particle_filter_create(cairn_particle_filter **filter,
                                                         cairn_pool *pool,
                                                         const cairn_particle_filter_params *params,
-                                                        const cairn_particle_model *model);
+                                                        const cairn_particle_filter_model *model);
 
 /* Removes all particles and begins a new run, with random numbers of `seed`. CAIRN_BAD_ARGUMENT:
  * NULL. Cost: linear in the blocks in use. */
@@ -166,10 +167,10 @@ int32_t cairn_particle_filter_count(const cairn_particle_filter *filter);
 cairn_particle cairn_particle_filter_particle(const cairn_particle_filter *filter, int32_t index);
 
 /* The state before a state of a history; NULL before the first one that is kept. Constant time. */
-const void *cairn_particle_state_before(const void *state);
+const void *cairn_particle_filter_state_before(const void *state);
 
 /* Statistics of the last step. */
-typedef struct cairn_particle_trace {
+typedef struct cairn_particle_filter_trace {
     /* Steps of the run so far. */
     int32_t steps;
     /* Resamplings of the run so far. */
@@ -200,10 +201,10 @@ typedef struct cairn_particle_trace {
     cairn_real log_evidence;
     /* Blocks in use, and the most so far. */
     int32_t blocks, blocks_peak;
-} cairn_particle_trace;
+} cairn_particle_filter_trace;
 
 /* The statistics. */
-cairn_particle_trace cairn_particle_filter_read(const cairn_particle_filter *filter);
+cairn_particle_filter_trace cairn_particle_filter_read(const cairn_particle_filter *filter);
 
 #ifdef __cplusplus
 }

@@ -203,8 +203,8 @@ cairn_place_map_place cairn_place_map_place_of(const cairn_place_map *map, int32
 
 /* Returns an alternative pose of a place, the most probable first; see
  * cairn_pose_consensus_alternative(). */
-cairn_consensus_alternative cairn_place_map_alternative(const cairn_place_map *map, int32_t place,
-                                                        int32_t index);
+cairn_pose_consensus_competing_pose cairn_place_map_alternative(const cairn_place_map *map,
+                                                                int32_t place, int32_t index);
 
 /* Returns the pose of a scan in the frame of its component, scans counted in the order of
  * add_scan(); map_place composed with place_scan unless the scan was aligned individually. The

@@ -22,7 +22,7 @@ extern "C" {
 #endif
 
 /* A relative pose measurement: the pose of the second node in the frame of the first. */
-typedef struct cairn_pose_hypothesis {
+typedef struct cairn_pose_consensus_relative_pose {
     int32_t first, second;
     cairn_pose first_second;
     /* row-major over (x, y, theta) of first_second in m and rad, in the frame of the first node */
@@ -30,7 +30,7 @@ typedef struct cairn_pose_hypothesis {
     /* nats, > 0: log-likelihood ratio of the pair's data, for this pose against chance; scores of
      * independent pairs add up */
     cairn_real score;
-} cairn_pose_hypothesis;
+} cairn_pose_consensus_relative_pose;
 
 typedef struct cairn_pose_consensus_params {
     /* 1 ... 2^16 (64) */
@@ -91,9 +91,9 @@ CAIRN_CHECKED cairn_status cairn_pose_consensus_clear(cairn_pose_consensus *cons
  * NULL, nodes that do not exist or are equal, a score that is not > 0, a covariance that is not
  * positive semidefinite. CAIRN_NOT_FINITE. CAIRN_FULL: max_hypotheses. *fault, when not NULL, names
  * the field. Cancels a running search. Constant time. */
-CAIRN_CHECKED cairn_status cairn_pose_consensus_add(cairn_pose_consensus *consensus,
-                                                    const cairn_pose_hypothesis *hypothesis,
-                                                    cairn_fault *fault);
+CAIRN_CHECKED cairn_status
+cairn_pose_consensus_add(cairn_pose_consensus *consensus,
+                         const cairn_pose_consensus_relative_pose *hypothesis, cairn_fault *fault);
 
 /* Sets a prior bound of a node: within +-metres (a circle) and +-radians of map_node. Candidates
  * that no common motion of their component brings within the bounds are dropped, and the result is
@@ -153,7 +153,7 @@ CAIRN_CHECKED cairn_status cairn_pose_consensus_find_submaps(cairn_pose_consensu
 
 /* ---- The result: empty until step() returns CAIRN_OK ---- */
 
-typedef struct cairn_consensus_node {
+typedef struct cairn_pose_consensus_estimate {
     /* in the frame of its component: that of its first node, or of the bounds if any */
     cairn_pose map_node;
     /* row-major over (x, y, theta) in m and rad, in that frame, of the agreeing hypotheses, their
@@ -174,18 +174,18 @@ typedef struct cairn_consensus_node {
     int32_t ambiguous;
     /* submap within the component, by cairn_pose_consensus_find_submaps(); 0: the largest */
     int32_t submap;
-} cairn_consensus_node;
+} cairn_pose_consensus_estimate;
 
 /* Alternative pose of a node given the others, or (whole = 1) given another consistent map. */
-typedef struct cairn_consensus_alternative {
+typedef struct cairn_pose_consensus_competing_pose {
     cairn_pose map_node;
     cairn_real support; /* nats; of the other map's total for whole = 1 */
     /* softmax of the support over the chosen pose and all alternatives, 0 ... 1 */
     cairn_real weight;
     int32_t is_other_map;
-} cairn_consensus_alternative;
+} cairn_pose_consensus_competing_pose;
 
-typedef struct cairn_consensus_result {
+typedef struct cairn_pose_consensus_result {
     cairn_real total;           /* nats, sum over all pairs */
     cairn_real competing_total; /* total of the best competing map found; 0: none */
     int32_t nodes, placed;      /* placed: nodes in components of two or more */
@@ -195,17 +195,19 @@ typedef struct cairn_consensus_result {
     int32_t starts, rounds;
     int32_t inliers; /* inlier hypotheses */
     int64_t units;
-} cairn_consensus_result;
+} cairn_pose_consensus_result;
 
-cairn_consensus_result cairn_pose_consensus_read(const cairn_pose_consensus *consensus);
+cairn_pose_consensus_result cairn_pose_consensus_read(const cairn_pose_consensus *consensus);
 
 /* Returns the estimate of a node; all zero for a node that does not exist. */
-cairn_consensus_node cairn_pose_consensus_node(const cairn_pose_consensus *consensus, int32_t node);
+cairn_pose_consensus_estimate cairn_pose_consensus_node(const cairn_pose_consensus *consensus,
+                                                        int32_t node);
 
 /* Returns an alternative of a node, the most probable first; all zero for one that does not
  * exist. */
-cairn_consensus_alternative cairn_pose_consensus_alternative(const cairn_pose_consensus *consensus,
-                                                             int32_t node, int32_t index);
+cairn_pose_consensus_competing_pose
+cairn_pose_consensus_alternative(const cairn_pose_consensus *consensus, int32_t node,
+                                 int32_t index);
 
 /* Returns 1 when a hypothesis is an inlier of the poses found; the inliers are the measurements for
  * a joint solution. */

@@ -18,7 +18,7 @@ extern "C" {
 #endif
 
 /* Interface of a solver of block-sparse systems; every call is as that of block_solver. */
-typedef struct cairn_pose_solver {
+typedef struct cairn_pose_graph_solver {
     void *context;
     cairn_status (*begin)(void *context, int32_t poses);
     cairn_status (*add_link)(void *context, int32_t first, int32_t second);
@@ -34,10 +34,10 @@ typedef struct cairn_pose_solver {
                                cairn_real block[9]);
     cairn_status (*step)(void *context, cairn_budget *budget);
     cairn_block_solver_result (*read)(const void *context);
-} cairn_pose_solver;
+} cairn_pose_graph_solver;
 
 /* Returns the interface of a block_solver, which must outlive it. */
-cairn_pose_solver cairn_pose_solver_of(cairn_block_solver *solver);
+cairn_pose_graph_solver cairn_pose_graph_solver_of(cairn_block_solver *solver);
 
 /* Robust kernel rho(s) of s = e^T Omega e, with the width c: quadratic near 0, slower beyond c. */
 typedef int32_t cairn_pose_graph_kernel;
@@ -136,13 +136,13 @@ typedef struct cairn_pose_graph_link {
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. solver: as in
  * create(); max_fill counts only with NULL. */
 size_t cairn_pose_graph_memory(const cairn_pose_graph_params *params,
-                               const cairn_pose_solver *solver);
+                               const cairn_pose_graph_solver *solver);
 
 /* Creates a graph. solver: copied; NULL: a built-in block_solver. CAIRN_BAD_ARGUMENT,
  * CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_create(cairn_pose_graph **graph, cairn_pool *pool,
                                                    const cairn_pose_graph_params *params,
-                                                   const cairn_pose_solver *solver);
+                                                   const cairn_pose_graph_solver *solver);
 
 /* Extends the factor's memory to max_fill blocks after a step that returned CAIRN_FULL, from a pool
  * whose memory must stay, and resumes the solution. A graph created with max_fill 0 can so take

@@ -20,25 +20,25 @@ extern "C" {
 #endif
 
 /* A vertex of the graph. */
-typedef struct cairn_pose_graph_vertex {
+typedef struct cairn_pose_graph_file_vertex {
     int64_t id;      /* as in the file, >= 0 */
     int64_t line;    /* of its first occurrence, from 1 */
     cairn_pose pose; /* m, m, rad */
     int32_t fixed;   /* 1: FIX, the pose is held constant */
-} cairn_pose_graph_vertex;
+} cairn_pose_graph_file_vertex;
 
 /* An edge (constraint) of the graph. */
-typedef struct cairn_pose_graph_edge {
+typedef struct cairn_pose_graph_file_edge {
     int32_t first, second;   /* indices of vertices */
     int64_t line;            /* from 1 */
     cairn_pose first_second; /* relative pose of the second in the frame of the first */
     cairn_sym3 information;  /* 1/m^2, 1/rad^2, 1/(m rad) */
-} cairn_pose_graph_edge;
+} cairn_pose_graph_file_edge;
 
 /* A pose graph on the heap. */
 typedef struct cairn_pose_graph_file {
-    cairn_pose_graph_vertex *vertex; /* [vertex_count] by ascending id */
-    cairn_pose_graph_edge *edge;     /* [edge_count] in the order of the file */
+    cairn_pose_graph_file_vertex *vertex; /* [vertex_count] by ascending id */
+    cairn_pose_graph_file_edge *edge;     /* [edge_count] in the order of the file */
     int32_t vertex_count, edge_count;
     int32_t chained; /* 1: the initial poses were composed from the edges */
 } cairn_pose_graph_file;
@@ -66,12 +66,12 @@ void cairn_pose_graph_file_free(cairn_pose_graph_file *file);
 /* The linear solver. */
 typedef int32_t cairn_pose_graph_file_solver;
 enum {
-    CAIRN_POSE_GRAPH_BUILTIN = 0, /* block_solver */
-    CAIRN_POSE_GRAPH_SPARSE = 1   /* SuiteSparse, see sparse_solver.h */
+    CAIRN_POSE_GRAPH_FILE_BUILTIN = 0, /* block_solver */
+    CAIRN_POSE_GRAPH_FILE_SPARSE = 1   /* SuiteSparse, see sparse_solver.h */
 };
 
 /* Settings and results of solving a graph. */
-typedef struct cairn_pose_graph_solution {
+typedef struct cairn_pose_graph_file_solution {
     /* input: the linear solver */
     cairn_pose_graph_file_solver solver;
     /* input: 1: outliers are not rejected */
@@ -92,7 +92,7 @@ typedef struct cairn_pose_graph_solution {
     double chi2_all;
     /* memory of graph and solver, bytes */
     size_t pool_bytes;
-} cairn_pose_graph_solution;
+} cairn_pose_graph_file_solution;
 
 /* Optimizes the poses of a graph, with rejection of outlier edges. The graph's own poses do not
  * change.
@@ -109,17 +109,16 @@ typedef struct cairn_pose_graph_solution {
  * CAIRN_NO_MEMORY, also when the factor has more than 2^26 blocks. On failure there is nothing to
  * free. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_file_solve(const cairn_pose_graph_file *file,
-                                                       cairn_pose_graph_solution *solution);
+                                                       cairn_pose_graph_file_solution *solution);
 
 /* Frees the arrays. */
-void cairn_pose_graph_solution_free(cairn_pose_graph_solution *solution);
+void cairn_pose_graph_file_solution_free(cairn_pose_graph_file_solution *solution);
 
 /* Draws the graph before and after optimization as an SVG picture: edges grey, outliers red.
  * CAIRN_IO, CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status cairn_pose_graph_file_draw(const char *path,
-                                                      const cairn_pose_graph_file *file,
-                                                      const cairn_pose_graph_solution *solution,
-                                                      const char *title, cairn_file_error *error);
+CAIRN_CHECKED cairn_status cairn_pose_graph_file_draw(
+    const char *path, const cairn_pose_graph_file *file,
+    const cairn_pose_graph_file_solution *solution, const char *title, cairn_file_error *error);
 
 #ifdef __cplusplus
 }

@@ -17,18 +17,18 @@ extern "C" {
 #endif
 
 /* Capacity of a verdict in bytes, with the terminating 0. */
-#define CAIRN_POSE_VERDICT_BYTES 32
+#define CAIRN_POSE_TABLE_VERDICT_BYTES 32
 
 /* An unknown stamp. */
-#define CAIRN_POSE_NO_STAMP INT64_MIN
+#define CAIRN_POSE_TABLE_NO_STAMP INT64_MIN
 
 /* One row of the table. */
-typedef struct cairn_pose_row {
+typedef struct cairn_pose_table_row {
     /* of the scan, from 0 */
     int64_t index;
     /* line of the scan in its log, from 1; 0: unknown */
     int64_t line;
-    /* ns, or CAIRN_POSE_NO_STAMP */
+    /* ns, or CAIRN_POSE_TABLE_NO_STAMP */
     int64_t stamp_ns;
     /* m, m, rad */
     cairn_pose pose;
@@ -37,16 +37,16 @@ typedef struct cairn_pose_row {
     /* evidence for the pose as defined by the method that estimated it; NaN: unknown */
     cairn_real support;
     /* status of the pose, a word such as "placed"; "": none */
-    char verdict[CAIRN_POSE_VERDICT_BYTES];
-} cairn_pose_row;
+    char verdict[CAIRN_POSE_TABLE_VERDICT_BYTES];
+} cairn_pose_table_row;
 
 /* Returns a row with an index and a pose and all other fields unknown. */
-cairn_pose_row cairn_pose_row_of(int64_t index, cairn_pose pose);
+cairn_pose_table_row cairn_pose_table_row_of(int64_t index, cairn_pose pose);
 
 /* Writes a table atomically. CAIRN_NOT_FINITE: a pose that is not finite, or an infinite covariance
  * or support (error->line is the row, from 1); CAIRN_BAD_ARGUMENT: a verdict with a comma, quote or
  * control character; CAIRN_IO, CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status cairn_pose_table_write(const char *path, const cairn_pose_row *row,
+CAIRN_CHECKED cairn_status cairn_pose_table_write(const char *path, const cairn_pose_table_row *row,
                                                   int32_t count, cairn_file_error *error);
 
 /* Reads a table into an array on the heap, to be freed by cairn_pose_table_free(). Columns are
@@ -54,11 +54,11 @@ CAIRN_CHECKED cairn_status cairn_pose_table_write(const char *path, const cairn_
  * others are optional, unknown columns are ignored. Blank lines and lines that begin with # are
  * skipped. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED, CAIRN_NOT_FINITE with the line; CAIRN_EMPTY: no row;
  * CAIRN_IO, CAIRN_UNSUPPORTED, CAIRN_NO_MEMORY. On failure there is nothing to free. */
-CAIRN_CHECKED cairn_status cairn_pose_table_read(cairn_pose_row **row, int32_t *count,
+CAIRN_CHECKED cairn_status cairn_pose_table_read(cairn_pose_table_row **row, int32_t *count,
                                                  const char *path, cairn_file_error *error);
 
 /* Frees the array. NULL is allowed. */
-void cairn_pose_table_free(cairn_pose_row *row);
+void cairn_pose_table_free(cairn_pose_table_row *row);
 
 #ifdef __cplusplus
 }

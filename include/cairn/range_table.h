@@ -44,10 +44,11 @@ CAIRN_CHECKED cairn_status cairn_range_table_find_kind(cairn_range_table_kind *k
  * pose. *has_odometry: 1 when the table has x, y and theta, or wheel ticks that change. params as
  * for a CARMEN log; a range_max of 0 is 80 m for CSV and the scanner's maximum range for URG.
  * CAIRN_BAD_FORMAT: a header with an unknown or duplicate name, or without bearings; CAIRN_EMPTY:
- * no scan; others as cairn_carmen_load(). On failure there is nothing to free. */
-CAIRN_CHECKED cairn_status cairn_range_table_load(cairn_carmen_scans *scans, int32_t *has_odometry,
-                                                  const char *path, cairn_range_table_kind kind,
-                                                  const cairn_carmen_params *params,
+ * no scan; others as cairn_carmen_log_load(). On failure there is nothing to free. */
+CAIRN_CHECKED cairn_status cairn_range_table_load(cairn_carmen_log_scans *scans,
+                                                  int32_t *has_odometry, const char *path,
+                                                  cairn_range_table_kind kind,
+                                                  const cairn_carmen_log_params *params,
                                                   cairn_file_error *error);
 
 #ifdef __cplusplus

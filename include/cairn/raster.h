@@ -108,16 +108,16 @@ static inline cairn_raster_real_view cairn_raster_real_as_view(cairn_raster_real
 /* ---- Distance maps ---- */
 
 /* Metric of a distance map. */
-typedef int32_t cairn_distance_metric;
+typedef int32_t cairn_distance_map_metric;
 enum {
     /* City-block distance |dx| + |dy|, in pixels. */
-    CAIRN_DISTANCE_L1 = 0,
+    CAIRN_DISTANCE_MAP_L1 = 0,
     /* Squared Euclidean distance dx * dx + dy * dy, in pixels^2. */
-    CAIRN_DISTANCE_L2_SQUARED = 1
+    CAIRN_DISTANCE_MAP_L2_SQUARED = 1
 };
 
 /* Distance of every pixel when no pixel of the image matches. */
-#define CAIRN_DISTANCE_FAR INT32_MAX
+#define CAIRN_DISTANCE_MAP_FAR INT32_MAX
 
 /* Distance transform of an image, computed in bounded steps. */
 typedef struct cairn_distance_map cairn_distance_map;
@@ -149,7 +149,7 @@ typedef struct cairn_distance_map_input {
     /* Value of the bits of a matching pixel. */
     uint8_t match;
     /* L1 in pixels, or squared L2 in pixels^2. */
-    cairn_distance_metric metric;
+    cairn_distance_map_metric metric;
 } cairn_distance_map_input;
 
 /* Starts a distance transform. Both rasters must stay until step() returns CAIRN_OK. A transform

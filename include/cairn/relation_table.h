@@ -16,28 +16,28 @@ extern "C" {
 #endif
 
 /* One relation. */
-typedef struct cairn_relation_row {
+typedef struct cairn_relation_table_row {
     int64_t line;  /* from 1 */
     int32_t timed; /* 1: first and second are stamps in ns; 0: indices of scans, >= 0 */
     int64_t first, second;
     cairn_pose reference; /* relative pose of the second in the frame of the first; m, m, rad */
-} cairn_relation_row;
+} cairn_relation_table_row;
 
 /* Reads a file into an array on the heap, to be freed by cairn_relation_table_free().
  * CAIRN_BAD_FORMAT, CAIRN_NOT_FINITE with the line; CAIRN_EMPTY: no relation; CAIRN_IO,
  * CAIRN_UNSUPPORTED, CAIRN_NO_MEMORY. On failure there is nothing to free. */
-CAIRN_CHECKED cairn_status cairn_relation_table_read(cairn_relation_row **row, int32_t *count,
+CAIRN_CHECKED cairn_status cairn_relation_table_read(cairn_relation_table_row **row, int32_t *count,
                                                      const char *path, cairn_file_error *error);
 
 /* Frees the array. NULL is allowed. */
-void cairn_relation_table_free(cairn_relation_row *row);
+void cairn_relation_table_free(cairn_relation_table_row *row);
 
 /* Replaces times by indices of the scans with the stamps stamp_ns[scans], in any order. A time is
  * associated with the nearest stamp within 1 us, the earlier of equals. A row with a time or index
  * without a scan gets first = second = -1. Returns the number of rows found, or -1: out of memory.
  * O(n log n). */
-int32_t cairn_relation_table_find(cairn_relation_row *row, int32_t count, const int64_t *stamp_ns,
-                                  int32_t scans);
+int32_t cairn_relation_table_find(cairn_relation_table_row *row, int32_t count,
+                                  const int64_t *stamp_ns, int32_t scans);
 
 #ifdef __cplusplus
 }

@@ -27,33 +27,33 @@ typedef struct cairn_rigid_motion {
 
 /* Gaussian prior of a pose, with independent errors along x, y and theta in the frame of the
  * mean. */
-typedef struct cairn_pose_prior {
+typedef struct cairn_rigid_motion_pose_prior {
     /* Mean, in the map. */
     cairn_pose mean;
     /* Standard deviations along and across the mean's heading, in m, > 0. */
     cairn_real sigma_x, sigma_y;
     /* Standard deviation of the heading, in rad, > 0. */
     cairn_real sigma_theta;
-} cairn_pose_prior;
+} cairn_rigid_motion_pose_prior;
 
 /* Normal equations information * motion = -gradient, for a small motion in m. */
-typedef struct cairn_normal_equations {
+typedef struct cairn_rigid_motion_equations {
     /* Information matrix J^T W J, in 1/m^2 for weights of 1/m^2. */
     cairn_sym3 information;
     /* Gradient J^T W e of half the weighted sum of squared residuals. */
     cairn_real gradient[3];
-} cairn_normal_equations;
+} cairn_rigid_motion_equations;
 
 /* Eigenbasis of an information matrix: directions of motion, from the least to the most
  * observable. */
-typedef struct cairn_motion_basis {
+typedef struct cairn_rigid_motion_basis {
     /* Unit eigenvectors, the least observable first. */
     cairn_real vectors[3][3];
     /* Smallest eigenvalue over the largest: the inverse condition number, 0 ... 1. */
     cairn_real inverse_condition;
     /* Number of unobservable directions, 0 ... 2: the first eigenvectors. */
     int32_t unobservable;
-} cairn_motion_basis;
+} cairn_rigid_motion_basis;
 
 /* An estimate at a pose. centre: in the body's frame, in m. radius: in m, > 0. */
 cairn_rigid_motion cairn_rigid_motion_at(cairn_pose map_body, cairn_vec2 centre, cairn_real radius);
@@ -66,21 +66,22 @@ void cairn_rigid_motion_jacobian(const cairn_rigid_motion *motion, cairn_vec2 ax
 /* Eigenbasis of the observed information. A direction is unobservable when its eigenvalue is less
  * than min_ratio, in [0, 1), of the largest eigenvalue, which must be positive. At most two
  * directions are unobservable. */
-cairn_motion_basis cairn_motion_basis_of(cairn_sym3 information, cairn_real min_ratio);
+cairn_rigid_motion_basis cairn_rigid_motion_basis_of(cairn_sym3 information, cairn_real min_ratio);
 
 /* Normal equations of the prior at the current estimate, an argument of solve() and
  * covariance(). */
-cairn_normal_equations cairn_rigid_motion_prior(const cairn_rigid_motion *motion,
-                                                const cairn_pose_prior *prior);
+cairn_rigid_motion_equations cairn_rigid_motion_prior(const cairn_rigid_motion *motion,
+                                                      const cairn_rigid_motion_pose_prior *prior);
 
 /* Solves for the Gauss-Newton step: the observed normal equations plus the prior's (NULL: none).
  * Unobservable directions are removed from the observed equations (solution remapping, Zhang, Kaess
  * and Singh 2016): along these the prior decides, or the motion is 0. A step longer than max_step m
  * is scaled to max_step. Returns 1 with the step set, or 0 when the equations are singular. Cost:
  * about 5 units. */
-int32_t cairn_motion_solve(const cairn_motion_basis *basis, const cairn_normal_equations *observed,
-                           const cairn_normal_equations *prior, cairn_real max_step,
-                           cairn_real step[3]);
+int32_t cairn_rigid_motion_solve(const cairn_rigid_motion_basis *basis,
+                                 const cairn_rigid_motion_equations *observed,
+                                 const cairn_rigid_motion_equations *prior, cairn_real max_step,
+                                 cairn_real step[3]);
 
 /* Applies a step to the estimate: rotates map_body about the centre by step[2] / radius and
  * translates it by (step[0], step[1]), in m. */
@@ -92,8 +93,10 @@ void cairn_rigid_motion_move(cairn_rigid_motion *motion, const cairn_real step[3
  * without information gets a standard deviation of 100 m of motion about the centre. Cost: about 5
  * units. */
 void cairn_rigid_motion_covariance(const cairn_rigid_motion *motion,
-                                   const cairn_motion_basis *basis, const cairn_sym3 *observed,
-                                   const cairn_normal_equations *prior, cairn_real covariance[9]);
+                                   const cairn_rigid_motion_basis *basis,
+                                   const cairn_sym3 *observed,
+                                   const cairn_rigid_motion_equations *prior,
+                                   cairn_real covariance[9]);
 
 #ifdef __cplusplus
 }

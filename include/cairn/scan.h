@@ -32,26 +32,26 @@ typedef struct cairn_scan_input {
 } cairn_scan_input;
 
 /* Result of a beam. */
-typedef int32_t cairn_beam_kind;
+typedef int32_t cairn_scan_beam_kind;
 enum {
-    CAIRN_BEAM_UNKNOWN = 0, /* unknown: must clear no cell */
-    CAIRN_BEAM_HIT = 1,     /* free up to the end point `to`, a surface there */
-    CAIRN_BEAM_FREE = 2     /* free up to `to` (range_max), no surface */
+    CAIRN_SCAN_BEAM_UNKNOWN = 0, /* unknown: must clear no cell */
+    CAIRN_SCAN_BEAM_HIT = 1,     /* free up to the end point `to`, a surface there */
+    CAIRN_SCAN_BEAM_FREE = 2     /* free up to `to` (range_max), no surface */
 };
 
 /* One beam in the frame of the base at the first beam, corrected for the motion during the scan. */
-typedef struct cairn_beam {
+typedef struct cairn_scan_beam {
     cairn_vec2 from; /* sensor position, m */
     cairn_vec2 to;
-    cairn_beam_kind kind;
-} cairn_beam;
+    cairn_scan_beam_kind kind;
+} cairn_scan_beam;
 
 /* A scan after its line fit, in the frame of the base at the first beam. Points are ordered by
  * segment and along it; the direction of a point is that of its segment. The view is valid until
  * the object that holds the arrays is written again. */
 typedef struct cairn_scan_view {
     /* [beam_count], in the order of the input */
-    const cairn_beam *beams;
+    const cairn_scan_beam *beams;
     /* [segment_count], free side on the left of a -> b */
     const cairn_segment *segments;
     /* [segment_count + 1]: points of segment k are first_point[k] ... first_point[k+1]-1 */
@@ -105,8 +105,8 @@ CAIRN_CHECKED cairn_status cairn_scan_create(cairn_scan **scan, cairn_pool *pool
  *
  * Beams may come in any order and sense (negative angle_step, any array `angle`); beam i was
  * measured at the fraction i / (count - 1) of the motion. Ranges may be NaN or infinite, see
- * cairn_beam_kind. When range_sigma is above the fit's sigma, the fit takes it instead, and its s
- * in proportion.
+ * cairn_scan_beam_kind. When range_sigma is above the fit's sigma, the fit takes it instead, and
+ * its s in proportion.
  *
  * CAIRN_BAD_ARGUMENT: NULL, count < 1, range_min < 0, range_max not above it or beyond
  * CAIRN_SCAN_EXTENT, range_sigma < 0, time_step < 0, a position or motion beyond CAIRN_SCAN_EXTENT.

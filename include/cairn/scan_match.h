@@ -117,7 +117,7 @@ typedef struct cairn_scan_match_part {
     /* [dense_count] at full resolution: see cairn_scan_match_dense(); NULL: none */
     const cairn_oriented_point *dense;
     /* [beam_count] beams for the free space; NULL: unknown */
-    const cairn_beam *beams;
+    const cairn_scan_beam *beams;
     int32_t count, dense_count, beam_count;
 } cairn_scan_match_part;
 

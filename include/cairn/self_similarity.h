@@ -36,9 +36,9 @@ extern "C" {
 #endif
 
 /* Capacity of the list of axes. */
-#define CAIRN_SYMMETRY_MAX_AXES 16
+#define CAIRN_SELF_SIMILARITY_MAX_AXES 16
 /* Greatest number of outlines of a shape. */
-#define CAIRN_SYMMETRY_MAX_OUTLINES 16
+#define CAIRN_SELF_SIMILARITY_MAX_OUTLINES 16
 
 typedef struct cairn_self_similarity_params {
     /* CAIRN_MODE_DEFAULT (re-ranked) or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT). */
@@ -83,8 +83,9 @@ CAIRN_CHECKED cairn_status cairn_self_similarity_create(cairn_self_similarity **
 /* Starts on a shape: outlines[0] is its outline, the others are holes, in either orientation.
  * They are sampled here and may be freed afterwards. CAIRN_BAD_ARGUMENT: NULL, count below 1, an
  * outline of fewer than 3 vertices or an open outline. CAIRN_FULL: more than
- * CAIRN_SYMMETRY_MAX_OUTLINES outlines. CAIRN_NOT_FINITE: a vertex, or coordinates so large that
- * lengths or areas overflow. CAIRN_EMPTY: an outline without area. Cost: linear in the vertices. */
+ * CAIRN_SELF_SIMILARITY_MAX_OUTLINES outlines. CAIRN_NOT_FINITE: a vertex, or coordinates so
+ * large that lengths or areas overflow. CAIRN_EMPTY: an outline without area. Cost: linear in
+ * the vertices. */
 CAIRN_CHECKED cairn_status cairn_self_similarity_begin(cairn_self_similarity *similarity,
                                                        const cairn_curve *outlines, int32_t count);
 
@@ -96,18 +97,18 @@ CAIRN_CHECKED cairn_status cairn_self_similarity_step(cairn_self_similarity *sim
 /* An arc of the outline. Positions are shares of the outline's length from the first vertex of
  * outlines[0], in the order of its vertices. 0 <= from < 1, from <= to <= from + 1. As written
  * an arc may be one critical point, from == to. */
-typedef struct cairn_symmetry_arc {
+typedef struct cairn_self_similarity_arc {
     cairn_real from, to;
-} cairn_symmetry_arc;
+} cairn_self_similarity_arc;
 
-typedef struct cairn_symmetry_axis {
+typedef struct cairn_self_similarity_axis {
     /* End points of the axis on the outline, in the units of the outline. */
     cairn_vec2 end[2];
     /* Positions of the end points, shares of the outline's length, 0 ... 1; arc[0] begins at
      * position[0]. */
     cairn_real position[2];
     /* The two arcs; stretches between critical points are left out. */
-    cairn_symmetry_arc arc[2];
+    cairn_self_similarity_arc arc[2];
     /* Ranking score, >= 0, relative to the greatest inner distance; as written c(S, T). */
     cairn_real dissimilarity;
     /* Mean mirror residual of one arc to the other, relative to the greatest inner distance; 0
@@ -128,27 +129,27 @@ typedef struct cairn_symmetry_axis {
     int32_t vertices;
     /* Division of the cyclic sequence, 1 ... 4 as in the thesis; 0 when re-ranked. */
     int32_t division;
-} cairn_symmetry_axis;
+} cairn_self_similarity_axis;
 
-typedef int32_t cairn_symmetry_verdict;
+typedef int32_t cairn_self_similarity_verdict;
 enum {
     /* One axis is better than all others. */
-    CAIRN_SYMMETRY_SINGLE = 0,
+    CAIRN_SELF_SIMILARITY_SINGLE = 0,
     /* Several axes tie: the first tie_count of the list. */
-    CAIRN_SYMMETRY_MULTIPLE = 1,
+    CAIRN_SELF_SIMILARITY_MULTIPLE = 1,
     /* Circular symmetry: no single axis, the tied axes end all over the outline. */
-    CAIRN_SYMMETRY_CIRCULAR = 2
+    CAIRN_SELF_SIMILARITY_CIRCULAR = 2
 };
 
 typedef struct cairn_self_similarity_result {
     /* [count] Local minima of the dissimilarity, best first. */
-    const cairn_symmetry_axis *axes;
+    const cairn_self_similarity_axis *axes;
     /* Number of axes. */
     int32_t count;
     /* Axes that tie with the best, itself included. */
     int32_t tie_count;
     /* Whether the best axis is unique. */
-    cairn_symmetry_verdict verdict;
+    cairn_self_similarity_verdict verdict;
     /* Order n of rotational symmetry: a rotation by 1/n turn maps the shape to itself. 1: none;
      * 0: any angle. */
     int32_t rotation_order;

@@ -21,17 +21,17 @@ extern "C" {
 #define CAIRN_SHAPE_IMAGE_MAX_SIDE 4096
 
 /* How holes are treated. */
-typedef int32_t cairn_shape_holes;
+typedef int32_t cairn_shape_image_holes;
 enum {
-    CAIRN_SHAPE_HOLES_KEEP = 0,  /* traced as outlines */
-    CAIRN_SHAPE_HOLES_FILL = 1,  /* ignored */
-    CAIRN_SHAPE_HOLES_REFUSE = 2 /* reported as an error */
+    CAIRN_SHAPE_IMAGE_HOLES_KEEP = 0,  /* traced as outlines */
+    CAIRN_SHAPE_IMAGE_HOLES_FILL = 1,  /* ignored */
+    CAIRN_SHAPE_IMAGE_HOLES_REFUSE = 2 /* reported as an error */
 };
 
 /* Parameters; defaults in brackets. */
 typedef struct cairn_shape_image_params {
     /* treatment of holes (keep) */
-    cairn_shape_holes holes;
+    cairn_shape_image_holes holes;
     /* largest gap between open line ends that is bridged, as a fraction 0 ... 1 of the ink's
      * diagonal (0.1) */
     double max_gap;
@@ -43,13 +43,13 @@ typedef struct cairn_shape_image_params {
 /* Outlines on the heap, in pixels; (0, 0) is the centre of the first pixel. Components come first
  * by descending area, then holes. */
 typedef struct cairn_shape_image {
-    cairn_curve outlines[CAIRN_SHAPE_MAX_OUTLINES];
-    int32_t count, holes;                  /* outlines; holes among them */
-    int32_t is_drawing;                    /* 1: a line drawing; 0: a silhouette */
-    int32_t bridged_gaps;                  /* gaps that were bridged */
-    cairn_vec2 gaps[CAIRN_SHAPE_MAX_GAPS]; /* centres of the first bridged gaps */
-    int32_t dropped_regions;               /* components and holes below min_part */
-    cairn_vec2 *points;                    /* storage of the outlines */
+    cairn_curve outlines[CAIRN_SHAPE_MODEL_MAX_OUTLINES];
+    int32_t count, holes;                        /* outlines; holes among them */
+    int32_t is_drawing;                          /* 1: a line drawing; 0: a silhouette */
+    int32_t bridged_gaps;                        /* gaps that were bridged */
+    cairn_vec2 gaps[CAIRN_SHAPE_MODEL_MAX_GAPS]; /* centres of the first bridged gaps */
+    int32_t dropped_regions;                     /* components and holes below min_part */
+    cairn_vec2 *points;                          /* storage of the outlines */
 } cairn_shape_image;
 
 /* Returns the default parameters. */
@@ -58,9 +58,9 @@ cairn_shape_image_params cairn_shape_image_default(void);
 /* Traces the outlines of the object in a grey picture. path: used in the error. CAIRN_BAD_ARGUMENT:
  * an invalid view or parameter; CAIRN_EMPTY: no ink, or an object smaller than 16 pixels along its
  * diagonal; CAIRN_BAD_FORMAT: lines that do not close; CAIRN_FULL: a side beyond
- * CAIRN_SHAPE_IMAGE_MAX_SIDE, or more than CAIRN_SHAPE_MAX_OUTLINES outlines; CAIRN_UNSUPPORTED: a
- * hole where holes are refused; CAIRN_NO_MEMORY. On failure there is nothing to free. Cost: linear
- * in pixels. */
+ * CAIRN_SHAPE_IMAGE_MAX_SIDE, or more than CAIRN_SHAPE_MODEL_MAX_OUTLINES outlines;
+ * CAIRN_UNSUPPORTED: a hole where holes are refused; CAIRN_NO_MEMORY. On failure there is
+ * nothing to free. Cost: linear in pixels. */
 CAIRN_CHECKED cairn_status cairn_shape_image_trace(cairn_shape_image *image,
                                                    cairn_raster_u8_view grey,
                                                    const cairn_shape_image_params *params,

@@ -22,15 +22,15 @@ extern "C" {
 #endif
 
 /* Greatest numbers of outlines and paths of a model. */
-#define CAIRN_SHAPE_MAX_OUTLINES 8
-#define CAIRN_SHAPE_MAX_PATHS    8
+#define CAIRN_SHAPE_MODEL_MAX_OUTLINES 8
+#define CAIRN_SHAPE_MODEL_MAX_PATHS    8
 /* Greatest number of stored gaps of a drawing. */
-#define CAIRN_SHAPE_MAX_GAPS 8
+#define CAIRN_SHAPE_MODEL_MAX_GAPS 8
 
 /* One maximal disc on a path. The origin of the frame is the centre of the bounding box of the
  * outlines. Contact 0 lies to the left of the path from its first to its last sample in image
  * coordinates (y down), contact 1 to the right. */
-typedef struct cairn_shape_sample {
+typedef struct cairn_shape_model_sample {
     /* Centre of the disc, units of the size. */
     cairn_vec2 centre;
     /* Radius, units of the size, > 0. */
@@ -41,9 +41,9 @@ typedef struct cairn_shape_sample {
     cairn_oriented_point contact[2];
     /* Share of the length of all outlines that each contact point represents. */
     cairn_real outline_share[2];
-} cairn_shape_sample;
+} cairn_shape_model_sample;
 
-typedef struct cairn_shape_path {
+typedef struct cairn_shape_model_path {
     /* samples[first ... first + count - 1] */
     int32_t first, count;
     /* Index of the parent path, lower than its own; -1: none. */
@@ -52,13 +52,13 @@ typedef struct cairn_shape_path {
     int32_t branch;
     /* Share of the length of all outlines on the path's two sides. */
     cairn_real outline_share;
-} cairn_shape_path;
+} cairn_shape_model_path;
 
 /* A read-only view of a model, from a builder or a file. Path 0 is the longest; its reversal is
  * a model as well. */
 typedef struct cairn_shape_model {
-    const cairn_shape_sample *samples; /* [sample_count] */
-    const cairn_shape_path *paths;     /* [path_count] */
+    const cairn_shape_model_sample *samples; /* [sample_count] */
+    const cairn_shape_model_path *paths;     /* [path_count] */
     /* Equidistant samples of all outlines, each oriented with its interior on the side of
      * cairn_vec2_left_perp(direction). */
     const cairn_oriented_point *outline; /* [outline_count] */
@@ -67,39 +67,39 @@ typedef struct cairn_shape_model {
     cairn_vec2 origin; /* Origin of the model's frame in the units of the input outline. */
     /* Centres of gaps of the drawing, over which its outline was closed. The object may continue
      * there, as at legs. */
-    cairn_vec2 gaps[CAIRN_SHAPE_MAX_GAPS];
-    int32_t gap_count; /* 0 ... CAIRN_SHAPE_MAX_GAPS; 0 in a builder's model. */
+    cairn_vec2 gaps[CAIRN_SHAPE_MODEL_MAX_GAPS];
+    int32_t gap_count; /* 0 ... CAIRN_SHAPE_MODEL_MAX_GAPS; 0 in a builder's model. */
 } cairn_shape_model;
 
 /* Returns D_k, the displacement of sample k of a path from its first sample (Adluru 2008,
  * section 2.5). */
-static inline cairn_vec2 cairn_shape_displacement(const cairn_shape_model *model, int32_t path,
-                                                  int32_t k)
+static inline cairn_vec2 cairn_shape_model_displacement(const cairn_shape_model *model,
+                                                        int32_t path, int32_t k)
 {
-    const cairn_shape_sample *first = &model->samples[model->paths[path].first];
+    const cairn_shape_model_sample *first = &model->samples[model->paths[path].first];
 
     return cairn_vec2_sub(first[k].centre, first->centre);
 }
 
 /* Validates a model. CAIRN_OK: finite, at least one path, every path of at least one sample,
  * within samples[], its parent before it, radii and size above 0, directions of length 1 (to
- * 1e-3), shares 0 ... 1, gaps 0 ... CAIRN_SHAPE_MAX_GAPS. CAIRN_BAD_ARGUMENT, CAIRN_NOT_FINITE:
- * *fault, if not NULL, names the sample or path. Cost: linear. */
+ * 1e-3), shares 0 ... 1, gaps 0 ... CAIRN_SHAPE_MODEL_MAX_GAPS. CAIRN_BAD_ARGUMENT,
+ * CAIRN_NOT_FINITE: *fault, if not NULL, names the sample or path. Cost: linear. */
 CAIRN_CHECKED cairn_status cairn_shape_model_check(const cairn_shape_model *model,
                                                    cairn_fault *fault);
 
 /* Returns the number of samples of a model's first outline, 0 ... outline_count. The first step
  * longer than 3 mean steps begins another outline. Cost: linear. */
-int32_t cairn_shape_first_outline(const cairn_shape_model *model);
+int32_t cairn_shape_model_first_outline(const cairn_shape_model *model);
 
-typedef struct cairn_shape_builder_params {
+typedef struct cairn_shape_model_builder_params {
     /* Samples along all outlines together, 16 ... 1024 (128). */
     int32_t outline_samples;
     /* Samples of a path that covers the whole outline, 4 ... 256; other paths in proportion, at
      * least 3 (32). */
     int32_t path_samples;
-    /* Greatest number of paths, 1 ... CAIRN_SHAPE_MAX_PATHS (8); 1: the longest path only, as in
-     * the thesis. */
+    /* Greatest number of paths, 1 ... CAIRN_SHAPE_MODEL_MAX_PATHS (8); 1: the longest path only,
+     * as in the thesis. */
     int32_t max_paths;
     /* Greatest symmetry error of a symmetric point of the symmetry set, rad, > 0, < pi/2 (20
      * degrees). */
@@ -111,38 +111,39 @@ typedef struct cairn_shape_builder_params {
     cairn_real min_clearance;
     /* Least share of an outline for a path of its own, > 0 ... 1 (0.08). */
     cairn_real min_outline_share;
-} cairn_shape_builder_params;
+} cairn_shape_model_builder_params;
 
-typedef struct cairn_shape_builder cairn_shape_builder;
+typedef struct cairn_shape_model_builder cairn_shape_model_builder;
 
 /* Returns the default values, in brackets above. */
-cairn_shape_builder_params cairn_shape_builder_default(void);
+cairn_shape_model_builder_params cairn_shape_model_builder_default(void);
 
 /* Returns the memory of a builder in bytes; 0 for params that create() rejects. Grows with the
  * square of the samples. */
-size_t cairn_shape_builder_memory(const cairn_shape_builder_params *params);
+size_t cairn_shape_model_builder_memory(const cairn_shape_model_builder_params *params);
 
 /* Creates a builder. CAIRN_BAD_ARGUMENT: invalid params. CAIRN_NO_MEMORY: the pool is too small. */
-CAIRN_CHECKED cairn_status cairn_shape_builder_create(cairn_shape_builder **builder,
-                                                      cairn_pool *pool,
-                                                      const cairn_shape_builder_params *params);
+CAIRN_CHECKED cairn_status
+cairn_shape_model_builder_create(cairn_shape_model_builder **builder, cairn_pool *pool,
+                                 const cairn_shape_model_builder_params *params);
 
 /* Starts on the outlines of one object, in either orientation. They are sampled here and may be
- * freed afterwards. CAIRN_BAD_ARGUMENT: NULL, count outside 1 ... CAIRN_SHAPE_MAX_OUTLINES, an
- * open outline. CAIRN_NOT_FINITE. CAIRN_EMPTY: an outline without area. Cost: linear in the
- * vertices. */
-CAIRN_CHECKED cairn_status cairn_shape_builder_begin(cairn_shape_builder *builder,
-                                                     const cairn_curve *outlines, int32_t count);
+ * freed afterwards. CAIRN_BAD_ARGUMENT: NULL, count outside 1 ...
+ * CAIRN_SHAPE_MODEL_MAX_OUTLINES, an open outline. CAIRN_NOT_FINITE. CAIRN_EMPTY: an outline
+ * without area. Cost: linear in the vertices. */
+CAIRN_CHECKED cairn_status cairn_shape_model_builder_begin(cairn_shape_model_builder *builder,
+                                                           const cairn_curve *outlines,
+                                                           int32_t count);
 
 /* Resumes the computation. CAIRN_MORE: the budget is used up. CAIRN_OK: the model is complete,
  * or nothing was begun. CAIRN_EMPTY: no symmetric point; aborted. Cost: about outline_samples^3
  * / 16 units for the discs, and outline_samples^2 for each path search. */
-CAIRN_CHECKED cairn_status cairn_shape_builder_step(cairn_shape_builder *builder,
-                                                    cairn_budget *budget);
+CAIRN_CHECKED cairn_status cairn_shape_model_builder_step(cairn_shape_model_builder *builder,
+                                                          cairn_budget *budget);
 
 /* Returns the model. All zero until step() returns CAIRN_OK; its arrays are valid until the next
  * begin(). */
-cairn_shape_model cairn_shape_builder_read(const cairn_shape_builder *builder);
+cairn_shape_model cairn_shape_model_builder_read(const cairn_shape_model_builder *builder);
 
 #ifdef __cplusplus
 }

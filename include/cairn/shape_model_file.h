@@ -27,24 +27,23 @@ extern "C" {
 #endif
 
 /* The maximum number of samples of an outline, and of all paths. */
-#define CAIRN_SHAPE_FILE_MAX_OUTLINE 4096
-#define CAIRN_SHAPE_FILE_MAX_SAMPLES 1024
+#define CAIRN_SHAPE_MODEL_FILE_MAX_OUTLINE 4096
+#define CAIRN_SHAPE_MODEL_FILE_MAX_SAMPLES 1024
 
 /* A model on the heap. */
 typedef struct cairn_shape_model_file {
     cairn_shape_model model;
-    cairn_shape_sample *samples;
-    cairn_shape_path *paths;
+    cairn_shape_model_sample *samples;
+    cairn_shape_model_path *paths;
     cairn_oriented_point *outline;
 } cairn_shape_model_file;
 
 /* Builds a model from the outlines of one object. path: used in the error. CAIRN_EMPTY: the object
- * has no symmetric part; statuses of cairn_shape_builder_create() and cairn_shape_builder_begin().
- * On failure there is nothing to free. */
-CAIRN_CHECKED cairn_status cairn_shape_model_file_build(cairn_shape_model_file *file,
-                                                        const cairn_curve *outlines, int32_t count,
-                                                        const cairn_shape_builder_params *params,
-                                                        const char *path, cairn_file_error *error);
+ * has no symmetric part; statuses of cairn_shape_model_builder_create() and
+ * cairn_shape_model_builder_begin(). On failure there is nothing to free. */
+CAIRN_CHECKED cairn_status cairn_shape_model_file_build(
+    cairn_shape_model_file *file, const cairn_curve *outlines, int32_t count,
+    const cairn_shape_model_builder_params *params, const char *path, cairn_file_error *error);
 
 /* Returns 1 when a file has the header of a model. */
 int32_t cairn_shape_model_file_is(const char *path);
@@ -66,7 +65,8 @@ CAIRN_CHECKED cairn_status cairn_shape_model_file_write(const cairn_shape_model 
  * cairn_shape_image_trace() and cairn_vision_read(). */
 CAIRN_CHECKED cairn_status cairn_shape_model_file_load(
     cairn_shape_model_file *file, const char *path, const cairn_shape_image_params *image,
-    const cairn_shape_builder_params *builder, cairn_shape_image *traced, cairn_file_error *error);
+    const cairn_shape_model_builder_params *builder, cairn_shape_image *traced,
+    cairn_file_error *error);
 
 /* Copies a valid model to the heap. CAIRN_NO_MEMORY: there is nothing to free. */
 CAIRN_CHECKED cairn_status cairn_shape_model_file_copy(cairn_shape_model_file *file,
@@ -85,7 +85,7 @@ CAIRN_CHECKED cairn_status cairn_shape_model_file_draw(const cairn_shape_model *
  * fragments; NULL: those of part_bundle. CAIRN_EMPTY: fewer than 3 samples; statuses of
  * cairn_part_bundle_begin() and cairn_shape_model_file_write(). */
 CAIRN_CHECKED cairn_status cairn_shape_model_file_draw_parts(const cairn_shape_model *model,
-                                                             const cairn_part_cut *cuts,
+                                                             const cairn_part_bundle_cut *cuts,
                                                              int32_t cut_count, const char *title,
                                                              const char *path,
                                                              cairn_file_error *error);

@@ -41,7 +41,8 @@
  * - Delta_p bounds (3.7) of the heaviest particle's last step, which is then excluded from the
  *   walk; p_min bounds the product over a part. They cannot be one number: every part ends when
  *   Delta_p is reached.
- * - N, D sigma, C sigma, R sigma, Delta_p and p_min are not given: see cairn_skeleton_as_written().
+ * - N, D sigma, C sigma, R sigma, Delta_p and p_min are not given: see
+ *   cairn_skeleton_grouping_as_written().
  *
  * Source: Adluru 2008, chapter 3.
  *
@@ -56,7 +57,7 @@
 extern "C" {
 #endif
 
-typedef struct cairn_skeleton_params {
+typedef struct cairn_skeleton_grouping_params {
     /* Largest image, px, 1 ... 8192 (640 and 480). */
     int32_t max_width, max_height;
     /* Capacity of edgels, 1 ... 2^24 (40,000). */
@@ -104,28 +105,29 @@ typedef struct cairn_skeleton_params {
     cairn_real min_mirror_ratio;
     /* Seed of the random numbers (1). */
     uint64_t seed;
-} cairn_skeleton_params;
+} cairn_skeleton_grouping_params;
 
-typedef struct cairn_skeleton cairn_skeleton;
+typedef struct cairn_skeleton_grouping cairn_skeleton_grouping;
 
 /* Returns the default values, in brackets above. */
-cairn_skeleton_params cairn_skeleton_default(void);
+cairn_skeleton_grouping_params cairn_skeleton_grouping_default(void);
 
 /* Returns CAIRN_MODE_AS_WRITTEN: 8000 CPs, 512 parts of 32,768 points, 256 steps, 50 particles,
  * R sigma 2 px, symmetry 10 degrees, Delta_p exp(-2), p_min exp(12), D sigma and C sigma as in
  * the default. */
-cairn_skeleton_params cairn_skeleton_as_written(void);
+cairn_skeleton_grouping_params cairn_skeleton_grouping_as_written(void);
 
 /* Returns the memory of an object in bytes; 0 for params that create() rejects. */
-size_t cairn_skeleton_memory(const cairn_skeleton_params *params);
+size_t cairn_skeleton_grouping_memory(const cairn_skeleton_grouping_params *params);
 
 /* Creates a grouping object. CAIRN_BAD_ARGUMENT: invalid params. CAIRN_NO_MEMORY: the pool is
  * too small. */
-CAIRN_CHECKED cairn_status cairn_skeleton_create(cairn_skeleton **skeleton, cairn_pool *pool,
-                                                 const cairn_skeleton_params *params);
+CAIRN_CHECKED cairn_status
+cairn_skeleton_grouping_create(cairn_skeleton_grouping **skeleton, cairn_pool *pool,
+                               const cairn_skeleton_grouping_params *params);
 
 /* The edgels of an image. */
-typedef struct cairn_skeleton_input {
+typedef struct cairn_skeleton_grouping_input {
     /* [count] Edgels with unit normals; slope <= 0: unknown, no evidence either way. */
     const cairn_edgel *edgels;
     /* Number of edgels, >= 0. */
@@ -134,14 +136,14 @@ typedef struct cairn_skeleton_input {
     int32_t width, height;
     /* Range of radii, px, 1 <= min <= max; both 0: proposed from the histogram of CP radii. */
     cairn_real min_radius, max_radius;
-} cairn_skeleton_input;
+} cairn_skeleton_grouping_input;
 
 /* Starts on an image and discards the previous result; the edgels must stay valid until step()
  * returns CAIRN_OK. CAIRN_BAD_ARGUMENT: NULL, counts, sides or radii outside the ranges above.
  * CAIRN_NOT_FINITE: a radius. CAIRN_FULL: larger than max_width or max_height, more than
  * max_edgels. Cost: constant. */
-CAIRN_CHECKED cairn_status cairn_skeleton_begin(cairn_skeleton *skeleton,
-                                                const cairn_skeleton_input *input);
+CAIRN_CHECKED cairn_status cairn_skeleton_grouping_begin(
+    cairn_skeleton_grouping *skeleton, const cairn_skeleton_grouping_input *input);
 
 /* Resumes the computation. CAIRN_MORE: the budget is used up. CAIRN_OK: the parts are complete, or
  * nothing was begun. CAIRN_NOT_FINITE: an edgel; aborted without a result. The result does not
@@ -152,10 +154,11 @@ CAIRN_CHECKED cairn_status cairn_skeleton_begin(cairn_skeleton *skeleton,
  * four edgels near it; for each chosen part 1 for eight discs of all others, and 1 for four
  * points of all parts. As written: 1 for two edgels in reach of an edgel; for each particle's
  * step 2,100, 2 for each candidate pair of edgels and 17 for each earlier step. */
-CAIRN_CHECKED cairn_status cairn_skeleton_step(cairn_skeleton *skeleton, cairn_budget *budget);
+CAIRN_CHECKED cairn_status cairn_skeleton_grouping_step(cairn_skeleton_grouping *skeleton,
+                                                        cairn_budget *budget);
 
 /* One disc along a medial axis, px. */
-typedef struct cairn_skeleton_point {
+typedef struct cairn_skeleton_grouping_point {
     /* Centre of the disc, px. */
     cairn_vec2 centre;
     /* Radius of the disc, px. */
@@ -164,9 +167,9 @@ typedef struct cairn_skeleton_point {
     cairn_vec2 contact[2];
     /* Edgel indices at the contact points; -1: undetected, the contour is interpolated. */
     int32_t edgel[2];
-} cairn_skeleton_point;
+} cairn_skeleton_grouping_point;
 
-typedef struct cairn_skeleton_part {
+typedef struct cairn_skeleton_grouping_part {
     /* points[first ... first + count - 1] */
     int32_t first, count;
     /* Index of its object. */
@@ -175,22 +178,22 @@ typedef struct cairn_skeleton_part {
     int32_t joint[2];
     /* Log odds against background clutter, nats; as written the log-likelihood. */
     cairn_real log_odds;
-} cairn_skeleton_part;
+} cairn_skeleton_grouping_part;
 
-typedef struct cairn_skeleton_object {
+typedef struct cairn_skeleton_grouping_object {
     /* Number of parts, and of their free ends. */
     int32_t part_count, free_end_count;
     cairn_real log_odds; /* Sum over its parts. */
-} cairn_skeleton_object;
+} cairn_skeleton_grouping_object;
 
 /* The parts and objects. Empty until step() returns CAIRN_OK; valid until the next begin(). */
-typedef struct cairn_skeleton_result {
+typedef struct cairn_skeleton_grouping_result {
     /* [point_count] */
-    const cairn_skeleton_point *points;
+    const cairn_skeleton_grouping_point *points;
     /* [part_count] Sorted by decreasing log odds. */
-    const cairn_skeleton_part *parts;
+    const cairn_skeleton_grouping_part *parts;
     /* [object_count] Sorted by decreasing log odds. */
-    const cairn_skeleton_object *objects;
+    const cairn_skeleton_grouping_object *objects;
     /* Numbers of points, parts and objects. */
     int32_t point_count, part_count, object_count;
     /* Number of CPs, of lines through CPs, and of seeds of walks. */
@@ -199,20 +202,21 @@ typedef struct cairn_skeleton_result {
     int32_t dropped_seed_count;
     /* The given or proposed range of radii, px. */
     cairn_real min_radius, max_radius;
-} cairn_skeleton_result;
+} cairn_skeleton_grouping_result;
 
-cairn_skeleton_result cairn_skeleton_read(const cairn_skeleton *skeleton);
+cairn_skeleton_grouping_result
+cairn_skeleton_grouping_read(const cairn_skeleton_grouping *skeleton);
 
 /* The seeds of the walks (Adluru 2008, fig. 3.3); valid as long as the result. */
 
 /* Writes CP number index of the line fit, in no order, px; returns 0 beyond the last one. */
-int32_t cairn_skeleton_centre_point(const cairn_skeleton *skeleton, int32_t index, cairn_vec2 *at,
-                                    cairn_real *radius);
+int32_t cairn_skeleton_grouping_centre_point(const cairn_skeleton_grouping *skeleton, int32_t index,
+                                             cairn_vec2 *at, cairn_real *radius);
 
 /* Writes mirror-symmetric line number index, sorted by decreasing number of CPs; its third
  * coordinate is the radius, px. Returns 0 beyond the last one. */
-int32_t cairn_skeleton_mirror_line(const cairn_skeleton *skeleton, int32_t index,
-                                   cairn_polyline_segment *line);
+int32_t cairn_skeleton_grouping_mirror_line(const cairn_skeleton_grouping *skeleton, int32_t index,
+                                            cairn_polyline_segment *line);
 
 #ifdef __cplusplus
 }

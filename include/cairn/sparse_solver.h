@@ -23,7 +23,7 @@ CAIRN_CHECKED cairn_status cairn_sparse_solver_open(cairn_sparse_solver **solver
 /* Returns the solver's interface for cairn_pose_graph_create(), valid until the solver is closed.
  * Functions and statuses are those of block_solver; add_link and step may also return
  * CAIRN_NO_MEMORY. A covariance block costs three solutions and is available for any two poses. */
-cairn_pose_solver cairn_sparse_solver_interface(cairn_sparse_solver *solver);
+cairn_pose_graph_solver cairn_sparse_solver_interface(cairn_sparse_solver *solver);
 
 /* Returns the bytes of memory in use. */
 size_t cairn_sparse_solver_memory(const cairn_sparse_solver *solver);

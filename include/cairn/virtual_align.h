@@ -119,7 +119,7 @@ CAIRN_CHECKED cairn_status cairn_virtual_align_add_scan(cairn_virtual_align *ali
 /* Adds a kind of hypothesis as cairn_virtual_scan_add_detector, with its statuses.
  * CAIRN_BAD_ARGUMENT: NULL. Its step() must not fail. */
 CAIRN_CHECKED cairn_status cairn_virtual_align_add_detector(
-    cairn_virtual_align *align, const cairn_hypothesis_detector *detector);
+    cairn_virtual_align *align, const cairn_virtual_scan_hypothesis_detector *detector);
 
 /* Removes all scans. Constant time. */
 void cairn_virtual_align_clear(cairn_virtual_align *align);

@@ -43,16 +43,16 @@ extern "C" {
 #endif
 
 /* Kind of a hypothesis: the three built-in ones, and those of the caller. */
-typedef int32_t cairn_hypothesis_kind;
+typedef int32_t cairn_virtual_scan_hypothesis_kind;
 enum {
-    CAIRN_HYPOTHESIS_LINE = 0,
-    CAIRN_HYPOTHESIS_RECTANGLE = 1,
-    CAIRN_HYPOTHESIS_ELLIPSE = 2,
-    CAIRN_HYPOTHESIS_CALLER = 3 /* and above: the caller's kinds in order of their addition */
+    CAIRN_VIRTUAL_SCAN_LINE = 0,
+    CAIRN_VIRTUAL_SCAN_RECTANGLE = 1,
+    CAIRN_VIRTUAL_SCAN_ELLIPSE = 2,
+    CAIRN_VIRTUAL_SCAN_CALLER = 3 /* and above: the caller's kinds in order of their addition */
 };
 
-typedef struct cairn_hypothesis {
-    cairn_hypothesis_kind kind;
+typedef struct cairn_virtual_scan_hypothesis {
+    cairn_virtual_scan_hypothesis_kind kind;
     /* range of its points in the virtual scan */
     int32_t first_point, end_point;
     /* scans that observe it; 0: not counted */
@@ -62,37 +62,39 @@ typedef struct cairn_hypothesis {
     cairn_real strength;
     /* weight of each of its points */
     cairn_real weight;
-} cairn_hypothesis;
+} cairn_virtual_scan_hypothesis;
 
 /* The map that hypotheses are derived from, at the current poses of the scans. */
-typedef struct cairn_virtual_map {
+typedef struct cairn_virtual_scan_map {
     const cairn_oriented_point *points; /* [point_count] */
     const int32_t *point_scan;          /* [point_count] slot of the scan */
     const cairn_segment *segments;      /* [segment_count], free side on the left */
     const int32_t *segment_scan;        /* [segment_count] */
     int32_t point_count, segment_count;
     cairn_real sigma; /* m: position uncertainty of the scans */
-} cairn_virtual_map;
+} cairn_virtual_scan_map;
 
 /* Callbacks of a caller's kind, such as triangles. begin() gets the map, which stays valid until
  * the detection has ended. step() works as all steps. count() then returns the number of
  * hypotheses. outline() writes at most `room` points every `spacing` along hypothesis i, sets its
  * strength (0 ... 1) and returns the number of points. A status below 0 ends the detection with
  * it. */
-typedef cairn_status (*cairn_hypothesis_begin)(void *state, const cairn_virtual_map *map);
-typedef cairn_status (*cairn_hypothesis_step)(void *state, cairn_budget *budget);
-typedef int32_t (*cairn_hypothesis_count)(const void *state);
-typedef int32_t (*cairn_hypothesis_outline)(const void *state, int32_t i, cairn_real spacing,
-                                            cairn_oriented_point *points, int32_t room,
-                                            cairn_real *strength);
+typedef cairn_status (*cairn_virtual_scan_hypothesis_begin)(void *state,
+                                                            const cairn_virtual_scan_map *map);
+typedef cairn_status (*cairn_virtual_scan_hypothesis_step)(void *state, cairn_budget *budget);
+typedef int32_t (*cairn_virtual_scan_hypothesis_count)(const void *state);
+typedef int32_t (*cairn_virtual_scan_hypothesis_outline)(const void *state, int32_t i,
+                                                         cairn_real spacing,
+                                                         cairn_oriented_point *points, int32_t room,
+                                                         cairn_real *strength);
 
-typedef struct cairn_hypothesis_detector {
+typedef struct cairn_virtual_scan_hypothesis_detector {
     void *state; /* of the caller */
-    cairn_hypothesis_begin begin;
-    cairn_hypothesis_step step;
-    cairn_hypothesis_count count;
-    cairn_hypothesis_outline outline;
-} cairn_hypothesis_detector;
+    cairn_virtual_scan_hypothesis_begin begin;
+    cairn_virtual_scan_hypothesis_step step;
+    cairn_virtual_scan_hypothesis_count count;
+    cairn_virtual_scan_hypothesis_outline outline;
+} cairn_virtual_scan_hypothesis_detector;
 
 /* Defaults in parentheses. */
 typedef struct cairn_virtual_scan_params {
@@ -158,10 +160,10 @@ CAIRN_CHECKED cairn_status cairn_virtual_scan_create(cairn_virtual_scan **virtua
                                                      cairn_pool *pool,
                                                      const cairn_virtual_scan_params *params);
 
-/* Adds a kind of hypothesis; its number is CAIRN_HYPOTHESIS_CALLER and up. CAIRN_BAD_ARGUMENT:
+/* Adds a kind of hypothesis; its number is CAIRN_VIRTUAL_SCAN_CALLER and up. CAIRN_BAD_ARGUMENT:
  * NULL, or a missing function. CAIRN_FULL: max_detectors exist. */
 CAIRN_CHECKED cairn_status cairn_virtual_scan_add_detector(
-    cairn_virtual_scan *virtual_scan, const cairn_hypothesis_detector *detector);
+    cairn_virtual_scan *virtual_scan, const cairn_virtual_scan_hypothesis_detector *detector);
 
 /* Starts a new map; a detection in progress is abandoned, the last result stays. sigma: m, position
  * uncertainty of the scans, such as that of the force field. CAIRN_BAD_ARGUMENT: NULL, or sigma not
@@ -186,8 +188,8 @@ CAIRN_CHECKED cairn_status cairn_virtual_scan_step(cairn_virtual_scan *virtual_s
 
 /* Returns the hypotheses: the strongest lines first, then rectangles, ellipses, the caller's
  * kinds. */
-const cairn_hypothesis *cairn_virtual_scan_hypotheses(const cairn_virtual_scan *virtual_scan,
-                                                      int32_t *count);
+const cairn_virtual_scan_hypothesis *
+cairn_virtual_scan_hypotheses(const cairn_virtual_scan *virtual_scan, int32_t *count);
 
 /* Returns the virtual scan: points in the map with the weight of each. */
 const cairn_oriented_point *cairn_virtual_scan_points(const cairn_virtual_scan *virtual_scan,

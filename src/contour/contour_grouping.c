@@ -51,9 +51,9 @@ enum { MAX_CHAIN_GAP_PX = 3 };
 /* Limit of pieces per segment, and of all segments together before subsampling. */
 enum { MAX_PIECES = 1 << 24 };
 
-cairn_grouping_params cairn_grouping_default(void)
+cairn_contour_grouping_params cairn_contour_grouping_default(void)
 {
-    cairn_grouping_params params = {
+    cairn_contour_grouping_params params = {
         .max_width = 1024,
         .max_height = 1024,
         .max_tokens = 8192,
@@ -85,7 +85,7 @@ static int is_probability(cairn_real x)
     return x > 0 && x <= 1;
 }
 
-static int params_are_valid(const cairn_grouping_params *params)
+static int params_are_valid(const cairn_contour_grouping_params *params)
 {
     return params != NULL && params->max_width >= 1 && params->max_width <= 8192 &&
            params->max_height >= 1 && params->max_height <= 8192 && params->max_tokens >= 1 &&
@@ -107,7 +107,7 @@ static int params_are_valid(const cairn_grouping_params *params)
            cairn_is_finite(params->radius_sigma);
 }
 
-static cairn_particle_filter_params filter_params(const cairn_grouping_params *params)
+static cairn_particle_filter_params filter_params(const cairn_contour_grouping_params *params)
 {
     cairn_particle_filter_params settings = cairn_particle_filter_default();
 
@@ -126,11 +126,12 @@ static int32_t cell_count(int32_t side, int32_t cell)
     return (side + cell - 1) / cell;
 }
 
-static cairn_particle_filter *carve_filter(cairn_pool *pool, const cairn_grouping_params *params,
-                                           cairn_grouping *grouping)
+static cairn_particle_filter *carve_filter(cairn_pool *pool,
+                                           const cairn_contour_grouping_params *params,
+                                           cairn_contour_grouping *grouping)
 {
     cairn_particle_filter_params settings = filter_params(params);
-    cairn_particle_model model = cairn_contour_grouping_filter_model(grouping);
+    cairn_particle_filter_model model = cairn_contour_grouping_filter_model(grouping);
     cairn_particle_filter *filter = NULL;
     cairn_status status;
 
@@ -144,13 +145,14 @@ static cairn_particle_filter *carve_filter(cairn_pool *pool, const cairn_groupin
     return filter;
 }
 
-static cairn_grouping *carve_default(cairn_pool *pool, const cairn_grouping_params *params)
+static cairn_contour_grouping *carve_default(cairn_pool *pool,
+                                             const cairn_contour_grouping_params *params)
 {
     size_t lists = (size_t)cell_count(params->max_width, GROUPING_TOKEN_CELL_PX) *
                    (size_t)cell_count(params->max_height, GROUPING_TOKEN_CELL_PX);
     size_t edge_cell_count = (size_t)cell_count(params->max_width, GROUPING_EDGE_CELL_PX) *
                              (size_t)cell_count(params->max_height, GROUPING_EDGE_CELL_PX);
-    cairn_grouping *grouping = cairn_pool_take_one(pool, sizeof *grouping);
+    cairn_contour_grouping *grouping = cairn_pool_take_one(pool, sizeof *grouping);
     grouping_token *tokens = cairn_pool_take(pool, (size_t)params->max_tokens, sizeof *tokens);
     grouping_sorted_token *sorted_tokens =
         cairn_pool_take(pool, (size_t)params->max_tokens, sizeof *sorted_tokens);
@@ -158,10 +160,11 @@ static cairn_grouping *carve_default(cairn_pool *pool, const cairn_grouping_para
     uint8_t *edge_map = cairn_pool_take(pool, edge_cell_count, 1);
     grouping_hypothesis *hypotheses =
         cairn_pool_take(pool, (size_t)params->particles, sizeof *hypotheses);
-    cairn_grouping_trace *trace = cairn_pool_take(pool, (size_t)params->max_samples, sizeof *trace);
+    cairn_contour_grouping_trace *trace =
+        cairn_pool_take(pool, (size_t)params->max_samples, sizeof *trace);
     int32_t *segments = cairn_pool_take(
         pool, (size_t)params->max_objects * (size_t)params->max_outline, sizeof *segments);
-    cairn_grouped_object *objects =
+    cairn_contour_grouping_object *objects =
         cairn_pool_take(pool, (size_t)params->max_objects, sizeof *objects);
     int32_t *along = cairn_pool_take(
         pool, (size_t)params->max_objects * (size_t)params->max_outline, sizeof *along);
@@ -199,9 +202,9 @@ static cairn_grouping *carve_default(cairn_pool *pool, const cairn_grouping_para
     return grouping;
 }
 
-static cairn_grouping *carve(cairn_pool *pool, const cairn_grouping_params *params)
+static cairn_contour_grouping *carve(cairn_pool *pool, const cairn_contour_grouping_params *params)
 {
-    cairn_grouping *grouping;
+    cairn_contour_grouping *grouping;
     struct grouping_written *written;
 
     if (params->mode == CAIRN_MODE_DEFAULT)
@@ -215,7 +218,7 @@ static cairn_grouping *carve(cairn_pool *pool, const cairn_grouping_params *para
     return grouping;
 }
 
-size_t cairn_grouping_memory(const cairn_grouping_params *params)
+size_t cairn_contour_grouping_memory(const cairn_contour_grouping_params *params)
 {
     cairn_pool counting;
 
@@ -226,11 +229,11 @@ size_t cairn_grouping_memory(const cairn_grouping_params *params)
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_grouping_create(cairn_grouping **grouping, cairn_pool *pool,
-                                   const cairn_grouping_params *params)
+cairn_status cairn_contour_grouping_create(cairn_contour_grouping **grouping, cairn_pool *pool,
+                                           const cairn_contour_grouping_params *params)
 {
-    size_t need = cairn_grouping_memory(params);
-    cairn_grouping *made;
+    size_t need = cairn_contour_grouping_memory(params);
+    cairn_contour_grouping *made;
 
     if (grouping == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
@@ -242,7 +245,8 @@ cairn_status cairn_grouping_create(cairn_grouping **grouping, cairn_pool *pool,
     return CAIRN_OK;
 }
 
-static cairn_status check_input(const cairn_grouping *grouping, const cairn_grouping_input *input)
+static cairn_status check_input(const cairn_contour_grouping *grouping,
+                                const cairn_contour_grouping_input *input)
 {
     if (input->count < 0 || (input->segments == NULL && input->count > 0) || input->width < 1 ||
         input->height < 1 || cairn_shape_model_check(input->model, NULL) != CAIRN_OK)
@@ -262,7 +266,8 @@ static cairn_status check_input(const cairn_grouping *grouping, const cairn_grou
                                      : CAIRN_OK;
 }
 
-cairn_status cairn_grouping_begin(cairn_grouping *grouping, const cairn_grouping_input *input)
+cairn_status cairn_contour_grouping_begin(cairn_contour_grouping *grouping,
+                                          const cairn_contour_grouping_input *input)
 {
     cairn_status status;
     cairn_real widest = 0, half, middle;
@@ -282,7 +287,7 @@ cairn_status cairn_grouping_begin(cairn_grouping *grouping, const cairn_grouping
     cairn_sincos(middle, &grouping->middle_rotation.y, &grouping->middle_rotation.x);
     grouping->min_rotation_cosine = cairn_cos(half);
     for (int32_t i = 0; i < input->model->sample_count; i++) {
-        const cairn_shape_sample *s = &input->model->samples[i];
+        const cairn_shape_model_sample *s = &input->model->samples[i];
 
         widest = cairn_max(widest, cairn_vec2_norm(cairn_vec2_sub(s->contact[1].position,
                                                                   s->contact[0].position)));
@@ -308,7 +313,7 @@ cairn_status cairn_grouping_begin(cairn_grouping *grouping, const cairn_grouping
 /* ---- Tokens ---- */
 
 /* Index of the cell of a point, clamped to the image. */
-static int32_t cell_of(const cairn_grouping *grouping, cairn_vec2 p)
+static int32_t cell_of(const cairn_contour_grouping *grouping, cairn_vec2 p)
 {
     int32_t x = cairn_real_to_int(p.x / GROUPING_TOKEN_CELL_PX),
             y = cairn_real_to_int(p.y / GROUPING_TOKEN_CELL_PX);
@@ -320,7 +325,7 @@ static int32_t cell_of(const cairn_grouping *grouping, cairn_vec2 p)
 
 /* Chain index of a segment's tokens: that of the previous token when the segments are contiguous,
  * else a new one. */
-static int32_t chain_of(const cairn_grouping *grouping, int32_t segment)
+static int32_t chain_of(const cairn_contour_grouping *grouping, int32_t segment)
 {
     const grouping_token *previous = &grouping->tokens[grouping->token_count - 1];
     cairn_vec2 gap;
@@ -333,7 +338,7 @@ static int32_t chain_of(const cairn_grouping *grouping, int32_t segment)
 }
 
 /* Number of pieces of a segment. */
-static int32_t pieces_of(const cairn_grouping *grouping, int32_t segment)
+static int32_t pieces_of(const cairn_contour_grouping *grouping, int32_t segment)
 {
     cairn_real length = cairn_segment_length(grouping->input.segments[segment]);
 
@@ -343,7 +348,7 @@ static int32_t pieces_of(const cairn_grouping *grouping, int32_t segment)
 
 /* 1 when piece number `piece` of all becomes a token: all of them, or an even subsample of
  * max_tokens. */
-static int is_kept(const cairn_grouping *grouping, int32_t piece)
+static int is_kept(const cairn_contour_grouping *grouping, int32_t piece)
 {
     int64_t capacity = grouping->params.max_tokens, all = grouping->piece_count;
 
@@ -351,7 +356,7 @@ static int is_kept(const cairn_grouping *grouping, int32_t piece)
 }
 
 /* Cuts one segment into tokens; `piece` is the number of the first. */
-static void cut(cairn_grouping *grouping, int32_t index, int32_t piece)
+static void cut(cairn_contour_grouping *grouping, int32_t index, int32_t piece)
 {
     cairn_segment s = grouping->input.segments[index];
     cairn_real length = cairn_segment_length(s);
@@ -385,7 +390,7 @@ static int is_finite_segment(const cairn_segment *s)
 }
 
 /* Clears the cells, counts the pieces, creates the tokens. */
-static cairn_status step_cut(cairn_grouping *grouping, cairn_budget *budget)
+static cairn_status step_cut(cairn_contour_grouping *grouping, cairn_budget *budget)
 {
     int32_t cells = grouping->columns * grouping->rows;
 
@@ -417,7 +422,7 @@ static cairn_status step_cut(cairn_grouping *grouping, cairn_budget *budget)
 
 /* Sorts the tokens by cell: `cursor` counts cells begun, `second_cursor` tokens written,
  * `next_token` is the next of the current cell. */
-static cairn_status step_sort(cairn_grouping *grouping, cairn_budget *budget)
+static cairn_status step_sort(cairn_contour_grouping *grouping, cairn_budget *budget)
 {
     int32_t cells = grouping->columns * grouping->rows;
 
@@ -440,8 +445,8 @@ static cairn_status step_sort(cairn_grouping *grouping, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-cairn_vec2 cairn_contour_grouping_nearest_point(const cairn_grouping *grouping, int32_t token,
-                                                cairn_vec2 p)
+cairn_vec2 cairn_contour_grouping_nearest_point(const cairn_contour_grouping *grouping,
+                                                int32_t token, cairn_vec2 p)
 {
     const grouping_token *t = &grouping->tokens[token];
     cairn_real along = cairn_vec2_dot(t->direction, cairn_vec2_sub(p, t->middle));
@@ -481,7 +486,7 @@ static cairn_real token_cost(const contour_place *p, const grouping_sorted_token
     return CAIRN_REAL(0.5) * ((across * across + gap * gap) * p->across + turn_cost);
 }
 
-int32_t cairn_contour_grouping_match_tokens(const cairn_grouping *grouping, cairn_vec2 at,
+int32_t cairn_contour_grouping_match_tokens(const cairn_contour_grouping *grouping, cairn_vec2 at,
                                             cairn_vec2 direction, cairn_real sigma, int32_t most,
                                             int32_t *token, cairn_real *cost)
 {
@@ -569,7 +574,7 @@ grouping_fit_sums cairn_contour_grouping_pose_prior(const grouping_pose *pose, c
 
 /* ---- Phases ---- */
 
-static cairn_status step_phase(cairn_grouping *grouping, cairn_budget *budget)
+static cairn_status step_phase(cairn_contour_grouping *grouping, cairn_budget *budget)
 {
     cairn_status status;
 
@@ -592,7 +597,7 @@ static cairn_status step_phase(cairn_grouping *grouping, cairn_budget *budget)
     }
 }
 
-static cairn_status step_written(cairn_grouping *grouping, cairn_budget *budget)
+static cairn_status step_written(cairn_contour_grouping *grouping, cairn_budget *budget)
 {
     switch (grouping->phase) {
     case PHASE_WRITTEN_POINTS:
@@ -608,7 +613,7 @@ static cairn_status step_written(cairn_grouping *grouping, cairn_budget *budget)
     }
 }
 
-cairn_status cairn_grouping_step(cairn_grouping *grouping, cairn_budget *budget)
+cairn_status cairn_contour_grouping_step(cairn_contour_grouping *grouping, cairn_budget *budget)
 {
     if (grouping == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
@@ -628,9 +633,9 @@ cairn_status cairn_grouping_step(cairn_grouping *grouping, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-cairn_grouping_result cairn_grouping_read(const cairn_grouping *grouping)
+cairn_contour_grouping_result cairn_contour_grouping_read(const cairn_contour_grouping *grouping)
 {
-    cairn_grouping_result result;
+    cairn_contour_grouping_result result;
 
     memset(&result, 0, sizeof result);
     if (grouping == NULL || grouping->phase != PHASE_DONE)

@@ -57,10 +57,10 @@ static int32_t sample_of_step(const cairn_shape_model *model, int32_t start, int
 }
 
 /* Updates a state for the tokens matched to the sides of its sample. */
-static void match_sides(const cairn_grouping *grouping, grouping_state *s,
+static void match_sides(const cairn_contour_grouping *grouping, grouping_state *s,
                         const cairn_vec2 predicted[2])
 {
-    const cairn_shape_sample *model_sample = &grouping->input.model->samples[s->sample];
+    const cairn_shape_model_sample *model_sample = &grouping->input.model->samples[s->sample];
     cairn_oriented_point edgel[2] = {{{0, 0}, {0, 0}}, {{0, 0}, {0, 0}}};
     cairn_symmetric_point sp;
 
@@ -93,7 +93,7 @@ static void match_sides(const cairn_grouping *grouping, grouping_state *s,
 }
 
 /* Log mass of the proposal (2.11): gaps, and loss of symmetry. */
-static cairn_real log_mass(const cairn_grouping *grouping, const grouping_state *previous,
+static cairn_real log_mass(const cairn_contour_grouping *grouping, const grouping_state *previous,
                            const grouping_state *s)
 {
     cairn_real loss = cairn_max(s->deviation - previous->deviation, 0);
@@ -108,12 +108,12 @@ static cairn_real log_mass(const cairn_grouping *grouping, const grouping_state 
 static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
                             cairn_budget *budget)
 {
-    cairn_grouping *grouping = context;
+    cairn_contour_grouping *grouping = context;
     const grouping_state *previous = cairn_particle_filter_particle(filter, index).state;
     int32_t token[2][GROUPING_MAX_SIDE_TOKENS + 1], count[2];
     cairn_real cost[2][GROUPING_MAX_SIDE_TOKENS + 1];
     grouping_state s = *previous;
-    const cairn_shape_sample *model_sample;
+    const cairn_shape_model_sample *model_sample;
     cairn_vec2 predicted[2];
 
     if (!cairn_budget_charge(budget, &grouping->charged_callback_units, UNITS_PER_PROPOSAL))
@@ -152,7 +152,8 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 
 /* Cost of a matched side: half the squared offset across the model and sine of the angle, in
  * sigmas. */
-static cairn_real side_cost(const cairn_grouping *grouping, const grouping_state *s, int32_t side)
+static cairn_real side_cost(const cairn_contour_grouping *grouping, const grouping_state *s,
+                            int32_t side)
 {
     cairn_vec2 direction = grouping_transform_vector(
         &s->pose, grouping->input.model->samples[s->sample].contact[side].direction);
@@ -169,9 +170,9 @@ static cairn_real side_cost(const cairn_grouping *grouping, const grouping_state
 static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
                                const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {
-    cairn_grouping *grouping = context;
+    cairn_contour_grouping *grouping = context;
     const grouping_state *s = state;
-    const cairn_shape_sample *model_sample = &grouping->input.model->samples[s->sample];
+    const cairn_shape_model_sample *model_sample = &grouping->input.model->samples[s->sample];
     cairn_real log_missing = grouping->log_missing,
                sigma = grouping->params.deform_sigma * grouping_size(&s->pose), position_error,
                radius_error;
@@ -207,9 +208,9 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
 /* Refits the pose with the new points. */
 static void append(void *context, const cairn_particle_filter *filter, int32_t index, void *state)
 {
-    cairn_grouping *grouping = context;
+    cairn_contour_grouping *grouping = context;
     grouping_state *s = state;
-    const cairn_shape_sample *model_sample = &grouping->input.model->samples[s->sample];
+    const cairn_shape_model_sample *model_sample = &grouping->input.model->samples[s->sample];
     grouping_pose previous = s->pose;
 
     (void)filter;
@@ -227,16 +228,16 @@ static void append(void *context, const cairn_particle_filter *filter, int32_t i
                 grouping_transform_point(&s->pose, model_sample->contact[side].position));
 }
 
-cairn_particle_model cairn_contour_grouping_filter_model(cairn_grouping *grouping)
+cairn_particle_filter_model cairn_contour_grouping_filter_model(cairn_contour_grouping *grouping)
 {
-    cairn_particle_model model = {
+    cairn_particle_filter_model model = {
         .context = grouping, .propose = propose, .likelihood = likelihood, .append = append};
 
     return model;
 }
 
 /* Initializes the particles from the hypotheses, weighted by their tempered evidence. */
-cairn_status cairn_contour_grouping_begin_filter(cairn_grouping *grouping)
+cairn_status cairn_contour_grouping_begin_filter(cairn_contour_grouping *grouping)
 {
     cairn_status status = cairn_particle_filter_clear(grouping->filter, grouping->params.seed);
 
@@ -244,7 +245,7 @@ cairn_status cairn_contour_grouping_begin_filter(cairn_grouping *grouping)
     grouping->log_missing = cairn_log(grouping->params.missing_likelihood);
     grouping->has_particles = grouping->hypothesis_count > 0;
     for (int32_t i = 0; i < grouping->hypothesis_count && status == CAIRN_OK; i++) {
-        const cairn_shape_sample *model_sample =
+        const cairn_shape_model_sample *model_sample =
             &grouping->input.model->samples[grouping->hypotheses[i].sample];
         grouping_state s = {.pose = grouping->hypotheses[i].pose,
                             .sample = grouping->hypotheses[i].sample,
@@ -268,7 +269,7 @@ cairn_status cairn_contour_grouping_begin_filter(cairn_grouping *grouping)
 }
 
 /* Best mean log-likelihood per step over all particles. */
-static cairn_real best_mean_log_likelihood(const cairn_grouping *grouping)
+static cairn_real best_mean_log_likelihood(const cairn_contour_grouping *grouping)
 {
     cairn_real best = -CAIRN_REAL_MAX;
 
@@ -277,11 +278,12 @@ static cairn_real best_mean_log_likelihood(const cairn_grouping *grouping)
     return best / (cairn_real)(grouping->step_count > 0 ? grouping->step_count : 1);
 }
 
-cairn_status cairn_contour_grouping_run_filter(cairn_grouping *grouping, cairn_budget *budget)
+cairn_status cairn_contour_grouping_run_filter(cairn_contour_grouping *grouping,
+                                               cairn_budget *budget)
 {
     while (grouping->hypothesis_count > 0) {
         cairn_status status = cairn_particle_filter_step(grouping->filter, budget);
-        cairn_particle_trace t;
+        cairn_particle_filter_trace t;
 
         if (status != CAIRN_OK)
             return status;

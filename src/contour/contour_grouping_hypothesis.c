@@ -52,7 +52,7 @@ static int32_t direction_bin(cairn_vec2 d)
 }
 
 /* Marks a token's direction bin and its neighbours in the cells around the token. */
-static void mark_token(cairn_grouping *grouping, const grouping_token *t)
+static void mark_token(cairn_contour_grouping *grouping, const grouping_token *t)
 {
     int32_t bin = direction_bin(t->direction),
             steps = 1 + cairn_real_to_int(t->half_length / GROUPING_EDGE_CELL_PX);
@@ -73,7 +73,7 @@ static void mark_token(cairn_grouping *grouping, const grouping_token *t)
 }
 
 /* Edge coverage of a pose: share of outline samples with an edge of their direction nearby. */
-static cairn_real edge_coverage(const cairn_grouping *grouping, const grouping_pose *pose)
+static cairn_real edge_coverage(const cairn_contour_grouping *grouping, const grouping_pose *pose)
 {
     const cairn_shape_model *model = grouping->input.model;
     int32_t stride = 1 + model->outline_count / 48, covered = 0, count = 0;
@@ -112,7 +112,7 @@ static int are_in_cluster(const grouping_hypothesis *a, const grouping_hypothesi
 
 /* Index of the hypothesis that a new one may replace: a near-duplicate, or the worst of a full
  * cluster; -1: none. */
-static int32_t replaceable_hypothesis(const cairn_grouping *grouping,
+static int32_t replaceable_hypothesis(const cairn_contour_grouping *grouping,
                                       const grouping_hypothesis *hypothesis)
 {
     int32_t max_cluster = grouping->params.particles / CLUSTERS, cluster_size = 0, worst = -1;
@@ -132,7 +132,8 @@ static int32_t replaceable_hypothesis(const cairn_grouping *grouping,
 
 /* Inserts a hypothesis into the sorted list, with non-maximum suppression of near-duplicates and a
  * limit per cluster, so that capacity remains for other objects. */
-static void insert_hypothesis(cairn_grouping *grouping, const grouping_hypothesis *hypothesis)
+static void insert_hypothesis(cairn_contour_grouping *grouping,
+                              const grouping_hypothesis *hypothesis)
 {
     int32_t index = grouping->hypothesis_count, replaced;
 
@@ -183,16 +184,16 @@ static void admit_sample(grouping_sample_range *range, int32_t sample)
 }
 
 /* Chord between the two contact points of a model sample. */
-static cairn_vec2 chord_of(const cairn_grouping *grouping, int32_t sample)
+static cairn_vec2 chord_of(const cairn_contour_grouping *grouping, int32_t sample)
 {
-    const cairn_shape_sample *s = &grouping->input.model->samples[sample];
+    const cairn_shape_model_sample *s = &grouping->input.model->samples[sample];
 
     return cairn_vec2_sub(s->contact[1].position, s->contact[0].position);
 }
 
 /* Registers the quantized directions that a sample's chord may have over the rotation range, with a
  * margin of one for rounding. */
-static void admit_directions(cairn_grouping *grouping, int32_t sample)
+static void admit_directions(cairn_contour_grouping *grouping, int32_t sample)
 {
     cairn_vec2 m = chord_of(grouping, sample), axis = grouping->middle_rotation;
     cairn_vec2 middle = {m.x * axis.x - m.y * axis.y, m.x * axis.y + m.y * axis.x};
@@ -212,7 +213,7 @@ static void admit_directions(cairn_grouping *grouping, int32_t sample)
         admit_sample(&grouping->chord_samples[(first + i) % GROUPING_CHORD_DIRECTIONS], sample);
 }
 
-void cairn_contour_grouping_begin_hypotheses(cairn_grouping *grouping)
+void cairn_contour_grouping_begin_hypotheses(cairn_contour_grouping *grouping)
 {
     grouping->min_size_squared = grouping->input.min_size * grouping->input.min_size * ROUND_DOWN;
     grouping->max_size_squared = grouping->input.max_size * grouping->input.max_size * ROUND_UP;
@@ -230,7 +231,8 @@ void cairn_contour_grouping_begin_hypotheses(cairn_grouping *grouping)
 
 /* Returns 0 when a chord of tokens, of squared length cc, is too short, too long or rotated too far
  * for a sample. */
-static int is_feasible(const cairn_grouping *grouping, int32_t sample, cairn_vec2 c, cairn_real cc)
+static int is_feasible(const cairn_contour_grouping *grouping, int32_t sample, cairn_vec2 c,
+                       cairn_real cc)
 {
     cairn_vec2 m = chord_of(grouping, sample);
     cairn_real mm = cairn_vec2_norm_squared(m);
@@ -242,10 +244,10 @@ static int is_feasible(const cairn_grouping *grouping, int32_t sample, cairn_vec
 }
 
 /* Tests a pair of tokens as the sides 0 and 1 of a sample, and inserts the resulting hypothesis. */
-static void test_sample(cairn_grouping *grouping, const grouping_token *p, const grouping_token *q,
-                        int32_t sample)
+static void test_sample(cairn_contour_grouping *grouping, const grouping_token *p,
+                        const grouping_token *q, int32_t sample)
 {
-    const cairn_shape_sample *s = &grouping->input.model->samples[sample];
+    const cairn_shape_model_sample *s = &grouping->input.model->samples[sample];
     cairn_vec2 m = chord_of(grouping, sample), c = cairn_vec2_sub(q->middle, p->middle);
     cairn_real mm = cairn_vec2_norm_squared(m), cc = cairn_vec2_norm_squared(c);
     grouping_hypothesis hypothesis;
@@ -272,14 +274,14 @@ static void test_sample(cairn_grouping *grouping, const grouping_token *p, const
 
 /* Subsampling stride of the first token of a pair, so that the number of pairs stays within
  * MAX_PAIRS. */
-static int32_t token_stride(const cairn_grouping *grouping)
+static int32_t token_stride(const cairn_contour_grouping *grouping)
 {
     return 1 + cairn_real_to_int((cairn_real)grouping->token_count *
                                  (cairn_real)grouping->token_count / MAX_PAIRS);
 }
 
 /* Clears the map, marks all tokens, then tests pair by pair. */
-cairn_status cairn_contour_grouping_generate_hypotheses(cairn_grouping *grouping,
+cairn_status cairn_contour_grouping_generate_hypotheses(cairn_contour_grouping *grouping,
                                                         cairn_budget *budget)
 {
     int32_t cells = grouping->edge_columns * grouping->edge_rows,

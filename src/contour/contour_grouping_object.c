@@ -26,7 +26,7 @@ enum { ENDS_PER_UNIT = 16 };
 enum { DEFORM_ROUNDS = 8 };
 
 /* Returns 1 when a pose is within the size range, with a tolerance of a tenth. */
-static int is_size_allowed(const cairn_grouping *grouping, const grouping_pose *pose)
+static int is_size_allowed(const cairn_contour_grouping *grouping, const grouping_pose *pose)
 {
     cairn_real size = grouping_size(pose);
 
@@ -34,7 +34,8 @@ static int is_size_allowed(const cairn_grouping *grouping, const grouping_pose *
            size <= CAIRN_REAL(1.1) * grouping->input.max_size;
 }
 
-static int are_duplicates(const cairn_grouped_object *a, const cairn_grouped_object *b)
+static int are_duplicates(const cairn_contour_grouping_object *a,
+                          const cairn_contour_grouping_object *b)
 {
     cairn_real radius = NMS_RADIUS * cairn_max(a->size, b->size);
 
@@ -42,7 +43,7 @@ static int are_duplicates(const cairn_grouped_object *a, const cairn_grouped_obj
 }
 
 /* Removes the object at `index`. */
-static void remove_object(cairn_grouping *grouping, int32_t index)
+static void remove_object(cairn_contour_grouping *grouping, int32_t index)
 {
     grouping->object_count--;
     for (; index < grouping->object_count; index++)
@@ -51,13 +52,13 @@ static void remove_object(cairn_grouping *grouping, int32_t index)
 
 /* Inserts a pose into the objects, sorted by evidence (non-maximum suppression): rejected when a
  * better one is within the radius; worse ones within the radius are removed. */
-static void insert_object(cairn_grouping *grouping, const grouping_pose *pose, cairn_real evidence,
-                          int32_t start)
+static void insert_object(cairn_contour_grouping *grouping, const grouping_pose *pose,
+                          cairn_real evidence, int32_t start)
 {
-    cairn_grouped_object object = {.evidence = evidence,
-                                   .origin = pose->t,
-                                   .size = grouping_size(pose),
-                                   .start_sample = start};
+    cairn_contour_grouping_object object = {.evidence = evidence,
+                                            .origin = pose->t,
+                                            .size = grouping_size(pose),
+                                            .start_sample = start};
     int32_t index;
 
     if (!(evidence > 0) || !is_size_allowed(grouping, pose))
@@ -82,7 +83,7 @@ static void insert_object(cairn_grouping *grouping, const grouping_pose *pose, c
 }
 
 /* Returns 1 when at least half of a token's segment is claimed by objects. */
-static int is_segment_used(const cairn_grouping *grouping, int32_t token)
+static int is_segment_used(const cairn_contour_grouping *grouping, int32_t token)
 {
     int32_t segment = grouping->tokens[token].segment, all = 0, used = 0;
 
@@ -97,7 +98,7 @@ static int is_segment_used(const cairn_grouping *grouping, int32_t token)
 
 /* Lists the matched segments of an object, each once, in the order of the outline; and the segment
  * of each sample. */
-static void list_segments(cairn_grouping *grouping, cairn_grouped_object *object)
+static void list_segments(cairn_contour_grouping *grouping, cairn_contour_grouping_object *object)
 {
     int32_t *list = &grouping->segments[grouping->segment_count];
 
@@ -141,7 +142,7 @@ static int32_t nearest_sample(const cairn_shape_model *model, cairn_vec2 point)
 }
 
 /* Number of path samples with at least one matched side. */
-static int32_t count_matched_sides(const cairn_grouping *grouping)
+static int32_t count_matched_sides(const cairn_contour_grouping *grouping)
 {
     const cairn_shape_model *model = grouping->input.model;
     int32_t matched = 0;
@@ -154,7 +155,7 @@ static int32_t count_matched_sides(const cairn_grouping *grouping)
 }
 
 /* Score of the match: mean over the outline of exp(-cost / SCORE_COST), 0 where occluded. */
-static cairn_real score_of(const cairn_grouping *grouping)
+static cairn_real score_of(const cairn_contour_grouping *grouping)
 {
     cairn_real sum = 0;
 
@@ -165,9 +166,9 @@ static cairn_real score_of(const cairn_grouping *grouping)
 
 /* Verifies the object at `cursor` with the tokens left by better ones; removes it below the
  * thresholds. */
-static void verify_object(cairn_grouping *grouping)
+static void verify_object(cairn_contour_grouping *grouping)
 {
-    cairn_grouped_object *object = &grouping->objects[grouping->cursor];
+    cairn_contour_grouping_object *object = &grouping->objects[grouping->cursor];
 
     object->evidence = grouping->evidence;
     object->score = score_of(grouping);
@@ -185,9 +186,9 @@ static void verify_object(cairn_grouping *grouping)
     }
 }
 
-static void list_object(cairn_grouping *grouping)
+static void list_object(cairn_contour_grouping *grouping)
 {
-    cairn_grouped_object *object = &grouping->objects[grouping->cursor];
+    cairn_contour_grouping_object *object = &grouping->objects[grouping->cursor];
 
     object->first_outline = grouping->cursor * grouping->input.model->outline_count;
     object->score = score_of(grouping);
@@ -199,7 +200,7 @@ static void list_object(cairn_grouping *grouping)
     grouping->cursor++;
 }
 
-static grouping_pose pose_of(const cairn_grouped_object *object)
+static grouping_pose pose_of(const cairn_contour_grouping_object *object)
 {
     grouping_pose pose = {.t = object->origin};
 
@@ -209,7 +210,7 @@ static grouping_pose pose_of(const cairn_grouped_object *object)
     return pose;
 }
 
-cairn_status cairn_contour_grouping_refine_hypotheses(cairn_grouping *grouping,
+cairn_status cairn_contour_grouping_refine_hypotheses(cairn_contour_grouping *grouping,
                                                       cairn_budget *budget)
 {
     for (; grouping->cursor < grouping->hypothesis_count; grouping->cursor++) {
@@ -230,7 +231,7 @@ cairn_status cairn_contour_grouping_refine_hypotheses(cairn_grouping *grouping,
 
 /* Returns 1 when an earlier particle ended at the current pose; else records the pose as new. The
  * hypotheses' memory holds the recorded poses: the filter no longer needs it. */
-static int is_known_end(cairn_grouping *grouping)
+static int is_known_end(cairn_contour_grouping *grouping)
 {
     cairn_real size = grouping_size(&grouping->pose),
                tolerance = END_TOLERANCE * END_TOLERANCE * size * size;
@@ -247,7 +248,8 @@ static int is_known_end(cairn_grouping *grouping)
     return 0;
 }
 
-cairn_status cairn_contour_grouping_refine_particles(cairn_grouping *grouping, cairn_budget *budget)
+cairn_status cairn_contour_grouping_refine_particles(cairn_contour_grouping *grouping,
+                                                     cairn_budget *budget)
 {
     int32_t count =
         grouping->hypothesis_count > 0 ? cairn_particle_filter_count(grouping->filter) : 0;
@@ -273,7 +275,8 @@ cairn_status cairn_contour_grouping_refine_particles(cairn_grouping *grouping, c
     return CAIRN_OK;
 }
 
-cairn_status cairn_contour_grouping_select_objects(cairn_grouping *grouping, cairn_budget *budget)
+cairn_status cairn_contour_grouping_select_objects(cairn_contour_grouping *grouping,
+                                                   cairn_budget *budget)
 {
     while (grouping->cursor < grouping->object_count) {
         cairn_status status;

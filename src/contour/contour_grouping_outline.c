@@ -60,7 +60,7 @@ enum { UNITS_PER_SAMPLE = 12 };
 
 /* Clutter cost: reduces the score of a piece in images with more edges than usual, where chance
  * matches are more frequent. */
-void cairn_contour_grouping_set_clutter_cost(cairn_grouping *grouping)
+void cairn_contour_grouping_set_clutter_cost(cairn_contour_grouping *grouping)
 {
     cairn_real length = 0,
                area = (cairn_real)grouping->input.width * (cairn_real)grouping->input.height;
@@ -83,7 +83,7 @@ static cairn_real curvature_at(const cairn_shape_model *model, int32_t i)
 
 /* Returns 1 when the step from token `from` to token `to` follows a chain in the direction of the
  * outline. */
-static int continues_chain(const cairn_grouping *grouping, int32_t from, int32_t to,
+static int continues_chain(const cairn_contour_grouping *grouping, int32_t from, int32_t to,
                            cairn_vec2 direction)
 {
     int32_t ahead =
@@ -95,7 +95,7 @@ static int continues_chain(const cairn_grouping *grouping, int32_t from, int32_t
 
 /* Cost of leaving a token's chain that continues ahead of it (ahead 1) or behind it (-1), along the
  * outline. */
-static cairn_real chain_leave_cost(const cairn_grouping *grouping, int32_t token,
+static cairn_real chain_leave_cost(const cairn_contour_grouping *grouping, int32_t token,
                                    cairn_vec2 direction, int32_t ahead)
 {
     int32_t sense =
@@ -110,7 +110,7 @@ static cairn_real chain_leave_cost(const cairn_grouping *grouping, int32_t token
 
 /* Transition cost between two nodes; leave, enter: costs of leaving the chain of the first and of
  * entering that of the second. */
-static cairn_real transition_cost(const cairn_grouping *grouping, const grouping_node *from,
+static cairn_real transition_cost(const cairn_contour_grouping *grouping, const grouping_node *from,
                                   const grouping_node *to, cairn_vec2 direction,
                                   cairn_real curvature, cairn_real leave, cairn_real enter)
 {
@@ -129,7 +129,7 @@ static cairn_real transition_cost(const cairn_grouping *grouping, const grouping
 }
 
 /* Creates the nodes of a sample: occluded, and the tokens near it. Returns their number. */
-static int32_t make_nodes(const cairn_grouping *grouping, const grouping_pose *pose,
+static int32_t make_nodes(const cairn_contour_grouping *grouping, const grouping_pose *pose,
                           const cairn_oriented_point *sample, cairn_real curvature,
                           grouping_node *row)
 {
@@ -168,7 +168,7 @@ static int32_t make_nodes(const cairn_grouping *grouping, const grouping_pose *p
 }
 
 /* One Viterbi step: the nodes of a sample and the best predecessor of each. */
-static void extend_paths(cairn_grouping *grouping, int32_t i)
+static void extend_paths(cairn_contour_grouping *grouping, int32_t i)
 {
     const cairn_oriented_point *sample = &grouping->input.model->outline[i];
     grouping_node *row = &grouping->nodes[i * GROUPING_MAX_NODES],
@@ -201,7 +201,7 @@ static void extend_paths(cairn_grouping *grouping, int32_t i)
 }
 
 /* Viterbi backtracking: sets the matches and their costs, returns the score of the best path. */
-static cairn_real backtrack(cairn_grouping *grouping)
+static cairn_real backtrack(cairn_contour_grouping *grouping)
 {
     int32_t last = grouping->input.model->outline_count - 1, best = 0;
     const grouping_node *row = &grouping->nodes[last * GROUPING_MAX_NODES];
@@ -221,7 +221,8 @@ static cairn_real backtrack(cairn_grouping *grouping)
     return value;
 }
 
-cairn_status cairn_contour_grouping_match_outline(cairn_grouping *grouping, cairn_budget *budget)
+cairn_status cairn_contour_grouping_match_outline(cairn_contour_grouping *grouping,
+                                                  cairn_budget *budget)
 {
     grouping->is_fitting = 1;
     for (; grouping->sample < grouping->input.model->outline_count; grouping->sample++) {
@@ -235,7 +236,7 @@ cairn_status cairn_contour_grouping_match_outline(cairn_grouping *grouping, cair
 }
 
 /* Refits the pose to the matches: weighted least squares with a prior on the previous pose. */
-static void fit_matches(cairn_grouping *grouping)
+static void fit_matches(cairn_contour_grouping *grouping)
 {
     const cairn_shape_model *model = grouping->input.model;
     grouping_fit_sums sums = cairn_contour_grouping_pose_prior(&grouping->pose, PRIOR_WEIGHT);
@@ -254,7 +255,8 @@ static void fit_matches(cairn_grouping *grouping)
     grouping->pose = cairn_contour_grouping_fit_pose(&sums, &previous);
 }
 
-cairn_status cairn_contour_grouping_refine_pose(cairn_grouping *grouping, cairn_budget *budget)
+cairn_status cairn_contour_grouping_refine_pose(cairn_contour_grouping *grouping,
+                                                cairn_budget *budget)
 {
     for (; grouping->round < MAX_ROUNDS; grouping->round++) {
         cairn_status status = cairn_contour_grouping_match_outline(grouping, budget);
@@ -275,7 +277,7 @@ cairn_status cairn_contour_grouping_refine_pose(cairn_grouping *grouping, cairn_
 
 /* Sums the shifts of the matched samples from i - SMOOTHING_RADIUS to i + SMOOTHING_RADIUS; returns
  * their number. */
-static int32_t shifts_around(const cairn_grouping *grouping, int32_t i, cairn_vec2 *sum)
+static int32_t shifts_around(const cairn_contour_grouping *grouping, int32_t i, cairn_vec2 *sum)
 {
     const cairn_shape_model *model = grouping->input.model;
     int32_t count = 0;
@@ -314,7 +316,7 @@ static void propagate_shifts(cairn_vec2 *shift, int32_t *match_distance, int32_t
     }
 }
 
-void cairn_contour_grouping_deform_outline(cairn_grouping *grouping)
+void cairn_contour_grouping_deform_outline(cairn_contour_grouping *grouping)
 {
     int32_t count = grouping->input.model->outline_count;
     cairn_vec2 sum;
@@ -331,7 +333,7 @@ void cairn_contour_grouping_deform_outline(cairn_grouping *grouping)
     memcpy(grouping->shift, grouping->next_shift, (size_t)count * sizeof *grouping->next_shift);
 }
 
-void cairn_contour_grouping_begin_outline(cairn_grouping *grouping)
+void cairn_contour_grouping_begin_outline(cairn_contour_grouping *grouping)
 {
     const cairn_shape_model *model = grouping->input.model;
     cairn_real sum = 0;

@@ -3,8 +3,9 @@
 
 #include "src/contour/contour_grouping_written.h"
 
-int32_t cairn_grouping_particles(const cairn_grouping *grouping, cairn_grouping_particle *particles,
-                                 int32_t most, int32_t *steps)
+int32_t cairn_contour_grouping_particles(const cairn_contour_grouping *grouping,
+                                         cairn_contour_grouping_particle *particles, int32_t most,
+                                         int32_t *steps)
 {
     int32_t count = grouping != NULL && grouping->has_particles
                         ? cairn_particle_filter_count(grouping->filter)

@@ -1,6 +1,6 @@
 /* Shared definitions of the contour_grouping sources. */
-#ifndef CAIRN_CONTOUR_CONTOUR_GROUPING_WORK_H
-#define CAIRN_CONTOUR_CONTOUR_GROUPING_WORK_H
+#ifndef CAIRN_CONTOUR_SEARCH_CONTOUR_GROUPING_WORK_H
+#define CAIRN_CONTOUR_SEARCH_CONTOUR_GROUPING_WORK_H
 
 #include "cairn/contour_grouping.h"
 
@@ -93,9 +93,9 @@ typedef struct grouping_state {
     int32_t sample, start;
 } grouping_state;
 
-struct cairn_grouping {
-    cairn_grouping_params params;
-    cairn_grouping_input input;
+struct cairn_contour_grouping {
+    cairn_contour_grouping_params params;
+    cairn_contour_grouping_input input;
     /* state of the mode as written; NULL in the default mode */
     struct grouping_written *written;
     cairn_particle_filter *filter;
@@ -110,10 +110,10 @@ struct cairn_grouping {
     /* [particles] */
     grouping_hypothesis *hypotheses;
     /* [max_samples] */
-    cairn_grouping_trace *trace;
+    cairn_contour_grouping_trace *trace;
     /* [max_objects * max_outline] */
     int32_t *segments;
-    cairn_grouped_object *objects;
+    cairn_contour_grouping_object *objects;
     /* [max_objects * max_outline] matched segment of each sample of an object's outline */
     int32_t *along;
     /* [max_outline] matched token of each outline sample, -1: occluded */
@@ -202,41 +202,45 @@ grouping_fit_sums cairn_contour_grouping_pose_prior(const grouping_pose *pose, c
 
 /* Finds the tokens nearest to a contour point and its direction, at most `most`, by ascending cost
  * (half the squared distance in sigmas). Returns their number. */
-int32_t cairn_contour_grouping_match_tokens(const cairn_grouping *grouping, cairn_vec2 at,
+int32_t cairn_contour_grouping_match_tokens(const cairn_contour_grouping *grouping, cairn_vec2 at,
                                             cairn_vec2 direction, cairn_real sigma, int32_t most,
                                             int32_t *token, cairn_real *cost);
 
 /* Nearest point on a token's segment to p. */
-cairn_vec2 cairn_contour_grouping_nearest_point(const cairn_grouping *grouping, int32_t token,
-                                                cairn_vec2 p);
+cairn_vec2 cairn_contour_grouping_nearest_point(const cairn_contour_grouping *grouping,
+                                                int32_t token, cairn_vec2 p);
 
 /* Hypothesis generation: precomputation from the model; and the search over pairs of tokens. */
-void cairn_contour_grouping_begin_hypotheses(cairn_grouping *grouping);
-cairn_status cairn_contour_grouping_generate_hypotheses(cairn_grouping *grouping,
+void cairn_contour_grouping_begin_hypotheses(cairn_contour_grouping *grouping);
+cairn_status cairn_contour_grouping_generate_hypotheses(cairn_contour_grouping *grouping,
                                                         cairn_budget *budget);
 
 /* The particle filter. */
-cairn_particle_model cairn_contour_grouping_filter_model(cairn_grouping *grouping);
-cairn_status cairn_contour_grouping_begin_filter(cairn_grouping *grouping);
-cairn_status cairn_contour_grouping_run_filter(cairn_grouping *grouping, cairn_budget *budget);
+cairn_particle_filter_model cairn_contour_grouping_filter_model(cairn_contour_grouping *grouping);
+cairn_status cairn_contour_grouping_begin_filter(cairn_contour_grouping *grouping);
+cairn_status cairn_contour_grouping_run_filter(cairn_contour_grouping *grouping,
+                                               cairn_budget *budget);
 
 /* The outline: precomputation from the model; the clutter cost; matching of the posed outline to
  * the tokens (match[], cost[], evidence); and iterative refinement of the pose. */
-void cairn_contour_grouping_begin_outline(cairn_grouping *grouping);
-void cairn_contour_grouping_set_clutter_cost(cairn_grouping *grouping);
-cairn_status cairn_contour_grouping_match_outline(cairn_grouping *grouping, cairn_budget *budget);
-cairn_status cairn_contour_grouping_refine_pose(cairn_grouping *grouping, cairn_budget *budget);
+void cairn_contour_grouping_begin_outline(cairn_contour_grouping *grouping);
+void cairn_contour_grouping_set_clutter_cost(cairn_contour_grouping *grouping);
+cairn_status cairn_contour_grouping_match_outline(cairn_contour_grouping *grouping,
+                                                  cairn_budget *budget);
+cairn_status cairn_contour_grouping_refine_pose(cairn_contour_grouping *grouping,
+                                                cairn_budget *budget);
 
 /* Deforms the outline to its matches, sample by sample, for the next matching while the tokens of
  * an object are listed. */
-void cairn_contour_grouping_deform_outline(cairn_grouping *grouping);
+void cairn_contour_grouping_deform_outline(cairn_contour_grouping *grouping);
 
 /* Object selection: refinement of the hypotheses, refinement of the particles' final poses, and
  * non-maximum suppression. */
-cairn_status cairn_contour_grouping_refine_hypotheses(cairn_grouping *grouping,
+cairn_status cairn_contour_grouping_refine_hypotheses(cairn_contour_grouping *grouping,
                                                       cairn_budget *budget);
-cairn_status cairn_contour_grouping_refine_particles(cairn_grouping *grouping,
+cairn_status cairn_contour_grouping_refine_particles(cairn_contour_grouping *grouping,
                                                      cairn_budget *budget);
-cairn_status cairn_contour_grouping_select_objects(cairn_grouping *grouping, cairn_budget *budget);
+cairn_status cairn_contour_grouping_select_objects(cairn_contour_grouping *grouping,
+                                                   cairn_budget *budget);
 
 #endif

@@ -26,9 +26,9 @@ enum { BLOCKS_PER_PARTICLE = 24, MAX_FOLLOWERS = 8 };
 #define END_GRID_CELL_PX 8
 enum { STARTS_PER_POINT = 4, UNITS_PER_START = 6, UNITS_PER_RECORD = 4, OBJECTS_PER_UNIT = 8 };
 
-cairn_grouping_params cairn_grouping_as_written(void)
+cairn_contour_grouping_params cairn_contour_grouping_as_written(void)
 {
-    cairn_grouping_params params = cairn_grouping_default();
+    cairn_contour_grouping_params params = cairn_contour_grouping_default();
 
     params.mode = CAIRN_MODE_AS_WRITTEN;
     params.stop_likelihood = CAIRN_REAL(0.5);
@@ -44,7 +44,8 @@ static int32_t slot_count_of(int32_t points)
     return slots;
 }
 
-static cairn_symmetric_point_params symmetric_point_params(const cairn_grouping_params *params)
+static cairn_symmetric_point_params
+symmetric_point_params(const cairn_contour_grouping_params *params)
 {
     cairn_symmetric_point_params settings = cairn_symmetric_point_as_written();
 
@@ -53,12 +54,12 @@ static cairn_symmetric_point_params symmetric_point_params(const cairn_grouping_
     return settings;
 }
 
-static cairn_particle_filter_params filter_params(const cairn_grouping_params *params)
+static cairn_particle_filter_params filter_params(const cairn_contour_grouping_params *params)
 {
     cairn_particle_filter_params settings = cairn_particle_filter_default();
 
     settings.particles = settings.max_particles = params->particles;
-    settings.proposal = CAIRN_PROPOSAL_PRIOR;
+    settings.proposal = CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR;
     settings.max_followers = MAX_FOLLOWERS;
     settings.max_candidates = params->particles * WRITTEN_CANDIDATES_PER_PARTICLE;
     settings.max_history = 0;
@@ -69,14 +70,14 @@ static cairn_particle_filter_params filter_params(const cairn_grouping_params *p
 
 /* ---- Memory ---- */
 
-static void create_members(cairn_pool *pool, const cairn_grouping_params *params,
-                           cairn_grouping *grouping, struct grouping_written *written)
+static void create_members(cairn_pool *pool, const cairn_contour_grouping_params *params,
+                           cairn_contour_grouping *grouping, struct grouping_written *written)
 {
     cairn_symmetric_point_params points = symmetric_point_params(params);
     cairn_point_grid_params ends = {.max_points = 2 * params->max_tokens,
                                     .cell_size = END_GRID_CELL_PX};
     cairn_particle_filter_params filter = filter_params(params);
-    cairn_particle_model model = cairn_contour_grouping_written_model(grouping);
+    cairn_particle_filter_model model = cairn_contour_grouping_written_model(grouping);
     cairn_status status;
 
     if (pool->base == NULL) {
@@ -94,9 +95,9 @@ static void create_members(cairn_pool *pool, const cairn_grouping_params *params
     (void)status;
 }
 
-struct grouping_written *cairn_contour_grouping_written_carve(cairn_pool *pool,
-                                                              const cairn_grouping_params *params,
-                                                              cairn_grouping *grouping)
+struct grouping_written *
+cairn_contour_grouping_written_carve(cairn_pool *pool, const cairn_contour_grouping_params *params,
+                                     cairn_contour_grouping *grouping)
 {
     struct grouping_written *written = cairn_pool_take_one(pool, sizeof *written);
     int32_t *pair_slots =
@@ -104,18 +105,19 @@ struct grouping_written *cairn_contour_grouping_written_carve(cairn_pool *pool,
     uint8_t *is_start = cairn_pool_take(pool, (size_t)params->max_tokens, 1);
     int32_t *segment_stamp =
         cairn_pool_take(pool, (size_t)params->max_tokens, sizeof *segment_stamp);
-    cairn_grouping_disc *trajectories = cairn_pool_take(
+    cairn_contour_grouping_disc *trajectories = cairn_pool_take(
         pool, (size_t)params->max_objects * (size_t)params->max_steps, sizeof *trajectories);
     const grouping_written_state **history =
         cairn_pool_take(pool, (size_t)params->max_steps, sizeof(const grouping_written_state *));
     cairn_vec2 *side = cairn_pool_take(pool, 4 * (size_t)params->max_steps, sizeof *side);
     cairn_vec2 *polygon = cairn_pool_take(pool, 4 * (size_t)params->max_steps, sizeof *polygon);
-    cairn_grouping_trace *trace = cairn_pool_take(pool, (size_t)params->max_steps, sizeof *trace);
+    cairn_contour_grouping_trace *trace =
+        cairn_pool_take(pool, (size_t)params->max_steps, sizeof *trace);
     int32_t *trajectory_slot =
         cairn_pool_take(pool, (size_t)params->max_objects, sizeof *trajectory_slot);
     int32_t *segments = cairn_pool_take(
         pool, 2 * (size_t)params->max_objects * (size_t)params->max_steps, sizeof *segments);
-    cairn_grouped_object *objects =
+    cairn_contour_grouping_object *objects =
         cairn_pool_take(pool, (size_t)params->max_objects, sizeof *objects);
     int32_t *along = cairn_pool_take(
         pool, (size_t)params->max_objects * (size_t)params->max_outline, sizeof *along);
@@ -144,8 +146,8 @@ struct grouping_written *cairn_contour_grouping_written_carve(cairn_pool *pool,
 
 /* ---- Beginning ---- */
 
-cairn_status cairn_contour_grouping_written_check(const cairn_grouping *grouping,
-                                                  const cairn_grouping_input *in)
+cairn_status cairn_contour_grouping_written_check(const cairn_contour_grouping *grouping,
+                                                  const cairn_contour_grouping_input *in)
 {
     if (!cairn_is_finite(in->look_ahead))
         return CAIRN_NOT_FINITE;
@@ -158,7 +160,7 @@ cairn_status cairn_contour_grouping_written_check(const cairn_grouping *grouping
 static void read_model(struct grouping_written *written, const cairn_shape_model *model,
                        cairn_real slack)
 {
-    const cairn_shape_sample *samples = &model->samples[model->paths[0].first];
+    const cairn_shape_model_sample *samples = &model->samples[model->paths[0].first];
     cairn_real min_radius = CAIRN_REAL_MAX, max_radius = 0, sum = 0;
     int32_t count = model->paths[0].count;
 
@@ -173,7 +175,7 @@ static void read_model(struct grouping_written *written, const cairn_shape_model
     written->points.max_radius = written->size * (max_radius + slack * written->mean_radius);
 }
 
-void cairn_contour_grouping_written_begin(cairn_grouping *grouping)
+void cairn_contour_grouping_written_begin(cairn_contour_grouping *grouping)
 {
     struct grouping_written *written = grouping->written;
 
@@ -191,7 +193,8 @@ void cairn_contour_grouping_written_begin(cairn_grouping *grouping)
 
 /* ---- Points ---- */
 
-cairn_status cairn_contour_grouping_written_points(cairn_grouping *grouping, cairn_budget *budget)
+cairn_status cairn_contour_grouping_written_points(cairn_contour_grouping *grouping,
+                                                   cairn_budget *budget)
 {
     struct grouping_written *written = grouping->written;
 
@@ -217,8 +220,9 @@ static int32_t pair_slot(const struct grouping_written *written, int32_t first, 
     return (int32_t)((h ^ (h >> 15)) & (uint32_t)(written->slot_count - 1));
 }
 
-const cairn_symmetric_point *cairn_contour_grouping_written_point(const cairn_grouping *grouping,
-                                                                  int32_t first, int32_t second)
+const cairn_symmetric_point *
+cairn_contour_grouping_written_point(const cairn_contour_grouping *grouping, int32_t first,
+                                     int32_t second)
 {
     const struct grouping_written *written = grouping->written;
     const cairn_symmetric_point *points = cairn_symmetric_point_list(written->set, NULL);
@@ -236,7 +240,8 @@ const cairn_symmetric_point *cairn_contour_grouping_written_point(const cairn_gr
 
 /* Fills the hash table and the grid of ends; marks the segments near the ends of strong chains.
  * `cursor` and `second_cursor` count all items. */
-cairn_status cairn_contour_grouping_written_index(cairn_grouping *grouping, cairn_budget *budget)
+cairn_status cairn_contour_grouping_written_index(cairn_contour_grouping *grouping,
+                                                  cairn_budget *budget)
 {
     struct grouping_written *written = grouping->written;
     int32_t count, slots = written->slot_count, ends = 2 * grouping->input.count;
@@ -294,8 +299,9 @@ cairn_status cairn_contour_grouping_written_index(cairn_grouping *grouping, cair
 
 /* Creates one of the four start states of a point: direction of travel times direction of the
  * model's path. Returns the log of its mass. */
-static cairn_real make_start(const cairn_grouping *grouping, const cairn_symmetric_point *point,
-                             int32_t which, grouping_written_state *state)
+static cairn_real make_start(const cairn_contour_grouping *grouping,
+                             const cairn_symmetric_point *point, int32_t which,
+                             grouping_written_state *state)
 {
     const cairn_segment *lines = grouping->input.segments;
     cairn_vec2 forward = cairn_vec2_left_perp(cairn_vec2_sub(point->contact[1], point->contact[0]));
@@ -335,7 +341,8 @@ static int is_start_point(const struct grouping_written *written,
 
 /* Sums the masses of all start states; then systematic sampling of as many particles, at even steps
  * of the cumulative sum. */
-cairn_status cairn_contour_grouping_written_start(cairn_grouping *grouping, cairn_budget *budget)
+cairn_status cairn_contour_grouping_written_start(cairn_contour_grouping *grouping,
+                                                  cairn_budget *budget)
 {
     struct grouping_written *written = grouping->written;
     const cairn_symmetric_point *points;
@@ -399,7 +406,7 @@ cairn_status cairn_contour_grouping_written_start(cairn_grouping *grouping, cair
 
 /* ---- Filter ---- */
 
-static cairn_real greatest_posterior(const cairn_grouping *grouping)
+static cairn_real greatest_posterior(const cairn_contour_grouping *grouping)
 {
     cairn_real greatest = -CAIRN_REAL_MAX;
 
@@ -413,10 +420,10 @@ static cairn_real greatest_posterior(const cairn_grouping *grouping)
 
 /* Records the diagnostics of a filter step. Returns 0 when no particle has a successor; the
  * particles are then unchanged. */
-static int record_step(cairn_grouping *grouping)
+static int record_step(cairn_contour_grouping *grouping)
 {
-    cairn_particle_trace t = cairn_particle_filter_read(grouping->filter);
-    cairn_grouping_trace *trace = &grouping->trace[grouping->step_count];
+    cairn_particle_filter_trace t = cairn_particle_filter_read(grouping->filter);
+    cairn_contour_grouping_trace *trace = &grouping->trace[grouping->step_count];
 
     if (t.depleted)
         return 0;
@@ -431,14 +438,15 @@ static int record_step(cairn_grouping *grouping)
 }
 
 /* Termination reason after a step (CAIRN_GROUPING_...); 0: the filter continues. */
-static int32_t end_reason(const cairn_grouping *grouping)
+static int32_t end_reason(const cairn_contour_grouping *grouping)
 {
     if (greatest_posterior(grouping) < 0)
-        return CAIRN_GROUPING_POSTERIOR;
-    return grouping->step_count + 1 >= grouping->params.max_steps ? CAIRN_GROUPING_STEPS : 0;
+        return CAIRN_CONTOUR_GROUPING_POSTERIOR;
+    return grouping->step_count + 1 >= grouping->params.max_steps ? CAIRN_CONTOUR_GROUPING_STEPS
+                                                                  : 0;
 }
 
-cairn_status cairn_contour_grouping_written_run_filter(cairn_grouping *grouping,
+cairn_status cairn_contour_grouping_written_run_filter(cairn_contour_grouping *grouping,
                                                        cairn_budget *budget)
 {
     struct grouping_written *written = grouping->written;
@@ -449,9 +457,9 @@ cairn_status cairn_contour_grouping_written_run_filter(cairn_grouping *grouping,
         if (!written->is_recording) {
             status = cairn_particle_filter_step(grouping->filter, budget);
             if (status == CAIRN_FULL)
-                written->end_reason = CAIRN_GROUPING_HISTORIES;
+                written->end_reason = CAIRN_CONTOUR_GROUPING_HISTORIES;
             else if (status == CAIRN_OK && !record_step(grouping))
-                written->end_reason = CAIRN_GROUPING_NO_FOLLOWER;
+                written->end_reason = CAIRN_CONTOUR_GROUPING_NO_FOLLOWER;
             if (written->end_reason != 0)
                 return CAIRN_OK;
             if (status != CAIRN_OK)
@@ -479,7 +487,8 @@ cairn_status cairn_contour_grouping_written_run_filter(cairn_grouping *grouping,
     return CAIRN_OK;
 }
 
-void cairn_contour_grouping_written_read(const cairn_grouping *grouping, cairn_grouping_result *r)
+void cairn_contour_grouping_written_read(const cairn_contour_grouping *grouping,
+                                         cairn_contour_grouping_result *r)
 {
     const struct grouping_written *written = grouping->written;
 

@@ -1,6 +1,6 @@
 /* Shared definitions of the mode as written of contour_grouping. */
-#ifndef CAIRN_CONTOUR_CONTOUR_GROUPING_WRITTEN_H
-#define CAIRN_CONTOUR_CONTOUR_GROUPING_WRITTEN_H
+#ifndef CAIRN_CONTOUR_SEARCH_CONTOUR_GROUPING_WRITTEN_H
+#define CAIRN_CONTOUR_SEARCH_CONTOUR_GROUPING_WRITTEN_H
 
 #include "cairn/symmetric_point.h"
 #include "src/contour/contour_grouping_work.h"
@@ -50,7 +50,7 @@ struct grouping_written {
     /* [max_tokens] latest stamp of each segment (mark by generation) */
     int32_t *segment_stamp;
     /* [max_objects * max_steps] recorded trajectories, by slot */
-    cairn_grouping_disc *trajectories;
+    cairn_contour_grouping_disc *trajectories;
     /* [max_objects] slot of each object of the result */
     int32_t *trajectory_slot;
     /* [max_steps] states of the current particle's history */
@@ -90,7 +90,7 @@ struct grouping_written {
 };
 
 /* Position of a segment end, px: index 2 i is the first and 2 i + 1 the second end of segment i. */
-static inline cairn_vec2 grouping_written_end(const cairn_grouping *grouping, int32_t end)
+static inline cairn_vec2 grouping_written_end(const cairn_contour_grouping *grouping, int32_t end)
 {
     const cairn_segment *s = &grouping->input.segments[end / 2];
 
@@ -98,41 +98,47 @@ static inline cairn_vec2 grouping_written_end(const cairn_grouping *grouping, in
 }
 
 /* Memory; validation of the input; the phases, in order. */
-struct grouping_written *cairn_contour_grouping_written_carve(cairn_pool *pool,
-                                                              const cairn_grouping_params *params,
-                                                              cairn_grouping *grouping);
-cairn_status cairn_contour_grouping_written_check(const cairn_grouping *grouping,
-                                                  const cairn_grouping_input *input);
-void cairn_contour_grouping_written_begin(cairn_grouping *grouping);
-cairn_status cairn_contour_grouping_written_points(cairn_grouping *grouping, cairn_budget *budget);
-cairn_status cairn_contour_grouping_written_index(cairn_grouping *grouping, cairn_budget *budget);
-cairn_status cairn_contour_grouping_written_start(cairn_grouping *grouping, cairn_budget *budget);
-cairn_status cairn_contour_grouping_written_run_filter(cairn_grouping *grouping,
+struct grouping_written *
+cairn_contour_grouping_written_carve(cairn_pool *pool, const cairn_contour_grouping_params *params,
+                                     cairn_contour_grouping *grouping);
+cairn_status cairn_contour_grouping_written_check(const cairn_contour_grouping *grouping,
+                                                  const cairn_contour_grouping_input *input);
+void cairn_contour_grouping_written_begin(cairn_contour_grouping *grouping);
+cairn_status cairn_contour_grouping_written_points(cairn_contour_grouping *grouping,
+                                                   cairn_budget *budget);
+cairn_status cairn_contour_grouping_written_index(cairn_contour_grouping *grouping,
+                                                  cairn_budget *budget);
+cairn_status cairn_contour_grouping_written_start(cairn_contour_grouping *grouping,
+                                                  cairn_budget *budget);
+cairn_status cairn_contour_grouping_written_run_filter(cairn_contour_grouping *grouping,
                                                        cairn_budget *budget);
-cairn_status cairn_contour_grouping_written_finish(cairn_grouping *grouping, cairn_budget *budget);
+cairn_status cairn_contour_grouping_written_finish(cairn_contour_grouping *grouping,
+                                                   cairn_budget *budget);
 
-void cairn_contour_grouping_written_read(const cairn_grouping *grouping,
-                                         cairn_grouping_result *result);
+void cairn_contour_grouping_written_read(const cairn_contour_grouping *grouping,
+                                         cairn_contour_grouping_result *result);
 
-cairn_grouping_particle cairn_contour_grouping_written_particle(const cairn_grouping *grouping,
-                                                                const cairn_particle *particle);
+cairn_contour_grouping_particle
+cairn_contour_grouping_written_particle(const cairn_contour_grouping *grouping,
+                                        const cairn_particle *particle);
 
 /* Callbacks of the particle filter. */
-cairn_particle_model cairn_contour_grouping_written_model(cairn_grouping *grouping);
+cairn_particle_filter_model cairn_contour_grouping_written_model(cairn_contour_grouping *grouping);
 
 /* Work units of one likelihood evaluation. */
-int32_t cairn_contour_grouping_written_likelihood_units(const cairn_grouping *grouping);
+int32_t cairn_contour_grouping_written_likelihood_units(const cairn_contour_grouping *grouping);
 
 /* Log-likelihood (2.13) of a state; *sample is k of (2.12). */
-cairn_real cairn_contour_grouping_written_likelihood(const cairn_grouping *grouping,
+cairn_real cairn_contour_grouping_written_likelihood(const cairn_contour_grouping *grouping,
                                                      const grouping_written_state *s,
                                                      int32_t *sample);
 
 /* Symmetric point of two segments, NULL: none. */
-const cairn_symmetric_point *cairn_contour_grouping_written_point(const cairn_grouping *grouping,
-                                                                  int32_t first, int32_t second);
+const cairn_symmetric_point *
+cairn_contour_grouping_written_point(const cairn_contour_grouping *grouping, int32_t first,
+                                     int32_t second);
 
 /* Records the trajectory of a particle when it is the best of its mode. */
-void cairn_contour_grouping_written_record(cairn_grouping *grouping, int32_t index);
+void cairn_contour_grouping_written_record(cairn_contour_grouping *grouping, int32_t index);
 
 #endif

@@ -31,10 +31,10 @@ static cairn_real gaussian(cairn_real x, cairn_real sigma)
 }
 
 /* Sample k of the longest path, counted from its first or from its last sample. */
-static const cairn_shape_sample *sample_of(const cairn_shape_model *model, int32_t is_reversed,
-                                           int32_t k)
+static const cairn_shape_model_sample *sample_of(const cairn_shape_model *model,
+                                                 int32_t is_reversed, int32_t k)
 {
-    const cairn_shape_path *path = &model->paths[0];
+    const cairn_shape_model_path *path = &model->paths[0];
 
     return &model->samples[path->first + (is_reversed ? path->count - 1 - k : k)];
 }
@@ -45,9 +45,9 @@ static cairn_vec2 displacement_of(const cairn_shape_model *model, int32_t is_rev
     int32_t last = model->paths[0].count - 1;
 
     if (!is_reversed)
-        return cairn_shape_displacement(model, 0, k);
-    return cairn_vec2_sub(cairn_shape_displacement(model, 0, last - k),
-                          cairn_shape_displacement(model, 0, last));
+        return cairn_shape_model_displacement(model, 0, k);
+    return cairn_vec2_sub(cairn_shape_model_displacement(model, 0, last - k),
+                          cairn_shape_model_displacement(model, 0, last));
 }
 
 /* Dissimilarity ds of (2.12) of two displacements, in sizes: the angle between them, rad, plus the
@@ -64,7 +64,7 @@ static cairn_real dissimilarity(const struct grouping_written *written, cairn_ve
            cairn_abs(length - expected) / written->mean_radius;
 }
 
-cairn_real cairn_contour_grouping_written_likelihood(const cairn_grouping *grouping,
+cairn_real cairn_contour_grouping_written_likelihood(const cairn_contour_grouping *grouping,
                                                      const grouping_written_state *state,
                                                      int32_t *sample)
 {
@@ -93,21 +93,21 @@ cairn_real cairn_contour_grouping_written_likelihood(const cairn_grouping *group
                      CAIRN_REAL(0.5) * gaussian(radius_error, grouping->params.radius_sigma));
 }
 
-int32_t cairn_contour_grouping_written_likelihood_units(const cairn_grouping *grouping)
+int32_t cairn_contour_grouping_written_likelihood_units(const cairn_contour_grouping *grouping)
 {
     return 1 + grouping->input.model->paths[0].count;
 }
 
 /* ---- History of a particle ---- */
 
-static void add_side(const cairn_grouping *grouping, written_side *side, int32_t open)
+static void add_side(const cairn_contour_grouping *grouping, written_side *side, int32_t open)
 {
     side->vertex[side->vertex_count++] = grouping_written_end(grouping, open ^ 1);
     side->vertex[side->vertex_count++] = grouping_written_end(grouping, open);
 }
 
 /* Reads the history up to a state: the states, both sides, and the explored region between them. */
-static void read_history(cairn_grouping *grouping, const grouping_written_state *last,
+static void read_history(cairn_contour_grouping *grouping, const grouping_written_state *last,
                          int32_t count)
 {
     struct grouping_written *written = grouping->written;
@@ -118,7 +118,7 @@ static void read_history(cairn_grouping *grouping, const grouping_written_state 
         written->history[i] = last;
         written->segment_stamp[last->segment[0]] = written->segment_stamp[last->segment[1]] =
             written->stamp;
-        last = cairn_particle_state_before(last);
+        last = cairn_particle_filter_state_before(last);
     }
     written->polygon_count = 0;
     for (int32_t s = 0; s < 2; s++) {
@@ -150,7 +150,7 @@ static int crosses_side(const written_side *side, cairn_segment line, int32_t ex
 
 /* Returns 1 when a side may be extended by a segment: it lies outside the explored region, and
  * neither it nor the gap crosses the contour. */
-static int is_feasible_extension(const cairn_grouping *grouping, int32_t s, int32_t from,
+static int is_feasible_extension(const cairn_contour_grouping *grouping, int32_t s, int32_t from,
                                  int32_t joined)
 {
     const struct grouping_written *written = grouping->written;
@@ -188,7 +188,7 @@ static void insert_extension(written_extension *list, int32_t *count, written_ex
 
 /* Finds the extensions of side s within the look-ahead circle around its open end:
  * list[WRITTEN_MAX_EXTENSIONS]. Returns their number. */
-static int32_t find_extensions(const cairn_grouping *grouping,
+static int32_t find_extensions(const cairn_contour_grouping *grouping,
                                const grouping_written_state *previous, int32_t s,
                                written_extension *list)
 {
@@ -213,8 +213,8 @@ static int32_t find_extensions(const cairn_grouping *grouping,
 }
 
 /* Returns 1 when the skeleton's step to a point crosses the contour or the skeleton. */
-static int crosses_history(const cairn_grouping *grouping, const grouping_written_state *previous,
-                           cairn_vec2 centre)
+static int crosses_history(const cairn_contour_grouping *grouping,
+                           const grouping_written_state *previous, cairn_vec2 centre)
 {
     const struct grouping_written *written = grouping->written;
     cairn_segment step = {previous->centre, centre};
@@ -231,8 +231,9 @@ static int crosses_history(const cairn_grouping *grouping, const grouping_writte
 }
 
 /* Returns 1 when the extensions of both sides cross each other. */
-static int cross_each_other(const cairn_grouping *grouping, const grouping_written_state *previous,
-                            const written_extension *left, const written_extension *right)
+static int cross_each_other(const cairn_contour_grouping *grouping,
+                            const grouping_written_state *previous, const written_extension *left,
+                            const written_extension *right)
 {
     cairn_segment line[2][2];
     const written_extension *e[2] = {left, right};
@@ -249,8 +250,9 @@ static int cross_each_other(const cairn_grouping *grouping, const grouping_writt
 }
 
 /* Log mass of the proposal (2.11). */
-static cairn_real log_mass(const cairn_grouping *grouping, const grouping_written_state *previous,
-                           const grouping_written_state *s, cairn_real gap)
+static cairn_real log_mass(const cairn_contour_grouping *grouping,
+                           const grouping_written_state *previous, const grouping_written_state *s,
+                           cairn_real gap)
 {
     cairn_real loss = cairn_max(s->deviation - previous->deviation, 0);
     cairn_real mass = -cairn_half_square(gap / grouping->input.mean_length);
@@ -261,7 +263,7 @@ static cairn_real log_mass(const cairn_grouping *grouping, const grouping_writte
 }
 
 /* Offers the pair of two extensions as a candidate state, unless it is rejected. */
-static cairn_status offer(cairn_grouping *grouping, cairn_particle_filter *filter,
+static cairn_status offer(cairn_contour_grouping *grouping, cairn_particle_filter *filter,
                           const grouping_written_state *previous, const written_extension *left,
                           const written_extension *right)
 {
@@ -290,7 +292,7 @@ static cairn_status offer(cairn_grouping *grouping, cairn_particle_filter *filte
 }
 
 /* Number of segment ends in the look-ahead circle of a side. */
-static int32_t count_ends_ahead(const cairn_grouping *grouping,
+static int32_t count_ends_ahead(const cairn_contour_grouping *grouping,
                                 const grouping_written_state *previous, int32_t s)
 {
     cairn_vec2 open = grouping_written_end(grouping, previous->end[s]);
@@ -304,7 +306,7 @@ static int32_t count_ends_ahead(const cairn_grouping *grouping,
 }
 
 /* Work units of a proposal. */
-static int32_t proposal_units(const cairn_grouping *grouping,
+static int32_t proposal_units(const cairn_contour_grouping *grouping,
                               const grouping_written_state *previous, int32_t steps)
 {
     int32_t left = count_ends_ahead(grouping, previous, 0),
@@ -321,7 +323,7 @@ static int32_t proposal_units(const cairn_grouping *grouping,
 static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
                             cairn_budget *budget)
 {
-    cairn_grouping *grouping = context;
+    cairn_contour_grouping *grouping = context;
     cairn_particle particle = cairn_particle_filter_particle(filter, index);
     const grouping_written_state *previous = particle.state;
     written_extension list[2][WRITTEN_MAX_EXTENSIONS];
@@ -350,7 +352,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
                                const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {
-    cairn_grouping *grouping = context;
+    cairn_contour_grouping *grouping = context;
     int32_t sample;
 
     (void)filter;
@@ -365,7 +367,7 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
 
 static void append(void *context, const cairn_particle_filter *filter, int32_t index, void *state)
 {
-    const cairn_grouping *grouping = context;
+    const cairn_contour_grouping *grouping = context;
     grouping_written_state *s = state;
 
     (void)filter;
@@ -374,9 +376,9 @@ static void append(void *context, const cairn_particle_filter *filter, int32_t i
                         grouping->written->log_stop;
 }
 
-cairn_particle_model cairn_contour_grouping_written_model(cairn_grouping *grouping)
+cairn_particle_filter_model cairn_contour_grouping_written_model(cairn_contour_grouping *grouping)
 {
-    cairn_particle_model model = {
+    cairn_particle_filter_model model = {
         .context = grouping, .propose = propose, .likelihood = likelihood, .append = append};
 
     return model;

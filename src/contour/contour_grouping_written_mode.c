@@ -11,20 +11,21 @@
 #include "src/contour/contour_grouping_written.h"
 
 /* First index in segments[] of a slot's trajectory. */
-static int32_t first_of(const cairn_grouping *grouping, int32_t slot)
+static int32_t first_of(const cairn_contour_grouping *grouping, int32_t slot)
 {
     return 2 * grouping->params.max_steps * slot;
 }
 
-static int32_t slot_of(const cairn_grouping *grouping, const cairn_grouped_object *object)
+static int32_t slot_of(const cairn_contour_grouping *grouping,
+                       const cairn_contour_grouping_object *object)
 {
     return object->first / (2 * grouping->params.max_steps);
 }
 
 /* Returns 1 when a trajectory whose `count` segments are stamped belongs to the mode of a recorded
  * one. */
-static int is_same_mode(const cairn_grouping *grouping, const cairn_grouped_object *object,
-                        int32_t count)
+static int is_same_mode(const cairn_contour_grouping *grouping,
+                        const cairn_contour_grouping_object *object, int32_t count)
 {
     const struct grouping_written *written = grouping->written;
     int32_t shared = 0;
@@ -34,14 +35,14 @@ static int is_same_mode(const cairn_grouping *grouping, const cairn_grouped_obje
     return 2 * shared >= (count < object->count ? count : object->count);
 }
 
-static void remove_object(cairn_grouping *grouping, int32_t index)
+static void remove_object(cairn_contour_grouping *grouping, int32_t index)
 {
     grouping->object_count--;
     for (; index < grouping->object_count; index++)
         grouping->objects[index] = grouping->objects[index + 1];
 }
 
-static int32_t free_slot(const cairn_grouping *grouping)
+static int32_t free_slot(const cairn_contour_grouping *grouping)
 {
     for (int32_t slot = 0;; slot++) {
         int32_t i = 0;
@@ -53,7 +54,7 @@ static int32_t free_slot(const cairn_grouping *grouping)
     }
 }
 
-static void set_disc(const cairn_grouping *grouping, cairn_grouping_disc *disc,
+static void set_disc(const cairn_contour_grouping *grouping, cairn_contour_grouping_disc *disc,
                      const grouping_written_state *state)
 {
     disc->centre = state->centre;
@@ -70,13 +71,13 @@ static void set_disc(const cairn_grouping *grouping, cairn_grouping_disc *disc,
 }
 
 /* Stamps the segments of a trajectory; returns their number. */
-static int32_t stamp_segments(cairn_grouping *grouping, const grouping_written_state *last)
+static int32_t stamp_segments(cairn_contour_grouping *grouping, const grouping_written_state *last)
 {
     struct grouping_written *written = grouping->written;
     int32_t count = 0;
 
     written->stamp++;
-    for (; last != NULL; last = cairn_particle_state_before(last))
+    for (; last != NULL; last = cairn_particle_filter_state_before(last))
         for (int32_t k = 0; k < 2; k++) {
             count += written->segment_stamp[last->segment[k]] != written->stamp;
             written->segment_stamp[last->segment[k]] = written->stamp;
@@ -86,8 +87,8 @@ static int32_t stamp_segments(cairn_grouping *grouping, const grouping_written_s
 
 /* Lists the segments of a trajectory, each once: the left side in order, then the right side
  * backwards. */
-static void list_segments(cairn_grouping *grouping, cairn_grouped_object *object,
-                          const cairn_grouping_disc *trajectory)
+static void list_segments(cairn_contour_grouping *grouping, cairn_contour_grouping_object *object,
+                          const cairn_contour_grouping_disc *trajectory)
 {
     struct grouping_written *written = grouping->written;
     int32_t steps = object->matched_samples;
@@ -105,25 +106,26 @@ static void list_segments(cairn_grouping *grouping, cairn_grouped_object *object
 }
 
 /* Writes a trajectory into its slot. */
-static void write_trajectory(cairn_grouping *grouping, cairn_grouped_object *object,
+static void write_trajectory(cairn_contour_grouping *grouping,
+                             cairn_contour_grouping_object *object,
                              const grouping_written_state *last, int32_t steps)
 {
-    cairn_grouping_disc *trajectory =
+    cairn_contour_grouping_disc *trajectory =
         &grouping->written->trajectories[grouping->params.max_steps * slot_of(grouping, object)];
 
     object->matched_samples = steps;
     for (int32_t i = steps - 1; i >= 0; i--) {
         set_disc(grouping, &trajectory[i], last);
-        last = cairn_particle_state_before(last);
+        last = cairn_particle_filter_state_before(last);
     }
     list_segments(grouping, object, trajectory);
 }
 
-void cairn_contour_grouping_written_record(cairn_grouping *grouping, int32_t index)
+void cairn_contour_grouping_written_record(cairn_contour_grouping *grouping, int32_t index)
 {
     cairn_particle p = cairn_particle_filter_particle(grouping->filter, index);
     const grouping_written_state *state = p.state;
-    cairn_grouped_object object = {.evidence = state->log_posterior};
+    cairn_contour_grouping_object object = {.evidence = state->log_posterior};
     int32_t count, rank;
 
     if (grouping->object_count == grouping->params.max_objects &&
@@ -151,8 +153,9 @@ void cairn_contour_grouping_written_record(cairn_grouping *grouping, int32_t ind
 
 /* Assigns segments to the model's outline samples: the segment of each disc's side to the outline
  * sample nearest to that side. */
-static void set_outline_segments(cairn_grouping *grouping, cairn_grouped_object *object,
-                                 const cairn_grouping_disc *trajectory, int32_t steps)
+static void set_outline_segments(cairn_contour_grouping *grouping,
+                                 cairn_contour_grouping_object *object,
+                                 const cairn_contour_grouping_disc *trajectory, int32_t steps)
 {
     const cairn_shape_model *model = grouping->input.model;
     int32_t is_backwards = trajectory[0].sample > trajectory[steps - 1].sample;
@@ -181,11 +184,12 @@ static void set_outline_segments(cairn_grouping *grouping, cairn_grouped_object 
 }
 
 /* Pose of the model: the mean translation that maps its samples to the trajectory's discs. */
-static void set_pose(cairn_grouping *grouping, cairn_grouped_object *object, int32_t index)
+static void set_pose(cairn_contour_grouping *grouping, cairn_contour_grouping_object *object,
+                     int32_t index)
 {
     struct grouping_written *written = grouping->written;
     const cairn_shape_model *model = grouping->input.model;
-    const cairn_grouping_disc *trajectory =
+    const cairn_contour_grouping_disc *trajectory =
         &written->trajectories[grouping->params.max_steps * written->trajectory_slot[index]];
     int32_t steps = object->matched_samples, first_sample = model->paths[0].count, last_sample = 0;
 
@@ -207,7 +211,8 @@ static void set_pose(cairn_grouping *grouping, cairn_grouped_object *object, int
     set_outline_segments(grouping, object, trajectory, steps);
 }
 
-cairn_status cairn_contour_grouping_written_finish(cairn_grouping *grouping, cairn_budget *budget)
+cairn_status cairn_contour_grouping_written_finish(cairn_contour_grouping *grouping,
+                                                   cairn_budget *budget)
 {
     struct grouping_written *written = grouping->written;
 
@@ -215,7 +220,7 @@ cairn_status cairn_contour_grouping_written_finish(cairn_grouping *grouping, cai
            grouping->objects[grouping->object_count - 1].evidence < 0)
         grouping->object_count--;
     for (; grouping->cursor < grouping->object_count; grouping->cursor++) {
-        cairn_grouped_object *object = &grouping->objects[grouping->cursor];
+        cairn_contour_grouping_object *object = &grouping->objects[grouping->cursor];
 
         if (!cairn_budget_charge(budget, &grouping->charged_units,
                                  1 + object->matched_samples *
@@ -241,17 +246,18 @@ cairn_status cairn_contour_grouping_written_finish(cairn_grouping *grouping, cai
 
 /* ---- Reading ---- */
 
-cairn_grouping_particle cairn_contour_grouping_written_particle(const cairn_grouping *grouping,
-                                                                const cairn_particle *p)
+cairn_contour_grouping_particle
+cairn_contour_grouping_written_particle(const cairn_contour_grouping *grouping,
+                                        const cairn_particle *p)
 {
     const grouping_written_state *s = p->state;
     const cairn_shape_model *model = grouping->input.model;
-    const cairn_shape_path *path = &model->paths[0];
-    cairn_grouping_particle particle = {.size = grouping->written->size,
-                                        .centre = s->centre,
-                                        .radius = s->radius,
-                                        .log_weight = p->log_weight,
-                                        .matched_sides = 2};
+    const cairn_shape_model_path *path = &model->paths[0];
+    cairn_contour_grouping_particle particle = {.size = grouping->written->size,
+                                                .centre = s->centre,
+                                                .radius = s->radius,
+                                                .log_weight = p->log_weight,
+                                                .matched_sides = 2};
 
     particle.sample = path->first + (s->is_reversed ? path->count - 1 - s->sample : s->sample);
     particle.origin =
@@ -260,8 +266,8 @@ cairn_grouping_particle cairn_contour_grouping_written_particle(const cairn_grou
     return particle;
 }
 
-int32_t cairn_grouping_history(const cairn_grouping *grouping, int32_t particle,
-                               cairn_grouping_disc *discs, int32_t most)
+int32_t cairn_contour_grouping_history(const cairn_contour_grouping *grouping, int32_t particle,
+                                       cairn_contour_grouping_disc *discs, int32_t most)
 {
     const grouping_written_state *state;
     int32_t count;
@@ -274,15 +280,15 @@ int32_t cairn_grouping_history(const cairn_grouping *grouping, int32_t particle,
     for (int32_t i = count - 1; i >= 0 && discs != NULL; i--) {
         if (i < most)
             set_disc(grouping, &discs[i], state);
-        state = cairn_particle_state_before(state);
+        state = cairn_particle_filter_state_before(state);
     }
     return count;
 }
 
-int32_t cairn_grouping_skeleton(const cairn_grouping *grouping, int32_t object,
-                                cairn_grouping_disc *discs, int32_t most)
+int32_t cairn_contour_grouping_skeleton(const cairn_contour_grouping *grouping, int32_t object,
+                                        cairn_contour_grouping_disc *discs, int32_t most)
 {
-    cairn_grouping_result result = cairn_grouping_read(grouping);
+    cairn_contour_grouping_result result = cairn_contour_grouping_read(grouping);
     int32_t count;
 
     if (grouping == NULL || grouping->written == NULL || object < 0 ||

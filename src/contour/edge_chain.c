@@ -62,7 +62,7 @@ struct cairn_edge_chain_set {
     queue_entry *entries;
     /* [max_edges + 2 * max_chains + 2]: all pixels once, ends again, and those of the current
      * chain */
-    cairn_edge_pixel *pixels;
+    cairn_edge_chain_pixel *pixels;
     /* [max_chains] */
     cairn_edge_chain *chains;
     cairn_raster_u8_view strengths;
@@ -121,7 +121,8 @@ static cairn_edge_chain_set *carve(cairn_pool *pool, const cairn_edge_chain_para
     uint8_t *flags = cairn_pool_take(pool, cells, sizeof *flags);
     int32_t *ends = cairn_pool_take(pool, 2 * (size_t)QUEUES, sizeof *ends);
     queue_entry *entries = cairn_pool_take(pool, edges, sizeof *entries);
-    cairn_edge_pixel *pixels = cairn_pool_take(pool, edges + 2 * chain_count + 2, sizeof *pixels);
+    cairn_edge_chain_pixel *pixels =
+        cairn_pool_take(pool, edges + 2 * chain_count + 2, sizeof *pixels);
     cairn_edge_chain *chains = cairn_pool_take(pool, chain_count, sizeof *chains);
 
     if (set != NULL) {
@@ -195,16 +196,17 @@ static int32_t cell_count(const cairn_edge_chain_set *set)
     return set->stride * (set->strengths.height + 2);
 }
 
-static cairn_edge_pixel pixel_of(const cairn_edge_chain_set *set, int32_t cell)
+static cairn_edge_chain_pixel pixel_of(const cairn_edge_chain_set *set, int32_t cell)
 {
-    cairn_edge_pixel pixel = {(int16_t)(cell % set->stride - 1), (int16_t)(cell / set->stride - 1)};
+    cairn_edge_chain_pixel pixel = {(int16_t)(cell % set->stride - 1),
+                                    (int16_t)(cell / set->stride - 1)};
 
     return pixel;
 }
 
 static int32_t strength_at(const cairn_edge_chain_set *set, int32_t cell)
 {
-    cairn_edge_pixel p = pixel_of(set, cell);
+    cairn_edge_chain_pixel p = pixel_of(set, cell);
 
     return set->strengths.data[p.y * set->strengths.stride + p.x];
 }
@@ -523,13 +525,14 @@ static void start_chain(cairn_edge_chain_set *set, int32_t start, int32_t second
     append(set, start);
 }
 
-static cairn_edge_end end_at(const cairn_edge_chain_set *set, int32_t cell)
+static cairn_edge_chain_end end_at(const cairn_edge_chain_set *set, int32_t cell)
 {
-    return bit_count(links_of(set, cell)) == 1 ? CAIRN_EDGE_OPEN : CAIRN_EDGE_JUNCTION;
+    return bit_count(links_of(set, cell)) == 1 ? CAIRN_EDGE_CHAIN_OPEN : CAIRN_EDGE_CHAIN_JUNCTION;
 }
 
 /* Stores the followed chain, or drops it as too short. */
-static cairn_status end_chain(cairn_edge_chain_set *set, cairn_edge_end from, cairn_edge_end to)
+static cairn_status end_chain(cairn_edge_chain_set *set, cairn_edge_chain_end from,
+                              cairn_edge_chain_end to)
 {
     int32_t first = chain_start(set), count = set->pixel_count - first;
     cairn_edge_chain *chain;
@@ -557,7 +560,7 @@ static cairn_status follow(cairn_edge_chain_set *set)
     int32_t next;
 
     if (set->phase == PHASE_FOLLOW_LOOPS && set->current == set->start)
-        return end_chain(set, CAIRN_EDGE_CLOSED, CAIRN_EDGE_CLOSED);
+        return end_chain(set, CAIRN_EDGE_CHAIN_CLOSED, CAIRN_EDGE_CHAIN_CLOSED);
     append(set, set->current);
     if (bit_count(links_of(set, set->current)) != 2)
         return end_chain(set, end_at(set, set->start), end_at(set, set->current));

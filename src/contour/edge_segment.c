@@ -209,7 +209,7 @@ cairn_status cairn_edge_segment_begin(cairn_edge_segment_set *set,
 
 static int is_closed(const cairn_edge_chain *chain)
 {
-    return chain->from == CAIRN_EDGE_CLOSED;
+    return chain->from == CAIRN_EDGE_CHAIN_CLOSED;
 }
 
 /* Index in pixels[] of a position in a chain. */
@@ -220,7 +220,8 @@ static int32_t index_of(const cairn_edge_chain *chain, int32_t position)
 
 static cairn_vec2 point_of(const cairn_edge_segment_set *set, int32_t chain, int32_t position)
 {
-    cairn_edge_pixel pixel = set->chains.pixels[index_of(&set->chains.chains[chain], position)];
+    cairn_edge_chain_pixel pixel =
+        set->chains.pixels[index_of(&set->chains.chains[chain], position)];
     cairn_vec2 point = {pixel.x, pixel.y};
 
     return point;

@@ -204,7 +204,7 @@ static int are_finite(const cairn_vec2 *points, int32_t count)
 
 /* Validates the model. */
 static cairn_status check_model(const cairn_fragment_matcher *matcher,
-                                const cairn_part_model *model)
+                                const cairn_part_bundle_model *model)
 {
     if (model->fragment_count < 0 || model->samples_each < 2 ||
         (model->fragment_count > 0 && (model->fragments == NULL || model->samples == NULL)))
@@ -272,8 +272,8 @@ static void begin_steps(cairn_fragment_matcher *matcher)
 }
 
 cairn_status cairn_fragment_match_begin(cairn_fragment_matcher *matcher,
-                                        const cairn_part_model *model, const cairn_curve *chains,
-                                        int32_t chain_count)
+                                        const cairn_part_bundle_model *model,
+                                        const cairn_curve *chains, int32_t chain_count)
 {
     cairn_status status;
 

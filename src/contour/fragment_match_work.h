@@ -1,6 +1,6 @@
 /* Internal structures of module fragment_match. */
-#ifndef CAIRN_CONTOUR_FRAGMENT_MATCH_WORK_H
-#define CAIRN_CONTOUR_FRAGMENT_MATCH_WORK_H
+#ifndef CAIRN_CONTOUR_SEARCH_FRAGMENT_MATCH_WORK_H
+#define CAIRN_CONTOUR_SEARCH_FRAGMENT_MATCH_WORK_H
 
 #include "cairn/fragment_match.h"
 #include "cairn/sequence.h"
@@ -30,7 +30,7 @@ typedef struct alignment_end {
 
 struct cairn_fragment_matcher {
     cairn_fragment_match_params params;
-    cairn_part_model model;
+    cairn_part_bundle_model model;
     const cairn_curve *chains;
     /* [max_chains] Length of each chain, px. */
     cairn_real *length;

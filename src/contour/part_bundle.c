@@ -32,15 +32,15 @@ enum { PHASE_IDLE, PHASE_EVOLVE, PHASE_SELECT_VERTICES, PHASE_SAMPLE, PHASE_DONE
 
 static const cairn_real MAX_COORDINATE = CAIRN_REAL(1e9);
 
-struct cairn_part_builder {
+struct cairn_part_bundle_builder {
     cairn_part_bundle_params params;
     cairn_vec2 *points; /* [max_points] */
     /* [max_points + 1] cumulative arc length from the first point to each */
     cairn_real *arc_length;
-    cairn_vec2 *arc;                    /* [max_points + 1] the arc being sampled */
-    cairn_vec2 *positions, *directions; /* [samples_each] */
-    cairn_part_fragment *fragments;     /* [FRAGMENTS] */
-    cairn_oriented_point *samples;      /* [FRAGMENTS * samples_each] */
+    cairn_vec2 *arc;                       /* [max_points + 1] the arc being sampled */
+    cairn_vec2 *positions, *directions;    /* [samples_each] */
+    cairn_part_bundle_fragment *fragments; /* [FRAGMENTS] */
+    cairn_oriented_point *samples;         /* [FRAGMENTS * samples_each] */
     cairn_curve_evolution *evolution;
     int32_t vertices[CAIRN_PART_MAX_PIECES];
     cairn_real piece_length[CAIRN_PART_MAX_PIECES];
@@ -80,15 +80,15 @@ static cairn_curve_evolution_params evolution_params(const cairn_part_bundle_par
 }
 
 /* Takes all memory except that of the evolution. */
-static cairn_part_builder *carve(cairn_pool *pool, const cairn_part_bundle_params *params)
+static cairn_part_bundle_builder *carve(cairn_pool *pool, const cairn_part_bundle_params *params)
 {
     size_t n = (size_t)params->max_points, samples = (size_t)params->samples_each;
-    cairn_part_builder *builder = cairn_pool_take_one(pool, sizeof *builder);
+    cairn_part_bundle_builder *builder = cairn_pool_take_one(pool, sizeof *builder);
     cairn_vec2 *points = cairn_pool_take(pool, n, sizeof *points);
     cairn_real *arc_length = cairn_pool_take(pool, n + 1, sizeof *arc_length);
     cairn_vec2 *arc = cairn_pool_take(pool, n + 1, sizeof *arc);
     cairn_vec2 *positions = cairn_pool_take(pool, 2 * samples, sizeof *positions);
-    cairn_part_fragment *fragments =
+    cairn_part_bundle_fragment *fragments =
         cairn_pool_take(pool, CAIRN_PART_MAX_FRAGMENTS, sizeof *fragments);
     cairn_oriented_point *fragment_samples =
         cairn_pool_take(pool, CAIRN_PART_MAX_FRAGMENTS * samples, sizeof *fragment_samples);
@@ -120,7 +120,7 @@ size_t cairn_part_bundle_memory(const cairn_part_bundle_params *params)
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_part_bundle_create(cairn_part_builder **builder, cairn_pool *pool,
+cairn_status cairn_part_bundle_create(cairn_part_bundle_builder **builder, cairn_pool *pool,
                                       const cairn_part_bundle_params *params)
 {
     size_t need = cairn_part_bundle_memory(params);
@@ -138,13 +138,13 @@ cairn_status cairn_part_bundle_create(cairn_part_builder **builder, cairn_pool *
 
 /* ---- The outline ---- */
 
-static int32_t next_vertex(const cairn_part_builder *builder, int32_t i)
+static int32_t next_vertex(const cairn_part_bundle_builder *builder, int32_t i)
 {
     return i + 1 < builder->count ? i + 1 : 0;
 }
 
 /* Computes the cumulative arc length and the length-weighted centroid. */
-static void measure_outline(cairn_part_builder *builder)
+static void measure_outline(cairn_part_bundle_builder *builder)
 {
     cairn_vec2 sum = {0, 0};
 
@@ -161,7 +161,7 @@ static void measure_outline(cairn_part_builder *builder)
 }
 
 /* Arc length from one vertex forward to another; the whole outline from a vertex to itself. */
-static cairn_real arc_length(const cairn_part_builder *builder, int32_t from, int32_t to)
+static cairn_real arc_length(const cairn_part_bundle_builder *builder, int32_t from, int32_t to)
 {
     cairn_real length = builder->arc_length[to] - builder->arc_length[from];
 
@@ -171,7 +171,7 @@ static cairn_real arc_length(const cairn_part_builder *builder, int32_t from, in
 /* ---- Fragments ---- */
 
 /* Bit set of the pieces from one of the model's vertices forward to another. */
-static uint32_t pieces_between(const cairn_part_builder *builder, int32_t from, int32_t to)
+static uint32_t pieces_between(const cairn_part_bundle_builder *builder, int32_t from, int32_t to)
 {
     uint32_t pieces = 0;
     int32_t i = 0;
@@ -185,9 +185,10 @@ static uint32_t pieces_between(const cairn_part_builder *builder, int32_t from, 
     return pieces;
 }
 
-static void add_fragment(cairn_part_builder *builder, int32_t from, int32_t to, int32_t bundle)
+static void add_fragment(cairn_part_bundle_builder *builder, int32_t from, int32_t to,
+                         int32_t bundle)
 {
-    cairn_part_fragment *fragment = &builder->fragments[builder->fragment_count];
+    cairn_part_bundle_fragment *fragment = &builder->fragments[builder->fragment_count];
 
     fragment->from = from;
     fragment->to = to;
@@ -198,7 +199,7 @@ static void add_fragment(cairn_part_builder *builder, int32_t from, int32_t to, 
     builder->fragment_count++;
 }
 
-static void measure_pieces(cairn_part_builder *builder)
+static void measure_pieces(cairn_part_bundle_builder *builder)
 {
     for (int32_t i = 0; i < builder->vertex_count; i++)
         builder->piece_length[i] =
@@ -214,7 +215,7 @@ static int32_t level_of(const cairn_part_bundle_params *params)
     return level < 3 ? 3 : level;
 }
 
-static void cut_by_rule(cairn_part_builder *builder)
+static void cut_by_rule(cairn_part_bundle_builder *builder)
 {
     cairn_curve_evolution_result levels = cairn_curve_evolution_read(builder->evolution);
     int32_t level = level_of(&builder->params), n;
@@ -243,7 +244,7 @@ static void cut_by_rule(cairn_part_builder *builder)
     builder->phase = PHASE_SAMPLE;
 }
 
-static int is_end(const cairn_part_cut *cuts, int32_t count, int32_t vertex)
+static int is_end(const cairn_part_bundle_cut *cuts, int32_t count, int32_t vertex)
 {
     for (int32_t k = 0; k < count; k++)
         if (cuts[k].from == vertex || cuts[k].to == vertex)
@@ -251,7 +252,8 @@ static int is_end(const cairn_part_cut *cuts, int32_t count, int32_t vertex)
     return 0;
 }
 
-static void cut_by_hand(cairn_part_builder *builder, const cairn_part_cut *cuts, int32_t count)
+static void cut_by_hand(cairn_part_bundle_builder *builder, const cairn_part_bundle_cut *cuts,
+                        int32_t count)
 {
     for (int32_t i = 0; i < builder->count; i++)
         if (is_end(cuts, count, i))
@@ -265,7 +267,8 @@ static void cut_by_hand(cairn_part_builder *builder, const cairn_part_cut *cuts,
     builder->phase = PHASE_SAMPLE;
 }
 
-static void sample_fragment(cairn_part_builder *builder, const cairn_part_fragment *fragment)
+static void sample_fragment(cairn_part_bundle_builder *builder,
+                            const cairn_part_bundle_fragment *fragment)
 {
     cairn_curve arc = {.points = builder->arc, .count = 1};
     int32_t i = fragment->from;
@@ -288,8 +291,8 @@ static void sample_fragment(cairn_part_builder *builder, const cairn_part_fragme
 
 /* ---- Calls ---- */
 
-static cairn_status check_outline(const cairn_part_builder *builder, const cairn_vec2 *points,
-                                  int32_t count)
+static cairn_status check_outline(const cairn_part_bundle_builder *builder,
+                                  const cairn_vec2 *points, int32_t count)
 {
     if (count > builder->params.max_points)
         return CAIRN_FULL;
@@ -304,7 +307,8 @@ static cairn_status check_outline(const cairn_part_builder *builder, const cairn
 }
 
 /* Length of a cut, for validation before any state changes. */
-static cairn_real cut_length(const cairn_vec2 *points, int32_t count, const cairn_part_cut *cut)
+static cairn_real cut_length(const cairn_vec2 *points, int32_t count,
+                             const cairn_part_bundle_cut *cut)
 {
     cairn_real length = 0;
     int32_t i = cut->from;
@@ -318,8 +322,8 @@ static cairn_real cut_length(const cairn_vec2 *points, int32_t count, const cair
     return length;
 }
 
-static cairn_status check_cuts(const cairn_vec2 *points, int32_t count, const cairn_part_cut *cuts,
-                               int32_t cut_count)
+static cairn_status check_cuts(const cairn_vec2 *points, int32_t count,
+                               const cairn_part_bundle_cut *cuts, int32_t cut_count)
 {
     int32_t vertices = 0;
     uint32_t bundles = 0;
@@ -347,8 +351,9 @@ static cairn_status check_cuts(const cairn_vec2 *points, int32_t count, const ca
     return CAIRN_OK;
 }
 
-cairn_status cairn_part_bundle_begin(cairn_part_builder *builder, const cairn_vec2 *points,
-                                     int32_t count, const cairn_part_cut *cuts, int32_t cut_count)
+cairn_status cairn_part_bundle_begin(cairn_part_bundle_builder *builder, const cairn_vec2 *points,
+                                     int32_t count, const cairn_part_bundle_cut *cuts,
+                                     int32_t cut_count)
 {
     cairn_status status;
 
@@ -372,7 +377,7 @@ cairn_status cairn_part_bundle_begin(cairn_part_builder *builder, const cairn_ve
     return CAIRN_OK;
 }
 
-cairn_status cairn_part_bundle_step(cairn_part_builder *builder, cairn_budget *budget)
+cairn_status cairn_part_bundle_step(cairn_part_bundle_builder *builder, cairn_budget *budget)
 {
     if (builder == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
@@ -405,9 +410,9 @@ cairn_status cairn_part_bundle_step(cairn_part_builder *builder, cairn_budget *b
     return CAIRN_OK;
 }
 
-cairn_part_model cairn_part_bundle_read(const cairn_part_builder *builder)
+cairn_part_bundle_model cairn_part_bundle_read(const cairn_part_bundle_builder *builder)
 {
-    cairn_part_model model;
+    cairn_part_bundle_model model;
 
     memset(&model, 0, sizeof model);
     if (builder == NULL || builder->phase != PHASE_DONE)

@@ -409,7 +409,8 @@ static int step_sort(cairn_part_configurator *configurator, cairn_budget *budget
 
 /* ---- Calls ---- */
 
-static cairn_status check_vote(const cairn_part_vote *v, int64_t index, cairn_fault *fault)
+static cairn_status check_vote(const cairn_part_configuration_vote *v, int64_t index,
+                               cairn_fault *fault)
 {
     if (!(cairn_abs(v->centre.x) <= MAX_COORDINATE) ||
         !(cairn_abs(v->centre.y) <= MAX_COORDINATE) || !(cairn_abs(v->from) <= MAX_COORDINATE) ||
@@ -429,8 +430,8 @@ static cairn_status check_vote(const cairn_part_vote *v, int64_t index, cairn_fa
 }
 
 cairn_status cairn_part_configuration_begin(cairn_part_configurator *configurator,
-                                            const cairn_part_vote *votes, int32_t count,
-                                            cairn_fault *fault)
+                                            const cairn_part_configuration_vote *votes,
+                                            int32_t count, cairn_fault *fault)
 {
     cairn_status status = CAIRN_OK;
 

@@ -39,7 +39,7 @@ static uint32_t bucket_of(const cairn_part_configurator *configurator, int32_t l
 
 void cairn_part_configuration_insert(cairn_part_configurator *configurator, int32_t vote)
 {
-    const cairn_part_vote *v = &configurator->votes[vote];
+    const cairn_part_configuration_vote *v = &configurator->votes[vote];
     int32_t layer = layer_of(configurator, v->scale);
     cairn_real cell = cell_of_layer(configurator, layer);
     uint32_t bucket = bucket_of(configurator, layer, floor_to_int(v->centre.x / cell),
@@ -112,7 +112,7 @@ int32_t cairn_part_configuration_query_cost(const cairn_part_configurator *confi
 /* Inserts a vote into the K nearest, sorted by distance, then index. */
 static void insert_near_vote(cairn_part_configurator *configurator, int32_t vote)
 {
-    const cairn_part_vote *v = &configurator->votes[vote];
+    const cairn_part_configuration_vote *v = &configurator->votes[vote];
     cairn_real size = configurator->params.centre_tolerance * configurator->query.centre.scale,
                reach = configurator->params.search_radius;
     near_vote n;

@@ -7,7 +7,8 @@
 /* Relative slack of a bound, above the rounding error. */
 static const cairn_real BOUND_SLACK = 64 * CAIRN_REAL_EPSILON;
 
-static const cairn_part_vote *vote_of(const cairn_part_configurator *configurator, int32_t near)
+static const cairn_part_configuration_vote *vote_of(const cairn_part_configurator *configurator,
+                                                    int32_t near)
 {
     return &configurator->votes[configurator->near_votes[near].vote];
 }
@@ -15,7 +16,8 @@ static const cairn_part_vote *vote_of(const cairn_part_configurator *configurato
 /* Order of votes: by bundle, then by descending weight, then by distance. */
 static int is_before(const cairn_part_configurator *configurator, int32_t a, int32_t b)
 {
-    const cairn_part_vote *v = vote_of(configurator, a), *u = vote_of(configurator, b);
+    const cairn_part_configuration_vote *v = vote_of(configurator, a),
+                                        *u = vote_of(configurator, b);
 
     if (v->bundle != u->bundle)
         return v->bundle < u->bundle;
@@ -55,7 +57,7 @@ void cairn_part_configuration_begin_tree(cairn_part_configurator *configurator)
     }
     configurator->group_count = 0;
     for (int32_t i = 0; i < configurator->near_count; i++) {
-        const cairn_part_vote *v = vote_of(configurator, configurator->order[i]);
+        const cairn_part_configuration_vote *v = vote_of(configurator, configurator->order[i]);
         vote_group *g =
             &configurator->groups[configurator->group_count - (configurator->group_count > 0)];
 
@@ -104,7 +106,8 @@ static cairn_real score_of(const configuration_node *node)
 
 /* Overlap of two intervals of one chain, over the shorter. On a closed chain either may be shifted
  * by the chain's length, and they may meet at both ends. */
-static cairn_real overlap_of(const cairn_part_vote *a, const cairn_part_vote *b)
+static cairn_real overlap_of(const cairn_part_configuration_vote *a,
+                             const cairn_part_configuration_vote *b)
 {
     cairn_real shorter = cairn_min(a->to - a->from, b->to - b->from), sum = 0;
     int32_t has_rounds = a->closed_length > 0;
@@ -119,10 +122,10 @@ static cairn_real overlap_of(const cairn_part_vote *a, const cairn_part_vote *b)
 
 /* Returns 1 when a vote shares no chain interval with the parts chosen so far. */
 static int is_compatible(const cairn_part_configurator *configurator,
-                         const configuration_node *node, const cairn_part_vote *v)
+                         const configuration_node *node, const cairn_part_configuration_vote *v)
 {
     for (int32_t i = 0; i < node->part_count; i++) {
-        const cairn_part_vote *u = vote_of(configurator, configurator->chosen[i]);
+        const cairn_part_configuration_vote *u = vote_of(configurator, configurator->chosen[i]);
 
         if (u->chain == v->chain &&
             (is_as_written(configurator) || overlap_of(u, v) > configurator->params.overlap))
@@ -180,7 +183,7 @@ int cairn_part_configuration_visit_node(cairn_part_configurator *configurator)
     }
     {
         int32_t near = configurator->order[group->first + node->choice++];
-        const cairn_part_vote *v = vote_of(configurator, near);
+        const cairn_part_configuration_vote *v = vote_of(configurator, near);
 
         if (is_compatible(configurator, node, v)) {
             configurator->nodes[configurator->depth + 1] =

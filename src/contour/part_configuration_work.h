@@ -1,7 +1,7 @@
 /* part_configuration_work: shared definitions of the part_configuration sources. Internal to the
  * library. */
-#ifndef CAIRN_CONTOUR_PART_CONFIGURATION_WORK_H
-#define CAIRN_CONTOUR_PART_CONFIGURATION_WORK_H
+#ifndef CAIRN_CONTOUR_SEARCH_PART_CONFIGURATION_WORK_H
+#define CAIRN_CONTOUR_SEARCH_PART_CONFIGURATION_WORK_H
 
 #include "cairn/part_configuration.h"
 
@@ -74,7 +74,7 @@ typedef struct configuration_exhaustive {
 
 struct cairn_part_configurator {
     cairn_part_configuration_params params;
-    const cairn_part_vote *votes;
+    const cairn_part_configuration_vote *votes;
     /* [max_votes] next vote of the same bucket; scale layer of each vote */
     int32_t *next_in_bucket, *vote_layer;
     /* [mask + 1] first vote and number of votes of each bucket */

@@ -209,14 +209,14 @@ static int32_t sample_holes(cairn_self_similarity *similarity, const cairn_curve
 cairn_status cairn_self_similarity_begin(cairn_self_similarity *similarity,
                                          const cairn_curve *outlines, int32_t count)
 {
-    cairn_curve sampled[CAIRN_SYMMETRY_MAX_OUTLINES];
+    cairn_curve sampled[CAIRN_SELF_SIMILARITY_MAX_OUTLINES];
     cairn_vec2 *to_swap;
     int32_t holes = 1;
     cairn_status status;
 
     if (similarity == NULL || outlines == NULL || count < 1)
         return CAIRN_BAD_ARGUMENT;
-    if (count > CAIRN_SYMMETRY_MAX_OUTLINES)
+    if (count > CAIRN_SELF_SIMILARITY_MAX_OUTLINES)
         return CAIRN_FULL;
     status = check_outlines(outlines, count);
     if (status != CAIRN_OK)
@@ -345,11 +345,11 @@ cairn_vec2 cairn_similarity_point(const cairn_self_similarity *similarity,
 }
 
 /* Returns the reported axis of a cut. */
-static cairn_symmetry_axis axis_of(const cairn_self_similarity *similarity,
-                                   const similarity_cut *cut)
+static cairn_self_similarity_axis axis_of(const cairn_self_similarity *similarity,
+                                          const similarity_cut *cut)
 {
     cairn_real n = (cairn_real)similarity->params.outline_samples;
-    cairn_symmetry_axis axis;
+    cairn_self_similarity_axis axis;
 
     for (int32_t i = 0; i < 2; i++) {
         axis.end[i] = cairn_similarity_point(similarity, similarity->samples, cut->position[i]);
@@ -376,7 +376,7 @@ static cairn_status step_report(cairn_self_similarity *similarity, cairn_budget 
     int32_t units = UNITS_PER_AXIS + (fits ? cairn_similarity_mirror_cost(similarity) : 0);
     cairn_real good;
 
-    for (; similarity->cursor < count && similarity->cursor < CAIRN_SYMMETRY_MAX_AXES;
+    for (; similarity->cursor < count && similarity->cursor < CAIRN_SELF_SIMILARITY_MAX_AXES;
          similarity->cursor++) {
         if (!cairn_budget_charge(budget, &similarity->units_charged, units))
             return CAIRN_MORE;
@@ -390,9 +390,9 @@ static cairn_status step_report(cairn_self_similarity *similarity, cairn_budget 
         similarity->tie_count += similarity->axes[similarity->cursor].dissimilarity <= good;
         similarity->axis_count = similarity->cursor + 1;
     }
-    similarity->verdict = similarity->tie_count < 2         ? CAIRN_SYMMETRY_SINGLE
-                          : similarity->rotation_order == 0 ? CAIRN_SYMMETRY_CIRCULAR
-                                                            : CAIRN_SYMMETRY_MULTIPLE;
+    similarity->verdict = similarity->tie_count < 2         ? CAIRN_SELF_SIMILARITY_SINGLE
+                          : similarity->rotation_order == 0 ? CAIRN_SELF_SIMILARITY_CIRCULAR
+                                                            : CAIRN_SELF_SIMILARITY_MULTIPLE;
     return CAIRN_OK;
 }
 

@@ -129,7 +129,7 @@ int32_t cairn_similarity_mirror_cost(const cairn_self_similarity *similarity)
 }
 
 void cairn_similarity_mirror(const cairn_self_similarity *similarity, const similarity_cut *cut,
-                             cairn_symmetry_axis *axis)
+                             cairn_self_similarity_axis *axis)
 {
     similarity_sides sides = cairn_similarity_sides(similarity, cut, 1);
     mirror_line line;

@@ -38,7 +38,7 @@ typedef struct similarity_cut {
     /* The two arcs. */
     cairn_real from[2], to[2];
     cairn_real cost; /* Ranking cost. */
-    /* As in cairn_symmetry_axis. */
+    /* As in cairn_self_similarity_axis. */
     cairn_real mirror_residual, dtw_cost;
     /* Mirror residual plus the penalties of bend and skew: cost without articulation. */
     cairn_real mirror_cost;
@@ -46,7 +46,7 @@ typedef struct similarity_cut {
     cairn_real truncated_residual;
     /* Bend, rad, and skew (tangent) of the axis. */
     cairn_real bend, skew;
-    /* Evolution level and division, as in cairn_symmetry_axis. */
+    /* Evolution level and division, as in cairn_self_similarity_axis. */
     int32_t vertices, division;
 } similarity_cut;
 
@@ -89,7 +89,7 @@ struct cairn_self_similarity {
     /* The same for a new shape, until begin() accepts it. */
     cairn_vec2 *next_samples;
     /* Number of holes and of their samples; samples[outline_samples ...]. */
-    int32_t hole_total, hole_count[CAIRN_SYMMETRY_MAX_OUTLINES];
+    int32_t hole_total, hole_count[CAIRN_SELF_SIMILARITY_MAX_OUTLINES];
     /* [outline_samples^2] c(i, k) of eq. 4.4. */
     cairn_real *descriptor_distance;
     /* [2 * outline_samples] Two rows of the warping table: least sums. */
@@ -132,9 +132,9 @@ struct cairn_self_similarity {
     cairn_real rotation_residual, radius_sum;
     int32_t matching_rotations;
     /* The result. */
-    cairn_symmetry_axis axes[CAIRN_SYMMETRY_MAX_AXES];
+    cairn_self_similarity_axis axes[CAIRN_SELF_SIMILARITY_MAX_AXES];
     int32_t axis_count, tie_count, rotation_order;
-    cairn_symmetry_verdict verdict;
+    cairn_self_similarity_verdict verdict;
     int64_t comparison_count;
 };
 
@@ -193,7 +193,7 @@ cairn_status cairn_similarity_fit_step(cairn_self_similarity *similarity, cairn_
 /* Fits the mirror line of an axis from its initial line; its cost in units. Requires
  * max_distance. */
 void cairn_similarity_mirror(const cairn_self_similarity *similarity, const similarity_cut *cut,
-                             cairn_symmetry_axis *axis);
+                             cairn_self_similarity_axis *axis);
 int32_t cairn_similarity_mirror_cost(const cairn_self_similarity *similarity);
 
 /* ---- Re-ranking, one function for each phase ---- */

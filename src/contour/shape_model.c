@@ -39,12 +39,12 @@ enum { TANGENT_HALF_WIDTH = 2 };
 /* A step longer than this multiple of the mean step begins another outline. */
 #define MAX_STEP_RATIO CAIRN_REAL(3.0)
 
-cairn_shape_builder_params cairn_shape_builder_default(void)
+cairn_shape_model_builder_params cairn_shape_model_builder_default(void)
 {
-    cairn_shape_builder_params params = {
+    cairn_shape_model_builder_params params = {
         .outline_samples = 128,
         .path_samples = 32,
-        .max_paths = CAIRN_SHAPE_MAX_PATHS,
+        .max_paths = CAIRN_SHAPE_MODEL_MAX_PATHS,
         .max_deviation = 20 * (CAIRN_PI / 180),
         .deviation_sigma = 10 * (CAIRN_PI / 180),
         .min_clearance = CAIRN_REAL(0.8),
@@ -53,41 +53,42 @@ cairn_shape_builder_params cairn_shape_builder_default(void)
     return params;
 }
 
-static int params_are_valid(const cairn_shape_builder_params *p)
+static int params_are_valid(const cairn_shape_model_builder_params *p)
 {
     return p != NULL && p->outline_samples >= SHAPE_MIN_OUTLINE_SAMPLES &&
            p->outline_samples <= 1024 && p->path_samples >= 4 && p->path_samples <= 256 &&
-           p->max_paths >= 1 && p->max_paths <= CAIRN_SHAPE_MAX_PATHS && p->max_deviation > 0 &&
-           p->max_deviation < CAIRN_PI / 2 && p->deviation_sigma > 0 &&
+           p->max_paths >= 1 && p->max_paths <= CAIRN_SHAPE_MODEL_MAX_PATHS &&
+           p->max_deviation > 0 && p->max_deviation < CAIRN_PI / 2 && p->deviation_sigma > 0 &&
            cairn_is_finite(p->deviation_sigma) && p->min_clearance >= 0 && p->min_clearance <= 1 &&
            p->min_outline_share > 0 && p->min_outline_share <= 1;
 }
 
 /* Paths share an outline, and each has a least number of samples. */
-int32_t cairn_shape_max_samples(const cairn_shape_builder_params *p)
+int32_t cairn_shape_model_max_samples(const cairn_shape_model_builder_params *p)
 {
-    return p->path_samples + CAIRN_SHAPE_MAX_PATHS * (SHAPE_MIN_PATH_SAMPLES + 1);
+    return p->path_samples + CAIRN_SHAPE_MODEL_MAX_PATHS * (SHAPE_MIN_PATH_SAMPLES + 1);
 }
 
 /* Returns the greatest number of samples of all outlines. */
-static int32_t max_outline_samples(const cairn_shape_builder_params *p)
+static int32_t max_outline_samples(const cairn_shape_model_builder_params *p)
 {
-    return p->outline_samples + CAIRN_SHAPE_MAX_OUTLINES * (SHAPE_MIN_OUTLINE_SAMPLES + 1);
+    return p->outline_samples + CAIRN_SHAPE_MODEL_MAX_OUTLINES * (SHAPE_MIN_OUTLINE_SAMPLES + 1);
 }
 
-static cairn_shape_builder *carve(cairn_pool *pool, const cairn_shape_builder_params *p)
+static cairn_shape_model_builder *carve(cairn_pool *pool, const cairn_shape_model_builder_params *p)
 {
     size_t side = (size_t)p->outline_samples + SHAPE_MIN_OUTLINE_SAMPLES;
-    cairn_shape_builder *builder = cairn_pool_take_one(pool, sizeof *builder);
+    cairn_shape_model_builder *builder = cairn_pool_take_one(pool, sizeof *builder);
     cairn_oriented_point *outline =
         cairn_pool_take(pool, (size_t)max_outline_samples(p), sizeof *outline);
     cairn_real *gain = cairn_pool_take(pool, side * side, sizeof *gain);
     cairn_real *dp_value = cairn_pool_take(pool, 3 * side, sizeof *dp_value);
     uint8_t *dp_move = cairn_pool_take(pool, side * side, sizeof *dp_move);
     shape_pair *path_pairs = cairn_pool_take(pool, 2 * side, sizeof *path_pairs);
-    cairn_shape_sample *samples =
-        cairn_pool_take(pool, (size_t)cairn_shape_max_samples(p), sizeof *samples);
-    cairn_shape_path *paths = cairn_pool_take(pool, CAIRN_SHAPE_MAX_PATHS, sizeof *paths);
+    cairn_shape_model_sample *samples =
+        cairn_pool_take(pool, (size_t)cairn_shape_model_max_samples(p), sizeof *samples);
+    cairn_shape_model_path *paths =
+        cairn_pool_take(pool, CAIRN_SHAPE_MODEL_MAX_PATHS, sizeof *paths);
 
     if (builder != NULL) {
         memset(builder, 0, sizeof *builder);
@@ -102,7 +103,7 @@ static cairn_shape_builder *carve(cairn_pool *pool, const cairn_shape_builder_pa
     return builder;
 }
 
-size_t cairn_shape_builder_memory(const cairn_shape_builder_params *params)
+size_t cairn_shape_model_builder_memory(const cairn_shape_model_builder_params *params)
 {
     cairn_pool counting;
 
@@ -113,11 +114,11 @@ size_t cairn_shape_builder_memory(const cairn_shape_builder_params *params)
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_shape_builder_create(cairn_shape_builder **builder, cairn_pool *pool,
-                                        const cairn_shape_builder_params *params)
+cairn_status cairn_shape_model_builder_create(cairn_shape_model_builder **builder, cairn_pool *pool,
+                                              const cairn_shape_model_builder_params *params)
 {
-    size_t need = cairn_shape_builder_memory(params);
-    cairn_shape_builder *made;
+    size_t need = cairn_shape_model_builder_memory(params);
+    cairn_shape_model_builder *made;
 
     if (builder == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
@@ -158,7 +159,7 @@ static cairn_status check_outlines(const cairn_curve *outlines, int32_t count, c
 
 /* Samples one outline into outline[outline_first ...], in units of the size, oriented with its
  * interior to the left. */
-static void sample_outline(cairn_shape_builder *builder, const cairn_curve *curve,
+static void sample_outline(cairn_shape_model_builder *builder, const cairn_curve *curve,
                            cairn_oriented_point *to, int32_t count)
 {
     int turned = cairn_polygon_area(curve->points, curve->count) < 0;
@@ -180,14 +181,14 @@ static void sample_outline(cairn_shape_builder *builder, const cairn_curve *curv
     }
 }
 
-cairn_status cairn_shape_builder_begin(cairn_shape_builder *builder, const cairn_curve *outlines,
-                                       int32_t count)
+cairn_status cairn_shape_model_builder_begin(cairn_shape_model_builder *builder,
+                                             const cairn_curve *outlines, int32_t count)
 {
     cairn_real whole;
     cairn_status status;
     cairn_box box;
 
-    if (builder == NULL || outlines == NULL || count < 1 || count > CAIRN_SHAPE_MAX_OUTLINES)
+    if (builder == NULL || outlines == NULL || count < 1 || count > CAIRN_SHAPE_MODEL_MAX_OUTLINES)
         return CAIRN_BAD_ARGUMENT;
     status = check_outlines(outlines, count, &box, &whole);
     if (status != CAIRN_OK)
@@ -215,8 +216,8 @@ cairn_status cairn_shape_builder_begin(cairn_shape_builder *builder, const cairn
 
 /* ---- Symmetry set ---- */
 
-int cairn_shape_disc(const cairn_shape_builder *builder, int32_t low, int32_t high,
-                     cairn_shape_sample *disc)
+int cairn_shape_model_disc(const cairn_shape_model_builder *builder, int32_t low, int32_t high,
+                           cairn_shape_model_sample *disc)
 {
     cairn_oriented_point p = builder->outline[low], q = builder->outline[high];
     cairn_symmetric_point sp;
@@ -238,12 +239,13 @@ int cairn_shape_disc(const cairn_shape_builder *builder, int32_t low, int32_t hi
     return 1;
 }
 
-cairn_real cairn_shape_gain(const cairn_shape_builder *builder, int32_t low, int32_t high)
+cairn_real cairn_shape_model_gain(const cairn_shape_model_builder *builder, int32_t low,
+                                  int32_t high)
 {
-    cairn_shape_sample disc;
+    cairn_shape_model_sample disc;
     cairn_real clear, scaled;
 
-    if (!cairn_shape_disc(builder, low, high, &disc))
+    if (!cairn_shape_model_disc(builder, low, high, &disc))
         return -MIN_QUALITY;
     clear = builder->params.min_clearance * disc.radius;
     for (int32_t i = builder->outline_first[builder->outline_index];
@@ -256,7 +258,7 @@ cairn_real cairn_shape_gain(const cairn_shape_builder *builder, int32_t low, int
 }
 
 /* Computes the gains of all pairs of the current outline. */
-static cairn_status step_pairs(cairn_shape_builder *builder, cairn_budget *budget)
+static cairn_status step_pairs(cairn_shape_model_builder *builder, cairn_budget *budget)
 {
     int32_t n = shape_points(builder), first = builder->outline_first[builder->outline_index];
     shape_arc whole = {0, n, 1, -1, -1};
@@ -267,24 +269,24 @@ static cairn_status step_pairs(cairn_shape_builder *builder, cairn_budget *budge
         if (!cairn_budget_charge(budget, &builder->units_charged, low == high ? 1 : 4 + n / 16))
             return CAIRN_MORE;
         builder->gain[builder->cursor] =
-            low == high ? -MIN_QUALITY : cairn_shape_gain(builder, first + low, first + high);
+            low == high ? -MIN_QUALITY : cairn_shape_model_gain(builder, first + low, first + high);
     }
     builder->arc_count = 0;
     if (builder->outline_index > 0 && builder->path_count > 0)
         whole.parent = 0;
-    cairn_shape_add_arc(builder, whole);
-    cairn_shape_search_begin(builder);
+    cairn_shape_model_add_arc(builder, whole);
+    cairn_shape_model_search_begin(builder);
     return CAIRN_OK;
 }
 
-void cairn_shape_add_arc(cairn_shape_builder *builder, shape_arc arc)
+void cairn_shape_model_add_arc(cairn_shape_model_builder *builder, shape_arc arc)
 {
     int32_t i = builder->arc_count;
 
     if ((cairn_real)arc.count <
         builder->params.min_outline_share * (cairn_real)shape_points(builder))
         return;
-    if (builder->arc_count == CAIRN_SHAPE_MAX_PATHS) {
+    if (builder->arc_count == CAIRN_SHAPE_MODEL_MAX_PATHS) {
         if (builder->arcs[i - 1].count >= arc.count)
             return;
         i--;
@@ -297,11 +299,11 @@ void cairn_shape_add_arc(cairn_shape_builder *builder, shape_arc arc)
 }
 
 /* Searches the path of the longest waiting arc. */
-static cairn_status step_search(cairn_shape_builder *builder, cairn_budget *budget)
+static cairn_status step_search(cairn_shape_model_builder *builder, cairn_budget *budget)
 {
     while (builder->arc_count > 0 && builder->path_count < builder->params.max_paths) {
         shape_arc arc = builder->arcs[0];
-        cairn_status status = cairn_shape_search_step(builder, &arc, budget);
+        cairn_status status = cairn_shape_model_search_step(builder, &arc, budget);
 
         if (status != CAIRN_OK ||
             !cairn_budget_charge(budget, &builder->units_charged, UNITS_PER_PATH))
@@ -309,13 +311,14 @@ static cairn_status step_search(cairn_shape_builder *builder, cairn_budget *budg
         memmove(&builder->arcs[0], &builder->arcs[1],
                 (size_t)(builder->arc_count - 1) * sizeof builder->arcs[0]);
         builder->arc_count--;
-        cairn_shape_add_path(builder, &arc);
-        cairn_shape_search_begin(builder);
+        cairn_shape_model_add_path(builder, &arc);
+        cairn_shape_model_search_begin(builder);
     }
     return CAIRN_OK;
 }
 
-cairn_status cairn_shape_builder_step(cairn_shape_builder *builder, cairn_budget *budget)
+cairn_status cairn_shape_model_builder_step(cairn_shape_model_builder *builder,
+                                            cairn_budget *budget)
 {
     if (builder == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
@@ -339,7 +342,7 @@ cairn_status cairn_shape_builder_step(cairn_shape_builder *builder, cairn_budget
     return CAIRN_OK;
 }
 
-cairn_shape_model cairn_shape_builder_read(const cairn_shape_builder *builder)
+cairn_shape_model cairn_shape_model_builder_read(const cairn_shape_model_builder *builder)
 {
     cairn_shape_model model;
 
@@ -371,7 +374,8 @@ static int is_valid_point(cairn_oriented_point p)
            cairn_abs(cairn_vec2_norm(p.direction) - 1) <= CAIRN_REAL(1e-3);
 }
 
-static cairn_status check_sample(const cairn_shape_sample *s, int64_t index, cairn_fault *fault)
+static cairn_status check_sample(const cairn_shape_model_sample *s, int64_t index,
+                                 cairn_fault *fault)
 {
     if (!cairn_is_finite(s->centre.x) || !cairn_is_finite(s->centre.y) ||
         !cairn_is_finite(s->radius) || !cairn_is_finite(s->deviation))
@@ -392,7 +396,7 @@ static cairn_status check_sample(const cairn_shape_sample *s, int64_t index, cai
 
 static cairn_status check_path(const cairn_shape_model *m, int32_t index, cairn_fault *fault)
 {
-    const cairn_shape_path *p = &m->paths[index];
+    const cairn_shape_model_path *p = &m->paths[index];
 
     if (p->first < 0 || p->count < 1 || p->first > m->sample_count ||
         p->count > m->sample_count - p->first)
@@ -410,7 +414,7 @@ static cairn_status check_path(const cairn_shape_model *m, int32_t index, cairn_
 /* Validates the gaps of a model. */
 static int gaps_are_valid(const cairn_shape_model *m)
 {
-    int32_t good = m->gap_count >= 0 && m->gap_count <= CAIRN_SHAPE_MAX_GAPS;
+    int32_t good = m->gap_count >= 0 && m->gap_count <= CAIRN_SHAPE_MODEL_MAX_GAPS;
 
     for (int32_t i = 0; good && i < m->gap_count; i++)
         good = cairn_is_finite(m->gaps[i].x) && cairn_is_finite(m->gaps[i].y);
@@ -422,7 +426,7 @@ cairn_status cairn_shape_model_check(const cairn_shape_model *m, cairn_fault *fa
     cairn_status status = CAIRN_OK;
 
     if (m == NULL || m->samples == NULL || m->paths == NULL || m->outline == NULL ||
-        m->sample_count < 1 || m->path_count < 1 || m->path_count > CAIRN_SHAPE_MAX_PATHS ||
+        m->sample_count < 1 || m->path_count < 1 || m->path_count > CAIRN_SHAPE_MODEL_MAX_PATHS ||
         m->outline_count < 1 || !(m->size > 0) || !cairn_is_finite(m->size) ||
         !cairn_is_finite(m->origin.x) || !cairn_is_finite(m->origin.y))
         return cairn_refuse(fault, -1, "no model, expected a size, paths, samples and an outline",
@@ -442,7 +446,7 @@ cairn_status cairn_shape_model_check(const cairn_shape_model *m, cairn_fault *fa
     return status;
 }
 
-int32_t cairn_shape_first_outline(const cairn_shape_model *m)
+int32_t cairn_shape_model_first_outline(const cairn_shape_model *m)
 {
     cairn_real mean = 0;
     int32_t count = m->outline_count > 0;

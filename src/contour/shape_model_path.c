@@ -16,20 +16,20 @@ enum { MOVE_START, MOVE_BOTH, MOVE_UP, MOVE_DOWN };
 /* Weight of a step that one side makes alone. */
 #define ONE_SIDED_WEIGHT CAIRN_REAL(0.95)
 
-static int32_t row_stride(const cairn_shape_builder *builder)
+static int32_t row_stride(const cairn_shape_model_builder *builder)
 {
     return builder->params.outline_samples + SHAPE_MIN_OUTLINE_SAMPLES;
 }
 
 /* Returns the row of values of a gap. */
-static cairn_real *value_row(cairn_shape_builder *builder, int32_t gap)
+static cairn_real *value_row(cairn_shape_model_builder *builder, int32_t gap)
 {
     return &builder->dp_value[(gap % 3) * row_stride(builder)];
 }
 
 /* Returns the gain of a pair of positions of an arc. */
-static cairn_real gain_at(const cairn_shape_builder *builder, const shape_arc *arc, int32_t low,
-                          int32_t high)
+static cairn_real gain_at(const cairn_shape_model_builder *builder, const shape_arc *arc,
+                          int32_t low, int32_t high)
 {
     int32_t n = shape_points(builder), first = builder->outline_first[builder->outline_index];
 
@@ -37,7 +37,7 @@ static cairn_real gain_at(const cairn_shape_builder *builder, const shape_arc *a
                          shape_point(builder, arc, high) - first];
 }
 
-void cairn_shape_search_begin(cairn_shape_builder *builder)
+void cairn_shape_model_search_begin(cairn_shape_model_builder *builder)
 {
     builder->cursor = 0;
     builder->best_value = 0;
@@ -46,7 +46,7 @@ void cairn_shape_search_begin(cairn_shape_builder *builder)
 }
 
 /* Computes the best predecessor of (low, low + gap); positions wrap around a closed arc. */
-static void evaluate_cell(cairn_shape_builder *builder, const shape_arc *arc, int32_t gap,
+static void evaluate_cell(cairn_shape_model_builder *builder, const shape_arc *arc, int32_t gap,
                           int32_t low)
 {
     int32_t next = arc->is_closed && low + 1 == arc->count ? 0 : low + 1;
@@ -80,7 +80,7 @@ static void evaluate_cell(cairn_shape_builder *builder, const shape_arc *arc, in
 }
 
 /* Backtracks the best path into path_pairs[], from its start. */
-static void backtrack(cairn_shape_builder *builder, const shape_arc *arc)
+static void backtrack(cairn_shape_model_builder *builder, const shape_arc *arc)
 {
     int32_t gap = builder->best_end[0], low = builder->best_end[1], count = 0, wrap_offset = 0;
 
@@ -108,8 +108,8 @@ static void backtrack(cairn_shape_builder *builder, const shape_arc *arc)
     builder->path_pair_count = count;
 }
 
-cairn_status cairn_shape_search_step(cairn_shape_builder *builder, const shape_arc *arc,
-                                     cairn_budget *budget)
+cairn_status cairn_shape_model_search_step(cairn_shape_model_builder *builder, const shape_arc *arc,
+                                           cairn_budget *budget)
 {
     int32_t cells = arc->count * arc->count;
 
@@ -134,7 +134,7 @@ cairn_status cairn_shape_search_step(cairn_shape_builder *builder, const shape_a
 /* ---- Resampling ---- */
 
 /* Returns the number of outline samples passed on both sides up to pair i. */
-static int32_t passed_samples(const cairn_shape_builder *builder, int32_t i)
+static int32_t passed_samples(const cairn_shape_model_builder *builder, int32_t i)
 {
     return (builder->path_pairs[i].high - builder->path_pairs[i].low) -
            (builder->path_pairs[0].high - builder->path_pairs[0].low);
@@ -142,8 +142,8 @@ static int32_t passed_samples(const cairn_shape_builder *builder, int32_t i)
 
 /* Returns the most symmetric pair of path_pairs[from ... to - 1], preferably near the middle;
  * -1: none is symmetric. */
-static int32_t best_pair(const cairn_shape_builder *builder, const shape_arc *arc, int32_t from,
-                         int32_t to)
+static int32_t best_pair(const cairn_shape_model_builder *builder, const shape_arc *arc,
+                         int32_t from, int32_t to)
 {
     int32_t best = -1;
     cairn_real most = 0;
@@ -168,8 +168,8 @@ static int32_t best_pair(const cairn_shape_builder *builder, const shape_arc *ar
 
 /* Adds the outline passed by the symmetric pairs of path_pairs[from ... to - 1], as shares of
  * all outlines. */
-static void add_shares(const cairn_shape_builder *builder, const shape_arc *arc, int32_t from,
-                       int32_t to, cairn_shape_sample *sample)
+static void add_shares(const cairn_shape_model_builder *builder, const shape_arc *arc, int32_t from,
+                       int32_t to, cairn_shape_model_sample *sample)
 {
     cairn_real each = builder->outline_length[builder->outline_index] /
                       ((cairn_real)shape_points(builder) * builder->total_length);
@@ -189,7 +189,7 @@ static void add_shares(const cairn_shape_builder *builder, const shape_arc *arc,
 
 /* Adds waiting arcs: asymmetric stretches passed on one side, where a limb branches off, and the
  * remainders beyond both ends. */
-static void add_arcs(cairn_shape_builder *builder, const shape_arc *arc, int32_t path)
+static void add_arcs(cairn_shape_model_builder *builder, const shape_arc *arc, int32_t path)
 {
     shape_pair first = builder->path_pairs[0],
                last = builder->path_pairs[builder->path_pair_count - 1];
@@ -198,11 +198,11 @@ static void add_arcs(cairn_shape_builder *builder, const shape_arc *arc, int32_t
 
     part.start = arc->start + first.low;
     part.count = first.high - first.low + 1;
-    cairn_shape_add_arc(builder, part);
+    cairn_shape_model_add_arc(builder, part);
     if (arc->is_closed) {
         part.start = arc->start + last.high;
         part.count = rest + 2;
-        cairn_shape_add_arc(builder, part);
+        cairn_shape_model_add_arc(builder, part);
     }
     for (int32_t i = 1; i <= builder->path_pair_count; i++) {
         if (i < builder->path_pair_count &&
@@ -217,15 +217,15 @@ static void add_arcs(cairn_shape_builder *builder, const shape_arc *arc, int32_t
 
             part.start = arc->start + (up >= down ? a->high : z->low);
             part.count = (up >= down ? up : down) + 1;
-            cairn_shape_add_arc(builder, part);
+            cairn_shape_model_add_arc(builder, part);
         }
         from = i;
     }
 }
 
 /* Returns the sample of a path nearest to a point. */
-static int32_t nearest_sample(const cairn_shape_builder *builder, const cairn_shape_path *path,
-                              cairn_vec2 p)
+static int32_t nearest_sample(const cairn_shape_model_builder *builder,
+                              const cairn_shape_model_path *path, cairn_vec2 p)
 {
     int32_t best = 0;
 
@@ -237,15 +237,15 @@ static int32_t nearest_sample(const cairn_shape_builder *builder, const cairn_sh
 }
 
 /* Reverses a branch path, so that it runs from the branch point to its tip. */
-static void reverse_path(cairn_shape_builder *builder, const cairn_shape_path *path)
+static void reverse_path(cairn_shape_model_builder *builder, const cairn_shape_model_path *path)
 {
-    cairn_shape_sample *s = &builder->samples[path->first];
+    cairn_shape_model_sample *s = &builder->samples[path->first];
 
     for (int32_t i = 0, j = path->count - 1; i <= j; i++, j--) {
-        cairn_shape_sample pair[2] = {s[i], s[j]};
+        cairn_shape_model_sample pair[2] = {s[i], s[j]};
 
         for (int32_t e = 0; e < 2; e++) {
-            cairn_shape_sample turned = pair[e];
+            cairn_shape_model_sample turned = pair[e];
 
             for (int32_t side = 0; side < 2; side++) {
                 turned.contact[side].position = pair[e].contact[1 - side].position;
@@ -258,9 +258,9 @@ static void reverse_path(cairn_shape_builder *builder, const cairn_shape_path *p
     }
 }
 
-void cairn_shape_add_path(cairn_shape_builder *builder, const shape_arc *arc)
+void cairn_shape_model_add_path(cairn_shape_model_builder *builder, const shape_arc *arc)
 {
-    cairn_shape_path path = {builder->sample_count, 0, arc->parent, -1, 0};
+    cairn_shape_model_path path = {builder->sample_count, 0, arc->parent, -1, 0};
     cairn_real each = builder->outline_length[builder->outline_index] /
                       ((cairn_real)shape_points(builder) * builder->total_length);
     int32_t length = builder->path_pair_count > 0
@@ -274,16 +274,17 @@ void cairn_shape_add_path(cairn_shape_builder *builder, const shape_arc *arc)
         cairn_rint((cairn_real)builder->params.path_samples * each * (cairn_real)length));
     wanted = wanted < SHAPE_MIN_PATH_SAMPLES ? SHAPE_MIN_PATH_SAMPLES : wanted;
     for (int32_t k = 0;
-         k < wanted && builder->sample_count < cairn_shape_max_samples(&builder->params); k++) {
-        cairn_shape_sample *sample = &builder->samples[builder->sample_count];
+         k < wanted && builder->sample_count < cairn_shape_model_max_samples(&builder->params);
+         k++) {
+        cairn_shape_model_sample *sample = &builder->samples[builder->sample_count];
         int32_t to = from, best;
 
         while (to < builder->path_pair_count &&
                (passed_samples(builder, to) * wanted < (k + 1) * length || k + 1 == wanted))
             to++;
         best = best_pair(builder, arc, from, to);
-        if (best >= 0 &&
-            cairn_shape_disc(builder, shape_point(builder, arc, builder->path_pairs[best].low),
+        if (best >= 0 && cairn_shape_model_disc(
+                             builder, shape_point(builder, arc, builder->path_pairs[best].low),
                              shape_point(builder, arc, builder->path_pairs[best].high), sample)) {
             add_shares(builder, arc, from, to, sample);
             path.outline_share += sample->outline_share[0] + sample->outline_share[1];

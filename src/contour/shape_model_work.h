@@ -1,6 +1,6 @@
 /* Internal structures of module shape_model. */
-#ifndef CAIRN_CONTOUR_SHAPE_MODEL_WORK_H
-#define CAIRN_CONTOUR_SHAPE_MODEL_WORK_H
+#ifndef CAIRN_CONTOUR_SEARCH_SHAPE_MODEL_WORK_H
+#define CAIRN_CONTOUR_SEARCH_SHAPE_MODEL_WORK_H
 
 #include "cairn/shape_model.h"
 
@@ -22,8 +22,8 @@ typedef struct shape_pair {
     int32_t low, high;
 } shape_pair;
 
-struct cairn_shape_builder {
-    cairn_shape_builder_params params;
+struct cairn_shape_model_builder {
+    cairn_shape_model_builder_params params;
     /* All outlines, consecutively. */
     cairn_oriented_point *outline;
     /* [outline_samples^2] Gain of each pair of the current outline; below 0: asymmetric. */
@@ -34,14 +34,14 @@ struct cairn_shape_builder {
     uint8_t *dp_move;
     /* [2 * outline_samples] Pairs of the found path, from its start. */
     shape_pair *path_pairs;
-    cairn_shape_sample *samples;
-    cairn_shape_path *paths;
+    cairn_shape_model_sample *samples;
+    cairn_shape_model_path *paths;
     /* Waiting arcs, the longest first. */
-    shape_arc arcs[CAIRN_SHAPE_MAX_PATHS];
+    shape_arc arcs[CAIRN_SHAPE_MODEL_MAX_PATHS];
     /* First sample of each outline in outline[]. */
-    int32_t outline_first[CAIRN_SHAPE_MAX_OUTLINES + 1];
+    int32_t outline_first[CAIRN_SHAPE_MODEL_MAX_OUTLINES + 1];
     /* Length of each outline, units of the size. */
-    cairn_real outline_length[CAIRN_SHAPE_MAX_OUTLINES];
+    cairn_real outline_length[CAIRN_SHAPE_MODEL_MAX_OUTLINES];
     /* Length of all outlines, units of the size. */
     cairn_real total_length;
     /* Size and origin of the model in the units of the input outline. */
@@ -62,14 +62,14 @@ struct cairn_shape_builder {
 };
 
 /* Returns the number of samples of the current outline. */
-static inline int32_t shape_points(const cairn_shape_builder *builder)
+static inline int32_t shape_points(const cairn_shape_model_builder *builder)
 {
     return builder->outline_first[builder->outline_index + 1] -
            builder->outline_first[builder->outline_index];
 }
 
 /* Returns the index in outline[] of position `i` of an arc. */
-static inline int32_t shape_point(const cairn_shape_builder *builder, const shape_arc *arc,
+static inline int32_t shape_point(const cairn_shape_model_builder *builder, const shape_arc *arc,
                                   int32_t i)
 {
     int32_t n = shape_points(builder), at = (arc->start + i) % n;
@@ -78,26 +78,27 @@ static inline int32_t shape_point(const cairn_shape_builder *builder, const shap
 }
 
 /* Returns the greatest number of samples of all paths. */
-int32_t cairn_shape_max_samples(const cairn_shape_builder_params *params);
+int32_t cairn_shape_model_max_samples(const cairn_shape_model_builder_params *params);
 
 /* Computes the disc of two samples, contact 1 at `low`; returns 0 if it does not exist or is not
  * inside. */
-int cairn_shape_disc(const cairn_shape_builder *builder, int32_t low, int32_t high,
-                     cairn_shape_sample *disc);
+int cairn_shape_model_disc(const cairn_shape_model_builder *builder, int32_t low, int32_t high,
+                           cairn_shape_model_sample *disc);
 
 /* Returns the gain of pair (low, high), indices in outline[]. */
-cairn_real cairn_shape_gain(const cairn_shape_builder *builder, int32_t low, int32_t high);
+cairn_real cairn_shape_model_gain(const cairn_shape_model_builder *builder, int32_t low,
+                                  int32_t high);
 
 /* Searches the longest path of an arc into path_pairs[]: begin, then step until it does not
  * return CAIRN_MORE. */
-void cairn_shape_search_begin(cairn_shape_builder *builder);
-cairn_status cairn_shape_search_step(cairn_shape_builder *builder, const shape_arc *arc,
-                                     cairn_budget *budget);
+void cairn_shape_model_search_begin(cairn_shape_model_builder *builder);
+cairn_status cairn_shape_model_search_step(cairn_shape_model_builder *builder, const shape_arc *arc,
+                                           cairn_budget *budget);
 
 /* Resamples path_pairs[] to a path and adds arcs of the remaining outline. */
-void cairn_shape_add_path(cairn_shape_builder *builder, const shape_arc *arc);
+void cairn_shape_model_add_path(cairn_shape_model_builder *builder, const shape_arc *arc);
 
 /* Inserts a waiting arc, the longest first; without capacity the shortest is dropped. */
-void cairn_shape_add_arc(cairn_shape_builder *builder, shape_arc arc);
+void cairn_shape_model_add_arc(cairn_shape_model_builder *builder, shape_arc arc);
 
 #endif

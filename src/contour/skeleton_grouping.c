@@ -41,9 +41,9 @@ enum {
     PHASE_DONE
 };
 
-cairn_skeleton_params cairn_skeleton_default(void)
+cairn_skeleton_grouping_params cairn_skeleton_grouping_default(void)
 {
-    cairn_skeleton_params params = {
+    cairn_skeleton_grouping_params params = {
         .max_width = 640,
         .max_height = 480,
         .max_edgels = 40000,
@@ -69,9 +69,9 @@ cairn_skeleton_params cairn_skeleton_default(void)
     return params;
 }
 
-cairn_skeleton_params cairn_skeleton_as_written(void)
+cairn_skeleton_grouping_params cairn_skeleton_grouping_as_written(void)
 {
-    cairn_skeleton_params params = cairn_skeleton_default();
+    cairn_skeleton_grouping_params params = cairn_skeleton_grouping_default();
 
     params.mode = CAIRN_MODE_AS_WRITTEN;
     params.max_centres = 8000;
@@ -101,7 +101,7 @@ static int is_count(int32_t n, int32_t most)
     return n >= 1 && n <= most;
 }
 
-static int params_are_valid(const cairn_skeleton_params *p)
+static int params_are_valid(const cairn_skeleton_grouping_params *p)
 {
     return p != NULL && is_count(p->max_width, 8192) && is_count(p->max_height, 8192) &&
            is_count(p->max_edgels, 1 << 24) && is_count(p->max_centres, 1 << 20) &&
@@ -118,7 +118,7 @@ static int params_are_valid(const cairn_skeleton_params *p)
 }
 
 /* Returns the params of the particle filter. */
-static cairn_particle_filter_params filter_params(const cairn_skeleton_params *p)
+static cairn_particle_filter_params filter_params(const cairn_skeleton_grouping_params *p)
 {
     cairn_particle_filter_params f = cairn_particle_filter_default();
 
@@ -126,7 +126,7 @@ static cairn_particle_filter_params filter_params(const cairn_skeleton_params *p
     f.max_blocks = (p->max_steps + 2) * p->particle_count;
     if (p->mode == CAIRN_MODE_AS_WRITTEN) {
         /* Prior boosting: all followers are kept, each with its weight. */
-        f.proposal = CAIRN_PROPOSAL_PRIOR;
+        f.proposal = CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR;
         f.adaptive_followers = 0;
         f.max_followers = WRITTEN_MAX_FOLLOWERS;
         f.max_candidates = p->particle_count * WRITTEN_MAX_FOLLOWERS;
@@ -140,7 +140,7 @@ static cairn_particle_filter_params filter_params(const cairn_skeleton_params *p
 }
 
 /* Lengths are in pixels instead of metres. */
-static cairn_polyline_params line_params(const cairn_skeleton_params *p)
+static cairn_polyline_params line_params(const cairn_skeleton_grouping_params *p)
 {
     cairn_polyline_params line = cairn_polyline_default();
 
@@ -168,13 +168,14 @@ static int32_t cell_count(int32_t side)
     return (side + SKELETON_CELL_PX - 1) / SKELETON_CELL_PX;
 }
 
-static cairn_particle_filter *carve_filter(cairn_pool *pool, const cairn_skeleton_params *p,
-                                           cairn_skeleton *skeleton)
+static cairn_particle_filter *carve_filter(cairn_pool *pool,
+                                           const cairn_skeleton_grouping_params *p,
+                                           cairn_skeleton_grouping *skeleton)
 {
     cairn_particle_filter_params f = filter_params(p);
-    cairn_particle_model model = p->mode == CAIRN_MODE_AS_WRITTEN
-                                     ? cairn_skeleton_written_model(skeleton)
-                                     : cairn_skeleton_model(skeleton);
+    cairn_particle_filter_model model = p->mode == CAIRN_MODE_AS_WRITTEN
+                                            ? cairn_skeleton_grouping_written_model(skeleton)
+                                            : cairn_skeleton_grouping_model(skeleton);
     cairn_particle_filter *filter = NULL;
     cairn_status status;
 
@@ -188,7 +189,7 @@ static cairn_particle_filter *carve_filter(cairn_pool *pool, const cairn_skeleto
     return filter;
 }
 
-static cairn_polyline *carve_polyline(cairn_pool *pool, const cairn_skeleton_params *p)
+static cairn_polyline *carve_polyline(cairn_pool *pool, const cairn_skeleton_grouping_params *p)
 {
     cairn_polyline_params line = line_params(p);
     cairn_polyline *polyline = NULL;
@@ -204,12 +205,12 @@ static cairn_polyline *carve_polyline(cairn_pool *pool, const cairn_skeleton_par
     return polyline;
 }
 
-static cairn_skeleton *carve(cairn_pool *pool, const cairn_skeleton_params *p)
+static cairn_skeleton_grouping *carve(cairn_pool *pool, const cairn_skeleton_grouping_params *p)
 {
     size_t lists = (size_t)cell_count(p->max_width) * (size_t)cell_count(p->max_height) + 1;
     int written = p->mode == CAIRN_MODE_AS_WRITTEN;
     size_t parts = (size_t)p->max_parts, points = (size_t)p->max_points;
-    cairn_skeleton *skeleton = cairn_pool_take_one(pool, sizeof *skeleton);
+    cairn_skeleton_grouping *skeleton = cairn_pool_take_one(pool, sizeof *skeleton);
     skeleton_edgel *edgels = cairn_pool_take(pool, (size_t)p->max_edgels, sizeof *edgels);
     int32_t *first = cairn_pool_take(pool, lists, sizeof *first);
     skeleton_centre *centres = cairn_pool_take(pool, (size_t)p->max_centres, sizeof *centres);
@@ -219,9 +220,9 @@ static cairn_skeleton *carve(cairn_pool *pool, const cairn_skeleton_params *p)
     skeleton_written *work = written ? cairn_pool_take_one(pool, sizeof *work) : NULL;
     skeleton_disc *discs = cairn_pool_take(pool, points, sizeof *discs);
     skeleton_part *candidates = cairn_pool_take(pool, parts, sizeof *candidates);
-    cairn_skeleton_point *reported = cairn_pool_take(pool, points, sizeof *reported);
-    cairn_skeleton_part *chosen = cairn_pool_take(pool, parts, sizeof *chosen);
-    cairn_skeleton_object *objects = cairn_pool_take(pool, parts, sizeof *objects);
+    cairn_skeleton_grouping_point *reported = cairn_pool_take(pool, points, sizeof *reported);
+    cairn_skeleton_grouping_part *chosen = cairn_pool_take(pool, parts, sizeof *chosen);
+    cairn_skeleton_grouping_object *objects = cairn_pool_take(pool, parts, sizeof *objects);
     int32_t *group = cairn_pool_take(pool, parts, sizeof *group);
     int32_t *bright = cairn_pool_take(pool, parts, sizeof *bright);
     cairn_polyline *polyline = carve_polyline(pool, p);
@@ -248,7 +249,7 @@ static cairn_skeleton *carve(cairn_pool *pool, const cairn_skeleton_params *p)
     return skeleton;
 }
 
-size_t cairn_skeleton_memory(const cairn_skeleton_params *params)
+size_t cairn_skeleton_grouping_memory(const cairn_skeleton_grouping_params *params)
 {
     cairn_pool counting;
 
@@ -259,11 +260,11 @@ size_t cairn_skeleton_memory(const cairn_skeleton_params *params)
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_skeleton_create(cairn_skeleton **skeleton, cairn_pool *pool,
-                                   const cairn_skeleton_params *params)
+cairn_status cairn_skeleton_grouping_create(cairn_skeleton_grouping **skeleton, cairn_pool *pool,
+                                            const cairn_skeleton_grouping_params *params)
 {
-    size_t need = cairn_skeleton_memory(params);
-    cairn_skeleton *made;
+    size_t need = cairn_skeleton_grouping_memory(params);
+    cairn_skeleton_grouping *made;
 
     if (skeleton == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
@@ -275,7 +276,8 @@ cairn_status cairn_skeleton_create(cairn_skeleton **skeleton, cairn_pool *pool,
     return CAIRN_OK;
 }
 
-static cairn_status check_input(const cairn_skeleton *skeleton, const cairn_skeleton_input *in)
+static cairn_status check_input(const cairn_skeleton_grouping *skeleton,
+                                const cairn_skeleton_grouping_input *in)
 {
     if (in->count < 0 || (in->edgels == NULL && in->count > 0) || in->width < 1 || in->height < 1)
         return CAIRN_BAD_ARGUMENT;
@@ -290,7 +292,8 @@ static cairn_status check_input(const cairn_skeleton *skeleton, const cairn_skel
     return CAIRN_OK;
 }
 
-cairn_status cairn_skeleton_begin(cairn_skeleton *skeleton, const cairn_skeleton_input *input)
+cairn_status cairn_skeleton_grouping_begin(cairn_skeleton_grouping *skeleton,
+                                           const cairn_skeleton_grouping_input *input)
 {
     cairn_status status;
 
@@ -326,20 +329,20 @@ static int32_t clamp_cell(cairn_real x, int32_t count)
     return cell < 0 ? 0 : cell >= count ? count - 1 : cell;
 }
 
-int32_t cairn_skeleton_column(const cairn_skeleton *skeleton, cairn_real x)
+int32_t cairn_skeleton_grouping_column(const cairn_skeleton_grouping *skeleton, cairn_real x)
 {
     return clamp_cell(x, skeleton->columns);
 }
 
-int32_t cairn_skeleton_row(const cairn_skeleton *skeleton, cairn_real y)
+int32_t cairn_skeleton_grouping_row(const cairn_skeleton_grouping *skeleton, cairn_real y)
 {
     return clamp_cell(y, skeleton->rows);
 }
 
-static int32_t cell_of(const cairn_skeleton *skeleton, cairn_vec2 p)
+static int32_t cell_of(const cairn_skeleton_grouping *skeleton, cairn_vec2 p)
 {
-    return cairn_skeleton_row(skeleton, p.y) * skeleton->columns +
-           cairn_skeleton_column(skeleton, p.x);
+    return cairn_skeleton_grouping_row(skeleton, p.y) * skeleton->columns +
+           cairn_skeleton_grouping_column(skeleton, p.x);
 }
 
 static int is_finite_edgel(const cairn_edgel *e)
@@ -350,7 +353,7 @@ static int is_finite_edgel(const cairn_edgel *e)
 }
 
 /* Counts an edgel in its cell and updates the mean logarithmic slope. */
-static void count(cairn_skeleton *skeleton, const cairn_edgel *e)
+static void count(cairn_skeleton_grouping *skeleton, const cairn_edgel *e)
 {
     skeleton->cell_first[cell_of(skeleton, e->position)]++;
     if (e->gradient_magnitude > 0)
@@ -359,7 +362,7 @@ static void count(cairn_skeleton *skeleton, const cairn_edgel *e)
 }
 
 /* Stores an input edgel in its cell. */
-static void store_edgel(cairn_skeleton *skeleton, int32_t source)
+static void store_edgel(cairn_skeleton_grouping *skeleton, int32_t source)
 {
     const cairn_edgel *from = &skeleton->input.edgels[source];
     skeleton_edgel *e =
@@ -376,7 +379,7 @@ static void store_edgel(cairn_skeleton *skeleton, int32_t source)
 
 /* Counting sort of the edgels by cell: counts and mean log slope, cell offsets, edgels. Filling
  * moves each cell's offset to the next cell's; the last pass moves them back. */
-cairn_status cairn_skeleton_index(cairn_skeleton *skeleton, cairn_budget *budget)
+cairn_status cairn_skeleton_grouping_index(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 {
     int32_t lists = skeleton->columns * skeleton->rows, n = skeleton->edgel_count;
 
@@ -411,11 +414,11 @@ cairn_status cairn_skeleton_index(cairn_skeleton *skeleton, cairn_budget *budget
     return CAIRN_OK;
 }
 
-cairn_real cairn_skeleton_density(const cairn_skeleton *skeleton, cairn_vec2 at)
+cairn_real cairn_skeleton_grouping_density(const cairn_skeleton_grouping *skeleton, cairn_vec2 at)
 {
     enum { HALF_WINDOW_CELLS = 2, PRIOR_COUNT = 3 };
-    int32_t x = cairn_skeleton_column(skeleton, at.x), y = cairn_skeleton_row(skeleton, at.y),
-            count = PRIOR_COUNT, area = 0;
+    int32_t x = cairn_skeleton_grouping_column(skeleton, at.x),
+            y = cairn_skeleton_grouping_row(skeleton, at.y), count = PRIOR_COUNT, area = 0;
     int32_t x0 = x > HALF_WINDOW_CELLS ? x - HALF_WINDOW_CELLS : 0,
             x1 = x + HALF_WINDOW_CELLS < skeleton->columns ? x + HALF_WINDOW_CELLS
                                                            : skeleton->columns - 1;
@@ -433,21 +436,23 @@ cairn_real cairn_skeleton_density(const cairn_skeleton *skeleton, cairn_vec2 at)
 
 /* ---- Phases ---- */
 
-static cairn_status step_phase(cairn_skeleton *skeleton, cairn_budget *budget)
+static cairn_status step_phase(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 {
-    static cairn_status (*const phase[2][PHASE_DONE])(cairn_skeleton *, cairn_budget *) = {
-        {NULL, cairn_skeleton_index, cairn_skeleton_centres, cairn_skeleton_propose_range,
-         cairn_skeleton_lines, cairn_skeleton_mirror, cairn_skeleton_walks,
-         cairn_skeleton_select_parts, cairn_skeleton_join_parts},
-        {NULL, cairn_skeleton_index, cairn_skeleton_written_centres, cairn_skeleton_written_range,
-         cairn_skeleton_lines, cairn_skeleton_mirror, cairn_skeleton_written_walks,
-         cairn_skeleton_select_parts, cairn_skeleton_join_parts},
+    static cairn_status (*const phase[2][PHASE_DONE])(cairn_skeleton_grouping *, cairn_budget *) = {
+        {NULL, cairn_skeleton_grouping_index, cairn_skeleton_grouping_centres,
+         cairn_skeleton_grouping_propose_range, cairn_skeleton_grouping_lines,
+         cairn_skeleton_grouping_mirror, cairn_skeleton_grouping_walks,
+         cairn_skeleton_grouping_select_parts, cairn_skeleton_grouping_join_parts},
+        {NULL, cairn_skeleton_grouping_index, cairn_skeleton_grouping_written_centres,
+         cairn_skeleton_grouping_written_range, cairn_skeleton_grouping_lines,
+         cairn_skeleton_grouping_mirror, cairn_skeleton_grouping_written_walks,
+         cairn_skeleton_grouping_select_parts, cairn_skeleton_grouping_join_parts},
     };
 
     return phase[skeleton->params.mode == CAIRN_MODE_AS_WRITTEN][skeleton->phase](skeleton, budget);
 }
 
-cairn_status cairn_skeleton_step(cairn_skeleton *skeleton, cairn_budget *budget)
+cairn_status cairn_skeleton_grouping_step(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 {
     if (skeleton == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
@@ -465,9 +470,9 @@ cairn_status cairn_skeleton_step(cairn_skeleton *skeleton, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-cairn_skeleton_result cairn_skeleton_read(const cairn_skeleton *skeleton)
+cairn_skeleton_grouping_result cairn_skeleton_grouping_read(const cairn_skeleton_grouping *skeleton)
 {
-    cairn_skeleton_result r;
+    cairn_skeleton_grouping_result r;
 
     memset(&r, 0, sizeof r);
     if (skeleton == NULL || skeleton->phase != PHASE_DONE)
@@ -487,8 +492,8 @@ cairn_skeleton_result cairn_skeleton_read(const cairn_skeleton *skeleton)
     return r;
 }
 
-int32_t cairn_skeleton_centre_point(const cairn_skeleton *skeleton, int32_t index, cairn_vec2 *at,
-                                    cairn_real *radius)
+int32_t cairn_skeleton_grouping_centre_point(const cairn_skeleton_grouping *skeleton, int32_t index,
+                                             cairn_vec2 *at, cairn_real *radius)
 {
     if (skeleton == NULL || skeleton->phase != PHASE_DONE || index < 0 ||
         index >= skeleton->centre_count)
@@ -498,8 +503,8 @@ int32_t cairn_skeleton_centre_point(const cairn_skeleton *skeleton, int32_t inde
     return 1;
 }
 
-int32_t cairn_skeleton_mirror_line(const cairn_skeleton *skeleton, int32_t index,
-                                   cairn_polyline_segment *line)
+int32_t cairn_skeleton_grouping_mirror_line(const cairn_skeleton_grouping *skeleton, int32_t index,
+                                            cairn_polyline_segment *line)
 {
     cairn_polyline_view view;
     int32_t start;

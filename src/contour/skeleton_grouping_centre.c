@@ -37,7 +37,7 @@ typedef struct search_wedge {
     int32_t polarity;
 } search_wedge;
 
-void cairn_skeleton_set_limits(cairn_skeleton *skeleton)
+void cairn_skeleton_grouping_set_limits(cairn_skeleton_grouping *skeleton)
 {
     int written = skeleton->params.mode == CAIRN_MODE_AS_WRITTEN;
     cairn_real side =
@@ -59,8 +59,8 @@ void cairn_skeleton_set_limits(cairn_skeleton *skeleton)
 }
 
 /* Returns the search region of an edgel on one side. */
-static search_wedge search_wedge_of(const cairn_skeleton *skeleton, const skeleton_edgel *e,
-                                    int32_t polarity)
+static search_wedge search_wedge_of(const cairn_skeleton_grouping *skeleton,
+                                    const skeleton_edgel *e, int32_t polarity)
 {
     cairn_vec2 inward = skeleton_inward(e, polarity);
     cairn_vec2 tip =
@@ -72,23 +72,23 @@ static search_wedge search_wedge_of(const cairn_skeleton *skeleton, const skelet
 
     box = cairn_box_extend(cairn_box_extend(cairn_box_extend(box, tip), cairn_vec2_add(tip, aside)),
                            cairn_vec2_sub(tip, aside));
-    w.x0 = cairn_skeleton_column(skeleton, box.min.x);
-    w.x1 = cairn_skeleton_column(skeleton, box.max.x);
-    w.y0 = cairn_skeleton_row(skeleton, box.min.y);
-    w.y1 = cairn_skeleton_row(skeleton, box.max.y);
+    w.x0 = cairn_skeleton_grouping_column(skeleton, box.min.x);
+    w.x1 = cairn_skeleton_grouping_column(skeleton, box.max.x);
+    w.y0 = cairn_skeleton_grouping_row(skeleton, box.min.y);
+    w.y1 = cairn_skeleton_grouping_row(skeleton, box.max.y);
     w.position = e->position;
     w.inward = inward;
     w.polarity = polarity;
     return w;
 }
 
-static int32_t wedge_cost(const cairn_skeleton *skeleton, const search_wedge *w)
+static int32_t wedge_cost(const cairn_skeleton_grouping *skeleton, const search_wedge *w)
 {
     return UNITS_PER_EDGEL + skeleton_cells_cost(skeleton, w->x0, w->x1, w->y0, w->y1);
 }
 
 /* Returns the cost of a pair in half squared standard deviations; MAX_PAIR_COST: rejected. */
-static cairn_real pair_cost(const cairn_skeleton *skeleton, const search_wedge *w,
+static cairn_real pair_cost(const cairn_skeleton_grouping *skeleton, const search_wedge *w,
                             const skeleton_edgel *other, int32_t *polarity)
 {
     cairn_vec2 chord = cairn_vec2_sub(other->position, w->position), mirrored;
@@ -117,7 +117,8 @@ static cairn_real pair_cost(const cairn_skeleton *skeleton, const search_wedge *
 }
 
 /* Returns the best partner of an edgel; -1: none. */
-static int32_t partner_of(const cairn_skeleton *skeleton, const search_wedge *w, int32_t *polarity)
+static int32_t partner_of(const cairn_skeleton_grouping *skeleton, const search_wedge *w,
+                          int32_t *polarity)
 {
     cairn_real best = MAX_PAIR_COST;
     int32_t partner = -1;
@@ -148,8 +149,8 @@ static cairn_oriented_point oriented(const skeleton_edgel *e)
 }
 
 /* Stores the CP of two edgels. */
-static void add_centre(cairn_skeleton *skeleton, int32_t first, int32_t polarity, int32_t second,
-                       int32_t other_sense)
+static void add_centre(cairn_skeleton_grouping *skeleton, int32_t first, int32_t polarity,
+                       int32_t second, int32_t other_sense)
 {
     skeleton_centre *c = &skeleton->centres[skeleton->centre_count];
     cairn_symmetric_point sp;
@@ -168,10 +169,11 @@ static void add_centre(cairn_skeleton *skeleton, int32_t first, int32_t polarity
     skeleton->centre_count++;
 }
 
-cairn_status cairn_skeleton_centres(cairn_skeleton *skeleton, cairn_budget *budget)
+cairn_status cairn_skeleton_grouping_centres(cairn_skeleton_grouping *skeleton,
+                                             cairn_budget *budget)
 {
     if (skeleton->cursor == 0 && skeleton->polarity_cursor == 0)
-        cairn_skeleton_set_limits(skeleton);
+        cairn_skeleton_grouping_set_limits(skeleton);
     for (; skeleton->cursor < skeleton->edgel_count; skeleton->cursor += skeleton->stride) {
         for (; skeleton->polarity_cursor < 2; skeleton->polarity_cursor++) {
             search_wedge w = search_wedge_of(skeleton, &skeleton->edgels[skeleton->cursor],
@@ -194,7 +196,7 @@ cairn_status cairn_skeleton_centres(cairn_skeleton *skeleton, cairn_budget *budg
 /* ---- Range of radii ---- */
 
 /* Returns the histogram bin of a radius. */
-static int32_t bin_of(const cairn_skeleton *skeleton, cairn_real radius)
+static int32_t bin_of(const cairn_skeleton_grouping *skeleton, cairn_real radius)
 {
     int32_t bin = cairn_real_to_int(cairn_log(radius / skeleton->min_search_radius) *
                                     (BINS_PER_OCTAVE / CAIRN_REAL(0.6931471805599453)));
@@ -203,14 +205,14 @@ static int32_t bin_of(const cairn_skeleton *skeleton, cairn_real radius)
 }
 
 /* Returns the lower bound of a bin, px. */
-static cairn_real radius_of(const cairn_skeleton *skeleton, int32_t bin)
+static cairn_real radius_of(const cairn_skeleton_grouping *skeleton, int32_t bin)
 {
     return skeleton->min_search_radius *
            cairn_exp((cairn_real)bin * (CAIRN_REAL(0.6931471805599453) / BINS_PER_OCTAVE));
 }
 
 /* Returns a bin of the smoothed histogram. */
-static cairn_real smoothed(const cairn_skeleton *skeleton, int32_t bin)
+static cairn_real smoothed(const cairn_skeleton_grouping *skeleton, int32_t bin)
 {
     return skeleton->histogram[bin] +
            CAIRN_REAL(0.5) * ((bin > 0 ? skeleton->histogram[bin - 1] : 0) +
@@ -218,7 +220,7 @@ static cairn_real smoothed(const cairn_skeleton *skeleton, int32_t bin)
 }
 
 /* Sets the range to the bins about the mode that have at least a third of its count. */
-static void set_range(cairn_skeleton *skeleton)
+static void set_range(cairn_skeleton_grouping *skeleton)
 {
     int32_t best = 0, low, high;
 
@@ -239,7 +241,8 @@ static void set_range(cairn_skeleton *skeleton)
         cairn_min(skeleton->max_search_radius, skeleton->input.max_radius * RANGE_MARGIN_ABOVE);
 }
 
-cairn_status cairn_skeleton_propose_range(cairn_skeleton *skeleton, cairn_budget *budget)
+cairn_status cairn_skeleton_grouping_propose_range(cairn_skeleton_grouping *skeleton,
+                                                   cairn_budget *budget)
 {
     if (skeleton->input.max_radius > 0)
         return CAIRN_OK;

@@ -31,7 +31,7 @@
 enum { MIN_DISCS = 3, MIN_CROSSING_EDGELS = 2 };
 
 /* Returns the gain of a disc after assignments to other parts, nats. */
-static cairn_real remaining_gain(const cairn_skeleton *skeleton, const skeleton_disc *d)
+static cairn_real remaining_gain(const cairn_skeleton_grouping *skeleton, const skeleton_disc *d)
 {
     int32_t assigned = 0;
 
@@ -42,13 +42,13 @@ static cairn_real remaining_gain(const cairn_skeleton *skeleton, const skeleton_
                            : BOTH_SIDES_ASSIGNED_GAIN;
 }
 
-static int is_written(const cairn_skeleton *skeleton)
+static int is_written(const cairn_skeleton_grouping *skeleton)
 {
     return skeleton->params.mode == CAIRN_MODE_AS_WRITTEN;
 }
 
 /* As written: scores the whole walk, without competition. */
-static void score_whole(const cairn_skeleton *skeleton, skeleton_part *p)
+static void score_whole(const cairn_skeleton_grouping *skeleton, skeleton_part *p)
 {
     p->kept_first = p->first;
     p->kept_end = p->first + p->count;
@@ -58,7 +58,7 @@ static void score_whole(const cairn_skeleton *skeleton, skeleton_part *p)
 }
 
 /* Finds the stretch of discs of maximum sum (Kadane's algorithm). */
-static void score_best_stretch(const cairn_skeleton *skeleton, skeleton_part *p)
+static void score_best_stretch(const cairn_skeleton_grouping *skeleton, skeleton_part *p)
 {
     cairn_real sum = 0;
     int32_t from = p->first;
@@ -84,24 +84,25 @@ static void score_best_stretch(const cairn_skeleton *skeleton, skeleton_part *p)
 }
 
 /* Charges the next work item for the edgels of these cells. */
-static void charge_cells(cairn_skeleton *skeleton, int32_t x0, int32_t x1, int32_t y0, int32_t y1)
+static void charge_cells(cairn_skeleton_grouping *skeleton, int32_t x0, int32_t x1, int32_t y0,
+                         int32_t y1)
 {
     skeleton->units_charged -= skeleton_cells_cost(skeleton, x0, x1, y0, y1);
 }
 
 /* Assigns the edgels along a contour segment to the part. */
-static void assign_along(cairn_skeleton *skeleton, cairn_segment line)
+static void assign_along(cairn_skeleton_grouping *skeleton, cairn_segment line)
 {
     cairn_vec2 unit = cairn_vec2_unit(cairn_vec2_sub(line.b, line.a));
     cairn_box box = {line.a, line.a};
     int32_t x0, x1, y1;
 
     box = cairn_box_grow(cairn_box_extend(box, line.b), ASSIGN_DISTANCE_PX);
-    x0 = cairn_skeleton_column(skeleton, box.min.x);
-    x1 = cairn_skeleton_column(skeleton, box.max.x);
-    y1 = cairn_skeleton_row(skeleton, box.max.y);
-    charge_cells(skeleton, x0, x1, cairn_skeleton_row(skeleton, box.min.y), y1);
-    for (int32_t y = cairn_skeleton_row(skeleton, box.min.y); y <= y1; y++) {
+    x0 = cairn_skeleton_grouping_column(skeleton, box.min.x);
+    x1 = cairn_skeleton_grouping_column(skeleton, box.max.x);
+    y1 = cairn_skeleton_grouping_row(skeleton, box.max.y);
+    charge_cells(skeleton, x0, x1, cairn_skeleton_grouping_row(skeleton, box.min.y), y1);
+    for (int32_t y = cairn_skeleton_grouping_row(skeleton, box.min.y); y <= y1; y++) {
         int32_t from, end;
 
         skeleton_cells_of_row(skeleton, y, x0, x1, &from, &end);
@@ -114,7 +115,7 @@ static void assign_along(cairn_skeleton *skeleton, cairn_segment line)
 }
 
 /* Assigns the edgels of a walk to its part. */
-static void assign_edgels(cairn_skeleton *skeleton, const skeleton_part *p)
+static void assign_edgels(cairn_skeleton_grouping *skeleton, const skeleton_part *p)
 {
     for (int32_t i = p->kept_first; i < p->kept_end; i++)
         for (int32_t side = 0; side < 2; side++) {
@@ -129,12 +130,12 @@ static void assign_edgels(cairn_skeleton *skeleton, const skeleton_part *p)
 }
 
 /* Returns the disc, smoothed along the axis; as written unsmoothed. */
-static cairn_skeleton_point smoothed_point(const cairn_skeleton *skeleton, const skeleton_part *p,
-                                           int32_t i)
+static cairn_skeleton_grouping_point smoothed_point(const cairn_skeleton_grouping *skeleton,
+                                                    const skeleton_part *p, int32_t i)
 {
     const skeleton_disc *d = &skeleton->discs[i], *a = i > p->kept_first ? d - 1 : d,
                         *b = i + 1 < p->kept_end ? d + 1 : d;
-    cairn_skeleton_point q;
+    cairn_skeleton_grouping_point q;
 
     if (a == d || b == d || is_written(skeleton))
         a = b = d;
@@ -150,9 +151,9 @@ static cairn_skeleton_point smoothed_point(const cairn_skeleton *skeleton, const
 }
 
 /* Appends a selected walk to the reported parts. */
-static void report_part(cairn_skeleton *skeleton, const skeleton_part *p)
+static void report_part(cairn_skeleton_grouping *skeleton, const skeleton_part *p)
 {
-    cairn_skeleton_part *part = &skeleton->parts[skeleton->part_count];
+    cairn_skeleton_grouping_part *part = &skeleton->parts[skeleton->part_count];
 
     part->first = skeleton->point_count;
     part->count = p->kept_end - p->kept_first;
@@ -172,7 +173,7 @@ static void report_part(cairn_skeleton *skeleton, const skeleton_part *p)
 }
 
 /* Returns the unselected walk of greatest log odds; -1: none. */
-static int32_t best_of(const cairn_skeleton *skeleton)
+static int32_t best_of(const cairn_skeleton_grouping *skeleton)
 {
     int32_t best = -1;
 
@@ -185,7 +186,8 @@ static int32_t best_of(const cairn_skeleton *skeleton)
 
 /* One round after the other. The cursor counts candidates; it is beyond them while the work
  * units of the best one's part are charged. */
-cairn_status cairn_skeleton_select_parts(cairn_skeleton *skeleton, cairn_budget *budget)
+cairn_status cairn_skeleton_grouping_select_parts(cairn_skeleton_grouping *skeleton,
+                                                  cairn_budget *budget)
 {
     for (;;) {
         for (; skeleton->cursor < skeleton->candidate_count; skeleton->cursor++) {
@@ -225,7 +227,7 @@ cairn_status cairn_skeleton_select_parts(cairn_skeleton *skeleton, cairn_budget 
 /* ---- Objects ---- */
 
 /* Returns the root of a group (union-find with path halving). */
-static int32_t find_root(const cairn_skeleton *skeleton, int32_t part)
+static int32_t find_root(const cairn_skeleton_grouping *skeleton, int32_t part)
 {
     while (skeleton->union_find[part] != part) {
         skeleton->union_find[part] = skeleton->union_find[skeleton->union_find[part]];
@@ -235,7 +237,7 @@ static int32_t find_root(const cairn_skeleton *skeleton, int32_t part)
 }
 
 /* Returns the part of a point by binary search; parts' points are consecutive. */
-static int32_t part_of(const cairn_skeleton *skeleton, int32_t point)
+static int32_t part_of(const cairn_skeleton_grouping *skeleton, int32_t point)
 {
     int32_t low = 0, high = skeleton->part_count - 1;
 
@@ -251,24 +253,24 @@ static int32_t part_of(const cairn_skeleton *skeleton, int32_t point)
 }
 
 /* Returns 1 if the parts have opposite contrast polarity. */
-static int are_opposite(const cairn_skeleton *skeleton, int32_t a, int32_t b)
+static int are_opposite(const cairn_skeleton_grouping *skeleton, int32_t a, int32_t b)
 {
     return skeleton->polarity_sum[a] * skeleton->polarity_sum[b] < 0;
 }
 
 /* Returns 1 if an edge crosses the connection of two axis points. */
-static int is_crossed(cairn_skeleton *skeleton, cairn_vec2 from, cairn_vec2 to)
+static int is_crossed(cairn_skeleton_grouping *skeleton, cairn_vec2 from, cairn_vec2 to)
 {
     cairn_segment connection = {from, to};
     cairn_vec2 unit = cairn_vec2_unit(cairn_vec2_sub(to, from));
     cairn_box box = cairn_box_grow(cairn_box_extend(cairn_box_extend(cairn_box_empty(), from), to),
                                    CROSSING_DISTANCE_PX);
-    int32_t x0 = cairn_skeleton_column(skeleton, box.min.x),
-            x1 = cairn_skeleton_column(skeleton, box.max.x);
-    int32_t y1 = cairn_skeleton_row(skeleton, box.max.y), count = 0;
+    int32_t x0 = cairn_skeleton_grouping_column(skeleton, box.min.x),
+            x1 = cairn_skeleton_grouping_column(skeleton, box.max.x);
+    int32_t y1 = cairn_skeleton_grouping_row(skeleton, box.max.y), count = 0;
 
-    charge_cells(skeleton, x0, x1, cairn_skeleton_row(skeleton, box.min.y), y1);
-    for (int32_t y = cairn_skeleton_row(skeleton, box.min.y); y <= y1; y++) {
+    charge_cells(skeleton, x0, x1, cairn_skeleton_grouping_row(skeleton, box.min.y), y1);
+    for (int32_t y = cairn_skeleton_grouping_row(skeleton, box.min.y); y <= y1; y++) {
         int32_t begin, end;
 
         skeleton_cells_of_row(skeleton, y, x0, x1, &begin, &end);
@@ -283,17 +285,19 @@ static int is_crossed(cairn_skeleton *skeleton, cairn_vec2 from, cairn_vec2 to)
 }
 
 /* Returns the point of another part into which an end of this part continues; -1: a free end. */
-static int32_t joint_of(cairn_skeleton *skeleton, const cairn_skeleton_part *p, int32_t end)
+static int32_t joint_of(cairn_skeleton_grouping *skeleton, const cairn_skeleton_grouping_part *p,
+                        int32_t end)
 {
-    const cairn_skeleton_point *last = &skeleton->points[end ? p->first + p->count - 1 : p->first];
-    const cairn_skeleton_point *before =
+    const cairn_skeleton_grouping_point *last =
+        &skeleton->points[end ? p->first + p->count - 1 : p->first];
+    const cairn_skeleton_grouping_point *before =
         end ? last - (p->count > 3 ? 3 : p->count - 1) : last + (p->count > 3 ? 3 : p->count - 1);
     cairn_vec2 heading = cairn_vec2_unit(cairn_vec2_sub(last->centre, before->centre));
     cairn_real nearest = CAIRN_REAL_MAX;
     int32_t joint = -1;
 
     for (int32_t k = 0; k < skeleton->part_count; k++) {
-        const cairn_skeleton_part *other = &skeleton->parts[k];
+        const cairn_skeleton_grouping_part *other = &skeleton->parts[k];
 
         if (other == p || are_opposite(skeleton, skeleton->cursor, k))
             continue;
@@ -314,11 +318,11 @@ static int32_t joint_of(cairn_skeleton *skeleton, const cairn_skeleton_part *p, 
 }
 
 /* Collects the groups into objects. */
-static void collect_objects(cairn_skeleton *skeleton)
+static void collect_objects(cairn_skeleton_grouping *skeleton)
 {
     for (int32_t i = 0; i < skeleton->part_count; i++) {
         int32_t home = find_root(skeleton, i);
-        cairn_skeleton_object *o;
+        cairn_skeleton_grouping_object *o;
 
         if (home == i) {
             o = &skeleton->objects[skeleton->object_count];
@@ -334,7 +338,7 @@ static void collect_objects(cairn_skeleton *skeleton)
 }
 
 /* Returns 1 if object a ranks after object b; ties: the later one. */
-static int ranks_after(const cairn_skeleton *skeleton, int32_t a, int32_t b)
+static int ranks_after(const cairn_skeleton_grouping *skeleton, int32_t a, int32_t b)
 {
     cairn_real x = skeleton->objects[a].log_odds, y = skeleton->objects[b].log_odds;
 
@@ -342,7 +346,7 @@ static int ranks_after(const cairn_skeleton *skeleton, int32_t a, int32_t b)
 }
 
 /* Restores the heap order of union_find[0 ... count - 1] below an index; its root ranks last. */
-static void heap_sift_down(cairn_skeleton *skeleton, int32_t place, int32_t count)
+static void heap_sift_down(cairn_skeleton_grouping *skeleton, int32_t place, int32_t count)
 {
     for (;;) {
         int32_t child = 2 * place + 1, moved = skeleton->union_find[place];
@@ -362,7 +366,7 @@ static void heap_sift_down(cairn_skeleton *skeleton, int32_t place, int32_t coun
 
 /* Sorts the objects by decreasing log odds: union_find[] becomes their order, polarity_sum[] the
  * rank of each. */
-static void sort_objects(cairn_skeleton *skeleton)
+static void sort_objects(cairn_skeleton_grouping *skeleton)
 {
     for (int32_t i = 0; i < skeleton->object_count; i++)
         skeleton->union_find[i] = i;
@@ -382,7 +386,7 @@ static void sort_objects(cairn_skeleton *skeleton)
     for (int32_t i = 0; i < skeleton->object_count; i++)
         while (skeleton->polarity_sum[i] != i) {
             int32_t place = skeleton->polarity_sum[i];
-            cairn_skeleton_object moved = skeleton->objects[place];
+            cairn_skeleton_grouping_object moved = skeleton->objects[place];
 
             skeleton->objects[place] = skeleton->objects[i];
             skeleton->objects[i] = moved;
@@ -392,17 +396,18 @@ static void sort_objects(cairn_skeleton *skeleton)
 }
 
 /* Unites two groups; the part of lower index becomes the root. */
-static void unite(cairn_skeleton *skeleton, int32_t first, int32_t second)
+static void unite(cairn_skeleton_grouping *skeleton, int32_t first, int32_t second)
 {
     int32_t a = find_root(skeleton, first), b = find_root(skeleton, second);
 
     skeleton->union_find[a < b ? b : a] = a < b ? a : b;
 }
 
-cairn_status cairn_skeleton_join_parts(cairn_skeleton *skeleton, cairn_budget *budget)
+cairn_status cairn_skeleton_grouping_join_parts(cairn_skeleton_grouping *skeleton,
+                                                cairn_budget *budget)
 {
     for (; skeleton->cursor < skeleton->part_count; skeleton->cursor++) {
-        cairn_skeleton_part *p = &skeleton->parts[skeleton->cursor];
+        cairn_skeleton_grouping_part *p = &skeleton->parts[skeleton->cursor];
 
         if (!cairn_budget_charge(budget, &skeleton->units_charged, 2 + skeleton->point_count / 4))
             return CAIRN_MORE;

@@ -10,7 +10,7 @@
 #define DEVIATION_SCALE_RAD CAIRN_REAL(0.3)
 
 /* Adds the CPs to the line fit. */
-static cairn_status add_centres(cairn_skeleton *skeleton, cairn_budget *budget)
+static cairn_status add_centres(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 {
     cairn_status status =
         skeleton->cursor == 0 ? cairn_polyline_clear(skeleton->polyline, 1) : CAIRN_OK;
@@ -26,7 +26,7 @@ static cairn_status add_centres(cairn_skeleton *skeleton, cairn_budget *budget)
     return status;
 }
 
-cairn_status cairn_skeleton_lines(cairn_skeleton *skeleton, cairn_budget *budget)
+cairn_status cairn_skeleton_grouping_lines(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 {
     cairn_status status;
 
@@ -42,8 +42,8 @@ cairn_status cairn_skeleton_lines(cairn_skeleton *skeleton, cairn_budget *budget
     return status;
 }
 
-int cairn_skeleton_is_mirrored(const cairn_skeleton *skeleton, const skeleton_centre *c,
-                               const cairn_polyline_segment *s)
+int cairn_skeleton_grouping_is_mirrored(const cairn_skeleton_grouping *skeleton,
+                                        const skeleton_centre *c, const cairn_polyline_segment *s)
 {
     cairn_vec2 a = {s->a[0], s->a[1]}, b = {s->b[0], s->b[1]},
                along = cairn_vec2_unit(cairn_vec2_sub(b, a));
@@ -78,7 +78,7 @@ static int is_before(const skeleton_seed *a, const skeleton_seed *b)
 }
 
 /* Inserts a seed, sorted by decreasing support. */
-static void insert_seed(cairn_skeleton *skeleton, const skeleton_seed *start)
+static void insert_seed(cairn_skeleton_grouping *skeleton, const skeleton_seed *start)
 {
     int32_t i = skeleton->seed_count++;
 
@@ -89,7 +89,7 @@ static void insert_seed(cairn_skeleton *skeleton, const skeleton_seed *start)
 
 /* Returns 1 if a single CP is a seed, since short and curved parts have no line. It is
  * symmetric, has the same polarity on both sides, and both contrasts reach the mean. */
-static int is_seed(const cairn_skeleton *skeleton, const skeleton_centre *c)
+static int is_seed(const cairn_skeleton_grouping *skeleton, const skeleton_centre *c)
 {
     return c->deviation <= skeleton->params.symmetry_sigma && c->polarity[0] == c->polarity[1] &&
            (skeleton->params.contrast_weight == 0 ||
@@ -99,7 +99,7 @@ static int is_seed(const cairn_skeleton *skeleton, const skeleton_centre *c)
 
 /* Distributes the remaining capacity to single CPs, evenly over the image: they are counted,
  * then one in N is taken. */
-static cairn_status add_single_seeds(cairn_skeleton *skeleton, cairn_budget *budget)
+static cairn_status add_single_seeds(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 {
     int32_t n = skeleton->centre_count, capacity;
 
@@ -124,7 +124,7 @@ static cairn_status add_single_seeds(cairn_skeleton *skeleton, cairn_budget *bud
 }
 
 /* Evaluates one line per work item. Cost: linear in all CPs for each line. */
-cairn_status cairn_skeleton_mirror(cairn_skeleton *skeleton, cairn_budget *budget)
+cairn_status cairn_skeleton_grouping_mirror(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 {
     cairn_polyline_view view = cairn_polyline_read(skeleton->polyline);
 
@@ -140,7 +140,8 @@ cairn_status cairn_skeleton_mirror(cairn_skeleton *skeleton, cairn_budget *budge
             const skeleton_centre *c = &skeleton->centres[i];
             cairn_real cost;
 
-            if (view.label[i] != skeleton->cursor || !cairn_skeleton_is_mirrored(skeleton, c, s))
+            if (view.label[i] != skeleton->cursor ||
+                !cairn_skeleton_grouping_is_mirrored(skeleton, c, s))
                 continue;
             start.support++;
             cost = seed_cost(c, s);

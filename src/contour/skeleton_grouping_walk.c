@@ -65,7 +65,7 @@ static cairn_real angle_from(cairn_vec2 a, cairn_vec2 b)
 }
 
 /* Returns the step length, px. */
-static cairn_real step_of(const cairn_skeleton *skeleton, cairn_real radius)
+static cairn_real step_of(const cairn_skeleton_grouping *skeleton, cairn_real radius)
 {
     return cairn_min(cairn_max(STEP_RADII * radius, MIN_STEP_PX), skeleton->params.step_sigma);
 }
@@ -85,8 +85,8 @@ static cairn_vec2 predicted_contact(const skeleton_state *s, int32_t side, cairn
 }
 
 /* Returns the gain of an edgel as the next contact point of a side, nats. */
-static cairn_real side_gain(const cairn_skeleton *skeleton, const skeleton_state *s, int32_t side,
-                            const choice *c, cairn_vec2 ahead, cairn_real log_density)
+static cairn_real side_gain(const cairn_skeleton_grouping *skeleton, const skeleton_state *s,
+                            int32_t side, const choice *c, cairn_vec2 ahead, cairn_real log_density)
 {
     cairn_vec2 chord = cairn_vec2_sub(c->position, s->contact[side]);
     cairn_real bend = angle_from(ahead, chord), turn = angle_from(s->inward[side], c->inward);
@@ -128,20 +128,21 @@ static void insert_choice(choice *list, int32_t *count, const choice *c)
 }
 
 /* Lists the candidate edgels of a side and the choice without an edgel; returns their number. */
-static int32_t choices_of(const cairn_skeleton *skeleton, const skeleton_state *s, int32_t side,
-                          cairn_real step, choice *list)
+static int32_t choices_of(const cairn_skeleton_grouping *skeleton, const skeleton_state *s,
+                          int32_t side, cairn_real step, choice *list)
 {
     cairn_vec2 ahead = tangent_of(s, side), predicted = predicted_contact(s, side, step);
     cairn_real search_radius = SEARCH_RADIUS_STEPS * step,
-               log_density = cairn_log(cairn_skeleton_density(skeleton, predicted));
-    int32_t x0 = cairn_skeleton_column(skeleton, predicted.x - search_radius),
-            x1 = cairn_skeleton_column(skeleton, predicted.x + search_radius);
-    int32_t y1 = cairn_skeleton_row(skeleton, predicted.y + search_radius), count = 0;
+               log_density = cairn_log(cairn_skeleton_grouping_density(skeleton, predicted));
+    int32_t x0 = cairn_skeleton_grouping_column(skeleton, predicted.x - search_radius),
+            x1 = cairn_skeleton_grouping_column(skeleton, predicted.x + search_radius);
+    int32_t y1 = cairn_skeleton_grouping_row(skeleton, predicted.y + search_radius), count = 0;
     choice none = {
         predicted, s->inward[side],  cairn_log(1 - skeleton->params.detection_probability), step,
         -1,        s->polarity[side]};
 
-    for (int32_t y = cairn_skeleton_row(skeleton, predicted.y - search_radius); y <= y1; y++) {
+    for (int32_t y = cairn_skeleton_grouping_row(skeleton, predicted.y - search_radius); y <= y1;
+         y++) {
         int32_t from, end;
 
         skeleton_cells_of_row(skeleton, y, x0, x1, &from, &end);
@@ -167,7 +168,7 @@ static int32_t choices_of(const cairn_skeleton *skeleton, const skeleton_state *
 }
 
 /* Returns the log odds of a radius given the range, nats. */
-static cairn_real range_gain(const cairn_skeleton *skeleton, cairn_real radius)
+static cairn_real range_gain(const cairn_skeleton_grouping *skeleton, cairn_real radius)
 {
     cairn_real off = cairn_max(
         cairn_max(skeleton->input.min_radius - radius, radius - skeleton->input.max_radius), 0);
@@ -177,7 +178,7 @@ static cairn_real range_gain(const cairn_skeleton *skeleton, cairn_real radius)
 }
 
 /* Returns the gain of the symmetry and of the change of radius, nats. */
-static cairn_real pair_gain(const cairn_skeleton *skeleton, const skeleton_state *before,
+static cairn_real pair_gain(const cairn_skeleton_grouping *skeleton, const skeleton_state *before,
                             const skeleton_state *s)
 {
     cairn_real along = cairn_max(cairn_vec2_norm(cairn_vec2_sub(s->centre, before->centre)), 1);
@@ -190,7 +191,7 @@ static cairn_real pair_gain(const cairn_skeleton *skeleton, const skeleton_state
 }
 
 /* Returns the gain of a state, nats. */
-static cairn_real gain_of(const cairn_skeleton *skeleton, const skeleton_state *before,
+static cairn_real gain_of(const cairn_skeleton_grouping *skeleton, const skeleton_state *before,
                           const skeleton_state *s, const choice *left, const choice *right)
 {
     cairn_real range = range_gain(skeleton, s->radius);
@@ -204,26 +205,28 @@ static cairn_real gain_of(const cairn_skeleton *skeleton, const skeleton_state *
 }
 
 /* Returns the cost of the edgels near a point in units. */
-static int32_t cells_cost_near(const cairn_skeleton *skeleton, cairn_vec2 place, cairn_real reach)
+static int32_t cells_cost_near(const cairn_skeleton_grouping *skeleton, cairn_vec2 place,
+                               cairn_real reach)
 {
-    return skeleton_cells_cost(skeleton, cairn_skeleton_column(skeleton, place.x - reach),
-                               cairn_skeleton_column(skeleton, place.x + reach),
-                               cairn_skeleton_row(skeleton, place.y - reach),
-                               cairn_skeleton_row(skeleton, place.y + reach));
+    return skeleton_cells_cost(skeleton, cairn_skeleton_grouping_column(skeleton, place.x - reach),
+                               cairn_skeleton_grouping_column(skeleton, place.x + reach),
+                               cairn_skeleton_grouping_row(skeleton, place.y - reach),
+                               cairn_skeleton_grouping_row(skeleton, place.y + reach));
 }
 
 /* Returns the gain of the next disc's interior: an object's interior has fewer edgels than the
  * background clutter. */
-static cairn_real interior_gain(const cairn_skeleton *skeleton, cairn_vec2 centre,
+static cairn_real interior_gain(const cairn_skeleton_grouping *skeleton, cairn_vec2 centre,
                                 cairn_real radius)
 {
     cairn_real core = INTERIOR_RADIUS * radius,
-               expected = cairn_skeleton_density(skeleton, centre) * CAIRN_PI * core * core;
-    int32_t x0 = cairn_skeleton_column(skeleton, centre.x - core),
-            x1 = cairn_skeleton_column(skeleton, centre.x + core);
-    int32_t y1 = cairn_skeleton_row(skeleton, centre.y + core), count = 0;
+               expected =
+                   cairn_skeleton_grouping_density(skeleton, centre) * CAIRN_PI * core * core;
+    int32_t x0 = cairn_skeleton_grouping_column(skeleton, centre.x - core),
+            x1 = cairn_skeleton_grouping_column(skeleton, centre.x + core);
+    int32_t y1 = cairn_skeleton_grouping_row(skeleton, centre.y + core), count = 0;
 
-    for (int32_t y = cairn_skeleton_row(skeleton, centre.y - core); y <= y1; y++) {
+    for (int32_t y = cairn_skeleton_grouping_row(skeleton, centre.y - core); y <= y1; y++) {
         int32_t from, end;
 
         skeleton_cells_of_row(skeleton, y, x0, x1, &from, &end);
@@ -238,7 +241,7 @@ static cairn_real interior_gain(const cairn_skeleton *skeleton, cairn_vec2 centr
 }
 
 /* Builds the successor state of two choices; returns 0 if it is invalid. */
-static int make_state(const cairn_skeleton *skeleton, const skeleton_state *before,
+static int make_state(const cairn_skeleton_grouping *skeleton, const skeleton_state *before,
                       const choice *left, const choice *right, cairn_real step, cairn_real interior,
                       skeleton_state *s)
 {
@@ -291,7 +294,7 @@ static int self_intersects(const skeleton_state *last, cairn_vec2 next)
 {
     const skeleton_state *s = last;
 
-    for (int32_t i = 0; s != NULL; i++, s = cairn_particle_state_before(s))
+    for (int32_t i = 0; s != NULL; i++, s = cairn_particle_filter_state_before(s))
         if (i > RECENT_STATES &&
             cairn_vec2_norm_squared(cairn_vec2_sub(s->centre, next)) < cairn_half_square(s->radius))
             return 1;
@@ -299,7 +302,7 @@ static int self_intersects(const skeleton_state *last, cairn_vec2 next)
 }
 
 /* Returns the cost of a proposal in units. */
-static int32_t proposal_cost(const cairn_skeleton *skeleton, const skeleton_state *s,
+static int32_t proposal_cost(const cairn_skeleton_grouping *skeleton, const skeleton_state *s,
                              cairn_real step)
 {
     cairn_vec2 next = cairn_vec2_add(s->centre, cairn_vec2_scale(s->heading, step));
@@ -316,7 +319,7 @@ static int32_t proposal_cost(const cairn_skeleton *skeleton, const skeleton_stat
 static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
                             cairn_budget *budget)
 {
-    cairn_skeleton *skeleton = context;
+    cairn_skeleton_grouping *skeleton = context;
     const skeleton_state *before = cairn_particle_filter_particle(filter, index).state;
     choice list[2][SKELETON_MAX_CHOICES + 1];
     int32_t count[2];
@@ -363,7 +366,7 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
 }
 
 /* Stores the walk up to a state's maximum if it is the best so far. */
-static void update_best_path(cairn_skeleton *skeleton, const skeleton_state *last)
+static void update_best_path(cairn_skeleton_grouping *skeleton, const skeleton_state *last)
 {
     const skeleton_state *s = last;
 
@@ -371,9 +374,9 @@ static void update_best_path(cairn_skeleton *skeleton, const skeleton_state *las
         return;
     skeleton->best_path_log_odds = last->best_log_odds;
     while (s->log_odds < last->best_log_odds && s->length > 0)
-        s = cairn_particle_state_before(s);
+        s = cairn_particle_filter_state_before(s);
     skeleton->best_path_length = s->length;
-    for (; s != NULL && s->length > 0; s = cairn_particle_state_before(s))
+    for (; s != NULL && s->length > 0; s = cairn_particle_filter_state_before(s))
         skeleton->best_path[s->length - 1] = *s;
 }
 
@@ -382,9 +385,9 @@ static void on_particle_dropped(void *context, const cairn_particle_filter *filt
     update_best_path(context, cairn_particle_filter_particle(filter, index).state);
 }
 
-cairn_particle_model cairn_skeleton_model(cairn_skeleton *skeleton)
+cairn_particle_filter_model cairn_skeleton_grouping_model(cairn_skeleton_grouping *skeleton)
 {
-    cairn_particle_model model = {skeleton, propose, likelihood, NULL, on_particle_dropped};
+    cairn_particle_filter_model model = {skeleton, propose, likelihood, NULL, on_particle_dropped};
 
     return model;
 }
@@ -392,7 +395,7 @@ cairn_particle_model cairn_skeleton_model(cairn_skeleton *skeleton)
 /* ---- Runs ---- */
 
 /* Returns the initial state: the seed's CP in one direction of its axis. */
-static skeleton_state first_state(const cairn_skeleton *skeleton)
+static skeleton_state first_state(const cairn_skeleton_grouping *skeleton)
 {
     const skeleton_centre *c = &skeleton->centres[skeleton->seeds[skeleton->seed_index].centre];
     cairn_vec2 chord = cairn_vec2_sub(skeleton->edgels[c->edgel[1]].position,
@@ -418,7 +421,7 @@ static skeleton_state first_state(const cairn_skeleton *skeleton)
 }
 
 /* Returns 1 if a walk from another seed covers the CP. */
-static int is_covered(const cairn_skeleton *skeleton, const skeleton_centre *c)
+static int is_covered(const cairn_skeleton_grouping *skeleton, const skeleton_centre *c)
 {
     for (int32_t i = 0; i < skeleton->disc_count; i++) {
         const skeleton_disc *d = &skeleton->discs[i];
@@ -432,7 +435,7 @@ static int is_covered(const cairn_skeleton *skeleton, const skeleton_centre *c)
 }
 
 /* Appends the discs of the walk to one end. The first run is reversed and precedes the seed. */
-static void append_discs(cairn_skeleton *skeleton)
+static void append_discs(cairn_skeleton_grouping *skeleton)
 {
     int32_t reversed = skeleton->direction == 0;
 
@@ -452,7 +455,7 @@ static void append_discs(cairn_skeleton *skeleton)
     }
 }
 
-static cairn_status begin_run(cairn_skeleton *skeleton)
+static cairn_status begin_run(cairn_skeleton_grouping *skeleton)
 {
     skeleton_state s = first_state(skeleton);
     cairn_status status = cairn_particle_filter_clear(
@@ -468,11 +471,11 @@ static cairn_status begin_run(cairn_skeleton *skeleton)
     return status;
 }
 
-static cairn_status run(cairn_skeleton *skeleton, cairn_budget *budget)
+static cairn_status run(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 {
     for (;;) {
         cairn_status status = cairn_particle_filter_step(skeleton->filter, budget);
-        cairn_particle_trace t;
+        cairn_particle_filter_trace t;
 
         if (status != CAIRN_OK)
             return status;
@@ -489,7 +492,7 @@ static cairn_status run(cairn_skeleton *skeleton, cairn_budget *budget)
 }
 
 /* Assembles a candidate from the first run, the seed and the second run. */
-static void end_run(cairn_skeleton *skeleton)
+static void end_run(cairn_skeleton_grouping *skeleton)
 {
     skeleton_part *p = &skeleton->candidates[skeleton->candidate_count];
 
@@ -511,7 +514,7 @@ static void end_run(cairn_skeleton *skeleton)
 }
 
 /* Runs from seed to seed until the capacity is used up. */
-cairn_status cairn_skeleton_walks(cairn_skeleton *skeleton, cairn_budget *budget)
+cairn_status cairn_skeleton_grouping_walks(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 {
     while (skeleton->seed_index < skeleton->seed_count) {
         cairn_status status;

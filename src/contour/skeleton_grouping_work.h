@@ -1,6 +1,6 @@
 /* Internal structures of module skeleton_grouping. */
-#ifndef CAIRN_CONTOUR_SKELETON_GROUPING_WORK_H
-#define CAIRN_CONTOUR_SKELETON_GROUPING_WORK_H
+#ifndef CAIRN_CONTOUR_SEARCH_SKELETON_GROUPING_WORK_H
+#define CAIRN_CONTOUR_SEARCH_SKELETON_GROUPING_WORK_H
 
 #include "cairn/particle_filter.h"
 #include "cairn/skeleton_grouping.h"
@@ -79,9 +79,9 @@ typedef struct skeleton_part {
 /* Working memory of the mode as written. */
 typedef struct skeleton_written skeleton_written;
 
-struct cairn_skeleton {
-    cairn_skeleton_params params;
-    cairn_skeleton_input input;
+struct cairn_skeleton_grouping {
+    cairn_skeleton_grouping_params params;
+    cairn_skeleton_grouping_input input;
     cairn_particle_filter *filter;
     cairn_polyline *polyline;
     /* [max_edgels] */
@@ -101,11 +101,11 @@ struct cairn_skeleton {
     /* [max_parts] */
     skeleton_part *candidates;
     /* [max_points] */
-    cairn_skeleton_point *points;
+    cairn_skeleton_grouping_point *points;
     /* [max_parts] */
-    cairn_skeleton_part *parts;
+    cairn_skeleton_grouping_part *parts;
     /* [max_parts] */
-    cairn_skeleton_object *objects;
+    cairn_skeleton_grouping_object *objects;
     /* [max_parts] Union-find parent of each part; finally the objects' order. */
     int32_t *union_find;
     /* [max_parts] Contour points with the brighter side inside, minus the others; finally the
@@ -134,16 +134,16 @@ struct cairn_skeleton {
 };
 
 /* Sets the range *from ... *end - 1 of edgels in the cells of columns x0 ... x1 of row y. */
-static inline void skeleton_cells_of_row(const cairn_skeleton *skeleton, int32_t y, int32_t x0,
-                                         int32_t x1, int32_t *from, int32_t *end)
+static inline void skeleton_cells_of_row(const cairn_skeleton_grouping *skeleton, int32_t y,
+                                         int32_t x0, int32_t x1, int32_t *from, int32_t *end)
 {
     *from = skeleton->cell_first[y * skeleton->columns + x0];
     *end = skeleton->cell_first[y * skeleton->columns + x1 + 1];
 }
 
 /* Returns the cost of visiting the edgels of cells in units. */
-static inline int32_t skeleton_cells_cost(const cairn_skeleton *skeleton, int32_t x0, int32_t x1,
-                                          int32_t y0, int32_t y1)
+static inline int32_t skeleton_cells_cost(const cairn_skeleton_grouping *skeleton, int32_t x0,
+                                          int32_t x1, int32_t y0, int32_t y1)
 {
     int32_t count = 0, from, end;
 
@@ -154,8 +154,8 @@ static inline int32_t skeleton_cells_cost(const cairn_skeleton *skeleton, int32_
     return y1 - y0 + count / SKELETON_EDGELS_PER_UNIT;
 }
 
-int32_t cairn_skeleton_column(const cairn_skeleton *skeleton, cairn_real x);
-int32_t cairn_skeleton_row(const cairn_skeleton *skeleton, cairn_real y);
+int32_t cairn_skeleton_grouping_column(const cairn_skeleton_grouping *skeleton, cairn_real x);
+int32_t cairn_skeleton_grouping_row(const cairn_skeleton_grouping *skeleton, cairn_real y);
 
 /* Returns the normal that points to the object. */
 static inline cairn_vec2 skeleton_inward(const skeleton_edgel *e, int32_t polarity)
@@ -164,21 +164,26 @@ static inline cairn_vec2 skeleton_inward(const skeleton_edgel *e, int32_t polari
 }
 
 /* Returns the local edgel density (background clutter) at a point, 1/px^2. */
-cairn_real cairn_skeleton_density(const cairn_skeleton *skeleton, cairn_vec2 at);
+cairn_real cairn_skeleton_grouping_density(const cairn_skeleton_grouping *skeleton, cairn_vec2 at);
 
 /* Sets the range of searched radii; in the default mode wider than the given range. */
-void cairn_skeleton_set_limits(cairn_skeleton *skeleton);
+void cairn_skeleton_grouping_set_limits(cairn_skeleton_grouping *skeleton);
 
 /* The phases. CAIRN_MORE: the budget is used up; CAIRN_OK: complete. */
-cairn_status cairn_skeleton_index(cairn_skeleton *skeleton, cairn_budget *budget);
-cairn_status cairn_skeleton_centres(cairn_skeleton *skeleton, cairn_budget *budget);
-cairn_status cairn_skeleton_propose_range(cairn_skeleton *skeleton, cairn_budget *budget);
-cairn_status cairn_skeleton_lines(cairn_skeleton *skeleton, cairn_budget *budget);
-cairn_status cairn_skeleton_mirror(cairn_skeleton *skeleton, cairn_budget *budget);
-cairn_status cairn_skeleton_walks(cairn_skeleton *skeleton, cairn_budget *budget);
-cairn_status cairn_skeleton_select_parts(cairn_skeleton *skeleton, cairn_budget *budget);
-cairn_status cairn_skeleton_join_parts(cairn_skeleton *skeleton, cairn_budget *budget);
+cairn_status cairn_skeleton_grouping_index(cairn_skeleton_grouping *skeleton, cairn_budget *budget);
+cairn_status cairn_skeleton_grouping_centres(cairn_skeleton_grouping *skeleton,
+                                             cairn_budget *budget);
+cairn_status cairn_skeleton_grouping_propose_range(cairn_skeleton_grouping *skeleton,
+                                                   cairn_budget *budget);
+cairn_status cairn_skeleton_grouping_lines(cairn_skeleton_grouping *skeleton, cairn_budget *budget);
+cairn_status cairn_skeleton_grouping_mirror(cairn_skeleton_grouping *skeleton,
+                                            cairn_budget *budget);
+cairn_status cairn_skeleton_grouping_walks(cairn_skeleton_grouping *skeleton, cairn_budget *budget);
+cairn_status cairn_skeleton_grouping_select_parts(cairn_skeleton_grouping *skeleton,
+                                                  cairn_budget *budget);
+cairn_status cairn_skeleton_grouping_join_parts(cairn_skeleton_grouping *skeleton,
+                                                cairn_budget *budget);
 
-cairn_particle_model cairn_skeleton_model(cairn_skeleton *skeleton);
+cairn_particle_filter_model cairn_skeleton_grouping_model(cairn_skeleton_grouping *skeleton);
 
 #endif

@@ -15,7 +15,8 @@
 /* Edgel pairs, and moved CPs, per work unit. */
 enum { PAIRS_PER_UNIT = 2, MOVES_PER_UNIT = 16 };
 
-written_limits cairn_skeleton_written_limits_of(const cairn_skeleton *skeleton, cairn_real margin)
+written_limits cairn_skeleton_grouping_written_limits_of(const cairn_skeleton_grouping *skeleton,
+                                                         cairn_real margin)
 {
     written_limits rule;
 
@@ -52,8 +53,9 @@ static int deviation_of(const written_limits *rule, cairn_vec2 normal, cairn_vec
     return 1;
 }
 
-int cairn_skeleton_written_pair(const cairn_skeleton *skeleton, const written_limits *rule,
-                                int32_t first, int32_t second, written_pair *pair)
+int cairn_skeleton_grouping_written_pair(const cairn_skeleton_grouping *skeleton,
+                                         const written_limits *rule, int32_t first, int32_t second,
+                                         written_pair *pair)
 {
     const skeleton_edgel *a = &skeleton->edgels[first], *b = &skeleton->edgels[second];
     cairn_vec2 chord = cairn_vec2_sub(b->position, a->position), along, middle;
@@ -87,7 +89,7 @@ int cairn_skeleton_written_pair(const cairn_skeleton *skeleton, const written_li
 }
 
 /* Adds one in `stride` CPs. */
-static void add_centre(cairn_skeleton *skeleton, const written_pair *pair)
+static void add_centre(cairn_skeleton_grouping *skeleton, const written_pair *pair)
 {
     skeleton_written *w = skeleton->written;
     int64_t number = w->pairs_seen++;
@@ -115,21 +117,21 @@ static void add_centre(cairn_skeleton *skeleton, const written_pair *pair)
 }
 
 /* Pairs one edgel with later edgels of the index within the largest disc's diameter. */
-static int pairs_of(cairn_skeleton *skeleton, int32_t edgel, cairn_budget *budget)
+static int pairs_of(cairn_skeleton_grouping *skeleton, int32_t edgel, cairn_budget *budget)
 {
     cairn_vec2 at = skeleton->edgels[edgel].position;
     cairn_real reach = 2 * skeleton->max_search_radius;
-    int32_t x0 = cairn_skeleton_column(skeleton, at.x - reach),
-            x1 = cairn_skeleton_column(skeleton, at.x + reach);
-    int32_t y0 = cairn_skeleton_row(skeleton, at.y),
-            y1 = cairn_skeleton_row(skeleton, at.y + reach);
+    int32_t x0 = cairn_skeleton_grouping_column(skeleton, at.x - reach),
+            x1 = cairn_skeleton_grouping_column(skeleton, at.x + reach);
+    int32_t y0 = cairn_skeleton_grouping_row(skeleton, at.y),
+            y1 = cairn_skeleton_grouping_row(skeleton, at.y + reach);
     int32_t cost = 2 + SKELETON_EDGELS_PER_UNIT / PAIRS_PER_UNIT *
                            skeleton_cells_cost(skeleton, x0, x1, y0, y1);
     written_limits rule;
 
     if (!cairn_budget_charge(budget, &skeleton->units_charged, cost))
         return 0;
-    rule = cairn_skeleton_written_limits_of(skeleton, 0);
+    rule = cairn_skeleton_grouping_written_limits_of(skeleton, 0);
     for (int32_t y = y0; y <= y1; y++) {
         int32_t from, end;
 
@@ -137,7 +139,7 @@ static int pairs_of(cairn_skeleton *skeleton, int32_t edgel, cairn_budget *budge
         for (int32_t i = from > edgel + 1 ? from : edgel + 1; i < end; i++) {
             written_pair pair;
 
-            if (cairn_skeleton_written_pair(skeleton, &rule, edgel, i, &pair))
+            if (cairn_skeleton_grouping_written_pair(skeleton, &rule, edgel, i, &pair))
                 add_centre(skeleton, &pair);
         }
     }
@@ -145,7 +147,7 @@ static int pairs_of(cairn_skeleton *skeleton, int32_t edgel, cairn_budget *budge
 }
 
 /* One pass over all edgels; centres_found is the number of stored CPs. */
-static cairn_status step_pairs(cairn_skeleton *skeleton, cairn_budget *budget)
+static cairn_status step_pairs(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 {
     if (skeleton->cursor == 0) {
         skeleton->centre_count = 0;
@@ -159,21 +161,23 @@ static cairn_status step_pairs(cairn_skeleton *skeleton, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-cairn_status cairn_skeleton_written_centres(cairn_skeleton *skeleton, cairn_budget *budget)
+cairn_status cairn_skeleton_grouping_written_centres(cairn_skeleton_grouping *skeleton,
+                                                     cairn_budget *budget)
 {
     if (skeleton->cursor == 0)
-        cairn_skeleton_set_limits(skeleton);
+        cairn_skeleton_grouping_set_limits(skeleton);
     return step_pairs(skeleton, budget);
 }
 
 /* Without a given range, a range is proposed from the CPs, and the CPs are computed again within
  * it. */
-cairn_status cairn_skeleton_written_range(cairn_skeleton *skeleton, cairn_budget *budget)
+cairn_status cairn_skeleton_grouping_written_range(cairn_skeleton_grouping *skeleton,
+                                                   cairn_budget *budget)
 {
     cairn_status status = CAIRN_OK;
 
     if (skeleton->phase_counter == 0 && skeleton->input.max_radius == 0) {
-        status = cairn_skeleton_propose_range(skeleton, budget);
+        status = cairn_skeleton_grouping_propose_range(skeleton, budget);
         if (status != CAIRN_OK)
             return status;
         skeleton->min_search_radius = skeleton->input.min_radius;

@@ -1,6 +1,6 @@
 /* Internal structures of skeleton_grouping in CAIRN_MODE_AS_WRITTEN. */
-#ifndef CAIRN_CONTOUR_SKELETON_GROUPING_WRITTEN_H
-#define CAIRN_CONTOUR_SKELETON_GROUPING_WRITTEN_H
+#ifndef CAIRN_CONTOUR_SEARCH_SKELETON_GROUPING_WRITTEN_H
+#define CAIRN_CONTOUR_SEARCH_SKELETON_GROUPING_WRITTEN_H
 
 #include "src/contour/skeleton_grouping_work.h"
 
@@ -61,21 +61,27 @@ struct skeleton_written {
     int32_t has_candidates; /* 1: candidates[] are complete, pairs are next. */
 };
 
-written_limits cairn_skeleton_written_limits_of(const cairn_skeleton *skeleton, cairn_real margin);
+written_limits cairn_skeleton_grouping_written_limits_of(const cairn_skeleton_grouping *skeleton,
+                                                         cairn_real margin);
 
 /* Returns 1 if two edgels have a centre point. Cost: about two units. */
-int cairn_skeleton_written_pair(const cairn_skeleton *skeleton, const written_limits *rule,
-                                int32_t first, int32_t second, written_pair *pair);
+int cairn_skeleton_grouping_written_pair(const cairn_skeleton_grouping *skeleton,
+                                         const written_limits *rule, int32_t first, int32_t second,
+                                         written_pair *pair);
 
 /* The phases that differ from the default. */
-cairn_status cairn_skeleton_written_centres(cairn_skeleton *skeleton, cairn_budget *budget);
-cairn_status cairn_skeleton_written_range(cairn_skeleton *skeleton, cairn_budget *budget);
-cairn_status cairn_skeleton_written_walks(cairn_skeleton *skeleton, cairn_budget *budget);
+cairn_status cairn_skeleton_grouping_written_centres(cairn_skeleton_grouping *skeleton,
+                                                     cairn_budget *budget);
+cairn_status cairn_skeleton_grouping_written_range(cairn_skeleton_grouping *skeleton,
+                                                   cairn_budget *budget);
+cairn_status cairn_skeleton_grouping_written_walks(cairn_skeleton_grouping *skeleton,
+                                                   cairn_budget *budget);
 
 /* Returns 1 if the CP's edgels lie on opposite sides of its line at about equal distances. */
-int cairn_skeleton_is_mirrored(const cairn_skeleton *skeleton, const skeleton_centre *c,
-                               const cairn_polyline_segment *s);
+int cairn_skeleton_grouping_is_mirrored(const cairn_skeleton_grouping *skeleton,
+                                        const skeleton_centre *c, const cairn_polyline_segment *s);
 
-cairn_particle_model cairn_skeleton_written_model(cairn_skeleton *skeleton);
+cairn_particle_filter_model
+cairn_skeleton_grouping_written_model(cairn_skeleton_grouping *skeleton);
 
 #endif

@@ -52,7 +52,7 @@ static cairn_real log_gaussian(cairn_real x, cairn_real sigma)
 
 /* Returns the logarithm of H or T of (3.8) relative to its maximum: turn of the contour against
  * turn of the vector to the centre, loss of symmetry, and distance between consecutive edgels. */
-static cairn_real log_side(const cairn_skeleton *skeleton, const written_pair *before,
+static cairn_real log_side(const cairn_skeleton_grouping *skeleton, const written_pair *before,
                            const written_pair *now, int32_t side)
 {
     cairn_real contour = angle_from(before->inward[side], now->inward[side]);
@@ -67,7 +67,7 @@ static cairn_real log_side(const cairn_skeleton *skeleton, const written_pair *b
 }
 
 /* Returns the logarithm of (3.7) relative to its maximum. */
-static cairn_real log_step(const cairn_skeleton *skeleton, const written_pair *before,
+static cairn_real log_step(const cairn_skeleton_grouping *skeleton, const written_pair *before,
                            const written_pair *now)
 {
     cairn_real h = log_side(skeleton, before, now, 0), t = log_side(skeleton, before, now, 1),
@@ -84,8 +84,8 @@ static cairn_real log_step(const cairn_skeleton *skeleton, const written_pair *b
 
 /* Returns the centre of the look-ahead circle: the contour of a side, extended by C sigma along
  * the edgel's orientation. */
-static cairn_vec2 search_centre(const cairn_skeleton *skeleton, const skeleton_written_state *s,
-                                int32_t side)
+static cairn_vec2 search_centre(const cairn_skeleton_grouping *skeleton,
+                                const skeleton_written_state *s, int32_t side)
 {
     cairn_vec2 tangent = cairn_vec2_left_perp(s->pair.inward[side]);
     cairn_real offset = cairn_vec2_dot(tangent, s->heading) < 0 ? -skeleton->params.step_sigma
@@ -96,15 +96,15 @@ static cairn_vec2 search_centre(const cairn_skeleton *skeleton, const skeleton_w
 
 /* Returns the number of edgels in a look-ahead circle; stores every stride-th in a list, if
  * given. */
-static int32_t scan_circle(const cairn_skeleton *skeleton, cairn_vec2 middle, int32_t stride,
-                           written_candidate *list)
+static int32_t scan_circle(const cairn_skeleton_grouping *skeleton, cairn_vec2 middle,
+                           int32_t stride, written_candidate *list)
 {
     cairn_real reach = skeleton->params.step_sigma;
-    int32_t x0 = cairn_skeleton_column(skeleton, middle.x - reach),
-            x1 = cairn_skeleton_column(skeleton, middle.x + reach);
-    int32_t y1 = cairn_skeleton_row(skeleton, middle.y + reach), count = 0;
+    int32_t x0 = cairn_skeleton_grouping_column(skeleton, middle.x - reach),
+            x1 = cairn_skeleton_grouping_column(skeleton, middle.x + reach);
+    int32_t y1 = cairn_skeleton_grouping_row(skeleton, middle.y + reach), count = 0;
 
-    for (int32_t y = cairn_skeleton_row(skeleton, middle.y - reach); y <= y1; y++) {
+    for (int32_t y = cairn_skeleton_grouping_row(skeleton, middle.y - reach); y <= y1; y++) {
         int32_t from, end;
 
         skeleton_cells_of_row(skeleton, y, x0, x1, &from, &end);
@@ -126,7 +126,7 @@ static int32_t scan_circle(const cairn_skeleton *skeleton, cairn_vec2 middle, in
 }
 
 /* Collects the edgels of both look-ahead circles. */
-static void collect_candidates(cairn_skeleton *skeleton, const skeleton_written_state *s)
+static void collect_candidates(cairn_skeleton_grouping *skeleton, const skeleton_written_state *s)
 {
     skeleton_written *w = skeleton->written;
 
@@ -142,7 +142,7 @@ static void collect_candidates(cairn_skeleton *skeleton, const skeleton_written_
 }
 
 /* Returns the cost of both look-ahead circles in units. */
-static int32_t search_cost(const cairn_skeleton *skeleton, const skeleton_written_state *s)
+static int32_t search_cost(const cairn_skeleton_grouping *skeleton, const skeleton_written_state *s)
 {
     cairn_real reach = skeleton->params.step_sigma;
     int32_t cost = UNITS_PER_PARTICLE;
@@ -150,10 +150,10 @@ static int32_t search_cost(const cairn_skeleton *skeleton, const skeleton_writte
     for (int32_t side = 0; side < 2; side++) {
         cairn_vec2 m = search_centre(skeleton, s, side);
 
-        cost += skeleton_cells_cost(skeleton, cairn_skeleton_column(skeleton, m.x - reach),
-                                    cairn_skeleton_column(skeleton, m.x + reach),
-                                    cairn_skeleton_row(skeleton, m.y - reach),
-                                    cairn_skeleton_row(skeleton, m.y + reach));
+        cost += skeleton_cells_cost(skeleton, cairn_skeleton_grouping_column(skeleton, m.x - reach),
+                                    cairn_skeleton_grouping_column(skeleton, m.x + reach),
+                                    cairn_skeleton_grouping_row(skeleton, m.y - reach),
+                                    cairn_skeleton_grouping_row(skeleton, m.y + reach));
     }
     return cost;
 }
@@ -218,7 +218,7 @@ static void cull_candidates(skeleton_written *w, const skeleton_written_state *l
 
     toggle_inside(w, last->pair.contact[0], last->pair.contact[1]);
     for (; s != NULL; s = before) {
-        before = cairn_particle_state_before(s);
+        before = cairn_particle_filter_state_before(s);
         cull_own(w, s->pair.edgel);
         for (int32_t side = 0; side < 2 && before != NULL; side++) {
             cairn_segment segment = {before->pair.contact[side], s->pair.contact[side]};
@@ -295,10 +295,10 @@ static void add_pair(skeleton_written *w, const written_pair *pair)
 }
 
 /* Pairs each candidate of one end with each of the other. */
-static void make_pairs(cairn_skeleton *skeleton, const skeleton_written_state *last)
+static void make_pairs(cairn_skeleton_grouping *skeleton, const skeleton_written_state *last)
 {
     skeleton_written *w = skeleton->written;
-    written_limits rule = cairn_skeleton_written_limits_of(
+    written_limits rule = cairn_skeleton_grouping_written_limits_of(
         skeleton, RADIUS_MARGIN_SIGMAS * skeleton->params.radius_sigma);
 
     w->pair_count = 0;
@@ -309,8 +309,8 @@ static void make_pairs(cairn_skeleton *skeleton, const skeleton_written_state *l
             written_pair pair;
 
             if (!w->candidates[1][j].is_culled &&
-                cairn_skeleton_written_pair(skeleton, &rule, w->candidates[0][i].edgel,
-                                            w->candidates[1][j].edgel, &pair) &&
+                cairn_skeleton_grouping_written_pair(skeleton, &rule, w->candidates[0][i].edgel,
+                                                     w->candidates[1][j].edgel, &pair) &&
                 correspond(&last->pair, &pair) && !is_twisted(&last->pair, &pair))
                 add_pair(w, &pair);
         }
@@ -319,9 +319,9 @@ static void make_pairs(cairn_skeleton *skeleton, const skeleton_written_state *l
 /* Culls pairs whose axis crosses the axis so far. */
 static void cull_axes(skeleton_written *w, const skeleton_written_state *last)
 {
-    const skeleton_written_state *s = last, *before = cairn_particle_state_before(last);
+    const skeleton_written_state *s = last, *before = cairn_particle_filter_state_before(last);
 
-    for (; before != NULL; s = before, before = cairn_particle_state_before(before)) {
+    for (; before != NULL; s = before, before = cairn_particle_filter_state_before(before)) {
         cairn_segment segment = {before->pair.centre, s->pair.centre};
 
         for (int32_t i = 0; i < w->pair_count && s != last; i++) {
@@ -333,8 +333,8 @@ static void cull_axes(skeleton_written *w, const skeleton_written_state *last)
 }
 
 /* Offers the remaining pairs to the filter as followers. */
-static cairn_status offer_pairs(const cairn_skeleton *skeleton, cairn_particle_filter *filter,
-                                const skeleton_written_state *last)
+static cairn_status offer_pairs(const cairn_skeleton_grouping *skeleton,
+                                cairn_particle_filter *filter, const skeleton_written_state *last)
 {
     int32_t followers = 0;
 
@@ -361,7 +361,7 @@ static cairn_status offer_pairs(const cairn_skeleton *skeleton, cairn_particle_f
 static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
                             cairn_budget *budget)
 {
-    cairn_skeleton *skeleton = context;
+    cairn_skeleton_grouping *skeleton = context;
     skeleton_written *w = skeleton->written;
     cairn_particle p = cairn_particle_filter_particle(filter, index);
     const skeleton_written_state *last = p.state;
@@ -402,9 +402,9 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     return CAIRN_OK;
 }
 
-cairn_particle_model cairn_skeleton_written_model(cairn_skeleton *skeleton)
+cairn_particle_filter_model cairn_skeleton_grouping_written_model(cairn_skeleton_grouping *skeleton)
 {
-    cairn_particle_model model = {skeleton, propose, likelihood, NULL, NULL};
+    cairn_particle_filter_model model = {skeleton, propose, likelihood, NULL, NULL};
 
     return model;
 }
@@ -412,14 +412,14 @@ cairn_particle_model cairn_skeleton_written_model(cairn_skeleton *skeleton)
 /* ---- Runs ---- */
 
 /* Sets the first pose: a CP in one direction of its line; returns 0 if it is invalid. */
-static int first_state(const cairn_skeleton *skeleton, const skeleton_centre *c,
+static int first_state(const cairn_skeleton_grouping *skeleton, const skeleton_centre *c,
                        cairn_vec2 direction, skeleton_written_state *s)
 {
-    written_limits rule = cairn_skeleton_written_limits_of(
+    written_limits rule = cairn_skeleton_grouping_written_limits_of(
         skeleton, RADIUS_MARGIN_SIGMAS * skeleton->params.radius_sigma);
 
     memset(s, 0, sizeof *s);
-    if (!cairn_skeleton_written_pair(skeleton, &rule, c->edgel[0], c->edgel[1], &s->pair))
+    if (!cairn_skeleton_grouping_written_pair(skeleton, &rule, c->edgel[0], c->edgel[1], &s->pair))
         return 0;
     s->heading = direction;
     if (cairn_vec2_cross(direction, cairn_vec2_sub(s->pair.contact[0], s->pair.contact[1])) < 0)
@@ -428,7 +428,7 @@ static int first_state(const cairn_skeleton *skeleton, const skeleton_centre *c,
 }
 
 /* Starts a run; the mirror-symmetric CPs of the line are the first particles. */
-static cairn_status begin_run(cairn_skeleton *skeleton)
+static cairn_status begin_run(cairn_skeleton_grouping *skeleton)
 {
     cairn_polyline_view view = cairn_polyline_read(skeleton->polyline);
     const skeleton_seed *start = &skeleton->seeds[skeleton->seed_index];
@@ -449,7 +449,7 @@ static cairn_status begin_run(cairn_skeleton *skeleton)
         skeleton_written_state s;
 
         if (view.label[i] != start->centre ||
-            !cairn_skeleton_is_mirrored(skeleton, &skeleton->centres[i], line) ||
+            !cairn_skeleton_grouping_is_mirrored(skeleton, &skeleton->centres[i], line) ||
             number++ % stride != 0 || !first_state(skeleton, &skeleton->centres[i], direction, &s))
             continue;
         status = cairn_particle_filter_start(skeleton->filter, &s, 0);
@@ -457,7 +457,7 @@ static cairn_status begin_run(cairn_skeleton *skeleton)
     return status;
 }
 
-static const skeleton_written_state *best_of(const cairn_skeleton *skeleton)
+static const skeleton_written_state *best_of(const cairn_skeleton_grouping *skeleton)
 {
     return cairn_particle_filter_particle(skeleton->filter,
                                           cairn_particle_filter_read(skeleton->filter).best)
@@ -465,12 +465,12 @@ static const skeleton_written_state *best_of(const cairn_skeleton *skeleton)
 }
 
 /* Runs the filter step by step until the run ends. */
-static cairn_status run(cairn_skeleton *skeleton, cairn_budget *budget)
+static cairn_status run(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 {
     if (cairn_particle_filter_count(skeleton->filter) == 0)
         return CAIRN_OK;
     for (;;) {
-        cairn_particle_trace t;
+        cairn_particle_filter_trace t;
         cairn_status status;
 
         if (!skeleton->is_walking) {
@@ -491,7 +491,7 @@ static cairn_status run(cairn_skeleton *skeleton, cairn_budget *budget)
 }
 
 /* Stores the walk of the heaviest particle, without the last step if that step ended the run. */
-static void end_run(cairn_skeleton *skeleton)
+static void end_run(cairn_skeleton_grouping *skeleton)
 {
     skeleton_part *part = &skeleton->candidates[skeleton->candidate_count];
     const skeleton_written_state *s =
@@ -499,14 +499,15 @@ static void end_run(cairn_skeleton *skeleton)
     int32_t count = 0;
 
     if (s != NULL && s->log_step < -skeleton->params.stop_log_odds)
-        s = cairn_particle_state_before(s);
-    for (const skeleton_written_state *at = s; at != NULL; at = cairn_particle_state_before(at))
+        s = cairn_particle_filter_state_before(s);
+    for (const skeleton_written_state *at = s; at != NULL;
+         at = cairn_particle_filter_state_before(at))
         count++;
     part->first = skeleton->disc_count;
     part->count = count;
     part->state = count > 0 ? 0 : -1;
     skeleton->disc_count += count;
-    for (; s != NULL; s = cairn_particle_state_before(s)) {
+    for (; s != NULL; s = cairn_particle_filter_state_before(s)) {
         skeleton_disc *d = &skeleton->discs[part->first + --count];
 
         memset(d, 0, sizeof *d);
@@ -517,14 +518,15 @@ static void end_run(cairn_skeleton *skeleton)
             d->contact[side] = s->pair.contact[side];
             d->edgel[side] = s->pair.edgel[side];
         }
-        if (cairn_particle_state_before(s) == NULL)
+        if (cairn_particle_filter_state_before(s) == NULL)
             d->gain = 0;
     }
     skeleton->candidate_count++;
 }
 
 /* Runs from line to line in both directions until max_parts or max_points is reached. */
-cairn_status cairn_skeleton_written_walks(cairn_skeleton *skeleton, cairn_budget *budget)
+cairn_status cairn_skeleton_grouping_written_walks(cairn_skeleton_grouping *skeleton,
+                                                   cairn_budget *budget)
 {
     for (; skeleton->seed_index < skeleton->seed_count; skeleton->seed_index++) {
         for (; skeleton->direction < 2; skeleton->direction++) {

@@ -97,7 +97,7 @@ cairn_status cairn_curve_evolution_create(cairn_curve_evolution **evolution, cai
     return CAIRN_OK;
 }
 
-cairn_real cairn_curve_relevance(cairn_vec2 before, cairn_vec2 vertex, cairn_vec2 after)
+cairn_real cairn_curve_evolution_relevance(cairn_vec2 before, cairn_vec2 vertex, cairn_vec2 after)
 {
     cairn_vec2 in = cairn_vec2_sub(vertex, before), out = cairn_vec2_sub(after, vertex);
     cairn_real first = cairn_vec2_norm(in), second = cairn_vec2_norm(out);
@@ -111,9 +111,9 @@ cairn_real cairn_curve_relevance(cairn_vec2 before, cairn_vec2 vertex, cairn_vec
 /* Computes the relevance of vertex i. */
 static void update_relevance(cairn_curve_evolution *evolution, int32_t i)
 {
-    evolution->relevance[i] =
-        cairn_curve_relevance(evolution->points[evolution->previous[i]], evolution->points[i],
-                              evolution->points[evolution->next[i]]);
+    evolution->relevance[i] = cairn_curve_evolution_relevance(
+        evolution->points[evolution->previous[i]], evolution->points[i],
+        evolution->points[evolution->next[i]]);
 }
 
 cairn_status cairn_curve_evolution_begin(cairn_curve_evolution *evolution, const cairn_vec2 *points,

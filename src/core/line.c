@@ -115,8 +115,8 @@ static int segment_is_finite(cairn_segment s)
            cairn_is_finite(s.b.y);
 }
 
-cairn_status cairn_segment_merge(cairn_segment first, cairn_real first_mass, cairn_segment second,
-                                 cairn_real second_mass, cairn_segment *merged)
+cairn_status cairn_line_merge(cairn_segment first, cairn_real first_mass, cairn_segment second,
+                              cairn_real second_mass, cairn_segment *merged)
 {
     cairn_segment heavy = second_mass > first_mass ? second : first;
     cairn_vec2 ends[4], mean, minor, axis;

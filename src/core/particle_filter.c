@@ -43,7 +43,7 @@ cairn_particle_filter_params cairn_particle_filter_default(void)
         .max_candidates = 4096,
         .max_blocks = 4096,
         .state_bytes = 64,
-        .proposal = CAIRN_PROPOSAL_OPTIMAL,
+        .proposal = CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL,
         .adaptive_followers = 1,
         .resample_ratio = CAIRN_REAL(0.5),
     };
@@ -63,7 +63,8 @@ static int params_are_valid(const cairn_particle_filter_params *params)
            params->particles <= params->max_particles && is_count(params->max_followers) &&
            is_count(params->max_candidates) && params->max_blocks >= 1 &&
            params->max_blocks <= MAX_BLOCKS && is_count(params->state_bytes) &&
-           params->proposal >= CAIRN_PROPOSAL_PRIOR && params->proposal <= CAIRN_PROPOSAL_OPTIMAL &&
+           params->proposal >= CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR &&
+           params->proposal <= CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL &&
            params->adaptive_followers >= 0 && params->adaptive_followers <= 1 &&
            params->max_history >= 0 && params->max_history <= MAX_COUNT &&
            params->resample_ratio >= 0 && params->resample_ratio <= 1;
@@ -139,7 +140,7 @@ size_t cairn_particle_filter_memory(const cairn_particle_filter_params *params)
 
 cairn_status cairn_particle_filter_create(cairn_particle_filter **filter, cairn_pool *pool,
                                           const cairn_particle_filter_params *params,
-                                          const cairn_particle_model *model)
+                                          const cairn_particle_filter_model *model)
 {
     size_t need = cairn_particle_filter_memory(params);
     cairn_particle_filter *made;
@@ -393,7 +394,7 @@ cairn_particle cairn_particle_filter_particle(const cairn_particle_filter *filte
     return result;
 }
 
-const void *cairn_particle_state_before(const void *state)
+const void *cairn_particle_filter_state_before(const void *state)
 {
     const particle_filter_node *node =
         (const void *)((const unsigned char *)state - PARTICLE_FILTER_HEADER);
@@ -402,7 +403,7 @@ const void *cairn_particle_state_before(const void *state)
                                 : (const unsigned char *)node->parent + PARTICLE_FILTER_HEADER;
 }
 
-cairn_particle_trace cairn_particle_filter_read(const cairn_particle_filter *filter)
+cairn_particle_filter_trace cairn_particle_filter_read(const cairn_particle_filter *filter)
 {
     return filter->last_trace;
 }

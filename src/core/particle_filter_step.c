@@ -169,7 +169,7 @@ static cairn_status step_priors(cairn_particle_filter *filter, cairn_budget *bud
 /* 1 when followers are drawn before their likelihoods are known. */
 static int is_drawn_by_prior(const cairn_particle_filter *filter)
 {
-    return filter->params.proposal == CAIRN_PROPOSAL_PRIOR && filter->is_drawn;
+    return filter->params.proposal == CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR && filter->is_drawn;
 }
 
 /* Phase LIKELIHOODS. */
@@ -259,7 +259,7 @@ static cairn_status step_follow(cairn_particle_filter *filter, cairn_budget *bud
             return CAIRN_MORE;
         if (!filter->is_drawn)
             follower.log_weight += candidate->log_prior + candidate->log_likelihood;
-        else if (filter->params.proposal == CAIRN_PROPOSAL_PRIOR)
+        else if (filter->params.proposal == CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR)
             follower.log_weight +=
                 log_ratio(filter->copies[filter->cursor], filter->follower_count) +
                 candidate->log_likelihood;
@@ -282,7 +282,7 @@ static cairn_status step_follow(cairn_particle_filter *filter, cairn_budget *bud
 static void advance_group(cairn_particle_filter *filter)
 {
     int32_t count = candidate_count(filter);
-    int by_prior = filter->params.proposal == CAIRN_PROPOSAL_PRIOR;
+    int by_prior = filter->params.proposal == CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR;
 
     switch (filter->phase) {
     case PARTICLE_FILTER_PRIORS:

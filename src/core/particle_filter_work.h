@@ -91,7 +91,7 @@ enum {
 
 struct cairn_particle_filter {
     cairn_particle_filter_params params;
-    cairn_particle_model model;
+    cairn_particle_filter_model model;
     cairn_random random;
     /* Nodes with their states. */
     cairn_block_pool *blocks;
@@ -145,7 +145,7 @@ struct cairn_particle_filter {
     /* Status of the step, returned when the step ends. */
     cairn_status outcome;
     /* Statistics of the step that runs, and of the last one. */
-    cairn_particle_trace step_trace, last_trace;
+    cairn_particle_filter_trace step_trace, last_trace;
 };
 
 /* State of a node. */

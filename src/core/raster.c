@@ -11,7 +11,7 @@
  * The passes run along rows, in memory order, and can stop after any pixel.
  *
  * Limits: sides of at most 32768 keep (x - i)^2 + g^2 below 2^31. Columns without a match are not
- * part of the envelope, so CAIRN_DISTANCE_FAR is never added to.
+ * part of the envelope, so CAIRN_DISTANCE_MAP_FAR is never added to.
  *
  * Source: Meijster, Roerdink and Hesselink, A general algorithm for computing distance transforms
  * in linear time, 2000; L1: Rosenfeld and Pfaltz 1966. */
@@ -57,7 +57,7 @@ cairn_status cairn_raster_real_check(cairn_raster_real_view view)
 /* ---- Distance maps ---- */
 
 /* Distance without a match, and operations per work unit. */
-enum { DISTANCE_FAR = CAIRN_DISTANCE_FAR, OPERATIONS_PER_UNIT = 6 };
+enum { DISTANCE_FAR = CAIRN_DISTANCE_MAP_FAR, OPERATIONS_PER_UNIT = 6 };
 
 /* Passes, in order; the passes from PASS_RIGHT on repeat for every row. */
 enum pass {
@@ -145,7 +145,7 @@ cairn_status cairn_distance_map_begin(cairn_distance_map *map,
         cairn_raster_i32_check(cairn_raster_i32_as_view(input->distances)) != CAIRN_OK ||
         input->pixels.width != input->distances.width ||
         input->pixels.height != input->distances.height ||
-        (input->metric != CAIRN_DISTANCE_L1 && input->metric != CAIRN_DISTANCE_L2_SQUARED))
+        (input->metric != CAIRN_DISTANCE_MAP_L1 && input->metric != CAIRN_DISTANCE_MAP_L2_SQUARED))
         return CAIRN_BAD_ARGUMENT;
     if (input->pixels.width > map->max_width)
         return CAIRN_FULL;
@@ -283,7 +283,7 @@ static void read_envelope(cairn_distance_map *map, int32_t end)
 static void next_row(cairn_distance_map *map)
 {
     int32_t height = map->input.pixels.height;
-    int32_t first = map->input.metric == CAIRN_DISTANCE_L1 ? PASS_RIGHT : PASS_BUILD_ENVELOPE;
+    int32_t first = map->input.metric == CAIRN_DISTANCE_MAP_L1 ? PASS_RIGHT : PASS_BUILD_ENVELOPE;
 
     map->x = 0;
     switch (map->pass) {

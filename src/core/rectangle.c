@@ -297,7 +297,7 @@ static void merge_into_side(cairn_rectangle_set *set, int32_t segment, int32_t s
     cairn_real length = -set->length_key[segment];
     cairn_segment merged = side->segment;
     cairn_status status =
-        cairn_segment_merge(side->segment, side->mass, set->segments[segment], length, &merged);
+        cairn_line_merge(side->segment, side->mass, set->segments[segment], length, &merged);
 
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;

@@ -39,9 +39,9 @@ void cairn_rigid_motion_jacobian(const cairn_rigid_motion *motion, cairn_vec2 ax
     row[2] = cairn_vec2_dot(axis, cairn_vec2_left_perp(arm)) / motion->radius;
 }
 
-cairn_motion_basis cairn_motion_basis_of(cairn_sym3 information, cairn_real min_ratio)
+cairn_rigid_motion_basis cairn_rigid_motion_basis_of(cairn_sym3 information, cairn_real min_ratio)
 {
-    cairn_motion_basis basis;
+    cairn_rigid_motion_basis basis;
     cairn_real values[3];
 
     cairn_sym3_eigen(information, values, basis.vectors);
@@ -52,15 +52,15 @@ cairn_motion_basis cairn_motion_basis_of(cairn_sym3 information, cairn_real min_
     return basis;
 }
 
-cairn_normal_equations cairn_rigid_motion_prior(const cairn_rigid_motion *motion,
-                                                const cairn_pose_prior *prior)
+cairn_rigid_motion_equations cairn_rigid_motion_prior(const cairn_rigid_motion *motion,
+                                                      const cairn_rigid_motion_pose_prior *prior)
 {
     const cairn_vec2 origin = {0, 0};
     cairn_transform mean = cairn_transform_of(prior->mean);
     cairn_vec2 offset = {motion->map_body.x - mean.x, motion->map_body.y - mean.y};
     cairn_vec2 axes[2] = {{mean.cosine, mean.sine}, {-mean.sine, mean.cosine}};
     cairn_real sigmas[3] = {prior->sigma_x, prior->sigma_y, prior->sigma_theta};
-    cairn_normal_equations equations = {cairn_sym3_zero(), {0, 0, 0}};
+    cairn_rigid_motion_equations equations = {cairn_sym3_zero(), {0, 0, 0}};
 
     for (int k = 0; k < 3; k++) {
         cairn_real weight = 1 / (sigmas[k] * sigmas[k]), error, row[3] = {0, 0, 0};
@@ -80,7 +80,8 @@ cairn_normal_equations cairn_rigid_motion_prior(const cairn_rigid_motion *motion
 }
 
 /* Coordinates in the eigenbasis of a motion v. */
-static void to_basis(const cairn_motion_basis *basis, const cairn_real v[3], cairn_real out[3])
+static void to_basis(const cairn_rigid_motion_basis *basis, const cairn_real v[3],
+                     cairn_real out[3])
 {
     for (int i = 0; i < 3; i++)
         out[i] =
@@ -88,7 +89,8 @@ static void to_basis(const cairn_motion_basis *basis, const cairn_real v[3], cai
 }
 
 /* The motion with the coordinates v in the eigenbasis. */
-static void from_basis(const cairn_motion_basis *basis, const cairn_real v[3], cairn_real out[3])
+static void from_basis(const cairn_rigid_motion_basis *basis, const cairn_real v[3],
+                       cairn_real out[3])
 {
     for (int k = 0; k < 3; k++)
         out[k] =
@@ -96,7 +98,7 @@ static void from_basis(const cairn_motion_basis *basis, const cairn_real v[3], c
 }
 
 /* A symmetric matrix in the eigenbasis: V m V^T with the eigenvectors as rows of V. */
-static cairn_sym3 sym3_to_basis(const cairn_motion_basis *basis, cairn_sym3 m)
+static cairn_sym3 sym3_to_basis(const cairn_rigid_motion_basis *basis, cairn_sym3 m)
 {
     cairn_real columns[3][3];
     cairn_sym3 out;
@@ -126,7 +128,7 @@ static cairn_sym3 add(cairn_sym3 a, cairn_sym3 b)
 }
 
 /* Information matrix in the eigenbasis, zero along the unobservable directions. */
-static cairn_sym3 observable_part(const cairn_motion_basis *basis, cairn_sym3 information)
+static cairn_sym3 observable_part(const cairn_rigid_motion_basis *basis, cairn_sym3 information)
 {
     cairn_sym3 m = sym3_to_basis(basis, information);
 
@@ -137,9 +139,10 @@ static cairn_sym3 observable_part(const cairn_motion_basis *basis, cairn_sym3 in
     return m;
 }
 
-int32_t cairn_motion_solve(const cairn_motion_basis *basis, const cairn_normal_equations *observed,
-                           const cairn_normal_equations *prior, cairn_real max_step,
-                           cairn_real step[3])
+int32_t cairn_rigid_motion_solve(const cairn_rigid_motion_basis *basis,
+                                 const cairn_rigid_motion_equations *observed,
+                                 const cairn_rigid_motion_equations *prior, cairn_real max_step,
+                                 cairn_real step[3])
 {
     cairn_sym3 information = observable_part(basis, observed->information);
     cairn_real rhs[3], step_in_basis[3], length;
@@ -187,10 +190,12 @@ void cairn_rigid_motion_move(cairn_rigid_motion *motion, const cairn_real step[3
 }
 
 void cairn_rigid_motion_covariance(const cairn_rigid_motion *motion,
-                                   const cairn_motion_basis *basis, const cairn_sym3 *observed,
-                                   const cairn_normal_equations *prior, cairn_real covariance[9])
+                                   const cairn_rigid_motion_basis *basis,
+                                   const cairn_sym3 *observed,
+                                   const cairn_rigid_motion_equations *prior,
+                                   cairn_real covariance[9])
 {
-    static const cairn_motion_basis axes = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, 0, 0};
+    static const cairn_rigid_motion_basis axes = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, 0, 0};
     cairn_vec2 arm =
         cairn_vec2_left_perp(cairn_transform_direction(motion->transform, motion->centre));
     cairn_sym3 information = cairn_sym3_zero();

@@ -100,7 +100,7 @@ static cairn_status read_header(box_reader *reader)
 }
 
 /* Converts the fields of a line to a row. */
-static cairn_status parse_row(const box_reader *reader, cairn_box_row *row)
+static cairn_status parse_row(const box_reader *reader, cairn_box_table_row *row)
 {
     for (int32_t k = 0; k < COLUMNS; k++)
         if (reader->column[k] >= reader->fields)
@@ -123,7 +123,7 @@ static cairn_status parse_row(const box_reader *reader, cairn_box_row *row)
 }
 
 /* Reads the header and all rows. */
-static cairn_status read_rows(box_reader *reader, cairn_box_row **row, int32_t *count)
+static cairn_status read_rows(box_reader *reader, cairn_box_table_row **row, int32_t *count)
 {
     int32_t capacity = 0, has_header = 0;
     const char *line;
@@ -148,7 +148,7 @@ static cairn_status read_rows(box_reader *reader, cairn_box_row **row, int32_t *
                                         "too many rows, expected at most %d",
                                         CAIRN_BOX_TABLE_MAX_ROWS);
         if (*count == capacity) {
-            cairn_box_row *grown = realloc(*row, (size_t)(2 * capacity + 16) * sizeof *grown);
+            cairn_box_table_row *grown = realloc(*row, (size_t)(2 * capacity + 16) * sizeof *grown);
 
             if (grown == NULL)
                 return cairn_file_error_system(reader->error, reader->path, "read", ENOMEM);
@@ -172,13 +172,13 @@ static cairn_status read_rows(box_reader *reader, cairn_box_row **row, int32_t *
 
 static int compare_rows(const void *a, const void *b)
 {
-    const cairn_box_row *first = a, *second = b;
+    const cairn_box_table_row *first = a, *second = b;
     int order = strcmp(first->image, second->image);
 
     return order != 0 ? order : (first->line > second->line) - (first->line < second->line);
 }
 
-void cairn_box_table_sort(cairn_box_row *row, int32_t count)
+void cairn_box_table_sort(cairn_box_table_row *row, int32_t count)
 {
     if (count > 1)
         qsort(row, (size_t)count, sizeof *row, compare_rows);
@@ -186,7 +186,8 @@ void cairn_box_table_sort(cairn_box_row *row, int32_t count)
 
 /* Returns the first row with a name not below `image` (lower bound) or, with `upper`, above it
  * (upper bound). */
-static int32_t find_bound(const cairn_box_row *row, int32_t count, const char *image, int upper)
+static int32_t find_bound(const cairn_box_table_row *row, int32_t count, const char *image,
+                          int upper)
 {
     int32_t low = 0, high = count;
 
@@ -202,7 +203,7 @@ static int32_t find_bound(const cairn_box_row *row, int32_t count, const char *i
     return low;
 }
 
-int32_t cairn_box_table_find(const cairn_box_row *row, int32_t count, const char *image,
+int32_t cairn_box_table_find(const cairn_box_table_row *row, int32_t count, const char *image,
                              int32_t *own)
 {
     int32_t first = find_bound(row, count, image, 0);
@@ -211,7 +212,7 @@ int32_t cairn_box_table_find(const cairn_box_row *row, int32_t count, const char
     return first;
 }
 
-cairn_status cairn_box_table_read(const char *path, cairn_box_row **row, int32_t *count,
+cairn_status cairn_box_table_read(const char *path, cairn_box_table_row **row, int32_t *count,
                                   cairn_file_error *error)
 {
     box_reader *reader = malloc(sizeof *reader);

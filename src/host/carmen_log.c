@@ -54,16 +54,16 @@ typedef struct survey_statistics {
 
 struct cairn_carmen_log {
     cairn_line_reader *reader;
-    cairn_carmen_params params;
-    cairn_carmen_info info;
-    cairn_carmen_message message;
+    cairn_carmen_log_params params;
+    cairn_carmen_log_summary info;
+    cairn_carmen_log_message message;
     float *range; /* [range_capacity] storage of the record's ranges */
     int32_t range_capacity;
 };
 
-cairn_carmen_params cairn_carmen_default(void)
+cairn_carmen_log_params cairn_carmen_log_default(void)
 {
-    cairn_carmen_params params;
+    cairn_carmen_log_params params;
 
     memset(&params, 0, sizeof params);
     params.range_sigma = 0.01;
@@ -90,7 +90,7 @@ static size_t bin_of(double range)
 }
 
 /* Adds the ranges of a scan to the histogram. */
-static void survey_ranges(survey_statistics *statistics, const cairn_carmen_message *message)
+static void survey_ranges(survey_statistics *statistics, const cairn_carmen_log_message *message)
 {
     int32_t i;
 
@@ -100,8 +100,8 @@ static void survey_ranges(survey_statistics *statistics, const cairn_carmen_mess
 }
 
 /* Adds the mounting and the motion of a scan to the statistics. */
-static void survey_poses(survey_statistics *statistics, cairn_carmen_info *info,
-                         const cairn_carmen_message *message)
+static void survey_poses(survey_statistics *statistics, cairn_carmen_log_summary *info,
+                         const cairn_carmen_log_message *message)
 {
     cairn_pose robot = pose_of(message->robot),
                mounting = cairn_pose_between(robot, pose_of(message->laser));
@@ -129,8 +129,8 @@ static void survey_poses(survey_statistics *statistics, cairn_carmen_info *info,
 }
 
 /* Adds a scan to the statistics and the summary. */
-static void survey_scan(survey_statistics *statistics, cairn_carmen_info *info,
-                        const cairn_carmen_message *message)
+static void survey_scan(survey_statistics *statistics, cairn_carmen_log_summary *info,
+                        const cairn_carmen_log_message *message)
 {
     if (!(message->range_max > 0))
         survey_ranges(statistics, message);
@@ -192,7 +192,7 @@ static double find_limit(survey_statistics *statistics)
 /* Estimates the maximum range and the mounting. */
 static void finish_survey(cairn_carmen_log *log, survey_statistics *statistics)
 {
-    cairn_carmen_info *info = &log->info;
+    cairn_carmen_log_summary *info = &log->info;
 
     info->range_max = log->params.range_max > 0 ? log->params.range_max : find_limit(statistics);
     info->fixed_mounting = !statistics->mounting_varies;
@@ -231,8 +231,8 @@ static cairn_status next_message(cairn_carmen_log *log, int32_t first_pass, cair
                                        "the line has %zu bytes, expected at most %d", length,
                                        CAIRN_LINE_READER_MAX_BYTES);
         if (status == CAIRN_OK)
-            status = cairn_carmen_message_read(&log->message, line, length, path,
-                                               cairn_line_reader_number(log->reader), &fault);
+            status = cairn_carmen_log_message_read(&log->message, line, length, path,
+                                                   cairn_line_reader_number(log->reader), &fault);
         if (status == CAIRN_OK || status == CAIRN_EMPTY)
             return status;
         if (status == CAIRN_IO || status == CAIRN_NO_MEMORY) {
@@ -250,7 +250,7 @@ static cairn_status run_survey(cairn_carmen_log *log, survey_statistics *statist
                                cairn_file_error *error)
 {
     const char *path = cairn_line_reader_path(log->reader);
-    cairn_carmen_info *info = &log->info;
+    cairn_carmen_log_summary *info = &log->info;
     cairn_status status;
 
     while ((status = next_message(log, 1, error)) == CAIRN_OK) {
@@ -289,9 +289,9 @@ static cairn_status run_survey(cairn_carmen_log *log, survey_statistics *statist
 }
 
 cairn_status cairn_carmen_log_open(cairn_carmen_log **log, const char *path,
-                                   const cairn_carmen_params *params, cairn_file_error *error)
+                                   const cairn_carmen_log_params *params, cairn_file_error *error)
 {
-    cairn_carmen_params settings = params != NULL ? *params : cairn_carmen_default();
+    cairn_carmen_log_params settings = params != NULL ? *params : cairn_carmen_log_default();
     cairn_carmen_log *created;
     cairn_status status;
     survey_statistics statistics;
@@ -328,7 +328,7 @@ cairn_status cairn_carmen_log_open(cairn_carmen_log **log, const char *path,
     return CAIRN_OK;
 }
 
-cairn_carmen_info cairn_carmen_log_info(const cairn_carmen_log *log)
+cairn_carmen_log_summary cairn_carmen_log_info(const cairn_carmen_log *log)
 {
     return log->info;
 }
@@ -349,7 +349,7 @@ void cairn_carmen_log_close(cairn_carmen_log *log)
 }
 
 /* Converts ranges for a scan: no returns become +infinity. */
-static void convert_ranges(const cairn_carmen_message *message, double limit, float *range)
+static void convert_ranges(const cairn_carmen_log_message *message, double limit, float *range)
 {
     int32_t i;
 
@@ -364,9 +364,9 @@ static void convert_ranges(const cairn_carmen_message *message, double limit, fl
 }
 
 /* Fills the scan of a record from the current message. */
-static void fill_scan(const cairn_carmen_log *log, cairn_carmen_record *record)
+static void fill_scan(const cairn_carmen_log *log, cairn_carmen_log_record *record)
 {
-    const cairn_carmen_message *message = &log->message;
+    const cairn_carmen_log_message *message = &log->message;
     double limit = message->range_max > 0 && !(log->params.range_max > 0) ? message->range_max
                                                                           : log->info.range_max;
 
@@ -383,10 +383,10 @@ static void fill_scan(const cairn_carmen_log *log, cairn_carmen_record *record)
     record->scan.base_sensor = log->info.base_sensor;
 }
 
-cairn_status cairn_carmen_log_next(cairn_carmen_log *log, cairn_carmen_record *record,
+cairn_status cairn_carmen_log_next(cairn_carmen_log *log, cairn_carmen_log_record *record,
                                    cairn_file_error *error)
 {
-    const cairn_carmen_message *message = &log->message;
+    const cairn_carmen_log_message *message = &log->message;
     cairn_status status;
     float *grown;
 
@@ -408,27 +408,27 @@ cairn_status cairn_carmen_log_next(cairn_carmen_log *log, cairn_carmen_record *r
     record->stamp_ns = message->stamp_ns;
     record->robot = pose_of(message->robot);
     record->laser = pose_of(message->laser);
-    record->kind = CAIRN_CARMEN_ODOMETRY;
+    record->kind = CAIRN_CARMEN_LOG_ODOMETRY;
     if (message->kind == CAIRN_MESSAGE_SCAN) {
-        record->kind = CAIRN_CARMEN_SCAN;
+        record->kind = CAIRN_CARMEN_LOG_SCAN;
         fill_scan(log, record);
     }
     return CAIRN_OK;
 }
 
 /* Copies all scans into arrays of the sizes counted by the first pass. */
-static cairn_status collect(cairn_carmen_log *log, cairn_carmen_scans *scans,
+static cairn_status collect(cairn_carmen_log *log, cairn_carmen_log_scans *scans,
                             cairn_file_error *error)
 {
     size_t beams = 0, capacity = (size_t)scans->info.beams;
-    cairn_carmen_record record = {.kind = CAIRN_CARMEN_ODOMETRY};
+    cairn_carmen_log_record record = {.kind = CAIRN_CARMEN_LOG_ODOMETRY};
     cairn_status status = CAIRN_OK;
 
     while (scans->count < (int32_t)scans->info.scans) {
         status = cairn_carmen_log_next(log, &record, error);
         if (status != CAIRN_OK)
             break;
-        if (record.kind != CAIRN_CARMEN_SCAN)
+        if (record.kind != CAIRN_CARMEN_LOG_SCAN)
             continue;
         if ((size_t)record.count > capacity - beams)
             break;
@@ -441,8 +441,8 @@ static cairn_status collect(cairn_carmen_log *log, cairn_carmen_scans *scans,
     return status == CAIRN_EMPTY ? CAIRN_OK : status;
 }
 
-cairn_status cairn_carmen_load(cairn_carmen_scans *scans, const char *path,
-                               const cairn_carmen_params *params, cairn_file_error *error)
+cairn_status cairn_carmen_log_load(cairn_carmen_log_scans *scans, const char *path,
+                                   const cairn_carmen_log_params *params, cairn_file_error *error)
 {
     cairn_carmen_log *log;
     cairn_status status;
@@ -465,11 +465,11 @@ cairn_status cairn_carmen_load(cairn_carmen_scans *scans, const char *path,
     }
     cairn_carmen_log_close(log);
     if (status != CAIRN_OK)
-        cairn_carmen_scans_free(scans);
+        cairn_carmen_log_scans_free(scans);
     return status;
 }
 
-void cairn_carmen_scans_free(cairn_carmen_scans *scans)
+void cairn_carmen_log_scans_free(cairn_carmen_log_scans *scans)
 {
     free(scans->record);
     free(scans->range);

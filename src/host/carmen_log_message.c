@@ -103,7 +103,7 @@ static void read_finite(line_parser *parser, const char *field_name, double *val
     }
 }
 
-/* Reads an integer from `least` to CAIRN_CARMEN_MAX_BEAMS. */
+/* Reads an integer from `least` to CAIRN_CARMEN_LOG_MAX_BEAMS. */
 static void read_count(line_parser *parser, const char *field_name, int32_t least, int32_t *count)
 {
     size_t length;
@@ -114,12 +114,12 @@ static void read_count(line_parser *parser, const char *field_name, int32_t leas
     if (token == NULL)
         return;
     if (cairn_number_read_integer(token, length, &value) && value >= least &&
-        value <= CAIRN_CARMEN_MAX_BEAMS) {
+        value <= CAIRN_CARMEN_LOG_MAX_BEAMS) {
         *count = (int32_t)value;
         return;
     }
     (void)snprintf(expected, sizeof expected, "a whole number from %d to %d", (int)least,
-                   CAIRN_CARMEN_MAX_BEAMS);
+                   CAIRN_CARMEN_LOG_MAX_BEAMS);
     report_bad_token(parser, token, length, expected);
 }
 
@@ -146,7 +146,7 @@ static void read_tail(line_parser *parser, int64_t *stamp_ns)
 }
 
 /* Parses the number of ranges and the ranges. */
-static void read_ranges(line_parser *parser, cairn_carmen_message *message)
+static void read_ranges(line_parser *parser, cairn_carmen_log_message *message)
 {
     double *grown;
     int32_t i;
@@ -165,14 +165,14 @@ static void read_ranges(line_parser *parser, cairn_carmen_message *message)
         read_number(parser, "reading", i + 1, &message->range[i]);
 }
 
-static void read_poses(line_parser *parser, cairn_carmen_message *message)
+static void read_poses(line_parser *parser, cairn_carmen_log_message *message)
 {
     read_finite(parser, "the laser's pose", message->laser, 3);
     read_finite(parser, "the robot's pose", message->robot, 3);
 }
 
 /* Parses a FLASER message; its bearings follow from the number of ranges. */
-static void read_flaser(line_parser *parser, cairn_carmen_message *message)
+static void read_flaser(line_parser *parser, cairn_carmen_log_message *message)
 {
     int32_t steps;
 
@@ -186,7 +186,7 @@ static void read_flaser(line_parser *parser, cairn_carmen_message *message)
 }
 
 /* Parses a ROBOTLASER1 message. */
-static void read_robotlaser(line_parser *parser, cairn_carmen_message *message)
+static void read_robotlaser(line_parser *parser, cairn_carmen_log_message *message)
 {
     /* laser_type start_angle field_of_view angular_resolution maximum_range accuracy
      * remission_mode */
@@ -216,7 +216,7 @@ static void read_robotlaser(line_parser *parser, cairn_carmen_message *message)
 }
 
 /* Parses an ODOM message. */
-static void read_odometry(line_parser *parser, cairn_carmen_message *message)
+static void read_odometry(line_parser *parser, cairn_carmen_log_message *message)
 {
     double motion[3];
 
@@ -233,7 +233,7 @@ static bool is_name(const char *token, size_t length, const char *name)
 
 /* Reads a PARAM of the scanner's maximum range; other parameters, and values out of range, are
  * ignored. */
-static void read_param(line_parser *parser, cairn_carmen_message *message)
+static void read_param(line_parser *parser, cairn_carmen_log_message *message)
 {
     const char *token;
     size_t length = cairn_token_next(&parser->at, parser->end, &token);
@@ -249,8 +249,8 @@ static void read_param(line_parser *parser, cairn_carmen_message *message)
 
 typedef struct message_parser {
     const char *name;
-    cairn_carmen_message_kind kind;
-    void (*read)(line_parser *parser, cairn_carmen_message *message);
+    cairn_carmen_log_message_kind kind;
+    void (*read)(line_parser *parser, cairn_carmen_log_message *message);
 } message_parser;
 
 /* Parsers of the known messages. */
@@ -260,9 +260,9 @@ static const message_parser message_parsers[] = {
     {"ODOM", CAIRN_MESSAGE_ODOMETRY, read_odometry},
     {"PARAM", CAIRN_MESSAGE_OTHER, read_param}};
 
-cairn_status cairn_carmen_message_read(cairn_carmen_message *message, const char *line,
-                                       size_t length, const char *path, int64_t number,
-                                       cairn_file_error *fault)
+cairn_status cairn_carmen_log_message_read(cairn_carmen_log_message *message, const char *line,
+                                           size_t length, const char *path, int64_t number,
+                                           cairn_file_error *fault)
 {
     line_parser parser = {.at = line,
                           .end = line + length,

@@ -10,18 +10,18 @@
 #define DEGREES_PER_RADIAN 57.29577951308232
 
 /* Returns a coordinate of the searched picture in pixels of the image. */
-static double image_x(const cairn_contour_picture *picture, cairn_real x)
+static double image_x(const cairn_contour_file_picture *picture, cairn_real x)
 {
     return ((double)x + 0.5) * picture->shrink - 0.5;
 }
 
-static double image_length(const cairn_contour_picture *picture, cairn_real length)
+static double image_length(const cairn_contour_file_picture *picture, cairn_real length)
 {
     return (double)length * picture->shrink;
 }
 
-static void print_segments(cairn_output *output, const cairn_contour_picture *picture,
-                           const cairn_grouped_object *object)
+static void print_segments(cairn_output *output, const cairn_contour_file_picture *picture,
+                           const cairn_contour_grouping_object *object)
 {
     cairn_output_print(output, "\"segments\": [");
     for (int32_t i = 0; i < object->count; i++) {
@@ -38,7 +38,7 @@ static void print_segments(cairn_output *output, const cairn_contour_picture *pi
 }
 
 /* Prints the segments of one side along a path, without consecutive duplicates. */
-static void print_side(cairn_output *output, const cairn_contour_disc *discs, int32_t count,
+static void print_side(cairn_output *output, const cairn_contour_search_disc *discs, int32_t count,
                        int32_t side)
 {
     int32_t previous = -1, printed = 0;
@@ -53,17 +53,18 @@ static void print_side(cairn_output *output, const cairn_contour_disc *discs, in
 }
 
 /* Prints the paths. In the mode as written the walk of the particle filter is the only path. */
-static void print_paths(cairn_output *output, const cairn_contour_picture *picture,
-                        const cairn_contour_object *object)
+static void print_paths(cairn_output *output, const cairn_contour_file_picture *picture,
+                        const cairn_contour_search_object *object)
 {
-    const cairn_shape_path walk = {.count = object->disc_count};
+    const cairn_shape_model_path walk = {.count = object->disc_count};
     int32_t count = object->outline_count > 0 ? picture->model->path_count : 1;
 
     cairn_output_print(output, "\"paths\": [");
     for (int32_t i = 0; i < count; i++) {
-        const cairn_shape_path *path =
+        const cairn_shape_model_path *path =
             object->outline_count > 0 ? &picture->model->paths[i] : &walk;
-        const cairn_contour_disc *discs = &picture->result->discs[object->first_disc + path->first];
+        const cairn_contour_search_disc *discs =
+            &picture->result->discs[object->first_disc + path->first];
 
         cairn_output_print(output, "%s\n    {", i > 0 ? "," : "");
         print_side(output, discs, path->count, 0);
@@ -83,13 +84,14 @@ static void print_paths(cairn_output *output, const cairn_contour_picture *pictu
 
 /* Prints the unobserved stretches of the contour, as the deformed outline predicts them (amodal
  * completion). */
-static void print_completed(cairn_output *output, const cairn_contour_picture *picture,
-                            const cairn_contour_object *object)
+static void print_completed(cairn_output *output, const cairn_contour_file_picture *picture,
+                            const cairn_contour_search_object *object)
 {
     int32_t first, count, printed = 0;
 
     cairn_output_print(output, "\"completed\": [");
-    for (int32_t from = 0; cairn_contour_completed(picture->result, object, from, &first, &count);
+    for (int32_t from = 0;
+         cairn_contour_search_completed(picture->result, object, from, &first, &count);
          from = first + count) {
         cairn_output_print(output, "%s[", printed++ > 0 ? ", " : "");
         for (int32_t i = first; i < first + count; i++) {
@@ -103,8 +105,8 @@ static void print_completed(cairn_output *output, const cairn_contour_picture *p
     cairn_output_print(output, "]");
 }
 
-static void print_object(cairn_output *output, const cairn_contour_picture *picture,
-                         const cairn_contour_object *object)
+static void print_object(cairn_output *output, const cairn_contour_file_picture *picture,
+                         const cairn_contour_search_object *object)
 {
     cairn_output_print(
         output,
@@ -138,17 +140,18 @@ static void print_number(cairn_output *output, const char *name, double value)
 }
 
 /* Prints the trace of one run of the particle filter. */
-static void print_trace(cairn_output *output, const cairn_contour_result *result, int32_t mirrored)
+static void print_trace(cairn_output *output, const cairn_contour_search_result *result,
+                        int32_t mirrored)
 {
     cairn_output_print(output, "  {\"mirrored\": %s, \"starts\": %d, ", mirrored ? "true" : "false",
                        (int)result->hypothesis_counts[mirrored]);
     if (result->mode == CAIRN_MODE_AS_WRITTEN)
         cairn_output_print(output, "\"points\": %d, \"points_dropped\": %d, \"end\": \"%s\", ",
                            (int)result->point_count, (int)result->points_dropped,
-                           cairn_contour_end_text(result->end_reason));
+                           cairn_contour_search_end_text(result->end_reason));
     cairn_output_print(output, "\"steps\": [");
     for (int32_t i = 0; i < result->steps[mirrored]; i++) {
-        const cairn_grouping_trace *step = &result->trace[mirrored][i];
+        const cairn_contour_grouping_trace *step = &result->trace[mirrored][i];
 
         cairn_output_print(output, "%s\n    {", i > 0 ? "," : "");
         print_number(output, "n_eff", (double)step->n_eff);
@@ -162,10 +165,10 @@ static void print_trace(cairn_output *output, const cairn_contour_result *result
     cairn_output_print(output, "]}");
 }
 
-cairn_status cairn_contour_file_write(const cairn_contour_picture *picture, const char *path,
+cairn_status cairn_contour_file_write(const cairn_contour_file_picture *picture, const char *path,
                                       cairn_file_error *error)
 {
-    const cairn_contour_result *result = picture->result;
+    const cairn_contour_search_result *result = picture->result;
     cairn_output *output;
     cairn_status status = cairn_output_open(&output, path, error);
 

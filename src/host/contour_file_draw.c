@@ -9,8 +9,8 @@
 static const char *const side_names[3] = {"left", "right", "other"};
 
 /* Returns the side of a segment: 0 left, 1 right, 2 neither. */
-static int32_t side_of(const cairn_contour_picture *picture, const cairn_contour_object *object,
-                       int32_t segment)
+static int32_t side_of(const cairn_contour_file_picture *picture,
+                       const cairn_contour_search_object *object, int32_t segment)
 {
     for (int32_t k = 0; k < object->disc_count; k++)
         for (int32_t side = 0; side < 2; side++)
@@ -19,8 +19,8 @@ static int32_t side_of(const cairn_contour_picture *picture, const cairn_contour
     return 2;
 }
 
-static void print_segments(cairn_output *output, const cairn_contour_picture *picture,
-                           const cairn_contour_object *object)
+static void print_segments(cairn_output *output, const cairn_contour_file_picture *picture,
+                           const cairn_contour_search_object *object)
 {
     for (int32_t side = 0; side < 3; side++) {
         cairn_output_print(output, "<path class=\"%s\" d=\"", side_names[side]);
@@ -36,16 +36,17 @@ static void print_segments(cairn_output *output, const cairn_contour_picture *pi
     }
 }
 
-static void print_skeleton(cairn_output *output, const cairn_contour_picture *picture,
-                           const cairn_contour_object *object)
+static void print_skeleton(cairn_output *output, const cairn_contour_file_picture *picture,
+                           const cairn_contour_search_object *object)
 {
-    const cairn_shape_path walk = {.count = object->disc_count};
+    const cairn_shape_model_path walk = {.count = object->disc_count};
     int32_t count = object->outline_count > 0 ? picture->model->path_count : 1;
 
     for (int32_t i = 0; i < count; i++) {
-        const cairn_shape_path *path =
+        const cairn_shape_model_path *path =
             object->outline_count > 0 ? &picture->model->paths[i] : &walk;
-        const cairn_contour_disc *discs = &picture->result->discs[object->first_disc + path->first];
+        const cairn_contour_search_disc *discs =
+            &picture->result->discs[object->first_disc + path->first];
 
         cairn_output_print(output, "<path class=\"axis\" d=\"");
         for (int32_t k = 0; k < path->count; k++)
@@ -61,10 +62,10 @@ static void print_skeleton(cairn_output *output, const cairn_contour_picture *pi
 }
 
 /* Draws the deformed outline for display only, dashed where the contour is not observed. */
-static void print_model(cairn_output *output, const cairn_contour_picture *picture,
-                        const cairn_contour_object *object)
+static void print_model(cairn_output *output, const cairn_contour_file_picture *picture,
+                        const cairn_contour_search_object *object)
 {
-    const cairn_contour_place *outline = &picture->result->outline[object->first_outline];
+    const cairn_contour_search_place *outline = &picture->result->outline[object->first_outline];
     int32_t first, count;
 
     cairn_output_print(output, "<path class=\"model\" d=\"");
@@ -72,7 +73,8 @@ static void print_model(cairn_output *output, const cairn_contour_picture *pictu
         cairn_output_print(output, "M%.1f %.1fh0", (double)outline[i].point.position.x,
                            (double)outline[i].point.position.y);
     cairn_output_print(output, "\"/>\n<path class=\"completed\" d=\"");
-    for (int32_t from = 0; cairn_contour_completed(picture->result, object, from, &first, &count);
+    for (int32_t from = 0;
+         cairn_contour_search_completed(picture->result, object, from, &first, &count);
          from = first + count)
         for (int32_t i = first; i < first + count; i++)
             cairn_output_print(output, "%s%.1f %.1f", i == first ? "M" : "L",
@@ -81,8 +83,8 @@ static void print_model(cairn_output *output, const cairn_contour_picture *pictu
     cairn_output_print(output, "\"/>\n");
 }
 
-static void print_object(cairn_output *output, const cairn_contour_picture *picture,
-                         const cairn_contour_object *object)
+static void print_object(cairn_output *output, const cairn_contour_file_picture *picture,
+                         const cairn_contour_search_object *object)
 {
     print_skeleton(output, picture, object);
     print_model(output, picture, object);
@@ -92,7 +94,7 @@ static void print_object(cairn_output *output, const cairn_contour_picture *pict
                        (double)object->found.score);
 }
 
-cairn_status cairn_contour_file_draw(const cairn_contour_picture *picture, const char *path,
+cairn_status cairn_contour_file_draw(const cairn_contour_file_picture *picture, const char *path,
                                      cairn_file_error *error)
 {
     static const cairn_report_key keys[] = {

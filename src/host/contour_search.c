@@ -55,8 +55,8 @@ enum { MAX_CANDIDATES = 12 };
 enum { UNITS_PER_CALLBACK = 2000 };
 
 typedef struct contour_searcher {
-    cairn_contour_result *result;
-    const cairn_contour_tokens *tokens;
+    cairn_contour_search_result *result;
+    const cairn_contour_search_tokens *tokens;
     const cairn_contour_search_params *params;
     contour_field *field;
     contour_fit fit;
@@ -67,7 +67,7 @@ cairn_contour_search_params cairn_contour_search_default(int32_t width, int32_t 
 {
     cairn_real diagonal = (cairn_real)hypot((double)width, (double)height);
     cairn_contour_search_params params = {
-        .grouping = cairn_grouping_default(),
+        .grouping = cairn_contour_grouping_default(),
         .min_evidence = MIN_EVIDENCE,
         .min_score = MIN_SCORE,
         .min_size = cairn_max(24, diagonal / 10),
@@ -84,7 +84,7 @@ cairn_contour_search_params cairn_contour_search_default(int32_t width, int32_t 
     return params;
 }
 
-void cairn_contour_result_free(cairn_contour_result *result)
+void cairn_contour_search_result_free(cairn_contour_search_result *result)
 {
     free(result->objects);
     free(result->segments);
@@ -99,7 +99,7 @@ void cairn_contour_result_free(cairn_contour_result *result)
 
 /* ---- Discs ---- */
 
-cairn_vec2 cairn_contour_search_transform_vector(const cairn_grouped_object *object,
+cairn_vec2 cairn_contour_search_transform_vector(const cairn_contour_grouping_object *object,
                                                  cairn_vec2 model_vector)
 {
     cairn_real c = object->size * (cairn_real)cos((double)object->turn),
@@ -121,8 +121,8 @@ cairn_real cairn_contour_search_point_distance(cairn_segment line, cairn_vec2 p)
 }
 
 /* The object's segment nearest to a point and its direction; -1: none. */
-static int32_t segment_at(const contour_searcher *searcher, const cairn_grouped_object *object,
-                          cairn_oriented_point point)
+static int32_t segment_at(const contour_searcher *searcher,
+                          const cairn_contour_grouping_object *object, cairn_oriented_point point)
 {
     cairn_real nearest = cairn_max(MIN_DISTANCE_PX, (cairn_real)MAX_DISTANCE_SHARE * object->size);
     int32_t found = -1;
@@ -162,19 +162,19 @@ static int32_t nearest_sample(const cairn_shape_model *model, cairn_vec2 point)
 
 /* Disc of a model sample: from the sides of the deformed outline, or the symmetric point of the
  * segments on both sides. */
-static cairn_contour_disc disc_of(const contour_searcher *searcher,
-                                  const cairn_contour_object *object,
-                                  const cairn_shape_model *model, int32_t index)
+static cairn_contour_search_disc disc_of(const contour_searcher *searcher,
+                                         const cairn_contour_search_object *object,
+                                         const cairn_shape_model *model, int32_t index)
 {
-    const cairn_contour_place *outline = &searcher->result->outline[object->first_outline];
-    const cairn_shape_sample *sample = &model->samples[index];
+    const cairn_contour_search_place *outline = &searcher->result->outline[object->first_outline];
+    const cairn_shape_model_sample *sample = &model->samples[index];
     cairn_symmetric_point_params params = cairn_symmetric_point_default();
-    cairn_contour_disc disc = {.side = {-1, -1}, .sample = index};
+    cairn_contour_search_disc disc = {.side = {-1, -1}, .sample = index};
     cairn_vec2 side[2];
     cairn_symmetric_point sp;
 
     for (int32_t k = 0; k < 2; k++) {
-        const cairn_contour_place *sample_place =
+        const cairn_contour_search_place *sample_place =
             &outline[nearest_sample(model, sample->contact[k].position)];
 
         disc.side[k] = sample_place->segment;
@@ -207,7 +207,7 @@ static int reserve(void **array, int32_t length, int32_t count, size_t size)
     return grown != NULL;
 }
 
-static int reserve_object(cairn_contour_result *result, int32_t segments,
+static int reserve_object(cairn_contour_search_result *result, int32_t segments,
                           const cairn_shape_model *model)
 {
     void *array[] = {result->objects, result->segments, result->outline, result->discs};
@@ -225,8 +225,8 @@ static int reserve_object(cairn_contour_result *result, int32_t segments,
 }
 
 /* Computes the matched share of the outline, and the number of matched skeleton samples. */
-static void count_matched(const cairn_contour_result *result, cairn_contour_object *object,
-                          const cairn_shape_model *model)
+static void count_matched(const cairn_contour_search_result *result,
+                          cairn_contour_search_object *object, const cairn_shape_model *model)
 {
     int32_t matched = 0;
 
@@ -249,9 +249,9 @@ static contour_gaps gaps_of(const contour_fit *fit, const cairn_shape_model *mod
     return gaps;
 }
 
-static cairn_contour_shape shape_of(const contour_searcher *searcher,
-                                    const contour_fitted_outline *fitted, cairn_real turn,
-                                    const cairn_shape_model *model)
+static cairn_contour_search_shape shape_of(const contour_searcher *searcher,
+                                           const contour_fitted_outline *fitted, cairn_real turn,
+                                           const cairn_shape_model *model)
 {
     const contour_reference drawn = {
         model->outline, {(cairn_real)cos((double)turn), (cairn_real)sin((double)turn)}};
@@ -260,9 +260,9 @@ static cairn_contour_shape shape_of(const contour_searcher *searcher,
                                          &drawn, searcher->scratch, NULL);
 }
 
-static cairn_real evidence_of(const cairn_contour_object *object)
+static cairn_real evidence_of(const cairn_contour_search_object *object)
 {
-    const cairn_contour_shape *shape = &object->shape;
+    const cairn_contour_search_shape *shape = &object->shape;
 
     return object->deformed_evidence + RIGID_EVIDENCE_WEIGHT * object->rigid_evidence +
            PROXIMITY_WEIGHT * shape->edge_proximity - TANGENT_WEIGHT * shape->tangent_deviation -
@@ -272,16 +272,16 @@ static cairn_real evidence_of(const cairn_contour_object *object)
 
 /* Deforms the model to the edges around an object of the grouping, and collects the segments along
  * it. Objects below the thresholds are not added. Returns 0 when out of memory. */
-static int add_object(contour_searcher *searcher, const cairn_grouping_result *found, int32_t index,
-                      const cairn_shape_model *model, int32_t mirrored)
+static int add_object(contour_searcher *searcher, const cairn_contour_grouping_result *found,
+                      int32_t index, const cairn_shape_model *model, int32_t mirrored)
 {
-    cairn_contour_result *result = searcher->result;
-    cairn_contour_object object = {.found = found->objects[index],
-                                   .mirrored = mirrored,
-                                   .first_disc = result->disc_count,
-                                   .disc_count = model->sample_count,
-                                   .first_outline = result->outline_count,
-                                   .outline_count = model->outline_count};
+    cairn_contour_search_result *result = searcher->result;
+    cairn_contour_search_object object = {.found = found->objects[index],
+                                          .mirrored = mirrored,
+                                          .first_disc = result->disc_count,
+                                          .disc_count = model->sample_count,
+                                          .first_outline = result->outline_count,
+                                          .outline_count = model->outline_count};
     contour_fitted_outline fitted = {searcher->fit.outline, model->outline_count, {0, 0}, 0};
     contour_gaps gaps;
 
@@ -326,7 +326,7 @@ static int add_object(contour_searcher *searcher, const cairn_grouping_result *f
 
 static int compare_objects(const void *a, const void *b)
 {
-    const cairn_contour_object *x = a, *y = b;
+    const cairn_contour_search_object *x = a, *y = b;
 
     if (x->found.evidence != y->found.evidence)
         return x->found.evidence < y->found.evidence ? 1 : -1;
@@ -334,7 +334,7 @@ static int compare_objects(const void *a, const void *b)
 }
 
 /* Sorts objects by descending evidence and removes those too close to better ones. */
-static void suppress_non_maxima(cairn_contour_result *result)
+static void suppress_non_maxima(cairn_contour_search_result *result)
 {
     int32_t kept = 0;
 
@@ -342,11 +342,11 @@ static void suppress_non_maxima(cairn_contour_result *result)
         qsort(result->objects, (size_t)result->object_count, sizeof *result->objects,
               compare_objects);
     for (int32_t i = 0; i < result->object_count; i++) {
-        const cairn_grouped_object *object = &result->objects[i].found;
+        const cairn_contour_grouping_object *object = &result->objects[i].found;
         int32_t is_separate = 1;
 
         for (int32_t k = 0; k < kept && is_separate; k++) {
-            const cairn_grouped_object *better = &result->objects[k].found;
+            const cairn_contour_grouping_object *better = &result->objects[k].found;
             cairn_real radius =
                 (cairn_real)NMS_RADIUS_SHARE * cairn_max(object->size, better->size);
 
@@ -358,10 +358,11 @@ static void suppress_non_maxima(cairn_contour_result *result)
     result->object_count = kept;
 }
 
-int cairn_contour_completed(const cairn_contour_result *result, const cairn_contour_object *object,
-                            int32_t from, int32_t *first, int32_t *count)
+int cairn_contour_search_completed(const cairn_contour_search_result *result,
+                                   const cairn_contour_search_object *object, int32_t from,
+                                   int32_t *first, int32_t *count)
 {
-    const cairn_contour_place *outline = &result->outline[object->first_outline];
+    const cairn_contour_search_place *outline = &result->outline[object->first_outline];
     int32_t i = from;
 
     while (i < object->outline_count && outline[i].segment >= 0)
@@ -377,16 +378,17 @@ int cairn_contour_completed(const cairn_contour_result *result, const cairn_cont
 /* ---- The search ---- */
 
 /* Number of clusters of particles by model position. */
-static int32_t count_modes(const cairn_grouping_particle *particles, int32_t count, int32_t *mode)
+static int32_t count_modes(const cairn_contour_grouping_particle *particles, int32_t count,
+                           int32_t *mode)
 {
     int32_t modes = 0;
 
     for (int32_t i = 0; i < count; i++) {
-        const cairn_grouping_particle *p = &particles[i];
+        const cairn_contour_grouping_particle *p = &particles[i];
         int32_t k = 0;
 
         while (k < modes) {
-            const cairn_grouping_particle *q = &particles[mode[k]];
+            const cairn_contour_grouping_particle *q = &particles[mode[k]];
 
             if (cairn_vec2_norm(cairn_vec2_sub(p->origin, q->origin)) <=
                 (cairn_real)NMS_RADIUS_SHARE * cairn_max(p->size, q->size))
@@ -401,20 +403,20 @@ static int32_t count_modes(const cairn_grouping_particle *particles, int32_t cou
 
 /* Buffers for observing the filter. */
 typedef struct filter_observer {
-    cairn_grouping_particle *particles; /* [capacity] */
-    int32_t *mode;                      /* [capacity] */
-    int32_t capacity, last_step;        /* particles; last observed step */
+    cairn_contour_grouping_particle *particles; /* [capacity] */
+    int32_t *mode;                              /* [capacity] */
+    int32_t capacity, last_step;                /* particles; last observed step */
 } filter_observer;
 
-static void observe(const contour_searcher *searcher, const cairn_grouping *grouping,
+static void observe(const contour_searcher *searcher, const cairn_contour_grouping *grouping,
                     int32_t mirrored, int32_t most_steps, filter_observer *observer)
 {
-    int32_t steps, count = cairn_grouping_particles(grouping, NULL, 0, &steps);
+    int32_t steps, count = cairn_contour_grouping_particles(grouping, NULL, 0, &steps);
 
     if (steps == observer->last_step || steps > most_steps)
         return;
     observer->last_step = steps;
-    (void)cairn_grouping_particles(grouping, observer->particles, observer->capacity, NULL);
+    (void)cairn_contour_grouping_particles(grouping, observer->particles, observer->capacity, NULL);
     count = count < observer->capacity ? count : observer->capacity;
     searcher->result->mode_counts[mirrored][searcher->result->steps[mirrored] + steps - 1] =
         count_modes(observer->particles, count, observer->mode);
@@ -422,7 +424,7 @@ static void observe(const contour_searcher *searcher, const cairn_grouping *grou
         searcher->params->on_step(searcher->params->context, observer->particles, count, mirrored);
 }
 
-static cairn_status run_grouping(const contour_searcher *searcher, cairn_grouping *grouping,
+static cairn_status run_grouping(const contour_searcher *searcher, cairn_contour_grouping *grouping,
                                  int32_t mirrored, int32_t samples, int32_t particles)
 {
     filter_observer observer = {malloc((size_t)particles * sizeof *observer.particles),
@@ -441,7 +443,7 @@ static cairn_status run_grouping(const contour_searcher *searcher, cairn_groupin
     while (status == CAIRN_MORE) {
         cairn_budget budget = {UNITS_PER_CALLBACK};
 
-        status = cairn_grouping_step(grouping, &budget);
+        status = cairn_contour_grouping_step(grouping, &budget);
         if (status >= 0)
             observe(searcher, grouping, mirrored, samples, &observer);
     }
@@ -451,11 +453,11 @@ static cairn_status run_grouping(const contour_searcher *searcher, cairn_groupin
 }
 
 /* Appends the filter trace to those of earlier bands, and adds the objects. */
-static int append_result(contour_searcher *searcher, const cairn_grouping *grouping,
+static int append_result(contour_searcher *searcher, const cairn_contour_grouping *grouping,
                          const cairn_shape_model *model, int32_t mirrored)
 {
-    cairn_grouping_result found = cairn_grouping_read(grouping);
-    cairn_contour_result *result = searcher->result;
+    cairn_contour_grouping_result found = cairn_contour_grouping_read(grouping);
+    cairn_contour_search_result *result = searcher->result;
     void *trace = result->trace[mirrored];
 
     if (!reserve(&trace, result->steps[mirrored], found.steps, sizeof *found.trace))
@@ -475,10 +477,10 @@ static int append_result(contour_searcher *searcher, const cairn_grouping *group
 /* Searches the model in successive bands of sizes. */
 static cairn_status search_bands(contour_searcher *searcher, const cairn_shape_model *model,
                                  int32_t mirrored, cairn_pool *pool,
-                                 const cairn_grouping_params *params)
+                                 const cairn_contour_grouping_params *params)
 {
     const cairn_contour_search_params *p = searcher->params;
-    cairn_grouping_input input = {
+    cairn_contour_grouping_input input = {
         .segments = searcher->tokens->lines,
         .count = searcher->tokens->count,
         .width = searcher->tokens->width,
@@ -492,15 +494,15 @@ static cairn_status search_bands(contour_searcher *searcher, const cairn_shape_m
     double range =
         p->min_size > 0 && p->max_size > p->min_size ? log((double)(p->max_size / p->min_size)) : 0;
     int32_t bands = 1 + (int32_t)(range / log(BAND_FACTOR));
-    cairn_grouping *grouping;
-    cairn_status status = cairn_grouping_create(&grouping, pool, params);
+    cairn_contour_grouping *grouping;
+    cairn_status status = cairn_contour_grouping_create(&grouping, pool, params);
 
     for (int32_t k = 0; k < bands && status == CAIRN_OK; k++) {
         if (bands > 1) {
             input.min_size = p->min_size * (cairn_real)exp(range * k / bands);
             input.max_size = p->min_size * (cairn_real)exp(range * (k + 1) / bands);
         }
-        status = cairn_grouping_begin(grouping, &input);
+        status = cairn_contour_grouping_begin(grouping, &input);
         if (status == CAIRN_OK)
             status =
                 run_grouping(searcher, grouping, mirrored, model->sample_count, params->particles);
@@ -511,19 +513,19 @@ static cairn_status search_bands(contour_searcher *searcher, const cairn_shape_m
 }
 
 /* Number of tokens of all segments, clamped. */
-static int32_t count_tokens(const cairn_contour_tokens *tokens, cairn_real token)
+static int32_t count_tokens(const cairn_contour_search_tokens *tokens, cairn_real token)
 {
     double count = 0;
 
     for (int32_t i = 0; i < tokens->count; i++)
         count += ceil((double)cairn_segment_length(tokens->lines[i]) / (double)token);
-    return count < MIN_TOKENS                 ? MIN_TOKENS
-           : count > CAIRN_CONTOUR_MAX_TOKENS ? CAIRN_CONTOUR_MAX_TOKENS
-                                              : (int32_t)count;
+    return count < MIN_TOKENS                        ? MIN_TOKENS
+           : count > CAIRN_CONTOUR_SEARCH_MAX_TOKENS ? CAIRN_CONTOUR_SEARCH_MAX_TOKENS
+                                                     : (int32_t)count;
 }
 
 static cairn_status search_both(contour_searcher *searcher, const cairn_shape_model *model,
-                                cairn_pool *pool, const cairn_grouping_params *params)
+                                cairn_pool *pool, const cairn_contour_grouping_params *params)
 {
     cairn_shape_model_file mirrored;
     cairn_mark mark;
@@ -544,14 +546,14 @@ static cairn_status search_both(contour_searcher *searcher, const cairn_shape_mo
     return status;
 }
 
-cairn_status cairn_contour_search_run(cairn_contour_result *result,
-                                      const cairn_contour_tokens *tokens,
+cairn_status cairn_contour_search_run(cairn_contour_search_result *result,
+                                      const cairn_contour_search_tokens *tokens,
                                       const cairn_shape_model *model,
                                       const cairn_contour_search_params *params, const char *path,
                                       cairn_file_error *error)
 {
     contour_searcher searcher = {.result = result, .tokens = tokens, .params = params};
-    cairn_grouping_params grouping = params->grouping;
+    cairn_contour_grouping_params grouping = params->grouping;
     cairn_status status;
     cairn_pool pool;
     void *memory;
@@ -565,7 +567,7 @@ cairn_status cairn_contour_search_run(cairn_contour_result *result,
         grouping.token_length > 0 ? count_tokens(tokens, grouping.token_length) : 1;
     grouping.max_samples = model->sample_count;
     grouping.max_outline = model->outline_count;
-    result->pool_bytes = cairn_grouping_memory(&grouping) + CAIRN_ALIGN;
+    result->pool_bytes = cairn_contour_grouping_memory(&grouping) + CAIRN_ALIGN;
     memory = malloc(result->pool_bytes);
     searcher.field = cairn_contour_search_field_new();
     searcher.scratch = malloc(((size_t)tokens->count + 1) * sizeof *searcher.scratch);
@@ -584,7 +586,7 @@ cairn_status cairn_contour_search_run(cairn_contour_result *result,
     cairn_contour_search_field_free(searcher.field);
     cairn_contour_search_fit_free(&searcher.fit);
     if (status != CAIRN_OK) {
-        cairn_contour_result_free(result);
+        cairn_contour_search_result_free(result);
         return cairn_file_error_set(error, status, path, 0,
                                     "%s, expected a model, sizes above 0 and rotations in range",
                                     cairn_status_text(status));

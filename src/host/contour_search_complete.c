@@ -121,8 +121,9 @@ static int is_along_outline(const contour_fitted_outline *fitted, cairn_segment 
 }
 
 /* Closes the gaps of one chain, segments [from ... to - 1]. */
-static void close_gaps(const cairn_contour_tokens *tokens, const contour_fitted_outline *fitted,
-                       int32_t from, int32_t to, uint8_t *selected)
+static void close_gaps(const cairn_contour_search_tokens *tokens,
+                       const contour_fitted_outline *fitted, int32_t from, int32_t to,
+                       uint8_t *selected)
 {
     cairn_real gap = 0;
     int32_t previous = -1;
@@ -140,7 +141,7 @@ static void close_gaps(const cairn_contour_tokens *tokens, const contour_fitted_
 }
 
 /* Extends the selection along one chain, in both directions. */
-static void follow(const cairn_contour_tokens *tokens, const contour_fitted_outline *fitted,
+static void follow(const cairn_contour_search_tokens *tokens, const contour_fitted_outline *fitted,
                    int32_t from, int32_t to, uint8_t *selected)
 {
     for (int32_t i = from + 1; i < to; i++)
@@ -151,7 +152,7 @@ static void follow(const cairn_contour_tokens *tokens, const contour_fitted_outl
             selected[i] = (uint8_t)is_continuation(fitted, tokens->lines[i + 1], tokens->lines[i]);
 }
 
-static int32_t end_of_chain(const cairn_contour_tokens *tokens, int32_t from)
+static int32_t end_of_chain(const cairn_contour_search_tokens *tokens, int32_t from)
 {
     int32_t to = from + 1;
 
@@ -161,7 +162,7 @@ static int32_t end_of_chain(const cairn_contour_tokens *tokens, int32_t from)
 }
 
 /* Selects the ends of chains that continue where a selected segment ends; returns their number. */
-static int32_t cross_junctions(const cairn_contour_tokens *tokens,
+static int32_t cross_junctions(const cairn_contour_search_tokens *tokens,
                                const contour_fitted_outline *fitted, contour_ends *ends,
                                uint8_t *selected)
 {
@@ -184,7 +185,7 @@ static int32_t cross_junctions(const cairn_contour_tokens *tokens,
 }
 
 /* Closes gaps and extends the ends of all chains with a selected segment. */
-static void complete_chains(const cairn_contour_tokens *tokens,
+static void complete_chains(const cairn_contour_search_tokens *tokens,
                             const contour_fitted_outline *fitted, uint8_t *selected)
 {
     for (int32_t from = 0, to; from < tokens->count; from = to) {
@@ -201,8 +202,8 @@ static void complete_chains(const cairn_contour_tokens *tokens,
 }
 
 /* Lists the first and last segments of the chains near the object; returns their number. */
-static int32_t list_ends(const cairn_contour_tokens *tokens, const contour_fitted_outline *fitted,
-                         int32_t *ends)
+static int32_t list_ends(const cairn_contour_search_tokens *tokens,
+                         const contour_fitted_outline *fitted, int32_t *ends)
 {
     int32_t count = 0;
 
@@ -227,8 +228,9 @@ static int compare_placed(const void *a, const void *b)
 }
 
 /* Lists the selected segments in the order of the outline. */
-static int list_selected(const cairn_contour_tokens *tokens, const contour_fitted_outline *fitted,
-                         const uint8_t *selected, int32_t *list, int32_t *count)
+static int list_selected(const cairn_contour_search_tokens *tokens,
+                         const contour_fitted_outline *fitted, const uint8_t *selected,
+                         int32_t *list, int32_t *count)
 {
     outline_order *order = malloc(((size_t)tokens->count + 1) * sizeof *order);
     cairn_real distance;
@@ -249,7 +251,7 @@ static int list_selected(const cairn_contour_tokens *tokens, const contour_fitte
 }
 
 /* Selects the segments along the outline, near the object only. */
-static void select_along_outline(const cairn_contour_tokens *tokens,
+static void select_along_outline(const cairn_contour_search_tokens *tokens,
                                  const contour_fitted_outline *fitted, uint8_t *selected)
 {
     for (int32_t i = 0; i < tokens->count; i++)
@@ -284,7 +286,7 @@ static int continues(cairn_segment from, cairn_segment to, cairn_real junction, 
 }
 
 typedef struct edge_extender {
-    const cairn_contour_tokens *tokens;
+    const cairn_contour_search_tokens *tokens;
     /* px, box that the midpoints of segments must lie in */
     cairn_vec2 box_min, box_max;
     /* px, greatest length of an extension */
@@ -385,8 +387,9 @@ static int extend_gaps(edge_extender *extender, const contour_gaps *gaps, const 
     return 1;
 }
 
-static int extend_selected(const cairn_contour_tokens *tokens, const contour_fitted_outline *fitted,
-                           const contour_gaps *gaps, contour_ends *ends, uint8_t *selected)
+static int extend_selected(const cairn_contour_search_tokens *tokens,
+                           const contour_fitted_outline *fitted, const contour_gaps *gaps,
+                           contour_ends *ends, uint8_t *selected)
 {
     cairn_real margin = (cairn_real)BOX_MARGIN_SHARE * fitted->size;
     cairn_box box = cairn_box_empty();
@@ -416,7 +419,7 @@ static int extend_selected(const cairn_contour_tokens *tokens, const contour_fit
     return ok;
 }
 
-int cairn_contour_search_collect_with_gaps(const cairn_contour_tokens *tokens,
+int cairn_contour_search_collect_with_gaps(const cairn_contour_search_tokens *tokens,
                                            const contour_fitted_outline *fitted,
                                            const contour_gaps *gaps, int32_t *list, int32_t *count)
 {
@@ -442,7 +445,7 @@ int cairn_contour_search_collect_with_gaps(const cairn_contour_tokens *tokens,
     return ok;
 }
 
-int cairn_contour_search_collect_segments(const cairn_contour_tokens *tokens,
+int cairn_contour_search_collect_segments(const cairn_contour_search_tokens *tokens,
                                           const contour_fitted_outline *fitted, int32_t *list,
                                           int32_t *count)
 {

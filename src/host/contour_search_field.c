@@ -169,8 +169,9 @@ void cairn_contour_search_field_free(contour_field *field)
     free(field);
 }
 
-void cairn_contour_search_field_fill(contour_field *field, const cairn_contour_tokens *tokens,
-                                     const cairn_grouped_object *object)
+void cairn_contour_search_field_fill(contour_field *field,
+                                     const cairn_contour_search_tokens *tokens,
+                                     const cairn_contour_grouping_object *object)
 {
     cairn_real half;
 

@@ -275,7 +275,7 @@ static int32_t end_of_outline(const outline_deformer *deformer, int32_t first)
 /* ---- All outlines ---- */
 
 /* Smooths the shifts of an outline, and rotates its directions accordingly. */
-static void smooth_outline(outline_deformer *deformer, const cairn_grouped_object *object,
+static void smooth_outline(outline_deformer *deformer, const cairn_contour_grouping_object *object,
                            int32_t first, int32_t end)
 {
     int32_t count = end - first;
@@ -335,7 +335,7 @@ static void number_outlines(outline_deformer *deformer)
     }
 }
 
-static void smooth_all(outline_deformer *deformer, const cairn_grouped_object *object)
+static void smooth_all(outline_deformer *deformer, const cairn_contour_grouping_object *object)
 {
     for (int32_t first = 0, end; first < deformer->model->outline_count; first = end) {
         end = end_of_outline(deformer, first);
@@ -399,7 +399,7 @@ static cairn_real fit_affine_map(outline_deformer *deformer)
 
 /* Sets the object's pose to the least-squares similarity transform from the model to the deformed
  * outline. */
-static void fit_similarity(const outline_deformer *deformer, cairn_grouped_object *object)
+static void fit_similarity(const outline_deformer *deformer, cairn_contour_grouping_object *object)
 {
     const cairn_shape_model *model = deformer->model;
     cairn_real count = (cairn_real)model->outline_count, squared_norms = 0, dot = 0, cross = 0;
@@ -428,7 +428,7 @@ static void fit_similarity(const outline_deformer *deformer, cairn_grouped_objec
 }
 
 /* Initializes the outline at the object's pose. */
-static void place_outline(outline_deformer *deformer, const cairn_grouped_object *object)
+static void place_outline(outline_deformer *deformer, const cairn_contour_grouping_object *object)
 {
     for (int32_t i = 0; i < deformer->model->outline_count; i++) {
         deformer->base[i] = cairn_vec2_add(
@@ -440,7 +440,7 @@ static void place_outline(outline_deformer *deformer, const cairn_grouped_object
     }
 }
 
-static void deform(outline_deformer *deformer, cairn_grouped_object *object)
+static void deform(outline_deformer *deformer, cairn_contour_grouping_object *object)
 {
     cairn_real aspect;
 
@@ -485,7 +485,8 @@ static cairn_real spacing_of(const cairn_shape_model *model)
 }
 
 int cairn_contour_search_fit_run(contour_fit *fit, const contour_field *field,
-                                 const cairn_shape_model *model, cairn_grouped_object *object)
+                                 const cairn_shape_model *model,
+                                 cairn_contour_grouping_object *object)
 {
     outline_deformer deformer = {.field = field,
                                  .model = model,

@@ -31,8 +31,9 @@ typedef struct contour_field {
 contour_field *cairn_contour_search_field_new(void);
 void cairn_contour_search_field_free(contour_field *field);
 /* Computes the field around an object. Cost: the segments near it, and about 10^7 operations. */
-void cairn_contour_search_field_fill(contour_field *field, const cairn_contour_tokens *tokens,
-                                     const cairn_grouped_object *object);
+void cairn_contour_search_field_fill(contour_field *field,
+                                     const cairn_contour_search_tokens *tokens,
+                                     const cairn_contour_grouping_object *object);
 int32_t cairn_contour_search_field_bin(cairn_vec2 direction);
 
 /* A deformed outline and its score. */
@@ -53,7 +54,8 @@ typedef struct contour_fit {
 /* Deforms the outline of the object's model to the edges of the field. The object's pose becomes
  * that of the deformed outline. Returns 0 when out of memory. */
 int cairn_contour_search_fit_run(contour_fit *fit, const contour_field *field,
-                                 const cairn_shape_model *model, cairn_grouped_object *object);
+                                 const cairn_shape_model *model,
+                                 cairn_contour_grouping_object *object);
 int cairn_contour_search_fit_new(contour_fit *fit, int32_t outline_count);
 void cairn_contour_search_fit_free(contour_fit *fit);
 
@@ -70,10 +72,10 @@ typedef struct contour_reference {
  * (contour_search_shape.c). outline_index: outline indices of the fit; list: [tokens->count]
  * scratch; proximity: NULL, or [outline_count], receives the edge proximity of each sample,
  * 0 ... 1. Cost: samples times the segments in its box. */
-cairn_contour_shape cairn_contour_search_shape_of(const cairn_contour_tokens *tokens,
-                                                  const contour_fitted_outline *fitted,
-                                                  const int32_t *outline_index,
-                                                  const contour_reference *reference, int32_t *list,
-                                                  cairn_real *proximity);
+cairn_contour_search_shape cairn_contour_search_shape_of(const cairn_contour_search_tokens *tokens,
+                                                         const contour_fitted_outline *fitted,
+                                                         const int32_t *outline_index,
+                                                         const contour_reference *reference,
+                                                         int32_t *list, cairn_real *proximity);
 
 #endif

@@ -41,7 +41,7 @@ static cairn_real cost_of(cairn_segment line, cairn_oriented_point point, cairn_
 }
 
 /* Lists the lines near the box of an outline. */
-static int32_t list_candidates(const cairn_contour_tokens *tokens,
+static int32_t list_candidates(const cairn_contour_search_tokens *tokens,
                                const contour_fitted_outline *fitted, int32_t *list)
 {
     cairn_real reach = MAX_DISTANCE_SIGMAS * (cairn_real)DISTANCE_SIGMA * fitted->size;
@@ -63,7 +63,7 @@ static int32_t list_candidates(const cairn_contour_tokens *tokens,
 }
 
 /* Mean edge proximity; proximity: of each sample, or NULL. */
-static cairn_real edge_proximity(const cairn_contour_tokens *tokens,
+static cairn_real edge_proximity(const cairn_contour_search_tokens *tokens,
                                  const contour_fitted_outline *fitted, int32_t *list,
                                  cairn_real *proximity)
 {
@@ -167,13 +167,13 @@ static cairn_real deformation_of(const contour_fitted_outline *fitted,
                     : 1;
 }
 
-cairn_contour_shape cairn_contour_search_shape_of(const cairn_contour_tokens *tokens,
-                                                  const contour_fitted_outline *fitted,
-                                                  const int32_t *outline_index,
-                                                  const contour_reference *reference, int32_t *list,
-                                                  cairn_real *proximity)
+cairn_contour_search_shape cairn_contour_search_shape_of(const cairn_contour_search_tokens *tokens,
+                                                         const contour_fitted_outline *fitted,
+                                                         const int32_t *outline_index,
+                                                         const contour_reference *reference,
+                                                         int32_t *list, cairn_real *proximity)
 {
-    cairn_contour_shape shape;
+    cairn_contour_search_shape shape;
 
     shape.edge_proximity = edge_proximity(tokens, fitted, list, proximity);
     shape.tangent_deviation = tangent_deviation(fitted, outline_index, reference);

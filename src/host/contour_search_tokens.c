@@ -18,7 +18,7 @@ enum { EDGEL_STEP_PIXELS = 3, EDGEL_SPAN_PIXELS = 3 };
 /* px: used as mean segment length and look-ahead for edgels. */
 #define EDGEL_SCALE_PX 5
 
-void cairn_contour_tokens_free(cairn_contour_tokens *tokens)
+void cairn_contour_search_tokens_free(cairn_contour_search_tokens *tokens)
 {
     free(tokens->lines);
     free(tokens->chain);
@@ -27,7 +27,7 @@ void cairn_contour_tokens_free(cairn_contour_tokens *tokens)
     memset(tokens, 0, sizeof *tokens);
 }
 
-static int allocate(cairn_contour_tokens *tokens, int32_t count)
+static int allocate(cairn_contour_search_tokens *tokens, int32_t count)
 {
     tokens->lines = malloc(((size_t)count + 1) * sizeof *tokens->lines);
     tokens->chain = malloc(((size_t)count + 1) * sizeof *tokens->chain);
@@ -35,14 +35,14 @@ static int allocate(cairn_contour_tokens *tokens, int32_t count)
     return tokens->lines != NULL && tokens->chain != NULL && tokens->strength_rank != NULL;
 }
 
-static cairn_vec2 pixel_position(const cairn_edge_pixel *pixel)
+static cairn_vec2 pixel_position(const cairn_edge_chain_pixel *pixel)
 {
     cairn_vec2 position = {(cairn_real)pixel->x, (cairn_real)pixel->y};
 
     return position;
 }
 
-static cairn_status extract_edgels(cairn_contour_tokens *tokens,
+static cairn_status extract_edgels(cairn_contour_search_tokens *tokens,
                                    const cairn_edge_chain_result *chains)
 {
     const cairn_real half = CAIRN_REAL(0.5) * EDGEL_STEP_PIXELS;
@@ -50,7 +50,7 @@ static cairn_status extract_edgels(cairn_contour_tokens *tokens,
     if (!allocate(tokens, chains->pixel_count / EDGEL_STEP_PIXELS + chains->chain_count))
         return CAIRN_NO_MEMORY;
     for (int32_t c = 0; c < chains->chain_count; c++) {
-        const cairn_edge_pixel *pixels = &chains->pixels[chains->chains[c].first];
+        const cairn_edge_chain_pixel *pixels = &chains->pixels[chains->chains[c].first];
         int32_t last = chains->chains[c].count - 1;
 
         for (int32_t i = EDGEL_STEP_PIXELS / 2; i <= last; i += EDGEL_STEP_PIXELS) {
@@ -80,7 +80,8 @@ typedef struct token_kind {
 } token_kind;
 
 /* Extracts segments; without the virtual ones in the default mode, because they lie on no edge. */
-static cairn_status extract_segments(cairn_contour_tokens *tokens, cairn_edge_segment_set *set,
+static cairn_status extract_segments(cairn_contour_search_tokens *tokens,
+                                     cairn_edge_segment_set *set,
                                      const cairn_edge_chain_result *chains, int32_t written)
 {
     cairn_status status = cairn_edge_segment_begin(set, chains);
@@ -109,7 +110,7 @@ static cairn_status extract_segments(cairn_contour_tokens *tokens, cairn_edge_se
 }
 
 /* Extracts the end points of strong chains. */
-static cairn_status extract_strong_ends(cairn_contour_tokens *tokens,
+static cairn_status extract_strong_ends(cairn_contour_search_tokens *tokens,
                                         const cairn_edge_chain_result *chains, cairn_real strong)
 {
     double sum = 0, pixels = 0;
@@ -133,8 +134,9 @@ static cairn_status extract_strong_ends(cairn_contour_tokens *tokens,
     return CAIRN_OK;
 }
 
-static cairn_status extract_tokens(cairn_contour_tokens *tokens, cairn_raster_u8_view strengths,
-                                   const token_kind *kind, const cairn_edge_chain_params *chain,
+static cairn_status extract_tokens(cairn_contour_search_tokens *tokens,
+                                   cairn_raster_u8_view strengths, const token_kind *kind,
+                                   const cairn_edge_chain_params *chain,
                                    const cairn_edge_segment_params *segment, cairn_pool *pool)
 {
     cairn_edge_segment_set *segments;
@@ -191,7 +193,7 @@ static int32_t mean_strength(cairn_raster_u8_view view, cairn_segment line)
 
 /* Ranks strengths: the share of the total edge length that is weaker, plus half of that of equal
  * strength. */
-static void rank_strengths(cairn_contour_tokens *tokens, cairn_raster_u8_view view)
+static void rank_strengths(cairn_contour_search_tokens *tokens, cairn_raster_u8_view view)
 {
     double length[256] = {0}, weaker[256], total = 0;
 
@@ -218,7 +220,7 @@ static int32_t count_edges(cairn_raster_u8_view strengths, int32_t min_strength)
     return count;
 }
 
-static cairn_status find_tokens(cairn_contour_tokens *tokens, cairn_raster_u8_view strengths,
+static cairn_status find_tokens(cairn_contour_search_tokens *tokens, cairn_raster_u8_view strengths,
                                 int32_t min_strength, const token_kind *kind, const char *path,
                                 cairn_file_error *error)
 {
@@ -234,13 +236,13 @@ static cairn_status find_tokens(cairn_contour_tokens *tokens, cairn_raster_u8_vi
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
                                     "no edge image, expected strengths from 1 to 255");
     edges = count_edges(strengths, min_strength);
-    if (strengths.width > CAIRN_CONTOUR_MAX_SIDE || strengths.height > CAIRN_CONTOUR_MAX_SIDE ||
-        edges > CAIRN_CONTOUR_MAX_EDGES)
+    if (strengths.width > CAIRN_CONTOUR_SEARCH_MAX_SIDE ||
+        strengths.height > CAIRN_CONTOUR_SEARCH_MAX_SIDE || edges > CAIRN_CONTOUR_SEARCH_MAX_EDGES)
         return cairn_file_error_set(
             error, CAIRN_FULL, path, 0,
             "%d x %d pixels, %d of them edges, expected at most %d a side and %d of edges",
-            (int)strengths.width, (int)strengths.height, (int)edges, CAIRN_CONTOUR_MAX_SIDE,
-            (int)CAIRN_CONTOUR_MAX_EDGES);
+            (int)strengths.width, (int)strengths.height, (int)edges, CAIRN_CONTOUR_SEARCH_MAX_SIDE,
+            (int)CAIRN_CONTOUR_SEARCH_MAX_EDGES);
     chain.max_width = strengths.width;
     chain.max_height = strengths.height;
     chain.max_edges = chain.max_chains = edges + 1;
@@ -263,7 +265,7 @@ static cairn_status find_tokens(cairn_contour_tokens *tokens, cairn_raster_u8_vi
     tokens->width = strengths.width;
     tokens->height = strengths.height;
     if (status != CAIRN_OK) {
-        cairn_contour_tokens_free(tokens);
+        cairn_contour_search_tokens_free(tokens);
         return cairn_file_error_set(error, status, path, 0,
                                     "%s, expected edges that can be followed",
                                     cairn_status_text(status));
@@ -271,19 +273,21 @@ static cairn_status find_tokens(cairn_contour_tokens *tokens, cairn_raster_u8_vi
     return CAIRN_OK;
 }
 
-cairn_status cairn_contour_tokens_find(cairn_contour_tokens *tokens, cairn_raster_u8_view strengths,
-                                       int32_t min_strength, int32_t edgels, const char *path,
-                                       cairn_file_error *error)
+cairn_status cairn_contour_search_tokens_find(cairn_contour_search_tokens *tokens,
+                                              cairn_raster_u8_view strengths, int32_t min_strength,
+                                              int32_t edgels, const char *path,
+                                              cairn_file_error *error)
 {
     token_kind kind = {.edgels = edgels};
 
     return find_tokens(tokens, strengths, min_strength, &kind, path, error);
 }
 
-cairn_status cairn_contour_tokens_find_written(cairn_contour_tokens *tokens,
-                                               cairn_raster_u8_view strengths, int32_t min_strength,
-                                               int32_t edgels, cairn_real strong, const char *path,
-                                               cairn_file_error *error)
+cairn_status cairn_contour_search_tokens_find_written(cairn_contour_search_tokens *tokens,
+                                                      cairn_raster_u8_view strengths,
+                                                      int32_t min_strength, int32_t edgels,
+                                                      cairn_real strong, const char *path,
+                                                      cairn_file_error *error)
 {
     token_kind kind = {.edgels = edgels, .written = 1, .strong = strong};
 

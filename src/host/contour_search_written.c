@@ -22,14 +22,14 @@ cairn_contour_search_params cairn_contour_search_as_written(int32_t width, int32
 {
     cairn_contour_search_params params = cairn_contour_search_default(width, height);
 
-    params.grouping = cairn_grouping_as_written();
+    params.grouping = cairn_contour_grouping_as_written();
     params.min_evidence = params.min_score = 0;
     params.min_turn = params.max_turn = 0;
     params.mirror = 0;
     return params;
 }
 
-const char *cairn_contour_end_text(int32_t end)
+const char *cairn_contour_search_end_text(int32_t end)
 {
     static const char *const text[] = {"no start", "posterior", "no follower", "steps",
                                        "histories"};
@@ -39,13 +39,13 @@ const char *cairn_contour_end_text(int32_t end)
 
 /* State of a run. */
 typedef struct written_run {
-    cairn_contour_result *result;
+    cairn_contour_search_result *result;
     const cairn_contour_search_params *params;
-    cairn_grouping *grouping;
+    cairn_contour_grouping *grouping;
     /* [params->grouping.particles] */
-    cairn_grouping_particle *particles;
+    cairn_contour_grouping_particle *particles;
     /* [max_steps] */
-    cairn_grouping_disc *discs;
+    cairn_contour_grouping_disc *discs;
     /* [params->grouping.particles] px, start points of the clusters of particles */
     cairn_vec2 *start_points;
     /* last observed filter step */
@@ -58,10 +58,10 @@ static int32_t count_modes(const written_run *search, int32_t count)
     int32_t modes = 0;
 
     for (int32_t i = 0; i < count; i++) {
-        cairn_grouping_disc first;
+        cairn_contour_grouping_disc first;
         int32_t k = 0;
 
-        (void)cairn_grouping_history(search->grouping, i, &first, 1);
+        (void)cairn_contour_grouping_history(search->grouping, i, &first, 1);
         while (k < modes && (search->start_points[k].x != first.centre.x ||
                              search->start_points[k].y != first.centre.y))
             k++;
@@ -73,12 +73,13 @@ static int32_t count_modes(const written_run *search, int32_t count)
 
 static void observe(written_run *search)
 {
-    int32_t steps, best = 0, count = cairn_grouping_particles(search->grouping, NULL, 0, &steps);
+    int32_t steps, best = 0,
+                   count = cairn_contour_grouping_particles(search->grouping, NULL, 0, &steps);
 
     if (steps == search->last_step || steps > search->params->grouping.max_steps)
         return;
     search->last_step = steps;
-    (void)cairn_grouping_particles(search->grouping, search->particles, count, NULL);
+    (void)cairn_contour_grouping_particles(search->grouping, search->particles, count, NULL);
     search->result->mode_counts[0][steps - 1] = count_modes(search, count);
     if (search->params->on_step != NULL)
         search->params->on_step(search->params->context, search->particles, count, 0);
@@ -86,32 +87,34 @@ static void observe(written_run *search)
         best = search->particles[i].log_weight > search->particles[best].log_weight ? i : best;
     if (search->params->on_walk != NULL)
         search->params->on_walk(search->params->context, search->discs,
-                                cairn_grouping_history(search->grouping, best, search->discs,
-                                                       search->params->grouping.max_steps));
+                                cairn_contour_grouping_history(search->grouping, best,
+                                                               search->discs,
+                                                               search->params->grouping.max_steps));
 }
 
 /* Appends an object's segments and discs. */
-static void append_object(written_run *search, const cairn_grouping_result *found, int32_t index)
+static void append_object(written_run *search, const cairn_contour_grouping_result *found,
+                          int32_t index)
 {
-    cairn_contour_result *result = search->result;
-    cairn_contour_object *object = &result->objects[result->object_count++];
+    cairn_contour_search_result *result = search->result;
+    cairn_contour_search_object *object = &result->objects[result->object_count++];
 
     memset(object, 0, sizeof *object);
     object->found = found->objects[index];
     object->found.first = result->segment_count;
     object->found.first_outline = 0;
     object->first_disc = result->disc_count;
-    object->disc_count = cairn_grouping_skeleton(search->grouping, index, search->discs,
-                                                 search->params->grouping.max_steps);
+    object->disc_count = cairn_contour_grouping_skeleton(search->grouping, index, search->discs,
+                                                         search->params->grouping.max_steps);
     for (int32_t i = 0; i < object->found.count; i++)
         result->segments[result->segment_count++] =
             found->segments[found->objects[index].first + i];
     for (int32_t i = 0; i < object->disc_count; i++) {
-        const cairn_grouping_disc *step = &search->discs[i];
-        cairn_contour_disc disc = {.centre = step->centre,
-                                   .radius = step->radius,
-                                   .side = {step->segment[0], step->segment[1]},
-                                   .sample = step->sample};
+        const cairn_contour_grouping_disc *step = &search->discs[i];
+        cairn_contour_search_disc disc = {.centre = step->centre,
+                                          .radius = step->radius,
+                                          .side = {step->segment[0], step->segment[1]},
+                                          .sample = step->sample};
 
         result->discs[result->disc_count++] = disc;
     }
@@ -119,10 +122,10 @@ static void append_object(written_run *search, const cairn_grouping_result *foun
 
 static cairn_status copy_result(written_run *search)
 {
-    cairn_grouping_result found = cairn_grouping_read(search->grouping);
+    cairn_contour_grouping_result found = cairn_contour_grouping_read(search->grouping);
     size_t max_objects = (size_t)search->params->grouping.max_objects,
            steps = (size_t)search->params->grouping.max_steps;
-    cairn_contour_result *result = search->result;
+    cairn_contour_search_result *result = search->result;
 
     result->objects = malloc(max_objects * sizeof *result->objects);
     result->segments = malloc(2 * max_objects * steps * sizeof *result->segments);
@@ -146,14 +149,15 @@ static cairn_status copy_result(written_run *search)
     return CAIRN_OK;
 }
 
-static cairn_status run(written_run *search, cairn_pool *pool, const cairn_grouping_params *params,
-                        const cairn_grouping_input *input)
+static cairn_status run(written_run *search, cairn_pool *pool,
+                        const cairn_contour_grouping_params *params,
+                        const cairn_contour_grouping_input *input)
 {
     int32_t units;
-    cairn_status status = cairn_grouping_create(&search->grouping, pool, params);
+    cairn_status status = cairn_contour_grouping_create(&search->grouping, pool, params);
 
     if (status == CAIRN_OK)
-        status = cairn_grouping_begin(search->grouping, input);
+        status = cairn_contour_grouping_begin(search->grouping, input);
     if (status != CAIRN_OK)
         return status;
     units = CALLBACK_UNITS_PER_PARTICLE * params->particles;
@@ -161,7 +165,7 @@ static cairn_status run(written_run *search, cairn_pool *pool, const cairn_group
     do {
         cairn_budget budget = {units};
 
-        status = cairn_grouping_step(search->grouping, &budget);
+        status = cairn_contour_grouping_step(search->grouping, &budget);
         if (status >= 0)
             observe(search);
     } while (status == CAIRN_MORE);
@@ -169,25 +173,25 @@ static cairn_status run(written_run *search, cairn_pool *pool, const cairn_group
 }
 
 /* Description of the first argument out of range; NULL: none. */
-static const char *bad_argument(const cairn_grouping_params *grouping,
-                                const cairn_grouping_input *input)
+static const char *bad_argument(const cairn_contour_grouping_params *grouping,
+                                const cairn_contour_grouping_input *input)
 {
     cairn_fault fault = {-1, NULL};
 
-    if (input->width < 1 || input->height < 1 || input->width > CAIRN_CONTOUR_MAX_SIDE ||
-        input->height > CAIRN_CONTOUR_MAX_SIDE)
+    if (input->width < 1 || input->height < 1 || input->width > CAIRN_CONTOUR_SEARCH_MAX_SIDE ||
+        input->height > CAIRN_CONTOUR_SEARCH_MAX_SIDE)
         return "the image's sides, expected 1 to 8192 pixels";
     if (cairn_shape_model_check(input->model, &fault) != CAIRN_OK)
         return fault.message;
     if (!(input->min_size > 0) || !(input->max_size >= input->min_size))
         return "the sizes, expected 0 < min_size <= max_size";
-    if (cairn_grouping_memory(grouping) == 0)
+    if (cairn_contour_grouping_memory(grouping) == 0)
         return "the params of the grouping, expected the ranges of contour_grouping.h";
     return NULL;
 }
 
-static cairn_status refuse(cairn_status status, const cairn_grouping_params *grouping,
-                           const cairn_grouping_input *input, const char *path,
+static cairn_status refuse(cairn_status status, const cairn_contour_grouping_params *grouping,
+                           const cairn_contour_grouping_input *input, const char *path,
                            cairn_file_error *error)
 {
     const char *what = cairn_status_text(status);
@@ -206,24 +210,24 @@ static cairn_status refuse(cairn_status status, const cairn_grouping_params *gro
     return cairn_file_error_set(error, status, path, 0, "%s", what);
 }
 
-cairn_status cairn_contour_search_written(cairn_contour_result *result,
-                                          const cairn_contour_tokens *tokens,
+cairn_status cairn_contour_search_written(cairn_contour_search_result *result,
+                                          const cairn_contour_search_tokens *tokens,
                                           const cairn_shape_model *model,
                                           const cairn_contour_search_params *params,
                                           const char *path, cairn_file_error *error)
 {
-    cairn_grouping_params grouping = params->grouping;
-    cairn_grouping_input input = {.segments = tokens->lines,
-                                  .count = tokens->count,
-                                  .width = tokens->width,
-                                  .height = tokens->height,
-                                  .model = model,
-                                  .min_size = params->min_size,
-                                  .max_size = params->max_size,
-                                  .mean_length = cairn_max(tokens->mean_length, 1),
-                                  .look_ahead = cairn_max(tokens->look_ahead, 1),
-                                  .ends = tokens->ends,
-                                  .end_count = tokens->end_count};
+    cairn_contour_grouping_params grouping = params->grouping;
+    cairn_contour_grouping_input input = {.segments = tokens->lines,
+                                          .count = tokens->count,
+                                          .width = tokens->width,
+                                          .height = tokens->height,
+                                          .model = model,
+                                          .min_size = params->min_size,
+                                          .max_size = params->max_size,
+                                          .mean_length = cairn_max(tokens->mean_length, 1),
+                                          .look_ahead = cairn_max(tokens->look_ahead, 1),
+                                          .ends = tokens->ends,
+                                          .end_count = tokens->end_count};
     written_run search = {.result = result, .params = params};
     int64_t points = (int64_t)tokens->count * POINTS_PER_SEGMENT;
     cairn_status status;
@@ -237,7 +241,7 @@ cairn_status cairn_contour_search_written(cairn_contour_result *result,
     grouping.max_samples = model->sample_count;
     grouping.max_outline = model->outline_count > 0 ? model->outline_count : 1;
     grouping.max_points = points < 1 ? 1 : points > MAX_POINTS ? MAX_POINTS : (int32_t)points;
-    result->pool_bytes = cairn_grouping_memory(&grouping) + CAIRN_ALIGN;
+    result->pool_bytes = cairn_contour_grouping_memory(&grouping) + CAIRN_ALIGN;
     memory = malloc(result->pool_bytes);
     search.particles = malloc((size_t)(grouping.particles > 0 ? grouping.particles : 1) *
                               sizeof *search.particles);
@@ -263,6 +267,6 @@ cairn_status cairn_contour_search_written(cairn_contour_result *result,
     free(search.start_points);
     if (status == CAIRN_OK)
         return CAIRN_OK;
-    cairn_contour_result_free(result);
+    cairn_contour_search_result_free(result);
     return refuse(status, &grouping, &input, path, error);
 }

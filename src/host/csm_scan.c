@@ -21,9 +21,9 @@
 /* Largest magnitude of a stamp in seconds whose nanoseconds fit into int64. */
 #define MAX_SECONDS 9e9
 
-cairn_csm_params cairn_csm_default(void)
+cairn_csm_scan_params cairn_csm_scan_default(void)
 {
-    cairn_csm_params params = {.range_max = 80, .range_sigma = 0.01};
+    cairn_csm_scan_params params = {.range_max = 80, .range_sigma = 0.01};
 
     return params;
 }
@@ -121,10 +121,10 @@ typedef struct csm_field {
 /* State of the reader. */
 typedef struct csm_loader {
     const char *path;
-    const cairn_csm_params *params;
+    const cairn_csm_scan_params *params;
     cairn_json json;
     csm_field field[FIELDS];
-    cairn_csm_scans *scans;
+    cairn_csm_scan_list *scans;
     int32_t capacity; /* of scans->scan */
     cairn_file_error *error;
 } csm_loader;
@@ -139,11 +139,11 @@ static cairn_status no_memory(const csm_loader *loader)
 static cairn_status append_value(const csm_loader *loader, csm_field *field, int32_t which,
                                  double value)
 {
-    if (field->count == CAIRN_CSM_MAX_RAYS)
+    if (field->count == CAIRN_CSM_SCAN_MAX_RAYS)
         return cairn_file_error_set(
             loader->error, CAIRN_FULL, loader->path, loader->json.line,
             "%s holds more numbers than a scan has rays, expected at most %d", rules[which].name,
-            CAIRN_CSM_MAX_RAYS);
+            CAIRN_CSM_SCAN_MAX_RAYS);
     if (field->count == field->capacity) {
         int32_t capacity = 2 * field->capacity + 512;
         double *grown = realloc(field->value, (size_t)capacity * sizeof *grown);
@@ -279,12 +279,12 @@ static cairn_status check_object(const csm_loader *loader, int64_t line)
         return cairn_file_error_set(
             loader->error, CAIRN_BAD_FORMAT, loader->path, line,
             "a scan without directions, expected theta or min_theta and max_theta");
-    if (!(field[NRAYS].value[0] >= 1 && field[NRAYS].value[0] <= CAIRN_CSM_MAX_RAYS) ||
+    if (!(field[NRAYS].value[0] >= 1 && field[NRAYS].value[0] <= CAIRN_CSM_SCAN_MAX_RAYS) ||
         field[NRAYS].value[0] != floor(field[NRAYS].value[0]))
         return cairn_file_error_set(loader->error, CAIRN_BAD_FORMAT, loader->path,
                                     field[NRAYS].line,
                                     "nrays is %g, expected a whole number from 1 to %d",
-                                    field[NRAYS].value[0], CAIRN_CSM_MAX_RAYS);
+                                    field[NRAYS].value[0], CAIRN_CSM_SCAN_MAX_RAYS);
     rays = (int32_t)field[NRAYS].value[0];
     for (i = THETA; i <= VALID && status == CAIRN_OK; i++)
         status = check_count(loader, i, rays);
@@ -360,7 +360,7 @@ static float *make_beams(const csm_loader *loader, int32_t rays)
 /* Converts the current object to a scan and appends it. */
 static cairn_status add_scan(csm_loader *loader, int64_t line)
 {
-    cairn_csm_scans *scans = loader->scans;
+    cairn_csm_scan_list *scans = loader->scans;
     cairn_csm_scan scan;
     int32_t rays;
     float *beam;
@@ -424,10 +424,10 @@ static cairn_status read_scans(csm_loader *loader)
     return status;
 }
 
-cairn_status cairn_csm_load(cairn_csm_scans *scans, const char *path,
-                            const cairn_csm_params *params, cairn_file_error *error)
+cairn_status cairn_csm_scan_load(cairn_csm_scan_list *scans, const char *path,
+                                 const cairn_csm_scan_params *params, cairn_file_error *error)
 {
-    cairn_csm_params standard = cairn_csm_default();
+    cairn_csm_scan_params standard = cairn_csm_scan_default();
     file_text text = {.bytes = NULL};
     csm_loader loader;
     cairn_status status;
@@ -456,11 +456,11 @@ cairn_status cairn_csm_load(cairn_csm_scans *scans, const char *path,
         free(loader.field[i].value);
     free(text.bytes);
     if (status != CAIRN_OK)
-        cairn_csm_scans_free(scans);
+        cairn_csm_scan_list_free(scans);
     return status;
 }
 
-void cairn_csm_scans_free(cairn_csm_scans *scans)
+void cairn_csm_scan_list_free(cairn_csm_scan_list *scans)
 {
     int32_t i;
 

@@ -18,7 +18,7 @@
 #define WILSON_Z 1.96
 enum { LINE_COUNT = 6, PATH_BYTES = 4096 };
 
-double cairn_detection_overlap(const double a[4], const double b[4])
+double cairn_detection_curve_overlap(const double a[4], const double b[4])
 {
     double w = fmin(a[2], b[2]) - fmax(a[0], b[0]), h = fmin(a[3], b[3]) - fmax(a[1], b[1]);
     double intersection = w > 0 && h > 0 ? w * h : 0;
@@ -27,14 +27,14 @@ double cairn_detection_overlap(const double a[4], const double b[4])
            ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - intersection);
 }
 
-int32_t cairn_detection_object(const double (*objects)[4], const int32_t *claimed, int32_t count,
-                               const double box[4], double *share)
+int32_t cairn_detection_curve_object(const double (*objects)[4], const int32_t *claimed,
+                                     int32_t count, const double box[4], double *share)
 {
     int32_t best = -1;
 
     *share = 0;
     for (int32_t i = 0; i < count; i++) {
-        double overlap = cairn_detection_overlap(objects[i], box);
+        double overlap = cairn_detection_curve_overlap(objects[i], box);
 
         if (!claimed[i] && overlap > *share) {
             *share = overlap;
@@ -46,15 +46,15 @@ int32_t cairn_detection_object(const double (*objects)[4], const int32_t *claime
 
 static int compare_events(const void *a, const void *b)
 {
-    const cairn_detection_event *x = a, *y = b;
+    const cairn_detection_curve_event *x = a, *y = b;
 
     if (x->score != y->score)
         return x->score < y->score ? 1 : -1;
     return x->hit - y->hit;
 }
 
-void cairn_detection_curve(cairn_detection_event *events, int32_t count, int32_t images,
-                           int32_t instances, cairn_detection_point *points)
+void cairn_detection_curve(cairn_detection_curve_event *events, int32_t count, int32_t images,
+                           int32_t instances, cairn_detection_curve_point *points)
 {
     int32_t hits = 0;
 
@@ -71,8 +71,8 @@ void cairn_detection_curve(cairn_detection_event *events, int32_t count, int32_t
     }
 }
 
-double cairn_detection_rate_at(const cairn_detection_point *points, int32_t count,
-                               double false_per_image)
+double cairn_detection_curve_rate_at(const cairn_detection_curve_point *points, int32_t count,
+                                     double false_per_image)
 {
     double rate = 0;
 
@@ -81,8 +81,8 @@ double cairn_detection_rate_at(const cairn_detection_point *points, int32_t coun
     return rate;
 }
 
-double cairn_detection_precision_at(const cairn_detection_point *points, int32_t count,
-                                    double recall)
+double cairn_detection_curve_precision_at(const cairn_detection_curve_point *points, int32_t count,
+                                          double recall)
 {
     double best = 0;
 
@@ -92,16 +92,17 @@ double cairn_detection_precision_at(const cairn_detection_point *points, int32_t
     return best;
 }
 
-double cairn_detection_average_precision(const cairn_detection_point *points, int32_t count)
+double cairn_detection_curve_average_precision(const cairn_detection_curve_point *points,
+                                               int32_t count)
 {
     double sum = 0;
 
     for (int32_t k = 0; k <= 10; k++)
-        sum += cairn_detection_precision_at(points, count, k / 10.0);
+        sum += cairn_detection_curve_precision_at(points, count, k / 10.0);
     return sum / 11;
 }
 
-void cairn_detection_interval(double share, int32_t count, double *low, double *high)
+void cairn_detection_curve_interval(double share, int32_t count, double *low, double *high)
 {
     double n = count > 0 ? count : 1, z2 = WILSON_Z * WILSON_Z,
            centre = (share + z2 / (2 * n)) / (1 + z2 / n);
@@ -113,18 +114,18 @@ void cairn_detection_interval(double share, int32_t count, double *low, double *
 
 /* ---- Files ---- */
 
-static void print_point(cairn_output *output, const cairn_detection_point *point)
+static void print_point(cairn_output *output, const cairn_detection_curve_point *point)
 {
     double low[2], high[2];
 
-    cairn_detection_interval(point->recall, point->instances, &low[0], &high[0]);
-    cairn_detection_interval(point->precision, point->detections, &low[1], &high[1]);
+    cairn_detection_curve_interval(point->recall, point->instances, &low[0], &high[0]);
+    cairn_detection_curve_interval(point->precision, point->detections, &low[1], &high[1]);
     cairn_output_print(output, "%.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f\n", point->score,
                        point->recall, low[0], high[0], point->precision, low[1], high[1],
                        point->false_per_image);
 }
 
-static cairn_status write_table(const char *path, const cairn_detection_point *points,
+static cairn_status write_table(const char *path, const cairn_detection_curve_point *points,
                                 int32_t count, cairn_file_error *error)
 {
     cairn_output *output;
@@ -141,23 +142,24 @@ static cairn_status write_table(const char *path, const cairn_detection_point *p
 
 /* Line segments between consecutive points; by_recall: precision over recall, otherwise recall over
  * false positives. bound: -1, 1: lower or upper confidence bound. */
-static void make_lines(cairn_vec2 *line, const cairn_detection_point *points, int32_t count,
+static void make_lines(cairn_vec2 *line, const cairn_detection_curve_point *points, int32_t count,
                        int by_recall, int bound)
 {
     for (int32_t i = 0; i + 1 < count; i++)
         for (int32_t k = 0; k < 2; k++) {
-            const cairn_detection_point *point = &points[i + k];
+            const cairn_detection_curve_point *point = &points[i + k];
             double low, high, value = by_recall ? point->precision : point->recall;
 
-            cairn_detection_interval(value, by_recall ? point->detections : point->instances, &low,
-                                     &high);
+            cairn_detection_curve_interval(value, by_recall ? point->detections : point->instances,
+                                           &low, &high);
             line[2 * i + k].x = (cairn_real)(by_recall ? point->recall : point->false_per_image);
             line[2 * i + k].y = (cairn_real)(bound < 0 ? low : bound > 0 ? high : value);
         }
 }
 
-static cairn_status draw(const char *path, const char *title, const cairn_detection_point *points,
-                         int32_t count, cairn_file_error *error)
+static cairn_status draw(const char *path, const char *title,
+                         const cairn_detection_curve_point *points, int32_t count,
+                         cairn_file_error *error)
 {
     static const char *const colours[LINE_COUNT] = {"#2563eb", "#93c5fd", "#93c5fd",
                                                     "#dc2626", "#fca5a5", "#fca5a5"};
@@ -200,7 +202,7 @@ static cairn_status draw(const char *path, const char *title, const cairn_detect
 }
 
 cairn_status cairn_detection_curve_write(const char *stem, const char *title,
-                                         const cairn_detection_point *points, int32_t count,
+                                         const cairn_detection_curve_point *points, int32_t count,
                                          cairn_file_error *error)
 {
     char path[PATH_BYTES];

@@ -8,13 +8,13 @@
 #include "src/host/report_overlay.h"
 
 /* Converts a coordinate of the searched image to pixels of the original image. */
-static double image_x(const cairn_detection_picture *picture, cairn_real x)
+static double image_x(const cairn_detection_file_picture *picture, cairn_real x)
 {
     return ((double)x + 0.5) * picture->shrink - 0.5;
 }
 
-void cairn_detection_box(const cairn_detection_picture *picture, const cairn_detection *detection,
-                         double box[4])
+void cairn_detection_file_box(const cairn_detection_file_picture *picture,
+                              const cairn_object_detection *detection, double box[4])
 {
     box[0] = image_x(picture, detection->left);
     box[1] = image_x(picture, detection->top);
@@ -24,8 +24,8 @@ void cairn_detection_box(const cairn_detection_picture *picture, const cairn_det
 
 /* ---- JSON ---- */
 
-static void print_segments(cairn_output *output, const cairn_detection_picture *picture,
-                           const cairn_detection *detection)
+static void print_segments(cairn_output *output, const cairn_detection_file_picture *picture,
+                           const cairn_object_detection *detection)
 {
     cairn_output_print(output, "\"segments\": [");
     for (int32_t i = 0; i < detection->segment_count; i++) {
@@ -42,10 +42,11 @@ static void print_segments(cairn_output *output, const cairn_detection_picture *
 }
 
 /* The deformed outline, and which of its samples are unmatched. */
-static void print_outline(cairn_output *output, const cairn_detection_picture *picture,
-                          const cairn_detection *detection)
+static void print_outline(cairn_output *output, const cairn_detection_file_picture *picture,
+                          const cairn_object_detection *detection)
 {
-    const cairn_contour_place *outline = &picture->detections->outline[detection->first_outline];
+    const cairn_contour_search_place *outline =
+        &picture->detections->outline[detection->first_outline];
 
     cairn_output_print(output, "\"outline\": [");
     for (int32_t i = 0; i < detection->outline_count; i++)
@@ -56,15 +57,16 @@ static void print_outline(cairn_output *output, const cairn_detection_picture *p
 }
 
 /* The configuration: matched fragments of the model along chains, and the bundles without one. */
-static void print_parts(cairn_output *output, const cairn_detection_picture *picture,
-                        const cairn_detection *detection)
+static void print_parts(cairn_output *output, const cairn_detection_file_picture *picture,
+                        const cairn_object_detection *detection)
 {
     const char *comma = "";
 
     cairn_output_print(output, "\"distance\": %.4f, \"agreement\": %.4f, \"parts\": [",
                        (double)detection->shape_distance, (double)detection->configuration_score);
     for (int32_t i = 0; i < detection->part_count; i++) {
-        const cairn_detected_part *part = &picture->detections->parts[detection->first_part + i];
+        const cairn_object_detect_part *part =
+            &picture->detections->parts[detection->first_part + i];
 
         cairn_output_print(output,
                            "%s{\"bundle\": %d, \"fragment\": %d, \"chain\": %d, \"reversed\": %s, "
@@ -89,12 +91,12 @@ static void print_parts(cairn_output *output, const cairn_detection_picture *pic
     cairn_output_print(output, "],\n   ");
 }
 
-static void print_detection(cairn_output *output, const cairn_detection_picture *picture,
-                            const cairn_detection *detection)
+static void print_detection(cairn_output *output, const cairn_detection_file_picture *picture,
+                            const cairn_object_detection *detection)
 {
     double box[4];
 
-    cairn_detection_box(picture, detection, box);
+    cairn_detection_file_box(picture, detection, box);
     cairn_output_print(
         output,
         "  {\"score\": %.4f, \"rigid\": %.4f, \"bent\": %.4f, \"along\": %.4f, "
@@ -119,8 +121,8 @@ static void print_detection(cairn_output *output, const cairn_detection_picture 
     cairn_output_print(output, "}");
 }
 
-cairn_status cairn_detection_file_write(const cairn_detection_picture *picture, const char *path,
-                                        cairn_file_error *error)
+cairn_status cairn_detection_file_write(const cairn_detection_file_picture *picture,
+                                        const char *path, cairn_file_error *error)
 {
     cairn_output *output;
     cairn_status status = cairn_output_open(&output, path, error);
@@ -149,10 +151,11 @@ cairn_status cairn_detection_file_write(const cairn_detection_picture *picture, 
 /* ---- SVG ---- */
 
 /* Draws the matched samples, or the unmatched ones. */
-static void draw_outline(cairn_output *output, const cairn_detection_picture *picture,
-                         const cairn_detection *detection, int is_seen)
+static void draw_outline(cairn_output *output, const cairn_detection_file_picture *picture,
+                         const cairn_object_detection *detection, int is_seen)
 {
-    const cairn_contour_place *outline = &picture->detections->outline[detection->first_outline];
+    const cairn_contour_search_place *outline =
+        &picture->detections->outline[detection->first_outline];
 
     cairn_output_print(output, "<path class=\"%s\" d=\"", is_seen ? "seen" : "missing");
     for (int32_t i = 1; i < detection->outline_count; i++)
@@ -165,8 +168,8 @@ static void draw_outline(cairn_output *output, const cairn_detection_picture *pi
     cairn_output_print(output, "\"/>\n");
 }
 
-static void draw_detection(cairn_output *output, const cairn_detection_picture *picture,
-                           const cairn_detection *detection)
+static void draw_detection(cairn_output *output, const cairn_detection_file_picture *picture,
+                           const cairn_object_detection *detection)
 {
     cairn_output_print(output, "<path class=\"segment\" d=\"");
     for (int32_t i = 0; i < detection->segment_count; i++) {
@@ -188,8 +191,8 @@ static void draw_detection(cairn_output *output, const cairn_detection_picture *
         (double)detection->left, (double)detection->top, (double)detection->score);
 }
 
-cairn_status cairn_detection_file_draw(const cairn_detection_picture *picture, const char *path,
-                                       cairn_file_error *error)
+cairn_status cairn_detection_file_draw(const cairn_detection_file_picture *picture,
+                                       const char *path, cairn_file_error *error)
 {
     static const cairn_report_key keys[] = {
         {"edge segments along it", "stroke=\"#ea580c\""},

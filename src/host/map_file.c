@@ -79,13 +79,13 @@ static int8_t occupancy_of(const cairn_map_file *map, uint8_t pixel)
     cairn_real occupied = map->occupied_threshold, unoccupied = map->free_threshold,
                p = probability_of(map, pixel);
 
-    if (map->mode == CAIRN_MAP_RAW)
+    if (map->mode == CAIRN_MAP_FILE_RAW)
         return (int8_t)(pixel <= 100 ? pixel : -1);
     if (p > occupied)
         return 100;
     if (p < unoccupied)
         return 0;
-    if (map->mode == CAIRN_MAP_TRINARY)
+    if (map->mode == CAIRN_MAP_FILE_TRINARY)
         return -1;
     return (int8_t)(occupied > unoccupied ? 1 + 98 * (p - unoccupied) / (occupied - unoccupied)
                                           : 1);
@@ -110,7 +110,7 @@ static uint8_t pixel_of(const cairn_map_file *map, int8_t occupancy, int32_t unk
 {
     cairn_real p = CAIRN_REAL(0.01) * (cairn_real)occupancy;
 
-    if (map->mode == CAIRN_MAP_RAW)
+    if (map->mode == CAIRN_MAP_FILE_RAW)
         return (uint8_t)(occupancy < 0 || occupancy > 100 ? 255 : occupancy);
     if (occupancy >= 0 && p > map->occupied_threshold)
         return map->negate ? 255 : 0;
@@ -124,7 +124,7 @@ cairn_status cairn_map_file_draw(cairn_map_file *map)
     size_t count = (size_t)map->width * (size_t)map->height, i;
     int32_t unknown = unknown_pixel(map);
 
-    if (map->mode != CAIRN_MAP_TRINARY && map->mode != CAIRN_MAP_RAW)
+    if (map->mode != CAIRN_MAP_FILE_TRINARY && map->mode != CAIRN_MAP_FILE_RAW)
         return CAIRN_UNSUPPORTED;
     for (i = 0; i < count; i++)
         map->pixel[i] = pixel_of(map, map->occupancy[i], unknown);
@@ -302,9 +302,9 @@ static cairn_status load_image(const yaml_view *view, cairn_map_file *map)
 
     if (node->type != YAML_SCALAR_NODE || scalar(node)[0] == 0)
         return bad_value(view, KEY_IMAGE, node, "the path of an image");
-    folder = cairn_path_folder(view->path);
+    folder = cairn_output_path_folder(view->path);
     if (folder != NULL)
-        path = cairn_path_join(folder, scalar(node));
+        path = cairn_output_path_join(folder, scalar(node));
     free(folder);
     if (path == NULL)
         return cairn_file_error_system(view->error, view->path, "read", ENOMEM);
@@ -395,7 +395,7 @@ static cairn_status write_image(const cairn_map_file *map, const char *path,
         return cairn_file_error_system(error, path, "write", ENOMEM);
     for (y = 0; y < (size_t)map->height; y++)
         memcpy(flipped + ((size_t)map->height - 1 - y) * width, map->pixel + y * width, width);
-    status = format == CAIRN_MAP_PNG
+    status = format == CAIRN_MAP_FILE_PNG
                  ? cairn_image_write_png(path, flipped, map->width, map->height, error)
                  : cairn_image_write_pgm(path, flipped, map->width, map->height, error);
     free(flipped);
@@ -445,10 +445,10 @@ static cairn_status check(const cairn_map_file *map, const char *path, cairn_map
     else if (!(map->free_threshold >= 0 && map->free_threshold <= map->occupied_threshold &&
                map->occupied_threshold <= 1))
         problem = "thresholds that are not 0 <= free <= occupied <= 1";
-    else if (map->mode < CAIRN_MAP_TRINARY || map->mode > CAIRN_MAP_RAW ||
+    else if (map->mode < CAIRN_MAP_FILE_TRINARY || map->mode > CAIRN_MAP_FILE_RAW ||
              (map->negate != 0 && map->negate != 1))
         problem = "an unknown mode";
-    else if (format != CAIRN_MAP_PGM && format != CAIRN_MAP_PNG)
+    else if (format != CAIRN_MAP_FILE_PGM && format != CAIRN_MAP_FILE_PNG)
         problem = "an unknown image format";
     if (problem != NULL)
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "not written: %s", problem);
@@ -461,7 +461,7 @@ static cairn_status check(const cairn_map_file *map, const char *path, cairn_map
 cairn_status cairn_map_file_write(const cairn_map_file *map, const char *yaml_path,
                                   cairn_map_file_image format, cairn_file_error *error)
 {
-    const char *name = cairn_path_name(yaml_path), *dot = strrchr(name, '.');
+    const char *name = cairn_output_path_name(yaml_path), *dot = strrchr(name, '.');
     size_t stem = dot != NULL && dot != name ? (size_t)(dot - yaml_path) : strlen(yaml_path);
     cairn_status status = check(map, yaml_path, format, error);
     char *image;
@@ -472,10 +472,10 @@ cairn_status cairn_map_file_write(const cairn_map_file *map, const char *yaml_pa
     if (image == NULL)
         return cairn_file_error_system(error, yaml_path, "write", ENOMEM);
     memcpy(image, yaml_path, stem);
-    memcpy(image + stem, format == CAIRN_MAP_PNG ? ".png" : ".pgm", 5);
+    memcpy(image + stem, format == CAIRN_MAP_FILE_PNG ? ".png" : ".pgm", 5);
     status = write_image(map, image, format, error);
     if (status == CAIRN_OK)
-        status = write_yaml(map, yaml_path, cairn_path_name(image), error);
+        status = write_yaml(map, yaml_path, cairn_output_path_name(image), error);
     free(image);
     return status;
 }

@@ -70,8 +70,8 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
         .candidates = 30,
         .overlap = CAIRN_REAL(0.2),
         .min_score = 0,
-        .method = CAIRN_DETECT_EVIDENCE,
-        .bundles = CAIRN_DETECT_BUNDLES,
+        .method = CAIRN_OBJECT_DETECT_EVIDENCE,
+        .bundles = CAIRN_OBJECT_DETECT_BUNDLES,
         .cuts = NULL,
         .cut_count = 0,
         .matches = 2,
@@ -90,7 +90,7 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
     return params;
 }
 
-void cairn_detections_free(cairn_detections *detections)
+void cairn_object_detections_free(cairn_object_detections *detections)
 {
     free(detections->found);
     free(detections->segments);
@@ -102,7 +102,7 @@ void cairn_detections_free(cairn_detections *detections)
 /* ---- Candidates ---- */
 
 /* Share of the smaller of two boxes that lies in the other. */
-static float contained_share(const cairn_detection *a, const cairn_detection *b)
+static float contained_share(const cairn_object_detection *a, const cairn_object_detection *b)
 {
     cairn_real w = cairn_min(a->right, b->right) - cairn_max(a->left, b->left),
                h = cairn_min(a->bottom, b->bottom) - cairn_max(a->top, b->top),
@@ -141,15 +141,15 @@ static cairn_status group_contours(object_detector *detector)
 
 /* ---- Detections ---- */
 
-static void append_outline(const object_detector *detector, cairn_detections *found,
-                           cairn_detection *detection)
+static void append_outline(const object_detector *detector, cairn_object_detections *found,
+                           cairn_object_detection *detection)
 {
     detection->first_outline = found->outline_count;
     detection->outline_count = detector->model->outline_count;
     detection->left = detection->top = CAIRN_REAL_MAX;
     detection->right = detection->bottom = -CAIRN_REAL_MAX;
     for (int32_t i = 0; i < detection->outline_count; i++) {
-        cairn_contour_place *sample = &found->outline[detection->first_outline + i];
+        cairn_contour_search_place *sample = &found->outline[detection->first_outline + i];
         cairn_vec2 position = detector->fit.outline[i].position;
 
         sample->point = detector->fit.outline[i];
@@ -185,10 +185,10 @@ static int32_t segment_at(const object_detector *detector, const int32_t *list, 
 
 /* Appends the segments along the deformed outline, and matches its samples to them. Returns 0 when
  * out of memory. */
-static int append_segments(const object_detector *detector, cairn_detections *found,
-                           cairn_detection *detection)
+static int append_segments(const object_detector *detector, cairn_object_detections *found,
+                           cairn_object_detection *detection)
 {
-    const cairn_contour_tokens *tokens = detector->field->tokens;
+    const cairn_contour_search_tokens *tokens = detector->field->tokens;
     contour_fitted_outline fitted = {detector->fit.outline, detector->model->outline_count,
                                      detection->origin, detection->size};
     int32_t *list = realloc(
@@ -207,7 +207,7 @@ static int append_segments(const object_detector *detector, cairn_detections *fo
         length += cairn_segment_length(tokens->lines[list[i]]);
     detection->outline_coverage = length / (detector->fit.length * detection->size);
     for (int32_t i = 0; i < detection->outline_count; i++) {
-        cairn_contour_place *sample = &found->outline[detection->first_outline + i];
+        cairn_contour_search_place *sample = &found->outline[detection->first_outline + i];
 
         sample->segment =
             segment_at(detector, list, detection->segment_count, sample->point, detection->size);
@@ -217,20 +217,20 @@ static int append_segments(const object_detector *detector, cairn_detections *fo
 
 /* The original outline, mirrored if the detection is. */
 static const cairn_oriented_point *model_outline(const object_detector *detector,
-                                                 const cairn_detection *detection)
+                                                 const cairn_object_detection *detection)
 {
     return detector->variants[detection->mirrored ? DETECT_ASPECTS : 0].outline;
 }
 
 /* Computes the shape quality. Objects are upright: a rotation counts as tangent deviation. map: see
  * cairn_object_detect_rigid_proximity(). */
-static void measure_shape(const object_detector *detector, cairn_detection *detection,
+static void measure_shape(const object_detector *detector, cairn_object_detection *detection,
                           detect_similarity *map)
 {
     const contour_fitted_outline fitted = {detector->fit.outline, detection->outline_count,
                                            detection->origin, detection->size};
     const contour_reference reference = {model_outline(detector, detection), {1, 0}};
-    cairn_contour_shape shape = cairn_contour_search_shape_of(
+    cairn_contour_search_shape shape = cairn_contour_search_shape_of(
         detector->field->tokens, &fitted, detector->fit.outline_index, &reference,
         detector->segment_scratch, detector->sample_scratch);
 
@@ -242,7 +242,7 @@ static void measure_shape(const object_detector *detector, cairn_detection *dete
         detector->sample_scratch + detection->outline_count, map);
 }
 
-static cairn_real score_of(const object_detector *detector, const cairn_detection *detection)
+static cairn_real score_of(const object_detector *detector, const cairn_object_detection *detection)
 {
     const detect_variant *plain = &detector->variants[0];
     double diagonal =
@@ -266,7 +266,7 @@ static cairn_real score_of(const object_detector *detector, const cairn_detectio
 }
 
 /* Copies the scores of a hypothesis by parts. */
-static void set_part_scores(const detect_hypothesis *hypothesis, cairn_detection *detection)
+static void set_part_scores(const detect_hypothesis *hypothesis, cairn_object_detection *detection)
 {
     detection->score = hypothesis->score;
     detection->shape_distance = hypothesis->distance;
@@ -277,7 +277,7 @@ static void set_part_scores(const detect_hypothesis *hypothesis, cairn_detection
 
 /* Adds the appearance term of the box (Adluru 2008, eq. 5.1, with 1 - probability as the distance
  * of appearance). */
-static void add_appearance(const object_detector *detector, cairn_detection *detection)
+static void add_appearance(const object_detector *detector, cairn_object_detection *detection)
 {
     const double box[4] = {(double)detection->left, (double)detection->top,
                            (double)detection->right, (double)detection->bottom};
@@ -290,13 +290,13 @@ static void add_appearance(const object_detector *detector, cairn_detection *det
 /* Refines a candidate: deforms the outline to the edges, collects segments, computes the score.
  * Returns 0 when out of memory. */
 static int refine_candidate(object_detector *detector, const detect_peak *peak,
-                            cairn_detections *found)
+                            cairn_object_detections *found)
 {
-    cairn_detection *detection = &found->found[found->count];
+    cairn_object_detection *detection = &found->found[found->count];
     const detect_variant *variant = &detector->variants[peak->variant];
     detect_similarity map;
     cairn_shape_model model = *detector->model;
-    cairn_grouped_object object;
+    cairn_contour_grouping_object object;
 
     memset(&object, 0, sizeof object);
     object.origin.x = (cairn_real)peak->x;
@@ -337,7 +337,7 @@ static int refine_candidate(object_detector *detector, const detect_peak *peak,
 
 static int compare_detections(const void *a, const void *b)
 {
-    const cairn_detection *x = a, *y = b;
+    const cairn_object_detection *x = a, *y = b;
 
     if (x->score != y->score)
         return x->score < y->score ? 1 : -1;
@@ -345,18 +345,18 @@ static int compare_detections(const void *a, const void *b)
                                                 : x->first_part - y->first_part;
 }
 
-static void suppress_non_maxima(const object_detector *detector, cairn_detections *found)
+static void suppress_non_maxima(const object_detector *detector, cairn_object_detections *found)
 {
     int32_t kept = 0;
 
     if (found->count > 1)
         qsort(found->found, (size_t)found->count, sizeof *found->found, compare_detections);
     for (int32_t i = 0; i < found->count; i++) {
-        const cairn_detection *detection = &found->found[i];
+        const cairn_object_detection *detection = &found->found[i];
         int32_t is_separate = 1;
 
         for (int32_t k = 0; k < kept && is_separate; k++) {
-            const cairn_detection *b = &found->found[k];
+            const cairn_object_detection *b = &found->found[k];
 
             is_separate =
                 cairn_object_detect_overlap(
@@ -372,7 +372,7 @@ static void suppress_non_maxima(const object_detector *detector, cairn_detection
     found->count = kept;
 }
 
-static void move_parts(object_detector *detector, cairn_detections *found)
+static void move_parts(object_detector *detector, cairn_object_detections *found)
 {
     found->parts = detector->hypotheses.parts;
     found->part_count = detector->hypotheses.part_count;
@@ -382,7 +382,7 @@ static void move_parts(object_detector *detector, cairn_detections *found)
 }
 
 /* As written: every hypothesis is a detection; non-maximum suppression keeps the best. */
-static cairn_status detect_as_written(object_detector *detector, cairn_detections *found)
+static cairn_status detect_as_written(object_detector *detector, cairn_object_detections *found)
 {
     cairn_status status =
         cairn_object_detect_parts(&detector->hypotheses, detector->field, detector->model);
@@ -390,7 +390,7 @@ static cairn_status detect_as_written(object_detector *detector, cairn_detection
     if (status != CAIRN_OK)
         return status;
     move_parts(detector, found);
-    cairn_object_detect_report_stage(detector->field, CAIRN_DETECT_BOXES);
+    cairn_object_detect_report_stage(detector->field, CAIRN_OBJECT_DETECT_BOXES);
     status = cairn_object_detect_written_add(found, &detector->hypotheses, detector->field);
     if (status != CAIRN_OK)
         return status;
@@ -398,7 +398,7 @@ static cairn_status detect_as_written(object_detector *detector, cairn_detection
     return cairn_object_detect_written_outlines(found, detector->field, detector->model);
 }
 
-static cairn_status detect(object_detector *detector, cairn_detections *found)
+static cairn_status detect(object_detector *detector, cairn_object_detections *found)
 {
     cairn_status status = CAIRN_OK;
 
@@ -412,8 +412,8 @@ static cairn_status detect(object_detector *detector, cairn_detections *found)
         !cairn_contour_search_fit_new(&detector->fit, detector->model->outline_count) ||
         !cairn_object_detect_variants_add(detector))
         return CAIRN_NO_MEMORY;
-    cairn_object_detect_report_stage(detector->field, CAIRN_DETECT_VOTES);
-    if (detector->field->params.method == CAIRN_DETECT_PARTS)
+    cairn_object_detect_report_stage(detector->field, CAIRN_OBJECT_DETECT_VOTES);
+    if (detector->field->params.method == CAIRN_OBJECT_DETECT_PARTS)
         status = cairn_object_detect_candidates_of_parts(detector);
     else if (!cairn_object_detect_candidates_find(detector))
         status = CAIRN_NO_MEMORY;
@@ -428,13 +428,13 @@ static cairn_status detect(object_detector *detector, cairn_detections *found)
     if (found->found == NULL || found->outline == NULL)
         return CAIRN_NO_MEMORY;
     cairn_object_detect_report_stage(detector->field,
-                                     detector->field->params.method == CAIRN_DETECT_PARTS
-                                         ? CAIRN_DETECT_BOXES
-                                         : CAIRN_DETECT_SCORES);
+                                     detector->field->params.method == CAIRN_OBJECT_DETECT_PARTS
+                                         ? CAIRN_OBJECT_DETECT_BOXES
+                                         : CAIRN_OBJECT_DETECT_SCORES);
     for (int32_t i = 0; i < detector->count; i++)
         if (!refine_candidate(detector, &detector->peaks[i], found))
             return CAIRN_NO_MEMORY;
-    cairn_object_detect_report_stage(detector->field, CAIRN_DETECT_BOXES);
+    cairn_object_detect_report_stage(detector->field, CAIRN_OBJECT_DETECT_BOXES);
     suppress_non_maxima(detector, found);
     return CAIRN_OK;
 }
@@ -468,7 +468,8 @@ static cairn_status check_model(const cairn_shape_model *model, cairn_fault *fau
     return status;
 }
 
-cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detect_field *field,
+cairn_status cairn_object_detect(cairn_object_detections *detections,
+                                 const cairn_object_detect_field *field,
                                  const cairn_shape_model *model, const char *path,
                                  cairn_file_error *error)
 {
@@ -491,7 +492,7 @@ cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detec
     cairn_contour_search_fit_free(&detector.fit);
     if (status == CAIRN_OK)
         return CAIRN_OK;
-    cairn_detections_free(detections);
+    cairn_object_detections_free(detections);
     if (status != CAIRN_NO_MEMORY && field->params.cuts != NULL)
         return cairn_file_error_set(error, status, path, 0,
                                     "%s, expected manually chosen fragments of its first outline",

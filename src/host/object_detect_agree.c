@@ -126,7 +126,7 @@ cairn_real cairn_object_detect_rigid_proximity(const contour_fitted_outline *fit
 
 void cairn_object_detect_place_outline(const detect_similarity *map,
                                        const cairn_oriented_point *reference, contour_fit *fit,
-                                       cairn_detection *detection)
+                                       cairn_object_detection *detection)
 {
     const cairn_vec2 none = {0, 0};
     cairn_vec2 middle = apply_similarity(map, none);

@@ -26,7 +26,7 @@ typedef struct detect_peak {
 
 /* State of a search. */
 typedef struct object_detector {
-    const cairn_detect_field *field;
+    const cairn_object_detect_field *field;
     const cairn_shape_model *model;
     cairn_oriented_point *outlines; /* outlines of all variants */
     detect_variant variants[2 * DETECT_ASPECTS];

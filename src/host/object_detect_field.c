@@ -44,7 +44,7 @@ enum { BINS = DETECT_BINS, MARGIN = DETECT_MARGIN_CELLS };
 /* Limits of the params. */
 enum {
     MIN_SIZE_PX = 8,
-    MAX_SIZE_PX = 2 * CAIRN_CONTOUR_MAX_SIDE,
+    MAX_SIZE_PX = 2 * CAIRN_CONTOUR_SEARCH_MAX_SIDE,
     MAX_CANDIDATES = 64,
     MAX_MATCHES = 64,
     MAX_NEAREST = 64,
@@ -159,7 +159,7 @@ static void compute_llr(const detect_plane *plane, const float *likelihood, cons
 }
 
 /* Computes the plane of one size. Returns 0 when out of memory. */
-static int make_plane(detect_plane *plane, const cairn_contour_tokens *tokens,
+static int make_plane(detect_plane *plane, const cairn_contour_search_tokens *tokens,
                       plane_buffers *buffers)
 {
     int32_t w = plane->width, h = plane->height, longest = w > h ? w : h;
@@ -195,10 +195,11 @@ static int make_plane(detect_plane *plane, const cairn_contour_tokens *tokens,
 static cairn_status check_parts(const cairn_object_detect_params *params, const char *path,
                                 cairn_file_error *error)
 {
-    if (params->method < CAIRN_DETECT_EVIDENCE || params->method > CAIRN_DETECT_PARTS)
+    if (params->method < CAIRN_OBJECT_DETECT_EVIDENCE || params->method > CAIRN_OBJECT_DETECT_PARTS)
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
                                     "method %" PRId32 ", expected 0 or 1", params->method);
-    if (params->bundles < CAIRN_DETECT_BUNDLES || params->bundles > CAIRN_DETECT_NO_BUNDLES)
+    if (params->bundles < CAIRN_OBJECT_DETECT_BUNDLES ||
+        params->bundles > CAIRN_OBJECT_DETECT_NO_BUNDLES)
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
                                     "bundles %" PRId32 ", expected 0 to 2", params->bundles);
     if (params->mode != CAIRN_MODE_DEFAULT && params->mode != CAIRN_MODE_AS_WRITTEN)
@@ -210,8 +211,9 @@ static cairn_status check_parts(const cairn_object_detect_params *params, const 
                                     "appearance_nearest %" PRId32 ", expected 0, or 1 as written",
                                     params->appearance_nearest);
     if (params->mode == CAIRN_MODE_AS_WRITTEN &&
-        (params->method != CAIRN_DETECT_PARTS || params->bundles != CAIRN_DETECT_BUNDLES ||
-         params->modes_only || params->occluded || params->verify > 0))
+        (params->method != CAIRN_OBJECT_DETECT_PARTS ||
+         params->bundles != CAIRN_OBJECT_DETECT_BUNDLES || params->modes_only || params->occluded ||
+         params->verify > 0))
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, path, 0,
             "as written by another method, with other bundles, modes, occluded or verify, "
@@ -226,7 +228,7 @@ static cairn_status check_parts(const cairn_object_detect_params *params, const 
 }
 
 static cairn_status check_params(const cairn_object_detect_params *params,
-                                 const cairn_contour_tokens *tokens, const char *path,
+                                 const cairn_contour_search_tokens *tokens, const char *path,
                                  cairn_file_error *error)
 {
     int32_t longer = tokens->width > tokens->height ? tokens->width : tokens->height;
@@ -277,12 +279,13 @@ static int32_t plane_count_of(const cairn_object_detect_params *params)
     return planes;
 }
 
-cairn_status cairn_detect_field_make(cairn_detect_field **field, const cairn_contour_tokens *tokens,
-                                     const cairn_object_detect_params *params, const char *path,
-                                     cairn_file_error *error)
+cairn_status cairn_object_detect_field_make(cairn_object_detect_field **field,
+                                            const cairn_contour_search_tokens *tokens,
+                                            const cairn_object_detect_params *params,
+                                            const char *path, cairn_file_error *error)
 {
     cairn_status status = check_params(params, tokens, path, error);
-    cairn_detect_field *made;
+    cairn_object_detect_field *made;
     int ok = 1;
 
     *field = NULL;
@@ -293,10 +296,10 @@ cairn_status cairn_detect_field_make(cairn_detect_field **field, const cairn_con
         return cairn_file_error_system(error, path, "detect", ENOMEM);
     made->tokens = tokens;
     made->params = *params;
-    if (params->method == CAIRN_DETECT_PARTS)
+    if (params->method == CAIRN_OBJECT_DETECT_PARTS)
         ok = cairn_object_detect_chains_make(&made->chains, tokens);
-    for (int32_t k = 0; params->method == CAIRN_DETECT_EVIDENCE && k < plane_count_of(params) && ok;
-         k++) {
+    for (int32_t k = 0;
+         params->method == CAIRN_OBJECT_DETECT_EVIDENCE && k < plane_count_of(params) && ok; k++) {
         detect_plane *plane = &made->plane[made->planes++];
         plane_buffers buffers = {.cost = NULL};
 
@@ -310,14 +313,14 @@ cairn_status cairn_detect_field_make(cairn_detect_field **field, const cairn_con
         free(buffers.strip);
     }
     if (!ok) {
-        cairn_detect_field_free(made);
+        cairn_object_detect_field_free(made);
         return cairn_file_error_system(error, path, "detect", ENOMEM);
     }
     *field = made;
     return CAIRN_OK;
 }
 
-void cairn_detect_field_free(cairn_detect_field *field)
+void cairn_object_detect_field_free(cairn_object_detect_field *field)
 {
     for (int32_t k = 0; field != NULL && k < field->planes; k++)
         free(field->plane[k].llr);

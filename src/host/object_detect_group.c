@@ -35,19 +35,19 @@ void cairn_object_detect_group_free(detect_groupings *groupings)
 }
 
 /* Number of tokens of all segments, clamped. */
-static int32_t count_tokens(const cairn_contour_tokens *tokens, cairn_real token)
+static int32_t count_tokens(const cairn_contour_search_tokens *tokens, cairn_real token)
 {
     double count = 0;
 
     for (int32_t i = 0; i < tokens->count; i++)
         count += ceil((double)cairn_segment_length(tokens->lines[i]) / (double)token);
-    return (int32_t)fmax(MIN_TOKENS, fmin(count, CAIRN_CONTOUR_MAX_TOKENS));
+    return (int32_t)fmax(MIN_TOKENS, fmin(count, CAIRN_CONTOUR_SEARCH_MAX_TOKENS));
 }
 
-static cairn_grouping_params params_for(const cairn_contour_tokens *tokens,
-                                        const cairn_shape_model *model)
+static cairn_contour_grouping_params params_for(const cairn_contour_search_tokens *tokens,
+                                                const cairn_shape_model *model)
 {
-    cairn_grouping_params params = cairn_grouping_default();
+    cairn_contour_grouping_params params = cairn_contour_grouping_default();
 
     params.max_width = tokens->width;
     params.max_height = tokens->height;
@@ -80,10 +80,10 @@ static void set_box(const cairn_shape_model *model, detect_grouping *grouped)
     }
 }
 
-static void append_objects(detect_groupings *groupings, const cairn_grouping *grouping,
+static void append_objects(detect_groupings *groupings, const cairn_contour_grouping *grouping,
                            const cairn_shape_model *model, int32_t mirrored)
 {
-    cairn_grouping_result result = cairn_grouping_read(grouping);
+    cairn_contour_grouping_result result = cairn_contour_grouping_read(grouping);
 
     for (int32_t i = 0; i < result.object_count && groupings->count < DETECT_MAX_GROUPINGS; i++) {
         detect_grouping *grouped = &groupings->list[groupings->count++];
@@ -95,34 +95,37 @@ static void append_objects(detect_groupings *groupings, const cairn_grouping *gr
 }
 
 /* Searches the model in one band of sizes. */
-static cairn_status search_band(cairn_grouping *grouping, const cairn_contour_tokens *tokens,
+static cairn_status search_band(cairn_contour_grouping *grouping,
+                                const cairn_contour_search_tokens *tokens,
                                 const cairn_shape_model *model, double min_size, double max_size)
 {
-    cairn_grouping_input input = {.segments = tokens->lines,
-                                  .count = tokens->count,
-                                  .width = tokens->width,
-                                  .height = tokens->height,
-                                  .model = model,
-                                  .min_size = (cairn_real)min_size,
-                                  .max_size = (cairn_real)fmax(min_size, max_size),
-                                  .min_turn = -MAX_ROTATION,
-                                  .max_turn = MAX_ROTATION,
-                                  .mean_length = tokens->mean_length > 0 ? tokens->mean_length : 5};
-    cairn_status status = cairn_grouping_begin(grouping, &input);
+    cairn_contour_grouping_input input = {.segments = tokens->lines,
+                                          .count = tokens->count,
+                                          .width = tokens->width,
+                                          .height = tokens->height,
+                                          .model = model,
+                                          .min_size = (cairn_real)min_size,
+                                          .max_size = (cairn_real)fmax(min_size, max_size),
+                                          .min_turn = -MAX_ROTATION,
+                                          .max_turn = MAX_ROTATION,
+                                          .mean_length =
+                                              tokens->mean_length > 0 ? tokens->mean_length : 5};
+    cairn_status status = cairn_contour_grouping_begin(grouping, &input);
     cairn_budget budget;
 
     if (status != CAIRN_OK)
         return status;
     do {
         budget.left = CAIRN_UNBOUNDED;
-        status = cairn_grouping_step(grouping, &budget);
+        status = cairn_contour_grouping_step(grouping, &budget);
     } while (status == CAIRN_MORE);
     return status;
 }
 
-static cairn_status search_bands(detect_groupings *groupings, const cairn_detect_field *field,
+static cairn_status search_bands(detect_groupings *groupings,
+                                 const cairn_object_detect_field *field,
                                  const cairn_shape_model *model, int32_t mirrored,
-                                 cairn_grouping *grouping)
+                                 cairn_contour_grouping *grouping)
 {
     double min_size = (double)field->params.min_size,
            range = log((double)field->params.max_size / min_size);
@@ -138,8 +141,10 @@ static cairn_status search_bands(detect_groupings *groupings, const cairn_detect
     return status;
 }
 
-static cairn_status search_mirrored(detect_groupings *groupings, const cairn_detect_field *field,
-                                    const cairn_shape_model *model, cairn_grouping *grouping)
+static cairn_status search_mirrored(detect_groupings *groupings,
+                                    const cairn_object_detect_field *field,
+                                    const cairn_shape_model *model,
+                                    cairn_contour_grouping *grouping)
 {
     cairn_shape_model_file mirrored;
     cairn_status status = cairn_shape_model_file_copy(&mirrored, model);
@@ -165,13 +170,14 @@ static int compare_groupings(const void *a, const void *b)
     return x->found.origin.x < y->found.origin.x ? -1 : x->found.origin.x > y->found.origin.x;
 }
 
-cairn_status cairn_object_detect_group(detect_groupings *groupings, const cairn_detect_field *field,
+cairn_status cairn_object_detect_group(detect_groupings *groupings,
+                                       const cairn_object_detect_field *field,
                                        const cairn_shape_model *model)
 {
-    cairn_grouping_params params = params_for(field->tokens, model);
-    size_t bytes = cairn_grouping_memory(&params) + CAIRN_ALIGN;
+    cairn_contour_grouping_params params = params_for(field->tokens, model);
+    size_t bytes = cairn_contour_grouping_memory(&params) + CAIRN_ALIGN;
     void *memory = malloc(bytes);
-    cairn_grouping *grouping = NULL;
+    cairn_contour_grouping *grouping = NULL;
     cairn_status status;
     cairn_pool pool;
 
@@ -180,7 +186,7 @@ cairn_status cairn_object_detect_group(detect_groupings *groupings, const cairn_
     status = memory != NULL && groupings->list != NULL ? cairn_pool_init(&pool, memory, bytes)
                                                        : CAIRN_NO_MEMORY;
     if (status == CAIRN_OK)
-        status = cairn_grouping_create(&grouping, &pool, &params);
+        status = cairn_contour_grouping_create(&grouping, &pool, &params);
     if (status == CAIRN_OK)
         status = search_bands(groupings, field, model, 0, grouping);
     if (status == CAIRN_OK && field->params.mirror)
@@ -193,13 +199,13 @@ cairn_status cairn_object_detect_group(detect_groupings *groupings, const cairn_
 }
 
 cairn_real cairn_object_detect_grouped_evidence(const detect_groupings *groupings,
-                                                const cairn_detection *detection)
+                                                const cairn_object_detection *detection)
 {
     const double own[4] = {(double)detection->left, (double)detection->top,
                            (double)detection->right, (double)detection->bottom};
 
     for (int32_t i = 0; i < groupings->count; i++)
-        if (cairn_detection_overlap(groupings->list[i].box, own) >= MIN_OVERLAP)
+        if (cairn_detection_curve_overlap(groupings->list[i].box, own) >= MIN_OVERLAP)
             return groupings->list[i].found.evidence;
     return 0;
 }

@@ -50,8 +50,8 @@ static cairn_vec2 middle_of(cairn_vec2 a, cairn_vec2 b)
 }
 
 /* Creates the polyline through the consecutive segments `from` ... `to` - 1 of a chain. */
-static void add_chain(detect_chains *chains, const cairn_contour_tokens *tokens, int32_t from,
-                      int32_t to, cairn_vec2 *points)
+static void add_chain(detect_chains *chains, const cairn_contour_search_tokens *tokens,
+                      int32_t from, int32_t to, cairn_vec2 *points)
 {
     cairn_curve *curve = &chains->curves[tokens->chain[from]];
     cairn_vec2 first = tokens->lines[from].a, last = tokens->lines[to - 1].b;
@@ -71,7 +71,8 @@ static void add_chain(detect_chains *chains, const cairn_contour_tokens *tokens,
     chains->max_length = cairn_max(chains->max_length, cairn_curve_length(curve));
 }
 
-int cairn_object_detect_chains_make(detect_chains *chains, const cairn_contour_tokens *tokens)
+int cairn_object_detect_chains_make(detect_chains *chains,
+                                    const cairn_contour_search_tokens *tokens)
 {
     cairn_vec2 *points;
 
@@ -101,16 +102,16 @@ void cairn_object_detect_chains_free(detect_chains *chains)
 /* ---- The search ---- */
 
 typedef struct part_searcher {
-    const cairn_detect_field *field;
+    const cairn_object_detect_field *field;
     const cairn_shape_model *model;
     detect_hypotheses *made;
     int32_t mirrored;
-    cairn_part_model parts; /* of the model or of its mirror image */
+    cairn_part_bundle_model parts; /* of the model or of its mirror image */
     cairn_oriented_point *samples;
-    cairn_part_vote *votes;
+    cairn_part_configuration_vote *votes;
     cairn_vec2 outline[OUTLINE_POINTS];
     int32_t outline_count;
-    cairn_part_builder *builder;
+    cairn_part_bundle_builder *builder;
     cairn_fragment_matcher *matcher;
     cairn_part_configurator *configurator;
     cairn_shape_context *context;
@@ -122,13 +123,13 @@ static cairn_part_bundle_params bundle_params(const part_searcher *searcher)
 {
     cairn_part_bundle_params params = cairn_part_bundle_default();
 
-    params.max_points = cairn_shape_first_outline(searcher->model);
+    params.max_points = cairn_shape_model_first_outline(searcher->model);
     return params;
 }
 
 static cairn_fragment_match_params match_params(const part_searcher *searcher)
 {
-    const cairn_detect_field *f = searcher->field;
+    const cairn_object_detect_field *f = searcher->field;
     cairn_fragment_match_params params = cairn_fragment_match_default();
 
     params.max_chains = f->chains.count > 0 ? f->chains.count : 1;
@@ -205,7 +206,7 @@ static cairn_status create(part_searcher *searcher, cairn_pool *pool, void **mem
 /* Computes the fragments of the model's first outline. */
 static cairn_status cut_outline(part_searcher *searcher)
 {
-    int32_t count = cairn_shape_first_outline(searcher->model);
+    int32_t count = cairn_shape_model_first_outline(searcher->model);
     cairn_vec2 *points = malloc((size_t)count * sizeof *points);
     cairn_status status = points != NULL ? CAIRN_OK : CAIRN_NO_MEMORY;
     cairn_budget budget;
@@ -277,10 +278,10 @@ static cairn_status match_fragments(part_searcher *searcher, cairn_fragment_matc
 /* Returns 1 for the longest fragment of its bundle; ties go to the first. */
 static int is_longest(const part_searcher *searcher, int32_t fragment)
 {
-    const cairn_part_fragment *own = &searcher->parts.fragments[fragment];
+    const cairn_part_bundle_fragment *own = &searcher->parts.fragments[fragment];
 
     for (int32_t i = 0; i < searcher->parts.fragment_count; i++) {
-        const cairn_part_fragment *f = &searcher->parts.fragments[i];
+        const cairn_part_bundle_fragment *f = &searcher->parts.fragments[i];
 
         if (f->bundle == own->bundle &&
             (i < fragment ? f->length >= own->length : f->length > own->length))
@@ -298,14 +299,15 @@ static int32_t cast_votes(part_searcher *searcher, const cairn_fragment_match_re
     for (int32_t i = 0; i < found->count; i++) {
         const cairn_fragment_match *match = &found->matches[i];
         const cairn_curve *chain = &searcher->field->chains.curves[match->chain];
-        const cairn_part_fragment *f = &searcher->parts.fragments[match->fragment];
-        cairn_part_vote *v = &searcher->votes[count];
+        const cairn_part_bundle_fragment *f = &searcher->parts.fragments[match->fragment];
+        cairn_part_configuration_vote *v = &searcher->votes[count];
 
-        if (searcher->field->params.bundles == CAIRN_DETECT_BUNDLES_OF_ONE &&
+        if (searcher->field->params.bundles == CAIRN_OBJECT_DETECT_BUNDLES_OF_ONE &&
             !is_longest(searcher, match->fragment))
             continue;
-        v->bundle = searcher->field->params.bundles == CAIRN_DETECT_NO_BUNDLES ? match->fragment
-                                                                               : f->bundle;
+        v->bundle = searcher->field->params.bundles == CAIRN_OBJECT_DETECT_NO_BUNDLES
+                        ? match->fragment
+                        : f->bundle;
         v->chain = match->chain;
         v->centre = match->centroid;
         v->scale = match->scale;
@@ -377,7 +379,7 @@ static int32_t sample_parts(const part_searcher *searcher, const detect_hypothes
         step = cairn_max(step, length / (cairn_real)capacity);
 
     for (int32_t i = 0; i < hypothesis->part_count; i++) {
-        const cairn_detected_part *part = &searcher->made->parts[hypothesis->first_part + i];
+        const cairn_object_detect_part *part = &searcher->made->parts[hypothesis->first_part + i];
         int32_t here =
             capacity > 0 ? 1 + (int32_t)((double)(part->to - part->from) / (double)step) : 1;
 
@@ -475,7 +477,7 @@ static cairn_status add_hypothesis(part_searcher *searcher,
     hypothesis->part_count = configuration->count;
     for (int32_t i = 0; i < configuration->count; i++) {
         const cairn_fragment_match *match = &matches[match_of[votes[configuration->first + i]]];
-        cairn_detected_part *part = &searcher->made->parts[searcher->made->part_count + i];
+        cairn_object_detect_part *part = &searcher->made->parts[searcher->made->part_count + i];
 
         part->bundle = searcher->parts.fragments[match->fragment].bundle;
         part->fragment = match->fragment;
@@ -510,13 +512,13 @@ static cairn_status search(part_searcher *searcher, int32_t mirrored, int32_t *m
     cairn_fragment_match_result matches = {.count = 0};
     cairn_status status;
 
-    cairn_object_detect_report_stage(searcher->field, CAIRN_DETECT_VOTES);
+    cairn_object_detect_report_stage(searcher->field, CAIRN_OBJECT_DETECT_VOTES);
     set_model(searcher, mirrored);
     status = match_fragments(searcher, &matches);
     if (status == CAIRN_OK)
         status = find_configurations(searcher, cast_votes(searcher, &matches, match_of),
                                      &configurations);
-    cairn_object_detect_report_stage(searcher->field, CAIRN_DETECT_SCORES);
+    cairn_object_detect_report_stage(searcher->field, CAIRN_OBJECT_DETECT_SCORES);
     if (status == CAIRN_OK && cairn_object_detect_is_as_written(searcher->field) &&
         !cairn_object_detect_chain_sets_begin(&searcher->sets, configurations.count))
         status = CAIRN_NO_MEMORY;
@@ -528,7 +530,7 @@ static cairn_status search(part_searcher *searcher, int32_t mirrored, int32_t *m
 }
 
 cairn_status cairn_object_detect_parts(detect_hypotheses *hypotheses,
-                                       const cairn_detect_field *field,
+                                       const cairn_object_detect_field *field,
                                        const cairn_shape_model *model)
 {
     part_searcher searcher = {.field = field, .model = model, .made = hypotheses};

@@ -35,8 +35,8 @@ typedef struct detect_chains {
     cairn_real max_length; /* px, greatest length of a chain */
 } detect_chains;
 
-struct cairn_detect_field {
-    const cairn_contour_tokens *tokens;
+struct cairn_object_detect_field {
+    const cairn_contour_search_tokens *tokens;
     cairn_object_detect_params params;
     detect_plane plane[DETECT_MAX_PLANES];
     int32_t planes;
@@ -54,8 +54,8 @@ static inline size_t cairn_object_detect_layer(const detect_plane *plane)
 }
 
 /* Reports the start of a stage to the callback. */
-static inline void cairn_object_detect_report_stage(const cairn_detect_field *field,
-                                                    cairn_detect_stage stage)
+static inline void cairn_object_detect_report_stage(const cairn_object_detect_field *field,
+                                                    cairn_object_detect_stage stage)
 {
     if (field->params.on_stage != NULL)
         field->params.on_stage(field->params.on_stage_context, stage);
@@ -79,14 +79,14 @@ typedef struct detect_hypothesis {
 
 typedef struct detect_hypotheses {
     detect_hypothesis *list;
-    cairn_detected_part *parts;
+    cairn_object_detect_part *parts;
     int32_t count, part_count, bundles;
 } detect_hypotheses;
 
 /* A grouped object and the bounding box of the model at its pose. */
 typedef struct detect_grouping {
-    cairn_grouped_object found; /* first, first_outline: unused */
-    double box[4];              /* px: left, top, right, bottom */
+    cairn_contour_grouping_object found; /* first, first_outline: unused */
+    double box[4];                       /* px: left, top, right, bottom */
     int32_t mirrored;
 } detect_grouping;
 
@@ -103,19 +103,22 @@ typedef struct detect_groupings {
 } detect_groupings;
 
 /* Detects the model by contour grouping among the edges of a field, over the sizes of its params.
- * CAIRN_NO_MEMORY, or as cairn_grouping_begin(). The result must be freed on failure, too. */
-cairn_status cairn_object_detect_group(detect_groupings *made, const cairn_detect_field *field,
+ * CAIRN_NO_MEMORY, or as cairn_contour_grouping_begin(). The result must be freed on failure,
+ * too. */
+cairn_status cairn_object_detect_group(detect_groupings *made,
+                                       const cairn_object_detect_field *field,
                                        const cairn_shape_model *model);
 void cairn_object_detect_group_free(detect_groupings *made);
 
 /* Returns the greatest evidence (nats) of a grouped object that coincides with a detection; 0:
  * none. */
 cairn_real cairn_object_detect_grouped_evidence(const detect_groupings *made,
-                                                const cairn_detection *o);
+                                                const cairn_object_detection *o);
 
 /* Builds the polylines of all chains. Returns 0 when out of memory; the result must be freed then,
  * too. */
-int cairn_object_detect_chains_make(detect_chains *chains, const cairn_contour_tokens *tokens);
+int cairn_object_detect_chains_make(detect_chains *chains,
+                                    const cairn_contour_search_tokens *tokens);
 void cairn_object_detect_chains_free(detect_chains *chains);
 
 /* Similarity transform (x, y) -> (a x - b y, b x + a y) + shift. */
@@ -138,23 +141,24 @@ cairn_real cairn_object_detect_rigid_proximity(const contour_fitted_outline *lai
  * origin and size. */
 void cairn_object_detect_place_outline(const detect_similarity *laid,
                                        const cairn_oriented_point *drawn, contour_fit *fit,
-                                       cairn_detection *o);
+                                       cairn_object_detection *o);
 
 /* Finds hypotheses by parts. CAIRN_NO_MEMORY; CAIRN_EMPTY: an outline of zero length. On failure
  * there is nothing to free. */
-cairn_status cairn_object_detect_parts(detect_hypotheses *made, const cairn_detect_field *field,
+cairn_status cairn_object_detect_parts(detect_hypotheses *made,
+                                       const cairn_object_detect_field *field,
                                        const cairn_shape_model *model);
 void cairn_object_detect_parts_free(detect_hypotheses *made);
 
-static inline int cairn_object_detect_is_as_written(const cairn_detect_field *field)
+static inline int cairn_object_detect_is_as_written(const cairn_object_detect_field *field)
 {
     return field->params.mode == CAIRN_MODE_AS_WRITTEN;
 }
 
 /* As written (object_detect_written.c). Computes the bounding box of a hypothesis' fragments, and
  * samples points[count] at even steps along all of them. Returns 0 when their length is zero. */
-int cairn_object_detect_written_sample(const cairn_detect_field *field, detect_hypothesis *h,
-                                       const cairn_detected_part *parts, cairn_vec2 *points,
+int cairn_object_detect_written_sample(const cairn_object_detect_field *field, detect_hypothesis *h,
+                                       const cairn_object_detect_part *parts, cairn_vec2 *points,
                                        int32_t count);
 /* Hash set of sets of chains, so that hypotheses of the same chains are compared once. begin:
  * capacity: greatest number of sets; returns 0 when out of memory. add: returns 1 for a new set, 0
@@ -168,17 +172,18 @@ typedef struct detect_chain_sets {
     int32_t count;
 } detect_chain_sets;
 int cairn_object_detect_chain_sets_begin(detect_chain_sets *sets, int32_t room);
-int cairn_object_detect_chain_sets_add(detect_chain_sets *sets, const cairn_detected_part *parts,
-                                       int32_t count);
+int cairn_object_detect_chain_sets_add(detect_chain_sets *sets,
+                                       const cairn_object_detect_part *parts, int32_t count);
 void cairn_object_detect_chain_sets_free(detect_chain_sets *sets);
 
 /* Creates a detection for every hypothesis: found->found only, on the heap. */
-cairn_status cairn_object_detect_written_add(cairn_detections *found, const detect_hypotheses *made,
-                                             const cairn_detect_field *field);
+cairn_status cairn_object_detect_written_add(cairn_object_detections *found,
+                                             const detect_hypotheses *made,
+                                             const cairn_object_detect_field *field);
 /* Adds the lines of the fragments and the model's outline at the voted centroid to the detections
  * of found->found. */
-cairn_status cairn_object_detect_written_outlines(cairn_detections *found,
-                                                  const cairn_detect_field *field,
+cairn_status cairn_object_detect_written_outlines(cairn_object_detections *found,
+                                                  const cairn_object_detect_field *field,
                                                   const cairn_shape_model *model);
 
 #endif

@@ -32,7 +32,7 @@ cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t
     cairn_object_detect_params params = cairn_object_detect_default(width, height);
 
     params.mode = CAIRN_MODE_AS_WRITTEN;
-    params.method = CAIRN_DETECT_PARTS;
+    params.method = CAIRN_OBJECT_DETECT_PARTS;
     params.verify = 0;
     params.appearance_nearest = 1;
     return params;
@@ -60,9 +60,9 @@ static int32_t sample_chain(const cairn_curve *chain, cairn_real step, cairn_rea
     return count;
 }
 
-int cairn_object_detect_written_sample(const cairn_detect_field *field,
+int cairn_object_detect_written_sample(const cairn_object_detect_field *field,
                                        detect_hypothesis *hypothesis,
-                                       const cairn_detected_part *parts, cairn_vec2 *points,
+                                       const cairn_object_detect_part *parts, cairn_vec2 *points,
                                        int32_t count)
 {
     cairn_real length = 0, step, next;
@@ -117,8 +117,8 @@ void cairn_object_detect_chain_sets_free(detect_chain_sets *sets)
     memset(sets, 0, sizeof *sets);
 }
 
-int cairn_object_detect_chain_sets_add(detect_chain_sets *sets, const cairn_detected_part *parts,
-                                       int32_t count)
+int cairn_object_detect_chain_sets_add(detect_chain_sets *sets,
+                                       const cairn_object_detect_part *parts, int32_t count)
 {
     int32_t *chains = sets->chains[sets->count];
     uint32_t hash = 0, index;
@@ -142,8 +142,9 @@ int cairn_object_detect_chain_sets_add(detect_chain_sets *sets, const cairn_dete
 
 /* ---- Detections ---- */
 
-cairn_status cairn_object_detect_written_add(cairn_detections *found, const detect_hypotheses *made,
-                                             const cairn_detect_field *field)
+cairn_status cairn_object_detect_written_add(cairn_object_detections *found,
+                                             const detect_hypotheses *made,
+                                             const cairn_object_detect_field *field)
 {
     const cairn_object_detect_params *params = &field->params;
 
@@ -154,7 +155,7 @@ cairn_status cairn_object_detect_written_add(cairn_detections *found, const dete
         const detect_hypothesis *hypothesis = &made->list[i];
         const double box[4] = {(double)hypothesis->left, (double)hypothesis->top,
                                (double)hypothesis->right, (double)hypothesis->bottom};
-        cairn_detection *detection = &found->found[found->count];
+        cairn_object_detection *detection = &found->found[found->count];
 
         memset(detection, 0, sizeof *detection);
         detection->left = hypothesis->left;
@@ -182,8 +183,8 @@ cairn_status cairn_object_detect_written_add(cairn_detections *found, const dete
 }
 
 /* Appends all lines of the fragments' chains. */
-static void append_lines(cairn_detections *found, cairn_detection *detection,
-                         const cairn_contour_tokens *tokens)
+static void append_lines(cairn_object_detections *found, cairn_object_detection *detection,
+                         const cairn_contour_search_tokens *tokens)
 {
     detection->first_segment = found->segment_count;
     for (int32_t i = 0; i < tokens->count; i++)
@@ -197,13 +198,13 @@ static void append_lines(cairn_detections *found, cairn_detection *detection,
 
 /* Appends the original outline at the voted pose; all samples are unmatched. Outline index 1: all
  * outlines after the first. */
-static void append_outline(cairn_detections *found, cairn_detection *detection,
+static void append_outline(cairn_object_detections *found, cairn_object_detection *detection,
                            const cairn_shape_model *model)
 {
     detection->first_outline = found->outline_count;
     detection->outline_count = model->outline_count;
     for (int32_t i = 0; i < model->outline_count; i++) {
-        cairn_contour_place *sample = &found->outline[found->outline_count++];
+        cairn_contour_search_place *sample = &found->outline[found->outline_count++];
         cairn_oriented_point position = model->outline[i];
 
         position.position.x *= detection->mirrored ? -1 : 1;
@@ -211,13 +212,13 @@ static void append_outline(cairn_detections *found, cairn_detection *detection,
         sample->point.position =
             cairn_vec2_add(detection->origin, cairn_vec2_scale(position.position, detection->size));
         sample->point.direction = position.direction;
-        sample->outline_index = i >= cairn_shape_first_outline(model);
+        sample->outline_index = i >= cairn_shape_model_first_outline(model);
         sample->segment = -1;
     }
 }
 
-cairn_status cairn_object_detect_written_outlines(cairn_detections *found,
-                                                  const cairn_detect_field *field,
+cairn_status cairn_object_detect_written_outlines(cairn_object_detections *found,
+                                                  const cairn_object_detect_field *field,
                                                   const cairn_shape_model *model)
 {
     size_t kept = (size_t)found->count + 1;
@@ -227,7 +228,7 @@ cairn_status cairn_object_detect_written_outlines(cairn_detections *found,
     if (found->segments == NULL || found->outline == NULL)
         return CAIRN_NO_MEMORY;
     for (int32_t i = 0; i < found->count; i++) {
-        cairn_detection *detection = &found->found[i];
+        cairn_object_detection *detection = &found->found[i];
 
         append_lines(found, detection, field->tokens);
         append_outline(found, detection, model);

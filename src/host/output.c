@@ -22,23 +22,23 @@ struct cairn_output {
     int32_t error_code; /* errno of the first failure */
 };
 
-const char *cairn_path_name(const char *path)
+const char *cairn_output_path_name(const char *path)
 {
     const char *slash = strrchr(path, '/');
 
     return slash == NULL ? path : slash + 1;
 }
 
-char *cairn_path_folder(const char *path)
+char *cairn_output_path_folder(const char *path)
 {
-    size_t length = (size_t)(cairn_path_name(path) - path);
+    size_t length = (size_t)(cairn_output_path_name(path) - path);
 
     while (length > 1 && path[length - 1] == '/')
         length--;
     return strndup(path, length);
 }
 
-char *cairn_path_join(const char *folder, const char *name)
+char *cairn_output_path_join(const char *folder, const char *name)
 {
     size_t first = strlen(folder), bytes = first + strlen(name) + sizeof "/";
     char *joined;

@@ -123,7 +123,7 @@ cairn_status cairn_output_set_check(const char *folder, const char *const *names
     status = check_folder(existing > 0 ? path : ".", error);
     free(path);
     for (i = 0; i < count && missing == 0 && status == CAIRN_OK; i++) {
-        char *target = cairn_path_join(folder, names[i]);
+        char *target = cairn_output_path_join(folder, names[i]);
 
         status = target != NULL ? check_target(target, error)
                                 : cairn_file_error_system(error, folder, "write", ENOMEM);
@@ -168,8 +168,8 @@ static cairn_status name_files(cairn_output_set *set, const char *const *names)
     for (i = 0; i < set->count; i++) {
         staged_file *file = &set->file[i];
 
-        file->target = cairn_path_join(set->folder, names[i]);
-        file->staged = cairn_path_join(set->stage, names[i]);
+        file->target = cairn_output_path_join(set->folder, names[i]);
+        file->staged = cairn_output_path_join(set->stage, names[i]);
         if (file->staged != NULL)
             file->backup = backup_name(file->staged);
         if (file->target == NULL || file->backup == NULL)

@@ -25,8 +25,8 @@ static void read_numbers(const char *line, size_t length, int64_t number[NUMBERS
         }
 }
 
-static cairn_status read_lines(cairn_line_reader *lines, cairn_part_cut *cuts, int32_t *count,
-                               const char *path, cairn_file_error *error)
+static cairn_status read_lines(cairn_line_reader *lines, cairn_part_bundle_cut *cuts,
+                               int32_t *count, const char *path, cairn_file_error *error)
 {
     const char *line;
     size_t length;
@@ -60,8 +60,8 @@ static cairn_status read_lines(cairn_line_reader *lines, cairn_part_cut *cuts, i
                       : cairn_file_error_set(error, CAIRN_EMPTY, path, 0, "no fragment, " EXPECTED);
 }
 
-cairn_status cairn_part_cut_file_read(cairn_part_cut cuts[CAIRN_PART_MAX_FRAGMENTS], int32_t *count,
-                                      const char *path, cairn_file_error *error)
+cairn_status cairn_part_cut_file_read(cairn_part_bundle_cut cuts[CAIRN_PART_MAX_FRAGMENTS],
+                                      int32_t *count, const char *path, cairn_file_error *error)
 {
     cairn_line_reader *lines;
     cairn_status status = cairn_line_reader_open(&lines, path, error);

@@ -29,7 +29,7 @@ typedef struct field_token {
 /* An edge with ids that are not resolved yet. */
 typedef struct raw_edge {
     int64_t first, second;
-    cairn_pose_graph_edge edge;
+    cairn_pose_graph_file_edge edge;
 } raw_edge;
 
 /* State of the reader. */
@@ -37,9 +37,9 @@ typedef struct graph_reader {
     cairn_line_reader *lines;
     const char *path;
     cairn_file_error *error;
-    cairn_pose_graph_vertex *vertex;
+    cairn_pose_graph_file_vertex *vertex;
     raw_edge *edge;
-    cairn_pose_graph_vertex *fix; /* ids and lines of FIX lines */
+    cairn_pose_graph_file_vertex *fix; /* ids and lines of FIX lines */
     int32_t vertices, vertex_capacity, edges, edge_capacity, fixes, fix_capacity;
 } graph_reader;
 
@@ -106,7 +106,7 @@ static cairn_status read_numbers(const graph_reader *reader, const field_token *
 /* Parses a VERTEX_SE2 line. */
 static cairn_status read_vertex(graph_reader *reader, const field_token *tokens, int32_t count)
 {
-    cairn_pose_graph_vertex vertex = {.line = cairn_line_reader_number(reader->lines)};
+    cairn_pose_graph_file_vertex vertex = {.line = cairn_line_reader_number(reader->lines)};
     cairn_real value[3];
     cairn_status status;
 
@@ -176,7 +176,8 @@ static cairn_status read_edge(graph_reader *reader, const field_token *tokens, i
 /* Parses a FIX line. */
 static cairn_status read_fix(graph_reader *reader, const field_token *tokens, int32_t count)
 {
-    cairn_pose_graph_vertex fix = {.line = cairn_line_reader_number(reader->lines), .fixed = 1};
+    cairn_pose_graph_file_vertex fix = {.line = cairn_line_reader_number(reader->lines),
+                                        .fixed = 1};
     cairn_status status = CAIRN_OK;
 
     if (count < 2)
@@ -225,7 +226,7 @@ static cairn_status read_line(graph_reader *reader, const char *line, size_t len
 
 static int compare_vertices(const void *a, const void *b)
 {
-    const cairn_pose_graph_vertex *first = a, *second = b;
+    const cairn_pose_graph_file_vertex *first = a, *second = b;
 
     if (first->id != second->id)
         return first->id < second->id ? -1 : 1;
@@ -254,9 +255,9 @@ static cairn_status collect_vertices(graph_reader *reader)
     int32_t kept = 0;
 
     for (int32_t e = 0; e < 2 * reader->edges; e++) {
-        cairn_pose_graph_vertex vertex = {.id = e % 2 == 0 ? reader->edge[e / 2].first
-                                                           : reader->edge[e / 2].second,
-                                          .line = reader->edge[e / 2].edge.line};
+        cairn_pose_graph_file_vertex vertex = {.id = e % 2 == 0 ? reader->edge[e / 2].first
+                                                                : reader->edge[e / 2].second,
+                                               .line = reader->edge[e / 2].edge.line};
         cairn_status status = reserve_element(reader, &reader->vertex, reader->vertices,
                                               &reader->vertex_capacity, sizeof vertex);
 
@@ -328,7 +329,7 @@ static int32_t root_of(int32_t *root, int32_t v)
 }
 
 /* Unites the components of an edge's vertices; 1 when they were different. */
-static int unite(int32_t *root, const cairn_pose_graph_edge *edge)
+static int unite(int32_t *root, const cairn_pose_graph_file_edge *edge)
 {
     int32_t a = root_of(root, edge->first), b = root_of(root, edge->second);
 
@@ -385,7 +386,7 @@ static void compose_poses(const graph_reader *reader, const uint8_t *in_tree, in
     via[0] = -1;
     for (int32_t at = 0; at < reached; at++)
         for (int32_t k = start[queue[at]]; k < start[queue[at] + 1]; k++) {
-            const cairn_pose_graph_edge *edge = &reader->edge[list[k]].edge;
+            const cairn_pose_graph_file_edge *edge = &reader->edge[list[k]].edge;
             int32_t from = queue[at], to = edge->first == from ? edge->second : edge->first;
             cairn_pose step =
                 edge->first == from ? edge->first_second : cairn_pose_inverse(edge->first_second);
@@ -527,7 +528,7 @@ cairn_status cairn_pose_graph_file_write(const char *path, const cairn_pose_grap
     if (status != CAIRN_OK)
         return status;
     for (int32_t v = 0; v < file->vertex_count; v++) {
-        const cairn_pose_graph_vertex *vertex = &file->vertex[v];
+        const cairn_pose_graph_file_vertex *vertex = &file->vertex[v];
         const cairn_real value[3] = {vertex->pose.x, vertex->pose.y, vertex->pose.theta};
 
         cairn_output_print(output, "VERTEX_SE2 %lld", (long long)vertex->id);
@@ -537,7 +538,7 @@ cairn_status cairn_pose_graph_file_write(const char *path, const cairn_pose_grap
             cairn_output_print(output, "FIX %lld\n", (long long)vertex->id);
     }
     for (int32_t e = 0; e < file->edge_count; e++) {
-        const cairn_pose_graph_edge *edge = &file->edge[e];
+        const cairn_pose_graph_file_edge *edge = &file->edge[e];
         const cairn_real value[9] = {
             edge->first_second.x, edge->first_second.y, edge->first_second.theta,
             edge->information.xx, edge->information.xy, edge->information.xz,

@@ -22,14 +22,14 @@ typedef struct bounding_box {
 } bounding_box;
 
 static cairn_pose pose_of(const cairn_pose_graph_file *file,
-                          const cairn_pose_graph_solution *solution, int32_t index, int after)
+                          const cairn_pose_graph_file_solution *solution, int32_t index, int after)
 {
     return after ? solution->pose[index] : file->vertex[index].pose;
 }
 
 /* Returns the bounding box of the poses before or after optimization. */
 static bounding_box find_bounds(const cairn_pose_graph_file *file,
-                                const cairn_pose_graph_solution *solution, int after)
+                                const cairn_pose_graph_file_solution *solution, int after)
 {
     cairn_pose first = pose_of(file, solution, 0, after);
     bounding_box bounds = {(double)first.x, (double)first.x, (double)first.y, (double)first.y};
@@ -52,7 +52,7 @@ static double side_of(bounding_box bounds)
 
 /* Prints the inlier or the outlier edges as one path. */
 static void print_links(cairn_output *output, const cairn_pose_graph_file *file,
-                        const cairn_pose_graph_solution *solution, const panel_view *panel,
+                        const cairn_pose_graph_file_solution *solution, const panel_view *panel,
                         int after, int dropped)
 {
     cairn_output_print(output, "<path class=\"%s\" d=\"", dropped ? "dropped" : "kept");
@@ -72,7 +72,7 @@ static void print_links(cairn_output *output, const cairn_pose_graph_file *file,
 }
 
 cairn_status cairn_pose_graph_file_draw(const char *path, const cairn_pose_graph_file *file,
-                                        const cairn_pose_graph_solution *solution,
+                                        const cairn_pose_graph_file_solution *solution,
                                         const char *title, cairn_file_error *error)
 {
     bounding_box panel_bounds[2] = {find_bounds(file, solution, 0), find_bounds(file, solution, 1)};

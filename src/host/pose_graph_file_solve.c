@@ -17,7 +17,7 @@ static const double CHI2_MAX_DEVIATIONS = 6;
 /* State of one optimization. */
 struct graph_solver {
     const cairn_pose_graph_file *file;
-    cairn_pose_graph_solution *solution;
+    cairn_pose_graph_file_solution *solution;
     cairn_pose_graph *graph;
     cairn_sparse_solver *sparse;
     void *memory, *fill_memory;
@@ -52,14 +52,14 @@ static cairn_status new_pool(cairn_pool *pool, void **memory, size_t bytes)
 static cairn_status make_graph(struct graph_solver *solver)
 {
     cairn_pose_graph_params params = cairn_pose_graph_default();
-    cairn_pose_solver interface, *external = NULL;
+    cairn_pose_graph_solver interface, *external = NULL;
     cairn_status status;
     cairn_pool pool;
 
     params.max_poses = solver->file->vertex_count;
     params.max_links = solver->file->edge_count;
     params.max_fill = 0; /* the factor's memory is added by extend_factor() */
-    if (solver->solution->solver == CAIRN_POSE_GRAPH_SPARSE) {
+    if (solver->solution->solver == CAIRN_POSE_GRAPH_FILE_SPARSE) {
         status = cairn_sparse_solver_open(&solver->sparse);
         if (status != CAIRN_OK)
             return status;
@@ -86,7 +86,7 @@ static cairn_status fill_graph(struct graph_solver *solver)
             status = cairn_pose_graph_fix(solver->graph, v, solver->file->vertex[v].fixed);
     }
     for (int32_t e = 0; e < solver->file->edge_count && status == CAIRN_OK; e++) {
-        const cairn_pose_graph_edge *edge = &solver->file->edge[e];
+        const cairn_pose_graph_file_edge *edge = &solver->file->edge[e];
 
         status = cairn_pose_graph_add_link(solver->graph, edge->first, edge->second,
                                            edge->first_second, edge->information);
@@ -218,10 +218,10 @@ static cairn_status solve(struct graph_solver *solver)
 }
 
 cairn_status cairn_pose_graph_file_solve(const cairn_pose_graph_file *file,
-                                         cairn_pose_graph_solution *solution)
+                                         cairn_pose_graph_file_solution *solution)
 {
     struct graph_solver solver = {.file = file, .solution = solution};
-    cairn_pose_graph_solution fresh;
+    cairn_pose_graph_file_solution fresh;
     cairn_status status = CAIRN_NO_MEMORY;
 
     memset(&fresh, 0, sizeof fresh);
@@ -236,11 +236,11 @@ cairn_status cairn_pose_graph_file_solve(const cairn_pose_graph_file *file,
     free(solver.memory);
     free(solver.fill_memory);
     if (status != CAIRN_OK)
-        cairn_pose_graph_solution_free(solution);
+        cairn_pose_graph_file_solution_free(solution);
     return status;
 }
 
-void cairn_pose_graph_solution_free(cairn_pose_graph_solution *solution)
+void cairn_pose_graph_file_solution_free(cairn_pose_graph_file_solution *solution)
 {
     free(solution->pose);
     free(solution->outlier);

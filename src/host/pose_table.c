@@ -30,14 +30,14 @@ static const char *const column_name[COLUMNS] = {
 static const int covariance_element[COVARIANCES] = {0, 4, 8, 1, 2, 5};
 static const int covariance_mirror[COVARIANCES] = {0, 4, 8, 3, 6, 7};
 
-cairn_pose_row cairn_pose_row_of(int64_t index, cairn_pose pose)
+cairn_pose_table_row cairn_pose_table_row_of(int64_t index, cairn_pose pose)
 {
-    cairn_pose_row row;
+    cairn_pose_table_row row;
     int i;
 
     memset(&row, 0, sizeof row);
     row.index = index;
-    row.stamp_ns = CAIRN_POSE_NO_STAMP;
+    row.stamp_ns = CAIRN_POSE_TABLE_NO_STAMP;
     row.pose = pose;
     row.support = (cairn_real)NAN;
     for (i = 0; i < 9; i++)
@@ -51,7 +51,7 @@ static int is_infinite(cairn_real value)
 }
 
 /* Validates a row before it is written. */
-static cairn_status check_row(const char *path, const cairn_pose_row *row, int64_t number,
+static cairn_status check_row(const char *path, const cairn_pose_table_row *row, int64_t number,
                               cairn_file_error *error)
 {
     int infinite = is_infinite(row->support), i;
@@ -82,7 +82,7 @@ static void print_optional(cairn_output *output, cairn_real value)
                        cairn_is_finite(value) ? cairn_number_write(text, value) : "");
 }
 
-static void print_row(cairn_output *output, const cairn_pose_row *row)
+static void print_row(cairn_output *output, const cairn_pose_table_row *row)
 {
     char text[CAIRN_NUMBER_TEXT_BYTES];
     int i;
@@ -90,9 +90,10 @@ static void print_row(cairn_output *output, const cairn_pose_row *row)
     cairn_output_print(output, "%lld,", (long long)row->index);
     if (row->line > 0)
         cairn_output_print(output, "%lld", (long long)row->line);
-    cairn_output_print(
-        output, ",%s",
-        row->stamp_ns != CAIRN_POSE_NO_STAMP ? cairn_number_write_stamp(text, row->stamp_ns) : "");
+    cairn_output_print(output, ",%s",
+                       row->stamp_ns != CAIRN_POSE_TABLE_NO_STAMP
+                           ? cairn_number_write_stamp(text, row->stamp_ns)
+                           : "");
     print_optional(output, row->pose.x);
     print_optional(output, row->pose.y);
     print_optional(output, row->pose.theta);
@@ -102,8 +103,8 @@ static void print_row(cairn_output *output, const cairn_pose_row *row)
     cairn_output_print(output, ",%s\n", row->verdict);
 }
 
-cairn_status cairn_pose_table_write(const char *path, const cairn_pose_row *row, int32_t count,
-                                    cairn_file_error *error)
+cairn_status cairn_pose_table_write(const char *path, const cairn_pose_table_row *row,
+                                    int32_t count, cairn_file_error *error)
 {
     cairn_output *output;
     cairn_status status;
@@ -224,7 +225,7 @@ static cairn_status read_real(const table_reader *reader, int32_t column, csv_fi
 
 /* Parses one field into the row. */
 static cairn_status read_field(const table_reader *reader, int32_t column, csv_field field,
-                               cairn_pose_row *row)
+                               cairn_pose_table_row *row)
 {
     cairn_real *target;
 
@@ -273,7 +274,7 @@ static cairn_status read_field(const table_reader *reader, int32_t column, csv_f
 
 /* Parses one line into a row; unknown fields keep their defaults. */
 static cairn_status read_row(const table_reader *reader, const char *line, size_t length,
-                             cairn_pose_row *row)
+                             cairn_pose_table_row *row)
 {
     csv_field fields[MAX_COLUMNS + 1];
     int32_t count = split(line, length, fields), i;
@@ -285,7 +286,7 @@ static cairn_status read_row(const table_reader *reader, const char *line, size_
             reader->path, cairn_line_reader_number(reader->lines),
             "%s%d fields, expected %d as in the header", count > MAX_COLUMNS ? "more than " : "",
             (int)(count > MAX_COLUMNS ? MAX_COLUMNS : count), (int)reader->columns);
-    *row = cairn_pose_row_of(0, cairn_pose_identity());
+    *row = cairn_pose_table_row_of(0, cairn_pose_identity());
     for (i = 0; i < count; i++) {
         if (reader->column[i] < 0)
             continue;
@@ -299,13 +300,13 @@ static cairn_status read_row(const table_reader *reader, const char *line, size_
 }
 
 /* Appends to a dynamic array, whose capacity doubles. */
-static cairn_status append(table_reader *reader, cairn_pose_row **rows, int32_t *count,
-                           int32_t *capacity, const cairn_pose_row *row)
+static cairn_status append(table_reader *reader, cairn_pose_table_row **rows, int32_t *count,
+                           int32_t *capacity, const cairn_pose_table_row *row)
 {
     int32_t new_capacity = *capacity == 0              ? 256
                            : *capacity < INT32_MAX / 2 ? 2 * *capacity
                                                        : INT32_MAX;
-    cairn_pose_row *grown;
+    cairn_pose_table_row *grown;
 
     if (*count == *capacity) {
         grown = *count < INT32_MAX ? realloc(*rows, (size_t)new_capacity * sizeof *grown) : NULL;
@@ -318,12 +319,12 @@ static cairn_status append(table_reader *reader, cairn_pose_row **rows, int32_t 
     return CAIRN_OK;
 }
 
-cairn_status cairn_pose_table_read(cairn_pose_row **row, int32_t *count, const char *path,
+cairn_status cairn_pose_table_read(cairn_pose_table_row **row, int32_t *count, const char *path,
                                    cairn_file_error *error)
 {
     table_reader reader = {.path = path, .error = error};
     int32_t capacity = 0;
-    cairn_pose_row parsed;
+    cairn_pose_table_row parsed;
     cairn_status status;
     const char *line;
     size_t length;
@@ -364,7 +365,7 @@ cairn_status cairn_pose_table_read(cairn_pose_row **row, int32_t *count, const c
     return status;
 }
 
-void cairn_pose_table_free(cairn_pose_row *row)
+void cairn_pose_table_free(cairn_pose_table_row *row)
 {
     free(row);
 }

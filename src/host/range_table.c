@@ -54,8 +54,8 @@ typedef struct range_table {
 
 /* State of the reader. */
 typedef struct range_loader {
-    cairn_carmen_scans *scans;
-    const cairn_carmen_params *params;
+    cairn_carmen_log_scans *scans;
+    const cairn_carmen_log_params *params;
     range_table table;
     int32_t capacity; /* records */
     cairn_line_reader *reader;
@@ -192,10 +192,10 @@ static cairn_status read_header(range_loader *loader, const char *line, size_t l
     if (seen[X] + seen[Y] + seen[THETA] != 3 * seen[X])
         return cairn_file_error_set(error, CAIRN_BAD_FORMAT, loader->path, number,
                                     "only some of x, y and theta, expected all");
-    if (table->beams == 0 || table->beams > CAIRN_CARMEN_MAX_BEAMS)
+    if (table->beams == 0 || table->beams > CAIRN_CARMEN_LOG_MAX_BEAMS)
         return cairn_file_error_set(error, CAIRN_BAD_FORMAT, loader->path, number,
                                     "%d bearings, expected 1 to %d", table->beams,
-                                    CAIRN_CARMEN_MAX_BEAMS);
+                                    CAIRN_CARMEN_LOG_MAX_BEAMS);
     table->has_time = seen[TIME];
     table->has_odometry = seen[X];
     table->time_unit = 1e9;
@@ -253,10 +253,10 @@ static const char *read_values(range_table *table, const char *line, size_t leng
 /* Makes space for one more scan; 0 when out of memory. */
 static int reserve_scan(range_loader *loader)
 {
-    cairn_carmen_scans *scans = loader->scans;
+    cairn_carmen_log_scans *scans = loader->scans;
     int32_t capacity = loader->capacity > 0 ? 2 * loader->capacity : 256;
     size_t beams = (size_t)loader->table.beams;
-    cairn_carmen_record *record;
+    cairn_carmen_log_record *record;
     float *range;
 
     if (scans->count < loader->capacity)
@@ -274,8 +274,8 @@ static int reserve_scan(range_loader *loader)
 }
 
 /* Updates the log's summary by a record; previous: the record before, or NULL. */
-static void update_summary(cairn_carmen_info *info, const cairn_carmen_record *record,
-                           const cairn_carmen_record *previous)
+static void update_summary(cairn_carmen_log_summary *info, const cairn_carmen_log_record *record,
+                           const cairn_carmen_log_record *previous)
 {
     if (previous == NULL) {
         info->first_ns = info->earliest_ns = info->latest_ns = record->stamp_ns;
@@ -316,9 +316,9 @@ static void integrate_ticks(range_table *table, double *named)
 /* Appends the values of the current line as a scan. */
 static cairn_status append_scan(range_loader *loader, cairn_file_error *error)
 {
-    cairn_carmen_scans *scans = loader->scans;
+    cairn_carmen_log_scans *scans = loader->scans;
     const range_table *table = &loader->table;
-    cairn_carmen_record *record;
+    cairn_carmen_log_record *record;
     float *range;
     double named[BEARING] = {0};
 
@@ -337,7 +337,7 @@ static cairn_status append_scan(range_loader *loader, cairn_file_error *error)
                                 ? INFINITY
                                 : (float)(value * table->range_unit);
     }
-    record->kind = CAIRN_CARMEN_SCAN;
+    record->kind = CAIRN_CARMEN_LOG_SCAN;
     record->count = table->beams;
     record->line = cairn_line_reader_number(loader->reader);
     record->stamp_ns = table->has_time ? (int64_t)llround(named[TIME] * table->time_unit)
@@ -384,7 +384,7 @@ static cairn_status read_line(range_loader *loader, const char *line, size_t len
 
 /* Returns the odometry pose at a time before a record, interpolated with a constant twist. Where
  * the times are not continuous back to it, the earliest pose reached. */
-static cairn_pose odometry_at(const cairn_carmen_record *record, int32_t index, int64_t time)
+static cairn_pose odometry_at(const cairn_carmen_log_record *record, int32_t index, int64_t time)
 {
     cairn_pose step;
     int32_t before = index;
@@ -406,9 +406,9 @@ static cairn_pose odometry_at(const cairn_carmen_record *record, int32_t index, 
 /* Completes the scans: shifts URG odometry by the latency, sets the pointers to the ranges. */
 static void finish(range_loader *loader)
 {
-    cairn_carmen_scans *scans = loader->scans;
+    cairn_carmen_log_scans *scans = loader->scans;
     const range_table *table = &loader->table;
-    cairn_carmen_info *info = &scans->info;
+    cairn_carmen_log_summary *info = &scans->info;
 
     for (int32_t i = scans->count - 1; i >= 0 && table->kind == CAIRN_RANGE_TABLE_URG; i--) {
         scans->record[i].robot =
@@ -419,7 +419,7 @@ static void finish(range_loader *loader)
     info->fixed_mounting = 1;
     memcpy(scans->range, table->bearing, (size_t)table->beams * sizeof *scans->range);
     for (int32_t i = 0; i < scans->count; i++) {
-        cairn_carmen_record *record = &scans->record[i];
+        cairn_carmen_log_record *record = &scans->record[i];
 
         record->range = &scans->range[((size_t)i + 1) * (size_t)table->beams];
         record->scan.range = record->range;
@@ -469,11 +469,11 @@ static cairn_status read_lines(range_loader *loader, cairn_file_error *error)
     return CAIRN_OK;
 }
 
-cairn_status cairn_range_table_load(cairn_carmen_scans *scans, int32_t *has_odometry,
+cairn_status cairn_range_table_load(cairn_carmen_log_scans *scans, int32_t *has_odometry,
                                     const char *path, cairn_range_table_kind kind,
-                                    const cairn_carmen_params *params, cairn_file_error *error)
+                                    const cairn_carmen_log_params *params, cairn_file_error *error)
 {
-    cairn_carmen_params defaults = cairn_carmen_default();
+    cairn_carmen_log_params defaults = cairn_carmen_log_default();
     range_loader loader;
     cairn_status status;
 
@@ -501,7 +501,7 @@ cairn_status cairn_range_table_load(cairn_carmen_scans *scans, int32_t *has_odom
     cairn_line_reader_close(loader.reader);
     free_table(&loader.table);
     if (status != CAIRN_OK)
-        cairn_carmen_scans_free(scans);
+        cairn_carmen_log_scans_free(scans);
     return status;
 }
 

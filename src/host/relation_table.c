@@ -62,7 +62,7 @@ static cairn_status read_endpoint(const location *where, word token, int32_t tim
 
 /* Parses one line. */
 static cairn_status read_row(const location *where, const char *line, size_t length,
-                             cairn_relation_row *row)
+                             cairn_relation_table_row *row)
 {
     const char *end = line + length;
     word words[TIMED_WORDS + 1];
@@ -92,14 +92,14 @@ static cairn_status read_row(const location *where, const char *line, size_t len
 }
 
 /* Appends to a dynamic array, whose capacity doubles. */
-static cairn_status append(const location *where, cairn_relation_row **rows, int32_t *count,
-                           int32_t *capacity, const cairn_relation_row *row)
+static cairn_status append(const location *where, cairn_relation_table_row **rows, int32_t *count,
+                           int32_t *capacity, const cairn_relation_table_row *row)
 {
     if (*count == *capacity) {
         int32_t new_capacity = *capacity == 0              ? 256
                                : *capacity < INT32_MAX / 2 ? 2 * *capacity
                                                            : INT32_MAX;
-        cairn_relation_row *grown =
+        cairn_relation_table_row *grown =
             *count < INT32_MAX ? realloc(*rows, (size_t)new_capacity * sizeof *grown) : NULL;
 
         if (grown == NULL)
@@ -111,12 +111,12 @@ static cairn_status append(const location *where, cairn_relation_row **rows, int
     return CAIRN_OK;
 }
 
-cairn_status cairn_relation_table_read(cairn_relation_row **row, int32_t *count, const char *path,
-                                       cairn_file_error *error)
+cairn_status cairn_relation_table_read(cairn_relation_table_row **row, int32_t *count,
+                                       const char *path, cairn_file_error *error)
 {
     location where = {.path = path, .error = error};
     cairn_line_reader *lines;
-    cairn_relation_row parsed;
+    cairn_relation_table_row parsed;
     int32_t capacity = 0;
     cairn_status status;
     const char *line;
@@ -157,7 +157,7 @@ cairn_status cairn_relation_table_read(cairn_relation_row **row, int32_t *count,
     return status;
 }
 
-void cairn_relation_table_free(cairn_relation_row *row)
+void cairn_relation_table_free(cairn_relation_table_row *row)
 {
     free(row);
 }
@@ -208,8 +208,8 @@ static int64_t find_scan(const stamped *table, int32_t count, int64_t stamp_ns)
                : -1;
 }
 
-int32_t cairn_relation_table_find(cairn_relation_row *row, int32_t count, const int64_t *stamp_ns,
-                                  int32_t scans)
+int32_t cairn_relation_table_find(cairn_relation_table_row *row, int32_t count,
+                                  const int64_t *stamp_ns, int32_t scans)
 {
     stamped *table = malloc(((size_t)scans + 1) * sizeof *table);
     int32_t found = 0;
@@ -222,7 +222,7 @@ int32_t cairn_relation_table_find(cairn_relation_row *row, int32_t count, const 
     }
     qsort(table, (size_t)scans, sizeof *table, compare_stamped);
     for (int32_t k = 0; k < count; k++) {
-        cairn_relation_row *relation = &row[k];
+        cairn_relation_table_row *relation = &row[k];
 
         relation->first = relation->timed           ? find_scan(table, scans, relation->first)
                           : relation->first < scans ? relation->first

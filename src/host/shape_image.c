@@ -34,7 +34,7 @@ typedef struct region {
 cairn_shape_image_params cairn_shape_image_default(void)
 {
     cairn_shape_image_params params = {
-        .holes = CAIRN_SHAPE_HOLES_KEEP, .max_gap = 0.1, .min_part = 0.01};
+        .holes = CAIRN_SHAPE_IMAGE_HOLES_KEEP, .max_gap = 0.1, .min_part = 0.01};
 
     return params;
 }
@@ -147,7 +147,7 @@ static void add_region(region *regions, int32_t *count, int32_t *overflow, regio
 {
     int32_t at = *count;
 
-    if (at == CAIRN_SHAPE_MAX_OUTLINES) {
+    if (at == CAIRN_SHAPE_MODEL_MAX_OUTLINES) {
         ++*overflow;
         return;
     }
@@ -249,7 +249,7 @@ static cairn_status select_regions(const shape_picture *picture,
         else
             add_region(regions, &image->count, &overflow, candidate);
     }
-    for (int32_t i = 1; i <= faces && params->holes != CAIRN_SHAPE_HOLES_FILL; i++) {
+    for (int32_t i = 1; i <= faces && params->holes != CAIRN_SHAPE_IMAGE_HOLES_FILL; i++) {
         region candidate = {i, face[i].first, face[i].area, 1};
 
         if (image->is_drawing && part[face[i].part].inside == i)
@@ -258,19 +258,19 @@ static cairn_status select_regions(const shape_picture *picture,
             image->dropped_regions++;
             continue;
         }
-        if (params->holes == CAIRN_SHAPE_HOLES_REFUSE)
+        if (params->holes == CAIRN_SHAPE_IMAGE_HOLES_REFUSE)
             return cairn_file_error_set(
                 picture->error, CAIRN_UNSUPPORTED, picture->path, 0,
                 "a hole of %d pixels at (%d, %d), expected an object without holes",
                 (int)candidate.area, (int)(candidate.first % picture->width - 1),
                 (int)(candidate.first / picture->width - 1));
-        image->holes += image->count < CAIRN_SHAPE_MAX_OUTLINES;
+        image->holes += image->count < CAIRN_SHAPE_MODEL_MAX_OUTLINES;
         add_region(regions, &image->count, &overflow, candidate);
     }
     if (overflow > 0)
         return cairn_file_error_set(picture->error, CAIRN_FULL, picture->path, 0,
                                     "%d parts and holes, expected one object of at most %d",
-                                    (int)(image->count + overflow), CAIRN_SHAPE_MAX_OUTLINES);
+                                    (int)(image->count + overflow), CAIRN_SHAPE_MODEL_MAX_OUTLINES);
     return CAIRN_OK;
 }
 
@@ -280,7 +280,7 @@ static cairn_status select_regions(const shape_picture *picture,
 static cairn_status trace_regions(const shape_picture *picture, const region *regions,
                                   cairn_shape_image *image)
 {
-    int32_t counts[CAIRN_SHAPE_MAX_OUTLINES], sum = 0;
+    int32_t counts[CAIRN_SHAPE_MODEL_MAX_OUTLINES], sum = 0;
 
     for (int32_t i = 0; i < image->count; i++) {
         const region *traced = &regions[i];
@@ -311,7 +311,7 @@ static cairn_status trace_regions(const shape_picture *picture, const region *re
 static cairn_status label_and_trace(shape_picture *picture, const cairn_shape_image_params *params,
                                     cairn_shape_image *image)
 {
-    region regions[CAIRN_SHAPE_MAX_OUTLINES] = {{0, 0, 0, 0}};
+    region regions[CAIRN_SHAPE_MODEL_MAX_OUTLINES] = {{0, 0, 0, 0}};
     int32_t parts, faces;
     cairn_status status;
     label_stats *part, *face;
@@ -363,9 +363,9 @@ cairn_status cairn_shape_image_trace(cairn_shape_image *image, cairn_raster_u8_v
 
     memset(image, 0, sizeof *image);
     if (cairn_raster_u8_check(grey) != CAIRN_OK || params == NULL ||
-        params->holes < CAIRN_SHAPE_HOLES_KEEP || params->holes > CAIRN_SHAPE_HOLES_REFUSE ||
-        !(params->max_gap >= 0) || !(params->max_gap <= 1) || !(params->min_part >= 0) ||
-        !(params->min_part <= 1))
+        params->holes < CAIRN_SHAPE_IMAGE_HOLES_KEEP ||
+        params->holes > CAIRN_SHAPE_IMAGE_HOLES_REFUSE || !(params->max_gap >= 0) ||
+        !(params->max_gap <= 1) || !(params->min_part >= 0) || !(params->min_part <= 1))
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, path, 0,
             "cannot be traced, expected a picture, gaps and parts from 0 to 1");

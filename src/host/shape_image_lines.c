@@ -15,7 +15,7 @@ enum { MAX_OPEN_ENDS = 256, SMOOTHING_RADIUS = 2 };
 
 /* Thins the ink, follows its lines as edge chains, and returns their open ends. */
 static cairn_status find_open_ends(const shape_picture *picture, cairn_edge_chain_set *set,
-                                   cairn_edge_pixel *ends, int32_t *count)
+                                   cairn_edge_chain_pixel *ends, int32_t *count)
 {
     cairn_raster_u8_view view = {.data = picture->ink,
                                  .width = picture->width,
@@ -42,16 +42,16 @@ static cairn_status find_open_ends(const shape_picture *picture, cairn_edge_chai
                 picture->error, CAIRN_BAD_FORMAT, picture->path, 0,
                 "more than %d open line ends, expected a drawing of one outline",
                 MAX_OPEN_ENDS - 2);
-        if (chain->from == CAIRN_EDGE_OPEN)
+        if (chain->from == CAIRN_EDGE_CHAIN_OPEN)
             ends[(*count)++] = result.pixels[chain->first];
-        if (chain->to == CAIRN_EDGE_OPEN)
+        if (chain->to == CAIRN_EDGE_CHAIN_OPEN)
             ends[(*count)++] = result.pixels[chain->first + chain->count - 1];
     }
     return CAIRN_OK;
 }
 
 /* Draws a line of ink between two pixels. */
-static void draw_line(shape_picture *picture, cairn_edge_pixel a, cairn_edge_pixel b)
+static void draw_line(shape_picture *picture, cairn_edge_chain_pixel a, cairn_edge_chain_pixel b)
 {
     int32_t dx = b.x - a.x, dy = b.y - a.y, steps = abs(dx) > abs(dy) ? abs(dx) : abs(dy);
 
@@ -64,9 +64,9 @@ static void draw_line(shape_picture *picture, cairn_edge_pixel a, cairn_edge_pix
 }
 
 /* Bridges the closest pair of open ends until none is within `reach`; returns the number of
- * bridges. gaps: [CAIRN_SHAPE_MAX_GAPS] centres of the first ones, without the border of one
+ * bridges. gaps: [CAIRN_SHAPE_MODEL_MAX_GAPS] centres of the first ones, without the border of one
  * pixel. */
-static int32_t bridge_gaps(shape_picture *picture, cairn_edge_pixel *ends, int32_t count,
+static int32_t bridge_gaps(shape_picture *picture, cairn_edge_chain_pixel *ends, int32_t count,
                            double reach, cairn_vec2 *gaps)
 {
     int32_t joined = 0;
@@ -88,7 +88,7 @@ static int32_t bridge_gaps(shape_picture *picture, cairn_edge_pixel *ends, int32
         if (first < 0)
             return joined;
         draw_line(picture, ends[first], ends[second]);
-        if (joined < CAIRN_SHAPE_MAX_GAPS) {
+        if (joined < CAIRN_SHAPE_MODEL_MAX_GAPS) {
             gaps[joined].x = (cairn_real)(ends[first].x + ends[second].x) / 2 - 1;
             gaps[joined].y = (cairn_real)(ends[first].y + ends[second].y) / 2 - 1;
         }
@@ -101,7 +101,7 @@ static int32_t bridge_gaps(shape_picture *picture, cairn_edge_pixel *ends, int32
 cairn_status cairn_shape_image_join(shape_picture *picture, double reach, cairn_shape_image *image)
 {
     cairn_edge_chain_params params = cairn_edge_chain_default();
-    cairn_edge_pixel ends[MAX_OPEN_ENDS];
+    cairn_edge_chain_pixel ends[MAX_OPEN_ENDS];
     cairn_edge_chain_set *set;
     int32_t count = 0, edges = 0;
     cairn_status status;

@@ -28,7 +28,7 @@ void cairn_shape_model_file_free(cairn_shape_model_file *file)
 static int allocate(cairn_shape_model_file *file, size_t samples, size_t outline)
 {
     file->samples = calloc(samples, sizeof *file->samples);
-    file->paths = calloc(CAIRN_SHAPE_MAX_PATHS, sizeof *file->paths);
+    file->paths = calloc(CAIRN_SHAPE_MODEL_MAX_PATHS, sizeof *file->paths);
     file->outline = calloc(outline, sizeof *file->outline);
     file->model.samples = file->samples;
     file->model.paths = file->paths;
@@ -62,26 +62,28 @@ cairn_status cairn_shape_model_file_copy(cairn_shape_model_file *file,
 }
 
 /* Runs the builder to its end. */
-static cairn_status build(cairn_shape_builder *builder, const cairn_curve *outlines, int32_t count)
+static cairn_status build(cairn_shape_model_builder *builder, const cairn_curve *outlines,
+                          int32_t count)
 {
-    cairn_status status = cairn_shape_builder_begin(builder, outlines, count);
+    cairn_status status = cairn_shape_model_builder_begin(builder, outlines, count);
     cairn_budget budget;
 
     if (status != CAIRN_OK)
         return status;
     do {
         budget.left = INT32_MAX;
-        status = cairn_shape_builder_step(builder, &budget);
+        status = cairn_shape_model_builder_step(builder, &budget);
     } while (status == CAIRN_MORE);
     return status;
 }
 
 cairn_status cairn_shape_model_file_build(cairn_shape_model_file *file, const cairn_curve *outlines,
-                                          int32_t count, const cairn_shape_builder_params *params,
+                                          int32_t count,
+                                          const cairn_shape_model_builder_params *params,
                                           const char *path, cairn_file_error *error)
 {
-    size_t bytes = cairn_shape_builder_memory(params) + CAIRN_ALIGN;
-    cairn_shape_builder *builder;
+    size_t bytes = cairn_shape_model_builder_memory(params) + CAIRN_ALIGN;
+    cairn_shape_model_builder *builder;
     cairn_shape_model model;
     cairn_status status;
     cairn_pool pool;
@@ -92,7 +94,7 @@ cairn_status cairn_shape_model_file_build(cairn_shape_model_file *file, const ca
         return no_memory(path, "make a model of", error);
     status = cairn_pool_init(&pool, memory, bytes);
     if (status == CAIRN_OK)
-        status = cairn_shape_builder_create(&builder, &pool, params);
+        status = cairn_shape_model_builder_create(&builder, &pool, params);
     if (status == CAIRN_OK)
         status = build(builder, outlines, count);
     if (status != CAIRN_OK) {
@@ -101,7 +103,7 @@ cairn_status cairn_shape_model_file_build(cairn_shape_model_file *file, const ca
                                    status == CAIRN_EMPTY ? "an object with symmetric parts"
                                                          : "outlines of one object");
     } else {
-        model = cairn_shape_builder_read(builder);
+        model = cairn_shape_model_builder_read(builder);
         status = cairn_shape_model_file_copy(file, &model);
         if (status != CAIRN_OK)
             (void)no_memory(path, "make a model of", error);
@@ -122,7 +124,7 @@ typedef struct shape_reader {
     double number[MAX_NUMBERS]; /* the numbers behind it, or all numbers of the line */
     int32_t count;
     int64_t *outline_line, *sample_line; /* lines of the samples and paths */
-    int64_t path_line[CAIRN_SHAPE_MAX_PATHS];
+    int64_t path_line[CAIRN_SHAPE_MODEL_MAX_PATHS];
 } shape_reader;
 
 static int64_t line_of(const shape_reader *reader)
@@ -260,10 +262,10 @@ static cairn_status read_outline(shape_reader *reader, cairn_shape_model_file *f
 
     if (status != CAIRN_OK)
         return status;
-    if (!is_integer_within(reader->number[0], 1, CAIRN_SHAPE_FILE_MAX_OUTLINE))
+    if (!is_integer_within(reader->number[0], 1, CAIRN_SHAPE_MODEL_FILE_MAX_OUTLINE))
         return cairn_file_error_set(reader->error, CAIRN_FULL, reader->path, line_of(reader),
                                     "%g samples, expected 1 ... %d", reader->number[0],
-                                    CAIRN_SHAPE_FILE_MAX_OUTLINE);
+                                    CAIRN_SHAPE_MODEL_FILE_MAX_OUTLINE);
     file->model.outline_count = (int32_t)reader->number[0];
     for (int32_t i = 0; i < file->model.outline_count && status == CAIRN_OK; i++) {
         status = next_sample(reader, OUTLINE_NUMBERS,
@@ -274,7 +276,7 @@ static cairn_status read_outline(shape_reader *reader, cairn_shape_model_file *f
     return status;
 }
 
-static void set_sample(const double *number, cairn_shape_sample *sample)
+static void set_sample(const double *number, cairn_shape_model_sample *sample)
 {
     sample->centre.x = (cairn_real)number[0];
     sample->centre.y = (cairn_real)number[1];
@@ -290,25 +292,26 @@ static void set_sample(const double *number, cairn_shape_sample *sample)
 static cairn_status read_path(shape_reader *reader, cairn_shape_model_file *file)
 {
     cairn_shape_model *model = &file->model;
-    cairn_shape_path *parsed = &file->paths[model->path_count];
+    cairn_shape_model_path *parsed = &file->paths[model->path_count];
     cairn_status status = CAIRN_OK;
 
-    if (model->path_count == CAIRN_SHAPE_MAX_PATHS)
+    if (model->path_count == CAIRN_SHAPE_MODEL_MAX_PATHS)
         return cairn_file_error_set(reader->error, CAIRN_FULL, reader->path, line_of(reader),
-                                    "too many paths, expected at most %d", CAIRN_SHAPE_MAX_PATHS);
+                                    "too many paths, expected at most %d",
+                                    CAIRN_SHAPE_MODEL_MAX_PATHS);
     if (!is_word(reader, "path") || reader->count != 4 ||
-        !is_integer_within(reader->number[0], -1, CAIRN_SHAPE_MAX_PATHS) ||
-        !is_integer_within(reader->number[1], -1, CAIRN_SHAPE_FILE_MAX_SAMPLES))
+        !is_integer_within(reader->number[0], -1, CAIRN_SHAPE_MODEL_MAX_PATHS) ||
+        !is_integer_within(reader->number[1], -1, CAIRN_SHAPE_MODEL_FILE_MAX_SAMPLES))
         return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path, line_of(reader),
                                     "malformed path, expected \"path\", its parent, the sample "
                                     "there (-1 -1: none), its share "
                                     "and the number of its samples");
     if (!is_integer_within(reader->number[3], 1,
-                           CAIRN_SHAPE_FILE_MAX_SAMPLES - model->sample_count))
+                           CAIRN_SHAPE_MODEL_FILE_MAX_SAMPLES - model->sample_count))
         return cairn_file_error_set(
             reader->error, CAIRN_FULL, reader->path, line_of(reader),
             "%g samples, expected at least one, and at most %d of all paths", reader->number[3],
-            CAIRN_SHAPE_FILE_MAX_SAMPLES);
+            CAIRN_SHAPE_MODEL_FILE_MAX_SAMPLES);
     parsed->parent = (int32_t)reader->number[0];
     parsed->branch = (int32_t)reader->number[1];
     parsed->outline_share = (cairn_real)reader->number[2];
@@ -347,9 +350,10 @@ static cairn_status read_gap(const shape_reader *reader, cairn_shape_model *mode
     if (model->path_count > 0 || reader->count != 2)
         return cairn_file_error_set(reader->error, CAIRN_BAD_FORMAT, reader->path, line_of(reader),
                                     "malformed gap, expected \"gap\" and x y, before the paths");
-    if (model->gap_count == CAIRN_SHAPE_MAX_GAPS)
+    if (model->gap_count == CAIRN_SHAPE_MODEL_MAX_GAPS)
         return cairn_file_error_set(reader->error, CAIRN_FULL, reader->path, line_of(reader),
-                                    "too many gaps, expected at most %d", CAIRN_SHAPE_MAX_GAPS);
+                                    "too many gaps, expected at most %d",
+                                    CAIRN_SHAPE_MODEL_MAX_GAPS);
     model->gaps[model->gap_count++] = gap;
     return CAIRN_OK;
 }
@@ -387,10 +391,10 @@ cairn_status cairn_shape_model_file_read(cairn_shape_model_file *file, const cha
     status = cairn_line_reader_open(&reader.lines, path, error);
     if (status != CAIRN_OK)
         return status;
-    reader.outline_line = calloc(CAIRN_SHAPE_FILE_MAX_OUTLINE, sizeof *reader.outline_line);
-    reader.sample_line = calloc(CAIRN_SHAPE_FILE_MAX_SAMPLES, sizeof *reader.sample_line);
+    reader.outline_line = calloc(CAIRN_SHAPE_MODEL_FILE_MAX_OUTLINE, sizeof *reader.outline_line);
+    reader.sample_line = calloc(CAIRN_SHAPE_MODEL_FILE_MAX_SAMPLES, sizeof *reader.sample_line);
     if (reader.outline_line != NULL && reader.sample_line != NULL &&
-        allocate(file, CAIRN_SHAPE_FILE_MAX_SAMPLES, CAIRN_SHAPE_FILE_MAX_OUTLINE))
+        allocate(file, CAIRN_SHAPE_MODEL_FILE_MAX_SAMPLES, CAIRN_SHAPE_MODEL_FILE_MAX_OUTLINE))
         status = read_all(&reader, file);
     else
         status = no_memory(path, "read", error);
@@ -435,7 +439,7 @@ static void print_point(cairn_output *output, const cairn_oriented_point *point,
     print_number(output, point->direction.y, suffix);
 }
 
-static void print_sample(cairn_output *output, const cairn_shape_sample *sample)
+static void print_sample(cairn_output *output, const cairn_shape_model_sample *sample)
 {
     print_number(output, sample->centre.x, " ");
     print_number(output, sample->centre.y, " ");
@@ -462,7 +466,7 @@ static void print_model(cairn_output *output, const cairn_shape_model *model)
         print_number(output, model->gaps[i].y, "\n");
     }
     for (int32_t i = 0; i < model->path_count; i++) {
-        const cairn_shape_path *path = &model->paths[i];
+        const cairn_shape_model_path *path = &model->paths[i];
 
         cairn_output_print(output, "path %d %d ", (int)path->parent, (int)path->branch);
         print_number(output, path->outline_share, "");
@@ -481,13 +485,13 @@ cairn_status cairn_shape_model_file_write(const cairn_shape_model *model, const 
 
     if (status != CAIRN_OK)
         return cairn_file_error_set(error, status, path, 0, "%s", fault.message);
-    if (model->outline_count > CAIRN_SHAPE_FILE_MAX_OUTLINE ||
-        model->sample_count > CAIRN_SHAPE_FILE_MAX_SAMPLES)
+    if (model->outline_count > CAIRN_SHAPE_MODEL_FILE_MAX_OUTLINE ||
+        model->sample_count > CAIRN_SHAPE_MODEL_FILE_MAX_SAMPLES)
         return cairn_file_error_set(
             error, CAIRN_BAD_ARGUMENT, path, 0,
             "a model of %d and %d samples, expected at most %d of the outline and %d of paths",
-            (int)model->outline_count, (int)model->sample_count, CAIRN_SHAPE_FILE_MAX_OUTLINE,
-            CAIRN_SHAPE_FILE_MAX_SAMPLES);
+            (int)model->outline_count, (int)model->sample_count, CAIRN_SHAPE_MODEL_FILE_MAX_OUTLINE,
+            CAIRN_SHAPE_MODEL_FILE_MAX_SAMPLES);
     status = cairn_output_open(&output, path, error);
     if (status != CAIRN_OK)
         return status;

@@ -87,7 +87,7 @@ static void print_axes(cairn_output *output, const cairn_shape_model *model,
                        const model_view *origin)
 {
     for (int32_t i = 0; i < model->path_count; i++) {
-        const cairn_shape_path *path = &model->paths[i];
+        const cairn_shape_model_path *path = &model->paths[i];
 
         cairn_output_print(output, "<path class=\"axis\" d=\"");
         for (int32_t k = 0; k < path->count; k++)

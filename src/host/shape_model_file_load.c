@@ -9,8 +9,9 @@
 /* Copies the bridged gaps of the drawing, transformed to the model's frame. */
 static void copy_gaps(cairn_shape_model *model, const cairn_shape_image *shape)
 {
-    model->gap_count =
-        shape->bridged_gaps < CAIRN_SHAPE_MAX_GAPS ? shape->bridged_gaps : CAIRN_SHAPE_MAX_GAPS;
+    model->gap_count = shape->bridged_gaps < CAIRN_SHAPE_MODEL_MAX_GAPS
+                           ? shape->bridged_gaps
+                           : CAIRN_SHAPE_MODEL_MAX_GAPS;
     for (int32_t i = 0; i < model->gap_count; i++)
         model->gaps[i] =
             cairn_vec2_scale(cairn_vec2_sub(shape->gaps[i], model->origin), 1 / model->size);
@@ -19,7 +20,7 @@ static void copy_gaps(cairn_shape_model *model, const cairn_shape_image *shape)
 /* Builds a model from a picture. */
 static cairn_status load_picture(cairn_shape_model_file *file, const char *path,
                                  const cairn_shape_image_params *image,
-                                 const cairn_shape_builder_params *builder,
+                                 const cairn_shape_model_builder_params *builder,
                                  cairn_shape_image *traced, cairn_file_error *error)
 {
     cairn_vision_image grey;
@@ -51,7 +52,7 @@ static cairn_status load_picture(cairn_shape_model_file *file, const char *path,
 
 cairn_status cairn_shape_model_file_load(cairn_shape_model_file *file, const char *path,
                                          const cairn_shape_image_params *image,
-                                         const cairn_shape_builder_params *builder,
+                                         const cairn_shape_model_builder_params *builder,
                                          cairn_shape_image *traced, cairn_file_error *error)
 {
     memset(file, 0, sizeof *file);
@@ -73,7 +74,7 @@ void cairn_shape_model_file_mirror(cairn_shape_model_file *file)
     int32_t count = file->model.outline_count;
 
     for (int32_t i = 0; i < file->model.sample_count; i++) {
-        cairn_shape_sample *sample = &file->samples[i];
+        cairn_shape_model_sample *sample = &file->samples[i];
         cairn_oriented_point left = sample->contact[0];
         cairn_real share = sample->outline_share[0];
 

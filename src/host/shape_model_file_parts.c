@@ -19,10 +19,10 @@ static const char *const colours[CAIRN_PART_MAX_BUNDLES] = {
 /* The drawing: one column of cells for each bundle. */
 typedef struct parts_drawing {
     const cairn_shape_model *model;
-    const cairn_part_cut *cuts; /* manual fragments; NULL: those of part_bundle */
+    const cairn_part_bundle_cut *cuts; /* manual fragments; NULL: those of part_bundle */
     int32_t cut_count;
     int32_t outline; /* samples of the first outline; other outlines have no fragments */
-    cairn_part_model parts;
+    cairn_part_bundle_model parts;
     double head_height; /* px */
 } parts_drawing;
 
@@ -45,7 +45,7 @@ static void print_arc(cairn_output *output, const parts_drawing *drawing, int32_
 }
 
 static void print_fragment(cairn_output *output, const parts_drawing *drawing,
-                           const cairn_part_fragment *fragment, int32_t row)
+                           const cairn_part_bundle_fragment *fragment, int32_t row)
 {
     double x = CAIRN_REPORT_MARGIN + CELL * (fragment->bundle + 0.5),
            y = drawing->head_height + CELL * (row + 0.5);
@@ -59,7 +59,7 @@ static void print_fragment(cairn_output *output, const parts_drawing *drawing,
 }
 
 /* Returns the fragments of the largest bundle. */
-static int32_t count_rows(const cairn_part_model *parts)
+static int32_t count_rows(const cairn_part_bundle_model *parts)
 {
     int32_t rows[CAIRN_PART_MAX_BUNDLES] = {0}, largest = 0;
 
@@ -104,7 +104,7 @@ static cairn_status print_drawing(parts_drawing *drawing, const char *title, con
 static cairn_status find_parts(parts_drawing *drawing, void *memory, size_t bytes,
                                const cairn_part_bundle_params *params, cairn_vec2 *points)
 {
-    cairn_part_builder *builder;
+    cairn_part_bundle_builder *builder;
     cairn_budget budget;
     cairn_pool pool;
     cairn_status status = cairn_pool_init(&pool, memory, bytes);
@@ -127,7 +127,7 @@ static cairn_status find_parts(parts_drawing *drawing, void *memory, size_t byte
 }
 
 cairn_status cairn_shape_model_file_draw_parts(const cairn_shape_model *model,
-                                               const cairn_part_cut *cuts, int32_t cut_count,
+                                               const cairn_part_bundle_cut *cuts, int32_t cut_count,
                                                const char *title, const char *path,
                                                cairn_file_error *error)
 {
@@ -141,7 +141,7 @@ cairn_status cairn_shape_model_file_draw_parts(const cairn_shape_model *model,
 
     if (status != CAIRN_OK)
         return cairn_file_error_set(error, status, path, 0, "%s", fault.message);
-    drawing.outline = cairn_shape_first_outline(model);
+    drawing.outline = cairn_shape_model_first_outline(model);
     if (drawing.outline < 3)
         return cairn_file_error_set(
             error, CAIRN_EMPTY, path, 0,

@@ -10,9 +10,10 @@
 /* ---- JSON ---- */
 
 /* Prints a part as JSON. */
-static void print_part(cairn_output *output, const cairn_skeleton_picture *picture, int32_t index)
+static void print_part(cairn_output *output, const cairn_skeleton_file_picture *picture,
+                       int32_t index)
 {
-    const cairn_skeleton_part *part = &picture->result.parts[index];
+    const cairn_skeleton_grouping_part *part = &picture->result.parts[index];
 
     cairn_output_print(output,
                        "  {\"log_odds\": %.2f, \"object\": %d, \"joints\": [%d, %d], \"first\": "
@@ -20,7 +21,7 @@ static void print_part(cairn_output *output, const cairn_skeleton_picture *pictu
                        (double)part->log_odds, (int)part->object, (int)part->joint[0],
                        (int)part->joint[1], (int)part->first);
     for (int32_t i = 0; i < part->count; i++) {
-        const cairn_skeleton_point *point = &picture->result.points[part->first + i];
+        const cairn_skeleton_grouping_point *point = &picture->result.points[part->first + i];
 
         cairn_output_print(output, "%s[%.2f, %.2f, %.2f]", i > 0 ? ", " : "",
                            (double)point->centre.x, (double)point->centre.y, (double)point->radius);
@@ -28,7 +29,7 @@ static void print_part(cairn_output *output, const cairn_skeleton_picture *pictu
     for (int32_t side = 0; side < 2; side++) {
         cairn_output_print(output, "],\n   \"%s\": [", side == 0 ? "left" : "right");
         for (int32_t i = 0; i < part->count; i++) {
-            const cairn_skeleton_point *point = &picture->result.points[part->first + i];
+            const cairn_skeleton_grouping_point *point = &picture->result.points[part->first + i];
 
             cairn_output_print(output, "%s[%.2f, %.2f, %s]", i > 0 ? ", " : "",
                                (double)point->contact[side].x, (double)point->contact[side].y,
@@ -78,10 +79,10 @@ static void print_contour(cairn_output *output, const cairn_boundary_result *res
     cairn_output_print(output, "]}");
 }
 
-cairn_status cairn_skeleton_file_write(const cairn_skeleton_picture *picture, const char *path,
+cairn_status cairn_skeleton_file_write(const cairn_skeleton_file_picture *picture, const char *path,
                                        cairn_file_error *error)
 {
-    const cairn_skeleton_result *result = &picture->result;
+    const cairn_skeleton_grouping_result *result = &picture->result;
     cairn_output *output;
     cairn_status status = cairn_output_open(&output, path, error);
 
@@ -122,8 +123,8 @@ cairn_status cairn_skeleton_file_write(const cairn_skeleton_picture *picture, co
 /* ---- SVG ---- */
 
 /* Prints the supported or the unsupported stretches of one side. */
-static void print_side(cairn_output *output, const cairn_skeleton_point *points, int32_t count,
-                       int32_t side, int supported)
+static void print_side(cairn_output *output, const cairn_skeleton_grouping_point *points,
+                       int32_t count, int32_t side, int supported)
 {
     cairn_output_print(output, "<path class=\"%s\" d=\"", supported ? "contour" : "carried");
     for (int32_t i = 0; i + 1 < count; i++)
@@ -136,10 +137,10 @@ static void print_side(cairn_output *output, const cairn_skeleton_point *points,
 }
 
 /* Prints the axis of a part and its connections to other parts. */
-static void print_axis(cairn_output *output, const cairn_skeleton_picture *picture,
-                       const cairn_skeleton_part *part)
+static void print_axis(cairn_output *output, const cairn_skeleton_file_picture *picture,
+                       const cairn_skeleton_grouping_part *part)
 {
-    const cairn_skeleton_point *points = &picture->result.points[part->first];
+    const cairn_skeleton_grouping_point *points = &picture->result.points[part->first];
 
     cairn_output_print(output, "<path class=\"axis\" d=\"");
     for (int32_t i = 0; i < part->count; i++)
@@ -177,7 +178,7 @@ static void print_boundary(cairn_output *output, const cairn_boundary_result *re
     cairn_output_print(output, "\"/>\n");
 }
 
-cairn_status cairn_skeleton_file_draw(const cairn_skeleton_picture *picture, const char *path,
+cairn_status cairn_skeleton_file_draw(const cairn_skeleton_file_picture *picture, const char *path,
                                       cairn_file_error *error)
 {
     static const cairn_report_key keys[] = {
@@ -215,7 +216,7 @@ cairn_status cairn_skeleton_file_draw(const cairn_skeleton_picture *picture, con
     status = cairn_report_overlay_begin(output, &overlay, style);
     print_boundary(output, &picture->boundary);
     for (int32_t i = 0; i < picture->result.part_count; i++) {
-        const cairn_skeleton_part *part = &picture->result.parts[i];
+        const cairn_skeleton_grouping_part *part = &picture->result.parts[i];
 
         for (int32_t side = 0; side < 2; side++)
             for (int supported = 0; supported < 2; supported++)
@@ -229,16 +230,16 @@ cairn_status cairn_skeleton_file_draw(const cairn_skeleton_picture *picture, con
 /* ---- SVG of centre points and lines ---- */
 
 /* Returns the position of a radius within the range of radii, in percent. */
-static int percent_of(const cairn_skeleton_result *result, cairn_real radius)
+static int percent_of(const cairn_skeleton_grouping_result *result, cairn_real radius)
 {
     cairn_real width = cairn_max(result->max_radius - result->min_radius, CAIRN_REAL(1e-3));
 
     return (int)(100 * cairn_min(cairn_max((radius - result->min_radius) / width, 0), 1));
 }
 
-cairn_status cairn_skeleton_file_draw_lines(const cairn_skeleton_picture *picture,
-                                            const cairn_skeleton *skeleton, const char *path,
-                                            cairn_file_error *error)
+cairn_status cairn_skeleton_file_draw_lines(const cairn_skeleton_file_picture *picture,
+                                            const cairn_skeleton_grouping *skeleton,
+                                            const char *path, cairn_file_error *error)
 {
     static const cairn_report_key keys[] = {{"small radius", "stroke=\"rgb(0,0,255)\""},
                                             {"large radius", "stroke=\"rgb(255,0,0)\""},
@@ -263,7 +264,7 @@ cairn_status cairn_skeleton_file_draw_lines(const cairn_skeleton_picture *pictur
 
     if (status != CAIRN_OK)
         return status;
-    while (cairn_skeleton_mirror_line(skeleton, lines, &line))
+    while (cairn_skeleton_grouping_mirror_line(skeleton, lines, &line))
         lines++;
     (void)snprintf(subtitle, sizeof subtitle,
                    "%d centre points, radii %.1f to %.1f px, %d of %d lines mirror symmetric",
@@ -274,13 +275,13 @@ cairn_status cairn_skeleton_file_draw_lines(const cairn_skeleton_picture *pictur
                    "stroke-width:%.2f}",
                    2 / scale, 3 / scale);
     status = cairn_report_overlay_begin(output, &overlay, style);
-    for (int32_t i = 0; cairn_skeleton_centre_point(skeleton, i, &at, &radius); i++) {
+    for (int32_t i = 0; cairn_skeleton_grouping_centre_point(skeleton, i, &at, &radius); i++) {
         int red = percent_of(&picture->result, radius);
 
         cairn_output_print(output, "<path stroke=\"rgb(%d%%,0%%,%d%%)\" d=\"M%.1f %.1fh0\"/>\n",
                            red, 100 - red, (double)at.x, (double)at.y);
     }
-    for (int32_t i = 0; cairn_skeleton_mirror_line(skeleton, i, &line); i++)
+    for (int32_t i = 0; cairn_skeleton_grouping_mirror_line(skeleton, i, &line); i++)
         cairn_output_print(output, "<path class=\"line\" d=\"M%.1f %.1fL%.1f %.1f\"/>\n",
                            (double)line.a[0], (double)line.a[1], (double)line.b[0],
                            (double)line.b[1]);

@@ -547,21 +547,21 @@ static cairn_block_solver_result sparse_read(const void *context)
     return result;
 }
 
-cairn_pose_solver cairn_sparse_solver_interface(cairn_sparse_solver *solver)
+cairn_pose_graph_solver cairn_sparse_solver_interface(cairn_sparse_solver *solver)
 {
-    cairn_pose_solver interface = {.context = solver,
-                                   .begin = sparse_begin,
-                                   .add_link = sparse_add_link,
-                                   .analyze = sparse_analyze,
-                                   .clear = sparse_clear,
-                                   .add_pose_block = sparse_add_pose_block,
-                                   .add_link_block = sparse_add_link_block,
-                                   .factor = sparse_factor,
-                                   .solve = sparse_solve,
-                                   .solution = sparse_solution,
-                                   .invert = sparse_invert,
-                                   .covariance = sparse_covariance,
-                                   .step = sparse_step,
-                                   .read = sparse_read};
+    cairn_pose_graph_solver interface = {.context = solver,
+                                         .begin = sparse_begin,
+                                         .add_link = sparse_add_link,
+                                         .analyze = sparse_analyze,
+                                         .clear = sparse_clear,
+                                         .add_pose_block = sparse_add_pose_block,
+                                         .add_link_block = sparse_add_link_block,
+                                         .factor = sparse_factor,
+                                         .solve = sparse_solve,
+                                         .solution = sparse_solution,
+                                         .invert = sparse_invert,
+                                         .covariance = sparse_covariance,
+                                         .step = sparse_step,
+                                         .read = sparse_read};
     return interface;
 }

@@ -252,7 +252,7 @@ cairn_status cairn_vision_make_grey(cairn_vision_image *image)
 static const char *find_extension(const char *path)
 {
     static const char *const known[] = {".tif", ".tiff", ".png", ".jpg", ".jpeg", ".pgm"};
-    const char *dot = strrchr(cairn_path_name(path), '.');
+    const char *dot = strrchr(cairn_output_path_name(path), '.');
 
     for (size_t i = 0; dot != NULL && i < sizeof known / sizeof *known; i++)
         if (strcmp(dot, known[i]) == 0)

@@ -62,7 +62,7 @@ static int32_t segment_of(const cairn_aligner *aligner, const aligner_scan *scan
 
 /* Adds a hit to a segment, weighted by the variance of its range across the line. Called twice,
  * first for the mean. */
-static void add_hit(cairn_aligner *aligner, aligner_segment *s, const cairn_beam *beam,
+static void add_hit(cairn_aligner *aligner, aligner_segment *s, const cairn_scan_beam *beam,
                     int32_t about_mean)
 {
     cairn_vec2 ray = cairn_vec2_sub(beam->to, beam->from), d;
@@ -152,7 +152,8 @@ static void add_short_segment(cairn_aligner *aligner, aligner_scan *scan, const 
 }
 
 /* Adds the next beam's hit to the run, or ends the run. */
-static void extend_run(cairn_aligner *aligner, aligner_scan *scan, run *r, const cairn_beam *hit)
+static void extend_run(cairn_aligner *aligner, aligner_scan *scan, run *r,
+                       const cairn_scan_beam *hit)
 {
     cairn_vec2 d;
 
@@ -185,8 +186,8 @@ static void find_short_segments(cairn_aligner *aligner, aligner_scan *scan,
 
     memset(&r, 0, sizeof r);
     for (int32_t i = 0; i < view->beam_count; i++) {
-        const cairn_beam *beam = &view->beams[i];
-        int free_hit = beam->kind == CAIRN_BEAM_HIT &&
+        const cairn_scan_beam *beam = &view->beams[i];
+        int free_hit = beam->kind == CAIRN_SCAN_BEAM_HIT &&
                        segment_of(aligner, scan, beam->to, &distance) == ALIGNER_NO_SEGMENT;
 
         extend_run(aligner, scan, &r, free_hit ? beam : NULL);
@@ -206,7 +207,7 @@ static void read_beams(cairn_aligner *aligner, int32_t index, const cairn_scan_v
         int32_t last = -1;
 
         for (int32_t i = 0; i < view->beam_count; i++) {
-            const cairn_beam *beam = &view->beams[i];
+            const cairn_scan_beam *beam = &view->beams[i];
             cairn_vec2 ray = cairn_vec2_sub(beam->to, beam->from);
             cairn_real range = cairn_vec2_norm(ray);
             int32_t bin = cairn_aligner_bin_of(ray.x, ray.y), segment = ALIGNER_NO_SEGMENT,
@@ -216,7 +217,7 @@ static void read_beams(cairn_aligner *aligner, int32_t index, const cairn_scan_v
                 last = -1;
                 continue;
             }
-            if (beam->kind == CAIRN_BEAM_HIT && range <= aligner->params.max_range)
+            if (beam->kind == CAIRN_SCAN_BEAM_HIT && range <= aligner->params.max_range)
                 segment = segment_of(aligner, scan, beam->to, &distance);
             if (segment != ALIGNER_NO_SEGMENT && distance < gate)
                 add_hit(aligner, &aligner->segments[scan->first_segment + segment], beam, pass);

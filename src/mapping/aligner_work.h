@@ -84,7 +84,7 @@ typedef struct aligner_visibility {
 
 /* Normal equations of a rigid body's motion about a centre. */
 typedef struct aligner_sums {
-    cairn_normal_equations equations;
+    cairn_rigid_motion_equations equations;
     int32_t pairs;
 } aligner_sums;
 

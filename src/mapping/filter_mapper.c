@@ -177,7 +177,7 @@ static cairn_status create_parts(cairn_filter_mapper *made, cairn_pool *pool,
     cairn_icp_params icp = icp_params(params);
     cairn_point_grid_params grid = grid_params(params);
     cairn_particle_filter_params filter = filter_params(params);
-    cairn_particle_model model = cairn_filter_mapper_model(made);
+    cairn_particle_filter_model model = cairn_filter_mapper_model(made);
     cairn_status status = cairn_mapper_create(&made->front, pool, &front);
 
     if (status == CAIRN_OK)
@@ -349,7 +349,7 @@ int32_t cairn_filter_mapper_path(const cairn_filter_mapper *mapper, int32_t part
     const path_state *state = cairn_particle_filter_particle(mapper->filter, particle).state;
     int32_t count = 0;
 
-    for (; state != NULL; state = cairn_particle_state_before(state)) {
+    for (; state != NULL; state = cairn_particle_filter_state_before(state)) {
         if (state->keyframe >= room)
             continue;
         poses[state->keyframe] = state->map_keyframe;
@@ -360,7 +360,7 @@ int32_t cairn_filter_mapper_path(const cairn_filter_mapper *mapper, int32_t part
 
 cairn_filter_mapper_state cairn_filter_mapper_measure(const cairn_filter_mapper *mapper)
 {
-    cairn_particle_trace trace = cairn_particle_filter_read(mapper->filter);
+    cairn_particle_filter_trace trace = cairn_particle_filter_read(mapper->filter);
     cairn_filter_mapper_state state;
 
     memset(&state, 0, sizeof state);

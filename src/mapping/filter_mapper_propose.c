@@ -110,7 +110,7 @@ static int walk_path(cairn_filter_mapper *mapper, cairn_budget *budget)
                                     ? OLD_MAP
                                     : RECENT_MAP],
                     p->local_keyframes, keyframe);
-            work->ancestor = cairn_particle_state_before(s);
+            work->ancestor = cairn_particle_filter_state_before(s);
         }
     }
     return 1;
@@ -183,8 +183,8 @@ static int fill_map(cairn_filter_mapper *mapper, cairn_budget *budget)
 static int begin_match(cairn_filter_mapper *mapper)
 {
     cairn_scan_view view = cairn_mapper_view(mapper->front);
-    cairn_pose_prior prior = {mapper->proposal.expected, mapper->sigma_distance,
-                              mapper->sigma_distance, mapper->sigma_theta};
+    cairn_rigid_motion_pose_prior prior = {mapper->proposal.expected, mapper->sigma_distance,
+                                           mapper->sigma_distance, mapper->sigma_theta};
 
     return cairn_icp_begin(mapper->icp, view.points, view.point_count, mapper->proposal.expected,
                            &prior, NULL) == CAIRN_OK;
@@ -443,9 +443,9 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     return CAIRN_OK;
 }
 
-cairn_particle_model cairn_filter_mapper_model(cairn_filter_mapper *mapper)
+cairn_particle_filter_model cairn_filter_mapper_model(cairn_filter_mapper *mapper)
 {
-    cairn_particle_model model = {mapper, propose, likelihood, NULL, NULL};
+    cairn_particle_filter_model model = {mapper, propose, likelihood, NULL, NULL};
 
     return model;
 }

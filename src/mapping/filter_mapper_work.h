@@ -85,6 +85,6 @@ struct cairn_filter_mapper {
 };
 
 /* Returns the callbacks of the particle filter. */
-cairn_particle_model cairn_filter_mapper_model(cairn_filter_mapper *mapper);
+cairn_particle_filter_model cairn_filter_mapper_model(cairn_filter_mapper *mapper);
 
 #endif

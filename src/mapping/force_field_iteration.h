@@ -112,7 +112,7 @@ struct cairn_force_extra {
 
 /* A tile: a few points of one line, and buffers for points generated on demand. */
 struct cairn_force_tile {
-    cairn_force_strip strip;
+    cairn_force_kernel_strip strip;
     cairn_vec2 position[CAIRN_FORCE_STRIP_POINTS];
     cairn_real mass[CAIRN_FORCE_STRIP_POINTS];
     cairn_box box;       /* of the points when the line has more than one tile */
@@ -135,11 +135,11 @@ struct cairn_force_pair {
     int32_t units_due;     /* units for finding and finishing the pair, charged first */
     int32_t tile_first[2]; /* first points of the current tiles */
     int32_t loaded;        /* number of these tiles loaded */
-    cairn_force_cursor cursor;
+    cairn_force_kernel_cursor cursor;
     int32_t is_summed;
     cairn_real cosine; /* direction factor: |cos| or max(0, cos) */
-    cairn_force_sum sum;
-    cairn_force_springs springs;
+    cairn_force_kernel_sum sum;
+    cairn_force_kernel_springs springs;
 };
 
 struct cairn_force_field {

@@ -392,17 +392,17 @@ cairn_status cairn_force_mark_dirty(cairn_force_field *field, cairn_budget *budg
 
 /* Adds the force of the points of a line on a point of a line. */
 static void add_force(const cairn_force_field *field, const struct cairn_force_line *of,
-                      const struct cairn_force_line *from, const cairn_force_strip *point,
+                      const struct cairn_force_line *from, const cairn_force_kernel_strip *point,
                       cairn_vec2 *force)
 {
     cairn_real strength = direction_factor(field, of, from) * field->kernel.norm;
-    cairn_force_sum sum;
+    cairn_force_kernel_sum sum;
 
     memset(&sum, 0, sizeof sum);
     for (int32_t first = 0; first < from->count; first += CAIRN_FORCE_STRIP_POINTS) {
         cairn_budget budget = {CAIRN_UNBOUNDED};
         struct cairn_force_tile tile;
-        cairn_force_cursor cursor;
+        cairn_force_kernel_cursor cursor;
         cairn_status status;
 
         memset(&cursor, 0, sizeof cursor);
@@ -421,7 +421,7 @@ cairn_vec2 cairn_force_at(const cairn_force_field *field, int32_t segment, int32
 {
     int32_t runs = field->extra[field->extra_front].runs;
     struct cairn_force_line line = line_of(field, runs + segment);
-    cairn_force_strip point;
+    cairn_force_kernel_strip point;
     cairn_vec2 position, force = {0, 0};
     cairn_box box;
 

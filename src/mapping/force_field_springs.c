@@ -123,7 +123,7 @@ static void add_twist(const cairn_force_field *field, struct cairn_force_bond *b
 void cairn_force_add_springs(cairn_force_field *field)
 {
     const struct cairn_force_pair *pair = &field->pair;
-    const cairn_force_springs *s = &pair->springs;
+    const cairn_force_kernel_springs *s = &pair->springs;
     cairn_sym2 shape = stiffness_shape(pair->line[0].direction, pair->line[1].direction,
                                        field->params.tangential_stiffness);
     struct cairn_force_bond *bond = find_bond(field, pair->line[0].scan, pair->line[1].scan);

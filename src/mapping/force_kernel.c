@@ -105,7 +105,7 @@ static inline cairn_real erfc_interpolated(const cairn_force_kernel *kernel, cai
 
 /* Adds the pair as a spring with the same force, but no stiffer than at the minimum length. */
 static inline void add_spring(const cairn_force_kernel *kernel, cairn_real x, cairn_real y,
-                              cairn_real r, cairn_real strength, cairn_force_pull *pull)
+                              cairn_real r, cairn_real strength, cairn_force_kernel_pull *pull)
 {
     cairn_real stiffness = strength / cairn_max(r, kernel->min_spring_length);
 
@@ -119,7 +119,7 @@ static inline void add_spring(const cairn_force_kernel *kernel, cairn_real x, ca
 
 static inline void add_pair(const cairn_force_kernel *kernel, cairn_real x, cairn_real y,
                             cairn_real square, cairn_real mass, int32_t with_potential,
-                            int32_t with_springs, cairn_force_pull *pull)
+                            int32_t with_springs, cairn_force_kernel_pull *pull)
 {
     cairn_real r = cairn_sqrt(square), scaled = square * kernel->scale,
                e = exp_negative(kernel, scaled), strength;
@@ -136,8 +136,9 @@ static inline void add_pair(const cairn_force_kernel *kernel, cairn_real x, cair
 /* Adds the effect of the points *next ... of a strip on a point at p, as far as *left units
  * allow. */
 static inline void add_row(const cairn_force_kernel *kernel, cairn_vec2 p,
-                           const cairn_force_strip *strip, int32_t *next, int32_t *left,
-                           int32_t with_potential, int32_t with_springs, cairn_force_pull *pull)
+                           const cairn_force_kernel_strip *strip, int32_t *next, int32_t *left,
+                           int32_t with_potential, int32_t with_springs,
+                           cairn_force_kernel_pull *pull)
 {
     cairn_real limit = kernel->limit_squared;
     int32_t j = *next;
@@ -158,8 +159,8 @@ static inline void add_row(const cairn_force_kernel *kernel, cairn_vec2 p,
 
 /* Adds the springs of a point of a mass at p relative to the centre. The midpoint of a spring is p
  * + d / 2. */
-static void add_springs(cairn_force_springs *springs, cairn_vec2 p, cairn_real mass,
-                        const cairn_force_pull *pull)
+static void add_springs(cairn_force_kernel_springs *springs, cairn_vec2 p, cairn_real mass,
+                        const cairn_force_kernel_pull *pull)
 {
     cairn_real k = mass * pull->stiffness, x = mass * pull->spring_x, y = mass * pull->spring_y;
     cairn_real xx = mass * pull->spring_xx, xy = mass * pull->spring_xy,
@@ -184,16 +185,18 @@ static int is_outside(const cairn_box *zone, cairn_vec2 p)
     return p.x < zone->min.x || p.x > zone->max.x || p.y < zone->min.y || p.y > zone->max.y;
 }
 
-static inline cairn_status add_strips(const cairn_force_kernel *kernel, const cairn_force_strip *a,
-                                      const cairn_force_strip *b, cairn_force_cursor *cursor,
-                                      int32_t with_potential, int32_t with_springs,
-                                      cairn_force_sum *sum, cairn_budget *budget)
+static inline cairn_status add_strips(const cairn_force_kernel *kernel,
+                                      const cairn_force_kernel_strip *a,
+                                      const cairn_force_kernel_strip *b,
+                                      cairn_force_kernel_cursor *cursor, int32_t with_potential,
+                                      int32_t with_springs, cairn_force_kernel_sum *sum,
+                                      cairn_budget *budget)
 {
-    static const cairn_force_pull none = {0, 0, 0, 0, 0, 0, 0, 0, 0};
+    static const cairn_force_kernel_pull none = {0, 0, 0, 0, 0, 0, 0, 0, 0};
     const int32_t near_cost = 1 + (b->count + COMPARISONS_PER_UNIT - 1) / COMPARISONS_PER_UNIT;
     cairn_vec2 centre = sum->centre, force = sum->force;
     cairn_real torque = sum->torque, potential = sum->potential;
-    cairn_force_pull pull = cursor->pull;
+    cairn_force_kernel_pull pull = cursor->pull;
     int32_t left = budget->left, row = cursor->row, next = cursor->next;
 
     for (; row < a->count; row++) {
@@ -240,10 +243,11 @@ static inline cairn_status add_strips(const cairn_force_kernel *kernel, const ca
     return row < a->count ? CAIRN_MORE : CAIRN_OK;
 }
 
-cairn_status cairn_force_kernel_strips(const cairn_force_kernel *kernel, const cairn_force_strip *a,
-                                       const cairn_force_strip *b, cairn_force_cursor *cursor,
-                                       int32_t with_potential, cairn_force_sum *sum,
-                                       cairn_budget *budget)
+cairn_status cairn_force_kernel_strips(const cairn_force_kernel *kernel,
+                                       const cairn_force_kernel_strip *a,
+                                       const cairn_force_kernel_strip *b,
+                                       cairn_force_kernel_cursor *cursor, int32_t with_potential,
+                                       cairn_force_kernel_sum *sum, cairn_budget *budget)
 {
     if (sum->springs != NULL)
         return add_strips(kernel, a, b, cursor, with_potential, 1, sum, budget);

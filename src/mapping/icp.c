@@ -65,7 +65,7 @@ struct cairn_icp {
     int32_t next_point; /* query point to pair; == query_count: the iteration is to be solved */
     int32_t units_owed; /* units of finished items, not yet charged */
     int32_t has_prior;
-    cairn_pose_prior prior;
+    cairn_rigid_motion_pose_prior prior;
     cairn_rigid_motion motion; /* motion of the query about its centroid */
     cairn_real sigma, point_sigma;
     cairn_real gate; /* distance gate of this iteration, m */
@@ -232,7 +232,7 @@ int32_t cairn_icp_target_count(const cairn_icp *icp)
     return cairn_point_grid_count(icp->grid);
 }
 
-static cairn_status check_prior(const cairn_pose_prior *prior, cairn_fault *fault)
+static cairn_status check_prior(const cairn_rigid_motion_pose_prior *prior, cairn_fault *fault)
 {
     if (prior == NULL)
         return CAIRN_OK;
@@ -260,7 +260,8 @@ static cairn_rigid_motion measure_query(const cairn_icp *icp, cairn_pose start)
 }
 
 cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, int32_t count,
-                             cairn_pose start, const cairn_pose_prior *prior, cairn_fault *fault)
+                             cairn_pose start, const cairn_rigid_motion_pose_prior *prior,
+                             cairn_fault *fault)
 {
     cairn_status status;
 
@@ -410,9 +411,9 @@ static cairn_sym3 scaled(cairn_sym3 m, cairn_real by)
 
 /* Ends the alignment and writes the covariance. basis NULL: too few pairs, so that the covariance
  * is that of the prior. */
-static void stop(cairn_icp *icp, cairn_icp_verdict verdict, const cairn_motion_basis *basis)
+static void stop(cairn_icp *icp, cairn_icp_verdict verdict, const cairn_rigid_motion_basis *basis)
 {
-    cairn_normal_equations prior;
+    cairn_rigid_motion_equations prior;
     cairn_sym3 information = cairn_sym3_zero();
 
     if (icp->has_prior)
@@ -440,18 +441,19 @@ static void update_sigmas(cairn_icp *icp)
 
 /* Solves for the Gauss-Newton step; returns 0 when no direction is observable and there is no
  * prior. */
-static int solve(const cairn_icp *icp, const cairn_motion_basis *basis, cairn_real step[3])
+static int solve(const cairn_icp *icp, const cairn_rigid_motion_basis *basis, cairn_real step[3])
 {
     int to_line = icp->params.mode == CAIRN_ICP_POINT_TO_LINE;
     cairn_real sigma = to_line ? icp->sigma : icp->point_sigma, by = 1 / (sigma * sigma);
-    cairn_normal_equations observed, prior;
+    cairn_rigid_motion_equations observed, prior;
 
     observed.information = scaled(to_line ? icp->sums.lines : icp->sums.points, by);
     for (int k = 0; k < 3; k++)
         observed.gradient[k] = by * icp->sums.gradient[k];
     if (icp->has_prior)
         prior = cairn_rigid_motion_prior(&icp->motion, &icp->prior);
-    return cairn_motion_solve(basis, &observed, icp->has_prior ? &prior : NULL, icp->gate, step);
+    return cairn_rigid_motion_solve(basis, &observed, icp->has_prior ? &prior : NULL, icp->gate,
+                                    step);
 }
 
 /* Returns 1 and restores the pose before the last step when that step lowered the overlap and
@@ -479,7 +481,7 @@ static void end_iteration(cairn_icp *icp)
 {
     const cairn_icp_params *params = &icp->params;
     cairn_icp_result *result = &icp->result;
-    cairn_motion_basis basis;
+    cairn_rigid_motion_basis basis;
     cairn_real step[3], gate, moved, sigma = icp->sigma;
     int32_t converged;
 
@@ -495,7 +497,7 @@ static void end_iteration(cairn_icp *icp)
     result->mean_distance = icp->sums.distance / (cairn_real)result->pairs;
     update_sigmas(icp);
     result->sigma = icp->sigma;
-    basis = cairn_motion_basis_of(icp->sums.lines, params->weak_ratio);
+    basis = cairn_rigid_motion_basis_of(icp->sums.lines, params->weak_ratio);
     result->observable_dof = 3 - basis.unobservable;
     result->weak_ratio = basis.inverse_condition;
     memcpy(result->weak_direction, basis.vectors[0], sizeof result->weak_direction);

@@ -36,7 +36,7 @@ cairn_map_merge_params cairn_map_merge_default(void)
         .max_corners = 48,
         .max_modes = 6,
         .particles = 100,
-        .perception = CAIRN_MERGE_LIKELIHOOD_RATIO,
+        .perception = CAIRN_MAP_MERGE_LIKELIHOOD_RATIO,
         .correlation_length = 10,
         .min_score = 6,
         .min_margin = 3,
@@ -50,7 +50,7 @@ cairn_map_merge_params cairn_map_merge_as_written(void)
     cairn_map_merge_params params = cairn_map_merge_default();
 
     params.mode = CAIRN_MODE_AS_WRITTEN;
-    params.perception = CAIRN_MERGE_IMAGES;
+    params.perception = CAIRN_MAP_MERGE_IMAGES;
     params.particles = 50;
     params.max_modes = 12;
     return params;
@@ -69,11 +69,11 @@ static int params_are_valid(const cairn_map_merge_params *p)
            is_count(p->max_corners, 1, 1024) && is_count(p->max_modes, 1, 32) &&
            is_count(p->particles, 1, 4096) &&
            is_count(p->mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN) &&
-           (p->mode == CAIRN_MODE_DEFAULT || p->perception == CAIRN_MERGE_IMAGES) &&
-           p->perception >= CAIRN_MERGE_LIKELIHOOD_RATIO && p->perception <= CAIRN_MERGE_IMAGES &&
-           p->correlation_length > 0 && cairn_is_finite(p->correlation_length) &&
-           p->min_score > 0 && cairn_is_finite(p->min_score) && p->min_margin >= 0 &&
-           cairn_is_finite(p->min_margin);
+           (p->mode == CAIRN_MODE_DEFAULT || p->perception == CAIRN_MAP_MERGE_IMAGES) &&
+           p->perception >= CAIRN_MAP_MERGE_LIKELIHOOD_RATIO &&
+           p->perception <= CAIRN_MAP_MERGE_IMAGES && p->correlation_length > 0 &&
+           cairn_is_finite(p->correlation_length) && p->min_score > 0 &&
+           cairn_is_finite(p->min_score) && p->min_margin >= 0 && cairn_is_finite(p->min_margin);
 }
 
 static cairn_corner_params corner_params(const cairn_map_merge_params *p)
@@ -113,7 +113,8 @@ static cairn_distance_map_params distance_params(const cairn_map_merge_params *p
 
 static cairn_particle_filter_params filter_params(const cairn_map_merge_params *p)
 {
-    return merge_is_written(p) ? cairn_merge_written_params(p) : cairn_merge_filter_params(p);
+    return merge_is_written(p) ? cairn_map_merge_written_params(p)
+                               : cairn_map_merge_filter_params(p);
 }
 
 static size_t pairs_of(const cairn_map_merge_params *p)
@@ -129,7 +130,7 @@ static void take_objects(cairn_map_merge *merge, cairn_pool *pool, const cairn_m
     cairn_corner_params corners = corner_params(p);
     cairn_distance_map_params distances = distance_params(p);
     cairn_particle_filter_params filter = filter_params(p);
-    cairn_particle_model model;
+    cairn_particle_filter_model model;
     cairn_status status;
 
     if (merge == NULL) {
@@ -138,7 +139,8 @@ static void take_objects(cairn_map_merge *merge, cairn_pool *pool, const cairn_m
         cairn_pool_count(pool, cairn_particle_filter_memory(&filter));
         return;
     }
-    model = merge_is_written(p) ? cairn_merge_written_model(merge) : cairn_merge_model(merge);
+    model =
+        merge_is_written(p) ? cairn_map_merge_written_model(merge) : cairn_map_merge_model(merge);
     status = cairn_corner_create(&merge->corners, pool, &corners);
     CAIRN_ASSERT(status == CAIRN_OK);
     status = cairn_distance_map_create(&merge->distances, pool, &distances);
@@ -151,7 +153,7 @@ static void take_objects(cairn_map_merge *merge, cairn_pool *pool, const cairn_m
 /* Takes the memory of the mode as written. */
 static merge_written *take_written(cairn_pool *pool, const cairn_map_merge_params *p)
 {
-    cairn_particle_filter_params filter = cairn_merge_written_params(p);
+    cairn_particle_filter_params filter = cairn_map_merge_written_params(p);
     size_t cells = (size_t)merged_cells(p), listed = (size_t)filter.max_candidates;
     merge_written *w = cairn_pool_take_one(pool, sizeof *w);
     uint16_t *grid = cairn_pool_take(pool, cells, sizeof *grid);
@@ -167,7 +169,7 @@ static merge_written *take_written(cairn_pool *pool, const cairn_map_merge_param
         w->candidates = list;
         w->max_candidates = filter.max_candidates;
         w->places = places;
-        cairn_merge_set_kernel(w->kernel);
+        cairn_map_merge_set_kernel(w->kernel);
     }
     return w;
 }
@@ -264,14 +266,14 @@ cairn_status cairn_map_merge_coarsen(cairn_raster_u8_view cells, int32_t k, cair
         out.width != (cells.width - 1) / k + 1 || out.height != (cells.height - 1) / k + 1)
         return CAIRN_BAD_ARGUMENT;
     for (int32_t y = 0; y < out.height; y++)
-        memset(out.data + y * out.stride, CAIRN_CELL_UNKNOWN, (size_t)out.width);
+        memset(out.data + y * out.stride, CAIRN_OCCUPANCY_GRID_UNKNOWN, (size_t)out.width);
     for (int32_t y = 0; y < cells.height; y++)
         for (int32_t x = 0; x < cells.width; x++) {
             uint8_t cell = cells.data[y * cells.stride + x],
                     *to = &out.data[y / k * out.stride + x / k];
 
-            if (cell == CAIRN_CELL_OCCUPIED ||
-                (cell == CAIRN_CELL_FREE && *to != CAIRN_CELL_OCCUPIED))
+            if (cell == CAIRN_OCCUPANCY_GRID_OCCUPIED ||
+                (cell == CAIRN_OCCUPANCY_GRID_FREE && *to != CAIRN_OCCUPANCY_GRID_OCCUPIED))
                 *to = cell;
         }
     return CAIRN_OK;
@@ -292,7 +294,7 @@ static cairn_pose scaled(cairn_pose pose, cairn_real by)
     return pose;
 }
 
-cairn_status cairn_map_merge_add(cairn_map_merge *merge, const cairn_merge_map *map,
+cairn_status cairn_map_merge_add(cairn_map_merge *merge, const cairn_map_merge_map *map,
                                  cairn_fault *fault)
 {
     merge_map *added;
@@ -407,7 +409,7 @@ cairn_status cairn_map_merge_begin(cairn_map_merge *merge, int32_t reference, co
 
 static void finish(cairn_map_merge *merge)
 {
-    cairn_merge_result *r = &merge->result;
+    cairn_map_merge_result *r = &merge->result;
     int32_t rank = 0;
 
     memset(r, 0, sizeof *r);
@@ -419,11 +421,11 @@ static void finish(cairn_map_merge *merge)
     r->peak_particles =
         merge_is_written(&merge->params) ? merge->written->peak_particles : merge->params.particles;
     for (int32_t i = 0; i < merge->map_count; i++) {
-        cairn_merge_placed *p = &merge->placed[i];
+        cairn_map_merge_placed *p = &merge->placed[i];
 
         p->reference_map = frames_of(merge, merge->reference, i, merge->check.pose[i]);
-        r->placed += p->verdict == CAIRN_MERGE_PLACED;
-        r->log_likelihood_ratio += p->verdict == CAIRN_MERGE_PLACED ? p->support : 0;
+        r->placed += p->verdict == CAIRN_MAP_MERGE_PLACED;
+        r->log_likelihood_ratio += p->verdict == CAIRN_MAP_MERGE_PLACED ? p->support : 0;
     }
     for (int32_t k = 0; k < merge->check.count; k++)
         if (merge->check.accepted[merge->check.list[k]])
@@ -437,18 +439,18 @@ static void finish(cairn_map_merge *merge)
 
 static cairn_status step_default(cairn_map_merge *merge, cairn_budget *budget)
 {
-    return merge->stage == MERGE_PREPARING  ? cairn_merge_prepare(merge, budget)
-           : merge->stage == MERGE_PAIRING  ? cairn_merge_find_modes(merge, budget)
-           : merge->stage == MERGE_VISITING ? cairn_merge_run_filter(merge, budget)
-                                            : cairn_merge_check(merge, budget);
+    return merge->stage == MERGE_PREPARING  ? cairn_map_merge_prepare(merge, budget)
+           : merge->stage == MERGE_PAIRING  ? cairn_map_merge_find_modes(merge, budget)
+           : merge->stage == MERGE_VISITING ? cairn_map_merge_run_filter(merge, budget)
+                                            : cairn_map_merge_check(merge, budget);
 }
 
 static cairn_status step_written(cairn_map_merge *merge, cairn_budget *budget)
 {
-    return merge->stage == MERGE_PREPARING  ? cairn_merge_prepare(merge, budget)
-           : merge->stage == MERGE_PAIRING  ? cairn_merge_register_corners(merge, budget)
-           : merge->stage == MERGE_VISITING ? cairn_merge_run_written(merge, budget)
-                                            : cairn_merge_end_written(merge, budget);
+    return merge->stage == MERGE_PREPARING  ? cairn_map_merge_prepare(merge, budget)
+           : merge->stage == MERGE_PAIRING  ? cairn_map_merge_register_corners(merge, budget)
+           : merge->stage == MERGE_VISITING ? cairn_map_merge_run_written(merge, budget)
+                                            : cairn_map_merge_end_written(merge, budget);
 }
 
 cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_budget *budget)
@@ -479,51 +481,51 @@ cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_budget *budget)
 /* ---- Reading ---- */
 
 cairn_status cairn_map_merge_score(const cairn_map_merge *merge, int32_t a, int32_t b,
-                                   cairn_pose a_b, cairn_merge_score *score)
+                                   cairn_pose a_b, cairn_map_merge_pair_score *score)
 {
     if (merge == NULL || score == NULL || !merge->done || a < 0 || b < 0 || a >= merge->map_count ||
         b >= merge->map_count)
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pose_is_finite(a_b))
         return CAIRN_NOT_FINITE;
-    cairn_merge_score_at(merge, a, b, centres_of(merge, a, b, a_b), score);
+    cairn_map_merge_score_at(merge, a, b, centres_of(merge, a, b, a_b), score);
     score->agreeing_wall *= merge->unit;
     score->free_space_violation *= merge->unit;
     return CAIRN_OK;
 }
 
-const char *cairn_merge_verdict_text(cairn_merge_verdict verdict)
+const char *cairn_map_merge_verdict_text(cairn_map_merge_verdict verdict)
 {
     switch (verdict) {
-    case CAIRN_MERGE_PLACED:
+    case CAIRN_MAP_MERGE_PLACED:
         return "placed";
-    case CAIRN_MERGE_EMPTY:
+    case CAIRN_MAP_MERGE_EMPTY:
         return "no wall or no free space in it";
-    case CAIRN_MERGE_NO_OVERLAP:
+    case CAIRN_MAP_MERGE_NO_OVERLAP:
         return "no pose agrees with any other map";
-    case CAIRN_MERGE_LOW_SUPPORT:
+    case CAIRN_MAP_MERGE_LOW_SUPPORT:
         return "too little support for its best pose";
-    case CAIRN_MERGE_AMBIGUOUS:
+    case CAIRN_MAP_MERGE_AMBIGUOUS:
         return "a competing pose has nearly as much support";
-    case CAIRN_MERGE_UNOBSERVABLE:
+    case CAIRN_MAP_MERGE_UNOBSERVABLE:
         return "translation along its walls is unobservable";
-    case CAIRN_MERGE_NO_CORNER:
+    case CAIRN_MAP_MERGE_NO_CORNER:
         return "no corner is similar to one of the merged maps";
     default:
         return "unknown verdict";
     }
 }
 
-cairn_merge_result cairn_map_merge_read(const cairn_map_merge *merge)
+cairn_map_merge_result cairn_map_merge_read(const cairn_map_merge *merge)
 {
-    const cairn_merge_result none = {0, 0, 0, 0, 0, 0, 0, 0, 0};
+    const cairn_map_merge_result none = {0, 0, 0, 0, 0, 0, 0, 0, 0};
 
     return merge->done ? merge->result : none;
 }
 
-cairn_merge_placed cairn_map_merge_of(const cairn_map_merge *merge, int32_t map)
+cairn_map_merge_placed cairn_map_merge_of(const cairn_map_merge *merge, int32_t map)
 {
-    const cairn_merge_placed none = {0, {0, 0, 0}, 0, 0, 0, 0, 0, 0, 0};
+    const cairn_map_merge_placed none = {0, {0, 0, 0}, 0, 0, 0, 0, 0, 0, 0};
 
     return merge->done && map >= 0 && map < merge->map_count ? merge->placed[map] : none;
 }

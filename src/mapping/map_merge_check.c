@@ -40,7 +40,7 @@ static const void *best_of(const cairn_map_merge *merge)
         const void *state = cairn_particle_filter_particle(merge->filter, i).state;
         cairn_real sum = 0;
 
-        for (const merge_state *s = state; s != NULL; s = cairn_particle_state_before(s))
+        for (const merge_state *s = state; s != NULL; s = cairn_particle_filter_state_before(s))
             sum += s->log_ratio;
         if (best == NULL || sum > most) {
             best = state;
@@ -75,15 +75,15 @@ static void begin_at_reference(cairn_map_merge *merge)
 
 static void begin_check(cairn_map_merge *merge)
 {
-    (void)cairn_merge_collect_neighbours(merge, best_of(merge));
+    (void)cairn_map_merge_collect_neighbours(merge, best_of(merge));
     memset(&merge->check, 0, sizeof merge->check);
     memset(merge->placed, 0, sizeof merge->placed);
     for (int32_t i = 0; i < merge->map_count; i++) {
-        cairn_merge_placed *p = &merge->placed[i];
+        cairn_map_merge_placed *p = &merge->placed[i];
 
         p->verdict = merge->maps[i].point_count == 0 || merge->maps[i].free_count == 0
-                         ? CAIRN_MERGE_EMPTY
-                         : CAIRN_MERGE_NO_OVERLAP;
+                         ? CAIRN_MAP_MERGE_EMPTY
+                         : CAIRN_MAP_MERGE_NO_OVERLAP;
         p->corners = merge->maps[i].corner_count;
         p->error_probability = 1;
         p->rank = -1;
@@ -94,7 +94,7 @@ static void begin_check(cairn_map_merge *merge)
 
         merge->check.start[map] = merge->check.pose[map];
         merge->check.accepted[map] = 1;
-        merge->placed[map].verdict = CAIRN_MERGE_PLACED;
+        merge->placed[map].verdict = CAIRN_MAP_MERGE_PLACED;
         merge->placed[map].rank = i;
     }
     merge->placed[merge->reference].error_probability = 0;
@@ -127,11 +127,11 @@ static cairn_status step_joint(cairn_map_merge *merge, cairn_budget *budget)
 
             if (merge->inner == 0) {
                 collect_others(merge, map);
-                cairn_merge_begin_lines(merge, map, merge->check.start[map], merge->check.pose[map],
-                                        1);
+                cairn_map_merge_begin_lines(merge, map, merge->check.start[map],
+                                            merge->check.pose[map], 1);
                 merge->inner = 1;
             }
-            if (!cairn_merge_step_lines(merge, budget))
+            if (!cairn_map_merge_step_lines(merge, budget))
                 return CAIRN_MORE;
             merge->check.pose[map] = merge->climb.best;
         }
@@ -150,11 +150,11 @@ static cairn_status step_links(cairn_map_merge *merge, cairn_budget *budget)
                 merge->neighbours[0] = other;
                 merge->neighbour_poses[0] = merge->check.pose[other];
                 merge->neighbour_count = 1;
-                cairn_merge_begin_total(merge, map, merge->check.pose[map],
-                                        merge->params.max_points);
+                cairn_map_merge_begin_total(merge, map, merge->check.pose[map],
+                                            merge->params.max_points);
                 merge->inner++;
             }
-            if (!cairn_merge_step_total(merge, budget))
+            if (!cairn_map_merge_step_total(merge, budget))
                 return CAIRN_MORE;
             merge->check
                 .pair_score[merge_pair(other < map ? other : map, other < map ? map : other)] =
@@ -217,7 +217,7 @@ static cairn_real minimum_cut(const cairn_map_merge *merge, int32_t *side)
     return least;
 }
 
-static void refuse_map(cairn_map_merge *merge, int32_t map, cairn_merge_verdict verdict)
+static void refuse_map(cairn_map_merge *merge, int32_t map, cairn_map_merge_verdict verdict)
 {
     merge->check.accepted[map] = 0;
     merge->placed[map].verdict = verdict;
@@ -236,7 +236,7 @@ static cairn_status step_cuts(cairn_map_merge *merge, cairn_budget *budget)
             return CAIRN_OK;
         for (int32_t i = 0; i < merge->map_count; i++)
             if (side[i])
-                refuse_map(merge, i, CAIRN_MERGE_LOW_SUPPORT);
+                refuse_map(merge, i, CAIRN_MAP_MERGE_LOW_SUPPORT);
     }
 }
 
@@ -263,7 +263,7 @@ static cairn_pose place_at(const cairn_map_merge *merge, int32_t map, int32_t in
 
 static void insert_place(cairn_map_merge *merge, int32_t map, int32_t index)
 {
-    cairn_merge_placed *p = &merge->placed[map];
+    cairn_map_merge_placed *p = &merge->placed[map];
 
     if (index == 0) {
         p->support = merge->total.log_ratio;
@@ -281,7 +281,7 @@ static cairn_status step_places(cairn_map_merge *merge, int32_t map, cairn_budge
     if (merge->check.looking == 0) {
         collect_others(merge, map);
         merge->check.competing_count =
-            cairn_merge_places(merge, map, merge->check.competing, MERGE_MAX_REFINED);
+            cairn_map_merge_places(merge, map, merge->check.competing, MERGE_MAX_REFINED);
         merge->check.shifted_score = 0;
         merge->placed[map].modes = merge->check.competing_count;
         merge->placed[map].competing_support = 0;
@@ -294,13 +294,13 @@ static cairn_status step_places(cairn_map_merge *merge, int32_t map, cairn_budge
         cairn_pose pose = place_at(merge, map, merge->check.at);
 
         if (merge->check.at > 0 && merge->check.at <= merge->check.competing_count &&
-            cairn_merge_is_same(pose, merge->check.pose[map], MERGE_SAME_M, MERGE_SAME_RAD))
+            cairn_map_merge_is_same(pose, merge->check.pose[map], MERGE_SAME_M, MERGE_SAME_RAD))
             continue;
         if (merge->inner == 0) {
-            cairn_merge_begin_total(merge, map, pose, merge->params.max_points);
+            cairn_map_merge_begin_total(merge, map, pose, merge->params.max_points);
             merge->inner = 1;
         }
-        if (!cairn_merge_step_total(merge, budget))
+        if (!cairn_map_merge_step_total(merge, budget))
             return CAIRN_MORE;
         insert_place(merge, map, merge->check.at);
     }
@@ -309,7 +309,7 @@ static cairn_status step_places(cairn_map_merge *merge, int32_t map, cairn_budge
 }
 
 /* Returns the probability that a competing pose, or chance, reaches the same support. */
-static cairn_real error_probability(const cairn_merge_placed *p)
+static cairn_real error_probability(const cairn_map_merge_placed *p)
 {
     cairn_real competing =
         cairn_exp(cairn_min((p->competing_support - p->support) / CHANCE_SPREAD_NATS, 30));
@@ -324,10 +324,10 @@ static cairn_status step_verdicts(cairn_map_merge *merge, cairn_budget *budget)
 {
     for (; merge->cursor < merge->check.count; merge->cursor++) {
         int32_t map = merge->check.list[merge->cursor];
-        cairn_merge_placed *p = &merge->placed[map];
+        cairn_map_merge_placed *p = &merge->placed[map];
 
         if (map == merge->reference ||
-            (!merge->check.accepted[map] && p->verdict != CAIRN_MERGE_LOW_SUPPORT))
+            (!merge->check.accepted[map] && p->verdict != CAIRN_MAP_MERGE_LOW_SUPPORT))
             continue;
         if (step_places(merge, map, budget) != CAIRN_OK)
             return CAIRN_MORE;
@@ -336,17 +336,17 @@ static cairn_status step_verdicts(cairn_map_merge *merge, cairn_budget *budget)
             continue;
         if (p->support < merge->params.min_score)
             /* the cuts ignore negative pair scores */
-            refuse_map(merge, map, CAIRN_MERGE_LOW_SUPPORT);
+            refuse_map(merge, map, CAIRN_MAP_MERGE_LOW_SUPPORT);
         else if (p->support - p->competing_support < merge->params.min_margin)
-            refuse_map(merge, map, CAIRN_MERGE_AMBIGUOUS);
+            refuse_map(merge, map, CAIRN_MAP_MERGE_AMBIGUOUS);
         else if (merge->check.shifted_score > MAX_SHIFTED_SHARE * p->support)
-            refuse_map(merge, map, CAIRN_MERGE_UNOBSERVABLE);
+            refuse_map(merge, map, CAIRN_MAP_MERGE_UNOBSERVABLE);
         merge->check.refused |= !merge->check.accepted[map];
     }
     return CAIRN_OK;
 }
 
-cairn_status cairn_merge_check(cairn_map_merge *merge, cairn_budget *budget)
+cairn_status cairn_map_merge_check(cairn_map_merge *merge, cairn_budget *budget)
 {
     if (merge->phase != MERGE_CHECK)
         begin_check(merge);

@@ -48,7 +48,7 @@ static cairn_real similarity_of(const merge_map *first, const cairn_corner *a,
     return sum / 2;
 }
 
-cairn_pose cairn_merge_motion_of(const cairn_vec2 *to, const cairn_vec2 *from)
+cairn_pose cairn_map_merge_motion_of(const cairn_vec2 *to, const cairn_vec2 *from)
 {
     cairn_vec2 p = {0, 0}, q = {0, 0};
     cairn_real sine = 0, cosine = 0;
@@ -78,7 +78,7 @@ static cairn_pose registration_of(const merge_map *first, const cairn_corner *a,
         to[1 + leg] = cairn_vec2_add(a->position, cairn_vec2_scale(a->leg[leg], length));
         from[1 + leg] = cairn_vec2_add(b->position, cairn_vec2_scale(b->leg[leg], length));
     }
-    return cairn_merge_motion_of(to, from);
+    return cairn_map_merge_motion_of(to, from);
 }
 
 static void begin_pair(cairn_map_merge *merge)
@@ -108,13 +108,13 @@ static cairn_status step_pair(cairn_map_merge *merge, cairn_budget *budget)
             continue;
         merge->tried_count++;
         mode.first_second = registration_of(first, a, second, b);
-        cairn_merge_insert_mode(modes, &merge->mode_count[pair], merge->params.max_modes, mode, 0,
-                                0);
+        cairn_map_merge_insert_mode(modes, &merge->mode_count[pair], merge->params.max_modes, mode,
+                                    0, 0);
     }
     return CAIRN_OK;
 }
 
-cairn_status cairn_merge_register_corners(cairn_map_merge *merge, cairn_budget *budget)
+cairn_status cairn_map_merge_register_corners(cairn_map_merge *merge, cairn_budget *budget)
 {
     if (merge->phase == MERGE_OCCUPIED_DISTANCE) {
         merge->map = 0;

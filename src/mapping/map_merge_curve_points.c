@@ -15,8 +15,8 @@
 /* quarters of a cell: search range of a surface on either side */
 enum { SURFACE_SEARCH_QUARTER_CELLS = 10 };
 
-int cairn_merge_surface_along(const merge_map *map, cairn_vec2 p, cairn_vec2 normal,
-                              cairn_real *along)
+int cairn_map_merge_surface_along(const merge_map *map, cairn_vec2 p, cairn_vec2 normal,
+                                  cairn_real *along)
 {
     cairn_real cell = map->input.resolution, step = cell / 4;
     int32_t class = MERGE_UNKNOWN, before;
@@ -35,8 +35,8 @@ int cairn_merge_surface_along(const merge_map *map, cairn_vec2 p, cairn_vec2 nor
     return 0;
 }
 
-cairn_status cairn_merge_select_curve_points(cairn_map_merge *merge, merge_map *map,
-                                             cairn_budget *budget)
+cairn_status cairn_map_merge_select_curve_points(cairn_map_merge *merge, merge_map *map,
+                                                 cairn_budget *budget)
 {
     for (; merge->cursor < map->point_count; merge->cursor++) {
         const merge_point *p = &map->points[merge->cursor];
@@ -49,7 +49,7 @@ cairn_status cairn_merge_select_curve_points(cairn_map_merge *merge, merge_map *
             continue;
         map->curved_wall += map->spacing;
         if (map->curve_point_count == MERGE_MAX_CURVE_POINTS ||
-            !cairn_merge_surface_along(map, p->position, p->normal, &along))
+            !cairn_map_merge_surface_along(map, p->position, p->normal, &along))
             continue;
         curve_point.position = cairn_vec2_add(p->position, cairn_vec2_scale(p->normal, along));
         map->curve_points[map->curve_point_count++] = curve_point;
@@ -90,16 +90,16 @@ static int step_comparison(cairn_map_merge *merge, cairn_transform t, cairn_budg
 
         if (!cairn_budget_charge(budget, &merge->units_charged, 2))
             return 0;
-        cairn_merge_sum(merge, first, second, &t, merge->inner,
-                        end < second->point_count ? end : second->point_count, s);
-        cairn_merge_sum(merge, second, first, &back, merge->inner,
-                        end < first->point_count ? end : first->point_count, s);
+        cairn_map_merge_sum(merge, first, second, &t, merge->inner,
+                            end < second->point_count ? end : second->point_count, s);
+        cairn_map_merge_sum(merge, second, first, &back, merge->inner,
+                            end < first->point_count ? end : first->point_count, s);
         merge->inner = merge_is_rejected(s) ? MERGE_COARSE_POINTS : end;
     }
     return 1;
 }
 
-cairn_status cairn_merge_register_curve_points(cairn_map_merge *merge, cairn_budget *budget)
+cairn_status cairn_map_merge_register_curve_points(cairn_map_merge *merge, cairn_budget *budget)
 {
     const merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
     const merge_sums none = {0, 0, 0, 0, {0, 0}, 0};
@@ -122,8 +122,9 @@ cairn_status cairn_merge_register_curve_points(cairn_map_merge *merge, cairn_bud
             mode.first_second.x = t.x;
             mode.first_second.y = t.y;
             mode.first_second.theta = cairn_atan2(t.sine, t.cosine);
-            cairn_merge_insert_mode(merge->hypotheses, &merge->hypothesis_count,
-                                    MERGE_MAX_HYPOTHESES, mode, MERGE_COARSE_M, MERGE_COARSE_RAD);
+            cairn_map_merge_insert_mode(merge->hypotheses, &merge->hypothesis_count,
+                                        MERGE_MAX_HYPOTHESES, mode, MERGE_COARSE_M,
+                                        MERGE_COARSE_RAD);
         }
     }
     return CAIRN_OK;

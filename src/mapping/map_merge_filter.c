@@ -26,7 +26,7 @@ enum { MAX_LINE_STEPS = 4 };
  * placed */
 enum { STEPS_PER_MAP = 2 };
 
-cairn_particle_filter_params cairn_merge_filter_params(const cairn_map_merge_params *p)
+cairn_particle_filter_params cairn_map_merge_filter_params(const cairn_map_merge_params *p)
 {
     cairn_particle_filter_params f = cairn_particle_filter_default();
 
@@ -41,13 +41,13 @@ cairn_particle_filter_params cairn_merge_filter_params(const cairn_map_merge_par
 
 /* ---- Proposal ---- */
 
-int cairn_merge_collect_neighbours(cairn_map_merge *merge, const void *state)
+int cairn_map_merge_collect_neighbours(cairn_map_merge *merge, const void *state)
 {
     int ended = 0;
 
     merge->neighbour_count = 0;
     memset(merge->deferrals, 0, sizeof merge->deferrals);
-    for (const merge_state *s = state; s != NULL; s = cairn_particle_state_before(s)) {
+    for (const merge_state *s = state; s != NULL; s = cairn_particle_filter_state_before(s)) {
         if (s->map < 0) {
             ended |= s->map == MERGE_ENDED;
             if (s->map != MERGE_ENDED)
@@ -107,8 +107,8 @@ static int32_t next_map(const cairn_map_merge *merge, int32_t deferrals)
     return next;
 }
 
-int32_t cairn_merge_places(const cairn_map_merge *merge, int32_t map, merge_mode *list,
-                           int32_t most)
+int32_t cairn_map_merge_places(const cairn_map_merge *merge, int32_t map, merge_mode *list,
+                               int32_t most)
 {
     int32_t count = 0;
 
@@ -117,13 +117,13 @@ int32_t cairn_merge_places(const cairn_map_merge *merge, int32_t map, merge_mode
 
         for (int32_t k = 0; mode_of(merge, merge->neighbours[i], map, k, &mode); k++) {
             mode.first_second = cairn_pose_compose(merge->neighbour_poses[i], mode.first_second);
-            cairn_merge_insert_mode(list, &count, most, mode, MERGE_SAME_M, MERGE_SAME_RAD);
+            cairn_map_merge_insert_mode(list, &count, most, mode, MERGE_SAME_M, MERGE_SAME_RAD);
         }
     }
     if (merge->maps[map].has_guess) {
         merge_mode guess = {merge->maps[map].guess, CAIRN_REAL_MAX};
 
-        cairn_merge_insert_mode(list, &count, most, guess, CAIRN_REAL(0.05), CAIRN_REAL(0.02));
+        cairn_map_merge_insert_mode(list, &count, most, guess, CAIRN_REAL(0.05), CAIRN_REAL(0.02));
     }
     return count;
 }
@@ -138,7 +138,7 @@ static void list_candidates(cairn_map_merge *merge, merge_proposal *offer)
         map = next_map(merge, 1);
     if (map >= 0)
         none.map = MERGE_DEFERRED - map;
-    count = map < 0 ? 0 : cairn_merge_places(merge, map, places, MERGE_MAX_CANDIDATES - 1);
+    count = map < 0 ? 0 : cairn_map_merge_places(merge, map, places, MERGE_MAX_CANDIDATES - 1);
 
     for (int32_t i = 0; i < count; i++) {
         merge_state *s = &offer->candidates[i];
@@ -167,11 +167,11 @@ static void score_images(cairn_map_merge *merge, merge_state *s)
 
     s->psi = s->gamma = 0;
     for (int32_t i = 0; i < merge->neighbour_count && s->map >= 0; i++) {
-        cairn_merge_score score;
+        cairn_map_merge_pair_score score;
 
-        cairn_merge_score_at(merge, merge->neighbours[i], s->map,
-                             cairn_pose_between(merge->neighbour_poses[i], s->reference_map),
-                             &score);
+        cairn_map_merge_score_at(merge, merge->neighbours[i], s->map,
+                                 cairn_pose_between(merge->neighbour_poses[i], s->reference_map),
+                                 &score);
         if (score.overlap > most) {
             most = score.overlap;
             s->psi = score.psi;
@@ -185,13 +185,13 @@ static int is_same_pose(cairn_pose a, cairn_pose b)
     return a.x == b.x && a.y == b.y && a.theta == b.theta;
 }
 
-int cairn_merge_is_same_history(const merge_state *a, const merge_state *b)
+int cairn_map_merge_is_same_history(const merge_state *a, const merge_state *b)
 {
     while (a != NULL && b != NULL && a != b) {
         if (a->map != b->map || !is_same_pose(a->reference_map, b->reference_map))
             return 0;
-        a = cairn_particle_state_before(a);
-        b = cairn_particle_state_before(b);
+        a = cairn_particle_filter_state_before(a);
+        b = cairn_particle_filter_state_before(b);
     }
     return a == b;
 }
@@ -203,7 +203,7 @@ static merge_proposal *proposal_for(cairn_map_merge *merge, const merge_state *s
 
     for (int32_t i = 0; i < MERGE_CACHED_PROPOSALS; i++)
         if (merge->proposals.cached[i].state != NULL &&
-            cairn_merge_is_same_history(merge->proposals.cached[i].state, state))
+            cairn_map_merge_is_same_history(merge->proposals.cached[i].state, state))
             return &merge->proposals.cached[i];
     fresh = &merge->proposals.cached[merge->proposals.count++ % MERGE_CACHED_PROPOSALS];
     fresh->state = state;
@@ -218,7 +218,7 @@ static void begin_proposal(cairn_map_merge *merge, const merge_state *state)
     merge->proposals.stage = 1;
     if (merge->proposals.current->count > 0) {
         merge->proposals.at = merge->proposals.current->count;
-    } else if (cairn_merge_collect_neighbours(merge, state)) {
+    } else if (cairn_map_merge_collect_neighbours(merge, state)) {
         merge->proposals.current->candidates[0] = *state;
         merge->proposals.current->count = 1;
     } else {
@@ -230,20 +230,21 @@ static void begin_proposal(cairn_map_merge *merge, const merge_state *state)
 static int step_candidate(cairn_map_merge *merge, merge_state *s, cairn_budget *budget)
 {
     if (merge->proposals.stage == 1) {
-        cairn_merge_begin_lines(merge, s->map, s->reference_map, s->reference_map, MAX_LINE_STEPS);
+        cairn_map_merge_begin_lines(merge, s->map, s->reference_map, s->reference_map,
+                                    MAX_LINE_STEPS);
         merge->proposals.stage = 2;
     }
     if (merge->proposals.stage == 2) {
-        if (!cairn_merge_step_lines(merge, budget))
+        if (!cairn_map_merge_step_lines(merge, budget))
             return 0;
         s->reference_map = merge->climb.best;
-        cairn_merge_begin_total(merge, s->map, s->reference_map, merge->params.max_points);
+        cairn_map_merge_begin_total(merge, s->map, s->reference_map, merge->params.max_points);
         merge->proposals.stage = 3;
     }
-    if (!cairn_merge_step_total(merge, budget))
+    if (!cairn_map_merge_step_total(merge, budget))
         return 0;
     s->log_ratio = merge->total.log_ratio;
-    if (merge->params.perception == CAIRN_MERGE_IMAGES)
+    if (merge->params.perception == CAIRN_MAP_MERGE_IMAGES)
         score_images(merge, s);
     merge->proposals.stage = 1;
     return 1;
@@ -300,18 +301,18 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     (void)filter;
     (void)index;
     (void)budget;
-    if (merge->params.perception == CAIRN_MERGE_IMAGES && s->map >= 0)
+    if (merge->params.perception == CAIRN_MAP_MERGE_IMAGES && s->map >= 0)
         *log_likelihood = log_images(merge, s);
-    else if (merge->params.perception == CAIRN_MERGE_IMAGES)
+    else if (merge->params.perception == CAIRN_MAP_MERGE_IMAGES)
         *log_likelihood = -20;
     else
         *log_likelihood = s->log_ratio / TEMPERATURE;
     return CAIRN_OK;
 }
 
-cairn_particle_model cairn_merge_model(cairn_map_merge *merge)
+cairn_particle_filter_model cairn_map_merge_model(cairn_map_merge *merge)
 {
-    cairn_particle_model model = {merge, propose, likelihood, NULL, NULL};
+    cairn_particle_filter_model model = {merge, propose, likelihood, NULL, NULL};
 
     return model;
 }
@@ -352,7 +353,7 @@ static void begin_filter(cairn_map_merge *merge)
     merge->cursor = 0;
 }
 
-cairn_status cairn_merge_run_filter(cairn_map_merge *merge, cairn_budget *budget)
+cairn_status cairn_map_merge_run_filter(cairn_map_merge *merge, cairn_budget *budget)
 {
     if (merge->phase != MERGE_FILTER)
         begin_filter(merge);

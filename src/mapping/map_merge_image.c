@@ -30,7 +30,7 @@ enum { KERNEL_REACH_CELLS = 5, CELLS_PER_UNIT = 4 };
 /* minimum of d, which keeps its logarithm finite */
 #define MIN_DISAGREEMENT CAIRN_REAL(1e-6)
 
-void cairn_merge_set_kernel(cairn_real *kernel)
+void cairn_map_merge_set_kernel(cairn_real *kernel)
 {
     for (int32_t d = 0; d <= MERGE_MAX_DISTANCE; d++) {
         cairn_real x = (cairn_real)d;
@@ -44,7 +44,7 @@ void cairn_merge_set_kernel(cairn_real *kernel)
 
 /* ---- Bounding boxes ---- */
 
-cairn_box cairn_merge_box_of(const merge_map *map, cairn_pose pose)
+cairn_box cairn_map_merge_box_of(const merge_map *map, cairn_pose pose)
 {
     cairn_transform t = cairn_transform_of(pose);
     cairn_box box = cairn_box_empty();
@@ -61,7 +61,7 @@ cairn_box cairn_merge_box_of(const merge_map *map, cairn_pose pose)
     return box;
 }
 
-cairn_box cairn_merge_join(cairn_box a, cairn_box b)
+cairn_box cairn_map_merge_join(cairn_box a, cairn_box b)
 {
     return cairn_box_extend(cairn_box_extend(a, b.min), b.max);
 }
@@ -81,7 +81,7 @@ static inline int32_t cell_index(cairn_real at, int32_t limit)
 static void set_window(merge_images *c, int32_t k, cairn_pose own_other)
 {
     const merge_map *own = c->map[k], *other = c->map[1 - k];
-    cairn_box box = cairn_merge_box_of(other, own_other);
+    cairn_box box = cairn_map_merge_box_of(other, own_other);
     cairn_real margin = KERNEL_REACH_CELLS * other->input.resolution,
                scale = 1 / own->input.resolution;
     int32_t width = own->input.cells.width, height = own->input.cells.height;
@@ -98,8 +98,8 @@ static void set_window(merge_images *c, int32_t k, cairn_pose own_other)
     }
 }
 
-void cairn_merge_begin_images(merge_images *c, const merge_map *a, const merge_map *b,
-                              cairn_pose a_b)
+void cairn_map_merge_begin_images(merge_images *c, const merge_map *a, const merge_map *b,
+                                  cairn_pose a_b)
 {
     cairn_pose b_a = cairn_pose_inverse(a_b);
 
@@ -241,8 +241,8 @@ static void add_row(merge_images *c, int32_t k, const cairn_real *kernel)
     c->known += k == 1 ? r.known : 0;
 }
 
-int cairn_merge_step_images(merge_images *c, const cairn_real *kernel, int32_t *paid,
-                            cairn_budget *budget)
+int cairn_map_merge_step_images(merge_images *c, const cairn_real *kernel, int32_t *paid,
+                                cairn_budget *budget)
 {
     for (; c->turn < 2; c->turn++, c->row = c->turn < 2 ? c->begin[c->turn][1] : 0)
         for (; c->row < c->end[c->turn][1]; c->row++) {
@@ -255,7 +255,7 @@ int cairn_merge_step_images(merge_images *c, const cairn_real *kernel, int32_t *
     return 1;
 }
 
-void cairn_merge_end_images(const merge_images *c, cairn_merge_score *score)
+void cairn_map_merge_end_images(const merge_images *c, cairn_map_merge_pair_score *score)
 {
     score->psi = score->disagreement = 0;
     for (int32_t k = 0; k < 2; k++) {
@@ -289,7 +289,7 @@ static void merged_extent(const cairn_map_merge *merge, cairn_real low, cairn_re
     *end = cell_index((high - corner) * scale - hair, INT32_MAX / 4) + 1;
 }
 
-int cairn_merge_has_capacity(const cairn_map_merge *merge, cairn_box box)
+int cairn_map_merge_has_capacity(const cairn_map_merge *merge, cairn_box box)
 {
     cairn_vec2 corner = merge->maps[merge->reference].corner;
     int32_t x, y, right, top;
@@ -310,8 +310,9 @@ static void begin_merged(cairn_map_merge *merge)
 
     w->box = cairn_box_empty();
     for (int32_t i = 0; i < merge->neighbour_count; i++)
-        w->box = cairn_merge_join(w->box, cairn_merge_box_of(&merge->maps[merge->neighbours[i]],
-                                                             merge->neighbour_poses[i]));
+        w->box =
+            cairn_map_merge_join(w->box, cairn_map_merge_box_of(&merge->maps[merge->neighbours[i]],
+                                                                merge->neighbour_poses[i]));
     merged_extent(merge, w->box.min.x, w->box.max.x, reference->corner.x, &x, &right);
     merged_extent(merge, w->box.min.y, w->box.max.y, reference->corner.y, &y, &top);
     map->input.resolution = reference->input.resolution;
@@ -357,9 +358,9 @@ static void count_row(merge_written *w, int32_t row)
     for (size_t at = (size_t)row * width; at < (size_t)(row + 1) * width; at++) {
         int32_t walls = w->merged.grid[at] & 255, open = w->merged.grid[at] >> 8;
 
-        w->cells[at] = (uint8_t)(walls + open == 0 ? CAIRN_CELL_UNKNOWN
-                                 : walls >= open   ? CAIRN_CELL_OCCUPIED
-                                                   : CAIRN_CELL_FREE);
+        w->cells[at] = (uint8_t)(walls + open == 0 ? CAIRN_OCCUPANCY_GRID_UNKNOWN
+                                 : walls >= open   ? CAIRN_OCCUPANCY_GRID_OCCUPIED
+                                                   : CAIRN_OCCUPANCY_GRID_FREE);
     }
 }
 
@@ -384,7 +385,7 @@ static int step_votes(cairn_map_merge *merge, cairn_budget *budget)
     return 1;
 }
 
-int cairn_merge_draw_merged(cairn_map_merge *merge, cairn_budget *budget)
+int cairn_map_merge_draw_merged(cairn_map_merge *merge, cairn_budget *budget)
 {
     enum { BEGIN, VOTES, TO_OCCUPIED, PACK_OCCUPIED, TO_FREE, PACK_FREE, DRAWN };
     merge_written *w = merge->written;
@@ -399,12 +400,13 @@ int cairn_merge_draw_merged(cairn_map_merge *merge, cairn_budget *budget)
         if (w->stage == VOTES)
             status = step_votes(merge, budget) ? CAIRN_OK : CAIRN_MORE;
         else if (w->stage == TO_OCCUPIED || w->stage == TO_FREE)
-            status = cairn_merge_measure(
-                merge, &w->merged, w->stage == TO_FREE ? CAIRN_CELL_FREE : CAIRN_CELL_OCCUPIED,
-                &w->cursor, budget);
+            status = cairn_map_merge_measure(merge, &w->merged,
+                                             w->stage == TO_FREE ? CAIRN_OCCUPANCY_GRID_FREE
+                                                                 : CAIRN_OCCUPANCY_GRID_OCCUPIED,
+                                             &w->cursor, budget);
         else
-            status = cairn_merge_pack(merge, &w->merged, w->stage == PACK_FREE ? 7 : 0, &w->cursor,
-                                      budget);
+            status = cairn_map_merge_pack(merge, &w->merged, w->stage == PACK_FREE ? 7 : 0,
+                                          &w->cursor, budget);
         if (status != CAIRN_OK)
             return 0;
         w->stage++;

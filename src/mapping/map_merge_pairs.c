@@ -46,7 +46,7 @@ enum { MAX_LINE_STEPS = 5 };
 /* m: lever arm at which a rotation step moves points by one translation step */
 #define ROTATION_LEVER_M CAIRN_REAL(3.0)
 
-int cairn_merge_is_same(cairn_pose a, cairn_pose b, cairn_real metres, cairn_real radians)
+int cairn_map_merge_is_same(cairn_pose a, cairn_pose b, cairn_real metres, cairn_real radians)
 {
     cairn_real x = a.x - b.x, y = a.y - b.y;
 
@@ -65,8 +65,8 @@ static uint16_t cell_of(const merge_map *to, cairn_vec2 p, cairn_real scale)
  * agrees when it lies on a wall and has free space in front, as in its own map: the two faces of a
  * wall do not agree. A point two cells beside a wall may lie on the other face or be displaced by
  * noise: it counts half. A third one is neutral. */
-void cairn_merge_sum(const cairn_map_merge *merge, const merge_map *to, const merge_map *from,
-                     const cairn_transform *t, int32_t begin, int32_t end, merge_sums *s)
+void cairn_map_merge_sum(const cairn_map_merge *merge, const merge_map *to, const merge_map *from,
+                         const cairn_transform *t, int32_t begin, int32_t end, merge_sums *s)
 {
     cairn_real scale = 1 / to->input.resolution;
 
@@ -125,9 +125,9 @@ static int resume_comparing(cairn_map_merge *merge, cairn_budget *budget)
             if (!cairn_budget_charge(budget, &merge->units_charged, 1))
                 return 0;
             end = end < c->point_counts[c->direction] ? end : c->point_counts[c->direction];
-            cairn_merge_sum(merge, &merge->maps[to], &merge->maps[from],
-                            c->direction == 0 ? &c->second_to_first : &c->first_to_second,
-                            c->cursor, end, &c->sums[c->direction]);
+            cairn_map_merge_sum(merge, &merge->maps[to], &merge->maps[from],
+                                c->direction == 0 ? &c->second_to_first : &c->first_to_second,
+                                c->cursor, end, &c->sums[c->direction]);
             c->cursor = end;
         }
     }
@@ -145,7 +145,7 @@ static cairn_real wall_per_point(const cairn_map_merge *merge, const merge_compa
     return from->spacing * (cairn_real)from->point_count / (cairn_real)c->point_counts[direction];
 }
 
-cairn_real cairn_merge_nats(const cairn_map_merge *merge, cairn_real agree, cairn_real conflict)
+cairn_real cairn_map_merge_nats(const cairn_map_merge *merge, cairn_real agree, cairn_real conflict)
 {
     return (AGREEMENT_NATS * agree - CONFLICT_NATS * conflict) /
            (merge->params.correlation_length * MERGE_CELL);
@@ -157,7 +157,7 @@ static cairn_real log_ratio_of(const cairn_map_merge *merge, const merge_compari
     cairn_real agree = (c->sums[0].agree * there + c->sums[1].agree * back) / 2;
     cairn_real conflict = c->sums[0].conflict * there + c->sums[1].conflict * back;
 
-    return cairn_merge_nats(merge, agree, conflict);
+    return cairn_map_merge_nats(merge, agree, conflict);
 }
 
 /* Returns the search score, with the wider kernel. */
@@ -172,13 +172,13 @@ static cairn_real soft_score(const cairn_map_merge *merge)
 
 /* ---- Hypotheses ---- */
 
-void cairn_merge_insert_mode(merge_mode *list, int32_t *count, int32_t most, merge_mode mode,
-                             cairn_real metres, cairn_real radians)
+void cairn_map_merge_insert_mode(merge_mode *list, int32_t *count, int32_t most, merge_mode mode,
+                                 cairn_real metres, cairn_real radians)
 {
     int32_t at;
 
     for (int32_t i = 0; i < *count; i++)
-        if (cairn_merge_is_same(list[i].first_second, mode.first_second, metres, radians)) {
+        if (cairn_map_merge_is_same(list[i].first_second, mode.first_second, metres, radians)) {
             if (list[i].log_ratio >= mode.log_ratio)
                 return;
             for (; i + 1 < *count; i++)
@@ -235,8 +235,9 @@ static cairn_status step_hypotheses(cairn_map_merge *merge, cairn_budget *budget
         {
             merge_mode mode = {merge->comparison.first_second, soft_score(merge)};
 
-            cairn_merge_insert_mode(merge->hypotheses, &merge->hypothesis_count,
-                                    MERGE_MAX_HYPOTHESES, mode, MERGE_COARSE_M, MERGE_COARSE_RAD);
+            cairn_map_merge_insert_mode(merge->hypotheses, &merge->hypothesis_count,
+                                        MERGE_MAX_HYPOTHESES, mode, MERGE_COARSE_M,
+                                        MERGE_COARSE_RAD);
         }
     }
     return CAIRN_OK;
@@ -281,15 +282,16 @@ static cairn_real reach_of(const merge_map *map)
     return cairn_vec2_norm(map->corner);
 }
 
-int cairn_merge_is_disjoint(const cairn_map_merge *merge, int32_t first, int32_t second,
-                            cairn_pose first_second)
+int cairn_map_merge_is_disjoint(const cairn_map_merge *merge, int32_t first, int32_t second,
+                                cairn_pose first_second)
 {
     cairn_real reach = reach_of(&merge->maps[first]) + reach_of(&merge->maps[second]);
 
     return first_second.x * first_second.x + first_second.y * first_second.y > reach * reach;
 }
 
-void cairn_merge_begin_total(cairn_map_merge *merge, int32_t map, cairn_pose pose, int32_t points)
+void cairn_map_merge_begin_total(cairn_map_merge *merge, int32_t map, cairn_pose pose,
+                                 int32_t points)
 {
     merge->total.map = map;
     merge->total.pose = pose;
@@ -317,7 +319,7 @@ static void add_comparison(cairn_map_merge *merge, cairn_real log_ratio)
     merge->total.neighbours += log_ratio > MIN_NEIGHBOUR_NATS;
 }
 
-int cairn_merge_step_total(cairn_map_merge *merge, cairn_budget *budget)
+int cairn_map_merge_step_total(cairn_map_merge *merge, cairn_budget *budget)
 {
     int whole = merge->total.points == merge->params.max_points;
 
@@ -331,7 +333,7 @@ int cairn_merge_step_total(cairn_map_merge *merge, cairn_budget *budget)
         if (!merge->is_comparing) {
             if (!cairn_budget_charge(budget, &merge->units_charged, 2))
                 return 0;
-            if (cairn_merge_is_disjoint(merge, near, merge->total.map, seen))
+            if (cairn_map_merge_is_disjoint(merge, near, merge->total.map, seen))
                 continue;
             if (whole && is_cached(slot, &key)) {
                 merge->total.log_ratio += slot->log_ratio;
@@ -398,7 +400,7 @@ static void begin_climb(cairn_map_merge *merge, int32_t map, cairn_pose start, i
     merge->climb.direction = -1;
     merge->climb.rounds = 0;
     merge->climb.improved = 0;
-    cairn_merge_begin_total(merge, map, start, points);
+    cairn_map_merge_begin_total(merge, map, start, points);
     set_step(merge, first);
 }
 
@@ -425,12 +427,12 @@ static int end_trial(cairn_map_merge *merge)
 static int resume_climbing(cairn_map_merge *merge, cairn_budget *budget)
 {
     for (;;) {
-        if (!cairn_merge_step_total(merge, budget))
+        if (!cairn_map_merge_step_total(merge, budget))
             return 0;
         if (end_trial(merge))
             return 1;
-        cairn_merge_begin_total(merge, merge->total.map, moved(merge, merge->climb.direction),
-                                merge->climb.points);
+        cairn_map_merge_begin_total(merge, merge->total.map, moved(merge, merge->climb.direction),
+                                    merge->climb.points);
     }
 }
 
@@ -449,8 +451,8 @@ static cairn_status step_rescore(cairn_map_merge *merge, cairn_budget *budget)
             return CAIRN_MORE;
         merge->is_comparing = 0;
         mode.log_ratio = soft_score(merge);
-        cairn_merge_insert_mode(merge->refined, &merge->refined_count, MERGE_MAX_REFINED, mode,
-                                MERGE_COARSE_M, MERGE_COARSE_RAD);
+        cairn_map_merge_insert_mode(merge->refined, &merge->refined_count, MERGE_MAX_REFINED, mode,
+                                    MERGE_COARSE_M, MERGE_COARSE_RAD);
     }
     return CAIRN_OK;
 }
@@ -489,17 +491,18 @@ static int step_place(cairn_map_merge *merge, cairn_budget *budget)
     if (merge->inner == 2 && !resume_climbing(merge, budget))
         return 0;
     if (merge->inner < 4) {
-        cairn_merge_begin_lines(merge, merge->other, merge->climb.best, merge->climb.best,
-                                MAX_LINE_STEPS);
+        cairn_map_merge_begin_lines(merge, merge->other, merge->climb.best, merge->climb.best,
+                                    MAX_LINE_STEPS);
         merge->inner = 4;
     }
     if (merge->inner == 4) {
-        if (!cairn_merge_step_lines(merge, budget))
+        if (!cairn_map_merge_step_lines(merge, budget))
             return 0;
-        cairn_merge_begin_total(merge, merge->other, merge->climb.best, merge->params.max_points);
+        cairn_map_merge_begin_total(merge, merge->other, merge->climb.best,
+                                    merge->params.max_points);
         merge->inner = 5;
     }
-    return cairn_merge_step_total(merge, budget);
+    return cairn_map_merge_step_total(merge, budget);
 }
 
 /* Refines each hypothesis kept, and its variants when its score is high enough. */
@@ -515,9 +518,10 @@ static cairn_status step_refine(cairn_map_merge *merge, cairn_budget *budget)
         mode.first_second = merge->climb.best;
         mode.log_ratio = merge->total.log_ratio;
         if (mode.log_ratio > 0)
-            cairn_merge_insert_mode(merge->modes + (size_t)pair * (size_t)merge->params.max_modes,
-                                    &merge->mode_count[pair], merge->params.max_modes, mode,
-                                    NMS_RADIUS_M, NMS_RADIUS_RAD);
+            cairn_map_merge_insert_mode(merge->modes +
+                                            (size_t)pair * (size_t)merge->params.max_modes,
+                                        &merge->mode_count[pair], merge->params.max_modes, mode,
+                                        NMS_RADIUS_M, NMS_RADIUS_RAD);
         if (merge->climb.variant == 0) {
             merge->climb.base = merge->climb.best;
             merge->climb.base_pivot = merge->climb.pivot;
@@ -550,9 +554,9 @@ static cairn_status step_phase(cairn_map_merge *merge, cairn_budget *budget)
         return step_hypotheses(merge, budget);
     case MERGE_ROTATIONS:
     case MERGE_TRANSLATIONS:
-        return cairn_merge_correlate(merge, budget);
+        return cairn_map_merge_correlate(merge, budget);
     case MERGE_CURVE_PAIRS:
-        return cairn_merge_register_curve_points(merge, budget);
+        return cairn_map_merge_register_curve_points(merge, budget);
     case MERGE_RESCORE:
         return step_rescore(merge, budget);
     default:
@@ -560,7 +564,7 @@ static cairn_status step_phase(cairn_map_merge *merge, cairn_budget *budget)
     }
 }
 
-cairn_status cairn_merge_find_modes(cairn_map_merge *merge, cairn_budget *budget)
+cairn_status cairn_map_merge_find_modes(cairn_map_merge *merge, cairn_budget *budget)
 {
     if (merge->phase == MERGE_OCCUPIED_DISTANCE) {
         if (!cairn_budget_charge(budget, &merge->units_charged, MERGE_CACHE_SLOTS / 16))

@@ -64,12 +64,12 @@ static cairn_status begin_distance(cairn_map_merge *merge, const merge_map *map,
     input.distances.stride = width_of(map);
     input.mask = 0xFF;
     input.match = match;
-    input.metric = CAIRN_DISTANCE_L1;
+    input.metric = CAIRN_DISTANCE_MAP_L1;
     return cairn_distance_map_begin(merge->distances, &input);
 }
 
-cairn_status cairn_merge_measure(cairn_map_merge *merge, const merge_map *map, uint8_t match,
-                                 int32_t *cursor, cairn_budget *budget)
+cairn_status cairn_map_merge_measure(cairn_map_merge *merge, const merge_map *map, uint8_t match,
+                                     int32_t *cursor, cairn_budget *budget)
 {
     if (*cursor == 0) {
         cairn_status status = begin_distance(merge, map, match);
@@ -83,13 +83,13 @@ cairn_status cairn_merge_measure(cairn_map_merge *merge, const merge_map *map, u
 
 static uint16_t class_of(uint8_t value)
 {
-    return value == CAIRN_CELL_OCCUPIED ? MERGE_OCCUPIED
-           : value == CAIRN_CELL_FREE   ? MERGE_FREE
-                                        : MERGE_UNKNOWN;
+    return value == CAIRN_OCCUPANCY_GRID_OCCUPIED ? MERGE_OCCUPIED
+           : value == CAIRN_OCCUPANCY_GRID_FREE   ? MERGE_FREE
+                                                  : MERGE_UNKNOWN;
 }
 
-cairn_status cairn_merge_pack(cairn_map_merge *merge, merge_map *map, int32_t shift,
-                              int32_t *cursor, cairn_budget *budget)
+cairn_status cairn_map_merge_pack(cairn_map_merge *merge, merge_map *map, int32_t shift,
+                                  int32_t *cursor, cairn_budget *budget)
 {
     int32_t count = width_of(map) * height_of(map);
 
@@ -472,14 +472,15 @@ static cairn_status step_phase(cairn_map_merge *merge, cairn_budget *budget)
 {
     switch (merge->phase) {
     case MERGE_OCCUPIED_DISTANCE:
-        return cairn_merge_measure(merge, current(merge), CAIRN_CELL_OCCUPIED, &merge->cursor,
-                                   budget);
+        return cairn_map_merge_measure(merge, current(merge), CAIRN_OCCUPANCY_GRID_OCCUPIED,
+                                       &merge->cursor, budget);
     case MERGE_OCCUPIED_PACK:
-        return cairn_merge_pack(merge, current(merge), 0, &merge->cursor, budget);
+        return cairn_map_merge_pack(merge, current(merge), 0, &merge->cursor, budget);
     case MERGE_FREE_DISTANCE:
-        return cairn_merge_measure(merge, current(merge), CAIRN_CELL_FREE, &merge->cursor, budget);
+        return cairn_map_merge_measure(merge, current(merge), CAIRN_OCCUPANCY_GRID_FREE,
+                                       &merge->cursor, budget);
     case MERGE_FREE_PACK:
-        return cairn_merge_pack(merge, current(merge), 7, &merge->cursor, budget);
+        return cairn_map_merge_pack(merge, current(merge), 7, &merge->cursor, budget);
     case MERGE_SURFACE:
         return step_surface(merge, budget);
     case MERGE_NORMALS:
@@ -489,7 +490,7 @@ static cairn_status step_phase(cairn_map_merge *merge, cairn_budget *budget)
     case MERGE_CORNERS:
         return step_corners(merge, budget);
     case MERGE_CURVE_POINTS:
-        return cairn_merge_select_curve_points(merge, current(merge), budget);
+        return cairn_map_merge_select_curve_points(merge, current(merge), budget);
     default:
         if (!cairn_budget_charge(
                 budget, &merge->units_charged,
@@ -500,7 +501,7 @@ static cairn_status step_phase(cairn_map_merge *merge, cairn_budget *budget)
     }
 }
 
-cairn_status cairn_merge_prepare(cairn_map_merge *merge, cairn_budget *budget)
+cairn_status cairn_map_merge_prepare(cairn_map_merge *merge, cairn_budget *budget)
 {
     while (merge->map < merge->map_count) {
         cairn_status status;

@@ -142,7 +142,7 @@ static void add_curve_point(merge_fit *f, const merge_map *body, const merge_map
                n = cairn_transform_direction(f->to_neighbour, curve_point->normal);
     cairn_real along;
 
-    if (cairn_merge_surface_along(other, p, n, &along))
+    if (cairn_map_merge_surface_along(other, p, n, &along))
         add_end(f, cairn_transform_point(f->neighbour_transform, p),
                 cairn_transform_point(f->neighbour_transform,
                                       cairn_vec2_add(p, cairn_vec2_scale(n, along))),
@@ -159,7 +159,7 @@ static void add_curve_point_of_neighbour(merge_fit *f, const merge_map *body,
                n = cairn_transform_direction(f->to_map, curve_point->normal);
     cairn_real along;
 
-    if (cairn_merge_surface_along(body, p, n, &along)) {
+    if (cairn_map_merge_surface_along(body, p, n, &along)) {
         p = cairn_vec2_add(p, cairn_vec2_scale(n, along));
         add_end(f, cairn_transform_point(f->motion.transform, p),
                 cairn_transform_point(f->neighbour_transform, curve_point->position),
@@ -188,8 +188,8 @@ static int next_neighbour(cairn_map_merge *merge)
         const merge_map *body = &merge->maps[merge->total.map],
                         *other = &merge->maps[merge->neighbours[f->neighbour]];
 
-        if (cairn_merge_is_disjoint(merge, merge->neighbours[f->neighbour], merge->total.map,
-                                    cairn_pose_between(pose, merge->climb.best)))
+        if (cairn_map_merge_is_disjoint(merge, merge->neighbours[f->neighbour], merge->total.map,
+                                        cairn_pose_between(pose, merge->climb.best)))
             continue;
         f->neighbour_transform = cairn_transform_of(pose);
         f->to_neighbour = cairn_transform_of(cairn_pose_between(pose, merge->climb.best));
@@ -229,24 +229,25 @@ static int add_neighbour(cairn_map_merge *merge, cairn_budget *budget)
 static int end_fit(cairn_map_merge *merge)
 {
     merge_fit *f = &merge->fit;
-    cairn_pose_prior prior = {merge->climb.start, PRIOR_SIGMA_M, PRIOR_SIGMA_M, PRIOR_SIGMA_RAD};
-    cairn_normal_equations before;
-    cairn_motion_basis basis;
+    cairn_rigid_motion_pose_prior prior = {merge->climb.start, PRIOR_SIGMA_M, PRIOR_SIGMA_M,
+                                           PRIOR_SIGMA_RAD};
+    cairn_rigid_motion_equations before;
+    cairn_rigid_motion_basis basis;
     cairn_real step[3];
 
     if (!(f->equations.information.xx + f->equations.information.yy > 0))
         return 1;
     before = cairn_rigid_motion_prior(&f->motion, &prior);
-    basis = cairn_motion_basis_of(f->equations.information, 0);
-    if (!cairn_motion_solve(&basis, &f->equations, &before, MAX_STEP_M, step))
+    basis = cairn_rigid_motion_basis_of(f->equations.information, 0);
+    if (!cairn_rigid_motion_solve(&basis, &f->equations, &before, MAX_STEP_M, step))
         return 1;
     cairn_rigid_motion_move(&f->motion, step);
     merge->climb.best = f->motion.map_body;
     return step[0] * step[0] + step[1] * step[1] + step[2] * step[2] < CONVERGED_M * CONVERGED_M;
 }
 
-void cairn_merge_begin_lines(cairn_map_merge *merge, int32_t map, cairn_pose start, cairn_pose pose,
-                             int32_t rounds)
+void cairn_map_merge_begin_lines(cairn_map_merge *merge, int32_t map, cairn_pose start,
+                                 cairn_pose pose, int32_t rounds)
 {
     merge->total.map = map;
     merge->climb.best = pose;
@@ -255,7 +256,7 @@ void cairn_merge_begin_lines(cairn_map_merge *merge, int32_t map, cairn_pose sta
     merge->fit.under_way = 0;
 }
 
-int cairn_merge_step_lines(cairn_map_merge *merge, cairn_budget *budget)
+int cairn_map_merge_step_lines(cairn_map_merge *merge, cairn_budget *budget)
 {
     for (; merge->climb.rounds > 0; merge->climb.rounds--) {
         int more = 1;

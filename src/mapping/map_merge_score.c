@@ -35,7 +35,7 @@ static void add_image(const merge_map *to, cairn_vec2 p, int32_t class, image_su
 /* Adds both classes of `from` in the grid of `to` to psi and d; returns the observed share of the
  * free cells. */
 static cairn_real add_images(const merge_map *to, const merge_map *from, cairn_transform t,
-                             cairn_merge_score *score)
+                             cairn_map_merge_pair_score *score)
 {
     image_sums walls = {0, 0, 0}, open = {0, 0, 0};
     cairn_real points = cairn_max((cairn_real)from->point_count, 1),
@@ -50,8 +50,8 @@ static cairn_real add_images(const merge_map *to, const merge_map *from, cairn_t
     return (cairn_real)open.known / cells;
 }
 
-void cairn_merge_score_at(const cairn_map_merge *merge, int32_t a, int32_t b, cairn_pose centres,
-                          cairn_merge_score *score)
+void cairn_map_merge_score_at(const cairn_map_merge *merge, int32_t a, int32_t b,
+                              cairn_pose centres, cairn_map_merge_pair_score *score)
 {
     const merge_map *first = &merge->maps[a], *second = &merge->maps[b];
     cairn_transform there = cairn_transform_of(centres),
@@ -60,21 +60,21 @@ void cairn_merge_score_at(const cairn_map_merge *merge, int32_t a, int32_t b, ca
     cairn_real share[2], d;
 
     memset(score, 0, sizeof *score);
-    cairn_merge_sum(merge, first, second, &there, 0, second->point_count, &s[0]);
-    cairn_merge_sum(merge, second, first, &back, 0, first->point_count, &s[1]);
+    cairn_map_merge_sum(merge, first, second, &there, 0, second->point_count, &s[0]);
+    cairn_map_merge_sum(merge, second, first, &back, 0, first->point_count, &s[1]);
     score->agreeing_wall = (s[0].agree * second->spacing + s[1].agree * first->spacing) / 2;
     score->free_space_violation = s[0].conflict * second->spacing + s[1].conflict * first->spacing;
     score->log_likelihood_ratio =
-        cairn_merge_nats(merge, score->agreeing_wall, score->free_space_violation);
+        cairn_map_merge_nats(merge, score->agreeing_wall, score->free_space_violation);
     if (merge_is_written(&merge->params)) {
         merge_images images;
         cairn_budget budget = {CAIRN_UNBOUNDED};
         int32_t paid = 0;
 
-        cairn_merge_begin_images(&images, first, second, centres);
-        while (!cairn_merge_step_images(&images, merge->written->kernel, &paid, &budget))
+        cairn_map_merge_begin_images(&images, first, second, centres);
+        while (!cairn_map_merge_step_images(&images, merge->written->kernel, &paid, &budget))
             budget.left = CAIRN_UNBOUNDED;
-        cairn_merge_end_images(&images, score);
+        cairn_map_merge_end_images(&images, score);
         return;
     }
     share[0] = add_images(first, second, there, score);

@@ -221,13 +221,14 @@ static cairn_status step_translations(cairn_map_merge *merge, cairn_budget *budg
         merge->inner = 0;
         merge->tried_count++;
         if (mode.log_ratio > 0)
-            cairn_merge_insert_mode(merge->hypotheses, &merge->hypothesis_count,
-                                    MERGE_MAX_HYPOTHESES, mode, MERGE_COARSE_M, MERGE_COARSE_RAD);
+            cairn_map_merge_insert_mode(merge->hypotheses, &merge->hypothesis_count,
+                                        MERGE_MAX_HYPOTHESES, mode, MERGE_COARSE_M,
+                                        MERGE_COARSE_RAD);
     }
     return CAIRN_OK;
 }
 
-cairn_status cairn_merge_correlate(cairn_map_merge *merge, cairn_budget *budget)
+cairn_status cairn_map_merge_correlate(cairn_map_merge *merge, cairn_budget *budget)
 {
     const merge_sums none = {0, 0, 0, 0, {0, 0}, 0};
 

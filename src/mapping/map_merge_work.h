@@ -88,7 +88,7 @@ typedef struct merge_curve_point {
 } merge_curve_point;
 
 typedef struct merge_map {
-    cairn_merge_map input;
+    cairn_map_merge_map input;
     cairn_pose map_centre;           /* centre of the grid in the frame of the map */
     cairn_vec2 corner;               /* m: lower left of cell (0, 0) relative to the centre */
     uint16_t *grid;                  /* [height][width] packed cells */
@@ -159,7 +159,7 @@ typedef struct merge_proposal {
 /* One Gauss-Newton step of a map's pose relative to its neighbours. */
 typedef struct merge_fit {
     cairn_rigid_motion motion;
-    cairn_normal_equations equations;
+    cairn_rigid_motion_equations equations;
     /* Transforms: of the current neighbour; map to neighbour; neighbour to map. */
     cairn_transform neighbour_transform, to_neighbour, to_map;
     /* m: the larger cell side of both maps */
@@ -387,8 +387,8 @@ struct cairn_map_merge {
     int32_t is_comparing; /* 1: `comparison` is in progress */
     int64_t units;
     int32_t tried_count;
-    cairn_merge_placed placed[MERGE_MAX_MAPS];
-    cairn_merge_result result;
+    cairn_map_merge_placed placed[MERGE_MAX_MAPS];
+    cairn_map_merge_result result;
     int32_t done; /* 1: the result is ready */
 };
 
@@ -431,67 +431,69 @@ static inline int32_t merge_pair(int32_t first, int32_t second)
 
 /* ---- map_merge_prepare.c: each phase returns CAIRN_OK when merge->map is done ---- */
 
-cairn_status cairn_merge_prepare(cairn_map_merge *merge, cairn_budget *budget);
+cairn_status cairn_map_merge_prepare(cairn_map_merge *merge, cairn_budget *budget);
 
 /* Computes the distances of a map's cells to a class into merge->scratch; *cursor is 0 before the
  * first call. */
-cairn_status cairn_merge_measure(cairn_map_merge *merge, const merge_map *map, uint8_t match,
-                                 int32_t *cursor, cairn_budget *budget);
+cairn_status cairn_map_merge_measure(cairn_map_merge *merge, const merge_map *map, uint8_t match,
+                                     int32_t *cursor, cairn_budget *budget);
 
 /* Packs the computed distances into the grid, 16 cells a unit. shift 0: distances to occupied
  * cells, with the class, which is counted; 7: to free ones. */
-cairn_status cairn_merge_pack(cairn_map_merge *merge, merge_map *map, int32_t shift,
-                              int32_t *cursor, cairn_budget *budget);
+cairn_status cairn_map_merge_pack(cairn_map_merge *merge, merge_map *map, int32_t shift,
+                                  int32_t *cursor, cairn_budget *budget);
 
 /* ---- map_merge_pairs.c ---- */
 
 /* Registers a pair of maps by all rotations that their wall directions suggest and all
  * translations. */
-cairn_status cairn_merge_correlate(cairn_map_merge *merge, cairn_budget *budget);
+cairn_status cairn_map_merge_correlate(cairn_map_merge *merge, cairn_budget *budget);
 
 /* ---- map_merge_curve_points.c ---- */
 
 /* Selects evenly spread points off all lines; a phase of the preparation. */
-cairn_status cairn_merge_select_curve_points(cairn_map_merge *merge, merge_map *map,
-                                             cairn_budget *budget);
+cairn_status cairn_map_merge_select_curve_points(cairn_map_merge *merge, merge_map *map,
+                                                 cairn_budget *budget);
 
 /* Finds the transition from free to occupied cells along a normal from p, within 2.5 cells; returns
  * 1 when there is one. */
-int cairn_merge_surface_along(const merge_map *map, cairn_vec2 p, cairn_vec2 normal,
-                              cairn_real *along);
+int cairn_map_merge_surface_along(const merge_map *map, cairn_vec2 p, cairn_vec2 normal,
+                                  cairn_real *along);
 
 /* Registers a pair of maps by all pairs of curve points. */
-cairn_status cairn_merge_register_curve_points(cairn_map_merge *merge, cairn_budget *budget);
+cairn_status cairn_map_merge_register_curve_points(cairn_map_merge *merge, cairn_budget *budget);
 
-cairn_status cairn_merge_find_modes(cairn_map_merge *merge, cairn_budget *budget);
-void cairn_merge_sum(const cairn_map_merge *merge, const merge_map *to, const merge_map *from,
-                     const cairn_transform *t, int32_t begin, int32_t end, merge_sums *s);
+cairn_status cairn_map_merge_find_modes(cairn_map_merge *merge, cairn_budget *budget);
+void cairn_map_merge_sum(const cairn_map_merge *merge, const merge_map *to, const merge_map *from,
+                         const cairn_transform *t, int32_t begin, int32_t end, merge_sums *s);
 
 /* Returns 1 when two poses differ by less than the tolerances in m and rad. */
-int cairn_merge_is_same(cairn_pose a, cairn_pose b, cairn_real metres, cairn_real radians);
+int cairn_map_merge_is_same(cairn_pose a, cairn_pose b, cairn_real metres, cairn_real radians);
 
 /* Inserts a mode into the list of the best `most` modes, best first. Non-maximum suppression: of
  * duplicates within the tolerances only the better one stays. */
-void cairn_merge_insert_mode(merge_mode *list, int32_t *count, int32_t most, merge_mode mode,
-                             cairn_real metres, cairn_real radians);
+void cairn_map_merge_insert_mode(merge_mode *list, int32_t *count, int32_t most, merge_mode mode,
+                                 cairn_real metres, cairn_real radians);
 
 /* Scores a pose of map `map` against all neighbours; step_total() returns 1 when merge->total is
  * complete. */
-void cairn_merge_begin_total(cairn_map_merge *merge, int32_t map, cairn_pose pose, int32_t points);
-int cairn_merge_step_total(cairn_map_merge *merge, cairn_budget *budget);
+void cairn_map_merge_begin_total(cairn_map_merge *merge, int32_t map, cairn_pose pose,
+                                 int32_t points);
+int cairn_map_merge_step_total(cairn_map_merge *merge, cairn_budget *budget);
 
 /* Returns 1 when two maps at this relative pose cannot overlap. */
-int cairn_merge_is_disjoint(const cairn_map_merge *merge, int32_t first, int32_t second,
-                            cairn_pose first_second);
+int cairn_map_merge_is_disjoint(const cairn_map_merge *merge, int32_t first, int32_t second,
+                                cairn_pose first_second);
 
 /* Refines a pose of `map`, which is close to `start`, relative to the neighbours by lines and curve
  * points, in at most `rounds` steps; step_lines() returns 1 when merge->climb.best is final. */
-void cairn_merge_begin_lines(cairn_map_merge *merge, int32_t map, cairn_pose start, cairn_pose pose,
-                             int32_t rounds);
-int cairn_merge_step_lines(cairn_map_merge *merge, cairn_budget *budget);
+void cairn_map_merge_begin_lines(cairn_map_merge *merge, int32_t map, cairn_pose start,
+                                 cairn_pose pose, int32_t rounds);
+int cairn_map_merge_step_lines(cairn_map_merge *merge, cairn_budget *budget);
 
 /* Returns the log-likelihood ratio of agreeing and violating lengths of wall, nats. */
-cairn_real cairn_merge_nats(const cairn_map_merge *merge, cairn_real agree, cairn_real conflict);
+cairn_real cairn_map_merge_nats(const cairn_map_merge *merge, cairn_real agree,
+                                cairn_real conflict);
 
 static inline int merge_is_written(const cairn_map_merge_params *p)
 {
@@ -502,51 +504,51 @@ static inline int merge_is_written(const cairn_map_merge_params *p)
 
 /* Scores the pose `centres` of map b's centre relative to that of map a; lengths in internal
  * units. */
-void cairn_merge_score_at(const cairn_map_merge *merge, int32_t a, int32_t b, cairn_pose centres,
-                          cairn_merge_score *score);
+void cairn_map_merge_score_at(const cairn_map_merge *merge, int32_t a, int32_t b,
+                              cairn_pose centres, cairn_map_merge_pair_score *score);
 
 /* ---- map_merge_filter.c ---- */
 
-cairn_particle_filter_params cairn_merge_filter_params(const cairn_map_merge_params *p);
-cairn_particle_model cairn_merge_model(cairn_map_merge *merge);
-cairn_status cairn_merge_run_filter(cairn_map_merge *merge, cairn_budget *budget);
+cairn_particle_filter_params cairn_map_merge_filter_params(const cairn_map_merge_params *p);
+cairn_particle_filter_model cairn_map_merge_model(cairn_map_merge *merge);
+cairn_status cairn_map_merge_run_filter(cairn_map_merge *merge, cairn_budget *budget);
 
 /* Collects the maps that a particle has placed as neighbours. Returns 1 when the particle has
  * ended. */
-int cairn_merge_collect_neighbours(cairn_map_merge *merge, const void *state);
+int cairn_map_merge_collect_neighbours(cairn_map_merge *merge, const void *state);
 
 /* Collects competing modes of a map relative to all neighbours, best first; returns their
  * number. */
-int32_t cairn_merge_places(const cairn_map_merge *merge, int32_t map, merge_mode *list,
-                           int32_t most);
+int32_t cairn_map_merge_places(const cairn_map_merge *merge, int32_t map, merge_mode *list,
+                               int32_t most);
 
 /* Returns 1 when two particles have placed the same maps at the same poses. */
-int cairn_merge_is_same_history(const merge_state *a, const merge_state *b);
+int cairn_map_merge_is_same_history(const merge_state *a, const merge_state *b);
 
 /* ---- map_merge_image.c ---- */
 
 /* Compares image b, placed at a_b, with image a; step_images() returns 1 when all rows are added.
  * Four cells a unit. */
-void cairn_merge_begin_images(merge_images *c, const merge_map *a, const merge_map *b,
-                              cairn_pose a_b);
-int cairn_merge_step_images(merge_images *c, const cairn_real *kernel, int32_t *paid,
-                            cairn_budget *budget);
+void cairn_map_merge_begin_images(merge_images *c, const merge_map *a, const merge_map *b,
+                                  cairn_pose a_b);
+int cairn_map_merge_step_images(merge_images *c, const cairn_real *kernel, int32_t *paid,
+                                cairn_budget *budget);
 
 /* Computes psi, disagreement, gamma and overlap from the sums. */
-void cairn_merge_end_images(const merge_images *c, cairn_merge_score *score);
+void cairn_map_merge_end_images(const merge_images *c, cairn_map_merge_pair_score *score);
 
 /* Fills in exp(x (2 mu - x) / (2 sigma^2)) for distances 0 ... MERGE_MAX_DISTANCE in cells. */
-void cairn_merge_set_kernel(cairn_real *kernel);
+void cairn_map_merge_set_kernel(cairn_real *kernel);
 
 /* Renders the neighbours into one image, merge->written->merged; returns 1 when done. Starts with
  * written->stage 0. */
-int cairn_merge_draw_merged(cairn_map_merge *merge, cairn_budget *budget);
+int cairn_map_merge_draw_merged(cairn_map_merge *merge, cairn_budget *budget);
 
 /* Returns the bounding box of a map's cells at a pose; the union of two boxes; 1 when an image of
  * the box fits. */
-cairn_box cairn_merge_box_of(const merge_map *map, cairn_pose pose);
-cairn_box cairn_merge_join(cairn_box a, cairn_box b);
-int cairn_merge_has_capacity(const cairn_map_merge *merge, cairn_box box);
+cairn_box cairn_map_merge_box_of(const merge_map *map, cairn_pose pose);
+cairn_box cairn_map_merge_join(cairn_box a, cairn_box b);
+int cairn_map_merge_has_capacity(const cairn_map_merge *merge, cairn_box box);
 
 /* ---- map_merge_corners.c ---- */
 
@@ -554,10 +556,10 @@ enum { MERGE_CORRESPONDENCES = 3 };
 
 /* Returns the least-squares rigid motion from the frame of from[MERGE_CORRESPONDENCES] to that of
  * to[]. */
-cairn_pose cairn_merge_motion_of(const cairn_vec2 *to, const cairn_vec2 *from);
+cairn_pose cairn_map_merge_motion_of(const cairn_vec2 *to, const cairn_vec2 *from);
 
 /* Computes the modes of every pair of maps as registrations of their most similar corners. */
-cairn_status cairn_merge_register_corners(cairn_map_merge *merge, cairn_budget *budget);
+cairn_status cairn_map_merge_register_corners(cairn_map_merge *merge, cairn_budget *budget);
 
 /* ---- map_merge_written.c ---- */
 
@@ -570,13 +572,13 @@ enum {
     MERGE_MAX_PLACES = 1024
 };
 
-cairn_particle_filter_params cairn_merge_written_params(const cairn_map_merge_params *p);
-cairn_particle_model cairn_merge_written_model(cairn_map_merge *merge);
-cairn_status cairn_merge_run_written(cairn_map_merge *merge, cairn_budget *budget);
-cairn_status cairn_merge_end_written(cairn_map_merge *merge, cairn_budget *budget);
+cairn_particle_filter_params cairn_map_merge_written_params(const cairn_map_merge_params *p);
+cairn_particle_filter_model cairn_map_merge_written_model(cairn_map_merge *merge);
+cairn_status cairn_map_merge_run_written(cairn_map_merge *merge, cairn_budget *budget);
+cairn_status cairn_map_merge_end_written(cairn_map_merge *merge, cairn_budget *budget);
 
 /* ---- map_merge_check.c ---- */
 
-cairn_status cairn_merge_check(cairn_map_merge *merge, cairn_budget *budget);
+cairn_status cairn_map_merge_check(cairn_map_merge *merge, cairn_budget *budget);
 
 #endif

@@ -35,7 +35,7 @@ static int32_t places_of(const cairn_map_merge_params *p)
     return places < most ? places : most;
 }
 
-cairn_particle_filter_params cairn_merge_written_params(const cairn_map_merge_params *p)
+cairn_particle_filter_params cairn_map_merge_written_params(const cairn_map_merge_params *p)
 {
     cairn_particle_filter_params f = cairn_particle_filter_default();
 
@@ -107,9 +107,9 @@ static void list_places(cairn_map_merge *merge, merge_places *places, int32_t ma
         s->source_map = merge->neighbours[i];
         s->reference_map = cairn_pose_compose(
             merge->neighbour_poses[i], registration_at(merge, merge->neighbours[i], map, index));
-        if (!cairn_merge_has_capacity(
-                merge,
-                cairn_merge_join(w->box, cairn_merge_box_of(&merge->maps[map], s->reference_map))))
+        if (!cairn_map_merge_has_capacity(
+                merge, cairn_map_merge_join(
+                           w->box, cairn_map_merge_box_of(&merge->maps[map], s->reference_map))))
             continue;
         w->candidate_count++;
         places->count++;
@@ -161,7 +161,7 @@ static int find_places(cairn_map_merge *merge, int32_t index, const merge_state 
     places[index].state = state;
     places[index].first = places[index].count = 0;
     for (int32_t i = 0; i < index; i++)
-        if (cairn_merge_is_same_history(places[i].state, state)) {
+        if (cairn_map_merge_is_same_history(places[i].state, state)) {
             places[index].first = places[i].first;
             places[index].count = places[i].count;
             return 1;
@@ -176,19 +176,19 @@ static int score_places(cairn_map_merge *merge, const merge_places *places, cair
 
     for (; w->at < places->count; w->at++, w->stage = 0) {
         merge_state *s = &w->candidates[places->first + w->at];
-        cairn_merge_score score;
+        cairn_map_merge_pair_score score;
 
         if (w->stage == 0) {
             if (!cairn_budget_charge(budget, &merge->units_charged, 2 + places->count))
                 return 0;
             s->log_ratio = log_prior(merge, places, s);
-            cairn_merge_begin_images(&w->images, &w->merged, &merge->maps[s->map],
-                                     s->reference_map);
+            cairn_map_merge_begin_images(&w->images, &w->merged, &merge->maps[s->map],
+                                         s->reference_map);
             w->stage = 1;
         }
-        if (!cairn_merge_step_images(&w->images, w->kernel, &merge->units_charged, budget))
+        if (!cairn_map_merge_step_images(&w->images, w->kernel, &merge->units_charged, budget))
             return 0;
-        cairn_merge_end_images(&w->images, &score);
+        cairn_map_merge_end_images(&w->images, &score);
         s->psi = score.psi;
         s->gamma = score.gamma;
     }
@@ -236,11 +236,11 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
             return CAIRN_MORE;
         merge->proposals.stage = find_places(merge, index, state) ? PROPOSAL_EMIT : PROPOSAL_DRAW;
         if (merge->proposals.stage == PROPOSAL_DRAW)
-            (void)cairn_merge_collect_neighbours(merge, state);
+            (void)cairn_map_merge_collect_neighbours(merge, state);
         w->stage = 0;
     }
     if (merge->proposals.stage == PROPOSAL_DRAW) {
-        if (!cairn_merge_draw_merged(merge, budget))
+        if (!cairn_map_merge_draw_merged(merge, budget))
             return CAIRN_MORE;
         merge->proposals.stage = PROPOSAL_LIST;
     }
@@ -283,9 +283,9 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     return CAIRN_OK;
 }
 
-cairn_particle_model cairn_merge_written_model(cairn_map_merge *merge)
+cairn_particle_filter_model cairn_map_merge_written_model(cairn_map_merge *merge)
 {
-    cairn_particle_model model = {merge, propose, likelihood, NULL, NULL};
+    cairn_particle_filter_model model = {merge, propose, likelihood, NULL, NULL};
 
     return model;
 }
@@ -324,7 +324,7 @@ static void begin_filter(cairn_map_merge *merge)
     merge->cursor = 0;
 }
 
-cairn_status cairn_merge_run_written(cairn_map_merge *merge, cairn_budget *budget)
+cairn_status cairn_map_merge_run_written(cairn_map_merge *merge, cairn_budget *budget)
 {
     merge_written *w = merge->written;
 
@@ -368,9 +368,9 @@ static cairn_real weight_of(const cairn_map_merge *merge, int32_t map)
     for (int32_t i = 0; i < cairn_particle_filter_count(merge->filter); i++) {
         cairn_particle p = cairn_particle_filter_particle(merge->filter, i);
 
-        for (const merge_state *s = p.state; s != NULL; s = cairn_particle_state_before(s))
-            if (s->map == map && cairn_merge_is_same(s->reference_map, merge->check.pose[map],
-                                                     MERGE_SAME_M, MERGE_SAME_RAD))
+        for (const merge_state *s = p.state; s != NULL; s = cairn_particle_filter_state_before(s))
+            if (s->map == map && cairn_map_merge_is_same(s->reference_map, merge->check.pose[map],
+                                                         MERGE_SAME_M, MERGE_SAME_RAD))
                 sum += cairn_exp(p.log_weight);
     }
     return sum;
@@ -383,32 +383,33 @@ static void take_best(cairn_map_merge *merge)
                                   merge->filter, cairn_particle_filter_read(merge->filter).best)
                                   .state;
 
-    (void)cairn_merge_collect_neighbours(merge, best);
+    (void)cairn_map_merge_collect_neighbours(merge, best);
     memset(&merge->check, 0, sizeof merge->check);
     memset(merge->placed, 0, sizeof merge->placed);
     for (int32_t i = 0; i < merge->map_count; i++) {
-        merge->placed[i].verdict =
-            merge->maps[i].point_count == 0 || merge->maps[i].free_count == 0 ? CAIRN_MERGE_EMPTY
-            : is_near(merge, i) || is_within_reach(merge, i) ? CAIRN_MERGE_NO_OVERLAP
-                                                             : CAIRN_MERGE_NO_CORNER;
+        merge->placed[i].verdict = merge->maps[i].point_count == 0 || merge->maps[i].free_count == 0
+                                       ? CAIRN_MAP_MERGE_EMPTY
+                                   : is_near(merge, i) || is_within_reach(merge, i)
+                                       ? CAIRN_MAP_MERGE_NO_OVERLAP
+                                       : CAIRN_MAP_MERGE_NO_CORNER;
         merge->placed[i].corners = merge->maps[i].corner_count;
         merge->placed[i].error_probability = 1;
     }
     merge->check.count = merge->neighbour_count;
-    for (const merge_state *s = best; s != NULL; s = cairn_particle_state_before(s)) {
-        cairn_merge_placed *p = &merge->placed[s->map];
+    for (const merge_state *s = best; s != NULL; s = cairn_particle_filter_state_before(s)) {
+        cairn_map_merge_placed *p = &merge->placed[s->map];
 
         merge->check.list[--merge->neighbour_count] = s->map;
         merge->check.pose[s->map] = s->reference_map;
         merge->check.accepted[s->map] = 1;
-        p->verdict = CAIRN_MERGE_PLACED;
+        p->verdict = CAIRN_MAP_MERGE_PLACED;
         p->support = s->psi;
         p->neighbours = s->source_map >= 0;
         p->modes = s->source_map >= 0 ? registrations_of(merge, s->source_map, s->map) : 0;
     }
 }
 
-cairn_status cairn_merge_end_written(cairn_map_merge *merge, cairn_budget *budget)
+cairn_status cairn_map_merge_end_written(cairn_map_merge *merge, cairn_budget *budget)
 {
     if (merge->phase != MERGE_CHECK) {
         if (!cairn_budget_charge(budget, &merge->units_charged,

@@ -21,12 +21,12 @@ static int quadrant_of(const cairn_occupancy_grid_params *params, int32_t x, int
     int east = x >= params->width / 2;
 
     if (y >= params->height / 2)
-        return east ? CAIRN_QUADRANT_NE : CAIRN_QUADRANT_NW;
-    return east ? CAIRN_QUADRANT_SE : CAIRN_QUADRANT_SW;
+        return east ? CAIRN_MAP_QUALITY_QUADRANT_NE : CAIRN_MAP_QUALITY_QUADRANT_NW;
+    return east ? CAIRN_MAP_QUALITY_QUADRANT_SE : CAIRN_MAP_QUALITY_QUADRANT_SW;
 }
 
-cairn_status cairn_map_entropy_add(const cairn_occupancy_grid *grid, int32_t first_row,
-                                   int32_t rows, cairn_map_entropy *entropy)
+cairn_status cairn_map_quality_entropy_add(const cairn_occupancy_grid *grid, int32_t first_row,
+                                           int32_t rows, cairn_map_quality_entropy *entropy)
 {
     cairn_occupancy_grid_params params;
 
@@ -51,9 +51,10 @@ cairn_status cairn_map_entropy_add(const cairn_occupancy_grid *grid, int32_t fir
 
 /* Returns -log of the probability that a beam passes a chord. A cell of hits without any length
  * gets a large finite value: it stops every beam. */
-static cairn_real resistance(const cairn_occupancy_grid *grid, const cairn_occupancy_chord *chord)
+static cairn_real resistance(const cairn_occupancy_grid *grid,
+                             const cairn_occupancy_grid_chord *chord)
 {
-    cairn_occupancy_cell cell = cairn_occupancy_grid_cell(grid, chord->x, chord->y);
+    cairn_occupancy_grid_cell_state cell = cairn_occupancy_grid_cell(grid, chord->x, chord->y);
 
     if (cell.hits <= 0)
         return 0;
@@ -62,13 +63,13 @@ static cairn_real resistance(const cairn_occupancy_grid *grid, const cairn_occup
     return chord->length * (cairn_real)cell.hits / (cairn_real)cell.length;
 }
 
-cairn_status cairn_map_beam_likelihood(const cairn_occupancy_grid *grid, cairn_vec2 from,
-                                       cairn_vec2 to, int32_t hit, cairn_real least,
-                                       cairn_real *log_likelihood)
+cairn_status cairn_map_quality_beam_likelihood(const cairn_occupancy_grid *grid, cairn_vec2 from,
+                                               cairn_vec2 to, int32_t hit, cairn_real least,
+                                               cairn_real *log_likelihood)
 {
     cairn_real passed = 0, last = 0, p;
-    cairn_occupancy_chord chord;
-    cairn_occupancy_walk walk;
+    cairn_occupancy_grid_chord chord;
+    cairn_occupancy_grid_ray walk;
     cairn_status status;
     int ends_inside = 0;
 
@@ -79,7 +80,7 @@ cairn_status cairn_map_beam_likelihood(const cairn_occupancy_grid *grid, cairn_v
         return status;
     if (status == CAIRN_OK) {
         ends_inside = walk.ends_inside;
-        while (cairn_occupancy_walk_next(&walk, &chord)) {
+        while (cairn_occupancy_grid_ray_next(&walk, &chord)) {
             passed = cairn_min(passed + last, CAIRN_REAL_MAX / 4);
             last = resistance(grid, &chord);
         }
@@ -92,10 +93,10 @@ cairn_status cairn_map_beam_likelihood(const cairn_occupancy_grid *grid, cairn_v
     return CAIRN_OK;
 }
 
-cairn_status cairn_pose_errors_of(const cairn_pose *estimate, const cairn_pose *truth,
-                                  int32_t count, cairn_pose_errors *errors)
+cairn_status cairn_map_quality_pose_errors_of(const cairn_pose *estimate, const cairn_pose *truth,
+                                              int32_t count, cairn_map_quality_pose_errors *errors)
 {
-    cairn_pose_errors sum = {0, 0, 0};
+    cairn_map_quality_pose_errors sum = {0, 0, 0};
 
     if (estimate == NULL || truth == NULL || errors == NULL)
         return CAIRN_BAD_ARGUMENT;
@@ -118,8 +119,9 @@ cairn_status cairn_pose_errors_of(const cairn_pose *estimate, const cairn_pose *
     return CAIRN_OK;
 }
 
-cairn_status cairn_relation_add(cairn_relation_sums *sums, cairn_pose reference,
-                                cairn_pose map_first, cairn_pose map_second)
+cairn_status cairn_map_quality_relation_add(cairn_map_quality_relation_sums *sums,
+                                            cairn_pose reference, cairn_pose map_first,
+                                            cairn_pose map_second)
 {
     cairn_pose off;
     cairn_real distance, angle;
@@ -145,9 +147,10 @@ static cairn_real deviation(cairn_real mean, cairn_real square)
     return cairn_sqrt(cairn_max(square - mean * mean, 0));
 }
 
-cairn_relation_errors cairn_relation_errors_of(const cairn_relation_sums *sums)
+cairn_map_quality_relation_errors
+cairn_map_quality_relation_errors_of(const cairn_map_quality_relation_sums *sums)
 {
-    cairn_relation_errors errors = {0, 0, 0, 0, 0, 0};
+    cairn_map_quality_relation_errors errors = {0, 0, 0, 0, 0, 0};
     cairn_real n = (cairn_real)sums->count;
 
     if (sums->count == 0)

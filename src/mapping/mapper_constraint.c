@@ -64,17 +64,18 @@ static cairn_sym3 submap_information(const cairn_mapper *mapper, int32_t submap)
  * the pairs with it and the prior, plus an inflation (NULL: none). Little information along a
  * direction is noise of the pairs' normals. */
 static cairn_sym3 relative_covariance(const cairn_mapper *mapper, int32_t submap,
-                                      const cairn_pose_prior *prior, const cairn_real *inflation)
+                                      const cairn_rigid_motion_pose_prior *prior,
+                                      const cairn_real *inflation)
 {
     cairn_sym3 gained = submap_information(mapper, submap);
     const cairn_rigid_motion *motion = &mapper->parts.motion;
-    cairn_normal_equations known = cairn_rigid_motion_prior(motion, prior);
+    cairn_rigid_motion_equations known = cairn_rigid_motion_prior(motion, prior);
     cairn_real covariance[9];
-    cairn_motion_basis basis;
+    cairn_rigid_motion_basis basis;
     int32_t has_pairs = gained.xx + gained.yy > 0;
 
     if (has_pairs)
-        basis = cairn_motion_basis_of(gained, mapper->params.icp.weak_ratio);
+        basis = cairn_rigid_motion_basis_of(gained, mapper->params.icp.weak_ratio);
     cairn_rigid_motion_covariance(motion, has_pairs ? &basis : NULL, has_pairs ? &gained : NULL,
                                   &known, covariance);
     for (int k = 0; k < 9 && inflation != NULL; k++)
@@ -128,8 +129,8 @@ static int32_t is_anchored(const mapper_constraint *constraint, int32_t keyframe
 static int32_t add_anchor(const cairn_mapper *mapper, mapper_constraint *constraint,
                           int32_t previous_submap, cairn_sym3 *known)
 {
-    cairn_pose_prior flat_prior = {mapper->match.target_query, UNINFORMATIVE_SIGMA,
-                                   UNINFORMATIVE_SIGMA, UNINFORMATIVE_SIGMA};
+    cairn_rigid_motion_pose_prior flat_prior = {mapper->match.target_query, UNINFORMATIVE_SIGMA,
+                                                UNINFORMATIVE_SIGMA, UNINFORMATIVE_SIGMA};
     cairn_real best = MIN_INFORMATION_GAIN * determinant(*known);
     cairn_sym3 covariance, information, gained = cairn_sym3_zero();
     int32_t at = constraint->anchor_count, found = 0;
@@ -183,7 +184,7 @@ static int32_t choose_submap(const cairn_mapper *mapper, const mapper_constraint
 int32_t cairn_mapper_choose_reference(const cairn_mapper *mapper)
 {
     int32_t last = mapper->keyframe_count - 1, best = last, last_submap;
-    cairn_pose_prior prior = cairn_mapper_prior(mapper);
+    cairn_rigid_motion_pose_prior prior = cairn_mapper_prior(mapper);
     cairn_real least;
 
     if (!mapper->has_match || mapper->loop.graph == NULL || mapper->low_confidence)
@@ -224,8 +225,8 @@ void cairn_mapper_constrain_keyframe(const cairn_mapper *mapper, mapper_constrai
 {
     int32_t keyframe = mapper->keyframe_count - 1, before = keyframe - 1, submap;
     cairn_real gap = cairn_sqrt(mapper->motion_variance);
-    cairn_pose_prior prior = {mapper->match.target_query, gap, gap,
-                              cairn_sqrt(mapper->motion_heading_variance)};
+    cairn_rigid_motion_pose_prior prior = {mapper->match.target_query, gap, gap,
+                                           cairn_sqrt(mapper->motion_heading_variance)};
     cairn_sym3 known;
 
     memset(constraint, 0, sizeof *constraint);

@@ -277,7 +277,7 @@ static void take_loop_memory(mapper_loop *loop, cairn_pool *pool, const cairn_ma
     int32_t *heap_at = cairn_pool_take(pool, keys, sizeof *heap_at);
     cairn_oriented_point *points =
         cairn_pool_take(pool, (size_t)params->scan.max_points, sizeof *points);
-    cairn_beam *beams = cairn_pool_take(pool, MAPPER_BEARINGS, sizeof *beams);
+    cairn_scan_beam *beams = cairn_pool_take(pool, MAPPER_BEARINGS, sizeof *beams);
     cairn_real *loss = cairn_pool_take(pool, scored_keyframes, sizeof *loss);
     cairn_real *reach = cairn_pool_take(pool, scored_keyframes, sizeof *reach);
 
@@ -310,7 +310,7 @@ static cairn_mapper *take_memory(cairn_pool *pool, const cairn_mapper_params *pa
     size_t bearings = has_match(params) ? MAPPER_BEARINGS : 0;
     uint16_t *visibility =
         cairn_pool_take(pool, (size_t)params->max_keyframes * bearings, sizeof *visibility);
-    cairn_beam *beams = cairn_pool_take(pool, bearings, sizeof *beams);
+    cairn_scan_beam *beams = cairn_pool_take(pool, bearings, sizeof *beams);
 
     if (mapper != NULL) {
         memset(mapper, 0, sizeof *mapper);

@@ -110,12 +110,12 @@ void cairn_mapper_predict(cairn_mapper *mapper, cairn_pose last, cairn_pose by_o
     mapper->search_units_used = mapper->match_units_used = mapper->searches = 0;
 }
 
-cairn_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, cairn_pose motion,
-                                       int32_t is_odometry)
+cairn_rigid_motion_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, cairn_pose motion,
+                                                    int32_t is_odometry)
 {
     const cairn_mapper_params *p = &mapper->params;
     cairn_real translation = cairn_mapper_translation(motion);
-    cairn_pose_prior prior;
+    cairn_rigid_motion_pose_prior prior;
 
     prior.mean = cairn_pose_compose(mapper->last, motion);
     if (is_odometry) {
@@ -132,7 +132,7 @@ cairn_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, cairn_pose mo
     return prior;
 }
 
-cairn_pose_prior cairn_mapper_prior(const cairn_mapper *mapper)
+cairn_rigid_motion_pose_prior cairn_mapper_prior(const cairn_mapper *mapper)
 {
     return cairn_mapper_prior_of(mapper, mapper->motion, mapper->uses_odometry);
 }
@@ -140,7 +140,8 @@ cairn_pose_prior cairn_mapper_prior(const cairn_mapper *mapper)
 cairn_status cairn_mapper_begin_match(cairn_mapper *mapper)
 {
     cairn_scan_view view = cairn_scan_read(mapper->scan);
-    cairn_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->motion, mapper->uses_odometry);
+    cairn_rigid_motion_pose_prior prior =
+        cairn_mapper_prior_of(mapper, mapper->motion, mapper->uses_odometry);
 
     mapper->phase = MAPPER_MATCH;
     return cairn_icp_begin(mapper->icp, view.points, view.point_count, mapper->predicted, &prior,
@@ -150,8 +151,8 @@ cairn_status cairn_mapper_begin_match(cairn_mapper *mapper)
 static cairn_status begin_alternative(cairn_mapper *mapper)
 {
     cairn_scan_view view = cairn_scan_read(mapper->scan);
-    cairn_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->alternative_motion,
-                                                   mapper->has_odometry && !mapper->uses_odometry);
+    cairn_rigid_motion_pose_prior prior = cairn_mapper_prior_of(
+        mapper, mapper->alternative_motion, mapper->has_odometry && !mapper->uses_odometry);
 
     mapper->phase = MAPPER_MATCH_ALTERNATIVE;
     return cairn_icp_begin(mapper->icp, view.points, view.point_count, prior.mean, &prior, NULL);
@@ -289,7 +290,7 @@ static int32_t is_weak_jump(const cairn_mapper *mapper)
 static cairn_status begin_constrained(cairn_mapper *mapper)
 {
     cairn_scan_view view = cairn_scan_read(mapper->scan);
-    cairn_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->motion, 1);
+    cairn_rigid_motion_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->motion, 1);
     cairn_status status = cairn_icp_set_weak_ratio(mapper->icp, CONSTRAINED_INFORMATION_RATIO);
 
     mapper->phase = MAPPER_MATCH_CONSTRAINED;
@@ -309,7 +310,7 @@ cairn_status cairn_mapper_finish_match(cairn_mapper *mapper)
  * MAX_SQUARED_DEVIATION. */
 static cairn_real odometry_deviation(const cairn_mapper *mapper, cairn_pose pose)
 {
-    cairn_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->motion, 1);
+    cairn_rigid_motion_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->motion, 1);
     cairn_pose deviation = cairn_pose_between(prior.mean, pose);
 
     return cairn_min(
@@ -372,7 +373,7 @@ cairn_status cairn_mapper_end_match(cairn_mapper *mapper)
 /* Updates odometry health, noise scale and bias from the residual between odometry and match. */
 static void update_odometry_health(cairn_mapper *mapper)
 {
-    cairn_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->by_odometry, 1);
+    cairn_rigid_motion_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->by_odometry, 1);
     cairn_pose e = cairn_pose_between(prior.mean, mapper->match.target_query);
     cairn_real deviation =
         mapper->odometry_noise_scale * cairn_max(cairn_mapper_translation(e) / prior.sigma_x,
@@ -413,7 +414,7 @@ static void inflate_weak_direction(cairn_mapper *mapper)
 /* Accumulates the variance of the predicted motion since the last keyframe. */
 static void accumulate_motion_variance(cairn_mapper *mapper)
 {
-    cairn_pose_prior prior = cairn_mapper_prior(mapper);
+    cairn_rigid_motion_pose_prior prior = cairn_mapper_prior(mapper);
 
     if (mapper->scans_since_keyframe == 0)
         mapper->motion_variance = mapper->motion_heading_variance = 0;

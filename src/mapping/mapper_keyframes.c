@@ -158,7 +158,7 @@ void cairn_mapper_store_visibility(cairn_mapper *mapper, int32_t keyframe,
         cairn_vec2 d = cairn_vec2_sub(view->beams[i].to, view->sensor);
         int32_t bearing = cairn_mapper_bearing_of(d), range;
 
-        if (view->beams[i].kind == CAIRN_BEAM_UNKNOWN)
+        if (view->beams[i].kind == CAIRN_SCAN_BEAM_UNKNOWN)
             continue;
         range = cairn_real_to_int(cairn_min(100 * cairn_vec2_norm(d), UINT16_MAX));
         if (range > 0 && (sight[bearing] == 0 || range < sight[bearing]))
@@ -167,7 +167,7 @@ void cairn_mapper_store_visibility(cairn_mapper *mapper, int32_t keyframe,
 }
 
 int32_t cairn_mapper_visibility_beams(const cairn_mapper *mapper, int32_t keyframe,
-                                      cairn_beam *beams)
+                                      cairn_scan_beam *beams)
 {
     const uint16_t *sight = &mapper->visibility[(size_t)mapper->slot[keyframe] * MAPPER_BEARINGS];
     cairn_vec2 sensor = cairn_mapper_keyframe_record(mapper, keyframe)->sensor;
@@ -179,14 +179,15 @@ int32_t cairn_mapper_visibility_beams(const cairn_mapper *mapper, int32_t keyfra
         beams[count].from = sensor;
         beams[count].to = cairn_vec2_add(sensor, cairn_vec2_scale(cairn_mapper_bearing_direction(i),
                                                                   (cairn_real)sight[i] / 100));
-        beams[count].kind = CAIRN_BEAM_HIT;
+        beams[count].kind = CAIRN_SCAN_BEAM_HIT;
         count++;
     }
     return count;
 }
 
 cairn_scan_match_part cairn_mapper_keyframe_part(const cairn_mapper *mapper, int32_t keyframe,
-                                                 cairn_oriented_point *points, cairn_beam *beams)
+                                                 cairn_oriented_point *points,
+                                                 cairn_scan_beam *beams)
 {
     cairn_scan_match_part part;
 

@@ -161,7 +161,7 @@ static cairn_status end_search(cairn_mapper *mapper)
 {
     cairn_scan_match_result result = cairn_scan_match_read(mapper->search);
     cairn_scan_view view = cairn_scan_read(mapper->scan);
-    cairn_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->motion, 0);
+    cairn_rigid_motion_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->motion, 0);
     cairn_real best = 0;
     int32_t chosen = -1;
 

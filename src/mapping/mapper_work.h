@@ -169,7 +169,7 @@ typedef struct mapper_loop {
     int32_t cursor;                     /* index within the phase */
     int32_t query;                      /* keyframe that a return is searched for */
     cairn_oriented_point *query_points; /* [scan.max_points] */
-    cairn_beam *query_beams;            /* [MAPPER_BEARINGS] */
+    cairn_scan_beam *query_beams;       /* [MAPPER_BEARINGS] */
     cairn_scan_match_part query_part;
     mapper_candidate candidates[MAPPER_MAX_CANDIDATES];
     int32_t candidate_count, candidate;
@@ -206,7 +206,7 @@ struct cairn_mapper {
     /* [scan.max_segments + 1] */
     int32_t *first_point;
     /* [MAPPER_BEARINGS] */
-    cairn_beam *beams;
+    cairn_scan_beam *beams;
     /* [max_keyframes * MAPPER_BEARINGS] visibility profiles by slot: free range in cm by bearing,
      * 0: unknown; NULL when no module uses them */
     uint16_t *visibility;
@@ -345,7 +345,7 @@ int32_t cairn_mapper_keyframe_points(const cairn_mapper *mapper, int32_t keyfram
 void cairn_mapper_store_visibility(cairn_mapper *mapper, int32_t keyframe,
                                    const cairn_scan_view *view);
 int32_t cairn_mapper_visibility_beams(const cairn_mapper *mapper, int32_t keyframe,
-                                      cairn_beam *beams);
+                                      cairn_scan_beam *beams);
 
 /* Returns the bearing sector of a direction, and the unit vector at the middle of a sector. */
 int32_t cairn_mapper_bearing_of(cairn_vec2 d);
@@ -353,7 +353,8 @@ cairn_vec2 cairn_mapper_bearing_direction(int32_t bearing);
 
 /* Returns a keyframe as input of a match; its points and beams are copied to the arrays. */
 cairn_scan_match_part cairn_mapper_keyframe_part(const cairn_mapper *mapper, int32_t keyframe,
-                                                 cairn_oriented_point *points, cairn_beam *beams);
+                                                 cairn_oriented_point *points,
+                                                 cairn_scan_beam *beams);
 
 /* ---- mapper_window.c ---- */
 
@@ -394,8 +395,8 @@ cairn_status cairn_mapper_end_match(cairn_mapper *mapper);
 cairn_status cairn_mapper_finish_match(cairn_mapper *mapper);
 
 /* Returns the prior of the scan's pose after a motion from odometry or from the velocity model. */
-cairn_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, cairn_pose motion,
-                                       int32_t is_odometry);
+cairn_rigid_motion_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, cairn_pose motion,
+                                                    int32_t is_odometry);
 
 /* Returns the squared distance of a pose from the prediction or from standing still, whichever is
  * less, in units of m and rad; at most 4. */
@@ -406,7 +407,7 @@ cairn_real cairn_mapper_prior_deviation(const cairn_mapper *mapper, cairn_pose p
 int32_t cairn_mapper_is_motion_outlier(const cairn_mapper *mapper, cairn_pose pose);
 
 /* Returns the motion prior of the current scan. */
-cairn_pose_prior cairn_mapper_prior(const cairn_mapper *mapper);
+cairn_rigid_motion_pose_prior cairn_mapper_prior(const cairn_mapper *mapper);
 
 /* Updates match quality, odometry health, noise scale and bias from the current scan's match. */
 void cairn_mapper_update_motion_model(cairn_mapper *mapper);

@@ -23,17 +23,17 @@
 enum { CELLS_PER_UNIT = 2, CLEARED_PER_UNIT = 64 };
 
 struct cairn_occupancy_grid {
-    cairn_occupancy_cell *cells; /* [height][width] */
+    cairn_occupancy_grid_cell_state *cells; /* [height][width] */
     cairn_occupancy_grid_params params;
     cairn_real inverse_resolution;
     int32_t count;   /* number of cells */
     int32_t cleared; /* cells cleared so far; == count: nothing to clear */
     /* The scan in progress. */
-    const cairn_beam *beams; /* [beams_left] */
+    const cairn_scan_beam *beams; /* [beams_left] */
     int32_t beams_left;
     cairn_transform map_scan;
-    cairn_occupancy_walk walk; /* of the first of them, while is_walking */
-    int32_t is_walking;        /* 1: a traversal is in progress */
+    cairn_occupancy_grid_ray walk; /* of the first of them, while is_walking */
+    int32_t is_walking;            /* 1: a traversal is in progress */
 };
 
 cairn_occupancy_grid_params cairn_occupancy_grid_default(void)
@@ -54,7 +54,7 @@ static int params_are_good(const cairn_occupancy_grid_params *params)
 static cairn_occupancy_grid *carve(cairn_pool *pool, const cairn_occupancy_grid_params *params)
 {
     cairn_occupancy_grid *grid = cairn_pool_take_one(pool, sizeof *grid);
-    cairn_occupancy_cell *cells =
+    cairn_occupancy_grid_cell_state *cells =
         cairn_pool_take(pool, (size_t)params->width * (size_t)params->height, sizeof *cells);
 
     if (grid != NULL)
@@ -148,7 +148,7 @@ static int32_t cell_of(cairn_real coordinate, int32_t size)
 }
 
 cairn_status cairn_occupancy_grid_walk(const cairn_occupancy_grid *grid, cairn_vec2 from,
-                                       cairn_vec2 to, cairn_occupancy_walk *walk)
+                                       cairn_vec2 to, cairn_occupancy_grid_ray *walk)
 {
     int32_t width = grid->params.width, height = grid->params.height;
     cairn_real start = 0, end = 1, length;
@@ -179,7 +179,8 @@ cairn_status cairn_occupancy_grid_walk(const cairn_occupancy_grid *grid, cairn_v
     return CAIRN_OK;
 }
 
-int32_t cairn_occupancy_walk_next(cairn_occupancy_walk *walk, cairn_occupancy_chord *chord)
+int32_t cairn_occupancy_grid_ray_next(cairn_occupancy_grid_ray *walk,
+                                      cairn_occupancy_grid_chord *chord)
 {
     cairn_real leave = walk->share_end;
     int32_t in_x = 0;
@@ -214,12 +215,14 @@ int32_t cairn_occupancy_walk_next(cairn_occupancy_walk *walk, cairn_occupancy_ch
 /* ---- Adding beams ---- */
 
 /* Adds up to `cells` cells of the traversal; returns 1 when it is finished. */
-static int add_cells(cairn_occupancy_grid *grid, cairn_occupancy_walk *walk, int hit, int32_t cells)
+static int add_cells(cairn_occupancy_grid *grid, cairn_occupancy_grid_ray *walk, int hit,
+                     int32_t cells)
 {
-    cairn_occupancy_chord chord;
+    cairn_occupancy_grid_chord chord;
 
-    for (int32_t i = 0; i < cells && cairn_occupancy_walk_next(walk, &chord); i++) {
-        cairn_occupancy_cell *cell = &grid->cells[chord.y * grid->params.width + chord.x];
+    for (int32_t i = 0; i < cells && cairn_occupancy_grid_ray_next(walk, &chord); i++) {
+        cairn_occupancy_grid_cell_state *cell =
+            &grid->cells[chord.y * grid->params.width + chord.x];
 
         cell->length += (float)chord.length;
         if (walk->done && hit && walk->ends_inside && cell->hits < INT32_MAX)
@@ -236,7 +239,7 @@ static int is_busy(const cairn_occupancy_grid *grid)
 cairn_status cairn_occupancy_grid_add_beam(cairn_occupancy_grid *grid, cairn_vec2 from,
                                            cairn_vec2 to, int32_t hit)
 {
-    cairn_occupancy_walk walk;
+    cairn_occupancy_grid_ray walk;
     cairn_status status;
 
     if (grid == NULL || is_busy(grid))
@@ -248,8 +251,9 @@ cairn_status cairn_occupancy_grid_add_beam(cairn_occupancy_grid *grid, cairn_vec
     return CAIRN_OK;
 }
 
-cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid *grid, const cairn_beam *beams,
-                                             int32_t count, cairn_pose map_scan, cairn_fault *fault)
+cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid *grid,
+                                             const cairn_scan_beam *beams, int32_t count,
+                                             cairn_pose map_scan, cairn_fault *fault)
 {
     cairn_transform transform;
     cairn_real length;
@@ -262,11 +266,11 @@ cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid *grid, const c
         return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
     transform = cairn_transform_of(map_scan);
     for (int32_t i = 0; i < count; i++) {
-        if (beams[i].kind != CAIRN_BEAM_HIT && beams[i].kind != CAIRN_BEAM_FREE &&
-            beams[i].kind != CAIRN_BEAM_UNKNOWN)
+        if (beams[i].kind != CAIRN_SCAN_BEAM_HIT && beams[i].kind != CAIRN_SCAN_BEAM_FREE &&
+            beams[i].kind != CAIRN_SCAN_BEAM_UNKNOWN)
             return cairn_refuse(fault, i, "unknown kind of beam, expected hit, free or unknown",
                                 CAIRN_BAD_ARGUMENT);
-        if (beams[i].kind != CAIRN_BEAM_UNKNOWN &&
+        if (beams[i].kind != CAIRN_SCAN_BEAM_UNKNOWN &&
             !can_walk(grid, cairn_transform_point(transform, beams[i].from),
                       cairn_transform_point(transform, beams[i].to), &length))
             return cairn_refuse(fault, i, "a beam end is not finite, expected finite coordinates",
@@ -302,12 +306,12 @@ static void clear_some(cairn_occupancy_grid *grid, cairn_budget *budget)
 /* Processes one unit of the scan: the start of a beam, or a few cells of it. */
 static void add_some(cairn_occupancy_grid *grid)
 {
-    const cairn_beam *beam = grid->beams;
+    const cairn_scan_beam *beam = grid->beams;
 
     if (grid->is_walking) {
-        if (!add_cells(grid, &grid->walk, beam->kind == CAIRN_BEAM_HIT, CELLS_PER_UNIT))
+        if (!add_cells(grid, &grid->walk, beam->kind == CAIRN_SCAN_BEAM_HIT, CELLS_PER_UNIT))
             return;
-    } else if (beam->kind != CAIRN_BEAM_UNKNOWN &&
+    } else if (beam->kind != CAIRN_SCAN_BEAM_UNKNOWN &&
                cairn_occupancy_grid_walk(grid, cairn_transform_point(grid->map_scan, beam->from),
                                          cairn_transform_point(grid->map_scan, beam->to),
                                          &grid->walk) == CAIRN_OK) {
@@ -349,24 +353,24 @@ int32_t cairn_occupancy_grid_locate(const cairn_occupancy_grid *grid, cairn_vec2
     return 1;
 }
 
-cairn_occupancy_cell cairn_occupancy_grid_cell(const cairn_occupancy_grid *grid, int32_t x,
-                                               int32_t y)
+cairn_occupancy_grid_cell_state cairn_occupancy_grid_cell(const cairn_occupancy_grid *grid,
+                                                          int32_t x, int32_t y)
 {
-    cairn_occupancy_cell none = {0, 0};
+    cairn_occupancy_grid_cell_state none = {0, 0};
 
     if (x < 0 || x >= grid->params.width || y < 0 || y >= grid->params.height)
         return none;
     return grid->cells[y * grid->params.width + x];
 }
 
-static int is_seen(cairn_occupancy_cell cell)
+static int is_seen(cairn_occupancy_grid_cell_state cell)
 {
     return cell.hits > 0 || cell.length > 0;
 }
 
 cairn_real cairn_occupancy_grid_probability(const cairn_occupancy_grid *grid, int32_t x, int32_t y)
 {
-    cairn_occupancy_cell cell = cairn_occupancy_grid_cell(grid, x, y);
+    cairn_occupancy_grid_cell_state cell = cairn_occupancy_grid_cell(grid, x, y);
 
     if (!is_seen(cell))
         return -1;
@@ -376,15 +380,15 @@ cairn_real cairn_occupancy_grid_probability(const cairn_occupancy_grid *grid, in
            cairn_exp(-grid->params.resolution * (cairn_real)cell.hits / (cairn_real)cell.length);
 }
 
-cairn_occupancy_thresholds cairn_occupancy_thresholds_default(void)
+cairn_occupancy_grid_thresholds cairn_occupancy_grid_thresholds_default(void)
 {
-    cairn_occupancy_thresholds thresholds = {CAIRN_REAL(0.25), CAIRN_REAL(0.1)};
+    cairn_occupancy_grid_thresholds thresholds = {CAIRN_REAL(0.25), CAIRN_REAL(0.1)};
     return thresholds;
 }
 
 cairn_status cairn_occupancy_grid_classify(const cairn_occupancy_grid *grid,
-                                           cairn_occupancy_thresholds thresholds, int32_t first_row,
-                                           cairn_raster_u8 out)
+                                           cairn_occupancy_grid_thresholds thresholds,
+                                           int32_t first_row, cairn_raster_u8 out)
 {
     cairn_real occupied, free;
 
@@ -398,18 +402,19 @@ cairn_status cairn_occupancy_grid_classify(const cairn_occupancy_grid *grid,
     occupied = -cairn_log(1 - thresholds.occupied);
     free = -cairn_log(1 - thresholds.free);
     for (int32_t y = 0; y < out.height; y++) {
-        const cairn_occupancy_cell *cells = grid->cells + (first_row + y) * grid->params.width;
+        const cairn_occupancy_grid_cell_state *cells =
+            grid->cells + (first_row + y) * grid->params.width;
         uint8_t *row = out.data + y * out.stride;
 
         for (int32_t x = 0; x < out.width; x++) {
             cairn_real stopped = grid->params.resolution * (cairn_real)cells[x].hits;
             cairn_real passed = (cairn_real)cells[x].length;
 
-            row[x] = CAIRN_CELL_UNKNOWN;
+            row[x] = CAIRN_OCCUPANCY_GRID_UNKNOWN;
             if (is_seen(cells[x]) && stopped >= occupied * passed)
-                row[x] = CAIRN_CELL_OCCUPIED;
+                row[x] = CAIRN_OCCUPANCY_GRID_OCCUPIED;
             else if (is_seen(cells[x]) && stopped <= free * passed)
-                row[x] = CAIRN_CELL_FREE;
+                row[x] = CAIRN_OCCUPANCY_GRID_FREE;
         }
     }
     return CAIRN_OK;

@@ -306,7 +306,7 @@ static int32_t points_of(const cairn_place_map *map, const cairn_scan_view *view
     if (!is_written(&map->params))
         return view->point_count;
     for (int32_t i = 0; i < view->beam_count && view->segment_count > 0; i++)
-        count += view->beams[i].kind == CAIRN_BEAM_HIT;
+        count += view->beams[i].kind == CAIRN_SCAN_BEAM_HIT;
     return count;
 }
 
@@ -489,7 +489,7 @@ cairn_place_map_place cairn_place_map_place_of(const cairn_place_map *map, int32
     out.map_place = map->places[place].map_place;
     out.component = map->places[place].component;
     if (map->params.mode == CAIRN_PLACE_MAP_CONSENSUS) {
-        cairn_consensus_node node = cairn_pose_consensus_node(map->consensus, place);
+        cairn_pose_consensus_estimate node = cairn_pose_consensus_node(map->consensus, place);
 
         out.support = node.support;
         out.ambiguous = node.ambiguous;
@@ -499,10 +499,10 @@ cairn_place_map_place cairn_place_map_place_of(const cairn_place_map *map, int32
     return out;
 }
 
-cairn_consensus_alternative cairn_place_map_alternative(const cairn_place_map *map, int32_t place,
-                                                        int32_t index)
+cairn_pose_consensus_competing_pose cairn_place_map_alternative(const cairn_place_map *map,
+                                                                int32_t place, int32_t index)
 {
-    cairn_consensus_alternative none;
+    cairn_pose_consensus_competing_pose none;
 
     memset(&none, 0, sizeof none);
     return index < cairn_place_map_place_of(map, place).alternatives

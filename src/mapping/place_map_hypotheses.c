@@ -41,7 +41,7 @@ static void bound_covariance(const cairn_real in[9], cairn_real out[9])
 void cairn_place_map_add_hypothesis(cairn_place_map *map, int32_t first, int32_t second,
                                     cairn_pose first_second, const cairn_real covariance[9])
 {
-    cairn_pose_hypothesis *kept = &map->hypotheses[map->hypothesis_count];
+    cairn_pose_consensus_relative_pose *kept = &map->hypotheses[map->hypothesis_count];
 
     if (map->hypothesis_count == map->params.consensus.max_hypotheses)
         return;
@@ -73,7 +73,8 @@ void cairn_place_map_rotate_covariance(const cairn_real in[9], cairn_real theta,
 }
 
 /* A match aligns faces of walls; opposite faces, rough surfaces and bodies are as informative. */
-cairn_real cairn_place_map_optimize_hypothesis(cairn_place_map *map, cairn_pose_hypothesis *h)
+cairn_real cairn_place_map_optimize_hypothesis(cairn_place_map *map,
+                                               cairn_pose_consensus_relative_pose *h)
 {
     cairn_pose matched = h->first_second;
     cairn_real before = cairn_place_map_score_pair(map, h->first, h->second, matched),

@@ -116,7 +116,7 @@ static void add_to_query(cairn_place_map *map, const cairn_place_scan *scan, cai
 
     part->count += copy_points(map, scan, query_scan, map->query_points + part->count);
     for (int32_t i = 0; i < scan->beam_count && scan->place == map->query; i++) {
-        cairn_beam beam = map->beams[scan->first_beam + i];
+        cairn_scan_beam beam = map->beams[scan->first_beam + i];
 
         beam.from = cairn_transform_point(t, beam.from);
         beam.to = cairn_transform_point(t, beam.to);
@@ -288,7 +288,7 @@ static cairn_real joint_likelihood(void *context, int32_t place, cairn_pose map_
 /* Scores one hypothesis; all are scored again in each round, as fewer points are valid. */
 static void score_item(cairn_place_map *map)
 {
-    cairn_pose_hypothesis *h = &map->hypotheses[map->item];
+    cairn_pose_consensus_relative_pose *h = &map->hypotheses[map->item];
 
     if (map->item == 0) {
         cairn_status status = cairn_pose_consensus_clear(map->consensus, map->place_count);
@@ -316,14 +316,14 @@ static void score_item(cairn_place_map *map)
 
 static void store_consensus(cairn_place_map *map)
 {
-    cairn_consensus_result found = cairn_pose_consensus_read(map->consensus);
+    cairn_pose_consensus_result found = cairn_pose_consensus_read(map->consensus);
 
     map->result.total = found.total;
     map->result.competing_total = found.competing_total;
     map->result.ambiguous = found.ambiguous;
     map->moved_places = 0;
     for (int32_t i = 0; i < map->place_count; i++) {
-        cairn_consensus_node node = cairn_pose_consensus_node(map->consensus, i);
+        cairn_pose_consensus_estimate node = cairn_pose_consensus_node(map->consensus, i);
         cairn_pose before = map->places[i].map_place;
 
         map->moved_places +=
@@ -506,7 +506,8 @@ static void decouple_item(cairn_place_map *map, cairn_budget *budget)
     cairn_place_scan *scan = &map->scans[map->place];
 
     if (!map->inner_running) {
-        cairn_pose_prior prior = {scan->map_scan, SCAN_SIGMA_M, SCAN_SIGMA_M, SCAN_SIGMA_RAD};
+        cairn_rigid_motion_pose_prior prior = {scan->map_scan, SCAN_SIGMA_M, SCAN_SIGMA_M,
+                                               SCAN_SIGMA_RAD};
 
         target_others(map, scan->place, map->place);
         map->inner_running =

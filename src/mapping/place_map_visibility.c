@@ -70,7 +70,7 @@ static uint8_t *grid_of(const cairn_place_map *map, int32_t place)
 }
 
 /* Clears the cells of a beam; before any marking. */
-static void clear_beam(cairn_place_map *map, int32_t place, const cairn_beam *beam)
+static void clear_beam(cairn_place_map *map, int32_t place, const cairn_scan_beam *beam)
 {
     uint8_t *grid = grid_of(map, place);
     cairn_vec2 along = cairn_vec2_sub(beam->to, beam->from), unit = cairn_vec2_unit(along);
@@ -151,7 +151,7 @@ static uint8_t code_of(const cairn_place_map *map, cairn_vec2 direction)
     return (uint8_t)best;
 }
 
-static cairn_beam placed_beam(cairn_transform transform, cairn_beam beam)
+static cairn_scan_beam placed_beam(cairn_transform transform, cairn_scan_beam beam)
 {
     beam.from = cairn_transform_point(transform, beam.from);
     beam.to = cairn_transform_point(transform, beam.to);
@@ -207,12 +207,12 @@ int32_t cairn_place_map_visibility_item(cairn_place_map *map, int32_t place, int
     if (pass == 1) {
         mark_point(map, place, map->scans[s].first_point + index, transform);
     } else {
-        cairn_beam in_scan = map->beams[map->scans[s].first_beam + index],
-                   beam = placed_beam(transform, in_scan);
+        cairn_scan_beam in_scan = map->beams[map->scans[s].first_beam + index],
+                        beam = placed_beam(transform, in_scan);
 
-        if (pass == 0 && beam.kind != CAIRN_BEAM_UNKNOWN)
+        if (pass == 0 && beam.kind != CAIRN_SCAN_BEAM_UNKNOWN)
             clear_beam(map, place, &beam);
-        if (pass == 2 && beam.kind == CAIRN_BEAM_HIT &&
+        if (pass == 2 && beam.kind == CAIRN_SCAN_BEAM_HIT &&
             !has_point_near(map, &map->scans[s], in_scan.to))
             mark_surface(map, place, beam.to, CAIRN_VISIBILITY_ROUGH);
     }
@@ -398,10 +398,10 @@ cairn_real cairn_place_map_pair_likelihood(const cairn_place_map *map, int32_t f
 /* ---- Dynamic-object candidates and invalidated points ---- */
 
 /* Range of a hit, m; -1: no hit. */
-static cairn_real range_of(const cairn_beam *beam)
+static cairn_real range_of(const cairn_scan_beam *beam)
 {
-    return beam->kind == CAIRN_BEAM_HIT ? cairn_vec2_norm(cairn_vec2_sub(beam->to, beam->from))
-                                        : -1;
+    return beam->kind == CAIRN_SCAN_BEAM_HIT ? cairn_vec2_norm(cairn_vec2_sub(beam->to, beam->from))
+                                             : -1;
 }
 
 /* Returns 1 when the beam beside a run has free space behind the run. */
@@ -409,7 +409,7 @@ static int is_open_beside(const cairn_scan_view *view, int32_t beside, cairn_rea
 {
     if (beside < 0 || beside >= view->beam_count)
         return 0;
-    return view->beams[beside].kind == CAIRN_BEAM_FREE ||
+    return view->beams[beside].kind == CAIRN_SCAN_BEAM_FREE ||
            range_of(&view->beams[beside]) > range + MAX_RANGE_STEP_M;
 }
 

@@ -86,9 +86,9 @@ struct cairn_place_map {
     /* [as points] class of each point */
     uint8_t *point_class;
     /* [consensus.max_hypotheses] hypotheses of all matches */
-    cairn_pose_hypothesis *hypotheses;
+    cairn_pose_consensus_relative_pose *hypotheses;
     /* [max_places * max_place_beams] */
-    cairn_beam *beams;
+    cairn_scan_beam *beams;
     /* [max_places][side][side] visibility grids */
     uint8_t *visibility;
     /* [max_places][(side / VISIBILITY_SAMPLE_STRIDE)^2] sample of the free cells */
@@ -100,7 +100,7 @@ struct cairn_place_map {
     /* [max_places * max_place_points] query points, in the frame of its place */
     cairn_oriented_point *query_points;
     /* [max_place_beams] */
-    cairn_beam *query_beams;
+    cairn_scan_beam *query_beams;
     /* cells along a side of a visibility grid */
     int32_t visibility_side;
     cairn_vec2 directions[CAIRN_VISIBILITY_DIRECTIONS];
@@ -179,7 +179,7 @@ void cairn_place_map_add_hypothesis(cairn_place_map *map, int32_t first, int32_t
 /* Moves a hypothesis to the local maximum of its likelihood (pattern search), and returns the
  * log-likelihood ratio. */
 cairn_real cairn_place_map_optimize_hypothesis(cairn_place_map *map,
-                                               cairn_pose_hypothesis *hypothesis);
+                                               cairn_pose_consensus_relative_pose *hypothesis);
 
 /* ---- Shared by the modes ---- */
 

@@ -157,7 +157,8 @@ static int is_beyond_limit(cairn_pose pose)
 }
 
 static cairn_status check_hypothesis(const cairn_pose_consensus *consensus,
-                                     const cairn_pose_hypothesis *h, cairn_fault *fault)
+                                     const cairn_pose_consensus_relative_pose *h,
+                                     cairn_fault *fault)
 {
     if (h->first < 0 || h->second < 0 || h->first >= consensus->node_count ||
         h->second >= consensus->node_count || h->first == h->second)
@@ -177,7 +178,7 @@ static cairn_status check_hypothesis(const cairn_pose_consensus *consensus,
 /* Returns the information: inverse of the covariance plus the nodes' model noise; 0 when it is
  * singular. */
 static int32_t information_of(const cairn_pose_consensus_params *params,
-                              const cairn_pose_hypothesis *h, cairn_sym3 *information)
+                              const cairn_pose_consensus_relative_pose *h, cairn_sym3 *information)
 {
     const cairn_real *c = h->covariance;
     cairn_real x = h->first_second.x, y = h->first_second.y,
@@ -191,9 +192,10 @@ static int32_t information_of(const cairn_pose_consensus_params *params,
 }
 
 cairn_status cairn_pose_consensus_add(cairn_pose_consensus *consensus,
-                                      const cairn_pose_hypothesis *hypothesis, cairn_fault *fault)
+                                      const cairn_pose_consensus_relative_pose *hypothesis,
+                                      cairn_fault *fault)
 {
-    cairn_consensus_hypothesis kept;
+    cairn_pose_consensus_hypothesis kept;
     cairn_status status;
 
     if (consensus == NULL || hypothesis == NULL)
@@ -208,8 +210,8 @@ cairn_status cairn_pose_consensus_add(cairn_pose_consensus *consensus,
         return cairn_refuse(fault, -1, "more hypotheses than max_hypotheses", CAIRN_FULL);
     kept.first = hypothesis->first;
     kept.second = hypothesis->second;
-    kept.first_second = cairn_consensus_pose_of(hypothesis->first_second);
-    kept.second_first = cairn_consensus_inverse(kept.first_second);
+    kept.first_second = cairn_pose_consensus_pose_of(hypothesis->first_second);
+    kept.second_first = cairn_pose_consensus_inverse(kept.first_second);
     kept.score = hypothesis->score;
     kept.cycle_score = 0;
     kept.is_explained = 0;
@@ -222,7 +224,7 @@ cairn_status cairn_pose_consensus_set_bound(cairn_pose_consensus *consensus, int
                                             cairn_pose map_node, cairn_real metres,
                                             cairn_real radians)
 {
-    cairn_consensus_bound bound = {map_node, metres, radians};
+    cairn_pose_consensus_bound bound = {map_node, metres, radians};
 
     if (consensus == NULL || node < 0 || node >= consensus->node_count)
         return CAIRN_BAD_ARGUMENT;
@@ -267,16 +269,16 @@ static void count_links(cairn_pose_consensus *consensus)
         consensus->first_link[i + 1] += consensus->first_link[i];
 }
 
-static int comes_before(const cairn_consensus_link *a, const cairn_consensus_link *b)
+static int comes_before(const cairn_pose_consensus_link *a, const cairn_pose_consensus_link *b)
 {
     return a->other != b->other ? a->other < b->other : a->hypothesis < b->hypothesis;
 }
 
 /* Heap sort: fixed memory, worst case n log n. */
-static void sort_links(cairn_consensus_link *links, int32_t count)
+static void sort_links(cairn_pose_consensus_link *links, int32_t count)
 {
     for (int32_t begin = count / 2, end = count; end > 1;) {
-        cairn_consensus_link link;
+        cairn_pose_consensus_link link;
         int32_t hole;
 
         if (begin > 0) {
@@ -303,8 +305,8 @@ static void build_links(cairn_pose_consensus *consensus)
     for (int32_t i = 0; i < consensus->node_count; i++)
         consensus->next_free[i] = consensus->first_link[i];
     for (int32_t i = 0; i < consensus->hypothesis_count; i++) {
-        const cairn_consensus_hypothesis *h = &consensus->hypotheses[i];
-        cairn_consensus_link from_first = {h->second, i}, from_second = {h->first, i};
+        const cairn_pose_consensus_hypothesis *h = &consensus->hypotheses[i];
+        cairn_pose_consensus_link from_first = {h->second, i}, from_second = {h->first, i};
 
         consensus->links[consensus->next_free[h->first]++] = from_first;
         consensus->links[consensus->next_free[h->second]++] = from_second;
@@ -316,7 +318,7 @@ static void build_links(cairn_pose_consensus *consensus)
 
 cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)
 {
-    const cairn_consensus_assignment unplaced = {{{0, 0, 1, 0}, 0}, -1, -1};
+    const cairn_pose_consensus_assignment unplaced = {{{0, 0, 1, 0}, 0}, -1, -1};
 
     if (consensus == NULL)
         return CAIRN_BAD_ARGUMENT;
@@ -351,7 +353,7 @@ cairn_status cairn_pose_consensus_find_submaps(cairn_pose_consensus *consensus)
     if (!(consensus->params.significant_support > 0))
         return CAIRN_OK;
     consensus->is_final = 1;
-    cairn_consensus_begin_tree(consensus);
+    cairn_pose_consensus_begin_tree(consensus);
     return CAIRN_OK;
 }
 
@@ -370,7 +372,7 @@ cairn_status cairn_pose_consensus_step(cairn_pose_consensus *consensus, cairn_bu
             budget->left -= paid;
             consensus->result.units += paid;
         } else {
-            cairn_consensus_item(consensus);
+            cairn_pose_consensus_item(consensus);
         }
     }
     return CAIRN_OK;
@@ -378,17 +380,18 @@ cairn_status cairn_pose_consensus_step(cairn_pose_consensus *consensus, cairn_bu
 
 /* ---- Results ---- */
 
-cairn_consensus_result cairn_pose_consensus_read(const cairn_pose_consensus *consensus)
+cairn_pose_consensus_result cairn_pose_consensus_read(const cairn_pose_consensus *consensus)
 {
-    cairn_consensus_result none;
+    cairn_pose_consensus_result none;
 
     memset(&none, 0, sizeof none);
     return has_result(consensus) ? consensus->result : none;
 }
 
-cairn_consensus_node cairn_pose_consensus_node(const cairn_pose_consensus *consensus, int32_t node)
+cairn_pose_consensus_estimate cairn_pose_consensus_node(const cairn_pose_consensus *consensus,
+                                                        int32_t node)
 {
-    cairn_consensus_node none;
+    cairn_pose_consensus_estimate none;
 
     memset(&none, 0, sizeof none);
     return has_result(consensus) && node >= 0 && node < consensus->node_count
@@ -396,10 +399,10 @@ cairn_consensus_node cairn_pose_consensus_node(const cairn_pose_consensus *conse
                : none;
 }
 
-cairn_consensus_alternative cairn_pose_consensus_alternative(const cairn_pose_consensus *consensus,
-                                                             int32_t node, int32_t index)
+cairn_pose_consensus_competing_pose
+cairn_pose_consensus_alternative(const cairn_pose_consensus *consensus, int32_t node, int32_t index)
 {
-    cairn_consensus_alternative none;
+    cairn_pose_consensus_competing_pose none;
 
     memset(&none, 0, sizeof none);
     if (index < 0 || index >= cairn_pose_consensus_node(consensus, node).alternatives)
@@ -409,13 +412,14 @@ cairn_consensus_alternative cairn_pose_consensus_alternative(const cairn_pose_co
 
 int32_t cairn_pose_consensus_is_inlier(const cairn_pose_consensus *consensus, int32_t hypothesis)
 {
-    const cairn_consensus_hypothesis *h;
+    const cairn_pose_consensus_hypothesis *h;
 
     if (!has_result(consensus) || hypothesis < 0 || hypothesis >= consensus->hypothesis_count)
         return 0;
     h = &consensus->hypotheses[hypothesis];
     return consensus->nodes[h->first].component == consensus->nodes[h->second].component &&
-           cairn_consensus_chi2(h, cairn_consensus_pose_of(consensus->nodes[h->first].map_node),
-                                cairn_consensus_pose_of(consensus->nodes[h->second].map_node),
-                                NULL) < consensus->params.max_chi2;
+           cairn_pose_consensus_chi2(
+               h, cairn_pose_consensus_pose_of(consensus->nodes[h->first].map_node),
+               cairn_pose_consensus_pose_of(consensus->nodes[h->second].map_node),
+               NULL) < consensus->params.max_chi2;
 }

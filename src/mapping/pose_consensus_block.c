@@ -19,9 +19,9 @@ static const cairn_real MIN_GAIN_NATS = CAIRN_REAL(1e-4);
  * seen, and so counted, by several of its nodes, and a block has more possible poses. */
 static const cairn_real BLOCK_FACTOR = 4;
 
-void cairn_consensus_begin_tree(cairn_pose_consensus *consensus)
+void cairn_pose_consensus_begin_tree(cairn_pose_consensus *consensus)
 {
-    const cairn_consensus_branch bare = {-1, 0, 0};
+    const cairn_pose_consensus_branch bare = {-1, 0, 0};
 
     memcpy(consensus->current, consensus->best,
            (size_t)consensus->node_count * sizeof *consensus->current);
@@ -33,18 +33,18 @@ void cairn_consensus_begin_tree(cairn_pose_consensus *consensus)
                                          ? consensus->current[i].component + 1
                                          : consensus->component_count;
     consensus->units_owed += consensus->node_count / 2;
-    cairn_consensus_enter(consensus, CAIRN_CONSENSUS_TREE, consensus->node_count);
+    cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_TREE, consensus->node_count);
 }
 
-void cairn_consensus_begin_blocks(cairn_pose_consensus *consensus)
+void cairn_pose_consensus_begin_blocks(cairn_pose_consensus *consensus)
 {
     if (consensus->result.starts == 0 || consensus->block_passes >= consensus->params.max_rounds ||
         (consensus->block_passes > 0 && consensus->total < consensus->result.total)) {
-        cairn_consensus_begin_report(consensus);
+        cairn_pose_consensus_begin_report(consensus);
         return;
     }
     consensus->block_passes++;
-    cairn_consensus_begin_tree(consensus);
+    cairn_pose_consensus_begin_tree(consensus);
 }
 
 /* Prim: returns the node outside the trees with the strongest pair to one of them, or else the
@@ -54,7 +54,7 @@ static int32_t next_tree_node(const cairn_pose_consensus *consensus)
     int32_t best = -1;
 
     for (int32_t i = 0; i < consensus->node_count; i++) {
-        const cairn_consensus_branch *branch = &consensus->tree[i];
+        const cairn_pose_consensus_branch *branch = &consensus->tree[i];
 
         if (branch->is_in_tree)
             continue;
@@ -67,7 +67,7 @@ static int32_t next_tree_node(const cairn_pose_consensus *consensus)
 }
 
 /* Adds the next node to its tree. */
-void cairn_consensus_tree_item(cairn_pose_consensus *consensus)
+void cairn_pose_consensus_tree_item(cairn_pose_consensus *consensus)
 {
     int32_t node, link, units = 1 + consensus->node_count / 4;
 
@@ -75,9 +75,9 @@ void cairn_consensus_tree_item(cairn_pose_consensus *consensus)
         consensus->block_node = consensus->changed_nodes = 0;
         consensus->merge.support = 0;
         if (consensus->is_final)
-            cairn_consensus_enter(consensus, CAIRN_CONSENSUS_SPLIT, consensus->node_count);
+            cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_SPLIT, consensus->node_count);
         else
-            cairn_consensus_enter(consensus, CAIRN_CONSENSUS_BLOCK, 0);
+            cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_BLOCK, 0);
         consensus->units_owed++;
         return;
     }
@@ -86,14 +86,14 @@ void cairn_consensus_tree_item(cairn_pose_consensus *consensus)
     link = consensus->first_link[node];
     consensus->tree[node].is_in_tree = 1;
     for (int32_t i = 0; i < consensus->node_count && consensus->current[node].component >= 0; i++) {
-        cairn_consensus_branch *branch = &consensus->tree[i];
+        cairn_pose_consensus_branch *branch = &consensus->tree[i];
         cairn_real evidence;
 
         if (branch->is_in_tree ||
             consensus->current[i].component != consensus->current[node].component)
             continue;
-        evidence = cairn_consensus_pair_likelihood(consensus, node, consensus->current[node].pose,
-                                                   i, &link, &units);
+        evidence = cairn_pose_consensus_pair_likelihood(
+            consensus, node, consensus->current[node].pose, i, &link, &units);
         if (branch->parent < 0 || evidence > branch->log_likelihood_ratio) {
             branch->parent = node;
             branch->log_likelihood_ratio = evidence;
@@ -138,7 +138,7 @@ static int32_t cut_off(cairn_pose_consensus *consensus, int32_t branch)
 }
 
 /* Starts the next block, or the phase after the last. */
-void cairn_consensus_block_item(cairn_pose_consensus *consensus)
+void cairn_pose_consensus_block_item(cairn_pose_consensus *consensus)
 {
     consensus->units_owed++;
     while (consensus->block_node < consensus->node_count &&
@@ -147,19 +147,20 @@ void cairn_consensus_block_item(cairn_pose_consensus *consensus)
     if (consensus->block_node == consensus->node_count) {
         consensus->rounds = 0;
         if (consensus->changed_nodes > 0)
-            cairn_consensus_begin_rounds(consensus);
+            cairn_pose_consensus_begin_rounds(consensus);
         else
-            cairn_consensus_begin_report(consensus);
+            cairn_pose_consensus_begin_report(consensus);
         return;
     }
     memset(&consensus->merge, 0, sizeof consensus->merge);
     consensus->merge.node = consensus->component_count;
     consensus->merge.component = consensus->block_component;
-    consensus->merge.pose = cairn_consensus_pose_of(cairn_pose_identity());
+    consensus->merge.pose = cairn_pose_consensus_pose_of(cairn_pose_identity());
     consensus->merge.is_current = 1;
     if (consensus->block_component >= 0)
-        consensus->merge.support = cairn_consensus_merged_support(consensus, &consensus->merge, 1);
-    cairn_consensus_enter(consensus, CAIRN_CONSENSUS_PROPOSE, consensus->hypothesis_count);
+        consensus->merge.support =
+            cairn_pose_consensus_merged_support(consensus, &consensus->merge, 1);
+    cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_PROPOSE, consensus->hypothesis_count);
 }
 
 /* Returns the block to its component. */
@@ -174,19 +175,19 @@ static void restore_block(cairn_pose_consensus *consensus)
 static void move_block(cairn_pose_consensus *consensus)
 {
     if (!consensus->merge.is_current && consensus->merge.support >= consensus->params.min_support)
-        consensus->changed_nodes += cairn_consensus_apply_merge(consensus, &consensus->merge);
+        consensus->changed_nodes += cairn_pose_consensus_apply_merge(consensus, &consensus->merge);
     restore_block(consensus);
     consensus->block_node++;
-    cairn_consensus_enter(consensus, CAIRN_CONSENSUS_BLOCK, 0);
+    cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_BLOCK, 0);
 }
 
 /* Evaluates the block's pose by the next hypothesis. All pairs of the block are evaluated only when
  * those of the hypothesis' own node have positive support. */
-void cairn_consensus_propose_item(cairn_pose_consensus *consensus)
+void cairn_pose_consensus_propose_item(cairn_pose_consensus *consensus)
 {
-    const cairn_consensus_hypothesis *h = &consensus->hypotheses[consensus->next];
-    cairn_consensus_support own;
-    cairn_consensus_candidate merge;
+    const cairn_pose_consensus_hypothesis *h = &consensus->hypotheses[consensus->next];
+    cairn_pose_consensus_support own;
+    cairn_pose_consensus_candidate merge;
     int32_t inside, outside;
 
     consensus->units_owed++;
@@ -205,15 +206,15 @@ void cairn_consensus_propose_item(cairn_pose_consensus *consensus)
     memset(&merge, 0, sizeof merge);
     merge.node = consensus->component_count;
     merge.component = consensus->current[outside].component;
-    merge.pose = cairn_consensus_compose(consensus->current[outside].pose,
-                                         cairn_consensus_relative_to(h, outside));
-    own = cairn_consensus_support_of(consensus, inside, merge.pose, merge.component, 1);
+    merge.pose = cairn_pose_consensus_compose(consensus->current[outside].pose,
+                                              cairn_pose_consensus_relative_to(h, outside));
+    own = cairn_pose_consensus_support_of(consensus, inside, merge.pose, merge.component, 1);
     consensus->units_owed += own.units;
     if (!(own.sum > 0))
         return;
-    merge.pose = cairn_consensus_compose(merge.pose,
-                                         cairn_consensus_inverse(consensus->current[inside].pose));
-    merge.support = cairn_consensus_merged_support(consensus, &merge, 1);
+    merge.pose = cairn_pose_consensus_compose(
+        merge.pose, cairn_pose_consensus_inverse(consensus->current[inside].pose));
+    merge.support = cairn_pose_consensus_merged_support(consensus, &merge, 1);
     if (merge.support > consensus->merge.support + MIN_GAIN_NATS)
         consensus->merge = merge;
 }
@@ -230,7 +231,7 @@ static cairn_real missing_support(cairn_pose_consensus *consensus)
 
     for (int32_t i = 0; i < consensus->node_count; i++)
         if (consensus->current[i].component == consensus->component_count) {
-            cairn_consensus_support of = cairn_consensus_support_of(
+            cairn_pose_consensus_support of = cairn_pose_consensus_support_of(
                 consensus, i, consensus->current[i].pose, consensus->block_component, 1);
 
             support += of.sum;
@@ -252,13 +253,14 @@ static void split_off(cairn_pose_consensus *consensus, int32_t node)
 
 /* Finds the first node and the size of the next node's submap; an unplaced node is a submap by
  * itself. */
-void cairn_consensus_submap_item(cairn_pose_consensus *consensus)
+void cairn_pose_consensus_submap_item(cairn_pose_consensus *consensus)
 {
     int32_t node = consensus->next, size = 0, first = node;
 
     if (consensus->next == consensus->end) {
         consensus->result.ambiguous = 0;
-        cairn_consensus_enter(consensus, CAIRN_CONSENSUS_NUMBER_SUBMAPS, consensus->node_count);
+        cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_NUMBER_SUBMAPS,
+                                   consensus->node_count);
         return;
     }
     consensus->next++;
@@ -275,13 +277,13 @@ void cairn_consensus_submap_item(cairn_pose_consensus *consensus)
 
 /* Numbers the submap of the next node within its component: larger ones first, of equal ones that
  * of the lower node. Nodes of all but the first are ambiguous. */
-void cairn_consensus_number_item(cairn_pose_consensus *consensus)
+void cairn_pose_consensus_number_item(cairn_pose_consensus *consensus)
 {
     int32_t own = consensus->next, first;
-    cairn_consensus_node *node = &consensus->nodes[own];
+    cairn_pose_consensus_estimate *node = &consensus->nodes[own];
 
     if (consensus->next == consensus->end) {
-        cairn_consensus_enter(consensus, CAIRN_CONSENSUS_IDLE, 0);
+        cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_IDLE, 0);
         return;
     }
     consensus->next++;
@@ -299,7 +301,7 @@ void cairn_consensus_number_item(cairn_pose_consensus *consensus)
 
 /* Splits off the block with the greatest missing support, until every remaining link is
  * significant. */
-void cairn_consensus_split_item(cairn_pose_consensus *consensus)
+void cairn_pose_consensus_split_item(cairn_pose_consensus *consensus)
 {
     consensus->units_owed++;
     if (consensus->next < consensus->end) {
@@ -317,8 +319,8 @@ void cairn_consensus_split_item(cairn_pose_consensus *consensus)
         }
     } else if (consensus->merge.support > 0) {
         split_off(consensus, consensus->block_node);
-        cairn_consensus_begin_tree(consensus);
+        cairn_pose_consensus_begin_tree(consensus);
     } else {
-        cairn_consensus_enter(consensus, CAIRN_CONSENSUS_SUBMAPS, consensus->node_count);
+        cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_SUBMAPS, consensus->node_count);
     }
 }

@@ -9,7 +9,7 @@
 /* m and rad: farther poses count as another place, not as another estimate of the same place. */
 static const cairn_real OTHER_PLACE_M = 1, OTHER_PLACE_RAD = CAIRN_REAL(0.5);
 
-static int32_t first_of_part(const cairn_consensus_assignment *chart, int32_t node)
+static int32_t first_of_part(const cairn_pose_consensus_assignment *chart, int32_t node)
 {
     int32_t first = 0;
 
@@ -22,26 +22,27 @@ static int32_t first_of_part(const cairn_consensus_assignment *chart, int32_t no
  * by the first node of its component that both have placed. 0 when the competing map has no other
  * pose. */
 static int competing_pose(const cairn_pose_consensus *consensus, int32_t node,
-                          cairn_consensus_pose *pose)
+                          cairn_pose_consensus_pose *pose)
 {
     int32_t anchor = first_of_part(consensus->current, node);
 
     if (!(consensus->result.competing_total > 0) || consensus->competing[node].component < 0 ||
         consensus->competing[node].component != consensus->competing[anchor].component)
         return 0;
-    *pose = cairn_consensus_compose(
+    *pose = cairn_pose_consensus_compose(
         consensus->current[anchor].pose,
-        cairn_consensus_compose(cairn_consensus_inverse(consensus->competing[anchor].pose),
-                                consensus->competing[node].pose));
-    return !cairn_consensus_is_same_pose(consensus, *pose, consensus->current[node].pose);
+        cairn_pose_consensus_compose(
+            cairn_pose_consensus_inverse(consensus->competing[anchor].pose),
+            consensus->competing[node].pose));
+    return !cairn_pose_consensus_is_same_pose(consensus, *pose, consensus->current[node].pose);
 }
 
 /* Inserts the competing map's pose first, if alternatives are stored at all. */
 static void insert_competing(cairn_pose_consensus *consensus, int32_t node)
 {
-    cairn_consensus_alternative *list =
+    cairn_pose_consensus_competing_pose *list =
         &consensus->alternatives[node * consensus->params.max_alternatives];
-    cairn_consensus_pose pose;
+    cairn_pose_consensus_pose pose;
     int32_t *count = &consensus->nodes[node].alternatives;
 
     if (consensus->params.max_alternatives == 0 || !competing_pose(consensus, node, &pose))
@@ -49,7 +50,7 @@ static void insert_competing(cairn_pose_consensus *consensus, int32_t node)
     if (*count == consensus->params.max_alternatives)
         (*count)--;
     memmove(&list[1], &list[0], (size_t)*count * sizeof *list);
-    list[0].map_node = cairn_consensus_to_pose(pose);
+    list[0].map_node = cairn_pose_consensus_to_pose(pose);
     list[0].support = consensus->result.competing_total;
     list[0].is_other_map = 1;
     (*count)++;
@@ -58,9 +59,9 @@ static void insert_competing(cairn_pose_consensus *consensus, int32_t node)
 /* Softmax weights by support (of the whole map for an alternative map), the greatest first. */
 static void set_weights(cairn_pose_consensus *consensus, int32_t node)
 {
-    cairn_consensus_alternative *list =
+    cairn_pose_consensus_competing_pose *list =
         &consensus->alternatives[node * consensus->params.max_alternatives];
-    cairn_consensus_node *chosen = &consensus->nodes[node];
+    cairn_pose_consensus_estimate *chosen = &consensus->nodes[node];
     cairn_real sum = 1;
 
     for (int32_t i = 0; i < chosen->alternatives; i++) {
@@ -72,7 +73,7 @@ static void set_weights(cairn_pose_consensus *consensus, int32_t node)
     for (int32_t i = 0; i < chosen->alternatives; i++)
         list[i].weight /= sum;
     if (chosen->alternatives > 1 && list[0].weight < list[1].weight) {
-        cairn_consensus_alternative other_map = list[0];
+        cairn_pose_consensus_competing_pose other_map = list[0];
         int32_t at = 0;
 
         for (; at + 1 < chosen->alternatives && list[at + 1].weight > other_map.weight; at++)
@@ -131,10 +132,10 @@ static cairn_pose frame_of(const cairn_pose_consensus *consensus, int32_t node)
     cairn_pose frame;
 
     if (consensus->bound_count == 0)
-        return cairn_pose_inverse(cairn_consensus_to_pose(
+        return cairn_pose_inverse(cairn_pose_consensus_to_pose(
             consensus->current[first_of_part(consensus->current, node)].pose));
-    (void)cairn_consensus_within_bounds(consensus, consensus->current[node].component, -1,
-                                        consensus->current[node].pose, &frame);
+    (void)cairn_pose_consensus_within_bounds(consensus, consensus->current[node].component, -1,
+                                             consensus->current[node].pose, &frame);
     return frame;
 }
 
@@ -155,12 +156,12 @@ static void rotate_covariance(cairn_real covariance[9], cairn_pose frame)
 
 static void move_into_frame(cairn_pose_consensus *consensus, int32_t node)
 {
-    cairn_consensus_alternative *list =
+    cairn_pose_consensus_competing_pose *list =
         &consensus->alternatives[node * consensus->params.max_alternatives];
     cairn_pose frame = frame_of(consensus, node);
 
     consensus->nodes[node].map_node =
-        cairn_pose_compose(frame, cairn_consensus_to_pose(consensus->current[node].pose));
+        cairn_pose_compose(frame, cairn_pose_consensus_to_pose(consensus->current[node].pose));
     rotate_covariance(consensus->nodes[node].covariance, frame);
     for (int32_t i = 0; i < consensus->nodes[node].alternatives; i++)
         list[i].map_node = cairn_pose_compose(frame, list[i].map_node);
@@ -172,7 +173,7 @@ static void write_covariance(cairn_pose_consensus *consensus, int32_t node)
     cairn_real gradient[3], *covariance = consensus->nodes[node].covariance;
     cairn_sym3 inverse = cairn_sym3_zero();
 
-    (void)cairn_sym3_inverse(cairn_consensus_information(consensus, node, gradient), &inverse);
+    (void)cairn_sym3_inverse(cairn_pose_consensus_information(consensus, node, gradient), &inverse);
     covariance[0] = inverse.xx;
     covariance[1] = covariance[3] = inverse.xy;
     covariance[2] = covariance[6] = inverse.xz;
@@ -183,28 +184,29 @@ static void write_covariance(cairn_pose_consensus *consensus, int32_t node)
 
 /* Returns 1 when a candidate is at another place and significant there by itself. */
 static int is_significant_elsewhere(const cairn_pose_consensus *consensus,
-                                    const cairn_consensus_candidate *candidate)
+                                    const cairn_pose_consensus_candidate *candidate)
 {
-    cairn_consensus_pose here = consensus->current[candidate->node].pose;
+    cairn_pose_consensus_pose here = consensus->current[candidate->node].pose;
     cairn_real x = candidate->pose.transform.x - here.transform.x,
                y = candidate->pose.transform.y - here.transform.y;
 
     return consensus->params.significant_support > 0 &&
-           cairn_consensus_is_significant(consensus, candidate->support, candidate->violations) &&
+           cairn_pose_consensus_is_significant(consensus, candidate->support,
+                                               candidate->violations) &&
            cairn_exp(-candidate->violations) >= consensus->params.min_ambiguous_weight &&
            (x * x + y * y > OTHER_PLACE_M * OTHER_PLACE_M ||
             cairn_abs(cairn_wrap_angle(candidate->pose.theta - here.theta)) > OTHER_PLACE_RAD);
 }
 
 /* Writes the result of the node whose alternatives have been searched. */
-void cairn_consensus_report_node(cairn_pose_consensus *consensus)
+void cairn_pose_consensus_report_node(cairn_pose_consensus *consensus)
 {
-    cairn_consensus_node *node = &consensus->nodes[consensus->subject];
-    const cairn_consensus_assignment *chart = &consensus->current[consensus->subject];
-    cairn_consensus_alternative *list =
+    cairn_pose_consensus_estimate *node = &consensus->nodes[consensus->subject];
+    const cairn_pose_consensus_assignment *chart = &consensus->current[consensus->subject];
+    cairn_pose_consensus_competing_pose *list =
         &consensus->alternatives[consensus->subject * consensus->params.max_alternatives];
-    cairn_consensus_support support =
-        cairn_consensus_support_of(consensus, consensus->subject, chart->pose, chart->component, 1);
+    cairn_pose_consensus_support support = cairn_pose_consensus_support_of(
+        consensus, consensus->subject, chart->pose, chart->component, 1);
 
     consensus->units_owed += 2 * support.units;
     write_covariance(consensus, consensus->subject);
@@ -212,8 +214,8 @@ void cairn_consensus_report_node(cairn_pose_consensus *consensus)
     node->agreeing = support.agreeing;
     node->conflicting = support.conflicting;
     for (int32_t i = 0; i < consensus->candidate_count; i++) {
-        cairn_consensus_alternative alternative = {
-            cairn_consensus_to_pose(consensus->candidates[i].pose),
+        cairn_pose_consensus_competing_pose alternative = {
+            cairn_pose_consensus_to_pose(consensus->candidates[i].pose),
             consensus->candidates[i].support, 0, 0};
         int32_t at = node->alternatives;
 
@@ -234,17 +236,18 @@ void cairn_consensus_report_node(cairn_pose_consensus *consensus)
 
 /* Propagates ambiguity: a node is ambiguous when most of its support comes from ambiguous nodes.
  * Repeated until nothing changes. */
-void cairn_consensus_propagate_ambiguity_item(cairn_pose_consensus *consensus)
+void cairn_pose_consensus_propagate_ambiguity_item(cairn_pose_consensus *consensus)
 {
     int32_t node = consensus->next, link, units = 1;
     cairn_real all = 0, doubtful = 0;
 
     consensus->units_owed++;
     if (consensus->next == consensus->end) {
-        cairn_consensus_enter(consensus,
-                              consensus->changed_nodes > 0 ? CAIRN_CONSENSUS_PROPAGATE_AMBIGUITY
-                                                           : CAIRN_CONSENSUS_IDLE,
-                              consensus->node_count);
+        cairn_pose_consensus_enter(consensus,
+                                   consensus->changed_nodes > 0
+                                       ? CAIRN_CONSENSUS_PROPAGATE_AMBIGUITY
+                                       : CAIRN_CONSENSUS_IDLE,
+                                   consensus->node_count);
         consensus->changed_nodes = 0;
         return;
     }
@@ -254,7 +257,7 @@ void cairn_consensus_propagate_ambiguity_item(cairn_pose_consensus *consensus)
     link = consensus->first_link[node];
     for (int32_t i = 0; i < consensus->node_count; i++)
         if (i != node && consensus->current[i].component == consensus->current[node].component) {
-            cairn_real evidence = cairn_consensus_pair_likelihood(
+            cairn_real evidence = cairn_pose_consensus_pair_likelihood(
                 consensus, node, consensus->current[node].pose, i, &link, &units);
 
             all += cairn_max(evidence, 0);
@@ -266,7 +269,7 @@ void cairn_consensus_propagate_ambiguity_item(cairn_pose_consensus *consensus)
     consensus->units_owed += units;
 }
 
-void cairn_consensus_finish(cairn_pose_consensus *consensus)
+void cairn_pose_consensus_finish(cairn_pose_consensus *consensus)
 {
     consensus->result.nodes = consensus->node_count;
     for (int32_t i = 0; i < consensus->node_count; i++) {
@@ -282,14 +285,14 @@ void cairn_consensus_finish(cairn_pose_consensus *consensus)
     number_parts(consensus);
     consensus->units_owed += consensus->node_count;
     for (int32_t h = 0; h < consensus->hypothesis_count; h++) {
-        const cairn_consensus_hypothesis *kept = &consensus->hypotheses[h];
-        const cairn_consensus_assignment *first = &consensus->current[kept->first],
-                                         *second = &consensus->current[kept->second];
+        const cairn_pose_consensus_hypothesis *kept = &consensus->hypotheses[h];
+        const cairn_pose_consensus_assignment *first = &consensus->current[kept->first],
+                                              *second = &consensus->current[kept->second];
 
         consensus->result.inliers += first->component >= 0 &&
                                      first->component == second->component &&
-                                     cairn_consensus_chi2(kept, first->pose, second->pose, NULL) <
-                                         consensus->params.max_chi2;
+                                     cairn_pose_consensus_chi2(kept, first->pose, second->pose,
+                                                               NULL) < consensus->params.max_chi2;
     }
     consensus->units_owed += consensus->hypothesis_count / 2;
 }

@@ -11,8 +11,8 @@ enum { SWEEPS_GROWTH = 1, SWEEPS_ROUND = 2, SWEEPS_END = 10 };
 /* nats: least gain of a reassignment, above rounding. */
 static const cairn_real MIN_GAIN_NATS = CAIRN_REAL(1e-4);
 
-void cairn_consensus_enter(cairn_pose_consensus *consensus, cairn_consensus_phase phase,
-                           int32_t end)
+void cairn_pose_consensus_enter(cairn_pose_consensus *consensus, cairn_pose_consensus_phase phase,
+                                int32_t end)
 {
     consensus->phase = phase;
     consensus->next = 0;
@@ -29,7 +29,7 @@ static int32_t strongest_hypothesis(cairn_pose_consensus *consensus, int32_t for
     int32_t index = -1;
 
     for (int32_t i = 0; i < consensus->hypothesis_count; i++) {
-        const cairn_consensus_hypothesis *h = &consensus->hypotheses[i];
+        const cairn_pose_consensus_hypothesis *h = &consensus->hypotheses[i];
 
         if (consensus->current[h->first].component < 0 &&
             consensus->current[h->second].component < 0 && !(for_new_map && h->is_explained) &&
@@ -42,20 +42,21 @@ static int32_t strongest_hypothesis(cairn_pose_consensus *consensus, int32_t for
     return index;
 }
 
-static void place(cairn_pose_consensus *consensus, int32_t node, cairn_consensus_pose pose,
+static void place(cairn_pose_consensus *consensus, int32_t node, cairn_pose_consensus_pose pose,
                   int32_t part)
 {
     consensus->current[node].pose = pose;
     consensus->current[node].component = part;
 }
 
-static void search(cairn_pose_consensus *consensus, cairn_consensus_choice choice, int32_t subject)
+static void search(cairn_pose_consensus *consensus, cairn_pose_consensus_choice choice,
+                   int32_t subject)
 {
     int32_t all = choice == CAIRN_CHOOSE_NEXT;
 
-    cairn_consensus_enter(consensus, CAIRN_CONSENSUS_SEARCH,
-                          all ? consensus->first_link[consensus->node_count]
-                              : consensus->first_link[subject + 1]);
+    cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_SEARCH,
+                               all ? consensus->first_link[consensus->node_count]
+                                   : consensus->first_link[subject + 1]);
     consensus->next = all ? 0 : consensus->first_link[subject];
     consensus->subject = subject;
     consensus->choice = choice;
@@ -66,25 +67,27 @@ static void search(cairn_pose_consensus *consensus, cairn_consensus_choice choic
  * second. */
 static void begin_part(cairn_pose_consensus *consensus, int32_t hypothesis)
 {
-    const cairn_consensus_hypothesis *h = &consensus->hypotheses[hypothesis];
-    cairn_consensus_pose first = cairn_consensus_pose_of(consensus->bounds[h->first].centre);
-    cairn_consensus_pose second = cairn_consensus_compose(first, h->first_second);
+    const cairn_pose_consensus_hypothesis *h = &consensus->hypotheses[hypothesis];
+    cairn_pose_consensus_pose first =
+        cairn_pose_consensus_pose_of(consensus->bounds[h->first].centre);
+    cairn_pose_consensus_pose second = cairn_pose_consensus_compose(first, h->first_second);
 
     consensus->component = consensus->component_count++;
     place(consensus, h->first, first, consensus->component);
-    if (cairn_consensus_within_bounds(consensus, consensus->component, h->second, second, NULL))
+    if (cairn_pose_consensus_within_bounds(consensus, consensus->component, h->second, second,
+                                           NULL))
         place(consensus, h->second, second, consensus->component);
     search(consensus, CAIRN_CHOOSE_NEXT, 0);
 }
 
-static void relax(cairn_pose_consensus *consensus, int32_t sweeps, cairn_consensus_phase after)
+static void relax(cairn_pose_consensus *consensus, int32_t sweeps, cairn_pose_consensus_phase after)
 {
-    cairn_consensus_enter(consensus, CAIRN_CONSENSUS_RELAX, consensus->node_count);
+    cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_RELAX, consensus->node_count);
     consensus->sweeps = sweeps;
     consensus->after = after;
 }
 
-void cairn_consensus_begin_report(cairn_pose_consensus *consensus)
+void cairn_pose_consensus_begin_report(cairn_pose_consensus *consensus)
 {
     memcpy(consensus->current, consensus->best,
            (size_t)consensus->node_count * sizeof *consensus->current);
@@ -101,7 +104,7 @@ static void start_growth(cairn_pose_consensus *consensus)
         hypothesis = strongest_hypothesis(consensus, 1);
     consensus->units_owed++;
     if (hypothesis < 0) {
-        cairn_consensus_begin_blocks(consensus);
+        cairn_pose_consensus_begin_blocks(consensus);
         return;
     }
     consensus->hypotheses[hypothesis].is_explained = 1;
@@ -113,13 +116,14 @@ static void start_growth(cairn_pose_consensus *consensus)
 
 /* ---- A choice ---- */
 
-static cairn_real rank_of(const cairn_consensus_candidate *candidate)
+static cairn_real rank_of(const cairn_pose_consensus_candidate *candidate)
 {
     return candidate->support + candidate->cycle_score;
 }
 
 /* Order of the candidate list; the current pose is always kept. */
-static int is_before(const cairn_consensus_candidate *a, const cairn_consensus_candidate *b)
+static int is_before(const cairn_pose_consensus_candidate *a,
+                     const cairn_pose_consensus_candidate *b)
 {
     return a->is_current || (!b->is_current && rank_of(a) >= rank_of(b));
 }
@@ -127,14 +131,14 @@ static int is_before(const cairn_consensus_candidate *a, const cairn_consensus_c
 /* Inserts into the list of the best candidates, with non-maximum suppression: of two equal poses of
  * a node the better stays, or the current one. */
 static void insert_candidate(cairn_pose_consensus *consensus,
-                             const cairn_consensus_candidate *candidate)
+                             const cairn_pose_consensus_candidate *candidate)
 {
-    cairn_consensus_candidate *list = consensus->candidates;
+    cairn_pose_consensus_candidate *list = consensus->candidates;
     int32_t at = 0, same = -1;
 
     for (int32_t i = 0; i < consensus->candidate_count && same < 0; i++)
         if (list[i].node == candidate->node && list[i].component == candidate->component &&
-            cairn_consensus_is_same_pose(consensus, list[i].pose, candidate->pose))
+            cairn_pose_consensus_is_same_pose(consensus, list[i].pose, candidate->pose))
             same = i;
     if (same >= 0 && is_before(&list[same], candidate))
         return;
@@ -154,15 +158,15 @@ static void insert_candidate(cairn_pose_consensus *consensus,
     consensus->candidate_count++;
 }
 
-static void vote(cairn_pose_consensus *consensus, cairn_consensus_candidate *candidate)
+static void vote(cairn_pose_consensus *consensus, cairn_pose_consensus_candidate *candidate)
 {
-    cairn_consensus_support support = cairn_consensus_support_of(
+    cairn_pose_consensus_support support = cairn_pose_consensus_support_of(
         consensus, candidate->node, candidate->pose, candidate->component, 0);
 
     candidate->support = support.sum;
     consensus->units_owed += support.units;
-    if (cairn_consensus_within_bounds(consensus, candidate->component, candidate->node,
-                                      candidate->pose, NULL))
+    if (cairn_pose_consensus_within_bounds(consensus, candidate->component, candidate->node,
+                                           candidate->pose, NULL))
         insert_candidate(consensus, candidate);
     if (consensus->bound_count > 0)
         consensus->units_owed += consensus->node_count;
@@ -170,15 +174,17 @@ static void vote(cairn_pose_consensus *consensus, cairn_consensus_candidate *can
 
 static void propose(cairn_pose_consensus *consensus, int32_t link)
 {
-    const cairn_consensus_hypothesis *h = &consensus->hypotheses[consensus->links[link].hypothesis];
-    const cairn_consensus_assignment *other = &consensus->current[consensus->links[link].other];
-    cairn_consensus_candidate candidate;
+    const cairn_pose_consensus_hypothesis *h =
+        &consensus->hypotheses[consensus->links[link].hypothesis];
+    const cairn_pose_consensus_assignment *other =
+        &consensus->current[consensus->links[link].other];
+    cairn_pose_consensus_candidate candidate;
 
     memset(&candidate, 0, sizeof candidate);
     candidate.node = consensus->subject;
     candidate.component = other->component;
-    candidate.pose = cairn_consensus_compose(
-        other->pose, cairn_consensus_relative_to(h, consensus->links[link].other));
+    candidate.pose = cairn_pose_consensus_compose(
+        other->pose, cairn_pose_consensus_relative_to(h, consensus->links[link].other));
     candidate.cycle_score = consensus->choice == CAIRN_CHOOSE_NEXT ? h->cycle_score : 0;
     vote(consensus, &candidate);
 }
@@ -199,7 +205,7 @@ static void search_item(cairn_pose_consensus *consensus)
     if (consensus->choice != CAIRN_CHOOSE_NEXT &&
         consensus->next == consensus->first_link[consensus->subject] &&
         consensus->candidate_count == 0 && consensus->current[consensus->subject].component >= 0) {
-        cairn_consensus_candidate current;
+        cairn_pose_consensus_candidate current;
 
         memset(&current, 0, sizeof current);
         current.node = consensus->subject;
@@ -216,7 +222,7 @@ static void search_item(cairn_pose_consensus *consensus)
         consensus->next++;
         return;
     }
-    cairn_consensus_enter(consensus, CAIRN_CONSENSUS_EVALUATE, consensus->candidate_count);
+    cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_EVALUATE, consensus->candidate_count);
 }
 
 /* Returns the candidate of the best rank with enough support; -1: none. */
@@ -232,10 +238,10 @@ static int32_t best_candidate(const cairn_pose_consensus *consensus)
     return best;
 }
 
-void cairn_consensus_begin_rounds(cairn_pose_consensus *consensus)
+void cairn_pose_consensus_begin_rounds(cairn_pose_consensus *consensus)
 {
     consensus->merge.support = 0;
-    cairn_consensus_enter(consensus, CAIRN_CONSENSUS_MERGE, consensus->hypothesis_count);
+    cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_MERGE, consensus->hypothesis_count);
 }
 
 static void choose_next(cairn_pose_consensus *consensus)
@@ -252,13 +258,13 @@ static void choose_next(cairn_pose_consensus *consensus)
     if (hypothesis >= 0)
         begin_part(consensus, hypothesis);
     else
-        cairn_consensus_begin_rounds(consensus);
+        cairn_pose_consensus_begin_rounds(consensus);
 }
 
 static void reassign(cairn_pose_consensus *consensus)
 {
     int32_t best = best_candidate(consensus), current = -1;
-    cairn_consensus_assignment *node = &consensus->current[consensus->subject];
+    cairn_pose_consensus_assignment *node = &consensus->current[consensus->subject];
 
     for (int32_t i = 0; i < consensus->candidate_count; i++)
         if (consensus->candidates[i].is_current)
@@ -272,7 +278,7 @@ static void reassign(cairn_pose_consensus *consensus)
               consensus->candidates[best].component);
         consensus->changed_nodes++;
     }
-    cairn_consensus_enter(consensus, CAIRN_CONSENSUS_REASSIGN, consensus->node_count);
+    cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_REASSIGN, consensus->node_count);
     consensus->next = consensus->subject + 1;
 }
 
@@ -282,8 +288,8 @@ static void evaluate_item(cairn_pose_consensus *consensus)
 {
     consensus->units_owed++;
     if (consensus->next < consensus->end) {
-        cairn_consensus_candidate *candidate = &consensus->candidates[consensus->next++];
-        cairn_consensus_support support = cairn_consensus_support_of(
+        cairn_pose_consensus_candidate *candidate = &consensus->candidates[consensus->next++];
+        cairn_pose_consensus_support support = cairn_pose_consensus_support_of(
             consensus, candidate->node, candidate->pose, candidate->component, 1);
 
         candidate->support = support.sum;
@@ -300,15 +306,16 @@ static void evaluate_item(cairn_pose_consensus *consensus)
 
 /* ---- Merging and reassignment ---- */
 
-cairn_real cairn_consensus_merged_support(cairn_pose_consensus *consensus,
-                                          const cairn_consensus_candidate *merge, int32_t judged)
+cairn_real cairn_pose_consensus_merged_support(cairn_pose_consensus *consensus,
+                                               const cairn_pose_consensus_candidate *merge,
+                                               int32_t judged)
 {
     cairn_real sum = 0;
 
     for (int32_t i = 0; i < consensus->node_count; i++)
         if (consensus->current[i].component == merge->node) {
-            cairn_consensus_support support = cairn_consensus_support_of(
-                consensus, i, cairn_consensus_compose(merge->pose, consensus->current[i].pose),
+            cairn_pose_consensus_support support = cairn_pose_consensus_support_of(
+                consensus, i, cairn_pose_consensus_compose(merge->pose, consensus->current[i].pose),
                 merge->component, judged);
 
             sum += support.sum;
@@ -317,45 +324,47 @@ cairn_real cairn_consensus_merged_support(cairn_pose_consensus *consensus,
     return sum;
 }
 
-static void propose_merge(cairn_pose_consensus *consensus, const cairn_consensus_hypothesis *h)
+static void propose_merge(cairn_pose_consensus *consensus, const cairn_pose_consensus_hypothesis *h)
 {
-    const cairn_consensus_assignment *first = &consensus->current[h->first],
-                                     *second = &consensus->current[h->second];
-    cairn_consensus_candidate merge;
+    const cairn_pose_consensus_assignment *first = &consensus->current[h->first],
+                                          *second = &consensus->current[h->second];
+    cairn_pose_consensus_candidate merge;
 
     memset(&merge, 0, sizeof merge);
     merge.node = second->component;
     merge.component = first->component;
-    merge.pose = cairn_consensus_compose(cairn_consensus_compose(first->pose, h->first_second),
-                                         cairn_consensus_inverse(second->pose));
-    merge.support = cairn_consensus_merged_support(consensus, &merge, 0);
+    merge.pose =
+        cairn_pose_consensus_compose(cairn_pose_consensus_compose(first->pose, h->first_second),
+                                     cairn_pose_consensus_inverse(second->pose));
+    merge.support = cairn_pose_consensus_merged_support(consensus, &merge, 0);
     if (merge.support > consensus->merge.support)
         consensus->merge = merge;
 }
 
-int32_t cairn_consensus_apply_merge(cairn_pose_consensus *consensus,
-                                    const cairn_consensus_candidate *merge)
+int32_t cairn_pose_consensus_apply_merge(cairn_pose_consensus *consensus,
+                                         const cairn_pose_consensus_candidate *merge)
 {
-    cairn_consensus_pose back = cairn_consensus_inverse(merge->pose);
+    cairn_pose_consensus_pose back = cairn_pose_consensus_inverse(merge->pose);
 
     for (int32_t i = 0; i < consensus->node_count; i++) {
         consensus->current[i].component_before = consensus->current[i].component;
         if (consensus->current[i].component == merge->node)
-            place(consensus, i, cairn_consensus_compose(merge->pose, consensus->current[i].pose),
+            place(consensus, i,
+                  cairn_pose_consensus_compose(merge->pose, consensus->current[i].pose),
                   merge->component);
     }
-    if (cairn_consensus_within_bounds(consensus, merge->component, -1, back, NULL))
+    if (cairn_pose_consensus_within_bounds(consensus, merge->component, -1, back, NULL))
         return 1;
     for (int32_t i = 0; i < consensus->node_count; i++)
         if (consensus->current[i].component_before == merge->node)
-            place(consensus, i, cairn_consensus_compose(back, consensus->current[i].pose),
+            place(consensus, i, cairn_pose_consensus_compose(back, consensus->current[i].pose),
                   merge->node);
     return 0;
 }
 
 static void merge_item(cairn_pose_consensus *consensus)
 {
-    const cairn_consensus_hypothesis *h = &consensus->hypotheses[consensus->next];
+    const cairn_pose_consensus_hypothesis *h = &consensus->hypotheses[consensus->next];
 
     consensus->units_owed++;
     if (consensus->next < consensus->end) {
@@ -366,13 +375,13 @@ static void merge_item(cairn_pose_consensus *consensus)
         if (first >= 0 && second >= 0 && first != second)
             propose_merge(consensus, h);
     } else if (consensus->merge.support > 0 &&
-               cairn_consensus_merged_support(consensus, &consensus->merge, 1) >=
+               cairn_pose_consensus_merged_support(consensus, &consensus->merge, 1) >=
                    consensus->params.min_support &&
-               cairn_consensus_apply_merge(consensus, &consensus->merge)) {
-        cairn_consensus_begin_rounds(consensus);
+               cairn_pose_consensus_apply_merge(consensus, &consensus->merge)) {
+        cairn_pose_consensus_begin_rounds(consensus);
     } else {
         consensus->changed_nodes = 0;
-        cairn_consensus_enter(
+        cairn_pose_consensus_enter(
             consensus, CAIRN_CONSENSUS_REASSIGN,
             consensus->rounds < consensus->params.max_rounds ? consensus->node_count : 0);
         consensus->rounds++;
@@ -389,7 +398,7 @@ static void reassign_item(cairn_pose_consensus *consensus)
         relax(consensus, SWEEPS_ROUND, CAIRN_CONSENSUS_MERGE);
     } else {
         consensus->total = 0;
-        cairn_consensus_enter(consensus, CAIRN_CONSENSUS_TALLY, consensus->node_count);
+        cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_TALLY, consensus->node_count);
     }
 }
 
@@ -399,24 +408,24 @@ static void relax_item(cairn_pose_consensus *consensus)
         consensus->units_owed += 2 + (consensus->first_link[consensus->next + 1] -
                                       consensus->first_link[consensus->next]) /
                                          4;
-        cairn_consensus_relax(consensus, consensus->next);
+        cairn_pose_consensus_relax(consensus, consensus->next);
         consensus->next++;
     } else if (--consensus->sweeps > 0) {
         consensus->next = 0;
     } else if (consensus->after == CAIRN_CONSENSUS_SEARCH) {
         search(consensus, CAIRN_CHOOSE_NEXT, 0);
     } else if (consensus->after == CAIRN_CONSENSUS_MERGE) {
-        cairn_consensus_begin_rounds(consensus);
+        cairn_pose_consensus_begin_rounds(consensus);
     } else {
-        cairn_consensus_enter(consensus, consensus->after, consensus->node_count);
+        cairn_pose_consensus_enter(consensus, consensus->after, consensus->node_count);
     }
 }
 
 /* ---- Comparison ---- */
 
 /* Returns 1 when two maps have the same components with equal relative poses. */
-static int same_map(const cairn_pose_consensus *consensus, const cairn_consensus_assignment *a,
-                    const cairn_consensus_assignment *b)
+static int same_map(const cairn_pose_consensus *consensus, const cairn_pose_consensus_assignment *a,
+                    const cairn_pose_consensus_assignment *b)
 {
     for (int32_t i = 0; i < consensus->node_count; i++) {
         int32_t anchor = 0;
@@ -429,17 +438,19 @@ static int same_map(const cairn_pose_consensus *consensus, const cairn_consensus
         while (a[anchor].component != a[i].component)
             anchor++;
         if (b[anchor].component != b[i].component ||
-            !cairn_consensus_is_same_pose(
+            !cairn_pose_consensus_is_same_pose(
                 consensus,
-                cairn_consensus_compose(cairn_consensus_inverse(a[anchor].pose), a[i].pose),
-                cairn_consensus_compose(cairn_consensus_inverse(b[anchor].pose), b[i].pose)))
+                cairn_pose_consensus_compose(cairn_pose_consensus_inverse(a[anchor].pose),
+                                             a[i].pose),
+                cairn_pose_consensus_compose(cairn_pose_consensus_inverse(b[anchor].pose),
+                                             b[i].pose)))
             return 0;
     }
     return 1;
 }
 
-static void copy_map(const cairn_pose_consensus *consensus, cairn_consensus_assignment *to,
-                     const cairn_consensus_assignment *from)
+static void copy_map(const cairn_pose_consensus *consensus, cairn_pose_consensus_assignment *to,
+                     const cairn_pose_consensus_assignment *from)
 {
     memcpy(to, from, (size_t)consensus->node_count * sizeof *to);
 }
@@ -447,7 +458,7 @@ static void copy_map(const cairn_pose_consensus *consensus, cairn_consensus_assi
 /* Keeps the best map and the best competing one. */
 static void compare(cairn_pose_consensus *consensus)
 {
-    cairn_consensus_result *result = &consensus->result;
+    cairn_pose_consensus_result *result = &consensus->result;
     int is_first = result->starts == 1 && consensus->block_passes == 0,
         is_other = !is_first && !same_map(consensus, consensus->current, consensus->best);
     int is_better = is_first || consensus->total > result->total;
@@ -470,12 +481,13 @@ static void compare(cairn_pose_consensus *consensus)
 static void mark_explained(cairn_pose_consensus *consensus)
 {
     for (int32_t i = 0; i < consensus->hypothesis_count; i++) {
-        cairn_consensus_hypothesis *h = &consensus->hypotheses[i];
-        const cairn_consensus_assignment *first = &consensus->current[h->first],
-                                         *second = &consensus->current[h->second];
+        cairn_pose_consensus_hypothesis *h = &consensus->hypotheses[i];
+        const cairn_pose_consensus_assignment *first = &consensus->current[h->first],
+                                              *second = &consensus->current[h->second];
 
         if (first->component >= 0 && first->component == second->component &&
-            cairn_consensus_chi2(h, first->pose, second->pose, NULL) < consensus->params.max_chi2)
+            cairn_pose_consensus_chi2(h, first->pose, second->pose, NULL) <
+                consensus->params.max_chi2)
             h->is_explained = 1;
     }
     consensus->units_owed += consensus->hypothesis_count / 2;
@@ -485,10 +497,10 @@ static void total_item(cairn_pose_consensus *consensus)
 {
     consensus->units_owed++;
     if (consensus->next < consensus->end) {
-        const cairn_consensus_assignment *node = &consensus->current[consensus->next];
+        const cairn_pose_consensus_assignment *node = &consensus->current[consensus->next];
 
         if (node->component >= 0) {
-            cairn_consensus_support support = cairn_consensus_support_of(
+            cairn_pose_consensus_support support = cairn_pose_consensus_support_of(
                 consensus, consensus->next, node->pose, node->component, 1);
 
             consensus->total += support.sum / 2;
@@ -498,7 +510,7 @@ static void total_item(cairn_pose_consensus *consensus)
     } else {
         compare(consensus);
         mark_explained(consensus);
-        cairn_consensus_enter(consensus, CAIRN_CONSENSUS_START, 0);
+        cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_START, 0);
     }
 }
 
@@ -509,8 +521,8 @@ static void report_item(cairn_pose_consensus *consensus)
 {
     consensus->units_owed++;
     if (consensus->phase == CAIRN_CONSENSUS_EVALUATE) {
-        cairn_consensus_report_node(consensus);
-        cairn_consensus_enter(consensus, CAIRN_CONSENSUS_REPORT, consensus->node_count);
+        cairn_pose_consensus_report_node(consensus);
+        cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_REPORT, consensus->node_count);
         consensus->next = consensus->subject + 1;
         return;
     }
@@ -519,24 +531,24 @@ static void report_item(cairn_pose_consensus *consensus)
     if (consensus->next < consensus->end) {
         search(consensus, CAIRN_CHOOSE_ALTERNATIVES, consensus->next);
     } else {
-        cairn_consensus_finish(consensus);
+        cairn_pose_consensus_finish(consensus);
         consensus->changed_nodes = 0;
-        cairn_consensus_enter(consensus,
-                              consensus->params.significant_support > 0
-                                  ? CAIRN_CONSENSUS_PROPAGATE_AMBIGUITY
-                                  : CAIRN_CONSENSUS_IDLE,
-                              consensus->node_count);
+        cairn_pose_consensus_enter(consensus,
+                                   consensus->params.significant_support > 0
+                                       ? CAIRN_CONSENSUS_PROPAGATE_AMBIGUITY
+                                       : CAIRN_CONSENSUS_IDLE,
+                                   consensus->node_count);
     }
 }
 
-void cairn_consensus_item(cairn_pose_consensus *consensus)
+void cairn_pose_consensus_item(cairn_pose_consensus *consensus)
 {
     switch (consensus->phase) {
     case CAIRN_CONSENSUS_CYCLES:
         if (consensus->next < consensus->end)
-            cairn_consensus_add_cycles(consensus);
+            cairn_pose_consensus_add_cycles(consensus);
         else
-            cairn_consensus_enter(consensus, CAIRN_CONSENSUS_START, 0);
+            cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_START, 0);
         break;
     case CAIRN_CONSENSUS_START:
         start_growth(consensus);
@@ -560,25 +572,25 @@ void cairn_consensus_item(cairn_pose_consensus *consensus)
         total_item(consensus);
         break;
     case CAIRN_CONSENSUS_TREE:
-        cairn_consensus_tree_item(consensus);
+        cairn_pose_consensus_tree_item(consensus);
         break;
     case CAIRN_CONSENSUS_BLOCK:
-        cairn_consensus_block_item(consensus);
+        cairn_pose_consensus_block_item(consensus);
         break;
     case CAIRN_CONSENSUS_PROPOSE:
-        cairn_consensus_propose_item(consensus);
+        cairn_pose_consensus_propose_item(consensus);
         break;
     case CAIRN_CONSENSUS_SPLIT:
-        cairn_consensus_split_item(consensus);
+        cairn_pose_consensus_split_item(consensus);
         break;
     case CAIRN_CONSENSUS_SUBMAPS:
-        cairn_consensus_submap_item(consensus);
+        cairn_pose_consensus_submap_item(consensus);
         break;
     case CAIRN_CONSENSUS_NUMBER_SUBMAPS:
-        cairn_consensus_number_item(consensus);
+        cairn_pose_consensus_number_item(consensus);
         break;
     case CAIRN_CONSENSUS_PROPAGATE_AMBIGUITY:
-        cairn_consensus_propagate_ambiguity_item(consensus);
+        cairn_pose_consensus_propagate_ambiguity_item(consensus);
         break;
     default:
         report_item(consensus);

@@ -7,14 +7,14 @@
 #include "cairn/small_matrix.h"
 
 /* A pose with the sine and cosine of its angle. */
-typedef struct cairn_consensus_pose {
+typedef struct cairn_pose_consensus_pose {
     cairn_transform transform;
     cairn_real theta;
-} cairn_consensus_pose;
+} cairn_pose_consensus_pose;
 
-typedef struct cairn_consensus_hypothesis {
+typedef struct cairn_pose_consensus_hypothesis {
     int32_t first, second;
-    cairn_consensus_pose first_second, second_first;
+    cairn_pose_consensus_pose first_second, second_first;
     /* information of first_second with the nodes' model noise, in the frame of the first */
     cairn_sym3 information;
     cairn_real score;
@@ -22,35 +22,35 @@ typedef struct cairn_consensus_hypothesis {
     cairn_real cycle_score;
     /* 1: an inlier of a map found before, or the seed of one */
     int32_t is_explained;
-} cairn_consensus_hypothesis;
+} cairn_pose_consensus_hypothesis;
 
 /* A hypothesis in the list of one of its nodes; the links of a node are contiguous, sorted by the
  * other node. */
-typedef struct cairn_consensus_link {
+typedef struct cairn_pose_consensus_link {
     int32_t other, hypothesis;
-} cairn_consensus_link;
+} cairn_pose_consensus_link;
 
 /* Assignment of a node: its pose and its component, -1 when it is not placed. */
-typedef struct cairn_consensus_assignment {
-    cairn_consensus_pose pose;
+typedef struct cairn_pose_consensus_assignment {
+    cairn_pose_consensus_pose pose;
     int32_t component;
     int32_t component_before; /* during a tentative merge */
-} cairn_consensus_assignment;
+} cairn_pose_consensus_assignment;
 
 /* A node in the maximum spanning tree of its component. */
-typedef struct cairn_consensus_branch {
+typedef struct cairn_pose_consensus_branch {
     int32_t parent; /* -1: a root; while submaps are numbered the first node of its own submap */
     int32_t is_in_tree;
     cairn_real log_likelihood_ratio; /* log-likelihood ratio of the pair with the parent, nats */
-} cairn_consensus_branch;
+} cairn_pose_consensus_branch;
 
-typedef struct cairn_consensus_bound {
+typedef struct cairn_pose_consensus_bound {
     cairn_pose centre;
     cairn_real metres, radians; /* metres 0: no bound */
-} cairn_consensus_bound;
+} cairn_pose_consensus_bound;
 
-typedef struct cairn_consensus_candidate {
-    cairn_consensus_pose pose;
+typedef struct cairn_pose_consensus_candidate {
+    cairn_pose_consensus_pose pose;
     cairn_real support, violations;
     /* score of the agreeing cycles of the proposing hypothesis, in growth; added to the support in
      * the choice */
@@ -58,16 +58,16 @@ typedef struct cairn_consensus_candidate {
     int32_t node, component;
     /* 1: the node's current pose */
     int32_t is_current;
-} cairn_consensus_candidate;
+} cairn_pose_consensus_candidate;
 
 /* Support of a pose of a node by all pairs, nats. */
-typedef struct cairn_consensus_support {
+typedef struct cairn_pose_consensus_support {
     cairn_real sum, violations; /* violations: the sum of the negative terms, >= 0 */
     int32_t agreeing, conflicting;
     int32_t units;
-} cairn_consensus_support;
+} cairn_pose_consensus_support;
 
-typedef int32_t cairn_consensus_phase;
+typedef int32_t cairn_pose_consensus_phase;
 enum {
     CAIRN_CONSENSUS_IDLE = 0,
     CAIRN_CONSENSUS_CYCLES,
@@ -98,7 +98,7 @@ enum {
 };
 
 /* Subject of a search. */
-typedef int32_t cairn_consensus_choice;
+typedef int32_t cairn_pose_consensus_choice;
 enum {
     CAIRN_CHOOSE_NEXT = 0,        /* the next node of the growing component */
     CAIRN_CHOOSE_REASSIGN = 1,    /* the pose of a node given the others */
@@ -108,25 +108,25 @@ enum {
 struct cairn_pose_consensus {
     cairn_pose_consensus_params params;
     /* [max_hypotheses] */
-    cairn_consensus_hypothesis *hypotheses;
+    cairn_pose_consensus_hypothesis *hypotheses;
     /* [2 * max_hypotheses] */
-    cairn_consensus_link *links;
+    cairn_pose_consensus_link *links;
     /* [max_nodes + 1] */
     int32_t *first_link;
     /* [max_nodes] insertion points while links are built; sizes of submaps */
     int32_t *next_free;
     /* [max_nodes] */
-    cairn_consensus_bound *bounds;
+    cairn_pose_consensus_bound *bounds;
     /* [max_nodes] assignment: current, best, and best competing map */
-    cairn_consensus_assignment *current, *best, *competing;
+    cairn_pose_consensus_assignment *current, *best, *competing;
     /* [max_nodes] */
-    cairn_consensus_branch *tree;
+    cairn_pose_consensus_branch *tree;
     /* [max_nodes] */
-    cairn_consensus_node *nodes;
+    cairn_pose_consensus_estimate *nodes;
     /* [max_nodes * max_alternatives] */
-    cairn_consensus_alternative *alternatives;
+    cairn_pose_consensus_competing_pose *alternatives;
     /* [max_candidates] of the search, the best first */
-    cairn_consensus_candidate *candidates;
+    cairn_pose_consensus_candidate *candidates;
     /* [max_nodes] poses of the current assignment, for the joint likelihood, ... */
     cairn_pose *joint_poses;
     /* ... and its components */
@@ -137,8 +137,8 @@ struct cairn_pose_consensus {
     int32_t node_count, hypothesis_count, bound_count;
 
     /* after: the phase after relaxation */
-    cairn_consensus_phase phase, after;
-    cairn_consensus_choice choice;
+    cairn_pose_consensus_phase phase, after;
+    cairn_pose_consensus_choice choice;
     /* next: hypothesis, link, candidate or node of the phase; end: where it ends */
     int32_t next, end;
     /* node of the link, or the one that is reassigned or reported */
@@ -165,121 +165,124 @@ struct cairn_pose_consensus {
     int32_t units_owed;
     int32_t candidate_count;
     /* best merge so far: its pose maps component `node` into `part` */
-    cairn_consensus_candidate merge;
+    cairn_pose_consensus_candidate merge;
     cairn_real total;
     /* seed hypothesis of this map */
     int32_t start;
-    cairn_consensus_result result;
+    cairn_pose_consensus_result result;
 };
 
-cairn_consensus_pose cairn_consensus_pose_of(cairn_pose pose);
-cairn_pose cairn_consensus_to_pose(cairn_consensus_pose pose);
-cairn_consensus_pose cairn_consensus_compose(cairn_consensus_pose a_b, cairn_consensus_pose b_c);
-cairn_consensus_pose cairn_consensus_inverse(cairn_consensus_pose a_b);
+cairn_pose_consensus_pose cairn_pose_consensus_pose_of(cairn_pose pose);
+cairn_pose cairn_pose_consensus_to_pose(cairn_pose_consensus_pose pose);
+cairn_pose_consensus_pose cairn_pose_consensus_compose(cairn_pose_consensus_pose a_b,
+                                                       cairn_pose_consensus_pose b_c);
+cairn_pose_consensus_pose cairn_pose_consensus_inverse(cairn_pose_consensus_pose a_b);
 
 /* Returns 1 when two poses are equal within five of the nodes' model sigmas. */
-int32_t cairn_consensus_is_same_pose(const cairn_pose_consensus *consensus, cairn_consensus_pose a,
-                                     cairn_consensus_pose b);
+int32_t cairn_pose_consensus_is_same_pose(const cairn_pose_consensus *consensus,
+                                          cairn_pose_consensus_pose a, cairn_pose_consensus_pose b);
 
 /* Returns chi-squared of a hypothesis given two poses; of the second only its position and angle
  * are read. residual, when not NULL: its residual in the frame of the first node. */
-cairn_real cairn_consensus_chi2(const cairn_consensus_hypothesis *hypothesis,
-                                cairn_consensus_pose map_first, cairn_consensus_pose map_second,
-                                cairn_real residual[3]);
+cairn_real cairn_pose_consensus_chi2(const cairn_pose_consensus_hypothesis *hypothesis,
+                                     cairn_pose_consensus_pose map_first,
+                                     cairn_pose_consensus_pose map_second, cairn_real residual[3]);
 
 /* Returns the best agreeing hypothesis of the pair (node, other), and its weighted score; -1: none.
  * `from` is the first link of the pair, *to is set behind its last. *strongest: best score of the
  * pair, agreeing or not. */
-int32_t cairn_consensus_best_of_pair(const cairn_pose_consensus *consensus, int32_t node,
-                                     cairn_consensus_pose map_node, int32_t from,
-                                     cairn_consensus_pose map_other, int32_t *to,
-                                     cairn_real *earned, cairn_real *strongest);
+int32_t cairn_pose_consensus_best_of_pair(const cairn_pose_consensus *consensus, int32_t node,
+                                          cairn_pose_consensus_pose map_node, int32_t from,
+                                          cairn_pose_consensus_pose map_other, int32_t *to,
+                                          cairn_real *earned, cairn_real *strongest);
 
 /* Returns the support of a pose of a node by the placed nodes of a component; judged 1: by the
  * likelihood functions. */
-cairn_consensus_support cairn_consensus_support_of(const cairn_pose_consensus *consensus,
-                                                   int32_t node, cairn_consensus_pose map_node,
-                                                   int32_t part, int32_t judged);
+cairn_pose_consensus_support cairn_pose_consensus_support_of(const cairn_pose_consensus *consensus,
+                                                             int32_t node,
+                                                             cairn_pose_consensus_pose map_node,
+                                                             int32_t part, int32_t judged);
 
 /* Returns 1 when the support is significant by itself. */
-int32_t cairn_consensus_is_significant(const cairn_pose_consensus *consensus, cairn_real support,
-                                       cairn_real against);
+int32_t cairn_pose_consensus_is_significant(const cairn_pose_consensus *consensus,
+                                            cairn_real support, cairn_real against);
 
 /* Returns 1 when a common motion of the component brings its nodes and the candidate within their
  * bounds; *map_part, when not NULL, is that motion (identity without bounds). node -1: no
  * candidate. */
-int32_t cairn_consensus_within_bounds(const cairn_pose_consensus *consensus, int32_t part,
-                                      int32_t node, cairn_consensus_pose pose,
-                                      cairn_pose *map_part);
+int32_t cairn_pose_consensus_within_bounds(const cairn_pose_consensus *consensus, int32_t part,
+                                           int32_t node, cairn_pose_consensus_pose pose,
+                                           cairn_pose *map_part);
 
 /* Returns the other node's pose in the frame of `node`. */
-cairn_consensus_pose cairn_consensus_relative_to(const cairn_consensus_hypothesis *hypothesis,
-                                                 int32_t node);
+cairn_pose_consensus_pose
+cairn_pose_consensus_relative_to(const cairn_pose_consensus_hypothesis *hypothesis, int32_t node);
 
 /* Computes the cycle score of the next hypothesis, and advances. */
-void cairn_consensus_add_cycles(cairn_pose_consensus *consensus);
+void cairn_pose_consensus_add_cycles(cairn_pose_consensus *consensus);
 
 /* Writes the result of the node whose alternatives have been searched. */
-void cairn_consensus_report_node(cairn_pose_consensus *consensus);
+void cairn_pose_consensus_report_node(cairn_pose_consensus *consensus);
 
 /* Returns the information about a node given the others, by its inlier hypotheses; gradient: of
  * half their chi-squared. */
-cairn_sym3 cairn_consensus_information(const cairn_pose_consensus *consensus, int32_t node,
-                                       cairn_real gradient[3]);
+cairn_sym3 cairn_pose_consensus_information(const cairn_pose_consensus *consensus, int32_t node,
+                                            cairn_real gradient[3]);
 
 /* One Gauss-Newton step of a node given the others. */
-void cairn_consensus_relax(cairn_pose_consensus *consensus, int32_t node);
+void cairn_pose_consensus_relax(cairn_pose_consensus *consensus, int32_t node);
 
 /* Returns the log-likelihood ratio of a pair of placed nodes: the weighted score of its best
  * hypothesis or the pairwise likelihood, the greater. *link: the first link of the node that is not
  * to a lower node than `other`; it is advanced. */
-cairn_real cairn_consensus_pair_likelihood(const cairn_pose_consensus *consensus, int32_t node,
-                                           cairn_consensus_pose map_node, int32_t other,
-                                           int32_t *link, int32_t *units);
+cairn_real cairn_pose_consensus_pair_likelihood(const cairn_pose_consensus *consensus, int32_t node,
+                                                cairn_pose_consensus_pose map_node, int32_t other,
+                                                int32_t *link, int32_t *units);
 
 /* Returns the support of placing component merge->node in merge->part by merge->pose. */
-cairn_real cairn_consensus_merged_support(cairn_pose_consensus *consensus,
-                                          const cairn_consensus_candidate *merge, int32_t judged);
+cairn_real cairn_pose_consensus_merged_support(cairn_pose_consensus *consensus,
+                                               const cairn_pose_consensus_candidate *merge,
+                                               int32_t judged);
 
 /* Merges one component into the other; returns 0 and changes nothing when bounds forbid it. */
-int32_t cairn_consensus_apply_merge(cairn_pose_consensus *consensus,
-                                    const cairn_consensus_candidate *merge);
+int32_t cairn_pose_consensus_apply_merge(cairn_pose_consensus *consensus,
+                                         const cairn_pose_consensus_candidate *merge);
 
 /* Starts to merge components and to reassign every node. */
-void cairn_consensus_begin_rounds(cairn_pose_consensus *consensus);
+void cairn_pose_consensus_begin_rounds(cairn_pose_consensus *consensus);
 
 /* Starts the report: the best map is relaxed, and every node is written. */
-void cairn_consensus_begin_report(cairn_pose_consensus *consensus);
+void cairn_pose_consensus_begin_report(cairn_pose_consensus *consensus);
 
 /* Starts the block moves of the best map. */
-void cairn_consensus_begin_blocks(cairn_pose_consensus *consensus);
+void cairn_pose_consensus_begin_blocks(cairn_pose_consensus *consensus);
 
 /* Starts the maximum spanning trees of the best map. */
-void cairn_consensus_begin_tree(cairn_pose_consensus *consensus);
+void cairn_pose_consensus_begin_tree(cairn_pose_consensus *consensus);
 
 /* An item of the trees, of the blocks, of a block's proposals. */
-void cairn_consensus_tree_item(cairn_pose_consensus *consensus);
-void cairn_consensus_block_item(cairn_pose_consensus *consensus);
-void cairn_consensus_propose_item(cairn_pose_consensus *consensus);
+void cairn_pose_consensus_tree_item(cairn_pose_consensus *consensus);
+void cairn_pose_consensus_block_item(cairn_pose_consensus *consensus);
+void cairn_pose_consensus_propose_item(cairn_pose_consensus *consensus);
 
 /* Evaluates a block of the final map, or splits off the least supported one as a submap. */
-void cairn_consensus_split_item(cairn_pose_consensus *consensus);
+void cairn_pose_consensus_split_item(cairn_pose_consensus *consensus);
 
 /* Measures the submap of a node; numbers it. */
-void cairn_consensus_submap_item(cairn_pose_consensus *consensus);
-void cairn_consensus_number_item(cairn_pose_consensus *consensus);
+void cairn_pose_consensus_submap_item(cairn_pose_consensus *consensus);
+void cairn_pose_consensus_number_item(cairn_pose_consensus *consensus);
 
 /* Enters a phase of `end` items. */
-void cairn_consensus_enter(cairn_pose_consensus *consensus, cairn_consensus_phase phase,
-                           int32_t end);
+void cairn_pose_consensus_enter(cairn_pose_consensus *consensus, cairn_pose_consensus_phase phase,
+                                int32_t end);
 
 /* Executes one item of the search and adds its cost to units_owed. */
-void cairn_consensus_item(cairn_pose_consensus *consensus);
+void cairn_pose_consensus_item(cairn_pose_consensus *consensus);
 
 /* Marks a node as ambiguous when it depends on ambiguous nodes. */
-void cairn_consensus_propagate_ambiguity_item(cairn_pose_consensus *consensus);
+void cairn_pose_consensus_propagate_ambiguity_item(cairn_pose_consensus *consensus);
 
 /* Makes the best map the result: frames, components by size, alternatives from other maps. */
-void cairn_consensus_finish(cairn_pose_consensus *consensus);
+void cairn_pose_consensus_finish(cairn_pose_consensus *consensus);
 
 #endif

@@ -97,22 +97,22 @@ static cairn_block_solver_result builtin_read(const void *context)
     return cairn_block_solver_read(context);
 }
 
-cairn_pose_solver cairn_pose_solver_of(cairn_block_solver *solver)
+cairn_pose_graph_solver cairn_pose_graph_solver_of(cairn_block_solver *solver)
 {
-    cairn_pose_solver face = {solver,
-                              builtin_begin,
-                              builtin_add_link,
-                              builtin_analyze,
-                              builtin_clear,
-                              builtin_add_pose_block,
-                              builtin_add_link_block,
-                              builtin_factor,
-                              builtin_solve,
-                              builtin_solution,
-                              builtin_invert,
-                              builtin_covariance,
-                              builtin_step,
-                              builtin_read};
+    cairn_pose_graph_solver face = {solver,
+                                    builtin_begin,
+                                    builtin_add_link,
+                                    builtin_analyze,
+                                    builtin_clear,
+                                    builtin_add_pose_block,
+                                    builtin_add_link_block,
+                                    builtin_factor,
+                                    builtin_solve,
+                                    builtin_solution,
+                                    builtin_invert,
+                                    builtin_covariance,
+                                    builtin_step,
+                                    builtin_read};
     return face;
 }
 
@@ -159,7 +159,7 @@ static cairn_pose_graph *carve(cairn_pose_graph *graph, cairn_pool *pool,
 }
 
 size_t cairn_pose_graph_memory(const cairn_pose_graph_params *params,
-                               const cairn_pose_solver *solver)
+                               const cairn_pose_graph_solver *solver)
 {
     cairn_block_solver_params inner;
     cairn_pose_graph layout;
@@ -178,7 +178,7 @@ size_t cairn_pose_graph_memory(const cairn_pose_graph_params *params,
 
 cairn_status cairn_pose_graph_create(cairn_pose_graph **graph, cairn_pool *pool,
                                      const cairn_pose_graph_params *params,
-                                     const cairn_pose_solver *solver)
+                                     const cairn_pose_graph_solver *solver)
 {
     size_t need = cairn_pose_graph_memory(params, solver);
     cairn_block_solver_params inner;
@@ -198,7 +198,7 @@ cairn_status cairn_pose_graph_create(cairn_pose_graph **graph, cairn_pool *pool,
         status = cairn_block_solver_create(&layout.builtin_solver, pool, &inner);
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
-        layout.solver = cairn_pose_solver_of(layout.builtin_solver);
+        layout.solver = cairn_pose_graph_solver_of(layout.builtin_solver);
     } else {
         layout.solver = *solver;
     }

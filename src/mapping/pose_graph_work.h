@@ -55,7 +55,7 @@ struct pose_graph_link {
 struct cairn_pose_graph {
     cairn_pose_graph_params params;
     cairn_pose_graph_state state;
-    cairn_pose_solver solver;
+    cairn_pose_graph_solver solver;
     /* NULL: the solver is the caller's */
     cairn_block_solver *builtin_solver;
     /* [max_poses] accepted poses */

@@ -60,7 +60,7 @@ static cairn_scan *carve(cairn_pool *pool, const cairn_scan_params *p)
     cairn_scan *scan = cairn_pool_take_one(pool, sizeof *scan);
     float *range = cairn_pool_take(pool, n, sizeof *range);
     float *angle = cairn_pool_take(pool, n, sizeof *angle);
-    cairn_beam *beams = cairn_pool_take(pool, n, sizeof *beams);
+    cairn_scan_beam *beams = cairn_pool_take(pool, n, sizeof *beams);
     int32_t *hit = cairn_pool_take(pool, n, sizeof *hit);
     scan_segment *walls = cairn_pool_take(pool, m, sizeof *walls);
     int32_t *order = cairn_pool_take(pool, m, sizeof *order);
@@ -211,28 +211,28 @@ cairn_status cairn_scan_begin(cairn_scan *scan, const cairn_scan_input *input, c
         scan->polyline, cairn_max(1, (cairn_real)input->range_sigma / scan->params.fit.sigma));
 }
 
-static int32_t *kind_count(cairn_scan *scan, cairn_beam_kind kind)
+static int32_t *kind_count(cairn_scan *scan, cairn_scan_beam_kind kind)
 {
-    if (kind == CAIRN_BEAM_HIT)
+    if (kind == CAIRN_SCAN_BEAM_HIT)
         return &scan->measure.hits;
-    return kind == CAIRN_BEAM_FREE ? &scan->measure.free : &scan->measure.unknown;
+    return kind == CAIRN_SCAN_BEAM_FREE ? &scan->measure.free : &scan->measure.unknown;
 }
 
-static cairn_beam beam_of(const cairn_scan *scan, int32_t i)
+static cairn_scan_beam beam_of(const cairn_scan *scan, int32_t i)
 {
     float range = scan->range[i], length = range;
     cairn_real f = scan->input.count > 1 ? (cairn_real)i / (cairn_real)(scan->input.count - 1) : 0;
     cairn_pose sensor =
         cairn_pose_compose(cairn_twist_exp(scan->twist, f), scan->input.base_sensor);
-    cairn_beam beam = {{sensor.x, sensor.y}, {sensor.x, sensor.y}, CAIRN_BEAM_HIT};
+    cairn_scan_beam beam = {{sensor.x, sensor.y}, {sensor.x, sensor.y}, CAIRN_SCAN_BEAM_HIT};
     cairn_vec2 direction;
 
     if (!(range > 0) || range < scan->input.range_min) {
-        beam.kind = CAIRN_BEAM_UNKNOWN;
+        beam.kind = CAIRN_SCAN_BEAM_UNKNOWN;
         return beam;
     }
     if (range > scan->input.range_max) {
-        beam.kind = CAIRN_BEAM_FREE;
+        beam.kind = CAIRN_SCAN_BEAM_FREE;
         length = scan->input.range_max;
     }
     cairn_sincos(sensor.theta + (cairn_real)scan->angle[i], &direction.y, &direction.x);
@@ -243,7 +243,7 @@ static cairn_beam beam_of(const cairn_scan *scan, int32_t i)
 static cairn_status make_beams(cairn_scan *scan, cairn_budget *budget)
 {
     for (; scan->item_index < scan->input.count; scan->item_index++) {
-        cairn_beam *beam = &scan->beams[scan->item_index];
+        cairn_scan_beam *beam = &scan->beams[scan->item_index];
         cairn_real point[2];
         cairn_status status;
 
@@ -251,7 +251,7 @@ static cairn_status make_beams(cairn_scan *scan, cairn_budget *budget)
             return CAIRN_MORE;
         *beam = beam_of(scan, scan->item_index);
         (*kind_count(scan, beam->kind))++;
-        if (beam->kind != CAIRN_BEAM_HIT)
+        if (beam->kind != CAIRN_SCAN_BEAM_HIT)
             continue;
         scan->hit[scan->hit_count++] = scan->item_index;
         point[0] = beam->to.x;

@@ -275,9 +275,9 @@ static int32_t make_profile(match_visibility_profile *profile, const cairn_scan_
     int32_t known = 0;
 
     for (int32_t i = 0; i < part->beam_count; i++) {
-        const cairn_beam *beam = &part->beams[i];
+        const cairn_scan_beam *beam = &part->beams[i];
 
-        if (beam->kind == CAIRN_BEAM_UNKNOWN)
+        if (beam->kind == CAIRN_SCAN_BEAM_UNKNOWN)
             continue;
         if (!known)
             cairn_scan_match_profile_clear(profile, cairn_transform_point(transform, beam->from));

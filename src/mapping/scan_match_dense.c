@@ -14,9 +14,9 @@ enum { MAX_NEIGHBOURS = 12 }; /* neighbouring beams, to each side */
 /* m: root mean square residual of a line above which the surface is bent */
 static const cairn_real MAX_LINE_RMS_M = CAIRN_REAL(0.013);
 
-static int is_hit_near(const cairn_beam *beam, cairn_vec2 p, cairn_real reach)
+static int is_hit_near(const cairn_scan_beam *beam, cairn_vec2 p, cairn_real reach)
 {
-    return beam->kind == CAIRN_BEAM_HIT &&
+    return beam->kind == CAIRN_SCAN_BEAM_HIT &&
            cairn_vec2_norm_squared(cairn_vec2_sub(beam->to, p)) < reach * reach;
 }
 
@@ -49,7 +49,7 @@ static cairn_real fit_line(const cairn_scan_view *view, int32_t low, int32_t hig
  * side is used. */
 static int surface_direction(const cairn_scan_view *view, int32_t i, cairn_vec2 *direction)
 {
-    const cairn_beam *beam = &view->beams[i];
+    const cairn_scan_beam *beam = &view->beams[i];
     cairn_vec2 to_sensor = cairn_vec2_sub(beam->from, beam->to);
     cairn_real reach = CAIRN_REAL(0.08) + CAIRN_REAL(0.03) * cairn_vec2_norm(to_sensor), spread;
     int32_t low = i, high = i;
@@ -85,7 +85,7 @@ int32_t cairn_scan_match_dense(const cairn_scan_view *view, cairn_oriented_point
     int32_t count = 0;
 
     for (int32_t i = 0; i < view->beam_count; i++) {
-        if (view->beams[i].kind != CAIRN_BEAM_HIT ||
+        if (view->beams[i].kind != CAIRN_SCAN_BEAM_HIT ||
             !surface_direction(view, i, &dense[count].direction))
             continue;
         dense[count++].position = view->beams[i].to;
@@ -115,7 +115,7 @@ int32_t cairn_scan_match_readings(const cairn_scan_view *view, cairn_oriented_po
     int32_t count = 0;
 
     for (int32_t i = 0; i < view->beam_count && view->segment_count > 0; i++) {
-        if (view->beams[i].kind != CAIRN_BEAM_HIT)
+        if (view->beams[i].kind != CAIRN_SCAN_BEAM_HIT)
             continue;
         readings[count].position = view->beams[i].to;
         readings[count++].direction = nearest_direction(view, view->beams[i].to);

@@ -145,7 +145,7 @@ static void add_covariance_floor(const cairn_scan_match *match, cairn_real covar
                          (COVARIANCE_FLOOR * match->params.spacing)),
                more[9];
     cairn_sym3 information = {by, 0, 0, by, 0, by};
-    cairn_motion_basis basis = cairn_motion_basis_of(information, 0);
+    cairn_rigid_motion_basis basis = cairn_rigid_motion_basis_of(information, 0);
 
     cairn_rigid_motion_covariance(&match->fit.motion, &basis, &information, NULL, more);
     for (int k = 0; k < 9; k++)
@@ -153,11 +153,11 @@ static void add_covariance_floor(const cairn_scan_match *match, cairn_real covar
 }
 
 /* Stores the refined pose; of the last stage also its covariance and observability. */
-static void store_hypothesis(cairn_scan_match *match, const cairn_motion_basis *basis)
+static void store_hypothesis(cairn_scan_match *match, const cairn_rigid_motion_basis *basis)
 {
     cairn_scan_match_hypothesis *h = &match->hypotheses[match->hypothesis_index];
-    cairn_motion_basis seen;
-    cairn_normal_equations prior;
+    cairn_rigid_motion_basis seen;
+    cairn_rigid_motion_equations prior;
     cairn_sym3 information = cairn_sym3_zero();
 
     h->target_query = match->fit.motion.map_body;
@@ -173,7 +173,7 @@ static void store_hypothesis(cairn_scan_match *match, const cairn_motion_basis *
     if (match->has_window)
         prior = cairn_rigid_motion_prior(&match->fit.motion, &match->prior);
     if (basis != NULL) {
-        seen = cairn_motion_basis_of(match->fit.sums.cross, match->params.weak_ratio);
+        seen = cairn_rigid_motion_basis_of(match->fit.sums.cross, match->params.weak_ratio);
         basis = &seen;
         information = scaled(match->fit.sums.cross, information_scale(match));
         h->observable_dof = 3 - basis->unobservable;
@@ -202,8 +202,8 @@ static int32_t end_iteration(cairn_scan_match *match)
     int32_t use_prior = uses_prior(match);
     const match_stage *stage = &STAGES[match->stage];
     match_fit *fit = &match->fit;
-    cairn_normal_equations equations, prior;
-    cairn_motion_basis basis;
+    cairn_rigid_motion_equations equations, prior;
+    cairn_rigid_motion_basis basis;
     cairn_real step[3], moved, by, gate_end = stage->gate_end * match->params.spacing,
                                    sigma = fit->sigma;
 
@@ -217,7 +217,7 @@ static int32_t end_iteration(cairn_scan_match *match)
         cairn_max(match->params.min_sigma,
                   cairn_sqrt(CAUCHY_VARIANCE * fit->sums.residual_squares / fit->sums.weight));
     by = 1 / (2 * fit->sigma * fit->sigma);
-    basis = cairn_motion_basis_of(fit->sums.lines, MIN_STEP_RATIO);
+    basis = cairn_rigid_motion_basis_of(fit->sums.lines, MIN_STEP_RATIO);
     if (stage->iterations == 0) {
         store_hypothesis(match, &basis);
         return 1;
@@ -227,7 +227,7 @@ static int32_t end_iteration(cairn_scan_match *match)
         equations.gradient[k] = by * fit->sums.gradient[k];
     if (use_prior)
         prior = cairn_rigid_motion_prior(&fit->motion, &match->prior);
-    if (!cairn_motion_solve(&basis, &equations, use_prior ? &prior : NULL, fit->gate, step)) {
+    if (!cairn_rigid_motion_solve(&basis, &equations, use_prior ? &prior : NULL, fit->gate, step)) {
         store_hypothesis(match, &basis);
         return 1;
     }

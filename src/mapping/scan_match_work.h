@@ -184,7 +184,7 @@ struct cairn_scan_match {
     cairn_scan_match_window window;
     int32_t has_window;
     /* Gaussian prior of the window: variance of the uniform distribution */
-    cairn_pose_prior prior;
+    cairn_rigid_motion_pose_prior prior;
     cairn_vec2 centroid;
     cairn_real radius;
     /* m: greatest distance of a query point from the origin */

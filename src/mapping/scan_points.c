@@ -43,7 +43,7 @@ cairn_status cairn_scan_attribute(cairn_scan *scan, cairn_budget *budget)
     }
     for (; scan->item_index < scan->hit_count; scan->item_index++) {
         int32_t label = view.label[scan->item_index];
-        const cairn_beam *beam = &scan->beams[scan->hit[scan->item_index]];
+        const cairn_scan_beam *beam = &scan->beams[scan->hit[scan->item_index]];
         scan_segment *w;
 
         if (!cairn_scan_pay(scan, budget, 6))

@@ -29,7 +29,7 @@ struct cairn_scan {
     cairn_scan_params params;
     cairn_polyline *polyline;
     float *range, *angle;
-    cairn_beam *beams;
+    cairn_scan_beam *beams;
     int32_t *hit; /* [max_beams] beam of each hit */
     scan_segment *fitted;
     int32_t *order; /* [max_segments] segments of the fit, in the order of the view */

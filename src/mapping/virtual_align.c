@@ -210,8 +210,9 @@ cairn_status cairn_virtual_align_add_scan(cairn_virtual_align *align, const cair
     return CAIRN_OK;
 }
 
-cairn_status cairn_virtual_align_add_detector(cairn_virtual_align *align,
-                                              const cairn_hypothesis_detector *detector)
+cairn_status
+cairn_virtual_align_add_detector(cairn_virtual_align *align,
+                                 const cairn_virtual_scan_hypothesis_detector *detector)
 {
     return align == NULL ? CAIRN_BAD_ARGUMENT
                          : cairn_virtual_scan_add_detector(align->hypotheses, detector);

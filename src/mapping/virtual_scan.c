@@ -241,7 +241,7 @@ cairn_status cairn_virtual_scan_create(cairn_virtual_scan **virtual_scan, cairn_
 }
 
 cairn_status cairn_virtual_scan_add_detector(cairn_virtual_scan *virtual_scan,
-                                             const cairn_hypothesis_detector *detector)
+                                             const cairn_virtual_scan_hypothesis_detector *detector)
 {
     if (virtual_scan == NULL || detector == NULL || detector->begin == NULL ||
         detector->step == NULL || detector->count == NULL || detector->outline == NULL)
@@ -450,8 +450,8 @@ cairn_status cairn_virtual_scan_step(cairn_virtual_scan *virtual_scan, cairn_bud
     return CAIRN_OK;
 }
 
-const cairn_hypothesis *cairn_virtual_scan_hypotheses(const cairn_virtual_scan *virtual_scan,
-                                                      int32_t *count)
+const cairn_virtual_scan_hypothesis *
+cairn_virtual_scan_hypotheses(const cairn_virtual_scan *virtual_scan, int32_t *count)
 {
     *count = virtual_scan->done.count;
     return virtual_scan->done.hypotheses;

@@ -8,10 +8,11 @@
 /* ---- Outlines ---- */
 
 /* Adds a hypothesis without points; NULL, and counted as dropped, beyond the capacity. */
-static cairn_hypothesis *add_hypothesis(cairn_virtual_scan *virtual_scan,
-                                        cairn_hypothesis_kind kind, cairn_real strength)
+static cairn_virtual_scan_hypothesis *add_hypothesis(cairn_virtual_scan *virtual_scan,
+                                                     cairn_virtual_scan_hypothesis_kind kind,
+                                                     cairn_real strength)
 {
-    cairn_hypothesis *h = &virtual_scan->work.hypotheses[virtual_scan->work.count];
+    cairn_virtual_scan_hypothesis *h = &virtual_scan->work.hypotheses[virtual_scan->work.count];
 
     if (virtual_scan->work.count == virtual_scan->params.max_hypotheses) {
         virtual_scan->work.dropped++;
@@ -28,7 +29,8 @@ static cairn_hypothesis *add_hypothesis(cairn_virtual_scan *virtual_scan,
 
 /* Samples a segment, points `spacing` apart, symmetric about its middle; those beyond the capacity
  * are counted as dropped. */
-static void sample_segment(cairn_virtual_scan *virtual_scan, cairn_hypothesis *h, cairn_segment s)
+static void sample_segment(cairn_virtual_scan *virtual_scan, cairn_virtual_scan_hypothesis *h,
+                           cairn_segment s)
 {
     cairn_vec2 run = cairn_vec2_sub(s.b, s.a), direction = cairn_vec2_unit(run);
     cairn_real length = cairn_vec2_norm(run),
@@ -152,7 +154,7 @@ cairn_status cairn_virtual_sample_lines(cairn_virtual_scan *virtual_scan, cairn_
 
     for (; virtual_scan->item < count; next_item(virtual_scan)) {
         const cairn_hough_line *l = &lines[virtual_scan->item];
-        cairn_hypothesis *h;
+        cairn_virtual_scan_hypothesis *h;
 
         if (!is_as_written && !virtual_scan->scans_counted &&
             count_scans(virtual_scan, is_on_line, budget) != CAIRN_OK)
@@ -162,7 +164,7 @@ cairn_status cairn_virtual_sample_lines(cairn_virtual_scan *virtual_scan, cairn_
         if (!cairn_budget_charge(budget, &virtual_scan->units_charged,
                                  sample_cost(virtual_scan, l->high - l->low)))
             return CAIRN_MORE;
-        h = add_hypothesis(virtual_scan, CAIRN_HYPOTHESIS_LINE,
+        h = add_hypothesis(virtual_scan, CAIRN_VIRTUAL_SCAN_LINE,
                            strength_of(virtual_scan, lines, l));
         if (h != NULL) {
             h->observing_scans = is_as_written ? 0 : virtual_scan->scan_count;
@@ -175,7 +177,7 @@ cairn_status cairn_virtual_sample_lines(cairn_virtual_scan *virtual_scan, cairn_
 /* ---- Ellipses ---- */
 
 /* Samples the outline of an ellipse, about `spacing` apart, at even angles of its circle. */
-static void sample_ellipse(cairn_virtual_scan *virtual_scan, cairn_hypothesis *h,
+static void sample_ellipse(cairn_virtual_scan *virtual_scan, cairn_virtual_scan_hypothesis *h,
                            const cairn_ellipse *e)
 {
     cairn_real length = cairn_ellipse_length(e);
@@ -202,7 +204,7 @@ cairn_status cairn_virtual_sample_ellipses(cairn_virtual_scan *virtual_scan, cai
 
     for (; virtual_scan->item < count; next_item(virtual_scan)) {
         const cairn_ellipse *e = &ellipses[virtual_scan->item];
-        cairn_hypothesis *h;
+        cairn_virtual_scan_hypothesis *h;
 
         if (!virtual_scan->scans_counted &&
             count_scans(virtual_scan, is_on_ellipse, budget) != CAIRN_OK)
@@ -212,7 +214,7 @@ cairn_status cairn_virtual_sample_ellipses(cairn_virtual_scan *virtual_scan, cai
         if (!cairn_budget_charge(budget, &virtual_scan->units_charged,
                                  4 * sample_cost(virtual_scan, cairn_ellipse_length(e))))
             return CAIRN_MORE;
-        h = add_hypothesis(virtual_scan, CAIRN_HYPOTHESIS_ELLIPSE, e->score);
+        h = add_hypothesis(virtual_scan, CAIRN_VIRTUAL_SCAN_ELLIPSE, e->score);
         if (h != NULL) {
             h->observing_scans = virtual_scan->scan_count;
             sample_ellipse(virtual_scan, h, e);
@@ -246,12 +248,12 @@ cairn_status cairn_virtual_sample_rectangles(cairn_virtual_scan *virtual_scan, c
 
     for (; virtual_scan->item < count; virtual_scan->item++) {
         const cairn_rectangle *r = &list[virtual_scan->item];
-        cairn_hypothesis *h;
+        cairn_virtual_scan_hypothesis *h;
 
         if (!cairn_budget_charge(budget, &virtual_scan->units_charged,
                                  sample_cost(virtual_scan, 4 * (r->half_length + r->half_width))))
             return CAIRN_MORE;
-        h = add_hypothesis(virtual_scan, CAIRN_HYPOTHESIS_RECTANGLE, r->score);
+        h = add_hypothesis(virtual_scan, CAIRN_VIRTUAL_SCAN_RECTANGLE, r->score);
         for (int32_t i = 0; i < 4 && h != NULL; i++)
             sample_segment(virtual_scan, h, side_of(r, i));
     }
@@ -260,11 +262,11 @@ cairn_status cairn_virtual_sample_rectangles(cairn_virtual_scan *virtual_scan, c
 
 /* ---- The caller's kinds ---- */
 
-static void take_outline(cairn_virtual_scan *virtual_scan, const cairn_hypothesis_detector *d,
-                         int32_t index)
+static void take_outline(cairn_virtual_scan *virtual_scan,
+                         const cairn_virtual_scan_hypothesis_detector *d, int32_t index)
 {
-    cairn_hypothesis *h =
-        add_hypothesis(virtual_scan, CAIRN_HYPOTHESIS_CALLER + virtual_scan->item, 0);
+    cairn_virtual_scan_hypothesis *h =
+        add_hypothesis(virtual_scan, CAIRN_VIRTUAL_SCAN_CALLER + virtual_scan->item, 0);
     int32_t capacity = virtual_scan->params.max_virtual - virtual_scan->work.point_count, count;
     cairn_real strength = 0;
 
@@ -284,7 +286,8 @@ static void take_outline(cairn_virtual_scan *virtual_scan, const cairn_hypothesi
 cairn_status cairn_virtual_run_detectors(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
 {
     while (virtual_scan->item < virtual_scan->detector_count) {
-        const cairn_hypothesis_detector *d = &virtual_scan->detectors[virtual_scan->item];
+        const cairn_virtual_scan_hypothesis_detector *d =
+            &virtual_scan->detectors[virtual_scan->item];
         cairn_status status = CAIRN_OK;
 
         if (!virtual_scan->detector_begun)

@@ -19,9 +19,9 @@ enum {
 
 /* Result of a detection. */
 typedef struct virtual_result {
-    cairn_hypothesis *hypotheses; /* [max_hypotheses] */
-    cairn_oriented_point *points; /* [max_virtual] */
-    cairn_real *weights;          /* [max_virtual] */
+    cairn_virtual_scan_hypothesis *hypotheses; /* [max_hypotheses] */
+    cairn_oriented_point *points;              /* [max_virtual] */
+    cairn_real *weights;                       /* [max_virtual] */
     int32_t count, point_count, dropped;
 } virtual_result;
 
@@ -36,9 +36,9 @@ struct cairn_virtual_scan {
     int32_t *segment_scan;
     /* [max_scans] number of inliers of each scan on the current line or ellipse */
     int32_t *scan_inliers;
-    cairn_hypothesis_detector *detectors; /* [max_detectors] */
+    cairn_virtual_scan_hypothesis_detector *detectors; /* [max_detectors] */
     int32_t detector_count;
-    cairn_virtual_map map;
+    cairn_virtual_scan_map map;
     virtual_result work, done;
     virtual_phase phase;
     int32_t cursor;          /* current point of the map, or of an outline */
