@@ -17,7 +17,7 @@ static void assert_done(outcome o)
 static int same(const char *a, const char *b, const char *name)
 {
     char path[100];
-    size_t count_a, count_b;
+    size_t count_a = 0, count_b = 0;
     char *bytes_a, *bytes_b;
     int equal;
 

@@ -42,7 +42,8 @@ static void test_curves_are_simple_polygons_in_the_square(void **state)
                 cairn_segment s = edge(curve, i);
 
                 assert_true(fabs(curve->point[i][0]) <= 0.52 && fabs(curve->point[i][1]) <= 0.52);
-                assert_true(cairn_segment_length(s) > 0 && cairn_segment_length(s) < CAIRN_REAL(0.1));
+                assert_true(cairn_segment_length(s) > 0 &&
+                            cairn_segment_length(s) < CAIRN_REAL(0.1));
                 for (int32_t j = i + 2; j < curve->count - (i == 0); j++)
                     assert_false(cairn_segments_intersect(s, edge(curve, j)));
             }
