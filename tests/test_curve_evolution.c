@@ -18,14 +18,19 @@ typedef struct evolving {
     cairn_curve_evolution *evolution;
 } evolving;
 
-static evolving new_evolving(int32_t points)
+static evolving new_evolving_in(int32_t points, int32_t mode)
 {
-    cairn_curve_evolution_params params = {points};
+    cairn_curve_evolution_params params = {.max_points = points, .mode = mode};
     evolving e;
 
     e.pool = test_pool(cairn_curve_evolution_memory(&params));
     assert_ok(cairn_curve_evolution_create(&e.evolution, &e.pool, &params));
     return e;
+}
+
+static evolving new_evolving(int32_t points)
+{
+    return new_evolving_in(points, CAIRN_MODE_DEFAULT);
 }
 
 static cairn_curve_evolution_result evolve(evolving *e, const cairn_vec2 *points, int32_t count)
@@ -61,7 +66,7 @@ static int is_simple(const cairn_vec2 *p, int32_t n)
     return 1;
 }
 
-static int32_t slow_evolution(const cairn_vec2 *points, int32_t count, int32_t *rank)
+static int32_t slow_evolution(const cairn_vec2 *points, int32_t count, int32_t mode, int32_t *rank)
 {
     int32_t left[MANY], n = count;
 
@@ -91,7 +96,7 @@ static int32_t slow_evolution(const cairn_vec2 *points, int32_t count, int32_t *
             for (int32_t k = 0; k < n; k++)
                 if (k != best)
                     rest[m++] = points[left[k]];
-            if (is_simple(rest, m))
+            if (mode == CAIRN_MODE_AS_WRITTEN || is_simple(rest, m))
                 break;
             refused[best] = 1;
         }
@@ -106,15 +111,20 @@ static int32_t slow_evolution(const cairn_vec2 *points, int32_t count, int32_t *
     return n;
 }
 
-static void assert_as_slow(evolving *e, const cairn_vec2 *points, int32_t count)
+static void assert_as_slow_in(evolving *e, const cairn_vec2 *points, int32_t count, int32_t mode)
 {
     cairn_curve_evolution_result r = evolve(e, points, count);
-    int32_t rank[MANY], least = slow_evolution(points, count, rank);
+    int32_t rank[MANY], least = slow_evolution(points, count, mode, rank);
 
     assert_int_equal(r.count, count);
     assert_int_equal(r.min_vertices, least);
     for (int32_t i = 0; i < count; i++)
         assert_int_equal(r.rank[i], rank[i]);
+}
+
+static void assert_as_slow(evolving *e, const cairn_vec2 *points, int32_t count)
+{
+    assert_as_slow_in(e, points, count, CAIRN_MODE_DEFAULT);
 }
 
 /* Seen whole from its middle: spikes of all lengths. */
@@ -158,6 +168,35 @@ static void evolves_as_the_obvious_way(void **state)
     spiral(p, MANY);
     assert_as_slow(&e, p, MANY);
     test_pool_free(&e.pool);
+}
+
+/* The least relevant vertex always goes, down to a triangle, also where the curve then crosses
+ * itself. */
+static void as_written_nothing_is_refused(void **state)
+{
+    evolving e = new_evolving_in(MANY, cairn_curve_evolution_as_written().mode);
+    evolving checked = new_evolving(MANY);
+    cairn_curve_evolution_result r, other;
+    cairn_vec2 p[MANY];
+    int32_t differ = 0;
+
+    (void)state;
+    for (uint64_t seed = 0; seed < 30; seed++) {
+        int32_t count = 3 + (int32_t)(seed * 5 / 2);
+
+        star(p, count, seed);
+        assert_as_slow_in(&e, p, count, CAIRN_MODE_AS_WRITTEN);
+        assert_int_equal(cairn_curve_evolution_read(e.evolution).min_vertices, 3);
+    }
+    spiral(p, MANY);
+    assert_as_slow_in(&e, p, MANY, CAIRN_MODE_AS_WRITTEN);
+    r = cairn_curve_evolution_read(e.evolution);
+    other = evolve(&checked, p, MANY);
+    for (int32_t i = 0; i < MANY; i++)
+        differ += r.rank[i] != other.rank[i];
+    assert_true(differ > 0);
+    test_pool_free(&e.pool);
+    test_pool_free(&checked.pool);
 }
 
 /* On pixels: many vertices are as relevant as others, and straight on. */
@@ -317,7 +356,9 @@ static cairn_status create(void *context, cairn_pool *pool)
 
 static void refusals(void **state)
 {
-    cairn_curve_evolution_params good = {8}, bad = {2}, large = {4097};
+    cairn_curve_evolution_params good = {.max_points = 8}, bad = {.max_points = 2},
+                                 large = {.max_points = 4097},
+                                 unknown = {.max_points = 8, .mode = 2};
     evolving e = new_evolving(8);
     cairn_budget budget = {10};
     cairn_vec2 p[9];
@@ -328,6 +369,7 @@ static void refusals(void **state)
     assert_status(step(&e, &budget), CAIRN_OK);
     (void)evolve(&e, p, 8);
     hash = hash_of(&e);
+    assert_int_equal(cairn_curve_evolution_memory(&unknown), 0);
     assert_status(cairn_curve_evolution_begin(NULL, p, 8), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_curve_evolution_begin(e.evolution, NULL, 8), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_curve_evolution_begin(e.evolution, p, 2), CAIRN_BAD_ARGUMENT);
@@ -357,6 +399,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(evolves_as_the_obvious_way),
+        cmocka_unit_test(as_written_nothing_is_refused),
         cmocka_unit_test(equals_go_in_their_order),
         cmocka_unit_test(never_touches_itself),
         cmocka_unit_test(what_touches_from_the_start_may_stay),

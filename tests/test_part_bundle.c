@@ -128,7 +128,7 @@ static void cuts_by_the_rule(void **state)
     for (int32_t tips = 2; tips < 7; tips++)
         for (int32_t longest = 1; longest <= 3; longest++) {
             cairn_part_bundle_params params = small_params();
-            cairn_curve_evolution_params evolution_params = {MOST};
+            cairn_curve_evolution_params evolution_params = {.max_points = MOST};
             cairn_pool pool = test_pool(cairn_curve_evolution_memory(&evolution_params));
             cairn_budget budget = {INT32_MAX};
             cairn_curve_evolution *evolution;

@@ -182,7 +182,8 @@ static void slow_level(slow *s, int32_t m)
 static void slow_search(slow *s, const cairn_vec2 *samples, int32_t count)
 {
     cairn_inner_distance_params inner_params = {96, 0};
-    cairn_curve_evolution_params evolution_params = {96};
+    cairn_curve_evolution_params evolution_params = {.max_points = 96,
+                                                     .mode = CAIRN_MODE_AS_WRITTEN};
     cairn_pool pool = test_pool(cairn_inner_distance_memory(&inner_params) +
                                 cairn_curve_evolution_memory(&evolution_params));
     cairn_budget budget = {INT32_MAX};

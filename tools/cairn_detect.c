@@ -1,5 +1,6 @@
 /* cairn detect: detects objects of a class in images by a model of their outline. */
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -79,7 +80,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_INTEGER("--jobs", &s->jobs, 1, MAX_JOBS, "N",
                        "parallel processes (number of processors)"),
         OPTION_NUMBER("--min-score", &s->score, -100, 100, "S",
-                      "minimum score of a reported detection, by its outline alone"),
+                      "minimum score of a reported detection, by its outline alone (0; as written "
+                      "none)"),
         OPTION_TEXT("--method", &s->method, "NAME",
                     "evidence: log-likelihood ratio of the edges at every position and scale; "
                     "parts: voting by fragments of the outline"),
@@ -198,7 +200,8 @@ static cairn_status detect(const settings *s, work *w, const cairn_shape_model *
     params.verify = (cairn_real)s->verify;
     params.candidates = (int32_t)s->candidates;
     params.overlap = (cairn_real)s->overlap;
-    params.min_score = (cairn_real)s->score;
+    if (!isnan(s->score))
+        params.min_score = (cairn_real)s->score;
     params.nearest = (int32_t)s->nearest;
     params.matches = (int32_t)s->matches;
     params.modes_only = s->modes;
@@ -483,7 +486,7 @@ int tool_detect(int argc, char **argv)
     s.verify = -1;
     s.candidates = -1;
     s.overlap = (double)params.overlap;
-    s.score = (double)params.min_score;
+    s.score = (double)NAN;
     result = read_settings(&s, argc, argv);
     if (result != OPTIONS_READ)
         return (int)result;

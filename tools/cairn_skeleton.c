@@ -291,6 +291,7 @@ static cairn_status read_edgels(const char *path, const work *w, cairn_edgel **e
     cairn_vision_image image;
     cairn_contour_search_tokens tokens;
     cairn_raster_u8_view view;
+    cairn_edgel *list;
     cairn_status status = cairn_vision_read_grey(&image, path, error);
 
     if (status != CAIRN_OK)
@@ -306,24 +307,28 @@ static cairn_status read_edgels(const char *path, const work *w, cairn_edgel **e
     cairn_vision_free(&image);
     if (status != CAIRN_OK)
         return status;
-    *count = tokens.count;
-    *edgels = malloc(((size_t)tokens.count + 1) * sizeof **edgels);
-    if (*edgels == NULL)
+    list = malloc(((size_t)tokens.count + 1) * sizeof *list);
+    if (list == NULL) {
         status = cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0,
                                       "no memory for %" PRId32 " edgels, expected some more",
                                       tokens.count);
-    for (int32_t i = 0; status == CAIRN_OK && i < tokens.count; i++) {
+        cairn_contour_search_tokens_free(&tokens);
+        return status;
+    }
+    for (int32_t i = 0; i < tokens.count; i++) {
         cairn_segment line = tokens.lines[i];
         cairn_vec2 along = cairn_vec2_sub(line.b, line.a);
         cairn_real length = cairn_vec2_norm(along);
 
-        (*edgels)[i] = (cairn_edgel){
+        list[i] = (cairn_edgel){
             .position = cairn_vec2_scale(cairn_vec2_add(line.a, line.b), CAIRN_REAL(0.5)),
             .normal = cairn_vec2_scale(cairn_vec2_left_perp(along), 1 / length),
             .gradient_magnitude = 0};
     }
+    *edgels = list;
+    *count = tokens.count;
     cairn_contour_search_tokens_free(&tokens);
-    return status;
+    return CAIRN_OK;
 }
 
 static cairn_status run_skeleton(cairn_skeleton_grouping *skeleton)

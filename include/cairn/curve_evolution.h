@@ -2,7 +2,8 @@
  *
  * The vertex of least relevance is removed, one after another, down to a triangle. So every number
  * of vertices is a level of detail of the curve, and each level contains the vertices of the
- * coarser levels. No removal makes the polyline intersect itself. */
+ * coarser levels. By default no removal makes the polyline intersect itself; as written (Adluru
+ * 2008, section 4.3) the least relevant vertex always goes. */
 #ifndef CAIRN_CURVE_EVOLUTION_H
 #define CAIRN_CURVE_EVOLUTION_H
 
@@ -13,17 +14,22 @@
 extern "C" {
 #endif
 
-/* Capacity. Default value in brackets. */
+/* Parameters. Default values in brackets. */
 typedef struct cairn_curve_evolution_params {
     /* Vertices, 3 ... 4096 (256). */
     int32_t max_points;
+    /* CAIRN_MODE_AS_WRITTEN: no check for self-intersection (CAIRN_MODE_DEFAULT). */
+    int32_t mode;
 } cairn_curve_evolution_params;
 
 /* Discrete curve evolution of a polyline. */
 typedef struct cairn_curve_evolution cairn_curve_evolution;
 
-/* The default value. */
+/* The default values. */
 cairn_curve_evolution_params cairn_curve_evolution_default(void);
+
+/* The same in the mode as written. */
+cairn_curve_evolution_params cairn_curve_evolution_as_written(void);
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. */
 size_t cairn_curve_evolution_memory(const cairn_curve_evolution_params *params);

@@ -78,7 +78,8 @@ typedef struct cairn_object_detect_params {
      * is greater the better one stays (0.2); so it does when most of the smaller box lies in the
      * other */
     cairn_real overlap;
-    /* least score of a reported detection, before appearance counts (0) */
+    /* least score of a reported detection, before appearance counts (0; as written -100: all are
+     * reported) */
     cairn_real min_score;
     /* (EVIDENCE) */
     cairn_object_detect_method method;

@@ -74,7 +74,7 @@ static int params_are_good(const cairn_part_bundle_params *params)
 
 static cairn_curve_evolution_params evolution_params(const cairn_part_bundle_params *params)
 {
-    cairn_curve_evolution_params evolution = {params->max_points};
+    cairn_curve_evolution_params evolution = {.max_points = params->max_points};
 
     return evolution;
 }

@@ -112,6 +112,15 @@ static cairn_self_similarity *carve(cairn_pool *pool, const cairn_self_similarit
     return similarity;
 }
 
+static cairn_curve_evolution_params evolution_params(const cairn_self_similarity_params *params)
+{
+    cairn_curve_evolution_params evolution = cairn_curve_evolution_default();
+
+    evolution.max_points = params->outline_samples;
+    evolution.mode = params->mode;
+    return evolution;
+}
+
 size_t cairn_self_similarity_memory(const cairn_self_similarity_params *params)
 {
     cairn_curve_evolution_params evolution;
@@ -121,7 +130,7 @@ size_t cairn_self_similarity_memory(const cairn_self_similarity_params *params)
     if (!params_are_valid(params))
         return 0;
     inner = inner_params(params);
-    evolution.max_points = params->outline_samples;
+    evolution = evolution_params(params);
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
     cairn_pool_count(&counting, cairn_inner_distance_memory(&inner));
@@ -143,7 +152,7 @@ cairn_status cairn_self_similarity_create(cairn_self_similarity **similarity, ca
     if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     inner = inner_params(params);
-    evolution.max_points = params->outline_samples;
+    evolution = evolution_params(params);
     made = carve(pool, params);
     made->params = *params;
     status = cairn_inner_distance_create(&made->inner, pool, &inner);

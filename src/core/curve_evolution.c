@@ -4,6 +4,7 @@
  * 1. The vertices form a ring (a doubly linked list). Each has a relevance.
  * 2. The vertex of least relevance, of equals the one of lowest index, is removed, unless the side
  *    that replaces it would intersect another side. Then the next vertex in this order is tried.
+ *    As written it is removed in any case.
  * 3. A removal changes the relevance of the two neighbours only. A vertex that could not be removed
  *    is tried again after the next removal.
  *
@@ -50,6 +51,14 @@ cairn_curve_evolution_params cairn_curve_evolution_default(void)
     return params;
 }
 
+cairn_curve_evolution_params cairn_curve_evolution_as_written(void)
+{
+    cairn_curve_evolution_params params = cairn_curve_evolution_default();
+
+    params.mode = CAIRN_MODE_AS_WRITTEN;
+    return params;
+}
+
 /* Allocates the object and its arrays; NULL from a counting pool. */
 static cairn_curve_evolution *carve(cairn_pool *pool, const cairn_curve_evolution_params *params)
 {
@@ -76,7 +85,8 @@ size_t cairn_curve_evolution_memory(const cairn_curve_evolution_params *params)
 {
     cairn_pool counting;
 
-    if (params == NULL || params->max_points < MIN_POINTS || params->max_points > MAX_POINTS)
+    if (params == NULL || params->max_points < MIN_POINTS || params->max_points > MAX_POINTS ||
+        params->mode < CAIRN_MODE_DEFAULT || params->mode > CAIRN_MODE_AS_WRITTEN)
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
@@ -229,7 +239,8 @@ cairn_status cairn_curve_evolution_step(cairn_curve_evolution *evolution, cairn_
             else
                 evolution->phase = PHASE_CHECK;
         } else {
-            if (!would_intersect(evolution, evolution->candidate)) {
+            if (evolution->params.mode == CAIRN_MODE_AS_WRITTEN ||
+                !would_intersect(evolution, evolution->candidate)) {
                 remove_vertex(evolution, evolution->candidate);
                 evolution->candidate = -1;
             }

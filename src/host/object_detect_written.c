@@ -27,6 +27,9 @@
 #define HASH_PRIME UINT32_C(16777619)
 enum { HASH_FOLD_BITS = 15 };
 
+/* Below every score: the text names no threshold for hypotheses. */
+#define ALL_SCORES (-100)
+
 cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t height)
 {
     cairn_object_detect_params params = cairn_object_detect_default(width, height);
@@ -34,6 +37,7 @@ cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t
     params.mode = CAIRN_MODE_AS_WRITTEN;
     params.method = CAIRN_OBJECT_DETECT_PARTS;
     params.verify = 0;
+    params.min_score = ALL_SCORES;
     params.appearance_nearest = 1;
     return params;
 }
