@@ -77,8 +77,8 @@ static void write_truth(cairn_output *output, const scene *s, const outline_obje
 
 static int is_inside(const outline_object *object, int32_t x, int32_t y)
 {
-    return outline_contains(object, (x - MODEL_SIDE / 2) / (double)MODEL_SQUARE,
-                            (y - MODEL_SIDE / 2) / (double)MODEL_SQUARE);
+    return outline_contains(object, (x - 0.5 * MODEL_SIDE) / MODEL_SQUARE,
+                            (y - 0.5 * MODEL_SIDE) / MODEL_SQUARE);
 }
 
 /* Black on white: the object filled, or the pixels of it that touch the background. */

@@ -297,13 +297,15 @@ static cairn_status read_edgels(const char *path, const work *w, cairn_edgel **e
     if (status != CAIRN_OK)
         return status;
     view = (cairn_raster_u8_view){image.samples, image.width, image.height, image.width};
-    if (image.width != w->grey.width || image.height != w->grey.height)
+    if (image.width != w->grey.width || image.height != w->grey.height) {
         status = cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
                                       "%" PRId32 " x %" PRId32 " pixels, expected %" PRId32
                                       " x %" PRId32 " as the image",
                                       image.width, image.height, w->grey.width, w->grey.height);
-    else
-        status = cairn_contour_search_tokens_find(&tokens, view, 1, 1, path, error);
+        cairn_vision_free(&image);
+        return status;
+    }
+    status = cairn_contour_search_tokens_find(&tokens, view, 1, 1, path, error);
     cairn_vision_free(&image);
     if (status != CAIRN_OK)
         return status;
