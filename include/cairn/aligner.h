@@ -26,44 +26,45 @@ extern "C" {
 
 /* Parameters; defaults in brackets. */
 typedef struct cairn_aligner_params {
-    /* number of scans, 1 ... 2^16 (64) */
+    /* 1 ... 2^16 (64): number of scans */
     int32_t max_scans;
-    /* segments of all scans together, 1 ... 2^24 (1024) */
+    /* 1 ... 2^24 (1024): segments of all scans together */
     int32_t max_segments;
-    /* short segments of all scans together, 0 ... 2^24: surfaces too short for a direction of their
-     * own; those beyond the limit are left out (256) */
+    /* 0 ... 2^24 (256): short segments of all scans together: surfaces too short for a direction of
+     * their own; those beyond the limit are left out */
     int32_t max_short_segments;
-    /* points of all scans together, 1 ... 2^24 (4096) */
+    /* 1 ... 2^24 (4096): points of all scans together */
     int32_t max_points;
-    /* hypotheses of relative poses, 1 ... 2^24; beyond the limit the best ones are kept (1536) */
+    /* 1 ... 2^24 (1536): hypotheses of relative poses; beyond the limit the best ones are kept */
     int32_t max_hypotheses;
-    /* blocks of the Cholesky factor, as in cairn_block_solver_params (2048) */
+    /* 0 ... 2^24 (2048): blocks of the Cholesky factor, as in cairn_block_solver_params */
     int32_t max_fill;
-    /* cells of the search raster of a relocalization, 64 ... 2^24; fewer cells are coarser
-     * (25600) */
+    /* 64 ... 2^24 (25600): cells of the search raster of a relocalization; fewer cells are
+     * coarser */
     int32_t max_cells;
-    /* m, > 0: bound of the error in x and in y of an initial pose, approximately (0.6) */
+    /* m, > 0 (0.6): bound of the error in x and in y of an initial pose, approximately */
     cairn_real max_initial_error;
-    /* rad, > 0, <= pi: bound of the error of an initial heading (35 degrees) */
+    /* rad, > 0, <= pi (35 degrees): bound of the error of an initial heading */
     cairn_real max_initial_angle_error;
-    /* m, > 0: longer ranges are not used (30) */
+    /* m, > 0 (30): longer ranges are not used */
     cairn_real max_range;
-    /* m, > 0: standard deviation of a range (0.01) */
+    /* m, > 0 (0.01): standard deviation of a range */
     cairn_real range_sigma;
-    /* nats, >= 0: penalty of a point in space that another scan measured free; 0: none (1.5) */
+    /* nats, >= 0 (1.5): penalty of a point in space that another scan measured free; 0: none */
     cairn_real free_space_penalty;
-    /* not 0: surfaces have a free side; 0: directions are those of lines, modulo half a turn (1) */
+    /* 0 or 1 (1): 1: surfaces have a free side; 0: directions are those of lines, modulo half a
+     * turn */
     int32_t oriented;
-    /* rounds of relocalization of badly fitting scans, >= 0 (2) */
+    /* >= 0 (2): rounds of relocalization of badly fitting scans */
     int32_t max_relocalizations;
-    /* Gauss-Newton iterations of each joint solution, >= 0; 0: no walls, no covariances (10) */
+    /* >= 0 (10): Gauss-Newton iterations of each joint solution; 0: no walls, no covariances */
     int32_t max_iterations;
-    /* nats, > 0: clusters are merged only above this log-likelihood ratio, competing hypotheses
-     * taken into account (1) */
+    /* nats, > 0 (1): clusters are merged only above this log-likelihood ratio, competing hypotheses
+     * taken into account */
     cairn_real min_log_likelihood_ratio;
-    /* m, > 0: a position is observable when its standard deviation (x and y) is below (0.05) */
+    /* m, > 0 (0.05): a position is observable when its standard deviation (x and y) is below */
     cairn_real observable_sigma;
-    /* rad, > 0: a heading is observable when its standard deviation is below (1 degree) */
+    /* rad, > 0 (1 degree): a heading is observable when its standard deviation is below */
     cairn_real observable_sigma_theta;
 } cairn_aligner_params;
 

@@ -106,11 +106,14 @@ double cairn_appearance_histogram_probability(const cairn_appearance_model *mode
 /* ---- Training ---- */
 
 typedef struct cairn_appearance_params {
-    int32_t words;     /* words of the dictionary, 2 ... CAIRN_APPEARANCE_MAX_WORDS (100) */
-    int32_t negatives; /* 1 ... 100: negative windows per box (10) */
-    /* > 0 ... 1e6: C of the support vector machine, cost of a misclassified window (10) */
+    /* 2 ... CAIRN_APPEARANCE_MAX_WORDS (100): words of the dictionary */
+    int32_t words;
+    /* 1 ... 100 (10): negative windows per box */
+    int32_t negatives;
+    /* > 0, <= 1e6 (10): C of the support vector machine, cost of a misclassified window */
     double cost;
-    uint64_t seed; /* seed of k-means and of the window sampling (1) */
+    /* any (1): seed of k-means and of the window sampling */
+    uint64_t seed;
 } cairn_appearance_params;
 
 typedef struct cairn_appearance_trainer cairn_appearance_trainer;

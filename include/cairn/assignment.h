@@ -15,7 +15,7 @@ extern "C" {
 
 /* Capacities. Default values in brackets. */
 typedef struct cairn_assignment_params {
-    /* Rows and columns of the table, 1 ... 4096 (128 and 128). */
+    /* 1 ... 4096 (128 and 128): rows and columns of the table */
     int32_t max_rows, max_columns;
 } cairn_assignment_params;
 

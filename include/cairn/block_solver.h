@@ -32,11 +32,11 @@ typedef struct cairn_block_solver cairn_block_solver;
 
 /* Capacities. Default values in brackets. */
 typedef struct cairn_block_solver_params {
-    /* Poses, 1 ... 2^22 (1000). */
+    /* 1 ... 2^22 (1000): poses */
     int32_t max_poses;
-    /* Links, repeated ones included, 0 ... 2^24 (3000). */
+    /* 0 ... 2^24 (3000): links, repeated ones included */
     int32_t max_links;
-    /* Blocks of the factor below the diagonal (fill-in included), 0 ... 2^26 (12000). The memory
+    /* 0 ... 2^26 (12000): blocks of the factor below the diagonal (fill-in included). The memory
      * grows by 9 cairn_real and an int32_t per block. Pose graphs of robots that drive through
      * corridors need 2 to 6 blocks per link. */
     int32_t max_fill;

@@ -63,14 +63,15 @@ extern "C" {
 
 /* Parameters of the reader. */
 typedef struct cairn_carmen_log_params {
-    /* m; ranges at or above it are no returns. 0: estimated by rules 2 to 5. Default 0 */
+    /* m, 0 ... CAIRN_SCAN_EXTENT (0): ranges at or above it are no returns; 0: estimated by rules 2
+     * to 5 */
     double range_max;
-    /* m; standard deviation of the ranges, copied into the scans. Default 0.01 */
+    /* m, >= 0 (0.01): standard deviation of the ranges, copied into the scans */
     double range_sigma;
-    /* Called once for each fault, in the order of the lines, by cairn_carmen_log_open() or
-     * cairn_carmen_log_load(). NULL: faults are only counted. */
+    /* any (NULL): called once for each fault, in the order of the lines, by cairn_carmen_log_open()
+     * or cairn_carmen_log_load(). NULL: faults are only counted. */
     void (*on_fault)(void *context, const cairn_file_error *fault);
-    /* passed to on_fault */
+    /* any (NULL): passed to on_fault */
     void *context;
 } cairn_carmen_log_params;
 

@@ -46,45 +46,55 @@ extern "C" {
 #endif
 
 typedef struct cairn_contour_grouping_params {
-    int32_t mode;                  /* CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN */
-    int32_t max_width, max_height; /* px, size of the image, 1 ... 8192 (1024 and 1024) */
-    /* 1 ... 2^20 (8192). Default mode: pieces of segments; a longer list is subsampled evenly. As
-     * written: segments; begin() refuses more. */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): method */
+    int32_t mode;
+    /* px, 1 ... 8192 (1024 and 1024): size of the image */
+    int32_t max_width, max_height;
+    /* 1 ... 2^20 (8192): capacity for tokens. Default mode: pieces of segments; a longer list is
+     * subsampled evenly. As written: segments; begin() refuses more. */
     int32_t max_tokens;
-    int32_t max_samples;  /* samples of a model's paths, 1 ... 1024 (64) */
-    int32_t max_outline;  /* samples of a model's outline, 1 ... 4096 (512) */
-    int32_t particles;    /* also the maximum number of hypotheses, 1 ... 4096 (300) */
-    int32_t max_objects;  /* 1 ... 64 (8) */
-    int32_t use_model;    /* 0: particles are not weighted by the model (1) */
-    int32_t use_skeleton; /* 0: the proposal ignores symmetry (1) */
-    /* token_length, deform_sigma, turn_sigma, missing_likelihood, min_score and min_evidence apply
-     * to the default mode only. */
-    /* px, > 0: length of the tokens that segments are cut into (10) */
+    /* 1 ... 1024 (64): samples of a model's paths */
+    int32_t max_samples;
+    /* 1 ... 4096 (512): samples of a model's outline */
+    int32_t max_outline;
+    /* 1 ... 4096 (300): particles of the filter, also the maximum number of hypotheses */
+    int32_t particles;
+    /* 1 ... 64 (8): greatest number of reported objects */
+    int32_t max_objects;
+    /* 0 or 1 (1): 0: particles are not weighted by the model */
+    int32_t use_model;
+    /* 0 or 1 (1): 0: the proposal ignores symmetry */
+    int32_t use_skeleton;
+    /* px, > 0 (10): length of the tokens that segments are cut into; default mode only */
     cairn_real token_length;
-    /* share of the object's size, > 0: standard deviation of contour positions (0.025) */
+    /* share of the object's size, > 0 (0.025): standard deviation of contour positions; default
+     * mode only */
     cairn_real deform_sigma;
-    /* rad, > 0: standard deviation of contour directions (15 degrees) */
+    /* rad, > 0 (15 degrees): standard deviation of contour directions; default mode only */
     cairn_real turn_sigma;
-    /* rad, > 0: S_sigma, standard deviation of the loss of symmetry per step (45 degrees) */
+    /* rad, > 0 (45 degrees): S_sigma, standard deviation of the loss of symmetry per step */
     cairn_real symmetry_sigma;
-    /* 0 < p <= 1: likelihood of a side that matches no token (0.3) */
+    /* > 0, <= 1 (0.3): likelihood of a side that matches no token; default mode only */
     cairn_real missing_likelihood;
-    /* 0 < p <= 1: the filter ends when the best mean likelihood per step falls below. As written:
-     * Delta_p, see above (0.3; as written 0.5). */
+    /* > 0, <= 1 (0.3): the filter ends when the best mean likelihood per step falls below. As
+     * written (0.5 there): Delta_p, see above. */
     cairn_real stop_likelihood;
-    cairn_real min_score;    /* 0 ... 1: least score of a reported object (0.2) */
-    cairn_real min_evidence; /* nats, >= 0: least evidence of a reported object (13) */
-    /* seed of the random numbers (1) */
+    /* 0 ... 1 (0.2): least score of a reported object; default mode only */
+    cairn_real min_score;
+    /* nats, >= 0 (13): least evidence of a reported object; default mode only */
+    cairn_real min_evidence;
+    /* any (1): seed of the random numbers */
     uint64_t seed;
-    /* Mode as written only. */
-    /* symmetric points of all pairs of segments, 1 ... 2^22; of more the most symmetric are kept
-     * (65,536) */
+    /* 1 ... 2^22 (65,536): symmetric points of all pairs of segments; of more the most symmetric
+     * are kept; as written only */
     int32_t max_points;
-    /* steps of a trajectory, 2 ... 1024 (128) */
+    /* 2 ... 1024 (128): steps of a trajectory; as written only */
     int32_t max_steps;
-    /* > 0: D_sigma of (2.13), standard deviation of the displacement dissimilarity (0.7) */
+    /* > 0 (0.7): D_sigma of (2.13), standard deviation of the displacement dissimilarity; as
+     * written only */
     cairn_real path_sigma;
-    /* > 0: R_sigma of (2.13), standard deviation of the radius, in mean radii of the model (0.2) */
+    /* mean radii of the model, > 0 (0.2): R_sigma of (2.13), standard deviation of the radius; as
+     * written only */
     cairn_real radius_sigma;
 } cairn_contour_grouping_params;
 

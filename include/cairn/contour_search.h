@@ -147,22 +147,24 @@ const char *cairn_contour_search_end_text(int32_t end);
 typedef struct cairn_contour_search_params {
     /* the search sets its capacities and refines its objects */
     cairn_contour_grouping_params grouping;
-    /* nats per object size of outline length: least evidence of a reported object (34) */
+    /* nats per object size of outline length, any (34): least evidence of a reported object */
     cairn_real min_evidence;
-    /* 0 ... 1: least matched share of a reported object (0.3) */
+    /* 0 ... 1 (0.3): least matched share of a reported object */
     cairn_real min_score;
-    /* px, > 0: range of the object's size, the diagonal of its bounding box */
+    /* px, > 0 (from the image's size): range of the object's size, the diagonal of its bounding
+     * box; by default from a tenth of the image's diagonal to the whole, at least 24 */
     cairn_real min_size, max_size;
-    /* rad: range of the rotation (-15 ... 15 degrees) */
+    /* rad, any (-15 degrees and 15 degrees): range of the rotation */
     cairn_real min_turn, max_turn;
-    /* 1: the mirrored model is searched, too (1) */
+    /* 0 or 1 (1): 1: the mirrored model is searched, too */
     int32_t mirror;
-    /* called with the particles after every filter step; NULL: no callback */
+    /* any (NULL): called with the particles after every filter step; NULL: no callback */
     void (*on_step)(void *context, const cairn_contour_grouping_particle *particles, int32_t count,
                     int32_t mirrored);
+    /* any (NULL): passed to on_step and on_walk */
     void *context;
-    /* mode as written: called after on_step with the trajectory of the particle of greatest weight;
-     * NULL: no callback */
+    /* any (NULL): mode as written: called after on_step with the trajectory of the particle of
+     * greatest weight; NULL: no callback */
     void (*on_walk)(void *context, const cairn_contour_grouping_disc *discs, int32_t count);
 } cairn_contour_search_params;
 

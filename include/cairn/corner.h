@@ -40,23 +40,23 @@ typedef struct cairn_corner {
 } cairn_corner;
 
 typedef struct cairn_corner_params {
-    /* 1 ... 2^28 (256) */
+    /* 1 ... 2^28 (256): capacity for segments */
     int32_t max_segments;
-    /* 1 ... 2^28; beyond the limit the strongest corners are kept (128) */
+    /* 1 ... 2^28 (128): capacity for corners; of more the strongest are kept */
     int32_t max_corners;
-    /* rad, > 0: least opening angle (80 degrees) */
+    /* rad, > 0 (80 degrees): least opening angle */
     cairn_real min_opening;
-    /* rad, >= min_opening, < pi: greatest opening angle (100 degrees) */
+    /* rad, >= min_opening, < pi (100 degrees): greatest opening angle */
     cairn_real max_opening;
-    /* m, > 0: greatest distance from the corner to an end of both segments (0.30) */
+    /* m, > 0 (0.30): greatest distance from the corner to an end of both segments */
     cairn_real end_distance;
-    /* m, >= 0: non-maximum-suppression radius; of corners of one kind within it whose legs agree
-     * within merge_angle only the strongest stays; 0: no suppression (0.10) */
+    /* m, >= 0 (0.10): non-maximum-suppression radius; of corners of one kind within it whose legs
+     * agree within merge_angle only the strongest stays; 0: no suppression */
     cairn_real merge_radius;
-    /* rad, 0 ... pi: greatest angle between the legs of suppressed corners (10 degrees) */
+    /* rad, 0 ... pi (10 degrees): greatest angle between the legs of suppressed corners */
     cairn_real merge_angle;
-    /* not 0: end_distance holds to both segments, not to their ends, so that T and X crossings are
-     * corners, too, as in section 7.3.4 (0) */
+    /* 0 or 1 (0): 1: end_distance holds to both segments, not to their ends, so that T and X
+     * crossings are corners, too, as in section 7.3.4 */
     int32_t crossings;
 } cairn_corner_params;
 

@@ -25,8 +25,9 @@ extern "C" {
 
 /* Parameters of the reader. */
 typedef struct cairn_csm_scan_params {
-    double range_max; /* m, above 0; ranges at or above it are no returns. Default 80 */
-    /* m; standard deviation of the ranges, copied into the scans. Default 0.01 */
+    /* m, > 0, <= CAIRN_SCAN_EXTENT (80): ranges at or above it are no returns */
+    double range_max;
+    /* m, 0 ... CAIRN_SCAN_EXTENT (0.01): standard deviation of the ranges, copied into the scans */
     double range_sigma;
 } cairn_csm_scan_params;
 

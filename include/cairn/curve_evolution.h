@@ -16,9 +16,10 @@ extern "C" {
 
 /* Parameters. Default values in brackets. */
 typedef struct cairn_curve_evolution_params {
-    /* Vertices, 3 ... 4096 (256). */
+    /* 3 ... 4096 (256): vertices */
     int32_t max_points;
-    /* CAIRN_MODE_AS_WRITTEN: no check for self-intersection (CAIRN_MODE_DEFAULT). */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written,
+     * self-intersection is not checked */
     int32_t mode;
 } cairn_curve_evolution_params;
 

@@ -39,18 +39,18 @@ typedef struct cairn_edge_chain {
 } cairn_edge_chain;
 
 typedef struct cairn_edge_chain_params {
-    /* px, 1 ... CAIRN_RASTER_MAX_SIDE (640 and 480) */
+    /* px, 1 ... CAIRN_RASTER_MAX_SIDE (640 and 480): largest image */
     int32_t max_width, max_height;
-    /* capacity for edge pixels, 1 ... 2^28 (100,000) */
+    /* 1 ... 2^28 (100,000): capacity for edge pixels */
     int32_t max_edges;
-    /* capacity for chains, 1 ... 2^28 (10,000) */
+    /* 1 ... 2^28 (10,000): capacity for chains */
     int32_t max_chains;
-    /* 1 ... 255: threshold; weaker pixels are not edges (1) */
+    /* 1 ... 255 (1): threshold; weaker pixels are not edges */
     int32_t min_strength;
-    /* px, >= 2: shorter chains are dropped (5) */
+    /* px, >= 2 (5): shorter chains are dropped */
     int32_t min_length;
-    /* px, 0 ... 64, without the junction's pixel: side branches (spurs) up to this length, which
-     * thinning leaves on thick edges, are pruned before the lines are followed (3) */
+    /* px, 0 ... 64 (3): side branches (spurs) up to this length, without the junction's pixel,
+     * which thinning leaves on thick edges, are pruned before the lines are followed */
     int32_t max_spur;
 } cairn_edge_chain_params;
 

@@ -30,22 +30,22 @@ typedef struct cairn_edge_segment {
 } cairn_edge_segment;
 
 typedef struct cairn_edge_segment_params {
-    /* capacity for polyline segments before cutting, 1 ... 2^26 (10,000) */
+    /* 1 ... 2^26 (10,000): capacity for polyline segments before cutting */
     int32_t max_lines;
-    /* capacity for segments, 1 ... 2^28 (40,000) */
+    /* 1 ... 2^28 (40,000): capacity for segments */
     int32_t max_segments;
-    /* px, > 0: greatest distance of a chain's pixel from its polyline (1.5) */
+    /* px, > 0 (1.5): greatest distance of a chain's pixel from its polyline */
     cairn_real tolerance;
-    /* px, >= 2: least length of a piece after a cut (4) */
+    /* px, >= 2 (4): least length of a piece after a cut */
     cairn_real min_piece;
-    /* px, >= 0: look-ahead L; 0: mean + half the standard deviation of the lengths, at least 5
-     * (0) */
+    /* px, >= 0 (0): look-ahead L; 0: mean + half the standard deviation of the lengths, at least
+     * 5 */
     cairn_real look_ahead;
-    /* px, >= 0: two segments form a junction when the crossing of their lines is within this
-     * distance of an end of both (6); 0: no virtual segments */
+    /* px, >= 0 (6): two segments form a junction when the crossing of their lines is within this
+     * distance of an end of both; 0: no virtual segments */
     cairn_real junction_distance;
-    /* rad, 0 ... pi: least turning angle of a junction; flatter ones get no virtual segment (20
-     * degrees) */
+    /* rad, 0 ... pi (20 degrees): least turning angle of a junction; flatter ones get no virtual
+     * segment */
     cairn_real min_junction_angle;
 } cairn_edge_segment_params;
 

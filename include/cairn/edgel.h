@@ -28,16 +28,16 @@ typedef struct cairn_edgel {
 } cairn_edgel;
 
 typedef struct cairn_edgel_params {
-    /* px, 1 ... CAIRN_RASTER_MAX_SIDE (640 and 480) */
+    /* px, 1 ... CAIRN_RASTER_MAX_SIDE (640 and 480): largest image */
     int32_t max_width, max_height;
-    /* capacity for edgels, 1 ... 2^28 (40,000) */
+    /* 1 ... 2^28 (40,000): capacity for edgels */
     int32_t max_edgels;
-    /* px, 0.7 ... 8: standard deviation of the Gaussian; more suppresses noise and detail (1.5) */
+    /* px, 0.7 ... 8 (1.5): standard deviation of the Gaussian; more suppresses noise and detail */
     cairn_real sigma;
-    /* grey levels per px, > 0: least gradient magnitude of an edge (2) */
+    /* grey levels per px, > 0 (2): least gradient magnitude of an edge */
     cairn_real min_gradient;
-    /* rad, > 0, <= pi/2: greatest angle between the normal and the gradient of an edge (60
-     * degrees) */
+    /* rad, > 0, <= pi/2 (60 degrees): greatest angle between the normal and the gradient of an
+     * edge */
     cairn_real max_normal_angle;
 } cairn_edgel_params;
 

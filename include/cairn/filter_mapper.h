@@ -36,45 +36,46 @@ typedef struct cairn_filter_mapper cairn_filter_mapper;
 typedef struct cairn_filter_mapper_params {
     /* front-end mapper; its window and loop.max_loops are taken as 0 */
     cairn_mapper_params front;
-    /* 1 ... 4096; particles times front.max_keyframes is at most 2^28 (30) */
+    /* 1 ... 4096 (30): particles of the filter; particles times front.max_keyframes is at most
+     * 2^28 */
     int32_t particles;
-    /* candidate poses per particle and keyframe, 1 ... CAIRN_FILTER_MAPPER_MAX_CANDIDATES (6) */
+    /* 1 ... CAIRN_FILTER_MAPPER_MAX_CANDIDATES (6): candidate poses per particle and keyframe */
     int32_t candidates;
-    /* points of a scan that its likelihood uses, >= 1 (60) */
+    /* >= 1 (60): points of a scan that its likelihood uses */
     int32_t scored_points;
-    /* keyframes of the recent map, and of the old one, 1 ...
-     * CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES (10) */
+    /* 1 ... CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES (10): keyframes of the recent map, and of the
+     * old one */
     int32_t local_keyframes;
-    /* capacity for points of either map, 1 ... 2^20; keyframes beyond it are left out, farthest
-     * first (2048) */
+    /* 1 ... 2^20 (2048): capacity for points of either map; keyframes beyond it are left out,
+     * farthest first */
     int32_t max_local_points;
-    /* number of most recent keyframes that form the recent map, >= 1; the others are old (25) */
+    /* >= 1 (25): number of most recent keyframes that form the recent map; the others are old */
     int32_t recent_keyframes;
-    /* m, > 0: maximum distance of keyframes in a local map (4) */
+    /* m, > 0 (4): maximum distance of keyframes in a local map */
     cairn_real local_radius;
-    /* motion noise: standard deviation of translation per metre travelled, >= 0 (0.05) */
+    /* m per m, >= 0 (0.05): motion noise: standard deviation of translation per metre travelled */
     cairn_real motion_distance;
-    /* standard deviation of rotation per radian turned, >= 0 (0.05) */
+    /* rad per rad, >= 0 (0.05): standard deviation of rotation per radian turned */
     cairn_real motion_turn;
-    /* m, > 0: minimum standard deviation of translation (0.02) */
+    /* m, > 0 (0.02): minimum standard deviation of translation */
     cairn_real motion_distance_min;
-    /* rad, > 0: minimum standard deviation of rotation (0.01) */
+    /* rad, > 0 (0.01): minimum standard deviation of rotation */
     cairn_real motion_turn_min;
-    /* m, > 0: standard deviation added to a match (0.0025) */
+    /* m, > 0 (0.0025): standard deviation added to a match */
     cairn_real match_sigma;
-    /* rad, > 0: likewise in heading (0.001) */
+    /* rad, > 0 (0.001): likewise in heading */
     cairn_real match_sigma_theta;
-    /* minimum overlap of a valid match: share of the scan's points with a correspondence, in [0, 1]
-     * (0.3) */
+    /* 0 ... 1 (0.3): minimum overlap of a valid match: share of the scan's points with a
+     * correspondence */
     cairn_real min_overlap;
-    /* m, > 0: standard deviation of a point normal to its wall, in the likelihood field (0.07) */
+    /* m, > 0 (0.07): standard deviation of a point normal to its wall, in the likelihood field */
     cairn_real sigma;
-    /* nats, > 0: maximum cost of a point, also that of a point off all walls (3) */
+    /* nats, > 0 (3): maximum cost of a point, also that of a point off all walls */
     cairn_real max_point_cost;
-    /* > 0: effective number of independent points per scan, since errors of neighbours correlate
-     * (8) */
+    /* > 0 (8): effective number of independent points per scan, since errors of neighbours
+     * correlate */
     cairn_real independent_points;
-    /* of the random generator (1) */
+    /* any (1): seed of the random generator */
     uint64_t seed;
 } cairn_filter_mapper_params;
 

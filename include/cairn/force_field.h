@@ -61,78 +61,77 @@ enum {
  * value in cm. The thesis's dt of 5 to 1 is 0.05 to 0.01 here: accelerations in m are 1e4 times
  * those in cm. */
 typedef struct cairn_force_field_params {
-    /* motion model (CAIRN_FORCE_FIELD_GRADIENT) */
+    /* any (CAIRN_FORCE_FIELD_GRADIENT): motion model */
     cairn_force_field_mode mode;
-    /* maximum number of scans, 1 ... 2^20 (64) */
+    /* 1 ... 2^20 (64): maximum number of scans */
     int32_t max_scans;
-    /* capacity for segments of all scans, 1 ... 2^24 (1024) */
+    /* 1 ... 2^24 (1024): capacity for segments of all scans */
     int32_t max_segments;
-    /* capacity for points of all scans, 1 ... 2^24 (8192) */
+    /* 1 ... 2^24 (8192): capacity for points of all scans */
     int32_t max_points;
-    /* maximum number of corners, the strongest, 1 ... 2^24 (1024); unused without roi */
+    /* 1 ... 2^24 (1024): maximum number of corners, the strongest; unused without roi */
     int32_t max_corners;
-    /* m, > 0: sigma in the first iteration (0.15; thesis 15 cm) */
+    /* m, > 0 (0.15): sigma in the first iteration; 15 cm in the thesis */
     cairn_real sigma_start;
-    /* m, > 0, <= sigma_start: minimum sigma (0.04; 4 cm) */
+    /* m, > 0, <= sigma_start (0.04): minimum sigma; 4 cm in the thesis */
     cairn_real sigma_end;
-    /* m, >= 0: decrement of sigma per iteration (0.0025; 0.25 cm) */
+    /* m, >= 0 (0.0025): decrement of sigma per iteration; 0.25 cm in the thesis */
     cairn_real sigma_step;
-    /* 0 ... 1: factor of sigma per iteration, before the decrement (1) */
+    /* 0 ... 1 (1): factor of sigma per iteration, before the decrement */
     cairn_real sigma_factor;
-    /* m, >= 0: at sigma up to this value directions are oriented: the two faces of a wall do not
-     * attract each other, max(0, cos) replaces |cos| (0) */
+    /* m, >= 0 (0): at sigma up to this value directions are oriented: the two faces of a wall do
+     * not attract each other, max(0, cos) replaces |cos| */
     cairn_real oriented_below;
-    /* s, > 0: time step in the first iteration (0.05; 5) */
+    /* s, > 0 (0.05): time step in the first iteration; 5 in the thesis */
     cairn_real dt_start;
-    /* s, > 0, <= dt_start: minimum time step (0.01; 1) */
+    /* s, > 0, <= dt_start (0.01): minimum time step; 1 in the thesis */
     cairn_real dt_end;
-    /* 0 ... 1: factor of the time step per iteration (0.96) */
+    /* 0 ... 1 (0.96): factor of the time step per iteration */
     cairn_real dt_factor;
-    /* in sigma, > 0, <= 6: cut-off distance of pairs (4, where a force has fallen to 3e-4 of its
-     * start: the thesis grows the boxes of segments by 2 sigma) */
+    /* sigma, > 0, <= 6 (4): cut-off distance of pairs. At 4 a force has fallen to 3e-4 of its
+     * start; the thesis grows the boxes of segments by 2 sigma. */
     cairn_real reach;
-    /* the centre of rotation is the centre of mass while sigma >= sensor_below * sigma_start, then
-     * the sensor; 0: always the centre of mass (0.5) */
+    /* >= 0 (0.5): the centre of rotation is the centre of mass while sigma >= sensor_below *
+     * sigma_start, then the sensor; 0: always the centre of mass */
     cairn_real sensor_below;
-    /* kind of regions of interest (CAIRN_FORCE_FIELD_ROI_ENDS) */
+    /* CAIRN_FORCE_FIELD_ROI_NONE ... CAIRN_FORCE_FIELD_ROI_CROSSINGS (CAIRN_FORCE_FIELD_ROI_ENDS):
+     * kind of regions of interest */
     int32_t roi;
-    /* m, > 0: radius of a region about its corner (0.05; 5 cm) */
+    /* m, > 0 (0.05): radius of a region about its corner; 5 cm in the thesis */
     cairn_real roi_radius;
-    /* > 0: factor of the mass of a point in a region (4) */
+    /* > 0 (4): factor of the mass of a point in a region */
     cairn_real roi_mass;
-    /* m, > 0: maximum distance of a corner from both segments or their ends (see roi) (0.30) */
+    /* m, > 0 (0.30): maximum distance of a corner from both segments or their ends (see roi) */
     cairn_real corner_distance;
-    /* rad, > 0: minimum opening of a corner (80 degrees) */
+    /* rad, > 0 (80 degrees): minimum opening of a corner */
     cairn_real corner_min_opening;
-    /* rad, >= corner_min_opening, < pi: maximum opening (100 degrees) */
+    /* rad, >= corner_min_opening, < pi (100 degrees): maximum opening */
     cairn_real corner_max_opening;
-    /* not 0: P(g) is computed as well (1); always with alignment_torque */
+    /* 0 or 1 (1): 1: P(g) is computed as well; always with alignment_torque */
     int32_t potential;
-    /* >= 1: maximum iterations of a run (50) */
+    /* >= 1 (50): maximum iterations of a run */
     int32_t max_steps;
-    /* m, >= 0: a run stops when the mean relocation of an iteration is below (0.0001) */
+    /* m, >= 0 (0.0001): a run stops when the mean relocation of an iteration is below */
     cairn_real stop_relocation;
-    /* 0: the points of the scans are stored. > 0, m: they are generated from the ends of their
-     * segments on demand, with the same results; see cairn_scan_set_params (0) */
+    /* m, >= 0 (0): 0: the points of the scans are stored. > 0: they are generated from the ends of
+     * their segments on demand, with the same results; see cairn_scan_set_params. */
     cairn_real spacing;
-    /* capacity for external points, 0 ... 2^24 (0) */
+    /* 0 ... 2^24 (0): capacity for external points */
     int32_t max_extra;
-
-    /* For SPRINGS only. */
-    /* capacity for bonds, pairs of scans near each other, 0 ... 2^24; further pairs are ignored
-     * (0) */
+    /* 0 ... 2^24 (0): capacity for bonds, pairs of scans near each other; further pairs are
+     * ignored */
     int32_t max_bonds;
-    /* 0 ... 1: stiffness of a spring tangential to the lines of its points, relative to normal
-     * (0.1) */
+    /* 0 ... 1 (0.1): stiffness of a spring tangential to the lines of its points, relative to
+     * normal */
     cairn_real tangential_stiffness;
-    /* m, >= 0: a translation of a scan is damped by (sigma / damping_sigma)^3 times its own
-     * stiffness, so headings settle first; 0: no damping (0.35) */
+    /* m, >= 0 (0.35): a translation of a scan is damped by (sigma / damping_sigma)^3 times its own
+     * stiffness, so headings settle first; 0: no damping */
     cairn_real damping_sigma;
-    /* >= 0: strength of the alignment of directions: each pair of points exerts the torque
-     * alignment_torque/2 erfc(r / (sigma sqrt 2)) sin cos^3 of the angle between the lines; 0: none
-     * (0) */
+    /* >= 0 (0): strength of the alignment of directions: each pair of points exerts the torque
+     * alignment_torque/2 erfc(r / (sigma sqrt 2)) sin cos^3 of the angle between the lines; 0:
+     * none */
     cairn_real alignment_torque;
-    /* m, > 0: maximum root mean square displacement of the points of a scan per iteration (0.3) */
+    /* m, > 0 (0.3): maximum root mean square displacement of the points of a scan per iteration */
     cairn_real max_relocation;
 } cairn_force_field_params;
 

@@ -18,25 +18,28 @@ extern "C" {
 #endif
 
 typedef struct cairn_fragment_match_params {
-    /* Capacity of fragments of a model, 1 ... 65536 (CAIRN_PART_MAX_FRAGMENTS). */
+    /* 1 ... 65536 (CAIRN_PART_MAX_FRAGMENTS): capacity of fragments of a model */
     int32_t max_fragments;
-    int32_t samples_per_fragment; /* Capacity of samples of a fragment, 2 ... 64 (20). */
-    int32_t max_chains;           /* Capacity of chains, 1 ... 2^24 (10,000). */
-    int32_t max_samples; /* Capacity of samples of a chain at min_step, 4 ... 2^20 (4096). */
-    /* Matches kept for each fragment, each on a different chain, 1 ... 64 (2). */
+    /* 2 ... 64 (20): capacity of samples of a fragment */
+    int32_t samples_per_fragment;
+    /* 1 ... 2^24 (10,000): capacity of chains */
+    int32_t max_chains;
+    /* 4 ... 2^20 (4096): capacity of samples of a chain at min_step */
+    int32_t max_samples;
+    /* 1 ... 64 (2): matches kept for each fragment, each on a different chain */
     int32_t matches_per_fragment;
-    /* Range of scales, px per unit of the model, 0 < min <= max <= 1e6 (24 ... 800). A range
-     * narrower than step_ratio is widened to step_ratio about its centre. */
+    /* px per unit of the model, > 0, <= 1e6 (24 and 800): range of scales, min_scale <= max_scale.
+     * A range narrower than step_ratio is widened to step_ratio about its centre. */
     cairn_real min_scale, max_scale;
-    /* Smallest sampling step of a chain, px, >= 0.5 (1.5). */
+    /* px, >= 0.5 (1.5): smallest sampling step of a chain */
     cairn_real min_step;
-    /* Ratio of consecutive sampling steps, 1.05 ... 2 (1.19). */
+    /* 1.05 ... 2 (1.19): ratio of consecutive sampling steps */
     cairn_real step_ratio;
-    /* Difference of two directions at which a pair scores 0, rad, 0.02 ... pi (pi/8). */
+    /* rad, 0.02 ... pi (pi/8): difference of two directions at which a pair scores 0 */
     cairn_real zero_score_angle;
-    /* Cost of a skipped sample, relative to the gain of an equal pair, 0.5 ... 4 (0.5). */
+    /* 0.5 ... 4 (0.5): cost of a skipped sample, relative to the gain of an equal pair */
     cairn_real gap_cost;
-    /* Least similarity of a match, > 0 ... 1 (0.5). */
+    /* > 0, <= 1 (0.5): least similarity of a match */
     cairn_real min_similarity;
 } cairn_fragment_match_params;
 

@@ -24,34 +24,34 @@ extern "C" {
 
 /* Parameters. Default values in brackets. */
 typedef struct cairn_hough_params {
-    /* Lines, 1 ... 256 (32). Of more peaks those with the most votes are kept. */
+    /* 1 ... 256 (32): lines. Of more peaks those with the most votes are kept. */
     int32_t max_lines;
-    /* Bins of the direction over half a turn, 8 ... 2^12 (180). */
+    /* 8 ... 2^12 (180): bins of the direction over half a turn */
     int32_t angles;
-    /* Bins of the distance from the centre of the points, 8 ... 2^14 (256). */
+    /* 8 ... 2^14 (256): bins of the distance from the centre of the points */
     int32_t distances;
-    /* m, > 0: width of a bin of the distance (0.05). Wider when the points extend too far for
+    /* m, > 0 (0.05): width of a bin of the distance. Wider when the points extend too far for
      * `distances` bins. */
     cairn_real distance_step;
-    /* 1: the two faces of a wall are two lines; 0: directions count modulo half a turn (1). */
+    /* 0 or 1 (1): 1: the two faces of a wall are two lines; 0: directions count modulo half a
+     * turn */
     int32_t oriented;
-    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN, which ignores oriented, angle_tolerance and
-     * support_distance (CAIRN_MODE_DEFAULT). */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written, oriented,
+     * angle_tolerance and support_distance are ignored */
     int32_t mode;
-    /* rad, > 0, <= pi / 2: a point votes for lines whose direction differs by less from its own
-     * (10 degrees). */
+    /* rad, > 0, <= pi/2 (10 degrees): a point votes for lines whose direction differs by less from
+     * its own */
     cairn_real angle_tolerance;
-    /* m, > 0: radius of the non-maximum suppression in distance: of lines closer to each other than
-     * this ... (0.20) */
+    /* m, > 0 (0.20): radius of the non-maximum suppression in distance: of lines closer to each
+     * other than this and than separation_angle only the one with more votes stays */
     cairn_real separation;
-    /* rad, > 0, <= pi / 2: ... and than this in direction only the one with more votes stays (10
-     * degrees). */
+    /* rad, > 0, <= pi/2 (10 degrees): radius of the non-maximum suppression in direction */
     cairn_real separation_angle;
-    /* m, > 0: points closer to a line than this are inliers (0.05). */
+    /* m, > 0 (0.05): points closer to a line than this are inliers */
     cairn_real support_distance;
-    /* m, > 0: usual spacing of the points along a line (0.10). */
+    /* m, > 0 (0.10): usual spacing of the points along a line */
     cairn_real spacing;
-    /* > 0: least sum of the weights of a line's inliers (20). */
+    /* > 0 (20): least sum of the weights of a line's inliers */
     cairn_real min_votes;
 } cairn_hough_params;
 

@@ -27,34 +27,37 @@ enum {
 };
 
 typedef struct cairn_icp_params {
-    /* capacity for target points, 1 ... 2^24; memory per point: 2 points and 2 to 3 int32_t */
+    /* 1 ... 2^24 (4096): capacity for target points; memory per point: 2 points and 2 to 3
+     * int32_t */
     int32_t max_target;
-    /* >= 1 */
+    /* >= 1 (40): greatest number of iterations of an alignment */
     int32_t max_iterations;
-    /* least number of inlier pairs, >= 4; the alignment ends below it */
+    /* >= 4 (10): least number of inlier pairs; the alignment ends below it */
     int32_t min_pairs;
+    /* any (CAIRN_ICP_POINT_TO_LINE): distance that is minimized */
     cairn_icp_mode mode;
-    /* m, > 0: side of the search grid's cells; about half the gate is fastest */
+    /* m, > 0 (0.2): side of the search grid's cells; about half the gate is fastest */
     cairn_real cell_size;
-    /* m: distance gate of the first iteration */
+    /* m, > 0 (0.5): distance gate of the first iteration */
     cairn_real gate_start;
-    /* m, <= gate_start: least distance gate; the gate shrinks in between */
+    /* m, > 0, <= gate_start (0.1): least distance gate; the gate shrinks in between */
     cairn_real gate_end;
-    /* gate = gate_factor times the mean distance of the last pairs, never growing */
+    /* > 0 (3): gate = gate_factor times the mean distance of the last pairs, never growing */
     cairn_real gate_factor;
-    /* rad, (0, pi]: greatest angle between the oriented directions of a pair */
+    /* rad, > 0, <= pi (60 degrees): greatest angle between the oriented directions of a pair */
     cairn_real direction_gate;
-    /* m: lower bound of the estimated standard deviation of a point across its line */
+    /* m, > 0 (0.01): lower bound of the estimated standard deviation of a point across its line */
     cairn_real min_sigma;
-    /* m: converged when a step translates less, ... */
+    /* m, > 0 (1e-4): converged when a step translates less, and rotates less than
+     * converged_angle */
     cairn_real converged_distance;
-    /* rad: ... and rotates less */
+    /* rad, > 0 (1e-4): rotation of a step below which the alignment has converged */
     cairn_real converged_angle;
-    /* [0, 1): a direction is unobservable when its information is below this share of the best
-     * direction's */
+    /* >= 0, < 1 (0.01): a direction is unobservable when its information is below this share of the
+     * best direction's */
     cairn_real weak_ratio;
-    /* 1: an iteration that lowers the overlap and raises the mean distance is undone and ends the
-     * alignment (Adluru 2008, section 6.6) */
+    /* 0 or 1 (0): 1: an iteration that lowers the overlap and raises the mean distance is undone
+     * and ends the alignment (Adluru 2008, section 6.6) */
     int32_t roll_back;
 } cairn_icp_params;
 

@@ -16,8 +16,10 @@ extern "C" {
 #endif
 
 typedef struct cairn_inner_distance_params {
-    int32_t max_points; /* Capacity of vertices of all outlines, 3 ... 2048 (128). */
-    int32_t fill_holes; /* 0: holes are outside of the shape; 1: holes are filled (0). */
+    /* 3 ... 2048 (128): capacity of vertices of all outlines */
+    int32_t max_points;
+    /* 0 or 1 (0): 0: holes are outside of the shape; 1: holes are filled */
+    int32_t fill_holes;
 } cairn_inner_distance_params;
 
 typedef struct cairn_inner_distance cairn_inner_distance;

@@ -32,45 +32,46 @@ typedef struct cairn_lum cairn_lum;
 
 /* Parameters; defaults in brackets. */
 typedef struct cairn_lum_params {
-    /* number of scans, 1 ... 2^16 (64) */
+    /* 1 ... 2^16 (64): number of scans */
     int32_t max_scans;
-    /* points of all scans together, 1 ... 2^24 (8192) */
+    /* 1 ... 2^24 (8192): points of all scans together */
     int32_t max_points;
-    /* 1 ... 2^24 (2016: all pairs of 64 scans) */
+    /* 1 ... 2^24 (2016): capacity for links; all pairs of 64 scans by default */
     int32_t max_links;
-    /* blocks of the Cholesky factor, see block_solver (2016) */
+    /* 0 ... 2^26 (2016): blocks of the Cholesky factor, see block_solver */
     int32_t max_fill;
-    /* >= 2: a link has more pairs than this (5) */
+    /* >= 2 (5): a link has more pairs than this */
     int32_t min_pairs;
-    /* >= 1 (500) */
+    /* >= 1 (500): greatest number of iterations */
     int32_t max_iterations;
-    /* iterations between two searches for links; 0: links are built once, as in the thesis (0) */
+    /* >= 0 (0): iterations between two searches for links; 0: links are built once, as in the
+     * thesis */
     int32_t rebuild_interval;
-    /* m, > 0: greatest distance of a closest-point pair (0.20) */
+    /* m, > 0 (0.20): greatest distance of a closest-point pair */
     cairn_real max_pair_distance;
-    /* rad, (0, pi]: greatest angle between the oriented directions of a pair; pi: any, as in the
-     * thesis, which attracts the two faces of a wall to each other (60 degrees) */
+    /* rad, > 0, <= pi (60 degrees): greatest angle between the oriented directions of a pair; pi:
+     * any, as in the thesis, which attracts the two faces of a wall to each other */
     cairn_real direction_gate;
-    /* m, > 0: lower bound of the standard deviation of a pair (0.02; with less, links of a few
-     * pairs that agree by chance outweigh all others) */
+    /* m, > 0 (0.02): lower bound of the standard deviation of a pair; with less, links of a few
+     * pairs that agree by chance outweigh all others */
     cairn_real min_sigma;
-    /* m, > 0: converged when no scan moves farther, rotations counted at a radius of 1 m
-     * (0.0001) */
+    /* m, > 0 (0.0001): converged when no scan moves farther, rotations counted at a radius of 1
+     * m */
     cairn_real converged_distance;
-    /* 1: sequential registration before the first search for links. Scan after scan is matched with
-     * the placed scans by ICP (icp, point to line), the best match first. The start pose is the
-     * scan's pose moved by the mean motion of the placed scans. 0: none (0). 1 helps from poor
+    /* 0 or 1 (0): 1: sequential registration before the first search for links. Scan after scan is
+     * matched with the placed scans by ICP (icp, point to line), the best match first. The start
+     * pose is the scan's pose moved by the mean motion of the placed scans. It helps from poor
      * initial poses: links within 0.20 m alone keep nearly correct poses and do not find distant
      * ones. */
     int32_t sequential_registration;
-    /* CAIRN_MODE_DEFAULT; CAIRN_MODE_AS_WRITTEN: rebuild_interval, direction_gate, min_sigma and
-     * sequential_registration are not read (CAIRN_MODE_DEFAULT) */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written,
+     * rebuild_interval, direction_gate, min_sigma and sequential_registration are not read */
     int32_t mode;
-    /* m, >= max_pair_distance: distance gate of the registration's first iteration (0.7) */
+    /* m, >= max_pair_distance (0.7): distance gate of the registration's first iteration */
     cairn_real registration_gate;
-    /* rad, [0, pi]: offset of two further start headings, to both sides (10 degrees) */
+    /* rad, 0 ... pi (10 degrees): offset of two further start headings, to both sides */
     cairn_real registration_angle;
-    /* m, >= 0: registration skips points of a scan nearer to the point before (0.08) */
+    /* m, >= 0 (0.08): registration skips points of a scan nearer to the point before */
     cairn_real registration_spacing;
 } cairn_lum_params;
 

@@ -62,32 +62,36 @@ enum {
 };
 
 typedef struct cairn_map_merge_params {
-    /* maximum number of maps, 1 ... 64 */
+    /* 1 ... 64 (16): maximum number of maps */
     int32_t max_maps;
-    /* capacity for the cells of all maps together, 1 ... 2^28 */
+    /* 1 ... 2^28 (2,560,000): capacity for the cells of all maps together */
     int32_t max_cells;
-    /* capacity for the cells of one map, 1 ... max_cells */
+    /* 1 ... max_cells (160,000): capacity for the cells of one map */
     int32_t max_map_cells;
-    /* surface points sampled per map, 64 ... 2^16; evenly spread where there are more cells */
+    /* 64 ... 2^16 (4096): surface points sampled per map; evenly spread where there are more
+     * cells */
     int32_t max_points;
-    /* line segments per map, 1 ... 4096 */
+    /* 1 ... 4096 (256): line segments per map */
     int32_t max_segments;
-    /* corners per map, the strongest, 1 ... 1024 */
+    /* 1 ... 1024 (48): corners per map, the strongest */
     int32_t max_corners;
-    /* competing registrations (modes) kept per pair of maps, 1 ... 32 */
+    /* 1 ... 32 (6): competing registrations (modes) kept per pair of maps */
     int32_t max_modes;
-    /* particles of the filter, 1 ... 4096 */
+    /* 1 ... 4096 (100): particles of the filter */
     int32_t particles;
+    /* any (CAIRN_MAP_MERGE_LIKELIHOOD_RATIO): perception model */
     cairn_map_merge_perception perception;
-    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN, which requires CAIRN_MAP_MERGE_IMAGES */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written, perception must
+     * be CAIRN_MAP_MERGE_IMAGES */
     int32_t mode;
-    /* correlation length of errors along a wall, in cells of the first map, > 0: wall of this
-     * length counts as one observation (10) */
+    /* cells of the first map, > 0 (10): correlation length of errors along a wall: wall of this
+     * length counts as one observation */
     cairn_real correlation_length;
-    /* nats, > 0: minimum support; a map with less is rejected; not as written */
+    /* nats, > 0 (6): minimum support; a map with less is rejected; not as written */
     cairn_real min_score;
-    /* nats, >= 0: minimum margin over the best competing pose; not as written */
+    /* nats, >= 0 (3): minimum margin over the best competing pose; not as written */
     cairn_real min_margin;
+    /* any (1): seed of the random numbers */
     uint64_t seed;
 } cairn_map_merge_params;
 

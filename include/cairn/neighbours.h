@@ -17,9 +17,9 @@ typedef struct cairn_point_grid cairn_point_grid;
 
 /* Parameters of a point grid. */
 typedef struct cairn_point_grid_params {
-    /* Points, 1 ... 2^28. */
+    /* 1 ... 2^28 (none): points */
     int32_t max_points;
-    /* Side of a cell, in m, > 0. Fastest when about the usual query radius. */
+    /* m, > 0 (none): side of a cell; fastest when about the usual query radius */
     cairn_real cell_size;
 } cairn_point_grid_params;
 
@@ -108,7 +108,7 @@ typedef struct cairn_box_sweep cairn_box_sweep;
 
 /* Capacity of a sweep. */
 typedef struct cairn_box_sweep_params {
-    /* Boxes, 1 ... 2^28. */
+    /* 1 ... 2^28 (none): boxes */
     int32_t max_boxes;
 } cairn_box_sweep_params;
 

@@ -67,55 +67,60 @@ enum {
 };
 
 typedef struct cairn_object_detect_params {
-    /* px, range of the diagonal of the object's box: 8 <= min <= max <= 2
-     * CAIRN_CONTOUR_SEARCH_MAX_SIDE, min at least a fiftieth of the image's longer side. */
+    /* px, 8 ... 2 CAIRN_CONTOUR_SEARCH_MAX_SIDE (from the image's size): range of the diagonal of
+     * the object's box, min_size <= max_size, min_size at least a fiftieth of the image's longer
+     * side; by default from a tenth of the image's diagonal to the whole, at least 24 */
     cairn_real min_size, max_size;
-    /* 1: the mirrored model is searched, too (1) */
+    /* 0 or 1 (1): 1: the mirrored model is searched, too */
     int32_t mirror;
-    /* 1 ... 64: candidates that are refined (30) */
+    /* 1 ... 64 (30): candidates that are refined */
     int32_t candidates;
-    /* 0 ... 1: non-maximum suppression threshold. Of two detections whose intersection over union
-     * is greater the better one stays (0.2); so it does when most of the smaller box lies in the
-     * other */
+    /* 0 ... 1 (0.2): non-maximum suppression threshold. Of two detections whose intersection over
+     * union is greater the better one stays; so it does when most of the smaller box lies in the
+     * other. */
     cairn_real overlap;
-    /* least score of a reported detection, before appearance counts (0; as written -100: all are
-     * reported) */
+    /* finite (0): least score of a reported detection, before appearance counts; as written -100:
+     * all are reported */
     cairn_real min_score;
-    /* (EVIDENCE) */
+    /* any (CAIRN_OBJECT_DETECT_EVIDENCE): method of detection */
     cairn_object_detect_method method;
-    /* Of method PARTS: */
-    /* (BUNDLES) */
+    /* any (CAIRN_OBJECT_DETECT_BUNDLES): method PARTS: how fragments are bundled */
     cairn_object_detect_bundles bundles;
-    /* [cut_count] manually chosen fragments of the first outline; NULL: chosen by rule (NULL) */
+    /* any (NULL): [cut_count] manually chosen fragments of the first outline; NULL: chosen by
+     * rule */
     const cairn_part_bundle_cut *cuts;
+    /* >= 0 (0): number of cuts */
     int32_t cut_count;
-    /* 1 ... 64: chains that vote for each fragment (2, as in the thesis) */
+    /* 1 ... 64 (2): chains that vote for each fragment; 2 in the thesis */
     int32_t matches;
-    /* 1 ... 64: nearest votes that the configurations around a vote are formed from (20) */
+    /* 1 ... 64 (20): nearest votes that the configurations around a vote are formed from */
     int32_t nearest;
-    /* 1: only around the modes of the votes, found by mean shift (0) */
+    /* 0 or 1 (0): 1: only around the modes of the votes, found by mean shift */
     int32_t modes_only;
-    /* appearance of the same image, for the score of a box; NULL: not used (NULL) */
+    /* any (NULL): appearance of the same image, for the score of a box; NULL: not used */
     const cairn_appearance_field *appearance;
-    /* 0 ... 1000: weight of the appearance distance, lambda of the thesis (8) */
+    /* 0 ... 1000 (8): weight of the appearance distance, lambda of the thesis */
     cairn_real appearance_weight;
-    /* called when a stage begins; NULL: no callback (NULL) */
+    /* any (NULL): called when a stage begins; NULL: no callback */
     void (*on_stage)(void *context, cairn_object_detect_stage stage);
+    /* any (NULL): passed to on_stage */
     void *on_stage_context;
-    /* Of method EVIDENCE, 1: objects may be partly occluded and have the model's own shape. Only
-     * edges that agree on one similarity map of the original outline count (rigid_proximity). The
-     * evidence of a contour grouped there is added. Grouped contours add up to `candidates` more
-     * candidates. Outlines are fitted by that map and not deformed. In clutter it raises the number
-     * of false positives (0). */
+    /* 0 or 1 (0): 1, method EVIDENCE: objects may be partly occluded and have the model's own
+     * shape. Only edges that agree on one similarity map of the original outline count
+     * (rigid_proximity). The evidence of a contour grouped there is added. Grouped contours add up
+     * to `candidates` more candidates. Outlines are fitted by that map and not deformed. In clutter
+     * it raises the number of false positives. */
     int32_t occluded;
-    /* Of method EVIDENCE, 0 ... 100: weight in the score of the evidence of a contour grouped at
-     * the detection (grouped_evidence; contour_grouping). Grouping takes more than half the time of
-     * a search. 0: no grouping, except with `occluded`, which has its own weight for it (0.08). */
+    /* 0 ... 100 (0.08): method EVIDENCE: weight in the score of the evidence of a contour grouped
+     * at the detection (grouped_evidence; contour_grouping). Grouping takes more than half the time
+     * of a search. 0: no grouping, except with `occluded`, which has its own weight for it. */
     cairn_real verify;
-    int32_t mode; /* CAIRN_MODE_DEFAULT, or CAIRN_MODE_AS_WRITTEN, method PARTS only (DEFAULT) */
-    /* 0: appearance is the probability of the support vector machine (Adluru 2008, section 5.3.2);
-     * 1, as written only: 1 - the distance to the nearest training histogram (section 5.4.2) (0; as
-     * written 1). */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written: method PARTS
+     * only */
+    int32_t mode;
+    /* 0 or 1 (0): 0: appearance is the probability of the support vector machine (Adluru 2008,
+     * section 5.3.2); 1, as written only and its default: 1 - the distance to the nearest training
+     * histogram (section 5.4.2) */
     int32_t appearance_nearest;
 } cairn_object_detect_params;
 

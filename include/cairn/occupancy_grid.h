@@ -20,9 +20,12 @@ extern "C" {
 typedef struct cairn_occupancy_grid cairn_occupancy_grid;
 
 typedef struct cairn_occupancy_grid_params {
-    int32_t width, height; /* cells, 1 ... CAIRN_RASTER_MAX_SIDE */
-    cairn_real resolution; /* m, side of a cell, > 0 */
-    cairn_vec2 origin;     /* m, lower left corner of cell (0, 0) */
+    /* cells, 1 ... CAIRN_RASTER_MAX_SIDE (400 and 400): size of the grid */
+    int32_t width, height;
+    /* m, > 0 (0.05): side of a cell */
+    cairn_real resolution;
+    /* m, finite (0 and 0): lower left corner of cell (0, 0) */
+    cairn_vec2 origin;
 } cairn_occupancy_grid_params;
 
 /* Returns the default parameters: 400 x 400 cells of 0.05 m centred at (0, 0). */

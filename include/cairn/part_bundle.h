@@ -55,11 +55,16 @@ typedef struct cairn_part_bundle_model {
 } cairn_part_bundle_model;
 
 typedef struct cairn_part_bundle_params {
-    int32_t max_points;   /* capacity for outline points, 3 ... 4096 (256) */
-    int32_t bundles;      /* number of bundles, 1 ... CAIRN_PART_MAX_BUNDLES (4) */
-    int32_t pieces_each;  /* 1 ... 4: DCE vertices per bundle (2) */
-    int32_t max_pieces;   /* 1 ... 3: greatest number of pieces of a fragment (3) */
-    int32_t samples_each; /* samples of each fragment, 2 ... 64 (20) */
+    /* 3 ... 4096 (256): capacity for outline points */
+    int32_t max_points;
+    /* 1 ... CAIRN_PART_MAX_BUNDLES (4): number of bundles */
+    int32_t bundles;
+    /* 1 ... 4 (2): DCE vertices per bundle */
+    int32_t pieces_each;
+    /* 1 ... 3 (3): greatest number of pieces of a fragment */
+    int32_t max_pieces;
+    /* 2 ... 64 (20): samples of each fragment */
+    int32_t samples_each;
 } cairn_part_bundle_params;
 
 typedef struct cairn_part_bundle_builder cairn_part_bundle_builder;

@@ -44,33 +44,34 @@ enum {
 };
 
 typedef struct cairn_part_configuration_params {
-    /* capacity for votes, 1 ... 2^20 (512) */
+    /* 1 ... 2^20 (512): capacity for votes */
     int32_t max_votes;
-    /* K: number of nearest votes that configurations are formed from, the vote itself included, 1
-     * ... 64 (20) */
+    /* 1 ... 64 (20): K: number of nearest votes that configurations are formed from, the vote
+     * itself included */
     int32_t nearest;
-    /* least number of parts of a configuration, 1 ... 64 (2) */
+    /* 1 ... 64 (2): least number of parts of a configuration */
     int32_t min_parts;
-    /* capacity for configurations, 1 ... 2^16 (64) */
+    /* 1 ... 2^16 (64): capacity for configurations */
     int32_t max_found;
-    /* 1 ... 2^30: limit of search-tree nodes per vote: a part added, skipped or removed
-     * (1,000,000) */
+    /* 1 ... 2^30 (1,000,000): limit of search-tree nodes per vote: a part added, skipped or
+     * removed */
     int32_t max_nodes;
-    /* (NEAREST) */
+    /* any (CAIRN_PART_SEARCH_NEAREST): votes that configurations are formed from */
     cairn_part_search search;
-    /* tolerance of the centre, in units of the model, 1e-4 ... 10 (0.08) */
+    /* units of the model, 1e-4 ... 10 (0.08): tolerance of the centre */
     cairn_real centre_tolerance;
-    /* tolerance of the logarithm of the scale, 0.01 ... 1 (0.15) */
+    /* 0.01 ... 1 (0.15): tolerance of the logarithm of the scale */
     cairn_real scale_tolerance;
-    /* radius of the neighbourhood of a vote, in tolerances, 0.5 ... 4 (3) */
+    /* tolerances, 0.5 ... 4 (3): radius of the neighbourhood of a vote */
     cairn_real search_radius;
-    /* 0 ... 1: two parts conflict when a greater share of the shorter one's interval lies in both
-     * (0.2) */
+    /* 0 ... 1 (0.2): two parts conflict when a greater share of the shorter one's interval lies in
+     * both */
     cairn_real overlap;
-    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN, which ignores the search kind, search_radius,
-     * scale_tolerance and overlap, and allows max_votes up to 8192 (DEFAULT) */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written, the search
+     * kind, search_radius, scale_tolerance and overlap are ignored, and max_votes up to 8192 is
+     * allowed */
     int32_t mode;
-    /* >= 0, as written: least summed similarity of a configuration (0) */
+    /* >= 0 (0): as written: least summed similarity of a configuration */
     cairn_real min_sum;
 } cairn_part_configuration_params;
 

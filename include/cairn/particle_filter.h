@@ -35,30 +35,30 @@ enum {
 
 /* Parameters. Default values in brackets. */
 typedef struct cairn_particle_filter_params {
-    /* N: number of particles after resampling, 1 ... 2^20 (100). */
+    /* 1 ... 2^20 (100): N: number of particles after resampling */
     int32_t particles;
-    /* Largest number of particles while no resampling is needed, >= particles, <= 2^20 (100). Of
-     * more followers those with the lowest weights are discarded. */
+    /* particles ... 2^20 (100): largest number of particles while no resampling is needed. Of more
+     * followers those with the lowest weights are discarded. */
     int32_t max_particles;
-    /* Followers per particle and step, 1 ... 2^20 (8). */
+    /* 1 ... 2^20 (8): followers per particle and step */
     int32_t max_followers;
-    /* Candidates of all particles in a step, 1 ... 2^20 (4096). */
+    /* 1 ... 2^20 (4096): candidates of all particles in a step */
     int32_t max_candidates;
-    /* Blocks (states) in all histories together, those of the step that runs included, 1 ... 2^28
-     * (4096). (max_history + 2) max_particles blocks suffice for any number of steps when
+    /* 1 ... 2^28 (4096): blocks (states) in all histories together, those of the step that runs
+     * included. (max_history + 2) max_particles blocks suffice for any number of steps when
      * max_history is not 0. */
     int32_t max_blocks;
-    /* Bytes of a state, 1 ... 2^20 (64). States are aligned to CAIRN_ALIGN. */
+    /* 1 ... 2^20 (64): bytes of a state. States are aligned to CAIRN_ALIGN. */
     int32_t state_bytes;
-    /* Proposal distribution (optimal). */
+    /* any (CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL): proposal distribution */
     cairn_particle_filter_proposal proposal;
-    /* 1: a particle has exp(H) followers, rounded up, at most max_followers, where H is the entropy
-     * of the distribution from which the followers are drawn: one per mode. 0: max_followers
-     * (1). */
+    /* 0 or 1 (1): 1: a particle has exp(H) followers, rounded up, at most max_followers, where H is
+     * the entropy of the distribution from which the followers are drawn: one per mode. 0:
+     * max_followers. */
     int32_t adaptive_followers;
-    /* States of a history that are kept before the last one, 1 ... 2^20; 0: all states (0). */
+    /* 0 ... 2^20 (0): states of a history that are kept before the last one; 0: all states */
     int32_t max_history;
-    /* The population is resampled when N_eff is below this fraction of N, 0 ... 1 (0.5). */
+    /* 0 ... 1 (0.5): the population is resampled when N_eff is below this fraction of N */
     cairn_real resample_ratio;
 } cairn_particle_filter_params;
 

@@ -47,47 +47,50 @@ enum {
 };
 
 typedef struct cairn_place_map_params {
+    /* any (CAIRN_PLACE_MAP_CONSENSUS): method */
     cairn_place_map_mode mode;
-    /* number of places, 2 ... 256 (16) */
+    /* 2 ... 256 (16): number of places */
     int32_t max_places;
-    /* scans of all places together, >= max_places (64) */
+    /* >= max_places (64): scans of all places together */
     int32_t max_scans;
-    /* evenly spaced points of one place, >= 1 (1024) */
+    /* >= 1 (1024): evenly spaced points of one place */
     int32_t max_place_points;
-    /* beams of one place, >= 1 (2048) */
+    /* >= 1 (2048): beams of one place */
     int32_t max_place_beams;
-    /* places that the sequential modes match with, >= 1 (3) */
+    /* >= 1 (3): places that the sequential modes match with */
     int32_t recent_places;
-    /* rounds in which every place is matched again with the map of the others, >= 0 (4) */
+    /* >= 0 (4): rounds in which every place is matched again with the map of the others */
     int32_t rematch_rounds;
-    /* sweeps of the ICP refinement over all places, >= 0 (10) */
+    /* >= 0 (10): sweeps of the ICP refinement over all places */
     int32_t refinement_sweeps;
+    /* any (CAIRN_PLACE_MAP_COUPLED): individual alignment of the scans at the end */
     cairn_place_map_decoupling decoupled;
-    /* m, > 0: half the side of a place's visibility grid (8) */
+    /* m, > 0 (8): half the side of a place's visibility grid */
     cairn_real visibility_reach;
-    /* m, > 0: side of its cells (0.05) */
+    /* m, > 0 (0.05): side of the cells of the visibility grid */
     cairn_real visibility_cell;
-    /* m, > 0: distance to a surface within which another surface counts as the same (0.10) */
+    /* m, > 0 (0.10): distance to a surface within which another surface counts as the same */
     cairn_real visibility_margin;
-    /* Log-likelihood ratios per point of one place, in the visibility grid of the other. nats, > 0:
-     * on a surface of its direction (0.05) */
+    /* nats, > 0 (0.05): log-likelihood ratio of a point of one place, in the visibility grid of the
+     * other: on a surface of its direction */
     cairn_real surface_nats;
-    /* nats, > 0: of a dynamic-object candidate (small isolated body) on such a body (0.25) */
+    /* nats, > 0 (0.25): likewise: a dynamic-object candidate (small isolated body) on such a
+     * body */
     cairn_real dynamic_nats;
-    /* nats, > 0: on the opposite face of a wall, saturating with their number (0.3) */
+    /* nats, > 0 (0.3): likewise: on the opposite face of a wall, saturating with their number */
     cairn_real opposite_face_nats;
-    /* nats, > 0: on a surface too rough to have a direction (0.65) */
+    /* nats, > 0 (0.65): likewise: on a surface too rough to have a direction */
     cairn_real rough_surface_nats;
-    /* nats, >= 0, per square metre that both places measured free (1.6) */
+    /* nats per m^2, >= 0 (1.6): log-likelihood ratio of the area that both places measured free */
     cairn_real free_area_nats;
-    /* nats, > 0: penalty of a free-space violation, a point in space that the other place measured
-     * free (0.6) */
+    /* nats, > 0 (0.6): penalty of a free-space violation, a point in space that the other place
+     * measured free */
     cairn_real free_space_penalty;
-    /* in [0, 1]: factor on the penalty of points of dynamic-object candidates, which may have moved
-     * (0.05) */
+    /* 0 ... 1 (0.05): factor on the penalty of points of dynamic-object candidates, which may have
+     * moved */
     cairn_real dynamic_factor;
-    /* nats, >= 0: subtracted from every hypothesis, as the best of many random ones reaches this
-     * ratio by chance (0) */
+    /* nats, >= 0 (0): subtracted from every hypothesis, as the best of many random ones reaches
+     * this ratio by chance */
     cairn_real chance_nats;
     /* scan matching; max_target ... max_query are not read */
     cairn_scan_match_params match;

@@ -33,39 +33,39 @@ typedef struct cairn_pose_consensus_relative_pose {
 } cairn_pose_consensus_relative_pose;
 
 typedef struct cairn_pose_consensus_params {
-    /* 1 ... 2^16 (64) */
+    /* 1 ... 2^16 (64): capacity for nodes */
     int32_t max_nodes;
-    /* 1 ... 2^20 (1024) */
+    /* 1 ... 2^20 (1024): capacity for hypotheses of relative poses */
     int32_t max_hypotheses;
-    /* >= 1: growths, each from the strongest hypothesis that no map found so far agrees with
-     * (16) */
+    /* >= 1 (16): growths, each from the strongest hypothesis that no map found so far agrees
+     * with */
     int32_t max_starts;
-    /* >= 0: rounds in which every node is chosen again, and in which blocks of nodes are moved
-     * (10) */
+    /* >= 0 (10): rounds in which every node is chosen again, and in which blocks of nodes are
+     * moved */
     int32_t max_rounds;
-    /* 1 ... 32: candidates of a choice, by votes, that the likelihood functions evaluate (8) */
+    /* 1 ... 32 (8): candidates of a choice, by votes, that the likelihood functions evaluate */
     int32_t max_candidates;
-    /* 0 ... 32: alternatives reported per node (4) */
+    /* 0 ... 32 (4): alternatives reported per node */
     int32_t max_alternatives;
-    /* m, > 0: model noise of the nodes' positions, added in quadrature to the covariances (0.03) */
+    /* m, > 0 (0.03): model noise of the nodes' positions, added in quadrature to the covariances */
     cairn_real sigma;
-    /* rad, > 0: model noise of the headings, likewise; times the distance of the nodes it adds to
-     * their positions (0.6 degrees) */
+    /* rad, > 0 (0.6 degrees): model noise of the headings, likewise; times the distance of the
+     * nodes it adds to their positions */
     cairn_real sigma_theta;
-    /* > 0: a hypothesis is an inlier when its chi-squared (3 degrees of freedom) is below (16) */
+    /* > 0 (16): a hypothesis is an inlier when its chi-squared (3 degrees of freedom) is below */
     cairn_real max_chi2;
-    /* >= 0: share of the best score of a pair that is subtracted when none of its hypotheses is an
-     * inlier and there is no pairwise likelihood function (0) */
+    /* >= 0 (0): share of the best score of a pair that is subtracted when none of its hypotheses is
+     * an inlier and there is no pairwise likelihood function */
     cairn_real conflict_penalty;
-    /* nats, > 0: a node with less support from all others together is not placed (3) */
+    /* nats, > 0 (3): a node with less support from all others together is not placed */
     cairn_real min_support;
-    /* in (0, 1): least weight of an alternative that makes its node ambiguous (0.02) */
+    /* > 0, < 1 (0.02): least weight of an alternative that makes its node ambiguous */
     cairn_real min_ambiguous_weight;
-    /* nats, >= 0: significance threshold of a pose's support, violations subtracted twice. A node
-     * is ambiguous that reaches it at an alternative pose, however much greater the support of the
-     * chosen pose, if the violations there weigh at least min_ambiguous_weight; so are nodes that
-     * owe most of their support to ambiguous nodes. See also cairn_pose_consensus_find_submaps().
-     * 0: no test (0) */
+    /* nats, >= 0 (0): significance threshold of a pose's support, violations subtracted twice. A
+     * node is ambiguous that reaches it at an alternative pose, however much greater the support of
+     * the chosen pose, if the violations there weigh at least min_ambiguous_weight; so are nodes
+     * that owe most of their support to ambiguous nodes. See also
+     * cairn_pose_consensus_find_submaps(). 0: no test. */
     cairn_real significant_support;
 } cairn_pose_consensus_params;
 

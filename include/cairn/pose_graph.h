@@ -68,27 +68,29 @@ enum {
 };
 
 typedef struct cairn_pose_graph_params {
-    /* 1 ... 2^22 (1000) */
+    /* 1 ... 2^22 (1000): capacity for poses */
     int32_t max_poses;
-    /* 1 ... 2^24 (3000) */
+    /* 1 ... 2^24 (3000): capacity for links */
     int32_t max_links;
-    /* blocks of the built-in solver's factor, see block_solver (12000) */
+    /* 0 ... 2^26 (12000): blocks of the built-in solver's factor, see block_solver */
     int32_t max_fill;
-    /* initial poses (BEST) */
+    /* any (CAIRN_POSE_GRAPH_BEST): initial poses */
     cairn_pose_graph_start start;
-    /* robust kernel (SQUARE) */
+    /* any (CAIRN_POSE_GRAPH_SQUARE): robust kernel */
     cairn_pose_graph_kernel kernel;
-    /* c, in standard deviations, > 0 (3) */
+    /* standard deviations, > 0 (3): width c of the kernel */
     cairn_real kernel_width;
-    /* not 0: graduated non-convexity (GNC, Yang et al. 2020): the kernel starts nearly quadratic
-     * and is narrowed in every iteration. GEMAN_MCCLURE only; other kernels stay unchanged (0) */
+    /* 0 or 1 (0): 1: graduated non-convexity (GNC, Yang et al. 2020): the kernel starts nearly
+     * quadratic and is narrowed in every iteration. GEMAN_MCCLURE only; other kernels stay
+     * unchanged. */
     int32_t graduated;
-    /* >= 1, rejected steps included (100) */
+    /* >= 1 (100): greatest number of iterations, rejected steps included */
     int32_t max_iterations;
-    /* relative decrease of the cost, in (0, 1): converged below it (1e-9; float 1e-5) */
+    /* > 0, < 1 (1e-9): converged below this relative decrease of the cost; 1e-5 by default in
+     * float */
     cairn_real converged_decrease;
-    /* > 0: links with e^T Omega e above this are counted as outliers (16.27: 99.9 % of the inliers
-     * are below) */
+    /* > 0 (16.27): links with e^T Omega e above this are counted as outliers; 99.9 % of the inliers
+     * are below the default */
     cairn_real max_chi2;
 } cairn_pose_graph_params;
 

@@ -124,8 +124,8 @@ typedef struct cairn_distance_map cairn_distance_map;
 
 /* Capacity of a distance transform. */
 typedef struct cairn_distance_map_params {
-    /* Columns, 1 ... CAIRN_RASTER_MAX_SIDE. The memory grows only with the columns, by 12 bytes
-     * per column. */
+    /* 1 ... CAIRN_RASTER_MAX_SIDE (none): columns. The memory grows only with the columns, by 12
+     * bytes per column. */
     int32_t max_width;
 } cairn_distance_map_params;
 

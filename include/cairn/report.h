@@ -168,27 +168,27 @@ typedef struct cairn_report_curve {
 
 /* Parameters of a player; defaults in brackets. Texts are UTF-8 and are copied. */
 typedef struct cairn_report_player_params {
-    /* NULL: none */
+    /* any (NULL): title of the page; NULL: none */
     const char *title;
-    /* NULL: none */
+    /* any (NULL): line below the title; NULL: none */
     const char *subtitle;
-    /* the name of a step. Default "step" */
+    /* any ("step"): name of a step */
     const char *step_name;
-    /* [curve_count] */
+    /* any (NULL): [curve_count] curves of values below the pictures */
     const cairn_report_curve *curve;
-    /* 0 .. CAIRN_REPORT_MAX_CURVES */
+    /* 0 ... CAIRN_REPORT_MAX_CURVES (0): number of curves */
     int32_t curve_count;
-    /* 1: the poses are connected in order as a path. Default 0 */
+    /* 0 or 1 (0): 1: the poses are connected in order as a path */
     int32_t connect;
-    /* limit of frames, 2 or more: beyond it every second frame is dropped (600) */
+    /* >= 2 (600): limit of frames: beyond it every second frame is dropped */
     int32_t max_frames;
-    /* limit of the poses of all frames, 2 or more: likewise (2,000,000) */
+    /* >= 2 (2,000,000): limit of the poses of all frames: likewise */
     int64_t max_poses;
-    /* limit of the points, and of the walls, of all scans, 1 or more (200,000) */
+    /* >= 1 (200,000): limit of the points, and of the walls, of all scans */
     int64_t max_points;
-    /* limit of the forces, regions, and hypotheses of all frames, each 1 or more (150,000) */
+    /* >= 1 (150,000): limit of the forces, of the regions, and of the hypotheses of all frames */
     int64_t max_forces;
-    /* radius of the regions of interest, m, >= 0 (0) */
+    /* m, >= 0 (0): radius of the regions of interest */
     cairn_real region_radius;
 } cairn_report_player_params;
 

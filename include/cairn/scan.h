@@ -76,16 +76,16 @@ typedef struct cairn_scan_view {
 typedef struct cairn_scan cairn_scan;
 
 typedef struct cairn_scan_params {
-    /* 1 ... 100,000 (1024) */
+    /* 1 ... 100,000 (1024): beams of a scan */
     int32_t max_beams;
-    /* as in cairn_polyline_params (128) */
+    /* 1 ... 2^20 (128): capacity for segments, as in cairn_polyline_params */
     int32_t max_segments;
-    /* >= 1: resampled points; beyond the limit the shortest segments are left out (2048) */
+    /* >= 1 (2048): resampled points; beyond the limit the shortest segments are left out */
     int32_t max_points;
-    /* m, > 0: spacing of the resampled points (0.10) */
+    /* m, > 0 (0.10): spacing of the resampled points */
     cairn_real spacing;
-    /* m, > 0: a resampled point is left out without a hit of its segment within this distance along
-     * it (0.20) */
+    /* m, > 0 (0.20): a resampled point is left out without a hit of its segment within this
+     * distance along it */
     cairn_real support_distance;
     /* line fit of the hits; its dim, max_points and max_segments are not read */
     cairn_polyline_params fit;

@@ -46,35 +46,36 @@ enum {
 };
 
 typedef struct cairn_scan_match_params {
+    /* any (CAIRN_SCAN_MATCH_CORRELATIVE): method */
     cairn_scan_match_mode mode;
-    /* evenly spaced points of all target parts, 1 ... 2^20 (2048) */
+    /* 1 ... 2^20 (2048): evenly spaced points of all target parts */
     int32_t max_target;
-    /* dense points of all target parts, 0 ... 2^20; 0: none are kept (4096) */
+    /* 0 ... 2^20 (4096): dense points of all target parts; 0: none are kept */
     int32_t max_dense;
-    /* target parts whose beams are kept as visibility profiles, 0 ... 4096; 0: no free space is
-     * known (16) */
+    /* 0 ... 4096 (16): target parts whose beams are kept as visibility profiles; 0: no free space
+     * is known */
     int32_t max_views;
-    /* evenly spaced points of the query, 1 ... 2^20 (1024) */
+    /* 1 ... 2^20 (1024): evenly spaced points of the query */
     int32_t max_query;
-    /* reported hypotheses, 1 ... 64 (8) */
+    /* 1 ... 64 (8): reported hypotheses */
     int32_t max_hypotheses;
-    /* 1 ... 1024: candidates of the search that are refined; with more, a match is still found at a
-     * smaller overlap, at a higher cost (128) */
+    /* 1 ... 1024 (128): candidates of the search that are refined; with more, a match is still
+     * found at a smaller overlap, at a higher cost */
     int32_t max_candidates;
-    /* 25 ... 65536 cells of 2 by 2 spacings in the vote accumulator: a larger window is cut about
-     * its middle (65536). See cairn_scan_match_cells() */
+    /* 25 ... 65536 (65536): cells of 2 by 2 spacings in the vote accumulator: a larger window is
+     * cut about its middle. See cairn_scan_match_cells(). */
     int32_t max_cells;
-    /* 1: in a search without a window a query point votes for a pose once, however many target
-     * parts show the surface there, so that poses on rarely seen surfaces are found, too; 0: once
-     * for each target point there (1) */
+    /* 0 or 1 (1): 1: in a search without a window a query point votes for a pose once, however many
+     * target parts show the surface there, so that poses on rarely seen surfaces are found, too; 0:
+     * once for each target point there */
     int32_t vote_once;
-    /* m, >= 0.001: spacing of the evenly spaced points; lengths of the search are multiples of it
-     * (0.10) */
+    /* m, >= 0.001 (0.10): spacing of the evenly spaced points; lengths of the search are multiples
+     * of it */
     cairn_real spacing;
-    /* m, > 0: lower bound of the estimated standard deviation of a point across its line (0.01) */
+    /* m, > 0 (0.01): lower bound of the estimated standard deviation of a point across its line */
     cairn_real min_sigma;
-    /* [0, 1): a direction is unobservable when its information is below this share of the best
-     * direction's (0.001) */
+    /* >= 0, < 1 (0.001): a direction is unobservable when its information is below this share of
+     * the best direction's */
     cairn_real weak_ratio;
 } cairn_scan_match_params;
 

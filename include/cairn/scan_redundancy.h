@@ -18,14 +18,14 @@ typedef struct cairn_scan_redundancy cairn_scan_redundancy;
 
 /* Parameters; defaults in brackets. */
 typedef struct cairn_scan_redundancy_params {
-    /* slots of the set, 1 ... 2^20 (64) */
+    /* 1 ... 2^20 (64): slots of the set */
     int32_t max_scans;
-    /* points of all scans together, 1 ... 2^24 (8192) */
+    /* 1 ... 2^24 (8192): points of all scans together */
     int32_t max_points;
-    /* m, > 0, <= 1e6: a scan shows a point when one of its points is within this distance ...
-     * (0.15) */
+    /* m, > 0, <= 1e6 (0.15): a scan shows a point when one of its points is within this distance,
+     * and within direction_gate */
     cairn_real radius;
-    /* rad, in (0, pi]: ... and their directions differ by at most this angle (30 degrees) */
+    /* rad, > 0, <= pi (30 degrees): greatest angle between the directions of both points */
     cairn_real direction_gate;
 } cairn_scan_redundancy_params;
 

@@ -21,15 +21,15 @@ extern "C" {
 #define CAIRN_SCAN_SET_LIMIT CAIRN_REAL(1e6)
 
 typedef struct cairn_scan_set_params {
-    /* number of scans, 1 ... 2^20 */
+    /* 1 ... 2^20 (none): number of scans */
     int32_t max_scans;
-    /* segments of all scans together, 1 ... 2^24 */
+    /* 1 ... 2^24 (none): segments of all scans together */
     int32_t max_segments;
-    /* points of all scans together, 1 ... 2^24; with spacing also the positions along their
+    /* 1 ... 2^24 (none): points of all scans together; with spacing also the positions along their
      * segments */
     int32_t max_points;
-    /* m: 0: points and masses are kept. > 0: as in cairn_scan_params; points are generated from the
-     * segments' ends, all of mass 1 */
+    /* m, >= 0 (none): 0: points and masses are kept. > 0: as in cairn_scan_params; points are
+     * generated from the segments' ends, all of mass 1. */
     cairn_real spacing;
 } cairn_scan_set_params;
 

@@ -41,23 +41,24 @@ extern "C" {
 #define CAIRN_SELF_SIMILARITY_MAX_OUTLINES 16
 
 typedef struct cairn_self_similarity_params {
-    /* CAIRN_MODE_DEFAULT (re-ranked) or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT). */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): method; the default one
+     * re-ranks the axes */
     int32_t mode;
-    /* Samples of the outline, 16 ... 512 (96). */
+    /* 16 ... 512 (96): samples of the outline */
     int32_t outline_samples;
-    /* Greatest number of samples of all holes together, 4 ... 512; 0: holes are filled (48). */
+    /* 0 or 4 ... 512 (48): greatest number of samples of all holes together; 0: holes are filled */
     int32_t hole_samples;
-    /* Vertices of the coarsest evolution level, 4 ... 32 (5). */
+    /* 4 ... 32 (5): vertices of the coarsest evolution level */
     int32_t min_vertices;
-    /* Vertices of the finest level, min_vertices ... 32, at most outline_samples (20). */
+    /* min_vertices ... 32 (20): vertices of the finest level, at most outline_samples */
     int32_t max_vertices;
-    /* Relative tie tolerance, >= 0: axes whose dissimilarity exceeds the best by at most this
-     * ratio tie with it (0.01). */
+    /* >= 0 (0.01): relative tie tolerance: axes whose dissimilarity exceeds the best by at most
+     * this ratio tie with it */
     cairn_real tie_ratio;
-    /* Absolute tie tolerance of the dissimilarity, >= 0 (0.001). */
+    /* >= 0 (0.001): absolute tie tolerance of the dissimilarity */
     cairn_real tie_floor;
-    /* Non-maximum-suppression radius, share of the outline's length, > 0 ... 0.25: axes with all
-     * ends closer are one (0.05). */
+    /* share of the outline's length, > 0, <= 0.25 (0.05): non-maximum-suppression radius: axes with
+     * all ends closer are one */
     cairn_real separation;
 } cairn_self_similarity_params;
 

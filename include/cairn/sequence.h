@@ -37,13 +37,13 @@ typedef cairn_real (*cairn_sequence_compare)(const void *context, int32_t i, int
 
 /* Parameters. Default values in brackets. */
 typedef struct cairn_sequence_params {
-    /* Kind of alignment (LCS). */
+    /* any (CAIRN_SEQUENCE_LCS): kind of alignment */
     cairn_sequence_kind kind;
-    /* Elements of the first sequence, 1 ... 2^24 (1024). */
+    /* 1 ... 2^24 (1024): elements of the first sequence */
     int32_t max_first;
-    /* Elements of the second sequence, 1 ... 2^24 (1024). */
+    /* 1 ... 2^24 (1024): elements of the second sequence */
     int32_t max_second;
-    /* LOCAL: cost of an unpaired element between pairs, >= 0 (1). */
+    /* >= 0 (1): kind LOCAL: cost of an unpaired element between pairs */
     cairn_real gap_cost;
 } cairn_sequence_params;
 

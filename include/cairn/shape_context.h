@@ -36,12 +36,12 @@ enum {
 };
 
 typedef struct cairn_shape_context_params {
-    /* Capacity of points of either shape, 2 ... 1024 (128); the memory grows with its square. */
+    /* 2 ... 1024 (128): capacity of points of either shape; the memory grows with its square */
     int32_t max_points;
-    /* Radii of the innermost and outermost ring, relative to the mean distance of two points, 0
-     * < inner_radius < outer_radius (1/8, 2). */
+    /* mean distances of two points, > 0 (1/8 and 2): radii of the innermost and outermost ring,
+     * inner_radius < outer_radius */
     cairn_real inner_radius, outer_radius;
-    /* Cost of an unmatched point, and of the missing share of a shape, >= 0 (1). */
+    /* >= 0 (1): cost of an unmatched point, and of the missing share of a shape */
     cairn_real missing_cost;
 } cairn_shape_context_params;
 

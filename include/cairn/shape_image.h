@@ -30,13 +30,13 @@ enum {
 
 /* Parameters; defaults in brackets. */
 typedef struct cairn_shape_image_params {
-    /* treatment of holes (keep) */
+    /* any (CAIRN_SHAPE_IMAGE_HOLES_KEEP): treatment of holes */
     cairn_shape_image_holes holes;
-    /* largest gap between open line ends that is bridged, as a fraction 0 ... 1 of the ink's
-     * diagonal (0.1) */
+    /* share of the ink's diagonal, 0 ... 1 (0.1): largest gap between open line ends that is
+     * bridged */
     double max_gap;
-    /* smallest component or hole that is kept, as a fraction 0 ... 1 of the largest component's
-     * area (0.01) */
+    /* share of the largest component's area, 0 ... 1 (0.01): smallest component or hole that is
+     * kept */
     double min_part;
 } cairn_shape_image_params;
 

@@ -93,23 +93,23 @@ CAIRN_CHECKED cairn_status cairn_shape_model_check(const cairn_shape_model *mode
 int32_t cairn_shape_model_first_outline(const cairn_shape_model *model);
 
 typedef struct cairn_shape_model_builder_params {
-    /* Samples along all outlines together, 16 ... 1024 (128). */
+    /* 16 ... 1024 (128): samples along all outlines together */
     int32_t outline_samples;
-    /* Samples of a path that covers the whole outline, 4 ... 256; other paths in proportion, at
-     * least 3 (32). */
+    /* 4 ... 256 (32): samples of a path that covers the whole outline; other paths in proportion,
+     * at least 3 */
     int32_t path_samples;
-    /* Greatest number of paths, 1 ... CAIRN_SHAPE_MODEL_MAX_PATHS (8); 1: the longest path only,
-     * as in the thesis. */
+    /* 1 ... CAIRN_SHAPE_MODEL_MAX_PATHS (8): greatest number of paths; 1: the longest path only, as
+     * in the thesis */
     int32_t max_paths;
-    /* Greatest symmetry error of a symmetric point of the symmetry set, rad, > 0, < pi/2 (20
-     * degrees). */
+    /* rad, > 0, < pi/2 (20 degrees): greatest symmetry error of a symmetric point of the symmetry
+     * set */
     cairn_real max_deviation;
-    /* Standard deviation of the symmetry error, rad, > 0 (10 degrees). */
+    /* rad, > 0 (10 degrees): standard deviation of the symmetry error */
     cairn_real deviation_sigma;
-    /* Least distance of the outline to a disc's centre, share of the radius, 0 ... 1; 0: any
-     * disc (0.8). */
+    /* share of the radius, 0 ... 1 (0.8): least distance of the outline to a disc's centre; 0: any
+     * disc */
     cairn_real min_clearance;
-    /* Least share of an outline for a path of its own, > 0 ... 1 (0.08). */
+    /* > 0, <= 1 (0.08): least share of an outline for a path of its own */
     cairn_real min_outline_share;
 } cairn_shape_model_builder_params;
 

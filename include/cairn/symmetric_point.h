@@ -29,25 +29,25 @@ typedef struct cairn_symmetric_point {
 } cairn_symmetric_point;
 
 typedef struct cairn_symmetric_point_params {
-    /* capacity for segments, 1 ... 2^26 (4096) */
+    /* 1 ... 2^26 (4096): capacity for segments */
     int32_t max_segments;
-    /* capacity for points, 1 ... 2^28; of more the most symmetric are kept (8192) */
+    /* 1 ... 2^28 (8192): capacity for points; of more the most symmetric are kept */
     int32_t max_points;
-    /* 1 ... 16: greatest number of edgels sampled per segment (5) */
+    /* 1 ... 16 (5): greatest number of edgels sampled per segment */
     int32_t samples;
-    /* definition of the centre. CAIRN_MODE_DEFAULT: both normals deviate equally from the
-     * directions to the centre; CAIRN_MODE_AS_WRITTEN: the midpoint of their intersections with the
-     * bisector (CAIRN_MODE_DEFAULT) */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): definition of the centre.
+     * Default: both normals deviate equally from the directions to the centre. As written: the
+     * midpoint of their intersections with the bisector. */
     int32_t mode;
-    /* px, > 0: spacing of the sampled edgels (4) */
+    /* px, > 0 (4): spacing of the sampled edgels */
     cairn_real sample_step;
-    /* px, >= 0: least radius (2) */
+    /* px, >= 0 (2): least radius */
     cairn_real min_radius;
-    /* px, >= min_radius, finite: greatest radius (100) */
+    /* px, >= min_radius, finite (100): greatest radius */
     cairn_real max_radius;
-    /* rad, > 0, < pi/2: greatest angle between a normal and the chord (60 degrees) */
+    /* rad, > 0, < pi/2 (60 degrees): greatest angle between a normal and the chord */
     cairn_real max_angle;
-    /* rad, >= 0: greatest deviation (45 degrees) */
+    /* rad, >= 0 (45 degrees): greatest deviation */
     cairn_real max_deviation;
 } cairn_symmetric_point_params;
 

@@ -53,17 +53,17 @@ typedef struct cairn_virtual_align_params {
     cairn_virtual_scan_params hypotheses;
     /* its max_scans is ignored */
     cairn_weak_direction_params slide;
-    /* >= 1: iterations of the field between two virtual scans while their source scans move (8) */
+    /* >= 1 (8): iterations of the field between two virtual scans while their source scans move */
     int32_t rebuild_interval;
-    /* >= 1: maximum runs of the field, each followed by the aligner, while scans are unplaced
-     * (2) */
+    /* >= 1 (2): maximum runs of the field, each followed by the aligner, while scans are
+     * unplaced */
     int32_t max_rounds;
-    /* 0: no aligner: all scans move from their initial poses, and none is translated along walls
-     * (1) */
+    /* 0 or 1 (1): 0: no aligner: all scans move from their initial poses, and none is translated
+     * along walls */
     int32_t use_aligner;
-    /* CAIRN_MODE_DEFAULT, or CAIRN_MODE_AS_WRITTEN, which ignores rebuild_interval, max_rounds,
-     * use_aligner, slide, hypotheses.mode, and the field's mode, roi and oriented_below
-     * (CAIRN_MODE_DEFAULT) */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written,
+     * rebuild_interval, max_rounds, use_aligner, slide, hypotheses.mode, and the field's mode, roi
+     * and oriented_below are ignored */
     int32_t mode;
 } cairn_virtual_align_params;
 

@@ -98,42 +98,42 @@ typedef struct cairn_virtual_scan_hypothesis_detector {
 
 /* Defaults in parentheses. */
 typedef struct cairn_virtual_scan_params {
-    /* bound of the slots of the scans, 1 ... 2^20 (64) */
+    /* 1 ... 2^20 (64): bound of the slots of the scans */
     int32_t max_scans;
-    /* capacity for points of the map, 1 ... 2^24 (4096) */
+    /* 1 ... 2^24 (4096): capacity for points of the map */
     int32_t max_points;
-    /* capacity for segments of the map, 1 ... 2^20 (1024) */
+    /* 1 ... 2^20 (1024): capacity for segments of the map */
     int32_t max_segments;
-    /* maximum number of hypotheses, 1 ... 1024 (64) */
+    /* 1 ... 1024 (64): maximum number of hypotheses */
     int32_t max_hypotheses;
-    /* capacity for points of the virtual scan, 1 ... 2^24 (4096) */
+    /* 1 ... 2^24 (4096): capacity for points of the virtual scan */
     int32_t max_virtual;
-    /* maximum number of the caller's detectors, 0 ... 16 (2) */
+    /* 0 ... 16 (2): maximum number of the caller's detectors */
     int32_t max_detectors;
-    /* not 0: detect lines (1) */
+    /* 0 or 1 (1): 1: detect lines */
     int32_t lines;
-    /* not 0: detect rectangles (1) */
+    /* 0 or 1 (1): 1: detect rectangles */
     int32_t rectangles;
-    /* not 0: detect circles and ellipses (1) */
+    /* 0 or 1 (1): 1: detect circles and ellipses */
     int32_t ellipses;
-    /* >= 1: every n-th of the scans' points votes for lines and ellipses (2) */
+    /* >= 1 (2): every n-th of the scans' points votes for lines and ellipses */
     int32_t stride;
-    /* m, > 0: distance of the virtual scan's points (0.10) */
+    /* m, > 0 (0.10): distance of the virtual scan's points */
     cairn_real spacing;
-    /* >= 0: weight of a point of a hypothesis of strength 1 (1) */
+    /* >= 0 (1): weight of a point of a hypothesis of strength 1 */
     cairn_real weight;
-    /* in sigma, > 0: maximum distance of an inlier from its line or ellipse (0.3) */
+    /* sigma, > 0 (0.3): maximum distance of an inlier from its line or ellipse */
     cairn_real distance_per_sigma;
-    /* rad per m of sigma, > 0: maximum deviation of an inlier's direction, within 4 to 10 degrees
-     * (0.2) */
+    /* rad per m of sigma, > 0 (0.2): maximum deviation of an inlier's direction, within 4 to 10
+     * degrees */
     cairn_real angle_per_sigma;
-    /* >= 1: minimum number of scans that a line or ellipse joins (2) */
+    /* >= 1 (2): minimum number of scans that a line or ellipse joins */
     int32_t min_scans;
-    /* CAIRN_MODE_DEFAULT, or CAIRN_MODE_AS_WRITTEN, which ignores ellipses, stride,
-     * distance_per_sigma, angle_per_sigma, min_scans, min_wall_length, hough.mode and
-     * rectangle.oriented (CAIRN_MODE_DEFAULT) */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written, ellipses,
+     * stride, distance_per_sigma, angle_per_sigma, min_scans, min_wall_length, hough.mode and
+     * rectangle.oriented are ignored */
     int32_t mode;
-    /* m, >= 0: minimum length of wall of a scan on it for the scan to count (0.5) */
+    /* m, >= 0 (0.5): minimum length of wall of a scan on it for the scan to count */
     cairn_real min_wall_length;
     /* its tolerances are minimum values, for sigma 0 */
     cairn_hough_params hough;

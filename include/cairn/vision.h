@@ -64,9 +64,12 @@ CAIRN_CHECKED cairn_status cairn_vision_gradients(const cairn_vision_image *grey
 
 /* Parameters of the Canny edge detector; defaults in brackets. */
 typedef struct cairn_vision_canny_params {
-    double sigma; /* Gaussian blur, pixels, 0 ... 50 (1.4) */
-    double low;   /* lower hysteresis threshold, grey levels per pixel, > 0 (3) */
-    double high;  /* upper hysteresis threshold, low ... 1000 (8) */
+    /* px, 0 ... 50 (1.4): standard deviation of the Gaussian blur */
+    double sigma;
+    /* grey levels per px, > 0 (3): lower hysteresis threshold */
+    double low;
+    /* grey levels per px, low ... 1000 (8): upper hysteresis threshold */
+    double high;
 } cairn_vision_canny_params;
 
 /* Returns the default parameters. */

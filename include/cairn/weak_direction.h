@@ -27,25 +27,25 @@ extern "C" {
 
 /* Parameters; defaults in brackets. */
 typedef struct cairn_weak_direction_params {
-    /* number of scans, 1 ... 2^16 (64) */
+    /* 1 ... 2^16 (64): number of scans */
     int32_t max_scans;
-    /* segments of all scans that are used, 1 ... 2^16; beyond the limit segments are left out,
-     * first those of strongly constrained scans (1024) */
+    /* 1 ... 2^16 (1024): segments of all scans that are used; beyond the limit segments are left
+     * out, first those of strongly constrained scans */
     int32_t max_walls;
-    /* submaps that may be translated, 1 ... 64; beyond the limit submaps stay (24) */
+    /* 1 ... 64 (24): submaps that may be translated; beyond the limit submaps stay */
     int32_t max_submaps;
-    /* not 0: use the prior on wall thickness (1) */
+    /* 0 or 1 (1): 1: use the prior on wall thickness */
     int32_t use_thickness;
-    /* m, > 0: a direction with a greater standard deviation is weakly observable (0.03) */
+    /* m, > 0 (0.03): a direction with a greater standard deviation is weakly observable */
     cairn_real weak_sigma;
-    /* m, > 0: greatest standard deviation across the weakly observable direction (0.05) */
+    /* m, > 0 (0.05): greatest standard deviation across the weakly observable direction */
     cairn_real max_cross_sigma;
-    /* rad, > 0: greatest standard deviation of the heading (1 degree) */
+    /* rad, > 0 (1 degree): greatest standard deviation of the heading */
     cairn_real max_sigma_theta;
-    /* m, > 0: step of the translations that are tried, or the 401st part of 6 standard deviations
-     * (0.02) */
+    /* m, > 0 (0.02): step of the translations that are tried, or the 401st part of 6 standard
+     * deviations */
     cairn_real translation_step;
-    /* m, > 0: standard deviation of the thickness of equal walls (0.02) */
+    /* m, > 0 (0.02): standard deviation of the thickness of equal walls */
     cairn_real thickness_sigma;
 } cairn_weak_direction_params;
 
