@@ -71,6 +71,7 @@ typedef struct cairn_aligner_params {
 /* State of an alignment, and the reason why it ended. */
 typedef int32_t cairn_aligner_verdict;
 enum {
+    /* running, or nothing was begun */
     CAIRN_ALIGNER_RUNNING = 0,
     /* one connected component; the joint solution converged */
     CAIRN_ALIGNER_CONVERGED = 1,
@@ -83,10 +84,18 @@ enum {
 };
 
 /* Bits of the observable directions of a pose. */
-enum { CAIRN_ALIGNER_X = 1, CAIRN_ALIGNER_Y = 2, CAIRN_ALIGNER_THETA = 4 };
+enum {
+    /* x of the map frame */
+    CAIRN_ALIGNER_X = 1,
+    /* y of the map frame */
+    CAIRN_ALIGNER_Y = 2,
+    /* heading */
+    CAIRN_ALIGNER_THETA = 4
+};
 
 /* Estimate of a scan's pose. A component lies where its initial poses put it, in the mean. */
 typedef struct cairn_aligner_pose {
+    /* pose of the scan in the map, m and rad */
     cairn_pose map_scan;
     /* marginal covariance, row-major over (x, y, theta) in m and rad, in the map frame, given the
      * anchor of the component; outside component 0 that of the initial pose */
@@ -101,7 +110,9 @@ typedef struct cairn_aligner_pose {
     int32_t component;
 } cairn_aligner_pose;
 
+/* Result of an alignment: its verdict, and counts of the work done. */
 typedef struct cairn_aligner_result {
+    /* how the alignment has ended */
     cairn_aligner_verdict verdict;
     /* connected components, of scans with at least one segment */
     int32_t components;
@@ -135,6 +146,7 @@ typedef struct cairn_aligner_result {
     int32_t worst_step;
 } cairn_aligner_result;
 
+/* Joint alignment of scans from poor initial poses. */
 typedef struct cairn_aligner cairn_aligner;
 
 /* Returns the defaults above. */
@@ -154,7 +166,9 @@ CAIRN_CHECKED cairn_status cairn_aligner_create(cairn_aligner **aligner, cairn_p
  * CAIRN_BAD_ARGUMENT: NULL, negative counts, first_point that does not rise from 0 to point_count,
  * coordinates beyond 1e6 m. CAIRN_NOT_FINITE. CAIRN_FULL: more scans, segments or points than
  * params allow. *fault, when not NULL, names the field and the index. Cost: beams times segments of
- * the scan. */
+ * the scan.
+ *
+ * view: scan with its segments, points and beams */
 CAIRN_CHECKED cairn_status cairn_aligner_add_scan(cairn_aligner *aligner,
                                                   const cairn_scan_view *view, cairn_pose map_scan,
                                                   cairn_fault *fault);
@@ -178,9 +192,11 @@ CAIRN_CHECKED cairn_status cairn_aligner_begin(cairn_aligner *aligner);
  * another method, which aligns walls in parallel, has moved these scans. The result stays unless a
  * scan is relocalized; then the joint solution runs again.
  *
- * map_scan: [scans], not read of placed scans. CAIRN_EMPTY: no alignment has ended since scans were
- * added or one was begun. CAIRN_BAD_ARGUMENT: NULL, a pose beyond 1e6 m. CAIRN_NOT_FINITE. Linear
- * in the scans. The steps cost the relocalization alone unless one succeeds. */
+ * CAIRN_EMPTY: no alignment has ended since scans were added or one was begun. CAIRN_BAD_ARGUMENT:
+ * NULL, a pose beyond 1e6 m. CAIRN_NOT_FINITE. Linear in the scans. The steps cost the
+ * relocalization alone unless one succeeds.
+ *
+ * map_scan: [scans] poses, not read of placed scans */
 CAIRN_CHECKED cairn_status cairn_aligner_begin_warm(cairn_aligner *aligner,
                                                     const cairn_pose *map_scan);
 
@@ -206,29 +222,37 @@ cairn_pose cairn_aligner_current_pose(const cairn_aligner *aligner, int32_t scan
 
 /* ---- The result: the initial poses until step() returns CAIRN_OK ---- */
 
+/* Returns the number of scans. */
 int32_t cairn_aligner_scan_count(const cairn_aligner *aligner);
 
 /* Returns 1 when two scans constrain each other along the direction `along`: the last joint
  * solution has both on one wall; the first scan, at the pose second_first, lies on this wall within
  * 0.03 m; and the wall crosses `along` at 30 degrees or more. along: unit vector in the frame of
  * the first scan. Returns 0 for scans that do not exist and while an alignment is running. *units,
- * when not NULL: the cost, at most the product of the two scans' segments. */
+ * when not NULL: the cost, at most the product of the two scans' segments.
+ *
+ * first, second: indices of the scans */
 int32_t cairn_aligner_share_wall(const cairn_aligner *aligner, int32_t first, int32_t second,
                                  cairn_pose second_first, cairn_vec2 along, int32_t *units);
 
 /* Returns 1 when two scans are a candidate pair: near enough by their initial poses to be compared.
- * Cost: a quarter of a unit. */
+ * Cost: a quarter of a unit.
+ *
+ * first, second: indices of the scans */
 int32_t cairn_aligner_is_candidate_pair(const cairn_aligner *aligner, int32_t first,
                                         int32_t second);
 
 /* Returns the log-likelihood, in nats, <= 0, of the free-space violations of a relative pose of two
  * scans: surfaces of one scan where the other measured free space or another surface. 0 for scans
  * that do not exist or cannot overlap in this pose. *units, when not NULL: the cost, one per point
- * of both scans. */
+ * of both scans.
+ *
+ * first, second: indices of the scans */
 cairn_real cairn_aligner_free_space_violation(const cairn_aligner *aligner, int32_t first,
                                               int32_t second, cairn_pose second_first,
                                               int32_t *units);
 
+/* Returns the result; its verdict is RUNNING until step() returns CAIRN_OK. */
 cairn_aligner_result cairn_aligner_read(const cairn_aligner *aligner);
 
 /* Returns the estimate of a scan's pose; all zero for a scan that does not exist. */

@@ -37,7 +37,9 @@ CAIRN_CHECKED cairn_status cairn_assignment_create(cairn_assignment **assignment
 /* Starts an assignment. cost[row * columns + column], of either sign, at most 1e9 in magnitude,
  * must stay until step() returns CAIRN_OK. An assignment that runs is discarded.
  * CAIRN_BAD_ARGUMENT: NULL, a side below 1. CAIRN_FULL: more than max_rows or max_columns. Cost:
- * linear in the sides. */
+ * linear in the sides.
+ *
+ * cost: [rows][columns], row-major */
 CAIRN_CHECKED cairn_status cairn_assignment_begin(cairn_assignment *assignment,
                                                   const cairn_real *cost, int32_t rows,
                                                   int32_t columns);

@@ -94,7 +94,9 @@ CAIRN_CHECKED cairn_status cairn_block_solver_begin(cairn_block_solver *solver, 
 
 /* Links two different poses. Links are numbered from 0 in the order in which they are added.
  * Repeated links of a pair share one block. CAIRN_BAD_ARGUMENT: no such pose, first == second, or
- * the structure is already analyzed. CAIRN_FULL: max_links. Constant time. */
+ * the structure is already analyzed. CAIRN_FULL: max_links. Constant time.
+ *
+ * first, second: indices of the poses, from 0 */
 CAIRN_CHECKED cairn_status cairn_block_solver_add_link(cairn_block_solver *solver, int32_t first,
                                                        int32_t second);
 

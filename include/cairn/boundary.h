@@ -32,6 +32,7 @@
 extern "C" {
 #endif
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_boundary_params {
     /* px, 1 ... 8192 (640 and 480): largest image */
     int32_t max_width, max_height;
@@ -63,9 +64,11 @@ typedef struct cairn_boundary_params {
 /* A pixel corner. Corner (x, y) lies between pixels (x - 1, y - 1) and (x, y), at (x - 1/2, y -
  * 1/2) in image coordinates, px. */
 typedef struct cairn_boundary_corner {
+    /* column and row of the corner */
     int16_t x, y;
 } cairn_boundary_corner;
 
+/* A contour between two regions, from junction to junction. */
 typedef struct cairn_boundary_contour {
     /* corners[first ... first + count - 1]; consecutive corners are one pixel side apart. */
     int32_t first, count;
@@ -93,6 +96,7 @@ typedef struct cairn_boundary_image {
     ptrdiff_t stride;
 } cairn_boundary_image;
 
+/* Detector of region contours. */
 typedef struct cairn_boundary cairn_boundary;
 
 /* Returns the default values, in brackets above. The weights were chosen from a few candidates
@@ -109,7 +113,9 @@ CAIRN_CHECKED cairn_status cairn_boundary_create(cairn_boundary **boundary, cair
 
 /* Starts on an image and discards the previous result. CAIRN_BAD_ARGUMENT: no samples,
  * unsupported channels or stride. CAIRN_FULL: larger than max_width or max_height. Cost: linear
- * in max_regions. */
+ * in max_regions.
+ *
+ * image: grey or colour image */
 CAIRN_CHECKED cairn_status cairn_boundary_begin(cairn_boundary *boundary,
                                                 const cairn_boundary_image *image);
 
@@ -134,6 +140,7 @@ typedef struct cairn_boundary_result {
     cairn_raster_real_view strengths;
 } cairn_boundary_result;
 
+/* Returns the contours; all zero until step() returns CAIRN_OK. */
 cairn_boundary_result cairn_boundary_read(const cairn_boundary *boundary);
 
 #ifdef __cplusplus

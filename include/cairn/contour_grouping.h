@@ -45,6 +45,7 @@
 extern "C" {
 #endif
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_contour_grouping_params {
     /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): method */
     int32_t mode;
@@ -102,6 +103,7 @@ typedef struct cairn_contour_grouping_params {
 typedef struct cairn_contour_grouping_input {
     /* [count] px; must stay valid until step() returns CAIRN_OK */
     const cairn_segment *segments;
+    /* number of segments */
     int32_t count;
     /* px */
     int32_t width, height;
@@ -120,6 +122,7 @@ typedef struct cairn_contour_grouping_input {
     /* [end_count] px, end points of strong chains, where trajectories start; must stay valid,
      * too */
     const cairn_vec2 *ends;
+    /* number of end points */
     int32_t end_count;
 } cairn_contour_grouping_input;
 
@@ -155,9 +158,11 @@ typedef struct cairn_contour_grouping_trace {
     cairn_real n_eff;
     /* nats, of the best particle, mean over its steps; as written: of the greatest posterior */
     cairn_real log_likelihood;
+    /* followers drawn, whether the population was resampled, and particles afterwards */
     int32_t followers, resampled, particles;
 } cairn_contour_grouping_trace;
 
+/* The objects found, and their segments. */
 typedef struct cairn_contour_grouping_result {
     const cairn_contour_grouping_object *objects; /* [object_count] by descending evidence */
     /* Indices of the input's segments, object by object, in the order of the outline. As written:
@@ -167,6 +172,7 @@ typedef struct cairn_contour_grouping_result {
      * written: only at the outline samples nearest to the model samples of the discs. */
     const int32_t *outline_segments;
     const cairn_contour_grouping_trace *trace; /* [steps] */
+    /* number of objects, of their segments in all, and of filter steps */
     int32_t object_count, segment_count, steps;
     /* Pose hypotheses generated from pairs of tokens. As written: start states that the initial
      * particles are sampled from, four per symmetric point near an end of a strong chain. */
@@ -199,6 +205,7 @@ enum {
     CAIRN_CONTOUR_GROUPING_HISTORIES = 4
 };
 
+/* Grouping of contour tokens to objects by a particle filter. */
 typedef struct cairn_contour_grouping cairn_contour_grouping;
 
 /* Returns the values in brackets above. */
@@ -220,7 +227,9 @@ cairn_contour_grouping_create(cairn_contour_grouping **grouping, cairn_pool *poo
 
 /* Starts the search in one image and discards earlier results. CAIRN_BAD_ARGUMENT: NULL, an empty
  * range, an invalid model. CAIRN_FULL: an image or a model beyond the params; as written also more
- * than max_tokens segments. CAIRN_NOT_FINITE: a number of the input. Cost: linear in the model. */
+ * than max_tokens segments. CAIRN_NOT_FINITE: a number of the input. Cost: linear in the model.
+ *
+ * input: tokens, model and ranges of the pose */
 CAIRN_CHECKED cairn_status cairn_contour_grouping_begin(cairn_contour_grouping *grouping,
                                                         const cairn_contour_grouping_input *input);
 
@@ -249,6 +258,7 @@ typedef struct cairn_contour_grouping_particle {
     cairn_real turn;   /* rad, rotation */
     cairn_vec2 centre; /* px */
     cairn_real radius; /* px */
+    /* logarithm of the weight, nats */
     cairn_real log_weight;
     int32_t sample;        /* of the model */
     int32_t matched_sides; /* 0 ... 2: matched sides of the disc */
@@ -287,8 +297,10 @@ typedef struct cairn_contour_grouping_disc {
 int32_t cairn_contour_grouping_history(const cairn_contour_grouping *grouping, int32_t particle,
                                        cairn_contour_grouping_disc *discs, int32_t most);
 
-/* Writes the skeleton of an object of the result, as cairn_contour_grouping_history does for a
- * particle. */
+/* Writes the first `most` discs of the skeleton of an object of the result and returns their total
+ * number, as cairn_contour_grouping_history() does for a particle.
+ *
+ * discs: [most] set to the first discs */
 int32_t cairn_contour_grouping_skeleton(const cairn_contour_grouping *grouping, int32_t object,
                                         cairn_contour_grouping_disc *discs, int32_t most);
 

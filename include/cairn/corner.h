@@ -25,6 +25,7 @@ enum {
     CAIRN_CORNER_CONVEX = 2
 };
 
+/* A corner of two segments. */
 typedef struct cairn_corner {
     /* intersection of the two lines, m */
     cairn_vec2 position;
@@ -36,9 +37,11 @@ typedef struct cairn_corner {
     cairn_real strength;
     /* leg[k] runs along segments[segment[k]] */
     int32_t segment[2];
+    /* kind of the corner */
     cairn_corner_kind kind;
 } cairn_corner;
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_corner_params {
     /* 1 ... 2^28 (256): capacity for segments */
     int32_t max_segments;
@@ -60,6 +63,7 @@ typedef struct cairn_corner_params {
     int32_t crossings;
 } cairn_corner_params;
 
+/* Detector of corners, and the corners of its last detection. */
 typedef struct cairn_corner_set cairn_corner_set;
 
 /* Upper bound of cairn_corner_memory as a constant expression. */
@@ -80,7 +84,9 @@ CAIRN_CHECKED cairn_status cairn_corner_create(cairn_corner_set **set, cairn_poo
 
 /* Starts a detection over segments[0 ... count-1], which must not change until it ends. A running
  * detection is cancelled. Segments of length 0 have no corners. CAIRN_BAD_ARGUMENT: count < 0, or
- * NULL with count > 0. CAIRN_FULL: count > max_segments. Constant time. */
+ * NULL with count > 0. CAIRN_FULL: count > max_segments. Constant time.
+ *
+ * segments: [count] segments */
 CAIRN_CHECKED cairn_status cairn_corner_begin(cairn_corner_set *set, const cairn_segment *segments,
                                               int32_t count);
 
@@ -92,7 +98,9 @@ CAIRN_CHECKED cairn_status cairn_corner_begin(cairn_corner_set *set, const cairn
 CAIRN_CHECKED cairn_status cairn_corner_step(cairn_corner_set *set, cairn_budget *budget);
 
 /* Returns the corners of the last completed detection, the strongest first (ties: by the lower,
- * then the higher index of their two segments); valid until the next detection ends. */
+ * then the higher index of their two segments); valid until the next detection ends.
+ *
+ * count: set to the number of corners */
 const cairn_corner *cairn_corner_list(const cairn_corner_set *set, int32_t *count);
 
 /* Returns the number of corners that the last detection dropped beyond max_corners. */

@@ -69,7 +69,9 @@ cairn_curve_evolution_result cairn_curve_evolution_read(const cairn_curve_evolut
 
 /* Relevance of a vertex between two others: K = beta l1 l2 / (l1 + l2), beta the turning angle in
  * rad, 0 ... pi, and l1, l2 the lengths of the two sides (Adluru 2008, eq. 4.1), in rad times the
- * unit of the points. 0 when the vertex coincides with both neighbours. */
+ * unit of the points. 0 when the vertex coincides with both neighbours.
+ *
+ * before, vertex, after: consecutive vertices */
 cairn_real cairn_curve_evolution_relevance(cairn_vec2 before, cairn_vec2 vertex, cairn_vec2 after);
 
 #ifdef __cplusplus

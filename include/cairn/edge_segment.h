@@ -16,6 +16,7 @@
 extern "C" {
 #endif
 
+/* Straight piece of a contour, or a virtual segment at a junction. */
 typedef struct cairn_edge_segment {
     /* px, directed along the chain; a virtual segment has the length min_piece and is centred on
      * the junction */
@@ -29,6 +30,7 @@ typedef struct cairn_edge_segment {
     cairn_real strength;
 } cairn_edge_segment;
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_edge_segment_params {
     /* 1 ... 2^26 (10,000): capacity for polyline segments before cutting */
     int32_t max_lines;
@@ -49,6 +51,7 @@ typedef struct cairn_edge_segment_params {
     cairn_real min_junction_angle;
 } cairn_edge_segment_params;
 
+/* Extractor of edge segments, and the segments of its last image. */
 typedef struct cairn_edge_segment_set cairn_edge_segment_set;
 
 /* Returns the values in brackets above. */
@@ -63,7 +66,9 @@ CAIRN_CHECKED cairn_status cairn_edge_segment_create(cairn_edge_segment_set **se
                                                      const cairn_edge_segment_params *params);
 
 /* Starts on a set of chains and discards earlier results. The chains must stay valid until step()
- * returns CAIRN_OK. CAIRN_BAD_ARGUMENT: NULL, or negative counts. Constant time. */
+ * returns CAIRN_OK. CAIRN_BAD_ARGUMENT: NULL, or negative counts. Constant time.
+ *
+ * chains: chains of an image */
 CAIRN_CHECKED cairn_status cairn_edge_segment_begin(cairn_edge_segment_set *set,
                                                     const cairn_edge_chain_result *chains);
 

@@ -18,6 +18,7 @@
 extern "C" {
 #endif
 
+/* Edge point with subpixel position and direction. */
 typedef struct cairn_edgel {
     /* px */
     cairn_vec2 position;
@@ -27,6 +28,7 @@ typedef struct cairn_edgel {
     cairn_real gradient_magnitude;
 } cairn_edgel;
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_edgel_params {
     /* px, 1 ... CAIRN_RASTER_MAX_SIDE (640 and 480): largest image */
     int32_t max_width, max_height;
@@ -41,6 +43,7 @@ typedef struct cairn_edgel_params {
     cairn_real max_normal_angle;
 } cairn_edgel_params;
 
+/* Detector of edgels, and the edgels of its last image. */
 typedef struct cairn_edgel_set cairn_edgel_set;
 
 /* Returns the values in brackets above. */
@@ -55,7 +58,9 @@ CAIRN_CHECKED cairn_status cairn_edgel_create(cairn_edgel_set **set, cairn_pool 
 
 /* Starts on a grey-level image and discards earlier results. The image must stay valid until step()
  * returns CAIRN_OK. Its border pixels are replicated beyond the border. CAIRN_BAD_ARGUMENT: an
- * invalid view. CAIRN_FULL: larger than max_width or max_height. Constant time. */
+ * invalid view. CAIRN_FULL: larger than max_width or max_height. Constant time.
+ *
+ * grey: grey-level image */
 CAIRN_CHECKED cairn_status cairn_edgel_begin(cairn_edgel_set *set, cairn_raster_u8_view grey);
 
 /* Resumes the detection, row by row. CAIRN_MORE: the budget is exhausted. CAIRN_OK: the edgels are

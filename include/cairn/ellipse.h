@@ -100,7 +100,9 @@ CAIRN_CHECKED cairn_status cairn_ellipse_adjust(cairn_ellipse_set *set,
 
 /* Starts a search over points[0 ... count-1], which must not change until the search ends. A search
  * that runs is discarded. weights: [count], >= 0, or NULL when all are 1. CAIRN_BAD_ARGUMENT: NULL,
- * count < 0. Constant time. */
+ * count < 0. Constant time.
+ *
+ * points: [count] points */
 CAIRN_CHECKED cairn_status cairn_ellipse_begin(cairn_ellipse_set *set,
                                                const cairn_oriented_point *points,
                                                const cairn_real *weights, int32_t count);
@@ -124,15 +126,24 @@ int32_t cairn_ellipse_dropped(const cairn_ellipse_set *set);
 
 /* The point of the outline at a parametric (eccentric) angle in rad, 0 on the major axis. The
  * direction has free space on its left: counter-clockwise for rooms and unknown kinds, clockwise
- * for columns. */
+ * for columns.
+ *
+ * ellipse: an ellipse of the list
+ * angle: parametric angle, rad */
 cairn_oriented_point cairn_ellipse_point(const cairn_ellipse *ellipse, cairn_real angle);
 
-/* Perimeter in m by Ramanujan's first formula, accurate to 0.1 % for an axis ratio up to 4. */
+/* Perimeter in m by Ramanujan's first formula, accurate to 0.1 % for an axis ratio up to 4.
+ *
+ * ellipse: an ellipse of the list */
 cairn_real cairn_ellipse_length(const cairn_ellipse *ellipse);
 
 /* Signed distance of a point from the outline to first order (Sampson distance), in m, positive
  * outside. *normal is set to the outward unit normal of the outline near the point. At the centre
- * both are those of the closest end of the minor axis. */
+ * both are those of the closest end of the minor axis.
+ *
+ * ellipse: an ellipse of the list
+ * point: point, m
+ * normal: set to the outward unit normal */
 cairn_real cairn_ellipse_distance(const cairn_ellipse *ellipse, cairn_vec2 point,
                                   cairn_vec2 *normal);
 

@@ -31,8 +31,10 @@ extern "C" {
 /* Maximum number of candidate poses per particle. */
 #define CAIRN_FILTER_MAPPER_MAX_CANDIDATES 64
 
+/* SLAM by a Rao-Blackwellized particle filter. */
 typedef struct cairn_filter_mapper cairn_filter_mapper;
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_filter_mapper_params {
     /* front-end mapper; its window and loop.max_loops are taken as 0 */
     cairn_mapper_params front;
@@ -83,7 +85,11 @@ typedef struct cairn_filter_mapper_params {
 cairn_filter_mapper_params cairn_filter_mapper_default(void);
 
 /* Returns the defaults sized for max_keyframes keyframes of a scanner with max_beams beams, and
- * `particles` particles; see cairn_mapper_default_for(). */
+ * `particles` particles; see cairn_mapper_default_for().
+ *
+ * max_keys: capacity for keyframes, >= 1
+ * max_beams: most beams of a scan, >= 1
+ * particles: number of particles, >= 1 */
 cairn_filter_mapper_params cairn_filter_mapper_default_for(int32_t max_keys, int32_t max_beams,
                                                            int32_t particles);
 
@@ -97,7 +103,10 @@ CAIRN_CHECKED cairn_status cairn_filter_mapper_create(cairn_filter_mapper **mapp
                                                       const cairn_filter_mapper_params *params);
 
 /* Starts processing the next scan: as cairn_mapper_add(), with its statuses. CAIRN_MORE: the
- * previous scan is still being processed. */
+ * previous scan is still being processed.
+ *
+ * input: ranges, angles and poses
+ * odometry: pose of the base in the odometry frame; NULL: none */
 CAIRN_CHECKED cairn_status cairn_filter_mapper_add(cairn_filter_mapper *mapper,
                                                    const cairn_scan_input *input,
                                                    const cairn_pose *odometry, cairn_fault *fault);

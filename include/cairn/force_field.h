@@ -52,8 +52,11 @@ enum {
  * angle. ENDS: near an end of both segments. CROSSINGS: near both segments, anywhere along them (T
  * and X junctions too, as in the thesis). */
 enum {
+    /* no regions of interest */
     CAIRN_FORCE_FIELD_ROI_NONE = 0,
+    /* about corners near the ends of both segments */
     CAIRN_FORCE_FIELD_ROI_ENDS = 1,
+    /* about corners near both segments, T and X crossings included */
     CAIRN_FORCE_FIELD_ROI_CROSSINGS = 2
 };
 
@@ -138,6 +141,7 @@ typedef struct cairn_force_field_params {
 /* State of the simulation. */
 typedef int32_t cairn_force_field_verdict;
 enum {
+    /* running, or no iteration was done */
     CAIRN_FORCE_FIELD_RUNNING = 0,
     CAIRN_FORCE_FIELD_CONVERGED = 1,   /* mean relocation below stop_relocation */
     CAIRN_FORCE_FIELD_OUT_OF_STEPS = 2 /* max_steps iterations done */
@@ -146,6 +150,7 @@ enum {
 /* Measurements. The first four fields count over the whole life of the object. The others are those
  * of the last committed iteration (0 before the first). */
 typedef struct cairn_force_field_state {
+    /* running, or how the run has ended */
     cairn_force_field_verdict verdict;
     /* iterations since creation or clear(), restarts included */
     int32_t iterations;
@@ -189,6 +194,7 @@ typedef struct cairn_force_field_motion {
     cairn_real relocation;
 } cairn_force_field_motion;
 
+/* Force field simulation of scans. */
 typedef struct cairn_force_field cairn_force_field;
 
 /* Upper bounds of cairn_force_field_memory as constant expressions, without external points: with
@@ -269,7 +275,9 @@ int32_t cairn_force_field_next(const cairn_force_field *field);
 /* Adds a scan at the pose map_scan. View, mass, fault and statuses are as in cairn_scan_set_add;
  * mass: of the points in the forces outside regions of interest. CAIRN_BAD_ARGUMENT: also a pose
  * beyond 1e6 m. A scan without points has no effect. Adding does not change the cooling and does
- * not start a stopped simulation: restart() does. Linear in the scan. */
+ * not start a stopped simulation: restart() does. Linear in the scan.
+ *
+ * view: segments and points of the scan */
 CAIRN_CHECKED cairn_status cairn_force_field_add_scan(cairn_force_field *field,
                                                       const cairn_scan_view *view,
                                                       const cairn_real *mass, cairn_pose map_scan,
@@ -295,7 +303,9 @@ CAIRN_CHECKED cairn_status cairn_force_field_remove(cairn_force_field *field, in
  * as masses. Regions of interest do not change them. They take effect at the next commit point. Few
  * different successive directions are fastest. CAIRN_FULL: count > max_extra. CAIRN_NOT_FINITE.
  * CAIRN_BAD_ARGUMENT: NULL, a coordinate beyond 1e6 m, a weight below 0 or beyond 1e6. Linear in
- * count. */
+ * count.
+ *
+ * points: [count] points in the map */
 CAIRN_CHECKED cairn_status cairn_force_field_set_extra(cairn_force_field *field,
                                                        const cairn_oriented_point *points,
                                                        const cairn_real *weights, int32_t count);
@@ -339,6 +349,7 @@ cairn_pose cairn_force_field_pose(const cairn_force_field *field, int32_t scan);
  * first. */
 cairn_force_field_motion cairn_force_field_motion_of(const cairn_force_field *field, int32_t scan);
 
+/* Returns the state after the last complete iteration. */
 cairn_force_field_state cairn_force_field_read(const cairn_force_field *field);
 
 /* Returns P(g) of the last committed iteration, as in the state. */

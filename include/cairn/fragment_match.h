@@ -17,6 +17,7 @@
 extern "C" {
 #endif
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_fragment_match_params {
     /* 1 ... 65536 (CAIRN_PART_MAX_FRAGMENTS): capacity of fragments of a model */
     int32_t max_fragments;
@@ -64,6 +65,7 @@ typedef struct cairn_fragment_match {
     cairn_real from, to;
 } cairn_fragment_match;
 
+/* The matches of all fragments, and counts of the work done. */
 typedef struct cairn_fragment_match_result {
     /* [count] Sorted by fragment, then by decreasing similarity; valid until the next begin(). */
     const cairn_fragment_match *matches;
@@ -76,6 +78,7 @@ typedef struct cairn_fragment_match_result {
     int64_t cell_count;
 } cairn_fragment_match_result;
 
+/* Matcher of outline fragments to edge chains. */
 typedef struct cairn_fragment_matcher cairn_fragment_matcher;
 
 /* Returns the default values, in brackets above. */
@@ -96,7 +99,9 @@ CAIRN_CHECKED cairn_status cairn_fragment_match_create(cairn_fragment_matcher **
  * may be NULL if chain_count is 0), a negative count, fewer than 2 samples of a fragment.
  * CAIRN_FULL: fragments, samples or chains beyond the capacities, a chain longer than
  * max_samples steps of min_step. CAIRN_NOT_FINITE: a coordinate that is not finite or beyond
- * 1e6; a fragment's length that is not finite, negative or beyond 1e6. Cost: linear. */
+ * 1e6; a fragment's length that is not finite, negative or beyond 1e6. Cost: linear.
+ *
+ * chains: [chain_count] edge chains, px */
 CAIRN_CHECKED cairn_status cairn_fragment_match_begin(cairn_fragment_matcher *matcher,
                                                       const cairn_part_bundle_model *model,
                                                       const cairn_curve *chains,

@@ -105,7 +105,9 @@ CAIRN_CHECKED cairn_status cairn_hough_adjust(cairn_hough *hough, const cairn_ho
 
 /* Starts a search over points[0 ... count-1], which must not change until the search ends. A search
  * that runs is discarded. weights: [count], >= 0, or NULL when all are 1. CAIRN_BAD_ARGUMENT: NULL,
- * count < 0. Constant time. */
+ * count < 0. Constant time.
+ *
+ * points: [count] points */
 CAIRN_CHECKED cairn_status cairn_hough_begin(cairn_hough *hough, const cairn_oriented_point *points,
                                              const cairn_real *weights, int32_t count);
 
@@ -124,7 +126,9 @@ const cairn_hough_line *cairn_hough_list(const cairn_hough *hough, int32_t *coun
 /* Number of peaks of the last search that were dropped because of max_lines. */
 int32_t cairn_hough_dropped(const cairn_hough *hough);
 
-/* The segment from `low` to `high` on a line. */
+/* The segment from `low` to `high` on a line.
+ *
+ * line: a line of the list */
 cairn_segment cairn_hough_segment(const cairn_hough_line *line);
 
 #ifdef __cplusplus

@@ -17,15 +17,19 @@
 extern "C" {
 #endif
 
+/* ICP alignment of a query against a target. */
 typedef struct cairn_icp cairn_icp;
 
+/* Distance of a pair that is minimized. */
 typedef int32_t cairn_icp_mode;
 enum {
+    /* distance of the two points */
     CAIRN_ICP_POINT_TO_POINT = 0,
     /* residual along the normal of the target point: translation along the line is free */
     CAIRN_ICP_POINT_TO_LINE = 1
 };
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_icp_params {
     /* 1 ... 2^24 (4096): capacity for target points; memory per point: 2 points and 2 to 3
      * int32_t */
@@ -66,11 +70,14 @@ typedef struct cairn_icp_params {
  * 0.01; no roll-back. */
 cairn_icp_params cairn_icp_default(void);
 
+/* How an alignment has ended. */
 typedef int32_t cairn_icp_verdict;
 enum {
     /* running, or nothing was begun */
     CAIRN_ICP_RUNNING = 0,
+    /* a step was shorter than converged_distance and converged_angle */
     CAIRN_ICP_CONVERGED = 1,
+    /* max_iterations were done without convergence */
     CAIRN_ICP_OUT_OF_ITERATIONS = 2,
     /* the pose is that of the last iteration with enough pairs */
     CAIRN_ICP_TOO_FEW_PAIRS = 3,
@@ -81,6 +88,7 @@ enum {
     CAIRN_ICP_ROLLED_BACK = 5
 };
 
+/* Estimate and diagnostics after the last complete iteration. */
 typedef struct cairn_icp_result {
     cairn_pose target_query; /* pose of the query's frame in the target's */
     /* Covariance, row-major over (x, y, theta) in m and rad, of target_query in the target's frame;
@@ -102,11 +110,15 @@ typedef struct cairn_icp_result {
      * radius) in the target's frame, sign free. weak_ratio is its information as a share of the
      * best observable direction's. */
     cairn_real weak_direction[3];
+    /* share of the information in weak_direction, 0 ... 1 */
     cairn_real weak_ratio;
     cairn_real radius; /* m: root mean square distance of the query points from their centroid */
     int32_t observable_dof; /* observable degrees of freedom, 0 ... 3 */
+    /* inlier pairs of the last iteration */
     int32_t pairs;
+    /* complete iterations */
     int32_t iterations;
+    /* running, or how the alignment has ended */
     cairn_icp_verdict verdict;
 } cairn_icp_result;
 
@@ -123,24 +135,33 @@ void cairn_icp_clear_target(cairn_icp *icp);
 /* Adds points[0 ... count-1], mapped by target_points, to the target; they are copied.
  * CAIRN_BAD_ARGUMENT: count < 0, NULL with count > 0, a direction whose length is not 1 within 1 %,
  * or an alignment is running. CAIRN_NOT_FINITE. CAIRN_FULL: more than max_target in all. *fault,
- * when not NULL, gives the index of the point. Cost: a linear pass over the points. */
+ * when not NULL, gives the index of the point. Cost: a linear pass over the points.
+ *
+ * points: [count] in a frame of their own; directions of length 1
+ * target_points: pose of that frame in the target's */
 CAIRN_CHECKED cairn_status cairn_icp_add_target(cairn_icp *icp, const cairn_oriented_point *points,
                                                 int32_t count, cairn_pose target_points,
                                                 cairn_fault *fault);
 
+/* Returns the number of target points. */
 int32_t cairn_icp_target_count(const cairn_icp *icp);
 
 /* Starts to align query[0 ... count-1], which must not change until step() returns CAIRN_OK. A
  * running alignment is cancelled. prior: Gaussian prior of the pose; NULL: none. CAIRN_EMPTY: no
  * query or no target points. CAIRN_BAD_ARGUMENT: count < 0, NULL query, directions as in
- * add_target(), sigmas that are not > 0. CAIRN_NOT_FINITE. Cost: a linear pass over the query. */
+ * add_target(), sigmas that are not > 0. CAIRN_NOT_FINITE. Cost: a linear pass over the query.
+ *
+ * start: initial pose of the query's frame in the target's
+ * query: [count] in a frame of its own; directions of length 1 */
 CAIRN_CHECKED cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query,
                                            int32_t count, cairn_pose start,
                                            const cairn_rigid_motion_pose_prior *prior,
                                            cairn_fault *fault);
 
 /* Sets the least information ratio of an observable direction (params.weak_ratio) for the next
- * alignments. CAIRN_BAD_ARGUMENT: not in [0, 1), or an alignment is running. */
+ * alignments. CAIRN_BAD_ARGUMENT: not in [0, 1), or an alignment is running.
+ *
+ * weak_ratio: >= 0, < 1 */
 CAIRN_CHECKED cairn_status cairn_icp_set_weak_ratio(cairn_icp *icp, cairn_real weak_ratio);
 
 /* Continues the alignment. CAIRN_OK: it has ended; the verdict is valid. CAIRN_MORE: the budget is
@@ -155,16 +176,20 @@ cairn_icp_result cairn_icp_read(const cairn_icp *icp);
  * CAIRN_ICP_MAX_PARTS are counted with the last one. */
 #define CAIRN_ICP_MAX_PARTS 64
 
+/* Information of the pairs with each target part. */
 typedef struct cairn_icp_parts {
     /* motion of the query at the linearization point of the information */
     cairn_rigid_motion motion;
+    /* number of target parts, at most CAIRN_ICP_MAX_PARTS */
     int32_t count;
     /* point-to-line information of the pairs with each part, last complete iteration */
     cairn_sym3 information[CAIRN_ICP_MAX_PARTS];
 } cairn_icp_parts;
 
 /* Writes the information per target part; all zero while an alignment has no complete iteration
- * with enough pairs. Cost: linear in the parts. */
+ * with enough pairs. Cost: linear in the parts.
+ *
+ * parts: set to the information of each part */
 void cairn_icp_read_parts(const cairn_icp *icp, cairn_icp_parts *parts);
 
 #ifdef __cplusplus

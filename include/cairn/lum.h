@@ -28,6 +28,7 @@
 extern "C" {
 #endif
 
+/* Joint alignment of scans by Lu and Milios. */
 typedef struct cairn_lum cairn_lum;
 
 /* Parameters; defaults in brackets. */
@@ -75,25 +76,34 @@ typedef struct cairn_lum_params {
     cairn_real registration_spacing;
 } cairn_lum_params;
 
+/* Returns the defaults in brackets above. */
 cairn_lum_params cairn_lum_default(void);
 
 /* Returns the params of the mode as written, with the thesis's constants where it has any. */
 cairn_lum_params cairn_lum_as_written(void);
 
+/* How an alignment has ended. */
 typedef int32_t cairn_lum_verdict;
 enum {
     /* running, or nothing was begun */
     CAIRN_LUM_RUNNING = 0,
+    /* no scan moved farther than converged_distance */
     CAIRN_LUM_CONVERGED = 1,
+    /* max_iterations were done without convergence */
     CAIRN_LUM_OUT_OF_ITERATIONS = 2,
     /* the links do not determine all poses; the poses are those of the last iteration */
     CAIRN_LUM_SINGULAR = 3
 };
 
+/* State after the last complete iteration. */
 typedef struct cairn_lum_state {
+    /* running, or how the alignment has ended */
     cairn_lum_verdict verdict;
+    /* number of scans */
     int32_t scans;
+    /* complete iterations */
     int32_t iterations;
+    /* number of links between scans */
     int32_t links;
     /* connected components of the link graph; 1 is good */
     int32_t components;
@@ -120,7 +130,9 @@ void cairn_lum_clear(cairn_lum *lum);
 /* Adds points[0 ... count-1] at the pose map_scan; they are copied. CAIRN_BAD_ARGUMENT: count < 0,
  * NULL with count > 0, a coordinate beyond 1e6 m, a direction whose length is not 1 within 1 %, or
  * an alignment is running. CAIRN_NOT_FINITE. CAIRN_FULL: more scans or points than params allow.
- * *fault, when not NULL, gives the index of the point. Linear in the points. */
+ * *fault, when not NULL, gives the index of the point. Linear in the points.
+ *
+ * points: [count] in the frame of the scan; directions of length 1 */
 CAIRN_CHECKED cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *points,
                                               int32_t count, cairn_pose map_scan,
                                               cairn_fault *fault);

@@ -50,6 +50,7 @@
 extern "C" {
 #endif
 
+/* Merging of occupancy grids. */
 typedef struct cairn_map_merge cairn_map_merge;
 
 /* Perception model: how a candidate pose of a map is weighted. */
@@ -61,6 +62,7 @@ enum {
     CAIRN_MAP_MERGE_IMAGES = 1
 };
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_map_merge_params {
     /* 1 ... 64 (16): maximum number of maps */
     int32_t max_maps;
@@ -161,6 +163,7 @@ CAIRN_CHECKED cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_bu
 
 /* ---- Score of one relative pose of two maps ---- */
 
+/* Scores of a relative pose of two maps. */
 typedef struct cairn_map_merge_pair_score {
     /* nats: (1.7 agreeing_wall - 4 free_space_violation) / correlation_length */
     cairn_real log_likelihood_ratio;
@@ -182,14 +185,18 @@ typedef struct cairn_map_merge_pair_score {
 /* Scores the relative pose a_b of map b in the frame of map a, at once. psi, disagreement and gamma
  * use an evenly spread sample of cells, d exact disagreement; as written all cells and one kernel.
  * CAIRN_BAD_ARGUMENT: no such maps, or not prepared (no merging has ended). CAIRN_NOT_FINITE.
- * Linear in the points, as written in the cells. */
+ * Linear in the points, as written in the cells.
+ *
+ * score: set to the scores */
 CAIRN_CHECKED cairn_status cairn_map_merge_score(const cairn_map_merge *merge, int32_t a, int32_t b,
                                                  cairn_pose a_b, cairn_map_merge_pair_score *score);
 
 /* ---- Result of the last merging that has ended ---- */
 
+/* Whether a map was placed, or why not. */
 typedef int32_t cairn_map_merge_verdict;
 enum {
+    /* placed in the frame of the reference */
     CAIRN_MAP_MERGE_PLACED = 0,
     /* rejected: it has no wall, or no known cell */
     CAIRN_MAP_MERGE_EMPTY = 1,
@@ -208,7 +215,9 @@ enum {
 /* Returns the verdict in words, without a full stop. */
 const char *cairn_map_merge_verdict_text(cairn_map_merge_verdict verdict);
 
+/* Result of one map. */
 typedef struct cairn_map_merge_placed {
+    /* whether the map was placed, or why not */
     cairn_map_merge_verdict verdict;
     /* pose of the map's frame in that of the reference, m and rad; the best pose found for a
      * rejected map */
@@ -231,11 +240,15 @@ typedef struct cairn_map_merge_placed {
     int32_t corners;
 } cairn_map_merge_placed;
 
+/* Result of a merging. */
 typedef struct cairn_map_merge_result {
+    /* number of maps, and of those that were placed */
     int32_t maps, placed;
+    /* map whose frame is the merged frame */
     int32_t reference;
     /* registrations of structures that were tried */
     int32_t hypotheses;
+    /* resamplings of the particle filter */
     int32_t resamplings;
     /* largest number of particles after any step: as written, more than `particles` while N_eff is
      * high */
@@ -244,6 +257,7 @@ typedef struct cairn_map_merge_result {
     cairn_real n_eff;
     /* nats: total log-likelihood ratio of all pairs placed; as written: the sum of Psi */
     cairn_real log_likelihood_ratio;
+    /* work units charged */
     int64_t units;
 } cairn_map_merge_result;
 

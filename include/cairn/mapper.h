@@ -71,6 +71,7 @@ typedef struct cairn_mapper_loop_params {
     cairn_real max_chi2;
 } cairn_mapper_loop_params;
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_mapper_params {
     /* preprocessing of a scan */
     cairn_scan_params scan;
@@ -154,7 +155,9 @@ enum {
     CAIRN_MAPPER_NO_FEATURES = 3 /* predicted; the scan has no segments */
 };
 
+/* Pose of the last finished scan, and how it was found. */
 typedef struct cairn_mapper_result {
+    /* how the pose was found */
     cairn_mapper_verdict verdict;
     /* index of the reference keyframe of the scan; the scan itself when it is a keyframe */
     int32_t keyframe;
@@ -173,6 +176,7 @@ typedef struct cairn_mapper_result {
 
 /* Counters over the whole life of the mapper. */
 typedef struct cairn_mapper_state {
+    /* number of finished scans */
     int64_t scans;
     /* scans without a match, those without features included */
     int64_t predicted;
@@ -186,6 +190,7 @@ typedef struct cairn_mapper_state {
     int64_t searched;
     /* scans whose match still has low confidence; their covariance is inflated */
     int64_t low_confidence;
+    /* number of keyframes */
     int32_t keyframes;
     /* work units charged so far */
     int64_t units;
@@ -209,6 +214,7 @@ typedef struct cairn_mapper_state {
 /* Outcome of a loop-closure candidate. */
 typedef int32_t cairn_mapper_loop_verdict;
 enum {
+    /* a link of the graph */
     CAIRN_MAPPER_LOOP_ACCEPTED = 0,
     /* waits for consistent closures */
     CAIRN_MAPPER_LOOP_PENDING = 1,
@@ -224,12 +230,15 @@ enum {
     CAIRN_MAPPER_LOOP_UNLIKELY = 6
 };
 
+/* A loop event: a candidate and its outcome. */
 typedef struct cairn_mapper_loop {
     int32_t first, second;   /* keyframes, the older one first */
     cairn_pose first_second; /* as matched; the identity for NO_MATCH */
+    /* outcome of the candidate */
     cairn_mapper_loop_verdict verdict;
 } cairn_mapper_loop;
 
+/* Mapper of a scan stream. */
 typedef struct cairn_mapper cairn_mapper;
 
 /* Returns the default parameters, given in parentheses above. scan, icp and field have their own
@@ -238,7 +247,10 @@ cairn_mapper_params cairn_mapper_default(void);
 
 /* Returns the defaults sized for max_keyframes keyframes of a scanner with max_beams beams: 160
  * points, 40 segments, 4 loop closures and 40 factor blocks per keyframe. The memory is then a
- * constant plus a multiple of max_keyframes, see docs/memory.md. */
+ * constant plus a multiple of max_keyframes, see docs/memory.md.
+ *
+ * max_keys: capacity for keyframes, >= 1
+ * max_beams: most beams of a scan, >= 1 */
 cairn_mapper_params cairn_mapper_default_for(int32_t max_keys, int32_t max_beams);
 
 /* Returns the bytes that create() takes from the pool; 0 for invalid params. */
@@ -253,7 +265,9 @@ CAIRN_CHECKED cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool
  * being processed; call step() first, nothing was taken. Statuses of cairn_scan_begin.
  * CAIRN_NOT_FINITE: odometry is not finite. CAIRN_BAD_ARGUMENT: odometry is farther than 1e9 m from
  * its origin. CAIRN_FULL: no capacity for another keyframe. An odometry step longer than
- * CAIRN_SCAN_EXTENT is ignored. */
+ * CAIRN_SCAN_EXTENT is ignored.
+ *
+ * input: ranges, angles and poses */
 CAIRN_CHECKED cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *input,
                                             const cairn_pose *odometry, cairn_fault *fault);
 
@@ -301,7 +315,11 @@ typedef struct cairn_mapper_culling {
 cairn_mapper_culling cairn_mapper_culling_at(const cairn_mapper *mapper, int32_t index);
 
 /* Reattaches a relative pose after a culling: maps the keyframe index and, for the culled keyframe,
- * the pose relative to it. */
+ * the pose relative to it.
+ *
+ * culling: event of cairn_mapper_culling_at()
+ * keyframe: index of the keyframe, changed when it moves
+ * keyframe_scan: pose of the scan in the frame of the keyframe, changed likewise */
 void cairn_mapper_reattach(cairn_mapper_culling culling, int32_t *keyframe,
                            cairn_pose *keyframe_scan);
 
@@ -313,9 +331,12 @@ cairn_mapper_loop cairn_mapper_loop_at(const cairn_mapper *mapper, int32_t index
  * constraint to another keyframe of the local map, a loop closure, or their composition by culled
  * keyframes. */
 typedef struct cairn_mapper_link {
+    /* keyframes that the link joins */
     int32_t first, second;
+    /* measured pose of second in the frame of first */
     cairn_pose first_second;
     cairn_sym3 information; /* inverse covariance of first_second, in the frame of second */
+    /* 1: a loop closure; 1: removed as an outlier */
     int32_t is_loop, is_outlier;
 } cairn_mapper_link;
 

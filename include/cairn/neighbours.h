@@ -67,7 +67,11 @@ typedef struct cairn_point_grid_facing {
 } cairn_point_grid_facing;
 
 /* Nearest neighbour among the points whose direction passes the gate; else as nearest().
- * *visited is set to the number of points and cells visited, for charging a budget. */
+ * *visited is set to the number of points and cells visited, for charging a budget.
+ *
+ * p: m: centre of the search
+ * radius: m: greatest distance, inclusive
+ * facing: directions of the points, and the gate */
 int32_t cairn_point_grid_nearest_facing(const cairn_point_grid *grid, cairn_vec2 p,
                                         cairn_real radius, const cairn_point_grid_facing *facing,
                                         int32_t *visited);
@@ -94,11 +98,16 @@ typedef struct cairn_point_grid_cursor {
     int32_t all;
 } cairn_point_grid_cursor;
 
-/* Starts a radius search around p; radius in m. */
+/* Starts a radius search around p. Returns the cursor before the first point.
+ *
+ * p: centre, m
+ * radius: m, inclusive */
 cairn_point_grid_cursor cairn_point_grid_begin(const cairn_point_grid *grid, cairn_vec2 p,
                                                cairn_real radius);
 
-/* Index of the next point within the radius (inclusive), -1 after the last. */
+/* Index of the next point within the radius (inclusive), -1 after the last.
+ *
+ * cursor: cursor of cairn_point_grid_begin() */
 int32_t cairn_point_grid_next(const cairn_point_grid *grid, cairn_point_grid_cursor *cursor);
 
 /* ---- Sweep and prune over boxes ---- */
@@ -128,8 +137,10 @@ CAIRN_CHECKED cairn_status cairn_box_sweep_create(cairn_box_sweep **sweep, cairn
 CAIRN_CHECKED cairn_status cairn_box_sweep_begin(cairn_box_sweep *sweep, const cairn_box *boxes,
                                                  int32_t count);
 
-/* As begin(), for the pairs of which both boxes overlap a window. These pairs are reported in the
- * same order as after begin(). */
+/* As begin(), with its statuses, for the pairs of which both boxes overlap a window. These pairs are
+ * reported in the same order as after begin().
+ *
+ * boxes: [count] as for begin() */
 CAIRN_CHECKED cairn_status cairn_box_sweep_begin_in(cairn_box_sweep *sweep, const cairn_box *boxes,
                                                     int32_t count, cairn_box window);
 

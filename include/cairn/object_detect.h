@@ -39,6 +39,7 @@
 extern "C" {
 #endif
 
+/* Method of detection. */
 typedef int32_t cairn_object_detect_method;
 enum {
     /* sliding window over all positions and sizes, scored by log-likelihood ratio */
@@ -47,6 +48,7 @@ enum {
     CAIRN_OBJECT_DETECT_PARTS = 1
 };
 
+/* Bundles of a model's fragments in method PARTS. */
 typedef int32_t cairn_object_detect_bundles;
 enum {
     /* at most one fragment per bundle */
@@ -66,6 +68,7 @@ enum {
     CAIRN_OBJECT_DETECT_BOXES = 2   /* non-maximum suppression; PARTS: outlines deformed, too */
 };
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_object_detect_params {
     /* px, 8 ... 2 CAIRN_CONTOUR_SEARCH_MAX_SIDE (from the image's size): range of the diagonal of
      * the object's box, min_size <= max_size, min_size at least a fiftieth of the image's longer
@@ -125,11 +128,15 @@ typedef struct cairn_object_detect_params {
 } cairn_object_detect_params;
 
 /* Returns the values in brackets above; sizes from a tenth of the image's diagonal, at least 24 px,
- * to the whole. */
+ * to the whole.
+ *
+ * width, height: size of the image, px */
 cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t height);
 
 /* Returns the params of CAIRN_MODE_AS_WRITTEN, method PARTS, with the thesis's constants: 2 matches
- * per fragment, K = 20, lambda = 8; no verification. */
+ * per fragment, K = 20, lambda = 8; no verification.
+ *
+ * width, height: size of the image, px */
 cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t height);
 
 /* One detection. rigid_evidence and deformed_evidence: mean log-likelihood ratio (nats) of the
@@ -141,6 +148,7 @@ typedef struct cairn_object_detection {
      * deformation, the box's aspect ratio, the size over the image's diagonal, and
      * grouped_evidence. With `occluded`: of rigid_proximity, grouped_evidence and that size. */
     cairn_real score;
+    /* nats, evidence of the outline before and after deformation */
     cairn_real rigid_evidence, deformed_evidence;
     /* total length of the segments over that of the outline */
     cairn_real outline_coverage;
@@ -166,6 +174,7 @@ typedef struct cairn_object_detection {
     int32_t mirrored;
     /* segments along the outline: segments[first_segment ... + segment_count - 1] */
     int32_t first_segment;
+    /* number of these segments */
     int32_t segment_count;
     /* outline[first_outline ... + outline_count - 1] */
     int32_t first_outline;
@@ -199,6 +208,7 @@ typedef struct cairn_object_detections {
     int32_t *segments;                   /* [segment_count] indices of the tokens' lines */
     cairn_contour_search_place *outline; /* [outline_count] */
     cairn_object_detect_part *parts;     /* [part_count] */
+    /* lengths of the arrays above */
     int32_t count, segment_count, outline_count, part_count;
     int32_t bundle_count;   /* bundles of the model; 0: not detected by parts */
     int32_t has_appearance; /* 1: the scores include appearance */
@@ -215,18 +225,24 @@ CAIRN_CHECKED cairn_status cairn_object_detect_field_make(cairn_object_detect_fi
                                                           const cairn_object_detect_params *params,
                                                           const char *path,
                                                           cairn_file_error *error);
+
+/* Frees the field. NULL is allowed. */
 void cairn_object_detect_field_free(cairn_object_detect_field *field);
 
 /* Detects the instances of a model. CAIRN_BAD_ARGUMENT, CAIRN_NOT_FINITE: a model that
  * cairn_shape_model_check refuses. CAIRN_BAD_ARGUMENT: a model with fewer than 3 outline samples,
  * without width or height, or with a sample 0.54 of its size or farther from its origin along an
  * axis. Method PARTS: also the statuses of cairn_part_bundle_begin() (CAIRN_EMPTY, CAIRN_FULL,
- * CAIRN_BAD_ARGUMENT: cuts). CAIRN_NO_MEMORY. On failure there is nothing to free. */
+ * CAIRN_BAD_ARGUMENT: cuts). CAIRN_NO_MEMORY. On failure there is nothing to free.
+ *
+ * detections: set to the detections
+ * path: used in the error */
 CAIRN_CHECKED cairn_status cairn_object_detect(cairn_object_detections *detections,
                                                const cairn_object_detect_field *field,
                                                const cairn_shape_model *model, const char *path,
                                                cairn_file_error *error);
 
+/* Frees the arrays of `detections`. */
 void cairn_object_detections_free(cairn_object_detections *detections);
 
 #ifdef __cplusplus

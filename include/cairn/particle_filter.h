@@ -68,24 +68,34 @@ cairn_particle_filter_params cairn_particle_filter_default(void);
 /* Motion model: offers the candidates of particle `index` by cairn_particle_filter_offer().
  * CAIRN_OK: all candidates are offered. CAIRN_MORE: the budget is used up, call again. Negative:
  * the step ends with this status. Called for all particles in turn before any candidate is
- * weighted, so scores may be normalized over all particles. */
+ * weighted, so scores may be normalized over all particles.
+ *
+ * context: that of the model */
 typedef cairn_status (*cairn_particle_filter_propose)(void *context, cairn_particle_filter *filter,
                                                       int32_t index, cairn_budget *budget);
 
 /* Observation model: sets *log_likelihood to ln p(observation | history of particle `index`,
  * state), in nats; -infinity (or less than -CAIRN_REAL_MAX / 4): impossible. Statuses as for
- * propose. */
+ * propose.
+ *
+ * context: that of the model */
 typedef cairn_status (*cairn_particle_filter_likelihood)(void *context,
                                                          const cairn_particle_filter *filter,
                                                          int32_t index, const void *state,
                                                          cairn_real *log_likelihood,
                                                          cairn_budget *budget);
 
-/* Completes a drawn state when it becomes the last state of a history. */
+/* Completes a drawn state when it becomes the last state of a history.
+ *
+ * context: that of the model
+ * index: particle that the history belongs to
+ * state: [state_bytes] the drawn state, to be completed */
 typedef void (*cairn_particle_filter_append)(void *context, const cairn_particle_filter *filter,
                                              int32_t index, void *state);
 
-/* Reports that particle `index` has no follower and is discarded; its history can still be read. */
+/* Reports that particle `index` has no follower and is discarded; its history can still be read.
+ *
+ * context: that of the model */
 typedef void (*cairn_particle_discard)(void *context, const cairn_particle_filter *filter,
                                        int32_t index);
 
@@ -122,7 +132,10 @@ CAIRN_CHECKED cairn_status cairn_particle_filter_clear(cairn_particle_filter *fi
 
 /* Adds an initial particle; the state is copied. Weights need not add up to 1. CAIRN_BAD_ARGUMENT:
  * NULL, or begin() was called. CAIRN_NOT_FINITE: the log weight. CAIRN_FULL: max_particles or
- * max_blocks. Constant time. */
+ * max_blocks. Constant time.
+ *
+ * state: [state_bytes] first state of the history
+ * log_weight: logarithm of the weight, finite */
 CAIRN_CHECKED cairn_status cairn_particle_filter_start(cairn_particle_filter *filter,
                                                        const void *state, cairn_real log_weight);
 
@@ -134,7 +147,9 @@ CAIRN_CHECKED cairn_status cairn_particle_filter_begin(cairn_particle_filter *fi
  * log_mass: logarithm of the prior mass; masses are normalized per particle, -infinity is a mass of
  * 0. CAIRN_BAD_ARGUMENT: NULL, or not called by propose. CAIRN_NOT_FINITE: NaN or +infinity.
  * CAIRN_FULL: max_candidates; the candidate is dropped and counted in the trace. Cost: linear in
- * state_bytes. */
+ * state_bytes.
+ *
+ * state: [state_bytes] the candidate */
 CAIRN_CHECKED cairn_status cairn_particle_filter_offer(cairn_particle_filter *filter,
                                                        const void *state, cairn_real log_mass);
 

@@ -23,10 +23,13 @@
 extern "C" {
 #endif
 
+/* Map of places, each a set of scans with known relative poses. */
 typedef struct cairn_place_map cairn_place_map;
 
+/* Method by which places are put together. */
 typedef int32_t cairn_place_map_mode;
 enum {
+    /* all places are matched with each other, and pose_consensus chooses among the hypotheses */
     CAIRN_PLACE_MAP_CONSENSUS = CAIRN_MODE_DEFAULT,
     /* Adluru 2008, chapter 6: see cairn_place_map_as_written() */
     CAIRN_PLACE_MAP_AS_WRITTEN = CAIRN_MODE_AS_WRITTEN,
@@ -39,6 +42,7 @@ enum {
  * place may have small errors. */
 typedef int32_t cairn_place_map_decoupling;
 enum {
+    /* the scans of a place keep their relative poses */
     CAIRN_PLACE_MAP_COUPLED = 0,
     /* sequential ICP against all other scans, as in the thesis */
     CAIRN_PLACE_MAP_BY_ICP = 1,
@@ -46,6 +50,7 @@ enum {
     CAIRN_PLACE_MAP_JOINTLY = 2
 };
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_place_map_params {
     /* any (CAIRN_PLACE_MAP_CONSENSUS): method */
     cairn_place_map_mode mode;
@@ -139,7 +144,9 @@ void cairn_place_map_clear(cairn_place_map *map);
  * is that of the last scan or the next one. place_scan: pose of the scan in the frame of the place.
  * CAIRN_BAD_ARGUMENT: NULL, another place. CAIRN_NOT_FINITE. CAIRN_FULL: max_places, max_scans,
  * max_place_points, max_place_beams or the aligner's max_segments is used up. *fault, when not
- * NULL, names the field. Cost: linear in the scan. */
+ * NULL, names the field. Cost: linear in the scan.
+ *
+ * view: scan with its segments, points and beams */
 CAIRN_CHECKED cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place,
                                                     const cairn_scan_view *view,
                                                     cairn_pose place_scan, cairn_fault *fault);
@@ -165,6 +172,7 @@ CAIRN_CHECKED cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budg
 
 /* ---- The result: empty until step() returns CAIRN_OK ---- */
 
+/* Result of a map, and counts of the work done. */
 typedef struct cairn_place_map_result {
     /* placed: places in the largest component */
     int32_t places, placed;
@@ -180,11 +188,14 @@ typedef struct cairn_place_map_result {
     int32_t decoupled;
     /* nats: log-likelihood ratio of the map, and of the best competing map found; 0: none */
     cairn_real total, competing_total;
+    /* work units charged */
     int64_t units;
 } cairn_place_map_result;
 
+/* Returns the result; its verdict is valid when step() has returned CAIRN_OK. */
 cairn_place_map_result cairn_place_map_read(const cairn_place_map *map);
 
+/* Estimate of a place. */
 typedef struct cairn_place_map_place {
     /* in the frame of its component: that of the component's first place */
     cairn_pose map_place;
@@ -195,6 +206,7 @@ typedef struct cairn_place_map_place {
     int32_t component;
     /* 1: in a submap other than the component's largest, or see cairn_place_map_alternative() */
     int32_t ambiguous;
+    /* number of alternative poses */
     int32_t alternatives;
     /* submap within the component; 0: the largest; the links between submaps may be due to
      * chance */
@@ -205,7 +217,9 @@ typedef struct cairn_place_map_place {
 cairn_place_map_place cairn_place_map_place_of(const cairn_place_map *map, int32_t place);
 
 /* Returns an alternative pose of a place, the most probable first; see
- * cairn_pose_consensus_alternative(). */
+ * cairn_pose_consensus_alternative().
+ *
+ * index: 0 ... number of alternatives - 1 */
 cairn_pose_consensus_competing_pose cairn_place_map_alternative(const cairn_place_map *map,
                                                                 int32_t place, int32_t index);
 

@@ -23,7 +23,9 @@ extern "C" {
 
 /* A relative pose measurement: the pose of the second node in the frame of the first. */
 typedef struct cairn_pose_consensus_relative_pose {
+    /* nodes that the hypothesis joins */
     int32_t first, second;
+    /* pose of the second node in the frame of the first */
     cairn_pose first_second;
     /* row-major over (x, y, theta) of first_second in m and rad, in the frame of the first node */
     cairn_real covariance[9];
@@ -32,6 +34,7 @@ typedef struct cairn_pose_consensus_relative_pose {
     cairn_real score;
 } cairn_pose_consensus_relative_pose;
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_pose_consensus_params {
     /* 1 ... 2^16 (64): capacity for nodes */
     int32_t max_nodes;
@@ -72,6 +75,7 @@ typedef struct cairn_pose_consensus_params {
 /* Returns the defaults in brackets above. */
 cairn_pose_consensus_params cairn_pose_consensus_default(void);
 
+/* Search for the poses that most hypotheses agree with. */
 typedef struct cairn_pose_consensus cairn_pose_consensus;
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
@@ -106,11 +110,17 @@ CAIRN_CHECKED cairn_status cairn_pose_consensus_set_bound(cairn_pose_consensus *
 /* Pairwise likelihood function: returns the log-likelihood ratio in nats, positive or negative, of
  * the data of two nodes for a relative pose. A pair counts with this value, or with the score of
  * its agreeing hypothesis where that is greater. *units: the cost. A pure function of its
- * arguments. */
+ * arguments.
+ *
+ * context: that of cairn_pose_consensus_set_pair_likelihood()
+ * first, second: nodes */
 typedef cairn_real (*cairn_pose_pair_likelihood)(void *context, int32_t first, int32_t second,
                                                  cairn_pose first_second, int32_t *units);
 
-/* Sets the pairwise likelihood function; NULL: none. Cancels a running search. */
+/* Sets the pairwise likelihood function; NULL: none. Cancels a running search.
+ *
+ * judge: the function, or NULL
+ * context: passed to the function */
 void cairn_pose_consensus_set_pair_likelihood(cairn_pose_consensus *consensus,
                                               cairn_pose_pair_likelihood judge, void *context);
 
@@ -118,7 +128,9 @@ void cairn_pose_consensus_set_pair_likelihood(cairn_pose_consensus *consensus,
  * data of a node for a pose given all other nodes of a component: those i != node with parts[i] ==
  * part, at map_nodes[i]. Data that several nodes share so count once, which sums over pairs cannot
  * do. *against: the violations that were subtracted, nats, >= 0. *units: the cost. A pure function
- * of its arguments. */
+ * of its arguments.
+ *
+ * context: that of cairn_pose_consensus_set_joint_likelihood() */
 typedef cairn_real (*cairn_pose_joint_likelihood)(void *context, int32_t node, cairn_pose map_node,
                                                   const cairn_pose *map_nodes, const int32_t *parts,
                                                   int32_t part, cairn_real *against,
@@ -126,7 +138,10 @@ typedef cairn_real (*cairn_pose_joint_likelihood)(void *context, int32_t node, c
 
 /* Sets the joint likelihood function; NULL: none. Its value replaces the sum over pairs wherever
  * the support by a whole component is evaluated; pairs still determine the tree of strongest links.
- * clear() removes it. Cancels a running search. */
+ * clear() removes it. Cancels a running search.
+ *
+ * jury: the function, or NULL
+ * context: passed to the function */
 void cairn_pose_consensus_set_joint_likelihood(cairn_pose_consensus *consensus,
                                                cairn_pose_joint_likelihood jury, void *context);
 
@@ -153,6 +168,7 @@ CAIRN_CHECKED cairn_status cairn_pose_consensus_find_submaps(cairn_pose_consensu
 
 /* ---- The result: empty until step() returns CAIRN_OK ---- */
 
+/* Estimate of a node. */
 typedef struct cairn_pose_consensus_estimate {
     /* in the frame of its component: that of its first node, or of the bounds if any */
     cairn_pose map_node;
@@ -178,13 +194,16 @@ typedef struct cairn_pose_consensus_estimate {
 
 /* Alternative pose of a node given the others, or (whole = 1) given another consistent map. */
 typedef struct cairn_pose_consensus_competing_pose {
+    /* alternative pose of the node in the map */
     cairn_pose map_node;
     cairn_real support; /* nats; of the other map's total for whole = 1 */
     /* softmax of the support over the chosen pose and all alternatives, 0 ... 1 */
     cairn_real weight;
+    /* 1: the pose belongs to another map found */
     int32_t is_other_map;
 } cairn_pose_consensus_competing_pose;
 
+/* Result of a search, and counts of the work done. */
 typedef struct cairn_pose_consensus_result {
     cairn_real total;           /* nats, sum over all pairs */
     cairn_real competing_total; /* total of the best competing map found; 0: none */
@@ -192,11 +211,14 @@ typedef struct cairn_pose_consensus_result {
     int32_t components;         /* connected components; 1 is good */
     int32_t ambiguous;          /* ambiguous nodes */
     int32_t start;              /* seed hypothesis of the best map */
+    /* growths, and rounds of all of them */
     int32_t starts, rounds;
     int32_t inliers; /* inlier hypotheses */
+    /* work units charged */
     int64_t units;
 } cairn_pose_consensus_result;
 
+/* Returns the result; valid when step() has returned CAIRN_OK. */
 cairn_pose_consensus_result cairn_pose_consensus_read(const cairn_pose_consensus *consensus);
 
 /* Returns the estimate of a node; all zero for a node that does not exist. */
@@ -204,7 +226,9 @@ cairn_pose_consensus_estimate cairn_pose_consensus_node(const cairn_pose_consens
                                                         int32_t node);
 
 /* Returns an alternative of a node, the most probable first; all zero for one that does not
- * exist. */
+ * exist.
+ *
+ * index: 0 ... number of alternatives - 1 */
 cairn_pose_consensus_competing_pose
 cairn_pose_consensus_alternative(const cairn_pose_consensus *consensus, int32_t node,
                                  int32_t index);

@@ -19,20 +19,34 @@ extern "C" {
 
 /* Interface of a solver of block-sparse systems; every call is as that of block_solver. */
 typedef struct cairn_pose_graph_solver {
+    /* passed to all functions */
     void *context;
+    /* as cairn_block_solver_begin() */
     cairn_status (*begin)(void *context, int32_t poses);
+    /* as cairn_block_solver_add_link() */
     cairn_status (*add_link)(void *context, int32_t first, int32_t second);
+    /* as cairn_block_solver_analyze() */
     cairn_status (*analyze)(void *context);
+    /* as cairn_block_solver_clear() */
     cairn_status (*clear)(void *context);
+    /* as cairn_block_solver_add_pose_block() */
     cairn_status (*add_pose_block)(void *context, int32_t pose, cairn_sym3 block);
+    /* as cairn_block_solver_add_link_block() */
     cairn_status (*add_link_block)(void *context, int32_t link, const cairn_real block[9]);
+    /* as cairn_block_solver_factor() */
     cairn_status (*factor)(void *context);
+    /* as cairn_block_solver_solve() */
     cairn_status (*solve)(void *context, const cairn_real *b);
+    /* as cairn_block_solver_solution() */
     cairn_status (*solution)(const void *context, int32_t pose, cairn_real x[3]);
+    /* as cairn_block_solver_invert() */
     cairn_status (*invert)(void *context);
+    /* as cairn_block_solver_covariance() */
     cairn_status (*covariance)(const void *context, int32_t first, int32_t second,
                                cairn_real block[9]);
+    /* as cairn_block_solver_step() */
     cairn_status (*step)(void *context, cairn_budget *budget);
+    /* as cairn_block_solver_read() */
     cairn_block_solver_result (*read)(const void *context);
 } cairn_pose_graph_solver;
 
@@ -55,6 +69,7 @@ enum {
     CAIRN_POSE_GRAPH_DCS = 4
 };
 
+/* Initial poses of an optimization. */
 typedef int32_t cairn_pose_graph_start;
 enum {
     /* from the current poses */
@@ -67,6 +82,7 @@ enum {
     CAIRN_POSE_GRAPH_BEST = 2
 };
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_pose_graph_params {
     /* 1 ... 2^22 (1000): capacity for poses */
     int32_t max_poses;
@@ -97,13 +113,17 @@ typedef struct cairn_pose_graph_params {
 /* Returns the defaults in brackets above. */
 cairn_pose_graph_params cairn_pose_graph_default(void);
 
+/* Pose graph and its optimizer. */
 typedef struct cairn_pose_graph cairn_pose_graph;
 
+/* How an optimization has ended. */
 typedef int32_t cairn_pose_graph_verdict;
 enum {
     /* running, or nothing was solved yet */
     CAIRN_POSE_GRAPH_RUNNING = 0,
+    /* the relative decrease of the cost was below converged_decrease */
     CAIRN_POSE_GRAPH_CONVERGED = 1,
+    /* max_iterations were done without convergence */
     CAIRN_POSE_GRAPH_OUT_OF_ITERATIONS = 2,
     /* disconnected graph: `pose` is the first pose without a path to a fixed one; nothing was
      * solved */
@@ -112,9 +132,13 @@ enum {
     CAIRN_POSE_GRAPH_SINGULAR = 4
 };
 
+/* State after the last iteration. */
 typedef struct cairn_pose_graph_state {
+    /* running, or how the optimization has ended */
     cairn_pose_graph_verdict verdict;
+    /* number of poses and of links */
     int32_t poses, links;
+    /* iterations done, rejected steps included */
     int32_t iterations;
     int32_t chordal;         /* 1: started from the chordal initialisation */
     int32_t outliers;        /* links with chi2 > params.max_chi2 */
@@ -123,11 +147,13 @@ typedef struct cairn_pose_graph_state {
     cairn_real chi2_initial; /* sum of e^T Omega e at the initial poses */
     cairn_real chi2;         /* sum of e^T Omega e at the last accepted poses */
     cairn_real cost_initial; /* sum of rho at the initial poses */
+    /* sum of the robust kernel over the links */
     cairn_real cost;
 } cairn_pose_graph_state;
 
 /* Residual of a link at the last accepted poses. */
 typedef struct cairn_pose_graph_link {
+    /* poses that the link joins */
     int32_t first, second;
     cairn_real chi2;     /* e^T Omega e */
     cairn_real weight;   /* weight by the robust kernel, 0 ... 1 */
@@ -185,7 +211,9 @@ CAIRN_CHECKED cairn_status cairn_pose_graph_exclude_link(cairn_pose_graph *graph
                                                          int32_t excluded);
 
 /* Replaces the measurement of a link, and the poses that it joins. Statuses of add_link();
- * CAIRN_BAD_ARGUMENT also: no such link. */
+ * CAIRN_BAD_ARGUMENT also: no such link.
+ *
+ * first, second, first_second, information: as for add_link() */
 CAIRN_CHECKED cairn_status cairn_pose_graph_set_link(cairn_pose_graph *graph, int32_t link,
                                                      int32_t first, int32_t second,
                                                      cairn_pose first_second,
@@ -196,7 +224,9 @@ CAIRN_CHECKED cairn_status cairn_pose_graph_set_link(cairn_pose_graph *graph, in
 CAIRN_CHECKED cairn_status cairn_pose_graph_remove_pose(cairn_pose_graph *graph, int32_t pose);
 
 /* Sets the robust kernel of the next solution. CAIRN_BAD_ARGUMENT: no such kernel, or width is not
- * > 0. */
+ * > 0.
+ *
+ * width: width c of the kernel, in standard deviations, > 0 */
 CAIRN_CHECKED cairn_status cairn_pose_graph_set_kernel(cairn_pose_graph *graph,
                                                        cairn_pose_graph_kernel kernel,
                                                        cairn_real width);
@@ -217,6 +247,7 @@ CAIRN_CHECKED cairn_status cairn_pose_graph_marginals(cairn_pose_graph *graph);
  * per pose in a pass over the poses, plus the solver's units. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_step(cairn_pose_graph *graph, cairn_budget *budget);
 
+/* Returns the state after the last iteration. */
 cairn_pose_graph_state cairn_pose_graph_read(const cairn_pose_graph *graph);
 
 /* Returns the last accepted pose of an index below `poses`. */
@@ -233,7 +264,9 @@ cairn_pose cairn_pose_graph_measurement(const cairn_pose_graph *graph, int32_t l
 /* Covariance of two poses' errors, row-major over (x, y, theta) of the first and of the second in m
  * and rad, in the map frame; zero for fixed poses. For a pose with itself and for linked poses.
  * CAIRN_EMPTY: no marginals. CAIRN_UNSUPPORTED: outside the sparsity pattern. CAIRN_BAD_ARGUMENT:
- * no such pose. */
+ * no such pose.
+ *
+ * block: [3][3] set to the covariance */
 CAIRN_CHECKED cairn_status cairn_pose_graph_covariance(const cairn_pose_graph *graph, int32_t first,
                                                        int32_t second, cairn_real block[9]);
 

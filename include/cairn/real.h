@@ -49,6 +49,7 @@ typedef double cairn_real;
 #define CAIRN_REAL_MIN     DBL_MIN
 #endif
 
+/* The number pi. */
 #define CAIRN_PI CAIRN_REAL(3.14159265358979323846)
 
 /* Sine of x, in rad. */
@@ -57,13 +58,19 @@ cairn_real cairn_sin(cairn_real x);
 /* Cosine of x, in rad. */
 cairn_real cairn_cos(cairn_real x);
 
-/* Sine and cosine of x, in rad, for the cost of one of them. */
+/* Sine and cosine of x, in rad, for the cost of one of them.
+ *
+ * x: angle, rad
+ * sine: set to sin x
+ * cosine: set to cos x */
 void cairn_sincos(cairn_real x, cairn_real *sine, cairn_real *cosine);
 
 /* Angle of the vector (x, y) in [-pi, pi] rad, signed zeros as in C; 0 or pi for a zero vector. */
 cairn_real cairn_atan2(cairn_real y, cairn_real x);
 
-/* Exponential function; infinity on overflow. */
+/* Exponential function; infinity on overflow.
+ *
+ * x: any number */
 cairn_real cairn_exp(cairn_real x);
 
 /* Natural logarithm; -infinity for 0, NaN for x < 0. */
@@ -86,7 +93,9 @@ static inline int32_t cairn_real_to_int(cairn_real x)
 /* x wrapped to (-pi, pi] rad: the angle that differs from x by whole turns. */
 cairn_real cairn_wrap_angle(cairn_real x);
 
-/* Square root, correctly rounded. */
+/* Square root, correctly rounded.
+ *
+ * x: number >= 0; NaN for x < 0 */
 static inline cairn_real cairn_sqrt(cairn_real x)
 {
 #ifdef CAIRN_FLOAT
@@ -96,7 +105,9 @@ static inline cairn_real cairn_sqrt(cairn_real x)
 #endif
 }
 
-/* Absolute value. */
+/* Absolute value.
+ *
+ * x: any number */
 static inline cairn_real cairn_abs(cairn_real x)
 {
 #ifdef CAIRN_FLOAT
@@ -126,7 +137,9 @@ static inline cairn_real cairn_ceil(cairn_real x)
 #endif
 }
 
-/* Nearest integer, halves to even. */
+/* Nearest integer, halves to even.
+ *
+ * x: any number */
 static inline cairn_real cairn_rint(cairn_real x)
 {
 #ifdef CAIRN_FLOAT
@@ -142,13 +155,17 @@ static inline cairn_real cairn_half_square(cairn_real x)
     return CAIRN_REAL(0.5) * x * x;
 }
 
-/* The smaller one of two numbers; b when one of them is NaN. */
+/* The smaller one of two numbers; b when one of them is NaN.
+ *
+ * a, b: the numbers */
 static inline cairn_real cairn_min(cairn_real a, cairn_real b)
 {
     return a < b ? a : b;
 }
 
-/* The larger one of two numbers; b when one of them is NaN. */
+/* The larger one of two numbers; b when one of them is NaN.
+ *
+ * a, b: the numbers */
 static inline cairn_real cairn_max(cairn_real a, cairn_real b)
 {
     return a > b ? a : b;

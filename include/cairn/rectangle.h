@@ -104,7 +104,9 @@ CAIRN_CHECKED cairn_status cairn_rectangle_create(cairn_rectangle_set **set, cai
 
 /* Starts a search over segments[0 ... count-1], which must not change until the search ends. A
  * search that runs is discarded. Segments of length 0 are ignored. CAIRN_BAD_ARGUMENT: NULL, count
- * < 0. CAIRN_FULL: count > max_segments. Constant time. */
+ * < 0. CAIRN_FULL: count > max_segments. Constant time.
+ *
+ * segments: [count] segments */
 CAIRN_CHECKED cairn_status cairn_rectangle_begin(cairn_rectangle_set *set,
                                                  const cairn_segment *segments, int32_t count);
 
@@ -123,7 +125,10 @@ const cairn_rectangle *cairn_rectangle_list(const cairn_rectangle_set *set, int3
  * max_pairs and max_rectangles. */
 int32_t cairn_rectangle_dropped(const cairn_rectangle_set *set);
 
-/* The four corners in m, counter-clockwise from (-half_length, -half_width). */
+/* The four corners in m, counter-clockwise from (-half_length, -half_width).
+ *
+ * rectangle: a rectangle of the list
+ * corners: set to the corners */
 void cairn_rectangle_corners(const cairn_rectangle *rectangle, cairn_vec2 corners[4]);
 
 #ifdef __cplusplus

@@ -14,6 +14,7 @@
 extern "C" {
 #endif
 
+/* Scoring of scans by their redundancy. */
 typedef struct cairn_scan_redundancy cairn_scan_redundancy;
 
 /* Parameters; defaults in brackets. */
@@ -29,6 +30,7 @@ typedef struct cairn_scan_redundancy_params {
     cairn_real direction_gate;
 } cairn_scan_redundancy_params;
 
+/* Returns the defaults in brackets above. */
 cairn_scan_redundancy_params cairn_scan_redundancy_default(void);
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */

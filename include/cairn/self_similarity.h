@@ -40,6 +40,7 @@ extern "C" {
 /* Greatest number of outlines of a shape. */
 #define CAIRN_SELF_SIMILARITY_MAX_OUTLINES 16
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_self_similarity_params {
     /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): method; the default one
      * re-ranks the axes */
@@ -62,6 +63,7 @@ typedef struct cairn_self_similarity_params {
     cairn_real separation;
 } cairn_self_similarity_params;
 
+/* Detector of symmetry axes of an outline. */
 typedef struct cairn_self_similarity cairn_self_similarity;
 
 /* Returns the default values, in brackets above. */
@@ -86,7 +88,9 @@ CAIRN_CHECKED cairn_status cairn_self_similarity_create(cairn_self_similarity **
  * outline of fewer than 3 vertices or an open outline. CAIRN_FULL: more than
  * CAIRN_SELF_SIMILARITY_MAX_OUTLINES outlines. CAIRN_NOT_FINITE: a vertex, or coordinates so
  * large that lengths or areas overflow. CAIRN_EMPTY: an outline without area. Cost: linear in
- * the vertices. */
+ * the vertices.
+ *
+ * outlines: [count] closed outlines */
 CAIRN_CHECKED cairn_status cairn_self_similarity_begin(cairn_self_similarity *similarity,
                                                        const cairn_curve *outlines, int32_t count);
 
@@ -99,9 +103,11 @@ CAIRN_CHECKED cairn_status cairn_self_similarity_step(cairn_self_similarity *sim
  * outlines[0], in the order of its vertices. 0 <= from < 1, from <= to <= from + 1. As written
  * an arc may be one critical point, from == to. */
 typedef struct cairn_self_similarity_arc {
+    /* start and end, shares of the outline's length */
     cairn_real from, to;
 } cairn_self_similarity_arc;
 
+/* An axis that divides the outline into two similar arcs. */
 typedef struct cairn_self_similarity_axis {
     /* End points of the axis on the outline, in the units of the outline. */
     cairn_vec2 end[2];
@@ -132,6 +138,7 @@ typedef struct cairn_self_similarity_axis {
     int32_t division;
 } cairn_self_similarity_axis;
 
+/* Whether the best axis is unique. */
 typedef int32_t cairn_self_similarity_verdict;
 enum {
     /* One axis is better than all others. */
@@ -142,6 +149,7 @@ enum {
     CAIRN_SELF_SIMILARITY_CIRCULAR = 2
 };
 
+/* The axes of a shape and its rotational symmetry. */
 typedef struct cairn_self_similarity_result {
     /* [count] Local minima of the dissimilarity, best first. */
     const cairn_self_similarity_axis *axes;

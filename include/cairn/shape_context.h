@@ -19,22 +19,25 @@
 extern "C" {
 #endif
 
+/* Bins of a shape context: rings, sectors, and their product. */
 #define CAIRN_SHAPE_CONTEXT_RINGS   5
 #define CAIRN_SHAPE_CONTEXT_SECTORS 12
 #define CAIRN_SHAPE_CONTEXT_BINS    (CAIRN_SHAPE_CONTEXT_RINGS * CAIRN_SHAPE_CONTEXT_SECTORS)
 
+/* Comparison of two shapes by shape contexts. */
 typedef struct cairn_shape_context cairn_shape_context;
 
+/* How the points of two shapes are assigned. */
 typedef int32_t cairn_shape_context_kind;
 enum {
-    CAIRN_SHAPE_CONTEXT_WHOLE =
-        0, /* Both shapes are whole, of any size: one-to-one assignment of least total cost. */
-    CAIRN_SHAPE_CONTEXT_PART =
-        /* The first shape is a part of the second, in its frame: nearest neighbour of each of
-         * its points. */
-    1
+    /* Both shapes are whole, of any size: one-to-one assignment of least total cost. */
+    CAIRN_SHAPE_CONTEXT_WHOLE = 0,
+    /* The first shape is a part of the second, in its frame: nearest neighbour of each of its
+     * points. */
+    CAIRN_SHAPE_CONTEXT_PART = 1
 };
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_shape_context_params {
     /* 2 ... 1024 (128): capacity of points of either shape; the memory grows with its square */
     int32_t max_points;
@@ -56,6 +59,7 @@ CAIRN_CHECKED cairn_status cairn_shape_context_create(cairn_shape_context **cont
                                                       cairn_pool *pool,
                                                       const cairn_shape_context_params *params);
 
+/* Two shapes to compare. */
 typedef struct cairn_shape_context_input {
     /* Kind of the comparison. */
     cairn_shape_context_kind kind;
@@ -70,7 +74,9 @@ typedef struct cairn_shape_context_input {
 /* Starts a comparison and discards the previous result; the points are copied.
  * CAIRN_BAD_ARGUMENT: NULL, an unknown kind, fewer than 2 points, a share outside 0 ... 1.
  * CAIRN_FULL: more than max_points. CAIRN_NOT_FINITE: a coordinate that is not finite or beyond
- * 1e9. Cost: linear. */
+ * 1e9. Cost: linear.
+ *
+ * input: points of both shapes, and how they are compared */
 CAIRN_CHECKED cairn_status cairn_shape_context_begin(cairn_shape_context *context,
                                                      const cairn_shape_context_input *input);
 

@@ -57,6 +57,7 @@
 extern "C" {
 #endif
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_skeleton_grouping_params {
     /* px, 1 ... 8192 (640 and 480): largest image */
     int32_t max_width, max_height;
@@ -106,6 +107,7 @@ typedef struct cairn_skeleton_grouping_params {
     uint64_t seed;
 } cairn_skeleton_grouping_params;
 
+/* Grouping of edgels to symmetric parts. */
 typedef struct cairn_skeleton_grouping cairn_skeleton_grouping;
 
 /* Returns the default values, in brackets above. */
@@ -140,7 +142,9 @@ typedef struct cairn_skeleton_grouping_input {
 /* Starts on an image and discards the previous result; the edgels must stay valid until step()
  * returns CAIRN_OK. CAIRN_BAD_ARGUMENT: NULL, counts, sides or radii outside the ranges above.
  * CAIRN_NOT_FINITE: a radius. CAIRN_FULL: larger than max_width or max_height, more than
- * max_edgels. Cost: constant. */
+ * max_edgels. Cost: constant.
+ *
+ * input: edgels, size of the image and radii */
 CAIRN_CHECKED cairn_status cairn_skeleton_grouping_begin(
     cairn_skeleton_grouping *skeleton, const cairn_skeleton_grouping_input *input);
 
@@ -168,6 +172,7 @@ typedef struct cairn_skeleton_grouping_point {
     int32_t edgel[2];
 } cairn_skeleton_grouping_point;
 
+/* A part: a piece of an axis with the contours on both sides. */
 typedef struct cairn_skeleton_grouping_part {
     /* points[first ... first + count - 1] */
     int32_t first, count;
@@ -179,6 +184,7 @@ typedef struct cairn_skeleton_grouping_part {
     cairn_real log_odds;
 } cairn_skeleton_grouping_part;
 
+/* An object: parts that belong together. */
 typedef struct cairn_skeleton_grouping_object {
     /* Number of parts, and of their free ends. */
     int32_t part_count, free_end_count;
@@ -203,12 +209,15 @@ typedef struct cairn_skeleton_grouping_result {
     cairn_real min_radius, max_radius;
 } cairn_skeleton_grouping_result;
 
+/* Returns the skeletons; all zero until step() returns CAIRN_OK. */
 cairn_skeleton_grouping_result
 cairn_skeleton_grouping_read(const cairn_skeleton_grouping *skeleton);
 
 /* The seeds of the walks (Adluru 2008, fig. 3.3); valid as long as the result. */
 
-/* Writes CP number index of the line fit, in no order, px; returns 0 beyond the last one. */
+/* Writes CP number index of the line fit, in no order, px; returns 0 beyond the last one.
+ *
+ * at, radius: set to the position and the radius, px */
 int32_t cairn_skeleton_grouping_centre_point(const cairn_skeleton_grouping *skeleton, int32_t index,
                                              cairn_vec2 *at, cairn_real *radius);
 

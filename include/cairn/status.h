@@ -32,7 +32,8 @@ enum {
     CAIRN_BAD_ARGUMENT = -1,
     /* An input is NaN or infinite. */
     CAIRN_NOT_FINITE = -2,
-    /* The pool has fewer bytes left than _memory() or _scratch() returns. */
+    /* Too little memory: the pool has fewer bytes left than _memory() or _scratch() returns, or the
+     * heap of the host has none. */
     CAIRN_NO_MEMORY = -3,
     /* A capacity of the params (a field max_...) is used up. */
     CAIRN_FULL = -4,
@@ -65,7 +66,11 @@ typedef struct cairn_fault {
 } cairn_fault;
 
 /* Fills in *fault, unless NULL, and returns the status. Functions that report the position of a
- * fault return with it. */
+ * fault return with it.
+ *
+ * index: position of the fault, for fault->index
+ * what: constant text, for fault->message
+ * status: returned as it is */
 cairn_status cairn_refuse(cairn_fault *fault, int64_t index, const char *what, cairn_status status);
 
 /* Work that a step may still do, counted down by the step. Several objects may share one budget.

@@ -75,7 +75,9 @@ typedef struct cairn_virtual_align_pose {
     int32_t moved;
 } cairn_virtual_align_pose;
 
+/* Result of an alignment: that of the aligner and that of the translations. */
 typedef struct cairn_virtual_align_result {
+    /* result of the last run of the aligner */
     cairn_aligner_result aligner;
     /* runs of the field */
     int32_t rounds;
@@ -89,9 +91,11 @@ typedef struct cairn_virtual_align_result {
     int32_t hypotheses;
     /* work units; those of the slide count as hypothesis_units */
     int64_t align_units, hypothesis_units, field_units;
+    /* translations along weakly observable directions */
     cairn_weak_direction_result slide;
 } cairn_virtual_align_result;
 
+/* Joint alignment of scans by force field, virtual scans and aligner. */
 typedef struct cairn_virtual_align cairn_virtual_align;
 
 /* Returns the defaults given in parentheses above. */
@@ -102,7 +106,12 @@ cairn_virtual_align_params cairn_virtual_align_as_written(void);
 
 /* Values of hypotheses.max_virtual and hypotheses.hough.distances as written, for maps of about 20
  * m: a line extends over the whole map. */
-enum { CAIRN_VIRTUAL_ALIGN_WRITTEN_POINTS = 1 << 15, CAIRN_VIRTUAL_ALIGN_WRITTEN_DISTANCES = 512 };
+enum {
+    /* points of the virtual scan */
+    CAIRN_VIRTUAL_ALIGN_WRITTEN_POINTS = 1 << 15,
+    /* bins of the distance of a line */
+    CAIRN_VIRTUAL_ALIGN_WRITTEN_DISTANCES = 512
+};
 
 /* Returns the bytes that create() takes from the pool; 0 for invalid params. */
 size_t cairn_virtual_align_memory(const cairn_virtual_align_params *params);
@@ -111,13 +120,17 @@ size_t cairn_virtual_align_memory(const cairn_virtual_align_params *params);
 CAIRN_CHECKED cairn_status cairn_virtual_align_create(cairn_virtual_align **align, cairn_pool *pool,
                                                       const cairn_virtual_align_params *params);
 
-/* Adds a scan as cairn_aligner_add_scan, with its statuses. */
+/* Adds a scan as cairn_aligner_add_scan, with its statuses.
+ *
+ * view: scan with its segments, points and beams */
 CAIRN_CHECKED cairn_status cairn_virtual_align_add_scan(cairn_virtual_align *align,
                                                         const cairn_scan_view *view,
                                                         cairn_pose map_scan, cairn_fault *fault);
 
 /* Adds a kind of hypothesis as cairn_virtual_scan_add_detector, with its statuses.
- * CAIRN_BAD_ARGUMENT: NULL. Its step() must not fail. */
+ * CAIRN_BAD_ARGUMENT: NULL. Its step() must not fail.
+ *
+ * detector: callbacks, which are copied */
 CAIRN_CHECKED cairn_status cairn_virtual_align_add_detector(
     cairn_virtual_align *align, const cairn_virtual_scan_hypothesis_detector *detector);
 
@@ -142,6 +155,7 @@ int32_t cairn_virtual_align_running(const cairn_virtual_align *align);
 
 /* ---- The result ---- */
 
+/* Returns the result; valid when step() has returned CAIRN_OK. */
 cairn_virtual_align_result cairn_virtual_align_read(const cairn_virtual_align *align);
 
 /* Returns the result of a scan; all zero for an unknown scan. While the field runs: its pose at the

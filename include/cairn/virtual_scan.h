@@ -45,13 +45,18 @@ extern "C" {
 /* Kind of a hypothesis: the three built-in ones, and those of the caller. */
 typedef int32_t cairn_virtual_scan_hypothesis_kind;
 enum {
+    /* line, from hough */
     CAIRN_VIRTUAL_SCAN_LINE = 0,
+    /* rectangle */
     CAIRN_VIRTUAL_SCAN_RECTANGLE = 1,
+    /* circle or ellipse */
     CAIRN_VIRTUAL_SCAN_ELLIPSE = 2,
     CAIRN_VIRTUAL_SCAN_CALLER = 3 /* and above: the caller's kinds in order of their addition */
 };
 
+/* A structure that the scans suggest. */
 typedef struct cairn_virtual_scan_hypothesis {
+    /* kind of the structure */
     cairn_virtual_scan_hypothesis_kind kind;
     /* range of its points in the virtual scan */
     int32_t first_point, end_point;
@@ -70,6 +75,7 @@ typedef struct cairn_virtual_scan_map {
     const int32_t *point_scan;          /* [point_count] slot of the scan */
     const cairn_segment *segments;      /* [segment_count], free side on the left */
     const int32_t *segment_scan;        /* [segment_count] */
+    /* number of points and of segments */
     int32_t point_count, segment_count;
     cairn_real sigma; /* m: position uncertainty of the scans */
 } cairn_virtual_scan_map;
@@ -88,11 +94,16 @@ typedef int32_t (*cairn_virtual_scan_hypothesis_outline)(const void *state, int3
                                                          cairn_oriented_point *points, int32_t room,
                                                          cairn_real *strength);
 
+/* Callbacks that detect a caller's kind of structure. */
 typedef struct cairn_virtual_scan_hypothesis_detector {
     void *state; /* of the caller */
+    /* starts a detection on a map */
     cairn_virtual_scan_hypothesis_begin begin;
+    /* works on the detection */
     cairn_virtual_scan_hypothesis_step step;
+    /* number of hypotheses found */
     cairn_virtual_scan_hypothesis_count count;
+    /* points along a hypothesis */
     cairn_virtual_scan_hypothesis_outline outline;
 } cairn_virtual_scan_hypothesis_detector;
 
@@ -143,6 +154,7 @@ typedef struct cairn_virtual_scan_params {
     cairn_ellipse_params ellipse;
 } cairn_virtual_scan_params;
 
+/* Detection of structures, and the virtual scan along them. */
 typedef struct cairn_virtual_scan cairn_virtual_scan;
 
 /* Returns the defaults given in parentheses above; hough with 72 angles, 128 distances and steps of
@@ -161,7 +173,9 @@ CAIRN_CHECKED cairn_status cairn_virtual_scan_create(cairn_virtual_scan **virtua
                                                      const cairn_virtual_scan_params *params);
 
 /* Adds a kind of hypothesis; its number is CAIRN_VIRTUAL_SCAN_CALLER and up. CAIRN_BAD_ARGUMENT:
- * NULL, or a missing function. CAIRN_FULL: max_detectors exist. */
+ * NULL, or a missing function. CAIRN_FULL: max_detectors exist.
+ *
+ * detector: callbacks, which are copied */
 CAIRN_CHECKED cairn_status cairn_virtual_scan_add_detector(
     cairn_virtual_scan *virtual_scan, const cairn_virtual_scan_hypothesis_detector *detector);
 
@@ -187,11 +201,16 @@ CAIRN_CHECKED cairn_status cairn_virtual_scan_step(cairn_virtual_scan *virtual_s
 /* ---- Result of the last detection that has ended ---- */
 
 /* Returns the hypotheses: the strongest lines first, then rectangles, ellipses, the caller's
- * kinds. */
+ * kinds.
+ *
+ * count: set to the number of hypotheses */
 const cairn_virtual_scan_hypothesis *
 cairn_virtual_scan_hypotheses(const cairn_virtual_scan *virtual_scan, int32_t *count);
 
-/* Returns the virtual scan: points in the map with the weight of each. */
+/* Returns the virtual scan: points in the map with the weight of each.
+ *
+ * weights: set to [count] weights
+ * count: set to the number of points */
 const cairn_oriented_point *cairn_virtual_scan_points(const cairn_virtual_scan *virtual_scan,
                                                       const cairn_real **weights, int32_t *count);
 

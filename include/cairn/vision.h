@@ -35,18 +35,26 @@ CAIRN_CHECKED cairn_status cairn_vision_load(cairn_file_error *error);
 /* Reads a TIFF, PNG, JPEG or PGM (PPM), detected by its first bytes; of a file with several images
  * the first. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED, CAIRN_FULL (beyond the limits above),
  * CAIRN_UNSUPPORTED (no libcairn-vision, or samples that are neither 8 nor 16 bits), CAIRN_IO,
- * CAIRN_NO_MEMORY. Errors of OpenCV have its text. On failure there is nothing to free. */
+ * CAIRN_NO_MEMORY. Errors of OpenCV have its text. On failure there is nothing to free.
+ *
+ * image: set to the image
+ * path: file */
 CAIRN_CHECKED cairn_status cairn_vision_read(cairn_vision_image *image, const char *path,
                                              cairn_file_error *error);
 
-/* The same, converted to 8-bit grey: luma 0.299 red + 0.587 green + 0.114 blue (BT.601), of 16 bits
- * the upper 8. */
+/* Reads an image as cairn_vision_read(), with its statuses, and converts the image to 8-bit grey:
+ * luma 0.299 red + 0.587 green + 0.114 blue (BT.601), of 16 bits the upper 8.
+ *
+ * image: set to the image
+ * path: file */
 CAIRN_CHECKED cairn_status cairn_vision_read_grey(cairn_vision_image *image, const char *path,
                                                   cairn_file_error *error);
 
 /* Writes an image atomically, in the format of the path's extension (.tif, .tiff, .png, .jpg,
  * .jpeg, .pgm). CAIRN_BAD_ARGUMENT: another extension, an invalid image, more than 8 bits as JPEG,
- * several channels as PGM; CAIRN_UNSUPPORTED, CAIRN_IO, CAIRN_NO_MEMORY. */
+ * several channels as PGM; CAIRN_UNSUPPORTED, CAIRN_IO, CAIRN_NO_MEMORY.
+ *
+ * path: target */
 CAIRN_CHECKED cairn_status cairn_vision_write(const cairn_vision_image *image, const char *path,
                                               cairn_file_error *error);
 
@@ -77,13 +85,19 @@ cairn_vision_canny_params cairn_vision_canny_default(void);
 
 /* Detects the edges of an 8-bit grey image (Canny 1986), one pixel wide: strengths [height *
  * width], 0: no edge, otherwise twice the gradient magnitude, 1 ... 255. Statuses of
- * cairn_vision_gradients(). */
+ * cairn_vision_gradients().
+ *
+ * grey: 8-bit grey image
+ * strengths: [height * width] is written
+ * name: used as the path in the error */
 CAIRN_CHECKED cairn_status cairn_vision_canny(const cairn_vision_image *grey,
                                               const cairn_vision_canny_params *params,
                                               uint8_t *strengths, const char *name,
                                               cairn_file_error *error);
 
-/* Frees the samples. */
+/* Frees the samples.
+ *
+ * image: image that was read */
 void cairn_vision_free(cairn_vision_image *image);
 
 #ifdef __cplusplus

@@ -49,6 +49,7 @@ typedef struct cairn_weak_direction_params {
     cairn_real thickness_sigma;
 } cairn_weak_direction_params;
 
+/* Counts of the scans and submaps that were translated. */
 typedef struct cairn_weak_direction_result {
     int32_t weak_submaps;     /* submaps with a weakly observable direction */
     int32_t merged_submaps;   /* submaps that were merged with another */
@@ -61,6 +62,7 @@ typedef struct cairn_weak_direction_result {
     int64_t units; /* work units of all steps */
 } cairn_weak_direction_result;
 
+/* Translation of submaps along weakly observable directions. */
 typedef struct cairn_weak_direction cairn_weak_direction;
 
 /* Returns the defaults above. */
@@ -75,7 +77,9 @@ CAIRN_CHECKED cairn_status cairn_weak_direction_create(cairn_weak_direction **sl
                                                        const cairn_weak_direction_params *params);
 
 /* Returns 1 when a scan is in the largest component of an alignment, with a well observable heading
- * and exactly one weakly observable direction of translation. Constant time. */
+ * and exactly one weakly observable direction of translation. Constant time.
+ *
+ * aligned: result of the scan */
 int32_t cairn_weak_direction_is_weak(const cairn_weak_direction *slide,
                                      const cairn_aligner_pose *aligned);
 
@@ -91,7 +95,10 @@ CAIRN_CHECKED cairn_status cairn_weak_direction_begin(cairn_weak_direction *slid
 
 /* Adds the next scan: its pose before the alignment, and the result of the alignment.
  * CAIRN_BAD_ARGUMENT: NULL, all scans have been added, or poses beyond 1e6 m. CAIRN_NOT_FINITE.
- * Constant time. */
+ * Constant time.
+ *
+ * start: pose before the alignment
+ * aligned: result of the alignment */
 CAIRN_CHECKED cairn_status cairn_weak_direction_add(cairn_weak_direction *slide, cairn_pose start,
                                                     const cairn_aligner_pose *aligned);
 
@@ -106,6 +113,7 @@ CAIRN_CHECKED cairn_status cairn_weak_direction_step(cairn_weak_direction *slide
 
 /* ---- The result: all zero until step() returns CAIRN_OK ---- */
 
+/* Returns the result; valid when step() has returned CAIRN_OK. */
 cairn_weak_direction_result cairn_weak_direction_read(const cairn_weak_direction *slide);
 
 /* Returns the translation of a scan in the map, m; 0 for a scan that stays, and for one that does
