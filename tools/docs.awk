@@ -8,18 +8,28 @@
 
 BEGIN {
     faults = 0
+    # Names of the build and of the environment.
+    outside["CAIRN_FLOAT"] = outside["CAIRN_DOUBLE"] = outside["CAIRN_VISION"] = outside["CAIRN_APPEARANCE"] = 1
     while ((getline line < "tools/docs-parameters.txt") > 0) {
         if (line ~ /^#/ || line !~ /\|/)
             continue
         split(line, part, / *\| */)
         standard[part[1] " " part[2]] = part[3]
     }
-    # Objects: structs that are not open.
-    while (("cat include/cairn/*.h" | getline line) > 0)
+    # Objects, which are structs that are not open, and all public names.
+    while (("cat include/cairn/*.h" | getline line) > 0) {
+        if (line ~ /^ *(\/\*|\*)/)
+            continue
         if (line ~ /^typedef struct cairn_[a-z_0-9]+ cairn_[a-z_0-9]+;$/) {
             split(line, part, /[ ;]/)
             opaque[part[4]] = 1
         }
+        sub(/\/\*.*/, "", line)
+        while (match(line, /(cairn_|CAIRN_)[A-Za-z_0-9]+/)) {
+            known[substr(line, RSTART, RLENGTH)] = 1
+            line = substr(line, RSTART + RLENGTH)
+        }
+    }
     # What a status means, for those that a comment lists without a reason.
     while ((getline line < "include/cairn/status.h") > 0) {
         if (line ~ /^ +\/\* /)
@@ -57,6 +67,24 @@ function put(text)
         print text
 }
 
+# Text with its public names linked. A name that does not exist is an error; "cairn_x_..." stands for several.
+function linked(text,    name, out, before)
+{
+    out = ""
+    while (match(text, /(cairn_|CAIRN_)[A-Za-z_0-9]+/)) {
+        name = substr(text, RSTART, RLENGTH)
+        before = substr(text, 1, RSTART - 1)
+        text = substr(text, RSTART + RLENGTH)
+        if (before ~ /[A-Za-z0-9_#\/]$/ || name ~ /_$/ || text ~ /^(\.[hc]|\()/ || (name in outside) || !(name in known)) {
+            if (!(name in known) && name !~ /_$/ && before !~ /[A-Za-z0-9_\/]$/ && !(name in outside))
+                fault(name, "no public name")
+            out = out before name
+        } else
+            out = out before "#" name
+    }
+    return out text
+}
+
 # Text as Doxygen prints it literally, `code` set as code.
 function literal(text,    n, i, piece, out)
 {
@@ -70,6 +98,7 @@ function literal(text,    n, i, piece, out)
     gsub(/@/, "\\@", text)
     gsub(/#/, "\\#", text)
     gsub(/%/, "\\%", text)
+    text = linked(text)
     n = split(text, piece, /`/)
     if (n % 2 == 0)
         return text
@@ -218,11 +247,9 @@ function put_doc(extra,    n, i, rest)
     rest = ""
     for (i = 2; i <= n; i++)
         rest = rest (i > 2 ? " " : "") S[i]
-    if (rest != "" || block_count > 1 || extra != "") {
-        # The brief is not repeated by Doxygen.
-        B_text[1] = capital(stopped(S[1])) (rest != "" ? " " rest : "")
-        put_blocks(1, block_count)
-    }
+    # The brief is not repeated by Doxygen.
+    B_text[1] = capital(stopped(S[1])) (rest != "" ? " " rest : "")
+    put_blocks(1, block_count)
     if (extra != "")
         put(" *\n" extra)
     put(" */")
@@ -330,7 +357,7 @@ function cell(text)
 # The table of a parameter struct, or its lines in mode params.
 function params_table(name,    i, k, out, part, n, nested)
 {
-    out = " * <table class=\"params-table\"><tr><th>Field</th><th>Meaning</th><th>Unit</th><th>Range</th><th>Default</th></tr>"
+    out = " * <table class=\"params-table doxtable\"><tr><th>Field</th><th>Type</th><th>Meaning</th><th>Unit</th><th>Range</th><th>Default</th></tr>"
     for (i = 1; i <= field_count; i++) {
         nested = F_type[i] ~ /^cairn_[a-z_]+_params$/
         if (nested) {
@@ -349,12 +376,10 @@ function params_table(name,    i, k, out, part, n, nested)
             if (n > 1)
                 value = part[F_first[i]]
         }
-        if (range == "any" && F_type[i] ~ /^cairn_/)
-            range = F_type[i]
         if (mode == "params")
             print header "\t" name "\t" F_type[i] "\t" F_name[i] "\t" unit "\t" range "\t" value "\t" meaning
         F_doc[i] = meaning
-        out = out "\n * <tr><td><code>" F_name[i] "</code></td>" cell(capital(meaning)) cell(unit) cell(range) cell(value) "</tr>"
+        out = out "\n * <tr><td><code>" F_name[i] "</code></td>" cell(F_type[i]) cell(capital(meaning)) cell(unit) cell(range) cell(value) "</tr>"
     }
     return out "\n * </table>"
 }
@@ -494,7 +519,7 @@ function usual(k,    type, plain, name)
     if ((plain " " name) in standard)
         return standard[plain " " name]
     if (plain ~ /^cairn_[a-z_0-9]+ \*$/ && name == "params")
-        return "parameters; NULL is refused"
+        return "parameters, see " substr(plain, 1, length(plain) - 2)
     if (plain == "cairn_pose" && name ~ /^[a-z]+_[a-z]+$/)
         return "pose of `" substr(name, index(name, "_") + 1) "` in the frame of `" substr(name, 1, index(name, "_") - 1) "`: m and rad"
     sub(/ \*+$/, "", plain)
@@ -681,11 +706,12 @@ function prototype(i,    text, at, depth, k, c, before, inline)
 }
 
 # Reads the header L[1 ... lines]. A comment holds for all declarations up to the next empty line.
-function file(    i, k, held, name, text, part, in_enum, enum_name, title, end, saved)
+function file(    i, k, held, module, name, text, part, in_enum, enum_name, title, end, saved)
 {
     name = header
     sub(/^.*\//, "", name)
     sub(/\.h$/, "", name)
+    module = name
     held = 0 # 1: C[] belongs to the next declaration
     i = 1
     if (L[1] ~ /^\/\* /) {
@@ -730,6 +756,12 @@ function file(    i, k, held, name, text, part, in_enum, enum_name, title, end, 
             end = fields(i + 1, name)
             extra = name ~ /_params$/ ? params_table(name) : ""
             restore_comment()
+            # The table has a column for them.
+            if (extra != "") {
+                for (k = 1; k <= comment_lines; k++)
+                    sub(/[;.] [Dd]efaults in brackets/, "", C[k])
+                sub(/^Parameters\.?$/, "Parameters of " module ".", C[1])
+            }
             if (held)
                 put_doc(extra)
             else

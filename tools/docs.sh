@@ -24,10 +24,19 @@ awk -v mode=params -f tools/docs.awk $headers >"$out/params.tsv" || {
 
 {
     printf '/** \\mainpage\n'
-    printf ' * A plain-C library that finds object contours in images and builds maps from laser scans, in fixed memory.\n'
-    printf ' * <a class="el" href="modules.html">Modules</a> lists the headers in the order in which they build on each other.\n *\n'
-    awk -F '\t' '!seen[$2]++ { n++ } END { printf " * %d fields of %d parameter structs, each with range and default:\n", NR, n }' "$out/params.tsv"
-    awk -F '\t' '!seen[$2]++ { printf " * <br>#%s\n", $2 }' "$out/params.tsv"
+    cat <<'END'
+ * A plain-C library that finds object contours in images and builds maps from range scans, in fixed memory.
+ * <a class="el" href="modules.html">Modules</a> lists the headers in the order in which they build on each other.
+ *
+ * <b>Objects.</b> Fill in the parameters, or start from _default(); _memory() returns the bytes that _create() takes from
+ * a #cairn_pool. Nothing is freed one by one. <b>Work in steps.</b> _begin() takes the input, _step() works until its
+ * #cairn_budget is used up and returns #CAIRN_MORE, or #CAIRN_OK at the end; _read() returns the result. Results do not depend on
+ * the budgets. <b>Errors.</b> A #cairn_status below 0 refuses a call, which then changes nothing. Where a function names
+ * begin(), step() or create(), it means those of its own module.
+ *
+ * <b>Parameters.</b> Each with unit, range and default:
+END
+    awk -F '\t' '!seen[$2]++ { printf "%s * #%s", n++ ? ",\n" : "", $2 } END { print "." }' "$out/params.tsv"
     printf ' */\n'
     awk 'BEGIN {
         title["core"] = "Core"
@@ -48,7 +57,7 @@ awk -v mode=params -f tools/docs.awk $headers >"$out/params.tsv" || {
 cat >"$out/docs.css" <<'END'
 table.params-table td:first-child, table.params-table td:last-child { white-space: nowrap; }
 table.params-table td { vertical-align: top; }
-table.params-table ~ table.fieldtable { display: none; }
+.memdoc:has(table.params-table) table.fieldtable { display: none; }
 END
 
 cat >"$out/Doxyfile" <<END

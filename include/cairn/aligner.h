@@ -149,7 +149,7 @@ typedef struct cairn_aligner_result {
 /* Joint alignment of scans from poor initial poses. */
 typedef struct cairn_aligner cairn_aligner;
 
-/* Returns the defaults above. */
+/* Returns the default parameters. */
 cairn_aligner_params cairn_aligner_default(void);
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */

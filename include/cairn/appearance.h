@@ -135,7 +135,7 @@ typedef struct cairn_appearance_params {
 /* Collects the images and boxes that a model is trained on. */
 typedef struct cairn_appearance_trainer cairn_appearance_trainer;
 
-/* Returns the values in brackets above. */
+/* Returns the default parameters. */
 cairn_appearance_params cairn_appearance_default(void);
 
 /* Returns an empty trainer, to be freed by cairn_appearance_trainer_free(); NULL: out of memory. */

@@ -13,7 +13,7 @@
 extern "C" {
 #endif
 
-/* Capacities. Default values in brackets. */
+/* Capacities; defaults in brackets. */
 typedef struct cairn_assignment_params {
     /* 1 ... 4096 (128 and 128): rows and columns of the table */
     int32_t max_rows, max_columns;
@@ -22,7 +22,7 @@ typedef struct cairn_assignment_params {
 /* Solver of linear assignment problems. */
 typedef struct cairn_assignment cairn_assignment;
 
-/* The default values. */
+/* Returns the default parameters. */
 cairn_assignment_params cairn_assignment_default(void);
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. Linear in the sides; the

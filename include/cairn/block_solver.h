@@ -30,7 +30,7 @@ extern "C" {
 /* Sparse LDL^T solver. */
 typedef struct cairn_block_solver cairn_block_solver;
 
-/* Capacities. Default values in brackets. */
+/* Capacities; defaults in brackets. */
 typedef struct cairn_block_solver_params {
     /* 1 ... 2^22 (1000): poses */
     int32_t max_poses;
@@ -42,7 +42,7 @@ typedef struct cairn_block_solver_params {
     int32_t max_fill;
 } cairn_block_solver_params;
 
-/* The default values. */
+/* Returns the default parameters. */
 cairn_block_solver_params cairn_block_solver_default(void);
 
 /* State of a solver, after the last stage that ended. */

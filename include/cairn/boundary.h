@@ -99,8 +99,8 @@ typedef struct cairn_boundary_image {
 /* Detector of region contours. */
 typedef struct cairn_boundary cairn_boundary;
 
-/* Returns the default values, in brackets above. The weights were chosen from a few candidates
- * on photographs with human-drawn outlines (docs/accuracy.md). */
+/* Returns the default parameters. The weights were chosen from a few candidates on photographs with
+ * human-drawn outlines (docs/accuracy.md). */
 cairn_boundary_params cairn_boundary_default(void);
 
 /* Returns the memory of a detector in bytes; 0 for params that create() rejects. */

@@ -208,7 +208,7 @@ enum {
 /* Grouping of contour tokens to objects by a particle filter. */
 typedef struct cairn_contour_grouping cairn_contour_grouping;
 
-/* Returns the values in brackets above. */
+/* Returns the default parameters. */
 cairn_contour_grouping_params cairn_contour_grouping_default(void);
 
 /* Returns the mode as written with the constants of the thesis. */

@@ -72,7 +72,7 @@ typedef struct cairn_corner_set cairn_corner_set;
      CAIRN_ALLOCATION_BYTES(segments, sizeof(cairn_box)) +                                         \
      2 * CAIRN_ALLOCATION_BYTES(corners, sizeof(cairn_corner)))
 
-/* Returns 256 segments, 128 corners, and the other defaults in brackets above. */
+/* Returns the default parameters. */
 cairn_corner_params cairn_corner_default(void);
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */

@@ -14,7 +14,7 @@
 extern "C" {
 #endif
 
-/* Parameters. Default values in brackets. */
+/* Parameters; defaults in brackets. */
 typedef struct cairn_curve_evolution_params {
     /* 3 ... 4096 (256): vertices */
     int32_t max_points;
@@ -26,7 +26,7 @@ typedef struct cairn_curve_evolution_params {
 /* Discrete curve evolution of a polyline. */
 typedef struct cairn_curve_evolution cairn_curve_evolution;
 
-/* The default values. */
+/* Returns the default parameters. */
 cairn_curve_evolution_params cairn_curve_evolution_default(void);
 
 /* The same in the mode as written. */

@@ -68,7 +68,7 @@ typedef struct cairn_edge_chain_set cairn_edge_chain_set;
      CAIRN_ALLOCATION_BYTES((size_t)(edges) + 2 * (size_t)(chains) + 2, 4) +                       \
      CAIRN_ALLOCATION_BYTES(chains, sizeof(cairn_edge_chain)))
 
-/* Returns the values in brackets above. */
+/* Returns the default parameters. */
 cairn_edge_chain_params cairn_edge_chain_default(void);
 
 /* Returns the bytes that create() takes from the pool; 0 for params that create() would refuse. */

@@ -54,7 +54,7 @@ typedef struct cairn_edge_segment_params {
 /* Extractor of edge segments, and the segments of its last image. */
 typedef struct cairn_edge_segment_set cairn_edge_segment_set;
 
-/* Returns the values in brackets above. */
+/* Returns the default parameters. */
 cairn_edge_segment_params cairn_edge_segment_default(void);
 
 /* Returns the bytes that create() takes from the pool, about 90 per line and 48 (float 36) per

@@ -46,7 +46,7 @@ typedef struct cairn_edgel_params {
 /* Detector of edgels, and the edgels of its last image. */
 typedef struct cairn_edgel_set cairn_edgel_set;
 
-/* Returns the values in brackets above. */
+/* Returns the default parameters. */
 cairn_edgel_params cairn_edgel_default(void);
 
 /* Returns the bytes that create() takes from the pool; 0 for params that create() would refuse. */

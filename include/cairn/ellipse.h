@@ -47,7 +47,7 @@ typedef struct cairn_ellipse {
     cairn_ellipse_kind kind;
 } cairn_ellipse;
 
-/* Parameters. Default values in brackets. */
+/* Parameters; defaults in brackets. */
 typedef struct cairn_ellipse_params {
     /* 1 ... 256 (32): ellipses. Of more peaks those with the most votes are kept. */
     int32_t max_ellipses;
@@ -81,7 +81,7 @@ typedef struct cairn_ellipse_params {
 /* Search for ellipses, with its result. */
 typedef struct cairn_ellipse_set cairn_ellipse_set;
 
-/* The default values. */
+/* Returns the default parameters. */
 cairn_ellipse_params cairn_ellipse_default(void);
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. */

@@ -81,7 +81,7 @@ typedef struct cairn_filter_mapper_params {
     uint64_t seed;
 } cairn_filter_mapper_params;
 
-/* Returns the default parameters, given in parentheses above; front has the mapper's own. */
+/* Returns the default parameters; front has the mapper's own. */
 cairn_filter_mapper_params cairn_filter_mapper_default(void);
 
 /* Returns the defaults sized for max_keyframes keyframes of a scanner with max_beams beams, and

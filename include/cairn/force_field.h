@@ -60,7 +60,7 @@ enum {
     CAIRN_FORCE_FIELD_ROI_CROSSINGS = 2
 };
 
-/* Defaults in parentheses. Where the thesis has a value it is the default, followed by the thesis's
+/* Parameters; defaults in brackets. Where the thesis has a value it is the default, followed by the thesis's
  * value in cm. The thesis's dt of 5 to 1 is 0.05 to 0.01 here: accelerations in m are 1e4 times
  * those in cm. */
 typedef struct cairn_force_field_params {
@@ -237,7 +237,7 @@ typedef struct cairn_force_field cairn_force_field;
      CAIRN_ALLOCATION_BYTES(corners, sizeof(cairn_vec2)) +                                         \
      3 * CAIRN_ALLOCATION_BYTES(corners, sizeof(int32_t)))
 
-/* Returns the defaults given in parentheses above. */
+/* Returns the default parameters. */
 cairn_force_field_params cairn_force_field_default(void);
 
 /* Returns force field simulation as written: the defaults, but corners are intersections near the

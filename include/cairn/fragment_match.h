@@ -81,7 +81,7 @@ typedef struct cairn_fragment_match_result {
 /* Matcher of outline fragments to edge chains. */
 typedef struct cairn_fragment_matcher cairn_fragment_matcher;
 
-/* Returns the default values, in brackets above. */
+/* Returns the default parameters. */
 cairn_fragment_match_params cairn_fragment_match_default(void);
 
 /* Returns the memory of a matcher in bytes; 0 for params that create() rejects. */

@@ -22,7 +22,7 @@
 extern "C" {
 #endif
 
-/* Parameters. Default values in brackets. */
+/* Parameters; defaults in brackets. */
 typedef struct cairn_hough_params {
     /* 1 ... 256 (32): lines. Of more peaks those with the most votes are kept. */
     int32_t max_lines;
@@ -83,7 +83,7 @@ typedef struct cairn_hough cairn_hough;
      2 * CAIRN_ALLOCATION_BYTES(lines, sizeof(cairn_hough_line)) +                                 \
      CAIRN_ALLOCATION_BYTES(lines, 8 + sizeof(double)))
 
-/* The default values. */
+/* Returns the default parameters. */
 cairn_hough_params cairn_hough_default(void);
 
 /* Parameters of the mode as written: 180 angles, 256 distances of 0.10 m, lines of at least 20

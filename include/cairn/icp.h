@@ -65,9 +65,7 @@ typedef struct cairn_icp_params {
     int32_t roll_back;
 } cairn_icp_params;
 
-/* Returns the defaults: point to line; 4096 points; 40 iterations; 10 pairs; gate 0.5 -> 0.1 m at 3
- * mean distances; 60 degrees; sigma 0.01 m; converged below 1e-4 m and 1e-4 rad; unobservable below
- * 0.01; no roll-back. */
+/* Returns the default parameters. */
 cairn_icp_params cairn_icp_default(void);
 
 /* How an alignment has ended. */

@@ -26,7 +26,7 @@ typedef struct cairn_inner_distance_params {
 /* Computation of inner distances. */
 typedef struct cairn_inner_distance cairn_inner_distance;
 
-/* Returns the default values, in brackets above. */
+/* Returns the default parameters. */
 cairn_inner_distance_params cairn_inner_distance_default(void);
 
 /* Returns the memory of an object in bytes; 0 for params that create() rejects. Grows with the

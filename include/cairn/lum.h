@@ -76,7 +76,7 @@ typedef struct cairn_lum_params {
     cairn_real registration_spacing;
 } cairn_lum_params;
 
-/* Returns the defaults in brackets above. */
+/* Returns the default parameters. */
 cairn_lum_params cairn_lum_default(void);
 
 /* Returns the params of the mode as written, with the thesis's constants where it has any. */

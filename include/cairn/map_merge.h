@@ -97,9 +97,7 @@ typedef struct cairn_map_merge_params {
     uint64_t seed;
 } cairn_map_merge_params;
 
-/* Returns the default parameters: 16 maps of 400 x 400 cells, 2048 points, 256 segments, 48
- * corners, 6 modes, 100 particles, log-likelihood ratio; correlation length 10 cells, minimum score
- * 6 and margin 3 nats. */
+/* Returns the default parameters, for 16 maps of 400 x 400 cells. */
 cairn_map_merge_params cairn_map_merge_default(void);
 
 /* Returns chapter 9 as written: as above, but image similarity, 50 particles (the thesis: 50 to 100

@@ -36,7 +36,7 @@ extern "C" {
 #define CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES 64
 
 /* Parameters of loop-closure detection. A return to a known place is searched for within the
- * uncertainty that has accumulated along the path. Defaults in parentheses. */
+ * uncertainty that has accumulated along the path. Defaults in brackets. */
 typedef struct cairn_mapper_loop_params {
     /* 0 ... 2^22 (4096): maximum number of loop closures; 0: loop closure is off */
     int32_t max_loops;
@@ -241,8 +241,8 @@ typedef struct cairn_mapper_loop {
 /* Mapper of a scan stream. */
 typedef struct cairn_mapper cairn_mapper;
 
-/* Returns the default parameters, given in parentheses above. scan, icp and field have their own
- * defaults, except that the force field starts with a small sigma. */
+/* Returns the default parameters. scan, icp and field have their own defaults, except that the force
+ * field starts with a small sigma. */
 cairn_mapper_params cairn_mapper_default(void);
 
 /* Returns the defaults sized for max_keyframes keyframes of a scanner with max_beams beams: 160

@@ -26,7 +26,7 @@ typedef struct cairn_occupancy_grid_params {
     int32_t width, height;
     /* m, > 0 (0.05): side of a cell */
     cairn_real resolution;
-    /* m, finite (0 and 0): lower left corner of cell (0, 0) */
+    /* m, finite (-10 and -10): lower left corner of cell (0, 0) */
     cairn_vec2 origin;
 } cairn_occupancy_grid_params;
 

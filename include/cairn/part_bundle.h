@@ -73,7 +73,7 @@ typedef struct cairn_part_bundle_params {
 /* Builder of part bundles. */
 typedef struct cairn_part_bundle_builder cairn_part_bundle_builder;
 
-/* Returns the values in brackets above. */
+/* Returns the default parameters. */
 cairn_part_bundle_params cairn_part_bundle_default(void);
 
 /* Returns the bytes that create() takes from the pool; 0 for params that create() would refuse. */

@@ -114,7 +114,7 @@ typedef struct cairn_part_configuration_result {
 /* Search for configurations of parts. */
 typedef struct cairn_part_configurator cairn_part_configurator;
 
-/* Returns the values in brackets above. */
+/* Returns the default parameters. */
 cairn_part_configuration_params cairn_part_configuration_default(void);
 
 /* Returns the params of CAIRN_MODE_AS_WRITTEN: K = 20, at least one part, an effectively unlimited

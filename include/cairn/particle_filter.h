@@ -33,7 +33,7 @@ enum {
     CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL = 1
 };
 
-/* Parameters. Default values in brackets. */
+/* Parameters; defaults in brackets. */
 typedef struct cairn_particle_filter_params {
     /* 1 ... 2^20 (100): N: number of particles after resampling */
     int32_t particles;
@@ -62,7 +62,7 @@ typedef struct cairn_particle_filter_params {
     cairn_real resample_ratio;
 } cairn_particle_filter_params;
 
-/* The default values. */
+/* Returns the default parameters. */
 cairn_particle_filter_params cairn_particle_filter_default(void);
 
 /* Motion model: offers the candidates of particle `index` by cairn_particle_filter_offer().

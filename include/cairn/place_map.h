@@ -105,9 +105,8 @@ typedef struct cairn_place_map_params {
     cairn_aligner_params aligner;
 } cairn_place_map_params;
 
-/* Returns the defaults: consensus; coupled scans; values in brackets above; match with 40
- * hypotheses of 768 candidates and vote_once 0; consensus with 4096 hypotheses, ambiguous from
- * 1e-5, significant from 12 nats. */
+/* Returns the default parameters; match with 40 hypotheses of 768 candidates and vote_once 0;
+ * consensus with 4096 hypotheses, ambiguous from 1e-5, significant from 12 nats. */
 cairn_place_map_params cairn_place_map_default(void);
 
 /* Returns the params of Adluru 2008, chapter 6, as printed: mode AS_WRITTEN, matches by

@@ -71,7 +71,7 @@ typedef struct cairn_polyline_params {
     cairn_real tolerance;
 } cairn_polyline_params;
 
-/* The default values. */
+/* Returns the default parameters. */
 cairn_polyline_params cairn_polyline_default(void);
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. */

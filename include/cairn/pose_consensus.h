@@ -72,7 +72,7 @@ typedef struct cairn_pose_consensus_params {
     cairn_real significant_support;
 } cairn_pose_consensus_params;
 
-/* Returns the defaults in brackets above. */
+/* Returns the default parameters. */
 cairn_pose_consensus_params cairn_pose_consensus_default(void);
 
 /* Search for the poses that most hypotheses agree with. */

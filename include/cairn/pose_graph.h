@@ -110,7 +110,7 @@ typedef struct cairn_pose_graph_params {
     cairn_real max_chi2;
 } cairn_pose_graph_params;
 
-/* Returns the defaults in brackets above. */
+/* Returns the default parameters. */
 cairn_pose_graph_params cairn_pose_graph_default(void);
 
 /* Pose graph and its optimizer. */

@@ -45,7 +45,7 @@ typedef struct cairn_rectangle {
     int32_t side[4];
 } cairn_rectangle;
 
-/* Parameters. Default values in brackets. */
+/* Parameters; defaults in brackets. */
 typedef struct cairn_rectangle_params {
     /* 1 ... 2^20 (1024): segments */
     int32_t max_segments;
@@ -91,7 +91,7 @@ typedef struct cairn_rectangle_set cairn_rectangle_set;
      CAIRN_ALLOCATION_BYTES(pairs, 16 + 8 * sizeof(cairn_real)) +                                  \
      2 * CAIRN_ALLOCATION_BYTES(rectangles, sizeof(cairn_rectangle)))
 
-/* The default values. */
+/* Returns the default parameters. */
 cairn_rectangle_params cairn_rectangle_default(void);
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. */

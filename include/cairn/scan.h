@@ -102,7 +102,7 @@ typedef struct cairn_scan_params {
     cairn_polyline_params fit;
 } cairn_scan_params;
 
-/* Returns the defaults in brackets above; fit as cairn_polyline_default(). */
+/* Returns the default parameters; fit is that of cairn_polyline_default(). */
 cairn_scan_params cairn_scan_default(void);
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */

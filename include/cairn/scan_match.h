@@ -86,7 +86,7 @@ typedef struct cairn_scan_match_params {
     cairn_real weak_ratio;
 } cairn_scan_match_params;
 
-/* Returns the defaults: correlative, and the values in brackets above. */
+/* Returns the default parameters. */
 cairn_scan_match_params cairn_scan_match_default(void);
 
 /* Returns the params of Adluru 2008, 6.2 to 6.4, as printed: points are the readings of

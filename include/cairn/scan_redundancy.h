@@ -30,7 +30,7 @@ typedef struct cairn_scan_redundancy_params {
     cairn_real direction_gate;
 } cairn_scan_redundancy_params;
 
-/* Returns the defaults in brackets above. */
+/* Returns the default parameters. */
 cairn_scan_redundancy_params cairn_scan_redundancy_default(void);
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */

@@ -66,7 +66,7 @@ typedef struct cairn_self_similarity_params {
 /* Detector of symmetry axes of an outline. */
 typedef struct cairn_self_similarity cairn_self_similarity;
 
-/* Returns the default values, in brackets above. */
+/* Returns the default parameters. */
 cairn_self_similarity_params cairn_self_similarity_default(void);
 
 /* Returns CAIRN_MODE_AS_WRITTEN with the thesis's 5 to 20 vertices and the other values as

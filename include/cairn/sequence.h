@@ -38,7 +38,7 @@ enum {
  * i, j: indices of the elements, from 0 */
 typedef cairn_real (*cairn_sequence_compare)(const void *context, int32_t i, int32_t j);
 
-/* Parameters. Default values in brackets. */
+/* Parameters; defaults in brackets. */
 typedef struct cairn_sequence_params {
     /* any (CAIRN_SEQUENCE_LCS): kind of alignment */
     cairn_sequence_kind kind;
@@ -50,7 +50,7 @@ typedef struct cairn_sequence_params {
     cairn_real gap_cost;
 } cairn_sequence_params;
 
-/* The default values. */
+/* Returns the default parameters. */
 cairn_sequence_params cairn_sequence_default(void);
 
 /* Indices of a pair of elements. */

@@ -48,7 +48,7 @@ typedef struct cairn_shape_context_params {
     cairn_real missing_cost;
 } cairn_shape_context_params;
 
-/* Returns the default values, in brackets above. */
+/* Returns the default parameters. */
 cairn_shape_context_params cairn_shape_context_default(void);
 
 /* Returns the memory of an object in bytes; 0 for params that create() rejects. */

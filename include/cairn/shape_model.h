@@ -122,7 +122,7 @@ typedef struct cairn_shape_model_builder_params {
 /* Builder of a shape model from outlines. */
 typedef struct cairn_shape_model_builder cairn_shape_model_builder;
 
-/* Returns the default values, in brackets above. */
+/* Returns the default parameters. */
 cairn_shape_model_builder_params cairn_shape_model_builder_default(void);
 
 /* Returns the memory of a builder in bytes; 0 for params that create() rejects. Grows with the

@@ -110,7 +110,7 @@ typedef struct cairn_skeleton_grouping_params {
 /* Grouping of edgels to symmetric parts. */
 typedef struct cairn_skeleton_grouping cairn_skeleton_grouping;
 
-/* Returns the default values, in brackets above. */
+/* Returns the default parameters. */
 cairn_skeleton_grouping_params cairn_skeleton_grouping_default(void);
 
 /* Returns CAIRN_MODE_AS_WRITTEN: 8000 CPs, 512 parts of 32,768 points, 256 steps, 50 particles,

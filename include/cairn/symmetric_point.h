@@ -57,7 +57,7 @@ typedef struct cairn_symmetric_point_params {
 /* Detector of symmetric points, and the points of its last run. */
 typedef struct cairn_symmetric_point_set cairn_symmetric_point_set;
 
-/* Returns the values in brackets above. */
+/* Returns the default parameters. */
 cairn_symmetric_point_params cairn_symmetric_point_default(void);
 
 /* Returns the defaults with centres as in Adluru 2008, figure 2.3. */

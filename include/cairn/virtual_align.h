@@ -42,7 +42,7 @@
 extern "C" {
 #endif
 
-/* Defaults in parentheses. */
+/* Parameters; defaults in brackets. */
 typedef struct cairn_virtual_align_params {
     /* its max_scans, max_segments and max_points apply to all modules */
     cairn_aligner_params aligner;
@@ -98,7 +98,7 @@ typedef struct cairn_virtual_align_result {
 /* Joint alignment of scans by force field, virtual scans and aligner. */
 typedef struct cairn_virtual_align cairn_virtual_align;
 
-/* Returns the defaults given in parentheses above. */
+/* Returns the default parameters. */
 cairn_virtual_align_params cairn_virtual_align_default(void);
 
 /* Returns the params of the mode as written, see above. */

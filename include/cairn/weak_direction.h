@@ -65,7 +65,7 @@ typedef struct cairn_weak_direction_result {
 /* Translation of submaps along weakly observable directions. */
 typedef struct cairn_weak_direction cairn_weak_direction;
 
-/* Returns the defaults above. */
+/* Returns the default parameters. */
 cairn_weak_direction_params cairn_weak_direction_default(void);
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
