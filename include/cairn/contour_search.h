@@ -193,8 +193,8 @@ typedef struct cairn_contour_search_params {
     void (*on_walk)(void *context, const cairn_contour_grouping_disc *discs, int32_t count);
 } cairn_contour_search_params;
 
-/* Returns the default parameters; sizes from a tenth of the image's diagonal, at least 24 px, to the
- * whole.
+/* Returns the default parameters; sizes from a tenth of the image's diagonal, at least 24 px, to
+ * the whole.
  *
  * width, height: size of the image, px */
 cairn_contour_search_params cairn_contour_search_default(int32_t width, int32_t height);

@@ -60,9 +60,8 @@ enum {
     CAIRN_FORCE_FIELD_ROI_CROSSINGS = 2
 };
 
-/* Parameters; defaults in brackets. Where the thesis has a value it is the default, followed by the thesis's
- * value in cm. The thesis's dt of 5 to 1 is 0.05 to 0.01 here: accelerations in m are 1e4 times
- * those in cm. */
+/* Parameters; defaults in brackets. Where the thesis has a value, it is the default. The thesis's
+ * dt of 5 to 1 is 0.05 to 0.01 here: accelerations in m are 1e4 times those in cm. */
 typedef struct cairn_force_field_params {
     /* any (CAIRN_FORCE_FIELD_GRADIENT): motion model */
     cairn_force_field_mode mode;

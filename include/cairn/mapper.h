@@ -241,8 +241,8 @@ typedef struct cairn_mapper_loop {
 /* Mapper of a scan stream. */
 typedef struct cairn_mapper cairn_mapper;
 
-/* Returns the default parameters. scan, icp and field have their own defaults, except that the force
- * field starts with a small sigma. */
+/* Returns the default parameters. scan, icp and field have their own defaults, except that the
+ * force field starts with a small sigma. */
 cairn_mapper_params cairn_mapper_default(void);
 
 /* Returns the defaults sized for max_keyframes keyframes of a scanner with max_beams beams: 160

@@ -137,8 +137,8 @@ CAIRN_CHECKED cairn_status cairn_box_sweep_create(cairn_box_sweep **sweep, cairn
 CAIRN_CHECKED cairn_status cairn_box_sweep_begin(cairn_box_sweep *sweep, const cairn_box *boxes,
                                                  int32_t count);
 
-/* As begin(), with its statuses, for the pairs of which both boxes overlap a window. These pairs are
- * reported in the same order as after begin().
+/* As begin(), with its statuses, for the pairs of which both boxes overlap a window. These pairs
+ * are reported in the same order as after begin().
  *
  * boxes: [count] as for begin() */
 CAIRN_CHECKED cairn_status cairn_box_sweep_begin_in(cairn_box_sweep *sweep, const cairn_box *boxes,

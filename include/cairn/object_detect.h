@@ -127,8 +127,8 @@ typedef struct cairn_object_detect_params {
     int32_t appearance_nearest;
 } cairn_object_detect_params;
 
-/* Returns the default parameters; sizes from a tenth of the image's diagonal, at least 24 px, to the
- * whole.
+/* Returns the default parameters; sizes from a tenth of the image's diagonal, at least 24 px, to
+ * the whole.
  *
  * width, height: size of the image, px */
 cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t height);

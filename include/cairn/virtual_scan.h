@@ -157,8 +157,8 @@ typedef struct cairn_virtual_scan_params {
 /* Detection of structures, and the virtual scan along them. */
 typedef struct cairn_virtual_scan cairn_virtual_scan;
 
-/* Returns the default parameters; hough with 72 angles, 128 distances and steps of 0.10 m, rectangles
- * with sides from 1 m of whose outline 55 % is observed. */
+/* Returns the default parameters; hough with 72 angles, 128 distances and steps of 0.10 m,
+ * rectangles with sides from 1 m of whose outline 55 % is observed. */
 cairn_virtual_scan_params cairn_virtual_scan_default(void);
 
 /* Returns the params of the mode as written, see above. */
