@@ -1,11 +1,11 @@
 #!/bin/sh
-# Whether the defaults in the comments of the headers are those that _default() returns: tools/docs-defaults.sh BUILD
+# Whether the defaults in the comments of the headers are those that _default() returns: tools/docs-defaults.sh BUILD [OUT]
 #
-# Of each line of BUILD/docs/params.tsv (tools/docs.sh) a comparison in C is made, compiled with the libraries in BUILD and run.
+# Of each line of OUT/params.tsv (tools/docs.sh; OUT: BUILD/docs) a comparison in C is made, compiled with the libraries in BUILD and run.
 # Not compared are defaults that depend on arguments, "(from ...)".
 set -e
-build=${1:?usage: tools/docs-defaults.sh BUILD}
-out=$build/docs
+build=${1:?usage: tools/docs-defaults.sh BUILD [OUT]}
+out=${2:-$build/docs}
 export LC_ALL=C
 layers='core|contour|mapping'
 libraries="$build/libcairn.a -lm"

@@ -107,12 +107,17 @@ function literal(text,    n, i, piece, out)
     return out
 }
 
-function capital(text)
+# A sentence with a capital, unless it begins with a name: of one letter, with a digit or underscore, of a parameter, or compared.
+function capital(text,    i, word)
 {
-    # Not a name: a first word of one letter, with a digit, capital or underscore.
-    if (text ~ /^[a-z][a-z]+[ ,.;:-]/ || text ~ /^a [a-z]/)
-        return toupper(substr(text, 1, 1)) substr(text, 2)
-    return text
+    if (text !~ /^[a-z][a-z]+[ ,.;:-]/ && text !~ /^a [a-z]/ || text ~ /^[a-z]+ [<>=]/)
+        return text
+    match(text, /^[a-z]+/)
+    word = substr(text, 1, RLENGTH)
+    for (i = 1; i <= P_count; i++)
+        if (P_name[i] == word && text !~ /^[a-z]+ [a-z]/)
+            return text
+    return toupper(substr(text, 1, 1)) substr(text, 2)
 }
 
 # Ends a text with a full stop.
@@ -219,8 +224,8 @@ function put_blocks(from, to,    i, text)
     for (i = from; i <= to; i++) {
         text = B_text[i]
         if (B_kind[i] == "verbatim") {
-            gsub(/\n/, "\n * ", text)
-            put(" * \\verbatim\n * " text "\n * \\endverbatim")
+            sub(/\n+$/, "", text)
+            put(" * \\verbatim\n" text "\n\\endverbatim")
         } else if (B_kind[i] == "list") {
             if (i == from || B_kind[i - 1] != "list")
                 put(" * <ol>")
@@ -229,8 +234,9 @@ function put_blocks(from, to,    i, text)
                 put(" * </ol>")
         } else if (B_kind[i] == "text") {
             text = literal(text)
-            if (match(text, /^[A-Z][a-z]+( [a-z]+)?:/))
-                text = "<b>" substr(text, 1, RLENGTH) "</b>" substr(text, RLENGTH + 1)
+            # "Limits: ...", "No return. ..."
+            if (match(text, /^[A-Z][a-z]+( [a-z]+)?(: |\. +[A-Z])/) && text !~ /^(A|An|The) /)
+                text = "<b>" substr(text, 1, match(text, /[:.]/)) "</b>" substr(text, RSTART + 1)
             put(" *\n * " text)
         }
     }
@@ -437,12 +443,16 @@ function are_parameters(names,    i, k, found)
     return 1
 }
 
-function explain(text,    i)
+# Documents the parameters N[]: one row of the table for all.
+function explain(text,    i, all)
 {
+    all = N[1]
+    for (i = 2; i <= name_count; i++)
+        all = all "," N[i]
     for (i = 1; i <= name_count; i++)
         if (!(N[i] in P_text)) {
             P_text[N[i]] = text
-            P_first[N[i]] = name_count > 1 ? N[1] : ""
+            P_row[N[i]] = i == 1 ? all : ""
         }
 }
 
@@ -499,11 +509,9 @@ function is_status(text)
 # The array whose shape "[name]" names the parameter; "" for none.
 function array_of(name,    k, shape)
 {
-    for (k = 1; k <= P_count; k++) {
-        shape = P_text[P_name[k]] " " P_mention[P_name[k]]
-        if (index(shape, "[" name "]"))
+    for (k = 1; k <= P_count; k++)
+        if (P_name[k] in P_text && (index(P_text[P_name[k]], "[" name "]") || index(P_text[P_name[k]], "[*" name "]")))
             return P_name[k]
-    }
     return ""
 }
 
@@ -525,7 +533,7 @@ function usual(k,    type, plain, name)
     sub(/ \*+$/, "", plain)
     if (plain in opaque) {
         if (type ~ /\*\*$/)
-            return "receives the created object, which needs no destruction"
+            return "receives the created object"
         return type ~ /^const / ? "object to read" : "object to work on"
     }
     return ""
@@ -536,7 +544,7 @@ function put_function(type, name, list,    i, k, n, m, text, last, cost, brief, 
 {
     parameters(list)
     split("", P_text)
-    split("", P_first)
+    split("", P_row)
     R_count = 0
     last = comment_lines
     # The list of parameters after the last empty line.
@@ -579,6 +587,13 @@ function put_function(type, name, list,    i, k, n, m, text, last, cost, brief, 
                 explain(substr(text, RLENGTH + 1))
                 continue
             }
+            # "*count is set to their number."
+            if (match(text, /^\*[a-z_0-9]+,? /) && are_parameters(substr(text, 2, index(text ",", ",") < RLENGTH ? index(text, ",") - 2 : RLENGTH - 2))) {
+                text = substr(text, RLENGTH + 1)
+                sub(/^is /, "", text)
+                explain(text)
+                continue
+            }
             if (type == "cairn_status" && is_status(text)) {
                 statuses(text)
                 m = R_count
@@ -600,7 +615,7 @@ function put_function(type, name, list,    i, k, n, m, text, last, cost, brief, 
                 brief = text
             else
                 prose = prose (prose == "" ? "" : " ") text
-            if (!is_void && returns == "" && text ~ /(^| )[Rr]eturns? |[Ss]tatuses|[Ss]tatus of/) {
+            if (!is_void && returns == "" && text ~ /(^|[a-z,;] )[Rr]eturns? |[Ss]tatuses|[Ss]tatus of/) {
                 returns = text
                 value_in = text == brief ? "brief" : "prose"
             }
@@ -631,16 +646,19 @@ function put_function(type, name, list,    i, k, n, m, text, last, cost, brief, 
         text = P_name[k]
         if (text in P_text)
             entry = P_text[text]
-        else if ((entry = usual(k)) == "" && text in P_mention)
-            entry = P_mention[text]
-        else if (entry == "" && array_of(text) != "")
-            entry = "size of `" array_of(text) "`"
+        else if ((entry = usual(k)) == "") {
+            if (array_of(text) != "")
+                entry = "number of elements of `" array_of(text) "`"
+            else if (text in P_mention)
+                entry = P_mention[text]
+        }
         if (text == "..." && entry == "")
             entry = "the values to format"
-        if (entry != "")
+        if (text in P_row)
+            text = P_row[text]
+        if (entry != "" && text != "")
             put(" * \\param " text " " literal(capital(stopped(entry))))
     }
-    split("", P_mention)
     if (returns != "") {
         sub(/^Returns /, "", returns)
         put(" * \\return " literal(capital(stopped(returns))))
@@ -649,6 +667,8 @@ function put_function(type, name, list,    i, k, n, m, text, last, cost, brief, 
     for (i = 1; i <= R_count; i++)
         put(" * \\retval " R_name[i] " " literal(capital(stopped(R_text[i]))))
     put(" */")
+    P_count = 0
+    split("", P_mention)
 }
 
 # ---- Declarations ----

@@ -32,9 +32,7 @@
 extern "C" {
 #endif
 
-/* The floating-point type of all lengths, angles and weights. CAIRN_REAL(x): the literal x of this
- * type. CAIRN_REAL_EPSILON: relative rounding, the distance from 1 to the next number.
- * CAIRN_REAL_MIN: the least normal number. */
+/* The floating-point type of all lengths, angles and weights: double, or float with CAIRN_FLOAT. */
 #ifdef CAIRN_FLOAT
 typedef float cairn_real;
 #define CAIRN_REAL(x)      x##f
@@ -43,9 +41,13 @@ typedef float cairn_real;
 #define CAIRN_REAL_MIN     FLT_MIN
 #else
 typedef double cairn_real;
+/* The literal x as a cairn_real. */
 #define CAIRN_REAL(x)      x
+/* Relative rounding: the distance from 1 to the next number. */
 #define CAIRN_REAL_EPSILON DBL_EPSILON
+/* The greatest finite number. */
 #define CAIRN_REAL_MAX     DBL_MAX
+/* The least normal number. */
 #define CAIRN_REAL_MIN     DBL_MIN
 #endif
 

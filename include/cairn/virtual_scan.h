@@ -84,7 +84,9 @@ typedef struct cairn_virtual_scan_map {
  * the detection has ended. step() works as all steps. count() then returns the number of
  * hypotheses. outline() writes at most `room` points every `spacing` along hypothesis i, sets its
  * strength (0 ... 1) and returns the number of points. A status below 0 ends the detection with
- * it. */
+ * it.
+ *
+ * state: that of the detector */
 typedef cairn_status (*cairn_virtual_scan_hypothesis_begin)(void *state,
                                                             const cairn_virtual_scan_map *map);
 typedef cairn_status (*cairn_virtual_scan_hypothesis_step)(void *state, cairn_budget *budget);
