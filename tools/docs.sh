@@ -17,7 +17,7 @@ for module in $(awk '!/^#/ && NF == 2 { print $2 }' tools/modules.txt); do
     [ ! -f "$include/$module.h" ] || headers="$headers $include/$module.h"
 done
 # shellcheck disable=SC2086
-awk -v mode=params -f tools/docs.awk $headers >"$out/params.tsv" || {
+awk -v mode=params -f tools/docs-text.awk -f tools/docs-functions.awk -f tools/docs.awk $headers >"$out/params.tsv" || {
     echo "FAILED API reference: parameters without range and default"
     exit 1
 }
@@ -81,7 +81,7 @@ WARN_AS_ERROR = FAIL_ON_WARNINGS
 SORT_GROUP_NAMES = NO
 SORT_MEMBER_DOCS = NO
 SORT_BRIEF_DOCS = NO
-FILTER_PATTERNS = *.h="awk -f tools/docs.awk"
+FILTER_PATTERNS = *.h="awk -f tools/docs-text.awk -f tools/docs-functions.awk -f tools/docs.awk"
 MACRO_EXPANSION = YES
 EXPAND_ONLY_PREDEF = YES
 PREDEFINED = __GNUC__=12

@@ -217,7 +217,9 @@ int32_t cairn_aligner_running(const cairn_aligner *aligner);
 /* Returns the pose of a scan at the last commit point; identity, and *part = -1, for a scan that
  * does not exist. Not meaningful between commit points. *part, when not NULL: label of the scan's
  * cluster, 0 ... scan_count - 1; a label may be used again for another cluster. Linear in the
- * cluster. */
+ * cluster.
+ *
+ * scan: index of the scan */
 cairn_pose cairn_aligner_current_pose(const cairn_aligner *aligner, int32_t scan, int32_t *part);
 
 /* ---- The result: the initial poses until step() returns CAIRN_OK ---- */
@@ -255,7 +257,9 @@ cairn_real cairn_aligner_free_space_violation(const cairn_aligner *aligner, int3
 /* Returns the result; its verdict is RUNNING until step() returns CAIRN_OK. */
 cairn_aligner_result cairn_aligner_read(const cairn_aligner *aligner);
 
-/* Returns the estimate of a scan's pose; all zero for a scan that does not exist. */
+/* Returns the estimate of a scan's pose; all zero for a scan that does not exist.
+ *
+ * scan: index of the scan */
 cairn_aligner_pose cairn_aligner_pose_of(const cairn_aligner *aligner, int32_t scan);
 
 #ifdef __cplusplus

@@ -67,7 +67,8 @@ void cairn_appearance_free(cairn_appearance_model *model);
  * CAIRN_BAD_FORMAT, CAIRN_TRUNCATED, CAIRN_FULL (beyond the limits above): the error names the
  * line. CAIRN_IO, CAIRN_NO_MEMORY. On failure there is nothing to free.
  *
- * path: file, plain or gzipped */
+ * path: file, plain or gzipped
+ * model: set to the model */
 CAIRN_CHECKED cairn_status cairn_appearance_read(cairn_appearance_model *model, const char *path,
                                                  cairn_file_error *error);
 
@@ -89,7 +90,10 @@ typedef struct cairn_appearance_field cairn_appearance_field;
  * OpenCV. CAIRN_UNSUPPORTED: no libcairn-appearance. CAIRN_NO_MEMORY. On failure there is nothing
  * to free, and *field is NULL. The error message names `path`.
  *
- * path: used in the error */
+ * path: used in the error
+ * model: a model, which must outlive the field
+ * grey: [height * width] 8-bit grey image
+ * width, height: size, px */
 CAIRN_CHECKED cairn_status cairn_appearance_field_make(cairn_appearance_field **field,
                                                        const cairn_appearance_model *model,
                                                        const uint8_t *grey, int32_t width,
@@ -114,7 +118,8 @@ double cairn_appearance_distance(const cairn_appearance_field *field, const doub
 
 /* Returns the probability of the class for a normalized histogram [word_count].
  *
- * model: a model */
+ * model: a model
+ * histogram: [word_count] shares of the words, with sum 1 */
 double cairn_appearance_histogram_probability(const cairn_appearance_model *model,
                                               const float *histogram);
 
@@ -150,7 +155,8 @@ void cairn_appearance_trainer_free(cairn_appearance_trainer *trainer);
  *
  * grey: [height * width] 8-bit grey image
  * width, height: size, px
- * path: used in the error */
+ * path: used in the error
+ * boxes: [count][4] px: left, top, right, bottom */
 CAIRN_CHECKED cairn_status cairn_appearance_trainer_add(cairn_appearance_trainer *trainer,
                                                         const uint8_t *grey, int32_t width,
                                                         int32_t height, const double *boxes,
@@ -170,7 +176,8 @@ CAIRN_CHECKED cairn_status cairn_appearance_trainer_add(cairn_appearance_trainer
  * and cubic in the windows, times words. Memory: windows times words, twice, and all images'
  * patches, which the trainer keeps (about 128 bytes per 29 pixels).
  *
- * path: used in the error */
+ * path: used in the error
+ * model: set to the model */
 CAIRN_CHECKED cairn_status cairn_appearance_train(cairn_appearance_model *model,
                                                   const cairn_appearance_trainer *trainer,
                                                   const cairn_appearance_params *params,

@@ -112,7 +112,9 @@ CAIRN_CHECKED cairn_status cairn_block_solver_analyze(cairn_block_solver *solver
  * allocated. So the memory can be fitted to the graph: create with max_fill of 0, analyze, read
  * `fill`, extend. CAIRN_BAD_ARGUMENT: the last step did not return CAIRN_FULL, max_fill is less
  * than `fill` or above 2^26. CAIRN_NO_MEMORY: the pool has less than extend_memory() bytes left;
- * nothing has changed. */
+ * nothing has changed.
+ *
+ * max_fill: new capacity for blocks of the factor */
 CAIRN_CHECKED cairn_status cairn_block_solver_extend(cairn_block_solver *solver, cairn_pool *pool,
                                                      int32_t max_fill);
 
@@ -124,13 +126,19 @@ size_t cairn_block_solver_extend_memory(int32_t max_fill);
 CAIRN_CHECKED cairn_status cairn_block_solver_clear(cairn_block_solver *solver);
 
 /* Adds a block to the diagonal block of a pose. CAIRN_BAD_ARGUMENT: no such pose, or state is not
- * ANALYZED. CAIRN_NOT_FINITE. Constant time. */
+ * ANALYZED. CAIRN_NOT_FINITE. Constant time.
+ *
+ * pose: index of the pose
+ * block: symmetric 3 x 3 block to add */
 CAIRN_CHECKED cairn_status cairn_block_solver_add_pose_block(cairn_block_solver *solver,
                                                              int32_t pose, cairn_sym3 block);
 
 /* Adds a block to the off-diagonal block of a link. block[3 * r + c]: entry of row r of the first
  * pose and column c of the second pose. CAIRN_BAD_ARGUMENT: no such link, or state is not
- * ANALYZED. CAIRN_NOT_FINITE. Constant time. */
+ * ANALYZED. CAIRN_NOT_FINITE. Constant time.
+ *
+ * link: index of the link
+ * block: [3][3] block to add */
 CAIRN_CHECKED cairn_status cairn_block_solver_add_link_block(cairn_block_solver *solver,
                                                              int32_t link,
                                                              const cairn_real block[9]);
@@ -147,7 +155,10 @@ CAIRN_CHECKED cairn_status cairn_block_solver_solve(cairn_block_solver *solver,
                                                     const cairn_real *b);
 
 /* The three entries of the solution x of a pose. CAIRN_BAD_ARGUMENT: no such pose. CAIRN_EMPTY: no
- * solution since the last factor(). */
+ * solution since the last factor().
+ *
+ * pose: index of the pose
+ * x: [3] set to the entries */
 CAIRN_CHECKED cairn_status cairn_block_solver_solution(const cairn_block_solver *solver,
                                                        int32_t pose, cairn_real x[3]);
 
@@ -161,7 +172,10 @@ CAIRN_CHECKED cairn_status cairn_block_solver_invert(cairn_block_solver *solver)
  * marginal (cross-)covariance. Available for a pose with itself and for linked poses; to make
  * another pair available, link the pair without adding a block. CAIRN_EMPTY: state is not INVERTED.
  * CAIRN_UNSUPPORTED: the block is outside the pattern. CAIRN_BAD_ARGUMENT: no such pose. Cost:
- * logarithmic. */
+ * logarithmic.
+ *
+ * first, second: indices of the poses
+ * block: [3][3] set to the block */
 CAIRN_CHECKED cairn_status cairn_block_solver_covariance(const cairn_block_solver *solver,
                                                          int32_t first, int32_t second,
                                                          cairn_real block[9]);

@@ -31,7 +31,9 @@ typedef struct cairn_box_table_row {
  * (gzip), CAIRN_EMPTY: no header; CAIRN_UNSUPPORTED (not a regular file), CAIRN_IO,
  * CAIRN_NO_MEMORY. On failure there is nothing to free.
  *
- * path: file, plain or gzipped */
+ * path: file, plain or gzipped
+ * row: set to the rows
+ * count: set to their number */
 CAIRN_CHECKED cairn_status cairn_box_table_read(const char *path, cairn_box_table_row **row,
                                                 int32_t *count, cairn_file_error *error);
 
@@ -43,7 +45,8 @@ void cairn_box_table_sort(cairn_box_table_row *row, int32_t count);
 /* Returns the index of the first row of an image among sorted rows. *own: the number of its rows,
  * 0: none. Binary search.
  *
- * row: [count] sorted rows */
+ * row: [count] sorted rows
+ * image: name of the image */
 int32_t cairn_box_table_find(const cairn_box_table_row *row, int32_t count, const char *image,
                              int32_t *own);
 

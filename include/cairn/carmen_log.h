@@ -159,7 +159,9 @@ CAIRN_CHECKED cairn_status cairn_carmen_log_open(cairn_carmen_log **log, const c
 cairn_carmen_log_summary cairn_carmen_log_info(const cairn_carmen_log *log);
 
 /* Reads the next scan or odometry message. The record's arrays are valid until the next call.
- * CAIRN_EMPTY: the end of the log; CAIRN_IO, CAIRN_NO_MEMORY. */
+ * CAIRN_EMPTY: the end of the log; CAIRN_IO, CAIRN_NO_MEMORY.
+ *
+ * record: set to the message */
 CAIRN_CHECKED cairn_status cairn_carmen_log_next(cairn_carmen_log *log,
                                                  cairn_carmen_log_record *record,
                                                  cairn_file_error *error);

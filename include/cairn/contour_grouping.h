@@ -266,7 +266,9 @@ typedef struct cairn_contour_grouping_particle {
 
 /* Writes the first `most` particles after the last completed filter step into particles[] and
  * returns their total number: 0 before the first step and without hypotheses. *steps, when not
- * NULL: number of completed steps. Cost: linear. */
+ * NULL: number of completed steps. Cost: linear.
+ *
+ * particles: [most] set to the first particles */
 int32_t cairn_contour_grouping_particles(const cairn_contour_grouping *grouping,
                                          cairn_contour_grouping_particle *particles, int32_t most,
                                          int32_t *steps);
@@ -293,14 +295,18 @@ typedef struct cairn_contour_grouping_disc {
 
 /* Writes the first `most` discs of a particle's trajectory, from its start to the last step, into
  * discs[] and returns their total number: 0 for an unknown particle and in the default mode. Cost:
- * linear. */
+ * linear.
+ *
+ * particle: index of the particle
+ * discs: [most] set to the first discs */
 int32_t cairn_contour_grouping_history(const cairn_contour_grouping *grouping, int32_t particle,
                                        cairn_contour_grouping_disc *discs, int32_t most);
 
 /* Writes the first `most` discs of the skeleton of an object of the result and returns their total
  * number, as cairn_contour_grouping_history() does for a particle.
  *
- * discs: [most] set to the first discs */
+ * discs: [most] set to the first discs
+ * object: index of the object in the result */
 int32_t cairn_contour_grouping_skeleton(const cairn_contour_grouping *grouping, int32_t object,
                                         cairn_contour_grouping_disc *discs, int32_t most);
 

@@ -45,7 +45,8 @@ typedef struct cairn_contour_search_tokens {
  *
  * tokens: set to the segments
  * strengths: edge strengths, 0: no edge
- * path: used in the error */
+ * path: used in the error
+ * edgels: 0: segments; 1: edgels */
 CAIRN_CHECKED cairn_status cairn_contour_search_tokens_find(cairn_contour_search_tokens *tokens,
                                                             cairn_raster_u8_view strengths,
                                                             int32_t min_strength, int32_t edgels,
@@ -212,7 +213,8 @@ cairn_contour_search_params cairn_contour_search_as_written(int32_t width, int32
  *
  * result: set to the result
  * tokens: segments of the image
- * path: used in the error */
+ * path: used in the error
+ * model: model to search */
 CAIRN_CHECKED cairn_status cairn_contour_search_run(cairn_contour_search_result *result,
                                                     const cairn_contour_search_tokens *tokens,
                                                     const cairn_shape_model *model,
@@ -227,7 +229,9 @@ void cairn_contour_search_result_free(cairn_contour_search_result *result);
  * end of an outline. Returns 0 when there is none. Cost: linear.
  *
  * result: result of a search
- * object: one of its objects */
+ * object: one of its objects
+ * from: sample of the object's outline, from 0
+ * first, count: set to the run */
 int cairn_contour_search_completed(const cairn_contour_search_result *result,
                                    const cairn_contour_search_object *object, int32_t from,
                                    int32_t *first, int32_t *count);

@@ -38,7 +38,9 @@ double cairn_detection_curve_overlap(const double a[4], const double b[4]);
 /* Returns the index of the object with taken[i] 0 whose intersection over union with a box is
  * greatest; -1: none. *share: that overlap.
  *
- * objects: [count] boxes: left, top, right, bottom */
+ * objects: [count] boxes: left, top, right, bottom
+ * taken: [count] not 0: the object is not considered
+ * box: left, top, right, bottom */
 int32_t cairn_detection_curve_object(const double (*objects)[4], const int32_t *taken,
                                      int32_t count, const double box[4], double *share);
 
@@ -47,8 +49,9 @@ int32_t cairn_detection_curve_object(const double (*objects)[4], const int32_t *
  * n.
  *
  * events: [count] detections
- * images: number of images, > 0
- * instances: number of objects in all images */
+ * images: number of images
+ * instances: number of objects in all images
+ * points: [count] set to the curve */
 void cairn_detection_curve(cairn_detection_curve_event *events, int32_t count, int32_t images,
                            int32_t instances, cairn_detection_curve_point *points);
 
@@ -76,7 +79,9 @@ double cairn_detection_curve_precision_at(const cairn_detection_curve_point *poi
 /* Computes the 95 % Wilson score interval of a proportion `share` of `count` trials (Wilson
  * 1927).
  *
- * low, high: set to the bounds, 0 ... 1 */
+ * low, high: set to the bounds, 0 ... 1
+ * share: 0 ... 1
+ * count: number of trials */
 void cairn_detection_curve_interval(double share, int32_t count, double *low, double *high);
 
 /* Writes STEM.csv, one line per point with confidence intervals, and STEM.svg, a plot of both

@@ -26,7 +26,9 @@ typedef struct cairn_detection_file_picture {
 
 /* Computes the box of a detection in pixels of the original image: left, top, right, bottom.
  *
- * picture: gives the downscaling factor */
+ * picture: gives the downscaling factor
+ * detection: one of the detections
+ * box: set to left, top, right, bottom */
 void cairn_detection_file_box(const cairn_detection_file_picture *picture,
                               const cairn_object_detection *detection, double box[4]);
 

@@ -149,7 +149,12 @@ cairn_real cairn_ellipse_distance(const cairn_ellipse *ellipse, cairn_vec2 point
 
 /* 1 when a point is an inlier of the ellipse: within max_distance m of the outline, with the angle
  * between its direction and the outline's of a sine of at most max_sine. For kinds other than ANY
- * the directions must also have the same sense. */
+ * the directions must also have the same sense.
+ *
+ * ellipse: an ellipse of the list
+ * point: point with its direction
+ * max_distance: m, >= 0
+ * max_sine: sine of the greatest angle, 0 ... 1 */
 int32_t cairn_ellipse_is_inlier(const cairn_ellipse *ellipse, const cairn_oriented_point *point,
                                 cairn_real max_distance, cairn_real max_sine);
 

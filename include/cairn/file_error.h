@@ -39,7 +39,8 @@ typedef struct cairn_file_error {
  *
  * status: returned as it is
  * path: file that the text begins with
- * format: as for printf */
+ * format: as for printf
+ * line: line of the file, from 1; 0: the file as a whole */
 cairn_status cairn_file_error_set(cairn_file_error *error, cairn_status status, const char *path,
                                   int64_t line, const char *format, ...)
     CAIRN_FILE_ERROR_FORMAT(5, 6);

@@ -132,11 +132,16 @@ int32_t cairn_filter_mapper_count(const cairn_filter_mapper *mapper);
 int32_t cairn_filter_mapper_best(const cairn_filter_mapper *mapper);
 
 /* Returns the pose of a particle's last keyframe in the map; the identity for an invalid particle.
- * Constant time. */
+ * Constant time.
+ *
+ * particle: index of the particle */
 cairn_pose cairn_filter_mapper_last(const cairn_filter_mapper *mapper, int32_t particle);
 
 /* Copies the keyframe poses along a particle's path to poses[0 ... returned - 1], at most the first
- * `room` of them. Returns 0 for an invalid particle. Linear in the keyframes. */
+ * `room` of them. Returns 0 for an invalid particle. Linear in the keyframes.
+ *
+ * particle: index of the particle
+ * poses: [room] set to the keyframe poses, m and rad */
 int32_t cairn_filter_mapper_path(const cairn_filter_mapper *mapper, int32_t particle,
                                  cairn_pose *poses, int32_t room);
 

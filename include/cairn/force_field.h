@@ -140,7 +140,7 @@ typedef struct cairn_force_field_params {
 /* State of the simulation. */
 typedef int32_t cairn_force_field_verdict;
 enum {
-    /* running, or no iteration was done */
+    /* the run has not ended */
     CAIRN_FORCE_FIELD_RUNNING = 0,
     CAIRN_FORCE_FIELD_CONVERGED = 1,   /* mean relocation below stop_relocation */
     CAIRN_FORCE_FIELD_OUT_OF_STEPS = 2 /* max_steps iterations done */
@@ -246,7 +246,9 @@ cairn_force_field_params cairn_force_field_as_written(void);
 
 /* Returns the defaults with dt_start and dt_end for points `spacing` m apart. Forces are
  * proportional to the density of points and steps to dt^2, so dt grows with the root of the
- * spacing. The defaults are those for 0.02. */
+ * spacing. The defaults are those for 0.02.
+ *
+ * spacing: spacing of the points, m, > 0 */
 cairn_force_field_params cairn_force_field_spaced(cairn_real spacing);
 
 /* Returns params of mode SPRINGS, for maps that the defaults hardly improve: little overlap, large
@@ -256,7 +258,10 @@ cairn_force_field_params cairn_force_field_spaced(cairn_real spacing);
  * reach 2.5 sigma; no regions of interest; alignment_torque 40, which follows from P(g), since that
  * depends on the angle between directions. sigma_start, m, > 0, should be about the error of the
  * points: 0.15 for nearly correct poses, as after a wrong loop closure, 0.8 for heading errors up
- * to 20 degrees. max_bonds suffices for max_scans scans that are all near each other. */
+ * to 20 degrees. max_bonds suffices for max_scans scans that are all near each other.
+ *
+ * sigma_start: sigma in the first iteration, m, > 0
+ * steps: iterations in which sigma falls, >= 1 */
 cairn_force_field_params cairn_force_field_springs(cairn_real sigma_start, int32_t steps);
 
 /* Returns the bytes that create() takes from the pool; 0 for invalid params. */
@@ -276,14 +281,18 @@ int32_t cairn_force_field_next(const cairn_force_field *field);
  * beyond 1e6 m. A scan without points has no effect. Adding does not change the cooling and does
  * not start a stopped simulation: restart() does. Linear in the scan.
  *
- * view: segments and points of the scan */
+ * view: segments and points of the scan
+ * mass: [point_count] masses of the points outside regions of interest; NULL: all 1 */
 CAIRN_CHECKED cairn_status cairn_force_field_add_scan(cairn_force_field *field,
                                                       const cairn_scan_view *view,
                                                       const cairn_real *mass, cairn_pose map_scan,
                                                       cairn_fault *fault);
 
 /* Fixes (yes not 0) or frees a scan. A fixed scan exerts forces but does not move. Pairs of fixed
- * scans are skipped, in the potential as well. CAIRN_BAD_ARGUMENT: no such scan. Constant time. */
+ * scans are skipped, in the potential as well. CAIRN_BAD_ARGUMENT: no such scan. Constant time.
+ *
+ * scan: index of the scan
+ * yes: 0: the scan is free */
 CAIRN_CHECKED cairn_status cairn_force_field_fix(cairn_force_field *field, int32_t scan,
                                                  int32_t yes);
 
@@ -341,11 +350,15 @@ int32_t cairn_force_field_pose_count(const cairn_force_field *field);
 int32_t cairn_force_field_has(const cairn_force_field *field, int32_t scan);
 
 /* Returns map_scan of a scan, 0 <= scan < pose_count; the last pose of a removed one until its
- * index is reused. */
+ * index is reused.
+ *
+ * scan: index of the scan */
 cairn_pose cairn_force_field_pose(const cairn_force_field *field, int32_t scan);
 
 /* Returns the motion of a scan in the last iteration, 0 <= scan < pose_count; zeros before its
- * first. */
+ * first.
+ *
+ * scan: index of the scan */
 cairn_force_field_motion cairn_force_field_motion_of(const cairn_force_field *field, int32_t scan);
 
 /* Returns the state after the last complete iteration. */
@@ -361,14 +374,20 @@ const cairn_scan_set *cairn_force_field_scans(const cairn_force_field *field);
 /* Computes the force on point `index` of a scan and the point's mass in the last iteration, in the
  * map before the motion. CAIRN_BAD_ARGUMENT: no such point. CAIRN_EMPTY: an iteration is in
  * progress, none included the scan, or scans have been removed since. For visualization: the force
- * is summed again, linear in the segments and the points within reach. */
+ * is summed again, linear in the segments and the points within reach.
+ *
+ * scan: index of the scan
+ * index: index of the point in the scan
+ * force, mass: set to the force and to the mass */
 CAIRN_CHECKED cairn_status cairn_force_field_point_force(const cairn_force_field *field,
                                                          int32_t scan, int32_t index,
                                                          cairn_vec2 *force, cairn_real *mass);
 
 /* Returns the corners of the field's last search, strongest first. They belong to the poses before
  * the last motion, or to the current ones when the current iteration has found them already.
- * Segment indices count through all scans. None without roi. */
+ * Segment indices count through all scans. None without roi.
+ *
+ * count: set to their number */
 const cairn_corner *cairn_force_field_corners(const cairn_force_field *field, int32_t *count);
 
 #ifdef __cplusplus

@@ -30,7 +30,9 @@ extern "C" {
  * m, > 0.
  *
  * p1, p2: the points, m
- * m1, m2: their masses */
+ * m1, m2: their masses
+ * sigma: m, > 0
+ * potential: set to the potential; NULL: not wanted */
 cairn_vec2 cairn_force_kernel_pair(cairn_oriented_point p1, cairn_oriented_point p2, cairn_real m1,
                                    cairn_real m2, cairn_real sigma, cairn_real *potential);
 
@@ -128,7 +130,11 @@ typedef struct cairn_force_kernel_cursor {
  * the second strip unless the row is outside its reach_box, and one for each pair within reach. The
  * sums do not depend on how the budget is split.
  *
- * kernel: tables, set for sigma */
+ * kernel: tables, set for sigma
+ * a, b: the strips
+ * cursor: position in the pairs, advanced
+ * with_potential: not 0: potentials are summed
+ * sum: sums to which the effect is added */
 CAIRN_CHECKED cairn_status cairn_force_kernel_strips(
     const cairn_force_kernel *kernel, const cairn_force_kernel_strip *a,
     const cairn_force_kernel_strip *b, cairn_force_kernel_cursor *cursor, int32_t with_potential,

@@ -101,7 +101,8 @@ CAIRN_CHECKED cairn_status cairn_fragment_match_create(cairn_fragment_matcher **
  * max_samples steps of min_step. CAIRN_NOT_FINITE: a coordinate that is not finite or beyond
  * 1e6; a fragment's length that is not finite, negative or beyond 1e6. Cost: linear.
  *
- * chains: [chain_count] edge chains, px */
+ * chains: [chain_count] edge chains, px
+ * model: fragments, samples and centroid of the model */
 CAIRN_CHECKED cairn_status cairn_fragment_match_begin(cairn_fragment_matcher *matcher,
                                                       const cairn_part_bundle_model *model,
                                                       const cairn_curve *chains,

@@ -70,7 +70,10 @@ static inline cairn_vec2 cairn_vec2_sub(cairn_vec2 a, cairn_vec2 b)
     return difference;
 }
 
-/* s a. */
+/* s a.
+ *
+ * a: vector
+ * s: factor */
 static inline cairn_vec2 cairn_vec2_scale(cairn_vec2 a, cairn_real s)
 {
     cairn_vec2 scaled = {a.x * s, a.y * s};
@@ -184,11 +187,16 @@ typedef struct cairn_twist {
 } cairn_twist;
 
 /* Logarithm map of SE(2): the twist of the shortest motion of constant twist from the identity to a
- * pose. */
+ * pose.
+ *
+ * motion: pose that the motion ends at */
 cairn_twist cairn_twist_log(cairn_pose motion);
 
 /* Exponential map of SE(2): exp(fraction * twist), the pose after a fraction of the motion.
- * Fractions outside 0 ... 1 extrapolate. theta is not wrapped. */
+ * Fractions outside 0 ... 1 extrapolate. theta is not wrapped.
+ *
+ * twist: motion over unit time
+ * fraction: share of the motion */
 cairn_pose cairn_twist_exp(cairn_twist twist, cairn_real fraction);
 
 /* Least-squares rigid motion of paired points in closed form, from the moments of the pairs (Horn
@@ -201,7 +209,11 @@ cairn_pose cairn_pose_from_moments(cairn_vec2 from, cairn_vec2 to, cairn_real do
 /* Least-squares rigid motion that aligns from[i] with to[i], the alignment of two trajectories:
  * for all i < count with use[i] != 0 (use NULL: all). lever_arm, in m, > 0, weighs headings against
  * positions: a heading counts as a point that far ahead of the pose's origin. Identity when no pose
- * is in use. Cost: linear. */
+ * is in use. Cost: linear.
+ *
+ * from, to: [count] poses of the two trajectories
+ * use: [count] 0: the pair is left out; NULL: all are used
+ * lever_arm: m, > 0 */
 cairn_pose cairn_pose_fit(const cairn_pose *from, const cairn_pose *to, const int32_t *use,
                           int32_t count, cairn_real lever_arm);
 

@@ -108,7 +108,7 @@ typedef struct cairn_icp_result {
      * radius) in the target's frame, sign free. weak_ratio is its information as a share of the
      * best observable direction's. */
     cairn_real weak_direction[3];
-    /* share of the information in weak_direction, 0 ... 1 */
+    /* information of weak_direction as a share of that of the best direction, 0 ... 1 */
     cairn_real weak_ratio;
     cairn_real radius; /* m: root mean square distance of the query points from their centroid */
     int32_t observable_dof; /* observable degrees of freedom, 0 ... 3 */

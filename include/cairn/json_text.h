@@ -84,7 +84,8 @@ typedef struct cairn_json {
 /* Returns a tokenizer at the start of text[0 .. length). The text is not copied and must outlive
  * the tokenizer and its tokens.
  *
- * path: name of the file, for error texts */
+ * path: name of the file, for error texts
+ * text: [length] characters of the text */
 cairn_json cairn_json_begin(const char *path, const char *text, size_t length);
 
 /* Reads the next token. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED (the text ends within a value),
@@ -122,7 +123,9 @@ size_t cairn_json_copy(const cairn_json_token *token, char *buffer, size_t size)
 /* Escapes the next character of a 0-terminated text that is not empty for the inside of a JSON
  * string, and returns the bytes written to `form`. *at advances behind the character. Control
  * characters and " \ < > & become \u escapes, so that the string is safe within HTML. Bytes that
- * are not UTF-8 become U+FFFD. */
+ * are not UTF-8 become U+FFFD.
+ *
+ * form: set to the escaped character, not 0-terminated */
 size_t cairn_json_character(const char **at, char form[CAIRN_JSON_CHARACTER_BYTES]);
 
 #ifdef __cplusplus

@@ -28,7 +28,10 @@ typedef struct cairn_line {
  * count-1] (total least squares). weights: [count], >= 0, or NULL when all are 1.
  * CAIRN_BAD_ARGUMENT: NULL, count < 2, or a weight < 0. CAIRN_NOT_FINITE: a NaN or infinity.
  * CAIRN_EMPTY: the points of weight > 0 coincide, so the direction is undefined. Cost: linear, four
- * passes. */
+ * passes.
+ *
+ * points: [count] points, m
+ * line: set to the line */
 CAIRN_CHECKED cairn_status cairn_line_fit(const cairn_vec2 *points, const cairn_real *weights,
                                           int32_t count, cairn_line *line);
 

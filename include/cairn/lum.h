@@ -158,7 +158,9 @@ cairn_lum_state cairn_lum_read(const cairn_lum *lum);
 cairn_pose cairn_lum_pose(const cairn_lum *lum, int32_t scan);
 
 /* Returns 1 when scan < scans is in the connected component of the first scan. Valid once links
- * have been searched for. */
+ * have been searched for.
+ *
+ * scan: index of the scan */
 int32_t cairn_lum_is_connected(const cairn_lum *lum, int32_t scan);
 
 #ifdef __cplusplus

@@ -125,7 +125,10 @@ typedef struct cairn_map_merge_map {
 /* Downsamples a grid by k: an output cell is occupied when any of its k x k cells is, else free
  * when any is free, else unknown. For maps distorted by more than two cells, which agree only at a
  * coarse resolution. out: size of `cells` divided by k, rounded up. CAIRN_BAD_ARGUMENT: a bad view,
- * k < 1, or another size. Linear in cells. */
+ * k < 1, or another size. Linear in cells.
+ *
+ * cells: the grid
+ * k: cells of the side of an output cell, >= 1 */
 CAIRN_CHECKED cairn_status cairn_map_merge_coarsen(cairn_raster_u8_view cells, int32_t k,
                                                    cairn_raster_u8 out);
 
@@ -142,7 +145,9 @@ CAIRN_CHECKED cairn_status cairn_map_merge_add(cairn_map_merge *merge,
 /* Sets an initial guess of a map's pose in the frame of the reference, as from an earlier merging.
  * The pose becomes a candidate and is kept unless another one is better by min_margin.
  * CAIRN_BAD_ARGUMENT: no such map. CAIRN_NOT_FINITE. CAIRN_UNSUPPORTED: as written. Constant
- * time. */
+ * time.
+ *
+ * map: index of the map */
 CAIRN_CHECKED cairn_status cairn_map_merge_guess(cairn_map_merge *merge, int32_t map,
                                                  cairn_pose reference_map);
 
@@ -185,7 +190,8 @@ typedef struct cairn_map_merge_pair_score {
  * CAIRN_BAD_ARGUMENT: no such maps, or not prepared (no merging has ended). CAIRN_NOT_FINITE.
  * Linear in the points, as written in the cells.
  *
- * score: set to the scores */
+ * score: set to the scores
+ * a, b: indices of the maps */
 CAIRN_CHECKED cairn_status cairn_map_merge_score(const cairn_map_merge *merge, int32_t a, int32_t b,
                                                  cairn_pose a_b, cairn_map_merge_pair_score *score);
 
@@ -266,7 +272,12 @@ cairn_map_merge_result cairn_map_merge_read(const cairn_map_merge *merge);
 cairn_map_merge_placed cairn_map_merge_of(const cairn_map_merge *merge, int32_t map);
 
 /* Gets mode `index` of map b relative to map a, the best first; returns 0 beyond the last. *a_b is
- * in the frames of the maps. As written, *log_ratio is the similarity of the corners, 0 ... 1. */
+ * in the frames of the maps. As written, *log_ratio is the similarity of the corners, 0 ... 1.
+ *
+ * a, b: indices of the maps
+ * index: 0: the best
+ * log_ratio: set to the score, nats
+ * a_b: set to the pose of map b in the frame of map a */
 int32_t cairn_map_merge_mode(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index,
                              cairn_pose *a_b, cairn_real *log_ratio);
 

@@ -36,7 +36,10 @@ typedef struct cairn_map_quality_entropy {
 /* Adds the entropy of rows first_row ... first_row + rows - 1 to *entropy, which the caller sets to
  * 0 before. p is the probability that a beam stops on a chord as long as the cell's side. Compare
  * only maps of one resolution. CAIRN_BAD_ARGUMENT: NULL, or rows outside the grid. Cost: linear in
- * the cells of these rows. Source: Adluru 2008, section 10. */
+ * the cells of these rows. Source: Adluru 2008, section 10.
+ *
+ * first_row, rows: range of rows
+ * entropy: sums to which the entropy is added */
 CAIRN_CHECKED cairn_status cairn_map_quality_entropy_add(const cairn_occupancy_grid *grid,
                                                          int32_t first_row, int32_t rows,
                                                          cairn_map_quality_entropy *entropy);
@@ -48,7 +51,9 @@ CAIRN_CHECKED cairn_status cairn_map_quality_entropy_add(const cairn_occupancy_g
  * CAIRN_NOT_FINITE. Cost: linear in the cells on the beam. Source: Eliazar and Parr 2004.
  *
  * from, to: m: start and end of the beam
- * log_likelihood: set to the logarithm, nats */
+ * log_likelihood: set to the logarithm, nats
+ * hit: 0: the beam ends without a surface
+ * least: uniform likelihood, > 0, < 1 */
 CAIRN_CHECKED cairn_status cairn_map_quality_beam_likelihood(const cairn_occupancy_grid *grid,
                                                              cairn_vec2 from, cairn_vec2 to,
                                                              int32_t hit, cairn_real least,
@@ -62,7 +67,9 @@ typedef struct cairn_map_quality_pose_errors {
 
 /* Computes the mean absolute errors E(x), E(y), E(theta) after both trajectories are moved so that
  * their first poses are the identity. estimate, truth: [count]. CAIRN_BAD_ARGUMENT: NULL.
- * CAIRN_EMPTY: count < 1. CAIRN_NOT_FINITE. Cost: linear in count. */
+ * CAIRN_EMPTY: count < 1. CAIRN_NOT_FINITE. Cost: linear in count.
+ *
+ * errors: set to the errors */
 CAIRN_CHECKED cairn_status cairn_map_quality_pose_errors_of(const cairn_pose *estimate,
                                                             const cairn_pose *truth, int32_t count,
                                                             cairn_map_quality_pose_errors *errors);
@@ -81,7 +88,8 @@ typedef struct cairn_map_quality_relation_sums {
  * frame of first, and that of the two estimated poses (Kümmerle et al. 2009). CAIRN_BAD_ARGUMENT:
  * NULL. CAIRN_NOT_FINITE.
  *
- * sums: sums to which the error is added */
+ * sums: sums to which the error is added
+ * reference: true pose of the second scan in the frame of the first */
 CAIRN_CHECKED cairn_status cairn_map_quality_relation_add(cairn_map_quality_relation_sums *sums,
                                                           cairn_pose reference,
                                                           cairn_pose map_first,

@@ -292,13 +292,18 @@ cairn_pose cairn_mapper_map_odom(const cairn_mapper *mapper);
 /* Returns the last scan as points and segments in its own frame; valid until the next add. */
 cairn_scan_view cairn_mapper_view(const cairn_mapper *mapper);
 
-/* Returns the current pose of a keyframe in the map, 0 <= keyframe < keyframes. */
+/* Returns the current pose of a keyframe in the map, 0 <= keyframe < keyframes.
+ *
+ * keyframe: index of the keyframe */
 cairn_pose cairn_mapper_keyframe_pose(const cairn_mapper *mapper, int32_t keyframe);
 
-/* Returns segments and points of all keyframes, each in its own frame. keyframe_slot() maps a
- * keyframe index, 0 <= keyframe < keyframes, to its index in the set; both are equal until a
- * keyframe is culled. */
+/* Returns segments and points of all keyframes, each in its own frame. */
 const cairn_scan_set *cairn_mapper_keyframes(const cairn_mapper *mapper);
+
+/* Returns the index of a keyframe in the set of cairn_mapper_keyframes(); both are equal until a
+ * keyframe is culled.
+ *
+ * keyframe: 0 ... keyframes - 1 */
 int32_t cairn_mapper_keyframe_slot(const cairn_mapper *mapper, int32_t keyframe);
 
 /* A culling event: a keyframe was removed. Higher keyframe indices decrease by one from then on.

@@ -219,7 +219,10 @@ typedef struct cairn_object_detect_field cairn_object_detect_field;
 
 /* Creates the field for all sizes within params. `tokens` must stay valid. CAIRN_BAD_ARGUMENT:
  * params; CAIRN_NO_MEMORY. On failure there is nothing to free, and *field is NULL. The error
- * message names `path`. */
+ * message names `path`.
+ *
+ * tokens: segments and chains of the image
+ * path: used in the error */
 CAIRN_CHECKED cairn_status cairn_object_detect_field_make(cairn_object_detect_field **field,
                                                           const cairn_contour_search_tokens *tokens,
                                                           const cairn_object_detect_params *params,
@@ -236,7 +239,8 @@ void cairn_object_detect_field_free(cairn_object_detect_field *field);
  * CAIRN_BAD_ARGUMENT: cuts). CAIRN_NO_MEMORY. On failure there is nothing to free.
  *
  * detections: set to the detections
- * path: used in the error */
+ * path: used in the error
+ * model: model to detect */
 CAIRN_CHECKED cairn_status cairn_object_detect(cairn_object_detections *detections,
                                                const cairn_object_detect_field *field,
                                                const cairn_shape_model *model, const char *path,

@@ -66,7 +66,9 @@ CAIRN_CHECKED cairn_status cairn_occupancy_grid_add_beam(cairn_occupancy_grid *g
 /* Starts to add a scan: beams[0 ... count-1] in the scan's frame at pose map_scan; they must stay
  * valid until step() returns CAIRN_OK. CAIRN_BAD_ARGUMENT: count < 0, NULL with count > 0, an
  * unknown kind of beam, or a scan in progress. CAIRN_NOT_FINITE: the pose, or an end of a beam that
- * is not unknown. *fault, when not NULL, names the beam. Cost: linear in the beams. */
+ * is not unknown. *fault, when not NULL, names the beam. Cost: linear in the beams.
+ *
+ * beams: [count] beams, m, in the frame of the scan */
 CAIRN_CHECKED cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid *grid,
                                                            const cairn_scan_beam *beams,
                                                            int32_t count, cairn_pose map_scan,
@@ -91,7 +93,10 @@ typedef struct cairn_occupancy_grid_cell_state {
     float length; /* m */
 } cairn_occupancy_grid_cell_state;
 
-/* Returns 1 and sets *x, *y to the cell that contains the point; 0 outside the grid. */
+/* Returns 1 and sets *x, *y to the cell that contains the point; 0 outside the grid.
+ *
+ * point: m, in the map
+ * x, y: set to column and row of the cell */
 int32_t cairn_occupancy_grid_locate(const cairn_occupancy_grid *grid, cairn_vec2 point, int32_t *x,
                                     int32_t *y);
 
@@ -130,7 +135,9 @@ cairn_occupancy_grid_thresholds cairn_occupancy_grid_thresholds_default(void);
  * grid; unobserved cells are unknown. CAIRN_BAD_ARGUMENT: a bad view, another width, rows outside
  * the grid, or bad thresholds. Cost: linear in the cells of these rows.
  *
- * thresholds: 0 < free <= occupied < 1 */
+ * thresholds: 0 < free <= occupied < 1
+ * first_row: row of the grid that row 0 of `out` shows
+ * out: set to the classes, see the enumeration */
 CAIRN_CHECKED cairn_status cairn_occupancy_grid_classify(const cairn_occupancy_grid *grid,
                                                          cairn_occupancy_grid_thresholds thresholds,
                                                          int32_t first_row, cairn_raster_u8 out);
@@ -150,7 +157,7 @@ typedef struct cairn_occupancy_grid_ray {
     cairn_real length;
     /* current cell and last cell */
     int32_t x, y, end_x, end_y;
-    /* -1, 0 or 1: direction of the next cell */
+    /* -1 or 1: direction of the next cell */
     int32_t step_x, step_y;
     /* 1: the last cell contains the end of the beam; 0: the beam leaves the grid */
     int32_t ends_inside;

@@ -50,7 +50,10 @@ void cairn_output_discard(cairn_output *output);
 CAIRN_CHECKED cairn_status cairn_output_folder(const char *path, cairn_file_error *error);
 
 /* Returns "folder/name", or the name alone when the folder is "" or the name is absolute. The
- * caller frees the string; NULL: out of memory. */
+ * caller frees the string; NULL: out of memory.
+ *
+ * folder: folder, may be ""
+ * name: name or path */
 char *cairn_output_path_join(const char *folder, const char *name);
 
 /* Returns the folder of a path, "" when the path has none. The caller frees the string; NULL: out

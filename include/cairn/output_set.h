@@ -37,7 +37,9 @@ CAIRN_CHECKED cairn_status cairn_output_set_open(cairn_output_set **set, const c
                                                  cairn_file_error *error);
 
 /* Returns the path to which file `index`, 0 <= index < count, has to be written. Valid until the
- * set is committed or discarded. */
+ * set is committed or discarded.
+ *
+ * index: index in names, from 0 */
 const char *cairn_output_set_path(const cairn_output_set *set, int32_t index);
 
 /* Moves all files to their targets and frees the set, also on failure. CAIRN_OK: all files are in

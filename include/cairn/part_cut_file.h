@@ -21,7 +21,8 @@ extern "C" {
  * failure *count is 0. Limits: the samples are not checked against an outline.
  *
  * cuts: set to the fragments
- * path: file, plain or gzipped */
+ * path: file, plain or gzipped
+ * count: set to their number; 0 on failure */
 CAIRN_CHECKED cairn_status
 cairn_part_cut_file_read(cairn_part_bundle_cut cuts[CAIRN_PART_MAX_FRAGMENTS], int32_t *count,
                          const char *path, cairn_file_error *error);

@@ -70,7 +70,8 @@ cairn_particle_filter_params cairn_particle_filter_default(void);
  * the step ends with this status. Called for all particles in turn before any candidate is
  * weighted, so scores may be normalized over all particles.
  *
- * context: that of the model */
+ * context: that of the model
+ * index: index of the particle */
 typedef cairn_status (*cairn_particle_filter_propose)(void *context, cairn_particle_filter *filter,
                                                       int32_t index, cairn_budget *budget);
 
@@ -78,7 +79,10 @@ typedef cairn_status (*cairn_particle_filter_propose)(void *context, cairn_parti
  * state), in nats; -infinity (or less than -CAIRN_REAL_MAX / 4): impossible. Statuses as for
  * propose.
  *
- * context: that of the model */
+ * context: that of the model
+ * index: index of the particle
+ * state: [state_bytes] the candidate
+ * log_likelihood: set to the log-likelihood, nats */
 typedef cairn_status (*cairn_particle_filter_likelihood)(void *context,
                                                          const cairn_particle_filter *filter,
                                                          int32_t index, const void *state,
@@ -95,7 +99,8 @@ typedef void (*cairn_particle_filter_append)(void *context, const cairn_particle
 
 /* Reports that particle `index` has no follower and is discarded; its history can still be read.
  *
- * context: that of the model */
+ * context: that of the model
+ * index: index of the particle */
 typedef void (*cairn_particle_discard)(void *context, const cairn_particle_filter *filter,
                                        int32_t index);
 
@@ -126,7 +131,9 @@ CAIRN_CHECKED cairn_status cairn_particle_filter_create(cairn_particle_filter **
                                                         const cairn_particle_filter_model *model);
 
 /* Removes all particles and begins a new run, with random numbers of `seed`. CAIRN_BAD_ARGUMENT:
- * NULL. Cost: linear in the blocks in use. */
+ * NULL. Cost: linear in the blocks in use.
+ *
+ * seed: any number */
 CAIRN_CHECKED cairn_status cairn_particle_filter_clear(cairn_particle_filter *filter,
                                                        uint64_t seed);
 
@@ -181,7 +188,9 @@ int32_t cairn_particle_filter_count(const cairn_particle_filter *filter);
 /* A particle, by index from 0. All zero when there is no such particle. */
 cairn_particle cairn_particle_filter_particle(const cairn_particle_filter *filter, int32_t index);
 
-/* The state before a state of a history; NULL before the first one that is kept. Constant time. */
+/* The state before a state of a history; NULL before the first one that is kept. Constant time.
+ *
+ * state: state of a history */
 const void *cairn_particle_filter_state_before(const void *state);
 
 /* Statistics of the last step. */

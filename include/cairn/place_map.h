@@ -145,7 +145,8 @@ void cairn_place_map_clear(cairn_place_map *map);
  * max_place_points, max_place_beams or the aligner's max_segments is used up. *fault, when not
  * NULL, names the field. Cost: linear in the scan.
  *
- * view: scan with its segments, points and beams */
+ * view: scan with its segments, points and beams
+ * place: index of the place */
 CAIRN_CHECKED cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place,
                                                     const cairn_scan_view *view,
                                                     cairn_pose place_scan, cairn_fault *fault);
@@ -161,7 +162,9 @@ CAIRN_CHECKED cairn_status cairn_place_map_extend(cairn_place_map *map);
 /* Mode as written: sets the pose of a scan of the last complete map, such as the result of another
  * aligner; places that extend() adds are matched with the scan in this pose. map_place stays.
  * CAIRN_UNSUPPORTED: another mode; CAIRN_BAD_ARGUMENT: NULL, a scan that is not in the map, a pose
- * beyond the limit; CAIRN_NOT_FINITE. Constant time. */
+ * beyond the limit; CAIRN_NOT_FINITE. Constant time.
+ *
+ * scan: index of the scan, in the order of add_scan() */
 CAIRN_CHECKED cairn_status cairn_place_map_move_scan(cairn_place_map *map, int32_t scan,
                                                      cairn_pose map_scan);
 
@@ -191,7 +194,7 @@ typedef struct cairn_place_map_result {
     int64_t units;
 } cairn_place_map_result;
 
-/* Returns the result; its verdict is valid when step() has returned CAIRN_OK. */
+/* Returns the result; all zero until step() returns CAIRN_OK. */
 cairn_place_map_result cairn_place_map_read(const cairn_place_map *map);
 
 /* Estimate of a place. */
@@ -212,23 +215,30 @@ typedef struct cairn_place_map_place {
     int32_t submap;
 } cairn_place_map_place;
 
-/* Returns the estimate of a place; all zero for a place that does not exist. */
+/* Returns the estimate of a place; all zero for a place that does not exist.
+ *
+ * place: index of the place */
 cairn_place_map_place cairn_place_map_place_of(const cairn_place_map *map, int32_t place);
 
 /* Returns an alternative pose of a place, the most probable first; see
  * cairn_pose_consensus_alternative().
  *
- * index: 0 ... number of alternatives - 1 */
+ * index: 0 ... number of alternatives - 1
+ * place: index of the place */
 cairn_pose_consensus_competing_pose cairn_place_map_alternative(const cairn_place_map *map,
                                                                 int32_t place, int32_t index);
 
 /* Returns the pose of a scan in the frame of its component, scans counted in the order of
  * add_scan(); map_place composed with place_scan unless the scan was aligned individually. The
- * identity for a scan that does not exist. */
+ * identity for a scan that does not exist.
+ *
+ * scan: index of the scan, in the order of add_scan() */
 cairn_pose cairn_place_map_scan_pose(const cairn_place_map *map, int32_t scan);
 
 /* Returns 1 when the joint alignment determines the pose of this scan individually; 0 when the pose
- * follows from that of its place, the scan does not exist, or scans are not aligned jointly. */
+ * follows from that of its place, the scan does not exist, or scans are not aligned jointly.
+ *
+ * scan: index of the scan, in the order of add_scan() */
 int32_t cairn_place_map_scan_is_aligned(const cairn_place_map *map, int32_t scan);
 
 #ifdef __cplusplus

@@ -93,7 +93,9 @@ CAIRN_CHECKED cairn_status cairn_polyline_begin(cairn_polyline *polyline, const 
 
 /* Starts a fit without points, for callers that add the points one by one in bounded steps: clear,
  * add each point, then step. scale multiplies sigma and both widths for this fit: 1, or more for
- * less accurate points. CAIRN_BAD_ARGUMENT: NULL, or scale is not finite and > 0. Constant time. */
+ * less accurate points. CAIRN_BAD_ARGUMENT: NULL, or scale is not finite and > 0. Constant time.
+ *
+ * scale: factor of sigma and of both widths, > 0 */
 CAIRN_CHECKED cairn_status cairn_polyline_clear(cairn_polyline *polyline, cairn_real scale);
 
 /* Adds a point after clear(). point: [dim]. Statuses as for begin(); CAIRN_BAD_ARGUMENT also after

@@ -87,14 +87,18 @@ CAIRN_CHECKED cairn_status cairn_pose_consensus_create(cairn_pose_consensus **co
                                                        const cairn_pose_consensus_params *params);
 
 /* Removes all hypotheses, bounds and likelihood functions, and sets the number of nodes.
- * CAIRN_BAD_ARGUMENT: NULL, nodes < 1. CAIRN_FULL: more than max_nodes. Linear in nodes. */
+ * CAIRN_BAD_ARGUMENT: NULL, nodes < 1. CAIRN_FULL: more than max_nodes. Linear in nodes.
+ *
+ * nodes: number of nodes, 1 ... max_nodes */
 CAIRN_CHECKED cairn_status cairn_pose_consensus_clear(cairn_pose_consensus *consensus,
                                                       int32_t nodes);
 
 /* Adds a hypothesis; it is copied, its index is the number of those before it. CAIRN_BAD_ARGUMENT:
  * NULL, nodes that do not exist or are equal, a score that is not > 0, a covariance that is not
  * positive semidefinite. CAIRN_NOT_FINITE. CAIRN_FULL: max_hypotheses. *fault, when not NULL, names
- * the field. Cancels a running search. Constant time. */
+ * the field. Cancels a running search. Constant time.
+ *
+ * hypothesis: relative pose of two nodes with its score */
 CAIRN_CHECKED cairn_status
 cairn_pose_consensus_add(cairn_pose_consensus *consensus,
                          const cairn_pose_consensus_relative_pose *hypothesis, cairn_fault *fault);
@@ -102,7 +106,10 @@ cairn_pose_consensus_add(cairn_pose_consensus *consensus,
 /* Sets a prior bound of a node: within +-metres (a circle) and +-radians of map_node. Candidates
  * that no common motion of their component brings within the bounds are dropped, and the result is
  * in the frame of the bounds. CAIRN_BAD_ARGUMENT: NULL, no such node, not > 0. CAIRN_NOT_FINITE.
- * Cancels a running search. Constant time. */
+ * Cancels a running search. Constant time.
+ *
+ * node: index of the node
+ * metres, radians: half-widths of the bound, > 0 */
 CAIRN_CHECKED cairn_status cairn_pose_consensus_set_bound(cairn_pose_consensus *consensus,
                                                           int32_t node, cairn_pose map_node,
                                                           cairn_real metres, cairn_real radians);
@@ -130,7 +137,11 @@ void cairn_pose_consensus_set_pair_likelihood(cairn_pose_consensus *consensus,
  * do. *against: the violations that were subtracted, nats, >= 0. *units: the cost. A pure function
  * of its arguments.
  *
- * context: that of cairn_pose_consensus_set_joint_likelihood() */
+ * context: that of cairn_pose_consensus_set_joint_likelihood()
+ * node: the node in question
+ * map_nodes: poses of all nodes
+ * parts: component of each node
+ * part: the component in question */
 typedef cairn_real (*cairn_pose_joint_likelihood)(void *context, int32_t node, cairn_pose map_node,
                                                   const cairn_pose *map_nodes, const int32_t *parts,
                                                   int32_t part, cairn_real *against,
@@ -192,14 +203,14 @@ typedef struct cairn_pose_consensus_estimate {
     int32_t submap;
 } cairn_pose_consensus_estimate;
 
-/* Alternative pose of a node given the others, or (whole = 1) given another consistent map. */
+/* Alternative pose of a node given the others, or (is_other_map 1) given another consistent map. */
 typedef struct cairn_pose_consensus_competing_pose {
     /* alternative pose of the node in the map */
     cairn_pose map_node;
-    cairn_real support; /* nats; of the other map's total for whole = 1 */
+    cairn_real support; /* nats; of the other map's total for is_other_map 1 */
     /* softmax of the support over the chosen pose and all alternatives, 0 ... 1 */
     cairn_real weight;
-    /* 1: the pose belongs to another map found */
+    /* 1: given another consistent map */
     int32_t is_other_map;
 } cairn_pose_consensus_competing_pose;
 
@@ -218,23 +229,28 @@ typedef struct cairn_pose_consensus_result {
     int64_t units;
 } cairn_pose_consensus_result;
 
-/* Returns the result; valid when step() has returned CAIRN_OK. */
+/* Returns the result; all zero until step() returns CAIRN_OK. */
 cairn_pose_consensus_result cairn_pose_consensus_read(const cairn_pose_consensus *consensus);
 
-/* Returns the estimate of a node; all zero for a node that does not exist. */
+/* Returns the estimate of a node; all zero for a node that does not exist.
+ *
+ * node: index of the node */
 cairn_pose_consensus_estimate cairn_pose_consensus_node(const cairn_pose_consensus *consensus,
                                                         int32_t node);
 
 /* Returns an alternative of a node, the most probable first; all zero for one that does not
  * exist.
  *
- * index: 0 ... number of alternatives - 1 */
+ * index: 0 ... number of alternatives - 1
+ * node: index of the node */
 cairn_pose_consensus_competing_pose
 cairn_pose_consensus_alternative(const cairn_pose_consensus *consensus, int32_t node,
                                  int32_t index);
 
 /* Returns 1 when a hypothesis is an inlier of the poses found; the inliers are the measurements for
- * a joint solution. */
+ * a joint solution.
+ *
+ * hypothesis: index of the hypothesis */
 int32_t cairn_pose_consensus_is_inlier(const cairn_pose_consensus *consensus, int32_t hypothesis);
 
 #ifdef __cplusplus

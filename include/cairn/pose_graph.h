@@ -177,7 +177,9 @@ CAIRN_CHECKED cairn_status cairn_pose_graph_create(cairn_pose_graph **graph, cai
  * exactly the memory it needs: cairn_block_solver_extend_memory() bytes. CAIRN_BAD_ARGUMENT: NULL,
  * no such step, the graph has been changed since (a new kernel is a change), it has a solver of the
  * caller, or max_fill is less than the state's fill or more than 2^26. CAIRN_NO_MEMORY: nothing has
- * changed. */
+ * changed.
+ *
+ * max_fill: new capacity for blocks of the factor */
 CAIRN_CHECKED cairn_status cairn_pose_graph_extend(cairn_pose_graph *graph, cairn_pool *pool,
                                                    int32_t max_fill);
 
@@ -193,20 +195,29 @@ CAIRN_CHECKED cairn_status cairn_pose_graph_add_pose(cairn_pose_graph *graph, ca
 CAIRN_CHECKED cairn_status cairn_pose_graph_set_pose(cairn_pose_graph *graph, int32_t pose,
                                                      cairn_pose map_pose);
 
-/* Fixes a pose (fixed not 0), or frees it. CAIRN_BAD_ARGUMENT: no such pose. */
+/* Fixes a pose (fixed not 0), or frees it. CAIRN_BAD_ARGUMENT: no such pose.
+ *
+ * pose: index of the pose
+ * fixed: 0: the pose is free */
 CAIRN_CHECKED cairn_status cairn_pose_graph_fix(cairn_pose_graph *graph, int32_t pose,
                                                 int32_t fixed);
 
 /* Adds a link: the measured pose of second in the frame of first, and its information matrix
  * (inverse covariance) over (x, y, theta) in the frame of the measured pose itself, as in g2o.
  * CAIRN_BAD_ARGUMENT: no such pose, first == second, or the information is not positive definite.
- * CAIRN_NOT_FINITE, CAIRN_FULL. */
+ * CAIRN_NOT_FINITE, CAIRN_FULL.
+ *
+ * first, second: indices of the poses
+ * information: positive definite */
 CAIRN_CHECKED cairn_status cairn_pose_graph_add_link(cairn_pose_graph *graph, int32_t first,
                                                      int32_t second, cairn_pose first_second,
                                                      cairn_sym3 information);
 
 /* Excludes a link from the solution (excluded not 0), or includes it again; its chi2 is still
- * reported. CAIRN_BAD_ARGUMENT: no such link. */
+ * reported. CAIRN_BAD_ARGUMENT: no such link.
+ *
+ * link: index of the link
+ * excluded: 0: the link is included again */
 CAIRN_CHECKED cairn_status cairn_pose_graph_exclude_link(cairn_pose_graph *graph, int32_t link,
                                                          int32_t excluded);
 
@@ -257,7 +268,10 @@ cairn_pose cairn_pose_graph_pose(const cairn_pose_graph *graph, int32_t pose);
 cairn_pose_graph_link cairn_pose_graph_link_of(const cairn_pose_graph *graph, int32_t link);
 
 /* Returns the measured pose of a link of an index below `links`, as it was added, and its
- * information (up to rounding). */
+ * information (up to rounding).
+ *
+ * link: index of the link
+ * information: set to the information matrix */
 cairn_pose cairn_pose_graph_measurement(const cairn_pose_graph *graph, int32_t link,
                                         cairn_sym3 *information);
 
@@ -266,7 +280,8 @@ cairn_pose cairn_pose_graph_measurement(const cairn_pose_graph *graph, int32_t l
  * CAIRN_EMPTY: no marginals. CAIRN_UNSUPPORTED: outside the sparsity pattern. CAIRN_BAD_ARGUMENT:
  * no such pose.
  *
- * block: [3][3] set to the covariance */
+ * block: [3][3] set to the covariance
+ * first, second: indices of the poses */
 CAIRN_CHECKED cairn_status cairn_pose_graph_covariance(const cairn_pose_graph *graph, int32_t first,
                                                        int32_t second, cairn_real block[9]);
 

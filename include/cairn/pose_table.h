@@ -40,7 +40,10 @@ typedef struct cairn_pose_table_row {
     char verdict[CAIRN_POSE_TABLE_VERDICT_BYTES];
 } cairn_pose_table_row;
 
-/* Returns a row with an index and a pose and all other fields unknown. */
+/* Returns a row with an index and a pose and all other fields unknown.
+ *
+ * index: index of the scan
+ * pose: m and rad */
 cairn_pose_table_row cairn_pose_table_row_of(int64_t index, cairn_pose pose);
 
 /* Writes a table atomically. CAIRN_NOT_FINITE: a pose that is not finite, or an infinite covariance

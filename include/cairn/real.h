@@ -67,7 +67,9 @@ cairn_real cairn_cos(cairn_real x);
  * cosine: set to cos x */
 void cairn_sincos(cairn_real x, cairn_real *sine, cairn_real *cosine);
 
-/* Angle of the vector (x, y) in [-pi, pi] rad, signed zeros as in C; 0 or pi for a zero vector. */
+/* Angle of the vector (x, y) in [-pi, pi] rad, signed zeros as in C; 0 or pi for a zero vector.
+ *
+ * y, x: components of the vector */
 cairn_real cairn_atan2(cairn_real y, cairn_real x);
 
 /* Exponential function; infinity on overflow.
@@ -75,14 +77,18 @@ cairn_real cairn_atan2(cairn_real y, cairn_real x);
  * x: any number */
 cairn_real cairn_exp(cairn_real x);
 
-/* Natural logarithm; -infinity for 0, NaN for x < 0. */
+/* Natural logarithm; -infinity for 0, NaN for x < 0.
+ *
+ * x: number >= 0 */
 cairn_real cairn_log(cairn_real x);
 
 /* Complementary error function 1 - erf(x). */
 cairn_real cairn_erfc(cairn_real x);
 
 /* x truncated toward zero and clamped to the range of int32_t; NaN gives 0. Every conversion from
- * cairn_real to an integer in cairn uses this function. */
+ * cairn_real to an integer in cairn uses this function.
+ *
+ * x: any number, also NaN */
 static inline int32_t cairn_real_to_int(cairn_real x)
 {
     if (!(x > CAIRN_REAL(-2147483648.0)))
@@ -92,7 +98,9 @@ static inline int32_t cairn_real_to_int(cairn_real x)
     return (int32_t)x;
 }
 
-/* x wrapped to (-pi, pi] rad: the angle that differs from x by whole turns. */
+/* x wrapped to (-pi, pi] rad: the angle that differs from x by whole turns.
+ *
+ * x: any angle, rad */
 cairn_real cairn_wrap_angle(cairn_real x);
 
 /* Square root, correctly rounded.
@@ -151,7 +159,9 @@ static inline cairn_real cairn_rint(cairn_real x)
 #endif
 }
 
-/* x^2 / 2: the negative log-likelihood of a standard normal residual x, up to a constant. */
+/* x^2 / 2: the negative log-likelihood of a standard normal residual x, up to a constant.
+ *
+ * x: residual in standard deviations */
 static inline cairn_real cairn_half_square(cairn_real x)
 {
     return CAIRN_REAL(0.5) * x * x;

@@ -269,7 +269,9 @@ CAIRN_CHECKED cairn_status cairn_report_player_open(cairn_report_player **player
 
 /* Adds a scan; its points and segments are copied. index: the number that the page displays.
  * CAIRN_BAD_ARGUMENT: NULL, a negative count; CAIRN_NOT_FINITE; CAIRN_NO_MEMORY: the player is
- * unchanged. */
+ * unchanged.
+ *
+ * scan: points and walls in the frame of its pose */
 CAIRN_CHECKED cairn_status cairn_report_player_add_scan(cairn_report_player *player,
                                                         const cairn_report_scan *scan,
                                                         int64_t index);

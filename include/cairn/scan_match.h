@@ -164,7 +164,7 @@ typedef struct cairn_scan_match_hypothesis {
      * radius) in the target's frame, sign free. weak_ratio is its information as a share of the
      * best observable direction's. */
     cairn_real weak_direction[3];
-    /* share of the information in the least observable direction, 0 ... 1 */
+    /* information of the least observable direction as a share of that of the best, 0 ... 1 */
     cairn_real weak_ratio;
     cairn_real radius; /* m: root mean square distance of the query's points from their centroid */
     int32_t observable_dof; /* observable degrees of freedom, 0 ... 3 */
@@ -254,7 +254,11 @@ CAIRN_CHECKED cairn_status cairn_scan_match_add_target(cairn_scan_match *match,
  * match is cancelled. window NULL: global search over every position at which query and target can
  * touch, and every heading (start is not used). A query or target without points gives the verdict
  * NONE. CAIRN_BAD_ARGUMENT: NULL, counts and directions as in add_target(), a window that is
- * negative. CAIRN_NOT_FINITE. CAIRN_FULL: more than max_query points. Cost: linear in the query. */
+ * negative. CAIRN_NOT_FINITE. CAIRN_FULL: more than max_query points. Cost: linear in the query.
+ *
+ * query: points and beams of the query
+ * start: initial pose of the query in the target's frame
+ * window: range of poses about start; NULL: global search */
 CAIRN_CHECKED cairn_status cairn_scan_match_begin(cairn_scan_match *match,
                                                   const cairn_scan_match_part *query,
                                                   cairn_pose start,
@@ -266,7 +270,8 @@ CAIRN_CHECKED cairn_status cairn_scan_match_begin(cairn_scan_match *match,
  * match with this target, up to 0.40 m when there was none. Statuses as begin(); CAIRN_BAD_ARGUMENT
  * also in a mode without this ICP. Cost: linear in the query.
  *
- * query: as for begin() */
+ * query: as for begin()
+ * start: initial pose of the query in the target's frame */
 CAIRN_CHECKED cairn_status cairn_scan_match_begin_icp(cairn_scan_match *match,
                                                       const cairn_scan_match_part *query,
                                                       cairn_pose start, cairn_fault *fault);
@@ -323,7 +328,8 @@ cairn_pose cairn_scan_match_pair_pose(const cairn_scan_match *match);
  * on, in the query's rotation. CAIRN_BAD_ARGUMENT: NULL, no such point; CAIRN_EMPTY: there are no
  * pairs.
  *
- * share: set to the shares, 0 ... 1 */
+ * share: set to the shares, 0 ... 1
+ * point: index of the evenly spaced point */
 CAIRN_CHECKED cairn_status cairn_scan_match_histogram(const cairn_scan_match *match, int32_t point,
                                                       cairn_real share[CAIRN_SCAN_MATCH_BINS]);
 

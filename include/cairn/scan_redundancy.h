@@ -44,7 +44,9 @@ CAIRN_CHECKED cairn_status cairn_scan_redundancy_create(cairn_scan_redundancy **
 /* Starts to score the scans of a set, which must not change until step() returns CAIRN_OK.
  * map_scan: [set->scan_count], the poses by slot; those of free slots are not used.
  * CAIRN_BAD_ARGUMENT: NULL, or a pose beyond 1e6 m. CAIRN_FULL: more slots or points than params
- * allow. CAIRN_NOT_FINITE: a pose. Linear in the scans. */
+ * allow. CAIRN_NOT_FINITE: a pose. Linear in the scans.
+ *
+ * set: the scans */
 CAIRN_CHECKED cairn_status cairn_scan_redundancy_begin(cairn_scan_redundancy *cover,
                                                        const cairn_scan_set *set,
                                                        const cairn_pose *map_scan);
@@ -56,12 +58,16 @@ CAIRN_CHECKED cairn_status cairn_scan_redundancy_step(cairn_scan_redundancy *cov
 
 /* Returns the redundancy score of a scan: its loss, in points; the lower, the more redundant. Valid
  * after the last step that returned CAIRN_OK; -1 for slots that were free, and while step() has
- * work left. */
+ * work left.
+ *
+ * scan: slot of the scan */
 cairn_real cairn_scan_redundancy_loss(const cairn_scan_redundancy *cover, int32_t scan);
 
 /* Returns the most redundant scan: that of least loss, the lowest slot among equals. The slot
  * `spared` is excluded, such as the anchor of the map (-1: none). -1: there is none, or step() has
- * work left. Linear in the scans. */
+ * work left. Linear in the scans.
+ *
+ * spared: slot that is excluded; -1: none */
 int32_t cairn_scan_redundancy_most_redundant(const cairn_scan_redundancy *cover, int32_t spared);
 
 #ifdef __cplusplus

@@ -158,7 +158,10 @@ CAIRN_CHECKED cairn_status cairn_scan_set_pack(cairn_scan_set *set, cairn_budget
  * points[0 ... count-1]. Linear in count, and with spacing in the 32nd part of the positions
  * before.
  *
- * set: the set */
+ * set: the set
+ * segment: index of the segment
+ * first: first point to read, 0: that of the segment
+ * points: [count] set to the points, m */
 void cairn_scan_set_read(const cairn_scan_set *set, int32_t segment, int32_t first, int32_t count,
                          cairn_vec2 *points);
 

@@ -63,7 +63,8 @@ cairn_shape_image_params cairn_shape_image_default(void);
  * CAIRN_UNSUPPORTED: a hole where holes are refused; CAIRN_NO_MEMORY. On failure there is
  * nothing to free. Cost: linear in pixels.
  *
- * image: set to the outlines */
+ * image: set to the outlines
+ * grey: picture of the object */
 CAIRN_CHECKED cairn_status cairn_shape_image_trace(cairn_shape_image *image,
                                                    cairn_raster_u8_view grey,
                                                    const cairn_shape_image_params *params,

@@ -94,7 +94,9 @@ CAIRN_CHECKED cairn_status cairn_shape_model_check(const cairn_shape_model *mode
                                                    cairn_fault *fault);
 
 /* Returns the number of samples of a model's first outline, 0 ... outline_count. The first step
- * longer than 3 mean steps begins another outline. Cost: linear. */
+ * longer than 3 mean steps begins another outline. Cost: linear.
+ *
+ * model: a model */
 int32_t cairn_shape_model_first_outline(const cairn_shape_model *model);
 
 /* Parameters; defaults in brackets. */

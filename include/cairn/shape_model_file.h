@@ -81,7 +81,8 @@ CAIRN_CHECKED cairn_status cairn_shape_model_file_write(const cairn_shape_model 
  * file: set to the model
  * path: model file or picture
  * image: parameters of shape_image
- * builder: parameters of the model */
+ * builder: parameters of the model
+ * traced: set to the result of shape_image; NULL: not wanted */
 CAIRN_CHECKED cairn_status cairn_shape_model_file_load(
     cairn_shape_model_file *file, const char *path, const cairn_shape_image_params *image,
     const cairn_shape_model_builder_params *builder, cairn_shape_image *traced,
@@ -89,7 +90,8 @@ CAIRN_CHECKED cairn_status cairn_shape_model_file_load(
 
 /* Copies a valid model to the heap. CAIRN_NO_MEMORY: there is nothing to free.
  *
- * file: set to the copy */
+ * file: set to the copy
+ * model: model to copy */
 CAIRN_CHECKED cairn_status cairn_shape_model_file_copy(cairn_shape_model_file *file,
                                                        const cairn_shape_model *model);
 
@@ -102,7 +104,8 @@ void cairn_shape_model_file_mirror(cairn_shape_model_file *file);
  * of cairn_shape_model_file_write().
  *
  * title: title of the picture
- * path: target, an SVG file */
+ * path: target, an SVG file
+ * model: a valid model */
 CAIRN_CHECKED cairn_status cairn_shape_model_file_draw(const cairn_shape_model *model,
                                                        const char *title, const char *path,
                                                        cairn_file_error *error);
@@ -112,7 +115,8 @@ CAIRN_CHECKED cairn_status cairn_shape_model_file_draw(const cairn_shape_model *
  * cairn_part_bundle_begin() and cairn_shape_model_file_write().
  *
  * title: title of the picture
- * path: target, an SVG file */
+ * path: target, an SVG file
+ * model: a valid model */
 CAIRN_CHECKED cairn_status cairn_shape_model_file_draw_parts(const cairn_shape_model *model,
                                                              const cairn_part_bundle_cut *cuts,
                                                              int32_t cut_count, const char *title,

@@ -217,12 +217,16 @@ cairn_skeleton_grouping_read(const cairn_skeleton_grouping *skeleton);
 
 /* Writes CP number index of the line fit, in no order, px; returns 0 beyond the last one.
  *
- * at, radius: set to the position and the radius, px */
+ * at, radius: set to the position and the radius, px
+ * index: index of the CP, from 0 */
 int32_t cairn_skeleton_grouping_centre_point(const cairn_skeleton_grouping *skeleton, int32_t index,
                                              cairn_vec2 *at, cairn_real *radius);
 
 /* Writes mirror-symmetric line number index, sorted by decreasing number of CPs; its third
- * coordinate is the radius, px. Returns 0 beyond the last one. */
+ * coordinate is the radius, px. Returns 0 beyond the last one.
+ *
+ * index: index of the line, from 0
+ * line: set to the line */
 int32_t cairn_skeleton_grouping_mirror_line(const cairn_skeleton_grouping *skeleton, int32_t index,
                                             cairn_polyline_segment *line);
 

@@ -84,7 +84,10 @@ typedef struct cairn_budget {
 /* Charges an operation of `cost` units to the budget, in several calls if the budget is used up
  * in between: so no step exceeds its budget. *charged holds the units charged so far, 0 before
  * the first call and after the last. Returns 1 when the operation is charged in full and may be
- * done, 0 when the budget is used up. Constant time. */
+ * done, 0 when the budget is used up. Constant time.
+ *
+ * charged: units already charged for this operation
+ * cost: units of the operation, >= 0 */
 static inline int cairn_budget_charge(cairn_budget *budget, int32_t *charged, int32_t cost)
 {
     int32_t due = cost - *charged, now = due < budget->left ? due : budget->left;

@@ -88,7 +88,8 @@ int32_t cairn_symmetric_point_of_segments(const cairn_symmetric_point_params *pa
 /* Returns the quality of an SP, exp(-deviation^2 / (2 sigma^2)), Adluru 2008 (2.10); sigma in rad,
  * > 0.
  *
- * point: symmetric point */
+ * point: symmetric point
+ * sigma: rad, > 0 */
 cairn_real cairn_symmetric_point_quality(const cairn_symmetric_point *point, cairn_real sigma);
 
 /* Returns the bytes that create() takes from the pool; 0 for params that create() would refuse. */

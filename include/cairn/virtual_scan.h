@@ -80,17 +80,31 @@ typedef struct cairn_virtual_scan_map {
     cairn_real sigma; /* m: position uncertainty of the scans */
 } cairn_virtual_scan_map;
 
-/* Callbacks of a caller's kind, such as triangles. begin() gets the map, which stays valid until
- * the detection has ended. step() works as all steps. count() then returns the number of
- * hypotheses. outline() writes at most `room` points every `spacing` along hypothesis i, sets its
- * strength (0 ... 1) and returns the number of points. A status below 0 ends the detection with
+/* Starts a detection of a caller's kind, such as triangles. A status below 0 ends the detection with
  * it.
  *
- * state: that of the detector */
+ * state: that of the detector
+ * map: the map, which stays valid until the detection has ended */
 typedef cairn_status (*cairn_virtual_scan_hypothesis_begin)(void *state,
                                                             const cairn_virtual_scan_map *map);
+
+/* Works on the detection, as all steps. A status below 0 ends the detection with it.
+ *
+ * state: that of the detector */
 typedef cairn_status (*cairn_virtual_scan_hypothesis_step)(void *state, cairn_budget *budget);
+
+/* Returns the number of hypotheses, after the last step.
+ *
+ * state: that of the detector */
 typedef int32_t (*cairn_virtual_scan_hypothesis_count)(const void *state);
+
+/* Writes the points along a hypothesis and returns their number.
+ *
+ * state: that of the detector
+ * i: index of the hypothesis
+ * spacing: distance of the points, m
+ * points: [room] set to at most `room` points
+ * strength: set to the strength, 0 ... 1 */
 typedef int32_t (*cairn_virtual_scan_hypothesis_outline)(const void *state, int32_t i,
                                                          cairn_real spacing,
                                                          cairn_oriented_point *points, int32_t room,
@@ -189,7 +203,10 @@ CAIRN_CHECKED cairn_status cairn_virtual_scan_begin(cairn_virtual_scan *virtual_
 
 /* Adds a scan of a set at its current pose, before the first step. CAIRN_BAD_ARGUMENT: NULL, no
  * such scan, a pose that is not finite or beyond 1e6 m, or a detection that has begun its steps.
- * CAIRN_FULL: more points or segments than params allow; nothing was added. Linear in the scan. */
+ * CAIRN_FULL: more points or segments than params allow; nothing was added. Linear in the scan.
+ *
+ * set: the scans
+ * scan: slot of the scan */
 CAIRN_CHECKED cairn_status cairn_virtual_scan_add_scan(cairn_virtual_scan *virtual_scan,
                                                        const cairn_scan_set *set, int32_t scan,
                                                        cairn_pose map_scan);

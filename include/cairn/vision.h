@@ -54,7 +54,8 @@ CAIRN_CHECKED cairn_status cairn_vision_read_grey(cairn_vision_image *image, con
  * .jpeg, .pgm). CAIRN_BAD_ARGUMENT: another extension, an invalid image, more than 8 bits as JPEG,
  * several channels as PGM; CAIRN_UNSUPPORTED, CAIRN_IO, CAIRN_NO_MEMORY.
  *
- * path: target */
+ * path: target
+ * image: image to be written */
 CAIRN_CHECKED cairn_status cairn_vision_write(const cairn_vision_image *image, const char *path,
                                               cairn_file_error *error);
 
@@ -65,7 +66,10 @@ CAIRN_CHECKED cairn_status cairn_vision_make_grey(cairn_vision_image *image);
 /* Computes the gradient of an 8-bit grey image by Sobel operators after a Gaussian blur: x and y,
  * [height * width] each, grey levels per pixel. sigma: standard deviation of the blur in pixels, 0:
  * no blur, at most 50. name: used as the path in the error. CAIRN_BAD_ARGUMENT, CAIRN_UNSUPPORTED,
- * CAIRN_NO_MEMORY. */
+ * CAIRN_NO_MEMORY.
+ *
+ * grey: 8-bit grey image
+ * x, y: [height * width] set to the gradient */
 CAIRN_CHECKED cairn_status cairn_vision_gradients(const cairn_vision_image *grey, double sigma,
                                                   float *x, float *y, const char *name,
                                                   cairn_file_error *error);

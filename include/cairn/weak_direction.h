@@ -49,7 +49,7 @@ typedef struct cairn_weak_direction_params {
     cairn_real thickness_sigma;
 } cairn_weak_direction_params;
 
-/* Counts of the scans and submaps that were translated. */
+/* Counts of the submaps and scans, and the thickness of the walls. */
 typedef struct cairn_weak_direction_result {
     int32_t weak_submaps;     /* submaps with a weakly observable direction */
     int32_t merged_submaps;   /* submaps that were merged with another */
@@ -88,7 +88,9 @@ int32_t cairn_weak_direction_is_weak(const cairn_weak_direction *slide,
  * poses of add(), as the alignment from these poses estimated it (cairn_aligner_result); an
  * alignment by cairn_aligner_begin_warm() estimates that of other poses. CAIRN_BAD_ARGUMENT: NULL,
  * spread not > 0, an aligner that is running, or with other scans than the set. CAIRN_FULL: more
- * scans than params allow. Linear in params. */
+ * scans than params allow. Linear in params.
+ *
+ * set: segments and points of the scans */
 CAIRN_CHECKED cairn_status cairn_weak_direction_begin(cairn_weak_direction *slide,
                                                       const cairn_aligner *aligner,
                                                       const cairn_scan_set *set, cairn_real spread);
@@ -113,11 +115,13 @@ CAIRN_CHECKED cairn_status cairn_weak_direction_step(cairn_weak_direction *slide
 
 /* ---- The result: all zero until step() returns CAIRN_OK ---- */
 
-/* Returns the result; valid when step() has returned CAIRN_OK. */
+/* Returns the result; all zero until step() returns CAIRN_OK. */
 cairn_weak_direction_result cairn_weak_direction_read(const cairn_weak_direction *slide);
 
 /* Returns the translation of a scan in the map, m; 0 for a scan that stays, and for one that does
- * not exist. */
+ * not exist.
+ *
+ * scan: slot of the scan */
 cairn_vec2 cairn_weak_direction_translation(const cairn_weak_direction *slide, int32_t scan);
 
 #ifdef __cplusplus
