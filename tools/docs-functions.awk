@@ -115,7 +115,7 @@ function is_status(text)
 }
 
 # The array whose shape "[name]" names the parameter; "" for none.
-function array_of(name,    k, shape)
+function array_of(name,    k)
 {
     for (k = 1; k <= P_count; k++)
         if (P_name[k] in P_text && (index(P_text[P_name[k]], "[" name "]") || index(P_text[P_name[k]], "[*" name "]")))
@@ -182,13 +182,13 @@ function put_function(type, name, list,    i, k, n, m, text, last, cost, brief, 
     blocks(1, last)
     is_void = type == "void"
     brief = returns = cost = ""
-    value_in = ""
+    value_in = "" # where the sentence about the returned value stands: brief or prose
     for (k = 1; k <= block_count; k++) {
         if (B_kind[k] != "text")
             continue
         n = sentences(B_text[k])
         prose = ""
-        m = 0 # statuses before this sentence
+        m = 0 # the status of the sentence before, in R_text
         for (i = 1; i <= n; i++) {
             text = S[i]
             if (match(text, /^\*?[a-z_0-9]+(, \*?[a-z_0-9]+)*: /) && are_parameters(substr(text, 1, RLENGTH - 2))) {
@@ -221,11 +221,22 @@ function put_function(type, name, list,    i, k, n, m, text, last, cost, brief, 
                     P_mention[P_name[j]] = text
             if (brief == "")
                 brief = text
-            else
+            else if (!is_void && text ~ /^Returns /) {
+                # "Returns 1 when ... Returns 0 when ..."
+                if (value_in != "brief")
+                    value_in = "prose"
+                returns = returns (returns == "" ? "" : " ") text
+                continue
+            } else
                 prose = prose (prose == "" ? "" : " ") text
             if (!is_void && returns == "" && text ~ /(^|[a-z,;] )[Rr]eturns? |[Ss]tatuses|[Ss]tatus of/) {
                 returns = text
-                value_in = text == brief ? "brief" : "prose"
+                value_in = text == brief && type != "cairn_status" ? "brief" : "prose"
+                # "Writes the value and returns its length."
+                if (match(text, /(and|;) returns /)) {
+                    returns = substr(text, RSTART + RLENGTH)
+                    value_in = "prose"
+                }
             }
         }
         B_text[k] = prose

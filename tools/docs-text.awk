@@ -130,7 +130,7 @@ function blocks(from, to,    i, text, kind)
 }
 
 # Splits a text into sentences S[1 ... returned].
-function sentences(text,    n, at, rest, head, tail)
+function sentences(text,    n, at, rest, head)
 {
     n = 0
     rest = text

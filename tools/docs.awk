@@ -41,7 +41,7 @@ BEGIN {
             sub(/^ +(\/\*|\*) /, "", line)
             sub(/ *\*\/$/, "", line)
             text = text (text == "" ? "" : " ") line
-        } else if (line ~ /^ +CAIRN_[A-Z_]+ = -?[0-9]+,?$/ && !(/CAIRN_MODE/)) {
+        } else if (line ~ /^ +CAIRN_[A-Z_]+ = -?[0-9]+,?$/ && line !~ /CAIRN_MODE/) {
             split(line, part, " ")
             status_text[part[1]] = text
         }
@@ -95,8 +95,9 @@ function spec(text,    at, head)
     return meaning != "" && value != ""
 }
 
-# Reads the fields of a struct from line i on: F_doc, F_type, F_name, F_end (what follows the name). Returns the line of "}".
-function fields(i, name,    text, pending, decl, n, k, piece, type, j)
+# Reads the fields of a struct from line i on: F_doc, F_type, F_name, F_decl (the declaration), F_first (1: the first field under
+# its comment, 2: the second ...). Returns the line of "}".
+function fields(i, name,    text, pending, decl, n, k, piece, type)
 {
     field_count = 0
     pending = ""
@@ -176,8 +177,8 @@ function params_table(name,    i, k, out, part, n, nested)
     for (i = 1; i <= field_count; i++) {
         nested = F_type[i] ~ /^cairn_[a-z_]+_params$/
         if (nested) {
-            unit = range = ""
-            value = "see " F_type[i]
+            # The type has a table of its own.
+            unit = range = value = ""
             meaning = F_doc[i]
             if (meaning == "")
                 fault(name "." F_name[i], "no comment, expected what the nested parameters are for")
@@ -246,7 +247,7 @@ function prototype(i,    text, at, depth, k, c)
 }
 
 # Reads the header L[1 ... lines]. A comment holds for all declarations up to the next empty line.
-function file(    i, k, held, module, name, text, part, in_enum, enum_name, title, end, saved)
+function file(    i, k, held, module, name, text, part, extra, end)
 {
     name = header
     sub(/^.*\//, "", name)
@@ -269,7 +270,15 @@ function file(    i, k, held, module, name, text, part, in_enum, enum_name, titl
     while (i <= lines) {
         text = L[i]
         if (text ~ /^ *\/\* -+ /) {
+            # The text below the title of a section belongs to the module.
             i = comment(i)
+            if (comment_lines > 1) {
+                blocks(2, comment_lines)
+                gsub(/^-+ +| +-+$/, "", C[1])
+                put("/** @} */\n/** \\addtogroup " module "\n * <b>" literal(C[1]) "</b>\n *")
+                put_blocks(1, block_count)
+                put(" * @{ */")
+            }
             held = 0
         } else if (text ~ /^ *\/\*/) {
             i = comment(i)
@@ -290,13 +299,12 @@ function file(    i, k, held, module, name, text, part, in_enum, enum_name, titl
         } else if (match(text, /^typedef struct [a-z_0-9]+ \{/)) {
             split(text, part, " ")
             name = part[3]
-            saved = i
-            # The fields overwrite the comment: keep its documentation first.
+            # The comments of the fields overwrite that of the struct.
             keep_comment()
             end = fields(i + 1, name)
             extra = name ~ /_params$/ ? params_table(name) : ""
             restore_comment()
-            # The table has a column for them.
+            # The table has a column for the defaults.
             if (extra != "") {
                 for (k = 1; k <= comment_lines; k++)
                     sub(/[;.] [Dd]efaults in brackets/, "", C[k])
@@ -377,7 +385,7 @@ function put_line(text)
 }
 
 # Enumerators from line i on, each with its comment above or behind; returns the line after "};".
-function enumerators(i,    text, pending, after)
+function enumerators(i,    text, pending)
 {
     pending = ""
     for (; i <= lines && L[i] !~ /^\}/;) {
@@ -392,7 +400,6 @@ function enumerators(i,    text, pending, after)
             continue
         }
         if (match(text, /\/\*/)) {
-            after = i
             text = substr(text, 1, RSTART - 1)
             i = comment(i)
             pending = joined()

@@ -18,7 +18,7 @@ for module in $(awk '!/^#/ && NF == 2 { print $2 }' tools/modules.txt); do
 done
 # shellcheck disable=SC2086
 awk -v mode=params -f tools/docs-text.awk -f tools/docs-functions.awk -f tools/docs.awk $headers >"$out/params.tsv" || {
-    echo "FAILED API reference: parameters without range and default"
+    echo "FAILED API reference: comments are missing, or not of the form that CONTRIBUTING.md describes"
     exit 1
 }
 
@@ -55,8 +55,10 @@ END
 } >"$out/groups.dox"
 
 cat >"$out/docs.css" <<'END'
-table.params-table td:first-child, table.params-table td:last-child { white-space: nowrap; }
-table.params-table td { vertical-align: top; }
+table.params-table td { vertical-align: top; overflow-wrap: anywhere; }
+table.params-table td:first-child { white-space: nowrap; }
+table.params-table td:nth-child(3) { min-width: 24em; }
+table.params-table td:nth-child(5), table.params-table td:nth-child(6) { min-width: 5.5em; }
 .memdoc:has(table.params-table) table.fieldtable { display: none; }
 END
 
