@@ -12,7 +12,7 @@
  * 5. A loop is closed when particles with consistent paths survive resampling.
  *
  * Limits: no path is corrected afterwards. On public logs more than one particle improves headings
- * at most, not positions (docs/accuracy.md, "What the particles are worth").
+ * at most, not positions (docs/lab/particles.md, "What the particles are worth").
  *
  *     add(scan) -> step(budget) until CAIRN_OK -> best(), path() ... */
 #ifndef CAIRN_FILTER_MAPPER_H
