@@ -1,17 +1,17 @@
 /* bench/detect: objects of the ETHZ shape classes (chapter 5) in all their images, from the
  * supplied edges and one drawn model a class.
  *
- * Every class's model on the images of all classes; no size, no rotation is given, and nothing
- * is trained. Hit: IoU of the boxes >= 0.5, each object once. A line for each class: the
- * detection rate at 0.3 and 0.4 false positives per image, the 11-point average precision, and
- * the precision at the thesis's recall, which counts boxes above 0.2 as hits
- * (precision_at_recall, with the greatest recall that is reached so, recall_most_fifth, and the
- * average precision, ap_fifth; with 0.5: precision_at_recall_half). The last line has the means
- * over the classes. --method parts: by configurations of parts; --as-written: by the method of
- * the thesis; --bundles, --nearest and --modes change what the other is made of. --method
- * chamfer: the plain oriented chamfer twin. --verify: the weight of verification by contour
- * grouping, 0: without. --curves DIR: CLASS.csv and CLASS.svg, precision over recall and
- * detection rate over false positives per image, of hits at IoU >= 0.5, with --as-written above
+ * Every class's model on the images of all classes; no size, no rotation is given, and nothing is
+ * trained. Hit: IoU of the boxes >= 0.5, each object once. A line for each class: the detection
+ * rate at 0.3 and 0.4 false positives per image, the 11-point average precision, and the precision
+ * at the thesis's recall, which counts boxes above 0.2 as hits (precision_at_recall, with the
+ * greatest recall that is reached so, recall_most_fifth, and the average precision, ap_fifth; with
+ * 0.5: precision_at_recall_half). The last line has the means over the classes. --method parts: by
+ * configurations of parts; --as-written: by the method of the thesis; --bundles, --nearest and
+ * --modes change what the other is made of. --method chamfer: the plain oriented chamfer reference
+ * implementation. --verify: the weight of verification by contour grouping, 0: without. --curves
+ * DIR: CLASS.csv and CLASS.svg, precision over recall and detection rate over false positives per
+ * image, of hits at IoU >= 0.5, with --as-written above
  * 0.2, as in the thesis (figs 5.5, 5.7). */
 #include <inttypes.h>
 #include <math.h>

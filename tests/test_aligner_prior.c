@@ -59,7 +59,7 @@ static struct bed make_bed(uint64_t seed, double off)
     return bed;
 }
 
-/* ---- The slow twin ---- */
+/* ---- The reference implementation ---- */
 
 struct crowd {
     double x[SCANS + 1], y[SCANS + 1], theta[SCANS + 1];

@@ -58,7 +58,7 @@ static void fill_values(struct system *s, cairn_random *random, cairn_real prior
         }
 }
 
-/* ---- The twin: dense inverse by Cholesky ---- */
+/* ---- The reference implementation: dense inverse by Cholesky ---- */
 
 static double dense[ROWS][ROWS], inverse[ROWS][ROWS];
 
@@ -69,7 +69,7 @@ static void add_dense(int32_t i, int32_t j, double value)
         dense[j][i] += value;
 }
 
-static void twin_assemble(const struct system *s)
+static void reference_assemble(const struct system *s)
 {
     memset(dense, 0, sizeof dense);
     for (int32_t i = 0; i < s->poses; i++) {
@@ -88,7 +88,7 @@ static void twin_assemble(const struct system *s)
 }
 
 /* dense becomes its Cholesky factor, inverse the inverse of what it was. */
-static void twin_invert(int32_t n)
+static void reference_invert(int32_t n)
 {
     for (int32_t j = 0; j < n; j++)
         for (int32_t i = j; i < n; i++) {
@@ -167,15 +167,15 @@ static void give_values(cairn_block_solver *solver, const struct system *s)
         assert_ok(cairn_block_solver_add_link_block(solver, l, s->blocks[l]));
 }
 
-/* Solves twice, inverts, and compares all with the twin. */
+/* Solves twice, inverts, and compares all with the reference implementation. */
 static void compare(cairn_block_solver *solver, const struct system *s, double tolerance)
 {
     cairn_block_solver_result result = cairn_block_solver_read(solver);
     int32_t supported = 0;
     double largest = 0;
 
-    twin_assemble(s);
-    twin_invert(3 * s->poses);
+    reference_assemble(s);
+    reference_invert(3 * s->poses);
     for (int32_t i = 0; i < 3 * s->poses; i++)
         largest = fmax(largest, inverse[i][i]);
     give_values(solver, s);

@@ -91,26 +91,26 @@ static void draw_blots(uint64_t seed, int32_t noise)
         picture[i] = (uint8_t)(picture[i] + noise * (double)cairn_random_uniform(&random, 0, 1));
 }
 
-/* ---- The twin of the strengths: windows summed pixel by pixel, colours by libc math ---- */
+/* ---- Reference implementation of the strengths: windows pixel by pixel, colours by libm ---- */
 
-static double twin_light(uint8_t sample)
+static double reference_light(uint8_t sample)
 {
     double s = sample / 255.0;
 
     return s <= 0.04045 ? s / 12.92 : pow((s + 0.055) / 1.055, 2.4);
 }
 
-static double twin_root(double t)
+static double reference_root(double t)
 {
     return t > 216.0 / 24389 ? cbrt(t) : (24389.0 / 27 * t + 16) / 116;
 }
 
-static void twin_colour(const uint8_t *bgr, double lab[3])
+static void reference_colour(const uint8_t *bgr, double lab[3])
 {
-    double b = twin_light(bgr[0]), g = twin_light(bgr[1]), r = twin_light(bgr[2]);
-    double x = twin_root((0.412453 * r + 0.357580 * g + 0.180423 * b) / 0.950456);
-    double y = twin_root(0.212671 * r + 0.715160 * g + 0.072169 * b);
-    double z = twin_root((0.019334 * r + 0.119193 * g + 0.950227 * b) / 1.088754);
+    double b = reference_light(bgr[0]), g = reference_light(bgr[1]), r = reference_light(bgr[2]);
+    double x = reference_root((0.412453 * r + 0.357580 * g + 0.180423 * b) / 0.950456);
+    double y = reference_root(0.212671 * r + 0.715160 * g + 0.072169 * b);
+    double z = reference_root((0.019334 * r + 0.119193 * g + 0.950227 * b) / 1.088754);
 
     lab[0] = 116 * y - 16;
     lab[1] = 500 * (x - y);
@@ -123,7 +123,7 @@ static int32_t reflected(int32_t i, int32_t count)
 }
 
 /* Averages over squares, thrice. */
-static void twin_average(double *map, int32_t half)
+static void reference_average(double *map, int32_t half)
 {
     static double to[PIXELS];
 
@@ -140,7 +140,7 @@ static void twin_average(double *map, int32_t half)
     }
 }
 
-static void twin_add(const double *map, double weight, double tensor[PIXELS][3])
+static void reference_add(const double *map, double weight, double tensor[PIXELS][3])
 {
     for (int32_t i = 0; i < PIXELS; i++) {
         int32_t x = i % WIDTH, y = i / WIDTH;
@@ -154,8 +154,8 @@ static void twin_add(const double *map, double weight, double tensor[PIXELS][3])
 }
 
 /* Of a channel its values by the windows `half`, or the bins of its histogram. */
-static void twin_channel(double lab[PIXELS][3], int32_t c, int32_t half, int of_bins, double weight,
-                         double tensor[PIXELS][3])
+static void reference_channel(double lab[PIXELS][3], int32_t c, int32_t half, int of_bins,
+                              double weight, double tensor[PIXELS][3])
 {
     double least = c == 0 ? 0 : -45, most = c == 0 ? 100 : 45, scale = (half + 0.5) * (half + 0.5);
     int32_t bins = c == 0 ? 16 : 13;
@@ -167,10 +167,10 @@ static void twin_channel(double lab[PIXELS][3], int32_t c, int32_t half, int of_
 
             map[i] = of_bins ? fmax(0, 1 - fabs(at - bin)) : lab[i][c] / 10;
         }
-        twin_average(map, half);
+        reference_average(map, half);
         for (int32_t i = 0; i < PIXELS && of_bins; i++)
             map[i] = sqrt(map[i] + 1e-3);
-        twin_add(map, weight * scale, tensor);
+        reference_add(map, weight * scale, tensor);
     }
 }
 
@@ -187,13 +187,16 @@ static void strengths_are_what_the_definition_says(void **state)
     r = find(&f, image_of(3));
     memset(tensor, 0, sizeof tensor);
     for (int32_t i = 0; i < PIXELS; i++)
-        twin_colour(&picture[3 * i], lab[i]);
+        reference_colour(&picture[3 * i], lab[i]);
     for (int32_t c = 0; c < 3; c++) {
-        twin_channel(lab, c, params.fine_half_width, 1, (double)params.histogram_weight, tensor);
-        twin_channel(lab, c, params.coarse_half_width, 1, (double)params.histogram_weight, tensor);
-        twin_channel(lab, c, params.fine_half_width, 0, 1, tensor);
-        twin_channel(lab, c, (params.fine_half_width + params.coarse_half_width) / 2, 0, 1, tensor);
-        twin_channel(lab, c, params.fine_half_width + params.coarse_half_width, 0, 1, tensor);
+        reference_channel(lab, c, params.fine_half_width, 1, (double)params.histogram_weight,
+                          tensor);
+        reference_channel(lab, c, params.coarse_half_width, 1, (double)params.histogram_weight,
+                          tensor);
+        reference_channel(lab, c, params.fine_half_width, 0, 1, tensor);
+        reference_channel(lab, c, (params.fine_half_width + params.coarse_half_width) / 2, 0, 1,
+                          tensor);
+        reference_channel(lab, c, params.fine_half_width + params.coarse_half_width, 0, 1, tensor);
     }
     for (int32_t i = 0; i < PIXELS; i++) {
         double xx = tensor[i][0], xy = tensor[i][1], yy = tensor[i][2];
@@ -206,7 +209,7 @@ static void strengths_are_what_the_definition_says(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- The twin of the joints: all borders are summed anew before each ---- */
+/* ---- The reference implementation of the joints: all borders are summed anew before each ---- */
 
 /* The side of a pixel to the right (0) or below (1): its level, -1: none is there. */
 static double level_at[2][PIXELS];
@@ -273,7 +276,7 @@ static void fill_pixel_bins(void)
     for (int32_t i = 0; i < PIXELS; i++) {
         double lab[3];
 
-        twin_colour(&picture[3 * i], lab);
+        reference_colour(&picture[3 * i], lab);
         for (int32_t k = 0; k < 23; k++) {
             int32_t c = k < 9 ? 0 : 1 + (k - 9) / 7, bins = c == 0 ? 9 : 7,
                     bin = c == 0 ? k : (k - 9) % 7;
@@ -286,7 +289,7 @@ static void fill_pixel_bins(void)
 }
 
 /* The Hellinger distance of the colours of regions p and q. */
-static double twin_apart(int32_t p, int32_t q)
+static double reference_apart(int32_t p, int32_t q)
 {
     double bins[2][23], size[2] = {0, 0}, sum = 0;
 
@@ -303,7 +306,7 @@ static double twin_apart(int32_t p, int32_t q)
 }
 
 /* The weakest border: the key, and its regions. 0: there is none. */
-static int twin_weakest(double small, double contrast, double *key, int32_t pair[2])
+static int reference_weakest(double small, double contrast, double *key, int32_t pair[2])
 {
     static double sum[PIXELS], length[PIXELS];
     double size[PIXELS], found = 1e300;
@@ -330,7 +333,7 @@ static int twin_weakest(double small, double contrast, double *key, int32_t pair
                 double k = sum[q] / length[q] * pow(fmin(size[p], size[q]) / PIXELS, small);
 
                 if (contrast > 0)
-                    k *= pow(twin_apart(p, q) * length[q] / sum[q], contrast);
+                    k *= pow(reference_apart(p, q) * length[q] / sum[q], contrast);
                 if (k < found) {
                     found = k;
                     pair[0] = p;
@@ -343,13 +346,13 @@ static int twin_weakest(double small, double contrast, double *key, int32_t pair
 }
 
 /* Joins all regions: the level of each side. The number of joints. */
-static int32_t twin_join(double small, double contrast, double level[2][PIXELS])
+static int32_t reference_join(double small, double contrast, double level[2][PIXELS])
 {
     double joined = 0, key;
     int32_t pair[2], joints = 0;
 
     memcpy(label, first_label, sizeof label);
-    while (twin_weakest(small, contrast, &key, pair)) {
+    while (reference_weakest(small, contrast, &key, pair)) {
         joined = fmax(joined, key);
         joints++;
         for (int32_t i = 0; i < SIDES; i++) {
@@ -397,7 +400,8 @@ static void sum_borders(const cairn_boundary_result *r)
 }
 
 /* All eigenvectors of m, by Jacobi's method: the columns of v. */
-static void twin_eigen(double m[REGIONS_MOST][REGIONS_MOST], double v[REGIONS_MOST][REGIONS_MOST])
+static void reference_eigen(double m[REGIONS_MOST][REGIONS_MOST],
+                            double v[REGIONS_MOST][REGIONS_MOST])
 {
     int32_t n = region_count;
 
@@ -433,7 +437,7 @@ static void twin_eigen(double m[REGIONS_MOST][REGIONS_MOST], double v[REGIONS_MO
 
 /* What the eight best cuts have across each border: the generalised eigenvectors of D - W, of
  * unit mean square, by the roots of their values. */
-static void twin_cuts(double mean)
+static void reference_cuts(double mean)
 {
     static double laplacian[REGIONS_MOST][REGIONS_MOST], v[REGIONS_MOST][REGIONS_MOST];
     double degree[REGIONS_MOST], pixels[REGIONS_MOST];
@@ -456,7 +460,7 @@ static void twin_cuts(double mean)
     for (int32_t p = 0; p < n; p++)
         for (int32_t q = 0; q < n; q++)
             laplacian[p][q] = (p == q) + laplacian[p][q] / sqrt(degree[p] * degree[q]);
-    twin_eigen(laplacian, v);
+    reference_eigen(laplacian, v);
     for (int32_t k = 0; k < 9; k++) {
         int32_t best = -1;
         double square = 0;
@@ -489,7 +493,7 @@ static void weigh_sides(const cairn_boundary_result *r, double global)
             }
     mean /= count;
     if (global > 0)
-        twin_cuts(mean);
+        reference_cuts(mean);
     for (int32_t p = 0; p < region_count; p++)
         for (int32_t q = 0; q < p; q++)
             mean_cut += border_sides[p][q] > 0 ? cuts[p][q] / count : 0;
@@ -529,8 +533,8 @@ static void compare_levels(double global, double tolerance)
     weigh_sides(&r, global);
     memset(logs, 0, sizeof logs);
     for (int32_t way = 0; way < 5; way++) {
-        assert_int_equal(twin_join(powers[way][0] * (double)params.size_exponent,
-                                   powers[way][1] * (double)params.contrast_exponent, level),
+        assert_int_equal(reference_join(powers[way][0] * (double)params.size_exponent,
+                                        powers[way][1] * (double)params.contrast_exponent, level),
                          r.region_count - 1);
         for (int32_t i = 0; i < SIDES; i++)
             if (level_at[i / PIXELS][i % PIXELS] >= 0)
@@ -538,7 +542,7 @@ static void compare_levels(double global, double tolerance)
     }
     for (int32_t i = 0; i < SIDES; i++)
         side_weight[i / PIXELS][i % PIXELS] = exp(logs[i / PIXELS][i % PIXELS] / 5);
-    (void)twin_join(0, 0, level);
+    (void)reference_join(0, 0, level);
     for (int32_t i = 0; i < SIDES; i++)
         if (level_at[i / PIXELS][i % PIXELS] >= 0) {
             assert_near(level_at[i / PIXELS][i % PIXELS], level[i / PIXELS][i % PIXELS], tolerance);
@@ -677,8 +681,8 @@ static void colours_of_one_brightness_part(void **state)
     double lab[2][3];
 
     (void)state;
-    twin_colour(red, lab[0]);
-    twin_colour(green, lab[1]);
+    reference_colour(red, lab[0]);
+    reference_colour(green, lab[1]);
     assert_near(lab[0][0], lab[1][0], 1);
     draw_disc(red, green);
     r = find(&f, image_of(3));

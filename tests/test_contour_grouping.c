@@ -324,28 +324,28 @@ static void what_is_not_there_is_not_found(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- The slow twin: evidence of a pose from all tokens of the image ---- */
+/* ---- The reference implementation: evidence of a pose from all tokens of the image ---- */
 
-enum { TWIN_MOST = 2000, TWIN_CELLS = 5 };
+enum { REFERENCE_MOST = 2000, REFERENCE_CELLS = 5 };
 
-typedef struct twin_token {
+typedef struct reference_token {
     double x, y, dx, dy, half;
     int32_t chain;
-} twin_token;
+} reference_token;
 
-typedef struct twin {
-    twin_token token[TWIN_MOST];
+typedef struct reference {
+    reference_token token[REFERENCE_MOST];
     int32_t count;
     double size, cosine, sine, ox, oy; /* the pose */
     double deform, turn, spacing, chance;
-} twin;
+} reference;
 
-typedef struct twin_cell {
+typedef struct reference_cell {
     double cost, off, value;
     int32_t token;
-} twin_cell;
+} reference_cell;
 
-static void twin_cut(twin *t, const scene *s, double token)
+static void reference_cut(reference *t, const scene *s, double token)
 {
     double length_of_all = 0;
     int32_t chain = 0;
@@ -359,7 +359,7 @@ static void twin_cut(twin *t, const scene *s, double token)
         if (i > 0 && hypot(ax - (double)s->lines[i - 1].b.x, ay - (double)s->lines[i - 1].b.y) > 3)
             chain++;
         for (int k = 0; k < parts; k++) {
-            twin_token *p = &t->token[t->count++];
+            reference_token *p = &t->token[t->count++];
 
             p->x = ax + (k + 0.5) / parts * (bx - ax);
             p->y = ay + (k + 0.5) / parts * (by - ay);
@@ -373,40 +373,40 @@ static void twin_cut(twin *t, const scene *s, double token)
     t->chance = 0.25 * log(fmax(1, length_of_all / (WIDTH * HEIGHT * 0.035)));
 }
 
-static double twin_sense(const twin *t, int32_t token, double ux, double uy)
+static double reference_sense(const reference *t, int32_t token, double ux, double uy)
 {
     return t->token[token].dx * ux + t->token[token].dy * uy >= 0 ? 1 : -1;
 }
 
 /* 2 where the chain of a token goes on. */
-static double twin_leave(const twin *t, int32_t token, double ux, double uy, int ahead)
+static double reference_leave(const reference *t, int32_t token, double ux, double uy, int ahead)
 {
-    int32_t next = token + 2 * ahead * (int)twin_sense(t, token, ux, uy);
+    int32_t next = token + 2 * ahead * (int)reference_sense(t, token, ux, uy);
 
     return next >= 0 && next < t->count && t->token[next].chain == t->token[token].chain ? 2 : 0;
 }
 
-static double twin_step(const twin *t, const twin_cell *a, const twin_cell *b, double ux, double uy,
-                        double bend)
+static double reference_step(const reference *t, const reference_cell *a, const reference_cell *b,
+                             double ux, double uy, double bend)
 {
     int32_t ahead;
 
     if (a->token == b->token)
         return 0;
     if (a->token < 0)
-        return 0.4 + twin_leave(t, b->token, ux, uy, -1);
+        return 0.4 + reference_leave(t, b->token, ux, uy, -1);
     if (b->token < 0)
-        return 0.4 + twin_leave(t, a->token, ux, uy, 1);
-    ahead = (b->token - a->token) * (int)twin_sense(t, b->token, ux, uy);
+        return 0.4 + reference_leave(t, a->token, ux, uy, 1);
+    ahead = (b->token - a->token) * (int)reference_sense(t, b->token, ux, uy);
     if (t->token[a->token].chain == t->token[b->token].chain && ahead >= 0 && ahead <= 3)
         return -bend;
-    return 0.8 + (b->off - a->off) * (b->off - a->off) + twin_leave(t, a->token, ux, uy, 1) +
-           twin_leave(t, b->token, ux, uy, -1);
+    return 0.8 + (b->off - a->off) * (b->off - a->off) + reference_leave(t, a->token, ux, uy, 1) +
+           reference_leave(t, b->token, ux, uy, -1);
 }
 
 /* The cells of a place of the outline; their number. */
-static int twin_look(const twin *t, double x, double y, double ux, double uy, double bend,
-                     twin_cell *cell)
+static int reference_look(const reference *t, double x, double y, double ux, double uy, double bend,
+                          reference_cell *cell)
 {
     double sigma = t->deform * t->size, wide = fmax(sigma, 1.5), worth = 1 - 0.65 * (1 - bend);
     double reach = fmin(fmax(3 * sigma, 4) + 5, 64);
@@ -415,7 +415,7 @@ static int twin_look(const twin *t, double x, double y, double ux, double uy, do
     cell[0].token = -1;
     cell[0].value = -0.15 * t->spacing / 0.08;
     for (int32_t i = 0; i < t->count; i++) {
-        const twin_token *p = &t->token[i];
+        const reference_token *p = &t->token[i];
         double along = fmax(-p->half, fmin(p->half, (x - p->x) * p->dx + (y - p->y) * p->dy));
         double fx = p->x + along * p->dx - x, fy = p->y + along * p->dy - y, cost;
         int at;
@@ -425,9 +425,9 @@ static int twin_look(const twin *t, double x, double y, double ux, double uy, do
             continue;
         cost = pow((ux * fy - uy * fx) / wide, 2) + pow((ux * fx + uy * fy) / (2 * wide), 2);
         cost = (cost + pow((ux * p->dy - uy * p->dx) / t->turn, 2)) / 2;
-        if (cost > 4.5 || (count == TWIN_CELLS && cost >= cell[count - 1].cost))
+        if (cost > 4.5 || (count == REFERENCE_CELLS && cost >= cell[count - 1].cost))
             continue;
-        count += count < TWIN_CELLS;
+        count += count < REFERENCE_CELLS;
         for (at = count - 1; at > 1 && cell[at - 1].cost > cost; at--)
             cell[at] = cell[at - 1];
         cell[at].cost = cost;
@@ -439,9 +439,9 @@ static int twin_look(const twin *t, double x, double y, double ux, double uy, do
     return count;
 }
 
-static double twin_evidence(const twin *t, const cairn_shape_model *m)
+static double reference_evidence(const reference *t, const cairn_shape_model *m)
 {
-    static twin_cell cell[512][TWIN_CELLS];
+    static reference_cell cell[512][REFERENCE_CELLS];
     int count = 0, before = 0;
     double best = -1e9;
 
@@ -456,14 +456,14 @@ static double twin_evidence(const twin *t, const cairn_shape_model *m)
         double bend = 1 - exp(((double)cairn_vec2_dot(p->direction, q->direction) - 1) / 0.0667);
 
         before = count;
-        count = twin_look(t, t->ox + t->cosine * mx - t->sine * my,
-                          t->oy + t->sine * mx + t->cosine * my, ux, uy, bend, cell[i]);
+        count = reference_look(t, t->ox + t->cosine * mx - t->sine * my,
+                               t->oy + t->sine * mx + t->cosine * my, ux, uy, bend, cell[i]);
         for (int k = 0; k < count && i > 0; k++) {
             double most = -1e9;
 
             for (int j = 0; j < before; j++)
-                most = fmax(most, cell[i - 1][j].value -
-                                      twin_step(t, &cell[i - 1][j], &cell[i][k], ux, uy, bend));
+                most = fmax(most, cell[i - 1][j].value - reference_step(t, &cell[i - 1][j],
+                                                                        &cell[i][k], ux, uy, bend));
             cell[i][k].value += most;
         }
     }
@@ -472,14 +472,14 @@ static double twin_evidence(const twin *t, const cairn_shape_model *m)
     return best;
 }
 
-static void evidence_is_that_of_the_slow_twin(void **state)
+static void evidence_is_that_of_the_reference(void **state)
 {
     cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
 
     (void)state;
     for (int i = 0; i < 6; i++) {
-        static twin t;
+        static reference t;
         double w = 0;
         scene s = {.count = 0};
         cairn_contour_grouping_input in;
@@ -503,9 +503,9 @@ static void evidence_is_that_of_the_slow_twin(void **state)
             w += (double)cairn_vec2_norm(
                 cairn_vec2_sub(f.model.outline[k].position, f.model.outline[k - 1].position));
         t.spacing = w / f.model.outline_count;
-        twin_cut(&t, &s, (double)params.token_length);
+        reference_cut(&t, &s, (double)params.token_length);
         assert_int_equal(r.token_count, t.count);
-        assert_near(r.objects[0].evidence, twin_evidence(&t, &f.model), 0.02);
+        assert_near(r.objects[0].evidence, reference_evidence(&t, &f.model), 0.02);
     }
     test_pool_free(&f.pool);
 }
@@ -513,7 +513,8 @@ static void evidence_is_that_of_the_slow_twin(void **state)
 /* ---- Degenerate input ---- */
 
 /* Pairs of lines, each a token, that may be both sides of a sample, by angles. */
-static int32_t twin_sights(const finder *f, const scene *s, const cairn_contour_grouping_input *in)
+static int32_t reference_sights(const finder *f, const scene *s,
+                                const cairn_contour_grouping_input *in)
 {
     int32_t count = 0;
 
@@ -571,7 +572,7 @@ static void first_sight_passes_nothing_over(void **state)
         in.max_size = 150;
         in.min_turn = (cairn_real)(turns[i][0] * DEGREE);
         in.max_turn = (cairn_real)(turns[i][1] * DEGREE);
-        wanted = twin_sights(&f, &s, &in);
+        wanted = reference_sights(&f, &s, &in);
         r = group(&f, &in);
         assert_int_equal(r.token_count, s.count);
         assert_int_equal(r.hypothesis_count, wanted);
@@ -878,7 +879,7 @@ int main(void)
         cmocka_unit_test(two_are_found_and_told_apart),
         cmocka_unit_test(a_part_is_enough),
         cmocka_unit_test(what_the_border_cuts_is_found),
-        cmocka_unit_test(evidence_is_that_of_the_slow_twin),
+        cmocka_unit_test(evidence_is_that_of_the_reference),
         cmocka_unit_test(first_sight_passes_nothing_over),
         cmocka_unit_test(an_image_full_of_edges_is_thinned_out),
         cmocka_unit_test(small_models_and_images),

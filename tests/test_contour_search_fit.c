@@ -1,5 +1,5 @@
-/* An outline bent onto edges: the field beside its slow twin, shapes of other proportions and
- * with parts shifted, parts that are hidden, nothing to bend onto. */
+/* An outline bent onto edges: the field beside its reference implementation, shapes of other
+ * proportions and with parts shifted, parts that are hidden, nothing to bend onto. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -137,7 +137,7 @@ static bent bend(const cairn_vec2 corners[CORNERS], int32_t hidden)
     return b;
 }
 
-static void test_field_beside_its_twin(void **state)
+static void test_field_beside_its_reference(void **state)
 {
     cairn_random random = cairn_random_seed(3, 1);
     contour_field *field = cairn_contour_search_field_new();
@@ -285,9 +285,12 @@ static void test_nothing_to_bend_onto(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_field_beside_its_twin), cmocka_unit_test(test_directions),
-        cmocka_unit_test(test_bends_onto_edges),      cmocka_unit_test(test_hidden_parts),
-        cmocka_unit_test(test_pose_follows),          cmocka_unit_test(test_nothing_to_bend_onto),
+        cmocka_unit_test(test_field_beside_its_reference),
+        cmocka_unit_test(test_directions),
+        cmocka_unit_test(test_bends_onto_edges),
+        cmocka_unit_test(test_hidden_parts),
+        cmocka_unit_test(test_pose_follows),
+        cmocka_unit_test(test_nothing_to_bend_onto),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -190,16 +190,16 @@ static void normals_of_circles_beat_sobel(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- The twin: derivatives as sums over the plane, all zeros looked at one by one ---- */
+/* ---- Reference implementation: derivatives summed over the plane, every zero crossing by itself ---- */
 
-struct twin {
+struct reference {
     double f[SMALL * SMALL], fx[SMALL * SMALL], fy[SMALL * SMALL], x[SMALL * SMALL],
         y[SMALL * SMALL];
 };
 
 /* Weights of a derivative of this order that are exact for x^order and lower powers, from the
  * definition. */
-static void twin_weights(double sigma, int order, double w[2 * REACH_MOST + 1])
+static void reference_weights(double sigma, int order, double w[2 * REACH_MOST + 1])
 {
     int reach = (int)ceil(4 * sigma);
     double m[4] = {0, 0, 0, 0}, first = 0, second = 0;
@@ -228,13 +228,13 @@ static void twin_weights(double sigma, int order, double w[2 * REACH_MOST + 1])
         w[i] *= (order == 3 ? 6 : order == 2 ? 2 : 1) / m[3];
 }
 
-static double twin_derivative(double sigma, int32_t px, int32_t py, int along_x, int along_y)
+static double reference_derivative(double sigma, int32_t px, int32_t py, int along_x, int along_y)
 {
     double wx[2 * REACH_MOST + 1], wy[2 * REACH_MOST + 1], sum = 0;
     int reach = (int)ceil(4 * sigma);
 
-    twin_weights(sigma, along_x, wx);
-    twin_weights(sigma, along_y, wy);
+    reference_weights(sigma, along_x, wx);
+    reference_weights(sigma, along_y, wy);
     for (int v = -reach; v <= reach; v++)
         for (int u = -reach; u <= reach; u++) {
             int32_t x = px + u < 0 ? 0 : px + u >= SMALL ? SMALL - 1 : px + u;
@@ -245,14 +245,18 @@ static double twin_derivative(double sigma, int32_t px, int32_t py, int along_x,
     return sum;
 }
 
-static void twin_sample(struct twin *t, double sigma, int32_t px, int32_t py)
+static void reference_sample(struct reference *t, double sigma, int32_t px, int32_t py)
 {
     int32_t at = py * SMALL + px;
-    double x = twin_derivative(sigma, px, py, 1, 0), y = twin_derivative(sigma, px, py, 0, 1);
-    double xx = twin_derivative(sigma, px, py, 2, 0), xy = twin_derivative(sigma, px, py, 1, 1);
-    double yy = twin_derivative(sigma, px, py, 0, 2), xxx = twin_derivative(sigma, px, py, 3, 0);
-    double xxy = twin_derivative(sigma, px, py, 2, 1), xyy = twin_derivative(sigma, px, py, 1, 2);
-    double yyy = twin_derivative(sigma, px, py, 0, 3);
+    double x = reference_derivative(sigma, px, py, 1, 0),
+           y = reference_derivative(sigma, px, py, 0, 1);
+    double xx = reference_derivative(sigma, px, py, 2, 0),
+           xy = reference_derivative(sigma, px, py, 1, 1);
+    double yy = reference_derivative(sigma, px, py, 0, 2),
+           xxx = reference_derivative(sigma, px, py, 3, 0);
+    double xxy = reference_derivative(sigma, px, py, 2, 1),
+           xyy = reference_derivative(sigma, px, py, 1, 2);
+    double yyy = reference_derivative(sigma, px, py, 0, 3);
 
     t->x[at] = x;
     t->y[at] = y;
@@ -265,8 +269,8 @@ static void twin_sample(struct twin *t, double sigma, int32_t px, int32_t py)
 }
 
 /* 1 when there is an edgel between two pixels; *doubt: 1 when rounding may decide. */
-static int twin_between(const struct twin *t, int32_t a, int32_t b, const cairn_edgel_params *p,
-                        cairn_edgel *e, int *doubt)
+static int reference_between(const struct reference *t, int32_t a, int32_t b,
+                             const cairn_edgel_params *p, cairn_edgel *e, int *doubt)
 {
     int32_t row = a / SMALL;
     double from, share, fx, fy, x, y, f, slope, turn;
@@ -299,7 +303,7 @@ static int twin_between(const struct twin *t, int32_t a, int32_t b, const cairn_
 static void it_is_what_the_definition_says(void **state)
 {
     static const double sigmas[] = {0.7, 1.5, 2.3};
-    static struct twin t;
+    static struct reference t;
     int32_t compared = 0;
 
     (void)state;
@@ -315,7 +319,7 @@ static void it_is_what_the_definition_says(void **state)
         f = set_with(params);
         found = find(f.set, view_of(SMALL, SMALL), &count);
         for (int32_t i = 0; i < SMALL * SMALL; i++)
-            twin_sample(&t, (double)params.sigma, i % SMALL, i / SMALL);
+            reference_sample(&t, (double)params.sigma, i % SMALL, i / SMALL);
         for (int32_t i = 0; i < 2 * SMALL * SMALL; i++) {
             int32_t at = i / 2, from = i % 2 ? at : at - SMALL, to = i % 2 ? at + 1 : at;
             cairn_edgel e = {{0, 0}, {0, 0}, 0};
@@ -323,7 +327,7 @@ static void it_is_what_the_definition_says(void **state)
 
             if (from < 0 || (i % 2 && at % SMALL == SMALL - 1))
                 continue;
-            has = twin_between(&t, from, to, &params, &e, &doubt);
+            has = reference_between(&t, from, to, &params, &e, &doubt);
             met = next < count &&
                   hypot((double)(found[next].position.x - e.position.x),
                         (double)(found[next].position.y - e.position.y)) < NUMBER(1e-6, 1e-2);

@@ -1697,13 +1697,13 @@ static void test_extra_points(void **state)
     struct scan scans[4];
     cairn_oriented_point extra[MAX_SCAN_POINTS];
     cairn_real weights[MAX_SCAN_POINTS];
-    struct fixture f, twin;
+    struct fixture f, replica;
     int32_t count;
     size_t without;
 
     (void)state;
     p.roi = 0;
-    twin = field_with(&p);
+    replica = field_with(&p);
     without = cairn_force_field_memory(&p);
     p.max_extra = MAX_SCAN_POINTS;
     assert_true(cairn_force_field_memory(&p) > without);
@@ -1725,18 +1725,18 @@ static void test_extra_points(void **state)
         extra[i].direction.y *= 2;
     }
     for (int i = 0; i < 4; i++)
-        assert_ok(cairn_force_field_add_scan(twin.field, &scans[i].view, i == 3 ? weights : NULL,
+        assert_ok(cairn_force_field_add_scan(replica.field, &scans[i].view, i == 3 ? weights : NULL,
                                              room_pose(i), NULL));
-    assert_ok(cairn_force_field_fix(twin.field, 3, 1));
+    assert_ok(cairn_force_field_fix(replica.field, 3, 1));
     assert_ok(cairn_force_field_set_extra(f.field, extra, weights, count));
     memset(extra, 0, sizeof extra); /* they have been copied */
     for (int k = 0; k < 5; k++) {
         cairn_force_field_state s, t;
 
         iterate(f.field);
-        iterate(twin.field);
+        iterate(replica.field);
         s = cairn_force_field_read(f.field);
-        t = cairn_force_field_read(twin.field);
+        t = cairn_force_field_read(replica.field);
         assert_near(s.potential, t.potential, NUMBER(1e-10, 1e-4) * fabs((double)t.potential));
         if (k == 0) {
             assert_int_equal(s.pairs, t.pairs);
@@ -1744,7 +1744,7 @@ static void test_extra_points(void **state)
         }
         for (int i = 0; i < 3; i++) {
             cairn_force_field_motion m = cairn_force_field_motion_of(f.field, i);
-            cairn_force_field_motion n = cairn_force_field_motion_of(twin.field, i);
+            cairn_force_field_motion n = cairn_force_field_motion_of(replica.field, i);
             cairn_vec2 force, other;
             cairn_real mass;
 
@@ -1752,7 +1752,7 @@ static void test_extra_points(void **state)
             assert_near(m.force.y, n.force.y, NUMBER(1e-7, 1));
             assert_near(m.torque, n.torque, NUMBER(1e-7, 1));
             assert_ok(cairn_force_field_point_force(f.field, i, 9, &force, &mass));
-            assert_ok(cairn_force_field_point_force(twin.field, i, 9, &other, &mass));
+            assert_ok(cairn_force_field_point_force(replica.field, i, 9, &other, &mass));
             assert_near(force.x, other.x, NUMBER(1e-8, 0.1));
             assert_near(force.y, other.y, NUMBER(1e-8, 0.1));
         }
@@ -1764,20 +1764,20 @@ static void test_extra_points(void **state)
         step_into(f.field, 5, 500);
         assert_ok(cairn_force_field_set_extra(f.field, NULL, NULL, 0));
         iterate(f.field);
-        iterate(twin.field);
+        iterate(replica.field);
         with = cairn_force_field_motion_of(f.field, 0);
-        assert_near(with.force.x, cairn_force_field_motion_of(twin.field, 0).force.x,
+        assert_near(with.force.x, cairn_force_field_motion_of(replica.field, 0).force.x,
                     NUMBER(1e-7, 1));
-        release(twin.field, 3);
+        release(replica.field, 3);
         iterate(f.field);
-        iterate(twin.field);
+        iterate(replica.field);
         without_them = cairn_force_field_motion_of(f.field, 0);
-        assert_near(without_them.force.x, cairn_force_field_motion_of(twin.field, 0).force.x,
+        assert_near(without_them.force.x, cairn_force_field_motion_of(replica.field, 0).force.x,
                     NUMBER(1e-7, 1));
         assert_true(fabs((double)(without_them.force.x - with.force.x)) > 0.1);
     }
     test_pool_free(&f.pool);
-    test_pool_free(&twin.pool);
+    test_pool_free(&replica.pool);
 }
 
 static void test_extra_refusals(void **state)

@@ -1,5 +1,5 @@
-/* Vectors, poses, segments, boxes and polygons: algebraic identities, slow twins and degenerate
- * inputs. */
+/* Vectors, poses, segments, boxes and polygons: algebraic identities, reference implementations and
+ * degenerate inputs. */
 #include "tests/test.h"
 
 #include <math.h>

@@ -111,26 +111,26 @@ static void assert_pose_near(cairn_pose pose, cairn_pose expected, double distan
     assert_near(cairn_wrap_angle(pose.theta - expected.theta), 0, angle);
 }
 
-/* ---- A plain twin: all pairs, normal equations over (x, y, theta) about the centroid, in
+/* ---- Reference implementation: all pairs, normal equations over (x, y, theta) about the centroid, in
  * double ---- */
 
-struct twin {
+struct reference {
     double x, y, theta, gate, sigma, point_sigma;
     double covariance[3][3];
     double mean_distance;
     int32_t pairs;
 };
 
-static void twin_prior(const cairn_rigid_motion_pose_prior *prior, const struct twin *twin,
-                       double kx, double ky, double m[3][4])
+static void reference_prior(const cairn_rigid_motion_pose_prior *prior,
+                            const struct reference *reference, double kx, double ky, double m[3][4])
 {
     for (int k = 0; prior != NULL && k < 3; k++) {
         double pc = cos((double)prior->mean.theta), ps = sin((double)prior->mean.theta);
         double ax = k == 0 ? pc : k == 1 ? -ps : 0, ay = k == 0 ? ps : k == 1 ? pc : 0;
         double row[3] = {ax, ay, k < 2 ? -ax * kx - ay * ky : 1};
-        double e =
-            k < 2 ? ax * (twin->x - (double)prior->mean.x) + ay * (twin->y - (double)prior->mean.y)
-                  : twin->theta - (double)prior->mean.theta;
+        double e = k < 2 ? ax * (reference->x - (double)prior->mean.x) +
+                               ay * (reference->y - (double)prior->mean.y)
+                         : reference->theta - (double)prior->mean.theta;
         double w = pow((double)(k == 0   ? prior->sigma_x
                                 : k == 1 ? prior->sigma_y
                                          : prior->sigma_theta),
@@ -164,30 +164,31 @@ static void eliminate(double m[3][4], double sides[3][3])
     }
 }
 
-static void twin_iterate(const cairn_icp_params *params, const struct points *target,
-                         const struct points *query, const cairn_rigid_motion_pose_prior *prior,
-                         struct twin *twin)
+static void reference_iterate(const cairn_icp_params *params, const struct points *target,
+                              const struct points *query,
+                              const cairn_rigid_motion_pose_prior *prior,
+                              struct reference *reference)
 {
     double a[3][4] = {{0}}, lines[3][3] = {{0}}, weights = 0, squares = 0, psi = 0, slopes = 0,
            points = 0, far = 0;
-    double cx = 0, cy = 0, c = cos(twin->theta), s = sin(twin->theta), distance = 0, variance,
-           scale;
-    double kx, ky, information[3][4] = {{0}}, g[3][3], n, sigma = twin->sigma,
-                   point_sigma = twin->point_sigma;
+    double cx = 0, cy = 0, c = cos(reference->theta), s = sin(reference->theta), distance = 0,
+           variance, scale;
+    double kx, ky, information[3][4] = {{0}}, g[3][3], n, sigma = reference->sigma,
+                   point_sigma = reference->point_sigma;
     int to_line = params->mode == CAIRN_ICP_POINT_TO_LINE;
 
     for (int32_t i = 0; i < query->count; i++) {
         cx += (double)query->at[i].position.x / query->count;
         cy += (double)query->at[i].position.y / query->count;
     }
-    twin->pairs = 0;
+    reference->pairs = 0;
     for (int32_t i = 0; i < query->count; i++) {
         const cairn_oriented_point *q = &query->at[i];
         double qx = (double)q->position.x, qy = (double)q->position.y;
-        double px = c * qx - s * qy + twin->x, py = s * qx + c * qy + twin->y;
+        double px = c * qx - s * qy + reference->x, py = s * qx + c * qy + reference->y;
         double ux = c * (double)q->direction.x - s * (double)q->direction.y;
         double uy = s * (double)q->direction.x + c * (double)q->direction.y;
-        double best = twin->gate * twin->gate, ex, ey, e, w, axes[3][2];
+        double best = reference->gate * reference->gate, ex, ey, e, w, axes[3][2];
         double armx = -s * (qx - cx) - c * (qy - cy), army = c * (qx - cx) - s * (qy - cy);
         int32_t pair = -1;
 
@@ -203,7 +204,7 @@ static void twin_iterate(const cairn_icp_params *params, const struct points *ta
         }
         if (pair < 0)
             continue;
-        twin->pairs++;
+        reference->pairs++;
         distance += sqrt(best);
         ex = px - (double)target->at[pair].position.x;
         ey = py - (double)target->at[pair].position.y;
@@ -235,10 +236,10 @@ static void twin_iterate(const cairn_icp_params *params, const struct points *ta
             }
         }
     }
-    n = twin->pairs;
-    twin->sigma = fmax((double)params->min_sigma, sqrt(1.26 * squares / weights));
-    twin->point_sigma = fmax((double)params->min_sigma, sqrt(1.26 * far / points / 2));
-    variance = pow(to_line ? twin->sigma : twin->point_sigma, 2);
+    n = reference->pairs;
+    reference->sigma = fmax((double)params->min_sigma, sqrt(1.26 * squares / weights));
+    reference->point_sigma = fmax((double)params->min_sigma, sqrt(1.26 * far / points / 2));
+    variance = pow(to_line ? reference->sigma : reference->point_sigma, 2);
     kx = -s * cx - c * cy;
     ky = c * cx - s * cy;
     scale =
@@ -249,20 +250,20 @@ static void twin_iterate(const cairn_icp_params *params, const struct points *ta
             if (v < 3)
                 information[u][v] = lines[u][v] / scale;
         }
-    twin_prior(prior, twin, kx, ky, a);
+    reference_prior(prior, reference, kx, ky, a);
     for (int i = 0; i < 9; i++)
         g[i / 3][i % 3] = i % 4 == 0;
     eliminate(a, g);
-    twin->x += a[0][3] + c * cx - s * cy;
-    twin->y += a[1][3] + s * cx + c * cy;
-    twin->theta += a[2][3];
-    c = cos(twin->theta);
-    s = sin(twin->theta);
-    twin->x -= c * cx - s * cy;
-    twin->y -= s * cx + c * cy;
+    reference->x += a[0][3] + c * cx - s * cy;
+    reference->y += a[1][3] + s * cx + c * cy;
+    reference->theta += a[2][3];
+    c = cos(reference->theta);
+    s = sin(reference->theta);
+    reference->x -= c * cx - s * cy;
+    reference->y -= s * cx + c * cy;
     kx = -s * cx - c * cy;
     ky = c * cx - s * cy;
-    twin_prior(prior, twin, kx, ky, information);
+    reference_prior(prior, reference, kx, ky, information);
     for (int i = 0; i < 9; i++)
         g[i / 3][i % 3] = i % 4 == 0;
     eliminate(information, g);
@@ -270,17 +271,19 @@ static void twin_iterate(const cairn_icp_params *params, const struct points *ta
         for (int v = 0; v < 3; v++) {
             double to[3][3] = {{1, 0, -kx}, {0, 1, -ky}, {0, 0, 1}};
 
-            twin->covariance[u][v] = 0;
+            reference->covariance[u][v] = 0;
             for (int i = 0; i < 9; i++)
-                twin->covariance[u][v] += to[u][i / 3] * g[i / 3][i % 3] * to[v][i % 3];
+                reference->covariance[u][v] += to[u][i / 3] * g[i / 3][i % 3] * to[v][i % 3];
         }
-    twin->mean_distance = distance / n;
-    twin->gate = fmin(twin->gate, fmax((double)params->gate_end,
-                                       (double)params->gate_factor * twin->mean_distance));
+    reference->mean_distance = distance / n;
+    reference->gate =
+        fmin(reference->gate, fmax((double)params->gate_end,
+                                   (double)params->gate_factor * reference->mean_distance));
 }
 
-/* Every iteration by itself against the twin, in both modes, with and without prior. */
-static void test_icp_matches_twin(void **state)
+/* Every iteration by itself against the reference implementation, in both modes, with and without
+ * prior. */
+static void test_icp_matches_reference(void **state)
 {
     static struct points world, target, query;
     cairn_random random = cairn_random_seed(31, 0);
@@ -297,7 +300,7 @@ static void test_icp_matches_twin(void **state)
         cairn_rigid_motion_pose_prior prior = {start, CAIRN_REAL(0.02), CAIRN_REAL(0.05),
                                                CAIRN_REAL(0.01)};
         cairn_icp_params params = cairn_icp_default();
-        struct twin twin = {
+        struct reference reference = {
             (double)start.x, (double)start.y, (double)start.theta, 0.5, 0.5, 0.5, {{0}}, 0, 0};
 
         seen_from(&world, truth, CAIRN_REAL(0.02), &random, &query);
@@ -315,23 +318,23 @@ static void test_icp_matches_twin(void **state)
             icp = make_icp(&pool, params);
             add_target(icp, &target);
             result = align(icp, &query, start, k < 4 ? NULL : &prior);
-            assert_near(result.gate, twin.gate, tolerance);
-            twin_iterate(&params, &target, &query, k < 4 ? NULL : &prior, &twin);
-            pose.x = (cairn_real)twin.x;
-            pose.y = (cairn_real)twin.y;
-            pose.theta = (cairn_real)twin.theta;
+            assert_near(result.gate, reference.gate, tolerance);
+            reference_iterate(&params, &target, &query, k < 4 ? NULL : &prior, &reference);
+            pose.x = (cairn_real)reference.x;
+            pose.y = (cairn_real)reference.y;
+            pose.theta = (cairn_real)reference.theta;
             assert_int_equal(result.verdict, CAIRN_ICP_OUT_OF_ITERATIONS);
             assert_int_equal(result.iterations, iterations);
             assert_pose_near(result.target_query, pose, tolerance, tolerance);
-            assert_true(abs(result.pairs - twin.pairs) <= NUMBER(0, 2));
+            assert_true(abs(result.pairs - reference.pairs) <= NUMBER(0, 2));
             assert_near(result.overlap, (double)result.pairs / query.count, 1e-6);
-            assert_near(result.mean_distance, twin.mean_distance, tolerance);
-            assert_near(result.sigma, twin.sigma, tolerance);
+            assert_near(result.mean_distance, reference.mean_distance, tolerance);
+            assert_near(result.sigma, reference.sigma, tolerance);
             assert_int_equal(result.observable_dof, 3);
             for (int i = 0; i < 9; i++)
-                assert_near(result.covariance[i], twin.covariance[i / 3][i % 3],
-                            NUMBER(1e-6, 0.03) * sqrt(twin.covariance[i / 3][i / 3] *
-                                                      twin.covariance[i % 3][i % 3]));
+                assert_near(result.covariance[i], reference.covariance[i / 3][i % 3],
+                            NUMBER(1e-6, 0.03) * sqrt(reference.covariance[i / 3][i / 3] *
+                                                      reference.covariance[i % 3][i % 3]));
             test_pool_free(&pool);
         }
     }
@@ -1143,8 +1146,8 @@ static void test_bad_inputs(void **state)
     test_pool_free(&pool);
 }
 
-/* The twin runs without roll-back for 1, 2, ... iterations, and finds where pairs get fewer and
- * farther apart. */
+/* The reference implementation runs without roll-back for 1, 2, ... iterations, and finds where
+ * pairs get fewer and farther apart. */
 static void what_gets_worse_is_rolled_back(void **state)
 {
     static struct points target, query;
@@ -1221,7 +1224,7 @@ static void what_gets_worse_is_rolled_back(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_icp_matches_twin),
+        cmocka_unit_test(test_icp_matches_reference),
         cmocka_unit_test(test_known_motions_without_noise),
         cmocka_unit_test(test_known_motions_with_noise),
         cmocka_unit_test(test_outliers),

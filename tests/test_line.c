@@ -22,7 +22,7 @@ static double cost(const cairn_vec2 *points, const cairn_real *weights, int coun
     return sum;
 }
 
-/* The slow twin: the mean by definition, the angle by search. */
+/* The reference implementation: the mean by definition, the angle by search. */
 static void fit_against_search(double angle, double offset, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 1);
@@ -168,7 +168,7 @@ static void test_fit_statuses(void **state)
     assert_memory_equal(&line, &before, sizeof line);
 }
 
-/* The slow twin: the regression of many points laid on both segments. */
+/* The reference implementation: the regression of many points laid on both segments. */
 static void merge_against_points(cairn_segment a, double mass_a, cairn_segment b, double mass_b)
 {
     enum { HALF = 4000 };

@@ -209,7 +209,7 @@ static void budgets_do_not_matter(void **state)
 }
 
 /* Places that look alike are not taken for one another. */
-static void twins_are_told_apart(void **state)
+static void identical_rooms_are_distinguished(void **state)
 {
     static const sim_scene scenes[] = {SIM_TWINS, SIM_MIRROR, SIM_MAZE};
     cairn_mapper_params params = small_params();
@@ -461,7 +461,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_drive_that_comes_back_closes_its_loops),
         cmocka_unit_test(budgets_do_not_matter),
-        cmocka_unit_test(twins_are_told_apart),
+        cmocka_unit_test(identical_rooms_are_distinguished),
         cmocka_unit_test(a_place_like_one_seen_is_not_taken_for_it),
         cmocka_unit_test(what_has_no_room_is_said),
         cmocka_unit_test(a_leap_is_searched_for),

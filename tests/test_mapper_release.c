@@ -1,5 +1,5 @@
 /* A mapper that runs on and on: key scans that go, their links and what hung on them, beside
- * slow twins. */
+ * reference implementations. */
 #include "tests/drive.h"
 
 #include <math.h>
@@ -786,7 +786,7 @@ static void check_release(void *context, cairn_mapper *mapper, hanging *h)
     m->seen++;
 }
 
-static void every_release_is_that_of_the_twins(void **state)
+static void every_culled_keyframe_is_that_of_the_reference(void **state)
 {
     cairn_mapper_params params = release_params();
     cairn_pool pool;
@@ -866,7 +866,7 @@ static void params_are_checked(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_release_is_that_of_the_twins),
+        cmocka_unit_test(every_culled_keyframe_is_that_of_the_reference),
         cmocka_unit_test(it_runs_on_in_fixed_memory),
         cmocka_unit_test(without_release_it_is_full),
         cmocka_unit_test(little_room_for_points_is_enough),

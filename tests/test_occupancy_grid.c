@@ -276,16 +276,16 @@ static void test_scan_matches_beams(void **state)
     cairn_transform transform = cairn_transform_of(map_scan);
     cairn_scan_beam beams[BEAMS];
     cairn_pool pool, other;
-    cairn_occupancy_grid *grid = make_grid(&pool, SMALL), *twin = make_grid(&other, SMALL);
+    cairn_occupancy_grid *grid = make_grid(&pool, SMALL), *one_by_one = make_grid(&other, SMALL);
     int32_t units[4], expected = (WIDTH * HEIGHT + 63) / 64;
 
     (void)state;
     random_scan(&random, beams);
     for (int32_t i = 0; i < BEAMS; i++)
-        expected += units_of(twin, &beams[i], transform);
+        expected += units_of(one_by_one, &beams[i], transform);
     for (int32_t i = 0; i < BEAMS; i++)
         if (beams[i].kind != CAIRN_SCAN_BEAM_UNKNOWN)
-            assert_ok(cairn_occupancy_grid_add_beam(twin,
+            assert_ok(cairn_occupancy_grid_add_beam(one_by_one,
                                                     cairn_transform_point(transform, beams[i].from),
                                                     cairn_transform_point(transform, beams[i].to),
                                                     beams[i].kind == CAIRN_SCAN_BEAM_HIT));
@@ -318,7 +318,7 @@ static void test_scan_matches_beams(void **state)
         for (int32_t y = 0; y < HEIGHT; y++)
             for (int32_t x = 0; x < WIDTH; x++) {
                 cairn_occupancy_grid_cell_state a = cairn_occupancy_grid_cell(grid, x, y);
-                cairn_occupancy_grid_cell_state b = cairn_occupancy_grid_cell(twin, x, y);
+                cairn_occupancy_grid_cell_state b = cairn_occupancy_grid_cell(one_by_one, x, y);
 
                 assert_int_equal(a.hits, b.hits);
                 assert_true(a.length == b.length);

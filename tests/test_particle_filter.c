@@ -7,7 +7,7 @@
 /* ---- A model of few states, whose posterior can be written down ----
  *
  * A Markov chain on SYMBOLS symbols with a likelihood of each symbol at each time. A state
- * carries a full copy of its history, the twin of the tree. */
+ * carries a full copy of its history, the reference implementation of the tree. */
 
 enum { SYMBOLS = 4, PATH_MOST = 600 };
 

@@ -534,8 +534,8 @@ static void one_place(void **state)
 
 /* A place among others told once more, the slow way: all marks of a point in a set, and of those
  * that share it a list. */
-static double twin_among(const cairn_place_map *map, int32_t place, const cairn_pose *poses,
-                         const int32_t *parts)
+static double reference_among(const cairn_place_map *map, int32_t place, const cairn_pose *poses,
+                              const int32_t *parts)
 {
     double sum = 0;
 
@@ -643,7 +643,7 @@ static void every_surface_counts_once(void **state)
         for (int32_t i = 0; i < 4; i++)
             assert_near(cairn_place_map_joint_likelihood(m.map, i, poses[i], poses, all, 0,
                                                          &against, &units),
-                        twin_among(m.map, i, poses, all), NUMBER(1e-6, 2));
+                        reference_among(m.map, i, poses, all), NUMBER(1e-6, 2));
         assert_true(units > 1);
         assert_true(against > 0);
         poses[0].x += CAIRN_REAL(0.13);
@@ -651,7 +651,7 @@ static void every_surface_counts_once(void **state)
     }
     alone = (double)cairn_place_map_joint_likelihood(m.map, 0, poses[0], poses, two, 0, &against,
                                                      &units);
-    assert_near(alone, twin_among(m.map, 0, poses, two), NUMBER(1e-6, 2));
+    assert_near(alone, reference_among(m.map, 0, poses, two), NUMBER(1e-6, 2));
     poses[3] = poses[1];
     for (int32_t part = -1; part < 1; part++) {
         int32_t parts[4] = {0, 0, -1, part};

@@ -310,9 +310,9 @@ static void many_weak_ones_beat_a_strong_one(void **state)
     test_pool_free(&pool);
 }
 
-/* ---- A plain twin: every way to hang five nodes together ---- */
+/* ---- A reference implementation: every way to hang five nodes together ---- */
 
-struct twin {
+struct reference {
     const struct world *world;
     const cairn_pose_consensus_params *params;
     cairn_pose pose[MAX_NODES];
@@ -320,61 +320,63 @@ struct twin {
     double best;
 };
 
-static double plain_chi(const struct twin *twin, const cairn_pose_consensus_relative_pose *h,
-                        cairn_pose first, cairn_pose second)
+static double plain_chi(const struct reference *reference,
+                        const cairn_pose_consensus_relative_pose *h, cairn_pose first,
+                        cairn_pose second)
 {
     cairn_pose seen = cairn_pose_between(first, second);
     double x = (double)(seen.x - h->first_second.x), y = (double)(seen.y - h->first_second.y);
     double theta = remainder((double)(seen.theta - h->first_second.theta), 6.283185307179586);
-    double turn = (double)(twin->params->sigma_theta * twin->params->sigma_theta);
-    double shift = (double)(twin->params->sigma * twin->params->sigma) +
+    double turn = (double)(reference->params->sigma_theta * reference->params->sigma_theta);
+    double shift = (double)(reference->params->sigma * reference->params->sigma) +
                    turn * (pow((double)h->first_second.x, 2) + pow((double)h->first_second.y, 2));
 
     return (x * x + y * y) / ((double)h->covariance[0] + shift) +
            theta * theta / ((double)h->covariance[8] + turn);
 }
 
-static double plain_total(const struct twin *twin)
+static double plain_total(const struct reference *reference)
 {
     double best[MAX_NODES][MAX_NODES] = {{0}}, total = 0;
 
-    for (int32_t k = 0; k < twin->world->count; k++) {
-        const cairn_pose_consensus_relative_pose *h = &twin->world->hypotheses[k];
-        double share = 1 - plain_chi(twin, h, twin->pose[h->first], twin->pose[h->second]) /
-                               (double)twin->params->max_chi2;
+    for (int32_t k = 0; k < reference->world->count; k++) {
+        const cairn_pose_consensus_relative_pose *h = &reference->world->hypotheses[k];
+        double share =
+            1 - plain_chi(reference, h, reference->pose[h->first], reference->pose[h->second]) /
+                    (double)reference->params->max_chi2;
         int32_t i = h->first < h->second ? h->first : h->second, j = h->first + h->second - i;
 
         best[i][j] = fmax(best[i][j], share * (double)h->score);
     }
-    for (int32_t i = 0; i < twin->world->nodes; i++)
-        for (int32_t j = 0; j < twin->world->nodes; j++)
+    for (int32_t i = 0; i < reference->world->nodes; i++)
+        for (int32_t j = 0; j < reference->world->nodes; j++)
             total += best[i][j];
     return total;
 }
 
-static void hang_rest(struct twin *twin)
+static void hang_rest(struct reference *reference)
 {
     int32_t rest = 0;
 
-    for (int32_t n = 0; n < twin->world->nodes; n++)
-        rest += !twin->placed[n];
+    for (int32_t n = 0; n < reference->world->nodes; n++)
+        rest += !reference->placed[n];
     if (rest == 0) {
-        twin->best = fmax(twin->best, plain_total(twin));
+        reference->best = fmax(reference->best, plain_total(reference));
         return;
     }
-    for (int32_t k = 0; k < twin->world->count; k++) {
-        const cairn_pose_consensus_relative_pose *h = &twin->world->hypotheses[k];
-        int32_t node = twin->placed[h->first] ? h->second : h->first;
+    for (int32_t k = 0; k < reference->world->count; k++) {
+        const cairn_pose_consensus_relative_pose *h = &reference->world->hypotheses[k];
+        int32_t node = reference->placed[h->first] ? h->second : h->first;
 
-        if (twin->placed[h->first] == twin->placed[h->second])
+        if (reference->placed[h->first] == reference->placed[h->second])
             continue;
-        twin->pose[node] =
-            node == h->second
-                ? cairn_pose_compose(twin->pose[h->first], h->first_second)
-                : cairn_pose_compose(twin->pose[h->second], cairn_pose_inverse(h->first_second));
-        twin->placed[node] = 1;
-        hang_rest(twin);
-        twin->placed[node] = 0;
+        reference->pose[node] = node == h->second
+                                    ? cairn_pose_compose(reference->pose[h->first], h->first_second)
+                                    : cairn_pose_compose(reference->pose[h->second],
+                                                         cairn_pose_inverse(h->first_second));
+        reference->placed[node] = 1;
+        hang_rest(reference);
+        reference->placed[node] = 0;
     }
 }
 
@@ -382,7 +384,7 @@ static void nothing_better_is_found_by_trying_all(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
     static struct world world;
-    static struct twin twin;
+    static struct reference reference;
     cairn_pool pool;
     cairn_pose_consensus *consensus = new_consensus(&pool, &params);
 
@@ -393,17 +395,17 @@ static void nothing_better_is_found_by_trying_all(void **state)
         make_world(&world, seed, 5, 20, CAIRN_REAL(0.8), 6);
         load(consensus, &world);
         result = solve(consensus);
-        memset(&twin, 0, sizeof twin);
-        twin.world = &world;
-        twin.params = &params;
-        twin.placed[0] = 1;
-        hang_rest(&twin);
-        assert_true(twin.best > 0);
-        assert_true((double)result.total > 0.98 * twin.best);
+        memset(&reference, 0, sizeof reference);
+        reference.world = &world;
+        reference.params = &params;
+        reference.placed[0] = 1;
+        hang_rest(&reference);
+        assert_true(reference.best > 0);
+        assert_true((double)result.total > 0.98 * reference.best);
         if (result.placed == 5 && result.components == 1) {
             for (int32_t i = 0; i < 5; i++)
-                twin.pose[i] = cairn_pose_consensus_node(consensus, i).map_node;
-            assert_near(plain_total(&twin), result.total, 2e-3 * (double)result.total);
+                reference.pose[i] = cairn_pose_consensus_node(consensus, i).map_node;
+            assert_near(plain_total(&reference), result.total, 2e-3 * (double)result.total);
         }
     }
     test_pool_free(&pool);

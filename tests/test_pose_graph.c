@@ -134,15 +134,15 @@ static cairn_pose_graph_state solve(cairn_pose_graph *graph)
     return cairn_pose_graph_read(graph);
 }
 
-/* ---- The twin ---- */
+/* ---- The reference implementation ---- */
 
-struct twin {
+struct reference {
     double x[POSES][3];
 };
 
-static struct twin twin_of(const cairn_pose_graph *graph, int32_t poses)
+static struct reference reference_of(const cairn_pose_graph *graph, int32_t poses)
 {
-    struct twin t;
+    struct reference t;
 
     memset(&t, 0, sizeof t);
     for (int32_t i = 0; i < poses; i++) {
@@ -156,7 +156,7 @@ static struct twin twin_of(const cairn_pose_graph *graph, int32_t poses)
 }
 
 /* z^-1 (a^-1 b) as in g2o. */
-static void twin_error(const struct twin *t, const struct measurement *m, double e[3])
+static void reference_error(const struct reference *t, const struct measurement *m, double e[3])
 {
     const double *a = t->x[m->first], *b = t->x[m->second];
     double dx = b[0] - a[0], dy = b[1] - a[1], c = cos(a[2]), s = sin(a[2]);
@@ -168,7 +168,7 @@ static void twin_error(const struct twin *t, const struct measurement *m, double
     e[2] = remainder(b[2] - a[2] - (double)m->z.theta, 2 * 3.14159265358979323846);
 }
 
-static void twin_information(const struct measurement *m, double w[3][3])
+static void reference_information(const struct measurement *m, double w[3][3])
 {
     w[0][0] = (double)m->information.xx;
     w[1][1] = (double)m->information.yy;
@@ -178,18 +178,18 @@ static void twin_information(const struct measurement *m, double w[3][3])
     w[1][2] = w[2][1] = (double)m->information.yz;
 }
 
-static double twin_chi2(const struct twin *t, const struct measurement *m)
+static double reference_chi2(const struct reference *t, const struct measurement *m)
 {
     double e[3], w[3][3], sum = 0;
 
-    twin_error(t, m, e);
-    twin_information(m, w);
+    reference_error(t, m, e);
+    reference_information(m, w);
     for (int k = 0; k < 9; k++)
         sum += e[k / 3] * w[k / 3][k % 3] * e[k % 3];
     return sum;
 }
 
-static double twin_rho(cairn_pose_graph_kernel kernel, double c, double s)
+static double reference_rho(cairn_pose_graph_kernel kernel, double c, double s)
 {
     double c2 = c * c;
 
@@ -207,13 +207,14 @@ static double twin_rho(cairn_pose_graph_kernel kernel, double c, double s)
     }
 }
 
-static double twin_cost(const struct twin *t, const struct problem *p,
-                        const cairn_pose_graph_params *params)
+static double reference_cost(const struct reference *t, const struct problem *p,
+                             const cairn_pose_graph_params *params)
 {
     double sum = 0;
 
     for (int32_t l = 0; l < p->links; l++)
-        sum += twin_rho(params->kernel, (double)params->kernel_width, twin_chi2(t, &p->link[l]));
+        sum += reference_rho(params->kernel, (double)params->kernel_width,
+                             reference_chi2(t, &p->link[l]));
     return sum;
 }
 
@@ -222,18 +223,18 @@ static double twin_cost(const struct twin *t, const struct problem *p,
 static void assert_minimum(const struct made *made, const struct problem *p,
                            const cairn_pose_graph_params *params, const int32_t *fixed)
 {
-    struct twin t = twin_of(made->graph, p->poses);
+    struct reference t = reference_of(made->graph, p->poses);
     double h = NUMBER(1e-5, 1e-3);
 
     for (int32_t i = 0; i < 3 * p->poses; i++) {
-        struct twin up = t, down = t;
+        struct reference up = t, down = t;
 
         if (fixed[i / 3])
             continue;
         up.x[i / 3][i % 3] += h;
         down.x[i / 3][i % 3] -= h;
-        assert_near((twin_cost(&up, p, params) - twin_cost(&down, p, params)) / (2 * h), 0,
-                    NUMBER(2e-2, 3));
+        assert_near((reference_cost(&up, p, params) - reference_cost(&down, p, params)) / (2 * h),
+                    0, NUMBER(2e-2, 3));
     }
 }
 
@@ -243,13 +244,13 @@ static void assert_state(const struct made *made, const struct problem *p,
                          const cairn_pose_graph_params *params)
 {
     cairn_pose_graph_state state = cairn_pose_graph_read(made->graph);
-    struct twin t = twin_of(made->graph, p->poses);
+    struct reference t = reference_of(made->graph, p->poses);
     double chi2 = 0;
     int32_t outliers = 0;
 
     for (int32_t l = 0; l < p->links; l++) {
         cairn_pose_graph_link link = cairn_pose_graph_link_of(made->graph, l);
-        double s = twin_chi2(&t, &p->link[l]), c = (double)params->kernel_width,
+        double s = reference_chi2(&t, &p->link[l]), c = (double)params->kernel_width,
                step = 1e-6 * (s + 1);
 
         chi2 += s;
@@ -258,12 +259,14 @@ static void assert_state(const struct made *made, const struct problem *p,
         assert_int_equal(link.second, p->link[l].second);
         assert_int_equal(link.is_outlier, s > (double)params->max_chi2);
         assert_near(link.chi2, s, NUMBER(1e-8, 2e-2) * (1 + s));
-        assert_near(link.weight,
-                    (twin_rho(params->kernel, c, s + step) - twin_rho(params->kernel, c, s)) / step,
-                    NUMBER(1e-4, 1e-2));
+        assert_near(
+            link.weight,
+            (reference_rho(params->kernel, c, s + step) - reference_rho(params->kernel, c, s)) /
+                step,
+            NUMBER(1e-4, 1e-2));
     }
     assert_near(state.chi2, chi2, NUMBER(1e-9, 1e-2) * (1 + chi2));
-    assert_near(state.cost, twin_cost(&t, p, params), NUMBER(1e-9, 1e-2) * (1 + chi2));
+    assert_near(state.cost, reference_cost(&t, p, params), NUMBER(1e-9, 1e-2) * (1 + chi2));
     assert_int_equal(state.outliers, outliers);
     assert_int_equal(state.poses, p->poses);
     assert_int_equal(state.links, p->links);
@@ -369,8 +372,10 @@ static void outliers_are_named(void **state)
     params.kernel = CAIRN_POSE_GRAPH_SQUARE;
     p.links = good;
     assert_minimum(&made, &p, &params, FIRST_FIXED);
-    assert_near(s.chi2, twin_cost(&(struct twin[]){twin_of(made.graph, POSES)}[0], &p, &params),
-                NUMBER(1e-6, 1));
+    assert_near(
+        s.chi2,
+        reference_cost(&(struct reference[]){reference_of(made.graph, POSES)}[0], &p, &params),
+        NUMBER(1e-6, 1));
     assert_ok(cairn_pose_graph_exclude_link(made.graph, good, 0));
     assert_true(solve(made.graph).chi2 > 10 * s.chi2);
     test_pool_free(&made.pool);
@@ -448,7 +453,8 @@ static void fixed_poses_stay(void **state)
 /* ---- Covariances ---- */
 
 /* The inverse of J^T Omega J of numeric derivatives, without the first pose. */
-static void dense_covariance(const struct twin *t, const struct problem *p, double (*inverse)[ROWS])
+static void dense_covariance(const struct reference *t, const struct problem *p,
+                             double (*inverse)[ROWS])
 {
     static double h[ROWS][2 * ROWS];
     int32_t n = 3 * p->poses - 3;
@@ -458,16 +464,16 @@ static void dense_covariance(const struct twin *t, const struct problem *p, doub
         const struct measurement *m = &p->link[l];
         double w[3][3], j[6][3];
 
-        twin_information(m, w);
+        reference_information(m, w);
         for (int k = 0; k < 6; k++) {
-            struct twin up = *t, down = *t;
+            struct reference up = *t, down = *t;
             int32_t pose = k < 3 ? m->first : m->second;
             double plus[3], minus[3];
 
             up.x[pose][k % 3] += 1e-6;
             down.x[pose][k % 3] -= 1e-6;
-            twin_error(&up, m, plus);
-            twin_error(&down, m, minus);
+            reference_error(&up, m, plus);
+            reference_error(&down, m, minus);
             for (int r = 0; r < 3; r++)
                 j[k][r] = (plus[r] - minus[r]) / 2e-6;
         }
@@ -504,7 +510,7 @@ static void covariances_are_those_of_the_dense_inverse(void **state)
     struct problem p = a_problem(6, 0.03);
     cairn_pose_graph_params params = small_params();
     struct made made = make_graph(&p, &params, NULL);
-    struct twin t;
+    struct reference t;
     cairn_real block[9];
     int32_t unsupported = 0;
 
@@ -516,7 +522,7 @@ static void covariances_are_those_of_the_dense_inverse(void **state)
     assert_status(cairn_pose_graph_marginals(made.graph), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_pose_graph_covariance(made.graph, 1, 1, block), CAIRN_EMPTY);
     assert_ok(run(made.graph, 10));
-    t = twin_of(made.graph, POSES);
+    t = reference_of(made.graph, POSES);
     dense_covariance(&t, &p, inverse);
     for (int32_t i = 1; i < POSES; i++)
         for (int32_t j = 1; j < POSES; j++) {

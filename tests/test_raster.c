@@ -51,7 +51,7 @@ static int64_t run_map(cairn_distance_map *map, const cairn_distance_map_input *
     return spent;
 }
 
-/* Both metrics, several budgets, flipped and padded views, against the slow twin. */
+/* Both metrics, several budgets, flipped and padded views, against the reference implementation. */
 static void check_raster(cairn_distance_map *map, const uint8_t *pixels, int32_t width,
                          int32_t height, uint8_t mask, uint8_t match)
 {

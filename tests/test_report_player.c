@@ -821,7 +821,8 @@ static void test_grid(void **state)
 
 /* The frames that stay of `count`: multiples of the least power of two that leaves few enough,
  * and the last. Poses per frame are `each`. */
-static int32_t twin_stride(int32_t count, int32_t frames_most, int64_t poses_most, int64_t each)
+static int32_t reference_stride(int32_t count, int32_t frames_most, int64_t poses_most,
+                                int64_t each)
 {
     int32_t stride = 1;
 
@@ -856,7 +857,7 @@ static void test_thinned_frames(void **state)
         player = open_player(&params);
         add_scans(player, 3);
         for (int32_t i = 0; i < cases[k].count; i++) {
-            int32_t now = twin_stride(i + 1, cases[k].most, cases[k].poses, 3);
+            int32_t now = reference_stride(i + 1, cases[k].most, cases[k].poses, 3);
 
             assert_ok(add_poses(player, i, pose, 3));
             stride = now > stride ? now : stride;

@@ -33,7 +33,7 @@ static double cast(const cairn_segment *walls, int count, double x, double y, do
 }
 
 /* The base after the fraction f of a motion of constant twist, by many small steps: the slow
- * twin. */
+ * reference implementation. */
 static void drive(double v, double w, double f, double *x, double *y, double *theta)
 {
     enum { STEPS = 2000 };
@@ -275,7 +275,7 @@ static void test_scan_without_return(void **state)
 }
 
 /* Where beams start and end while driving an arc, with a mounted sensor, against the small steps
- * of the slow twin. */
+ * of the reference implementation. */
 static void test_motion_of_beams(void **state)
 {
     static const double MOUNT[3] = {0.2, -0.1, 0.4};

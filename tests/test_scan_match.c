@@ -270,7 +270,7 @@ static void a_corner_alone_is_ambiguous(void **state)
 /* Two rooms that are the same, of which the target has seen one less than the other: that the
  * other explains more of the query does not make it the one. Where they differ by a piece of
  * wall, it does. */
-static void a_twin_that_was_seen_less_of_is_ambiguous(void **state)
+static void an_identical_room_seen_in_part_is_ambiguous(void **state)
 {
     static const cairn_vec2 other_room[] = {{-3, -2}, {4, -2}, {4, 1}, {2, 1}, {2, 3}, {-3, 3}};
     const cairn_pose away = {20, 3, CAIRN_REAL(0.5)}, a = {CAIRN_REAL(-0.5), CAIRN_REAL(0.2), 0},
@@ -307,7 +307,7 @@ static void a_twin_that_was_seen_less_of_is_ambiguous(void **state)
 
 /* Two rooms that are the same, of which the target saw one fifteen times and the other once: a
  * wall is no likelier to be the one that is seen because many have seen it. */
-static void a_twin_that_was_seen_once_is_ambiguous(void **state)
+static void an_identical_room_seen_once_is_ambiguous(void **state)
 {
     enum { LOOKS = 15 };
     const cairn_pose away = {20, 3, CAIRN_REAL(0.5)},
@@ -1083,8 +1083,8 @@ int main(void)
         cmocka_unit_test(finds_from_a_guess_and_from_none),
         cmocka_unit_test(lists_all_that_look_alike),
         cmocka_unit_test(a_corner_alone_is_ambiguous),
-        cmocka_unit_test(a_twin_that_was_seen_less_of_is_ambiguous),
-        cmocka_unit_test(a_twin_that_was_seen_once_is_ambiguous),
+        cmocka_unit_test(an_identical_room_seen_in_part_is_ambiguous),
+        cmocka_unit_test(an_identical_room_seen_once_is_ambiguous),
         cmocka_unit_test(names_what_is_not_observable),
         cmocka_unit_test(says_no),
         cmocka_unit_test(joins_parts),

@@ -343,7 +343,7 @@ static void nothing_to_show(void **state)
     test_pool_free(&b.pool);
 }
 
-/* ---- The vote, beside a plain twin ---- */
+/* ---- The vote, beside a reference implementation ---- */
 
 static int32_t plain_bin(const cairn_oriented_point *p)
 {

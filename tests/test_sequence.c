@@ -32,7 +32,7 @@ static cairn_real compare(const void *context, int32_t i, int32_t j)
 }
 
 /* The score by the whole table. */
-static double twin(const struct sequences *s, double gap)
+static double reference(const struct sequences *s, double gap)
 {
     static double table[MOST + 1][MOST + 1];
     double best = 0;
@@ -130,7 +130,7 @@ static void gives_the_score_and_the_path_of_the_whole_table(void **state)
             s.kind = kind;
             s.comparisons = &comparisons;
             draw(&s, &random, trial < 60 ? 3 : MOST);
-            expected = twin(&s, (double)params.gap_cost);
+            expected = reference(&s, (double)params.gap_cost);
             assert_ok(cairn_sequence_begin(sequence, s.first_count, s.second_count, compare, &s));
             assert_int_equal(cairn_sequence_read(sequence).count, 0);
             assert_ok(cairn_sequence_step(sequence, &budget));

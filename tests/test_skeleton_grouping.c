@@ -400,11 +400,11 @@ static void walks_start_where_edges_are_steep(void **state)
     assert_int_equal(starts_of(6, 10, 30, 1), all / 2);
 }
 
-/* ---- The twin: every edgel with every other ---- */
+/* ---- The reference implementation: every edgel with every other ---- */
 
 /* The cost of a pair by the book; 4: none. */
-static double twin_cost(const cairn_edgel *a, double sense, const cairn_edgel *b, double low,
-                        double high, double sigma)
+static double reference_cost(const cairn_edgel *a, double sense, const cairn_edgel *b, double low,
+                             double high, double sigma)
 {
     double dx = (double)(b->position.x - a->position.x),
            dy = (double)(b->position.y - a->position.y);
@@ -448,8 +448,8 @@ static void centres_are_those_of_all_pairs(void **state)
                 double best = 4;
 
                 for (int32_t j = 0; j < edgel_count; j++)
-                    best = fmin(best, twin_cost(&edgels[i], k ? 1 : -1, &edgels[j], low, high,
-                                                (double)params.symmetry_sigma));
+                    best = fmin(best, reference_cost(&edgels[i], k ? 1 : -1, &edgels[j], low, high,
+                                                     (double)params.symmetry_sigma));
                 expected += best < 4;
             }
         assert_true(expected > 20);

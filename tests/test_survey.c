@@ -33,8 +33,8 @@ static sim_pose compose(sim_pose a, sim_pose b)
     return c;
 }
 
-/* The slow twin: distance along a ray to the nearest edge, by cutting it with every edge; 1e9
- * when there is none. */
+/* The reference implementation: distance along a ray to the nearest edge, by cutting it with every
+ * edge; 1e9 when there is none. */
 static double cast(const sim_arena *arena, sim_pose from, double angle, int32_t *which)
 {
     int32_t count;
@@ -71,7 +71,7 @@ static double cast(const sim_arena *arena, sim_pose from, double angle, int32_t 
     return nearest;
 }
 
-static void test_ranges_against_slow_twin(void **state)
+static void test_ranges_against_reference(void **state)
 {
     (void)state;
     for (sim_scene scene = 0; scene < SIM_SCENES; scene++) {
@@ -226,7 +226,7 @@ static uint64_t hash_scans(const sim_survey *survey)
 
 static void test_same_options_same_scans(void **state)
 {
-    sim_arena *arena = arena_of(SIM_RESCUE, 8), *twin = arena_of(SIM_RESCUE, 8);
+    sim_arena *arena = arena_of(SIM_RESCUE, 8), *again_arena = arena_of(SIM_RESCUE, 8);
     sim_survey_options options = sim_survey_default();
 
     (void)state;
@@ -241,7 +241,7 @@ static void test_same_options_same_scans(void **state)
         options.drive = drive;
         options.seed = 8;
         first = survey_of(arena, &options);
-        again = survey_of(twin, &options);
+        again = survey_of(again_arena, &options);
         options.seed = 9;
         other = survey_of(arena, &options);
         assert_true(hash_scans(first) == hash_scans(again));
@@ -251,7 +251,7 @@ static void test_same_options_same_scans(void **state)
         sim_survey_free(other);
     }
     sim_arena_free(arena);
-    sim_arena_free(twin);
+    sim_arena_free(again_arena);
 }
 
 /* Errors of the scanner do not move the robot, nor each other. Their shares and sizes are those
@@ -863,7 +863,7 @@ static void test_bad_options(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_ranges_against_slow_twin),
+        cmocka_unit_test(test_ranges_against_reference),
         cmocka_unit_test(test_places),
         cmocka_unit_test(test_same_options_same_scans),
         cmocka_unit_test(test_noise_and_dropouts),

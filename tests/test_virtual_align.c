@@ -245,7 +245,7 @@ static void little_to_align(void **state)
 
 /* ---- The obvious way: aligner, field and hypotheses by hand, each step to its end ---- */
 
-struct twin {
+struct reference {
     cairn_aligner_pose kept[SCANS];
     cairn_virtual_align_params p;
     cairn_pool pool;
@@ -260,9 +260,9 @@ struct twin {
     cairn_pose found[SCANS];
 };
 
-static struct twin twin_of(const cairn_virtual_align_params *p, const struct rooms *r)
+static struct reference reference_of(const cairn_virtual_align_params *p, const struct rooms *r)
 {
-    struct twin t;
+    struct reference t;
 
     memset(&t, 0, sizeof t);
     t.p = *p;
@@ -289,7 +289,7 @@ static struct twin twin_of(const cairn_virtual_align_params *p, const struct roo
     return t;
 }
 
-static void twin_steps_aligner(struct twin *t)
+static void reference_steps_aligner(struct reference *t)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
@@ -297,13 +297,13 @@ static void twin_steps_aligner(struct twin *t)
     t->result.align_units += CAIRN_UNBOUNDED - budget.left;
 }
 
-static void twin_aligns(struct twin *t)
+static void reference_aligns(struct reference *t)
 {
     assert_ok(cairn_aligner_begin(t->aligner));
-    twin_steps_aligner(t);
+    reference_steps_aligner(t);
 }
 
-static void twin_keeps(struct twin *t)
+static void reference_keeps(struct reference *t)
 {
     t->result.aligner = cairn_aligner_read(t->aligner);
     for (int32_t i = 0; i < t->count; i++) {
@@ -314,7 +314,7 @@ static void twin_keeps(struct twin *t)
 }
 
 /* m of wall across the main direction of what a scan shows, by trying all directions. */
-static double twin_across(const struct twin *t, int32_t scan)
+static double reference_across(const struct reference *t, int32_t scan)
 {
     const cairn_scan_set *set = cairn_force_field_scans(t->field);
     double least = (double)INFINITY;
@@ -335,13 +335,13 @@ static double twin_across(const struct twin *t, int32_t scan)
 }
 
 /* 1 when the aligner goes on from what it has found. */
-static int twin_goes_on(const struct twin *t)
+static int reference_goes_on(const struct reference *t)
 {
     return t->result.aligner.placed >= 2 && t->result.aligner.largest_size >= 3;
 }
 
 /* What was placed before stays; the new ones by the motion of all that was. */
-static void twin_takes_in(struct twin *t)
+static void reference_takes_in(struct reference *t)
 {
     cairn_pose now[SCANS], then[SCANS], motion;
     int32_t use[SCANS];
@@ -365,13 +365,13 @@ static void twin_takes_in(struct twin *t)
 
 /* 1: the aligner has placed more than before; else what shares nothing with its largest part
  * stays where the field left it. */
-static int twin_judges(struct twin *t)
+static int reference_judges(struct reference *t)
 {
     if (cairn_aligner_read(t->aligner).placed > t->result.aligner.placed) {
-        if (twin_goes_on(t))
-            twin_takes_in(t);
+        if (reference_goes_on(t))
+            reference_takes_in(t);
         else
-            twin_keeps(t);
+            reference_keeps(t);
         return 1;
     }
     for (int32_t i = 0; i < t->count; i++) {
@@ -384,7 +384,7 @@ static int twin_judges(struct twin *t)
 }
 
 /* Fixed is what the aligner has placed together with another scan. */
-static void twin_places(struct twin *t)
+static void reference_places(struct reference *t)
 {
     t->result.moved_scans = 0;
     for (int32_t i = 0; i < t->count; i++) {
@@ -392,7 +392,7 @@ static void twin_places(struct twin *t)
 
         t->moves[i] = !t->p.use_aligner || t->result.aligner.placed < 2 ||
                       (!at.placed && !cairn_weak_direction_is_weak(t->slide, &at) &&
-                       twin_across(t, i) >= 0.1);
+                       reference_across(t, i) >= 0.1);
         t->result.field_units += 2 + (cairn_force_field_scans(t->field)->scans[i].end_segment -
                                       cairn_force_field_scans(t->field)->scans[i].first_segment) /
                                          4;
@@ -404,7 +404,7 @@ static void twin_places(struct twin *t)
     cairn_force_field_restart(t->field);
 }
 
-static void twin_makes_hypotheses(struct twin *t, cairn_real sigma)
+static void reference_makes_hypotheses(struct reference *t, cairn_real sigma)
 {
     const cairn_scan_set *set = cairn_force_field_scans(t->field);
     cairn_budget budget = {CAIRN_UNBOUNDED};
@@ -427,7 +427,7 @@ static void twin_makes_hypotheses(struct twin *t, cairn_real sigma)
 }
 
 /* One round of the field; the scans that it moved are left where it put them. */
-static void twin_relaxes(struct twin *t)
+static void reference_relaxes(struct reference *t)
 {
     t->result.rounds++;
     for (int32_t since = 0;
@@ -437,8 +437,8 @@ static void twin_relaxes(struct twin *t)
 
         if (since == 0 || (since % t->p.rebuild_interval == 0 &&
                            (!t->p.use_aligner || t->result.aligner.placed < 2)))
-            twin_makes_hypotheses(t, since == 0 ? t->p.field.sigma_start
-                                                : cairn_force_field_read(t->field).sigma);
+            reference_makes_hypotheses(t, since == 0 ? t->p.field.sigma_start
+                                                     : cairn_force_field_read(t->field).sigma);
         assert_ok(cairn_force_field_iterate(t->field, &budget));
         t->result.field_units += CAIRN_UNBOUNDED - budget.left;
         t->result.iterations++;
@@ -448,40 +448,40 @@ static void twin_relaxes(struct twin *t)
         t->found[i] = cairn_force_field_pose(t->field, i);
 }
 
-static void twin_starts_again(struct twin *t)
+static void reference_starts_again(struct reference *t)
 {
     t->result.field_units += 1 + (int64_t)t->count;
-    if (twin_goes_on(t)) {
+    if (reference_goes_on(t)) {
         assert_ok(cairn_aligner_begin_warm(t->aligner, t->found));
-        twin_steps_aligner(t);
+        reference_steps_aligner(t);
         return;
     }
     for (int32_t i = 0; i < t->count; i++)
         assert_ok(cairn_aligner_set_initial_pose(t->aligner, i, t->found[i]));
-    twin_aligns(t);
+    reference_aligns(t);
 }
 
-static void twin_places_and_relaxes(struct twin *t)
+static void reference_places_and_relaxes(struct reference *t)
 {
     if (t->p.use_aligner)
-        twin_aligns(t);
+        reference_aligns(t);
     t->spread = cairn_aligner_read(t->aligner).initial_sigma;
-    twin_keeps(t);
+    reference_keeps(t);
     for (;;) {
-        twin_places(t);
+        reference_places(t);
         if (t->result.moved_scans == 0)
             return;
-        twin_relaxes(t);
+        reference_relaxes(t);
         if (!t->p.use_aligner)
             return;
-        twin_starts_again(t);
-        if (!twin_judges(t) || t->result.rounds >= t->p.max_rounds)
+        reference_starts_again(t);
+        if (!reference_judges(t) || t->result.rounds >= t->p.max_rounds)
             return;
     }
 }
 
 /* Last, what may slide does, where anything was aligned. */
-static void twin_slides(struct twin *t)
+static void reference_slides(struct reference *t)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
@@ -506,14 +506,14 @@ static void twin_slides(struct twin *t)
     t->result.hypothesis_units += 2 * (int64_t)t->count + 1 + t->count / 8;
 }
 
-static void twin_runs(struct twin *t)
+static void reference_runs(struct reference *t)
 {
-    twin_places_and_relaxes(t);
+    reference_places_and_relaxes(t);
     if (t->p.use_aligner && t->result.aligner.placed >= 2)
-        twin_slides(t);
+        reference_slides(t);
 }
 
-static void assert_same(const struct twin *t, const cairn_virtual_align *align)
+static void assert_same(const struct reference *t, const cairn_virtual_align *align)
 {
     cairn_virtual_align_result result = cairn_virtual_align_read(align);
 
@@ -553,7 +553,7 @@ static void does_what_is_done_by_hand(void **state)
         cairn_virtual_align_params p = cases[k].hesitant > 0 ? hesitant_params() : small_params();
         struct rooms r = visit_with(cases[k].seed, cases[k].fov);
         struct bed bed;
-        struct twin t;
+        struct reference t;
 
         r.narrow = cases[k].narrow;
         if (cases[k].hesitant == 2)
@@ -563,8 +563,8 @@ static void does_what_is_done_by_hand(void **state)
         p.field.max_steps = cases[k].steps;
         p.max_rounds = cases[k].rounds;
         p.hypotheses.weight = (cairn_real)cases[k].weight;
-        t = twin_of(&p, &r);
-        twin_runs(&t);
+        t = reference_of(&p, &r);
+        reference_runs(&t);
         bed = bed_with(&p);
         add_rooms(&bed, &r);
         run(bed.align, 1000);

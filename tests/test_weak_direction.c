@@ -188,19 +188,19 @@ static int32_t right(const struct scene *s, const cairn_weak_direction *slide)
 
 /* ---- The obvious way: all pairs anew each time, nothing kept ---- */
 
-struct twin_wall {
+struct reference_wall {
     cairn_vec2 a, b;
     double share;
     int32_t scan;
 };
 
-struct twin {
+struct reference {
     const struct scene *s;
     cairn_weak_direction_params p;
     int32_t part[SCANS]; /* the least scan tied to it, -1 firm, -2 none */
     cairn_vec2 along[SCANS], shift[SCANS];
     double deviation[SCANS];
-    struct twin_wall walls[WALLS];
+    struct reference_wall walls[WALLS];
     int32_t wall_count, parts, joined;
     double thickness, alike;
     cairn_pose expected[SCANS];
@@ -212,7 +212,7 @@ static double dot(cairn_vec2 a, cairn_vec2 b)
 }
 
 /* The direction in which a scan is known least, by its angle. */
-static void twin_axes(const cairn_real c[9], cairn_vec2 *along, double *most, double *least)
+static void reference_axes(const cairn_real c[9], cairn_vec2 *along, double *most, double *least)
 {
     double half = ((double)c[0] - (double)c[4]) / 2, angle = atan2((double)c[1], half) / 2;
 
@@ -222,13 +222,13 @@ static void twin_axes(const cairn_real c[9], cairn_vec2 *along, double *most, do
     *least = sqrt(fmax(((double)c[0] + (double)c[4]) / 2 - hypot(half, (double)c[1]), 0));
 }
 
-static void twin_ties(struct twin *t)
+static void reference_ties(struct reference *t)
 {
     for (int32_t i = 0; i < SCANS; i++) {
         const cairn_aligner_pose *a = &t->s->aligned[i];
         double least;
 
-        twin_axes(a->covariance, &t->along[i], &t->deviation[i], &least);
+        reference_axes(a->covariance, &t->along[i], &t->deviation[i], &least);
         t->part[i] = -2;
         if (a->component == 0 && a->placed)
             t->part[i] = -1;
@@ -263,12 +263,12 @@ static void twin_ties(struct twin *t)
 
 /* ---- Its walls ---- */
 
-static cairn_vec2 way_of(const struct twin_wall *w)
+static cairn_vec2 way_of(const struct reference_wall *w)
 {
     return cairn_vec2_unit(cairn_vec2_sub(w->b, w->a));
 }
 
-static double overlap(const struct twin_wall *v, const struct twin_wall *w)
+static double overlap(const struct reference_wall *v, const struct reference_wall *w)
 {
     cairn_vec2 way = way_of(v),
                middle = cairn_vec2_scale(cairn_vec2_add(w->a, w->b), CAIRN_REAL(0.5));
@@ -281,7 +281,7 @@ static double overlap(const struct twin_wall *v, const struct twin_wall *w)
 }
 
 /* m from w to v across both, to the left of v. */
-static double across(const struct twin_wall *v, const struct twin_wall *w)
+static double across(const struct reference_wall *v, const struct reference_wall *w)
 {
     cairn_vec2 way = way_of(v), other = way_of(w);
     cairn_vec2 mean = dot(way, other) > 0 ? cairn_vec2_add(way, other) : cairn_vec2_sub(way, other);
@@ -290,21 +290,21 @@ static double across(const struct twin_wall *v, const struct twin_wall *w)
     return dot(cairn_vec2_left_perp(cairn_vec2_unit(mean)), off) / 2;
 }
 
-static int faces(const struct twin_wall *v, const struct twin_wall *w)
+static int faces(const struct reference_wall *v, const struct reference_wall *w)
 {
     return dot(way_of(v), way_of(w)) <= -0.99 && overlap(v, w) >= 0.3;
 }
 
-static void twin_draws_walls(struct twin *t)
+static void reference_draws_walls(struct reference *t)
 {
     for (int32_t i = 0; i < SCANS; i++) {
         cairn_transform pose = cairn_transform_of(t->s->aligned[i].map_scan);
 
         for (int32_t k = t->s->set->scans[i].first_segment;
              k < t->s->set->scans[i].end_segment && t->part[i] >= -1; k++) {
-            struct twin_wall w = {cairn_transform_point(pose, t->s->set->segments[k].segment.a),
-                                  cairn_transform_point(pose, t->s->set->segments[k].segment.b), 0,
-                                  i};
+            struct reference_wall w = {
+                cairn_transform_point(pose, t->s->set->segments[k].segment.a),
+                cairn_transform_point(pose, t->s->set->segments[k].segment.b), 0, i};
 
             if (cairn_vec2_norm(cairn_vec2_sub(w.b, w.a)) >= CAIRN_REAL(0.2))
                 t->walls[t->wall_count++] = w;
@@ -312,14 +312,14 @@ static void twin_draws_walls(struct twin *t)
     }
 }
 
-static void twin_shares(struct twin *t)
+static void reference_shares(struct reference *t)
 {
     for (int32_t i = 0; i < t->wall_count; i++) {
-        const struct twin_wall *v = &t->walls[i];
+        const struct reference_wall *v = &t->walls[i];
         int32_t same = 0;
 
         for (int32_t k = 0; k < t->wall_count; k++) {
-            const struct twin_wall *w = &t->walls[k];
+            const struct reference_wall *w = &t->walls[k];
 
             same += t->part[v->scan] == t->part[w->scan] && dot(way_of(v), way_of(w)) >= 0.99 &&
                     overlap(v, w) > -0.1 && fabs(across(v, w)) < 0.03;
@@ -329,14 +329,14 @@ static void twin_shares(struct twin *t)
 }
 
 /* All thicknesses that are seen; in windows of eight half centimetres. */
-static void twin_learns(struct twin *t)
+static void reference_learns(struct reference *t)
 {
     double gaps[WALLS * 4], weights[WALLS * 4], total = 0, most = 0;
     int32_t count = 0;
 
     for (int32_t i = 0; i < t->wall_count; i++)
         for (int32_t k = 0; k < i; k++) {
-            const struct twin_wall *v = &t->walls[i], *w = &t->walls[k];
+            const struct reference_wall *v = &t->walls[i], *w = &t->walls[k];
 
             if (t->part[v->scan] != t->part[w->scan] || !faces(v, w) || across(v, w) <= 0.02 ||
                 across(v, w) >= 0.5)
@@ -364,19 +364,20 @@ static void twin_learns(struct twin *t)
 
 /* ---- Its shifts ---- */
 
-static double thickness_nats(const struct twin *t, int32_t moving, int32_t fixed, cairn_vec2 shift)
+static double thickness_nats(const struct reference *t, int32_t moving, int32_t fixed,
+                             cairn_vec2 shift)
 {
     cairn_vec2 along = t->along[moving];
     double sum = 0;
 
     for (int32_t i = 0; i < t->wall_count; i++) {
-        struct twin_wall v = t->walls[i];
+        struct reference_wall v = t->walls[i];
         double best = -HUGE_VAL;
 
         if (t->part[v.scan] != moving || fabs(dot(cairn_vec2_left_perp(way_of(&v)), along)) < 0.7)
             continue;
         for (int32_t k = 0; k < t->wall_count; k++) {
-            struct twin_wall w = t->walls[k], moved = v;
+            struct reference_wall w = t->walls[k], moved = v;
             double gap, off;
 
             if (t->part[w.scan] != fixed || !faces(&v, &w)) /* side by side before it is shifted */
@@ -397,7 +398,8 @@ static double thickness_nats(const struct twin *t, int32_t moving, int32_t fixed
     return sum;
 }
 
-static double objection_nats(const struct twin *t, int32_t moving, int32_t fixed, cairn_vec2 shift)
+static double objection_nats(const struct reference *t, int32_t moving, int32_t fixed,
+                             cairn_vec2 shift)
 {
     double sum = 0;
 
@@ -419,7 +421,8 @@ static double objection_nats(const struct twin *t, int32_t moving, int32_t fixed
 }
 
 /* Where the starts of a part say that it is, less where it is, in the mean; along a direction. */
-static double expected_off(const struct twin *t, int32_t part, cairn_vec2 along, int32_t *scans)
+static double expected_off(const struct reference *t, int32_t part, cairn_vec2 along,
+                           int32_t *scans)
 {
     double sum = 0;
 
@@ -435,7 +438,7 @@ static double expected_off(const struct twin *t, int32_t part, cairn_vec2 along,
     return sum / *scans;
 }
 
-static double shift_nats(const struct twin *t, int32_t moving, int32_t fixed, double shift,
+static double shift_nats(const struct reference *t, int32_t moving, int32_t fixed, double shift,
                          double off, double variance)
 {
     cairn_vec2 way = cairn_vec2_scale(t->along[moving], (cairn_real)shift);
@@ -448,7 +451,7 @@ static double shift_nats(const struct twin *t, int32_t moving, int32_t fixed, do
 
 /* The best shift of a part against another, and by how much it is. The last that is tried is to
  * stay. */
-static double best_shift(const struct twin *t, int32_t moving, int32_t fixed, double *shift)
+static double best_shift(const struct reference *t, int32_t moving, int32_t fixed, double *shift)
 {
     int32_t own, others;
     double off = expected_off(t, moving, t->along[moving], &own) -
@@ -480,7 +483,7 @@ static double best_shift(const struct twin *t, int32_t moving, int32_t fixed, do
     return fmax(nats[best] - second, 0);
 }
 
-static void twin_joins(struct twin *t)
+static void reference_joins(struct reference *t)
 {
     for (;;) {
         int32_t moving = -1, fixed = -1;
@@ -523,20 +526,20 @@ static void twin_joins(struct twin *t)
         for (int32_t i = 0; i < SCANS; i++)
             if (t->part[i] == moving)
                 t->part[i] = fixed;
-        twin_shares(t);
+        reference_shares(t);
     }
 }
 
-static struct twin twin_of(const struct scene *s, const cairn_weak_direction_params *p)
+static struct reference reference_of(const struct scene *s, const cairn_weak_direction_params *p)
 {
     cairn_pose to[SCANS], gauge;
     int32_t use[SCANS], firm = 0;
-    struct twin t;
+    struct reference t;
 
     memset(&t, 0, sizeof t);
     t.s = s;
     t.p = *p;
-    twin_ties(&t);
+    reference_ties(&t);
     for (int32_t i = 0; i < SCANS; i++) {
         to[i] = s->aligned[i].map_scan;
         use[i] = t.part[i] == -1;
@@ -549,14 +552,14 @@ static struct twin twin_of(const struct scene *s, const cairn_weak_direction_par
     gauge = cairn_pose_fit(s->start, to, use, SCANS, 1);
     for (int32_t i = 0; i < SCANS; i++)
         t.expected[i] = cairn_pose_compose(gauge, s->start[i]);
-    twin_draws_walls(&t);
-    twin_shares(&t);
-    twin_learns(&t);
-    twin_joins(&t);
+    reference_draws_walls(&t);
+    reference_shares(&t);
+    reference_learns(&t);
+    reference_joins(&t);
     return t;
 }
 
-static void assert_twin(const struct twin *t, const cairn_weak_direction *slide)
+static void assert_reference(const struct reference *t, const cairn_weak_direction *slide)
 {
     cairn_weak_direction_result result = cairn_weak_direction_read(slide);
     int32_t slid = 0;
@@ -589,7 +592,7 @@ static void does_what_the_obvious_way_does(void **state)
         cairn_weak_direction_params p = cairn_weak_direction_default();
         struct scene s = open_scene(seeds[k]);
         struct bed bed;
-        struct twin t;
+        struct reference t;
 
         if (k % 3 > 0)
             loosen(&s, k % 3 == 1 ? 0 : 40);
@@ -599,9 +602,9 @@ static void does_what_the_obvious_way_does(void **state)
         p.translation_step = k == 4 ? CAIRN_REAL(0.001) : k == 2 ? 5 : p.translation_step;
         p.thickness_sigma = k == 5 ? CAIRN_REAL(0.04) : p.thickness_sigma;
         bed = bed_with(&p);
-        t = twin_of(&s, &p);
+        t = reference_of(&s, &p);
         run(bed.slide, &s, CAIRN_UNBOUNDED);
-        assert_twin(&t, bed.slide);
+        assert_reference(&t, bed.slide);
         joined += t.joined;
         test_pool_free(&bed.pool);
         close_scene(&s);
@@ -681,19 +684,19 @@ static void room_is_short(void **state)
 {
     cairn_weak_direction_params p = cairn_weak_direction_default();
     struct scene s = open_scene(508);
-    struct twin t;
+    struct reference t;
     struct bed bed;
     int32_t parts, walls;
 
     (void)state;
     loosen(&s, 0);
-    t = twin_of(&s, &p);
+    t = reference_of(&s, &p);
     walls = t.wall_count;
     assert_true(t.parts > 2);
     p.max_walls = walls;
     bed = bed_with(&p);
     run(bed.slide, &s, CAIRN_UNBOUNDED);
-    assert_twin(&t, bed.slide);
+    assert_reference(&t, bed.slide);
     test_pool_free(&bed.pool);
     p.max_walls = walls - 3;
     p.max_submaps = t.parts;
@@ -789,7 +792,7 @@ static void directions_are_not_mixed(void **state)
     (void)state;
     for (size_t k = 0; k < 3; k++) {
         struct scene s = open_scene(seeds[k]);
-        struct twin t;
+        struct reference t;
 
         for (int32_t i = 0; i < SCANS; i += 3) {
             cairn_real *c = s.aligned[i].covariance, x = c[0];
@@ -798,9 +801,9 @@ static void directions_are_not_mixed(void **state)
             c[4] = x;
             c[1] = c[3] = -c[1];
         }
-        t = twin_of(&s, &p);
+        t = reference_of(&s, &p);
         run(bed.slide, &s, CAIRN_UNBOUNDED);
-        assert_twin(&t, bed.slide);
+        assert_reference(&t, bed.slide);
         close_scene(&s);
     }
     test_pool_free(&bed.pool);

@@ -1,20 +1,20 @@
-/* The mapper beside a slow twin: the same rooms, called one after another, over key scans that
- * are sorted as a whole. */
+/* The mapper beside a reference implementation: the same rooms, called one after another, over key
+ * scans that are sorted as a whole. */
 #include "tests/drive.h"
 
 #include <math.h>
 
 enum { KEYS = 200, POINTS = 400, SEGMENTS = 64 };
 
-typedef struct twin_key {
+typedef struct reference_key {
     cairn_segment segments[SEGMENTS];
     int32_t first_point[SEGMENTS + 1];
     cairn_oriented_point points[POINTS];
     cairn_scan_view view;
     cairn_pose pose;
-} twin_key;
+} reference_key;
 
-typedef struct twin {
+typedef struct reference {
     cairn_real trust; /* in odometry */
     cairn_real slip;  /* times its standard deviations */
     cairn_vec2 drag;  /* added to it */
@@ -26,7 +26,7 @@ typedef struct twin {
     cairn_scan *scan;
     cairn_icp *icp;
     cairn_force_field *field;
-    twin_key *keys;
+    reference_key *keys;
     cairn_mapper_state state;
     cairn_mapper_result result;
     int32_t key_points;
@@ -34,13 +34,13 @@ typedef struct twin {
     cairn_pose odometry, motion; /* of the last scan */
     int32_t map_made;            /* the local map, and where */
     cairn_pose map_at;
-} twin;
+} reference;
 
-static twin new_twin(const cairn_mapper_params *params)
+static reference new_reference(const cairn_mapper_params *params)
 {
     cairn_icp_params icp = params->icp;
     cairn_force_field_params field = params->field;
-    twin t;
+    reference t;
 
     memset(&t, 0, sizeof t);
     t.params = *params;
@@ -60,7 +60,7 @@ static twin new_twin(const cairn_mapper_params *params)
     return t;
 }
 
-static void free_twin(twin *t)
+static void free_reference(reference *t)
 {
     free(t->keys);
     test_pool_free(&t->pool);
@@ -83,7 +83,7 @@ static int compare_places(const void *a, const void *b)
     return q->key - p->key;
 }
 
-static void make_map(twin *t, cairn_pose at)
+static void make_map(reference *t, cairn_pose at)
 {
     place places[KEYS];
     int32_t span = t->params.local_span, count = 0;
@@ -108,7 +108,7 @@ static void make_map(twin *t, cairn_pose at)
      * key scan. */
     t->state.units += t->state.keyframes - oldest + 1 + t->params.max_local_points / 64;
     for (int32_t i = 0, points = 0; i < count && points <= t->params.max_local_points; i++) {
-        const twin_key *k = &t->keys[places[i].key];
+        const reference_key *k = &t->keys[places[i].key];
 
         points += k->view.point_count;
         if (points <= t->params.max_local_points)
@@ -128,8 +128,8 @@ static cairn_real way_of(cairn_pose motion)
 }
 
 /* What a motion tells of the scan, by odometry or because the one before was such. */
-static cairn_rigid_motion_pose_prior prior_of(const twin *t, cairn_pose last, cairn_pose motion,
-                                              int32_t is_odometry)
+static cairn_rigid_motion_pose_prior prior_of(const reference *t, cairn_pose last,
+                                              cairn_pose motion, int32_t is_odometry)
 {
     const cairn_mapper_params *p = &t->params;
     cairn_real way = way_of(motion);
@@ -146,7 +146,7 @@ static cairn_rigid_motion_pose_prior prior_of(const twin *t, cairn_pose last, ca
     return prior;
 }
 
-static cairn_icp_result match(twin *t, const cairn_rigid_motion_pose_prior *prior)
+static cairn_icp_result match(reference *t, const cairn_rigid_motion_pose_prior *prior)
 {
     cairn_scan_view view = cairn_scan_read(t->scan);
     cairn_budget budget = {CAIRN_UNBOUNDED};
@@ -160,7 +160,7 @@ static cairn_icp_result match(twin *t, const cairn_rigid_motion_pose_prior *prio
 /* Odometry that is two standard deviations off is believed less; what agrees is believed more,
  * by a tenth each. Where the scan tells all of its motion: beyond one standard deviation it may
  * be off by as much for a while, up to four, beyond one and a half by the same way. */
-static void weigh_odometry(twin *t, const cairn_rigid_motion_pose_prior *prior,
+static void weigh_odometry(reference *t, const cairn_rigid_motion_pose_prior *prior,
                            const cairn_icp_result *found)
 {
     cairn_pose e = cairn_pose_between(prior->mean, found->target_query);
@@ -192,7 +192,7 @@ static void weigh_odometry(twin *t, const cairn_rigid_motion_pose_prior *prior,
 
 /* What is expected next: half of a sudden motion; along walls that tell nothing of it the pace
  * of before, which fades. */
-static cairn_pose expect(twin *t, cairn_pose motion, cairn_pose asked, cairn_pose predicted,
+static cairn_pose expect(reference *t, cairn_pose motion, cairn_pose asked, cairn_pose predicted,
                          const cairn_icp_result *best)
 {
     cairn_pose off = cairn_pose_between(predicted, best->target_query);
@@ -222,7 +222,7 @@ static cairn_pose expect(twin *t, cairn_pose motion, cairn_pose asked, cairn_pos
     return motion;
 }
 
-static int counts(const twin *t, const cairn_icp_result *found)
+static int counts(const reference *t, const cairn_icp_result *found)
 {
     return found->verdict != CAIRN_ICP_TOO_FEW_PAIRS && found->overlap >= t->params.min_overlap &&
            found->sigma < CAIRN_REAL(0.1);
@@ -236,9 +236,9 @@ static cairn_real quality(const cairn_icp_result *found)
 /* ---- Key scans ---- */
 
 /* As kept: without beams, the points of a segment with one direction. */
-static void keep_key(twin *t, const cairn_scan_view *view, cairn_pose pose)
+static void keep_key(reference *t, const cairn_scan_view *view, cairn_pose pose)
 {
-    twin_key *k = &t->keys[t->state.keyframes++];
+    reference_key *k = &t->keys[t->state.keyframes++];
 
     k->view = *view;
     k->view.beams = NULL;
@@ -260,10 +260,10 @@ static void keep_key(twin *t, const cairn_scan_view *view, cairn_pose pose)
 
 /* The force field over the last key scans, of which the last `window_free` may move, but never
  * the first. */
-static void run_field(twin *t)
+static void run_field(reference *t)
 {
     int32_t count = 0, points = 0;
-    twin_key *window = &t->keys[t->state.keyframes];
+    reference_key *window = &t->keys[t->state.keyframes];
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
     while (count < t->params.window && count < t->state.keyframes &&
@@ -290,7 +290,7 @@ static void run_field(twin *t)
 
 /* ---- A scan ---- */
 
-static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *odometry)
+static void reference_scan(reference *t, const cairn_scan_input *input, const cairn_pose *odometry)
 {
     const cairn_mapper_params *p = &t->params;
     cairn_pose last = cairn_pose_identity(), by_odometry = cairn_pose_identity(),
@@ -410,7 +410,7 @@ static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *
 
 #define assert_same(a, b) assert_memory_equal(&(a), &(b), sizeof(a))
 
-static void compare(const cairn_mapper *mapper, const twin *t)
+static void compare(const cairn_mapper *mapper, const reference *t)
 {
     cairn_mapper_result result = cairn_mapper_read(mapper);
     cairn_mapper_state state = cairn_mapper_measure(mapper);
@@ -463,14 +463,14 @@ static void side_by_side(cairn_mapper_params *params, sim_scene scene, uint64_t 
     cairn_random random;
     cairn_pool pool;
     cairn_mapper *mapper;
-    twin t;
+    reference t;
 
     params->loop.max_loops = 0;
     params->search = 0;
     params->max_local_points = 500;
     params->window_units = CAIRN_UNBOUNDED; /* the force field is done before the next scan comes */
     mapper = new_mapper(&pool, params);
-    t = new_twin(params);
+    t = new_reference(params);
 
     random = cairn_random_seed(seed, 1);
     for (int i = 0; i < 181; i++)
@@ -498,16 +498,16 @@ static void side_by_side(cairn_mapper_params *params, sim_scene scene, uint64_t 
             has_odometry = 0;
         assert_ok(cairn_mapper_add(mapper, &input, has_odometry ? &believed : NULL, NULL));
         assert_ok(cairn_mapper_step(mapper, &budget));
-        twin_scan(&t, &input, has_odometry ? &believed : NULL);
+        reference_scan(&t, &input, has_odometry ? &believed : NULL);
         compare(mapper, &t);
     }
     *measured = t.state;
-    free_twin(&t);
+    free_reference(&t);
     test_pool_free(&pool);
     end_drive(&d);
 }
 
-static void as_the_twin_on_a_calm_drive(void **state)
+static void as_the_reference_on_a_calm_drive(void **state)
 {
     static const troubles calm = {CAIRN_REAL(0.02), CAIRN_REAL(0.01), 0, 0, 0, 0};
     cairn_mapper_params params = small_params();
@@ -520,7 +520,7 @@ static void as_the_twin_on_a_calm_drive(void **state)
 }
 
 /* Few key scans for the local map, of which some are beyond the radius; short windows, or none. */
-static void as_the_twin_with_small_maps(void **state)
+static void as_the_reference_with_small_maps(void **state)
 {
     static const troubles calm = {CAIRN_REAL(0.05), CAIRN_REAL(0.02), 0, 0, 0, 0};
     cairn_mapper_params params = small_params();
@@ -542,7 +542,7 @@ static void as_the_twin_with_small_maps(void **state)
     assert_true(measured.keyframes > 20);
 }
 
-static void as_the_twin_when_odometry_fails(void **state)
+static void as_the_reference_when_odometry_fails(void **state)
 {
     static const troubles lost = {CAIRN_REAL(0.08), CAIRN_REAL(0.04), 9, 11, 0, 0},
                           jumps = {CAIRN_REAL(0.3), CAIRN_REAL(0.3), 0, 0, 13, 0};
@@ -566,9 +566,9 @@ static void as_the_twin_when_odometry_fails(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(as_the_twin_on_a_calm_drive),
-        cmocka_unit_test(as_the_twin_with_small_maps),
-        cmocka_unit_test(as_the_twin_when_odometry_fails),
+        cmocka_unit_test(as_the_reference_on_a_calm_drive),
+        cmocka_unit_test(as_the_reference_with_small_maps),
+        cmocka_unit_test(as_the_reference_when_odometry_fails),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
