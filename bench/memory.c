@@ -128,11 +128,11 @@ int main(void)
     places = cairn_place_map_as_written();
     print("place_map", "as written: 16 places of 2048 readings", cairn_place_map_memory(&places));
     print("occupancy_grid", "400 x 400 cells", cairn_occupancy_grid_memory(&grid));
-    print("mapper", "181 beams, 64 key scans", cairn_mapper_memory(&mapper));
+    print("mapper", "181 beams, 64 keyframes", cairn_mapper_memory(&mapper));
     mapper = cairn_mapper_default_for(1024, 181);
-    print("mapper", "181 beams, 1024 key scans", cairn_mapper_memory(&mapper));
+    print("mapper", "181 beams, 1024 keyframes", cairn_mapper_memory(&mapper));
     rao_blackwell = cairn_filter_mapper_default_for(1024, 181, 30);
-    print("filter_mapper", "181 beams, 1024 key scans, 30 particles",
+    print("filter_mapper", "181 beams, 1024 keyframes, 30 particles",
           cairn_filter_mapper_memory(&rao_blackwell));
     bench_json_begin("memory");
     bench_json_integer("real_bytes", (int64_t)sizeof(cairn_real));

@@ -25,8 +25,8 @@ typedef struct settings {
 
 /* A drive, mapped. */
 typedef struct outcome {
-    cairn_pose *poses;  /* [scans] */
-    int32_t *key_scans; /* [scans] scan index of a keyframe */
+    cairn_pose *poses;       /* [scans] */
+    int32_t *keyframe_scans; /* [scans] scan index of a keyframe */
     int32_t accepted, rejected, waiting, wrong;
     double worst_closure;
     cairn_mapper_state state;
@@ -49,8 +49,8 @@ static double length(cairn_pose p)
 static void count_closure(const settings *s, const cairn_mapper_loop *loop, const sim_scan *scans,
                           outcome *out)
 {
-    cairn_pose truth = cairn_pose_between(pose_of(scans[out->key_scans[loop->first]].truth),
-                                          pose_of(scans[out->key_scans[loop->second]].truth));
+    cairn_pose truth = cairn_pose_between(pose_of(scans[out->keyframe_scans[loop->first]].truth),
+                                          pose_of(scans[out->keyframe_scans[loop->second]].truth));
     cairn_pose error = cairn_pose_between(truth, loop->first_second);
     double off = length(error), turn = fabs((double)error.theta);
 
@@ -110,7 +110,7 @@ static cairn_status feed(const settings *s, cairn_mapper *mapper, const sim_scan
         cairn_pose odometry = pose_of(scans[i].odometry);
         int32_t keys = cairn_mapper_measure(mapper).keyframes;
 
-        out->key_scans[keys] = i;
+        out->keyframe_scans[keys] = i;
         status = cairn_mapper_add(mapper, &input, s->no_odometry ? NULL : &odometry, NULL);
         if (status == CAIRN_OK)
             status = work(s, mapper, scans, &seen, out, cairn_mapper_step);
@@ -130,7 +130,7 @@ static cairn_status feed(const settings *s, cairn_mapper *mapper, const sim_scan
 static void free_outcome(outcome *out)
 {
     free(out->poses);
-    free(out->key_scans);
+    free(out->keyframe_scans);
 }
 
 static cairn_status map_drive(const settings *s, const sim_scan *scans, int32_t count,
@@ -149,8 +149,8 @@ static cairn_status map_drive(const settings *s, const sim_scan *scans, int32_t 
     bytes = cairn_mapper_memory(&params) + CAIRN_ALIGN;
     memory = malloc(bytes);
     out->poses = calloc((size_t)count + 1, sizeof *out->poses);
-    out->key_scans = calloc((size_t)count + 1, sizeof *out->key_scans);
-    if (memory != NULL && out->poses != NULL && out->key_scans != NULL)
+    out->keyframe_scans = calloc((size_t)count + 1, sizeof *out->keyframe_scans);
+    if (memory != NULL && out->poses != NULL && out->keyframe_scans != NULL)
         status = cairn_pool_init(&pool, memory, bytes);
     if (status == CAIRN_OK)
         status = cairn_mapper_create(&mapper, &pool, &params);

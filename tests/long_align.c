@@ -1,4 +1,4 @@
-/* Long scenes of aligning scans: the aligner, the force field, Lu and Milios, hypotheses. */
+/* Long scenes of scan alignment: the aligner, the force field, Lu and Milios, hypotheses. */
 #include "src/core/build.h"
 
 #include "cairn/lum.h"
@@ -9,7 +9,7 @@
 
 enum { MOST_SCANS = 32 };
 
-/* Scans at places of a flat, each a part of what is around. */
+/* Scans at places of a flat, each of a part of the surroundings. */
 typedef struct survey {
     long_world world;
     cairn_random random;
@@ -88,7 +88,7 @@ static cairn_aligner_params room_for(int32_t scans)
     return params;
 }
 
-/* The whole flat, far off; again from where a few were found. */
+/* The whole flat from distant poses; again from poses of which a few are right. */
 static uint64_t align_flat(uint64_t hash, uint64_t seed, cairn_real metres)
 {
     cairn_aligner_params params = room_for(MOST_SCANS);
@@ -128,7 +128,7 @@ uint64_t long_aligned_flat(void)
     return align_flat(hash, 12, CAIRN_REAL(0.3));
 }
 
-/* With other parameters, step by step; some scans are far from where they are thought to be. */
+/* With other parameters, step by step; some initial poses are far off. */
 static uint64_t align_and_repair(uint64_t hash, uint64_t seed, int32_t max_hypotheses)
 {
     cairn_aligner_params params = room_for(16);
@@ -183,8 +183,8 @@ uint64_t long_aligned_repaired(void)
     return align_and_repair(hash, 14, 400);
 }
 
-/* What a joint solution cannot hold, scans that share nothing, and a corridor along which
- * nothing tells the place. */
+/* Groups that the joint solution cannot connect, scans without common surfaces, and a corridor
+ * along which the position is unobservable. */
 uint64_t long_aligned_parts(void)
 {
     cairn_aligner_params params = room_for(12);
@@ -264,8 +264,8 @@ static uint64_t add_field(uint64_t hash, const cairn_force_field *field)
 
 enum { FIELD_SCANS = 10 };
 
-/* A field of scans at places along the way, run to its end and once more after a restart, with a
- * scan fixed, one moved by hand, one gone and another in its place. */
+/* A field of scans along the path, run to its end, and again after a restart with one scan fixed,
+ * one moved, one removed and another in its place. */
 static uint64_t run_field(uint64_t seed, const cairn_force_field_params *params, int32_t with_mass,
                           int32_t extras)
 {
@@ -388,7 +388,7 @@ uint64_t long_field_springs_twisted(void)
     return run_field(8, &params, 0, 0);
 }
 
-/* ---- Lu and Milios, and what covers what ---- */
+/* ---- Lu and Milios, and redundancy ---- */
 
 uint64_t long_lum(void)
 {
@@ -455,7 +455,7 @@ uint64_t long_lum(void)
 
 /* ---- Hypotheses ---- */
 
-/* Scans that share little, so that rooms and walls that nobody has seen whole must help. */
+/* Scans with little overlap, so that rooms and walls that no scan sees whole must help. */
 uint64_t long_hypotheses(void)
 {
     enum { SCANS = 8 };

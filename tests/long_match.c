@@ -1,4 +1,4 @@
-/* Long scenes of matching scans: scan_match in all its modes, icp, places without a guess,
+/* Long scenes of scan matching: scan_match in all its modes, icp, places without a guess,
  * sequences. */
 #include "src/core/build.h"
 
@@ -8,7 +8,7 @@
 #include "tests/long.h"
 #include "tests/long_scenes.h"
 
-/* Views that stay: what a part of a match points to. */
+/* Views that stay valid: the parts of a match point to them. */
 typedef struct kept_view {
     cairn_pool pool;
     cairn_scan_match_part part;
@@ -76,7 +76,7 @@ static uint64_t match_all(uint64_t seed, const cairn_scan_match_params *params, 
         cairn_pose pose = long_on_the_way(2 + (cairn_real)i * CAIRN_REAL(0.6));
 
         if (i == TARGETS + QUERIES - 1)
-            pose = long_on_the_way(12); /* which sees something else */
+            pose = long_on_the_way(12); /* a scan of other surroundings */
         keep(&views[i], &world, &random, long_disturbed(&random, pose, CAIRN_REAL(0.2), 1), 201,
              CAIRN_REAL(4.2), crowd);
     }

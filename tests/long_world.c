@@ -146,8 +146,8 @@ cairn_pose long_disturbed(cairn_random *random, cairn_pose pose, cairn_real metr
     return pose;
 }
 
-/* Distance along a unit vector to the nearest wall that is seen from its free side; 9 when there
- * is none. */
+/* Distance along a unit vector to the nearest wall seen from its free side; 9 when there is
+ * none. */
 static cairn_real cast(const long_world *world, cairn_pose pose, cairn_real c, cairn_real s)
 {
     cairn_real nearest = 9;

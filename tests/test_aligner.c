@@ -1,5 +1,5 @@
-/* The aligner on simulated arenas, on rooms drawn by hand, and on scans that say nothing;
- * refusals and budgets. */
+/* The aligner on simulated arenas, on rooms drawn by hand, and on uninformative scans; refusals and
+ * budgets. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -14,7 +14,7 @@
 
 enum { MAX_SCANS = 64 };
 
-/* An aligner with all that it needs. */
+/* An aligner with its inputs and pool. */
 struct bed {
     cairn_pool pool;
     cairn_aligner_params params;
@@ -175,7 +175,7 @@ struct outcome {
     int32_t observable, aligned, flagged, missed, unflagged, inside;
 };
 
-/* How the poses, of scans shifted by `from`, lie to the truth. */
+/* Errors of the poses relative to the truth, of scans shifted by `from`. */
 static struct outcome compare(const struct bed *bed, const struct survey *s, int32_t from)
 {
     sim_pose truth[MAX_SCANS], poses[MAX_SCANS];
@@ -247,8 +247,8 @@ static void aligns_an_arena(void **state)
     leave(&s);
 }
 
-/* Scans of one wall, which lie askew to the axes of the map, are in every arena; they must not
- * cost the others their joint solution in float. */
+/* Every arena has scans of one wall, oblique to the axes of the map; they must not cost the others
+ * their joint solution in float. */
 static void scans_that_slide_spoil_no_solution(void **state)
 {
     (void)state;
@@ -267,7 +267,7 @@ static void scans_that_slide_spoil_no_solution(void **state)
     }
 }
 
-/* The scans of a survey, once and far from each other four times. Returns the units of the
+/* The scans of a survey, once, and four times far from each other. Returns the units of the
  * alignment. */
 static int64_t units_of_copies(const struct survey *s, int32_t copies, int32_t *worst_step)
 {
@@ -321,7 +321,7 @@ static void aligns_full_scans(void **state)
     leave(&s);
 }
 
-/* In another order of the scans sums round differently; the map is as good. */
+/* In another order of the scans sums round differently; the map is equally good. */
 static void order_does_not_matter(void **state)
 {
     struct survey s = visit(2001, 15, 4, 100, 0.3, 20);
@@ -389,7 +389,7 @@ static void budgets_do_not_matter(void **state)
     leave(&s);
 }
 
-/* Hash of what stands at every commit point; *commits of them. */
+/* Hash of the state at every commit point; *commits: their number. */
 static uint64_t watch(struct bed *bed, const struct survey *s, int32_t budget, int32_t *commits)
 {
     int32_t count = cairn_aligner_scan_count(bed->aligner), parts = count, most = 0;
@@ -449,7 +449,7 @@ static void an_alignment_can_be_watched(void **state)
     run(&bed, CAIRN_UNBOUNDED);
     expected = hash_of(&bed);
     hash = watch(&bed, &s, CAIRN_UNBOUNDED, &commits);
-    /* The same result, and more than one commit point for each scan that was joined. */
+    /* The same result, and more than one commit point for each scan joined. */
     assert_true(hash_of(&bed) == expected);
     assert_true(commits > s.count);
     assert_true(watch(&bed, &s, 7, &again) == hash);
@@ -469,7 +469,7 @@ static void an_alignment_can_be_watched(void **state)
     leave(&s);
 }
 
-/* Without an ingredient the aligner still ends, and does worse or tells less. */
+/* Without an ingredient the aligner still ends, with worse results or fewer outputs. */
 static void ingredients_matter(void **state)
 {
     struct survey s = visit(2005, 10, 4, 100, 0.3, 20);
@@ -570,7 +570,7 @@ static cairn_pose start_at(double x, double y, double degrees)
     return p;
 }
 
-/* Two scans of one box come to lie on each other, exactly. */
+/* Two scans of one box are aligned exactly. */
 static void two_scans_of_a_box(void **state)
 {
     cairn_aligner_params params = room_for(2);
@@ -625,8 +625,8 @@ static void initial_poses_place_the_map(void **state)
     end_bed(&bed);
 }
 
-/* Another initial pose is as if the scan had been added with it, before an alignment, in the
- * middle of one, and after it. */
+/* Another initial pose acts as if the scan had been added with it: before an alignment, during one,
+ * and after it. */
 static void initial_poses_can_be_changed(void **state)
 {
     cairn_aligner_params params = room_for(2);
@@ -678,7 +678,8 @@ static void initial_poses_can_be_changed(void **state)
     end_bed(&fresh);
 }
 
-/* One flat wall: the scan can slide along it, and is told apart by direction. */
+/* One flat wall: the translation of the scan along it is unobservable, which its direction
+ * shows. */
 static void a_flat_wall_is_not_observable(void **state)
 {
     cairn_aligner_params params = room_for(2);
@@ -739,8 +740,8 @@ static void parts_that_do_not_meet(void **state)
     end_bed(&bed);
 }
 
-/* Only those hits of a sensor that lie within [x0, x1] x [y0, y1] or on the wall at the top,
- * farther right than `right`. */
+/* Only those hits of a sensor that lie within [x0, x1] x [y0, y1], or on the wall at the top to the
+ * right of `right`. */
 struct kept {
     double x0, x1, y0, y1, right;
 };
@@ -757,8 +758,8 @@ static void keep_hits(float *ranges, sim_pose at, struct kept kept)
     }
 }
 
-/* Three scans of the lower left of a box, which also see its upper wall, and one of that wall
- * and of what it keeps. */
+/* Three scans of the lower left of a box, which also see its upper wall, and one of that wall and
+ * of what it bounds. */
 static cairn_aligner_pose slide(struct kept kept, int32_t max_stubs)
 {
     static const sim_pose others[] = {{3, 3, 0}, {3.6, 3.4, 0.2}, {4, 2.8, -0.1}};
@@ -793,8 +794,8 @@ static cairn_aligner_pose slide(struct kept kept, int32_t max_stubs)
     return last;
 }
 
-/* A wall that nobody has seen at that place, but on the line of one that others see elsewhere,
- * stops a scan. */
+/* A wall that no scan has seen at that place, but others have seen elsewhere on its line, stops a
+ * scan. */
 static void a_scan_slides_until_its_walls_meet(void **state)
 {
     const struct kept corner = {-0.1, 0.1, 6, 7.8, 0.1}, nothing = {0, 0, 0, 0, 0.6},
@@ -817,7 +818,7 @@ static void a_scan_slides_until_its_walls_meet(void **state)
     assert_int_equal(p.placed, 0);
 }
 
-/* ---- Scans that say little or nothing ---- */
+/* ---- Scans of little or no information ---- */
 
 static void check_ends(struct bed *bed)
 {
@@ -844,7 +845,7 @@ static void degenerate_scans(void **state)
     check_ends(&bed);
     assert_int_equal(cairn_aligner_read(bed.aligner).verdict, CAIRN_ALIGNER_DISCONNECTED);
     assert_near(cairn_aligner_pose_of(bed.aligner, 0).map_scan.x, 1, 1e-5);
-    /* All equal, far from each other and at the same place. */
+    /* All equal, far from each other, and at the same place. */
     for (int i = 0; i < 6; i++)
         add(&bed, &input, start_at(i < 3 ? 1 : 2, 2, 5 * i));
     check_ends(&bed);
@@ -1073,8 +1074,8 @@ static void initial_poses_are_shown(void **state)
     end_bed(&bed);
 }
 
-/* A scan that starts too far off is not placed; looked for again where it is, it is, and the
- * others hardly move. */
+/* A scan whose start is too far off is not placed. With another start it is, and the others hardly
+ * move. */
 static void what_was_not_placed_is_looked_for_again(void **state)
 {
     enum { LOST = 4, PLACES = 8 };
@@ -1105,7 +1106,7 @@ static void what_was_not_placed_is_looked_for_again(void **state)
         for (int32_t i = 0; i < PLACES; i++) {
             before[i] = cairn_aligner_pose_of(bed.aligner, i);
             assert_int_equal(before[i].placed, i != LOST);
-            /* not read of those that are placed */
+            /* ignored for those that are placed */
             near[i].x = near[i].y = near[i].theta = (cairn_real)NAN;
         }
         near[LOST] = s.start[LOST];
@@ -1118,7 +1119,7 @@ static void what_was_not_placed_is_looked_for_again(void **state)
         assert_status(cairn_aligner_begin_warm(bed.aligner, bad), CAIRN_BAD_ARGUMENT);
         assert_false(cairn_aligner_running(bed.aligner));
 
-        /* Where it was it is not found, and the result stays bit by bit. */
+        /* From its old start it is not found, and the result stays bit by bit. */
         assert_ok(cairn_aligner_begin_warm(bed.aligner, near));
         assert_true(cairn_aligner_running(bed.aligner));
         assert_status(cairn_aligner_begin_warm(bed.aligner, near), CAIRN_EMPTY);
@@ -1168,7 +1169,7 @@ static void what_was_not_placed_is_looked_for_again(void **state)
     leave(&s);
 }
 
-/* Given late, initial poses do the same as given at once. */
+/* Initial poses given late act like those given at once. */
 static void initial_poses_can_be_given_again(void **state)
 {
     cairn_aligner_params params = room_for(2);
@@ -1214,7 +1215,7 @@ static void initial_poses_can_be_given_again(void **state)
 
 /* ---- Golden results ---- */
 
-/* All that is told. */
+/* All that is reported. */
 static uint64_t hash_of_all(const struct bed *bed)
 {
     cairn_aligner_result r = cairn_aligner_read(bed->aligner);
@@ -1225,12 +1226,12 @@ static uint64_t hash_of_all(const struct bed *bed)
     return test_hash(test_hash(hash_of(bed), numbers, sizeof numbers), spreads, sizeof spreads);
 }
 
-/* Half circles from places in a room with boxes and slanting walls, `strange` of the last ones
- * in another room; every `wild`-th lies a metre and more off its initial pose. */
+/* Scans of half a circle from places in a room with boxes and slanting walls; the last `strange`
+ * ones are in another room, and every `wild`-th has an initial error of a metre and more. */
 struct scene {
     int32_t scans, strange, wild, hypotheses, oriented;
     double metres, degrees;
-    uint64_t world; /* not 0: the seed of other rooms, of walls and boxes at random */
+    uint64_t world; /* not 0: the seed of another world, with random walls and boxes */
     int32_t beams;
     uint64_t in_double, in_float;
 };

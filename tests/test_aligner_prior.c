@@ -1,5 +1,4 @@
-/* What initial poses say of clusters of the aligner: the sums that are kept against a look at
- * every scan. */
+/* Priors of the aligner: the running sums over a cluster compared with sums over all scans. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -10,15 +9,15 @@ enum { SCANS = 12, FIRST = 7 };
 
 static const double PI = 3.14159265358979323846;
 
-/* Scans that show nothing; those before FIRST in one cluster, the others in another, each in a
- * frame of its own. */
+/* Scans without points; those before FIRST in one cluster, the others in another, each in its own
+ * frame. */
 struct bed {
     cairn_pool pool;
     cairn_aligner *x;
     int32_t first, second; /* the clusters */
 };
 
-/* off: by how much the poses are off, m; a third of that in rad. */
+/* off: errors of the poses in m; a third of that in rad. */
 static struct bed make_bed(uint64_t seed, double off)
 {
     cairn_aligner_params params = cairn_aligner_default();
@@ -84,8 +83,8 @@ struct left {
     double squares, squares_angle, beyond, cost;
 };
 
-/* What is left of a crowd turned as a whole, at the best shift; cost: what the gauge makes
- * least. */
+/* Residual of a cluster that is rotated as a whole, at the best shift; cost: what the gauge
+ * minimizes. */
 static struct left left_at(const cairn_aligner *x, const struct crowd *c, double turn)
 {
     double weight = pow((double)x->sigma / (double)x->sigma_angle, 2), dx = 0, dy = 0;
@@ -167,7 +166,7 @@ static double slow_prior(const cairn_aligner *x, int32_t moving, int32_t fixed,
 
 /* ---- Tests ---- */
 
-/* The pose of the first cluster in the second that the initial poses ask for, off by some. */
+/* The pose of the first cluster in the second according to the initial poses, with an error. */
 static cairn_transform pose_off(const struct bed *bed, double off_x, double off_turn)
 {
     cairn_transform first = cairn_aligner_gauge(bed->x, bed->first),
@@ -196,11 +195,11 @@ static void all_as_slow(struct bed *bed)
         assert_same_prior(bed, pose_off(bed, offs[k][0], offs[k][1]));
 }
 
-static void sums_tell_what_scans_tell(void **state)
+static void sums_equal_those_over_scans(void **state)
 {
     (void)state;
     for (uint64_t seed = 1; seed <= 6; seed++) {
-        /* up to 3.6 m and 1.2 rad: far out of the box */
+        /* up to 3.6 m and 1.2 rad: far outside of the box */
         struct bed bed = make_bed(seed, 0.1 * (double)(seed * seed));
 
         all_as_slow(&bed);
@@ -244,7 +243,7 @@ static void single_scans_have_no_misfit(void **state)
     test_pool_free(&bed.pool);
 }
 
-/* The spread that is learnt, two scans of the expected one weighed in. */
+/* The learnt spread, with a weight of two scans of the expected spread. */
 static void spread_is_that_of_the_scans(void **state)
 {
     static const double offs[] = {0.05, 0.3, 5};
@@ -277,8 +276,8 @@ static void spread_is_that_of_the_scans(void **state)
     }
 }
 
-/* What is kept of a cluster, and told anew after each change, against what its scans say when
- * nothing is kept. */
+/* The running sums of a cluster after each change compared with sums over its scans from
+ * scratch. */
 static void spread_learnt_bit_by_bit_is_that_of_all(void **state)
 {
     (void)state;
@@ -301,7 +300,7 @@ static void spread_learnt_bit_by_bit_is_that_of_all(void **state)
             cairn_aligner_estimate_sigmas(x);
             sigma = x->sigma;
             sigma_angle = x->sigma_angle;
-            if (change % 8 == 7) { /* in between, the sums go on from what was kept */
+            if (change % 8 == 7) { /* between them, the sums continue from the stored ones */
                 for (int32_t c = 0; c <= SCANS; c++)
                     x->prior_sums[c].stamp = -1;
                 cairn_aligner_estimate_sigmas(x);
@@ -316,7 +315,7 @@ static void spread_learnt_bit_by_bit_is_that_of_all(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(sums_tell_what_scans_tell),
+        cmocka_unit_test(sums_equal_those_over_scans),
         cmocka_unit_test(sums_follow_scans_that_come_and_go),
         cmocka_unit_test(single_scans_have_no_misfit),
         cmocka_unit_test(spread_is_that_of_the_scans),

@@ -1,5 +1,4 @@
-/* What the aligner says of two scans after it has ended, on a hallway that is longer than a scan
- * sees. */
+/* Queries of the aligner after its end, on a hallway longer than the range of a scan. */
 #include "tests/test.h"
 
 #include "cairn/aligner.h"
@@ -10,8 +9,7 @@
 
 enum { SCANS = 5 };
 
-/* 0 and 1 see the end of the hallway, 2 and 3 nothing but its sides, 4 stands in a room far
- * away. */
+/* 0 and 1 see the end of the hallway, 2 and 3 only its sides, 4 is in a room far away. */
 static const cairn_pose truth[SCANS] = {{2, 1, 0},
                                         {CAIRN_REAL(5.5), CAIRN_REAL(1.2), 2},
                                         {CAIRN_REAL(8.6), 1, -1},
@@ -107,7 +105,7 @@ static void sides_hold_across_and_the_end_along(void **state)
     test_pool_free(&bed.pool);
 }
 
-/* A wall in common that the two do not lie on together holds nothing. */
+/* A common wall constrains nothing unless both scans lie on it. */
 static void walls_hold_who_lies_on_them(void **state)
 {
     struct bed bed = align();

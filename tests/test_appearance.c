@@ -1,5 +1,5 @@
-/* What classes look like: textures told apart, the same model again, its file, files that are
- * none; and life without the library of OpenCV. */
+/* Appearance models: textures distinguished, training repeated, files, bad files; without the
+ * library of OpenCV. */
 #include "cairn/appearance.h"
 
 #include <math.h>
@@ -15,7 +15,7 @@ static uint8_t grey[WIDTH * HEIGHT];
 
 /* ---- Without the library ---- */
 
-/* Two words, two support vectors: of the first word, of the second. */
+/* Two words and two support vectors: one of each word. */
 static cairn_appearance_model make_small(void)
 {
     static uint8_t words[2 * CAIRN_APPEARANCE_DESCRIPTOR_SIZE];
@@ -97,8 +97,8 @@ static void assert_unreadable(const char *text, cairn_status status, const char 
         fail_msg("\"%s\" does not hold \"%s\"", error.text, what);
 }
 
-/* Every cut of a file is told, and so is a foreign one, another version, and numbers that cannot
- * be. */
+/* Every truncated file is refused, and so are foreign files, other versions, and impossible
+ * numbers. */
 static void refuses_what_is_no_model(void **state)
 {
     cairn_appearance_model m = make_small();
@@ -149,7 +149,7 @@ static void refuses_what_is_no_model(void **state)
     assert_status(cairn_appearance_read(&m, files_path("missing.look"), &error), CAIRN_IO);
 }
 
-/* Nothing is written that reading would refuse. */
+/* Nothing is written that the reader would refuse. */
 static void writes_nothing_unreadable(void **state)
 {
     static float beyond[] = {1, 0, 1.5F, 0};
@@ -193,7 +193,7 @@ static void writes_nothing_unreadable(void **state)
     }
 }
 
-/* What is not there says what it is. */
+/* What is missing is named. */
 static void lives_without_the_library(void **state)
 {
     cairn_appearance_model m = make_small();
@@ -226,7 +226,7 @@ static void need_library(void)
     }
 }
 
-/* Stripes in the box, blots elsewhere. */
+/* Stripes in the box, blots outside. */
 static void draw(int32_t left, int32_t top, uint64_t seed, int is_there)
 {
     cairn_random random = cairn_random_seed(seed, 3);
@@ -300,7 +300,7 @@ static void tells_textures_apart(void **state)
         assert_near(cairn_appearance_distance(field, none), 1, 0);
         cairn_appearance_field_free(field);
     }
-    /* The same again, bit by bit; another seed is another dictionary. */
+    /* Training repeated is the same bit by bit; another seed gives another dictionary. */
     again = learn(&params);
     assert_int_equal(again.support_count, m.support_count);
     assert_memory_equal(again.words, m.words, 20 * CAIRN_APPEARANCE_DESCRIPTOR_SIZE);
@@ -314,8 +314,7 @@ static void tells_textures_apart(void **state)
     cairn_appearance_free(&m);
 }
 
-/* All of an image's boxes are learnt from, however many: the last of them alone has the patches
- * that are asked for. */
+/* All boxes of an image are used, however many: only the last of them has the required patches. */
 static void takes_many_boxes(void **state)
 {
     enum { BOXES = 300 };

@@ -1,5 +1,5 @@
-/* Contours between regions: strengths, cuts and joints against the definition, closed at every
- * level, colours of one brightness, texture, budgets, capacities. */
+/* Boundaries of regions: strengths, cuts and merges compared with the definition, closed at every
+ * level, colours of equal brightness, texture, budgets, capacities. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -21,7 +21,7 @@ static cairn_boundary_params small_params(void)
     return params;
 }
 
-/* Windows that are small against the picture; many regions. */
+/* Small windows, many regions. */
 static cairn_boundary_params narrow_params(void)
 {
     cairn_boundary_params params = small_params();
@@ -64,7 +64,7 @@ static cairn_boundary_result find(struct fixture *f, cairn_boundary_image image)
     return cairn_boundary_read(f->boundary);
 }
 
-/* Blots of colours, and noise. */
+/* Patches of colour, and noise. */
 static void draw_blots(uint64_t seed, int32_t noise)
 {
     cairn_random random = cairn_random_seed(seed, 7);
@@ -122,7 +122,7 @@ static int32_t reflected(int32_t i, int32_t count)
     return i < 0 ? -1 - i : i >= count ? 2 * count - 1 - i : i;
 }
 
-/* Averages over squares, thrice. */
+/* Box averages, three times. */
 static void reference_average(double *map, int32_t half)
 {
     static double to[PIXELS];
@@ -153,7 +153,7 @@ static void reference_add(const double *map, double weight, double tensor[PIXELS
     }
 }
 
-/* Of a channel its values by the windows `half`, or the bins of its histogram. */
+/* Of a channel: its values by windows of `half`, or the bins of its histogram. */
 static void reference_channel(double lab[PIXELS][3], int32_t c, int32_t half, int of_bins,
                               double weight, double tensor[PIXELS][3])
 {
@@ -209,9 +209,9 @@ static void strengths_are_what_the_definition_says(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- The reference implementation of the joints: all borders are summed anew before each ---- */
+/* ---- Reference implementation of the merges: all borders are summed anew before each ---- */
 
-/* The side of a pixel to the right (0) or below (1): its level, -1: none is there. */
+/* The side of a pixel to the right (0) or below (1): its level; -1: none. */
 static double level_at[2][PIXELS];
 
 static void fill_levels(const cairn_boundary_result *r)
@@ -268,7 +268,7 @@ static int32_t label_regions(void)
     return count;
 }
 
-/* What a side of two pixels of different regions weighs; histograms of pixels. */
+/* Weight of a side between two pixels of different regions; histograms of pixels. */
 static double side_weight[2][PIXELS], pixel_bins[PIXELS][23];
 
 static void fill_pixel_bins(void)
@@ -305,7 +305,7 @@ static double reference_apart(int32_t p, int32_t q)
     return sqrt(fmax(0, 1 - sum));
 }
 
-/* The weakest border: the key, and its regions. 0: there is none. */
+/* The weakest border: its key and its regions. 0: none. */
 static int reference_weakest(double small, double contrast, double *key, int32_t pair[2])
 {
     static double sum[PIXELS], length[PIXELS];
@@ -345,7 +345,7 @@ static int reference_weakest(double small, double contrast, double *key, int32_t
     return found < 1e300;
 }
 
-/* Joins all regions: the level of each side. The number of joints. */
+/* Merges all regions: the level of each side. Returns the number of merges. */
 static int32_t reference_join(double small, double contrast, double level[2][PIXELS])
 {
     double joined = 0, key;
@@ -370,7 +370,7 @@ static int32_t reference_join(double small, double contrast, double level[2][PIX
     return joints;
 }
 
-/* The first regions, and their borders: sums and numbers of sides. */
+/* The first regions and their borders: sums and numbers of sides. */
 enum { REGIONS_MOST = 200 };
 static int32_t number[PIXELS], region_count;
 static double border_sum[REGIONS_MOST][REGIONS_MOST], border_sides[REGIONS_MOST][REGIONS_MOST],
@@ -435,8 +435,8 @@ static void reference_eigen(double m[REGIONS_MOST][REGIONS_MOST],
             }
 }
 
-/* What the eight best cuts have across each border: the generalised eigenvectors of D - W, of
- * unit mean square, by the roots of their values. */
+/* The eight best cuts across each border: the generalized eigenvectors of D - W, of unit mean
+ * square, divided by the square roots of their eigenvalues. */
 static void reference_cuts(double mean)
 {
     static double laplacian[REGIONS_MOST][REGIONS_MOST], v[REGIONS_MOST][REGIONS_MOST];
@@ -478,8 +478,8 @@ static void reference_cuts(double mean)
     }
 }
 
-/* The mean strength of each border of the first regions, with what the cuts add to it, becomes
- * what its sides weigh. */
+/* The mean strength of each border of the first regions plus that of the cuts becomes the weight of
+ * its sides. */
 static void weigh_sides(const cairn_boundary_result *r, double global)
 {
     double mean = 0, mean_cut = 0, count = 0;
@@ -509,7 +509,7 @@ static void weigh_sides(const cairn_boundary_result *r, double global)
     }
 }
 
-/* The levels of all sides beside those of the slow way. */
+/* The levels of all sides compared with those of the reference implementation. */
 static void compare_levels(double global, double tolerance)
 {
     static const double powers[5][2] = {{0, 0}, {1, 0}, {2, 0}, {0.5, 1}, {1.5, 1}};
@@ -564,7 +564,7 @@ static void cuts_are_what_the_definition_says(void **state)
     compare_levels(0.5, NUMBER(1e-6, 3e-2));
 }
 
-/* ---- What must hold of any picture ---- */
+/* ---- Invariants of any image ---- */
 
 /* Contours above any level have no loose ends within the image. */
 static void contours_close_at_every_level(void **state)
@@ -635,7 +635,7 @@ static void draw_disc(const uint8_t inside[3], const uint8_t outside[3])
     }
 }
 
-/* Contours at more than half of the highest level are the disc's, all around it. */
+/* Contours above half of the highest level are those of the disc, all around it. */
 static void assert_disc(const cairn_boundary_result *r, double least)
 {
     double highest = 0;
@@ -656,7 +656,7 @@ static void assert_disc(const cairn_boundary_result *r, double least)
             assert_near(hypot(q->x - 24, q->y - 18), 10, 1.5);
         }
     }
-    assert_near(sides, 80, 10); /* as of the square about it */
+    assert_near(sides, 80, 10); /* of the bounding square */
 }
 
 static void a_disc_has_its_contour(void **state)
@@ -672,7 +672,7 @@ static void a_disc_has_its_contour(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Red and green of one brightness: in grey there is nothing. */
+/* Red and green of equal brightness: invisible in grey. */
 static void colours_of_one_brightness_part(void **state)
 {
     static const uint8_t red[3] = {60, 60, 200}, green[3] = {60, 123, 60};
@@ -695,8 +695,8 @@ static void colours_of_one_brightness_part(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Left: stripes of two greys, right: the light that is their mean. Means say little, histograms
- * where the stripes end. */
+/* Left: stripes of two greys; right: uniform grey of their mean. Means differ little, histograms do
+ * at the border. */
 static void histograms_see_where_a_texture_ends(void **state)
 {
     double strength[2] = {0, 0};
@@ -800,7 +800,7 @@ static void bits_stay_as_they_are(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A fourth channel is passed over, rows may have gaps, grey is grey in colour. */
+/* A fourth channel is ignored, rows may have gaps, grey images equal grey colours. */
 static void views_of_one_picture_agree(void **state)
 {
     static uint8_t other[4 * PIXELS + 8 * HEIGHT];

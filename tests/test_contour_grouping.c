@@ -5,11 +5,11 @@
 
 enum { SIDES = 7 };
 
-/* A lamp: nothing in it is alike upside down or from behind. */
+/* A lamp: it has no symmetry upside down or mirrored. */
 static const double lamp[SIDES][2] = {{-10, -40}, {14, -40}, {26, 0}, {6, 4},
                                       {10, 40},   {-14, 40}, {-4, 4}};
 
-/* The lamp's sides in pieces of some 8 px, those of number `from` to `to` - 1 only. Indices of
+/* The lamp's sides as segments of about 8 px, only those of number `from` to `to` - 1. Indices of
  * its segments are in order. */
 static void add_lamp(scene *s, double x, double y, double scale, double turn, int from, int to)
 {
@@ -57,8 +57,7 @@ static cairn_contour_grouping_input input_of(const finder *f, const scene *s)
     return in;
 }
 
-/* The share of the segments first ... last - 1 that an object has, and of its own that are among
- * them. */
+/* Recall and precision of an object against the segments first ... last - 1. */
 static void shares(const cairn_contour_grouping_result *r, int32_t object, int32_t first,
                    int32_t last, double *recall, double *precision)
 {
@@ -76,7 +75,7 @@ static void shares(const cairn_contour_grouping_result *r, int32_t object, int32
     *precision = o->count > 0 ? (double)among / o->count : 0;
 }
 
-/* Where the frame of the model comes to lie: its origin is the middle of the box. */
+/* The pose of the model's frame: its origin is the middle of the box. */
 static void assert_lies(const finder *f, const cairn_contour_grouping_object *o, double x, double y,
                         double scale, double turn)
 {
@@ -129,7 +128,7 @@ static void it_is_found_in_clutter_at_any_size_and_turn(void **state)
     test_pool_free(&f.pool);
 }
 
-static void two_are_found_and_told_apart(void **state)
+static void two_are_found_and_distinguished(void **state)
 {
     cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
@@ -183,8 +182,7 @@ static int is_of_sides(const finder *f, cairn_vec2 place, int from, int to)
     return nearest >= from && nearest < to;
 }
 
-/* Samples of the paths of which a side lies next to a place of the outline that a segment goes
- * along. */
+/* Samples of the paths with a side next to a place of the outline that a segment covers. */
 static int32_t samples_seen(const finder *f, const cairn_contour_grouping_result *r,
                             const cairn_contour_grouping_object *o)
 {
@@ -211,8 +209,8 @@ static int32_t samples_seen(const finder *f, const cairn_contour_grouping_result
     return seen;
 }
 
-/* One end is hidden, then the other: what is left is grouped, with less evidence, and it is said
- * which part was seen. */
+/* One end is hidden, then the other: the rest is grouped, with less evidence, and the visible part
+ * is reported. */
 static void a_part_is_enough(void **state)
 {
     cairn_contour_grouping_params params = small_params();
@@ -286,8 +284,8 @@ static void what_the_border_cuts_is_found(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Not there, upside down, or of another size than asked for: nothing is reported, but for the
- * best score. */
+/* Absent, upside down, or of another size than requested: nothing is reported but the best
+ * score. */
 static void what_is_not_there_is_not_found(void **state)
 {
     cairn_contour_grouping_params params = small_params();
@@ -378,7 +376,7 @@ static double reference_sense(const reference *t, int32_t token, double ux, doub
     return t->token[token].dx * ux + t->token[token].dy * uy >= 0 ? 1 : -1;
 }
 
-/* 2 where the chain of a token goes on. */
+/* 2 where the chain of a token continues. */
 static double reference_leave(const reference *t, int32_t token, double ux, double uy, int ahead)
 {
     int32_t next = token + 2 * ahead * (int)reference_sense(t, token, ux, uy);
@@ -404,7 +402,7 @@ static double reference_step(const reference *t, const reference_cell *a, const 
            reference_leave(t, b->token, ux, uy, -1);
 }
 
-/* The cells of a place of the outline; their number. */
+/* The cells of a place of the outline; returns their number. */
 static int reference_look(const reference *t, double x, double y, double ux, double uy, double bend,
                           reference_cell *cell)
 {
@@ -512,7 +510,7 @@ static void evidence_is_that_of_the_reference(void **state)
 
 /* ---- Degenerate input ---- */
 
-/* Pairs of lines, each a token, that may be both sides of a sample, by angles. */
+/* Pairs of lines, each a token, that may be the two sides of a sample, judged by angles. */
 static int32_t reference_sights(const finder *f, const scene *s,
                                 const cairn_contour_grouping_input *in)
 {
@@ -582,7 +580,7 @@ static void first_sight_passes_nothing_over(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Edges everywhere: so many tokens as there is room for, evenly; and it comes to an end. */
+/* Edges everywhere: tokens up to the capacity, evenly distributed; and the search ends. */
 static void an_image_full_of_edges_is_thinned_out(void **state)
 {
     cairn_contour_grouping_params params = small_params();
@@ -626,7 +624,7 @@ static void an_image_full_of_edges_is_thinned_out(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A triangle is a model as well; an image of one pixel has nothing in it. */
+/* A triangle is a valid model; an image of one pixel is empty. */
 static void small_models_and_images(void **state)
 {
     cairn_contour_grouping_params params = small_params();
@@ -661,8 +659,8 @@ static void small_models_and_images(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Without a term it still groups; steps stop early where nothing fits; a longer path needs no
- * larger pool but for its trace. */
+/* Without one of the terms it still groups; steps stop early where nothing fits; a longer path
+ * needs no larger pool but for its trace. */
 static void parts_can_be_switched_off(void **state)
 {
     cairn_contour_grouping_params params = small_params(), longer = params;
@@ -876,7 +874,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(it_is_found_in_clutter_at_any_size_and_turn),
-        cmocka_unit_test(two_are_found_and_told_apart),
+        cmocka_unit_test(two_are_found_and_distinguished),
         cmocka_unit_test(a_part_is_enough),
         cmocka_unit_test(what_the_border_cuts_is_found),
         cmocka_unit_test(evidence_is_that_of_the_reference),

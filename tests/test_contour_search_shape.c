@@ -1,4 +1,4 @@
-/* How well a bent outline fits: on its edges and beside them, with edges missing; turned,
+/* Measures of a fitted outline: on its edges and beside them, with edges missing; rotated,
  * stretched, with a part moved; two outlines. */
 #include "tests/test.h"
 
@@ -8,7 +8,7 @@
 
 enum { SIDE = 16, SAMPLES = 4 * SIDE, LINES = 8 };
 
-/* A square of 0.7 sizes a side, of which the diagonal is about one, and where it is bent to. */
+/* A square of 0.7 sizes a side, whose diagonal is about one, and its fitted positions. */
 static cairn_oriented_point drawn[SAMPLES], laid[SAMPLES];
 static int32_t part[SAMPLES], list[LINES];
 static cairn_segment lines[LINES];
@@ -17,8 +17,8 @@ static cairn_contour_search_tokens tokens;
 static const cairn_real size = 200;
 static const cairn_vec2 origin = {150, 140};
 
-/* Lays it turned, wider than high, and draws its sides as edges, `off` px outside of it, without
- * those of which `hidden` has a bit. */
+/* Places it rotated and wider than high, and draws its sides as edges `off` px outside of it,
+ * without the sides in the bit set `hidden`. */
 static void lay(double turn, double wide, double off, int32_t hidden)
 {
     static const cairn_vec2 corners[] = {{CAIRN_REAL(-0.35), CAIRN_REAL(-0.35)},
@@ -56,7 +56,7 @@ static void lay(double turn, double wide, double off, int32_t hidden)
     }
 }
 
-/* turn: what counts as upright. */
+/* turn: the direction that counts as upright. */
 static cairn_contour_search_shape measure(double turn)
 {
     const contour_fitted_outline c = {laid, SAMPLES, origin, size};
@@ -77,8 +77,8 @@ static void test_on_its_edges(void **state)
     assert_near(shape.deformation, 0, 1e-4);
 }
 
-/* A sigma of 0.012 sizes off, three of them, and farther than what counts; the corners lie
- * nearer to the other sides' ends at most. */
+/* One sigma of 0.012 sizes off, three of them, and beyond the limit; the corners are at most nearer
+ * to the other sides' ends. */
 static void test_how_close(void **state)
 {
     (void)state;
@@ -94,7 +94,7 @@ static void test_how_close(void **state)
     assert_near(measure(0).edge_proximity, 0, 1e-6);
 }
 
-/* An edge across the outline is none of it. */
+/* An edge across the outline does not count. */
 static void test_of_its_direction(void **state)
 {
     (void)state;
@@ -110,7 +110,7 @@ static void test_of_its_direction(void **state)
     assert_near(measure(0).edge_proximity, 0.25, 0.02);
 }
 
-/* A turn of the whole counts against what is upright, never as strain. */
+/* A rotation of the whole counts against uprightness, never as deformation. */
 static void test_turned(void **state)
 {
     (void)state;
@@ -122,7 +122,7 @@ static void test_turned(void **state)
     assert_near(measure(0).edge_proximity, 1, 1e-4);
 }
 
-/* Other proportions are no strain; skewed sides are turned. */
+/* Other proportions are no deformation; skewed sides deviate in tangent. */
 static void test_stretched(void **state)
 {
     (void)state;
@@ -131,7 +131,7 @@ static void test_stretched(void **state)
     assert_true(measure(0).tangent_deviation < CAIRN_REAL(0.01));
 }
 
-/* A side that is moved strains the square: more so by more, and as much wherever it lies. */
+/* A moved side deforms the square: increasing with the motion, and equally whichever side. */
 static void test_strained(void **state)
 {
     cairn_real before = 0;

@@ -1,4 +1,4 @@
-/* The defaults of all rooms but the force field, whose own test has them. */
+/* The defaults of all modules but the force field, whose own test checks them. */
 #include "tests/test.h"
 
 #include "cairn/aligner.h"
@@ -489,7 +489,7 @@ static void of_the_mapper(void **state)
         VALUE(p.field.dt_end, 0.005),
         VALUE(p.field.roi, 0),
         VALUE(p.field.max_steps, 10),
-        /* All else is as the rooms have it. */
+        /* All other fields equal the modules' own defaults. */
         VALUE(p.field.mode, (double)field.mode),
         VALUE(p.field.max_scans, (double)field.max_scans),
         VALUE(p.field.max_segments, (double)field.max_segments),

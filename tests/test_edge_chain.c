@@ -4,13 +4,13 @@
 
 enum { SIDE = 40, PIXELS = SIDE * SIDE };
 
-/* A picture drawn by hand, or at random. */
+/* An image drawn by hand, or at random. */
 typedef struct picture {
     uint8_t data[PIXELS];
     int32_t width, height;
 } picture;
 
-/* Rows parted by '\n': '#' is 200, a digit 10 times itself plus 5, all else nothing. */
+/* Rows separated by '\n': '#' is 200, a digit 10 times itself plus 5, all else 0. */
 static picture draw(const char *rows)
 {
     picture p;
@@ -93,7 +93,7 @@ static cairn_edge_chain_result search(cairn_edge_chain_set *set, const picture *
     return cairn_edge_chain_read(set);
 }
 
-/* ---- The obvious way ---- */
+/* ---- Reference implementation ---- */
 
 static int at(const picture *p, int32_t x, int32_t y)
 {
@@ -123,7 +123,7 @@ static int touch(int32_t j, int32_t k)
     return abs(ring_x[j] - ring_x[k]) <= 1 && abs(ring_y[j] - ring_y[k]) <= 1;
 }
 
-/* Groups of neighbours that hang together without the pixel. */
+/* Connected groups of neighbours without the pixel itself. */
 static int32_t group_count(const picture *p, int32_t x, int32_t y)
 {
     int32_t label[8], groups = 0;
@@ -168,7 +168,8 @@ static int32_t capped_distance(const picture *p, int32_t x, int32_t y)
     return least;
 }
 
-/* The next in line is looked for among all pixels, by rank and then by when it got in line. */
+/* The next pixel in the queue is searched among all pixels, by rank and then by the time of
+ * entry. */
 static picture slow_thin(const picture *input)
 {
     static int32_t rank[PIXELS], since[PIXELS];
@@ -226,8 +227,8 @@ static int linked(const picture *p, cairn_edge_chain_pixel a, cairn_edge_chain_p
     return dx == 0 || dy == 0 || (!at(p, a.x + dx, a.y) && !at(p, a.x, a.y + dy));
 }
 
-/* Every link of the thinned picture is in exactly one chain, chains part at all that is no line,
- * and say so. */
+/* Every link of the thinned image is in exactly one chain; chains end at every pixel that is not of
+ * degree two, and report it. */
 static void check_chains(const picture *thin, const cairn_edge_chain_result *r, int32_t min_length)
 {
     int32_t links = 0, in_chains = 0, end = 0;
@@ -263,7 +264,7 @@ static void check_chains(const picture *thin, const cairn_edge_chain_result *r, 
         assert_int_equal(in_chains, links);
 }
 
-/* All pixels of chains, as a picture. */
+/* All pixels of chains, as an image. */
 static picture chains_drawn(const picture *like, const cairn_edge_chain_result *r)
 {
     picture p = *like;
@@ -295,10 +296,9 @@ static void agrees_with_the_obvious_way(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- Pictures with a known answer ---- */
+/* ---- Images with a known answer ---- */
 
-/* `expected` is what is left after thinning and pruning; compared without pixels that stand
- * alone. */
+/* `expected` is the result of thinning and pruning; compared without isolated pixels. */
 static void expect_thinned(const char *rows, const char *expected)
 {
     cairn_edge_chain_params params = small_params();
@@ -444,7 +444,7 @@ static void a_ring_is_closed_and_its_tail_is_not(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Two loops that share one pixel need the most room that pixels can need. */
+/* Two loops that share one pixel need the most memory per pixel. */
 static void loops_through_one_junction(void **state)
 {
     cairn_edge_chain_params params = small_params();
@@ -490,8 +490,8 @@ static void spurs_go_and_branches_stay(void **state)
     struct fixture f;
 
     (void)state;
-    /* Branches of two pixels beside the one that lines share stay at 1 and go at 2; a short line
-     * of its own is none. */
+    /* Branches of two pixels at a pixel that lines share stay at 1 and are removed at 2; a short
+     * separate line is not a branch. */
     params.max_spur = 1;
     f = set_with(params);
     r = search(f.set, &p);
@@ -580,7 +580,7 @@ static void strength_is_the_mean_of_the_chain(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- Degenerate pictures, budgets, refusals ---- */
+/* ---- Degenerate images, budgets, refusals ---- */
 
 static void nothing_and_everything(void **state)
 {

@@ -30,7 +30,7 @@ static void dot(drawing *d, int32_t x, int32_t y)
     d->chains[d->chain_count - 1].count++;
 }
 
-/* A straight row of pixels from the last one, or from (ax, ay) in a chain that is empty. */
+/* A straight row of pixels from the last one, or from (ax, ay) in an empty chain. */
 static void line_to(drawing *d, int32_t ax, int32_t ay, int32_t bx, int32_t by)
 {
     int32_t steps = abs(bx - ax) > abs(by - ay) ? abs(bx - ax) : abs(by - ay);
@@ -117,7 +117,7 @@ static cairn_edge_segment_result search(cairn_edge_segment_set *set, const drawi
     return cairn_edge_segment_read(set);
 }
 
-/* ---- The obvious way, in double ---- */
+/* ---- Reference implementation, in double ---- */
 
 typedef struct slow_line {
     double a[2], b[2];
@@ -224,7 +224,7 @@ static int by_value(const void *a, const void *b)
     return (p > q) - (p < q);
 }
 
-/* Whole pixels of the projections of all ends within 2 L, in order, as far as pieces stay long
+/* Whole pixels of the projections of all ends within 2 L, in order, as long as segments stay long
  * enough. */
 static void slow_cut(const drawing *d, slow_line *line, double look_ahead, double least)
 {
@@ -335,7 +335,7 @@ static int by_slow_segments(const void *a, const void *b)
     return by_parts(p->first, q->first, p->last, q->last, p->a[0], q->a[0]);
 }
 
-/* Virtual ones are compared in the order of what they join, and of where they start where two
+/* Virtual ones are compared in the order of the segments they join, and by their starts where two
  * join the same. */
 static void expect_the_obvious_way(const cairn_edge_segment_result *r, const drawing *d,
                                    const cairn_edge_segment_params *p)
@@ -418,8 +418,8 @@ static void a_straight_line_is_one_segment(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A wall of 30 px is cut where the short line beside it ends, as far as the look-ahead goes; 2 *
- * 5 px here. */
+/* A wall of 30 px is cut at the end of the short line beside it, within the look-ahead distance; 2
+ * * 5 px here. */
 static void ends_nearby_cut(void **state)
 {
     static const int32_t beside[] = {10, 11, -10, -11};
@@ -455,7 +455,8 @@ static void ends_nearby_cut(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A cut leaves at least four pixels on both sides, and the first of two that are too near wins. */
+/* A cut leaves at least four pixels on both sides; of two that are too near each other the first
+ * wins. */
 static void pieces_do_not_become_too_short(void **state)
 {
     cairn_edge_segment_params params = small_params();
@@ -542,8 +543,8 @@ static void closed_chains_go_all_the_way_round(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A hook whose pixels spread across its chord, a chain that comes back to where it started, one
- * that stays there. */
+/* A hook whose pixels spread across its chord, a chain that returns to its start, one that stays
+ * there. */
 static void odd_chains_are_finite(void **state)
 {
     cairn_edge_segment_params params = small_params();
@@ -632,7 +633,7 @@ static void budgets_do_not_matter(void **state)
     test_pool_free(&other.pool);
 }
 
-/* Every capacity that is one too small is refused in words, and the set can be used again. */
+/* Every capacity that is one too small is refused with a message, and the set can be used again. */
 static void capacities_are_kept(void **state)
 {
     static drawing d, one;

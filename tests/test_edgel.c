@@ -116,8 +116,8 @@ static void a_straight_edge_lies_where_it_is(void **state)
             assert_near(e[i].position.y, i, 0);
             assert_near(e[i].normal.x, k % 2 ? 1 : -1, NUMBER(1e-9, 1e-4));
             assert_near(e[i].normal.y, 0, NUMBER(1e-9, 1e-3));
-            /* The height of the step times the Gaussian's peak, a little less for the pixel's
-             * own width. */
+            /* The height of the step times the Gaussian's peak, reduced slightly by the pixel's own
+             * width. */
             assert_near(e[i].gradient_magnitude, 180 / (1.5 * sqrt(2 * PI)), 3);
         }
     }
@@ -140,8 +140,8 @@ static double sobel_error(double x, double y, double cx, double cy)
     return angle_between(gx, gy, rint(x) - cx, rint(y) - cy);
 }
 
-/* Of noisy circles, near them: errors of the angle, and Sobel's at the same pixels. Every place
- * round the circle is met. */
+/* Near noisy circles: errors of the angle, and Sobel's at the same pixels. Every direction of the
+ * circle occurs. */
 static void normals_of_circles_beat_sobel(void **state)
 {
     struct fixture f = set_with(small_params());
@@ -178,7 +178,7 @@ static void normals_of_circles_beat_sobel(void **state)
             }
             for (int32_t i = 0; i < 20; i++)
                 assert_int_equal(met[i], 1);
-            /* About one for each row or column that the edge passes through. */
+            /* About one for each row or column that the edge crosses. */
             assert_true(near > 5 * r && near < 6.5 * r);
             assert_true(level > 0 || count == near);
             total += near;
@@ -190,14 +190,14 @@ static void normals_of_circles_beat_sobel(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- Reference implementation: derivatives summed over the plane, every zero crossing by itself ---- */
+/* ---- Reference implementation: derivatives over the plane, zero crossings one by one ---- */
 
 struct reference {
     double f[SMALL * SMALL], fx[SMALL * SMALL], fy[SMALL * SMALL], x[SMALL * SMALL],
         y[SMALL * SMALL];
 };
 
-/* Weights of a derivative of this order that are exact for x^order and lower powers, from the
+/* Weights of a derivative of this order that are exact for x^order and lower powers, by
  * definition. */
 static void reference_weights(double sigma, int order, double w[2 * REACH_MOST + 1])
 {
@@ -214,7 +214,7 @@ static void reference_weights(double sigma, int order, double w[2 * REACH_MOST +
     for (int i = -reach; i <= reach; i++) {
         double g = exp(-i * i / (2 * sigma * sigma)), raw;
 
-        /* Hermite polynomials whose lower moment vanishes in the sampled sums. */
+        /* Hermite polynomials whose lower moments vanish in the sampled sums. */
         if (order < 2)
             raw = pow(i, order) * g;
         else if (order == 2)
@@ -299,7 +299,7 @@ static int reference_between(const struct reference *t, int32_t a, int32_t b,
            (fabs(fx) >= fabs(fy)) == (b == a + 1);
 }
 
-/* In the order of the rows: at each pixel from the one above, then to the right. */
+/* In the order of the rows: at each pixel the link from above first, then the link to the right. */
 static void it_is_what_the_definition_says(void **state)
 {
     static const double sigmas[] = {0.7, 1.5, 2.3};
@@ -386,7 +386,7 @@ static void limits_leave_edgels_out(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- Pictures of any size and lie ---- */
+/* ---- Images of any size and layout ---- */
 
 static void pictures_without_edges(void **state)
 {
@@ -409,7 +409,7 @@ static void pictures_without_edges(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A view from below on every second pixel finds what a picture of those finds. */
+/* A view from below on every second pixel gives the same as an image of those. */
 static void strides_do_not_matter(void **state)
 {
     static uint8_t copy[SMALL * SMALL], wide[SIDE * SIDE];
@@ -558,7 +558,7 @@ static void too_many_edgels(void **state)
     params.max_edgels = SMALL - 1;
     f = set_with(params);
     for (int32_t k = 0; k < 2; k++) {
-        /* Upright, then lying: both ways to be one too many. */
+        /* Upright, then lying: both exceed the capacity by one. */
         for (int32_t i = 0; k > 0 && i < SMALL * SMALL; i++)
             picture[i] = i / SMALL < SMALL / 2 ? 20 : 200;
         assert_ok(cairn_edgel_begin(f.set, view_of(SMALL, SMALL)));

@@ -1,4 +1,4 @@
-/* Ellipses that oriented points outline, beside the obvious way to look for them. */
+/* Ellipses among oriented points, compared with a reference implementation. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -26,7 +26,7 @@ static struct fixture set_with(cairn_ellipse_params params)
     return f;
 }
 
-/* Points of a scene, in the order in which they were laid. */
+/* Points of a scene, in the order of their creation. */
 struct cloud {
     cairn_oriented_point points[MANY];
     cairn_real weights[MANY];
@@ -50,7 +50,7 @@ static void lay_wall(struct cloud *c, double x, double y, double angle, int32_t 
         lay_point(c, x + 0.1 * i * cos(angle), y + 0.1 * i * sin(angle), cos(angle), sin(angle));
 }
 
-/* `count` points from one angle of the ellipse to another, the last left out. */
+/* `count` points from one angle of the ellipse to another, excluding the last. */
 static void lay_arc(struct cloud *c, const cairn_ellipse *e, double from, double to, int32_t count)
 {
     double cosine = cos((double)e->centre.theta), sine = sin((double)e->centre.theta);
@@ -93,7 +93,7 @@ static const cairn_ellipse *search(cairn_ellipse_set *set, const struct cloud *c
     return cairn_ellipse_list(set, found);
 }
 
-/* ---- The obvious way: votes of a cell at a time, conics by elimination, all in double ---- */
+/* ---- Reference implementation: cells one by one, conics by elimination, in double ---- */
 
 struct slow {
     const cairn_ellipse_params *p;
@@ -359,7 +359,7 @@ static void slow_refine(struct slow *s, int32_t at)
         s->found[s->count++] = e;
 }
 
-/* All ellipses of a scene, before those that lie on a stronger one go. */
+/* All ellipses of a scene, before those on a stronger one are removed. */
 static struct slow slow_search(const cairn_ellipse_params *p, const struct cloud *c)
 {
     struct slow s;
@@ -377,7 +377,7 @@ static struct slow slow_search(const cairn_ellipse_params *p, const struct cloud
     return s;
 }
 
-/* An ellipse beside another: axes of a circle may lie anywhere. */
+/* An ellipse beside another: the axes of a circle may have any direction. */
 static int is_near(const cairn_ellipse *a, const cairn_ellipse *b, double tolerance)
 {
     double turn = remainder((double)(a->centre.theta - b->centre.theta), PI);
@@ -396,7 +396,7 @@ static double uniform(cairn_random *random, double low, double high)
     return (double)cairn_random_uniform(random, (cairn_real)low, (cairn_real)high);
 }
 
-/* Two or three ellipses in parts, walls, and points that belong to nothing. */
+/* Partial ellipses, two or three; walls; and clutter. */
 static struct cloud scene(uint64_t seed, double noise, cairn_ellipse truth[3], int *ellipses)
 {
     cairn_random random = cairn_random_seed(seed, 5);
@@ -469,7 +469,7 @@ static void finds_what_the_obvious_way_finds(void **state)
             if (i > 0)
                 assert_true(list[i].votes <= list[i - 1].votes);
         }
-        for (int32_t k = 0; k < s.count; k++) { /* what was left out lies on a stronger one */
+        for (int32_t k = 0; k < s.count; k++) { /* the omitted ones lie on a stronger one */
             int32_t i = 0;
 
             while (i < found &&
@@ -484,7 +484,7 @@ static void finds_what_the_obvious_way_finds(void **state)
     assert_in_range(all, 20, 40);
 }
 
-/* Of 60 ellipses all but a few, at the right place, and hardly another. */
+/* Of 60 ellipses all but a few are found at the right place, and hardly any false one. */
 static void finds_the_truth(void **state)
 {
     cairn_ellipse_params params = cairn_ellipse_default();
@@ -515,8 +515,8 @@ static void finds_the_truth(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Without noise the conic is the ellipse itself; the little weight on the circle moves it by
- * next to nothing. */
+/* Without noise the conic is the ellipse itself; the small weight of the circle hardly changes
+ * it. */
 static void ellipses_without_noise(void **state)
 {
     static const double ratios[] = {1, 1.2, 1.5};
@@ -544,7 +544,7 @@ static void ellipses_without_noise(void **state)
     }
 }
 
-/* Half a circle is one; a straight room has none; the params' limits hold. */
+/* Half a circle is found; a straight room has none; the params' limits hold. */
 static void what_is_an_ellipse(void **state)
 {
     cairn_ellipse_params params = cairn_ellipse_default();
@@ -600,7 +600,7 @@ static void what_is_an_ellipse(void **state)
     test_pool_free(&f.pool);
 }
 
-/* The free side tells rooms from columns; without it both are found. */
+/* The free side distinguishes rooms from columns; without it both are found. */
 static void which_side_is_free(void **state)
 {
     (void)state;
@@ -622,7 +622,8 @@ static void which_side_is_free(void **state)
     }
 }
 
-/* Of more centres than there is room for the highest are kept; those on a stronger one go. */
+/* When there are more centres than the capacity the highest are kept; those on a stronger one are
+ * removed. */
 static void the_strongest_are_kept(void **state)
 {
     cairn_ellipse_params params = cairn_ellipse_default();
@@ -709,7 +710,7 @@ static cairn_status step_again(void *context, cairn_budget *budget)
     return cairn_ellipse_step(((struct again *)context)->set, budget);
 }
 
-static uint64_t tell(void *context)
+static uint64_t result_hash(void *context)
 {
     int32_t count;
     const cairn_ellipse *list = cairn_ellipse_list(((struct again *)context)->set, &count);
@@ -724,7 +725,7 @@ static void can_be_begun_anew(void **state)
     int ellipses;
     struct cloud c = scene(4, 0.01, truth, &ellipses);
     struct again again = {f.set, &c};
-    test_stepped object = {begin_again, step_again, tell, &again};
+    test_stepped object = {begin_again, step_again, result_hash, &again};
 
     (void)state;
     test_begins_anew(&object, 12);
@@ -776,8 +777,8 @@ static void shapes(void **state)
     }
 }
 
-/* What is turned away by its distance from the centre alone does not belong, however flat the
- * ellipse and wide the gate. */
+/* A point rejected by its distance from the centre alone does not belong, however flat the ellipse
+ * and wide the gate. */
 static void what_is_far_does_not_belong(void **state)
 {
     cairn_random random = cairn_random_seed(31, 0);
@@ -809,9 +810,9 @@ static void what_is_far_does_not_belong(void **state)
     assert_true(far > 5000 && belong > 1000 && outside > 100);
 }
 
-/* ---- Degenerate and refused ---- */
+/* ---- Degenerate input and refusals ---- */
 
-/* As far off as is allowed, in distance and in direction, is on it still. */
+/* At the largest allowed distance and direction it still belongs. */
 static void limits_belong_to_it(void **state)
 {
     const cairn_ellipse e = {.half_length = 2, .half_width = 2, .kind = CAIRN_ELLIPSE_ANY};
@@ -850,7 +851,7 @@ static void little_to_search(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Weights are as many points; none and NULL. */
+/* Weights: one for each point; none; NULL. */
 static void weights_count(void **state)
 {
     struct fixture f = set_with(cairn_ellipse_default());
@@ -1002,7 +1003,7 @@ static void bad_calls_are_refused(void **state)
     test_every_pool_size(create, &p, cairn_ellipse_memory(&p));
 }
 
-/* A search that is given up when tolerances change leaves the last result. */
+/* A search that is abandoned because tolerances change leaves the last result. */
 static void adjusting_gives_up(void **state)
 {
     cairn_ellipse_params params = cairn_ellipse_default();

@@ -1,4 +1,4 @@
-/* The mapper by particles beside a reference implementation, its refusals, budgets, and drives with
+/* The mapper by particles compared with a reference implementation; refusals, budgets, drives with
  * loops. */
 #include "cairn/filter_mapper.h"
 #include "tests/drive.h"
@@ -56,8 +56,7 @@ static uint64_t hash_of(const cairn_filter_mapper *mapper)
     return hash;
 }
 
-/* ---- Reference implementation: every particle keeps its path in an array, sorts it, and uses
- * all points ---- */
+/* ---- Reference implementation: a path in an array for every particle, sorted; all points ---- */
 
 typedef struct reference_state {
     cairn_pose path[KEYS_MOST];
@@ -114,7 +113,7 @@ static int32_t key_points(int32_t key, cairn_oriented_point *points)
     return count;
 }
 
-/* Fills match and map with the key scans first ... end - 1 of the path that are near. */
+/* Fills match and map with the nearby keyframes among first ... end - 1 of the path. */
 static void reference_fill(reference_map *map, const reference_state *s, cairn_pose expected,
                            int32_t first, int32_t end)
 {
@@ -339,8 +338,8 @@ static void feed_reference(const sim_scan *scan, int32_t with_odometry)
     assert_ok(cairn_particle_filter_step(t.filter, &unbounded));
 }
 
-/* Both differ by roundings alone; in float these grow, and after some key scans other particles
- * are drawn. */
+/* The two differ by rounding only; in float the differences grow, and after some keyframes other
+ * particles are drawn. */
 static void compare_with_reference(const cairn_filter_mapper *mapper, int32_t key_count)
 {
     static cairn_pose path[KEYS_MOST];
@@ -404,8 +403,8 @@ static void agrees_with_reference(void **state)
     along_reference(&params, SIM_APARTMENT, 60, 1);
 }
 
-/* So little room that the farthest key scans are left out, weak scans that match nothing, no
- * odometry, another seed. */
+/* Capacities so small that the farthest keyframes are left out, uninformative scans that match
+ * nothing, no odometry, another seed. */
 static void agrees_with_reference_where_room_is_short(void **state)
 {
     cairn_filter_mapper_params params = filter_params(3);
@@ -529,7 +528,7 @@ static void refuses_bad_params(void **state)
     TAKEN(motion_turn, 0);
     TAKEN(min_overlap, 0);
     TAKEN(min_overlap, 1);
-    /* What the mapper that goes ahead does without is not asked for. */
+    /* Features that the inner mapper does not use take no memory. */
     TAKEN(front.window, 1);
     TAKEN(front.loop.max_loops, -1);
     /* 2^28 nodes at most. */
@@ -585,7 +584,7 @@ static void refuses_bad_calls(void **state)
     assert_int_equal(cairn_filter_mapper_measure(mapper).units, CAIRN_UNBOUNDED - budget.left);
     assert_int_equal(cairn_filter_mapper_count(mapper), 3);
     assert_int_equal(cairn_filter_mapper_best(mapper), 0);
-    /* While particles are at work, too, no scan is taken. */
+    /* While particles are processed no scan is accepted either. */
     for (int32_t i = 1; i < 8; i++) {
         cairn_scan_input next = sim_scan_input(&d.scans[i]);
 
@@ -668,7 +667,7 @@ static void result_does_not_depend_on_budget(void **state)
     end_drive(&d);
 }
 
-/* No step takes more than its budget but for the last item of the mapper that goes ahead. */
+/* No step exceeds its budget except by the last item of the inner mapper. */
 static void steps_are_bounded(void **state)
 {
     cairn_filter_mapper_params params = filter_params(4);
@@ -693,7 +692,7 @@ static void steps_are_bounded(void **state)
     end_drive(&d);
 }
 
-/* Scans that show nothing at all: the first one is where the path begins, the others hang on it. */
+/* Scans without points: the first one is the start of the path, the others are attached to it. */
 static void takes_scans_that_show_nothing(void **state)
 {
     cairn_filter_mapper_params params = filter_params(2);
@@ -731,8 +730,8 @@ static void takes_scans_that_show_nothing(void **state)
 
 /* ---- Drives ---- */
 
-/* Mean error of position seen from the first scan, in m, along the best path, and along the
- * motion alone. */
+/* Mean position error relative to the first scan, in m, along the best path, and along the
+ * predicted motion alone. */
 static void drive_errors(uint64_t seed, int32_t particles, double errors[2],
                          cairn_filter_mapper_state *measured)
 {

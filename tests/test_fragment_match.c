@@ -1,5 +1,5 @@
-/* Fragments found along chains: where a piece was laid, against the whole tables of all pairs,
- * with nothing and with very much to match. */
+/* Fragments found along chains: the place of a drawn fragment, comparison with complete tables of
+ * all pairs, empty input, very much input. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -19,7 +19,7 @@ typedef struct matching {
     int32_t chain_count;
 } matching;
 
-/* A shape with three unlike humps, about 1 across. */
+/* A shape with three different humps, about 1 across. */
 static void draw_outline(matching *m)
 {
     for (int32_t i = 0; i < CORNERS; i++) {
@@ -68,8 +68,7 @@ static void end(matching *m)
     test_pool_free(&m->model_pool);
 }
 
-/* A chain of its own that runs like the outline from one vertex on to another, so large, so far
- * away. */
+/* A separate chain shaped like the outline between two vertices, of given scale and place. */
 static void lay(matching *m, int32_t from, int32_t count, double scale, double x, double y,
                 int reversed)
 {
@@ -84,7 +83,7 @@ static void lay(matching *m, int32_t from, int32_t count, double scale, double x
     m->chains[m->chain_count++] = (cairn_curve){p, count, count == CORNERS};
 }
 
-/* Walks that turn at random. */
+/* Random walks. */
 static void lay_clutter(matching *m, int32_t chains, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 1);
@@ -114,7 +113,7 @@ static cairn_fragment_match_result run(matching *m)
     return cairn_fragment_match_read(m->matcher);
 }
 
-/* ---- Where a piece was laid ---- */
+/* ---- The place of a drawn fragment ---- */
 
 static void finds_what_was_laid(void **state)
 {
@@ -155,8 +154,8 @@ static void finds_what_was_laid(void **state)
     }
 }
 
-/* A straight chain runs like a straight fragment at many scales: the largest is taken, at which
- * all of it is used. */
+/* A straight chain matches a straight fragment at many scales: the largest is taken, at which the
+ * whole chain is used. */
 static void prefers_the_larger_scale(void **state)
 {
     static const cairn_vec2 square[] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
@@ -189,7 +188,7 @@ static void prefers_the_larger_scale(void **state)
     end(&m);
 }
 
-/* ---- The obvious way: every table whole, in doubles ---- */
+/* ---- Reference implementation: complete tables, in double ---- */
 
 static double turn_between(double a, double b)
 {
@@ -299,8 +298,7 @@ static void is_as_good_as_whole_tables(void **state)
                     doubtful += fmax(ahead, back) > (double)m.params.min_similarity - 0.01;
                 }
             }
-        /* Where nothing is found, nothing is like the fragment, but for what went because of its
-         * scale. */
+        /* Without a match nothing resembles the fragment, except where the scale was rejected. */
         assert_in_range(r.candidate_count - r.count, missed, doubtful);
         for (int32_t i = 1; i < r.count; i++)
             assert_true(r.matches[i].fragment != r.matches[i - 1].fragment ||
@@ -311,7 +309,7 @@ static void is_as_good_as_whole_tables(void **state)
     assert_in_range(none, 60, 10000);
 }
 
-/* However near each other the limits are, there is a step between them for every fragment. */
+/* However close the limits are, there is a step between them for every fragment. */
 static void narrow_limits_lose_little(void **state)
 {
     static const double widths[] = {2, 1.1, 1.03, 1};
@@ -342,7 +340,7 @@ static void narrow_limits_lose_little(void **state)
     }
 }
 
-/* Kept are the best of a longer list, each on its own chain. */
+/* The best of a longer list are kept, each on its own chain. */
 static void keeps_the_best(void **state)
 {
     cairn_fragment_match_params params = small_params();
@@ -378,7 +376,7 @@ static void keeps_the_best(void **state)
     end(&m);
 }
 
-/* ---- Nothing, and very much ---- */
+/* ---- Empty input, and very much ---- */
 
 static void matches_nothing(void **state)
 {
@@ -406,7 +404,7 @@ static void matches_nothing(void **state)
     m.chain_count = 0;
     lay(&m, 0, CORNERS, 100, 100, 100, 0);
     assert_true(run(&m).count > 0);
-    /* Fragments without length, and a model without fragments. */
+    /* Fragments of zero length, and a model without fragments. */
     none = m.model.fragments[0];
     none.length = 0;
     m.model.fragments = &none;
@@ -417,7 +415,7 @@ static void matches_nothing(void **state)
     end(&m);
 }
 
-/* 10,000 chains: no more cells than there are samples of them at all steps, twice. */
+/* 10,000 chains: at most as many cells as they have samples at all steps, twice. */
 static void is_bounded(void **state)
 {
     enum { MANY = 10000 };
@@ -448,7 +446,7 @@ static void is_bounded(void **state)
     assert_true(r.cell_count > 0 && r.cell_count <= samples * 2 * SAMPLES * m.model.fragment_count);
     assert_true(INT32_MAX - budget.left <= r.cell_count / 4);
     assert_true(r.count <= params.matches_per_fragment * m.model.fragment_count);
-    /* Of equal chains the first. */
+    /* Of equal chains the first wins. */
     for (int32_t i = 0; i < r.count; i++)
         assert_in_range(r.matches[i].chain, 0, 2 * CHAINS - 1);
     free(chains);
@@ -471,7 +469,7 @@ static cairn_status step_chains(void *context, cairn_budget *budget)
     return cairn_fragment_match_step(m->matcher, budget);
 }
 
-static uint64_t tell(void *context)
+static uint64_t result_hash(void *context)
 {
     matching *m = context;
     cairn_fragment_match_result r = cairn_fragment_match_read(m->matcher);
@@ -490,7 +488,7 @@ static void does_not_depend_on_budgets(void **state)
     cairn_fragment_match_params params = small_params();
     cairn_budget all = {INT32_MAX};
     matching m;
-    test_stepped object = {begin_chains, step_chains, tell, &m};
+    test_stepped object = {begin_chains, step_chains, result_hash, &m};
     uint64_t hash;
 
     (void)state;
@@ -500,7 +498,7 @@ static void does_not_depend_on_budgets(void **state)
     assert_ok(begin_chains(&m));
     assert_null(cairn_fragment_match_read(m.matcher).matches);
     assert_ok(step_chains(&m, &all));
-    hash = tell(&m);
+    hash = result_hash(&m);
     for (int i = 0; i < 3; i++) {
         int32_t used = 0;
         cairn_status status;
@@ -515,7 +513,7 @@ static void does_not_depend_on_budgets(void **state)
         } while (status == CAIRN_MORE);
         assert_ok(status);
         assert_int_equal(used, INT32_MAX - all.left);
-        assert_true(tell(&m) == hash);
+        assert_true(result_hash(&m) == hash);
     }
     test_begins_anew(&object, 5);
     end(&m);

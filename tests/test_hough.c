@@ -23,7 +23,7 @@ static struct fixture hough_with(cairn_hough_params params)
     return f;
 }
 
-/* Points of a scene, in the order in which they were laid. */
+/* Points of a scene, in the order of their creation. */
 struct cloud {
     cairn_oriented_point points[MANY];
     cairn_real weights[MANY];
@@ -59,8 +59,7 @@ static const cairn_hough_line *search(cairn_hough *hough, const struct cloud *c,
     return cairn_hough_list(hough, found);
 }
 
-/* ---- The obvious way: all votes of a bin at a time, in double, with the angles of libc math
- * ---- */
+/* ---- Reference implementation: all votes of one bin at a time, in double, angles of libm ---- */
 
 struct slow_line {
     double x, y, dx, dy, low, high, covered, votes, rms, peak;
@@ -169,8 +168,8 @@ static int by_value(const void *a, const void *b)
     return *(const double *)a < *(const double *)b ? -1 : *(const double *)a > *(const double *)b;
 }
 
-/* The line through the points within reach of l: the mean and the slope of the distance over the
- * place along it. */
+/* The line through the points within reach of l: the mean and slope of the distance over the
+ * position along it. */
 static void slow_refit(const struct slow *s, struct slow_line *l, double reach)
 {
     double w = 0, t = 0, d = 0, tt = 0, td = 0, slope;
@@ -248,7 +247,7 @@ static double from_middle(const struct slow *s, const struct slow_line *l)
     return (s->middle_x - l->x) * l->dy - (s->middle_y - l->y) * l->dx;
 }
 
-/* Of lines that came to lie on each other only the one with more votes stays. */
+/* Of coincident lines only the one with more votes stays. */
 static void slow_thin(struct slow *s)
 {
     int32_t kept = 0;
@@ -388,7 +387,7 @@ static void finds_what_the_obvious_way_finds(void **state)
 
 /* ---- As written ---- */
 
-/* Points that lie in a bin, each in one column of every row, whatever their directions. */
+/* Points in a bin, one in each column of every row, whatever their directions. */
 static double slow_count(const struct slow *s, int32_t row, int32_t column, int32_t *bin)
 {
     double turn = PI / s->p->angles, sum = 0;
@@ -404,8 +403,8 @@ static double slow_count(const struct slow *s, int32_t row, int32_t column, int3
     return sum;
 }
 
-/* The bins that no other within the separation exceeds, or equals and comes before, by all pairs
- * of bins; then as many as are not on a stronger one. */
+/* Local maxima: bins that no other within the separation exceeds, or equals and precedes, by all
+ * pairs of bins; then those not on a stronger one. */
 static void slow_as_written(struct slow *s)
 {
     static int32_t bin[MANY];
@@ -456,7 +455,7 @@ static void slow_as_written(struct slow *s)
     slow_thin(s);
 }
 
-/* All points count for all directions: what the directions of the points are changes nothing. */
+/* All points count for all directions: the directions of the points do not matter. */
 static void as_written_is_the_classical_transform(void **state)
 {
     static struct cloud c;
@@ -511,7 +510,7 @@ static void as_written_is_the_classical_transform(void **state)
     }
 }
 
-/* The number of points of a wall and of those that happen to lie in its bin. */
+/* The number of points of a wall and of those that lie in its bin by chance. */
 static void as_written_votes_are_points(void **state)
 {
     static struct cloud c;
@@ -534,9 +533,9 @@ static void as_written_votes_are_points(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- What is known exactly ---- */
+/* ---- Exactly known results ---- */
 
-/* Two pieces of one wall with a door between them, two metres apart, seen from both sides. */
+/* Two segments of one wall with a door between them, two metres apart, seen from both sides. */
 static void pieces_of_a_wall_are_one_line(void **state)
 {
     static struct cloud c;
@@ -602,7 +601,8 @@ static void faces_are_one_without_orientation(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Parallel walls come apart at the separation, and nearly parallel ones at its angle. */
+/* Parallel walls are separated from the separation on, and nearly parallel ones from its angle
+ * on. */
 static void separation(void **state)
 {
     static struct cloud c;
@@ -632,7 +632,7 @@ static void separation(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Points whose direction is off vote less and less, and then not at all. */
+/* Points of deviating direction vote less and less, and then not at all. */
 static void directions_count(void **state)
 {
     static struct cloud c;
@@ -719,7 +719,7 @@ static void the_highest_peaks_are_kept(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Points that reach far make the columns wider rather than fall off. */
+/* Distant points make the columns wider; none is dropped. */
 static void far_points_fit(void **state)
 {
     static struct cloud c;
@@ -770,7 +770,7 @@ static void places_do_not_matter(void **state)
     test_pool_free(&f.pool);
 }
 
-/* With other tolerances the same points are other lines; capacities stay. */
+/* With other tolerances the same points give other lines; capacities stay. */
 static void tolerances_can_be_adjusted(void **state)
 {
     static struct cloud c;
@@ -818,8 +818,8 @@ static void tolerances_can_be_adjusted(void **state)
 
 /* ---- The bits ---- */
 
-/* Walls on a grid of a quarter of a metre with weights in halves, so that votes tie and
- * distances lie on the params' very limits; in every third scene turned, and with noise. */
+/* Walls on a grid of a quarter of a metre with weights in halves, so that votes tie and distances
+ * equal the params' limits; every third scene is rotated and noisy. */
 static void lay_quarters(struct cloud *c, cairn_random *random)
 {
     static const double directions[8][2] = {{1, 0},  {0.8, 0.6},   {0, 1},  {-0.6, 0.8},
@@ -887,7 +887,7 @@ static uint64_t hash_of_search(cairn_hough *hough, const struct cloud *c, int32_
     return add_found(hough, test_hash(hash, &budget.left, sizeof budget.left));
 }
 
-/* Params on whose limits the scenes' quarters lie, and few lines. */
+/* Params whose limits are the scenes' quarters, and few lines. */
 static cairn_hough_params draw_params(cairn_random *random)
 {
     cairn_hough_params p = cairn_hough_default();
@@ -917,7 +917,7 @@ static uint64_t hash_of_scenes(int32_t oriented)
 
         p.oriented = oriented;
         f = hough_with(p);
-        for (int32_t k = 0; k < 2; k++) { /* the second is not to see the first */
+        for (int32_t k = 0; k < 2; k++) { /* the second must not see the first */
             lay_quarters(&c, &random);
             hash = hash_of_search(f.hough, &c, i % 4, hash);
         }
@@ -1151,7 +1151,7 @@ static void bad_params_are_refused(void **state)
     assert_status(cairn_hough_create(NULL, &pool, &p), CAIRN_BAD_ARGUMENT);
     assert_ok(cairn_hough_create(&hough, &pool, &p));
     test_pool_free(&pool);
-    /* The ends of the ranges are taken. */
+    /* The ends of the ranges are accepted. */
     p = cairn_hough_default();
     p.max_lines = 1;
     p.angles = 8;

@@ -42,7 +42,7 @@ static void l_room(struct points *points, cairn_real spacing)
     add_room(points, L_ROOM, 6, spacing);
 }
 
-/* The points as seen from `pose`, moved across their lines by normal noise. */
+/* The points as seen from `pose`, with normal noise across their lines. */
 static void seen_from(const struct points *world, cairn_pose pose, cairn_real noise,
                       cairn_random *random, struct points *seen)
 {
@@ -111,8 +111,7 @@ static void assert_pose_near(cairn_pose pose, cairn_pose expected, double distan
     assert_near(cairn_wrap_angle(pose.theta - expected.theta), 0, angle);
 }
 
-/* ---- Reference implementation: all pairs, normal equations over (x, y, theta) about the centroid, in
- * double ---- */
+/* ---- Reference implementation: all pairs, normal equations about the centroid, in double ---- */
 
 struct reference {
     double x, y, theta, gate, sigma, point_sigma;
@@ -144,7 +143,7 @@ static void reference_prior(const cairn_rigid_motion_pose_prior *prior,
     }
 }
 
-/* Gauss and Jordan on a positive definite matrix with one or more right sides, which become the
+/* Gauss and Jordan for a positive definite matrix with one or more right sides, which become the
  * solutions. */
 static void eliminate(double m[3][4], double sides[3][3])
 {
@@ -281,7 +280,7 @@ static void reference_iterate(const cairn_icp_params *params, const struct point
                                    (double)params->gate_factor * reference->mean_distance));
 }
 
-/* Every iteration by itself against the reference implementation, in both modes, with and without
+/* Every iteration compared with the reference implementation, in both modes, with and without
  * prior. */
 static void test_icp_matches_reference(void **state)
 {
@@ -370,7 +369,8 @@ static void test_known_motions_without_noise(void **state)
     test_pool_free(&pool);
 }
 
-/* The local map comes scan by scan, each from its pose; point to point and point to line agree. */
+/* The local map is added scan by scan, each from its pose; point to point and point to line
+ * agree. */
 static void test_known_motions_with_noise(void **state)
 {
     static struct points world, query, scan;
@@ -411,7 +411,7 @@ static void test_known_motions_with_noise(void **state)
     }
 }
 
-/* A tenth of the query is elsewhere, up to half a metre: no more harm than noise does. */
+/* A tenth of the query is displaced by up to half a metre: no more error than from noise. */
 static void test_outliers(void **state)
 {
     static struct points world, query;
@@ -437,8 +437,8 @@ static void test_outliers(void **state)
     test_pool_free(&pool);
 }
 
-/* A wall of 0.1 m: the face that was seen is nearer to the other face's points, which point the
- * other way. */
+/* A wall of 0.1 m: the visible face is nearer to points of the other face, which have the opposite
+ * direction. */
 static void test_faces_of_a_thin_wall(void **state)
 {
     static const cairn_vec2 ends[] = {{-2, 0}, {2, 0}, {2, CAIRN_REAL(0.1)}, {-2, CAIRN_REAL(0.1)}};
@@ -473,8 +473,8 @@ static void test_faces_of_a_thin_wall(void **state)
     test_pool_free(&pool);
 }
 
-/* Query points half way between two target points, with others nearer that point the other way:
- * the lower index is taken, so that all move by half a spacing the same way. */
+/* Query points half way between two target points, with nearer points of opposite direction: the
+ * lower index is taken, so that all move by half a spacing in the same direction. */
 static void test_ties(void **state)
 {
     static struct points target, query;
@@ -520,8 +520,8 @@ static void test_ties(void **state)
 
 /* ---- Observability ---- */
 
-/* Two long walls, turned by 0.5 rad: the corridor's direction is named, the pose does not move
- * along it and comes right across it; a prior decides along it. */
+/* Two long walls, rotated by 0.5 rad: the corridor's direction is reported, the pose does not move
+ * along it and is right across it; a prior decides along it. */
 static void test_corridor(void **state)
 {
     static const cairn_vec2 ends[] = {{-10, -1}, {10, -1}, {10, 1}, {-10, 1}};
@@ -573,7 +573,7 @@ static void test_corridor(void **state)
             assert_near(values[0], 1e-4 / query.count, NUMBER(2e-7, 0.1));
             assert_near(cairn_abs(cairn_vec2_dot(major, axis)), 1, 1e-4);
         }
-        /* The prior's mean lies 0.05 m along the corridor and 0.03 m beside it. */
+        /* The prior's mean is 0.05 m along the corridor and 0.03 m across it. */
         off.x = CAIRN_REAL(0.05);
         off.y = CAIRN_REAL(0.03);
         off.theta = 0;
@@ -603,8 +603,8 @@ static void test_corridor(void **state)
     }
 }
 
-/* One wall leaves its direction alone; a round room leaves the rotation, about its centre,
- * unknown. */
+/* Of one wall the translation along it is unobservable; of a round room the rotation about its
+ * centre. */
 static void test_wall_and_round_room(void **state)
 {
     static struct points target;
@@ -651,7 +651,7 @@ static void test_wall_and_round_room(void **state)
         assert_near(mapped.x, 1, 1e-3);
         assert_near(mapped.y, 2, 1e-3);
     }
-    /* All points in one place with one direction tell one thing: the distance across. */
+    /* All points in one place with one direction observe one quantity: the distance across. */
     cairn_icp_clear_target(icp);
     for (int32_t i = 0; i < 20; i++) {
         target.at[i].position = a;
@@ -715,7 +715,7 @@ static void test_covariance_fits_the_errors(void **state)
     test_pool_free(&pool);
 }
 
-/* ---- Steps, edges, refusals ---- */
+/* ---- Steps, edge cases, refusals ---- */
 
 static void test_budgets(void **state)
 {
@@ -739,7 +739,7 @@ static void test_budgets(void **state)
         cairn_status status;
         int32_t iterations = 0;
 
-        /* An alignment half done is dropped. */
+        /* An unfinished alignment is dropped. */
         assert_ok(cairn_icp_begin(icp, query.at, query.count, truth, NULL, NULL));
         assert_status(cairn_icp_step(icp, &budget), CAIRN_MORE);
         assert_int_equal(budget.left, 0);
@@ -765,16 +765,16 @@ static void test_budgets(void **state)
         assert_int_equal(units[k], units[0]);
         assert_int_equal(results[k].verdict, CAIRN_ICP_CONVERGED);
     }
-    /* As counted once: what a change of the charges or of the work done would change. */
+    /* Fixed values: they change when the charges or the amount of work change. */
     assert_int_equal(units[0], NUMBER(7506, 7561));
     assert_in_range(units[0], results[0].iterations * (5 * query.count + 12),
                     results[0].iterations * (8 * query.count + 12));
     test_pool_free(&pool);
 }
 
-/* A corridor's two walls and the wall at its end are parts of their own: each tells what is
- * across it, all together what the whole target tells. */
-static void parts_tell_what_is_across_them(void **state)
+/* A corridor's two walls and the wall at its end are parts: each observes the direction across it,
+ * all together what the whole target observes. */
+static void parts_observe_the_direction_across_them(void **state)
 {
     static const cairn_vec2 ends[3][2] = {
         {{-4, -1}, {4, -1}}, {{4, -1}, {4, 1}}, {{4, 1}, {-4, 1}}};
@@ -825,8 +825,8 @@ static void parts_tell_what_is_across_them(void **state)
     test_pool_free(&other_pool);
 }
 
-/* With a greater ratio the end of the corridor is not enough to tell the way along it, and the
- * prior decides. */
+/* With a greater ratio the end of the corridor is too little to observe the translation along it,
+ * and the prior decides. */
 static void a_ratio_decides_what_is_weak(void **state)
 {
     static const cairn_vec2 corners[] = {{-4, -1}, {4, -1}, {4, 1}, {-4, 1}};
@@ -891,7 +891,7 @@ static void test_few_points(void **state)
             assert_int_equal(result.verdict, CAIRN_ICP_UNOBSERVABLE);
         }
     }
-    /* Nothing near: what is known is the prior. */
+    /* No correspondences: only the prior is known. */
     result = align(icp, &world, away, &prior);
     assert_int_equal(result.verdict, CAIRN_ICP_TOO_FEW_PAIRS);
     assert_int_equal(result.pairs, 0);
@@ -1147,7 +1147,7 @@ static void test_bad_inputs(void **state)
 }
 
 /* The reference implementation runs without roll-back for 1, 2, ... iterations, and finds where
- * pairs get fewer and farther apart. */
+ * pairs become fewer and more distant. */
 static void what_gets_worse_is_rolled_back(void **state)
 {
     static struct points target, query;
@@ -1191,7 +1191,7 @@ static void what_gets_worse_is_rolled_back(void **state)
                 expected.verdict = CAIRN_ICP_ROLLED_BACK;
                 expected.iterations = k;
             } else {
-                /* the pose that these pairs belong to */
+                /* the pose of these pairs */
                 last = expected;
                 last.weak_direction[0] = before.x;
                 last.weak_direction[1] = before.y;
@@ -1235,7 +1235,7 @@ int main(void)
         cmocka_unit_test(test_covariance_fits_the_errors),
         cmocka_unit_test(test_budgets),
         cmocka_unit_test(test_few_points),
-        cmocka_unit_test(parts_tell_what_is_across_them),
+        cmocka_unit_test(parts_observe_the_direction_across_them),
         cmocka_unit_test(a_ratio_decides_what_is_weak),
         cmocka_unit_test(test_bad_params),
         cmocka_unit_test(test_bad_inputs),

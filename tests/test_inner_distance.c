@@ -39,7 +39,7 @@ static cairn_inner_distance_result measure(measuring *m, const cairn_curve *outl
     return cairn_inner_distance_read(m->inner);
 }
 
-/* ---- The obvious way: all segments against all sides, sums over all vertices ---- */
+/* ---- Reference implementation: all segments with all sides, sums over all vertices ---- */
 
 /* All vertices and sides of a shape. */
 typedef struct graph {
@@ -63,7 +63,7 @@ static int lies_between(const graph *g, int32_t i, int32_t k, int32_t v)
            along < dx * dx + dy * dy;
 }
 
-/* By the even-odd rule over all outlines, holes and all. */
+/* By the even-odd rule over all outlines, holes included. */
 static int is_inside(const graph *g, double x, double y)
 {
     int inside = 0;
@@ -168,8 +168,8 @@ static cairn_curve spiral(cairn_vec2 *p, int32_t count, double turns, int clockw
     return closed(p, count);
 }
 
-/* Even samples of a comb of pixels: nearly all of them lie straight between others, teeth line
- * up. */
+/* Even samples of a comb of pixels: nearly all of them are collinear with others, and teeth are
+ * aligned. */
 static cairn_curve comb(cairn_vec2 *p)
 {
     static const int8_t corner[][2] = {{0, 0}, {9, 0}, {9, 6}, {7, 6}, {7, 2}, {5, 2},

@@ -1,5 +1,5 @@
-/* The mapper beside a reference implementation: the same rooms, called one after another, over key
- * scans that are sorted as a whole. */
+/* The mapper compared with a reference implementation: the same modules, called one after another,
+ * over keyframes sorted as a whole. */
 #include "tests/drive.h"
 
 #include <math.h>
@@ -16,11 +16,11 @@ typedef struct reference_key {
 
 typedef struct reference {
     cairn_real trust; /* in odometry */
-    cairn_real slip;  /* times its standard deviations */
+    cairn_real slip;  /* multiples of its standard deviations */
     cairn_vec2 drag;  /* added to it */
     cairn_vec2 pace;
-    int32_t rest;       /* scans since the last key scan */
-    int32_t weak_scans; /* that did not tell how far the robot went */
+    int32_t rest;       /* scans since the last keyframe */
+    int32_t weak_scans; /* scans whose translation was unobservable */
     cairn_mapper_params params;
     cairn_pool pool;
     cairn_scan *scan;
@@ -104,8 +104,8 @@ static void make_map(reference *t, cairn_pose at)
     if (count > t->params.local_keyframes)
         count = t->params.local_keyframes;
     cairn_icp_clear_target(t->icp);
-    /* A unit for every key scan that was looked at, for 64 points of room and for two of each
-     * key scan. */
+    /* A unit for every keyframe examined, for 64 points of capacity and for two of each
+     * keyframe. */
     t->state.units += t->state.keyframes - oldest + 1 + t->params.max_local_points / 64;
     for (int32_t i = 0, points = 0; i < count && points <= t->params.max_local_points; i++) {
         const reference_key *k = &t->keys[places[i].key];
@@ -127,7 +127,7 @@ static cairn_real way_of(cairn_pose motion)
     return cairn_sqrt(motion.x * motion.x + motion.y * motion.y);
 }
 
-/* What a motion tells of the scan, by odometry or because the one before was such. */
+/* The motion prior of a scan, from odometry or from the last motion. */
 static cairn_rigid_motion_pose_prior prior_of(const reference *t, cairn_pose last,
                                               cairn_pose motion, int32_t is_odometry)
 {
@@ -157,9 +157,9 @@ static cairn_icp_result match(reference *t, const cairn_rigid_motion_pose_prior 
     return cairn_icp_read(t->icp);
 }
 
-/* Odometry that is two standard deviations off is believed less; what agrees is believed more,
- * by a tenth each. Where the scan tells all of its motion: beyond one standard deviation it may
- * be off by as much for a while, up to four, beyond one and a half by the same way. */
+/* Odometry that is two standard deviations off loses weight, agreement raises it, by a tenth each.
+ * Where the scan observes all of its motion: beyond one standard deviation the noise scale rises
+ * for a while, up to four; beyond one and a half so does the bias. */
 static void weigh_odometry(reference *t, const cairn_rigid_motion_pose_prior *prior,
                            const cairn_icp_result *found)
 {
@@ -190,8 +190,8 @@ static void weigh_odometry(reference *t, const cairn_rigid_motion_pose_prior *pr
     t->state.odometry_contradicted += off > 2;
 }
 
-/* What is expected next: half of a sudden motion; along walls that tell nothing of it the pace
- * of before, which fades. */
+/* The expected error of the next step: half of a sudden one; along unobservable directions the
+ * decaying velocity estimate. */
 static cairn_pose expect(reference *t, cairn_pose motion, cairn_pose asked, cairn_pose predicted,
                          const cairn_icp_result *best)
 {
@@ -233,9 +233,9 @@ static cairn_real quality(const cairn_icp_result *found)
     return found->overlap * cairn_exp(-found->sigma / CAIRN_REAL(0.05));
 }
 
-/* ---- Key scans ---- */
+/* ---- Keyframes ---- */
 
-/* As kept: without beams, the points of a segment with one direction. */
+/* As stored: without beams, the points of a segment with one direction. */
 static void keep_key(reference *t, const cairn_scan_view *view, cairn_pose pose)
 {
     reference_key *k = &t->keys[t->state.keyframes++];
@@ -258,8 +258,8 @@ static void keep_key(reference *t, const cairn_scan_view *view, cairn_pose pose)
     t->map_made = 0;
 }
 
-/* The force field over the last key scans, of which the last `window_free` may move, but never
- * the first. */
+/* The force field over the last keyframes, of which the last `window_free` may move, but never the
+ * first. */
 static void run_field(reference *t)
 {
     int32_t count = 0, points = 0;
@@ -336,7 +336,7 @@ static void reference_scan(reference *t, const cairn_scan_input *input, const ca
             best = match(t, &prior);
             matched = counts(t, &best);
             away = cairn_pose_between(motion, alternative);
-            /* 5 cm or 0.02 rad apart: the two motions tell two stories. */
+            /* 5 cm or 0.02 rad apart: the two motions disagree. */
             if (away.x * away.x + away.y * away.y > CAIRN_REAL(0.05) * CAIRN_REAL(0.05) ||
                 cairn_abs(away.theta) > CAIRN_REAL(0.02)) {
                 other = match(t, &second);
@@ -440,15 +440,15 @@ static void compare(const cairn_mapper *mapper, const reference *t)
     }
 }
 
-/* What a drive does to odometry and sensor, one after another and mixed. */
+/* Disturbances of odometry and sensor during a drive, one after another and mixed. */
 typedef struct troubles {
-    /* of every step of odometry, at random up to these */
+    /* random error of every step of odometry, up to these */
     cairn_real step_error, turn_error;
-    /* every so many scans without odometry, two in a row; 0: never */
+    /* every n-th scan, two in a row, has no odometry; 0: never */
     int32_t lost;
-    /* every so many scans without a return; 0: never */
+    /* every n-th scan has no return; 0: never */
     int32_t blind;
-    /* every so many scans odometry leaps far away; 0: never */
+    /* every n-th scan odometry jumps far away; 0: never */
     int32_t jump;
     /* the first scans: 1 without odometry, 2 without a return */
     int32_t bare_start;
@@ -468,7 +468,7 @@ static void side_by_side(cairn_mapper_params *params, sim_scene scene, uint64_t 
     params->loop.max_loops = 0;
     params->search = 0;
     params->max_local_points = 500;
-    params->window_units = CAIRN_UNBOUNDED; /* the force field is done before the next scan comes */
+    params->window_units = CAIRN_UNBOUNDED; /* the force field ends before the next scan */
     mapper = new_mapper(&pool, params);
     t = new_reference(params);
 
@@ -519,7 +519,7 @@ static void as_the_reference_on_a_calm_drive(void **state)
     assert_true(measured.keyframes > 20);
 }
 
-/* Few key scans for the local map, of which some are beyond the radius; short windows, or none. */
+/* Few keyframes for the local map, some of them beyond the radius; short windows, or none. */
 static void as_the_reference_with_small_maps(void **state)
 {
     static const troubles calm = {CAIRN_REAL(0.05), CAIRN_REAL(0.02), 0, 0, 0, 0};

@@ -1,5 +1,4 @@
-/* Bad logs: what the mapper makes of scans that show nothing, come twice, run back in time, or
- * begin elsewhere. */
+/* Bad logs: scans without information, duplicates, stamps that run backwards, starts elsewhere. */
 #include "tests/drive.h"
 
 #include <math.h>
@@ -9,7 +8,7 @@ enum { SCANS = 300 };
 static cairn_mapper_result results[SCANS];
 static cairn_pose poses[SCANS];
 
-/* One scan, taken in whole, with odometry or none. */
+/* One scan, processed completely, with odometry or none. */
 static cairn_mapper_result take(cairn_mapper *mapper, const cairn_scan_input *input,
                                 const cairn_pose *odometry)
 {
@@ -32,7 +31,7 @@ static void settle(cairn_mapper *mapper, int32_t count)
     }
 }
 
-/* Largest error of position of scans from ... end - 1 seen from scan `from`. */
+/* Largest position error of scans from ... end - 1 relative to scan `from`. */
 static double worst_error(const drive *d, int32_t from, int32_t end)
 {
     double worst = 0;
@@ -106,7 +105,7 @@ static void every_scan_twice(void **state)
     end_drive(&d);
 }
 
-/* Of scans taken at once stamps tell nothing: their order does not matter. */
+/* Equal stamps carry no information: the order does not matter. */
 static void time_that_runs_back(void **state)
 {
     cairn_mapper_params params = small_params();
@@ -134,8 +133,8 @@ static void time_that_runs_back(void **state)
     end_drive(&d);
 }
 
-/* The robot is carried to another room after its first scans, and odometry does not know. It
- * says that it is in doubt, and maps where it is. */
+/* The robot is displaced to another room after its first scans, unknown to odometry. The mapper
+ * reports low confidence, and maps the new place. */
 static void a_kidnapped_start(void **state)
 {
     cairn_mapper_params params = small_params();
@@ -172,7 +171,7 @@ static void a_kidnapped_start(void **state)
     end_drive(&d);
 }
 
-/* A pose seen from the one to which odometry leads. */
+/* A pose relative to the one predicted by odometry. */
 static cairn_pose off_odometry(const drive *d, cairn_pose before, cairn_pose after, int32_t i)
 {
     cairn_pose moved =
@@ -181,8 +180,8 @@ static cairn_pose off_odometry(const drive *d, cairn_pose before, cairn_pose aft
     return cairn_pose_between(cairn_pose_compose(before, moved), after);
 }
 
-/* Every scan of another building has some likeness to this one. Next to none moves a robot away
- * from where trusted odometry leads (one in ten did while a single likeness could). */
+/* Every scan of another building resembles this one somewhere. Hardly any moves the robot away from
+ * the prediction of reliable odometry (one in ten did while a single match sufficed). */
 static void scans_of_elsewhere_move_nothing(void **state)
 {
     static const sim_scene elsewhere[] = {SIM_RESCUE, SIM_OFFICE, SIM_MAZE, SIM_ROOMS};
@@ -220,8 +219,8 @@ static void scans_of_elsewhere_move_nothing(void **state)
 
 enum { CARRIED = 100, LEAP = 10, DRIVES = 8 };
 
-/* Drives, is carried over LEAP scans, of which its odometry knows nothing, and drives on. 1:
- * three scans later it is where it is. */
+/* Drives, is displaced over LEAP scans unknown to its odometry, and drives on. 1: three scans later
+ * its pose is right. */
 static int is_found_again(const drive *d)
 {
     cairn_mapper_params params = small_params();
@@ -246,8 +245,8 @@ static int is_found_again(const drive *d)
     return hypot((double)off.x, (double)off.y) < 0.05 && fabs((double)off.theta) < 0.05;
 }
 
-/* Two scans that tell the same of a place far from where odometry leads are believed: most leaps
- * of a metre and 1 rad are found. */
+/* Two scans that agree on a place far from the odometry are accepted: most displacements of a metre
+ * and 1 rad are recovered. */
 static void who_was_carried_is_found_again(void **state)
 {
     int32_t found = 0;

@@ -1,5 +1,5 @@
-/* Every object refuses what is not there: creation without a place for it, a pool or params; and
- * steps, where they say so, without an object or a budget. */
+/* Every object refuses missing arguments: creation without an object pointer, a pool or params;
+ * steps, where the header says so, without an object or a budget. */
 #include "tests/test.h"
 
 #include "cairn/assignment.h"
@@ -128,7 +128,7 @@ static cairn_distance_map_params distance_map_params(void)
     X(virtual_scan, virtual_scan)                                                                  \
     X(weak_direction, weak_direction)
 
-/* Steps that say nothing about objects that are not there. */
+/* Steps whose headers say nothing of missing objects. */
 #define OTHERS(X)                                                                                  \
     X(block_solver, block_solver)                                                                  \
     X(icp, icp)                                                                                    \

@@ -1,5 +1,5 @@
-/* Known shapes detected in drawn pictures of edges; the field and the best place against the
- * obvious way; pictures with nothing and with edges everywhere. */
+/* Known shapes detected in drawn edge images; the field and the best place compared with a
+ * reference implementation; images with nothing and with edges everywhere. */
 #include "tests/flag_picture.h"
 
 #include "src/host/contour_search_fit.h"
@@ -65,8 +65,8 @@ static void finds_a_shape_where_it_is(void **state)
     }
 }
 
-/* Two flags, and the second one only as its mirror image; no two boxes share more than they may,
- * none lies in another. */
+/* Two flags, the second one only as its mirror image; no two boxes overlap more than allowed, none
+ * lies in another. */
 static void finds_two_shapes(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
@@ -102,7 +102,7 @@ static void finds_two_shapes(void **state)
                                               (b->right - b->left) * (b->bottom - b->top) - both));
         }
     cairn_object_detections_free(&found);
-    /* Without the mirror image one is left; nothing is better than the best. */
+    /* Without mirroring one is left; nothing exceeds the best. */
     params.mirror = 0;
     found = detect(&tokens, &params);
     assert_true(share_of(&found.found[0], 30, 50, 1, 0) > 0.85);
@@ -119,9 +119,9 @@ static void finds_two_shapes(void **state)
     cairn_contour_search_tokens_free(&tokens);
 }
 
-/* ---- The obvious way ---- */
+/* ---- Reference implementation ---- */
 
-/* How well the edges nearest to a cell go with a direction. */
+/* Agreement of the edges nearest to a cell with a direction. */
 static double likely_at(const cairn_contour_search_tokens *tokens, const detect_plane *p, int32_t x,
                         int32_t y, int32_t bin)
 {
@@ -191,7 +191,7 @@ static void weighs_edges_as_the_obvious_way_does(void **state)
     cairn_contour_search_tokens_free(&tokens);
 }
 
-/* The mean worth of a flag's samples at a cell. */
+/* The mean log-likelihood ratio of a flag's samples at a cell. */
 static double mean_worth(const detect_plane *p, const cairn_shape_model *m, double aspect,
                          int32_t x, int32_t y)
 {
@@ -248,9 +248,9 @@ static void looks_at_every_place(void **state)
     cairn_shape_model_file_free(&model);
 }
 
-/* ---- How the bent outline fits ---- */
+/* ---- Quality of a fitted outline ---- */
 
-/* The nearest edge in sigmas of 0.012 sizes and of a sine of 0.35, of all there are. */
+/* The nearest edge in sigmas of 0.012 sizes and of a sine of 0.35, over all edges. */
 static double close_of(const cairn_contour_search_tokens *tokens,
                        const cairn_contour_search_place *places, const cairn_object_detection *d)
 {
@@ -277,7 +277,8 @@ static double close_of(const cairn_contour_search_tokens *tokens,
     return sum / d->outline_count;
 }
 
-/* Angles of the ways from two samples before to two behind, by atan2; the flag has one outline. */
+/* Angles between the vectors from two samples before to two behind, by atan2; the flag has one
+ * outline. */
 static double turned_of(const cairn_shape_model *m, const cairn_contour_search_place *places,
                         const cairn_object_detection *d)
 {
@@ -297,8 +298,8 @@ static double turned_of(const cairn_shape_model *m, const cairn_contour_search_p
     return sum / n;
 }
 
-/* What is left of one coordinate after the best a + b x + c y: Gram and Schmidt on the columns,
- * in place of normal equations. */
+/* Residual of one coordinate after the best a + b x + c y: Gram and Schmidt on the columns, in
+ * place of normal equations. */
 static double residual_of(const cairn_shape_model *m, double *value, double slope[2])
 {
     enum { MOST = 1024 };
@@ -372,7 +373,7 @@ static void measures_how_the_outline_fits(void **state)
         assert_near(d->edge_proximity, close_of(&tokens, places, d), 1e-3);
         assert_near(d->tangent_deviation, turned_of(&model.model, places, d), 1e-4);
         assert_near(d->deformation, strained_of(&model.model, places), 1e-4);
-        /* The flags are as drawn; what is laid along clutter is not. */
+        /* The flags are as drawn; fits along clutter are not. */
         assert_true(i < 2 ? d->edge_proximity > CAIRN_REAL(0.8)
                           : d->edge_proximity < found.found[1].edge_proximity);
         assert_true(i < 2 ? d->tangent_deviation < CAIRN_REAL(0.03)
@@ -388,7 +389,7 @@ static void measures_how_the_outline_fits(void **state)
     cairn_shape_model_file_free(&model);
 }
 
-/* A disc in front of the picture: no edges within, its own about it. */
+/* An occluding disc: no edges within, its own edges about it. */
 static void hide_behind_disc(int32_t x, int32_t y, int32_t radius)
 {
     for (int32_t v = y - radius; v <= y + radius; v++)
@@ -401,8 +402,8 @@ static void hide_behind_disc(int32_t x, int32_t y, int32_t radius)
                   x + radius * cos((i + 1) * 0.10471976), y + radius * sin((i + 1) * 0.10471976));
 }
 
-/* How far an outline is from every similarity of the drawn one: of its triangles with the first
- * and a far place, the third places, px. */
+/* Distance of an outline from every similarity of the drawn one: of its triangles with the first
+ * and a distant place, the third places, px. */
 static double unlike(const cairn_shape_model *m, const cairn_contour_search_place *places)
 {
     int32_t far = m->outline_count / 2;
@@ -422,8 +423,8 @@ static double unlike(const cairn_shape_model *m, const cairn_contour_search_plac
     return most;
 }
 
-/* Half of the cloth behind a disc: laid where the rest says with a score above 0; without being
- * told, bent round the disc. */
+/* Half of the cloth behind a disc: with occlusion allowed it is fitted to the rest with a score
+ * above 0; by default it is deformed round the disc. */
 static void finds_what_is_hidden_in_part(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
@@ -455,7 +456,7 @@ static void finds_what_is_hidden_in_part(void **state)
     cairn_shape_model_file_free(&model);
 }
 
-/* The flag turned about its middle; sides from..., the others are hidden. */
+/* The flag rotated about its middle; sides from ... on; the others are hidden. */
 static void draw_turned_flag(double x, double y, double turn, int32_t first, int32_t sides)
 {
     for (int32_t i = first; i < first + sides; i++) {
@@ -472,8 +473,8 @@ static void draw_turned_flag(double x, double y, double turn, int32_t first, int
     }
 }
 
-/* A flag that leans by 12 degrees and has lost its pole: candidates stand upright, grouping
- * makes one that leans, and its evidence counts, whatever the weight of verification. */
+/* A flag that leans by 12 degrees and has no pole: candidates are upright, grouping finds the
+ * leaning one, and its evidence counts whatever the weight of verification. */
 static void finds_what_is_turned_and_hidden_by_grouping(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
@@ -496,8 +497,8 @@ static void finds_what_is_turned_and_hidden_by_grouping(void **state)
     cairn_contour_search_tokens_free(&tokens);
 }
 
-/* Flags of two sizes, one mirrored: both are grouped, most evidence first, where they are, and
- * nowhere else. */
+/* Flags of two sizes, one mirrored: both are grouped, the one of most evidence first, at their
+ * places, and nothing else. */
 static void groups_in_all_sizes(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
@@ -534,8 +535,8 @@ static void groups_in_all_sizes(void **state)
     cairn_shape_model_file_free(&model);
 }
 
-/* Chance lays more small outlines along edges than are kept: the large one, which comes last, is
- * found still. */
+/* By chance more small outlines are found along edges than the capacity: the large one, which comes
+ * last, is found still. */
 static void finds_a_large_shape_among_very_many_peaks(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
@@ -558,8 +559,8 @@ static void finds_a_large_shape_among_very_many_peaks(void **state)
     cairn_contour_search_tokens_free(&tokens);
 }
 
-/* Grouping finds the flag, too: its score goes up in proportion to the weight, before overlaps
- * are looked at and the worse ones go. With no weight nothing is grouped. */
+/* Grouping finds the flag, too: its score rises in proportion to the weight, before non-maximum
+ * suppression. With zero weight nothing is grouped. */
 static void verifies_what_is_grouped_as_well(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
@@ -584,7 +585,7 @@ static void verifies_what_is_grouped_as_well(void **state)
         assert_near(found.found[0].score - plain.found[0].score,
                     params.verify * found.found[0].grouped_evidence, 1e-3);
         cairn_object_detections_free(&found);
-        /* What would be too little without. */
+        /* A score that would be too low without it. */
         params.min_score = plain.found[0].score + params.verify;
         found = detect(&tokens, &params);
         assert_int_equal(found.count, 1);
@@ -598,7 +599,7 @@ static void verifies_what_is_grouped_as_well(void **state)
     cairn_contour_search_tokens_free(&tokens);
 }
 
-/* ---- Odd pictures, refusals ---- */
+/* ---- Unusual images, refusals ---- */
 
 static void takes_odd_pictures(void **state)
 {
@@ -695,7 +696,7 @@ static void refuses_what_cannot_be(void **state)
     cairn_shape_model_file_free(&model);
 }
 
-/* So small an object that the picture has too many cells for it; as many sizes as there may be. */
+/* An object so small that the image has too many cells for it; the largest number of sizes. */
 static void takes_sizes_up_to_the_bounds(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);

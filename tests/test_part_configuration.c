@@ -1,5 +1,5 @@
-/* Configurations of parts against all configurations of the nearest of all votes; modes;
- * nothing, the same place, very many. */
+/* Configurations of parts compared with all configurations of the nearest of all votes; modes;
+ * empty input, coincident votes, very many. */
 #include "tests/voting.h"
 
 #include "src/contour/part_configuration_work.h"
@@ -22,8 +22,7 @@ static cairn_part_configuration_vote *vote(voting *v, int32_t bundle, double x, 
     return made;
 }
 
-/* Some about a few places, the others anywhere; few chains, so that parts rival for their
- * pieces. */
+/* Some about a few places, the others anywhere; few chains, so that parts compete for them. */
 static void vote_at_random(voting *v, int32_t count, int32_t bundles, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 4);
@@ -50,7 +49,7 @@ static void vote_at_random(voting *v, int32_t count, int32_t bundles, uint64_t s
     }
 }
 
-/* ---- The obvious way: all votes sorted by distance, all configurations ---- */
+/* ---- Reference implementation: all votes sorted by distance, all configurations ---- */
 
 typedef struct slow_search {
     const voting *v;
@@ -166,7 +165,7 @@ static int has_vote(const cairn_part_configuration_result *r, int32_t k, int32_t
     return 0;
 }
 
-/* Every seed's best configuration is there, with its score, and nothing else. */
+/* Every seed's best configuration is found, with its score, and nothing else. */
 static void loses_nothing(void **state)
 {
     static const int32_t nearest[] = {5, 20, 20, 12, 20, 20}, min_parts[] = {2, 2, 3, 1, 2, 2};
@@ -225,7 +224,8 @@ static void loses_nothing(void **state)
     assert_true(visited < all / 4);
 }
 
-/* The mean of the votes, by gain; votes of one bundle rival, however well they agree. */
+/* The mean of the votes, weighted by gain; votes of one bundle exclude each other, however well
+ * they agree. */
 static void says_where(void **state)
 {
     cairn_part_configuration_params params = cairn_part_configuration_default();
@@ -248,7 +248,8 @@ static void says_where(void **state)
     assert_near(r.found[0].scale, 200, NUMBER(1e-9, 1e-3));
     assert_near(r.found[0].weight_sum, 4, NUMBER(1e-9, 1e-5));
     assert_near(r.found[0].score, 4 - 0.75 * pow(4 / 16.0, 2) / 2, NUMBER(1e-9, 1e-5));
-    /* The same piece of a chain stands for one part only; beside it on the chain for two. */
+    /* An interval of a chain belongs to one part only; beside it on the chain there may be
+     * another. */
     v.votes[1].chain = v.votes[0].chain;
     r = run(&v);
     assert_int_equal(r.found[0].count, 2);
@@ -294,7 +295,7 @@ static void climbs_to_modes(void **state)
     test_pool_free(&v.pool);
 }
 
-/* ---- Nothing, and very much ---- */
+/* ---- Empty input, and very much ---- */
 
 static void finds_nothing(void **state)
 {
@@ -318,7 +319,7 @@ static void finds_nothing(void **state)
     test_pool_free(&v.pool);
 }
 
-/* All at one place, and the ends of what may be. */
+/* All at one place, and the ends of the ranges. */
 static void is_bounded(void **state)
 {
     cairn_part_configuration_params params = cairn_part_configuration_default();
@@ -345,8 +346,8 @@ static void is_bounded(void **state)
     test_pool_free(&v.pool);
 }
 
-/* Few distances are measured of votes that lie apart. */
-/* All at one place, so in one bucket: no step looks at more votes than it has units. */
+/* Few distances are computed between distant votes. */
+/* All at one place, so in one bucket: no step examines more votes than it has units. */
 static void equal_votes_are_looked_at_one_by_one(void **state)
 {
     cairn_part_configuration_params params = cairn_part_configuration_default();

@@ -210,7 +210,7 @@ static void places_of_an_arena(void **state)
 }
 
 /* Places of another arena fit somewhere by chance: they are parts or islands of their own. */
-static void places_of_another_arena_are_told(void **state)
+static void places_of_another_arena_are_reported(void **state)
 {
     enum { OWN = 3, STRANGE = 2 };
     cairn_place_map_params params = small_params(OWN + STRANGE);
@@ -949,7 +949,7 @@ int main(void)
         cmocka_unit_test(every_surface_counts_once),
         cmocka_unit_test(results_stay_as_they_are),
         cmocka_unit_test(places_of_an_arena),
-        cmocka_unit_test(places_of_another_arena_are_told),
+        cmocka_unit_test(places_of_another_arena_are_reported),
         cmocka_unit_test(the_order_of_budgets_and_stamps_do_not_matter),
         cmocka_unit_test(scans_aligned_by_themselves),
         cmocka_unit_test(parts_are_aligned_apart),

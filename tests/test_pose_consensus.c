@@ -1075,7 +1075,7 @@ static void contradictions_cost(void **state)
 
 /* ---- Golden results ---- */
 
-/* All that is told. */
+/* All that is reported. */
 static uint64_t hash_of(const cairn_pose_consensus *consensus, int32_t hypotheses)
 {
     cairn_pose_consensus_result r = cairn_pose_consensus_read(consensus);

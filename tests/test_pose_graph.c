@@ -584,7 +584,7 @@ static void covariances_are_of_the_last_poses(void **state)
     test_pool_free(&made.pool);
 }
 
-static void pieces_are_told(void **state)
+static void components_are_counted(void **state)
 {
     struct problem p = a_problem(7, 0.05);
     cairn_pose_graph_params params = small_params();
@@ -612,7 +612,7 @@ static void pieces_are_told(void **state)
     test_pool_free(&made.pool);
 }
 
-static void too_much_fill_is_told(void **state)
+static void too_much_fill_is_reported(void **state)
 {
     struct problem p = a_problem(8, 0.05);
     cairn_pose_graph_params params = small_params();
@@ -1335,7 +1335,7 @@ static void what_goes_leaves_no_trace(void **state)
     }
 }
 
-static void overflow_is_told(void **state)
+static void overflow_is_reported(void **state)
 {
     const cairn_sym3 one = {1, 0, 0, 1, 0, 1};
     cairn_pose_graph_params params = small_params();
@@ -1376,8 +1376,8 @@ int main(void)
         cmocka_unit_test(fixed_poses_stay),
         cmocka_unit_test(covariances_are_those_of_the_dense_inverse),
         cmocka_unit_test(covariances_are_of_the_last_poses),
-        cmocka_unit_test(pieces_are_told),
-        cmocka_unit_test(too_much_fill_is_told),
+        cmocka_unit_test(components_are_counted),
+        cmocka_unit_test(too_much_fill_is_reported),
         cmocka_unit_test(room_is_taken_when_the_fill_is_known),
         cmocka_unit_test(a_solver_of_ones_own),
         cmocka_unit_test(weak_motions_take_few_factors),
@@ -1388,7 +1388,7 @@ int main(void)
         cmocka_unit_test(every_pool_size),
         cmocka_unit_test(refused_graphs),
         cmocka_unit_test(what_goes_leaves_no_trace),
-        cmocka_unit_test(overflow_is_told),
+        cmocka_unit_test(overflow_is_reported),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -5,15 +5,15 @@
 
 #include "cairn/range_table.h"
 
-static cairn_file_error told[8];
-static int32_t told_count;
+static cairn_file_error fault_list[8];
+static int32_t fault_count;
 
 static void on_fault(void *context, const cairn_file_error *fault)
 {
     (void)context;
-    if (told_count < 8)
-        told[told_count] = *fault;
-    told_count++;
+    if (fault_count < 8)
+        fault_list[fault_count] = *fault;
+    fault_count++;
 }
 
 static cairn_status load(cairn_carmen_log_scans *scans, int32_t *has_odometry, const char *text,
@@ -23,7 +23,7 @@ static cairn_status load(cairn_carmen_log_scans *scans, int32_t *has_odometry, c
 
     params.range_max = range_max;
     params.on_fault = on_fault;
-    told_count = 0;
+    fault_count = 0;
     return cairn_range_table_load(scans, has_odometry, files_write_text("table", text), kind,
                                   &params, error);
 }
@@ -42,7 +42,7 @@ static void csv_fields(void **state)
                    " 2.5 ,1,3,-0.5, 4 ,,inf\r\n"
                    "2,1,3,7,nan,80,79\n",
                    CAIRN_RANGE_TABLE_CSV, 0, NULL));
-    assert_int_equal(told_count, 0);
+    assert_int_equal(fault_count, 0);
     assert_int_equal(has_odometry, 1);
     assert_int_equal(s.count, 3);
     assert_int_equal(s.info.scans, 3);
@@ -116,7 +116,7 @@ static void csv_of_ranges_alone(void **state)
     free(text);
 }
 
-static void damaged_lines_are_told_and_left_out(void **state)
+static void damaged_lines_are_reported_and_left_out(void **state)
 {
     cairn_carmen_log_scans s;
     int32_t has_odometry;
@@ -127,14 +127,14 @@ static void damaged_lines_are_told_and_left_out(void **state)
                    CAIRN_RANGE_TABLE_CSV, 0, NULL));
     assert_int_equal(s.count, 2);
     assert_int_equal(s.info.faults, 5);
-    assert_int_equal(told_count, 5);
+    assert_int_equal(fault_count, 5);
     for (int i = 0; i < 5; i++)
-        assert_int_equal(told[i].line, 3 + i);
-    assert_non_null(strstr(told[0].text, "too few fields, expected 3 numbers"));
-    assert_non_null(strstr(told[1].text, "too many fields"));
-    assert_non_null(strstr(told[2].text, "not a number"));
-    assert_non_null(strstr(told[3].text, "not finite"));
-    assert_non_null(strstr(told[4].text, "not a number"));
+        assert_int_equal(fault_list[i].line, 3 + i);
+    assert_non_null(strstr(fault_list[0].text, "too few fields, expected 3 numbers"));
+    assert_non_null(strstr(fault_list[1].text, "too many fields"));
+    assert_non_null(strstr(fault_list[2].text, "not a number"));
+    assert_non_null(strstr(fault_list[3].text, "not finite"));
+    assert_non_null(strstr(fault_list[4].text, "not a number"));
     cairn_carmen_log_scans_free(&s);
 }
 
@@ -202,7 +202,7 @@ static void urg_fields(void **state)
     assert_ok(load(&s, &has_odometry, text, CAIRN_RANGE_TABLE_URG, 0, NULL));
     assert_int_equal(has_odometry, 0);
     assert_int_equal(s.count, 2);
-    assert_int_equal(told_count, 2);
+    assert_int_equal(fault_count, 2);
     assert_int_equal(s.info.max_beams, 682);
     assert_near(s.info.range_max, 5.6, 1e-12);
     assert_int_equal(s.record[0].stamp_ns, 1500000000);
@@ -290,7 +290,7 @@ static cairn_range_table_kind kind_of(const char *text)
     return kind;
 }
 
-static void kinds_are_told_apart(void **state)
+static void kinds_are_distinguished(void **state)
 {
     char *text = malloc(100000), *at = text;
     cairn_range_table_kind kind = CAIRN_RANGE_TABLE_URG;
@@ -320,11 +320,11 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(csv_fields),
         cmocka_unit_test(csv_of_ranges_alone),
-        cmocka_unit_test(damaged_lines_are_told_and_left_out),
+        cmocka_unit_test(damaged_lines_are_reported_and_left_out),
         cmocka_unit_test(bad_heads_and_files_are_refused),
         cmocka_unit_test(urg_fields),
         cmocka_unit_test(urg_wheels),
-        cmocka_unit_test(kinds_are_told_apart),
+        cmocka_unit_test(kinds_are_distinguished),
     };
 
     return cmocka_run_group_tests(tests, files_setup, files_teardown);

@@ -122,7 +122,7 @@ static void rooms_and_boxes(void **state)
 }
 
 /* The side of each number lies where the header says. */
-static void sides_are_told(void **state)
+static void sides_are_reported(void **state)
 {
     struct fixture f = set_with(cairn_rectangle_default());
     struct frame at = {0, 0, 0.3};
@@ -982,7 +982,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(rooms_and_boxes),
-        cmocka_unit_test(sides_are_told),
+        cmocka_unit_test(sides_are_reported),
         cmocka_unit_test(pieces_are_merged),
         cmocka_unit_test(sides_are_weighed),
         cmocka_unit_test(directions_count_or_do_not),

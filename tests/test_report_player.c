@@ -318,7 +318,7 @@ static page *read_page(const char *path)
     return p;
 }
 
-/* All that the page is told, as a hash. */
+/* All that the page is reported, as a hash. */
 #define assert_data(p, in_double, in_float)                                                        \
     assert_golden(test_hash(TEST_HASH_START, (p)->data, strlen((p)->data)), UINT64_C(in_double),   \
                   UINT64_C(in_float))

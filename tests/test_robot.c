@@ -553,7 +553,7 @@ static void what_the_joint_solution_refuses(void **state)
     assert_true(cairn_pose_graph_read(x.graph).links == SWEEPS);
     for (int32_t i = 1; i < SWEEPS; i++)
         assert_int_equal(cairn_pose_graph_link_of(x.graph, i - 1).second, i);
-    /* A factor that does not fit is told. */
+    /* A factor that does not fit is reported. */
     params = small_joint();
     params.max_fill = 1;
     assert_int_equal(joint_create(&x, &pool, &params), CAIRN_OK);

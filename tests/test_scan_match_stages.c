@@ -192,8 +192,8 @@ static void count_strict(const bed *b, int *dropped, int *kept)
     }
 }
 
-/* The filters are applied without the points of straight lines and with them; all pairs are told
- * by the one that won. */
+/* The filters are applied without the points of straight lines and with them; all pairs are
+ * reported by the one that won. */
 static void pairs_of_one_pass(void **state)
 {
     int won[2] = {0, 0};
@@ -441,7 +441,7 @@ static int32_t assert_peaks(const bed *b, const int32_t *cell, int32_t rotation,
 
     for (int32_t at = 0; at < v->width * v->height; at++) {
         int32_t column = at % v->width, row = at / v->width,
-                own = plain_window(v, cell, column, row), told = 0;
+                own = plain_window(v, cell, column, row), reported = 0;
         int32_t is_peak = cell[at] > 0;
 
         for (int32_t k = 0; k < 9 && is_peak; k++) {
@@ -457,7 +457,7 @@ static int32_t assert_peaks(const bed *b, const int32_t *cell, int32_t rotation,
         for (int32_t i = 0; i < b->match->candidate_count; i++) {
             const match_candidate *c = &b->match->candidates[i];
 
-            told +=
+            reported +=
                 fabs((double)(c->pose.x - v->origin.x) / (double)v->cell_size - column - 1) <
                     1e-3 &&
                 fabs((double)(c->pose.y - v->origin.y) / (double)v->cell_size - row - 1) < 1e-3 &&
@@ -465,7 +465,7 @@ static int32_t assert_peaks(const bed *b, const int32_t *cell, int32_t rotation,
                                               (cairn_real)rotation * v->angle_step)) < 1e-3 &&
                 fabs((double)c->score - own) < 0.5;
         }
-        assert_int_equal(told, 1);
+        assert_int_equal(reported, 1);
     }
     assert_int_equal(b->match->candidate_count, already + peaks);
     return peaks;

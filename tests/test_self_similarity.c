@@ -447,8 +447,9 @@ static cairn_curve slit_egg(cairn_vec2 *p, double turn)
     return closed(p, count);
 }
 
-/* The axis is short, a sample at its end would turn it by degrees; all samples tell the line. */
-static void the_mirror_line_is_told_by_all_samples(void **state)
+/* The axis is short, a sample at its end would turn it by degrees; the line is fitted to all
+ * samples. */
+static void the_mirror_line_is_fitted_to_all_samples(void **state)
 {
     static cairn_vec2 p[MOST];
     looking by_ends = of_mode(CAIRN_MODE_AS_WRITTEN), l = of_mode(CAIRN_MODE_DEFAULT);
@@ -766,7 +767,7 @@ int main(void)
         cmocka_unit_test(takes_bends_and_skews_back),
         cmocka_unit_test(joints_do_not_matter),
         cmocka_unit_test(like_limbs_in_front_and_behind_do_not_matter),
-        cmocka_unit_test(the_mirror_line_is_told_by_all_samples),
+        cmocka_unit_test(the_mirror_line_is_fitted_to_all_samples),
         cmocka_unit_test(many_axes_are_said_so),
         cmocka_unit_test(a_circle_has_no_single_axis),
         cmocka_unit_test(a_bar_has_two),

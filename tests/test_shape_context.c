@@ -312,7 +312,7 @@ static cairn_status step_drawn(void *context, cairn_budget *budget)
     return cairn_shape_context_step(c->context, budget);
 }
 
-static uint64_t tell(void *context)
+static uint64_t result_hash(void *context)
 {
     comparing *c = context;
     cairn_shape_context_result r = cairn_shape_context_read(c->context);
@@ -327,7 +327,7 @@ static void does_not_depend_on_budgets(void **state)
     cairn_random random = cairn_random_seed(14, 1);
     cairn_budget all = {INT32_MAX};
     comparing c;
-    test_stepped object = {begin_drawn, step_drawn, tell, &c};
+    test_stepped object = {begin_drawn, step_drawn, result_hash, &c};
     uint64_t hash;
 
     (void)state;
@@ -337,7 +337,7 @@ static void does_not_depend_on_budgets(void **state)
     assert_ok(step_drawn(&c, &all));
     assert_in_range(INT32_MAX - all.left, 20 * 19 + 24 * 23 + 3 * 20 * 24,
                     2 * (20 * 19 + 24 * 23 + 3 * 20 * 24));
-    hash = tell(&c);
+    hash = result_hash(&c);
     for (int i = 0; i < 3; i++) {
         int32_t used = 0;
         cairn_status status;
@@ -351,7 +351,7 @@ static void does_not_depend_on_budgets(void **state)
         } while (status == CAIRN_MORE);
         assert_ok(status);
         assert_int_equal(used, INT32_MAX - all.left);
-        assert_true(tell(&c) == hash);
+        assert_true(result_hash(&c) == hash);
     }
     test_begins_anew(&object, 9);
     test_pool_free(&c.pool);

@@ -125,7 +125,7 @@ static void test_every_line_is_looked_at(void **state)
                    CAIRN_BAD_FORMAT, 8, "more than 16");
 }
 
-/* What the library refuses is told with its line. */
+/* What the library refuses is reported with its line. */
 static void test_faults_of_the_model(void **state)
 {
     char paths[2048] = HEAD OUTLINE;

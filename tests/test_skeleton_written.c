@@ -221,7 +221,7 @@ static void it_begins_anew(void **state)
     params.max_steps = 20;
     params.max_centres = 300;
     f = with(params);
-    object = (test_stepped){begin_scene, step_scene, tell, f.skeleton};
+    object = (test_stepped){begin_scene, step_scene, result_hash, f.skeleton};
     draw_scene();
     test_begins_anew(&object, 9);
     test_pool_free(&f.pool);

@@ -283,7 +283,7 @@ static cairn_block_solver_state state_of_pose(const cairn_pose_graph_solver *f, 
 }
 
 /* Every unknown is measured by its own diagonal, and a solution beyond what a cairn_real holds
- * is told. */
+ * is reported. */
 static void one_pose(void **state)
 {
     const cairn_sym3 uneven = {CAIRN_REAL(1e-18), 0, 0, 1, 0, CAIRN_REAL(1e18)};
@@ -347,7 +347,7 @@ static void small_pivots(void **state)
     cairn_sparse_solver_close(sparse);
 }
 
-/* What is held, and that its lack is told. */
+/* What is held, and that its lack is reported. */
 static void memory(void **state)
 {
     const size_t numbers = 8 * sizeof(int) + 3 * sizeof(double),

@@ -121,7 +121,7 @@ static double room_range(double half, double x, double y, double angle)
 
 /* A line of `beams` beams around a whole circle from (x, 0); what: the word instead of each
  * range, or NULL. */
-static void add_room_scan_elsewhere(text *t, double half, int beams, double x, double told,
+static void add_room_scan_elsewhere(text *t, double half, int beams, double x, double odometry_x,
                                     const char *what, int stamp)
 {
     double step = 6.283185307179586 / beams;
@@ -132,7 +132,7 @@ static void add_room_scan_elsewhere(text *t, double half, int beams, double x, d
             add(t, " %s", what);
         else
             add(t, " %.4f", room_range(half, x, 0, -3.14159265 + i * step));
-    add(t, " 0 %g 0 0 %g 0 0 0 0 0 0 0 %d h %d\n", told, told, stamp, stamp);
+    add(t, " 0 %g 0 0 %g 0 0 0 0 0 0 0 %d h %d\n", odometry_x, odometry_x, stamp, stamp);
 }
 
 static void add_room_scan(text *t, double half, int beams, double x, const char *what, int stamp)
@@ -845,24 +845,24 @@ static void poses_of_a_log_have_no_say(void **state)
         char *one, *two;
         outcome o;
 
-        (void)files_write_text("told.log", log);
+        (void)files_write_text("given.log", log);
         assert_done(programs_run(
-            "cairn match @/told.log:14 @/told.log:16 --method %s -o @/told --pictures --quiet",
+            "cairn match @/given.log:14 @/given.log:16 --method %s -o @/given --pictures --quiet",
             methods[k]));
-        overwrite_poses("drive/scans.log", "told.log");
-        noise = files_read(files_path("told.log"), NULL);
+        overwrite_poses("drive/scans.log", "given.log");
+        noise = files_read(files_path("given.log"), NULL);
         assert_true(strcmp(log, noise) != 0);
         free(noise);
         o = programs_run(
-            "cairn match @/told.log:14 @/told.log:16 --method %s -o @/untold --pictures --json",
+            "cairn match @/given.log:14 @/given.log:16 --method %s -o @/guessed --pictures --json",
             methods[k]);
         assert_done(o);
         assert_true(read_match(o.out).hypotheses > 0);
         for (int i = 0; i < 2; i++) {
             static const char *const names[] = {"match.json", "match.svg"};
 
-            one = files_read(in_folder("told", names[i]), NULL);
-            two = files_read(in_folder("untold", names[i]), NULL);
+            one = files_read(in_folder("given", names[i]), NULL);
+            two = files_read(in_folder("guessed", names[i]), NULL);
             assert_string_equal(one, two);
             free(one);
             free(two);
@@ -1166,7 +1166,7 @@ static void a_log_without_walls(void **state)
     free(t.bytes);
 }
 
-/* Key scans with more points than there is room for at first: all begins anew, and nothing of
+/* Keyframes with more points than there is room for at first: all begins anew, and nothing of
  * that is seen. */
 static void large_rooms_get_more_room(void **state)
 {
@@ -1194,8 +1194,8 @@ static void large_rooms_get_more_room(void **state)
     free(t.bytes);
 }
 
-/* To and fro in a room, with room for fewer key scans than come. */
-static void key_scans_that_go_leave_their_scans(void **state)
+/* To and fro in a room, with room for fewer keyframes than come. */
+static void scans_of_culled_keyframes_are_written(void **state)
 {
     enum { TO_AND_FRO = 90 };
     text t = {NULL, 0, 0};
@@ -1626,7 +1626,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(aligned_as_written),
         cmocka_unit_test(a_log_without_walls),
         cmocka_unit_test(large_rooms_get_more_room),
-        cmocka_unit_test(key_scans_that_go_leave_their_scans),
+        cmocka_unit_test(scans_of_culled_keyframes_are_written),
         cmocka_unit_test(poses_far_away),
         cmocka_unit_test(logs_that_are_none),
         cmocka_unit_test(scans_that_are_none),

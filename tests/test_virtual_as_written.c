@@ -216,7 +216,7 @@ static void lines_are_as_strong_as_they_have_points(void **state)
 }
 
 /* Four sides make a rectangle whichever side of each is free. */
-static void faces_are_not_told_apart(void **state)
+static void faces_are_not_distinguished(void **state)
 {
     cairn_virtual_scan_params p = cairn_virtual_scan_as_written();
     cairn_scan_set_params set_params = {1, 8, 512, 0};
@@ -306,7 +306,7 @@ int main(void)
         cmocka_unit_test(is_algorithm_2),
         cmocka_unit_test(rooms_come_together),
         cmocka_unit_test(lines_are_as_strong_as_they_have_points),
-        cmocka_unit_test(faces_are_not_told_apart),
+        cmocka_unit_test(faces_are_not_distinguished),
         cmocka_unit_test(constants_are_those_of_the_thesis),
     };
 

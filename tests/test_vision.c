@@ -262,7 +262,7 @@ static void test_refused_edges(void **state)
 
 /* ---- Files that are no good ---- */
 
-static void test_every_cut_is_told(void **state)
+static void test_every_cut_is_reported(void **state)
 {
     static const char *const names[] = {"a.tif", "a.png", "a.jpg", "a.pgm"};
 
@@ -464,7 +464,7 @@ int main(void)
         cmocka_unit_test(test_edges_of_a_step),
         cmocka_unit_test(test_slopes_of_a_ramp),
         cmocka_unit_test(test_refused_edges),
-        cmocka_unit_test(test_every_cut_is_told),
+        cmocka_unit_test(test_every_cut_is_reported),
         cmocka_unit_test(test_damage_is_survived),
         cmocka_unit_test(test_giants_are_refused_unread),
         cmocka_unit_test(test_what_is_no_image),

@@ -51,7 +51,7 @@ static inline cairn_status step_votes(void *context, cairn_budget *budget)
     return cairn_part_configuration_step(v->configurator, budget);
 }
 
-static inline uint64_t tell(void *context)
+static inline uint64_t result_hash(void *context)
 {
     voting *v = context;
     cairn_part_configuration_result r = cairn_part_configuration_read(v->configurator);
@@ -70,7 +70,7 @@ static inline uint64_t tell(void *context)
 static inline void assert_any_budget(voting *v)
 {
     static const int32_t budgets[] = {1, 7, 1000};
-    test_stepped object = {begin_votes, step_votes, tell, v};
+    test_stepped object = {begin_votes, step_votes, result_hash, v};
     cairn_budget all = {INT32_MAX};
     uint64_t hash;
 
@@ -78,7 +78,7 @@ static inline void assert_any_budget(voting *v)
     assert_null(cairn_part_configuration_read(v->configurator).found);
     assert_ok(step_votes(v, &all));
     assert_true(cairn_part_configuration_read(v->configurator).count > 0);
-    hash = tell(v);
+    hash = result_hash(v);
     for (int i = 0; i < 3; i++) {
         int32_t used = 0;
         cairn_status status;
@@ -93,7 +93,7 @@ static inline void assert_any_budget(voting *v)
         } while (status == CAIRN_MORE);
         assert_ok(status);
         assert_int_equal(used, INT32_MAX - all.left);
-        assert_true(tell(v) == hash);
+        assert_true(result_hash(v) == hash);
     }
     test_begins_anew(&object, 7);
 }
