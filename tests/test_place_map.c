@@ -12,8 +12,8 @@ static const double DEGREE = 0.017453292519943295;
 
 /* ---- Scans ---- */
 
-/* A set of scans with their place and their pose in the place; views stay with `reader` only
- * until the next one. */
+/* A set of scans with their places and their poses in the places; views are valid with `reader`
+ * only until the next one. */
 struct scans {
     cairn_scan_input input[MAX_SCANS];
     int32_t place[MAX_SCANS];
@@ -87,7 +87,7 @@ static void free_arena(struct arena *a)
     sim_arena_free(a->arena);
 }
 
-/* Another scan of a place that has only one, or whose scans all lie at its origin. */
+/* Another scan of a place that has only one, or whose scans are all at its origin. */
 static void add_room_scan(struct scans *s, const rooms_room *room, int32_t place, cairn_pose pose)
 {
     static rooms_scan taken[MAX_SCANS];
@@ -151,7 +151,7 @@ static cairn_place_map_result solve(struct mapper *m)
     return cairn_place_map_read(m->map);
 }
 
-/* Places that lie within metres and radians of the truth, seen from the first. */
+/* Places that lie within so many metres and radians of the truth, relative to the first. */
 static int32_t count_right(const struct mapper *m, const struct scans *scans, double metres,
                            double radians)
 {
@@ -209,7 +209,7 @@ static void places_of_an_arena(void **state)
     free_arena(&arena);
 }
 
-/* Places of another arena fit somewhere by chance: they are parts or islands of their own. */
+/* Places of another arena fit somewhere by chance: they become separate components or submaps. */
 static void places_of_another_arena_are_reported(void **state)
 {
     enum { OWN = 3, STRANGE = 2 };
@@ -246,7 +246,7 @@ static void places_of_another_arena_are_reported(void **state)
     free_arena(&arena);
 }
 
-/* The poses that a log brings along must not be looked at. */
+/* The poses in a log must not be used. */
 static void the_order_of_budgets_and_stamps_do_not_matter(void **state)
 {
     const int32_t budgets[] = {CAIRN_UNBOUNDED, 1, 7, 1000};
@@ -301,7 +301,7 @@ static void relative_errors(const struct mapper *m, const struct scans *scans, d
 
 static void scans_aligned_by_themselves(void **state)
 {
-    const double most[3] = {1, 0.9, 0.25}; /* of the errors that are left */
+    const double most[3] = {1, 0.9, 0.25}; /* of the remaining errors */
     cairn_place_map_params params = small_params(6);
     static struct arena arena;
     double first[2];
@@ -330,8 +330,8 @@ static void scans_aligned_by_themselves(void **state)
     free_arena(&arena);
 }
 
-/* The place goes with its first scan, and rooms that share nothing are parts or islands that
- * stay as they are. */
+/* The place moves with its first scan, and rooms that share nothing are components or submaps that
+ * do not change. */
 static void parts_are_aligned_apart(void **state)
 {
     const cairn_pose poses[4] = {{0, 0, 0},
@@ -394,7 +394,7 @@ static void an_aligner_that_is_full_refuses(void **state)
     test_pool_free(&m.pool);
 }
 
-/* A rectangle looks the same after half a turn. */
+/* A rectangle is symmetric under half a turn. */
 static void half_a_turn_of_a_rectangle_is_ambiguous(void **state)
 {
     const cairn_pose poses[2] = {{1, CAIRN_REAL(0.5), 0}, {CAIRN_REAL(-1.2), CAIRN_REAL(-0.4), 2}};
@@ -532,8 +532,8 @@ static void one_place(void **state)
 
 /* ---- Evidence ---- */
 
-/* A place among others told once more, the slow way: all marks of a point in a set, and of those
- * that share it a list. */
+/* The likelihood of a place among others by a reference implementation: all marks of a point in a
+ * set, and a list of the points that share it. */
 static double reference_among(const cairn_place_map *map, int32_t place, const cairn_pose *poses,
                               const int32_t *parts)
 {
@@ -623,7 +623,7 @@ static void every_surface_counts_once(void **state)
 
     (void)state;
     make_arena(&arena, 1003, 3, 0, 0, 0.2);
-    /* The fourth place is the second once more. */
+    /* The fourth place duplicates the second. */
     for (int32_t k = 0, count = arena.scans.count; k < count; k++)
         if (arena.scans.place[k] == 1) {
             int32_t i = arena.scans.count++;
@@ -694,8 +694,8 @@ static uint64_t hash_of_all(const struct mapper *m, const struct scans *scans)
     return hash;
 }
 
-/* Four places of two scans each, the second of each off by some centimetres and a degree;
- * `strange`: the last two places are in another room. A post stands free in the room. */
+/* Four places of two scans each, the second scan displaced by some centimetres and a degree;
+ * `strange`: the last two places are in another room. A free-standing post is in the room. */
 static uint64_t hash_of_rooms(cairn_place_map_params params, int32_t strange)
 {
     rooms_room rooms[2] = {{.count = 0}, {.count = 0}};
@@ -922,7 +922,7 @@ static void bad_scans_are_refused(void **state)
     large = view;
     large.beam_count = params.max_place_beams + 1;
     assert_status(cairn_place_map_add_scan(m.map, 0, &large, pose, NULL), CAIRN_FULL);
-    /* nothing of these was kept */
+    /* nothing of these was stored */
     assert_status(cairn_place_map_begin(m.map), CAIRN_EMPTY);
     assert_ok(cairn_place_map_add_scan(m.map, 0, &view, pose, NULL));
     assert_ok(cairn_place_map_add_scan(m.map, 0, &view, pose, NULL));

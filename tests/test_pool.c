@@ -425,7 +425,7 @@ static void blocks_come_and_go(void **state)
     assert_usage(blocks, 3, 5, 2);
 
     again = cairn_block_pool_take(blocks);
-    assert_ptr_equal(again, block[0]); /* the one given back last comes first */
+    assert_ptr_equal(again, block[0]); /* the one returned last is reused first */
     assert_ptr_equal(cairn_block_pool_take(blocks), block[3]);
     assert_null(cairn_block_pool_take(blocks));
     assert_usage(blocks, 5, 5, 3);
@@ -435,7 +435,7 @@ static void blocks_come_and_go(void **state)
     test_pool_free(&pool);
 }
 
-/* Against a list of which blocks are out, over many random takes and gives. */
+/* Compared with a list of taken blocks, over many random takes and returns. */
 static void blocks_at_random(void **state)
 {
     cairn_random random = cairn_random_seed(11, 0);

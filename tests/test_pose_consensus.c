@@ -18,7 +18,7 @@ static cairn_pose_consensus *new_consensus(cairn_pool *pool,
     return consensus;
 }
 
-/* first_second, known to `sigma` m and `sigma_angle` rad. */
+/* first_second, with standard deviations `sigma` m and `sigma_angle` rad. */
 static cairn_pose_consensus_relative_pose hypothesis_of(int32_t first, int32_t second,
                                                         cairn_pose first_second, cairn_real sigma,
                                                         cairn_real sigma_angle, cairn_real score)
@@ -136,7 +136,7 @@ static void load(cairn_pose_consensus *consensus, const struct world *world)
         assert_ok(cairn_pose_consensus_add(consensus, &world->hypotheses[k], NULL));
 }
 
-/* Nodes of part 0 that lie, seen from its first node, where they do in truth. */
+/* Nodes of part 0 whose poses relative to its first node are right. */
 static int32_t count_right(const cairn_pose_consensus *consensus, const struct world *world,
                            double metres, double radians)
 {
@@ -200,8 +200,8 @@ static void two_nodes(void **state)
     assert_int_equal(node.conflicting, 0);
     assert_int_equal(node.alternatives, 0);
 
-    /* Of node 0 given 1, in the frame of 1 it would be the covariance with the sigmas added; the
-     * frame is that of 0. */
+    /* Of node 0 given 1 in the frame of 1 it would be the covariance with the sigmas added; here
+     * the frame is that of 0. */
     node = cairn_pose_consensus_node(consensus, 0);
     shift = (double)(params.sigma * params.sigma) + 5 * turn;
     x = cos(-0.5);
@@ -294,7 +294,7 @@ static void many_weak_ones_beat_a_strong_one(void **state)
     assert_int_equal(cairn_pose_consensus_is_inlier(consensus, 2), 1);
     assert_int_equal(cairn_pose_consensus_is_inlier(consensus, 6), 0);
 
-    /* What else node 3 could be: given the others, exp(13 - 15) as likely. */
+    /* The alternative of node 3: given the others, exp(13 - 15) as likely. */
     node = cairn_pose_consensus_node(consensus, 3);
     assert_near(node.support, 15, 1e-3);
     assert_true(node.alternatives >= 1);
@@ -310,7 +310,7 @@ static void many_weak_ones_beat_a_strong_one(void **state)
     test_pool_free(&pool);
 }
 
-/* ---- A reference implementation: every way to hang five nodes together ---- */
+/* ---- Reference implementation: every spanning tree of five nodes ---- */
 
 struct reference {
     const struct world *world;
@@ -413,7 +413,7 @@ static void nothing_better_is_found_by_trying_all(void **state)
 
 /* ---- Parts ---- */
 
-/* Two triangles without a hypothesis between them, and a node alone. */
+/* Two triangles without a hypothesis between them, and an isolated node. */
 static void load_triangles(cairn_pose_consensus *consensus, const cairn_pose truth[7])
 {
     assert_ok(cairn_pose_consensus_clear(consensus, 8));
@@ -501,8 +501,8 @@ static void nothing_is_placed_on_weak_evidence(void **state)
 
 /* ---- Ambiguity ---- */
 
-/* A pair of nodes that hangs by one ambiguous link: node by node nothing may move, but both
- * could lie elsewhere. */
+/* A pair of nodes connected by one ambiguous link: node by node nothing moves, but both could lie
+ * elsewhere. */
 static void another_map_is_an_alternative(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
@@ -551,8 +551,8 @@ static void another_map_is_an_alternative(void **state)
 
 /* ---- Blocks ---- */
 
-/* Two nodes hold each other and hang by one strong false hypothesis; two weak true ones outweigh
- * it, but no node alone can go there, and neither can the rest. */
+/* Two nodes confirm each other and are connected by one strong false hypothesis. Two weak true ones
+ * outweigh it, but neither node can move alone. */
 static void load_pair_gone_astray(cairn_pose_consensus *consensus, const cairn_pose truth[5])
 {
     const cairn_pose astray = {-4, 0, 1};
@@ -598,8 +598,8 @@ static void blocks_are_laid_anew(void **state)
     test_pool_free(&pool);
 }
 
-/* A node whose true place each single vote speaks for less than for a false one: what the judge
- * says of all decides. */
+/* A node whose every single vote supports a false place more than the true one: the joint
+ * likelihood decides. */
 struct jury {
     cairn_pose truth[4];
     cairn_real right;
@@ -642,7 +642,7 @@ static void the_judge_may_say_more_than_a_hypothesis(void **state)
 
 /* ---- Bounds ---- */
 
-/* Four nodes; the strongest hypotheses of node 3 are wrong in truth. */
+/* Four nodes; the strongest hypotheses of node 3 are false. */
 static void load_liar(cairn_pose_consensus *consensus, const cairn_pose truth[4])
 {
     cairn_pose wrong = truth[3];
@@ -691,7 +691,7 @@ static void bounds_forbid(void **state)
         assert_pose_near(pose, cairn_pose_compose(frame, truth[i]), 0.25, 0.1);
     }
 
-    /* Of a node whose hypotheses all are beyond its bound nothing is left. */
+    /* A node whose hypotheses are all beyond its bound has none left. */
     assert_ok(cairn_pose_consensus_set_bound(consensus, 2, frame, CAIRN_REAL(0.1), 10 * DEGREE));
     assert_int_equal(solve(consensus).components, 2);
     assert_int_equal(cairn_pose_consensus_node(consensus, 2).component, 1);
@@ -704,7 +704,7 @@ static void bounds_forbid(void **state)
 struct court {
     cairn_pose truth[4];
     int32_t calls;
-    cairn_real wrong; /* evidence for a pose that is not the truth */
+    cairn_real wrong; /* log-likelihood ratio of a pose that is not the truth */
 };
 
 static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose first_second,
@@ -746,12 +746,12 @@ static void a_judge_decides(void **state)
     assert_true(solve(consensus).units > units);
     node = cairn_pose_consensus_node(consensus, 3);
     assert_pose_near(node.map_node, court.truth[3], 0.01, 0.01);
-    assert_near(node.support, 7, 0.02); /* two pairs more, for which there is no hypothesis */
+    assert_near(node.support, 7, 0.02); /* two more pairs, which have no hypothesis */
     assert_int_equal(node.agreeing, 3);
     assert_true(court.calls > 0);
     assert_near(cairn_pose_consensus_alternative(consensus, 3, 0).support, 2, 0.02);
 
-    /* A verdict that is not a number counts nothing. */
+    /* A NaN counts nothing. */
     court.wrong = (cairn_real)NAN;
     assert_int_equal(solve(consensus).components, 1);
     assert_near(cairn_pose_consensus_alternative(consensus, 3, 0).support, 6, 0.02);
@@ -761,8 +761,8 @@ static void a_judge_decides(void **state)
     test_pool_free(&pool);
 }
 
-/* Says for a node what the judge of the court would say in sum, one nat less for every other
- * node of the part. */
+/* The joint likelihood of a node: the sum of the pairwise ones, less one nat for every other node
+ * of the part. */
 static cairn_real whole_court(void *context, int32_t node, cairn_pose map_node,
                               const cairn_pose *map_nodes, const int32_t *parts, int32_t part,
                               cairn_real *against, int32_t *units)
@@ -811,14 +811,14 @@ static void a_jury_decides(void **state)
     assert_true(solve(consensus).units > units);
     assert_true(court.calls > 0);
     assert_near(cairn_pose_consensus_read(consensus).total, 18,
-                1e-3); /* four nodes of nine, by pairs: in place of what pairs earn */
+                1e-3); /* four nodes of nine, by pairs, in place of the pairwise sum */
     node = cairn_pose_consensus_node(consensus, 3);
     assert_pose_near(node.map_node, court.truth[3], 0.01, 0.01);
     assert_near(node.support, 3 * 3, 1e-3);
     assert_int_equal(node.agreeing, 1);
     assert_int_equal(node.alternatives, 0);
 
-    /* A verdict that is not a number counts nothing: no node has support. */
+    /* A NaN counts nothing: no node has support. */
     court.wrong = (cairn_real)NAN;
     court.truth[3].x = 7;
     assert_int_equal(solve(consensus).components, 2);
@@ -833,9 +833,9 @@ static void a_jury_decides(void **state)
     test_pool_free(&pool);
 }
 
-/* Node 3 has 22 nats where it lies and `elsewhere` at a pose that is off by `off`, where it
- * contradicts two nodes of six nats each, which costs three each; node 4 hangs by node 3 and by
- * node 0. */
+/* Node 3 has 22 nats at its pose and `elsewhere` at a pose that is off by `off`, where it
+ * contradicts two nodes of six nats each, at a cost of three each; node 4 is connected by node 3
+ * and node 0. */
 static cairn_pose_consensus_result solve_doubtful(cairn_pose_consensus *consensus, cairn_pose off,
                                                   cairn_real elsewhere, cairn_real by_third,
                                                   cairn_real by_first)
@@ -879,7 +879,7 @@ static void what_would_be_believed_elsewhere_is_ambiguous(void **state)
     assert_int_equal(solve_doubtful(consensus, far, 17, 0.5, 5).ambiguous, 1);
     assert_int_equal(cairn_pose_consensus_node(consensus, 3).ambiguous, 1);
     assert_int_equal(cairn_pose_consensus_node(consensus, 4).ambiguous, 0);
-    /* Node 4 owes most of its support to node 3. */
+    /* Most of the support of node 4 comes from node 3. */
     assert_int_equal(solve_doubtful(consensus, far, 19, 3, 2.5).ambiguous, 2);
     assert_int_equal(cairn_pose_consensus_node(consensus, 4).ambiguous, 1);
     assert_int_equal(cairn_pose_consensus_node(consensus, 0).ambiguous, 0);
@@ -901,7 +901,7 @@ static cairn_pose_consensus_result find_islands(cairn_pose_consensus *consensus,
     return cairn_pose_consensus_read(consensus);
 }
 
-/* Node 4 of solve_doubtful() hangs by what its two pairs say. */
+/* Node 4 of solve_doubtful() is supported by its two pairs. */
 static void a_node_that_hangs_by_too_little_is_an_island(void **state)
 {
     const cairn_pose near = {CAIRN_REAL(0.8), 0, 0};
@@ -950,8 +950,8 @@ static void a_node_that_hangs_by_too_little_is_an_island(void **state)
     test_pool_free(&pool);
 }
 
-/* Three groups of nodes that hold together by ten nats a pair; the second hangs at the first by
- * one pair of `second`, the third at the second by one of `third`. */
+/* Three groups of nodes connected by ten nats a pair; the second is linked to the first by one pair
+ * of `second`, the third to the second by one of `third`. */
 static void solve_groups(cairn_pose_consensus *consensus, cairn_real second, cairn_real third)
 {
     const cairn_pose at[9] = {{0, 0, 0}, {3, 0, 1},  {9, 0, 1},  {12, 0, 2}, {12, 3, 3},
@@ -986,8 +986,8 @@ static void assert_islands(const cairn_pose_consensus *consensus, int32_t first,
         assert_int_equal(cairn_pose_consensus_node(consensus, i).submap, third);
 }
 
-/* Several nodes need four times as much as one, as they see by chance in several ways what they
- * share. */
+/* Several nodes need four times as much as one, because by chance they share views in several
+ * ways. */
 static void blocks_that_hang_by_too_little_are_islands(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
@@ -1008,8 +1008,8 @@ static void blocks_that_hang_by_too_little_are_islands(void **state)
     test_pool_free(&pool);
 }
 
-/* Two parts, each of islands of three, three and two nodes, and a node that nothing places:
- * islands are numbered within their part, of equal ones that of the lower node first. */
+/* Two parts, each of submaps of three, three and two nodes, and a node that nothing places. Submaps
+ * are numbered within their part, among equal ones by the lowest node. */
 static void islands_are_numbered_within_their_parts(void **state)
 {
     static const int32_t island[17] = {2, 2, 0, 0, 0, 1, 1, 1, 2, 2, 0, 0, 0, 1, 1, 1, 0};
@@ -1108,7 +1108,7 @@ static uint64_t hash_of(const cairn_pose_consensus *consensus, int32_t hypothese
     return hash;
 }
 
-/* For poses that bring the nodes near, against others. */
+/* Poses that bring the nodes close, against others. */
 static cairn_real likes_them_near(void *context, int32_t first, int32_t second,
                                   cairn_pose first_second, int32_t *units)
 {
@@ -1125,7 +1125,7 @@ struct scene {
     double reach, known;
     int32_t starts, rounds, candidates, alternatives;
     double contradiction;
-    int32_t bounded; /* nodes that are bounded about their true poses; with a judge, too */
+    int32_t bounded; /* nodes bounded about their true poses; with a joint likelihood, too */
     uint64_t in_double, in_float;
 };
 
@@ -1177,8 +1177,8 @@ static void results_stay_as_they_are(void **state)
         assert_golden(hash_of_scene(&scenes[k]), scenes[k].in_double, scenes[k].in_float);
 }
 
-/* Nodes on a grid without a turn, with scores that are whole numbers, hypotheses twice and
- * bounds a metre wide: many of the choices are between equals, and much lies on the very limits. */
+/* Nodes on a grid without rotation, with integer scores, doubled hypotheses and bounds of a metre:
+ * many choices are between equals, and many values equal the limits. */
 static uint64_t hash_of_ties(uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 2);
@@ -1479,7 +1479,7 @@ static void bad_hypotheses_are_refused(void **state)
     assert_int_equal(cairn_pose_consensus_node(consensus, 3).agreeing, 0);
     assert_int_equal(cairn_pose_consensus_node(consensus, -1).agreeing, 0);
 
-    /* A change ends what was found. */
+    /* A change invalidates the result. */
     pose.x = 0;
     assert_ok(cairn_pose_consensus_set_bound(consensus, 0, pose, 1, 1));
     assert_int_equal(cairn_pose_consensus_read(consensus).placed, 0);

@@ -1,5 +1,5 @@
-/* Pose graphs against plain derivatives: minima by numeric gradients, covariances by a dense
- * inverse; starts, kernels, fixed poses, pieces; refusals and budgets. */
+/* Pose graphs: minima compared with numeric gradients, covariances with a dense inverse; starts,
+ * kernels, fixed poses, components; refusals and budgets. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -47,7 +47,7 @@ static void measure(struct problem *p, int32_t a, int32_t b, double noise, cairn
     m->information.yz = cairn_random_uniform(random, -60, 60);
 }
 
-/* A robot that goes through a grid row by row, there and back, and sees the row below. */
+/* A robot that traverses a grid row by row, there and back, and sees the row below. */
 static struct problem a_problem(uint64_t seed, double noise)
 {
     cairn_random random = cairn_random_seed(seed, 0);
@@ -218,8 +218,7 @@ static double reference_cost(const struct reference *t, const struct problem *p,
     return sum;
 }
 
-/* The gradient vanishes at all poses but the fixed ones: compared with what one link alone
- * pulls. */
+/* The gradient vanishes at all free poses, compared with the pull of a single link. */
 static void assert_minimum(const struct made *made, const struct problem *p,
                            const cairn_pose_graph_params *params, const int32_t *fixed)
 {
@@ -334,7 +333,7 @@ static void chordal_start_needs_no_guess(void **state)
     test_pool_free(&made.pool);
 }
 
-/* The chordal start is bad with outliers; BEST takes the given one then, and the kernel names
+/* With outliers the chordal start is bad: BEST takes the given one, and the kernel identifies
  * them. */
 static void outliers_are_named(void **state)
 {
@@ -360,7 +359,7 @@ static void outliers_are_named(void **state)
         assert_int_equal(cairn_pose_graph_link_of(made.graph, l).is_outlier, l >= good);
     assert_minimum(&made, &p, &params, FIRST_FIXED);
 
-    /* Without them: least squares of the others. */
+    /* Without the outliers: least squares of the others. */
     for (int32_t l = good; l < p.links; l++)
         assert_ok(cairn_pose_graph_exclude_link(made.graph, l, 1));
     assert_ok(cairn_pose_graph_set_kernel(made.graph, CAIRN_POSE_GRAPH_SQUARE, 1));
@@ -381,7 +380,7 @@ static void outliers_are_named(void **state)
     test_pool_free(&made.pool);
 }
 
-/* Graduated: a chain that drifts agrees with itself, and the kernel alone keeps it and takes the
+/* Graduated: a drifting chain is consistent with itself; the kernel alone keeps it and takes the
  * rows' links for outliers. */
 static void graduated_widens_the_reach(void **state)
 {
@@ -541,16 +540,16 @@ static void covariances_are_those_of_the_dense_inverse(void **state)
     for (int32_t l = 0; l < p.links; l++)
         assert_ok(
             cairn_pose_graph_covariance(made.graph, p.link[l].first, p.link[l].second, block));
-    /* Gone with the first change. */
+    /* Invalid after the first change. */
     assert_ok(cairn_pose_graph_set_pose(made.graph, 4, p.truth[4]));
     assert_status(cairn_pose_graph_covariance(made.graph, 1, 1, block), CAIRN_EMPTY);
     assert_status(cairn_pose_graph_marginals(made.graph), CAIRN_BAD_ARGUMENT);
     test_pool_free(&made.pool);
 }
 
-/* ---- Pieces, capacities, a solver of one's own ---- */
+/* ---- Components, capacities, a custom solver ---- */
 
-/* Covariances stand from the end of marginals() to the next solve() or marginals(). */
+/* Covariances are valid from the end of marginals() to the next solve() or marginals(). */
 static void covariances_are_of_the_last_poses(void **state)
 {
     struct problem p = a_problem(13, 0.05);
@@ -600,7 +599,7 @@ static void components_are_counted(void **state)
     assert_status(cairn_pose_graph_marginals(made.graph), CAIRN_BAD_ARGUMENT);
     for (int32_t i = 13; i < POSES; i++)
         assert_ok(cairn_pose_graph_fix(made.graph, i, 1));
-    s = solve(made.graph); /* a fixed pose somewhere takes the right of the first */
+    s = solve(made.graph); /* a fixed pose elsewhere frees the first */
     assert_int_equal(s.pose, 0);
     assert_ok(cairn_pose_graph_fix(made.graph, 5, 1));
     s = solve(made.graph);
@@ -654,8 +653,8 @@ static int graphs_are_equal(const cairn_pose_graph *a, const cairn_pose_graph *b
     return memcmp(&s, &t, sizeof s) == 0;
 }
 
-/* A graph that has no room for a factor takes it when it knows how much, and goes on to the same
- * bits; not before, not for another graph, not beside a solver of the user's own. */
+/* A graph without memory for a factor takes it once the size is known, and continues to the same
+ * bits; not before, not for another graph, not beside a custom solver. */
 static void room_is_taken_when_the_fill_is_known(void **state)
 {
     struct problem p = a_problem(8, 0.05);
@@ -714,10 +713,10 @@ static void room_is_taken_when_the_fill_is_known(void **state)
     test_pool_free(&whole.pool);
 }
 
-/* A solver around the built-in one that counts, and refuses on demand. */
+/* A wrapper of the built-in solver that counts, and fails on demand. */
 static struct {
     cairn_pose_graph_solver inner;
-    int32_t refuse_from; /* factors from this one on are not positive; -1: none */
+    int32_t refuse_from; /* factors from this one on are not positive definite; -1: none */
     int32_t factors;
 } outer;
 
@@ -761,7 +760,7 @@ static void a_solver_of_ones_own(void **state)
     mine = make_graph(&p, &params, &face);
     t = solve(mine.graph);
     assert_memory_equal(&s, &t, sizeof s);
-    /* headings, poses about them, and one that served all steps */
+    /* headings, poses about them, and one that was reused for all steps */
     assert_int_equal(outer.factors, 3);
     assert_true(t.iterations > NUMBER(1, 0));
     for (int32_t i = 0; i < POSES; i++) {
@@ -783,9 +782,9 @@ static void a_solver_of_ones_own(void **state)
     t = solve(mine.graph);
     assert_int_equal(t.verdict, CAIRN_POSE_GRAPH_SINGULAR);
     assert_int_equal(t.pose, 11);
-    assert_in_range(outer.factors, NUMBER(8, 7), NUMBER(8, 7)); /* more and more damping first */
+    assert_in_range(outer.factors, NUMBER(8, 7), NUMBER(8, 7)); /* increasing damping first */
     assert_status(cairn_pose_graph_marginals(mine.graph), CAIRN_BAD_ARGUMENT);
-    outer.factors = 0; /* headings: then from the poses as they are */
+    outer.factors = 0; /* headings: then from the current poses */
     outer.refuse_from = 0;
     t = solve(mine.graph);
     assert_int_equal(t.verdict, CAIRN_POSE_GRAPH_SINGULAR);
@@ -807,8 +806,8 @@ static cairn_pose disturbed(cairn_pose pose, cairn_real sigma, cairn_random *ran
     return pose;
 }
 
-/* Streets up and down, linked with the street beside every fourth metre: large parts turn at
- * little cost. */
+/* Streets in both directions, linked with the parallel street every fourth metre: large parts turn
+ * at little cost. */
 static void add_streets(cairn_pose_graph *graph, cairn_real sigma, uint64_t seed)
 {
     const cairn_sym3 information = {100, 0, 0, 100, 0, 400};
@@ -841,9 +840,9 @@ static void add_streets(cairn_pose_graph *graph, cairn_real sigma, uint64_t seed
     }
 }
 
-/* Steps that bend such a graph make the cost higher by their second order: it is solved with few
- * factors all the same, with as many steps as known, and to the same minimum as with a factor
- * for every step. */
+/* Steps that bend such a graph raise the cost by their second order. It is solved with few factors
+ * all the same, in the known number of steps, and to the same minimum as with a factor for every
+ * step. */
 static void weak_motions_take_few_factors(void **state)
 {
     static const struct {
@@ -893,9 +892,8 @@ static void weak_motions_take_few_factors(void **state)
 
 /* ---- Old factors ---- */
 
-/* A solver around the built-in one whose factor, when it serves again, promises what is not
- * there: it moves only that coordinate on which the graph pulls least, and so far that the slope
- * is 1. */
+/* A wrapper of the built-in solver whose reused factor promises a false descent: it moves only the
+ * coordinate of the smallest gradient, so far that the slope is 1. */
 static struct {
     cairn_pose_graph_solver inner;
     int32_t solves; /* since the last factor */
@@ -932,8 +930,8 @@ static cairn_status stale_solution(const void *context, int32_t pose, cairn_real
     return CAIRN_OK;
 }
 
-/* A step that hardly changes the cost is no rest when an old factor made it: a new one goes on
- * to the minimum. */
+/* A step that hardly changes the cost is not convergence when an old factor made it: a new factor
+ * continues to the minimum. */
 static void old_factors_do_not_end_it(void **state)
 {
     struct problem p = a_problem(9, 0.2);
@@ -1262,8 +1260,8 @@ static void refused_graphs(void **state)
     test_pool_free(&pool);
 }
 
-/* Links and poses that are taken away or changed leave the graph that has always been without
- * them, or with them so. */
+/* A graph from which links and poses were removed, or in which they were changed, equals one built
+ * that way. */
 static void what_goes_leaves_no_trace(void **state)
 {
     static struct problem p, without;
@@ -1280,7 +1278,7 @@ static void what_goes_leaves_no_trace(void **state)
         without.links = 0;
         for (int32_t i = gone; i < POSES - 1; i++)
             without.guess[i] = p.guess[i + 1];
-        p.link[3].first = 20; /* it is given other ends later */
+        p.link[3].first = 20; /* it gets other ends later */
         p.link[3].second = 5;
         for (int32_t l = 0; l < p.links; l++) {
             struct measurement m = p.link[l];

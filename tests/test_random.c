@@ -1,4 +1,4 @@
-/* PCG32 against its published output; ranges, moments and uniformity of what is made of it. */
+/* PCG32 compared with its published output; ranges, moments and uniformity of derived numbers. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -100,7 +100,7 @@ static void uniform_keeps_its_bounds(void **state)
         assert_true(cairn_random_uniform(&random, 1, 1 + CAIRN_REAL_EPSILON) == 1);
     assert_true(cairn_random_uniform(&random, 7, 7) == 7);
     {
-        /* the wrong way round still lies between */
+        /* reversed bounds still enclose it */
         cairn_real x = cairn_random_uniform(&random, 2, -2);
 
         assert_true(x <= 2 && x >= -2);
@@ -175,7 +175,8 @@ static void below_is_unbiased(void **state)
     }
     for (int k = 0; k < 7; k++)
         assert_near(count[k], 10000, 4 * sqrt(10000));
-    /* Of 3 * 2^30 plain remainders would give the lowest third of the results half of all draws. */
+    /* With 3 * 2^30 plain remainders would give the lowest third of the results half of all
+     * draws. */
     for (int i = 0; i < 10000; i++) {
         int32_t k = cairn_random_below(&random, 0x60000000);
 

@@ -1,4 +1,4 @@
-/* Tables of ranges: every field, every way in which a line or a head can be wrong. */
+/* Tables of ranges: every field, every fault of a line or a header. */
 #include "tests/files.h"
 
 #include <math.h>
@@ -92,7 +92,7 @@ static void csv_fields(void **state)
     cairn_carmen_log_scans_free(&s);
 }
 
-/* Many scans, without time and odometry; the greatest range is the caller's. */
+/* Many scans, without time and odometry; the maximum range is the caller's. */
 static void csv_of_ranges_alone(void **state)
 {
     char *text = malloc(100000), *at = text;
@@ -176,7 +176,7 @@ static void bad_heads_and_files_are_refused(void **state)
                   CAIRN_IO);
 }
 
-/* A line of the URG's of so many fields, the ranges growing by 1 mm. */
+/* A line of the URG log format with so many fields, the ranges increasing by 1 mm. */
 static char *add_urg(char *at, int fields, int microseconds, int range)
 {
     at += sprintf(at, "%d", microseconds);
@@ -218,7 +218,7 @@ static void urg_fields(void **state)
     free(text);
 }
 
-/* A line of the URG's with ticks of both wheels. */
+/* A line of the URG log format with ticks of both wheels. */
 static char *add_rolling_urg(char *at, int microseconds, int left, int right)
 {
     at += sprintf(at, "%d 0 %d %d", microseconds, left, right);
@@ -229,8 +229,8 @@ static char *add_rolling_urg(char *at, int microseconds, int left, int right)
     return at;
 }
 
-/* The wheels roll straight ahead for a second, then turn on the spot to the left; the scans are
- * older than that by .17 s. */
+/* The wheels roll straight ahead for a second, then turn left on the spot; the scans are .17 s
+ * older than the ticks. */
 static void urg_wheels(void **state)
 {
     static const double tick = 2 * 3.14159265358979 * 0.077 / 2000;
@@ -262,13 +262,13 @@ static void urg_wheels(void **state)
     assert_near(r[20].laser.x, 1000 * tick + 0.145 * cos(830 * 2 * tick / 0.31), 1e-5);
     assert_near(r[20].scan.base_sensor.x, 0.145, 1e-6);
     assert_near(r[20].scan.time_step, 0.1 / 1024, 1e-9);
-    /* what is below are the scanner's words of fault */
+    /* values below are the scanner's error codes */
     assert_near(r[20].scan.range_min, 0.02, 1e-9);
     assert_near(s.info.base_sensor.x, 0.145, 1e-6);
     assert_near(s.info.odometry_length, 1000 * tick, 1e-5);
     cairn_carmen_log_scans_free(&s);
 
-    /* Across a gap in time nothing is known either. */
+    /* Across a gap in time the odometry is unknown, too. */
     at = add_rolling_urg(text, 0, 0, 0);
     at = add_rolling_urg(at, 100000, 100, 100);
     at = add_rolling_urg(at, 400000, 400, 400);

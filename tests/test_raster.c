@@ -51,7 +51,8 @@ static int64_t run_map(cairn_distance_map *map, const cairn_distance_map_input *
     return spent;
 }
 
-/* Both metrics, several budgets, flipped and padded views, against the reference implementation. */
+/* Both metrics, several budgets, flipped and padded views, compared with the reference
+ * implementation. */
 static void check_raster(cairn_distance_map *map, const uint8_t *pixels, int32_t width,
                          int32_t height, uint8_t mask, uint8_t match)
 {
@@ -140,7 +141,7 @@ static void test_distance_of_few_pixels(void **state)
     test_pool_free(&pool);
 }
 
-/* One match in the corner of the longest row and column: the largest numbers there are. */
+/* One match in the corner of the longest row and column: the largest possible numbers. */
 static void test_distance_of_longest_sides(void **state)
 {
     enum { LONG = CAIRN_RASTER_MAX_SIDE };
@@ -171,7 +172,7 @@ static void test_distance_of_longest_sides(void **state)
     test_pool_free(&pool);
 }
 
-/* A map begun anew drops the one before, however far that was. */
+/* A map begun anew drops the one before at any stage. */
 static void test_distance_begins_anew(void **state)
 {
     uint8_t pixels[SIDE * SIDE];

@@ -1,5 +1,5 @@
-/* Relations: both kinds of lines, scans by their time against a reference implementation, bad
- * files. */
+/* Relations: both kinds of lines, scans by their stamps compared with a reference implementation,
+ * bad files. */
 #include "tests/files.h"
 
 #include <inttypes.h>

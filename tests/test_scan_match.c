@@ -14,7 +14,7 @@ static const cairn_vec2 OBLONG[] = {{-3, -2}, {3, -2}, {3, 2}, {-3, 2}};
 static const cairn_vec2 CORRIDOR[] = {{-30, -1}, {30, -1}, {30, 1}, {-30, 1}};
 static const cairn_vec2 TRIANGLE[] = {{-2.5, -1.5}, {3, -1}, {0.5, 3}};
 
-/* A room and what a turning scanner sees of it from one pose. */
+/* A room and the ranges of a rotating scanner in it from one pose. */
 struct seen {
     cairn_oriented_point points[MAX_POINTS];
     cairn_oriented_point dense[MAX_POINTS];
@@ -40,8 +40,8 @@ static cairn_real cast(const cairn_vec2 *corners, int32_t count, cairn_vec2 from
     return most;
 }
 
-/* All walls' points every 0.1 m that are in sight within 12 m, beams around the circle, dense
- * points of those. */
+/* All points of walls every 0.1 m that are visible within 12 m, beams around the circle, their
+ * dense points. */
 static void look(struct seen *seen, const cairn_vec2 *corners, int32_t count, cairn_pose pose,
                  cairn_real noise, cairn_random *random)
 {
@@ -143,7 +143,7 @@ static cairn_pose draw(cairn_random *random, cairn_real distance, cairn_real ang
     return pose;
 }
 
-/* Matches what is seen of a room from two places. */
+/* Matches the views of a room from two places. */
 static cairn_scan_match_result match_room(cairn_scan_match *match, const cairn_vec2 *corners,
                                           int32_t count, cairn_pose a, cairn_pose b,
                                           const cairn_pose *start,
@@ -267,9 +267,8 @@ static void a_corner_alone_is_ambiguous(void **state)
     test_pool_free(&pool);
 }
 
-/* Two rooms that are the same, of which the target has seen one less than the other: that the
- * other explains more of the query does not make it the one. Where they differ by a piece of
- * wall, it does. */
+/* Two equal rooms, of which the target has seen one less completely: that the other explains more
+ * of the query does not decide. Where they differ by an interval of wall, it does. */
 static void an_identical_room_seen_in_part_is_ambiguous(void **state)
 {
     static const cairn_vec2 other_room[] = {{-3, -2}, {4, -2}, {4, 1}, {2, 1}, {2, 3}, {-3, 3}};
@@ -305,8 +304,8 @@ static void an_identical_room_seen_in_part_is_ambiguous(void **state)
     test_pool_free(&pool);
 }
 
-/* Two rooms that are the same, of which the target saw one fifteen times and the other once: a
- * wall is no likelier to be the one that is seen because many have seen it. */
+/* Two equal rooms, of which the target saw one fifteen times and the other once: a wall is not more
+ * likely to be the right one because many scans have seen it. */
 static void an_identical_room_seen_once_is_ambiguous(void **state)
 {
     enum { LOOKS = 15 };
@@ -607,7 +606,7 @@ static void shape_takes_exactly_what_it_says(void **state)
     test_every_pool_size(create, &params, cairn_scan_match_memory(&params));
 }
 
-/* ---- What speaks for and against ---- */
+/* ---- Terms of the log-likelihood ratio ---- */
 
 static void free_space_speaks_against(void **state)
 {
@@ -627,7 +626,7 @@ static void free_space_speaks_against(void **state)
                     result.hypotheses[0].target_free_space_violation >
                 CAIRN_REAL(0.1));
     assert_true(result.hypotheses[0].log_odds < 0);
-    /* Nothing is known of free space. */
+    /* No free space is known. */
     second.part.beam_count = first.part.beam_count = 0;
     cairn_scan_match_clear_target(match);
     assert_ok(cairn_scan_match_add_target(match, &first.part, cairn_pose_identity(), NULL));
@@ -650,14 +649,14 @@ static void leaves_out_what_it_has_no_room_for(void **state)
     params.max_dense = params.max_views = 0;
     match = make_match(&pool, params);
     result = match_room(match, L_ROOM, 6, a, b, NULL, NULL, &random);
-    /* nothing speaks against the room turned about */
+    /* no free-space violation when the room is turned about */
     assert_int_equal(result.verdict, CAIRN_SCAN_MATCH_AMBIGUOUS);
     assert_pose_near(result.hypotheses[0].target_query, cairn_pose_between(a, b), 0.02, 0.008);
     assert_near(result.hypotheses[0].free_space_violation, 0, 0);
     test_pool_free(&pool);
 }
 
-/* 95 % of the errors lie in the 95 % ellipsoid, more or less. */
+/* 95 % of the errors lie in the 95 % ellipsoid, approximately. */
 static void covariance_holds(void **state)
 {
     cairn_random random = cairn_random_seed(11, 1);
@@ -721,8 +720,8 @@ static void dense_points_have_the_direction_of_their_wall(void **state)
     memset(&view, 0, sizeof view);
     view.beams = beams;
     view.beam_count = 43;
-    /* A corner at (2, 0.6), seen from the origin counter-clockwise: up along x = 2, then left
-     * along y = 0.6; then one hit alone, and one beam that hit nothing. */
+    /* A corner at (2, 0.6), seen from the origin counter-clockwise: up along x = 2, then left along
+     * y = 0.6; then an isolated hit, and a beam without a hit. */
     for (int i = 0; i < 41; i++) {
         beams[i].kind = CAIRN_SCAN_BEAM_HIT;
         beams[i].to.x = i < 21 ? 2 : 2 - (cairn_real)(i - 20) * CAIRN_REAL(0.03);
@@ -747,8 +746,7 @@ static void dense_points_have_the_direction_of_their_wall(void **state)
 
 /* ---- Few points ---- */
 
-/* A corner's points a metre apart: three pairs are too few to say anything, four make the
- * corner. */
+/* A corner's points a metre apart: three pairs are too few for a decision, four make the corner. */
 static void four_pairs_are_enough(void **state)
 {
     static const cairn_oriented_point corner[] = {
@@ -798,8 +796,8 @@ static uint64_t hash_match(const cairn_scan_match *match)
     return test_hash(hash, numbers, sizeof numbers);
 }
 
-/* What is seen of one place is added as two parts, of what is seen of another every hypothesis
- * is hashed. */
+/* The view of one place is added as two parts; of the view of another every hypothesis is
+ * hashed. */
 struct scene {
     cairn_scan_match_mode mode;
     const cairn_vec2 *target, *query;
@@ -811,8 +809,7 @@ struct scene {
     uint64_t in_double, in_float;
 };
 
-/* Another target, elsewhere, of which a first match ends and a second is dropped while its
- * points vote. */
+/* Another target, elsewhere; a first match of it ends, and a second is dropped during the votes. */
 static void leave_traces(cairn_scan_match *match)
 {
     const cairn_pose elsewhere = {-40, -30, 2};
@@ -928,8 +925,8 @@ static void results_stay_as_they_are(void **state)
 
 /* ---- Memory of the search ---- */
 
-/* A grid that just holds the window finds the same as the largest one, in less memory; what is
- * too small holds its middle. */
+/* A grid that just holds the window finds the same as the largest one, in less memory; a smaller
+ * one holds the middle of the window. */
 static void a_small_grid_finds_the_same(void **state)
 {
     cairn_scan_match_params params = cairn_scan_match_default();
@@ -1036,7 +1033,7 @@ static void refuses_input(void **state)
     assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault),
                  CAIRN_NOT_FINITE, 7);
     first.beams[7] = beam;
-    /* Nothing came in so far, then just as much as there is room for. */
+    /* No input so far; then exactly as much as the capacity. */
     assert_int_equal(run(match, &first.part, zero, NULL).verdict, CAIRN_SCAN_MATCH_NONE);
     assert_ok(cairn_scan_match_add_target(match, &first.part, zero, &fault));
     assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault), CAIRN_FULL,

@@ -55,7 +55,7 @@ static cairn_self_similarity_result look(looking *l, const cairn_curve *outlines
     return cairn_self_similarity_read(l->similarity);
 }
 
-/* The farther of two ends from where they should be, either way round, in shares of the outline. */
+/* The farther of two ends from their expected places, in either order, as shares of the outline. */
 static double ends_off(const cairn_self_similarity_axis *axis, double first, double second)
 {
     double off[2];
@@ -103,7 +103,7 @@ static cairn_curve regular(cairn_vec2 *p, int32_t count, double turn)
     return closed(p, count);
 }
 
-/* ---- The thesis's search, the obvious way ---- */
+/* ---- Reference implementation: the thesis's search ---- */
 
 typedef struct slow {
     double unlike[96][96];
@@ -140,7 +140,7 @@ static double between(double last, double first, double n)
     return fmod(last + gap / 2, n) / n;
 }
 
-/* All sets S = (i ... j) and T from j or j + 1 to i or i - 1, as section 4.4 writes them. */
+/* All sets S = (i ... j) and T from j or j + 1 to i or i - 1, as in section 4.4. */
 static void slow_level(slow *s, int32_t m)
 {
     int32_t v[32], n = 0;
@@ -250,7 +250,7 @@ static void searches_as_the_obvious_way(void **state)
     test_pool_free(&l.pool);
 }
 
-/* What a result must always be. */
+/* Invariants of every result. */
 static void assert_sound(const cairn_self_similarity_result *r, int32_t mode)
 {
     assert_true(r->count >= 1 && r->count <= CAIRN_SELF_SIMILARITY_MAX_AXES && r->tie_count >= 1 &&
@@ -338,7 +338,7 @@ static void takes_bends_and_skews_back(void **state)
     test_pool_free(&l.pool);
 }
 
-/* A body with two pairs of limbs, those in front as long as `fore`, each turned at its joint. */
+/* A body with two pairs of limbs, the front ones of length `fore`, each rotated at its joint. */
 static int32_t beast(cairn_vec2 *p, double fore, double hind, const double turn[4], double *half)
 {
     const double joint[4] = {20, 75, 75, 20}, long_ones[4] = {fore, hind, hind, fore};
@@ -396,7 +396,7 @@ static void joints_do_not_matter(void **state)
     test_pool_free(&l.pool);
 }
 
-/* Limbs in front nearly as long as those behind: the body might be divided between them. */
+/* Front limbs nearly as long as the hind ones: the body could be divided between them. */
 static void like_limbs_in_front_and_behind_do_not_matter(void **state)
 {
     static const double turns[][4] = {{0.7, -0.2, -0.1, -0.4}, {-0.8, 0.1, -0.4, 0.0},
@@ -421,7 +421,7 @@ static void like_limbs_in_front_and_behind_do_not_matter(void **state)
 
 /* ---- Verdicts ---- */
 
-/* An egg, 100 high, slit from above along its axis down to 12 above the lower end; turned by
+/* An egg, 100 high, slit from above along its axis down to 12 above the lower end; rotated by
  * `turn`. */
 static cairn_curve slit_egg(cairn_vec2 *p, double turn)
 {
@@ -447,8 +447,8 @@ static cairn_curve slit_egg(cairn_vec2 *p, double turn)
     return closed(p, count);
 }
 
-/* The axis is short, a sample at its end would turn it by degrees; the line is fitted to all
- * samples. */
+/* The axis is short, so that one sample at its end would turn it by degrees; the line is fitted to
+ * all samples. */
 static void the_mirror_line_is_fitted_to_all_samples(void **state)
 {
     static cairn_vec2 p[MOST];
@@ -547,8 +547,7 @@ static void a_bar_has_two(void **state)
     test_pool_free(&l.pool);
 }
 
-/* Holes change what the points see: without them a square has four axes; with one beside its
- * middle one. */
+/* Holes change the distances: without them a square has four axes; with an off-centre hole one. */
 static void holes_count_unless_filled(void **state)
 {
     cairn_self_similarity_params params = cairn_self_similarity_default();
@@ -696,7 +695,7 @@ static void bad_outlines_are_refused(void **state)
     assert_status(cairn_self_similarity_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_self_similarity_step(l.similarity, NULL), CAIRN_BAD_ARGUMENT);
     assert_int_equal(cairn_self_similarity_read(NULL).count, 0);
-    /* As many holes as there may be, more than there is room for. */
+    /* The largest number of holes, beyond the capacity. */
     shape[0] = pear(p, 100, 20, 0, 0, &half);
     (void)look(&l, shape, CAIRN_SELF_SIMILARITY_MAX_OUTLINES);
     test_pool_free(&l.pool);

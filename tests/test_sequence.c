@@ -6,7 +6,7 @@
 
 enum { MOST = 40 };
 
-/* Numbers to compare, and how. */
+/* Numbers to compare, and the comparison. */
 struct sequences {
     double first[MOST], second[MOST];
     int32_t first_count, second_count;
@@ -58,7 +58,7 @@ static double reference(const struct sequences *s, double gap)
     return s->kind == CAIRN_SEQUENCE_LOCAL ? best : table[s->first_count][s->second_count];
 }
 
-/* The score of the pairs, which must be in order and as the kind wants them. */
+/* The score of the pairs, which must be in order and of the kind's form. */
 static double score_of(const struct sequences *s, const cairn_sequence_result *result, double gap)
 {
     double score = 0;

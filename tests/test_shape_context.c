@@ -55,7 +55,7 @@ static cairn_shape_context_result run(comparing *c)
     return cairn_shape_context_read(c->context);
 }
 
-/* ---- The obvious way, in doubles ---- */
+/* ---- Reference implementation, in double ---- */
 
 static double mean_distance(const cairn_vec2 *p, int32_t n)
 {
@@ -113,7 +113,7 @@ static void reference_costs(const comparing *c, double cost[MOST][MOST])
         }
 }
 
-/* The cheapest pairing, by all of them. */
+/* The cheapest assignment among all. */
 static double least_of(double cost[MOST][MOST], int32_t rows, int32_t columns, int32_t row,
                        uint32_t used, int32_t skips)
 {
@@ -162,7 +162,7 @@ static void pairs_whole_shapes_at_the_least_cost(void **state)
     test_pool_free(&c.pool);
 }
 
-/* Both ways, without a look at the pairs; the same when the shapes are exchanged. */
+/* In both directions, without examining the pairs; the same when the shapes are exchanged. */
 static void measures_both_ways(void **state)
 {
     cairn_random random = cairn_random_seed(17, 1);
@@ -258,7 +258,7 @@ static void is_zero_for_the_same_shape_at_another_size_and_place(void **state)
     assert_near(r.distance, 0, NUMBER(1e-12, 0.01));
     for (int32_t i = 0; i < 20; i++)
         assert_int_equal(r.match[i], 19 - i);
-    /* Turned upside down it is another one. */
+    /* Upside down it is another shape. */
     for (int32_t i = 0; i < 20; i++)
         c.second[i].y = -c.second[i].y;
     r = run(&c);
@@ -266,7 +266,7 @@ static void is_zero_for_the_same_shape_at_another_size_and_place(void **state)
     test_pool_free(&c.pool);
 }
 
-/* Coincident points, points far away from all others, points on the bounds of sectors. */
+/* Coincident points, points far away from all others, points on the borders of sectors. */
 static void takes_odd_points(void **state)
 {
     comparing c;

@@ -1,5 +1,5 @@
-/* Skeletons as Adluru 2008, chapter 3, has them: what is found and its weights, what is culled;
- * little and very much; budgets. */
+/* Skeletons of Adluru 2008, chapter 3: results and their weights, culling; little input and very
+ * much; budgets. */
 #include "tests/skeleton_reference.h"
 
 /* ---- What is found ---- */
@@ -66,7 +66,7 @@ static void clutter_and_bends_are_checked(void **state)
     test_pool_free(&f.pool);
 }
 
-/* How steep edges are, and which side of them is brighter, says nothing. */
+/* The steepness of edges, and their brighter side, do not matter. */
 static void contrast_does_not_count(void **state)
 {
     cairn_skeleton_grouping_params params = small_params();
@@ -119,7 +119,7 @@ static void little_or_nothing(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A line of CPs whose contours end: all particles die at once, and a lone CP is no part. */
+/* A line of CPs whose contours end: all particles die at once, and an isolated CP is no part. */
 static void all_particles_die(void **state)
 {
     cairn_skeleton_grouping_params params = small_params();
@@ -136,8 +136,8 @@ static void all_particles_die(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Tens of thousands of CPs, evenly thinned, and circles full of edgels: bounded, and what it
- * says is true. */
+/* Tens of thousands of CPs, evenly thinned, and circles full of edgels: bounded, and the results
+ * are right. */
 static void crowds_are_thinned(void **state)
 {
     cairn_skeleton_grouping_params params = small_params();

@@ -1,4 +1,4 @@
-/* Every status has a text of its own, and the numbers stay what they are. */
+/* Every status has a text of its own, and the numbers are fixed. */
 #include "tests/test.h"
 
 static void every_status_has_its_text(void **state)

@@ -33,8 +33,8 @@ static sim_pose compose(sim_pose a, sim_pose b)
     return c;
 }
 
-/* The reference implementation: distance along a ray to the nearest edge, by cutting it with every
- * edge; 1e9 when there is none. */
+/* Reference implementation: distance along a ray to the nearest edge by intersecting all edges; 1e9
+ * when there is none. */
 static double cast(const sim_arena *arena, sim_pose from, double angle, int32_t *which)
 {
     int32_t count;
@@ -121,7 +121,7 @@ static void test_ranges_against_reference(void **state)
                 }
             }
         }
-        /* Beams that graze a corner may go either way in float and double. */
+        /* Beams that graze a corner may differ in float and double. */
         if (odd > beams / 5000 || other_edge > beams / 500)
             fail_msg("%s: %d ranges and %d edges differ of %d", sim_scene_name(scene), (int)odd,
                      (int)other_edge, (int)beams);
@@ -176,7 +176,7 @@ static void test_places(void **state)
                 for (int32_t b = 0; b < a; b++)
                     assert_true(hypot(places[a].x - places[b].x, places[a].y - places[b].y) >=
                                 0.299);
-            /* All scans hang together: by common edges, each seen by five beams of both. */
+            /* All scans are connected by common edges, each seen by five beams of both. */
             while (merged) {
                 merged = 0;
                 for (int32_t a = 0; a < count; a++)
@@ -254,8 +254,8 @@ static void test_same_options_same_scans(void **state)
     sim_arena_free(again_arena);
 }
 
-/* Errors of the scanner do not move the robot, nor each other. Their shares and sizes are those
- * asked for. */
+/* Errors of the scanner do not move the robot, and do not affect each other. Their shares and sizes
+ * are as requested. */
 static void test_noise_and_dropouts(void **state)
 {
     sim_arena *arena = arena_of(SIM_RESCUE, 3);
@@ -314,7 +314,7 @@ static void test_noise_and_dropouts(void **state)
     sim_arena_free(arena);
 }
 
-/* Tilted scans see the floor in one run, short of the walls, along d / cos: 1/r is a cosine of
+/* Tilted scans see the floor in one interval, short of the walls, along d / cos: 1/r is a cosine of
  * the bearing. */
 static void test_tilt(void **state)
 {
@@ -431,7 +431,7 @@ static void test_movers(void **state)
                 assert_true(b[i].range[k] < a[i].range[k]);
                 assert_true(b[i].range[k] > 0.3f);
                 here++;
-                /* They walk: what the last scan of this place saw there is something else. */
+                /* They walk: the last scan of a place differs. */
                 if (i > 0 && b[i].place == b[i - 1].place) {
                     double bearing = b[i].truth.theta - b[i - 1].truth.theta;
                     int32_t before = (k + (int32_t)lround(bearing * 180 / pi) + 720) % 360;
@@ -531,7 +531,7 @@ static void test_sweep_motion(void **state)
     sim_arena_free(arena);
 }
 
-/* Scans at places that take time: bounded motion; the sensor, not the base, stands at the place. */
+/* Scans at places that take time: bounded motion; the sensor, not the base, is at the place. */
 static void test_sweeps_at_places(void **state)
 {
     sim_arena *arena = arena_of(SIM_APARTMENT, 5);
@@ -659,7 +659,7 @@ static void test_drive(void **state)
     assert_in_range(bumps, 3, 200);
 }
 
-/* Without slip and bias a drive that bumps into nothing has true odometry. */
+/* Without slip and bias a drive without collisions has true odometry. */
 static void test_drive_without_slip(void **state)
 {
     sim_arena *arena = arena_of(SIM_CORRIDOR, 1);

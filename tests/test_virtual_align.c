@@ -13,7 +13,7 @@ static cairn_virtual_align_params small_params(void)
     return p;
 }
 
-/* An aligner that asks for more evidence than some of the scans have. */
+/* An aligner that requires more evidence than some of the scans have. */
 static cairn_virtual_align_params hesitant_params(void)
 {
     cairn_virtual_align_params p = small_params();
@@ -61,7 +61,7 @@ static void rooms_come_together(void **state)
     assert_true(right_with >= right_without);
 }
 
-/* What the aligner has settled stays where it is. */
+/* Scans placed by the aligner do not move. */
 static void settled_scans_stay(void **state)
 {
     cairn_virtual_align_params p = hesitant_params();
@@ -140,7 +140,8 @@ static void the_budget_does_not_matter(void **state)
     leave(&r);
 }
 
-/* Begun anew in the middle of an iteration, and with a scan more: as if nothing had been before. */
+/* Begun anew in the middle of an iteration, and with one more scan: as if nothing had run
+ * before. */
 static void can_be_begun_anew(void **state)
 {
     cairn_virtual_align_params p = hesitant_params();
@@ -185,7 +186,7 @@ static void can_be_begun_anew(void **state)
     leave(&r);
 }
 
-/* Without the aligner all scans move from where they are. */
+/* Without the aligner all scans move from their initial poses. */
 static void the_field_alone(void **state)
 {
     cairn_virtual_align_params p = hesitant_params();
@@ -214,7 +215,7 @@ static void the_field_alone(void **state)
     leave(&r);
 }
 
-/* Scans that say nothing, or nothing to each other. */
+/* Scans without information, or without common surfaces. */
 static void little_to_align(void **state)
 {
     cairn_virtual_align_params p = small_params();
@@ -243,7 +244,7 @@ static void little_to_align(void **state)
     test_pool_free(&bed.pool);
 }
 
-/* ---- The obvious way: aligner, field and hypotheses by hand, each step to its end ---- */
+/* ---- Reference implementation: aligner, field and hypotheses called one by one ---- */
 
 struct reference {
     cairn_aligner_pose kept[SCANS];
@@ -313,7 +314,7 @@ static void reference_keeps(struct reference *t)
     t->result.field_units += 2 * (int64_t)t->count;
 }
 
-/* m of wall across the main direction of what a scan shows, by trying all directions. */
+/* m of wall across the main direction of a scan, by trying all directions. */
 static double reference_across(const struct reference *t, int32_t scan)
 {
     const cairn_scan_set *set = cairn_force_field_scans(t->field);
@@ -334,13 +335,13 @@ static double reference_across(const struct reference *t, int32_t scan)
     return least;
 }
 
-/* 1 when the aligner goes on from what it has found. */
+/* 1 when the aligner continues from its result. */
 static int reference_goes_on(const struct reference *t)
 {
     return t->result.aligner.placed >= 2 && t->result.aligner.largest_size >= 3;
 }
 
-/* What was placed before stays; the new ones by the motion of all that was. */
+/* Scans placed before stay; the new ones move with the mean motion of those. */
 static void reference_takes_in(struct reference *t)
 {
     cairn_pose now[SCANS], then[SCANS], motion;
@@ -363,8 +364,8 @@ static void reference_takes_in(struct reference *t)
     t->result.field_units += 1 + (int64_t)t->count;
 }
 
-/* 1: the aligner has placed more than before; else what shares nothing with its largest part
- * stays where the field left it. */
+/* 1: the aligner has placed more than before; else scans that share nothing with its largest
+ * component stay where the field left them. */
 static int reference_judges(struct reference *t)
 {
     if (cairn_aligner_read(t->aligner).placed > t->result.aligner.placed) {
@@ -383,7 +384,7 @@ static int reference_judges(struct reference *t)
     return 0;
 }
 
-/* Fixed is what the aligner has placed together with another scan. */
+/* Fixed are the scans that the aligner has placed together with another one. */
 static void reference_places(struct reference *t)
 {
     t->result.moved_scans = 0;
@@ -426,7 +427,7 @@ static void reference_makes_hypotheses(struct reference *t, cairn_real sigma)
     (void)cairn_virtual_scan_hypotheses(t->hypotheses, &t->result.hypotheses);
 }
 
-/* One round of the field; the scans that it moved are left where it put them. */
+/* One round of the field; the moved scans stay at its poses. */
 static void reference_relaxes(struct reference *t)
 {
     t->result.rounds++;
@@ -480,7 +481,7 @@ static void reference_places_and_relaxes(struct reference *t)
     }
 }
 
-/* Last, what may slide does, where anything was aligned. */
+/* Last, weakly constrained components are translated, where anything was aligned. */
 static void reference_slides(struct reference *t)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};

@@ -1,5 +1,5 @@
-/* Parts that slide along walls: rooms on a hallway seen by scans of half a circle, against the
- * obvious way to do it. */
+/* weak_direction: components that can be translated along walls. Rooms on a hallway seen by scans
+ * of half a circle, compared with a reference implementation. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -24,7 +24,7 @@ struct scene {
     cairn_real spread;
 };
 
-/* The direction of the longest piece of wall. */
+/* The direction of the longest segment of wall. */
 static cairn_vec2 hallway_of(const struct scene *s)
 {
     cairn_vec2 way = {1, 0};
@@ -42,8 +42,8 @@ static cairn_vec2 hallway_of(const struct scene *s)
     return way;
 }
 
-/* As if the last four scans were firm, and of the others four each known alike but for one
- * direction: that of the hallway, turned. */
+/* As if the last four scans were well constrained, and four of the others each unobservable in one
+ * direction: that of the hallway, rotated. */
 static void loosen(struct scene *s, double degrees)
 {
     cairn_transform turn = {0, 0, (cairn_real)cos(degrees * DEGREE),
@@ -186,7 +186,7 @@ static int32_t right(const struct scene *s, const cairn_weak_direction *slide)
     return bench_fit_common(s->truth, found, use, SCANS, 0.05, DEGREE, moved);
 }
 
-/* ---- The obvious way: all pairs anew each time, nothing kept ---- */
+/* ---- Reference implementation: all pairs anew each time, nothing stored ---- */
 
 struct reference_wall {
     cairn_vec2 a, b;
@@ -197,7 +197,7 @@ struct reference_wall {
 struct reference {
     const struct scene *s;
     cairn_weak_direction_params p;
-    int32_t part[SCANS]; /* the least scan tied to it, -1 firm, -2 none */
+    int32_t part[SCANS]; /* the lowest scan of its component, -1 well constrained, -2 none */
     cairn_vec2 along[SCANS], shift[SCANS];
     double deviation[SCANS];
     struct reference_wall walls[WALLS];
@@ -211,7 +211,7 @@ static double dot(cairn_vec2 a, cairn_vec2 b)
     return (double)a.x * (double)b.x + (double)a.y * (double)b.y;
 }
 
-/* The direction in which a scan is known least, by its angle. */
+/* The direction of a scan's largest variance, by its angle. */
 static void reference_axes(const cairn_real c[9], cairn_vec2 *along, double *most, double *least)
 {
     double half = ((double)c[0] - (double)c[4]) / 2, angle = atan2((double)c[1], half) / 2;
@@ -328,7 +328,7 @@ static void reference_shares(struct reference *t)
     }
 }
 
-/* All thicknesses that are seen; in windows of eight half centimetres. */
+/* All observed thicknesses; in windows of eight half centimetres. */
 static void reference_learns(struct reference *t)
 {
     double gaps[WALLS * 4], weights[WALLS * 4], total = 0, most = 0;
@@ -380,7 +380,7 @@ static double thickness_nats(const struct reference *t, int32_t moving, int32_t 
             struct reference_wall w = t->walls[k], moved = v;
             double gap, off;
 
-            if (t->part[w.scan] != fixed || !faces(&v, &w)) /* side by side before it is shifted */
+            if (t->part[w.scan] != fixed || !faces(&v, &w)) /* side by side before the shift */
                 continue;
             moved.a = cairn_vec2_add(moved.a, shift);
             moved.b = cairn_vec2_add(moved.b, shift);
@@ -420,7 +420,7 @@ static double objection_nats(const struct reference *t, int32_t moving, int32_t 
     return sum;
 }
 
-/* Where the starts of a part say that it is, less where it is, in the mean; along a direction. */
+/* Shift of a component according to its initial poses, less its current mean, along a direction. */
 static double expected_off(const struct reference *t, int32_t part, cairn_vec2 along,
                            int32_t *scans)
 {
@@ -449,8 +449,7 @@ static double shift_nats(const struct reference *t, int32_t moving, int32_t fixe
                                                   : nats;
 }
 
-/* The best shift of a part against another, and by how much it is. The last that is tried is to
- * stay. */
+/* The best shift of a component relative to another, and its gain. The last one tried is zero. */
 static double best_shift(const struct reference *t, int32_t moving, int32_t fixed, double *shift)
 {
     int32_t own, others;
@@ -474,7 +473,7 @@ static double best_shift(const struct reference *t, int32_t moving, int32_t fixe
         if (nats[i] > nats[best])
             best = i;
     }
-    if (nats[best] - nats[count] < 2) /* little is gained: it stays */
+    if (nats[best] - nats[count] < 2) /* little gain: it stays */
         best = count;
     for (int32_t i = 0; i <= count; i++)
         if (fabs(at[i] - at[best]) > 0.06 + step / 2)
@@ -489,7 +488,7 @@ static void reference_joins(struct reference *t)
         int32_t moving = -1, fixed = -1;
         double surest = -1, shift = 0;
 
-        /* In the order of numbers: the firm part, then by the least scan. */
+        /* In the order of numbers: the well constrained component, then by the lowest scan. */
         for (int32_t k = 0; k < SCANS; k++)
             for (int32_t h = -1; h < k; h++) {
                 int32_t has_k = 0, has_h = 0;
@@ -597,7 +596,7 @@ static void does_what_the_obvious_way_does(void **state)
         if (k % 3 > 0)
             loosen(&s, k % 3 == 1 ? 0 : 40);
         if (k == 6)
-            s.spread = CAIRN_REAL(0.03); /* where they are is far from where they started */
+            s.spread = CAIRN_REAL(0.03); /* its poses are far from the initial ones */
         p.use_thickness = k != 3;
         p.translation_step = k == 4 ? CAIRN_REAL(0.001) : k == 2 ? 5 : p.translation_step;
         p.thickness_sigma = k == 5 ? CAIRN_REAL(0.04) : p.thickness_sigma;
@@ -612,7 +611,8 @@ static void does_what_the_obvious_way_does(void **state)
     assert_true(joined >= 15);
 }
 
-/* Scans that are right: by the aligner, when parts slide, and with walls as thick as elsewhere. */
+/* Scans that are right: by the aligner, after the translation, and with walls as thick as
+ * elsewhere. */
 static void parts_find_their_place(void **state)
 {
     cairn_weak_direction_params p = cairn_weak_direction_default();
@@ -678,7 +678,7 @@ static void the_budget_does_not_matter(void **state)
     close_scene(&s);
 }
 
-/* ---- What there is no room for, and what does not slide ---- */
+/* ---- Exceeded capacities, and components that are not translated ---- */
 
 static void room_is_short(void **state)
 {
@@ -752,8 +752,8 @@ static void what_is_known_stays(void **state)
     close_scene(&s);
 }
 
-/* Starts that are taken for exact, more so than a square can tell: the parts go where they say,
- * to the step. */
+/* Initial poses of extreme assumed accuracy, beyond what a square can represent: the components
+ * move exactly to them, up to the step. */
 static void starts_may_be_exact(void **state)
 {
     cairn_weak_direction_params p = cairn_weak_direction_default();
@@ -783,7 +783,7 @@ static void starts_may_be_exact(void **state)
     close_scene(&s);
 }
 
-/* Parts that slide in different directions join by way of the firm part only. */
+/* Components of different directions join by way of the well constrained one only. */
 static void directions_are_not_mixed(void **state)
 {
     cairn_weak_direction_params p = cairn_weak_direction_default();

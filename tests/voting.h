@@ -1,5 +1,5 @@
-/* Votes, a configurator of parts with a pool of its own, and what it makes of them with any
- * budget: what the tests of both modes share. */
+/* Shared by the tests of both modes of part_configuration: votes, an object with its own pool, and
+ * its results with any budget. */
 #ifndef CAIRN_TESTS_VOTING_H
 #define CAIRN_TESTS_VOTING_H
 
@@ -65,8 +65,8 @@ static inline uint64_t result_hash(void *context)
     return hash;
 }
 
-/* The votes give the same configurations with any budget, for the same units, and when the
- * search is begun anew. */
+/* The votes give the same configurations with any budget, for the same units, and when the search
+ * is begun anew. */
 static inline void assert_any_budget(voting *v)
 {
     static const int32_t budgets[] = {1, 7, 1000};
