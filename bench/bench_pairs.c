@@ -101,7 +101,7 @@ static void bound_pairs(bench_collection *c, const sim_arena *arena, const sim_s
     }
 }
 
-/* Share of the query's points that lie within 0.15 m of a target's point of like direction, at
+/* Share of the query's points that lie within 0.15 m of a target's point of similar direction, at
  * the truth. */
 static double true_overlap(const bench_view *target, const bench_view *query)
 {
@@ -123,10 +123,10 @@ static double true_overlap(const bench_view *target, const bench_view *query)
     return query->part.count > 0 ? (double)near / query->part.count : 0;
 }
 
-/* All pairs of views[first ... end-1] with enough overlap, either way; those with none are
- * strangers. */
+/* All pairs of views[first ... end-1] with enough overlap, in both orders; those without any are
+ * unrelated pairs. */
 static void pair_places(const bench_pairs_settings *s, bench_collection *c, int32_t first,
-                        int32_t end, size_t room)
+                        int32_t end, size_t capacity)
 {
     for (int32_t a = first; a < end; a++)
         for (int32_t b = first; b < end; b++) {
@@ -135,18 +135,18 @@ static void pair_places(const bench_pairs_settings *s, bench_collection *c, int3
             if (a == b)
                 continue;
             overlap = true_overlap(&c->views.at[a], &c->views.at[b]);
-            if (overlap >= s->overlap && (size_t)c->pair_count < room) {
+            if (overlap >= s->overlap && (size_t)c->pair_count < capacity) {
                 c->pairs[c->pair_count++] = pair_of(a, b);
-            } else if (overlap < 0.02 && (size_t)c->stranger_count < room) {
+            } else if (overlap < 0.02 && (size_t)c->stranger_count < capacity) {
                 add_stranger(c, a, b);
             }
         }
 }
 
 /* Every view of views[first ... end-1] with the union of the others. */
-static void pair_with_others(bench_collection *c, int32_t first, int32_t end, size_t room)
+static void pair_with_others(bench_collection *c, int32_t first, int32_t end, size_t capacity)
 {
-    for (int32_t query = first; query < end && (size_t)c->pair_count < room; query++) {
+    for (int32_t query = first; query < end && (size_t)c->pair_count < capacity; query++) {
         bench_pair *p = &c->pairs[c->pair_count++];
 
         *p = pair_of(query > first ? first : first + 1, query);
@@ -288,12 +288,12 @@ static int collect_log(const bench_pairs_settings *s, bench_collection *c)
 
 int bench_pairs_collect(const bench_pairs_settings *s, bench_collection *c)
 {
-    size_t room = (size_t)s->pairs + PAIRS_PER_ARENA;
+    size_t capacity = (size_t)s->pairs + PAIRS_PER_ARENA;
     int collected;
 
     memset(c, 0, sizeof *c);
-    c->pairs = malloc(room * sizeof *c->pairs);
-    c->strangers = malloc(2 * room * sizeof *c->strangers);
+    c->pairs = malloc(capacity * sizeof *c->pairs);
+    c->strangers = malloc(2 * capacity * sizeof *c->strangers);
     collected = c->pairs != NULL && c->strangers != NULL &&
                 (s->simulated || s->places ? collect_simulated(s, c) : collect_log(s, c));
     if (c->pair_count > s->pairs)

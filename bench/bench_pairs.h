@@ -32,7 +32,7 @@ typedef struct bench_collection {
     int32_t stranger_count;
 } bench_collection;
 
-/* Views, pairs and strangers, at most `pairs` of each. 0: a line on standard error; free in
+/* Views, pairs and unrelated pairs, at most `pairs` of each. 0: a line on standard error; free in
  * either case. */
 int bench_pairs_collect(const bench_pairs_settings *settings, bench_collection *collection);
 

@@ -50,7 +50,7 @@ static const start_kind STARTS[] = {
 
 /* What one match gave. */
 typedef struct outcome {
-    int32_t right, verdict, count, rank; /* rank: of the right hypothesis from 1, 0: none is */
+    int32_t right, verdict, count, rank; /* rank of the right hypothesis from 1, 0: none is right */
     double metres, radians, ratio, inside, ms;
     int64_t units;
 } outcome;
@@ -246,7 +246,7 @@ static void print_each(const settings *s, const bench_collection *c, const bench
 /* ---- Output ---- */
 
 typedef struct row {
-    int32_t pairs, right, ceiling, both, inside, judged, found, found_right, ambiguous, none,
+    int32_t pairs, right, ceiling, both, inside, evaluated, found, found_right, ambiguous, none,
         listed;
     int32_t strangers, strangers_none;
     double *metres, *degrees, *ratios, *ms, *units; /* [pairs] */
@@ -269,7 +269,7 @@ static void count_pair(row *r, const outcome *o)
     r->ambiguous += o->verdict == CAIRN_SCAN_MATCH_AMBIGUOUS;
     r->none += o->verdict == CAIRN_SCAN_MATCH_NONE;
     if (o->verdict != CAIRN_SCAN_MATCH_NONE && o->count > 0) {
-        r->judged++;
+        r->evaluated++;
         r->inside += o->inside > 0;
     }
 }
@@ -303,7 +303,7 @@ static void print_row(const settings *s, const char *name, const start_kind *kin
     bench_json_number("ops_median", median_units);
     bench_json_number("ops_worst_over_median",
                       n > 0 ? r->units[n - 1] / median_units : (double)NAN);
-    bench_json_number("inside95", share(r->inside, r->judged));
+    bench_json_number("inside95", share(r->inside, r->evaluated));
     bench_json_number("found", share(r->found, r->pairs));
     bench_json_number("found_right", share(r->found_right, r->found));
     bench_json_number("ambiguous", share(r->ambiguous, r->pairs));
@@ -314,7 +314,7 @@ static void print_row(const settings *s, const char *name, const start_kind *kin
     bench_json_end();
 }
 
-/* All pairs from one kind of start, and the strangers from none. */
+/* All pairs from one kind of start, and the unrelated pairs without a start. */
 static int run_start(const settings *s, const char *name, const bench_collection *c,
                      const start_kind *kind)
 {

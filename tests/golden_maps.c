@@ -260,7 +260,7 @@ uint64_t golden_particles(void)
 /* ---- Sweeps of the room ---- */
 
 /* The next sweep of the room, fitted; 0 when that fails. */
-static int look(cairn_scan *scan, cairn_random *random, int32_t i, cairn_scan_view *view)
+static int take_scan(cairn_scan *scan, cairn_random *random, int32_t i, cairn_scan_view *view)
 {
     static golden_sweep s;
 
@@ -296,7 +296,7 @@ static uint64_t lum_of(cairn_lum_params params, cairn_real far)
 
         pose.x += argument(&random, far, 0);
         pose.theta += argument(&random, far, 0);
-        if (!look(scan, &random, i, &view) ||
+        if (!take_scan(scan, &random, i, &view) ||
             cairn_lum_add_scan(lum, view.points, view.point_count, pose, NULL) != CAIRN_OK)
             return 0;
     }
@@ -365,7 +365,7 @@ uint64_t golden_hypotheses(void)
         return 0;
     for (int32_t i = 0; i < GOLDEN_VIEWS; i++) {
         pose[i] = golden_thought_pose(&random, i);
-        if (!look(scan, &random, i, &view) ||
+        if (!take_scan(scan, &random, i, &view) ||
             cairn_scan_set_add(set, &view, NULL, NULL) != CAIRN_OK)
             return 0;
     }
@@ -413,7 +413,7 @@ static uint64_t virtual_aligned_of(cairn_virtual_align_params params,
         cairn_virtual_align_create(&align, &pool, &params) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < 3; i++)
-        if (!look(scan, &random, i, &view) ||
+        if (!take_scan(scan, &random, i, &view) ||
             cairn_virtual_align_add_scan(align, &view, golden_thought_pose(&random, i), NULL) !=
                 CAIRN_OK)
             return 0;
@@ -538,7 +538,7 @@ uint64_t golden_places(void)
         cairn_place_map_create(&map, &pool, &params) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < PLACES; i++)
-        if (!look(scan, &random, i, &view) ||
+        if (!take_scan(scan, &random, i, &view) ||
             cairn_place_map_add_scan(map, i, &view, cairn_pose_identity(), NULL) != CAIRN_OK)
             return 0;
     if (cairn_place_map_begin(map) != CAIRN_OK || cairn_place_map_step(map, &budget) != CAIRN_OK ||

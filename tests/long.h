@@ -35,10 +35,10 @@ static inline uint64_t add_vector(uint64_t hash, const cairn_real *x, int32_t co
     } while (0)
 
 /* A pool and an object in it: LONG_CREATE(pool, icp, &icp, &params). */
-#define LONG_CREATE(pool, room, object, params)                                                    \
+#define LONG_CREATE(pool, module, object, params)                                                  \
     do {                                                                                           \
-        *(pool) = test_pool(cairn_##room##_memory(params));                                        \
-        assert_ok(cairn_##room##_create(object, pool, params));                                    \
+        *(pool) = test_pool(cairn_##module##_memory(params));                                      \
+        assert_ok(cairn_##module##_create(object, pool, params));                                  \
     } while (0)
 
 /* ---- The world: a flat of 12 x 8 m with five rooms on a hall, and boxes at all angles ---- */
@@ -67,8 +67,8 @@ extern const cairn_real long_way; /* m, of a lap */
 cairn_pose long_somewhere(const long_world *world, cairn_random *random);
 
 /* The ranges of a scanner of 8 m with noise of 1 cm; a share of the beams ends on people. */
-void long_look(long_sweep *out, const long_world *world, cairn_random *random, cairn_pose pose,
-               int32_t beams, cairn_real view, cairn_real crowd);
+void long_take_sweep(long_sweep *out, const long_world *world, cairn_random *random,
+                     cairn_pose pose, int32_t beams, cairn_real view, cairn_real crowd);
 
 /* For sweeps of at most LONG_BEAMS beams; the view is valid until the next fit. */
 cairn_scan *long_new_scan(cairn_pool *pool);

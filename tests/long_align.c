@@ -29,7 +29,7 @@ static cairn_scan_view take(survey *s, cairn_pose pose, int32_t beams, cairn_rea
 {
     static long_sweep sweep;
 
-    long_look(&sweep, &s->world, &s->random, pose, beams, view, crowd);
+    long_take_sweep(&sweep, &s->world, &s->random, pose, beams, view, crowd);
     return long_fit(s->scan, &sweep);
 }
 
@@ -78,7 +78,7 @@ static uint64_t align_all(uint64_t hash, cairn_aligner *aligner)
     return hash;
 }
 
-static cairn_aligner_params room_for(int32_t scans)
+static cairn_aligner_params params_for(int32_t scans)
 {
     cairn_aligner_params params = cairn_aligner_default();
 
@@ -91,7 +91,7 @@ static cairn_aligner_params room_for(int32_t scans)
 /* The whole flat from distant poses; again from poses of which a few are right. */
 static uint64_t align_flat(uint64_t hash, uint64_t seed, cairn_real metres)
 {
-    cairn_aligner_params params = room_for(MOST_SCANS);
+    cairn_aligner_params params = params_for(MOST_SCANS);
     cairn_pose place = {0, 0, 0};
     cairn_aligner *aligner;
     cairn_pool pool;
@@ -131,7 +131,7 @@ uint64_t long_aligned_flat(void)
 /* With other parameters, step by step; some initial poses are far off. */
 static uint64_t align_and_repair(uint64_t hash, uint64_t seed, int32_t max_hypotheses)
 {
-    cairn_aligner_params params = room_for(16);
+    cairn_aligner_params params = params_for(16);
     cairn_pose place = {0, 0, 0};
     cairn_aligner *aligner;
     cairn_pool pool;
@@ -187,7 +187,7 @@ uint64_t long_aligned_repaired(void)
  * along which the position is unobservable. */
 uint64_t long_aligned_parts(void)
 {
-    cairn_aligner_params params = room_for(12);
+    cairn_aligner_params params = params_for(12);
     uint64_t hash = GOLDEN_START;
     cairn_aligner *aligner;
     cairn_pool pool;
@@ -471,7 +471,7 @@ uint64_t long_hypotheses(void)
     survey s;
 
     start_survey(&s, 10, 4);
-    params.aligner = room_for(SCANS);
+    params.aligner = params_for(SCANS);
     params.aligner.min_log_likelihood_ratio = 60;
     params.aligner.max_relocalizations = 0;
     params.hypotheses.max_hypotheses = 12;

@@ -214,8 +214,8 @@ static cairn_pose node_of(int32_t i)
 
 /* The log-likelihood of a pair at a pose: lower with the distance from the truth, for some pairs
  * 0. */
-static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose first_second,
-                        int32_t *units)
+static cairn_real pairwise_likelihood(void *context, int32_t first, int32_t second,
+                                      cairn_pose first_second, int32_t *units)
 {
     cairn_pose off =
         cairn_pose_between(cairn_pose_between(node_of(first), node_of(second)), first_second);
@@ -229,7 +229,7 @@ static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose
 }
 
 static uint64_t agree(uint64_t hash, const cairn_pose_consensus_params *params, uint64_t seed,
-                      int32_t judged, int32_t bounded)
+                      int32_t with_likelihood, int32_t bounded)
 {
     cairn_random random = cairn_random_seed(seed, 32);
     cairn_pose_consensus_result result;
@@ -262,7 +262,7 @@ static uint64_t agree(uint64_t hash, const cairn_pose_consensus_params *params, 
             if (cairn_pose_consensus_add(c, &h, NULL) == CAIRN_OK)
                 count++;
         }
-    cairn_pose_consensus_set_pair_likelihood(c, judged ? judge : NULL, NULL);
+    cairn_pose_consensus_set_pair_likelihood(c, with_likelihood ? pairwise_likelihood : NULL, NULL);
     for (int32_t i = 0; i < NODES && bounded; i += 6)
         assert_ok(cairn_pose_consensus_set_bound(c, i, node_of(i), 1, CAIRN_REAL(0.6)));
     for (int32_t again = 0; again < 2; again++) {

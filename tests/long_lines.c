@@ -101,8 +101,8 @@ uint64_t long_sweeps(void)
         cairn_scan_measure measure;
         cairn_scan_view view;
 
-        long_look(&sweep, &world, &random, long_somewhere(&world, &random), 121 + 16 * i,
-                  CAIRN_REAL(6.1), CAIRN_REAL(0.1) * (cairn_real)(i % 3));
+        long_take_sweep(&sweep, &world, &random, long_somewhere(&world, &random), 121 + 16 * i,
+                        CAIRN_REAL(6.1), CAIRN_REAL(0.1) * (cairn_real)(i % 3));
         sweep.input.base_sensor.x = CAIRN_REAL(0.1) * (cairn_real)(i % 4);
         sweep.input.base_sensor.theta = (cairn_real)(i % 5);
         sweep.input.motion.x = CAIRN_REAL(0.02) * (cairn_real)(i % 3);

@@ -82,7 +82,7 @@ static uint64_t map_drive(uint64_t seed, const cairn_mapper_params *params, cons
             step.x += CAIRN_REAL(0.4);
         odometry = cairn_pose_compose(odometry, step);
         before = pose;
-        long_look(&sweep, &world, &random, pose, d->beams, d->view, d->crowd);
+        long_take_sweep(&sweep, &world, &random, pose, d->beams, d->view, d->crowd);
         if (i >= d->blind_from && i < d->blind_from + d->blind)
             sweep.input.range_min = CAIRN_REAL(7.5);
         sweep.input.stamp_ns = (int64_t)i * 100000000;
@@ -206,7 +206,7 @@ static cairn_occupancy_grid *draw_flat(cairn_pool *pool, uint64_t seed, uint64_t
             i < 10 ? long_on_the_way((cairn_real)i * 2) : long_somewhere(&world, &random);
         cairn_scan_view view;
 
-        long_look(&sweep, &world, &random, pose, 241, CAIRN_REAL(6.2), CAIRN_REAL(0.1));
+        long_take_sweep(&sweep, &world, &random, pose, 241, CAIRN_REAL(6.2), CAIRN_REAL(0.1));
         sweep.input.range_max = 4;
         view = long_fit(scan, &sweep);
         assert_ok(cairn_occupancy_grid_begin_scan(grid, view.beams, view.beam_count, pose, NULL));

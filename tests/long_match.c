@@ -23,7 +23,7 @@ static void keep(kept_view *k, const long_world *world, cairn_random *random, ca
     static long_sweep sweep;
 
     k->pose = pose;
-    long_look(&sweep, world, random, pose, beams, view, crowd);
+    long_take_sweep(&sweep, world, random, pose, beams, view, crowd);
     k->view = long_fit(long_new_scan(&k->pool), &sweep);
     k->part = cairn_scan_match_part_of(&k->view);
     k->part.dense_count = cairn_scan_match_dense(&k->view, k->dense);
@@ -230,8 +230,8 @@ static uint64_t place_all(uint64_t seed, const cairn_place_map_params *params, c
 
         heading.theta *= (cairn_real)(i % HEADINGS);
         place_scan = long_disturbed(&random, heading, CAIRN_REAL(0.1), CAIRN_REAL(0.1));
-        long_look(&sweep, &world, &random, cairn_pose_compose(place, place_scan), 161,
-                  CAIRN_REAL(2.2), crowd);
+        long_take_sweep(&sweep, &world, &random, cairn_pose_compose(place, place_scan), 161,
+                        CAIRN_REAL(2.2), crowd);
         view = long_fit(scan, &sweep);
         slight = long_disturbed(&random, place_scan, CAIRN_REAL(0.03), CAIRN_REAL(0.02));
         assert_ok(cairn_place_map_add_scan(map, i / HEADINGS, &view, slight, NULL));

@@ -21,7 +21,7 @@ struct bed {
     cairn_aligner *aligner;
 };
 
-static cairn_aligner_params room_for(int32_t scans)
+static cairn_aligner_params params_for(int32_t scans)
 {
     cairn_aligner_params params = cairn_aligner_default();
 
@@ -218,7 +218,7 @@ static struct outcome compare(const struct bed *bed, const struct survey *s, int
 static void aligns_an_arena(void **state)
 {
     struct survey s = visit(2001, 15, 4, 100, 0.3, 20);
-    cairn_aligner_params params = room_for(s.count);
+    cairn_aligner_params params = params_for(s.count);
     struct bed bed = make_bed(&params);
     cairn_aligner_result result;
     struct outcome out;
@@ -249,12 +249,12 @@ static void aligns_an_arena(void **state)
 
 /* Every arena has scans of one wall, oblique to the axes of the map; they must not cost the others
  * their joint solution in float. */
-static void scans_that_slide_spoil_no_solution(void **state)
+static void unobservable_scans_spoil_no_solution(void **state)
 {
     (void)state;
     for (uint64_t seed = 2003; seed < 2009; seed++) {
         struct survey s = visit(seed, 15, 4, 100, 0.3, 20);
-        cairn_aligner_params params = room_for(s.count);
+        cairn_aligner_params params = params_for(s.count);
         struct bed bed = make_bed(&params);
         cairn_aligner_result result;
 
@@ -271,7 +271,7 @@ static void scans_that_slide_spoil_no_solution(void **state)
  * alignment. */
 static int64_t units_of_copies(const struct survey *s, int32_t copies, int32_t *worst_step)
 {
-    cairn_aligner_params params = room_for(MAX_SCANS);
+    cairn_aligner_params params = params_for(MAX_SCANS);
     struct bed bed = make_bed(&params);
     cairn_aligner_result result;
 
@@ -307,7 +307,7 @@ static void cost_grows_with_the_scans(void **state)
 static void aligns_full_scans(void **state)
 {
     struct survey s = visit(2002, 16, 1, 360, 0.5, 30);
-    cairn_aligner_params params = room_for(s.count);
+    cairn_aligner_params params = params_for(s.count);
     struct bed bed = make_bed(&params);
     struct outcome out;
 
@@ -325,7 +325,7 @@ static void aligns_full_scans(void **state)
 static void order_does_not_matter(void **state)
 {
     struct survey s = visit(2001, 15, 4, 100, 0.3, 20);
-    cairn_aligner_params params = room_for(s.count);
+    cairn_aligner_params params = params_for(s.count);
     struct bed a = make_bed(&params), b = make_bed(&params);
     struct outcome first, second;
 
@@ -366,7 +366,7 @@ static void budgets_do_not_matter(void **state)
 {
     static const int32_t budgets[] = {1, 7, 1000};
     struct survey s = visit(2004, 4, 4, 100, 0.3, 20);
-    cairn_aligner_params params = room_for(s.count);
+    cairn_aligner_params params = params_for(s.count);
     struct bed bed = make_bed(&params);
     cairn_budget none = {0};
     uint64_t expected;
@@ -436,7 +436,7 @@ static uint64_t watch(struct bed *bed, const struct survey *s, int32_t budget, i
 static void an_alignment_can_be_watched(void **state)
 {
     struct survey s = visit(2004, 4, 4, 100, 0.3, 20);
-    cairn_aligner_params params = room_for(s.count);
+    cairn_aligner_params params = params_for(s.count);
     struct bed bed = make_bed(&params);
     int32_t commits, again, part;
     uint64_t expected, hash;
@@ -473,7 +473,7 @@ static void an_alignment_can_be_watched(void **state)
 static void ingredients_matter(void **state)
 {
     struct survey s = visit(2005, 10, 4, 100, 0.3, 20);
-    cairn_aligner_params params = room_for(s.count);
+    cairn_aligner_params params = params_for(s.count);
     struct outcome all, blind, lines;
     struct bed bed = make_bed(&params);
 
@@ -491,7 +491,7 @@ static void ingredients_matter(void **state)
     assert_true(blind.aligned < all.aligned);
     end_bed(&bed);
 
-    params = room_for(s.count);
+    params = params_for(s.count);
     params.oriented = 0;
     bed = make_bed(&params);
     add_all(&bed, &s, 0);
@@ -500,7 +500,7 @@ static void ingredients_matter(void **state)
     assert_true(lines.aligned > 0 && lines.aligned < lines.observable);
     end_bed(&bed);
 
-    params = room_for(s.count);
+    params = params_for(s.count);
     params.max_iterations = params.max_relocalizations = 0;
     bed = make_bed(&params);
     add_all(&bed, &s, 0);
@@ -516,7 +516,7 @@ static void ingredients_matter(void **state)
 static void too_little_fill_is_a_verdict(void **state)
 {
     struct survey s = visit(2004, 4, 4, 100, 0.1, 5);
-    cairn_aligner_params params = room_for(s.count);
+    cairn_aligner_params params = params_for(s.count);
     struct bed bed;
 
     (void)state;
@@ -573,7 +573,7 @@ static cairn_pose start_at(double x, double y, double degrees)
 /* Two scans of one box are aligned exactly. */
 static void two_scans_of_a_box(void **state)
 {
-    cairn_aligner_params params = room_for(2);
+    cairn_aligner_params params = params_for(2);
     struct bed bed = make_bed(&params);
     sim_pose first = {2, 1.5, 0}, second = {3, 2, 0.3};
     cairn_aligner_pose a, b;
@@ -606,7 +606,7 @@ static void two_scans_of_a_box(void **state)
 /* The common motion is that of the initial poses. */
 static void initial_poses_place_the_map(void **state)
 {
-    cairn_aligner_params params = room_for(2);
+    cairn_aligner_params params = params_for(2);
     struct bed bed = make_bed(&params);
     sim_pose first = {2, 1.5, 0}, second = {3, 2, 0};
     float ranges[BEAMS];
@@ -629,7 +629,7 @@ static void initial_poses_place_the_map(void **state)
  * and after it. */
 static void initial_poses_can_be_changed(void **state)
 {
-    cairn_aligner_params params = room_for(2);
+    cairn_aligner_params params = params_for(2);
     struct bed bed = make_bed(&params), fresh = make_bed(&params);
     sim_pose first = {2, 1.5, 0}, second = {3, 2, 0};
     cairn_pose far = {CAIRN_REAL(1.1e6), 0, 0}, nan = {0, (cairn_real)NAN, 0},
@@ -682,7 +682,7 @@ static void initial_poses_can_be_changed(void **state)
  * shows. */
 static void a_flat_wall_is_not_observable(void **state)
 {
-    cairn_aligner_params params = room_for(2);
+    cairn_aligner_params params = params_for(2);
     struct bed bed = make_bed(&params);
     float ranges[BEAMS];
     sim_pose at = {10, 2, 0};
@@ -709,7 +709,7 @@ static void a_flat_wall_is_not_observable(void **state)
 
 static void parts_that_do_not_meet(void **state)
 {
-    cairn_aligner_params params = room_for(4);
+    cairn_aligner_params params = params_for(4);
     struct bed bed = make_bed(&params);
     sim_pose first = {2, 1.5, 0}, second = {3, 2, 0.2};
     float ranges[BEAMS];
@@ -765,7 +765,7 @@ static cairn_aligner_pose slide(struct kept kept, int32_t max_stubs)
     static const sim_pose others[] = {{3, 3, 0}, {3.6, 3.4, 0.2}, {4, 2.8, -0.1}};
     const struct kept low = {-1, 13, -1, 4, 0.6};
     const sim_pose at = {1.5, 7, 0.1};
-    cairn_aligner_params params = room_for(4);
+    cairn_aligner_params params = params_for(4);
     cairn_aligner_pose first, last;
     cairn_pose between;
     cairn_scan_input input;
@@ -796,7 +796,7 @@ static cairn_aligner_pose slide(struct kept kept, int32_t max_stubs)
 
 /* A wall that no scan has seen at that place, but others have seen elsewhere on its line, stops a
  * scan. */
-static void a_scan_slides_until_its_walls_meet(void **state)
+static void a_scan_is_translated_until_its_walls_meet(void **state)
 {
     const struct kept corner = {-0.1, 0.1, 6, 7.8, 0.1}, nothing = {0, 0, 0, 0, 0.6},
                       reach = {-0.1, 0.1, 6.95, 7.05, 0.6};
@@ -833,7 +833,7 @@ static void check_ends(struct bed *bed)
 
 static void degenerate_scans(void **state)
 {
-    cairn_aligner_params params = room_for(12);
+    cairn_aligner_params params = params_for(12);
     struct bed bed = make_bed(&params);
     sim_pose at = {2, 1.5, 0};
     float ranges[BEAMS];
@@ -954,7 +954,7 @@ static void params_are_refused(void **state)
 
 static void scans_are_refused(void **state)
 {
-    cairn_aligner_params params = room_for(2);
+    cairn_aligner_params params = params_for(2);
     cairn_segment segments[2] = {{{1, 0}, {1, 1}}, {{1, 1}, {0, 1}}};
     cairn_oriented_point points[3] = {{{1, 0}, {0, 1}}, {{1, 1}, {0, 1}}, {{0, 1}, {-1, 0}}};
     cairn_scan_beam beams[1] = {{{0, 0}, {1, CAIRN_REAL(0.5)}, CAIRN_SCAN_BEAM_HIT}};
@@ -1053,7 +1053,7 @@ static void scans_are_refused(void **state)
 /* Before an alignment and after clear() the poses are the initial ones. */
 static void initial_poses_are_shown(void **state)
 {
-    cairn_aligner_params params = room_for(2);
+    cairn_aligner_params params = params_for(2);
     struct bed bed = make_bed(&params);
     sim_pose at = {2, 1.5, 0};
     float ranges[BEAMS];
@@ -1076,12 +1076,12 @@ static void initial_poses_are_shown(void **state)
 
 /* A scan whose start is too far off is not placed. With another start it is, and the others hardly
  * move. */
-static void what_was_not_placed_is_looked_for_again(void **state)
+static void unplaced_scans_are_searched_again(void **state)
 {
     enum { LOST = 4, PLACES = 8 };
     static const int32_t budgets[] = {CAIRN_UNBOUNDED, 1, 1000};
     struct survey s = visit(3, PLACES, 1, 360, 0.1, 5);
-    cairn_aligner_params params = room_for(PLACES);
+    cairn_aligner_params params = params_for(PLACES);
     cairn_pose near[PLACES], truth = {0, 0, 0}, first[PLACES], bad[PLACES];
     int64_t units = 0;
 
@@ -1172,7 +1172,7 @@ static void what_was_not_placed_is_looked_for_again(void **state)
 /* Initial poses given late act like those given at once. */
 static void initial_poses_can_be_given_again(void **state)
 {
-    cairn_aligner_params params = room_for(2);
+    cairn_aligner_params params = params_for(2);
     struct bed bed = make_bed(&params), other = make_bed(&params);
     sim_pose first = {2, 1.5, 0}, second = {3, 2, 0};
     cairn_pose far = start_at(103, 52.2, 0), bad = far;
@@ -1262,7 +1262,7 @@ static void furnish(rooms_room *room, cairn_random *random)
 
 static uint64_t hash_of_scene(const struct scene *scene)
 {
-    cairn_aligner_params params = room_for(scene->scans);
+    cairn_aligner_params params = params_for(scene->scans);
     cairn_random random = cairn_random_seed((uint64_t)scene->scans, 9);
     const cairn_pose wild = {1, CAIRN_REAL(-0.5), 1};
     rooms_room rooms[2];
@@ -1350,7 +1350,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(results_stay_as_they_are),
         cmocka_unit_test(aligns_an_arena),
-        cmocka_unit_test(scans_that_slide_spoil_no_solution),
+        cmocka_unit_test(unobservable_scans_spoil_no_solution),
         cmocka_unit_test(cost_grows_with_the_scans),
         cmocka_unit_test(aligns_full_scans),
         cmocka_unit_test(order_does_not_matter),
@@ -1362,7 +1362,7 @@ int main(void)
         cmocka_unit_test(initial_poses_place_the_map),
         cmocka_unit_test(initial_poses_can_be_changed),
         cmocka_unit_test(a_flat_wall_is_not_observable),
-        cmocka_unit_test(a_scan_slides_until_its_walls_meet),
+        cmocka_unit_test(a_scan_is_translated_until_its_walls_meet),
         cmocka_unit_test(parts_that_do_not_meet),
         cmocka_unit_test(degenerate_scans),
         cmocka_unit_test(memory_is_exact),
@@ -1370,7 +1370,7 @@ int main(void)
         cmocka_unit_test(scans_are_refused),
         cmocka_unit_test(initial_poses_are_shown),
         cmocka_unit_test(initial_poses_can_be_given_again),
-        cmocka_unit_test(what_was_not_placed_is_looked_for_again),
+        cmocka_unit_test(unplaced_scans_are_searched_again),
     };
 
     return cmocka_run_group_tests(tests, open_scan, close_scan);

@@ -80,7 +80,7 @@ static void nothing_lies_beyond_the_extent(void **state)
 
 /* Scans are candidate pairs when one may show a point of the other, whatever the extents of distant
  * ones. */
-static void partners_are_those_that_may_meet(void **state)
+static void candidate_pairs_are_those_that_may_overlap(void **state)
 {
     cairn_pool pool;
     cairn_aligner *x = take_scans(&pool, 21, 0);
@@ -101,7 +101,7 @@ static void partners_are_those_that_may_meet(void **state)
 }
 
 /* The pending motion of a scan is rotated with the cluster in which it joins another. */
-static void pulls_turn_with_their_cluster(void **state)
+static void pending_motions_turn_with_their_cluster(void **state)
 {
     cairn_transform same = {0, 0, 1, 0},
                     turned = cairn_transform_of((cairn_pose){3, -2, CAIRN_REAL(0.7)});
@@ -137,8 +137,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(nothing_lies_beyond_the_extent),
-        cmocka_unit_test(partners_are_those_that_may_meet),
-        cmocka_unit_test(pulls_turn_with_their_cluster),
+        cmocka_unit_test(candidate_pairs_are_those_that_may_overlap),
+        cmocka_unit_test(pending_motions_turn_with_their_cluster),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -60,13 +60,13 @@ static struct bed make_bed(uint64_t seed, double off)
 
 /* ---- The reference implementation ---- */
 
-struct crowd {
+struct members {
     double x[SCANS + 1], y[SCANS + 1], theta[SCANS + 1];
     cairn_pose initial[SCANS + 1];
     int32_t count;
 };
 
-static void add_cluster(struct crowd *c, const cairn_aligner *x, int32_t cluster,
+static void add_cluster(struct members *c, const cairn_aligner *x, int32_t cluster,
                         cairn_transform motion)
 {
     for (int32_t i = x->clusters[cluster].head; i >= 0; i = x->scans[i].next_in_cluster) {
@@ -85,7 +85,7 @@ struct left {
 
 /* Residual of a cluster that is rotated as a whole, at the best shift; cost: what the gauge
  * minimizes. */
-static struct left left_at(const cairn_aligner *x, const struct crowd *c, double turn)
+static struct left left_at(const cairn_aligner *x, const struct members *c, double turn)
 {
     double weight = pow((double)x->sigma / (double)x->sigma_angle, 2), dx = 0, dy = 0;
     double far = 1.25 * (double)x->params.max_initial_error,
@@ -115,7 +115,7 @@ static struct left left_at(const cairn_aligner *x, const struct crowd *c, double
 }
 
 /* By trying all turns. */
-static struct left least_left(const cairn_aligner *x, const struct crowd *c)
+static struct left least_left(const cairn_aligner *x, const struct members *c)
 {
     double best = 0, step = PI / 60;
     struct left least = left_at(x, c, 0);
@@ -144,7 +144,7 @@ static double chi_squared(const cairn_aligner *x, struct left m)
 static double slow_misfit(const cairn_aligner *x, int32_t cluster)
 {
     cairn_transform same = {0, 0, 1, 0};
-    struct crowd c;
+    struct members c;
 
     c.count = 0;
     add_cluster(&c, x, cluster, same);
@@ -155,7 +155,7 @@ static double slow_prior(const cairn_aligner *x, int32_t moving, int32_t fixed,
                          cairn_transform pose)
 {
     cairn_transform same = {0, 0, 1, 0};
-    struct crowd c;
+    struct members c;
 
     c.count = 0;
     add_cluster(&c, x, moving, pose);
@@ -207,7 +207,7 @@ static void sums_equal_those_over_scans(void **state)
     }
 }
 
-static void sums_follow_scans_that_come_and_go(void **state)
+static void sums_follow_added_and_removed_scans(void **state)
 {
     struct bed bed = make_bed(11, 0.2);
     int32_t pass = 0;
@@ -261,12 +261,12 @@ static void spread_is_that_of_the_scans(void **state)
         bed.x->sigma = (cairn_real)expected;
         bed.x->sigma_angle = (cairn_real)expected_angle;
         for (int c = 0; c < 2; c++) {
-            struct crowd crowd;
+            struct members members;
             struct left m;
 
-            crowd.count = 0;
-            add_cluster(&crowd, bed.x, clusters[c], same);
-            m = least_left(bed.x, &crowd);
+            members.count = 0;
+            add_cluster(&members, bed.x, clusters[c], same);
+            m = least_left(bed.x, &members);
             squares += m.squares;
             angles += m.squares_angle;
         }
@@ -316,7 +316,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(sums_equal_those_over_scans),
-        cmocka_unit_test(sums_follow_scans_that_come_and_go),
+        cmocka_unit_test(sums_follow_added_and_removed_scans),
         cmocka_unit_test(single_scans_have_no_misfit),
         cmocka_unit_test(spread_is_that_of_the_scans),
         cmocka_unit_test(spread_learnt_bit_by_bit_is_that_of_all),

@@ -106,7 +106,7 @@ static void sides_hold_across_and_the_end_along(void **state)
 }
 
 /* A common wall constrains nothing unless both scans lie on it. */
-static void walls_hold_who_lies_on_them(void **state)
+static void walls_constrain_scans_on_them(void **state)
 {
     struct bed bed = align();
     cairn_pose first = cairn_aligner_pose_of(bed.x, 0).map_scan,
@@ -140,7 +140,7 @@ static void walls_hold_who_lies_on_them(void **state)
     test_pool_free(&bed.pool);
 }
 
-static void objections_are_what_speaks_against(void **state)
+static void free_space_violations_agree_with_the_reference(void **state)
 {
     struct bed bed = align();
     int32_t units = 0, against = 0;
@@ -185,7 +185,7 @@ static void objections_are_what_speaks_against(void **state)
     test_pool_free(&bed.pool);
 }
 
-static void partners_are_near(void **state)
+static void candidate_pairs_are_near(void **state)
 {
     struct bed bed = align();
 
@@ -205,9 +205,9 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(sides_hold_across_and_the_end_along),
-        cmocka_unit_test(walls_hold_who_lies_on_them),
-        cmocka_unit_test(objections_are_what_speaks_against),
-        cmocka_unit_test(partners_are_near),
+        cmocka_unit_test(walls_constrain_scans_on_them),
+        cmocka_unit_test(free_space_violations_agree_with_the_reference),
+        cmocka_unit_test(candidate_pairs_are_near),
     };
 
     return cmocka_run_group_tests_name("aligner_witness", tests, NULL, NULL);

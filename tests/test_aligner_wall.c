@@ -37,7 +37,7 @@ static aligner_segment random_segment(cairn_random *random, cairn_real turn)
     return s;
 }
 
-static int32_t look_at_every_wall(const cairn_aligner *x, const aligner_segment *s)
+static int32_t search_every_wall(const cairn_aligner *x, const aligner_segment *s)
 {
     cairn_real best = CAIRN_REAL_MAX;
     int32_t found = -1;
@@ -85,7 +85,7 @@ static cairn_aligner *make_aligner(cairn_pool *pool, uint64_t seed)
     return x;
 }
 
-static void tiles_find_what_a_look_at_every_wall_finds(void **state)
+static void tiles_find_what_a_linear_search_finds(void **state)
 {
     (void)state;
     for (uint64_t seed = 1; seed <= 12; seed++) {
@@ -97,7 +97,7 @@ static void tiles_find_what_a_look_at_every_wall_finds(void **state)
         while (x->at < SEGMENTS) {
             aligner_segment *s = &x->segments[x->at];
             int32_t passed, wall = cairn_aligner_find_wall(x, s, &passed),
-                            expected = look_at_every_wall(x, s);
+                            expected = search_every_wall(x, s);
 
             assert_int_equal(wall, expected);
             found += wall >= 0;
@@ -134,7 +134,7 @@ static void kept_walls_are_found_where_they_are(void **state)
         int32_t passed;
 
         assert_int_equal(cairn_aligner_find_wall(x, &x->segments[i], &passed),
-                         look_at_every_wall(x, &x->segments[i]));
+                         search_every_wall(x, &x->segments[i]));
     }
     test_pool_free(&pool);
 }
@@ -202,7 +202,7 @@ static void what_fits_is_found(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(tiles_find_what_a_look_at_every_wall_finds),
+        cmocka_unit_test(tiles_find_what_a_linear_search_finds),
         cmocka_unit_test(kept_walls_are_found_where_they_are),
         cmocka_unit_test(what_fits_is_found),
     };

@@ -30,7 +30,7 @@ static cairn_appearance_model make_small(void)
     return m;
 }
 
-static void judges_histograms(void **state)
+static void scores_histograms(void **state)
 {
     static const float asked[] = {0.5F, 0.5F};
     cairn_appearance_model m = make_small();
@@ -194,7 +194,7 @@ static void writes_nothing_unreadable(void **state)
 }
 
 /* What is missing is named. */
-static void lives_without_the_library(void **state)
+static void works_without_the_library(void **state)
 {
     cairn_appearance_model m = make_small();
     cairn_appearance_field *field;
@@ -274,7 +274,7 @@ static cairn_appearance_model learn(const cairn_appearance_params *params)
     return m;
 }
 
-static void tells_textures_apart(void **state)
+static void distinguishes_textures(void **state)
 {
     static const double other[4] = {5, 5, 85, 85}, none[4] = {-50, -50, -20, -20};
     cairn_appearance_params params = small_params();
@@ -344,7 +344,7 @@ static void takes_many_boxes(void **state)
     need_library();
 }
 
-static void takes_tiny_images(void **state)
+static void accepts_tiny_images(void **state)
 {
     static const double all[4] = {0, 0, 8, 8};
     cairn_appearance_model m = make_small();
@@ -415,15 +415,15 @@ static void refuses_what_cannot_be_learnt(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(judges_histograms),
+        cmocka_unit_test(scores_histograms),
         cmocka_unit_test(finds_the_nearest_word),
         cmocka_unit_test(keeps_models),
         cmocka_unit_test(refuses_what_is_no_model),
         cmocka_unit_test(writes_nothing_unreadable),
-        cmocka_unit_test(lives_without_the_library),
-        cmocka_unit_test(tells_textures_apart),
+        cmocka_unit_test(works_without_the_library),
+        cmocka_unit_test(distinguishes_textures),
         cmocka_unit_test(takes_many_boxes),
-        cmocka_unit_test(takes_tiny_images),
+        cmocka_unit_test(accepts_tiny_images),
         cmocka_unit_test(refuses_what_cannot_be_learnt),
     };
 

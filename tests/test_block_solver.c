@@ -766,7 +766,7 @@ static uint64_t hash_of_grid(int32_t units, int64_t *spent)
 
 /* Memory for the blocks that is taken when they are counted: refused when it is too little, at the
  * wrong time, or missing; then the same results as with memory from the beginning. */
-static void room_is_taken_when_the_fill_is_known(void **state)
+static void memory_is_taken_when_the_fill_is_known(void **state)
 {
     int64_t spent, all;
     uint64_t hash = hash_of_grid(CAIRN_UNBOUNDED, &all);
@@ -1114,7 +1114,7 @@ int main(void)
         cmocka_unit_test(nearly_singular_is_refused),
         cmocka_unit_test(overflow_is_reported),
         cmocka_unit_test(budgets_do_not_matter),
-        cmocka_unit_test(room_is_taken_when_the_fill_is_known),
+        cmocka_unit_test(memory_is_taken_when_the_fill_is_known),
         cmocka_unit_test(cleared_values_are_zero),
         cmocka_unit_test(one_part_at_a_time),
         cmocka_unit_test(refused_params),

@@ -174,7 +174,7 @@ static void reference_channel(double lab[PIXELS][3], int32_t c, int32_t half, in
     }
 }
 
-static void strengths_are_what_the_definition_says(void **state)
+static void strengths_agree_with_the_definition(void **state)
 {
     static double lab[PIXELS][3], tensor[PIXELS][3];
     cairn_boundary_params params = small_params();
@@ -552,13 +552,13 @@ static void compare_levels(double global, double tolerance)
     test_pool_free(&f.pool);
 }
 
-static void joints_are_what_the_definition_says(void **state)
+static void merges_agree_with_the_definition(void **state)
 {
     (void)state;
     compare_levels(0, NUMBER(1e-8, 1e-2));
 }
 
-static void cuts_are_what_the_definition_says(void **state)
+static void cuts_agree_with_the_definition(void **state)
 {
     (void)state;
     compare_levels(0.5, NUMBER(1e-6, 3e-2));
@@ -673,7 +673,7 @@ static void a_disc_has_its_contour(void **state)
 }
 
 /* Red and green of equal brightness: invisible in grey. */
-static void colours_of_one_brightness_part(void **state)
+static void colours_of_equal_brightness_are_separated(void **state)
 {
     static const uint8_t red[3] = {60, 60, 200}, green[3] = {60, 123, 60};
     struct fixture f = boundary_with(narrow_params());
@@ -907,13 +907,13 @@ static void bad_arguments_are_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(strengths_are_what_the_definition_says),
-        cmocka_unit_test(joints_are_what_the_definition_says),
-        cmocka_unit_test(cuts_are_what_the_definition_says),
+        cmocka_unit_test(strengths_agree_with_the_definition),
+        cmocka_unit_test(merges_agree_with_the_definition),
+        cmocka_unit_test(cuts_agree_with_the_definition),
         cmocka_unit_test(contours_close_at_every_level),
         cmocka_unit_test(the_strongest_come_first),
         cmocka_unit_test(a_disc_has_its_contour),
-        cmocka_unit_test(colours_of_one_brightness_part),
+        cmocka_unit_test(colours_of_equal_brightness_are_separated),
         cmocka_unit_test(histograms_see_where_a_texture_ends),
         cmocka_unit_test(budgets_change_nothing),
         cmocka_unit_test(bits_stay_as_they_are),

@@ -122,7 +122,7 @@ static void assert_places(const char *name, int32_t map, double x, double y)
     free(text);
 }
 
-static void three_maps_and_a_stranger(void **state)
+static void three_maps_and_an_unrelated_one(void **state)
 {
     outcome o = programs_run("cairn merge @/a.yaml @/b.yaml @/c.yaml @/d.yaml -o @/merged");
     cairn_map_file merged;
@@ -265,8 +265,10 @@ static void help_is_printed(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(three_maps_and_a_stranger), cmocka_unit_test(a_warm_start),
-        cmocka_unit_test(by_images_and_as_written),  cmocka_unit_test(command_lines_are_refused),
+        cmocka_unit_test(three_maps_and_an_unrelated_one),
+        cmocka_unit_test(a_warm_start),
+        cmocka_unit_test(by_images_and_as_written),
+        cmocka_unit_test(command_lines_are_refused),
         cmocka_unit_test(help_is_printed),
     };
 

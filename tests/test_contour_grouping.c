@@ -260,7 +260,7 @@ static void a_part_is_enough(void **state)
 }
 
 /* A third of it lies beyond the border of the image. */
-static void what_the_border_cuts_is_found(void **state)
+static void objects_cut_by_the_border_are_found(void **state)
 {
     cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
@@ -286,7 +286,7 @@ static void what_the_border_cuts_is_found(void **state)
 
 /* Absent, upside down, or of another size than requested: nothing is reported but the best
  * score. */
-static void what_is_not_there_is_not_found(void **state)
+static void absent_objects_are_not_found(void **state)
 {
     cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
@@ -403,10 +403,10 @@ static double reference_step(const reference *t, const reference_cell *a, const 
 }
 
 /* The cells of a place of the outline; returns their number. */
-static int reference_look(const reference *t, double x, double y, double ux, double uy, double bend,
-                          reference_cell *cell)
+static int reference_cells(const reference *t, double x, double y, double ux, double uy,
+                           double bend, reference_cell *cell)
 {
-    double sigma = t->deform * t->size, wide = fmax(sigma, 1.5), worth = 1 - 0.65 * (1 - bend);
+    double sigma = t->deform * t->size, wide = fmax(sigma, 1.5), reward = 1 - 0.65 * (1 - bend);
     double reach = fmin(fmax(3 * sigma, 4) + 5, 64);
     int count = 1;
 
@@ -431,8 +431,8 @@ static int reference_look(const reference *t, double x, double y, double ux, dou
         cell[at].cost = cost;
         cell[at].token = i;
         cell[at].off = (ux * fy - uy * fx) / sigma;
-        cell[at].value =
-            t->spacing / 0.08 * (fmax(2.14 * worth - 6.25 * cost, 0.5 * worth - cost) - t->chance);
+        cell[at].value = t->spacing / 0.08 *
+                         (fmax(2.14 * reward - 6.25 * cost, 0.5 * reward - cost) - t->chance);
     }
     return count;
 }
@@ -454,8 +454,8 @@ static double reference_evidence(const reference *t, const cairn_shape_model *m)
         double bend = 1 - exp(((double)cairn_vec2_dot(p->direction, q->direction) - 1) / 0.0667);
 
         before = count;
-        count = reference_look(t, t->ox + t->cosine * mx - t->sine * my,
-                               t->oy + t->sine * mx + t->cosine * my, ux, uy, bend, cell[i]);
+        count = reference_cells(t, t->ox + t->cosine * mx - t->sine * my,
+                                t->oy + t->sine * mx + t->cosine * my, ux, uy, bend, cell[i]);
         for (int k = 0; k < count && i > 0; k++) {
             double most = -1e9;
 
@@ -511,8 +511,8 @@ static void evidence_is_that_of_the_reference(void **state)
 /* ---- Degenerate input ---- */
 
 /* Pairs of lines, each a token, that may be the two sides of a sample, judged by angles. */
-static int32_t reference_sights(const finder *f, const scene *s,
-                                const cairn_contour_grouping_input *in)
+static int32_t reference_hypotheses(const finder *f, const scene *s,
+                                    const cairn_contour_grouping_input *in)
 {
     int32_t count = 0;
 
@@ -543,7 +543,7 @@ static int32_t reference_sights(const finder *f, const scene *s,
     return count;
 }
 
-static void first_sight_passes_nothing_over(void **state)
+static void hypothesis_generation_skips_no_pose(void **state)
 {
     static const double turns[][2] = {{-15, 15}, {-180, 180}, {20, 50}, {-90, 90},
                                       {-89, 89}, {150, 180},  {0, 1}};
@@ -570,7 +570,7 @@ static void first_sight_passes_nothing_over(void **state)
         in.max_size = 150;
         in.min_turn = (cairn_real)(turns[i][0] * DEGREE);
         in.max_turn = (cairn_real)(turns[i][1] * DEGREE);
-        wanted = reference_sights(&f, &s, &in);
+        wanted = reference_hypotheses(&f, &s, &in);
         r = group(&f, &in);
         assert_int_equal(r.token_count, s.count);
         assert_int_equal(r.hypothesis_count, wanted);
@@ -876,13 +876,13 @@ int main(void)
         cmocka_unit_test(it_is_found_in_clutter_at_any_size_and_turn),
         cmocka_unit_test(two_are_found_and_distinguished),
         cmocka_unit_test(a_part_is_enough),
-        cmocka_unit_test(what_the_border_cuts_is_found),
+        cmocka_unit_test(objects_cut_by_the_border_are_found),
         cmocka_unit_test(evidence_is_that_of_the_reference),
-        cmocka_unit_test(first_sight_passes_nothing_over),
+        cmocka_unit_test(hypothesis_generation_skips_no_pose),
         cmocka_unit_test(an_image_full_of_edges_is_thinned_out),
         cmocka_unit_test(small_models_and_images),
         cmocka_unit_test(parts_can_be_switched_off),
-        cmocka_unit_test(what_is_not_there_is_not_found),
+        cmocka_unit_test(absent_objects_are_not_found),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(bad_input_is_refused),
         cmocka_unit_test(bad_params_are_refused),

@@ -236,7 +236,7 @@ static void assert_is_walk(const finder *f, const scene *s, const cairn_contour_
     assert_true(right[0] || right[1]);
 }
 
-static void walks_are_what_they_are_defined_to_be(void **state)
+static void walks_agree_with_their_definition(void **state)
 {
     cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
@@ -576,7 +576,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_flask_in_clutter_is_walked_along),
         cmocka_unit_test(terms_can_be_switched_off),
-        cmocka_unit_test(walks_are_what_they_are_defined_to_be),
+        cmocka_unit_test(walks_agree_with_their_definition),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(every_pool_size),
         cmocka_unit_test(bad_params_are_refused),

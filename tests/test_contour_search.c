@@ -254,7 +254,7 @@ static void collect(const cairn_segment *lines, const int32_t *chains, int32_t c
                     const char *wanted)
 {
     cairn_oriented_point outline[LEVEL];
-    contour_fitted_outline laid = {outline, LEVEL, {100, 100}, 200};
+    contour_fitted_outline placed = {outline, LEVEL, {100, 100}, 200};
     cairn_contour_search_tokens tokens;
     int32_t list[16], listed = 0, known[16] = {0};
 
@@ -263,7 +263,7 @@ static void collect(const cairn_segment *lines, const int32_t *chains, int32_t c
     tokens.lines = (cairn_segment *)lines;
     tokens.chain = (int32_t *)chains;
     tokens.count = count;
-    assert_true(cairn_contour_search_collect_segments(&tokens, &laid, list, &listed));
+    assert_true(cairn_contour_search_collect_segments(&tokens, &placed, list, &listed));
     for (int32_t i = 0; i < listed; i++) {
         known[list[i]]++;
         if (i > 0)
@@ -284,7 +284,7 @@ static void make_row(cairn_segment row[8], cairn_real y)
     }
 }
 
-static void test_what_lies_along(void **state)
+static void test_edges_along_the_outline(void **state)
 {
     static const int32_t apart[8] = {0, 1, 2, 3, 4, 5, 6, 7};
     cairn_segment row[8];
@@ -314,7 +314,7 @@ static void test_what_lies_along(void **state)
     collect(row, apart, 8, "+++++++.");
 }
 
-static void test_what_is_completed(void **state)
+static void test_completed_outlines(void **state)
 {
     static const int32_t one[8] = {0, 0, 0, 0, 0, 0, 0, 0}, two[8] = {0, 0, 0, 0, 1, 1, 1, 1};
     cairn_segment row[8];
@@ -347,11 +347,11 @@ static void test_what_is_completed(void **state)
 
 /* A bow over a box: what leaves the outline is followed for a third of the size; out of the box for
  * a fifth; never round a sharp bend. */
-static void test_what_is_followed(void **state)
+static void test_edges_that_are_followed(void **state)
 {
     static const int32_t one[8] = {0, 0, 0, 0, 0, 0, 0, 0}, two[8] = {0, 0, 0, 1, 1, 1, 1, 1};
     cairn_oriented_point outline[40];
-    contour_fitted_outline laid = {outline, 40, {100, 100}, 200};
+    contour_fitted_outline placed = {outline, 40, {100, 100}, 200};
     cairn_contour_search_tokens tokens;
     cairn_segment row[8];
     int32_t list[8], listed;
@@ -384,7 +384,7 @@ static void test_what_is_followed(void **state)
             row[i].a.y = (cairn_real)(40 + 20 * (i - 3));
             row[i].b.y = row[i].a.y + 20;
         }
-        assert_true(cairn_contour_search_collect_segments(&tokens, &laid, list, &listed));
+        assert_true(cairn_contour_search_collect_segments(&tokens, &placed, list, &listed));
         assert_int_equal(listed, k < 2 ? 7 : k == 2 ? 6 : 3);
     }
 }
@@ -392,13 +392,13 @@ static void test_what_is_followed(void **state)
 /* Intervals of an outline of two parts that no segment covers. */
 /* Below a line that ends in a gap of its drawing: edges that begin below it, 8 px off and at a
  * right angle, are followed near the gap only. */
-static void test_what_goes_on_at_a_gap(void **state)
+static void test_edges_are_followed_at_a_gap(void **state)
 {
     static const int32_t apart[3] = {0, 1, 2};
     const cairn_segment lines[3] = {
         {{150, 100}, {170, 100}}, {{170, 108}, {170, 128}}, {{170, 135}, {170, 138}}};
     cairn_oriented_point outline[LEVEL];
-    contour_fitted_outline laid = {outline, LEVEL, {100, 100}, 200};
+    contour_fitted_outline placed = {outline, LEVEL, {100, 100}, 200};
     contour_gaps gaps = {.at = {{200, 100}}, .count = 0};
     cairn_contour_search_tokens tokens;
     int32_t list[3], listed;
@@ -409,17 +409,17 @@ static void test_what_goes_on_at_a_gap(void **state)
     tokens.lines = (cairn_segment *)lines;
     tokens.chain = (int32_t *)apart;
     tokens.count = 3;
-    assert_true(cairn_contour_search_collect_with_gaps(&tokens, &laid, &gaps, list, &listed));
+    assert_true(cairn_contour_search_collect_with_gaps(&tokens, &placed, &gaps, list, &listed));
     assert_int_equal(listed, 1);
     gaps.count = 1;
-    assert_true(cairn_contour_search_collect_with_gaps(&tokens, &laid, &gaps, list, &listed));
+    assert_true(cairn_contour_search_collect_with_gaps(&tokens, &placed, &gaps, list, &listed));
     assert_int_equal(listed, 3);
     gaps.at[0].x = 50;
-    assert_true(cairn_contour_search_collect_with_gaps(&tokens, &laid, &gaps, list, &listed));
+    assert_true(cairn_contour_search_collect_with_gaps(&tokens, &placed, &gaps, list, &listed));
     assert_int_equal(listed, 1);
 }
 
-static void test_pieces_not_seen(void **state)
+static void test_intervals_not_seen(void **state)
 {
     static const char seen[] = "..++.+..|..+++..", *const wanted = "aa++b+cc|dd+++ee";
     cairn_contour_search_place outline[16];
@@ -450,7 +450,7 @@ static void test_pieces_not_seen(void **state)
 
 /* A flag with an interval of the pole hidden: that interval, and hardly more, is predicted, at its
  * place. */
-static void test_hidden_piece_is_predicted(void **state)
+static void test_hidden_interval_is_predicted(void **state)
 {
     cairn_contour_search_params params = generous();
     cairn_contour_search_tokens tokens;
@@ -729,12 +729,12 @@ int main(void)
         cmocka_unit_test(test_cut_by_the_border),
         cmocka_unit_test(test_model_of_three_points),
         cmocka_unit_test(test_completed_along_the_chains),
-        cmocka_unit_test(test_what_lies_along),
-        cmocka_unit_test(test_what_is_completed),
-        cmocka_unit_test(test_what_is_followed),
-        cmocka_unit_test(test_what_goes_on_at_a_gap),
-        cmocka_unit_test(test_pieces_not_seen),
-        cmocka_unit_test(test_hidden_piece_is_predicted),
+        cmocka_unit_test(test_edges_along_the_outline),
+        cmocka_unit_test(test_completed_outlines),
+        cmocka_unit_test(test_edges_that_are_followed),
+        cmocka_unit_test(test_edges_are_followed_at_a_gap),
+        cmocka_unit_test(test_intervals_not_seen),
+        cmocka_unit_test(test_hidden_interval_is_predicted),
         cmocka_unit_test(test_the_walk_is_watched),
         cmocka_unit_test(test_no_walk_no_particles),
         cmocka_unit_test(test_least_of_evidence_and_score),

@@ -270,7 +270,7 @@ static void test_pose_follows(void **state)
     assert_near(bend(corners, 0).size, 1.12 * (double)b.size, 4);
 }
 
-static void test_nothing_to_bend_onto(void **state)
+static void test_no_edges_to_fit_to(void **state)
 {
     cairn_vec2 corners[CORNERS];
     bent b;
@@ -291,7 +291,7 @@ int main(void)
         cmocka_unit_test(test_bends_onto_edges),
         cmocka_unit_test(test_hidden_parts),
         cmocka_unit_test(test_pose_follows),
-        cmocka_unit_test(test_nothing_to_bend_onto),
+        cmocka_unit_test(test_no_edges_to_fit_to),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -230,8 +230,8 @@ static void test_files(void **state)
     cairn_csm_scan_list scans;
     cairn_file_error error;
     gzFile zip = gzopen(files_path("scans.json.gz"), "wb");
-    size_t room = 300000, used = 0;
-    char *text = malloc(room), *packed;
+    size_t size = 300000, used = 0;
+    char *text = malloc(size), *packed;
 
     (void)state;
     assert_status(cairn_csm_scan_load(&scans, files_path("missing.json"), NULL, &error), CAIRN_IO);
@@ -248,10 +248,10 @@ static void test_files(void **state)
         CAIRN_TRUNCATED);
     free(packed);
     assert_non_null(text);
-    used = (size_t)snprintf(text, room, "{\"nrays\":1,\"readings\":[");
+    used = (size_t)snprintf(text, size, "{\"nrays\":1,\"readings\":[");
     for (int i = 0; i < 100001; i++)
-        used += (size_t)snprintf(text + used, room - used, "1,");
-    (void)snprintf(text + used, room - used, "1]}");
+        used += (size_t)snprintf(text + used, size - used, "1,");
+    (void)snprintf(text + used, size - used, "1]}");
     assert_status(cairn_csm_scan_load(&scans, files_write_text("many.json", text), NULL, &error),
                   CAIRN_FULL);
     assert_non_null(

@@ -153,7 +153,7 @@ static void spiral(cairn_vec2 *p, int32_t count)
     }
 }
 
-static void evolves_as_the_obvious_way(void **state)
+static void evolves_as_the_reference(void **state)
 {
     evolving e = new_evolving(MANY);
     cairn_vec2 p[MANY];
@@ -256,7 +256,7 @@ static void never_touches_itself(void **state)
 }
 
 /* A side of it runs back over another: nothing can be removed. */
-static void what_touches_from_the_start_may_stay(void **state)
+static void initial_contacts_may_stay(void **state)
 {
     evolving e = new_evolving(8);
     cairn_vec2 flat[4] = {at(0, 0), at(4, 0), at(1, 0), at(3, 0)};
@@ -398,11 +398,11 @@ static void refusals(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(evolves_as_the_obvious_way),
+        cmocka_unit_test(evolves_as_the_reference),
         cmocka_unit_test(as_written_nothing_is_refused),
         cmocka_unit_test(equals_go_in_their_order),
         cmocka_unit_test(never_touches_itself),
-        cmocka_unit_test(what_touches_from_the_start_may_stay),
+        cmocka_unit_test(initial_contacts_may_stay),
         cmocka_unit_test(relevance_is_that_of_the_thesis),
         cmocka_unit_test(a_triangle_stays),
         cmocka_unit_test(budgets_do_not_matter),

@@ -56,7 +56,7 @@ static void shares_of_boxes(void **state)
 }
 
 /* Counted anew for every score. */
-static void as_the_obvious_way(void **state)
+static void agrees_with_the_reference_implementation(void **state)
 {
     cairn_random random = cairn_random_seed(3, 1);
 
@@ -141,7 +141,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(curves_by_hand),
         cmocka_unit_test(shares_of_boxes),
-        cmocka_unit_test(as_the_obvious_way),
+        cmocka_unit_test(agrees_with_the_reference_implementation),
         cmocka_unit_test(intervals),
         cmocka_unit_test(files),
     };

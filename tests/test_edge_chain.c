@@ -276,7 +276,7 @@ static picture chains_drawn(const picture *like, const cairn_edge_chain_result *
     return p;
 }
 
-static void agrees_with_the_obvious_way(void **state)
+static void agrees_with_the_reference(void **state)
 {
     static const int32_t shares[] = {20, 60, 110, 160, 220, 256};
     static const int32_t levels[] = {1, 3, 254};
@@ -784,7 +784,7 @@ static cairn_status create_in(void *context, cairn_pool *pool)
     return cairn_edge_chain_create(&set, pool, context);
 }
 
-static void memory_is_what_it_says(void **state)
+static void memory_is_exactly_as_stated(void **state)
 {
     cairn_edge_chain_params params = small_params();
 
@@ -801,7 +801,7 @@ static void memory_is_what_it_says(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(agrees_with_the_obvious_way),
+        cmocka_unit_test(agrees_with_the_reference),
         cmocka_unit_test(thick_lines_keep_their_middle_and_length),
         cmocka_unit_test(lines_run_along_the_crest),
         cmocka_unit_test(corners_of_stairs_go),
@@ -819,7 +819,7 @@ int main(void)
         cmocka_unit_test(too_many_edges_are_refused),
         cmocka_unit_test(bad_pictures_are_refused),
         cmocka_unit_test(bad_params_are_refused),
-        cmocka_unit_test(memory_is_what_it_says),
+        cmocka_unit_test(memory_is_exactly_as_stated),
     };
     return cmocka_run_group_tests_name("edge_chain", tests, NULL, NULL);
 }

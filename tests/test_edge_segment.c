@@ -369,7 +369,7 @@ static void expect_the_obvious_way(const cairn_edge_segment_result *r, const dra
     }
 }
 
-static void agrees_with_the_obvious_way(void **state)
+static void agrees_with_the_reference(void **state)
 {
     cairn_edge_segment_params params = small_params();
     struct fixture f = set_with(params);
@@ -457,7 +457,7 @@ static void ends_nearby_cut(void **state)
 
 /* A cut leaves at least four pixels on both sides; of two that are too near each other the first
  * wins. */
-static void pieces_do_not_become_too_short(void **state)
+static void segments_do_not_become_too_short(void **state)
 {
     cairn_edge_segment_params params = small_params();
     struct fixture f;
@@ -773,7 +773,7 @@ static cairn_status create_in(void *context, cairn_pool *pool)
     return cairn_edge_segment_create(&set, pool, context);
 }
 
-static void memory_is_what_it_says(void **state)
+static void memory_is_exactly_as_stated(void **state)
 {
     cairn_edge_segment_params params = small_params();
 
@@ -786,10 +786,10 @@ static void memory_is_what_it_says(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(agrees_with_the_obvious_way),
+        cmocka_unit_test(agrees_with_the_reference),
         cmocka_unit_test(a_straight_line_is_one_segment),
         cmocka_unit_test(ends_nearby_cut),
-        cmocka_unit_test(pieces_do_not_become_too_short),
+        cmocka_unit_test(segments_do_not_become_too_short),
         cmocka_unit_test(a_corner_gets_its_mean_direction),
         cmocka_unit_test(closed_chains_go_all_the_way_round),
         cmocka_unit_test(odd_chains_are_finite),
@@ -798,7 +798,7 @@ int main(void)
         cmocka_unit_test(capacities_are_kept),
         cmocka_unit_test(bad_chains_are_refused),
         cmocka_unit_test(bad_params_are_refused),
-        cmocka_unit_test(memory_is_what_it_says),
+        cmocka_unit_test(memory_is_exactly_as_stated),
     };
     return cmocka_run_group_tests_name("edge_segment", tests, NULL, NULL);
 }

@@ -268,14 +268,14 @@ static void reference_sample(struct reference *t, double sigma, int32_t px, int3
                 2 * y * yy * yy + y * y * yyy;
 }
 
-/* 1 when there is an edgel between two pixels; *doubt: 1 when rounding may decide. */
+/* 1 when there is an edgel between two pixels; *undecided: 1 when rounding may decide. */
 static int reference_between(const struct reference *t, int32_t a, int32_t b,
-                             const cairn_edgel_params *p, cairn_edgel *e, int *doubt)
+                             const cairn_edgel_params *p, cairn_edgel *e, int *undecided)
 {
     int32_t row = a / SMALL;
     double from, share, fx, fy, x, y, f, slope, turn;
 
-    *doubt = 0;
+    *undecided = 0;
     if ((t->f[a] > 0) == (t->f[b] > 0))
         return 0;
     from = t->f[a] / pow(hypot(t->x[a], t->y[a]), 3);
@@ -287,9 +287,9 @@ static int reference_between(const struct reference *t, int32_t a, int32_t b,
     f = hypot(fx, fy);
     slope = hypot(x, y);
     turn = -(fx * x + fy * y) / (f * slope);
-    *doubt = fabs(slope - (double)p->min_gradient) < 1e-3 ||
-             fabs(turn - cos((double)p->max_normal_angle)) < 1e-3 ||
-             fabs(fabs(fx) - fabs(fy)) < 1e-3 * f;
+    *undecided = fabs(slope - (double)p->min_gradient) < 1e-3 ||
+                 fabs(turn - cos((double)p->max_normal_angle)) < 1e-3 ||
+                 fabs(fabs(fx) - fabs(fy)) < 1e-3 * f;
     e->position.x = (cairn_real)(a % SMALL + (b == a + 1 ? share : 0));
     e->position.y = (cairn_real)(row + (b == a + 1 ? 0 : share));
     e->normal.x = (cairn_real)(-fx / f);
@@ -300,7 +300,7 @@ static int reference_between(const struct reference *t, int32_t a, int32_t b,
 }
 
 /* In the order of the rows: at each pixel the link from above first, then the link to the right. */
-static void it_is_what_the_definition_says(void **state)
+static void it_agrees_with_the_definition(void **state)
 {
     static const double sigmas[] = {0.7, 1.5, 2.3};
     static struct reference t;
@@ -323,15 +323,15 @@ static void it_is_what_the_definition_says(void **state)
         for (int32_t i = 0; i < 2 * SMALL * SMALL; i++) {
             int32_t at = i / 2, from = i % 2 ? at : at - SMALL, to = i % 2 ? at + 1 : at;
             cairn_edgel e = {{0, 0}, {0, 0}, 0};
-            int doubt, has, met;
+            int undecided, has, met;
 
             if (from < 0 || (i % 2 && at % SMALL == SMALL - 1))
                 continue;
-            has = reference_between(&t, from, to, &params, &e, &doubt);
+            has = reference_between(&t, from, to, &params, &e, &undecided);
             met = next < count &&
                   hypot((double)(found[next].position.x - e.position.x),
                         (double)(found[next].position.y - e.position.y)) < NUMBER(1e-6, 1e-2);
-            if (doubt) {
+            if (undecided) {
                 next += has && met;
                 continue;
             }
@@ -631,7 +631,7 @@ static cairn_status create_in(void *context, cairn_pool *pool)
     return cairn_edgel_create(&set, pool, context);
 }
 
-static void memory_is_what_it_says(void **state)
+static void memory_is_exactly_as_stated(void **state)
 {
     cairn_edgel_params params = small_params();
 
@@ -646,7 +646,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_straight_edge_lies_where_it_is),
         cmocka_unit_test(normals_of_circles_beat_sobel),
-        cmocka_unit_test(it_is_what_the_definition_says),
+        cmocka_unit_test(it_agrees_with_the_definition),
         cmocka_unit_test(limits_leave_edgels_out),
         cmocka_unit_test(pictures_without_edges),
         cmocka_unit_test(strides_do_not_matter),
@@ -656,7 +656,7 @@ int main(void)
         cmocka_unit_test(bad_pictures_are_refused),
         cmocka_unit_test(too_many_edgels),
         cmocka_unit_test(bad_params_are_refused),
-        cmocka_unit_test(memory_is_what_it_says),
+        cmocka_unit_test(memory_is_exactly_as_stated),
     };
     return cmocka_run_group_tests_name("edgel", tests, NULL, NULL);
 }

@@ -405,7 +405,7 @@ static void agrees_with_reference(void **state)
 
 /* Capacities so small that the farthest keyframes are left out, uninformative scans that match
  * nothing, no odometry, another seed. */
-static void agrees_with_reference_where_room_is_short(void **state)
+static void agrees_with_reference_when_capacities_are_short(void **state)
 {
     cairn_filter_mapper_params params = filter_params(3);
 
@@ -693,7 +693,7 @@ static void steps_are_bounded(void **state)
 }
 
 /* Scans without points: the first one is the start of the path, the others are attached to it. */
-static void takes_scans_that_show_nothing(void **state)
+static void accepts_scans_without_returns(void **state)
 {
     cairn_filter_mapper_params params = filter_params(2);
     drive d = start_drive(SIM_APARTMENT, 1, 6, 0, 0.6);
@@ -792,14 +792,14 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(agrees_with_reference),
-        cmocka_unit_test(agrees_with_reference_where_room_is_short),
+        cmocka_unit_test(agrees_with_reference_when_capacities_are_short),
         cmocka_unit_test(takes_just_its_memory),
         cmocka_unit_test(refuses_bad_params),
         cmocka_unit_test(refuses_bad_calls),
         cmocka_unit_test(says_when_it_is_full),
         cmocka_unit_test(result_does_not_depend_on_budget),
         cmocka_unit_test(steps_are_bounded),
-        cmocka_unit_test(takes_scans_that_show_nothing),
+        cmocka_unit_test(accepts_scans_without_returns),
         cmocka_unit_test(closes_a_loop),
     };
 

@@ -1411,7 +1411,7 @@ static void test_long_lines(void **state)
 /* ---- Scans at rest ---- */
 
 /* Scattered scans, some of them neighbours. */
-static void make_islands(cairn_random *random, struct scan *scan, cairn_pose *at)
+static void make_scattered_scans(cairn_random *random, struct scan *scan, cairn_pose *at)
 {
     scan_begin(scan);
     scan_wall(scan, 0, 0, 0.5 + (double)cairn_random_uniform(random, 0, 1), 0, 0.1);
@@ -1423,7 +1423,7 @@ static void make_islands(cairn_random *random, struct scan *scan, cairn_pose *at
 
 /* A field that computes only what has changed, compared with one that computes all in every
  * iteration, as a field with external points does. */
-static void test_what_stands_still_is_kept(void **state)
+static void test_scans_at_rest_are_not_recomputed(void **state)
 {
     cairn_force_field_params p = small_params();
     int64_t least = INT64_MAX, most = 0;
@@ -1447,7 +1447,7 @@ static void test_what_stands_still_is_kept(void **state)
                 struct scan scan;
                 cairn_pose at;
 
-                make_islands(&random, &scan, &at);
+                make_scattered_scans(&random, &scan, &at);
                 add(f.field, &scan, at);
                 add(all.field, &scan, at);
             }
@@ -1924,7 +1924,7 @@ int main(void)
         cmocka_unit_test(test_bad_scans_are_refused),
         cmocka_unit_test(test_points_on_the_fly),
         cmocka_unit_test(test_long_lines),
-        cmocka_unit_test(test_what_stands_still_is_kept),
+        cmocka_unit_test(test_scans_at_rest_are_not_recomputed),
         cmocka_unit_test(test_nothing_moves),
         cmocka_unit_test(test_an_endless_run),
         cmocka_unit_test(test_release),

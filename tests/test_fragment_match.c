@@ -69,8 +69,8 @@ static void end(matching *m)
 }
 
 /* A separate chain shaped like the outline between two vertices, of given scale and place. */
-static void lay(matching *m, int32_t from, int32_t count, double scale, double x, double y,
-                int reversed)
+static void draw_chain(matching *m, int32_t from, int32_t count, double scale, double x, double y,
+                       int reversed)
 {
     cairn_vec2 *p = m->points[m->chain_count];
 
@@ -84,7 +84,7 @@ static void lay(matching *m, int32_t from, int32_t count, double scale, double x
 }
 
 /* Random walks. */
-static void lay_clutter(matching *m, int32_t chains, uint64_t seed)
+static void draw_clutter(matching *m, int32_t chains, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 1);
 
@@ -115,7 +115,7 @@ static cairn_fragment_match_result run(matching *m)
 
 /* ---- The place of a drawn fragment ---- */
 
-static void finds_what_was_laid(void **state)
+static void finds_drawn_fragments(void **state)
 {
     static const double scales[] = {80, 113, 200};
 
@@ -128,9 +128,9 @@ static void finds_what_was_laid(void **state)
         int32_t good = 0;
 
         start(&m, &params);
-        lay_clutter(&m, k % 4, (uint64_t)k);
+        draw_clutter(&m, k % 4, (uint64_t)k);
         /* Of the whole outline, and of half of it, in both senses. */
-        lay(&m, 7 * k, k < 6 ? CORNERS : CORNERS / 2, scale, 200, 150, k % 2);
+        draw_chain(&m, 7 * k, k < 6 ? CORNERS : CORNERS / 2, scale, 200, 150, k % 2);
         r = run(&m);
         for (int32_t i = 0; i < r.count; i++) {
             const cairn_fragment_match *f = &r.matches[i];
@@ -268,15 +268,15 @@ static void is_as_good_as_whole_tables(void **state)
     for (uint64_t seed = 0; seed < 3; seed++) {
         cairn_fragment_match_params params = small_params();
         cairn_fragment_match_result r;
-        int32_t missed = 0, doubtful = 0;
+        int32_t missed = 0, undecided = 0;
         matching m;
 
         params.matches_per_fragment = CHAINS;
         params.zero_score_angle = seed == 2 ? CAIRN_REAL(0.7) : params.zero_score_angle;
         params.gap_cost = seed == 1 ? 1 : params.gap_cost;
         start(&m, &params);
-        lay_clutter(&m, 11, seed);
-        lay(&m, 5, 30, 100, 200, 100, (int)seed % 2);
+        draw_clutter(&m, 11, seed);
+        draw_chain(&m, 5, 30, 100, 200, 100, (int)seed % 2);
         r = run(&m);
         for (int32_t f = 0; f < m.model.fragment_count; f++)
             for (int32_t c = 0; c < m.chain_count; c++) {
@@ -295,11 +295,11 @@ static void is_as_good_as_whole_tables(void **state)
                 } else {
                     none++;
                     missed += fmax(ahead, back) > (double)m.params.min_similarity + 0.01;
-                    doubtful += fmax(ahead, back) > (double)m.params.min_similarity - 0.01;
+                    undecided += fmax(ahead, back) > (double)m.params.min_similarity - 0.01;
                 }
             }
         /* Without a match nothing resembles the fragment, except where the scale was rejected. */
-        assert_in_range(r.candidate_count - r.count, missed, doubtful);
+        assert_in_range(r.candidate_count - r.count, missed, undecided);
         for (int32_t i = 1; i < r.count; i++)
             assert_true(r.matches[i].fragment != r.matches[i - 1].fragment ||
                         r.matches[i].similarity <= r.matches[i - 1].similarity);
@@ -325,7 +325,7 @@ static void narrow_limits_lose_little(void **state)
         params.min_scale = (cairn_real)(100 / widths[i]);
         params.max_scale = (cairn_real)(100 * widths[i]);
         start(&m, &params);
-        lay(&m, 0, CORNERS, 100, 200, 150, 0);
+        draw_chain(&m, 0, CORNERS, 100, 200, 150, 0);
         r = run(&m);
         for (int32_t k = 0; k < r.count; k++) {
             double dx = (double)r.matches[k].centroid.x - 200 - 100 * (double)m.model.centroid.x;
@@ -355,14 +355,14 @@ static void keeps_the_best(void **state)
     params.max_scale = 1000000;
     params.min_step = 4;
     start(&m, &params);
-    lay_clutter(&m, CHAINS, 8);
+    draw_clutter(&m, CHAINS, 8);
     r = run(&m);
     count = r.count;
     memcpy(all, r.matches, (size_t)count * sizeof *all);
     end(&m);
     params.matches_per_fragment = 3;
     start(&m, &params);
-    lay_clutter(&m, CHAINS, 8);
+    draw_clutter(&m, CHAINS, 8);
     r = run(&m);
     assert_in_range(r.count, 3 * 10, 3 * 32);
     for (int32_t i = 0, k = 0; i < r.count; i++, k++) {
@@ -402,7 +402,7 @@ static void matches_nothing(void **state)
     r = run(&m);
     assert_int_equal(r.count, 0);
     m.chain_count = 0;
-    lay(&m, 0, CORNERS, 100, 100, 100, 0);
+    draw_chain(&m, 0, CORNERS, 100, 100, 100, 0);
     assert_true(run(&m).count > 0);
     /* Fragments of zero length, and a model without fragments. */
     none = m.model.fragments[0];
@@ -433,7 +433,7 @@ static void is_bounded(void **state)
     params.max_scale = 400;
     params.step_ratio = 2;
     start(&m, &params);
-    lay_clutter(&m, CHAINS, 3);
+    draw_clutter(&m, CHAINS, 3);
     for (int32_t i = 0; i < MANY; i++)
         chains[i] = m.chains[i % CHAINS];
     assert_ok(cairn_fragment_match_begin(m.matcher, &m.model, chains, MANY));
@@ -493,8 +493,8 @@ static void does_not_depend_on_budgets(void **state)
 
     (void)state;
     start(&m, &params);
-    lay_clutter(&m, 4, 2);
-    lay(&m, 5, CORNERS, 100, 200, 100, 1);
+    draw_clutter(&m, 4, 2);
+    draw_chain(&m, 5, CORNERS, 100, 200, 100, 1);
     assert_ok(begin_chains(&m));
     assert_null(cairn_fragment_match_read(m.matcher).matches);
     assert_ok(step_chains(&m, &all));
@@ -584,7 +584,7 @@ static void refuses_bad_input(void **state)
     (void)state;
     params.max_fragments = 24;
     start(&m, &params);
-    lay(&m, 0, CORNERS, 100, 200, 100, 0);
+    draw_chain(&m, 0, CORNERS, 100, 200, 100, 0);
     assert_int_equal(m.model.fragment_count, 24);
     assert_status(cairn_fragment_match_begin(NULL, &m.model, m.chains, 1), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_fragment_match_begin(m.matcher, NULL, m.chains, 1), CAIRN_BAD_ARGUMENT);
@@ -639,7 +639,7 @@ static void refuses_bad_input(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(finds_what_was_laid),
+        cmocka_unit_test(finds_drawn_fragments),
         cmocka_unit_test(prefers_the_larger_scale),
         cmocka_unit_test(is_as_good_as_whole_tables),
         cmocka_unit_test(narrow_limits_lose_little),

@@ -31,8 +31,8 @@ struct cloud {
 };
 
 /* `count` points from (ax, ay) on, `spacing` apart, on a wall of the unit direction (dx, dy). */
-static void lay_along(struct cloud *c, double ax, double ay, double dx, double dy, int32_t count,
-                      double spacing)
+static void add_points_along(struct cloud *c, double ax, double ay, double dx, double dy,
+                             int32_t count, double spacing)
 {
     for (int32_t i = 0; i < count; i++) {
         cairn_oriented_point *p = &c->points[c->count];
@@ -45,9 +45,10 @@ static void lay_along(struct cloud *c, double ax, double ay, double dx, double d
     }
 }
 
-static void lay(struct cloud *c, double ax, double ay, double angle, int32_t count, double spacing)
+static void add_wall(struct cloud *c, double ax, double ay, double angle, int32_t count,
+                     double spacing)
 {
-    lay_along(c, ax, ay, cos(angle), sin(angle), count, spacing);
+    add_points_along(c, ax, ay, cos(angle), sin(angle), count, spacing);
 }
 
 static const cairn_hough_line *search(cairn_hough *hough, const struct cloud *c, int32_t *found)
@@ -98,7 +99,7 @@ static double slow_votes(const struct slow *s, int32_t row, int32_t column)
     return sum;
 }
 
-static void slow_lay(struct slow *s)
+static void slow_begin(struct slow *s)
 {
     double low_x = (double)INFINITY, low_y = (double)INFINITY, high_x = -(double)INFINITY,
            high_y = -(double)INFINITY;
@@ -274,7 +275,7 @@ static void slow_thin(struct slow *s)
 
 static void slow_search(struct slow *s)
 {
-    slow_lay(s);
+    slow_begin(s);
     slow_vote(s);
     s->count = 0;
     for (int32_t row = 0; row < s->rows; row++)
@@ -317,7 +318,7 @@ static void scatter(struct cloud *c, uint64_t seed)
         double y = draw(&random, 8);
         double angle = draw(&random, 2 * PI);
 
-        lay(c, x, y, angle, 40 + 17 * wall, 0.07);
+        add_wall(c, x, y, angle, 40 + 17 * wall, 0.07);
     }
     for (int32_t i = 0; i < c->count; i++) {
         c->points[i].position.x += CAIRN_REAL(0.01) * cairn_random_normal(&random);
@@ -328,7 +329,7 @@ static void scatter(struct cloud *c, uint64_t seed)
         double y = draw(&random, 8);
         double angle = draw(&random, 2 * PI);
 
-        lay(c, x, y, angle, 1, 0);
+        add_wall(c, x, y, angle, 1, 0);
     }
     for (int32_t i = 0; i < c->count; i++)
         c->weights[i] = cairn_random_uniform(&random, CAIRN_REAL(0.5), CAIRN_REAL(1.5));
@@ -353,7 +354,7 @@ static void assert_same_line(const cairn_hough_line *l, const struct slow_line *
     assert_near(l->covered_length, s->covered, 2.1 * (double)p->distance_step);
 }
 
-static void finds_what_the_obvious_way_finds(void **state)
+static void finds_what_the_reference_finds(void **state)
 {
     static struct cloud c;
     static struct slow s;
@@ -409,7 +410,7 @@ static void slow_as_written(struct slow *s)
 {
     static int32_t bin[MANY];
 
-    slow_lay(s);
+    slow_begin(s);
     for (int32_t row = 0; row < s->rows; row++)
         for (int32_t column = 0; column < s->p->distances; column++)
             s->votes[row * s->p->distances + column] = slow_count(s, row, column, bin);
@@ -521,9 +522,9 @@ static void as_written_votes_are_points(void **state)
 
     (void)state;
     c.count = 0;
-    lay(&c, 0, 0, 0, 50, 0.1);
-    lay(&c, 8, 0, PI / 2, 20, 0.1); /* its first point lies on the first wall's line */
-    lay(&c, 3, 3, PI, 1, 0);
+    add_wall(&c, 0, 0, 0, 50, 0.1);
+    add_wall(&c, 8, 0, PI / 2, 20, 0.1); /* its first point lies on the first wall's line */
+    add_wall(&c, 3, 3, PI, 1, 0);
     f = hough_with(p);
     lines = search(f.hough, &c, &found);
     assert_int_equal(found, 2);
@@ -536,7 +537,7 @@ static void as_written_votes_are_points(void **state)
 /* ---- Exactly known results ---- */
 
 /* Two segments of one wall with a door between them, two metres apart, seen from both sides. */
-static void pieces_of_a_wall_are_one_line(void **state)
+static void segments_of_a_wall_are_one_line(void **state)
 {
     static struct cloud c;
     struct fixture f = hough_with(cairn_hough_default());
@@ -549,10 +550,10 @@ static void pieces_of_a_wall_are_one_line(void **state)
         double angle = turn * 15 * DEGREE, dx = cos(angle), dy = sin(angle);
 
         c.count = 0;
-        lay(&c, 3 + dx, -5 + dy, angle, 31, 0.1);
-        lay(&c, 3 + 6 * dx, -5 + 6 * dy, angle, 21, 0.1);
+        add_wall(&c, 3 + dx, -5 + dy, angle, 31, 0.1);
+        add_wall(&c, 3 + 6 * dx, -5 + 6 * dy, angle, 21, 0.1);
         /* another face */
-        lay(&c, 3 + 8 * dx - 0.3 * dy, -5 + 8 * dy + 0.3 * dx, angle + PI, 26, 0.1);
+        add_wall(&c, 3 + 8 * dx - 0.3 * dy, -5 + 8 * dy + 0.3 * dx, angle + PI, 26, 0.1);
         lines = search(f.hough, &c, &found);
         assert_int_equal(found, 2);
         assert_near(lines[0].votes, 52, 0);
@@ -587,8 +588,8 @@ static void faces_are_one_without_orientation(void **state)
         double angle = turn * 10 * DEGREE + 1e-3, dx = cos(angle), dy = sin(angle);
 
         c.count = 0;
-        lay(&c, 1, 1, angle, 20, 0.1);
-        lay(&c, 1 + 5 * dx, 1 + 5 * dy, angle + PI, 20, 0.1);
+        add_wall(&c, 1, 1, angle, 20, 0.1);
+        add_wall(&c, 1 + 5 * dx, 1 + 5 * dy, angle + PI, 20, 0.1);
         lines = search(f.hough, &c, &found);
         assert_int_equal(found, 1);
         assert_near(lines[0].votes, 40, 0);
@@ -613,16 +614,17 @@ static void separation(void **state)
     (void)state;
     for (int32_t apart = 13; apart <= 40; apart += 6) {
         c.count = 0;
-        lay(&c, 0, 0, 0, 60, 0.1);
-        lay(&c, 0, apart * 0.01, 0, 50, 0.1);
+        add_wall(&c, 0, 0, 0, 60, 0.1);
+        add_wall(&c, 0, apart * 0.01, 0, 50, 0.1);
         lines = search(f.hough, &c, &found);
         assert_int_equal(found, apart > 21 ? 2 : 1);
         assert_near(lines[0].votes, 60, 0);
     }
     for (int32_t degrees = 4; degrees <= 30; degrees += 2) {
         c.count = 0;
-        lay(&c, -3, 0, 0, 60, 0.1);
-        lay(&c, -3 * cos(degrees * DEGREE), -3 * sin(degrees * DEGREE), degrees * DEGREE, 60, 0.1);
+        add_wall(&c, -3, 0, 0, 60, 0.1);
+        add_wall(&c, -3 * cos(degrees * DEGREE), -3 * sin(degrees * DEGREE), degrees * DEGREE, 60,
+                 0.1);
         (void)search(f.hough, &c, &found);
         if (degrees <= 8)
             assert_int_equal(found, 1);
@@ -642,7 +644,7 @@ static void directions_count(void **state)
     (void)state;
     for (int32_t degrees = 0; degrees <= 180; degrees += 5) {
         c.count = 0;
-        lay(&c, 0, 0, 0, 100, 0.1);
+        add_wall(&c, 0, 0, 0, 100, 0.1);
         for (int32_t i = 0; i < c.count; i++) {
             c.points[i].direction.x = (cairn_real)cos(degrees * DEGREE);
             c.points[i].direction.y = (cairn_real)sin(degrees * DEGREE);
@@ -667,7 +669,7 @@ static void weights_are_votes(void **state)
 
     (void)state;
     c.count = 0;
-    lay(&c, 0, 0, 1, 30, 0.1);
+    add_wall(&c, 0, 0, 1, 30, 0.1);
     for (int32_t i = 0; i < c.count; i++)
         c.weights[i] = CAIRN_REAL(0.66);
     (void)search(f.hough, &c, &found);
@@ -709,7 +711,7 @@ static void the_highest_peaks_are_kept(void **state)
     f = hough_with(p);
     c.count = 0;
     for (int32_t i = 0; i < 5; i++)
-        lay(&c, 0, i, 0, counts[i], 0.1);
+        add_wall(&c, 0, i, 0, counts[i], 0.1);
     lines = search(f.hough, &c, &found);
     assert_int_equal(found, 3);
     assert_int_equal(cairn_hough_dropped(f.hough), 2);
@@ -732,8 +734,8 @@ static void far_points_fit(void **state)
     p.distances = 8;
     f = hough_with(p);
     c.count = 0;
-    lay(&c, -1000, 300, 0, 30, 60);
-    lay(&c, 500, -900, PI / 2, 40, 60);
+    add_wall(&c, -1000, 300, 0, 30, 60);
+    add_wall(&c, 500, -900, PI / 2, 40, 60);
     lines = search(f.hough, &c, &found);
     assert_int_equal(found, 2);
     assert_near(lines[0].votes, 40, 0);
@@ -759,8 +761,8 @@ static void places_do_not_matter(void **state)
         double x = 300 * column, y = 300 * row;
 
         c.count = 0;
-        lay(&c, x + 1, y + 1, 0.3, 60, 0.1);
-        lay(&c, x + 1 - 0.3 * sin(0.3), y + 1 + 0.3 * cos(0.3), 0.3, 40, 0.1);
+        add_wall(&c, x + 1, y + 1, 0.3, 60, 0.1);
+        add_wall(&c, x + 1 - 0.3 * sin(0.3), y + 1 + 0.3 * cos(0.3), 0.3, 40, 0.1);
         lines = search(f.hough, &c, &found);
         assert_int_equal(found, 2);
         assert_near(lines[0].votes, 60, 0);
@@ -782,8 +784,8 @@ static void tolerances_can_be_adjusted(void **state)
 
     (void)state;
     c.count = 0;
-    lay(&c, 0, 0, 0.2, 30, 0.1);
-    lay(&c, 5 * cos(0.2) - 0.3 * sin(0.2), 5 * sin(0.2) + 0.3 * cos(0.2), 0.2, 30, 0.1);
+    add_wall(&c, 0, 0, 0.2, 30, 0.1);
+    add_wall(&c, 5 * cos(0.2) - 0.3 * sin(0.2), 5 * sin(0.2) + 0.3 * cos(0.2), 0.2, 30, 0.1);
     (void)search(f.hough, &c, &found);
     assert_int_equal(found, 2);
     p.support_distance = CAIRN_REAL(0.3);
@@ -820,7 +822,7 @@ static void tolerances_can_be_adjusted(void **state)
 
 /* Walls on a grid of a quarter of a metre with weights in halves, so that votes tie and distances
  * equal the params' limits; every third scene is rotated and noisy. */
-static void lay_quarters(struct cloud *c, cairn_random *random)
+static void draw_quarters(struct cloud *c, cairn_random *random)
 {
     static const double directions[8][2] = {{1, 0},  {0.8, 0.6},   {0, 1},  {-0.6, 0.8},
                                             {-1, 0}, {-0.8, -0.6}, {0, -1}, {0.6, -0.8}};
@@ -835,7 +837,8 @@ static void lay_quarters(struct cloud *c, cairn_random *random)
         double y = 0.25 * cairn_random_below(random, 24);
         double spacing = 0.125 * (1 + cairn_random_below(random, 4));
 
-        lay_along(c, x, y, direction[0], direction[1], 6 + cairn_random_below(random, 30), spacing);
+        add_points_along(c, x, y, direction[0], direction[1], 6 + cairn_random_below(random, 30),
+                         spacing);
     }
     for (int32_t i = 0; i < c->count; i++) {
         cairn_oriented_point *p = &c->points[i];
@@ -918,7 +921,7 @@ static uint64_t hash_of_scenes(int32_t oriented)
         p.oriented = oriented;
         f = hough_with(p);
         for (int32_t k = 0; k < 2; k++) { /* the second must not see the first */
-            lay_quarters(&c, &random);
+            draw_quarters(&c, &random);
             hash = hash_of_search(f.hough, &c, i % 4, hash);
         }
         test_pool_free(&f.pool);
@@ -947,7 +950,7 @@ static void the_budget_does_not_matter(void **state)
     (void)state;
     scatter(&c, 9);
     for (int32_t i = 0; i < 8; i++)
-        lay(&c, 12 + i, 1, 1, 50, 0.1);
+        add_wall(&c, 12 + i, 1, 1, 50, 0.1);
     lines = search(f.hough, &c, &count);
     memcpy(whole, lines, (size_t)count * sizeof *whole);
     for (int i = 0; i < 3; i++) {
@@ -1032,7 +1035,7 @@ static void nothing_gives_no_lines(void **state)
     assert_int_equal(found, 0);
     /* One place has no direction. */
     c.count = 0;
-    lay(&c, 7, 7, 1, 100, 0);
+    add_wall(&c, 7, 7, 1, 100, 0);
     (void)search(f.hough, &c, &found);
     assert_int_equal(found, 0);
     test_pool_free(&f.pool);
@@ -1055,7 +1058,7 @@ static void bad_points_are_refused(void **state)
 
     (void)state;
     c.count = 0;
-    lay(&c, 0, 0, 0, 50, 0.1);
+    add_wall(&c, 0, 0, 0, 50, 0.1);
     (void)search(f.hough, &c, &found);
     assert_int_equal(found, 1);
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
@@ -1167,10 +1170,10 @@ static void bad_params_are_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(finds_what_the_obvious_way_finds),
+        cmocka_unit_test(finds_what_the_reference_finds),
         cmocka_unit_test(as_written_is_the_classical_transform),
         cmocka_unit_test(as_written_votes_are_points),
-        cmocka_unit_test(pieces_of_a_wall_are_one_line),
+        cmocka_unit_test(segments_of_a_wall_are_one_line),
         cmocka_unit_test(faces_are_one_without_orientation),
         cmocka_unit_test(separation),
         cmocka_unit_test(directions_count),

@@ -827,7 +827,7 @@ static void parts_observe_the_direction_across_them(void **state)
 
 /* With a greater ratio the end of the corridor is too little to observe the translation along it,
  * and the prior decides. */
-static void a_ratio_decides_what_is_weak(void **state)
+static void the_ratio_decides_what_is_unobservable(void **state)
 {
     static const cairn_vec2 corners[] = {{-4, -1}, {4, -1}, {4, 1}, {-4, 1}};
     static struct points target;
@@ -1148,7 +1148,7 @@ static void test_bad_inputs(void **state)
 
 /* The reference implementation runs without roll-back for 1, 2, ... iterations, and finds where
  * pairs become fewer and more distant. */
-static void what_gets_worse_is_rolled_back(void **state)
+static void steps_that_increase_the_error_are_rolled_back(void **state)
 {
     static struct points target, query;
     cairn_icp_params params = cairn_icp_default();
@@ -1236,10 +1236,10 @@ int main(void)
         cmocka_unit_test(test_budgets),
         cmocka_unit_test(test_few_points),
         cmocka_unit_test(parts_observe_the_direction_across_them),
-        cmocka_unit_test(a_ratio_decides_what_is_weak),
+        cmocka_unit_test(the_ratio_decides_what_is_unobservable),
         cmocka_unit_test(test_bad_params),
         cmocka_unit_test(test_bad_inputs),
-        cmocka_unit_test(what_gets_worse_is_rolled_back),
+        cmocka_unit_test(steps_that_increase_the_error_are_rolled_back),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

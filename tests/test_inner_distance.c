@@ -77,7 +77,7 @@ static int is_inside(const graph *g, double x, double y)
     return inside;
 }
 
-static int slow_sight(const graph *g, int32_t i, int32_t k)
+static int slow_visible(const graph *g, int32_t i, int32_t k)
 {
     if (g->next[i] == k || g->next[k] == i)
         return 1;
@@ -106,9 +106,9 @@ static void slow_measure(graph *g, const cairn_curve *outlines, int32_t count)
         }
     for (int32_t i = 0; i < g->count; i++)
         for (int32_t k = 0; k < g->count; k++)
-            g->d[i][k] = i == k                ? 0
-                         : slow_sight(g, i, k) ? hypot(g->x[i] - g->x[k], g->y[i] - g->y[k])
-                                               : 1e9;
+            g->d[i][k] = i == k                  ? 0
+                         : slow_visible(g, i, k) ? hypot(g->x[i] - g->x[k], g->y[i] - g->y[k])
+                                                 : 1e9;
     for (int32_t over = 0; over < g->count; over++)
         for (int32_t i = 0; i < g->count; i++)
             for (int32_t k = 0; k < g->count; k++)

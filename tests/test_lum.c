@@ -582,7 +582,7 @@ static void registration_is_that_of_the_reference(void **state)
 }
 
 /* From poses that the links alone do not correct. */
-static void registration_brings_back_what_is_far(void **state)
+static void registration_corrects_distant_starts(void **state)
 {
     cairn_lum_params params = small_params();
     double farthest[2];
@@ -994,7 +994,7 @@ int main(void)
         cmocka_unit_test(iterations_are_those_of_the_reference),
         cmocka_unit_test(a_room_comes_back),
         cmocka_unit_test(registration_is_that_of_the_reference),
-        cmocka_unit_test(registration_brings_back_what_is_far),
+        cmocka_unit_test(registration_corrects_distant_starts),
         cmocka_unit_test(disconnected_parts_stay_and_are_reported),
         cmocka_unit_test(capacities_are_reported),
         cmocka_unit_test(scans_that_just_meet),

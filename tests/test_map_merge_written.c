@@ -157,7 +157,7 @@ static double slow_s(const cut_map *from, const cut_map *to, cairn_pose to_from,
     return count > 0 ? sum / count : 0;
 }
 
-static void images_equal_the_slow_way(void **state)
+static void images_equal_the_reference(void **state)
 {
     static const uint8_t class[2] = {CAIRN_OCCUPANCY_GRID_OCCUPIED, CAIRN_OCCUPANCY_GRID_FREE};
     static cut_map maps[2];
@@ -428,7 +428,7 @@ static void maps_without_corners_are_refused(void **state)
 
 /* A merged map without capacity: every candidate of every particle is refused, and the merged map
  * stays. */
-static void no_room_for_the_merged_map(void **state)
+static void no_capacity_for_the_merged_map(void **state)
 {
     static cut_map maps[2];
     cairn_map_merge_params p = small_params();
@@ -453,13 +453,13 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(params_of_the_mode),
         cmocka_unit_test(memory_is_exact),
-        cmocka_unit_test(images_equal_the_slow_way),
+        cmocka_unit_test(images_equal_the_reference),
         cmocka_unit_test(registration_is_the_best_motion),
         cmocka_unit_test(likelihood_is_that_of_the_merged_map),
         cmocka_unit_test(particles_grow_with_the_modes),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(maps_without_corners_are_refused),
-        cmocka_unit_test(no_room_for_the_merged_map),
+        cmocka_unit_test(no_capacity_for_the_merged_map),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

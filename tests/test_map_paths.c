@@ -271,7 +271,7 @@ static double mean_distance(const drive *d, const cairn_pose *poses)
 
 /* Moves all poses together so that their positions fit the true ones best: the first scan, which
  * defines the frame of the map, may be one at the start of the motion, and rotated. */
-static void lay_over_truth(const drive *d, cairn_pose *poses)
+static void align_to_truth(const drive *d, cairn_pose *poses)
 {
     double px = 0, py = 0, tx = 0, ty = 0, sine = 0, cosine = 0;
     cairn_pose motion;
@@ -312,7 +312,7 @@ static void a_drive_becomes_the_arena(void **state)
         states = malloc((size_t)d.cells * (size_t)d.cells);
         assert_non_null(states);
         map_drive(&d, CAIRN_UNBOUNDED, poses);
-        lay_over_truth(&d, poses);
+        align_to_truth(&d, poses);
         make_grid(&d, poses, states);
         found = walls_found(&d, states, &pieces);
         right = cells_right(&d, states, &cells);
@@ -326,7 +326,7 @@ static void a_drive_becomes_the_arena(void **state)
         /* The measure discriminates: by odometry alone walls are doubled and blurred. */
         for (int32_t i = 0; i < DRIVE; i++)
             odometry[i] = pose_of(d.scans[i].odometry);
-        lay_over_truth(&d, odometry);
+        align_to_truth(&d, odometry);
         make_grid(&d, odometry, states);
         assert_true(mean_distance(&d, odometry) > 3 * mean_distance(&d, poses));
         assert_true(walls_found(&d, states, &pieces) < found - 0.04);

@@ -16,7 +16,7 @@ typedef enum odometry_kind { WITH, WITHOUT, NEVER_BACK } odometry_kind;
  * ahead. */
 static void run(cairn_mapper *mapper, const drive *d, odometry_kind how, int32_t budget, trace *t)
 {
-    cairn_pose believed = pose_of(d->scans[0].odometry);
+    cairn_pose odometry_pose = pose_of(d->scans[0].odometry);
 
     t->count = d->count;
     for (int32_t i = 0; i < d->count; i++) {
@@ -30,9 +30,9 @@ static void run(cairn_mapper *mapper, const drive *d, odometry_kind how, int32_t
 
             if (how == NEVER_BACK)
                 step.x = cairn_abs(step.x);
-            believed = cairn_pose_compose(believed, step);
+            odometry_pose = cairn_pose_compose(odometry_pose, step);
         }
-        assert_ok(cairn_mapper_add(mapper, &input, how == WITHOUT ? NULL : &believed, NULL));
+        assert_ok(cairn_mapper_add(mapper, &input, how == WITHOUT ? NULL : &odometry_pose, NULL));
         while ((status = cairn_mapper_step(mapper, &left)) == CAIRN_MORE) {
             assert_true(left.left <= 0);
             left.left = budget;
@@ -126,7 +126,7 @@ static void maps_without_odometry(void **state)
     end_drive(&d);
 }
 
-static void odometry_that_never_goes_back_is_not_believed(void **state)
+static void odometry_that_never_goes_back_is_rejected(void **state)
 {
     cairn_mapper_params params = small_params();
     drive d = start_drive(SIM_RESCUE, 4, 200, 0.01, 0.4);
@@ -303,10 +303,10 @@ static int32_t moves_of_the_window(int32_t units)
     mapper = new_mapper(&pool, &params);
     for (int32_t i = 0; i < d.count; i++) {
         cairn_scan_input input = sim_scan_input(&d.scans[i]);
-        cairn_pose believed = pose_of(d.scans[i].odometry);
+        cairn_pose odometry_pose = pose_of(d.scans[i].odometry);
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
-        assert_ok(cairn_mapper_add(mapper, &input, &believed, NULL));
+        assert_ok(cairn_mapper_add(mapper, &input, &odometry_pose, NULL));
         assert_ok(cairn_mapper_step(mapper, &budget));
         for (int32_t k = 0; k < keys; k++) {
             cairn_pose now = cairn_mapper_keyframe_pose(mapper, k);
@@ -575,7 +575,7 @@ static void bad_params_are_refused(void **state)
 static uint64_t hash_of_round(const cairn_mapper_params *params, int32_t odometry)
 {
     cairn_random random = cairn_random_seed(21, 1);
-    cairn_pose at = {-2, -1, 0}, believed = {5, 5, 1};
+    cairn_pose at = {-2, -1, 0}, odometry_pose = {5, 5, 1};
     uint64_t hash = TEST_HASH_START;
     cairn_mapper_state state;
     rooms_room room;
@@ -588,7 +588,7 @@ static uint64_t hash_of_round(const cairn_mapper_params *params, int32_t odometr
     rooms_add_wall(&room, 2, 2.5, 3.5, 1.2);
     rooms_add_box(&room, -3.5, 0.5, -3, 1.5);
     for (int32_t i = 0; i < 60; i++) {
-        cairn_pose step = {CAIRN_REAL(0.2), 0, i % 12 > 8 ? CAIRN_REAL(0.52) : 0}, told = step;
+        cairn_pose step = {CAIRN_REAL(0.2), 0, i % 12 > 8 ? CAIRN_REAL(0.52) : 0}, measured = step;
         cairn_budget budget = {CAIRN_UNBOUNDED};
         cairn_mapper_result r;
         rooms_scan taken;
@@ -596,7 +596,7 @@ static uint64_t hash_of_round(const cairn_mapper_params *params, int32_t odometr
 
         for (int32_t k = 0; k < ROOMS_BEAMS && i == 30; k++)
             taken.range[k] = NAN;
-        assert_ok(cairn_mapper_add(mapper, &input, odometry ? &believed : NULL, NULL));
+        assert_ok(cairn_mapper_add(mapper, &input, odometry ? &odometry_pose : NULL, NULL));
         assert_ok(cairn_mapper_step(mapper, &budget));
         r = cairn_mapper_read(mapper);
         hash = test_hash(hash, &r.verdict, 2 * sizeof r.verdict);
@@ -606,9 +606,9 @@ static uint64_t hash_of_round(const cairn_mapper_params *params, int32_t odometr
         hash = test_hash(hash, &r.overlap, sizeof r.overlap);
         hash = test_hash(hash, &r.is_keyframe, sizeof r.is_keyframe);
         at = cairn_pose_compose(at, step);
-        told.x += CAIRN_REAL(0.002) * (cairn_real)i * cairn_random_uniform(&random, -1, 1);
-        told.theta += CAIRN_REAL(0.004) * (cairn_real)i * cairn_random_uniform(&random, -1, 1);
-        believed = cairn_pose_compose(believed, told);
+        measured.x += CAIRN_REAL(0.002) * (cairn_real)i * cairn_random_uniform(&random, -1, 1);
+        measured.theta += CAIRN_REAL(0.004) * (cairn_real)i * cairn_random_uniform(&random, -1, 1);
+        odometry_pose = cairn_pose_compose(odometry_pose, measured);
     }
     {
         cairn_budget budget = {CAIRN_UNBOUNDED};
@@ -736,7 +736,7 @@ static double heading_error(const drive *d, const sim_scan *standing, float time
     return sum / d->count;
 }
 
-static void who_turns_does_not_wind_up_the_world(void **state)
+static void turning_on_the_spot_does_not_rotate_the_map(void **state)
 {
     static const float step = (float)(0.1 / 360);
     cairn_pose odometry[SPINS];
@@ -766,8 +766,8 @@ int main(void)
         cmocka_unit_test(results_stay_as_they_are),
         cmocka_unit_test(maps_better_than_odometry),
         cmocka_unit_test(maps_without_odometry),
-        cmocka_unit_test(odometry_that_never_goes_back_is_not_believed),
-        cmocka_unit_test(who_turns_does_not_wind_up_the_world),
+        cmocka_unit_test(odometry_that_never_goes_back_is_rejected),
+        cmocka_unit_test(turning_on_the_spot_does_not_rotate_the_map),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(verdicts_say_how_a_pose_was_found),
         cmocka_unit_test(what_does_not_match_is_predicted),

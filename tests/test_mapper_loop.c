@@ -25,7 +25,7 @@ static void drain(const cairn_mapper *mapper, int32_t *events, outcome *out)
         out->events[*events] = cairn_mapper_loop_at(mapper, *events);
 }
 
-static cairn_pose odometry[SCANS];
+static cairn_pose drifted[SCANS];
 
 /* Odometry of which every step turns by `bias` rad too much. */
 static void drift_odometry(const drive *d, cairn_real bias)
@@ -241,7 +241,7 @@ static int32_t count_verdict(const outcome *out, cairn_mapper_loop_verdict verdi
 
 /* Corridors that repeat themselves within the accumulated drift: the one that was visited is not
  * confused with the one that was not. */
-static void a_place_like_one_seen_is_not_taken_for_it(void **state)
+static void a_similar_place_is_not_confused(void **state)
 {
     cairn_mapper_params params = small_params();
     int32_t unlikely = 0;
@@ -266,7 +266,7 @@ static void a_place_like_one_seen_is_not_taken_for_it(void **state)
     assert_true(unlikely > 0);
 }
 
-static void what_has_no_room_is_said(void **state)
+static void exceeded_capacities_are_reported(void **state)
 {
     cairn_mapper_params params = small_params();
     drive d = start_drive(SIM_OFFICE, 3, 120, 0, 0.5);
@@ -286,7 +286,7 @@ static void what_has_no_room_is_said(void **state)
 }
 
 /* A scan after a rotation too fast to match is searched for, and found. */
-static void a_leap_is_searched_for(void **state)
+static void a_jump_is_searched_for(void **state)
 {
     cairn_mapper_params params = small_params();
     drive d = start_drive(SIM_RESCUE, 1, 60, 0, 0.1);
@@ -326,13 +326,13 @@ static void a_leap_is_searched_for(void **state)
 }
 
 /* Odometry that reports motion that did not happen is rejected, and used again when it is right. */
-static void odometry_is_believed_as_long_as_it_is_right(void **state)
+static void odometry_is_used_as_long_as_it_is_right(void **state)
 {
     cairn_mapper_params params = small_params();
     drive d = start_drive(SIM_APARTMENT, 3, 80, 0, 0.1);
     cairn_pool pool;
     cairn_mapper *mapper = new_mapper(&pool, &params);
-    cairn_pose believed = pose_of(d.scans[0].truth);
+    cairn_pose odometry_pose = pose_of(d.scans[0].truth);
     int64_t contradicted = 0;
 
     (void)state;
@@ -347,9 +347,9 @@ static void odometry_is_believed_as_long_as_it_is_right(void **state)
 
             if (i >= 20 && i < 50)
                 step.y += CAIRN_REAL(0.3);
-            believed = cairn_pose_compose(believed, step);
+            odometry_pose = cairn_pose_compose(odometry_pose, step);
         }
-        assert_ok(cairn_mapper_add(mapper, &input, &believed, NULL));
+        assert_ok(cairn_mapper_add(mapper, &input, &odometry_pose, NULL));
         assert_ok(cairn_mapper_step(mapper, &budget));
         result = cairn_mapper_read(mapper);
         assert_true(distance(result.map_scan, pose_of(d.scans[i].truth)) < 0.1);
@@ -432,7 +432,7 @@ static void map_odom_is_of_scans_that_are_done(void **state)
 
 /* A jump that no robot makes is no information on the motion; odometry beyond all bounds is
  * refused. */
-static void odometry_that_leaps_out_of_the_world(void **state)
+static void odometry_that_jumps_out_of_the_world(void **state)
 {
     cairn_mapper_params params = small_params();
     drive d = start_drive(SIM_OFFICE, 4, 20, 0, 0.2);
@@ -462,13 +462,13 @@ int main(void)
         cmocka_unit_test(a_drive_that_comes_back_closes_its_loops),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(identical_rooms_are_distinguished),
-        cmocka_unit_test(a_place_like_one_seen_is_not_taken_for_it),
-        cmocka_unit_test(what_has_no_room_is_said),
-        cmocka_unit_test(a_leap_is_searched_for),
-        cmocka_unit_test(odometry_is_believed_as_long_as_it_is_right),
+        cmocka_unit_test(a_similar_place_is_not_confused),
+        cmocka_unit_test(exceeded_capacities_are_reported),
+        cmocka_unit_test(a_jump_is_searched_for),
+        cmocka_unit_test(odometry_is_used_as_long_as_it_is_right),
         cmocka_unit_test(map_odom_leads_from_odometry_to_the_map),
         cmocka_unit_test(map_odom_is_of_scans_that_are_done),
-        cmocka_unit_test(odometry_that_leaps_out_of_the_world),
+        cmocka_unit_test(odometry_that_jumps_out_of_the_world),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -300,17 +300,17 @@ static void reference_scan(reference *t, const cairn_scan_input *input, const ca
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_icp_result best, other;
     cairn_scan_view view;
-    int32_t is_first = t->state.scans == 0, matched = 0, has_motion, believed;
+    int32_t is_first = t->state.scans == 0, matched = 0, has_motion, odometry_pose;
 
     if (!is_first)
         last = cairn_pose_compose(t->keys[t->result.keyframe].pose, t->result.keyframe_scan);
     else if (odometry != NULL)
         last = *odometry;
     has_motion = odometry != NULL && (t->had_odometry || is_first);
-    believed = has_motion && t->trust > CAIRN_REAL(0.5);
+    odometry_pose = has_motion && t->trust > CAIRN_REAL(0.5);
     if (has_motion && !is_first)
         by_odometry = cairn_pose_between(t->odometry, *odometry);
-    if (believed) {
+    if (odometry_pose) {
         alternative = motion;
         motion = by_odometry;
         motion.x += t->drag.x;
@@ -318,8 +318,8 @@ static void reference_scan(reference *t, const cairn_scan_input *input, const ca
     } else if (has_motion) {
         alternative = by_odometry;
     }
-    prior = prior_of(t, last, motion, believed);
-    second = prior_of(t, last, alternative, has_motion && !believed);
+    prior = prior_of(t, last, motion, odometry_pose);
+    second = prior_of(t, last, alternative, has_motion && !odometry_pose);
 
     assert_ok(cairn_scan_begin(t->scan, input, NULL));
     assert_ok(cairn_scan_step(t->scan, &budget));
@@ -344,12 +344,12 @@ static void reference_scan(reference *t, const cairn_scan_input *input, const ca
                     (!matched || quality(&other) > CAIRN_REAL(1.2) * quality(&best))) {
                     best = other;
                     matched = 1;
-                    t->state.odometry_rejected += believed;
+                    t->state.odometry_rejected += odometry_pose;
                 }
             }
         }
     }
-    if (matched && !believed && best.weak_ratio < CAIRN_REAL(0.05)) {
+    if (matched && !odometry_pose && best.weak_ratio < CAIRN_REAL(0.05)) {
         cairn_real x = CAIRN_REAL(0.3) * best.weak_direction[0],
                    y = CAIRN_REAL(0.3) * best.weak_direction[1];
 
@@ -359,9 +359,9 @@ static void reference_scan(reference *t, const cairn_scan_input *input, const ca
         best.covariance[4] += y * y;
     }
     if (matched && has_motion) {
-        cairn_rigid_motion_pose_prior told = prior_of(t, last, by_odometry, 1);
+        cairn_rigid_motion_pose_prior odometry_prior = prior_of(t, last, by_odometry, 1);
 
-        weigh_odometry(t, &told, &best);
+        weigh_odometry(t, &odometry_prior, &best);
     }
 
     memset(&t->result, 0, sizeof t->result);
@@ -459,7 +459,7 @@ static void side_by_side(cairn_mapper_params *params, sim_scene scene, uint64_t 
 {
     static float nothing[181];
     drive d = start_drive(scene, seed, scans, 0, every);
-    cairn_pose believed = {3, -2, 1};
+    cairn_pose odometry_pose = {3, -2, 1};
     cairn_random random;
     cairn_pool pool;
     cairn_mapper *mapper;
@@ -489,16 +489,16 @@ static void side_by_side(cairn_mapper_params *params, sim_scene scene, uint64_t 
             step.theta += trouble->turn_error * cairn_random_uniform(&random, -1, 1);
             if (trouble->jump > 0 && i % trouble->jump == trouble->jump - 1)
                 step.x += 25;
-            believed = cairn_pose_compose(believed, step);
+            odometry_pose = cairn_pose_compose(odometry_pose, step);
         }
         if ((trouble->blind > 0 && i % trouble->blind == trouble->blind - 1) ||
             (trouble->bare_start == 2 && i < 2))
             input.range = nothing;
         if (trouble->bare_start == 1 && i < 2)
             has_odometry = 0;
-        assert_ok(cairn_mapper_add(mapper, &input, has_odometry ? &believed : NULL, NULL));
+        assert_ok(cairn_mapper_add(mapper, &input, has_odometry ? &odometry_pose : NULL, NULL));
         assert_ok(cairn_mapper_step(mapper, &budget));
-        reference_scan(&t, &input, has_odometry ? &believed : NULL);
+        reference_scan(&t, &input, has_odometry ? &odometry_pose : NULL);
         compare(mapper, &t);
     }
     *measured = t.state;

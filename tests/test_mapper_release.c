@@ -187,7 +187,7 @@ static void it_runs_on_in_fixed_memory(void **state)
     test_pool_free(&pool);
 }
 
-static void without_release_it_is_full(void **state)
+static void without_culling_it_is_full(void **state)
 {
     cairn_mapper_params params = release_params();
     cairn_pool pool;
@@ -214,7 +214,7 @@ static void without_release_it_is_full(void **state)
     test_pool_free(&pool);
 }
 
-static void little_room_for_points_is_enough(void **state)
+static void a_small_capacity_of_points_is_enough(void **state)
 {
     cairn_mapper_params params = release_params();
     cairn_pool pool;
@@ -270,7 +270,7 @@ static void budgets_do_not_matter(void **state)
 
 typedef struct snapshot {
     int32_t key_count, entered, link_count, releases, local_count, pending_count, solutions;
-    int32_t slot[KEYS], pieces[KEYS], local[CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES], doubtful[KEYS];
+    int32_t slot[KEYS], pieces[KEYS], local[CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES], low_confidence[KEYS];
     cairn_pose pose[KEYS];
     uint16_t visibility[KEYS][MAPPER_BEARINGS];
     cairn_vec2 sensor[KEYS];
@@ -310,7 +310,7 @@ static void remember(void *context, cairn_mapper *mapper, scan_references *h)
                sizeof m->visibility[k]);
         m->sensor[k] = mapper->keyframes->scans[m->slot[k]].sensor;
         m->pieces[k] = mapper->loop.constraints[k].submap;
-        m->doubtful[k] = mapper->loop.constraints[k].low_confidence;
+        m->low_confidence[k] = mapper->loop.constraints[k].low_confidence;
     }
     assert_true(m->link_count <= LINKS);
     for (int32_t i = 0; i < m->link_count; i++) {
@@ -733,7 +733,7 @@ static void check_names(const snapshot *m, const cairn_mapper *mapper,
         assert_memory_equal(&mapper->keyframe_pose[now], &m->pose[k], sizeof m->pose[k]);
         assert_int_equal(mapper->loop.constraints[now].submap, renamed(piece, gone));
         assert_int_equal(mapper->loop.constraints[now].low_confidence,
-                         m->doubtful[k == heir ? gone : k]);
+                         m->low_confidence[k == heir ? gone : k]);
         if (now < mapper->loop.graph_keyframes) {
             cairn_pose in_graph = cairn_pose_graph_pose(mapper->loop.graph, now);
 
@@ -800,7 +800,7 @@ static void every_culled_keyframe_is_that_of_the_reference(void **state)
 }
 
 /* A chain solved without the keyframe between two others leaves these unchanged. */
-static void what_hangs_stays_in_its_place(void **state)
+static void attached_scans_stay_in_place(void **state)
 {
     cairn_mapper_culling release = {4, 2, {1, 2, CAIRN_REAL(0.5)}};
     cairn_pose seen = {CAIRN_REAL(0.3), CAIRN_REAL(-0.1), CAIRN_REAL(0.2)}, at;
@@ -869,10 +869,10 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_culled_keyframe_is_that_of_the_reference),
         cmocka_unit_test(it_runs_on_in_fixed_memory),
-        cmocka_unit_test(without_release_it_is_full),
-        cmocka_unit_test(little_room_for_points_is_enough),
+        cmocka_unit_test(without_culling_it_is_full),
+        cmocka_unit_test(a_small_capacity_of_points_is_enough),
         cmocka_unit_test(budgets_do_not_matter),
-        cmocka_unit_test(what_hangs_stays_in_its_place),
+        cmocka_unit_test(attached_scans_stay_in_place),
         cmocka_unit_test(params_are_checked),
     };
 

@@ -182,7 +182,7 @@ static cairn_pose off_odometry(const drive *d, cairn_pose before, cairn_pose aft
 
 /* Every scan of another building resembles this one somewhere. Hardly any moves the robot away from
  * the prediction of reliable odometry (one in ten did while a single match sufficed). */
-static void scans_of_elsewhere_move_nothing(void **state)
+static void scans_of_another_building_move_nothing(void **state)
 {
     static const sim_scene elsewhere[] = {SIM_RESCUE, SIM_OFFICE, SIM_MAZE, SIM_ROOMS};
     cairn_mapper_params params = small_params();
@@ -217,28 +217,28 @@ static void scans_of_elsewhere_move_nothing(void **state)
     assert_true(moved * 30 < foreign);
 }
 
-enum { CARRIED = 100, LEAP = 10, DRIVES = 8 };
+enum { DISPLACED_AT = 100, SKIPPED = 10, DRIVES = 8 };
 
-/* Drives, is displaced over LEAP scans unknown to its odometry, and drives on. 1: three scans later
- * its pose is right. */
+/* Drives, is displaced over SKIPPED scans unknown to its odometry, and drives on. 1: three scans
+ * later its pose is right. */
 static int is_found_again(const drive *d)
 {
     cairn_mapper_params params = small_params();
     cairn_pool pool;
     cairn_mapper *mapper = new_mapper(&pool, &params);
-    cairn_pose believed = pose_of(d->scans[0].truth), off = cairn_pose_identity();
+    cairn_pose odometry_pose = pose_of(d->scans[0].truth), off = cairn_pose_identity();
 
-    for (int32_t i = 0; i < CARRIED + 4; i++) {
-        int32_t at = i < CARRIED ? i : i + LEAP;
+    for (int32_t i = 0; i < DISPLACED_AT + 4; i++) {
+        int32_t at = i < DISPLACED_AT ? i : i + SKIPPED;
         cairn_scan_input input = sim_scan_input(&d->scans[at]);
 
-        if (i > 0 && i != CARRIED)
-            believed =
-                cairn_pose_compose(believed, cairn_pose_between(pose_of(d->scans[at - 1].truth),
-                                                                pose_of(d->scans[at].truth)));
+        if (i > 0 && i != DISPLACED_AT)
+            odometry_pose = cairn_pose_compose(
+                odometry_pose,
+                cairn_pose_between(pose_of(d->scans[at - 1].truth), pose_of(d->scans[at].truth)));
         off = cairn_pose_between(pose_of(d->scans[at].truth),
-                                 take(mapper, &input, &believed).map_scan);
-        if (i == CARRIED - 1)
+                                 take(mapper, &input, &odometry_pose).map_scan);
+        if (i == DISPLACED_AT - 1)
             assert_true(hypot((double)off.x, (double)off.y) < 0.05);
     }
     test_pool_free(&pool);
@@ -247,13 +247,13 @@ static int is_found_again(const drive *d)
 
 /* Two scans that agree on a place far from the odometry are accepted: most displacements of a metre
  * and 1 rad are recovered. */
-static void who_was_carried_is_found_again(void **state)
+static void a_displaced_robot_is_relocalized(void **state)
 {
     int32_t found = 0;
 
     (void)state;
     for (uint64_t seed = 0; seed < DRIVES; seed++) {
-        drive d = start_drive(SIM_APARTMENT, 21 + seed, CARRIED + LEAP + 4, 0, 0.1);
+        drive d = start_drive(SIM_APARTMENT, 21 + seed, DISPLACED_AT + SKIPPED + 4, 0, 0.1);
 
         found += is_found_again(&d);
         end_drive(&d);
@@ -268,8 +268,8 @@ int main(void)
         cmocka_unit_test(every_scan_twice),
         cmocka_unit_test(time_that_runs_back),
         cmocka_unit_test(a_kidnapped_start),
-        cmocka_unit_test(scans_of_elsewhere_move_nothing),
-        cmocka_unit_test(who_was_carried_is_found_again),
+        cmocka_unit_test(scans_of_another_building_move_nothing),
+        cmocka_unit_test(a_displaced_robot_is_relocalized),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -146,7 +146,7 @@ static void test_grid_matches_linear_search(void **state)
 
 /* Work of a search: a cell and its points, then rings of cells until the next ring is farther than
  * the best point. */
-static void test_grid_counts_looks(void **state)
+static void test_grid_counts_evaluations(void **state)
 {
     static const cairn_vec2 points[] = {
         {CAIRN_REAL(0.5), CAIRN_REAL(0.5)}, {CAIRN_REAL(0.6), CAIRN_REAL(0.5)},
@@ -741,7 +741,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_grid_matches_linear_search),
-        cmocka_unit_test(test_grid_counts_looks),
+        cmocka_unit_test(test_grid_counts_evaluations),
         cmocka_unit_test(test_grid_far_points),
         cmocka_unit_test(test_grid_underflow),
         cmocka_unit_test(test_grid_huge_radius),

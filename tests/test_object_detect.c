@@ -145,7 +145,7 @@ static double likely_at(const cairn_contour_search_tokens *tokens, const detect_
     return exp(-least);
 }
 
-static void weighs_edges_as_the_obvious_way_does(void **state)
+static void weighs_edges_as_the_reference_does(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
     cairn_contour_search_tokens tokens;
@@ -165,7 +165,7 @@ static void weighs_edges_as_the_obvious_way_does(void **state)
     likely = malloc((size_t)(p->width * p->height) * sizeof *likely);
     assert_non_null(likely);
     for (int32_t bin = 0; bin < DETECT_BINS; bin += 5) {
-        const float *worth = &p->llr[(size_t)bin * cairn_object_detect_layer(p)];
+        const float *llr = &p->llr[(size_t)bin * cairn_object_detect_layer(p)];
 
         for (int32_t i = 0; i < p->width * p->height; i++)
             likely[i] = likely_at(&tokens, p, i % p->width, i / p->width, bin);
@@ -179,12 +179,12 @@ static void weighs_edges_as_the_obvious_way_does(void **state)
                         sum += likely[v * p->width + u];
                         cells++;
                     }
-            assert_near(worth[(size_t)(y + DETECT_MARGIN_CELLS) * cairn_object_detect_row(p) +
-                              (size_t)(x + DETECT_MARGIN_CELLS)],
+            assert_near(llr[(size_t)(y + DETECT_MARGIN_CELLS) * cairn_object_detect_row(p) +
+                            (size_t)(x + DETECT_MARGIN_CELLS)],
                         log(0.25 + 0.75 * likely[i] / fmax(0.02, sum / cells)), 1e-4);
         }
-        assert_near(worth[0], -0.7, 1e-6);
-        assert_near(worth[cairn_object_detect_layer(p) - 1], -0.7, 1e-6);
+        assert_near(llr[0], -0.7, 1e-6);
+        assert_near(llr[cairn_object_detect_layer(p) - 1], -0.7, 1e-6);
     }
     free(likely);
     cairn_object_detect_field_free(field);
@@ -192,8 +192,8 @@ static void weighs_edges_as_the_obvious_way_does(void **state)
 }
 
 /* The mean log-likelihood ratio of a flag's samples at a cell. */
-static double mean_worth(const detect_plane *p, const cairn_shape_model *m, double aspect,
-                         int32_t x, int32_t y)
+static double mean_llr(const detect_plane *p, const cairn_shape_model *m, double aspect, int32_t x,
+                       int32_t y)
 {
     double sum = 0;
 
@@ -215,7 +215,7 @@ static double mean_worth(const detect_plane *p, const cairn_shape_model *m, doub
     return sum / m->outline_count;
 }
 
-static void looks_at_every_place(void **state)
+static void examines_every_place(void **state)
 {
     static const double aspects[] = {1, 0.8, 1.25, 0.64, 1.5625};
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
@@ -238,7 +238,7 @@ static void looks_at_every_place(void **state)
     for (int32_t k = 0; k < 5; k++)
         for (int32_t y = 0; y < field->plane[0].height; y++)
             for (int32_t x = 0; x < field->plane[0].width; x++)
-                best = fmax(best, mean_worth(&field->plane[0], &model.model, aspects[k], x, y));
+                best = fmax(best, mean_llr(&field->plane[0], &model.model, aspects[k], x, y));
     assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));
     assert_int_equal(found.count, 1);
     assert_near(found.found[0].rigid_evidence, best, 1e-4);
@@ -335,7 +335,7 @@ static double residual_of(const cairn_shape_model *m, double *value, double slop
     return left;
 }
 
-static double strained_of(const cairn_shape_model *m, const cairn_contour_search_place *places)
+static double deformation_of(const cairn_shape_model *m, const cairn_contour_search_place *places)
 {
     static double value[1024];
     double slope[2][2], left;
@@ -372,7 +372,7 @@ static void measures_how_the_outline_fits(void **state)
 
         assert_near(d->edge_proximity, close_of(&tokens, places, d), 1e-3);
         assert_near(d->tangent_deviation, turned_of(&model.model, places, d), 1e-4);
-        assert_near(d->deformation, strained_of(&model.model, places), 1e-4);
+        assert_near(d->deformation, deformation_of(&model.model, places), 1e-4);
         /* The flags are as drawn; fits along clutter are not. */
         assert_true(i < 2 ? d->edge_proximity > CAIRN_REAL(0.8)
                           : d->edge_proximity < found.found[1].edge_proximity);
@@ -425,7 +425,7 @@ static double unlike(const cairn_shape_model *m, const cairn_contour_search_plac
 
 /* Half of the cloth behind a disc: with occlusion allowed it is fitted to the rest with a score
  * above 0; by default it is deformed round the disc. */
-static void finds_what_is_hidden_in_part(void **state)
+static void finds_occluded_objects(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
     cairn_shape_model_file model = make_model();
@@ -475,7 +475,7 @@ static void draw_turned_flag(double x, double y, double turn, int32_t first, int
 
 /* A flag that leans by 12 degrees and has no pole: candidates are upright, grouping finds the
  * leaning one, and its evidence counts whatever the weight of verification. */
-static void finds_what_is_turned_and_hidden_by_grouping(void **state)
+static void finds_rotated_and_occluded_objects_by_grouping(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
     cairn_contour_search_tokens tokens;
@@ -601,7 +601,7 @@ static void verifies_what_is_grouped_as_well(void **state)
 
 /* ---- Unusual images, refusals ---- */
 
-static void takes_odd_pictures(void **state)
+static void accepts_unusual_images(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
     cairn_contour_search_tokens tokens;
@@ -779,15 +779,15 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(finds_a_shape_where_it_is),
         cmocka_unit_test(finds_two_shapes),
-        cmocka_unit_test(weighs_edges_as_the_obvious_way_does),
-        cmocka_unit_test(looks_at_every_place),
+        cmocka_unit_test(weighs_edges_as_the_reference_does),
+        cmocka_unit_test(examines_every_place),
         cmocka_unit_test(measures_how_the_outline_fits),
-        cmocka_unit_test(finds_what_is_hidden_in_part),
-        cmocka_unit_test(finds_what_is_turned_and_hidden_by_grouping),
+        cmocka_unit_test(finds_occluded_objects),
+        cmocka_unit_test(finds_rotated_and_occluded_objects_by_grouping),
         cmocka_unit_test(groups_in_all_sizes),
         cmocka_unit_test(finds_a_large_shape_among_very_many_peaks),
         cmocka_unit_test(verifies_what_is_grouped_as_well),
-        cmocka_unit_test(takes_odd_pictures),
+        cmocka_unit_test(accepts_unusual_images),
         cmocka_unit_test(refuses_what_cannot_be),
         cmocka_unit_test(takes_sizes_up_to_the_bounds),
         cmocka_unit_test(refuses_outlines_that_reach_too_far),

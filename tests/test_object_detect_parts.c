@@ -144,7 +144,7 @@ static void follows_chains(void **state)
     cairn_contour_search_tokens_free(&tokens);
 }
 
-static void takes_odd_pictures(void **state)
+static void accepts_unusual_images(void **state)
 {
     cairn_object_detect_params params = parts_params();
     cairn_contour_search_tokens tokens;
@@ -167,7 +167,7 @@ static void takes_odd_pictures(void **state)
     cairn_contour_search_tokens_free(&tokens);
 }
 
-static void tells_its_stages(void **state)
+static void reports_its_stages(void **state)
 {
     static const char *const expected[] = {"012", "0010122"};
 
@@ -303,8 +303,8 @@ int main(void)
         cmocka_unit_test(finds_a_shape_by_its_parts),
         cmocka_unit_test(finds_it_by_every_way),
         cmocka_unit_test(follows_chains),
-        cmocka_unit_test(takes_odd_pictures),
-        cmocka_unit_test(tells_its_stages),
+        cmocka_unit_test(accepts_unusual_images),
+        cmocka_unit_test(reports_its_stages),
         cmocka_unit_test(takes_very_many_chains),
         cmocka_unit_test(refuses_what_cannot_be),
     };

@@ -193,7 +193,7 @@ static void takes_one_fragment(void **state)
     cairn_shape_model_file_free(&model);
 }
 
-static void tells_its_stages(void **state)
+static void reports_its_stages(void **state)
 {
     cairn_object_detect_params params = written_params();
     char heard[16] = "";
@@ -245,7 +245,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(finds_a_shape),       cmocka_unit_test(is_bounded),
         cmocka_unit_test(takes_each_set_once), cmocka_unit_test(takes_one_fragment),
-        cmocka_unit_test(tells_its_stages),    cmocka_unit_test(refuses_other_methods),
+        cmocka_unit_test(reports_its_stages),  cmocka_unit_test(refuses_other_methods),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -119,7 +119,7 @@ static double slow_score(const slow_search *s)
     return gain - scatter / 2;
 }
 
-static int rival(const voting *v, int32_t a, int32_t b)
+static int exclude_each_other(const voting *v, int32_t a, int32_t b)
 {
     const cairn_part_configuration_vote *p = &v->votes[a], *q = &v->votes[b];
     double shorter = fmin((double)(p->to - p->from), (double)(q->to - q->from)), sum = 0;
@@ -148,7 +148,7 @@ static void try_all(slow_search *s, int32_t bundle)
         int ok = s->v->votes[s->near[i]].bundle == bundle;
 
         for (int32_t k = 0; k < s->parts && ok; k++)
-            ok = !rival(s->v, s->near[i], s->chosen[k]);
+            ok = !exclude_each_other(s->v, s->near[i], s->chosen[k]);
         if (!ok)
             continue;
         s->chosen[s->parts++] = s->near[i];
@@ -348,7 +348,7 @@ static void is_bounded(void **state)
 
 /* Few distances are computed between distant votes. */
 /* All at one place, so in one bucket: no step examines more votes than it has units. */
-static void equal_votes_are_looked_at_one_by_one(void **state)
+static void equal_votes_are_examined_one_by_one(void **state)
 {
     cairn_part_configuration_params params = cairn_part_configuration_default();
     cairn_status status = CAIRN_MORE;
@@ -370,7 +370,7 @@ static void equal_votes_are_looked_at_one_by_one(void **state)
     test_pool_free(&v.pool);
 }
 
-static void looks_near_only(void **state)
+static void searches_the_neighbourhood_only(void **state)
 {
     cairn_part_configuration_params params = cairn_part_configuration_default();
     cairn_random random = cairn_random_seed(1, 1);
@@ -505,9 +505,9 @@ int main(void)
         cmocka_unit_test(climbs_to_modes),
         cmocka_unit_test(finds_nothing),
         cmocka_unit_test(is_bounded),
-        cmocka_unit_test(looks_near_only),
+        cmocka_unit_test(searches_the_neighbourhood_only),
         cmocka_unit_test(does_not_depend_on_budgets),
-        cmocka_unit_test(equal_votes_are_looked_at_one_by_one),
+        cmocka_unit_test(equal_votes_are_examined_one_by_one),
         cmocka_unit_test(refuses_bad_params),
         cmocka_unit_test(refuses_bad_votes),
     };

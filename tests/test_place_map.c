@@ -216,7 +216,7 @@ static void places_of_another_arena_are_reported(void **state)
     cairn_place_map_params params = small_params(OWN + STRANGE);
     static struct arena arena, strange;
     struct mapper m;
-    int32_t joined = 0, islands = 0;
+    int32_t joined = 0, submaps = 0;
 
     (void)state;
     make_arena(&arena, 1003, OWN, 0, 0, 0);
@@ -237,10 +237,10 @@ static void places_of_another_arena_are_reported(void **state)
             cairn_place_map_place other = cairn_place_map_place_of(m.map, k);
 
             joined += own.component == other.component && own.submap == other.submap;
-            islands += other.submap > 0 && other.ambiguous;
+            submaps += other.submap > 0 && other.ambiguous;
         }
     assert_int_equal(joined, 0);
-    assert_int_equal(islands, OWN * STRANGE);
+    assert_int_equal(submaps, OWN * STRANGE);
     test_pool_free(&m.pool);
     free_arena(&strange);
     free_arena(&arena);
@@ -436,7 +436,7 @@ static void half_a_turn_of_a_rectangle_is_ambiguous(void **state)
     test_pool_free(&m.pool);
 }
 
-static void rooms_that_differ_are_parts(void **state)
+static void different_rooms_are_components(void **state)
 {
     cairn_place_map_params params = small_params(4);
     rooms_room small = {.count = 0}, large = {.count = 0};
@@ -552,7 +552,7 @@ static double reference_among(const cairn_place_map *map, int32_t place, const c
             cairn_vec2 direction =
                 cairn_transform_direction(cairn_transform_of(map_scan), point->direction);
             int marks[64] = {0};
-            double worth = 0;
+            double nats = 0;
 
             for (int32_t k = 0; k < map->place_count; k++) {
                 cairn_transform seen_from = cairn_transform_of(cairn_pose_inverse(poses[k]));
@@ -568,25 +568,25 @@ static double reference_among(const cairn_place_map *map, int32_t place, const c
                     sharers += saw > CAIRN_OBSERVED_FREE;
             }
             if (floats) {
-                worth = marks[CAIRN_OBSERVED_DYNAMIC] || marks[CAIRN_OBSERVED_ROUGH] ? 0.42
-                        : marks[CAIRN_OBSERVED_PARALLEL] || marks[CAIRN_OBSERVED_OPPOSITE] ||
-                                marks[CAIRN_OBSERVED_OTHER_DIRECTION]
-                            ? 0.26
-                            : 0;
-                worth -= marks[CAIRN_OBSERVED_FREE] ? 0.19 : 0;
+                nats = marks[CAIRN_OBSERVED_DYNAMIC] || marks[CAIRN_OBSERVED_ROUGH] ? 0.42
+                       : marks[CAIRN_OBSERVED_PARALLEL] || marks[CAIRN_OBSERVED_OPPOSITE] ||
+                               marks[CAIRN_OBSERVED_OTHER_DIRECTION]
+                           ? 0.26
+                           : 0;
+                nats -= marks[CAIRN_OBSERVED_FREE] ? 0.19 : 0;
             } else {
                 int any = marks[CAIRN_OBSERVED_PARALLEL] + marks[CAIRN_OBSERVED_OPPOSITE] +
                           marks[CAIRN_OBSERVED_OTHER_DIRECTION] + marks[CAIRN_OBSERVED_ROUGH] +
                           marks[CAIRN_OBSERVED_DYNAMIC];
 
-                worth = marks[CAIRN_OBSERVED_PARALLEL]   ? 0.2
-                        : marks[CAIRN_OBSERVED_ROUGH]    ? 0.87
-                        : marks[CAIRN_OBSERVED_OPPOSITE] ? 0.1
-                        : marks[CAIRN_OBSERVED_DYNAMIC]  ? 0.1
-                                                         : 0;
-                worth -= !marks[CAIRN_OBSERVED_FREE] ? 0 : any ? 1.75 : 1.2;
+                nats = marks[CAIRN_OBSERVED_PARALLEL]   ? 0.2
+                       : marks[CAIRN_OBSERVED_ROUGH]    ? 0.87
+                       : marks[CAIRN_OBSERVED_OPPOSITE] ? 0.1
+                       : marks[CAIRN_OBSERVED_DYNAMIC]  ? 0.1
+                                                        : 0;
+                nats -= !marks[CAIRN_OBSERVED_FREE] ? 0 : any ? 1.75 : 1.2;
             }
-            sum += of == place ? worth : worth / sharers;
+            sum += of == place ? nats : nats / sharers;
         }
     }
     for (int32_t y = 0; y < map->visibility_side; y += 6)
@@ -955,7 +955,7 @@ int main(void)
         cmocka_unit_test(parts_are_aligned_apart),
         cmocka_unit_test(an_aligner_that_is_full_refuses),
         cmocka_unit_test(half_a_turn_of_a_rectangle_is_ambiguous),
-        cmocka_unit_test(rooms_that_differ_are_parts),
+        cmocka_unit_test(different_rooms_are_components),
         cmocka_unit_test(one_after_the_other),
         cmocka_unit_test(one_place),
         cmocka_unit_test(memory_is_exact),

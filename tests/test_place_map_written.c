@@ -323,7 +323,7 @@ static void places_one_by_one(void **state)
     test_pool_free(&b.pool);
 }
 
-static void takes_exactly_what_it_says(void **state)
+static void memory_is_as_stated(void **state)
 {
     cairn_place_map_params params = small_params();
     cairn_place_map_params bad[5];
@@ -348,13 +348,10 @@ static void takes_exactly_what_it_says(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(places_in_order),
-        cmocka_unit_test(stages),
-        cmocka_unit_test(a_blind_place),
-        cmocka_unit_test(budgets_do_not_matter),
-        cmocka_unit_test(few_places_and_far_ones),
-        cmocka_unit_test(places_one_by_one),
-        cmocka_unit_test(takes_exactly_what_it_says),
+        cmocka_unit_test(places_in_order),         cmocka_unit_test(stages),
+        cmocka_unit_test(a_blind_place),           cmocka_unit_test(budgets_do_not_matter),
+        cmocka_unit_test(few_places_and_far_ones), cmocka_unit_test(places_one_by_one),
+        cmocka_unit_test(memory_is_as_stated),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -23,8 +23,8 @@ static cairn_segment wall(double ax, double ay, double bx, double by)
 }
 
 /* Hits of `beams` beams from (x, y), all around, with range noise. */
-static void look(cloud *c, const cairn_segment *walls, int count, double x, double y, int beams,
-                 double noise, uint64_t seed)
+static void take_scan(cloud *c, const cairn_segment *walls, int count, double x, double y,
+                      int beams, double noise, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 2);
 
@@ -55,7 +55,8 @@ static void look(cloud *c, const cairn_segment *walls, int count, double x, doub
 }
 
 /* `n` even points on a wall, with noise across it. */
-static void lay(cloud *c, cairn_segment s, int n, double noise, int label, cairn_random *random)
+static void add_wall_points(cloud *c, cairn_segment s, int n, double noise, int label,
+                            cairn_random *random)
 {
     cairn_vec2 left = cairn_vec2_left_perp(cairn_vec2_unit(cairn_vec2_sub(s.b, s.a)));
 
@@ -242,7 +243,7 @@ static void test_room_from_inside(void **state)
     for (uint64_t seed = 0; seed < 20; seed++) {
         cairn_polyline_view view;
 
-        look(&c, walls, 4, 0.3, 0.2, 361, 0.01, seed);
+        take_scan(&c, walls, 4, 0.3, 0.2, 361, 0.01, seed);
         view = fit(&c);
         assert_sound(view, &c);
         assert_int_equal(view.segment_count, 4);
@@ -276,7 +277,7 @@ static void test_box_from_outside(void **state)
     cairn_polyline_view view;
 
     (void)state;
-    look(&c, walls, 4, 0, 0, 720, 0.005, 5);
+    take_scan(&c, walls, 4, 0, 0, 720, 0.005, 5);
     view = fit(&c);
     assert_sound(view, &c);
     assert_int_equal(view.segment_count, 2);
@@ -323,15 +324,15 @@ static void test_bends_and_steps_are_cut(void **state)
 
     (void)state;
     c.count = 0;
-    lay(&c, bend[0], 60, 0.01, 0, &random);
-    lay(&c, bend[1], 60, 0.01, 1, &random);
+    add_wall_points(&c, bend[0], 60, 0.01, 0, &random);
+    add_wall_points(&c, bend[1], 60, 0.01, 1, &random);
     view = fit(&c);
     assert_int_equal(view.segment_count, 2);
     assert_found(view, bend[0], 0.006, 0.012, 0.2);
     assert_found(view, bend[1], 0.006, 0.012, 0.2);
     c.count = 0;
-    lay(&c, step[0], 60, 0.01, 0, &random);
-    lay(&c, step[1], 60, 0.01, 1, &random);
+    add_wall_points(&c, step[0], 60, 0.01, 0, &random);
+    add_wall_points(&c, step[1], 60, 0.01, 1, &random);
     view = fit(&c);
     assert_int_equal(view.segment_count, 2);
     assert_found(view, step[0], 0.006, 0.012, 0.1);
@@ -351,26 +352,27 @@ static void test_gaps(void **state)
         double hole = i < 4 ? 0.15 : 0.35 + 0.2 * i;
 
         c.count = 0;
-        lay(&c, wall(0, 1, 2, 1.5), 40, 0.01, 0, &random);
-        lay(&c, wall(2 + hole, 1.5 + hole / 4, 4 + hole, 2 + hole / 4), 40, 0.01, 0, &random);
+        add_wall_points(&c, wall(0, 1, 2, 1.5), 40, 0.01, 0, &random);
+        add_wall_points(&c, wall(2 + hole, 1.5 + hole / 4, 4 + hole, 2 + hole / 4), 40, 0.01, 0,
+                        &random);
         view = fit(&c);
         assert_int_equal(view.segment_count, i < 4 ? 1 : 2);
     }
     /* 0.35 m apart. */
     c.count = 0;
-    lay(&c, wall(-7, 60, 7, 62), 41, 0.01, 0, &random);
+    add_wall_points(&c, wall(-7, 60, 7, 62), 41, 0.01, 0, &random);
     view = fit(&c);
     assert_int_equal(view.segment_count, 1);
     assert_found(view, wall(-7, 60, 7, 62), 0.003, 0.02, 0.03);
     /* A hole of gap_max is never bridged, however far apart the points are. */
     c.count = 0;
-    lay(&c, wall(0, 0, 6, 0), 9, 0.001, 0, &random);
-    lay(&c, wall(7.6, 0, 13.6, 0), 9, 0.001, 0, &random);
+    add_wall_points(&c, wall(0, 0, 6, 0), 9, 0.001, 0, &random);
+    add_wall_points(&c, wall(7.6, 0, 13.6, 0), 9, 0.001, 0, &random);
     view = fit(&c);
     assert_int_equal(view.segment_count, 2);
     c.count = 0;
-    lay(&c, wall(0, 0, 6, 0), 9, 0.001, 0, &random);
-    lay(&c, wall(7.4, 0, 13.4, 0), 9, 0.001, 0, &random);
+    add_wall_points(&c, wall(0, 0, 6, 0), 9, 0.001, 0, &random);
+    add_wall_points(&c, wall(7.4, 0, 13.4, 0), 9, 0.001, 0, &random);
     view = fit(&c);
     assert_int_equal(view.segment_count, 1);
 }
@@ -383,7 +385,7 @@ static void test_grazing_wall(void **state)
     cairn_polyline_view view;
 
     (void)state;
-    look(&c, &far, 1, 0, 0, 720, 0.005, 7);
+    take_scan(&c, &far, 1, 0, 0, 720, 0.005, 7);
     assert_true(c.count > 100);
     view = fit(&c);
     assert_int_equal(view.segment_count, 1);
@@ -399,8 +401,8 @@ static void test_near_parallel_walls_stay_apart(void **state)
 
     (void)state;
     c.count = 0;
-    lay(&c, walls[0], 60, 0.01, 0, &random);
-    lay(&c, walls[1], 60, 0.01, 1, &random);
+    add_wall_points(&c, walls[0], 60, 0.01, 0, &random);
+    add_wall_points(&c, walls[1], 60, 0.01, 1, &random);
     view = fit(&c);
     assert_int_equal(view.segment_count, 2);
     assert_found(view, walls[0], 0.01, 0.015, 0.05);
@@ -422,7 +424,7 @@ static void test_accuracy_is_that_of_regression(void **state)
         cairn_line line;
 
         c.count = 0;
-        lay(&c, truth, 60, 0.01, 0, &random);
+        add_wall_points(&c, truth, 60, 0.01, 0, &random);
         assert_ok(cairn_line_fit(c.point, NULL, c.count, &line));
         view = fit(&c);
         assert_int_equal(view.segment_count, 1);
@@ -469,7 +471,7 @@ static void test_order_does_not_matter(void **state)
         cairn_polyline_view view;
         int32_t count;
 
-        look(&ordered, walls, 6, 0.3, 0.2, 361, 0.01, seed);
+        take_scan(&ordered, walls, 6, 0.3, 0.2, 361, 0.01, seed);
         clutter(&ordered, seed < 2 ? 0 : 90, box, &random);
         for (int i = 0; i < 3; i++) /* places that occur twice */
             ordered.point[ordered.count++] = ordered.point[i * 50];
@@ -502,7 +504,7 @@ static void test_fifth_of_noise(void **state)
         cairn_random random = cairn_random_seed(seed, 6);
         cairn_polyline_view view;
 
-        look(&c, walls, 5, 0.3, 0.2, 361, 0.01, seed);
+        take_scan(&c, walls, 5, 0.3, 0.2, 361, 0.01, seed);
         clutter(&c, c.count / 4, box, &random);
         shuffle(&c, seed);
         view = fit(&c);
@@ -574,7 +576,7 @@ static void test_budgets_are_equal(void **state)
     (void)state;
     make_room(walls);
     walls[4] = wall(2, 1, 2.6, 1.8);
-    look(&c, walls, 5, 0.3, 0.2, 181, 0.01, 11);
+    take_scan(&c, walls, 5, 0.3, 0.2, 181, 0.01, 11);
     clutter(&c, 40, box, &random);
     view = fit(&c);
     count = view.segment_count;
@@ -701,7 +703,7 @@ static void test_begin_statuses(void **state)
 
     (void)state;
     c.count = 0;
-    lay(&c, truth, 30, 0, 0, &random);
+    add_wall_points(&c, truth, 30, 0, 0, &random);
     assert_int_equal(fit(&c).segment_count, 1);
 
     assert_fault(&fault, cairn_polyline_begin(NULL, &c.point[0].x, 1, &fault), CAIRN_BAD_ARGUMENT,
@@ -806,7 +808,7 @@ static void test_add_and_scale(void **state)
 
     (void)state;
     c.count = 0;
-    lay(&c, wall(0, 0, 3, 1), 80, 0.01, 0, &random);
+    add_wall_points(&c, wall(0, 0, 3, 1), 80, 0.01, 0, &random);
     first = fit(&c).segments[0];
     assert_ok(cairn_polyline_clear(fitter, 1));
     for (int32_t i = 0; i < c.count; i++)
@@ -815,7 +817,7 @@ static void test_add_and_scale(void **state)
     assert_memory_equal(&cairn_polyline_read(fitter).segments[0], &first, sizeof first);
     /* Noise of 5 cm. */
     c.count = 0;
-    lay(&c, wall(0, 0, 3, 1), 80, 0.05, 0, &random);
+    add_wall_points(&c, wall(0, 0, 3, 1), 80, 0.05, 0, &random);
     assert_ok(cairn_polyline_clear(fitter, 5));
     for (int32_t i = 0; i < c.count; i++)
         assert_ok(cairn_polyline_add(fitter, &c.point[i].x));
@@ -826,7 +828,7 @@ static void test_add_and_scale(void **state)
     assert_found(view, wall(0, 0, 3, 1), 0.02, 0.05, 0.08);
     /* The scale holds for that fit alone. */
     c.count = 0;
-    lay(&c, wall(0, 0, 3, 1), 80, 0.01, 0, &random);
+    add_wall_points(&c, wall(0, 0, 3, 1), 80, 0.01, 0, &random);
     assert_true(fit(&c).segments[0].rms < CAIRN_REAL(0.013));
 }
 
@@ -845,16 +847,16 @@ static void test_support(void **state)
     own = test_pool(cairn_polyline_memory(&params));
     assert_ok(cairn_polyline_create(&strict, &own, &params));
     c.count = 0;
-    lay(&c, wall(0, 0, 0.9, 0), 9, 0, 0, &random);
+    add_wall_points(&c, wall(0, 0, 0.9, 0), 9, 0, 0, &random);
     assert_int_equal(fit_with(strict, &c, 100).segment_count, 0);
     c.count = 0;
-    lay(&c, wall(0, 0, 0.9, 0), 10, 0, 0, &random);
+    add_wall_points(&c, wall(0, 0, 0.9, 0), 10, 0, 0, &random);
     assert_int_equal(fit_with(strict, &c, 100).segment_count, 1);
     c.count = 0;
-    lay(&c, wall(0, 0, 0.45, 0), 30, 0, 0, &random);
+    add_wall_points(&c, wall(0, 0, 0.45, 0), 30, 0, 0, &random);
     assert_int_equal(fit_with(strict, &c, 100).segment_count, 0);
     c.count = 0;
-    lay(&c, wall(0, 0, 0.55, 0), 30, 0, 0, &random);
+    add_wall_points(&c, wall(0, 0, 0.55, 0), 30, 0, 0, &random);
     assert_int_equal(fit_with(strict, &c, 100).segment_count, 1);
     test_pool_free(&own);
 }
@@ -876,14 +878,15 @@ static void test_few_segments(void **state)
     assert_ok(cairn_polyline_create(&small, &own, &params));
     c.count = 0;
     for (int i = 0; i < 5; i++)
-        lay(&c, wall(5 * i, 0, 5 * i + 1, 1), i == 1 || i == 4 ? 60 : 20, 0.002, i, &random);
+        add_wall_points(&c, wall(5 * i, 0, 5 * i + 1, 1), i == 1 || i == 4 ? 60 : 20, 0.002, i,
+                        &random);
     view = fit_with(small, &c, 100);
     assert_int_equal(view.segment_count, 2);
     assert_true(view.dropped > 0);
     assert_found(view, wall(5, 0, 6, 1), 0.01, 0.01, 0.1);
     assert_found(view, wall(20, 0, 21, 1), 0.01, 0.01, 0.1);
     c.count = 0;
-    lay(&c, wall(0, 0, 1, 1), 60, 0.002, 0, &random);
+    add_wall_points(&c, wall(0, 0, 1, 1), 60, 0.002, 0, &random);
     assert_int_equal(fit_with(small, &c, 100).dropped, 0);
     test_pool_free(&own);
 }
@@ -975,7 +978,7 @@ static void test_space_agrees_with_plane(void **state)
     own = test_pool(cairn_polyline_memory(&params));
     assert_ok(cairn_polyline_create(&space, &own, &params));
     make_room(walls);
-    look(&c, walls, 4, 0.3, 0.2, 361, 0.01, 3);
+    take_scan(&c, walls, 4, 0.3, 0.2, 361, 0.01, 3);
     for (int32_t i = 0; i < c.count; i++) {
         /* y and z from y by 30 degrees about the x axis */
         points[i][0] = c.point[i].x;

@@ -272,7 +272,7 @@ static void relaxation_averages(void **state)
 }
 
 /* One false hypothesis outweighs every true one, but three true ones outweigh it. */
-static void many_weak_ones_beat_a_strong_one(void **state)
+static void many_weak_ones_outweigh_a_strong_one(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
     const cairn_pose truth[4] = {{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}};
@@ -354,7 +354,7 @@ static double plain_total(const struct reference *reference)
     return total;
 }
 
-static void hang_rest(struct reference *reference)
+static void attach_rest(struct reference *reference)
 {
     int32_t rest = 0;
 
@@ -375,7 +375,7 @@ static void hang_rest(struct reference *reference)
                                     : cairn_pose_compose(reference->pose[h->second],
                                                          cairn_pose_inverse(h->first_second));
         reference->placed[node] = 1;
-        hang_rest(reference);
+        attach_rest(reference);
         reference->placed[node] = 0;
     }
 }
@@ -399,7 +399,7 @@ static void nothing_better_is_found_by_trying_all(void **state)
         reference.world = &world;
         reference.params = &params;
         reference.placed[0] = 1;
-        hang_rest(&reference);
+        attach_rest(&reference);
         assert_true(reference.best > 0);
         assert_true((double)result.total > 0.98 * reference.best);
         if (result.placed == 5 && result.components == 1) {
@@ -426,7 +426,7 @@ static void load_triangles(cairn_pose_consensus *consensus, const cairn_pose tru
 static const cairn_pose TRIANGLES[7] = {{0, 0, 0},  {2, 0, 1},  {1, 2, 2}, {6, 0, 3},
                                         {8, 0, -2}, {7, 2, -1}, {7, 1, 0}};
 
-static void what_does_not_hang_together_is_parts(void **state)
+static void disconnected_nodes_are_components(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
     cairn_pool pool;
@@ -553,21 +553,21 @@ static void another_map_is_an_alternative(void **state)
 
 /* Two nodes confirm each other and are connected by one strong false hypothesis. Two weak true ones
  * outweigh it, but neither node can move alone. */
-static void load_pair_gone_astray(cairn_pose_consensus *consensus, const cairn_pose truth[5])
+static void load_pair_at_false_place(cairn_pose_consensus *consensus, const cairn_pose truth[5])
 {
-    const cairn_pose astray = {-4, 0, 1};
+    const cairn_pose false_place = {-4, 0, 1};
 
     assert_ok(cairn_pose_consensus_clear(consensus, 5));
     for (int32_t i = 0; i < 3; i++)
         for (int32_t j = i + 1; j < 3; j++)
             add(consensus, i, j, cairn_pose_between(truth[i], truth[j]), 20);
     add(consensus, 3, 4, cairn_pose_between(truth[3], truth[4]), 30);
-    add(consensus, 0, 3, astray, 9);
+    add(consensus, 0, 3, false_place, 9);
     add(consensus, 1, 4, cairn_pose_between(truth[1], truth[4]), 5);
     add(consensus, 2, 3, cairn_pose_between(truth[2], truth[3]), 6);
 }
 
-static void blocks_are_laid_anew(void **state)
+static void blocks_are_allocated_anew(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
     const cairn_pose truth[5] = {{0, 0, 0}, {2, 0, 1}, {1, 2, 2}, {6, 0, 3}, {8, 0, -2}};
@@ -579,7 +579,7 @@ static void blocks_are_laid_anew(void **state)
     params.max_starts = 1;
     params.max_rounds = 0;
     consensus = new_consensus(&pool, &params);
-    load_pair_gone_astray(consensus, truth);
+    load_pair_at_false_place(consensus, truth);
     result = solve(consensus);
     assert_near(result.total, 60 + 30 + 9, 0.1);
     assert_near(result.competing_total, 0, 0);
@@ -587,7 +587,7 @@ static void blocks_are_laid_anew(void **state)
 
     params.max_rounds = 4;
     consensus = new_consensus(&pool, &params);
-    load_pair_gone_astray(consensus, truth);
+    load_pair_at_false_place(consensus, truth);
     result = solve(consensus);
     assert_near(result.total, 60 + 30 + 11, 0.1);
     assert_near(result.competing_total, 60 + 30 + 9, 0.1);
@@ -598,29 +598,29 @@ static void blocks_are_laid_anew(void **state)
     test_pool_free(&pool);
 }
 
-/* A node whose every single vote supports a false place more than the true one: the joint
- * likelihood decides. */
-struct jury {
+/* A node whose every single vote supports a false place more than the true one: the sum of
+ * pairwise likelihoods decides. */
+struct pair_truth {
     cairn_pose truth[4];
     cairn_real right;
 };
 
-static cairn_real likes_the_truth(void *context, int32_t first, int32_t second,
-                                  cairn_pose first_second, int32_t *units)
+static cairn_real likelihood_of_truth(void *context, int32_t first, int32_t second,
+                                      cairn_pose first_second, int32_t *units)
 {
-    struct jury *jury = context;
-    cairn_pose seen = cairn_pose_between(jury->truth[first], jury->truth[second]);
+    struct pair_truth *known = context;
+    cairn_pose seen = cairn_pose_between(known->truth[first], known->truth[second]);
 
     *units = 3;
     return hypot((double)(seen.x - first_second.x), (double)(seen.y - first_second.y)) < 0.1
-               ? jury->right
+               ? known->right
                : 0;
 }
 
-static void the_judge_may_say_more_than_a_hypothesis(void **state)
+static void the_likelihood_may_exceed_a_hypothesis(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
-    struct jury jury = {{{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}}, 4};
+    struct pair_truth known = {{{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}}, 4};
     cairn_pool pool;
     cairn_pose_consensus *consensus = NULL;
 
@@ -630,12 +630,12 @@ static void the_judge_may_say_more_than_a_hypothesis(void **state)
     assert_ok(cairn_pose_consensus_clear(consensus, 4));
     for (int32_t i = 0; i < 3; i++)
         for (int32_t j = i + 1; j < 3; j++)
-            add(consensus, i, j, cairn_pose_between(jury.truth[i], jury.truth[j]), 10);
+            add(consensus, i, j, cairn_pose_between(known.truth[i], known.truth[j]), 10);
     add(consensus, 0, 3, (cairn_pose){9, 9, 0}, 7);
-    add(consensus, 1, 3, cairn_pose_between(jury.truth[1], jury.truth[3]), 1);
-    cairn_pose_consensus_set_pair_likelihood(consensus, likes_the_truth, &jury);
+    add(consensus, 1, 3, cairn_pose_between(known.truth[1], known.truth[3]), 1);
+    cairn_pose_consensus_set_pair_likelihood(consensus, likelihood_of_truth, &known);
     assert_near(solve(consensus).total, 30 + 3 * 4, 0.1);
-    assert_pose_near(cairn_pose_consensus_node(consensus, 3).map_node, jury.truth[3], 1e-2, 1e-2);
+    assert_pose_near(cairn_pose_consensus_node(consensus, 3).map_node, known.truth[3], 1e-2, 1e-2);
     assert_near(cairn_pose_consensus_node(consensus, 3).support, 3 * 4, 0.1);
     test_pool_free(&pool);
 }
@@ -643,7 +643,7 @@ static void the_judge_may_say_more_than_a_hypothesis(void **state)
 /* ---- Bounds ---- */
 
 /* Four nodes; the strongest hypotheses of node 3 are false. */
-static void load_liar(cairn_pose_consensus *consensus, const cairn_pose truth[4])
+static void load_false_majority(cairn_pose_consensus *consensus, const cairn_pose truth[4])
 {
     cairn_pose wrong = truth[3];
 
@@ -668,7 +668,7 @@ static void bounds_forbid(void **state)
     cairn_pose first;
 
     (void)state;
-    load_liar(consensus, truth);
+    load_false_majority(consensus, truth);
     assert_int_equal(solve(consensus).components, 1);
     assert_near(cairn_pose_consensus_node(consensus, 3).map_node.x, 1, 0.01);
     for (int32_t i = 0; i < 4; i++) {
@@ -699,32 +699,32 @@ static void bounds_forbid(void **state)
     test_pool_free(&pool);
 }
 
-/* ---- The judge ---- */
+/* ---- Pairwise and joint likelihoods ---- */
 
-struct court {
+struct counted_likelihood {
     cairn_pose truth[4];
     int32_t calls;
     cairn_real wrong; /* log-likelihood ratio of a pose that is not the truth */
 };
 
-static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose first_second,
-                        int32_t *units)
+static cairn_real pairwise_likelihood(void *context, int32_t first, int32_t second,
+                                      cairn_pose first_second, int32_t *units)
 {
-    struct court *court = context;
-    cairn_pose seen = cairn_pose_between(court->truth[first], court->truth[second]);
+    struct counted_likelihood *likelihood = context;
+    cairn_pose seen = cairn_pose_between(likelihood->truth[first], likelihood->truth[second]);
 
     assert_true(first < second);
-    court->calls++;
+    likelihood->calls++;
     *units = 7;
     return hypot((double)(seen.x - first_second.x), (double)(seen.y - first_second.y)) < 0.1
                ? 1
-               : court->wrong;
+               : likelihood->wrong;
 }
 
-static void a_judge_decides(void **state)
+static void a_pairwise_likelihood_decides(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
-    struct court court = {{{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}}, 0, -2};
+    struct counted_likelihood likelihood = {{{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}}, 0, -2};
     cairn_pool pool;
     cairn_pose_consensus *consensus = new_consensus(&pool, &params);
     cairn_pose_consensus_estimate node;
@@ -735,24 +735,24 @@ static void a_judge_decides(void **state)
     assert_ok(cairn_pose_consensus_clear(consensus, 4));
     for (int32_t i = 0; i < 3; i++)
         for (int32_t j = i + 1; j < 3; j++)
-            add(consensus, i, j, cairn_pose_between(court.truth[i], court.truth[j]), 10);
-    add(consensus, 0, 3, cairn_pose_between(court.truth[0], court.truth[3]), 5);
-    add(consensus, 0, 3, cairn_pose_between(court.truth[0], wrong), 6);
+            add(consensus, i, j, cairn_pose_between(likelihood.truth[i], likelihood.truth[j]), 10);
+    add(consensus, 0, 3, cairn_pose_between(likelihood.truth[0], likelihood.truth[3]), 5);
+    add(consensus, 0, 3, cairn_pose_between(likelihood.truth[0], wrong), 6);
     units = solve(consensus).units;
     node = cairn_pose_consensus_node(consensus, 3);
     assert_near(node.map_node.x, 1, 0.01);
     assert_near(node.support, 6, 0.01);
-    cairn_pose_consensus_set_pair_likelihood(consensus, judge, &court);
+    cairn_pose_consensus_set_pair_likelihood(consensus, pairwise_likelihood, &likelihood);
     assert_true(solve(consensus).units > units);
     node = cairn_pose_consensus_node(consensus, 3);
-    assert_pose_near(node.map_node, court.truth[3], 0.01, 0.01);
+    assert_pose_near(node.map_node, likelihood.truth[3], 0.01, 0.01);
     assert_near(node.support, 7, 0.02); /* two more pairs, which have no hypothesis */
     assert_int_equal(node.agreeing, 3);
-    assert_true(court.calls > 0);
+    assert_true(likelihood.calls > 0);
     assert_near(cairn_pose_consensus_alternative(consensus, 3, 0).support, 2, 0.02);
 
     /* A NaN counts nothing. */
-    court.wrong = (cairn_real)NAN;
+    likelihood.wrong = (cairn_real)NAN;
     assert_int_equal(solve(consensus).components, 1);
     assert_near(cairn_pose_consensus_alternative(consensus, 3, 0).support, 6, 0.02);
     cairn_pose_consensus_set_pair_likelihood(consensus, NULL, NULL);
@@ -763,11 +763,11 @@ static void a_judge_decides(void **state)
 
 /* The joint likelihood of a node: the sum of the pairwise ones, less one nat for every other node
  * of the part. */
-static cairn_real whole_court(void *context, int32_t node, cairn_pose map_node,
-                              const cairn_pose *map_nodes, const int32_t *parts, int32_t part,
-                              cairn_real *against, int32_t *units)
+static cairn_real joint_likelihood(void *context, int32_t node, cairn_pose map_node,
+                                   const cairn_pose *map_nodes, const int32_t *parts, int32_t part,
+                                   cairn_real *against, int32_t *units)
 {
-    struct court *court = context;
+    struct counted_likelihood *likelihood = context;
     cairn_real sum = 0;
 
     assert_true(part >= 0);
@@ -776,22 +776,22 @@ static cairn_real whole_court(void *context, int32_t node, cairn_pose map_node,
 
         if (i == node || parts[i] != part)
             continue;
-        seen = cairn_pose_between(court->truth[i], court->truth[node]);
-        sum +=
-            (hypot((double)(seen.x - found.x), (double)(seen.y - found.y)) < 0.1 ? 4
-                                                                                 : court->wrong) -
-            1;
+        seen = cairn_pose_between(likelihood->truth[i], likelihood->truth[node]);
+        sum += (hypot((double)(seen.x - found.x), (double)(seen.y - found.y)) < 0.1
+                    ? 4
+                    : likelihood->wrong) -
+               1;
     }
-    court->calls++;
+    likelihood->calls++;
     *against = 0;
     *units = 7;
     return sum;
 }
 
-static void a_jury_decides(void **state)
+static void the_joint_likelihood_decides(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
-    struct court court = {{{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}}, 0, -2};
+    struct counted_likelihood likelihood = {{{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}}, 0, -2};
     cairn_pool pool;
     cairn_pose_consensus *consensus = new_consensus(&pool, &params);
     cairn_pose_consensus_estimate node;
@@ -802,43 +802,43 @@ static void a_jury_decides(void **state)
     assert_ok(cairn_pose_consensus_clear(consensus, 4));
     for (int32_t i = 0; i < 3; i++)
         for (int32_t j = i + 1; j < 3; j++)
-            add(consensus, i, j, cairn_pose_between(court.truth[i], court.truth[j]), 10);
-    add(consensus, 0, 3, cairn_pose_between(court.truth[0], court.truth[3]), 5);
-    add(consensus, 0, 3, cairn_pose_between(court.truth[0], wrong), 6);
+            add(consensus, i, j, cairn_pose_between(likelihood.truth[i], likelihood.truth[j]), 10);
+    add(consensus, 0, 3, cairn_pose_between(likelihood.truth[0], likelihood.truth[3]), 5);
+    add(consensus, 0, 3, cairn_pose_between(likelihood.truth[0], wrong), 6);
     units = solve(consensus).units;
-    cairn_pose_consensus_set_joint_likelihood(consensus, whole_court, &court);
+    cairn_pose_consensus_set_joint_likelihood(consensus, joint_likelihood, &likelihood);
     assert_near(cairn_pose_consensus_read(consensus).total, 0, 0);
     assert_true(solve(consensus).units > units);
-    assert_true(court.calls > 0);
+    assert_true(likelihood.calls > 0);
     assert_near(cairn_pose_consensus_read(consensus).total, 18,
                 1e-3); /* four nodes of nine, by pairs, in place of the pairwise sum */
     node = cairn_pose_consensus_node(consensus, 3);
-    assert_pose_near(node.map_node, court.truth[3], 0.01, 0.01);
+    assert_pose_near(node.map_node, likelihood.truth[3], 0.01, 0.01);
     assert_near(node.support, 3 * 3, 1e-3);
     assert_int_equal(node.agreeing, 1);
     assert_int_equal(node.alternatives, 0);
 
     /* A NaN counts nothing: no node has support. */
-    court.wrong = (cairn_real)NAN;
-    court.truth[3].x = 7;
+    likelihood.wrong = (cairn_real)NAN;
+    likelihood.truth[3].x = 7;
     assert_int_equal(solve(consensus).components, 2);
     cairn_pose_consensus_set_joint_likelihood(consensus, NULL, NULL);
     (void)solve(consensus);
     assert_near(cairn_pose_consensus_node(consensus, 3).map_node.x, 1, 0.01);
-    cairn_pose_consensus_set_joint_likelihood(consensus, whole_court, &court);
-    assert_ok(cairn_pose_consensus_clear(consensus, 1)); /* forgets the jury */
-    court.calls = 0;
+    cairn_pose_consensus_set_joint_likelihood(consensus, joint_likelihood, &likelihood);
+    assert_ok(cairn_pose_consensus_clear(consensus, 1)); /* drops the likelihood */
+    likelihood.calls = 0;
     (void)solve(consensus);
-    assert_int_equal(court.calls, 0);
+    assert_int_equal(likelihood.calls, 0);
     test_pool_free(&pool);
 }
 
 /* Node 3 has 22 nats at its pose and `elsewhere` at a pose that is off by `off`, where it
  * contradicts two nodes of six nats each, at a cost of three each; node 4 is connected by node 3
  * and node 0. */
-static cairn_pose_consensus_result solve_doubtful(cairn_pose_consensus *consensus, cairn_pose off,
-                                                  cairn_real elsewhere, cairn_real by_third,
-                                                  cairn_real by_first)
+static cairn_pose_consensus_result solve_ambiguous(cairn_pose_consensus *consensus, cairn_pose off,
+                                                   cairn_real elsewhere, cairn_real by_third,
+                                                   cairn_real by_first)
 {
     const cairn_pose truth[5] = {{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}, {2, 2, 0}};
 
@@ -853,7 +853,7 @@ static cairn_pose_consensus_result solve_doubtful(cairn_pose_consensus *consensu
     return solve(consensus);
 }
 
-static void what_would_be_believed_elsewhere_is_ambiguous(void **state)
+static void nodes_with_a_competing_pose_are_ambiguous(void **state)
 {
     const cairn_pose far = {CAIRN_REAL(1.2), 0, 0}, near = {CAIRN_REAL(0.8), 0, 0},
                      turned = {0, 0, CAIRN_REAL(0.7)};
@@ -867,31 +867,31 @@ static void what_would_be_believed_elsewhere_is_ambiguous(void **state)
     params.min_ambiguous_weight = CAIRN_REAL(1e-9);
     consensus = new_consensus(&pool, &params);
     /* e^-12 weighs something */
-    assert_int_equal(solve_doubtful(consensus, far, 17, 0.5, 5).ambiguous, 1);
+    assert_int_equal(solve_ambiguous(consensus, far, 17, 0.5, 5).ambiguous, 1);
     test_pool_free(&pool);
     /* of 7.8 nats */
     params.min_ambiguous_weight = CAIRN_REAL(0.0004);
     params.significant_support = 4;
     consensus = new_consensus(&pool, &params);
-    assert_int_equal(solve_doubtful(consensus, far, 15, 0.5, 5).ambiguous, 0);
-    assert_int_equal(solve_doubtful(consensus, near, 17, 0.5, 5).ambiguous, 0);
-    assert_int_equal(solve_doubtful(consensus, turned, 17, 0.5, 5).ambiguous, 1);
-    assert_int_equal(solve_doubtful(consensus, far, 17, 0.5, 5).ambiguous, 1);
+    assert_int_equal(solve_ambiguous(consensus, far, 15, 0.5, 5).ambiguous, 0);
+    assert_int_equal(solve_ambiguous(consensus, near, 17, 0.5, 5).ambiguous, 0);
+    assert_int_equal(solve_ambiguous(consensus, turned, 17, 0.5, 5).ambiguous, 1);
+    assert_int_equal(solve_ambiguous(consensus, far, 17, 0.5, 5).ambiguous, 1);
     assert_int_equal(cairn_pose_consensus_node(consensus, 3).ambiguous, 1);
     assert_int_equal(cairn_pose_consensus_node(consensus, 4).ambiguous, 0);
     /* Most of the support of node 4 comes from node 3. */
-    assert_int_equal(solve_doubtful(consensus, far, 19, 3, 2.5).ambiguous, 2);
+    assert_int_equal(solve_ambiguous(consensus, far, 19, 3, 2.5).ambiguous, 2);
     assert_int_equal(cairn_pose_consensus_node(consensus, 4).ambiguous, 1);
     assert_int_equal(cairn_pose_consensus_node(consensus, 0).ambiguous, 0);
     test_pool_free(&pool);
     params.min_ambiguous_weight = CAIRN_REAL(0.003);
     consensus = new_consensus(&pool, &params);
     /* six nats against it are too much */
-    assert_int_equal(solve_doubtful(consensus, far, 17, 0.5, 5).ambiguous, 0);
+    assert_int_equal(solve_ambiguous(consensus, far, 17, 0.5, 5).ambiguous, 0);
     test_pool_free(&pool);
 }
 
-static cairn_pose_consensus_result find_islands(cairn_pose_consensus *consensus, int32_t units)
+static cairn_pose_consensus_result find_submaps(cairn_pose_consensus *consensus, int32_t units)
 {
     cairn_budget budget = {units};
 
@@ -901,8 +901,8 @@ static cairn_pose_consensus_result find_islands(cairn_pose_consensus *consensus,
     return cairn_pose_consensus_read(consensus);
 }
 
-/* Node 4 of solve_doubtful() is supported by its two pairs. */
-static void a_node_that_hangs_by_too_little_is_an_island(void **state)
+/* Node 4 of solve_ambiguous() is supported by its two pairs. */
+static void a_node_of_too_little_support_is_a_submap(void **state)
 {
     const cairn_pose near = {CAIRN_REAL(0.8), 0, 0};
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
@@ -917,12 +917,12 @@ static void a_node_that_hangs_by_too_little_is_an_island(void **state)
     params.significant_support = 4;
     consensus = new_consensus(&pool, &params);
     assert_int_equal(cairn_pose_consensus_find_submaps(consensus), CAIRN_EMPTY);
-    before = solve_doubtful(consensus, near, 9, 1.5, 2.25);
+    before = solve_ambiguous(consensus, near, 9, 1.5, 2.25);
     assert_int_equal(before.ambiguous, 0);
     node = cairn_pose_consensus_node(consensus, 4);
     assert_int_equal(node.submap, 0);
     for (int32_t units = 1; units <= 1000; units += 999) {
-        after = find_islands(consensus, units);
+        after = find_submaps(consensus, units);
         assert_true(after.units > before.units);
         before.units = after.units;
         before.ambiguous = 1;
@@ -937,15 +937,15 @@ static void a_node_that_hangs_by_too_little_is_an_island(void **state)
         }
     }
     /* 4.25 nats are enough. */
-    (void)solve_doubtful(consensus, near, 9, 1.75, 2.5);
-    assert_int_equal(find_islands(consensus, 1000).ambiguous, 0);
+    (void)solve_ambiguous(consensus, near, 9, 1.75, 2.5);
+    assert_int_equal(find_submaps(consensus, 1000).ambiguous, 0);
     assert_int_equal(cairn_pose_consensus_node(consensus, 4).submap, 0);
     test_pool_free(&pool);
 
     params.significant_support = 0; /* not asked */
     consensus = new_consensus(&pool, &params);
-    before = solve_doubtful(consensus, near, 9, 1.5, 2.25);
-    after = find_islands(consensus, 1000);
+    before = solve_ambiguous(consensus, near, 9, 1.5, 2.25);
+    after = find_submaps(consensus, 1000);
     assert_memory_equal(&after, &before, sizeof after);
     test_pool_free(&pool);
 }
@@ -966,7 +966,7 @@ static void solve_groups(cairn_pose_consensus *consensus, cairn_real second, cai
     add(consensus, 1, 2, cairn_pose_between(at[1], at[2]), second);
     add(consensus, 5, 6, cairn_pose_between(at[5], at[6]), third);
     assert_int_equal(solve(consensus).components, 1);
-    (void)find_islands(consensus, 1000);
+    (void)find_submaps(consensus, 1000);
     for (int32_t i = 0; i < 9; i++) {
         assert_pose_near(cairn_pose_consensus_node(consensus, i).map_node, at[i], 0.01, 0.01);
         assert_int_equal(cairn_pose_consensus_node(consensus, i).component, 0);
@@ -975,7 +975,7 @@ static void solve_groups(cairn_pose_consensus *consensus, cairn_real second, cai
     }
 }
 
-static void assert_islands(const cairn_pose_consensus *consensus, int32_t first, int32_t second,
+static void assert_submaps(const cairn_pose_consensus *consensus, int32_t first, int32_t second,
                            int32_t third)
 {
     assert_int_equal(cairn_pose_consensus_node(consensus, 0).submap, first);
@@ -988,7 +988,7 @@ static void assert_islands(const cairn_pose_consensus *consensus, int32_t first,
 
 /* Several nodes need four times as much as one, because by chance they share views in several
  * ways. */
-static void blocks_that_hang_by_too_little_are_islands(void **state)
+static void groups_of_too_little_support_are_submaps(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
     cairn_pool pool;
@@ -998,21 +998,21 @@ static void blocks_that_hang_by_too_little_are_islands(void **state)
     params.significant_support = CAIRN_REAL(2.25); /* nine nats for several */
     consensus = new_consensus(&pool, &params);
     solve_groups(consensus, 9.5, 9.5);
-    assert_islands(consensus, 0, 0, 0);
+    assert_submaps(consensus, 0, 0, 0);
     solve_groups(consensus, 9.5, 8.5);
-    assert_islands(consensus, 0, 0, 1);
+    assert_submaps(consensus, 0, 0, 1);
     solve_groups(consensus, 8.5, 9.5);
-    assert_islands(consensus, 1, 0, 0);
+    assert_submaps(consensus, 1, 0, 0);
     solve_groups(consensus, 8.5, 8.25);
-    assert_islands(consensus, 2, 0, 1); /* by their sizes */
+    assert_submaps(consensus, 2, 0, 1); /* by their sizes */
     test_pool_free(&pool);
 }
 
 /* Two parts, each of submaps of three, three and two nodes, and a node that nothing places. Submaps
  * are numbered within their part, among equal ones by the lowest node. */
-static void islands_are_numbered_within_their_parts(void **state)
+static void submaps_are_numbered_within_their_components(void **state)
 {
-    static const int32_t island[17] = {2, 2, 0, 0, 0, 1, 1, 1, 2, 2, 0, 0, 0, 1, 1, 1, 0};
+    static const int32_t submap_of[17] = {2, 2, 0, 0, 0, 1, 1, 1, 2, 2, 0, 0, 0, 1, 1, 1, 0};
     static const int32_t group[8] = {0, 0, 1, 1, 1, 2, 2, 2};
     const cairn_pose at[8] = {{0, 0, 0},  {3, 0, 1},  {9, 0, 1},  {12, 0, 2},
                               {12, 3, 3}, {20, 0, 0}, {20, 3, 1}, {23, 2, 2}};
@@ -1036,20 +1036,20 @@ static void islands_are_numbered_within_their_parts(void **state)
     }
     assert_int_equal(solve(consensus).components, 3);
     for (int32_t units = 1; units <= 1000; units += 999) {
-        result = find_islands(consensus, units);
+        result = find_submaps(consensus, units);
         for (int32_t i = 0; i < 17; i++) {
             cairn_pose_consensus_estimate node = cairn_pose_consensus_node(consensus, i);
 
             assert_int_equal(node.component, i / 8);
-            assert_int_equal(node.submap, island[i]);
-            assert_int_equal(node.ambiguous, island[i] > 0);
+            assert_int_equal(node.submap, submap_of[i]);
+            assert_int_equal(node.ambiguous, submap_of[i] > 0);
         }
         assert_int_equal(result.ambiguous, 10);
     }
     test_pool_free(&pool);
 }
 
-static void contradictions_cost(void **state)
+static void free_space_violations_cost(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
     const cairn_pose truth[3] = {{0, 0, 0}, {3, 0, 1}, {3, 3, 2}};
@@ -1109,8 +1109,8 @@ static uint64_t hash_of(const cairn_pose_consensus *consensus, int32_t hypothese
 }
 
 /* Poses that bring the nodes close, against others. */
-static cairn_real likes_them_near(void *context, int32_t first, int32_t second,
-                                  cairn_pose first_second, int32_t *units)
+static cairn_real likelihood_of_proximity(void *context, int32_t first, int32_t second,
+                                          cairn_pose first_second, int32_t *units)
 {
     cairn_real square = first_second.x * first_second.x + first_second.y * first_second.y;
 
@@ -1150,7 +1150,7 @@ static uint64_t hash_of_scene(const struct scene *scene)
         assert_ok(cairn_pose_consensus_set_bound(consensus, i, world.truth[i], CAIRN_REAL(0.5),
                                                  CAIRN_REAL(0.4)));
     if (scene->bounded > 0)
-        cairn_pose_consensus_set_pair_likelihood(consensus, likes_them_near, NULL);
+        cairn_pose_consensus_set_pair_likelihood(consensus, likelihood_of_proximity, NULL);
     (void)solve(consensus);
     hash = hash_of(consensus, world.count);
     test_pool_free(&pool);
@@ -1217,7 +1217,7 @@ static uint64_t hash_of_ties(uint64_t seed)
             assert_ok(cairn_pose_consensus_set_bound(consensus, i, centre, 1, CAIRN_REAL(0.5)));
         }
         if (k % 4 == 1)
-            cairn_pose_consensus_set_pair_likelihood(consensus, likes_them_near, NULL);
+            cairn_pose_consensus_set_pair_likelihood(consensus, likelihood_of_proximity, NULL);
         (void)solve(consensus);
         hash = test_hash(hash, &nodes, sizeof nodes) ^ hash_of(consensus, count);
         test_pool_free(&pool);
@@ -1498,22 +1498,22 @@ int main(void)
         cmocka_unit_test(two_nodes),
         cmocka_unit_test(most_hypotheses_are_wrong),
         cmocka_unit_test(relaxation_averages),
-        cmocka_unit_test(many_weak_ones_beat_a_strong_one),
+        cmocka_unit_test(many_weak_ones_outweigh_a_strong_one),
         cmocka_unit_test(nothing_better_is_found_by_trying_all),
-        cmocka_unit_test(what_does_not_hang_together_is_parts),
+        cmocka_unit_test(disconnected_nodes_are_components),
         cmocka_unit_test(parts_are_joined_as_wholes),
         cmocka_unit_test(nothing_is_placed_on_weak_evidence),
         cmocka_unit_test(another_map_is_an_alternative),
-        cmocka_unit_test(blocks_are_laid_anew),
-        cmocka_unit_test(the_judge_may_say_more_than_a_hypothesis),
+        cmocka_unit_test(blocks_are_allocated_anew),
+        cmocka_unit_test(the_likelihood_may_exceed_a_hypothesis),
         cmocka_unit_test(bounds_forbid),
-        cmocka_unit_test(a_judge_decides),
-        cmocka_unit_test(a_jury_decides),
-        cmocka_unit_test(what_would_be_believed_elsewhere_is_ambiguous),
-        cmocka_unit_test(a_node_that_hangs_by_too_little_is_an_island),
-        cmocka_unit_test(blocks_that_hang_by_too_little_are_islands),
-        cmocka_unit_test(islands_are_numbered_within_their_parts),
-        cmocka_unit_test(contradictions_cost),
+        cmocka_unit_test(a_pairwise_likelihood_decides),
+        cmocka_unit_test(the_joint_likelihood_decides),
+        cmocka_unit_test(nodes_with_a_competing_pose_are_ambiguous),
+        cmocka_unit_test(a_node_of_too_little_support_is_a_submap),
+        cmocka_unit_test(groups_of_too_little_support_are_submaps),
+        cmocka_unit_test(submaps_are_numbered_within_their_components),
+        cmocka_unit_test(free_space_violations_cost),
         cmocka_unit_test(the_result_does_not_depend_on_budgets),
         cmocka_unit_test(begins_anew),
         cmocka_unit_test(memory_is_exact),

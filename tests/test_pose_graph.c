@@ -218,7 +218,7 @@ static double reference_cost(const struct reference *t, const struct problem *p,
     return sum;
 }
 
-/* The gradient vanishes at all free poses, compared with the pull of a single link. */
+/* The gradient vanishes at all free poses, compared with the gradient of a single link. */
 static void assert_minimum(const struct made *made, const struct problem *p,
                            const cairn_pose_graph_params *params, const int32_t *fixed)
 {
@@ -655,7 +655,7 @@ static int graphs_are_equal(const cairn_pose_graph *a, const cairn_pose_graph *b
 
 /* A graph without memory for a factor takes it once the size is known, and continues to the same
  * bits; not before, not for another graph, not beside a custom solver. */
-static void room_is_taken_when_the_fill_is_known(void **state)
+static void memory_is_taken_when_the_fill_is_known(void **state)
 {
     struct problem p = a_problem(8, 0.05);
     cairn_pose_graph_params params = small_params();
@@ -898,7 +898,7 @@ static struct {
     cairn_pose_graph_solver inner;
     int32_t solves; /* since the last factor */
     int32_t spoiled, least;
-    cairn_real pull;
+    cairn_real least_gradient;
 } stale;
 
 static cairn_status stale_factor(void *context)
@@ -909,10 +909,11 @@ static cairn_status stale_factor(void *context)
 
 static cairn_status stale_solve(void *context, const cairn_real *b)
 {
-    stale.pull = 0;
+    stale.least_gradient = 0;
     for (int32_t k = 0; k < 3 * POSES; k++)
-        if (b[k] != 0 && (stale.pull == 0 || cairn_abs(b[k]) < cairn_abs(stale.pull))) {
-            stale.pull = b[k];
+        if (b[k] != 0 &&
+            (stale.least_gradient == 0 || cairn_abs(b[k]) < cairn_abs(stale.least_gradient))) {
+            stale.least_gradient = b[k];
             stale.least = k;
         }
     stale.solves++;
@@ -926,7 +927,7 @@ static cairn_status stale_solution(const void *context, int32_t pose, cairn_real
         return stale.inner.solution(context, pose, x);
     x[0] = x[1] = x[2] = 0;
     if (stale.least / 3 == pose)
-        x[stale.least % 3] = 1 / stale.pull;
+        x[stale.least % 3] = 1 / stale.least_gradient;
     return CAIRN_OK;
 }
 
@@ -1262,7 +1263,7 @@ static void refused_graphs(void **state)
 
 /* A graph from which links and poses were removed, or in which they were changed, equals one built
  * that way. */
-static void what_goes_leaves_no_trace(void **state)
+static void removed_scans_leave_no_trace(void **state)
 {
     static struct problem p, without;
     cairn_pose_graph_params params = small_params();
@@ -1376,7 +1377,7 @@ int main(void)
         cmocka_unit_test(covariances_are_of_the_last_poses),
         cmocka_unit_test(components_are_counted),
         cmocka_unit_test(too_much_fill_is_reported),
-        cmocka_unit_test(room_is_taken_when_the_fill_is_known),
+        cmocka_unit_test(memory_is_taken_when_the_fill_is_known),
         cmocka_unit_test(a_solver_of_ones_own),
         cmocka_unit_test(weak_motions_take_few_factors),
         cmocka_unit_test(old_factors_do_not_end_it),
@@ -1385,7 +1386,7 @@ int main(void)
         cmocka_unit_test(refused_params),
         cmocka_unit_test(every_pool_size),
         cmocka_unit_test(refused_graphs),
-        cmocka_unit_test(what_goes_leaves_no_trace),
+        cmocka_unit_test(removed_scans_leave_no_trace),
         cmocka_unit_test(overflow_is_reported),
     };
 

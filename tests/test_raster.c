@@ -2,7 +2,7 @@
 
 #include "cairn/raster.h"
 
-enum { SIDE = 40, ROOM = 64 * 64 };
+enum { SIDE = 40, MAX_CELLS = 64 * 64 };
 
 static cairn_distance_map *make_map(cairn_pool *pool, int32_t max_width)
 {
@@ -57,10 +57,10 @@ static void check_raster(cairn_distance_map *map, const uint8_t *pixels, int32_t
                          int32_t height, uint8_t mask, uint8_t match)
 {
     static const int32_t budgets[] = {CAIRN_UNBOUNDED, 1, 7, 1000};
-    static int32_t distances[ROOM];
+    static int32_t distances[MAX_CELLS];
     cairn_distance_map_input input;
     ptrdiff_t in_stride = width + 3, out_stride = width + 1;
-    static uint8_t padded[ROOM];
+    static uint8_t padded[MAX_CELLS];
 
     input.mask = mask;
     input.match = match;
@@ -70,7 +70,7 @@ static void check_raster(cairn_distance_map *map, const uint8_t *pixels, int32_t
             int64_t spent;
 
             memset(padded, match, sizeof padded);
-            for (int32_t i = 0; i < ROOM; i++)
+            for (int32_t i = 0; i < MAX_CELLS; i++)
                 distances[i] = -7;
             input.metric = metric;
             input.pixels.width = input.distances.width = width;

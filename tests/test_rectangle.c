@@ -147,7 +147,7 @@ static void sides_are_reported(void **state)
 }
 
 /* Sides as several segments, each from another scan and slightly displaced. */
-static void pieces_are_merged(void **state)
+static void segments_are_merged(void **state)
 {
     struct fixture f = set_with(cairn_rectangle_default());
     struct frame at = {1, 1, 0.2};
@@ -557,7 +557,7 @@ static double quarter(cairn_random *random, int32_t below)
 
 /* Rooms and boxes as several segments, isolated walls and doubled ones, along the axes or all
  * slightly rotated. */
-static void lay_quarters(struct scene *s, cairn_random *random)
+static void draw_quarters(struct scene *s, cairn_random *random)
 {
     struct frame at = {0, 0, 0};
     int32_t pieces = 12 + cairn_random_below(random, 20);
@@ -666,7 +666,7 @@ static uint64_t hash_of_scenes(int32_t oriented)
         for (int32_t k = 0; k < 2; k++) { /* the second must not see the first */
             struct scene s;
 
-            lay_quarters(&s, &random);
+            draw_quarters(&s, &random);
             hash = hash_of_search(f.set, &s, hash);
         }
         test_pool_free(&f.pool);
@@ -982,7 +982,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(rooms_and_boxes),
         cmocka_unit_test(sides_are_reported),
-        cmocka_unit_test(pieces_are_merged),
+        cmocka_unit_test(segments_are_merged),
         cmocka_unit_test(sides_are_weighed),
         cmocka_unit_test(directions_count_or_do_not),
         cmocka_unit_test(limits),

@@ -236,15 +236,15 @@ static void test_tall_and_tiny_maps(void **state)
     free(svg);
 }
 
-static void test_doubtful_and_colours(void **state)
+static void test_ambiguous_and_colours(void **state)
 {
-    static const uint8_t doubtful[2] = {0, 1};
+    static const uint8_t low_confidence[2] = {0, 1};
     sample s;
     char *svg;
 
     (void)state;
     make_sample(&s);
-    s.panel[0].low_confidence = doubtful;
+    s.panel[0].low_confidence = low_confidence;
     s.map.connect = 0;
     svg = draw(&s.map);
     assert_holds(svg, ">low confidence</text>");
@@ -624,7 +624,7 @@ int main(void)
         cmocka_unit_test(test_texts_and_panels),
         cmocka_unit_test(test_common_scale),
         cmocka_unit_test(test_tall_and_tiny_maps),
-        cmocka_unit_test(test_doubtful_and_colours),
+        cmocka_unit_test(test_ambiguous_and_colours),
         cmocka_unit_test(test_long_path),
         cmocka_unit_test(test_strays_are_cut_off),
         cmocka_unit_test(test_many_points_become_an_image),

@@ -595,7 +595,7 @@ static void test_far_poses(void **state)
 static void test_marks(void **state)
 {
     static const cairn_report_curve curves[] = {{"a", "", ""}, {"b", "", ""}, {"c", "", ""}};
-    static const uint8_t doubtful[5] = {0, 1, 0, 0, 2};
+    static const uint8_t low_confidence[5] = {0, 1, 0, 0, 2};
     static const cairn_vec2 region[2] = {{1, -2}, {CAIRN_REAL(1.05), 3}};
     static const cairn_report_force force[4] = {
         {{0, 1}, {0, 2}}, {{1, 1}, {-4, 0}}, {{1, 0}, {0, 0}}, {{2, 2}, {1, -1}}};
@@ -622,7 +622,7 @@ static void test_marks(void **state)
     frame.label = "\xCF\x83 0.1 m";
     frame.pose = pose;
     frame.pose_count = 5;
-    frame.low_confidence = doubtful;
+    frame.low_confidence = low_confidence;
     frame.value = value;
     frame.region = region;
     frame.region_count = 2;

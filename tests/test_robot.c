@@ -234,7 +234,7 @@ static void scans_move_towards_each_other(void **state)
         assert_true(memcmp(&a.pose[i], &w.sweep[i].pose, sizeof a.pose[i]) != 0);
 }
 
-static void offers_wait_their_turn(void **state)
+static void offers_are_queued(void **state)
 {
     static unsigned char memory[MEMORY];
     static robot r;
@@ -381,7 +381,7 @@ static void the_solution_does_not_depend_on_budgets(void **state)
 
 /* Fixed scans stay to the bit and are not compared with each other; the free one is aligned with
  * them. */
-static void held_scans_stay(void **state)
+static void fixed_scans_stay(void **state)
 {
     static const int32_t units[] = {CAIRN_UNBOUNDED, 1, 7};
     cairn_pool pool = test_pool(MEMORY);
@@ -521,7 +521,7 @@ static void the_covariance_is_that_of_the_points(void **state)
     test_pool_free(&pool);
 }
 
-static void what_the_joint_solution_refuses(void **state)
+static void the_joint_solution_refuses_bad_input(void **state)
 {
     cairn_pool pool = test_pool(MEMORY), small = test_pool(64);
     cairn_budget budget = {CAIRN_UNBOUNDED};
@@ -696,16 +696,16 @@ int main(int argc, char **argv)
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(the_same_run_has_the_same_hash),
         cmocka_unit_test(scans_move_towards_each_other),
-        cmocka_unit_test(offers_wait_their_turn),
+        cmocka_unit_test(offers_are_queued),
         cmocka_unit_test(a_bad_sweep_is_refused),
         cmocka_unit_test(recordings_play_back),
         cmocka_unit_test(damaged_recordings_are_refused),
         cmocka_unit_test(threads_do_not_meet),
         cmocka_unit_test(poses_and_covariances_are_right),
         cmocka_unit_test(the_solution_does_not_depend_on_budgets),
-        cmocka_unit_test(held_scans_stay),
+        cmocka_unit_test(fixed_scans_stay),
         cmocka_unit_test(the_covariance_is_that_of_the_points),
-        cmocka_unit_test(what_the_joint_solution_refuses),
+        cmocka_unit_test(the_joint_solution_refuses_bad_input),
     };
 
     programs_find(argc, argv);

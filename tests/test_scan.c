@@ -50,8 +50,8 @@ static void drive(double v, double w, double f, double *x, double *y, double *th
 
 /* Sweeps while the base drives v forward and turns by w in all, the sensor mounted at (mx, my,
  * mt). */
-static void look(sweep *s, const cairn_segment *walls, int count, int beams, double first,
-                 double step, double v, double w, const double mount[3])
+static void take_scan(sweep *s, const cairn_segment *walls, int count, int beams, double first,
+                      double step, double v, double w, const double mount[3])
 {
     double x, y, theta;
 
@@ -258,7 +258,7 @@ static void test_scan_without_return(void **state)
     cairn_scan_view view;
 
     (void)state;
-    look(&s, NULL, 0, 181, -PI / 2, PI / 180, 0, 0, AT_BASE);
+    take_scan(&s, NULL, 0, 181, -PI / 2, PI / 180, 0, 0, AT_BASE);
     view = take(&s.input);
     assert_int_equal(view.beam_count, 181);
     assert_int_equal(view.segment_count, 0);
@@ -289,7 +289,7 @@ static void test_motion_of_beams(void **state)
     for (int m = 0; m < 6; m++) {
         cairn_scan_view view;
 
-        look(&s, walls, 4, 91, -2, 4.0 / 90, MOTIONS[m][0], MOTIONS[m][1], MOUNT);
+        take_scan(&s, walls, 4, 91, -2, 4.0 / 90, MOTIONS[m][0], MOTIONS[m][1], MOUNT);
         view = take(&s.input);
         assert_near(view.sensor.x, 0.2, 1e-6);
         assert_near(view.sensor.y, -0.1, 1e-6);
@@ -319,8 +319,8 @@ static void test_wall_while_turning(void **state)
     cairn_scan_view view;
 
     (void)state;
-    look(&still, &truth, 1, 361, -PI / 3, 2 * PI / 3 / 360, 0, 0, AT_BASE);
-    look(&moved, &truth, 1, 361, -PI / 3, 2 * PI / 3 / 360, 0.05, 0.1, AT_BASE);
+    take_scan(&still, &truth, 1, 361, -PI / 3, 2 * PI / 3 / 360, 0, 0, AT_BASE);
+    take_scan(&moved, &truth, 1, 361, -PI / 3, 2 * PI / 3 / 360, 0.05, 0.1, AT_BASE);
     view = take(&still.input);
     assert_int_equal(view.segment_count, 1);
     a = view.segments[0];
@@ -362,7 +362,7 @@ static void test_room(void **state)
     for (uint64_t seed = 0; seed < 5; seed++) {
         int found = 0;
 
-        look(&s, walls, 5, 361, -PI, 2 * PI / 360, 0, 0, AT_BASE);
+        take_scan(&s, walls, 5, 361, -PI, 2 * PI / 360, 0, 0, AT_BASE);
         add_noise(&s, 0.01, seed);
         view = take(&s.input);
         assert_sound(view, 0.1, 0.2);
@@ -400,7 +400,7 @@ static void test_sense_and_order_of_beams(void **state)
 
     (void)state;
     make_room(walls);
-    look(&s, walls, 5, 361, -3.125, 1.0 / 64, 0, 0, AT_BASE);
+    take_scan(&s, walls, 5, 361, -3.125, 1.0 / 64, 0, 0, AT_BASE);
     add_noise(&s, 0.01, 3);
     view = take(&s.input);
     assert_sound(view, 0.1, 0.2);
@@ -443,7 +443,7 @@ static void test_mounted_sensor(void **state)
 
     (void)state;
     make_room(walls);
-    look(&s, walls, 5, 361, -PI, 2 * PI / 360, 0, 0, TAIL);
+    take_scan(&s, walls, 5, 361, -PI, 2 * PI / 360, 0, 0, TAIL);
     view = take(&s.input);
     assert_near(view.sensor.x, -0.4, 1e-6);
     assert_near(view.sensor.y, 0.15, 1e-6);
@@ -468,7 +468,7 @@ static void test_spacing_and_support(void **state)
     sweep s;
 
     (void)state;
-    look(&s, &one, 1, 1001, -PI / 2, PI / 1000, 0, 0, AT_BASE);
+    take_scan(&s, &one, 1, 1001, -PI / 2, PI / 1000, 0, 0, AT_BASE);
     view = take(&s.input);
     assert_int_equal(view.segment_count, 1);
     length = cairn_segment_length(view.segments[0]);
@@ -483,7 +483,7 @@ static void test_spacing_and_support(void **state)
     params.support_distance = CAIRN_REAL(0.05);
     own = test_pool(cairn_scan_memory(&params));
     assert_ok(cairn_scan_create(&fine, &own, &params));
-    look(&s, two, 2, 1001, -PI / 2, PI / 1000, 0, 0, AT_BASE);
+    take_scan(&s, two, 2, 1001, -PI / 2, PI / 1000, 0, 0, AT_BASE);
     s.range[500] = 1.8F; /* belongs to no segment, and supports none */
     view = take_with(fine, &s.input, 1000);
     assert_int_equal(view.segment_count, 1);
@@ -502,7 +502,7 @@ static void test_far_wall(void **state)
     cairn_scan_view view;
 
     (void)state;
-    look(&s, &far, 1, 401, -0.2, 0.001 * 4.363323, 0, 0, AT_BASE);
+    take_scan(&s, &far, 1, 401, -0.2, 0.001 * 4.363323, 0, 0, AT_BASE);
     s.input.range_max = 100;
     add_noise(&s, 0.01, 4);
     view = take(&s.input);
@@ -548,7 +548,7 @@ static void test_too_many_points(void **state)
         int32_t places[3] = {0, 0, 0};
         cairn_scan_view view;
 
-        look(&s, walls, 3, 721, -PI, PI / 360, 0, 0, AT_BASE);
+        take_scan(&s, walls, 3, 721, -PI, PI / 360, 0, 0, AT_BASE);
         view = take(&s.input);
         assert_int_equal(view.segment_count, 3);
         for (int32_t k = 0; k < 3; k++) {
@@ -575,7 +575,7 @@ static void test_range_sigma(void **state)
     int32_t uncertain;
 
     (void)state;
-    look(&s, &truth, 1, 361, -PI / 4, PI / 2 / 360, 0, 0, AT_BASE);
+    take_scan(&s, &truth, 1, 361, -PI / 4, PI / 2 / 360, 0, 0, AT_BASE);
     add_noise(&s, 0.05, 5);
     s.input.range_sigma = 0.05F;
     view = take(&s.input);
@@ -606,7 +606,7 @@ static void test_budgets_are_equal(void **state)
 
     (void)state;
     make_room(walls);
-    look(&s, walls, 5, 361, -PI, 2 * PI / 360, 0.05, 0.1, AT_BASE);
+    take_scan(&s, walls, 5, 361, -PI, 2 * PI / 360, 0.05, 0.1, AT_BASE);
     add_noise(&s, 0.01, 6);
     view = take(&s.input);
     cost = cairn_scan_measured(scanner);
@@ -726,7 +726,7 @@ static void test_begin_statuses(void **state)
     sweep s;
 
     (void)state;
-    look(&s, &truth, 1, 181, -PI / 2, PI / 180, 0, 0, AT_BASE);
+    take_scan(&s, &truth, 1, 181, -PI / 2, PI / 180, 0, 0, AT_BASE);
     before = take(&s.input);
     assert_int_equal(before.segment_count, 1);
     cost = cairn_scan_measured(scanner);
@@ -795,7 +795,7 @@ static void test_hundred_thousand_beams(void **state)
     own = test_pool(cairn_scan_memory(&params));
     assert_ok(cairn_scan_create(&large, &own, &params));
     make_room(walls);
-    look(&s, walls, 5, 1, -3.14, 0, 0, 0, AT_BASE);
+    take_scan(&s, walls, 5, 1, -3.14, 0, 0, 0, AT_BASE);
     input = s.input;
     input.range = range;
     input.count = BEAMS;

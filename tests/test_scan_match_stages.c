@@ -255,7 +255,7 @@ static void pairs_are_those_of_the_pose(void **state)
     make_bed(&b, CAIRN_SCAN_MATCH_SHAPE_SEGMENTS);
     for (int k = 0; k < 6; k++) {
         cairn_scan_match_result found;
-        cairn_pose pose, laid;
+        cairn_pose pose, placed;
         cairn_vec2 moved;
 
         b.start.theta = CAIRN_REAL(0.1) * (cairn_real)(k - 3);
@@ -263,11 +263,11 @@ static void pairs_are_those_of_the_pose(void **state)
         found = cairn_scan_match_read(b.match);
         assert_int_equal(found.count, 1);
         pose = found.hypotheses[0].target_query;
-        laid = cairn_scan_match_pair_pose(b.match);
-        assert_near(cairn_wrap_angle(pose.theta - laid.theta), 0, 1e-6);
-        turned += fabs((double)(laid.theta - b.start.theta)) > 0.02;
-        moved.x = pose.x - laid.x;
-        moved.y = pose.y - laid.y;
+        placed = cairn_scan_match_pair_pose(b.match);
+        assert_near(cairn_wrap_angle(pose.theta - placed.theta), 0, 1e-6);
+        turned += fabs((double)(placed.theta - b.start.theta)) > 0.02;
+        moved.x = pose.x - placed.x;
+        moved.y = pose.y - placed.y;
         assert_true(has_segment_of_mean(&b, moved));
     }
     assert_true(turned > 2);

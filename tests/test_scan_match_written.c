@@ -173,7 +173,7 @@ typedef struct overlap {
 } overlap;
 
 /* Query points that overlap the target within `reach`; the pairs of those within `gate`. */
-static overlap look(const bed *b, cairn_pose pose, double reach, double gate)
+static overlap overlap_at(const bed *b, cairn_pose pose, double reach, double gate)
 {
     double c = cos((double)pose.theta), s = sin((double)pose.theta);
     static double all[MOST][4];
@@ -227,10 +227,10 @@ static overlap look(const bed *b, cairn_pose pose, double reach, double gate)
 static cairn_pose icp(const bed *b, cairn_pose pose, double reach)
 {
     cairn_pose last = pose;
-    overlap before = look(b, pose, reach, 0);
+    overlap before = overlap_at(b, pose, reach, 0);
 
     for (int k = 0; k < 20; k++) {
-        overlap pairs = look(b, pose, reach, before.distance), now;
+        overlap pairs = overlap_at(b, pose, reach, before.distance), now;
         double turn = atan2(pairs.cross, pairs.dot), c = cos(turn), s = sin(turn);
         double x = (double)pose.x - pairs.mean[0], y = (double)pose.y - pairs.mean[1];
 
@@ -238,7 +238,7 @@ static cairn_pose icp(const bed *b, cairn_pose pose, double reach)
         pose.x = (cairn_real)(c * x - s * y + pairs.mean[2]);
         pose.y = (cairn_real)(s * x + c * y + pairs.mean[3]);
         pose.theta = (cairn_real)((double)pose.theta + turn);
-        now = look(b, pose, reach, 0);
+        now = overlap_at(b, pose, reach, 0);
         if (now.count < before.count && now.distance > before.distance)
             return last;
         before = now;
@@ -293,7 +293,7 @@ static void finds_and_each_stage_follows_its_reference(void **state)
 }
 
 /* Points of bare walls that the other modes omit are kept when their vectors lead off the walls. */
-static void the_colinear_filter_stands_alone(void **state)
+static void the_colinear_filter_by_itself(void **state)
 {
     static bed b;
     static reference t;
@@ -467,7 +467,7 @@ static cairn_status create(void *context, cairn_pool *pool)
     return cairn_scan_match_create(&match, pool, context);
 }
 
-static void takes_exactly_what_it_says(void **state)
+static void memory_is_as_stated(void **state)
 {
     cairn_scan_match_params params = small_params(CAIRN_SCAN_MATCH_AS_WRITTEN);
 
@@ -540,12 +540,12 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(finds_and_each_stage_follows_its_reference),
-        cmocka_unit_test(the_colinear_filter_stands_alone),
+        cmocka_unit_test(the_colinear_filter_by_itself),
         cmocka_unit_test(every_degree_of_the_window),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(parts_by_icp_alone),
         cmocka_unit_test(nothing_in_common),
-        cmocka_unit_test(takes_exactly_what_it_says),
+        cmocka_unit_test(memory_is_as_stated),
         cmocka_unit_test(readings_have_the_direction_of_the_nearest_segment),
     };
 

@@ -168,7 +168,7 @@ static void losses_are_those_by_hand(void **state)
 
 /* Of three scans of one wall and two of another the first of the three is chosen; when it is
  * excluded the second. */
-static void the_best_covered_goes(void **state)
+static void the_most_redundant_scan_is_culled(void **state)
 {
     cairn_scan_redundancy_params params = small_params();
     world w = make_world(1);
@@ -320,7 +320,7 @@ static void memory_is_exact(void **state)
     test_pool_free(&pool);
 }
 
-static void what_begin_refuses(void **state)
+static void begin_refuses_bad_input(void **state)
 {
     world w = make_world(2);
     cairn_scan_redundancy_params params = small_params();
@@ -376,9 +376,12 @@ static void what_begin_refuses(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(losses_are_those_by_hand), cmocka_unit_test(the_best_covered_goes),
-        cmocka_unit_test(budgets_do_not_matter),    cmocka_unit_test(bad_params_are_refused),
-        cmocka_unit_test(memory_is_exact),          cmocka_unit_test(what_begin_refuses),
+        cmocka_unit_test(losses_are_those_by_hand),
+        cmocka_unit_test(the_most_redundant_scan_is_culled),
+        cmocka_unit_test(budgets_do_not_matter),
+        cmocka_unit_test(bad_params_are_refused),
+        cmocka_unit_test(memory_is_exact),
+        cmocka_unit_test(begin_refuses_bad_input),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -244,7 +244,7 @@ static void takes_the_first_of_equal_paths_in_known_units(void **state)
     }
 }
 
-static void a_local_alignment_of_strangers_is_empty(void **state)
+static void a_local_alignment_of_unlike_sequences_is_empty(void **state)
 {
     struct sequences s = {{1, 1, 1}, {9, 9}, 3, 2, CAIRN_SEQUENCE_LOCAL, NULL};
     cairn_sequence_params params = {CAIRN_SEQUENCE_LOCAL, 3, 2, 1};
@@ -357,7 +357,7 @@ static cairn_status create(void *context, cairn_pool *pool)
     return cairn_sequence_create(&sequence, pool, context);
 }
 
-static void takes_exactly_what_it_says(void **state)
+static void memory_is_as_stated(void **state)
 {
     cairn_sequence_params params = {CAIRN_SEQUENCE_DTW, 11, 5, 0};
 
@@ -371,10 +371,10 @@ int main(void)
         cmocka_unit_test(gives_the_score_and_the_path_of_the_whole_table),
         cmocka_unit_test(finds_what_is_known),
         cmocka_unit_test(takes_the_first_of_equal_paths_in_known_units),
-        cmocka_unit_test(a_local_alignment_of_strangers_is_empty),
+        cmocka_unit_test(a_local_alignment_of_unlike_sequences_is_empty),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(refuses),
-        cmocka_unit_test(takes_exactly_what_it_says),
+        cmocka_unit_test(memory_is_as_stated),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -267,7 +267,7 @@ static void is_zero_for_the_same_shape_at_another_size_and_place(void **state)
 }
 
 /* Coincident points, points far away from all others, points on the borders of sectors. */
-static void takes_odd_points(void **state)
+static void accepts_unusual_points(void **state)
 {
     comparing c;
     cairn_shape_context_result r;
@@ -461,7 +461,7 @@ int main(void)
         cmocka_unit_test(measures_both_ways),
         cmocka_unit_test(takes_the_nearest_for_parts),
         cmocka_unit_test(is_zero_for_the_same_shape_at_another_size_and_place),
-        cmocka_unit_test(takes_odd_points),
+        cmocka_unit_test(accepts_unusual_points),
         cmocka_unit_test(does_not_depend_on_budgets),
         cmocka_unit_test(refuses_bad_params),
         cmocka_unit_test(refuses_bad_input),

@@ -96,7 +96,7 @@ static void test_smallest_and_comments(void **state)
     cairn_shape_model_file_free(&file);
 }
 
-static void test_every_line_is_looked_at(void **state)
+static void test_every_line_is_checked(void **state)
 {
     (void)state;
     assert_refused("", CAIRN_TRUNCATED, 0, "header of a shape model");
@@ -466,7 +466,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_written_and_read),
         cmocka_unit_test(test_smallest_and_comments),
-        cmocka_unit_test(test_every_line_is_looked_at),
+        cmocka_unit_test(test_every_line_is_checked),
         cmocka_unit_test(test_faults_of_the_model),
         cmocka_unit_test(test_what_cannot_be_read_or_written),
         cmocka_unit_test(test_outlines_that_make_no_model),

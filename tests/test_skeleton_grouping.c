@@ -527,7 +527,7 @@ static void draw_scene(void)
 }
 
 /* Small capacities of every kind: what exceeds them is left out. */
-static void little_room(void **state)
+static void small_capacities(void **state)
 {
     (void)state;
     for (int32_t k = 0; k < 6; k++) {
@@ -773,7 +773,7 @@ static void bad_params_are_refused(void **state)
     test_pool_free(&pool);
 }
 
-static void memory_is_what_it_says(void **state)
+static void memory_is_exactly_as_stated(void **state)
 {
     cairn_skeleton_grouping_params params = small_params();
 
@@ -801,7 +801,7 @@ int main(void)
         cmocka_unit_test(centres_are_those_of_all_pairs),
         cmocka_unit_test(little_or_nothing),
         cmocka_unit_test(circles_and_squares),
-        cmocka_unit_test(little_room),
+        cmocka_unit_test(small_capacities),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(it_begins_anew),
         cmocka_unit_test(steepness_is_of_the_image),
@@ -809,7 +809,7 @@ int main(void)
         cmocka_unit_test(starts_are_left_out),
         cmocka_unit_test(bad_input_is_refused),
         cmocka_unit_test(bad_params_are_refused),
-        cmocka_unit_test(memory_is_what_it_says),
+        cmocka_unit_test(memory_is_exactly_as_stated),
     };
     return cmocka_run_group_tests_name("skeleton_grouping", tests, NULL, NULL);
 }

@@ -138,7 +138,7 @@ static void all_particles_die(void **state)
 
 /* Tens of thousands of CPs, evenly thinned, and circles full of edgels: bounded, and the results
  * are right. */
-static void crowds_are_thinned(void **state)
+static void dense_clusters_are_thinned(void **state)
 {
     cairn_skeleton_grouping_params params = small_params();
     struct fixture f;
@@ -163,7 +163,7 @@ static void crowds_are_thinned(void **state)
     test_pool_free(&f.pool);
 }
 
-static void little_room(void **state)
+static void small_capacities(void **state)
 {
     (void)state;
     for (int32_t k = 0; k < 6; k++) {
@@ -227,7 +227,7 @@ static void it_begins_anew(void **state)
     test_pool_free(&f.pool);
 }
 
-static void memory_is_what_it_says(void **state)
+static void memory_is_exactly_as_stated(void **state)
 {
     cairn_skeleton_grouping_params params = small_params();
 
@@ -242,16 +242,11 @@ static void memory_is_what_it_says(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_bar_has_its_axis),
-        cmocka_unit_test(clutter_and_bends_are_checked),
-        cmocka_unit_test(contrast_does_not_count),
-        cmocka_unit_test(little_or_nothing),
-        cmocka_unit_test(all_particles_die),
-        cmocka_unit_test(crowds_are_thinned),
-        cmocka_unit_test(little_room),
-        cmocka_unit_test(budgets_do_not_matter),
-        cmocka_unit_test(it_begins_anew),
-        cmocka_unit_test(memory_is_what_it_says),
+        cmocka_unit_test(a_bar_has_its_axis),      cmocka_unit_test(clutter_and_bends_are_checked),
+        cmocka_unit_test(contrast_does_not_count), cmocka_unit_test(little_or_nothing),
+        cmocka_unit_test(all_particles_die),       cmocka_unit_test(dense_clusters_are_thinned),
+        cmocka_unit_test(small_capacities),        cmocka_unit_test(budgets_do_not_matter),
+        cmocka_unit_test(it_begins_anew),          cmocka_unit_test(memory_is_exactly_as_stated),
     };
     return cmocka_run_group_tests_name("skeleton_written", tests, NULL, NULL);
 }

@@ -38,7 +38,7 @@ static void every_status_has_its_text(void **state)
     assert_string_equal(cairn_status_text(INT32_MIN), "unknown status");
 }
 
-static void dear_items_are_paid_over_several_calls(void **state)
+static void expensive_items_are_charged_over_several_calls(void **state)
 {
     cairn_budget budget = {0};
     int32_t paid = 0;
@@ -74,7 +74,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_status_has_its_text),
-        cmocka_unit_test(dear_items_are_paid_over_several_calls),
+        cmocka_unit_test(expensive_items_are_charged_over_several_calls),
         cmocka_unit_test(a_refusal_fills_in_the_fault),
     };
 

@@ -362,7 +362,7 @@ static void test_tilt(void **state)
 }
 
 /* People hide a share of every scan, and nothing else changes. */
-static void test_crowd(void **state)
+static void test_dense_cluster(void **state)
 {
     sim_arena *arena = arena_of(SIM_ROOMS, 3);
     sim_survey_options options = sim_survey_default();
@@ -869,7 +869,7 @@ int main(void)
         cmocka_unit_test(test_noise_and_dropouts),
         cmocka_unit_test(test_tilt),
         cmocka_unit_test(test_movers),
-        cmocka_unit_test(test_crowd),
+        cmocka_unit_test(test_dense_cluster),
         cmocka_unit_test(test_sweep_motion),
         cmocka_unit_test(test_sweeps_at_places),
         cmocka_unit_test(test_odometry),

@@ -265,7 +265,7 @@ static void drive_on(shuttle *d, int32_t turn)
 }
 
 /* The loop of the firmware, in fixed memory: no sweep is refused, and all laps are alike. */
-static void it_goes_on_and_on(void **state)
+static void it_runs_without_end(void **state)
 {
     static shuttle d;
     surveyor_params params = room_params();
@@ -352,7 +352,7 @@ int main(void)
         cmocka_unit_test(one_sweep_may_wait),
         cmocka_unit_test(the_hash_is_of_result_and_keys),
         cmocka_unit_test(what_is_refused),
-        cmocka_unit_test(it_goes_on_and_on),
+        cmocka_unit_test(it_runs_without_end),
         cmocka_unit_test(a_full_map_stays),
     };
 

@@ -558,7 +558,7 @@ static cairn_status create_in(void *context, cairn_pool *pool)
     return cairn_symmetric_point_create(&set, pool, context);
 }
 
-static void memory_is_what_it_says(void **state)
+static void memory_is_exactly_as_stated(void **state)
 {
     cairn_symmetric_point_params params = small_params();
 
@@ -586,7 +586,7 @@ int main(void)
         cmocka_unit_test(work_is_charged),
         cmocka_unit_test(bad_segments_are_refused),
         cmocka_unit_test(bad_params_are_refused),
-        cmocka_unit_test(memory_is_what_it_says),
+        cmocka_unit_test(memory_is_exactly_as_stated),
     };
     return cmocka_run_group_tests_name("symmetric_point", tests, NULL, NULL);
 }

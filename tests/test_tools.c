@@ -832,7 +832,7 @@ static void overwrite_poses(const char *from, const char *to)
 }
 
 /* The poses in a log are not used: with noise in their place the output has the same bytes. */
-static void poses_of_a_log_have_no_say(void **state)
+static void poses_of_a_log_are_not_used(void **state)
 {
     static const char *const methods[] = {"default", "shape"};
     char *log = files_read(files_path("drive/scans.log"), NULL), *noise;
@@ -1165,7 +1165,7 @@ static void a_log_without_walls(void **state)
 
 /* Keyframes with more points than the initial capacity: all begins anew, and the output does not
  * show it. */
-static void large_rooms_get_more_room(void **state)
+static void large_rooms_get_a_larger_window(void **state)
 {
     text t = {NULL, 0, 0};
     cairn_pose_table_row *row;
@@ -1610,7 +1610,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(pages),
         cmocka_unit_test(matches),
         cmocka_unit_test(matches_of_poor_scans),
-        cmocka_unit_test(poses_of_a_log_have_no_say),
+        cmocka_unit_test(poses_of_a_log_are_not_used),
         cmocka_unit_test(matches_by_shape),
         cmocka_unit_test(names_of_logs_stay_text),
         cmocka_unit_test(quiet_and_pipes),
@@ -1622,7 +1622,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(damage_of_all_kinds_among_good_scans),
         cmocka_unit_test(aligned_as_written),
         cmocka_unit_test(a_log_without_walls),
-        cmocka_unit_test(large_rooms_get_more_room),
+        cmocka_unit_test(large_rooms_get_a_larger_window),
         cmocka_unit_test(scans_of_culled_keyframes_are_written),
         cmocka_unit_test(poses_far_away),
         cmocka_unit_test(logs_that_are_none),

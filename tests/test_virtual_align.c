@@ -366,7 +366,7 @@ static void reference_takes_in(struct reference *t)
 
 /* 1: the aligner has placed more than before; else scans that share nothing with its largest
  * component stay where the field left them. */
-static int reference_judges(struct reference *t)
+static int reference_verdict(struct reference *t)
 {
     if (cairn_aligner_read(t->aligner).placed > t->result.aligner.placed) {
         if (reference_goes_on(t))
@@ -476,13 +476,13 @@ static void reference_places_and_relaxes(struct reference *t)
         if (!t->p.use_aligner)
             return;
         reference_starts_again(t);
-        if (!reference_judges(t) || t->result.rounds >= t->p.max_rounds)
+        if (!reference_verdict(t) || t->result.rounds >= t->p.max_rounds)
             return;
     }
 }
 
 /* Last, weakly constrained components are translated, where anything was aligned. */
-static void reference_slides(struct reference *t)
+static void reference_translates(struct reference *t)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
@@ -511,7 +511,7 @@ static void reference_runs(struct reference *t)
 {
     reference_places_and_relaxes(t);
     if (t->p.use_aligner && t->result.aligner.placed >= 2)
-        reference_slides(t);
+        reference_translates(t);
 }
 
 static void assert_same(const struct reference *t, const cairn_virtual_align *align)

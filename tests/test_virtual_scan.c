@@ -484,9 +484,9 @@ static int32_t count_discs(const void *state)
 }
 
 static int32_t outline_disc(const void *state, int32_t i, cairn_real spacing,
-                            cairn_oriented_point *points, int32_t room, cairn_real *strength)
+                            cairn_oriented_point *points, int32_t capacity, cairn_real *strength)
 {
-    int32_t count = room < 3 ? room : 3;
+    int32_t count = capacity < 3 ? capacity : 3;
 
     (void)state;
     for (int32_t k = 0; k < count; k++) {
@@ -571,7 +571,7 @@ static void kinds_of_the_caller(void **state)
 
 /* ---- Capacities ---- */
 
-static void what_finds_no_room(void **state)
+static void what_exceeds_capacities(void **state)
 {
     cairn_virtual_scan_params p = cairn_virtual_scan_default();
     struct discs discs = {5, 0, 0, 0, {NULL, NULL, NULL, NULL, 0, 0, 0}};
@@ -973,7 +973,7 @@ int main(void)
         cmocka_unit_test(round_rooms_are_ellipses),
         cmocka_unit_test(hypotheses_vanish),
         cmocka_unit_test(kinds_of_the_caller),
-        cmocka_unit_test(what_finds_no_room),
+        cmocka_unit_test(what_exceeds_capacities),
         cmocka_unit_test(the_budget_does_not_matter),
         cmocka_unit_test(all_bits_are_kept),
         cmocka_unit_test(begins_anew),

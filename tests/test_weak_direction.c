@@ -51,16 +51,17 @@ static void loosen(struct scene *s, double degrees)
     cairn_vec2 way = cairn_transform_direction(turn, hallway_of(s));
 
     for (int32_t i = 0; i < SCANS; i++) {
-        cairn_real loose = i < 4 ? CAIRN_REAL(0.09) : CAIRN_REAL(0.04), firm = CAIRN_REAL(1e-5);
+        cairn_real large_variance = i < 4 ? CAIRN_REAL(0.09) : CAIRN_REAL(0.04),
+                   small_variance = CAIRN_REAL(1e-5);
         cairn_aligner_pose *a = &s->aligned[i];
 
         memset(a->covariance, 0, sizeof a->covariance);
         a->component = 0;
         a->placed = i >= 8;
-        a->covariance[0] = loose * way.x * way.x + firm * way.y * way.y;
-        a->covariance[1] = a->covariance[3] = (loose - firm) * way.x * way.y;
-        a->covariance[4] = loose * way.y * way.y + firm * way.x * way.x;
-        a->covariance[8] = firm;
+        a->covariance[0] = large_variance * way.x * way.x + small_variance * way.y * way.y;
+        a->covariance[1] = a->covariance[3] = (large_variance - small_variance) * way.x * way.y;
+        a->covariance[4] = large_variance * way.y * way.y + small_variance * way.x * way.x;
+        a->covariance[8] = small_variance;
     }
 }
 
@@ -222,7 +223,7 @@ static void reference_axes(const cairn_real c[9], cairn_vec2 *along, double *mos
     *least = sqrt(fmax(((double)c[0] + (double)c[4]) / 2 - hypot(half, (double)c[1]), 0));
 }
 
-static void reference_ties(struct reference *t)
+static void reference_constraints(struct reference *t)
 {
     for (int32_t i = 0; i < SCANS; i++) {
         const cairn_aligner_pose *a = &t->s->aligned[i];
@@ -398,7 +399,7 @@ static double thickness_nats(const struct reference *t, int32_t moving, int32_t 
     return sum;
 }
 
-static double objection_nats(const struct reference *t, int32_t moving, int32_t fixed,
+static double violation_nats(const struct reference *t, int32_t moving, int32_t fixed,
                              cairn_vec2 shift)
 {
     double sum = 0;
@@ -443,7 +444,7 @@ static double shift_nats(const struct reference *t, int32_t moving, int32_t fixe
 {
     cairn_vec2 way = cairn_vec2_scale(t->along[moving], (cairn_real)shift);
     double nats =
-        objection_nats(t, moving, fixed, way) - (shift - off) * (shift - off) / (2 * variance);
+        violation_nats(t, moving, fixed, way) - (shift - off) * (shift - off) / (2 * variance);
 
     return t->p.use_thickness && t->thickness > 0 ? nats + thickness_nats(t, moving, fixed, way)
                                                   : nats;
@@ -532,19 +533,19 @@ static void reference_joins(struct reference *t)
 static struct reference reference_of(const struct scene *s, const cairn_weak_direction_params *p)
 {
     cairn_pose to[SCANS], gauge;
-    int32_t use[SCANS], firm = 0;
+    int32_t use[SCANS], well_constrained = 0;
     struct reference t;
 
     memset(&t, 0, sizeof t);
     t.s = s;
     t.p = *p;
-    reference_ties(&t);
+    reference_constraints(&t);
     for (int32_t i = 0; i < SCANS; i++) {
         to[i] = s->aligned[i].map_scan;
         use[i] = t.part[i] == -1;
-        firm += use[i];
+        well_constrained += use[i];
     }
-    if (firm == 0)
+    if (well_constrained == 0)
         t.parts = 0;
     if (t.parts == 0)
         return t;
@@ -582,7 +583,7 @@ static const uint64_t seeds[] = {501, 504, 507, 508, 510, 513, 525, 530};
 
 enum { SEEDS = sizeof seeds / sizeof *seeds };
 
-static void does_what_the_obvious_way_does(void **state)
+static void agrees_with_the_reference(void **state)
 {
     int32_t joined = 0;
 
@@ -613,7 +614,7 @@ static void does_what_the_obvious_way_does(void **state)
 
 /* Scans that are right: by the aligner, after the translation, and with walls as thick as
  * elsewhere. */
-static void parts_find_their_place(void **state)
+static void components_are_translated_to_their_place(void **state)
 {
     cairn_weak_direction_params p = cairn_weak_direction_default();
     struct bed with = bed_with(&p), without;
@@ -680,7 +681,7 @@ static void the_budget_does_not_matter(void **state)
 
 /* ---- Exceeded capacities, and components that are not translated ---- */
 
-static void room_is_short(void **state)
+static void capacities_are_short(void **state)
 {
     cairn_weak_direction_params p = cairn_weak_direction_default();
     struct scene s = open_scene(508);
@@ -719,7 +720,7 @@ static void room_is_short(void **state)
     close_scene(&s);
 }
 
-static void what_is_known_stays(void **state)
+static void placed_scans_stay(void **state)
 {
     cairn_weak_direction_params p = cairn_weak_direction_default();
     struct scene s = open_scene(508);
@@ -733,7 +734,8 @@ static void what_is_known_stays(void **state)
         for (int32_t i = 0; i < SCANS; i++) {
             cairn_aligner_pose *a = &s.aligned[i];
 
-            a->placed = k == 0 ? 0 : k == 1 ? 1 : a->placed; /* nothing is firm, or all */
+            /* no scan is well constrained, or all are */
+            a->placed = k == 0 ? 0 : k == 1 ? 1 : a->placed;
             a->component = k == 2 && !a->placed ? 1 : a->component;
             a->covariance[8] = k == 3 && !a->placed ? CAIRN_REAL(0.0004) : a->covariance[8];
             if (k >= 4) {
@@ -923,11 +925,11 @@ static void bad_calls_are_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(does_what_the_obvious_way_does),
-        cmocka_unit_test(parts_find_their_place),
+        cmocka_unit_test(agrees_with_the_reference),
+        cmocka_unit_test(components_are_translated_to_their_place),
         cmocka_unit_test(the_budget_does_not_matter),
-        cmocka_unit_test(room_is_short),
-        cmocka_unit_test(what_is_known_stays),
+        cmocka_unit_test(capacities_are_short),
+        cmocka_unit_test(placed_scans_stay),
         cmocka_unit_test(starts_may_be_exact),
         cmocka_unit_test(directions_are_not_mixed),
         cmocka_unit_test(bad_params_are_refused),

@@ -175,7 +175,7 @@ step_freestanding()
     done
 }
 
-step_rooms()
+step_modules()
 {
     sh tools/check-modules-test.sh && sh tools/check-modules.sh
 }
@@ -232,7 +232,7 @@ step_install()
     sh tools/install-test.sh "$out/gcc"
 }
 
-[ $# -gt 0 ] || set -- rooms headers format layout warnings freestanding bits amalgamation readme thesis install analyzer cppcheck tidy
+[ $# -gt 0 ] || set -- modules headers format layout warnings freestanding bits amalgamation readme thesis install analyzer cppcheck tidy
 failures=
 for step in "$@"; do
     start=$(date +%s)
