@@ -30,13 +30,13 @@ static cairn_pose drifted[SCANS];
 /* Odometry of which every step turns by `bias` rad too much. */
 static void drift_odometry(const drive *d, cairn_real bias)
 {
-    odometry[0] = pose_of(d->scans[0].truth);
+    drifted[0] = pose_of(d->scans[0].truth);
     for (int32_t i = 1; i < d->count; i++) {
         cairn_pose step =
             cairn_pose_between(pose_of(d->scans[i - 1].truth), pose_of(d->scans[i].truth));
 
         step.theta += bias;
-        odometry[i] = cairn_pose_compose(odometry[i - 1], step);
+        drifted[i] = cairn_pose_compose(drifted[i - 1], step);
     }
 }
 
@@ -77,7 +77,7 @@ static void run(cairn_mapper *mapper, const drive *d, int32_t budget, outcome *o
     for (int32_t i = 0; i < d->count; i++) {
         cairn_scan_input input = sim_scan_input(&d->scans[i]);
 
-        assert_ok(cairn_mapper_add(mapper, &input, &odometry[i], NULL));
+        assert_ok(cairn_mapper_add(mapper, &input, &drifted[i], NULL));
         while ((status = cairn_mapper_step(mapper, &left)) == CAIRN_MORE) {
             assert_true(left.left <= 0);
             left.left = budget;
@@ -255,7 +255,7 @@ static void a_similar_place_is_not_confused(void **state)
         cairn_mapper *mapper = new_mapper(&pool, &params);
 
         for (int32_t i = 0; i < d.count; i++)
-            odometry[i] = pose_of(d.scans[i].odometry);
+            drifted[i] = pose_of(d.scans[i].odometry);
         run(mapper, &d, CAIRN_UNBOUNDED, &one);
         test_pool_free(&pool);
         assert_true(check_closures(&d, &one) > 10);
