@@ -45,7 +45,7 @@ static void rooms_come_together(void **state)
         assert_int_equal(result.active_iterations, result.iterations);
         assert_true(result.align_units > 0);
         assert_int_equal(result.hypotheses > 0, result.rounds > 0);
-        assert_int_equal(result.hypothesis_units > result.slide.units + 2 * SCANS + 1,
+        assert_int_equal(result.hypothesis_units > result.weak_direction.units + 2 * SCANS + 1,
                          result.rounds > 0);
         assert_true(result.field_units > 0);
         test_pool_free(&bed.pool);
@@ -275,12 +275,12 @@ static struct reference reference_of(const cairn_virtual_align_params *p, const 
     t.p.field.max_bonds = SCANS * (SCANS + 1) / 2;
     t.pool = test_pool(cairn_aligner_memory(&t.p.aligner) + cairn_force_field_memory(&t.p.field) +
                        cairn_virtual_scan_memory(&t.p.hypotheses) +
-                       cairn_weak_direction_memory(&t.p.slide));
+                       cairn_weak_direction_memory(&t.p.weak_direction));
     t.start = r->start;
     assert_ok(cairn_aligner_create(&t.aligner, &t.pool, &t.p.aligner));
     assert_ok(cairn_force_field_create(&t.field, &t.pool, &t.p.field));
     assert_ok(cairn_virtual_scan_create(&t.hypotheses, &t.pool, &t.p.hypotheses));
-    assert_ok(cairn_weak_direction_create(&t.slide, &t.pool, &t.p.slide));
+    assert_ok(cairn_weak_direction_create(&t.slide, &t.pool, &t.p.weak_direction));
     for (int32_t i = 0; i < SCANS; i++) {
         cairn_scan_view view = view_of(r, i);
 
@@ -502,7 +502,7 @@ static void reference_translates(struct reference *t)
         t->found[i].y += shift.y;
         t->moves[i] |= shift.x != 0 || shift.y != 0;
     }
-    t->result.slide = cairn_weak_direction_read(t->slide);
+    t->result.weak_direction = cairn_weak_direction_read(t->slide);
     t->result.hypothesis_units += CAIRN_UNBOUNDED - budget.left;
     t->result.hypothesis_units += 2 * (int64_t)t->count + 1 + t->count / 8;
 }
@@ -527,7 +527,8 @@ static void assert_same(const struct reference *t, const cairn_virtual_align *al
     assert_int_equal(result.hypothesis_units, t->result.hypothesis_units);
     assert_int_equal(result.field_units, t->result.field_units);
     assert_int_equal(result.aligner.placed, t->result.aligner.placed);
-    assert_memory_equal(&result.slide, &t->result.slide, sizeof result.slide);
+    assert_memory_equal(&result.weak_direction, &t->result.weak_direction,
+                        sizeof result.weak_direction);
     for (int32_t i = 0; i < SCANS; i++) {
         cairn_virtual_align_pose pose = cairn_virtual_align_pose_of(align, i);
 
@@ -570,7 +571,7 @@ static void does_what_is_done_by_hand(void **state)
         add_rooms(&bed, &r);
         run(bed.align, 1000);
         assert_same(&t, bed.align);
-        slid += t.result.slide.translated_scans;
+        slid += t.result.weak_direction.translated_scans;
         if (r.narrow < SCANS)
             stayed += !t.kept[r.narrow].placed &&
                       !cairn_weak_direction_is_weak(t.slide, &t.kept[r.narrow]) &&
@@ -604,7 +605,7 @@ static void bad_calls_are_refused(void **state)
         bad.aligner.max_scans = i == 2 ? 0 : 4;
         bad.field.sigma_end = i == 3 ? 0 : bad.field.sigma_end;
         bad.hypotheses.stride = i == 4 ? 0 : 1;
-        bad.slide.translation_step = i == 6 ? 0 : 1;
+        bad.weak_direction.translation_step = i == 6 ? 0 : 1;
         assert_int_equal(cairn_virtual_align_memory(i == 5 ? NULL : &bad), 0);
         assert_status(cairn_virtual_align_create(&align, &pool, i == 5 ? NULL : &bad),
                       CAIRN_BAD_ARGUMENT);
@@ -639,7 +640,7 @@ static void bad_calls_are_refused(void **state)
     p.aligner.max_hypotheses = p.aligner.max_fill = 4;
     p.aligner.max_cells = 64;
     p.hypotheses.max_virtual = 6;
-    p.slide.max_walls = p.slide.max_submaps = 2;
+    p.weak_direction.max_walls = p.weak_direction.max_submaps = 2;
     p.hypotheses.hough.angles = p.hypotheses.hough.distances = 8;
     p.hypotheses.rectangle.max_pairs = p.hypotheses.rectangle.max_sides = 4;
     test_every_pool_size(create, &p, cairn_virtual_align_memory(&p));

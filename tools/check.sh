@@ -180,6 +180,11 @@ step_modules()
     sh tools/check-modules-test.sh && sh tools/check-modules.sh
 }
 
+step_words()
+{
+    sh tools/check-words-test.sh && sh tools/check-words.sh
+}
+
 # Each public header alone, as C and as C++, in double and float.
 step_headers()
 {
@@ -232,7 +237,7 @@ step_install()
     sh tools/install-test.sh "$out/gcc"
 }
 
-[ $# -gt 0 ] || set -- modules headers format layout warnings freestanding bits amalgamation readme thesis install analyzer cppcheck tidy
+[ $# -gt 0 ] || set -- modules words headers format layout warnings freestanding bits amalgamation readme thesis install analyzer cppcheck tidy
 failures=
 for step in "$@"; do
     start=$(date +%s)

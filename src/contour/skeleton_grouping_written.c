@@ -91,19 +91,19 @@ int cairn_skeleton_grouping_written_pair(const cairn_skeleton_grouping *skeleton
 /* Adds one in `stride` CPs. */
 static void add_centre(cairn_skeleton_grouping *skeleton, const written_pair *pair)
 {
-    skeleton_written *w = skeleton->written;
-    int64_t number = w->pairs_seen++;
+    skeleton_written *written = skeleton->written;
+    int64_t number = written->pairs_seen++;
     skeleton_centre *c;
 
-    if (number % w->stride != 0)
+    if (number % written->stride != 0)
         return;
     if (skeleton->centre_count == skeleton->params.max_centres) {
         skeleton->units_charged -= skeleton->centre_count / MOVES_PER_UNIT;
         skeleton->centre_count = (skeleton->centre_count + 1) / 2;
         for (int32_t i = 1; i < skeleton->centre_count; i++)
             skeleton->centres[i] = skeleton->centres[2 * i];
-        w->stride *= 2;
-        if (number % w->stride != 0 || skeleton->centre_count == skeleton->params.max_centres)
+        written->stride *= 2;
+        if (number % written->stride != 0 || skeleton->centre_count == skeleton->params.max_centres)
             return;
     }
     c = &skeleton->centres[skeleton->centre_count++];

@@ -128,16 +128,16 @@ static int32_t scan_circle(const cairn_skeleton_grouping *skeleton, cairn_vec2 m
 /* Collects the edgels of both look-ahead circles. */
 static void collect_candidates(cairn_skeleton_grouping *skeleton, const skeleton_written_state *s)
 {
-    skeleton_written *w = skeleton->written;
+    skeleton_written *written = skeleton->written;
 
     for (int32_t side = 0; side < 2; side++) {
         cairn_vec2 middle = search_centre(skeleton, s, side);
         int32_t all = scan_circle(skeleton, middle, 1, NULL),
                 stride = 1 + (all - 1) / WRITTEN_MAX_EDGELS;
 
-        w->candidate_count[side] = all > 0 ? (all + stride - 1) / stride : 0;
+        written->candidate_count[side] = all > 0 ? (all + stride - 1) / stride : 0;
         if (all > 0)
-            (void)scan_circle(skeleton, middle, stride, w->candidates[side]);
+            (void)scan_circle(skeleton, middle, stride, written->candidates[side]);
     }
 }
 
@@ -174,11 +174,11 @@ static int is_crossed(cairn_segment a, cairn_segment b)
 
 /* Point-in-polygon test of the explored region, one polygon segment at a time: toggles each
  * candidate whose ray to the right crosses the segment. */
-static void toggle_inside(skeleton_written *w, cairn_vec2 a, cairn_vec2 b)
+static void toggle_inside(skeleton_written *written, cairn_vec2 a, cairn_vec2 b)
 {
     for (int32_t side = 0; side < 2; side++)
-        for (int32_t i = 0; i < w->candidate_count[side]; i++) {
-            written_candidate *e = &w->candidates[side][i];
+        for (int32_t i = 0; i < written->candidate_count[side]; i++) {
+            written_candidate *e = &written->candidates[side][i];
 
             if ((a.y > e->position.y) != (b.y > e->position.y) &&
                 (e->position.x - a.x) * (b.y - a.y) * (b.y > a.y ? 1 : -1) <
@@ -188,50 +188,50 @@ static void toggle_inside(skeleton_written *w, cairn_vec2 a, cairn_vec2 b)
 }
 
 /* Culls edgels that are already on the contour. */
-static void cull_own(skeleton_written *w, const int32_t edgel[2])
+static void cull_own(skeleton_written *written, const int32_t edgel[2])
 {
     for (int32_t side = 0; side < 2; side++)
-        for (int32_t i = 0; i < w->candidate_count[side]; i++)
-            if (w->candidates[side][i].edgel == edgel[0] ||
-                w->candidates[side][i].edgel == edgel[1])
-                w->candidates[side][i].is_culled = 1;
+        for (int32_t i = 0; i < written->candidate_count[side]; i++)
+            if (written->candidates[side][i].edgel == edgel[0] ||
+                written->candidates[side][i].edgel == edgel[1])
+                written->candidates[side][i].is_culled = 1;
 }
 
 /* Culls edgels whose connection to the last contact point crosses a contour segment; the segment
  * that ends at the start of the connection is exempt. */
-static void cull_crossing(skeleton_written *w, const written_pair *last, cairn_segment segment,
-                          int32_t ends_at)
+static void cull_crossing(skeleton_written *written, const written_pair *last,
+                          cairn_segment segment, int32_t ends_at)
 {
     for (int32_t side = 0; side < 2; side++)
-        for (int32_t i = 0; i < w->candidate_count[side] && side != ends_at; i++) {
-            cairn_segment connection = {last->contact[side], w->candidates[side][i].position};
+        for (int32_t i = 0; i < written->candidate_count[side] && side != ends_at; i++) {
+            cairn_segment connection = {last->contact[side], written->candidates[side][i].position};
 
             if (is_crossed(connection, segment))
-                w->candidates[side][i].is_culled = 1;
+                written->candidates[side][i].is_culled = 1;
         }
 }
 
 /* Culls candidates inside the explored region, and those whose contour would self-intersect. */
-static void cull_candidates(skeleton_written *w, const skeleton_written_state *last)
+static void cull_candidates(skeleton_written *written, const skeleton_written_state *last)
 {
     const skeleton_written_state *s = last, *before;
 
-    toggle_inside(w, last->pair.contact[0], last->pair.contact[1]);
+    toggle_inside(written, last->pair.contact[0], last->pair.contact[1]);
     for (; s != NULL; s = before) {
         before = cairn_particle_filter_state_before(s);
-        cull_own(w, s->pair.edgel);
+        cull_own(written, s->pair.edgel);
         for (int32_t side = 0; side < 2 && before != NULL; side++) {
             cairn_segment segment = {before->pair.contact[side], s->pair.contact[side]};
 
-            toggle_inside(w, segment.a, segment.b);
-            cull_crossing(w, &last->pair, segment, s == last ? side : -1);
+            toggle_inside(written, segment.a, segment.b);
+            cull_crossing(written, &last->pair, segment, s == last ? side : -1);
         }
         if (before == NULL)
-            toggle_inside(w, s->pair.contact[0], s->pair.contact[1]);
+            toggle_inside(written, s->pair.contact[0], s->pair.contact[1]);
     }
     for (int32_t side = 0; side < 2; side++)
-        for (int32_t i = 0; i < w->candidate_count[side]; i++)
-            w->candidates[side][i].is_culled |= w->candidates[side][i].is_inside;
+        for (int32_t i = 0; i < written->candidate_count[side]; i++)
+            written->candidates[side][i].is_culled |= written->candidates[side][i].is_inside;
 }
 
 /* Returns the sum of the four vectors from the previous to the new edgels (fig. 3.5a). */
@@ -279,55 +279,57 @@ static int is_twisted(const written_pair *before, const written_pair *now)
 }
 
 /* Adds one in `stride` pairs; a full list is halved. */
-static void add_pair(skeleton_written *w, const written_pair *pair)
+static void add_pair(skeleton_written *written, const written_pair *pair)
 {
-    int64_t number = w->pairs_seen++;
+    int64_t number = written->pairs_seen++;
 
-    if (number % w->stride != 0)
+    if (number % written->stride != 0)
         return;
-    if (w->pair_count == WRITTEN_MAX_FOLLOWERS) {
-        w->pair_count /= 2;
-        for (int32_t i = 1; i < w->pair_count; i++)
-            w->pairs[i] = w->pairs[2 * i];
-        w->stride *= 2;
+    if (written->pair_count == WRITTEN_MAX_FOLLOWERS) {
+        written->pair_count /= 2;
+        for (int32_t i = 1; i < written->pair_count; i++)
+            written->pairs[i] = written->pairs[2 * i];
+        written->stride *= 2;
     }
-    w->pairs[w->pair_count++] = *pair;
+    written->pairs[written->pair_count++] = *pair;
 }
 
 /* Pairs each candidate of one end with each of the other. */
 static void make_pairs(cairn_skeleton_grouping *skeleton, const skeleton_written_state *last)
 {
-    skeleton_written *w = skeleton->written;
+    skeleton_written *written = skeleton->written;
     written_limits rule = cairn_skeleton_grouping_written_limits_of(
         skeleton, RADIUS_MARGIN_SIGMAS * skeleton->params.radius_sigma);
 
-    w->pair_count = 0;
-    w->pairs_seen = 0;
-    w->stride = 1;
-    for (int32_t i = 0; i < w->candidate_count[0]; i++)
-        for (int32_t j = 0; j < w->candidate_count[1] && !w->candidates[0][i].is_culled; j++) {
+    written->pair_count = 0;
+    written->pairs_seen = 0;
+    written->stride = 1;
+    for (int32_t i = 0; i < written->candidate_count[0]; i++)
+        for (int32_t j = 0; j < written->candidate_count[1] && !written->candidates[0][i].is_culled;
+             j++) {
             written_pair pair;
 
-            if (!w->candidates[1][j].is_culled &&
-                cairn_skeleton_grouping_written_pair(skeleton, &rule, w->candidates[0][i].edgel,
-                                                     w->candidates[1][j].edgel, &pair) &&
+            if (!written->candidates[1][j].is_culled &&
+                cairn_skeleton_grouping_written_pair(skeleton, &rule,
+                                                     written->candidates[0][i].edgel,
+                                                     written->candidates[1][j].edgel, &pair) &&
                 correspond(&last->pair, &pair) && !is_twisted(&last->pair, &pair))
-                add_pair(w, &pair);
+                add_pair(written, &pair);
         }
 }
 
 /* Culls pairs whose axis crosses the axis so far. */
-static void cull_axes(skeleton_written *w, const skeleton_written_state *last)
+static void cull_axes(skeleton_written *written, const skeleton_written_state *last)
 {
     const skeleton_written_state *s = last, *before = cairn_particle_filter_state_before(last);
 
     for (; before != NULL; s = before, before = cairn_particle_filter_state_before(before)) {
         cairn_segment segment = {before->pair.centre, s->pair.centre};
 
-        for (int32_t i = 0; i < w->pair_count && s != last; i++) {
-            cairn_segment connection = {last->pair.centre, w->pairs[i].centre};
+        for (int32_t i = 0; i < written->pair_count && s != last; i++) {
+            cairn_segment connection = {last->pair.centre, written->pairs[i].centre};
 
-            w->pairs[i].is_crossing |= is_crossed(connection, segment);
+            written->pairs[i].is_crossing |= is_crossed(connection, segment);
         }
     }
 }
@@ -362,28 +364,29 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
                             cairn_budget *budget)
 {
     cairn_skeleton_grouping *skeleton = context;
-    skeleton_written *w = skeleton->written;
+    skeleton_written *written = skeleton->written;
     cairn_particle p = cairn_particle_filter_particle(filter, index);
     const skeleton_written_state *last = p.state;
     int32_t cost;
 
-    if (!w->has_candidates) {
+    if (!written->has_candidates) {
         if (!cairn_budget_charge(budget, &skeleton->step_units_charged,
                                  search_cost(skeleton, last)))
             return CAIRN_MORE;
         collect_candidates(skeleton, last);
-        w->has_candidates = 1;
+        written->has_candidates = 1;
     }
-    cost = (p.steps + 1) * (1 + (w->candidate_count[0] + w->candidate_count[1]) / EDGELS_PER_UNIT +
-                            WRITTEN_MAX_FOLLOWERS / FOLLOWERS_PER_UNIT) +
-           UNITS_PER_PAIR * w->candidate_count[0] * w->candidate_count[1] +
+    cost = (p.steps + 1) *
+               (1 + (written->candidate_count[0] + written->candidate_count[1]) / EDGELS_PER_UNIT +
+                WRITTEN_MAX_FOLLOWERS / FOLLOWERS_PER_UNIT) +
+           UNITS_PER_PAIR * written->candidate_count[0] * written->candidate_count[1] +
            UNITS_PER_FOLLOWER * WRITTEN_MAX_FOLLOWERS;
     if (!cairn_budget_charge(budget, &skeleton->step_units_charged, cost))
         return CAIRN_MORE;
-    w->has_candidates = 0;
-    cull_candidates(w, last);
+    written->has_candidates = 0;
+    cull_candidates(written, last);
     make_pairs(skeleton, last);
-    cull_axes(w, last);
+    cull_axes(written, last);
     return offer_pairs(skeleton, filter, last);
 }
 

@@ -272,7 +272,7 @@ static cairn_status begin_filter(cairn_filter_mapper *mapper)
     return cairn_particle_filter_begin(mapper->filter);
 }
 
-static cairn_status go_on(cairn_filter_mapper *mapper, cairn_budget *budget)
+static cairn_status run(cairn_filter_mapper *mapper, cairn_budget *budget)
 {
     cairn_status status = CAIRN_OK;
 
@@ -303,7 +303,7 @@ cairn_status cairn_filter_mapper_step(cairn_filter_mapper *mapper, cairn_budget 
     if (mapper == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
     before = budget->left;
-    status = go_on(mapper, budget);
+    status = run(mapper, budget);
     mapper->units += (int64_t)before - budget->left;
     return status;
 }

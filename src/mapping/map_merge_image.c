@@ -241,14 +241,14 @@ static void add_row(merge_images *c, int32_t k, const cairn_real *kernel)
     c->known += k == 1 ? r.known : 0;
 }
 
-int cairn_map_merge_step_images(merge_images *c, const cairn_real *kernel, int32_t *paid,
+int cairn_map_merge_step_images(merge_images *c, const cairn_real *kernel, int32_t *charged,
                                 cairn_budget *budget)
 {
     for (; c->turn < 2; c->turn++, c->row = c->turn < 2 ? c->begin[c->turn][1] : 0)
         for (; c->row < c->end[c->turn][1]; c->row++) {
             int32_t cells = c->end[c->turn][0] - c->begin[c->turn][0];
 
-            if (!cairn_budget_charge(budget, paid, 1 + (cells > 0 ? cells : 0) / CELLS_PER_UNIT))
+            if (!cairn_budget_charge(budget, charged, 1 + (cells > 0 ? cells : 0) / CELLS_PER_UNIT))
                 return 0;
             add_row(c, c->turn, kernel);
         }

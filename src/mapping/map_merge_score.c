@@ -69,10 +69,10 @@ void cairn_map_merge_score_at(const cairn_map_merge *merge, int32_t a, int32_t b
     if (merge_is_written(&merge->params)) {
         merge_images images;
         cairn_budget budget = {CAIRN_UNBOUNDED};
-        int32_t paid = 0;
+        int32_t charged = 0;
 
         cairn_map_merge_begin_images(&images, first, second, centres);
-        while (!cairn_map_merge_step_images(&images, merge->written->kernel, &paid, &budget))
+        while (!cairn_map_merge_step_images(&images, merge->written->kernel, &charged, &budget))
             budget.left = CAIRN_UNBOUNDED;
         cairn_map_merge_end_images(&images, score);
         return;

@@ -531,7 +531,7 @@ int cairn_map_merge_is_same_history(const merge_state *a, const merge_state *b);
  * Four cells a unit. */
 void cairn_map_merge_begin_images(merge_images *c, const merge_map *a, const merge_map *b,
                                   cairn_pose a_b);
-int cairn_map_merge_step_images(merge_images *c, const cairn_real *kernel, int32_t *paid,
+int cairn_map_merge_step_images(merge_images *c, const cairn_real *kernel, int32_t *charged,
                                 cairn_budget *budget);
 
 /* Computes psi, disagreement, gamma and overlap from the sums. */

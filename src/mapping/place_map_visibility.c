@@ -35,8 +35,8 @@ static const cairn_real MAX_WALL_THICKNESS_M = CAIRN_REAL(0.25);
 static const cairn_real MAX_RANGE_STEP_M = CAIRN_REAL(0.15);
 /* m: greatest breadth of a moving body, and of two of them side by side that are seen whole. */
 static const cairn_real MAX_BODY_BREADTH_M = CAIRN_REAL(0.6), MAX_PAIR_BREADTH_M = 1;
-/* A body bulges from its chord by this share; below the second value, m, it has too few hits to
- * tell. */
+/* A body bulges from its chord by this share; below the second value, m, it has too few hits
+ * for a decision. */
 static const cairn_real MIN_BULGE_RATIO = CAIRN_REAL(0.1), MIN_CHORD_M = CAIRN_REAL(0.2);
 /* m: a hit without an evenly spaced point within this distance is on a rough surface. */
 static const cairn_real MAX_SMOOTH_DISTANCE_M = CAIRN_REAL(0.12);
@@ -86,7 +86,7 @@ static void clear_beam(cairn_place_map *map, int32_t place, const cairn_scan_bea
         if (cell >= 0)
             grid[cell] = CAIRN_VISIBILITY_FREE;
     }
-    map->units_owed += steps / CELLS_PER_UNIT;
+    map->uncharged_units += steps / CELLS_PER_UNIT;
 }
 
 /* Marks a cell; it keeps the most informative code, of surfaces with directions the first. */
@@ -113,7 +113,7 @@ static void mark_surface(cairn_place_map *map, int32_t place, cairn_vec2 p, uint
             if (cairn_vec2_norm_squared(off) <= margin * margin)
                 mark_cell(map, place, cairn_vec2_add(p, off), value);
         }
-    map->units_owed += 1 + (2 * reach + 1) * (2 * reach + 1) / CELLS_PER_UNIT;
+    map->uncharged_units += 1 + (2 * reach + 1) * (2 * reach + 1) / CELLS_PER_UNIT;
 }
 
 /* Marks uncleared cells behind a surface as possible inside of a wall, whose opposite face another
@@ -136,7 +136,7 @@ static void mark_behind(cairn_place_map *map, int32_t place, const cairn_oriente
                 grid_of(map, place)[cell_of(map, p)] == CAIRN_VISIBILITY_UNKNOWN)
                 mark_cell(map, place, p, value);
         }
-    map->units_owed += 1 + 3 * steps / CELLS_PER_UNIT;
+    map->uncharged_units += 1 + 3 * steps / CELLS_PER_UNIT;
 }
 
 /* Returns the nearest of the quantized directions. */
@@ -164,7 +164,7 @@ static int has_point_near(cairn_place_map *map, const cairn_place_scan *scan, ca
 {
     const cairn_oriented_point *points = &map->points[scan->first_point];
 
-    map->units_owed += 1 + scan->point_count / POINTS_PER_UNIT;
+    map->uncharged_units += 1 + scan->point_count / POINTS_PER_UNIT;
     for (int32_t i = 0; i < scan->point_count; i++)
         if (cairn_vec2_norm_squared(cairn_vec2_sub(points[i].position, hit)) <
             MAX_SMOOTH_DISTANCE_M * MAX_SMOOTH_DISTANCE_M)
@@ -216,7 +216,7 @@ int32_t cairn_place_map_visibility_item(cairn_place_map *map, int32_t place, int
             !has_point_near(map, &map->scans[s], in_scan.to))
             mark_surface(map, place, beam.to, CAIRN_VISIBILITY_ROUGH);
     }
-    map->units_owed++;
+    map->uncharged_units++;
     return 1;
 }
 
@@ -243,7 +243,7 @@ void cairn_place_map_sample_free(cairn_place_map *map, int32_t place)
             if (grid[y * map->visibility_side + x] == CAIRN_VISIBILITY_FREE)
                 cells[count++] = y * map->visibility_side + x;
     map->places[place].free_count = count;
-    map->units_owed += 1 + samples_of_side(map) * samples_of_side(map) / CELLS_PER_UNIT;
+    map->uncharged_units += 1 + samples_of_side(map) * samples_of_side(map) / CELLS_PER_UNIT;
 }
 
 cairn_vec2 cairn_place_map_free_point(const cairn_place_map *map, int32_t place, int32_t i)
@@ -335,17 +335,17 @@ static void add_points(const cairn_place_map *map, int32_t observer, int32_t obs
 
     for (int32_t s = place->first_scan; s < place->first_scan + place->scan_count; s++) {
         const cairn_oriented_point *points = &map->points[map->scans[s].first_point];
-        const uint8_t *doubt = &map->point_class[map->scans[s].first_point];
+        const uint8_t *classes = &map->point_class[map->scans[s].first_point];
         cairn_transform transform =
             cairn_transform_of(cairn_pose_compose(observer_observed, map->scans[s].place_scan));
 
         for (int32_t i = 0; i < map->scans[s].point_count; i++) {
             int32_t cell = cell_of(map, cairn_transform_point(transform, points[i].position));
 
-            if (cell >= 0 && doubt[i] < CAIRN_POINT_INVALIDATED)
+            if (cell >= 0 && classes[i] < CAIRN_POINT_INVALIDATED)
                 add_point(map, grid[cell],
                           cairn_transform_direction(transform, points[i].direction),
-                          doubt[i] == CAIRN_POINT_DYNAMIC_CANDIDATE, likelihood_terms);
+                          classes[i] == CAIRN_POINT_DYNAMIC_CANDIDATE, likelihood_terms);
         }
     }
 }
@@ -414,7 +414,7 @@ static int is_open_beside(const cairn_scan_view *view, int32_t beside, cairn_rea
 }
 
 /* Returns 1 when the hits of a run, beams [from, to), all lie within a body's breadth of the first,
- * and bulge towards the sensor or are too few to tell: flat runs are parts of walls. */
+ * and bulge towards the sensor or are too few for a decision: flat runs are parts of walls. */
 static int is_body(const cairn_scan_view *view, int32_t from, int32_t to, cairn_real breadth)
 {
     cairn_vec2 first = view->beams[from].to, chord = cairn_vec2_sub(view->beams[to - 1].to, first);
@@ -500,14 +500,14 @@ void cairn_place_map_classify_points(cairn_place_map *map, int32_t place, int32_
 
         for (int32_t i = 0; i < scan->point_count; i++) {
             const cairn_oriented_point *point = &map->points[scan->first_point + i];
-            uint8_t *doubt = &map->point_class[scan->first_point + i];
-            int32_t least = is_last && (*doubt & CAIRN_POINT_DYNAMIC_CANDIDATE) ? 1 : 0;
-            int is_suspect =
+            uint8_t *point_class = &map->point_class[scan->first_point + i];
+            int32_t least = is_last && (*point_class & CAIRN_POINT_DYNAMIC_CANDIDATE) ? 1 : 0;
+            int is_invalidated =
                 balance_of(map, place, cairn_transform_point(transform, point->position)) < least;
 
-            *doubt = (uint8_t)((*doubt & CAIRN_POINT_DYNAMIC_CANDIDATE) |
-                               (is_suspect ? CAIRN_POINT_INVALIDATED : 0));
+            *point_class = (uint8_t)((*point_class & CAIRN_POINT_DYNAMIC_CANDIDATE) |
+                                     (is_invalidated ? CAIRN_POINT_INVALIDATED : 0));
         }
     }
-    map->units_owed += 1 + here->point_count * map->place_count / 2;
+    map->uncharged_units += 1 + here->point_count * map->place_count / 2;
 }

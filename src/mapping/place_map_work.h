@@ -116,7 +116,7 @@ struct cairn_place_map {
     int32_t submaps_found;        /* 1: the submaps of the last map are known */
     int32_t optimized_hypotheses; /* hypotheses whose poses have been optimized */
     int32_t inner_running;        /* 1: icp or consensus is running */
-    int32_t units_owed;           /* units of finished items, not yet charged */
+    int32_t uncharged_units;      /* units of finished items, not yet charged */
     cairn_place_map_result result;
 };
 
@@ -195,7 +195,7 @@ void cairn_place_map_finish(cairn_place_map *map);
 void cairn_place_map_written_extend(cairn_place_map *map);
 void cairn_place_map_written_item(cairn_place_map *map, cairn_budget *budget);
 
-/* Executes one item and adds its cost to units_owed; items of the match, the consensus and icp
+/* Executes one item and adds its cost to uncharged_units; items of the match, the consensus and icp
  * charge the budget directly. */
 void cairn_place_map_item(cairn_place_map *map, cairn_budget *budget);
 

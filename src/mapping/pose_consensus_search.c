@@ -38,7 +38,7 @@ static int32_t strongest_hypothesis(cairn_pose_consensus *consensus, int32_t for
             index = i;
         }
     }
-    consensus->units_owed += 1 + consensus->hypothesis_count / 8;
+    consensus->uncharged_units += 1 + consensus->hypothesis_count / 8;
     return index;
 }
 
@@ -102,7 +102,7 @@ static void start_growth(cairn_pose_consensus *consensus)
         consensus->current[i].component = -1;
     if (consensus->result.starts < consensus->params.max_starts && consensus->block_passes == 0)
         hypothesis = strongest_hypothesis(consensus, 1);
-    consensus->units_owed++;
+    consensus->uncharged_units++;
     if (hypothesis < 0) {
         cairn_pose_consensus_begin_blocks(consensus);
         return;
@@ -164,12 +164,12 @@ static void vote(cairn_pose_consensus *consensus, cairn_pose_consensus_candidate
         consensus, candidate->node, candidate->pose, candidate->component, 0);
 
     candidate->support = support.sum;
-    consensus->units_owed += support.units;
+    consensus->uncharged_units += support.units;
     if (cairn_pose_consensus_within_bounds(consensus, candidate->component, candidate->node,
                                            candidate->pose, NULL))
         insert_candidate(consensus, candidate);
     if (consensus->bound_count > 0)
-        consensus->units_owed += consensus->node_count;
+        consensus->uncharged_units += consensus->node_count;
 }
 
 static void propose(cairn_pose_consensus *consensus, int32_t link)
@@ -201,7 +201,7 @@ static int is_open(const cairn_pose_consensus *consensus, int32_t link)
 
 static void search_item(cairn_pose_consensus *consensus)
 {
-    consensus->units_owed++;
+    consensus->uncharged_units++;
     if (consensus->choice != CAIRN_CHOOSE_NEXT &&
         consensus->next == consensus->first_link[consensus->subject] &&
         consensus->candidate_count == 0 && consensus->current[consensus->subject].component >= 0) {
@@ -286,7 +286,7 @@ static void report_item(cairn_pose_consensus *consensus);
 
 static void evaluate_item(cairn_pose_consensus *consensus)
 {
-    consensus->units_owed++;
+    consensus->uncharged_units++;
     if (consensus->next < consensus->end) {
         cairn_pose_consensus_candidate *candidate = &consensus->candidates[consensus->next++];
         cairn_pose_consensus_support support = cairn_pose_consensus_support_of(
@@ -294,7 +294,7 @@ static void evaluate_item(cairn_pose_consensus *consensus)
 
         candidate->support = support.sum;
         candidate->violations = support.violations;
-        consensus->units_owed += support.units;
+        consensus->uncharged_units += support.units;
     } else if (consensus->choice == CAIRN_CHOOSE_NEXT) {
         choose_next(consensus);
     } else if (consensus->choice == CAIRN_CHOOSE_REASSIGN) {
@@ -308,7 +308,7 @@ static void evaluate_item(cairn_pose_consensus *consensus)
 
 cairn_real cairn_pose_consensus_merged_support(cairn_pose_consensus *consensus,
                                                const cairn_pose_consensus_candidate *merge,
-                                               int32_t judged)
+                                               int32_t by_likelihood)
 {
     cairn_real sum = 0;
 
@@ -316,10 +316,10 @@ cairn_real cairn_pose_consensus_merged_support(cairn_pose_consensus *consensus,
         if (consensus->current[i].component == merge->node) {
             cairn_pose_consensus_support support = cairn_pose_consensus_support_of(
                 consensus, i, cairn_pose_consensus_compose(merge->pose, consensus->current[i].pose),
-                merge->component, judged);
+                merge->component, by_likelihood);
 
             sum += support.sum;
-            consensus->units_owed += support.units;
+            consensus->uncharged_units += support.units;
         }
     return sum;
 }
@@ -366,7 +366,7 @@ static void merge_item(cairn_pose_consensus *consensus)
 {
     const cairn_pose_consensus_hypothesis *h = &consensus->hypotheses[consensus->next];
 
-    consensus->units_owed++;
+    consensus->uncharged_units++;
     if (consensus->next < consensus->end) {
         int32_t first = consensus->current[h->first].component,
                 second = consensus->current[h->second].component;
@@ -390,7 +390,7 @@ static void merge_item(cairn_pose_consensus *consensus)
 
 static void reassign_item(cairn_pose_consensus *consensus)
 {
-    consensus->units_owed++;
+    consensus->uncharged_units++;
     if (consensus->next < consensus->end) {
         search(consensus, CAIRN_CHOOSE_REASSIGN, consensus->next);
     } else if (consensus->changed_nodes > 0) {
@@ -405,9 +405,9 @@ static void reassign_item(cairn_pose_consensus *consensus)
 static void relax_item(cairn_pose_consensus *consensus)
 {
     if (consensus->next < consensus->end) {
-        consensus->units_owed += 2 + (consensus->first_link[consensus->next + 1] -
-                                      consensus->first_link[consensus->next]) /
-                                         4;
+        consensus->uncharged_units += 2 + (consensus->first_link[consensus->next + 1] -
+                                           consensus->first_link[consensus->next]) /
+                                              4;
         cairn_pose_consensus_relax(consensus, consensus->next);
         consensus->next++;
     } else if (--consensus->sweeps > 0) {
@@ -475,7 +475,7 @@ static void compare(cairn_pose_consensus *consensus)
         result->total = consensus->total;
         result->start = consensus->start;
     }
-    consensus->units_owed += consensus->node_count / 2;
+    consensus->uncharged_units += consensus->node_count / 2;
 }
 
 static void mark_explained(cairn_pose_consensus *consensus)
@@ -490,12 +490,12 @@ static void mark_explained(cairn_pose_consensus *consensus)
                 consensus->params.max_chi2)
             h->is_explained = 1;
     }
-    consensus->units_owed += consensus->hypothesis_count / 2;
+    consensus->uncharged_units += consensus->hypothesis_count / 2;
 }
 
 static void total_item(cairn_pose_consensus *consensus)
 {
-    consensus->units_owed++;
+    consensus->uncharged_units++;
     if (consensus->next < consensus->end) {
         const cairn_pose_consensus_assignment *node = &consensus->current[consensus->next];
 
@@ -504,7 +504,7 @@ static void total_item(cairn_pose_consensus *consensus)
                 consensus, consensus->next, node->pose, node->component, 1);
 
             consensus->total += support.sum / 2;
-            consensus->units_owed += support.units;
+            consensus->uncharged_units += support.units;
         }
         consensus->next++;
     } else {
@@ -519,7 +519,7 @@ static void total_item(cairn_pose_consensus *consensus)
 /* Visited twice per node: to search its alternatives, and after their evaluation. */
 static void report_item(cairn_pose_consensus *consensus)
 {
-    consensus->units_owed++;
+    consensus->uncharged_units++;
     if (consensus->phase == CAIRN_CONSENSUS_EVALUATE) {
         cairn_pose_consensus_report_node(consensus);
         cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_REPORT, consensus->node_count);

@@ -259,7 +259,7 @@ int32_t cairn_scan_match_fit_item(cairn_scan_match *match)
 void cairn_scan_match_score_begin(cairn_scan_match *match)
 {
     const match_stage *stage = &STAGES[match->stage];
-    int32_t witnesses;
+    int32_t target_samples;
 
     memset(&match->inlier_count, 0, sizeof match->inlier_count);
     match->target_query =
@@ -267,9 +267,9 @@ void cairn_scan_match_score_begin(cairn_scan_match *match)
     match->query_target = cairn_transform_of(
         cairn_pose_inverse(match->hypotheses[match->hypothesis_index].target_query));
     match->query_stride = match->fit.stride;
-    witnesses = stage->points < SCAN_MATCH_MAX_TARGET_SAMPLES ? stage->points
-                                                              : SCAN_MATCH_MAX_TARGET_SAMPLES;
-    match->target_stride = (match->target_count + witnesses - 1) / witnesses;
+    target_samples = stage->points < SCAN_MATCH_MAX_TARGET_SAMPLES ? stage->points
+                                                                   : SCAN_MATCH_MAX_TARGET_SAMPLES;
+    match->target_stride = (match->target_count + target_samples - 1) / target_samples;
     match->index_in_phase = 0;
 }
 
@@ -326,10 +326,10 @@ static void score(cairn_scan_match *match)
 {
     cairn_scan_match_hypothesis *h = &match->hypotheses[match->hypothesis_index];
     const match_inlier_count *t = &match->inlier_count;
-    cairn_real asked = (cairn_real)(t->query_points > 0 ? t->query_points : 1), agreement;
+    cairn_real query_points = (cairn_real)(t->query_points > 0 ? t->query_points : 1), agreement;
 
-    h->overlap = (cairn_real)t->inliers / asked;
-    h->fit = t->fit_sum / asked;
+    h->overlap = (cairn_real)t->inliers / query_points;
+    h->fit = t->fit_sum / query_points;
     h->free_space_violation = share((cairn_real)t->violations, t->inliers);
     h->target_free_space_violation = share((cairn_real)t->target_violations, t->target_inliers);
     agreement = (1 - h->free_space_violation) * (1 - h->target_free_space_violation);
@@ -339,7 +339,7 @@ static void score(cairn_scan_match *match)
 int32_t cairn_scan_match_score_item(cairn_scan_match *match)
 {
     int32_t queries = match->fit.count,
-            witnesses = match->query_has_profile ? match->target_count : 0;
+            target_samples = match->query_has_profile ? match->target_count : 0;
 
     if (match->index_in_phase < queries) {
         test_query_point(match, &match->fit.points[match->index_in_phase]);
@@ -347,11 +347,11 @@ int32_t cairn_scan_match_score_item(cairn_scan_match *match)
         if (match->index_in_phase < queries)
             return 0;
         match->index_in_phase = queries;
-    } else if (match->index_in_phase - queries < witnesses) {
+    } else if (match->index_in_phase - queries < target_samples) {
         test_target_point(match, &match->target[match->index_in_phase - queries]);
         match->index_in_phase += match->target_stride;
     }
-    if (match->index_in_phase - queries < witnesses)
+    if (match->index_in_phase - queries < target_samples)
         return 0;
     score(match);
     return 1;

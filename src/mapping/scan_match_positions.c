@@ -21,15 +21,15 @@ match_position cairn_scan_match_quantize(const cairn_scan_match *match, cairn_ve
 {
     cairn_real per_metre =
         SCAN_MATCH_CELL_STEPS / (SCAN_MATCH_CELL_SPACINGS * match->params.spacing);
-    match_position spot = {quantize((p.x - match->target_low.x) * per_metre),
-                           quantize((p.y - match->target_low.y) * per_metre)};
+    match_position q = {quantize((p.x - match->target_low.x) * per_metre),
+                        quantize((p.y - match->target_low.y) * per_metre)};
 
-    return spot;
+    return q;
 }
 
-int32_t cairn_scan_match_strip(const cairn_scan_match *match, match_position spot)
+int32_t cairn_scan_match_strip(const cairn_scan_match *match, match_position q)
 {
-    int32_t along = match->strips_along_y ? spot.y : spot.x, column;
+    int32_t along = match->strips_along_y ? q.y : q.x, column;
 
     if (along < 0)
         return 0;

@@ -142,13 +142,13 @@ void cairn_scan_match_select(cairn_scan_match *match, int32_t keep)
         match->hypotheses[at] = moving;
     }
     for (int32_t i = 0; i < match->hypothesis_count && kept < keep; i++) {
-        int32_t twin = !is_inside(match, match->hypotheses[i].target_query);
+        int32_t is_dropped = !is_inside(match, match->hypotheses[i].target_query);
 
-        for (int32_t k = 0; k < kept && !twin; k++)
-            twin =
+        for (int32_t k = 0; k < kept && !is_dropped; k++)
+            is_dropped =
                 is_near(match, match->hypotheses[k].target_query, match->hypotheses[i].target_query,
                         DUPLICATE_DISTANCE, DUPLICATE_ANGLE_RAD);
-        if (!twin)
+        if (!is_dropped)
             match->hypotheses[kept++] = match->hypotheses[i];
     }
     match->hypothesis_count = kept;

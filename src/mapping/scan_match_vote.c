@@ -22,9 +22,9 @@
 enum {
     AGREEING_BINS = 3, /* direction bins to both sides that agree */
     MARGIN_CELLS = 5,  /* cells of the grid about its window */
-    VOTER_BITS = 8,    /* MAX_QUERY_POINTS fit */
-    VOTER_MASK = (1 << VOTER_BITS) - 1,
-    NO_VOTER = -1
+    QUERY_BITS = 8,    /* MAX_QUERY_POINTS fit */
+    QUERY_MASK = (1 << QUERY_BITS) - 1,
+    NO_QUERY = -1
 };
 
 static const cairn_real MIN_HEADING_STEP_RAD = CAIRN_REAL(0.04),
@@ -109,7 +109,7 @@ void cairn_scan_match_votes_begin(cairn_scan_match *match)
                             : match->params.max_candidates;
     v->stride =
         (match->query.count + SCAN_MATCH_MAX_QUERY_POINTS - 1) / SCAN_MATCH_MAX_QUERY_POINTS;
-    v->count_shift = match->has_window || !match->params.vote_once ? 0 : VOTER_BITS;
+    v->count_shift = match->has_window || !match->params.vote_once ? 0 : QUERY_BITS;
     for (int32_t i = 0; i < match->query.count; i += v->stride) {
         cairn_vec2 direction = match->query.points[i].direction;
 
@@ -120,10 +120,10 @@ void cairn_scan_match_votes_begin(cairn_scan_match *match)
 }
 
 /* Votes of a query point with the target points by_direction[first ... end-1]; `corner` is the
- * grid's corner relative to it. A cell in which the masked bits equal `voter` already has its
+ * grid's corner relative to it. A cell in which the masked bits equal `query_mark` already has its
  * vote. */
 static inline void add_votes(cairn_scan_match *match, match_position corner, int32_t first,
-                             int32_t end, int32_t mask, int32_t voter)
+                             int32_t end, int32_t mask, int32_t query_mark)
 {
     match_accumulator *v = &match->votes;
     const match_position *at = match->by_direction;
@@ -144,10 +144,10 @@ static inline void add_votes(cairn_scan_match *match, match_position corner, int
         hits++;
         if (before == 0)
             touched[count++] = (uint16_t)cell;
-        else if ((before & mask) == voter)
+        else if ((before & mask) == query_mark)
             continue;
         if ((before | mask) < UINT16_MAX)
-            votes[cell] = (uint16_t)(((before | mask) + 1) | (voter & mask));
+            votes[cell] = (uint16_t)(((before | mask) + 1) | (query_mark & mask));
     }
     v->touched_count = count;
     cairn_scan_match_charge(match, 3 + (end - first) * 3 / 2 + hits);
@@ -157,9 +157,9 @@ static void add_votes_of_point(cairn_scan_match *match, match_position corner, i
                                int32_t end)
 {
     if (match->votes.count_shift == 0)
-        add_votes(match, corner, first, end, 0, NO_VOTER);
+        add_votes(match, corner, first, end, 0, NO_QUERY);
     else
-        add_votes(match, corner, first, end, VOTER_MASK,
+        add_votes(match, corner, first, end, QUERY_MASK,
                   match->index_in_phase / match->votes.stride);
 }
 

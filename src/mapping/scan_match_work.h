@@ -206,7 +206,7 @@ struct cairn_scan_match {
     /* State of the steps. */
     match_phase phase;
     int32_t index_in_phase, hypothesis_index;
-    int32_t parts_owed; /* parts of units of finished items, not yet charged */
+    int32_t uncharged_parts; /* parts of units of finished items, not yet charged */
     cairn_scan_match_result result;
     cairn_scan_match_measure measure;
 };
@@ -214,7 +214,7 @@ struct cairn_scan_match {
 /* Charges the current item. */
 static inline void cairn_scan_match_charge(cairn_scan_match *match, int32_t parts)
 {
-    match->parts_owed += parts;
+    match->uncharged_parts += parts;
 }
 
 /* scan_match_index.c */
@@ -227,7 +227,7 @@ void cairn_scan_match_index_place(match_index *index, cairn_oriented_point p);
 /* Returns the nearest point within the distance gate and the direction gate; NULL: none. *parts
  * grows by the cost. */
 const cairn_oriented_point *cairn_scan_match_index_nearest(const match_index *index,
-                                                           match_search *asked, cairn_real gate,
+                                                           match_search *search, cairn_real gate,
                                                            int32_t *parts);
 /* scan_match_positions.c: quantized target positions by direction and strip. */
 void cairn_scan_match_positions_reset(cairn_scan_match *match);
@@ -238,7 +238,7 @@ void cairn_scan_match_positions_place(cairn_scan_match *match, const cairn_orien
 match_position cairn_scan_match_quantize(const cairn_scan_match *match, cairn_vec2 p);
 /* Returns the strip of a position along the longer side of the target's bounding box; positions
  * outside are in the first or last. */
-int32_t cairn_scan_match_strip(const cairn_scan_match *match, match_position spot);
+int32_t cairn_scan_match_strip(const cairn_scan_match *match, match_position q);
 /* Returns an angle, rad, quantized to 65536ths of the full circle, wrapped. */
 uint16_t cairn_scan_match_quantize_angle(cairn_real angle);
 /* Returns the direction bin of a quantized angle. */

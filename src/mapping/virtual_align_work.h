@@ -34,7 +34,7 @@ struct cairn_virtual_align {
     cairn_aligner *aligner;
     cairn_force_field *field;
     cairn_virtual_scan *hypotheses;
-    cairn_weak_direction *slide;
+    cairn_weak_direction *weak_direction;
     /* [max_scans] */
     struct cairn_virtual_place *places;
     /* [max_scans] initial poses of the aligner's next run, or its results */

@@ -300,20 +300,18 @@ static void adjust_ellipses(cairn_virtual_scan *virtual_scan, cairn_real sigma)
 
 cairn_status cairn_virtual_scan_begin(cairn_virtual_scan *virtual_scan, cairn_real sigma)
 {
-    cairn_virtual_scan *self = virtual_scan;
-
-    if (self == NULL || !(sigma >= 0) || sigma > MAX_VALUE / 2)
+    if (virtual_scan == NULL || !(sigma >= 0) || sigma > MAX_VALUE / 2)
         return CAIRN_BAD_ARGUMENT;
-    memset(&self->map, 0, sizeof self->map);
-    self->map.points = self->points;
-    self->map.point_scan = self->point_scan;
-    self->map.segments = self->segments;
-    self->map.segment_scan = self->segment_scan;
-    self->map.sigma = sigma;
-    self->work.count = self->work.point_count = self->work.dropped = 0;
-    self->phase = VIRTUAL_GATHER;
-    adjust_lines(self, sigma);
-    adjust_ellipses(self, sigma);
+    memset(&virtual_scan->map, 0, sizeof virtual_scan->map);
+    virtual_scan->map.points = virtual_scan->points;
+    virtual_scan->map.point_scan = virtual_scan->point_scan;
+    virtual_scan->map.segments = virtual_scan->segments;
+    virtual_scan->map.segment_scan = virtual_scan->segment_scan;
+    virtual_scan->map.sigma = sigma;
+    virtual_scan->work.count = virtual_scan->work.point_count = virtual_scan->work.dropped = 0;
+    virtual_scan->phase = VIRTUAL_GATHER;
+    adjust_lines(virtual_scan, sigma);
+    adjust_ellipses(virtual_scan, sigma);
     return CAIRN_OK;
 }
 
@@ -356,24 +354,24 @@ cairn_status cairn_virtual_scan_add_scan(cairn_virtual_scan *virtual_scan,
                                          const cairn_scan_set *set, int32_t scan,
                                          cairn_pose map_scan)
 {
-    cairn_virtual_scan *self = virtual_scan;
     const cairn_scan_set_scan *of;
     cairn_transform t;
     int32_t points = 0;
 
-    if (self == NULL || set == NULL || self->phase != VIRTUAL_GATHER ||
-        !has_scan(self, set, scan) || !cairn_pose_is_finite(map_scan) ||
+    if (virtual_scan == NULL || set == NULL || virtual_scan->phase != VIRTUAL_GATHER ||
+        !has_scan(virtual_scan, set, scan) || !cairn_pose_is_finite(map_scan) ||
         cairn_abs(map_scan.x) > MAX_VALUE / 2 || cairn_abs(map_scan.y) > MAX_VALUE / 2)
         return CAIRN_BAD_ARGUMENT;
     of = &set->scans[scan];
     for (int32_t i = of->first_segment; i < of->end_segment; i++)
-        points += thinned_count(self, &set->segments[i]);
-    if (points > self->params.max_points - self->map.point_count ||
-        of->end_segment - of->first_segment > self->params.max_segments - self->map.segment_count)
+        points += thinned_count(virtual_scan, &set->segments[i]);
+    if (points > virtual_scan->params.max_points - virtual_scan->map.point_count ||
+        of->end_segment - of->first_segment >
+            virtual_scan->params.max_segments - virtual_scan->map.segment_count)
         return CAIRN_FULL;
     t = cairn_transform_of(map_scan);
     for (int32_t i = of->first_segment; i < of->end_segment; i++)
-        add_segment(self, set, i, t);
+        add_segment(virtual_scan, set, i, t);
     return CAIRN_OK;
 }
 
