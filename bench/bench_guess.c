@@ -375,8 +375,9 @@ static int32_t count_lies(const void *state)
     return lie->detections - 1 == lie->when;
 }
 
-static int32_t lay_lie(const void *state, int32_t i, cairn_real spacing,
-                       cairn_oriented_point *points, int32_t capacity, cairn_real *strength)
+static int32_t report_false_rectangle(const void *state, int32_t i, cairn_real spacing,
+                                      cairn_oriented_point *points, int32_t capacity,
+                                      cairn_real *strength)
 {
     const bench_false_rectangle *lie = state;
     cairn_vec2 corner[4];
@@ -401,7 +402,7 @@ static int32_t lay_lie(const void *state, int32_t i, cairn_real spacing,
 cairn_virtual_scan_hypothesis_detector bench_lie_detector(bench_false_rectangle *lie)
 {
     cairn_virtual_scan_hypothesis_detector detector = {lie, begin_lie, step_lie, count_lies,
-                                                       lay_lie};
+                                                       report_false_rectangle};
 
     return detector;
 }

@@ -20,7 +20,7 @@ typedef struct bench_match_settings {
     double tilt, movers;
     /* m, degrees */
     double sub_error[2];
-    int32_t walkers, strangers;
+    int32_t walkers, unrelated;
     /* 1: the scans of all places have the same headings, as in the thesis */
     int32_t same_headings;
     /* 1: the method and the setting of chapter 6: headings of places are equal and known up to

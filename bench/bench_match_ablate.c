@@ -56,7 +56,7 @@ static int ablate_match(cairn_scan_match *match, const cairn_oriented_point *que
                         double angle, ablation *out)
 {
     const cairn_scan_match_window window = {20, (cairn_real)angle};
-    cairn_scan_match_part asked = {query, NULL, NULL, count, 0, 0},
+    cairn_scan_match_part query_part = {query, NULL, NULL, count, 0, 0},
                           known = {target, NULL, NULL, target_count, 0, 0};
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_scan_match_result found;
@@ -64,7 +64,8 @@ static int ablate_match(cairn_scan_match *match, const cairn_oriented_point *que
 
     cairn_scan_match_clear_target(match);
     if (cairn_scan_match_add_target(match, &known, shift, NULL) != CAIRN_OK ||
-        cairn_scan_match_begin(match, &asked, cairn_pose_identity(), &window, NULL) != CAIRN_OK)
+        cairn_scan_match_begin(match, &query_part, cairn_pose_identity(), &window, NULL) !=
+            CAIRN_OK)
         return 0;
     while ((status = cairn_scan_match_step(match, &budget)) == CAIRN_MORE)
         budget.left = CAIRN_UNBOUNDED;

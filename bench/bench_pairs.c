@@ -51,9 +51,9 @@ static void draw_pairs(bench_collection *c, int32_t first, int32_t end, int64_t 
     }
 }
 
-static void add_stranger(bench_collection *c, int32_t target, int32_t query)
+static void add_unrelated(bench_collection *c, int32_t target, int32_t query)
 {
-    c->strangers[c->stranger_count++] = pair_of(target, query);
+    c->unrelated[c->unrelated_count++] = pair_of(target, query);
 }
 
 /* ---- Simulated ---- */
@@ -137,8 +137,8 @@ static void pair_places(const bench_pairs_settings *s, bench_collection *c, int3
             overlap = true_overlap(&c->views.at[a], &c->views.at[b]);
             if (overlap >= s->overlap && (size_t)c->pair_count < capacity) {
                 c->pairs[c->pair_count++] = pair_of(a, b);
-            } else if (overlap < 0.02 && (size_t)c->stranger_count < capacity) {
-                add_stranger(c, a, b);
+            } else if (overlap < 0.02 && (size_t)c->unrelated_count < capacity) {
+                add_unrelated(c, a, b);
             }
         }
 }
@@ -195,8 +195,8 @@ static int add_arena(const bench_pairs_settings *s, bench_collection *c, uint64_
         if (!s->unions)
             bound_pairs(c, arena, scans, first_pair);
         for (int32_t i = 0; i < PAIRS_PER_ARENA && first > 0 && !s->places; i++)
-            add_stranger(c, first + cairn_random_below(&random, count),
-                         first - 1 - cairn_random_below(&random, count));
+            add_unrelated(c, first + cairn_random_below(&random, count),
+                          first - 1 - cairn_random_below(&random, count));
     } else {
         fprintf(stderr, "bench/pairs: %s\n", fault);
     }
@@ -272,14 +272,14 @@ static int collect_log(const bench_pairs_settings *s, bench_collection *c)
            read_truth(s->truth, &log, c);
     if (done) {
         draw_pairs(c, 0, c->views.count, s->partners, (int32_t)s->pairs, &random);
-        for (int64_t attempt = 0; attempt < 1000 * s->pairs && c->stranger_count < s->pairs;
+        for (int64_t attempt = 0; attempt < 1000 * s->pairs && c->unrelated_count < s->pairs;
              attempt++) {
             int32_t a = cairn_random_below(&random, c->views.count),
                     b = cairn_random_below(&random, c->views.count);
             cairn_pose t = cairn_pose_between(c->views.at[a].truth, c->views.at[b].truth);
 
             if (hypot((double)t.x, (double)t.y) > 15)
-                add_stranger(c, a, b);
+                add_unrelated(c, a, b);
         }
     }
     cairn_carmen_log_scans_free(&log);
@@ -293,13 +293,13 @@ int bench_pairs_collect(const bench_pairs_settings *s, bench_collection *c)
 
     memset(c, 0, sizeof *c);
     c->pairs = malloc(capacity * sizeof *c->pairs);
-    c->strangers = malloc(2 * capacity * sizeof *c->strangers);
-    collected = c->pairs != NULL && c->strangers != NULL &&
+    c->unrelated = malloc(2 * capacity * sizeof *c->unrelated);
+    collected = c->pairs != NULL && c->unrelated != NULL &&
                 (s->simulated || s->places ? collect_simulated(s, c) : collect_log(s, c));
     if (c->pair_count > s->pairs)
         c->pair_count = (int32_t)s->pairs;
-    if (c->stranger_count > s->pairs)
-        c->stranger_count = (int32_t)s->pairs;
+    if (c->unrelated_count > s->pairs)
+        c->unrelated_count = (int32_t)s->pairs;
     return collected;
 }
 
@@ -307,5 +307,5 @@ void bench_pairs_free(bench_collection *c)
 {
     bench_views_free(&c->views);
     free(c->pairs);
-    free(c->strangers);
+    free(c->unrelated);
 }

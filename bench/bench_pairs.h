@@ -28,8 +28,8 @@ typedef struct bench_collection {
     bench_views views;
     bench_pair *pairs;
     int32_t pair_count;
-    bench_pair *strangers;
-    int32_t stranger_count;
+    bench_pair *unrelated;
+    int32_t unrelated_count;
 } bench_collection;
 
 /* Views, pairs and unrelated pairs, at most `pairs` of each. 0: a line on standard error; free in

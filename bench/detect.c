@@ -463,7 +463,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
                     "nearest words learnt"),
         OPTION_NUMBER("--weight", &s->weight, 0, 1000, "LAMBDA", "of appearance, with --train"),
         OPTION_NUMBER("--verify", &s->verify, 0, 100, "WEIGHT",
-                      "of what contour grouping finds where a detection is; 0: it is not asked"),
+                      "weight of the evidence of contour grouping at a detection; 0: no grouping"),
         OPTION_TEXT("--curves", &s->curves, "DIR",
                     "writes CLASS.csv and CLASS.svg: at IoU 0.5, as written at 0.2"),
         OPTION_TEXT("--data", &s->data, "DIR", "where ethz/ is"),

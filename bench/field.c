@@ -32,8 +32,8 @@ typedef struct settings {
     const char *scene, *preset, *svg;
     int64_t arenas, seed;
     double spacing, sigma;
-    double trans, rot; /* m, degrees: of the start; NaN: the scene's own */
-    double mass, pace; /* of points in regions of interest, NaN: the mode's; factor of dt */
+    double trans, rot;      /* m, degrees: of the start; NaN: the scene's own */
+    double mass, dt_factor; /* of points in regions of interest, NaN: the mode's; factor of dt */
     int32_t as_written;
 } settings;
 
@@ -134,7 +134,7 @@ static cairn_status views_make(views *v, const scene *s, double spacing)
  * segments. */
 enum { CORNERS_PER_SEGMENT = 16 };
 
-static void make_room(cairn_force_field_params *params, const views *v)
+static void set_corner_capacity(cairn_force_field_params *params, const views *v)
 {
     params->max_scans = v->count;
     params->max_segments = v->segment_count + 1;
@@ -218,7 +218,7 @@ static cairn_status run_field(scene *s, const views *v, cairn_force_field_params
     cairn_status status;
     double start;
 
-    make_room(&params, v);
+    set_corner_capacity(&params, v);
     params.max_steps = s->steps;
     params.stop_relocation = 0;
     status = field_make(&field, &pool, &params, &memory);
@@ -328,8 +328,8 @@ static cairn_force_field_params preset_of(const settings *set, const scene *s)
                                          s->steps);
     if (!isnan(set->mass))
         params.roi_mass = (cairn_real)set->mass;
-    params.dt_start *= (cairn_real)set->pace;
-    params.dt_end *= (cairn_real)set->pace;
+    params.dt_start *= (cairn_real)set->dt_factor;
+    params.dt_end *= (cairn_real)set->dt_factor;
     return params;
 }
 
@@ -456,10 +456,10 @@ static int check(const settings *s, const char *given_preset)
     else if (!is_preset)
         fprintf(stderr, "bench/field: unknown preset '%s', expected thesis, spaced or springs\n",
                 s->preset);
-    else if (s->as_written && (given_preset != NULL || s->sigma > 0 || s->pace != 1))
+    else if (s->as_written && (given_preset != NULL || s->sigma > 0 || s->dt_factor != 1))
         fprintf(stderr, "bench/field: --as-written with --preset, --sigma or --dt, expected the "
                         "thesis's constants\n");
-    else if ((!isnan(s->mass) || s->pace != 1) && strcmp(s->preset, "thesis") != 0 &&
+    else if ((!isnan(s->mass) || s->dt_factor != 1) && strcmp(s->preset, "thesis") != 0 &&
              !s->as_written)
         fprintf(stderr, "bench/field: --mass or --dt with preset %s, expected thesis\n", s->preset);
     else if ((!isnan(s->trans) || !isnan(s->rot)) &&
@@ -482,7 +482,7 @@ int main(int argc, char **argv)
                   .trans = (double)NAN,
                   .rot = (double)NAN,
                   .mass = (double)NAN,
-                  .pace = 1};
+                  .dt_factor = 1};
     const char *given_preset = NULL;
     const option table[] = {
         OPTION_TEXT("--scene", &s.scene, "NAME", "rescue, maze, apartment or corners (rescue)"),
@@ -500,7 +500,7 @@ int main(int argc, char **argv)
                       "disturbance of the heading, uniform +-, degrees (20)"),
         OPTION_NUMBER("--mass", &s.mass, 0.01, 1000, "M",
                       "of points in regions of interest, which the thesis leaves open (4)"),
-        OPTION_NUMBER("--dt", &s.pace, 0.01, 100, "F", "times this the thesis's dt"),
+        OPTION_NUMBER("--dt", &s.dt_factor, 0.01, 100, "F", "times this the thesis's dt"),
         OPTION_TEXT("--svg", &s.svg, "DIR", "pictures of start and end"),
     };
     const option_set set = {"bench/field", "[options]",

@@ -260,9 +260,9 @@ static int check(settings *s)
                 s->method);
         return 0;
     }
-    if (s->world.strangers >= s->world.places) {
-        fprintf(stderr, "bench/match: %d strangers, expected fewer than the places\n",
-                (int)s->world.strangers);
+    if (s->world.unrelated >= s->world.places) {
+        fprintf(stderr, "bench/match: --strangers is %d, expected fewer than the places\n",
+                (int)s->world.unrelated);
         return 0;
     }
     return 1;
@@ -313,8 +313,8 @@ int main(int argc, char **argv)
                     "at the end every scan is aligned by itself, all at once"),
         OPTION_FLAG("--ablate", &s.ablate,
                     "the method of chapter 6 after each of its stages instead"),
-        OPTION_COUNT("--strangers", &s.world.strangers, 0, 255, "N",
-                     "so many of the places are of another arena"),
+        OPTION_COUNT("--strangers", &s.world.unrelated, 0, 255, "N",
+                     "number of places of another arena"),
         OPTION_FLAG("--decoupled-icp", &s.by_icp, "the same one after the other by ICP"),
     };
     const option_set set = {"bench/match", "[options]", "Maps of places without odometry.", table,

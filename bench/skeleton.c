@@ -453,7 +453,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_INTEGER("--k", &s->k, 0, 1000, "K", "clutter objects"),
         OPTION_NUMBER("--noise", &s->noise, 0, 100, "SIGMA", "grey levels"),
         OPTION_NUMBER("--wrong", &s->wrong, 0.1, 10, "FACTOR",
-                      "the range of radii that is given is so many times the true one"),
+                      "factor of the given range of radii"),
         OPTION_FLAG("--propose", &s->propose, "no range is given"),
         OPTION_NUMBER("--min-slope", &s->slope, 0.01, 1000, "G",
                       "grey levels per pixel, of edgels"),

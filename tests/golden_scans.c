@@ -13,7 +13,7 @@
 
 _Alignas(CAIRN_ALIGN) unsigned char golden_memory[GOLDEN_MEMORY];
 
-/* Distance along a direction to the walls of a room of 6 x 4 m, or to the box of 1 x 1.2 m at (3.5,
+/* Distance along a direction to the walls of a 6 x 4 m room, or to the box of 1 x 1.2 m at (3.5,
  * 0). */
 static cairn_real room_range(cairn_real x, cairn_real y, cairn_real c, cairn_real s)
 {

@@ -1,4 +1,4 @@
-/* Values that stay as they are until somebody means to change them: a file holds a line "name
+/* Values that change only on purpose: a file holds a line "name
  * value" for each, a test program has a test for each line, and the same program with --renew
  * writes the file. `make golden` does so for all. */
 #ifndef CAIRN_TESTS_KEPT_H

@@ -760,7 +760,7 @@ static void keep_hits(float *ranges, sim_pose at, struct kept kept)
 
 /* Three scans of the lower left of a box, which also see its upper wall, and one of that wall and
  * of what it bounds. */
-static cairn_aligner_pose slide(struct kept kept, int32_t max_stubs)
+static cairn_aligner_pose align_with_capacity(struct kept kept, int32_t max_short_segments)
 {
     static const sim_pose others[] = {{3, 3, 0}, {3.6, 3.4, 0.2}, {4, 2.8, -0.1}};
     const struct kept low = {-1, 13, -1, 4, 0.6};
@@ -772,7 +772,7 @@ static cairn_aligner_pose slide(struct kept kept, int32_t max_stubs)
     float ranges[BEAMS];
     struct bed bed;
 
-    params.max_short_segments = max_stubs;
+    params.max_short_segments = max_short_segments;
     bed = make_bed(&params);
     for (int k = 0; k < 3; k++) {
         input = box_scan(ranges, 12, 8, others[k]);
@@ -800,7 +800,7 @@ static void a_scan_is_translated_until_its_walls_meet(void **state)
 {
     const struct kept corner = {-0.1, 0.1, 6, 7.8, 0.1}, nothing = {0, 0, 0, 0, 0.6},
                       reach = {-0.1, 0.1, 6.95, 7.05, 0.6};
-    cairn_aligner_pose p = slide(corner, 0);
+    cairn_aligner_pose p = align_with_capacity(corner, 0);
 
     (void)state;
     assert_near(p.map_scan.x, 0, 5e-3);
@@ -808,13 +808,13 @@ static void a_scan_is_translated_until_its_walls_meet(void **state)
     assert_near(p.map_scan.theta, 0, 5e-3);
     assert_int_equal(p.placed, 1);
     assert_int_equal(p.observable, CAIRN_ALIGNER_X | CAIRN_ALIGNER_Y | CAIRN_ALIGNER_THETA);
-    p = slide(nothing, 8);
+    p = align_with_capacity(nothing, 8);
     assert_int_equal(p.placed, 0);
     assert_int_equal(p.observable, CAIRN_ALIGNER_Y | CAIRN_ALIGNER_THETA);
-    p = slide(reach, 8);
+    p = align_with_capacity(reach, 8);
     assert_near(p.map_scan.x, 0, 2e-2);
     assert_int_equal(p.placed, 1);
-    p = slide(reach, 0);
+    p = align_with_capacity(reach, 0);
     assert_int_equal(p.placed, 0);
 }
 
@@ -1226,10 +1226,11 @@ static uint64_t hash_of_all(const struct bed *bed)
     return test_hash(test_hash(hash_of(bed), numbers, sizeof numbers), spreads, sizeof spreads);
 }
 
-/* Scans of half a circle from places in a room with boxes and slanting walls; the last `strange`
- * ones are in another room, and every `wild`-th has an initial error of a metre and more. */
+/* Scans of half a circle from places in a room with boxes and slanting walls; the last
+ * `in_other_room` ones are in another room, and every `wild`-th has an initial error of a metre and
+ * more. */
 struct scene {
-    int32_t scans, strange, wild, hypotheses, oriented;
+    int32_t scans, in_other_room, wild, hypotheses, oriented;
     double metres, degrees;
     uint64_t world; /* not 0: the seed of another world, with random walls and boxes */
     int32_t beams;
@@ -1296,8 +1297,8 @@ static uint64_t hash_of_scene(const struct scene *scene)
                            CAIRN_REAL(0.3) * (cairn_real)(place % 3),
                            CAIRN_REAL(0.8) * along + CAIRN_REAL(2.6) * (cairn_real)(i % 2)};
         cairn_pose start = pose;
-        cairn_scan_input input = rooms_take_scan(&rooms[i >= scene->scans - scene->strange], pose,
-                                                 (uint64_t)i + 1, &taken);
+        cairn_scan_input input = rooms_take_scan(&rooms[i >= scene->scans - scene->in_other_room],
+                                                 pose, (uint64_t)i + 1, &taken);
 
         input.count = scene->beams;
         start.x += (cairn_real)scene->metres * cairn_random_uniform(&random, -1, 1);

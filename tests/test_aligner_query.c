@@ -210,5 +210,5 @@ int main(void)
         cmocka_unit_test(candidate_pairs_are_near),
     };
 
-    return cmocka_run_group_tests_name("aligner_witness", tests, NULL, NULL);
+    return cmocka_run_group_tests_name("aligner_query", tests, NULL, NULL);
 }

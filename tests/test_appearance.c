@@ -32,34 +32,34 @@ static cairn_appearance_model make_small(void)
 
 static void scores_histograms(void **state)
 {
-    static const float asked[] = {0.5F, 0.5F};
+    static const float query[] = {0.5F, 0.5F};
     cairn_appearance_model m = make_small();
     /* chi2: .25 / 1.5 + .5 and .0625 / .75 + .0625 / 1.25. */
     double f = 2 * exp(-0.5 * (0.25 / 1.5 + 0.5)) -
                1.5 * exp(-0.5 * (0.0625 / 0.75 + 0.0625 / 1.25)) - 0.25;
 
     (void)state;
-    assert_near(cairn_appearance_histogram_probability(&m, asked), 1 / (1 + exp(-2 * f + 0.125)),
+    assert_near(cairn_appearance_histogram_probability(&m, query), 1 / (1 + exp(-2 * f + 0.125)),
                 1e-12);
     m.platt_slope = -1e300;
     m.rho = 1e9;
-    assert_near(cairn_appearance_histogram_probability(&m, asked), 0, 1e-300);
+    assert_near(cairn_appearance_histogram_probability(&m, query), 0, 1e-300);
 }
 
 static void finds_the_nearest_word(void **state)
 {
-    uint8_t words[3 * CAIRN_APPEARANCE_DESCRIPTOR_SIZE], asked[CAIRN_APPEARANCE_DESCRIPTOR_SIZE];
+    uint8_t words[3 * CAIRN_APPEARANCE_DESCRIPTOR_SIZE], query[CAIRN_APPEARANCE_DESCRIPTOR_SIZE];
     int32_t distance;
 
     (void)state;
     memset(words, 10, sizeof words / 3);
     memset(words + CAIRN_APPEARANCE_DESCRIPTOR_SIZE, 20, sizeof words / 3);
     memset(words + 2 * CAIRN_APPEARANCE_DESCRIPTOR_SIZE, 20, sizeof words / 3);
-    memset(asked, 16, sizeof asked);
-    assert_int_equal(cairn_appearance_nearest_word(words, 3, asked, &distance), 1);
+    memset(query, 16, sizeof query);
+    assert_int_equal(cairn_appearance_nearest_word(words, 3, query, &distance), 1);
     assert_int_equal(distance, 16 * CAIRN_APPEARANCE_DESCRIPTOR_SIZE);
-    memset(asked, 15, sizeof asked); /* of equal ones the first */
-    assert_int_equal(cairn_appearance_nearest_word(words, 3, asked, NULL), 0);
+    memset(query, 15, sizeof query); /* of equal ones the first */
+    assert_int_equal(cairn_appearance_nearest_word(words, 3, query, NULL), 0);
 }
 
 static void keeps_models(void **state)

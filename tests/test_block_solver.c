@@ -367,7 +367,7 @@ static void compare_third_unknowns(int32_t poses, int32_t between)
     }
 }
 
-/* Of few poses, and of so many that they take several steps to subtract. */
+/* Of few poses, and of enough poses to take several steps to subtract. */
 static void third_unknowns_apart(void **state)
 {
     (void)state;

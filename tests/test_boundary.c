@@ -753,7 +753,7 @@ static cairn_status step_it(void *context, cairn_budget *budget)
     return cairn_boundary_step(context, budget);
 }
 
-static uint64_t tell_it(void *context)
+static uint64_t hash_it(void *context)
 {
     cairn_boundary_result r = cairn_boundary_read(context);
 
@@ -764,7 +764,7 @@ static void budgets_change_nothing(void **state)
 {
     struct fixture f = boundary_with(small_params());
     cairn_boundary_result r;
-    test_stepped stepped = {begin_it, step_it, tell_it, f.boundary};
+    test_stepped stepped = {begin_it, step_it, hash_it, f.boundary};
     uint64_t whole;
     cairn_status status;
 

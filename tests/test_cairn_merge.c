@@ -197,7 +197,7 @@ static void by_images_and_as_written(void **state)
         "cairn merge @/a.yaml @/b.yaml @/d.yaml -o @/written --as-written --order 0,1,2");
     assert_string_equal(o.err, "");
     assert_int_equal(o.code, 0);
-    assert_non_null(strstr(o.out, "maps       3, 3 placed")); /* the stranger, too */
+    assert_non_null(strstr(o.out, "maps       3, 3 placed")); /* the unrelated map, too */
     assert_non_null(strstr(o.out, "downsampled 1 by 1"));
     assert_ok(cairn_pose_table_read(&row, &count, files_path("written/transforms.csv"), &error));
     assert_int_equal(count, 3);
@@ -239,8 +239,8 @@ static void command_lines_are_refused(void **state)
     assert_refused("@/a.yaml @/b.yaml -o @/no --start @/missing.csv", "missing.csv");
     assert_refused("@/a.yaml @/b.yaml -o @/no --pool 1K", "pool");
     assert_refused("@/a.yaml @/b.yaml -o @/a.yaml/no", "a.yaml");
-    assert_refused("@/a.yaml @/b.yaml -o @/no --perception sight",
-                   "--perception sight, expected evidence or images");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --perception vision",
+                   "--perception vision, expected evidence or images");
     assert_refused("@/a.yaml @/b.yaml -o @/no --as-written --perception evidence",
                    "expected one of both");
     assert_refused("@/a.yaml @/b.yaml -o @/no --as-written --start @/merged/transforms.csv",

@@ -283,7 +283,7 @@ static void test_memory_is_exact(void **state)
         }
 }
 
-/* The corner of a room, of a box, and of a thin wall, under all exchanges of segments. */
+/* Corners of rooms, boxes and thin walls, under all exchanges of segments. */
 static void test_kind_and_legs(void **state)
 {
     struct fixture f = small_set();

@@ -475,7 +475,7 @@ static cairn_status step_set(void *context, cairn_budget *budget)
     return cairn_edgel_step(context, budget);
 }
 
-static uint64_t tell_set(void *context)
+static uint64_t hash_set(void *context)
 {
     int32_t count;
     const cairn_edgel *e = cairn_edgel_list(context, &count);
@@ -486,7 +486,7 @@ static uint64_t tell_set(void *context)
 static void it_begins_anew(void **state)
 {
     struct fixture f = set_with(small_params());
-    test_stepped object = {begin_noise, step_set, tell_set, f.set};
+    test_stepped object = {begin_noise, step_set, hash_set, f.set};
 
     (void)state;
     draw_noise(SMALL * SMALL, 15);

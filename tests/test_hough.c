@@ -993,7 +993,7 @@ static cairn_status step_cloud(void *context, cairn_budget *budget)
     return cairn_hough_step(((struct under_way *)context)->hough, budget);
 }
 
-static uint64_t tell_cloud(void *context)
+static uint64_t hash_cloud(void *context)
 {
     return add_found(((struct under_way *)context)->hough, TEST_HASH_START);
 }
@@ -1004,7 +1004,7 @@ static void begins_anew(void **state)
     cairn_hough_params p = cairn_hough_default();
     struct fixture f;
     struct under_way u;
-    test_stepped object = {begin_cloud, step_cloud, tell_cloud, &u};
+    test_stepped object = {begin_cloud, step_cloud, hash_cloud, &u};
 
     (void)state;
     p.angles = 32;

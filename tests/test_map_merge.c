@@ -370,7 +370,7 @@ static cairn_status step_merge(void *context, cairn_budget *budget)
     return cairn_map_merge_step(context, budget);
 }
 
-static uint64_t tell_merge(void *context)
+static uint64_t hash_merge(void *context)
 {
     return hash_of(context, 3);
 }
@@ -381,7 +381,7 @@ static void test_begun_anew(void **state)
     struct fixture f = merge_with(&p);
     world w = rooms(1);
     view *views[3];
-    test_stepped object = {begin_merge, step_merge, tell_merge, f.merge};
+    test_stepped object = {begin_merge, step_merge, hash_merge, f.merge};
 
     (void)state;
     three_views(&w, views);
@@ -423,7 +423,7 @@ static void test_a_guess_is_kept(void **state)
 
 /* ---- Maps that do not overlap ---- */
 
-static void test_strangers_are_refused(void **state)
+static void test_unrelated_maps_are_refused(void **state)
 {
     cairn_map_merge_params p = small_params();
     struct fixture f = merge_with(&p);
@@ -800,7 +800,7 @@ int main(void)
         cmocka_unit_test(test_budgets_do_not_matter),
         cmocka_unit_test(test_begun_anew),
         cmocka_unit_test(test_a_guess_is_kept),
-        cmocka_unit_test(test_strangers_are_refused),
+        cmocka_unit_test(test_unrelated_maps_are_refused),
         cmocka_unit_test(test_a_map_may_come_too_early),
         cmocka_unit_test(test_coarser_cells),
         cmocka_unit_test(test_nothing_in_a_map),

@@ -15,10 +15,10 @@ typedef struct reference_key {
 } reference_key;
 
 typedef struct reference {
-    cairn_real trust; /* in odometry */
-    cairn_real slip;  /* multiples of its standard deviations */
-    cairn_vec2 drag;  /* added to it */
-    cairn_vec2 pace;
+    cairn_real odometry_health; /* in odometry */
+    cairn_real slip;            /* multiples of its standard deviations */
+    cairn_vec2 drag;            /* added to it */
+    cairn_vec2 velocity;
     int32_t rest;       /* scans since the last keyframe */
     int32_t weak_scans; /* scans whose translation was unobservable */
     cairn_mapper_params params;
@@ -44,7 +44,7 @@ static reference new_reference(const cairn_mapper_params *params)
 
     memset(&t, 0, sizeof t);
     t.params = *params;
-    t.trust = t.slip = 1;
+    t.odometry_health = t.slip = 1;
     t.keys = calloc(KEYS, sizeof *t.keys);
     assert_non_null(t.keys);
     icp.max_target = params->max_local_points;
@@ -186,39 +186,39 @@ static void weigh_odometry(reference *t, const cairn_rigid_motion_pose_prior *pr
         t->drag.x *= CAIRN_REAL(0.8);
         t->drag.y *= CAIRN_REAL(0.8);
     }
-    t->trust += CAIRN_REAL(0.1) * ((off > 2 ? 0 : 1) - t->trust);
+    t->odometry_health += CAIRN_REAL(0.1) * ((off > 2 ? 0 : 1) - t->odometry_health);
     t->state.odometry_contradicted += off > 2;
 }
 
-/* The expected error of the next step: half of a sudden one; along unobservable directions the
- * decaying velocity estimate. */
-static cairn_pose expect(reference *t, cairn_pose motion, cairn_pose asked, cairn_pose predicted,
+/* The expected error of the next step: half of one beyond the threshold; along unobservable
+ * directions the decaying velocity estimate. */
+static cairn_pose expect(reference *t, cairn_pose motion, cairn_pose measured, cairn_pose predicted,
                          const cairn_icp_result *best)
 {
     cairn_pose off = cairn_pose_between(predicted, best->target_query);
     cairn_real s, c, wx, wy, lost;
 
-    if (way_of(off) > CAIRN_REAL(0.1) + CAIRN_REAL(0.2) * way_of(asked) ||
-        cairn_abs(off.theta) > CAIRN_REAL(0.08) + CAIRN_REAL(0.2) * cairn_abs(asked.theta)) {
+    if (way_of(off) > CAIRN_REAL(0.1) + CAIRN_REAL(0.2) * way_of(measured) ||
+        cairn_abs(off.theta) > CAIRN_REAL(0.08) + CAIRN_REAL(0.2) * cairn_abs(measured.theta)) {
         motion.x = (motion.x + t->motion.x) / 2;
         motion.y = (motion.y + t->motion.y) / 2;
         motion.theta = cairn_wrap_angle(t->motion.theta +
                                         cairn_wrap_angle(motion.theta - t->motion.theta) / 2);
     }
     if (best->weak_ratio >= CAIRN_REAL(0.05)) {
-        t->pace.x += CAIRN_REAL(0.1) * (motion.x - t->pace.x);
-        t->pace.y += CAIRN_REAL(0.1) * (motion.y - t->pace.y);
+        t->velocity.x += CAIRN_REAL(0.1) * (motion.x - t->velocity.x);
+        t->velocity.y += CAIRN_REAL(0.1) * (motion.y - t->velocity.y);
         return motion;
     }
     t->weak_scans++;
     cairn_sincos(cairn_pose_inverse(best->target_query).theta, &s, &c);
     wx = c * best->weak_direction[0] - s * best->weak_direction[1];
     wy = s * best->weak_direction[0] + c * best->weak_direction[1];
-    lost = wx * (t->pace.x - motion.x) + wy * (t->pace.y - motion.y);
+    lost = wx * (t->velocity.x - motion.x) + wy * (t->velocity.y - motion.y);
     motion.x += wx * lost;
     motion.y += wy * lost;
-    t->pace.x *= CAIRN_REAL(0.99);
-    t->pace.y *= CAIRN_REAL(0.99);
+    t->velocity.x *= CAIRN_REAL(0.99);
+    t->velocity.y *= CAIRN_REAL(0.99);
     return motion;
 }
 
@@ -307,7 +307,7 @@ static void reference_scan(reference *t, const cairn_scan_input *input, const ca
     else if (odometry != NULL)
         last = *odometry;
     has_motion = odometry != NULL && (t->had_odometry || is_first);
-    odometry_pose = has_motion && t->trust > CAIRN_REAL(0.5);
+    odometry_pose = has_motion && t->odometry_health > CAIRN_REAL(0.5);
     if (has_motion && !is_first)
         by_odometry = cairn_pose_between(t->odometry, *odometry);
     if (odometry_pose) {

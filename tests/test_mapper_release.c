@@ -83,7 +83,7 @@ static void follow(const cairn_mapper *mapper, scan_references *h)
 
 typedef void (*watch)(void *context, cairn_mapper *mapper, scan_references *h);
 
-/* Drives, in steps of so many units; callbacks before and after each of them. */
+/* Drives, in steps of `units`; callbacks before and after each of them. */
 static void run(cairn_mapper *mapper, int32_t turns, int32_t units, scan_references *h,
                 watch before, watch after, void *context)
 {

@@ -151,7 +151,7 @@ static cairn_place_map_result solve(struct mapper *m)
     return cairn_place_map_read(m->map);
 }
 
-/* Places that lie within so many metres and radians of the truth, relative to the first. */
+/* Places that lie within the given metres and radians of the truth, relative to the first. */
 static int32_t count_right(const struct mapper *m, const struct scans *scans, double metres,
                            double radians)
 {
@@ -212,27 +212,27 @@ static void places_of_an_arena(void **state)
 /* Places of another arena fit somewhere by chance: they become separate components or submaps. */
 static void places_of_another_arena_are_reported(void **state)
 {
-    enum { OWN = 3, STRANGE = 2 };
-    cairn_place_map_params params = small_params(OWN + STRANGE);
-    static struct arena arena, strange;
+    enum { OWN = 3, UNRELATED = 2 };
+    cairn_place_map_params params = small_params(OWN + UNRELATED);
+    static struct arena arena, unrelated;
     struct mapper m;
     int32_t joined = 0, submaps = 0;
 
     (void)state;
     make_arena(&arena, 1003, OWN, 0, 0, 0);
-    make_arena(&strange, 1012, STRANGE, 0, 0, 0);
-    for (int32_t k = 0; k < strange.scans.count; k++) {
+    make_arena(&unrelated, 1012, UNRELATED, 0, 0, 0);
+    for (int32_t k = 0; k < unrelated.scans.count; k++) {
         int32_t i = arena.scans.count++;
 
-        arena.scans.input[i] = strange.scans.input[k];
-        arena.scans.place[i] = strange.scans.place[k] + OWN;
-        arena.scans.place_scan[i] = strange.scans.place_scan[k];
+        arena.scans.input[i] = unrelated.scans.input[k];
+        arena.scans.place[i] = unrelated.scans.place[k] + OWN;
+        arena.scans.place_scan[i] = unrelated.scans.place_scan[k];
     }
     make_mapper(&m, &params);
     load(&m, &arena.scans);
     (void)solve(&m);
     for (int32_t i = 0; i < OWN; i++)
-        for (int32_t k = OWN; k < OWN + STRANGE; k++) {
+        for (int32_t k = OWN; k < OWN + UNRELATED; k++) {
             cairn_place_map_place own = cairn_place_map_place_of(m.map, i);
             cairn_place_map_place other = cairn_place_map_place_of(m.map, k);
 
@@ -240,9 +240,9 @@ static void places_of_another_arena_are_reported(void **state)
             submaps += other.submap > 0 && other.ambiguous;
         }
     assert_int_equal(joined, 0);
-    assert_int_equal(submaps, OWN * STRANGE);
+    assert_int_equal(submaps, OWN * UNRELATED);
     test_pool_free(&m.pool);
-    free_arena(&strange);
+    free_arena(&unrelated);
     free_arena(&arena);
 }
 
@@ -424,7 +424,7 @@ static void half_a_turn_of_a_rectangle_is_ambiguous(void **state)
                 3.14159, 0.02);
     assert_near(cairn_place_map_alternative(m.map, 1, place.alternatives).weight, 0, 0);
 
-    /* A box in a corner tells. */
+    /* A box in a corner makes it unambiguous. */
     rooms_add_box(&room, 2, 1, 3, 2);
     scans.count = 0;
     for (int32_t i = 0; i < 2; i++)
@@ -695,8 +695,8 @@ static uint64_t hash_of_all(const struct mapper *m, const struct scans *scans)
 }
 
 /* Four places of two scans each, the second scan displaced by some centimetres and a degree;
- * `strange`: the last two places are in another room. A free-standing post is in the room. */
-static uint64_t hash_of_rooms(cairn_place_map_params params, int32_t strange)
+ * `in_other_room`: the last two places are in another room. A free-standing post is in the room. */
+static uint64_t hash_of_rooms(cairn_place_map_params params, int32_t in_other_room)
 {
     rooms_room rooms[2] = {{.count = 0}, {.count = 0}};
     static struct scans scans;
@@ -717,7 +717,7 @@ static uint64_t hash_of_rooms(cairn_place_map_params params, int32_t strange)
 
         off.x += CAIRN_REAL(0.03);
         off.theta += CAIRN_REAL(0.015);
-        add_room_scan(&scans, &rooms[strange && i >= 4], i / 2,
+        add_room_scan(&scans, &rooms[in_other_room && i >= 4], i / 2,
                       i % 2 ? cairn_pose_compose(pose, step) : pose);
         scans.place_scan[i] = i % 2 ? off : cairn_pose_identity();
     }
@@ -729,7 +729,7 @@ static uint64_t hash_of_rooms(cairn_place_map_params params, int32_t strange)
     return hash;
 }
 
-static uint64_t hash_of_crowd(cairn_place_map_params params)
+static uint64_t hash_of_busy_arena(cairn_place_map_params params)
 {
     static struct arena arena;
     struct mapper m;
@@ -748,7 +748,7 @@ static uint64_t hash_of_crowd(cairn_place_map_params params)
 static void results_stay_as_they_are(void **state)
 {
     cairn_place_map_params params = small_params(4), sequential = params, decoupled = params;
-    cairn_place_map_params crowded = small_params(5), jointly = crowded;
+    cairn_place_map_params one_by_one = small_params(5), jointly = one_by_one;
 
     (void)state;
     sequential.mode = CAIRN_PLACE_MAP_SEQUENTIAL;
@@ -763,9 +763,9 @@ static void results_stay_as_they_are(void **state)
     assert_golden(hash_of_rooms(sequential, 0), UINT64_C(0x5fd47e4840096001),
                   UINT64_C(0xa3b8a145304838a8));
     jointly.decoupled = CAIRN_PLACE_MAP_JOINTLY;
-    assert_golden(hash_of_crowd(crowded), UINT64_C(0x4ac5ee726249c26d),
+    assert_golden(hash_of_busy_arena(one_by_one), UINT64_C(0x4ac5ee726249c26d),
                   UINT64_C(0xb6f3e821a94e51ef));
-    assert_golden(hash_of_crowd(jointly), UINT64_C(0xb836a8e41658ccdb),
+    assert_golden(hash_of_busy_arena(jointly), UINT64_C(0xb836a8e41658ccdb),
                   UINT64_C(0xde637f7277813dd9));
     assert_golden(hash_of_rooms(decoupled, 0), UINT64_C(0xfd078e216e751678),
                   UINT64_C(0xff9503e73219a7a7));

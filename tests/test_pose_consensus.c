@@ -942,7 +942,7 @@ static void a_node_of_too_little_support_is_a_submap(void **state)
     assert_int_equal(cairn_pose_consensus_node(consensus, 4).submap, 0);
     test_pool_free(&pool);
 
-    params.significant_support = 0; /* not asked */
+    params.significant_support = 0; /* no submaps */
     consensus = new_consensus(&pool, &params);
     before = solve_ambiguous(consensus, near, 9, 1.5, 2.25);
     after = find_submaps(consensus, 1000);
@@ -1290,7 +1290,7 @@ static cairn_status step_world(void *context, cairn_budget *budget)
     return cairn_pose_consensus_step(context, budget);
 }
 
-static uint64_t tell_world(void *context)
+static uint64_t hash_world(void *context)
 {
     return hash_of(context, half_done_world.count);
 }
@@ -1300,7 +1300,7 @@ static void begins_anew(void **state)
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
     cairn_pool pool;
     cairn_pose_consensus *consensus = new_consensus(&pool, &params);
-    test_stepped object = {begin_world, step_world, tell_world, consensus};
+    test_stepped object = {begin_world, step_world, hash_world, consensus};
 
     (void)state;
     make_world(&half_done_world, 36, 8, 4, CAIRN_REAL(0.6), 30);

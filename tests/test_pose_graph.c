@@ -97,19 +97,19 @@ static struct made make_graph(const struct problem *p, const cairn_pose_graph_pa
     for (int32_t i = 0; i < p->poses; i++)
         assert_ok(cairn_pose_graph_add_pose(made.graph, p->guess[i]));
     for (int32_t l = 0; l < p->links; l++) {
-        cairn_sym3 information, asked = p->link[l].information;
+        cairn_sym3 information, given = p->link[l].information;
         cairn_pose z;
 
         assert_ok(cairn_pose_graph_add_link(made.graph, p->link[l].first, p->link[l].second,
-                                            p->link[l].z, asked));
+                                            p->link[l].z, given));
         z = cairn_pose_graph_measurement(made.graph, l, &information);
         assert_memory_equal(&z, &p->link[l].z, sizeof z);
-        assert_near(information.xx, asked.xx, 1e-5 * (double)asked.xx);
-        assert_near(information.xy, asked.xy, 1e-5 * (double)asked.xx);
-        assert_near(information.xz, asked.xz, 1e-5 * (double)asked.xx);
-        assert_near(information.yy, asked.yy, 1e-5 * (double)asked.yy);
-        assert_near(information.yz, asked.yz, 1e-5 * (double)asked.yy);
-        assert_near(information.zz, asked.zz, 1e-5 * (double)asked.zz);
+        assert_near(information.xx, given.xx, 1e-5 * (double)given.xx);
+        assert_near(information.xy, given.xy, 1e-5 * (double)given.xx);
+        assert_near(information.xz, given.xz, 1e-5 * (double)given.xx);
+        assert_near(information.yy, given.yy, 1e-5 * (double)given.yy);
+        assert_near(information.yz, given.yz, 1e-5 * (double)given.yy);
+        assert_near(information.zz, given.zz, 1e-5 * (double)given.zz);
     }
     return made;
 }

@@ -176,7 +176,7 @@ static void bad_heads_and_files_are_refused(void **state)
                   CAIRN_IO);
 }
 
-/* A line of the URG log format with so many fields, the ranges increasing by 1 mm. */
+/* A line of the URG log format of `fields` fields, the ranges increasing by 1 mm. */
 static char *add_urg(char *at, int fields, int microseconds, int range)
 {
     at += sprintf(at, "%d", microseconds);

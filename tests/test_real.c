@@ -123,7 +123,7 @@ static void large_angles_stay_on_the_circle(void **state)
         assert_true(s == 0 && c == 1);
     }
     {
-        /* On both sides of the limit both reductions agree up to the rounding of 2 pi after so many
+        /* On both sides of the limit both reductions agree up to the rounding of 2 pi after these
          * turns. */
         cairn_real limit = NUMBER(1000000, 6000), s, c;
 

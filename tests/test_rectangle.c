@@ -195,7 +195,7 @@ static void sides_are_weighed(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Walls of one room of both kinds, which directions would separate. */
+/* Walls of both kinds in one room, which directions would separate. */
 static void directions_count_or_do_not(void **state)
 {
     cairn_rectangle_params p = cairn_rectangle_default();
@@ -741,7 +741,7 @@ static cairn_status step_scene(void *context, cairn_budget *budget)
     return cairn_rectangle_step(((struct under_way *)context)->set, budget);
 }
 
-static uint64_t tell_scene(void *context)
+static uint64_t hash_scene(void *context)
 {
     return add_found(((struct under_way *)context)->set, TEST_HASH_START);
 }
@@ -751,7 +751,7 @@ static void begins_anew(void **state)
     cairn_rectangle_params p = cairn_rectangle_default();
     struct fixture f;
     struct under_way u;
-    test_stepped object = {begin_scene, step_scene, tell_scene, &u};
+    test_stepped object = {begin_scene, step_scene, hash_scene, &u};
 
     (void)state;
     p.max_pairs = 100;

@@ -9,7 +9,7 @@
 
 enum { SWEEPS = 5, BEAMS = 121, MEMORY = 400 * 1024, STREAM = 64 * 1024 };
 
-/* Sweeps of a room of 4 x 3 m from places in it, with slightly wrong poses. */
+/* Sweeps of a 4 x 3 m room from places in it, with slightly wrong poses. */
 typedef struct walk {
     float range[SWEEPS][BEAMS];
     robot_sweep sweep[SWEEPS];
@@ -330,7 +330,7 @@ static joint_params small_joint(void)
     return params;
 }
 
-/* Solves from the given poses in steps of so many units; returns the total units. */
+/* Solves from the given poses in steps of `units`; returns the total units. */
 static int64_t solve_in(joint *x, const cairn_scan_set *set, const walk *w, int32_t count,
                         int32_t units)
 {

@@ -366,7 +366,7 @@ static void test_dense_cluster(void **state)
 {
     sim_arena *arena = arena_of(SIM_ROOMS, 3);
     sim_survey_options options = sim_survey_default();
-    sim_survey *empty, *crowded;
+    sim_survey *empty, *with_people;
     const sim_scan *a, *b;
     int32_t count, hidden = 0, beams = 0, right = 0;
 
@@ -374,9 +374,9 @@ static void test_dense_cluster(void **state)
     options.noise = 0;
     empty = survey_of(arena, &options);
     options.crowd = 0.2;
-    crowded = survey_of(arena, &options);
+    with_people = survey_of(arena, &options);
     a = sim_survey_scans(empty, &count);
-    b = sim_survey_scans(crowded, &count);
+    b = sim_survey_scans(with_people, &count);
     for (int32_t i = 0; i < count; i++) {
         int32_t here = 0;
 
@@ -397,7 +397,7 @@ static void test_dense_cluster(void **state)
     assert_true(right > 0.8 * count);
     assert_near((double)hidden / beams, 0.21, 0.03);
     sim_survey_free(empty);
-    sim_survey_free(crowded);
+    sim_survey_free(with_people);
     sim_arena_free(arena);
 }
 

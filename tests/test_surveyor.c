@@ -9,7 +9,7 @@ enum { SWEEPS = 12, BEAMS = 121, KEYS = 16, MEMORY = 4 * 1024 * 1024 };
 
 static _Alignas(CAIRN_ALIGN) unsigned char memory[MEMORY];
 
-/* A drive through a room of 4 x 3 m with a niche, and slightly wrong odometry. */
+/* A drive through a 4 x 3 m room with a niche, and slightly wrong odometry. */
 typedef struct drive {
     float range[SWEEPS][BEAMS];
     robot_sweep sweep[SWEEPS];
@@ -89,7 +89,7 @@ static void tick(surveyor *s, int32_t units, surveyor_work expected)
     assert_int_equal(work, expected);
 }
 
-/* The whole drive, ticks of so many units, each sweep when the one before is done or, early, as
+/* The whole drive, ticks of given units, each sweep when the one before is done or, early, as
  * soon as it can wait. */
 static void fly(surveyor *s, const drive *d, int32_t units, int32_t early)
 {

@@ -108,7 +108,7 @@ static void add(text *t, const char *format, ...)
     va_end(arguments);
 }
 
-/* Distance to the walls of a room of side 2 * half about the origin. */
+/* Distance to the walls of a square room of side 2 * half about the origin. */
 static double room_range(double half, double x, double y, double angle)
 {
     double c = cos(angle), s = sin(angle);
@@ -440,7 +440,7 @@ static void a_pose_for_every_scan(void **state)
             assert_string_equal(row[1].verdict, "matched");
         }
         if (k == 1)
-            assert_true((double)row[0].covariance[0] >= 0); /* the aligner tells it */
+            assert_true((double)row[0].covariance[0] >= 0); /* the aligner reports it */
         if (!(mean_error(row, count, files_path(sample[k].truth), sample[k].relative) <
               sample[k].error))
             fail_msg("%s is off by %g m", sample[k].poses,
@@ -682,7 +682,7 @@ static void pages(void **state)
         assert_null(strstr(page, "\"potential P(g)\""));
         free(page);
     }
-    /* In the folder at hand. */
+    /* In the current folder. */
     {
         char before[256], here[256], *programs;
 

@@ -336,7 +336,7 @@ static double reference_across(const struct reference *t, int32_t scan)
 }
 
 /* 1 when the aligner continues from its result. */
-static int reference_goes_on(const struct reference *t)
+static int reference_continues(const struct reference *t)
 {
     return t->result.aligner.placed >= 2 && t->result.aligner.largest_size >= 3;
 }
@@ -369,7 +369,7 @@ static void reference_takes_in(struct reference *t)
 static int reference_verdict(struct reference *t)
 {
     if (cairn_aligner_read(t->aligner).placed > t->result.aligner.placed) {
-        if (reference_goes_on(t))
+        if (reference_continues(t))
             reference_takes_in(t);
         else
             reference_keeps(t);
@@ -452,7 +452,7 @@ static void reference_relaxes(struct reference *t)
 static void reference_starts_again(struct reference *t)
 {
     t->result.field_units += 1 + (int64_t)t->count;
-    if (reference_goes_on(t)) {
+    if (reference_continues(t)) {
         assert_ok(cairn_aligner_begin_warm(t->aligner, t->found));
         reference_steps_aligner(t);
         return;

@@ -240,7 +240,7 @@ static void short_walls_do_not_count(void **state)
 
 /* ---- Rectangles ---- */
 
-/* A room of which each of two scans sees an L. */
+/* A room; each of two scans sees an L of it. */
 static void draw_room(struct fixture *f, double width, int32_t is_box)
 {
     struct drawing one = drawing_at(1, 1, 0.2), other = drawing_at(3, 2, -1);
@@ -802,7 +802,7 @@ static cairn_status step_map(void *context, cairn_budget *budget)
     return cairn_virtual_scan_step(((struct fixture *)context)->v, budget);
 }
 
-static uint64_t tell_map(void *context)
+static uint64_t hash_map(void *context)
 {
     return add_found(context, TEST_HASH_START);
 }
@@ -815,7 +815,7 @@ static void begins_anew(void **state)
     struct discs discs = {5, 0, 0, 0, {NULL, NULL, NULL, NULL, 0, 0, 0}};
     cairn_virtual_scan_hypothesis_detector d = {&discs, begin_discs, step_discs, count_discs,
                                                 outline_disc};
-    test_stepped object = {begin_map, step_map, tell_map, &f};
+    test_stepped object = {begin_map, step_map, hash_map, &f};
 
     (void)state;
     p.hough.angles = p.hough.distances = 16;

@@ -487,13 +487,13 @@ static void reference_joins(struct reference *t)
 {
     for (;;) {
         int32_t moving = -1, fixed = -1;
-        double surest = -1, shift = 0;
+        double best_gain = -1, shift = 0;
 
         /* In the order of numbers: the well constrained component, then by the lowest scan. */
         for (int32_t k = 0; k < SCANS; k++)
             for (int32_t h = -1; h < k; h++) {
                 int32_t has_k = 0, has_h = 0;
-                double way, surer;
+                double way, gain;
 
                 for (int32_t i = 0; i < SCANS; i++) {
                     has_k |= t->part[i] == k;
@@ -501,9 +501,9 @@ static void reference_joins(struct reference *t)
                 }
                 if (!has_k || !has_h || (h >= 0 && fabs(dot(t->along[k], t->along[h])) < 0.99))
                     continue;
-                surer = best_shift(t, k, h, &way);
-                if (surer > surest) {
-                    surest = surer;
+                gain = best_shift(t, k, h, &way);
+                if (gain > best_gain) {
+                    best_gain = gain;
                     shift = way;
                     moving = k;
                     fixed = h;

@@ -167,7 +167,7 @@ objects() # of the files given
     done
 }
 # program NAME FILE...: links $build/NAME; $work/uses/NAME says which of the library's objects it needs (newer linkers name
-# the members of archives only when asked twice).
+# the members of archives only with the option twice).
 program()
 {
     name=$1
