@@ -357,7 +357,7 @@ static int32_t plain_bin(const cairn_oriented_point *p)
  * cell, as in the vote. */
 static int32_t plain_cell(const bed *b, int32_t query, int32_t target)
 {
-    const match_accumulator *v = &b->match->votes;
+    const scan_match_accumulator *v = &b->match->votes;
     const cairn_oriented_point p = b->query[query], m = b->match->target[target];
     cairn_pose heading = {0, 0, v->first_angle + (cairn_real)v->rotation * v->angle_step};
     cairn_transform turn = cairn_transform_of(heading);
@@ -365,9 +365,9 @@ static int32_t plain_cell(const bed *b, int32_t query, int32_t target)
         (uint16_t)(cairn_scan_match_quantize_angle(cairn_atan2(p.direction.y, p.direction.x)) +
                    cairn_scan_match_quantize_angle(cairn_wrap_angle(heading.theta))));
     int32_t apart = (bin - plain_bin(&m) + SCAN_MATCH_DIRECTION_BINS) % SCAN_MATCH_DIRECTION_BINS;
-    match_position corner = cairn_scan_match_quantize(
+    scan_match_position corner = cairn_scan_match_quantize(
         b->match, cairn_vec2_add(cairn_transform_point(turn, p.position), v->origin));
-    match_position at = cairn_scan_match_quantize(b->match, m.position);
+    scan_match_position at = cairn_scan_match_quantize(b->match, m.position);
     double x = floor((double)(at.x - corner.x) / SCAN_MATCH_CELL_STEPS),
            y = floor((double)(at.y - corner.y) / SCAN_MATCH_CELL_STEPS);
 
@@ -381,7 +381,7 @@ static int32_t plain_cell(const bed *b, int32_t query, int32_t target)
 static void plain_votes(const bed *b, int once, int32_t *cell)
 {
     static int32_t last[SCAN_MATCH_MAX_CELLS];
-    const match_accumulator *v = &b->match->votes;
+    const scan_match_accumulator *v = &b->match->votes;
 
     memset(cell, 0, (size_t)v->width * (size_t)v->height * sizeof *cell);
     memset(last, 0, sizeof last);
@@ -396,7 +396,7 @@ static void plain_votes(const bed *b, int once, int32_t *cell)
         }
 }
 
-static int32_t plain_window(const match_accumulator *v, const int32_t *cell, int32_t column,
+static int32_t plain_window(const scan_match_accumulator *v, const int32_t *cell, int32_t column,
                             int32_t row)
 {
     int32_t sum = 0;
@@ -412,10 +412,10 @@ static int next_rotation(bed *b)
 {
     cairn_budget budget;
 
-    while (b->match->phase <= MATCH_PEAKS) {
+    while (b->match->phase <= SCAN_MATCH_PEAKS) {
         budget.left = 1;
         assert_status(cairn_scan_match_step(b->match, &budget), CAIRN_MORE);
-        if (b->match->phase == MATCH_PEAKS)
+        if (b->match->phase == SCAN_MATCH_PEAKS)
             return 1;
     }
     return 0;
@@ -426,7 +426,7 @@ static void pass_peaks(bed *b)
 {
     cairn_budget budget;
 
-    while (b->match->phase == MATCH_PEAKS) {
+    while (b->match->phase == SCAN_MATCH_PEAKS) {
         budget.left = 1;
         assert_status(cairn_scan_match_step(b->match, &budget), CAIRN_MORE);
     }
@@ -436,7 +436,7 @@ static void pass_peaks(bed *b)
  * of two by two cells has more votes than those about it, or as many and comes first. */
 static int32_t assert_peaks(const bed *b, const int32_t *cell, int32_t rotation, int32_t already)
 {
-    const match_accumulator *v = &b->match->votes;
+    const scan_match_accumulator *v = &b->match->votes;
     int32_t peaks = 0;
 
     for (int32_t at = 0; at < v->width * v->height; at++) {
@@ -455,7 +455,7 @@ static int32_t assert_peaks(const bed *b, const int32_t *cell, int32_t rotation,
             continue;
         peaks++;
         for (int32_t i = 0; i < b->match->candidate_count; i++) {
-            const match_candidate *c = &b->match->candidates[i];
+            const scan_match_candidate *c = &b->match->candidates[i];
 
             told +=
                 fabs((double)(c->pose.x - v->origin.x) / (double)v->cell_size - column - 1) <
@@ -515,7 +515,7 @@ static void votes_of_everything_are_points(void **state)
         NULL));
     assert_ok(cairn_scan_match_begin(b.match, &b.query_part, b.start, NULL, NULL));
     while (next_rotation(&b)) { /* all but those in which nobody votes */
-        const match_accumulator *v = &b.match->votes;
+        const scan_match_accumulator *v = &b.match->votes;
 
         plain_votes(&b, 1, cell);
         for (int32_t at = 0; at < v->width * v->height; at++) {
