@@ -138,7 +138,7 @@ static cairn_virtual_align_params params_of(const bench_virtual_method *m,
         params.rebuild_interval = 5;
     if (!m->hypotheses)
         params.hypotheses.lines = params.hypotheses.rectangles = params.hypotheses.ellipses =
-            params.slide.use_thickness = 0;
+            params.weak_direction.use_thickness = 0;
     return params;
 }
 

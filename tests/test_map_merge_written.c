@@ -206,7 +206,7 @@ static double squared_distances(const cairn_vec2 *to, const cairn_vec2 *from, ca
 {
     double sum = 0;
 
-    for (int32_t i = 0; i < MERGE_CORRESPONDENCES; i++)
+    for (int32_t i = 0; i < MAP_MERGE_CORRESPONDENCES; i++)
         sum +=
             (double)cairn_vec2_norm_squared(cairn_vec2_sub(to[i], cairn_pose_point(pose, from[i])));
     return sum;
@@ -220,12 +220,12 @@ static void registration_is_the_best_motion(void **state)
 
     (void)state;
     for (int32_t n = 0; n < 8; n++) {
-        cairn_vec2 to[MERGE_CORRESPONDENCES], from[MERGE_CORRESPONDENCES],
+        cairn_vec2 to[MAP_MERGE_CORRESPONDENCES], from[MAP_MERGE_CORRESPONDENCES],
             middle[2] = {{0, 0}, {0, 0}};
         cairn_pose pose;
         double least, best = 1e9;
 
-        for (int32_t i = 0; i < MERGE_CORRESPONDENCES; i++) {
+        for (int32_t i = 0; i < MAP_MERGE_CORRESPONDENCES; i++) {
             to[i].x = cairn_random_uniform(&random, -2, 2);
             to[i].y = cairn_random_uniform(&random, -2, 2);
             from[i].x = cairn_random_uniform(&random, -2, 2);

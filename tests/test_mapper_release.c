@@ -289,7 +289,7 @@ static void remember(void *context, cairn_mapper *mapper, scan_references *h)
     snapshot *m = context;
 
     (void)h;
-    if (mapper->phase != MAPPER_BACKGROUND || mapper->loop.phase != LOOP_REDUNDANCY)
+    if (mapper->phase != MAPPER_BACKGROUND || mapper->loop.phase != MAPPER_LOOP_REDUNDANCY)
         return;
     m->key_count = mapper->keyframe_count;
     m->entered = mapper->loop.graph_keyframes;

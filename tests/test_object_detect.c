@@ -122,8 +122,8 @@ static void finds_two_shapes(void **state)
 /* ---- Reference implementation ---- */
 
 /* Agreement of the edges nearest to a cell with a direction. */
-static double likely_at(const cairn_contour_search_tokens *tokens, const detect_plane *p, int32_t x,
-                        int32_t y, int32_t bin)
+static double likely_at(const cairn_contour_search_tokens *tokens, const object_detect_plane *p,
+                        int32_t x, int32_t y, int32_t bin)
 {
     double least = 30;
 
@@ -150,7 +150,7 @@ static void weighs_edges_as_the_reference_does(void **state)
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
     cairn_contour_search_tokens tokens;
     cairn_object_detect_field *field;
-    const detect_plane *p;
+    const object_detect_plane *p;
     double *likely;
 
     (void)state;
@@ -164,7 +164,7 @@ static void weighs_edges_as_the_reference_does(void **state)
     p = &field->plane[0];
     likely = malloc((size_t)(p->width * p->height) * sizeof *likely);
     assert_non_null(likely);
-    for (int32_t bin = 0; bin < DETECT_BINS; bin += 5) {
+    for (int32_t bin = 0; bin < OBJECT_DETECT_BINS; bin += 5) {
         const float *llr = &p->llr[(size_t)bin * cairn_object_detect_layer(p)];
 
         for (int32_t i = 0; i < p->width * p->height; i++)
@@ -179,8 +179,8 @@ static void weighs_edges_as_the_reference_does(void **state)
                         sum += likely[v * p->width + u];
                         cells++;
                     }
-            assert_near(llr[(size_t)(y + DETECT_MARGIN_CELLS) * cairn_object_detect_row(p) +
-                            (size_t)(x + DETECT_MARGIN_CELLS)],
+            assert_near(llr[(size_t)(y + OBJECT_DETECT_MARGIN_CELLS) * cairn_object_detect_row(p) +
+                            (size_t)(x + OBJECT_DETECT_MARGIN_CELLS)],
                         log(0.25 + 0.75 * likely[i] / fmax(0.02, sum / cells)), 1e-4);
         }
         assert_near(llr[0], -0.7, 1e-6);
@@ -192,8 +192,8 @@ static void weighs_edges_as_the_reference_does(void **state)
 }
 
 /* The mean log-likelihood ratio of a flag's samples at a cell. */
-static double mean_llr(const detect_plane *p, const cairn_shape_model *m, double aspect, int32_t x,
-                       int32_t y)
+static double mean_llr(const object_detect_plane *p, const cairn_shape_model *m, double aspect,
+                       int32_t x, int32_t y)
 {
     double sum = 0;
 
@@ -202,15 +202,16 @@ static double mean_llr(const detect_plane *p, const cairn_shape_model *m, double
         cairn_vec2 along = {(cairn_real)sqrt(aspect) * o->direction.x,
                             (cairn_real)(1 / sqrt(aspect)) * o->direction.y};
         int32_t u =
-            x + (int32_t)lrint(sqrt(aspect) * (double)o->position.x * DETECT_CELLS_PER_SIZE);
+            x + (int32_t)lrint(sqrt(aspect) * (double)o->position.x * OBJECT_DETECT_CELLS_PER_SIZE);
         int32_t v =
-            y + (int32_t)lrint((double)o->position.y / sqrt(aspect) * DETECT_CELLS_PER_SIZE);
+            y + (int32_t)lrint((double)o->position.y / sqrt(aspect) * OBJECT_DETECT_CELLS_PER_SIZE);
         size_t layer = (size_t)cairn_contour_search_field_bin(cairn_vec2_unit(along)) *
                        cairn_object_detect_layer(p);
 
         sum +=
-            (double)p->llr[layer + (size_t)(v + DETECT_MARGIN_CELLS) * cairn_object_detect_row(p) +
-                           (size_t)(u + DETECT_MARGIN_CELLS)];
+            (double)p->llr[layer +
+                           (size_t)(v + OBJECT_DETECT_MARGIN_CELLS) * cairn_object_detect_row(p) +
+                           (size_t)(u + OBJECT_DETECT_MARGIN_CELLS)];
     }
     return sum / m->outline_count;
 }
@@ -505,7 +506,7 @@ static void groups_in_all_sizes(void **state)
     cairn_shape_model_file model = make_model();
     cairn_contour_search_tokens tokens;
     cairn_object_detect_field *field;
-    detect_groupings made;
+    object_detect_groupings made;
     cairn_object_detection at[3] = {{.left = 30, .top = 50, .right = 110, .bottom = 170},
                                     {.left = 214, .top = 120, .right = 270, .bottom = 204},
                                     {.left = 140, .top = 10, .right = 200, .bottom = 90}};
@@ -719,9 +720,9 @@ static void takes_sizes_up_to_the_bounds(void **state)
     params.min_size = 8;
     params.max_size = 16384;
     assert_ok(cairn_object_detect_field_make(&field, &tokens, &params, "edges", &error));
-    assert_int_equal(field->planes, DETECT_MAX_PLANES);
-    assert_true(field->plane[DETECT_MAX_PLANES - 1].size <= 16384 &&
-                field->plane[DETECT_MAX_PLANES - 1].size * CAIRN_REAL(1.2) > 16384);
+    assert_int_equal(field->planes, OBJECT_DETECT_MAX_PLANES);
+    assert_true(field->plane[OBJECT_DETECT_MAX_PLANES - 1].size <= 16384 &&
+                field->plane[OBJECT_DETECT_MAX_PLANES - 1].size * CAIRN_REAL(1.2) > 16384);
     cairn_object_detect_field_free(field);
 }
 

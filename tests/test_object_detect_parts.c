@@ -122,7 +122,7 @@ static void finds_it_by_every_way(void **state)
 static void follows_chains(void **state)
 {
     cairn_contour_search_tokens tokens;
-    detect_chains chains;
+    object_detect_chains chains;
     int32_t closed = 0;
 
     (void)state;

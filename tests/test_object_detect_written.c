@@ -123,8 +123,9 @@ static void is_bounded(void **state)
     draw_flag(110, 40, 1, 0);
     tokens = find_tokens(0);
     found = detect(&tokens, &params);
-    assert_in_range(found.count, 1, 2 * DETECT_MAX_WRITTEN_HYPOTHESES);
-    assert_true(found.part_count <= 2 * DETECT_MAX_WRITTEN_HYPOTHESES * CAIRN_PART_MAX_BUNDLES);
+    assert_in_range(found.count, 1, 2 * OBJECT_DETECT_MAX_WRITTEN_HYPOTHESES);
+    assert_true(found.part_count <=
+                2 * OBJECT_DETECT_MAX_WRITTEN_HYPOTHESES * CAIRN_PART_MAX_BUNDLES);
     cairn_object_detections_free(&found);
     params.nearest = 64;
     found = detect(&tokens, &params);
@@ -140,7 +141,7 @@ static void takes_each_set_once(void **state)
     static cairn_object_detect_part parts[SETS][CAIRN_PART_MAX_BUNDLES];
     static uint32_t bits[SETS];
     cairn_random random = cairn_random_seed(9, 5);
-    detect_chain_sets sets;
+    object_detect_chain_sets sets;
     int32_t count[SETS], all = 0;
 
     (void)state;

@@ -544,8 +544,8 @@ static double reference_among(const cairn_place_map *map, int32_t place, const c
 
         for (int32_t i = 0; i < map->scans[s].point_count && (of == place || parts[of] == 0); i++) {
             const cairn_oriented_point *point = &map->points[map->scans[s].first_point + i];
-            int floats =
-                    map->point_class[map->scans[s].first_point + i] & CAIRN_POINT_DYNAMIC_CANDIDATE,
+            int floats = map->point_class[map->scans[s].first_point + i] &
+                         PLACE_MAP_POINT_DYNAMIC_CANDIDATE,
                 sharers = 1;
             cairn_pose map_scan = cairn_pose_compose(poses[of], map->scans[s].place_scan);
             cairn_vec2 position = cairn_pose_point(map_scan, point->position);
@@ -565,26 +565,26 @@ static double reference_among(const cairn_place_map *map, int32_t place, const c
                 if (of == place || k == place)
                     marks[saw] = 1;
                 else
-                    sharers += saw > CAIRN_OBSERVED_FREE;
+                    sharers += saw > PLACE_MAP_OBSERVED_FREE;
             }
             if (floats) {
-                nats = marks[CAIRN_OBSERVED_DYNAMIC] || marks[CAIRN_OBSERVED_ROUGH] ? 0.42
-                       : marks[CAIRN_OBSERVED_PARALLEL] || marks[CAIRN_OBSERVED_OPPOSITE] ||
-                               marks[CAIRN_OBSERVED_OTHER_DIRECTION]
+                nats = marks[PLACE_MAP_OBSERVED_DYNAMIC] || marks[PLACE_MAP_OBSERVED_ROUGH] ? 0.42
+                       : marks[PLACE_MAP_OBSERVED_PARALLEL] || marks[PLACE_MAP_OBSERVED_OPPOSITE] ||
+                               marks[PLACE_MAP_OBSERVED_OTHER_DIRECTION]
                            ? 0.26
                            : 0;
-                nats -= marks[CAIRN_OBSERVED_FREE] ? 0.19 : 0;
+                nats -= marks[PLACE_MAP_OBSERVED_FREE] ? 0.19 : 0;
             } else {
-                int any = marks[CAIRN_OBSERVED_PARALLEL] + marks[CAIRN_OBSERVED_OPPOSITE] +
-                          marks[CAIRN_OBSERVED_OTHER_DIRECTION] + marks[CAIRN_OBSERVED_ROUGH] +
-                          marks[CAIRN_OBSERVED_DYNAMIC];
+                int any = marks[PLACE_MAP_OBSERVED_PARALLEL] + marks[PLACE_MAP_OBSERVED_OPPOSITE] +
+                          marks[PLACE_MAP_OBSERVED_OTHER_DIRECTION] +
+                          marks[PLACE_MAP_OBSERVED_ROUGH] + marks[PLACE_MAP_OBSERVED_DYNAMIC];
 
-                nats = marks[CAIRN_OBSERVED_PARALLEL]   ? 0.2
-                       : marks[CAIRN_OBSERVED_ROUGH]    ? 0.87
-                       : marks[CAIRN_OBSERVED_OPPOSITE] ? 0.1
-                       : marks[CAIRN_OBSERVED_DYNAMIC]  ? 0.1
-                                                        : 0;
-                nats -= !marks[CAIRN_OBSERVED_FREE] ? 0 : any ? 1.75 : 1.2;
+                nats = marks[PLACE_MAP_OBSERVED_PARALLEL]   ? 0.2
+                       : marks[PLACE_MAP_OBSERVED_ROUGH]    ? 0.87
+                       : marks[PLACE_MAP_OBSERVED_OPPOSITE] ? 0.1
+                       : marks[PLACE_MAP_OBSERVED_DYNAMIC]  ? 0.1
+                                                            : 0;
+                nats -= !marks[PLACE_MAP_OBSERVED_FREE] ? 0 : any ? 1.75 : 1.2;
             }
             sum += of == place ? nats : nats / sharers;
         }
@@ -598,13 +598,13 @@ static double reference_among(const cairn_place_map *map, int32_t place, const c
             cairn_vec2 at = cairn_pose_point(poses[place], here), none = {0, 0};
             int shared = 0;
 
-            if (cairn_place_map_observed(map, place, here, none) != CAIRN_OBSERVED_FREE)
+            if (cairn_place_map_observed(map, place, here, none) != PLACE_MAP_OBSERVED_FREE)
                 continue;
             for (int32_t k = 0; k < map->place_count; k++)
                 shared |= k != place && parts[k] == 0 &&
                           cairn_place_map_observed(
                               map, k, cairn_pose_point(cairn_pose_inverse(poses[k]), at), none) ==
-                              CAIRN_OBSERVED_FREE;
+                              PLACE_MAP_OBSERVED_FREE;
             sum += shared ? 5 * 0.3 * 0.3 : 0;
         }
     return sum;

@@ -355,7 +355,7 @@ static int32_t plain_bin(const cairn_oriented_point *p)
  * a cell, as in the vote. */
 static int32_t plain_cell(const bed *b, int32_t query, int32_t target)
 {
-    const match_accumulator *v = &b->match->votes;
+    const scan_match_accumulator *v = &b->match->votes;
     const cairn_oriented_point p = b->query[query], m = b->match->target[target];
     cairn_pose heading = {0, 0, v->first_angle + (cairn_real)v->rotation * v->angle_step};
     cairn_transform turn = cairn_transform_of(heading);
@@ -363,9 +363,9 @@ static int32_t plain_cell(const bed *b, int32_t query, int32_t target)
         (uint16_t)(cairn_scan_match_quantize_angle(cairn_atan2(p.direction.y, p.direction.x)) +
                    cairn_scan_match_quantize_angle(cairn_wrap_angle(heading.theta))));
     int32_t apart = (bin - plain_bin(&m) + SCAN_MATCH_DIRECTION_BINS) % SCAN_MATCH_DIRECTION_BINS;
-    match_position corner = cairn_scan_match_quantize(
+    scan_match_position corner = cairn_scan_match_quantize(
         b->match, cairn_vec2_add(cairn_transform_point(turn, p.position), v->origin));
-    match_position at = cairn_scan_match_quantize(b->match, m.position);
+    scan_match_position at = cairn_scan_match_quantize(b->match, m.position);
     double x = floor((double)(at.x - corner.x) / SCAN_MATCH_CELL_STEPS),
            y = floor((double)(at.y - corner.y) / SCAN_MATCH_CELL_STEPS);
 
@@ -379,7 +379,7 @@ static int32_t plain_cell(const bed *b, int32_t query, int32_t target)
 static void plain_votes(const bed *b, int once, int32_t *cell)
 {
     static int32_t last[SCAN_MATCH_MAX_CELLS];
-    const match_accumulator *v = &b->match->votes;
+    const scan_match_accumulator *v = &b->match->votes;
 
     memset(cell, 0, (size_t)v->width * (size_t)v->height * sizeof *cell);
     memset(last, 0, sizeof last);
@@ -394,7 +394,7 @@ static void plain_votes(const bed *b, int once, int32_t *cell)
         }
 }
 
-static int32_t plain_window(const match_accumulator *v, const int32_t *cell, int32_t column,
+static int32_t plain_window(const scan_match_accumulator *v, const int32_t *cell, int32_t column,
                             int32_t row)
 {
     int32_t sum = 0;
@@ -410,10 +410,10 @@ static int next_rotation(bed *b)
 {
     cairn_budget budget;
 
-    while (b->match->phase <= MATCH_PEAKS) {
+    while (b->match->phase <= SCAN_MATCH_PEAKS) {
         budget.left = 1;
         assert_status(cairn_scan_match_step(b->match, &budget), CAIRN_MORE);
-        if (b->match->phase == MATCH_PEAKS)
+        if (b->match->phase == SCAN_MATCH_PEAKS)
             return 1;
     }
     return 0;
@@ -424,7 +424,7 @@ static void pass_peaks(bed *b)
 {
     cairn_budget budget;
 
-    while (b->match->phase == MATCH_PEAKS) {
+    while (b->match->phase == SCAN_MATCH_PEAKS) {
         budget.left = 1;
         assert_status(cairn_scan_match_step(b->match, &budget), CAIRN_MORE);
     }
@@ -435,7 +435,7 @@ static void pass_peaks(bed *b)
  * first. */
 static int32_t assert_peaks(const bed *b, const int32_t *cell, int32_t rotation, int32_t already)
 {
-    const match_accumulator *v = &b->match->votes;
+    const scan_match_accumulator *v = &b->match->votes;
     int32_t peaks = 0;
 
     for (int32_t at = 0; at < v->width * v->height; at++) {
@@ -454,7 +454,7 @@ static int32_t assert_peaks(const bed *b, const int32_t *cell, int32_t rotation,
             continue;
         peaks++;
         for (int32_t i = 0; i < b->match->candidate_count; i++) {
-            const match_candidate *c = &b->match->candidates[i];
+            const scan_match_candidate *c = &b->match->candidates[i];
 
             reported +=
                 fabs((double)(c->pose.x - v->origin.x) / (double)v->cell_size - column - 1) <
@@ -514,7 +514,7 @@ static void votes_of_everything_are_points(void **state)
         NULL));
     assert_ok(cairn_scan_match_begin(b.match, &b.query_part, b.start, NULL, NULL));
     while (next_rotation(&b)) { /* all but those without votes */
-        const match_accumulator *v = &b.match->votes;
+        const scan_match_accumulator *v = &b.match->votes;
 
         plain_votes(&b, 1, cell);
         for (int32_t at = 0; at < v->width * v->height; at++) {

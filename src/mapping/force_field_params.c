@@ -139,7 +139,7 @@ static int are_in_range(const cairn_force_field_params *p)
     return 1;
 }
 
-int32_t cairn_force_params_are_valid(const cairn_force_field_params *p)
+int32_t cairn_force_field_params_are_valid(const cairn_force_field_params *p)
 {
     return p != NULL && p->mode >= CAIRN_FORCE_FIELD_GRADIENT &&
            p->mode <= CAIRN_FORCE_FIELD_SPRINGS && are_in_range(p) &&

@@ -32,7 +32,7 @@ static void visibility_item(cairn_place_map *map)
     size_t cells = (size_t)map->visibility_side * (size_t)map->visibility_side;
 
     if (map->item == 0) {
-        memset(map->visibility + (size_t)map->place * cells, CAIRN_VISIBILITY_UNKNOWN, cells);
+        memset(map->visibility + (size_t)map->place * cells, PLACE_MAP_VISIBILITY_UNKNOWN, cells);
         map->uncharged_units += 1 + (int32_t)(cells / CELLS_PER_UNIT);
     }
     if (cairn_place_map_visibility_item(map, map->place, map->item)) {
@@ -53,15 +53,15 @@ static void visibility_item(cairn_place_map *map)
 
 /* Copies the points of a scan for matching: without dynamic-object candidates, until a map shows
  * which of them are static. */
-static int32_t copy_points(const cairn_place_map *map, const cairn_place_scan *scan,
+static int32_t copy_points(const cairn_place_map *map, const place_map_place_scan *scan,
                            cairn_pose pose, cairn_oriented_point *out)
 {
     cairn_transform t = cairn_transform_of(pose);
     int32_t count = 0;
 
     for (int32_t i = scan->first_point; i < scan->first_point + scan->point_count; i++)
-        if (map->round > 0 ? map->point_class[i] < CAIRN_POINT_INVALIDATED
-                           : map->point_class[i] == CAIRN_POINT_STATIC) {
+        if (map->round > 0 ? map->point_class[i] < PLACE_MAP_POINT_INVALIDATED
+                           : map->point_class[i] == PLACE_MAP_POINT_STATIC) {
             out[count].position = cairn_transform_point(t, map->points[i].position);
             out[count++].direction = cairn_transform_direction(t, map->points[i].direction);
         }
@@ -70,10 +70,10 @@ static int32_t copy_points(const cairn_place_map *map, const cairn_place_scan *s
 
 static void add_to_target(cairn_place_map *map, int32_t place, cairn_pose target_place)
 {
-    const cairn_place *here = &map->places[place];
+    const place_map_place *here = &map->places[place];
 
     for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++) {
-        const cairn_place_scan *scan = &map->scans[s];
+        const place_map_place_scan *scan = &map->scans[s];
         cairn_scan_match_part part = {map->query_points, NULL, map->beams + scan->first_beam, 0, 0,
                                       scan->beam_count};
         cairn_status status;
@@ -109,8 +109,8 @@ static void make_target(cairn_place_map *map)
     cairn_place_map_enter(map, CAIRN_PLACE_MAP_MATCH);
 }
 
-static void add_to_query(cairn_place_map *map, const cairn_place_scan *scan, cairn_pose query_scan,
-                         cairn_scan_match_part *part)
+static void add_to_query(cairn_place_map *map, const place_map_place_scan *scan,
+                         cairn_pose query_scan, cairn_scan_match_part *part)
 {
     cairn_transform t = cairn_transform_of(query_scan);
 
@@ -142,7 +142,7 @@ static cairn_scan_match_part query_part(cairn_place_map *map)
     cairn_pose map_query = map->places[map->query].map_place;
 
     for (int32_t i = 0; i < map->place_count; i++) {
-        const cairn_place *here = &map->places[i];
+        const place_map_place *here = &map->places[i];
         cairn_pose query_place = i == map->query ? cairn_pose_identity()
                                                  : cairn_pose_between(map_query, here->map_place);
 
@@ -399,7 +399,7 @@ static void target_others(cairn_place_map *map, int32_t place, int32_t only_scan
 {
     cairn_icp_clear_target(map->icp);
     for (int32_t s = 0; s < map->scan_count; s++) {
-        const cairn_place_scan *scan = &map->scans[s];
+        const place_map_place_scan *scan = &map->scans[s];
         cairn_status status;
         int32_t count;
 
@@ -417,7 +417,7 @@ static void target_others(cairn_place_map *map, int32_t place, int32_t only_scan
 
 void cairn_place_map_place_scans(cairn_place_map *map, int32_t place)
 {
-    const cairn_place *here = &map->places[place];
+    const place_map_place *here = &map->places[place];
 
     for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++)
         map->scans[s].map_scan = cairn_pose_compose(here->map_place, map->scans[s].place_scan);
@@ -439,7 +439,7 @@ void cairn_place_map_finish(cairn_place_map *map)
 
     result->places = map->place_count;
     for (int32_t i = map->place_count - 1; i >= 0; i--) {
-        cairn_place *place = &map->places[i];
+        place_map_place *place = &map->places[i];
         cairn_pose part_map = cairn_pose_inverse(map->places[first_of_part(map, i)].map_place);
 
         for (int32_t s = place->first_scan; s < place->first_scan + place->scan_count; s++)
@@ -456,7 +456,7 @@ void cairn_place_map_finish(cairn_place_map *map)
 /* Aligns a place with all others of its component, in turn. */
 static void refine_item(cairn_place_map *map, cairn_budget *budget)
 {
-    cairn_place *here = &map->places[map->place];
+    place_map_place *here = &map->places[map->place];
 
     if (map->sweep == 0 && map->place == 0 && !map->inner_running)
         for (int32_t i = 0; i < map->place_count; i++)
@@ -503,7 +503,7 @@ static void refine_item(cairn_place_map *map, cairn_budget *budget)
 /* Aligns a scan with all others; `place` counts scans. */
 static void decouple_item(cairn_place_map *map, cairn_budget *budget)
 {
-    cairn_place_scan *scan = &map->scans[map->place];
+    place_map_place_scan *scan = &map->scans[map->place];
 
     if (!map->inner_running) {
         cairn_rigid_motion_pose_prior prior = {scan->map_scan, SCAN_SIGMA_M, SCAN_SIGMA_M,
@@ -543,8 +543,8 @@ static cairn_real component_offset(const cairn_place_map *map, int32_t place)
 static void store_alignment(cairn_place_map *map)
 {
     for (int32_t s = map->scan_count - 1; s >= 0; s--) {
-        cairn_place_scan *scan = &map->scans[s];
-        cairn_place *here = &map->places[scan->place];
+        place_map_place_scan *scan = &map->scans[s];
+        place_map_place *here = &map->places[scan->place];
         cairn_aligner_pose found = cairn_aligner_pose_of(map->aligner, s);
 
         found.map_scan.x -= component_offset(map, scan->place);

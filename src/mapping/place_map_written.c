@@ -18,7 +18,7 @@
 enum { POINTS_PER_UNIT = 16 };
 
 /* Appends the transformed points of a scan; returns the number of points. */
-static int32_t append_scan(cairn_place_map *map, const cairn_place_scan *scan, cairn_pose pose,
+static int32_t append_scan(cairn_place_map *map, const place_map_place_scan *scan, cairn_pose pose,
                            int32_t count)
 {
     cairn_transform t = cairn_transform_of(pose);
@@ -35,11 +35,11 @@ static int32_t append_scan(cairn_place_map *map, const cairn_place_scan *scan, c
 /* Returns a place as one part: in the map (is_map), or in its own frame. */
 static cairn_scan_match_part part_of_place(cairn_place_map *map, int32_t place, int32_t is_map)
 {
-    const cairn_place *here = &map->places[place];
+    const place_map_place *here = &map->places[place];
     cairn_scan_match_part part = {map->query_points, NULL, NULL, 0, 0, 0};
 
     for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++) {
-        const cairn_place_scan *scan = &map->scans[s];
+        const place_map_place_scan *scan = &map->scans[s];
 
         part.count = append_scan(map, scan, is_map ? scan->map_scan : scan->place_scan, part.count);
     }
@@ -91,7 +91,7 @@ static void next_place(cairn_place_map *map)
 /* Makes the current place a component of its own. */
 static void set_unplaced(cairn_place_map *map)
 {
-    cairn_place *here = &map->places[map->query];
+    place_map_place *here = &map->places[map->query];
 
     for (int32_t i = 0; i < map->query; i++)
         here->component = map->places[i].component >= here->component ? map->places[i].component + 1
@@ -105,7 +105,7 @@ static void set_unplaced(cairn_place_map *map)
 static void store_match(cairn_place_map *map)
 {
     cairn_scan_match_result found = cairn_scan_match_read(map->match);
-    cairn_place *here = &map->places[map->query];
+    place_map_place *here = &map->places[map->query];
 
     map->result.matches++;
     if (found.count == 0) {
@@ -145,8 +145,8 @@ static void match_item(cairn_place_map *map, cairn_budget *budget)
 
 static void decouple_item(cairn_place_map *map, cairn_budget *budget)
 {
-    const cairn_place *here = &map->places[map->query];
-    cairn_place_scan *scan = &map->scans[here->first_scan + map->item];
+    const place_map_place *here = &map->places[map->query];
+    place_map_place_scan *scan = &map->scans[here->first_scan + map->item];
 
     if (map->inner_running) {
         if (cairn_scan_match_step(map->match, budget) == CAIRN_OK) {

@@ -131,7 +131,7 @@ cairn_status cairn_pose_consensus_create(cairn_pose_consensus **consensus, cairn
 /* Discards the result and cancels the search. */
 static void cancel(cairn_pose_consensus *consensus)
 {
-    consensus->phase = CAIRN_CONSENSUS_IDLE;
+    consensus->phase = POSE_CONSENSUS_IDLE;
     consensus->uncharged_units = 0;
     memset(&consensus->result, 0, sizeof consensus->result);
 }
@@ -333,7 +333,7 @@ cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)
     for (int32_t i = 0; i < consensus->hypothesis_count; i++)
         consensus->hypotheses[i].is_explained = 0;
     consensus->block_passes = consensus->is_final = 0;
-    consensus->phase = CAIRN_CONSENSUS_CYCLES;
+    consensus->phase = POSE_CONSENSUS_CYCLES;
     consensus->next = 0;
     consensus->end = consensus->hypothesis_count;
     return CAIRN_OK;
@@ -341,7 +341,7 @@ cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)
 
 static int has_result(const cairn_pose_consensus *consensus)
 {
-    return consensus->phase == CAIRN_CONSENSUS_IDLE && consensus->uncharged_units == 0 &&
+    return consensus->phase == POSE_CONSENSUS_IDLE && consensus->uncharged_units == 0 &&
            consensus->result.nodes > 0;
 }
 
@@ -362,7 +362,7 @@ cairn_status cairn_pose_consensus_step(cairn_pose_consensus *consensus, cairn_bu
 {
     if (consensus == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (consensus->phase != CAIRN_CONSENSUS_IDLE || consensus->uncharged_units > 0) {
+    while (consensus->phase != POSE_CONSENSUS_IDLE || consensus->uncharged_units > 0) {
         if (budget->left <= 0)
             return CAIRN_MORE;
         if (consensus->uncharged_units > 0) {

@@ -33,7 +33,7 @@ void cairn_pose_consensus_begin_tree(cairn_pose_consensus *consensus)
                                          ? consensus->current[i].component + 1
                                          : consensus->component_count;
     consensus->uncharged_units += consensus->node_count / 2;
-    cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_TREE, consensus->node_count);
+    cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_TREE, consensus->node_count);
 }
 
 void cairn_pose_consensus_begin_blocks(cairn_pose_consensus *consensus)
@@ -75,9 +75,9 @@ void cairn_pose_consensus_tree_item(cairn_pose_consensus *consensus)
         consensus->block_node = consensus->changed_nodes = 0;
         consensus->merge.support = 0;
         if (consensus->is_final)
-            cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_SPLIT, consensus->node_count);
+            cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_SPLIT, consensus->node_count);
         else
-            cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_BLOCK, 0);
+            cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_BLOCK, 0);
         consensus->uncharged_units++;
         return;
     }
@@ -160,7 +160,7 @@ void cairn_pose_consensus_block_item(cairn_pose_consensus *consensus)
     if (consensus->block_component >= 0)
         consensus->merge.support =
             cairn_pose_consensus_merged_support(consensus, &consensus->merge, 1);
-    cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_PROPOSE, consensus->hypothesis_count);
+    cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_PROPOSE, consensus->hypothesis_count);
 }
 
 /* Returns the block to its component. */
@@ -178,7 +178,7 @@ static void move_block(cairn_pose_consensus *consensus)
         consensus->changed_nodes += cairn_pose_consensus_apply_merge(consensus, &consensus->merge);
     restore_block(consensus);
     consensus->block_node++;
-    cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_BLOCK, 0);
+    cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_BLOCK, 0);
 }
 
 /* Evaluates the block's pose by the next hypothesis. All pairs of the block are evaluated only when
@@ -259,8 +259,7 @@ void cairn_pose_consensus_submap_item(cairn_pose_consensus *consensus)
 
     if (consensus->next == consensus->end) {
         consensus->result.ambiguous = 0;
-        cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_NUMBER_SUBMAPS,
-                                   consensus->node_count);
+        cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_NUMBER_SUBMAPS, consensus->node_count);
         return;
     }
     consensus->next++;
@@ -283,7 +282,7 @@ void cairn_pose_consensus_number_item(cairn_pose_consensus *consensus)
     cairn_pose_consensus_estimate *node = &consensus->nodes[own];
 
     if (consensus->next == consensus->end) {
-        cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_IDLE, 0);
+        cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_IDLE, 0);
         return;
     }
     consensus->next++;
@@ -321,6 +320,6 @@ void cairn_pose_consensus_split_item(cairn_pose_consensus *consensus)
         split_off(consensus, consensus->block_node);
         cairn_pose_consensus_begin_tree(consensus);
     } else {
-        cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_SUBMAPS, consensus->node_count);
+        cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_SUBMAPS, consensus->node_count);
     }
 }

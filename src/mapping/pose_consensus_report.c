@@ -244,9 +244,8 @@ void cairn_pose_consensus_propagate_ambiguity_item(cairn_pose_consensus *consens
     consensus->uncharged_units++;
     if (consensus->next == consensus->end) {
         cairn_pose_consensus_enter(consensus,
-                                   consensus->changed_nodes > 0
-                                       ? CAIRN_CONSENSUS_PROPAGATE_AMBIGUITY
-                                       : CAIRN_CONSENSUS_IDLE,
+                                   consensus->changed_nodes > 0 ? POSE_CONSENSUS_PROPAGATE_AMBIGUITY
+                                                                : POSE_CONSENSUS_IDLE,
                                    consensus->node_count);
         consensus->changed_nodes = 0;
         return;

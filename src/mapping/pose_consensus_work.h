@@ -69,40 +69,40 @@ typedef struct cairn_pose_consensus_support {
 
 typedef int32_t cairn_pose_consensus_phase;
 enum {
-    CAIRN_CONSENSUS_IDLE = 0,
-    CAIRN_CONSENSUS_CYCLES,
-    CAIRN_CONSENSUS_START,
+    POSE_CONSENSUS_IDLE = 0,
+    POSE_CONSENSUS_CYCLES,
+    POSE_CONSENSUS_START,
     /* votes for the candidates of a choice ... */
-    CAIRN_CONSENSUS_SEARCH,
+    POSE_CONSENSUS_SEARCH,
     /* ... and evaluation of the best voted by the likelihood functions */
-    CAIRN_CONSENSUS_EVALUATE,
-    CAIRN_CONSENSUS_RELAX,
-    CAIRN_CONSENSUS_MERGE,
+    POSE_CONSENSUS_EVALUATE,
+    POSE_CONSENSUS_RELAX,
+    POSE_CONSENSUS_MERGE,
     /* every node is assigned again, given the others */
-    CAIRN_CONSENSUS_REASSIGN,
-    CAIRN_CONSENSUS_TALLY,
+    POSE_CONSENSUS_REASSIGN,
+    POSE_CONSENSUS_TALLY,
     /* maximum spanning tree of the best map, ... */
-    CAIRN_CONSENSUS_TREE,
+    POSE_CONSENSUS_TREE,
     /* ... blocks cut off at its edges are moved as a whole */
-    CAIRN_CONSENSUS_BLOCK,
-    CAIRN_CONSENSUS_PROPOSE,
+    POSE_CONSENSUS_BLOCK,
+    POSE_CONSENSUS_PROPOSE,
     /* submaps are split off, ... */
-    CAIRN_CONSENSUS_SPLIT,
+    POSE_CONSENSUS_SPLIT,
     /* ... measured ... */
-    CAIRN_CONSENSUS_SUBMAPS,
+    POSE_CONSENSUS_SUBMAPS,
     /* ... and numbered */
-    CAIRN_CONSENSUS_NUMBER_SUBMAPS,
-    CAIRN_CONSENSUS_REPORT,
+    POSE_CONSENSUS_NUMBER_SUBMAPS,
+    POSE_CONSENSUS_REPORT,
     /* ambiguity propagates to nodes that depend on ambiguous ones */
-    CAIRN_CONSENSUS_PROPAGATE_AMBIGUITY
+    POSE_CONSENSUS_PROPAGATE_AMBIGUITY
 };
 
 /* Subject of a search. */
 typedef int32_t cairn_pose_consensus_choice;
 enum {
-    CAIRN_CHOOSE_NEXT = 0,        /* the next node of the growing component */
-    CAIRN_CHOOSE_REASSIGN = 1,    /* the pose of a node given the others */
-    CAIRN_CHOOSE_ALTERNATIVES = 2 /* alternatives of a node */
+    POSE_CONSENSUS_CHOOSE_NEXT = 0,        /* the next node of the growing component */
+    POSE_CONSENSUS_CHOOSE_REASSIGN = 1,    /* the pose of a node given the others */
+    POSE_CONSENSUS_CHOOSE_ALTERNATIVES = 2 /* alternatives of a node */
 };
 
 struct cairn_pose_consensus {

@@ -26,7 +26,7 @@ size_t cairn_scan_match_index_cells(int32_t max_points)
     return (size_t)side_for(max_points) * (size_t)side_for(max_points);
 }
 
-void cairn_scan_match_index_reset(match_index *index, int32_t max_points, int32_t count,
+void cairn_scan_match_index_reset(scan_match_index *index, int32_t max_points, int32_t count,
                                   cairn_real cell)
 {
     index->side = side_for(max_points);
@@ -36,39 +36,39 @@ void cairn_scan_match_index_reset(match_index *index, int32_t max_points, int32_
     memset(index->start, 0, (cairn_scan_match_index_cells(max_points) + 1) * sizeof *index->start);
 }
 
-static int32_t coordinate(const match_index *index, cairn_real x)
+static int32_t coordinate(const scan_match_index *index, cairn_real x)
 {
     return cairn_real_to_int(cairn_floor(x * index->per_metre));
 }
 
-static int32_t cell_of(const match_index *index, cairn_vec2 p)
+static int32_t cell_of(const scan_match_index *index, cairn_vec2 p)
 {
     int32_t mask = index->side - 1;
 
     return (coordinate(index, p.y) & mask) * index->side + (coordinate(index, p.x) & mask);
 }
 
-void cairn_scan_match_index_count(match_index *index, cairn_vec2 p)
+void cairn_scan_match_index_count(scan_match_index *index, cairn_vec2 p)
 {
     index->start[cell_of(index, p)]++;
 }
 
 /* Prefix sums: counts become the ends of their cells. */
-void cairn_scan_match_index_sum(match_index *index, int32_t first, int32_t end)
+void cairn_scan_match_index_sum(scan_match_index *index, int32_t first, int32_t end)
 {
     for (int32_t cell = first > 0 ? first : 1; cell < end; cell++)
         index->start[cell] += index->start[cell - 1];
 }
 
 /* Places a point; ends become starts as points are placed, the last one first. */
-void cairn_scan_match_index_place(match_index *index, cairn_oriented_point p)
+void cairn_scan_match_index_place(scan_match_index *index, cairn_oriented_point p)
 {
     index->points[--index->start[cell_of(index, p.position)]] = p;
 }
 
 /* Visits points[first ... end - 1]; returns the cost in parts of a unit. */
-static int32_t visit_points(const match_index *index, int32_t first, int32_t end,
-                            match_search *search)
+static int32_t visit_points(const scan_match_index *index, int32_t first, int32_t end,
+                            scan_match_search *search)
 {
     for (int32_t i = first; i < end; i++) {
         const cairn_oriented_point *point = &index->points[i];
@@ -84,8 +84,8 @@ static int32_t visit_points(const match_index *index, int32_t first, int32_t end
 }
 
 /* Visits the cells of a row within `reach` of the query; returns the cost. */
-static int32_t visit_row(const match_index *index, int32_t y, cairn_real reach,
-                         match_search *search)
+static int32_t visit_row(const scan_match_index *index, int32_t y, cairn_real reach,
+                         scan_match_search *search)
 {
     int32_t mask = index->side - 1, row = (y & mask) * index->side;
     int32_t low = coordinate(index, search->p.x - reach) & mask,
@@ -100,9 +100,9 @@ static int32_t visit_row(const match_index *index, int32_t y, cairn_real reach,
 }
 
 /* Visits rows from the point's own outwards, until the next one is farther than the best. */
-const cairn_oriented_point *cairn_scan_match_index_nearest(const match_index *index,
-                                                           match_search *search, cairn_real gate,
-                                                           int32_t *parts)
+const cairn_oriented_point *cairn_scan_match_index_nearest(const scan_match_index *index,
+                                                           scan_match_search *search,
+                                                           cairn_real gate, int32_t *parts)
 {
     int32_t up = coordinate(index, search->p.y), down = up - 1;
     cairn_real above = 0, below = search->p.y - (cairn_real)up * index->cell;

@@ -193,7 +193,7 @@ cairn_status cairn_virtual_align_create(cairn_virtual_align **align, cairn_pool 
 cairn_status cairn_virtual_align_add_scan(cairn_virtual_align *align, const cairn_scan_view *view,
                                           cairn_pose map_scan, cairn_fault *fault)
 {
-    struct cairn_virtual_place *place;
+    struct virtual_align_place *place;
     cairn_status status;
 
     if (align == NULL)

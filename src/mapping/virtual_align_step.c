@@ -98,7 +98,7 @@ static cairn_status step_compare(cairn_virtual_align *align, cairn_budget *budge
         return CAIRN_MORE;
     align->is_done = 1;
     for (int32_t i = 0; i < align->scan_count; i++) {
-        struct cairn_virtual_place *place = &align->places[i];
+        struct virtual_align_place *place = &align->places[i];
 
         place->moves = place->moves && (!has_matches(align) || place->aligned.component != 0);
         if (place->moves)
@@ -141,7 +141,7 @@ static cairn_real transverse_wall(const cairn_virtual_align *align, int32_t scan
  * is finished first. */
 static cairn_status step_place(cairn_virtual_align *align, cairn_budget *budget)
 {
-    struct cairn_virtual_place *place;
+    struct virtual_align_place *place;
 
     if (align->is_iterating) {
         if (cairn_force_field_iterate(align->field, budget) == CAIRN_MORE)
@@ -255,7 +255,7 @@ static cairn_status step_begin_translation(cairn_virtual_align *align, cairn_bud
                                                             cairn_force_field_scans(align->field),
                                                             align->initial_spread));
     for (; align->cursor < align->scan_count; align->cursor++) {
-        const struct cairn_virtual_place *place = &align->places[align->cursor];
+        const struct virtual_align_place *place = &align->places[align->cursor];
 
         if (!cairn_budget_charge(budget, &align->units_charged, 2))
             return CAIRN_MORE;
@@ -271,7 +271,7 @@ static cairn_status step_apply_translation(cairn_virtual_align *align, cairn_bud
         return CAIRN_MORE;
     align->result.weak_direction = cairn_weak_direction_read(align->weak_direction);
     for (int32_t i = 0; i < align->scan_count; i++) {
-        struct cairn_virtual_place *place = &align->places[i];
+        struct virtual_align_place *place = &align->places[i];
         cairn_vec2 shift = cairn_weak_direction_translation(align->weak_direction, i);
 
         if (shift.x == 0 && shift.y == 0)
