@@ -57,7 +57,7 @@ int main(void)
     cairn_aligner_params aligner = cairn_aligner_default();
     cairn_pose_consensus_params consensus = cairn_pose_consensus_default();
     cairn_place_map_params places = cairn_place_map_default();
-    cairn_weak_direction_params slide = cairn_weak_direction_default();
+    cairn_weak_direction_params weak_direction = cairn_weak_direction_default();
 
     scan.max_beams = 181;
     scan.max_points = 256;
@@ -118,7 +118,8 @@ int main(void)
     aligner.max_hypotheses = aligner.max_fill = 1150;
     print("aligner", "60 scans of 401 beams, what the largest of arenas needs",
           cairn_aligner_memory(&aligner));
-    print("weak_direction", "64 scans, 1024 walls, 24 parts", cairn_weak_direction_memory(&slide));
+    print("weak_direction", "64 scans, 1024 walls, 24 parts",
+          cairn_weak_direction_memory(&weak_direction));
     print("pose_consensus", "64 nodes, 1024 hypotheses, 8 candidates",
           cairn_pose_consensus_memory(&consensus));
     print("place_map", "16 places of 1024 points and 2048 beams, 4096 hypotheses",

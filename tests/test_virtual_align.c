@@ -253,7 +253,7 @@ struct reference {
     cairn_aligner *aligner;
     cairn_force_field *field;
     cairn_virtual_scan *hypotheses;
-    cairn_weak_direction *slide;
+    cairn_weak_direction *weak_direction;
     cairn_real spread;
     const cairn_pose *start;
     cairn_virtual_align_result result;
@@ -280,7 +280,7 @@ static struct reference reference_of(const cairn_virtual_align_params *p, const 
     assert_ok(cairn_aligner_create(&t.aligner, &t.pool, &t.p.aligner));
     assert_ok(cairn_force_field_create(&t.field, &t.pool, &t.p.field));
     assert_ok(cairn_virtual_scan_create(&t.hypotheses, &t.pool, &t.p.hypotheses));
-    assert_ok(cairn_weak_direction_create(&t.slide, &t.pool, &t.p.weak_direction));
+    assert_ok(cairn_weak_direction_create(&t.weak_direction, &t.pool, &t.p.weak_direction));
     for (int32_t i = 0; i < SCANS; i++) {
         cairn_scan_view view = view_of(r, i);
 
@@ -392,7 +392,7 @@ static void reference_places(struct reference *t)
         cairn_aligner_pose at = t->kept[i];
 
         t->moves[i] = !t->p.use_aligner || t->result.aligner.placed < 2 ||
-                      (!at.placed && !cairn_weak_direction_is_weak(t->slide, &at) &&
+                      (!at.placed && !cairn_weak_direction_is_weak(t->weak_direction, &at) &&
                        reference_across(t, i) >= 0.1);
         t->result.field_units += 2 + (cairn_force_field_scans(t->field)->scans[i].end_segment -
                                       cairn_force_field_scans(t->field)->scans[i].first_segment) /
@@ -486,23 +486,23 @@ static void reference_translates(struct reference *t)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
-    assert_ok(cairn_weak_direction_begin(t->slide, t->aligner, cairn_force_field_scans(t->field),
-                                         t->spread));
+    assert_ok(cairn_weak_direction_begin(t->weak_direction, t->aligner,
+                                         cairn_force_field_scans(t->field), t->spread));
     for (int32_t i = 0; i < t->count; i++) {
         cairn_aligner_pose aligned = t->kept[i];
 
         aligned.map_scan = t->found[i];
-        assert_ok(cairn_weak_direction_add(t->slide, t->start[i], &aligned));
+        assert_ok(cairn_weak_direction_add(t->weak_direction, t->start[i], &aligned));
     }
-    assert_ok(cairn_weak_direction_step(t->slide, &budget));
+    assert_ok(cairn_weak_direction_step(t->weak_direction, &budget));
     for (int32_t i = 0; i < t->count; i++) {
-        cairn_vec2 shift = cairn_weak_direction_translation(t->slide, i);
+        cairn_vec2 shift = cairn_weak_direction_translation(t->weak_direction, i);
 
         t->found[i].x += shift.x;
         t->found[i].y += shift.y;
         t->moves[i] |= shift.x != 0 || shift.y != 0;
     }
-    t->result.weak_direction = cairn_weak_direction_read(t->slide);
+    t->result.weak_direction = cairn_weak_direction_read(t->weak_direction);
     t->result.hypothesis_units += CAIRN_UNBOUNDED - budget.left;
     t->result.hypothesis_units += 2 * (int64_t)t->count + 1 + t->count / 8;
 }
@@ -574,7 +574,7 @@ static void does_what_is_done_by_hand(void **state)
         slid += t.result.weak_direction.translated_scans;
         if (r.narrow < SCANS)
             stayed += !t.kept[r.narrow].placed &&
-                      !cairn_weak_direction_is_weak(t.slide, &t.kept[r.narrow]) &&
+                      !cairn_weak_direction_is_weak(t.weak_direction, &t.kept[r.narrow]) &&
                       !t.moves[r.narrow];
         test_pool_free(&t.pool);
         test_pool_free(&bed.pool);

@@ -138,46 +138,46 @@ static void close_scene(struct scene *s)
 
 struct bed {
     cairn_pool pool;
-    cairn_weak_direction *slide;
+    cairn_weak_direction *weak_direction;
 };
 
 static struct bed bed_with(const cairn_weak_direction_params *params)
 {
     struct bed bed = {test_pool(cairn_weak_direction_memory(params)), NULL};
 
-    assert_ok(cairn_weak_direction_create(&bed.slide, &bed.pool, params));
+    assert_ok(cairn_weak_direction_create(&bed.weak_direction, &bed.pool, params));
     return bed;
 }
 
-static void begin(cairn_weak_direction *slide, const struct scene *s)
+static void begin(cairn_weak_direction *weak_direction, const struct scene *s)
 {
-    assert_ok(cairn_weak_direction_begin(slide, s->aligner, s->set, s->spread));
+    assert_ok(cairn_weak_direction_begin(weak_direction, s->aligner, s->set, s->spread));
     for (int32_t i = 0; i < SCANS; i++)
-        assert_ok(cairn_weak_direction_add(slide, s->start[i], &s->aligned[i]));
+        assert_ok(cairn_weak_direction_add(weak_direction, s->start[i], &s->aligned[i]));
 }
 
-static void run(cairn_weak_direction *slide, const struct scene *s, int32_t units)
+static void run(cairn_weak_direction *weak_direction, const struct scene *s, int32_t units)
 {
     cairn_budget budget = {units};
     cairn_status status;
 
-    begin(slide, s);
-    while ((status = cairn_weak_direction_step(slide, &budget)) == CAIRN_MORE) {
+    begin(weak_direction, s);
+    while ((status = cairn_weak_direction_step(weak_direction, &budget)) == CAIRN_MORE) {
         assert_int_equal(budget.left, 0);
-        assert_int_equal(cairn_weak_direction_read(slide).weak_submaps, 0);
+        assert_int_equal(cairn_weak_direction_read(weak_direction).weak_submaps, 0);
         budget.left = units;
     }
     assert_ok(status);
 }
 
 /* Scans within 0.05 m and 1 degree of the truth after the best common motion. */
-static int32_t right(const struct scene *s, const cairn_weak_direction *slide)
+static int32_t right(const struct scene *s, const cairn_weak_direction *weak_direction)
 {
     sim_pose found[SCANS], moved[SCANS];
     int32_t use[SCANS];
 
     for (int32_t i = 0; i < SCANS; i++) {
-        cairn_vec2 shift = cairn_weak_direction_translation(slide, i);
+        cairn_vec2 shift = cairn_weak_direction_translation(weak_direction, i);
 
         use[i] = 1;
         found[i].x = (double)(s->aligned[i].map_scan.x + shift.x);
@@ -559,9 +559,9 @@ static struct reference reference_of(const struct scene *s, const cairn_weak_dir
     return t;
 }
 
-static void assert_reference(const struct reference *t, const cairn_weak_direction *slide)
+static void assert_reference(const struct reference *t, const cairn_weak_direction *weak_direction)
 {
-    cairn_weak_direction_result result = cairn_weak_direction_read(slide);
+    cairn_weak_direction_result result = cairn_weak_direction_read(weak_direction);
     int32_t slid = 0;
 
     assert_int_equal(result.weak_submaps, t->parts);
@@ -570,7 +570,7 @@ static void assert_reference(const struct reference *t, const cairn_weak_directi
     assert_near(result.thickness_share, t->alike, NUMBER(1e-9, 1e-4));
     assert_int_equal(result.dropped, 0);
     for (int32_t i = 0; i < SCANS; i++) {
-        cairn_vec2 shift = cairn_weak_direction_translation(slide, i);
+        cairn_vec2 shift = cairn_weak_direction_translation(weak_direction, i);
 
         slid += t->shift[i].x != 0 || t->shift[i].y != 0;
         assert_near(shift.x, t->shift[i].x, NUMBER(1e-9, 1e-4));
@@ -603,8 +603,8 @@ static void agrees_with_the_reference(void **state)
         p.thickness_sigma = k == 5 ? CAIRN_REAL(0.04) : p.thickness_sigma;
         bed = bed_with(&p);
         t = reference_of(&s, &p);
-        run(bed.slide, &s, CAIRN_UNBOUNDED);
-        assert_reference(&t, bed.slide);
+        run(bed.weak_direction, &s, CAIRN_UNBOUNDED);
+        assert_reference(&t, bed.weak_direction);
         joined += t.joined;
         test_pool_free(&bed.pool);
         close_scene(&s);
@@ -626,14 +626,15 @@ static void components_are_translated_to_their_place(void **state)
     for (size_t k = 0; k < SEEDS; k++) {
         struct scene s = open_scene(seeds[k]);
 
-        begin(with.slide, &s);
-        before += right(&s, with.slide);
-        run(with.slide, &s, CAIRN_UNBOUNDED);
-        run(without.slide, &s, CAIRN_UNBOUNDED);
-        after += right(&s, with.slide);
-        bare += right(&s, without.slide);
-        assert_near(cairn_weak_direction_read(with.slide).thickness, 0.1, 0.006);
-        assert_in_range(cairn_weak_direction_read(with.slide).thickness_share * 100, 40, 95);
+        begin(with.weak_direction, &s);
+        before += right(&s, with.weak_direction);
+        run(with.weak_direction, &s, CAIRN_UNBOUNDED);
+        run(without.weak_direction, &s, CAIRN_UNBOUNDED);
+        after += right(&s, with.weak_direction);
+        bare += right(&s, without.weak_direction);
+        assert_near(cairn_weak_direction_read(with.weak_direction).thickness, 0.1, 0.006);
+        assert_in_range(cairn_weak_direction_read(with.weak_direction).thickness_share * 100, 40,
+                        95);
         close_scene(&s);
     }
     assert_true(bare > before + 10);
@@ -657,13 +658,13 @@ static void the_budget_does_not_matter(void **state)
     for (int k = 0; k < 4; k++) {
         cairn_weak_direction_result result;
 
-        run(bed.slide, &s, budgets[k]);
-        result = cairn_weak_direction_read(bed.slide);
+        run(bed.weak_direction, &s, budgets[k]);
+        result = cairn_weak_direction_read(bed.weak_direction);
         if (k == 0)
             first = result;
         assert_memory_equal(&result, &first, sizeof result);
         for (int32_t i = 0; i < SCANS; i++) {
-            cairn_vec2 now = cairn_weak_direction_translation(bed.slide, i);
+            cairn_vec2 now = cairn_weak_direction_translation(bed.weak_direction, i);
 
             shift[i] = k == 0 ? now : shift[i];
             assert_memory_equal(&now, &shift[i], sizeof now);
@@ -671,10 +672,10 @@ static void the_budget_does_not_matter(void **state)
     }
     assert_int_equal(first.units, NUMBER(98611, 38688));
     assert_true(first.translated_scans > 3);
-    assert_near(cairn_weak_direction_translation(bed.slide, SCANS).x, 0, 0);
-    assert_near(cairn_weak_direction_translation(bed.slide, -1).x, 0, 0);
-    begin(bed.slide, &s);
-    assert_near(cairn_weak_direction_translation(bed.slide, 0).x, 0, 0);
+    assert_near(cairn_weak_direction_translation(bed.weak_direction, SCANS).x, 0, 0);
+    assert_near(cairn_weak_direction_translation(bed.weak_direction, -1).x, 0, 0);
+    begin(bed.weak_direction, &s);
+    assert_near(cairn_weak_direction_translation(bed.weak_direction, 0).x, 0, 0);
     test_pool_free(&bed.pool);
     close_scene(&s);
 }
@@ -696,25 +697,25 @@ static void capacities_are_short(void **state)
     assert_true(t.parts > 2);
     p.max_walls = walls;
     bed = bed_with(&p);
-    run(bed.slide, &s, CAIRN_UNBOUNDED);
-    assert_reference(&t, bed.slide);
+    run(bed.weak_direction, &s, CAIRN_UNBOUNDED);
+    assert_reference(&t, bed.weak_direction);
     test_pool_free(&bed.pool);
     p.max_walls = walls - 3;
     p.max_submaps = t.parts;
     bed = bed_with(&p);
-    run(bed.slide, &s, CAIRN_UNBOUNDED);
-    assert_int_equal(cairn_weak_direction_read(bed.slide).dropped, 3);
-    parts = cairn_weak_direction_read(bed.slide).weak_submaps;
+    run(bed.weak_direction, &s, CAIRN_UNBOUNDED);
+    assert_int_equal(cairn_weak_direction_read(bed.weak_direction).dropped, 3);
+    parts = cairn_weak_direction_read(bed.weak_direction).weak_submaps;
     assert_int_equal(parts, t.parts);
     test_pool_free(&bed.pool);
     p.max_walls = walls;
     p.max_submaps = 1;
     bed = bed_with(&p);
-    run(bed.slide, &s, CAIRN_UNBOUNDED);
-    assert_int_equal(cairn_weak_direction_read(bed.slide).weak_submaps, 1);
-    assert_int_equal(cairn_weak_direction_read(bed.slide).dropped, parts - 1);
+    run(bed.weak_direction, &s, CAIRN_UNBOUNDED);
+    assert_int_equal(cairn_weak_direction_read(bed.weak_direction).weak_submaps, 1);
+    assert_int_equal(cairn_weak_direction_read(bed.weak_direction).dropped, parts - 1);
     for (int32_t i = 0; i < SCANS; i++)
-        if (t.shift[i].x != 0 && cairn_weak_direction_translation(bed.slide, i).x != 0)
+        if (t.shift[i].x != 0 && cairn_weak_direction_translation(bed.weak_direction, i).x != 0)
             assert_true(s.aligned[i].component == 0 && !s.aligned[i].placed);
     test_pool_free(&bed.pool);
     close_scene(&s);
@@ -744,11 +745,11 @@ static void placed_scans_stay(void **state)
                 a->covariance[4] = k == 4 ? CAIRN_REAL(0.003) : CAIRN_REAL(0.0001);
             }
         }
-        run(bed.slide, &s, CAIRN_UNBOUNDED);
-        assert_int_equal(cairn_weak_direction_read(bed.slide).weak_submaps, 0);
-        assert_int_equal(cairn_weak_direction_read(bed.slide).translated_scans, 0);
+        run(bed.weak_direction, &s, CAIRN_UNBOUNDED);
+        assert_int_equal(cairn_weak_direction_read(bed.weak_direction).weak_submaps, 0);
+        assert_int_equal(cairn_weak_direction_read(bed.weak_direction).translated_scans, 0);
         for (int32_t i = 0; i < SCANS; i++)
-            assert_near(cairn_weak_direction_translation(bed.slide, i).y, 0, 0);
+            assert_near(cairn_weak_direction_translation(bed.weak_direction, i).y, 0, 0);
     }
     test_pool_free(&bed.pool);
     close_scene(&s);
@@ -765,18 +766,18 @@ static void starts_may_be_exact(void **state)
 
     (void)state;
     loosen(&s, 0);
-    run(bed.slide, &s, CAIRN_UNBOUNDED);
-    assert_true(cairn_weak_direction_read(bed.slide).merged_submaps > 1);
-    assert_int_equal(cairn_weak_direction_read(bed.slide).units, NUMBER(207989, 138535));
+    run(bed.weak_direction, &s, CAIRN_UNBOUNDED);
+    assert_true(cairn_weak_direction_read(bed.weak_direction).merged_submaps > 1);
+    assert_int_equal(cairn_weak_direction_read(bed.weak_direction).units, NUMBER(207989, 138535));
     s.spread = CAIRN_REAL(1e-6);
-    run(bed.slide, &s, CAIRN_UNBOUNDED);
-    assert_true(cairn_weak_direction_read(bed.slide).merged_submaps > 0);
+    run(bed.weak_direction, &s, CAIRN_UNBOUNDED);
+    assert_true(cairn_weak_direction_read(bed.weak_direction).merged_submaps > 0);
     for (int32_t i = 0; i < SCANS; i++)
-        shift[i] = cairn_weak_direction_translation(bed.slide, i);
+        shift[i] = cairn_weak_direction_translation(bed.weak_direction, i);
     s.spread = NUMBER((cairn_real)1e-200, (cairn_real)1e-30);
-    run(bed.slide, &s, CAIRN_UNBOUNDED);
+    run(bed.weak_direction, &s, CAIRN_UNBOUNDED);
     for (int32_t i = 0; i < SCANS; i++) {
-        cairn_vec2 now = cairn_weak_direction_translation(bed.slide, i);
+        cairn_vec2 now = cairn_weak_direction_translation(bed.weak_direction, i);
 
         assert_near((double)now.x, (double)shift[i].x, NUMBER(1e-12, 0));
         assert_near((double)now.y, (double)shift[i].y, NUMBER(1e-12, 0));
@@ -804,8 +805,8 @@ static void directions_are_not_mixed(void **state)
             c[1] = c[3] = -c[1];
         }
         t = reference_of(&s, &p);
-        run(bed.slide, &s, CAIRN_UNBOUNDED);
-        assert_reference(&t, bed.slide);
+        run(bed.weak_direction, &s, CAIRN_UNBOUNDED);
+        assert_reference(&t, bed.weak_direction);
         close_scene(&s);
     }
     test_pool_free(&bed.pool);
@@ -815,16 +816,16 @@ static void directions_are_not_mixed(void **state)
 
 static cairn_status create(void *context, cairn_pool *pool)
 {
-    cairn_weak_direction *slide;
+    cairn_weak_direction *weak_direction;
 
-    return cairn_weak_direction_create(&slide, pool, context);
+    return cairn_weak_direction_create(&weak_direction, pool, context);
 }
 
 static void bad_params_are_refused(void **state)
 {
     cairn_weak_direction_params p = cairn_weak_direction_default();
     cairn_pool pool = test_pool(cairn_weak_direction_memory(&p));
-    cairn_weak_direction *slide = NULL;
+    cairn_weak_direction *weak_direction = NULL;
 
     (void)state;
     for (int i = 0; i < 22; i++) {
@@ -845,7 +846,7 @@ static void bad_params_are_refused(void **state)
         else if (i < 21)
             *lengths[i - 16] = CAIRN_REAL(1.1e6);
         assert_int_equal(cairn_weak_direction_memory(i == 21 ? NULL : &bad), 0);
-        assert_status(cairn_weak_direction_create(&slide, &pool, i == 21 ? NULL : &bad),
+        assert_status(cairn_weak_direction_create(&weak_direction, &pool, i == 21 ? NULL : &bad),
                       CAIRN_BAD_ARGUMENT);
         assert_int_equal(pool.used, 0);
         if (i >= 3 && i < 6) {
@@ -854,8 +855,8 @@ static void bad_params_are_refused(void **state)
         }
     }
     assert_status(cairn_weak_direction_create(NULL, &pool, &p), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_weak_direction_create(&slide, NULL, &p), CAIRN_BAD_ARGUMENT);
-    assert_ok(cairn_weak_direction_create(&slide, &pool, &p));
+    assert_status(cairn_weak_direction_create(&weak_direction, NULL, &p), CAIRN_BAD_ARGUMENT);
+    assert_ok(cairn_weak_direction_create(&weak_direction, &pool, &p));
     assert_int_equal(pool.used, cairn_weak_direction_memory(&p));
     test_pool_free(&pool);
     p.max_scans = p.max_walls = p.max_submaps = 1;
@@ -873,49 +874,56 @@ static void bad_calls_are_refused(void **state)
     cairn_budget budget = {10};
 
     (void)state;
-    assert_ok(cairn_weak_direction_step(bed.slide, &budget)); /* nothing was begun */
+    assert_ok(cairn_weak_direction_step(bed.weak_direction, &budget)); /* nothing was begun */
     assert_int_equal(budget.left, 10);
-    assert_status(cairn_weak_direction_add(bed.slide, s.start[0], &bad), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_weak_direction_add(bed.weak_direction, s.start[0], &bad),
+                  CAIRN_BAD_ARGUMENT);
     assert_status(cairn_weak_direction_begin(NULL, s.aligner, s.set, s.spread), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_weak_direction_begin(bed.slide, NULL, s.set, s.spread), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_weak_direction_begin(bed.slide, s.aligner, NULL, s.spread),
+    assert_status(cairn_weak_direction_begin(bed.weak_direction, NULL, s.set, s.spread),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_weak_direction_begin(bed.weak_direction, s.aligner, NULL, s.spread),
                   CAIRN_BAD_ARGUMENT);
     p.max_scans = SCANS - 1;
     small = bed_with(&p);
-    assert_status(cairn_weak_direction_begin(small.slide, s.aligner, s.set, s.spread), CAIRN_FULL);
+    assert_status(cairn_weak_direction_begin(small.weak_direction, s.aligner, s.set, s.spread),
+                  CAIRN_FULL);
     test_pool_free(&small.pool);
     p.max_scans = SCANS;
     small = bed_with(&p);
-    assert_ok(cairn_weak_direction_begin(small.slide, s.aligner, s.set, s.spread));
+    assert_ok(cairn_weak_direction_begin(small.weak_direction, s.aligner, s.set, s.spread));
     assert_status(cairn_weak_direction_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_weak_direction_step(small.slide, NULL), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_weak_direction_step(small.slide, &budget), CAIRN_EMPTY);
+    assert_status(cairn_weak_direction_step(small.weak_direction, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_weak_direction_step(small.weak_direction, &budget), CAIRN_EMPTY);
     assert_status(cairn_weak_direction_add(NULL, s.start[0], &bad), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_weak_direction_add(small.slide, s.start[0], NULL), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_weak_direction_add(small.slide, nan, &bad), CAIRN_NOT_FINITE);
-    assert_status(cairn_weak_direction_add(small.slide, far, &bad), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_weak_direction_add(small.weak_direction, s.start[0], NULL),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_weak_direction_add(small.weak_direction, nan, &bad), CAIRN_NOT_FINITE);
+    assert_status(cairn_weak_direction_add(small.weak_direction, far, &bad), CAIRN_BAD_ARGUMENT);
     bad.map_scan = far;
-    assert_status(cairn_weak_direction_add(small.slide, s.start[0], &bad), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_weak_direction_add(small.weak_direction, s.start[0], &bad),
+                  CAIRN_BAD_ARGUMENT);
     far.x = far.y;
     far.y = 0;
     bad.map_scan = far;
-    assert_status(cairn_weak_direction_add(small.slide, s.start[0], &bad), CAIRN_BAD_ARGUMENT);
-    bad.map_scan = nan;
-    assert_status(cairn_weak_direction_add(small.slide, s.start[0], &bad), CAIRN_NOT_FINITE);
-    for (int32_t i = 0; i < SCANS; i++) {
-        assert_status(cairn_weak_direction_step(small.slide, &budget), CAIRN_EMPTY);
-        assert_ok(cairn_weak_direction_add(small.slide, s.start[i], &s.aligned[i]));
-    }
-    assert_status(cairn_weak_direction_add(small.slide, s.start[0], &s.aligned[0]),
+    assert_status(cairn_weak_direction_add(small.weak_direction, s.start[0], &bad),
                   CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_weak_direction_step(small.slide, &budget), CAIRN_MORE);
-    assert_status(cairn_weak_direction_add(small.slide, s.start[0], &s.aligned[0]),
+    bad.map_scan = nan;
+    assert_status(cairn_weak_direction_add(small.weak_direction, s.start[0], &bad),
+                  CAIRN_NOT_FINITE);
+    for (int32_t i = 0; i < SCANS; i++) {
+        assert_status(cairn_weak_direction_step(small.weak_direction, &budget), CAIRN_EMPTY);
+        assert_ok(cairn_weak_direction_add(small.weak_direction, s.start[i], &s.aligned[i]));
+    }
+    assert_status(cairn_weak_direction_add(small.weak_direction, s.start[0], &s.aligned[0]),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_weak_direction_step(small.weak_direction, &budget), CAIRN_MORE);
+    assert_status(cairn_weak_direction_add(small.weak_direction, s.start[0], &s.aligned[0]),
                   CAIRN_BAD_ARGUMENT);
     assert_ok(cairn_aligner_begin(s.aligner));
-    assert_status(cairn_weak_direction_begin(bed.slide, s.aligner, s.set, s.spread),
+    assert_status(cairn_weak_direction_begin(bed.weak_direction, s.aligner, s.set, s.spread),
                   CAIRN_BAD_ARGUMENT);
     cairn_aligner_clear(s.aligner);
-    assert_status(cairn_weak_direction_begin(bed.slide, s.aligner, s.set, s.spread),
+    assert_status(cairn_weak_direction_begin(bed.weak_direction, s.aligner, s.set, s.spread),
                   CAIRN_BAD_ARGUMENT);
     test_pool_free(&small.pool);
     test_pool_free(&bed.pool);
