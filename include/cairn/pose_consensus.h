@@ -112,7 +112,7 @@ typedef cairn_real (*cairn_pose_pair_likelihood)(void *context, int32_t first, i
 
 /* Sets the pairwise likelihood function; NULL: none. Cancels a running search. */
 void cairn_pose_consensus_set_pair_likelihood(cairn_pose_consensus *consensus,
-                                              cairn_pose_pair_likelihood judge, void *context);
+                                              cairn_pose_pair_likelihood likelihood, void *context);
 
 /* Joint likelihood function: returns the log-likelihood ratio in nats, positive or negative, of the
  * data of a node for a pose given all other nodes of a component: those i != node with parts[i] ==
@@ -128,7 +128,8 @@ typedef cairn_real (*cairn_pose_joint_likelihood)(void *context, int32_t node, c
  * the support by a whole component is evaluated; pairs still determine the tree of strongest links.
  * clear() removes it. Cancels a running search. */
 void cairn_pose_consensus_set_joint_likelihood(cairn_pose_consensus *consensus,
-                                               cairn_pose_joint_likelihood jury, void *context);
+                                               cairn_pose_joint_likelihood likelihood,
+                                               void *context);
 
 /* Starts the search. CAIRN_EMPTY: no nodes (clear() was never called). CAIRN_BAD_ARGUMENT: NULL.
  * Linear in nodes and hypotheses. */

@@ -35,7 +35,7 @@ cairn_scan_redundancy_params cairn_scan_redundancy_default(void);
 size_t cairn_scan_redundancy_memory(const cairn_scan_redundancy_params *params);
 
 /* Creates the object in memory of the pool. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status cairn_scan_redundancy_create(cairn_scan_redundancy **cover,
+CAIRN_CHECKED cairn_status cairn_scan_redundancy_create(cairn_scan_redundancy **redundancy,
                                                         cairn_pool *pool,
                                                         const cairn_scan_redundancy_params *params);
 
@@ -43,24 +43,25 @@ CAIRN_CHECKED cairn_status cairn_scan_redundancy_create(cairn_scan_redundancy **
  * map_scan: [set->scan_count], the poses by slot; those of free slots are not used.
  * CAIRN_BAD_ARGUMENT: NULL, or a pose beyond 1e6 m. CAIRN_FULL: more slots or points than params
  * allow. CAIRN_NOT_FINITE: a pose. Linear in the scans. */
-CAIRN_CHECKED cairn_status cairn_scan_redundancy_begin(cairn_scan_redundancy *cover,
+CAIRN_CHECKED cairn_status cairn_scan_redundancy_begin(cairn_scan_redundancy *redundancy,
                                                        const cairn_scan_set *set,
                                                        const cairn_pose *map_scan);
 
 /* Continues. CAIRN_OK: all scans have a score. CAIRN_MORE: the budget is used up. Cost per point:
  * about five units, and one for each point of the set within the radius. */
-CAIRN_CHECKED cairn_status cairn_scan_redundancy_step(cairn_scan_redundancy *cover,
+CAIRN_CHECKED cairn_status cairn_scan_redundancy_step(cairn_scan_redundancy *redundancy,
                                                       cairn_budget *budget);
 
 /* Returns the redundancy score of a scan: its loss, in points; the lower, the more redundant. Valid
  * after the last step that returned CAIRN_OK; -1 for slots that were free, and while step() has
  * work left. */
-cairn_real cairn_scan_redundancy_loss(const cairn_scan_redundancy *cover, int32_t scan);
+cairn_real cairn_scan_redundancy_loss(const cairn_scan_redundancy *redundancy, int32_t scan);
 
 /* Returns the most redundant scan: that of least loss, the lowest slot among equals. The slot
  * `spared` is excluded, such as the anchor of the map (-1: none). -1: there is none, or step() has
  * work left. Linear in the scans. */
-int32_t cairn_scan_redundancy_most_redundant(const cairn_scan_redundancy *cover, int32_t spared);
+int32_t cairn_scan_redundancy_most_redundant(const cairn_scan_redundancy *redundancy,
+                                             int32_t spared);
 
 #ifdef __cplusplus
 }

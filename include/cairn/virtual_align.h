@@ -22,7 +22,7 @@
  * translation. When the aligner matches no two scans, all scans move, and the virtual scan is
  * rebuilt every few iterations.
  *
- * Mode as written (cairn_virtual_align_as_written): algorithm 2 alone, without aligner and slide.
+ * Mode as written (cairn_virtual_align_as_written): algorithm 2 alone, without aligner and translation of submaps.
  * Force field simulation moves all scans, with the gradient of chapter 7. The first iteration has
  * no virtual scan; after every iteration one is built from the current poses of the real scans, as
  * written (virtual_scan.h). Real points have weight 1: no regions of interest. The run ends with
@@ -52,7 +52,7 @@ typedef struct cairn_virtual_align_params {
     /* its max_scans, max_points and max_segments are ignored */
     cairn_virtual_scan_params hypotheses;
     /* its max_scans is ignored */
-    cairn_weak_direction_params slide;
+    cairn_weak_direction_params weak_direction;
     /* >= 1: iterations of the field between two virtual scans while their source scans move (8) */
     int32_t rebuild_interval;
     /* >= 1: maximum runs of the field, each followed by the aligner, while scans are unplaced
@@ -62,7 +62,7 @@ typedef struct cairn_virtual_align_params {
      * (1) */
     int32_t use_aligner;
     /* CAIRN_MODE_DEFAULT, or CAIRN_MODE_AS_WRITTEN, which ignores rebuild_interval, max_rounds,
-     * use_aligner, slide, hypotheses.mode, and the field's mode, roi and oriented_below
+     * use_aligner, weak_direction, hypotheses.mode, and the field's mode, roi and oriented_below
      * (CAIRN_MODE_DEFAULT) */
     int32_t mode;
 } cairn_virtual_align_params;
@@ -87,9 +87,9 @@ typedef struct cairn_virtual_align_result {
     int32_t active_iterations;
     /* hypotheses in the last virtual scan */
     int32_t hypotheses;
-    /* work units; those of the slide count as hypothesis_units */
+    /* work units; those of the translation count as hypothesis_units */
     int64_t align_units, hypothesis_units, field_units;
-    cairn_weak_direction_result slide;
+    cairn_weak_direction_result weak_direction;
 } cairn_virtual_align_result;
 
 typedef struct cairn_virtual_align cairn_virtual_align;

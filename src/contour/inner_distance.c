@@ -205,30 +205,30 @@ static int leads_inside(const cairn_inner_distance *inner, const inner_vertex *v
 }
 
 /* A segment between two vertices: start, unit direction, length. */
-typedef struct sight_line {
+typedef struct inner_segment {
     cairn_vec2 from, along;
     cairn_real length;
-} sight_line;
+} inner_segment;
 
 /* Returns the signed distance of a point to the line of a segment. */
-static cairn_real lateral_offset(const sight_line *s, cairn_vec2 p)
+static cairn_real lateral_offset(const inner_segment *s, cairn_vec2 p)
 {
     return cairn_vec2_cross(s->along, cairn_vec2_sub(p, s->from));
 }
 
 /* Returns the position of a point along a segment. */
-static cairn_real position_along(const sight_line *s, cairn_vec2 p)
+static cairn_real position_along(const inner_segment *s, cairn_vec2 p)
 {
     return cairn_vec2_dot(s->along, cairn_vec2_sub(p, s->from));
 }
 
-static int is_within(const sight_line *s, cairn_real place)
+static int is_within(const inner_segment *s, cairn_real place)
 {
     return place >= 0 && place <= s->length;
 }
 
 /* Returns 1 if the segment touches an edge whose ends have lateral offsets a and b. */
-static int intersects(const sight_line *s, cairn_vec2 from, cairn_vec2 to, cairn_real a,
+static int intersects(const inner_segment *s, cairn_vec2 from, cairn_vec2 to, cairn_real a,
                       cairn_real b, cairn_real tolerance)
 {
     if ((a > tolerance && b > tolerance) || (a < -tolerance && b < -tolerance))
@@ -240,7 +240,7 @@ static int intersects(const sight_line *s, cairn_vec2 from, cairn_vec2 to, cairn
 }
 
 /* Returns whether an edge blocks the segment between vertices i and k. */
-static int is_blocking(const cairn_inner_distance *inner, const sight_line *s, int32_t side,
+static int is_blocking(const cairn_inner_distance *inner, const inner_segment *s, int32_t side,
                        int32_t i, int32_t k)
 {
     const inner_vertex *v = &inner->vertices[side];
@@ -257,7 +257,7 @@ static int are_visible(cairn_inner_distance *inner, int32_t i, int32_t k)
 {
     const inner_vertex *a = &inner->vertices[i], *b = &inner->vertices[k];
     cairn_vec2 displacement = cairn_vec2_sub(b->position, a->position);
-    sight_line s = {a->position, cairn_vec2_unit(displacement), cairn_vec2_norm(displacement)};
+    inner_segment s = {a->position, cairn_vec2_unit(displacement), cairn_vec2_norm(displacement)};
 
     if (a->after == k || a->before == k)
         return 1;

@@ -55,7 +55,7 @@ cairn_shape_model_builder_params cairn_shape_model_builder_default(void)
 
 static int params_are_valid(const cairn_shape_model_builder_params *p)
 {
-    return p != NULL && p->outline_samples >= SHAPE_MIN_OUTLINE_SAMPLES &&
+    return p != NULL && p->outline_samples >= SHAPE_MODEL_MIN_OUTLINE_SAMPLES &&
            p->outline_samples <= 1024 && p->path_samples >= 4 && p->path_samples <= 256 &&
            p->max_paths >= 1 && p->max_paths <= CAIRN_SHAPE_MODEL_MAX_PATHS &&
            p->max_deviation > 0 && p->max_deviation < CAIRN_PI / 2 && p->deviation_sigma > 0 &&
@@ -66,25 +66,26 @@ static int params_are_valid(const cairn_shape_model_builder_params *p)
 /* Paths share an outline, and each has a least number of samples. */
 int32_t cairn_shape_model_max_samples(const cairn_shape_model_builder_params *p)
 {
-    return p->path_samples + CAIRN_SHAPE_MODEL_MAX_PATHS * (SHAPE_MIN_PATH_SAMPLES + 1);
+    return p->path_samples + CAIRN_SHAPE_MODEL_MAX_PATHS * (SHAPE_MODEL_MIN_PATH_SAMPLES + 1);
 }
 
 /* Returns the greatest number of samples of all outlines. */
 static int32_t max_outline_samples(const cairn_shape_model_builder_params *p)
 {
-    return p->outline_samples + CAIRN_SHAPE_MODEL_MAX_OUTLINES * (SHAPE_MIN_OUTLINE_SAMPLES + 1);
+    return p->outline_samples +
+           CAIRN_SHAPE_MODEL_MAX_OUTLINES * (SHAPE_MODEL_MIN_OUTLINE_SAMPLES + 1);
 }
 
 static cairn_shape_model_builder *carve(cairn_pool *pool, const cairn_shape_model_builder_params *p)
 {
-    size_t side = (size_t)p->outline_samples + SHAPE_MIN_OUTLINE_SAMPLES;
+    size_t side = (size_t)p->outline_samples + SHAPE_MODEL_MIN_OUTLINE_SAMPLES;
     cairn_shape_model_builder *builder = cairn_pool_take_one(pool, sizeof *builder);
     cairn_oriented_point *outline =
         cairn_pool_take(pool, (size_t)max_outline_samples(p), sizeof *outline);
     cairn_real *gain = cairn_pool_take(pool, side * side, sizeof *gain);
     cairn_real *dp_value = cairn_pool_take(pool, 3 * side, sizeof *dp_value);
     uint8_t *dp_move = cairn_pool_take(pool, side * side, sizeof *dp_move);
-    shape_pair *path_pairs = cairn_pool_take(pool, 2 * side, sizeof *path_pairs);
+    shape_model_pair *path_pairs = cairn_pool_take(pool, 2 * side, sizeof *path_pairs);
     cairn_shape_model_sample *samples =
         cairn_pool_take(pool, (size_t)cairn_shape_model_max_samples(p), sizeof *samples);
     cairn_shape_model_path *paths =
@@ -205,7 +206,8 @@ cairn_status cairn_shape_model_builder_begin(cairn_shape_model_builder *builder,
         int32_t points = cairn_real_to_int(
             cairn_rint((cairn_real)builder->params.outline_samples * (length / whole)));
 
-        points = points < SHAPE_MIN_OUTLINE_SAMPLES ? SHAPE_MIN_OUTLINE_SAMPLES : points;
+        points =
+            points < SHAPE_MODEL_MIN_OUTLINE_SAMPLES ? SHAPE_MODEL_MIN_OUTLINE_SAMPLES : points;
         builder->outline_length[i] = length / builder->size;
         sample_outline(builder, &outlines[i], &builder->outline[builder->outline_first[i]], points);
         builder->outline_first[i + 1] = builder->outline_first[i] + points;
@@ -260,8 +262,8 @@ cairn_real cairn_shape_model_gain(const cairn_shape_model_builder *builder, int3
 /* Computes the gains of all pairs of the current outline. */
 static cairn_status step_pairs(cairn_shape_model_builder *builder, cairn_budget *budget)
 {
-    int32_t n = shape_points(builder), first = builder->outline_first[builder->outline_index];
-    shape_arc whole = {0, n, 1, -1, -1};
+    int32_t n = shape_model_points(builder), first = builder->outline_first[builder->outline_index];
+    shape_model_arc whole = {0, n, 1, -1, -1};
 
     for (; builder->cursor < n * n; builder->cursor++) {
         int32_t low = builder->cursor / n, high = builder->cursor % n;
@@ -279,12 +281,12 @@ static cairn_status step_pairs(cairn_shape_model_builder *builder, cairn_budget 
     return CAIRN_OK;
 }
 
-void cairn_shape_model_add_arc(cairn_shape_model_builder *builder, shape_arc arc)
+void cairn_shape_model_add_arc(cairn_shape_model_builder *builder, shape_model_arc arc)
 {
     int32_t i = builder->arc_count;
 
     if ((cairn_real)arc.count <
-        builder->params.min_outline_share * (cairn_real)shape_points(builder))
+        builder->params.min_outline_share * (cairn_real)shape_model_points(builder))
         return;
     if (builder->arc_count == CAIRN_SHAPE_MODEL_MAX_PATHS) {
         if (builder->arcs[i - 1].count >= arc.count)
@@ -302,7 +304,7 @@ void cairn_shape_model_add_arc(cairn_shape_model_builder *builder, shape_arc arc
 static cairn_status step_search(cairn_shape_model_builder *builder, cairn_budget *budget)
 {
     while (builder->arc_count > 0 && builder->path_count < builder->params.max_paths) {
-        shape_arc arc = builder->arcs[0];
+        shape_model_arc arc = builder->arcs[0];
         cairn_status status = cairn_shape_model_search_step(builder, &arc, budget);
 
         if (status != CAIRN_OK ||

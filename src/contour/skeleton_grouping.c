@@ -128,14 +128,14 @@ static cairn_particle_filter_params filter_params(const cairn_skeleton_grouping_
         /* Prior boosting: all followers are kept, each with its weight. */
         f.proposal = CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR;
         f.adaptive_followers = 0;
-        f.max_followers = WRITTEN_MAX_FOLLOWERS;
-        f.max_candidates = p->particle_count * WRITTEN_MAX_FOLLOWERS;
-        f.state_bytes = (int32_t)sizeof(skeleton_written_state);
+        f.max_followers = SKELETON_GROUPING_WRITTEN_MAX_FOLLOWERS;
+        f.max_candidates = p->particle_count * SKELETON_GROUPING_WRITTEN_MAX_FOLLOWERS;
+        f.state_bytes = (int32_t)sizeof(skeleton_grouping_written_state);
         return f;
     }
-    f.max_followers = SKELETON_MAX_FOLLOWERS;
-    f.max_candidates = p->particle_count * SKELETON_MAX_CANDIDATES;
-    f.state_bytes = (int32_t)sizeof(skeleton_state);
+    f.max_followers = SKELETON_GROUPING_MAX_FOLLOWERS;
+    f.max_candidates = p->particle_count * SKELETON_GROUPING_MAX_CANDIDATES;
+    f.state_bytes = (int32_t)sizeof(skeleton_grouping_state);
     return f;
 }
 
@@ -165,7 +165,7 @@ static cairn_polyline_params line_params(const cairn_skeleton_grouping_params *p
 /* Returns the number of grid cells along a side. */
 static int32_t cell_count(int32_t side)
 {
-    return (side + SKELETON_CELL_PX - 1) / SKELETON_CELL_PX;
+    return (side + SKELETON_GROUPING_CELL_PX - 1) / SKELETON_GROUPING_CELL_PX;
 }
 
 static cairn_particle_filter *carve_filter(cairn_pool *pool,
@@ -211,15 +211,16 @@ static cairn_skeleton_grouping *carve(cairn_pool *pool, const cairn_skeleton_gro
     int written = p->mode == CAIRN_MODE_AS_WRITTEN;
     size_t parts = (size_t)p->max_parts, points = (size_t)p->max_points;
     cairn_skeleton_grouping *skeleton = cairn_pool_take_one(pool, sizeof *skeleton);
-    skeleton_edgel *edgels = cairn_pool_take(pool, (size_t)p->max_edgels, sizeof *edgels);
+    skeleton_grouping_edgel *edgels = cairn_pool_take(pool, (size_t)p->max_edgels, sizeof *edgels);
     int32_t *first = cairn_pool_take(pool, lists, sizeof *first);
-    skeleton_centre *centres = cairn_pool_take(pool, (size_t)p->max_centres, sizeof *centres);
-    skeleton_seed *starts = cairn_pool_take(pool, (size_t)p->max_lines, sizeof *starts);
-    skeleton_state *path =
+    skeleton_grouping_centre *centres =
+        cairn_pool_take(pool, (size_t)p->max_centres, sizeof *centres);
+    skeleton_grouping_seed *starts = cairn_pool_take(pool, (size_t)p->max_lines, sizeof *starts);
+    skeleton_grouping_state *path =
         written ? NULL : cairn_pool_take(pool, (size_t)p->max_steps + 1, sizeof *path);
-    skeleton_written *work = written ? cairn_pool_take_one(pool, sizeof *work) : NULL;
-    skeleton_disc *discs = cairn_pool_take(pool, points, sizeof *discs);
-    skeleton_part *candidates = cairn_pool_take(pool, parts, sizeof *candidates);
+    skeleton_grouping_written *work = written ? cairn_pool_take_one(pool, sizeof *work) : NULL;
+    skeleton_grouping_disc *discs = cairn_pool_take(pool, points, sizeof *discs);
+    skeleton_grouping_part *candidates = cairn_pool_take(pool, parts, sizeof *candidates);
     cairn_skeleton_grouping_point *reported = cairn_pool_take(pool, points, sizeof *reported);
     cairn_skeleton_grouping_part *chosen = cairn_pool_take(pool, parts, sizeof *chosen);
     cairn_skeleton_grouping_object *objects = cairn_pool_take(pool, parts, sizeof *objects);
@@ -324,7 +325,7 @@ cairn_status cairn_skeleton_grouping_begin(cairn_skeleton_grouping *skeleton,
 
 static int32_t clamp_cell(cairn_real x, int32_t count)
 {
-    int32_t cell = cairn_real_to_int(cairn_floor(x / SKELETON_CELL_PX));
+    int32_t cell = cairn_real_to_int(cairn_floor(x / SKELETON_GROUPING_CELL_PX));
 
     return cell < 0 ? 0 : cell >= count ? count - 1 : cell;
 }
@@ -365,7 +366,7 @@ static void count(cairn_skeleton_grouping *skeleton, const cairn_edgel *e)
 static void store_edgel(cairn_skeleton_grouping *skeleton, int32_t source)
 {
     const cairn_edgel *from = &skeleton->input.edgels[source];
-    skeleton_edgel *e =
+    skeleton_grouping_edgel *e =
         &skeleton->edgels[skeleton->cell_first[cell_of(skeleton, from->position)]++];
 
     e->position = from->position;
@@ -427,9 +428,9 @@ cairn_real cairn_skeleton_grouping_density(const cairn_skeleton_grouping *skelet
          row <= y + HALF_WINDOW_CELLS && row < skeleton->rows; row++) {
         int32_t from, end;
 
-        skeleton_cells_of_row(skeleton, row, x0, x1, &from, &end);
+        skeleton_grouping_cells_of_row(skeleton, row, x0, x1, &from, &end);
         count += end - from;
-        area += (x1 - x0 + 1) * SKELETON_CELL_PX * SKELETON_CELL_PX;
+        area += (x1 - x0 + 1) * SKELETON_GROUPING_CELL_PX * SKELETON_GROUPING_CELL_PX;
     }
     return (cairn_real)count / (cairn_real)area;
 }

@@ -71,7 +71,7 @@ static cairn_real step_of(const cairn_skeleton_grouping *skeleton, cairn_real ra
 }
 
 /* Returns the contour's forward tangent. */
-static cairn_vec2 tangent_of(const skeleton_state *s, int32_t side)
+static cairn_vec2 tangent_of(const skeleton_grouping_state *s, int32_t side)
 {
     cairn_vec2 tangent = cairn_vec2_left_perp(s->inward[side]);
 
@@ -79,14 +79,15 @@ static cairn_vec2 tangent_of(const skeleton_state *s, int32_t side)
 }
 
 /* Returns the predicted contact point on a straight contour. */
-static cairn_vec2 predicted_contact(const skeleton_state *s, int32_t side, cairn_real step)
+static cairn_vec2 predicted_contact(const skeleton_grouping_state *s, int32_t side, cairn_real step)
 {
     return cairn_vec2_add(s->contact[side], cairn_vec2_scale(tangent_of(s, side), step));
 }
 
 /* Returns the gain of an edgel as the next contact point of a side, nats. */
-static cairn_real side_gain(const cairn_skeleton_grouping *skeleton, const skeleton_state *s,
-                            int32_t side, const choice *c, cairn_vec2 ahead, cairn_real log_density)
+static cairn_real side_gain(const cairn_skeleton_grouping *skeleton,
+                            const skeleton_grouping_state *s, int32_t side, const choice *c,
+                            cairn_vec2 ahead, cairn_real log_density)
 {
     cairn_vec2 chord = cairn_vec2_sub(c->position, s->contact[side]);
     cairn_real bend = angle_from(ahead, chord), turn = angle_from(s->inward[side], c->inward);
@@ -117,7 +118,7 @@ static void insert_choice(choice *list, int32_t *count, const choice *c)
             --*count;
             break;
         }
-    if (*count == SKELETON_MAX_CHOICES) {
+    if (*count == SKELETON_GROUPING_MAX_CHOICES) {
         if (list[*count - 1].gain >= c->gain)
             return;
         --*count;
@@ -128,7 +129,7 @@ static void insert_choice(choice *list, int32_t *count, const choice *c)
 }
 
 /* Lists the candidate edgels of a side and the choice without an edgel; returns their number. */
-static int32_t choices_of(const cairn_skeleton_grouping *skeleton, const skeleton_state *s,
+static int32_t choices_of(const cairn_skeleton_grouping *skeleton, const skeleton_grouping_state *s,
                           int32_t side, cairn_real step, choice *list)
 {
     cairn_vec2 ahead = tangent_of(s, side), predicted = predicted_contact(s, side, step);
@@ -145,17 +146,17 @@ static int32_t choices_of(const cairn_skeleton_grouping *skeleton, const skeleto
          y++) {
         int32_t from, end;
 
-        skeleton_cells_of_row(skeleton, y, x0, x1, &from, &end);
+        skeleton_grouping_cells_of_row(skeleton, y, x0, x1, &from, &end);
         for (int32_t i = from; i < end; i++) {
-            const skeleton_edgel *e = &skeleton->edgels[i];
-            choice c = {e->position, e->normal, 0, 0, i, SKELETON_BRIGHTER};
+            const skeleton_grouping_edgel *e = &skeleton->edgels[i];
+            choice c = {e->position, e->normal, 0, 0, i, SKELETON_GROUPING_BRIGHTER};
 
             if (cairn_vec2_norm_squared(cairn_vec2_sub(e->position, predicted)) >
                 search_radius * search_radius)
                 continue;
             if (cairn_vec2_dot(e->normal, s->inward[side]) < 0) {
                 c.inward = cairn_vec2_scale(e->normal, -1);
-                c.polarity = SKELETON_DARKER;
+                c.polarity = SKELETON_GROUPING_DARKER;
             }
             c.chord = cairn_vec2_norm(cairn_vec2_sub(e->position, s->contact[side]));
             c.gain = side_gain(skeleton, s, side, &c, ahead, log_density);
@@ -178,8 +179,8 @@ static cairn_real range_gain(const cairn_skeleton_grouping *skeleton, cairn_real
 }
 
 /* Returns the gain of the symmetry and of the change of radius, nats. */
-static cairn_real pair_gain(const cairn_skeleton_grouping *skeleton, const skeleton_state *before,
-                            const skeleton_state *s)
+static cairn_real pair_gain(const cairn_skeleton_grouping *skeleton,
+                            const skeleton_grouping_state *before, const skeleton_grouping_state *s)
 {
     cairn_real along = cairn_max(cairn_vec2_norm(cairn_vec2_sub(s->centre, before->centre)), 1);
     cairn_real symmetry =
@@ -191,8 +192,9 @@ static cairn_real pair_gain(const cairn_skeleton_grouping *skeleton, const skele
 }
 
 /* Returns the gain of a state, nats. */
-static cairn_real gain_of(const cairn_skeleton_grouping *skeleton, const skeleton_state *before,
-                          const skeleton_state *s, const choice *left, const choice *right)
+static cairn_real gain_of(const cairn_skeleton_grouping *skeleton,
+                          const skeleton_grouping_state *before, const skeleton_grouping_state *s,
+                          const choice *left, const choice *right)
 {
     cairn_real range = range_gain(skeleton, s->radius);
 
@@ -208,10 +210,11 @@ static cairn_real gain_of(const cairn_skeleton_grouping *skeleton, const skeleto
 static int32_t cells_cost_near(const cairn_skeleton_grouping *skeleton, cairn_vec2 place,
                                cairn_real reach)
 {
-    return skeleton_cells_cost(skeleton, cairn_skeleton_grouping_column(skeleton, place.x - reach),
-                               cairn_skeleton_grouping_column(skeleton, place.x + reach),
-                               cairn_skeleton_grouping_row(skeleton, place.y - reach),
-                               cairn_skeleton_grouping_row(skeleton, place.y + reach));
+    return skeleton_grouping_cells_cost(skeleton,
+                                        cairn_skeleton_grouping_column(skeleton, place.x - reach),
+                                        cairn_skeleton_grouping_column(skeleton, place.x + reach),
+                                        cairn_skeleton_grouping_row(skeleton, place.y - reach),
+                                        cairn_skeleton_grouping_row(skeleton, place.y + reach));
 }
 
 /* Returns the gain of the next disc's interior: an object's interior has fewer edgels than the
@@ -229,7 +232,7 @@ static cairn_real interior_gain(const cairn_skeleton_grouping *skeleton, cairn_v
     for (int32_t y = cairn_skeleton_grouping_row(skeleton, centre.y - core); y <= y1; y++) {
         int32_t from, end;
 
-        skeleton_cells_of_row(skeleton, y, x0, x1, &from, &end);
+        skeleton_grouping_cells_of_row(skeleton, y, x0, x1, &from, &end);
         for (int32_t i = from; i < end; i++)
             count += cairn_vec2_norm_squared(cairn_vec2_sub(skeleton->edgels[i].position, centre)) <
                      core * core;
@@ -241,9 +244,10 @@ static cairn_real interior_gain(const cairn_skeleton_grouping *skeleton, cairn_v
 }
 
 /* Builds the successor state of two choices; returns 0 if it is invalid. */
-static int make_state(const cairn_skeleton_grouping *skeleton, const skeleton_state *before,
-                      const choice *left, const choice *right, cairn_real step, cairn_real interior,
-                      skeleton_state *s)
+static int make_state(const cairn_skeleton_grouping *skeleton,
+                      const skeleton_grouping_state *before, const choice *left,
+                      const choice *right, cairn_real step, cairn_real interior,
+                      skeleton_grouping_state *s)
 {
     cairn_oriented_point first = {left->position, cairn_vec2_left_perp(left->inward)};
     cairn_oriented_point second = {right->position, cairn_vec2_left_perp(right->inward)};
@@ -290,9 +294,9 @@ static int make_state(const cairn_skeleton_grouping *skeleton, const skeleton_st
 }
 
 /* Returns 1 if the axis self-intersects. */
-static int self_intersects(const skeleton_state *last, cairn_vec2 next)
+static int self_intersects(const skeleton_grouping_state *last, cairn_vec2 next)
 {
-    const skeleton_state *s = last;
+    const skeleton_grouping_state *s = last;
 
     for (int32_t i = 0; s != NULL; i++, s = cairn_particle_filter_state_before(s))
         if (i > RECENT_STATES &&
@@ -302,8 +306,8 @@ static int self_intersects(const skeleton_state *last, cairn_vec2 next)
 }
 
 /* Returns the cost of a proposal in units. */
-static int32_t proposal_cost(const cairn_skeleton_grouping *skeleton, const skeleton_state *s,
-                             cairn_real step)
+static int32_t proposal_cost(const cairn_skeleton_grouping *skeleton,
+                             const skeleton_grouping_state *s, cairn_real step)
 {
     cairn_vec2 next = cairn_vec2_add(s->centre, cairn_vec2_scale(s->heading, step));
     int32_t cost = UNITS_PER_PROPOSAL + s->length / STATES_PER_UNIT +
@@ -320,8 +324,8 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
                             cairn_budget *budget)
 {
     cairn_skeleton_grouping *skeleton = context;
-    const skeleton_state *before = cairn_particle_filter_particle(filter, index).state;
-    choice list[2][SKELETON_MAX_CHOICES + 1];
+    const skeleton_grouping_state *before = cairn_particle_filter_particle(filter, index).state;
+    choice list[2][SKELETON_GROUPING_MAX_CHOICES + 1];
     int32_t count[2];
     cairn_real step = step_of(skeleton, before->radius), interior;
 
@@ -339,7 +343,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
         count[side] = choices_of(skeleton, before, side, step, list[side]);
     for (int32_t i = 0; i < count[0]; i++)
         for (int32_t j = 0; j < count[1]; j++) {
-            skeleton_state next;
+            skeleton_grouping_state next;
             cairn_status status;
 
             if (!make_state(skeleton, before, &list[0][i], &list[1][j], step, interior, &next))
@@ -355,7 +359,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
                                const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {
-    const skeleton_state *s = state;
+    const skeleton_grouping_state *s = state;
 
     (void)context;
     (void)filter;
@@ -366,9 +370,9 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
 }
 
 /* Stores the walk up to a state's maximum if it is the best so far. */
-static void update_best_path(cairn_skeleton_grouping *skeleton, const skeleton_state *last)
+static void update_best_path(cairn_skeleton_grouping *skeleton, const skeleton_grouping_state *last)
 {
-    const skeleton_state *s = last;
+    const skeleton_grouping_state *s = last;
 
     if (!(last->best_log_odds > skeleton->best_path_log_odds))
         return;
@@ -395,12 +399,13 @@ cairn_particle_filter_model cairn_skeleton_grouping_model(cairn_skeleton_groupin
 /* ---- Runs ---- */
 
 /* Returns the initial state: the seed's CP in one direction of its axis. */
-static skeleton_state first_state(const cairn_skeleton_grouping *skeleton)
+static skeleton_grouping_state first_state(const cairn_skeleton_grouping *skeleton)
 {
-    const skeleton_centre *c = &skeleton->centres[skeleton->seeds[skeleton->seed_index].centre];
+    const skeleton_grouping_centre *c =
+        &skeleton->centres[skeleton->seeds[skeleton->seed_index].centre];
     cairn_vec2 chord = cairn_vec2_sub(skeleton->edgels[c->edgel[1]].position,
                                       skeleton->edgels[c->edgel[0]].position);
-    skeleton_state s;
+    skeleton_grouping_state s;
 
     memset(&s, 0, sizeof s);
     s.heading = cairn_vec2_unit(cairn_vec2_left_perp(chord));
@@ -410,7 +415,7 @@ static skeleton_state first_state(const cairn_skeleton_grouping *skeleton)
         int32_t from = side ^ (skeleton->direction == 0), edgel = c->edgel[from];
 
         s.contact[side] = skeleton->edgels[edgel].position;
-        s.inward[side] = skeleton_inward(&skeleton->edgels[edgel], c->polarity[from]);
+        s.inward[side] = skeleton_grouping_inward(&skeleton->edgels[edgel], c->polarity[from]);
         s.edgel[side] = edgel;
         s.polarity[side] = c->polarity[from];
     }
@@ -421,10 +426,10 @@ static skeleton_state first_state(const cairn_skeleton_grouping *skeleton)
 }
 
 /* Returns 1 if a walk from another seed covers the CP. */
-static int is_covered(const cairn_skeleton_grouping *skeleton, const skeleton_centre *c)
+static int is_covered(const cairn_skeleton_grouping *skeleton, const skeleton_grouping_centre *c)
 {
     for (int32_t i = 0; i < skeleton->disc_count; i++) {
-        const skeleton_disc *d = &skeleton->discs[i];
+        const skeleton_grouping_disc *d = &skeleton->discs[i];
 
         if (cairn_vec2_norm_squared(cairn_vec2_sub(d->centre, c->position)) <
                 CAIRN_REAL(0.25) * c->radius * c->radius &&
@@ -440,9 +445,9 @@ static void append_discs(cairn_skeleton_grouping *skeleton)
     int32_t reversed = skeleton->direction == 0;
 
     for (int32_t i = 0; i < skeleton->best_path_length; i++) {
-        const skeleton_state *s =
+        const skeleton_grouping_state *s =
             &skeleton->best_path[reversed ? skeleton->best_path_length - 1 - i : i];
-        skeleton_disc *d = &skeleton->discs[skeleton->disc_count++];
+        skeleton_grouping_disc *d = &skeleton->discs[skeleton->disc_count++];
 
         d->centre = s->centre;
         d->radius = s->radius;
@@ -457,7 +462,7 @@ static void append_discs(cairn_skeleton_grouping *skeleton)
 
 static cairn_status begin_run(cairn_skeleton_grouping *skeleton)
 {
-    skeleton_state s = first_state(skeleton);
+    skeleton_grouping_state s = first_state(skeleton);
     cairn_status status = cairn_particle_filter_clear(
         skeleton->filter, skeleton->params.seed + (uint64_t)skeleton->seed_index);
 
@@ -494,7 +499,7 @@ static cairn_status run(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 /* Assembles a candidate from the first run, the seed and the second run. */
 static void end_run(cairn_skeleton_grouping *skeleton)
 {
-    skeleton_part *p = &skeleton->candidates[skeleton->candidate_count];
+    skeleton_grouping_part *p = &skeleton->candidates[skeleton->candidate_count];
 
     if (skeleton->direction == 0) {
         p->first = skeleton->disc_count;

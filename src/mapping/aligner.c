@@ -283,7 +283,7 @@ static void discard_result(cairn_aligner *aligner)
 {
     aligner->phase = ALIGNER_DONE;
     aligner->has_ended = 0;
-    aligner->units_owed = 0;
+    aligner->uncharged_units = 0;
     aligner->evaluation.active = aligner->relax.active = 0;
     memset(&aligner->result, 0, sizeof aligner->result);
     aligner->result.anchor = -1;
@@ -363,7 +363,7 @@ cairn_status cairn_aligner_begin(cairn_aligner *aligner)
     cairn_aligner_begin_clusters(aligner);
     aligner->evaluation.active = aligner->relax.active = 0;
     aligner->phase = ALIGNER_FIND_NEIGHBOURS;
-    aligner->units_owed = 0;
+    aligner->uncharged_units = 0;
     aligner->scan_index = aligner->neighbour_index = aligner->item_index = aligner->inner_index =
         aligner->nearest_count = 0;
     aligner->trial_count = aligner->relocalization_rounds = aligner->translation_passes = 0;
@@ -373,34 +373,32 @@ cairn_status cairn_aligner_begin(cairn_aligner *aligner)
 
 cairn_status cairn_aligner_begin_warm(cairn_aligner *aligner, const cairn_pose *map_scan)
 {
-    cairn_aligner *x = aligner;
-
-    if (x == NULL || map_scan == NULL)
+    if (aligner == NULL || map_scan == NULL)
         return CAIRN_BAD_ARGUMENT;
-    if (!x->has_ended)
+    if (!aligner->has_ended)
         return CAIRN_EMPTY;
-    for (int32_t i = 0; i < x->scan_count; i++) {
+    for (int32_t i = 0; i < aligner->scan_count; i++) {
         cairn_vec2 place = {map_scan[i].x, map_scan[i].y};
 
-        if (!x->scans[i].was_placed && !cairn_pose_is_finite(map_scan[i]))
+        if (!aligner->scans[i].was_placed && !cairn_pose_is_finite(map_scan[i]))
             return CAIRN_NOT_FINITE;
-        if (!x->scans[i].was_placed && !is_within_limit(place))
+        if (!aligner->scans[i].was_placed && !is_within_limit(place))
             return CAIRN_BAD_ARGUMENT;
     }
-    for (int32_t i = 0; i < x->scan_count; i++)
-        if (!x->scans[i].was_placed) {
-            x->scans[i].initial = map_scan[i];
-            x->scans[i].initial.theta = cairn_wrap_angle(map_scan[i].theta);
+    for (int32_t i = 0; i < aligner->scan_count; i++)
+        if (!aligner->scans[i].was_placed) {
+            aligner->scans[i].initial = map_scan[i];
+            aligner->scans[i].initial.theta = cairn_wrap_angle(map_scan[i].theta);
         }
-    for (int32_t c = 0; c <= x->scan_count; c++)
-        x->prior_sums[c].stamp = -1; /* computed for the previous initial poses */
-    x->hypothesis_count = 0;
-    x->relocalization_rounds = x->translation_passes = x->changed_scans = 0;
-    x->scan_index = x->neighbour_index = x->item_index = x->inner_index = 0;
-    x->units_owed = 0;
-    x->is_warm_start = 1;
-    x->has_ended = 0;
-    x->phase = ALIGNER_RELOCALIZE;
+    for (int32_t c = 0; c <= aligner->scan_count; c++)
+        aligner->prior_sums[c].stamp = -1; /* computed for the previous initial poses */
+    aligner->hypothesis_count = 0;
+    aligner->relocalization_rounds = aligner->translation_passes = aligner->changed_scans = 0;
+    aligner->scan_index = aligner->neighbour_index = aligner->item_index = aligner->inner_index = 0;
+    aligner->uncharged_units = 0;
+    aligner->is_warm_start = 1;
+    aligner->has_ended = 0;
+    aligner->phase = ALIGNER_RELOCALIZE;
     return CAIRN_OK;
 }
 
@@ -456,23 +454,24 @@ static cairn_status run(cairn_aligner *aligner, cairn_budget *budget, int to_com
 {
     if (aligner == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (aligner->phase != ALIGNER_DONE || aligner->units_owed > 0) {
+    while (aligner->phase != ALIGNER_DONE || aligner->uncharged_units > 0) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (aligner->units_owed > 0) {
-            int32_t paid = aligner->units_owed < budget->left ? aligner->units_owed : budget->left;
+        if (aligner->uncharged_units > 0) {
+            int32_t charged =
+                aligner->uncharged_units < budget->left ? aligner->uncharged_units : budget->left;
 
-            aligner->units_owed -= paid;
-            aligner->result.units += paid;
-            budget->left -= paid;
+            aligner->uncharged_units -= charged;
+            aligner->result.units += charged;
+            budget->left -= charged;
         } else if (to_commit && commits_of(aligner) != aligner->reported_commit &&
                    is_consistent(aligner)) {
             aligner->reported_commit = commits_of(aligner);
             return CAIRN_OK;
         } else if (!run_solver(aligner, budget) && aligner->phase != ALIGNER_DONE) {
-            aligner->units_owed += next_item(aligner);
-            if (aligner->units_owed > aligner->result.worst_step)
-                aligner->result.worst_step = aligner->units_owed;
+            aligner->uncharged_units += next_item(aligner);
+            if (aligner->uncharged_units > aligner->result.worst_step)
+                aligner->result.worst_step = aligner->uncharged_units;
         }
     }
     return CAIRN_OK;
@@ -490,7 +489,7 @@ cairn_status cairn_aligner_iterate(cairn_aligner *aligner, cairn_budget *budget)
 
 int32_t cairn_aligner_running(const cairn_aligner *aligner)
 {
-    return aligner->phase != ALIGNER_DONE || aligner->units_owed > 0;
+    return aligner->phase != ALIGNER_DONE || aligner->uncharged_units > 0;
 }
 
 /* ---- Results ---- */

@@ -238,8 +238,8 @@ static cairn_status add_prior(cairn_aligner *aligner, int32_t i, int32_t anchor)
 /* Adds a weak prior of a wall, and its unused third unknown. */
 static cairn_status add_wall_prior(cairn_aligner *aligner, const aligner_wall *wall)
 {
-    cairn_real loose = CAIRN_REAL_EPSILON * 256 * wall->weight + CAIRN_REAL(0.01);
-    cairn_sym3 block = {loose, 0, 0, loose + 1, 0, 1};
+    cairn_real prior_weight = CAIRN_REAL_EPSILON * 256 * wall->weight + CAIRN_REAL(0.01);
+    cairn_sym3 block = {prior_weight, 0, 0, prior_weight + 1, 0, 1};
 
     return wall->node >= 0 ? cairn_block_solver_add_pose_block(aligner->solver, wall->node, block)
                            : CAIRN_OK;
@@ -253,7 +253,7 @@ static cairn_status add_value(cairn_aligner *aligner, int32_t k, int32_t anchor)
 
         if (k == aligner->scans[scan].first_segment) {
             aligner->scans[scan].first_axis = frame_of(aligner, scan);
-            aligner->units_owed += (aligner->scans[scan].end_segment - k) / 2;
+            aligner->uncharged_units += (aligner->scans[scan].end_segment - k) / 2;
         }
         return is_shared(aligner, &aligner->segments[k])
                    ? add_segment(aligner, &aligner->segments[k], aligner->link++)

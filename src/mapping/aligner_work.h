@@ -295,7 +295,7 @@ struct cairn_aligner {
     int32_t reported_commit;
 
     aligner_phase phase;
-    int32_t units_owed;
+    int32_t uncharged_units;
     aligner_evaluation evaluation;
     aligner_relax relax;
     /* Current item of pairs, hypotheses, relocalizations: scan, neighbour, and two inner

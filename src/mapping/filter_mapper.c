@@ -102,7 +102,7 @@ static cairn_particle_filter_params filter_params(const cairn_filter_mapper_para
     filter.max_followers = 1;
     filter.max_candidates = params->particles * params->candidates;
     filter.max_blocks = params->particles * params->front.max_keyframes;
-    filter.state_bytes = (int32_t)sizeof(path_state);
+    filter.state_bytes = (int32_t)sizeof(filter_mapper_path_state);
     filter.adaptive_followers = 0;
     return filter;
 }
@@ -134,7 +134,7 @@ static void count_parts(cairn_pool *counting, const cairn_filter_mapper_params *
 
     cairn_pool_count(counting, cairn_mapper_memory(&front));
     cairn_pool_count(counting, cairn_icp_memory(&icp));
-    for (int which = 0; which < LOCAL_MAPS; which++)
+    for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++)
         cairn_pool_count(counting, cairn_point_grid_memory(&grid));
     cairn_pool_count(counting, cairn_particle_filter_memory(&filter));
 }
@@ -144,16 +144,16 @@ static cairn_filter_mapper *carve(cairn_pool *pool, const cairn_filter_mapper_pa
     cairn_filter_mapper *mapper = cairn_pool_take_one(pool, sizeof *mapper);
     cairn_oriented_point *oriented =
         cairn_pool_take(pool, (size_t)params->front.scan.max_points, sizeof *oriented);
-    cairn_vec2 *direction[LOCAL_MAPS];
+    cairn_vec2 *direction[FILTER_MAPPER_LOCAL_MAPS];
 
-    for (int which = 0; which < LOCAL_MAPS; which++)
+    for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++)
         direction[which] =
             cairn_pool_take(pool, (size_t)params->max_local_points, sizeof *direction[which]);
     if (mapper == NULL)
         return NULL;
     memset(mapper, 0, sizeof *mapper);
     mapper->points = oriented;
-    for (int which = 0; which < LOCAL_MAPS; which++)
+    for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++)
         mapper->proposal.maps[which].direction = direction[which];
     return mapper;
 }
@@ -182,7 +182,7 @@ static cairn_status create_parts(cairn_filter_mapper *made, cairn_pool *pool,
 
     if (status == CAIRN_OK)
         status = cairn_icp_create(&made->icp, pool, &icp);
-    for (int which = 0; which < LOCAL_MAPS && status == CAIRN_OK; which++)
+    for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS && status == CAIRN_OK; which++)
         status = cairn_point_grid_create(&made->proposal.maps[which].points, pool, &grid);
     if (status == CAIRN_OK)
         status = cairn_particle_filter_create(&made->filter, pool, &filter, &model);
@@ -220,7 +220,7 @@ cairn_status cairn_filter_mapper_add(cairn_filter_mapper *mapper, const cairn_sc
 
     if (mapper == NULL)
         return CAIRN_BAD_ARGUMENT;
-    if (mapper->front_is_active || mapper->proposal.stage != PROPOSE_IDLE)
+    if (mapper->front_is_active || mapper->proposal.stage != FILTER_MAPPER_PROPOSE_IDLE)
         return CAIRN_MORE;
     status = cairn_mapper_add(mapper->front, input, odometry, fault);
     mapper->front_is_active = status == CAIRN_OK;
@@ -230,7 +230,7 @@ cairn_status cairn_filter_mapper_add(cairn_filter_mapper *mapper, const cairn_sc
 /* Adds the first keyframe, at which all paths begin. */
 static cairn_status start_paths(cairn_filter_mapper *mapper)
 {
-    path_state first = {cairn_mapper_keyframe_pose(mapper->front, 0), 0, 0};
+    filter_mapper_path_state first = {cairn_mapper_keyframe_pose(mapper->front, 0), 0, 0};
     cairn_status status = CAIRN_OK;
 
     for (int32_t i = 0; i < mapper->params.particles && status == CAIRN_OK; i++)
@@ -268,11 +268,11 @@ static cairn_status begin_filter(cairn_filter_mapper *mapper)
     if (result.keyframe == 0)
         return start_paths(mapper);
     find_motion(mapper, &result);
-    mapper->proposal.stage = PROPOSE_BEGIN;
+    mapper->proposal.stage = FILTER_MAPPER_PROPOSE_BEGIN;
     return cairn_particle_filter_begin(mapper->filter);
 }
 
-static cairn_status go_on(cairn_filter_mapper *mapper, cairn_budget *budget)
+static cairn_status run(cairn_filter_mapper *mapper, cairn_budget *budget)
 {
     cairn_status status = CAIRN_OK;
 
@@ -284,13 +284,13 @@ static cairn_status go_on(cairn_filter_mapper *mapper, cairn_budget *budget)
             status = begin_filter(mapper);
         mapper->front_is_active = 0;
     }
-    if (status != CAIRN_OK || mapper->proposal.stage == PROPOSE_IDLE)
+    if (status != CAIRN_OK || mapper->proposal.stage == FILTER_MAPPER_PROPOSE_IDLE)
         return status;
     status = cairn_particle_filter_step(mapper->filter, budget);
     if (status == CAIRN_MORE)
         return status;
     CAIRN_ASSERT(status == CAIRN_OK);
-    mapper->proposal.stage = PROPOSE_IDLE;
+    mapper->proposal.stage = FILTER_MAPPER_PROPOSE_IDLE;
     mapper->keyframe_count++;
     return status;
 }
@@ -303,7 +303,7 @@ cairn_status cairn_filter_mapper_step(cairn_filter_mapper *mapper, cairn_budget 
     if (mapper == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
     before = budget->left;
-    status = go_on(mapper, budget);
+    status = run(mapper, budget);
     mapper->units += (int64_t)before - budget->left;
     return status;
 }
@@ -338,7 +338,8 @@ int32_t cairn_filter_mapper_best(const cairn_filter_mapper *mapper)
 
 cairn_pose cairn_filter_mapper_last(const cairn_filter_mapper *mapper, int32_t particle)
 {
-    const path_state *state = cairn_particle_filter_particle(mapper->filter, particle).state;
+    const filter_mapper_path_state *state =
+        cairn_particle_filter_particle(mapper->filter, particle).state;
 
     return state == NULL ? cairn_pose_identity() : state->map_keyframe;
 }
@@ -346,7 +347,8 @@ cairn_pose cairn_filter_mapper_last(const cairn_filter_mapper *mapper, int32_t p
 int32_t cairn_filter_mapper_path(const cairn_filter_mapper *mapper, int32_t particle,
                                  cairn_pose *poses, int32_t room)
 {
-    const path_state *state = cairn_particle_filter_particle(mapper->filter, particle).state;
+    const filter_mapper_path_state *state =
+        cairn_particle_filter_particle(mapper->filter, particle).state;
     int32_t count = 0;
 
     for (; state != NULL; state = cairn_particle_filter_state_before(state)) {

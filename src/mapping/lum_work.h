@@ -84,7 +84,7 @@ struct cairn_lum {
     cairn_transform second_first;
     cairn_transform map_first;
     int32_t point_count;
-    int32_t stage, units_owed, committed;
+    int32_t stage, uncharged_units, committed;
     /* current pair of scans, and point of the second */
     int32_t first, second, point;
     /* current link or scan */

@@ -32,7 +32,7 @@ enum { KERNEL_REACH_CELLS = 5, CELLS_PER_UNIT = 4 };
 
 void cairn_map_merge_set_kernel(cairn_real *kernel)
 {
-    for (int32_t d = 0; d <= MERGE_MAX_DISTANCE; d++) {
+    for (int32_t d = 0; d <= MAP_MERGE_MAX_DISTANCE; d++) {
         cairn_real x = (cairn_real)d;
 
         kernel[d] =
@@ -44,7 +44,7 @@ void cairn_map_merge_set_kernel(cairn_real *kernel)
 
 /* ---- Bounding boxes ---- */
 
-cairn_box cairn_map_merge_box_of(const merge_map *map, cairn_pose pose)
+cairn_box cairn_map_merge_box_of(const map_merge_map *map, cairn_pose pose)
 {
     cairn_transform t = cairn_transform_of(pose);
     cairn_box box = cairn_box_empty();
@@ -78,9 +78,9 @@ static inline int32_t cell_index(cairn_real at, int32_t limit)
 /* ---- Comparison of two images ---- */
 
 /* Sets the columns and rows of image k that lie near the other image's box. */
-static void set_window(merge_images *c, int32_t k, cairn_pose own_other)
+static void set_window(map_merge_images *c, int32_t k, cairn_pose own_other)
 {
-    const merge_map *own = c->map[k], *other = c->map[1 - k];
+    const map_merge_map *own = c->map[k], *other = c->map[1 - k];
     cairn_box box = cairn_map_merge_box_of(other, own_other);
     cairn_real margin = KERNEL_REACH_CELLS * other->input.resolution,
                scale = 1 / own->input.resolution;
@@ -98,8 +98,8 @@ static void set_window(merge_images *c, int32_t k, cairn_pose own_other)
     }
 }
 
-void cairn_map_merge_begin_images(merge_images *c, const merge_map *a, const merge_map *b,
-                                  cairn_pose a_b)
+void cairn_map_merge_begin_images(map_merge_images *c, const map_merge_map *a,
+                                  const map_merge_map *b, cairn_pose a_b)
 {
     cairn_pose b_a = cairn_pose_inverse(a_b);
 
@@ -138,7 +138,7 @@ static void clip(cairn_real start, cairn_real step, cairn_real low, cairn_real h
 
 /* A row of an image mapped into the other one: cell (first + column * step) in cells. */
 typedef struct image_row {
-    const merge_map *other;
+    const map_merge_map *other;
     const uint16_t *cells;
     cairn_vec2 first, step;
     cairn_real same[2], other_class[2];
@@ -148,18 +148,18 @@ typedef struct image_row {
 static void add_cell(image_row *r, uint16_t own, uint16_t cell, int32_t outside_distance,
                      const cairn_real *kernel)
 {
-    int32_t to_occupied = outside_distance + merge_to_occupied(cell),
-            to_free = outside_distance + merge_to_free(cell);
+    int32_t to_occupied = outside_distance + map_merge_to_occupied(cell),
+            to_free = outside_distance + map_merge_to_free(cell);
 
-    to_occupied = to_occupied < MERGE_MAX_DISTANCE ? to_occupied : MERGE_MAX_DISTANCE;
-    to_free = to_free < MERGE_MAX_DISTANCE ? to_free : MERGE_MAX_DISTANCE;
-    if (merge_class(own) == MERGE_OCCUPIED) {
+    to_occupied = to_occupied < MAP_MERGE_MAX_DISTANCE ? to_occupied : MAP_MERGE_MAX_DISTANCE;
+    to_free = to_free < MAP_MERGE_MAX_DISTANCE ? to_free : MAP_MERGE_MAX_DISTANCE;
+    if (map_merge_class(own) == MAP_MERGE_OCCUPIED) {
         r->same[1] += kernel[to_occupied];
         r->other_class[1] += kernel[to_free];
     } else {
         r->same[0] += kernel[to_free];
         r->other_class[0] += kernel[to_occupied];
-        r->known += outside_distance == 0 && merge_class(cell) != MERGE_UNKNOWN;
+        r->known += outside_distance == 0 && map_merge_class(cell) != MAP_MERGE_UNKNOWN;
     }
 }
 
@@ -171,7 +171,7 @@ static void add_outside(image_row *r, int32_t begin, int32_t end, const cairn_re
     for (int32_t column = begin; column < end; column++) {
         int32_t u, v, outside_distance = 0;
 
-        if (merge_class(r->cells[column]) == MERGE_UNKNOWN)
+        if (map_merge_class(r->cells[column]) == MAP_MERGE_UNKNOWN)
             continue;
         u = clamp_cell(
             cell_index(r->first.x + (cairn_real)column * r->step.x, width + KERNEL_REACH_CELLS),
@@ -193,15 +193,15 @@ static void add_inside(image_row *r, int32_t begin, int32_t end, const cairn_rea
         size_t u = (size_t)(r->first.x + (cairn_real)column * r->step.x);
         size_t v = (size_t)(r->first.y + (cairn_real)column * r->step.y);
 
-        if (merge_class(r->cells[column]) != MERGE_UNKNOWN)
+        if (map_merge_class(r->cells[column]) != MAP_MERGE_UNKNOWN)
             add_cell(r, r->cells[column], r->other->grid[v * width + u], 0, kernel);
     }
 }
 
 /* Adds a row of image k: the cells within the kernel's reach of the other image. */
-static void add_row(merge_images *c, int32_t k, const cairn_real *kernel)
+static void add_row(map_merge_images *c, int32_t k, const cairn_real *kernel)
 {
-    const merge_map *own = c->map[k], *other = c->map[1 - k];
+    const map_merge_map *own = c->map[k], *other = c->map[1 - k];
     cairn_real width = (cairn_real)other->input.cells.width,
                height = (cairn_real)other->input.cells.height;
     cairn_real scale = 1 / other->input.resolution, size = own->input.resolution,
@@ -241,21 +241,21 @@ static void add_row(merge_images *c, int32_t k, const cairn_real *kernel)
     c->known += k == 1 ? r.known : 0;
 }
 
-int cairn_map_merge_step_images(merge_images *c, const cairn_real *kernel, int32_t *paid,
+int cairn_map_merge_step_images(map_merge_images *c, const cairn_real *kernel, int32_t *charged,
                                 cairn_budget *budget)
 {
     for (; c->turn < 2; c->turn++, c->row = c->turn < 2 ? c->begin[c->turn][1] : 0)
         for (; c->row < c->end[c->turn][1]; c->row++) {
             int32_t cells = c->end[c->turn][0] - c->begin[c->turn][0];
 
-            if (!cairn_budget_charge(budget, paid, 1 + (cells > 0 ? cells : 0) / CELLS_PER_UNIT))
+            if (!cairn_budget_charge(budget, charged, 1 + (cells > 0 ? cells : 0) / CELLS_PER_UNIT))
                 return 0;
             add_row(c, c->turn, kernel);
         }
     return 1;
 }
 
-void cairn_map_merge_end_images(const merge_images *c, cairn_map_merge_pair_score *score)
+void cairn_map_merge_end_images(const map_merge_images *c, cairn_map_merge_pair_score *score)
 {
     score->psi = score->disagreement = 0;
     for (int32_t k = 0; k < 2; k++) {
@@ -303,9 +303,9 @@ int cairn_map_merge_has_capacity(const cairn_map_merge *merge, cairn_box box)
 /* Sets up an empty image of the bounding box of all neighbours. */
 static void begin_merged(cairn_map_merge *merge)
 {
-    const merge_map *reference = &merge->maps[merge->reference];
-    merge_written *w = merge->written;
-    merge_map *map = &w->merged;
+    const map_merge_map *reference = &merge->maps[merge->reference];
+    map_merge_written *w = merge->written;
+    map_merge_map *map = &w->merged;
     int32_t x, y, right, top;
 
     w->box = cairn_box_empty();
@@ -330,8 +330,8 @@ static void begin_merged(cairn_map_merge *merge)
 /* Adds the votes of map `near` to row `row`: low byte occupied, high byte free. */
 static void vote_row(cairn_map_merge *merge, int32_t near, int32_t row)
 {
-    const merge_map *from = &merge->maps[merge->neighbours[near]];
-    merge_map *to = &merge->written->merged;
+    const map_merge_map *from = &merge->maps[merge->neighbours[near]];
+    map_merge_map *to = &merge->written->merged;
     cairn_transform t = cairn_transform_of(cairn_pose_inverse(merge->neighbour_poses[near]));
     cairn_real scale = 1 / from->input.resolution;
     uint16_t *votes = to->grid + (size_t)row * (size_t)to->input.cells.width;
@@ -343,15 +343,15 @@ static void vote_row(cairn_map_merge *merge, int32_t near, int32_t row)
         int32_t class;
 
         p = cairn_transform_point(t, p);
-        class = merge_class(
-            merge_cell_at(from, (p.x - from->corner.x) * scale, (p.y - from->corner.y) * scale));
-        votes[column] = (uint16_t)(votes[column] + (class == MERGE_OCCUPIED ? 1
-                                                    : class == MERGE_FREE   ? 1 << 8
-                                                                            : 0));
+        class = map_merge_class(map_merge_cell_at(from, (p.x - from->corner.x) * scale,
+                                                  (p.y - from->corner.y) * scale));
+        votes[column] = (uint16_t)(votes[column] + (class == MAP_MERGE_OCCUPIED ? 1
+                                                    : class == MAP_MERGE_FREE   ? 1 << 8
+                                                                                : 0));
     }
 }
 
-static void count_row(merge_written *w, int32_t row)
+static void count_row(map_merge_written *w, int32_t row)
 {
     size_t width = (size_t)w->merged.input.cells.width;
 
@@ -367,7 +367,7 @@ static void count_row(merge_written *w, int32_t row)
 /* Processes rows: clears the votes, adds those of each map, then takes the majority. */
 static int step_votes(cairn_map_merge *merge, cairn_budget *budget)
 {
-    merge_written *w = merge->written;
+    map_merge_written *w = merge->written;
     int32_t width = w->merged.input.cells.width;
 
     for (; w->map <= merge->neighbour_count; w->map++, w->cursor = 0)
@@ -388,7 +388,7 @@ static int step_votes(cairn_map_merge *merge, cairn_budget *budget)
 int cairn_map_merge_draw_merged(cairn_map_merge *merge, cairn_budget *budget)
 {
     enum { BEGIN, VOTES, TO_OCCUPIED, PACK_OCCUPIED, TO_FREE, PACK_FREE, DRAWN };
-    merge_written *w = merge->written;
+    map_merge_written *w = merge->written;
 
     if (w->stage == BEGIN) {
         begin_merged(merge);

@@ -46,7 +46,7 @@ static cairn_segment mapped(cairn_transform t, cairn_segment s)
 
 /* Adds a point-to-line residual: the body's point `body` at p, and the line through `at` with
  * normal n. */
-static void add_end(merge_fit *f, cairn_vec2 p, cairn_vec2 at, cairn_vec2 n, cairn_vec2 body,
+static void add_end(map_merge_fit *f, cairn_vec2 p, cairn_vec2 at, cairn_vec2 n, cairn_vec2 body,
                     cairn_real weight)
 {
     cairn_real r = cairn_vec2_dot(n, cairn_vec2_sub(p, at)), row[3];
@@ -66,7 +66,8 @@ static cairn_real variance_of(cairn_real length)
 
 /* Adds the residual of the directions of two lines: long walls give it far better than their common
  * part does. */
-static void add_direction(merge_fit *f, cairn_real turn, cairn_real length, cairn_real own_length)
+static void add_direction(map_merge_fit *f, cairn_real turn, cairn_real length,
+                          cairn_real own_length)
 {
     cairn_real row = 1 / f->motion.radius;
     cairn_real weight = 1 / (variance_of(length) + variance_of(own_length) +
@@ -78,7 +79,7 @@ static void add_direction(merge_fit *f, cairn_real turn, cairn_real length, cair
 }
 
 /* Adds the residuals of line `own` of the map and line `t` of the neighbour. */
-static void add_lines(merge_fit *f, cairn_segment own, cairn_segment t)
+static void add_lines(map_merge_fit *f, cairn_segment own, cairn_segment t)
 {
     cairn_segment s = mapped(f->motion.transform, own);
     cairn_vec2 along = cairn_vec2_sub(t.b, t.a), way = cairn_vec2_sub(s.b, s.a);
@@ -88,7 +89,7 @@ static void add_lines(merge_fit *f, cairn_segment own, cairn_segment t)
                n = cairn_vec2_left_perp(u);
     int near = 0;
 
-    if (length < MERGE_MIN_LINE_M || own_length < MERGE_MIN_LINE_M)
+    if (length < MAP_MERGE_MIN_LINE_M || own_length < MAP_MERGE_MIN_LINE_M)
         return;
     if (cairn_vec2_dot(u, v) <= 0 || cairn_abs(cairn_vec2_cross(u, v)) > MAX_SINE)
         return;
@@ -118,7 +119,8 @@ static void add_lines(merge_fit *f, cairn_segment own, cairn_segment t)
 }
 
 /* Adds line `index` of the current neighbour against all lines of the map. */
-static void add_line(merge_fit *f, const merge_map *body, const merge_map *other, int32_t index)
+static void add_line(map_merge_fit *f, const map_merge_map *body, const map_merge_map *other,
+                     int32_t index)
 {
     cairn_segment line = mapped(f->neighbour_transform, other->lines[index]);
 
@@ -126,7 +128,7 @@ static void add_line(merge_fit *f, const merge_map *body, const merge_map *other
         add_lines(f, body->lines[k], line);
 }
 
-static cairn_real curve_point_weight(const merge_map *map)
+static cairn_real curve_point_weight(const map_merge_map *map)
 {
     return cairn_min(map->curved_wall / ((cairn_real)map->curve_point_count * LINE_SIGMA_LENGTH_M),
                      1) /
@@ -134,10 +136,10 @@ static cairn_real curve_point_weight(const merge_map *map)
 }
 
 /* Adds a curve point of the map against the surface of the neighbour. */
-static void add_curve_point(merge_fit *f, const merge_map *body, const merge_map *other,
+static void add_curve_point(map_merge_fit *f, const map_merge_map *body, const map_merge_map *other,
                             int32_t index)
 {
-    const merge_curve_point *curve_point = &body->curve_points[index];
+    const map_merge_curve_point *curve_point = &body->curve_points[index];
     cairn_vec2 p = cairn_transform_point(f->to_neighbour, curve_point->position),
                n = cairn_transform_direction(f->to_neighbour, curve_point->normal);
     cairn_real along;
@@ -151,10 +153,10 @@ static void add_curve_point(merge_fit *f, const merge_map *body, const merge_map
 }
 
 /* Adds a curve point of the neighbour against the surface of the map. */
-static void add_curve_point_of_neighbour(merge_fit *f, const merge_map *body,
-                                         const merge_map *other, int32_t index)
+static void add_curve_point_of_neighbour(map_merge_fit *f, const map_merge_map *body,
+                                         const map_merge_map *other, int32_t index)
 {
-    const merge_curve_point *curve_point = &other->curve_points[index];
+    const map_merge_curve_point *curve_point = &other->curve_points[index];
     cairn_vec2 p = cairn_transform_point(f->to_map, curve_point->position),
                n = cairn_transform_direction(f->to_map, curve_point->normal);
     cairn_real along;
@@ -171,7 +173,7 @@ static void add_curve_point_of_neighbour(merge_fit *f, const merge_map *body,
 static void begin_fit(cairn_map_merge *merge)
 {
     const cairn_vec2 centre = {0, 0};
-    merge_fit *f = &merge->fit;
+    map_merge_fit *f = &merge->fit;
 
     memset(f, 0, sizeof *f);
     f->motion = cairn_rigid_motion_at(merge->climb.best, centre, BODY_RADIUS_M);
@@ -181,12 +183,12 @@ static void begin_fit(cairn_map_merge *merge)
 /* Advances to the next neighbour that can overlap; returns 0 when there is none. */
 static int next_neighbour(cairn_map_merge *merge)
 {
-    merge_fit *f = &merge->fit;
+    map_merge_fit *f = &merge->fit;
 
     while (++f->neighbour < merge->neighbour_count) {
         cairn_pose pose = merge->neighbour_poses[f->neighbour];
-        const merge_map *body = &merge->maps[merge->total.map],
-                        *other = &merge->maps[merge->neighbours[f->neighbour]];
+        const map_merge_map *body = &merge->maps[merge->total.map],
+                            *other = &merge->maps[merge->neighbours[f->neighbour]];
 
         if (cairn_map_merge_is_disjoint(merge, merge->neighbours[f->neighbour], merge->total.map,
                                         cairn_pose_between(pose, merge->climb.best)))
@@ -204,9 +206,9 @@ static int next_neighbour(cairn_map_merge *merge)
 /* Adds the lines and curve points of the current neighbour. */
 static int add_neighbour(cairn_map_merge *merge, cairn_budget *budget)
 {
-    merge_fit *f = &merge->fit;
-    const merge_map *body = &merge->maps[merge->total.map],
-                    *other = &merge->maps[merge->neighbours[f->neighbour]];
+    map_merge_fit *f = &merge->fit;
+    const map_merge_map *body = &merge->maps[merge->total.map],
+                        *other = &merge->maps[merge->neighbours[f->neighbour]];
     int32_t curve_points = other->line_count + body->curve_point_count,
             count = curve_points + other->curve_point_count;
 
@@ -228,7 +230,7 @@ static int add_neighbour(cairn_map_merge *merge, cairn_budget *budget)
 /* Solves the normal equations and applies the step; returns 1 on convergence. */
 static int end_fit(cairn_map_merge *merge)
 {
-    merge_fit *f = &merge->fit;
+    map_merge_fit *f = &merge->fit;
     cairn_rigid_motion_pose_prior prior = {merge->climb.start, PRIOR_SIGMA_M, PRIOR_SIGMA_M,
                                            PRIOR_SIGMA_RAD};
     cairn_rigid_motion_equations before;

@@ -151,7 +151,7 @@ static cairn_status store_keyframe(cairn_mapper *mapper, const cairn_scan_view *
         mapper->full = 1;
         return status;
     }
-    if (mapper->window_phase == WINDOW_RUN) {
+    if (mapper->window_phase == MAPPER_WINDOW_RUN) {
         cairn_pose key_scan =
             cairn_pose_between(mapper->keyframe_pose[keyframe - 1], result->map_scan);
 
@@ -168,7 +168,7 @@ static cairn_status store_keyframe(cairn_mapper *mapper, const cairn_scan_view *
         cairn_mapper_constrain_keyframe(mapper, &mapper->loop.constraints[keyframe]);
     if (mapper->params.cull_keyframes)
         mapper->loop.redundancy.score[keyframe] = -1;
-    mapper->window_phase = WINDOW_IDLE;
+    mapper->window_phase = MAPPER_WINDOW_IDLE;
     if (mapper->params.window && keyframe > 0 && !cairn_mapper_loops_lag(mapper))
         cairn_mapper_begin_window(mapper);
     return status;
@@ -235,7 +235,7 @@ static int32_t quota_left(const cairn_mapper *mapper)
 {
     if (cairn_mapper_must_cull(mapper))
         return CAIRN_UNBOUNDED;
-    if (mapper->window_phase != WINDOW_IDLE)
+    if (mapper->window_phase != MAPPER_WINDOW_IDLE)
         return mapper->window_quota;
     return mapper->loop.graph != NULL ? mapper->loop.quota : 0;
 }
@@ -258,7 +258,7 @@ static void begin_background(cairn_mapper *mapper)
 static cairn_status background_step(cairn_mapper *mapper, cairn_budget *budget)
 {
     int32_t quota = quota_left(mapper), most = budget->left < quota ? budget->left : quota;
-    int32_t is_window = mapper->window_phase != WINDOW_IDLE;
+    int32_t is_window = mapper->window_phase != MAPPER_WINDOW_IDLE;
     cairn_budget share = {most};
     cairn_status status =
         is_window ? cairn_mapper_window_step(mapper, &share)

@@ -74,23 +74,23 @@ enum {
 
 typedef int32_t mapper_window_phase;
 enum {
-    WINDOW_IDLE = 0,
-    WINDOW_FILL, /* add keyframes to the force field */
-    WINDOW_RUN
+    MAPPER_WINDOW_IDLE = 0,
+    MAPPER_WINDOW_FILL, /* add keyframes to the force field */
+    MAPPER_WINDOW_RUN
 };
 
 typedef int32_t mapper_loop_phase;
 enum {
-    LOOP_IDLE = 0,
-    LOOP_RESET_PATHS,   /* reset the path variances of all keyframes */
-    LOOP_PATH_VARIANCE, /* Dijkstra: least accumulated variance from the query to every keyframe */
-    LOOP_SELECT_CANDIDATES, /* candidate keyframes */
-    LOOP_BEGIN_CANDIDATE,   /* start with the current candidate */
-    LOOP_BUILD_TARGET,      /* target map around the candidate */
-    LOOP_MATCH,
-    LOOP_OPTIMIZE,
-    LOOP_REDUNDANCY, /* redundancy scores of keyframes, then cull one */
-    LOOP_COMPACT     /* compact the scan set after a culling */
+    MAPPER_LOOP_IDLE = 0,
+    MAPPER_LOOP_RESET_PATHS, /* reset the path variances of all keyframes */
+    MAPPER_LOOP_PATH_VARIANCE, /* Dijkstra: least accumulated variance from the query to every keyframe */
+    MAPPER_LOOP_SELECT_CANDIDATES, /* candidate keyframes */
+    MAPPER_LOOP_BEGIN_CANDIDATE,   /* start with the current candidate */
+    MAPPER_LOOP_BUILD_TARGET,      /* target map around the candidate */
+    MAPPER_LOOP_MATCH,
+    MAPPER_LOOP_OPTIMIZE,
+    MAPPER_LOOP_REDUNDANCY, /* redundancy scores of keyframes, then cull one */
+    MAPPER_LOOP_COMPACT     /* compact the scan set after a culling */
 };
 
 /* A link of the pose graph as loop-closure detection uses it: an adjacency list with variances. It

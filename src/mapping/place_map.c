@@ -186,7 +186,8 @@ static cairn_aligner_params aligner_params(const cairn_place_map_params *params)
 static cairn_place_map *carve(cairn_pool *pool, const cairn_place_map_params *params)
 {
     size_t places = (size_t)params->max_places, side = (size_t)cairn_place_map_side(params);
-    size_t sampled = (side + CAIRN_VISIBILITY_SAMPLE_STRIDE - 1) / CAIRN_VISIBILITY_SAMPLE_STRIDE;
+    size_t sampled =
+        (side + PLACE_MAP_VISIBILITY_SAMPLE_STRIDE - 1) / PLACE_MAP_VISIBILITY_SAMPLE_STRIDE;
     size_t points = (size_t)params->max_place_points, beams = (size_t)params->max_place_beams;
     cairn_place_map *map = cairn_pool_take_one(pool, sizeof *map);
     cairn_place_map made;
@@ -269,8 +270,8 @@ cairn_status cairn_place_map_create(cairn_place_map **map, cairn_pool *pool,
     icp = icp_params(params);
     aligner = aligner_params(params);
     made = carve(pool, params);
-    for (int32_t k = 0; k < CAIRN_VISIBILITY_DIRECTIONS; k++)
-        cairn_sincos((cairn_real)k * 2 * CAIRN_PI / CAIRN_VISIBILITY_DIRECTIONS,
+    for (int32_t k = 0; k < PLACE_MAP_VISIBILITY_DIRECTIONS; k++)
+        cairn_sincos((cairn_real)k * 2 * CAIRN_PI / PLACE_MAP_VISIBILITY_DIRECTIONS,
                      &made->directions[k].y, &made->directions[k].x);
     status = cairn_scan_match_create(&made->match, pool, &match);
     if (is_written(params)) {
@@ -293,7 +294,7 @@ void cairn_place_map_clear(cairn_place_map *map)
 {
     map->place_count = map->scan_count = map->point_count = map->beam_count = 0;
     map->phase = CAIRN_PLACE_MAP_IDLE;
-    map->place = map->units_owed = 0;
+    map->place = map->uncharged_units = 0;
     if (map->aligner != NULL)
         cairn_aligner_clear(map->aligner);
 }
@@ -344,7 +345,7 @@ cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place,
                                       const cairn_scan_view *view, cairn_pose place_scan,
                                       cairn_fault *fault)
 {
-    cairn_place_scan *scan;
+    place_map_place_scan *scan;
     cairn_status status;
 
     if (map == NULL || view == NULL || place < 0 || place < map->place_count - 1 ||
@@ -387,7 +388,7 @@ cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place,
     map->places[place].beam_count += scan->beam_count;
     map->scan_count++;
     map->phase = CAIRN_PLACE_MAP_IDLE;
-    map->units_owed = 0;
+    map->uncharged_units = 0;
     return CAIRN_OK;
 }
 
@@ -400,10 +401,10 @@ cairn_status cairn_place_map_begin(cairn_place_map *map)
     memset(&map->result, 0, sizeof map->result);
     map->phase = is_written(&map->params) ? CAIRN_PLACE_MAP_TARGET : CAIRN_PLACE_MAP_VISIBILITY;
     for (int32_t i = 0; i < map->point_count && map->point_class != NULL; i++)
-        map->point_class[i] &= CAIRN_POINT_DYNAMIC_CANDIDATE;
+        map->point_class[i] &= PLACE_MAP_POINT_DYNAMIC_CANDIDATE;
     map->hypothesis_count = map->optimized_hypotheses = 0;
     map->item = map->place = map->query = map->round = map->sweep = map->inner_running =
-        map->submaps_found = map->units_owed = 0;
+        map->submaps_found = map->uncharged_units = 0;
     if (is_written(&map->params))
         map->query = 1; /* the first place is the origin of the map */
     for (int32_t i = 0; i < map->place_count; i++) {
@@ -446,16 +447,16 @@ cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budget *budget)
     if (map == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
     while ((map->phase != CAIRN_PLACE_MAP_IDLE && map->phase != CAIRN_PLACE_MAP_DONE) ||
-           map->units_owed > 0) {
+           map->uncharged_units > 0) {
         int32_t before = budget->left;
 
         if (before <= 0)
             return CAIRN_MORE;
-        if (map->units_owed > 0) {
-            int32_t paid = map->units_owed < before ? map->units_owed : before;
+        if (map->uncharged_units > 0) {
+            int32_t charged = map->uncharged_units < before ? map->uncharged_units : before;
 
-            map->units_owed -= paid;
-            budget->left -= paid;
+            map->uncharged_units -= charged;
+            budget->left -= charged;
         } else {
             cairn_place_map_item(map, budget);
         }
@@ -468,7 +469,7 @@ cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budget *budget)
 
 static int has_result(const cairn_place_map *map)
 {
-    return map->phase == CAIRN_PLACE_MAP_DONE && map->units_owed == 0;
+    return map->phase == CAIRN_PLACE_MAP_DONE && map->uncharged_units == 0;
 }
 
 cairn_place_map_result cairn_place_map_read(const cairn_place_map *map)

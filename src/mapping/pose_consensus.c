@@ -131,8 +131,8 @@ cairn_status cairn_pose_consensus_create(cairn_pose_consensus **consensus, cairn
 /* Discards the result and cancels the search. */
 static void cancel(cairn_pose_consensus *consensus)
 {
-    consensus->phase = CAIRN_CONSENSUS_IDLE;
-    consensus->units_owed = 0;
+    consensus->phase = POSE_CONSENSUS_IDLE;
+    consensus->uncharged_units = 0;
     memset(&consensus->result, 0, sizeof consensus->result);
 }
 
@@ -239,17 +239,18 @@ cairn_status cairn_pose_consensus_set_bound(cairn_pose_consensus *consensus, int
 }
 
 void cairn_pose_consensus_set_pair_likelihood(cairn_pose_consensus *consensus,
-                                              cairn_pose_pair_likelihood judge, void *context)
+                                              cairn_pose_pair_likelihood likelihood, void *context)
 {
-    consensus->pair_likelihood = judge;
+    consensus->pair_likelihood = likelihood;
     consensus->pair_context = context;
     cancel(consensus);
 }
 
 void cairn_pose_consensus_set_joint_likelihood(cairn_pose_consensus *consensus,
-                                               cairn_pose_joint_likelihood jury, void *context)
+                                               cairn_pose_joint_likelihood likelihood,
+                                               void *context)
 {
-    consensus->joint_likelihood = jury;
+    consensus->joint_likelihood = likelihood;
     consensus->joint_context = context;
     cancel(consensus);
 }
@@ -332,7 +333,7 @@ cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)
     for (int32_t i = 0; i < consensus->hypothesis_count; i++)
         consensus->hypotheses[i].is_explained = 0;
     consensus->block_passes = consensus->is_final = 0;
-    consensus->phase = CAIRN_CONSENSUS_CYCLES;
+    consensus->phase = POSE_CONSENSUS_CYCLES;
     consensus->next = 0;
     consensus->end = consensus->hypothesis_count;
     return CAIRN_OK;
@@ -340,7 +341,7 @@ cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)
 
 static int has_result(const cairn_pose_consensus *consensus)
 {
-    return consensus->phase == CAIRN_CONSENSUS_IDLE && consensus->units_owed == 0 &&
+    return consensus->phase == POSE_CONSENSUS_IDLE && consensus->uncharged_units == 0 &&
            consensus->result.nodes > 0;
 }
 
@@ -361,16 +362,16 @@ cairn_status cairn_pose_consensus_step(cairn_pose_consensus *consensus, cairn_bu
 {
     if (consensus == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (consensus->phase != CAIRN_CONSENSUS_IDLE || consensus->units_owed > 0) {
+    while (consensus->phase != POSE_CONSENSUS_IDLE || consensus->uncharged_units > 0) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (consensus->units_owed > 0) {
-            int32_t paid =
-                consensus->units_owed < budget->left ? consensus->units_owed : budget->left;
+        if (consensus->uncharged_units > 0) {
+            int32_t charged = consensus->uncharged_units < budget->left ? consensus->uncharged_units
+                                                                        : budget->left;
 
-            consensus->units_owed -= paid;
-            budget->left -= paid;
-            consensus->result.units += paid;
+            consensus->uncharged_units -= charged;
+            budget->left -= charged;
+            consensus->result.units += charged;
         } else {
             cairn_pose_consensus_item(consensus);
         }

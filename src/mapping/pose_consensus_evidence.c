@@ -154,9 +154,9 @@ cairn_real cairn_pose_consensus_pair_likelihood(const cairn_pose_consensus *cons
                                                 consensus->current[other].pose, link, &earned,
                                                 &strongest);
     if (consensus->pair_likelihood != NULL) {
-        cairn_real judged = pairwise_likelihood(consensus, node, map_node, other, units);
+        cairn_real likelihood = pairwise_likelihood(consensus, node, map_node, other, units);
 
-        earned = earned > 0 ? cairn_max(earned, judged) : judged;
+        earned = earned > 0 ? cairn_max(earned, likelihood) : likelihood;
     }
     return earned;
 }
@@ -198,14 +198,14 @@ static void support_by_joint(const cairn_pose_consensus *consensus, int32_t node
 cairn_pose_consensus_support cairn_pose_consensus_support_of(const cairn_pose_consensus *consensus,
                                                              int32_t node,
                                                              cairn_pose_consensus_pose map_node,
-                                                             int32_t part, int32_t judged)
+                                                             int32_t part, int32_t by_likelihood)
 {
     cairn_pose_consensus_support support = {0, 0, 0, 0, 1};
 
     support.units += (consensus->first_link[node + 1] - consensus->first_link[node]) / 4;
-    if (judged && consensus->joint_likelihood != NULL)
+    if (by_likelihood && consensus->joint_likelihood != NULL)
         support_by_joint(consensus, node, map_node, part, &support);
-    else if (judged && consensus->pair_likelihood != NULL)
+    else if (by_likelihood && consensus->pair_likelihood != NULL)
         support_by_pairs(consensus, node, map_node, part, &support);
     else
         support_by_links(consensus, node, map_node, part, &support);
@@ -266,7 +266,7 @@ static cairn_real best_cycle(cairn_pose_consensus *consensus,
                             (CYCLE_GATE * consensus->params.max_chi2);
             best = cairn_max(best, share * cairn_min(h->score, cairn_min(to->score, on->score)));
         }
-    consensus->units_owed += 1 + (a[1] - a[0]) * (b[1] - b[0]) / 2;
+    consensus->uncharged_units += 1 + (a[1] - a[0]) * (b[1] - b[0]) / 2;
     return best;
 }
 
@@ -290,7 +290,7 @@ void cairn_pose_consensus_add_cycles(cairn_pose_consensus *consensus)
         if (other <= third)
             b[0] = b[1];
     }
-    consensus->units_owed++;
+    consensus->uncharged_units++;
 }
 
 /* ---- Bounds ---- */

@@ -84,7 +84,7 @@ struct cairn_pose_graph {
     int32_t has_marginals;
     /* status of the step that ends */
     cairn_status outcome;
-    int32_t mode, stage, index, units_owed;
+    int32_t mode, stage, index, uncharged_units;
     /* factor on the kernel's c^2 (graduated non-convexity), >= 1 */
     cairn_real kernel_scale;
     /* Levenberg-Marquardt damping: share of the diagonal that is added */
@@ -134,7 +134,8 @@ void cairn_pose_graph_resume(cairn_pose_graph *graph);
 /* Returns 1 when no solution is running. */
 static inline int cairn_pose_graph_is_idle(const cairn_pose_graph *graph)
 {
-    return graph->stage == POSE_GRAPH_IDLE && graph->units_owed == 0 && graph->outcome == CAIRN_OK;
+    return graph->stage == POSE_GRAPH_IDLE && graph->uncharged_units == 0 &&
+           graph->outcome == CAIRN_OK;
 }
 
 /* Returns 1 for fixed poses. */

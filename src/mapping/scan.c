@@ -247,7 +247,7 @@ static cairn_status make_beams(cairn_scan *scan, cairn_budget *budget)
         cairn_real point[2];
         cairn_status status;
 
-        if (!cairn_scan_pay(scan, budget, 42))
+        if (!cairn_scan_charge(scan, budget, 42))
             return CAIRN_MORE;
         *beam = beam_of(scan, scan->item_index);
         (*kind_count(scan, beam->kind))++;

@@ -94,10 +94,10 @@ static cairn_sequence_params sequence_params(const cairn_scan_match_params *p)
 }
 
 /* Takes the arrays of the shape modes, but for the sequence; NULL from a counting pool. */
-static match_shape *carve_shape(cairn_pool *pool, const cairn_scan_match_params *p)
+static scan_match_shape *carve_shape(cairn_pool *pool, const cairn_scan_match_params *p)
 {
-    match_shape *shape = cairn_pool_take(pool, 1, sizeof *shape);
-    match_shape made;
+    scan_match_shape *shape = cairn_pool_take(pool, 1, sizeof *shape);
+    scan_match_shape made;
 
     memset(&made, 0, sizeof made);
     made.target = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.target);
@@ -203,8 +203,8 @@ static void cancel(cairn_scan_match *match)
     for (int32_t i = 0; i < match->votes.touched_count; i++)
         match->votes.cell[match->votes.touched[i]] = 0;
     match->votes.touched_count = 0;
-    match->phase = MATCH_IDLE;
-    match->parts_owed = 0;
+    match->phase = SCAN_MATCH_IDLE;
+    match->uncharged_parts = 0;
     memset(&match->result, 0, sizeof match->result);
 }
 
@@ -269,8 +269,8 @@ static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pos
 }
 
 /* Builds the visibility profile of a part; returns 0 when none of its beams has a range. */
-static int32_t make_profile(match_visibility_profile *profile, const cairn_scan_match_part *part,
-                            cairn_transform transform)
+static int32_t make_profile(scan_match_visibility_profile *profile,
+                            const cairn_scan_match_part *part, cairn_transform transform)
 {
     int32_t known = 0;
 
@@ -295,7 +295,7 @@ cairn_status cairn_scan_match_add_target(cairn_scan_match *match, const cairn_sc
 
     if (match == NULL || part == NULL)
         return cairn_refuse(fault, -1, "no object or no part", CAIRN_BAD_ARGUMENT);
-    if (match->phase != MATCH_IDLE && match->phase != MATCH_DONE)
+    if (match->phase != SCAN_MATCH_IDLE && match->phase != SCAN_MATCH_DONE)
         return cairn_refuse(fault, -1, "a match is running", CAIRN_BAD_ARGUMENT);
     status = check_part(part, target_part, fault);
     if (status != CAIRN_OK)
@@ -376,7 +376,7 @@ static void set_window(cairn_scan_match *match, cairn_pose start,
         cairn_max(share * cairn_min(window->angle, CAIRN_PI), CAIRN_REAL(0.01));
 }
 
-/* Validates and stores a query; the phase is MATCH_DONE when there is nothing to match. */
+/* Validates and stores a query; the phase is SCAN_MATCH_DONE when there is nothing to match. */
 static cairn_status set_query(cairn_scan_match *match, const cairn_scan_match_part *query,
                               cairn_pose start, cairn_fault *fault)
 {
@@ -396,7 +396,7 @@ static cairn_status set_query(cairn_scan_match *match, const cairn_scan_match_pa
     if (query->count == 0 || match->target_count == 0) {
         match->result.hypotheses = match->hypotheses;
         match->result.verdict = CAIRN_SCAN_MATCH_NONE;
-        match->phase = MATCH_DONE;
+        match->phase = SCAN_MATCH_DONE;
     }
     return CAIRN_OK;
 }
@@ -416,7 +416,7 @@ cairn_status cairn_scan_match_begin(cairn_scan_match *match, const cairn_scan_ma
     status = set_query(match, query, start, fault);
     if (status != CAIRN_OK)
         return status;
-    if (match->phase == MATCH_DONE)
+    if (match->phase == SCAN_MATCH_DONE)
         return CAIRN_OK;
     measure_query(match);
     set_window(match, start, window);
@@ -436,7 +436,7 @@ cairn_status cairn_scan_match_begin_icp(cairn_scan_match *match, const cairn_sca
     status = set_query(match, query, start, fault);
     if (status != CAIRN_OK)
         return status;
-    if (match->phase == MATCH_DONE)
+    if (match->phase == SCAN_MATCH_DONE)
         return CAIRN_OK;
     measure_query(match);
     set_window(match, start, NULL);
@@ -452,7 +452,7 @@ cairn_scan_match_result cairn_scan_match_read(const cairn_scan_match *match)
         .verdict = CAIRN_SCAN_MATCH_RUNNING,
     };
 
-    return match->phase == MATCH_DONE && match->parts_owed < SCAN_MATCH_PARTS_PER_UNIT
+    return match->phase == SCAN_MATCH_DONE && match->uncharged_parts < SCAN_MATCH_PARTS_PER_UNIT
                ? match->result
                : running;
 }

@@ -17,19 +17,19 @@ static int32_t quantize(cairn_real v)
     return cairn_real_to_int(cairn_floor(cairn_min(cairn_max(v, -MAX_POSITION), MAX_POSITION)));
 }
 
-match_position cairn_scan_match_quantize(const cairn_scan_match *match, cairn_vec2 p)
+scan_match_position cairn_scan_match_quantize(const cairn_scan_match *match, cairn_vec2 p)
 {
     cairn_real per_metre =
         SCAN_MATCH_CELL_STEPS / (SCAN_MATCH_CELL_SPACINGS * match->params.spacing);
-    match_position spot = {quantize((p.x - match->target_low.x) * per_metre),
-                           quantize((p.y - match->target_low.y) * per_metre)};
+    scan_match_position q = {quantize((p.x - match->target_low.x) * per_metre),
+                             quantize((p.y - match->target_low.y) * per_metre)};
 
-    return spot;
+    return q;
 }
 
-int32_t cairn_scan_match_strip(const cairn_scan_match *match, match_position spot)
+int32_t cairn_scan_match_strip(const cairn_scan_match *match, scan_match_position q)
 {
-    int32_t along = match->strips_along_y ? spot.y : spot.x, column;
+    int32_t along = match->strips_along_y ? q.y : q.x, column;
 
     if (along < 0)
         return 0;
@@ -60,7 +60,7 @@ static int32_t *start_of(cairn_scan_match *match, const cairn_oriented_point *p)
 void cairn_scan_match_positions_reset(cairn_scan_match *match)
 {
     cairn_vec2 side = cairn_vec2_sub(match->target_high, match->target_low);
-    match_position corner = cairn_scan_match_quantize(match, match->target_high);
+    scan_match_position corner = cairn_scan_match_quantize(match, match->target_high);
     int32_t longest;
 
     memset(match->direction_start, 0, sizeof match->direction_start);

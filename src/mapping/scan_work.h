@@ -52,7 +52,7 @@ struct cairn_scan {
 };
 
 /* Charges `eighths` of a unit; 0 when the budget is used up and the item must wait. */
-static inline int cairn_scan_pay(cairn_scan *scan, cairn_budget *budget, int32_t eighths)
+static inline int cairn_scan_charge(cairn_scan *scan, cairn_budget *budget, int32_t eighths)
 {
     if (budget->left <= 0)
         return 0;

@@ -175,9 +175,9 @@ static cairn_ellipse_set *take_ellipses(cairn_pool *pool, const cairn_ellipse_pa
     return set;
 }
 
-static virtual_result take_result(cairn_pool *pool, const cairn_virtual_scan_params *params)
+static virtual_scan_result take_result(cairn_pool *pool, const cairn_virtual_scan_params *params)
 {
-    virtual_result r = {NULL, NULL, NULL, 0, 0, 0};
+    virtual_scan_result r = {NULL, NULL, NULL, 0, 0, 0};
 
     r.hypotheses = cairn_pool_take(pool, (size_t)params->max_hypotheses, sizeof *r.hypotheses);
     r.points = cairn_pool_take(pool, (size_t)params->max_virtual, sizeof *r.points);
@@ -300,20 +300,18 @@ static void adjust_ellipses(cairn_virtual_scan *virtual_scan, cairn_real sigma)
 
 cairn_status cairn_virtual_scan_begin(cairn_virtual_scan *virtual_scan, cairn_real sigma)
 {
-    cairn_virtual_scan *self = virtual_scan;
-
-    if (self == NULL || !(sigma >= 0) || sigma > MAX_VALUE / 2)
+    if (virtual_scan == NULL || !(sigma >= 0) || sigma > MAX_VALUE / 2)
         return CAIRN_BAD_ARGUMENT;
-    memset(&self->map, 0, sizeof self->map);
-    self->map.points = self->points;
-    self->map.point_scan = self->point_scan;
-    self->map.segments = self->segments;
-    self->map.segment_scan = self->segment_scan;
-    self->map.sigma = sigma;
-    self->work.count = self->work.point_count = self->work.dropped = 0;
-    self->phase = VIRTUAL_GATHER;
-    adjust_lines(self, sigma);
-    adjust_ellipses(self, sigma);
+    memset(&virtual_scan->map, 0, sizeof virtual_scan->map);
+    virtual_scan->map.points = virtual_scan->points;
+    virtual_scan->map.point_scan = virtual_scan->point_scan;
+    virtual_scan->map.segments = virtual_scan->segments;
+    virtual_scan->map.segment_scan = virtual_scan->segment_scan;
+    virtual_scan->map.sigma = sigma;
+    virtual_scan->work.count = virtual_scan->work.point_count = virtual_scan->work.dropped = 0;
+    virtual_scan->phase = VIRTUAL_SCAN_GATHER;
+    adjust_lines(virtual_scan, sigma);
+    adjust_ellipses(virtual_scan, sigma);
     return CAIRN_OK;
 }
 
@@ -356,24 +354,24 @@ cairn_status cairn_virtual_scan_add_scan(cairn_virtual_scan *virtual_scan,
                                          const cairn_scan_set *set, int32_t scan,
                                          cairn_pose map_scan)
 {
-    cairn_virtual_scan *self = virtual_scan;
     const cairn_scan_set_scan *of;
     cairn_transform t;
     int32_t points = 0;
 
-    if (self == NULL || set == NULL || self->phase != VIRTUAL_GATHER ||
-        !has_scan(self, set, scan) || !cairn_pose_is_finite(map_scan) ||
+    if (virtual_scan == NULL || set == NULL || virtual_scan->phase != VIRTUAL_SCAN_GATHER ||
+        !has_scan(virtual_scan, set, scan) || !cairn_pose_is_finite(map_scan) ||
         cairn_abs(map_scan.x) > MAX_VALUE / 2 || cairn_abs(map_scan.y) > MAX_VALUE / 2)
         return CAIRN_BAD_ARGUMENT;
     of = &set->scans[scan];
     for (int32_t i = of->first_segment; i < of->end_segment; i++)
-        points += thinned_count(self, &set->segments[i]);
-    if (points > self->params.max_points - self->map.point_count ||
-        of->end_segment - of->first_segment > self->params.max_segments - self->map.segment_count)
+        points += thinned_count(virtual_scan, &set->segments[i]);
+    if (points > virtual_scan->params.max_points - virtual_scan->map.point_count ||
+        of->end_segment - of->first_segment >
+            virtual_scan->params.max_segments - virtual_scan->map.segment_count)
         return CAIRN_FULL;
     t = cairn_transform_of(map_scan);
     for (int32_t i = of->first_segment; i < of->end_segment; i++)
-        add_segment(self, set, i, t);
+        add_segment(virtual_scan, set, i, t);
     return CAIRN_OK;
 }
 
@@ -387,21 +385,22 @@ static cairn_status begin_next_phase(cairn_virtual_scan *virtual_scan)
     virtual_scan->item = 0;
     virtual_scan->detector_begun = 0;
     virtual_scan->units_charged = 0;
-    virtual_scan->phase =
-        virtual_scan->phase == VIRTUAL_CALLER_DETECTORS ? VIRTUAL_IDLE : virtual_scan->phase + 1;
-    if (virtual_scan->phase == VIRTUAL_LINES)
+    virtual_scan->phase = virtual_scan->phase == VIRTUAL_SCAN_CALLER_DETECTORS
+                              ? VIRTUAL_SCAN_IDLE
+                              : virtual_scan->phase + 1;
+    if (virtual_scan->phase == VIRTUAL_SCAN_LINES)
         return cairn_hough_begin(virtual_scan->hough, virtual_scan->points, NULL,
                                  virtual_scan->params.lines ? virtual_scan->map.point_count : 0);
-    if (virtual_scan->phase == VIRTUAL_RECTANGLES)
+    if (virtual_scan->phase == VIRTUAL_SCAN_RECTANGLES)
         return cairn_rectangle_begin(
             virtual_scan->rectangles, virtual_scan->segments,
             virtual_scan->params.rectangles ? virtual_scan->map.segment_count : 0);
-    if (virtual_scan->phase == VIRTUAL_ELLIPSES)
+    if (virtual_scan->phase == VIRTUAL_SCAN_ELLIPSES)
         return cairn_ellipse_begin(virtual_scan->ellipses, virtual_scan->points, NULL,
                                    virtual_scan->params.ellipses ? virtual_scan->map.point_count
                                                                  : 0);
-    if (virtual_scan->phase == VIRTUAL_IDLE) {
-        virtual_result work = virtual_scan->work;
+    if (virtual_scan->phase == VIRTUAL_SCAN_IDLE) {
+        virtual_scan_result work = virtual_scan->work;
 
         virtual_scan->work = virtual_scan->done;
         virtual_scan->done = work;
@@ -412,20 +411,20 @@ static cairn_status begin_next_phase(cairn_virtual_scan *virtual_scan)
 static cairn_status step_phase(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
 {
     switch (virtual_scan->phase) {
-    case VIRTUAL_LINES:
+    case VIRTUAL_SCAN_LINES:
         return cairn_hough_step(virtual_scan->hough, budget);
-    case VIRTUAL_SAMPLE_LINES:
-        return cairn_virtual_sample_lines(virtual_scan, budget);
-    case VIRTUAL_RECTANGLES:
+    case VIRTUAL_SCAN_SAMPLE_LINES:
+        return cairn_virtual_scan_sample_lines(virtual_scan, budget);
+    case VIRTUAL_SCAN_RECTANGLES:
         return cairn_rectangle_step(virtual_scan->rectangles, budget);
-    case VIRTUAL_SAMPLE_RECTANGLES:
-        return cairn_virtual_sample_rectangles(virtual_scan, budget);
-    case VIRTUAL_ELLIPSES:
+    case VIRTUAL_SCAN_SAMPLE_RECTANGLES:
+        return cairn_virtual_scan_sample_rectangles(virtual_scan, budget);
+    case VIRTUAL_SCAN_ELLIPSES:
         return cairn_ellipse_step(virtual_scan->ellipses, budget);
-    case VIRTUAL_SAMPLE_ELLIPSES:
-        return cairn_virtual_sample_ellipses(virtual_scan, budget);
-    case VIRTUAL_CALLER_DETECTORS:
-        return cairn_virtual_run_detectors(virtual_scan, budget);
+    case VIRTUAL_SCAN_SAMPLE_ELLIPSES:
+        return cairn_virtual_scan_sample_ellipses(virtual_scan, budget);
+    case VIRTUAL_SCAN_CALLER_DETECTORS:
+        return cairn_virtual_scan_run_detectors(virtual_scan, budget);
     default:
         return CAIRN_OK;
     }
@@ -435,7 +434,7 @@ cairn_status cairn_virtual_scan_step(cairn_virtual_scan *virtual_scan, cairn_bud
 {
     if (virtual_scan == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (virtual_scan->phase != VIRTUAL_IDLE) {
+    while (virtual_scan->phase != VIRTUAL_SCAN_IDLE) {
         cairn_status status = step_phase(virtual_scan, budget);
 
         if (status == CAIRN_MORE)
@@ -443,7 +442,7 @@ cairn_status cairn_virtual_scan_step(cairn_virtual_scan *virtual_scan, cairn_bud
         if (status == CAIRN_OK)
             status = begin_next_phase(virtual_scan);
         if (status < 0) {
-            virtual_scan->phase = VIRTUAL_IDLE;
+            virtual_scan->phase = VIRTUAL_SCAN_IDLE;
             return status;
         }
     }

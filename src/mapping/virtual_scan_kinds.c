@@ -147,7 +147,7 @@ static cairn_real strength_of(const cairn_virtual_scan *virtual_scan, const cair
                : l->covered_length / (l->high - l->low);
 }
 
-cairn_status cairn_virtual_sample_lines(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
+cairn_status cairn_virtual_scan_sample_lines(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
 {
     int32_t count, is_as_written = virtual_scan->params.mode == CAIRN_MODE_AS_WRITTEN;
     const cairn_hough_line *lines = cairn_hough_list(virtual_scan->hough, &count);
@@ -197,7 +197,8 @@ static void sample_ellipse(cairn_virtual_scan *virtual_scan, cairn_virtual_scan_
     h->end_point = virtual_scan->work.point_count;
 }
 
-cairn_status cairn_virtual_sample_ellipses(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
+cairn_status cairn_virtual_scan_sample_ellipses(cairn_virtual_scan *virtual_scan,
+                                                cairn_budget *budget)
 {
     int32_t count;
     const cairn_ellipse *ellipses = cairn_ellipse_list(virtual_scan->ellipses, &count);
@@ -241,7 +242,8 @@ static cairn_segment side_of(const cairn_rectangle *r, int32_t i)
     return side;
 }
 
-cairn_status cairn_virtual_sample_rectangles(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
+cairn_status cairn_virtual_scan_sample_rectangles(cairn_virtual_scan *virtual_scan,
+                                                  cairn_budget *budget)
 {
     int32_t count;
     const cairn_rectangle *list = cairn_rectangle_list(virtual_scan->rectangles, &count);
@@ -283,7 +285,8 @@ static void take_outline(cairn_virtual_scan *virtual_scan,
     h->end_point = virtual_scan->work.point_count;
 }
 
-cairn_status cairn_virtual_run_detectors(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
+cairn_status cairn_virtual_scan_run_detectors(cairn_virtual_scan *virtual_scan,
+                                              cairn_budget *budget)
 {
     while (virtual_scan->item < virtual_scan->detector_count) {
         const cairn_virtual_scan_hypothesis_detector *d =
