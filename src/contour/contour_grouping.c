@@ -298,8 +298,8 @@ cairn_status cairn_contour_grouping_begin(cairn_contour_grouping *grouping,
         grouping->hypothesis_count = grouping->object_count = grouping->segment_count =
             grouping->step_count = grouping->generated_count = 0;
     grouping->best_score = grouping->best_evidence = 0;
-    grouping->cursor = grouping->second_cursor = grouping->charged_units =
-        grouping->charged_callback_units = grouping->has_particles = 0;
+    grouping->cursor = grouping->second_cursor = grouping->units_charged =
+        grouping->callback_units_charged = grouping->has_particles = 0;
     grouping->next_token = -1;
     grouping->phase = PHASE_CUT;
     if (grouping->written != NULL) {
@@ -396,12 +396,12 @@ static cairn_status step_cut(cairn_contour_grouping *grouping, cairn_budget *bud
     int32_t cells = grouping->columns * grouping->rows;
 
     for (; grouping->cursor < cells; grouping->cursor++) {
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
             return CAIRN_MORE;
         grouping->cell_start[grouping->cursor] = -1;
     }
     for (; grouping->cursor - cells < grouping->input.count; grouping->cursor++) {
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
             return CAIRN_MORE;
         if (!is_finite_segment(&grouping->input.segments[grouping->cursor - cells]))
             return CAIRN_NOT_FINITE;
@@ -412,7 +412,7 @@ static cairn_status step_cut(cairn_contour_grouping *grouping, cairn_budget *bud
     for (; grouping->second_cursor < grouping->input.count; grouping->second_cursor++) {
         int32_t pieces = pieces_of(grouping, grouping->second_cursor);
 
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 1 + pieces))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1 + pieces))
             return CAIRN_MORE;
         cut(grouping, grouping->second_cursor, grouping->cut_piece_count);
         grouping->cut_piece_count += pieces;
@@ -428,7 +428,7 @@ static cairn_status step_sort(cairn_contour_grouping *grouping, cairn_budget *bu
     int32_t cells = grouping->columns * grouping->rows;
 
     while (grouping->next_token >= 0 || grouping->cursor < cells) {
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
             return CAIRN_MORE;
         if (grouping->next_token >= 0) {
             const contour_grouping_token *token = &grouping->tokens[grouping->next_token];

@@ -116,7 +116,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     const cairn_shape_model_sample *model_sample;
     cairn_vec2 predicted[2];
 
-    if (!cairn_budget_charge(budget, &grouping->charged_callback_units, UNITS_PER_PROPOSAL))
+    if (!cairn_budget_charge(budget, &grouping->callback_units_charged, UNITS_PER_PROPOSAL))
         return CAIRN_MORE;
     s.sample = sample_of_step(grouping->input.model, s.start, grouping->step_count + 1);
     model_sample = &grouping->input.model->samples[s.sample];
@@ -242,7 +242,7 @@ cairn_status cairn_contour_grouping_begin_filter(cairn_contour_grouping *groupin
 {
     cairn_status status = cairn_particle_filter_clear(grouping->filter, grouping->params.seed);
 
-    grouping->step_count = grouping->charged_callback_units = 0;
+    grouping->step_count = grouping->callback_units_charged = 0;
     grouping->log_missing = cairn_log(grouping->params.missing_likelihood);
     grouping->has_particles = grouping->hypothesis_count > 0;
     for (int32_t i = 0; i < grouping->hypothesis_count && status == CAIRN_OK; i++) {

@@ -293,12 +293,12 @@ cairn_status cairn_contour_grouping_generate_hypotheses(cairn_contour_grouping *
     cairn_real reach = grouping->max_chord * grouping->max_chord;
 
     for (; grouping->cursor < cells; grouping->cursor++) {
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
             return CAIRN_MORE;
         grouping->edge_map[grouping->cursor] = 0;
     }
     for (; grouping->cursor < cells + grouping->token_count; grouping->cursor++) {
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 4))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 4))
             return CAIRN_MORE;
         mark_token(grouping, &grouping->tokens[grouping->cursor - cells]);
     }
@@ -319,7 +319,7 @@ cairn_status cairn_contour_grouping_generate_hypotheses(cairn_contour_grouping *
                 budget->left -= grouping->second_cursor % 16 == 0;
                 continue;
             }
-            if (!cairn_budget_charge(budget, &grouping->charged_units, samples))
+            if (!cairn_budget_charge(budget, &grouping->units_charged, samples))
                 return CAIRN_MORE;
             range = grouping->chord_samples[chord_direction(c)];
             for (int32_t k = range.from; k < range.to; k++)

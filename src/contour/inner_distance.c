@@ -20,6 +20,7 @@
 
 #include "cairn/inner_distance.h"
 
+typedef int32_t inner_distance_phase;
 enum { PHASE_IDLE, PHASE_VISIBILITY, PHASE_PATHS, PHASE_MAXIMUM, PHASE_DONE };
 enum { MIN_POINTS = 3, MAX_POINTS = 2048 };
 /* Work units: a pair of vertices, edges tested for visibility, compared sums. */
@@ -52,7 +53,8 @@ struct cairn_inner_distance {
     cairn_real contact_tolerance;
     cairn_real unreachable; /* Upper bound of any path length: no path yet. */
     cairn_real max_distance;
-    int32_t phase, units_charged;
+    inner_distance_phase phase;
+    int32_t units_charged;
 };
 
 cairn_inner_distance_params cairn_inner_distance_default(void)

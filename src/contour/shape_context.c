@@ -32,6 +32,7 @@ enum {
 enum { BINS = CAIRN_SHAPE_CONTEXT_BINS };
 /* Work units of a row: distances, costs, column minima. */
 enum { DISTANCES_PER_UNIT = 6, UNITS_PER_COST = 3, MINIMA_PER_UNIT = 16 };
+typedef int32_t shape_context_phase;
 enum {
     PHASE_IDLE,
     PHASE_MEAN_DISTANCE,
@@ -56,7 +57,8 @@ struct cairn_shape_context {
     /* Mean distance of two points, in the units of the input; sums during PHASE_MEAN_DISTANCE. */
     cairn_real mean_distance[2];
     cairn_real missing_share, distance, symmetric_distance;
-    int32_t phase, shape, row, units_charged;
+    shape_context_phase phase;
+    int32_t shape, row, units_charged;
 };
 
 cairn_shape_context_params cairn_shape_context_default(void)

@@ -80,6 +80,9 @@ typedef struct skeleton_grouping_part {
 /* Working memory of the mode as written. */
 typedef struct skeleton_grouping_written skeleton_grouping_written;
 
+/* Phase of a search (skeleton_grouping.c). */
+typedef int32_t skeleton_grouping_phase;
+
 struct cairn_skeleton_grouping {
     cairn_skeleton_grouping_params params;
     cairn_skeleton_grouping_input input;
@@ -130,8 +133,9 @@ struct cairn_skeleton_grouping {
     int32_t seed_index, direction, is_walking;
     /* Loop counters of the current phase. */
     int32_t cursor, second_cursor, polarity_cursor, phase_counter;
-    /* Current phase; work units charged for the next item and for the next proposal. */
-    int32_t phase, units_charged, step_units_charged;
+    skeleton_grouping_phase phase;
+    /* Work units charged for the next item and for the next proposal. */
+    int32_t units_charged, step_units_charged;
 };
 
 /* Sets the range *from ... *end - 1 of edgels in the cells of columns x0 ... x1 of row y. */

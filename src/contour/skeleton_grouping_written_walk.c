@@ -13,8 +13,8 @@
  * 4. The run ends when no particle has a follower, after max_steps, or when (3.7) of the heaviest
  *    particle, relative to its maximum, is below Delta_p. Its walk is the part.
  *
- * Limits: circles of more than SKELETON_GROUPING_WRITTEN_MAX_EDGELS edgels and particles with more than
- * SKELETON_GROUPING_WRITTEN_MAX_FOLLOWERS followers are subsampled evenly. */
+ * Limits: circles of more than SKELETON_GROUPING_WRITTEN_MAX_EDGELS edgels and particles with more
+ * than SKELETON_GROUPING_WRITTEN_MAX_FOLLOWERS followers are subsampled evenly. */
 #include "src/core/build.h"
 
 #include <string.h>

@@ -133,14 +133,14 @@ typedef struct object_detect_similarity {
  * each sample; weight: [outline_count] scratch. map: the transform with the greatest agreement,
  * relative to the outline's origin and in its sizes, set when the result is > 0. Cost: about 40
  * passes over the samples. */
-cairn_real cairn_object_detect_rigid_proximity(const contour_fitted_outline *laid,
+cairn_real cairn_object_detect_rigid_proximity(const contour_fitted_outline *fitted,
                                                const cairn_oriented_point *drawn,
                                                const cairn_real *near, cairn_real *weight,
                                                object_detect_similarity *map);
 
 /* Replaces the deformed outline by the original outline at the transform; updates the detection's
  * origin and size. */
-void cairn_object_detect_place_outline(const object_detect_similarity *laid,
+void cairn_object_detect_place_outline(const object_detect_similarity *map,
                                        const cairn_oriented_point *drawn, contour_fit *fit,
                                        cairn_object_detection *o);
 
@@ -173,7 +173,7 @@ typedef struct object_detect_chain_sets {
     uint32_t mask;
     int32_t count;
 } object_detect_chain_sets;
-int cairn_object_detect_chain_sets_begin(object_detect_chain_sets *sets, int32_t room);
+int cairn_object_detect_chain_sets_begin(object_detect_chain_sets *sets, int32_t capacity);
 int cairn_object_detect_chain_sets_add(object_detect_chain_sets *sets,
                                        const cairn_object_detect_part *parts, int32_t count);
 void cairn_object_detect_chain_sets_free(object_detect_chain_sets *sets);

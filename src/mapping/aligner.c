@@ -283,7 +283,7 @@ static void discard_result(cairn_aligner *aligner)
 {
     aligner->phase = ALIGNER_DONE;
     aligner->has_ended = 0;
-    aligner->uncharged_units = 0;
+    aligner->units_due = 0;
     aligner->evaluation.active = aligner->relax.active = 0;
     memset(&aligner->result, 0, sizeof aligner->result);
     aligner->result.anchor = -1;
@@ -363,7 +363,7 @@ cairn_status cairn_aligner_begin(cairn_aligner *aligner)
     cairn_aligner_begin_clusters(aligner);
     aligner->evaluation.active = aligner->relax.active = 0;
     aligner->phase = ALIGNER_FIND_NEIGHBOURS;
-    aligner->uncharged_units = 0;
+    aligner->units_due = 0;
     aligner->scan_index = aligner->neighbour_index = aligner->item_index = aligner->inner_index =
         aligner->nearest_count = 0;
     aligner->trial_count = aligner->relocalization_rounds = aligner->translation_passes = 0;
@@ -395,7 +395,7 @@ cairn_status cairn_aligner_begin_warm(cairn_aligner *aligner, const cairn_pose *
     aligner->hypothesis_count = 0;
     aligner->relocalization_rounds = aligner->translation_passes = aligner->changed_scans = 0;
     aligner->scan_index = aligner->neighbour_index = aligner->item_index = aligner->inner_index = 0;
-    aligner->uncharged_units = 0;
+    aligner->units_due = 0;
     aligner->is_warm_start = 1;
     aligner->has_ended = 0;
     aligner->phase = ALIGNER_RELOCALIZE;
@@ -454,14 +454,13 @@ static cairn_status run(cairn_aligner *aligner, cairn_budget *budget, int to_com
 {
     if (aligner == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (aligner->phase != ALIGNER_DONE || aligner->uncharged_units > 0) {
+    while (aligner->phase != ALIGNER_DONE || aligner->units_due > 0) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (aligner->uncharged_units > 0) {
-            int32_t charged =
-                aligner->uncharged_units < budget->left ? aligner->uncharged_units : budget->left;
+        if (aligner->units_due > 0) {
+            int32_t charged = aligner->units_due < budget->left ? aligner->units_due : budget->left;
 
-            aligner->uncharged_units -= charged;
+            aligner->units_due -= charged;
             aligner->result.units += charged;
             budget->left -= charged;
         } else if (to_commit && commits_of(aligner) != aligner->reported_commit &&
@@ -469,9 +468,9 @@ static cairn_status run(cairn_aligner *aligner, cairn_budget *budget, int to_com
             aligner->reported_commit = commits_of(aligner);
             return CAIRN_OK;
         } else if (!run_solver(aligner, budget) && aligner->phase != ALIGNER_DONE) {
-            aligner->uncharged_units += next_item(aligner);
-            if (aligner->uncharged_units > aligner->result.worst_step)
-                aligner->result.worst_step = aligner->uncharged_units;
+            aligner->units_due += next_item(aligner);
+            if (aligner->units_due > aligner->result.worst_step)
+                aligner->result.worst_step = aligner->units_due;
         }
     }
     return CAIRN_OK;
@@ -489,7 +488,7 @@ cairn_status cairn_aligner_iterate(cairn_aligner *aligner, cairn_budget *budget)
 
 int32_t cairn_aligner_running(const cairn_aligner *aligner)
 {
-    return aligner->phase != ALIGNER_DONE || aligner->uncharged_units > 0;
+    return aligner->phase != ALIGNER_DONE || aligner->units_due > 0;
 }
 
 /* ---- Results ---- */

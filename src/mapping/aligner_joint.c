@@ -253,7 +253,7 @@ static cairn_status add_value(cairn_aligner *aligner, int32_t k, int32_t anchor)
 
         if (k == aligner->scans[scan].first_segment) {
             aligner->scans[scan].first_axis = frame_of(aligner, scan);
-            aligner->uncharged_units += (aligner->scans[scan].end_segment - k) / 2;
+            aligner->units_due += (aligner->scans[scan].end_segment - k) / 2;
         }
         return is_shared(aligner, &aligner->segments[k])
                    ? add_segment(aligner, &aligner->segments[k], aligner->link++)

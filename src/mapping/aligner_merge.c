@@ -115,7 +115,7 @@ static int find_some_best(cairn_aligner *aligner)
             find_best_of_block(aligner, block);
             found++;
         }
-    aligner->uncharged_units += blocks_of(aligner) / 32 + found * (ALIGNER_HYPOTHESIS_BLOCK / 16);
+    aligner->units_due += blocks_of(aligner) / 32 + found * (ALIGNER_HYPOTHESIS_BLOCK / 16);
     return found == OF_ITEM;
 }
 
@@ -129,14 +129,14 @@ static int32_t best_hypothesis(cairn_aligner *aligner)
 
         if (aligner->best_of_block[block] == UNKNOWN) {
             find_best_of_block(aligner, block);
-            aligner->uncharged_units += ALIGNER_HYPOTHESIS_BLOCK / 16;
+            aligner->units_due += ALIGNER_HYPOTHESIS_BLOCK / 16;
         }
         own = aligner->best_of_block[block];
         if (own >= 0 &&
             (best < 0 || aligner->hypotheses[own].rank > aligner->hypotheses[best].rank))
             best = own;
     }
-    aligner->uncharged_units += blocks_of(aligner) / 16;
+    aligner->units_due += blocks_of(aligner) / 16;
     return best;
 }
 

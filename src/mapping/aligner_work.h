@@ -198,7 +198,8 @@ typedef struct aligner_relax {
     aligner_sums sums;
 } aligner_relax;
 
-typedef enum aligner_phase {
+typedef int32_t aligner_phase;
+enum {
     ALIGNER_FIND_NEIGHBOURS,       /* nearest scans of each scan */
     ALIGNER_SYMMETRIZE_NEIGHBOURS, /* symmetric neighbours */
     ALIGNER_PAIRS,                 /* trials of pairs of segments */
@@ -223,7 +224,7 @@ typedef enum aligner_phase {
     ALIGNER_TRY_TRANSLATIONS,      /* its translations */
     ALIGNER_MARGINALS,             /* covariances and results */
     ALIGNER_DONE
-} aligner_phase;
+};
 
 typedef struct aligner_peak {
     cairn_pose pose;
@@ -295,7 +296,7 @@ struct cairn_aligner {
     int32_t reported_commit;
 
     aligner_phase phase;
-    int32_t uncharged_units;
+    int32_t units_due;
     aligner_evaluation evaluation;
     aligner_relax relax;
     /* Current item of pairs, hypotheses, relocalizations: scan, neighbour, and two inner

@@ -10,7 +10,7 @@
  *    stays.
  *
  * Layout: two lists of corners, one in work, one for readers; the boxes of the segments; the sweep.
- * Limits: corners are dropped by strength before the suppression, so many copies of a strong corner
+ * Limits: corners are dropped by strength before the suppression, so that copies of a strong corner
  * can displace a weak one; choose max_corners for the copies too.
  * Source: Adluru 2008, sections 7.3.4 and 9. */
 #include "src/core/build.h"
@@ -27,8 +27,8 @@ enum { MAX_COUNT = 1 << 28 };
 /* Margin of the boxes in end distances: many times the rounding of a corner. */
 #define BOX_MARGIN (CAIRN_REAL(1.0) / 16)
 
-typedef int32_t search_phase;
-enum { IDLE, BOXES, PAIRS, SORT, SUPPRESS };
+typedef int32_t corner_phase;
+enum { PHASE_IDLE, PHASE_BOXES, PHASE_PAIRS, PHASE_SORT, PHASE_SUPPRESS };
 
 struct cairn_corner_set {
     cairn_corner_params params;
@@ -43,13 +43,14 @@ struct cairn_corner_set {
     const cairn_segment *segments;
     int32_t segment_count;
     int32_t sorted_boxes; /* segments of the last search */
-    search_phase phase;
-    /* BOXES: segment; SORT: end of the heap; SUPPRESS: corner to be tested */
+    corner_phase phase;
+    /* PHASE_BOXES: segment; PHASE_SORT: end of the heap; PHASE_SUPPRESS: corner to be tested */
     int32_t cursor;
-    int32_t kept, compared; /* SUPPRESS: corners that stay, and the next of them to be compared */
-    int32_t first, second;  /* PAIRS: near segments to be tested next; first -1: none */
-    int32_t is_found;       /* PAIRS: `found` is to be inserted */
-    int32_t item_units;     /* units already charged to the current item */
+    /* PHASE_SUPPRESS: corners that stay, and the next of them to be compared */
+    int32_t kept, compared;
+    int32_t first, second; /* PHASE_PAIRS: near segments to be tested next; first -1: none */
+    int32_t is_found;      /* PHASE_PAIRS: `found` is to be inserted */
+    int32_t item_units;    /* units already charged to the current item */
     cairn_corner found;
 };
 
@@ -167,7 +168,7 @@ cairn_status cairn_corner_begin(cairn_corner_set *set, const cairn_segment *segm
         (void)status;
     }
     set->sorted_boxes = count;
-    set->phase = BOXES;
+    set->phase = PHASE_BOXES;
     return CAIRN_OK;
 }
 
@@ -421,34 +422,34 @@ cairn_status cairn_corner_step(cairn_corner_set *set, cairn_budget *budget)
 
     if (set == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (set->phase != IDLE) {
-        search_phase next = set->phase + 1;
+    while (set->phase != PHASE_IDLE) {
+        corner_phase next = set->phase + 1;
 
         switch (set->phase) {
-        case BOXES:
+        case PHASE_BOXES:
             status = step_boxes(set, budget);
             break;
-        case PAIRS:
+        case PHASE_PAIRS:
             status = step_pairs(set, budget);
             break;
-        case SORT:
+        case PHASE_SORT:
             status = step_sort(set, budget);
             if (!(set->params.merge_radius > 0))
-                next = IDLE;
+                next = PHASE_IDLE;
             break;
         default:
             status = step_suppress(set, budget);
-            next = IDLE;
+            next = PHASE_IDLE;
             break;
         }
         if (status == CAIRN_MORE)
             return status;
         if (status < 0) {
-            set->phase = IDLE;
+            set->phase = PHASE_IDLE;
             return status;
         }
         set->phase = next;
-        if (next == IDLE)
+        if (next == PHASE_IDLE)
             finish(set);
     }
     return CAIRN_OK;

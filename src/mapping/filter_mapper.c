@@ -345,14 +345,14 @@ cairn_pose cairn_filter_mapper_last(const cairn_filter_mapper *mapper, int32_t p
 }
 
 int32_t cairn_filter_mapper_path(const cairn_filter_mapper *mapper, int32_t particle,
-                                 cairn_pose *poses, int32_t room)
+                                 cairn_pose *poses, int32_t capacity)
 {
     const filter_mapper_path_state *state =
         cairn_particle_filter_particle(mapper->filter, particle).state;
     int32_t count = 0;
 
     for (; state != NULL; state = cairn_particle_filter_state_before(state)) {
-        if (state->keyframe >= room)
+        if (state->keyframe >= capacity)
             continue;
         poses[state->keyframe] = state->map_keyframe;
         count++;

@@ -63,7 +63,7 @@ struct cairn_icp {
     int32_t query_count;
     int32_t running;
     int32_t next_point; /* query point to pair; == query_count: the iteration is to be solved */
-    int32_t uncharged_units; /* units of finished items, not yet charged */
+    int32_t units_due;  /* units of finished items, not yet charged */
     int32_t has_prior;
     cairn_rigid_motion_pose_prior prior;
     cairn_rigid_motion motion; /* motion of the query about its centroid */
@@ -280,7 +280,7 @@ cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, 
     icp->query_count = count;
     icp->running = 1;
     icp->next_point = 0;
-    icp->uncharged_units = 0;
+    icp->units_due = 0;
     icp->has_prior = prior != NULL;
     if (prior != NULL)
         icp->prior = *prior;
@@ -310,7 +310,7 @@ static int32_t find_pair(cairn_icp *icp, cairn_vec2 p, cairn_vec2 direction)
     int32_t looked_at,
         best = cairn_point_grid_nearest_facing(icp->grid, p, icp->gate, &facing, &looked_at);
 
-    icp->uncharged_units += looked_at / VISITS_PER_UNIT;
+    icp->units_due += looked_at / VISITS_PER_UNIT;
     return best;
 }
 
@@ -531,21 +531,20 @@ static void end_iteration(cairn_icp *icp)
 
 cairn_status cairn_icp_step(cairn_icp *icp, cairn_budget *budget)
 {
-    while (icp->running || icp->uncharged_units > 0) {
+    while (icp->running || icp->units_due > 0) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (icp->uncharged_units > 0) {
-            int32_t charged =
-                icp->uncharged_units < budget->left ? icp->uncharged_units : budget->left;
+        if (icp->units_due > 0) {
+            int32_t charged = icp->units_due < budget->left ? icp->units_due : budget->left;
 
-            icp->uncharged_units -= charged;
+            icp->units_due -= charged;
             budget->left -= charged;
         } else if (icp->next_point < icp->query_count) {
-            icp->uncharged_units = UNITS_PER_PAIR;
+            icp->units_due = UNITS_PER_PAIR;
             add_query_point(icp, &icp->query[icp->next_point]);
             icp->next_point++;
         } else {
-            icp->uncharged_units = UNITS_PER_SOLVE;
+            icp->units_due = UNITS_PER_SOLVE;
             end_iteration(icp);
         }
     }

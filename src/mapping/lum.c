@@ -194,7 +194,7 @@ void cairn_lum_clear(cairn_lum *lum)
     memset(&lum->state, 0, sizeof lum->state);
     lum->point_count = 0;
     lum->stage = LUM_IDLE;
-    lum->uncharged_units = 0;
+    lum->units_due = 0;
     lum->outcome = CAIRN_OK;
 }
 
@@ -202,7 +202,7 @@ void cairn_lum_clear(cairn_lum *lum)
 
 static int is_running(const cairn_lum *lum)
 {
-    return lum->stage != LUM_IDLE || lum->uncharged_units > 0 || lum->outcome != CAIRN_OK;
+    return lum->stage != LUM_IDLE || lum->units_due > 0 || lum->outcome != CAIRN_OK;
 }
 
 static cairn_status check_points(const cairn_oriented_point *points, int32_t count,
@@ -519,14 +519,13 @@ cairn_status cairn_lum_iterate(cairn_lum *lum, cairn_budget *budget)
     cairn_status outcome;
 
     lum->committed = 0;
-    while (lum->uncharged_units > 0 || (lum->stage != LUM_IDLE && !lum->committed)) {
+    while (lum->units_due > 0 || (lum->stage != LUM_IDLE && !lum->committed)) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (lum->uncharged_units > 0) {
-            int32_t charged =
-                lum->uncharged_units < budget->left ? lum->uncharged_units : budget->left;
+        if (lum->units_due > 0) {
+            int32_t charged = lum->units_due < budget->left ? lum->units_due : budget->left;
 
-            lum->uncharged_units -= charged;
+            lum->units_due -= charged;
             budget->left -= charged;
         } else if (is_solver_stage(lum->stage)) {
             cairn_status status = cairn_block_solver_step(lum->solver, budget);
@@ -539,7 +538,7 @@ cairn_status cairn_lum_iterate(cairn_lum *lum, cairn_budget *budget)
                 return CAIRN_MORE;
             cairn_lum_register_matched(lum);
         } else {
-            lum->uncharged_units = do_item(lum);
+            lum->units_due = do_item(lum);
         }
     }
     outcome = lum->outcome;

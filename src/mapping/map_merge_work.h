@@ -180,7 +180,8 @@ typedef struct map_merge_images {
     /* the image whose rows are being added, and its next row */
     int32_t turn, row;
     cairn_real same[2][2],
-        /* sums of the kernel, [map][class - MAP_MERGE_FREE]: to the same class, to the other class */
+        /* sums of the kernel, [map][class - MAP_MERGE_FREE]: to the same class, and to the other
+         * class */
         other[2][2];
     /* free cells of the second map that the first one has observed */
     int32_t known;
@@ -563,8 +564,8 @@ int cairn_map_merge_has_capacity(const cairn_map_merge *merge, cairn_box box);
 
 enum { MAP_MERGE_CORRESPONDENCES = 3 };
 
-/* Returns the least-squares rigid motion from the frame of from[MAP_MERGE_CORRESPONDENCES] to that of
- * to[]. */
+/* Returns the least-squares rigid motion from the frame of from[MAP_MERGE_CORRESPONDENCES] to that
+ * of to[]. */
 cairn_pose cairn_map_merge_motion_of(const cairn_vec2 *to, const cairn_vec2 *from);
 
 /* Computes the modes of every pair of maps as registrations of their most similar corners. */

@@ -554,13 +554,14 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
     return status;
 }
 
-cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget, int32_t until_room)
+cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget,
+                                    int32_t until_capacity)
 {
     mapper_loop *loop = &mapper->loop;
     cairn_status status = CAIRN_OK;
 
     while (status == CAIRN_OK) {
-        if (budget->left <= 0 || (until_room && !cairn_mapper_must_cull(mapper)))
+        if (budget->left <= 0 || (until_capacity && !cairn_mapper_must_cull(mapper)))
             return CAIRN_MORE;
         if (loop->phase == MAPPER_LOOP_IDLE) {
             status = begin_next(mapper, budget);

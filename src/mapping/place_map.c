@@ -294,7 +294,7 @@ void cairn_place_map_clear(cairn_place_map *map)
 {
     map->place_count = map->scan_count = map->point_count = map->beam_count = 0;
     map->phase = CAIRN_PLACE_MAP_IDLE;
-    map->place = map->uncharged_units = 0;
+    map->place = map->units_due = 0;
     if (map->aligner != NULL)
         cairn_aligner_clear(map->aligner);
 }
@@ -388,7 +388,7 @@ cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place,
     map->places[place].beam_count += scan->beam_count;
     map->scan_count++;
     map->phase = CAIRN_PLACE_MAP_IDLE;
-    map->uncharged_units = 0;
+    map->units_due = 0;
     return CAIRN_OK;
 }
 
@@ -404,7 +404,7 @@ cairn_status cairn_place_map_begin(cairn_place_map *map)
         map->point_class[i] &= PLACE_MAP_POINT_DYNAMIC_CANDIDATE;
     map->hypothesis_count = map->optimized_hypotheses = 0;
     map->item = map->place = map->query = map->round = map->sweep = map->inner_running =
-        map->submaps_found = map->uncharged_units = 0;
+        map->submaps_found = map->units_due = 0;
     if (is_written(&map->params))
         map->query = 1; /* the first place is the origin of the map */
     for (int32_t i = 0; i < map->place_count; i++) {
@@ -447,15 +447,15 @@ cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budget *budget)
     if (map == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
     while ((map->phase != CAIRN_PLACE_MAP_IDLE && map->phase != CAIRN_PLACE_MAP_DONE) ||
-           map->uncharged_units > 0) {
+           map->units_due > 0) {
         int32_t before = budget->left;
 
         if (before <= 0)
             return CAIRN_MORE;
-        if (map->uncharged_units > 0) {
-            int32_t charged = map->uncharged_units < before ? map->uncharged_units : before;
+        if (map->units_due > 0) {
+            int32_t charged = map->units_due < before ? map->units_due : before;
 
-            map->uncharged_units -= charged;
+            map->units_due -= charged;
             budget->left -= charged;
         } else {
             cairn_place_map_item(map, budget);
@@ -469,7 +469,7 @@ cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budget *budget)
 
 static int has_result(const cairn_place_map *map)
 {
-    return map->phase == CAIRN_PLACE_MAP_DONE && map->uncharged_units == 0;
+    return map->phase == CAIRN_PLACE_MAP_DONE && map->units_due == 0;
 }
 
 cairn_place_map_result cairn_place_map_read(const cairn_place_map *map)

@@ -55,7 +55,7 @@ void cairn_place_map_add_hypothesis(cairn_place_map *map, int32_t first, int32_t
 cairn_real cairn_place_map_score_pair(cairn_place_map *map, int32_t first, int32_t second,
                                       cairn_pose first_second)
 {
-    map->uncharged_units += cairn_place_map_pair_units(map, first, second);
+    map->units_due += cairn_place_map_pair_units(map, first, second);
     return cairn_place_map_pair_likelihood(map, first, second, first_second);
 }
 

@@ -132,7 +132,7 @@ cairn_status cairn_pose_consensus_create(cairn_pose_consensus **consensus, cairn
 static void cancel(cairn_pose_consensus *consensus)
 {
     consensus->phase = POSE_CONSENSUS_IDLE;
-    consensus->uncharged_units = 0;
+    consensus->units_due = 0;
     memset(&consensus->result, 0, sizeof consensus->result);
 }
 
@@ -341,7 +341,7 @@ cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)
 
 static int has_result(const cairn_pose_consensus *consensus)
 {
-    return consensus->phase == POSE_CONSENSUS_IDLE && consensus->uncharged_units == 0 &&
+    return consensus->phase == POSE_CONSENSUS_IDLE && consensus->units_due == 0 &&
            consensus->result.nodes > 0;
 }
 
@@ -362,14 +362,14 @@ cairn_status cairn_pose_consensus_step(cairn_pose_consensus *consensus, cairn_bu
 {
     if (consensus == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (consensus->phase != POSE_CONSENSUS_IDLE || consensus->uncharged_units > 0) {
+    while (consensus->phase != POSE_CONSENSUS_IDLE || consensus->units_due > 0) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (consensus->uncharged_units > 0) {
-            int32_t charged = consensus->uncharged_units < budget->left ? consensus->uncharged_units
-                                                                        : budget->left;
+        if (consensus->units_due > 0) {
+            int32_t charged =
+                consensus->units_due < budget->left ? consensus->units_due : budget->left;
 
-            consensus->uncharged_units -= charged;
+            consensus->units_due -= charged;
             budget->left -= charged;
             consensus->result.units += charged;
         } else {

@@ -266,7 +266,7 @@ static cairn_real best_cycle(cairn_pose_consensus *consensus,
                             (CYCLE_GATE * consensus->params.max_chi2);
             best = cairn_max(best, share * cairn_min(h->score, cairn_min(to->score, on->score)));
         }
-    consensus->uncharged_units += 1 + (a[1] - a[0]) * (b[1] - b[0]) / 2;
+    consensus->units_due += 1 + (a[1] - a[0]) * (b[1] - b[0]) / 2;
     return best;
 }
 
@@ -290,7 +290,7 @@ void cairn_pose_consensus_add_cycles(cairn_pose_consensus *consensus)
         if (other <= third)
             b[0] = b[1];
     }
-    consensus->uncharged_units++;
+    consensus->units_due++;
 }
 
 /* ---- Bounds ---- */

@@ -204,7 +204,7 @@ static void cancel(cairn_scan_match *match)
         match->votes.cell[match->votes.touched[i]] = 0;
     match->votes.touched_count = 0;
     match->phase = SCAN_MATCH_IDLE;
-    match->uncharged_parts = 0;
+    match->parts_due = 0;
     memset(&match->result, 0, sizeof match->result);
 }
 
@@ -452,7 +452,7 @@ cairn_scan_match_result cairn_scan_match_read(const cairn_scan_match *match)
         .verdict = CAIRN_SCAN_MATCH_RUNNING,
     };
 
-    return match->phase == SCAN_MATCH_DONE && match->uncharged_parts < SCAN_MATCH_PARTS_PER_UNIT
+    return match->phase == SCAN_MATCH_DONE && match->parts_due < SCAN_MATCH_PARTS_PER_UNIT
                ? match->result
                : running;
 }

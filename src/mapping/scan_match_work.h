@@ -206,7 +206,7 @@ struct cairn_scan_match {
     /* State of the steps. */
     scan_match_phase phase;
     int32_t index_in_phase, hypothesis_index;
-    int32_t uncharged_parts; /* parts of units of finished items, not yet charged */
+    int32_t parts_due; /* parts of units of finished items, not yet charged */
     cairn_scan_match_result result;
     cairn_scan_match_measure measure;
 };
@@ -214,7 +214,7 @@ struct cairn_scan_match {
 /* Charges the current item. */
 static inline void cairn_scan_match_charge(cairn_scan_match *match, int32_t parts)
 {
-    match->uncharged_parts += parts;
+    match->parts_due += parts;
 }
 
 /* scan_match_index.c */
