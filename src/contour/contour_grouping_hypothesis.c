@@ -52,16 +52,17 @@ static int32_t direction_bin(cairn_vec2 d)
 }
 
 /* Marks a token's direction bin and its neighbours in the cells around the token. */
-static void mark_token(cairn_contour_grouping *grouping, const contour_grouping_token *t)
+static void mark_token(cairn_contour_grouping *grouping, const contour_grouping_token *token)
 {
-    int32_t bin = direction_bin(t->direction),
-            steps = 1 + cairn_real_to_int(t->half_length / CONTOUR_GROUPING_EDGE_CELL_PX);
+    int32_t bin = direction_bin(token->direction),
+            steps = 1 + cairn_real_to_int(token->half_length / CONTOUR_GROUPING_EDGE_CELL_PX);
     uint8_t bits = (uint8_t)(1 << bin | 1 << ((bin + 1) & 7) | 1 << ((bin + 7) & 7));
 
     for (int32_t s = -steps; s <= steps; s++) {
         cairn_vec2 p = cairn_vec2_add(
-            t->middle,
-            cairn_vec2_scale(t->direction, t->half_length * ((cairn_real)s / (cairn_real)steps)));
+            token->middle,
+            cairn_vec2_scale(token->direction,
+                             token->half_length * ((cairn_real)s / (cairn_real)steps)));
         int32_t x = cairn_real_to_int(p.x) / CONTOUR_GROUPING_EDGE_CELL_PX,
                 y = cairn_real_to_int(p.y) / CONTOUR_GROUPING_EDGE_CELL_PX;
 
@@ -157,11 +158,11 @@ static void insert_hypothesis(cairn_contour_grouping *grouping,
 }
 
 /* Returns 1 when a token is aligned with a model direction in a pose. */
-static int is_aligned(const contour_grouping_token *t, const contour_grouping_pose *pose,
+static int is_aligned(const contour_grouping_token *token, const contour_grouping_pose *pose,
                       cairn_vec2 d, cairn_real size)
 {
-    return cairn_abs(cairn_vec2_dot(t->direction, contour_grouping_transform_vector(pose, d))) >=
-           MIN_COSINE * size;
+    return cairn_abs(cairn_vec2_dot(
+               token->direction, contour_grouping_transform_vector(pose, d))) >= MIN_COSINE * size;
 }
 
 /* Quantized direction of a chord, 0 ... CONTOUR_GROUPING_CHORD_DIRECTIONS - 1 over the full circle;

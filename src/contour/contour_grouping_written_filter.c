@@ -257,9 +257,9 @@ static int cross_each_other(const cairn_contour_grouping *grouping,
 /* Log mass of the proposal (2.11). */
 static cairn_real log_mass(const cairn_contour_grouping *grouping,
                            const contour_grouping_written_state *previous,
-                           const contour_grouping_written_state *s, cairn_real gap)
+                           const contour_grouping_written_state *state, cairn_real gap)
 {
-    cairn_real loss = cairn_max(s->deviation - previous->deviation, 0);
+    cairn_real loss = cairn_max(state->deviation - previous->deviation, 0);
     cairn_real mass = -cairn_half_square(gap / grouping->input.mean_length);
 
     return grouping->params.use_skeleton

@@ -133,7 +133,7 @@ cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurat
 /* ---- As written (part_configuration_exhaustive.c) ---- */
 
 void cairn_part_configuration_exhaustive_carve(cairn_pool *pool,
-                                               const cairn_part_configuration_params *p,
+                                               const cairn_part_configuration_params *params,
                                                part_configuration_exhaustive **exhaustive);
 /* Clears the seeds of a vote. */
 void cairn_part_configuration_exhaustive_clear(cairn_part_configurator *configurator, int32_t vote);

@@ -73,11 +73,12 @@ cairn_shape_context_params cairn_shape_context_default(void)
     return params;
 }
 
-static int params_are_valid(const cairn_shape_context_params *p)
+static int params_are_valid(const cairn_shape_context_params *params)
 {
-    return p != NULL && p->max_points >= 2 && p->max_points <= MAX_POINTS && p->inner_radius > 0 &&
-           p->outer_radius > p->inner_radius && p->outer_radius <= MAX_COORDINATE &&
-           p->missing_cost >= 0 && p->missing_cost <= MAX_COORDINATE;
+    return params != NULL && params->max_points >= 2 && params->max_points <= MAX_POINTS &&
+           params->inner_radius > 0 && params->outer_radius > params->inner_radius &&
+           params->outer_radius <= MAX_COORDINATE && params->missing_cost >= 0 &&
+           params->missing_cost <= MAX_COORDINATE;
 }
 
 static cairn_assignment_params assignment_params(const cairn_shape_context_params *p)
@@ -91,9 +92,9 @@ static cairn_assignment_params assignment_params(const cairn_shape_context_param
 }
 
 /* Allocates everything but the assignment. */
-static cairn_shape_context *carve(cairn_pool *pool, const cairn_shape_context_params *p)
+static cairn_shape_context *carve(cairn_pool *pool, const cairn_shape_context_params *params)
 {
-    size_t n = (size_t)p->max_points;
+    size_t n = (size_t)params->max_points;
     cairn_shape_context *shape_context = cairn_pool_take_one(pool, sizeof *shape_context);
     cairn_vec2 *points = cairn_pool_take(pool, 2 * n, sizeof *points);
     cairn_real *context = cairn_pool_take(pool, 2 * n * BINS, sizeof *context);

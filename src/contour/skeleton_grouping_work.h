@@ -164,10 +164,10 @@ int32_t cairn_skeleton_grouping_column(const cairn_skeleton_grouping *skeleton, 
 int32_t cairn_skeleton_grouping_row(const cairn_skeleton_grouping *skeleton, cairn_real y);
 
 /* Returns the normal that points to the object. */
-static inline cairn_vec2 skeleton_grouping_inward(const skeleton_grouping_edgel *e,
+static inline cairn_vec2 skeleton_grouping_inward(const skeleton_grouping_edgel *edgel,
                                                   int32_t polarity)
 {
-    return cairn_vec2_scale(e->normal, polarity == SKELETON_GROUPING_BRIGHTER ? 1 : -1);
+    return cairn_vec2_scale(edgel->normal, polarity == SKELETON_GROUPING_BRIGHTER ? 1 : -1);
 }
 
 /* Returns the local edgel density (background clutter) at a point, 1/px^2. */

@@ -278,12 +278,12 @@ static cairn_oriented_point sample(cairn_segment segment, cairn_real length, int
 }
 
 /* Squared distance of the centre from the midpoint of the chord, px^2. */
-static cairn_real squared_chord_offset(const cairn_symmetric_point *p)
+static cairn_real squared_chord_offset(const cairn_symmetric_point *point)
 {
     cairn_vec2 middle =
-        cairn_vec2_scale(cairn_vec2_add(p->contact[0], p->contact[1]), CAIRN_REAL(0.5));
+        cairn_vec2_scale(cairn_vec2_add(point->contact[0], point->contact[1]), CAIRN_REAL(0.5));
 
-    return cairn_vec2_norm_squared(cairn_vec2_sub(p->centre, middle));
+    return cairn_vec2_norm_squared(cairn_vec2_sub(point->centre, middle));
 }
 
 int32_t cairn_symmetric_point_of_segments(const cairn_symmetric_point_params *params,

@@ -63,20 +63,21 @@ static int is_capacity(int32_t count, int32_t most)
     return count >= 1 && count <= most;
 }
 
-static int params_are_valid(const cairn_aligner_params *p)
+static int params_are_valid(const cairn_aligner_params *params)
 {
-    return p != NULL && is_capacity(p->max_scans, MAX_SCANS) &&
-           is_capacity(p->max_segments, MAX_COUNT) && p->max_short_segments >= 0 &&
-           p->max_short_segments <= MAX_COUNT && is_capacity(p->max_points, MAX_COUNT) &&
-           is_capacity(p->max_hypotheses, MAX_COUNT) && is_capacity(p->max_fill, MAX_COUNT) &&
-           is_capacity(p->max_cells, MAX_COUNT) && p->max_cells >= MIN_CELLS &&
-           is_positive(p->max_initial_error) && is_positive(p->max_initial_angle_error) &&
-           p->max_initial_angle_error <= CAIRN_PI && is_positive(p->max_range) &&
-           p->max_range <= MAX_COORDINATE_M && is_positive(p->range_sigma) &&
-           p->free_space_penalty >= 0 && p->free_space_penalty <= CAIRN_REAL_MAX &&
-           p->max_relocalizations >= 0 && p->max_iterations >= 0 &&
-           is_positive(p->min_log_likelihood_ratio) && is_positive(p->observable_sigma) &&
-           is_positive(p->observable_sigma_theta);
+    return params != NULL && is_capacity(params->max_scans, MAX_SCANS) &&
+           is_capacity(params->max_segments, MAX_COUNT) && params->max_short_segments >= 0 &&
+           params->max_short_segments <= MAX_COUNT && is_capacity(params->max_points, MAX_COUNT) &&
+           is_capacity(params->max_hypotheses, MAX_COUNT) &&
+           is_capacity(params->max_fill, MAX_COUNT) && is_capacity(params->max_cells, MAX_COUNT) &&
+           params->max_cells >= MIN_CELLS && is_positive(params->max_initial_error) &&
+           is_positive(params->max_initial_angle_error) &&
+           params->max_initial_angle_error <= CAIRN_PI && is_positive(params->max_range) &&
+           params->max_range <= MAX_COORDINATE_M && is_positive(params->range_sigma) &&
+           params->free_space_penalty >= 0 && params->free_space_penalty <= CAIRN_REAL_MAX &&
+           params->max_relocalizations >= 0 && params->max_iterations >= 0 &&
+           is_positive(params->min_log_likelihood_ratio) && is_positive(params->observable_sigma) &&
+           is_positive(params->observable_sigma_theta);
 }
 
 static cairn_block_solver_params solver_params(const cairn_aligner_params *p)
@@ -116,10 +117,10 @@ static void carve_shared(cairn_aligner *aligner, cairn_pool *pool, size_t segmen
     aligner->order = (void *)(shared + built);
 }
 
-static cairn_aligner *carve(cairn_pool *pool, const cairn_aligner_params *p)
+static cairn_aligner *carve(cairn_pool *pool, const cairn_aligner_params *params)
 {
-    size_t scans = (size_t)p->max_scans,
-           segments = (size_t)p->max_segments + (size_t)p->max_short_segments;
+    size_t scans = (size_t)params->max_scans,
+           segments = (size_t)params->max_segments + (size_t)params->max_short_segments;
     cairn_aligner *made = cairn_pool_take_one(pool, sizeof *made), arrays;
 
     memset(&arrays, 0, sizeof arrays);
@@ -129,17 +130,18 @@ static cairn_aligner *carve(cairn_pool *pool, const cairn_aligner_params *p)
     arrays.clusters = cairn_pool_take(pool, scans + 1, sizeof *arrays.clusters);
     arrays.prior_sums = cairn_pool_take(pool, scans + 1, sizeof *arrays.prior_sums);
     arrays.segments = cairn_pool_take(pool, segments, sizeof *arrays.segments);
-    arrays.points = cairn_pool_take(pool, (size_t)p->max_points, sizeof *arrays.points);
+    arrays.points = cairn_pool_take(pool, (size_t)params->max_points, sizeof *arrays.points);
     arrays.neighbours =
         cairn_pool_take(pool, scans * ALIGNER_MAX_NEIGHBOURS, sizeof *arrays.neighbours);
-    arrays.patches = cairn_pool_take(pool, (size_t)p->max_points / ALIGNER_PATCH_POINTS + scans,
-                                     sizeof *arrays.patches);
-    arrays.hypotheses = cairn_pool_take(pool, (size_t)p->max_hypotheses, sizeof *arrays.hypotheses);
+    arrays.patches = cairn_pool_take(
+        pool, (size_t)params->max_points / ALIGNER_PATCH_POINTS + scans, sizeof *arrays.patches);
+    arrays.hypotheses =
+        cairn_pool_take(pool, (size_t)params->max_hypotheses, sizeof *arrays.hypotheses);
     arrays.links = cairn_pool_take(pool, scans, sizeof *arrays.links);
     arrays.best_of_block =
-        cairn_pool_take(pool, (size_t)p->max_hypotheses / ALIGNER_HYPOTHESIS_BLOCK + 1,
+        cairn_pool_take(pool, (size_t)params->max_hypotheses / ALIGNER_HYPOTHESIS_BLOCK + 1,
                         sizeof *arrays.best_of_block);
-    carve_shared(&arrays, pool, segments, (size_t)p->max_cells);
+    carve_shared(&arrays, pool, segments, (size_t)params->max_cells);
     arrays.rhs = cairn_pool_take(pool, 3 * (scans + (segments + 1) / 2), sizeof *arrays.rhs);
     arrays.bearings = cairn_pool_take(pool, ALIGNER_PROFILE_BINS, sizeof *arrays.bearings);
     arrays.results = cairn_pool_take(pool, scans, sizeof *arrays.results);

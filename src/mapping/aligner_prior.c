@@ -271,11 +271,11 @@ static residual_sums residual_sums_of(cairn_aligner *aligner, const gauge_member
     return m;
 }
 
-static cairn_real chi_squared(const cairn_aligner *aligner, const residual_sums *m)
+static cairn_real chi_squared(const cairn_aligner *aligner, const residual_sums *sums)
 {
-    return m->squares / (aligner->sigma * aligner->sigma) +
-           m->squares_angle / (aligner->sigma_angle * aligner->sigma_angle) +
-           2 * OUTSIDE_NATS_PER_M * m->beyond;
+    return sums->squares / (aligner->sigma * aligner->sigma) +
+           sums->squares_angle / (aligner->sigma_angle * aligner->sigma_angle) +
+           2 * OUTSIDE_NATS_PER_M * sums->beyond;
 }
 
 /* Residuals of a cluster at its own gauge. */

@@ -69,13 +69,15 @@ cairn_corner_params cairn_corner_default(void)
     return params;
 }
 
-static int params_are_valid(const cairn_corner_params *p)
+static int params_are_valid(const cairn_corner_params *params)
 {
-    return p != NULL && p->max_segments >= 1 && p->max_segments <= MAX_COUNT &&
-           p->max_corners >= 1 && p->max_corners <= MAX_COUNT && p->min_opening > 0 &&
-           p->max_opening >= p->min_opening && p->max_opening < CAIRN_PI && p->end_distance > 0 &&
-           cairn_is_finite(p->end_distance) && p->merge_radius >= 0 &&
-           cairn_is_finite(p->merge_radius) && p->merge_angle >= 0 && p->merge_angle <= CAIRN_PI;
+    return params != NULL && params->max_segments >= 1 && params->max_segments <= MAX_COUNT &&
+           params->max_corners >= 1 && params->max_corners <= MAX_COUNT &&
+           params->min_opening > 0 && params->max_opening >= params->min_opening &&
+           params->max_opening < CAIRN_PI && params->end_distance > 0 &&
+           cairn_is_finite(params->end_distance) && params->merge_radius >= 0 &&
+           cairn_is_finite(params->merge_radius) && params->merge_angle >= 0 &&
+           params->merge_angle <= CAIRN_PI;
 }
 
 static cairn_box_sweep *carve_sweep(cairn_pool *pool, int32_t max_boxes)
@@ -172,14 +174,14 @@ cairn_status cairn_corner_begin(cairn_corner_set *set, const cairn_segment *segm
     return CAIRN_OK;
 }
 
-static int32_t lower(const cairn_corner *c)
+static int32_t lower(const cairn_corner *corner)
 {
-    return c->segment[0] < c->segment[1] ? c->segment[0] : c->segment[1];
+    return corner->segment[0] < corner->segment[1] ? corner->segment[0] : corner->segment[1];
 }
 
-static int32_t higher(const cairn_corner *c)
+static int32_t higher(const cairn_corner *corner)
 {
-    return c->segment[0] < c->segment[1] ? c->segment[1] : c->segment[0];
+    return corner->segment[0] < corner->segment[1] ? corner->segment[1] : corner->segment[0];
 }
 
 /* Order of the result, total because every pair of segments makes one corner at most. */
@@ -194,7 +196,7 @@ static int is_stronger(const cairn_corner *a, const cairn_corner *b)
 
 /* Heap sift-down: puts a corner into the heap of `count` corners at the vacant index `hole` or
  * below; no corner is weaker than its parent. */
-static void sift_down(cairn_corner *heap, int32_t count, int32_t hole, const cairn_corner *c)
+static void sift_down(cairn_corner *heap, int32_t count, int32_t hole, const cairn_corner *corner)
 {
     for (;;) {
         int32_t child = 2 * hole + 1;
@@ -203,33 +205,33 @@ static void sift_down(cairn_corner *heap, int32_t count, int32_t hole, const cai
             break;
         if (child + 1 < count && is_stronger(&heap[child], &heap[child + 1]))
             child++;
-        if (!is_stronger(c, &heap[child]))
+        if (!is_stronger(corner, &heap[child]))
             break;
         heap[hole] = heap[child];
         hole = child;
     }
-    heap[hole] = *c;
+    heap[hole] = *corner;
 }
 
-static void sift_up(cairn_corner *heap, int32_t hole, const cairn_corner *c)
+static void sift_up(cairn_corner *heap, int32_t hole, const cairn_corner *corner)
 {
-    while (hole > 0 && is_stronger(&heap[(hole - 1) / 2], c)) {
+    while (hole > 0 && is_stronger(&heap[(hole - 1) / 2], corner)) {
         heap[hole] = heap[(hole - 1) / 2];
         hole = (hole - 1) / 2;
     }
-    heap[hole] = *c;
+    heap[hole] = *corner;
 }
 
-static void insert_corner(cairn_corner_set *set, const cairn_corner *c)
+static void insert_corner(cairn_corner_set *set, const cairn_corner *corner)
 {
     if (set->work_count < set->params.max_corners) {
-        sift_up(set->work, set->work_count, c);
+        sift_up(set->work, set->work_count, corner);
         set->work_count++;
         return;
     }
     set->work_dropped++;
-    if (is_stronger(c, &set->work[0]))
-        sift_down(set->work, set->work_count, 0, c);
+    if (is_stronger(corner, &set->work[0]))
+        sift_down(set->work, set->work_count, 0, corner);
 }
 
 /* Finds the leg of a corner at p, on the line of a segment; *forward: 1 when it runs as a -> b.
@@ -251,7 +253,8 @@ static int find_leg(const cairn_corner_params *params, cairn_segment segment, ca
 }
 
 /* Returns 1 and sets *corner when the two segments make a corner. */
-static int find_corner(const cairn_corner_set *set, int32_t first, int32_t second, cairn_corner *c)
+static int find_corner(const cairn_corner_set *set, int32_t first, int32_t second,
+                       cairn_corner *corner)
 {
     cairn_segment s = set->segments[first], t = set->segments[second];
     cairn_vec2 u = cairn_vec2_sub(s.b, s.a), v = cairn_vec2_sub(t.b, t.a), leg_s, leg_t;
@@ -260,27 +263,27 @@ static int find_corner(const cairn_corner_set *set, int32_t first, int32_t secon
 
     if (along * along > set->cos_squared * cairn_vec2_norm_squared(u) * cairn_vec2_norm_squared(v))
         return 0;
-    if (!cairn_line_intersection(s, t, &c->position) ||
-        !find_leg(&set->params, s, c->position, &leg_s, &length_s, &forward_s) ||
-        !find_leg(&set->params, t, c->position, &leg_t, &length_t, &forward_t))
+    if (!cairn_line_intersection(s, t, &corner->position) ||
+        !find_leg(&set->params, s, corner->position, &leg_s, &length_s, &forward_s) ||
+        !find_leg(&set->params, t, corner->position, &leg_t, &length_t, &forward_t))
         return 0;
     cosine = cairn_vec2_dot(leg_s, leg_t);
     if (cosine > set->cos_min || cosine < set->cos_max)
         return 0;
 
     left = cairn_vec2_cross(leg_s, leg_t) > 0;
-    c->leg[0] = left ? leg_s : leg_t;
-    c->leg[1] = left ? leg_t : leg_s;
-    c->segment[0] = left ? first : second;
-    c->segment[1] = left ? second : first;
-    c->opening = cairn_atan2(cairn_vec2_cross(c->leg[0], c->leg[1]), cosine);
-    c->strength = cairn_min(length_s, length_t);
+    corner->leg[0] = left ? leg_s : leg_t;
+    corner->leg[1] = left ? leg_t : leg_s;
+    corner->segment[0] = left ? first : second;
+    corner->segment[1] = left ? second : first;
+    corner->opening = cairn_atan2(cairn_vec2_cross(corner->leg[0], corner->leg[1]), cosine);
+    corner->strength = cairn_min(length_s, length_t);
     /* The free side is on the left of a -> b: between the legs when leg[0] runs along its segment
      * and leg[1] against. */
     if (forward_s == forward_t)
-        c->kind = CAIRN_CORNER_MIXED;
+        corner->kind = CAIRN_CORNER_MIXED;
     else
-        c->kind = forward_s == left ? CAIRN_CORNER_CONCAVE : CAIRN_CORNER_CONVEX;
+        corner->kind = forward_s == left ? CAIRN_CORNER_CONCAVE : CAIRN_CORNER_CONVEX;
     return 1;
 }
 

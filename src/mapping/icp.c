@@ -327,15 +327,15 @@ static void add_gradient(cairn_real gradient[3], const cairn_real row[3], cairn_
         gradient[k] += by * row[k];
 }
 
-static void add_point_terms(cairn_icp *icp, const cairn_oriented_point *q, cairn_vec2 difference,
-                            cairn_real squared)
+static void add_point_terms(cairn_icp *icp, const cairn_oriented_point *point,
+                            cairn_vec2 difference, cairn_real squared)
 {
     static const cairn_vec2 axes[2] = {{1, 0}, {0, 1}};
     struct sums *sums = &icp->sums;
     cairn_real weight = cauchy_weight(squared, icp->point_sigma), row[3];
 
     for (int k = 0; k < 2; k++) {
-        cairn_rigid_motion_jacobian(&icp->motion, axes[k], q->position, row);
+        cairn_rigid_motion_jacobian(&icp->motion, axes[k], point->position, row);
         cairn_sym3_add_outer(&sums->points, row, weight);
         add_gradient(sums->gradient, row, weight * cairn_vec2_dot(axes[k], difference));
     }
@@ -359,12 +359,12 @@ static int32_t part_of(const cairn_icp *icp, int32_t point)
     return first;
 }
 
-static void add_query_point(cairn_icp *icp, const cairn_oriented_point *q)
+static void add_query_point(cairn_icp *icp, const cairn_oriented_point *point)
 {
     struct sums *sums = &icp->sums;
-    cairn_vec2 p = cairn_transform_point(icp->motion.transform, q->position);
+    cairn_vec2 p = cairn_transform_point(icp->motion.transform, point->position);
     int32_t target =
-        find_pair(icp, p, cairn_transform_direction(icp->motion.transform, q->direction));
+        find_pair(icp, p, cairn_transform_direction(icp->motion.transform, point->direction));
     cairn_vec2 difference, normal;
     cairn_real error, squared, weight, row[3];
 
@@ -374,7 +374,7 @@ static void add_query_point(cairn_icp *icp, const cairn_oriented_point *q)
     normal = cairn_vec2_left_perp(icp->directions[target]);
     error = cairn_vec2_dot(normal, difference);
     weight = cauchy_weight(error * error, icp->sigma);
-    cairn_rigid_motion_jacobian(&icp->motion, normal, q->position, row);
+    cairn_rigid_motion_jacobian(&icp->motion, normal, point->position, row);
     cairn_sym3_add_outer(&sums->lines, row, weight);
     cairn_sym3_add_outer(&sums->parts[part_of(icp, target)], row, weight);
     sums->weight += weight;
@@ -388,7 +388,7 @@ static void add_query_point(cairn_icp *icp, const cairn_oriented_point *q)
     if (icp->params.mode == CAIRN_ICP_POINT_TO_LINE)
         add_gradient(sums->gradient, row, weight * error);
     else
-        add_point_terms(icp, q, difference, squared);
+        add_point_terms(icp, point, difference, squared);
 }
 
 /* ---- Normal equations ---- */

@@ -86,19 +86,21 @@ static int is_length(cairn_real x)
     return x > 0 && x <= MAX_COORDINATE_M;
 }
 
-static int params_are_valid(const cairn_lum_params *p)
+static int params_are_valid(const cairn_lum_params *params)
 {
-    return p->max_scans >= 1 && p->max_scans <= MAX_SCANS && p->max_points >= 1 &&
-           p->max_points <= MAX_POINTS && p->max_links >= 1 && p->max_links <= MAX_LINKS &&
-           p->min_pairs >= 2 && p->max_iterations >= 1 && p->rebuild_interval >= 0 &&
-           is_length(p->max_pair_distance) && p->direction_gate > 0 &&
-           p->direction_gate <= CAIRN_PI && is_length(p->min_sigma) &&
-           is_length(p->converged_distance) &&
-           (p->sequential_registration == 0 || p->sequential_registration == 1) &&
-           (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
-           p->registration_gate >= p->max_pair_distance && is_length(p->registration_gate) &&
-           p->registration_angle >= 0 && p->registration_angle <= CAIRN_PI &&
-           p->registration_spacing >= 0 && p->registration_spacing <= MAX_COORDINATE_M;
+    return params->max_scans >= 1 && params->max_scans <= MAX_SCANS && params->max_points >= 1 &&
+           params->max_points <= MAX_POINTS && params->max_links >= 1 &&
+           params->max_links <= MAX_LINKS && params->min_pairs >= 2 &&
+           params->max_iterations >= 1 && params->rebuild_interval >= 0 &&
+           is_length(params->max_pair_distance) && params->direction_gate > 0 &&
+           params->direction_gate <= CAIRN_PI && is_length(params->min_sigma) &&
+           is_length(params->converged_distance) &&
+           (params->sequential_registration == 0 || params->sequential_registration == 1) &&
+           (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN) &&
+           params->registration_gate >= params->max_pair_distance &&
+           is_length(params->registration_gate) && params->registration_angle >= 0 &&
+           params->registration_angle <= CAIRN_PI && params->registration_spacing >= 0 &&
+           params->registration_spacing <= MAX_COORDINATE_M;
 }
 
 static cairn_block_solver_params solver_params(const cairn_lum_params *params)

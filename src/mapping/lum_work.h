@@ -115,7 +115,7 @@ CAIRN_CHECKED cairn_status cairn_lum_add_link(cairn_lum *lum, int32_t index);
 /* ---- lum_register.c ---- */
 
 /* Sets all pointers but that of the ICP. */
-void cairn_lum_register_carve(struct lum_register *r, cairn_pool *pool,
+void cairn_lum_register_carve(struct lum_register *registration, cairn_pool *pool,
                               const cairn_lum_params *params);
 
 cairn_icp_params cairn_lum_register_icp(const cairn_lum_params *params);

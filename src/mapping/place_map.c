@@ -81,23 +81,23 @@ cairn_place_map_params cairn_place_map_as_written(void)
     return params;
 }
 
-static int is_written(const cairn_place_map_params *p)
+static int is_written(const cairn_place_map_params *params)
 {
-    return p->mode == CAIRN_PLACE_MAP_AS_WRITTEN;
+    return params->mode == CAIRN_PLACE_MAP_AS_WRITTEN;
 }
 
 /* Returns 1 when the match mode is one as written, and scans are decoupled by its ICP or not at
  * all. */
-static int written_is_valid(const cairn_place_map_params *p)
+static int written_is_valid(const cairn_place_map_params *params)
 {
-    cairn_scan_match_mode match = p->match.mode;
+    cairn_scan_match_mode match = params->match.mode;
     int has_icp =
         match == CAIRN_SCAN_MATCH_AS_WRITTEN || match == CAIRN_SCAN_MATCH_AS_WRITTEN_LINES;
 
     return (has_icp || (match >= CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON &&
                         match <= CAIRN_SCAN_MATCH_AS_WRITTEN_LINES)) &&
-           (p->decoupled == CAIRN_PLACE_MAP_COUPLED ||
-            (has_icp && p->decoupled == CAIRN_PLACE_MAP_BY_ICP));
+           (params->decoupled == CAIRN_PLACE_MAP_COUPLED ||
+            (has_icp && params->decoupled == CAIRN_PLACE_MAP_BY_ICP));
 }
 
 static int is_positive(cairn_real x)
@@ -105,28 +105,33 @@ static int is_positive(cairn_real x)
     return x > 0 && x <= CAIRN_REAL(1e6);
 }
 
-static int counts_are_valid(const cairn_place_map_params *p)
+static int counts_are_valid(const cairn_place_map_params *params)
 {
-    return p->mode >= CAIRN_PLACE_MAP_CONSENSUS && p->mode <= CAIRN_PLACE_MAP_SEQUENTIAL &&
-           p->max_places >= 2 && p->max_places <= MAX_PLACES && p->max_scans >= p->max_places &&
-           p->max_scans <= MAX_COUNT && p->max_place_points >= 1 &&
-           p->max_place_points <= MAX_MATCHED_POINTS / p->max_places && p->max_place_beams >= 1 &&
-           p->max_place_beams <= MAX_MATCHED_POINTS / p->max_places && p->recent_places >= 1 &&
-           p->rematch_rounds >= 0 && p->refinement_sweeps >= 0 &&
-           p->decoupled >= CAIRN_PLACE_MAP_COUPLED && p->decoupled <= CAIRN_PLACE_MAP_JOINTLY;
+    return params->mode >= CAIRN_PLACE_MAP_CONSENSUS &&
+           params->mode <= CAIRN_PLACE_MAP_SEQUENTIAL && params->max_places >= 2 &&
+           params->max_places <= MAX_PLACES && params->max_scans >= params->max_places &&
+           params->max_scans <= MAX_COUNT && params->max_place_points >= 1 &&
+           params->max_place_points <= MAX_MATCHED_POINTS / params->max_places &&
+           params->max_place_beams >= 1 &&
+           params->max_place_beams <= MAX_MATCHED_POINTS / params->max_places &&
+           params->recent_places >= 1 && params->rematch_rounds >= 0 &&
+           params->refinement_sweeps >= 0 && params->decoupled >= CAIRN_PLACE_MAP_COUPLED &&
+           params->decoupled <= CAIRN_PLACE_MAP_JOINTLY;
 }
 
-static int params_are_valid(const cairn_place_map_params *p)
+static int params_are_valid(const cairn_place_map_params *params)
 {
-    return p != NULL && counts_are_valid(p) && (!is_written(p) || written_is_valid(p)) &&
-           is_positive(p->visibility_reach) && is_positive(p->visibility_cell) &&
-           is_positive(p->visibility_margin) && p->visibility_margin <= 20 * p->visibility_cell &&
-           is_positive(p->surface_nats) && is_positive(p->dynamic_nats) &&
-           is_positive(p->opposite_face_nats) && is_positive(p->rough_surface_nats) &&
-           is_positive(p->free_space_penalty) && p->free_area_nats >= 0 &&
-           p->free_area_nats <= CAIRN_REAL(1e6) && p->dynamic_factor >= 0 &&
-           p->dynamic_factor <= 1 && p->chance_nats >= 0 && p->chance_nats <= CAIRN_REAL(1e6) &&
-           cairn_place_map_side(p) > 0;
+    return params != NULL && counts_are_valid(params) &&
+           (!is_written(params) || written_is_valid(params)) &&
+           is_positive(params->visibility_reach) && is_positive(params->visibility_cell) &&
+           is_positive(params->visibility_margin) &&
+           params->visibility_margin <= 20 * params->visibility_cell &&
+           is_positive(params->surface_nats) && is_positive(params->dynamic_nats) &&
+           is_positive(params->opposite_face_nats) && is_positive(params->rough_surface_nats) &&
+           is_positive(params->free_space_penalty) && params->free_area_nats >= 0 &&
+           params->free_area_nats <= CAIRN_REAL(1e6) && params->dynamic_factor >= 0 &&
+           params->dynamic_factor <= 1 && params->chance_nats >= 0 &&
+           params->chance_nats <= CAIRN_REAL(1e6) && cairn_place_map_side(params) > 0;
 }
 
 /* Returns the number of places that mode AS_WRITTEN matches with. */

@@ -159,28 +159,29 @@ static cairn_scan_match_part query_part(cairn_place_map *map)
 /* Adds the hypothesis of two places, one of the target and one of the query, that follows from a
  * match with a map, if its log-likelihood ratio is positive. */
 static void add_pair_of_map_match(cairn_place_map *map, int32_t target, int32_t place,
-                                  const cairn_scan_match_hypothesis *h)
+                                  const cairn_scan_match_hypothesis *hypothesis)
 {
     cairn_pose map_target = map->places[target].map_place;
     cairn_pose query_place =
         cairn_pose_between(map->places[map->query].map_place, map->places[place].map_place);
-    cairn_pose map_place =
-        place == map->query ? h->target_query : cairn_pose_compose(h->target_query, query_place);
+    cairn_pose map_place = place == map->query
+                               ? hypothesis->target_query
+                               : cairn_pose_compose(hypothesis->target_query, query_place);
     cairn_pose seen = cairn_pose_between(map_target, map_place);
     cairn_real covariance[9];
 
     if (!(cairn_place_map_score_pair(map, target, place, seen) > 0))
         return;
-    cairn_place_map_rotate_covariance(h->covariance, map_target.theta, covariance);
+    cairn_place_map_rotate_covariance(hypothesis->covariance, map_target.theta, covariance);
     cairn_place_map_add_hypothesis(map, target, place, seen, covariance);
 }
 
-static void add_map_match(cairn_place_map *map, const cairn_scan_match_hypothesis *h)
+static void add_map_match(cairn_place_map *map, const cairn_scan_match_hypothesis *hypothesis)
 {
     for (int32_t i = 0; i < map->place_count; i++)
         for (int32_t k = 0; k < map->place_count && is_target(map, i); k++)
             if (is_in_query(map, k))
-                add_pair_of_map_match(map, i, k, h);
+                add_pair_of_map_match(map, i, k, hypothesis);
 }
 
 static void store_match(cairn_place_map *map)

@@ -178,10 +178,11 @@ static cairn_status check_hypothesis(const cairn_pose_consensus *consensus,
 /* Returns the information: inverse of the covariance plus the nodes' model noise; 0 when it is
  * singular. */
 static int32_t information_of(const cairn_pose_consensus_params *params,
-                              const cairn_pose_consensus_relative_pose *h, cairn_sym3 *information)
+                              const cairn_pose_consensus_relative_pose *pose,
+                              cairn_sym3 *information)
 {
-    const cairn_real *c = h->covariance;
-    cairn_real x = h->first_second.x, y = h->first_second.y,
+    const cairn_real *c = pose->covariance;
+    cairn_real x = pose->first_second.x, y = pose->first_second.y,
                turn = params->sigma_theta * params->sigma_theta;
     cairn_real shift = params->sigma * params->sigma + turn * (x * x + y * y);
     cairn_sym3 sum = {c[0] + shift, (c[1] + c[3]) / 2, (c[2] + c[6]) / 2,

@@ -325,18 +325,19 @@ cairn_real cairn_pose_consensus_merged_support(cairn_pose_consensus *consensus,
     return sum;
 }
 
-static void propose_merge(cairn_pose_consensus *consensus, const cairn_pose_consensus_hypothesis *h)
+static void propose_merge(cairn_pose_consensus *consensus,
+                          const cairn_pose_consensus_hypothesis *hypothesis)
 {
-    const cairn_pose_consensus_assignment *first = &consensus->current[h->first],
-                                          *second = &consensus->current[h->second];
+    const cairn_pose_consensus_assignment *first = &consensus->current[hypothesis->first],
+                                          *second = &consensus->current[hypothesis->second];
     cairn_pose_consensus_candidate merge;
 
     memset(&merge, 0, sizeof merge);
     merge.node = second->component;
     merge.component = first->component;
-    merge.pose =
-        cairn_pose_consensus_compose(cairn_pose_consensus_compose(first->pose, h->first_second),
-                                     cairn_pose_consensus_inverse(second->pose));
+    merge.pose = cairn_pose_consensus_compose(
+        cairn_pose_consensus_compose(first->pose, hypothesis->first_second),
+        cairn_pose_consensus_inverse(second->pose));
     merge.support = cairn_pose_consensus_merged_support(consensus, &merge, 0);
     if (merge.support > consensus->merge.support)
         consensus->merge = merge;

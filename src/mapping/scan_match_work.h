@@ -231,10 +231,10 @@ const cairn_oriented_point *cairn_scan_match_index_nearest(const scan_match_inde
                                                            cairn_real gate, int32_t *parts);
 /* scan_match_positions.c: quantized target positions by direction and strip. */
 void cairn_scan_match_positions_reset(cairn_scan_match *match);
-void cairn_scan_match_positions_count(cairn_scan_match *match, const cairn_oriented_point *p);
+void cairn_scan_match_positions_count(cairn_scan_match *match, const cairn_oriented_point *point);
 void cairn_scan_match_positions_sum(cairn_scan_match *match);
 /* Called with the last point first, so that the sort is stable. */
-void cairn_scan_match_positions_place(cairn_scan_match *match, const cairn_oriented_point *p);
+void cairn_scan_match_positions_place(cairn_scan_match *match, const cairn_oriented_point *point);
 scan_match_position cairn_scan_match_quantize(const cairn_scan_match *match, cairn_vec2 p);
 /* Returns the strip of a position along the longer side of the target's bounding box; positions
  * outside are in the first or last. */

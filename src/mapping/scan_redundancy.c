@@ -50,11 +50,12 @@ cairn_scan_redundancy_params cairn_scan_redundancy_default(void)
     return params;
 }
 
-static int params_are_valid(const cairn_scan_redundancy_params *p)
+static int params_are_valid(const cairn_scan_redundancy_params *params)
 {
-    return p != NULL && p->max_scans >= 1 && p->max_scans <= MAX_SCANS && p->max_points >= 1 &&
-           p->max_points <= MAX_POINTS && p->radius > 0 && p->radius <= MAX_COORDINATE_M &&
-           p->direction_gate > 0 && p->direction_gate <= CAIRN_PI;
+    return params != NULL && params->max_scans >= 1 && params->max_scans <= MAX_SCANS &&
+           params->max_points >= 1 && params->max_points <= MAX_POINTS && params->radius > 0 &&
+           params->radius <= MAX_COORDINATE_M && params->direction_gate > 0 &&
+           params->direction_gate <= CAIRN_PI;
 }
 
 static cairn_point_grid_params grid_params(const cairn_scan_redundancy_params *params)

@@ -59,12 +59,13 @@ static int is_length(cairn_real length)
     return length > 0 && length <= MAX_COORDINATE_M;
 }
 
-static int params_are_valid(const cairn_weak_direction_params *p)
+static int params_are_valid(const cairn_weak_direction_params *params)
 {
-    return p != NULL && is_count(p->max_scans, 1, 1 << 16) && is_count(p->max_walls, 1, 1 << 16) &&
-           is_count(p->max_submaps, 1, 64) && is_length(p->weak_sigma) &&
-           is_length(p->max_cross_sigma) && is_length(p->max_sigma_theta) &&
-           is_length(p->translation_step) && is_length(p->thickness_sigma);
+    return params != NULL && is_count(params->max_scans, 1, 1 << 16) &&
+           is_count(params->max_walls, 1, 1 << 16) && is_count(params->max_submaps, 1, 64) &&
+           is_length(params->weak_sigma) && is_length(params->max_cross_sigma) &&
+           is_length(params->max_sigma_theta) && is_length(params->translation_step) &&
+           is_length(params->thickness_sigma);
 }
 
 static size_t pairs_of(int32_t parts)
