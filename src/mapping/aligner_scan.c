@@ -285,17 +285,18 @@ static patch_walk begin_patches(const cairn_aligner *aligner, int32_t from, int3
 }
 
 /* Advances to the next visible patch; 0: none is left. */
-static int next_patch(patch_walk *w, cairn_transform to_from)
+static int next_patch(patch_walk *walk, cairn_transform to_from)
 {
-    while (w->end < w->last) {
-        const aligner_patch *patch = &w->aligner->patches[w->patch++];
+    while (walk->end < walk->last) {
+        const aligner_patch *patch = &walk->aligner->patches[walk->patch++];
 
-        w->at = w->end;
-        w->end = w->at + ALIGNER_PATCH_POINTS < w->last ? w->at + ALIGNER_PATCH_POINTS : w->last;
-        w->work += w->patch & 1;
-        if (may_be_visible(w->aligner, w->to, cairn_transform_point(to_from, patch->middle),
+        walk->at = walk->end;
+        walk->end = walk->at + ALIGNER_PATCH_POINTS < walk->last ? walk->at + ALIGNER_PATCH_POINTS
+                                                                 : walk->last;
+        walk->work += walk->patch & 1;
+        if (may_be_visible(walk->aligner, walk->to, cairn_transform_point(to_from, patch->middle),
                            patch->radius)) {
-            w->work += w->end - w->at;
+            walk->work += walk->end - walk->at;
             return 1;
         }
     }

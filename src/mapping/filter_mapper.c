@@ -108,19 +108,21 @@ static cairn_particle_filter_params filter_params(const cairn_filter_mapper_para
 }
 
 /* Checks the params that the modules do not check themselves. */
-static int is_valid(const cairn_filter_mapper_params *p)
+static int is_valid(const cairn_filter_mapper_params *params)
 {
-    return p != NULL && p->particles >= 1 && p->particles <= MAX_PARTICLES &&
-           p->front.max_keyframes >= 1 && p->front.max_keyframes <= MAX_NODES / p->particles &&
-           p->candidates >= 1 && p->candidates <= CAIRN_FILTER_MAPPER_MAX_CANDIDATES &&
-           p->scored_points >= 1 && p->local_keyframes >= 1 &&
-           p->local_keyframes <= CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES &&
-           p->max_local_points >= 1 && p->max_local_points <= MAX_LOCAL_POINTS &&
-           p->recent_keyframes >= 1 && p->local_radius > 0 && p->motion_distance >= 0 &&
-           p->motion_turn >= 0 && p->motion_distance_min > 0 && p->motion_turn_min > 0 &&
-           p->match_sigma > 0 && p->match_sigma_theta > 0 && p->min_overlap >= 0 &&
-           p->min_overlap <= 1 && p->sigma > 0 && p->max_point_cost > 0 &&
-           p->independent_points > 0;
+    return params != NULL && params->particles >= 1 && params->particles <= MAX_PARTICLES &&
+           params->front.max_keyframes >= 1 &&
+           params->front.max_keyframes <= MAX_NODES / params->particles &&
+           params->candidates >= 1 && params->candidates <= CAIRN_FILTER_MAPPER_MAX_CANDIDATES &&
+           params->scored_points >= 1 && params->local_keyframes >= 1 &&
+           params->local_keyframes <= CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES &&
+           params->max_local_points >= 1 && params->max_local_points <= MAX_LOCAL_POINTS &&
+           params->recent_keyframes >= 1 && params->local_radius > 0 &&
+           params->motion_distance >= 0 && params->motion_turn >= 0 &&
+           params->motion_distance_min > 0 && params->motion_turn_min > 0 &&
+           params->match_sigma > 0 && params->match_sigma_theta > 0 && params->min_overlap >= 0 &&
+           params->min_overlap <= 1 && params->sigma > 0 && params->max_point_cost > 0 &&
+           params->independent_points > 0;
 }
 
 /* ---- Memory ---- */
@@ -345,14 +347,14 @@ cairn_pose cairn_filter_mapper_last(const cairn_filter_mapper *mapper, int32_t p
 }
 
 int32_t cairn_filter_mapper_path(const cairn_filter_mapper *mapper, int32_t particle,
-                                 cairn_pose *poses, int32_t room)
+                                 cairn_pose *poses, int32_t capacity)
 {
     const filter_mapper_path_state *state =
         cairn_particle_filter_particle(mapper->filter, particle).state;
     int32_t count = 0;
 
     for (; state != NULL; state = cairn_particle_filter_state_before(state)) {
-        if (state->keyframe >= room)
+        if (state->keyframe >= capacity)
             continue;
         poses[state->keyframe] = state->map_keyframe;
         count++;
