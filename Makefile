@@ -99,7 +99,7 @@ help:
 	@echo "make thesis         runs the experiments of the thesis, writes docs/thesis.md (DATA=FOLDER ITEMS='2/29 ...')"
 	@echo "make accuracy       measures what docs/accuracy.md says, writes its tables (DATA=FOLDER ITEMS='...' QUICK=--quick)"
 	@echo "make docs           the API reference as HTML, build/docs/html (installs Doxygen)"
-	@echo "make check          warnings, formats, analyzers, API reference, freestanding proof, module order"
+	@echo "make check          warnings, formats, analyzers, API reference, freestanding proof, module order, words"
 	@echo "make check-long     what .ci/run leaves out because it takes long; a release passes both"
 	@echo "make mutate         plants faults in src/ and counts those that the tests find (N=40 SEED=1)"
 	@echo "make firmware       the library in a robot's loop on Cortex-M7 and M4F"

@@ -13,7 +13,7 @@ ls src/*/*.c src/*/*.h include/cairn/*.h tests/test_*.c 2>/dev/null | awk '
 function refuse(text) { print text; bad = 1 }
 function base_of(path) { sub(/^.*\//, "", path); sub(/\.[ch]$/, "", path); return path }
 # The listed module of a file, or its bare name; of a part the listed module with the longest name.
-function room_of(path,    base, module)
+function module_of(path,    base, module)
 {
     base = module = base_of(path)
     if (path ~ /^src/)
@@ -36,7 +36,7 @@ BEGIN {
 /^tests\// { sub(/^tests\/test_/, ""); sub(/\.c$/, ""); tested[$0] = 1; next }
 {
     file[++files] = $0
-    module = room_of($0)
+    module = module_of($0)
     if ($0 ~ /\.c$/) {
         if (base_of($0) == module) source[module] = $0
         else parts[module]++
@@ -58,7 +58,7 @@ END {
     }
     for (i = 1; i <= files; i++) {
         path = file[i]
-        module = room_of(path)
+        module = module_of(path)
         # A header without a .c (such as build.h) belongs to its layer and may include what the layer may.
         if (!(module in place) && (path ~ /\.c$/ || (module in source) || (module in public))) continue
         where = path ~ /^src/ ? layer_of(path) : layer[module]
@@ -81,7 +81,7 @@ END {
             }
             if (!match(line, /"[^"]*"/)) continue
             header = substr(line, RSTART + 1, RLENGTH - 2)
-            other = room_of(header)
+            other = module_of(header)
             if (header !~ /^(cairn|src\/[a-z]+)\/[a-z0-9_]+\.h$/) {
                 refuse(at "\"" header "\": expected \"cairn/...\" or \"src/...\"")
                 continue

@@ -67,7 +67,7 @@ typedef struct cairn_pose_consensus_params {
     /* nats, >= 0 (0): significance threshold of a pose's support, violations subtracted twice. A
      * node is ambiguous that reaches it at an alternative pose, however much greater the support of
      * the chosen pose, if the violations there weigh at least min_ambiguous_weight; so are nodes
-     * that owe most of their support to ambiguous nodes. See also
+     * whose support comes mostly from ambiguous nodes. See also
      * cairn_pose_consensus_find_submaps(). 0: no test. */
     cairn_real significant_support;
 } cairn_pose_consensus_params;
@@ -126,10 +126,10 @@ typedef cairn_real (*cairn_pose_pair_likelihood)(void *context, int32_t first, i
 
 /* Sets the pairwise likelihood function; NULL: none. Cancels a running search.
  *
- * judge: the function, or NULL
+ * likelihood: the function, or NULL
  * context: passed to the function */
 void cairn_pose_consensus_set_pair_likelihood(cairn_pose_consensus *consensus,
-                                              cairn_pose_pair_likelihood judge, void *context);
+                                              cairn_pose_pair_likelihood likelihood, void *context);
 
 /* Joint likelihood function: returns the log-likelihood ratio in nats, positive or negative, of the
  * data of a node for a pose given all other nodes of a component: those i != node with parts[i] ==
@@ -151,10 +151,11 @@ typedef cairn_real (*cairn_pose_joint_likelihood)(void *context, int32_t node, c
  * the support by a whole component is evaluated; pairs still determine the tree of strongest links.
  * clear() removes it. Cancels a running search.
  *
- * jury: the function, or NULL
+ * likelihood: the function, or NULL
  * context: passed to the function */
 void cairn_pose_consensus_set_joint_likelihood(cairn_pose_consensus *consensus,
-                                               cairn_pose_joint_likelihood jury, void *context);
+                                               cairn_pose_joint_likelihood likelihood,
+                                               void *context);
 
 /* Starts the search. CAIRN_EMPTY: no nodes (clear() was never called). CAIRN_BAD_ARGUMENT: NULL.
  * Linear in nodes and hypotheses. */

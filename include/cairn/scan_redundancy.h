@@ -37,7 +37,7 @@ cairn_scan_redundancy_params cairn_scan_redundancy_default(void);
 size_t cairn_scan_redundancy_memory(const cairn_scan_redundancy_params *params);
 
 /* Creates the object in memory of the pool. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status cairn_scan_redundancy_create(cairn_scan_redundancy **cover,
+CAIRN_CHECKED cairn_status cairn_scan_redundancy_create(cairn_scan_redundancy **redundancy,
                                                         cairn_pool *pool,
                                                         const cairn_scan_redundancy_params *params);
 
@@ -47,13 +47,13 @@ CAIRN_CHECKED cairn_status cairn_scan_redundancy_create(cairn_scan_redundancy **
  * allow. CAIRN_NOT_FINITE: a pose. Linear in the scans.
  *
  * set: the scans */
-CAIRN_CHECKED cairn_status cairn_scan_redundancy_begin(cairn_scan_redundancy *cover,
+CAIRN_CHECKED cairn_status cairn_scan_redundancy_begin(cairn_scan_redundancy *redundancy,
                                                        const cairn_scan_set *set,
                                                        const cairn_pose *map_scan);
 
 /* Continues. CAIRN_OK: all scans have a score. CAIRN_MORE: the budget is used up. Cost per point:
  * about five units, and one for each point of the set within the radius. */
-CAIRN_CHECKED cairn_status cairn_scan_redundancy_step(cairn_scan_redundancy *cover,
+CAIRN_CHECKED cairn_status cairn_scan_redundancy_step(cairn_scan_redundancy *redundancy,
                                                       cairn_budget *budget);
 
 /* Returns the redundancy score of a scan: its loss, in points; the lower, the more redundant. Valid
@@ -61,14 +61,15 @@ CAIRN_CHECKED cairn_status cairn_scan_redundancy_step(cairn_scan_redundancy *cov
  * work left.
  *
  * scan: slot of the scan */
-cairn_real cairn_scan_redundancy_loss(const cairn_scan_redundancy *cover, int32_t scan);
+cairn_real cairn_scan_redundancy_loss(const cairn_scan_redundancy *redundancy, int32_t scan);
 
 /* Returns the most redundant scan: that of least loss, the lowest slot among equals. The slot
  * `spared` is excluded, such as the anchor of the map (-1: none). -1: there is none, or step() has
  * work left. Linear in the scans.
  *
  * spared: slot that is excluded; -1: none */
-int32_t cairn_scan_redundancy_most_redundant(const cairn_scan_redundancy *cover, int32_t spared);
+int32_t cairn_scan_redundancy_most_redundant(const cairn_scan_redundancy *redundancy,
+                                             int32_t spared);
 
 #ifdef __cplusplus
 }

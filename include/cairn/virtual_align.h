@@ -22,14 +22,14 @@
  * translation. When the aligner matches no two scans, all scans move, and the virtual scan is
  * rebuilt every few iterations.
  *
- * Mode as written (cairn_virtual_align_as_written): algorithm 2 alone, without aligner and slide.
- * Force field simulation moves all scans, with the gradient of chapter 7. The first iteration has
- * no virtual scan; after every iteration one is built from the current poses of the real scans, as
- * written (virtual_scan.h). Real points have weight 1: no regions of interest. The run ends with
- * that of the force field. Choices: at most 100 iterations (fig. 8.12). sigma and dt are those of
- * section 7.4.2, since chapter 8 gives an initial sigma alone, "in units of the data set": for data
- * of unit u m, sigma and dt are u times the thesis's numbers. Section 7.4.2 has u = 0.01 m, and so
- * have the defaults: sigma 15 to 4, dt 5 to 1. */
+ * Mode as written (cairn_virtual_align_as_written): algorithm 2 alone, without aligner and
+ * translation of submaps. Force field simulation moves all scans, with the gradient of chapter 7.
+ * The first iteration has no virtual scan; after every iteration one is built from the current
+ * poses of the real scans, as written (virtual_scan.h). Real points have weight 1: no regions of
+ * interest. The run ends with that of the force field. Choices: at most 100 iterations (fig. 8.12).
+ * sigma and dt are those of section 7.4.2, since chapter 8 gives an initial sigma alone, "in units
+ * of the data set": for data of unit u m, sigma and dt are u times the thesis's numbers. Section
+ * 7.4.2 has u = 0.01 m, and so have the defaults: sigma 15 to 4, dt 5 to 1. */
 #ifndef CAIRN_VIRTUAL_ALIGN_H
 #define CAIRN_VIRTUAL_ALIGN_H
 
@@ -52,7 +52,7 @@ typedef struct cairn_virtual_align_params {
     /* its max_scans, max_points and max_segments are ignored */
     cairn_virtual_scan_params hypotheses;
     /* its max_scans is ignored */
-    cairn_weak_direction_params slide;
+    cairn_weak_direction_params weak_direction;
     /* >= 1 (8): iterations of the field between two virtual scans while their source scans move */
     int32_t rebuild_interval;
     /* >= 1 (2): maximum runs of the field, each followed by the aligner, while scans are
@@ -62,8 +62,8 @@ typedef struct cairn_virtual_align_params {
      * along walls */
     int32_t use_aligner;
     /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written,
-     * rebuild_interval, max_rounds, use_aligner, slide, hypotheses.mode, and the field's mode, roi
-     * and oriented_below are ignored */
+     * rebuild_interval, max_rounds, use_aligner, weak_direction, hypotheses.mode, and the field's
+     * mode, roi and oriented_below are ignored */
     int32_t mode;
 } cairn_virtual_align_params;
 
@@ -89,10 +89,10 @@ typedef struct cairn_virtual_align_result {
     int32_t active_iterations;
     /* hypotheses in the last virtual scan */
     int32_t hypotheses;
-    /* work units; those of the slide count as hypothesis_units */
+    /* work units; those of the translation count as hypothesis_units */
     int64_t align_units, hypothesis_units, field_units;
     /* translations along weakly observable directions */
-    cairn_weak_direction_result slide;
+    cairn_weak_direction_result weak_direction;
 } cairn_virtual_align_result;
 
 /* Joint alignment of scans by force field, virtual scans and aligner. */

@@ -72,7 +72,7 @@ cairn_weak_direction_params cairn_weak_direction_default(void);
 size_t cairn_weak_direction_memory(const cairn_weak_direction_params *params);
 
 /* Creates the object in memory of the pool. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status cairn_weak_direction_create(cairn_weak_direction **slide,
+CAIRN_CHECKED cairn_status cairn_weak_direction_create(cairn_weak_direction **weak_direction,
                                                        cairn_pool *pool,
                                                        const cairn_weak_direction_params *params);
 
@@ -80,7 +80,7 @@ CAIRN_CHECKED cairn_status cairn_weak_direction_create(cairn_weak_direction **sl
  * and exactly one weakly observable direction of translation. Constant time.
  *
  * aligned: result of the scan */
-int32_t cairn_weak_direction_is_weak(const cairn_weak_direction *slide,
+int32_t cairn_weak_direction_is_weak(const cairn_weak_direction *weak_direction,
                                      const cairn_aligner_pose *aligned);
 
 /* Starts with an aligner that has ended, and a set with the same scans in the same slots. Both must
@@ -91,7 +91,7 @@ int32_t cairn_weak_direction_is_weak(const cairn_weak_direction *slide,
  * scans than params allow. Linear in params.
  *
  * set: segments and points of the scans */
-CAIRN_CHECKED cairn_status cairn_weak_direction_begin(cairn_weak_direction *slide,
+CAIRN_CHECKED cairn_status cairn_weak_direction_begin(cairn_weak_direction *weak_direction,
                                                       const cairn_aligner *aligner,
                                                       const cairn_scan_set *set, cairn_real spread);
 
@@ -101,7 +101,8 @@ CAIRN_CHECKED cairn_status cairn_weak_direction_begin(cairn_weak_direction *slid
  *
  * start: pose before the alignment
  * aligned: result of the alignment */
-CAIRN_CHECKED cairn_status cairn_weak_direction_add(cairn_weak_direction *slide, cairn_pose start,
+CAIRN_CHECKED cairn_status cairn_weak_direction_add(cairn_weak_direction *weak_direction,
+                                                    cairn_pose start,
                                                     const cairn_aligner_pose *aligned);
 
 /* Continues. CAIRN_MORE: the budget is used up. CAIRN_OK: the correction has ended.
@@ -110,19 +111,20 @@ CAIRN_CHECKED cairn_status cairn_weak_direction_add(cairn_weak_direction *slide,
  * trial translations: most with one or two pairs of their scans, the best with all overlapping
  * pairs, each as one evaluation of the aligner's free-space violation. An item is a wall against
  * all others, or two scans at one translation. */
-CAIRN_CHECKED cairn_status cairn_weak_direction_step(cairn_weak_direction *slide,
+CAIRN_CHECKED cairn_status cairn_weak_direction_step(cairn_weak_direction *weak_direction,
                                                      cairn_budget *budget);
 
 /* ---- The result: all zero until step() returns CAIRN_OK ---- */
 
 /* Returns the result; all zero until step() returns CAIRN_OK. */
-cairn_weak_direction_result cairn_weak_direction_read(const cairn_weak_direction *slide);
+cairn_weak_direction_result cairn_weak_direction_read(const cairn_weak_direction *weak_direction);
 
 /* Returns the translation of a scan in the map, m; 0 for a scan that stays, and for one that does
  * not exist.
  *
  * scan: slot of the scan */
-cairn_vec2 cairn_weak_direction_translation(const cairn_weak_direction *slide, int32_t scan);
+cairn_vec2 cairn_weak_direction_translation(const cairn_weak_direction *weak_direction,
+                                            int32_t scan);
 
 #ifdef __cplusplus
 }

@@ -112,12 +112,12 @@ static cairn_particle_filter_params filter_params(const cairn_contour_grouping_p
     cairn_particle_filter_params settings = cairn_particle_filter_default();
 
     settings.particles = settings.max_particles = params->particles;
-    settings.max_followers = GROUPING_MAX_FOLLOWERS;
-    settings.max_candidates = params->particles * GROUPING_MAX_CANDIDATES;
+    settings.max_followers = CONTOUR_GROUPING_MAX_FOLLOWERS;
+    settings.max_candidates = params->particles * CONTOUR_GROUPING_MAX_CANDIDATES;
     /* The sums of the state summarize the trajectory. */
     settings.max_history = 1;
     settings.max_blocks = 3 * params->particles;
-    settings.state_bytes = (int32_t)sizeof(grouping_state);
+    settings.state_bytes = (int32_t)sizeof(contour_grouping_state);
     return settings;
 }
 
@@ -148,17 +148,18 @@ static cairn_particle_filter *carve_filter(cairn_pool *pool,
 static cairn_contour_grouping *carve_default(cairn_pool *pool,
                                              const cairn_contour_grouping_params *params)
 {
-    size_t lists = (size_t)cell_count(params->max_width, GROUPING_TOKEN_CELL_PX) *
-                   (size_t)cell_count(params->max_height, GROUPING_TOKEN_CELL_PX);
-    size_t edge_cell_count = (size_t)cell_count(params->max_width, GROUPING_EDGE_CELL_PX) *
-                             (size_t)cell_count(params->max_height, GROUPING_EDGE_CELL_PX);
+    size_t lists = (size_t)cell_count(params->max_width, CONTOUR_GROUPING_TOKEN_CELL_PX) *
+                   (size_t)cell_count(params->max_height, CONTOUR_GROUPING_TOKEN_CELL_PX);
+    size_t edge_cell_count = (size_t)cell_count(params->max_width, CONTOUR_GROUPING_EDGE_CELL_PX) *
+                             (size_t)cell_count(params->max_height, CONTOUR_GROUPING_EDGE_CELL_PX);
     cairn_contour_grouping *grouping = cairn_pool_take_one(pool, sizeof *grouping);
-    grouping_token *tokens = cairn_pool_take(pool, (size_t)params->max_tokens, sizeof *tokens);
-    grouping_sorted_token *sorted_tokens =
+    contour_grouping_token *tokens =
+        cairn_pool_take(pool, (size_t)params->max_tokens, sizeof *tokens);
+    contour_grouping_sorted_token *sorted_tokens =
         cairn_pool_take(pool, (size_t)params->max_tokens, sizeof *sorted_tokens);
     int32_t *cell_start = cairn_pool_take(pool, lists + 1, sizeof *cell_start);
     uint8_t *edge_map = cairn_pool_take(pool, edge_cell_count, 1);
-    grouping_hypothesis *hypotheses =
+    contour_grouping_hypothesis *hypotheses =
         cairn_pool_take(pool, (size_t)params->particles, sizeof *hypotheses);
     cairn_contour_grouping_trace *trace =
         cairn_pool_take(pool, (size_t)params->max_samples, sizeof *trace);
@@ -175,8 +176,8 @@ static cairn_contour_grouping *carve_default(cairn_pool *pool,
     int32_t *match_distance =
         cairn_pool_take(pool, (size_t)params->max_outline, sizeof *match_distance);
     cairn_real *curvature = cairn_pool_take(pool, (size_t)params->max_outline, sizeof *curvature);
-    grouping_node *is_reversed = cairn_pool_take(
-        pool, (size_t)params->max_outline * GROUPING_MAX_NODES, sizeof *is_reversed);
+    contour_grouping_node *is_reversed = cairn_pool_take(
+        pool, (size_t)params->max_outline * CONTOUR_GROUPING_MAX_NODES, sizeof *is_reversed);
     cairn_particle_filter *filter = carve_filter(pool, params, grouping);
 
     if (grouping != NULL) {
@@ -205,7 +206,7 @@ static cairn_contour_grouping *carve_default(cairn_pool *pool,
 static cairn_contour_grouping *carve(cairn_pool *pool, const cairn_contour_grouping_params *params)
 {
     cairn_contour_grouping *grouping;
-    struct grouping_written *written;
+    struct contour_grouping_written *written;
 
     if (params->mode == CAIRN_MODE_DEFAULT)
         return carve_default(pool, params);
@@ -278,10 +279,10 @@ cairn_status cairn_contour_grouping_begin(cairn_contour_grouping *grouping,
     if (status != CAIRN_OK)
         return status;
     grouping->input = *input;
-    grouping->columns = cell_count(input->width, GROUPING_TOKEN_CELL_PX);
-    grouping->rows = cell_count(input->height, GROUPING_TOKEN_CELL_PX);
-    grouping->edge_columns = cell_count(input->width, GROUPING_EDGE_CELL_PX);
-    grouping->edge_rows = cell_count(input->height, GROUPING_EDGE_CELL_PX);
+    grouping->columns = cell_count(input->width, CONTOUR_GROUPING_TOKEN_CELL_PX);
+    grouping->rows = cell_count(input->height, CONTOUR_GROUPING_TOKEN_CELL_PX);
+    grouping->edge_columns = cell_count(input->width, CONTOUR_GROUPING_EDGE_CELL_PX);
+    grouping->edge_rows = cell_count(input->height, CONTOUR_GROUPING_EDGE_CELL_PX);
     middle = CAIRN_REAL(0.5) * (input->min_turn + input->max_turn);
     half = CAIRN_REAL(0.5) * (input->max_turn - input->min_turn);
     cairn_sincos(middle, &grouping->middle_rotation.y, &grouping->middle_rotation.x);
@@ -297,8 +298,8 @@ cairn_status cairn_contour_grouping_begin(cairn_contour_grouping *grouping,
         grouping->hypothesis_count = grouping->object_count = grouping->segment_count =
             grouping->step_count = grouping->generated_count = 0;
     grouping->best_score = grouping->best_evidence = 0;
-    grouping->cursor = grouping->second_cursor = grouping->charged_units =
-        grouping->charged_callback_units = grouping->has_particles = 0;
+    grouping->cursor = grouping->second_cursor = grouping->units_charged =
+        grouping->callback_units_charged = grouping->has_particles = 0;
     grouping->next_token = -1;
     grouping->phase = PHASE_CUT;
     if (grouping->written != NULL) {
@@ -315,8 +316,8 @@ cairn_status cairn_contour_grouping_begin(cairn_contour_grouping *grouping,
 /* Index of the cell of a point, clamped to the image. */
 static int32_t cell_of(const cairn_contour_grouping *grouping, cairn_vec2 p)
 {
-    int32_t x = cairn_real_to_int(p.x / GROUPING_TOKEN_CELL_PX),
-            y = cairn_real_to_int(p.y / GROUPING_TOKEN_CELL_PX);
+    int32_t x = cairn_real_to_int(p.x / CONTOUR_GROUPING_TOKEN_CELL_PX),
+            y = cairn_real_to_int(p.y / CONTOUR_GROUPING_TOKEN_CELL_PX);
 
     x = x < 0 ? 0 : x >= grouping->columns ? grouping->columns - 1 : x;
     y = y < 0 ? 0 : y >= grouping->rows ? grouping->rows - 1 : y;
@@ -327,7 +328,7 @@ static int32_t cell_of(const cairn_contour_grouping *grouping, cairn_vec2 p)
  * else a new one. */
 static int32_t chain_of(const cairn_contour_grouping *grouping, int32_t segment)
 {
-    const grouping_token *previous = &grouping->tokens[grouping->token_count - 1];
+    const contour_grouping_token *previous = &grouping->tokens[grouping->token_count - 1];
     cairn_vec2 gap;
 
     if (grouping->token_count == 0 || previous->segment == segment)
@@ -364,7 +365,7 @@ static void cut(cairn_contour_grouping *grouping, int32_t index, int32_t piece)
     int32_t piece_count = pieces_of(grouping, index);
 
     for (int32_t i = 0; i < piece_count; i++) {
-        grouping_token *token = &grouping->tokens[grouping->token_count];
+        contour_grouping_token *token = &grouping->tokens[grouping->token_count];
         int32_t cell;
 
         if (!is_kept(grouping, piece + i))
@@ -383,10 +384,10 @@ static void cut(cairn_contour_grouping *grouping, int32_t index, int32_t piece)
     }
 }
 
-static int is_finite_segment(const cairn_segment *s)
+static int is_finite_segment(const cairn_segment *segment)
 {
-    return cairn_is_finite(s->a.x) && cairn_is_finite(s->a.y) && cairn_is_finite(s->b.x) &&
-           cairn_is_finite(s->b.y);
+    return cairn_is_finite(segment->a.x) && cairn_is_finite(segment->a.y) &&
+           cairn_is_finite(segment->b.x) && cairn_is_finite(segment->b.y);
 }
 
 /* Clears the cells, counts the pieces, creates the tokens. */
@@ -395,12 +396,12 @@ static cairn_status step_cut(cairn_contour_grouping *grouping, cairn_budget *bud
     int32_t cells = grouping->columns * grouping->rows;
 
     for (; grouping->cursor < cells; grouping->cursor++) {
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
             return CAIRN_MORE;
         grouping->cell_start[grouping->cursor] = -1;
     }
     for (; grouping->cursor - cells < grouping->input.count; grouping->cursor++) {
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
             return CAIRN_MORE;
         if (!is_finite_segment(&grouping->input.segments[grouping->cursor - cells]))
             return CAIRN_NOT_FINITE;
@@ -411,7 +412,7 @@ static cairn_status step_cut(cairn_contour_grouping *grouping, cairn_budget *bud
     for (; grouping->second_cursor < grouping->input.count; grouping->second_cursor++) {
         int32_t pieces = pieces_of(grouping, grouping->second_cursor);
 
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 1 + pieces))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1 + pieces))
             return CAIRN_MORE;
         cut(grouping, grouping->second_cursor, grouping->cut_piece_count);
         grouping->cut_piece_count += pieces;
@@ -427,12 +428,12 @@ static cairn_status step_sort(cairn_contour_grouping *grouping, cairn_budget *bu
     int32_t cells = grouping->columns * grouping->rows;
 
     while (grouping->next_token >= 0 || grouping->cursor < cells) {
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
             return CAIRN_MORE;
         if (grouping->next_token >= 0) {
-            const grouping_token *token = &grouping->tokens[grouping->next_token];
-            grouping_sorted_token sorted = {token->middle, token->direction, token->half_length,
-                                            grouping->next_token};
+            const contour_grouping_token *token = &grouping->tokens[grouping->next_token];
+            contour_grouping_sorted_token sorted = {token->middle, token->direction,
+                                                    token->half_length, grouping->next_token};
 
             grouping->sorted_tokens[grouping->second_cursor++] = sorted;
             grouping->next_token = token->next_in_cell;
@@ -448,7 +449,7 @@ static cairn_status step_sort(cairn_contour_grouping *grouping, cairn_budget *bu
 cairn_vec2 cairn_contour_grouping_nearest_point(const cairn_contour_grouping *grouping,
                                                 int32_t token, cairn_vec2 p)
 {
-    const grouping_token *t = &grouping->tokens[token];
+    const contour_grouping_token *t = &grouping->tokens[token];
     cairn_real along = cairn_vec2_dot(t->direction, cairn_vec2_sub(p, t->middle));
 
     return cairn_vec2_add(
@@ -465,25 +466,25 @@ typedef struct contour_place {
 
 /* Cost of a token at a contour point: half the squared distance in sigmas. Returns early with a
  * value above `limit` when the angle alone or the lower bound of the distance across exceeds it. */
-static cairn_real token_cost(const contour_place *p, const grouping_sorted_token *t,
+static cairn_real token_cost(const contour_place *place, const contour_grouping_sorted_token *token,
                              cairn_real limit)
 {
-    cairn_real sine = cairn_vec2_cross(p->along, t->direction), turn_cost = sine * sine * p->turn,
-               across, middle, gap;
-    cairn_vec2 offset = cairn_vec2_sub(t->middle, p->middle);
+    cairn_real sine = cairn_vec2_cross(place->along, token->direction),
+               turn_cost = sine * sine * place->turn, across, middle, gap;
+    cairn_vec2 offset = cairn_vec2_sub(token->middle, place->middle);
 
     if (turn_cost > 2 * limit)
         return turn_cost;
-    middle = cairn_vec2_cross(p->along, offset);
-    across = cairn_max(cairn_abs(middle) - t->half_length * cairn_abs(sine), 0);
-    if (across * across * p->across > 2 * limit)
+    middle = cairn_vec2_cross(place->along, offset);
+    across = cairn_max(cairn_abs(middle) - token->half_length * cairn_abs(sine), 0);
+    if (across * across * place->across > 2 * limit)
         return CAIRN_REAL_MAX;
-    gap = cairn_max(-t->half_length,
-                    cairn_min(-cairn_vec2_dot(t->direction, offset), t->half_length));
+    gap = cairn_max(-token->half_length,
+                    cairn_min(-cairn_vec2_dot(token->direction, offset), token->half_length));
     across = middle + sine * gap;
-    gap = CAIRN_REAL(0.5) *
-          (cairn_vec2_dot(p->along, offset) + cairn_vec2_dot(p->along, t->direction) * gap);
-    return CAIRN_REAL(0.5) * ((across * across + gap * gap) * p->across + turn_cost);
+    gap = CAIRN_REAL(0.5) * (cairn_vec2_dot(place->along, offset) +
+                             cairn_vec2_dot(place->along, token->direction) * gap);
+    return CAIRN_REAL(0.5) * ((across * across + gap * gap) * place->across + turn_cost);
 }
 
 int32_t cairn_contour_grouping_match_tokens(const cairn_contour_grouping *grouping, cairn_vec2 at,
@@ -502,7 +503,7 @@ int32_t cairn_contour_grouping_match_tokens(const cairn_contour_grouping *groupi
     sigma = cairn_max(sigma, CAIRN_REAL(1.5));
     point.across = 1 / (sigma * sigma);
     for (int32_t y = from / columns; y <= bottom; y++) {
-        const grouping_sorted_token
+        const contour_grouping_sorted_token
             *n = &grouping->sorted_tokens[grouping->cell_start[y * columns + left]],
             *end = &grouping->sorted_tokens[grouping->cell_start[y * columns + right + 1]];
 
@@ -528,7 +529,7 @@ int32_t cairn_contour_grouping_match_tokens(const cairn_contour_grouping *groupi
 
 /* ---- The fit ---- */
 
-void cairn_contour_grouping_add_point(grouping_fit_sums *sums, cairn_vec2 model_point,
+void cairn_contour_grouping_add_point(contour_grouping_fit_sums *sums, cairn_vec2 model_point,
                                       cairn_vec2 image_point, cairn_real weight)
 {
     sums->weight += weight;
@@ -539,12 +540,12 @@ void cairn_contour_grouping_add_point(grouping_fit_sums *sums, cairn_vec2 model_
     sums->image = cairn_vec2_add(sums->image, cairn_vec2_scale(image_point, weight));
 }
 
-grouping_pose cairn_contour_grouping_fit_pose(const grouping_fit_sums *sums,
-                                              const grouping_pose *otherwise)
+contour_grouping_pose cairn_contour_grouping_fit_pose(const contour_grouping_fit_sums *sums,
+                                                      const contour_grouping_pose *otherwise)
 {
     cairn_real spread = sums->model_squared - cairn_vec2_norm_squared(sums->model) /
                                                   cairn_max(sums->weight, CAIRN_REAL_MIN);
-    grouping_pose pose = *otherwise;
+    contour_grouping_pose pose = *otherwise;
 
     if (!(spread > CAIRN_REAL(1e-6)))
         return pose;
@@ -552,22 +553,23 @@ grouping_pose cairn_contour_grouping_fit_pose(const grouping_fit_sums *sums,
     pose.b = (sums->cross - cairn_vec2_cross(sums->model, sums->image) / sums->weight) / spread;
     if (!(pose.a * pose.a + pose.b * pose.b > 0))
         return *otherwise;
-    pose.t =
-        cairn_vec2_scale(cairn_vec2_sub(sums->image, grouping_transform_vector(&pose, sums->model)),
-                         1 / sums->weight);
+    pose.t = cairn_vec2_scale(
+        cairn_vec2_sub(sums->image, contour_grouping_transform_vector(&pose, sums->model)),
+        1 / sums->weight);
     return pose;
 }
 
-grouping_fit_sums cairn_contour_grouping_pose_prior(const grouping_pose *pose, cairn_real weight)
+contour_grouping_fit_sums cairn_contour_grouping_pose_prior(const contour_grouping_pose *pose,
+                                                            cairn_real weight)
 {
     static const cairn_real corner = CAIRN_REAL(0.35);
-    grouping_fit_sums sums = {.weight = 0};
+    contour_grouping_fit_sums sums = {.weight = 0};
 
     for (int32_t i = 0; i < 4; i++) {
         cairn_vec2 model_point = {i % 2 ? corner : -corner, i / 2 ? corner : -corner};
 
-        cairn_contour_grouping_add_point(&sums, model_point,
-                                         grouping_transform_point(pose, model_point), weight / 4);
+        cairn_contour_grouping_add_point(
+            &sums, model_point, contour_grouping_transform_point(pose, model_point), weight / 4);
     }
     return sums;
 }

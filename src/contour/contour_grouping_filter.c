@@ -6,7 +6,8 @@
  *
  * Method:
  * 1. Proposal: for the next model sample, all pairs of tokens near both predicted contact points,
- *    each side possibly unmatched. Masses by the gaps and the loss of symmetry (2.11).
+ *    each side possibly unmatched. Masses by the loss of symmetry and by how far the advance along
+ *    the contour differs from the model's spacing (after 2.11, whose g is the gap itself).
  * 2. Likelihood: position of the skeleton point and radius (2.13), and the fit of both sides.
  * 3. Update: the new points are added to the fit.
  *
@@ -57,47 +58,49 @@ static int32_t sample_of_step(const cairn_shape_model *model, int32_t start, int
 }
 
 /* Updates a state for the tokens matched to the sides of its sample. */
-static void match_sides(const cairn_contour_grouping *grouping, grouping_state *s,
+static void match_sides(const cairn_contour_grouping *grouping, contour_grouping_state *state,
                         const cairn_vec2 predicted[2])
 {
-    const cairn_shape_model_sample *model_sample = &grouping->input.model->samples[s->sample];
+    const cairn_shape_model_sample *model_sample = &grouping->input.model->samples[state->sample];
     cairn_oriented_point edgel[2] = {{{0, 0}, {0, 0}}, {{0, 0}, {0, 0}}};
     cairn_symmetric_point sp;
 
-    s->gap = 0;
+    state->gap = 0;
     for (int32_t side = 0; side < 2; side++) {
-        if (s->token[side] < 0)
+        if (state->token[side] < 0)
             continue;
         edgel[side].position =
-            cairn_contour_grouping_nearest_point(grouping, s->token[side], predicted[side]);
-        edgel[side].direction = grouping->tokens[s->token[side]].direction;
+            cairn_contour_grouping_nearest_point(grouping, state->token[side], predicted[side]);
+        edgel[side].direction = grouping->tokens[state->token[side]].direction;
         /* The position of a token along the contour carries no information; only its offset across
          * does. */
-        s->offset[side] = cairn_vec2_sub(
+        state->offset[side] = cairn_vec2_sub(
             edgel[side].position,
-            grouping_transform_point(&s->pose, model_sample->contact[side].position));
-        s->gap +=
+            contour_grouping_transform_point(&state->pose, model_sample->contact[side].position));
+        state->gap +=
             CAIRN_REAL(0.5) *
-            cairn_abs(cairn_vec2_norm(cairn_vec2_sub(edgel[side].position, s->last_point[side])) -
-                      cairn_vec2_norm(cairn_vec2_sub(predicted[side], s->last_point[side])));
-        s->last_point[side] = edgel[side].position;
+            cairn_abs(
+                cairn_vec2_norm(cairn_vec2_sub(edgel[side].position, state->last_point[side])) -
+                cairn_vec2_norm(cairn_vec2_sub(predicted[side], state->last_point[side])));
+        state->last_point[side] = edgel[side].position;
     }
-    s->centre = grouping_transform_point(&s->pose, model_sample->centre);
-    s->radius = grouping_size(&s->pose) * model_sample->radius;
-    if (s->token[0] >= 0 && s->token[1] >= 0 &&
+    state->centre = contour_grouping_transform_point(&state->pose, model_sample->centre);
+    state->radius = contour_grouping_size(&state->pose) * model_sample->radius;
+    if (state->token[0] >= 0 && state->token[1] >= 0 &&
         cairn_symmetric_point_of(edgel[0], edgel[1], CAIRN_REAL(1.5), &sp)) {
-        s->centre = sp.centre;
-        s->radius = sp.radius;
-        s->deviation = sp.deviation;
+        state->centre = sp.centre;
+        state->radius = sp.radius;
+        state->deviation = sp.deviation;
     }
 }
 
 /* Log mass of the proposal (2.11): gaps, and loss of symmetry. */
-static cairn_real log_mass(const cairn_contour_grouping *grouping, const grouping_state *previous,
-                           const grouping_state *s)
+static cairn_real log_mass(const cairn_contour_grouping *grouping,
+                           const contour_grouping_state *previous,
+                           const contour_grouping_state *state)
 {
-    cairn_real loss = cairn_max(s->deviation - previous->deviation, 0);
-    cairn_real mass = -cairn_half_square(s->gap / grouping->input.mean_length);
+    cairn_real loss = cairn_max(state->deviation - previous->deviation, 0);
+    cairn_real mass = -cairn_half_square(state->gap / grouping->input.mean_length);
 
     return grouping->params.use_skeleton
                ? mass - cairn_half_square(loss / grouping->params.symmetry_sigma)
@@ -109,32 +112,32 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
                             cairn_budget *budget)
 {
     cairn_contour_grouping *grouping = context;
-    const grouping_state *previous = cairn_particle_filter_particle(filter, index).state;
-    int32_t token[2][GROUPING_MAX_SIDE_TOKENS + 1], count[2];
-    cairn_real cost[2][GROUPING_MAX_SIDE_TOKENS + 1];
-    grouping_state s = *previous;
+    const contour_grouping_state *previous = cairn_particle_filter_particle(filter, index).state;
+    int32_t token[2][CONTOUR_GROUPING_MAX_SIDE_TOKENS + 1], count[2];
+    cairn_real cost[2][CONTOUR_GROUPING_MAX_SIDE_TOKENS + 1];
+    contour_grouping_state s = *previous;
     const cairn_shape_model_sample *model_sample;
     cairn_vec2 predicted[2];
 
-    if (!cairn_budget_charge(budget, &grouping->charged_callback_units, UNITS_PER_PROPOSAL))
+    if (!cairn_budget_charge(budget, &grouping->callback_units_charged, UNITS_PER_PROPOSAL))
         return CAIRN_MORE;
     s.sample = sample_of_step(grouping->input.model, s.start, grouping->step_count + 1);
     model_sample = &grouping->input.model->samples[s.sample];
     for (int32_t side = 0; side < 2; side++) {
         s.offset[side] = cairn_vec2_scale(previous->offset[side], OFFSET_DECAY);
-        predicted[side] =
-            cairn_vec2_add(grouping_transform_point(&s.pose, model_sample->contact[side].position),
-                           s.offset[side]);
+        predicted[side] = cairn_vec2_add(
+            contour_grouping_transform_point(&s.pose, model_sample->contact[side].position),
+            s.offset[side]);
         count[side] = cairn_contour_grouping_match_tokens(
             grouping, predicted[side],
-            grouping_transform_vector(&s.pose, model_sample->contact[side].direction),
-            grouping->params.deform_sigma * grouping_size(&s.pose), GROUPING_MAX_SIDE_TOKENS,
-            token[side], cost[side]);
+            contour_grouping_transform_vector(&s.pose, model_sample->contact[side].direction),
+            grouping->params.deform_sigma * contour_grouping_size(&s.pose),
+            CONTOUR_GROUPING_MAX_SIDE_TOKENS, token[side], cost[side]);
         token[side][count[side]] = -1;
     }
     for (int32_t i = 0; i <= count[0]; i++)
         for (int32_t j = 0; j <= count[1]; j++) {
-            grouping_state next = s;
+            contour_grouping_state next = s;
             cairn_status status;
 
             next.token[0] = token[0][i];
@@ -152,14 +155,15 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 
 /* Cost of a matched side: half the squared offset across the model and sine of the angle, in
  * sigmas. */
-static cairn_real side_cost(const cairn_contour_grouping *grouping, const grouping_state *s,
-                            int32_t side)
+static cairn_real side_cost(const cairn_contour_grouping *grouping,
+                            const contour_grouping_state *state, int32_t side)
 {
-    cairn_vec2 direction = grouping_transform_vector(
-        &s->pose, grouping->input.model->samples[s->sample].contact[side].direction);
-    cairn_real size = grouping_size(&s->pose), sigma = grouping->params.deform_sigma * size;
-    cairn_real across = cairn_vec2_cross(direction, s->offset[side]) / (size * sigma);
-    cairn_real sine = cairn_vec2_cross(direction, grouping->tokens[s->token[side]].direction) /
+    cairn_vec2 direction = contour_grouping_transform_vector(
+        &state->pose, grouping->input.model->samples[state->sample].contact[side].direction);
+    cairn_real size = contour_grouping_size(&state->pose),
+               sigma = grouping->params.deform_sigma * size;
+    cairn_real across = cairn_vec2_cross(direction, state->offset[side]) / (size * sigma);
+    cairn_real sine = cairn_vec2_cross(direction, grouping->tokens[state->token[side]].direction) /
                       (size * grouping->params.turn_sigma);
 
     return cairn_half_square(across * CAIRN_REAL(0.5)) + cairn_half_square(sine);
@@ -171,11 +175,11 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
                                const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {
     cairn_contour_grouping *grouping = context;
-    const grouping_state *s = state;
+    const contour_grouping_state *s = state;
     const cairn_shape_model_sample *model_sample = &grouping->input.model->samples[s->sample];
     cairn_real log_missing = grouping->log_missing,
-               sigma = grouping->params.deform_sigma * grouping_size(&s->pose), position_error,
-               radius_error;
+               sigma = grouping->params.deform_sigma * contour_grouping_size(&s->pose),
+               position_error, radius_error;
 
     (void)filter;
     (void)index;
@@ -193,11 +197,12 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     }
     if (s->token[0] < 0 || s->token[1] < 0)
         return CAIRN_OK;
-    position_error = cairn_vec2_norm(cairn_vec2_sub(
-                         s->centre, grouping_transform_point(&s->pose, model_sample->centre))) /
-                     (POSITION_SIGMA * 2 * sigma);
-    radius_error =
-        (s->radius - model_sample->radius * grouping_size(&s->pose)) / (RADIUS_SIGMA * sigma);
+    position_error =
+        cairn_vec2_norm(cairn_vec2_sub(
+            s->centre, contour_grouping_transform_point(&s->pose, model_sample->centre))) /
+        (POSITION_SIGMA * 2 * sigma);
+    radius_error = (s->radius - model_sample->radius * contour_grouping_size(&s->pose)) /
+                   (RADIUS_SIGMA * sigma);
     *log_likelihood +=
         cairn_max(cairn_log(CAIRN_REAL(0.5) * cairn_exp(-cairn_half_square(position_error)) +
                             CAIRN_REAL(0.5) * cairn_exp(-cairn_half_square(radius_error))),
@@ -209,9 +214,9 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
 static void append(void *context, const cairn_particle_filter *filter, int32_t index, void *state)
 {
     cairn_contour_grouping *grouping = context;
-    grouping_state *s = state;
+    contour_grouping_state *s = state;
     const cairn_shape_model_sample *model_sample = &grouping->input.model->samples[s->sample];
-    grouping_pose previous = s->pose;
+    contour_grouping_pose previous = s->pose;
 
     (void)filter;
     (void)index;
@@ -225,7 +230,7 @@ static void append(void *context, const cairn_particle_filter *filter, int32_t i
         if (s->token[side] >= 0)
             s->offset[side] = cairn_vec2_sub(
                 s->last_point[side],
-                grouping_transform_point(&s->pose, model_sample->contact[side].position));
+                contour_grouping_transform_point(&s->pose, model_sample->contact[side].position));
 }
 
 cairn_particle_filter_model cairn_contour_grouping_filter_model(cairn_contour_grouping *grouping)
@@ -241,24 +246,24 @@ cairn_status cairn_contour_grouping_begin_filter(cairn_contour_grouping *groupin
 {
     cairn_status status = cairn_particle_filter_clear(grouping->filter, grouping->params.seed);
 
-    grouping->step_count = grouping->charged_callback_units = 0;
+    grouping->step_count = grouping->callback_units_charged = 0;
     grouping->log_missing = cairn_log(grouping->params.missing_likelihood);
     grouping->has_particles = grouping->hypothesis_count > 0;
     for (int32_t i = 0; i < grouping->hypothesis_count && status == CAIRN_OK; i++) {
         const cairn_shape_model_sample *model_sample =
             &grouping->input.model->samples[grouping->hypotheses[i].sample];
-        grouping_state s = {.pose = grouping->hypotheses[i].pose,
-                            .sample = grouping->hypotheses[i].sample,
-                            .start = grouping->hypotheses[i].sample};
+        contour_grouping_state s = {.pose = grouping->hypotheses[i].pose,
+                                    .sample = grouping->hypotheses[i].sample,
+                                    .start = grouping->hypotheses[i].sample};
 
         s.sums = cairn_contour_grouping_pose_prior(&s.pose, PRIOR_WEIGHT);
-        s.centre = grouping_transform_point(&s.pose, model_sample->centre);
-        s.radius = model_sample->radius * grouping_size(&s.pose);
+        s.centre = contour_grouping_transform_point(&s.pose, model_sample->centre);
+        s.radius = model_sample->radius * contour_grouping_size(&s.pose);
         s.deviation = model_sample->deviation;
         s.token[0] = s.token[1] = -1;
         for (int32_t side = 0; side < 2; side++)
             s.last_point[side] =
-                grouping_transform_point(&s.pose, model_sample->contact[side].position);
+                contour_grouping_transform_point(&s.pose, model_sample->contact[side].position);
         status = cairn_particle_filter_start(
             grouping->filter, &s,
             (grouping->hypotheses[i].score - grouping->max_evidence) / START_TEMPERATURE);

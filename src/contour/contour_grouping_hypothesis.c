@@ -52,18 +52,19 @@ static int32_t direction_bin(cairn_vec2 d)
 }
 
 /* Marks a token's direction bin and its neighbours in the cells around the token. */
-static void mark_token(cairn_contour_grouping *grouping, const grouping_token *t)
+static void mark_token(cairn_contour_grouping *grouping, const contour_grouping_token *token)
 {
-    int32_t bin = direction_bin(t->direction),
-            steps = 1 + cairn_real_to_int(t->half_length / GROUPING_EDGE_CELL_PX);
+    int32_t bin = direction_bin(token->direction),
+            steps = 1 + cairn_real_to_int(token->half_length / CONTOUR_GROUPING_EDGE_CELL_PX);
     uint8_t bits = (uint8_t)(1 << bin | 1 << ((bin + 1) & 7) | 1 << ((bin + 7) & 7));
 
     for (int32_t s = -steps; s <= steps; s++) {
         cairn_vec2 p = cairn_vec2_add(
-            t->middle,
-            cairn_vec2_scale(t->direction, t->half_length * ((cairn_real)s / (cairn_real)steps)));
-        int32_t x = cairn_real_to_int(p.x) / GROUPING_EDGE_CELL_PX,
-                y = cairn_real_to_int(p.y) / GROUPING_EDGE_CELL_PX;
+            token->middle,
+            cairn_vec2_scale(token->direction,
+                             token->half_length * ((cairn_real)s / (cairn_real)steps)));
+        int32_t x = cairn_real_to_int(p.x) / CONTOUR_GROUPING_EDGE_CELL_PX,
+                y = cairn_real_to_int(p.y) / CONTOUR_GROUPING_EDGE_CELL_PX;
 
         for (int32_t v = y - 1; v <= y + 1; v++)
             for (int32_t u = x - 1; u <= x + 1; u++)
@@ -73,28 +74,30 @@ static void mark_token(cairn_contour_grouping *grouping, const grouping_token *t
 }
 
 /* Edge coverage of a pose: share of outline samples with an edge of their direction nearby. */
-static cairn_real edge_coverage(const cairn_contour_grouping *grouping, const grouping_pose *pose)
+static cairn_real edge_coverage(const cairn_contour_grouping *grouping,
+                                const contour_grouping_pose *pose)
 {
     const cairn_shape_model *model = grouping->input.model;
     int32_t stride = 1 + model->outline_count / 48, covered = 0, count = 0;
 
     for (int32_t i = 0; i < model->outline_count; i += stride) {
-        cairn_vec2 p = grouping_transform_point(pose, model->outline[i].position);
-        int32_t x = cairn_real_to_int(p.x) / GROUPING_EDGE_CELL_PX,
-                y = cairn_real_to_int(p.y) / GROUPING_EDGE_CELL_PX;
+        cairn_vec2 p = contour_grouping_transform_point(pose, model->outline[i].position);
+        int32_t x = cairn_real_to_int(p.x) / CONTOUR_GROUPING_EDGE_CELL_PX,
+                y = cairn_real_to_int(p.y) / CONTOUR_GROUPING_EDGE_CELL_PX;
 
         count++;
         if (p.x < 0 || p.y < 0 || x >= grouping->edge_columns || y >= grouping->edge_rows)
             continue;
         covered += grouping->edge_map[y * grouping->edge_columns + x] >>
-                       direction_bin(grouping_transform_vector(pose, model->outline[i].direction)) &
+                       direction_bin(
+                           contour_grouping_transform_vector(pose, model->outline[i].direction)) &
                    1;
     }
     return (cairn_real)covered / (cairn_real)count;
 }
 
-static int are_duplicates(const grouping_hypothesis *a, const grouping_hypothesis *b,
-                          cairn_real sizes)
+static int are_duplicates(const contour_grouping_hypothesis *a,
+                          const contour_grouping_hypothesis *b, cairn_real sizes)
 {
     cairn_real da = a->pose.a - b->pose.a, db = a->pose.b - b->pose.b;
 
@@ -103,8 +106,8 @@ static int are_duplicates(const grouping_hypothesis *a, const grouping_hypothesi
            da * da + db * db < DUPLICATE_SCALE * DUPLICATE_SCALE * sizes;
 }
 
-static int are_in_cluster(const grouping_hypothesis *a, const grouping_hypothesis *b,
-                          cairn_real sizes)
+static int are_in_cluster(const contour_grouping_hypothesis *a,
+                          const contour_grouping_hypothesis *b, cairn_real sizes)
 {
     return cairn_vec2_norm_squared(cairn_vec2_sub(a->pose.t, b->pose.t)) <
            CLUSTER_RADIUS * CLUSTER_RADIUS * sizes;
@@ -113,7 +116,7 @@ static int are_in_cluster(const grouping_hypothesis *a, const grouping_hypothesi
 /* Index of the hypothesis that a new one may replace: a near-duplicate, or the worst of a full
  * cluster; -1: none. */
 static int32_t replaceable_hypothesis(const cairn_contour_grouping *grouping,
-                                      const grouping_hypothesis *hypothesis)
+                                      const contour_grouping_hypothesis *hypothesis)
 {
     int32_t max_cluster = grouping->params.particles / CLUSTERS, cluster_size = 0, worst = -1;
 
@@ -133,7 +136,7 @@ static int32_t replaceable_hypothesis(const cairn_contour_grouping *grouping,
 /* Inserts a hypothesis into the sorted list, with non-maximum suppression of near-duplicates and a
  * limit per cluster, so that capacity remains for other objects. */
 static void insert_hypothesis(cairn_contour_grouping *grouping,
-                              const grouping_hypothesis *hypothesis)
+                              const contour_grouping_hypothesis *hypothesis)
 {
     int32_t index = grouping->hypothesis_count, replaced;
 
@@ -155,27 +158,28 @@ static void insert_hypothesis(cairn_contour_grouping *grouping,
 }
 
 /* Returns 1 when a token is aligned with a model direction in a pose. */
-static int is_aligned(const grouping_token *t, const grouping_pose *pose, cairn_vec2 d,
-                      cairn_real size)
+static int is_aligned(const contour_grouping_token *token, const contour_grouping_pose *pose,
+                      cairn_vec2 d, cairn_real size)
 {
-    return cairn_abs(cairn_vec2_dot(t->direction, grouping_transform_vector(pose, d))) >=
-           MIN_COSINE * size;
+    return cairn_abs(cairn_vec2_dot(
+               token->direction, contour_grouping_transform_vector(pose, d))) >= MIN_COSINE * size;
 }
 
-/* Quantized direction of a chord, 0 ... GROUPING_CHORD_DIRECTIONS - 1 over the full circle;
+/* Quantized direction of a chord, 0 ... CONTOUR_GROUPING_CHORD_DIRECTIONS - 1 over the full circle;
  * monotonic in the angle, without an arc tangent. */
 static int32_t chord_direction(cairn_vec2 c)
 {
     cairn_real sum = cairn_abs(c.x) + cairn_abs(c.y), along = sum > 0 ? c.x / sum : 0;
-    int32_t direction = cairn_real_to_int((1 - along) * GROUPING_CHORD_DIRECTIONS / 4);
+    int32_t direction = cairn_real_to_int((1 - along) * CONTOUR_GROUPING_CHORD_DIRECTIONS / 4);
 
-    direction =
-        direction < GROUPING_CHORD_DIRECTIONS / 2 ? direction : GROUPING_CHORD_DIRECTIONS / 2 - 1;
-    return c.y < 0 ? GROUPING_CHORD_DIRECTIONS - 1 - direction : direction;
+    direction = direction < CONTOUR_GROUPING_CHORD_DIRECTIONS / 2
+                    ? direction
+                    : CONTOUR_GROUPING_CHORD_DIRECTIONS / 2 - 1;
+    return c.y < 0 ? CONTOUR_GROUPING_CHORD_DIRECTIONS - 1 - direction : direction;
 }
 
 /* Extends the sample range of a direction by a sample. */
-static void admit_sample(grouping_sample_range *range, int32_t sample)
+static void admit_sample(contour_grouping_sample_range *range, int32_t sample)
 {
     if (sample < range->from)
         range->from = (int16_t)sample;
@@ -201,16 +205,17 @@ static void admit_directions(cairn_contour_grouping *grouping, int32_t sample)
                sine = cairn_sqrt(1 - cosine * cosine);
     cairn_vec2 low = {middle.x * cosine + middle.y * sine, middle.y * cosine - middle.x * sine};
     cairn_vec2 high = {middle.x * cosine - middle.y * sine, middle.y * cosine + middle.x * sine};
-    int32_t first = chord_direction(low) + GROUPING_CHORD_DIRECTIONS - 1;
+    int32_t first = chord_direction(low) + CONTOUR_GROUPING_CHORD_DIRECTIONS - 1;
     int32_t count =
         grouping->min_cosine_squared < 0
-            ? GROUPING_CHORD_DIRECTIONS
-            : (chord_direction(high) + GROUPING_CHORD_DIRECTIONS - chord_direction(low)) %
-                      GROUPING_CHORD_DIRECTIONS +
+            ? CONTOUR_GROUPING_CHORD_DIRECTIONS
+            : (chord_direction(high) + CONTOUR_GROUPING_CHORD_DIRECTIONS - chord_direction(low)) %
+                      CONTOUR_GROUPING_CHORD_DIRECTIONS +
                   3;
 
     for (int32_t i = 0; i < count; i++)
-        admit_sample(&grouping->chord_samples[(first + i) % GROUPING_CHORD_DIRECTIONS], sample);
+        admit_sample(&grouping->chord_samples[(first + i) % CONTOUR_GROUPING_CHORD_DIRECTIONS],
+                     sample);
 }
 
 void cairn_contour_grouping_begin_hypotheses(cairn_contour_grouping *grouping)
@@ -221,7 +226,7 @@ void cairn_contour_grouping_begin_hypotheses(cairn_contour_grouping *grouping)
         grouping->min_rotation_cosine > MIN_RANGE_COSINE
             ? grouping->min_rotation_cosine * grouping->min_rotation_cosine * ROUND_DOWN
             : -2;
-    for (int32_t i = 0; i < GROUPING_CHORD_DIRECTIONS; i++) {
+    for (int32_t i = 0; i < CONTOUR_GROUPING_CHORD_DIRECTIONS; i++) {
         grouping->chord_samples[i].from = INT16_MAX;
         grouping->chord_samples[i].to = 0;
     }
@@ -244,20 +249,20 @@ static int is_feasible(const cairn_contour_grouping *grouping, int32_t sample, c
 }
 
 /* Tests a pair of tokens as the sides 0 and 1 of a sample, and inserts the resulting hypothesis. */
-static void test_sample(cairn_contour_grouping *grouping, const grouping_token *p,
-                        const grouping_token *q, int32_t sample)
+static void test_sample(cairn_contour_grouping *grouping, const contour_grouping_token *p,
+                        const contour_grouping_token *q, int32_t sample)
 {
     const cairn_shape_model_sample *s = &grouping->input.model->samples[sample];
     cairn_vec2 m = chord_of(grouping, sample), c = cairn_vec2_sub(q->middle, p->middle);
     cairn_real mm = cairn_vec2_norm_squared(m), cc = cairn_vec2_norm_squared(c);
-    grouping_hypothesis hypothesis;
+    contour_grouping_hypothesis hypothesis;
 
     if (mm == 0 || cc < mm * grouping->input.min_size * grouping->input.min_size ||
         cc > mm * grouping->input.max_size * grouping->input.max_size)
         return;
     hypothesis.pose.a = cairn_vec2_dot(m, c) / mm;
     hypothesis.pose.b = cairn_vec2_cross(m, c) / mm;
-    hypothesis.size = grouping_size(&hypothesis.pose);
+    hypothesis.size = contour_grouping_size(&hypothesis.pose);
     if (hypothesis.pose.a * grouping->middle_rotation.x +
                 hypothesis.pose.b * grouping->middle_rotation.y <
             grouping->min_rotation_cosine * hypothesis.size ||
@@ -265,7 +270,7 @@ static void test_sample(cairn_contour_grouping *grouping, const grouping_token *
         !is_aligned(q, &hypothesis.pose, s->contact[1].direction, hypothesis.size))
         return;
     hypothesis.pose.t = cairn_vec2_sub(
-        p->middle, grouping_transform_vector(&hypothesis.pose, s->contact[0].position));
+        p->middle, contour_grouping_transform_vector(&hypothesis.pose, s->contact[0].position));
     hypothesis.score = edge_coverage(grouping, &hypothesis.pose);
     hypothesis.sample = sample;
     grouping->generated_count += grouping->generated_count < INT32_MAX;
@@ -289,25 +294,25 @@ cairn_status cairn_contour_grouping_generate_hypotheses(cairn_contour_grouping *
     cairn_real reach = grouping->max_chord * grouping->max_chord;
 
     for (; grouping->cursor < cells; grouping->cursor++) {
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
             return CAIRN_MORE;
         grouping->edge_map[grouping->cursor] = 0;
     }
     for (; grouping->cursor < cells + grouping->token_count; grouping->cursor++) {
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 4))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 4))
             return CAIRN_MORE;
         mark_token(grouping, &grouping->tokens[grouping->cursor - cells]);
     }
     for (; grouping->cursor < cells + 2 * grouping->token_count;
          grouping->cursor += token_stride(grouping)) {
-        const grouping_token *p =
+        const contour_grouping_token *p =
             &grouping->tokens[grouping->cursor - cells - grouping->token_count];
 
         for (; grouping->second_cursor < grouping->token_count; grouping->second_cursor++) {
-            const grouping_token *q = &grouping->tokens[grouping->second_cursor];
+            const contour_grouping_token *q = &grouping->tokens[grouping->second_cursor];
             cairn_vec2 c = cairn_vec2_sub(q->middle, p->middle);
             cairn_real cc = cairn_vec2_norm_squared(c);
-            grouping_sample_range range;
+            contour_grouping_sample_range range;
 
             if (budget->left <= 0)
                 return CAIRN_MORE;
@@ -315,7 +320,7 @@ cairn_status cairn_contour_grouping_generate_hypotheses(cairn_contour_grouping *
                 budget->left -= grouping->second_cursor % 16 == 0;
                 continue;
             }
-            if (!cairn_budget_charge(budget, &grouping->charged_units, samples))
+            if (!cairn_budget_charge(budget, &grouping->units_charged, samples))
                 return CAIRN_MORE;
             range = grouping->chord_samples[chord_direction(c)];
             for (int32_t k = range.from; k < range.to; k++)

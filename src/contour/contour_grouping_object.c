@@ -26,9 +26,10 @@ enum { ENDS_PER_UNIT = 16 };
 enum { DEFORM_ROUNDS = 8 };
 
 /* Returns 1 when a pose is within the size range, with a tolerance of a tenth. */
-static int is_size_allowed(const cairn_contour_grouping *grouping, const grouping_pose *pose)
+static int is_size_allowed(const cairn_contour_grouping *grouping,
+                           const contour_grouping_pose *pose)
 {
-    cairn_real size = grouping_size(pose);
+    cairn_real size = contour_grouping_size(pose);
 
     return size >= CAIRN_REAL(0.9) * grouping->input.min_size &&
            size <= CAIRN_REAL(1.1) * grouping->input.max_size;
@@ -52,12 +53,12 @@ static void remove_object(cairn_contour_grouping *grouping, int32_t index)
 
 /* Inserts a pose into the objects, sorted by evidence (non-maximum suppression): rejected when a
  * better one is within the radius; worse ones within the radius are removed. */
-static void insert_object(cairn_contour_grouping *grouping, const grouping_pose *pose,
+static void insert_object(cairn_contour_grouping *grouping, const contour_grouping_pose *pose,
                           cairn_real evidence, int32_t start)
 {
     cairn_contour_grouping_object object = {.evidence = evidence,
                                             .origin = pose->t,
-                                            .size = grouping_size(pose),
+                                            .size = contour_grouping_size(pose),
                                             .start_sample = start};
     int32_t index;
 
@@ -200,9 +201,9 @@ static void list_object(cairn_contour_grouping *grouping)
     grouping->cursor++;
 }
 
-static grouping_pose pose_of(const cairn_contour_grouping_object *object)
+static contour_grouping_pose pose_of(const cairn_contour_grouping_object *object)
 {
-    grouping_pose pose = {.t = object->origin};
+    contour_grouping_pose pose = {.t = object->origin};
 
     cairn_sincos(object->turn, &pose.b, &pose.a);
     pose.a *= object->size;
@@ -214,7 +215,7 @@ cairn_status cairn_contour_grouping_refine_hypotheses(cairn_contour_grouping *gr
                                                       cairn_budget *budget)
 {
     for (; grouping->cursor < grouping->hypothesis_count; grouping->cursor++) {
-        grouping_hypothesis *start = &grouping->hypotheses[grouping->cursor];
+        contour_grouping_hypothesis *start = &grouping->hypotheses[grouping->cursor];
         cairn_status status;
 
         if (!grouping->is_fitting)
@@ -233,11 +234,11 @@ cairn_status cairn_contour_grouping_refine_hypotheses(cairn_contour_grouping *gr
  * hypotheses' memory holds the recorded poses: the filter no longer needs it. */
 static int is_known_end(cairn_contour_grouping *grouping)
 {
-    cairn_real size = grouping_size(&grouping->pose),
+    cairn_real size = contour_grouping_size(&grouping->pose),
                tolerance = END_TOLERANCE * END_TOLERANCE * size * size;
 
     for (int32_t i = 0; i < grouping->second_cursor; i++) {
-        const grouping_pose *end = &grouping->hypotheses[i].pose;
+        const contour_grouping_pose *end = &grouping->hypotheses[i].pose;
         cairn_real a = end->a - grouping->pose.a, b = end->b - grouping->pose.b;
 
         if (cairn_vec2_norm_squared(cairn_vec2_sub(end->t, grouping->pose.t)) + a * a + b * b <=
@@ -255,12 +256,12 @@ cairn_status cairn_contour_grouping_refine_particles(cairn_contour_grouping *gro
         grouping->hypothesis_count > 0 ? cairn_particle_filter_count(grouping->filter) : 0;
 
     for (; grouping->cursor < count; grouping->cursor++) {
-        const grouping_state *s =
+        const contour_grouping_state *s =
             cairn_particle_filter_particle(grouping->filter, grouping->cursor).state;
         cairn_status status;
 
         if (!grouping->is_fitting) {
-            if (!cairn_budget_charge(budget, &grouping->charged_units,
+            if (!cairn_budget_charge(budget, &grouping->units_charged,
                                      1 + grouping->second_cursor / ENDS_PER_UNIT))
                 return CAIRN_MORE;
             grouping->pose = s->pose;

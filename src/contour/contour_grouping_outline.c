@@ -110,8 +110,9 @@ static cairn_real chain_leave_cost(const cairn_contour_grouping *grouping, int32
 
 /* Transition cost between two nodes; leave, enter: costs of leaving the chain of the first and of
  * entering that of the second. */
-static cairn_real transition_cost(const cairn_contour_grouping *grouping, const grouping_node *from,
-                                  const grouping_node *to, cairn_vec2 direction,
+static cairn_real transition_cost(const cairn_contour_grouping *grouping,
+                                  const contour_grouping_node *from,
+                                  const contour_grouping_node *to, cairn_vec2 direction,
                                   cairn_real curvature, cairn_real leave, cairn_real enter)
 {
     cairn_real offset_jump;
@@ -129,24 +130,24 @@ static cairn_real transition_cost(const cairn_contour_grouping *grouping, const 
 }
 
 /* Creates the nodes of a sample: occluded, and the tokens near it. Returns their number. */
-static int32_t make_nodes(const cairn_contour_grouping *grouping, const grouping_pose *pose,
+static int32_t make_nodes(const cairn_contour_grouping *grouping, const contour_grouping_pose *pose,
                           const cairn_oriented_point *sample, cairn_real curvature,
-                          grouping_node *row)
+                          contour_grouping_node *row)
 {
-    cairn_vec2 at = grouping_transform_point(pose, sample->position),
-               direction = grouping_transform_vector(pose, sample->direction);
-    cairn_real size = grouping_size(pose), sigma = grouping->params.deform_sigma * size,
-               cost[GROUPING_MAX_NODES - 1];
+    cairn_vec2 at = contour_grouping_transform_point(pose, sample->position),
+               direction = contour_grouping_transform_vector(pose, sample->direction);
+    cairn_real size = contour_grouping_size(pose), sigma = grouping->params.deform_sigma * size,
+               cost[CONTOUR_GROUPING_MAX_NODES - 1];
     cairn_real pieces = grouping->spacing / PIECE_LENGTH,
                weight = grouping->is_listing ? 1 : 1 - STRAIGHT_DISCOUNT * (1 - curvature);
-    int32_t token[GROUPING_MAX_NODES - 1];
+    int32_t token[CONTOUR_GROUPING_MAX_NODES - 1];
     int32_t count;
 
     at = grouping->is_listing
              ? cairn_vec2_add(at, grouping->shift[sample - grouping->input.model->outline])
              : at;
     count = cairn_contour_grouping_match_tokens(grouping, at, direction, sigma,
-                                                GROUPING_MAX_NODES - 1, token, cost);
+                                                CONTOUR_GROUPING_MAX_NODES - 1, token, cost);
 
     row[0].token = -1;
     row[0].cost = row[0].offset = 0;
@@ -171,10 +172,10 @@ static int32_t make_nodes(const cairn_contour_grouping *grouping, const grouping
 static void extend_paths(cairn_contour_grouping *grouping, int32_t i)
 {
     const cairn_oriented_point *sample = &grouping->input.model->outline[i];
-    grouping_node *row = &grouping->nodes[i * GROUPING_MAX_NODES],
-                  *previous = row - GROUPING_MAX_NODES;
-    cairn_vec2 direction = grouping_transform_vector(&grouping->pose, sample->direction);
-    cairn_real curvature = grouping->curvature[i], leave[GROUPING_MAX_NODES];
+    contour_grouping_node *row = &grouping->nodes[i * CONTOUR_GROUPING_MAX_NODES],
+                          *previous = row - CONTOUR_GROUPING_MAX_NODES;
+    cairn_vec2 direction = contour_grouping_transform_vector(&grouping->pose, sample->direction);
+    cairn_real curvature = grouping->curvature[i], leave[CONTOUR_GROUPING_MAX_NODES];
     int32_t count = make_nodes(grouping, &grouping->pose, sample, curvature, row);
 
     for (int32_t j = 0; j < grouping->node_count && i > 0; j++)
@@ -204,7 +205,7 @@ static void extend_paths(cairn_contour_grouping *grouping, int32_t i)
 static cairn_real backtrack(cairn_contour_grouping *grouping)
 {
     int32_t last = grouping->input.model->outline_count - 1, best = 0;
-    const grouping_node *row = &grouping->nodes[last * GROUPING_MAX_NODES];
+    const contour_grouping_node *row = &grouping->nodes[last * CONTOUR_GROUPING_MAX_NODES];
     cairn_real value;
 
     for (int32_t k = 1; k < grouping->node_count; k++)
@@ -212,7 +213,7 @@ static cairn_real backtrack(cairn_contour_grouping *grouping)
             best = k;
     value = row[best].value;
     for (int32_t i = last; i >= 0; i--) {
-        const grouping_node *node = &grouping->nodes[i * GROUPING_MAX_NODES + best];
+        const contour_grouping_node *node = &grouping->nodes[i * CONTOUR_GROUPING_MAX_NODES + best];
 
         grouping->match[i] = node->token;
         grouping->cost[i] = node->cost;
@@ -226,7 +227,7 @@ cairn_status cairn_contour_grouping_match_outline(cairn_contour_grouping *groupi
 {
     grouping->is_fitting = 1;
     for (; grouping->sample < grouping->input.model->outline_count; grouping->sample++) {
-        if (!cairn_budget_charge(budget, &grouping->charged_units, UNITS_PER_SAMPLE))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, UNITS_PER_SAMPLE))
             return CAIRN_MORE;
         extend_paths(grouping, grouping->sample);
     }
@@ -239,8 +240,9 @@ cairn_status cairn_contour_grouping_match_outline(cairn_contour_grouping *groupi
 static void fit_matches(cairn_contour_grouping *grouping)
 {
     const cairn_shape_model *model = grouping->input.model;
-    grouping_fit_sums sums = cairn_contour_grouping_pose_prior(&grouping->pose, PRIOR_WEIGHT);
-    grouping_pose previous = grouping->pose;
+    contour_grouping_fit_sums sums =
+        cairn_contour_grouping_pose_prior(&grouping->pose, PRIOR_WEIGHT);
+    contour_grouping_pose previous = grouping->pose;
 
     for (int32_t i = 0; i < model->outline_count; i++) {
         cairn_vec2 point = model->outline[i].position;
@@ -248,8 +250,9 @@ static void fit_matches(cairn_contour_grouping *grouping)
         if (grouping->match[i] >= 0)
             cairn_contour_grouping_add_point(
                 &sums, point,
-                cairn_contour_grouping_nearest_point(grouping, grouping->match[i],
-                                                     grouping_transform_point(&previous, point)),
+                cairn_contour_grouping_nearest_point(
+                    grouping, grouping->match[i],
+                    contour_grouping_transform_point(&previous, point)),
                 cairn_exp(-grouping->cost[i]));
     }
     grouping->pose = cairn_contour_grouping_fit_pose(&sums, &previous);
@@ -287,7 +290,7 @@ static int32_t shifts_around(const cairn_contour_grouping *grouping, int32_t i, 
          k <= i + SMOOTHING_RADIUS && k < model->outline_count; k++)
         if (grouping->match[k] >= 0) {
             cairn_vec2 point =
-                grouping_transform_point(&grouping->pose, model->outline[k].position);
+                contour_grouping_transform_point(&grouping->pose, model->outline[k].position);
             cairn_vec2 from = cairn_vec2_add(point, grouping->shift[k]);
 
             *sum = cairn_vec2_add(*sum, cairn_vec2_sub(cairn_contour_grouping_nearest_point(

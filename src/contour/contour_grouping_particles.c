@@ -15,14 +15,14 @@ int32_t cairn_contour_grouping_particles(const cairn_contour_grouping *grouping,
         *steps = count > 0 ? grouping->step_count : 0;
     for (int32_t i = 0; i < count && i < most && particles != NULL; i++) {
         cairn_particle p = cairn_particle_filter_particle(grouping->filter, i);
-        const grouping_state *s = p.state;
+        const contour_grouping_state *s = p.state;
 
         if (grouping->written != NULL) {
             particles[i] = cairn_contour_grouping_written_particle(grouping, &p);
             continue;
         }
         particles[i].origin = s->pose.t;
-        particles[i].size = grouping_size(&s->pose);
+        particles[i].size = contour_grouping_size(&s->pose);
         particles[i].turn = cairn_atan2(s->pose.b, s->pose.a);
         particles[i].centre = s->centre;
         particles[i].radius = s->radius;

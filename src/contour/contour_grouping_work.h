@@ -5,29 +5,30 @@
 #include "cairn/contour_grouping.h"
 
 /* Cell sides, px: of the token index, and of the edge-orientation map for hypothesis generation. */
-enum { GROUPING_TOKEN_CELL_PX = 8, GROUPING_EDGE_CELL_PX = 4 };
+enum { CONTOUR_GROUPING_TOKEN_CELL_PX = 8, CONTOUR_GROUPING_EDGE_CELL_PX = 4 };
 /* Quantized directions of a chord between two tokens, over the full circle. */
-enum { GROUPING_CHORD_DIRECTIONS = 64 };
+enum { CONTOUR_GROUPING_CHORD_DIRECTIONS = 64 };
 /* Greatest number of tokens matched to one side in a step, followers of a particle, and candidate
  * states of a step (each side may also be unmatched). */
 enum {
-    GROUPING_MAX_SIDE_TOKENS = 3,
-    GROUPING_MAX_FOLLOWERS = 4,
-    GROUPING_MAX_CANDIDATES = (GROUPING_MAX_SIDE_TOKENS + 1) * (GROUPING_MAX_SIDE_TOKENS + 1)
+    CONTOUR_GROUPING_MAX_SIDE_TOKENS = 3,
+    CONTOUR_GROUPING_MAX_FOLLOWERS = 4,
+    CONTOUR_GROUPING_MAX_CANDIDATES =
+        (CONTOUR_GROUPING_MAX_SIDE_TOKENS + 1) * (CONTOUR_GROUPING_MAX_SIDE_TOKENS + 1)
 };
 /* States of an outline sample in the dynamic program: occluded, or matched to one of the nearest
  * tokens. */
-enum { GROUPING_MAX_NODES = 5 };
+enum { CONTOUR_GROUPING_MAX_NODES = 5 };
 
 /* Similarity transform from the model to the image: image = t + (a, -b; b, a) * model. a, b: px; t:
  * px. */
-typedef struct grouping_pose {
+typedef struct contour_grouping_pose {
     cairn_real a, b;
     cairn_vec2 t;
-} grouping_pose;
+} contour_grouping_pose;
 
 /* A token: a short piece of a segment. */
-typedef struct grouping_token {
+typedef struct contour_grouping_token {
     cairn_vec2 middle, direction; /* px, midpoint; unit direction */
     cairn_real half_length;       /* px */
     /* index of its segment in the input */
@@ -36,52 +37,52 @@ typedef struct grouping_token {
     int32_t next_in_cell;
     int32_t chain;   /* chain index; consecutive tokens of a chain are adjacent, in order */
     int32_t is_used; /* 1: claimed by an object */
-} grouping_token;
+} contour_grouping_token;
 
 /* Search data of a token. The tokens of a cell are contiguous in memory, and so are the cells of a
  * row. */
-typedef struct grouping_sorted_token {
+typedef struct contour_grouping_sorted_token {
     cairn_vec2 middle, direction;
     cairn_real half_length;
     int32_t token;
-} grouping_sorted_token;
+} contour_grouping_sorted_token;
 
 /* A node of the dynamic program: one state of an outline sample. */
-typedef struct grouping_node {
+typedef struct contour_grouping_node {
     cairn_real value; /* nats, score of the best path that ends here */
     /* cost: half the squared distance in sigmas; offset: signed distance across the outline in
      * sigmas */
     cairn_real cost, offset;
     int32_t token;       /* -1: occluded */
     int32_t predecessor; /* state of the previous sample on the best path */
-} grouping_node;
+} contour_grouping_node;
 
 /* A pose hypothesis. */
-typedef struct grouping_hypothesis {
-    grouping_pose pose;
+typedef struct contour_grouping_hypothesis {
+    contour_grouping_pose pose;
     cairn_real size; /* px, size when generated */
     /* edge coverage of the outline when generated, 0 ... 1; evidence (nats) after refinement */
     cairn_real score;
     /* model sample that generated it */
     int32_t sample;
-} grouping_hypothesis;
+} contour_grouping_hypothesis;
 
 /* Half-open range of model samples whose chords may have one direction. */
-typedef struct grouping_sample_range {
+typedef struct contour_grouping_sample_range {
     int16_t from, to;
-} grouping_sample_range;
+} contour_grouping_sample_range;
 
 /* Sums for the least-squares similarity transform: weight, weighted squared norms, dot and cross
  * products, and weighted coordinate sums of both point sets. */
-typedef struct grouping_fit_sums {
+typedef struct contour_grouping_fit_sums {
     cairn_real weight, model_squared, dot, cross;
     cairn_vec2 model, image;
-} grouping_fit_sums;
+} contour_grouping_fit_sums;
 
 /* State of a particle: one step of its trajectory along the model's path. */
-typedef struct grouping_state {
-    grouping_pose pose;
-    grouping_fit_sums sums;
+typedef struct contour_grouping_state {
+    contour_grouping_pose pose;
+    contour_grouping_fit_sums sums;
     cairn_vec2 offset[2];     /* px, offset of the contour from the posed model on either side */
     cairn_vec2 last_point[2]; /* px, last matched point on either side */
     cairn_vec2 centre;        /* px, centre of the symmetric point */
@@ -91,24 +92,27 @@ typedef struct grouping_state {
     cairn_real gap;
     int32_t token[2]; /* -1: unmatched */
     int32_t sample, start;
-} grouping_state;
+} contour_grouping_state;
+
+/* Phase of a search (contour_grouping.c). */
+typedef int32_t contour_grouping_phase;
 
 struct cairn_contour_grouping {
     cairn_contour_grouping_params params;
     cairn_contour_grouping_input input;
     /* state of the mode as written; NULL in the default mode */
-    struct grouping_written *written;
+    struct contour_grouping_written *written;
     cairn_particle_filter *filter;
-    grouping_token *tokens;
+    contour_grouping_token *tokens;
     /* [max_tokens] ordered by cell */
-    grouping_sorted_token *sorted_tokens;
+    contour_grouping_sorted_token *sorted_tokens;
     /* [cells + 1] first token of each cell in sorted_tokens; before sorting the head of each cell's
      * list, -1: empty */
     int32_t *cell_start;
     /* [edge cells] bit set of quantized edge directions near each cell */
     uint8_t *edge_map;
     /* [particles] */
-    grouping_hypothesis *hypotheses;
+    contour_grouping_hypothesis *hypotheses;
     /* [max_samples] */
     cairn_contour_grouping_trace *trace;
     /* [max_objects * max_outline] */
@@ -127,8 +131,8 @@ struct cairn_contour_grouping {
     int32_t *match_distance;
     /* [max_outline] curvature weight of each outline sample, 0 straight ... 1 sharp */
     cairn_real *curvature;
-    /* [max_outline * GROUPING_MAX_NODES] */
-    grouping_node *nodes;
+    /* [max_outline * CONTOUR_GROUPING_MAX_NODES] */
+    contour_grouping_node *nodes;
     /* unit vector of the middle of the rotation range; cosine of half the range */
     cairn_vec2 middle_rotation;
     /* px, greatest distance between the two sides of a sample */
@@ -137,7 +141,7 @@ struct cairn_contour_grouping {
     cairn_real min_size_squared, max_size_squared;
     /* squared cosine of half the rotation range, reduced for rounding errors; < 0: all rotations */
     cairn_real min_cosine_squared;
-    grouping_sample_range chord_samples[GROUPING_CHORD_DIRECTIONS];
+    contour_grouping_sample_range chord_samples[CONTOUR_GROUPING_CHORD_DIRECTIONS];
     /* pieces of all segments, which may exceed max_tokens; pieces cut so far */
     int32_t piece_count, cut_piece_count;
     int32_t token_count, columns, rows, edge_columns, edge_rows;
@@ -148,7 +152,7 @@ struct cairn_contour_grouping {
     /* logarithm of missing_likelihood */
     cairn_real log_missing;
     /* Current pose, its evidence, and the greatest evidence of any pose so far, nats. */
-    grouping_pose pose;
+    contour_grouping_pose pose;
     cairn_real evidence, max_evidence;
     /* nats per piece of outline, penalty for dense edges */
     cairn_real clutter_cost;
@@ -160,14 +164,16 @@ struct cairn_contour_grouping {
     /* 1: the current object is accepted, and its own tokens are being listed */
     int32_t is_listing;
     int32_t cursor, second_cursor, next_token;
-    /* phase; work units charged for the current item */
-    int32_t phase, charged_units;
+    contour_grouping_phase phase;
+    /* work units charged for the current item */
+    int32_t units_charged;
     /* work units charged in the running callback */
-    int32_t charged_callback_units;
+    int32_t callback_units_charged;
 };
 
 /* Transforms a point of the model to the image. */
-static inline cairn_vec2 grouping_transform_point(const grouping_pose *pose, cairn_vec2 model_point)
+static inline cairn_vec2 contour_grouping_transform_point(const contour_grouping_pose *pose,
+                                                          cairn_vec2 model_point)
 {
     cairn_vec2 position = {pose->t.x + pose->a * model_point.x - pose->b * model_point.y,
                            pose->t.y + pose->b * model_point.x + pose->a * model_point.y};
@@ -176,13 +182,14 @@ static inline cairn_vec2 grouping_transform_point(const grouping_pose *pose, cai
 }
 
 /* Scale factor of a pose: the size of the object, px. */
-static inline cairn_real grouping_size(const grouping_pose *pose)
+static inline cairn_real contour_grouping_size(const contour_grouping_pose *pose)
 {
     return cairn_sqrt(pose->a * pose->a + pose->b * pose->b);
 }
 
 /* Transforms a direction of the model; the result has the length of the size. */
-static inline cairn_vec2 grouping_transform_vector(const grouping_pose *pose, cairn_vec2 d)
+static inline cairn_vec2 contour_grouping_transform_vector(const contour_grouping_pose *pose,
+                                                           cairn_vec2 d)
 {
     cairn_vec2 turned = {pose->a * d.x - pose->b * d.y, pose->b * d.x + pose->a * d.y};
 
@@ -190,15 +197,16 @@ static inline cairn_vec2 grouping_transform_vector(const grouping_pose *pose, ca
 }
 
 /* Adds a weighted point pair (model point, image point) to the sums. */
-void cairn_contour_grouping_add_point(grouping_fit_sums *sums, cairn_vec2 m, cairn_vec2 p,
+void cairn_contour_grouping_add_point(contour_grouping_fit_sums *sums, cairn_vec2 m, cairn_vec2 p,
                                       cairn_real weight);
 /* Least-squares similarity transform of the sums (Umeyama, closed form); `otherwise` when it is
  * degenerate. */
-grouping_pose cairn_contour_grouping_fit_pose(const grouping_fit_sums *sums,
-                                              const grouping_pose *otherwise);
+contour_grouping_pose cairn_contour_grouping_fit_pose(const contour_grouping_fit_sums *sums,
+                                                      const contour_grouping_pose *otherwise);
 
 /* Sums of a prior that pulls the fit towards a pose with the weight of `weight` points. */
-grouping_fit_sums cairn_contour_grouping_pose_prior(const grouping_pose *pose, cairn_real weight);
+contour_grouping_fit_sums cairn_contour_grouping_pose_prior(const contour_grouping_pose *pose,
+                                                            cairn_real weight);
 
 /* Finds the tokens nearest to a contour point and its direction, at most `most`, by ascending cost
  * (half the squared distance in sigmas). Returns their number. */

@@ -61,17 +61,18 @@ static cairn_particle_filter_params filter_params(const cairn_contour_grouping_p
     settings.particles = settings.max_particles = params->particles;
     settings.proposal = CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR;
     settings.max_followers = MAX_FOLLOWERS;
-    settings.max_candidates = params->particles * WRITTEN_CANDIDATES_PER_PARTICLE;
+    settings.max_candidates = params->particles * CONTOUR_GROUPING_WRITTEN_CANDIDATES_PER_PARTICLE;
     settings.max_history = 0;
     settings.max_blocks = BLOCKS_PER_PARTICLE * params->particles + params->max_steps;
-    settings.state_bytes = (int32_t)sizeof(grouping_written_state);
+    settings.state_bytes = (int32_t)sizeof(contour_grouping_written_state);
     return settings;
 }
 
 /* ---- Memory ---- */
 
 static void create_members(cairn_pool *pool, const cairn_contour_grouping_params *params,
-                           cairn_contour_grouping *grouping, struct grouping_written *written)
+                           cairn_contour_grouping *grouping,
+                           struct contour_grouping_written *written)
 {
     cairn_symmetric_point_params points = symmetric_point_params(params);
     cairn_point_grid_params ends = {.max_points = 2 * params->max_tokens,
@@ -95,11 +96,11 @@ static void create_members(cairn_pool *pool, const cairn_contour_grouping_params
     (void)status;
 }
 
-struct grouping_written *
+struct contour_grouping_written *
 cairn_contour_grouping_written_carve(cairn_pool *pool, const cairn_contour_grouping_params *params,
                                      cairn_contour_grouping *grouping)
 {
-    struct grouping_written *written = cairn_pool_take_one(pool, sizeof *written);
+    struct contour_grouping_written *written = cairn_pool_take_one(pool, sizeof *written);
     int32_t *pair_slots =
         cairn_pool_take(pool, (size_t)slot_count_of(params->max_points), sizeof *pair_slots);
     uint8_t *is_start = cairn_pool_take(pool, (size_t)params->max_tokens, 1);
@@ -107,8 +108,8 @@ cairn_contour_grouping_written_carve(cairn_pool *pool, const cairn_contour_group
         cairn_pool_take(pool, (size_t)params->max_tokens, sizeof *segment_stamp);
     cairn_contour_grouping_disc *trajectories = cairn_pool_take(
         pool, (size_t)params->max_objects * (size_t)params->max_steps, sizeof *trajectories);
-    const grouping_written_state **history =
-        cairn_pool_take(pool, (size_t)params->max_steps, sizeof(const grouping_written_state *));
+    const contour_grouping_written_state **history = cairn_pool_take(
+        pool, (size_t)params->max_steps, sizeof(const contour_grouping_written_state *));
     cairn_vec2 *side = cairn_pool_take(pool, 4 * (size_t)params->max_steps, sizeof *side);
     cairn_vec2 *polygon = cairn_pool_take(pool, 4 * (size_t)params->max_steps, sizeof *polygon);
     cairn_contour_grouping_trace *trace =
@@ -157,7 +158,7 @@ cairn_status cairn_contour_grouping_written_check(const cairn_contour_grouping *
 }
 
 /* Computes the mean radius of the path, and the range of radii widened by R_sigma on both sides. */
-static void read_model(struct grouping_written *written, const cairn_shape_model *model,
+static void read_model(struct contour_grouping_written *written, const cairn_shape_model *model,
                        cairn_real slack)
 {
     const cairn_shape_model_sample *samples = &model->samples[model->paths[0].first];
@@ -177,7 +178,7 @@ static void read_model(struct grouping_written *written, const cairn_shape_model
 
 void cairn_contour_grouping_written_begin(cairn_contour_grouping *grouping)
 {
-    struct grouping_written *written = grouping->written;
+    struct contour_grouping_written *written = grouping->written;
 
     written->points = symmetric_point_params(&grouping->params);
     written->size = cairn_sqrt(grouping->input.min_size * grouping->input.max_size);
@@ -196,7 +197,7 @@ void cairn_contour_grouping_written_begin(cairn_contour_grouping *grouping)
 cairn_status cairn_contour_grouping_written_points(cairn_contour_grouping *grouping,
                                                    cairn_budget *budget)
 {
-    struct grouping_written *written = grouping->written;
+    struct contour_grouping_written *written = grouping->written;
 
     if (!written->has_segments) {
         cairn_status status = cairn_symmetric_point_set_radii(
@@ -212,7 +213,8 @@ cairn_status cairn_contour_grouping_written_points(cairn_contour_grouping *group
     return cairn_symmetric_point_step(written->set, budget);
 }
 
-static int32_t pair_slot(const struct grouping_written *written, int32_t first, int32_t second)
+static int32_t pair_slot(const struct contour_grouping_written *written, int32_t first,
+                         int32_t second)
 {
     uint32_t h =
         ((uint32_t)first * UINT32_C(2654435761)) ^ ((uint32_t)second * UINT32_C(2246822519));
@@ -224,7 +226,7 @@ const cairn_symmetric_point *
 cairn_contour_grouping_written_point(const cairn_contour_grouping *grouping, int32_t first,
                                      int32_t second)
 {
-    const struct grouping_written *written = grouping->written;
+    const struct contour_grouping_written *written = grouping->written;
     const cairn_symmetric_point *points = cairn_symmetric_point_list(written->set, NULL);
     int32_t low = first < second ? first : second, high = first < second ? second : first,
             at = pair_slot(written, low, high);
@@ -243,12 +245,12 @@ cairn_contour_grouping_written_point(const cairn_contour_grouping *grouping, int
 cairn_status cairn_contour_grouping_written_index(cairn_contour_grouping *grouping,
                                                   cairn_budget *budget)
 {
-    struct grouping_written *written = grouping->written;
+    struct contour_grouping_written *written = grouping->written;
     int32_t count, slots = written->slot_count, ends = 2 * grouping->input.count;
     const cairn_symmetric_point *points = cairn_symmetric_point_list(written->set, &count);
 
     for (; grouping->cursor < slots; grouping->cursor++) {
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
             return CAIRN_MORE;
         written->pair_slots[grouping->cursor] = -1;
     }
@@ -256,14 +258,14 @@ cairn_status cairn_contour_grouping_written_index(cairn_contour_grouping *groupi
         const cairn_symmetric_point *point = &points[grouping->cursor - slots];
         int32_t at = pair_slot(written, point->first, point->second);
 
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 2))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 2))
             return CAIRN_MORE;
         while (written->pair_slots[at] >= 0)
             at = (at + 1) & (written->slot_count - 1);
         written->pair_slots[at] = grouping->cursor - slots;
     }
     while (grouping->second_cursor == 0 && cairn_point_grid_count(written->ends) > 0) {
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
             return CAIRN_MORE;
         cairn_point_grid_remove_last(written->ends);
     }
@@ -271,7 +273,7 @@ cairn_status cairn_contour_grouping_written_index(cairn_contour_grouping *groupi
         const cairn_segment *s = &grouping->input.segments[grouping->second_cursor / 2];
         cairn_status status;
 
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
             return CAIRN_MORE;
         written->is_start[grouping->second_cursor / 2] = 0;
         written->segment_stamp[grouping->second_cursor / 2] = 0;
@@ -284,7 +286,7 @@ cairn_status cairn_contour_grouping_written_index(cairn_contour_grouping *groupi
             written->ends, grouping->input.ends[grouping->second_cursor - ends],
             grouping->input.look_ahead);
 
-        if (!cairn_budget_charge(budget, &grouping->charged_units, UNITS_PER_START))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, UNITS_PER_START))
             return CAIRN_MORE;
         if (!cairn_is_finite(search.centre.x) || !cairn_is_finite(search.centre.y))
             return CAIRN_NOT_FINITE;
@@ -301,7 +303,7 @@ cairn_status cairn_contour_grouping_written_index(cairn_contour_grouping *groupi
  * model's path. Returns the log of its mass. */
 static cairn_real make_start(const cairn_contour_grouping *grouping,
                              const cairn_symmetric_point *point, int32_t which,
-                             grouping_written_state *state)
+                             contour_grouping_written_state *state)
 {
     const cairn_segment *lines = grouping->input.segments;
     cairn_vec2 forward = cairn_vec2_left_perp(cairn_vec2_sub(point->contact[1], point->contact[0]));
@@ -333,7 +335,7 @@ static cairn_real make_start(const cairn_contour_grouping *grouping,
                 : 0);
 }
 
-static int is_start_point(const struct grouping_written *written,
+static int is_start_point(const struct contour_grouping_written *written,
                           const cairn_symmetric_point *point)
 {
     return written->is_start[point->first] || written->is_start[point->second];
@@ -344,7 +346,7 @@ static int is_start_point(const struct grouping_written *written,
 cairn_status cairn_contour_grouping_written_start(cairn_contour_grouping *grouping,
                                                   cairn_budget *budget)
 {
-    struct grouping_written *written = grouping->written;
+    struct contour_grouping_written *written = grouping->written;
     const cairn_symmetric_point *points;
     int32_t count;
     cairn_status status;
@@ -352,9 +354,9 @@ cairn_status cairn_contour_grouping_written_start(cairn_contour_grouping *groupi
     points = cairn_symmetric_point_list(written->set, &count);
     for (; grouping->cursor < STARTS_PER_POINT * count; grouping->cursor++) {
         const cairn_symmetric_point *point = &points[grouping->cursor / STARTS_PER_POINT];
-        grouping_written_state state;
+        contour_grouping_written_state state;
 
-        if (!cairn_budget_charge(budget, &grouping->charged_units,
+        if (!cairn_budget_charge(budget, &grouping->units_charged,
                                  is_start_point(written, point)
                                      ? UNITS_PER_START +
                                            cairn_contour_grouping_written_likelihood_units(grouping)
@@ -378,9 +380,9 @@ cairn_status cairn_contour_grouping_written_start(cairn_contour_grouping *groupi
            written->sampled_count < grouping->params.particles;
          grouping->second_cursor++) {
         const cairn_symmetric_point *point = &points[grouping->second_cursor / STARTS_PER_POINT];
-        grouping_written_state state;
+        contour_grouping_written_state state;
 
-        if (!cairn_budget_charge(budget, &grouping->charged_units,
+        if (!cairn_budget_charge(budget, &grouping->units_charged,
                                  is_start_point(written, point)
                                      ? UNITS_PER_START +
                                            cairn_contour_grouping_written_likelihood_units(grouping)
@@ -411,7 +413,8 @@ static cairn_real greatest_posterior(const cairn_contour_grouping *grouping)
     cairn_real greatest = -CAIRN_REAL_MAX;
 
     for (int32_t i = 0; i < cairn_particle_filter_count(grouping->filter); i++) {
-        const grouping_written_state *s = cairn_particle_filter_particle(grouping->filter, i).state;
+        const contour_grouping_written_state *s =
+            cairn_particle_filter_particle(grouping->filter, i).state;
 
         greatest = cairn_max(greatest, s->log_posterior);
     }
@@ -449,7 +452,7 @@ static int32_t end_reason(const cairn_contour_grouping *grouping)
 cairn_status cairn_contour_grouping_written_run_filter(cairn_contour_grouping *grouping,
                                                        cairn_budget *budget)
 {
-    struct grouping_written *written = grouping->written;
+    struct contour_grouping_written *written = grouping->written;
 
     while (written->sampled_count > 0) {
         cairn_status status;
@@ -472,7 +475,7 @@ cairn_status cairn_contour_grouping_written_run_filter(cairn_contour_grouping *g
             int32_t units = UNITS_PER_RECORD +
                             grouping->step_count * (1 + grouping->object_count / OBJECTS_PER_UNIT);
 
-            if (!cairn_budget_charge(budget, &grouping->charged_units, units))
+            if (!cairn_budget_charge(budget, &grouping->units_charged, units))
                 return CAIRN_MORE;
             cairn_contour_grouping_written_record(grouping, grouping->cursor);
         }
@@ -488,13 +491,13 @@ cairn_status cairn_contour_grouping_written_run_filter(cairn_contour_grouping *g
 }
 
 void cairn_contour_grouping_written_read(const cairn_contour_grouping *grouping,
-                                         cairn_contour_grouping_result *r)
+                                         cairn_contour_grouping_result *result)
 {
-    const struct grouping_written *written = grouping->written;
+    const struct contour_grouping_written *written = grouping->written;
 
-    (void)cairn_symmetric_point_list(written->set, &r->point_count);
-    r->points_dropped = cairn_symmetric_point_dropped(written->set);
-    r->candidates_dropped = written->dropped_candidates;
-    r->token_count = grouping->input.count;
-    r->end_reason = written->end_reason;
+    (void)cairn_symmetric_point_list(written->set, &result->point_count);
+    result->points_dropped = cairn_symmetric_point_dropped(written->set);
+    result->candidates_dropped = written->dropped_candidates;
+    result->token_count = grouping->input.count;
+    result->end_reason = written->end_reason;
 }

@@ -7,10 +7,13 @@
 
 /* Greatest number of segments considered for extending a side, the nearest ones; candidates that
  * there is memory for, for each particle on average. */
-enum { WRITTEN_MAX_EXTENSIONS = 32, WRITTEN_CANDIDATES_PER_PARTICLE = 100 };
+enum {
+    CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS = 32,
+    CONTOUR_GROUPING_WRITTEN_CANDIDATES_PER_PARTICLE = 100
+};
 
 /* State of a particle: the current symmetric point, its two segments and their open ends. */
-typedef struct grouping_written_state {
+typedef struct contour_grouping_written_state {
     /* px, current and first symmetric point: x_t and x_1 */
     cairn_vec2 centre, start;
     /* px, rad */
@@ -25,21 +28,21 @@ typedef struct grouping_written_state {
     int32_t is_reversed;
     /* nearest model sample, k of (2.12), counted from where the path is followed */
     int32_t sample;
-} grouping_written_state;
+} contour_grouping_written_state;
 
 /* One side of the contour so far, as a polyline through both ends of each segment. */
-typedef struct written_side {
+typedef struct contour_grouping_written_side {
     cairn_vec2 *vertex; /* [2 * max_steps] px */
     int32_t vertex_count;
-} written_side;
+} contour_grouping_written_side;
 
 /* A candidate segment for extending a side. */
-typedef struct written_extension {
+typedef struct contour_grouping_written_extension {
     cairn_real gap;   /* px, distance from the side's open end */
     int32_t open_end; /* index of the new open end */
-} written_extension;
+} contour_grouping_written_extension;
 
-struct grouping_written {
+struct contour_grouping_written {
     cairn_symmetric_point_set *set;
     /* grid of all segment ends: 2 i and 2 i + 1 belong to segment i */
     cairn_point_grid *ends;
@@ -54,8 +57,8 @@ struct grouping_written {
     /* [max_objects] slot of each object of the result */
     int32_t *trajectory_slot;
     /* [max_steps] states of the current particle's history */
-    const grouping_written_state **history;
-    written_side side[2];
+    const contour_grouping_written_state **history;
+    contour_grouping_written_side side[2];
     /* [4 * max_steps] px, explored region: left side, then right side reversed */
     cairn_vec2 *polygon;
     /* parameters of the symmetric points in this image */
@@ -90,7 +93,8 @@ struct grouping_written {
 };
 
 /* Position of a segment end, px: index 2 i is the first and 2 i + 1 the second end of segment i. */
-static inline cairn_vec2 grouping_written_end(const cairn_contour_grouping *grouping, int32_t end)
+static inline cairn_vec2 contour_grouping_written_end(const cairn_contour_grouping *grouping,
+                                                      int32_t end)
 {
     const cairn_segment *s = &grouping->input.segments[end / 2];
 
@@ -98,7 +102,7 @@ static inline cairn_vec2 grouping_written_end(const cairn_contour_grouping *grou
 }
 
 /* Memory; validation of the input; the phases, in order. */
-struct grouping_written *
+struct contour_grouping_written *
 cairn_contour_grouping_written_carve(cairn_pool *pool, const cairn_contour_grouping_params *params,
                                      cairn_contour_grouping *grouping);
 cairn_status cairn_contour_grouping_written_check(const cairn_contour_grouping *grouping,
@@ -130,7 +134,7 @@ int32_t cairn_contour_grouping_written_likelihood_units(const cairn_contour_grou
 
 /* Log-likelihood (2.13) of a state; *sample is k of (2.12). */
 cairn_real cairn_contour_grouping_written_likelihood(const cairn_contour_grouping *grouping,
-                                                     const grouping_written_state *s,
+                                                     const contour_grouping_written_state *state,
                                                      int32_t *sample);
 
 /* Symmetric point of two segments, NULL: none. */

@@ -53,7 +53,7 @@ static cairn_vec2 displacement_of(const cairn_shape_model *model, int32_t is_rev
 /* Dissimilarity ds of (2.12) of two displacements, in sizes: the angle between them, rad, plus the
  * difference of their lengths in mean radii of the model. For displacements shorter than a mean
  * radius the angle is scaled by the length. */
-static cairn_real dissimilarity(const struct grouping_written *written, cairn_vec2 model,
+static cairn_real dissimilarity(const struct contour_grouping_written *written, cairn_vec2 model,
                                 cairn_vec2 displacement)
 {
     cairn_real length = cairn_vec2_norm(displacement), expected = cairn_vec2_norm(model);
@@ -65,10 +65,10 @@ static cairn_real dissimilarity(const struct grouping_written *written, cairn_ve
 }
 
 cairn_real cairn_contour_grouping_written_likelihood(const cairn_contour_grouping *grouping,
-                                                     const grouping_written_state *state,
+                                                     const contour_grouping_written_state *state,
                                                      int32_t *sample)
 {
-    const struct grouping_written *written = grouping->written;
+    const struct contour_grouping_written *written = grouping->written;
     const cairn_shape_model *model = grouping->input.model;
     cairn_vec2 displacement =
         cairn_vec2_scale(cairn_vec2_sub(state->centre, state->start), 1 / written->size);
@@ -100,17 +100,18 @@ int32_t cairn_contour_grouping_written_likelihood_units(const cairn_contour_grou
 
 /* ---- History of a particle ---- */
 
-static void add_side(const cairn_contour_grouping *grouping, written_side *side, int32_t open)
+static void add_side(const cairn_contour_grouping *grouping, contour_grouping_written_side *side,
+                     int32_t open)
 {
-    side->vertex[side->vertex_count++] = grouping_written_end(grouping, open ^ 1);
-    side->vertex[side->vertex_count++] = grouping_written_end(grouping, open);
+    side->vertex[side->vertex_count++] = contour_grouping_written_end(grouping, open ^ 1);
+    side->vertex[side->vertex_count++] = contour_grouping_written_end(grouping, open);
 }
 
 /* Reads the history up to a state: the states, both sides, and the explored region between them. */
-static void read_history(cairn_contour_grouping *grouping, const grouping_written_state *last,
-                         int32_t count)
+static void read_history(cairn_contour_grouping *grouping,
+                         const contour_grouping_written_state *last, int32_t count)
 {
-    struct grouping_written *written = grouping->written;
+    struct contour_grouping_written *written = grouping->written;
 
     written->history_count = count;
     written->stamp++;
@@ -135,7 +136,8 @@ static void read_history(cairn_contour_grouping *grouping, const grouping_writte
 
 /* Returns 1 when a line crosses a side of the contour, not counting its last `excluded`
  * vertices. */
-static int crosses_side(const written_side *side, cairn_segment line, int32_t excluded)
+static int crosses_side(const contour_grouping_written_side *side, cairn_segment line,
+                        int32_t excluded)
 {
     for (int32_t i = 0; i + 1 < side->vertex_count - excluded; i++) {
         cairn_segment piece = {side->vertex[i], side->vertex[i + 1]};
@@ -153,10 +155,10 @@ static int crosses_side(const written_side *side, cairn_segment line, int32_t ex
 static int is_feasible_extension(const cairn_contour_grouping *grouping, int32_t s, int32_t from,
                                  int32_t joined)
 {
-    const struct grouping_written *written = grouping->written;
-    cairn_segment bridge = {grouping_written_end(grouping, from),
-                            grouping_written_end(grouping, joined)},
-                  line = {bridge.b, grouping_written_end(grouping, joined ^ 1)};
+    const struct contour_grouping_written *written = grouping->written;
+    cairn_segment bridge = {contour_grouping_written_end(grouping, from),
+                            contour_grouping_written_end(grouping, joined)},
+                  line = {bridge.b, contour_grouping_written_end(grouping, joined ^ 1)};
     cairn_vec2 middle = cairn_vec2_scale(cairn_vec2_add(line.a, line.b), CAIRN_REAL(0.5));
 
     return !cairn_polygon_contains(written->polygon, written->polygon_count, middle) &&
@@ -168,7 +170,8 @@ static int is_feasible_extension(const cairn_contour_grouping *grouping, int32_t
 
 /* Inserts an extension into the list, sorted by gap; of each segment only the nearer end is
  * kept. */
-static void insert_extension(written_extension *list, int32_t *count, written_extension e)
+static void insert_extension(contour_grouping_written_extension *list, int32_t *count,
+                             contour_grouping_written_extension e)
 {
     int32_t index = 0;
 
@@ -177,9 +180,9 @@ static void insert_extension(written_extension *list, int32_t *count, written_ex
     if (index < *count && list[index].gap <= e.gap)
         return;
     if (index == *count) {
-        if (*count == WRITTEN_MAX_EXTENSIONS && list[*count - 1].gap <= e.gap)
+        if (*count == CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS && list[*count - 1].gap <= e.gap)
             return;
-        index = *count < WRITTEN_MAX_EXTENSIONS ? (*count)++ : *count - 1;
+        index = *count < CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS ? (*count)++ : *count - 1;
     }
     for (; index > 0 && list[index - 1].gap > e.gap; index--)
         list[index] = list[index - 1];
@@ -187,24 +190,25 @@ static void insert_extension(written_extension *list, int32_t *count, written_ex
 }
 
 /* Finds the extensions of side s within the look-ahead circle around its open end:
- * list[WRITTEN_MAX_EXTENSIONS]. Returns their number. */
+ * list[CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS]. Returns their number. */
 static int32_t find_extensions(const cairn_contour_grouping *grouping,
-                               const grouping_written_state *previous, int32_t s,
-                               written_extension *list)
+                               const contour_grouping_written_state *previous, int32_t s,
+                               contour_grouping_written_extension *list)
 {
-    const struct grouping_written *written = grouping->written;
-    cairn_vec2 open = grouping_written_end(grouping, previous->end[s]);
+    const struct contour_grouping_written *written = grouping->written;
+    cairn_vec2 open = contour_grouping_written_end(grouping, previous->end[s]);
     cairn_point_grid_cursor search =
         cairn_point_grid_begin(written->ends, open, grouping->input.look_ahead);
     int32_t count = 0;
 
     for (int32_t e = cairn_point_grid_next(written->ends, &search); e >= 0;
          e = cairn_point_grid_next(written->ends, &search)) {
-        written_extension x = {
-            cairn_vec2_norm(cairn_vec2_sub(grouping_written_end(grouping, e), open)), e ^ 1};
+        contour_grouping_written_extension x = {
+            cairn_vec2_norm(cairn_vec2_sub(contour_grouping_written_end(grouping, e), open)),
+            e ^ 1};
 
         if (written->segment_stamp[e / 2] == written->stamp ||
-            (count == WRITTEN_MAX_EXTENSIONS && x.gap >= list[count - 1].gap))
+            (count == CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS && x.gap >= list[count - 1].gap))
             continue;
         if (is_feasible_extension(grouping, s, previous->end[s], e))
             insert_extension(list, &count, x);
@@ -214,9 +218,9 @@ static int32_t find_extensions(const cairn_contour_grouping *grouping,
 
 /* Returns 1 when the skeleton's step to a point crosses the contour or the skeleton. */
 static int crosses_history(const cairn_contour_grouping *grouping,
-                           const grouping_written_state *previous, cairn_vec2 centre)
+                           const contour_grouping_written_state *previous, cairn_vec2 centre)
 {
-    const struct grouping_written *written = grouping->written;
+    const struct contour_grouping_written *written = grouping->written;
     cairn_segment step = {previous->centre, centre};
 
     if (crosses_side(&written->side[0], step, 0) || crosses_side(&written->side[1], step, 0))
@@ -232,16 +236,17 @@ static int crosses_history(const cairn_contour_grouping *grouping,
 
 /* Returns 1 when the extensions of both sides cross each other. */
 static int cross_each_other(const cairn_contour_grouping *grouping,
-                            const grouping_written_state *previous, const written_extension *left,
-                            const written_extension *right)
+                            const contour_grouping_written_state *previous,
+                            const contour_grouping_written_extension *left,
+                            const contour_grouping_written_extension *right)
 {
     cairn_segment line[2][2];
-    const written_extension *e[2] = {left, right};
+    const contour_grouping_written_extension *e[2] = {left, right};
 
     for (int32_t s = 0; s < 2; s++) {
-        line[s][0].a = grouping_written_end(grouping, previous->end[s]);
-        line[s][0].b = line[s][1].a = grouping_written_end(grouping, e[s]->open_end ^ 1);
-        line[s][1].b = grouping_written_end(grouping, e[s]->open_end);
+        line[s][0].a = contour_grouping_written_end(grouping, previous->end[s]);
+        line[s][0].b = line[s][1].a = contour_grouping_written_end(grouping, e[s]->open_end ^ 1);
+        line[s][1].b = contour_grouping_written_end(grouping, e[s]->open_end);
     }
     for (int32_t i = 0; i < 4; i++)
         if (cairn_segments_intersect(line[0][i / 2], line[1][i % 2]))
@@ -251,10 +256,10 @@ static int cross_each_other(const cairn_contour_grouping *grouping,
 
 /* Log mass of the proposal (2.11). */
 static cairn_real log_mass(const cairn_contour_grouping *grouping,
-                           const grouping_written_state *previous, const grouping_written_state *s,
-                           cairn_real gap)
+                           const contour_grouping_written_state *previous,
+                           const contour_grouping_written_state *state, cairn_real gap)
 {
-    cairn_real loss = cairn_max(s->deviation - previous->deviation, 0);
+    cairn_real loss = cairn_max(state->deviation - previous->deviation, 0);
     cairn_real mass = -cairn_half_square(gap / grouping->input.mean_length);
 
     return grouping->params.use_skeleton
@@ -264,12 +269,13 @@ static cairn_real log_mass(const cairn_contour_grouping *grouping,
 
 /* Offers the pair of two extensions as a candidate state, unless it is rejected. */
 static cairn_status offer(cairn_contour_grouping *grouping, cairn_particle_filter *filter,
-                          const grouping_written_state *previous, const written_extension *left,
-                          const written_extension *right)
+                          const contour_grouping_written_state *previous,
+                          const contour_grouping_written_extension *left,
+                          const contour_grouping_written_extension *right)
 {
     const cairn_symmetric_point *point =
         cairn_contour_grouping_written_point(grouping, left->open_end / 2, right->open_end / 2);
-    grouping_written_state next = *previous;
+    contour_grouping_written_state next = *previous;
     cairn_status status;
 
     if (point == NULL || crosses_history(grouping, previous, point->centre) ||
@@ -293,9 +299,9 @@ static cairn_status offer(cairn_contour_grouping *grouping, cairn_particle_filte
 
 /* Number of segment ends in the look-ahead circle of a side. */
 static int32_t count_ends_ahead(const cairn_contour_grouping *grouping,
-                                const grouping_written_state *previous, int32_t s)
+                                const contour_grouping_written_state *previous, int32_t s)
 {
-    cairn_vec2 open = grouping_written_end(grouping, previous->end[s]);
+    cairn_vec2 open = contour_grouping_written_end(grouping, previous->end[s]);
     cairn_point_grid_cursor search =
         cairn_point_grid_begin(grouping->written->ends, open, grouping->input.look_ahead);
     int32_t count = 0;
@@ -307,12 +313,15 @@ static int32_t count_ends_ahead(const cairn_contour_grouping *grouping,
 
 /* Work units of a proposal. */
 static int32_t proposal_units(const cairn_contour_grouping *grouping,
-                              const grouping_written_state *previous, int32_t steps)
+                              const contour_grouping_written_state *previous, int32_t steps)
 {
     int32_t left = count_ends_ahead(grouping, previous, 0),
             right = count_ends_ahead(grouping, previous, 1);
-    int32_t pairs = (left < WRITTEN_MAX_EXTENSIONS ? left : WRITTEN_MAX_EXTENSIONS) *
-                    (right < WRITTEN_MAX_EXTENSIONS ? right : WRITTEN_MAX_EXTENSIONS);
+    int32_t pairs =
+        (left < CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS ? left
+                                                        : CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS) *
+        (right < CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS ? right
+                                                         : CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS);
     int64_t units = UNITS_PER_PROPOSAL + UNITS_PER_STEP * steps +
                     pairs * (1 + steps / STEPS_PER_PAIR_UNIT) +
                     ((int64_t)left + right) * (1 + steps / STEPS_PER_END_UNIT);
@@ -325,13 +334,13 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 {
     cairn_contour_grouping *grouping = context;
     cairn_particle particle = cairn_particle_filter_particle(filter, index);
-    const grouping_written_state *previous = particle.state;
-    written_extension list[2][WRITTEN_MAX_EXTENSIONS];
+    const contour_grouping_written_state *previous = particle.state;
+    contour_grouping_written_extension list[2][CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS];
     int32_t count[2];
 
-    if (grouping->charged_callback_units == 0)
+    if (grouping->callback_units_charged == 0)
         grouping->written->proposal_units = proposal_units(grouping, previous, particle.steps);
-    if (!cairn_budget_charge(budget, &grouping->charged_callback_units,
+    if (!cairn_budget_charge(budget, &grouping->callback_units_charged,
                              grouping->written->proposal_units))
         return CAIRN_MORE;
     read_history(grouping, previous, particle.steps + 1);
@@ -358,7 +367,7 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     (void)filter;
     (void)index;
     /* append() evaluates it once more, hence the factor 2. */
-    if (!cairn_budget_charge(budget, &grouping->charged_callback_units,
+    if (!cairn_budget_charge(budget, &grouping->callback_units_charged,
                              2 * cairn_contour_grouping_written_likelihood_units(grouping)))
         return CAIRN_MORE;
     *log_likelihood = cairn_contour_grouping_written_likelihood(grouping, state, &sample);
@@ -368,7 +377,7 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
 static void append(void *context, const cairn_particle_filter *filter, int32_t index, void *state)
 {
     const cairn_contour_grouping *grouping = context;
-    grouping_written_state *s = state;
+    contour_grouping_written_state *s = state;
 
     (void)filter;
     (void)index;

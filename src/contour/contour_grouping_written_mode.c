@@ -27,7 +27,7 @@ static int32_t slot_of(const cairn_contour_grouping *grouping,
 static int is_same_mode(const cairn_contour_grouping *grouping,
                         const cairn_contour_grouping_object *object, int32_t count)
 {
-    const struct grouping_written *written = grouping->written;
+    const struct contour_grouping_written *written = grouping->written;
     int32_t shared = 0;
 
     for (int32_t i = 0; i < object->count; i++)
@@ -55,7 +55,7 @@ static int32_t free_slot(const cairn_contour_grouping *grouping)
 }
 
 static void set_disc(const cairn_contour_grouping *grouping, cairn_contour_grouping_disc *disc,
-                     const grouping_written_state *state)
+                     const contour_grouping_written_state *state)
 {
     disc->centre = state->centre;
     disc->radius = state->radius;
@@ -64,16 +64,17 @@ static void set_disc(const cairn_contour_grouping *grouping, cairn_contour_group
     disc->log_posterior = state->log_posterior;
     for (int32_t k = 0; k < 2; k++) {
         disc->segment[k] = state->segment[k];
-        disc->open_end[k] = grouping_written_end(grouping, state->end[k]);
+        disc->open_end[k] = contour_grouping_written_end(grouping, state->end[k]);
     }
     if (state->is_reversed)
         disc->sample = grouping->input.model->paths[0].count - 1 - state->sample;
 }
 
 /* Stamps the segments of a trajectory; returns their number. */
-static int32_t stamp_segments(cairn_contour_grouping *grouping, const grouping_written_state *last)
+static int32_t stamp_segments(cairn_contour_grouping *grouping,
+                              const contour_grouping_written_state *last)
 {
-    struct grouping_written *written = grouping->written;
+    struct contour_grouping_written *written = grouping->written;
     int32_t count = 0;
 
     written->stamp++;
@@ -90,7 +91,7 @@ static int32_t stamp_segments(cairn_contour_grouping *grouping, const grouping_w
 static void list_segments(cairn_contour_grouping *grouping, cairn_contour_grouping_object *object,
                           const cairn_contour_grouping_disc *trajectory)
 {
-    struct grouping_written *written = grouping->written;
+    struct contour_grouping_written *written = grouping->written;
     int32_t steps = object->matched_samples;
 
     object->count = 0;
@@ -108,7 +109,7 @@ static void list_segments(cairn_contour_grouping *grouping, cairn_contour_groupi
 /* Writes a trajectory into its slot. */
 static void write_trajectory(cairn_contour_grouping *grouping,
                              cairn_contour_grouping_object *object,
-                             const grouping_written_state *last, int32_t steps)
+                             const contour_grouping_written_state *last, int32_t steps)
 {
     cairn_contour_grouping_disc *trajectory =
         &grouping->written->trajectories[grouping->params.max_steps * slot_of(grouping, object)];
@@ -124,7 +125,7 @@ static void write_trajectory(cairn_contour_grouping *grouping,
 void cairn_contour_grouping_written_record(cairn_contour_grouping *grouping, int32_t index)
 {
     cairn_particle p = cairn_particle_filter_particle(grouping->filter, index);
-    const grouping_written_state *state = p.state;
+    const contour_grouping_written_state *state = p.state;
     cairn_contour_grouping_object object = {.evidence = state->log_posterior};
     int32_t count, rank;
 
@@ -187,7 +188,7 @@ static void set_outline_segments(cairn_contour_grouping *grouping,
 static void set_pose(cairn_contour_grouping *grouping, cairn_contour_grouping_object *object,
                      int32_t index)
 {
-    struct grouping_written *written = grouping->written;
+    struct contour_grouping_written *written = grouping->written;
     const cairn_shape_model *model = grouping->input.model;
     const cairn_contour_grouping_disc *trajectory =
         &written->trajectories[grouping->params.max_steps * written->trajectory_slot[index]];
@@ -214,7 +215,7 @@ static void set_pose(cairn_contour_grouping *grouping, cairn_contour_grouping_ob
 cairn_status cairn_contour_grouping_written_finish(cairn_contour_grouping *grouping,
                                                    cairn_budget *budget)
 {
-    struct grouping_written *written = grouping->written;
+    struct contour_grouping_written *written = grouping->written;
 
     while (grouping->cursor == 0 && grouping->object_count > 0 &&
            grouping->objects[grouping->object_count - 1].evidence < 0)
@@ -222,7 +223,7 @@ cairn_status cairn_contour_grouping_written_finish(cairn_contour_grouping *group
     for (; grouping->cursor < grouping->object_count; grouping->cursor++) {
         cairn_contour_grouping_object *object = &grouping->objects[grouping->cursor];
 
-        if (!cairn_budget_charge(budget, &grouping->charged_units,
+        if (!cairn_budget_charge(budget, &grouping->units_charged,
                                  1 + object->matched_samples *
                                          grouping->input.model->outline_count / 16))
             return CAIRN_MORE;
@@ -250,7 +251,7 @@ cairn_contour_grouping_particle
 cairn_contour_grouping_written_particle(const cairn_contour_grouping *grouping,
                                         const cairn_particle *p)
 {
-    const grouping_written_state *s = p->state;
+    const contour_grouping_written_state *s = p->state;
     const cairn_shape_model *model = grouping->input.model;
     const cairn_shape_model_path *path = &model->paths[0];
     cairn_contour_grouping_particle particle = {.size = grouping->written->size,
@@ -269,7 +270,7 @@ cairn_contour_grouping_written_particle(const cairn_contour_grouping *grouping,
 int32_t cairn_contour_grouping_history(const cairn_contour_grouping *grouping, int32_t particle,
                                        cairn_contour_grouping_disc *discs, int32_t most)
 {
-    const grouping_written_state *state;
+    const contour_grouping_written_state *state;
     int32_t count;
 
     if (grouping == NULL || grouping->written == NULL || !grouping->has_particles || particle < 0 ||

@@ -58,24 +58,25 @@ cairn_fragment_match_params cairn_fragment_match_default(void)
 }
 
 /* Validates the capacities. */
-static int capacities_are_valid(const cairn_fragment_match_params *p)
+static int capacities_are_valid(const cairn_fragment_match_params *params)
 {
-    return p->max_fragments >= 1 && p->max_fragments <= MAX_FRAGMENTS &&
-           p->samples_per_fragment >= 2 && p->samples_per_fragment <= FRAGMENT_MAX_SAMPLES &&
-           p->max_chains >= 1 && p->max_chains <= MAX_CHAINS && p->max_samples >= 4 &&
-           p->max_samples <= MAX_CHAIN_SAMPLES && p->matches_per_fragment >= 1 &&
-           p->matches_per_fragment <= MAX_MATCHES;
+    return params->max_fragments >= 1 && params->max_fragments <= MAX_FRAGMENTS &&
+           params->samples_per_fragment >= 2 &&
+           params->samples_per_fragment <= FRAGMENT_MATCH_MAX_SAMPLES && params->max_chains >= 1 &&
+           params->max_chains <= MAX_CHAINS && params->max_samples >= 4 &&
+           params->max_samples <= MAX_CHAIN_SAMPLES && params->matches_per_fragment >= 1 &&
+           params->matches_per_fragment <= MAX_MATCHES;
 }
 
-static int params_are_valid(const cairn_fragment_match_params *p)
+static int params_are_valid(const cairn_fragment_match_params *params)
 {
-    return p != NULL && capacities_are_valid(p) && p->min_scale > 0 &&
-           p->max_scale >= p->min_scale && p->max_scale <= MAX_COORDINATE &&
-           p->min_step >= CAIRN_REAL(0.5) && p->min_step <= MAX_COORDINATE &&
-           p->step_ratio >= CAIRN_REAL(1.05) && p->step_ratio <= 2 &&
-           p->zero_score_angle >= CAIRN_REAL(0.02) && p->zero_score_angle <= CAIRN_PI &&
-           p->gap_cost >= CAIRN_REAL(0.5) && p->gap_cost <= 4 && p->min_similarity > 0 &&
-           p->min_similarity <= 1;
+    return params != NULL && capacities_are_valid(params) && params->min_scale > 0 &&
+           params->max_scale >= params->min_scale && params->max_scale <= MAX_COORDINATE &&
+           params->min_step >= CAIRN_REAL(0.5) && params->min_step <= MAX_COORDINATE &&
+           params->step_ratio >= CAIRN_REAL(1.05) && params->step_ratio <= 2 &&
+           params->zero_score_angle >= CAIRN_REAL(0.02) && params->zero_score_angle <= CAIRN_PI &&
+           params->gap_cost >= CAIRN_REAL(0.5) && params->gap_cost <= 4 &&
+           params->min_similarity > 0 && params->min_similarity <= 1;
 }
 
 static cairn_sequence_params aligner_params(const cairn_fragment_match_params *p)
@@ -83,25 +84,25 @@ static cairn_sequence_params aligner_params(const cairn_fragment_match_params *p
     cairn_sequence_params params = {
         .kind = CAIRN_SEQUENCE_LOCAL,
         .max_first = p->samples_per_fragment,
-        .max_second = FRAGMENT_WINDOW_RATIO * p->samples_per_fragment,
-        .gap_cost = (cairn_real)cairn_real_to_int(p->gap_cost * FRAGMENT_SCORE_UNIT),
+        .max_second = FRAGMENT_MATCH_WINDOW_RATIO * p->samples_per_fragment,
+        .gap_cost = (cairn_real)cairn_real_to_int(p->gap_cost * FRAGMENT_MATCH_SCORE_UNIT),
     };
 
     return params;
 }
 
 /* Allocates everything but the aligner. */
-static cairn_fragment_matcher *carve(cairn_pool *pool, const cairn_fragment_match_params *p)
+static cairn_fragment_matcher *carve(cairn_pool *pool, const cairn_fragment_match_params *params)
 {
-    size_t fragments = (size_t)p->max_fragments, samples = (size_t)p->max_samples,
-           matches = fragments * (size_t)p->matches_per_fragment;
+    size_t fragments = (size_t)params->max_fragments, samples = (size_t)params->max_samples,
+           matches = fragments * (size_t)params->matches_per_fragment;
     cairn_fragment_matcher *matcher = cairn_pool_take_one(pool, sizeof *matcher);
-    cairn_real *length = cairn_pool_take(pool, (size_t)p->max_chains, sizeof *length);
-    int16_t *fragment_code = cairn_pool_take(pool, 2 * fragments * (size_t)p->samples_per_fragment,
-                                             sizeof *fragment_code);
+    cairn_real *length = cairn_pool_take(pool, (size_t)params->max_chains, sizeof *length);
+    int16_t *fragment_code = cairn_pool_take(
+        pool, 2 * fragments * (size_t)params->samples_per_fragment, sizeof *fragment_code);
     cairn_vec2 *positions = cairn_pool_take(pool, 2 * samples, sizeof *positions);
     int16_t *chain_code = cairn_pool_take(pool, samples, sizeof *chain_code);
-    alignment_end *ends = cairn_pool_take(pool, matches, sizeof *ends);
+    fragment_match_alignment_end *ends = cairn_pool_take(pool, matches, sizeof *ends);
     int32_t *end_count = cairn_pool_take(pool, fragments, sizeof *end_count);
     cairn_fragment_match *found = cairn_pool_take(pool, matches, sizeof *found);
 
@@ -136,14 +137,14 @@ size_t cairn_fragment_match_memory(const cairn_fragment_match_params *params)
 /* Fills the table of pair scores by quantized direction difference. */
 static void fill_gains(cairn_fragment_matcher *matcher)
 {
-    for (int32_t k = 0; k < FRAGMENT_DIRECTIONS; k++) {
-        int32_t parts = k <= FRAGMENT_DIRECTIONS / 2 ? k : FRAGMENT_DIRECTIONS - k;
-        cairn_real turn = (cairn_real)parts * (2 * CAIRN_PI / FRAGMENT_DIRECTIONS);
+    for (int32_t k = 0; k < FRAGMENT_MATCH_DIRECTIONS; k++) {
+        int32_t parts = k <= FRAGMENT_MATCH_DIRECTIONS / 2 ? k : FRAGMENT_MATCH_DIRECTIONS - k;
+        cairn_real turn = (cairn_real)parts * (2 * CAIRN_PI / FRAGMENT_MATCH_DIRECTIONS);
 
         matcher->gain[k] = cairn_real_to_int(
-            cairn_rint(FRAGMENT_SCORE_UNIT * (1 - turn / matcher->params.zero_score_angle)));
+            cairn_rint(FRAGMENT_MATCH_SCORE_UNIT * (1 - turn / matcher->params.zero_score_angle)));
     }
-    matcher->gap_score = cairn_real_to_int(matcher->params.gap_cost * FRAGMENT_SCORE_UNIT);
+    matcher->gap_score = cairn_real_to_int(matcher->params.gap_cost * FRAGMENT_MATCH_SCORE_UNIT);
 }
 
 cairn_status cairn_fragment_match_create(cairn_fragment_matcher **matcher, cairn_pool *pool,
@@ -175,7 +176,7 @@ static void code_fragment(cairn_fragment_matcher *matcher, int32_t fragment)
         &matcher->model.samples[matcher->model.fragments[fragment].first];
     int16_t *ahead = cairn_fragment_match_codes(matcher, fragment, 0),
             *back = cairn_fragment_match_codes(matcher, fragment, 1);
-    cairn_vec2 positions[FRAGMENT_MAX_SAMPLES], directions[FRAGMENT_MAX_SAMPLES];
+    cairn_vec2 positions[FRAGMENT_MATCH_MAX_SAMPLES], directions[FRAGMENT_MATCH_MAX_SAMPLES];
     cairn_curve curve = {positions, n, 0};
     cairn_status status;
 
@@ -187,8 +188,8 @@ static void code_fragment(cairn_fragment_matcher *matcher, int32_t fragment)
     for (int32_t i = 0; i < n; i++)
         ahead[i] = cairn_fragment_match_quantize(directions[i]);
     for (int32_t i = 0; i < n; i++)
-        back[i] =
-            (int16_t)((ahead[n - 1 - i] + FRAGMENT_DIRECTIONS / 2) & (FRAGMENT_DIRECTIONS - 1));
+        back[i] = (int16_t)((ahead[n - 1 - i] + FRAGMENT_MATCH_DIRECTIONS / 2) &
+                            (FRAGMENT_MATCH_DIRECTIONS - 1));
 }
 
 /* ---- Interface ---- */
@@ -293,16 +294,18 @@ cairn_status cairn_fragment_match_begin(cairn_fragment_matcher *matcher,
         code_fragment(matcher, i);
         matcher->end_count[i] = 0;
     }
-    matcher->min_score = cairn_real_to_int(cairn_ceil(
-        matcher->params.min_similarity * (cairn_real)(FRAGMENT_SCORE_UNIT * model->samples_each)));
-    matcher->min_samples = (matcher->min_score + FRAGMENT_SCORE_UNIT - 1) / FRAGMENT_SCORE_UNIT;
+    matcher->min_score = cairn_real_to_int(
+        cairn_ceil(matcher->params.min_similarity *
+                   (cairn_real)(FRAGMENT_MATCH_SCORE_UNIT * model->samples_each)));
+    matcher->min_samples =
+        (matcher->min_score + FRAGMENT_MATCH_SCORE_UNIT - 1) / FRAGMENT_MATCH_SCORE_UNIT;
     matcher->min_samples = matcher->min_samples > 2 ? matcher->min_samples : 2;
     begin_steps(matcher);
     matcher->chain = matcher->fragment = matcher->next_end = matcher->match_count =
         matcher->candidate_count = matcher->units_charged = 0;
     matcher->cell_count = 0;
-    matcher->phase =
-        chain_count > 0 && matcher->step <= matcher->last_step ? FRAGMENT_SAMPLE : FRAGMENT_DONE;
+    matcher->phase = chain_count > 0 && matcher->step <= matcher->last_step ? FRAGMENT_MATCH_SAMPLE
+                                                                            : FRAGMENT_MATCH_DONE;
     return CAIRN_OK;
 }
 
@@ -310,7 +313,7 @@ cairn_fragment_match_result cairn_fragment_match_read(const cairn_fragment_match
 {
     cairn_fragment_match_result result = {NULL, 0, 0, 0};
 
-    if (matcher != NULL && matcher->phase == FRAGMENT_DONE) {
+    if (matcher != NULL && matcher->phase == FRAGMENT_MATCH_DONE) {
         result.matches = matcher->matches;
         result.count = matcher->match_count;
         result.candidate_count = matcher->candidate_count;

@@ -61,7 +61,7 @@ static void sample_chain(cairn_fragment_matcher *matcher)
 /* ---- Alignments ---- */
 
 /* Returns 1 if a is better than b. */
-static int is_better(const alignment_end *a, const alignment_end *b)
+static int is_better(const fragment_match_alignment_end *a, const fragment_match_alignment_end *b)
 {
     if (a->score != b->score)
         return a->score > b->score;
@@ -72,9 +72,9 @@ static int is_better(const alignment_end *a, const alignment_end *b)
 
 /* Inserts an alignment end into the fragment's sorted list, unless a better one is on the same
  * chain or the list is full of better ones. */
-static void insert_end(cairn_fragment_matcher *matcher, const alignment_end *found)
+static void insert_end(cairn_fragment_matcher *matcher, const fragment_match_alignment_end *found)
 {
-    alignment_end *ends =
+    fragment_match_alignment_end *ends =
         &matcher->ends[(size_t)matcher->fragment * (size_t)matcher->params.matches_per_fragment];
     int32_t *count = &matcher->end_count[matcher->fragment], at = 0;
 
@@ -103,7 +103,7 @@ static void align_column(cairn_fragment_matcher *matcher, const int16_t *codes, 
 
     for (int32_t i = 0; i < n; i++) {
         int32_t sum =
-            diagonal + matcher->gain[(uint32_t)(codes[i] - code) & (FRAGMENT_DIRECTIONS - 1)];
+            diagonal + matcher->gain[(uint32_t)(codes[i] - code) & (FRAGMENT_MATCH_DIRECTIONS - 1)];
 
         diagonal = column[i];
         sum = sum > diagonal - gap ? sum : diagonal - gap;
@@ -146,7 +146,7 @@ static void start_alignment(cairn_fragment_matcher *matcher)
 /* Advances to the next chain, or to the first chain at the next step. */
 static void next_chain(cairn_fragment_matcher *matcher)
 {
-    matcher->phase = FRAGMENT_SAMPLE;
+    matcher->phase = FRAGMENT_MATCH_SAMPLE;
     if (++matcher->chain < matcher->chain_count)
         return;
     matcher->chain = 0;
@@ -155,7 +155,7 @@ static void next_chain(cairn_fragment_matcher *matcher)
     if (matcher->step <= matcher->last_step)
         return;
     matcher->fragment = matcher->next_end = 0;
-    matcher->phase = FRAGMENT_TRACE;
+    matcher->phase = FRAGMENT_MATCH_TRACE;
 }
 
 /* Advances to the next orientation, fragment or chain. */
@@ -188,7 +188,7 @@ static int step_sample(cairn_fragment_matcher *matcher, cairn_budget *budget)
     sample_chain(matcher);
     matcher->fragment = matcher->reversed = 0;
     start_alignment(matcher);
-    matcher->phase = FRAGMENT_ALIGN;
+    matcher->phase = FRAGMENT_MATCH_ALIGN;
     return 1;
 }
 
@@ -212,8 +212,8 @@ static int step_align(cairn_fragment_matcher *matcher, cairn_budget *budget)
         align_column(matcher, codes, n);
     matcher->cell_count += (int64_t)block * n;
     if (matcher->current_column == matcher->column_count) {
-        alignment_end found = {matcher->best_score, matcher->level, matcher->chain,
-                               matcher->reversed, matcher->best_column};
+        fragment_match_alignment_end found = {matcher->best_score, matcher->level, matcher->chain,
+                                              matcher->reversed, matcher->best_column};
 
         if (matcher->best_score >= matcher->min_score)
             insert_end(matcher, &found);
@@ -225,15 +225,16 @@ static int step_align(cairn_fragment_matcher *matcher, cairn_budget *budget)
 /* ---- Traceback and fit ---- */
 
 /* Returns the first sample of the traceback window of an alignment end. */
-static int32_t window_start(const cairn_fragment_matcher *matcher, const alignment_end *end)
+static int32_t window_start(const cairn_fragment_matcher *matcher,
+                            const fragment_match_alignment_end *end)
 {
-    int32_t from = end->column + 1 - FRAGMENT_WINDOW_RATIO * matcher->model.samples_each;
+    int32_t from = end->column + 1 - FRAGMENT_MATCH_WINDOW_RATIO * matcher->model.samples_each;
 
     return from > 0 ? from : 0;
 }
 
 /* Returns the current alignment end. */
-static const alignment_end *current_end(const cairn_fragment_matcher *matcher)
+static const fragment_match_alignment_end *current_end(const cairn_fragment_matcher *matcher)
 {
     return &matcher->ends[(size_t)matcher->fragment * (size_t)matcher->params.matches_per_fragment +
                           (size_t)matcher->next_end];
@@ -243,7 +244,7 @@ static const alignment_end *current_end(const cairn_fragment_matcher *matcher)
 static cairn_real pair_score(const void *context, int32_t i, int32_t j)
 {
     const cairn_fragment_matcher *matcher = context;
-    const alignment_end *end = current_end(matcher);
+    const fragment_match_alignment_end *end = current_end(matcher);
     int32_t at = window_start(matcher, end) + j,
             code =
                 matcher->chain_code[at < matcher->sample_count ? at : at - matcher->sample_count];
@@ -251,13 +252,13 @@ static cairn_real pair_score(const void *context, int32_t i, int32_t j)
     return (cairn_real)matcher
         ->gain[(uint32_t)(cairn_fragment_match_codes(matcher, matcher->fragment, end->reversed)[i] -
                           code) &
-               (FRAGMENT_DIRECTIONS - 1)];
+               (FRAGMENT_MATCH_DIRECTIONS - 1)];
 }
 
 /* Samples the chain of the next alignment end again, at its step, and begins the traceback. */
 static int step_trace(cairn_fragment_matcher *matcher, cairn_budget *budget)
 {
-    const alignment_end *end;
+    const fragment_match_alignment_end *end;
     cairn_status status;
     cairn_real step = matcher->params.min_step;
 
@@ -266,7 +267,7 @@ static int step_trace(cairn_fragment_matcher *matcher, cairn_budget *budget)
             return 0;
         matcher->next_end = 0;
         if (++matcher->fragment == matcher->model.fragment_count)
-            matcher->phase = FRAGMENT_DONE;
+            matcher->phase = FRAGMENT_MATCH_DONE;
         return 1;
     }
     end = current_end(matcher);
@@ -283,13 +284,14 @@ static int step_trace(cairn_fragment_matcher *matcher, cairn_budget *budget)
                              end->column + 1 - window_start(matcher, end), pair_score, matcher);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
-    matcher->phase = FRAGMENT_PAIR;
+    matcher->phase = FRAGMENT_MATCH_PAIR;
     return 1;
 }
 
 /* Sets the fragment's sample and the chain position of a pair. */
-static void positions_of(const cairn_fragment_matcher *matcher, const alignment_end *end,
-                         cairn_sequence_pair pair, cairn_vec2 positions[2])
+static void positions_of(const cairn_fragment_matcher *matcher,
+                         const fragment_match_alignment_end *end, cairn_sequence_pair pair,
+                         cairn_vec2 positions[2])
 {
     int32_t n = matcher->model.samples_each, own = end->reversed ? n - 1 - pair.first : pair.first;
     int32_t at = window_start(matcher, end) + pair.second;
@@ -301,23 +303,23 @@ static void positions_of(const cairn_fragment_matcher *matcher, const alignment_
 
 /* Least-squares scale and centroid (Adluru 2008, section 5.2.2, without rotation): s = sum (f -
  * mean)(e - mean) / sum (f - mean)^2. */
-static void fit(const cairn_fragment_matcher *matcher, const alignment_end *end,
-                const cairn_sequence_result *r, cairn_fragment_match *match)
+static void fit(const cairn_fragment_matcher *matcher, const fragment_match_alignment_end *end,
+                const cairn_sequence_result *result, cairn_fragment_match *match)
 {
     cairn_vec2 position[2], mean[2] = {{0, 0}, {0, 0}};
     cairn_real both = 0, own = 0, squared_sum = 0;
 
-    for (int32_t i = 0; i < r->count; i++) {
-        positions_of(matcher, end, r->pairs[i], position);
+    for (int32_t i = 0; i < result->count; i++) {
+        positions_of(matcher, end, result->pairs[i], position);
         mean[0] = cairn_vec2_add(mean[0], position[0]);
         mean[1] = cairn_vec2_add(mean[1], position[1]);
     }
-    mean[0] = cairn_vec2_scale(mean[0], 1 / (cairn_real)r->count);
-    mean[1] = cairn_vec2_scale(mean[1], 1 / (cairn_real)r->count);
-    for (int32_t i = 0; i < r->count; i++) {
+    mean[0] = cairn_vec2_scale(mean[0], 1 / (cairn_real)result->count);
+    mean[1] = cairn_vec2_scale(mean[1], 1 / (cairn_real)result->count);
+    for (int32_t i = 0; i < result->count; i++) {
         cairn_vec2 f;
 
-        positions_of(matcher, end, r->pairs[i], position);
+        positions_of(matcher, end, result->pairs[i], position);
         f = cairn_vec2_sub(position[0], mean[0]);
         both += cairn_vec2_dot(f, cairn_vec2_sub(position[1], mean[1]));
         own += cairn_vec2_norm_squared(f);
@@ -325,27 +327,27 @@ static void fit(const cairn_fragment_matcher *matcher, const alignment_end *end,
     match->scale = own > 0 ? both / own : 0;
     match->centroid = cairn_vec2_add(
         mean[1], cairn_vec2_scale(cairn_vec2_sub(matcher->model.centroid, mean[0]), match->scale));
-    for (int32_t i = 0; i < r->count; i++) {
-        positions_of(matcher, end, r->pairs[i], position);
+    for (int32_t i = 0; i < result->count; i++) {
+        positions_of(matcher, end, result->pairs[i], position);
         squared_sum += cairn_vec2_norm_squared(
             cairn_vec2_sub(cairn_vec2_sub(position[1], mean[1]),
                            cairn_vec2_scale(cairn_vec2_sub(position[0], mean[0]), match->scale)));
     }
-    match->rms_residual = cairn_sqrt(squared_sum / (cairn_real)r->count);
+    match->rms_residual = cairn_sqrt(squared_sum / (cairn_real)result->count);
 }
 
 static int step_pair(cairn_fragment_matcher *matcher, cairn_budget *budget)
 {
     if (cairn_sequence_step(matcher->aligner, budget) != CAIRN_OK)
         return 0;
-    matcher->phase = FRAGMENT_FIT;
+    matcher->phase = FRAGMENT_MATCH_FIT;
     return 1;
 }
 
 static int step_fit(cairn_fragment_matcher *matcher, cairn_budget *budget)
 {
     cairn_fragment_match *match = &matcher->matches[matcher->match_count];
-    const alignment_end *end = current_end(matcher);
+    const fragment_match_alignment_end *end = current_end(matcher);
     cairn_sequence_result r = cairn_sequence_read(matcher->aligner);
     int32_t first, last;
 
@@ -360,14 +362,14 @@ static int step_fit(cairn_fragment_matcher *matcher, cairn_budget *budget)
         match->reversed = end->reversed;
         match->pair_count = r.count;
         match->similarity = (cairn_real)end->score /
-                            (cairn_real)(FRAGMENT_SCORE_UNIT * matcher->model.samples_each);
+                            (cairn_real)(FRAGMENT_MATCH_SCORE_UNIT * matcher->model.samples_each);
         match->from = (cairn_real)first * sample_distance(matcher);
         match->to = (cairn_real)last * sample_distance(matcher);
         matcher->match_count++;
     }
     matcher->candidate_count++;
     matcher->next_end++;
-    matcher->phase = FRAGMENT_TRACE;
+    matcher->phase = FRAGMENT_MATCH_TRACE;
     return 1;
 }
 
@@ -377,11 +379,11 @@ cairn_status cairn_fragment_match_step(cairn_fragment_matcher *matcher, cairn_bu
 
     if (matcher == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (more && matcher->phase != FRAGMENT_IDLE && matcher->phase != FRAGMENT_DONE)
-        more = matcher->phase == FRAGMENT_SAMPLE  ? step_sample(matcher, budget)
-               : matcher->phase == FRAGMENT_ALIGN ? step_align(matcher, budget)
-               : matcher->phase == FRAGMENT_TRACE ? step_trace(matcher, budget)
-               : matcher->phase == FRAGMENT_PAIR  ? step_pair(matcher, budget)
-                                                  : step_fit(matcher, budget);
+    while (more && matcher->phase != FRAGMENT_MATCH_IDLE && matcher->phase != FRAGMENT_MATCH_DONE)
+        more = matcher->phase == FRAGMENT_MATCH_SAMPLE  ? step_sample(matcher, budget)
+               : matcher->phase == FRAGMENT_MATCH_ALIGN ? step_align(matcher, budget)
+               : matcher->phase == FRAGMENT_MATCH_TRACE ? step_trace(matcher, budget)
+               : matcher->phase == FRAGMENT_MATCH_PAIR  ? step_pair(matcher, budget)
+                                                        : step_fit(matcher, budget);
     return more ? CAIRN_OK : CAIRN_MORE;
 }

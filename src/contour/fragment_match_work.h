@@ -8,25 +8,26 @@
 /* Quantized directions per turn; score of an equal pair; chain samples of the traceback window
  * for each fragment sample; capacity of fragment samples. */
 enum {
-    FRAGMENT_DIRECTIONS = 1024,
-    FRAGMENT_SCORE_UNIT = 1024,
-    FRAGMENT_WINDOW_RATIO = 3,
-    FRAGMENT_MAX_SAMPLES = 64
+    FRAGMENT_MATCH_DIRECTIONS = 1024,
+    FRAGMENT_MATCH_SCORE_UNIT = 1024,
+    FRAGMENT_MATCH_WINDOW_RATIO = 3,
+    FRAGMENT_MATCH_MAX_SAMPLES = 64
 };
+typedef int32_t fragment_match_phase;
 enum {
-    FRAGMENT_IDLE,
-    FRAGMENT_SAMPLE,
-    FRAGMENT_ALIGN,
-    FRAGMENT_TRACE,
-    FRAGMENT_PAIR,
-    FRAGMENT_FIT,
-    FRAGMENT_DONE
+    FRAGMENT_MATCH_IDLE,
+    FRAGMENT_MATCH_SAMPLE,
+    FRAGMENT_MATCH_ALIGN,
+    FRAGMENT_MATCH_TRACE,
+    FRAGMENT_MATCH_PAIR,
+    FRAGMENT_MATCH_FIT,
+    FRAGMENT_MATCH_DONE
 };
 
 /* The end of an alignment: its last chain sample (column), sampling step (level) and score. */
-typedef struct alignment_end {
+typedef struct fragment_match_alignment_end {
     int32_t score, level, chain, reversed, column;
-} alignment_end;
+} fragment_match_alignment_end;
 
 struct cairn_fragment_matcher {
     cairn_fragment_match_params params;
@@ -41,20 +42,20 @@ struct cairn_fragment_matcher {
     /* [max_samples] Direction codes of the chain. */
     int16_t *chain_code;
     /* [max_fragments * matches_per_fragment] Best alignment ends of each fragment. */
-    alignment_end *ends;
+    fragment_match_alignment_end *ends;
     /* [max_fragments] */
     int32_t *end_count;
     /* [max_fragments * matches_per_fragment] */
     cairn_fragment_match *matches;
     /* Traceback of an alignment. */
     cairn_sequence *aligner;
-    /* Score by quantized direction difference, in 1 / FRAGMENT_SCORE_UNIT. */
-    int32_t gain[FRAGMENT_DIRECTIONS];
+    /* Score by quantized direction difference, in 1 / FRAGMENT_MATCH_SCORE_UNIT. */
+    int32_t gain[FRAGMENT_MATCH_DIRECTIONS];
     /* Current column of the Smith-Waterman table. */
-    int32_t dp_column[FRAGMENT_MAX_SAMPLES];
+    int32_t dp_column[FRAGMENT_MATCH_MAX_SAMPLES];
     /* Factor by which the scale range is widened on both sides, >= 1. */
     cairn_real scale_slack;
-    /* In 1 / FRAGMENT_SCORE_UNIT; min_score: least score of a match. */
+    /* In 1 / FRAGMENT_MATCH_SCORE_UNIT; min_score: least score of a match. */
     int32_t gap_score, min_score;
     /* Least number of samples of a chain. */
     int32_t min_samples;
@@ -70,17 +71,19 @@ struct cairn_fragment_matcher {
     int32_t next_end;
     int32_t match_count, candidate_count;
     int64_t cell_count;
-    /* Current phase; work units charged for the next work item. */
-    int32_t phase, units_charged;
+    fragment_match_phase phase;
+    /* Work units charged for the next work item. */
+    int32_t units_charged;
 };
 
-/* Returns the quantized direction, 0 ... FRAGMENT_DIRECTIONS - 1. */
+/* Returns the quantized direction, 0 ... FRAGMENT_MATCH_DIRECTIONS - 1. */
 static inline int16_t cairn_fragment_match_quantize(cairn_vec2 direction)
 {
     cairn_real parts =
-        cairn_atan2(direction.y, direction.x) * (FRAGMENT_DIRECTIONS / (2 * CAIRN_PI));
+        cairn_atan2(direction.y, direction.x) * (FRAGMENT_MATCH_DIRECTIONS / (2 * CAIRN_PI));
 
-    return (int16_t)((uint32_t)cairn_real_to_int(cairn_rint(parts)) & (FRAGMENT_DIRECTIONS - 1));
+    return (int16_t)((uint32_t)cairn_real_to_int(cairn_rint(parts)) &
+                     (FRAGMENT_MATCH_DIRECTIONS - 1));
 }
 
 /* Returns the direction codes of a fragment, forward or reversed. */

@@ -36,7 +36,7 @@ enum {
     MAX_WRITTEN_VOTES = 8192,
     MAX_FOUND = 1 << 16,
     MAX_NODES = 1 << 30,
-    MAX_PARTS = CONFIGURATION_MAX_PARTS
+    MAX_PARTS = PART_CONFIGURATION_MAX_PARTS
 };
 /* Mean shift iterations; recorded configurations compared per work unit. */
 enum { MAX_SHIFTS = 30, COMPARISONS_PER_UNIT = 4 };
@@ -123,10 +123,10 @@ static cairn_part_configurator *carve(cairn_pool *pool,
     cairn_part_configurator *configurator = cairn_pool_take_one(pool, sizeof *configurator);
     int32_t *next = cairn_pool_take(pool, 2 * votes, sizeof *next);
     int32_t *heads = cairn_pool_take(pool, 2 * buckets, sizeof *heads);
-    vote_point *modes = cairn_pool_take(pool, votes, sizeof *modes);
+    part_configuration_vote_point *modes = cairn_pool_take(pool, votes, sizeof *modes);
     cairn_part_configuration *kept = cairn_pool_take(pool, found, sizeof *kept);
     int32_t *found_votes = cairn_pool_take(pool, found * MAX_PARTS, sizeof *found_votes);
-    configuration_exhaustive *exhaustive = NULL;
+    part_configuration_exhaustive *exhaustive = NULL;
 
     if (params->mode == CAIRN_MODE_AS_WRITTEN)
         cairn_part_configuration_exhaustive_carve(pool, params, &exhaustive);
@@ -199,7 +199,7 @@ static void sort_votes(cairn_part_configurator *configurator)
 cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurator *configurator,
                                                            int32_t first)
 {
-    const configuration_node *node = &configurator->best_node;
+    const part_configuration_node *node = &configurator->best_node;
     cairn_part_configuration configuration;
 
     sort_votes(configurator);
@@ -252,17 +252,17 @@ static void insert_configuration(cairn_part_configurator *configurator)
 /* Starts the next vote as seed, or ends the search. */
 static void next_seed(cairn_part_configurator *configurator)
 {
-    vote_point point;
+    part_configuration_vote_point point;
 
     configurator->phase =
-        configurator->exhaustive != NULL ? CONFIGURATION_SORT : CONFIGURATION_DONE;
+        configurator->exhaustive != NULL ? PART_CONFIGURATION_SORT : PART_CONFIGURATION_DONE;
     if (++configurator->seed >= configurator->count)
         return;
     point.centre = configurator->votes[configurator->seed].centre;
     point.scale = configurator->votes[configurator->seed].scale;
     configurator->shift_count = 0;
     cairn_part_configuration_query(configurator, point);
-    configurator->phase = CONFIGURATION_GATHER;
+    configurator->phase = PART_CONFIGURATION_GATHER;
 }
 
 /* One mean shift iteration; 0: converged. */
@@ -270,10 +270,10 @@ static int shift_mean(cairn_part_configurator *configurator)
 {
     cairn_real sum = 0, x = 0, y = 0, log_scale = 0,
                size = configurator->params.centre_tolerance * configurator->query.centre.scale;
-    vote_point point = configurator->query.centre;
+    part_configuration_vote_point point = configurator->query.centre;
 
     for (int32_t i = 0; i < configurator->near_count; i++) {
-        const near_vote *near = &configurator->near_votes[i];
+        const part_configuration_near_vote *near = &configurator->near_votes[i];
         cairn_real weight =
             configurator->votes[near->vote].weight * cairn_exp(-near->squared_distance / 2);
 
@@ -326,7 +326,7 @@ static void end_gather(cairn_part_configurator *configurator)
     cairn_part_configuration_begin_tree(configurator);
     if (configurator->exhaustive != NULL)
         cairn_part_configuration_exhaustive_mark_seed(configurator);
-    configurator->phase = CONFIGURATION_ENUMERATE;
+    configurator->phase = PART_CONFIGURATION_ENUMERATE;
 }
 
 /* Returns 0 when the budget is exhausted. */
@@ -337,7 +337,7 @@ static int step_gather(cairn_part_configurator *configurator, cairn_budget *budg
         configurator->params.nearest +
         (configurator->params.search == CAIRN_PART_SEARCH_MODES ? configurator->mode_count : 0);
 
-    if (!cairn_budget_charge(budget, &configurator->charged_units, cost > 0 ? cost : 1 + end))
+    if (!cairn_budget_charge(budget, &configurator->units_charged, cost > 0 ? cost : 1 + end))
         return 0;
     if (cost > 0)
         cairn_part_configuration_query_next(configurator);
@@ -355,7 +355,7 @@ static int step_enumerate(cairn_part_configurator *configurator, cairn_budget *b
                     : ends ? 1 + configurator->found_count / COMPARISONS_PER_UNIT
                            : 1;
 
-    if (!cairn_budget_charge(budget, &configurator->charged_units, units))
+    if (!cairn_budget_charge(budget, &configurator->units_charged, units))
         return 0;
     if (!ends) {
         configurator->visited_count++;
@@ -375,7 +375,7 @@ static int step_index(cairn_part_configurator *configurator, cairn_budget *budge
 {
     int32_t buckets = (int32_t)configurator->mask + 1;
 
-    if (!cairn_budget_charge(budget, &configurator->charged_units,
+    if (!cairn_budget_charge(budget, &configurator->units_charged,
                              configurator->exhaustive != NULL
                                  ? cairn_part_configuration_exhaustive_units(configurator)
                                  : 1))
@@ -399,11 +399,11 @@ static int step_index(cairn_part_configurator *configurator, cairn_budget *budge
 
 static int step_sort(cairn_part_configurator *configurator, cairn_budget *budget)
 {
-    if (!cairn_budget_charge(budget, &configurator->charged_units,
+    if (!cairn_budget_charge(budget, &configurator->units_charged,
                              cairn_part_configuration_exhaustive_units(configurator)))
         return 0;
     if (!cairn_part_configuration_exhaustive_sort(configurator))
-        configurator->phase = CONFIGURATION_DONE;
+        configurator->phase = PART_CONFIGURATION_DONE;
     return 1;
 }
 
@@ -446,13 +446,13 @@ cairn_status cairn_part_configuration_begin(cairn_part_configurator *configurato
     configurator->votes = votes;
     configurator->count = count;
     configurator->index_cursor = configurator->mode_count = configurator->found_count =
-        configurator->seed_count = configurator->truncated_count = configurator->charged_units = 0;
+        configurator->seed_count = configurator->truncated_count = configurator->units_charged = 0;
     configurator->node_count = configurator->pair_count = 0;
     if (configurator->exhaustive != NULL) {
         configurator->exhaustive->enumerated_count = 0;
         configurator->exhaustive->sorted_count = 0;
     }
-    configurator->phase = count > 0 ? CONFIGURATION_INDEX : CONFIGURATION_DONE;
+    configurator->phase = count > 0 ? PART_CONFIGURATION_INDEX : PART_CONFIGURATION_DONE;
     return CAIRN_OK;
 }
 
@@ -463,11 +463,12 @@ cairn_status cairn_part_configuration_step(cairn_part_configurator *configurator
 
     if (configurator == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (more && configurator->phase != CONFIGURATION_IDLE &&
-           configurator->phase != CONFIGURATION_DONE)
-        more = configurator->phase == CONFIGURATION_INDEX    ? step_index(configurator, budget)
-               : configurator->phase == CONFIGURATION_GATHER ? step_gather(configurator, budget)
-               : configurator->phase == CONFIGURATION_SORT   ? step_sort(configurator, budget)
+    while (more && configurator->phase != PART_CONFIGURATION_IDLE &&
+           configurator->phase != PART_CONFIGURATION_DONE)
+        more =
+            configurator->phase == PART_CONFIGURATION_INDEX    ? step_index(configurator, budget)
+            : configurator->phase == PART_CONFIGURATION_GATHER ? step_gather(configurator, budget)
+            : configurator->phase == PART_CONFIGURATION_SORT   ? step_sort(configurator, budget)
                                                              : step_enumerate(configurator, budget);
     return more ? CAIRN_OK : CAIRN_MORE;
 }
@@ -477,7 +478,7 @@ cairn_part_configuration_read(const cairn_part_configurator *configurator)
 {
     cairn_part_configuration_result result = {.count = 0};
 
-    if (configurator != NULL && configurator->phase == CONFIGURATION_DONE) {
+    if (configurator != NULL && configurator->phase == PART_CONFIGURATION_DONE) {
         result.found = configurator->found;
         result.votes = configurator->found_votes;
         result.count = configurator->found_count;

@@ -16,17 +16,17 @@
 
 #include "src/contour/part_configuration_work.h"
 
-enum { WORD_BITS = 32, MAX_PARTS = CONFIGURATION_MAX_PARTS };
+enum { WORD_BITS = 32, MAX_PARTS = PART_CONFIGURATION_MAX_PARTS };
 /* Work units of a node: its arithmetic and the path through the heap of at most 16 levels; words of
  * a row per additional unit. */
 enum { UNITS_PER_NODE = 12, WORDS_PER_UNIT = 16 };
 
 void cairn_part_configuration_exhaustive_carve(cairn_pool *pool,
                                                const cairn_part_configuration_params *params,
-                                               configuration_exhaustive **exhaustive)
+                                               part_configuration_exhaustive **exhaustive)
 {
     size_t words = ((size_t)params->max_votes + WORD_BITS - 1) / WORD_BITS;
-    configuration_exhaustive *made = cairn_pool_take_one(pool, sizeof *made);
+    part_configuration_exhaustive *made = cairn_pool_take_one(pool, sizeof *made);
     uint32_t *seeds = cairn_pool_take(pool, (size_t)params->max_votes * words, sizeof *seeds);
     uint32_t *common_seeds = cairn_pool_take(pool, (MAX_PARTS + 1) * words, sizeof *common_seeds);
     int64_t *sequence = cairn_pool_take(pool, (size_t)params->max_found, sizeof *sequence);
@@ -132,9 +132,9 @@ static void sift_up(cairn_part_configurator *configurator, int32_t index)
 }
 
 void cairn_part_configuration_exhaustive_offer(cairn_part_configurator *configurator,
-                                               const configuration_node *node)
+                                               const part_configuration_node *node)
 {
-    configuration_exhaustive *exhaustive = configurator->exhaustive;
+    part_configuration_exhaustive *exhaustive = configurator->exhaustive;
     int32_t index =
         configurator->found_count < configurator->params.max_found ? configurator->found_count : 0;
 

@@ -56,7 +56,7 @@ enum { VOTES_PER_STEP = 16 };
 
 static void enter_cell(cairn_part_configurator *configurator)
 {
-    vote_query *query = &configurator->query;
+    part_configuration_vote_query *query = &configurator->query;
     uint32_t bucket = bucket_of(configurator, query->layer, query->x, query->y);
 
     query->next_vote = configurator->bucket_heads[bucket];
@@ -66,7 +66,7 @@ static void enter_cell(cairn_part_configurator *configurator)
 /* Computes the range of cells of the query's layer. */
 static void enter_layer(cairn_part_configurator *configurator)
 {
-    vote_query *query = &configurator->query;
+    part_configuration_vote_query *query = &configurator->query;
     cairn_real cell = cell_of_layer(configurator, query->layer),
                reach = ROUND_UP * configurator->params.search_radius *
                        configurator->params.centre_tolerance * query->centre.scale;
@@ -79,9 +79,10 @@ static void enter_layer(cairn_part_configurator *configurator)
     enter_cell(configurator);
 }
 
-void cairn_part_configuration_query(cairn_part_configurator *configurator, vote_point centre)
+void cairn_part_configuration_query(cairn_part_configurator *configurator,
+                                    part_configuration_vote_point centre)
 {
-    vote_query *query = &configurator->query;
+    part_configuration_vote_query *query = &configurator->query;
     int32_t layer = layer_of(configurator, centre.scale);
 
     query->centre = centre;
@@ -100,7 +101,7 @@ void cairn_part_configuration_query(cairn_part_configurator *configurator, vote_
 
 int32_t cairn_part_configuration_query_cost(const cairn_part_configurator *configurator)
 {
-    const vote_query *query = &configurator->query;
+    const part_configuration_vote_query *query = &configurator->query;
 
     if (query->is_linear_scan)
         return query->x < configurator->count;
@@ -115,7 +116,7 @@ static void insert_near_vote(cairn_part_configurator *configurator, int32_t vote
     const cairn_part_configuration_vote *v = &configurator->votes[vote];
     cairn_real size = configurator->params.centre_tolerance * configurator->query.centre.scale,
                reach = configurator->params.search_radius;
-    near_vote n;
+    part_configuration_near_vote n;
     int32_t index;
 
     n.x = (v->centre.x - configurator->query.centre.centre.x) / size;
@@ -147,7 +148,7 @@ static void insert_near_vote(cairn_part_configurator *configurator, int32_t vote
 /* Returns 1 when a vote of the bucket lies in the query's cell; hash collisions are skipped. */
 static int is_in_cell(const cairn_part_configurator *configurator, int32_t vote)
 {
-    const vote_query *query = &configurator->query;
+    const part_configuration_vote_query *query = &configurator->query;
 
     return configurator->vote_layer[vote] == query->layer &&
            floor_to_int(configurator->votes[vote].centre.x / query->cell) == query->x &&
@@ -157,7 +158,7 @@ static int is_in_cell(const cairn_part_configurator *configurator, int32_t vote)
 /* Advances to the next cell. */
 static void leave_cell(cairn_part_configurator *configurator)
 {
-    vote_query *query = &configurator->query;
+    part_configuration_vote_query *query = &configurator->query;
 
     if (query->x < query->max_x) {
         query->x++;
@@ -174,7 +175,7 @@ static void leave_cell(cairn_part_configurator *configurator)
 
 void cairn_part_configuration_query_next(cairn_part_configurator *configurator)
 {
-    vote_query *query = &configurator->query;
+    part_configuration_vote_query *query = &configurator->query;
 
     if (query->is_linear_scan) {
         insert_near_vote(configurator, query->x++);

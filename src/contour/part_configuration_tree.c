@@ -31,7 +31,7 @@ static void sort_groups(cairn_part_configurator *configurator)
     cairn_real bound = 0;
 
     for (int32_t i = 1; i < configurator->group_count; i++) {
-        vote_group g = configurator->groups[i];
+        part_configuration_vote_group g = configurator->groups[i];
         int32_t k = i;
 
         for (; k > 0 && configurator->groups[k - 1].bound < g.bound; k--)
@@ -46,7 +46,7 @@ static void sort_groups(cairn_part_configurator *configurator)
 
 void cairn_part_configuration_begin_tree(cairn_part_configurator *configurator)
 {
-    configuration_node root = {.weight = 0};
+    part_configuration_node root = {.weight = 0};
 
     for (int32_t i = 0; i < configurator->near_count; i++) {
         int32_t k = i;
@@ -58,7 +58,7 @@ void cairn_part_configuration_begin_tree(cairn_part_configurator *configurator)
     configurator->group_count = 0;
     for (int32_t i = 0; i < configurator->near_count; i++) {
         const cairn_part_configuration_vote *v = vote_of(configurator, configurator->order[i]);
-        vote_group *g =
+        part_configuration_vote_group *g =
             &configurator->groups[configurator->group_count - (configurator->group_count > 0)];
 
         if (configurator->group_count == 0 || g->bundle != v->bundle) {
@@ -77,12 +77,12 @@ void cairn_part_configuration_begin_tree(cairn_part_configurator *configurator)
 }
 
 /* Node after adding a vote: incremental update of the weighted mean and of the scatter. */
-static configuration_node add_vote(const configuration_node *node, const near_vote *n,
-                                   cairn_real weight)
+static part_configuration_node add_vote(const part_configuration_node *node,
+                                        const part_configuration_near_vote *vote, cairn_real weight)
 {
-    cairn_real sum = node->weight + weight, x = n->x - node->x, y = n->y - node->y,
-               log_scale = n->log_scale - node->log_scale;
-    configuration_node added = *node;
+    cairn_real sum = node->weight + weight, x = vote->x - node->x, y = vote->y - node->y,
+               log_scale = vote->log_scale - node->log_scale;
+    part_configuration_node added = *node;
 
     added.scatter += node->weight * weight / sum * (x * x + y * y + log_scale * log_scale);
     added.x += x * weight / sum;
@@ -99,7 +99,7 @@ static int is_as_written(const cairn_part_configurator *configurator)
     return configurator->exhaustive != NULL;
 }
 
-static cairn_real score_of(const configuration_node *node)
+static cairn_real score_of(const part_configuration_node *node)
 {
     return node->weight - node->scatter / 2;
 }
@@ -122,19 +122,20 @@ static cairn_real overlap_of(const cairn_part_configuration_vote *a,
 
 /* Returns 1 when a vote shares no chain interval with the parts chosen so far. */
 static int is_compatible(const cairn_part_configurator *configurator,
-                         const configuration_node *node, const cairn_part_configuration_vote *v)
+                         const part_configuration_node *node,
+                         const cairn_part_configuration_vote *vote)
 {
     for (int32_t i = 0; i < node->part_count; i++) {
         const cairn_part_configuration_vote *u = vote_of(configurator, configurator->chosen[i]);
 
-        if (u->chain == v->chain &&
-            (is_as_written(configurator) || overlap_of(u, v) > configurator->params.overlap))
+        if (u->chain == vote->chain &&
+            (is_as_written(configurator) || overlap_of(u, vote) > configurator->params.overlap))
             return 0;
     }
     return 1;
 }
 
-static void update_best(cairn_part_configurator *configurator, const configuration_node *node)
+static void update_best(cairn_part_configurator *configurator, const part_configuration_node *node)
 {
     if (node->part_count < configurator->params.min_parts ||
         !(score_of(node) > configurator->best_score))
@@ -149,7 +150,8 @@ static void update_best(cairn_part_configurator *configurator, const configurati
 /* Returns 1 when no descendant can be better (bound): each remaining group adds at most its
  * greatest weight, because scatter never decreases. As written: when no descendant reaches the
  * threshold. */
-static int can_prune(const cairn_part_configurator *configurator, const configuration_node *node)
+static int can_prune(const cairn_part_configurator *configurator,
+                     const part_configuration_node *node)
 {
     cairn_real rest = configurator->groups[configurator->depth].bound,
                bound = score_of(node) + rest;
@@ -167,8 +169,8 @@ static int can_prune(const cairn_part_configurator *configurator, const configur
 
 int cairn_part_configuration_visit_node(cairn_part_configurator *configurator)
 {
-    configuration_node *node = &configurator->nodes[configurator->depth];
-    const vote_group *group = &configurator->groups[configurator->depth];
+    part_configuration_node *node = &configurator->nodes[configurator->depth];
+    const part_configuration_vote_group *group = &configurator->groups[configurator->depth];
 
     if (configurator->depth == configurator->group_count || can_prune(configurator, node) ||
         node->choice > group->count) {

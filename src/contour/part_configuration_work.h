@@ -6,47 +6,48 @@
 #include "cairn/part_configuration.h"
 
 /* Greatest number of parts of a configuration. */
-enum { CONFIGURATION_MAX_PARTS = 64 };
+enum { PART_CONFIGURATION_MAX_PARTS = 64 };
+typedef int32_t part_configuration_phase;
 enum {
-    CONFIGURATION_IDLE,
-    CONFIGURATION_INDEX,
-    CONFIGURATION_GATHER,
-    CONFIGURATION_ENUMERATE,
-    CONFIGURATION_SORT,
-    CONFIGURATION_DONE
+    PART_CONFIGURATION_IDLE,
+    PART_CONFIGURATION_INDEX,
+    PART_CONFIGURATION_GATHER,
+    PART_CONFIGURATION_ENUMERATE,
+    PART_CONFIGURATION_SORT,
+    PART_CONFIGURATION_DONE
 };
 
 /* A point in the voting space: position (px) and scale (px per unit of the model). */
-typedef struct vote_point {
+typedef struct part_configuration_vote_point {
     cairn_vec2 centre;
     cairn_real scale;
-} vote_point;
+} part_configuration_vote_point;
 
 /* A vote in the neighbourhood of the seed. x, y, log_scale: offset from the seed in tolerances.
  * squared_distance: in tolerances squared; as written that of the centres in px^2. */
-typedef struct near_vote {
+typedef struct part_configuration_near_vote {
     cairn_real x, y, log_scale, squared_distance;
     int32_t vote;
-} near_vote;
+} part_configuration_near_vote;
 
 /* Votes of a bundle by descending weight: order[first ... first + count - 1]. */
-typedef struct vote_group {
+typedef struct part_configuration_vote_group {
     int32_t bundle, first, count;
     cairn_real bound; /* sum of the greatest weights of this and all following groups */
-} vote_group;
+} part_configuration_vote_group;
 
 /* A node of the search tree, a partial configuration: sum of weights, weighted mean, and scatter
  * about it (sum of weight d^2). */
-typedef struct configuration_node {
+typedef struct part_configuration_node {
     cairn_real weight, x, y, log_scale, scatter;
     /* branch in the next group: number of its votes tried; count: the branch without a vote */
     int32_t choice;
     int32_t part_count;
-} configuration_node;
+} part_configuration_node;
 
 /* State of a range query in the index. */
-typedef struct vote_query {
-    vote_point centre;
+typedef struct part_configuration_vote_query {
+    part_configuration_vote_point centre;
     /* px, cell size of the layer */
     cairn_real cell;
     int32_t layer, last_layer, x, y, min_x, max_x, max_y;
@@ -54,11 +55,11 @@ typedef struct vote_query {
     int32_t next_vote, votes_left;
     /* 1: linear scan over all votes, when it is cheaper than the cells; x is the next vote */
     int32_t is_linear_scan;
-} vote_query;
+} part_configuration_vote_query;
 
 /* State of the exhaustive enumeration: detection of configurations that an earlier seed had, and
  * the order of those found. A row has one bit per seed. */
-typedef struct configuration_exhaustive {
+typedef struct part_configuration_exhaustive {
     /* [max_votes * row_words] per vote: the seeds in whose neighbourhood it is, up to the current
      * one */
     uint32_t *near_seeds;
@@ -70,7 +71,7 @@ typedef struct configuration_exhaustive {
     int64_t enumerated_count;
     /* sorted_count: configurations in their final place, from the end */
     int32_t row_words, sorted_count;
-} configuration_exhaustive;
+} part_configuration_exhaustive;
 
 struct cairn_part_configurator {
     cairn_part_configuration_params params;
@@ -80,38 +81,41 @@ struct cairn_part_configurator {
     /* [mask + 1] first vote and number of votes of each bucket */
     int32_t *bucket_heads, *bucket_sizes;
     /* [max_votes] modes found */
-    vote_point *modes;
+    part_configuration_vote_point *modes;
     /* [max_found] */
     cairn_part_configuration *found;
-    /* [max_found * CONFIGURATION_MAX_PARTS] votes of slot k from k * CONFIGURATION_MAX_PARTS on */
+    /* [max_found * PART_CONFIGURATION_MAX_PARTS] votes of slot k from
+     * k * PART_CONFIGURATION_MAX_PARTS on */
     int32_t *found_votes;
     uint32_t mask;
     int32_t count, index_cursor, seed, mode_count, shift_count;
-    vote_query query;
-    near_vote near_votes[CONFIGURATION_MAX_PARTS];
+    part_configuration_vote_query query;
+    part_configuration_near_vote near_votes[PART_CONFIGURATION_MAX_PARTS];
     int32_t near_count;
     /* [near_count] indices in near_votes, by bundle and weight */
-    int32_t order[CONFIGURATION_MAX_PARTS];
-    vote_group groups[CONFIGURATION_MAX_PARTS];
+    int32_t order[PART_CONFIGURATION_MAX_PARTS];
+    part_configuration_vote_group groups[PART_CONFIGURATION_MAX_PARTS];
     int32_t group_count;
-    configuration_node nodes[CONFIGURATION_MAX_PARTS + 1];
+    part_configuration_node nodes[PART_CONFIGURATION_MAX_PARTS + 1];
     /* indices in near_votes of the current partial configuration */
-    int32_t chosen[CONFIGURATION_MAX_PARTS];
+    int32_t chosen[PART_CONFIGURATION_MAX_PARTS];
     int32_t depth, visited_count;
     cairn_real best_score;
-    configuration_node best_node;
-    int32_t best_votes[CONFIGURATION_MAX_PARTS], best_count;
+    part_configuration_node best_node;
+    int32_t best_votes[PART_CONFIGURATION_MAX_PARTS], best_count;
     int32_t found_count, seed_count, truncated_count;
     int64_t node_count, pair_count;
-    int32_t phase, charged_units;
+    part_configuration_phase phase;
+    int32_t units_charged;
     /* NULL in the default mode */
-    configuration_exhaustive *exhaustive;
+    part_configuration_exhaustive *exhaustive;
 };
 
 /* Spatial index: a hash grid. A layer holds a range of scales as high as the search radius; its
  * cells are as wide as the search radius at its largest scale. */
 void cairn_part_configuration_insert(cairn_part_configurator *configurator, int32_t vote);
-void cairn_part_configuration_query(cairn_part_configurator *configurator, vote_point at);
+void cairn_part_configuration_query(cairn_part_configurator *configurator,
+                                    part_configuration_vote_point at);
 /* Work units of the query's next step; 0: the query is complete. */
 int32_t cairn_part_configuration_query_cost(const cairn_part_configurator *configurator);
 /* Processes the next few votes of a cell. */
@@ -129,8 +133,8 @@ cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurat
 /* ---- As written (part_configuration_exhaustive.c) ---- */
 
 void cairn_part_configuration_exhaustive_carve(cairn_pool *pool,
-                                               const cairn_part_configuration_params *p,
-                                               configuration_exhaustive **exhaustive);
+                                               const cairn_part_configuration_params *params,
+                                               part_configuration_exhaustive **exhaustive);
 /* Clears the seeds of a vote. */
 void cairn_part_configuration_exhaustive_clear(cairn_part_configurator *configurator, int32_t vote);
 /* Marks the current seed in the rows of its nearest votes. */
@@ -140,7 +144,7 @@ void cairn_part_configuration_exhaustive_extend(cairn_part_configurator *configu
                                                 int32_t parts);
 /* Records the configuration unless an earlier seed had it or max_found better ones are recorded. */
 void cairn_part_configuration_exhaustive_offer(cairn_part_configurator *configurator,
-                                               const configuration_node *node);
+                                               const part_configuration_node *node);
 /* One step of heap sort of the configurations found; 0: sorted. */
 int cairn_part_configuration_exhaustive_sort(cairn_part_configurator *configurator);
 /* Work units of a node, and of a sort step. */

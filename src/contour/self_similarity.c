@@ -54,40 +54,45 @@ cairn_self_similarity_params cairn_self_similarity_as_written(void)
     return params;
 }
 
-static int params_are_valid(const cairn_self_similarity_params *p)
+static int params_are_valid(const cairn_self_similarity_params *params)
 {
-    return p != NULL && (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
-           p->outline_samples >= MIN_SAMPLES && p->outline_samples <= MAX_SAMPLES &&
-           (p->hole_samples == 0 ||
-            (p->hole_samples >= MIN_HOLE_SAMPLES && p->hole_samples <= MAX_SAMPLES)) &&
-           p->min_vertices >= MIN_VERTICES && p->max_vertices >= p->min_vertices &&
-           p->max_vertices <= SIMILARITY_MAX_VERTICES && p->max_vertices <= p->outline_samples &&
-           p->tie_ratio >= 0 && cairn_is_finite(p->tie_ratio) && p->tie_floor >= 0 &&
-           cairn_is_finite(p->tie_floor) && p->separation > 0 && p->separation <= CAIRN_REAL(0.25);
+    return params != NULL &&
+           (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN) &&
+           params->outline_samples >= MIN_SAMPLES && params->outline_samples <= MAX_SAMPLES &&
+           (params->hole_samples == 0 ||
+            (params->hole_samples >= MIN_HOLE_SAMPLES && params->hole_samples <= MAX_SAMPLES)) &&
+           params->min_vertices >= MIN_VERTICES && params->max_vertices >= params->min_vertices &&
+           params->max_vertices <= SELF_SIMILARITY_MAX_VERTICES &&
+           params->max_vertices <= params->outline_samples && params->tie_ratio >= 0 &&
+           cairn_is_finite(params->tie_ratio) && params->tie_floor >= 0 &&
+           cairn_is_finite(params->tie_floor) && params->separation > 0 &&
+           params->separation <= CAIRN_REAL(0.25);
 }
 
-static cairn_inner_distance_params inner_params(const cairn_self_similarity_params *p)
+static cairn_inner_distance_params inner_params(const cairn_self_similarity_params *params)
 {
     cairn_inner_distance_params inner = {
-        .max_points = p->outline_samples + p->hole_samples,
-        .fill_holes = p->hole_samples == 0,
+        .max_points = params->outline_samples + params->hole_samples,
+        .fill_holes = params->hole_samples == 0,
     };
 
     return inner;
 }
 
-static cairn_self_similarity *carve(cairn_pool *pool, const cairn_self_similarity_params *p)
+static cairn_self_similarity *carve(cairn_pool *pool, const cairn_self_similarity_params *params)
 {
-    size_t n = (size_t)p->outline_samples;
+    size_t n = (size_t)params->outline_samples;
     cairn_self_similarity *similarity = cairn_pool_take_one(pool, sizeof *similarity);
-    cairn_vec2 *samples = cairn_pool_take(pool, n + (size_t)p->hole_samples, sizeof *samples);
-    cairn_vec2 *next = cairn_pool_take(pool, n + (size_t)p->hole_samples, sizeof *next);
+    cairn_vec2 *samples = cairn_pool_take(pool, n + (size_t)params->hole_samples, sizeof *samples);
+    cairn_vec2 *next = cairn_pool_take(pool, n + (size_t)params->hole_samples, sizeof *next);
     cairn_vec2 *smooth = cairn_pool_take(pool, n, sizeof *smooth);
-    cairn_vec2 *flat_holes = cairn_pool_take(pool, (size_t)p->hole_samples, sizeof *flat_holes);
+    cairn_vec2 *flat_holes =
+        cairn_pool_take(pool, (size_t)params->hole_samples, sizeof *flat_holes);
     cairn_vec2 *flat = cairn_pool_take(pool, 3 * (n + FLAT_ENDS), sizeof *flat);
     cairn_real *descriptor_distance = cairn_pool_take(pool, n * n, sizeof *descriptor_distance);
     cairn_real *dtw_sum = cairn_pool_take(pool, 2 * n, sizeof *dtw_sum);
-    cairn_real *residual = cairn_pool_take(pool, (1 + SIMILARITY_VARIABLES) * n, sizeof *residual);
+    cairn_real *residual =
+        cairn_pool_take(pool, (1 + SELF_SIMILARITY_VARIABLES) * n, sizeof *residual);
     int32_t *dtw_length = cairn_pool_take(pool, 2 * n, sizeof *dtw_length);
     int32_t *dtw_samples = cairn_pool_take(pool, n, sizeof *dtw_samples);
     int32_t *nearby = cairn_pool_take(pool, 2 * n, sizeof *nearby);
@@ -253,7 +258,7 @@ cairn_status cairn_self_similarity_begin(cairn_self_similarity *similarity,
     similarity->cursor = similarity->inner_cursor = similarity->units_charged = 0;
     similarity->axis_count = similarity->tie_count = 0;
     similarity->comparison_count = 0;
-    similarity->phase = SIMILARITY_INNER;
+    similarity->phase = SELF_SIMILARITY_INNER;
     return CAIRN_OK;
 }
 
@@ -307,8 +312,8 @@ static cairn_real cyclic_distance(cairn_real a, cairn_real b, cairn_real round)
 }
 
 /* Returns whether both ends of two cuts are closer than the non-maximum-suppression radius. */
-static int are_within_radius(const cairn_self_similarity *similarity, const similarity_cut *a,
-                             const similarity_cut *b)
+static int are_within_radius(const cairn_self_similarity *similarity, const self_similarity_cut *a,
+                             const self_similarity_cut *b)
 {
     cairn_real n = (cairn_real)similarity->params.outline_samples,
                nearby = similarity->params.separation * n;
@@ -319,8 +324,8 @@ static int are_within_radius(const cairn_self_similarity *similarity, const simi
             cyclic_distance(a->position[1], b->position[0], n) < nearby);
 }
 
-void cairn_similarity_insert(const cairn_self_similarity *similarity, similarity_list *list,
-                             const similarity_cut *cut)
+void cairn_self_similarity_insert(const cairn_self_similarity *similarity,
+                                  self_similarity_list *list, const self_similarity_cut *cut)
 {
     int32_t kept = 0, at;
 
@@ -331,7 +336,7 @@ void cairn_similarity_insert(const cairn_self_similarity *similarity, similarity
         if (list->cuts[i].cost <= cut->cost || !are_within_radius(similarity, &list->cuts[i], cut))
             list->cuts[kept++] = list->cuts[i];
     list->count = kept;
-    if (kept == SIMILARITY_MAX_CUTS) {
+    if (kept == SELF_SIMILARITY_MAX_CUTS) {
         if (list->cuts[kept - 1].cost <= cut->cost)
             return;
         list->count--;
@@ -344,8 +349,8 @@ void cairn_similarity_insert(const cairn_self_similarity *similarity, similarity
 
 /* ---- Result ---- */
 
-cairn_vec2 cairn_similarity_point(const cairn_self_similarity *similarity,
-                                  const cairn_vec2 *samples, cairn_real position)
+cairn_vec2 cairn_self_similarity_point(const cairn_self_similarity *similarity,
+                                       const cairn_vec2 *samples, cairn_real position)
 {
     int32_t n = similarity->params.outline_samples, i = cairn_real_to_int(cairn_floor(position));
     cairn_vec2 a = samples[i % n], b = samples[(i + 1) % n];
@@ -355,13 +360,14 @@ cairn_vec2 cairn_similarity_point(const cairn_self_similarity *similarity,
 
 /* Returns the reported axis of a cut. */
 static cairn_self_similarity_axis axis_of(const cairn_self_similarity *similarity,
-                                          const similarity_cut *cut)
+                                          const self_similarity_cut *cut)
 {
     cairn_real n = (cairn_real)similarity->params.outline_samples;
     cairn_self_similarity_axis axis;
 
     for (int32_t i = 0; i < 2; i++) {
-        axis.end[i] = cairn_similarity_point(similarity, similarity->samples, cut->position[i]);
+        axis.end[i] =
+            cairn_self_similarity_point(similarity, similarity->samples, cut->position[i]);
         axis.position[i] = cut->position[i] / n;
         axis.arc[i].from = cut->from[i] / n;
         axis.arc[i].to = cut->to[i] / n;
@@ -382,7 +388,7 @@ static cairn_self_similarity_axis axis_of(const cairn_self_similarity *similarit
 static cairn_status step_report(cairn_self_similarity *similarity, cairn_budget *budget)
 {
     int32_t fits = similarity->params.mode != CAIRN_MODE_AS_WRITTEN, count = similarity->list.count;
-    int32_t units = UNITS_PER_AXIS + (fits ? cairn_similarity_mirror_cost(similarity) : 0);
+    int32_t units = UNITS_PER_AXIS + (fits ? cairn_self_similarity_mirror_cost(similarity) : 0);
     cairn_real good;
 
     for (; similarity->cursor < count && similarity->cursor < CAIRN_SELF_SIMILARITY_MAX_AXES;
@@ -392,8 +398,8 @@ static cairn_status step_report(cairn_self_similarity *similarity, cairn_budget 
         similarity->axes[similarity->cursor] =
             axis_of(similarity, &similarity->list.cuts[similarity->cursor]);
         if (fits)
-            cairn_similarity_mirror(similarity, &similarity->list.cuts[similarity->cursor],
-                                    &similarity->axes[similarity->cursor]);
+            cairn_self_similarity_mirror(similarity, &similarity->list.cuts[similarity->cursor],
+                                         &similarity->axes[similarity->cursor]);
         good = similarity->axes[0].dissimilarity * (1 + similarity->params.tie_ratio) +
                similarity->params.tie_floor;
         similarity->tie_count += similarity->axes[similarity->cursor].dissimilarity <= good;
@@ -409,37 +415,38 @@ static cairn_status step_report(cairn_self_similarity *similarity, cairn_budget 
 
 /* Returns the next phase. As written there is no re-ranking. Without articulation the local
  * alignment is skipped. */
-static similarity_phase phase_after(const cairn_self_similarity *similarity)
+static self_similarity_phase phase_after(const cairn_self_similarity *similarity)
 {
-    if (similarity->phase == SIMILARITY_SEARCH && similarity->params.mode == CAIRN_MODE_AS_WRITTEN)
-        return SIMILARITY_ROTATION;
-    if (similarity->phase == SIMILARITY_FIT && !(similarity->articulation > 0))
-        return SIMILARITY_ROTATION;
+    if (similarity->phase == SELF_SIMILARITY_SEARCH &&
+        similarity->params.mode == CAIRN_MODE_AS_WRITTEN)
+        return SELF_SIMILARITY_ROTATION;
+    if (similarity->phase == SELF_SIMILARITY_FIT && !(similarity->articulation > 0))
+        return SELF_SIMILARITY_ROTATION;
     return similarity->phase + 1;
 }
 
-static void begin_phase(cairn_self_similarity *similarity, similarity_phase phase)
+static void begin_phase(cairn_self_similarity *similarity, self_similarity_phase phase)
 {
     similarity->phase = phase;
     similarity->cursor = similarity->inner_cursor = 0;
     switch (phase) {
-    case SIMILARITY_SEARCH:
-        cairn_similarity_search_begin(similarity);
+    case SELF_SIMILARITY_SEARCH:
+        cairn_self_similarity_search_begin(similarity);
         break;
-    case SIMILARITY_SCAN:
-        cairn_similarity_scan_begin(similarity);
+    case SELF_SIMILARITY_SCAN:
+        cairn_self_similarity_scan_begin(similarity);
         break;
-    case SIMILARITY_FIT:
-        cairn_similarity_fits_begin(similarity);
+    case SELF_SIMILARITY_FIT:
+        cairn_self_similarity_fits_begin(similarity);
         break;
-    case SIMILARITY_SCAN_LOCAL:
-        cairn_similarity_scan_local_begin(similarity);
+    case SELF_SIMILARITY_SCAN_LOCAL:
+        cairn_self_similarity_scan_local_begin(similarity);
         break;
-    case SIMILARITY_FINAL_FIT:
-        cairn_similarity_final_fit_begin(similarity);
+    case SELF_SIMILARITY_FINAL_FIT:
+        cairn_self_similarity_final_fit_begin(similarity);
         break;
-    case SIMILARITY_ROTATION:
-        cairn_similarity_rotation_begin(similarity);
+    case SELF_SIMILARITY_ROTATION:
+        cairn_self_similarity_rotation_begin(similarity);
         break;
     default:
         break;
@@ -449,28 +456,28 @@ static void begin_phase(cairn_self_similarity *similarity, similarity_phase phas
 static cairn_status step_phase(cairn_self_similarity *similarity, cairn_budget *budget)
 {
     switch (similarity->phase) {
-    case SIMILARITY_INNER:
+    case SELF_SIMILARITY_INNER:
         return cairn_inner_distance_step(similarity->inner, budget);
-    case SIMILARITY_EVOLVE:
+    case SELF_SIMILARITY_EVOLVE:
         return cairn_curve_evolution_step(similarity->evolution, budget);
-    case SIMILARITY_COMPARE:
+    case SELF_SIMILARITY_COMPARE:
         return step_compare(similarity, budget);
-    case SIMILARITY_SEARCH:
-        return cairn_similarity_search_step(similarity, budget);
-    case SIMILARITY_SCAN:
-        return cairn_similarity_scan_step(similarity, budget);
-    case SIMILARITY_FIT:
-        return cairn_similarity_fits_step(similarity, budget);
-    case SIMILARITY_COMPARE_LOCAL:
-        return cairn_similarity_local_step(similarity, budget);
-    case SIMILARITY_LOCAL_OFFSETS:
-        return cairn_similarity_local_offsets_step(similarity, budget);
-    case SIMILARITY_SCAN_LOCAL:
-        return cairn_similarity_scan_local_step(similarity, budget);
-    case SIMILARITY_FINAL_FIT:
-        return cairn_similarity_final_fit_step(similarity, budget);
-    case SIMILARITY_ROTATION:
-        return cairn_similarity_rotation_step(similarity, budget);
+    case SELF_SIMILARITY_SEARCH:
+        return cairn_self_similarity_search_step(similarity, budget);
+    case SELF_SIMILARITY_SCAN:
+        return cairn_self_similarity_scan_step(similarity, budget);
+    case SELF_SIMILARITY_FIT:
+        return cairn_self_similarity_fits_step(similarity, budget);
+    case SELF_SIMILARITY_COMPARE_LOCAL:
+        return cairn_self_similarity_local_step(similarity, budget);
+    case SELF_SIMILARITY_LOCAL_OFFSETS:
+        return cairn_self_similarity_local_offsets_step(similarity, budget);
+    case SELF_SIMILARITY_SCAN_LOCAL:
+        return cairn_self_similarity_scan_local_step(similarity, budget);
+    case SELF_SIMILARITY_FINAL_FIT:
+        return cairn_self_similarity_final_fit_step(similarity, budget);
+    case SELF_SIMILARITY_ROTATION:
+        return cairn_self_similarity_rotation_step(similarity, budget);
     default:
         return step_report(similarity, budget);
     }
@@ -480,7 +487,7 @@ cairn_status cairn_self_similarity_step(cairn_self_similarity *similarity, cairn
 {
     if (similarity == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (similarity->phase != SIMILARITY_IDLE && similarity->phase != SIMILARITY_DONE) {
+    while (similarity->phase != SELF_SIMILARITY_IDLE && similarity->phase != SELF_SIMILARITY_DONE) {
         cairn_status status = step_phase(similarity, budget);
 
         if (status != CAIRN_OK)
@@ -495,7 +502,7 @@ cairn_self_similarity_result cairn_self_similarity_read(const cairn_self_similar
     cairn_self_similarity_result result;
 
     memset(&result, 0, sizeof result);
-    if (similarity == NULL || similarity->phase != SIMILARITY_DONE)
+    if (similarity == NULL || similarity->phase != SELF_SIMILARITY_DONE)
         return result;
     result.axes = similarity->axes;
     result.count = similarity->axis_count;

@@ -99,7 +99,8 @@ static int32_t stretch_cost(const cairn_self_similarity *similarity)
 
 /* Fills the matrix of local descriptor distances. Sampling phase: the second stretch is tried at
  * its samples and halfway to both neighbours. */
-cairn_status cairn_similarity_local_step(cairn_self_similarity *similarity, cairn_budget *budget)
+cairn_status cairn_self_similarity_local_step(cairn_self_similarity *similarity,
+                                              cairn_budget *budget)
 {
     int32_t n = similarity->params.outline_samples;
 
@@ -124,14 +125,14 @@ cairn_status cairn_similarity_local_step(cairn_self_similarity *similarity, cair
 
 /* Takes the minimum over equal offsets of both stretches, one anti-diagonal per work item. The
  * cursor is the sum of both sample indices. */
-cairn_status cairn_similarity_local_offsets_step(cairn_self_similarity *similarity,
-                                                 cairn_budget *budget)
+cairn_status cairn_self_similarity_local_offsets_step(cairn_self_similarity *similarity,
+                                                      cairn_budget *budget)
 {
     int32_t n = similarity->params.outline_samples, reach = half_stretch(similarity);
 
     for (; similarity->cursor < n; similarity->cursor++) {
         if (!cairn_budget_charge(budget, &similarity->units_charged,
-                                 1 + n * stretch_cost(similarity) / SIMILARITY_CELLS_PER_UNIT))
+                                 1 + n * stretch_cost(similarity) / SELF_SIMILARITY_CELLS_PER_UNIT))
             return CAIRN_MORE;
         for (int32_t k = 0; k < n; k++)
             similarity->dtw_sum[k] =
@@ -150,20 +151,21 @@ cairn_status cairn_similarity_local_offsets_step(cairn_self_similarity *similari
 /* ---- Dynamic time warping ---- */
 
 /* Returns the mean dynamic-time-warping cost of the two arcs of a cut. */
-static cairn_real dtw_cost_of(cairn_self_similarity *similarity, const similarity_cut *cut,
+static cairn_real dtw_cost_of(cairn_self_similarity *similarity, const self_similarity_cut *cut,
                               int32_t stride)
 {
-    similarity_sides sides = cairn_similarity_sides(similarity, cut, stride);
+    self_similarity_sides sides = cairn_self_similarity_sides(similarity, cut, stride);
     int32_t *forward = similarity->dtw_samples, *back = forward + sides.count[0],
             n = similarity->params.outline_samples;
-    similarity_alignment alignment;
+    self_similarity_alignment alignment;
 
     for (int32_t i = 0; i < sides.count[0]; i++)
         forward[i] = (sides.first[0] + i * stride) % n;
     for (int32_t i = 0; i < sides.count[1]; i++)
         back[i] = (sides.first[1] + (sides.count[1] - 1 - i) * stride) % n;
     similarity->comparison_count++;
-    alignment = cairn_similarity_align(similarity, forward, sides.count[0], back, sides.count[1]);
+    alignment =
+        cairn_self_similarity_align(similarity, forward, sides.count[0], back, sides.count[1]);
     return alignment.sum / (cairn_real)alignment.length;
 }
 
@@ -172,7 +174,7 @@ static int32_t dtw_units(const cairn_self_similarity *similarity, int32_t stride
 {
     int32_t side = similarity->params.outline_samples / stride;
 
-    return 4 + side * side / 4 / SIMILARITY_CELLS_PER_UNIT;
+    return 4 + side * side / 4 / SELF_SIMILARITY_CELLS_PER_UNIT;
 }
 
 /* Returns the weighted geometric mean. */
@@ -184,36 +186,38 @@ static cairn_real geometric_mean(cairn_real first, cairn_real second, cairn_real
                      share * cairn_log(cairn_max(least, second)));
 }
 
-void cairn_similarity_scan_local_begin(cairn_self_similarity *similarity)
+void cairn_self_similarity_scan_local_begin(cairn_self_similarity *similarity)
 {
     similarity->candidates.count = 0;
     similarity->robust = 1;
 }
 
-cairn_status cairn_similarity_scan_local_step(cairn_self_similarity *similarity,
-                                              cairn_budget *budget)
+cairn_status cairn_self_similarity_scan_local_step(cairn_self_similarity *similarity,
+                                                   cairn_budget *budget)
 {
-    int32_t units = dtw_units(similarity, SIMILARITY_SCAN_STRIDE) +
-                    cairn_similarity_evaluate_cost(similarity, SIMILARITY_SCAN_STRIDE);
+    int32_t units = dtw_units(similarity, SELF_SIMILARITY_SCAN_STRIDE) +
+                    cairn_self_similarity_evaluate_cost(similarity, SELF_SIMILARITY_SCAN_STRIDE);
 
     for (; similarity->cursor < similarity->params.outline_samples;
-         similarity->cursor += SIMILARITY_SCAN_STRIDE, similarity->inner_cursor = 0)
+         similarity->cursor += SELF_SIMILARITY_SCAN_STRIDE, similarity->inner_cursor = 0)
         for (; similarity->inner_cursor < similarity->cursor;
-             similarity->inner_cursor += SIMILARITY_SCAN_STRIDE) {
-            similarity_trial *straight = &similarity->trial[0];
-            int makes_cut = cairn_similarity_is_valid_cut(similarity, similarity->cursor,
-                                                          similarity->inner_cursor);
+             similarity->inner_cursor += SELF_SIMILARITY_SCAN_STRIDE) {
+            self_similarity_trial *straight = &similarity->trial[0];
+            int makes_cut = cairn_self_similarity_is_valid_cut(similarity, similarity->cursor,
+                                                               similarity->inner_cursor);
 
             if (!cairn_budget_charge(budget, &similarity->units_charged, makes_cut ? units : 1))
                 return CAIRN_MORE;
             if (!makes_cut)
                 continue;
-            straight->cut = cairn_similarity_cut_at(similarity->cursor, similarity->inner_cursor);
-            cairn_similarity_evaluate(similarity, straight, SIMILARITY_SCAN_STRIDE);
-            straight->cut.cost = geometric_mean(
-                straight->cut.cost, dtw_cost_of(similarity, &straight->cut, SIMILARITY_SCAN_STRIDE),
-                SCAN_DTW_WEIGHT);
-            cairn_similarity_insert(similarity, &similarity->candidates, &straight->cut);
+            straight->cut =
+                cairn_self_similarity_cut_at(similarity->cursor, similarity->inner_cursor);
+            cairn_self_similarity_evaluate(similarity, straight, SELF_SIMILARITY_SCAN_STRIDE);
+            straight->cut.cost =
+                geometric_mean(straight->cut.cost,
+                               dtw_cost_of(similarity, &straight->cut, SELF_SIMILARITY_SCAN_STRIDE),
+                               SCAN_DTW_WEIGHT);
+            cairn_self_similarity_insert(similarity, &similarity->candidates, &straight->cut);
         }
     return CAIRN_OK;
 }
@@ -221,34 +225,34 @@ cairn_status cairn_similarity_scan_local_step(cairn_self_similarity *similarity,
 /* ---- Final fits ---- */
 
 /* Prepares the final fits; all start from a straight axis. */
-void cairn_similarity_final_fit_begin(cairn_self_similarity *similarity)
+void cairn_self_similarity_final_fit_begin(cairn_self_similarity *similarity)
 {
     int32_t from_scan = similarity->candidates.count < MAX_ARTICULATED_CUTS
                             ? similarity->candidates.count
                             : MAX_ARTICULATED_CUTS;
 
-    cairn_similarity_append_candidates(similarity, from_scan, &similarity->list,
-                                       SIMILARITY_MAX_CUTS - MAX_ARTICULATED_CUTS);
+    cairn_self_similarity_append_candidates(similarity, from_scan, &similarity->list,
+                                            SELF_SIMILARITY_MAX_CUTS - MAX_ARTICULATED_CUTS);
     similarity->dtw_candidates = from_scan;
     similarity->list.count = 0;
     similarity->cursor = 0;
     similarity->inner_cursor = 0;
 }
 
-cairn_status cairn_similarity_final_fit_step(cairn_self_similarity *similarity,
-                                             cairn_budget *budget)
+cairn_status cairn_self_similarity_final_fit_step(cairn_self_similarity *similarity,
+                                                  cairn_budget *budget)
 {
     int32_t units = dtw_units(similarity, 1);
 
     for (; similarity->cursor < similarity->candidates.count; similarity->cursor++) {
-        similarity_cut *before = &similarity->candidates.cuts[similarity->cursor],
-                       straight = *before, cut;
+        self_similarity_cut *before = &similarity->candidates.cuts[similarity->cursor],
+                            straight = *before, cut;
 
         straight.bend = straight.skew = 0;
         if (similarity->inner_cursor == 0)
-            cairn_similarity_fit_begin(similarity, &straight);
+            cairn_self_similarity_fit_begin(similarity, &straight);
         similarity->inner_cursor = 1;
-        if (cairn_similarity_fit_step(similarity, budget) != CAIRN_OK ||
+        if (cairn_self_similarity_fit_step(similarity, budget) != CAIRN_OK ||
             !cairn_budget_charge(budget, &similarity->units_charged, units))
             return CAIRN_MORE;
         similarity->inner_cursor = 0;
@@ -264,8 +268,8 @@ cairn_status cairn_similarity_final_fit_step(cairn_self_similarity *similarity,
             before->dtw_cost = cut.dtw_cost;
             cut = *before;
         }
-        cairn_similarity_set_arcs(similarity, &cut);
-        cairn_similarity_insert(similarity, &similarity->list, &cut);
+        cairn_self_similarity_set_arcs(similarity, &cut);
+        cairn_self_similarity_insert(similarity, &similarity->list, &cut);
     }
     return CAIRN_OK;
 }

@@ -12,7 +12,7 @@
 
 #include "src/contour/self_similarity_work.h"
 
-enum { VARIABLES = SIMILARITY_VARIABLES, MAX_ITERATIONS = 10 };
+enum { VARIABLES = SELF_SIMILARITY_VARIABLES, MAX_ITERATIONS = 10 };
 
 /* Scale of the Geman-McClure weight, relative to the greatest inner distance. */
 #define GEMAN_MCCLURE_SCALE CAIRN_REAL(0.02)
@@ -29,7 +29,7 @@ static const cairn_real unit[VARIABLES] = {2, 2, CAIRN_REAL(0.3), CAIRN_REAL(0.2
 #define MAX_STEP 2
 
 /* Returns a variable of the fit: end positions, bend, skew. */
-static cairn_real *variable(similarity_cut *cut, int32_t i)
+static cairn_real *variable(self_similarity_cut *cut, int32_t i)
 {
     return i < 2 ? &cut->position[i] : i == 2 ? &cut->bend : &cut->skew;
 }
@@ -37,7 +37,7 @@ static cairn_real *variable(similarity_cut *cut, int32_t i)
 /* Computes the signed distances of all samples to the lines of their nearest segments, relative
  * to the greatest inner distance. */
 static void compute_residuals(const cairn_self_similarity *similarity,
-                              const similarity_axis_arcs *flat, const int32_t *nearest_segment,
+                              const self_similarity_axis_arcs *flat, const int32_t *nearest_segment,
                               cairn_real *to)
 {
     for (int32_t arc = 0; arc < 2; arc++)
@@ -59,24 +59,26 @@ static cairn_real *row_of(const cairn_self_similarity *similarity, int32_t row)
 
 /* Computes the residuals (row 0) and the Jacobian (row 1 + v: derivative with respect to
  * variable v) by forward differences; returns the number of residuals. */
-static int32_t compute_jacobian(cairn_self_similarity *similarity, const similarity_trial *t)
+static int32_t compute_jacobian(cairn_self_similarity *similarity,
+                                const self_similarity_trial *trial)
 {
-    int32_t count = t->sides.count[0] + t->sides.count[1];
+    int32_t count = trial->sides.count[0] + trial->sides.count[1];
     const cairn_real *here = row_of(similarity, 0);
 
-    compute_residuals(similarity, &t->axis_arcs, t->nearest_segment, row_of(similarity, 0));
+    compute_residuals(similarity, &trial->axis_arcs, trial->nearest_segment, row_of(similarity, 0));
     for (int32_t v = 0; v < VARIABLES; v++) {
         cairn_real *change = row_of(similarity, 1 + v);
-        similarity_cut moved = t->cut;
-        similarity_axis_arcs perturbed;
+        self_similarity_cut moved = trial->cut;
+        self_similarity_axis_arcs perturbed;
 
         *variable(&moved, v) += DIFFERENCE_STEP * unit[v];
         for (int32_t i = 0; i < 2; i++)
             moved.position[i] -= moved.position[i] >= (cairn_real)similarity->params.outline_samples
                                      ? (cairn_real)similarity->params.outline_samples
                                      : 0;
-        perturbed = cairn_similarity_unbend(similarity, &moved, &t->sides, similarity->perturbed);
-        compute_residuals(similarity, &perturbed, t->nearest_segment, change);
+        perturbed =
+            cairn_self_similarity_unbend(similarity, &moved, &trial->sides, similarity->perturbed);
+        compute_residuals(similarity, &perturbed, trial->nearest_segment, change);
         for (int32_t i = 0; i < count; i++)
             change[i] = (change[i] - here[i]) / DIFFERENCE_STEP;
     }
@@ -84,9 +86,9 @@ static int32_t compute_jacobian(cairn_self_similarity *similarity, const similar
 }
 
 /* Sets the damped, weighted normal equations a x = b. */
-static void set_normal_equations(const cairn_self_similarity *similarity, const similarity_cut *cut,
-                                 int32_t count, cairn_real a[VARIABLES][VARIABLES],
-                                 cairn_real b[VARIABLES])
+static void set_normal_equations(const cairn_self_similarity *similarity,
+                                 const self_similarity_cut *cut, int32_t count,
+                                 cairn_real a[VARIABLES][VARIABLES], cairn_real b[VARIABLES])
 {
     const cairn_real *here = row_of(similarity, 0);
     cairn_real prior = BEND_SKEW_PRIOR * (cairn_real)count;
@@ -136,8 +138,8 @@ static void solve(cairn_real a[VARIABLES][VARIABLES], cairn_real b[VARIABLES])
 /* Runs one Levenberg-Marquardt iteration; returns 0 if it is the last. */
 static int iterate(cairn_self_similarity *similarity)
 {
-    similarity_trial *current = &similarity->trial[similarity->current_trial],
-                     *next = &similarity->trial[1 - similarity->current_trial];
+    self_similarity_trial *current = &similarity->trial[similarity->current_trial],
+                          *next = &similarity->trial[1 - similarity->current_trial];
     cairn_real a[VARIABLES][VARIABLES], b[VARIABLES];
 
     set_normal_equations(similarity, &current->cut, compute_jacobian(similarity, current), a, b);
@@ -145,8 +147,8 @@ static int iterate(cairn_self_similarity *similarity)
     next->cut = current->cut;
     for (int32_t v = 0; v < VARIABLES; v++)
         *variable(&next->cut, v) += unit[v] * cairn_max(-MAX_STEP, cairn_min(MAX_STEP, b[v]));
-    cairn_similarity_clamp(similarity, &next->cut);
-    cairn_similarity_evaluate(similarity, next, 1);
+    cairn_self_similarity_clamp(similarity, &next->cut);
+    cairn_self_similarity_evaluate(similarity, next, 1);
     if (next->cut.cost < current->cut.cost) {
         int continues = current->cut.cost - next->cut.cost > MIN_IMPROVEMENT * current->cut.cost;
 
@@ -158,16 +160,17 @@ static int iterate(cairn_self_similarity *similarity)
     return 1;
 }
 
-void cairn_similarity_fit_begin(cairn_self_similarity *similarity, const similarity_cut *cut)
+void cairn_self_similarity_fit_begin(cairn_self_similarity *similarity,
+                                     const self_similarity_cut *cut)
 {
     similarity->trial[similarity->current_trial].cut = *cut;
     similarity->damping = CAIRN_REAL(0.01);
     similarity->fit_iteration = 0;
 }
 
-cairn_status cairn_similarity_fit_step(cairn_self_similarity *similarity, cairn_budget *budget)
+cairn_status cairn_self_similarity_fit_step(cairn_self_similarity *similarity, cairn_budget *budget)
 {
-    int32_t units = cairn_similarity_evaluate_cost(similarity, 1),
+    int32_t units = cairn_self_similarity_evaluate_cost(similarity, 1),
             n = similarity->params.outline_samples;
 
     while (similarity->fit_iteration <= MAX_ITERATIONS) {
@@ -177,7 +180,8 @@ cairn_status cairn_similarity_fit_step(cairn_self_similarity *similarity, cairn_
                                  similarity->fit_iteration == 0 ? units : units + VARIABLES * n))
             return CAIRN_MORE;
         if (similarity->fit_iteration == 0)
-            cairn_similarity_evaluate(similarity, &similarity->trial[similarity->current_trial], 1);
+            cairn_self_similarity_evaluate(similarity,
+                                           &similarity->trial[similarity->current_trial], 1);
         else
             continues = iterate(similarity);
         similarity->fit_iteration = continues ? similarity->fit_iteration + 1 : MAX_ITERATIONS + 1;

@@ -35,8 +35,8 @@ static cairn_vec2 reflect(const mirror_line *line, cairn_vec2 p)
     return cairn_vec2_sub(p, cairn_vec2_scale(line->normal, 2 * aside));
 }
 
-static cairn_vec2 sample_of(const cairn_self_similarity *similarity, const similarity_sides *sides,
-                            int32_t arc, int32_t i)
+static cairn_vec2 sample_of(const cairn_self_similarity *similarity,
+                            const self_similarity_sides *sides, int32_t arc, int32_t i)
 {
     return similarity->samples[(sides->first[arc] + i) % similarity->params.outline_samples];
 }
@@ -44,8 +44,8 @@ static cairn_vec2 sample_of(const cairn_self_similarity *similarity, const simil
 /* Finds the segment of the other arc nearest to the reflection of sample i, within the search
  * window; returns 0 if that arc has no segment. */
 static int32_t nearest_segment(const cairn_self_similarity *similarity,
-                               const similarity_sides *sides, int32_t arc, int32_t i, cairn_vec2 p,
-                               cairn_segment *best)
+                               const self_similarity_sides *sides, int32_t arc, int32_t i,
+                               cairn_vec2 p, cairn_segment *best)
 {
     int32_t other = 1 - arc, count = sides->count[other] - 1, middle, reach, first, last;
     cairn_real least = 0;
@@ -93,7 +93,7 @@ static void add_sample(normal_equations *sums, const mirror_line *line, cairn_ve
 }
 
 /* Runs one Gauss-Newton iteration; returns 0 if the normal equations are singular. */
-static int32_t iterate(const cairn_self_similarity *similarity, const similarity_sides *sides,
+static int32_t iterate(const cairn_self_similarity *similarity, const self_similarity_sides *sides,
                        mirror_line *line)
 {
     normal_equations sums = {0, 0, 0, 0, 0};
@@ -123,15 +123,15 @@ static int32_t iterate(const cairn_self_similarity *similarity, const similarity
     return 1;
 }
 
-int32_t cairn_similarity_mirror_cost(const cairn_self_similarity *similarity)
+int32_t cairn_self_similarity_mirror_cost(const cairn_self_similarity *similarity)
 {
-    return MAX_ITERATIONS * cairn_similarity_evaluate_cost(similarity, 1);
+    return MAX_ITERATIONS * cairn_self_similarity_evaluate_cost(similarity, 1);
 }
 
-void cairn_similarity_mirror(const cairn_self_similarity *similarity, const similarity_cut *cut,
-                             cairn_self_similarity_axis *axis)
+void cairn_self_similarity_mirror(const cairn_self_similarity *similarity,
+                                  const self_similarity_cut *cut, cairn_self_similarity_axis *axis)
 {
-    similarity_sides sides = cairn_similarity_sides(similarity, cut, 1);
+    self_similarity_sides sides = cairn_self_similarity_sides(similarity, cut, 1);
     mirror_line line;
 
     line.along = axis->mirror_direction;

@@ -19,7 +19,7 @@ enum { MAX_SCANNED_CUTS = 16, MAX_EVOLUTION_CUTS = 12 };
 /* Least length of an arc: the outline's samples divided by this. */
 enum { MIN_ARC_DIVISOR = 8 };
 
-void cairn_similarity_scan_begin(cairn_self_similarity *similarity)
+void cairn_self_similarity_scan_begin(cairn_self_similarity *similarity)
 {
     int32_t n = similarity->params.outline_samples;
 
@@ -38,57 +38,60 @@ void cairn_similarity_scan_begin(cairn_self_similarity *similarity)
     similarity->cursor = similarity->inner_cursor = 0;
 }
 
-int cairn_similarity_is_valid_cut(const cairn_self_similarity *similarity, int32_t i, int32_t k)
+int cairn_self_similarity_is_valid_cut(const cairn_self_similarity *similarity, int32_t i,
+                                       int32_t k)
 {
     int32_t n = similarity->params.outline_samples, least = n / MIN_ARC_DIVISOR;
 
     return i - k >= least && i - k <= n - least;
 }
 
-similarity_cut cairn_similarity_cut_at(int32_t i, int32_t k)
+self_similarity_cut cairn_self_similarity_cut_at(int32_t i, int32_t k)
 {
-    similarity_cut cut = {.position = {(cairn_real)k, (cairn_real)i}};
+    self_similarity_cut cut = {.position = {(cairn_real)k, (cairn_real)i}};
 
     return cut;
 }
 
 /* ---- Scan of all pairs ---- */
 
-cairn_status cairn_similarity_scan_step(cairn_self_similarity *similarity, cairn_budget *budget)
+cairn_status cairn_self_similarity_scan_step(cairn_self_similarity *similarity,
+                                             cairn_budget *budget)
 {
-    int32_t units = 4 + 2 * cairn_similarity_evaluate_cost(similarity, SIMILARITY_SCAN_STRIDE);
+    int32_t units =
+        4 + 2 * cairn_self_similarity_evaluate_cost(similarity, SELF_SIMILARITY_SCAN_STRIDE);
 
     for (; similarity->cursor < similarity->params.outline_samples;
-         similarity->cursor += SIMILARITY_SCAN_STRIDE, similarity->inner_cursor = 0)
+         similarity->cursor += SELF_SIMILARITY_SCAN_STRIDE, similarity->inner_cursor = 0)
         for (; similarity->inner_cursor < similarity->cursor;
-             similarity->inner_cursor += SIMILARITY_SCAN_STRIDE) {
-            similarity_trial *straight = &similarity->trial[0], *bent = &similarity->trial[1];
+             similarity->inner_cursor += SELF_SIMILARITY_SCAN_STRIDE) {
+            self_similarity_trial *straight = &similarity->trial[0], *bent = &similarity->trial[1];
 
             if (!cairn_budget_charge(budget, &similarity->units_charged,
-                                     cairn_similarity_is_valid_cut(similarity, similarity->cursor,
-                                                                   similarity->inner_cursor)
+                                     cairn_self_similarity_is_valid_cut(
+                                         similarity, similarity->cursor, similarity->inner_cursor)
                                          ? units
                                          : 1))
                 return CAIRN_MORE;
-            if (!cairn_similarity_is_valid_cut(similarity, similarity->cursor,
-                                               similarity->inner_cursor))
+            if (!cairn_self_similarity_is_valid_cut(similarity, similarity->cursor,
+                                                    similarity->inner_cursor))
                 continue;
             straight->cut = bent->cut =
-                cairn_similarity_cut_at(similarity->cursor, similarity->inner_cursor);
-            cairn_similarity_estimate(similarity, &bent->cut);
-            cairn_similarity_evaluate(similarity, straight, SIMILARITY_SCAN_STRIDE);
-            cairn_similarity_evaluate(similarity, bent, SIMILARITY_SCAN_STRIDE);
-            cairn_similarity_insert(similarity, &similarity->candidates,
-                                    bent->cut.cost < straight->cut.cost ? &bent->cut
-                                                                        : &straight->cut);
+                cairn_self_similarity_cut_at(similarity->cursor, similarity->inner_cursor);
+            cairn_self_similarity_estimate(similarity, &bent->cut);
+            cairn_self_similarity_evaluate(similarity, straight, SELF_SIMILARITY_SCAN_STRIDE);
+            cairn_self_similarity_evaluate(similarity, bent, SELF_SIMILARITY_SCAN_STRIDE);
+            cairn_self_similarity_insert(similarity, &similarity->candidates,
+                                         bent->cut.cost < straight->cut.cost ? &bent->cut
+                                                                             : &straight->cut);
         }
     return CAIRN_OK;
 }
 
 /* ---- Fits ---- */
 
-void cairn_similarity_append_candidates(cairn_self_similarity *similarity, int32_t kept,
-                                        const similarity_list *list, int32_t most)
+void cairn_self_similarity_append_candidates(cairn_self_similarity *similarity, int32_t kept,
+                                             const self_similarity_list *list, int32_t most)
 {
     similarity->candidates.count =
         similarity->candidates.count < kept ? similarity->candidates.count : kept;
@@ -96,10 +99,10 @@ void cairn_similarity_append_candidates(cairn_self_similarity *similarity, int32
         similarity->candidates.cuts[similarity->candidates.count++] = list->cuts[i];
 }
 
-void cairn_similarity_fits_begin(cairn_self_similarity *similarity)
+void cairn_self_similarity_fits_begin(cairn_self_similarity *similarity)
 {
-    cairn_similarity_append_candidates(similarity, MAX_SCANNED_CUTS, &similarity->list,
-                                       MAX_EVOLUTION_CUTS);
+    cairn_self_similarity_append_candidates(similarity, MAX_SCANNED_CUTS, &similarity->list,
+                                            MAX_EVOLUTION_CUTS);
     similarity->list.count = 0;
     similarity->current_trial = 0;
     similarity->cursor = 0;
@@ -112,16 +115,18 @@ static cairn_status fit_next(cairn_self_similarity *similarity, cairn_budget *bu
     cairn_status status;
 
     if (similarity->inner_cursor == 0) {
-        cairn_similarity_fit_begin(similarity, &similarity->candidates.cuts[similarity->cursor]);
+        cairn_self_similarity_fit_begin(similarity,
+                                        &similarity->candidates.cuts[similarity->cursor]);
         similarity->inner_cursor = 1;
     }
-    status = cairn_similarity_fit_step(similarity, budget);
+    status = cairn_self_similarity_fit_step(similarity, budget);
     if (status == CAIRN_OK)
         similarity->inner_cursor = 0;
     return status;
 }
 
-void cairn_similarity_set_arcs(const cairn_self_similarity *similarity, similarity_cut *cut)
+void cairn_self_similarity_set_arcs(const cairn_self_similarity *similarity,
+                                    self_similarity_cut *cut)
 {
     for (int32_t arc = 0; arc < 2; arc++) {
         cut->from[arc] = cut->position[arc];
@@ -132,16 +137,17 @@ void cairn_similarity_set_arcs(const cairn_self_similarity *similarity, similari
     cut->vertices = cut->division = 0;
 }
 
-cairn_status cairn_similarity_fits_step(cairn_self_similarity *similarity, cairn_budget *budget)
+cairn_status cairn_self_similarity_fits_step(cairn_self_similarity *similarity,
+                                             cairn_budget *budget)
 {
     for (; similarity->cursor < similarity->candidates.count; similarity->cursor++) {
-        similarity_cut *fitted;
+        self_similarity_cut *fitted;
 
         if (fit_next(similarity, budget) != CAIRN_OK)
             return CAIRN_MORE;
         fitted = &similarity->trial[similarity->current_trial].cut;
-        cairn_similarity_set_arcs(similarity, fitted);
-        cairn_similarity_insert(similarity, &similarity->list, fitted);
+        cairn_self_similarity_set_arcs(similarity, fitted);
+        cairn_self_similarity_insert(similarity, &similarity->list, fitted);
     }
     if (similarity->list.count > 0)
         similarity->articulation = (similarity->list.cuts[0].mirror_residual - RIGID_RESIDUAL) /

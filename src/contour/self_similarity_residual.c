@@ -64,28 +64,28 @@ static axis_frame axis_frame_of(cairn_vec2 from, cairn_vec2 to, cairn_real bend,
 
 /* Transforms a point to axis coordinates: x along the axis from its middle, y to the left, skew
  * removed. */
-static cairn_vec2 to_axis_coordinates(const axis_frame *f, cairn_vec2 p)
+static cairn_vec2 to_axis_coordinates(const axis_frame *frame, cairn_vec2 p)
 {
-    cairn_vec2 v = cairn_vec2_sub(p, f->origin), flat;
+    cairn_vec2 v = cairn_vec2_sub(p, frame->origin), flat;
 
-    if (f->radius == 0) {
-        flat.x = cairn_vec2_dot(f->along, v) - f->half;
-        flat.y = cairn_vec2_cross(f->along, v);
+    if (frame->radius == 0) {
+        flat.x = cairn_vec2_dot(frame->along, v) - frame->half;
+        flat.y = cairn_vec2_cross(frame->along, v);
     } else {
-        flat.x =
-            f->radius * cairn_atan2(cairn_vec2_cross(f->along, v), cairn_vec2_dot(f->along, v));
-        flat.y = f->radius + (f->radius > 0 ? -cairn_vec2_norm(v) : cairn_vec2_norm(v));
+        flat.x = frame->radius *
+                 cairn_atan2(cairn_vec2_cross(frame->along, v), cairn_vec2_dot(frame->along, v));
+        flat.y = frame->radius + (frame->radius > 0 ? -cairn_vec2_norm(v) : cairn_vec2_norm(v));
     }
-    flat.x -= f->skew * flat.y;
+    flat.x -= frame->skew * flat.y;
     return flat;
 }
 
 /* ---- Arcs ---- */
 
-similarity_sides cairn_similarity_sides(const cairn_self_similarity *similarity,
-                                        const similarity_cut *cut, int32_t stride)
+self_similarity_sides cairn_self_similarity_sides(const cairn_self_similarity *similarity,
+                                                  const self_similarity_cut *cut, int32_t stride)
 {
-    similarity_sides sides = {{0, 0}, {0, 0}, stride};
+    self_similarity_sides sides = {{0, 0}, {0, 0}, stride};
 
     for (int32_t arc = 0; arc < 2; arc++) {
         cairn_real from = cut->position[arc], to = cut->position[1 - arc];
@@ -100,15 +100,16 @@ similarity_sides cairn_similarity_sides(const cairn_self_similarity *similarity,
     return sides;
 }
 
-similarity_axis_arcs cairn_similarity_unbend(const cairn_self_similarity *similarity,
-                                             const similarity_cut *cut,
-                                             const similarity_sides *sides, cairn_vec2 *buffer)
+self_similarity_axis_arcs cairn_self_similarity_unbend(const cairn_self_similarity *similarity,
+                                                       const self_similarity_cut *cut,
+                                                       const self_similarity_sides *sides,
+                                                       cairn_vec2 *buffer)
 {
     cairn_vec2 end[2] = {
-        cairn_similarity_point(similarity, similarity->smoothed, cut->position[0]),
-        cairn_similarity_point(similarity, similarity->smoothed, cut->position[1])};
+        cairn_self_similarity_point(similarity, similarity->smoothed, cut->position[0]),
+        cairn_self_similarity_point(similarity, similarity->smoothed, cut->position[1])};
     axis_frame f = axis_frame_of(end[0], end[1], cut->bend, cut->skew);
-    similarity_axis_arcs flat;
+    self_similarity_axis_arcs flat;
 
     for (int32_t arc = 0; arc < 2; arc++) {
         int32_t count = sides->count[arc] + 2, last = count - 1;
@@ -146,7 +147,7 @@ static cairn_real squared_distance(cairn_vec2 a, cairn_vec2 b, cairn_vec2 p)
 }
 
 /* Returns the segment of the other arc nearest to point i of an arc, within the search window. */
-static int32_t nearest_segment(const similarity_axis_arcs *flat, int32_t arc, int32_t i,
+static int32_t nearest_segment(const self_similarity_axis_arcs *flat, int32_t arc, int32_t i,
                                cairn_real *distance)
 {
     const cairn_vec2 *other = flat->points[1 - arc];
@@ -169,7 +170,7 @@ static int32_t nearest_segment(const similarity_axis_arcs *flat, int32_t arc, in
     return best;
 }
 
-int32_t cairn_similarity_hole_samples(const cairn_self_similarity *similarity)
+int32_t cairn_self_similarity_hole_samples(const cairn_self_similarity *similarity)
 {
     int32_t sum = 0;
 
@@ -180,14 +181,14 @@ int32_t cairn_similarity_hole_samples(const cairn_self_similarity *similarity)
 
 /* Returns the sum of truncated distances from the reflected hole samples to the nearest hole
  * segment; *count increases by the number of samples. */
-static cairn_real hole_residual_sum(cairn_self_similarity *similarity, const similarity_cut *cut,
-                                    cairn_real most, int32_t *count)
+static cairn_real hole_residual_sum(cairn_self_similarity *similarity,
+                                    const self_similarity_cut *cut, cairn_real most, int32_t *count)
 {
-    axis_frame f =
-        axis_frame_of(cairn_similarity_point(similarity, similarity->smoothed, cut->position[0]),
-                      cairn_similarity_point(similarity, similarity->smoothed, cut->position[1]),
-                      cut->bend, cut->skew);
-    int32_t all = cairn_similarity_hole_samples(similarity);
+    axis_frame f = axis_frame_of(
+        cairn_self_similarity_point(similarity, similarity->smoothed, cut->position[0]),
+        cairn_self_similarity_point(similarity, similarity->smoothed, cut->position[1]), cut->bend,
+        cut->skew);
+    int32_t all = cairn_self_similarity_hole_samples(similarity);
     cairn_real sum = 0;
 
     for (int32_t i = 0; i < all; i++)
@@ -210,47 +211,49 @@ static cairn_real hole_residual_sum(cairn_self_similarity *similarity, const sim
     return sum;
 }
 
-void cairn_similarity_evaluate(cairn_self_similarity *similarity, similarity_trial *t,
-                               int32_t stride)
+void cairn_self_similarity_evaluate(cairn_self_similarity *similarity, self_similarity_trial *trial,
+                                    int32_t stride)
 {
     cairn_real sum = 0, inlier_sum = 0, robust_sum = 0,
                most = TRUNCATION_DEFAULT * similarity->max_distance;
-    cairn_real bend = cairn_abs(t->cut.bend), penalty, all;
+    cairn_real bend = cairn_abs(trial->cut.bend), penalty, all;
     int32_t count = 0;
 
-    t->sides = cairn_similarity_sides(similarity, &t->cut, stride);
-    t->axis_arcs = cairn_similarity_unbend(similarity, &t->cut, &t->sides, t->buffer);
+    trial->sides = cairn_self_similarity_sides(similarity, &trial->cut, stride);
+    trial->axis_arcs =
+        cairn_self_similarity_unbend(similarity, &trial->cut, &trial->sides, trial->buffer);
     for (int32_t arc = 0; arc < 2; arc++)
-        for (int32_t i = 1; i + 1 < t->axis_arcs.count[arc]; i++) {
+        for (int32_t i = 1; i + 1 < trial->axis_arcs.count[arc]; i++) {
             cairn_real distance;
 
-            t->nearest_segment[count++] = nearest_segment(&t->axis_arcs, arc, i, &distance);
+            trial->nearest_segment[count++] = nearest_segment(&trial->axis_arcs, arc, i, &distance);
             sum += cairn_min(distance, most);
             inlier_sum += cairn_min(distance, TRUNCATION_INLIER * similarity->max_distance);
             robust_sum += cairn_min(distance, TRUNCATION_ROBUST * similarity->max_distance);
         }
     all = (cairn_real)count * similarity->max_distance;
     penalty =
-        BEND_COST * bend / (1 + bend / BEND_HALF_COST_RAD) + SKEW_COST * cairn_abs(t->cut.skew);
-    t->cut.truncated_residual = count > 0 ? inlier_sum / all : TRUNCATION_INLIER;
+        BEND_COST * bend / (1 + bend / BEND_HALF_COST_RAD) + SKEW_COST * cairn_abs(trial->cut.skew);
+    trial->cut.truncated_residual = count > 0 ? inlier_sum / all : TRUNCATION_INLIER;
     robust_sum = count > 0 ? robust_sum / all : TRUNCATION_ROBUST;
-    sum += similarity->hole_total > 0 ? hole_residual_sum(similarity, &t->cut, most, &count) : 0;
+    sum +=
+        similarity->hole_total > 0 ? hole_residual_sum(similarity, &trial->cut, most, &count) : 0;
     similarity->comparison_count++;
-    t->cut.mirror_residual =
+    trial->cut.mirror_residual =
         count > 0 ? sum / ((cairn_real)count * similarity->max_distance) : TRUNCATION_DEFAULT;
-    t->cut.mirror_cost = t->cut.mirror_residual + penalty;
-    t->cut.cost = similarity->robust ? robust_sum + penalty : t->cut.mirror_cost;
+    trial->cut.mirror_cost = trial->cut.mirror_residual + penalty;
+    trial->cut.cost = similarity->robust ? robust_sum + penalty : trial->cut.mirror_cost;
 }
 
-int32_t cairn_similarity_evaluate_cost(const cairn_self_similarity *similarity, int32_t stride)
+int32_t cairn_self_similarity_evaluate_cost(const cairn_self_similarity *similarity, int32_t stride)
 {
     int32_t n = similarity->params.outline_samples / stride,
-            holes = cairn_similarity_hole_samples(similarity);
+            holes = cairn_self_similarity_hole_samples(similarity);
 
     return 2 + n / 2 + n * (4 + n / 5) / 10 + holes * (4 + holes) / 10;
 }
 
-void cairn_similarity_clamp(const cairn_self_similarity *similarity, similarity_cut *cut)
+void cairn_self_similarity_clamp(const cairn_self_similarity *similarity, self_similarity_cut *cut)
 {
     cairn_real n = (cairn_real)similarity->params.outline_samples;
 
@@ -267,12 +270,13 @@ void cairn_similarity_clamp(const cairn_self_similarity *similarity, similarity_
 
 /* Estimates bend and skew: points at equal shares of both arcs are paired, and the midpoints of
  * the pairs lie on the axis. */
-void cairn_similarity_estimate(const cairn_self_similarity *similarity, similarity_cut *cut)
+void cairn_self_similarity_estimate(const cairn_self_similarity *similarity,
+                                    self_similarity_cut *cut)
 {
     cairn_real n = (cairn_real)similarity->params.outline_samples, low = cut->position[0],
                high = cut->position[1];
-    cairn_vec2 from = cairn_similarity_point(similarity, similarity->smoothed, low),
-               to = cairn_similarity_point(similarity, similarity->smoothed, high);
+    cairn_vec2 from = cairn_self_similarity_point(similarity, similarity->smoothed, low),
+               to = cairn_self_similarity_point(similarity, similarity->smoothed, high);
     cairn_real there = high < low ? high + n - low : high - low, back = n - there;
     cairn_real rise = 0, weights = 0, lean = 0, wide = 0;
     cairn_vec2 left[ESTIMATE_PAIRS], right[ESTIMATE_PAIRS];
@@ -287,8 +291,8 @@ void cairn_similarity_estimate(const cairn_self_similarity *similarity, similari
         cairn_real x, weight;
         cairn_vec2 p, q;
 
-        left[i] = cairn_similarity_point(similarity, similarity->smoothed, a < n ? a : a - n);
-        right[i] = cairn_similarity_point(similarity, similarity->smoothed, b < 0 ? b + n : b);
+        left[i] = cairn_self_similarity_point(similarity, similarity->smoothed, a < n ? a : a - n);
+        right[i] = cairn_self_similarity_point(similarity, similarity->smoothed, b < 0 ? b + n : b);
         p = to_axis_coordinates(&f, left[i]);
         q = to_axis_coordinates(&f, right[i]);
         x = (p.x + q.x) / (2 * f.half);
@@ -297,7 +301,7 @@ void cairn_similarity_estimate(const cairn_self_similarity *similarity, similari
         weights += weight * weight;
     }
     cut->bend = weights > 0 ? -4 * cairn_atan2(rise / weights, f.half) : 0;
-    cairn_similarity_clamp(similarity, cut);
+    cairn_self_similarity_clamp(similarity, cut);
     f = axis_frame_of(from, to, cut->bend, 0);
     for (int32_t i = 0; i < ESTIMATE_PAIRS; i++) {
         cairn_vec2 rib =
@@ -307,5 +311,5 @@ void cairn_similarity_estimate(const cairn_self_similarity *similarity, similari
         wide += rib.y * rib.y;
     }
     cut->skew = wide > 0 ? lean / wide : 0;
-    cairn_similarity_clamp(similarity, cut);
+    cairn_self_similarity_clamp(similarity, cut);
 }

@@ -62,10 +62,11 @@ static cairn_real outline_distance(const cairn_self_similarity *similarity, int 
 }
 
 /* cursor: order k, from 2; inner_cursor: sample; rotation_residual: sum of distances. */
-cairn_status cairn_similarity_rotation_step(cairn_self_similarity *similarity, cairn_budget *budget)
+cairn_status cairn_self_similarity_rotation_step(cairn_self_similarity *similarity,
+                                                 cairn_budget *budget)
 {
     int32_t n = similarity->params.outline_samples,
-            all = n + cairn_similarity_hole_samples(similarity);
+            all = n + cairn_self_similarity_hole_samples(similarity);
 
     for (; similarity->cursor <= MAX_ROTATION_ORDER;
          similarity->cursor++, similarity->inner_cursor = 0) {
@@ -94,7 +95,7 @@ cairn_status cairn_similarity_rotation_step(cairn_self_similarity *similarity, c
     return CAIRN_OK;
 }
 
-void cairn_similarity_rotation_begin(cairn_self_similarity *similarity)
+void cairn_self_similarity_rotation_begin(cairn_self_similarity *similarity)
 {
     similarity->cursor = 2;
     similarity->inner_cursor = 0;

@@ -7,11 +7,11 @@
 /* Work units: table cells, vertices; number of divisions. */
 enum { CELLS_PER_UNIT = 8, VERTICES_PER_UNIT = 32, DIVISIONS = 4 };
 
-similarity_alignment cairn_similarity_align(cairn_self_similarity *similarity, const int32_t *first,
-                                            int32_t first_count, const int32_t *second,
-                                            int32_t second_count)
+self_similarity_alignment cairn_self_similarity_align(cairn_self_similarity *similarity,
+                                                      const int32_t *first, int32_t first_count,
+                                                      const int32_t *second, int32_t second_count)
 {
-    similarity_alignment alignment;
+    self_similarity_alignment alignment;
     cairn_real *above = similarity->dtw_sum,
                *sum = similarity->dtw_sum + similarity->params.outline_samples;
     int32_t *steps_above = similarity->dtw_length,
@@ -110,16 +110,17 @@ static int is_as_written(const cairn_self_similarity *similarity)
 /* Aligns the two arcs of a division and inserts the cut. */
 static void try_division(cairn_self_similarity *similarity, vertex_run first, vertex_run second)
 {
-    int32_t forward[SIMILARITY_MAX_VERTICES], back[SIMILARITY_MAX_VERTICES], m = similarity->level;
+    int32_t forward[SELF_SIMILARITY_MAX_VERTICES], back[SELF_SIMILARITY_MAX_VERTICES],
+        m = similarity->level;
     cairn_real n = (cairn_real)similarity->params.outline_samples;
-    similarity_cut cut = {.vertices = m, .division = similarity->division};
-    similarity_alignment alignment;
+    self_similarity_cut cut = {.vertices = m, .division = similarity->division};
+    self_similarity_alignment alignment;
 
     for (int32_t i = 0; i < first.count; i++)
         forward[i] = similarity->vertex[(first.first + i) % m];
     for (int32_t i = 0; i < second.count; i++)
         back[i] = similarity->vertex[(second.first + second.count - 1 - i) % m];
-    alignment = cairn_similarity_align(similarity, forward, first.count, back, second.count);
+    alignment = cairn_self_similarity_align(similarity, forward, first.count, back, second.count);
     cut.cost =
         is_as_written(similarity) ? alignment.sum : alignment.sum / (cairn_real)alignment.length;
     cut.from[0] = sample_at(similarity, first.first);
@@ -131,10 +132,10 @@ static void try_division(cairn_self_similarity *similarity, vertex_run first, ve
     for (int32_t arc = 0; arc < 2; arc++)
         cut.to[arc] += cut.to[arc] < cut.from[arc] ? n : 0;
     similarity->comparison_count++;
-    cairn_similarity_insert(similarity, &similarity->list, &cut);
+    cairn_self_similarity_insert(similarity, &similarity->list, &cut);
 }
 
-void cairn_similarity_search_begin(cairn_self_similarity *similarity)
+void cairn_self_similarity_search_begin(cairn_self_similarity *similarity)
 {
     similarity->level = similarity->params.min_vertices;
     similarity->cursor = -1;
@@ -158,7 +159,8 @@ static void advance(cairn_self_similarity *similarity)
     similarity->level++;
 }
 
-cairn_status cairn_similarity_search_step(cairn_self_similarity *similarity, cairn_budget *budget)
+cairn_status cairn_self_similarity_search_step(cairn_self_similarity *similarity,
+                                               cairn_budget *budget)
 {
     while (similarity->level <= similarity->params.max_vertices) {
         int32_t m = similarity->level,

@@ -6,34 +6,34 @@
 #include "cairn/inner_distance.h"
 #include "cairn/self_similarity.h"
 
-enum { SIMILARITY_MAX_VERTICES = 32, SIMILARITY_MAX_CUTS = 32 };
+enum { SELF_SIMILARITY_MAX_VERTICES = 32, SELF_SIMILARITY_MAX_CUTS = 32 };
 /* Variables of the fit: both end positions, bend, skew. */
-enum { SIMILARITY_VARIABLES = 4 };
+enum { SELF_SIMILARITY_VARIABLES = 4 };
 /* Stride of the coarse scan, samples. */
-enum { SIMILARITY_SCAN_STRIDE = 2 };
+enum { SELF_SIMILARITY_SCAN_STRIDE = 2 };
 /* Cells of a warping table per work unit. */
-enum { SIMILARITY_CELLS_PER_UNIT = 8 };
+enum { SELF_SIMILARITY_CELLS_PER_UNIT = 8 };
 
-typedef int32_t similarity_phase;
+typedef int32_t self_similarity_phase;
 enum {
-    SIMILARITY_IDLE,
-    SIMILARITY_INNER,
-    SIMILARITY_EVOLVE,
-    SIMILARITY_COMPARE,
-    SIMILARITY_SEARCH,
-    SIMILARITY_SCAN,
-    SIMILARITY_FIT,
-    SIMILARITY_COMPARE_LOCAL,
-    SIMILARITY_LOCAL_OFFSETS,
-    SIMILARITY_SCAN_LOCAL,
-    SIMILARITY_FINAL_FIT,
-    SIMILARITY_ROTATION,
-    SIMILARITY_REPORT,
-    SIMILARITY_DONE
+    SELF_SIMILARITY_IDLE,
+    SELF_SIMILARITY_INNER,
+    SELF_SIMILARITY_EVOLVE,
+    SELF_SIMILARITY_COMPARE,
+    SELF_SIMILARITY_SEARCH,
+    SELF_SIMILARITY_SCAN,
+    SELF_SIMILARITY_FIT,
+    SELF_SIMILARITY_COMPARE_LOCAL,
+    SELF_SIMILARITY_LOCAL_OFFSETS,
+    SELF_SIMILARITY_SCAN_LOCAL,
+    SELF_SIMILARITY_FINAL_FIT,
+    SELF_SIMILARITY_ROTATION,
+    SELF_SIMILARITY_REPORT,
+    SELF_SIMILARITY_DONE
 };
 
 /* A cut of the outline at two positions. Positions are in samples along the outline. */
-typedef struct similarity_cut {
+typedef struct self_similarity_cut {
     cairn_real position[2]; /* Positions of the ends, 0 <= position < outline_samples. */
     /* The two arcs. */
     cairn_real from[2], to[2];
@@ -48,37 +48,37 @@ typedef struct similarity_cut {
     cairn_real bend, skew;
     /* Evolution level and division, as in cairn_self_similarity_axis. */
     int32_t vertices, division;
-} similarity_cut;
+} self_similarity_cut;
 
 /* Cuts after non-maximum suppression, in order of increasing cost. */
-typedef struct similarity_list {
-    similarity_cut cuts[SIMILARITY_MAX_CUTS];
+typedef struct self_similarity_list {
+    self_similarity_cut cuts[SELF_SIMILARITY_MAX_CUTS];
     int32_t count;
-} similarity_list;
+} self_similarity_list;
 
 /* The samples of both arcs: every stride-th, without the ends. */
-typedef struct similarity_sides {
+typedef struct self_similarity_sides {
     /* First sample and number of samples of each arc. */
     int32_t first[2], count[2];
     int32_t stride;
-} similarity_sides;
+} self_similarity_sides;
 
 /* Both arcs in axis coordinates, the second reflected and reversed, each with the ends of the
  * axis. */
-typedef struct similarity_axis_arcs {
+typedef struct self_similarity_axis_arcs {
     cairn_vec2 *points[2]; /* [count] */
     int32_t count[2];
-} similarity_axis_arcs;
+} self_similarity_axis_arcs;
 
 /* A cut and its arcs in axis coordinates. */
-typedef struct similarity_trial {
-    similarity_cut cut;
-    similarity_sides sides;
-    similarity_axis_arcs axis_arcs;
+typedef struct self_similarity_trial {
+    self_similarity_cut cut;
+    self_similarity_sides sides;
+    self_similarity_axis_arcs axis_arcs;
     cairn_vec2 *buffer; /* [outline_samples + 4] */
     /* [outline_samples] For each sample the nearest segment of the other arc. */
     int32_t *nearest_segment;
-} similarity_trial;
+} self_similarity_trial;
 
 struct cairn_self_similarity {
     cairn_self_similarity_params params;
@@ -99,8 +99,8 @@ struct cairn_self_similarity {
     /* [outline_samples] Samples of both arcs to be aligned. */
     int32_t *dtw_samples;
     /* Ranked cuts. */
-    similarity_list list;
-    similarity_phase phase;
+    self_similarity_list list;
+    self_similarity_phase phase;
     /* Work units charged for the next work item. */
     int32_t units_charged;
     /* Loop counters of the current phase. */
@@ -108,15 +108,15 @@ struct cairn_self_similarity {
     /* The current evolution level. */
     int32_t level, division;
     /* Sample index of each vertex of the level. */
-    int32_t vertex[SIMILARITY_MAX_VERTICES];
+    int32_t vertex[SELF_SIMILARITY_MAX_VERTICES];
     /* Re-ranking. */
     cairn_vec2 *smoothed;   /* [outline_samples] Smoothed samples. */
     cairn_vec2 *perturbed;  /* [outline_samples + 4] Arcs with a perturbed variable. */
     cairn_vec2 *axis_holes; /* [hole_samples] Hole samples in axis coordinates. */
-    /* [(1 + SIMILARITY_VARIABLES) * outline_samples] Residuals and Jacobian. */
+    /* [(1 + SELF_SIMILARITY_VARIABLES) * outline_samples] Residuals and Jacobian. */
     cairn_real *residual;
-    similarity_list candidates; /* Cuts to be fitted. */
-    similarity_trial trial[2];
+    self_similarity_list candidates; /* Cuts to be fitted. */
+    self_similarity_trial trial[2];
     int32_t current_trial; /* Index of the accepted trial. */
     int32_t fit_iteration; /* Iteration of the fit. */
     /* Number of leading candidates from the scan for articulated shapes. */
@@ -140,94 +140,105 @@ struct cairn_self_similarity {
 
 /* Dynamic time warping of first[] and second[], lists of 1 ... outline_samples samples: least
  * sum and length of its path. */
-typedef struct similarity_alignment {
+typedef struct self_similarity_alignment {
     cairn_real sum;
     int32_t length;
-} similarity_alignment;
-similarity_alignment cairn_similarity_align(cairn_self_similarity *similarity, const int32_t *first,
-                                            int32_t first_count, const int32_t *second,
-                                            int32_t second_count);
+} self_similarity_alignment;
+self_similarity_alignment cairn_self_similarity_align(cairn_self_similarity *similarity,
+                                                      const int32_t *first, int32_t first_count,
+                                                      const int32_t *second, int32_t second_count);
 
 /* Inserts a cut with non-maximum suppression: it is dropped if a better cut lies within the
  * radius, and replaces worse cuts within the radius. */
-void cairn_similarity_insert(const cairn_self_similarity *similarity, similarity_list *list,
-                             const similarity_cut *cut);
+void cairn_self_similarity_insert(const cairn_self_similarity *similarity,
+                                  self_similarity_list *list, const self_similarity_cut *cut);
 
 /* Returns the outline point at a position, 0 <= position < outline_samples, by linear
  * interpolation; samples: [outline_samples], original or smoothed. */
-cairn_vec2 cairn_similarity_point(const cairn_self_similarity *similarity,
-                                  const cairn_vec2 *samples, cairn_real position);
+cairn_vec2 cairn_self_similarity_point(const cairn_self_similarity *similarity,
+                                       const cairn_vec2 *samples, cairn_real position);
 
 /* Returns the number of samples of all holes. */
-int32_t cairn_similarity_hole_samples(const cairn_self_similarity *similarity);
+int32_t cairn_self_similarity_hole_samples(const cairn_self_similarity *similarity);
 
 /* Searches all levels, vertex pairs and divisions, as in the thesis. */
-void cairn_similarity_search_begin(cairn_self_similarity *similarity);
-cairn_status cairn_similarity_search_step(cairn_self_similarity *similarity, cairn_budget *budget);
+void cairn_self_similarity_search_begin(cairn_self_similarity *similarity);
+cairn_status cairn_self_similarity_search_step(cairn_self_similarity *similarity,
+                                               cairn_budget *budget);
 
 /* ---- Mirror residual ---- */
 
-similarity_sides cairn_similarity_sides(const cairn_self_similarity *similarity,
-                                        const similarity_cut *cut, int32_t stride);
-similarity_axis_arcs cairn_similarity_unbend(const cairn_self_similarity *similarity,
-                                             const similarity_cut *cut,
-                                             const similarity_sides *sides, cairn_vec2 *buffer);
+self_similarity_sides cairn_self_similarity_sides(const cairn_self_similarity *similarity,
+                                                  const self_similarity_cut *cut, int32_t stride);
+self_similarity_axis_arcs cairn_self_similarity_unbend(const cairn_self_similarity *similarity,
+                                                       const self_similarity_cut *cut,
+                                                       const self_similarity_sides *sides,
+                                                       cairn_vec2 *buffer);
 
 /* Transforms a trial's arcs to axis coordinates and sets its residuals and cost. */
-void cairn_similarity_evaluate(cairn_self_similarity *similarity, similarity_trial *trial,
-                               int32_t stride);
+void cairn_self_similarity_evaluate(cairn_self_similarity *similarity, self_similarity_trial *trial,
+                                    int32_t stride);
 
 /* Estimates bend and skew from paired points of both arcs. */
-void cairn_similarity_estimate(const cairn_self_similarity *similarity, similarity_cut *cut);
+void cairn_self_similarity_estimate(const cairn_self_similarity *similarity,
+                                    self_similarity_cut *cut);
 
 /* Wraps the positions to the outline and clamps bend and skew to their bounds. */
-void cairn_similarity_clamp(const cairn_self_similarity *similarity, similarity_cut *cut);
+void cairn_self_similarity_clamp(const cairn_self_similarity *similarity, self_similarity_cut *cut);
 
 /* Returns the cost of an evaluation in units. */
-int32_t cairn_similarity_evaluate_cost(const cairn_self_similarity *similarity, int32_t stride);
+int32_t cairn_self_similarity_evaluate_cost(const cairn_self_similarity *similarity,
+                                            int32_t stride);
 
 /* Fits the cut of the current trial; CAIRN_OK: converged or out of iterations. */
-void cairn_similarity_fit_begin(cairn_self_similarity *similarity, const similarity_cut *cut);
-cairn_status cairn_similarity_fit_step(cairn_self_similarity *similarity, cairn_budget *budget);
+void cairn_self_similarity_fit_begin(cairn_self_similarity *similarity,
+                                     const self_similarity_cut *cut);
+cairn_status cairn_self_similarity_fit_step(cairn_self_similarity *similarity,
+                                            cairn_budget *budget);
 
 /* Fits the mirror line of an axis from its initial line; its cost in units. Requires
  * max_distance. */
-void cairn_similarity_mirror(const cairn_self_similarity *similarity, const similarity_cut *cut,
-                             cairn_self_similarity_axis *axis);
-int32_t cairn_similarity_mirror_cost(const cairn_self_similarity *similarity);
+void cairn_self_similarity_mirror(const cairn_self_similarity *similarity,
+                                  const self_similarity_cut *cut, cairn_self_similarity_axis *axis);
+int32_t cairn_self_similarity_mirror_cost(const cairn_self_similarity *similarity);
 
 /* ---- Re-ranking, one function for each phase ---- */
 
-void cairn_similarity_scan_begin(cairn_self_similarity *similarity);
-cairn_status cairn_similarity_scan_step(cairn_self_similarity *similarity, cairn_budget *budget);
-void cairn_similarity_fits_begin(cairn_self_similarity *similarity);
-cairn_status cairn_similarity_fits_step(cairn_self_similarity *similarity, cairn_budget *budget);
-
-/* Returns whether both arcs between samples i > k are long enough; returns that cut. */
-int cairn_similarity_is_valid_cut(const cairn_self_similarity *similarity, int32_t i, int32_t k);
-similarity_cut cairn_similarity_cut_at(int32_t i, int32_t k);
-
-/* Truncates the candidates to `kept` and appends the first `most` cuts of a list. */
-void cairn_similarity_append_candidates(cairn_self_similarity *similarity, int32_t kept,
-                                        const similarity_list *list, int32_t most);
-
-/* Sets the arcs of a cut to the whole outline between its ends. */
-void cairn_similarity_set_arcs(const cairn_self_similarity *similarity, similarity_cut *cut);
-
-/* Re-ranking of articulated shapes. */
-cairn_status cairn_similarity_local_step(cairn_self_similarity *similarity, cairn_budget *budget);
-cairn_status cairn_similarity_local_offsets_step(cairn_self_similarity *similarity,
-                                                 cairn_budget *budget);
-void cairn_similarity_scan_local_begin(cairn_self_similarity *similarity);
-cairn_status cairn_similarity_scan_local_step(cairn_self_similarity *similarity,
-                                              cairn_budget *budget);
-void cairn_similarity_final_fit_begin(cairn_self_similarity *similarity);
-cairn_status cairn_similarity_final_fit_step(cairn_self_similarity *similarity,
+void cairn_self_similarity_scan_begin(cairn_self_similarity *similarity);
+cairn_status cairn_self_similarity_scan_step(cairn_self_similarity *similarity,
+                                             cairn_budget *budget);
+void cairn_self_similarity_fits_begin(cairn_self_similarity *similarity);
+cairn_status cairn_self_similarity_fits_step(cairn_self_similarity *similarity,
                                              cairn_budget *budget);
 
+/* Returns whether both arcs between samples i > k are long enough; returns that cut. */
+int cairn_self_similarity_is_valid_cut(const cairn_self_similarity *similarity, int32_t i,
+                                       int32_t k);
+self_similarity_cut cairn_self_similarity_cut_at(int32_t i, int32_t k);
+
+/* Truncates the candidates to `kept` and appends the first `most` cuts of a list. */
+void cairn_self_similarity_append_candidates(cairn_self_similarity *similarity, int32_t kept,
+                                             const self_similarity_list *list, int32_t most);
+
+/* Sets the arcs of a cut to the whole outline between its ends. */
+void cairn_self_similarity_set_arcs(const cairn_self_similarity *similarity,
+                                    self_similarity_cut *cut);
+
+/* Re-ranking of articulated shapes. */
+cairn_status cairn_self_similarity_local_step(cairn_self_similarity *similarity,
+                                              cairn_budget *budget);
+cairn_status cairn_self_similarity_local_offsets_step(cairn_self_similarity *similarity,
+                                                      cairn_budget *budget);
+void cairn_self_similarity_scan_local_begin(cairn_self_similarity *similarity);
+cairn_status cairn_self_similarity_scan_local_step(cairn_self_similarity *similarity,
+                                                   cairn_budget *budget);
+void cairn_self_similarity_final_fit_begin(cairn_self_similarity *similarity);
+cairn_status cairn_self_similarity_final_fit_step(cairn_self_similarity *similarity,
+                                                  cairn_budget *budget);
+
 /* Estimates the order of rotational symmetry. */
-void cairn_similarity_rotation_begin(cairn_self_similarity *similarity);
-cairn_status cairn_similarity_rotation_step(cairn_self_similarity *similarity,
-                                            cairn_budget *budget);
+void cairn_self_similarity_rotation_begin(cairn_self_similarity *similarity);
+cairn_status cairn_self_similarity_rotation_step(cairn_self_similarity *similarity,
+                                                 cairn_budget *budget);
 
 #endif

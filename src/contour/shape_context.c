@@ -32,6 +32,7 @@ enum {
 enum { BINS = CAIRN_SHAPE_CONTEXT_BINS };
 /* Work units of a row: distances, costs, column minima. */
 enum { DISTANCES_PER_UNIT = 6, UNITS_PER_COST = 3, MINIMA_PER_UNIT = 16 };
+typedef int32_t shape_context_phase;
 enum {
     PHASE_IDLE,
     PHASE_MEAN_DISTANCE,
@@ -56,7 +57,8 @@ struct cairn_shape_context {
     /* Mean distance of two points, in the units of the input; sums during PHASE_MEAN_DISTANCE. */
     cairn_real mean_distance[2];
     cairn_real missing_share, distance, symmetric_distance;
-    int32_t phase, shape, row, units_charged;
+    shape_context_phase phase;
+    int32_t shape, row, units_charged;
 };
 
 cairn_shape_context_params cairn_shape_context_default(void)
@@ -71,11 +73,12 @@ cairn_shape_context_params cairn_shape_context_default(void)
     return params;
 }
 
-static int params_are_valid(const cairn_shape_context_params *p)
+static int params_are_valid(const cairn_shape_context_params *params)
 {
-    return p != NULL && p->max_points >= 2 && p->max_points <= MAX_POINTS && p->inner_radius > 0 &&
-           p->outer_radius > p->inner_radius && p->outer_radius <= MAX_COORDINATE &&
-           p->missing_cost >= 0 && p->missing_cost <= MAX_COORDINATE;
+    return params != NULL && params->max_points >= 2 && params->max_points <= MAX_POINTS &&
+           params->inner_radius > 0 && params->outer_radius > params->inner_radius &&
+           params->outer_radius <= MAX_COORDINATE && params->missing_cost >= 0 &&
+           params->missing_cost <= MAX_COORDINATE;
 }
 
 static cairn_assignment_params assignment_params(const cairn_shape_context_params *p)
@@ -89,25 +92,25 @@ static cairn_assignment_params assignment_params(const cairn_shape_context_param
 }
 
 /* Allocates everything but the assignment. */
-static cairn_shape_context *carve(cairn_pool *pool, const cairn_shape_context_params *p)
+static cairn_shape_context *carve(cairn_pool *pool, const cairn_shape_context_params *params)
 {
-    size_t n = (size_t)p->max_points;
-    cairn_shape_context *matcher = cairn_pool_take_one(pool, sizeof *matcher);
+    size_t n = (size_t)params->max_points;
+    cairn_shape_context *shape_context = cairn_pool_take_one(pool, sizeof *shape_context);
     cairn_vec2 *points = cairn_pool_take(pool, 2 * n, sizeof *points);
     cairn_real *context = cairn_pool_take(pool, 2 * n * BINS, sizeof *context);
     cairn_real *cost = cairn_pool_take(pool, n * n, sizeof *cost);
     int32_t *match = cairn_pool_take(pool, n, sizeof *match);
 
-    if (matcher != NULL) {
-        memset(matcher, 0, sizeof *matcher);
-        matcher->points[0] = points;
-        matcher->points[1] = points + n;
-        matcher->context[0] = context;
-        matcher->context[1] = context + n * BINS;
-        matcher->cost = cost;
-        matcher->match = match;
+    if (shape_context != NULL) {
+        memset(shape_context, 0, sizeof *shape_context);
+        shape_context->points[0] = points;
+        shape_context->points[1] = points + n;
+        shape_context->context[0] = context;
+        shape_context->context[1] = context + n * BINS;
+        shape_context->cost = cost;
+        shape_context->match = match;
     }
-    return matcher;
+    return shape_context;
 }
 
 size_t cairn_shape_context_memory(const cairn_shape_context_params *params)
@@ -149,61 +152,63 @@ static int are_usable(const cairn_vec2 *points, int32_t count)
     return 1;
 }
 
-cairn_status cairn_shape_context_begin(cairn_shape_context *matcher,
+cairn_status cairn_shape_context_begin(cairn_shape_context *shape_context,
                                        const cairn_shape_context_input *input)
 {
-    if (matcher == NULL || input == NULL || input->first == NULL || input->second == NULL ||
+    if (shape_context == NULL || input == NULL || input->first == NULL || input->second == NULL ||
         input->first_count < 2 || input->second_count < 2 ||
         !(input->missing_share >= 0 && input->missing_share <= 1) ||
         input->kind < CAIRN_SHAPE_CONTEXT_WHOLE || input->kind > CAIRN_SHAPE_CONTEXT_PART)
         return CAIRN_BAD_ARGUMENT;
-    if (input->first_count > matcher->params.max_points ||
-        input->second_count > matcher->params.max_points)
+    if (input->first_count > shape_context->params.max_points ||
+        input->second_count > shape_context->params.max_points)
         return CAIRN_FULL;
     if (!are_usable(input->first, input->first_count) ||
         !are_usable(input->second, input->second_count))
         return CAIRN_NOT_FINITE;
-    memcpy(matcher->points[0], input->first, (size_t)input->first_count * sizeof *input->first);
-    memcpy(matcher->points[1], input->second, (size_t)input->second_count * sizeof *input->second);
-    matcher->count[0] = input->first_count;
-    matcher->count[1] = input->second_count;
-    matcher->kind = input->kind;
-    matcher->missing_share = input->missing_share;
-    matcher->mean_distance[0] = matcher->mean_distance[1] = matcher->distance =
-        matcher->symmetric_distance = 0;
-    matcher->shape = matcher->row = matcher->units_charged = 0;
-    matcher->phase = PHASE_MEAN_DISTANCE;
+    memcpy(shape_context->points[0], input->first,
+           (size_t)input->first_count * sizeof *input->first);
+    memcpy(shape_context->points[1], input->second,
+           (size_t)input->second_count * sizeof *input->second);
+    shape_context->count[0] = input->first_count;
+    shape_context->count[1] = input->second_count;
+    shape_context->kind = input->kind;
+    shape_context->missing_share = input->missing_share;
+    shape_context->mean_distance[0] = shape_context->mean_distance[1] = shape_context->distance =
+        shape_context->symmetric_distance = 0;
+    shape_context->shape = shape_context->row = shape_context->units_charged = 0;
+    shape_context->phase = PHASE_MEAN_DISTANCE;
     return CAIRN_OK;
 }
 
 /* Sums the distances from a point to all later points. */
-static void sum_distances(cairn_shape_context *matcher)
+static void sum_distances(cairn_shape_context *shape_context)
 {
-    const cairn_vec2 *p = matcher->points[matcher->shape];
+    const cairn_vec2 *p = shape_context->points[shape_context->shape];
 
-    for (int32_t k = matcher->row + 1; k < matcher->count[matcher->shape]; k++)
-        matcher->mean_distance[matcher->shape] +=
-            cairn_vec2_norm(cairn_vec2_sub(p[k], p[matcher->row]));
+    for (int32_t k = shape_context->row + 1; k < shape_context->count[shape_context->shape]; k++)
+        shape_context->mean_distance[shape_context->shape] +=
+            cairn_vec2_norm(cairn_vec2_sub(p[k], p[shape_context->row]));
 }
 
 /* Divides the sums by their counts; returns 0 if all points coincide. */
-static int set_mean_distances(cairn_shape_context *matcher)
+static int set_mean_distances(cairn_shape_context *shape_context)
 {
     for (int32_t k = 0; k < 2; k++)
-        matcher->mean_distance[k] /=
-            (cairn_real)matcher->count[k] * (cairn_real)(matcher->count[k] - 1) / 2;
-    if (matcher->kind == CAIRN_SHAPE_CONTEXT_PART)
-        matcher->mean_distance[0] = matcher->mean_distance[1];
-    return matcher->mean_distance[0] > 0 && matcher->mean_distance[1] > 0;
+        shape_context->mean_distance[k] /=
+            (cairn_real)shape_context->count[k] * (cairn_real)(shape_context->count[k] - 1) / 2;
+    if (shape_context->kind == CAIRN_SHAPE_CONTEXT_PART)
+        shape_context->mean_distance[0] = shape_context->mean_distance[1];
+    return shape_context->mean_distance[0] > 0 && shape_context->mean_distance[1] > 0;
 }
 
 /* Returns the histogram bin of a displacement; -1: beyond the last ring. */
-static int32_t bin_of(const cairn_shape_context *matcher, cairn_vec2 d, cairn_real mean)
+static int32_t bin_of(const cairn_shape_context *shape_context, cairn_vec2 d, cairn_real mean)
 {
     cairn_real distance = cairn_vec2_norm(d) / mean, angle = cairn_atan2(d.y, d.x);
-    cairn_real step = cairn_sqrt(
-                   cairn_sqrt(matcher->params.outer_radius / matcher->params.inner_radius)),
-               bound = matcher->params.inner_radius;
+    cairn_real step = cairn_sqrt(cairn_sqrt(shape_context->params.outer_radius /
+                                            shape_context->params.inner_radius)),
+               bound = shape_context->params.inner_radius;
     int32_t ring = 0, sector = cairn_real_to_int((angle < 0 ? angle + 2 * CAIRN_PI : angle) *
                                                  (SECTORS / (2 * CAIRN_PI)));
 
@@ -215,18 +220,20 @@ static int32_t bin_of(const cairn_shape_context *matcher, cairn_vec2 d, cairn_re
 }
 
 /* Computes the shape context of a point. */
-static void histogram_row(cairn_shape_context *matcher)
+static void histogram_row(cairn_shape_context *shape_context)
 {
-    cairn_real *context = &matcher->context[matcher->shape][(size_t)matcher->row * BINS],
+    cairn_real *context =
+                   &shape_context->context[shape_context->shape][(size_t)shape_context->row * BINS],
                counted = 0;
-    const cairn_vec2 *p = matcher->points[matcher->shape];
+    const cairn_vec2 *p = shape_context->points[shape_context->shape];
 
     for (int32_t k = 0; k < BINS; k++)
         context[k] = 0;
-    for (int32_t k = 0; k < matcher->count[matcher->shape]; k++) {
-        int32_t bin = k != matcher->row ? bin_of(matcher, cairn_vec2_sub(p[k], p[matcher->row]),
-                                                 matcher->mean_distance[matcher->shape])
-                                        : -1;
+    for (int32_t k = 0; k < shape_context->count[shape_context->shape]; k++) {
+        int32_t bin = k != shape_context->row
+                          ? bin_of(shape_context, cairn_vec2_sub(p[k], p[shape_context->row]),
+                                   shape_context->mean_distance[shape_context->shape])
+                          : -1;
 
         if (bin >= 0) {
             context[bin] += 1;
@@ -284,143 +291,147 @@ static cairn_real sparse_chi_squared_cost(const sparse_histogram *a, const cairn
 }
 
 /* Computes the costs of a point of the first shape; the cheapest is its match. */
-static void cost_row(cairn_shape_context *matcher)
+static void cost_row(cairn_shape_context *shape_context)
 {
-    cairn_real *cost = &matcher->cost[(size_t)matcher->row * (size_t)matcher->count[1]];
-    const cairn_real *own = &matcher->context[0][(size_t)matcher->row * BINS];
+    cairn_real *cost =
+        &shape_context->cost[(size_t)shape_context->row * (size_t)shape_context->count[1]];
+    const cairn_real *own = &shape_context->context[0][(size_t)shape_context->row * BINS];
     sparse_histogram sparse = sparse_histogram_of(own);
     int32_t least = 0;
 
-    for (int32_t k = 0; k < matcher->count[1]; k++) {
-        const cairn_real *other = &matcher->context[1][(size_t)k * BINS];
+    for (int32_t k = 0; k < shape_context->count[1]; k++) {
+        const cairn_real *other = &shape_context->context[1][(size_t)k * BINS];
 
-        cost[k] = matcher->kind == CAIRN_SHAPE_CONTEXT_PART
+        cost[k] = shape_context->kind == CAIRN_SHAPE_CONTEXT_PART
                       ? chi_squared_cost(own, other)
                       : sparse_chi_squared_cost(&sparse, other);
         if (cost[k] < cost[least])
             least = k;
     }
-    matcher->match[matcher->row] = least;
-    matcher->distance += cost[least];
+    shape_context->match[shape_context->row] = least;
+    shape_context->distance += cost[least];
 }
 
 /* WHOLE: adds the least cost of a point of the second shape (a column minimum). */
-static void find_nearest(cairn_shape_context *matcher)
+static void find_nearest(cairn_shape_context *shape_context)
 {
-    cairn_real least = matcher->cost[matcher->row];
+    cairn_real least = shape_context->cost[shape_context->row];
 
-    for (int32_t i = 1; i < matcher->count[0]; i++)
-        least = cairn_min(
-            least, matcher->cost[(size_t)i * (size_t)matcher->count[1] + (size_t)matcher->row]);
-    matcher->symmetric_distance += least / (cairn_real)matcher->count[1];
+    for (int32_t i = 1; i < shape_context->count[0]; i++)
+        least = cairn_min(least, shape_context->cost[(size_t)i * (size_t)shape_context->count[1] +
+                                                     (size_t)shape_context->row]);
+    shape_context->symmetric_distance += least / (cairn_real)shape_context->count[1];
 }
 
 /* WHOLE: computes the distance from the optimal assignment. */
-static void finish_assignment(cairn_shape_context *matcher)
+static void finish_assignment(cairn_shape_context *shape_context)
 {
-    cairn_assignment_result pairs = cairn_assignment_read(matcher->assignment);
-    int32_t more = matcher->count[0] > matcher->count[1] ? matcher->count[0] : matcher->count[1];
+    cairn_assignment_result pairs = cairn_assignment_read(shape_context->assignment);
+    int32_t more = shape_context->count[0] > shape_context->count[1] ? shape_context->count[0]
+                                                                     : shape_context->count[1];
 
-    memcpy(matcher->match, pairs.column, (size_t)matcher->count[0] * sizeof *matcher->match);
-    matcher->distance =
-        (pairs.total_cost + matcher->params.missing_cost * (cairn_real)(more - pairs.pairs)) /
+    memcpy(shape_context->match, pairs.column,
+           (size_t)shape_context->count[0] * sizeof *shape_context->match);
+    shape_context->distance =
+        (pairs.total_cost + shape_context->params.missing_cost * (cairn_real)(more - pairs.pairs)) /
         (cairn_real)more;
-    matcher->phase = PHASE_DONE;
+    shape_context->phase = PHASE_DONE;
 }
 
 /* Completes the last row of a phase and advances the phase. */
-static cairn_status end_rows(cairn_shape_context *matcher)
+static cairn_status end_rows(cairn_shape_context *shape_context)
 {
-    matcher->row = 0;
-    if ((matcher->phase == PHASE_MEAN_DISTANCE || matcher->phase == PHASE_HISTOGRAM) &&
-        matcher->shape == 0) {
-        matcher->shape = 1;
+    shape_context->row = 0;
+    if ((shape_context->phase == PHASE_MEAN_DISTANCE || shape_context->phase == PHASE_HISTOGRAM) &&
+        shape_context->shape == 0) {
+        shape_context->shape = 1;
         return CAIRN_OK;
     }
-    matcher->shape = 0;
-    if (matcher->phase == PHASE_MEAN_DISTANCE) {
-        matcher->phase = set_mean_distances(matcher) ? PHASE_HISTOGRAM : PHASE_IDLE;
-        return matcher->phase == PHASE_HISTOGRAM ? CAIRN_OK : CAIRN_EMPTY;
+    shape_context->shape = 0;
+    if (shape_context->phase == PHASE_MEAN_DISTANCE) {
+        shape_context->phase = set_mean_distances(shape_context) ? PHASE_HISTOGRAM : PHASE_IDLE;
+        return shape_context->phase == PHASE_HISTOGRAM ? CAIRN_OK : CAIRN_EMPTY;
     }
-    if (matcher->phase == PHASE_HISTOGRAM) {
-        matcher->phase = PHASE_COST;
+    if (shape_context->phase == PHASE_HISTOGRAM) {
+        shape_context->phase = PHASE_COST;
         return CAIRN_OK;
     }
-    if (matcher->kind == CAIRN_SHAPE_CONTEXT_PART) {
-        matcher->distance = matcher->distance / (cairn_real)matcher->count[0] +
-                            matcher->params.missing_cost * matcher->missing_share;
-        matcher->phase = PHASE_DONE;
+    if (shape_context->kind == CAIRN_SHAPE_CONTEXT_PART) {
+        shape_context->distance = shape_context->distance / (cairn_real)shape_context->count[0] +
+                                  shape_context->params.missing_cost * shape_context->missing_share;
+        shape_context->phase = PHASE_DONE;
         return CAIRN_OK;
     }
-    if (matcher->phase == PHASE_COST) {
-        matcher->symmetric_distance = matcher->distance / (cairn_real)matcher->count[0];
-        matcher->phase = PHASE_NEAREST;
+    if (shape_context->phase == PHASE_COST) {
+        shape_context->symmetric_distance =
+            shape_context->distance / (cairn_real)shape_context->count[0];
+        shape_context->phase = PHASE_NEAREST;
         return CAIRN_OK;
     }
-    matcher->phase = PHASE_ASSIGN;
-    return cairn_assignment_begin(matcher->assignment, matcher->cost, matcher->count[0],
-                                  matcher->count[1]);
+    shape_context->phase = PHASE_ASSIGN;
+    return cairn_assignment_begin(shape_context->assignment, shape_context->cost,
+                                  shape_context->count[0], shape_context->count[1]);
 }
 
-static int32_t row_cost(const cairn_shape_context *matcher)
+static int32_t row_cost(const cairn_shape_context *shape_context)
 {
-    return matcher->phase == PHASE_MEAN_DISTANCE
-               ? 1 + matcher->count[matcher->shape] / DISTANCES_PER_UNIT
-           : matcher->phase == PHASE_HISTOGRAM ? matcher->count[matcher->shape]
-           : matcher->phase == PHASE_COST      ? UNITS_PER_COST * matcher->count[1]
-                                               : 1 + matcher->count[0] / MINIMA_PER_UNIT;
+    return shape_context->phase == PHASE_MEAN_DISTANCE
+               ? 1 + shape_context->count[shape_context->shape] / DISTANCES_PER_UNIT
+           : shape_context->phase == PHASE_HISTOGRAM ? shape_context->count[shape_context->shape]
+           : shape_context->phase == PHASE_COST      ? UNITS_PER_COST * shape_context->count[1]
+                                                : 1 + shape_context->count[0] / MINIMA_PER_UNIT;
 }
 
-static void run_row(cairn_shape_context *matcher)
+static void run_row(cairn_shape_context *shape_context)
 {
-    if (matcher->phase == PHASE_MEAN_DISTANCE)
-        sum_distances(matcher);
-    else if (matcher->phase == PHASE_HISTOGRAM)
-        histogram_row(matcher);
-    else if (matcher->phase == PHASE_COST)
-        cost_row(matcher);
+    if (shape_context->phase == PHASE_MEAN_DISTANCE)
+        sum_distances(shape_context);
+    else if (shape_context->phase == PHASE_HISTOGRAM)
+        histogram_row(shape_context);
+    else if (shape_context->phase == PHASE_COST)
+        cost_row(shape_context);
     else
-        find_nearest(matcher);
+        find_nearest(shape_context);
 }
 
 /* Returns the number of rows of the phase: points of the current shape, in PHASE_NEAREST of the
  * second. */
-static int32_t row_count(const cairn_shape_context *matcher)
+static int32_t row_count(const cairn_shape_context *shape_context)
 {
-    return matcher->count[matcher->phase == PHASE_NEAREST ? 1 : matcher->shape];
+    return shape_context->count[shape_context->phase == PHASE_NEAREST ? 1 : shape_context->shape];
 }
 
-cairn_status cairn_shape_context_step(cairn_shape_context *matcher, cairn_budget *budget)
+cairn_status cairn_shape_context_step(cairn_shape_context *shape_context, cairn_budget *budget)
 {
     cairn_status status = CAIRN_OK;
 
-    if (matcher == NULL || budget == NULL)
+    if (shape_context == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (status == CAIRN_OK && matcher->phase >= PHASE_MEAN_DISTANCE &&
-           matcher->phase <= PHASE_NEAREST) {
-        if (!cairn_budget_charge(budget, &matcher->units_charged, row_cost(matcher)))
+    while (status == CAIRN_OK && shape_context->phase >= PHASE_MEAN_DISTANCE &&
+           shape_context->phase <= PHASE_NEAREST) {
+        if (!cairn_budget_charge(budget, &shape_context->units_charged, row_cost(shape_context)))
             return CAIRN_MORE;
-        run_row(matcher);
-        if (++matcher->row == row_count(matcher))
-            status = end_rows(matcher);
+        run_row(shape_context);
+        if (++shape_context->row == row_count(shape_context))
+            status = end_rows(shape_context);
     }
-    if (status == CAIRN_OK && matcher->phase == PHASE_ASSIGN) {
-        status = cairn_assignment_step(matcher->assignment, budget);
+    if (status == CAIRN_OK && shape_context->phase == PHASE_ASSIGN) {
+        status = cairn_assignment_step(shape_context->assignment, budget);
         if (status == CAIRN_OK)
-            finish_assignment(matcher);
+            finish_assignment(shape_context);
     }
     return status;
 }
 
-cairn_shape_context_result cairn_shape_context_read(const cairn_shape_context *matcher)
+cairn_shape_context_result cairn_shape_context_read(const cairn_shape_context *shape_context)
 {
     cairn_shape_context_result result = {NULL, 0, 0, 0};
 
-    if (matcher != NULL && matcher->phase == PHASE_DONE) {
-        result.match = matcher->match;
-        result.count = matcher->count[0];
-        result.distance = matcher->distance;
-        result.symmetric_distance = matcher->symmetric_distance;
+    if (shape_context != NULL && shape_context->phase == PHASE_DONE) {
+        result.match = shape_context->match;
+        result.count = shape_context->count[0];
+        result.distance = shape_context->distance;
+        result.symmetric_distance = shape_context->symmetric_distance;
     }
     return result;
 }

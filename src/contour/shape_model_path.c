@@ -18,7 +18,7 @@ enum { MOVE_START, MOVE_BOTH, MOVE_UP, MOVE_DOWN };
 
 static int32_t row_stride(const cairn_shape_model_builder *builder)
 {
-    return builder->params.outline_samples + SHAPE_MIN_OUTLINE_SAMPLES;
+    return builder->params.outline_samples + SHAPE_MODEL_MIN_OUTLINE_SAMPLES;
 }
 
 /* Returns the row of values of a gap. */
@@ -28,13 +28,13 @@ static cairn_real *value_row(cairn_shape_model_builder *builder, int32_t gap)
 }
 
 /* Returns the gain of a pair of positions of an arc. */
-static cairn_real gain_at(const cairn_shape_model_builder *builder, const shape_arc *arc,
+static cairn_real gain_at(const cairn_shape_model_builder *builder, const shape_model_arc *arc,
                           int32_t low, int32_t high)
 {
-    int32_t n = shape_points(builder), first = builder->outline_first[builder->outline_index];
+    int32_t n = shape_model_points(builder), first = builder->outline_first[builder->outline_index];
 
-    return builder->gain[(shape_point(builder, arc, low) - first) * n +
-                         shape_point(builder, arc, high) - first];
+    return builder->gain[(shape_model_point(builder, arc, low) - first) * n +
+                         shape_model_point(builder, arc, high) - first];
 }
 
 void cairn_shape_model_search_begin(cairn_shape_model_builder *builder)
@@ -46,8 +46,8 @@ void cairn_shape_model_search_begin(cairn_shape_model_builder *builder)
 }
 
 /* Computes the best predecessor of (low, low + gap); positions wrap around a closed arc. */
-static void evaluate_cell(cairn_shape_model_builder *builder, const shape_arc *arc, int32_t gap,
-                          int32_t low)
+static void evaluate_cell(cairn_shape_model_builder *builder, const shape_model_arc *arc,
+                          int32_t gap, int32_t low)
 {
     int32_t next = arc->is_closed && low + 1 == arc->count ? 0 : low + 1;
     cairn_real gain = gain_at(builder, arc, low, low + gap), best = 0, value;
@@ -80,7 +80,7 @@ static void evaluate_cell(cairn_shape_model_builder *builder, const shape_arc *a
 }
 
 /* Backtracks the best path into path_pairs[], from its start. */
-static void backtrack(cairn_shape_model_builder *builder, const shape_arc *arc)
+static void backtrack(cairn_shape_model_builder *builder, const shape_model_arc *arc)
 {
     int32_t gap = builder->best_end[0], low = builder->best_end[1], count = 0, wrap_offset = 0;
 
@@ -88,7 +88,7 @@ static void backtrack(cairn_shape_model_builder *builder, const shape_arc *arc)
         return;
     for (;;) {
         uint8_t move = builder->dp_move[gap * arc->count + low];
-        shape_pair pair = {low + wrap_offset, low + wrap_offset + gap};
+        shape_model_pair pair = {low + wrap_offset, low + wrap_offset + gap};
 
         builder->path_pairs[count++] = pair;
         if (move == MOVE_START)
@@ -100,7 +100,7 @@ static void backtrack(cairn_shape_model_builder *builder, const shape_arc *arc)
         }
     }
     for (int32_t i = 0; i < count / 2; i++) {
-        shape_pair swapped = builder->path_pairs[i];
+        shape_model_pair swapped = builder->path_pairs[i];
 
         builder->path_pairs[i] = builder->path_pairs[count - 1 - i];
         builder->path_pairs[count - 1 - i] = swapped;
@@ -108,8 +108,8 @@ static void backtrack(cairn_shape_model_builder *builder, const shape_arc *arc)
     builder->path_pair_count = count;
 }
 
-cairn_status cairn_shape_model_search_step(cairn_shape_model_builder *builder, const shape_arc *arc,
-                                           cairn_budget *budget)
+cairn_status cairn_shape_model_search_step(cairn_shape_model_builder *builder,
+                                           const shape_model_arc *arc, cairn_budget *budget)
 {
     int32_t cells = arc->count * arc->count;
 
@@ -142,7 +142,7 @@ static int32_t passed_samples(const cairn_shape_model_builder *builder, int32_t 
 
 /* Returns the most symmetric pair of path_pairs[from ... to - 1], preferably near the middle;
  * -1: none is symmetric. */
-static int32_t best_pair(const cairn_shape_model_builder *builder, const shape_arc *arc,
+static int32_t best_pair(const cairn_shape_model_builder *builder, const shape_model_arc *arc,
                          int32_t from, int32_t to)
 {
     int32_t best = -1;
@@ -168,15 +168,15 @@ static int32_t best_pair(const cairn_shape_model_builder *builder, const shape_a
 
 /* Adds the outline passed by the symmetric pairs of path_pairs[from ... to - 1], as shares of
  * all outlines. */
-static void add_shares(const cairn_shape_model_builder *builder, const shape_arc *arc, int32_t from,
-                       int32_t to, cairn_shape_model_sample *sample)
+static void add_shares(const cairn_shape_model_builder *builder, const shape_model_arc *arc,
+                       int32_t from, int32_t to, cairn_shape_model_sample *sample)
 {
     cairn_real each = builder->outline_length[builder->outline_index] /
-                      ((cairn_real)shape_points(builder) * builder->total_length);
+                      ((cairn_real)shape_model_points(builder) * builder->total_length);
 
     for (int32_t i = from; i < to; i++) {
-        const shape_pair *before = &builder->path_pairs[i > 0 ? i - 1 : 0],
-                         *now = &builder->path_pairs[i];
+        const shape_model_pair *before = &builder->path_pairs[i > 0 ? i - 1 : 0],
+                               *now = &builder->path_pairs[i];
 
         if (gain_at(builder, arc, now->low, now->high) > 0) {
             sample->outline_share[0] += each * (cairn_real)(now->high - before->high);
@@ -189,12 +189,12 @@ static void add_shares(const cairn_shape_model_builder *builder, const shape_arc
 
 /* Adds waiting arcs: asymmetric stretches passed on one side, where a limb branches off, and the
  * remainders beyond both ends. */
-static void add_arcs(cairn_shape_model_builder *builder, const shape_arc *arc, int32_t path)
+static void add_arcs(cairn_shape_model_builder *builder, const shape_model_arc *arc, int32_t path)
 {
-    shape_pair first = builder->path_pairs[0],
-               last = builder->path_pairs[builder->path_pair_count - 1];
+    shape_model_pair first = builder->path_pairs[0],
+                     last = builder->path_pairs[builder->path_pair_count - 1];
     int32_t rest = arc->is_closed ? arc->count - 1 - (last.high - last.low) : 0, from = 0;
-    shape_arc part = {0, 0, 0, path, -1};
+    shape_model_arc part = {0, 0, 0, path, -1};
 
     part.start = arc->start + first.low;
     part.count = first.high - first.low + 1;
@@ -209,10 +209,10 @@ static void add_arcs(cairn_shape_model_builder *builder, const shape_arc *arc, i
             gain_at(builder, arc, builder->path_pairs[i].low, builder->path_pairs[i].high) < 0)
             continue;
         if (i - from > 1) {
-            const shape_pair *a = &builder->path_pairs[from],
-                             *z = &builder->path_pairs[i < builder->path_pair_count
-                                                           ? i
-                                                           : builder->path_pair_count - 1];
+            const shape_model_pair *a = &builder->path_pairs[from],
+                                   *z = &builder->path_pairs[i < builder->path_pair_count
+                                                                 ? i
+                                                                 : builder->path_pair_count - 1];
             int32_t up = z->high - a->high, down = a->low - z->low;
 
             part.start = arc->start + (up >= down ? a->high : z->low);
@@ -258,21 +258,22 @@ static void reverse_path(cairn_shape_model_builder *builder, const cairn_shape_m
     }
 }
 
-void cairn_shape_model_add_path(cairn_shape_model_builder *builder, const shape_arc *arc)
+void cairn_shape_model_add_path(cairn_shape_model_builder *builder, const shape_model_arc *arc)
 {
     cairn_shape_model_path path = {builder->sample_count, 0, arc->parent, -1, 0};
     cairn_real each = builder->outline_length[builder->outline_index] /
-                      ((cairn_real)shape_points(builder) * builder->total_length);
+                      ((cairn_real)shape_model_points(builder) * builder->total_length);
     int32_t length = builder->path_pair_count > 0
                          ? passed_samples(builder, builder->path_pair_count - 1)
                          : 0,
             wanted, from = 0;
 
-    if ((cairn_real)length < builder->params.min_outline_share * (cairn_real)shape_points(builder))
+    if ((cairn_real)length <
+        builder->params.min_outline_share * (cairn_real)shape_model_points(builder))
         return;
     wanted = cairn_real_to_int(
         cairn_rint((cairn_real)builder->params.path_samples * each * (cairn_real)length));
-    wanted = wanted < SHAPE_MIN_PATH_SAMPLES ? SHAPE_MIN_PATH_SAMPLES : wanted;
+    wanted = wanted < SHAPE_MODEL_MIN_PATH_SAMPLES ? SHAPE_MODEL_MIN_PATH_SAMPLES : wanted;
     for (int32_t k = 0;
          k < wanted && builder->sample_count < cairn_shape_model_max_samples(&builder->params);
          k++) {
@@ -283,9 +284,10 @@ void cairn_shape_model_add_path(cairn_shape_model_builder *builder, const shape_
                (passed_samples(builder, to) * wanted < (k + 1) * length || k + 1 == wanted))
             to++;
         best = best_pair(builder, arc, from, to);
-        if (best >= 0 && cairn_shape_model_disc(
-                             builder, shape_point(builder, arc, builder->path_pairs[best].low),
-                             shape_point(builder, arc, builder->path_pairs[best].high), sample)) {
+        if (best >= 0 &&
+            cairn_shape_model_disc(
+                builder, shape_model_point(builder, arc, builder->path_pairs[best].low),
+                shape_model_point(builder, arc, builder->path_pairs[best].high), sample)) {
             add_shares(builder, arc, from, to, sample);
             path.outline_share += sample->outline_share[0] + sample->outline_share[1];
             builder->sample_count++;

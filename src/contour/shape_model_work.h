@@ -5,22 +5,25 @@
 #include "cairn/shape_model.h"
 
 /* Least number of samples of an outline and of a path. */
-enum { SHAPE_MIN_OUTLINE_SAMPLES = 16, SHAPE_MIN_PATH_SAMPLES = 3 };
+enum { SHAPE_MODEL_MIN_OUTLINE_SAMPLES = 16, SHAPE_MODEL_MIN_PATH_SAMPLES = 3 };
 
 /* An arc of outline samples waiting for a path search: `count` samples from `start`; the whole
  * outline if closed. */
-typedef struct shape_arc {
+typedef struct shape_model_arc {
     int32_t start, count;
     int32_t is_closed;
     /* Parent path and branch sample of the resulting path. */
     int32_t parent, branch;
-} shape_arc;
+} shape_model_arc;
 
 /* A pair of outline samples on a path, counted from arc.start; negative or beyond the end where
  * the arc wraps around. */
-typedef struct shape_pair {
+typedef struct shape_model_pair {
     int32_t low, high;
-} shape_pair;
+} shape_model_pair;
+
+/* Phase of a construction (shape_model.c). */
+typedef int32_t shape_model_phase;
 
 struct cairn_shape_model_builder {
     cairn_shape_model_builder_params params;
@@ -33,11 +36,11 @@ struct cairn_shape_model_builder {
     /* [outline_samples^2] Predecessor move of each cell (gap, low). */
     uint8_t *dp_move;
     /* [2 * outline_samples] Pairs of the found path, from its start. */
-    shape_pair *path_pairs;
+    shape_model_pair *path_pairs;
     cairn_shape_model_sample *samples;
     cairn_shape_model_path *paths;
     /* Waiting arcs, the longest first. */
-    shape_arc arcs[CAIRN_SHAPE_MODEL_MAX_PATHS];
+    shape_model_arc arcs[CAIRN_SHAPE_MODEL_MAX_PATHS];
     /* First sample of each outline in outline[]. */
     int32_t outline_first[CAIRN_SHAPE_MODEL_MAX_OUTLINES + 1];
     /* Length of each outline, units of the size. */
@@ -56,23 +59,23 @@ struct cairn_shape_model_builder {
     int32_t best_end[2];
     /* Value of the best path so far. */
     cairn_real best_value;
-    int32_t phase;
+    shape_model_phase phase;
     /* Work units charged for the next work item. */
     int32_t units_charged;
 };
 
 /* Returns the number of samples of the current outline. */
-static inline int32_t shape_points(const cairn_shape_model_builder *builder)
+static inline int32_t shape_model_points(const cairn_shape_model_builder *builder)
 {
     return builder->outline_first[builder->outline_index + 1] -
            builder->outline_first[builder->outline_index];
 }
 
 /* Returns the index in outline[] of position `i` of an arc. */
-static inline int32_t shape_point(const cairn_shape_model_builder *builder, const shape_arc *arc,
-                                  int32_t i)
+static inline int32_t shape_model_point(const cairn_shape_model_builder *builder,
+                                        const shape_model_arc *arc, int32_t i)
 {
-    int32_t n = shape_points(builder), at = (arc->start + i) % n;
+    int32_t n = shape_model_points(builder), at = (arc->start + i) % n;
 
     return builder->outline_first[builder->outline_index] + (at < 0 ? at + n : at);
 }
@@ -92,13 +95,13 @@ cairn_real cairn_shape_model_gain(const cairn_shape_model_builder *builder, int3
 /* Searches the longest path of an arc into path_pairs[]: begin, then step until it does not
  * return CAIRN_MORE. */
 void cairn_shape_model_search_begin(cairn_shape_model_builder *builder);
-cairn_status cairn_shape_model_search_step(cairn_shape_model_builder *builder, const shape_arc *arc,
-                                           cairn_budget *budget);
+cairn_status cairn_shape_model_search_step(cairn_shape_model_builder *builder,
+                                           const shape_model_arc *arc, cairn_budget *budget);
 
 /* Resamples path_pairs[] to a path and adds arcs of the remaining outline. */
-void cairn_shape_model_add_path(cairn_shape_model_builder *builder, const shape_arc *arc);
+void cairn_shape_model_add_path(cairn_shape_model_builder *builder, const shape_model_arc *arc);
 
 /* Inserts a waiting arc, the longest first; without capacity the shortest is dropped. */
-void cairn_shape_model_add_arc(cairn_shape_model_builder *builder, shape_arc arc);
+void cairn_shape_model_add_arc(cairn_shape_model_builder *builder, shape_model_arc arc);
 
 #endif

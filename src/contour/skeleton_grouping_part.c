@@ -31,7 +31,8 @@
 enum { MIN_DISCS = 3, MIN_CROSSING_EDGELS = 2 };
 
 /* Returns the gain of a disc after assignments to other parts, nats. */
-static cairn_real remaining_gain(const cairn_skeleton_grouping *skeleton, const skeleton_disc *d)
+static cairn_real remaining_gain(const cairn_skeleton_grouping *skeleton,
+                                 const skeleton_grouping_disc *d)
 {
     int32_t assigned = 0;
 
@@ -48,37 +49,38 @@ static int is_written(const cairn_skeleton_grouping *skeleton)
 }
 
 /* As written: scores the whole walk, without competition. */
-static void score_whole(const cairn_skeleton_grouping *skeleton, skeleton_part *p)
+static void score_whole(const cairn_skeleton_grouping *skeleton, skeleton_grouping_part *part)
 {
-    p->kept_first = p->first;
-    p->kept_end = p->first + p->count;
-    p->log_odds = 0;
-    for (int32_t i = p->kept_first; i < p->kept_end; i++)
-        p->log_odds += skeleton->discs[i].gain;
+    part->kept_first = part->first;
+    part->kept_end = part->first + part->count;
+    part->log_odds = 0;
+    for (int32_t i = part->kept_first; i < part->kept_end; i++)
+        part->log_odds += skeleton->discs[i].gain;
 }
 
 /* Finds the stretch of discs of maximum sum (Kadane's algorithm). */
-static void score_best_stretch(const cairn_skeleton_grouping *skeleton, skeleton_part *p)
+static void score_best_stretch(const cairn_skeleton_grouping *skeleton,
+                               skeleton_grouping_part *part)
 {
     cairn_real sum = 0;
-    int32_t from = p->first;
+    int32_t from = part->first;
 
     if (is_written(skeleton)) {
-        score_whole(skeleton, p);
+        score_whole(skeleton, part);
         return;
     }
-    p->log_odds = 0;
-    p->kept_first = p->kept_end = p->first;
-    for (int32_t i = p->first; i < p->first + p->count; i++) {
+    part->log_odds = 0;
+    part->kept_first = part->kept_end = part->first;
+    for (int32_t i = part->first; i < part->first + part->count; i++) {
         if (sum <= 0) {
             sum = 0;
             from = i;
         }
         sum += remaining_gain(skeleton, &skeleton->discs[i]);
-        if (sum > p->log_odds) {
-            p->log_odds = sum;
-            p->kept_first = from;
-            p->kept_end = i + 1;
+        if (sum > part->log_odds) {
+            part->log_odds = sum;
+            part->kept_first = from;
+            part->kept_end = i + 1;
         }
     }
 }
@@ -87,7 +89,7 @@ static void score_best_stretch(const cairn_skeleton_grouping *skeleton, skeleton
 static void charge_cells(cairn_skeleton_grouping *skeleton, int32_t x0, int32_t x1, int32_t y0,
                          int32_t y1)
 {
-    skeleton->units_charged -= skeleton_cells_cost(skeleton, x0, x1, y0, y1);
+    skeleton->units_charged -= skeleton_grouping_cells_cost(skeleton, x0, x1, y0, y1);
 }
 
 /* Assigns the edgels along a contour segment to the part. */
@@ -105,7 +107,7 @@ static void assign_along(cairn_skeleton_grouping *skeleton, cairn_segment line)
     for (int32_t y = cairn_skeleton_grouping_row(skeleton, box.min.y); y <= y1; y++) {
         int32_t from, end;
 
-        skeleton_cells_of_row(skeleton, y, x0, x1, &from, &end);
+        skeleton_grouping_cells_of_row(skeleton, y, x0, x1, &from, &end);
         for (int32_t i = from; i < end; i++)
             if (cairn_abs(cairn_vec2_cross(skeleton->edgels[i].normal, unit)) >=
                     ASSIGN_MIN_COSINE &&
@@ -115,11 +117,12 @@ static void assign_along(cairn_skeleton_grouping *skeleton, cairn_segment line)
 }
 
 /* Assigns the edgels of a walk to its part. */
-static void assign_edgels(cairn_skeleton_grouping *skeleton, const skeleton_part *p)
+static void assign_edgels(cairn_skeleton_grouping *skeleton, const skeleton_grouping_part *part)
 {
-    for (int32_t i = p->kept_first; i < p->kept_end; i++)
+    for (int32_t i = part->kept_first; i < part->kept_end; i++)
         for (int32_t side = 0; side < 2; side++) {
-            const skeleton_disc *d = &skeleton->discs[i], *next = i + 1 < p->kept_end ? d + 1 : d;
+            const skeleton_grouping_disc *d = &skeleton->discs[i],
+                                         *next = i + 1 < part->kept_end ? d + 1 : d;
             cairn_segment line = {d->contact[side], next->contact[side]};
 
             if (d->edgel[side] >= 0)
@@ -131,10 +134,10 @@ static void assign_edgels(cairn_skeleton_grouping *skeleton, const skeleton_part
 
 /* Returns the disc, smoothed along the axis; as written unsmoothed. */
 static cairn_skeleton_grouping_point smoothed_point(const cairn_skeleton_grouping *skeleton,
-                                                    const skeleton_part *p, int32_t i)
+                                                    const skeleton_grouping_part *part, int32_t i)
 {
-    const skeleton_disc *d = &skeleton->discs[i], *a = i > p->kept_first ? d - 1 : d,
-                        *b = i + 1 < p->kept_end ? d + 1 : d;
+    const skeleton_grouping_disc *d = &skeleton->discs[i], *a = i > part->kept_first ? d - 1 : d,
+                                 *b = i + 1 < part->kept_end ? d + 1 : d;
     cairn_skeleton_grouping_point q;
 
     if (a == d || b == d || is_written(skeleton))
@@ -151,7 +154,7 @@ static cairn_skeleton_grouping_point smoothed_point(const cairn_skeleton_groupin
 }
 
 /* Appends a selected walk to the reported parts. */
-static void report_part(cairn_skeleton_grouping *skeleton, const skeleton_part *p)
+static void report_part(cairn_skeleton_grouping *skeleton, const skeleton_grouping_part *p)
 {
     cairn_skeleton_grouping_part *part = &skeleton->parts[skeleton->part_count];
 
@@ -167,7 +170,7 @@ static void report_part(cairn_skeleton_grouping *skeleton, const skeleton_part *
         for (int32_t side = 0; side < 2; side++)
             if (skeleton->discs[i].edgel[side] >= 0)
                 skeleton->polarity_sum[skeleton->part_count] +=
-                    skeleton->discs[i].polarity[side] == SKELETON_BRIGHTER ? 1 : -1;
+                    skeleton->discs[i].polarity[side] == SKELETON_GROUPING_BRIGHTER ? 1 : -1;
     }
     skeleton->part_count++;
 }
@@ -191,7 +194,7 @@ cairn_status cairn_skeleton_grouping_select_parts(cairn_skeleton_grouping *skele
 {
     for (;;) {
         for (; skeleton->cursor < skeleton->candidate_count; skeleton->cursor++) {
-            skeleton_part *p = &skeleton->candidates[skeleton->cursor];
+            skeleton_grouping_part *p = &skeleton->candidates[skeleton->cursor];
 
             if (p->state != 0)
                 continue;
@@ -273,9 +276,9 @@ static int is_crossed(cairn_skeleton_grouping *skeleton, cairn_vec2 from, cairn_
     for (int32_t y = cairn_skeleton_grouping_row(skeleton, box.min.y); y <= y1; y++) {
         int32_t begin, end;
 
-        skeleton_cells_of_row(skeleton, y, x0, x1, &begin, &end);
+        skeleton_grouping_cells_of_row(skeleton, y, x0, x1, &begin, &end);
         for (int32_t i = begin; i < end; i++) {
-            const skeleton_edgel *e = &skeleton->edgels[i];
+            const skeleton_grouping_edgel *e = &skeleton->edgels[i];
 
             count += cairn_abs(cairn_vec2_dot(e->normal, unit)) >= ASSIGN_MIN_COSINE &&
                      cairn_segment_distance(connection, e->position) <= CROSSING_DISTANCE_PX;
@@ -285,13 +288,14 @@ static int is_crossed(cairn_skeleton_grouping *skeleton, cairn_vec2 from, cairn_
 }
 
 /* Returns the point of another part into which an end of this part continues; -1: a free end. */
-static int32_t joint_of(cairn_skeleton_grouping *skeleton, const cairn_skeleton_grouping_part *p,
+static int32_t joint_of(cairn_skeleton_grouping *skeleton, const cairn_skeleton_grouping_part *part,
                         int32_t end)
 {
     const cairn_skeleton_grouping_point *last =
-        &skeleton->points[end ? p->first + p->count - 1 : p->first];
+        &skeleton->points[end ? part->first + part->count - 1 : part->first];
     const cairn_skeleton_grouping_point *before =
-        end ? last - (p->count > 3 ? 3 : p->count - 1) : last + (p->count > 3 ? 3 : p->count - 1);
+        end ? last - (part->count > 3 ? 3 : part->count - 1)
+            : last + (part->count > 3 ? 3 : part->count - 1);
     cairn_vec2 heading = cairn_vec2_unit(cairn_vec2_sub(last->centre, before->centre));
     cairn_real nearest = CAIRN_REAL_MAX;
     int32_t joint = -1;
@@ -299,7 +303,7 @@ static int32_t joint_of(cairn_skeleton_grouping *skeleton, const cairn_skeleton_
     for (int32_t k = 0; k < skeleton->part_count; k++) {
         const cairn_skeleton_grouping_part *other = &skeleton->parts[k];
 
-        if (other == p || are_opposite(skeleton, skeleton->cursor, k))
+        if (other == part || are_opposite(skeleton, skeleton->cursor, k))
             continue;
         for (int32_t i = other->first; i < other->first + other->count; i++) {
             cairn_vec2 displacement = cairn_vec2_sub(skeleton->points[i].centre, last->centre);

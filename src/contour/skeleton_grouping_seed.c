@@ -16,7 +16,7 @@ static cairn_status add_centres(cairn_skeleton_grouping *skeleton, cairn_budget 
         skeleton->cursor == 0 ? cairn_polyline_clear(skeleton->polyline, 1) : CAIRN_OK;
 
     for (; skeleton->cursor < skeleton->centre_count && status == CAIRN_OK; skeleton->cursor++) {
-        const skeleton_centre *c = &skeleton->centres[skeleton->cursor];
+        const skeleton_grouping_centre *c = &skeleton->centres[skeleton->cursor];
         cairn_real point[3] = {c->position.x, c->position.y, c->radius};
 
         if (!cairn_budget_charge(budget, &skeleton->units_charged, 1))
@@ -43,14 +43,15 @@ cairn_status cairn_skeleton_grouping_lines(cairn_skeleton_grouping *skeleton, ca
 }
 
 int cairn_skeleton_grouping_is_mirrored(const cairn_skeleton_grouping *skeleton,
-                                        const skeleton_centre *c, const cairn_polyline_segment *s)
+                                        const skeleton_grouping_centre *centre,
+                                        const cairn_polyline_segment *segment)
 {
-    cairn_vec2 a = {s->a[0], s->a[1]}, b = {s->b[0], s->b[1]},
+    cairn_vec2 a = {segment->a[0], segment->a[1]}, b = {segment->b[0], segment->b[1]},
                along = cairn_vec2_unit(cairn_vec2_sub(b, a));
     cairn_real first =
-        cairn_vec2_cross(along, cairn_vec2_sub(skeleton->edgels[c->edgel[0]].position, a));
+        cairn_vec2_cross(along, cairn_vec2_sub(skeleton->edgels[centre->edgel[0]].position, a));
     cairn_real second =
-        cairn_vec2_cross(along, cairn_vec2_sub(skeleton->edgels[c->edgel[1]].position, a));
+        cairn_vec2_cross(along, cairn_vec2_sub(skeleton->edgels[centre->edgel[1]].position, a));
 
     return (first > 0) != (second > 0) &&
            cairn_abs(first + second) <=
@@ -59,26 +60,28 @@ int cairn_skeleton_grouping_is_mirrored(const cairn_skeleton_grouping *skeleton,
 
 /* Returns the cost of a CP as seed: distance to the line's middle relative to the line's length,
  * plus its deviation. */
-static cairn_real seed_cost(const skeleton_centre *c, const cairn_polyline_segment *s)
+static cairn_real seed_cost(const skeleton_grouping_centre *centre,
+                            const cairn_polyline_segment *segment)
 {
-    cairn_real d[3] = {c->position.x - (s->a[0] + s->b[0]) / 2,
-                       c->position.y - (s->a[1] + s->b[1]) / 2,
-                       c->radius - (s->a[2] + s->b[2]) / 2};
-    cairn_real l[3] = {s->b[0] - s->a[0], s->b[1] - s->a[1], s->b[2] - s->a[2]};
+    cairn_real d[3] = {centre->position.x - (segment->a[0] + segment->b[0]) / 2,
+                       centre->position.y - (segment->a[1] + segment->b[1]) / 2,
+                       centre->radius - (segment->a[2] + segment->b[2]) / 2};
+    cairn_real l[3] = {segment->b[0] - segment->a[0], segment->b[1] - segment->a[1],
+                       segment->b[2] - segment->a[2]};
 
     return cairn_sqrt((d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) /
                       cairn_max(l[0] * l[0] + l[1] * l[1] + l[2] * l[2], 1)) +
-           c->deviation / DEVIATION_SCALE_RAD / 2;
+           centre->deviation / DEVIATION_SCALE_RAD / 2;
 }
 
 /* Returns 1 if seed a ranks before b. */
-static int is_before(const skeleton_seed *a, const skeleton_seed *b)
+static int is_before(const skeleton_grouping_seed *a, const skeleton_grouping_seed *b)
 {
     return a->support != b->support ? a->support > b->support : a->centre < b->centre;
 }
 
 /* Inserts a seed, sorted by decreasing support. */
-static void insert_seed(cairn_skeleton_grouping *skeleton, const skeleton_seed *start)
+static void insert_seed(cairn_skeleton_grouping *skeleton, const skeleton_grouping_seed *start)
 {
     int32_t i = skeleton->seed_count++;
 
@@ -89,12 +92,13 @@ static void insert_seed(cairn_skeleton_grouping *skeleton, const skeleton_seed *
 
 /* Returns 1 if a single CP is a seed, since short and curved parts have no line. It is
  * symmetric, has the same polarity on both sides, and both contrasts reach the mean. */
-static int is_seed(const cairn_skeleton_grouping *skeleton, const skeleton_centre *c)
+static int is_seed(const cairn_skeleton_grouping *skeleton, const skeleton_grouping_centre *centre)
 {
-    return c->deviation <= skeleton->params.symmetry_sigma && c->polarity[0] == c->polarity[1] &&
+    return centre->deviation <= skeleton->params.symmetry_sigma &&
+           centre->polarity[0] == centre->polarity[1] &&
            (skeleton->params.contrast_weight == 0 ||
-            (skeleton->edgels[c->edgel[0]].log_slope_ratio >= 0 &&
-             skeleton->edgels[c->edgel[1]].log_slope_ratio >= 0));
+            (skeleton->edgels[centre->edgel[0]].log_slope_ratio >= 0 &&
+             skeleton->edgels[centre->edgel[1]].log_slope_ratio >= 0));
 }
 
 /* Distributes the remaining capacity to single CPs, evenly over the image: they are counted,
@@ -109,7 +113,7 @@ static cairn_status add_single_seeds(cairn_skeleton_grouping *skeleton, cairn_bu
     for (; capacity > 0 && skeleton->second_cursor < 2 * n; skeleton->second_cursor++) {
         int32_t i =
             skeleton->second_cursor < n ? skeleton->second_cursor : skeleton->second_cursor - n;
-        skeleton_seed start = {i, 0};
+        skeleton_grouping_seed start = {i, 0};
 
         if (!cairn_budget_charge(budget, &skeleton->units_charged, 1))
             return CAIRN_MORE;
@@ -130,14 +134,14 @@ cairn_status cairn_skeleton_grouping_mirror(cairn_skeleton_grouping *skeleton, c
 
     for (; skeleton->cursor < view.segment_count; skeleton->cursor++) {
         const cairn_polyline_segment *s = &view.segments[skeleton->cursor];
-        skeleton_seed start = {-1, 0};
+        skeleton_grouping_seed start = {-1, 0};
         cairn_real best = CAIRN_REAL_MAX;
 
         if (!cairn_budget_charge(budget, &skeleton->units_charged,
                                  1 + skeleton->centre_count / 16 + s->count))
             return CAIRN_MORE;
         for (int32_t i = 0; i < skeleton->centre_count; i++) {
-            const skeleton_centre *c = &skeleton->centres[i];
+            const skeleton_grouping_centre *c = &skeleton->centres[i];
             cairn_real cost;
 
             if (view.label[i] != skeleton->cursor ||

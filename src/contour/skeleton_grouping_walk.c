@@ -71,26 +71,28 @@ static cairn_real step_of(const cairn_skeleton_grouping *skeleton, cairn_real ra
 }
 
 /* Returns the contour's forward tangent. */
-static cairn_vec2 tangent_of(const skeleton_state *s, int32_t side)
+static cairn_vec2 tangent_of(const skeleton_grouping_state *state, int32_t side)
 {
-    cairn_vec2 tangent = cairn_vec2_left_perp(s->inward[side]);
+    cairn_vec2 tangent = cairn_vec2_left_perp(state->inward[side]);
 
-    return cairn_vec2_dot(tangent, s->heading) < 0 ? cairn_vec2_scale(tangent, -1) : tangent;
+    return cairn_vec2_dot(tangent, state->heading) < 0 ? cairn_vec2_scale(tangent, -1) : tangent;
 }
 
 /* Returns the predicted contact point on a straight contour. */
-static cairn_vec2 predicted_contact(const skeleton_state *s, int32_t side, cairn_real step)
+static cairn_vec2 predicted_contact(const skeleton_grouping_state *state, int32_t side,
+                                    cairn_real step)
 {
-    return cairn_vec2_add(s->contact[side], cairn_vec2_scale(tangent_of(s, side), step));
+    return cairn_vec2_add(state->contact[side], cairn_vec2_scale(tangent_of(state, side), step));
 }
 
 /* Returns the gain of an edgel as the next contact point of a side, nats. */
-static cairn_real side_gain(const cairn_skeleton_grouping *skeleton, const skeleton_state *s,
-                            int32_t side, const choice *c, cairn_vec2 ahead, cairn_real log_density)
+static cairn_real side_gain(const cairn_skeleton_grouping *skeleton,
+                            const skeleton_grouping_state *state, int32_t side, const choice *c,
+                            cairn_vec2 ahead, cairn_real log_density)
 {
-    cairn_vec2 chord = cairn_vec2_sub(c->position, s->contact[side]);
-    cairn_real bend = angle_from(ahead, chord), turn = angle_from(s->inward[side], c->inward);
-    cairn_real flip = c->polarity == s->polarity[side]
+    cairn_vec2 chord = cairn_vec2_sub(c->position, state->contact[side]);
+    cairn_real bend = angle_from(ahead, chord), turn = angle_from(state->inward[side], c->inward);
+    cairn_real flip = c->polarity == state->polarity[side]
                           ? 1 - skeleton->params.polarity_flip_probability
                           : skeleton->params.polarity_flip_probability;
 
@@ -117,7 +119,7 @@ static void insert_choice(choice *list, int32_t *count, const choice *c)
             --*count;
             break;
         }
-    if (*count == SKELETON_MAX_CHOICES) {
+    if (*count == SKELETON_GROUPING_MAX_CHOICES) {
         if (list[*count - 1].gain >= c->gain)
             return;
         --*count;
@@ -128,37 +130,41 @@ static void insert_choice(choice *list, int32_t *count, const choice *c)
 }
 
 /* Lists the candidate edgels of a side and the choice without an edgel; returns their number. */
-static int32_t choices_of(const cairn_skeleton_grouping *skeleton, const skeleton_state *s,
-                          int32_t side, cairn_real step, choice *list)
+static int32_t choices_of(const cairn_skeleton_grouping *skeleton,
+                          const skeleton_grouping_state *state, int32_t side, cairn_real step,
+                          choice *list)
 {
-    cairn_vec2 ahead = tangent_of(s, side), predicted = predicted_contact(s, side, step);
+    cairn_vec2 ahead = tangent_of(state, side), predicted = predicted_contact(state, side, step);
     cairn_real search_radius = SEARCH_RADIUS_STEPS * step,
                log_density = cairn_log(cairn_skeleton_grouping_density(skeleton, predicted));
     int32_t x0 = cairn_skeleton_grouping_column(skeleton, predicted.x - search_radius),
             x1 = cairn_skeleton_grouping_column(skeleton, predicted.x + search_radius);
     int32_t y1 = cairn_skeleton_grouping_row(skeleton, predicted.y + search_radius), count = 0;
-    choice none = {
-        predicted, s->inward[side],  cairn_log(1 - skeleton->params.detection_probability), step,
-        -1,        s->polarity[side]};
+    choice none = {predicted,
+                   state->inward[side],
+                   cairn_log(1 - skeleton->params.detection_probability),
+                   step,
+                   -1,
+                   state->polarity[side]};
 
     for (int32_t y = cairn_skeleton_grouping_row(skeleton, predicted.y - search_radius); y <= y1;
          y++) {
         int32_t from, end;
 
-        skeleton_cells_of_row(skeleton, y, x0, x1, &from, &end);
+        skeleton_grouping_cells_of_row(skeleton, y, x0, x1, &from, &end);
         for (int32_t i = from; i < end; i++) {
-            const skeleton_edgel *e = &skeleton->edgels[i];
-            choice c = {e->position, e->normal, 0, 0, i, SKELETON_BRIGHTER};
+            const skeleton_grouping_edgel *e = &skeleton->edgels[i];
+            choice c = {e->position, e->normal, 0, 0, i, SKELETON_GROUPING_BRIGHTER};
 
             if (cairn_vec2_norm_squared(cairn_vec2_sub(e->position, predicted)) >
                 search_radius * search_radius)
                 continue;
-            if (cairn_vec2_dot(e->normal, s->inward[side]) < 0) {
+            if (cairn_vec2_dot(e->normal, state->inward[side]) < 0) {
                 c.inward = cairn_vec2_scale(e->normal, -1);
-                c.polarity = SKELETON_DARKER;
+                c.polarity = SKELETON_GROUPING_DARKER;
             }
-            c.chord = cairn_vec2_norm(cairn_vec2_sub(e->position, s->contact[side]));
-            c.gain = side_gain(skeleton, s, side, &c, ahead, log_density);
+            c.chord = cairn_vec2_norm(cairn_vec2_sub(e->position, state->contact[side]));
+            c.gain = side_gain(skeleton, state, side, &c, ahead, log_density);
             if (c.gain > none.gain)
                 insert_choice(list, &count, &c);
         }
@@ -178,40 +184,45 @@ static cairn_real range_gain(const cairn_skeleton_grouping *skeleton, cairn_real
 }
 
 /* Returns the gain of the symmetry and of the change of radius, nats. */
-static cairn_real pair_gain(const cairn_skeleton_grouping *skeleton, const skeleton_state *before,
-                            const skeleton_state *s)
+static cairn_real pair_gain(const cairn_skeleton_grouping *skeleton,
+                            const skeleton_grouping_state *before,
+                            const skeleton_grouping_state *state)
 {
-    cairn_real along = cairn_max(cairn_vec2_norm(cairn_vec2_sub(s->centre, before->centre)), 1);
+    cairn_real along = cairn_max(cairn_vec2_norm(cairn_vec2_sub(state->centre, before->centre)), 1);
     cairn_real symmetry =
-        log_normal(s->deviation, skeleton->params.symmetry_sigma) + cairn_log(2 * CAIRN_PI / 3);
+        log_normal(state->deviation, skeleton->params.symmetry_sigma) + cairn_log(2 * CAIRN_PI / 3);
     cairn_real slope =
-        log_normal((s->radius - before->radius) / along, RADIUS_SLOPE_SIGMA) + cairn_log(2);
+        log_normal((state->radius - before->radius) / along, RADIUS_SLOPE_SIGMA) + cairn_log(2);
 
     return cairn_max(symmetry, MIN_GAIN) + cairn_max(slope, MIN_GAIN);
 }
 
 /* Returns the gain of a state, nats. */
-static cairn_real gain_of(const cairn_skeleton_grouping *skeleton, const skeleton_state *before,
-                          const skeleton_state *s, const choice *left, const choice *right)
+static cairn_real gain_of(const cairn_skeleton_grouping *skeleton,
+                          const skeleton_grouping_state *before,
+                          const skeleton_grouping_state *state, const choice *left,
+                          const choice *right)
 {
-    cairn_real range = range_gain(skeleton, s->radius);
+    cairn_real range = range_gain(skeleton, state->radius);
 
     /* A contour on one side alone is no evidence of an axis. */
     if (left->edgel < 0 || right->edgel < 0)
         return SIDE_GAIN_WEIGHT *
                    ((left->edgel < 0 ? left->gain : 0) + (right->edgel < 0 ? right->gain : 0)) +
                range;
-    return SIDE_GAIN_WEIGHT * (left->gain + right->gain) + pair_gain(skeleton, before, s) + range;
+    return SIDE_GAIN_WEIGHT * (left->gain + right->gain) + pair_gain(skeleton, before, state) +
+           range;
 }
 
 /* Returns the cost of the edgels near a point in units. */
 static int32_t cells_cost_near(const cairn_skeleton_grouping *skeleton, cairn_vec2 place,
                                cairn_real reach)
 {
-    return skeleton_cells_cost(skeleton, cairn_skeleton_grouping_column(skeleton, place.x - reach),
-                               cairn_skeleton_grouping_column(skeleton, place.x + reach),
-                               cairn_skeleton_grouping_row(skeleton, place.y - reach),
-                               cairn_skeleton_grouping_row(skeleton, place.y + reach));
+    return skeleton_grouping_cells_cost(skeleton,
+                                        cairn_skeleton_grouping_column(skeleton, place.x - reach),
+                                        cairn_skeleton_grouping_column(skeleton, place.x + reach),
+                                        cairn_skeleton_grouping_row(skeleton, place.y - reach),
+                                        cairn_skeleton_grouping_row(skeleton, place.y + reach));
 }
 
 /* Returns the gain of the next disc's interior: an object's interior has fewer edgels than the
@@ -229,7 +240,7 @@ static cairn_real interior_gain(const cairn_skeleton_grouping *skeleton, cairn_v
     for (int32_t y = cairn_skeleton_grouping_row(skeleton, centre.y - core); y <= y1; y++) {
         int32_t from, end;
 
-        skeleton_cells_of_row(skeleton, y, x0, x1, &from, &end);
+        skeleton_grouping_cells_of_row(skeleton, y, x0, x1, &from, &end);
         for (int32_t i = from; i < end; i++)
             count += cairn_vec2_norm_squared(cairn_vec2_sub(skeleton->edgels[i].position, centre)) <
                      core * core;
@@ -241,9 +252,10 @@ static cairn_real interior_gain(const cairn_skeleton_grouping *skeleton, cairn_v
 }
 
 /* Builds the successor state of two choices; returns 0 if it is invalid. */
-static int make_state(const cairn_skeleton_grouping *skeleton, const skeleton_state *before,
-                      const choice *left, const choice *right, cairn_real step, cairn_real interior,
-                      skeleton_state *s)
+static int make_state(const cairn_skeleton_grouping *skeleton,
+                      const skeleton_grouping_state *before, const choice *left,
+                      const choice *right, cairn_real step, cairn_real interior,
+                      skeleton_grouping_state *state)
 {
     cairn_oriented_point first = {left->position, cairn_vec2_left_perp(left->inward)};
     cairn_oriented_point second = {right->position, cairn_vec2_left_perp(right->inward)};
@@ -263,36 +275,36 @@ static int make_state(const cairn_skeleton_grouping *skeleton, const skeleton_st
         cairn_vec2_dot(right->inward, cairn_vec2_sub(sp.centre, right->position)) <
             CAIRN_REAL(0.5) * sp.radius)
         return 0;
-    *s = *before;
-    s->contact[0] = left->position;
-    s->contact[1] = right->position;
-    s->inward[0] = left->inward;
-    s->inward[1] = right->inward;
-    s->edgel[0] = left->edgel;
-    s->edgel[1] = right->edgel;
-    s->polarity[0] = left->polarity;
-    s->polarity[1] = right->polarity;
-    s->centre = sp.centre;
-    s->radius = sp.radius;
-    s->deviation = sp.deviation;
+    *state = *before;
+    state->contact[0] = left->position;
+    state->contact[1] = right->position;
+    state->inward[0] = left->inward;
+    state->inward[1] = right->inward;
+    state->edgel[0] = left->edgel;
+    state->edgel[1] = right->edgel;
+    state->polarity[0] = left->polarity;
+    state->polarity[1] = right->polarity;
+    state->centre = sp.centre;
+    state->radius = sp.radius;
+    state->deviation = sp.deviation;
     /* Steps are short and their directions noisy: the heading is low-pass filtered. */
-    s->heading = cairn_vec2_unit(
+    state->heading = cairn_vec2_unit(
         cairn_vec2_add(before->heading, cairn_vec2_scale(cairn_vec2_unit(moved), CAIRN_REAL(0.7))));
-    if (cairn_vec2_cross(s->heading, cairn_vec2_sub(left->position, sp.centre)) <= 0 ||
-        cairn_vec2_cross(s->heading, cairn_vec2_sub(right->position, sp.centre)) >= 0)
+    if (cairn_vec2_cross(state->heading, cairn_vec2_sub(left->position, sp.centre)) <= 0 ||
+        cairn_vec2_cross(state->heading, cairn_vec2_sub(right->position, sp.centre)) >= 0)
         return 0;
-    s->length++;
+    state->length++;
     /* Edgels are one pixel apart: the gain is proportional to the step length. */
-    s->gain = (gain_of(skeleton, before, s, left, right) + interior) * step / MIN_STEP_PX;
-    s->log_odds += s->gain;
-    s->best_log_odds = cairn_max(s->best_log_odds, s->log_odds);
+    state->gain = (gain_of(skeleton, before, state, left, right) + interior) * step / MIN_STEP_PX;
+    state->log_odds += state->gain;
+    state->best_log_odds = cairn_max(state->best_log_odds, state->log_odds);
     return 1;
 }
 
 /* Returns 1 if the axis self-intersects. */
-static int self_intersects(const skeleton_state *last, cairn_vec2 next)
+static int self_intersects(const skeleton_grouping_state *last, cairn_vec2 next)
 {
-    const skeleton_state *s = last;
+    const skeleton_grouping_state *s = last;
 
     for (int32_t i = 0; s != NULL; i++, s = cairn_particle_filter_state_before(s))
         if (i > RECENT_STATES &&
@@ -302,16 +314,16 @@ static int self_intersects(const skeleton_state *last, cairn_vec2 next)
 }
 
 /* Returns the cost of a proposal in units. */
-static int32_t proposal_cost(const cairn_skeleton_grouping *skeleton, const skeleton_state *s,
-                             cairn_real step)
+static int32_t proposal_cost(const cairn_skeleton_grouping *skeleton,
+                             const skeleton_grouping_state *state, cairn_real step)
 {
-    cairn_vec2 next = cairn_vec2_add(s->centre, cairn_vec2_scale(s->heading, step));
-    int32_t cost = UNITS_PER_PROPOSAL + s->length / STATES_PER_UNIT +
-                   cells_cost_near(skeleton, next, INTERIOR_RADIUS * s->radius);
+    cairn_vec2 next = cairn_vec2_add(state->centre, cairn_vec2_scale(state->heading, step));
+    int32_t cost = UNITS_PER_PROPOSAL + state->length / STATES_PER_UNIT +
+                   cells_cost_near(skeleton, next, INTERIOR_RADIUS * state->radius);
 
     for (int32_t side = 0; side < 2; side++)
-        cost +=
-            cells_cost_near(skeleton, predicted_contact(s, side, step), SEARCH_RADIUS_STEPS * step);
+        cost += cells_cost_near(skeleton, predicted_contact(state, side, step),
+                                SEARCH_RADIUS_STEPS * step);
     return cost;
 }
 
@@ -320,8 +332,8 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
                             cairn_budget *budget)
 {
     cairn_skeleton_grouping *skeleton = context;
-    const skeleton_state *before = cairn_particle_filter_particle(filter, index).state;
-    choice list[2][SKELETON_MAX_CHOICES + 1];
+    const skeleton_grouping_state *before = cairn_particle_filter_particle(filter, index).state;
+    choice list[2][SKELETON_GROUPING_MAX_CHOICES + 1];
     int32_t count[2];
     cairn_real step = step_of(skeleton, before->radius), interior;
 
@@ -339,7 +351,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
         count[side] = choices_of(skeleton, before, side, step, list[side]);
     for (int32_t i = 0; i < count[0]; i++)
         for (int32_t j = 0; j < count[1]; j++) {
-            skeleton_state next;
+            skeleton_grouping_state next;
             cairn_status status;
 
             if (!make_state(skeleton, before, &list[0][i], &list[1][j], step, interior, &next))
@@ -355,7 +367,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
                                const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {
-    const skeleton_state *s = state;
+    const skeleton_grouping_state *s = state;
 
     (void)context;
     (void)filter;
@@ -366,9 +378,9 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
 }
 
 /* Stores the walk up to a state's maximum if it is the best so far. */
-static void update_best_path(cairn_skeleton_grouping *skeleton, const skeleton_state *last)
+static void update_best_path(cairn_skeleton_grouping *skeleton, const skeleton_grouping_state *last)
 {
-    const skeleton_state *s = last;
+    const skeleton_grouping_state *s = last;
 
     if (!(last->best_log_odds > skeleton->best_path_log_odds))
         return;
@@ -395,12 +407,13 @@ cairn_particle_filter_model cairn_skeleton_grouping_model(cairn_skeleton_groupin
 /* ---- Runs ---- */
 
 /* Returns the initial state: the seed's CP in one direction of its axis. */
-static skeleton_state first_state(const cairn_skeleton_grouping *skeleton)
+static skeleton_grouping_state first_state(const cairn_skeleton_grouping *skeleton)
 {
-    const skeleton_centre *c = &skeleton->centres[skeleton->seeds[skeleton->seed_index].centre];
+    const skeleton_grouping_centre *c =
+        &skeleton->centres[skeleton->seeds[skeleton->seed_index].centre];
     cairn_vec2 chord = cairn_vec2_sub(skeleton->edgels[c->edgel[1]].position,
                                       skeleton->edgels[c->edgel[0]].position);
-    skeleton_state s;
+    skeleton_grouping_state s;
 
     memset(&s, 0, sizeof s);
     s.heading = cairn_vec2_unit(cairn_vec2_left_perp(chord));
@@ -410,7 +423,7 @@ static skeleton_state first_state(const cairn_skeleton_grouping *skeleton)
         int32_t from = side ^ (skeleton->direction == 0), edgel = c->edgel[from];
 
         s.contact[side] = skeleton->edgels[edgel].position;
-        s.inward[side] = skeleton_inward(&skeleton->edgels[edgel], c->polarity[from]);
+        s.inward[side] = skeleton_grouping_inward(&skeleton->edgels[edgel], c->polarity[from]);
         s.edgel[side] = edgel;
         s.polarity[side] = c->polarity[from];
     }
@@ -421,14 +434,15 @@ static skeleton_state first_state(const cairn_skeleton_grouping *skeleton)
 }
 
 /* Returns 1 if a walk from another seed covers the CP. */
-static int is_covered(const cairn_skeleton_grouping *skeleton, const skeleton_centre *c)
+static int is_covered(const cairn_skeleton_grouping *skeleton,
+                      const skeleton_grouping_centre *centre)
 {
     for (int32_t i = 0; i < skeleton->disc_count; i++) {
-        const skeleton_disc *d = &skeleton->discs[i];
+        const skeleton_grouping_disc *d = &skeleton->discs[i];
 
-        if (cairn_vec2_norm_squared(cairn_vec2_sub(d->centre, c->position)) <
-                CAIRN_REAL(0.25) * c->radius * c->radius &&
-            cairn_abs(d->radius - c->radius) < CAIRN_REAL(0.3) * c->radius)
+        if (cairn_vec2_norm_squared(cairn_vec2_sub(d->centre, centre->position)) <
+                CAIRN_REAL(0.25) * centre->radius * centre->radius &&
+            cairn_abs(d->radius - centre->radius) < CAIRN_REAL(0.3) * centre->radius)
             return 1;
     }
     return 0;
@@ -440,9 +454,9 @@ static void append_discs(cairn_skeleton_grouping *skeleton)
     int32_t reversed = skeleton->direction == 0;
 
     for (int32_t i = 0; i < skeleton->best_path_length; i++) {
-        const skeleton_state *s =
+        const skeleton_grouping_state *s =
             &skeleton->best_path[reversed ? skeleton->best_path_length - 1 - i : i];
-        skeleton_disc *d = &skeleton->discs[skeleton->disc_count++];
+        skeleton_grouping_disc *d = &skeleton->discs[skeleton->disc_count++];
 
         d->centre = s->centre;
         d->radius = s->radius;
@@ -457,7 +471,7 @@ static void append_discs(cairn_skeleton_grouping *skeleton)
 
 static cairn_status begin_run(cairn_skeleton_grouping *skeleton)
 {
-    skeleton_state s = first_state(skeleton);
+    skeleton_grouping_state s = first_state(skeleton);
     cairn_status status = cairn_particle_filter_clear(
         skeleton->filter, skeleton->params.seed + (uint64_t)skeleton->seed_index);
 
@@ -494,7 +508,7 @@ static cairn_status run(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 /* Assembles a candidate from the first run, the seed and the second run. */
 static void end_run(cairn_skeleton_grouping *skeleton)
 {
-    skeleton_part *p = &skeleton->candidates[skeleton->candidate_count];
+    skeleton_grouping_part *p = &skeleton->candidates[skeleton->candidate_count];
 
     if (skeleton->direction == 0) {
         p->first = skeleton->disc_count;

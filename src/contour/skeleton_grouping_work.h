@@ -6,51 +6,52 @@
 #include "cairn/skeleton_grouping.h"
 
 /* Side of a grid cell, px; edgels per work unit. */
-enum { SKELETON_CELL_PX = 8, SKELETON_EDGELS_PER_UNIT = 4 };
+enum { SKELETON_GROUPING_CELL_PX = 8, SKELETON_GROUPING_EDGELS_PER_UNIT = 4 };
 /* Greatest number of edgels a side may choose from; of states a particle keeps; of states a step
  * may choose from, including the choice without an edgel. */
 enum {
-    SKELETON_MAX_CHOICES = 3,
-    SKELETON_MAX_FOLLOWERS = 4,
-    SKELETON_MAX_CANDIDATES = (SKELETON_MAX_CHOICES + 1) * (SKELETON_MAX_CHOICES + 1)
+    SKELETON_GROUPING_MAX_CHOICES = 3,
+    SKELETON_GROUPING_MAX_FOLLOWERS = 4,
+    SKELETON_GROUPING_MAX_CANDIDATES =
+        (SKELETON_GROUPING_MAX_CHOICES + 1) * (SKELETON_GROUPING_MAX_CHOICES + 1)
 };
 /* Bins of the radius histogram, eight to an octave. */
-enum { SKELETON_RADIUS_BINS = 64 };
+enum { SKELETON_GROUPING_RADIUS_BINS = 64 };
 
 /* Contrast polarity of an edgel: the object lies on the darker or on the brighter side. */
-enum { SKELETON_DARKER = 0, SKELETON_BRIGHTER = 1 };
+enum { SKELETON_GROUPING_DARKER = 0, SKELETON_GROUPING_BRIGHTER = 1 };
 
 /* An edgel, sorted by grid cell. */
-typedef struct skeleton_edgel {
+typedef struct skeleton_grouping_edgel {
     /* Position, px, and unit normal. */
     cairn_vec2 position, normal;
     cairn_real log_slope_ratio; /* Log ratio of its slope to the mean slope; 0: unknown. */
     int32_t input_index;        /* Index in the input. */
     int32_t assigned;           /* 1: assigned to a part's contour. */
-} skeleton_edgel;
+} skeleton_grouping_edgel;
 
-typedef struct skeleton_centre {
+typedef struct skeleton_grouping_centre {
     /* Position, px. */
     cairn_vec2 position;
     /* Radius, px; angle between the normals and the vectors to the centre, rad. */
     cairn_real radius, deviation;
     /* Both edgels and their contrast polarity. */
     int32_t edgel[2], polarity[2];
-} skeleton_centre;
+} skeleton_grouping_centre;
 
 /* A seed: the CP at the middle of a line, or a single CP. */
-typedef struct skeleton_seed {
+typedef struct skeleton_grouping_seed {
     int32_t centre;  /* Index of the CP; as written of the line. */
     int32_t support; /* Mirror-symmetric CPs of the line; 0: a single CP. */
-} skeleton_seed;
+} skeleton_grouping_seed;
 
 /* One state of a walk. */
-typedef struct skeleton_state {
+typedef struct skeleton_grouping_state {
     /* On the left and right of the heading; inward: normal towards the axis. */
     cairn_vec2 contact[2], inward[2];
     /* Centre of the disc, px; unit direction of the axis. */
     cairn_vec2 centre, heading;
-    /* As in skeleton_centre. */
+    /* As in skeleton_grouping_centre. */
     cairn_real radius, deviation;
     /* Log odds of this step, of the walk, and the walk's maximum so far, nats. */
     cairn_real gain, log_odds, best_log_odds;
@@ -58,26 +59,29 @@ typedef struct skeleton_state {
     int32_t edgel[2], polarity[2];
     /* Number of earlier states. */
     int32_t length;
-} skeleton_state;
+} skeleton_grouping_state;
 
 /* A disc of a candidate part. */
-typedef struct skeleton_disc {
+typedef struct skeleton_grouping_disc {
     /* Centre and contact points, px. */
     cairn_vec2 centre, contact[2];
     /* Radius, px; gain, nats. */
     cairn_real radius, gain;
     int32_t edgel[2], polarity[2];
-} skeleton_disc;
+} skeleton_grouping_disc;
 
-typedef struct skeleton_part {
+typedef struct skeleton_grouping_part {
     int32_t first, count;         /* All of its discs. */
     int32_t kept_first, kept_end; /* Its stretch of greatest log odds. */
     cairn_real log_odds;
     int32_t state; /* 0: candidate, 1: selected, -1: dropped. */
-} skeleton_part;
+} skeleton_grouping_part;
 
 /* Working memory of the mode as written. */
-typedef struct skeleton_written skeleton_written;
+typedef struct skeleton_grouping_written skeleton_grouping_written;
+
+/* Phase of a search (skeleton_grouping.c). */
+typedef int32_t skeleton_grouping_phase;
 
 struct cairn_skeleton_grouping {
     cairn_skeleton_grouping_params params;
@@ -85,21 +89,21 @@ struct cairn_skeleton_grouping {
     cairn_particle_filter *filter;
     cairn_polyline *polyline;
     /* [max_edgels] */
-    skeleton_edgel *edgels;
+    skeleton_grouping_edgel *edgels;
     /* [cells + 1] First edgel of each cell. */
     int32_t *cell_first;
     /* [max_centres] */
-    skeleton_centre *centres;
+    skeleton_grouping_centre *centres;
     /* [max_lines] */
-    skeleton_seed *seeds;
+    skeleton_grouping_seed *seeds;
     /* [max_steps + 1] The best walk; NULL as written. */
-    skeleton_state *best_path;
+    skeleton_grouping_state *best_path;
     /* NULL unless as written. */
-    skeleton_written *written;
+    skeleton_grouping_written *written;
     /* [max_points] Discs of all candidates. */
-    skeleton_disc *discs;
+    skeleton_grouping_disc *discs;
     /* [max_parts] */
-    skeleton_part *candidates;
+    skeleton_grouping_part *candidates;
     /* [max_points] */
     cairn_skeleton_grouping_point *points;
     /* [max_parts] */
@@ -112,7 +116,7 @@ struct cairn_skeleton_grouping {
      * objects' ranks. */
     int32_t *polarity_sum;
     /* Histogram of the CP radii. */
-    cairn_real histogram[SKELETON_RADIUS_BINS];
+    cairn_real histogram[SKELETON_GROUPING_RADIUS_BINS];
     /* Mean logarithm of the known edgel slopes. */
     cairn_real mean_log_slope;
     /* Range of searched radii, px: the given range, widened. */
@@ -129,38 +133,41 @@ struct cairn_skeleton_grouping {
     int32_t seed_index, direction, is_walking;
     /* Loop counters of the current phase. */
     int32_t cursor, second_cursor, polarity_cursor, phase_counter;
-    /* Current phase; work units charged for the next item and for the next proposal. */
-    int32_t phase, units_charged, step_units_charged;
+    skeleton_grouping_phase phase;
+    /* Work units charged for the next item and for the next proposal. */
+    int32_t units_charged, step_units_charged;
 };
 
 /* Sets the range *from ... *end - 1 of edgels in the cells of columns x0 ... x1 of row y. */
-static inline void skeleton_cells_of_row(const cairn_skeleton_grouping *skeleton, int32_t y,
-                                         int32_t x0, int32_t x1, int32_t *from, int32_t *end)
+static inline void skeleton_grouping_cells_of_row(const cairn_skeleton_grouping *skeleton,
+                                                  int32_t y, int32_t x0, int32_t x1, int32_t *from,
+                                                  int32_t *end)
 {
     *from = skeleton->cell_first[y * skeleton->columns + x0];
     *end = skeleton->cell_first[y * skeleton->columns + x1 + 1];
 }
 
 /* Returns the cost of visiting the edgels of cells in units. */
-static inline int32_t skeleton_cells_cost(const cairn_skeleton_grouping *skeleton, int32_t x0,
-                                          int32_t x1, int32_t y0, int32_t y1)
+static inline int32_t skeleton_grouping_cells_cost(const cairn_skeleton_grouping *skeleton,
+                                                   int32_t x0, int32_t x1, int32_t y0, int32_t y1)
 {
     int32_t count = 0, from, end;
 
     for (int32_t y = y0; y <= y1; y++) {
-        skeleton_cells_of_row(skeleton, y, x0, x1, &from, &end);
+        skeleton_grouping_cells_of_row(skeleton, y, x0, x1, &from, &end);
         count += end - from;
     }
-    return y1 - y0 + count / SKELETON_EDGELS_PER_UNIT;
+    return y1 - y0 + count / SKELETON_GROUPING_EDGELS_PER_UNIT;
 }
 
 int32_t cairn_skeleton_grouping_column(const cairn_skeleton_grouping *skeleton, cairn_real x);
 int32_t cairn_skeleton_grouping_row(const cairn_skeleton_grouping *skeleton, cairn_real y);
 
 /* Returns the normal that points to the object. */
-static inline cairn_vec2 skeleton_inward(const skeleton_edgel *e, int32_t polarity)
+static inline cairn_vec2 skeleton_grouping_inward(const skeleton_grouping_edgel *edgel,
+                                                  int32_t polarity)
 {
-    return cairn_vec2_scale(e->normal, polarity == SKELETON_BRIGHTER ? 1 : -1);
+    return cairn_vec2_scale(edgel->normal, polarity == SKELETON_GROUPING_BRIGHTER ? 1 : -1);
 }
 
 /* Returns the local edgel density (background clutter) at a point, 1/px^2. */

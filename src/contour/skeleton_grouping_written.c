@@ -15,10 +15,11 @@
 /* Edgel pairs, and moved CPs, per work unit. */
 enum { PAIRS_PER_UNIT = 2, MOVES_PER_UNIT = 16 };
 
-written_limits cairn_skeleton_grouping_written_limits_of(const cairn_skeleton_grouping *skeleton,
-                                                         cairn_real margin)
+skeleton_grouping_written_limits
+cairn_skeleton_grouping_written_limits_of(const cairn_skeleton_grouping *skeleton,
+                                          cairn_real margin)
 {
-    written_limits rule;
+    skeleton_grouping_written_limits rule;
 
     rule.min_radius = cairn_max(skeleton->min_search_radius - margin, 1);
     rule.max_radius = skeleton->max_search_radius + margin;
@@ -41,8 +42,9 @@ static int projection_of(cairn_vec2 normal, cairn_vec2 along, cairn_real *share)
 
 /* Orients the normal towards the centre and computes its deviation from the vector to the
  * centre; returns 0 if it is beyond the limit of a single deviation. */
-static int deviation_of(const written_limits *rule, cairn_vec2 normal, cairn_vec2 radial,
-                        cairn_real radius, cairn_vec2 *inward, cairn_real *deviation)
+static int deviation_of(const skeleton_grouping_written_limits *rule, cairn_vec2 normal,
+                        cairn_vec2 radial, cairn_real radius, cairn_vec2 *inward,
+                        cairn_real *deviation)
 {
     cairn_real along = cairn_vec2_dot(normal, radial);
 
@@ -54,10 +56,11 @@ static int deviation_of(const written_limits *rule, cairn_vec2 normal, cairn_vec
 }
 
 int cairn_skeleton_grouping_written_pair(const cairn_skeleton_grouping *skeleton,
-                                         const written_limits *rule, int32_t first, int32_t second,
-                                         written_pair *pair)
+                                         const skeleton_grouping_written_limits *rule,
+                                         int32_t first, int32_t second,
+                                         skeleton_grouping_written_pair *pair)
 {
-    const skeleton_edgel *a = &skeleton->edgels[first], *b = &skeleton->edgels[second];
+    const skeleton_grouping_edgel *a = &skeleton->edgels[first], *b = &skeleton->edgels[second];
     cairn_vec2 chord = cairn_vec2_sub(b->position, a->position), along, middle;
     cairn_real squared = cairn_vec2_norm_squared(chord), length, share[2], up;
 
@@ -89,21 +92,22 @@ int cairn_skeleton_grouping_written_pair(const cairn_skeleton_grouping *skeleton
 }
 
 /* Adds one in `stride` CPs. */
-static void add_centre(cairn_skeleton_grouping *skeleton, const written_pair *pair)
+static void add_centre(cairn_skeleton_grouping *skeleton,
+                       const skeleton_grouping_written_pair *pair)
 {
-    skeleton_written *w = skeleton->written;
-    int64_t number = w->pairs_seen++;
-    skeleton_centre *c;
+    skeleton_grouping_written *written = skeleton->written;
+    int64_t number = written->pairs_seen++;
+    skeleton_grouping_centre *c;
 
-    if (number % w->stride != 0)
+    if (number % written->stride != 0)
         return;
     if (skeleton->centre_count == skeleton->params.max_centres) {
         skeleton->units_charged -= skeleton->centre_count / MOVES_PER_UNIT;
         skeleton->centre_count = (skeleton->centre_count + 1) / 2;
         for (int32_t i = 1; i < skeleton->centre_count; i++)
             skeleton->centres[i] = skeleton->centres[2 * i];
-        w->stride *= 2;
-        if (number % w->stride != 0 || skeleton->centre_count == skeleton->params.max_centres)
+        written->stride *= 2;
+        if (number % written->stride != 0 || skeleton->centre_count == skeleton->params.max_centres)
             return;
     }
     c = &skeleton->centres[skeleton->centre_count++];
@@ -112,7 +116,7 @@ static void add_centre(cairn_skeleton_grouping *skeleton, const written_pair *pa
     c->deviation = CAIRN_REAL(0.5) * (pair->deviation[0] + pair->deviation[1]);
     for (int32_t side = 0; side < 2; side++) {
         c->edgel[side] = pair->edgel[side];
-        c->polarity[side] = SKELETON_DARKER;
+        c->polarity[side] = SKELETON_GROUPING_DARKER;
     }
 }
 
@@ -125,9 +129,9 @@ static int pairs_of(cairn_skeleton_grouping *skeleton, int32_t edgel, cairn_budg
             x1 = cairn_skeleton_grouping_column(skeleton, at.x + reach);
     int32_t y0 = cairn_skeleton_grouping_row(skeleton, at.y),
             y1 = cairn_skeleton_grouping_row(skeleton, at.y + reach);
-    int32_t cost = 2 + SKELETON_EDGELS_PER_UNIT / PAIRS_PER_UNIT *
-                           skeleton_cells_cost(skeleton, x0, x1, y0, y1);
-    written_limits rule;
+    int32_t cost = 2 + SKELETON_GROUPING_EDGELS_PER_UNIT / PAIRS_PER_UNIT *
+                           skeleton_grouping_cells_cost(skeleton, x0, x1, y0, y1);
+    skeleton_grouping_written_limits rule;
 
     if (!cairn_budget_charge(budget, &skeleton->units_charged, cost))
         return 0;
@@ -135,9 +139,9 @@ static int pairs_of(cairn_skeleton_grouping *skeleton, int32_t edgel, cairn_budg
     for (int32_t y = y0; y <= y1; y++) {
         int32_t from, end;
 
-        skeleton_cells_of_row(skeleton, y, x0, x1, &from, &end);
+        skeleton_grouping_cells_of_row(skeleton, y, x0, x1, &from, &end);
         for (int32_t i = from > edgel + 1 ? from : edgel + 1; i < end; i++) {
-            written_pair pair;
+            skeleton_grouping_written_pair pair;
 
             if (cairn_skeleton_grouping_written_pair(skeleton, &rule, edgel, i, &pair))
                 add_centre(skeleton, &pair);

@@ -13,8 +13,8 @@
  * 4. The run ends when no particle has a follower, after max_steps, or when (3.7) of the heaviest
  *    particle, relative to its maximum, is below Delta_p. Its walk is the part.
  *
- * Limits: circles of more than WRITTEN_MAX_EDGELS edgels and particles with more than
- * WRITTEN_MAX_FOLLOWERS followers are subsampled evenly. */
+ * Limits: circles of more than SKELETON_GROUPING_WRITTEN_MAX_EDGELS edgels and particles with more
+ * than SKELETON_GROUPING_WRITTEN_MAX_FOLLOWERS followers are subsampled evenly. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -52,8 +52,9 @@ static cairn_real log_gaussian(cairn_real x, cairn_real sigma)
 
 /* Returns the logarithm of H or T of (3.8) relative to its maximum: turn of the contour against
  * turn of the vector to the centre, loss of symmetry, and distance between consecutive edgels. */
-static cairn_real log_side(const cairn_skeleton_grouping *skeleton, const written_pair *before,
-                           const written_pair *now, int32_t side)
+static cairn_real log_side(const cairn_skeleton_grouping *skeleton,
+                           const skeleton_grouping_written_pair *before,
+                           const skeleton_grouping_written_pair *now, int32_t side)
 {
     cairn_real contour = angle_from(before->inward[side], now->inward[side]);
     cairn_real radial = angle_from(cairn_vec2_sub(before->centre, before->contact[side]),
@@ -67,8 +68,9 @@ static cairn_real log_side(const cairn_skeleton_grouping *skeleton, const writte
 }
 
 /* Returns the logarithm of (3.7) relative to its maximum. */
-static cairn_real log_step(const cairn_skeleton_grouping *skeleton, const written_pair *before,
-                           const written_pair *now)
+static cairn_real log_step(const cairn_skeleton_grouping *skeleton,
+                           const skeleton_grouping_written_pair *before,
+                           const skeleton_grouping_written_pair *now)
 {
     cairn_real h = log_side(skeleton, before, now, 0), t = log_side(skeleton, before, now, 1),
                most = cairn_max(h, t);
@@ -85,19 +87,19 @@ static cairn_real log_step(const cairn_skeleton_grouping *skeleton, const writte
 /* Returns the centre of the look-ahead circle: the contour of a side, extended by C sigma along
  * the edgel's orientation. */
 static cairn_vec2 search_centre(const cairn_skeleton_grouping *skeleton,
-                                const skeleton_written_state *s, int32_t side)
+                                const skeleton_grouping_written_state *state, int32_t side)
 {
-    cairn_vec2 tangent = cairn_vec2_left_perp(s->pair.inward[side]);
-    cairn_real offset = cairn_vec2_dot(tangent, s->heading) < 0 ? -skeleton->params.step_sigma
-                                                                : skeleton->params.step_sigma;
+    cairn_vec2 tangent = cairn_vec2_left_perp(state->pair.inward[side]);
+    cairn_real offset = cairn_vec2_dot(tangent, state->heading) < 0 ? -skeleton->params.step_sigma
+                                                                    : skeleton->params.step_sigma;
 
-    return cairn_vec2_add(s->pair.contact[side], cairn_vec2_scale(tangent, offset));
+    return cairn_vec2_add(state->pair.contact[side], cairn_vec2_scale(tangent, offset));
 }
 
 /* Returns the number of edgels in a look-ahead circle; stores every stride-th in a list, if
  * given. */
 static int32_t scan_circle(const cairn_skeleton_grouping *skeleton, cairn_vec2 middle,
-                           int32_t stride, written_candidate *list)
+                           int32_t stride, skeleton_grouping_written_candidate *list)
 {
     cairn_real reach = skeleton->params.step_sigma;
     int32_t x0 = cairn_skeleton_grouping_column(skeleton, middle.x - reach),
@@ -107,13 +109,13 @@ static int32_t scan_circle(const cairn_skeleton_grouping *skeleton, cairn_vec2 m
     for (int32_t y = cairn_skeleton_grouping_row(skeleton, middle.y - reach); y <= y1; y++) {
         int32_t from, end;
 
-        skeleton_cells_of_row(skeleton, y, x0, x1, &from, &end);
+        skeleton_grouping_cells_of_row(skeleton, y, x0, x1, &from, &end);
         for (int32_t i = from; i < end; i++) {
             if (cairn_vec2_norm_squared(cairn_vec2_sub(skeleton->edgels[i].position, middle)) >
                 reach * reach)
                 continue;
             if (list != NULL && count % stride == 0) {
-                written_candidate *a = &list[count / stride];
+                skeleton_grouping_written_candidate *a = &list[count / stride];
 
                 a->position = skeleton->edgels[i].position;
                 a->edgel = i;
@@ -126,34 +128,37 @@ static int32_t scan_circle(const cairn_skeleton_grouping *skeleton, cairn_vec2 m
 }
 
 /* Collects the edgels of both look-ahead circles. */
-static void collect_candidates(cairn_skeleton_grouping *skeleton, const skeleton_written_state *s)
+static void collect_candidates(cairn_skeleton_grouping *skeleton,
+                               const skeleton_grouping_written_state *state)
 {
-    skeleton_written *w = skeleton->written;
+    skeleton_grouping_written *written = skeleton->written;
 
     for (int32_t side = 0; side < 2; side++) {
-        cairn_vec2 middle = search_centre(skeleton, s, side);
+        cairn_vec2 middle = search_centre(skeleton, state, side);
         int32_t all = scan_circle(skeleton, middle, 1, NULL),
-                stride = 1 + (all - 1) / WRITTEN_MAX_EDGELS;
+                stride = 1 + (all - 1) / SKELETON_GROUPING_WRITTEN_MAX_EDGELS;
 
-        w->candidate_count[side] = all > 0 ? (all + stride - 1) / stride : 0;
+        written->candidate_count[side] = all > 0 ? (all + stride - 1) / stride : 0;
         if (all > 0)
-            (void)scan_circle(skeleton, middle, stride, w->candidates[side]);
+            (void)scan_circle(skeleton, middle, stride, written->candidates[side]);
     }
 }
 
 /* Returns the cost of both look-ahead circles in units. */
-static int32_t search_cost(const cairn_skeleton_grouping *skeleton, const skeleton_written_state *s)
+static int32_t search_cost(const cairn_skeleton_grouping *skeleton,
+                           const skeleton_grouping_written_state *state)
 {
     cairn_real reach = skeleton->params.step_sigma;
     int32_t cost = UNITS_PER_PARTICLE;
 
     for (int32_t side = 0; side < 2; side++) {
-        cairn_vec2 m = search_centre(skeleton, s, side);
+        cairn_vec2 m = search_centre(skeleton, state, side);
 
-        cost += skeleton_cells_cost(skeleton, cairn_skeleton_grouping_column(skeleton, m.x - reach),
-                                    cairn_skeleton_grouping_column(skeleton, m.x + reach),
-                                    cairn_skeleton_grouping_row(skeleton, m.y - reach),
-                                    cairn_skeleton_grouping_row(skeleton, m.y + reach));
+        cost += skeleton_grouping_cells_cost(skeleton,
+                                             cairn_skeleton_grouping_column(skeleton, m.x - reach),
+                                             cairn_skeleton_grouping_column(skeleton, m.x + reach),
+                                             cairn_skeleton_grouping_row(skeleton, m.y - reach),
+                                             cairn_skeleton_grouping_row(skeleton, m.y + reach));
     }
     return cost;
 }
@@ -174,11 +179,11 @@ static int is_crossed(cairn_segment a, cairn_segment b)
 
 /* Point-in-polygon test of the explored region, one polygon segment at a time: toggles each
  * candidate whose ray to the right crosses the segment. */
-static void toggle_inside(skeleton_written *w, cairn_vec2 a, cairn_vec2 b)
+static void toggle_inside(skeleton_grouping_written *written, cairn_vec2 a, cairn_vec2 b)
 {
     for (int32_t side = 0; side < 2; side++)
-        for (int32_t i = 0; i < w->candidate_count[side]; i++) {
-            written_candidate *e = &w->candidates[side][i];
+        for (int32_t i = 0; i < written->candidate_count[side]; i++) {
+            skeleton_grouping_written_candidate *e = &written->candidates[side][i];
 
             if ((a.y > e->position.y) != (b.y > e->position.y) &&
                 (e->position.x - a.x) * (b.y - a.y) * (b.y > a.y ? 1 : -1) <
@@ -188,54 +193,57 @@ static void toggle_inside(skeleton_written *w, cairn_vec2 a, cairn_vec2 b)
 }
 
 /* Culls edgels that are already on the contour. */
-static void cull_own(skeleton_written *w, const int32_t edgel[2])
+static void cull_own(skeleton_grouping_written *written, const int32_t edgel[2])
 {
     for (int32_t side = 0; side < 2; side++)
-        for (int32_t i = 0; i < w->candidate_count[side]; i++)
-            if (w->candidates[side][i].edgel == edgel[0] ||
-                w->candidates[side][i].edgel == edgel[1])
-                w->candidates[side][i].is_culled = 1;
+        for (int32_t i = 0; i < written->candidate_count[side]; i++)
+            if (written->candidates[side][i].edgel == edgel[0] ||
+                written->candidates[side][i].edgel == edgel[1])
+                written->candidates[side][i].is_culled = 1;
 }
 
 /* Culls edgels whose connection to the last contact point crosses a contour segment; the segment
  * that ends at the start of the connection is exempt. */
-static void cull_crossing(skeleton_written *w, const written_pair *last, cairn_segment segment,
+static void cull_crossing(skeleton_grouping_written *written,
+                          const skeleton_grouping_written_pair *last, cairn_segment segment,
                           int32_t ends_at)
 {
     for (int32_t side = 0; side < 2; side++)
-        for (int32_t i = 0; i < w->candidate_count[side] && side != ends_at; i++) {
-            cairn_segment connection = {last->contact[side], w->candidates[side][i].position};
+        for (int32_t i = 0; i < written->candidate_count[side] && side != ends_at; i++) {
+            cairn_segment connection = {last->contact[side], written->candidates[side][i].position};
 
             if (is_crossed(connection, segment))
-                w->candidates[side][i].is_culled = 1;
+                written->candidates[side][i].is_culled = 1;
         }
 }
 
 /* Culls candidates inside the explored region, and those whose contour would self-intersect. */
-static void cull_candidates(skeleton_written *w, const skeleton_written_state *last)
+static void cull_candidates(skeleton_grouping_written *written,
+                            const skeleton_grouping_written_state *last)
 {
-    const skeleton_written_state *s = last, *before;
+    const skeleton_grouping_written_state *s = last, *before;
 
-    toggle_inside(w, last->pair.contact[0], last->pair.contact[1]);
+    toggle_inside(written, last->pair.contact[0], last->pair.contact[1]);
     for (; s != NULL; s = before) {
         before = cairn_particle_filter_state_before(s);
-        cull_own(w, s->pair.edgel);
+        cull_own(written, s->pair.edgel);
         for (int32_t side = 0; side < 2 && before != NULL; side++) {
             cairn_segment segment = {before->pair.contact[side], s->pair.contact[side]};
 
-            toggle_inside(w, segment.a, segment.b);
-            cull_crossing(w, &last->pair, segment, s == last ? side : -1);
+            toggle_inside(written, segment.a, segment.b);
+            cull_crossing(written, &last->pair, segment, s == last ? side : -1);
         }
         if (before == NULL)
-            toggle_inside(w, s->pair.contact[0], s->pair.contact[1]);
+            toggle_inside(written, s->pair.contact[0], s->pair.contact[1]);
     }
     for (int32_t side = 0; side < 2; side++)
-        for (int32_t i = 0; i < w->candidate_count[side]; i++)
-            w->candidates[side][i].is_culled |= w->candidates[side][i].is_inside;
+        for (int32_t i = 0; i < written->candidate_count[side]; i++)
+            written->candidates[side][i].is_culled |= written->candidates[side][i].is_inside;
 }
 
 /* Returns the sum of the four vectors from the previous to the new edgels (fig. 3.5a). */
-static cairn_vec2 heading_of(const written_pair *before, const written_pair *now)
+static cairn_vec2 heading_of(const skeleton_grouping_written_pair *before,
+                             const skeleton_grouping_written_pair *now)
 {
     return cairn_vec2_scale(cairn_vec2_sub(cairn_vec2_add(now->contact[0], now->contact[1]),
                                            cairn_vec2_add(before->contact[0], before->contact[1])),
@@ -243,9 +251,9 @@ static cairn_vec2 heading_of(const written_pair *before, const written_pair *now
 }
 
 /* Exchanges both sides of a pair. */
-static void swap_sides(written_pair *pair)
+static void swap_sides(skeleton_grouping_written_pair *pair)
 {
-    written_pair old = *pair;
+    skeleton_grouping_written_pair old = *pair;
 
     for (int32_t side = 0; side < 2; side++) {
         pair->contact[side] = old.contact[1 - side];
@@ -257,7 +265,8 @@ static void swap_sides(written_pair *pair)
 
 /* Orders the sides of a pair as in the previous one, by their orientation about the heading;
  * returns 0 if there is no heading. */
-static int correspond(const written_pair *before, written_pair *now)
+static int correspond(const skeleton_grouping_written_pair *before,
+                      skeleton_grouping_written_pair *now)
 {
     cairn_vec2 heading = heading_of(before, now);
 
@@ -270,7 +279,8 @@ static int correspond(const written_pair *before, written_pair *now)
 }
 
 /* Returns whether the two new contour segments cross. */
-static int is_twisted(const written_pair *before, const written_pair *now)
+static int is_twisted(const skeleton_grouping_written_pair *before,
+                      const skeleton_grouping_written_pair *now)
 {
     cairn_segment left = {before->contact[0], now->contact[0]},
                   right = {before->contact[1], now->contact[1]};
@@ -279,69 +289,75 @@ static int is_twisted(const written_pair *before, const written_pair *now)
 }
 
 /* Adds one in `stride` pairs; a full list is halved. */
-static void add_pair(skeleton_written *w, const written_pair *pair)
+static void add_pair(skeleton_grouping_written *written, const skeleton_grouping_written_pair *pair)
 {
-    int64_t number = w->pairs_seen++;
+    int64_t number = written->pairs_seen++;
 
-    if (number % w->stride != 0)
+    if (number % written->stride != 0)
         return;
-    if (w->pair_count == WRITTEN_MAX_FOLLOWERS) {
-        w->pair_count /= 2;
-        for (int32_t i = 1; i < w->pair_count; i++)
-            w->pairs[i] = w->pairs[2 * i];
-        w->stride *= 2;
+    if (written->pair_count == SKELETON_GROUPING_WRITTEN_MAX_FOLLOWERS) {
+        written->pair_count /= 2;
+        for (int32_t i = 1; i < written->pair_count; i++)
+            written->pairs[i] = written->pairs[2 * i];
+        written->stride *= 2;
     }
-    w->pairs[w->pair_count++] = *pair;
+    written->pairs[written->pair_count++] = *pair;
 }
 
 /* Pairs each candidate of one end with each of the other. */
-static void make_pairs(cairn_skeleton_grouping *skeleton, const skeleton_written_state *last)
+static void make_pairs(cairn_skeleton_grouping *skeleton,
+                       const skeleton_grouping_written_state *last)
 {
-    skeleton_written *w = skeleton->written;
-    written_limits rule = cairn_skeleton_grouping_written_limits_of(
+    skeleton_grouping_written *written = skeleton->written;
+    skeleton_grouping_written_limits rule = cairn_skeleton_grouping_written_limits_of(
         skeleton, RADIUS_MARGIN_SIGMAS * skeleton->params.radius_sigma);
 
-    w->pair_count = 0;
-    w->pairs_seen = 0;
-    w->stride = 1;
-    for (int32_t i = 0; i < w->candidate_count[0]; i++)
-        for (int32_t j = 0; j < w->candidate_count[1] && !w->candidates[0][i].is_culled; j++) {
-            written_pair pair;
+    written->pair_count = 0;
+    written->pairs_seen = 0;
+    written->stride = 1;
+    for (int32_t i = 0; i < written->candidate_count[0]; i++)
+        for (int32_t j = 0; j < written->candidate_count[1] && !written->candidates[0][i].is_culled;
+             j++) {
+            skeleton_grouping_written_pair pair;
 
-            if (!w->candidates[1][j].is_culled &&
-                cairn_skeleton_grouping_written_pair(skeleton, &rule, w->candidates[0][i].edgel,
-                                                     w->candidates[1][j].edgel, &pair) &&
+            if (!written->candidates[1][j].is_culled &&
+                cairn_skeleton_grouping_written_pair(skeleton, &rule,
+                                                     written->candidates[0][i].edgel,
+                                                     written->candidates[1][j].edgel, &pair) &&
                 correspond(&last->pair, &pair) && !is_twisted(&last->pair, &pair))
-                add_pair(w, &pair);
+                add_pair(written, &pair);
         }
 }
 
 /* Culls pairs whose axis crosses the axis so far. */
-static void cull_axes(skeleton_written *w, const skeleton_written_state *last)
+static void cull_axes(skeleton_grouping_written *written,
+                      const skeleton_grouping_written_state *last)
 {
-    const skeleton_written_state *s = last, *before = cairn_particle_filter_state_before(last);
+    const skeleton_grouping_written_state *s = last,
+                                          *before = cairn_particle_filter_state_before(last);
 
     for (; before != NULL; s = before, before = cairn_particle_filter_state_before(before)) {
         cairn_segment segment = {before->pair.centre, s->pair.centre};
 
-        for (int32_t i = 0; i < w->pair_count && s != last; i++) {
-            cairn_segment connection = {last->pair.centre, w->pairs[i].centre};
+        for (int32_t i = 0; i < written->pair_count && s != last; i++) {
+            cairn_segment connection = {last->pair.centre, written->pairs[i].centre};
 
-            w->pairs[i].is_crossing |= is_crossed(connection, segment);
+            written->pairs[i].is_crossing |= is_crossed(connection, segment);
         }
     }
 }
 
 /* Offers the remaining pairs to the filter as followers. */
 static cairn_status offer_pairs(const cairn_skeleton_grouping *skeleton,
-                                cairn_particle_filter *filter, const skeleton_written_state *last)
+                                cairn_particle_filter *filter,
+                                const skeleton_grouping_written_state *last)
 {
     int32_t followers = 0;
 
     for (int32_t i = 0; i < skeleton->written->pair_count; i++)
         followers += !skeleton->written->pairs[i].is_crossing;
     for (int32_t i = 0; i < skeleton->written->pair_count; i++) {
-        skeleton_written_state next;
+        skeleton_grouping_written_state next;
         cairn_status status;
 
         if (skeleton->written->pairs[i].is_crossing)
@@ -362,28 +378,29 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
                             cairn_budget *budget)
 {
     cairn_skeleton_grouping *skeleton = context;
-    skeleton_written *w = skeleton->written;
+    skeleton_grouping_written *written = skeleton->written;
     cairn_particle p = cairn_particle_filter_particle(filter, index);
-    const skeleton_written_state *last = p.state;
+    const skeleton_grouping_written_state *last = p.state;
     int32_t cost;
 
-    if (!w->has_candidates) {
+    if (!written->has_candidates) {
         if (!cairn_budget_charge(budget, &skeleton->step_units_charged,
                                  search_cost(skeleton, last)))
             return CAIRN_MORE;
         collect_candidates(skeleton, last);
-        w->has_candidates = 1;
+        written->has_candidates = 1;
     }
-    cost = (p.steps + 1) * (1 + (w->candidate_count[0] + w->candidate_count[1]) / EDGELS_PER_UNIT +
-                            WRITTEN_MAX_FOLLOWERS / FOLLOWERS_PER_UNIT) +
-           UNITS_PER_PAIR * w->candidate_count[0] * w->candidate_count[1] +
-           UNITS_PER_FOLLOWER * WRITTEN_MAX_FOLLOWERS;
+    cost = (p.steps + 1) *
+               (1 + (written->candidate_count[0] + written->candidate_count[1]) / EDGELS_PER_UNIT +
+                SKELETON_GROUPING_WRITTEN_MAX_FOLLOWERS / FOLLOWERS_PER_UNIT) +
+           UNITS_PER_PAIR * written->candidate_count[0] * written->candidate_count[1] +
+           UNITS_PER_FOLLOWER * SKELETON_GROUPING_WRITTEN_MAX_FOLLOWERS;
     if (!cairn_budget_charge(budget, &skeleton->step_units_charged, cost))
         return CAIRN_MORE;
-    w->has_candidates = 0;
-    cull_candidates(w, last);
+    written->has_candidates = 0;
+    cull_candidates(written, last);
     make_pairs(skeleton, last);
-    cull_axes(w, last);
+    cull_axes(written, last);
     return offer_pairs(skeleton, filter, last);
 }
 
@@ -392,7 +409,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
                                const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {
-    const skeleton_written_state *s = state;
+    const skeleton_grouping_written_state *s = state;
 
     (void)context;
     (void)filter;
@@ -412,18 +429,21 @@ cairn_particle_filter_model cairn_skeleton_grouping_written_model(cairn_skeleton
 /* ---- Runs ---- */
 
 /* Sets the first pose: a CP in one direction of its line; returns 0 if it is invalid. */
-static int first_state(const cairn_skeleton_grouping *skeleton, const skeleton_centre *c,
-                       cairn_vec2 direction, skeleton_written_state *s)
+static int first_state(const cairn_skeleton_grouping *skeleton,
+                       const skeleton_grouping_centre *centre, cairn_vec2 direction,
+                       skeleton_grouping_written_state *state)
 {
-    written_limits rule = cairn_skeleton_grouping_written_limits_of(
+    skeleton_grouping_written_limits rule = cairn_skeleton_grouping_written_limits_of(
         skeleton, RADIUS_MARGIN_SIGMAS * skeleton->params.radius_sigma);
 
-    memset(s, 0, sizeof *s);
-    if (!cairn_skeleton_grouping_written_pair(skeleton, &rule, c->edgel[0], c->edgel[1], &s->pair))
+    memset(state, 0, sizeof *state);
+    if (!cairn_skeleton_grouping_written_pair(skeleton, &rule, centre->edgel[0], centre->edgel[1],
+                                              &state->pair))
         return 0;
-    s->heading = direction;
-    if (cairn_vec2_cross(direction, cairn_vec2_sub(s->pair.contact[0], s->pair.contact[1])) < 0)
-        swap_sides(&s->pair);
+    state->heading = direction;
+    if (cairn_vec2_cross(direction,
+                         cairn_vec2_sub(state->pair.contact[0], state->pair.contact[1])) < 0)
+        swap_sides(&state->pair);
     return 1;
 }
 
@@ -431,7 +451,7 @@ static int first_state(const cairn_skeleton_grouping *skeleton, const skeleton_c
 static cairn_status begin_run(cairn_skeleton_grouping *skeleton)
 {
     cairn_polyline_view view = cairn_polyline_read(skeleton->polyline);
-    const skeleton_seed *start = &skeleton->seeds[skeleton->seed_index];
+    const skeleton_grouping_seed *start = &skeleton->seeds[skeleton->seed_index];
     const cairn_polyline_segment *line = &view.segments[start->centre];
     cairn_vec2 a = {line->a[0], line->a[1]}, b = {line->b[0], line->b[1]};
     cairn_vec2 direction =
@@ -446,7 +466,7 @@ static cairn_status begin_run(cairn_skeleton_grouping *skeleton)
     skeleton->step_units_charged = 0;
     skeleton->written->has_candidates = 0;
     for (int32_t i = 0; i < skeleton->centre_count && status == CAIRN_OK; i++) {
-        skeleton_written_state s;
+        skeleton_grouping_written_state s;
 
         if (view.label[i] != start->centre ||
             !cairn_skeleton_grouping_is_mirrored(skeleton, &skeleton->centres[i], line) ||
@@ -457,7 +477,7 @@ static cairn_status begin_run(cairn_skeleton_grouping *skeleton)
     return status;
 }
 
-static const skeleton_written_state *best_of(const cairn_skeleton_grouping *skeleton)
+static const skeleton_grouping_written_state *best_of(const cairn_skeleton_grouping *skeleton)
 {
     return cairn_particle_filter_particle(skeleton->filter,
                                           cairn_particle_filter_read(skeleton->filter).best)
@@ -493,14 +513,14 @@ static cairn_status run(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
 /* Stores the walk of the heaviest particle, without the last step if that step ended the run. */
 static void end_run(cairn_skeleton_grouping *skeleton)
 {
-    skeleton_part *part = &skeleton->candidates[skeleton->candidate_count];
-    const skeleton_written_state *s =
+    skeleton_grouping_part *part = &skeleton->candidates[skeleton->candidate_count];
+    const skeleton_grouping_written_state *s =
         cairn_particle_filter_count(skeleton->filter) > 0 ? best_of(skeleton) : NULL;
     int32_t count = 0;
 
     if (s != NULL && s->log_step < -skeleton->params.stop_log_odds)
         s = cairn_particle_filter_state_before(s);
-    for (const skeleton_written_state *at = s; at != NULL;
+    for (const skeleton_grouping_written_state *at = s; at != NULL;
          at = cairn_particle_filter_state_before(at))
         count++;
     part->first = skeleton->disc_count;
@@ -508,7 +528,7 @@ static void end_run(cairn_skeleton_grouping *skeleton)
     part->state = count > 0 ? 0 : -1;
     skeleton->disc_count += count;
     for (; s != NULL; s = cairn_particle_filter_state_before(s)) {
-        skeleton_disc *d = &skeleton->discs[part->first + --count];
+        skeleton_grouping_disc *d = &skeleton->discs[part->first + --count];
 
         memset(d, 0, sizeof *d);
         d->centre = s->pair.centre;

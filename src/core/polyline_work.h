@@ -51,7 +51,8 @@ typedef struct polyline_component {
 } polyline_component;
 
 /* Phases, in order. */
-typedef enum polyline_phase {
+typedef int32_t polyline_phase;
+enum {
     /* Canonical order of the points, by Morton code. */
     POLYLINE_KEYS,
     POLYLINE_SORT_POINTS,
@@ -72,7 +73,7 @@ typedef enum polyline_phase {
     POLYLINE_ASSIGN,
     POLYLINE_WRITE,
     POLYLINE_DONE
-} polyline_phase;
+};
 
 struct cairn_polyline {
     cairn_polyline_params params;

@@ -38,7 +38,8 @@ typedef struct sequence_job {
 } sequence_job;
 
 /* Phases. */
-typedef enum sequence_phase {
+typedef int32_t sequence_phase;
+enum {
     SEQUENCE_IDLE,
     /* LOCAL: end and start of the best local alignment. */
     SEQUENCE_FIND_END,
@@ -55,7 +56,7 @@ typedef enum sequence_phase {
     /* Path of a job of one row of elements. */
     SEQUENCE_TRACE_PATH,
     SEQUENCE_DONE
-} sequence_phase;
+};
 
 struct cairn_sequence {
     cairn_sequence_params params;

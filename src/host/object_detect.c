@@ -41,7 +41,7 @@
 #define TANGENT_WEIGHT     32
 #define DEFORMATION_WEIGHT 16
 /* Score offset: the typical score without an object, so that most images without one have no
- * detection above 0 (docs/accuracy.md). */
+ * detection above 0 (docs/lab/detect.md). */
 #define SCORE_OFFSET 10.7
 /* Score weight of the squared log ratio of the box's aspect ratio to the model's. */
 #define ASPECT_WEIGHT 1
@@ -125,15 +125,15 @@ static cairn_status group_contours(object_detector *detector)
     for (int32_t i = 0; status == CAIRN_OK && params->occluded && i < detector->groupings.count &&
                         i < params->candidates;
          i++) {
-        const detect_grouping *grouped = &detector->groupings.list[i];
-        detect_peak *peak = &detector->peaks[detector->count++];
+        const object_detect_grouping *grouped = &detector->groupings.list[i];
+        object_detect_peak *peak = &detector->peaks[detector->count++];
 
         peak->score = peak->rigid = 0;
         peak->x = (float)grouped->found.origin.x;
         peak->y = (float)grouped->found.origin.y;
         peak->size = (float)grouped->found.size;
         peak->turn = (float)grouped->found.turn;
-        peak->variant = grouped->mirrored ? DETECT_ASPECTS : 0;
+        peak->variant = grouped->mirrored ? OBJECT_DETECT_ASPECTS : 0;
         peak->hypothesis = -1;
     }
     return status;
@@ -219,13 +219,13 @@ static int append_segments(const object_detector *detector, cairn_object_detecti
 static const cairn_oriented_point *model_outline(const object_detector *detector,
                                                  const cairn_object_detection *detection)
 {
-    return detector->variants[detection->mirrored ? DETECT_ASPECTS : 0].outline;
+    return detector->variants[detection->mirrored ? OBJECT_DETECT_ASPECTS : 0].outline;
 }
 
 /* Computes the shape quality. Objects are upright: a rotation counts as tangent deviation. map: see
  * cairn_object_detect_rigid_proximity(). */
 static void measure_shape(const object_detector *detector, cairn_object_detection *detection,
-                          detect_similarity *map)
+                          object_detect_similarity *map)
 {
     const contour_fitted_outline fitted = {detector->fit.outline, detection->outline_count,
                                            detection->origin, detection->size};
@@ -244,7 +244,7 @@ static void measure_shape(const object_detector *detector, cairn_object_detectio
 
 static cairn_real score_of(const object_detector *detector, const cairn_object_detection *detection)
 {
-    const detect_variant *plain = &detector->variants[0];
+    const object_detect_variant *plain = &detector->variants[0];
     double diagonal =
         hypot((double)detector->field->tokens->width, (double)detector->field->tokens->height);
     double aspect =
@@ -266,7 +266,8 @@ static cairn_real score_of(const object_detector *detector, const cairn_object_d
 }
 
 /* Copies the scores of a hypothesis by parts. */
-static void set_part_scores(const detect_hypothesis *hypothesis, cairn_object_detection *detection)
+static void set_part_scores(const object_detect_hypothesis *hypothesis,
+                            cairn_object_detection *detection)
 {
     detection->score = hypothesis->score;
     detection->shape_distance = hypothesis->distance;
@@ -289,12 +290,12 @@ static void add_appearance(const object_detector *detector, cairn_object_detecti
 
 /* Refines a candidate: deforms the outline to the edges, collects segments, computes the score.
  * Returns 0 when out of memory. */
-static int refine_candidate(object_detector *detector, const detect_peak *peak,
+static int refine_candidate(object_detector *detector, const object_detect_peak *peak,
                             cairn_object_detections *found)
 {
     cairn_object_detection *detection = &found->found[found->count];
-    const detect_variant *variant = &detector->variants[peak->variant];
-    detect_similarity map;
+    const object_detect_variant *variant = &detector->variants[peak->variant];
+    object_detect_similarity map;
     cairn_shape_model model = *detector->model;
     cairn_contour_grouping_object object;
 

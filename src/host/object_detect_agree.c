@@ -23,7 +23,7 @@ static const double sigma_factor[] = {4, 2, 1, 1};
 enum { HALVES = 8, ROUNDS = sizeof sigma_factor / sizeof *sigma_factor };
 #define MAX_SCALE_RATIO 2
 
-static cairn_vec2 apply_similarity(const detect_similarity *map, cairn_vec2 p)
+static cairn_vec2 apply_similarity(const object_detect_similarity *map, cairn_vec2 p)
 {
     cairn_vec2 mapped = {map->a * p.x - map->b * p.y + map->shift.x,
                          map->b * p.x + map->a * p.y + map->shift.y};
@@ -41,7 +41,7 @@ static cairn_vec2 normalized_position(const contour_fitted_outline *fitted, int3
 /* Weighted least-squares similarity transform; 0: none within MAX_SCALE_RATIO. */
 static int32_t solve_similarity(const contour_fitted_outline *fitted,
                                 const cairn_oriented_point *reference, const cairn_real *weight,
-                                detect_similarity *map)
+                                object_detect_similarity *map)
 {
     cairn_vec2 from = {0, 0}, to = {0, 0};
     cairn_real sum = 0, spread = 0, scale;
@@ -78,8 +78,9 @@ static int32_t solve_similarity(const contour_fitted_outline *fitted,
 /* Reweights the samples by edge proximity times a Gaussian of their distance from the transformed
  * outline; returns the mean weight. */
 static cairn_real reweight(const contour_fitted_outline *fitted,
-                           const cairn_oriented_point *reference, const detect_similarity *map,
-                           cairn_real sigma, const cairn_real *proximity, cairn_real *weight)
+                           const cairn_oriented_point *reference,
+                           const object_detect_similarity *map, cairn_real sigma,
+                           const cairn_real *proximity, cairn_real *weight)
 {
     cairn_real sum = 0, denominator = 2 * sigma * sigma * (map->a * map->a + map->b * map->b);
 
@@ -96,7 +97,7 @@ static cairn_real reweight(const contour_fitted_outline *fitted,
 cairn_real cairn_object_detect_rigid_proximity(const contour_fitted_outline *fitted,
                                                const cairn_oriented_point *reference,
                                                const cairn_real *proximity, cairn_real *weight,
-                                               detect_similarity *map)
+                                               object_detect_similarity *map)
 {
     cairn_real best = 0;
 
@@ -104,7 +105,7 @@ cairn_real cairn_object_detect_rigid_proximity(const contour_fitted_outline *fit
         int32_t count = fitted->outline_count, first = (int32_t)((int64_t)half * count / HALVES),
                 is_whole = half == HALVES;
         cairn_real share = 0;
-        detect_similarity fit;
+        object_detect_similarity fit;
 
         for (int32_t i = 0; i < count; i++)
             weight[i] = is_whole || (i - first + count) % count < count / 2 ? proximity[i] : 0;
@@ -124,7 +125,7 @@ cairn_real cairn_object_detect_rigid_proximity(const contour_fitted_outline *fit
     return best;
 }
 
-void cairn_object_detect_place_outline(const detect_similarity *map,
+void cairn_object_detect_place_outline(const object_detect_similarity *map,
                                        const cairn_oriented_point *reference, contour_fit *fit,
                                        cairn_object_detection *detection)
 {

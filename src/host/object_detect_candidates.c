@@ -10,7 +10,7 @@
 #include "src/host/object_detect_candidates.h"
 
 /* Factors on the model's aspect ratio (width over height). */
-static const double aspects[DETECT_ASPECTS] = {1, 0.8, 1.25, 0.64, 1.5625};
+static const double aspects[OBJECT_DETECT_ASPECTS] = {1, 0.8, 1.25, 0.64, 1.5625};
 enum { MAX_PEAKS = 1 << 16 };
 /* Non-maximum suppression threshold of candidates: greatest intersection over union. */
 #define CANDIDATE_NMS_OVERLAP 0.5F
@@ -21,7 +21,7 @@ enum { MAX_PEAKS = 1 << 16 };
 
 static void add_variant(object_detector *detector, int32_t mirrored, double aspect)
 {
-    detect_variant *variant = &detector->variants[detector->variant_count];
+    object_detect_variant *variant = &detector->variants[detector->variant_count];
     const cairn_shape_model *model = detector->model;
     double wide = sqrt(aspect) * (mirrored ? -1 : 1), tall = 1 / sqrt(aspect);
 
@@ -47,24 +47,25 @@ static void add_variant(object_detector *detector, int32_t mirrored, double aspe
 
 int cairn_object_detect_variants_add(object_detector *detector)
 {
-    detector->outlines = malloc(2 * DETECT_ASPECTS * (size_t)detector->model->outline_count *
+    detector->outlines = malloc(2 * OBJECT_DETECT_ASPECTS * (size_t)detector->model->outline_count *
                                 sizeof *detector->outlines);
     if (detector->outlines == NULL)
         return 0;
     for (int32_t mirrored = 0; mirrored < (detector->field->params.mirror ? 2 : 1); mirrored++)
-        for (int32_t k = 0; k < DETECT_ASPECTS; k++)
+        for (int32_t k = 0; k < OBJECT_DETECT_ASPECTS; k++)
             add_variant(detector, mirrored, aspects[k]);
     return 1;
 }
 
 int cairn_object_detect_variants_fit(const cairn_shape_model *model)
 {
-    for (int32_t k = 0; k < DETECT_ASPECTS; k++)
+    for (int32_t k = 0; k < OBJECT_DETECT_ASPECTS; k++)
         for (int32_t i = 0; i < model->outline_count; i++) {
             double x = sqrt(aspects[k]) * (double)model->outline[i].position.x;
             double y = (double)model->outline[i].position.y / sqrt(aspects[k]);
 
-            if (!(fmax(fabs(x), fabs(y)) * DETECT_CELLS_PER_SIZE < DETECT_MARGIN_CELLS - 1))
+            if (!(fmax(fabs(x), fabs(y)) * OBJECT_DETECT_CELLS_PER_SIZE <
+                  OBJECT_DETECT_MARGIN_CELLS - 1))
                 return 0;
         }
     return 1;
@@ -74,7 +75,7 @@ int cairn_object_detect_variants_fit(const cairn_shape_model *model)
 
 static int compare_peaks(const void *a, const void *b)
 {
-    const detect_peak *x = a, *y = b;
+    const object_detect_peak *x = a, *y = b;
 
     if (x->score != y->score)
         return x->score < y->score ? 1 : -1;
@@ -88,7 +89,7 @@ static int compare_peaks(const void *a, const void *b)
 }
 
 /* Returns a free peak; when the capacity is exhausted, the worse half is discarded. */
-static detect_peak *next_peak(object_detector *detector)
+static object_detect_peak *next_peak(object_detector *detector)
 {
     if (detector->count == MAX_PEAKS) {
         qsort(detector->peaks, (size_t)detector->count, sizeof *detector->peaks, compare_peaks);
@@ -98,7 +99,7 @@ static detect_peak *next_peak(object_detector *detector)
 }
 
 /* Adds the local maxima of a score map to the peaks. */
-static void add_peaks(object_detector *detector, const detect_plane *plane, const float *sum,
+static void add_peaks(object_detector *detector, const object_detect_plane *plane, const float *sum,
                       int32_t index)
 {
     int32_t w = plane->width, h = plane->height;
@@ -119,7 +120,7 @@ static void add_peaks(object_detector *detector, const detect_plane *plane, cons
                           (value >= sum[v * w + u] && k > 4);
             }
             if (is_peak) {
-                detect_peak *peak = next_peak(detector);
+                object_detect_peak *peak = next_peak(detector);
 
                 peak->score = value * share + bonus;
                 peak->rigid = value * share;
@@ -134,22 +135,24 @@ static void add_peaks(object_detector *detector, const detect_plane *plane, cons
 }
 
 /* Correlates an outline with a plane: sums over its samples for every position of its origin. */
-static void correlate(const object_detector *detector, const detect_plane *plane,
-                      const detect_variant *variant, float *sum)
+static void correlate(const object_detector *detector, const object_detect_plane *plane,
+                      const object_detect_variant *variant, float *sum)
 {
     int32_t w = plane->width, h = plane->height;
 
     memset(sum, 0, (size_t)w * (size_t)h * sizeof *sum);
     for (int32_t i = 0; i < detector->model->outline_count; i++) {
         int32_t bin = cairn_contour_search_field_bin(variant->outline[i].direction);
-        int32_t dx = (int32_t)lrint((double)variant->outline[i].position.x * DETECT_CELLS_PER_SIZE);
-        int32_t dy = (int32_t)lrint((double)variant->outline[i].position.y * DETECT_CELLS_PER_SIZE);
+        int32_t dx =
+            (int32_t)lrint((double)variant->outline[i].position.x * OBJECT_DETECT_CELLS_PER_SIZE);
+        int32_t dy =
+            (int32_t)lrint((double)variant->outline[i].position.y * OBJECT_DETECT_CELLS_PER_SIZE);
         const float *layer = &plane->llr[(size_t)bin * cairn_object_detect_layer(plane)];
 
         for (int32_t y = 0; y < h; y++) {
-            const float *from =
-                &layer[(size_t)(y + dy + DETECT_MARGIN_CELLS) * cairn_object_detect_row(plane) +
-                       (size_t)(DETECT_MARGIN_CELLS + dx)];
+            const float *from = &layer[(size_t)(y + dy + OBJECT_DETECT_MARGIN_CELLS) *
+                                           cairn_object_detect_row(plane) +
+                                       (size_t)(OBJECT_DETECT_MARGIN_CELLS + dx)];
             float *to = &sum[y * w];
 
             for (int32_t x = 0; x < w; x++)
@@ -158,10 +161,11 @@ static void correlate(const object_detector *detector, const detect_plane *plane
     }
 }
 
-static float peak_overlap(const object_detector *detector, const detect_peak *a,
-                          const detect_peak *b)
+static float peak_overlap(const object_detector *detector, const object_detect_peak *a,
+                          const object_detect_peak *b)
 {
-    const detect_variant *v = &detector->variants[a->variant], *u = &detector->variants[b->variant];
+    const object_detect_variant *v = &detector->variants[a->variant],
+                                *u = &detector->variants[b->variant];
 
     return cairn_object_detect_overlap(a->x + a->size * v->left, a->y + a->size * v->top,
                                        a->x + a->size * v->right, a->y + a->size * v->bottom,
@@ -198,8 +202,8 @@ cairn_status cairn_object_detect_candidates_of_parts(object_detector *detector)
     if (detector->peaks == NULL)
         return CAIRN_NO_MEMORY;
     for (int32_t i = 0; i < detector->hypotheses.count; i++) {
-        const detect_hypothesis *hypothesis = &detector->hypotheses.list[i];
-        detect_peak *peak = &detector->peaks[detector->count++];
+        const object_detect_hypothesis *hypothesis = &detector->hypotheses.list[i];
+        object_detect_peak *peak = &detector->peaks[detector->count++];
 
         peak->score = (float)hypothesis->score;
         peak->rigid = 0;
@@ -207,7 +211,7 @@ cairn_status cairn_object_detect_candidates_of_parts(object_detector *detector)
         peak->y = (float)hypothesis->origin.y;
         peak->size = (float)hypothesis->size;
         peak->turn = 0;
-        peak->variant = hypothesis->mirrored ? DETECT_ASPECTS : 0;
+        peak->variant = hypothesis->mirrored ? OBJECT_DETECT_ASPECTS : 0;
         peak->hypothesis = i;
     }
     suppress_non_maxima(detector);
@@ -220,7 +224,7 @@ int cairn_object_detect_candidates_find(object_detector *detector)
 
     detector->peaks = malloc(MAX_PEAKS * sizeof *detector->peaks);
     for (int32_t k = 0; k < detector->field->planes && detector->peaks != NULL; k++) {
-        const detect_plane *plane = &detector->field->plane[k];
+        const object_detect_plane *plane = &detector->field->plane[k];
 
         sum = malloc((size_t)plane->width * (size_t)plane->height * sizeof *sum);
         if (sum == NULL)

@@ -8,37 +8,37 @@
 #include "src/host/object_detect_work.h"
 
 /* Aspect ratios of the model that are searched. */
-enum { DETECT_ASPECTS = 5 };
+enum { OBJECT_DETECT_ASPECTS = 5 };
 
 /* A variant of the model: an aspect ratio, mirrored or not. */
-typedef struct detect_variant {
+typedef struct object_detect_variant {
     cairn_oriented_point *outline;  /* [count] */
     float left, right, top, bottom; /* bounding box of the outline, in sizes */
     int32_t mirrored;
-} detect_variant;
+} object_detect_variant;
 
-typedef struct detect_peak {
+typedef struct object_detect_peak {
     float score, rigid, x, y, size; /* A candidate. score, rigid: nats; x, y, size: px */
     int32_t variant;
     float turn;         /* rad, rotation */
     int32_t hypothesis; /* hypothesis by parts; -1: none */
-} detect_peak;
+} object_detect_peak;
 
 /* State of a search. */
 typedef struct object_detector {
     const cairn_object_detect_field *field;
     const cairn_shape_model *model;
     cairn_oriented_point *outlines; /* outlines of all variants */
-    detect_variant variants[2 * DETECT_ASPECTS];
+    object_detect_variant variants[2 * OBJECT_DETECT_ASPECTS];
     int32_t variant_count;
-    detect_peak *peaks;
+    object_detect_peak *peaks;
     int32_t count;
     contour_field *window;
     int32_t *segment_scratch;   /* [segments] scratch for the current candidate */
     cairn_real *sample_scratch; /* [2 samples] scratch */
     contour_fit fit;
-    detect_hypotheses hypotheses;
-    detect_groupings groupings;
+    object_detect_hypotheses hypotheses;
+    object_detect_groupings groupings;
 } object_detector;
 
 /* Creates the variants of the model and its mirror image. Returns 0 when out of memory. */

@@ -40,7 +40,7 @@ enum { SPREAD_CELLS = 3, WINDOW_CELLS = 30 };
 #define SIZE_STEP 1.2
 #define MAX_COST  30.0F
 
-enum { BINS = DETECT_BINS, MARGIN = DETECT_MARGIN_CELLS };
+enum { BINS = OBJECT_DETECT_BINS, MARGIN = OBJECT_DETECT_MARGIN_CELLS };
 /* Limits of the params. */
 enum {
     MIN_SIZE_PX = 8,
@@ -58,7 +58,8 @@ typedef struct plane_buffers {
     float *strip; /* scratch: a row or column with its margins */
 } plane_buffers;
 
-static void mark_line(const detect_plane *plane, cairn_segment line, float *cost, float line_cost)
+static void mark_line(const object_detect_plane *plane, cairn_segment line, float *cost,
+                      float line_cost)
 {
     double length = (double)cairn_segment_length(line);
     int32_t steps = 1 + (int32_t)(2 * length / (double)plane->cell_size);
@@ -76,7 +77,7 @@ static void mark_line(const detect_plane *plane, cairn_segment line, float *cost
     }
 }
 
-static void enter_segment(const detect_plane *plane, cairn_segment line, cairn_real strength,
+static void enter_segment(const object_detect_plane *plane, cairn_segment line, cairn_real strength,
                           float *cost)
 {
     double angle = atan2((double)(line.b.y - line.a.y), (double)(line.b.x - line.a.x));
@@ -115,7 +116,7 @@ static void spread_line(float *strip, float *cost, int32_t count, int32_t step)
 }
 
 /* Converts costs to likelihoods, and computes their summed-area table. */
-static void integrate(const detect_plane *plane, float *cost, double *sums)
+static void integrate(const object_detect_plane *plane, float *cost, double *sums)
 {
     int32_t w = plane->width;
 
@@ -133,8 +134,8 @@ static void integrate(const detect_plane *plane, float *cost, double *sums)
 }
 
 /* Log-likelihood ratio of every cell against the mean of its window. */
-static void compute_llr(const detect_plane *plane, const float *likelihood, const double *sums,
-                        float *llr)
+static void compute_llr(const object_detect_plane *plane, const float *likelihood,
+                        const double *sums, float *llr)
 {
     int32_t w = plane->width, h = plane->height;
 
@@ -159,7 +160,7 @@ static void compute_llr(const detect_plane *plane, const float *likelihood, cons
 }
 
 /* Computes the plane of one size. Returns 0 when out of memory. */
-static int make_plane(detect_plane *plane, const cairn_contour_search_tokens *tokens,
+static int make_plane(object_detect_plane *plane, const cairn_contour_search_tokens *tokens,
                       plane_buffers *buffers)
 {
     int32_t w = plane->width, h = plane->height, longest = w > h ? w : h;
@@ -232,7 +233,7 @@ static cairn_status check_params(const cairn_object_detect_params *params,
                                  cairn_file_error *error)
 {
     int32_t longer = tokens->width > tokens->height ? tokens->width : tokens->height;
-    double min_size = (double)longer * DETECT_CELLS_PER_SIZE / DETECT_MAX_SIDE_CELLS;
+    double min_size = (double)longer * OBJECT_DETECT_CELLS_PER_SIZE / OBJECT_DETECT_MAX_SIDE_CELLS;
 
     if (!(params->min_size >= MIN_SIZE_PX && params->min_size <= MAX_SIZE_PX))
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
@@ -275,7 +276,7 @@ static int32_t plane_count_of(const cairn_object_detect_params *params)
     int32_t planes =
         1 + (int32_t)(log((double)(params->max_size / params->min_size)) / log(SIZE_STEP) + 1e-6);
 
-    CAIRN_ASSERT(planes <= DETECT_MAX_PLANES);
+    CAIRN_ASSERT(planes <= OBJECT_DETECT_MAX_PLANES);
     return planes;
 }
 
@@ -300,11 +301,11 @@ cairn_status cairn_object_detect_field_make(cairn_object_detect_field **field,
         ok = cairn_object_detect_chains_make(&made->chains, tokens);
     for (int32_t k = 0;
          params->method == CAIRN_OBJECT_DETECT_EVIDENCE && k < plane_count_of(params) && ok; k++) {
-        detect_plane *plane = &made->plane[made->planes++];
+        object_detect_plane *plane = &made->plane[made->planes++];
         plane_buffers buffers = {.cost = NULL};
 
         plane->size = params->min_size * (cairn_real)pow(SIZE_STEP, k);
-        plane->cell_size = plane->size / DETECT_CELLS_PER_SIZE;
+        plane->cell_size = plane->size / OBJECT_DETECT_CELLS_PER_SIZE;
         plane->width = 1 + (int32_t)((double)tokens->width / (double)plane->cell_size);
         plane->height = 1 + (int32_t)((double)tokens->height / (double)plane->cell_size);
         ok = make_plane(plane, tokens, &buffers);

@@ -28,7 +28,7 @@
 #define MIN_OVERLAP 0.5
 enum { MIN_TOKENS = 64 };
 
-void cairn_object_detect_group_free(detect_groupings *groupings)
+void cairn_object_detect_group_free(object_detect_groupings *groupings)
 {
     free(groupings->list);
     memset(groupings, 0, sizeof *groupings);
@@ -54,14 +54,14 @@ static cairn_contour_grouping_params params_for(const cairn_contour_search_token
     params.max_tokens = count_tokens(tokens, params.token_length);
     params.max_samples = model->sample_count;
     params.max_outline = model->outline_count;
-    params.max_objects = DETECT_MAX_OBJECTS_PER_SEARCH;
+    params.max_objects = OBJECT_DETECT_MAX_OBJECTS_PER_SEARCH;
     params.min_evidence = MIN_EVIDENCE;
     params.min_score = 0;
     return params;
 }
 
 /* Computes the bounding box of the model at the grouped pose. */
-static void set_box(const cairn_shape_model *model, detect_grouping *grouped)
+static void set_box(const cairn_shape_model *model, object_detect_grouping *grouped)
 {
     double c = cos((double)grouped->found.turn) * (double)grouped->found.size,
            s = sin((double)grouped->found.turn) * (double)grouped->found.size;
@@ -80,13 +80,15 @@ static void set_box(const cairn_shape_model *model, detect_grouping *grouped)
     }
 }
 
-static void append_objects(detect_groupings *groupings, const cairn_contour_grouping *grouping,
-                           const cairn_shape_model *model, int32_t mirrored)
+static void append_objects(object_detect_groupings *groupings,
+                           const cairn_contour_grouping *grouping, const cairn_shape_model *model,
+                           int32_t mirrored)
 {
     cairn_contour_grouping_result result = cairn_contour_grouping_read(grouping);
 
-    for (int32_t i = 0; i < result.object_count && groupings->count < DETECT_MAX_GROUPINGS; i++) {
-        detect_grouping *grouped = &groupings->list[groupings->count++];
+    for (int32_t i = 0; i < result.object_count && groupings->count < OBJECT_DETECT_MAX_GROUPINGS;
+         i++) {
+        object_detect_grouping *grouped = &groupings->list[groupings->count++];
 
         grouped->found = result.objects[i];
         grouped->mirrored = mirrored;
@@ -122,7 +124,7 @@ static cairn_status search_band(cairn_contour_grouping *grouping,
     return status;
 }
 
-static cairn_status search_bands(detect_groupings *groupings,
+static cairn_status search_bands(object_detect_groupings *groupings,
                                  const cairn_object_detect_field *field,
                                  const cairn_shape_model *model, int32_t mirrored,
                                  cairn_contour_grouping *grouping)
@@ -141,7 +143,7 @@ static cairn_status search_bands(detect_groupings *groupings,
     return status;
 }
 
-static cairn_status search_mirrored(detect_groupings *groupings,
+static cairn_status search_mirrored(object_detect_groupings *groupings,
                                     const cairn_object_detect_field *field,
                                     const cairn_shape_model *model,
                                     cairn_contour_grouping *grouping)
@@ -159,7 +161,7 @@ static cairn_status search_mirrored(detect_groupings *groupings,
 
 static int compare_groupings(const void *a, const void *b)
 {
-    const detect_grouping *x = a, *y = b;
+    const object_detect_grouping *x = a, *y = b;
 
     if (x->found.evidence != y->found.evidence)
         return x->found.evidence < y->found.evidence ? 1 : -1;
@@ -170,7 +172,7 @@ static int compare_groupings(const void *a, const void *b)
     return x->found.origin.x < y->found.origin.x ? -1 : x->found.origin.x > y->found.origin.x;
 }
 
-cairn_status cairn_object_detect_group(detect_groupings *groupings,
+cairn_status cairn_object_detect_group(object_detect_groupings *groupings,
                                        const cairn_object_detect_field *field,
                                        const cairn_shape_model *model)
 {
@@ -182,7 +184,7 @@ cairn_status cairn_object_detect_group(detect_groupings *groupings,
     cairn_pool pool;
 
     groupings->count = 0;
-    groupings->list = malloc(DETECT_MAX_GROUPINGS * sizeof *groupings->list);
+    groupings->list = malloc(OBJECT_DETECT_MAX_GROUPINGS * sizeof *groupings->list);
     status = memory != NULL && groupings->list != NULL ? cairn_pool_init(&pool, memory, bytes)
                                                        : CAIRN_NO_MEMORY;
     if (status == CAIRN_OK)
@@ -198,7 +200,7 @@ cairn_status cairn_object_detect_group(detect_groupings *groupings,
     return status;
 }
 
-cairn_real cairn_object_detect_grouped_evidence(const detect_groupings *groupings,
+cairn_real cairn_object_detect_grouped_evidence(const object_detect_groupings *groupings,
                                                 const cairn_object_detection *detection)
 {
     const double own[4] = {(double)detection->left, (double)detection->top,

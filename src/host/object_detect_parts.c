@@ -50,7 +50,7 @@ static cairn_vec2 middle_of(cairn_vec2 a, cairn_vec2 b)
 }
 
 /* Creates the polyline through the consecutive segments `from` ... `to` - 1 of a chain. */
-static void add_chain(detect_chains *chains, const cairn_contour_search_tokens *tokens,
+static void add_chain(object_detect_chains *chains, const cairn_contour_search_tokens *tokens,
                       int32_t from, int32_t to, cairn_vec2 *points)
 {
     cairn_curve *curve = &chains->curves[tokens->chain[from]];
@@ -71,7 +71,7 @@ static void add_chain(detect_chains *chains, const cairn_contour_search_tokens *
     chains->max_length = cairn_max(chains->max_length, cairn_curve_length(curve));
 }
 
-int cairn_object_detect_chains_make(detect_chains *chains,
+int cairn_object_detect_chains_make(object_detect_chains *chains,
                                     const cairn_contour_search_tokens *tokens)
 {
     cairn_vec2 *points;
@@ -92,7 +92,7 @@ int cairn_object_detect_chains_make(detect_chains *chains,
     return 1;
 }
 
-void cairn_object_detect_chains_free(detect_chains *chains)
+void cairn_object_detect_chains_free(object_detect_chains *chains)
 {
     free(chains->curves);
     free(chains->points);
@@ -104,7 +104,7 @@ void cairn_object_detect_chains_free(detect_chains *chains)
 typedef struct part_searcher {
     const cairn_object_detect_field *field;
     const cairn_shape_model *model;
-    detect_hypotheses *made;
+    object_detect_hypotheses *made;
     int32_t mirrored;
     cairn_part_bundle_model parts; /* of the model or of its mirror image */
     cairn_oriented_point *samples;
@@ -115,7 +115,7 @@ typedef struct part_searcher {
     cairn_fragment_matcher *matcher;
     cairn_part_configurator *configurator;
     cairn_shape_context *context;
-    detect_chain_sets sets; /* as written: sets of chains already compared */
+    object_detect_chain_sets sets; /* as written: sets of chains already compared */
 } part_searcher;
 
 /* Only the first outline has fragments. */
@@ -152,7 +152,7 @@ static cairn_part_configuration_params configuration_params(const part_searcher 
         params = cairn_part_configuration_as_written();
         params.max_votes = CAIRN_PART_MAX_FRAGMENTS * detect->matches;
         params.nearest = detect->nearest;
-        params.max_found = DETECT_MAX_WRITTEN_HYPOTHESES;
+        params.max_found = OBJECT_DETECT_MAX_WRITTEN_HYPOTHESES;
         params.min_sum = MIN_SIMILARITY_SUM;
         return params;
     }
@@ -160,7 +160,7 @@ static cairn_part_configuration_params configuration_params(const part_searcher 
     params.nearest = detect->nearest;
     params.search = detect->modes_only ? CAIRN_PART_SEARCH_MODES : CAIRN_PART_SEARCH_NEAREST;
     params.max_nodes = MAX_NODES;
-    params.max_found = DETECT_MAX_HYPOTHESES / 2;
+    params.max_found = OBJECT_DETECT_MAX_HYPOTHESES / 2;
     return params;
 }
 
@@ -260,7 +260,7 @@ static void set_model(part_searcher *searcher, int32_t mirrored)
 
 static cairn_status match_fragments(part_searcher *searcher, cairn_fragment_match_result *found)
 {
-    const detect_chains *chains = &searcher->field->chains;
+    const object_detect_chains *chains = &searcher->field->chains;
     cairn_budget budget;
     cairn_status status = cairn_fragment_match_begin(searcher->matcher, &searcher->parts,
                                                      chains->curves, chains->count);
@@ -363,8 +363,8 @@ static cairn_vec2 point_along(const cairn_curve *chain, cairn_real along)
 
 /* Samples the matched pieces of a configuration's chains in the model's frame, as densely as the
  * outline, or as the capacity allows. */
-static int32_t sample_parts(const part_searcher *searcher, const detect_hypothesis *hypothesis,
-                            cairn_vec2 *points)
+static int32_t sample_parts(const part_searcher *searcher,
+                            const object_detect_hypothesis *hypothesis, cairn_vec2 *points)
 {
     cairn_real step =
                    searcher->parts.length * hypothesis->size / (cairn_real)searcher->outline_count,
@@ -396,7 +396,8 @@ static int32_t sample_parts(const part_searcher *searcher, const detect_hypothes
 }
 
 /* Share of the outline's length without a matched part. */
-static cairn_real missing_share(const part_searcher *searcher, const detect_hypothesis *hypothesis)
+static cairn_real missing_share(const part_searcher *searcher,
+                                const object_detect_hypothesis *hypothesis)
 {
     cairn_real matched = 0;
     uint32_t pieces = 0;
@@ -425,7 +426,7 @@ static cairn_status run_context(part_searcher *searcher, const cairn_shape_conte
 }
 
 /* As written: compares the whole fragments with the whole outline. CAIRN_EMPTY: zero length. */
-static cairn_status compare_whole(part_searcher *searcher, detect_hypothesis *hypothesis)
+static cairn_status compare_whole(part_searcher *searcher, object_detect_hypothesis *hypothesis)
 {
     cairn_vec2 points[OUTLINE_POINTS];
     cairn_shape_context_input input = {.kind = CAIRN_SHAPE_CONTEXT_WHOLE,
@@ -444,7 +445,7 @@ static cairn_status compare_whole(part_searcher *searcher, detect_hypothesis *hy
     return status;
 }
 
-static cairn_status compare_shapes(part_searcher *searcher, detect_hypothesis *hypothesis)
+static cairn_status compare_shapes(part_searcher *searcher, object_detect_hypothesis *hypothesis)
 {
     cairn_vec2 points[PART_POINTS];
     cairn_shape_context_input input = {.kind = CAIRN_SHAPE_CONTEXT_PART,
@@ -465,7 +466,7 @@ static cairn_status add_hypothesis(part_searcher *searcher,
                                    const int32_t *votes, const cairn_fragment_match *matches,
                                    const int32_t *match_of)
 {
-    detect_hypothesis *hypothesis = &searcher->made->list[searcher->made->count];
+    object_detect_hypothesis *hypothesis = &searcher->made->list[searcher->made->count];
     cairn_status status;
 
     hypothesis->mirrored = searcher->mirrored;
@@ -529,13 +530,14 @@ static cairn_status search(part_searcher *searcher, int32_t mirrored, int32_t *m
     return status;
 }
 
-cairn_status cairn_object_detect_parts(detect_hypotheses *hypotheses,
+cairn_status cairn_object_detect_parts(object_detect_hypotheses *hypotheses,
                                        const cairn_object_detect_field *field,
                                        const cairn_shape_model *model)
 {
     part_searcher searcher = {.field = field, .model = model, .made = hypotheses};
     int written = cairn_object_detect_is_as_written(field);
-    size_t capacity = written ? 2 * DETECT_MAX_WRITTEN_HYPOTHESES : DETECT_MAX_HYPOTHESES;
+    size_t capacity =
+        written ? 2 * OBJECT_DETECT_MAX_WRITTEN_HYPOTHESES : OBJECT_DETECT_MAX_HYPOTHESES;
     int32_t *match_of =
         malloc((size_t)CAIRN_PART_MAX_FRAGMENTS * (size_t)field->params.matches * sizeof *match_of);
     cairn_status status = CAIRN_NO_MEMORY;
@@ -544,8 +546,9 @@ cairn_status cairn_object_detect_parts(detect_hypotheses *hypotheses,
 
     memset(hypotheses, 0, sizeof *hypotheses);
     hypotheses->list = malloc(capacity * sizeof *hypotheses->list);
-    hypotheses->parts = malloc(capacity * (written ? CAIRN_PART_MAX_BUNDLES : DETECT_MAX_PARTS) *
-                               sizeof *hypotheses->parts);
+    hypotheses->parts =
+        malloc(capacity * (written ? CAIRN_PART_MAX_BUNDLES : OBJECT_DETECT_MAX_PARTS) *
+               sizeof *hypotheses->parts);
     if (hypotheses->list != NULL && hypotheses->parts != NULL && match_of != NULL)
         status = create(&searcher, &pool, &memory);
     if (status == CAIRN_OK)
@@ -563,7 +566,7 @@ cairn_status cairn_object_detect_parts(detect_hypotheses *hypotheses,
     return status;
 }
 
-void cairn_object_detect_parts_free(detect_hypotheses *hypotheses)
+void cairn_object_detect_parts_free(object_detect_hypotheses *hypotheses)
 {
     free(hypotheses->list);
     free(hypotheses->parts);

@@ -10,47 +10,48 @@
 /* Direction bins over half a turn; cells per object size; margin around the image, cells, without
  * known edges; greatest number of sizes; greatest number of cells along an image's side. */
 enum {
-    DETECT_BINS = CONTOUR_FIELD_BINS,
-    DETECT_CELLS_PER_SIZE = 40,
-    DETECT_MARGIN_CELLS = 28,
-    DETECT_MAX_PLANES = 42,
-    DETECT_MAX_SIDE_CELLS = 2000
+    OBJECT_DETECT_BINS = CONTOUR_FIELD_BINS,
+    OBJECT_DETECT_CELLS_PER_SIZE = 40,
+    OBJECT_DETECT_MARGIN_CELLS = 28,
+    OBJECT_DETECT_MAX_PLANES = 42,
+    OBJECT_DETECT_MAX_SIDE_CELLS = 2000
 };
 
 /* Log-likelihood ratios of edges for objects of one size: one level of the scale pyramid. */
-typedef struct detect_plane {
+typedef struct object_detect_plane {
     cairn_real size, cell_size; /* px, object size and cell size */
     int32_t width, height;      /* cells of the image; rows have margins on both sides */
     /* [BINS][height + 2 MARGIN][width + 2 MARGIN] nats, log-likelihood ratio of an outline
      * sample */
     float *llr;
-} detect_plane;
+} object_detect_plane;
 
 /* Method PARTS: the edge chains as polylines, by chain index; chains too short for segments have no
  * points. */
-typedef struct detect_chains {
+typedef struct object_detect_chains {
     cairn_curve *curves; /* [count] */
     cairn_vec2 *points;
     int32_t count;
     cairn_real max_length; /* px, greatest length of a chain */
-} detect_chains;
+} object_detect_chains;
 
 struct cairn_object_detect_field {
     const cairn_contour_search_tokens *tokens;
     cairn_object_detect_params params;
-    detect_plane plane[DETECT_MAX_PLANES];
+    object_detect_plane plane[OBJECT_DETECT_MAX_PLANES];
     int32_t planes;
-    detect_chains chains;
+    object_detect_chains chains;
 };
 
-static inline size_t cairn_object_detect_row(const detect_plane *plane)
+static inline size_t cairn_object_detect_row(const object_detect_plane *plane)
 {
-    return (size_t)plane->width + 2 * DETECT_MARGIN_CELLS;
+    return (size_t)plane->width + 2 * OBJECT_DETECT_MARGIN_CELLS;
 }
 
-static inline size_t cairn_object_detect_layer(const detect_plane *plane)
+static inline size_t cairn_object_detect_layer(const object_detect_plane *plane)
 {
-    return cairn_object_detect_row(plane) * ((size_t)plane->height + 2 * DETECT_MARGIN_CELLS);
+    return cairn_object_detect_row(plane) *
+           ((size_t)plane->height + 2 * OBJECT_DETECT_MARGIN_CELLS);
 }
 
 /* Reports the start of a stage to the callback. */
@@ -62,93 +63,93 @@ static inline void cairn_object_detect_report_stage(const cairn_object_detect_fi
 }
 
 /* Greatest numbers of hypotheses of one model, and of parts of a hypothesis. */
-enum { DETECT_MAX_HYPOTHESES = 128, DETECT_MAX_PARTS = 64 };
+enum { OBJECT_DETECT_MAX_HYPOTHESES = 128, OBJECT_DETECT_MAX_PARTS = 64 };
 /* As written: greatest number of configurations of the model, and again of its mirror image; enough
  * for all of 20 near votes of 4 bundles for each of 48 votes. */
-enum { DETECT_MAX_WRITTEN_HYPOTHESES = 1 << 16 };
+enum { OBJECT_DETECT_MAX_WRITTEN_HYPOTHESES = 1 << 16 };
 
 /* An object hypothesis from matched parts. */
-typedef struct detect_hypothesis {
+typedef struct object_detect_hypothesis {
     cairn_vec2 origin; /* px, position of the model's origin */
     cairn_real size;   /* px */
     cairn_real score, distance, agreement;
     cairn_real left, top, right, bottom; /* px, as written: bounding box of the fragments */
     int32_t mirrored;
     int32_t first_part, part_count; /* range in parts[] */
-} detect_hypothesis;
+} object_detect_hypothesis;
 
-typedef struct detect_hypotheses {
-    detect_hypothesis *list;
+typedef struct object_detect_hypotheses {
+    object_detect_hypothesis *list;
     cairn_object_detect_part *parts;
     int32_t count, part_count, bundles;
-} detect_hypotheses;
+} object_detect_hypotheses;
 
 /* A grouped object and the bounding box of the model at its pose. */
-typedef struct detect_grouping {
+typedef struct object_detect_grouping {
     cairn_contour_grouping_object found; /* first, first_outline: unused */
     double box[4];                       /* px: left, top, right, bottom */
     int32_t mirrored;
-} detect_grouping;
+} object_detect_grouping;
 
 /* Greatest numbers of objects of one grouping search, and of all searches (bands of sizes, for the
  * model and its mirror image). */
 enum {
-    DETECT_MAX_OBJECTS_PER_SEARCH = 12,
-    DETECT_MAX_GROUPINGS = 22 * DETECT_MAX_OBJECTS_PER_SEARCH
+    OBJECT_DETECT_MAX_OBJECTS_PER_SEARCH = 12,
+    OBJECT_DETECT_MAX_GROUPINGS = 22 * OBJECT_DETECT_MAX_OBJECTS_PER_SEARCH
 };
 
-typedef struct detect_groupings {
-    detect_grouping *list; /* [count] by descending evidence */
+typedef struct object_detect_groupings {
+    object_detect_grouping *list; /* [count] by descending evidence */
     int32_t count;
-} detect_groupings;
+} object_detect_groupings;
 
 /* Detects the model by contour grouping among the edges of a field, over the sizes of its params.
  * CAIRN_NO_MEMORY, or as cairn_contour_grouping_begin(). The result must be freed on failure,
  * too. */
-cairn_status cairn_object_detect_group(detect_groupings *made,
+cairn_status cairn_object_detect_group(object_detect_groupings *made,
                                        const cairn_object_detect_field *field,
                                        const cairn_shape_model *model);
-void cairn_object_detect_group_free(detect_groupings *made);
+void cairn_object_detect_group_free(object_detect_groupings *made);
 
 /* Returns the greatest evidence (nats) of a grouped object that coincides with a detection; 0:
  * none. */
-cairn_real cairn_object_detect_grouped_evidence(const detect_groupings *made,
-                                                const cairn_object_detection *o);
+cairn_real cairn_object_detect_grouped_evidence(const object_detect_groupings *made,
+                                                const cairn_object_detection *detection);
 
 /* Builds the polylines of all chains. Returns 0 when out of memory; the result must be freed then,
  * too. */
-int cairn_object_detect_chains_make(detect_chains *chains,
+int cairn_object_detect_chains_make(object_detect_chains *chains,
                                     const cairn_contour_search_tokens *tokens);
-void cairn_object_detect_chains_free(detect_chains *chains);
+void cairn_object_detect_chains_free(object_detect_chains *chains);
 
 /* Similarity transform (x, y) -> (a x - b y, b x + a y) + shift. */
-typedef struct detect_similarity {
+typedef struct object_detect_similarity {
     cairn_real a, b;
     cairn_vec2 shift;
-} detect_similarity;
+} object_detect_similarity;
 
 /* Returns the rigid proximity: how much of an outline agrees on one similarity transform of the
  * original outline, 0 ... 1 (object_detect_agree.c). proximity: [outline_count] edge proximity of
  * each sample; weight: [outline_count] scratch. map: the transform with the greatest agreement,
  * relative to the outline's origin and in its sizes, set when the result is > 0. Cost: about 40
  * passes over the samples. */
-cairn_real cairn_object_detect_rigid_proximity(const contour_fitted_outline *laid,
+cairn_real cairn_object_detect_rigid_proximity(const contour_fitted_outline *fitted,
                                                const cairn_oriented_point *drawn,
                                                const cairn_real *near, cairn_real *weight,
-                                               detect_similarity *map);
+                                               object_detect_similarity *map);
 
 /* Replaces the deformed outline by the original outline at the transform; updates the detection's
  * origin and size. */
-void cairn_object_detect_place_outline(const detect_similarity *laid,
+void cairn_object_detect_place_outline(const object_detect_similarity *map,
                                        const cairn_oriented_point *drawn, contour_fit *fit,
-                                       cairn_object_detection *o);
+                                       cairn_object_detection *detection);
 
 /* Finds hypotheses by parts. CAIRN_NO_MEMORY; CAIRN_EMPTY: an outline of zero length. On failure
  * there is nothing to free. */
-cairn_status cairn_object_detect_parts(detect_hypotheses *made,
+cairn_status cairn_object_detect_parts(object_detect_hypotheses *made,
                                        const cairn_object_detect_field *field,
                                        const cairn_shape_model *model);
-void cairn_object_detect_parts_free(detect_hypotheses *made);
+void cairn_object_detect_parts_free(object_detect_hypotheses *made);
 
 static inline int cairn_object_detect_is_as_written(const cairn_object_detect_field *field)
 {
@@ -157,28 +158,29 @@ static inline int cairn_object_detect_is_as_written(const cairn_object_detect_fi
 
 /* As written (object_detect_written.c). Computes the bounding box of a hypothesis' fragments, and
  * samples points[count] at even steps along all of them. Returns 0 when their length is zero. */
-int cairn_object_detect_written_sample(const cairn_object_detect_field *field, detect_hypothesis *h,
+int cairn_object_detect_written_sample(const cairn_object_detect_field *field,
+                                       object_detect_hypothesis *hypothesis,
                                        const cairn_object_detect_part *parts, cairn_vec2 *points,
                                        int32_t count);
 /* Hash set of sets of chains, so that hypotheses of the same chains are compared once. begin:
  * capacity: greatest number of sets; returns 0 when out of memory. add: returns 1 for a new set, 0
  * for a duplicate. */
-typedef struct detect_chain_sets {
+typedef struct object_detect_chain_sets {
     /* [capacity] ascending, padded with -1 */
     int32_t (*chains)[CAIRN_PART_MAX_BUNDLES];
     /* [mask + 1] hash table: index of a set; -1: empty */
     int32_t *slots;
     uint32_t mask;
     int32_t count;
-} detect_chain_sets;
-int cairn_object_detect_chain_sets_begin(detect_chain_sets *sets, int32_t room);
-int cairn_object_detect_chain_sets_add(detect_chain_sets *sets,
+} object_detect_chain_sets;
+int cairn_object_detect_chain_sets_begin(object_detect_chain_sets *sets, int32_t capacity);
+int cairn_object_detect_chain_sets_add(object_detect_chain_sets *sets,
                                        const cairn_object_detect_part *parts, int32_t count);
-void cairn_object_detect_chain_sets_free(detect_chain_sets *sets);
+void cairn_object_detect_chain_sets_free(object_detect_chain_sets *sets);
 
 /* Creates a detection for every hypothesis: found->found only, on the heap. */
 cairn_status cairn_object_detect_written_add(cairn_object_detections *found,
-                                             const detect_hypotheses *made,
+                                             const object_detect_hypotheses *made,
                                              const cairn_object_detect_field *field);
 /* Adds the lines of the fragments and the model's outline at the voted centroid to the detections
  * of found->found. */

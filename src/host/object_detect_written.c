@@ -65,7 +65,7 @@ static int32_t sample_chain(const cairn_curve *chain, cairn_real step, cairn_rea
 }
 
 int cairn_object_detect_written_sample(const cairn_object_detect_field *field,
-                                       detect_hypothesis *hypothesis,
+                                       object_detect_hypothesis *hypothesis,
                                        const cairn_object_detect_part *parts, cairn_vec2 *points,
                                        int32_t count)
 {
@@ -98,7 +98,7 @@ int cairn_object_detect_written_sample(const cairn_object_detect_field *field,
 
 /* ---- Sets of chains ---- */
 
-int cairn_object_detect_chain_sets_begin(detect_chain_sets *sets, int32_t capacity)
+int cairn_object_detect_chain_sets_begin(object_detect_chain_sets *sets, int32_t capacity)
 {
     size_t slots = 2;
 
@@ -114,14 +114,14 @@ int cairn_object_detect_chain_sets_begin(detect_chain_sets *sets, int32_t capaci
     return 1;
 }
 
-void cairn_object_detect_chain_sets_free(detect_chain_sets *sets)
+void cairn_object_detect_chain_sets_free(object_detect_chain_sets *sets)
 {
     free(sets->chains);
     free(sets->slots);
     memset(sets, 0, sizeof *sets);
 }
 
-int cairn_object_detect_chain_sets_add(detect_chain_sets *sets,
+int cairn_object_detect_chain_sets_add(object_detect_chain_sets *sets,
                                        const cairn_object_detect_part *parts, int32_t count)
 {
     int32_t *chains = sets->chains[sets->count];
@@ -147,7 +147,7 @@ int cairn_object_detect_chain_sets_add(detect_chain_sets *sets,
 /* ---- Detections ---- */
 
 cairn_status cairn_object_detect_written_add(cairn_object_detections *found,
-                                             const detect_hypotheses *made,
+                                             const object_detect_hypotheses *made,
                                              const cairn_object_detect_field *field)
 {
     const cairn_object_detect_params *params = &field->params;
@@ -156,7 +156,7 @@ cairn_status cairn_object_detect_written_add(cairn_object_detections *found,
     if (found->found == NULL)
         return CAIRN_NO_MEMORY;
     for (int32_t i = 0; i < made->count; i++) {
-        const detect_hypothesis *hypothesis = &made->list[i];
+        const object_detect_hypothesis *hypothesis = &made->list[i];
         const double box[4] = {(double)hypothesis->left, (double)hypothesis->top,
                                (double)hypothesis->right, (double)hypothesis->bottom};
         cairn_object_detection *detection = &found->found[found->count];

@@ -32,6 +32,7 @@ struct libraries {
 };
 
 /* The phase that the next step runs. */
+typedef int32_t sparse_solver_phase;
 enum { PHASE_NONE, PHASE_ANALYZE, PHASE_FACTOR, PHASE_SOLVE, PHASE_INVERT };
 
 struct link {
@@ -49,8 +50,10 @@ struct half {
 struct cairn_sparse_solver {
     struct libraries call;
     cairn_block_solver_result result;
-    /* pending phase; 1: no more links can be added; 1: x holds a solution */
-    int32_t phase, structure_closed, solved;
+    /* pending phase */
+    sparse_solver_phase phase;
+    /* 1: no more links can be added; 1: x holds a solution */
+    int32_t structure_closed, solved;
     struct link *links;
     int32_t link_capacity;
     int n; /* scalars: 3 a pose */
@@ -404,7 +407,7 @@ static cairn_status sparse_add_link_block(void *context, int32_t link, const cai
 /* ---- Phases ---- */
 
 static cairn_status begin_phase(cairn_sparse_solver *solver, cairn_block_solver_state state,
-                                int32_t phase)
+                                sparse_solver_phase phase)
 {
     if (!is_in(solver, state))
         return CAIRN_BAD_ARGUMENT;
@@ -473,7 +476,7 @@ static int substitute(const cairn_sparse_solver *solver, double *x)
 static cairn_status sparse_step(void *context, cairn_budget *budget)
 {
     cairn_sparse_solver *solver = context;
-    int32_t phase = solver->phase;
+    sparse_solver_phase phase = solver->phase;
     cairn_status status = CAIRN_OK;
 
     if (phase == PHASE_NONE)

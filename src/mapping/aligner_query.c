@@ -33,19 +33,20 @@ static int is_same_wall(const aligner_segment *a, const aligner_segment *b,
 int32_t cairn_aligner_share_wall(const cairn_aligner *aligner, int32_t first, int32_t second,
                                  cairn_pose second_first, cairn_vec2 along, int32_t *units)
 {
-    const cairn_aligner *x = aligner;
     int32_t tests = 0, found = 0,
-            end = has_scan(x, first) && x->has_ended ? x->scans[first].end_segment : 0;
+            end = has_scan(aligner, first) && aligner->has_ended ? aligner->scans[first].end_segment
+                                                                 : 0;
     cairn_transform pose = cairn_transform_of(second_first);
 
-    if (!has_scan(x, second))
+    if (!has_scan(aligner, second))
         end = 0;
-    for (int32_t i = end > 0 ? x->scans[first].first_segment : 0; i < end && !found; i++, tests++) {
-        if (cairn_abs(cairn_vec2_cross(x->segments[i].direction, along)) < MIN_CROSS_SINE)
+    for (int32_t i = end > 0 ? aligner->scans[first].first_segment : 0; i < end && !found;
+         i++, tests++) {
+        if (cairn_abs(cairn_vec2_cross(aligner->segments[i].direction, along)) < MIN_CROSS_SINE)
             continue;
-        for (int32_t j = x->scans[second].first_segment; j < x->scans[second].end_segment && !found;
-             j++, tests++)
-            found = is_same_wall(&x->segments[i], &x->segments[j], pose);
+        for (int32_t j = aligner->scans[second].first_segment;
+             j < aligner->scans[second].end_segment && !found; j++, tests++)
+            found = is_same_wall(&aligner->segments[i], &aligner->segments[j], pose);
     }
     if (units != NULL)
         *units = 1 + tests / TESTS_PER_UNIT;

@@ -260,33 +260,43 @@ static int may_be_visible(const cairn_aligner *aligner, int32_t scan, cairn_vec2
 
 /* Iterator over the patches of a scan that another one may see. */
 typedef struct patch_walk {
-    const cairn_aligner *x;
-    int32_t to, patch, at, end; /* points of the current patch */
-    int32_t last;               /* of the scan */
-    int32_t work;               /* lookups, skipped patches counted in part */
+    const cairn_aligner *aligner;
+    /* the other scan, and the next patch */
+    int32_t to, patch;
+    /* points [at, end) of the current patch, and the end of the scan's points */
+    int32_t at, end, last;
+    /* lookups; skipped patches are counted in part */
+    int32_t work;
 } patch_walk;
 
 static patch_walk begin_patches(const cairn_aligner *aligner, int32_t from, int32_t to)
 {
     const aligner_scan *scan = &aligner->scans[from];
-    patch_walk w = {aligner,         to, scan->first_patch, scan->first_point, scan->first_point,
-                    scan->end_point, 0};
+    patch_walk w = {
+        .aligner = aligner,
+        .to = to,
+        .patch = scan->first_patch,
+        .at = scan->first_point,
+        .end = scan->first_point,
+        .last = scan->end_point,
+    };
 
     return w;
 }
 
 /* Advances to the next visible patch; 0: none is left. */
-static int next_patch(patch_walk *w, cairn_transform to_from)
+static int next_patch(patch_walk *walk, cairn_transform to_from)
 {
-    while (w->end < w->last) {
-        const aligner_patch *patch = &w->x->patches[w->patch++];
+    while (walk->end < walk->last) {
+        const aligner_patch *patch = &walk->aligner->patches[walk->patch++];
 
-        w->at = w->end;
-        w->end = w->at + ALIGNER_PATCH_POINTS < w->last ? w->at + ALIGNER_PATCH_POINTS : w->last;
-        w->work += w->patch & 1;
-        if (may_be_visible(w->x, w->to, cairn_transform_point(to_from, patch->middle),
+        walk->at = walk->end;
+        walk->end = walk->at + ALIGNER_PATCH_POINTS < walk->last ? walk->at + ALIGNER_PATCH_POINTS
+                                                                 : walk->last;
+        walk->work += walk->patch & 1;
+        if (may_be_visible(walk->aligner, walk->to, cairn_transform_point(to_from, patch->middle),
                            patch->radius)) {
-            w->work += w->end - w->at;
+            walk->work += walk->end - walk->at;
             return 1;
         }
     }
@@ -324,8 +334,8 @@ static cairn_real saturated(int32_t points)
 
 /* Returns 1 when the log-likelihood ratio stays at `least` or below even if the next points are all
  * inliers. */
-static int is_hopeless(const cairn_aligner *aligner, aligner_count count, int32_t left,
-                       cairn_real least)
+static int is_pruned(const cairn_aligner *aligner, aligner_count count, int32_t left,
+                     cairn_real least)
 {
     count.same_surface += cairn_min((cairn_real)left, LOOKAHEAD_POINTS);
     return cairn_aligner_log_likelihood_ratio(aligner, count) <= least;
@@ -339,7 +349,7 @@ int32_t cairn_aligner_count_points(const cairn_aligner *aligner, int32_t from, i
     int32_t segment = -1, same = 0;
     cairn_vec2 direction = {0, 0};
 
-    while (!is_hopeless(aligner, *count, same + w.last - w.end, least) && next_patch(&w, to_from))
+    while (!is_pruned(aligner, *count, same + w.last - w.end, least) && next_patch(&w, to_from))
         for (int32_t i = w.at; i < w.end; i++) {
             const aligner_point *point = &aligner->points[i];
 

@@ -102,25 +102,27 @@ static cairn_particle_filter_params filter_params(const cairn_filter_mapper_para
     filter.max_followers = 1;
     filter.max_candidates = params->particles * params->candidates;
     filter.max_blocks = params->particles * params->front.max_keyframes;
-    filter.state_bytes = (int32_t)sizeof(path_state);
+    filter.state_bytes = (int32_t)sizeof(filter_mapper_path_state);
     filter.adaptive_followers = 0;
     return filter;
 }
 
 /* Checks the params that the modules do not check themselves. */
-static int is_valid(const cairn_filter_mapper_params *p)
+static int is_valid(const cairn_filter_mapper_params *params)
 {
-    return p != NULL && p->particles >= 1 && p->particles <= MAX_PARTICLES &&
-           p->front.max_keyframes >= 1 && p->front.max_keyframes <= MAX_NODES / p->particles &&
-           p->candidates >= 1 && p->candidates <= CAIRN_FILTER_MAPPER_MAX_CANDIDATES &&
-           p->scored_points >= 1 && p->local_keyframes >= 1 &&
-           p->local_keyframes <= CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES &&
-           p->max_local_points >= 1 && p->max_local_points <= MAX_LOCAL_POINTS &&
-           p->recent_keyframes >= 1 && p->local_radius > 0 && p->motion_distance >= 0 &&
-           p->motion_turn >= 0 && p->motion_distance_min > 0 && p->motion_turn_min > 0 &&
-           p->match_sigma > 0 && p->match_sigma_theta > 0 && p->min_overlap >= 0 &&
-           p->min_overlap <= 1 && p->sigma > 0 && p->max_point_cost > 0 &&
-           p->independent_points > 0;
+    return params != NULL && params->particles >= 1 && params->particles <= MAX_PARTICLES &&
+           params->front.max_keyframes >= 1 &&
+           params->front.max_keyframes <= MAX_NODES / params->particles &&
+           params->candidates >= 1 && params->candidates <= CAIRN_FILTER_MAPPER_MAX_CANDIDATES &&
+           params->scored_points >= 1 && params->local_keyframes >= 1 &&
+           params->local_keyframes <= CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES &&
+           params->max_local_points >= 1 && params->max_local_points <= MAX_LOCAL_POINTS &&
+           params->recent_keyframes >= 1 && params->local_radius > 0 &&
+           params->motion_distance >= 0 && params->motion_turn >= 0 &&
+           params->motion_distance_min > 0 && params->motion_turn_min > 0 &&
+           params->match_sigma > 0 && params->match_sigma_theta > 0 && params->min_overlap >= 0 &&
+           params->min_overlap <= 1 && params->sigma > 0 && params->max_point_cost > 0 &&
+           params->independent_points > 0;
 }
 
 /* ---- Memory ---- */
@@ -134,7 +136,7 @@ static void count_parts(cairn_pool *counting, const cairn_filter_mapper_params *
 
     cairn_pool_count(counting, cairn_mapper_memory(&front));
     cairn_pool_count(counting, cairn_icp_memory(&icp));
-    for (int which = 0; which < LOCAL_MAPS; which++)
+    for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++)
         cairn_pool_count(counting, cairn_point_grid_memory(&grid));
     cairn_pool_count(counting, cairn_particle_filter_memory(&filter));
 }
@@ -144,16 +146,16 @@ static cairn_filter_mapper *carve(cairn_pool *pool, const cairn_filter_mapper_pa
     cairn_filter_mapper *mapper = cairn_pool_take_one(pool, sizeof *mapper);
     cairn_oriented_point *oriented =
         cairn_pool_take(pool, (size_t)params->front.scan.max_points, sizeof *oriented);
-    cairn_vec2 *direction[LOCAL_MAPS];
+    cairn_vec2 *direction[FILTER_MAPPER_LOCAL_MAPS];
 
-    for (int which = 0; which < LOCAL_MAPS; which++)
+    for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++)
         direction[which] =
             cairn_pool_take(pool, (size_t)params->max_local_points, sizeof *direction[which]);
     if (mapper == NULL)
         return NULL;
     memset(mapper, 0, sizeof *mapper);
     mapper->points = oriented;
-    for (int which = 0; which < LOCAL_MAPS; which++)
+    for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++)
         mapper->proposal.maps[which].direction = direction[which];
     return mapper;
 }
@@ -182,7 +184,7 @@ static cairn_status create_parts(cairn_filter_mapper *made, cairn_pool *pool,
 
     if (status == CAIRN_OK)
         status = cairn_icp_create(&made->icp, pool, &icp);
-    for (int which = 0; which < LOCAL_MAPS && status == CAIRN_OK; which++)
+    for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS && status == CAIRN_OK; which++)
         status = cairn_point_grid_create(&made->proposal.maps[which].points, pool, &grid);
     if (status == CAIRN_OK)
         status = cairn_particle_filter_create(&made->filter, pool, &filter, &model);
@@ -220,7 +222,7 @@ cairn_status cairn_filter_mapper_add(cairn_filter_mapper *mapper, const cairn_sc
 
     if (mapper == NULL)
         return CAIRN_BAD_ARGUMENT;
-    if (mapper->front_is_active || mapper->proposal.stage != PROPOSE_IDLE)
+    if (mapper->front_is_active || mapper->proposal.stage != FILTER_MAPPER_PROPOSE_IDLE)
         return CAIRN_MORE;
     status = cairn_mapper_add(mapper->front, input, odometry, fault);
     mapper->front_is_active = status == CAIRN_OK;
@@ -230,7 +232,7 @@ cairn_status cairn_filter_mapper_add(cairn_filter_mapper *mapper, const cairn_sc
 /* Adds the first keyframe, at which all paths begin. */
 static cairn_status start_paths(cairn_filter_mapper *mapper)
 {
-    path_state first = {cairn_mapper_keyframe_pose(mapper->front, 0), 0, 0};
+    filter_mapper_path_state first = {cairn_mapper_keyframe_pose(mapper->front, 0), 0, 0};
     cairn_status status = CAIRN_OK;
 
     for (int32_t i = 0; i < mapper->params.particles && status == CAIRN_OK; i++)
@@ -268,11 +270,11 @@ static cairn_status begin_filter(cairn_filter_mapper *mapper)
     if (result.keyframe == 0)
         return start_paths(mapper);
     find_motion(mapper, &result);
-    mapper->proposal.stage = PROPOSE_BEGIN;
+    mapper->proposal.stage = FILTER_MAPPER_PROPOSE_BEGIN;
     return cairn_particle_filter_begin(mapper->filter);
 }
 
-static cairn_status go_on(cairn_filter_mapper *mapper, cairn_budget *budget)
+static cairn_status run(cairn_filter_mapper *mapper, cairn_budget *budget)
 {
     cairn_status status = CAIRN_OK;
 
@@ -284,13 +286,13 @@ static cairn_status go_on(cairn_filter_mapper *mapper, cairn_budget *budget)
             status = begin_filter(mapper);
         mapper->front_is_active = 0;
     }
-    if (status != CAIRN_OK || mapper->proposal.stage == PROPOSE_IDLE)
+    if (status != CAIRN_OK || mapper->proposal.stage == FILTER_MAPPER_PROPOSE_IDLE)
         return status;
     status = cairn_particle_filter_step(mapper->filter, budget);
     if (status == CAIRN_MORE)
         return status;
     CAIRN_ASSERT(status == CAIRN_OK);
-    mapper->proposal.stage = PROPOSE_IDLE;
+    mapper->proposal.stage = FILTER_MAPPER_PROPOSE_IDLE;
     mapper->keyframe_count++;
     return status;
 }
@@ -303,7 +305,7 @@ cairn_status cairn_filter_mapper_step(cairn_filter_mapper *mapper, cairn_budget 
     if (mapper == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
     before = budget->left;
-    status = go_on(mapper, budget);
+    status = run(mapper, budget);
     mapper->units += (int64_t)before - budget->left;
     return status;
 }
@@ -338,19 +340,21 @@ int32_t cairn_filter_mapper_best(const cairn_filter_mapper *mapper)
 
 cairn_pose cairn_filter_mapper_last(const cairn_filter_mapper *mapper, int32_t particle)
 {
-    const path_state *state = cairn_particle_filter_particle(mapper->filter, particle).state;
+    const filter_mapper_path_state *state =
+        cairn_particle_filter_particle(mapper->filter, particle).state;
 
     return state == NULL ? cairn_pose_identity() : state->map_keyframe;
 }
 
 int32_t cairn_filter_mapper_path(const cairn_filter_mapper *mapper, int32_t particle,
-                                 cairn_pose *poses, int32_t room)
+                                 cairn_pose *poses, int32_t capacity)
 {
-    const path_state *state = cairn_particle_filter_particle(mapper->filter, particle).state;
+    const filter_mapper_path_state *state =
+        cairn_particle_filter_particle(mapper->filter, particle).state;
     int32_t count = 0;
 
     for (; state != NULL; state = cairn_particle_filter_state_before(state)) {
-        if (state->keyframe >= room)
+        if (state->keyframe >= capacity)
             continue;
         poses[state->keyframe] = state->map_keyframe;
         count++;

@@ -39,28 +39,28 @@ static const cairn_real GATE_SIGMAS = 3;
 /* minimum cosine between directions on the same side of a wall */
 static const cairn_real MIN_COSINE = CAIRN_REAL(0.5);
 
-static int charge(proposal *work, cairn_budget *budget, int32_t cost)
+static int charge(filter_mapper_proposal *work, cairn_budget *budget, int32_t cost)
 {
     return cairn_budget_charge(budget, &work->units_charged, cost);
 }
 
 /* ---- The local maps ---- */
 
-static void begin(cairn_filter_mapper *mapper, const path_state *leaf)
+static void begin(cairn_filter_mapper *mapper, const filter_mapper_path_state *leaf)
 {
-    proposal *work = &mapper->proposal;
+    filter_mapper_proposal *work = &mapper->proposal;
 
     work->ancestor = leaf;
     work->expected = cairn_pose_compose(leaf->map_keyframe, mapper->motion);
-    work->maps[RECENT_MAP].count = work->maps[OLD_MAP].count = 0;
+    work->maps[FILTER_MAPPER_RECENT_MAP].count = work->maps[FILTER_MAPPER_OLD_MAP].count = 0;
     work->mode_count = 0;
-    work->map_index = RECENT_MAP;
+    work->map_index = FILTER_MAPPER_RECENT_MAP;
 }
 
 /* Removes the previous particle's points. Returns 1 when both grids are empty. */
 static int empty_maps(cairn_filter_mapper *mapper, cairn_budget *budget)
 {
-    for (int which = 0; which < LOCAL_MAPS; which++) {
+    for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++) {
         cairn_point_grid *points = mapper->proposal.maps[which].points;
 
         while (cairn_point_grid_count(points) > 0) {
@@ -74,7 +74,8 @@ static int empty_maps(cairn_filter_mapper *mapper, cairn_budget *budget)
 }
 
 /* Inserts a keyframe into the list of nearest ones; of equal distances the later goes first. */
-static void insert_nearest(local_map *map, int32_t most, local_keyframe keyframe)
+static void insert_nearest(filter_mapper_local_map *map, int32_t most,
+                           filter_mapper_local_keyframe keyframe)
 {
     int32_t k = map->count;
 
@@ -93,22 +94,22 @@ static void insert_nearest(local_map *map, int32_t most, local_keyframe keyframe
 static int walk_path(cairn_filter_mapper *mapper, cairn_budget *budget)
 {
     const cairn_filter_mapper_params *p = &mapper->params;
-    proposal *work = &mapper->proposal;
+    filter_mapper_proposal *work = &mapper->proposal;
 
     while (work->ancestor != NULL) {
         if (!charge(work, budget, 1))
             return 0;
         for (int k = 0; k < WALKED_PER_UNIT && work->ancestor != NULL; k++) {
-            const path_state *s = work->ancestor;
+            const filter_mapper_path_state *s = work->ancestor;
             cairn_real x = s->map_keyframe.x - work->expected.x,
                        y = s->map_keyframe.y - work->expected.y;
-            local_keyframe keyframe = {s->map_keyframe, x * x + y * y, s->keyframe};
+            filter_mapper_local_keyframe keyframe = {s->map_keyframe, x * x + y * y, s->keyframe};
 
             if (keyframe.distance <= p->local_radius * p->local_radius)
                 insert_nearest(
                     &work->maps[s->keyframe < mapper->keyframe_count - p->recent_keyframes
-                                    ? OLD_MAP
-                                    : RECENT_MAP],
+                                    ? FILTER_MAPPER_OLD_MAP
+                                    : FILTER_MAPPER_RECENT_MAP],
                     p->local_keyframes, keyframe);
             work->ancestor = cairn_particle_filter_state_before(s);
         }
@@ -133,7 +134,8 @@ static int32_t read_key(cairn_filter_mapper *mapper, int32_t keyframe)
 }
 
 /* Adds a keyframe to the target of the match and to the grid. Returns 0 without capacity. */
-static int add_key(cairn_filter_mapper *mapper, local_map *map, const local_keyframe *keyframe)
+static int add_key(cairn_filter_mapper *mapper, filter_mapper_local_map *map,
+                   const filter_mapper_local_keyframe *keyframe)
 {
     int32_t count = read_key(mapper, keyframe->keyframe);
     cairn_transform map_key = cairn_transform_of(keyframe->map_keyframe);
@@ -163,11 +165,11 @@ static int32_t points_of(const cairn_filter_mapper *mapper, int32_t keyframe)
 
 static int fill_map(cairn_filter_mapper *mapper, cairn_budget *budget)
 {
-    proposal *work = &mapper->proposal;
-    local_map *map = &work->maps[work->map_index];
+    filter_mapper_proposal *work = &mapper->proposal;
+    filter_mapper_local_map *map = &work->maps[work->map_index];
 
     for (; work->cursor < map->count; work->cursor++) {
-        const local_keyframe *keyframe = &map->nearest[work->cursor];
+        const filter_mapper_local_keyframe *keyframe = &map->nearest[work->cursor];
 
         if (!charge(work, budget, 1 + points_of(mapper, keyframe->keyframe) / POINTS_PER_UNIT))
             return 0;
@@ -192,7 +194,7 @@ static int begin_match(cairn_filter_mapper *mapper)
 
 static void add_mode(cairn_filter_mapper *mapper, cairn_pose mean, cairn_sym3 covariance)
 {
-    proposal_mode *p = &mapper->proposal.modes[mapper->proposal.mode_count++];
+    filter_mapper_proposal_mode *p = &mapper->proposal.modes[mapper->proposal.mode_count++];
     cairn_real variance[3];
 
     p->mean = mean;
@@ -217,7 +219,7 @@ static void end_match(cairn_filter_mapper *mapper)
     if (match.verdict == CAIRN_ICP_TOO_FEW_PAIRS || match.overlap < p->min_overlap)
         return;
     add_mode(mapper, match.target_query, covariance);
-    mapper->revisit_matches += mapper->proposal.map_index == OLD_MAP;
+    mapper->revisit_matches += mapper->proposal.map_index == FILTER_MAPPER_OLD_MAP;
 }
 
 /* ---- The candidates ---- */
@@ -233,7 +235,7 @@ static void end_matches(cairn_filter_mapper *mapper)
         add_mode(mapper, mapper->proposal.expected, motion);
 }
 
-static cairn_pose draw_from(cairn_filter_mapper *mapper, const proposal_mode *from)
+static cairn_pose draw_from(cairn_filter_mapper *mapper, const filter_mapper_proposal_mode *from)
 {
     cairn_real e[3] = {0, 0, 0};
     cairn_pose pose;
@@ -261,10 +263,10 @@ static cairn_real log_motion(const cairn_filter_mapper *mapper, cairn_pose x)
 
 static int draw_candidates(cairn_filter_mapper *mapper, cairn_budget *budget)
 {
-    proposal *work = &mapper->proposal;
+    filter_mapper_proposal *work = &mapper->proposal;
 
     for (; work->cursor < mapper->params.candidates; work->cursor++) {
-        path_state *s = &work->candidates[work->cursor];
+        filter_mapper_path_state *s = &work->candidates[work->cursor];
 
         if (!charge(work, budget, DRAW_COST))
             return 0;
@@ -285,7 +287,7 @@ static int32_t stride_of(const cairn_filter_mapper *mapper, int32_t count)
 
 /* Returns the cost of a point against a map: half the squared normalized distance along the normal,
  * 0 ... max_point_cost. */
-static cairn_real point_cost(const cairn_filter_mapper *mapper, const local_map *map,
+static cairn_real point_cost(const cairn_filter_mapper *mapper, const filter_mapper_local_map *map,
                              cairn_transform map_scan, cairn_oriented_point point)
 {
     cairn_vec2 p = cairn_transform_point(map_scan, point.position);
@@ -305,16 +307,16 @@ static cairn_real point_cost(const cairn_filter_mapper *mapper, const local_map 
 /* Continues scoring the current candidate. Returns 1 when done. */
 static int weigh_candidate(cairn_filter_mapper *mapper, cairn_scan_view view, cairn_budget *budget)
 {
-    proposal *work = &mapper->proposal;
-    path_state *s = &work->candidates[work->candidate];
+    filter_mapper_proposal *work = &mapper->proposal;
+    filter_mapper_path_state *s = &work->candidates[work->candidate];
     cairn_transform map_scan = cairn_transform_of(s->map_keyframe);
     int32_t stride = stride_of(mapper, view.point_count),
             weighed = (view.point_count + stride - 1) / stride;
 
     for (; work->cursor < view.point_count; work->cursor += stride) {
-        if (!charge(work, budget, 2 * LOCAL_MAPS))
+        if (!charge(work, budget, 2 * FILTER_MAPPER_LOCAL_MAPS))
             return 0;
-        for (int which = 0; which < LOCAL_MAPS; which++)
+        for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++)
             work->cost +=
                 point_cost(mapper, &work->maps[which], map_scan, view.points[work->cursor]);
     }
@@ -337,7 +339,7 @@ static int weigh_candidates(cairn_filter_mapper *mapper, cairn_budget *budget)
 
 /* ---- Stages of a particle ---- */
 
-static void enter(proposal *work, propose_stage stage)
+static void enter(filter_mapper_proposal *work, filter_mapper_propose_stage stage)
 {
     work->stage = stage;
     work->cursor = 0;
@@ -346,61 +348,61 @@ static void enter(proposal *work, propose_stage stage)
 /* Continues with the match against the other map, after both with drawing the candidates. */
 static void next_map(cairn_filter_mapper *mapper)
 {
-    if (++mapper->proposal.map_index < LOCAL_MAPS) {
-        enter(&mapper->proposal, PROPOSE_CLEAR);
+    if (++mapper->proposal.map_index < FILTER_MAPPER_LOCAL_MAPS) {
+        enter(&mapper->proposal, FILTER_MAPPER_PROPOSE_CLEAR);
         return;
     }
     end_matches(mapper);
-    enter(&mapper->proposal, PROPOSE_DRAW);
+    enter(&mapper->proposal, FILTER_MAPPER_PROPOSE_DRAW);
 }
 
 /* Processes one stage. Returns 0 when the budget is used up. */
 static int advance(cairn_filter_mapper *mapper, cairn_budget *budget)
 {
-    proposal *work = &mapper->proposal;
+    filter_mapper_proposal *work = &mapper->proposal;
 
     switch (work->stage) {
-    case PROPOSE_EMPTY:
+    case FILTER_MAPPER_PROPOSE_EMPTY:
         if (!empty_maps(mapper, budget))
             return 0;
-        enter(work, PROPOSE_WALK);
+        enter(work, FILTER_MAPPER_PROPOSE_WALK);
         return 1;
-    case PROPOSE_WALK:
+    case FILTER_MAPPER_PROPOSE_WALK:
         if (!walk_path(mapper, budget))
             return 0;
-        enter(work, PROPOSE_CLEAR);
+        enter(work, FILTER_MAPPER_PROPOSE_CLEAR);
         return 1;
-    case PROPOSE_CLEAR:
+    case FILTER_MAPPER_PROPOSE_CLEAR:
         if (!charge(work, budget, 1 + mapper->params.max_local_points / CLEARED_PER_UNIT))
             return 0;
         cairn_icp_clear_target(mapper->icp);
-        enter(work, PROPOSE_FILL);
+        enter(work, FILTER_MAPPER_PROPOSE_FILL);
         return 1;
-    case PROPOSE_FILL:
+    case FILTER_MAPPER_PROPOSE_FILL:
         if (!fill_map(mapper, budget))
             return 0;
         if (begin_match(mapper))
-            enter(work, PROPOSE_MATCH);
+            enter(work, FILTER_MAPPER_PROPOSE_MATCH);
         else
             next_map(mapper);
         return 1;
-    case PROPOSE_MATCH:
+    case FILTER_MAPPER_PROPOSE_MATCH:
         if (cairn_icp_step(mapper->icp, budget) == CAIRN_MORE)
             return 0;
         end_match(mapper);
         next_map(mapper);
         return 1;
-    case PROPOSE_DRAW:
+    case FILTER_MAPPER_PROPOSE_DRAW:
         if (!draw_candidates(mapper, budget))
             return 0;
-        enter(work, PROPOSE_WEIGH);
+        enter(work, FILTER_MAPPER_PROPOSE_WEIGH);
         work->candidate = 0;
         work->cost = 0;
         return 1;
     default:
         if (!weigh_candidates(mapper, budget))
             return 0;
-        enter(work, PROPOSE_OFFER);
+        enter(work, FILTER_MAPPER_PROPOSE_OFFER);
         return 1;
     }
 }
@@ -410,11 +412,11 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 {
     cairn_filter_mapper *mapper = context;
 
-    if (mapper->proposal.stage == PROPOSE_BEGIN) {
+    if (mapper->proposal.stage == FILTER_MAPPER_PROPOSE_BEGIN) {
         begin(mapper, cairn_particle_filter_particle(filter, index).state);
-        enter(&mapper->proposal, PROPOSE_EMPTY);
+        enter(&mapper->proposal, FILTER_MAPPER_PROPOSE_EMPTY);
     }
-    while (mapper->proposal.stage != PROPOSE_OFFER)
+    while (mapper->proposal.stage != FILTER_MAPPER_PROPOSE_OFFER)
         if (!advance(mapper, budget))
             return CAIRN_MORE;
     for (int32_t k = 0; k < mapper->params.candidates; k++) {
@@ -424,7 +426,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
     }
-    mapper->proposal.stage = PROPOSE_BEGIN;
+    mapper->proposal.stage = FILTER_MAPPER_PROPOSE_BEGIN;
     return CAIRN_OK;
 }
 
@@ -433,7 +435,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
                                const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {
-    const path_state *s = state;
+    const filter_mapper_path_state *s = state;
 
     (void)context;
     (void)filter;

@@ -7,65 +7,65 @@
 #include "cairn/neighbours.h"
 
 /* A node of the tree of paths: one keyframe of a path; its ancestors are the keyframes before. */
-typedef struct path_state {
+typedef struct filter_mapper_path_state {
     cairn_pose map_keyframe;
     cairn_real log_weight; /* nats: log p(z | maps, x) p(x | motion) of the drawn candidate */
     int32_t keyframe;
-} path_state;
+} filter_mapper_path_state;
 
 /* A keyframe of a local map. */
-typedef struct local_keyframe {
+typedef struct filter_mapper_local_keyframe {
     cairn_pose map_keyframe;
     cairn_real distance; /* m^2, squared distance from the expected pose */
     int32_t keyframe;
-} local_keyframe;
+} filter_mapper_local_keyframe;
 
-enum { RECENT_MAP = 0, OLD_MAP = 1, LOCAL_MAPS = 2 };
+enum { FILTER_MAPPER_RECENT_MAP = 0, FILTER_MAPPER_OLD_MAP = 1, FILTER_MAPPER_LOCAL_MAPS = 2 };
 
 /* The recent or the old part of a particle's map near the current keyframe. */
-typedef struct local_map {
+typedef struct filter_mapper_local_map {
     /* nearest keyframes, sorted by distance */
-    local_keyframe nearest[CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES];
+    filter_mapper_local_keyframe nearest[CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES];
     int32_t count;
     cairn_point_grid *points;
     cairn_vec2 *direction; /* [max_local_points] tangent directions of the points */
-} local_map;
+} filter_mapper_local_map;
 
 /* A mode of the proposal distribution: a Gaussian by the principal axes of its covariance; sigma in
  * m and rad, mixed along an axis. */
-typedef struct proposal_mode {
+typedef struct filter_mapper_proposal_mode {
     cairn_pose mean;
     cairn_real axis[3][3], sigma[3];
-} proposal_mode;
+} filter_mapper_proposal_mode;
 
-typedef int32_t propose_stage;
+typedef int32_t filter_mapper_propose_stage;
 enum {
-    PROPOSE_IDLE = 0,
-    PROPOSE_BEGIN,
-    PROPOSE_EMPTY, /* remove the previous particle's points */
-    PROPOSE_WALK,  /* select nearby keyframes along the path */
-    PROPOSE_CLEAR, /* clear the target of the match */
-    PROPOSE_FILL,  /* add the current local map to the match and its grid */
-    PROPOSE_MATCH,
-    PROPOSE_DRAW,
-    PROPOSE_WEIGH,
-    PROPOSE_OFFER
+    FILTER_MAPPER_PROPOSE_IDLE = 0,
+    FILTER_MAPPER_PROPOSE_BEGIN,
+    FILTER_MAPPER_PROPOSE_EMPTY, /* remove the previous particle's points */
+    FILTER_MAPPER_PROPOSE_WALK,  /* select nearby keyframes along the path */
+    FILTER_MAPPER_PROPOSE_CLEAR, /* clear the target of the match */
+    FILTER_MAPPER_PROPOSE_FILL,  /* add the current local map to the match and its grid */
+    FILTER_MAPPER_PROPOSE_MATCH,
+    FILTER_MAPPER_PROPOSE_DRAW,
+    FILTER_MAPPER_PROPOSE_WEIGH,
+    FILTER_MAPPER_PROPOSE_OFFER
 };
 
 /* A particle's proposal for the current keyframe, in progress. */
-typedef struct proposal {
-    propose_stage stage;
+typedef struct filter_mapper_proposal {
+    filter_mapper_propose_stage stage;
     int32_t cursor, candidate;
     int32_t units_charged;
     int32_t map_index; /* current local map */
-    const path_state *ancestor;
+    const filter_mapper_path_state *ancestor;
     cairn_pose expected;
-    local_map maps[LOCAL_MAPS];
-    proposal_mode modes[LOCAL_MAPS];
+    filter_mapper_local_map maps[FILTER_MAPPER_LOCAL_MAPS];
+    filter_mapper_proposal_mode modes[FILTER_MAPPER_LOCAL_MAPS];
     int32_t mode_count;
-    path_state candidates[CAIRN_FILTER_MAPPER_MAX_CANDIDATES];
+    filter_mapper_path_state candidates[CAIRN_FILTER_MAPPER_MAX_CANDIDATES];
     cairn_real cost; /* nats: cost of the current candidate */
-} proposal;
+} filter_mapper_proposal;
 
 struct cairn_filter_mapper {
     cairn_filter_mapper_params params;
@@ -74,7 +74,7 @@ struct cairn_filter_mapper {
     cairn_icp *icp;
     cairn_oriented_point *points; /* [scan.max_points] buffer of one keyframe */
     cairn_random random;
-    proposal proposal;
+    filter_mapper_proposal proposal;
 
     int32_t front_is_active;   /* 1: the front-end mapper processes the scan */
     int32_t keyframe_count;    /* in the filter */

@@ -107,9 +107,9 @@ static cairn_point_grid *carve_grid(cairn_pool *pool, const cairn_force_field_pa
     return grid;
 }
 
-static struct cairn_force_extra carve_extra(cairn_pool *pool, size_t count)
+static struct cairn_force_field_extra carve_extra(cairn_pool *pool, size_t count)
 {
-    struct cairn_force_extra extra = {NULL, NULL, NULL, NULL, 0, 0};
+    struct cairn_force_field_extra extra = {NULL, NULL, NULL, NULL, 0, 0};
 
     if (count > 0) {
         extra.position = cairn_pool_take(pool, count, sizeof *extra.position);
@@ -127,9 +127,9 @@ static cairn_force_field *carve(cairn_pool *pool, const cairn_force_field_params
     int32_t is_kept = !(params->spacing > 0), has_masses = is_kept && params->roi,
             has_bits = !is_kept && params->roi;
     cairn_force_field *field = cairn_pool_take_one(pool, sizeof *field);
-    struct cairn_force_placement *front = cairn_pool_take(pool, scans, sizeof *front);
-    struct cairn_force_placement *back = cairn_pool_take(pool, scans, sizeof *back);
-    struct cairn_force_body *bodies = cairn_pool_take(pool, scans, sizeof *bodies);
+    struct cairn_force_field_placement *front = cairn_pool_take(pool, scans, sizeof *front);
+    struct cairn_force_field_placement *back = cairn_pool_take(pool, scans, sizeof *back);
+    struct cairn_force_field_body *bodies = cairn_pool_take(pool, scans, sizeof *bodies);
     cairn_segment *segments = cairn_pool_take(pool, segment_count, sizeof *segments);
     cairn_vec2 *directions = cairn_pool_take(pool, segment_count, sizeof *directions);
     cairn_box *boxes = cairn_pool_take(pool, extra_count + segment_count, sizeof *boxes);
@@ -137,14 +137,14 @@ static cairn_force_field *carve(cairn_pool *pool, const cairn_force_field_params
     cairn_real *mass = has_masses ? cairn_pool_take(pool, points, sizeof *mass) : NULL;
     uint32_t *in_region =
         has_bits ? cairn_pool_take(pool, points / 32 + 1, sizeof *in_region) : NULL;
-    struct cairn_force_extra extra[2] = {carve_extra(pool, extra_count),
-                                         carve_extra(pool, extra_count)};
+    struct cairn_force_field_extra extra[2] = {carve_extra(pool, extra_count),
+                                               carve_extra(pool, extra_count)};
     cairn_scan_set *set = carve_set(pool, params);
     cairn_box_sweep *sweep = carve_sweep(pool, params);
     cairn_corner_set *corners = params->roi ? carve_corners(pool, params) : NULL;
     cairn_point_grid *grid = params->roi ? carve_grid(pool, params) : NULL;
-    struct cairn_force_unknown *unknowns = NULL;
-    struct cairn_force_bond *bonds = NULL;
+    struct cairn_force_field_unknown *unknowns = NULL;
+    struct cairn_force_field_bond *bonds = NULL;
 
     if (params->mode == CAIRN_FORCE_FIELD_SPRINGS) {
         unknowns = cairn_pool_take(pool, scans, sizeof *unknowns);
@@ -179,7 +179,7 @@ size_t cairn_force_field_memory(const cairn_force_field_params *params)
     cairn_scan_set_params p;
     cairn_pool counting;
 
-    if (!cairn_force_params_are_valid(params))
+    if (!cairn_force_field_params_are_valid(params))
         return 0;
     p = set_params(params);
     if (cairn_scan_set_memory(&p) == 0)
@@ -218,7 +218,7 @@ cairn_status cairn_force_field_create(cairn_force_field **field, cairn_pool *poo
 /* Returns the commit point at which an input takes effect. */
 static uint32_t next_commit(const cairn_force_field *field)
 {
-    return cairn_force_iteration_is_between(field) ? field->commits : field->commits + 1;
+    return cairn_force_field_iteration_is_between(field) ? field->commits : field->commits + 1;
 }
 
 cairn_status cairn_force_field_add_scan(cairn_force_field *field, const cairn_scan_view *view,
@@ -227,7 +227,7 @@ cairn_status cairn_force_field_add_scan(cairn_force_field *field, const cairn_sc
 {
     cairn_fault pose_fault = {-1, NULL};
     cairn_status status = CAIRN_OK;
-    struct cairn_force_body *body;
+    struct cairn_force_field_body *body;
     int32_t slot;
 
     if (field == NULL) {
@@ -252,7 +252,7 @@ cairn_status cairn_force_field_add_scan(cairn_force_field *field, const cairn_sc
 
     map_scan.theta = cairn_wrap_angle(map_scan.theta);
     for (int i = 0; i < 2; i++) {
-        struct cairn_force_placement *placement = &field->placements[i][slot];
+        struct cairn_force_field_placement *placement = &field->placements[i][slot];
 
         memset(placement, 0, sizeof *placement);
         placement->map_scan = map_scan;
@@ -262,8 +262,8 @@ cairn_status cairn_force_field_add_scan(cairn_force_field *field, const cairn_sc
     body->is_new = 1;
     body->active_from = next_commit(field);
     field->scan_count++;
-    if (cairn_force_iteration_is_between(field))
-        cairn_force_iteration_take_in(field);
+    if (cairn_force_field_iteration_is_between(field))
+        cairn_force_field_iteration_take_in(field);
     return CAIRN_OK;
 }
 
@@ -280,12 +280,12 @@ static int is_there(const cairn_force_field *field, int32_t scan)
 
 cairn_status cairn_force_field_fix(cairn_force_field *field, int32_t scan, int32_t yes)
 {
-    struct cairn_force_body *body;
+    struct cairn_force_field_body *body;
 
     if (!is_there(field, scan))
         return CAIRN_BAD_ARGUMENT;
     body = &field->bodies[scan];
-    body->fixed_before = cairn_force_iteration_is_fixed(field, scan) != 0;
+    body->fixed_before = cairn_force_field_iteration_is_fixed(field, scan) != 0;
     body->fixed_after = yes != 0;
     body->fixed_from = field->clock + 1;
     return CAIRN_OK;
@@ -293,7 +293,7 @@ cairn_status cairn_force_field_fix(cairn_force_field *field, int32_t scan, int32
 
 cairn_status cairn_force_field_place(cairn_force_field *field, int32_t scan, cairn_pose map_scan)
 {
-    if (!is_there(field, scan) || !cairn_force_iteration_is_between(field))
+    if (!is_there(field, scan) || !cairn_force_field_iteration_is_between(field))
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pose_is_finite(map_scan))
         return CAIRN_NOT_FINITE;
@@ -308,7 +308,7 @@ cairn_status cairn_force_field_place(cairn_force_field *field, int32_t scan, cai
 
 cairn_status cairn_force_field_remove(cairn_force_field *field, int32_t scan)
 {
-    struct cairn_force_body *body;
+    struct cairn_force_field_body *body;
 
     if (!is_there(field, scan))
         return CAIRN_BAD_ARGUMENT;
@@ -318,7 +318,7 @@ cairn_status cairn_force_field_remove(cairn_force_field *field, int32_t scan)
     body->next_leaving = field->last_leaving;
     field->last_leaving = scan;
     field->scan_count--;
-    if (cairn_force_iteration_is_between(field))
+    if (cairn_force_field_iteration_is_between(field))
         field->revision++;
     return CAIRN_OK;
 }
@@ -346,7 +346,7 @@ static cairn_status check_extra(const cairn_force_field *field, const cairn_orie
 
 /* Copies the points, cut into runs of one direction, which are processed like the points of a
  * segment. */
-static void copy_extra(struct cairn_force_extra *extra, const cairn_oriented_point *points,
+static void copy_extra(struct cairn_force_field_extra *extra, const cairn_oriented_point *points,
                        const cairn_real *weights, int32_t count)
 {
     extra->runs = 0;
@@ -380,8 +380,8 @@ cairn_status cairn_force_field_set_extra(cairn_force_field *field,
 
 void cairn_force_field_restart(cairn_force_field *field)
 {
-    if (cairn_force_iteration_is_between(field))
-        cairn_force_iteration_start_cooling(field);
+    if (cairn_force_field_iteration_is_between(field))
+        cairn_force_field_iteration_start_cooling(field);
     else
         field->restart = 1;
 }
@@ -395,14 +395,14 @@ void cairn_force_field_clear(cairn_force_field *field)
     field->last_leaving = -1;
     field->scan_count = 0;
     field->has_forces = 0;
-    field->phase = PHASE_AT_COMMIT;
+    field->phase = FORCE_FIELD_AT_COMMIT;
     field->units_charged = 0;
     field->clock = field->commits = 0;
     field->placed_sigma = 0;
     field->placed_segments = 0;
     memset(&field->state, 0, sizeof field->state);
-    cairn_force_iteration_take_in(field);
-    cairn_force_iteration_start_cooling(field);
+    cairn_force_field_iteration_take_in(field);
+    cairn_force_field_iteration_start_cooling(field);
 }
 
 /* ---- Steps ---- */
@@ -417,26 +417,26 @@ static cairn_status run(cairn_force_field *field, cairn_budget *budget, int one)
     do {
         cairn_status status;
 
-        if (field->phase == PHASE_AT_COMMIT && is_untidy(field)) {
-            field->phase = PHASE_PACK;
+        if (field->phase == FORCE_FIELD_AT_COMMIT && is_untidy(field)) {
+            field->phase = FORCE_FIELD_PACK;
             field->has_forces = 0;
         }
-        if (field->phase == PHASE_PACK) {
-            status = cairn_force_iteration_step(field, budget);
+        if (field->phase == FORCE_FIELD_PACK) {
+            status = cairn_force_field_iteration_step(field, budget);
             if (status != CAIRN_OK)
                 return status;
         }
-        if (field->phase == PHASE_AT_COMMIT) {
+        if (field->phase == FORCE_FIELD_AT_COMMIT) {
             if (field->scan_count == 0)
                 return CAIRN_EMPTY;
             if (field->state.verdict != CAIRN_FORCE_FIELD_RUNNING)
                 return CAIRN_OK;
             if (budget->left <= 0)
                 return CAIRN_MORE;
-            cairn_force_iteration_begin(field);
+            cairn_force_field_iteration_begin(field);
         }
-        while (field->phase != PHASE_AT_COMMIT) {
-            status = cairn_force_iteration_step(field, budget);
+        while (field->phase != FORCE_FIELD_AT_COMMIT) {
+            status = cairn_force_field_iteration_step(field, budget);
             if (status != CAIRN_OK)
                 return status;
         }
@@ -511,7 +511,7 @@ const cairn_scan_set *cairn_force_field_scans(const cairn_force_field *field)
 
 int32_t cairn_force_field_has(const cairn_force_field *field, int32_t scan)
 {
-    return scan >= 0 && scan < field->slots && cairn_force_iteration_has(field, scan);
+    return scan >= 0 && scan < field->slots && cairn_force_field_iteration_has(field, scan);
 }
 
 /* Returns the segment of a scan that contains a point; segments are sorted by their points. */
@@ -540,13 +540,14 @@ cairn_status cairn_force_field_point_force(const cairn_force_field *field, int32
         index < 0 ||
         index >= field->set->scans[scan].end_point - field->set->scans[scan].first_point)
         return CAIRN_BAD_ARGUMENT;
-    if (field->phase != PHASE_AT_COMMIT || !field->has_forces || !field->bodies[scan].has_forces)
+    if (field->phase != FORCE_FIELD_AT_COMMIT || !field->has_forces ||
+        !field->bodies[scan].has_forces)
         return CAIRN_EMPTY;
     from = &field->set->scans[scan];
     point = from->first_point + index;
     segment = segment_of(field->set, from, point);
-    *force =
-        cairn_force_at(field, segment, point - field->set->segments[segment].first_point, mass);
+    *force = cairn_force_field_at(field, segment, point - field->set->segments[segment].first_point,
+                                  mass);
     return CAIRN_OK;
 }
 

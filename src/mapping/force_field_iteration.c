@@ -31,34 +31,34 @@ enum { POINTS_PER_GROUP = 8, ITEMS_PER_GROUP = 4 };
 /* relative growth of boxes beyond exact arithmetic */
 #define BOX_GROWTH_FACTOR CAIRN_REAL(1.001)
 
-int32_t cairn_force_iteration_is_between(const cairn_force_field *field)
+int32_t cairn_force_field_iteration_is_between(const cairn_force_field *field)
 {
-    return field->phase == PHASE_AT_COMMIT || field->phase == PHASE_PACK;
+    return field->phase == FORCE_FIELD_AT_COMMIT || field->phase == FORCE_FIELD_PACK;
 }
 
-int32_t cairn_force_iteration_has(const cairn_force_field *field, int32_t scan)
+int32_t cairn_force_field_iteration_has(const cairn_force_field *field, int32_t scan)
 {
-    const struct cairn_force_body *body = &field->bodies[scan];
+    const struct cairn_force_field_body *body = &field->bodies[scan];
 
     return field->set->scans[scan].in_use && field->commits >= body->active_from &&
            !(body->is_leaving && field->commits >= body->active_until);
 }
 
-int32_t cairn_force_iteration_is_fixed(const cairn_force_field *field, int32_t scan)
+int32_t cairn_force_field_iteration_is_fixed(const cairn_force_field *field, int32_t scan)
 {
-    const struct cairn_force_body *body = &field->bodies[scan];
+    const struct cairn_force_field_body *body = &field->bodies[scan];
 
     return field->clock >= body->fixed_from ? body->fixed_after : body->fixed_before;
 }
 
-void cairn_force_iteration_take_in(cairn_force_field *field)
+void cairn_force_field_iteration_take_in(cairn_force_field *field)
 {
     field->slots = field->set->scan_count;
     field->segment_count = field->set->segment_count;
     field->revision++;
 }
 
-void cairn_force_iteration_start_cooling(cairn_force_field *field)
+void cairn_force_field_iteration_start_cooling(cairn_force_field *field)
 {
     field->restart = 0;
     field->sigma = field->params.sigma_start;
@@ -68,7 +68,7 @@ void cairn_force_iteration_start_cooling(cairn_force_field *field)
     field->state.verdict = CAIRN_FORCE_FIELD_RUNNING;
 }
 
-void cairn_force_iteration_begin(cairn_force_field *field)
+void cairn_force_field_iteration_begin(cairn_force_field *field)
 {
     const cairn_force_field_params *p = &field->params;
 
@@ -79,20 +79,21 @@ void cairn_force_iteration_begin(cairn_force_field *field)
         field->extra_pending = 0;
         field->placed_sigma = 0;
     }
-    field->recomputes_all = field->sigma != field->placed_sigma || cairn_force_has_springs(field);
+    field->recomputes_all =
+        field->sigma != field->placed_sigma || cairn_force_field_has_springs(field);
     field->placed_sigma = field->sigma;
     if (field->recomputes_all)
         field->free_box = cairn_box_empty();
     /* The threshold is slightly lower, so that rounding does not decide at equality. */
     field->rotates_about_sensor =
-        cairn_force_has_springs(field) ||
+        cairn_force_field_has_springs(field) ||
         field->sigma < p->sensor_below * p->sigma_start * CAIRN_REAL(0.9999);
     field->margin = p->reach * field->sigma / 2 * BOX_GROWTH_FACTOR;
     cairn_force_kernel_set(&field->kernel, field->sigma, p->reach);
     field->scan = 0;
     field->moved_count = field->still_count = 0;
     field->units_charged = 0;
-    field->phase = PHASE_COMPARE;
+    field->phase = FORCE_FIELD_COMPARE;
 }
 
 /* ---- Phases; each returns CAIRN_OK when it is done ---- */
@@ -111,7 +112,7 @@ static int is_same_pose(cairn_pose a, cairn_pose b)
 static cairn_status step_pack(cairn_force_field *field, cairn_budget *budget)
 {
     while (field->last_leaving >= 0) {
-        struct cairn_force_body *body = &field->bodies[field->last_leaving];
+        struct cairn_force_field_body *body = &field->bodies[field->last_leaving];
         const cairn_scan_set_scan *scan = &field->set->scans[field->last_leaving];
 
         if (!cairn_budget_charge(budget, &field->units_charged,
@@ -129,10 +130,10 @@ static cairn_status step_compare(cairn_force_field *field, cairn_budget *budget)
         if (!cairn_budget_charge(budget, &field->units_charged, 1))
             return CAIRN_MORE;
         for (int32_t i = 0; i < ITEMS_PER_GROUP && field->scan < field->slots; i++, field->scan++) {
-            struct cairn_force_body *body = &field->bodies[field->scan];
-            uint8_t is_fixed = cairn_force_iteration_is_fixed(field, field->scan) != 0;
+            struct cairn_force_field_body *body = &field->bodies[field->scan];
+            uint8_t is_fixed = cairn_force_field_iteration_is_fixed(field, field->scan) != 0;
 
-            if (!cairn_force_iteration_has(field, field->scan))
+            if (!cairn_force_field_iteration_has(field, field->scan))
                 continue;
             body->moved =
                 field->recomputes_all || body->is_new || is_fixed != body->is_fixed ||
@@ -223,7 +224,7 @@ static int32_t place_cost(int32_t left)
 
 static cairn_status step_place_extra(cairn_force_field *field, cairn_budget *budget)
 {
-    const struct cairn_force_extra *extra = &field->extra[field->extra_front];
+    const struct cairn_force_field_extra *extra = &field->extra[field->extra_front];
 
     for (; field->recomputes_all && field->segment < extra->runs; field->segment++) {
         cairn_box *box = &field->boxes[field->segment];
@@ -261,7 +262,7 @@ static cairn_status step_place(cairn_force_field *field, cairn_budget *budget)
             if (!field->bodies[slot].moved)
                 continue;
             if (is_first)
-                cairn_force_place_scan(field, slot);
+                cairn_force_field_place_scan(field, slot);
             place_segment(field);
             field->point = 0;
             if (count == 0)
@@ -333,7 +334,7 @@ static int find_regions(cairn_force_field *field)
             count = left < ITEMS_PER_GROUP ? left : ITEMS_PER_GROUP;
     int changed = 0;
 
-    cairn_force_points(field, field->segment, field->point, count, points);
+    cairn_force_field_points(field, field->segment, field->point, count, points);
     for (int32_t i = 0; i < count; i++)
         changed |= set_mass(
             field, segment->first_point + field->point + i,
@@ -366,15 +367,15 @@ static cairn_status step_reset(cairn_force_field *field, cairn_budget *budget)
 
     while (field->scan < field->slots) {
         if (!cairn_budget_charge(budget, &field->units_charged,
-                                 cairn_force_has_springs(field) ? POINTS_PER_GROUP
-                                                                : POINTS_PER_GROUP / 2))
+                                 cairn_force_field_has_springs(field) ? POINTS_PER_GROUP
+                                                                      : POINTS_PER_GROUP / 2))
             return CAIRN_MORE;
         for (int32_t i = 0; i < POINTS_PER_GROUP && field->scan < field->slots;
              i++, field->scan++) {
-            struct cairn_force_body *body = &field->bodies[field->scan];
+            struct cairn_force_field_body *body = &field->bodies[field->scan];
 
-            if (cairn_force_has_springs(field))
-                cairn_force_remove_springs(field, field->scan);
+            if (cairn_force_field_has_springs(field))
+                cairn_force_field_remove_springs(field, field->scan);
             if (!body->dirty)
                 continue;
             body->force = none;
@@ -402,7 +403,7 @@ static void commit(cairn_force_field *field)
         (void)cairn_corner_list(field->corners, &state->corners);
         state->corners_dropped = cairn_corner_dropped(field->corners);
     }
-    if (cairn_force_has_springs(field)) {
+    if (cairn_force_field_has_springs(field)) {
         state->bonds = field->bond_count;
         state->bonds_dropped = field->bonds_dropped;
     }
@@ -422,10 +423,10 @@ static void commit(cairn_force_field *field)
     field->front = 1 - field->front;
     field->commits++;
     field->has_forces = 1;
-    field->phase = PHASE_AT_COMMIT;
-    cairn_force_iteration_take_in(field);
+    field->phase = FORCE_FIELD_AT_COMMIT;
+    cairn_force_field_iteration_take_in(field);
     if (field->restart)
-        cairn_force_iteration_start_cooling(field);
+        cairn_force_field_iteration_start_cooling(field);
 }
 
 /* Invalidates cached positions after compaction: order and indices of the segments have changed. */
@@ -434,7 +435,7 @@ static void end_pack(cairn_force_field *field)
     field->segment_count = field->set->segment_count;
     field->placed_segments = 0;
     field->placed_sigma = 0;
-    field->phase = PHASE_AT_COMMIT;
+    field->phase = FORCE_FIELD_AT_COMMIT;
     must_be_ok(cairn_box_sweep_begin(field->sweep, NULL, 0));
     if (field->corners != NULL)
         must_be_ok(cairn_corner_begin(field->corners, NULL, 0));
@@ -443,52 +444,52 @@ static void end_pack(cairn_force_field *field)
 static cairn_status run_phase(cairn_force_field *field, cairn_budget *budget)
 {
     switch (field->phase) {
-    case PHASE_PACK:
+    case FORCE_FIELD_PACK:
         return step_pack(field, budget);
-    case PHASE_COMPARE:
+    case FORCE_FIELD_COMPARE:
         return step_compare(field, budget);
-    case PHASE_PLACE_EXTRA:
+    case FORCE_FIELD_PLACE_EXTRA:
         return step_place_extra(field, budget);
-    case PHASE_PLACE:
+    case FORCE_FIELD_PLACE:
         return step_place(field, budget);
-    case PHASE_CORNERS:
+    case FORCE_FIELD_CORNERS:
         return cairn_corner_step(field->corners, budget);
-    case PHASE_UNGRID:
+    case FORCE_FIELD_UNGRID:
         return step_ungrid(field, budget);
-    case PHASE_GRID:
+    case FORCE_FIELD_GRID:
         return step_grid(field, budget);
-    case PHASE_MASSES:
+    case FORCE_FIELD_MASSES:
         return step_masses(field, budget);
-    case PHASE_RESET:
+    case FORCE_FIELD_RESET:
         return step_reset(field, budget);
-    case PHASE_PAIRS:
-        return cairn_force_pairs(field, budget);
-    case PHASE_SOLVE:
-        return cairn_force_solve_step(field, budget);
-    case PHASE_MOVE:
-        return cairn_force_move(field, budget);
+    case FORCE_FIELD_PAIRS:
+        return cairn_force_field_pairs(field, budget);
+    case FORCE_FIELD_SOLVE:
+        return cairn_force_field_solve_step(field, budget);
+    case FORCE_FIELD_MOVE:
+        return cairn_force_field_move(field, budget);
     default:
-        return cairn_force_mark_dirty(field, budget);
+        return cairn_force_field_mark_dirty(field, budget);
     }
 }
 
-static cairn_force_phase phase_after(const cairn_force_field *field)
+static force_field_phase phase_after(const cairn_force_field *field)
 {
     switch (field->phase) {
-    case PHASE_PACK:
-        return PHASE_AT_COMMIT;
-    case PHASE_COMPARE:
+    case FORCE_FIELD_PACK:
+        return FORCE_FIELD_AT_COMMIT;
+    case FORCE_FIELD_COMPARE:
         if (field->moved_count == 0)
-            return PHASE_MOVE;
-        return field->is_partly_still ? PHASE_MARK_OLD : PHASE_PLACE_EXTRA;
-    case PHASE_PLACE:
+            return FORCE_FIELD_MOVE;
+        return field->is_partly_still ? FORCE_FIELD_MARK_OLD : FORCE_FIELD_PLACE_EXTRA;
+    case FORCE_FIELD_PLACE:
         if (field->params.roi)
-            return PHASE_CORNERS;
-        return field->is_partly_still ? PHASE_MARK_NEW : PHASE_RESET;
-    case PHASE_MASSES:
-        return field->is_partly_still ? PHASE_MARK_NEW : PHASE_RESET;
-    case PHASE_PAIRS:
-        return cairn_force_has_springs(field) ? PHASE_SOLVE : PHASE_MOVE;
+            return FORCE_FIELD_CORNERS;
+        return field->is_partly_still ? FORCE_FIELD_MARK_NEW : FORCE_FIELD_RESET;
+    case FORCE_FIELD_MASSES:
+        return field->is_partly_still ? FORCE_FIELD_MARK_NEW : FORCE_FIELD_RESET;
+    case FORCE_FIELD_PAIRS:
+        return cairn_force_field_has_springs(field) ? FORCE_FIELD_SOLVE : FORCE_FIELD_MOVE;
     default:
         return field->phase + 1;
     }
@@ -503,26 +504,26 @@ static int32_t boxes_of(const cairn_force_field *field)
 static cairn_status begin_phase(cairn_force_field *field)
 {
     switch (field->phase) {
-    case PHASE_PLACE_EXTRA:
+    case FORCE_FIELD_PLACE_EXTRA:
         field->segment = field->point = 0;
         return CAIRN_OK;
-    case PHASE_CORNERS:
+    case FORCE_FIELD_CORNERS:
         return cairn_corner_begin(field->corners, field->segments, field->segment_count);
-    case PHASE_MARK_OLD:
-    case PHASE_MARK_NEW:
+    case FORCE_FIELD_MARK_OLD:
+    case FORCE_FIELD_MARK_NEW:
         field->pair.is_begun = 0;
         return cairn_box_sweep_begin(field->sweep, field->boxes, boxes_of(field));
-    case PHASE_PAIRS:
+    case FORCE_FIELD_PAIRS:
         field->pair.is_begun = field->pair.units_due = 0;
         memset(&field->pair.cursor, 0, sizeof field->pair.cursor);
         field->tiles[0].line = field->tiles[1].line = -1;
         field->bond_count = field->bonds_dropped = 0;
         return cairn_box_sweep_begin_in(field->sweep, field->boxes, boxes_of(field),
                                         field->free_box);
-    case PHASE_SOLVE:
-        cairn_force_solve_begin(field);
+    case FORCE_FIELD_SOLVE:
+        cairn_force_field_solve_begin(field);
         return CAIRN_OK;
-    case PHASE_MOVE:
+    case FORCE_FIELD_MOVE:
         field->scan = 0;
         field->pairs = 0;
         field->segment_pairs = 0;
@@ -536,18 +537,18 @@ static cairn_status begin_phase(cairn_force_field *field)
     }
 }
 
-cairn_status cairn_force_iteration_step(cairn_force_field *field, cairn_budget *budget)
+cairn_status cairn_force_field_iteration_step(cairn_force_field *field, cairn_budget *budget)
 {
     cairn_status status = run_phase(field, budget);
 
     if (status != CAIRN_OK)
         return status;
-    if (field->phase == PHASE_MOVE) {
+    if (field->phase == FORCE_FIELD_MOVE) {
         commit(field);
         return CAIRN_OK;
     }
     field->phase = phase_after(field);
-    if (field->phase == PHASE_AT_COMMIT) {
+    if (field->phase == FORCE_FIELD_AT_COMMIT) {
         end_pack(field);
         return CAIRN_OK;
     }

@@ -8,33 +8,33 @@
 
 /* Phases of an iteration, in their order. Between iterations the field is AT_COMMIT or, after a
  * removal of scans, in PACK. */
-typedef int32_t cairn_force_phase;
+typedef int32_t force_field_phase;
 enum {
-    PHASE_AT_COMMIT,
-    PHASE_PACK,
-    PHASE_COMPARE,
-    PHASE_MARK_OLD,
-    PHASE_PLACE_EXTRA,
-    PHASE_PLACE,
-    PHASE_CORNERS,
-    PHASE_UNGRID,
-    PHASE_GRID,
-    PHASE_MASSES,
-    PHASE_MARK_NEW,
-    PHASE_RESET,
-    PHASE_PAIRS,
-    PHASE_SOLVE,
-    PHASE_MOVE
+    FORCE_FIELD_AT_COMMIT,
+    FORCE_FIELD_PACK,
+    FORCE_FIELD_COMPARE,
+    FORCE_FIELD_MARK_OLD,
+    FORCE_FIELD_PLACE_EXTRA,
+    FORCE_FIELD_PLACE,
+    FORCE_FIELD_CORNERS,
+    FORCE_FIELD_UNGRID,
+    FORCE_FIELD_GRID,
+    FORCE_FIELD_MASSES,
+    FORCE_FIELD_MARK_NEW,
+    FORCE_FIELD_RESET,
+    FORCE_FIELD_PAIRS,
+    FORCE_FIELD_SOLVE,
+    FORCE_FIELD_MOVE
 };
 
-struct cairn_force_placement {
+struct cairn_force_field_placement {
     cairn_pose map_scan;
     cairn_force_field_motion motion;
 };
 
 /* State of a scan, besides its placements. Forces are cached from one iteration to the next as long
  * as nothing near the scan changes. */
-struct cairn_force_body {
+struct cairn_force_field_body {
     /* of `placed` */
     cairn_transform transform;
     /* pose at which its segments and points were last transformed into the map */
@@ -67,10 +67,10 @@ struct cairn_force_body {
 };
 
 /* Scan index of external points. */
-enum { CAIRN_FORCE_NO_SCAN = -1 };
+enum { FORCE_FIELD_NO_SCAN = -1 };
 
 /* A bond: the sum of all springs between two scans. */
-struct cairn_force_bond {
+struct cairn_force_field_bond {
     /* scans; first may be NO_SCAN */
     int32_t first, second;
     /* next bond in the list of this second scan, -1: none */
@@ -83,7 +83,7 @@ struct cairn_force_bond {
 
 /* Unknowns of a scan in the sparse linear system of all springs: its motion (x, y, rotation) about
  * the centre. */
-struct cairn_force_unknown {
+struct cairn_force_field_unknown {
     /* the last bond with the scan as second, -1: none; number of bonds */
     int32_t last_bond, bond_count;
     /* diagonal block of the system, then its inverse (Jacobi preconditioner); 0: fixed */
@@ -94,7 +94,7 @@ struct cairn_force_unknown {
 };
 
 /* State of the conjugate gradient method. */
-struct cairn_force_solver {
+struct cairn_force_field_solver {
     int32_t stage, next_item, iteration;
     cairn_real residual2, next_residual2,
         min_residual2;    /* squared residual norms, preconditioned */
@@ -102,7 +102,7 @@ struct cairn_force_solver {
 };
 
 /* External points, in runs of one direction. */
-struct cairn_force_extra {
+struct cairn_force_field_extra {
     cairn_vec2 *position;  /* [max_extra] */
     cairn_real *weight;    /* [max_extra] */
     cairn_vec2 *direction; /* [max_extra], of each run */
@@ -111,7 +111,7 @@ struct cairn_force_extra {
 };
 
 /* A tile: a few points of one line, and buffers for points generated on demand. */
-struct cairn_force_tile {
+struct cairn_force_field_tile {
     cairn_force_kernel_strip strip;
     cairn_vec2 position[CAIRN_FORCE_STRIP_POINTS];
     cairn_real mass[CAIRN_FORCE_STRIP_POINTS];
@@ -120,7 +120,7 @@ struct cairn_force_tile {
 };
 
 /* A line: a segment of a scan, or a run of external points. */
-struct cairn_force_line {
+struct cairn_force_field_line {
     int32_t index;   /* of its box */
     int32_t segment; /* negative: a run */
     int32_t scan;    /* NO_SCAN: of a run */
@@ -129,8 +129,8 @@ struct cairn_force_line {
 };
 
 /* A pair of lines in progress. */
-struct cairn_force_pair {
-    struct cairn_force_line line[2];
+struct cairn_force_field_pair {
+    struct cairn_force_field_line line[2];
     int32_t is_begun;
     int32_t units_due;     /* units for finding and finishing the pair, charged first */
     int32_t tile_first[2]; /* first points of the current tiles */
@@ -152,9 +152,9 @@ struct cairn_force_field {
     /* hash grid of the corners; NULL without roi */
     cairn_point_grid *grid;
     /* [max_scans] each, double-buffered; placements[front] is committed */
-    struct cairn_force_placement *placements[2];
+    struct cairn_force_field_placement *placements[2];
     /* [max_scans] */
-    struct cairn_force_body *bodies;
+    struct cairn_force_field_body *bodies;
     /* [max_segments], in the map */
     cairn_segment *segments;
     /* [max_segments], in the map */
@@ -169,11 +169,11 @@ struct cairn_force_field {
     /* [max_points / 32 + 1], a bit per point; only with spacing and roi, else NULL */
     uint32_t *in_region;
     /* double-buffered: extra[extra_front] is in use */
-    struct cairn_force_extra extra[2];
+    struct cairn_force_field_extra extra[2];
     /* [max_bonds]; NULL without springs */
-    struct cairn_force_bond *bonds;
+    struct cairn_force_field_bond *bonds;
     /* [max_scans]; NULL without springs */
-    struct cairn_force_unknown *unknowns;
+    struct cairn_force_field_unknown *unknowns;
 
     int32_t front, extra_front;
     int32_t extra_pending; /* 1: the other buffer is used from the next iteration on */
@@ -189,7 +189,7 @@ struct cairn_force_field {
     cairn_force_field_state state; /* as committed, except units and max_step_units */
 
     /* The current iteration. */
-    cairn_force_phase phase;
+    force_field_phase phase;
     /* units charged towards the current item */
     int32_t units_charged;
     /* segments of the scans that have taken effect */
@@ -216,12 +216,12 @@ struct cairn_force_field {
     /* COMPARE: number of scans */
     int32_t moved_count, still_count;
     /* PAIRS; MARK_OLD and MARK_NEW: scans and is_begun */
-    struct cairn_force_pair pair;
-    struct cairn_force_tile tiles[2];
+    struct cairn_force_field_pair pair;
+    struct cairn_force_field_tile tiles[2];
     /* PAIRS */
     int32_t bond_count, bonds_dropped;
     /* SOLVE */
-    struct cairn_force_solver solver;
+    struct cairn_force_field_solver solver;
     /* MOVE: sums over the scans */
     int64_t pairs;
     int64_t segment_pairs;
@@ -233,72 +233,74 @@ struct cairn_force_field {
 };
 
 /* Activates all scans that were added. */
-void cairn_force_iteration_take_in(cairn_force_field *field);
+void cairn_force_field_iteration_take_in(cairn_force_field *field);
 
 /* Resets sigma, dt and the count against max_steps. */
-void cairn_force_iteration_start_cooling(cairn_force_field *field);
+void cairn_force_field_iteration_start_cooling(cairn_force_field *field);
 
 /* Returns 1 between iterations, when inputs take effect at once. */
-int32_t cairn_force_iteration_is_between(const cairn_force_field *field);
+int32_t cairn_force_field_iteration_is_between(const cairn_force_field *field);
 
 /* Returns 1 when a scan has taken effect and was not removed. */
-int32_t cairn_force_iteration_has(const cairn_force_field *field, int32_t scan);
+int32_t cairn_force_field_iteration_has(const cairn_force_field *field, int32_t scan);
 
-int32_t cairn_force_iteration_is_fixed(const cairn_force_field *field, int32_t scan);
+int32_t cairn_force_field_iteration_is_fixed(const cairn_force_field *field, int32_t scan);
 
 /* Begins an iteration at a commit point. */
-void cairn_force_iteration_begin(cairn_force_field *field);
+void cairn_force_field_iteration_begin(cairn_force_field *field);
 
 /* Processes one phase, or as much as the budget allows (CAIRN_MORE); the last phase commits. */
-CAIRN_CHECKED cairn_status cairn_force_iteration_step(cairn_force_field *field,
-                                                      cairn_budget *budget);
+CAIRN_CHECKED cairn_status cairn_force_field_iteration_step(cairn_force_field *field,
+                                                            cairn_budget *budget);
 
 /* ---- force_field_params ---- */
 
-int32_t cairn_force_params_are_valid(const cairn_force_field_params *params);
+int32_t cairn_force_field_params_are_valid(const cairn_force_field_params *params);
 
 /* ---- force_field_move ---- */
 
 /* Moves all scans and sums the statistics of the iteration. */
-CAIRN_CHECKED cairn_status cairn_force_move(cairn_force_field *field, cairn_budget *budget);
+CAIRN_CHECKED cairn_status cairn_force_field_move(cairn_force_field *field, cairn_budget *budget);
 
 /* Transforms the centre and pose of a scan into the map. */
-void cairn_force_place_scan(cairn_force_field *field, int32_t scan);
+void cairn_force_field_place_scan(cairn_force_field *field, int32_t scan);
 
 /* ---- force_field_springs ---- */
 
 /* Returns 1 in mode SPRINGS. */
-int32_t cairn_force_has_springs(const cairn_force_field *field);
+int32_t cairn_force_field_has_springs(const cairn_force_field *field);
 
 /* Removes the springs of a scan. */
-void cairn_force_remove_springs(cairn_force_field *field, int32_t scan);
+void cairn_force_field_remove_springs(cairn_force_field *field, int32_t scan);
 
 /* Returns the units of adding the current pair of lines. */
-int32_t cairn_force_add_springs_cost(const cairn_force_field *field);
+int32_t cairn_force_field_add_springs_cost(const cairn_force_field *field);
 
 /* Adds the springs of the current pair of lines to the bond of their scans. */
-void cairn_force_add_springs(cairn_force_field *field);
+void cairn_force_field_add_springs(cairn_force_field *field);
 
-void cairn_force_solve_begin(cairn_force_field *field);
+void cairn_force_field_solve_begin(cairn_force_field *field);
 
 /* Computes the motions to the equilibrium of all springs, to the solver's accuracy. */
-CAIRN_CHECKED cairn_status cairn_force_solve_step(cairn_force_field *field, cairn_budget *budget);
+CAIRN_CHECKED cairn_status cairn_force_field_solve_step(cairn_force_field *field,
+                                                        cairn_budget *budget);
 
 /* ---- force_field_pairs ---- */
 
 /* Computes points[0 ... count-1], the points first ... of a segment in the map, at the last
  * placement of their scan. */
-void cairn_force_points(const cairn_force_field *field, int32_t segment, int32_t first,
-                        int32_t count, cairn_vec2 *points);
+void cairn_force_field_points(const cairn_force_field *field, int32_t segment, int32_t first,
+                              int32_t count, cairn_vec2 *points);
 
 /* Marks the scans near one that has moved as dirty. */
-CAIRN_CHECKED cairn_status cairn_force_mark_dirty(cairn_force_field *field, cairn_budget *budget);
+CAIRN_CHECKED cairn_status cairn_force_field_mark_dirty(cairn_force_field *field,
+                                                        cairn_budget *budget);
 
 /* Computes the forces of all pairs of lines that involve a dirty scan. */
-CAIRN_CHECKED cairn_status cairn_force_pairs(cairn_force_field *field, cairn_budget *budget);
+CAIRN_CHECKED cairn_status cairn_force_field_pairs(cairn_force_field *field, cairn_budget *budget);
 
 /* Returns the force on a point of a segment in the last iteration, and its mass. */
-cairn_vec2 cairn_force_at(const cairn_force_field *field, int32_t segment, int32_t index,
-                          cairn_real *mass);
+cairn_vec2 cairn_force_field_at(const cairn_force_field *field, int32_t segment, int32_t index,
+                                cairn_real *mass);
 
 #endif

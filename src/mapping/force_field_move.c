@@ -16,10 +16,10 @@ struct motion {
     cairn_real turn, relocation;
 };
 
-void cairn_force_place_scan(cairn_force_field *field, int32_t index)
+void cairn_force_field_place_scan(cairn_force_field *field, int32_t index)
 {
     const cairn_scan_set_scan *scan = &field->set->scans[index];
-    struct cairn_force_body *body = &field->bodies[index];
+    struct cairn_force_field_body *body = &field->bodies[index];
 
     body->placed = field->placements[field->front][index].map_scan;
     body->is_new = 0;
@@ -31,7 +31,7 @@ void cairn_force_place_scan(cairn_force_field *field, int32_t index)
 static struct motion thesis_motion(const cairn_force_field *field, int32_t index)
 {
     const cairn_scan_set_scan *scan = &field->set->scans[index];
-    const struct cairn_force_body *body = &field->bodies[index];
+    const struct cairn_force_field_body *body = &field->bodies[index];
     cairn_real mass = (cairn_real)(scan->end_point - scan->first_point);
     cairn_real spread = field->rotates_about_sensor ? scan->sensor_spread : scan->centroid_spread;
     cairn_real half_square = field->dt * field->dt / 2;
@@ -47,8 +47,8 @@ static struct motion thesis_motion(const cairn_force_field *field, int32_t index
 static struct motion springs_motion(const cairn_force_field *field, int32_t index)
 {
     const cairn_scan_set_scan *scan = &field->set->scans[index];
-    const struct cairn_force_body *body = &field->bodies[index];
-    const struct cairn_force_unknown *unknown = &field->unknowns[index];
+    const struct cairn_force_field_body *body = &field->bodies[index];
+    const struct cairn_force_field_unknown *unknown = &field->unknowns[index];
     cairn_real half_square = field->dt * field->dt / 2, share = half_square;
     cairn_vec2 arm = cairn_vec2_sub(cairn_transform_point(body->transform, scan->centroid),
                                     body->centre),
@@ -72,8 +72,8 @@ static struct motion springs_motion(const cairn_force_field *field, int32_t inde
 static void move_scan(cairn_force_field *field, int32_t index)
 {
     const cairn_scan_set_scan *scan = &field->set->scans[index];
-    const struct cairn_force_body *body = &field->bodies[index];
-    struct cairn_force_placement *placement = &field->placements[1 - field->front][index];
+    const struct cairn_force_field_body *body = &field->bodies[index];
+    struct cairn_force_field_placement *placement = &field->placements[1 - field->front][index];
     cairn_force_field_motion *report = &placement->motion;
     struct motion motion;
     cairn_vec2 centre, arm;
@@ -85,8 +85,8 @@ static void move_scan(cairn_force_field *field, int32_t index)
     report->relocation = 0;
     if (body->is_fixed || scan->end_point == scan->first_point)
         return;
-    motion =
-        cairn_force_has_springs(field) ? springs_motion(field, index) : thesis_motion(field, index);
+    motion = cairn_force_field_has_springs(field) ? springs_motion(field, index)
+                                                  : thesis_motion(field, index);
 
     /* A scan without force keeps its pose exactly. */
     if (motion.shift.x != 0 || motion.shift.y != 0 || motion.turn != 0) {
@@ -103,20 +103,20 @@ static void move_scan(cairn_force_field *field, int32_t index)
     field->free_scans++;
 }
 
-cairn_status cairn_force_move(cairn_force_field *field, cairn_budget *budget)
+cairn_status cairn_force_field_move(cairn_force_field *field, cairn_budget *budget)
 {
     for (; field->scan < field->slots; field->scan++) {
-        struct cairn_force_body *body = &field->bodies[field->scan];
+        struct cairn_force_field_body *body = &field->bodies[field->scan];
 
         if (!cairn_budget_charge(budget, &field->units_charged, 4))
             return CAIRN_MORE;
-        body->has_forces = cairn_force_iteration_has(field, field->scan) != 0;
+        body->has_forces = cairn_force_field_iteration_has(field, field->scan) != 0;
         if (!body->has_forces)
             continue;
         /* A scan without segments was not transformed. */
         if (body->moved && field->set->scans[field->scan].first_segment ==
                                field->set->scans[field->scan].end_segment)
-            cairn_force_place_scan(field, field->scan);
+            cairn_force_field_place_scan(field, field->scan);
         move_scan(field, field->scan);
         field->pairs += body->pairs;
         field->segment_pairs += body->segment_pairs;

@@ -23,15 +23,15 @@
  * of a tile that is loaded */
 enum { FOUND_UNITS = 2, PAIR_UNITS = 7, TILE_UNITS = 2 };
 
-static inline struct cairn_force_line line_of(const cairn_force_field *field, int32_t index)
+static inline struct cairn_force_field_line line_of(const cairn_force_field *field, int32_t index)
 {
-    const struct cairn_force_extra *extra = &field->extra[field->extra_front];
-    struct cairn_force_line line;
+    const struct cairn_force_field_extra *extra = &field->extra[field->extra_front];
+    struct cairn_force_field_line line;
 
     line.index = index;
     line.segment = index - extra->runs;
     if (line.segment < 0) {
-        line.scan = CAIRN_FORCE_NO_SCAN;
+        line.scan = FORCE_FIELD_NO_SCAN;
         line.count = extra->first[index + 1] - extra->first[index];
         line.direction = extra->direction[index];
     } else {
@@ -46,8 +46,8 @@ static inline struct cairn_force_line line_of(const cairn_force_field *field, in
 
 /* ---- Tiles ---- */
 
-void cairn_force_points(const cairn_force_field *field, int32_t segment, int32_t first,
-                        int32_t count, cairn_vec2 *points)
+void cairn_force_field_points(const cairn_force_field *field, int32_t segment, int32_t first,
+                              int32_t count, cairn_vec2 *points)
 {
     const cairn_scan_set_segment *from = &field->set->segments[segment];
     cairn_transform transform;
@@ -65,7 +65,7 @@ void cairn_force_points(const cairn_force_field *field, int32_t segment, int32_t
 
 /* Returns the units for the tile of a line that begins at its point `first`: points may have to be
  * generated and boxed. */
-static int32_t tile_cost(const cairn_force_field *field, const struct cairn_force_line *line,
+static int32_t tile_cost(const cairn_force_field *field, const struct cairn_force_field_line *line,
                          int32_t first)
 {
     int32_t left = line->count - first,
@@ -86,22 +86,22 @@ static cairn_real mass_of(const cairn_force_field *field, int32_t point)
 }
 
 /* Generates the points of a tile of a segment. */
-static void make_points(const cairn_force_field *field, const struct cairn_force_line *line,
-                        struct cairn_force_tile *tile)
+static void make_points(const cairn_force_field *field, const struct cairn_force_field_line *line,
+                        struct cairn_force_field_tile *tile)
 {
     int32_t from = field->set->segments[line->segment].first_point + tile->first;
 
-    cairn_force_points(field, line->segment, tile->first, tile->strip.count, tile->position);
+    cairn_force_field_points(field, line->segment, tile->first, tile->strip.count, tile->position);
     for (int32_t i = 0; i < tile->strip.count; i++)
         tile->mass[i] = mass_of(field, from + i);
     tile->strip.position = tile->position;
     tile->strip.mass = tile->mass;
 }
 
-static void find_points(const cairn_force_field *field, const struct cairn_force_line *line,
-                        struct cairn_force_tile *tile)
+static void find_points(const cairn_force_field *field, const struct cairn_force_field_line *line,
+                        struct cairn_force_field_tile *tile)
 {
-    const struct cairn_force_extra *extra = &field->extra[field->extra_front];
+    const struct cairn_force_field_extra *extra = &field->extra[field->extra_front];
 
     if (line->segment < 0) {
         tile->strip.position = extra->position + extra->first[line->index] + tile->first;
@@ -122,8 +122,8 @@ static inline cairn_box grown(cairn_box box, cairn_real by)
     return larger;
 }
 
-static void load_tile(const cairn_force_field *field, const struct cairn_force_line *line,
-                      int32_t first, struct cairn_force_tile *tile)
+static void load_tile(const cairn_force_field *field, const struct cairn_force_field_line *line,
+                      int32_t first, struct cairn_force_field_tile *tile)
 {
     int32_t left = line->count - first;
     cairn_box box;
@@ -150,17 +150,18 @@ static void load_tile(const cairn_force_field *field, const struct cairn_force_l
 
 static int is_dirty(const cairn_force_field *field, int32_t scan)
 {
-    return scan != CAIRN_FORCE_NO_SCAN && field->bodies[scan].dirty;
+    return scan != FORCE_FIELD_NO_SCAN && field->bodies[scan].dirty;
 }
 
 static int is_fixed(const cairn_force_field *field, int32_t scan)
 {
-    return scan == CAIRN_FORCE_NO_SCAN || field->bodies[scan].is_fixed;
+    return scan == FORCE_FIELD_NO_SCAN || field->bodies[scan].is_fixed;
 }
 
 /* Returns 1 when two lines attract each other. */
-static inline int can_attract(const cairn_force_field *field, const struct cairn_force_line *a,
-                              const struct cairn_force_line *b)
+static inline int can_attract(const cairn_force_field *field,
+                              const struct cairn_force_field_line *a,
+                              const struct cairn_force_field_line *b)
 {
     return a->scan != b->scan && a->count > 0 && b->count > 0 &&
            !(is_fixed(field, a->scan) && is_fixed(field, b->scan));
@@ -173,8 +174,9 @@ static int uses_orientation(const cairn_force_field *field)
 }
 
 /* Returns the direction factor of two lines: |cos|, or max(0, cos) when oriented. */
-static cairn_real direction_factor(const cairn_force_field *field, const struct cairn_force_line *a,
-                                   const struct cairn_force_line *b)
+static cairn_real direction_factor(const cairn_force_field *field,
+                                   const struct cairn_force_field_line *a,
+                                   const struct cairn_force_field_line *b)
 {
     cairn_real cosine = cairn_vec2_dot(a->direction, b->direction);
 
@@ -183,8 +185,8 @@ static cairn_real direction_factor(const cairn_force_field *field, const struct 
 
 static void begin_pair(cairn_force_field *field, int32_t first, int32_t second)
 {
-    struct cairn_force_pair *pair = &field->pair;
-    const struct cairn_force_line *a = &pair->line[0], *b = &pair->line[1];
+    struct cairn_force_field_pair *pair = &field->pair;
+    const struct cairn_force_field_line *a = &pair->line[0], *b = &pair->line[1];
 
     pair->line[0] = line_of(field, first);
     pair->line[1] = line_of(field, second);
@@ -200,7 +202,7 @@ static void begin_pair(cairn_force_field *field, int32_t first, int32_t second)
     pair->is_summed = 0;
     pair->tile_first[0] = pair->tile_first[1] = pair->loaded = pair->cursor.row = 0;
     memset(&pair->sum, 0, sizeof pair->sum);
-    if (cairn_force_has_springs(field)) {
+    if (cairn_force_field_has_springs(field)) {
         memset(&pair->springs, 0, sizeof pair->springs);
         pair->sum.springs = &pair->springs;
     }
@@ -210,12 +212,12 @@ static void begin_pair(cairn_force_field *field, int32_t first, int32_t second)
 /* Adds the sum of a pair of lines to one of its two scans; sign: of its force. */
 static void add_to_scan(cairn_force_field *field, int32_t scan, cairn_real sign, int32_t other)
 {
-    const struct cairn_force_pair *pair = &field->pair;
-    struct cairn_force_body *body = &field->bodies[scan];
+    const struct cairn_force_field_pair *pair = &field->pair;
+    struct cairn_force_field_body *body = &field->bodies[scan];
     cairn_real strength = pair->cosine * field->kernel.norm * sign;
     cairn_vec2 force = cairn_vec2_scale(pair->sum.force, strength);
     /* Pairs are counted by both scans; pairs with external points by one. */
-    int32_t shares = other == CAIRN_FORCE_NO_SCAN ? 2 : 1;
+    int32_t shares = other == FORCE_FIELD_NO_SCAN ? 2 : 1;
 
     body->force = cairn_vec2_add(body->force, force);
     body->torque += strength * pair->sum.torque +
@@ -233,19 +235,19 @@ static void end_pair(cairn_force_field *field)
         add_to_scan(field, a, 1, b);
     if (is_dirty(field, b))
         add_to_scan(field, b, -1, a);
-    if (cairn_force_has_springs(field))
-        cairn_force_add_springs(field);
+    if (cairn_force_field_has_springs(field))
+        cairn_force_field_add_springs(field);
     field->pair.is_begun = 0;
 }
 
 /* Loads the tiles that the pair still needs; returns 0 when the budget is used up. */
 static int load_tiles(cairn_force_field *field, cairn_budget *budget)
 {
-    struct cairn_force_pair *pair = &field->pair;
+    struct cairn_force_field_pair *pair = &field->pair;
 
     for (; pair->loaded < 2; pair->loaded++) {
-        const struct cairn_force_line *line = &pair->line[pair->loaded];
-        struct cairn_force_tile *tile = &field->tiles[pair->loaded];
+        const struct cairn_force_field_line *line = &pair->line[pair->loaded];
+        struct cairn_force_field_tile *tile = &field->tiles[pair->loaded];
         int32_t first = pair->tile_first[pair->loaded],
                 is_there = tile->line == line->index && tile->first == first;
 
@@ -267,7 +269,7 @@ static cairn_real gap(cairn_real low, cairn_real high, cairn_real other_low, cai
  * lines. */
 static int are_out_of_reach(const cairn_force_field *field)
 {
-    const struct cairn_force_pair *pair = &field->pair;
+    const struct cairn_force_field_pair *pair = &field->pair;
     const cairn_box *a = &field->tiles[0].box, *b = &field->tiles[1].box;
     cairn_real x, y;
 
@@ -280,7 +282,7 @@ static int are_out_of_reach(const cairn_force_field *field)
 }
 
 /* Advances to the next two tiles; returns 0 after the last. */
-static int next_tiles(struct cairn_force_pair *pair)
+static int next_tiles(struct cairn_force_field_pair *pair)
 {
     pair->loaded = pair->cursor.row = 0;
     pair->tile_first[1] += CAIRN_FORCE_STRIP_POINTS;
@@ -293,7 +295,7 @@ static int next_tiles(struct cairn_force_pair *pair)
 
 static cairn_status sum_up(cairn_force_field *field, cairn_budget *budget)
 {
-    struct cairn_force_pair *pair = &field->pair;
+    struct cairn_force_field_pair *pair = &field->pair;
 
     do {
         cairn_status status = CAIRN_OK;
@@ -317,14 +319,15 @@ static cairn_status step_pair(cairn_force_field *field, cairn_budget *budget)
 
     if (status != CAIRN_OK)
         return status;
-    if (cairn_force_has_springs(field) &&
-        !cairn_budget_charge(budget, &field->units_charged, cairn_force_add_springs_cost(field)))
+    if (cairn_force_field_has_springs(field) &&
+        !cairn_budget_charge(budget, &field->units_charged,
+                             cairn_force_field_add_springs_cost(field)))
         return CAIRN_MORE;
     end_pair(field);
     return CAIRN_OK;
 }
 
-cairn_status cairn_force_pairs(cairn_force_field *field, cairn_budget *budget)
+cairn_status cairn_force_field_pairs(cairn_force_field *field, cairn_budget *budget)
 {
     for (;;) {
         int32_t first, second;
@@ -350,7 +353,7 @@ static int32_t scan_of(const cairn_force_field *field, int32_t line)
 {
     int32_t segment = line - field->extra[field->extra_front].runs;
 
-    return segment < 0 ? CAIRN_FORCE_NO_SCAN : field->set->segments[segment].scan;
+    return segment < 0 ? FORCE_FIELD_NO_SCAN : field->set->segments[segment].scan;
 }
 
 static void mark_pair(cairn_force_field *field)
@@ -358,7 +361,7 @@ static void mark_pair(cairn_force_field *field)
     int32_t a = field->pair.line[0].scan, b = field->pair.line[1].scan;
 
     field->pair.is_begun = 0;
-    if (a == CAIRN_FORCE_NO_SCAN || b == CAIRN_FORCE_NO_SCAN)
+    if (a == FORCE_FIELD_NO_SCAN || b == FORCE_FIELD_NO_SCAN)
         return;
     if (field->bodies[b].moved)
         field->bodies[a].dirty = 1;
@@ -366,9 +369,9 @@ static void mark_pair(cairn_force_field *field)
         field->bodies[b].dirty = 1;
 }
 
-cairn_status cairn_force_mark_dirty(cairn_force_field *field, cairn_budget *budget)
+cairn_status cairn_force_field_mark_dirty(cairn_force_field *field, cairn_budget *budget)
 {
-    struct cairn_force_pair *pair = &field->pair;
+    struct cairn_force_field_pair *pair = &field->pair;
 
     for (;;) {
         int32_t first, second;
@@ -391,9 +394,9 @@ cairn_status cairn_force_mark_dirty(cairn_force_field *field, cairn_budget *budg
 /* ---- Readers ---- */
 
 /* Adds the force of the points of a line on a point of a line. */
-static void add_force(const cairn_force_field *field, const struct cairn_force_line *of,
-                      const struct cairn_force_line *from, const cairn_force_kernel_strip *point,
-                      cairn_vec2 *force)
+static void add_force(const cairn_force_field *field, const struct cairn_force_field_line *of,
+                      const struct cairn_force_field_line *from,
+                      const cairn_force_kernel_strip *point, cairn_vec2 *force)
 {
     cairn_real strength = direction_factor(field, of, from) * field->kernel.norm;
     cairn_force_kernel_sum sum;
@@ -401,7 +404,7 @@ static void add_force(const cairn_force_field *field, const struct cairn_force_l
     memset(&sum, 0, sizeof sum);
     for (int32_t first = 0; first < from->count; first += CAIRN_FORCE_STRIP_POINTS) {
         cairn_budget budget = {CAIRN_UNBOUNDED};
-        struct cairn_force_tile tile;
+        struct cairn_force_field_tile tile;
         cairn_force_kernel_cursor cursor;
         cairn_status status;
 
@@ -416,16 +419,16 @@ static void add_force(const cairn_force_field *field, const struct cairn_force_l
     force->y += strength * sum.force.y;
 }
 
-cairn_vec2 cairn_force_at(const cairn_force_field *field, int32_t segment, int32_t index,
-                          cairn_real *mass)
+cairn_vec2 cairn_force_field_at(const cairn_force_field *field, int32_t segment, int32_t index,
+                                cairn_real *mass)
 {
     int32_t runs = field->extra[field->extra_front].runs;
-    struct cairn_force_line line = line_of(field, runs + segment);
+    struct cairn_force_field_line line = line_of(field, runs + segment);
     cairn_force_kernel_strip point;
     cairn_vec2 position, force = {0, 0};
     cairn_box box;
 
-    cairn_force_points(field, segment, index, 1, &position);
+    cairn_force_field_points(field, segment, index, 1, &position);
     *mass = mass_of(field, field->set->segments[segment].first_point + index);
     point.position = &position;
     point.mass = mass;
@@ -433,7 +436,7 @@ cairn_vec2 cairn_force_at(const cairn_force_field *field, int32_t segment, int32
     box.min = box.max = position;
     point.reach_box = box = grown(box, field->margin);
     for (int32_t i = 0; i < runs + field->placed_segments; i++) {
-        struct cairn_force_line other = line_of(field, i);
+        struct cairn_force_field_line other = line_of(field, i);
 
         if (can_attract(field, &line, &other) && cairn_box_overlap(box, field->boxes[i]))
             add_force(field, &line, &other, &point, &force);

@@ -46,31 +46,32 @@ enum {
     STAGE_DONE
 };
 
-int32_t cairn_force_has_springs(const cairn_force_field *field)
+int32_t cairn_force_field_has_springs(const cairn_force_field *field)
 {
     return field->bonds != NULL;
 }
 
 /* ---- Bonds ---- */
 
-void cairn_force_remove_springs(cairn_force_field *field, int32_t scan)
+void cairn_force_field_remove_springs(cairn_force_field *field, int32_t scan)
 {
-    struct cairn_force_unknown *unknown = &field->unknowns[scan];
+    struct cairn_force_field_unknown *unknown = &field->unknowns[scan];
 
     memset(unknown, 0, sizeof *unknown);
     unknown->last_bond = -1;
 }
 
-int32_t cairn_force_add_springs_cost(const cairn_force_field *field)
+int32_t cairn_force_field_add_springs_cost(const cairn_force_field *field)
 {
     return 3 + field->unknowns[field->pair.line[1].scan].bond_count / BONDS_PER_UNIT;
 }
 
 /* Returns the bond of the two current scans; NULL without capacity. */
-static struct cairn_force_bond *find_bond(cairn_force_field *field, int32_t first, int32_t second)
+static struct cairn_force_field_bond *find_bond(cairn_force_field *field, int32_t first,
+                                                int32_t second)
 {
-    struct cairn_force_unknown *unknown = &field->unknowns[second];
-    struct cairn_force_bond *bond;
+    struct cairn_force_field_unknown *unknown = &field->unknowns[second];
+    struct cairn_force_field_bond *bond;
 
     for (int32_t i = unknown->last_bond; i >= 0; i = field->bonds[i].next)
         if (field->bonds[i].first == first)
@@ -108,9 +109,9 @@ static cairn_vec2 times(cairn_sym2 m, cairn_vec2 v)
 
 /* Adds the torque that aligns the two lines: P(g) also falls with the angle between them, which eq.
  * 7.7 neglects. */
-static void add_twist(const cairn_force_field *field, struct cairn_force_bond *bond)
+static void add_twist(const cairn_force_field *field, struct cairn_force_field_bond *bond)
 {
-    const struct cairn_force_pair *pair = &field->pair;
+    const struct cairn_force_field_pair *pair = &field->pair;
     cairn_vec2 a = pair->line[0].direction, b = pair->line[1].direction;
     cairn_real cosine = cairn_vec2_dot(a, b);
     cairn_real torque = field->params.alignment_torque / 2 * pair->sum.potential /
@@ -120,13 +121,13 @@ static void add_twist(const cairn_force_field *field, struct cairn_force_bond *b
     bond->wrench[2] += torque * (cosine * cairn_vec2_cross(a, b));
 }
 
-void cairn_force_add_springs(cairn_force_field *field)
+void cairn_force_field_add_springs(cairn_force_field *field)
 {
-    const struct cairn_force_pair *pair = &field->pair;
+    const struct cairn_force_field_pair *pair = &field->pair;
     const cairn_force_kernel_springs *s = &pair->springs;
     cairn_sym2 shape = stiffness_shape(pair->line[0].direction, pair->line[1].direction,
                                        field->params.tangential_stiffness);
-    struct cairn_force_bond *bond = find_bond(field, pair->line[0].scan, pair->line[1].scan);
+    struct cairn_force_field_bond *bond = find_bond(field, pair->line[0].scan, pair->line[1].scan);
     cairn_real weight = pair->cosine;
     cairn_vec2 arm, pull;
 
@@ -155,7 +156,8 @@ void cairn_force_add_springs(cairn_force_field *field)
 
 /* Returns the lever arm of a scan's centre about the bond's centre: a rotation about its own centre
  * is the translation rotation * arm, plus the rotation. */
-static cairn_vec2 lever_arm(const cairn_force_field *field, const struct cairn_force_bond *bond)
+static cairn_vec2 lever_arm(const cairn_force_field *field,
+                            const struct cairn_force_field_bond *bond)
 {
     cairn_vec2 centre = field->bodies[bond->second].centre;
 
@@ -199,7 +201,7 @@ static cairn_sym3 shift_stiffness(cairn_sym3 m, cairn_vec2 arm)
 }
 
 /* Distributes a wrench about the centre of a bond to its two scans. */
-static void scatter_force(const cairn_force_field *field, const struct cairn_force_bond *bond,
+static void scatter_force(const cairn_force_field *field, const struct cairn_force_field_bond *bond,
                           const cairn_real force[3], cairn_real first[3], cairn_real second[3])
 {
     if (first != NULL) {
@@ -213,16 +215,16 @@ static void scatter_force(const cairn_force_field *field, const struct cairn_for
         second[i] -= force[i];
 }
 
-static struct cairn_force_unknown *first_of(const cairn_force_field *field,
-                                            const struct cairn_force_bond *bond)
+static struct cairn_force_field_unknown *first_of(const cairn_force_field *field,
+                                                  const struct cairn_force_field_bond *bond)
 {
-    return bond->first == CAIRN_FORCE_NO_SCAN ? NULL : &field->unknowns[bond->first];
+    return bond->first == FORCE_FIELD_NO_SCAN ? NULL : &field->unknowns[bond->first];
 }
 
-static void assemble(cairn_force_field *field, const struct cairn_force_bond *bond)
+static void assemble(cairn_force_field *field, const struct cairn_force_field_bond *bond)
 {
-    struct cairn_force_unknown *first = first_of(field, bond),
-                               *second = &field->unknowns[bond->second];
+    struct cairn_force_field_unknown *first = first_of(field, bond),
+                                     *second = &field->unknowns[bond->second];
 
     add_diagonal(&second->diagonal, &bond->stiffness);
     if (first != NULL) {
@@ -235,10 +237,10 @@ static void assemble(cairn_force_field *field, const struct cairn_force_bond *bo
 }
 
 /* Adds a bond's part of the matrix-vector product A direction. */
-static void add_product(cairn_force_field *field, const struct cairn_force_bond *bond)
+static void add_product(cairn_force_field *field, const struct cairn_force_field_bond *bond)
 {
-    struct cairn_force_unknown *first = first_of(field, bond),
-                               *second = &field->unknowns[bond->second];
+    struct cairn_force_field_unknown *first = first_of(field, bond),
+                                     *second = &field->unknowns[bond->second];
     cairn_real relative_motion[3], force[3];
 
     for (int32_t i = 0; i < 3; i++)
@@ -257,7 +259,7 @@ static void add_product(cairn_force_field *field, const struct cairn_force_bond 
 /* ---- Conjugate gradients ---- */
 
 /* Starts the product A direction of a scan with its damping. */
-static void begin_product(struct cairn_force_unknown *unknown)
+static void begin_product(struct cairn_force_field_unknown *unknown)
 {
     for (int32_t i = 0; i < 3; i++)
         unknown->product[i] = unknown->damping[i] * unknown->direction[i];
@@ -266,8 +268,8 @@ static void begin_product(struct cairn_force_unknown *unknown)
 /* Prepares the unknown of a scan. A fixed scan, or one without stiffness, stays at its pose. */
 static void prepare_unknown(cairn_force_field *field, int32_t index)
 {
-    const struct cairn_force_body *body = &field->bodies[index];
-    struct cairn_force_unknown *unknown = &field->unknowns[index];
+    const struct cairn_force_field_body *body = &field->bodies[index];
+    struct cairn_force_field_unknown *unknown = &field->unknowns[index];
     cairn_real shift = unknown->diagonal.xx + unknown->diagonal.yy, damping_ratio = 0;
     cairn_sym3 inverse = cairn_sym3_zero();
 
@@ -288,9 +290,9 @@ static void prepare_unknown(cairn_force_field *field, int32_t index)
 }
 
 /* Moves a scan along the direction by the step length; updates and preconditions the residual. */
-static void update_motion(cairn_force_field *field, struct cairn_force_unknown *unknown)
+static void update_motion(cairn_force_field *field, struct cairn_force_field_unknown *unknown)
 {
-    struct cairn_force_solver *solver = &field->solver;
+    struct cairn_force_field_solver *solver = &field->solver;
     cairn_real step_length = solver->residual2 / solver->curvature;
 
     for (int32_t i = 0; i < 3; i++) {
@@ -302,7 +304,7 @@ static void update_motion(cairn_force_field *field, struct cairn_force_unknown *
 }
 
 /* Computes the next conjugate direction (Fletcher-Reeves). */
-static void update_direction(cairn_force_field *field, struct cairn_force_unknown *unknown)
+static void update_direction(cairn_force_field *field, struct cairn_force_field_unknown *unknown)
 {
     cairn_real beta = field->solver.next_residual2 / field->solver.residual2;
 
@@ -312,7 +314,7 @@ static void update_direction(cairn_force_field *field, struct cairn_force_unknow
 }
 
 /* Adds a scan's part of direction^T A direction. */
-static void add_curvature(cairn_force_field *field, const struct cairn_force_unknown *unknown)
+static void add_curvature(cairn_force_field *field, const struct cairn_force_field_unknown *unknown)
 {
     field->solver.curvature += dot(unknown->direction, unknown->product);
 }
@@ -343,7 +345,7 @@ static void process_item(cairn_force_field *field, int32_t index)
 }
 
 /* Returns the stage after the current one. */
-static int32_t next_stage(struct cairn_force_solver *solver)
+static int32_t next_stage(struct cairn_force_field_solver *solver)
 {
     switch (solver->stage) {
     case STAGE_PREPARE:
@@ -368,14 +370,14 @@ static int32_t next_stage(struct cairn_force_solver *solver)
     }
 }
 
-void cairn_force_solve_begin(cairn_force_field *field)
+void cairn_force_field_solve_begin(cairn_force_field *field)
 {
     memset(&field->solver, 0, sizeof field->solver);
 }
 
-cairn_status cairn_force_solve_step(cairn_force_field *field, cairn_budget *budget)
+cairn_status cairn_force_field_solve_step(cairn_force_field *field, cairn_budget *budget)
 {
-    struct cairn_force_solver *solver = &field->solver;
+    struct cairn_force_field_solver *solver = &field->solver;
 
     while (solver->stage != STAGE_DONE) {
         int32_t is_of_bonds = solver->stage == STAGE_ASSEMBLE || solver->stage == STAGE_PRODUCT;

@@ -61,27 +61,29 @@ static int is_count(int32_t n, int32_t least, int32_t most)
     return n >= least && n <= most;
 }
 
-static int params_are_valid(const cairn_map_merge_params *p)
+static int params_are_valid(const cairn_map_merge_params *params)
 {
-    return p != NULL && is_count(p->max_maps, 1, MERGE_MAX_MAPS) &&
-           is_count(p->max_cells, 1, MAX_CELLS) && is_count(p->max_map_cells, 1, p->max_cells) &&
-           is_count(p->max_points, MIN_POINTS, MAX_POINTS) && is_count(p->max_segments, 1, 4096) &&
-           is_count(p->max_corners, 1, 1024) && is_count(p->max_modes, 1, 32) &&
-           is_count(p->particles, 1, 4096) &&
-           is_count(p->mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN) &&
-           (p->mode == CAIRN_MODE_DEFAULT || p->perception == CAIRN_MAP_MERGE_IMAGES) &&
-           p->perception >= CAIRN_MAP_MERGE_LIKELIHOOD_RATIO &&
-           p->perception <= CAIRN_MAP_MERGE_IMAGES && p->correlation_length > 0 &&
-           cairn_is_finite(p->correlation_length) && p->min_score > 0 &&
-           cairn_is_finite(p->min_score) && p->min_margin >= 0 && cairn_is_finite(p->min_margin);
+    return params != NULL && is_count(params->max_maps, 1, MAP_MERGE_MAX_MAPS) &&
+           is_count(params->max_cells, 1, MAX_CELLS) &&
+           is_count(params->max_map_cells, 1, params->max_cells) &&
+           is_count(params->max_points, MIN_POINTS, MAX_POINTS) &&
+           is_count(params->max_segments, 1, 4096) && is_count(params->max_corners, 1, 1024) &&
+           is_count(params->max_modes, 1, 32) && is_count(params->particles, 1, 4096) &&
+           is_count(params->mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN) &&
+           (params->mode == CAIRN_MODE_DEFAULT || params->perception == CAIRN_MAP_MERGE_IMAGES) &&
+           params->perception >= CAIRN_MAP_MERGE_LIKELIHOOD_RATIO &&
+           params->perception <= CAIRN_MAP_MERGE_IMAGES && params->correlation_length > 0 &&
+           cairn_is_finite(params->correlation_length) && params->min_score > 0 &&
+           cairn_is_finite(params->min_score) && params->min_margin >= 0 &&
+           cairn_is_finite(params->min_margin);
 }
 
-static cairn_corner_params corner_params(const cairn_map_merge_params *p)
+static cairn_corner_params corner_params(const cairn_map_merge_params *params)
 {
     cairn_corner_params c = cairn_corner_default();
 
-    c.max_segments = p->max_segments;
-    c.max_corners = p->max_corners;
+    c.max_segments = params->max_segments;
+    c.max_corners = params->max_corners;
     c.min_opening = 50 * (CAIRN_PI / 180);
     c.max_opening = 130 * (CAIRN_PI / 180);
     c.end_distance = CAIRN_REAL(0.5);
@@ -89,47 +91,49 @@ static cairn_corner_params corner_params(const cairn_map_merge_params *p)
 }
 
 /* Returns the maximum number of cells of the merged map, as written. */
-static int32_t merged_cells(const cairn_map_merge_params *p)
+static int32_t merged_cells(const cairn_map_merge_params *params)
 {
-    return p->max_cells < MAX_CELLS / MERGE_MAX_MERGED_CELLS ? MERGE_MAX_MERGED_CELLS * p->max_cells
-                                                             : MAX_CELLS;
+    return params->max_cells < MAX_CELLS / MAP_MERGE_MAX_MERGED_CELLS
+               ? MAP_MERGE_MAX_MERGED_CELLS * params->max_cells
+               : MAX_CELLS;
 }
 
 /* Returns the maximum number of cells of an image that distances are computed for. */
-static int32_t image_cells(const cairn_map_merge_params *p)
+static int32_t image_cells(const cairn_map_merge_params *params)
 {
-    return merge_is_written(p) ? merged_cells(p) : p->max_map_cells;
+    return map_merge_is_written(params) ? merged_cells(params) : params->max_map_cells;
 }
 
 /* Returns the distance map's params: a side of at most that of a raster, or all cells in one
  * row. */
-static cairn_distance_map_params distance_params(const cairn_map_merge_params *p)
+static cairn_distance_map_params distance_params(const cairn_map_merge_params *params)
 {
-    cairn_distance_map_params d = {image_cells(p) < CAIRN_RASTER_MAX_SIDE ? image_cells(p)
-                                                                          : CAIRN_RASTER_MAX_SIDE};
+    cairn_distance_map_params d = {
+        image_cells(params) < CAIRN_RASTER_MAX_SIDE ? image_cells(params) : CAIRN_RASTER_MAX_SIDE};
 
     return d;
 }
 
-static cairn_particle_filter_params filter_params(const cairn_map_merge_params *p)
+static cairn_particle_filter_params filter_params(const cairn_map_merge_params *params)
 {
-    return merge_is_written(p) ? cairn_map_merge_written_params(p)
-                               : cairn_map_merge_filter_params(p);
+    return map_merge_is_written(params) ? cairn_map_merge_written_params(params)
+                                        : cairn_map_merge_filter_params(params);
 }
 
-static size_t pairs_of(const cairn_map_merge_params *p)
+static size_t pairs_of(const cairn_map_merge_params *params)
 {
-    size_t n = (size_t)p->max_maps;
+    size_t n = (size_t)params->max_maps;
 
     return n * (n - 1) / 2 + 1;
 }
 
 /* Creates the objects inside; NULL from a counting pool. */
-static void take_objects(cairn_map_merge *merge, cairn_pool *pool, const cairn_map_merge_params *p)
+static void take_objects(cairn_map_merge *merge, cairn_pool *pool,
+                         const cairn_map_merge_params *params)
 {
-    cairn_corner_params corners = corner_params(p);
-    cairn_distance_map_params distances = distance_params(p);
-    cairn_particle_filter_params filter = filter_params(p);
+    cairn_corner_params corners = corner_params(params);
+    cairn_distance_map_params distances = distance_params(params);
+    cairn_particle_filter_params filter = filter_params(params);
     cairn_particle_filter_model model;
     cairn_status status;
 
@@ -139,8 +143,8 @@ static void take_objects(cairn_map_merge *merge, cairn_pool *pool, const cairn_m
         cairn_pool_count(pool, cairn_particle_filter_memory(&filter));
         return;
     }
-    model =
-        merge_is_written(p) ? cairn_map_merge_written_model(merge) : cairn_map_merge_model(merge);
+    model = map_merge_is_written(params) ? cairn_map_merge_written_model(merge)
+                                         : cairn_map_merge_model(merge);
     status = cairn_corner_create(&merge->corners, pool, &corners);
     CAIRN_ASSERT(status == CAIRN_OK);
     status = cairn_distance_map_create(&merge->distances, pool, &distances);
@@ -151,21 +155,21 @@ static void take_objects(cairn_map_merge *merge, cairn_pool *pool, const cairn_m
 }
 
 /* Takes the memory of the mode as written. */
-static merge_written *take_written(cairn_pool *pool, const cairn_map_merge_params *p)
+static map_merge_written *take_written(cairn_pool *pool, const cairn_map_merge_params *params)
 {
-    cairn_particle_filter_params filter = cairn_map_merge_written_params(p);
-    size_t cells = (size_t)merged_cells(p), listed = (size_t)filter.max_candidates;
-    merge_written *w = cairn_pool_take_one(pool, sizeof *w);
+    cairn_particle_filter_params filter = cairn_map_merge_written_params(params);
+    size_t cells = (size_t)merged_cells(params), listed = (size_t)filter.max_candidates;
+    map_merge_written *w = cairn_pool_take_one(pool, sizeof *w);
     uint16_t *grid = cairn_pool_take(pool, cells, sizeof *grid);
     uint8_t *classes = cairn_pool_take(pool, cells, 1);
-    merge_state *list = cairn_pool_take(pool, listed, sizeof *list);
-    merge_places *places = cairn_pool_take(pool, (size_t)filter.max_particles, sizeof *places);
+    map_merge_state *list = cairn_pool_take(pool, listed, sizeof *list);
+    map_merge_places *places = cairn_pool_take(pool, (size_t)filter.max_particles, sizeof *places);
 
     if (w != NULL) {
         memset(w, 0, sizeof *w);
         w->merged.grid = grid;
         w->cells = classes;
-        w->max_cells = merged_cells(p);
+        w->max_cells = merged_cells(params);
         w->candidates = list;
         w->max_candidates = filter.max_candidates;
         w->places = places;
@@ -174,30 +178,35 @@ static merge_written *take_written(cairn_pool *pool, const cairn_map_merge_param
     return w;
 }
 
-static cairn_map_merge *take_memory(cairn_pool *pool, const cairn_map_merge_params *p)
+static cairn_map_merge *take_memory(cairn_pool *pool, const cairn_map_merge_params *params)
 {
-    size_t maps = (size_t)p->max_maps, points = (size_t)p->max_points;
+    size_t maps = (size_t)params->max_maps, points = (size_t)params->max_points;
     cairn_map_merge *merge = cairn_pool_take_one(pool, sizeof *merge);
-    merge_map *list = cairn_pool_take(pool, maps, sizeof *list);
-    uint16_t *grid = cairn_pool_take(pool, (size_t)p->max_cells, sizeof *grid);
-    int32_t *scratch = cairn_pool_take(pool, (size_t)image_cells(p), sizeof *scratch);
-    merge_point *surface = cairn_pool_take(pool, (maps + 1) * points, sizeof *surface);
+    map_merge_map *list = cairn_pool_take(pool, maps, sizeof *list);
+    uint16_t *grid = cairn_pool_take(pool, (size_t)params->max_cells, sizeof *grid);
+    int32_t *scratch = cairn_pool_take(pool, (size_t)image_cells(params), sizeof *scratch);
+    map_merge_point *surface = cairn_pool_take(pool, (maps + 1) * points, sizeof *surface);
     cairn_vec2 *open = cairn_pool_take(pool, maps * (points / 2), sizeof *open);
-    cairn_corner *corners = cairn_pool_take(pool, maps * (size_t)p->max_corners, sizeof *corners);
-    merge_direction *ways = cairn_pool_take(pool, maps * (size_t)p->max_segments, sizeof *ways);
+    cairn_corner *corners =
+        cairn_pool_take(pool, maps * (size_t)params->max_corners, sizeof *corners);
+    map_merge_direction *ways =
+        cairn_pool_take(pool, maps * (size_t)params->max_segments, sizeof *ways);
     int32_t *queue = cairn_pool_take(pool, 2 * points, sizeof *queue);
     cairn_vec2 *line = cairn_pool_take(pool, points, sizeof *line);
-    merge_curve_point *curve_points =
-        cairn_pool_take(pool, maps * MERGE_MAX_CURVE_POINTS, sizeof *curve_points);
-    cairn_segment *lines = cairn_pool_take(pool, maps * (size_t)p->max_segments, sizeof *lines);
-    merge_mode *modes = cairn_pool_take(pool, pairs_of(p) * (size_t)p->max_modes, sizeof *modes);
-    int32_t *mode_count = cairn_pool_take(pool, pairs_of(p), sizeof *mode_count);
-    merge_cache_entry *memory =
-        merge_is_written(p) ? NULL : cairn_pool_take(pool, MERGE_CACHE_SLOTS, sizeof *memory);
+    map_merge_curve_point *curve_points =
+        cairn_pool_take(pool, maps * MAP_MERGE_MAX_CURVE_POINTS, sizeof *curve_points);
+    cairn_segment *lines =
+        cairn_pool_take(pool, maps * (size_t)params->max_segments, sizeof *lines);
+    map_merge_mode *modes =
+        cairn_pool_take(pool, pairs_of(params) * (size_t)params->max_modes, sizeof *modes);
+    int32_t *mode_count = cairn_pool_take(pool, pairs_of(params), sizeof *mode_count);
+    map_merge_cache_entry *memory =
+        map_merge_is_written(params) ? NULL
+                                     : cairn_pool_take(pool, MAP_MERGE_CACHE_SLOTS, sizeof *memory);
 
     if (merge != NULL) {
         memset(merge, 0, sizeof *merge);
-        merge->params = *p;
+        merge->params = *params;
         merge->maps = list;
         merge->grid = grid;
         merge->scratch = scratch;
@@ -212,15 +221,15 @@ static cairn_map_merge *take_memory(cairn_pool *pool, const cairn_map_merge_para
             memset(&list[i], 0, sizeof list[i]);
             list[i].points = surface + i * points;
             list[i].free_cells = open + i * (points / 2);
-            list[i].corners = corners + i * (size_t)p->max_corners;
-            list[i].lines = lines + i * (size_t)p->max_segments;
-            list[i].curve_points = curve_points + i * MERGE_MAX_CURVE_POINTS;
-            list[i].directions = ways + i * (size_t)p->max_segments;
+            list[i].corners = corners + i * (size_t)params->max_corners;
+            list[i].lines = lines + i * (size_t)params->max_segments;
+            list[i].curve_points = curve_points + i * MAP_MERGE_MAX_CURVE_POINTS;
+            list[i].directions = ways + i * (size_t)params->max_segments;
         }
     }
-    take_objects(merge, pool, p);
-    if (merge_is_written(p)) {
-        merge_written *written = take_written(pool, p);
+    take_objects(merge, pool, params);
+    if (map_merge_is_written(params)) {
+        map_merge_written *written = take_written(pool, params);
 
         if (merge != NULL)
             merge->written = written;
@@ -250,7 +259,7 @@ cairn_status cairn_map_merge_create(cairn_map_merge **merge, cairn_pool *pool,
     if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
     made = take_memory(pool, params);
-    for (int32_t d = 0; d <= MERGE_MAX_DISTANCE; d++) {
+    for (int32_t d = 0; d <= MAP_MERGE_MAX_DISTANCE; d++) {
         cairn_real x = (cairn_real)d / SOFT_DISTANCE_CELLS;
 
         made->soft_kernel[d] = cairn_exp(-x * x / 2);
@@ -283,7 +292,7 @@ void cairn_map_merge_clear(cairn_map_merge *merge)
 {
     merge->map_count = 0;
     merge->cells = 0;
-    merge->phase = MERGE_IDLE;
+    merge->phase = MAP_MERGE_IDLE;
     merge->done = 0;
 }
 
@@ -297,12 +306,12 @@ static cairn_pose scaled(cairn_pose pose, cairn_real by)
 cairn_status cairn_map_merge_add(cairn_map_merge *merge, const cairn_map_merge_map *map,
                                  cairn_fault *fault)
 {
-    merge_map *added;
+    map_merge_map *added;
     int64_t cells;
 
     if (merge == NULL || map == NULL)
         return cairn_refuse(fault, -1, "NULL, expected a map", CAIRN_BAD_ARGUMENT);
-    if (merge->phase != MERGE_IDLE)
+    if (merge->phase != MAP_MERGE_IDLE)
         return cairn_refuse(fault, -1, "merging is in progress, expected its end",
                             CAIRN_BAD_ARGUMENT);
     if (cairn_raster_u8_check(map->cells) != CAIRN_OK)
@@ -319,7 +328,7 @@ cairn_status cairn_map_merge_add(cairn_map_merge *merge, const cairn_map_merge_m
     if (merge->cells + cells > merge->params.max_cells)
         return cairn_refuse(fault, -1, "more cells in all than max_cells", CAIRN_FULL);
     if (merge->map_count == 0)
-        merge->unit = map->resolution / MERGE_CELL;
+        merge->unit = map->resolution / MAP_MERGE_CELL;
     added = &merge->maps[merge->map_count++];
     added->input = *map;
     added->input.resolution = map->resolution / merge->unit;
@@ -340,11 +349,11 @@ cairn_status cairn_map_merge_add(cairn_map_merge *merge, const cairn_map_merge_m
 
 cairn_status cairn_map_merge_guess(cairn_map_merge *merge, int32_t map, cairn_pose reference_map)
 {
-    if (merge == NULL || map < 0 || map >= merge->map_count || merge->phase != MERGE_IDLE)
+    if (merge == NULL || map < 0 || map >= merge->map_count || merge->phase != MAP_MERGE_IDLE)
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pose_is_finite(reference_map))
         return CAIRN_NOT_FINITE;
-    if (merge_is_written(&merge->params))
+    if (map_merge_is_written(&merge->params))
         return CAIRN_UNSUPPORTED;
     merge->maps[map].has_guess = 1;
     merge->maps[map].given_guess = reference_map;
@@ -369,7 +378,7 @@ static cairn_pose frames_of(const cairn_map_merge *merge, int32_t a, int32_t b, 
 
 static int is_order(const cairn_map_merge *merge, int32_t reference, const int32_t *order)
 {
-    int32_t seen[MERGE_MAX_MAPS] = {0};
+    int32_t seen[MAP_MERGE_MAX_MAPS] = {0};
 
     if (order[0] != reference)
         return 0;
@@ -402,8 +411,8 @@ cairn_status cairn_map_merge_begin(cairn_map_merge *merge, int32_t reference, co
     merge->tried_count = 0;
     merge->units = 0;
     merge->done = 0;
-    merge->stage = MERGE_PREPARING;
-    merge->phase = MERGE_OCCUPIED_DISTANCE;
+    merge->stage = MAP_MERGE_PREPARING;
+    merge->phase = MAP_MERGE_OCCUPIED_DISTANCE;
     return CAIRN_OK;
 }
 
@@ -418,8 +427,8 @@ static void finish(cairn_map_merge *merge)
     r->hypotheses = merge->tried_count;
     r->resamplings = cairn_particle_filter_read(merge->filter).resamplings;
     r->n_eff = cairn_particle_filter_read(merge->filter).n_eff;
-    r->peak_particles =
-        merge_is_written(&merge->params) ? merge->written->peak_particles : merge->params.particles;
+    r->peak_particles = map_merge_is_written(&merge->params) ? merge->written->peak_particles
+                                                             : merge->params.particles;
     for (int32_t i = 0; i < merge->map_count; i++) {
         cairn_map_merge_placed *p = &merge->placed[i];
 
@@ -433,24 +442,24 @@ static void finish(cairn_map_merge *merge)
     for (int32_t i = 0; i < merge->map_count; i++)
         if (!merge->check.accepted[i])
             merge->placed[i].rank = rank++;
-    merge->phase = MERGE_IDLE;
+    merge->phase = MAP_MERGE_IDLE;
     merge->done = 1;
 }
 
 static cairn_status step_default(cairn_map_merge *merge, cairn_budget *budget)
 {
-    return merge->stage == MERGE_PREPARING  ? cairn_map_merge_prepare(merge, budget)
-           : merge->stage == MERGE_PAIRING  ? cairn_map_merge_find_modes(merge, budget)
-           : merge->stage == MERGE_VISITING ? cairn_map_merge_run_filter(merge, budget)
-                                            : cairn_map_merge_check(merge, budget);
+    return merge->stage == MAP_MERGE_PREPARING  ? cairn_map_merge_prepare(merge, budget)
+           : merge->stage == MAP_MERGE_PAIRING  ? cairn_map_merge_find_modes(merge, budget)
+           : merge->stage == MAP_MERGE_VISITING ? cairn_map_merge_run_filter(merge, budget)
+                                                : cairn_map_merge_check(merge, budget);
 }
 
 static cairn_status step_written(cairn_map_merge *merge, cairn_budget *budget)
 {
-    return merge->stage == MERGE_PREPARING  ? cairn_map_merge_prepare(merge, budget)
-           : merge->stage == MERGE_PAIRING  ? cairn_map_merge_register_corners(merge, budget)
-           : merge->stage == MERGE_VISITING ? cairn_map_merge_run_written(merge, budget)
-                                            : cairn_map_merge_end_written(merge, budget);
+    return merge->stage == MAP_MERGE_PREPARING  ? cairn_map_merge_prepare(merge, budget)
+           : merge->stage == MAP_MERGE_PAIRING  ? cairn_map_merge_register_corners(merge, budget)
+           : merge->stage == MAP_MERGE_VISITING ? cairn_map_merge_run_written(merge, budget)
+                                                : cairn_map_merge_end_written(merge, budget);
 }
 
 cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_budget *budget)
@@ -459,12 +468,12 @@ cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_budget *budget)
 
     if (merge == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    if (merge->phase == MERGE_IDLE)
+    if (merge->phase == MAP_MERGE_IDLE)
         return CAIRN_OK;
     before = budget->left;
-    while (merge->stage < MERGE_FINISHED) {
-        cairn_status status = merge_is_written(&merge->params) ? step_written(merge, budget)
-                                                               : step_default(merge, budget);
+    while (merge->stage < MAP_MERGE_FINISHED) {
+        cairn_status status = map_merge_is_written(&merge->params) ? step_written(merge, budget)
+                                                                   : step_default(merge, budget);
 
         if (status != CAIRN_OK) {
             merge->units += before - budget->left;
@@ -533,13 +542,13 @@ cairn_map_merge_placed cairn_map_merge_of(const cairn_map_merge *merge, int32_t 
 int32_t cairn_map_merge_mode(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index,
                              cairn_pose *a_b, cairn_real *log_ratio)
 {
-    const merge_mode *mode;
+    const map_merge_mode *mode;
     int32_t pair;
 
     if (!merge->done || a < 0 || b < 0 || a == b || a >= merge->map_count ||
         b >= merge->map_count || index < 0)
         return 0;
-    pair = a < b ? merge_pair(a, b) : merge_pair(b, a);
+    pair = a < b ? map_merge_pair(a, b) : map_merge_pair(b, a);
     if (index >= merge->mode_count[pair])
         return 0;
     mode = &merge->modes[(size_t)pair * (size_t)merge->params.max_modes + (size_t)index];

@@ -40,7 +40,7 @@ static const void *best_of(const cairn_map_merge *merge)
         const void *state = cairn_particle_filter_particle(merge->filter, i).state;
         cairn_real sum = 0;
 
-        for (const merge_state *s = state; s != NULL; s = cairn_particle_filter_state_before(s))
+        for (const map_merge_state *s = state; s != NULL; s = cairn_particle_filter_state_before(s))
             sum += s->log_ratio;
         if (best == NULL || sum > most) {
             best = state;
@@ -99,7 +99,7 @@ static void begin_check(cairn_map_merge *merge)
     }
     merge->placed[merge->reference].error_probability = 0;
     merge->check.stage = CHECK_REFINE;
-    merge->phase = MERGE_CHECK;
+    merge->phase = MAP_MERGE_CHECK;
     merge->cursor = 1;
     merge->inner = 0;
 }
@@ -157,7 +157,7 @@ static cairn_status step_links(cairn_map_merge *merge, cairn_budget *budget)
             if (!cairn_map_merge_step_total(merge, budget))
                 return CAIRN_MORE;
             merge->check
-                .pair_score[merge_pair(other < map ? other : map, other < map ? map : other)] =
+                .pair_score[map_merge_pair(other < map ? other : map, other < map ? map : other)] =
                 merge->total.log_ratio;
             merge->inner++;
         }
@@ -166,7 +166,7 @@ static cairn_status step_links(cairn_map_merge *merge, cairn_budget *budget)
 
 static cairn_real pair_score_of(const cairn_map_merge *merge, int32_t a, int32_t b)
 {
-    return merge->check.pair_score[a < b ? merge_pair(a, b) : merge_pair(b, a)];
+    return merge->check.pair_score[a < b ? map_merge_pair(a, b) : map_merge_pair(b, a)];
 }
 
 /* Returns the weight of the minimum cut of the accepted maps (Stoer and Wagner 1997), and its side
@@ -174,8 +174,9 @@ static cairn_real pair_score_of(const cairn_map_merge *merge, int32_t a, int32_t
  * number for a single map. */
 static cairn_real minimum_cut(const cairn_map_merge *merge, int32_t *side)
 {
-    int32_t group[MERGE_MAX_MAPS], added[MERGE_MAX_MAPS], best_group[MERGE_MAX_MAPS] = {0};
-    cairn_real weight[MERGE_MAX_MAPS], least = CAIRN_REAL_MAX;
+    int32_t group[MAP_MERGE_MAX_MAPS], added[MAP_MERGE_MAX_MAPS],
+        best_group[MAP_MERGE_MAX_MAPS] = {0};
+    cairn_real weight[MAP_MERGE_MAX_MAPS], least = CAIRN_REAL_MAX;
     int32_t left = 0;
 
     /* group[i]: the map that map i has been contracted into. */
@@ -227,7 +228,7 @@ static void refuse_map(cairn_map_merge *merge, int32_t map, cairn_map_merge_verd
 static cairn_status step_cuts(cairn_map_merge *merge, cairn_budget *budget)
 {
     for (;;) {
-        int32_t side[MERGE_MAX_MAPS];
+        int32_t side[MAP_MERGE_MAX_MAPS];
         int32_t cost = 1 + merge->map_count * merge->map_count / 8 * merge->map_count;
 
         if (!cairn_budget_charge(budget, &merge->units_charged, cost))
@@ -281,7 +282,7 @@ static cairn_status step_places(cairn_map_merge *merge, int32_t map, cairn_budge
     if (merge->check.looking == 0) {
         collect_others(merge, map);
         merge->check.competing_count =
-            cairn_map_merge_places(merge, map, merge->check.competing, MERGE_MAX_REFINED);
+            cairn_map_merge_places(merge, map, merge->check.competing, MAP_MERGE_MAX_REFINED);
         merge->check.shifted_score = 0;
         merge->placed[map].modes = merge->check.competing_count;
         merge->placed[map].competing_support = 0;
@@ -294,7 +295,8 @@ static cairn_status step_places(cairn_map_merge *merge, int32_t map, cairn_budge
         cairn_pose pose = place_at(merge, map, merge->check.at);
 
         if (merge->check.at > 0 && merge->check.at <= merge->check.competing_count &&
-            cairn_map_merge_is_same(pose, merge->check.pose[map], MERGE_SAME_M, MERGE_SAME_RAD))
+            cairn_map_merge_is_same(pose, merge->check.pose[map], MAP_MERGE_SAME_M,
+                                    MAP_MERGE_SAME_RAD))
             continue;
         if (merge->inner == 0) {
             cairn_map_merge_begin_total(merge, map, pose, merge->params.max_points);
@@ -309,11 +311,12 @@ static cairn_status step_places(cairn_map_merge *merge, int32_t map, cairn_budge
 }
 
 /* Returns the probability that a competing pose, or chance, reaches the same support. */
-static cairn_real error_probability(const cairn_map_merge_placed *p)
+static cairn_real error_probability(const cairn_map_merge_placed *placed)
 {
-    cairn_real competing =
-        cairn_exp(cairn_min((p->competing_support - p->support) / CHANCE_SPREAD_NATS, 30));
-    cairn_real chance = cairn_exp(cairn_min((CHANCE_NATS - p->support) / CHANCE_SPREAD_NATS, 30));
+    cairn_real competing = cairn_exp(
+        cairn_min((placed->competing_support - placed->support) / CHANCE_SPREAD_NATS, 30));
+    cairn_real chance =
+        cairn_exp(cairn_min((CHANCE_NATS - placed->support) / CHANCE_SPREAD_NATS, 30));
 
     return cairn_max((competing + chance) / (1 + competing + chance), MIN_ERROR_PROBABILITY);
 }
@@ -348,7 +351,7 @@ static cairn_status step_verdicts(cairn_map_merge *merge, cairn_budget *budget)
 
 cairn_status cairn_map_merge_check(cairn_map_merge *merge, cairn_budget *budget)
 {
-    if (merge->phase != MERGE_CHECK)
+    if (merge->phase != MAP_MERGE_CHECK)
         begin_check(merge);
     while (merge->check.stage < CHECK_DONE) {
         cairn_status status = merge->check.stage == CHECK_REFINE  ? step_joint(merge, budget)

@@ -22,19 +22,19 @@
 #define LEG_NOISE_M CAIRN_REAL(0.20)
 
 /* Returns the length of a leg of a corner, m. */
-static cairn_real leg_length(const merge_map *map, const cairn_corner *c, int32_t leg)
+static cairn_real leg_length(const map_merge_map *map, const cairn_corner *corner, int32_t leg)
 {
-    cairn_segment s = map->lines[c->segment[leg]];
-    cairn_real a = cairn_vec2_dot(c->leg[leg], cairn_vec2_sub(s.a, c->position));
-    cairn_real b = cairn_vec2_dot(c->leg[leg], cairn_vec2_sub(s.b, c->position));
+    cairn_segment s = map->lines[corner->segment[leg]];
+    cairn_real a = cairn_vec2_dot(corner->leg[leg], cairn_vec2_sub(s.a, corner->position));
+    cairn_real b = cairn_vec2_dot(corner->leg[leg], cairn_vec2_sub(s.b, corner->position));
 
     return cairn_max(a, b);
 }
 
 /* Returns the similarity of two corners, 0 ... 1: the mean over both legs of the shorter length
  * divided by the longer length plus noise. Negative: not similar. */
-static cairn_real similarity_of(const merge_map *first, const cairn_corner *a,
-                                const merge_map *second, const cairn_corner *b)
+static cairn_real similarity_of(const map_merge_map *first, const cairn_corner *a,
+                                const map_merge_map *second, const cairn_corner *b)
 {
     cairn_real sum = 0;
 
@@ -53,11 +53,12 @@ cairn_pose cairn_map_merge_motion_of(const cairn_vec2 *to, const cairn_vec2 *fro
     cairn_vec2 p = {0, 0}, q = {0, 0};
     cairn_real sine = 0, cosine = 0;
 
-    for (int32_t i = 0; i < MERGE_CORRESPONDENCES; i++) {
-        p = cairn_vec2_add(p, cairn_vec2_scale(to[i], CAIRN_REAL(1.0) / MERGE_CORRESPONDENCES));
-        q = cairn_vec2_add(q, cairn_vec2_scale(from[i], CAIRN_REAL(1.0) / MERGE_CORRESPONDENCES));
+    for (int32_t i = 0; i < MAP_MERGE_CORRESPONDENCES; i++) {
+        p = cairn_vec2_add(p, cairn_vec2_scale(to[i], CAIRN_REAL(1.0) / MAP_MERGE_CORRESPONDENCES));
+        q = cairn_vec2_add(q,
+                           cairn_vec2_scale(from[i], CAIRN_REAL(1.0) / MAP_MERGE_CORRESPONDENCES));
     }
-    for (int32_t i = 0; i < MERGE_CORRESPONDENCES; i++) {
+    for (int32_t i = 0; i < MAP_MERGE_CORRESPONDENCES; i++) {
         cairn_vec2 u = cairn_vec2_sub(from[i], q), v = cairn_vec2_sub(to[i], p);
 
         sine += cairn_vec2_cross(u, v);
@@ -66,11 +67,11 @@ cairn_pose cairn_map_merge_motion_of(const cairn_vec2 *to, const cairn_vec2 *fro
     return cairn_pose_from_moments(q, p, cosine, sine);
 }
 
-static cairn_pose registration_of(const merge_map *first, const cairn_corner *a,
-                                  const merge_map *second, const cairn_corner *b)
+static cairn_pose registration_of(const map_merge_map *first, const cairn_corner *a,
+                                  const map_merge_map *second, const cairn_corner *b)
 {
-    cairn_vec2 to[MERGE_CORRESPONDENCES] = {a->position},
-               from[MERGE_CORRESPONDENCES] = {b->position};
+    cairn_vec2 to[MAP_MERGE_CORRESPONDENCES] = {a->position},
+               from[MAP_MERGE_CORRESPONDENCES] = {b->position};
 
     for (int32_t leg = 0; leg < 2; leg++) {
         cairn_real length = cairn_min(leg_length(first, a, leg), leg_length(second, b, leg));
@@ -85,21 +86,21 @@ static void begin_pair(cairn_map_merge *merge)
 {
     merge->cursor = 0;
     if (merge->other < merge->map_count)
-        merge->mode_count[merge_pair(merge->map, merge->other)] = 0;
+        merge->mode_count[map_merge_pair(merge->map, merge->other)] = 0;
 }
 
 /* Compares all pairs of corners of the current pair of maps. */
 static cairn_status step_pair(cairn_map_merge *merge, cairn_budget *budget)
 {
-    const merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
+    const map_merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
     int32_t count = first->corner_count * second->corner_count,
-            pair = merge_pair(merge->map, merge->other);
-    merge_mode *modes = merge->modes + (size_t)pair * (size_t)merge->params.max_modes;
+            pair = map_merge_pair(merge->map, merge->other);
+    map_merge_mode *modes = merge->modes + (size_t)pair * (size_t)merge->params.max_modes;
 
     for (; merge->cursor < count; merge->cursor++) {
         const cairn_corner *a = &first->corners[merge->cursor / second->corner_count];
         const cairn_corner *b = &second->corners[merge->cursor % second->corner_count];
-        merge_mode mode;
+        map_merge_mode mode;
 
         if (!cairn_budget_charge(budget, &merge->units_charged, 4))
             return CAIRN_MORE;
@@ -116,11 +117,11 @@ static cairn_status step_pair(cairn_map_merge *merge, cairn_budget *budget)
 
 cairn_status cairn_map_merge_register_corners(cairn_map_merge *merge, cairn_budget *budget)
 {
-    if (merge->phase == MERGE_OCCUPIED_DISTANCE) {
+    if (merge->phase == MAP_MERGE_OCCUPIED_DISTANCE) {
         merge->map = 0;
         merge->other = 1;
         begin_pair(merge);
-        merge->phase = MERGE_HYPOTHESES;
+        merge->phase = MAP_MERGE_HYPOTHESES;
     }
     while (merge->other < merge->map_count) {
         cairn_status status = step_pair(merge, budget);

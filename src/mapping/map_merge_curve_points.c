@@ -15,32 +15,32 @@
 /* quarters of a cell: search range of a surface on either side */
 enum { SURFACE_SEARCH_QUARTER_CELLS = 10 };
 
-int cairn_map_merge_surface_along(const merge_map *map, cairn_vec2 p, cairn_vec2 normal,
+int cairn_map_merge_surface_along(const map_merge_map *map, cairn_vec2 p, cairn_vec2 normal,
                                   cairn_real *along)
 {
     cairn_real cell = map->input.resolution, step = cell / 4;
-    int32_t class = MERGE_UNKNOWN, before;
+    int32_t class = MAP_MERGE_UNKNOWN, before;
 
     for (int32_t i = SURFACE_SEARCH_QUARTER_CELLS; i >= -SURFACE_SEARCH_QUARTER_CELLS; i--) {
         cairn_vec2 at = cairn_vec2_sub(
             cairn_vec2_add(p, cairn_vec2_scale(normal, (cairn_real)i * step)), map->corner);
 
         before = class;
-        class = merge_class(merge_cell_at(map, at.x / cell, at.y / cell));
-        if (class != MERGE_OCCUPIED)
+        class = map_merge_class(map_merge_cell_at(map, at.x / cell, at.y / cell));
+        if (class != MAP_MERGE_OCCUPIED)
             continue;
         *along = ((cairn_real)i + CAIRN_REAL(0.5)) * step;
-        return before == MERGE_FREE;
+        return before == MAP_MERGE_FREE;
     }
     return 0;
 }
 
-cairn_status cairn_map_merge_select_curve_points(cairn_map_merge *merge, merge_map *map,
+cairn_status cairn_map_merge_select_curve_points(cairn_map_merge *merge, map_merge_map *map,
                                                  cairn_budget *budget)
 {
     for (; merge->cursor < map->point_count; merge->cursor++) {
-        const merge_point *p = &map->points[merge->cursor];
-        merge_curve_point curve_point = {p->position, p->normal};
+        const map_merge_point *p = &map->points[merge->cursor];
+        map_merge_curve_point curve_point = {p->position, p->normal};
         cairn_real along;
 
         if (!cairn_budget_charge(budget, &merge->units_charged, 2))
@@ -48,7 +48,7 @@ cairn_status cairn_map_merge_select_curve_points(cairn_map_merge *merge, merge_m
         if (!p->is_curved || cairn_vec2_norm_squared(p->normal) < CAIRN_REAL(0.5))
             continue;
         map->curved_wall += map->spacing;
-        if (map->curve_point_count == MERGE_MAX_CURVE_POINTS ||
+        if (map->curve_point_count == MAP_MERGE_MAX_CURVE_POINTS ||
             !cairn_map_merge_surface_along(map, p->position, p->normal, &along))
             continue;
         curve_point.position = cairn_vec2_add(p->position, cairn_vec2_scale(p->normal, along));
@@ -58,7 +58,7 @@ cairn_status cairn_map_merge_select_curve_points(cairn_map_merge *merge, merge_m
 }
 
 /* Returns the motion that maps point b onto point a and aligns their normals. */
-static cairn_transform motion_of(const merge_curve_point *a, const merge_curve_point *b)
+static cairn_transform motion_of(const map_merge_curve_point *a, const map_merge_curve_point *b)
 {
     cairn_transform t = {0, 0, cairn_vec2_dot(b->normal, a->normal),
                          cairn_vec2_cross(b->normal, a->normal)};
@@ -81,12 +81,12 @@ static cairn_transform inverse_of(cairn_transform t)
  * counts them. Returns 1 when done; merge->search.sums holds the counts. */
 static int step_comparison(cairn_map_merge *merge, cairn_transform t, cairn_budget *budget)
 {
-    const merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
+    const map_merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
     cairn_transform back = inverse_of(t);
-    merge_sums *s = &merge->search.sums;
+    map_merge_sums *s = &merge->search.sums;
 
-    while (merge->inner < MERGE_COARSE_POINTS) {
-        int32_t end = merge->inner + MERGE_POINTS_PER_UNIT;
+    while (merge->inner < MAP_MERGE_COARSE_POINTS) {
+        int32_t end = merge->inner + MAP_MERGE_POINTS_PER_UNIT;
 
         if (!cairn_budget_charge(budget, &merge->units_charged, 2))
             return 0;
@@ -94,28 +94,28 @@ static int step_comparison(cairn_map_merge *merge, cairn_transform t, cairn_budg
                             end < second->point_count ? end : second->point_count, s);
         cairn_map_merge_sum(merge, second, first, &back, merge->inner,
                             end < first->point_count ? end : first->point_count, s);
-        merge->inner = merge_is_rejected(s) ? MERGE_COARSE_POINTS : end;
+        merge->inner = map_merge_is_rejected(s) ? MAP_MERGE_COARSE_POINTS : end;
     }
     return 1;
 }
 
 cairn_status cairn_map_merge_register_curve_points(cairn_map_merge *merge, cairn_budget *budget)
 {
-    const merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
-    const merge_sums none = {0, 0, 0, 0, {0, 0}, 0};
-    cairn_real wall = merge_search_wall(first, second);
+    const map_merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
+    const map_merge_sums none = {0, 0, 0, 0, {0, 0}, 0};
+    cairn_real wall = map_merge_search_wall(first, second);
 
     for (; merge->cursor < first->curve_point_count * second->curve_point_count; merge->cursor++) {
         cairn_transform t =
             motion_of(&first->curve_points[merge->cursor / second->curve_point_count],
                       &second->curve_points[merge->cursor % second->curve_point_count]);
-        merge_mode mode;
+        map_merge_mode mode;
 
         if (merge->inner == 0)
             merge->search.sums = none;
         if (!step_comparison(merge, t, budget))
             return CAIRN_MORE;
-        mode.log_ratio = merge_search_score(&merge->search.sums, wall);
+        mode.log_ratio = map_merge_search_score(&merge->search.sums, wall);
         merge->inner = 0;
         merge->tried_count++;
         if (mode.log_ratio > 0) {
@@ -123,8 +123,8 @@ cairn_status cairn_map_merge_register_curve_points(cairn_map_merge *merge, cairn
             mode.first_second.y = t.y;
             mode.first_second.theta = cairn_atan2(t.sine, t.cosine);
             cairn_map_merge_insert_mode(merge->hypotheses, &merge->hypothesis_count,
-                                        MERGE_MAX_HYPOTHESES, mode, MERGE_COARSE_M,
-                                        MERGE_COARSE_RAD);
+                                        MAP_MERGE_MAX_HYPOTHESES, mode, MAP_MERGE_COARSE_M,
+                                        MAP_MERGE_COARSE_RAD);
         }
     }
     return CAIRN_OK;

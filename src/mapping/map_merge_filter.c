@@ -26,15 +26,15 @@ enum { MAX_LINE_STEPS = 4 };
  * placed */
 enum { STEPS_PER_MAP = 2 };
 
-cairn_particle_filter_params cairn_map_merge_filter_params(const cairn_map_merge_params *p)
+cairn_particle_filter_params cairn_map_merge_filter_params(const cairn_map_merge_params *params)
 {
     cairn_particle_filter_params f = cairn_particle_filter_default();
 
-    f.particles = f.max_particles = p->particles;
-    f.max_followers = MERGE_MAX_CANDIDATES;
-    f.max_candidates = p->particles * MERGE_MAX_CANDIDATES;
-    f.max_blocks = p->particles * (STEPS_PER_MAP * p->max_maps + 2) + 1;
-    f.state_bytes = (int32_t)sizeof(merge_state);
+    f.particles = f.max_particles = params->particles;
+    f.max_followers = MAP_MERGE_MAX_CANDIDATES;
+    f.max_candidates = params->particles * MAP_MERGE_MAX_CANDIDATES;
+    f.max_blocks = params->particles * (STEPS_PER_MAP * params->max_maps + 2) + 1;
+    f.state_bytes = (int32_t)sizeof(map_merge_state);
     f.adaptive_followers = 0;
     return f;
 }
@@ -47,11 +47,11 @@ int cairn_map_merge_collect_neighbours(cairn_map_merge *merge, const void *state
 
     merge->neighbour_count = 0;
     memset(merge->deferrals, 0, sizeof merge->deferrals);
-    for (const merge_state *s = state; s != NULL; s = cairn_particle_filter_state_before(s)) {
+    for (const map_merge_state *s = state; s != NULL; s = cairn_particle_filter_state_before(s)) {
         if (s->map < 0) {
-            ended |= s->map == MERGE_ENDED;
-            if (s->map != MERGE_ENDED)
-                merge->deferrals[MERGE_DEFERRED - s->map]++;
+            ended |= s->map == MAP_MERGE_ENDED;
+            if (s->map != MAP_MERGE_ENDED)
+                merge->deferrals[MAP_MERGE_DEFERRED - s->map]++;
             continue;
         }
         merge->neighbours[merge->neighbour_count] = s->map;
@@ -71,9 +71,9 @@ static int is_near(const cairn_map_merge *merge, int32_t map)
 
 /* Gets mode `index` of map b relative to map a; returns 0 beyond the last. */
 static int mode_of(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index,
-                   merge_mode *mode)
+                   map_merge_mode *mode)
 {
-    int32_t pair = a < b ? merge_pair(a, b) : merge_pair(b, a);
+    int32_t pair = a < b ? map_merge_pair(a, b) : map_merge_pair(b, a);
 
     if (index >= merge->mode_count[pair])
         return 0;
@@ -96,7 +96,7 @@ static int32_t next_map(const cairn_map_merge *merge, int32_t deferrals)
         for (int32_t i = 0; i < merge->neighbour_count && merge->deferrals[map] == deferrals &&
                             !is_near(merge, map);
              i++) {
-            merge_mode mode;
+            map_merge_mode mode;
 
             if (mode_of(merge, merge->neighbours[i], map, 0, &mode) && mode.log_ratio > best) {
                 best = mode.log_ratio;
@@ -107,41 +107,42 @@ static int32_t next_map(const cairn_map_merge *merge, int32_t deferrals)
     return next;
 }
 
-int32_t cairn_map_merge_places(const cairn_map_merge *merge, int32_t map, merge_mode *list,
+int32_t cairn_map_merge_places(const cairn_map_merge *merge, int32_t map, map_merge_mode *list,
                                int32_t most)
 {
     int32_t count = 0;
 
     for (int32_t i = 0; i < merge->neighbour_count; i++) {
-        merge_mode mode;
+        map_merge_mode mode;
 
         for (int32_t k = 0; mode_of(merge, merge->neighbours[i], map, k, &mode); k++) {
             mode.first_second = cairn_pose_compose(merge->neighbour_poses[i], mode.first_second);
-            cairn_map_merge_insert_mode(list, &count, most, mode, MERGE_SAME_M, MERGE_SAME_RAD);
+            cairn_map_merge_insert_mode(list, &count, most, mode, MAP_MERGE_SAME_M,
+                                        MAP_MERGE_SAME_RAD);
         }
     }
     if (merge->maps[map].has_guess) {
-        merge_mode guess = {merge->maps[map].guess, CAIRN_REAL_MAX};
+        map_merge_mode guess = {merge->maps[map].guess, CAIRN_REAL_MAX};
 
         cairn_map_merge_insert_mode(list, &count, most, guess, CAIRN_REAL(0.05), CAIRN_REAL(0.02));
     }
     return count;
 }
 
-static void list_candidates(cairn_map_merge *merge, merge_proposal *offer)
+static void list_candidates(cairn_map_merge *merge, map_merge_proposal *offer)
 {
-    merge_mode places[MERGE_MAX_CANDIDATES - 1];
-    merge_state none = {MERGE_ENDED, -1, {0, 0, 0}, MIN_LOG_RATIO, 0, 0};
+    map_merge_mode places[MAP_MERGE_MAX_CANDIDATES - 1];
+    map_merge_state none = {MAP_MERGE_ENDED, -1, {0, 0, 0}, MIN_LOG_RATIO, 0, 0};
     int32_t map = next_map(merge, 0), count;
 
     if (map < 0)
         map = next_map(merge, 1);
     if (map >= 0)
-        none.map = MERGE_DEFERRED - map;
-    count = map < 0 ? 0 : cairn_map_merge_places(merge, map, places, MERGE_MAX_CANDIDATES - 1);
+        none.map = MAP_MERGE_DEFERRED - map;
+    count = map < 0 ? 0 : cairn_map_merge_places(merge, map, places, MAP_MERGE_MAX_CANDIDATES - 1);
 
     for (int32_t i = 0; i < count; i++) {
-        merge_state *s = &offer->candidates[i];
+        map_merge_state *s = &offer->candidates[i];
 
         *s = none;
         s->map = map;
@@ -151,31 +152,32 @@ static void list_candidates(cairn_map_merge *merge, merge_proposal *offer)
     offer->count = count + 1;
 }
 
-static void add_image_scores(cairn_map_merge *merge, const merge_state *s)
+static void add_image_scores(cairn_map_merge *merge, const map_merge_state *state)
 {
-    merge->proposals.psi_sum += s->psi;
-    merge->proposals.gamma_sum += s->gamma;
-    merge->proposals.gamma_min =
-        merge->proposals.emitted == 0 ? s->gamma : cairn_min(merge->proposals.gamma_min, s->gamma);
+    merge->proposals.psi_sum += state->psi;
+    merge->proposals.gamma_sum += state->gamma;
+    merge->proposals.gamma_min = merge->proposals.emitted == 0
+                                     ? state->gamma
+                                     : cairn_min(merge->proposals.gamma_min, state->gamma);
     merge->proposals.emitted++;
 }
 
 /* Computes Psi and gamma relative to the neighbour of largest overlap. */
-static void score_images(cairn_map_merge *merge, merge_state *s)
+static void score_images(cairn_map_merge *merge, map_merge_state *state)
 {
     cairn_real most = -1;
 
-    s->psi = s->gamma = 0;
-    for (int32_t i = 0; i < merge->neighbour_count && s->map >= 0; i++) {
+    state->psi = state->gamma = 0;
+    for (int32_t i = 0; i < merge->neighbour_count && state->map >= 0; i++) {
         cairn_map_merge_pair_score score;
 
-        cairn_map_merge_score_at(merge, merge->neighbours[i], s->map,
-                                 cairn_pose_between(merge->neighbour_poses[i], s->reference_map),
-                                 &score);
+        cairn_map_merge_score_at(
+            merge, merge->neighbours[i], state->map,
+            cairn_pose_between(merge->neighbour_poses[i], state->reference_map), &score);
         if (score.overlap > most) {
             most = score.overlap;
-            s->psi = score.psi;
-            s->gamma = score.gamma;
+            state->psi = score.psi;
+            state->gamma = score.gamma;
         }
     }
 }
@@ -185,7 +187,7 @@ static int is_same_pose(cairn_pose a, cairn_pose b)
     return a.x == b.x && a.y == b.y && a.theta == b.theta;
 }
 
-int cairn_map_merge_is_same_history(const merge_state *a, const merge_state *b)
+int cairn_map_merge_is_same_history(const map_merge_state *a, const map_merge_state *b)
 {
     while (a != NULL && b != NULL && a != b) {
         if (a->map != b->map || !is_same_pose(a->reference_map, b->reference_map))
@@ -197,21 +199,21 @@ int cairn_map_merge_is_same_history(const merge_state *a, const merge_state *b)
 }
 
 /* Returns the cached proposal of an equal particle, or an empty one in place of the oldest. */
-static merge_proposal *proposal_for(cairn_map_merge *merge, const merge_state *state)
+static map_merge_proposal *proposal_for(cairn_map_merge *merge, const map_merge_state *state)
 {
-    merge_proposal *fresh;
+    map_merge_proposal *fresh;
 
-    for (int32_t i = 0; i < MERGE_CACHED_PROPOSALS; i++)
+    for (int32_t i = 0; i < MAP_MERGE_CACHED_PROPOSALS; i++)
         if (merge->proposals.cached[i].state != NULL &&
             cairn_map_merge_is_same_history(merge->proposals.cached[i].state, state))
             return &merge->proposals.cached[i];
-    fresh = &merge->proposals.cached[merge->proposals.count++ % MERGE_CACHED_PROPOSALS];
+    fresh = &merge->proposals.cached[merge->proposals.count++ % MAP_MERGE_CACHED_PROPOSALS];
     fresh->state = state;
     fresh->count = 0;
     return fresh;
 }
 
-static void begin_proposal(cairn_map_merge *merge, const merge_state *state)
+static void begin_proposal(cairn_map_merge *merge, const map_merge_state *state)
 {
     merge->proposals.current = proposal_for(merge, state);
     merge->proposals.at = 0;
@@ -227,25 +229,26 @@ static void begin_proposal(cairn_map_merge *merge, const merge_state *state)
 }
 
 /* Processes one candidate: refined against all placed maps, then scored. */
-static int step_candidate(cairn_map_merge *merge, merge_state *s, cairn_budget *budget)
+static int step_candidate(cairn_map_merge *merge, map_merge_state *state, cairn_budget *budget)
 {
     if (merge->proposals.stage == 1) {
-        cairn_map_merge_begin_lines(merge, s->map, s->reference_map, s->reference_map,
+        cairn_map_merge_begin_lines(merge, state->map, state->reference_map, state->reference_map,
                                     MAX_LINE_STEPS);
         merge->proposals.stage = 2;
     }
     if (merge->proposals.stage == 2) {
         if (!cairn_map_merge_step_lines(merge, budget))
             return 0;
-        s->reference_map = merge->climb.best;
-        cairn_map_merge_begin_total(merge, s->map, s->reference_map, merge->params.max_points);
+        state->reference_map = merge->climb.best;
+        cairn_map_merge_begin_total(merge, state->map, state->reference_map,
+                                    merge->params.max_points);
         merge->proposals.stage = 3;
     }
     if (!cairn_map_merge_step_total(merge, budget))
         return 0;
-    s->log_ratio = merge->total.log_ratio;
+    state->log_ratio = merge->total.log_ratio;
     if (merge->params.perception == CAIRN_MAP_MERGE_IMAGES)
-        score_images(merge, s);
+        score_images(merge, state);
     merge->proposals.stage = 1;
     return 1;
 }
@@ -254,7 +257,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
                             cairn_budget *budget)
 {
     cairn_map_merge *merge = context;
-    merge_proposal *offer;
+    map_merge_proposal *offer;
 
     if (merge->proposals.stage == 0) {
         if (!cairn_budget_charge(budget, &merge->units_charged, 1 + merge->map_count))
@@ -280,12 +283,12 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 
 /* Returns log(Psi~ gamma~) (9.5, 9.6), each normalized over all candidates of the step; a single
  * one has 0. */
-static cairn_real log_images(const cairn_map_merge *merge, const merge_state *s)
+static cairn_real log_images(const cairn_map_merge *merge, const map_merge_state *state)
 {
     cairn_real gammas = merge->proposals.gamma_sum -
                         (cairn_real)merge->proposals.emitted * merge->proposals.gamma_min;
-    cairn_real psi = s->psi / merge->proposals.psi_sum,
-               gamma = (s->gamma - merge->proposals.gamma_min) / gammas;
+    cairn_real psi = state->psi / merge->proposals.psi_sum,
+               gamma = (state->gamma - merge->proposals.gamma_min) / gammas;
 
     if (merge->proposals.emitted < 2 || !(gammas > 0) || !(merge->proposals.psi_sum > 0))
         return 0;
@@ -296,7 +299,7 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
                                const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {
     const cairn_map_merge *merge = context;
-    const merge_state *s = state;
+    const map_merge_state *s = state;
 
     (void)filter;
     (void)index;
@@ -329,7 +332,7 @@ static int32_t first_map(const cairn_map_merge *merge)
             return merge->reference;
     for (int32_t b = 1; b < merge->map_count; b++)
         for (int32_t a = 0; a < b; a++) {
-            merge_mode mode;
+            map_merge_mode mode;
 
             if (mode_of(merge, a, b, 0, &mode) && mode.log_ratio > best) {
                 best = mode.log_ratio;
@@ -341,7 +344,7 @@ static int32_t first_map(const cairn_map_merge *merge)
 
 static void begin_filter(cairn_map_merge *merge)
 {
-    const merge_state first = {first_map(merge), -1, {0, 0, 0}, 0, 0, 0};
+    const map_merge_state first = {first_map(merge), -1, {0, 0, 0}, 0, 0, 0};
     cairn_status status = cairn_particle_filter_clear(merge->filter, merge->params.seed);
 
     CAIRN_ASSERT(status == CAIRN_OK);
@@ -349,13 +352,13 @@ static void begin_filter(cairn_map_merge *merge)
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
     merge->filter_steps = 0;
-    merge->phase = MERGE_FILTER;
+    merge->phase = MAP_MERGE_FILTER;
     merge->cursor = 0;
 }
 
 cairn_status cairn_map_merge_run_filter(cairn_map_merge *merge, cairn_budget *budget)
 {
-    if (merge->phase != MERGE_FILTER)
+    if (merge->phase != MAP_MERGE_FILTER)
         begin_filter(merge);
     for (; merge->filter_steps < STEPS_PER_MAP * (merge->map_count - 1);
          merge->filter_steps++, merge->cursor = 0) {

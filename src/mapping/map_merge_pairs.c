@@ -21,7 +21,7 @@
 #define CONFLICT_NATS  CAIRN_REAL(4.0)
 /* rad: maximum difference of the openings of matching corners */
 #define MAX_OPENING_DIFFERENCE_RAD CAIRN_REAL(0.25)
-/* non-maximum suppression of final modes; during the search: MERGE_COARSE_M */
+/* non-maximum suppression of final modes; during the search: MAP_MERGE_COARSE_M */
 #define NMS_RADIUS_M   CAIRN_REAL(0.20)
 #define NMS_RADIUS_RAD CAIRN_REAL(0.06)
 /* cells: first and last step of a refinement by sampled points, and by all points */
@@ -56,48 +56,50 @@ int cairn_map_merge_is_same(cairn_pose a, cairn_pose b, cairn_real metres, cairn
 
 /* ---- Scoring ---- */
 
-static uint16_t cell_of(const merge_map *to, cairn_vec2 p, cairn_real scale)
+static uint16_t cell_of(const map_merge_map *to, cairn_vec2 p, cairn_real scale)
 {
-    return merge_cell_at(to, (p.x - to->corner.x) * scale, (p.y - to->corner.y) * scale);
+    return map_merge_cell_at(to, (p.x - to->corner.x) * scale, (p.y - to->corner.y) * scale);
 }
 
 /* Adds points begin ... end - 1 of `from`, mapped by t, looked up in the grid of `to`. A point
  * agrees when it lies on a wall and has free space in front, as in its own map: the two faces of a
  * wall do not agree. A point two cells beside a wall may lie on the other face or be displaced by
  * noise: it counts half. A third one is neutral. */
-void cairn_map_merge_sum(const cairn_map_merge *merge, const merge_map *to, const merge_map *from,
-                         const cairn_transform *t, int32_t begin, int32_t end, merge_sums *s)
+void cairn_map_merge_sum(const cairn_map_merge *merge, const map_merge_map *to,
+                         const map_merge_map *from, const cairn_transform *transform, int32_t begin,
+                         int32_t end, map_merge_sums *sums)
 {
     cairn_real scale = 1 / to->input.resolution;
 
     for (int32_t i = begin; i < end; i++) {
-        cairn_vec2 p = cairn_transform_point(*t, from->points[i].position);
+        cairn_vec2 p = cairn_transform_point(*transform, from->points[i].position);
         uint16_t cell = cell_of(to, p, scale);
-        int32_t d = merge_to_occupied(cell);
+        int32_t d = map_merge_to_occupied(cell);
 
-        if (merge_class(cell) == MERGE_UNKNOWN)
+        if (map_merge_class(cell) == MAP_MERGE_UNKNOWN)
             continue;
-        s->known_count++;
-        s->centroid_sum = cairn_vec2_add(s->centroid_sum, p);
-        if (d > 3 && merge_class(cell) == MERGE_FREE) {
-            s->conflict += 1;
-            s->soft_conflict += d > 5;
+        sums->known_count++;
+        sums->centroid_sum = cairn_vec2_add(sums->centroid_sum, p);
+        if (d > 3 && map_merge_class(cell) == MAP_MERGE_FREE) {
+            sums->conflict += 1;
+            sums->soft_conflict += d > 5;
         }
         if (d > SOFT_REACH_CELLS ||
-            merge_class(cell_of(to, cairn_transform_point(*t, from->points[i].free_side), scale)) !=
-                MERGE_FREE)
+            map_merge_class(
+                cell_of(to, cairn_transform_point(*transform, from->points[i].free_side), scale)) !=
+                MAP_MERGE_FREE)
             continue;
-        s->soft_agree += merge->soft_kernel[d];
+        sums->soft_agree += merge->soft_kernel[d];
         if (d <= 2)
-            s->agree += d < 2 ? from->points[i].weight : from->points[i].weight / 2;
+            sums->agree += d < 2 ? from->points[i].weight : from->points[i].weight / 2;
     }
 }
 
 static void begin_comparing(cairn_map_merge *merge, int32_t first, int32_t second,
                             cairn_pose first_second, int32_t points)
 {
-    merge_comparison *c = &merge->comparison;
-    const merge_sums none = {0, 0, 0, 0, {0, 0}, 0};
+    map_merge_comparison *c = &merge->comparison;
+    const map_merge_sums none = {0, 0, 0, 0, {0, 0}, 0};
     int32_t of_first = merge->maps[first].point_count, of_second = merge->maps[second].point_count;
 
     c->first = first;
@@ -113,14 +115,14 @@ static void begin_comparing(cairn_map_merge *merge, int32_t first, int32_t secon
 
 static int resume_comparing(cairn_map_merge *merge, cairn_budget *budget)
 {
-    merge_comparison *c = &merge->comparison;
+    map_merge_comparison *c = &merge->comparison;
 
     for (; c->direction < 2; c->direction++, c->cursor = 0) {
         int32_t to = c->direction == 0 ? c->first : c->second,
                 from = c->direction == 0 ? c->second : c->first;
 
         while (c->cursor < c->point_counts[c->direction]) {
-            int32_t end = c->cursor + MERGE_POINTS_PER_UNIT;
+            int32_t end = c->cursor + MAP_MERGE_POINTS_PER_UNIT;
 
             if (!cairn_budget_charge(budget, &merge->units_charged, 1))
                 return 0;
@@ -135,27 +137,31 @@ static int resume_comparing(cairn_map_merge *merge, cairn_budget *budget)
 }
 
 /* Returns the m of wall per compared point. */
-static cairn_real wall_per_point(const cairn_map_merge *merge, const merge_comparison *c,
-                                 int32_t direction)
+static cairn_real wall_per_point(const cairn_map_merge *merge,
+                                 const map_merge_comparison *comparison, int32_t direction)
 {
-    const merge_map *from = &merge->maps[direction == 0 ? c->second : c->first];
+    const map_merge_map *from =
+        &merge->maps[direction == 0 ? comparison->second : comparison->first];
 
-    if (c->point_counts[direction] == 0)
+    if (comparison->point_counts[direction] == 0)
         return 0;
-    return from->spacing * (cairn_real)from->point_count / (cairn_real)c->point_counts[direction];
+    return from->spacing * (cairn_real)from->point_count /
+           (cairn_real)comparison->point_counts[direction];
 }
 
 cairn_real cairn_map_merge_nats(const cairn_map_merge *merge, cairn_real agree, cairn_real conflict)
 {
     return (AGREEMENT_NATS * agree - CONFLICT_NATS * conflict) /
-           (merge->params.correlation_length * MERGE_CELL);
+           (merge->params.correlation_length * MAP_MERGE_CELL);
 }
 
-static cairn_real log_ratio_of(const cairn_map_merge *merge, const merge_comparison *c)
+static cairn_real log_ratio_of(const cairn_map_merge *merge, const map_merge_comparison *comparison)
 {
-    cairn_real there = wall_per_point(merge, c, 0), back = wall_per_point(merge, c, 1);
-    cairn_real agree = (c->sums[0].agree * there + c->sums[1].agree * back) / 2;
-    cairn_real conflict = c->sums[0].conflict * there + c->sums[1].conflict * back;
+    cairn_real there = wall_per_point(merge, comparison, 0),
+               back = wall_per_point(merge, comparison, 1);
+    cairn_real agree = (comparison->sums[0].agree * there + comparison->sums[1].agree * back) / 2;
+    cairn_real conflict =
+        comparison->sums[0].conflict * there + comparison->sums[1].conflict * back;
 
     return cairn_map_merge_nats(merge, agree, conflict);
 }
@@ -163,7 +169,7 @@ static cairn_real log_ratio_of(const cairn_map_merge *merge, const merge_compari
 /* Returns the search score, with the wider kernel. */
 static cairn_real soft_score(const cairn_map_merge *merge)
 {
-    const merge_comparison *c = &merge->comparison;
+    const map_merge_comparison *c = &merge->comparison;
     cairn_real there = wall_per_point(merge, c, 0), back = wall_per_point(merge, c, 1);
 
     return (c->sums[0].soft_agree * there + c->sums[1].soft_agree * back) / 2 -
@@ -172,8 +178,8 @@ static cairn_real soft_score(const cairn_map_merge *merge)
 
 /* ---- Hypotheses ---- */
 
-void cairn_map_merge_insert_mode(merge_mode *list, int32_t *count, int32_t most, merge_mode mode,
-                                 cairn_real metres, cairn_real radians)
+void cairn_map_merge_insert_mode(map_merge_mode *list, int32_t *count, int32_t most,
+                                 map_merge_mode mode, cairn_real metres, cairn_real radians)
 {
     int32_t at;
 
@@ -213,7 +219,7 @@ static cairn_pose motion_of(const cairn_corner *a, const cairn_corner *b)
 
 static cairn_status step_hypotheses(cairn_map_merge *merge, cairn_budget *budget)
 {
-    const merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
+    const map_merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
     int32_t count = first->corner_count * second->corner_count;
 
     for (; merge->cursor < count; merge->cursor++) {
@@ -225,7 +231,8 @@ static cairn_status step_hypotheses(cairn_map_merge *merge, cairn_budget *budget
                 return CAIRN_MORE;
             if (!corners_match(a, b))
                 continue;
-            begin_comparing(merge, merge->map, merge->other, motion_of(a, b), MERGE_COARSE_POINTS);
+            begin_comparing(merge, merge->map, merge->other, motion_of(a, b),
+                            MAP_MERGE_COARSE_POINTS);
             merge->is_comparing = 1;
         }
         if (!resume_comparing(merge, budget))
@@ -233,11 +240,11 @@ static cairn_status step_hypotheses(cairn_map_merge *merge, cairn_budget *budget
         merge->is_comparing = 0;
         merge->tried_count++;
         {
-            merge_mode mode = {merge->comparison.first_second, soft_score(merge)};
+            map_merge_mode mode = {merge->comparison.first_second, soft_score(merge)};
 
             cairn_map_merge_insert_mode(merge->hypotheses, &merge->hypothesis_count,
-                                        MERGE_MAX_HYPOTHESES, mode, MERGE_COARSE_M,
-                                        MERGE_COARSE_RAD);
+                                        MAP_MERGE_MAX_HYPOTHESES, mode, MAP_MERGE_COARSE_M,
+                                        MAP_MERGE_COARSE_RAD);
         }
     }
     return CAIRN_OK;
@@ -250,34 +257,35 @@ static int32_t quantized(cairn_real x, cairn_real step)
     return cairn_real_to_int(cairn_rint(x / step));
 }
 
-static merge_cache_entry *cache_slot(const cairn_map_merge *merge, const merge_cache_entry *key)
+static map_merge_cache_entry *cache_slot(const cairn_map_merge *merge,
+                                         const map_merge_cache_entry *key)
 {
     uint32_t h = (uint32_t)key->first * 73856093U ^ (uint32_t)key->second * 19349663U ^
                  (uint32_t)key->x * 83492791U ^ (uint32_t)key->y * 2654435761U ^
                  (uint32_t)key->theta * 40503U;
 
-    return &merge->cache[(h ^ h >> 15) & (MERGE_CACHE_SLOTS - 1)];
+    return &merge->cache[(h ^ h >> 15) & (MAP_MERGE_CACHE_SLOTS - 1)];
 }
 
-static merge_cache_entry cache_key(int32_t first, int32_t second, cairn_pose pose)
+static map_merge_cache_entry cache_key(int32_t first, int32_t second, cairn_pose pose)
 {
-    merge_cache_entry key = {first,
-                             second,
-                             quantized(pose.x, CAIRN_REAL(0.02)),
-                             quantized(pose.y, CAIRN_REAL(0.02)),
-                             quantized(pose.theta, CAIRN_REAL(0.005)),
-                             0};
+    map_merge_cache_entry key = {first,
+                                 second,
+                                 quantized(pose.x, CAIRN_REAL(0.02)),
+                                 quantized(pose.y, CAIRN_REAL(0.02)),
+                                 quantized(pose.theta, CAIRN_REAL(0.005)),
+                                 0};
 
     return key;
 }
 
-static int is_cached(const merge_cache_entry *slot, const merge_cache_entry *key)
+static int is_cached(const map_merge_cache_entry *slot, const map_merge_cache_entry *key)
 {
     return slot->first == key->first && slot->second == key->second && slot->x == key->x &&
            slot->y == key->y && slot->theta == key->theta;
 }
 
-static cairn_real reach_of(const merge_map *map)
+static cairn_real reach_of(const map_merge_map *map)
 {
     return cairn_vec2_norm(map->corner);
 }
@@ -306,7 +314,7 @@ void cairn_map_merge_begin_total(cairn_map_merge *merge, int32_t map, cairn_pose
 /* Adds the comparison with one neighbour to the total. */
 static void add_comparison(cairn_map_merge *merge, cairn_real log_ratio)
 {
-    const merge_comparison *c = &merge->comparison;
+    const map_merge_comparison *c = &merge->comparison;
     cairn_transform t = cairn_transform_of(merge->neighbour_poses[merge->total.neighbour]);
     cairn_real known = (cairn_real)c->sums[0].known_count;
     cairn_vec2 middle = cairn_vec2_scale(c->sums[0].centroid_sum, 1 / cairn_max(known, 1));
@@ -327,8 +335,8 @@ int cairn_map_merge_step_total(cairn_map_merge *merge, cairn_budget *budget)
         int32_t near = merge->neighbours[merge->total.neighbour];
         cairn_pose seen =
             cairn_pose_between(merge->neighbour_poses[merge->total.neighbour], merge->total.pose);
-        merge_cache_entry key = cache_key(near, merge->total.map, seen),
-                          *slot = cache_slot(merge, &key);
+        map_merge_cache_entry key = cache_key(near, merge->total.map, seen),
+                              *slot = cache_slot(merge, &key);
 
         if (!merge->is_comparing) {
             if (!cairn_budget_charge(budget, &merge->units_charged, 2))
@@ -421,7 +429,7 @@ static int end_trial(cairn_map_merge *merge)
         set_step(merge, merge->climb.cells / 2);
     merge->climb.improved = 0;
     return merge->climb.cells < merge->climb.last ||
-           ++merge->climb.rounds == MERGE_MAX_REFINE_STEPS;
+           ++merge->climb.rounds == MAP_MERGE_MAX_REFINE_STEPS;
 }
 
 static int resume_climbing(cairn_map_merge *merge, cairn_budget *budget)
@@ -440,19 +448,19 @@ static int resume_climbing(cairn_map_merge *merge, cairn_budget *budget)
 static cairn_status step_rescore(cairn_map_merge *merge, cairn_budget *budget)
 {
     for (; merge->cursor < merge->hypothesis_count; merge->cursor++) {
-        merge_mode mode = merge->hypotheses[merge->cursor];
+        map_merge_mode mode = merge->hypotheses[merge->cursor];
 
         if (!merge->is_comparing) {
             begin_comparing(merge, merge->map, merge->other, mode.first_second,
-                            MERGE_REFINE_POINTS);
+                            MAP_MERGE_REFINE_POINTS);
             merge->is_comparing = 1;
         }
         if (!resume_comparing(merge, budget))
             return CAIRN_MORE;
         merge->is_comparing = 0;
         mode.log_ratio = soft_score(merge);
-        cairn_map_merge_insert_mode(merge->refined, &merge->refined_count, MERGE_MAX_REFINED, mode,
-                                    MERGE_COARSE_M, MERGE_COARSE_RAD);
+        cairn_map_merge_insert_mode(merge->refined, &merge->refined_count, MAP_MERGE_MAX_REFINED,
+                                    mode, MAP_MERGE_COARSE_M, MAP_MERGE_COARSE_RAD);
     }
     return CAIRN_OK;
 }
@@ -474,7 +482,7 @@ static int step_place(cairn_map_merge *merge, cairn_budget *budget)
         merge->neighbours[0] = merge->map;
         merge->neighbour_poses[0] = cairn_pose_identity();
         merge->neighbour_count = 1;
-        begin_climb(merge, merge->other, variant_of(merge), MERGE_REFINE_POINTS,
+        begin_climb(merge, merge->other, variant_of(merge), MAP_MERGE_REFINE_POINTS,
                     COARSE_FIRST_STEP_CELLS, COARSE_LAST_STEP_CELLS);
         merge->inner = 1;
     }
@@ -508,10 +516,10 @@ static int step_place(cairn_map_merge *merge, cairn_budget *budget)
 /* Refines each hypothesis kept, and its variants when its score is high enough. */
 static cairn_status step_refine(cairn_map_merge *merge, cairn_budget *budget)
 {
-    int32_t pair = merge_pair(merge->map, merge->other);
+    int32_t pair = map_merge_pair(merge->map, merge->other);
 
     while (merge->cursor < merge->refined_count) {
-        merge_mode mode;
+        map_merge_mode mode;
 
         if (!step_place(merge, budget))
             return CAIRN_MORE;
@@ -542,22 +550,22 @@ static void begin_pair(cairn_map_merge *merge)
     merge->is_comparing = 0;
     merge->hypothesis_count = merge->refined_count = 0;
     merge->climb.variant = 0;
-    merge->phase = MERGE_HYPOTHESES;
+    merge->phase = MAP_MERGE_HYPOTHESES;
     if (merge->other < merge->map_count)
-        merge->mode_count[merge_pair(merge->map, merge->other)] = 0;
+        merge->mode_count[map_merge_pair(merge->map, merge->other)] = 0;
 }
 
 static cairn_status step_phase(cairn_map_merge *merge, cairn_budget *budget)
 {
     switch (merge->phase) {
-    case MERGE_HYPOTHESES:
+    case MAP_MERGE_HYPOTHESES:
         return step_hypotheses(merge, budget);
-    case MERGE_ROTATIONS:
-    case MERGE_TRANSLATIONS:
+    case MAP_MERGE_ROTATIONS:
+    case MAP_MERGE_TRANSLATIONS:
         return cairn_map_merge_correlate(merge, budget);
-    case MERGE_CURVE_PAIRS:
+    case MAP_MERGE_CURVE_PAIRS:
         return cairn_map_merge_register_curve_points(merge, budget);
-    case MERGE_RESCORE:
+    case MAP_MERGE_RESCORE:
         return step_rescore(merge, budget);
     default:
         return step_refine(merge, budget);
@@ -566,10 +574,10 @@ static cairn_status step_phase(cairn_map_merge *merge, cairn_budget *budget)
 
 cairn_status cairn_map_merge_find_modes(cairn_map_merge *merge, cairn_budget *budget)
 {
-    if (merge->phase == MERGE_OCCUPIED_DISTANCE) {
-        if (!cairn_budget_charge(budget, &merge->units_charged, MERGE_CACHE_SLOTS / 16))
+    if (merge->phase == MAP_MERGE_OCCUPIED_DISTANCE) {
+        if (!cairn_budget_charge(budget, &merge->units_charged, MAP_MERGE_CACHE_SLOTS / 16))
             return CAIRN_MORE;
-        for (int32_t i = 0; i < MERGE_CACHE_SLOTS; i++)
+        for (int32_t i = 0; i < MAP_MERGE_CACHE_SLOTS; i++)
             merge->cache[i].first = -1;
         merge->map = 0;
         merge->other = 1;
@@ -580,7 +588,7 @@ cairn_status cairn_map_merge_find_modes(cairn_map_merge *merge, cairn_budget *bu
 
         if (status != CAIRN_OK)
             return status;
-        if (merge->phase < MERGE_REFINE) {
+        if (merge->phase < MAP_MERGE_REFINE) {
             merge->phase++;
             merge->cursor = 0;
             merge->inner = 0;

@@ -38,22 +38,22 @@ enum { NORMAL_WINDOW = 3, LINE_WINDOW = 2, MIN_LINE_POINTS = 5 };
 /* m: minimum length of a line that forms corners */
 #define MIN_LINE_M CAIRN_REAL(0.20)
 
-static merge_map *current(cairn_map_merge *merge)
+static map_merge_map *current(cairn_map_merge *merge)
 {
     return &merge->maps[merge->map];
 }
 
-static int32_t width_of(const merge_map *map)
+static int32_t width_of(const map_merge_map *map)
 {
     return map->input.cells.width;
 }
 
-static int32_t height_of(const merge_map *map)
+static int32_t height_of(const map_merge_map *map)
 {
     return map->input.cells.height;
 }
 
-static cairn_status begin_distance(cairn_map_merge *merge, const merge_map *map, uint8_t match)
+static cairn_status begin_distance(cairn_map_merge *merge, const map_merge_map *map, uint8_t match)
 {
     cairn_distance_map_input input;
 
@@ -68,8 +68,8 @@ static cairn_status begin_distance(cairn_map_merge *merge, const merge_map *map,
     return cairn_distance_map_begin(merge->distances, &input);
 }
 
-cairn_status cairn_map_merge_measure(cairn_map_merge *merge, const merge_map *map, uint8_t match,
-                                     int32_t *cursor, cairn_budget *budget)
+cairn_status cairn_map_merge_measure(cairn_map_merge *merge, const map_merge_map *map,
+                                     uint8_t match, int32_t *cursor, cairn_budget *budget)
 {
     if (*cursor == 0) {
         cairn_status status = begin_distance(merge, map, match);
@@ -83,19 +83,19 @@ cairn_status cairn_map_merge_measure(cairn_map_merge *merge, const merge_map *ma
 
 static uint16_t class_of(uint8_t value)
 {
-    return value == CAIRN_OCCUPANCY_GRID_OCCUPIED ? MERGE_OCCUPIED
-           : value == CAIRN_OCCUPANCY_GRID_FREE   ? MERGE_FREE
-                                                  : MERGE_UNKNOWN;
+    return value == CAIRN_OCCUPANCY_GRID_OCCUPIED ? MAP_MERGE_OCCUPIED
+           : value == CAIRN_OCCUPANCY_GRID_FREE   ? MAP_MERGE_FREE
+                                                  : MAP_MERGE_UNKNOWN;
 }
 
-cairn_status cairn_map_merge_pack(cairn_map_merge *merge, merge_map *map, int32_t shift,
+cairn_status cairn_map_merge_pack(cairn_map_merge *merge, map_merge_map *map, int32_t shift,
                                   int32_t *cursor, cairn_budget *budget)
 {
     int32_t count = width_of(map) * height_of(map);
 
     for (; *cursor < count; ++*cursor) {
         int32_t at = *cursor, d = merge->scratch[at];
-        uint16_t packed = (uint16_t)(d < MERGE_MAX_DISTANCE ? d : MERGE_MAX_DISTANCE);
+        uint16_t packed = (uint16_t)(d < MAP_MERGE_MAX_DISTANCE ? d : MAP_MERGE_MAX_DISTANCE);
 
         if (at % 16 == 0 && !cairn_budget_charge(budget, &merge->units_charged, 1))
             return CAIRN_MORE;
@@ -104,8 +104,8 @@ cairn_status cairn_map_merge_pack(cairn_map_merge *merge, merge_map *map, int32_
             uint16_t class = class_of(map->input.cells.data[y * map->input.cells.stride + x]);
 
             map->grid[at] = (uint16_t)(packed | class << 14);
-            map->occupied_count += class == MERGE_OCCUPIED;
-            map->free_count += class == MERGE_FREE;
+            map->occupied_count += class == MAP_MERGE_OCCUPIED;
+            map->free_count += class == MAP_MERGE_FREE;
         } else {
             map->grid[at] = (uint16_t)(map->grid[at] | packed << shift);
         }
@@ -113,20 +113,20 @@ cairn_status cairn_map_merge_pack(cairn_map_merge *merge, merge_map *map, int32_
     return CAIRN_OK;
 }
 
-/* Returns the class of a cell; MERGE_UNKNOWN outside. */
-static int32_t class_at(const merge_map *map, int32_t x, int32_t y)
+/* Returns the class of a cell; MAP_MERGE_UNKNOWN outside. */
+static int32_t class_at(const map_merge_map *map, int32_t x, int32_t y)
 {
     if (x < 0 || y < 0 || x >= width_of(map) || y >= height_of(map))
-        return MERGE_UNKNOWN;
-    return merge_class(map->grid[y * width_of(map) + x]);
+        return MAP_MERGE_UNKNOWN;
+    return map_merge_class(map->grid[y * width_of(map) + x]);
 }
 
 static int is_surface(uint16_t cell)
 {
-    return merge_class(cell) == MERGE_OCCUPIED && merge_to_free(cell) == 1;
+    return map_merge_class(cell) == MAP_MERGE_OCCUPIED && map_merge_to_free(cell) == 1;
 }
 
-static cairn_vec2 centre_of_cell(const merge_map *map, int32_t cell)
+static cairn_vec2 centre_of_cell(const map_merge_map *map, int32_t cell)
 {
     int32_t column = cell % width_of(map), row = cell / width_of(map);
     cairn_real x = (cairn_real)column + CAIRN_REAL(0.5), y = (cairn_real)row + CAIRN_REAL(0.5);
@@ -146,7 +146,7 @@ static int is_chosen(int32_t index, int32_t count, int32_t most)
 /* Two passes over the cells: count, then sample. Free cells are sampled on the way. */
 static cairn_status step_surface(cairn_map_merge *merge, cairn_budget *budget)
 {
-    merge_map *map = current(merge);
+    map_merge_map *map = current(merge);
     int32_t count = width_of(map) * height_of(map);
 
     for (; merge->cursor < 2 * count; merge->cursor++) {
@@ -159,12 +159,12 @@ static cairn_status step_surface(cairn_map_merge *merge, cairn_budget *budget)
             merge->surface += is_surface(map->grid[cell]);
         } else if (is_surface(map->grid[cell])) {
             if (is_chosen(merge->seen_surface++, merge->surface, merge->params.max_points)) {
-                merge_point p = {centre_of_cell(map, cell), {0, 0}, {0, 0}, 1, cell, 1};
+                map_merge_point p = {centre_of_cell(map, cell), {0, 0}, {0, 0}, 1, cell, 1};
 
                 map->points[map->point_count++] = p;
                 merge->scratch[cell] = map->point_count;
             }
-        } else if (merge_class(map->grid[cell]) == MERGE_FREE) {
+        } else if (map_merge_class(map->grid[cell]) == MAP_MERGE_FREE) {
             if (is_chosen(merge->seen_free++, map->free_count, merge->params.max_points / 2))
                 map->free_cells[map->free_cell_count++] = centre_of_cell(map, cell);
         }
@@ -176,7 +176,7 @@ static cairn_status step_surface(cairn_map_merge *merge, cairn_budget *budget)
 }
 
 /* Returns the mean direction to the free cells around, weighted by proximity. */
-static cairn_vec2 free_side(const merge_map *map, int32_t x0, int32_t y0)
+static cairn_vec2 free_side(const map_merge_map *map, int32_t x0, int32_t y0)
 {
     cairn_vec2 sum = {0, 0};
 
@@ -184,7 +184,7 @@ static cairn_vec2 free_side(const merge_map *map, int32_t x0, int32_t y0)
         for (int32_t dx = -NORMAL_WINDOW; dx <= NORMAL_WINDOW; dx++) {
             cairn_real squared = (cairn_real)(dx * dx + dy * dy);
 
-            if (class_at(map, x0 + dx, y0 + dy) != MERGE_FREE)
+            if (class_at(map, x0 + dx, y0 + dy) != MAP_MERGE_FREE)
                 continue;
             sum.x += (cairn_real)dx / (squared * squared);
             sum.y += (cairn_real)dy / (squared * squared);
@@ -194,7 +194,7 @@ static cairn_vec2 free_side(const merge_map *map, int32_t x0, int32_t y0)
 
 /* Returns the normal: the minor axis of the occupied cells around when they are elongated, on the
  * free side. */
-static cairn_vec2 normal_at(const merge_map *map, int32_t cell)
+static cairn_vec2 normal_at(const map_merge_map *map, int32_t cell)
 {
     int32_t x0 = cell % width_of(map), y0 = cell / width_of(map), n = 0, x = 0, y = 0, xx = 0,
             xy = 0, yy = 0;
@@ -203,7 +203,7 @@ static cairn_vec2 normal_at(const merge_map *map, int32_t cell)
 
     for (int32_t dy = -NORMAL_WINDOW; dy <= NORMAL_WINDOW; dy++)
         for (int32_t dx = -NORMAL_WINDOW; dx <= NORMAL_WINDOW; dx++) {
-            if (class_at(map, x0 + dx, y0 + dy) != MERGE_OCCUPIED)
+            if (class_at(map, x0 + dx, y0 + dy) != MAP_MERGE_OCCUPIED)
                 continue;
             n++;
             x += dx;
@@ -232,10 +232,10 @@ static cairn_vec2 normal_at(const merge_map *map, int32_t cell)
 
 static cairn_status step_normals(cairn_map_merge *merge, cairn_budget *budget)
 {
-    merge_map *map = current(merge);
+    map_merge_map *map = current(merge);
 
     for (; merge->cursor < map->point_count; merge->cursor++) {
-        merge_point *p = &map->points[merge->cursor];
+        map_merge_point *p = &map->points[merge->cursor];
 
         if (!cairn_budget_charge(budget, &merge->units_charged, 4))
             return CAIRN_MORE;
@@ -250,13 +250,13 @@ static cairn_status step_normals(cairn_map_merge *merge, cairn_budget *budget)
 /* Adds the matching neighbours of the queue's next point to the line. */
 static void grow_line(cairn_map_merge *merge)
 {
-    merge_map *map = current(merge);
-    const merge_point *p = &map->points[merge->queue[merge->inner++]];
+    map_merge_map *map = current(merge);
+    const map_merge_point *p = &map->points[merge->queue[merge->inner++]];
     int32_t x0 = p->cell % width_of(map), y0 = p->cell / width_of(map);
 
     for (int32_t y = y0 - LINE_WINDOW; y <= y0 + LINE_WINDOW; y++)
         for (int32_t x = x0 - LINE_WINDOW; x <= x0 + LINE_WINDOW; x++) {
-            const merge_point *q;
+            const map_merge_point *q;
             int32_t index;
 
             if (x < 0 || y < 0 || x >= width_of(map) || y >= height_of(map))
@@ -279,7 +279,7 @@ static void grow_line(cairn_map_merge *merge)
  * both sides. */
 static int fit_line(cairn_map_merge *merge, cairn_line *line)
 {
-    const merge_map *map = current(merge);
+    const map_merge_map *map = current(merge);
     int32_t kept = 0;
 
     for (int32_t i = 0; i < merge->queued; i++)
@@ -298,7 +298,7 @@ static int fit_line(cairn_map_merge *merge, cairn_line *line)
  * a line of sufficient length. */
 static void end_line(cairn_map_merge *merge, int32_t seed)
 {
-    merge_map *map = current(merge);
+    map_merge_map *map = current(merge);
     cairn_segment segment;
     cairn_line line;
 
@@ -309,10 +309,10 @@ static void end_line(cairn_map_merge *merge, int32_t seed)
         return;
     segment = cairn_line_segment(&line);
     for (int32_t i = 0; i < merge->queued; i++) {
-        merge_point *p = &map->points[merge->queue[i]];
+        map_merge_point *p = &map->points[merge->queue[i]];
 
         p->weight = 1 / cairn_sqrt(cairn_max(1, (line.high - line.low) / SATURATED_WALL_M));
-        p->is_curved &= line.high - line.low < MERGE_MIN_LINE_M;
+        p->is_curved &= line.high - line.low < MAP_MERGE_MIN_LINE_M;
     }
     if (cairn_vec2_dot(cairn_vec2_left_perp(line.direction), map->points[seed].normal) < 0) {
         cairn_vec2 a = segment.a;
@@ -323,7 +323,7 @@ static void end_line(cairn_map_merge *merge, int32_t seed)
     map->lines[map->line_count] = segment;
     {
         cairn_vec2 along = cairn_vec2_sub(segment.b, segment.a);
-        merge_direction way = {cairn_atan2(along.y, along.x), cairn_vec2_norm(along)};
+        map_merge_direction way = {cairn_atan2(along.y, along.x), cairn_vec2_norm(along)};
 
         map->directions[map->line_count++] = way;
     }
@@ -331,7 +331,7 @@ static void end_line(cairn_map_merge *merge, int32_t seed)
 
 static void begin_line(cairn_map_merge *merge, int32_t seed)
 {
-    const merge_point *first = &current(merge)->points[seed];
+    const map_merge_point *first = &current(merge)->points[seed];
 
     merge->label[seed] = 1;
     merge->queue[0] = seed;
@@ -362,7 +362,7 @@ static int refit_line(cairn_map_merge *merge)
 
 static cairn_status step_segments(cairn_map_merge *merge, cairn_budget *budget)
 {
-    merge_map *map = current(merge);
+    map_merge_map *map = current(merge);
 
     while (merge->cursor < map->point_count) {
         if (merge->queued == 0) {
@@ -393,7 +393,7 @@ static cairn_status step_segments(cairn_map_merge *merge, cairn_budget *budget)
 
 static cairn_status step_corners(cairn_map_merge *merge, cairn_budget *budget)
 {
-    merge_map *map = current(merge);
+    map_merge_map *map = current(merge);
     cairn_status status;
     const cairn_corner *list;
 
@@ -434,9 +434,9 @@ static int32_t golden_step(int32_t count)
  * merge->line and merge->queue are buffers. */
 static void shuffle(cairn_map_merge *merge)
 {
-    merge_map *map = current(merge);
+    map_merge_map *map = current(merge);
     int32_t n = map->point_count, step = golden_step(n > 0 ? n : 1), at = 0;
-    merge_point *from = merge->shuffled;
+    map_merge_point *from = merge->shuffled;
 
     memcpy(from, map->points, (size_t)n * sizeof *from);
     for (int32_t i = 0; i < n; i++, at = (at + step) % n)
@@ -449,20 +449,20 @@ static void shuffle(cairn_map_merge *merge)
         map->free_cells[i] = merge->line[at];
 }
 
-static void begin_phase(cairn_map_merge *merge, merge_phase phase)
+static void begin_phase(cairn_map_merge *merge, map_merge_phase phase)
 {
-    merge_map *map = current(merge);
+    map_merge_map *map = current(merge);
 
     merge->phase = phase;
     merge->cursor = 0;
     merge->inner = 0;
-    if (phase == MERGE_SURFACE) {
+    if (phase == MAP_MERGE_SURFACE) {
         merge->surface = merge->seen_surface = merge->seen_free = 0;
         map->point_count = map->free_cell_count = 0;
-    } else if (phase == MERGE_SEGMENTS) {
+    } else if (phase == MAP_MERGE_SEGMENTS) {
         map->line_count = 0;
         merge->queued = 0;
-    } else if (phase == MERGE_CURVE_POINTS) {
+    } else if (phase == MAP_MERGE_CURVE_POINTS) {
         map->curve_point_count = 0;
         map->curved_wall = 0;
     }
@@ -471,25 +471,25 @@ static void begin_phase(cairn_map_merge *merge, merge_phase phase)
 static cairn_status step_phase(cairn_map_merge *merge, cairn_budget *budget)
 {
     switch (merge->phase) {
-    case MERGE_OCCUPIED_DISTANCE:
+    case MAP_MERGE_OCCUPIED_DISTANCE:
         return cairn_map_merge_measure(merge, current(merge), CAIRN_OCCUPANCY_GRID_OCCUPIED,
                                        &merge->cursor, budget);
-    case MERGE_OCCUPIED_PACK:
+    case MAP_MERGE_OCCUPIED_PACK:
         return cairn_map_merge_pack(merge, current(merge), 0, &merge->cursor, budget);
-    case MERGE_FREE_DISTANCE:
+    case MAP_MERGE_FREE_DISTANCE:
         return cairn_map_merge_measure(merge, current(merge), CAIRN_OCCUPANCY_GRID_FREE,
                                        &merge->cursor, budget);
-    case MERGE_FREE_PACK:
+    case MAP_MERGE_FREE_PACK:
         return cairn_map_merge_pack(merge, current(merge), 7, &merge->cursor, budget);
-    case MERGE_SURFACE:
+    case MAP_MERGE_SURFACE:
         return step_surface(merge, budget);
-    case MERGE_NORMALS:
+    case MAP_MERGE_NORMALS:
         return step_normals(merge, budget);
-    case MERGE_SEGMENTS:
+    case MAP_MERGE_SEGMENTS:
         return step_segments(merge, budget);
-    case MERGE_CORNERS:
+    case MAP_MERGE_CORNERS:
         return step_corners(merge, budget);
-    case MERGE_CURVE_POINTS:
+    case MAP_MERGE_CURVE_POINTS:
         return cairn_map_merge_select_curve_points(merge, current(merge), budget);
     default:
         if (!cairn_budget_charge(
@@ -506,16 +506,16 @@ cairn_status cairn_map_merge_prepare(cairn_map_merge *merge, cairn_budget *budge
     while (merge->map < merge->map_count) {
         cairn_status status;
 
-        if (merge->phase == MERGE_OCCUPIED_DISTANCE && merge->cursor == 0)
+        if (merge->phase == MAP_MERGE_OCCUPIED_DISTANCE && merge->cursor == 0)
             current(merge)->occupied_count = current(merge)->free_count = 0;
         status = step_phase(merge, budget);
         if (status != CAIRN_OK)
             return status;
-        if (merge->phase < MERGE_CURVE_POINTS) {
+        if (merge->phase < MAP_MERGE_CURVE_POINTS) {
             begin_phase(merge, merge->phase + 1);
         } else {
             merge->map++;
-            merge->phase = MERGE_OCCUPIED_DISTANCE;
+            merge->phase = MAP_MERGE_OCCUPIED_DISTANCE;
             merge->cursor = 0;
         }
     }

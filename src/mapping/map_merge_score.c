@@ -22,19 +22,20 @@ static cairn_real kernel_of(int32_t cells)
     return cells > 20 ? 0 : cairn_exp(-(cairn_real)(cells * cells) / 8);
 }
 
-static void add_image(const merge_map *to, cairn_vec2 p, int32_t class, image_sums *s)
+static void add_image(const map_merge_map *to, cairn_vec2 p, int32_t class, image_sums *sums)
 {
-    uint16_t cell = merge_cell_at(to, (p.x - to->corner.x) / to->input.resolution,
-                                  (p.y - to->corner.y) / to->input.resolution);
+    uint16_t cell = map_merge_cell_at(to, (p.x - to->corner.x) / to->input.resolution,
+                                      (p.y - to->corner.y) / to->input.resolution);
 
-    s->known += merge_class(cell) != MERGE_UNKNOWN;
-    s->same += kernel_of(class == MERGE_OCCUPIED ? merge_to_occupied(cell) : merge_to_free(cell));
-    s->other += merge_class(cell) != MERGE_UNKNOWN && merge_class(cell) != class;
+    sums->known += map_merge_class(cell) != MAP_MERGE_UNKNOWN;
+    sums->same += kernel_of(class == MAP_MERGE_OCCUPIED ? map_merge_to_occupied(cell)
+                                                        : map_merge_to_free(cell));
+    sums->other += map_merge_class(cell) != MAP_MERGE_UNKNOWN && map_merge_class(cell) != class;
 }
 
 /* Adds both classes of `from` in the grid of `to` to psi and d; returns the observed share of the
  * free cells. */
-static cairn_real add_images(const merge_map *to, const merge_map *from, cairn_transform t,
+static cairn_real add_images(const map_merge_map *to, const map_merge_map *from, cairn_transform t,
                              cairn_map_merge_pair_score *score)
 {
     image_sums walls = {0, 0, 0}, open = {0, 0, 0};
@@ -42,9 +43,10 @@ static cairn_real add_images(const merge_map *to, const merge_map *from, cairn_t
                cells = cairn_max((cairn_real)from->free_cell_count, 1);
 
     for (int32_t i = 0; i < from->point_count; i++)
-        add_image(to, cairn_transform_point(t, from->points[i].position), MERGE_OCCUPIED, &walls);
+        add_image(to, cairn_transform_point(t, from->points[i].position), MAP_MERGE_OCCUPIED,
+                  &walls);
     for (int32_t i = 0; i < from->free_cell_count; i++)
-        add_image(to, cairn_transform_point(t, from->free_cells[i]), MERGE_FREE, &open);
+        add_image(to, cairn_transform_point(t, from->free_cells[i]), MAP_MERGE_FREE, &open);
     score->psi += walls.same / points + open.same / cells;
     score->disagreement += walls.other / points + open.other / cells;
     return (cairn_real)open.known / cells;
@@ -53,10 +55,10 @@ static cairn_real add_images(const merge_map *to, const merge_map *from, cairn_t
 void cairn_map_merge_score_at(const cairn_map_merge *merge, int32_t a, int32_t b,
                               cairn_pose centres, cairn_map_merge_pair_score *score)
 {
-    const merge_map *first = &merge->maps[a], *second = &merge->maps[b];
+    const map_merge_map *first = &merge->maps[a], *second = &merge->maps[b];
     cairn_transform there = cairn_transform_of(centres),
                     back = cairn_transform_of(cairn_pose_inverse(centres));
-    merge_sums s[2] = {{0, 0, 0, 0, {0, 0}, 0}, {0, 0, 0, 0, {0, 0}, 0}};
+    map_merge_sums s[2] = {{0, 0, 0, 0, {0, 0}, 0}, {0, 0, 0, 0, {0, 0}, 0}};
     cairn_real share[2], d;
 
     memset(score, 0, sizeof *score);
@@ -66,13 +68,13 @@ void cairn_map_merge_score_at(const cairn_map_merge *merge, int32_t a, int32_t b
     score->free_space_violation = s[0].conflict * second->spacing + s[1].conflict * first->spacing;
     score->log_likelihood_ratio =
         cairn_map_merge_nats(merge, score->agreeing_wall, score->free_space_violation);
-    if (merge_is_written(&merge->params)) {
-        merge_images images;
+    if (map_merge_is_written(&merge->params)) {
+        map_merge_images images;
         cairn_budget budget = {CAIRN_UNBOUNDED};
-        int32_t paid = 0;
+        int32_t charged = 0;
 
         cairn_map_merge_begin_images(&images, first, second, centres);
-        while (!cairn_map_merge_step_images(&images, merge->written->kernel, &paid, &budget))
+        while (!cairn_map_merge_step_images(&images, merge->written->kernel, &charged, &budget))
             budget.left = CAIRN_UNBOUNDED;
         cairn_map_merge_end_images(&images, score);
         return;

@@ -28,19 +28,19 @@ enum { SMOOTH_BINS = 2, NMS_RADIUS_BINS = 8, LOOK_UPS_PER_UNIT = 12 };
 /* Adds the angle difference of every pair of lines to its histogram bin. */
 static cairn_status step_bins(cairn_map_merge *merge, cairn_budget *budget)
 {
-    const merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
+    const map_merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
 
     for (; merge->cursor < first->line_count; merge->cursor++, merge->inner = 0)
         for (; merge->inner < second->line_count; merge->inner++) {
-            merge_direction a = first->directions[merge->cursor],
-                            b = second->directions[merge->inner];
-            cairn_real turn = (a.angle - b.angle) * (MERGE_ANGLE_BINS / (2 * CAIRN_PI));
+            map_merge_direction a = first->directions[merge->cursor],
+                                b = second->directions[merge->inner];
+            cairn_real turn = (a.angle - b.angle) * (MAP_MERGE_ANGLE_BINS / (2 * CAIRN_PI));
             int32_t bin;
 
             if (merge->inner % 4 == 0 && !cairn_budget_charge(budget, &merge->units_charged, 1))
                 return CAIRN_MORE;
-            bin = cairn_real_to_int(cairn_rint(turn)) % MERGE_ANGLE_BINS;
-            merge->search.bins[bin < 0 ? bin + MERGE_ANGLE_BINS : bin] +=
+            bin = cairn_real_to_int(cairn_rint(turn)) % MAP_MERGE_ANGLE_BINS;
+            merge->search.bins[bin < 0 ? bin + MAP_MERGE_ANGLE_BINS : bin] +=
                 cairn_min(a.length, b.length);
         }
     return CAIRN_OK;
@@ -52,7 +52,7 @@ static cairn_real smooth_bin(const cairn_real *bins, int32_t at)
 
     for (int32_t i = -SMOOTH_BINS; i <= SMOOTH_BINS; i++)
         sum += (cairn_real)(SMOOTH_BINS + 1 - (i < 0 ? -i : i)) *
-               bins[(at + i + MERGE_ANGLE_BINS) % MERGE_ANGLE_BINS];
+               bins[(at + i + MAP_MERGE_ANGLE_BINS) % MAP_MERGE_ANGLE_BINS];
     return sum;
 }
 
@@ -62,12 +62,12 @@ static cairn_real peak_angle(const cairn_real *bins, int32_t at)
     cairn_real sum = 0, moment = 0;
 
     for (int32_t i = -SMOOTH_BINS; i <= SMOOTH_BINS; i++) {
-        cairn_real value = bins[(at + i + MERGE_ANGLE_BINS) % MERGE_ANGLE_BINS];
+        cairn_real value = bins[(at + i + MAP_MERGE_ANGLE_BINS) % MAP_MERGE_ANGLE_BINS];
 
         sum += value;
         moment += value * (cairn_real)i;
     }
-    return ((cairn_real)at + moment / sum) * (2 * CAIRN_PI / MERGE_ANGLE_BINS);
+    return ((cairn_real)at + moment / sum) * (2 * CAIRN_PI / MAP_MERGE_ANGLE_BINS);
 }
 
 /* Finds the highest peaks; each one suppresses its neighbourhood. */
@@ -76,11 +76,11 @@ static void find_peaks(cairn_map_merge *merge)
     cairn_real highest = 0;
 
     merge->search.count = 0;
-    while (merge->search.count < MERGE_MAX_ROTATIONS) {
+    while (merge->search.count < MAP_MERGE_MAX_ROTATIONS) {
         int32_t best = 0;
         cairn_real value = 0;
 
-        for (int32_t i = 0; i < MERGE_ANGLE_BINS; i++)
+        for (int32_t i = 0; i < MAP_MERGE_ANGLE_BINS; i++)
             if (smooth_bin(merge->search.bins, i) > value) {
                 value = smooth_bin(merge->search.bins, i);
                 best = i;
@@ -91,11 +91,11 @@ static void find_peaks(cairn_map_merge *merge)
         merge->search.rotations[merge->search.count++] =
             cairn_wrap_angle(peak_angle(merge->search.bins, best));
         for (int32_t i = -NMS_RADIUS_BINS; i <= NMS_RADIUS_BINS; i++)
-            merge->search.bins[(best + i + MERGE_ANGLE_BINS) % MERGE_ANGLE_BINS] = 0;
+            merge->search.bins[(best + i + MAP_MERGE_ANGLE_BINS) % MAP_MERGE_ANGLE_BINS] = 0;
     }
 }
 
-static cairn_vec2 in_cells(const merge_map *map, cairn_vec2 p)
+static cairn_vec2 in_cells(const map_merge_map *map, cairn_vec2 p)
 {
     return cairn_vec2_scale(cairn_vec2_sub(p, map->corner), 1 / map->input.resolution);
 }
@@ -103,15 +103,15 @@ static cairn_vec2 in_cells(const merge_map *map, cairn_vec2 p)
 /* Rotates the points of both maps, in cells of the other one's grid at translation 0. */
 static void rotate_points(cairn_map_merge *merge, cairn_real turn)
 {
-    const merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
+    const map_merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
     cairn_box at = cairn_box_empty(), turned = cairn_box_empty();
     cairn_transform t = {0, 0, 1, 0}, back;
-    int32_t n = MERGE_COARSE_POINTS;
+    int32_t n = MAP_MERGE_COARSE_POINTS;
 
     cairn_sincos(turn, &t.sine, &t.cosine);
     back = t;
     back.sine = -t.sine;
-    merge->search.wall = merge_search_wall(first, second);
+    merge->search.wall = map_merge_search_wall(first, second);
     merge->search.cosine = t.cosine;
     merge->search.sine = t.sine;
     merge->search.first_count = first->point_count < n ? first->point_count : n;
@@ -150,21 +150,21 @@ static void rotate_points(cairn_map_merge *merge, cairn_real turn)
 }
 
 /* Adds points begin ... end - 1, translated in cells, looked up in a grid. */
-static void look_up_points(const cairn_map_merge *merge, const merge_map *to,
+static void look_up_points(const cairn_map_merge *merge, const map_merge_map *to,
                            const cairn_vec2 *points, const cairn_vec2 *fronts, cairn_vec2 shift,
-                           int32_t begin, int32_t end, merge_sums *s)
+                           int32_t begin, int32_t end, map_merge_sums *sums)
 {
     for (int32_t i = begin; i < end; i++) {
-        uint16_t cell = merge_cell_at(to, points[i].x + shift.x, points[i].y + shift.y);
-        int32_t d = merge_to_occupied(cell);
+        uint16_t cell = map_merge_cell_at(to, points[i].x + shift.x, points[i].y + shift.y);
+        int32_t d = map_merge_to_occupied(cell);
 
-        if (merge_class(cell) == MERGE_UNKNOWN)
+        if (map_merge_class(cell) == MAP_MERGE_UNKNOWN)
             continue;
         if (d > SOFT_REACH_CELLS)
-            s->soft_conflict += merge_class(cell) == MERGE_FREE;
-        else if (merge_class(merge_cell_at(to, fronts[i].x + shift.x, fronts[i].y + shift.y)) ==
-                 MERGE_FREE)
-            s->soft_agree += merge->soft_kernel[d];
+            sums->soft_conflict += map_merge_class(cell) == MAP_MERGE_FREE;
+        else if (map_merge_class(map_merge_cell_at(to, fronts[i].x + shift.x,
+                                                   fronts[i].y + shift.y)) == MAP_MERGE_FREE)
+            sums->soft_agree += merge->soft_kernel[d];
     }
 }
 
@@ -182,15 +182,15 @@ static cairn_pose translation_at(const cairn_map_merge *merge, int32_t index)
 /* Scores one translation; merge->inner counts the points of each map that were looked up. */
 static int step_translation(cairn_map_merge *merge, cairn_pose pose, cairn_budget *budget)
 {
-    const merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
+    const map_merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
     cairn_vec2 there = {pose.x / first->input.resolution, pose.y / first->input.resolution};
     cairn_vec2 back = {
         -(merge->search.cosine * pose.x + merge->search.sine * pose.y) / second->input.resolution,
         -(merge->search.cosine * pose.y - merge->search.sine * pose.x) / second->input.resolution};
 
-    while (merge->inner < MERGE_COARSE_POINTS) {
+    while (merge->inner < MAP_MERGE_COARSE_POINTS) {
         int32_t end = merge->inner + LOOK_UPS_PER_UNIT;
-        merge_sums *s = &merge->search.sums;
+        map_merge_sums *s = &merge->search.sums;
 
         if (!cairn_budget_charge(budget, &merge->units_charged, 2))
             return 0;
@@ -200,39 +200,39 @@ static int step_translation(cairn_map_merge *merge, cairn_pose pose, cairn_budge
         look_up_points(merge, second, merge->search.first, merge->search.first_front, back,
                        merge->inner,
                        end < merge->search.first_count ? end : merge->search.first_count, s);
-        merge->inner = merge_is_rejected(s) ? MERGE_COARSE_POINTS : end;
+        merge->inner = map_merge_is_rejected(s) ? MAP_MERGE_COARSE_POINTS : end;
     }
     return 1;
 }
 
 static cairn_status step_translations(cairn_map_merge *merge, cairn_budget *budget)
 {
-    const merge_sums none = {0, 0, 0, 0, {0, 0}, 0};
+    const map_merge_sums none = {0, 0, 0, 0, {0, 0}, 0};
 
     for (; merge->cursor < merge->search.columns * merge->search.rows; merge->cursor++) {
         cairn_pose pose = translation_at(merge, merge->cursor);
-        merge_mode mode;
+        map_merge_mode mode;
 
         if (!step_translation(merge, pose, budget))
             return CAIRN_MORE;
         mode.first_second = pose;
-        mode.log_ratio = merge_search_score(&merge->search.sums, merge->search.wall);
+        mode.log_ratio = map_merge_search_score(&merge->search.sums, merge->search.wall);
         merge->search.sums = none;
         merge->inner = 0;
         merge->tried_count++;
         if (mode.log_ratio > 0)
             cairn_map_merge_insert_mode(merge->hypotheses, &merge->hypothesis_count,
-                                        MERGE_MAX_HYPOTHESES, mode, MERGE_COARSE_M,
-                                        MERGE_COARSE_RAD);
+                                        MAP_MERGE_MAX_HYPOTHESES, mode, MAP_MERGE_COARSE_M,
+                                        MAP_MERGE_COARSE_RAD);
     }
     return CAIRN_OK;
 }
 
 cairn_status cairn_map_merge_correlate(cairn_map_merge *merge, cairn_budget *budget)
 {
-    const merge_sums none = {0, 0, 0, 0, {0, 0}, 0};
+    const map_merge_sums none = {0, 0, 0, 0, {0, 0}, 0};
 
-    if (merge->phase == MERGE_ROTATIONS) {
+    if (merge->phase == MAP_MERGE_ROTATIONS) {
         if (merge->cursor == 0 && merge->inner == 0)
             memset(merge->search.bins, 0, sizeof merge->search.bins);
         if (step_bins(merge, budget) != CAIRN_OK ||

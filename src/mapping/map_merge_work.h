@@ -20,85 +20,85 @@
 #include "cairn/rigid_motion.h"
 
 enum {
-    MERGE_MAX_MAPS = 64,
-    MERGE_MAX_DISTANCE = 127,     /* distances in cells saturate here (7 bits of a packed cell) */
-    MERGE_COARSE_POINTS = 96,     /* points per map that score a hypothesis first */
-    MERGE_REFINE_POINTS = 320,    /* points per map that refine a mode */
-    MERGE_MAX_HYPOTHESES = 96,    /* hypotheses of a pair that are scored again */
-    MERGE_MAX_REFINED = 20,       /* hypotheses of a pair that are refined */
-    MERGE_MAX_CURVE_POINTS = 256, /* points of curved walls per map */
-    MERGE_MAX_ROTATIONS = 6,      /* rotations in which a pair is correlated */
-    MERGE_ANGLE_BINS = 360,       /* bins of the direction histogram over the circle */
-    MERGE_POINTS_PER_UNIT = 8,
-    MERGE_MAX_REFINE_STEPS = 40, /* maximum steps of a refinement */
-    MERGE_MAX_CANDIDATES = 12,   /* candidates of a particle's proposal */
-    MERGE_CACHED_PROPOSALS = 8,
-    MERGE_CACHE_SLOTS = 8192 /* cached scores of pairs of maps, a power of two */
+    MAP_MERGE_MAX_MAPS = 64,
+    MAP_MERGE_MAX_DISTANCE = 127,  /* distances in cells saturate here (7 bits of a packed cell) */
+    MAP_MERGE_COARSE_POINTS = 96,  /* points per map that score a hypothesis first */
+    MAP_MERGE_REFINE_POINTS = 320, /* points per map that refine a mode */
+    MAP_MERGE_MAX_HYPOTHESES = 96, /* hypotheses of a pair that are scored again */
+    MAP_MERGE_MAX_REFINED = 20,    /* hypotheses of a pair that are refined */
+    MAP_MERGE_MAX_CURVE_POINTS = 256, /* points of curved walls per map */
+    MAP_MERGE_MAX_ROTATIONS = 6,      /* rotations in which a pair is correlated */
+    MAP_MERGE_ANGLE_BINS = 360,       /* bins of the direction histogram over the circle */
+    MAP_MERGE_POINTS_PER_UNIT = 8,
+    MAP_MERGE_MAX_REFINE_STEPS = 40, /* maximum steps of a refinement */
+    MAP_MERGE_MAX_CANDIDATES = 12,   /* candidates of a particle's proposal */
+    MAP_MERGE_CACHED_PROPOSALS = 8,
+    MAP_MERGE_CACHE_SLOTS = 8192 /* cached scores of pairs of maps, a power of two */
 };
 
 /* m: internal side of a cell of the first map. */
-#define MERGE_CELL CAIRN_REAL(0.05)
+#define MAP_MERGE_CELL CAIRN_REAL(0.05)
 
 /* m: minimum length of a line used for refinement. */
-#define MERGE_MIN_LINE_M CAIRN_REAL(0.35)
+#define MAP_MERGE_MIN_LINE_M CAIRN_REAL(0.35)
 
 /* Non-maximum suppression: modes closer than this, m and rad, are duplicates. COARSE holds during
  * the search, SAME for the result. */
-#define MERGE_COARSE_M   CAIRN_REAL(0.25)
-#define MERGE_COARSE_RAD CAIRN_REAL(0.10)
-#define MERGE_SAME_M     CAIRN_REAL(0.30)
-#define MERGE_SAME_RAD   CAIRN_REAL(0.10)
+#define MAP_MERGE_COARSE_M   CAIRN_REAL(0.25)
+#define MAP_MERGE_COARSE_RAD CAIRN_REAL(0.10)
+#define MAP_MERGE_SAME_M     CAIRN_REAL(0.30)
+#define MAP_MERGE_SAME_RAD   CAIRN_REAL(0.10)
 
 /* A packed cell of 16 bits: distance to the nearest occupied cell (bits 0-6), to the nearest free
  * one (bits 7-13), class (bits 14-15). */
-enum { MERGE_UNKNOWN = 0, MERGE_FREE = 1, MERGE_OCCUPIED = 2 };
+enum { MAP_MERGE_UNKNOWN = 0, MAP_MERGE_FREE = 1, MAP_MERGE_OCCUPIED = 2 };
 
-static inline int32_t merge_to_occupied(uint16_t cell)
+static inline int32_t map_merge_to_occupied(uint16_t cell)
 {
     return cell & 127;
 }
 
-static inline int32_t merge_to_free(uint16_t cell)
+static inline int32_t map_merge_to_free(uint16_t cell)
 {
     return cell >> 7 & 127;
 }
 
-static inline int32_t merge_class(uint16_t cell)
+static inline int32_t map_merge_class(uint16_t cell)
 {
     return cell >> 14;
 }
 
-typedef struct merge_point {
+typedef struct map_merge_point {
     cairn_vec2 position;  /* m, from the centre of the grid */
     cairn_vec2 normal;    /* unit normal into free space */
     cairn_vec2 free_side; /* m: a point a few cells in front, in free space */
     cairn_real weight;    /* weight in the log-likelihood ratio: a long straight wall saturates */
     int32_t cell;         /* index in the grid */
     int32_t is_curved;    /* 1: on no line long enough to refine by */
-} merge_point;
+} map_merge_point;
 
 /* Direction of a line and its length. */
-typedef struct merge_direction {
+typedef struct map_merge_direction {
     cairn_real angle, length; /* rad, free space on the left; m */
-} merge_direction;
+} map_merge_direction;
 
 /* A surface point of a wall that is not straight, off all lines. */
-typedef struct merge_curve_point {
+typedef struct map_merge_curve_point {
     cairn_vec2 position, normal; /* between free and occupied cells, m; unit, into free space */
-} merge_curve_point;
+} map_merge_curve_point;
 
-typedef struct merge_map {
+typedef struct map_merge_map {
     cairn_map_merge_map input;
     cairn_pose map_centre;           /* centre of the grid in the frame of the map */
     cairn_vec2 corner;               /* m: lower left of cell (0, 0) relative to the centre */
     uint16_t *grid;                  /* [height][width] packed cells */
-    merge_point *points;             /* [point_count]; every prefix is an evenly spread sample */
+    map_merge_point *points;         /* [point_count]; every prefix is an evenly spread sample */
     cairn_vec2 *free_cells;          /* [free_cell_count] free cells, likewise; m */
     cairn_corner *corners;           /* [corner_count] */
     cairn_segment *lines;            /* [line_count], free space on their left */
-    merge_direction *directions;     /* [line_count] their directions */
-    merge_curve_point *curve_points; /* [curve_point_count], evenly spread */
-    cairn_real curved_wall;          /* m of wall off all lines */
+    map_merge_direction *directions; /* [line_count] their directions */
+    map_merge_curve_point *curve_points; /* [curve_point_count], evenly spread */
+    cairn_real curved_wall;              /* m of wall off all lines */
     int32_t point_count, free_cell_count, corner_count, line_count, curve_point_count;
     int32_t occupied_count, free_count; /* numbers of cells */
     cairn_real spacing;                 /* m of wall per point */
@@ -106,17 +106,17 @@ typedef struct merge_map {
     int32_t has_guess;
     cairn_pose given_guess; /* initial guess of the map's frame in that of the reference */
     cairn_pose guess;       /* the same between the centres */
-} merge_map;
+} map_merge_map;
 
 /* A registration hypothesis: a pose of the pair's second map in the frame of its first one.
  * log_ratio: log-likelihood ratio in nats; as written the similarity of corners. */
-typedef struct merge_mode {
+typedef struct map_merge_mode {
     cairn_pose first_second;
     cairn_real log_ratio;
-} merge_mode;
+} map_merge_mode;
 
 /* Counts of one map's points looked up in the grid of another. */
-typedef struct merge_sums {
+typedef struct map_merge_sums {
     /* points that agree, and that violate free space */
     cairn_real agree, conflict;
     /* likewise, with a wider kernel for the search */
@@ -124,40 +124,40 @@ typedef struct merge_sums {
     /* m: sum of the points in known cells, in the frame of the grid */
     cairn_vec2 centroid_sum;
     int32_t known_count;
-} merge_sums;
+} map_merge_sums;
 
 /* Scoring of one relative pose of two maps, in progress: points of each looked up in the grid of
  * the other. */
-typedef struct merge_comparison {
+typedef struct map_merge_comparison {
     int32_t first, second;
     cairn_pose first_second;
     cairn_transform second_to_first, first_to_second; /* second to first, first to second */
     int32_t point_counts[2]; /* points of the second and of the first map that are compared */
     int32_t cursor, direction;
-    merge_sums sums[2];
-} merge_comparison;
+    map_merge_sums sums[2];
+} map_merge_comparison;
 
-enum { MERGE_ENDED = -1, MERGE_DEFERRED = -2 };
+enum { MAP_MERGE_ENDED = -1, MAP_MERGE_DEFERRED = -2 };
 
 /* A particle's state: the pose of one map in the merged frame. */
-typedef struct merge_state {
-    /* MERGE_ENDED: no map left; MERGE_DEFERRED - map: that map is deferred. */
+typedef struct map_merge_state {
+    /* MAP_MERGE_ENDED: no map left; MAP_MERGE_DEFERRED - map: that map is deferred. */
     int32_t map;
     int32_t source_map; /* the map whose mode proposed it */
     cairn_pose reference_map;
     cairn_real log_ratio; /* nats, given the maps before it */
     cairn_real psi, gamma;
-} merge_state;
+} map_merge_state;
 
 /* The cached proposal of a particle: candidates for its next state. */
-typedef struct merge_proposal {
-    const merge_state *state; /* the particle's last one */
-    merge_state candidates[MERGE_MAX_CANDIDATES];
+typedef struct map_merge_proposal {
+    const map_merge_state *state; /* the particle's last one */
+    map_merge_state candidates[MAP_MERGE_MAX_CANDIDATES];
     int32_t count;
-} merge_proposal;
+} map_merge_proposal;
 
 /* One Gauss-Newton step of a map's pose relative to its neighbours. */
-typedef struct merge_fit {
+typedef struct map_merge_fit {
     cairn_rigid_motion motion;
     cairn_rigid_motion_equations equations;
     /* Transforms: of the current neighbour; map to neighbour; neighbour to map. */
@@ -167,46 +167,47 @@ typedef struct merge_fit {
     /* current neighbour, and its next line or curve point */
     int32_t neighbour, item;
     int32_t under_way;
-} merge_fit;
+} map_merge_fit;
 
 /* ---- Mode as written ---- */
 
 /* Sums of Psi and d of two images (9.5, 9.6) in progress: rows of one image, then of the other. */
-typedef struct merge_images {
-    const merge_map *map[2];
+typedef struct map_merge_images {
+    const map_merge_map *map[2];
     cairn_transform to_other[2];
     /* columns and rows of map k within the kernel's reach of the other: [k][0 column, 1 row] */
     int32_t begin[2][2], end[2][2];
     /* the image whose rows are being added, and its next row */
     int32_t turn, row;
     cairn_real same[2][2],
-        /* sums of the kernel, [map][class - MERGE_FREE]: to the same class, to the other class */
+        /* sums of the kernel, [map][class - MAP_MERGE_FREE]: to the same class, and to the other
+         * class */
         other[2][2];
     /* free cells of the second map that the first one has observed */
     int32_t known;
-} merge_images;
+} map_merge_images;
 
 /* Candidates of a particle; shared by particles of the same history. */
-typedef struct merge_places {
-    const merge_state *state;
+typedef struct map_merge_places {
+    const map_merge_state *state;
     int32_t first, count;
-} merge_places;
+} map_merge_places;
 
 /* State of the mode as written. */
-typedef struct merge_written {
+typedef struct map_merge_written {
     /* merged map of the current particle, in the frame of the reference's centre */
-    merge_map merged;
+    map_merge_map merged;
     /* [max_cells] its classes */
     uint8_t *cells;
     int32_t max_cells;
     /* m, bounding box of the merged maps */
     cairn_box box;
-    cairn_real kernel[MERGE_MAX_DISTANCE + 1];
+    cairn_real kernel[MAP_MERGE_MAX_DISTANCE + 1];
     /* [max_candidates] candidates of this step; log_ratio is the log of their prior mass */
-    merge_state *candidates;
+    map_merge_state *candidates;
     int32_t candidate_count, max_candidates;
     /* [max_particles] of the filter */
-    merge_places *places;
+    map_merge_places *places;
     int32_t stage, map, cursor, at;
     /* normalizers over all candidates; gamma relative to the first one's */
     cairn_real psi_sum, gamma_first, gamma_sum, gamma_min;
@@ -215,58 +216,64 @@ typedef struct merge_written {
     int32_t steps;
     /* particles at the end of a step, maximum */
     int32_t peak_particles;
-    merge_images images;
-} merge_written;
+    map_merge_images images;
+} map_merge_written;
 
-typedef struct merge_cache_entry {
+typedef struct map_merge_cache_entry {
     int32_t first, second; /* maps; first -1: empty slot */
     int32_t x, y, theta;   /* quantized pose */
     cairn_real log_ratio;
-} merge_cache_entry;
+} map_merge_cache_entry;
 
 /* Stages of merging: prepare maps, find modes of pairs, filter, verify, finished. */
-typedef int32_t merge_stage;
-enum { MERGE_PREPARING, MERGE_PAIRING, MERGE_VISITING, MERGE_CHECKING, MERGE_FINISHED };
+typedef int32_t map_merge_stage;
+enum {
+    MAP_MERGE_PREPARING,
+    MAP_MERGE_PAIRING,
+    MAP_MERGE_VISITING,
+    MAP_MERGE_CHECKING,
+    MAP_MERGE_FINISHED
+};
 
 /* Phases within the stages. */
-typedef int32_t merge_phase;
+typedef int32_t map_merge_phase;
 enum {
-    MERGE_IDLE,
+    MAP_MERGE_IDLE,
     /* preparation of a map */
-    MERGE_OCCUPIED_DISTANCE,
-    MERGE_OCCUPIED_PACK,
-    MERGE_FREE_DISTANCE,
-    MERGE_FREE_PACK,
-    MERGE_SURFACE,
-    MERGE_NORMALS,
-    MERGE_SEGMENTS,
-    MERGE_CORNERS,
-    MERGE_SHUFFLE,
-    MERGE_CURVE_POINTS,
+    MAP_MERGE_OCCUPIED_DISTANCE,
+    MAP_MERGE_OCCUPIED_PACK,
+    MAP_MERGE_FREE_DISTANCE,
+    MAP_MERGE_FREE_PACK,
+    MAP_MERGE_SURFACE,
+    MAP_MERGE_NORMALS,
+    MAP_MERGE_SEGMENTS,
+    MAP_MERGE_CORNERS,
+    MAP_MERGE_SHUFFLE,
+    MAP_MERGE_CURVE_POINTS,
     /* modes of a pair */
-    MERGE_HYPOTHESES,   /* pairs of corners */
-    MERGE_ROTATIONS,    /* correlation of wall directions */
-    MERGE_TRANSLATIONS, /* all translations in each rotation */
-    MERGE_CURVE_PAIRS,  /* pairs of curve points */
-    MERGE_RESCORE,      /* hypotheses scored by more points */
-    MERGE_REFINE,       /* refinement of the best */
+    MAP_MERGE_HYPOTHESES,   /* pairs of corners */
+    MAP_MERGE_ROTATIONS,    /* correlation of wall directions */
+    MAP_MERGE_TRANSLATIONS, /* all translations in each rotation */
+    MAP_MERGE_CURVE_PAIRS,  /* pairs of curve points */
+    MAP_MERGE_RESCORE,      /* hypotheses scored by more points */
+    MAP_MERGE_REFINE,       /* refinement of the best */
     /* all maps */
-    MERGE_FILTER,
-    MERGE_CHECK
+    MAP_MERGE_FILTER,
+    MAP_MERGE_CHECK
 };
 
 struct cairn_map_merge {
     cairn_map_merge_params params;
     /* [max_maps] */
-    merge_map *maps;
+    map_merge_map *maps;
     int32_t map_count;
     /* cells of all maps */
     int64_t cells;
-    /* m per internal unit of length, in which a cell of the first map has side MERGE_CELL: all
+    /* m per internal unit of length, in which a cell of the first map has side MAP_MERGE_CELL: all
      * limits are in cells */
     cairn_real unit;
     int32_t reference;
-    int32_t order[MERGE_MAX_MAPS];
+    int32_t order[MAP_MERGE_MAX_MAPS];
     int32_t has_order;
     /* [max_cells] */
     uint16_t *grid;
@@ -282,7 +289,7 @@ struct cairn_map_merge {
     /* [max_points] */
     cairn_vec2 *line;
     /* [max_points] */
-    merge_point *shuffled;
+    map_merge_point *shuffled;
     /* number of points of the line, and that at its last fit */
     int32_t queued, fitted;
     /* anchor and normal of the region-growing test */
@@ -292,33 +299,33 @@ struct cairn_map_merge {
     cairn_corner_set *corners;
 
     /* Modes of the pairs of maps. */
-    merge_mode *modes;                           /* [pairs][max_modes] */
-    int32_t *mode_count;                         /* [pairs] */
-    merge_mode hypotheses[MERGE_MAX_HYPOTHESES]; /* of the current pair, best first */
-    merge_mode refined[MERGE_MAX_REFINED];
+    map_merge_mode *modes;                               /* [pairs][max_modes] */
+    int32_t *mode_count;                                 /* [pairs] */
+    map_merge_mode hypotheses[MAP_MERGE_MAX_HYPOTHESES]; /* of the current pair, best first */
+    map_merge_mode refined[MAP_MERGE_MAX_REFINED];
     int32_t hypothesis_count, refined_count;
     struct {
         /* histogram of direction differences, and its peaks in rad */
-        cairn_real bins[MERGE_ANGLE_BINS];
-        cairn_real rotations[MERGE_MAX_ROTATIONS];
+        cairn_real bins[MAP_MERGE_ANGLE_BINS];
+        cairn_real rotations[MAP_MERGE_MAX_ROTATIONS];
         /* number of rotations, the current one, and its cosine and sine */
         int32_t count, at;
         cairn_real cosine, sine;
         /* m of wall per coarse point */
         cairn_real wall;
         /* points rotated, in the other map's cells */
-        cairn_vec2 first[MERGE_COARSE_POINTS], second[MERGE_COARSE_POINTS];
-        cairn_vec2 first_front[MERGE_COARSE_POINTS], second_front[MERGE_COARSE_POINTS];
+        cairn_vec2 first[MAP_MERGE_COARSE_POINTS], second[MAP_MERGE_COARSE_POINTS];
+        cairn_vec2 first_front[MAP_MERGE_COARSE_POINTS], second_front[MAP_MERGE_COARSE_POINTS];
         int32_t first_count, second_count;
         /* m: range of translations */
         cairn_box translations;
         int32_t columns, rows;
         /* of the current translation */
-        merge_sums sums;
+        map_merge_sums sums;
     } search;
-    merge_comparison comparison;
+    map_merge_comparison comparison;
     /* weight of a distance in cells during the search */
-    cairn_real soft_kernel[MERGE_MAX_DISTANCE + 1];
+    cairn_real soft_kernel[MAP_MERGE_MAX_DISTANCE + 1];
     /* Pattern search of the current pose; `turn` in rad, `step` in m. */
     struct {
         cairn_pose best, start;
@@ -332,13 +339,13 @@ struct cairn_map_merge {
         cairn_vec2 base_pivot;
     } climb;
 
-    merge_fit fit;
+    map_merge_fit fit;
 
     /* The maps that the current one is compared with, and their poses. */
-    int32_t neighbours[MERGE_MAX_MAPS];
-    cairn_pose neighbour_poses[MERGE_MAX_MAPS];
+    int32_t neighbours[MAP_MERGE_MAX_MAPS];
+    cairn_pose neighbour_poses[MAP_MERGE_MAX_MAPS];
     int32_t neighbour_count;
-    int32_t deferrals[MERGE_MAX_MAPS]; /* how often a map was deferred */
+    int32_t deferrals[MAP_MERGE_MAX_MAPS]; /* how often a map was deferred */
     /* Score of a pose of one map against all neighbours. */
     struct {
         cairn_pose pose;
@@ -354,77 +361,79 @@ struct cairn_map_merge {
     cairn_particle_filter *filter;
     struct {
         /* cached proposals of this step; many particles are alike */
-        merge_proposal cached[MERGE_CACHED_PROPOSALS];
-        merge_proposal *current;
+        map_merge_proposal cached[MAP_MERGE_CACHED_PROPOSALS];
+        map_merge_proposal *current;
         int32_t count, stage, at;
         /* normalizers over all candidates of the step */
         cairn_real psi_sum, gamma_sum, gamma_min;
         int32_t emitted;
     } proposals;
     union {
-        merge_cache_entry *cache; /* [MERGE_CACHE_SLOTS] in the default mode */
-        merge_written *written;   /* in the mode as written */
+        map_merge_cache_entry *cache; /* [MAP_MERGE_CACHE_SLOTS] in the default mode */
+        map_merge_written *written;   /* in the mode as written */
     };
     int32_t filter_steps; /* steps of the filter so far */
     struct {
-        int32_t list[MERGE_MAX_MAPS];     /* placed maps in order of merging */
-        cairn_pose pose[MERGE_MAX_MAPS];  /* of each map, in the frame of the reference's centre */
-        cairn_pose start[MERGE_MAX_MAPS]; /* poses of the filter's result */
+        int32_t list[MAP_MERGE_MAX_MAPS]; /* placed maps in order of merging */
+        cairn_pose
+            pose[MAP_MERGE_MAX_MAPS]; /* of each map, in the frame of the reference's centre */
+        cairn_pose start[MAP_MERGE_MAX_MAPS]; /* poses of the filter's result */
         int32_t count, round, at, stage, looking, refused;
-        int32_t accepted[MERGE_MAX_MAPS];
+        int32_t accepted[MAP_MERGE_MAX_MAPS];
         /* nats: log-likelihood ratio of each pair */
-        cairn_real pair_score[MERGE_MAX_MAPS * (MERGE_MAX_MAPS - 1) / 2];
-        merge_mode competing[MERGE_MAX_REFINED];
+        cairn_real pair_score[MAP_MERGE_MAX_MAPS * (MAP_MERGE_MAX_MAPS - 1) / 2];
+        map_merge_mode competing[MAP_MERGE_MAX_REFINED];
         int32_t competing_count;
         cairn_real shifted_score; /* nats: score of the best shifted pose */
     } check;
 
-    merge_stage stage;
-    merge_phase phase;
+    map_merge_stage stage;
+    map_merge_phase phase;
     int32_t map, other; /* current map and its partner */
     int32_t cursor, inner;
     int32_t units_charged;
     int32_t is_comparing; /* 1: `comparison` is in progress */
     int64_t units;
     int32_t tried_count;
-    cairn_map_merge_placed placed[MERGE_MAX_MAPS];
+    cairn_map_merge_placed placed[MAP_MERGE_MAX_MAPS];
     cairn_map_merge_result result;
     int32_t done; /* 1: the result is ready */
 };
 
 /* Returns the packed cell of a point in cells of the grid; an unknown cell outside. */
-static inline uint16_t merge_cell_at(const merge_map *map, cairn_real x, cairn_real y)
+static inline uint16_t map_merge_cell_at(const map_merge_map *map, cairn_real x, cairn_real y)
 {
     if (!(x >= 0 && y >= 0 && x < (cairn_real)map->input.cells.width &&
           y < (cairn_real)map->input.cells.height))
-        return MERGE_MAX_DISTANCE | MERGE_MAX_DISTANCE << 7 | MERGE_UNKNOWN << 14;
+        return MAP_MERGE_MAX_DISTANCE | MAP_MERGE_MAX_DISTANCE << 7 | MAP_MERGE_UNKNOWN << 14;
     return map->grid[cairn_real_to_int(y) * map->input.cells.width + cairn_real_to_int(x)];
 }
 
 /* ---- Search of modes: scores from a few points of each map, counted in points ---- */
 
 /* Returns the m of wall per coarse point, mean of both maps. */
-static inline cairn_real merge_search_wall(const merge_map *first, const merge_map *second)
+static inline cairn_real map_merge_search_wall(const map_merge_map *first,
+                                               const map_merge_map *second)
 {
     return (first->spacing * (cairn_real)first->point_count +
             second->spacing * (cairn_real)second->point_count) /
-           (cairn_real)(2 * MERGE_COARSE_POINTS);
+           (cairn_real)(2 * MAP_MERGE_COARSE_POINTS);
 }
 
 /* Returns 1 when free-space violations exceed 2.5 plus a third of the agreeing points: early
  * rejection. */
-static inline int merge_is_rejected(const merge_sums *s)
+static inline int map_merge_is_rejected(const map_merge_sums *sums)
 {
-    return s->soft_conflict > s->soft_agree / 3 + CAIRN_REAL(2.5);
+    return sums->soft_conflict > sums->soft_agree / 3 + CAIRN_REAL(2.5);
 }
 
 /* Returns the score of a pose in m of wall. */
-static inline cairn_real merge_search_score(const merge_sums *s, cairn_real wall)
+static inline cairn_real map_merge_search_score(const map_merge_sums *sums, cairn_real wall)
 {
-    return (s->soft_agree / 2 - CAIRN_REAL(1.5) * s->soft_conflict) * wall;
+    return (sums->soft_agree / 2 - CAIRN_REAL(1.5) * sums->soft_conflict) * wall;
 }
 
-static inline int32_t merge_pair(int32_t first, int32_t second)
+static inline int32_t map_merge_pair(int32_t first, int32_t second)
 {
     return second * (second - 1) / 2 + first;
 }
@@ -435,12 +444,12 @@ cairn_status cairn_map_merge_prepare(cairn_map_merge *merge, cairn_budget *budge
 
 /* Computes the distances of a map's cells to a class into merge->scratch; *cursor is 0 before the
  * first call. */
-cairn_status cairn_map_merge_measure(cairn_map_merge *merge, const merge_map *map, uint8_t match,
-                                     int32_t *cursor, cairn_budget *budget);
+cairn_status cairn_map_merge_measure(cairn_map_merge *merge, const map_merge_map *map,
+                                     uint8_t match, int32_t *cursor, cairn_budget *budget);
 
 /* Packs the computed distances into the grid, 16 cells a unit. shift 0: distances to occupied
  * cells, with the class, which is counted; 7: to free ones. */
-cairn_status cairn_map_merge_pack(cairn_map_merge *merge, merge_map *map, int32_t shift,
+cairn_status cairn_map_merge_pack(cairn_map_merge *merge, map_merge_map *map, int32_t shift,
                                   int32_t *cursor, cairn_budget *budget);
 
 /* ---- map_merge_pairs.c ---- */
@@ -452,28 +461,29 @@ cairn_status cairn_map_merge_correlate(cairn_map_merge *merge, cairn_budget *bud
 /* ---- map_merge_curve_points.c ---- */
 
 /* Selects evenly spread points off all lines; a phase of the preparation. */
-cairn_status cairn_map_merge_select_curve_points(cairn_map_merge *merge, merge_map *map,
+cairn_status cairn_map_merge_select_curve_points(cairn_map_merge *merge, map_merge_map *map,
                                                  cairn_budget *budget);
 
 /* Finds the transition from free to occupied cells along a normal from p, within 2.5 cells; returns
  * 1 when there is one. */
-int cairn_map_merge_surface_along(const merge_map *map, cairn_vec2 p, cairn_vec2 normal,
+int cairn_map_merge_surface_along(const map_merge_map *map, cairn_vec2 p, cairn_vec2 normal,
                                   cairn_real *along);
 
 /* Registers a pair of maps by all pairs of curve points. */
 cairn_status cairn_map_merge_register_curve_points(cairn_map_merge *merge, cairn_budget *budget);
 
 cairn_status cairn_map_merge_find_modes(cairn_map_merge *merge, cairn_budget *budget);
-void cairn_map_merge_sum(const cairn_map_merge *merge, const merge_map *to, const merge_map *from,
-                         const cairn_transform *t, int32_t begin, int32_t end, merge_sums *s);
+void cairn_map_merge_sum(const cairn_map_merge *merge, const map_merge_map *to,
+                         const map_merge_map *from, const cairn_transform *transform, int32_t begin,
+                         int32_t end, map_merge_sums *sums);
 
 /* Returns 1 when two poses differ by less than the tolerances in m and rad. */
 int cairn_map_merge_is_same(cairn_pose a, cairn_pose b, cairn_real metres, cairn_real radians);
 
 /* Inserts a mode into the list of the best `most` modes, best first. Non-maximum suppression: of
  * duplicates within the tolerances only the better one stays. */
-void cairn_map_merge_insert_mode(merge_mode *list, int32_t *count, int32_t most, merge_mode mode,
-                                 cairn_real metres, cairn_real radians);
+void cairn_map_merge_insert_mode(map_merge_mode *list, int32_t *count, int32_t most,
+                                 map_merge_mode mode, cairn_real metres, cairn_real radians);
 
 /* Scores a pose of map `map` against all neighbours; step_total() returns 1 when merge->total is
  * complete. */
@@ -495,9 +505,9 @@ int cairn_map_merge_step_lines(cairn_map_merge *merge, cairn_budget *budget);
 cairn_real cairn_map_merge_nats(const cairn_map_merge *merge, cairn_real agree,
                                 cairn_real conflict);
 
-static inline int merge_is_written(const cairn_map_merge_params *p)
+static inline int map_merge_is_written(const cairn_map_merge_params *params)
 {
-    return p->mode == CAIRN_MODE_AS_WRITTEN;
+    return params->mode == CAIRN_MODE_AS_WRITTEN;
 }
 
 /* ---- map_merge_score.c ---- */
@@ -509,7 +519,7 @@ void cairn_map_merge_score_at(const cairn_map_merge *merge, int32_t a, int32_t b
 
 /* ---- map_merge_filter.c ---- */
 
-cairn_particle_filter_params cairn_map_merge_filter_params(const cairn_map_merge_params *p);
+cairn_particle_filter_params cairn_map_merge_filter_params(const cairn_map_merge_params *params);
 cairn_particle_filter_model cairn_map_merge_model(cairn_map_merge *merge);
 cairn_status cairn_map_merge_run_filter(cairn_map_merge *merge, cairn_budget *budget);
 
@@ -519,25 +529,25 @@ int cairn_map_merge_collect_neighbours(cairn_map_merge *merge, const void *state
 
 /* Collects competing modes of a map relative to all neighbours, best first; returns their
  * number. */
-int32_t cairn_map_merge_places(const cairn_map_merge *merge, int32_t map, merge_mode *list,
+int32_t cairn_map_merge_places(const cairn_map_merge *merge, int32_t map, map_merge_mode *list,
                                int32_t most);
 
 /* Returns 1 when two particles have placed the same maps at the same poses. */
-int cairn_map_merge_is_same_history(const merge_state *a, const merge_state *b);
+int cairn_map_merge_is_same_history(const map_merge_state *a, const map_merge_state *b);
 
 /* ---- map_merge_image.c ---- */
 
 /* Compares image b, placed at a_b, with image a; step_images() returns 1 when all rows are added.
  * Four cells a unit. */
-void cairn_map_merge_begin_images(merge_images *c, const merge_map *a, const merge_map *b,
-                                  cairn_pose a_b);
-int cairn_map_merge_step_images(merge_images *c, const cairn_real *kernel, int32_t *paid,
-                                cairn_budget *budget);
+void cairn_map_merge_begin_images(map_merge_images *images, const map_merge_map *a,
+                                  const map_merge_map *b, cairn_pose a_b);
+int cairn_map_merge_step_images(map_merge_images *images, const cairn_real *kernel,
+                                int32_t *charged, cairn_budget *budget);
 
 /* Computes psi, disagreement, gamma and overlap from the sums. */
-void cairn_map_merge_end_images(const merge_images *c, cairn_map_merge_pair_score *score);
+void cairn_map_merge_end_images(const map_merge_images *images, cairn_map_merge_pair_score *score);
 
-/* Fills in exp(x (2 mu - x) / (2 sigma^2)) for distances 0 ... MERGE_MAX_DISTANCE in cells. */
+/* Fills in exp(x (2 mu - x) / (2 sigma^2)) for distances 0 ... MAP_MERGE_MAX_DISTANCE in cells. */
 void cairn_map_merge_set_kernel(cairn_real *kernel);
 
 /* Renders the neighbours into one image, merge->written->merged; returns 1 when done. Starts with
@@ -546,16 +556,16 @@ int cairn_map_merge_draw_merged(cairn_map_merge *merge, cairn_budget *budget);
 
 /* Returns the bounding box of a map's cells at a pose; the union of two boxes; 1 when an image of
  * the box fits. */
-cairn_box cairn_map_merge_box_of(const merge_map *map, cairn_pose pose);
+cairn_box cairn_map_merge_box_of(const map_merge_map *map, cairn_pose pose);
 cairn_box cairn_map_merge_join(cairn_box a, cairn_box b);
 int cairn_map_merge_has_capacity(const cairn_map_merge *merge, cairn_box box);
 
 /* ---- map_merge_corners.c ---- */
 
-enum { MERGE_CORRESPONDENCES = 3 };
+enum { MAP_MERGE_CORRESPONDENCES = 3 };
 
-/* Returns the least-squares rigid motion from the frame of from[MERGE_CORRESPONDENCES] to that of
- * to[]. */
+/* Returns the least-squares rigid motion from the frame of from[MAP_MERGE_CORRESPONDENCES] to that
+ * of to[]. */
 cairn_pose cairn_map_merge_motion_of(const cairn_vec2 *to, const cairn_vec2 *from);
 
 /* Computes the modes of every pair of maps as registrations of their most similar corners. */
@@ -565,14 +575,14 @@ cairn_status cairn_map_merge_register_corners(cairn_map_merge *merge, cairn_budg
 
 enum {
     /* factor of `particles`: bound on the particles while N_eff is at least half of them */
-    MERGE_GROWTH = 2,
+    MAP_MERGE_GROWTH = 2,
     /* factor of max_cells: bound on the cells of the merged map */
-    MERGE_MAX_MERGED_CELLS = 6,
+    MAP_MERGE_MAX_MERGED_CELLS = 6,
     /* maximum number of registrations in a particle's proposal */
-    MERGE_MAX_PLACES = 1024
+    MAP_MERGE_MAX_PLACES = 1024
 };
 
-cairn_particle_filter_params cairn_map_merge_written_params(const cairn_map_merge_params *p);
+cairn_particle_filter_params cairn_map_merge_written_params(const cairn_map_merge_params *params);
 cairn_particle_filter_model cairn_map_merge_written_model(cairn_map_merge *merge);
 cairn_status cairn_map_merge_run_written(cairn_map_merge *merge, cairn_budget *budget);
 cairn_status cairn_map_merge_end_written(cairn_map_merge *merge, cairn_budget *budget);

@@ -25,26 +25,26 @@ enum { MAX_CANDIDATES = 1 << 20 };
 
 /* Returns the number of candidates of a particle: merged maps times remaining maps, times the
  * registrations of a pair. */
-static int32_t places_of(const cairn_map_merge_params *p)
+static int32_t places_of(const cairn_map_merge_params *params)
 {
-    int32_t pairs = p->max_maps * p->max_maps / 4;
-    int32_t places = (pairs > 0 ? pairs : 1) * p->max_modes;
-    int32_t most = MAX_CANDIDATES / (MERGE_GROWTH * p->particles);
+    int32_t pairs = params->max_maps * params->max_maps / 4;
+    int32_t places = (pairs > 0 ? pairs : 1) * params->max_modes;
+    int32_t most = MAX_CANDIDATES / (MAP_MERGE_GROWTH * params->particles);
 
-    places = places < MERGE_MAX_PLACES ? places : MERGE_MAX_PLACES;
+    places = places < MAP_MERGE_MAX_PLACES ? places : MAP_MERGE_MAX_PLACES;
     return places < most ? places : most;
 }
 
-cairn_particle_filter_params cairn_map_merge_written_params(const cairn_map_merge_params *p)
+cairn_particle_filter_params cairn_map_merge_written_params(const cairn_map_merge_params *params)
 {
     cairn_particle_filter_params f = cairn_particle_filter_default();
 
-    f.particles = p->particles;
-    f.max_particles = MERGE_GROWTH * p->particles;
-    f.max_followers = MERGE_MAX_CANDIDATES;
-    f.max_candidates = f.max_particles * places_of(p);
-    f.max_blocks = f.max_particles * (p->max_maps + 1) + 1;
-    f.state_bytes = (int32_t)sizeof(merge_state);
+    f.particles = params->particles;
+    f.max_particles = MAP_MERGE_GROWTH * params->particles;
+    f.max_followers = MAP_MERGE_MAX_CANDIDATES;
+    f.max_candidates = f.max_particles * places_of(params);
+    f.max_blocks = f.max_particles * (params->max_maps + 1) + 1;
+    f.state_bytes = (int32_t)sizeof(map_merge_state);
     return f;
 }
 
@@ -60,13 +60,13 @@ static int is_near(const cairn_map_merge *merge, int32_t map)
 
 static int32_t registrations_of(const cairn_map_merge *merge, int32_t a, int32_t b)
 {
-    return merge->mode_count[a < b ? merge_pair(a, b) : merge_pair(b, a)];
+    return merge->mode_count[a < b ? map_merge_pair(a, b) : map_merge_pair(b, a)];
 }
 
 /* Returns registration `index` of map b with map a as a pose of b relative to a. */
 static cairn_pose registration_at(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index)
 {
-    size_t pair = (size_t)(a < b ? merge_pair(a, b) : merge_pair(b, a));
+    size_t pair = (size_t)(a < b ? map_merge_pair(a, b) : map_merge_pair(b, a));
     cairn_pose pose =
         merge->modes[pair * (size_t)merge->params.max_modes + (size_t)index].first_second;
 
@@ -92,13 +92,14 @@ static int32_t next_in_order(const cairn_map_merge *merge)
 }
 
 /* Adds the candidates of `map` by the registrations of that index, up to the capacity. */
-static void list_places(cairn_map_merge *merge, merge_places *places, int32_t map, int32_t index)
+static void list_places(cairn_map_merge *merge, map_merge_places *places, int32_t map,
+                        int32_t index)
 {
-    merge_written *w = merge->written;
+    map_merge_written *w = merge->written;
 
     for (int32_t i = 0; i < merge->neighbour_count && places->count < places_of(&merge->params);
          i++) {
-        merge_state *s = &w->candidates[w->candidate_count];
+        map_merge_state *s = &w->candidates[w->candidate_count];
 
         if (index >= registrations_of(merge, merge->neighbours[i], map))
             continue;
@@ -118,7 +119,7 @@ static void list_places(cairn_map_merge *merge, merge_places *places, int32_t ma
 
 /* Adds the most similar corners of all pairs first, so the least similar ones exceed the
  * capacity. */
-static void list_candidates(cairn_map_merge *merge, merge_places *places)
+static void list_candidates(cairn_map_merge *merge, map_merge_places *places)
 {
     int32_t next = next_in_order(merge);
 
@@ -131,20 +132,21 @@ static void list_candidates(cairn_map_merge *merge, merge_places *places)
 }
 
 /* Returns the log of the sum of Gaussians about all registrations of a candidate's map. */
-static cairn_real log_prior(const cairn_map_merge *merge, const merge_places *places,
-                            const merge_state *s)
+static cairn_real log_prior(const cairn_map_merge *merge, const map_merge_places *places,
+                            const map_merge_state *state)
 {
-    const merge_state *list = merge->written->candidates + places->first;
+    const map_merge_state *list = merge->written->candidates + places->first;
     cairn_real sum = 0;
 
     for (int32_t i = 0; i < places->count; i++) {
-        cairn_real x = (list[i].reference_map.x - s->reference_map.x) / PRIOR_SIGMA_M;
-        cairn_real y = (list[i].reference_map.y - s->reference_map.y) / PRIOR_SIGMA_M;
-        cairn_real turn = cairn_wrap_angle(list[i].reference_map.theta - s->reference_map.theta) /
-                          PRIOR_SIGMA_RAD;
+        cairn_real x = (list[i].reference_map.x - state->reference_map.x) / PRIOR_SIGMA_M;
+        cairn_real y = (list[i].reference_map.y - state->reference_map.y) / PRIOR_SIGMA_M;
+        cairn_real turn =
+            cairn_wrap_angle(list[i].reference_map.theta - state->reference_map.theta) /
+            PRIOR_SIGMA_RAD;
         cairn_real squared = x * x + y * y + turn * turn;
 
-        if (list[i].map == s->map && squared < 50)
+        if (list[i].map == state->map && squared < 50)
             sum += cairn_exp(-squared / 2);
     }
     return cairn_log(sum);
@@ -154,9 +156,9 @@ enum { PROPOSAL_FIND, PROPOSAL_DRAW, PROPOSAL_LIST, PROPOSAL_SCORE, PROPOSAL_EMI
 
 /* Shares the candidates of an earlier particle of the same history; returns 0 when there is
  * none. */
-static int find_places(cairn_map_merge *merge, int32_t index, const merge_state *state)
+static int find_places(cairn_map_merge *merge, int32_t index, const map_merge_state *state)
 {
-    merge_places *places = merge->written->places;
+    map_merge_places *places = merge->written->places;
 
     places[index].state = state;
     places[index].first = places[index].count = 0;
@@ -170,12 +172,13 @@ static int find_places(cairn_map_merge *merge, int32_t index, const merge_state 
 }
 
 /* Computes prior mass, Psi and gamma of every candidate. */
-static int score_places(cairn_map_merge *merge, const merge_places *places, cairn_budget *budget)
+static int score_places(cairn_map_merge *merge, const map_merge_places *places,
+                        cairn_budget *budget)
 {
-    merge_written *w = merge->written;
+    map_merge_written *w = merge->written;
 
     for (; w->at < places->count; w->at++, w->stage = 0) {
-        merge_state *s = &w->candidates[places->first + w->at];
+        map_merge_state *s = &w->candidates[places->first + w->at];
         cairn_map_merge_pair_score score;
 
         if (w->stage == 0) {
@@ -197,27 +200,28 @@ static int score_places(cairn_map_merge *merge, const merge_places *places, cair
 
 /* Accumulates Psi and gamma. gamma is relative to the first candidate's: the sum of equal ones is
  * then 0 despite rounding. */
-static void add_image_scores(merge_written *w, const merge_state *s)
+static void add_image_scores(map_merge_written *written, const map_merge_state *state)
 {
-    if (w->emitted == 0) {
-        w->gamma_first = s->gamma;
-        w->psi_sum = w->gamma_sum = w->gamma_min = 0;
+    if (written->emitted == 0) {
+        written->gamma_first = state->gamma;
+        written->psi_sum = written->gamma_sum = written->gamma_min = 0;
     }
-    w->psi_sum += s->psi;
-    w->gamma_sum += s->gamma - w->gamma_first;
-    w->gamma_min = cairn_min(w->gamma_min, s->gamma - w->gamma_first);
-    w->emitted++;
+    written->psi_sum += state->psi;
+    written->gamma_sum += state->gamma - written->gamma_first;
+    written->gamma_min = cairn_min(written->gamma_min, state->gamma - written->gamma_first);
+    written->emitted++;
 }
 
 /* Returns log(Psi~ gamma~), each normalized over the candidates of all particles; 0 where a sum is
  * 0. */
-static cairn_real log_images(const merge_written *w, const merge_state *s)
+static cairn_real log_images(const map_merge_written *written, const map_merge_state *state)
 {
-    cairn_real gammas = w->gamma_sum - (cairn_real)w->emitted * w->gamma_min;
-    cairn_real psi = w->psi_sum > 0 ? s->psi / w->psi_sum : 1;
-    cairn_real gamma = gammas > 0 ? (s->gamma - w->gamma_first - w->gamma_min) / gammas : 1;
+    cairn_real gammas = written->gamma_sum - (cairn_real)written->emitted * written->gamma_min;
+    cairn_real psi = written->psi_sum > 0 ? state->psi / written->psi_sum : 1;
+    cairn_real gamma =
+        gammas > 0 ? (state->gamma - written->gamma_first - written->gamma_min) / gammas : 1;
 
-    if (w->emitted < 2)
+    if (written->emitted < 2)
         return 0;
     return psi * gamma > 0 ? cairn_log(psi * gamma) : -CAIRN_REAL_MAX;
 }
@@ -226,11 +230,11 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
                             cairn_budget *budget)
 {
     cairn_map_merge *merge = context;
-    merge_written *w = merge->written;
-    merge_places *places = &w->places[index];
+    map_merge_written *w = merge->written;
+    map_merge_places *places = &w->places[index];
 
     if (merge->proposals.stage == PROPOSAL_FIND) {
-        const merge_state *state = cairn_particle_filter_particle(filter, index).state;
+        const map_merge_state *state = cairn_particle_filter_particle(filter, index).state;
 
         if (!cairn_budget_charge(budget, &merge->units_charged, 1 + index + merge->map_count))
             return CAIRN_MORE;
@@ -260,7 +264,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     if (!cairn_budget_charge(budget, &merge->units_charged, 1 + places->count / 4))
         return CAIRN_MORE;
     for (int32_t i = 0; i < places->count; i++) {
-        const merge_state *s = &w->candidates[places->first + i];
+        const map_merge_state *s = &w->candidates[places->first + i];
         cairn_status status = cairn_particle_filter_offer(filter, s, s->log_ratio);
 
         CAIRN_ASSERT(status == CAIRN_OK);
@@ -309,7 +313,7 @@ static void gather_connected(cairn_map_merge *merge)
 
 static void begin_filter(cairn_map_merge *merge)
 {
-    const merge_state first = {merge->reference, -1, {0, 0, 0}, 0, 0, 0};
+    const map_merge_state first = {merge->reference, -1, {0, 0, 0}, 0, 0, 0};
     cairn_status status = cairn_particle_filter_clear(merge->filter, merge->params.seed);
 
     CAIRN_ASSERT(status == CAIRN_OK);
@@ -320,15 +324,15 @@ static void begin_filter(cairn_map_merge *merge)
     merge->written->steps = merge->neighbour_count - 1;
     merge->written->peak_particles = 1;
     merge->filter_steps = 0;
-    merge->phase = MERGE_FILTER;
+    merge->phase = MAP_MERGE_FILTER;
     merge->cursor = 0;
 }
 
 cairn_status cairn_map_merge_run_written(cairn_map_merge *merge, cairn_budget *budget)
 {
-    merge_written *w = merge->written;
+    map_merge_written *w = merge->written;
 
-    if (merge->phase != MERGE_FILTER) {
+    if (merge->phase != MAP_MERGE_FILTER) {
         if (!cairn_budget_charge(budget, &merge->units_charged,
                                  1 + merge->map_count * merge->map_count))
             return CAIRN_MORE;
@@ -368,9 +372,10 @@ static cairn_real weight_of(const cairn_map_merge *merge, int32_t map)
     for (int32_t i = 0; i < cairn_particle_filter_count(merge->filter); i++) {
         cairn_particle p = cairn_particle_filter_particle(merge->filter, i);
 
-        for (const merge_state *s = p.state; s != NULL; s = cairn_particle_filter_state_before(s))
+        for (const map_merge_state *s = p.state; s != NULL;
+             s = cairn_particle_filter_state_before(s))
             if (s->map == map && cairn_map_merge_is_same(s->reference_map, merge->check.pose[map],
-                                                         MERGE_SAME_M, MERGE_SAME_RAD))
+                                                         MAP_MERGE_SAME_M, MAP_MERGE_SAME_RAD))
                 sum += cairn_exp(p.log_weight);
     }
     return sum;
@@ -379,9 +384,9 @@ static cairn_real weight_of(const cairn_map_merge *merge, int32_t map)
 /* Copies the maps of the best particle, in the order of merging. */
 static void take_best(cairn_map_merge *merge)
 {
-    const merge_state *best = cairn_particle_filter_particle(
-                                  merge->filter, cairn_particle_filter_read(merge->filter).best)
-                                  .state;
+    const map_merge_state *best = cairn_particle_filter_particle(
+                                      merge->filter, cairn_particle_filter_read(merge->filter).best)
+                                      .state;
 
     (void)cairn_map_merge_collect_neighbours(merge, best);
     memset(&merge->check, 0, sizeof merge->check);
@@ -396,7 +401,7 @@ static void take_best(cairn_map_merge *merge)
         merge->placed[i].error_probability = 1;
     }
     merge->check.count = merge->neighbour_count;
-    for (const merge_state *s = best; s != NULL; s = cairn_particle_filter_state_before(s)) {
+    for (const map_merge_state *s = best; s != NULL; s = cairn_particle_filter_state_before(s)) {
         cairn_map_merge_placed *p = &merge->placed[s->map];
 
         merge->check.list[--merge->neighbour_count] = s->map;
@@ -411,12 +416,12 @@ static void take_best(cairn_map_merge *merge)
 
 cairn_status cairn_map_merge_end_written(cairn_map_merge *merge, cairn_budget *budget)
 {
-    if (merge->phase != MERGE_CHECK) {
+    if (merge->phase != MAP_MERGE_CHECK) {
         if (!cairn_budget_charge(budget, &merge->units_charged,
                                  1 + merge->map_count * merge->map_count))
             return CAIRN_MORE;
         take_best(merge);
-        merge->phase = MERGE_CHECK;
+        merge->phase = MAP_MERGE_CHECK;
         merge->cursor = 1;
     }
     for (; merge->cursor < merge->check.count; merge->cursor++) {

@@ -123,7 +123,7 @@ static int has_new_hypothesis(const cairn_mapper *mapper)
  * low. */
 static int is_keyframe(const cairn_mapper *mapper, cairn_pose map_scan)
 {
-    cairn_pose key_scan;
+    cairn_pose step;
 
     if (mapper->keyframe_count == 0)
         return 1;
@@ -132,10 +132,10 @@ static int is_keyframe(const cairn_mapper *mapper, cairn_pose map_scan)
     if (mapper->result.overlap < mapper->params.keyframe_min_overlap &&
         mapper->scans_since_keyframe >= MIN_SCANS_BETWEEN_KEYFRAMES)
         return 1;
-    key_scan = cairn_pose_between(mapper->keyframe_pose[mapper->keyframe_count - 1], map_scan);
-    return key_scan.x * key_scan.x + key_scan.y * key_scan.y >
+    step = cairn_pose_between(mapper->keyframe_pose[mapper->keyframe_count - 1], map_scan);
+    return step.x * step.x + step.y * step.y >
                mapper->params.keyframe_distance * mapper->params.keyframe_distance ||
-           cairn_abs(key_scan.theta) > mapper->params.keyframe_angle;
+           cairn_abs(step.theta) > mapper->params.keyframe_angle;
 }
 
 /* Stores the current scan as a keyframe. A force field run in progress ends with the poses reached
@@ -151,12 +151,11 @@ static cairn_status store_keyframe(cairn_mapper *mapper, const cairn_scan_view *
         mapper->full = 1;
         return status;
     }
-    if (mapper->window_phase == WINDOW_RUN) {
-        cairn_pose key_scan =
-            cairn_pose_between(mapper->keyframe_pose[keyframe - 1], result->map_scan);
+    if (mapper->window_phase == MAPPER_WINDOW_RUN) {
+        cairn_pose step = cairn_pose_between(mapper->keyframe_pose[keyframe - 1], result->map_scan);
 
         cairn_mapper_read_window(mapper);
-        result->map_scan = cairn_pose_compose(mapper->keyframe_pose[keyframe - 1], key_scan);
+        result->map_scan = cairn_pose_compose(mapper->keyframe_pose[keyframe - 1], step);
     }
     mapper->slot[keyframe] = slot;
     mapper->keyframe_count++;
@@ -168,7 +167,7 @@ static cairn_status store_keyframe(cairn_mapper *mapper, const cairn_scan_view *
         cairn_mapper_constrain_keyframe(mapper, &mapper->loop.constraints[keyframe]);
     if (mapper->params.cull_keyframes)
         mapper->loop.redundancy.score[keyframe] = -1;
-    mapper->window_phase = WINDOW_IDLE;
+    mapper->window_phase = MAPPER_WINDOW_IDLE;
     if (mapper->params.window && keyframe > 0 && !cairn_mapper_loops_lag(mapper))
         cairn_mapper_begin_window(mapper);
     return status;
@@ -235,7 +234,7 @@ static int32_t quota_left(const cairn_mapper *mapper)
 {
     if (cairn_mapper_must_cull(mapper))
         return CAIRN_UNBOUNDED;
-    if (mapper->window_phase != WINDOW_IDLE)
+    if (mapper->window_phase != MAPPER_WINDOW_IDLE)
         return mapper->window_quota;
     return mapper->loop.graph != NULL ? mapper->loop.quota : 0;
 }
@@ -258,7 +257,7 @@ static void begin_background(cairn_mapper *mapper)
 static cairn_status background_step(cairn_mapper *mapper, cairn_budget *budget)
 {
     int32_t quota = quota_left(mapper), most = budget->left < quota ? budget->left : quota;
-    int32_t is_window = mapper->window_phase != WINDOW_IDLE;
+    int32_t is_window = mapper->window_phase != MAPPER_WINDOW_IDLE;
     cairn_budget share = {most};
     cairn_status status =
         is_window ? cairn_mapper_window_step(mapper, &share)

@@ -201,7 +201,7 @@ cairn_status cairn_mapper_optimize_step(cairn_mapper *mapper, cairn_budget *budg
     status = cairn_pose_graph_step(loop->graph, budget);
     if (status == CAIRN_MORE)
         return status;
-    loop->phase = LOOP_IDLE;
+    loop->phase = MAPPER_LOOP_IDLE;
     loop->cursor = 0;
     loop->unsolved_closures = loop->keyframes_since_solve = 0;
     loop->largest_chi2 = 0;

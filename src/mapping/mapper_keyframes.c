@@ -151,9 +151,9 @@ cairn_vec2 cairn_mapper_bearing_direction(int32_t bearing)
 void cairn_mapper_store_visibility(cairn_mapper *mapper, int32_t keyframe,
                                    const cairn_scan_view *view)
 {
-    uint16_t *sight = &mapper->visibility[(size_t)mapper->slot[keyframe] * MAPPER_BEARINGS];
+    uint16_t *profile = &mapper->visibility[(size_t)mapper->slot[keyframe] * MAPPER_BEARINGS];
 
-    memset(sight, 0, MAPPER_BEARINGS * sizeof *sight);
+    memset(profile, 0, MAPPER_BEARINGS * sizeof *profile);
     for (int32_t i = 0; i < view->beam_count; i++) {
         cairn_vec2 d = cairn_vec2_sub(view->beams[i].to, view->sensor);
         int32_t bearing = cairn_mapper_bearing_of(d), range;
@@ -161,24 +161,24 @@ void cairn_mapper_store_visibility(cairn_mapper *mapper, int32_t keyframe,
         if (view->beams[i].kind == CAIRN_SCAN_BEAM_UNKNOWN)
             continue;
         range = cairn_real_to_int(cairn_min(100 * cairn_vec2_norm(d), UINT16_MAX));
-        if (range > 0 && (sight[bearing] == 0 || range < sight[bearing]))
-            sight[bearing] = (uint16_t)range;
+        if (range > 0 && (profile[bearing] == 0 || range < profile[bearing]))
+            profile[bearing] = (uint16_t)range;
     }
 }
 
 int32_t cairn_mapper_visibility_beams(const cairn_mapper *mapper, int32_t keyframe,
                                       cairn_scan_beam *beams)
 {
-    const uint16_t *sight = &mapper->visibility[(size_t)mapper->slot[keyframe] * MAPPER_BEARINGS];
+    const uint16_t *profile = &mapper->visibility[(size_t)mapper->slot[keyframe] * MAPPER_BEARINGS];
     cairn_vec2 sensor = cairn_mapper_keyframe_record(mapper, keyframe)->sensor;
     int32_t count = 0;
 
     for (int32_t i = 0; i < MAPPER_BEARINGS; i++) {
-        if (sight[i] == 0)
+        if (profile[i] == 0)
             continue;
         beams[count].from = sensor;
         beams[count].to = cairn_vec2_add(sensor, cairn_vec2_scale(cairn_mapper_bearing_direction(i),
-                                                                  (cairn_real)sight[i] / 100));
+                                                                  (cairn_real)profile[i] / 100));
         beams[count].kind = CAIRN_SCAN_BEAM_HIT;
         count++;
     }

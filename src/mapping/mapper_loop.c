@@ -238,7 +238,7 @@ static void begin_candidate(cairn_mapper *mapper)
     loop->target_end = loop->target_from + mapper->params.loop.target_keyframes;
     if (loop->target_end > last)
         loop->target_end = last;
-    loop->phase = LOOP_BUILD_TARGET;
+    loop->phase = MAPPER_LOOP_BUILD_TARGET;
 }
 
 /* Returns 1 when a keyframe is farther from the candidate than the path between them can be. Those
@@ -281,7 +281,7 @@ static void begin_match(cairn_mapper *mapper, cairn_budget *budget)
     window.distance = cairn_min(search_reach(mapper, keyframe) + CAIRN_REAL(0.2),
                                 mapper->params.loop.search_radius);
     window.angle = 3 * cairn_sqrt(loop->heading_variance[keyframe]) + CAIRN_REAL(0.1);
-    loop->phase = LOOP_MATCH;
+    loop->phase = MAPPER_LOOP_MATCH;
     budget->left -= 2 + loop->query_part.count / 4;
     if (cairn_scan_match_begin(mapper->search, &loop->query_part,
                                mapper->keyframe_pose[loop->query], &window, NULL) != CAIRN_OK)
@@ -290,8 +290,8 @@ static void begin_match(cairn_mapper *mapper, cairn_budget *budget)
 
 void cairn_mapper_preempt_loop_match(cairn_mapper *mapper)
 {
-    if (mapper->loop.phase == LOOP_BUILD_TARGET || mapper->loop.phase == LOOP_MATCH)
-        mapper->loop.phase = LOOP_BEGIN_CANDIDATE;
+    if (mapper->loop.phase == MAPPER_LOOP_BUILD_TARGET || mapper->loop.phase == MAPPER_LOOP_MATCH)
+        mapper->loop.phase = MAPPER_LOOP_BEGIN_CANDIDATE;
 }
 
 /* ---- Verification ---- */
@@ -393,19 +393,19 @@ static cairn_real prior_cost(const cairn_mapper *mapper, const mapper_pending *c
 /* Returns the covariance of a closure, inflated along a weakly observable direction: the few points
  * there may be on a dynamic object. */
 static cairn_sym3 closure_covariance(const cairn_mapper *mapper,
-                                     const cairn_scan_match_hypothesis *h)
+                                     const cairn_scan_match_hypothesis *hypothesis)
 {
-    cairn_real covariance[9], x = MAPPER_LOW_CONFIDENCE_M * h->weak_direction[0],
-                              y = MAPPER_LOW_CONFIDENCE_M * h->weak_direction[1];
+    cairn_real covariance[9], x = MAPPER_LOW_CONFIDENCE_M * hypothesis->weak_direction[0],
+                              y = MAPPER_LOW_CONFIDENCE_M * hypothesis->weak_direction[1];
 
-    memcpy(covariance, h->covariance, sizeof covariance);
-    if (h->weak_ratio < MAPPER_MIN_INFORMATION_RATIO) {
+    memcpy(covariance, hypothesis->covariance, sizeof covariance);
+    if (hypothesis->weak_ratio < MAPPER_MIN_INFORMATION_RATIO) {
         covariance[0] += x * x;
         covariance[1] += x * y;
         covariance[3] += x * y;
         covariance[4] += y * y;
     }
-    return cairn_mapper_own_covariance(mapper, covariance, h->target_query.theta);
+    return cairn_mapper_own_covariance(mapper, covariance, hypothesis->target_query.theta);
 }
 
 /* Verifies the match of the current candidate: accepts, defers or rejects the closure. */
@@ -457,7 +457,7 @@ static int32_t settled_keyframes(const cairn_mapper *mapper)
     return keys > mapper->params.window_free ? keys - mapper->params.window_free : 0;
 }
 
-/* Chooses the next task; CAIRN_OK with phase LOOP_IDLE: none. */
+/* Chooses the next task; CAIRN_OK with phase MAPPER_LOOP_IDLE: none. */
 static cairn_status begin_next(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
@@ -469,10 +469,10 @@ static cairn_status begin_next(cairn_mapper *mapper, cairn_budget *budget)
     if (may_release && (loop->unsolved_closures == 0 || loop->factor_full)) {
         cairn_mapper_begin_redundancy(mapper);
         budget->left -= 1;
-        loop->phase = LOOP_REDUNDANCY;
+        loop->phase = MAPPER_LOOP_REDUNDANCY;
     } else if (may_release || cairn_mapper_needs_optimization(mapper) ||
                (!has_next && loop->settling && loop->unsolved_closures > 0 && !loop->factor_full)) {
-        loop->phase = LOOP_OPTIMIZE;
+        loop->phase = MAPPER_LOOP_OPTIMIZE;
     } else if (has_next) {
         loop->query = loop->graph_keyframes;
         status = cairn_mapper_add_to_graph(mapper);
@@ -480,7 +480,7 @@ static cairn_status begin_next(cairn_mapper *mapper, cairn_budget *budget)
         loop->keyframes_since_solve++;
         if (loop->query > mapper->params.loop.min_keyframe_gap &&
             cairn_mapper_point_count(mapper, loop->query) > 0)
-            loop->phase = LOOP_RESET_PATHS;
+            loop->phase = MAPPER_LOOP_RESET_PATHS;
     }
     return status;
 }
@@ -491,61 +491,61 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
     cairn_status status = CAIRN_OK;
 
     switch (loop->phase) {
-    case LOOP_RESET_PATHS:
+    case MAPPER_LOOP_RESET_PATHS:
         begin_distances(mapper);
         budget->left -= 1 + loop->graph_keyframes / KEYFRAMES_PER_UNIT;
-        loop->phase = LOOP_PATH_VARIANCE;
+        loop->phase = MAPPER_LOOP_PATH_VARIANCE;
         break;
-    case LOOP_PATH_VARIANCE:
+    case MAPPER_LOOP_PATH_VARIANCE:
         if (distance_item(mapper, budget)) {
             loop->candidate_count = loop->in_run = loop->cursor = 0;
-            loop->phase = LOOP_SELECT_CANDIDATES;
+            loop->phase = MAPPER_LOOP_SELECT_CANDIDATES;
         }
         break;
-    case LOOP_SELECT_CANDIDATES:
+    case MAPPER_LOOP_SELECT_CANDIDATES:
         budget->left -= 1;
         if (!choose_item(mapper))
             break;
         loop->candidate = 0;
-        loop->phase = LOOP_IDLE;
+        loop->phase = MAPPER_LOOP_IDLE;
         if (loop->candidate_count > 0) {
             loop->query_part = cairn_mapper_keyframe_part(mapper, loop->query, loop->query_points,
                                                           loop->query_beams);
             budget->left -= 2 + loop->query_part.count / 4 + loop->query_part.beam_count / 4;
-            loop->phase = LOOP_BEGIN_CANDIDATE;
+            loop->phase = MAPPER_LOOP_BEGIN_CANDIDATE;
         }
         break;
-    case LOOP_BEGIN_CANDIDATE:
+    case MAPPER_LOOP_BEGIN_CANDIDATE:
         budget->left -= 1;
         begin_candidate(mapper);
         break;
-    case LOOP_BUILD_TARGET:
+    case MAPPER_LOOP_BUILD_TARGET:
         if (loop->target_from < loop->target_end)
             target_item(mapper, budget);
         else
             begin_match(mapper, budget);
         break;
-    case LOOP_MATCH:
+    case MAPPER_LOOP_MATCH:
         status = cairn_scan_match_step(mapper->search, budget);
         if (status != CAIRN_OK)
             break;
         verify(mapper);
         budget->left -= 8 + 4 * MAPPER_MAX_PENDING;
-        loop->phase = LOOP_IDLE;
+        loop->phase = MAPPER_LOOP_IDLE;
         if (++loop->candidate < loop->candidate_count)
-            loop->phase = LOOP_BEGIN_CANDIDATE;
+            loop->phase = MAPPER_LOOP_BEGIN_CANDIDATE;
         break;
-    case LOOP_REDUNDANCY:
+    case MAPPER_LOOP_REDUNDANCY:
         if (!cairn_mapper_redundancy_item(mapper, cairn_mapper_cull_end(mapper), budget))
             break;
         status = cairn_mapper_cull_keyframe(
             mapper, cairn_mapper_most_redundant(mapper, cairn_mapper_cull_end(mapper)), budget);
-        loop->phase = LOOP_COMPACT;
+        loop->phase = MAPPER_LOOP_COMPACT;
         break;
-    case LOOP_COMPACT:
+    case MAPPER_LOOP_COMPACT:
         status = cairn_scan_set_pack(mapper->keyframes, budget);
         if (status == CAIRN_OK)
-            loop->phase = LOOP_IDLE;
+            loop->phase = MAPPER_LOOP_IDLE;
         break;
     default:
         status = cairn_mapper_optimize_step(mapper, budget);
@@ -554,17 +554,19 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
     return status;
 }
 
-cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget, int32_t until_room)
+cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget,
+                                    int32_t until_capacity)
 {
     mapper_loop *loop = &mapper->loop;
     cairn_status status = CAIRN_OK;
 
     while (status == CAIRN_OK) {
-        if (budget->left <= 0 || (until_room && !cairn_mapper_must_cull(mapper)))
+        if (budget->left <= 0 || (until_capacity && !cairn_mapper_must_cull(mapper)))
             return CAIRN_MORE;
-        if (loop->phase == LOOP_IDLE) {
+        if (loop->phase == MAPPER_LOOP_IDLE) {
             status = begin_next(mapper, budget);
-            if (loop->phase == LOOP_IDLE && loop->graph_keyframes >= settled_keyframes(mapper))
+            if (loop->phase == MAPPER_LOOP_IDLE &&
+                loop->graph_keyframes >= settled_keyframes(mapper))
                 break;
         } else {
             status = loop_item(mapper, budget);

@@ -31,7 +31,7 @@ void cairn_mapper_begin_window(cairn_mapper *mapper)
 {
     mapper->window_end = mapper->keyframe_count;
     mapper->window_first = mapper->window_cursor = window_begin(mapper);
-    mapper->window_phase = WINDOW_FILL;
+    mapper->window_phase = MAPPER_WINDOW_FILL;
     cairn_force_field_clear(mapper->field);
 }
 
@@ -51,9 +51,9 @@ static cairn_status fill_item(cairn_mapper *mapper, cairn_budget *budget)
         status = cairn_force_field_fix(mapper->field, keyframe - mapper->window_first, 1);
     budget->left -= 2 + view.point_count / 2;
     if (mapper->window_cursor == mapper->window_end)
-        mapper->window_phase = WINDOW_RUN;
+        mapper->window_phase = MAPPER_WINDOW_RUN;
     if (status == CAIRN_BAD_ARGUMENT) {
-        mapper->window_phase = WINDOW_IDLE;
+        mapper->window_phase = MAPPER_WINDOW_IDLE;
         return CAIRN_OK;
     }
     return status;
@@ -71,24 +71,24 @@ void cairn_mapper_read_window(cairn_mapper *mapper)
 
 void cairn_mapper_end_window(cairn_mapper *mapper)
 {
-    if (mapper->window_phase == WINDOW_RUN) {
+    if (mapper->window_phase == MAPPER_WINDOW_RUN) {
         cairn_mapper_read_window(mapper);
         mapper->result.map_scan = cairn_pose_compose(mapper->keyframe_pose[mapper->result.keyframe],
                                                      mapper->result.keyframe_scan);
     }
-    mapper->window_phase = WINDOW_IDLE;
+    mapper->window_phase = MAPPER_WINDOW_IDLE;
 }
 
 cairn_status cairn_mapper_window_step(cairn_mapper *mapper, cairn_budget *budget)
 {
     cairn_status status = CAIRN_OK;
 
-    while (status == CAIRN_OK && mapper->window_phase == WINDOW_FILL) {
+    while (status == CAIRN_OK && mapper->window_phase == MAPPER_WINDOW_FILL) {
         if (budget->left <= 0)
             return CAIRN_MORE;
         status = fill_item(mapper, budget);
     }
-    if (status != CAIRN_OK || mapper->window_phase == WINDOW_IDLE)
+    if (status != CAIRN_OK || mapper->window_phase == MAPPER_WINDOW_IDLE)
         return status;
     status = cairn_force_field_step(mapper->field, budget);
     if (status != CAIRN_OK)

@@ -43,17 +43,17 @@ static struct likelihood_terms terms_of_static(int32_t seen)
 {
     struct likelihood_terms likelihood_terms = {0, 0};
 
-    if (seen & CAIRN_OBSERVED_PARALLEL)
+    if (seen & PLACE_MAP_OBSERVED_PARALLEL)
         likelihood_terms.pro = PARALLEL_NATS;
-    else if (seen & CAIRN_OBSERVED_ROUGH)
+    else if (seen & PLACE_MAP_OBSERVED_ROUGH)
         likelihood_terms.pro = ROUGH_NATS;
-    else if (seen & CAIRN_OBSERVED_OPPOSITE)
+    else if (seen & PLACE_MAP_OBSERVED_OPPOSITE)
         likelihood_terms.pro = OPPOSITE_NATS;
-    else if (seen & CAIRN_OBSERVED_DYNAMIC)
+    else if (seen & PLACE_MAP_OBSERVED_DYNAMIC)
         likelihood_terms.pro = DYNAMIC_NATS;
-    if (seen & CAIRN_OBSERVED_FREE)
+    if (seen & PLACE_MAP_OBSERVED_FREE)
         likelihood_terms.contra =
-            seen & CAIRN_OBSERVED_SURFACE ? CONTESTED_PENALTY_NATS : FREE_PENALTY_NATS;
+            seen & PLACE_MAP_OBSERVED_SURFACE ? CONTESTED_PENALTY_NATS : FREE_PENALTY_NATS;
     return likelihood_terms;
 }
 
@@ -61,26 +61,26 @@ static struct likelihood_terms terms_of_dynamic(int32_t seen)
 {
     struct likelihood_terms likelihood_terms = {0, 0};
 
-    if (seen & (CAIRN_OBSERVED_DYNAMIC | CAIRN_OBSERVED_ROUGH))
+    if (seen & (PLACE_MAP_OBSERVED_DYNAMIC | PLACE_MAP_OBSERVED_ROUGH))
         likelihood_terms.pro = DYNAMIC_DYNAMIC_NATS;
-    else if (seen & CAIRN_OBSERVED_SURFACE)
+    else if (seen & PLACE_MAP_OBSERVED_SURFACE)
         likelihood_terms.pro = DYNAMIC_SURFACE_NATS;
-    if (seen & CAIRN_OBSERVED_FREE)
+    if (seen & PLACE_MAP_OBSERVED_FREE)
         likelihood_terms.contra = DYNAMIC_FREE_PENALTY_NATS;
     return likelihood_terms;
 }
 
 static struct likelihood_terms terms_of(const cairn_place_map *map, int32_t point, int32_t seen)
 {
-    return map->point_class[point] & CAIRN_POINT_DYNAMIC_CANDIDATE ? terms_of_dynamic(seen)
-                                                                   : terms_of_static(seen);
+    return map->point_class[point] & PLACE_MAP_POINT_DYNAMIC_CANDIDATE ? terms_of_dynamic(seen)
+                                                                       : terms_of_static(seen);
 }
 
 /* Returns the union of all observations at a point of the map. */
 static int32_t observed_by_all(const cairn_place_map *map, int32_t count,
                                cairn_oriented_point point)
 {
-    int32_t seen = CAIRN_OBSERVED_UNKNOWN;
+    int32_t seen = PLACE_MAP_OBSERVED_UNKNOWN;
 
     for (int32_t k = 0; k < count; k++)
         seen |= cairn_place_map_observed(
@@ -102,7 +102,7 @@ static int32_t count_observers(const cairn_place_map *map, int32_t count,
                     map, map->observing_places[k],
                     cairn_transform_point(map->observer_map[k], point.position),
                     cairn_transform_direction(map->observer_map[k], point.direction)) &
-                CAIRN_OBSERVED_SURFACE) != 0;
+                PLACE_MAP_OBSERVED_SURFACE) != 0;
     return saw;
 }
 
@@ -117,10 +117,10 @@ static cairn_oriented_point placed_point(cairn_transform transform, cairn_orient
 static void add_own_points(const cairn_place_map *map, int32_t place, cairn_pose map_place,
                            int32_t count, struct likelihood_terms *sum)
 {
-    const cairn_place *here = &map->places[place];
+    const place_map_place *here = &map->places[place];
 
     for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++) {
-        const cairn_place_scan *scan = &map->scans[s];
+        const place_map_place_scan *scan = &map->scans[s];
         cairn_transform transform =
             cairn_transform_of(cairn_pose_compose(map_place, scan->place_scan));
 
@@ -141,11 +141,11 @@ static int32_t add_points_of_other(const cairn_place_map *map, int32_t place,
                                    cairn_pose map_observer, int32_t count,
                                    struct likelihood_terms *sum)
 {
-    const cairn_place *there = &map->places[observer];
+    const place_map_place *there = &map->places[observer];
     int32_t lookups = there->point_count;
 
     for (int32_t s = there->first_scan; s < there->first_scan + there->scan_count; s++) {
-        const cairn_place_scan *scan = &map->scans[s];
+        const place_map_place_scan *scan = &map->scans[s];
         cairn_transform transform =
             cairn_transform_of(cairn_pose_compose(map_observer, scan->place_scan));
 
@@ -157,7 +157,7 @@ static int32_t add_points_of_other(const cairn_place_map *map, int32_t place,
             struct likelihood_terms likelihood_terms = terms_of(map, i, seen);
             cairn_real share;
 
-            if (seen == CAIRN_OBSERVED_UNKNOWN)
+            if (seen == PLACE_MAP_OBSERVED_UNKNOWN)
                 continue;
             share = 1 / (cairn_real)(1 + count_observers(map, count, in_map, observer));
             sum->pro += share * likelihood_terms.pro;
@@ -180,7 +180,7 @@ static cairn_real shared_free_area(const cairn_place_map *map, int32_t place, ca
         cairn_oriented_point point = {cairn_place_map_free_point(map, place, i), none};
 
         point.position = cairn_transform_point(transform, point.position);
-        shared += (observed_by_all(map, count, point) & CAIRN_OBSERVED_FREE) != 0;
+        shared += (observed_by_all(map, count, point) & PLACE_MAP_OBSERVED_FREE) != 0;
     }
     return (cairn_real)shared * cairn_place_map_free_area(map);
 }
@@ -190,7 +190,7 @@ cairn_real cairn_place_map_joint_likelihood(const cairn_place_map *map, int32_t 
                                             const int32_t *parts, int32_t part, cairn_real *against,
                                             int32_t *units)
 {
-    const cairn_place *here = &map->places[place];
+    const place_map_place *here = &map->places[place];
     cairn_transform place_map = cairn_transform_of(cairn_pose_inverse(map_place));
     struct likelihood_terms sum = {0, 0};
     int32_t count = 0, lookups;

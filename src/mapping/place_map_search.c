@@ -19,7 +19,7 @@ static const cairn_real MIN_PAIR_NATS = -3;
 /* m: a place that the consensus moves farther changes the map. */
 static const cairn_real MAX_UNMOVED_M = CAIRN_REAL(0.3);
 
-void cairn_place_map_enter(cairn_place_map *map, cairn_place_map_phase phase)
+void cairn_place_map_enter(cairn_place_map *map, place_map_phase phase)
 {
     map->phase = phase;
     map->item = map->inner_running = 0;
@@ -32,8 +32,8 @@ static void visibility_item(cairn_place_map *map)
     size_t cells = (size_t)map->visibility_side * (size_t)map->visibility_side;
 
     if (map->item == 0) {
-        memset(map->visibility + (size_t)map->place * cells, CAIRN_VISIBILITY_UNKNOWN, cells);
-        map->units_owed += 1 + (int32_t)(cells / CELLS_PER_UNIT);
+        memset(map->visibility + (size_t)map->place * cells, PLACE_MAP_VISIBILITY_UNKNOWN, cells);
+        map->units_due += 1 + (int32_t)(cells / CELLS_PER_UNIT);
     }
     if (cairn_place_map_visibility_item(map, map->place, map->item)) {
         map->item++;
@@ -53,15 +53,15 @@ static void visibility_item(cairn_place_map *map)
 
 /* Copies the points of a scan for matching: without dynamic-object candidates, until a map shows
  * which of them are static. */
-static int32_t copy_points(const cairn_place_map *map, const cairn_place_scan *scan,
+static int32_t copy_points(const cairn_place_map *map, const place_map_place_scan *scan,
                            cairn_pose pose, cairn_oriented_point *out)
 {
     cairn_transform t = cairn_transform_of(pose);
     int32_t count = 0;
 
     for (int32_t i = scan->first_point; i < scan->first_point + scan->point_count; i++)
-        if (map->round > 0 ? map->point_class[i] < CAIRN_POINT_INVALIDATED
-                           : map->point_class[i] == CAIRN_POINT_STATIC) {
+        if (map->round > 0 ? map->point_class[i] < PLACE_MAP_POINT_INVALIDATED
+                           : map->point_class[i] == PLACE_MAP_POINT_STATIC) {
             out[count].position = cairn_transform_point(t, map->points[i].position);
             out[count++].direction = cairn_transform_direction(t, map->points[i].direction);
         }
@@ -70,10 +70,10 @@ static int32_t copy_points(const cairn_place_map *map, const cairn_place_scan *s
 
 static void add_to_target(cairn_place_map *map, int32_t place, cairn_pose target_place)
 {
-    const cairn_place *here = &map->places[place];
+    const place_map_place *here = &map->places[place];
 
     for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++) {
-        const cairn_place_scan *scan = &map->scans[s];
+        const place_map_place_scan *scan = &map->scans[s];
         cairn_scan_match_part part = {map->query_points, NULL, map->beams + scan->first_beam, 0, 0,
                                       scan->beam_count};
         cairn_status status;
@@ -84,7 +84,7 @@ static void add_to_target(cairn_place_map *map, int32_t place, cairn_pose target
 
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
-        map->units_owed += (scan->point_count + scan->beam_count) / POINTS_PER_UNIT;
+        map->units_due += (scan->point_count + scan->beam_count) / POINTS_PER_UNIT;
     }
 }
 
@@ -105,12 +105,12 @@ static void make_target(cairn_place_map *map)
     for (int32_t i = 0; i < map->place_count; i++)
         if (is_target(map, i))
             add_to_target(map, i, is_pair ? cairn_pose_identity() : map->places[i].map_place);
-    map->units_owed++;
+    map->units_due++;
     cairn_place_map_enter(map, CAIRN_PLACE_MAP_MATCH);
 }
 
-static void add_to_query(cairn_place_map *map, const cairn_place_scan *scan, cairn_pose query_scan,
-                         cairn_scan_match_part *part)
+static void add_to_query(cairn_place_map *map, const place_map_place_scan *scan,
+                         cairn_pose query_scan, cairn_scan_match_part *part)
 {
     cairn_transform t = cairn_transform_of(query_scan);
 
@@ -142,7 +142,7 @@ static cairn_scan_match_part query_part(cairn_place_map *map)
     cairn_pose map_query = map->places[map->query].map_place;
 
     for (int32_t i = 0; i < map->place_count; i++) {
-        const cairn_place *here = &map->places[i];
+        const place_map_place *here = &map->places[i];
         cairn_pose query_place = i == map->query ? cairn_pose_identity()
                                                  : cairn_pose_between(map_query, here->map_place);
 
@@ -152,35 +152,36 @@ static cairn_scan_match_part query_part(cairn_place_map *map)
             add_to_query(map, &map->scans[s],
                          cairn_pose_compose(query_place, map->scans[s].place_scan), &part);
     }
-    map->units_owed += (part.count + part.beam_count) / POINTS_PER_UNIT;
+    map->units_due += (part.count + part.beam_count) / POINTS_PER_UNIT;
     return part;
 }
 
 /* Adds the hypothesis of two places, one of the target and one of the query, that follows from a
  * match with a map, if its log-likelihood ratio is positive. */
-static void add_pair_of_map_match(cairn_place_map *map, int32_t target, int32_t asked,
-                                  const cairn_scan_match_hypothesis *h)
+static void add_pair_of_map_match(cairn_place_map *map, int32_t target, int32_t place,
+                                  const cairn_scan_match_hypothesis *hypothesis)
 {
     cairn_pose map_target = map->places[target].map_place;
-    cairn_pose query_asked =
-        cairn_pose_between(map->places[map->query].map_place, map->places[asked].map_place);
-    cairn_pose map_asked =
-        asked == map->query ? h->target_query : cairn_pose_compose(h->target_query, query_asked);
-    cairn_pose seen = cairn_pose_between(map_target, map_asked);
+    cairn_pose query_place =
+        cairn_pose_between(map->places[map->query].map_place, map->places[place].map_place);
+    cairn_pose map_place = place == map->query
+                               ? hypothesis->target_query
+                               : cairn_pose_compose(hypothesis->target_query, query_place);
+    cairn_pose seen = cairn_pose_between(map_target, map_place);
     cairn_real covariance[9];
 
-    if (!(cairn_place_map_score_pair(map, target, asked, seen) > 0))
+    if (!(cairn_place_map_score_pair(map, target, place, seen) > 0))
         return;
-    cairn_place_map_rotate_covariance(h->covariance, map_target.theta, covariance);
-    cairn_place_map_add_hypothesis(map, target, asked, seen, covariance);
+    cairn_place_map_rotate_covariance(hypothesis->covariance, map_target.theta, covariance);
+    cairn_place_map_add_hypothesis(map, target, place, seen, covariance);
 }
 
-static void add_map_match(cairn_place_map *map, const cairn_scan_match_hypothesis *h)
+static void add_map_match(cairn_place_map *map, const cairn_scan_match_hypothesis *hypothesis)
 {
     for (int32_t i = 0; i < map->place_count; i++)
         for (int32_t k = 0; k < map->place_count && is_target(map, i); k++)
             if (is_in_query(map, k))
-                add_pair_of_map_match(map, i, k, h);
+                add_pair_of_map_match(map, i, k, hypothesis);
 }
 
 static void store_match(cairn_place_map *map)
@@ -253,7 +254,7 @@ static void match_item(cairn_place_map *map, cairn_budget *budget)
             CAIRN_ASSERT(status == CAIRN_OK);
             map->inner_running = status == CAIRN_OK;
         }
-        map->units_owed++;
+        map->units_due++;
         if (!map->inner_running)
             next_match(map);
         return;
@@ -298,7 +299,7 @@ static void score_item(cairn_place_map *map)
         cairn_pose_consensus_set_pair_likelihood(map->consensus, pair_likelihood, map);
         cairn_pose_consensus_set_joint_likelihood(map->consensus, joint_likelihood, map);
         map->result.hypotheses = 0;
-        map->units_owed += 1 + map->place_count;
+        map->units_due += 1 + map->place_count;
     }
     if (map->item == map->hypothesis_count) {
         map->optimized_hypotheses = map->hypothesis_count;
@@ -349,7 +350,7 @@ static void consensus_item(cairn_place_map *map, cairn_budget *budget)
 
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
-        map->units_owed += 1 + map->place_count;
+        map->units_due += 1 + map->place_count;
         map->inner_running = 1;
     } else if (cairn_pose_consensus_step(map->consensus, budget) == CAIRN_OK) {
         store_consensus(map);
@@ -361,7 +362,7 @@ static void consensus_item(cairn_place_map *map, cairn_budget *budget)
 
             CAIRN_ASSERT(status == CAIRN_OK);
             (void)status;
-            map->units_owed += 1 + map->place_count;
+            map->units_due += 1 + map->place_count;
             map->submaps_found = 1;
         }
     }
@@ -388,7 +389,7 @@ static void classify_item(cairn_place_map *map)
                           map->submaps_found ? CAIRN_PLACE_MAP_REFINE : CAIRN_PLACE_MAP_TARGET);
     map->result.placed = count_placed(map);
     map->round++;
-    map->units_owed++;
+    map->units_due++;
 }
 
 /* ---- Refinement ---- */
@@ -399,7 +400,7 @@ static void target_others(cairn_place_map *map, int32_t place, int32_t only_scan
 {
     cairn_icp_clear_target(map->icp);
     for (int32_t s = 0; s < map->scan_count; s++) {
-        const cairn_place_scan *scan = &map->scans[s];
+        const place_map_place_scan *scan = &map->scans[s];
         cairn_status status;
         int32_t count;
 
@@ -410,14 +411,14 @@ static void target_others(cairn_place_map *map, int32_t place, int32_t only_scan
         status = cairn_icp_add_target(map->icp, map->query_points, count, scan->map_scan, NULL);
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
-        map->units_owed += scan->point_count / POINTS_PER_UNIT;
+        map->units_due += scan->point_count / POINTS_PER_UNIT;
     }
-    map->units_owed++;
+    map->units_due++;
 }
 
 void cairn_place_map_place_scans(cairn_place_map *map, int32_t place)
 {
-    const cairn_place *here = &map->places[place];
+    const place_map_place *here = &map->places[place];
 
     for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++)
         map->scans[s].map_scan = cairn_pose_compose(here->map_place, map->scans[s].place_scan);
@@ -439,7 +440,7 @@ void cairn_place_map_finish(cairn_place_map *map)
 
     result->places = map->place_count;
     for (int32_t i = map->place_count - 1; i >= 0; i--) {
-        cairn_place *place = &map->places[i];
+        place_map_place *place = &map->places[i];
         cairn_pose part_map = cairn_pose_inverse(map->places[first_of_part(map, i)].map_place);
 
         for (int32_t s = place->first_scan; s < place->first_scan + place->scan_count; s++)
@@ -449,14 +450,14 @@ void cairn_place_map_finish(cairn_place_map *map)
             place->component >= result->components ? place->component + 1 : result->components;
     }
     result->placed = count_placed(map);
-    map->units_owed += map->place_count;
+    map->units_due += map->place_count;
     cairn_place_map_enter(map, CAIRN_PLACE_MAP_DONE);
 }
 
 /* Aligns a place with all others of its component, in turn. */
 static void refine_item(cairn_place_map *map, cairn_budget *budget)
 {
-    cairn_place *here = &map->places[map->place];
+    place_map_place *here = &map->places[map->place];
 
     if (map->sweep == 0 && map->place == 0 && !map->inner_running)
         for (int32_t i = 0; i < map->place_count; i++)
@@ -503,7 +504,7 @@ static void refine_item(cairn_place_map *map, cairn_budget *budget)
 /* Aligns a scan with all others; `place` counts scans. */
 static void decouple_item(cairn_place_map *map, cairn_budget *budget)
 {
-    cairn_place_scan *scan = &map->scans[map->place];
+    place_map_place_scan *scan = &map->scans[map->place];
 
     if (!map->inner_running) {
         cairn_rigid_motion_pose_prior prior = {scan->map_scan, SCAN_SIGMA_M, SCAN_SIGMA_M,
@@ -543,8 +544,8 @@ static cairn_real component_offset(const cairn_place_map *map, int32_t place)
 static void store_alignment(cairn_place_map *map)
 {
     for (int32_t s = map->scan_count - 1; s >= 0; s--) {
-        cairn_place_scan *scan = &map->scans[s];
-        cairn_place *here = &map->places[scan->place];
+        place_map_place_scan *scan = &map->scans[s];
+        place_map_place *here = &map->places[scan->place];
         cairn_aligner_pose found = cairn_aligner_pose_of(map->aligner, s);
 
         found.map_scan.x -= component_offset(map, scan->place);
@@ -554,7 +555,7 @@ static void store_alignment(cairn_place_map *map)
             here->map_place =
                 cairn_pose_compose(found.map_scan, cairn_pose_inverse(scan->place_scan));
     }
-    map->units_owed += map->scan_count;
+    map->units_due += map->scan_count;
 }
 
 /* Joint alignment of all scans, from the poses of their places. */
@@ -571,7 +572,7 @@ static void align_jointly_item(cairn_place_map *map, cairn_budget *budget)
         }
         if (status == CAIRN_OK)
             status = cairn_aligner_begin(map->aligner);
-        map->units_owed += map->scan_count;
+        map->units_due += map->scan_count;
         map->inner_running = status == CAIRN_OK;
         if (!map->inner_running)
             cairn_place_map_finish(map);

@@ -35,8 +35,8 @@ static const cairn_real MAX_WALL_THICKNESS_M = CAIRN_REAL(0.25);
 static const cairn_real MAX_RANGE_STEP_M = CAIRN_REAL(0.15);
 /* m: greatest breadth of a moving body, and of two of them side by side that are seen whole. */
 static const cairn_real MAX_BODY_BREADTH_M = CAIRN_REAL(0.6), MAX_PAIR_BREADTH_M = 1;
-/* A body bulges from its chord by this share; below the second value, m, it has too few hits to
- * tell. */
+/* A body bulges from its chord by this share; below the second value, m, it has too few hits
+ * for a decision. */
 static const cairn_real MIN_BULGE_RATIO = CAIRN_REAL(0.1), MIN_CHORD_M = CAIRN_REAL(0.2);
 /* m: a hit without an evenly spaced point within this distance is on a rough surface. */
 static const cairn_real MAX_SMOOTH_DISTANCE_M = CAIRN_REAL(0.12);
@@ -84,9 +84,9 @@ static void clear_beam(cairn_place_map *map, int32_t place, const cairn_scan_bea
             cell_of(map, cairn_vec2_add(beam->from, cairn_vec2_scale(unit, (cairn_real)k * step)));
 
         if (cell >= 0)
-            grid[cell] = CAIRN_VISIBILITY_FREE;
+            grid[cell] = PLACE_MAP_VISIBILITY_FREE;
     }
-    map->units_owed += steps / CELLS_PER_UNIT;
+    map->units_due += steps / CELLS_PER_UNIT;
 }
 
 /* Marks a cell; it keeps the most informative code, of surfaces with directions the first. */
@@ -96,7 +96,7 @@ static void mark_cell(cairn_place_map *map, int32_t place, cairn_vec2 p, uint8_t
     uint8_t *cell = at >= 0 ? &grid_of(map, place)[at] : NULL;
 
     if (cell != NULL &&
-        *cell < (value < CAIRN_VISIBILITY_SURFACE ? value : CAIRN_VISIBILITY_SURFACE))
+        *cell < (value < PLACE_MAP_VISIBILITY_SURFACE ? value : PLACE_MAP_VISIBILITY_SURFACE))
         *cell = value;
 }
 
@@ -113,7 +113,7 @@ static void mark_surface(cairn_place_map *map, int32_t place, cairn_vec2 p, uint
             if (cairn_vec2_norm_squared(off) <= margin * margin)
                 mark_cell(map, place, cairn_vec2_add(p, off), value);
         }
-    map->units_owed += 1 + (2 * reach + 1) * (2 * reach + 1) / CELLS_PER_UNIT;
+    map->units_due += 1 + (2 * reach + 1) * (2 * reach + 1) / CELLS_PER_UNIT;
 }
 
 /* Marks uncleared cells behind a surface as possible inside of a wall, whose opposite face another
@@ -133,10 +133,10 @@ static void mark_behind(cairn_place_map *map, int32_t place, const cairn_oriente
 
             p = cairn_vec2_add(p, cairn_vec2_scale(along, (cairn_real)i));
             if (cell_of(map, p) >= 0 &&
-                grid_of(map, place)[cell_of(map, p)] == CAIRN_VISIBILITY_UNKNOWN)
+                grid_of(map, place)[cell_of(map, p)] == PLACE_MAP_VISIBILITY_UNKNOWN)
                 mark_cell(map, place, p, value);
         }
-    map->units_owed += 1 + 3 * steps / CELLS_PER_UNIT;
+    map->units_due += 1 + 3 * steps / CELLS_PER_UNIT;
 }
 
 /* Returns the nearest of the quantized directions. */
@@ -144,7 +144,7 @@ static uint8_t code_of(const cairn_place_map *map, cairn_vec2 direction)
 {
     int32_t best = 0;
 
-    for (int32_t k = 1; k < CAIRN_VISIBILITY_DIRECTIONS; k++)
+    for (int32_t k = 1; k < PLACE_MAP_VISIBILITY_DIRECTIONS; k++)
         if (cairn_vec2_dot(map->directions[k], direction) >
             cairn_vec2_dot(map->directions[best], direction))
             best = k;
@@ -160,11 +160,11 @@ static cairn_scan_beam placed_beam(cairn_transform transform, cairn_scan_beam be
 
 /* Returns 1 when a hit, in the frame of its scan, belongs to a surface with points; other hits are
  * rough. */
-static int has_point_near(cairn_place_map *map, const cairn_place_scan *scan, cairn_vec2 hit)
+static int has_point_near(cairn_place_map *map, const place_map_place_scan *scan, cairn_vec2 hit)
 {
     const cairn_oriented_point *points = &map->points[scan->first_point];
 
-    map->units_owed += 1 + scan->point_count / POINTS_PER_UNIT;
+    map->units_due += 1 + scan->point_count / POINTS_PER_UNIT;
     for (int32_t i = 0; i < scan->point_count; i++)
         if (cairn_vec2_norm_squared(cairn_vec2_sub(points[i].position, hit)) <
             MAX_SMOOTH_DISTANCE_M * MAX_SMOOTH_DISTANCE_M)
@@ -180,18 +180,18 @@ static void mark_point(cairn_place_map *map, int32_t place, int32_t index,
         cairn_transform_direction(transform, map->points[index].direction)};
     uint8_t code = code_of(map, point.direction);
 
-    if (map->point_class[index] & CAIRN_POINT_DYNAMIC_CANDIDATE) {
-        mark_surface(map, place, point.position, CAIRN_VISIBILITY_DYNAMIC);
+    if (map->point_class[index] & PLACE_MAP_POINT_DYNAMIC_CANDIDATE) {
+        mark_surface(map, place, point.position, PLACE_MAP_VISIBILITY_DYNAMIC);
         return;
     }
-    mark_surface(map, place, point.position, (uint8_t)(CAIRN_VISIBILITY_SURFACE + code));
-    mark_behind(map, place, &point, (uint8_t)(CAIRN_VISIBILITY_BEHIND + code));
+    mark_surface(map, place, point.position, (uint8_t)(PLACE_MAP_VISIBILITY_SURFACE + code));
+    mark_behind(map, place, &point, (uint8_t)(PLACE_MAP_VISIBILITY_BEHIND + code));
 }
 
 /* Items in three passes: all beams clear, all points mark, all hits without a near point mark. */
 int32_t cairn_place_map_visibility_item(cairn_place_map *map, int32_t place, int32_t item)
 {
-    const cairn_place *here = &map->places[place];
+    const place_map_place *here = &map->places[place];
     int32_t pass = item < here->beam_count                       ? 0
                    : item < here->beam_count + here->point_count ? 1
                                                                  : 2;
@@ -214,16 +214,16 @@ int32_t cairn_place_map_visibility_item(cairn_place_map *map, int32_t place, int
             clear_beam(map, place, &beam);
         if (pass == 2 && beam.kind == CAIRN_SCAN_BEAM_HIT &&
             !has_point_near(map, &map->scans[s], in_scan.to))
-            mark_surface(map, place, beam.to, CAIRN_VISIBILITY_ROUGH);
+            mark_surface(map, place, beam.to, PLACE_MAP_VISIBILITY_ROUGH);
     }
-    map->units_owed++;
+    map->units_due++;
     return 1;
 }
 
 static int32_t samples_of_side(const cairn_place_map *map)
 {
-    return (map->visibility_side + CAIRN_VISIBILITY_SAMPLE_STRIDE - 1) /
-           CAIRN_VISIBILITY_SAMPLE_STRIDE;
+    return (map->visibility_side + PLACE_MAP_VISIBILITY_SAMPLE_STRIDE - 1) /
+           PLACE_MAP_VISIBILITY_SAMPLE_STRIDE;
 }
 
 static int32_t *free_cells_of(const cairn_place_map *map, int32_t place)
@@ -238,12 +238,12 @@ void cairn_place_map_sample_free(cairn_place_map *map, int32_t place)
     const uint8_t *grid = grid_of(map, place);
     int32_t *cells = free_cells_of(map, place), count = 0;
 
-    for (int32_t y = 0; y < map->visibility_side; y += CAIRN_VISIBILITY_SAMPLE_STRIDE)
-        for (int32_t x = 0; x < map->visibility_side; x += CAIRN_VISIBILITY_SAMPLE_STRIDE)
-            if (grid[y * map->visibility_side + x] == CAIRN_VISIBILITY_FREE)
+    for (int32_t y = 0; y < map->visibility_side; y += PLACE_MAP_VISIBILITY_SAMPLE_STRIDE)
+        for (int32_t x = 0; x < map->visibility_side; x += PLACE_MAP_VISIBILITY_SAMPLE_STRIDE)
+            if (grid[y * map->visibility_side + x] == PLACE_MAP_VISIBILITY_FREE)
                 cells[count++] = y * map->visibility_side + x;
     map->places[place].free_count = count;
-    map->units_owed += 1 + samples_of_side(map) * samples_of_side(map) / CELLS_PER_UNIT;
+    map->units_due += 1 + samples_of_side(map) * samples_of_side(map) / CELLS_PER_UNIT;
 }
 
 cairn_vec2 cairn_place_map_free_point(const cairn_place_map *map, int32_t place, int32_t i)
@@ -258,7 +258,7 @@ cairn_vec2 cairn_place_map_free_point(const cairn_place_map *map, int32_t place,
 
 cairn_real cairn_place_map_free_area(const cairn_place_map *map)
 {
-    cairn_real spacing = map->params.visibility_cell * CAIRN_VISIBILITY_SAMPLE_STRIDE;
+    cairn_real spacing = map->params.visibility_cell * PLACE_MAP_VISIBILITY_SAMPLE_STRIDE;
 
     return spacing * spacing;
 }
@@ -267,24 +267,25 @@ int32_t cairn_place_map_observed(const cairn_place_map *map, int32_t place, cair
                                  cairn_vec2 direction)
 {
     int32_t cell = cell_of(map, point),
-            code = cell >= 0 ? grid_of(map, place)[cell] : CAIRN_VISIBILITY_UNKNOWN;
-    int32_t is_behind = code < CAIRN_VISIBILITY_ROUGH;
+            code = cell >= 0 ? grid_of(map, place)[cell] : PLACE_MAP_VISIBILITY_UNKNOWN;
+    int32_t is_behind = code < PLACE_MAP_VISIBILITY_ROUGH;
     cairn_real cosine;
 
-    if (code == CAIRN_VISIBILITY_UNKNOWN)
-        return CAIRN_OBSERVED_UNKNOWN;
-    if (code == CAIRN_VISIBILITY_FREE)
-        return CAIRN_OBSERVED_FREE;
-    if (code == CAIRN_VISIBILITY_ROUGH || code == CAIRN_VISIBILITY_DYNAMIC)
-        return code == CAIRN_VISIBILITY_ROUGH ? CAIRN_OBSERVED_ROUGH : CAIRN_OBSERVED_DYNAMIC;
-    cosine = cairn_vec2_dot(
-        map->directions[code - (is_behind ? CAIRN_VISIBILITY_BEHIND : CAIRN_VISIBILITY_SURFACE)],
-        direction);
+    if (code == PLACE_MAP_VISIBILITY_UNKNOWN)
+        return PLACE_MAP_OBSERVED_UNKNOWN;
+    if (code == PLACE_MAP_VISIBILITY_FREE)
+        return PLACE_MAP_OBSERVED_FREE;
+    if (code == PLACE_MAP_VISIBILITY_ROUGH || code == PLACE_MAP_VISIBILITY_DYNAMIC)
+        return code == PLACE_MAP_VISIBILITY_ROUGH ? PLACE_MAP_OBSERVED_ROUGH
+                                                  : PLACE_MAP_OBSERVED_DYNAMIC;
+    cosine = cairn_vec2_dot(map->directions[code - (is_behind ? PLACE_MAP_VISIBILITY_BEHIND
+                                                              : PLACE_MAP_VISIBILITY_SURFACE)],
+                            direction);
     if (cosine < -MIN_COSINE)
-        return CAIRN_OBSERVED_OPPOSITE;
+        return PLACE_MAP_OBSERVED_OPPOSITE;
     if (is_behind)
-        return CAIRN_OBSERVED_UNKNOWN;
-    return cosine > MIN_COSINE ? CAIRN_OBSERVED_PARALLEL : CAIRN_OBSERVED_OTHER_DIRECTION;
+        return PLACE_MAP_OBSERVED_UNKNOWN;
+    return cosine > MIN_COSINE ? PLACE_MAP_OBSERVED_PARALLEL : PLACE_MAP_OBSERVED_OTHER_DIRECTION;
 }
 
 /* Terms of a pairwise likelihood. */
@@ -297,9 +298,9 @@ struct likelihood_terms {
 static void add_on_surface(const cairn_place_map *map, uint8_t code, cairn_vec2 direction,
                            struct likelihood_terms *likelihood_terms)
 {
-    int32_t is_behind = code < CAIRN_VISIBILITY_ROUGH;
-    cairn_vec2 observed =
-        map->directions[code - (is_behind ? CAIRN_VISIBILITY_BEHIND : CAIRN_VISIBILITY_SURFACE)];
+    int32_t is_behind = code < PLACE_MAP_VISIBILITY_ROUGH;
+    cairn_vec2 observed = map->directions[code - (is_behind ? PLACE_MAP_VISIBILITY_BEHIND
+                                                            : PLACE_MAP_VISIBILITY_SURFACE)];
     cairn_real cosine = cairn_vec2_dot(observed, direction);
 
     likelihood_terms->backs += cosine < -MIN_COSINE;
@@ -313,16 +314,16 @@ static void add_point(const cairn_place_map *map, uint8_t code, cairn_vec2 direc
 {
     const cairn_place_map_params *params = &map->params;
 
-    if (code == CAIRN_VISIBILITY_FREE)
+    if (code == PLACE_MAP_VISIBILITY_FREE)
         likelihood_terms->contra +=
             params->free_space_penalty * (is_body ? params->dynamic_factor : 1);
-    else if (code == CAIRN_VISIBILITY_ROUGH)
+    else if (code == PLACE_MAP_VISIBILITY_ROUGH)
         likelihood_terms->pro += params->rough_surface_nats;
-    else if (code == CAIRN_VISIBILITY_DYNAMIC)
+    else if (code == PLACE_MAP_VISIBILITY_DYNAMIC)
         likelihood_terms->pro += is_body ? params->dynamic_nats : params->surface_nats;
-    else if (code != CAIRN_VISIBILITY_UNKNOWN && is_body)
-        likelihood_terms->pro += code >= CAIRN_VISIBILITY_SURFACE ? params->surface_nats : 0;
-    else if (code != CAIRN_VISIBILITY_UNKNOWN)
+    else if (code != PLACE_MAP_VISIBILITY_UNKNOWN && is_body)
+        likelihood_terms->pro += code >= PLACE_MAP_VISIBILITY_SURFACE ? params->surface_nats : 0;
+    else if (code != PLACE_MAP_VISIBILITY_UNKNOWN)
         add_on_surface(map, code, direction, likelihood_terms);
 }
 
@@ -331,21 +332,21 @@ static void add_points(const cairn_place_map *map, int32_t observer, int32_t obs
                        cairn_pose observer_observed, struct likelihood_terms *likelihood_terms)
 {
     const uint8_t *grid = grid_of(map, observer);
-    const cairn_place *place = &map->places[observed];
+    const place_map_place *place = &map->places[observed];
 
     for (int32_t s = place->first_scan; s < place->first_scan + place->scan_count; s++) {
         const cairn_oriented_point *points = &map->points[map->scans[s].first_point];
-        const uint8_t *doubt = &map->point_class[map->scans[s].first_point];
+        const uint8_t *classes = &map->point_class[map->scans[s].first_point];
         cairn_transform transform =
             cairn_transform_of(cairn_pose_compose(observer_observed, map->scans[s].place_scan));
 
         for (int32_t i = 0; i < map->scans[s].point_count; i++) {
             int32_t cell = cell_of(map, cairn_transform_point(transform, points[i].position));
 
-            if (cell >= 0 && doubt[i] < CAIRN_POINT_INVALIDATED)
+            if (cell >= 0 && classes[i] < PLACE_MAP_POINT_INVALIDATED)
                 add_point(map, grid[cell],
                           cairn_transform_direction(transform, points[i].direction),
-                          doubt[i] == CAIRN_POINT_DYNAMIC_CANDIDATE, likelihood_terms);
+                          classes[i] == PLACE_MAP_POINT_DYNAMIC_CANDIDATE, likelihood_terms);
         }
     }
 }
@@ -362,14 +363,14 @@ static cairn_real shared_free_area(const cairn_place_map *map, int32_t observer,
         int32_t at = cell_of(
             map, cairn_transform_point(transform, cairn_place_map_free_point(map, observed, i)));
 
-        shared += at >= 0 && grid[at] == CAIRN_VISIBILITY_FREE;
+        shared += at >= 0 && grid[at] == PLACE_MAP_VISIBILITY_FREE;
     }
     return (cairn_real)shared * cairn_place_map_free_area(map);
 }
 
 int32_t cairn_place_map_pair_units(const cairn_place_map *map, int32_t first, int32_t second)
 {
-    const cairn_place *a = &map->places[first], *b = &map->places[second];
+    const place_map_place *a = &map->places[first], *b = &map->places[second];
     int32_t samples = a->free_count < b->free_count ? a->free_count : b->free_count;
 
     return 1 + (a->point_count + b->point_count + samples) / 6;
@@ -414,7 +415,7 @@ static int is_open_beside(const cairn_scan_view *view, int32_t beside, cairn_rea
 }
 
 /* Returns 1 when the hits of a run, beams [from, to), all lie within a body's breadth of the first,
- * and bulge towards the sensor or are too few to tell: flat runs are parts of walls. */
+ * and bulge towards the sensor or are too few for a decision: flat runs are parts of walls. */
 static int is_body(const cairn_scan_view *view, int32_t from, int32_t to, cairn_real breadth)
 {
     cairn_vec2 first = view->beams[from].to, chord = cairn_vec2_sub(view->beams[to - 1].to, first);
@@ -432,7 +433,7 @@ static int is_body(const cairn_scan_view *view, int32_t from, int32_t to, cairn_
     return length < MIN_CHORD_M || bulge > MIN_BULGE_RATIO * length * length;
 }
 
-static void mark_candidate(cairn_place_map *map, const cairn_place_scan *scan,
+static void mark_candidate(cairn_place_map *map, const place_map_place_scan *scan,
                            const cairn_scan_view *view, int32_t from, int32_t to)
 {
     for (int32_t i = 0; i < view->point_count; i++)
@@ -440,13 +441,13 @@ static void mark_candidate(cairn_place_map *map, const cairn_place_scan *scan,
             if (cairn_vec2_norm_squared(
                     cairn_vec2_sub(view->beams[b].to, view->points[i].position)) <
                 MAX_HIT_DISTANCE_M * MAX_HIT_DISTANCE_M)
-                map->point_class[scan->first_point + i] = CAIRN_POINT_DYNAMIC_CANDIDATE;
+                map->point_class[scan->first_point + i] = PLACE_MAP_POINT_DYNAMIC_CANDIDATE;
 }
 
-void cairn_place_map_find_dynamic_candidates(cairn_place_map *map, const cairn_place_scan *scan,
+void cairn_place_map_find_dynamic_candidates(cairn_place_map *map, const place_map_place_scan *scan,
                                              const cairn_scan_view *view)
 {
-    memset(map->point_class + scan->first_point, CAIRN_POINT_STATIC, (size_t)view->point_count);
+    memset(map->point_class + scan->first_point, PLACE_MAP_POINT_STATIC, (size_t)view->point_count);
     for (int32_t from = 0, to; from < view->beam_count; from = to) {
         cairn_real range = range_of(&view->beams[from]), last = range;
         int32_t open;
@@ -481,9 +482,9 @@ static int32_t balance_of(const cairn_place_map *map, int32_t place, cairn_vec2 
         cell = cell_of(
             map, cairn_transform_point(
                      cairn_transform_of(cairn_pose_inverse(map->places[k].map_place)), map_point));
-        if (cell >= 0 && grid_of(map, k)[cell] == CAIRN_VISIBILITY_FREE)
+        if (cell >= 0 && grid_of(map, k)[cell] == PLACE_MAP_VISIBILITY_FREE)
             balance--;
-        else if (cell >= 0 && grid_of(map, k)[cell] >= CAIRN_VISIBILITY_ROUGH)
+        else if (cell >= 0 && grid_of(map, k)[cell] >= PLACE_MAP_VISIBILITY_ROUGH)
             balance++;
     }
     return balance;
@@ -491,23 +492,23 @@ static int32_t balance_of(const cairn_place_map *map, int32_t place, cairn_vec2 
 
 void cairn_place_map_classify_points(cairn_place_map *map, int32_t place, int32_t is_last)
 {
-    const cairn_place *here = &map->places[place];
+    const place_map_place *here = &map->places[place];
 
     for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++) {
-        const cairn_place_scan *scan = &map->scans[s];
+        const place_map_place_scan *scan = &map->scans[s];
         cairn_transform transform =
             cairn_transform_of(cairn_pose_compose(here->map_place, scan->place_scan));
 
         for (int32_t i = 0; i < scan->point_count; i++) {
             const cairn_oriented_point *point = &map->points[scan->first_point + i];
-            uint8_t *doubt = &map->point_class[scan->first_point + i];
-            int32_t least = is_last && (*doubt & CAIRN_POINT_DYNAMIC_CANDIDATE) ? 1 : 0;
-            int is_suspect =
+            uint8_t *point_class = &map->point_class[scan->first_point + i];
+            int32_t least = is_last && (*point_class & PLACE_MAP_POINT_DYNAMIC_CANDIDATE) ? 1 : 0;
+            int is_invalidated =
                 balance_of(map, place, cairn_transform_point(transform, point->position)) < least;
 
-            *doubt = (uint8_t)((*doubt & CAIRN_POINT_DYNAMIC_CANDIDATE) |
-                               (is_suspect ? CAIRN_POINT_INVALIDATED : 0));
+            *point_class = (uint8_t)((*point_class & PLACE_MAP_POINT_DYNAMIC_CANDIDATE) |
+                                     (is_invalidated ? PLACE_MAP_POINT_INVALIDATED : 0));
         }
     }
-    map->units_owed += 1 + here->point_count * map->place_count / 2;
+    map->units_due += 1 + here->point_count * map->place_count / 2;
 }

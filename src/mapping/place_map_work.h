@@ -4,58 +4,58 @@
 
 #include "cairn/place_map.h"
 
-typedef struct cairn_place_scan {
+typedef struct place_map_place_scan {
     int32_t place;
     int32_t first_point, point_count; /* in the frame of the scan */
     int32_t first_beam, beam_count;
     cairn_pose place_scan;
     cairn_pose map_scan; /* of the result */
-} cairn_place_scan;
+} place_map_place_scan;
 
-typedef struct cairn_place {
+typedef struct place_map_place {
     int32_t first_scan, scan_count;
     int32_t point_count, beam_count;
     int32_t free_count; /* cells of its free-space sample */
     cairn_pose map_place;
     int32_t component;
-} cairn_place;
+} place_map_place;
 
 /* Visibility grid of a place, by cells about its origin: codes of a cell. */
 enum {
-    CAIRN_VISIBILITY_UNKNOWN = 0,
-    CAIRN_VISIBILITY_FREE = 1,
-    CAIRN_VISIBILITY_DIRECTIONS = 16, /* quantized surface directions of the full circle */
-    CAIRN_VISIBILITY_BEHIND = 2,      /* occluded just behind a surface: this plus its direction */
-    CAIRN_VISIBILITY_ROUGH = 18,      /* a surface of unknown direction */
-    CAIRN_VISIBILITY_DYNAMIC = 19,    /* a surface of a dynamic-object candidate */
-    CAIRN_VISIBILITY_SURFACE = 20     /* a static surface: this plus its direction */
+    PLACE_MAP_VISIBILITY_UNKNOWN = 0,
+    PLACE_MAP_VISIBILITY_FREE = 1,
+    PLACE_MAP_VISIBILITY_DIRECTIONS = 16, /* quantized surface directions of the full circle */
+    PLACE_MAP_VISIBILITY_BEHIND = 2,   /* occluded just behind a surface: this plus its direction */
+    PLACE_MAP_VISIBILITY_ROUGH = 18,   /* a surface of unknown direction */
+    PLACE_MAP_VISIBILITY_DYNAMIC = 19, /* a surface of a dynamic-object candidate */
+    PLACE_MAP_VISIBILITY_SURFACE = 20  /* a static surface: this plus its direction */
 };
 
 /* stride of the rows and columns in the free-space sample */
-enum { CAIRN_VISIBILITY_SAMPLE_STRIDE = 6 };
+enum { PLACE_MAP_VISIBILITY_SAMPLE_STRIDE = 6 };
 
 /* Observation of a place at a point of another one; bits. */
 enum {
-    CAIRN_OBSERVED_UNKNOWN = 0,
-    CAIRN_OBSERVED_FREE = 1,
-    CAIRN_OBSERVED_PARALLEL = 2,        /* a surface of the point's direction */
-    CAIRN_OBSERVED_OPPOSITE = 4,        /* the opposite face of a wall */
-    CAIRN_OBSERVED_OTHER_DIRECTION = 8, /* a surface of another direction */
-    CAIRN_OBSERVED_ROUGH = 16,
-    CAIRN_OBSERVED_DYNAMIC = 32,
-    CAIRN_OBSERVED_SURFACE = 62 /* any surface */
+    PLACE_MAP_OBSERVED_UNKNOWN = 0,
+    PLACE_MAP_OBSERVED_FREE = 1,
+    PLACE_MAP_OBSERVED_PARALLEL = 2,        /* a surface of the point's direction */
+    PLACE_MAP_OBSERVED_OPPOSITE = 4,        /* the opposite face of a wall */
+    PLACE_MAP_OBSERVED_OTHER_DIRECTION = 8, /* a surface of another direction */
+    PLACE_MAP_OBSERVED_ROUGH = 16,
+    PLACE_MAP_OBSERVED_DYNAMIC = 32,
+    PLACE_MAP_OBSERVED_SURFACE = 62 /* any surface */
 };
 
 /* Class of a point; bits. */
 enum {
-    CAIRN_POINT_STATIC = 0,
+    PLACE_MAP_POINT_STATIC = 0,
     /* on a small round body with free space beside it */
-    CAIRN_POINT_DYNAMIC_CANDIDATE = 1,
+    PLACE_MAP_POINT_DYNAMIC_CANDIDATE = 1,
     /* invalidated: another place of the map measured free space there */
-    CAIRN_POINT_INVALIDATED = 2
+    PLACE_MAP_POINT_INVALIDATED = 2
 };
 
-typedef int32_t cairn_place_map_phase;
+typedef int32_t place_map_phase;
 enum {
     CAIRN_PLACE_MAP_IDLE = 0,
     CAIRN_PLACE_MAP_VISIBILITY, /* visibility grid of each place */
@@ -78,9 +78,9 @@ struct cairn_place_map {
     /* NULL unless scans are aligned jointly */
     cairn_aligner *aligner;
     /* [max_places] */
-    cairn_place *places;
+    place_map_place *places;
     /* [max_scans] */
-    cairn_place_scan *scans;
+    place_map_place_scan *scans;
     /* [max_places * max_place_points] in the frames of the scans */
     cairn_oriented_point *points;
     /* [as points] class of each point */
@@ -103,10 +103,10 @@ struct cairn_place_map {
     cairn_scan_beam *query_beams;
     /* cells along a side of a visibility grid */
     int32_t visibility_side;
-    cairn_vec2 directions[CAIRN_VISIBILITY_DIRECTIONS];
+    cairn_vec2 directions[PLACE_MAP_VISIBILITY_DIRECTIONS];
     int32_t place_count, scan_count, point_count, beam_count, hypothesis_count;
 
-    cairn_place_map_phase phase;
+    place_map_phase phase;
     int32_t item;  /* beam or point of the place whose grid is built, ... */
     int32_t place; /* ... the target of a match in the first round, or the place that is aligned */
     int32_t query; /* place that is matched */
@@ -116,7 +116,7 @@ struct cairn_place_map {
     int32_t submaps_found;        /* 1: the submaps of the last map are known */
     int32_t optimized_hypotheses; /* hypotheses whose poses have been optimized */
     int32_t inner_running;        /* 1: icp or consensus is running */
-    int32_t units_owed;           /* units of finished items, not yet charged */
+    int32_t units_due;            /* units of finished items, not yet charged */
     cairn_place_map_result result;
 };
 
@@ -124,7 +124,7 @@ struct cairn_place_map {
 int32_t cairn_place_map_side(const cairn_place_map_params *params);
 
 /* Marks the dynamic-object candidates among the points of the scan added last. */
-void cairn_place_map_find_dynamic_candidates(cairn_place_map *map, const cairn_place_scan *scan,
+void cairn_place_map_find_dynamic_candidates(cairn_place_map *map, const place_map_place_scan *scan,
                                              const cairn_scan_view *view);
 
 /* Invalidates the points of a place at which more other places of its component measured free space
@@ -183,7 +183,7 @@ cairn_real cairn_place_map_optimize_hypothesis(cairn_place_map *map,
 
 /* ---- Shared by the modes ---- */
 
-void cairn_place_map_enter(cairn_place_map *map, cairn_place_map_phase phase);
+void cairn_place_map_enter(cairn_place_map *map, place_map_phase phase);
 
 /* Sets the poses of the scans of a place from that of the place. */
 void cairn_place_map_place_scans(cairn_place_map *map, int32_t place);
@@ -195,7 +195,7 @@ void cairn_place_map_finish(cairn_place_map *map);
 void cairn_place_map_written_extend(cairn_place_map *map);
 void cairn_place_map_written_item(cairn_place_map *map, cairn_budget *budget);
 
-/* Executes one item and adds its cost to units_owed; items of the match, the consensus and icp
+/* Executes one item and adds its cost to units_due; items of the match, the consensus and icp
  * charge the budget directly. */
 void cairn_place_map_item(cairn_place_map *map, cairn_budget *budget);
 

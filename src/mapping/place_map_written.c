@@ -18,7 +18,7 @@
 enum { POINTS_PER_UNIT = 16 };
 
 /* Appends the transformed points of a scan; returns the number of points. */
-static int32_t append_scan(cairn_place_map *map, const cairn_place_scan *scan, cairn_pose pose,
+static int32_t append_scan(cairn_place_map *map, const place_map_place_scan *scan, cairn_pose pose,
                            int32_t count)
 {
     cairn_transform t = cairn_transform_of(pose);
@@ -28,18 +28,18 @@ static int32_t append_scan(cairn_place_map *map, const cairn_place_scan *scan, c
         map->query_points[count++].direction =
             cairn_transform_direction(t, map->points[i].direction);
     }
-    map->units_owed += scan->point_count / POINTS_PER_UNIT;
+    map->units_due += scan->point_count / POINTS_PER_UNIT;
     return count;
 }
 
 /* Returns a place as one part: in the map (is_map), or in its own frame. */
 static cairn_scan_match_part part_of_place(cairn_place_map *map, int32_t place, int32_t is_map)
 {
-    const cairn_place *here = &map->places[place];
+    const place_map_place *here = &map->places[place];
     cairn_scan_match_part part = {map->query_points, NULL, NULL, 0, 0, 0};
 
     for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++) {
-        const cairn_place_scan *scan = &map->scans[s];
+        const place_map_place_scan *scan = &map->scans[s];
 
         part.count = append_scan(map, scan, is_map ? scan->map_scan : scan->place_scan, part.count);
     }
@@ -59,7 +59,7 @@ static void target_item(cairn_place_map *map)
 {
     int32_t first = map->query;
 
-    map->units_owed++;
+    map->units_due++;
     if (map->query == 1 && map->place == 0)
         cairn_place_map_place_scans(map, 0);
     if (map->query >= map->place_count) {
@@ -77,7 +77,7 @@ static void target_item(cairn_place_map *map)
             continue;
         part = part_of_place(map, i, 1);
         if (cairn_scan_match_add_target(map->match, &part, cairn_pose_identity(), NULL) != CAIRN_OK)
-            map->units_owed++; /* too far away to match with */
+            map->units_due++; /* too far away to match with */
     }
     cairn_place_map_enter(map, CAIRN_PLACE_MAP_MATCH);
 }
@@ -91,12 +91,12 @@ static void next_place(cairn_place_map *map)
 /* Makes the current place a component of its own. */
 static void set_unplaced(cairn_place_map *map)
 {
-    cairn_place *here = &map->places[map->query];
+    place_map_place *here = &map->places[map->query];
 
     for (int32_t i = 0; i < map->query; i++)
         here->component = map->places[i].component >= here->component ? map->places[i].component + 1
                                                                       : here->component;
-    map->units_owed += 1 + map->query / POINTS_PER_UNIT;
+    map->units_due += 1 + map->query / POINTS_PER_UNIT;
     cairn_place_map_place_scans(map, map->query);
     next_place(map);
 }
@@ -105,7 +105,7 @@ static void set_unplaced(cairn_place_map *map)
 static void store_match(cairn_place_map *map)
 {
     cairn_scan_match_result found = cairn_scan_match_read(map->match);
-    cairn_place *here = &map->places[map->query];
+    place_map_place *here = &map->places[map->query];
 
     map->result.matches++;
     if (found.count == 0) {
@@ -136,7 +136,7 @@ static void match_item(cairn_place_map *map, cairn_budget *budget)
     start.x = before.x;
     start.y = before.y;
     part = part_of_place(map, map->query, 0);
-    map->units_owed++;
+    map->units_due++;
     map->inner_running =
         cairn_scan_match_begin(map->match, &part, start, &window, NULL) == CAIRN_OK;
     if (!map->inner_running)
@@ -145,8 +145,8 @@ static void match_item(cairn_place_map *map, cairn_budget *budget)
 
 static void decouple_item(cairn_place_map *map, cairn_budget *budget)
 {
-    const cairn_place *here = &map->places[map->query];
-    cairn_place_scan *scan = &map->scans[here->first_scan + map->item];
+    const place_map_place *here = &map->places[map->query];
+    place_map_place_scan *scan = &map->scans[here->first_scan + map->item];
 
     if (map->inner_running) {
         if (cairn_scan_match_step(map->match, budget) == CAIRN_OK) {
@@ -160,13 +160,13 @@ static void decouple_item(cairn_place_map *map, cairn_budget *budget)
             map->item++;
         }
     } else if (map->item == here->scan_count) {
-        map->units_owed++;
+        map->units_due++;
         next_place(map);
     } else {
         cairn_scan_match_part part = {
             map->points + scan->first_point, NULL, NULL, scan->point_count, 0, 0};
 
-        map->units_owed++;
+        map->units_due++;
         map->inner_running =
             cairn_scan_match_begin_icp(map->match, &part, scan->map_scan, NULL) == CAIRN_OK;
         map->item += !map->inner_running;
@@ -180,7 +180,7 @@ void cairn_place_map_written_extend(cairn_place_map *map)
         map->places[i].component = 0;
     }
     map->query = map->place;
-    map->item = map->inner_running = map->units_owed = 0;
+    map->item = map->inner_running = map->units_due = 0;
     cairn_place_map_enter(map, CAIRN_PLACE_MAP_TARGET);
 }
 

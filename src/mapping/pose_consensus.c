@@ -131,8 +131,8 @@ cairn_status cairn_pose_consensus_create(cairn_pose_consensus **consensus, cairn
 /* Discards the result and cancels the search. */
 static void cancel(cairn_pose_consensus *consensus)
 {
-    consensus->phase = CAIRN_CONSENSUS_IDLE;
-    consensus->units_owed = 0;
+    consensus->phase = POSE_CONSENSUS_IDLE;
+    consensus->units_due = 0;
     memset(&consensus->result, 0, sizeof consensus->result);
 }
 
@@ -178,10 +178,11 @@ static cairn_status check_hypothesis(const cairn_pose_consensus *consensus,
 /* Returns the information: inverse of the covariance plus the nodes' model noise; 0 when it is
  * singular. */
 static int32_t information_of(const cairn_pose_consensus_params *params,
-                              const cairn_pose_consensus_relative_pose *h, cairn_sym3 *information)
+                              const cairn_pose_consensus_relative_pose *pose,
+                              cairn_sym3 *information)
 {
-    const cairn_real *c = h->covariance;
-    cairn_real x = h->first_second.x, y = h->first_second.y,
+    const cairn_real *c = pose->covariance;
+    cairn_real x = pose->first_second.x, y = pose->first_second.y,
                turn = params->sigma_theta * params->sigma_theta;
     cairn_real shift = params->sigma * params->sigma + turn * (x * x + y * y);
     cairn_sym3 sum = {c[0] + shift, (c[1] + c[3]) / 2, (c[2] + c[6]) / 2,
@@ -239,17 +240,18 @@ cairn_status cairn_pose_consensus_set_bound(cairn_pose_consensus *consensus, int
 }
 
 void cairn_pose_consensus_set_pair_likelihood(cairn_pose_consensus *consensus,
-                                              cairn_pose_pair_likelihood judge, void *context)
+                                              cairn_pose_pair_likelihood likelihood, void *context)
 {
-    consensus->pair_likelihood = judge;
+    consensus->pair_likelihood = likelihood;
     consensus->pair_context = context;
     cancel(consensus);
 }
 
 void cairn_pose_consensus_set_joint_likelihood(cairn_pose_consensus *consensus,
-                                               cairn_pose_joint_likelihood jury, void *context)
+                                               cairn_pose_joint_likelihood likelihood,
+                                               void *context)
 {
-    consensus->joint_likelihood = jury;
+    consensus->joint_likelihood = likelihood;
     consensus->joint_context = context;
     cancel(consensus);
 }
@@ -332,7 +334,7 @@ cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)
     for (int32_t i = 0; i < consensus->hypothesis_count; i++)
         consensus->hypotheses[i].is_explained = 0;
     consensus->block_passes = consensus->is_final = 0;
-    consensus->phase = CAIRN_CONSENSUS_CYCLES;
+    consensus->phase = POSE_CONSENSUS_CYCLES;
     consensus->next = 0;
     consensus->end = consensus->hypothesis_count;
     return CAIRN_OK;
@@ -340,7 +342,7 @@ cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)
 
 static int has_result(const cairn_pose_consensus *consensus)
 {
-    return consensus->phase == CAIRN_CONSENSUS_IDLE && consensus->units_owed == 0 &&
+    return consensus->phase == POSE_CONSENSUS_IDLE && consensus->units_due == 0 &&
            consensus->result.nodes > 0;
 }
 
@@ -361,16 +363,16 @@ cairn_status cairn_pose_consensus_step(cairn_pose_consensus *consensus, cairn_bu
 {
     if (consensus == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (consensus->phase != CAIRN_CONSENSUS_IDLE || consensus->units_owed > 0) {
+    while (consensus->phase != POSE_CONSENSUS_IDLE || consensus->units_due > 0) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (consensus->units_owed > 0) {
-            int32_t paid =
-                consensus->units_owed < budget->left ? consensus->units_owed : budget->left;
+        if (consensus->units_due > 0) {
+            int32_t charged =
+                consensus->units_due < budget->left ? consensus->units_due : budget->left;
 
-            consensus->units_owed -= paid;
-            budget->left -= paid;
-            consensus->result.units += paid;
+            consensus->units_due -= charged;
+            budget->left -= charged;
+            consensus->result.units += charged;
         } else {
             cairn_pose_consensus_item(consensus);
         }

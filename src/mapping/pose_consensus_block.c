@@ -32,8 +32,8 @@ void cairn_pose_consensus_begin_tree(cairn_pose_consensus *consensus)
         consensus->component_count = consensus->current[i].component >= consensus->component_count
                                          ? consensus->current[i].component + 1
                                          : consensus->component_count;
-    consensus->units_owed += consensus->node_count / 2;
-    cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_TREE, consensus->node_count);
+    consensus->units_due += consensus->node_count / 2;
+    cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_TREE, consensus->node_count);
 }
 
 void cairn_pose_consensus_begin_blocks(cairn_pose_consensus *consensus)
@@ -75,10 +75,10 @@ void cairn_pose_consensus_tree_item(cairn_pose_consensus *consensus)
         consensus->block_node = consensus->changed_nodes = 0;
         consensus->merge.support = 0;
         if (consensus->is_final)
-            cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_SPLIT, consensus->node_count);
+            cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_SPLIT, consensus->node_count);
         else
-            cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_BLOCK, 0);
-        consensus->units_owed++;
+            cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_BLOCK, 0);
+        consensus->units_due++;
         return;
     }
     consensus->next++;
@@ -99,7 +99,7 @@ void cairn_pose_consensus_tree_item(cairn_pose_consensus *consensus)
             branch->log_likelihood_ratio = evidence;
         }
     }
-    consensus->units_owed +=
+    consensus->units_due +=
         units + (consensus->first_link[node + 1] - consensus->first_link[node]) / 4;
 }
 
@@ -133,14 +133,14 @@ static int32_t cut_off(cairn_pose_consensus *consensus, int32_t branch)
         if (consensus->current[i].component == consensus->block_component &&
             is_below(consensus, i, branch) == takes_below)
             consensus->current[i].component = consensus->component_count;
-    consensus->units_owed += consensus->node_count;
+    consensus->units_due += consensus->node_count;
     return size;
 }
 
 /* Starts the next block, or the phase after the last. */
 void cairn_pose_consensus_block_item(cairn_pose_consensus *consensus)
 {
-    consensus->units_owed++;
+    consensus->units_due++;
     while (consensus->block_node < consensus->node_count &&
            cut_off(consensus, consensus->block_node) == 0)
         consensus->block_node++;
@@ -160,7 +160,7 @@ void cairn_pose_consensus_block_item(cairn_pose_consensus *consensus)
     if (consensus->block_component >= 0)
         consensus->merge.support =
             cairn_pose_consensus_merged_support(consensus, &consensus->merge, 1);
-    cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_PROPOSE, consensus->hypothesis_count);
+    cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_PROPOSE, consensus->hypothesis_count);
 }
 
 /* Returns the block to its component. */
@@ -178,7 +178,7 @@ static void move_block(cairn_pose_consensus *consensus)
         consensus->changed_nodes += cairn_pose_consensus_apply_merge(consensus, &consensus->merge);
     restore_block(consensus);
     consensus->block_node++;
-    cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_BLOCK, 0);
+    cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_BLOCK, 0);
 }
 
 /* Evaluates the block's pose by the next hypothesis. All pairs of the block are evaluated only when
@@ -190,7 +190,7 @@ void cairn_pose_consensus_propose_item(cairn_pose_consensus *consensus)
     cairn_pose_consensus_candidate merge;
     int32_t inside, outside;
 
-    consensus->units_owed++;
+    consensus->units_due++;
     if (consensus->next == consensus->end) {
         move_block(consensus);
         return;
@@ -209,7 +209,7 @@ void cairn_pose_consensus_propose_item(cairn_pose_consensus *consensus)
     merge.pose = cairn_pose_consensus_compose(consensus->current[outside].pose,
                                               cairn_pose_consensus_relative_to(h, outside));
     own = cairn_pose_consensus_support_of(consensus, inside, merge.pose, merge.component, 1);
-    consensus->units_owed += own.units;
+    consensus->units_due += own.units;
     if (!(own.sum > 0))
         return;
     merge.pose = cairn_pose_consensus_compose(
@@ -237,7 +237,7 @@ static cairn_real missing_support(cairn_pose_consensus *consensus)
             support += of.sum;
             against += of.violations;
             size++;
-            consensus->units_owed += of.units;
+            consensus->units_due += of.units;
         }
     return size > 1 ? BLOCK_FACTOR * consensus->params.significant_support - (support + against)
                     : consensus->params.significant_support - (support - against);
@@ -259,12 +259,11 @@ void cairn_pose_consensus_submap_item(cairn_pose_consensus *consensus)
 
     if (consensus->next == consensus->end) {
         consensus->result.ambiguous = 0;
-        cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_NUMBER_SUBMAPS,
-                                   consensus->node_count);
+        cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_NUMBER_SUBMAPS, consensus->node_count);
         return;
     }
     consensus->next++;
-    consensus->units_owed += consensus->node_count - consensus->node_count / 2;
+    consensus->units_due += consensus->node_count - consensus->node_count / 2;
     for (int32_t i = 0; i < consensus->node_count; i++)
         if (i == node || (consensus->current[node].component >= 0 &&
                           consensus->current[i].component == consensus->current[node].component)) {
@@ -283,11 +282,11 @@ void cairn_pose_consensus_number_item(cairn_pose_consensus *consensus)
     cairn_pose_consensus_estimate *node = &consensus->nodes[own];
 
     if (consensus->next == consensus->end) {
-        cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_IDLE, 0);
+        cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_IDLE, 0);
         return;
     }
     consensus->next++;
-    consensus->units_owed += consensus->node_count / 2;
+    consensus->units_due += consensus->node_count / 2;
     first = consensus->tree[own].parent;
     node->submap = first < own ? consensus->nodes[first].submap : 0;
     for (int32_t i = 0; first == own && i < consensus->node_count; i++)
@@ -303,7 +302,7 @@ void cairn_pose_consensus_number_item(cairn_pose_consensus *consensus)
  * significant. */
 void cairn_pose_consensus_split_item(cairn_pose_consensus *consensus)
 {
-    consensus->units_owed++;
+    consensus->units_due++;
     if (consensus->next < consensus->end) {
         int32_t node = consensus->next++;
         cairn_real lack;
@@ -321,6 +320,6 @@ void cairn_pose_consensus_split_item(cairn_pose_consensus *consensus)
         split_off(consensus, consensus->block_node);
         cairn_pose_consensus_begin_tree(consensus);
     } else {
-        cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_SUBMAPS, consensus->node_count);
+        cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_SUBMAPS, consensus->node_count);
     }
 }

@@ -9,11 +9,11 @@
 /* m and rad: farther poses count as another place, not as another estimate of the same place. */
 static const cairn_real OTHER_PLACE_M = 1, OTHER_PLACE_RAD = CAIRN_REAL(0.5);
 
-static int32_t first_of_part(const cairn_pose_consensus_assignment *chart, int32_t node)
+static int32_t first_of_part(const cairn_pose_consensus_assignment *assignment, int32_t node)
 {
     int32_t first = 0;
 
-    while (chart[first].component != chart[node].component)
+    while (assignment[first].component != assignment[node].component)
         first++;
     return first;
 }
@@ -202,13 +202,13 @@ static int is_significant_elsewhere(const cairn_pose_consensus *consensus,
 void cairn_pose_consensus_report_node(cairn_pose_consensus *consensus)
 {
     cairn_pose_consensus_estimate *node = &consensus->nodes[consensus->subject];
-    const cairn_pose_consensus_assignment *chart = &consensus->current[consensus->subject];
+    const cairn_pose_consensus_assignment *assignment = &consensus->current[consensus->subject];
     cairn_pose_consensus_competing_pose *list =
         &consensus->alternatives[consensus->subject * consensus->params.max_alternatives];
     cairn_pose_consensus_support support = cairn_pose_consensus_support_of(
-        consensus, consensus->subject, chart->pose, chart->component, 1);
+        consensus, consensus->subject, assignment->pose, assignment->component, 1);
 
-    consensus->units_owed += 2 * support.units;
+    consensus->units_due += 2 * support.units;
     write_covariance(consensus, consensus->subject);
     node->support = support.sum;
     node->agreeing = support.agreeing;
@@ -239,14 +239,13 @@ void cairn_pose_consensus_report_node(cairn_pose_consensus *consensus)
 void cairn_pose_consensus_propagate_ambiguity_item(cairn_pose_consensus *consensus)
 {
     int32_t node = consensus->next, link, units = 1;
-    cairn_real all = 0, doubtful = 0;
+    cairn_real all = 0, ambiguous_evidence = 0;
 
-    consensus->units_owed++;
+    consensus->units_due++;
     if (consensus->next == consensus->end) {
         cairn_pose_consensus_enter(consensus,
-                                   consensus->changed_nodes > 0
-                                       ? CAIRN_CONSENSUS_PROPAGATE_AMBIGUITY
-                                       : CAIRN_CONSENSUS_IDLE,
+                                   consensus->changed_nodes > 0 ? POSE_CONSENSUS_PROPAGATE_AMBIGUITY
+                                                                : POSE_CONSENSUS_IDLE,
                                    consensus->node_count);
         consensus->changed_nodes = 0;
         return;
@@ -261,12 +260,12 @@ void cairn_pose_consensus_propagate_ambiguity_item(cairn_pose_consensus *consens
                 consensus, node, consensus->current[node].pose, i, &link, &units);
 
             all += cairn_max(evidence, 0);
-            doubtful += consensus->nodes[i].ambiguous ? cairn_max(evidence, 0) : 0;
+            ambiguous_evidence += consensus->nodes[i].ambiguous ? cairn_max(evidence, 0) : 0;
         }
-    consensus->nodes[node].ambiguous = 2 * doubtful > all;
+    consensus->nodes[node].ambiguous = 2 * ambiguous_evidence > all;
     consensus->changed_nodes += consensus->nodes[node].ambiguous;
     consensus->result.ambiguous += consensus->nodes[node].ambiguous;
-    consensus->units_owed += units;
+    consensus->units_due += units;
 }
 
 void cairn_pose_consensus_finish(cairn_pose_consensus *consensus)
@@ -280,10 +279,10 @@ void cairn_pose_consensus_finish(cairn_pose_consensus *consensus)
         insert_competing(consensus, i);
         set_weights(consensus, i);
         move_into_frame(consensus, i);
-        consensus->units_owed += 4;
+        consensus->units_due += 4;
     }
     number_parts(consensus);
-    consensus->units_owed += consensus->node_count;
+    consensus->units_due += consensus->node_count;
     for (int32_t h = 0; h < consensus->hypothesis_count; h++) {
         const cairn_pose_consensus_hypothesis *kept = &consensus->hypotheses[h];
         const cairn_pose_consensus_assignment *first = &consensus->current[kept->first],
@@ -294,5 +293,5 @@ void cairn_pose_consensus_finish(cairn_pose_consensus *consensus)
                                      cairn_pose_consensus_chi2(kept, first->pose, second->pose,
                                                                NULL) < consensus->params.max_chi2;
     }
-    consensus->units_owed += consensus->hypothesis_count / 2;
+    consensus->units_due += consensus->hypothesis_count / 2;
 }

@@ -11,7 +11,7 @@ enum { SWEEPS_GROWTH = 1, SWEEPS_ROUND = 2, SWEEPS_END = 10 };
 /* nats: least gain of a reassignment, above rounding. */
 static const cairn_real MIN_GAIN_NATS = CAIRN_REAL(1e-4);
 
-void cairn_pose_consensus_enter(cairn_pose_consensus *consensus, cairn_pose_consensus_phase phase,
+void cairn_pose_consensus_enter(cairn_pose_consensus *consensus, pose_consensus_phase phase,
                                 int32_t end)
 {
     consensus->phase = phase;
@@ -38,7 +38,7 @@ static int32_t strongest_hypothesis(cairn_pose_consensus *consensus, int32_t for
             index = i;
         }
     }
-    consensus->units_owed += 1 + consensus->hypothesis_count / 8;
+    consensus->units_due += 1 + consensus->hypothesis_count / 8;
     return index;
 }
 
@@ -52,9 +52,9 @@ static void place(cairn_pose_consensus *consensus, int32_t node, cairn_pose_cons
 static void search(cairn_pose_consensus *consensus, cairn_pose_consensus_choice choice,
                    int32_t subject)
 {
-    int32_t all = choice == CAIRN_CHOOSE_NEXT;
+    int32_t all = choice == POSE_CONSENSUS_CHOOSE_NEXT;
 
-    cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_SEARCH,
+    cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_SEARCH,
                                all ? consensus->first_link[consensus->node_count]
                                    : consensus->first_link[subject + 1]);
     consensus->next = all ? 0 : consensus->first_link[subject];
@@ -77,12 +77,12 @@ static void begin_part(cairn_pose_consensus *consensus, int32_t hypothesis)
     if (cairn_pose_consensus_within_bounds(consensus, consensus->component, h->second, second,
                                            NULL))
         place(consensus, h->second, second, consensus->component);
-    search(consensus, CAIRN_CHOOSE_NEXT, 0);
+    search(consensus, POSE_CONSENSUS_CHOOSE_NEXT, 0);
 }
 
-static void relax(cairn_pose_consensus *consensus, int32_t sweeps, cairn_pose_consensus_phase after)
+static void relax(cairn_pose_consensus *consensus, int32_t sweeps, pose_consensus_phase after)
 {
-    cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_RELAX, consensus->node_count);
+    cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_RELAX, consensus->node_count);
     consensus->sweeps = sweeps;
     consensus->after = after;
 }
@@ -91,7 +91,7 @@ void cairn_pose_consensus_begin_report(cairn_pose_consensus *consensus)
 {
     memcpy(consensus->current, consensus->best,
            (size_t)consensus->node_count * sizeof *consensus->current);
-    relax(consensus, SWEEPS_END, CAIRN_CONSENSUS_REPORT);
+    relax(consensus, SWEEPS_END, POSE_CONSENSUS_REPORT);
 }
 
 static void start_growth(cairn_pose_consensus *consensus)
@@ -102,7 +102,7 @@ static void start_growth(cairn_pose_consensus *consensus)
         consensus->current[i].component = -1;
     if (consensus->result.starts < consensus->params.max_starts && consensus->block_passes == 0)
         hypothesis = strongest_hypothesis(consensus, 1);
-    consensus->units_owed++;
+    consensus->units_due++;
     if (hypothesis < 0) {
         cairn_pose_consensus_begin_blocks(consensus);
         return;
@@ -164,12 +164,12 @@ static void vote(cairn_pose_consensus *consensus, cairn_pose_consensus_candidate
         consensus, candidate->node, candidate->pose, candidate->component, 0);
 
     candidate->support = support.sum;
-    consensus->units_owed += support.units;
+    consensus->units_due += support.units;
     if (cairn_pose_consensus_within_bounds(consensus, candidate->component, candidate->node,
                                            candidate->pose, NULL))
         insert_candidate(consensus, candidate);
     if (consensus->bound_count > 0)
-        consensus->units_owed += consensus->node_count;
+        consensus->units_due += consensus->node_count;
 }
 
 static void propose(cairn_pose_consensus *consensus, int32_t link)
@@ -185,7 +185,7 @@ static void propose(cairn_pose_consensus *consensus, int32_t link)
     candidate.component = other->component;
     candidate.pose = cairn_pose_consensus_compose(
         other->pose, cairn_pose_consensus_relative_to(h, consensus->links[link].other));
-    candidate.cycle_score = consensus->choice == CAIRN_CHOOSE_NEXT ? h->cycle_score : 0;
+    candidate.cycle_score = consensus->choice == POSE_CONSENSUS_CHOOSE_NEXT ? h->cycle_score : 0;
     vote(consensus, &candidate);
 }
 
@@ -194,15 +194,16 @@ static int is_open(const cairn_pose_consensus *consensus, int32_t link)
     int32_t here = consensus->current[consensus->subject].component,
             there = consensus->current[consensus->links[link].other].component;
 
-    if (consensus->choice == CAIRN_CHOOSE_NEXT)
+    if (consensus->choice == POSE_CONSENSUS_CHOOSE_NEXT)
         return here < 0 && there == consensus->component;
-    return consensus->choice == CAIRN_CHOOSE_REASSIGN ? there >= 0 : there >= 0 && there == here;
+    return consensus->choice == POSE_CONSENSUS_CHOOSE_REASSIGN ? there >= 0
+                                                               : there >= 0 && there == here;
 }
 
 static void search_item(cairn_pose_consensus *consensus)
 {
-    consensus->units_owed++;
-    if (consensus->choice != CAIRN_CHOOSE_NEXT &&
+    consensus->units_due++;
+    if (consensus->choice != POSE_CONSENSUS_CHOOSE_NEXT &&
         consensus->next == consensus->first_link[consensus->subject] &&
         consensus->candidate_count == 0 && consensus->current[consensus->subject].component >= 0) {
         cairn_pose_consensus_candidate current;
@@ -222,7 +223,7 @@ static void search_item(cairn_pose_consensus *consensus)
         consensus->next++;
         return;
     }
-    cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_EVALUATE, consensus->candidate_count);
+    cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_EVALUATE, consensus->candidate_count);
 }
 
 /* Returns the candidate of the best rank with enough support; -1: none. */
@@ -241,7 +242,7 @@ static int32_t best_candidate(const cairn_pose_consensus *consensus)
 void cairn_pose_consensus_begin_rounds(cairn_pose_consensus *consensus)
 {
     consensus->merge.support = 0;
-    cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_MERGE, consensus->hypothesis_count);
+    cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_MERGE, consensus->hypothesis_count);
 }
 
 static void choose_next(cairn_pose_consensus *consensus)
@@ -251,7 +252,7 @@ static void choose_next(cairn_pose_consensus *consensus)
     if (best >= 0) {
         place(consensus, consensus->candidates[best].node, consensus->candidates[best].pose,
               consensus->component);
-        relax(consensus, SWEEPS_GROWTH, CAIRN_CONSENSUS_SEARCH);
+        relax(consensus, SWEEPS_GROWTH, POSE_CONSENSUS_SEARCH);
         return;
     }
     hypothesis = strongest_hypothesis(consensus, 0);
@@ -278,7 +279,7 @@ static void reassign(cairn_pose_consensus *consensus)
               consensus->candidates[best].component);
         consensus->changed_nodes++;
     }
-    cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_REASSIGN, consensus->node_count);
+    cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_REASSIGN, consensus->node_count);
     consensus->next = consensus->subject + 1;
 }
 
@@ -286,7 +287,7 @@ static void report_item(cairn_pose_consensus *consensus);
 
 static void evaluate_item(cairn_pose_consensus *consensus)
 {
-    consensus->units_owed++;
+    consensus->units_due++;
     if (consensus->next < consensus->end) {
         cairn_pose_consensus_candidate *candidate = &consensus->candidates[consensus->next++];
         cairn_pose_consensus_support support = cairn_pose_consensus_support_of(
@@ -294,10 +295,10 @@ static void evaluate_item(cairn_pose_consensus *consensus)
 
         candidate->support = support.sum;
         candidate->violations = support.violations;
-        consensus->units_owed += support.units;
-    } else if (consensus->choice == CAIRN_CHOOSE_NEXT) {
+        consensus->units_due += support.units;
+    } else if (consensus->choice == POSE_CONSENSUS_CHOOSE_NEXT) {
         choose_next(consensus);
-    } else if (consensus->choice == CAIRN_CHOOSE_REASSIGN) {
+    } else if (consensus->choice == POSE_CONSENSUS_CHOOSE_REASSIGN) {
         reassign(consensus);
     } else {
         report_item(consensus);
@@ -308,7 +309,7 @@ static void evaluate_item(cairn_pose_consensus *consensus)
 
 cairn_real cairn_pose_consensus_merged_support(cairn_pose_consensus *consensus,
                                                const cairn_pose_consensus_candidate *merge,
-                                               int32_t judged)
+                                               int32_t by_likelihood)
 {
     cairn_real sum = 0;
 
@@ -316,26 +317,27 @@ cairn_real cairn_pose_consensus_merged_support(cairn_pose_consensus *consensus,
         if (consensus->current[i].component == merge->node) {
             cairn_pose_consensus_support support = cairn_pose_consensus_support_of(
                 consensus, i, cairn_pose_consensus_compose(merge->pose, consensus->current[i].pose),
-                merge->component, judged);
+                merge->component, by_likelihood);
 
             sum += support.sum;
-            consensus->units_owed += support.units;
+            consensus->units_due += support.units;
         }
     return sum;
 }
 
-static void propose_merge(cairn_pose_consensus *consensus, const cairn_pose_consensus_hypothesis *h)
+static void propose_merge(cairn_pose_consensus *consensus,
+                          const cairn_pose_consensus_hypothesis *hypothesis)
 {
-    const cairn_pose_consensus_assignment *first = &consensus->current[h->first],
-                                          *second = &consensus->current[h->second];
+    const cairn_pose_consensus_assignment *first = &consensus->current[hypothesis->first],
+                                          *second = &consensus->current[hypothesis->second];
     cairn_pose_consensus_candidate merge;
 
     memset(&merge, 0, sizeof merge);
     merge.node = second->component;
     merge.component = first->component;
-    merge.pose =
-        cairn_pose_consensus_compose(cairn_pose_consensus_compose(first->pose, h->first_second),
-                                     cairn_pose_consensus_inverse(second->pose));
+    merge.pose = cairn_pose_consensus_compose(
+        cairn_pose_consensus_compose(first->pose, hypothesis->first_second),
+        cairn_pose_consensus_inverse(second->pose));
     merge.support = cairn_pose_consensus_merged_support(consensus, &merge, 0);
     if (merge.support > consensus->merge.support)
         consensus->merge = merge;
@@ -366,7 +368,7 @@ static void merge_item(cairn_pose_consensus *consensus)
 {
     const cairn_pose_consensus_hypothesis *h = &consensus->hypotheses[consensus->next];
 
-    consensus->units_owed++;
+    consensus->units_due++;
     if (consensus->next < consensus->end) {
         int32_t first = consensus->current[h->first].component,
                 second = consensus->current[h->second].component;
@@ -382,7 +384,7 @@ static void merge_item(cairn_pose_consensus *consensus)
     } else {
         consensus->changed_nodes = 0;
         cairn_pose_consensus_enter(
-            consensus, CAIRN_CONSENSUS_REASSIGN,
+            consensus, POSE_CONSENSUS_REASSIGN,
             consensus->rounds < consensus->params.max_rounds ? consensus->node_count : 0);
         consensus->rounds++;
     }
@@ -390,31 +392,31 @@ static void merge_item(cairn_pose_consensus *consensus)
 
 static void reassign_item(cairn_pose_consensus *consensus)
 {
-    consensus->units_owed++;
+    consensus->units_due++;
     if (consensus->next < consensus->end) {
-        search(consensus, CAIRN_CHOOSE_REASSIGN, consensus->next);
+        search(consensus, POSE_CONSENSUS_CHOOSE_REASSIGN, consensus->next);
     } else if (consensus->changed_nodes > 0) {
         consensus->result.rounds++;
-        relax(consensus, SWEEPS_ROUND, CAIRN_CONSENSUS_MERGE);
+        relax(consensus, SWEEPS_ROUND, POSE_CONSENSUS_MERGE);
     } else {
         consensus->total = 0;
-        cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_TALLY, consensus->node_count);
+        cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_TALLY, consensus->node_count);
     }
 }
 
 static void relax_item(cairn_pose_consensus *consensus)
 {
     if (consensus->next < consensus->end) {
-        consensus->units_owed += 2 + (consensus->first_link[consensus->next + 1] -
-                                      consensus->first_link[consensus->next]) /
-                                         4;
+        consensus->units_due += 2 + (consensus->first_link[consensus->next + 1] -
+                                     consensus->first_link[consensus->next]) /
+                                        4;
         cairn_pose_consensus_relax(consensus, consensus->next);
         consensus->next++;
     } else if (--consensus->sweeps > 0) {
         consensus->next = 0;
-    } else if (consensus->after == CAIRN_CONSENSUS_SEARCH) {
-        search(consensus, CAIRN_CHOOSE_NEXT, 0);
-    } else if (consensus->after == CAIRN_CONSENSUS_MERGE) {
+    } else if (consensus->after == POSE_CONSENSUS_SEARCH) {
+        search(consensus, POSE_CONSENSUS_CHOOSE_NEXT, 0);
+    } else if (consensus->after == POSE_CONSENSUS_MERGE) {
         cairn_pose_consensus_begin_rounds(consensus);
     } else {
         cairn_pose_consensus_enter(consensus, consensus->after, consensus->node_count);
@@ -475,7 +477,7 @@ static void compare(cairn_pose_consensus *consensus)
         result->total = consensus->total;
         result->start = consensus->start;
     }
-    consensus->units_owed += consensus->node_count / 2;
+    consensus->units_due += consensus->node_count / 2;
 }
 
 static void mark_explained(cairn_pose_consensus *consensus)
@@ -490,12 +492,12 @@ static void mark_explained(cairn_pose_consensus *consensus)
                 consensus->params.max_chi2)
             h->is_explained = 1;
     }
-    consensus->units_owed += consensus->hypothesis_count / 2;
+    consensus->units_due += consensus->hypothesis_count / 2;
 }
 
 static void total_item(cairn_pose_consensus *consensus)
 {
-    consensus->units_owed++;
+    consensus->units_due++;
     if (consensus->next < consensus->end) {
         const cairn_pose_consensus_assignment *node = &consensus->current[consensus->next];
 
@@ -504,13 +506,13 @@ static void total_item(cairn_pose_consensus *consensus)
                 consensus, consensus->next, node->pose, node->component, 1);
 
             consensus->total += support.sum / 2;
-            consensus->units_owed += support.units;
+            consensus->units_due += support.units;
         }
         consensus->next++;
     } else {
         compare(consensus);
         mark_explained(consensus);
-        cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_START, 0);
+        cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_START, 0);
     }
 }
 
@@ -519,24 +521,24 @@ static void total_item(cairn_pose_consensus *consensus)
 /* Visited twice per node: to search its alternatives, and after their evaluation. */
 static void report_item(cairn_pose_consensus *consensus)
 {
-    consensus->units_owed++;
-    if (consensus->phase == CAIRN_CONSENSUS_EVALUATE) {
+    consensus->units_due++;
+    if (consensus->phase == POSE_CONSENSUS_EVALUATE) {
         cairn_pose_consensus_report_node(consensus);
-        cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_REPORT, consensus->node_count);
+        cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_REPORT, consensus->node_count);
         consensus->next = consensus->subject + 1;
         return;
     }
     while (consensus->next < consensus->end && consensus->current[consensus->next].component < 0)
         consensus->next++;
     if (consensus->next < consensus->end) {
-        search(consensus, CAIRN_CHOOSE_ALTERNATIVES, consensus->next);
+        search(consensus, POSE_CONSENSUS_CHOOSE_ALTERNATIVES, consensus->next);
     } else {
         cairn_pose_consensus_finish(consensus);
         consensus->changed_nodes = 0;
         cairn_pose_consensus_enter(consensus,
                                    consensus->params.significant_support > 0
-                                       ? CAIRN_CONSENSUS_PROPAGATE_AMBIGUITY
-                                       : CAIRN_CONSENSUS_IDLE,
+                                       ? POSE_CONSENSUS_PROPAGATE_AMBIGUITY
+                                       : POSE_CONSENSUS_IDLE,
                                    consensus->node_count);
     }
 }
@@ -544,52 +546,52 @@ static void report_item(cairn_pose_consensus *consensus)
 void cairn_pose_consensus_item(cairn_pose_consensus *consensus)
 {
     switch (consensus->phase) {
-    case CAIRN_CONSENSUS_CYCLES:
+    case POSE_CONSENSUS_CYCLES:
         if (consensus->next < consensus->end)
             cairn_pose_consensus_add_cycles(consensus);
         else
-            cairn_pose_consensus_enter(consensus, CAIRN_CONSENSUS_START, 0);
+            cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_START, 0);
         break;
-    case CAIRN_CONSENSUS_START:
+    case POSE_CONSENSUS_START:
         start_growth(consensus);
         break;
-    case CAIRN_CONSENSUS_SEARCH:
+    case POSE_CONSENSUS_SEARCH:
         search_item(consensus);
         break;
-    case CAIRN_CONSENSUS_EVALUATE:
+    case POSE_CONSENSUS_EVALUATE:
         evaluate_item(consensus);
         break;
-    case CAIRN_CONSENSUS_RELAX:
+    case POSE_CONSENSUS_RELAX:
         relax_item(consensus);
         break;
-    case CAIRN_CONSENSUS_MERGE:
+    case POSE_CONSENSUS_MERGE:
         merge_item(consensus);
         break;
-    case CAIRN_CONSENSUS_REASSIGN:
+    case POSE_CONSENSUS_REASSIGN:
         reassign_item(consensus);
         break;
-    case CAIRN_CONSENSUS_TALLY:
+    case POSE_CONSENSUS_TALLY:
         total_item(consensus);
         break;
-    case CAIRN_CONSENSUS_TREE:
+    case POSE_CONSENSUS_TREE:
         cairn_pose_consensus_tree_item(consensus);
         break;
-    case CAIRN_CONSENSUS_BLOCK:
+    case POSE_CONSENSUS_BLOCK:
         cairn_pose_consensus_block_item(consensus);
         break;
-    case CAIRN_CONSENSUS_PROPOSE:
+    case POSE_CONSENSUS_PROPOSE:
         cairn_pose_consensus_propose_item(consensus);
         break;
-    case CAIRN_CONSENSUS_SPLIT:
+    case POSE_CONSENSUS_SPLIT:
         cairn_pose_consensus_split_item(consensus);
         break;
-    case CAIRN_CONSENSUS_SUBMAPS:
+    case POSE_CONSENSUS_SUBMAPS:
         cairn_pose_consensus_submap_item(consensus);
         break;
-    case CAIRN_CONSENSUS_NUMBER_SUBMAPS:
+    case POSE_CONSENSUS_NUMBER_SUBMAPS:
         cairn_pose_consensus_number_item(consensus);
         break;
-    case CAIRN_CONSENSUS_PROPAGATE_AMBIGUITY:
+    case POSE_CONSENSUS_PROPAGATE_AMBIGUITY:
         cairn_pose_consensus_propagate_ambiguity_item(consensus);
         break;
     default:

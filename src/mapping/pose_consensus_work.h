@@ -67,42 +67,42 @@ typedef struct cairn_pose_consensus_support {
     int32_t units;
 } cairn_pose_consensus_support;
 
-typedef int32_t cairn_pose_consensus_phase;
+typedef int32_t pose_consensus_phase;
 enum {
-    CAIRN_CONSENSUS_IDLE = 0,
-    CAIRN_CONSENSUS_CYCLES,
-    CAIRN_CONSENSUS_START,
+    POSE_CONSENSUS_IDLE = 0,
+    POSE_CONSENSUS_CYCLES,
+    POSE_CONSENSUS_START,
     /* votes for the candidates of a choice ... */
-    CAIRN_CONSENSUS_SEARCH,
+    POSE_CONSENSUS_SEARCH,
     /* ... and evaluation of the best voted by the likelihood functions */
-    CAIRN_CONSENSUS_EVALUATE,
-    CAIRN_CONSENSUS_RELAX,
-    CAIRN_CONSENSUS_MERGE,
+    POSE_CONSENSUS_EVALUATE,
+    POSE_CONSENSUS_RELAX,
+    POSE_CONSENSUS_MERGE,
     /* every node is assigned again, given the others */
-    CAIRN_CONSENSUS_REASSIGN,
-    CAIRN_CONSENSUS_TALLY,
+    POSE_CONSENSUS_REASSIGN,
+    POSE_CONSENSUS_TALLY,
     /* maximum spanning tree of the best map, ... */
-    CAIRN_CONSENSUS_TREE,
+    POSE_CONSENSUS_TREE,
     /* ... blocks cut off at its edges are moved as a whole */
-    CAIRN_CONSENSUS_BLOCK,
-    CAIRN_CONSENSUS_PROPOSE,
+    POSE_CONSENSUS_BLOCK,
+    POSE_CONSENSUS_PROPOSE,
     /* submaps are split off, ... */
-    CAIRN_CONSENSUS_SPLIT,
+    POSE_CONSENSUS_SPLIT,
     /* ... measured ... */
-    CAIRN_CONSENSUS_SUBMAPS,
+    POSE_CONSENSUS_SUBMAPS,
     /* ... and numbered */
-    CAIRN_CONSENSUS_NUMBER_SUBMAPS,
-    CAIRN_CONSENSUS_REPORT,
+    POSE_CONSENSUS_NUMBER_SUBMAPS,
+    POSE_CONSENSUS_REPORT,
     /* ambiguity propagates to nodes that depend on ambiguous ones */
-    CAIRN_CONSENSUS_PROPAGATE_AMBIGUITY
+    POSE_CONSENSUS_PROPAGATE_AMBIGUITY
 };
 
 /* Subject of a search. */
 typedef int32_t cairn_pose_consensus_choice;
 enum {
-    CAIRN_CHOOSE_NEXT = 0,        /* the next node of the growing component */
-    CAIRN_CHOOSE_REASSIGN = 1,    /* the pose of a node given the others */
-    CAIRN_CHOOSE_ALTERNATIVES = 2 /* alternatives of a node */
+    POSE_CONSENSUS_CHOOSE_NEXT = 0,        /* the next node of the growing component */
+    POSE_CONSENSUS_CHOOSE_REASSIGN = 1,    /* the pose of a node given the others */
+    POSE_CONSENSUS_CHOOSE_ALTERNATIVES = 2 /* alternatives of a node */
 };
 
 struct cairn_pose_consensus {
@@ -137,7 +137,7 @@ struct cairn_pose_consensus {
     int32_t node_count, hypothesis_count, bound_count;
 
     /* after: the phase after relaxation */
-    cairn_pose_consensus_phase phase, after;
+    pose_consensus_phase phase, after;
     cairn_pose_consensus_choice choice;
     /* next: hypothesis, link, candidate or node of the phase; end: where it ends */
     int32_t next, end;
@@ -162,7 +162,7 @@ struct cairn_pose_consensus {
     /* nodes changed in this round */
     int32_t changed_nodes;
     /* units of finished items, not yet charged */
-    int32_t units_owed;
+    int32_t units_due;
     int32_t candidate_count;
     /* best merge so far: its pose maps component `node` into `part` */
     cairn_pose_consensus_candidate merge;
@@ -196,12 +196,12 @@ int32_t cairn_pose_consensus_best_of_pair(const cairn_pose_consensus *consensus,
                                           cairn_pose_consensus_pose map_other, int32_t *to,
                                           cairn_real *earned, cairn_real *strongest);
 
-/* Returns the support of a pose of a node by the placed nodes of a component; judged 1: by the
- * likelihood functions. */
+/* Returns the support of a pose of a node by the placed nodes of a component; by_likelihood 1: by
+ * the likelihood functions. */
 cairn_pose_consensus_support cairn_pose_consensus_support_of(const cairn_pose_consensus *consensus,
                                                              int32_t node,
                                                              cairn_pose_consensus_pose map_node,
-                                                             int32_t part, int32_t judged);
+                                                             int32_t part, int32_t by_likelihood);
 
 /* Returns 1 when the support is significant by itself. */
 int32_t cairn_pose_consensus_is_significant(const cairn_pose_consensus *consensus,
@@ -242,7 +242,7 @@ cairn_real cairn_pose_consensus_pair_likelihood(const cairn_pose_consensus *cons
 /* Returns the support of placing component merge->node in merge->part by merge->pose. */
 cairn_real cairn_pose_consensus_merged_support(cairn_pose_consensus *consensus,
                                                const cairn_pose_consensus_candidate *merge,
-                                               int32_t judged);
+                                               int32_t by_likelihood);
 
 /* Merges one component into the other; returns 0 and changes nothing when bounds forbid it. */
 int32_t cairn_pose_consensus_apply_merge(cairn_pose_consensus *consensus,
@@ -273,10 +273,10 @@ void cairn_pose_consensus_submap_item(cairn_pose_consensus *consensus);
 void cairn_pose_consensus_number_item(cairn_pose_consensus *consensus);
 
 /* Enters a phase of `end` items. */
-void cairn_pose_consensus_enter(cairn_pose_consensus *consensus, cairn_pose_consensus_phase phase,
+void cairn_pose_consensus_enter(cairn_pose_consensus *consensus, pose_consensus_phase phase,
                                 int32_t end);
 
-/* Executes one item of the search and adds its cost to units_owed. */
+/* Executes one item of the search and adds its cost to units_due. */
 void cairn_pose_consensus_item(cairn_pose_consensus *consensus);
 
 /* Marks a node as ambiguous when it depends on ambiguous nodes. */

@@ -52,7 +52,7 @@ static const cairn_real KERNEL_NARROWING = CAIRN_REAL(1.4);
 
 /* ---- Stages ---- */
 
-void cairn_pose_graph_enter(cairn_pose_graph *graph, int32_t mode, int32_t stage)
+void cairn_pose_graph_enter(cairn_pose_graph *graph, pose_graph_mode mode, pose_graph_stage stage)
 {
     graph->mode = mode;
     graph->stage = stage;
@@ -131,7 +131,7 @@ static int may_reuse_factor(const cairn_pose_graph *graph, cairn_real better)
 
 /* Returns 1 when a step to a higher cost is judged after another one with the same factor
  * (watchdog). */
-static int may_defer_judgement(const cairn_pose_graph *graph, cairn_real better)
+static int may_defer_evaluation(const cairn_pose_graph *graph, cairn_real better)
 {
     return !graph->reuse_factor && graph->step_fraction == 1 && graph->kernel_scale <= 1 &&
            -better <= MAX_REUSE_DECREASE * graph->base_cost;
@@ -151,7 +151,7 @@ static void begin_step(cairn_pose_graph *graph)
 /* Accepts or rejects a tried step. Its cost is cost, that of the linearization point base_cost,
  * both with the same kernel. A step with a reused factor does not show convergence; its slope does,
  * see end_slope(). */
-static void judge_step(cairn_pose_graph *graph)
+static void evaluate_step(cairn_pose_graph *graph)
 {
     cairn_real better = graph->base_cost - graph->cost;
     int at_rest = !graph->reuse_factor && cairn_abs(better) <= convergence_threshold(graph) &&
@@ -171,7 +171,7 @@ static void judge_step(cairn_pose_graph *graph)
         graph->is_watchdog_step = 0;
         graph->last_decrease = better;
         graph->step_fraction = 1;
-    } else if (may_defer_judgement(graph, better)) {
+    } else if (may_defer_evaluation(graph, better)) {
         graph->reuse_factor = graph->is_watchdog_step = 1;
         graph->last_slope = 0;
     } else if (graph->is_watchdog_step) {
@@ -222,7 +222,7 @@ static void end_cost(cairn_pose_graph *graph)
     } else {
         if (!finite)
             graph->cost = CAIRN_REAL_MAX;
-        judge_step(graph);
+        evaluate_step(graph);
     }
 }
 
@@ -515,14 +515,14 @@ cairn_status cairn_pose_graph_step(cairn_pose_graph *graph, cairn_budget *budget
 {
     cairn_status outcome;
 
-    while (graph->stage != POSE_GRAPH_IDLE || graph->units_owed > 0) {
+    while (graph->stage != POSE_GRAPH_IDLE || graph->units_due > 0) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (graph->units_owed > 0) {
-            int32_t paid = graph->units_owed < budget->left ? graph->units_owed : budget->left;
+        if (graph->units_due > 0) {
+            int32_t charged = graph->units_due < budget->left ? graph->units_due : budget->left;
 
-            graph->units_owed -= paid;
-            budget->left -= paid;
+            graph->units_due -= charged;
+            budget->left -= charged;
         } else if (is_solver_stage(graph->stage)) {
             cairn_status status = graph->solver.step(graph->solver.context, budget);
 
@@ -530,7 +530,7 @@ cairn_status cairn_pose_graph_step(cairn_pose_graph *graph, cairn_budget *budget
                 return CAIRN_MORE;
             end_solver_phase(graph, status);
         } else {
-            graph->units_owed = do_item(graph);
+            graph->units_due = do_item(graph);
         }
     }
     outcome = graph->outcome;

@@ -72,18 +72,21 @@ static int is_within(int32_t n, int32_t least, int32_t most)
     return n >= least && n <= most;
 }
 
-static int params_are_valid(const cairn_scan_match_params *p)
+static int params_are_valid(const cairn_scan_match_params *params)
 {
-    return p != NULL &&
-           is_within(p->mode, CAIRN_SCAN_MATCH_CORRELATIVE, CAIRN_SCAN_MATCH_AS_WRITTEN_LINES) &&
-           is_within(p->max_target, 1, MAX_POINTS) && is_within(p->max_dense, 0, MAX_POINTS) &&
-           is_within(p->max_views, 0, MAX_VIEWS) && is_within(p->max_query, 1, MAX_POINTS) &&
-           is_within(p->max_hypotheses, 1, MAX_HYPOTHESES) &&
-           is_within(p->max_candidates, 1, MAX_CANDIDATES) &&
-           is_within(p->max_cells, SCAN_MATCH_MIN_CELLS, SCAN_MATCH_MAX_CELLS) &&
-           is_within(p->vote_once, 0, 1) && is_positive(p->spacing) &&
-           p->spacing >= MIN_SPACING_M && is_positive(p->min_sigma) && p->weak_ratio >= 0 &&
-           p->weak_ratio < 1;
+    return params != NULL &&
+           is_within(params->mode, CAIRN_SCAN_MATCH_CORRELATIVE,
+                     CAIRN_SCAN_MATCH_AS_WRITTEN_LINES) &&
+           is_within(params->max_target, 1, MAX_POINTS) &&
+           is_within(params->max_dense, 0, MAX_POINTS) &&
+           is_within(params->max_views, 0, MAX_VIEWS) &&
+           is_within(params->max_query, 1, MAX_POINTS) &&
+           is_within(params->max_hypotheses, 1, MAX_HYPOTHESES) &&
+           is_within(params->max_candidates, 1, MAX_CANDIDATES) &&
+           is_within(params->max_cells, SCAN_MATCH_MIN_CELLS, SCAN_MATCH_MAX_CELLS) &&
+           is_within(params->vote_once, 0, 1) && is_positive(params->spacing) &&
+           params->spacing >= MIN_SPACING_M && is_positive(params->min_sigma) &&
+           params->weak_ratio >= 0 && params->weak_ratio < 1;
 }
 
 static cairn_sequence_params sequence_params(const cairn_scan_match_params *p)
@@ -94,53 +97,57 @@ static cairn_sequence_params sequence_params(const cairn_scan_match_params *p)
 }
 
 /* Takes the arrays of the shape modes, but for the sequence; NULL from a counting pool. */
-static match_shape *carve_shape(cairn_pool *pool, const cairn_scan_match_params *p)
+static scan_match_shape *carve_shape(cairn_pool *pool, const cairn_scan_match_params *params)
 {
-    match_shape *shape = cairn_pool_take(pool, 1, sizeof *shape);
-    match_shape made;
+    scan_match_shape *shape = cairn_pool_take(pool, 1, sizeof *shape);
+    scan_match_shape made;
 
     memset(&made, 0, sizeof made);
-    made.target = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.target);
-    made.query = cairn_pool_take(pool, (size_t)p->max_query, sizeof *made.query);
-    made.target_part = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.target_part);
-    made.rotated_query = cairn_pool_take(pool, (size_t)p->max_query, sizeof *made.rotated_query);
-    made.pairs = cairn_pool_take(pool, (size_t)p->max_query, sizeof *made.pairs);
-    made.segments = cairn_pool_take(pool, (size_t)p->max_query + 1, sizeof *made.segments);
+    made.target = cairn_pool_take(pool, (size_t)params->max_target, sizeof *made.target);
+    made.query = cairn_pool_take(pool, (size_t)params->max_query, sizeof *made.query);
+    made.target_part = cairn_pool_take(pool, (size_t)params->max_target, sizeof *made.target_part);
+    made.rotated_query =
+        cairn_pool_take(pool, (size_t)params->max_query, sizeof *made.rotated_query);
+    made.pairs = cairn_pool_take(pool, (size_t)params->max_query, sizeof *made.pairs);
+    made.segments = cairn_pool_take(pool, (size_t)params->max_query + 1, sizeof *made.segments);
     if (shape != NULL)
         *shape = made;
     return shape;
 }
 
 /* Takes the object with its arrays; NULL from a counting pool. */
-static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *p)
+static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *params)
 {
-    size_t cells = p->mode == CAIRN_SCAN_MATCH_CORRELATIVE ? (size_t)p->max_cells : 0;
+    size_t cells = params->mode == CAIRN_SCAN_MATCH_CORRELATIVE ? (size_t)params->max_cells : 0;
     cairn_scan_match *match = cairn_pool_take_one(pool, sizeof *match);
     cairn_scan_match made;
 
     memset(&made, 0, sizeof made);
-    made.params = *p;
-    made.target = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.target);
-    made.dense = cairn_pool_take(pool, (size_t)p->max_dense, sizeof *made.dense);
+    made.params = *params;
+    made.target = cairn_pool_take(pool, (size_t)params->max_target, sizeof *made.target);
+    made.dense = cairn_pool_take(pool, (size_t)params->max_dense, sizeof *made.dense);
     made.dense_index.points =
-        cairn_pool_take(pool, (size_t)p->max_dense, sizeof *made.dense_index.points);
-    made.dense_index.start = cairn_pool_take(pool, cairn_scan_match_index_cells(p->max_dense) + 1,
-                                             sizeof *made.dense_index.start);
-    made.views = cairn_pool_take(pool, (size_t)p->max_views, sizeof *made.views);
+        cairn_pool_take(pool, (size_t)params->max_dense, sizeof *made.dense_index.points);
+    made.dense_index.start = cairn_pool_take(
+        pool, cairn_scan_match_index_cells(params->max_dense) + 1, sizeof *made.dense_index.start);
+    made.views = cairn_pool_take(pool, (size_t)params->max_views, sizeof *made.views);
     made.query_profile = cairn_pool_take_one(pool, sizeof *made.query_profile);
-    made.index.points = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.index.points);
-    made.index.start = cairn_pool_take(pool, cairn_scan_match_index_cells(p->max_target) + 1,
+    made.index.points =
+        cairn_pool_take(pool, (size_t)params->max_target, sizeof *made.index.points);
+    made.index.start = cairn_pool_take(pool, cairn_scan_match_index_cells(params->max_target) + 1,
                                        sizeof *made.index.start);
-    made.by_direction =
-        cairn_pool_take(pool, cells > 0 ? (size_t)p->max_target : 0, sizeof *made.by_direction);
+    made.by_direction = cairn_pool_take(pool, cells > 0 ? (size_t)params->max_target : 0,
+                                        sizeof *made.by_direction);
     made.query_angle = cairn_pool_take(pool, cells > 0 ? SCAN_MATCH_MAX_QUERY_POINTS : 0,
                                        sizeof *made.query_angle);
     made.votes.cell = cairn_pool_take(pool, cells, sizeof *made.votes.cell);
     made.votes.touched = cairn_pool_take(pool, cells, sizeof *made.votes.touched);
-    made.candidates = cairn_pool_take(pool, (size_t)p->max_candidates, sizeof *made.candidates);
-    made.hypotheses = cairn_pool_take(pool, (size_t)p->max_candidates, sizeof *made.hypotheses);
-    if (p->mode != CAIRN_SCAN_MATCH_CORRELATIVE)
-        made.shape = carve_shape(pool, p);
+    made.candidates =
+        cairn_pool_take(pool, (size_t)params->max_candidates, sizeof *made.candidates);
+    made.hypotheses =
+        cairn_pool_take(pool, (size_t)params->max_candidates, sizeof *made.hypotheses);
+    if (params->mode != CAIRN_SCAN_MATCH_CORRELATIVE)
+        made.shape = carve_shape(pool, params);
     if (match != NULL)
         *match = made;
     return match;
@@ -203,8 +210,8 @@ static void cancel(cairn_scan_match *match)
     for (int32_t i = 0; i < match->votes.touched_count; i++)
         match->votes.cell[match->votes.touched[i]] = 0;
     match->votes.touched_count = 0;
-    match->phase = MATCH_IDLE;
-    match->parts_owed = 0;
+    match->phase = SCAN_MATCH_IDLE;
+    match->parts_due = 0;
     memset(&match->result, 0, sizeof match->result);
 }
 
@@ -269,8 +276,8 @@ static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pos
 }
 
 /* Builds the visibility profile of a part; returns 0 when none of its beams has a range. */
-static int32_t make_profile(match_visibility_profile *profile, const cairn_scan_match_part *part,
-                            cairn_transform transform)
+static int32_t make_profile(scan_match_visibility_profile *profile,
+                            const cairn_scan_match_part *part, cairn_transform transform)
 {
     int32_t known = 0;
 
@@ -295,7 +302,7 @@ cairn_status cairn_scan_match_add_target(cairn_scan_match *match, const cairn_sc
 
     if (match == NULL || part == NULL)
         return cairn_refuse(fault, -1, "no object or no part", CAIRN_BAD_ARGUMENT);
-    if (match->phase != MATCH_IDLE && match->phase != MATCH_DONE)
+    if (match->phase != SCAN_MATCH_IDLE && match->phase != SCAN_MATCH_DONE)
         return cairn_refuse(fault, -1, "a match is running", CAIRN_BAD_ARGUMENT);
     status = check_part(part, target_part, fault);
     if (status != CAIRN_OK)
@@ -376,7 +383,7 @@ static void set_window(cairn_scan_match *match, cairn_pose start,
         cairn_max(share * cairn_min(window->angle, CAIRN_PI), CAIRN_REAL(0.01));
 }
 
-/* Validates and stores a query; the phase is MATCH_DONE when there is nothing to match. */
+/* Validates and stores a query; the phase is SCAN_MATCH_DONE when there is nothing to match. */
 static cairn_status set_query(cairn_scan_match *match, const cairn_scan_match_part *query,
                               cairn_pose start, cairn_fault *fault)
 {
@@ -396,7 +403,7 @@ static cairn_status set_query(cairn_scan_match *match, const cairn_scan_match_pa
     if (query->count == 0 || match->target_count == 0) {
         match->result.hypotheses = match->hypotheses;
         match->result.verdict = CAIRN_SCAN_MATCH_NONE;
-        match->phase = MATCH_DONE;
+        match->phase = SCAN_MATCH_DONE;
     }
     return CAIRN_OK;
 }
@@ -416,7 +423,7 @@ cairn_status cairn_scan_match_begin(cairn_scan_match *match, const cairn_scan_ma
     status = set_query(match, query, start, fault);
     if (status != CAIRN_OK)
         return status;
-    if (match->phase == MATCH_DONE)
+    if (match->phase == SCAN_MATCH_DONE)
         return CAIRN_OK;
     measure_query(match);
     set_window(match, start, window);
@@ -436,7 +443,7 @@ cairn_status cairn_scan_match_begin_icp(cairn_scan_match *match, const cairn_sca
     status = set_query(match, query, start, fault);
     if (status != CAIRN_OK)
         return status;
-    if (match->phase == MATCH_DONE)
+    if (match->phase == SCAN_MATCH_DONE)
         return CAIRN_OK;
     measure_query(match);
     set_window(match, start, NULL);
@@ -452,7 +459,7 @@ cairn_scan_match_result cairn_scan_match_read(const cairn_scan_match *match)
         .verdict = CAIRN_SCAN_MATCH_RUNNING,
     };
 
-    return match->phase == MATCH_DONE && match->parts_owed < SCAN_MATCH_PARTS_PER_UNIT
+    return match->phase == SCAN_MATCH_DONE && match->parts_due < SCAN_MATCH_PARTS_PER_UNIT
                ? match->result
                : running;
 }

@@ -40,22 +40,22 @@ enum { MIN_PAIRS = 4 };
 
 /* Points, iterations, hypotheses kept (at least twice max_hypotheses; 0: max_hypotheses), dense,
  * gates. */
-static const match_stage STAGES[SCAN_MATCH_STAGES + 1] = {
+static const scan_match_stage STAGES[SCAN_MATCH_STAGES + 1] = {
     {48, 3, 16, 0, 5, 3},
     {128, 6, 0, 0, 3, CAIRN_REAL(1.5)},
     {1 << 20, 8, 0, 1, 2, 1},
     {1 << 20, 0, 0, 1, 2, 2}, /* evaluation only */
 };
 
-const match_stage *cairn_scan_match_current_stage(const cairn_scan_match *match)
+const scan_match_stage *cairn_scan_match_current_stage(const cairn_scan_match *match)
 {
     return &STAGES[match->stage];
 }
 
 void cairn_scan_match_fit_begin(cairn_scan_match *match, cairn_pose pose)
 {
-    const match_stage *stage = &STAGES[match->stage];
-    match_fit *fit = &match->fit;
+    const scan_match_stage *stage = &STAGES[match->stage];
+    scan_match_fit *fit = &match->fit;
     int32_t dense = stage->dense && match->query.dense_count > 0;
     int32_t both = dense && match->dense_count > 0 && !match->lacks_dense;
 
@@ -86,18 +86,18 @@ static void add_cross(cairn_scan_match *match, const cairn_real row[3], cairn_ve
     cairn_sym3_add_outer(&match->fit.sums.cross, difference, -weight / 4);
 }
 
-static void add_pair(cairn_scan_match *match, const cairn_oriented_point *q)
+static void add_pair(cairn_scan_match *match, const cairn_oriented_point *point)
 {
-    match_fit *fit = &match->fit;
-    match_sums *sums = &fit->sums;
-    match_search search;
+    scan_match_fit *fit = &match->fit;
+    scan_match_sums *sums = &fit->sums;
+    scan_match_search search;
     const cairn_oriented_point *m;
     cairn_real error, squared, weight, scale = CAUCHY_SCALE * fit->sigma, row[3];
     cairn_vec2 normal;
     int32_t parts = 20;
 
-    search.p = cairn_transform_point(fit->motion.transform, q->position);
-    search.direction = cairn_transform_direction(fit->motion.transform, q->direction);
+    search.p = cairn_transform_point(fit->motion.transform, point->position);
+    search.direction = cairn_transform_direction(fit->motion.transform, point->direction);
     search.cosine = MIN_PAIR_COSINE;
     m = cairn_scan_match_index_nearest(fit->index, &search, fit->gate, &parts);
     cairn_scan_match_charge(match, parts);
@@ -107,10 +107,10 @@ static void add_pair(cairn_scan_match *match, const cairn_oriented_point *q)
     error = cairn_vec2_dot(normal, cairn_vec2_sub(search.p, m->position));
     squared = error * error;
     weight = 1 / (1 + squared / (scale * scale));
-    cairn_rigid_motion_jacobian(&fit->motion, normal, q->position, row);
+    cairn_rigid_motion_jacobian(&fit->motion, normal, point->position, row);
     cairn_sym3_add_outer(&sums->lines, row, weight);
     if (STAGES[match->stage].dense)
-        add_cross(match, row, search.direction, q->position, weight);
+        add_cross(match, row, search.direction, point->position, weight);
     for (int k = 0; k < 3; k++)
         sums->gradient[k] += weight * error * row[k];
     sums->weight += weight;
@@ -124,7 +124,7 @@ static void add_pair(cairn_scan_match *match, const cairn_oriented_point *q)
 /* Returns the reciprocal variance of a residual. */
 static cairn_real information_scale(const cairn_scan_match *match)
 {
-    const match_sums *sums = &match->fit.sums;
+    const scan_match_sums *sums = &match->fit.sums;
     cairn_real n = (cairn_real)sums->pairs, slope = cairn_max(sums->slopes / n, CAIRN_REAL(0.1));
     cairn_real scale =
         sums->psi_squares / cairn_max(n - 3, 1) * (sums->weight / n) / (slope * slope);
@@ -190,7 +190,7 @@ static void store_hypothesis(cairn_scan_match *match, const cairn_rigid_motion_b
  * when the whole window lies within the gate. */
 static int32_t uses_prior(const cairn_scan_match *match)
 {
-    const match_stage *stage = &STAGES[match->stage];
+    const scan_match_stage *stage = &STAGES[match->stage];
 
     return match->has_window && (stage->dense || 2 * match->window.distance <=
                                                      stage->gate_start * match->params.spacing);
@@ -200,8 +200,8 @@ static int32_t uses_prior(const cairn_scan_match *match)
 static int32_t end_iteration(cairn_scan_match *match)
 {
     int32_t use_prior = uses_prior(match);
-    const match_stage *stage = &STAGES[match->stage];
-    match_fit *fit = &match->fit;
+    const scan_match_stage *stage = &STAGES[match->stage];
+    scan_match_fit *fit = &match->fit;
     cairn_rigid_motion_equations equations, prior;
     cairn_rigid_motion_basis basis;
     cairn_real step[3], moved, by, gate_end = stage->gate_end * match->params.spacing,
@@ -258,8 +258,8 @@ int32_t cairn_scan_match_fit_item(cairn_scan_match *match)
 
 void cairn_scan_match_score_begin(cairn_scan_match *match)
 {
-    const match_stage *stage = &STAGES[match->stage];
-    int32_t witnesses;
+    const scan_match_stage *stage = &STAGES[match->stage];
+    int32_t target_samples;
 
     memset(&match->inlier_count, 0, sizeof match->inlier_count);
     match->target_query =
@@ -267,20 +267,20 @@ void cairn_scan_match_score_begin(cairn_scan_match *match)
     match->query_target = cairn_transform_of(
         cairn_pose_inverse(match->hypotheses[match->hypothesis_index].target_query));
     match->query_stride = match->fit.stride;
-    witnesses = stage->points < SCAN_MATCH_MAX_TARGET_SAMPLES ? stage->points
-                                                              : SCAN_MATCH_MAX_TARGET_SAMPLES;
-    match->target_stride = (match->target_count + witnesses - 1) / witnesses;
+    target_samples = stage->points < SCAN_MATCH_MAX_TARGET_SAMPLES ? stage->points
+                                                                   : SCAN_MATCH_MAX_TARGET_SAMPLES;
+    match->target_stride = (match->target_count + target_samples - 1) / target_samples;
     match->index_in_phase = 0;
 }
 
-static void test_query_point(cairn_scan_match *match, const cairn_oriented_point *q)
+static void test_query_point(cairn_scan_match *match, const cairn_oriented_point *point)
 {
     const cairn_oriented_point *m;
-    match_search search;
+    scan_match_search search;
     int32_t parts = 20;
 
-    search.p = cairn_transform_point(match->target_query, q->position);
-    search.direction = cairn_transform_direction(match->target_query, q->direction);
+    search.p = cairn_transform_point(match->target_query, point->position);
+    search.direction = cairn_transform_direction(match->target_query, point->direction);
     search.cosine = MIN_INLIER_COSINE;
     match->inlier_count.query_points++;
     m = cairn_scan_match_index_nearest(match->fit.index, &search,
@@ -306,10 +306,10 @@ static void test_query_point(cairn_scan_match *match, const cairn_oriented_point
     cairn_scan_match_charge(match, parts);
 }
 
-static void test_target_point(cairn_scan_match *match, const cairn_oriented_point *p)
+static void test_target_point(cairn_scan_match *match, const cairn_oriented_point *point)
 {
     int32_t says = cairn_scan_match_profile_lookup(
-        match->query_profile, cairn_transform_point(match->query_target, p->position),
+        match->query_profile, cairn_transform_point(match->query_target, point->position),
         FREE_SPACE_MARGIN * match->params.spacing);
 
     match->inlier_count.target_inliers += says < 0;
@@ -325,11 +325,11 @@ static cairn_real share(cairn_real part, int32_t rest)
 static void score(cairn_scan_match *match)
 {
     cairn_scan_match_hypothesis *h = &match->hypotheses[match->hypothesis_index];
-    const match_inlier_count *t = &match->inlier_count;
-    cairn_real asked = (cairn_real)(t->query_points > 0 ? t->query_points : 1), agreement;
+    const scan_match_inlier_count *t = &match->inlier_count;
+    cairn_real query_points = (cairn_real)(t->query_points > 0 ? t->query_points : 1), agreement;
 
-    h->overlap = (cairn_real)t->inliers / asked;
-    h->fit = t->fit_sum / asked;
+    h->overlap = (cairn_real)t->inliers / query_points;
+    h->fit = t->fit_sum / query_points;
     h->free_space_violation = share((cairn_real)t->violations, t->inliers);
     h->target_free_space_violation = share((cairn_real)t->target_violations, t->target_inliers);
     agreement = (1 - h->free_space_violation) * (1 - h->target_free_space_violation);
@@ -339,7 +339,7 @@ static void score(cairn_scan_match *match)
 int32_t cairn_scan_match_score_item(cairn_scan_match *match)
 {
     int32_t queries = match->fit.count,
-            witnesses = match->query_has_profile ? match->target_count : 0;
+            target_samples = match->query_has_profile ? match->target_count : 0;
 
     if (match->index_in_phase < queries) {
         test_query_point(match, &match->fit.points[match->index_in_phase]);
@@ -347,11 +347,11 @@ int32_t cairn_scan_match_score_item(cairn_scan_match *match)
         if (match->index_in_phase < queries)
             return 0;
         match->index_in_phase = queries;
-    } else if (match->index_in_phase - queries < witnesses) {
+    } else if (match->index_in_phase - queries < target_samples) {
         test_target_point(match, &match->target[match->index_in_phase - queries]);
         match->index_in_phase += match->target_stride;
     }
-    if (match->index_in_phase - queries < witnesses)
+    if (match->index_in_phase - queries < target_samples)
         return 0;
     score(match);
     return 1;

@@ -26,7 +26,7 @@ size_t cairn_scan_match_index_cells(int32_t max_points)
     return (size_t)side_for(max_points) * (size_t)side_for(max_points);
 }
 
-void cairn_scan_match_index_reset(match_index *index, int32_t max_points, int32_t count,
+void cairn_scan_match_index_reset(scan_match_index *index, int32_t max_points, int32_t count,
                                   cairn_real cell)
 {
     index->side = side_for(max_points);
@@ -36,88 +36,89 @@ void cairn_scan_match_index_reset(match_index *index, int32_t max_points, int32_
     memset(index->start, 0, (cairn_scan_match_index_cells(max_points) + 1) * sizeof *index->start);
 }
 
-static int32_t coordinate(const match_index *index, cairn_real x)
+static int32_t coordinate(const scan_match_index *index, cairn_real x)
 {
     return cairn_real_to_int(cairn_floor(x * index->per_metre));
 }
 
-static int32_t cell_of(const match_index *index, cairn_vec2 p)
+static int32_t cell_of(const scan_match_index *index, cairn_vec2 p)
 {
     int32_t mask = index->side - 1;
 
     return (coordinate(index, p.y) & mask) * index->side + (coordinate(index, p.x) & mask);
 }
 
-void cairn_scan_match_index_count(match_index *index, cairn_vec2 p)
+void cairn_scan_match_index_count(scan_match_index *index, cairn_vec2 p)
 {
     index->start[cell_of(index, p)]++;
 }
 
 /* Prefix sums: counts become the ends of their cells. */
-void cairn_scan_match_index_sum(match_index *index, int32_t first, int32_t end)
+void cairn_scan_match_index_sum(scan_match_index *index, int32_t first, int32_t end)
 {
     for (int32_t cell = first > 0 ? first : 1; cell < end; cell++)
         index->start[cell] += index->start[cell - 1];
 }
 
 /* Places a point; ends become starts as points are placed, the last one first. */
-void cairn_scan_match_index_place(match_index *index, cairn_oriented_point p)
+void cairn_scan_match_index_place(scan_match_index *index, cairn_oriented_point p)
 {
     index->points[--index->start[cell_of(index, p.position)]] = p;
 }
 
 /* Visits points[first ... end - 1]; returns the cost in parts of a unit. */
-static int32_t visit_points(const match_index *index, int32_t first, int32_t end,
-                            match_search *asked)
+static int32_t visit_points(const scan_match_index *index, int32_t first, int32_t end,
+                            scan_match_search *search)
 {
     for (int32_t i = first; i < end; i++) {
         const cairn_oriented_point *point = &index->points[i];
-        cairn_real d = cairn_vec2_norm_squared(cairn_vec2_sub(point->position, asked->p));
+        cairn_real d = cairn_vec2_norm_squared(cairn_vec2_sub(point->position, search->p));
 
-        if (d <= asked->nearest &&
-            cairn_vec2_dot(point->direction, asked->direction) >= asked->cosine) {
-            asked->nearest = d;
-            asked->best = point;
+        if (d <= search->nearest &&
+            cairn_vec2_dot(point->direction, search->direction) >= search->cosine) {
+            search->nearest = d;
+            search->best = point;
         }
     }
     return end > first ? 3 * (end - first) : 0;
 }
 
 /* Visits the cells of a row within `reach` of the query; returns the cost. */
-static int32_t visit_row(const match_index *index, int32_t y, cairn_real reach, match_search *asked)
+static int32_t visit_row(const scan_match_index *index, int32_t y, cairn_real reach,
+                         scan_match_search *search)
 {
     int32_t mask = index->side - 1, row = (y & mask) * index->side;
-    int32_t low = coordinate(index, asked->p.x - reach) & mask,
-            high = coordinate(index, asked->p.x + reach) & mask;
+    int32_t low = coordinate(index, search->p.x - reach) & mask,
+            high = coordinate(index, search->p.x + reach) & mask;
 
     if (low <= high)
         return PARTS_PER_ROW +
-               visit_points(index, index->start[row + low], index->start[row + high + 1], asked);
+               visit_points(index, index->start[row + low], index->start[row + high + 1], search);
     return PARTS_PER_ROW +
-           visit_points(index, index->start[row + low], index->start[row + index->side], asked) +
-           visit_points(index, index->start[row], index->start[row + high + 1], asked);
+           visit_points(index, index->start[row + low], index->start[row + index->side], search) +
+           visit_points(index, index->start[row], index->start[row + high + 1], search);
 }
 
 /* Visits rows from the point's own outwards, until the next one is farther than the best. */
-const cairn_oriented_point *cairn_scan_match_index_nearest(const match_index *index,
-                                                           match_search *asked, cairn_real gate,
-                                                           int32_t *parts)
+const cairn_oriented_point *cairn_scan_match_index_nearest(const scan_match_index *index,
+                                                           scan_match_search *search,
+                                                           cairn_real gate, int32_t *parts)
 {
-    int32_t up = coordinate(index, asked->p.y), down = up - 1;
-    cairn_real above = 0, below = asked->p.y - (cairn_real)up * index->cell;
+    int32_t up = coordinate(index, search->p.y), down = up - 1;
+    cairn_real above = 0, below = search->p.y - (cairn_real)up * index->cell;
 
-    asked->nearest = gate * gate;
-    asked->best = NULL;
+    search->nearest = gate * gate;
+    search->best = NULL;
     while (cairn_min(above, below) <= gate) {
         if (above <= below) {
-            *parts += visit_row(index, up++, gate, asked);
-            above = (cairn_real)up * index->cell - asked->p.y;
+            *parts += visit_row(index, up++, gate, search);
+            above = (cairn_real)up * index->cell - search->p.y;
         } else {
-            *parts += visit_row(index, down--, gate, asked);
-            below = asked->p.y - (cairn_real)(down + 1) * index->cell;
+            *parts += visit_row(index, down--, gate, search);
+            below = search->p.y - (cairn_real)(down + 1) * index->cell;
         }
-        if (asked->best != NULL)
-            gate = cairn_sqrt(asked->nearest);
+        if (search->best != NULL)
+            gate = cairn_sqrt(search->nearest);
     }
-    return asked->best;
+    return search->best;
 }

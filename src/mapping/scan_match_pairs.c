@@ -6,7 +6,7 @@
 
 static int is_done(const cairn_scan_match *match)
 {
-    return match != NULL && match->shape != NULL && match->phase == MATCH_DONE &&
+    return match != NULL && match->shape != NULL && match->phase == SCAN_MATCH_DONE &&
            match->query.count > 0 && match->target_count > 0 && match->shape->rotations > 0;
 }
 
@@ -18,7 +18,7 @@ int32_t cairn_scan_match_pair_count(const cairn_scan_match *match)
 /* Returns 1 when the segment of filtered pair k is selected; binary search. */
 static int32_t is_in_selected_segment(const cairn_scan_match *match, int32_t k)
 {
-    const match_shape *shape = match->shape;
+    const scan_match_shape *shape = match->shape;
     int32_t low = 0, high = shape->segment_count - 1;
 
     if (!cairn_scan_match_has_segment_filter(match))
@@ -36,7 +36,7 @@ static int32_t is_in_selected_segment(const cairn_scan_match *match, int32_t k)
 
 cairn_scan_match_pair cairn_scan_match_pair_at(const cairn_scan_match *match, int32_t index)
 {
-    const match_shape *shape = match->shape;
+    const scan_match_shape *shape = match->shape;
     cairn_sequence_pair own = cairn_sequence_read(shape->sequence).pairs[index];
     cairn_scan_match_pair pair = {own.first, own.second, CAIRN_SCAN_MATCH_REJECTED_COLINEAR};
     int32_t low = 0, high = shape->pair_count;
@@ -76,7 +76,7 @@ cairn_status cairn_scan_match_histogram(const cairn_scan_match *match, int32_t p
         return CAIRN_EMPTY;
     if (point < 0 || point >= match->query.count)
         return CAIRN_BAD_ARGUMENT;
-    for (int32_t b = 0; b < SHAPE_BINS; b++)
+    for (int32_t b = 0; b < SCAN_MATCH_SHAPE_BINS; b++)
         share[b] = (cairn_real)match->shape->query[point].bin[b] / 255;
     return CAIRN_OK;
 }

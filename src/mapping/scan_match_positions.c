@@ -17,19 +17,19 @@ static int32_t quantize(cairn_real v)
     return cairn_real_to_int(cairn_floor(cairn_min(cairn_max(v, -MAX_POSITION), MAX_POSITION)));
 }
 
-match_position cairn_scan_match_quantize(const cairn_scan_match *match, cairn_vec2 p)
+scan_match_position cairn_scan_match_quantize(const cairn_scan_match *match, cairn_vec2 p)
 {
     cairn_real per_metre =
         SCAN_MATCH_CELL_STEPS / (SCAN_MATCH_CELL_SPACINGS * match->params.spacing);
-    match_position spot = {quantize((p.x - match->target_low.x) * per_metre),
-                           quantize((p.y - match->target_low.y) * per_metre)};
+    scan_match_position q = {quantize((p.x - match->target_low.x) * per_metre),
+                             quantize((p.y - match->target_low.y) * per_metre)};
 
-    return spot;
+    return q;
 }
 
-int32_t cairn_scan_match_strip(const cairn_scan_match *match, match_position spot)
+int32_t cairn_scan_match_strip(const cairn_scan_match *match, scan_match_position q)
 {
-    int32_t along = match->strips_along_y ? spot.y : spot.x, column;
+    int32_t along = match->strips_along_y ? q.y : q.x, column;
 
     if (along < 0)
         return 0;
@@ -47,20 +47,20 @@ int32_t cairn_scan_match_angle_bin(uint16_t turn)
     return turn * SCAN_MATCH_DIRECTION_BINS / FULL_CIRCLE;
 }
 
-static int32_t *start_of(cairn_scan_match *match, const cairn_oriented_point *p)
+static int32_t *start_of(cairn_scan_match *match, const cairn_oriented_point *point)
 {
     int32_t bin = cairn_scan_match_angle_bin(
-        cairn_scan_match_quantize_angle(cairn_atan2(p->direction.y, p->direction.x)));
+        cairn_scan_match_quantize_angle(cairn_atan2(point->direction.y, point->direction.x)));
 
     return &match->direction_start[bin * SCAN_MATCH_STRIPS +
                                    cairn_scan_match_strip(
-                                       match, cairn_scan_match_quantize(match, p->position))];
+                                       match, cairn_scan_match_quantize(match, point->position))];
 }
 
 void cairn_scan_match_positions_reset(cairn_scan_match *match)
 {
     cairn_vec2 side = cairn_vec2_sub(match->target_high, match->target_low);
-    match_position corner = cairn_scan_match_quantize(match, match->target_high);
+    scan_match_position corner = cairn_scan_match_quantize(match, match->target_high);
     int32_t longest;
 
     memset(match->direction_start, 0, sizeof match->direction_start);
@@ -72,9 +72,9 @@ void cairn_scan_match_positions_reset(cairn_scan_match *match)
     cairn_scan_match_charge(match, SCAN_MATCH_DIRECTION_BINS * SCAN_MATCH_STRIPS / 16);
 }
 
-void cairn_scan_match_positions_count(cairn_scan_match *match, const cairn_oriented_point *p)
+void cairn_scan_match_positions_count(cairn_scan_match *match, const cairn_oriented_point *point)
 {
-    ++*start_of(match, p);
+    ++*start_of(match, point);
 }
 
 void cairn_scan_match_positions_sum(cairn_scan_match *match)
@@ -84,7 +84,8 @@ void cairn_scan_match_positions_sum(cairn_scan_match *match)
     cairn_scan_match_charge(match, SCAN_MATCH_DIRECTION_BINS * SCAN_MATCH_STRIPS / 3);
 }
 
-void cairn_scan_match_positions_place(cairn_scan_match *match, const cairn_oriented_point *p)
+void cairn_scan_match_positions_place(cairn_scan_match *match, const cairn_oriented_point *point)
 {
-    match->by_direction[--*start_of(match, p)] = cairn_scan_match_quantize(match, p->position);
+    match->by_direction[--*start_of(match, point)] =
+        cairn_scan_match_quantize(match, point->position);
 }

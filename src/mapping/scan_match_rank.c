@@ -25,15 +25,15 @@ static const cairn_real MIN_LOG_ODDS = CAIRN_REAL(0.5);
 /* ratio of the second score to the best from which a match is ambiguous */
 static const cairn_real AMBIGUITY_RATIO = CAIRN_REAL(0.9);
 
-int32_t cairn_scan_match_ranks_before(const match_candidate *a, const match_candidate *b)
+int32_t cairn_scan_match_ranks_before(const scan_match_candidate *a, const scan_match_candidate *b)
 {
     return a->score > b->score || (!(b->score > a->score) && a->order < b->order);
 }
 
 /* Heap sift-down of the candidate at the root of heap[0 ... count-1], the worst on top. */
-static void sift_down(match_candidate *heap, int32_t count, int32_t root)
+static void sift_down(scan_match_candidate *heap, int32_t count, int32_t root)
 {
-    match_candidate moving = heap[root];
+    scan_match_candidate moving = heap[root];
 
     for (;;) {
         int32_t child = 2 * root + 1;
@@ -50,10 +50,10 @@ static void sift_down(match_candidate *heap, int32_t count, int32_t root)
     heap[root] = moving;
 }
 
-void cairn_scan_match_insert_candidate(cairn_scan_match *match, const match_candidate *candidate,
-                                       int32_t most)
+void cairn_scan_match_insert_candidate(cairn_scan_match *match,
+                                       const scan_match_candidate *candidate, int32_t most)
 {
-    match_candidate *heap = match->candidates;
+    scan_match_candidate *heap = match->candidates;
 
     if (match->candidate_count == most) {
         heap[0] = *candidate;
@@ -73,7 +73,7 @@ void cairn_scan_match_insert_candidate(cairn_scan_match *match, const match_cand
 void cairn_scan_match_sort_candidates(cairn_scan_match *match)
 {
     for (int32_t count = match->candidate_count - 1; count > 0; count--) {
-        match_candidate worst = match->candidates[0];
+        scan_match_candidate worst = match->candidates[0];
 
         match->candidates[0] = match->candidates[count];
         match->candidates[count] = worst;
@@ -142,13 +142,13 @@ void cairn_scan_match_select(cairn_scan_match *match, int32_t keep)
         match->hypotheses[at] = moving;
     }
     for (int32_t i = 0; i < match->hypothesis_count && kept < keep; i++) {
-        int32_t twin = !is_inside(match, match->hypotheses[i].target_query);
+        int32_t is_dropped = !is_inside(match, match->hypotheses[i].target_query);
 
-        for (int32_t k = 0; k < kept && !twin; k++)
-            twin =
+        for (int32_t k = 0; k < kept && !is_dropped; k++)
+            is_dropped =
                 is_near(match, match->hypotheses[k].target_query, match->hypotheses[i].target_query,
                         DUPLICATE_DISTANCE, DUPLICATE_ANGLE_RAD);
-        if (!twin)
+        if (!is_dropped)
             match->hypotheses[kept++] = match->hypotheses[i];
     }
     match->hypothesis_count = kept;

@@ -54,17 +54,18 @@ enum {
 
 static int32_t bearing_bin(cairn_vec2 d)
 {
-    int32_t bin =
-        cairn_real_to_int(cairn_floor(cairn_atan2(d.y, d.x) * (SHAPE_BINS / (2 * CAIRN_PI))));
+    int32_t bin = cairn_real_to_int(
+        cairn_floor(cairn_atan2(d.y, d.x) * (SCAN_MATCH_SHAPE_BINS / (2 * CAIRN_PI))));
 
-    return (bin + SHAPE_BINS) % SHAPE_BINS;
+    return (bin + SCAN_MATCH_SHAPE_BINS) % SCAN_MATCH_SHAPE_BINS;
 }
 
 /* Computes the histogram of points[i] among points[first ... end-1], rotated. */
 static void describe(cairn_scan_match *match, const cairn_oriented_point *points, int32_t i,
-                     int32_t first, int32_t end, cairn_transform turn, shape_descriptor *descriptor)
+                     int32_t first, int32_t end, cairn_transform turn,
+                     scan_match_shape_descriptor *descriptor)
 {
-    int32_t count[SHAPE_BINS] = {0}, most = 1;
+    int32_t count[SCAN_MATCH_SHAPE_BINS] = {0}, most = 1;
 
     for (int32_t k = first; k < end; k++) {
         cairn_vec2 d = cairn_vec2_sub(points[k].position, points[i].position);
@@ -78,13 +79,13 @@ static void describe(cairn_scan_match *match, const cairn_oriented_point *points
         cairn_scan_match_charge(match, 6);
     }
     cairn_scan_match_charge(match, (end - first) / 3 + 16);
-    for (int32_t b = 0; b < SHAPE_BINS; b++)
+    for (int32_t b = 0; b < SCAN_MATCH_SHAPE_BINS; b++)
         descriptor->bin[b] = (uint8_t)(255 * count[b] / most);
 }
 
 int32_t cairn_scan_match_shape_describe_target(cairn_scan_match *match)
 {
-    match_shape *shape = match->shape;
+    scan_match_shape *shape = match->shape;
     cairn_transform still = cairn_transform_of(cairn_pose_identity());
     int32_t part = shape->target_part[match->index_in_phase], first = match->index_in_phase,
             end = match->index_in_phase + 1;
@@ -99,11 +100,11 @@ int32_t cairn_scan_match_shape_describe_target(cairn_scan_match *match)
     return ++match->index_in_phase == match->target_count;
 }
 
-static int are_similar(const shape_descriptor *a, const shape_descriptor *b)
+static int are_similar(const scan_match_shape_descriptor *a, const scan_match_shape_descriptor *b)
 {
     int32_t differ = 0;
 
-    for (int32_t k = 0; k < SHAPE_BINS && differ <= MAX_DIFFERENT_BINS; k++)
+    for (int32_t k = 0; k < SCAN_MATCH_SHAPE_BINS && differ <= MAX_DIFFERENT_BINS; k++)
         differ += a->bin[k] > b->bin[k] + BIN_THRESHOLD || b->bin[k] > a->bin[k] + BIN_THRESHOLD;
     return differ <= MAX_DIFFERENT_BINS;
 }
@@ -111,7 +112,7 @@ static int are_similar(const shape_descriptor *a, const shape_descriptor *b)
 static cairn_real compare(const void *context, int32_t i, int32_t j)
 {
     const cairn_scan_match *match = context;
-    const match_shape *shape = match->shape;
+    const scan_match_shape *shape = match->shape;
 
     return cairn_vec2_dot(shape->rotated_query[i].direction, match->target[j].direction) >=
                SIMILAR_COSINE &&
@@ -122,7 +123,7 @@ static cairn_real compare(const void *context, int32_t i, int32_t j)
 
 void cairn_scan_match_shape_begin(cairn_scan_match *match)
 {
-    match_shape *shape = match->shape;
+    scan_match_shape *shape = match->shape;
     cairn_real half = match->has_window ? cairn_min(match->window.angle, CAIRN_PI) : CAIRN_PI;
     int32_t steps;
 
@@ -146,7 +147,7 @@ void cairn_scan_match_shape_begin(cairn_scan_match *match)
     shape->with_lines = shape->is_replay = 0;
 }
 
-static cairn_real angle_of(const match_shape *shape)
+static cairn_real angle_of(const scan_match_shape *shape)
 {
     return shape->first_angle + shape->step * (cairn_real)shape->rotation;
 }
@@ -154,7 +155,7 @@ static cairn_real angle_of(const match_shape *shape)
 /* Rotates one query point and computes its histogram. */
 int32_t cairn_scan_match_shape_rotate(cairn_scan_match *match)
 {
-    match_shape *shape = match->shape;
+    scan_match_shape *shape = match->shape;
     cairn_pose turn = {0, 0, 0};
     cairn_oriented_point *p = &shape->rotated_query[match->index_in_phase];
     cairn_status status;
@@ -211,15 +212,15 @@ static int is_colinear(const cairn_scan_match *match, cairn_sequence_pair pair)
 }
 
 /* Returns 1 when the neighbourhood of a point is a straight line along its direction. */
-static int32_t is_straight(const shape_descriptor *d, cairn_vec2 direction)
+static int32_t is_straight(const scan_match_shape_descriptor *descriptor, cairn_vec2 direction)
 {
-    const int32_t half = SHAPE_BINS / 2;
+    const int32_t half = SCAN_MATCH_SHAPE_BINS / 2;
     int32_t along = bearing_bin(direction);
 
-    for (int32_t b = 0; b < SHAPE_BINS; b++) {
-        int32_t off = (b - along + SHAPE_BINS) % half;
+    for (int32_t b = 0; b < SCAN_MATCH_SHAPE_BINS; b++) {
+        int32_t off = (b - along + SCAN_MATCH_SHAPE_BINS) % half;
 
-        if (d->bin[b] >= BIN_THRESHOLD && off > 1 && off < half - 1)
+        if (descriptor->bin[b] >= BIN_THRESHOLD && off > 1 && off < half - 1)
             return 0;
     }
     return 1;
@@ -228,7 +229,7 @@ static int32_t is_straight(const shape_descriptor *d, cairn_vec2 direction)
 /* Returns 1 when the colinear filter rejects the pair. */
 static int32_t is_rejected(const cairn_scan_match *match, cairn_sequence_pair pair)
 {
-    const match_shape *shape = match->shape;
+    const scan_match_shape *shape = match->shape;
 
     if (!cairn_scan_match_has_colinear_filter(match))
         return 0;
@@ -248,7 +249,7 @@ static cairn_real gap_between(cairn_vec2 a, cairn_vec2 b)
 /* One pair of the common subsequence: rejected, or added to its segment. */
 int32_t cairn_scan_match_shape_filter(cairn_scan_match *match)
 {
-    match_shape *shape = match->shape;
+    scan_match_shape *shape = match->shape;
     cairn_sequence_result common = cairn_sequence_read(shape->sequence);
 
     if (match->index_in_phase == 0)
@@ -298,8 +299,8 @@ static cairn_real mean_distance(const cairn_scan_match *match, int32_t first, in
  * with most consistent pairs is selected. */
 int32_t cairn_scan_match_shape_segment(cairn_scan_match *match)
 {
-    match_shape *shape = match->shape;
-    shape_segment *main;
+    scan_match_shape *shape = match->shape;
+    scan_match_shape_segment *main;
     cairn_vec2 shift;
     cairn_real most;
     int32_t left = 0;
@@ -312,7 +313,7 @@ int32_t cairn_scan_match_shape_segment(cairn_scan_match *match)
     most = SEGMENT_FACTOR * mean_distance(match, main[0].first, main[1].first, shift) +
            SEGMENT_SLACK_M;
     for (int32_t k = 0; k < shape->segment_count; k++) {
-        shape_segment *other = &shape->segments[k];
+        scan_match_shape_segment *other = &shape->segments[k];
 
         other->is_consistent = k == match->index_in_phase ||
                                mean_distance(match, other[0].first, other[1].first, shift) <= most;
@@ -329,7 +330,7 @@ int32_t cairn_scan_match_shape_segment(cairn_scan_match *match)
 /* Without the segment filter: the mean translation of all pairs. */
 static void shift_by_all(cairn_scan_match *match)
 {
-    match_shape *shape = match->shape;
+    scan_match_shape *shape = match->shape;
 
     shape->best_shift = mean_of(match, 0, shape->pair_count);
     shape->best_distance = mean_distance(match, 0, shape->pair_count, shape->best_shift);
@@ -339,7 +340,7 @@ static void shift_by_all(cairn_scan_match *match)
 /* Tests the translation of one selected segment by the number of consistent pairs. */
 int32_t cairn_scan_match_shape_translate(cairn_scan_match *match)
 {
-    match_shape *shape = match->shape;
+    scan_match_shape *shape = match->shape;
     int32_t left = 0;
 
     cairn_scan_match_charge(match, 8 + 2 * shape->pair_count);
@@ -352,7 +353,7 @@ int32_t cairn_scan_match_shape_translate(cairn_scan_match *match)
     if (match->index_in_phase == shape->segment_count)
         return 1;
     if (shape->segments[match->index_in_phase].is_selected) {
-        const shape_segment *own = &shape->segments[match->index_in_phase];
+        const scan_match_shape_segment *own = &shape->segments[match->index_in_phase];
         cairn_vec2 shift = mean_of(match, own[0].first, own[1].first);
         cairn_real distance = mean_distance(match, own[0].first, own[1].first, shift);
 
@@ -373,17 +374,17 @@ int32_t cairn_scan_match_shape_translate(cairn_scan_match *match)
 /* ---- Overlap ---- */
 
 const cairn_oriented_point *cairn_scan_match_shape_nearest(cairn_scan_match *match,
-                                                           const cairn_oriented_point *q,
+                                                           const cairn_oriented_point *point,
                                                            cairn_transform transform,
                                                            cairn_real gate, cairn_vec2 *p,
                                                            cairn_real *distance)
 {
-    match_search search;
+    scan_match_search search;
     int32_t parts = 8;
     const cairn_oriented_point *found;
 
-    *p = search.p = cairn_transform_point(transform, q->position);
-    search.direction = cairn_transform_direction(transform, q->direction);
+    *p = search.p = cairn_transform_point(transform, point->position);
+    search.direction = cairn_transform_direction(transform, point->direction);
     search.cosine = SIMILAR_COSINE;
     found = cairn_scan_match_index_nearest(&match->index, &search, gate, &parts);
     *distance = found != NULL ? cairn_sqrt(search.nearest) : 0;
@@ -394,7 +395,7 @@ const cairn_oriented_point *cairn_scan_match_shape_nearest(cairn_scan_match *mat
 /* Applies the filters again with the points of straight lines, or takes the next rotation. */
 static void next_rotation(cairn_scan_match *match)
 {
-    match_shape *shape = match->shape;
+    scan_match_shape *shape = match->shape;
 
     shape->with_lines =
         !shape->with_lines && (match->params.mode == CAIRN_SCAN_MATCH_SHAPE ||
@@ -414,7 +415,7 @@ static void next_rotation(cairn_scan_match *match)
  * end of the query. */
 int32_t cairn_scan_match_shape_overlap(cairn_scan_match *match)
 {
-    match_shape *shape = match->shape;
+    scan_match_shape *shape = match->shape;
     cairn_transform at = shape->rotation_transform;
     cairn_real distance;
     cairn_vec2 p;
@@ -451,7 +452,7 @@ int32_t cairn_scan_match_shape_has_ended(const cairn_scan_match *match)
 
 int32_t cairn_scan_match_shape_restore_best(cairn_scan_match *match)
 {
-    match_shape *shape = match->shape;
+    scan_match_shape *shape = match->shape;
     int32_t is_there = shape->rotated_angle == shape->best_angle;
 
     shape->is_replay = 1;
@@ -465,7 +466,7 @@ int32_t cairn_scan_match_shape_restore_best(cairn_scan_match *match)
 
 void cairn_scan_match_shape_icp_begin(cairn_scan_match *match)
 {
-    match_shape *shape = match->shape;
+    scan_match_shape *shape = match->shape;
 
     shape->iteration = 0;
     shape->overlap_gate = shape->gate;
@@ -477,7 +478,7 @@ void cairn_scan_match_shape_icp_begin(cairn_scan_match *match)
 
 void cairn_scan_match_written_icp_begin(cairn_scan_match *match, cairn_pose start)
 {
-    match_shape *shape = match->shape;
+    scan_match_shape *shape = match->shape;
 
     shape->rotations = 0;
     shape->best = start;
@@ -486,7 +487,7 @@ void cairn_scan_match_written_icp_begin(cairn_scan_match *match, cairn_pose star
     cairn_scan_match_shape_icp_begin(match);
 }
 
-cairn_pose cairn_scan_match_shape_move(const shape_sums *sums, cairn_pose pose)
+cairn_pose cairn_scan_match_shape_move(const scan_match_shape_sums *sums, cairn_pose pose)
 {
     cairn_real n = (cairn_real)sums->pairs;
     cairn_vec2 from = cairn_vec2_scale(sums->from, 1 / n), to = cairn_vec2_scale(sums->to, 1 / n);
@@ -499,8 +500,8 @@ cairn_pose cairn_scan_match_shape_move(const shape_sums *sums, cairn_pose pose)
 /* Ends an ICP iteration; returns 1 when the ICP ends. */
 static int32_t end_iteration(cairn_scan_match *match)
 {
-    match_shape *shape = match->shape;
-    const shape_sums *sums = &shape->sums;
+    scan_match_shape *shape = match->shape;
+    const scan_match_shape_sums *sums = &shape->sums;
     cairn_real mean = sums->overlap > 0 ? sums->overlap_distance / (cairn_real)sums->overlap : 0;
     cairn_pose moved;
 
@@ -524,7 +525,7 @@ static int32_t end_iteration(cairn_scan_match *match)
     return 0;
 }
 
-void cairn_scan_match_shape_add_pair(shape_sums *sums, cairn_vec2 p, cairn_vec2 partner,
+void cairn_scan_match_shape_add_pair(scan_match_shape_sums *sums, cairn_vec2 p, cairn_vec2 partner,
                                      cairn_real distance)
 {
     sums->pairs++;
@@ -538,8 +539,8 @@ void cairn_scan_match_shape_add_pair(shape_sums *sums, cairn_vec2 p, cairn_vec2 
 /* One query point, or the end of an iteration; returns 1 when the ICP ends. */
 int32_t cairn_scan_match_shape_icp(cairn_scan_match *match)
 {
-    match_shape *shape = match->shape;
-    shape_sums *sums = &shape->sums;
+    scan_match_shape *shape = match->shape;
+    scan_match_shape_sums *sums = &shape->sums;
     const cairn_oriented_point *found;
     cairn_real distance;
     cairn_vec2 p;

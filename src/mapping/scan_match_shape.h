@@ -5,30 +5,30 @@
 #include "cairn/sequence.h"
 #include "src/mapping/scan_match_work.h"
 
-enum { SHAPE_BINS = CAIRN_SCAN_MATCH_BINS };
+enum { SCAN_MATCH_SHAPE_BINS = CAIRN_SCAN_MATCH_BINS };
 
-typedef struct shape_descriptor {
-    uint8_t bin[SHAPE_BINS]; /* angular histogram; 255: the fullest bin */
-} shape_descriptor;
+typedef struct scan_match_shape_descriptor {
+    uint8_t bin[SCAN_MATCH_SHAPE_BINS]; /* angular histogram; 255: the fullest bin */
+} scan_match_shape_descriptor;
 
 /* Pairs without a jump between them; the next segment's first pair ends it. */
-typedef struct shape_segment {
+typedef struct scan_match_shape_segment {
     int32_t first;
     /* 1: consistent with the current main segment; selected with the best one */
     int32_t is_consistent, is_selected;
-} shape_segment;
+} scan_match_shape_segment;
 
-typedef struct shape_sums {
+typedef struct scan_match_shape_sums {
     int32_t pairs, overlap;
     cairn_real distance, overlap_distance;
     cairn_vec2 from, to;
     cairn_real cross, dot;
-} shape_sums;
+} scan_match_shape_sums;
 
-struct match_shape {
+struct scan_match_shape {
     cairn_sequence *sequence;
     /* [max_target], [max_query] */
-    shape_descriptor *target, *query;
+    scan_match_shape_descriptor *target, *query;
     /* [max_target] target part of each target point */
     int32_t *target_part;
     /* first point of the current part */
@@ -40,7 +40,7 @@ struct match_shape {
     /* [max_query] */
     cairn_sequence_pair *pairs;
     /* [max_query + 1] */
-    shape_segment *segments;
+    scan_match_shape_segment *segments;
     int32_t pair_count, segment_count;
     /* 1: the colinear filter passes points with nothing but a straight line about them, too */
     int32_t with_lines;
@@ -64,7 +64,7 @@ struct match_shape {
     cairn_real last_mean;
     cairn_real gate, overlap_gate;
     int32_t iteration;
-    shape_sums sums;
+    scan_match_shape_sums sums;
 };
 
 /* Steps of the mode; the modes after AS_WRITTEN_COMMON are parts of AS_WRITTEN. */
@@ -115,15 +115,15 @@ int32_t cairn_scan_match_shape_icp(cairn_scan_match *match);
 /* Returns the target point nearest to query point q mapped by `transform`, of a direction within 10
  * degrees and within the gate; NULL: none. *p: the query point in the target's frame. */
 const cairn_oriented_point *cairn_scan_match_shape_nearest(cairn_scan_match *match,
-                                                           const cairn_oriented_point *q,
+                                                           const cairn_oriented_point *point,
                                                            cairn_transform transform,
                                                            cairn_real gate, cairn_vec2 *p,
                                                            cairn_real *distance);
 /* Adds a pair to the sums of ICP. */
-void cairn_scan_match_shape_add_pair(shape_sums *sums, cairn_vec2 p, cairn_vec2 partner,
+void cairn_scan_match_shape_add_pair(scan_match_shape_sums *sums, cairn_vec2 p, cairn_vec2 partner,
                                      cairn_real distance);
 /* Returns the pose moved by the least-squares motion of the pairs (closed form). */
-cairn_pose cairn_scan_match_shape_move(const shape_sums *sums, cairn_pose pose);
+cairn_pose cairn_scan_match_shape_move(const scan_match_shape_sums *sums, cairn_pose pose);
 
 /* scan_match_written.c: one query point, or the end of a pass; returns 1 at the end of the ICP. */
 void cairn_scan_match_written_icp_begin(cairn_scan_match *match, cairn_pose start);

@@ -10,7 +10,7 @@ enum { CELLS_PER_ITEM = 64 }; /* cells of a grid that are summed in one item */
 static const cairn_real INDEX_CELL_SPACINGS =
     CAIRN_REAL(1.75); /* cell side of a grid, in spacings */
 
-static void enter(cairn_scan_match *match, match_phase phase)
+static void enter(cairn_scan_match *match, scan_match_phase phase)
 {
     match->phase = phase;
     match->index_in_phase = 0;
@@ -18,7 +18,7 @@ static void enter(cairn_scan_match *match, match_phase phase)
 
 /* Returns the grid and the points that are being sorted: the evenly spaced ones, then the dense
  * ones. */
-static match_index *current_index(cairn_scan_match *match, const cairn_oriented_point **points)
+static scan_match_index *current_index(cairn_scan_match *match, const cairn_oriented_point **points)
 {
     *points = match->hypothesis_index == 0 ? match->target : match->dense;
     return match->hypothesis_index == 0 ? &match->index : &match->dense_index;
@@ -41,13 +41,13 @@ static void reset_item(cairn_scan_match *match)
                                     match->dense_index.side * match->dense_index.side) /
                                        16);
     match->hypothesis_index = 0;
-    enter(match, MATCH_COUNT);
+    enter(match, SCAN_MATCH_COUNT);
 }
 
 static void count_item(cairn_scan_match *match)
 {
     const cairn_oriented_point *points;
-    match_index *index = current_index(match, &points);
+    scan_match_index *index = current_index(match, &points);
 
     if (match->index_in_phase < index->count) {
         cairn_scan_match_index_count(index, points[match->index_in_phase].position);
@@ -57,13 +57,13 @@ static void count_item(cairn_scan_match *match)
     }
     cairn_scan_match_charge(match, sorts_by_direction(match) ? 48 : 16);
     if (match->index_in_phase == index->count)
-        enter(match, MATCH_SUM);
+        enter(match, SCAN_MATCH_SUM);
 }
 
 static void sum_item(cairn_scan_match *match)
 {
     const cairn_oriented_point *points;
-    match_index *index = current_index(match, &points);
+    scan_match_index *index = current_index(match, &points);
     int32_t cells = index->side * index->side + 1,
             end = match->index_in_phase + CELLS_PER_ITEM < cells
                       ? match->index_in_phase + CELLS_PER_ITEM
@@ -76,14 +76,14 @@ static void sum_item(cairn_scan_match *match)
         return;
     if (sorts_by_direction(match))
         cairn_scan_match_positions_sum(match);
-    enter(match, MATCH_PLACE);
+    enter(match, SCAN_MATCH_PLACE);
 }
 
 /* The last point first, so that the sort is stable. */
 static void place_item(cairn_scan_match *match)
 {
     const cairn_oriented_point *points;
-    match_index *index = current_index(match, &points);
+    scan_match_index *index = current_index(match, &points);
 
     if (match->index_in_phase < index->count) {
         const cairn_oriented_point *p = &points[index->count - 1 - match->index_in_phase++];
@@ -95,17 +95,17 @@ static void place_item(cairn_scan_match *match)
     cairn_scan_match_charge(match, sorts_by_direction(match) ? 48 : 16);
     if (match->index_in_phase < index->count)
         return;
-    enter(match, MATCH_COUNT);
+    enter(match, SCAN_MATCH_COUNT);
     if (match->hypothesis_index++ == 0)
         return;
     match->is_indexed = 1;
-    enter(match, match->shape != NULL ? MATCH_SHAPE_TARGET : MATCH_VOTE);
+    enter(match, match->shape != NULL ? SCAN_MATCH_SHAPE_TARGET : SCAN_MATCH_VOTE);
 }
 
 /* Returns the first phase after the target's descriptors: without rotations only ICP. */
-static match_phase first_of_shape(const cairn_scan_match *match)
+static scan_match_phase first_of_shape(const cairn_scan_match *match)
 {
-    return match->shape->rotations > 0 ? MATCH_SHAPE_TURN : MATCH_SHAPE_ICP;
+    return match->shape->rotations > 0 ? SCAN_MATCH_SHAPE_TURN : SCAN_MATCH_SHAPE_ICP;
 }
 
 void cairn_scan_match_start(cairn_scan_match *match)
@@ -114,15 +114,15 @@ void cairn_scan_match_start(cairn_scan_match *match)
         cairn_scan_match_shape_begin(match);
     else
         cairn_scan_match_votes_begin(match);
-    enter(match, match->shape != NULL ? MATCH_SHAPE_TURN : MATCH_VOTE);
+    enter(match, match->shape != NULL ? SCAN_MATCH_SHAPE_TURN : SCAN_MATCH_VOTE);
     if (!match->is_indexed)
-        enter(match, MATCH_RESET);
+        enter(match, SCAN_MATCH_RESET);
 }
 
 void cairn_scan_match_start_icp(cairn_scan_match *match, cairn_pose start)
 {
     cairn_scan_match_written_icp_begin(match, start);
-    enter(match, match->is_indexed ? MATCH_SHAPE_ICP : MATCH_RESET);
+    enter(match, match->is_indexed ? SCAN_MATCH_SHAPE_ICP : SCAN_MATCH_RESET);
 }
 
 /* Candidates that pass the non-maximum suppression become the hypotheses to be refined. */
@@ -131,10 +131,10 @@ static void choose_item(cairn_scan_match *match)
     if (!cairn_scan_match_suppress_item(match))
         return;
     match->stage = match->hypothesis_index = 0;
-    match->phase = MATCH_RANK;
+    match->phase = SCAN_MATCH_RANK;
     if (match->hypothesis_count == 0)
         return;
-    match->phase = MATCH_FIT;
+    match->phase = SCAN_MATCH_FIT;
     cairn_scan_match_fit_begin(match, match->hypotheses[0].target_query);
 }
 
@@ -142,13 +142,13 @@ static void peaks_item(cairn_scan_match *match)
 {
     if (!cairn_scan_match_peak_item(match))
         return;
-    enter(match, MATCH_VOTE);
+    enter(match, SCAN_MATCH_VOTE);
     if (match->votes.rotation < match->votes.rotations)
         return;
     cairn_scan_match_sort_candidates(match);
     cairn_scan_match_charge(match, match->candidate_count * 8);
     match->hypothesis_count = 0;
-    enter(match, MATCH_CHOOSE);
+    enter(match, SCAN_MATCH_CHOOSE);
 }
 
 static void tally_item(cairn_scan_match *match)
@@ -157,10 +157,10 @@ static void tally_item(cairn_scan_match *match)
         return;
     match->hypothesis_index++;
     match->measure.refinements++;
-    match->phase = MATCH_RANK;
+    match->phase = SCAN_MATCH_RANK;
     if (match->hypothesis_index == match->hypothesis_count)
         return;
-    match->phase = MATCH_FIT;
+    match->phase = SCAN_MATCH_FIT;
     cairn_scan_match_fit_begin(match, match->hypotheses[match->hypothesis_index].target_query);
 }
 
@@ -179,45 +179,45 @@ static void rank_item(cairn_scan_match *match)
     match->stage++;
     if (match->hypothesis_count == 0 || match->stage >= SCAN_MATCH_STAGES) {
         cairn_scan_match_decide(match);
-        match->phase = MATCH_DONE;
+        match->phase = SCAN_MATCH_DONE;
         return;
     }
-    match->phase = MATCH_FIT;
+    match->phase = SCAN_MATCH_FIT;
     cairn_scan_match_fit_begin(match, match->hypotheses[0].target_query);
 }
 
 static void run_correlative(cairn_scan_match *match)
 {
     switch (match->phase) {
-    case MATCH_RESET:
+    case SCAN_MATCH_RESET:
         reset_item(match);
         break;
-    case MATCH_COUNT:
+    case SCAN_MATCH_COUNT:
         count_item(match);
         break;
-    case MATCH_SUM:
+    case SCAN_MATCH_SUM:
         sum_item(match);
         break;
-    case MATCH_PLACE:
+    case SCAN_MATCH_PLACE:
         place_item(match);
         break;
-    case MATCH_VOTE:
+    case SCAN_MATCH_VOTE:
         if (cairn_scan_match_vote_item(match))
-            enter(match, MATCH_PEAKS);
+            enter(match, SCAN_MATCH_PEAKS);
         break;
-    case MATCH_PEAKS:
+    case SCAN_MATCH_PEAKS:
         peaks_item(match);
         break;
-    case MATCH_CHOOSE:
+    case SCAN_MATCH_CHOOSE:
         choose_item(match);
         break;
-    case MATCH_FIT:
+    case SCAN_MATCH_FIT:
         if (cairn_scan_match_fit_item(match)) {
-            match->phase = MATCH_SCORE;
+            match->phase = SCAN_MATCH_SCORE;
             cairn_scan_match_score_begin(match);
         }
         break;
-    case MATCH_SCORE:
+    case SCAN_MATCH_SCORE:
         tally_item(match);
         break;
     default:
@@ -233,10 +233,10 @@ static void start_last_stage(cairn_scan_match *match)
     match->hypotheses[0].target_query = match->shape->best;
     match->stage = SCAN_MATCH_STAGES;
     match->hypothesis_index = 0;
-    match->phase = MATCH_RANK;
+    match->phase = SCAN_MATCH_RANK;
     if (match->hypothesis_count == 0)
         return;
-    match->phase = MATCH_FIT;
+    match->phase = SCAN_MATCH_FIT;
     cairn_scan_match_fit_begin(match, match->shape->best);
 }
 
@@ -248,7 +248,7 @@ static void end_shape(cairn_scan_match *match)
         return;
     }
     cairn_scan_match_shape_icp_begin(match);
-    enter(match, MATCH_SHAPE_ICP);
+    enter(match, SCAN_MATCH_SHAPE_ICP);
 }
 
 static void end_rotation(cairn_scan_match *match)
@@ -262,37 +262,37 @@ static void end_rotation(cairn_scan_match *match)
         }
         is_there = cairn_scan_match_shape_restore_best(match);
     }
-    enter(match, is_there ? MATCH_SHAPE_FILTER : MATCH_SHAPE_TURN);
+    enter(match, is_there ? SCAN_MATCH_SHAPE_FILTER : SCAN_MATCH_SHAPE_TURN);
 }
 
 static void run_shape(cairn_scan_match *match)
 {
     switch (match->phase) {
-    case MATCH_SHAPE_TARGET:
+    case SCAN_MATCH_SHAPE_TARGET:
         if (cairn_scan_match_shape_describe_target(match))
             enter(match, first_of_shape(match));
         break;
-    case MATCH_SHAPE_TURN:
+    case SCAN_MATCH_SHAPE_TURN:
         if (cairn_scan_match_shape_rotate(match))
-            enter(match, MATCH_SHAPE_ALIGN);
+            enter(match, SCAN_MATCH_SHAPE_ALIGN);
         break;
-    case MATCH_SHAPE_FILTER:
+    case SCAN_MATCH_SHAPE_FILTER:
         if (cairn_scan_match_shape_filter(match))
-            enter(match, MATCH_SHAPE_SEGMENT);
+            enter(match, SCAN_MATCH_SHAPE_SEGMENT);
         break;
-    case MATCH_SHAPE_SEGMENT:
+    case SCAN_MATCH_SHAPE_SEGMENT:
         if (!cairn_scan_match_shape_segment(match))
             break;
         if (match->shape->is_replay)
             end_shape(match);
         else
-            enter(match, MATCH_SHAPE_TRANSLATE);
+            enter(match, SCAN_MATCH_SHAPE_TRANSLATE);
         break;
-    case MATCH_SHAPE_TRANSLATE:
+    case SCAN_MATCH_SHAPE_TRANSLATE:
         if (cairn_scan_match_shape_translate(match))
-            enter(match, MATCH_SHAPE_OVERLAP);
+            enter(match, SCAN_MATCH_SHAPE_OVERLAP);
         break;
-    case MATCH_SHAPE_OVERLAP:
+    case SCAN_MATCH_SHAPE_OVERLAP:
         if (cairn_scan_match_shape_overlap(match))
             end_rotation(match);
         break;
@@ -306,7 +306,7 @@ static void run_shape(cairn_scan_match *match)
 
 static void run_item(cairn_scan_match *match)
 {
-    if (match->phase >= MATCH_SHAPE_TARGET && match->phase <= MATCH_SHAPE_ICP)
+    if (match->phase >= SCAN_MATCH_SHAPE_TARGET && match->phase <= SCAN_MATCH_SHAPE_ICP)
         run_shape(match);
     else
         run_correlative(match);
@@ -316,29 +316,29 @@ cairn_status cairn_scan_match_step(cairn_scan_match *match, cairn_budget *budget
 {
     if (match == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while ((match->phase != MATCH_IDLE && match->phase != MATCH_DONE) ||
-           match->parts_owed >= SCAN_MATCH_PARTS_PER_UNIT) {
-        int32_t before = match->parts_owed, due = match->parts_owed / SCAN_MATCH_PARTS_PER_UNIT;
+    while ((match->phase != SCAN_MATCH_IDLE && match->phase != SCAN_MATCH_DONE) ||
+           match->parts_due >= SCAN_MATCH_PARTS_PER_UNIT) {
+        int32_t before = match->parts_due, due = match->parts_due / SCAN_MATCH_PARTS_PER_UNIT;
 
         if (budget->left <= 0)
             return CAIRN_MORE;
         if (due > 0) {
             due = due < budget->left ? due : budget->left;
             budget->left -= due;
-            match->parts_owed -= due * SCAN_MATCH_PARTS_PER_UNIT;
+            match->parts_due -= due * SCAN_MATCH_PARTS_PER_UNIT;
             match->measure.units += due;
             continue;
         }
-        if (match->phase == MATCH_SHAPE_ALIGN) {
+        if (match->phase == SCAN_MATCH_SHAPE_ALIGN) {
             cairn_status status = cairn_scan_match_shape_align(match, budget);
 
             if (status != CAIRN_OK)
                 return status;
-            enter(match, MATCH_SHAPE_FILTER);
+            enter(match, SCAN_MATCH_SHAPE_FILTER);
             continue;
         }
         run_item(match);
-        due = (match->parts_owed - before) / SCAN_MATCH_PARTS_PER_UNIT;
+        due = (match->parts_due - before) / SCAN_MATCH_PARTS_PER_UNIT;
         if (due > match->measure.worst_step)
             match->measure.worst_step = due;
     }

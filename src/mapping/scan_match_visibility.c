@@ -17,14 +17,14 @@ static int32_t bearing_bin(cairn_vec2 d)
     return cairn_real_to_int(turn / 4 * SCAN_MATCH_PROFILE_BINS) & (SCAN_MATCH_PROFILE_BINS - 1);
 }
 
-void cairn_scan_match_profile_clear(match_visibility_profile *profile, cairn_vec2 sensor)
+void cairn_scan_match_profile_clear(scan_match_visibility_profile *profile, cairn_vec2 sensor)
 {
     profile->sensor = sensor;
     for (int32_t i = 0; i < SCAN_MATCH_PROFILE_BINS; i++)
         profile->range[i] = -1;
 }
 
-void cairn_scan_match_profile_add(match_visibility_profile *profile, cairn_vec2 to)
+void cairn_scan_match_profile_add(scan_match_visibility_profile *profile, cairn_vec2 to)
 {
     cairn_vec2 d = cairn_vec2_sub(to, profile->sensor);
     float *range = &profile->range[bearing_bin(d)], seen = (float)cairn_vec2_norm(d);
@@ -33,7 +33,7 @@ void cairn_scan_match_profile_add(match_visibility_profile *profile, cairn_vec2 
         *range = seen;
 }
 
-int32_t cairn_scan_match_profile_lookup(const match_visibility_profile *profile, cairn_vec2 p,
+int32_t cairn_scan_match_profile_lookup(const scan_match_visibility_profile *profile, cairn_vec2 p,
                                         cairn_real margin)
 {
     cairn_vec2 d = cairn_vec2_sub(p, profile->sensor);

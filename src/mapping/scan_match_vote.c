@@ -22,9 +22,9 @@
 enum {
     AGREEING_BINS = 3, /* direction bins to both sides that agree */
     MARGIN_CELLS = 5,  /* cells of the grid about its window */
-    VOTER_BITS = 8,    /* MAX_QUERY_POINTS fit */
-    VOTER_MASK = (1 << VOTER_BITS) - 1,
-    NO_VOTER = -1
+    QUERY_BITS = 8,    /* MAX_QUERY_POINTS fit */
+    QUERY_MASK = (1 << QUERY_BITS) - 1,
+    NO_QUERY = -1
 };
 
 static const cairn_real MIN_HEADING_STEP_RAD = CAIRN_REAL(0.04),
@@ -45,7 +45,7 @@ int32_t cairn_scan_match_cells(cairn_real distance, cairn_real spacing)
 /* Sets the grid of positions: about the start, or all positions at which query and target touch. */
 static void place_grid(cairn_scan_match *match)
 {
-    match_accumulator *v = &match->votes;
+    scan_match_accumulator *v = &match->votes;
     int32_t side = cairn_real_to_int(cairn_sqrt((cairn_real)match->params.max_cells));
     cairn_real most = (cairn_real)side * SCAN_MATCH_CELL_SPACINGS * match->params.spacing;
     cairn_vec2 low, high;
@@ -77,7 +77,7 @@ static void place_grid(cairn_scan_match *match)
 
 static void place_headings(cairn_scan_match *match)
 {
-    match_accumulator *v = &match->votes;
+    scan_match_accumulator *v = &match->votes;
     cairn_real step = cairn_min(cairn_max(2 * v->cell_size / match->radius, MIN_HEADING_STEP_RAD),
                                 MAX_HEADING_STEP_RAD);
     cairn_real half = !match->has_window ? CAIRN_PI : cairn_min(match->window.angle, CAIRN_PI);
@@ -95,7 +95,7 @@ static void place_headings(cairn_scan_match *match)
 
 void cairn_scan_match_votes_begin(cairn_scan_match *match)
 {
-    match_accumulator *v = &match->votes;
+    scan_match_accumulator *v = &match->votes;
     int32_t cells;
 
     place_grid(match);
@@ -109,7 +109,7 @@ void cairn_scan_match_votes_begin(cairn_scan_match *match)
                             : match->params.max_candidates;
     v->stride =
         (match->query.count + SCAN_MATCH_MAX_QUERY_POINTS - 1) / SCAN_MATCH_MAX_QUERY_POINTS;
-    v->count_shift = match->has_window || !match->params.vote_once ? 0 : VOTER_BITS;
+    v->count_shift = match->has_window || !match->params.vote_once ? 0 : QUERY_BITS;
     for (int32_t i = 0; i < match->query.count; i += v->stride) {
         cairn_vec2 direction = match->query.points[i].direction;
 
@@ -120,13 +120,13 @@ void cairn_scan_match_votes_begin(cairn_scan_match *match)
 }
 
 /* Votes of a query point with the target points by_direction[first ... end-1]; `corner` is the
- * grid's corner relative to it. A cell in which the masked bits equal `voter` already has its
+ * grid's corner relative to it. A cell in which the masked bits equal `query_mark` already has its
  * vote. */
-static inline void add_votes(cairn_scan_match *match, match_position corner, int32_t first,
-                             int32_t end, int32_t mask, int32_t voter)
+static inline void add_votes(cairn_scan_match *match, scan_match_position corner, int32_t first,
+                             int32_t end, int32_t mask, int32_t query_mark)
 {
-    match_accumulator *v = &match->votes;
-    const match_position *at = match->by_direction;
+    scan_match_accumulator *v = &match->votes;
+    const scan_match_position *at = match->by_direction;
     uint16_t *votes = v->cell, *touched = v->touched;
     uint32_t left = (uint32_t)corner.x, low = (uint32_t)corner.y, row = (uint32_t)v->width;
     uint32_t width = row * SCAN_MATCH_CELL_STEPS,
@@ -144,22 +144,22 @@ static inline void add_votes(cairn_scan_match *match, match_position corner, int
         hits++;
         if (before == 0)
             touched[count++] = (uint16_t)cell;
-        else if ((before & mask) == voter)
+        else if ((before & mask) == query_mark)
             continue;
         if ((before | mask) < UINT16_MAX)
-            votes[cell] = (uint16_t)(((before | mask) + 1) | (voter & mask));
+            votes[cell] = (uint16_t)(((before | mask) + 1) | (query_mark & mask));
     }
     v->touched_count = count;
     cairn_scan_match_charge(match, 3 + (end - first) * 3 / 2 + hits);
 }
 
-static void add_votes_of_point(cairn_scan_match *match, match_position corner, int32_t first,
+static void add_votes_of_point(cairn_scan_match *match, scan_match_position corner, int32_t first,
                                int32_t end)
 {
     if (match->votes.count_shift == 0)
-        add_votes(match, corner, first, end, 0, NO_VOTER);
+        add_votes(match, corner, first, end, 0, NO_QUERY);
     else
-        add_votes(match, corner, first, end, VOTER_MASK,
+        add_votes(match, corner, first, end, QUERY_MASK,
                   match->index_in_phase / match->votes.stride);
 }
 
@@ -167,9 +167,9 @@ static void add_votes_of_point(cairn_scan_match *match, match_position corner, i
  * the grid. */
 int32_t cairn_scan_match_vote_item(cairn_scan_match *match)
 {
-    match_accumulator *v = &match->votes;
+    scan_match_accumulator *v = &match->votes;
     int32_t bin, first, last, from = 0, end = 0;
-    match_position corner, opposite;
+    scan_match_position corner, opposite;
 
     if (match->index_in_phase == 0) {
         cairn_pose turn = {0, 0, v->first_angle + (cairn_real)v->rotation * v->angle_step};
@@ -206,22 +206,23 @@ int32_t cairn_scan_match_vote_item(cairn_scan_match *match)
     return match->index_in_phase >= match->query.count;
 }
 
-static int32_t votes_at(const match_accumulator *v, int32_t column, int32_t row)
+static int32_t votes_at(const scan_match_accumulator *accumulator, int32_t column, int32_t row)
 {
-    return column < v->width && row < v->height ? v->cell[row * v->width + column] >> v->count_shift
-                                                : 0;
+    return column < accumulator->width && row < accumulator->height
+               ? accumulator->cell[row * accumulator->width + column] >> accumulator->count_shift
+               : 0;
 }
 
 /* Returns the votes of two by two cells, (column, row) the lower left one. */
-static int32_t block_votes(const match_accumulator *v, int32_t column, int32_t row)
+static int32_t block_votes(const scan_match_accumulator *accumulator, int32_t column, int32_t row)
 {
-    return votes_at(v, column, row) + votes_at(v, column + 1, row) + votes_at(v, column, row + 1) +
-           votes_at(v, column + 1, row + 1);
+    return votes_at(accumulator, column, row) + votes_at(accumulator, column + 1, row) +
+           votes_at(accumulator, column, row + 1) + votes_at(accumulator, column + 1, row + 1);
 }
 
 static int32_t is_peak(cairn_scan_match *match, int32_t column, int32_t row, int32_t own)
 {
-    const match_accumulator *v = &match->votes;
+    const scan_match_accumulator *v = &match->votes;
 
     for (int32_t dy = -1; dy <= 1; dy++)
         for (int32_t dx = -1; dx <= 1; dx++) {
@@ -240,8 +241,8 @@ static int32_t is_peak(cairn_scan_match *match, int32_t column, int32_t row, int
 /* Tests one touched cell for a peak; clears all touched cells at the end. */
 int32_t cairn_scan_match_peak_item(cairn_scan_match *match)
 {
-    match_accumulator *v = &match->votes;
-    match_candidate candidate;
+    scan_match_accumulator *v = &match->votes;
+    scan_match_candidate candidate;
     int32_t cell, row, column, own;
 
     if (match->index_in_phase == v->touched_count) {

@@ -32,42 +32,42 @@ static const cairn_real SCAN_MATCH_CELL_SPACINGS = 2;
 
 /* Spatial hash grid of oriented points, wrapped around: point sets of any extent in fixed memory.
  * Points of one cell, and of the cells of a row, are contiguous. */
-typedef struct match_index {
+typedef struct scan_match_index {
     cairn_oriented_point *points; /* [count], sorted by cell */
     int32_t *start;               /* [side * side + 1] */
     int32_t side;                 /* cells, a power of two */
     int32_t count;
     cairn_real cell, per_metre; /* cell side, m, and its reciprocal */
-} match_index;
+} scan_match_index;
 
 /* Nearest-neighbour query: position, direction and least cosine; result. */
-typedef struct match_search {
+typedef struct scan_match_search {
     cairn_vec2 p, direction;
     cairn_real cosine;
     cairn_real nearest; /* squared distance, m^2 */
     const cairn_oriented_point *best;
-} match_search;
+} scan_match_search;
 
 /* Visibility profile: free range of a sensor by bearing, in the frame of the target (or of the
  * query). */
-typedef struct match_visibility_profile {
+typedef struct scan_match_visibility_profile {
     cairn_vec2 sensor;
     float range[SCAN_MATCH_PROFILE_BINS]; /* m: least range of the bin; negative: unknown */
-} match_visibility_profile;
+} scan_match_visibility_profile;
 
 /* A quantized position: integers, so that a vote costs a few integer operations. */
-typedef struct match_position {
+typedef struct scan_match_position {
     int32_t x, y;
-} match_position;
+} scan_match_position;
 
-typedef struct match_candidate {
+typedef struct scan_match_candidate {
     cairn_pose pose;
     cairn_real score;
     int32_t order; /* tie-break */
-} match_candidate;
+} scan_match_candidate;
 
 /* Vote accumulator (Hough voting) over positions of the query's origin, for one heading. */
-typedef struct match_accumulator {
+typedef struct scan_match_accumulator {
     uint16_t *cell;    /* [capacity] all 0 between rotations */
     uint16_t *touched; /* [capacity] cells that are not 0 */
     int32_t touched_count;
@@ -81,70 +81,70 @@ typedef struct match_accumulator {
     int32_t stride;             /* stride over the query points that vote */
     int32_t count_shift;        /* bits by which the count is shifted in a cell */
     int32_t max_candidates;     /* candidates to keep */
-} match_accumulator;
+} scan_match_accumulator;
 
 /* Point-to-line normal equations of one iteration. */
-typedef struct match_sums {
+typedef struct scan_match_sums {
     cairn_sym3 lines;
     cairn_sym3 cross; /* of the normals of both points of each pair, see scan_match_fit.c */
     cairn_real gradient[3];
     cairn_real weight, residual_squares, psi_squares, slopes;
     int32_t pairs;
-} match_sums;
+} scan_match_sums;
 
-typedef struct match_stage {
+typedef struct scan_match_stage {
     int32_t points;                  /* query points, at most */
     int32_t iterations;              /* iterations, at most */
     int32_t keep;                    /* hypotheses for the next stage */
     int32_t dense;                   /* 1: use the query's dense points, if it has any */
     cairn_real gate_start, gate_end; /* distance gate, in spacings */
-} match_stage;
+} scan_match_stage;
 
-typedef struct match_fit {
+typedef struct scan_match_fit {
     cairn_rigid_motion motion;
     const cairn_oriented_point *points; /* query points */
     int32_t count, stride;
-    const match_index *index; /* grid of the target points */
+    const scan_match_index *index; /* grid of the target points */
     int32_t iteration;
     cairn_real gate, sigma;
-    match_sums sums;
-} match_fit;
+    scan_match_sums sums;
+} scan_match_fit;
 
 /* Inliers and free-space violations of one hypothesis. */
-typedef struct match_inlier_count {
+typedef struct scan_match_inlier_count {
     int32_t query_points; /* query points tested */
     cairn_real fit_sum;   /* sum of the inliers' weights by distance */
     /* query points on a surface, and in the target's free space */
     int32_t inliers, violations;
     /* target samples on the boundary of the query's visibility profile, and in its free space */
     int32_t target_inliers, target_violations;
-} match_inlier_count;
+} scan_match_inlier_count;
 
 /* State of the shape modes: scan_match_shape.h. */
-typedef struct match_shape match_shape;
+typedef struct scan_match_shape scan_match_shape;
 
-typedef int32_t match_phase;
+typedef int32_t scan_match_phase;
 enum {
-    MATCH_IDLE = 0,
-    MATCH_RESET, /* empty grids of the target */
-    MATCH_COUNT, /* target points by cell and by direction (counting sort) */
-    MATCH_SUM,   /* prefix sums */
-    MATCH_PLACE,
-    MATCH_VOTE,            /* votes of one heading */
-    MATCH_PEAKS,           /* peaks of one heading */
-    MATCH_CHOOSE,          /* non-maximum suppression of the candidates */
-    MATCH_FIT,             /* refinement of a hypothesis */
-    MATCH_SCORE,           /* inliers and violations of a hypothesis */
-    MATCH_RANK,            /* pruning, or the decision */
-    MATCH_SHAPE_TARGET,    /* histograms of the target */
-    MATCH_SHAPE_TURN,      /* next rotation, histograms of the query */
-    MATCH_SHAPE_ALIGN,     /* longest common subsequence */
-    MATCH_SHAPE_FILTER,    /* colinear filter */
-    MATCH_SHAPE_SEGMENT,   /* segment filter */
-    MATCH_SHAPE_TRANSLATE, /* translation of the segments */
-    MATCH_SHAPE_OVERLAP,   /* scan overlap */
-    MATCH_SHAPE_ICP,
-    MATCH_DONE
+    SCAN_MATCH_IDLE = 0,
+    SCAN_MATCH_RESET, /* empty grids of the target */
+    SCAN_MATCH_COUNT, /* target points by cell and by direction (counting sort) */
+    SCAN_MATCH_SUM,   /* prefix sums */
+    SCAN_MATCH_PLACE,
+    SCAN_MATCH_VOTE,            /* votes of one heading */
+    SCAN_MATCH_PEAKS,           /* peaks of one heading */
+    SCAN_MATCH_CHOOSE,          /* non-maximum suppression of the candidates */
+    SCAN_MATCH_FIT,             /* refinement of a hypothesis */
+    SCAN_MATCH_SCORE,           /* inliers and violations of a hypothesis */
+    SCAN_MATCH_RANK,            /* pruning, or the decision */
+    SCAN_MATCH_SHAPE_TARGET,    /* histograms of the target */
+    SCAN_MATCH_SHAPE_TURN,      /* next rotation, histograms of the query */
+    SCAN_MATCH_SHAPE_ALIGN,     /* longest common subsequence */
+    SCAN_MATCH_SHAPE_FILTER,    /* colinear filter */
+    SCAN_MATCH_SHAPE_SEGMENT,   /* segment filter */
+    SCAN_MATCH_SHAPE_TRANSLATE, /* translation of the segments */
+    SCAN_MATCH_SHAPE_OVERLAP,   /* scan overlap */
+    SCAN_MATCH_SHAPE_ICP,
+    SCAN_MATCH_DONE
 };
 
 struct cairn_scan_match {
@@ -155,17 +155,17 @@ struct cairn_scan_match {
     /* [max_dense] */
     cairn_oriented_point *dense;
     /* [max_views] */
-    match_visibility_profile *views;
+    scan_match_visibility_profile *views;
     int32_t target_count, dense_count, view_count, part_count;
     /* 1: a part has no dense points */
     int32_t lacks_dense;
     int32_t is_indexed;
     /* grid of `target` */
-    match_index index;
+    scan_match_index index;
     /* grid of `dense` */
-    match_index dense_index;
+    scan_match_index dense_index;
     /* [max_target] quantized positions of `target`, sorted by direction, then by strip */
-    match_position *by_direction;
+    scan_match_position *by_direction;
     /* first position of each direction and strip */
     int32_t direction_start[SCAN_MATCH_DIRECTION_BINS * SCAN_MATCH_STRIPS + 1];
     cairn_vec2 target_low, target_high, target_sum;
@@ -175,7 +175,7 @@ struct cairn_scan_match {
     int32_t strip_bits;
     /* The query. */
     cairn_scan_match_part query;
-    match_visibility_profile *query_profile;
+    scan_match_visibility_profile *query_profile;
     /* 1: the query has a visibility profile */
     int32_t query_has_profile;
     /* [MAX_QUERY_POINTS] angle of a voting point's direction, 65536 to the full circle */
@@ -190,23 +190,23 @@ struct cairn_scan_match {
     /* m: greatest distance of a query point from the origin */
     cairn_real query_extent;
     /* The search. */
-    match_accumulator votes;
+    scan_match_accumulator votes;
     /* [max_candidates] bounded heap with the worst on top, then sorted */
-    match_candidate *candidates;
+    scan_match_candidate *candidates;
     int32_t candidate_count;
-    match_shape *shape; /* NULL in mode CORRELATIVE */
+    scan_match_shape *shape; /* NULL in mode CORRELATIVE */
     /* The refinement. */
     cairn_scan_match_hypothesis *hypotheses; /* [max_candidates] */
     int32_t hypothesis_count;
     int32_t stage;
-    match_fit fit;
-    match_inlier_count inlier_count;
+    scan_match_fit fit;
+    scan_match_inlier_count inlier_count;
     cairn_transform target_query, query_target; /* target_query, query_target */
     int32_t query_stride, target_stride;
     /* State of the steps. */
-    match_phase phase;
+    scan_match_phase phase;
     int32_t index_in_phase, hypothesis_index;
-    int32_t parts_owed; /* parts of units of finished items, not yet charged */
+    int32_t parts_due; /* parts of units of finished items, not yet charged */
     cairn_scan_match_result result;
     cairn_scan_match_measure measure;
 };
@@ -214,42 +214,42 @@ struct cairn_scan_match {
 /* Charges the current item. */
 static inline void cairn_scan_match_charge(cairn_scan_match *match, int32_t parts)
 {
-    match->parts_owed += parts;
+    match->parts_due += parts;
 }
 
 /* scan_match_index.c */
 size_t cairn_scan_match_index_cells(int32_t max_points);
-void cairn_scan_match_index_reset(match_index *index, int32_t max_points, int32_t count,
+void cairn_scan_match_index_reset(scan_match_index *index, int32_t max_points, int32_t count,
                                   cairn_real cell);
-void cairn_scan_match_index_count(match_index *index, cairn_vec2 p);
-void cairn_scan_match_index_sum(match_index *index, int32_t first, int32_t end);
-void cairn_scan_match_index_place(match_index *index, cairn_oriented_point p);
+void cairn_scan_match_index_count(scan_match_index *index, cairn_vec2 p);
+void cairn_scan_match_index_sum(scan_match_index *index, int32_t first, int32_t end);
+void cairn_scan_match_index_place(scan_match_index *index, cairn_oriented_point p);
 /* Returns the nearest point within the distance gate and the direction gate; NULL: none. *parts
  * grows by the cost. */
-const cairn_oriented_point *cairn_scan_match_index_nearest(const match_index *index,
-                                                           match_search *asked, cairn_real gate,
-                                                           int32_t *parts);
+const cairn_oriented_point *cairn_scan_match_index_nearest(const scan_match_index *index,
+                                                           scan_match_search *search,
+                                                           cairn_real gate, int32_t *parts);
 /* scan_match_positions.c: quantized target positions by direction and strip. */
 void cairn_scan_match_positions_reset(cairn_scan_match *match);
-void cairn_scan_match_positions_count(cairn_scan_match *match, const cairn_oriented_point *p);
+void cairn_scan_match_positions_count(cairn_scan_match *match, const cairn_oriented_point *point);
 void cairn_scan_match_positions_sum(cairn_scan_match *match);
 /* Called with the last point first, so that the sort is stable. */
-void cairn_scan_match_positions_place(cairn_scan_match *match, const cairn_oriented_point *p);
-match_position cairn_scan_match_quantize(const cairn_scan_match *match, cairn_vec2 p);
+void cairn_scan_match_positions_place(cairn_scan_match *match, const cairn_oriented_point *point);
+scan_match_position cairn_scan_match_quantize(const cairn_scan_match *match, cairn_vec2 p);
 /* Returns the strip of a position along the longer side of the target's bounding box; positions
  * outside are in the first or last. */
-int32_t cairn_scan_match_strip(const cairn_scan_match *match, match_position spot);
+int32_t cairn_scan_match_strip(const cairn_scan_match *match, scan_match_position q);
 /* Returns an angle, rad, quantized to 65536ths of the full circle, wrapped. */
 uint16_t cairn_scan_match_quantize_angle(cairn_real angle);
 /* Returns the direction bin of a quantized angle. */
 int32_t cairn_scan_match_angle_bin(uint16_t turn);
 
 /* scan_match_visibility.c */
-void cairn_scan_match_profile_clear(match_visibility_profile *profile, cairn_vec2 sensor);
-void cairn_scan_match_profile_add(match_visibility_profile *profile, cairn_vec2 to);
+void cairn_scan_match_profile_clear(scan_match_visibility_profile *profile, cairn_vec2 sensor);
+void cairn_scan_match_profile_add(scan_match_visibility_profile *profile, cairn_vec2 to);
 /* Returns 1: the point is in free space, a violation; -1: at the boundary of the visible region; 0:
  * unknown. */
-int32_t cairn_scan_match_profile_lookup(const match_visibility_profile *profile, cairn_vec2 p,
+int32_t cairn_scan_match_profile_lookup(const scan_match_visibility_profile *profile, cairn_vec2 p,
                                         cairn_real margin);
 
 /* scan_match_vote.c: one item each; returns 1 at the end of the phase. */
@@ -266,12 +266,12 @@ void cairn_scan_match_fit_begin(cairn_scan_match *match, cairn_pose pose);
 int32_t cairn_scan_match_fit_item(cairn_scan_match *match);
 void cairn_scan_match_score_begin(cairn_scan_match *match);
 int32_t cairn_scan_match_score_item(cairn_scan_match *match);
-const match_stage *cairn_scan_match_current_stage(const cairn_scan_match *match);
+const scan_match_stage *cairn_scan_match_current_stage(const cairn_scan_match *match);
 
 /* scan_match_rank.c */
-int32_t cairn_scan_match_ranks_before(const match_candidate *a, const match_candidate *b);
-void cairn_scan_match_insert_candidate(cairn_scan_match *match, const match_candidate *candidate,
-                                       int32_t most);
+int32_t cairn_scan_match_ranks_before(const scan_match_candidate *a, const scan_match_candidate *b);
+void cairn_scan_match_insert_candidate(cairn_scan_match *match,
+                                       const scan_match_candidate *candidate, int32_t most);
 void cairn_scan_match_sort_candidates(cairn_scan_match *match);
 int32_t cairn_scan_match_suppress_item(cairn_scan_match *match);
 void cairn_scan_match_select(cairn_scan_match *match, int32_t keep);

@@ -18,7 +18,7 @@ static const cairn_real MIN_MEAN_DISTANCE_M = CAIRN_REAL(1e-9);
 /* Ends the quality pass; returns 1 when the ICP ends. */
 static int32_t end_measuring(cairn_scan_match *match)
 {
-    match_shape *shape = match->shape;
+    scan_match_shape *shape = match->shape;
     int32_t overlap = shape->sums.overlap;
     cairn_real mean = overlap > 0 ? shape->sums.overlap_distance / (cairn_real)overlap : 0;
 
@@ -39,7 +39,7 @@ static int32_t end_measuring(cairn_scan_match *match)
 /* Ends the pass of pairs; returns 1 when the ICP ends. */
 static int32_t end_summing(cairn_scan_match *match)
 {
-    match_shape *shape = match->shape;
+    scan_match_shape *shape = match->shape;
 
     if (shape->sums.pairs < MIN_PAIRS)
         return 1;
@@ -51,7 +51,7 @@ static int32_t end_summing(cairn_scan_match *match)
 
 int32_t cairn_scan_match_written_icp(cairn_scan_match *match)
 {
-    match_shape *shape = match->shape;
+    scan_match_shape *shape = match->shape;
     cairn_real distance;
     const cairn_oriented_point *found;
     cairn_vec2 p;

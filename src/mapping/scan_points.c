@@ -24,7 +24,7 @@ cairn_status cairn_scan_attribute(cairn_scan *scan, cairn_budget *budget)
         const cairn_polyline_segment *from = &view.segments[scan->item_index];
         scan_segment *w = &scan->fitted[scan->item_index];
 
-        if (!cairn_scan_pay(scan, budget, 8))
+        if (!cairn_scan_charge(scan, budget, 8))
             return CAIRN_MORE;
         memset(w, 0, sizeof *w);
         w->segment.a.x = from->a[0];
@@ -46,7 +46,7 @@ cairn_status cairn_scan_attribute(cairn_scan *scan, cairn_budget *budget)
         const cairn_scan_beam *beam = &scan->beams[scan->hit[scan->item_index]];
         scan_segment *w;
 
-        if (!cairn_scan_pay(scan, budget, 6))
+        if (!cairn_scan_charge(scan, budget, 6))
             return CAIRN_MORE;
         if (label < 0) {
             scan->measure.unassigned_hits++;
@@ -75,7 +75,7 @@ cairn_status cairn_scan_turn(cairn_scan *scan, cairn_budget *budget)
         scan_segment *w = &scan->fitted[scan->item_index];
 
         if (scan->stage == 0) {
-            if (!cairn_scan_pay(scan, budget, 16))
+            if (!cairn_scan_charge(scan, budget, 16))
                 return CAIRN_MORE;
             if (w->side < 0) {
                 cairn_vec2 swap = w->segment.a;
@@ -90,7 +90,7 @@ cairn_status cairn_scan_turn(cairn_scan *scan, cairn_budget *budget)
         for (; scan->inner_index > 0 &&
                comes_before(scan, scan->item_index, scan->order[scan->inner_index - 1]);
              scan->inner_index--) {
-            if (!cairn_scan_pay(scan, budget, 2))
+            if (!cairn_scan_charge(scan, budget, 2))
                 return CAIRN_MORE;
             scan->order[scan->inner_index] = scan->order[scan->inner_index - 1];
         }
@@ -113,7 +113,7 @@ cairn_status cairn_scan_choose(cairn_scan *scan, cairn_budget *budget)
         for (; scan->item_index < scan->fitted_count; scan->item_index++) {
             const scan_segment *w = &scan->fitted[scan->item_index];
 
-            if (!cairn_scan_pay(scan, budget, 2))
+            if (!cairn_scan_charge(scan, budget, 2))
                 return CAIRN_MORE;
             scan->total += w->positions;
             if (w->positions > 0 &&
@@ -132,7 +132,7 @@ cairn_status cairn_scan_choose(cairn_scan *scan, cairn_budget *budget)
     for (; scan->item_index < scan->fitted_count; scan->item_index++) {
         scan_segment *w = &scan->fitted[scan->order[scan->item_index]];
 
-        if (!cairn_scan_pay(scan, budget, 2))
+        if (!cairn_scan_charge(scan, budget, 2))
             return CAIRN_MORE;
         w->first_position = scan->position_count;
         scan->position_count += w->positions;
@@ -141,9 +141,9 @@ cairn_status cairn_scan_choose(cairn_scan *scan, cairn_budget *budget)
 }
 
 /* Distance of the first position from the segment's start, m. */
-static cairn_real first_position(const cairn_scan *scan, const scan_segment *w)
+static cairn_real first_position(const cairn_scan *scan, const scan_segment *segment)
 {
-    return cairn_scan_first_position(w->length, w->positions, scan->params.spacing);
+    return cairn_scan_first_position(segment->length, segment->positions, scan->params.spacing);
 }
 
 /* Stage 0 clears the difference array, stage 1 enters the interval that each hit supports. */
@@ -152,7 +152,7 @@ cairn_status cairn_scan_mark(cairn_scan *scan, cairn_budget *budget)
     cairn_polyline_view view = cairn_polyline_read(scan->polyline);
 
     for (; scan->stage == 0 && scan->item_index <= scan->position_count; scan->item_index++) {
-        if (!cairn_scan_pay(scan, budget, 1))
+        if (!cairn_scan_charge(scan, budget, 1))
             return CAIRN_MORE;
         scan->support[scan->item_index] = 0;
     }
@@ -165,7 +165,7 @@ cairn_status cairn_scan_mark(cairn_scan *scan, cairn_budget *budget)
         const scan_segment *w = &scan->fitted[label < 0 ? 0 : label];
         cairn_real along;
 
-        if (!cairn_scan_pay(scan, budget, 12))
+        if (!cairn_scan_charge(scan, budget, 12))
             return CAIRN_MORE;
         if (label < 0 || w->positions == 0)
             continue;
@@ -194,14 +194,14 @@ cairn_status cairn_scan_emit(cairn_scan *scan, cairn_budget *budget)
         const scan_segment *w = &scan->fitted[scan->order[scan->item_index]];
         cairn_vec2 direction;
 
-        if (scan->stage == 0 && !cairn_scan_pay(scan, budget, 16))
+        if (scan->stage == 0 && !cairn_scan_charge(scan, budget, 16))
             return CAIRN_MORE;
         scan->stage = 1;
         direction = cairn_vec2_unit(cairn_vec2_sub(w->segment.b, w->segment.a));
         for (; scan->inner_index < w->positions; scan->inner_index++) {
             cairn_oriented_point *point = &scan->points[scan->point_count];
 
-            if (!cairn_scan_pay(scan, budget, 9))
+            if (!cairn_scan_charge(scan, budget, 9))
                 return CAIRN_MORE;
             scan->support_count += scan->support[w->first_position + scan->inner_index];
             if (scan->support_count <= 0)

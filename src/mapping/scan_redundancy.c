@@ -20,7 +20,8 @@ enum { MAX_SCANS = 1 << 20, MAX_POINTS = 1 << 24, POINTS_PER_ITEM = 16, REMOVED_
 
 static const cairn_real MAX_COORDINATE_M = CAIRN_REAL(1e6);
 
-enum { IDLE, CLEAR_GRID, INSERT_POINTS, COUNT_SCANS };
+typedef int32_t scan_redundancy_phase;
+enum { PHASE_IDLE, PHASE_CLEAR_GRID, PHASE_INSERT_POINTS, PHASE_COUNT_SCANS };
 
 struct cairn_scan_redundancy {
     cairn_scan_redundancy_params params;
@@ -32,8 +33,10 @@ struct cairn_scan_redundancy {
     int32_t *last_point;        /* [max_scans] last point that a point of the scan covered */
     const cairn_scan_set *set;
     int32_t scans; /* slots at the last begin() */
-    int32_t phase, units_owed;
-    int32_t at, point; /* INSERT_POINTS: segment and point of it; COUNT_SCANS: point */
+    scan_redundancy_phase phase;
+    /* units of finished items, not yet charged */
+    int32_t units_due;
+    int32_t at, point; /* PHASE_INSERT_POINTS: segment and point of it; PHASE_COUNT_SCANS: point */
 };
 
 cairn_scan_redundancy_params cairn_scan_redundancy_default(void)
@@ -47,11 +50,12 @@ cairn_scan_redundancy_params cairn_scan_redundancy_default(void)
     return params;
 }
 
-static int params_are_valid(const cairn_scan_redundancy_params *p)
+static int params_are_valid(const cairn_scan_redundancy_params *params)
 {
-    return p != NULL && p->max_scans >= 1 && p->max_scans <= MAX_SCANS && p->max_points >= 1 &&
-           p->max_points <= MAX_POINTS && p->radius > 0 && p->radius <= MAX_COORDINATE_M &&
-           p->direction_gate > 0 && p->direction_gate <= CAIRN_PI;
+    return params != NULL && params->max_scans >= 1 && params->max_scans <= MAX_SCANS &&
+           params->max_points >= 1 && params->max_points <= MAX_POINTS && params->radius > 0 &&
+           params->radius <= MAX_COORDINATE_M && params->direction_gate > 0 &&
+           params->direction_gate <= CAIRN_PI;
 }
 
 static cairn_point_grid_params grid_params(const cairn_scan_redundancy_params *params)
@@ -61,16 +65,16 @@ static cairn_point_grid_params grid_params(const cairn_scan_redundancy_params *p
 }
 
 /* Sets the pointers of *layout, which is then copied to the returned piece. */
-static cairn_scan_redundancy *carve(cairn_scan_redundancy *cover, cairn_pool *pool,
+static cairn_scan_redundancy *carve(cairn_scan_redundancy *redundancy, cairn_pool *pool,
                                     const cairn_scan_redundancy_params *params)
 {
     size_t scans = (size_t)params->max_scans, points = (size_t)params->max_points;
     cairn_scan_redundancy *made = cairn_pool_take_one(pool, sizeof *made);
 
-    cover->segment = cairn_pool_take(pool, points, sizeof *cover->segment);
-    cover->transform = cairn_pool_take(pool, scans, sizeof *cover->transform);
-    cover->loss = cairn_pool_take(pool, scans, sizeof *cover->loss);
-    cover->last_point = cairn_pool_take(pool, scans, sizeof *cover->last_point);
+    redundancy->segment = cairn_pool_take(pool, points, sizeof *redundancy->segment);
+    redundancy->transform = cairn_pool_take(pool, scans, sizeof *redundancy->transform);
+    redundancy->loss = cairn_pool_take(pool, scans, sizeof *redundancy->loss);
+    redundancy->last_point = cairn_pool_take(pool, scans, sizeof *redundancy->last_point);
     return made;
 }
 
@@ -89,7 +93,7 @@ size_t cairn_scan_redundancy_memory(const cairn_scan_redundancy_params *params)
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_scan_redundancy_create(cairn_scan_redundancy **cover, cairn_pool *pool,
+cairn_status cairn_scan_redundancy_create(cairn_scan_redundancy **redundancy, cairn_pool *pool,
                                           const cairn_scan_redundancy_params *params)
 {
     size_t need = cairn_scan_redundancy_memory(params);
@@ -97,7 +101,7 @@ cairn_status cairn_scan_redundancy_create(cairn_scan_redundancy **cover, cairn_p
     cairn_scan_redundancy layout, *made;
     cairn_status status;
 
-    if (cover == NULL || pool == NULL || need == 0)
+    if (redundancy == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
@@ -109,16 +113,17 @@ cairn_status cairn_scan_redundancy_create(cairn_scan_redundancy **cover, cairn_p
     layout.params = *params;
     layout.least_cosine = cairn_cos(params->direction_gate);
     *made = layout;
-    *cover = made;
+    *redundancy = made;
     return status;
 }
 
-cairn_status cairn_scan_redundancy_begin(cairn_scan_redundancy *cover, const cairn_scan_set *set,
-                                         const cairn_pose *map_scan)
+cairn_status cairn_scan_redundancy_begin(cairn_scan_redundancy *redundancy,
+                                         const cairn_scan_set *set, const cairn_pose *map_scan)
 {
-    if (cover == NULL || set == NULL || map_scan == NULL)
+    if (redundancy == NULL || set == NULL || map_scan == NULL)
         return CAIRN_BAD_ARGUMENT;
-    if (set->scan_count > cover->params.max_scans || set->point_count > cover->params.max_points)
+    if (set->scan_count > redundancy->params.max_scans ||
+        set->point_count > redundancy->params.max_points)
         return CAIRN_FULL;
     for (int32_t i = 0; i < set->scan_count; i++) {
         if (set->scans[i].in_use && !cairn_pose_is_finite(map_scan[i]))
@@ -128,117 +133,121 @@ cairn_status cairn_scan_redundancy_begin(cairn_scan_redundancy *cover, const cai
             return CAIRN_BAD_ARGUMENT;
     }
     for (int32_t i = 0; i < set->scan_count; i++) {
-        cover->loss[i] = set->scans[i].in_use ? 0 : -1;
-        cover->last_point[i] = -1;
+        redundancy->loss[i] = set->scans[i].in_use ? 0 : -1;
+        redundancy->last_point[i] = -1;
         if (set->scans[i].in_use)
-            cover->transform[i] = cairn_transform_of(map_scan[i]);
+            redundancy->transform[i] = cairn_transform_of(map_scan[i]);
     }
-    cover->set = set;
-    cover->scans = set->scan_count;
-    cover->phase = CLEAR_GRID;
-    cover->units_owed = cover->at = cover->point = 0;
+    redundancy->set = set;
+    redundancy->scans = set->scan_count;
+    redundancy->phase = PHASE_CLEAR_GRID;
+    redundancy->units_due = redundancy->at = redundancy->point = 0;
     return CAIRN_OK;
 }
 
 /* ---- Items; each returns its units ---- */
 
-static int32_t clear_item(cairn_scan_redundancy *cover)
+static int32_t clear_item(cairn_scan_redundancy *redundancy)
 {
     for (int32_t i = 0; i < REMOVED_PER_ITEM; i++)
-        cairn_point_grid_remove_last(cover->grid);
-    if (cairn_point_grid_count(cover->grid) == 0)
-        cover->phase = INSERT_POINTS;
+        cairn_point_grid_remove_last(redundancy->grid);
+    if (cairn_point_grid_count(redundancy->grid) == 0)
+        redundancy->phase = PHASE_INSERT_POINTS;
     return 1;
 }
 
 /* Inserts the next points of a segment into the grid. */
-static int32_t insert_item(cairn_scan_redundancy *cover)
+static int32_t insert_item(cairn_scan_redundancy *redundancy)
 {
     const cairn_scan_set_segment *segment;
     cairn_vec2 points[POINTS_PER_ITEM];
     int32_t left, count;
 
-    if (cover->at == cover->set->segment_count) {
-        cover->phase = COUNT_SCANS;
-        cover->at = 0;
+    if (redundancy->at == redundancy->set->segment_count) {
+        redundancy->phase = PHASE_COUNT_SCANS;
+        redundancy->at = 0;
         return 1;
     }
-    segment = &cover->set->segments[cover->at];
-    left = segment->scan >= 0 ? segment->end_point - segment->first_point - cover->point : 0;
+    segment = &redundancy->set->segments[redundancy->at];
+    left = segment->scan >= 0 ? segment->end_point - segment->first_point - redundancy->point : 0;
     if (left == 0) {
-        cover->at++;
-        cover->point = 0;
+        redundancy->at++;
+        redundancy->point = 0;
         return 1;
     }
     count = left < POINTS_PER_ITEM ? left : POINTS_PER_ITEM;
-    cairn_scan_set_read(cover->set, cover->at, cover->point, count, points);
+    cairn_scan_set_read(redundancy->set, redundancy->at, redundancy->point, count, points);
     for (int32_t i = 0; i < count; i++) {
-        cairn_vec2 p = cairn_transform_point(cover->transform[segment->scan], points[i]);
+        cairn_vec2 p = cairn_transform_point(redundancy->transform[segment->scan], points[i]);
         cairn_status status;
 
-        cover->segment[cairn_point_grid_count(cover->grid)] = cover->at;
-        status = cairn_point_grid_insert(cover->grid, p);
+        redundancy->segment[cairn_point_grid_count(redundancy->grid)] = redundancy->at;
+        status = cairn_point_grid_insert(redundancy->grid, p);
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
     }
-    cover->point += count;
+    redundancy->point += count;
     return 1 + 3 * count / 2;
 }
 
-static cairn_vec2 direction_at(const cairn_scan_redundancy *cover, int32_t point, int32_t *scan)
+static cairn_vec2 direction_at(const cairn_scan_redundancy *redundancy, int32_t point,
+                               int32_t *scan)
 {
-    const cairn_scan_set_segment *segment = &cover->set->segments[cover->segment[point]];
+    const cairn_scan_set_segment *segment = &redundancy->set->segments[redundancy->segment[point]];
 
     *scan = segment->scan;
-    return cairn_transform_direction(cover->transform[segment->scan], segment->direction);
+    return cairn_transform_direction(redundancy->transform[segment->scan], segment->direction);
 }
 
 /* Adds the loss of one point to its scan. */
-static int32_t count_item(cairn_scan_redundancy *cover)
+static int32_t count_item(cairn_scan_redundancy *redundancy)
 {
     int32_t own, other, near = 0, scans = 0, found;
     cairn_point_grid_cursor cursor;
     cairn_vec2 direction;
 
-    if (cover->at == cairn_point_grid_count(cover->grid)) {
-        cover->phase = IDLE;
+    if (redundancy->at == cairn_point_grid_count(redundancy->grid)) {
+        redundancy->phase = PHASE_IDLE;
         return 1;
     }
-    direction = direction_at(cover, cover->at, &own);
-    cursor = cairn_point_grid_begin(cover->grid, cairn_point_grid_point(cover->grid, cover->at),
-                                    cover->params.radius);
-    while ((found = cairn_point_grid_next(cover->grid, &cursor)) >= 0) {
-        cairn_vec2 its = direction_at(cover, found, &other);
+    direction = direction_at(redundancy, redundancy->at, &own);
+    cursor = cairn_point_grid_begin(redundancy->grid,
+                                    cairn_point_grid_point(redundancy->grid, redundancy->at),
+                                    redundancy->params.radius);
+    while ((found = cairn_point_grid_next(redundancy->grid, &cursor)) >= 0) {
+        cairn_vec2 its = direction_at(redundancy, found, &other);
 
         near++;
-        if (other != own && cover->last_point[other] != cover->at &&
-            cairn_vec2_dot(direction, its) >= cover->least_cosine) {
-            cover->last_point[other] = cover->at;
+        if (other != own && redundancy->last_point[other] != redundancy->at &&
+            cairn_vec2_dot(direction, its) >= redundancy->least_cosine) {
+            redundancy->last_point[other] = redundancy->at;
             scans++;
         }
     }
-    cover->loss[own] += 1 / (cairn_real)(1 + scans);
-    cover->at++;
+    redundancy->loss[own] += 1 / (cairn_real)(1 + scans);
+    redundancy->at++;
     return 2 + near;
 }
 
-cairn_status cairn_scan_redundancy_step(cairn_scan_redundancy *cover, cairn_budget *budget)
+cairn_status cairn_scan_redundancy_step(cairn_scan_redundancy *redundancy, cairn_budget *budget)
 {
-    if (cover == NULL || budget == NULL)
+    if (redundancy == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (cover->units_owed > 0 || cover->phase != IDLE) {
+    while (redundancy->units_due > 0 || redundancy->phase != PHASE_IDLE) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (cover->units_owed > 0) {
-            int32_t paid = cover->units_owed < budget->left ? cover->units_owed : budget->left;
+        if (redundancy->units_due > 0) {
+            int32_t charged =
+                redundancy->units_due < budget->left ? redundancy->units_due : budget->left;
 
-            cover->units_owed -= paid;
-            budget->left -= paid;
-        } else if (cover->phase == CLEAR_GRID) {
-            cover->units_owed = clear_item(cover);
+            redundancy->units_due -= charged;
+            budget->left -= charged;
+        } else if (redundancy->phase == PHASE_CLEAR_GRID) {
+            redundancy->units_due = clear_item(redundancy);
         } else {
-            cover->units_owed =
-                cover->phase == INSERT_POINTS ? insert_item(cover) : count_item(cover);
+            redundancy->units_due = redundancy->phase == PHASE_INSERT_POINTS
+                                        ? insert_item(redundancy)
+                                        : count_item(redundancy);
         }
     }
     return CAIRN_OK;
@@ -246,25 +255,27 @@ cairn_status cairn_scan_redundancy_step(cairn_scan_redundancy *cover, cairn_budg
 
 /* ---- Results ---- */
 
-static int is_done(const cairn_scan_redundancy *cover)
+static int is_done(const cairn_scan_redundancy *redundancy)
 {
-    return cover != NULL && cover->phase == IDLE && cover->units_owed == 0;
+    return redundancy != NULL && redundancy->phase == PHASE_IDLE && redundancy->units_due == 0;
 }
 
-cairn_real cairn_scan_redundancy_loss(const cairn_scan_redundancy *cover, int32_t scan)
+cairn_real cairn_scan_redundancy_loss(const cairn_scan_redundancy *redundancy, int32_t scan)
 {
-    return is_done(cover) && scan >= 0 && scan < cover->scans ? cover->loss[scan] : -1;
+    return is_done(redundancy) && scan >= 0 && scan < redundancy->scans ? redundancy->loss[scan]
+                                                                        : -1;
 }
 
-int32_t cairn_scan_redundancy_most_redundant(const cairn_scan_redundancy *cover, int32_t spared)
+int32_t cairn_scan_redundancy_most_redundant(const cairn_scan_redundancy *redundancy,
+                                             int32_t spared)
 {
     int32_t least = -1;
 
-    if (!is_done(cover))
+    if (!is_done(redundancy))
         return -1;
-    for (int32_t i = 0; i < cover->scans; i++)
-        if (i != spared && cover->loss[i] >= 0 &&
-            (least < 0 || cover->loss[i] < cover->loss[least]))
+    for (int32_t i = 0; i < redundancy->scans; i++)
+        if (i != spared && redundancy->loss[i] >= 0 &&
+            (least < 0 || redundancy->loss[i] < redundancy->loss[least]))
             least = i;
     return least;
 }

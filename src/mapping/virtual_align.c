@@ -17,8 +17,9 @@
  * 5. Last, weakly observable submaps of the largest component are translated along their walls
  *    (weak_direction).
  *
- * Layout: the aligner, the field, the hypotheses and the slide in one pool. A scan has the same
- * index in the aligner and in the field. The best result of the aligner is stored beside it.
+ * Layout: the aligner, the field, the hypotheses and the search along weak directions in one pool.
+ * A scan has the same index in the aligner and in the field. The best result of the aligner is
+ * stored beside it.
  *
  * Limits: a scan moved by the field keeps the covariance of its initial pose, and one translated
  * along walls that of its previous pose.
@@ -36,7 +37,7 @@ cairn_virtual_align_params cairn_virtual_align_default(void)
         .aligner = cairn_aligner_default(),
         .field = cairn_force_field_springs(CAIRN_REAL(0.9), 15),
         .hypotheses = cairn_virtual_scan_default(),
-        .slide = cairn_weak_direction_default(),
+        .weak_direction = cairn_weak_direction_default(),
         .rebuild_interval = 8,
         .max_rounds = 2,
         .use_aligner = 1,
@@ -63,7 +64,7 @@ static cairn_virtual_align_params in_mode(const cairn_virtual_align_params *para
         p.field.roi = CAIRN_FORCE_FIELD_ROI_NONE;
         p.field.oriented_below = 0;
         p.hypotheses.mode = CAIRN_MODE_AS_WRITTEN;
-        p.slide = cairn_weak_direction_default();
+        p.weak_direction = cairn_weak_direction_default();
         p.rebuild_interval = 1;
         p.max_rounds = 1;
         p.use_aligner = 0;
@@ -112,12 +113,12 @@ static cairn_virtual_scan_params hypotheses_of(const cairn_virtual_align_params 
     return hypotheses;
 }
 
-static cairn_weak_direction_params slide_of(const cairn_virtual_align_params *params)
+static cairn_weak_direction_params weak_params_of(const cairn_virtual_align_params *params)
 {
-    cairn_weak_direction_params slide = params->slide;
+    cairn_weak_direction_params weak = params->weak_direction;
 
-    slide.max_scans = params->aligner.max_scans;
-    return slide;
+    weak.max_scans = params->aligner.max_scans;
+    return weak;
 }
 
 /* Takes its own arrays; NULL where the pool only counts. */
@@ -141,7 +142,7 @@ size_t cairn_virtual_align_memory(const cairn_virtual_align_params *params)
     cairn_force_field_params field;
     cairn_virtual_scan_params hypotheses;
     cairn_virtual_align_params used;
-    cairn_weak_direction_params slide;
+    cairn_weak_direction_params weak;
     cairn_pool counting;
 
     if (params == NULL ||
@@ -153,13 +154,13 @@ size_t cairn_virtual_align_memory(const cairn_virtual_align_params *params)
         return 0;
     field = field_of(&used);
     hypotheses = hypotheses_of(&used);
-    slide = slide_of(&used);
+    weak = weak_params_of(&used);
     cairn_pool_init_counting(&counting);
     (void)take_memory(&counting, &used);
     cairn_pool_count(&counting, cairn_aligner_memory(&used.aligner));
     cairn_pool_count(&counting, cairn_force_field_memory(&field));
     cairn_pool_count(&counting, cairn_virtual_scan_memory(&hypotheses));
-    cairn_pool_count(&counting, cairn_weak_direction_memory(&slide));
+    cairn_pool_count(&counting, cairn_weak_direction_memory(&weak));
     return cairn_pool_counted(&counting);
 }
 
@@ -170,7 +171,7 @@ cairn_status cairn_virtual_align_create(cairn_virtual_align **align, cairn_pool 
     cairn_force_field_params field;
     cairn_virtual_scan_params hypotheses;
     cairn_virtual_align_params used;
-    cairn_weak_direction_params slide;
+    cairn_weak_direction_params weak;
     cairn_virtual_align *made;
 
     if (align == NULL || pool == NULL || need == 0)
@@ -180,12 +181,12 @@ cairn_status cairn_virtual_align_create(cairn_virtual_align **align, cairn_pool 
     used = in_mode(params);
     field = field_of(&used);
     hypotheses = hypotheses_of(&used);
-    slide = slide_of(&used);
+    weak = weak_params_of(&used);
     made = take_memory(pool, &used);
     cairn_virtual_align_must(cairn_aligner_create(&made->aligner, pool, &used.aligner));
     cairn_virtual_align_must(cairn_force_field_create(&made->field, pool, &field));
     cairn_virtual_align_must(cairn_virtual_scan_create(&made->hypotheses, pool, &hypotheses));
-    cairn_virtual_align_must(cairn_weak_direction_create(&made->slide, pool, &slide));
+    cairn_virtual_align_must(cairn_weak_direction_create(&made->weak_direction, pool, &weak));
     *align = made;
     return CAIRN_OK;
 }
@@ -193,7 +194,7 @@ cairn_status cairn_virtual_align_create(cairn_virtual_align **align, cairn_pool 
 cairn_status cairn_virtual_align_add_scan(cairn_virtual_align *align, const cairn_scan_view *view,
                                           cairn_pose map_scan, cairn_fault *fault)
 {
-    struct cairn_virtual_place *place;
+    struct virtual_align_place *place;
     cairn_status status;
 
     if (align == NULL)

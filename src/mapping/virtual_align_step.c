@@ -98,7 +98,7 @@ static cairn_status step_compare(cairn_virtual_align *align, cairn_budget *budge
         return CAIRN_MORE;
     align->is_done = 1;
     for (int32_t i = 0; i < align->scan_count; i++) {
-        struct cairn_virtual_place *place = &align->places[i];
+        struct virtual_align_place *place = &align->places[i];
 
         place->moves = place->moves && (!has_matches(align) || place->aligned.component != 0);
         if (place->moves)
@@ -141,7 +141,7 @@ static cairn_real transverse_wall(const cairn_virtual_align *align, int32_t scan
  * is finished first. */
 static cairn_status step_place(cairn_virtual_align *align, cairn_budget *budget)
 {
-    struct cairn_virtual_place *place;
+    struct virtual_align_place *place;
 
     if (align->is_iterating) {
         if (cairn_force_field_iterate(align->field, budget) == CAIRN_MORE)
@@ -155,10 +155,10 @@ static cairn_status step_place(cairn_virtual_align *align, cairn_budget *budget)
                                  2 + segments_of(align, align->cursor) / 4))
             return CAIRN_MORE;
         place = &align->places[align->cursor];
-        place->moves =
-            !has_matches(align) || (!place->aligned.placed &&
-                                    !cairn_weak_direction_is_weak(align->slide, &place->aligned) &&
-                                    transverse_wall(align, align->cursor) >= MIN_TRANSVERSE_WALL_M);
+        place->moves = !has_matches(align) ||
+                       (!place->aligned.placed &&
+                        !cairn_weak_direction_is_weak(align->weak_direction, &place->aligned) &&
+                        transverse_wall(align, align->cursor) >= MIN_TRANSVERSE_WALL_M);
         align->result.moved_scans += place->moves;
         cairn_virtual_align_must(
             cairn_force_field_place(align->field, align->cursor, place->aligned.map_scan));
@@ -248,31 +248,31 @@ static cairn_status step_return_poses(cairn_virtual_align *align, cairn_budget *
 
 /* ---- Translation along walls ---- */
 
-static cairn_status step_begin_slide(cairn_virtual_align *align, cairn_budget *budget)
+static cairn_status step_begin_translation(cairn_virtual_align *align, cairn_budget *budget)
 {
     if (align->cursor == 0)
-        cairn_virtual_align_must(cairn_weak_direction_begin(align->slide, align->aligner,
+        cairn_virtual_align_must(cairn_weak_direction_begin(align->weak_direction, align->aligner,
                                                             cairn_force_field_scans(align->field),
                                                             align->initial_spread));
     for (; align->cursor < align->scan_count; align->cursor++) {
-        const struct cairn_virtual_place *place = &align->places[align->cursor];
+        const struct virtual_align_place *place = &align->places[align->cursor];
 
         if (!cairn_budget_charge(budget, &align->units_charged, 2))
             return CAIRN_MORE;
         cairn_virtual_align_must(
-            cairn_weak_direction_add(align->slide, place->start, &place->aligned));
+            cairn_weak_direction_add(align->weak_direction, place->start, &place->aligned));
     }
     return CAIRN_OK;
 }
 
-static cairn_status step_apply_slide(cairn_virtual_align *align, cairn_budget *budget)
+static cairn_status step_apply_translation(cairn_virtual_align *align, cairn_budget *budget)
 {
     if (!cairn_budget_charge(budget, &align->units_charged, 1 + align->scan_count / 8))
         return CAIRN_MORE;
-    align->result.slide = cairn_weak_direction_read(align->slide);
+    align->result.weak_direction = cairn_weak_direction_read(align->weak_direction);
     for (int32_t i = 0; i < align->scan_count; i++) {
-        struct cairn_virtual_place *place = &align->places[i];
-        cairn_vec2 shift = cairn_weak_direction_translation(align->slide, i);
+        struct virtual_align_place *place = &align->places[i];
+        cairn_vec2 shift = cairn_weak_direction_translation(align->weak_direction, i);
 
         if (shift.x == 0 && shift.y == 0)
             continue;
@@ -299,11 +299,11 @@ static cairn_status step_phase(cairn_virtual_align *align, cairn_budget *budget)
     case VIRTUAL_ALIGN_PLACE:
         return step_place(align, budget);
     case VIRTUAL_ALIGN_BEGIN_SLIDE:
-        return step_begin_slide(align, budget);
+        return step_begin_translation(align, budget);
     case VIRTUAL_ALIGN_SLIDE:
-        return cairn_weak_direction_step(align->slide, budget);
+        return cairn_weak_direction_step(align->weak_direction, budget);
     case VIRTUAL_ALIGN_APPLY_SLIDE:
-        return step_apply_slide(align, budget);
+        return step_apply_translation(align, budget);
     case VIRTUAL_ALIGN_GATHER:
         return step_gather(align, budget);
     case VIRTUAL_ALIGN_DETECT:

@@ -23,7 +23,7 @@ enum {
 };
 
 /* A scan: its initial pose, the aligner's result, and whether the field moves it. */
-struct cairn_virtual_place {
+struct virtual_align_place {
     cairn_pose start;
     cairn_aligner_pose aligned;
     int32_t moves;
@@ -34,9 +34,9 @@ struct cairn_virtual_align {
     cairn_aligner *aligner;
     cairn_force_field *field;
     cairn_virtual_scan *hypotheses;
-    cairn_weak_direction *slide;
+    cairn_weak_direction *weak_direction;
     /* [max_scans] */
-    struct cairn_virtual_place *places;
+    struct virtual_align_place *places;
     /* [max_scans] initial poses of the aligner's next run, or its results */
     cairn_pose *poses;
     /* [max_scans] poses in the stored result */

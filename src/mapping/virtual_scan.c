@@ -107,17 +107,19 @@ static int is_count(int32_t count, int32_t least, int32_t most)
     return count >= least && count <= most;
 }
 
-static int params_are_valid(const cairn_virtual_scan_params *p)
+static int params_are_valid(const cairn_virtual_scan_params *params)
 {
-    return is_count(p->max_scans, 1, 1 << 20) && is_count(p->max_points, 1, 1 << 24) &&
-           is_count(p->max_segments, 1, 1 << 20) && is_count(p->max_hypotheses, 1, 1024) &&
-           is_count(p->max_virtual, 1, 1 << 24) && is_count(p->max_detectors, 0, 16) &&
-           p->stride >= 1 && p->spacing > 0 && p->spacing <= MAX_VALUE && p->weight >= 0 &&
-           p->weight <= MAX_VALUE && p->distance_per_sigma > 0 && p->distance_per_sigma <= 1 &&
-           p->angle_per_sigma > 0 && p->angle_per_sigma <= MAX_VALUE && p->min_scans >= 1 &&
-           p->min_wall_length >= 0 && p->min_wall_length <= MAX_VALUE &&
-           (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
-           cairn_hough_memory(&p->hough) > 0 && cairn_ellipse_memory(&p->ellipse) > 0;
+    return is_count(params->max_scans, 1, 1 << 20) && is_count(params->max_points, 1, 1 << 24) &&
+           is_count(params->max_segments, 1, 1 << 20) &&
+           is_count(params->max_hypotheses, 1, 1024) && is_count(params->max_virtual, 1, 1 << 24) &&
+           is_count(params->max_detectors, 0, 16) && params->stride >= 1 && params->spacing > 0 &&
+           params->spacing <= MAX_VALUE && params->weight >= 0 && params->weight <= MAX_VALUE &&
+           params->distance_per_sigma > 0 && params->distance_per_sigma <= 1 &&
+           params->angle_per_sigma > 0 && params->angle_per_sigma <= MAX_VALUE &&
+           params->min_scans >= 1 && params->min_wall_length >= 0 &&
+           params->min_wall_length <= MAX_VALUE &&
+           (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN) &&
+           cairn_hough_memory(&params->hough) > 0 && cairn_ellipse_memory(&params->ellipse) > 0;
 }
 
 static cairn_rectangle_params rectangles_of(const cairn_virtual_scan_params *params)
@@ -175,9 +177,9 @@ static cairn_ellipse_set *take_ellipses(cairn_pool *pool, const cairn_ellipse_pa
     return set;
 }
 
-static virtual_result take_result(cairn_pool *pool, const cairn_virtual_scan_params *params)
+static virtual_scan_result take_result(cairn_pool *pool, const cairn_virtual_scan_params *params)
 {
-    virtual_result r = {NULL, NULL, NULL, 0, 0, 0};
+    virtual_scan_result r = {NULL, NULL, NULL, 0, 0, 0};
 
     r.hypotheses = cairn_pool_take(pool, (size_t)params->max_hypotheses, sizeof *r.hypotheses);
     r.points = cairn_pool_take(pool, (size_t)params->max_virtual, sizeof *r.points);
@@ -300,20 +302,18 @@ static void adjust_ellipses(cairn_virtual_scan *virtual_scan, cairn_real sigma)
 
 cairn_status cairn_virtual_scan_begin(cairn_virtual_scan *virtual_scan, cairn_real sigma)
 {
-    cairn_virtual_scan *self = virtual_scan;
-
-    if (self == NULL || !(sigma >= 0) || sigma > MAX_VALUE / 2)
+    if (virtual_scan == NULL || !(sigma >= 0) || sigma > MAX_VALUE / 2)
         return CAIRN_BAD_ARGUMENT;
-    memset(&self->map, 0, sizeof self->map);
-    self->map.points = self->points;
-    self->map.point_scan = self->point_scan;
-    self->map.segments = self->segments;
-    self->map.segment_scan = self->segment_scan;
-    self->map.sigma = sigma;
-    self->work.count = self->work.point_count = self->work.dropped = 0;
-    self->phase = VIRTUAL_GATHER;
-    adjust_lines(self, sigma);
-    adjust_ellipses(self, sigma);
+    memset(&virtual_scan->map, 0, sizeof virtual_scan->map);
+    virtual_scan->map.points = virtual_scan->points;
+    virtual_scan->map.point_scan = virtual_scan->point_scan;
+    virtual_scan->map.segments = virtual_scan->segments;
+    virtual_scan->map.segment_scan = virtual_scan->segment_scan;
+    virtual_scan->map.sigma = sigma;
+    virtual_scan->work.count = virtual_scan->work.point_count = virtual_scan->work.dropped = 0;
+    virtual_scan->phase = VIRTUAL_SCAN_GATHER;
+    adjust_lines(virtual_scan, sigma);
+    adjust_ellipses(virtual_scan, sigma);
     return CAIRN_OK;
 }
 
@@ -325,9 +325,9 @@ static int has_scan(const cairn_virtual_scan *virtual_scan, const cairn_scan_set
 
 /* Returns the number of a segment's points in the thinned map. */
 static int32_t thinned_count(const cairn_virtual_scan *virtual_scan,
-                             const cairn_scan_set_segment *s)
+                             const cairn_scan_set_segment *segment)
 {
-    return (s->end_point - s->first_point + virtual_scan->params.stride - 1) /
+    return (segment->end_point - segment->first_point + virtual_scan->params.stride - 1) /
            virtual_scan->params.stride;
 }
 
@@ -356,24 +356,24 @@ cairn_status cairn_virtual_scan_add_scan(cairn_virtual_scan *virtual_scan,
                                          const cairn_scan_set *set, int32_t scan,
                                          cairn_pose map_scan)
 {
-    cairn_virtual_scan *self = virtual_scan;
     const cairn_scan_set_scan *of;
     cairn_transform t;
     int32_t points = 0;
 
-    if (self == NULL || set == NULL || self->phase != VIRTUAL_GATHER ||
-        !has_scan(self, set, scan) || !cairn_pose_is_finite(map_scan) ||
+    if (virtual_scan == NULL || set == NULL || virtual_scan->phase != VIRTUAL_SCAN_GATHER ||
+        !has_scan(virtual_scan, set, scan) || !cairn_pose_is_finite(map_scan) ||
         cairn_abs(map_scan.x) > MAX_VALUE / 2 || cairn_abs(map_scan.y) > MAX_VALUE / 2)
         return CAIRN_BAD_ARGUMENT;
     of = &set->scans[scan];
     for (int32_t i = of->first_segment; i < of->end_segment; i++)
-        points += thinned_count(self, &set->segments[i]);
-    if (points > self->params.max_points - self->map.point_count ||
-        of->end_segment - of->first_segment > self->params.max_segments - self->map.segment_count)
+        points += thinned_count(virtual_scan, &set->segments[i]);
+    if (points > virtual_scan->params.max_points - virtual_scan->map.point_count ||
+        of->end_segment - of->first_segment >
+            virtual_scan->params.max_segments - virtual_scan->map.segment_count)
         return CAIRN_FULL;
     t = cairn_transform_of(map_scan);
     for (int32_t i = of->first_segment; i < of->end_segment; i++)
-        add_segment(self, set, i, t);
+        add_segment(virtual_scan, set, i, t);
     return CAIRN_OK;
 }
 
@@ -387,21 +387,22 @@ static cairn_status begin_next_phase(cairn_virtual_scan *virtual_scan)
     virtual_scan->item = 0;
     virtual_scan->detector_begun = 0;
     virtual_scan->units_charged = 0;
-    virtual_scan->phase =
-        virtual_scan->phase == VIRTUAL_CALLER_DETECTORS ? VIRTUAL_IDLE : virtual_scan->phase + 1;
-    if (virtual_scan->phase == VIRTUAL_LINES)
+    virtual_scan->phase = virtual_scan->phase == VIRTUAL_SCAN_CALLER_DETECTORS
+                              ? VIRTUAL_SCAN_IDLE
+                              : virtual_scan->phase + 1;
+    if (virtual_scan->phase == VIRTUAL_SCAN_LINES)
         return cairn_hough_begin(virtual_scan->hough, virtual_scan->points, NULL,
                                  virtual_scan->params.lines ? virtual_scan->map.point_count : 0);
-    if (virtual_scan->phase == VIRTUAL_RECTANGLES)
+    if (virtual_scan->phase == VIRTUAL_SCAN_RECTANGLES)
         return cairn_rectangle_begin(
             virtual_scan->rectangles, virtual_scan->segments,
             virtual_scan->params.rectangles ? virtual_scan->map.segment_count : 0);
-    if (virtual_scan->phase == VIRTUAL_ELLIPSES)
+    if (virtual_scan->phase == VIRTUAL_SCAN_ELLIPSES)
         return cairn_ellipse_begin(virtual_scan->ellipses, virtual_scan->points, NULL,
                                    virtual_scan->params.ellipses ? virtual_scan->map.point_count
                                                                  : 0);
-    if (virtual_scan->phase == VIRTUAL_IDLE) {
-        virtual_result work = virtual_scan->work;
+    if (virtual_scan->phase == VIRTUAL_SCAN_IDLE) {
+        virtual_scan_result work = virtual_scan->work;
 
         virtual_scan->work = virtual_scan->done;
         virtual_scan->done = work;
@@ -412,20 +413,20 @@ static cairn_status begin_next_phase(cairn_virtual_scan *virtual_scan)
 static cairn_status step_phase(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
 {
     switch (virtual_scan->phase) {
-    case VIRTUAL_LINES:
+    case VIRTUAL_SCAN_LINES:
         return cairn_hough_step(virtual_scan->hough, budget);
-    case VIRTUAL_SAMPLE_LINES:
-        return cairn_virtual_sample_lines(virtual_scan, budget);
-    case VIRTUAL_RECTANGLES:
+    case VIRTUAL_SCAN_SAMPLE_LINES:
+        return cairn_virtual_scan_sample_lines(virtual_scan, budget);
+    case VIRTUAL_SCAN_RECTANGLES:
         return cairn_rectangle_step(virtual_scan->rectangles, budget);
-    case VIRTUAL_SAMPLE_RECTANGLES:
-        return cairn_virtual_sample_rectangles(virtual_scan, budget);
-    case VIRTUAL_ELLIPSES:
+    case VIRTUAL_SCAN_SAMPLE_RECTANGLES:
+        return cairn_virtual_scan_sample_rectangles(virtual_scan, budget);
+    case VIRTUAL_SCAN_ELLIPSES:
         return cairn_ellipse_step(virtual_scan->ellipses, budget);
-    case VIRTUAL_SAMPLE_ELLIPSES:
-        return cairn_virtual_sample_ellipses(virtual_scan, budget);
-    case VIRTUAL_CALLER_DETECTORS:
-        return cairn_virtual_run_detectors(virtual_scan, budget);
+    case VIRTUAL_SCAN_SAMPLE_ELLIPSES:
+        return cairn_virtual_scan_sample_ellipses(virtual_scan, budget);
+    case VIRTUAL_SCAN_CALLER_DETECTORS:
+        return cairn_virtual_scan_run_detectors(virtual_scan, budget);
     default:
         return CAIRN_OK;
     }
@@ -435,7 +436,7 @@ cairn_status cairn_virtual_scan_step(cairn_virtual_scan *virtual_scan, cairn_bud
 {
     if (virtual_scan == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (virtual_scan->phase != VIRTUAL_IDLE) {
+    while (virtual_scan->phase != VIRTUAL_SCAN_IDLE) {
         cairn_status status = step_phase(virtual_scan, budget);
 
         if (status == CAIRN_MORE)
@@ -443,7 +444,7 @@ cairn_status cairn_virtual_scan_step(cairn_virtual_scan *virtual_scan, cairn_bud
         if (status == CAIRN_OK)
             status = begin_next_phase(virtual_scan);
         if (status < 0) {
-            virtual_scan->phase = VIRTUAL_IDLE;
+            virtual_scan->phase = VIRTUAL_SCAN_IDLE;
             return status;
         }
     }

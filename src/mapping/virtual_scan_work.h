@@ -4,26 +4,26 @@
 
 #include "cairn/virtual_scan.h"
 
-typedef int32_t virtual_phase;
+typedef int32_t virtual_scan_phase;
 enum {
-    VIRTUAL_IDLE,
-    VIRTUAL_GATHER,
-    VIRTUAL_LINES,
-    VIRTUAL_SAMPLE_LINES,
-    VIRTUAL_RECTANGLES,
-    VIRTUAL_SAMPLE_RECTANGLES,
-    VIRTUAL_ELLIPSES,
-    VIRTUAL_SAMPLE_ELLIPSES,
-    VIRTUAL_CALLER_DETECTORS
+    VIRTUAL_SCAN_IDLE,
+    VIRTUAL_SCAN_GATHER,
+    VIRTUAL_SCAN_LINES,
+    VIRTUAL_SCAN_SAMPLE_LINES,
+    VIRTUAL_SCAN_RECTANGLES,
+    VIRTUAL_SCAN_SAMPLE_RECTANGLES,
+    VIRTUAL_SCAN_ELLIPSES,
+    VIRTUAL_SCAN_SAMPLE_ELLIPSES,
+    VIRTUAL_SCAN_CALLER_DETECTORS
 };
 
 /* Result of a detection. */
-typedef struct virtual_result {
+typedef struct virtual_scan_result {
     cairn_virtual_scan_hypothesis *hypotheses; /* [max_hypotheses] */
     cairn_oriented_point *points;              /* [max_virtual] */
     cairn_real *weights;                       /* [max_virtual] */
     int32_t count, point_count, dropped;
-} virtual_result;
+} virtual_scan_result;
 
 struct cairn_virtual_scan {
     cairn_virtual_scan_params params;
@@ -39,14 +39,14 @@ struct cairn_virtual_scan {
     cairn_virtual_scan_hypothesis_detector *detectors; /* [max_detectors] */
     int32_t detector_count;
     cairn_virtual_scan_map map;
-    virtual_result work, done;
-    virtual_phase phase;
+    virtual_scan_result work, done;
+    virtual_scan_phase phase;
     int32_t cursor;          /* current point of the map, or of an outline */
     int32_t item;            /* current line, rectangle, ellipse or detector */
     int32_t inliers_cleared; /* 1: scan_inliers is cleared */
     int32_t scans_counted;   /* 1: scan_count is that of the current line or ellipse */
     int32_t scan_count;      /* scans with walls on it */
-    int32_t detector_begun;  /* VIRTUAL_CALLER_DETECTORS: 1: the current detector has begun */
+    int32_t detector_begun;  /* VIRTUAL_SCAN_CALLER_DETECTORS: 1: the current detector has begun */
     int32_t units_charged;
     /* tolerances of lines: m, sine of the angle, at this sigma */
     cairn_real support, sine_angle;
@@ -55,10 +55,13 @@ struct cairn_virtual_scan {
 
 /* Samples the hypotheses that the detector of a phase has found, and runs the caller's detectors;
  * CAIRN_OK when all are sampled. */
-cairn_status cairn_virtual_sample_lines(cairn_virtual_scan *virtual_scan, cairn_budget *budget);
-cairn_status cairn_virtual_sample_rectangles(cairn_virtual_scan *virtual_scan,
+cairn_status cairn_virtual_scan_sample_lines(cairn_virtual_scan *virtual_scan,
                                              cairn_budget *budget);
-cairn_status cairn_virtual_sample_ellipses(cairn_virtual_scan *virtual_scan, cairn_budget *budget);
-cairn_status cairn_virtual_run_detectors(cairn_virtual_scan *virtual_scan, cairn_budget *budget);
+cairn_status cairn_virtual_scan_sample_rectangles(cairn_virtual_scan *virtual_scan,
+                                                  cairn_budget *budget);
+cairn_status cairn_virtual_scan_sample_ellipses(cairn_virtual_scan *virtual_scan,
+                                                cairn_budget *budget);
+cairn_status cairn_virtual_scan_run_detectors(cairn_virtual_scan *virtual_scan,
+                                              cairn_budget *budget);
 
 #endif

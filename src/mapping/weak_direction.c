@@ -59,12 +59,13 @@ static int is_length(cairn_real length)
     return length > 0 && length <= MAX_COORDINATE_M;
 }
 
-static int params_are_valid(const cairn_weak_direction_params *p)
+static int params_are_valid(const cairn_weak_direction_params *params)
 {
-    return p != NULL && is_count(p->max_scans, 1, 1 << 16) && is_count(p->max_walls, 1, 1 << 16) &&
-           is_count(p->max_submaps, 1, 64) && is_length(p->weak_sigma) &&
-           is_length(p->max_cross_sigma) && is_length(p->max_sigma_theta) &&
-           is_length(p->translation_step) && is_length(p->thickness_sigma);
+    return params != NULL && is_count(params->max_scans, 1, 1 << 16) &&
+           is_count(params->max_walls, 1, 1 << 16) && is_count(params->max_submaps, 1, 64) &&
+           is_length(params->weak_sigma) && is_length(params->max_cross_sigma) &&
+           is_length(params->max_sigma_theta) && is_length(params->translation_step) &&
+           is_length(params->thickness_sigma);
 }
 
 static size_t pairs_of(int32_t parts)
@@ -74,7 +75,7 @@ static size_t pairs_of(int32_t parts)
 
 static cairn_weak_direction *carve(cairn_pool *pool, const cairn_weak_direction_params *params)
 {
-    cairn_weak_direction *slide = cairn_pool_take_one(pool, sizeof *slide), made;
+    cairn_weak_direction *weak_direction = cairn_pool_take_one(pool, sizeof *weak_direction), made;
     size_t scans = (size_t)params->max_scans;
 
     memset(&made, 0, sizeof made);
@@ -92,9 +93,9 @@ static cairn_weak_direction *carve(cairn_pool *pool, const cairn_weak_direction_
         cairn_pool_take(pool, WEAK_DIRECTION_THICKNESS_BINS, sizeof *made.thickness_sum);
     made.phase = WEAK_DIRECTION_DONE;
     made.params = *params;
-    if (slide != NULL)
-        *slide = made;
-    return slide;
+    if (weak_direction != NULL)
+        *weak_direction = made;
+    return weak_direction;
 }
 
 size_t cairn_weak_direction_memory(const cairn_weak_direction_params *params)
@@ -108,43 +109,46 @@ size_t cairn_weak_direction_memory(const cairn_weak_direction_params *params)
     return cairn_pool_counted(&counting);
 }
 
-cairn_status cairn_weak_direction_create(cairn_weak_direction **slide, cairn_pool *pool,
+cairn_status cairn_weak_direction_create(cairn_weak_direction **weak_direction, cairn_pool *pool,
                                          const cairn_weak_direction_params *params)
 {
     size_t need = cairn_weak_direction_memory(params);
 
-    if (slide == NULL || pool == NULL || need == 0)
+    if (weak_direction == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
-    *slide = carve(pool, params);
+    *weak_direction = carve(pool, params);
     return CAIRN_OK;
 }
 
 /* ---- Scans ---- */
 
-cairn_status cairn_weak_direction_begin(cairn_weak_direction *slide, const cairn_aligner *aligner,
-                                        const cairn_scan_set *set, cairn_real spread)
+cairn_status cairn_weak_direction_begin(cairn_weak_direction *weak_direction,
+                                        const cairn_aligner *aligner, const cairn_scan_set *set,
+                                        cairn_real spread)
 {
-    cairn_weak_direction *x = slide;
-
-    if (x == NULL || aligner == NULL || set == NULL || cairn_aligner_running(aligner) ||
-        cairn_aligner_scan_count(aligner) != set->scan_count || !is_length(spread))
+    if (weak_direction == NULL || aligner == NULL || set == NULL ||
+        cairn_aligner_running(aligner) || cairn_aligner_scan_count(aligner) != set->scan_count ||
+        !is_length(spread))
         return CAIRN_BAD_ARGUMENT;
-    if (set->scan_count > x->params.max_scans)
+    if (set->scan_count > weak_direction->params.max_scans)
         return CAIRN_FULL;
-    x->aligner = aligner;
-    x->set = set;
-    x->scan_count = set->scan_count;
-    x->initial_sigma = spread;
-    x->added_scans = x->wall_count = 0;
-    x->submap_count = 1;
-    x->phase = WEAK_DIRECTION_ADD_SCANS;
-    x->item = x->inner_item = x->units_owed = 0;
-    memset(&x->result, 0, sizeof x->result);
-    memset(x->thickness_weight, 0, WEAK_DIRECTION_THICKNESS_BINS * sizeof *x->thickness_weight);
-    memset(x->thickness_sum, 0, WEAK_DIRECTION_THICKNESS_BINS * sizeof *x->thickness_sum);
-    memset(x->submaps, 0, ((size_t)x->params.max_submaps + 1) * sizeof *x->submaps);
+    weak_direction->aligner = aligner;
+    weak_direction->set = set;
+    weak_direction->scan_count = set->scan_count;
+    weak_direction->initial_sigma = spread;
+    weak_direction->added_scans = weak_direction->wall_count = 0;
+    weak_direction->submap_count = 1;
+    weak_direction->phase = WEAK_DIRECTION_ADD_SCANS;
+    weak_direction->item = weak_direction->inner_item = weak_direction->units_due = 0;
+    memset(&weak_direction->result, 0, sizeof weak_direction->result);
+    memset(weak_direction->thickness_weight, 0,
+           WEAK_DIRECTION_THICKNESS_BINS * sizeof *weak_direction->thickness_weight);
+    memset(weak_direction->thickness_sum, 0,
+           WEAK_DIRECTION_THICKNESS_BINS * sizeof *weak_direction->thickness_sum);
+    memset(weak_direction->submaps, 0,
+           ((size_t)weak_direction->params.max_submaps + 1) * sizeof *weak_direction->submaps);
     return CAIRN_OK;
 }
 
@@ -163,17 +167,18 @@ static void find_axes(const cairn_aligner_pose *aligned, cairn_vec2 *along, cair
     *across = cairn_sqrt(cairn_max(values[0], 0));
 }
 
-int32_t cairn_weak_direction_is_weak(const cairn_weak_direction *slide,
+int32_t cairn_weak_direction_is_weak(const cairn_weak_direction *weak_direction,
                                      const cairn_aligner_pose *aligned)
 {
     cairn_real deviation, across;
     cairn_vec2 along;
 
-    if (slide == NULL || aligned == NULL || aligned->component != 0 || aligned->placed)
+    if (weak_direction == NULL || aligned == NULL || aligned->component != 0 || aligned->placed)
         return 0;
     find_axes(aligned, &along, &deviation, &across);
-    return cairn_sqrt(aligned->covariance[8]) <= slide->params.max_sigma_theta &&
-           across <= slide->params.max_cross_sigma && deviation >= slide->params.weak_sigma;
+    return cairn_sqrt(aligned->covariance[8]) <= weak_direction->params.max_sigma_theta &&
+           across <= weak_direction->params.max_cross_sigma &&
+           deviation >= weak_direction->params.weak_sigma;
 }
 
 static int is_within_limit(cairn_pose pose)
@@ -181,33 +186,35 @@ static int is_within_limit(cairn_pose pose)
     return cairn_abs(pose.x) <= MAX_COORDINATE_M && cairn_abs(pose.y) <= MAX_COORDINATE_M;
 }
 
-cairn_status cairn_weak_direction_add(cairn_weak_direction *slide, cairn_pose start,
+cairn_status cairn_weak_direction_add(cairn_weak_direction *weak_direction, cairn_pose start,
                                       const cairn_aligner_pose *aligned)
 {
-    cairn_weak_direction *x = slide;
     weak_direction_scan *scan;
     cairn_real across;
 
-    if (x == NULL || aligned == NULL || x->phase != WEAK_DIRECTION_ADD_SCANS ||
-        x->added_scans == x->scan_count)
+    if (weak_direction == NULL || aligned == NULL ||
+        weak_direction->phase != WEAK_DIRECTION_ADD_SCANS ||
+        weak_direction->added_scans == weak_direction->scan_count)
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pose_is_finite(start) || !cairn_pose_is_finite(aligned->map_scan))
         return CAIRN_NOT_FINITE;
     if (!is_within_limit(start) || !is_within_limit(aligned->map_scan))
         return CAIRN_BAD_ARGUMENT;
-    scan = &x->scans[x->added_scans];
+    scan = &weak_direction->scans[weak_direction->added_scans];
     memset(scan, 0, sizeof *scan);
     scan->initial = start;
     scan->map_scan = aligned->map_scan;
     find_axes(aligned, &scan->along, &scan->deviation, &across);
-    scan->is_weak = cairn_weak_direction_is_weak(x, aligned);
-    scan->submap = scan->is_weak ? x->added_scans : WEAK_DIRECTION_NO_SUBMAP;
+    scan->is_weak = cairn_weak_direction_is_weak(weak_direction, aligned);
+    scan->submap = scan->is_weak ? weak_direction->added_scans : WEAK_DIRECTION_NO_SUBMAP;
     if (aligned->component == 0 && aligned->placed) {
         scan->submap = WEAK_DIRECTION_FIXED_SUBMAP;
-        x->fixed_initial[x->submaps[WEAK_DIRECTION_FIXED_SUBMAP].scans] = start;
-        x->fixed_map[x->submaps[WEAK_DIRECTION_FIXED_SUBMAP].scans++] = aligned->map_scan;
+        weak_direction->fixed_initial[weak_direction->submaps[WEAK_DIRECTION_FIXED_SUBMAP].scans] =
+            start;
+        weak_direction->fixed_map[weak_direction->submaps[WEAK_DIRECTION_FIXED_SUBMAP].scans++] =
+            aligned->map_scan;
     }
-    x->added_scans++;
+    weak_direction->added_scans++;
     return CAIRN_OK;
 }
 
@@ -221,100 +228,105 @@ static int is_same_submap(const weak_direction_scan *a, const weak_direction_sca
                MAX_SIGMA_DIFFERENCE * cairn_max(a->deviation, b->deviation);
 }
 
-static void merge_clusters(cairn_weak_direction *slide, int32_t first, int32_t second)
+static void merge_clusters(cairn_weak_direction *weak_direction, int32_t first, int32_t second)
 {
     int32_t low = first < second ? first : second, high = first + second - low;
 
-    for (int32_t k = 0; k < slide->scan_count; k++)
-        if (slide->scans[k].is_weak && slide->scans[k].submap == high)
-            slide->scans[k].submap = low;
+    for (int32_t k = 0; k < weak_direction->scan_count; k++)
+        if (weak_direction->scans[k].is_weak && weak_direction->scans[k].submap == high)
+            weak_direction->scans[k].submap = low;
 }
 
 /* Tests scan i against one of the scans before it, and merges their clusters when they share a
  * wall. */
-static int32_t cluster_item(cairn_weak_direction *slide)
+static int32_t cluster_item(cairn_weak_direction *weak_direction)
 {
-    const weak_direction_scan *a = &slide->scans[slide->item], *b;
+    const weak_direction_scan *a = &weak_direction->scans[weak_direction->item], *b;
     cairn_vec2 along;
     int32_t passed = 0, units;
 
-    if (slide->item == slide->scan_count) {
-        slide->phase = WEAK_DIRECTION_NUMBER;
-        slide->item = 0;
+    if (weak_direction->item == weak_direction->scan_count) {
+        weak_direction->phase = WEAK_DIRECTION_NUMBER;
+        weak_direction->item = 0;
         return 1;
     }
-    for (; a->is_weak && slide->inner_item < slide->item; slide->inner_item++, passed++)
-        if (is_same_submap(a, &slide->scans[slide->inner_item]))
+    for (; a->is_weak && weak_direction->inner_item < weak_direction->item;
+         weak_direction->inner_item++, passed++)
+        if (is_same_submap(a, &weak_direction->scans[weak_direction->inner_item]))
             break;
-    if (!a->is_weak || slide->inner_item == slide->item) {
-        slide->item++;
-        slide->inner_item = 0;
+    if (!a->is_weak || weak_direction->inner_item == weak_direction->item) {
+        weak_direction->item++;
+        weak_direction->inner_item = 0;
         return 1 + passed / SCANS_PER_UNIT;
     }
-    b = &slide->scans[slide->inner_item];
+    b = &weak_direction->scans[weak_direction->inner_item];
     along =
         cairn_transform_direction(cairn_transform_of(cairn_pose_inverse(a->map_scan)), a->along);
-    if (cairn_aligner_share_wall(slide->aligner, slide->item, slide->inner_item,
+    if (cairn_aligner_share_wall(weak_direction->aligner, weak_direction->item,
+                                 weak_direction->inner_item,
                                  cairn_pose_between(b->map_scan, a->map_scan), along, &units))
-        merge_clusters(slide, a->submap, b->submap);
-    slide->inner_item++;
-    return units + 2 + (passed + slide->scan_count) / SCANS_PER_UNIT;
+        merge_clusters(weak_direction, a->submap, b->submap);
+    weak_direction->inner_item++;
+    return units + 2 + (passed + weak_direction->scan_count) / SCANS_PER_UNIT;
 }
 
 /* Numbers the submap of scan i and adds the offset of its initial pose; a submap beyond max_submaps
  * stays. */
-static void number_scan(cairn_weak_direction *slide, int32_t i, cairn_pose gauge)
+static void number_scan(cairn_weak_direction *weak_direction, int32_t i, cairn_pose gauge)
 {
-    weak_direction_scan *scan = &slide->scans[i];
+    weak_direction_scan *scan = &weak_direction->scans[i];
     cairn_pose expected = cairn_pose_compose(gauge, scan->initial);
     weak_direction_submap *part;
 
     if (scan->submap == WEAK_DIRECTION_NO_SUBMAP)
         return;
     if (scan->is_weak && scan->submap == i) {
-        if (slide->submap_count > slide->params.max_submaps) {
-            slide->result.dropped++;
-            slide->scans[i].is_weak = 0;
+        if (weak_direction->submap_count > weak_direction->params.max_submaps) {
+            weak_direction->result.dropped++;
+            weak_direction->scans[i].is_weak = 0;
             scan->submap = WEAK_DIRECTION_NO_SUBMAP;
             return;
         }
-        slide->submaps[slide->submap_count].along = scan->along;
-        scan->submap = slide->submap_count++;
+        weak_direction->submaps[weak_direction->submap_count].along = scan->along;
+        scan->submap = weak_direction->submap_count++;
     } else if (scan->is_weak) {
-        scan->submap = slide->scans[scan->submap].submap;
+        scan->submap = weak_direction->scans[scan->submap].submap;
         scan->is_weak = scan->submap != WEAK_DIRECTION_NO_SUBMAP;
         if (!scan->is_weak)
             return;
     }
-    part = &slide->submaps[scan->submap];
+    part = &weak_direction->submaps[scan->submap];
     part->scans += scan->is_weak;
     part->initial_offset.x += expected.x - scan->map_scan.x;
     part->initial_offset.y += expected.y - scan->map_scan.y;
 }
 
 /* Numbers all submaps; none when there is no fixed or no weak submap. */
-static int32_t number_item(cairn_weak_direction *slide)
+static int32_t number_item(cairn_weak_direction *weak_direction)
 {
-    int32_t firm = slide->submaps[WEAK_DIRECTION_FIXED_SUBMAP].scans;
-    cairn_pose gauge = firm > 0
-                           ? cairn_pose_fit(slide->fixed_initial, slide->fixed_map, NULL, firm, 1)
+    int32_t fixed_count = weak_direction->submaps[WEAK_DIRECTION_FIXED_SUBMAP].scans;
+    cairn_pose gauge = fixed_count > 0
+                           ? cairn_pose_fit(weak_direction->fixed_initial,
+                                            weak_direction->fixed_map, NULL, fixed_count, 1)
                            : cairn_pose_identity();
 
-    for (int32_t i = 0; i < slide->scan_count && firm > 0; i++)
-        number_scan(slide, i, gauge);
-    for (size_t k = 0; k < pairs_of(slide->submap_count - 1); k++)
-        slide->pairs[k].margin = -1;
-    slide->result.weak_submaps = slide->submap_count - 1;
-    slide->phase = slide->result.weak_submaps > 0 ? WEAK_DIRECTION_WALLS : WEAK_DIRECTION_DONE;
-    return 1 + slide->scan_count / 2;
+    for (int32_t i = 0; i < weak_direction->scan_count && fixed_count > 0; i++)
+        number_scan(weak_direction, i, gauge);
+    for (size_t k = 0; k < pairs_of(weak_direction->submap_count - 1); k++)
+        weak_direction->pairs[k].margin = -1;
+    weak_direction->result.weak_submaps = weak_direction->submap_count - 1;
+    weak_direction->phase =
+        weak_direction->result.weak_submaps > 0 ? WEAK_DIRECTION_WALLS : WEAK_DIRECTION_DONE;
+    return 1 + weak_direction->scan_count / 2;
 }
 
 /* ---- Pairs of submaps ---- */
 
 /* Returns 1 when a submap may be translated against another one. */
-static int may_merge(const cairn_weak_direction *slide, int32_t moving, int32_t fixed)
+static int may_merge(const cairn_weak_direction *weak_direction, int32_t moving, int32_t fixed)
 {
-    const weak_direction_submap *a = &slide->submaps[moving], *b = &slide->submaps[fixed];
+    const weak_direction_submap *a = &weak_direction->submaps[moving],
+                                *b = &weak_direction->submaps[fixed];
 
     return a->scans > 0 && b->scans > 0 &&
            (fixed == WEAK_DIRECTION_FIXED_SUBMAP ||
@@ -322,174 +334,179 @@ static int may_merge(const cairn_weak_direction *slide, int32_t moving, int32_t 
 }
 
 /* Merges submap `moving` into `fixed` at their best translation. */
-static void merge_submaps(cairn_weak_direction *slide, int32_t moving, int32_t fixed)
+static void merge_submaps(cairn_weak_direction *weak_direction, int32_t moving, int32_t fixed)
 {
-    weak_direction_submap *a = &slide->submaps[moving], *b = &slide->submaps[fixed];
-    cairn_vec2 shift =
-        cairn_vec2_scale(a->along, cairn_weak_direction_pair(slide, moving, fixed)->translation);
+    weak_direction_submap *a = &weak_direction->submaps[moving],
+                          *b = &weak_direction->submaps[fixed];
+    cairn_vec2 shift = cairn_vec2_scale(
+        a->along, cairn_weak_direction_pair(weak_direction, moving, fixed)->translation);
 
-    for (int32_t i = 0; i < slide->scan_count; i++)
-        if (slide->scans[i].submap == moving) {
-            slide->scans[i].submap = fixed;
-            slide->scans[i].translation = cairn_vec2_add(slide->scans[i].translation, shift);
+    for (int32_t i = 0; i < weak_direction->scan_count; i++)
+        if (weak_direction->scans[i].submap == moving) {
+            weak_direction->scans[i].submap = fixed;
+            weak_direction->scans[i].translation =
+                cairn_vec2_add(weak_direction->scans[i].translation, shift);
         }
-    for (int32_t k = 0; k < slide->wall_count; k++)
-        if (slide->walls[k].submap == moving) {
-            slide->walls[k].submap = fixed;
-            slide->walls[k].middle = cairn_vec2_add(slide->walls[k].middle, shift);
+    for (int32_t k = 0; k < weak_direction->wall_count; k++)
+        if (weak_direction->walls[k].submap == moving) {
+            weak_direction->walls[k].submap = fixed;
+            weak_direction->walls[k].middle =
+                cairn_vec2_add(weak_direction->walls[k].middle, shift);
         }
     b->initial_offset = cairn_vec2_add(
         b->initial_offset,
         cairn_vec2_sub(a->initial_offset, cairn_vec2_scale(shift, (cairn_real)a->scans)));
     b->scans += a->scans;
     a->scans = 0;
-    for (int32_t k = 1; k < slide->submap_count; k++)
+    for (int32_t k = 1; k < weak_direction->submap_count; k++)
         for (int32_t h = 0; h < k; h++)
             if (k == fixed || h == fixed)
-                cairn_weak_direction_pair(slide, k, h)->margin = -1;
-    slide->result.merged_submaps++;
-    slide->fixed = fixed;
-    slide->item = 0;
+                cairn_weak_direction_pair(weak_direction, k, h)->margin = -1;
+    weak_direction->result.merged_submaps++;
+    weak_direction->fixed = fixed;
+    weak_direction->item = 0;
     /* the weights of the fixed submap are not needed again */
-    slide->phase = fixed == WEAK_DIRECTION_FIXED_SUBMAP ? WEAK_DIRECTION_NEXT_PAIR
-                                                        : WEAK_DIRECTION_WEIGHT_MERGED;
+    weak_direction->phase = fixed == WEAK_DIRECTION_FIXED_SUBMAP ? WEAK_DIRECTION_NEXT_PAIR
+                                                                 : WEAK_DIRECTION_WEIGHT_MERGED;
 }
 
-static void finish(cairn_weak_direction *slide)
+static void finish(cairn_weak_direction *weak_direction)
 {
-    for (int32_t i = 0; i < slide->scan_count; i++)
-        slide->result.translated_scans +=
-            slide->scans[i].translation.x != 0 || slide->scans[i].translation.y != 0;
-    slide->phase = WEAK_DIRECTION_DONE;
+    for (int32_t i = 0; i < weak_direction->scan_count; i++)
+        weak_direction->result.translated_scans += weak_direction->scans[i].translation.x != 0 ||
+                                                   weak_direction->scans[i].translation.y != 0;
+    weak_direction->phase = WEAK_DIRECTION_DONE;
 }
 
 /* Starts the trials of the next pair without a result; when all have one, merges the pair of
  * greatest margin. */
-static int32_t next_item(cairn_weak_direction *slide)
+static int32_t next_item(cairn_weak_direction *weak_direction)
 {
     int32_t moving = 0, fixed = 0,
-            units = 1 + (int32_t)pairs_of(slide->submap_count - 1) / SCANS_PER_UNIT;
+            units = 1 + (int32_t)pairs_of(weak_direction->submap_count - 1) / SCANS_PER_UNIT;
 
-    for (int32_t k = 1; k < slide->submap_count; k++)
+    for (int32_t k = 1; k < weak_direction->submap_count; k++)
         for (int32_t h = 0; h < k; h++) {
-            if (!may_merge(slide, k, h))
+            if (!may_merge(weak_direction, k, h))
                 continue;
-            if (cairn_weak_direction_pair(slide, k, h)->margin < 0) {
-                return units + cairn_weak_direction_begin_pair(slide, k, h);
+            if (cairn_weak_direction_pair(weak_direction, k, h)->margin < 0) {
+                return units + cairn_weak_direction_begin_pair(weak_direction, k, h);
             }
-            if (moving == 0 || cairn_weak_direction_pair(slide, k, h)->margin >
-                                   cairn_weak_direction_pair(slide, moving, fixed)->margin) {
+            if (moving == 0 ||
+                cairn_weak_direction_pair(weak_direction, k, h)->margin >
+                    cairn_weak_direction_pair(weak_direction, moving, fixed)->margin) {
                 moving = k;
                 fixed = h;
             }
         }
     if (moving > 0)
-        merge_submaps(slide, moving, fixed);
+        merge_submaps(weak_direction, moving, fixed);
     else
-        finish(slide);
-    return units + (slide->scan_count + slide->wall_count) / SCANS_PER_UNIT;
+        finish(weak_direction);
+    return units + (weak_direction->scan_count + weak_direction->wall_count) / SCANS_PER_UNIT;
 }
 
 /* ---- Phases ---- */
 
 /* Executes item i of a phase of `count` items, then enters the next phase. */
-static int32_t run_through(cairn_weak_direction *slide, int32_t count,
+static int32_t run_through(cairn_weak_direction *weak_direction, int32_t count,
                            int32_t (*phase_item)(cairn_weak_direction *), weak_direction_phase next)
 {
-    int32_t units = slide->item < count ? phase_item(slide) : 1;
+    int32_t units = weak_direction->item < count ? phase_item(weak_direction) : 1;
 
-    if (++slide->item >= count) {
-        slide->item = slide->inner_item = 0;
-        slide->phase = next;
+    if (++weak_direction->item >= count) {
+        weak_direction->item = weak_direction->inner_item = 0;
+        weak_direction->phase = next;
     }
     return units;
 }
 
 /* Walls of the weak submaps, then those of the fixed one. */
-static int32_t gather_item(cairn_weak_direction *slide)
+static int32_t gather_item(cairn_weak_direction *weak_direction)
 {
-    int32_t firm = slide->inner_item,
-            units = run_through(slide, slide->scan_count, cairn_weak_direction_walls_item,
-                                WEAK_DIRECTION_WEIGHT);
+    int32_t gathers_fixed = weak_direction->inner_item,
+            units = run_through(weak_direction, weak_direction->scan_count,
+                                cairn_weak_direction_walls_item, WEAK_DIRECTION_WEIGHT);
 
-    if (slide->phase == WEAK_DIRECTION_WEIGHT && !firm) {
-        slide->phase = WEAK_DIRECTION_WALLS;
-        slide->inner_item = 1;
+    if (weak_direction->phase == WEAK_DIRECTION_WEIGHT && !gathers_fixed) {
+        weak_direction->phase = WEAK_DIRECTION_WALLS;
+        weak_direction->inner_item = 1;
     }
     return units;
 }
 
-static int32_t phase_item(cairn_weak_direction *slide)
+static int32_t phase_item(cairn_weak_direction *weak_direction)
 {
-    switch (slide->phase) {
+    switch (weak_direction->phase) {
     case WEAK_DIRECTION_CLUSTER:
-        return cluster_item(slide);
+        return cluster_item(weak_direction);
     case WEAK_DIRECTION_NUMBER:
-        return number_item(slide);
+        return number_item(weak_direction);
     case WEAK_DIRECTION_WALLS:
-        return gather_item(slide);
+        return gather_item(weak_direction);
     case WEAK_DIRECTION_WEIGHT:
-        return run_through(slide, slide->wall_count, cairn_weak_direction_weight_item,
-                           WEAK_DIRECTION_HISTOGRAM);
+        return run_through(weak_direction, weak_direction->wall_count,
+                           cairn_weak_direction_weight_item, WEAK_DIRECTION_HISTOGRAM);
     case WEAK_DIRECTION_WEIGHT_MERGED: /* of the merged submap */
-        return run_through(slide, slide->wall_count, cairn_weak_direction_weight_item,
-                           WEAK_DIRECTION_NEXT_PAIR);
+        return run_through(weak_direction, weak_direction->wall_count,
+                           cairn_weak_direction_weight_item, WEAK_DIRECTION_NEXT_PAIR);
     case WEAK_DIRECTION_HISTOGRAM:
-        return run_through(slide, slide->wall_count, cairn_weak_direction_histogram_item,
-                           WEAK_DIRECTION_NEXT_PAIR);
+        return run_through(weak_direction, weak_direction->wall_count,
+                           cairn_weak_direction_histogram_item, WEAK_DIRECTION_NEXT_PAIR);
     case WEAK_DIRECTION_THICKNESS:
-        return run_through(slide, slide->wall_count, cairn_weak_direction_thickness_item,
-                           WEAK_DIRECTION_FREE_SPACE);
+        return run_through(weak_direction, weak_direction->wall_count,
+                           cairn_weak_direction_thickness_item, WEAK_DIRECTION_FREE_SPACE);
     case WEAK_DIRECTION_FREE_SPACE:
-        return cairn_weak_direction_free_space_item(slide);
+        return cairn_weak_direction_free_space_item(weak_direction);
     default:
-        return next_item(slide);
+        return next_item(weak_direction);
     }
 }
 
-cairn_status cairn_weak_direction_step(cairn_weak_direction *slide, cairn_budget *budget)
+cairn_status cairn_weak_direction_step(cairn_weak_direction *weak_direction, cairn_budget *budget)
 {
-    cairn_weak_direction *x = slide;
-
-    if (x == NULL || budget == NULL)
+    if (weak_direction == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    if (x->phase == WEAK_DIRECTION_ADD_SCANS && x->added_scans < x->scan_count)
+    if (weak_direction->phase == WEAK_DIRECTION_ADD_SCANS &&
+        weak_direction->added_scans < weak_direction->scan_count)
         return CAIRN_EMPTY;
-    if (x->phase == WEAK_DIRECTION_ADD_SCANS)
-        x->phase = WEAK_DIRECTION_CLUSTER;
-    while (x->phase != WEAK_DIRECTION_DONE || x->units_owed > 0) {
-        int32_t paid = x->units_owed < budget->left ? x->units_owed : budget->left;
+    if (weak_direction->phase == WEAK_DIRECTION_ADD_SCANS)
+        weak_direction->phase = WEAK_DIRECTION_CLUSTER;
+    while (weak_direction->phase != WEAK_DIRECTION_DONE || weak_direction->units_due > 0) {
+        int32_t charged =
+            weak_direction->units_due < budget->left ? weak_direction->units_due : budget->left;
 
         if (budget->left <= 0)
             return CAIRN_MORE;
-        x->units_owed -= paid;
-        x->result.units += paid;
-        budget->left -= paid;
-        if (x->units_owed == 0 && x->phase != WEAK_DIRECTION_DONE)
-            x->units_owed = phase_item(x);
+        weak_direction->units_due -= charged;
+        weak_direction->result.units += charged;
+        budget->left -= charged;
+        if (weak_direction->units_due == 0 && weak_direction->phase != WEAK_DIRECTION_DONE)
+            weak_direction->units_due = phase_item(weak_direction);
     }
     return CAIRN_OK;
 }
 
 /* ---- The result ---- */
 
-static int has_ended(const cairn_weak_direction *slide)
+static int has_ended(const cairn_weak_direction *weak_direction)
 {
-    return slide->phase == WEAK_DIRECTION_DONE && slide->units_owed == 0;
+    return weak_direction->phase == WEAK_DIRECTION_DONE && weak_direction->units_due == 0;
 }
 
-cairn_weak_direction_result cairn_weak_direction_read(const cairn_weak_direction *slide)
+cairn_weak_direction_result cairn_weak_direction_read(const cairn_weak_direction *weak_direction)
 {
     static const cairn_weak_direction_result none = {0, 0, 0, 0, 0, 0, 0};
 
-    return has_ended(slide) ? slide->result : none;
+    return has_ended(weak_direction) ? weak_direction->result : none;
 }
 
-cairn_vec2 cairn_weak_direction_translation(const cairn_weak_direction *slide, int32_t scan)
+cairn_vec2 cairn_weak_direction_translation(const cairn_weak_direction *weak_direction,
+                                            int32_t scan)
 {
     static const cairn_vec2 none = {0, 0};
 
-    return has_ended(slide) && scan >= 0 && scan < slide->scan_count
-               ? slide->scans[scan].translation
+    return has_ended(weak_direction) && scan >= 0 && scan < weak_direction->scan_count
+               ? weak_direction->scans[scan].translation
                : none;
 }

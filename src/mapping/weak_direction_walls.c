@@ -32,38 +32,38 @@ static const cairn_real PRIOR_WEIGHT = 2;
 
 /* ---- Walls ---- */
 
-static void add_wall(cairn_weak_direction *slide, int32_t scan, cairn_segment segment)
+static void add_wall(cairn_weak_direction *weak_direction, int32_t scan, cairn_segment segment)
 {
-    cairn_transform pose = cairn_transform_of(slide->scans[scan].map_scan);
+    cairn_transform pose = cairn_transform_of(weak_direction->scans[scan].map_scan);
     cairn_vec2 a = cairn_transform_point(pose, segment.a),
                b = cairn_transform_point(pose, segment.b);
     cairn_vec2 run = cairn_vec2_sub(b, a);
     cairn_real length = cairn_vec2_norm(run);
-    weak_direction_wall *wall = &slide->walls[slide->wall_count];
+    weak_direction_wall *wall = &weak_direction->walls[weak_direction->wall_count];
 
     if (!(length >= MIN_WALL_LENGTH_M))
         return;
-    if (slide->wall_count == slide->params.max_walls) {
-        slide->result.dropped++;
+    if (weak_direction->wall_count == weak_direction->params.max_walls) {
+        weak_direction->result.dropped++;
         return;
     }
-    slide->wall_count++;
+    weak_direction->wall_count++;
     wall->middle = cairn_vec2_scale(cairn_vec2_add(a, b), CAIRN_REAL(0.5));
     wall->direction = cairn_vec2_scale(run, 1 / length);
     wall->half_length = length / 2;
-    wall->submap = slide->scans[scan].submap;
+    wall->submap = weak_direction->scans[scan].submap;
 }
 
-int32_t cairn_weak_direction_walls_item(cairn_weak_direction *slide)
+int32_t cairn_weak_direction_walls_item(cairn_weak_direction *weak_direction)
 {
-    const cairn_scan_set_scan *scan = &slide->set->scans[slide->item];
-    int32_t part = slide->scans[slide->item].submap;
+    const cairn_scan_set_scan *scan = &weak_direction->set->scans[weak_direction->item];
+    int32_t part = weak_direction->scans[weak_direction->item].submap;
 
     if (part == WEAK_DIRECTION_NO_SUBMAP ||
-        (part == WEAK_DIRECTION_FIXED_SUBMAP) != slide->inner_item)
+        (part == WEAK_DIRECTION_FIXED_SUBMAP) != weak_direction->inner_item)
         return 1;
     for (int32_t k = scan->first_segment; k < scan->end_segment; k++)
-        add_wall(slide, slide->item, slide->set->segments[k].segment);
+        add_wall(weak_direction, weak_direction->item, weak_direction->set->segments[k].segment);
     return 1 + (scan->end_segment - scan->first_segment) / 2;
 }
 
@@ -95,17 +95,19 @@ static int is_same_wall(const weak_direction_wall *a, const weak_direction_wall 
                MAX_LINE_OFFSET_M;
 }
 
-int32_t cairn_weak_direction_weight_item(cairn_weak_direction *slide)
+int32_t cairn_weak_direction_weight_item(cairn_weak_direction *weak_direction)
 {
-    weak_direction_wall *wall = &slide->walls[slide->item];
+    weak_direction_wall *wall = &weak_direction->walls[weak_direction->item];
     int32_t same = 0;
 
-    if (slide->phase == WEAK_DIRECTION_WEIGHT_MERGED && wall->submap != slide->fixed)
+    if (weak_direction->phase == WEAK_DIRECTION_WEIGHT_MERGED &&
+        wall->submap != weak_direction->fixed)
         return 1;
-    for (int32_t k = 0; k < slide->wall_count; k++)
-        same += slide->walls[k].submap == wall->submap && is_same_wall(wall, &slide->walls[k]);
+    for (int32_t k = 0; k < weak_direction->wall_count; k++)
+        same += weak_direction->walls[k].submap == wall->submap &&
+                is_same_wall(wall, &weak_direction->walls[k]);
     wall->weight = 1 / (cairn_real)(same > 0 ? same : 1);
-    return 1 + slide->wall_count / TESTS_PER_UNIT;
+    return 1 + weak_direction->wall_count / TESTS_PER_UNIT;
 }
 
 /* ---- Thickness ---- */
@@ -124,7 +126,7 @@ static int are_faces(const weak_direction_wall *a, const weak_direction_wall *b,
 }
 
 /* Finds the mode of the thickness histogram. */
-static void find_mode(cairn_weak_direction *slide)
+static void find_mode(cairn_weak_direction *weak_direction)
 {
     cairn_real total = 0, most = 0, sum = 0;
 
@@ -132,8 +134,8 @@ static void find_mode(cairn_weak_direction *slide)
         cairn_real weight = 0, gaps = 0;
 
         for (int32_t k = first; k < first + WINDOW_BINS; k++) {
-            weight += slide->thickness_weight[k];
-            gaps += slide->thickness_sum[k];
+            weight += weak_direction->thickness_weight[k];
+            gaps += weak_direction->thickness_sum[k];
         }
         if (weight > most) {
             most = weight;
@@ -141,85 +143,89 @@ static void find_mode(cairn_weak_direction *slide)
         }
     }
     for (int32_t k = 0; k < WEAK_DIRECTION_THICKNESS_BINS; k++)
-        total += slide->thickness_weight[k];
-    slide->result.thickness = most > 0 ? sum / most : 0;
-    slide->result.thickness_share = most / (total + PRIOR_WEIGHT);
+        total += weak_direction->thickness_weight[k];
+    weak_direction->result.thickness = most > 0 ? sum / most : 0;
+    weak_direction->result.thickness_share = most / (total + PRIOR_WEIGHT);
 }
 
-int32_t cairn_weak_direction_histogram_item(cairn_weak_direction *slide)
+int32_t cairn_weak_direction_histogram_item(cairn_weak_direction *weak_direction)
 {
-    const weak_direction_wall *wall = &slide->walls[slide->item];
+    const weak_direction_wall *wall = &weak_direction->walls[weak_direction->item];
     cairn_vec2 normal;
     cairn_real gap;
 
-    for (int32_t k = 0; k < slide->item; k++) {
-        const weak_direction_wall *other = &slide->walls[k];
+    for (int32_t k = 0; k < weak_direction->item; k++) {
+        const weak_direction_wall *other = &weak_direction->walls[k];
 
         if (other->submap == wall->submap && are_faces(wall, other, &normal, &gap) &&
             gap > MIN_THICKNESS_M && gap < MAX_THICKNESS_M) {
             int32_t bin = cairn_real_to_int(
                 cairn_floor(gap / MAX_THICKNESS_M * WEAK_DIRECTION_THICKNESS_BINS));
 
-            slide->thickness_weight[bin] += wall->weight * other->weight;
-            slide->thickness_sum[bin] += wall->weight * other->weight * gap;
+            weak_direction->thickness_weight[bin] += wall->weight * other->weight;
+            weak_direction->thickness_sum[bin] += wall->weight * other->weight * gap;
         }
     }
-    if (slide->item + 1 == slide->wall_count)
-        find_mode(slide);
-    return 1 + slide->item / TESTS_PER_UNIT;
+    if (weak_direction->item + 1 == weak_direction->wall_count)
+        find_mode(weak_direction);
+    return 1 + weak_direction->item / TESTS_PER_UNIT;
 }
 
 /* ---- Trials ---- */
 
 /* Returns the log-likelihood ratio of a wall of this thickness, nats. */
-static cairn_real thickness_log_likelihood(const cairn_weak_direction *slide, cairn_real gap)
+static cairn_real thickness_log_likelihood(const cairn_weak_direction *weak_direction,
+                                           cairn_real gap)
 {
-    cairn_real alike = slide->result.thickness_share,
-               off = (gap - slide->result.thickness) / slide->params.thickness_sigma, density = 0;
+    cairn_real alike = weak_direction->result.thickness_share,
+               off = (gap - weak_direction->result.thickness) /
+                     weak_direction->params.thickness_sigma,
+               density = 0;
 
     if (cairn_abs(off) < 4)
         density = cairn_exp(-off * off / 2) * CAIRN_REAL(0.3989422804014327) * MAX_THICKNESS_M /
-                  slide->params.thickness_sigma;
+                  weak_direction->params.thickness_sigma;
     return cairn_log(1 - alike + alike * density);
 }
 
 /* Raises the current wall's log-likelihood at every trial by one opposite face, if greater; returns
  * units. */
-static int32_t add_face(cairn_weak_direction *slide, cairn_real gap, cairn_real slope)
+static int32_t add_face(cairn_weak_direction *weak_direction, cairn_real gap, cairn_real slope)
 {
     int32_t fitted = 0;
 
-    for (int32_t i = 0; i < slide->trial_count; i++) {
-        cairn_real now = gap + slope * cairn_weak_direction_trial_translation(slide, i);
+    for (int32_t i = 0; i < weak_direction->trial_count; i++) {
+        cairn_real now = gap + slope * cairn_weak_direction_trial_translation(weak_direction, i);
 
         if (now <= MIN_FACE_DISTANCE_M || now >= MAX_THICKNESS_M)
             continue;
-        slide->fits[i] = cairn_max(slide->fits[i], thickness_log_likelihood(slide, now));
+        weak_direction->fits[i] =
+            cairn_max(weak_direction->fits[i], thickness_log_likelihood(weak_direction, now));
         fitted++;
     }
-    return 1 + slide->trial_count / 32 + fitted / TRIALS_PER_UNIT;
+    return 1 + weak_direction->trial_count / 32 + fitted / TRIALS_PER_UNIT;
 }
 
-int32_t cairn_weak_direction_thickness_item(cairn_weak_direction *slide)
+int32_t cairn_weak_direction_thickness_item(cairn_weak_direction *weak_direction)
 {
-    const weak_direction_wall *wall = &slide->walls[slide->item];
-    cairn_vec2 along = slide->submaps[slide->moving].along, normal;
+    const weak_direction_wall *wall = &weak_direction->walls[weak_direction->item];
+    cairn_vec2 along = weak_direction->submaps[weak_direction->moving].along, normal;
     int32_t units = 1, faces = 0;
     cairn_real gap;
 
-    if (wall->submap != slide->moving ||
+    if (wall->submap != weak_direction->moving ||
         cairn_abs(cairn_vec2_cross(wall->direction, along)) < MIN_CROSS_SINE)
         return 1;
-    for (int32_t i = 0; i < slide->trial_count; i++)
-        slide->fits[i] = -CAIRN_REAL_MAX;
-    for (int32_t k = 0; k < slide->wall_count; k++)
-        if (slide->walls[k].submap == slide->fixed &&
-            are_faces(wall, &slide->walls[k], &normal, &gap)) {
-            units += add_face(slide, gap, cairn_vec2_dot(normal, along));
+    for (int32_t i = 0; i < weak_direction->trial_count; i++)
+        weak_direction->fits[i] = -CAIRN_REAL_MAX;
+    for (int32_t k = 0; k < weak_direction->wall_count; k++)
+        if (weak_direction->walls[k].submap == weak_direction->fixed &&
+            are_faces(wall, &weak_direction->walls[k], &normal, &gap)) {
+            units += add_face(weak_direction, gap, cairn_vec2_dot(normal, along));
             faces++;
         }
-    for (int32_t i = 0; i < slide->trial_count && faces > 0; i++)
-        if (slide->fits[i] > -CAIRN_REAL_MAX)
-            slide->trials[i].nats += wall->weight * slide->fits[i];
-    return units + slide->wall_count / TESTS_PER_UNIT + slide->trial_count / 16;
+    for (int32_t i = 0; i < weak_direction->trial_count && faces > 0; i++)
+        if (weak_direction->fits[i] > -CAIRN_REAL_MAX)
+            weak_direction->trials[i].nats += wall->weight * weak_direction->fits[i];
+    return units + weak_direction->wall_count / TESTS_PER_UNIT + weak_direction->trial_count / 16;
 }

@@ -103,7 +103,7 @@ struct cairn_weak_direction {
     /* m: standard deviation of the initial positions */
     cairn_real initial_sigma;
     weak_direction_phase phase;
-    int32_t item, inner_item, units_owed;
+    int32_t item, inner_item, units_due;
     /* the current pair of submaps */
     int32_t moving, fixed;
     /* trial translations in steps: first, first + 1, ...; the last may be the zero translation */
@@ -118,33 +118,36 @@ struct cairn_weak_direction {
     cairn_weak_direction_result result;
 };
 
-static inline cairn_real cairn_weak_direction_trial_translation(const cairn_weak_direction *slide,
-                                                                int32_t i)
+static inline cairn_real
+cairn_weak_direction_trial_translation(const cairn_weak_direction *weak_direction, int32_t i)
 {
-    return i == slide->zero_trial ? 0 : (cairn_real)(slide->first_step + i) * slide->step;
+    return i == weak_direction->zero_trial
+               ? 0
+               : (cairn_real)(weak_direction->first_step + i) * weak_direction->step;
 }
 
-static inline weak_direction_submap_pair *cairn_weak_direction_pair(cairn_weak_direction *slide,
-                                                                    int32_t moving, int32_t fixed)
+static inline weak_direction_submap_pair *
+cairn_weak_direction_pair(cairn_weak_direction *weak_direction, int32_t moving, int32_t fixed)
 {
-    return &slide->pairs[moving * (moving - 1) / 2 + fixed];
+    return &weak_direction->pairs[moving * (moving - 1) / 2 + fixed];
 }
 
 /* ---- weak_direction_walls.c: items; each returns its units ---- */
 
-int32_t cairn_weak_direction_walls_item(cairn_weak_direction *slide);
-int32_t cairn_weak_direction_weight_item(cairn_weak_direction *slide);
-int32_t cairn_weak_direction_histogram_item(cairn_weak_direction *slide);
+int32_t cairn_weak_direction_walls_item(cairn_weak_direction *weak_direction);
+int32_t cairn_weak_direction_weight_item(cairn_weak_direction *weak_direction);
+int32_t cairn_weak_direction_histogram_item(cairn_weak_direction *weak_direction);
 
 /* Adds the thickness term of a wall of the moving submap, at every trial, against the walls of the
  * fixed one. */
-int32_t cairn_weak_direction_thickness_item(cairn_weak_direction *slide);
+int32_t cairn_weak_direction_thickness_item(cairn_weak_direction *weak_direction);
 
 /* ---- weak_direction_translate.c ---- */
 
 /* Starts the trials of a submap against one of a lower number: thickness, then free-space
  * violations, then the next pair. Returns the units. */
-int32_t cairn_weak_direction_begin_pair(cairn_weak_direction *slide, int32_t moving, int32_t fixed);
-int32_t cairn_weak_direction_free_space_item(cairn_weak_direction *slide);
+int32_t cairn_weak_direction_begin_pair(cairn_weak_direction *weak_direction, int32_t moving,
+                                        int32_t fixed);
+int32_t cairn_weak_direction_free_space_item(cairn_weak_direction *weak_direction);
 
 #endif
