@@ -82,7 +82,7 @@ BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
 .PHONY: all help code-objects test-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
 .PHONY: check check-long check-freestanding mutate amalgamation coverage
-.PHONY: accuracy data run-data dist release-check thesis install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
+.PHONY: docs run-docs accuracy data run-data dist release-check thesis install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
 .DELETE_ON_ERROR:
 .SECONDARY:
 
@@ -98,7 +98,8 @@ help:
 	@echo "make appearance     libcairn-appearance, which learns what classes look like (installs OpenCV's features2d and ml)"
 	@echo "make thesis         runs the experiments of the thesis, writes docs/thesis.md (DATA=FOLDER ITEMS='2/29 ...')"
 	@echo "make accuracy       measures what docs/accuracy.md says, writes its tables (DATA=FOLDER ITEMS='...' QUICK=--quick)"
-	@echo "make check          warnings, formats, analyzers, freestanding proof, module order, words"
+	@echo "make docs           the API reference as HTML, build/docs/html (installs Doxygen)"
+	@echo "make check          warnings, formats, analyzers, API reference, freestanding proof, module order, words"
 	@echo "make check-long     what .ci/run leaves out because it takes long; a release passes both"
 	@echo "make mutate         plants faults in src/ and counts those that the tests find (N=40 SEED=1)"
 	@echo "make firmware       the library in a robot's loop on Cortex-M7 and M4F"
@@ -265,8 +266,15 @@ accuracy:
 	@$(MAKE) $(PARALLEL) run-bench
 	@sh tools/measure.sh accuracy $(BUILD) $(DATA) $(QUICK) $(ITEMS)
 
+# The API reference, from the comments of the headers; and whether the defaults that they say are those of the libraries.
+docs:
+	@sh tools/deps.sh build docs
+	@$(MAKE) $(PARALLEL) run-docs
+run-docs: $(BUILD)/libcairn.a $(if $(HOST_SRC),$(BUILD)/libcairn-host.a)
+	@sh tools/docs.sh $(BUILD) && sh tools/docs-defaults.sh $(BUILD)
+
 check:
-	@sh tools/deps.sh build test check
+	@sh tools/deps.sh build test check docs
 	@sh tools/check.sh $(BUILD)
 
 check-freestanding:
@@ -282,7 +290,7 @@ release-check: dist
 	@MAKE="$(MAKE)" sh tools/release-check.sh $(BUILD)/$(DIST).tar.gz $(DIST)
 
 check-long:
-	@sh tools/deps.sh build test check
+	@sh tools/deps.sh build test check docs
 	@sh tools/check-long.sh $(BUILD)
 
 # All objects of library, tools and benches, those of the tests, and both, for the checks of warnings.

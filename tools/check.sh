@@ -198,6 +198,16 @@ step_headers()
     said "headers alone, C11 and C++17" $? "$out/headers.log"
 }
 
+# The API reference: a public symbol without documentation, or with a default that is not so, is an error.
+step_docs()
+{
+    command -v doxygen >/dev/null 2>&1 || {
+        skipped "API reference: no doxygen"
+        return 0
+    }
+    gcc_build run-docs && sh tools/docs-test.sh "$out/gcc"
+}
+
 step_layout()
 {
     sh tools/layout.sh | diff tests/layout.h - >"$out/layout.log" 2>&1
@@ -237,7 +247,7 @@ step_install()
     sh tools/install-test.sh "$out/gcc"
 }
 
-[ $# -gt 0 ] || set -- modules words headers format layout warnings freestanding bits amalgamation readme thesis install analyzer cppcheck tidy
+[ $# -gt 0 ] || set -- modules words headers format layout warnings docs freestanding bits amalgamation readme thesis install analyzer cppcheck tidy
 failures=
 for step in "$@"; do
     start=$(date +%s)

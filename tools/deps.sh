@@ -1,5 +1,5 @@
 #!/bin/sh
-# Installs the dependencies of cairn on Debian: tools/deps.sh [build|test|solver|vision|appearance|firmware|check]...   (default: build)
+# Installs the dependencies of cairn on Debian: tools/deps.sh [build|test|solver|vision|appearance|firmware|check|docs]...   (default: build)
 #
 # Prints nothing and exits with 0 when all are installed. As root it installs with apt-get; otherwise it prompts on a
 # terminal and installs with sudo after a yes. When it cannot install, it prints the command and exits with 3.
@@ -34,6 +34,7 @@ check    valgrind                valgrind
 check    gcc-aarch64-linux-gnu   aarch64-linux-gnu-gcc
 check    libc6-dev-arm64-cross   /usr/aarch64-linux-gnu/include/stdio.h
 check    qemu-user               qemu-aarch64
+docs     doxygen                 doxygen
 '
 
 # True when one of the alternatives, separated by |, exists.
@@ -60,9 +61,9 @@ installed()
 [ $# -gt 0 ] || set -- build
 for use in "$@"; do
     case $use in
-    build | test | solver | vision | appearance | firmware | check) ;;
+    build | test | solver | vision | appearance | firmware | check | docs) ;;
     *)
-        echo "tools/deps.sh: unknown use '$use', expected build, test, solver, vision, appearance, firmware or check" >&2
+        echo "tools/deps.sh: unknown use '$use', expected build, test, solver, vision, appearance, firmware, check or docs" >&2
         exit 2
         ;;
     esac
