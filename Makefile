@@ -82,7 +82,7 @@ BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
 .PHONY: all help code-objects test-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
 .PHONY: check check-long check-freestanding mutate amalgamation coverage
-.PHONY: accuracy data run-data dist release-check thesis install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
+.PHONY: accuracy data run-data dist release-check abi thesis install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
 .DELETE_ON_ERROR:
 .SECONDARY:
 
@@ -110,6 +110,7 @@ help:
 	@echo "make coverage       tests with line and branch coverage of src/"
 	@echo "make dist           the sources of the last commit as a tarball"
 	@echo "make release-check  builds, tests and installs from that tarball, without git"
+	@echo "make abi            the binary interface of libcairn.so, recorded for make check (a release renews it)"
 	@echo "make install        PREFIX=$(PREFIX) DESTDIR=$(DESTDIR)"
 
 missing:
@@ -160,8 +161,12 @@ $(BUILD)/libcairn-sim.a: $(call object,double,$(SIM_SRC))
 	$(archive)
 $(BUILD)/float/libcairn-sim.a: $(call object,float,$(SIM_SRC))
 	$(archive)
-$(BUILD)/libcairn.so.$(SOVERSION): $(call object,double,$(LIB_SRC))
-	$(CC) -shared -Wl,-soname,$(@F) $(SAN) $(LDFLAGS) -o $@ $^ -lm
+# The shared library exports what the public headers name, and nothing else.
+$(BUILD)/libcairn.map: $(wildcard include/cairn/*.h)
+	@mkdir -p $(@D)
+	@{ echo '{ global:'; grep -ohE '\bcairn_[a-z0-9_]+\(' $^ | LC_ALL=C sort -u | tr '(' ';'; echo 'local: *; };'; } >$@
+$(BUILD)/libcairn.so.$(SOVERSION): $(call object,double,$(LIB_SRC)) $(BUILD)/libcairn.map
+	$(CC) -shared -Wl,-soname,$(@F) -Wl,--version-script=$(BUILD)/libcairn.map $(SAN) $(LDFLAGS) -o $@ $(filter %.o,$^) -lm
 
 # Warnings are disabled for the headers of OpenCV.
 $(BUILD)/double/src/host/vision_shim.cpp.o $(BUILD)/double/src/host/appearance_shim.cpp.o: CXXFLAGS += -isystem $(VISION_INC)
@@ -280,6 +285,13 @@ dist:
 release-check: dist
 	@sh tools/deps.sh build test
 	@MAKE="$(MAKE)" sh tools/release-check.sh $(BUILD)/$(DIST).tar.gz $(DIST)
+
+# The record of the last release's binary interface, with which make check compares: renewed by a release.
+ABI_RECORD := tools/libcairn-$(VERSION).abi.gz
+abi: $(BUILD)/libcairn.so.$(SOVERSION)
+	@sh tools/deps.sh check
+	@sh tools/abi.sh $< >$(BUILD)/abi.part
+	@rm -f tools/libcairn-*.abi.gz && mv $(BUILD)/abi.part $(ABI_RECORD)
 
 check-long:
 	@sh tools/deps.sh build test check

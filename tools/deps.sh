@@ -34,6 +34,7 @@ check    valgrind                valgrind
 check    gcc-aarch64-linux-gnu   aarch64-linux-gnu-gcc
 check    libc6-dev-arm64-cross   /usr/aarch64-linux-gnu/include/stdio.h
 check    qemu-user               qemu-aarch64
+check    abigail-tools           abidiff
 '
 
 # True when one of the alternatives, separated by |, exists.
