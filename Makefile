@@ -52,7 +52,8 @@ CXX_FLAGS  = -std=c++17 $(WARN) $(WERROR) $(COMMON) $(TRAPS)
 # Modules. Box2D, libyaml, zlib, libpng, OpenCV and cmocka are searched in the Debian locations. A missing library disables
 # what needs it (tools/deps.sh installs it): without zlib the host library is left out, without libyaml map files cannot be read,
 # without libpng PNG images cannot.
-has        = $(firstword $(wildcard $(if $(CROSS),/usr/$(CROSS:-=)/include,/usr/include /usr/local/include)/$(1)))
+INCLUDES   := $(if $(CROSS),/usr/$(CROSS:-=)/include,/usr/include /usr/local/include)
+has        = $(firstword $(wildcard $(addsuffix /$(1),$(INCLUDES))))
 CORE_SRC    := $(wildcard src/core/*.c)
 CONTOUR_SRC := $(wildcard src/contour/*.c)
 MAPPING_SRC := $(wildcard src/mapping/*.c)
@@ -328,7 +329,7 @@ check-long:
 	@sh tools/check-long.sh $(BUILD)
 
 # All objects of library, tools and benches, those of the tests, and both, for the checks of warnings.
-CODE_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(FW_LOOP) $(FW_SURVEY) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC) $(SCENE_SRC)
+CODE_SRC = $(LIB_SRC) $(HOST_SRC) $(if $(HAVE_YAML),src/host/map_file_no_yaml.c) $(SIM_SRC) $(FW_LOOP) $(FW_SURVEY) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC) $(SCENE_SRC)
 ALL_TEST_SRC = $(TEST_SRC) $(filter tests/%,$(TEST_COMMON)) $(GOLDEN) $(NEEDS_test_long) $(NEEDS_test_memory)
 code-objects: $(call object,double,$(CODE_SRC) $(VISION_SRC) $(APPEARANCE_SRC)) $(call object,float,$(CODE_SRC))
 test-objects: $(call object,double,$(ALL_TEST_SRC)) $(call object,float,$(ALL_TEST_SRC))

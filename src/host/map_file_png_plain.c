@@ -61,7 +61,7 @@ cairn_status cairn_image_encode_png(uint8_t **bytes, size_t *count, const uint8_
     *bytes = NULL;
     *count = 0;
     /* zlib counts in unsigned long and the format in 31 bits. */
-    if (raw > INT32_MAX / 2)
+    if (width < 1 || height < 1 || raw > INT32_MAX / 2)
         return CAIRN_NO_MEMORY;
     packed = compressBound((uLong)raw);
     rows = filtered_rows(pixel, stride, (size_t)height);
