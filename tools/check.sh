@@ -247,7 +247,27 @@ step_install()
     sh tools/install-test.sh "$out/gcc"
 }
 
-[ $# -gt 0 ] || set -- modules words headers format layout warnings docs freestanding bits amalgamation readme thesis install analyzer cppcheck tidy
+# The record is of this compiler's debug information and of this machine's layout.
+step_abi()
+{
+    [ "$(uname -m)" = x86_64 ] || {
+        skipped "binary interface: its record is of x86_64"
+        return 0
+    }
+    command -v abidiff >/dev/null || {
+        skipped "binary interface: no abidiff"
+        return 0
+    }
+    version=$(awk '/define CAIRN_VERSION_STRING/ { gsub(/"/, "", $3); print $3 }' include/cairn/version.h)
+    shared=$out/gcc/libcairn.so.${version%.*}
+    gcc_build "$shared" >"$out/abi.log" 2>&1 || {
+        said "binary interface: the library does not build" 1 "$out/abi.log"
+        return 1
+    }
+    sh tools/check-abi-test.sh && sh tools/check-abi.sh "$shared" "$version" tools/libcairn-*.abi.gz
+}
+
+[ $# -gt 0 ] || set -- modules words headers format layout warnings docs freestanding abi bits amalgamation readme thesis install analyzer cppcheck tidy
 failures=
 for step in "$@"; do
     start=$(date +%s)
