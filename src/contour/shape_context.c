@@ -425,7 +425,7 @@ cairn_status cairn_shape_context_step(cairn_shape_context *shape_context, cairn_
 
 cairn_shape_context_result cairn_shape_context_read(const cairn_shape_context *shape_context)
 {
-    cairn_shape_context_result result = {NULL, 0, 0, 0};
+    cairn_shape_context_result result = {0};
 
     if (shape_context != NULL && shape_context->phase == PHASE_DONE) {
         result.match = shape_context->match;

@@ -127,7 +127,10 @@ static cairn_icp *carve(cairn_pool *pool, const cairn_icp_params *params)
 
 static cairn_point_grid_params grid_params(const cairn_icp_params *params)
 {
-    cairn_point_grid_params grid = {params->max_target, params->cell_size};
+    cairn_point_grid_params grid = {
+        .max_points = params->max_target,
+        .cell_size = params->cell_size,
+    };
     return grid;
 }
 

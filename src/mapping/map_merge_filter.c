@@ -132,7 +132,14 @@ int32_t cairn_map_merge_places(const cairn_map_merge *merge, int32_t map, map_me
 static void list_candidates(cairn_map_merge *merge, map_merge_proposal *offer)
 {
     map_merge_mode places[MAP_MERGE_MAX_CANDIDATES - 1];
-    map_merge_state none = {MAP_MERGE_ENDED, -1, {0, 0, 0}, MIN_LOG_RATIO, 0, 0};
+    map_merge_state none = {
+        .map = MAP_MERGE_ENDED,
+        .source_map = -1,
+        .reference_map = {0, 0, 0},
+        .log_ratio = MIN_LOG_RATIO,
+        .psi = 0,
+        .gamma = 0,
+    };
     int32_t map = next_map(merge, 0), count;
 
     if (map < 0)
@@ -344,7 +351,14 @@ static int32_t first_map(const cairn_map_merge *merge)
 
 static void begin_filter(cairn_map_merge *merge)
 {
-    const map_merge_state first = {first_map(merge), -1, {0, 0, 0}, 0, 0, 0};
+    const map_merge_state first = {
+        .map = first_map(merge),
+        .source_map = -1,
+        .reference_map = {0, 0, 0},
+        .log_ratio = 0,
+        .psi = 0,
+        .gamma = 0,
+    };
     cairn_status status = cairn_particle_filter_clear(merge->filter, merge->params.seed);
 
     CAIRN_ASSERT(status == CAIRN_OK);

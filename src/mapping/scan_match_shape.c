@@ -13,7 +13,7 @@
  * 6. ICP with gates, rolled back when overlap and distance both get worse (6.4).
  *
  * The colinear filter exists because the shape of a straight line is ambiguous along it. While the
- * frames are not aligned, the direction of a vector says little about that, and all points of walls
+ * frames are not aligned, the direction of a vector has little information, and all points of walls
  * pass alike. Mode SHAPE so applies the filters twice, and the overlap decides as between
  * rotations: first without the points that have nothing but a straight line about them, then with
  * them, as written. The reported pairs are those of the winning rotation and filters, which are
