@@ -7,8 +7,8 @@
  * 2. F (the second derivative along the gradient, times the squared gradient magnitude) and its
  *    gradient follow from them.
  * 3. Where F changes sign between two adjacent pixels, the zero crossing and the edgel's attributes
- *    are interpolated linearly: between pixels of a row for rather vertical edges, of a column for
- *    the others. So an edge is detected once per row or column.
+ *    are interpolated linearly. Rather vertical edges are interpolated between pixels of a row, the
+ *    others between pixels of a column. An edge is therefore detected once per row or column.
  * 4. At a maximum of the gradient magnitude F decreases in the direction of the gradient. Where it
  *    increases there is a minimum, and no edge.
  *

@@ -34,14 +34,14 @@
 #define SAMPLE_STEP_PX     3
 /* Greatest length that edges are followed beyond the outline, share of the size. */
 #define MAX_EXTENSION_SHARE 0.35
-/* Margin of the outline's box within which they are followed, share of the size (a drawing may end
- * where the object continues, as at legs); least cosines of the turning angle along a chain and
+/* Margin of the outline's box within which they are followed, share of the size: a drawing may end
+ * where the object continues, as at legs. Least cosines of the turning angle along a chain and
  * across a junction. */
 #define BOX_MARGIN_SHARE    0.2
 #define MIN_CHAIN_COSINE    0.5
 #define MIN_JUNCTION_COSINE 0.6
-/* Radius around a gap of the drawing, share of the size, where the object continues; least cosine
- * of the turning angle along a chain there, and greatest distance of adjacent ends, px, in any
+/* Radius around a gap of the drawing, share of the size, where the object continues. Least cosine
+ * of the turning angle along a chain there. Greatest distance of adjacent ends, px, in any
  * direction. */
 #define GAP_RADIUS_SHARE 0.3
 #define MIN_GAP_COSINE   0.3

@@ -299,8 +299,9 @@ static void visit_bucket(const cairn_aligner *aligner, int32_t tile, wall_search
     }
 }
 
-/* Returns 0 when no wall with its middle in this tile can be associated: its line passes the
- * segment's end within the gate and leaves the segment's line by at most the cone's slope. */
+/* Returns 0 when no wall with its middle in this tile can be associated. The line of an associated
+ * wall passes the segment's end within the gate, and diverges from the segment's line by at most
+ * the cone's slope. */
 static int may_hold(const wall_search *search, int32_t u, int32_t v)
 {
     const placed *p = &search->segment;

@@ -327,8 +327,9 @@ cairn_particle_filter_model cairn_map_merge_model(cairn_map_merge *merge)
     return model;
 }
 
-/* Returns the first map: one of the pair with the largest log-likelihood ratio, so that weak maps
- * meet many maps at once; the reference when an order or a guess is given. */
+/* Returns the first map: the reference when an order or an initial pose is given, otherwise one of
+ * the pair with the largest log-likelihood ratio. Weak maps are then compared with many maps at
+ * once. */
 static int32_t first_map(const cairn_map_merge *merge)
 {
     int32_t first = merge->reference;

@@ -14,15 +14,14 @@
  *
  * The colinear filter exists because the shape of a straight line is ambiguous along it. While the
  * frames are not aligned, the direction of a vector has little information, and all points of walls
- * pass alike. Mode SHAPE so applies the filters twice, and the overlap decides as between
+ * pass alike. Mode SHAPE therefore applies the filters twice, and the overlap decides as between
  * rotations: first without the points that have nothing but a straight line about them, then with
  * them, as written. The reported pairs are those of the winning rotation and filters, which are
- * replayed.
- * Choices that the thesis leaves open: headings every 5 degrees over the window (every 1 when it is
- * at most 5 wide), then every 1 about the best; ICP point to point in closed form, its gate the
- * mean distance of its pairs but at least 1.5 spacings.
- * Mode AS_WRITTEN takes the readings themselves, every degree, and applies each filter once, as
- * printed; its ICP is in scan_match_written.c, its choices in the header.
+ * replayed. Choices that the thesis leaves open: headings every 5 degrees over the window (every 1
+ * when it is at most 5 wide), then every 1 about the best; ICP point to point in closed form, its
+ * gate the mean distance of its pairs but at least 1.5 spacings. Mode AS_WRITTEN takes the readings
+ * themselves, every degree, and applies each filter once, as printed; its ICP is in
+ * scan_match_written.c, its choices in the header.
  * Layout: histograms in bytes, 0 ... 255 for 0 ... 1. */
 #include "src/core/build.h"
 
