@@ -36,11 +36,11 @@ typedef struct settings {
     const char *method;
     bench_problem_kind kind;
     int64_t arenas, seed, steps;
-    double within[2]; /* m, degrees: of the truth, to be aligned */
+    double within[2]; /* m, degrees: disturbance of the true poses */
     int32_t again;    /* --return */
     int32_t chain;    /* --chain */
     int32_t as_written, online;
-    double sub_error[2]; /* m, degrees: of the poses within a place, for the chain */
+    double sub_error[2]; /* m, degrees: errors of the poses within a place, for the chain */
     int32_t ablate, growth;
     bench_ingredient without;
 } settings;
@@ -161,7 +161,8 @@ static int is_inside(const double c[9], double x, double y)
     return (c[4] * x * x - 2 * c[1] * x * y + c[0] * y * y) / determinant < 5.991464547107979;
 }
 
-/* What the method says of its own poses; moved: after the best common motion. areas: [count]. */
+/* Accuracy of the reported covariances and flags; moved: poses after the best common motion. areas:
+ * [count]. */
 static void score_flags(const sim_pose *truth, const sim_pose *moved, const bench_pose *poses,
                         const bench_bound *bounds, int32_t count, double *areas, outcome *out)
 {
@@ -233,8 +234,8 @@ static void score(const settings *s, const sim_arena *arena, const sim_scan *sca
     free(ratios);
 }
 
-/* The solution is disturbed as the truth was and aligned again; how many observable scans come
- * back to it within 0.009 m and 0.7 degrees (Adluru 2008, chapter 7). */
+/* The solution is disturbed as the truth was and aligned again; counts the observable scans that
+ * return to it within 0.009 m and 0.7 degrees (Adluru 2008, chapter 7). */
 static int run_return(const settings *s, const sim_scan *scans, const bench_bound *bounds,
                       int32_t count, uint64_t seed, const bench_pose *solution, outcome *out)
 {
@@ -446,7 +447,7 @@ static int check(const settings *s)
     return 1;
 }
 
-/* All arenas by one method; prints as it goes. */
+/* All arenas by one method; prints a line for each. */
 static int run_all(const settings *s, outcome *all)
 {
     for (int64_t i = 0; i < s->arenas; i++) {

@@ -215,7 +215,7 @@ static cairn_status fill_cloud(fitter *f, const sim_scan *scans, int32_t count, 
     return status;
 }
 
-/* Scan i against all others where they are now. */
+/* Scan i against all others at their current poses. */
 static cairn_status align_one(cairn_icp *icp, const cloud *c, int32_t count, int32_t i,
                               bench_pose *poses)
 {

@@ -6,12 +6,12 @@
 #include "cairn/scan.h"
 #include "sim/arena.h"
 
-/* A part of a method that can be left out. */
+/* A component of a method that can be left out. */
 typedef enum bench_ingredient {
     BENCH_ALL,
     BENCH_NO_DIRECTIONS, /* surfaces without a free side */
-    BENCH_NO_FREE_SPACE, /* a point in free space says nothing */
-    BENCH_NO_RESTARTS,   /* scans that lie badly are not looked for */
+    BENCH_NO_FREE_SPACE, /* no free-space violations */
+    BENCH_NO_RESTARTS,   /* unplaced scans are not searched again */
     BENCH_NO_JOINT,      /* no walls, no covariances */
     BENCH_INGREDIENTS
 } bench_ingredient;
@@ -21,13 +21,13 @@ const char *bench_ingredient_name(bench_ingredient without); /* "nothing", "dire
 typedef struct bench_pose {
     sim_pose pose;
     double covariance[9];
-    int32_t known;   /* 1: covariance and flagged mean something */
-    int32_t flagged; /* the method says that the pose is not to be relied on */
+    int32_t known;   /* 1: covariance and flagged are valid */
+    int32_t flagged; /* the method reports low confidence of the pose */
     int32_t anchor;  /* covariances are relative to this one */
 } bench_pose;
 
 typedef struct bench_run {
-    int32_t steps, rising; /* rising: of a potential that should fall */
+    int32_t steps, rising; /* rising: steps that raised a potential that should fall */
     double seconds, step_ms;
     size_t pool_bytes;
     int64_t units;      /* of budget, and ... */

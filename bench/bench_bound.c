@@ -6,8 +6,7 @@
 
 enum { POSE = 3, WALL = 2 };
 
-/* Information blocks of one wall: its own block and the coupling blocks to each scan that observed
- * it. */
+/* Adds the beams of scan s to the pose block and to the walls. */
 typedef struct wall {
     double own[WALL][WALL];
     double *cross; /* [count][POSE][WALL] */

@@ -17,7 +17,7 @@ typedef struct bench_bound {
 } bench_bound;
 
 /* Bounds of scans[0 ... count-1]; prior_m and prior_rad: the disturbance of the start. bounds:
- * [count]. Returns the index of the scan that was fixed, -1 when there was no memory. */
+ * [count]. Returns the index of the fixed scan, -1 when memory is insufficient. */
 int32_t bench_bound_compute(const sim_arena *arena, const sim_scan *scans, int32_t count,
                             double prior_m, double prior_rad, bench_bound *bounds);
 

@@ -8,7 +8,7 @@
 
 /* Of the diagonal. */
 #define REACH 0.0075
-/* Canny's lower threshold, of the upper one. */
+/* Canny's lower threshold, as a fraction of the upper one. */
 #define LOW 0.4
 
 enum { SIGMAS = 6, LEVELS = 16, PATH_BYTES = 1024 };
@@ -33,7 +33,7 @@ static void spread(const bsds_image *image, const uint8_t *from, uint8_t *to)
                         to[v * w + u] = from[y * w + x];
 }
 
-/* NAME_gtK.png, whatever K is. 0: there is none. */
+/* NAME_gtK.png for any K. 0: none. */
 static int find_truth(char path[PATH_BYTES], const char *folder, const char *name)
 {
     DIR *open = opendir(folder);
@@ -180,7 +180,7 @@ bsds_point bsds_contours(const bsds_image *image, const cairn_boundary_result *r
     return p;
 }
 
-/* Precision at a recall on the way between two points. */
+/* Precision at a recall, interpolated between two points. */
 static double between(bsds_point a, bsds_point b, double recall)
 {
     double span = b.recall - a.recall;
@@ -200,7 +200,7 @@ double bsds_canny(const bsds_image *image, double recall)
     for (int s = 0; s < SIGMAS && pixels != NULL; s++) {
         bsds_point last = {1, 0};
 
-        /* From few edges to many, until there are enough. */
+        /* From few edges to many, until the recall is reached. */
         for (int level = 0; level < LEVELS && last.recall < recall; level++) {
             double high = 60 / sigma[s] * pow(0.8, level);
             cairn_vision_canny_params params = {sigma[s], LOW * high, high};

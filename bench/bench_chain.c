@@ -19,7 +19,7 @@ struct bench_chain {
     int32_t *order; /* [count] */
     int32_t count, places, given, as_written;
     const double *error;
-    double heading; /* of the frame of the place at work, as written */
+    double heading; /* of the frame of the current place, as written */
     cairn_random random;
 };
 
@@ -94,8 +94,8 @@ bench_chain *bench_chain_open(const sim_scan *scans, int32_t count, int32_t as_w
     return NULL;
 }
 
-/* Where a scan lies in its place, as far as is known: to the first one, or as written in the
- * heading that all frames have nearly. */
+/* The known pose of a scan in its place: relative to the first one, or as written in the common
+ * heading of all frames. */
 static cairn_pose within_place(bench_chain *c, const sim_scan *first, const sim_scan *scan)
 {
     sim_pose frame = first->truth, seen;

@@ -19,7 +19,7 @@ typedef struct corner {
     int32_t first_point[CORNERS];
     cairn_oriented_point points[MAX_POINTS];
     cairn_scan_view view;
-    cairn_segment pieces[MAX_POINTS]; /* of the walls from point to point, to be drawn */
+    cairn_segment pieces[MAX_POINTS]; /* of the walls from point to point, for the picture */
     int32_t piece_count;
 } corner;
 

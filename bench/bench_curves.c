@@ -17,7 +17,7 @@ enum {
 
 static const char *const colours[] = {"#d97706", "#2563eb", "#059669", "#dc2626"};
 
-/* What a panel shows, and where. */
+/* The contents and the place of a panel. */
 typedef struct frame {
     double x, y, width, height; /* of the plot */
     double low, high;           /* of the values */
@@ -36,7 +36,7 @@ static void find_range(const bench_curves *c, const bench_curve_panel *panel, fr
         f->low = isfinite(f->low) ? f->low - 1 : 0;
         f->high = f->low + 2;
     }
-    /* Errors and entropies start at 0 when that costs little. */
+    /* Errors and entropies start at 0 when that costs little space. */
     if (f->low > 0 && f->low < 0.4 * f->high)
         f->low = 0;
     f->high += 0.04 * (f->high - f->low);

@@ -14,7 +14,7 @@ typedef struct bench_curves {
     const char *title, *subtitle;
     /* [methods] names */
     const char *const *method;
-    /* [samples], growing: drawn at equal distances, so that the axis may change its scale */
+    /* [samples], increasing: drawn at equal distances, so that the axis may change its scale */
     const int32_t *step;
     /* [panels], row by row */
     const bench_curve_panel *panel;

@@ -25,7 +25,7 @@ int32_t detect_object(const group_image *truth, const cairn_object_detection *de
     return best;
 }
 
-/* 1 when a detection hits an object that is still free. */
+/* 1 when a detection hits an object that is not assigned yet. */
 static int take_object(const group_image *truth, const cairn_object_detection *d, int32_t criterion,
                        int32_t taken[GROUP_INSTANCES])
 {
@@ -52,9 +52,9 @@ int detect_tally_add(detect_tally *tally, const cairn_object_detection *found, i
     int32_t taken[DETECT_CRITERIA][GROUP_INSTANCES] = {{0}};
     detect_event *grown;
 
-    if (tally->count + count > tally->room) {
-        tally->room = 2 * (tally->count + count);
-        grown = realloc(tally->events, (size_t)tally->room * sizeof *grown);
+    if (tally->count + count > tally->capacity) {
+        tally->capacity = 2 * (tally->count + count);
+        grown = realloc(tally->events, (size_t)tally->capacity * sizeof *grown);
         if (grown == NULL)
             return 0;
         tally->events = grown;

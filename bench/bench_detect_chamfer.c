@@ -1,6 +1,6 @@
-/* Plain oriented chamfer matching: for each of eight directions the distance to the nearest edge of
- * it, cut off; the mean over the model's samples at every position, scale and aspect ratio; local
- * minima are the detections. */
+/* Plain oriented chamfer matching: for each of eight directions the clipped distance to the nearest
+ * edge; the mean over the model's samples at every position, scale and aspect ratio; local minima
+ * are the detections. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,8 +9,8 @@
 
 enum { CHANNELS = 8, SIZES = 9, ASPECTS = 3, STEP = 4, MAX_DETECTIONS = 64, MAX_PEAKS = 1 << 15 };
 
-/* Distances beyond such a share of the size cost no more; how far a direction off by a channel
- * is, in px. */
+/* Clipping distance as a share of the size; penalty of a direction that is one channel off, in
+ * px. */
 #define CUT      0.06
 #define OVERLAP  0.2
 #define DIAGONAL 1.41421356F
@@ -54,7 +54,7 @@ static void spread(float *d, int32_t w, int32_t h)
         }
 }
 
-/* Every segment enters its channel and the nearer one beside it. */
+/* Every segment enters its channel and the nearer neighbouring one. */
 static int make_channels(matcher *m)
 {
     int32_t w = m->image->width, h = m->image->height;
@@ -98,7 +98,7 @@ static int compare_peaks(const void *a, const void *b)
     return x->first_outline - y->first_outline;
 }
 
-/* Room for a peak; when there is none the worse half goes. */
+/* Storage for a peak; when it is full the worse half is dropped. */
 static cairn_object_detection *next_peak(matcher *m)
 {
     if (m->count == MAX_PEAKS) {

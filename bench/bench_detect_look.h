@@ -5,7 +5,7 @@
 #include "bench/bench_group.h"
 #include "cairn/appearance.h"
 
-/* Learns from the first `count` images of a folder by name, their boxes of the class and windows
+/* Trains on the first `count` images of a folder by name, with their boxes of the class and windows
  * beside them. 0: a line was printed. */
 int detect_look_train(cairn_appearance_model *model, const char *folder, const char *class_name,
                       int32_t count);

@@ -19,7 +19,7 @@ typedef struct robot {
     const bench_endless_options *options;
     sim_arena *arena;
     sim_survey *survey;
-    const sim_scan *scans; /* without noise: variant after variant of each place */
+    const sim_scan *scans; /* without noise: every pose at each place */
     float range[BEAMS];
     cairn_random random;
     cairn_scan *scan;
@@ -29,7 +29,7 @@ typedef struct robot {
     cairn_pool pool;
     void *memory;
     cairn_pose *poses;       /* [kept + 1] by slot */
-    uint8_t *held;           /* [kept + 1] by slot: where the scan is is settled */
+    uint8_t *held;           /* [kept + 1] by slot: the pose of the scan is final */
     int64_t *came;           /* [kept + 1]: number of the scan in a slot */
     sim_point *first_errors; /* [places]: of the first lap in full memory */
     sim_pose truth, found;   /* of the last scan */
@@ -43,7 +43,7 @@ bench_endless_options bench_endless_default(void)
     return options;
 }
 
-/* ---- Memory: all that there will ever be ---- */
+/* ---- Memory: all that is ever used ---- */
 
 static cairn_status create(robot *r)
 {
@@ -119,7 +119,7 @@ static double off(robot *r, double most)
 }
 
 /* Returns the pose estimate of the robot: the last pose composed with the odometry motion. */
-static sim_pose believed(robot *r, const sim_scan *scan)
+static sim_pose odometry_pose(robot *r, const sim_scan *scan)
 {
     sim_pose moved = bench_pose_between(r->truth, scan->truth);
 
@@ -129,7 +129,7 @@ static sim_pose believed(robot *r, const sim_scan *scan)
     return bench_pose_compose(r->found, moved);
 }
 
-/* Steps something to its end in ticks. */
+/* Steps an object to its end in ticks. */
 #define IN_TICKS(r, call)                                                                          \
     do {                                                                                           \
         cairn_budget budget = {TICK};                                                              \
@@ -155,7 +155,7 @@ static cairn_status fit(robot *r, const sim_scan *from, cairn_scan_view *view)
     return status;
 }
 
-/* All poses at once, from where they are. */
+/* All poses at once, from the current ones. */
 static cairn_status align(robot *r)
 {
     cairn_status status = joint_begin(&r->joint, r->set, r->poses, r->held, r->present);
@@ -166,7 +166,7 @@ static cairn_status align(robot *r)
     return status;
 }
 
-/* Releases the scan whose place is best covered by others; the first one holds the map. */
+/* Removes the most redundant scan; the first one defines the map and stays. */
 static cairn_status release_one(robot *r, int32_t newest, bench_endless_lap *lap)
 {
     int32_t least, oldest = -1;
@@ -211,7 +211,7 @@ static void score(robot *r, const sim_scan *scan, cairn_pose pose, bench_endless
 
 static cairn_status take_in(robot *r, int64_t number, const sim_scan *scan, bench_endless_lap *lap)
 {
-    sim_pose guess = number == 0 ? scan->truth : believed(r, scan);
+    sim_pose guess = number == 0 ? scan->truth : odometry_pose(r, scan);
     cairn_pose map_scan = {(cairn_real)guess.x, (cairn_real)guess.y, (cairn_real)guess.theta};
     int32_t slot = cairn_scan_set_next(r->set);
     cairn_scan_view view;

@@ -12,16 +12,15 @@ typedef struct bench_endless_options {
     int64_t scans;          /* in all */
     int32_t places;         /* of a lap */
     int32_t variants;       /* poses at each place, visited in turn */
-    int32_t kept;           /* scans in the map, the first of which holds it */
-    double noise;           /* m, of every range, fresh in every lap */
-    double metres, degrees; /* the odometry from place to place is off by up to these, uniform */
+    int32_t kept;           /* scans in the map; the first defines the map */
+    double noise;           /* m, of every range, new in every lap */
+    double metres, degrees; /* bound of the odometry errors from place to place, uniform */
 } bench_endless_options;
 
 /* A rescue arena, 100000 scans from 30 places, 32 kept, 0.01 m, 0.03 m and 1 degree. */
 bench_endless_options bench_endless_default(void);
 
-/* What happened in a lap. Errors are of the pose that a scan got when it came, against the
- * truth. */
+/* Results of a lap. Errors are those of a scan's first pose, relative to the truth. */
 typedef struct bench_endless_lap {
     int64_t lap;
     /* the first that began with full memory */
@@ -33,16 +32,17 @@ typedef struct bench_endless_lap {
     int64_t worst;
     /* scans, and of these ... */
     int32_t released;
-    /* ... those that were the oldest, the first apart, and ... */
+    /* ... removed scans that were the oldest, except the first, and ... */
     int32_t oldest;
-    /* ... those that had just come */
+    /* ... removed scans that had just arrived */
     int32_t newest;
     /* m */
     double mean, most;
     double most_degrees;
-    /* of the mapper's graph, in the end */
+    /* of the mapper's graph, at the end */
     int32_t loops, links;
-    /* m: the most that the error at a place differs from that of the first lap in full memory */
+    /* m: the largest difference of the error at a place from that of the first lap in full
+     * memory */
     double away;
     double seconds;
     /* bytes */

@@ -18,7 +18,7 @@ typedef struct driver {
     const bench_endless_options *options;
     sim_arena *arena;
     sim_survey *survey;
-    const sim_scan *scans; /* of the way there, without noise */
+    const sim_scan *scans; /* of the forward direction, without noise */
     int32_t count;
     cairn_random random;
     cairn_mapper *mapper;
@@ -75,8 +75,8 @@ static double off(driver *d, double most)
     return most * (double)cairn_random_uniform(&d->random, -1, 1);
 }
 
-/* The odometry moves on as the robot does, and is a little wrong; a scan from where the one
- * before was adds nothing. */
+/* The odometry follows the robot with a small error; a scan from the previous place adds
+ * nothing. */
 static void move(driver *d, const sim_scan *scan)
 {
     sim_pose moved = bench_pose_between(d->truth, scan->truth);

@@ -22,8 +22,7 @@ static void shuffle_poses(scene *s, uint64_t seed, double metres, double degrees
     }
 }
 
-/* The drive bends by 0.5 m and 5 degrees from its first scan to its last: a loop that was closed
- * onto the wrong place. */
+/* The drive bends by 0.5 m and 5 degrees from its first scan to its last: a false loop closure. */
 static void bend(scene *s, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 79);
@@ -112,7 +111,7 @@ static double angle_error(double a, double b)
 
 /* ---- Scores ---- */
 
-/* Errors of poses against others, after the best common motion. */
+/* Errors of poses relative to others, after the best common motion. */
 static field_error error_between(const scene *s, const sim_pose *poses, const sim_pose *others)
 {
     double ex = 0, ey = 0, tx = 0, ty = 0, sine = 0, cosine = 0, turn;

@@ -8,7 +8,7 @@
 
 enum { MOST_STEPS = 1000 };
 
-/* One scene: the scans, where they are, where they are thought to be. */
+/* One scene: the scans, their true and their initial poses. */
 typedef struct scene {
     const char *name;
     sim_arena *arena;
@@ -27,14 +27,14 @@ typedef struct field_error {
 } field_error;
 
 /* Makes a scene; trans, rot: m and degrees, uniform +- disturbance of the poses, NaN for the
- * scene's own. 0 and a line on standard error when the scene cannot be had. */
+ * scene's own. 0 and a line on standard error when the scene cannot be made. */
 int field_scene_make(scene *s, const char *name, uint64_t seed, double trans, double rot);
 void field_scene_free(scene *s);
 
 field_error field_error_of(const scene *s, const sim_pose *poses);
 
-/* Where a drive comes back: mean error of the relative position of scans within 1.5 m of each
- * other, a quarter of the drive apart; NaN when there are none. */
+/* Where a drive returns: mean error of the relative position of scans within 1.5 m of each other, a
+ * quarter of the drive apart; NaN when there are none. */
 double field_gap(const scene *s, const sim_pose *poses);
 
 /* Mean motion from the start to these poses, m and degrees, after the best common motion. */

@@ -6,13 +6,13 @@
 #include "bench/bench_json.h"
 #include "cairn/force_field.h"
 
-/* The field, and two that look at P(g) of given poses, before and after an iteration. */
+/* The field, and two for P(g) of given poses, before and after an iteration. */
 enum { FIELD, BEFORE, AFTER, FIELDS };
 
 typedef struct simulation {
     const sim_scan *scans;
     int32_t count, online;
-    bench_chain *chain; /* NULL: the scans come one by one */
+    bench_chain *chain; /* NULL: the scans are added one by one */
     cairn_scan_params scan_params;
     cairn_force_field_params params, probe_params;
     cairn_scan *scan;
@@ -62,8 +62,8 @@ static cairn_status count_capacities(simulation *s)
     return status;
 }
 
-/* The pool holds the scan and the field, then, without online, the two that look. *bytes: of the
- * first two. */
+/* The pool holds the scan and the field, then, without online, the two fields for P(g). *bytes: of
+ * the first two. */
 static cairn_status open_fields(simulation *s, size_t *bytes)
 {
     int32_t fields = s->online ? BEFORE : FIELDS;
@@ -100,7 +100,7 @@ static cairn_status look(const simulation *s, cairn_force_field *probe, cairn_re
     return status;
 }
 
-/* Iterates until the field stands. */
+/* Iterates until the field converges. */
 static cairn_status run_field(simulation *s)
 {
     cairn_force_field_state state;
@@ -138,8 +138,8 @@ static cairn_status add_scan(simulation *s, int32_t i, const bench_pose *poses)
     return status;
 }
 
-/* Place after place, each matched by shape with those before it; the poses when the field
- * stands. */
+/* Place after place, each matched by shape with those before it; the poses when the field has
+ * converged. */
 static cairn_status simulate_chain(simulation *s, bench_pose *poses)
 {
     cairn_status status = CAIRN_OK;
@@ -162,7 +162,7 @@ static cairn_status simulate_chain(simulation *s, bench_pose *poses)
     return status == CAIRN_OK && before < s->count ? CAIRN_BAD_ARGUMENT : status;
 }
 
-/* Adds all scans and lets the field run; the poses when it stands. */
+/* Adds all scans and runs the field; the poses when it has converged. */
 static cairn_status simulate(simulation *s, bench_pose *poses)
 {
     cairn_status status = CAIRN_OK;

@@ -14,7 +14,7 @@
 #define HIT_COVERAGE  0.8
 #define HIT_PRECISION 0.6
 #define APART         0.3
-/* Pixels that an outline leaves its box at most, and that it has at least. */
+/* Pixels by which an outline may leave its box, and that it has at least. */
 #define BOX_SLACK     5
 #define LEAST_OUTLINE 20
 
@@ -70,7 +70,7 @@ static uint8_t *empty_picture(const group_image *image)
     return calloc((size_t)image->width * (size_t)image->height, 1);
 }
 
-/* Marks all within `reach` of the marked pixels. */
+/* Marks all pixels within `reach` of the marked ones. */
 static uint8_t *grown(const group_image *image, const uint8_t *pixels, double reach)
 {
     uint8_t *out = empty_picture(image);
@@ -113,8 +113,7 @@ static void read_boxes(group_image *image, const char *folder, const char *class
         (void)fclose(file);
 }
 
-/* The pixels of a picture that belong to an object and have a neighbour that does not, or, of a
- * picture of lines, all. */
+/* The border pixels of an object in a mask, or all pixels of a line drawing. */
 static int add_outline(group_image *image, const uint8_t *pixels, int32_t level, int32_t is_mask,
                        uint8_t *outline)
 {
@@ -160,7 +159,7 @@ static group_box box_of(const group_image *image, const uint8_t *pixels)
     return b;
 }
 
-/* Gives an outline to the instance whose box it fills best and that has none. */
+/* Assigns an outline to the instance whose box it fills best and that has none. */
 static void assign(group_image *image, uint8_t *outline)
 {
     group_box box = box_of(image, outline);
@@ -291,7 +290,7 @@ static void mark_middle(group_image *image, uint8_t *outline)
     free(memory);
 }
 
-/* An instance without an outline is as large as its box. */
+/* An instance without an outline has the size of its box. */
 static void finish_outlines(group_image *image)
 {
     for (int32_t i = 0; i < image->instances; i++)
@@ -353,7 +352,7 @@ void group_found_clear(group_found *found)
     memset(found, 0, sizeof *found);
 }
 
-/* Only pixels of edges count. */
+/* Only edge pixels count. */
 static void mark(const group_image *image, cairn_segment line, group_grouping *g)
 {
     int32_t steps = 1 + (int32_t)(2 * cairn_segment_length(line));

@@ -32,7 +32,7 @@ typedef struct group_image {
     /* 1: an edge pixel within 3 px */
     uint8_t *with_edge;
     group_box box[GROUP_INSTANCES];
-    /* 1: on the outline of the instance; 2: on the line in the middle of its stroke */
+    /* 1: on the outline of the instance; 2: on the midline of its stroke */
     uint8_t *outline[GROUP_INSTANCES];
     int32_t instances, has_outline;
 } group_image;
@@ -67,7 +67,7 @@ void group_found_clear(group_found *found);
 void group_found_add(group_found *found, const group_image *image,
                      const cairn_contour_search_tokens *tokens,
                      const cairn_contour_search_result *result);
-/* The best first; of those at one place the best. */
+/* The best first; among those at one place only the best. */
 void group_found_sort(group_found *found);
 
 typedef struct group_score {
@@ -75,13 +75,13 @@ typedef struct group_score {
     /* 1: hit as counted in the thesis: recall of at least 80 % of the visible contour, regardless
      * of precision */
     int32_t covered;
-    /* 1: a hit when the outline is the line in the middle of its stroke */
+    /* 1: a hit against the midline of the outline's stroke */
     int32_t thin;
     double coverage, precision, present, iou;
 } group_score;
 
-/* Scores of all instances: each by the best of the first I groupings for it, no grouping for
- * two. The number of groupings that were hits. */
+/* Scores of all instances: each by the best of the first I groupings for it, no grouping for two.
+ * Returns the number of groupings that were hits. */
 int32_t group_measure(const group_image *image, const group_found *found,
                       group_score score[GROUP_INSTANCES]);
 

@@ -11,7 +11,7 @@ enum { SMALL, PART, LARGE, SIZES, TURNS = 3, RATIOS = 4 };
 
 static const char *const names[SIZES] = {"small", "part", "large"};
 
-/* Scans to be aligned from poses, some of a problem. */
+/* Scans to be aligned from initial poses, some of a problem. */
 typedef struct selection {
     sim_scan *scans;
     bench_pose *poses, *work;
@@ -65,7 +65,7 @@ static int32_t rank_of(const bench_problem *p, int32_t from, int32_t i)
     return rank;
 }
 
-/* The `count` scans of a problem about the outermost; all of them when that is as many. */
+/* The `count` scans of a problem about the outermost; all of them when there are no more. */
 static int select_scans(const bench_problem *p, int32_t count, selection *s)
 {
     int32_t from = outermost(p);
@@ -105,7 +105,7 @@ static int run(const selection *s, bench_run *least)
     return done;
 }
 
-/* Of the large arena over the small one and over the part: seconds, then units. */
+/* Ratios of the large arena to the small one and to the part: seconds, then units. */
 static void find_ratios(const bench_run runs[SIZES], double ratios[RATIOS])
 {
     for (int k = 0; k < LARGE; k++) {

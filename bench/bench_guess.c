@@ -38,7 +38,7 @@ static void add_point(cloud *c, cairn_oriented_point p, cairn_random *random)
     c->points[c->count++] = p;
 }
 
-/* Rooms and columns in turn, in the quarters of a square of 24 m. */
+/* Rooms and columns alternate in the quarters of a square of 24 m. */
 static cairn_ellipse draw_ellipse(int i, cairn_random *random)
 {
     cairn_ellipse e;
@@ -152,7 +152,7 @@ int bench_guess_ellipses(uint64_t seed, int32_t *there, int32_t *found, int32_t 
 
 enum { BOX_WALLS = 8 };
 
-/* Where a ray from p along d meets a wall, in m; infinity: nowhere. */
+/* Distance along a ray from p in direction d to a wall, in m; infinity: none. */
 static double meet(const double wall[4], double px, double py, double dx, double dy)
 {
     double ex = wall[2] - wall[0], ey = wall[3] - wall[1], cross = dx * ey - dy * ex;
@@ -220,8 +220,7 @@ void bench_box_draw(bench_box *box, uint64_t seed)
     }
 }
 
-/* Mean of the hits on the long side that the scans from `first` on show, and its direction
- * there. */
+/* Mean of the hits of the scans from `first` on on the long side, and its direction there. */
 static sim_point mean_hit(const bench_box *box, const sim_pose *poses, int first,
                           cairn_sym2 *spread)
 {
@@ -267,7 +266,7 @@ double bench_box_thickness(const bench_box *box, const sim_pose *poses)
     return (double)across.x * cos(looks) + (double)across.y * sin(looks) > 0 ? off : -off;
 }
 
-/* ---- Walls in one line ---- */
+/* ---- Collinear walls ---- */
 
 static int is_wall(const sim_arena *arena, const sim_edge *e)
 {
@@ -287,7 +286,7 @@ static int is_collinear(const sim_edge *a, const sim_edge *b)
            fabs((b->b.x - a->a.x) * a->normal.x + (b->b.y - a->a.y) * a->normal.y) < 0.005;
 }
 
-/* The first edge that lies in one line with each; -1: no wall. */
+/* The first edge collinear with each; -1: no wall. */
 static int32_t *lines_of(const sim_arena *arena, int32_t *count)
 {
     const sim_edge *edges = sim_arena_edges(arena, count);
@@ -304,7 +303,7 @@ static int32_t *lines_of(const sim_arena *arena, int32_t *count)
 
 typedef struct sums {
     double n, x, y, xx, xy, yy;
-    int32_t scan, scans; /* the last that showed it; how many did */
+    int32_t scan, scans; /* the last scan that showed it; number of scans that did */
 } sums;
 
 static void add_hits(const sim_scan *s, sim_pose at, int32_t scan, const int32_t *line, sums *of)
@@ -358,7 +357,7 @@ void bench_guess_straightness(const sim_arena *arena, const sim_scan *scans, con
 static cairn_status begin_lie(void *state, const cairn_virtual_scan_map *map)
 {
     (void)map;
-    ((bench_lie *)state)->detections++;
+    ((bench_false_rectangle *)state)->detections++;
     return CAIRN_OK;
 }
 
@@ -371,15 +370,16 @@ static cairn_status step_lie(void *state, cairn_budget *budget)
 
 static int32_t count_lies(const void *state)
 {
-    const bench_lie *lie = state;
+    const bench_false_rectangle *lie = state;
 
     return lie->detections - 1 == lie->when;
 }
 
-static int32_t lay_lie(const void *state, int32_t i, cairn_real spacing,
-                       cairn_oriented_point *points, int32_t room, cairn_real *strength)
+static int32_t report_false_rectangle(const void *state, int32_t i, cairn_real spacing,
+                                      cairn_oriented_point *points, int32_t capacity,
+                                      cairn_real *strength)
 {
-    const bench_lie *lie = state;
+    const bench_false_rectangle *lie = state;
     cairn_vec2 corner[4];
     int32_t count = 0;
 
@@ -389,7 +389,8 @@ static int32_t lay_lie(const void *state, int32_t i, cairn_real spacing,
         cairn_vec2 way = cairn_vec2_sub(corner[(k + 1) % 4], corner[k]),
                    along = cairn_vec2_unit(way);
 
-        for (cairn_real t = 0; t < cairn_vec2_norm(way) && count < room; t += spacing, count++) {
+        for (cairn_real t = 0; t < cairn_vec2_norm(way) && count < capacity;
+             t += spacing, count++) {
             points[count].position = cairn_vec2_add(corner[k], cairn_vec2_scale(along, t));
             points[count].direction = along;
         }
@@ -398,16 +399,16 @@ static int32_t lay_lie(const void *state, int32_t i, cairn_real spacing,
     return count;
 }
 
-cairn_virtual_scan_hypothesis_detector bench_lie_detector(bench_lie *lie)
+cairn_virtual_scan_hypothesis_detector bench_lie_detector(bench_false_rectangle *lie)
 {
     cairn_virtual_scan_hypothesis_detector detector = {lie, begin_lie, step_lie, count_lies,
-                                                       lay_lie};
+                                                       report_false_rectangle};
 
     return detector;
 }
 
-/* Within 0.15 m and 15 degrees of a side of the lie. */
-static int is_on_lie(const bench_lie *lie, const cairn_oriented_point *p)
+/* Within 0.15 m and 15 degrees of a side of the false rectangle. */
+static int is_on_lie(const bench_false_rectangle *lie, const cairn_oriented_point *p)
 {
     cairn_vec2 corner[4];
 
@@ -423,7 +424,8 @@ static int is_on_lie(const bench_lie *lie, const cairn_oriented_point *p)
     return 0;
 }
 
-int bench_lie_is_believed(const bench_lie *lie, const cairn_virtual_scan *hypotheses)
+int bench_false_rectangle_is_accepted(const bench_false_rectangle *lie,
+                                      const cairn_virtual_scan *hypotheses)
 {
     int32_t count, points;
     const cairn_virtual_scan_hypothesis *h = cairn_virtual_scan_hypotheses(hypotheses, &count);
@@ -443,11 +445,12 @@ int bench_lie_is_believed(const bench_lie *lie, const cairn_virtual_scan *hypoth
     return 0;
 }
 
-bench_lie bench_lie_draw(const sim_pose *start, int32_t count, uint64_t seed)
+bench_false_rectangle bench_false_rectangle_draw(const sim_pose *start, int32_t count,
+                                                 uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 85);
     const sim_pose *about = &start[seed % (uint64_t)count];
-    bench_lie lie;
+    bench_false_rectangle lie;
 
     memset(&lie, 0, sizeof lie);
     lie.when = 1;

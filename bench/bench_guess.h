@@ -24,33 +24,35 @@ typedef struct bench_box {
 
 void bench_box_draw(bench_box *box, uint64_t seed);
 
-/* m between the long sides as scans at these poses show them; below 0 when they have changed
- * places. */
+/* m between the long sides as scans at these poses show them; below 0 when their order is
+ * reversed */
 double bench_box_thickness(const bench_box *box, const sim_pose *poses);
 
-/* Hits on walls of the arena that lie in one line, at these poses: sum of the squared distances
- * from the common line of each wall that several scans show, and how many hits that are. */
+/* Hits on collinear walls of the arena, at these poses: sum of the squared distances from the
+ * common line of each wall that several scans show, and the number of hits. */
 void bench_guess_straightness(const sim_arena *arena, const sim_scan *scans, const sim_pose *poses,
                               int32_t count, double *squares, double *hits);
 
-/* A kind of the caller that finds a rectangle which is not there, in the detection `when` (0:
- * the first) and never again. */
-typedef struct bench_lie {
+/* A detector of the caller that reports a false rectangle in detection `when` (0: the first) and
+ * never again. */
+typedef struct bench_false_rectangle {
     cairn_rectangle rectangle;
     int32_t when, detections;
     double spacing; /* m, between the points of hypotheses */
-} bench_lie;
+} bench_false_rectangle;
 
 /* A random false rectangle of room size among the scans at start[0 ... count-1], reported in the
  * second detection. */
-bench_lie bench_lie_draw(const sim_pose *start, int32_t count, uint64_t seed);
+bench_false_rectangle bench_false_rectangle_draw(const sim_pose *start, int32_t count,
+                                                 uint64_t seed);
 
-cairn_virtual_scan_hypothesis_detector bench_lie_detector(bench_lie *lie);
+cairn_virtual_scan_hypothesis_detector bench_lie_detector(bench_false_rectangle *lie);
 
 /* 1 when a hypothesis of some weight lies along most of that rectangle's outline. */
-int bench_lie_is_believed(const bench_lie *lie, const cairn_virtual_scan *hypotheses);
+int bench_false_rectangle_is_accepted(const bench_false_rectangle *lie,
+                                      const cairn_virtual_scan *hypotheses);
 
-/* A line of JSON for each hypothesis of the last detection, with the step that it belongs to. */
+/* A line of JSON for each hypothesis of the last detection, with its step. */
 void bench_guess_print(const cairn_virtual_scan *hypotheses, int32_t step);
 
 #endif

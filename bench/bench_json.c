@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <time.h>
 
-/* Bench programs never set a locale, so that printf writes numbers as JSON wants them. */
+/* Bench programs never set a locale, so that printf writes valid JSON numbers. */
 
 void bench_json_begin(const char *bench)
 {

@@ -20,7 +20,7 @@ int32_t bench_lum_hits(const cairn_scan_view *view, cairn_oriented_point *points
     return count;
 }
 
-/* hits: [beams of a scan] to work in, as written; NULL: the scans' points are aligned. */
+/* hits: [beams of a scan] as working memory, as written; NULL: the scans' points are aligned. */
 static cairn_status align(const sim_scan *scans, int32_t count, cairn_scan *scan, cairn_lum *lum,
                           cairn_oriented_point *hits, bench_pose *poses)
 {

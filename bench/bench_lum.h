@@ -4,10 +4,10 @@
 
 #include "bench/bench_align.h"
 
-/* How Lu and Milios are run. */
+/* Variants of Lu and Milios. */
 typedef int32_t bench_lum_way;
 enum {
-    /* links of 0.20 m and 60 degrees, looked for anew every 5 iterations */
+    /* links of 0.20 m and 60 degrees, searched anew every 5 iterations */
     BENCH_LUM_ALONE = 0,
     /* the same after sequential registration */
     BENCH_LUM_REGISTERED = 1,
@@ -19,8 +19,8 @@ enum {
  * [view->beam_count]. Returns their number. */
 int32_t bench_lum_hits(const cairn_scan_view *view, cairn_oriented_point *points);
 
-/* At most `iterations` of them. poses: the start, then the result; scans that no links join to
- * the first are flagged. 0 on failure, with a line on standard error. */
+/* At most `iterations` of them. poses: the start, then the result; scans without links to the first
+ * one's component are flagged. 0 on failure, with a line on standard error. */
 int bench_run_lum(const sim_scan *scans, int32_t count, int32_t iterations, bench_lum_way way,
                   bench_pose *poses, bench_run *run);
 

@@ -10,21 +10,21 @@
 #include "cairn/map_merge.h"
 #include "src/host/map_file_image.h"
 
-/* Pixels: the pairs whose transform the annotators fitted as well as this, and how far a map may
- * be off. */
+/* Pixels: the largest fitting error of annotated pairs that are used, and the tolerance of a placed
+ * map. */
 static const double FIT_MOST = 16, RIGHT_HALMSTAD = 20, RIGHT_PARTS = 10;
 
-/* With a probability of being wrong up to this no coarser cells are tried. */
+/* Up to this probability of error no coarser cells are tried. */
 static const double SURE = 0.001;
 
-/* Maps are made coarser while they have more cells to a side than MAX_SIDE_CELLS, or are not merged
+/* Maps are coarsened while they have more cells to a side than MAX_SIDE_CELLS, or are not merged
  * and keep MIN_SIDE_CELLS. */
 enum { MIN_SIDE_CELLS = 175, MAX_SIDE_CELLS = 800, MAX_NAME_BYTES = 64 };
 
-/* Pixels beyond which a wall is just far. */
+/* Pixels beyond which the distance of a wall is clipped. */
 enum { FAR = 40 };
 
-/* By which a map may be larger than the other one. */
+/* Factor by which a map may be larger than the other one. */
 enum { SIZES = 3 };
 static const double SIZE[SIZES] = {1, 0.97, 1.03};
 
@@ -34,7 +34,7 @@ typedef struct picture {
     int32_t width, height;
 } picture;
 
-/* q = turn and shift of p, in pixels. */
+/* q = rotation and shift of p, in pixels. */
 typedef struct shift {
     double cosine, sine, scale, x, y;
 } shift;
@@ -68,12 +68,12 @@ static int load(const char *folder, const char *name, picture *p)
     return p->cells != NULL;
 }
 
-/* size: side of a pixel in those of the target. */
+/* size: side of a pixel in pixels of the target. */
 static cairn_status add_coarse(cairn_map_merge *merge, const picture *p, int32_t k, double size,
-                               uint8_t *room)
+                               uint8_t *cells_of)
 {
     cairn_raster_u8_view fine = {p->cells, p->width, p->height, p->width};
-    cairn_raster_u8 coarse = {room, (p->width - 1) / k + 1, (p->height - 1) / k + 1,
+    cairn_raster_u8 coarse = {cells_of, (p->width - 1) / k + 1, (p->height - 1) / k + 1,
                               (p->width - 1) / k + 1};
     cairn_map_merge_map map;
     cairn_status status = cairn_map_merge_coarsen(fine, k, coarse);
@@ -84,8 +84,7 @@ static cairn_status add_coarse(cairn_map_merge *merge, const picture *p, int32_t
     return status == CAIRN_OK ? cairn_map_merge_add(merge, &map, NULL) : status;
 }
 
-/* Where `source` lies in `target`, in pixels. 1 and *found set when it was placed; -1 on
- * failure. */
+/* Pose of `source` in `target`, in pixels. 1 and *found set when it was placed; -1 on failure. */
 static int merge_at(const picture *target, const picture *source, int32_t k, double size,
                     const cairn_map_merge_params *base, cairn_map_merge_placed *found)
 {
@@ -93,7 +92,7 @@ static int merge_at(const picture *target, const picture *source, int32_t k, dou
     int32_t cells = target->width * target->height, own = source->width * source->height;
     cairn_status status = CAIRN_MORE;
     cairn_map_merge *merge = NULL;
-    uint8_t *room[2];
+    uint8_t *cells_of[2];
     cairn_pool pool;
     size_t bytes;
     void *memory;
@@ -105,13 +104,13 @@ static int merge_at(const picture *target, const picture *source, int32_t k, dou
     params.max_points = 4096;
     bytes = cairn_map_merge_memory(&params) + CAIRN_ALIGN;
     memory = malloc(bytes);
-    room[0] = malloc((size_t)cells);
-    room[1] = malloc((size_t)own);
-    ok = memory != NULL && room[0] != NULL && room[1] != NULL &&
+    cells_of[0] = malloc((size_t)cells);
+    cells_of[1] = malloc((size_t)own);
+    ok = memory != NULL && cells_of[0] != NULL && cells_of[1] != NULL &&
          cairn_pool_init(&pool, memory, bytes) == CAIRN_OK &&
          cairn_map_merge_create(&merge, &pool, &params) == CAIRN_OK &&
-         add_coarse(merge, target, k, 1, room[0]) == CAIRN_OK &&
-         add_coarse(merge, source, k, size, room[1]) == CAIRN_OK &&
+         add_coarse(merge, target, k, 1, cells_of[0]) == CAIRN_OK &&
+         add_coarse(merge, source, k, size, cells_of[1]) == CAIRN_OK &&
          cairn_map_merge_begin(merge, 0, NULL) == CAIRN_OK;
     while (ok && status == CAIRN_MORE) {
         cairn_budget budget = {CAIRN_UNBOUNDED};
@@ -121,8 +120,8 @@ static int merge_at(const picture *target, const picture *source, int32_t k, dou
     ok = ok && status == CAIRN_OK;
     if (ok)
         *found = cairn_map_merge_of(merge, 1);
-    free(room[0]);
-    free(room[1]);
+    free(cells_of[0]);
+    free(cells_of[1]);
     free(memory);
     return !ok ? -1 : found->verdict == CAIRN_MAP_MERGE_PLACED;
 }
@@ -133,21 +132,22 @@ static int32_t next_size(int32_t k)
     return k + (k + 1) / 2;
 }
 
-/* Where a source was placed, and how. */
+/* Pose of a source, and its evidence. */
 typedef struct finding {
     cairn_map_merge_placed placed;
     int32_t k;   /* pixels to a side of a cell; 0: none yet */
-    double size; /* of its pixels in those of the target */
+    double size; /* in pixels of the target */
 } finding;
 
-/* Whether it was placed comes first, then the evidence. */
+/* Compares first whether it was placed, then the evidence. */
 static int is_better(int placed, const cairn_map_merge_placed *tried, int best, const finding *f)
 {
     return f->k == 0 || placed > best || (placed == best && tried->support > f->placed.support);
 }
 
-/* Cells from fine to coarse until the place is sure; maps of several surveys differ in size by
- * some percent. As written: the cells of the maps, but MAX_SIDE_CELLS of them to a side at most. */
+/* Cells from fine to coarse until the place is certain; maps of several surveys differ in scale by
+ * some percent. As written: the cells of the maps, coarsened to at most MAX_SIDE_CELLS to a
+ * side. */
 static int merge_pair(const picture *target, const picture *source,
                       const cairn_map_merge_params *base, finding *f)
 {
@@ -176,7 +176,7 @@ static int merge_pair(const picture *target, const picture *source,
     }
 }
 
-/* Where the middle of a source's cell comes to lie. */
+/* Position of the middle of a source's cell in the target. */
 static cairn_vec2 placed_at(const finding *f, int32_t x, int32_t y)
 {
     cairn_vec2 p = {(cairn_real)((x + 0.5) * f->size), (cairn_real)((y + 0.5) * f->size)};
@@ -199,8 +199,8 @@ static double to_wall(const picture *target, cairn_vec2 p)
     return least;
 }
 
-/* Mean distance in pixels of the source's walls from those of the target: no truth is known of
- * parts of a map. */
+/* Mean distance in pixels of the source's walls from those of the target: parts of a map have no
+ * ground truth. */
 static double distance_to_walls(const picture *target, const picture *source, const finding *found)
 {
     double sum = 0;
@@ -217,7 +217,7 @@ static double distance_to_walls(const picture *target, const picture *source, co
     return count > 0 ? sum / (double)count : (double)NAN;
 }
 
-/* Mean distance in pixels of the source's walls from where the truth puts them. */
+/* Mean distance in pixels of the source's walls from their true positions. */
 static double displacement(const picture *source, shift truth, const finding *found)
 {
     double sum = 0;
@@ -302,7 +302,7 @@ static int run_halmstad(const char *folder, const cairn_map_merge_params *base, 
     return 1;
 }
 
-/* Parts of a map onto the whole. */
+/* Parts of a map placed in the whole. */
 static void run_parts(const char *folder, const cairn_map_merge_params *base, tally *t)
 {
     picture whole = {"", NULL, 0, 0};

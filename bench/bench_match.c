@@ -7,8 +7,8 @@
 
 #include "cairn/random.h"
 
-static const double APART = 1000; /* m, between an arena and a strange one */
-static const uint64_t STRANGE_SEED = 1000000;
+static const double APART = 1000; /* m, between an arena and an unrelated one */
+static const uint64_t OTHER_ARENA_SEED = 1000000;
 
 /* ---- Problems ---- */
 
@@ -37,8 +37,8 @@ void bench_match_free(bench_match_problem *p)
     free(p->first_scan);
 }
 
-/* Frames of the places by the truth: where the first scan was taken; as written with one
- * heading, that of the first scan of all, up to its error, which the first place does not have. */
+/* Frames of the places by the truth: the pose of the first scan; as written with one heading, that
+ * of the first scan of all, up to its error, which the first place does not have. */
 static void place_frames(const bench_match_settings *s, uint64_t seed, bench_match_problem *p)
 {
     cairn_random random = cairn_random_seed(seed, 93);
@@ -81,7 +81,7 @@ static void place_scans(const bench_match_settings *s, uint64_t seed, bench_matc
     }
 }
 
-/* Surveys an arena; its places follow those that are there, and lie far from them. */
+/* Surveys an arena; its places are appended, far from the earlier ones. */
 static int add_survey(const bench_match_settings *s, uint64_t seed, int32_t index, int32_t places,
                       bench_match_problem *p)
 {
@@ -124,13 +124,13 @@ static int add_survey(const bench_match_settings *s, uint64_t seed, int32_t inde
 
 int bench_match_make(const bench_match_settings *s, uint64_t seed, bench_match_problem *p)
 {
-    int32_t strange = s->strangers;
+    int32_t unrelated = s->unrelated;
     int done;
     size_t n;
 
     memset(p, 0, sizeof *p);
-    done = add_survey(s, seed, 0, (int32_t)s->places - strange, p) &&
-           (strange == 0 || add_survey(s, seed + STRANGE_SEED, 1, strange, p));
+    done = add_survey(s, seed, 0, (int32_t)s->places - unrelated, p) &&
+           (unrelated == 0 || add_survey(s, seed + OTHER_ARENA_SEED, 1, unrelated, p));
     n = (size_t)p->scan_count;
     if (done) {
         p->bad_share = share_of_bad_beams(p);

@@ -20,18 +20,18 @@ typedef struct bench_match_settings {
     double tilt, movers;
     /* m, degrees */
     double sub_error[2];
-    int32_t walkers, strangers;
+    int32_t walkers, unrelated;
     /* 1: the scans of all places have the same headings, as in the thesis */
     int32_t same_headings;
-    /* 1: the method and the setting of chapter 6: headings of places are the same, and known, up
-     * to ... */
+    /* 1: the method and the setting of chapter 6: headings of places are equal and known up to
+     * ... */
     int32_t as_written;
     /* ... uniform +-, degrees */
     double heading_error;
 } bench_match_settings;
 
-/* What a mapper is given of an arena, or of two that have nothing to do with each other, and the
- * truth that it is not. */
+/* The input of a mapper from an arena, or from two unrelated ones, and the truth, which it does not
+ * see. */
 typedef struct bench_match_problem {
     sim_arena *arena[2];
     sim_survey *survey[2];
@@ -40,7 +40,7 @@ typedef struct bench_match_problem {
     double bad_share;       /* of the beams: on movers or the floor */
     cairn_pose *place_scan; /* [scan_count] pose of the scan in its place, as given to the mapper */
     sim_pose *truth;        /* [scan_count] */
-    sim_pose *frame;        /* [place_count] of the places, by the truth */
+    sim_pose *frame;        /* [place_count] true poses of the places */
     int32_t *first_scan;    /* [place_count] */
 } bench_match_problem;
 
@@ -58,11 +58,10 @@ typedef struct bench_match_machine {
     cairn_place_map *map;
 } bench_match_machine;
 
-/* 0: no memory. The memory is the caller's to free in either case. */
+/* 0: memory is insufficient. The caller frees the memory in either case. */
 int bench_match_machine_make(const cairn_place_map_params *params, bench_match_machine *machine);
 
-/* What the machine's scan reader makes of a scan, valid until the next one; empty where it
- * refuses. */
+/* The scan reader's view of a scan, valid until the next one; empty where it refuses. */
 cairn_scan_view bench_match_view(bench_match_machine *machine, const sim_scan *scan,
                                  cairn_status *status);
 

@@ -12,15 +12,15 @@ enum { STAGES = 5, BEFORE = 3, ABLATED_POINTS = 4096, ABLATED_BEAMS = 8192 };
 
 /* rotations that are tried: -2 ... 2 degrees */
 static const double WRITTEN_WINDOW = 2 * BENCH_DEGREE;
-/* m between the points of a right correspondence, the query in its true place */
+/* m between the points of a right correspondence, at the true pose of the query */
 static const double RIGHT_PAIR = 0.25;
 
 typedef struct ablation {
     int64_t pairs, pairs_right, matches, right, within_half, units;
 } ablation;
 
-/* The points of the scans of a place, as written its readings, in the frame of another place by
- * the truth. */
+/* The points of the scans of a place, as written its readings, in the frame of another place by the
+ * truth. */
 static int32_t points_of_place(const bench_match_problem *p, bench_match_machine *m, int32_t place,
                                int32_t seen_from, int32_t as_written, cairn_oriented_point *out)
 {
@@ -48,15 +48,15 @@ static int32_t points_of_place(const bench_match_problem *p, bench_match_machine
     return count;
 }
 
-/* Matches a place with the union of the last three in their true places, the heading known, as
- * in the thesis. Both point sets are in the frame of the place, but for the target's shift.
- * angle: half of the window, rad. */
+/* Matches a place with the union of the last three at their true poses, the heading known, as in
+ * the thesis. Both point sets are in the frame of the place, up to the target's shift. angle: half
+ * of the window, rad. */
 static int ablate_match(cairn_scan_match *match, const cairn_oriented_point *query, int32_t count,
                         const cairn_oriented_point *target, int32_t target_count, cairn_pose shift,
                         double angle, ablation *out)
 {
     const cairn_scan_match_window window = {20, (cairn_real)angle};
-    cairn_scan_match_part asked = {query, NULL, NULL, count, 0, 0},
+    cairn_scan_match_part query_part = {query, NULL, NULL, count, 0, 0},
                           known = {target, NULL, NULL, target_count, 0, 0};
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_scan_match_result found;
@@ -64,7 +64,8 @@ static int ablate_match(cairn_scan_match *match, const cairn_oriented_point *que
 
     cairn_scan_match_clear_target(match);
     if (cairn_scan_match_add_target(match, &known, shift, NULL) != CAIRN_OK ||
-        cairn_scan_match_begin(match, &asked, cairn_pose_identity(), &window, NULL) != CAIRN_OK)
+        cairn_scan_match_begin(match, &query_part, cairn_pose_identity(), &window, NULL) !=
+            CAIRN_OK)
         return 0;
     while ((status = cairn_scan_match_step(match, &budget)) == CAIRN_MORE)
         budget.left = CAIRN_UNBOUNDED;

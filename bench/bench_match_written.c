@@ -35,7 +35,7 @@ static int map_stage(const bench_match_settings *settings, const bench_match_pro
     return done;
 }
 
-/* found: of shape alone, and with ICP. */
+/* found: after the shape stage alone, and with ICP. */
 static int draw_errors(const char *path, const bench_match_problem *p, const sim_pose *by_shape,
                        const sim_pose *by_icp)
 {

@@ -51,9 +51,9 @@ static void draw_pairs(bench_collection *c, int32_t first, int32_t end, int64_t 
     }
 }
 
-static void add_stranger(bench_collection *c, int32_t target, int32_t query)
+static void add_unrelated(bench_collection *c, int32_t target, int32_t query)
 {
-    c->strangers[c->stranger_count++] = pair_of(target, query);
+    c->unrelated[c->unrelated_count++] = pair_of(target, query);
 }
 
 /* ---- Simulated ---- */
@@ -101,7 +101,7 @@ static void bound_pairs(bench_collection *c, const sim_arena *arena, const sim_s
     }
 }
 
-/* Share of the query's points that lie within 0.15 m of a target's point of like direction, at
+/* Share of the query's points that lie within 0.15 m of a target's point of similar direction, at
  * the truth. */
 static double true_overlap(const bench_view *target, const bench_view *query)
 {
@@ -123,10 +123,10 @@ static double true_overlap(const bench_view *target, const bench_view *query)
     return query->part.count > 0 ? (double)near / query->part.count : 0;
 }
 
-/* All pairs of views[first ... end-1] with enough overlap, either way; those with none are
- * strangers. */
+/* All pairs of views[first ... end-1] with enough overlap, in both orders; those without any are
+ * unrelated pairs. */
 static void pair_places(const bench_pairs_settings *s, bench_collection *c, int32_t first,
-                        int32_t end, size_t room)
+                        int32_t end, size_t capacity)
 {
     for (int32_t a = first; a < end; a++)
         for (int32_t b = first; b < end; b++) {
@@ -135,18 +135,18 @@ static void pair_places(const bench_pairs_settings *s, bench_collection *c, int3
             if (a == b)
                 continue;
             overlap = true_overlap(&c->views.at[a], &c->views.at[b]);
-            if (overlap >= s->overlap && (size_t)c->pair_count < room) {
+            if (overlap >= s->overlap && (size_t)c->pair_count < capacity) {
                 c->pairs[c->pair_count++] = pair_of(a, b);
-            } else if (overlap < 0.02 && (size_t)c->stranger_count < room) {
-                add_stranger(c, a, b);
+            } else if (overlap < 0.02 && (size_t)c->unrelated_count < capacity) {
+                add_unrelated(c, a, b);
             }
         }
 }
 
 /* Every view of views[first ... end-1] with the union of the others. */
-static void pair_with_others(bench_collection *c, int32_t first, int32_t end, size_t room)
+static void pair_with_others(bench_collection *c, int32_t first, int32_t end, size_t capacity)
 {
-    for (int32_t query = first; query < end && (size_t)c->pair_count < room; query++) {
+    for (int32_t query = first; query < end && (size_t)c->pair_count < capacity; query++) {
         bench_pair *p = &c->pairs[c->pair_count++];
 
         *p = pair_of(query > first ? first : first + 1, query);
@@ -195,8 +195,8 @@ static int add_arena(const bench_pairs_settings *s, bench_collection *c, uint64_
         if (!s->unions)
             bound_pairs(c, arena, scans, first_pair);
         for (int32_t i = 0; i < PAIRS_PER_ARENA && first > 0 && !s->places; i++)
-            add_stranger(c, first + cairn_random_below(&random, count),
-                         first - 1 - cairn_random_below(&random, count));
+            add_unrelated(c, first + cairn_random_below(&random, count),
+                          first - 1 - cairn_random_below(&random, count));
     } else {
         fprintf(stderr, "bench/pairs: %s\n", fault);
     }
@@ -272,14 +272,14 @@ static int collect_log(const bench_pairs_settings *s, bench_collection *c)
            read_truth(s->truth, &log, c);
     if (done) {
         draw_pairs(c, 0, c->views.count, s->partners, (int32_t)s->pairs, &random);
-        for (int64_t attempt = 0; attempt < 1000 * s->pairs && c->stranger_count < s->pairs;
+        for (int64_t attempt = 0; attempt < 1000 * s->pairs && c->unrelated_count < s->pairs;
              attempt++) {
             int32_t a = cairn_random_below(&random, c->views.count),
                     b = cairn_random_below(&random, c->views.count);
             cairn_pose t = cairn_pose_between(c->views.at[a].truth, c->views.at[b].truth);
 
             if (hypot((double)t.x, (double)t.y) > 15)
-                add_stranger(c, a, b);
+                add_unrelated(c, a, b);
         }
     }
     cairn_carmen_log_scans_free(&log);
@@ -288,18 +288,18 @@ static int collect_log(const bench_pairs_settings *s, bench_collection *c)
 
 int bench_pairs_collect(const bench_pairs_settings *s, bench_collection *c)
 {
-    size_t room = (size_t)s->pairs + PAIRS_PER_ARENA;
+    size_t capacity = (size_t)s->pairs + PAIRS_PER_ARENA;
     int collected;
 
     memset(c, 0, sizeof *c);
-    c->pairs = malloc(room * sizeof *c->pairs);
-    c->strangers = malloc(2 * room * sizeof *c->strangers);
-    collected = c->pairs != NULL && c->strangers != NULL &&
+    c->pairs = malloc(capacity * sizeof *c->pairs);
+    c->unrelated = malloc(2 * capacity * sizeof *c->unrelated);
+    collected = c->pairs != NULL && c->unrelated != NULL &&
                 (s->simulated || s->places ? collect_simulated(s, c) : collect_log(s, c));
     if (c->pair_count > s->pairs)
         c->pair_count = (int32_t)s->pairs;
-    if (c->stranger_count > s->pairs)
-        c->stranger_count = (int32_t)s->pairs;
+    if (c->unrelated_count > s->pairs)
+        c->unrelated_count = (int32_t)s->pairs;
     return collected;
 }
 
@@ -307,5 +307,5 @@ void bench_pairs_free(bench_collection *c)
 {
     bench_views_free(&c->views);
     free(c->pairs);
-    free(c->strangers);
+    free(c->unrelated);
 }

@@ -28,11 +28,11 @@ typedef struct bench_collection {
     bench_views views;
     bench_pair *pairs;
     int32_t pair_count;
-    bench_pair *strangers;
-    int32_t stranger_count;
+    bench_pair *unrelated;
+    int32_t unrelated_count;
 } bench_collection;
 
-/* Views, pairs and strangers, at most `pairs` of each. 0: a line on standard error; free in
+/* Views, pairs and unrelated pairs, at most `pairs` of each. 0: a line on standard error; free in
  * either case. */
 int bench_pairs_collect(const bench_pairs_settings *settings, bench_collection *collection);
 

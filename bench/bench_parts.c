@@ -9,7 +9,7 @@
 #include "bench/bench_score.h"
 #include "cairn/random.h"
 
-/* Points drawn per place that is chosen: the farthest from those chosen before is taken. */
+/* Random points per chosen place: the farthest from those chosen before is taken. */
 enum { DRAWS = 12, BEAMS = 720, HALVINGS = 10, ROUNDS = 2 };
 
 static const double TURN = 6.283185307179586;
@@ -19,7 +19,7 @@ static double uniform(cairn_random *random, double low, double high)
     return low + (high - low) * (double)cairn_random_unit(random);
 }
 
-/* ---- Where the robots go ---- */
+/* ---- Places of the robots ---- */
 
 /* A reachable point of the part, far from those chosen so far; 0 when none was found. */
 static int choose_place(const sim_arena *arena, const bench_part *part, const sim_pose *chosen,
@@ -196,7 +196,7 @@ static void set_margin(bench_part *a, bench_part *b, int axis, double margin)
     cut_part(b);
 }
 
-/* The margin between two neighbours at which they share as much as they should. */
+/* The margin between two neighbours at which they have the requested overlap. */
 static void set_pair(bench_parts *parts, int32_t a, int32_t b, int axis, double overlap,
                      double most)
 {
@@ -214,8 +214,8 @@ static void set_pair(bench_parts *parts, int32_t a, int32_t b, int axis, double 
     set_margin(&parts->list[a], &parts->list[b], axis, high);
 }
 
-/* All pairs of neighbours in turn, and again: one margin has a little to say about the shares of
- * the others. */
+/* All pairs of neighbours in turn, repeatedly: a margin slightly affects the overlaps of the
+ * others. */
 static void set_overlap(bench_parts *parts, double overlap, double most)
 {
     for (int round = 0; round < ROUNDS; round++)

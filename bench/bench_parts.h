@@ -29,7 +29,7 @@ typedef struct bench_parts_options {
     uint64_t seed;
     const char *scene;
     int32_t robots;
-    /* share of the smaller map's known cells that neighbours share, each pair of them */
+    /* share of the smaller map's known cells that each pair of neighbours has in common */
     double overlap;
     /* m, side of the part of one robot, overlap included */
     double tile;
@@ -44,7 +44,7 @@ typedef struct bench_parts_options {
 typedef struct bench_parts {
     bench_part *list; /* [count] */
     int32_t count;
-    double overlap; /* median over neighbours, as it came out */
+    double overlap; /* median over neighbours, as measured */
     double resolution;
 } bench_parts;
 

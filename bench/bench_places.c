@@ -22,8 +22,8 @@ void bench_pose_errors(const sim_pose *truth, const sim_pose *poses, int32_t cou
     }
 }
 
-/* End points of the beams of all scans, in the frames of the scans: scans[k].point into one
- * array; NULL: no memory. */
+/* End points of the beams of all scans, in the frames of the scans: scans[k].point into one array;
+ * NULL: memory is insufficient. */
 static cairn_vec2 *hits_of(const sim_scan *sims, int32_t count, cairn_report_scan *scans)
 {
     size_t beams = 0, used = 0;
@@ -90,7 +90,7 @@ int bench_draw_maps(const char *path, const char *heading, const char *const tit
 
 /* ---- Errors ---- */
 
-/* How many times larger errors are drawn: a power of ten, such that the median is at most half a
+/* Magnification of the drawn errors: a power of ten, such that the median is at most half a
  * metre. */
 static double enlargement(const sim_scan *sims, int32_t count, const sim_pose *poses,
                           double *median)

@@ -39,7 +39,7 @@ static void rank(const double *values, int32_t count, ranked *work, double *rank
     }
 }
 
-/* Pearson's correlation; NaN when one of them does not vary. */
+/* Pearson's correlation; NaN when one of them is constant. */
 static double correlation(const double *a, const double *b, int32_t count)
 {
     double mean_a = 0, mean_b = 0, ab = 0, aa = 0, bb = 0;
@@ -56,7 +56,7 @@ static double correlation(const double *a, const double *b, int32_t count)
     return aa > 0 && bb > 0 ? ab / sqrt(aa * bb) : (double)NAN;
 }
 
-/* Room for the maps of one step. */
+/* Memory for the maps of one step. */
 typedef struct ranking {
     double *measure, *error, *measure_rank, *error_rank;
     ranked *work;

@@ -8,7 +8,7 @@
 typedef struct bench_predict_maps {
     const double *measure, *error;
     int32_t arenas, methods, steps;
-    double good; /* maps of errors that are not below do not enter */
+    double good; /* maps of greater errors are ignored */
 } bench_predict_maps;
 
 typedef struct bench_prediction {
@@ -17,11 +17,11 @@ typedef struct bench_prediction {
 } bench_prediction;
 
 /* Spearman's rank correlation over the maps of all arenas and methods after the same number of
- * steps; the mean over the steps, weighted by their maps. The interval of 95 % is of 1000 draws
- * of arenas. 0 when memory is lacking. */
+ * steps; the mean over the steps, weighted by their maps. The interval of 95 % is by 1000 bootstrap
+ * draws of arenas. 0 when memory is insufficient. */
 int bench_predict(const bench_predict_maps *all, uint64_t seed, bench_prediction *p);
 
-/* Its keys, each with the name before it, into the line of JSON that was begun. */
+/* Writes its keys, each prefixed with the name, into the open line of JSON. */
 void bench_predict_print(const char *name, const bench_prediction *p);
 
 #endif

@@ -11,18 +11,18 @@
 
 enum { RECTANGLES = 4, PIECES = 256, STRAYS = 12 };
 
-typedef struct sighting {
+typedef struct observation {
     cairn_rectangle truth[RECTANGLES];
     cairn_segment pieces[PIECES];
     int32_t count;
-} sighting;
+} observation;
 
 static double uniform(cairn_random *random, double low, double high)
 {
     return (double)cairn_random_uniform(random, (cairn_real)low, (cairn_real)high);
 }
 
-static void add_piece(sighting *s, cairn_vec2 a, cairn_vec2 b, cairn_random *random)
+static void add_piece(observation *s, cairn_vec2 a, cairn_vec2 b, cairn_random *random)
 {
     const double noise = 0.015;
     cairn_segment *piece = &s->pieces[s->count++];
@@ -34,7 +34,7 @@ static void add_piece(sighting *s, cairn_vec2 a, cairn_vec2 b, cairn_random *ran
 }
 
 /* Draws 60 % of every side as two segments with random gaps. */
-static void see_rectangle(sighting *s, const cairn_rectangle *r, cairn_random *random)
+static void see_rectangle(observation *s, const cairn_rectangle *r, cairn_random *random)
 {
     cairn_vec2 corner[4];
 
@@ -51,11 +51,11 @@ static void see_rectangle(sighting *s, const cairn_rectangle *r, cairn_random *r
     }
 }
 
-/* Rooms in the quarters of a square of 24 m, and walls that belong to nothing. */
-static sighting make_sighting(uint64_t seed)
+/* Rooms in the quarters of a square of 24 m, and isolated walls. */
+static observation make_observation(uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 81);
-    sighting s;
+    observation s;
 
     memset(&s, 0, sizeof s);
     for (int i = 0; i < RECTANGLES; i++) {
@@ -98,8 +98,8 @@ static int is_same(const cairn_rectangle *a, const cairn_rectangle *b)
     return 1;
 }
 
-/* Adds how many of a scene's rectangles were found, and how many others. */
-static void count_found(const sighting *s, const cairn_rectangle *list, int32_t count,
+/* Counts a scene's rectangles that were found, and false ones. */
+static void count_found(const observation *s, const cairn_rectangle *list, int32_t count,
                         int32_t *found, int32_t *wrong)
 {
     for (int i = 0; i < RECTANGLES; i++) {
@@ -121,7 +121,7 @@ static void count_found(const sighting *s, const cairn_rectangle *list, int32_t 
 int bench_rectangles_find(uint64_t seed, int32_t *there, int32_t *found, int32_t *wrong)
 {
     cairn_rectangle_params params = cairn_virtual_scan_default().rectangle;
-    sighting sight = make_sighting(seed);
+    observation seen = make_observation(seed);
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_rectangle_set *set = NULL;
     cairn_pool pool;
@@ -134,14 +134,14 @@ int bench_rectangles_find(uint64_t seed, int32_t *there, int32_t *found, int32_t
     memory = malloc(bytes);
     done = memory != NULL && cairn_pool_init(&pool, memory, bytes) == CAIRN_OK &&
            cairn_rectangle_create(&set, &pool, &params) == CAIRN_OK &&
-           cairn_rectangle_begin(set, sight.pieces, sight.count) == CAIRN_OK &&
+           cairn_rectangle_begin(set, seen.pieces, seen.count) == CAIRN_OK &&
            cairn_rectangle_step(set, &budget) == CAIRN_OK;
     if (done) {
         int32_t count;
         const cairn_rectangle *list = cairn_rectangle_list(set, &count);
 
         *there += RECTANGLES;
-        count_found(&sight, list, count, found, wrong);
+        count_found(&seen, list, count, found, wrong);
     }
     free(memory);
     return done;

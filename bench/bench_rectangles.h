@@ -5,8 +5,8 @@
 
 #include <stdint.h>
 
-/* Looks for them as virtual_scan does. Adds how many there were, how many were found, and how
- * many others. 0 on failure. */
+/* Searches as virtual_scan does. Adds the numbers of true rectangles, of those found, and of false
+ * ones. 0 on failure. */
 int bench_rectangles_find(uint64_t seed, int32_t *there, int32_t *found, int32_t *wrong);
 
 #endif

@@ -15,7 +15,7 @@ typedef struct raster {
     uint8_t cell[SIDE * SIDE]; /* 1: inside */
     int32_t at[CELLS * CELLS * 2];
     int32_t count;             /* of cells inside */
-    double size, x, y;         /* of a cell in px, and where cell (0, 0) lies */
+    double size, x, y;         /* of a cell in px, and the position of cell (0, 0) */
     double middle_x, middle_y; /* in cells */
 } raster;
 
@@ -70,7 +70,7 @@ static double overlap_of(const raster *r, double angle, double offset, int32_t s
     return all > 0 ? both / (2.0 * all - both) : 0;
 }
 
-/* Climbs to the best axis near one. */
+/* Hill climbing to the best axis near one. */
 static bench_reflection climb(const raster *r, bench_reflection axis)
 {
     double step_angle = PI / COARSE / 2, step_offset = 1;

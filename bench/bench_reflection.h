@@ -5,7 +5,7 @@
 #include "cairn/curve.h"
 
 enum { BENCH_REFLECTIONS = 8 };
-/* Axes as good as the best differ from it by so much overlap. */
+/* Axes whose overlap is less than the best one's by up to this are equally good. */
 #define BENCH_AS_GOOD 0.02
 
 /* Points p with cos(angle) y - sin(angle) x = offset, in pixels of the outlines. */
@@ -15,23 +15,23 @@ typedef struct bench_reflection {
 } bench_reflection;
 
 typedef struct bench_reflections {
-    /* [count] best first, those as good as the best, 10 degrees apart */
+    /* [count] best first, those equal to the best, 10 degrees apart */
     bench_reflection axes[BENCH_REFLECTIONS];
     int32_t count;
     /* of the shape's box */
     double diagonal;
 } bench_reflections;
 
-/* outlines: the shape's, then those of its holes. 0: there is no memory. */
+/* outlines: the shape's, then those of its holes. 0: memory is insufficient. */
 int bench_reflections_find(bench_reflections *found, const cairn_curve *outlines, int32_t count);
 
-/* 1 when the line through two points is within 5 degrees of one of the axes that were found and,
- * at the shape's middle, 3 % of the diagonal. */
+/* 1 when the line through two points is within 5 degrees of one of the axes found and, at the
+ * shape's middle, within 3 % of the diagonal. */
 int bench_reflections_hit(const bench_reflections *found, cairn_vec2 from, cairn_vec2 to,
                           cairn_vec2 middle);
 
-/* Intersection over union of the shape and its mirror image in the line through two points. 0,
- * too, when there is no memory. */
+/* Intersection over union of the shape and its mirror image in the line through two points. 0 also
+ * when memory is insufficient. */
 double bench_reflections_overlap(const cairn_curve *outlines, int32_t count, cairn_vec2 from,
                                  cairn_vec2 to);
 

@@ -56,8 +56,8 @@ static int in_table(const table *t, double x, double y)
     return fabs(c * dx + s * dy) <= t->half[0] && fabs(c * dy - s * dx) <= t->half[1];
 }
 
-/* Walls of a room, with a door in the middle of the south and of the north one, and of the west
- * one when it has one. */
+/* Walls of a room, with a door in the middle of the south and north walls, and of the west wall of
+ * one room. */
 static int in_room_walls(int room, double x, double y)
 {
     int west_door = room == 5, north_door = room != 1 && room < 4, south_door = room != 5 || x > 0;
@@ -91,7 +91,7 @@ static int is_wall(const building *b, double x, double y)
     return 0;
 }
 
-/* What lies beyond the faces of walls is not known, nor the inside of a table. */
+/* The area beyond the faces of walls is unknown, and so is the inside of a table. */
 static uint8_t cell_at(const building *b, const box *seen, int count, double x, double y)
 {
     for (int i = 0; i < count; i++)

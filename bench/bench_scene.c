@@ -133,7 +133,8 @@ static int is_inside(const void *shape, double x, double y)
     return inside[s->family](s->vary, x, y);
 }
 
-/* What a pixel of the square is: 0 background, 1 the shape, 2 not yet known, 3 and above a hole. */
+/* Label of a pixel of the square: 0 background, 1 the shape, 2 not known yet, 3 and above a
+ * hole. */
 static void spread(uint8_t *label, int32_t from, uint8_t as)
 {
     static int32_t stack[OUTLINE_PIXELS];
@@ -155,7 +156,7 @@ static void spread(uint8_t *label, int32_t from, uint8_t as)
     }
 }
 
-/* Goes round the pixels of a label (Moore's neighbours), from the topmost. */
+/* Traces the border of a label (Moore's neighbours), from the topmost pixel. */
 static int32_t go_round(const uint8_t *label, uint8_t of, int32_t from, cairn_vec2 *vertices,
                         int32_t most)
 {
@@ -290,7 +291,7 @@ static void mark_boundary(scene *s)
     }
 }
 
-/* A disc about a place of the boundary, as large as it takes to hide its share. */
+/* A disc about a place of the boundary, large enough to hide the requested share. */
 static void hide(scene *s, double share, cairn_random *random)
 {
     int32_t total = 0, chosen, at = -1;

@@ -15,8 +15,8 @@ typedef struct scene_shape {
     double vary[SCENE_SHAPE]; /* -1 ... 1 each */
 } scene_shape;
 
-/* What a scene may show besides the families: anything that says which places of a square from
- * -0.5 to 0.5 are within. */
+/* A figure other than the families: a function that tests which places of a square from -0.5 to 0.5
+ * are inside. */
 typedef struct scene_figure {
     int (*contains)(const void *shape, double x, double y);
     const void *shape;
@@ -27,25 +27,26 @@ typedef struct scene_options {
     int32_t clutter; /* objects */
     double noise;    /* sigma, grey levels */
     double hidden;   /* share of the boundary, 0: none */
-    int32_t without; /* 1: the object is not there */
+    int32_t without; /* 1: the object is absent */
 } scene_options;
 
 typedef struct scene {
     float grey[SCENE_PIXELS];
-    uint8_t edges[SCENE_PIXELS];  /* strength, 0: none */
-    uint8_t truth[SCENE_PIXELS];  /* 1: boundary of the object, hidden or not; 2: and not hidden */
+    uint8_t edges[SCENE_PIXELS]; /* strength, 0: none */
+    /* 1: boundary of the object, hidden or not; 2: visible boundary */
+    uint8_t truth[SCENE_PIXELS];
     uint8_t inside[SCENE_PIXELS]; /* 1: of the object */
     double box[4];                /* of the object: least x, y, most x, y */
-    double at[2], size, turn;     /* px, rad: where its square lies */
+    double at[2], size, turn;     /* px, rad: pose of its square */
 } scene;
 
 const char *scene_family_name(int32_t family);
 
-/* A member of a family, by chance. */
+/* A random member of a family. */
 scene_shape scene_shape_draw(int32_t family, cairn_random *random);
 
-/* The outlines of a member, 240 px high: its own, then those of its holes, at most `most`
- * vertices one after another; counts: of each. The number of outlines. */
+/* The outlines of a member, 240 px high: its own, then those of its holes, at most `most` vertices
+ * one after another; counts: of each. Returns the number of outlines. */
 int32_t scene_outlines(const scene_shape *shape, cairn_vec2 *vertices, int32_t most,
                        int32_t counts[SCENE_OUTLINES]);
 

@@ -40,8 +40,8 @@ static int32_t agreeing(const sim_pose *truth, const sim_pose *estimates, const 
     return agree;
 }
 
-/* Least squares over positions (and, where these say nothing of the heading, over headings) of
- * the scans that agree. */
+/* Least squares over positions (and over headings where positions do not determine the heading) of
+ * the agreeing scans. */
 static sim_pose refine(const sim_pose *truth, const sim_pose *estimates, const int32_t *use,
                        int32_t count, sim_pose motion, double metres, double radians)
 {
@@ -99,9 +99,9 @@ int32_t bench_fit_common(const sim_pose *truth, const sim_pose *estimates, const
 
         if (!use[i])
             continue;
-        /* The motion that brings scan i onto its truth, then, ROUNDS times, onto the mean of all
-         * that agree, which by then are the same as a rule. A motion before that is no fit, even
-         * if more agree with it. */
+        /* The motion that moves scan i onto its truth, refined ROUNDS times to the mean of all
+         * agreeing scans. The motion before the refinement is never the result, even if more scans
+         * agree with it. */
         motion = bench_pose_compose(truth[i], bench_pose_between(estimates[i], origin));
         for (int round = 0; round < ROUNDS; round++)
             motion = refine(truth, estimates, use, count, motion, metres, radians);

@@ -8,8 +8,8 @@ sim_pose bench_pose_compose(sim_pose a_b, sim_pose b_c);
 sim_pose bench_pose_between(sim_pose a_b, sim_pose a_c);
 
 /* Moves estimates[0 ... count-1] by the rigid motion that brings the most of those with use[i]
- * within `metres` and `radians` of truth, fitted by least squares on these; returns how many
- * they are. moved: [count], may be estimates. */
+ * within `metres` and `radians` of the truth, fitted by least squares to these; returns their
+ * number. moved: [count], may be estimates. */
 int32_t bench_fit_common(const sim_pose *truth, const sim_pose *estimates, const int32_t *use,
                          int32_t count, double metres, double radians, sim_pose *moved);
 

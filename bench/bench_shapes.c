@@ -10,9 +10,9 @@
 
 #define PI     3.14159265358979324
 #define LENGTH 200.0
-/* Vertices of a swept outline are so far apart, in px. */
+/* Spacing of the vertices of a swept outline, in px. */
 #define SPACING 4.0
-/* Widths stay below this share of the axis's radius, so that no ribs cross. */
+/* Bound of the widths as a share of the axis's radius of curvature, so that no ribs cross. */
 #define LEAN 0.8
 
 enum { RIBS = 400, WAVES = 3 };
@@ -62,7 +62,7 @@ static double half_width(const profile *p, double t)
 
 /* ---- Swept shapes ---- */
 
-/* Where a place beside an axis lies that starts along x and bends to the left. */
+/* Position at an offset from an axis that starts along x and bends to the left. */
 static cairn_vec2 bent(double along, double aside, double bend)
 {
     double turned = bend * along / LENGTH, radius = LENGTH / bend;
@@ -72,7 +72,7 @@ static cairn_vec2 bent(double along, double aside, double bend)
     return vec2((radius - aside) * sin(turned), radius - (radius - aside) * cos(turned));
 }
 
-/* Turns and shifts a shape, and lets it begin anywhere. */
+/* Rotates and shifts a shape, and rotates its list of vertices. */
 static void place_shape(bench_shape *shape, cairn_random *random)
 {
     double turn = uniform(random, -PI, PI), x = uniform(random, 200, 400),
@@ -176,8 +176,8 @@ static int is_inside(const profile *body, const limb *limbs, double x, double y)
     return 0;
 }
 
-/* The share of the outline's length at which it comes nearest to a point; -1: it stays more than
- * 3 px away. */
+/* The share of the outline's length at which it is nearest to a point; -1: more than 3 px away
+ * everywhere. */
 static double place_near(const bench_shape *shape, double x, double y)
 {
     double before = 0, nearest = 3, place = -1;

@@ -63,7 +63,7 @@ void skeleton_add_found(skeleton_places *p, const cairn_skeleton_grouping_result
     }
 }
 
-/* The nearest of the others; -1: there is none within `most`. */
+/* The nearest of the others; -1: none within `most`. */
 static int32_t nearest(const skeleton_places *others, const skeleton_place *p, double most)
 {
     double best = most * most;

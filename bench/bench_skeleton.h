@@ -23,21 +23,21 @@ skeleton_place skeleton_place_of(const cairn_skeleton_grouping_point *q);
 /* Adds places a pixel apart from a to b; those beyond SKELETON_PLACES are left out. */
 void skeleton_add_way(skeleton_places *p, skeleton_place a, skeleton_place b);
 
-/* The true axes of a scene's object; the axes of the likeliest object that was found, or (all:
- * 1) of all of them, ends led to where they join. */
+/* The true axes of a scene's object; the axes of the likeliest detected object, or (all: 1) of all
+ * of them, with ends extended to their junctions. */
 void skeleton_add_truth(skeleton_places *p, const scene *s, const sweep_shape *shape);
 void skeleton_add_found(skeleton_places *p, const cairn_skeleton_grouping_result *r, int all);
 
-/* F of the places that lie within 1 % of the scene's diagonal of the others. */
+/* F measure of the places within 1 % of the scene's diagonal of the others. */
 double skeleton_axis_f(const skeleton_places *found, const skeleton_places *truth);
 
-/* Median share that the radius is off, where the axis is right; NaN: nowhere. */
+/* Median relative error of the radius, where the axis is right; NaN: nowhere. */
 double skeleton_radius_error(const skeleton_places *found, const skeleton_places *truth);
 
-/* The union of the discs over that with the object. */
+/* Intersection over union of the union of discs with the object. */
 double skeleton_discs_iou(const skeleton_places *found, const scene *s);
 
-/* F of the contours of the likeliest object, or (all: 1) of all, at 3 px. */
+/* F measure of the contours of the likeliest object, or (all: 1) of all, at 3 px. */
 double skeleton_boundary_f(const cairn_skeleton_grouping_result *r, const scene *s, int all);
 
 #endif

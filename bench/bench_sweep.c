@@ -17,10 +17,10 @@ const char *sweep_family_name(int32_t family)
     return name[family];
 }
 
-/* How a limb runs on from where it begins. */
+/* Continuation of a limb from its start. */
 typedef struct limb {
     double x, y, heading, length;
-    double bend, wave; /* rad: turned by in all, and to both sides on the way */
+    double bend, wave; /* rad: total bend, and bend to both sides along it */
     double from, to;   /* radii at its ends */
     double bulge;      /* of the radius in the middle, or in two places */
     int waists;        /* 1: one bulge, 2: two */
@@ -44,7 +44,7 @@ static void add_limb(sweep_shape *s, const limb *l)
     }
 }
 
-/* The middle of its box moves to the middle of the square. */
+/* Moves the middle of its box to the middle of the square. */
 static void centre(sweep_shape *s)
 {
     double box[4] = {1e9, 1e9, -1e9, -1e9};

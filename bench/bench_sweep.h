@@ -19,7 +19,7 @@ typedef struct sweep_shape {
 
 const char *sweep_family_name(int32_t family);
 
-/* A member of a family, by chance: bent rods, waves, clubs, forks, figures with four limbs. */
+/* A random member of a family: bent rods, waves, clubs, forks, figures with four limbs. */
 sweep_shape sweep_draw(int32_t family, cairn_random *random);
 
 /* 1: a place is within; `shape` is a sweep_shape. */

@@ -9,7 +9,7 @@
 #include "cairn/force_field.h"
 #include "cairn/lum.h"
 
-/* How far the points of Lu and Milios lie apart: about as the beams have them. */
+/* Spacing of the points of Lu and Milios: about that of the beams. */
 static const double LUM_SPACING = 0.03;
 
 /* Interface of an alignment object for the loop below. */
@@ -146,7 +146,7 @@ static cairn_status run_field_with(cairn_force_field_params params, const bench_
     a.object = field;
     if (status == CAIRN_OK)
         status = watch(&a, problem->count, poses, steps);
-    /* Scans take effect at the first commit point; until then they are nowhere. */
+    /* Scans take effect at the first commit point; until then they have no pose. */
     for (int32_t i = 0; i < problem->count; i++)
         poses[i] = start_of(problem, i);
     free(memory);

@@ -25,10 +25,10 @@ const char *bench_track_name(bench_track_method method);
 /* Step of sample k. */
 int32_t bench_track_step(int32_t k);
 
-/* Aligns the problem from its start. as_written not 0: gradient and lum as the thesis has them,
- * lum without registration and of the hits of the beams. poses: [BENCH_TRACK_SAMPLES * count],
- * sample by sample; a method that has ended keeps its poses. *steps: how many it took. 0 on
- * failure, with a line on standard error. */
+/* Aligns the problem from its start. as_written not 0: gradient and lum as in the thesis, lum
+ * without registration and of the hits of the beams. poses: [BENCH_TRACK_SAMPLES * count], sample
+ * by sample; a method that has ended keeps its poses. *steps: their number. 0 on failure, with a
+ * line on standard error. */
 int bench_track_run(bench_track_method method, const bench_problem *problem, int32_t as_written,
                     cairn_pose *poses, int32_t *steps);
 

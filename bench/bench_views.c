@@ -24,7 +24,7 @@ int bench_views_start(bench_views *views, int32_t capacity, int32_t beams)
     return 0;
 }
 
-/* A copy of items[count]; never NULL but when there is no memory. */
+/* A copy of items[count]; NULL only when memory is insufficient. */
 static void *copy(const void *items, int32_t count, size_t size)
 {
     void *made = malloc((size_t)(count > 0 ? count : 1) * size);

@@ -19,7 +19,7 @@ typedef struct bench_views {
     void *memory;
 } bench_views;
 
-/* Views of scans of up to `beams` beams, at most `capacity`. 0: no memory. */
+/* Views of scans of up to `beams` beams, at most `capacity`. 0: memory is insufficient. */
 int bench_views_start(bench_views *views, int32_t capacity, int32_t beams);
 
 /* Fits a scan and keeps it. 0 and a line on standard error on failure. */
@@ -28,7 +28,7 @@ int bench_views_add(bench_views *views, const cairn_scan_input *input, cairn_pos
 
 void bench_views_free(bench_views *views);
 
-/* Most points and dense points of one view. */
+/* Maximum numbers of points and dense points of one view. */
 void bench_views_most(const bench_views *views, int32_t *points, int32_t *dense);
 
 #endif

@@ -64,7 +64,7 @@ static int survey(const bench_virtual_scene *from, uint64_t seed, bench_virtual_
     return 1;
 }
 
-/* Which scans the bound calls observable. */
+/* Scans that are observable by the bound. */
 static int find_observable(const bench_virtual_scene *from, bench_virtual_problem *p)
 {
     bench_bound *bounds = malloc((size_t)p->count * sizeof *bounds);
@@ -103,9 +103,9 @@ int bench_virtual_open(const bench_virtual_scene *from, uint64_t seed, bench_vir
     return survey(from, seed, p) && find_observable(from, p);
 }
 
-/* Algorithm 2 as written. Of the rooms the text gives only sigma at the start and 30 iterations;
- * sigma at the end and dt keep the ratios to it that they have in section 7.4.2 (dt is a length:
- * its square times a force, which is one over a length), and sigma falls evenly. */
+/* Algorithm 2 as written. For the rooms the text gives only sigma at the start and 30 iterations.
+ * Sigma at the end and dt keep their ratios to it from section 7.4.2 (dt is a length: its square
+ * times a force, which is one over a length), and sigma falls linearly. */
 static cairn_virtual_align_params as_written(const bench_virtual_method *m)
 {
     cairn_virtual_align_params params = cairn_virtual_align_as_written();
@@ -138,17 +138,17 @@ static cairn_virtual_align_params params_of(const bench_virtual_method *m,
         params.rebuild_interval = 5;
     if (!m->hypotheses)
         params.hypotheses.lines = params.hypotheses.rectangles = params.hypotheses.ellipses =
-            params.slide.use_thickness = 0;
+            params.weak_direction.use_thickness = 0;
     return params;
 }
 
-/* Of this thread, whatever else the machine does. */
+/* Processor time of this thread. */
 static double processor_seconds(void)
 {
     return (double)clock() / CLOCKS_PER_SEC;
 }
 
-/* alone: the aligner, and no more. */
+/* alone: the aligner only. */
 static cairn_status align(int32_t prints_steps, bench_virtual_problem *p, cairn_scan *scan,
                           cairn_virtual_align *align, int32_t alone, bench_virtual_row *out)
 {
@@ -177,7 +177,8 @@ static cairn_status align(int32_t prints_steps, bench_virtual_problem *p, cairn_
             bench_guess_print(cairn_virtual_align_hypotheses(align),
                               cairn_virtual_align_read(align).iterations);
         if (p->lie != NULL && cairn_virtual_align_read(align).iterations >= 15)
-            p->believed |= bench_lie_is_believed(p->lie, cairn_virtual_align_hypotheses(align));
+            p->accepted |=
+                bench_false_rectangle_is_accepted(p->lie, cairn_virtual_align_hypotheses(align));
     }
     result = cairn_virtual_align_read(align);
     out->seconds += processor_seconds() - start;

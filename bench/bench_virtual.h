@@ -14,7 +14,7 @@
 typedef int32_t bench_virtual_field;
 enum {
     BENCH_NO_FIELD,        /* the aligner alone */
-    BENCH_SPRINGS,         /* as virtual_align asks for it */
+    BENCH_SPRINGS,         /* virtual_align's defaults */
     BENCH_FIELD_AS_WRITTEN /* algorithm 2, with hypotheses or without */
 };
 
@@ -39,9 +39,9 @@ typedef struct bench_virtual_problem {
     sim_survey *survey;
     const sim_scan *scans;
     sim_pose *truth, *start, *result;
-    bench_lie *lie;   /* reported hypothesis; NULL: none */
-    int32_t believed; /* it was, at step 15 or later */
-    int32_t *use;     /* [count] the bound calls it observable */
+    bench_false_rectangle *lie; /* reported hypothesis; NULL: none */
+    int32_t accepted;           /* a false hypothesis was accepted at step 15 or later */
+    int32_t *use;               /* [count] observable by the bound */
     int32_t count, observable;
 } bench_virtual_problem;
 
@@ -61,8 +61,8 @@ void bench_virtual_disturb(sim_pose *pose, cairn_random *random, double metres, 
 int bench_virtual_open(const bench_virtual_scene *from, uint64_t seed, bench_virtual_problem *p);
 void bench_virtual_close(bench_virtual_problem *p);
 
-/* Aligns the problem's scans and adds to the row; prints_steps: every virtual scan as it comes.
- * 0: a line on standard error. */
+/* Aligns the problem's scans and adds to the row; prints_steps: prints every virtual scan. 0: a
+ * line on standard error. */
 int bench_virtual_run(bench_virtual_problem *p, const bench_virtual_method *m, int32_t prints_steps,
                       bench_virtual_row *out);
 

@@ -1,15 +1,19 @@
-/* bench/clutter: objects in generated clutter (chapter 2), with no data.
+/* bench/clutter: grouping of objects in generated clutter (chapter 2); needs no data.
  *
- * A scene holds one object of a family, 120 px times 0.7 ... 1.3, turned by up to 10 degrees, among
- * --k others, --noise grey levels, --hidden of its boundary behind a disc. The model is the
- * object's own shape (--mode instance) or another member of its family (class). Found is what bench
- * counts, of the best grouping: hit50, its box and the object's overlap by half; boundary80, 80 %
- * of the whole boundary lie within 3 px of its segments or, where there are none, of its completed
- * pieces: the fitted outline of the model; visible80, 80 % of that which is not hidden within 3 px
- * of its segments alone; segments80, of the whole; boundary_f of the segments; labels: lengths of
- * segments. --method detect, parts: cairn_object_detect, which turns no model, on the same scenes;
- * its segments and its deformed outline. false_per_image is counted on as many scenes without the
- * object. */
+ * A scene holds one object of a family, 120 px times 0.7 ... 1.3, rotated by up to 10 degrees,
+ * among
+ * --k others, with noise of --noise grey levels, and --hidden of its boundary behind a disc. The
+ * model is the object's own shape (--mode instance) or another member of its family (class).
+ * --method detect, parts: cairn_object_detect, which does not rotate models, on the same scenes;
+ * its segments and its deformed outline. Measures of the best grouping:
+ * - hit50: its box overlaps the object's by half;
+ * - boundary80: 80 % of the whole boundary lie within 3 px of its segments or, where there are
+ *   none,
+ *   of the fitted outline of the model;
+ * - visible80: 80 % of the visible boundary lie within 3 px of its segments alone;
+ * - segments80: 80 % of the whole boundary, by segments alone;
+ * - boundary_f: F measure of the segments; labels: F measure by lengths of segments;
+ * - false_per_image: counted on as many scenes without the object. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -36,7 +40,7 @@ typedef struct settings {
     int32_t no_model, no_skeleton, each, occluded;
 } settings;
 
-/* What the objects of a run share. */
+/* Shared by the objects of a run. */
 typedef struct finder {
     cairn_pool pool;
     void *memory;
@@ -109,7 +113,7 @@ static int make_model(finder *f, const scene_shape *shape)
            cairn_shape_model_builder_step(f->builder, &budget) == CAIRN_OK;
 }
 
-/* Tokens instead of segments: pieces of chains of EDGEL px each. */
+/* Tokens instead of segments: parts of chains of EDGEL px each. */
 static void take_edgels(finder *f, const cairn_edge_chain_result *r)
 {
     f->line_count = 0;
@@ -137,7 +141,7 @@ static void free_found(finder *f)
     cairn_object_detections_free(&f->detections);
 }
 
-/* By cairn_object_detect, which takes models as they stand, not turned. */
+/* By cairn_object_detect, which does not rotate models. */
 static int detect(const settings *set, finder *f, const scene *s)
 {
     cairn_raster_u8_view view = {s->edges, SCENE_WIDTH, SCENE_HEIGHT, SCENE_WIDTH};
@@ -246,8 +250,8 @@ static int has_near(const uint8_t *pixels, int32_t at, int32_t least)
     return 0;
 }
 
-/* The share of the pixels of at least `of` in one picture that lie near those of at least `to`
- * in the other. */
+/* The share of the pixels of at least `of` in one image that lie near those of at least `to` in the
+ * other. */
 static double share_near(const uint8_t *pixels, int32_t of, const uint8_t *others, int32_t to)
 {
     int32_t count = 0, near = 0;
@@ -312,7 +316,7 @@ static void complete(uint8_t *pixels, const cairn_shape_model *m,
     }
 }
 
-/* Whether a segment lies along the boundary that is not hidden: its middle and both quarters. */
+/* Whether a segment lies along the visible boundary: its middle and both quarters. */
 static int is_true(const scene *s, cairn_segment line)
 {
     for (int k = 1; k <= 3; k++) {
@@ -369,7 +373,7 @@ static void draw(const char *folder, int64_t index, const scene *s, const uint8_
     (void)fclose(file);
 }
 
-/* The same of a detection: its bent outline where none of its segments is. */
+/* The same of a detection: its fitted outline where it has no segment. */
 static void complete_detection(uint8_t *pixels, const cairn_contour_search_place *outline,
                                int32_t count)
 {
@@ -385,7 +389,7 @@ static void complete_detection(uint8_t *pixels, const cairn_contour_search_place
     }
 }
 
-/* What was found best: its segments, their pixels, its box's share with the object's. */
+/* The best result: its segments, their pixels, its box's overlap with the object's. */
 typedef struct best_one {
     const int32_t *segments;
     int32_t count, found; /* found: objects */
@@ -569,8 +573,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_NUMBER("--largest", &s->largest, 1, 1000, "PX",
                       "height of an object that is searched"),
         OPTION_TEXT("--tokens", &s->tokens, "NAME", "segments or edgels"),
-        OPTION_FLAG("--occluded", &s->occluded,
-                    "of detect: told that objects may be hidden in part"),
+        OPTION_FLAG("--occluded", &s->occluded, "of detect: with occlusion allowed"),
         OPTION_FLAG("--no-model", &s->no_model, "without the model term"),
         OPTION_FLAG("--no-skeleton", &s->no_skeleton, "without the skeleton term"),
         OPTION_FLAG("--each", &s->each, "a line for each scene, too"),

@@ -1,18 +1,19 @@
-/* bench/detect: objects of the ETHZ shape classes (chapter 5) in all their images, from the
- * supplied edges and one drawn model a class.
+/* bench/detect: detection of objects of the ETHZ shape classes (chapter 5) in all their images,
+ * from the supplied edges and one drawn model a class.
  *
- * Every class's model on the images of all classes; no size, no rotation is given, and nothing
- * is trained. Hit: IoU of the boxes >= 0.5, each object once. A line for each class: the
- * detection rate at 0.3 and 0.4 false positives per image, the 11-point average precision, and
- * the precision at the thesis's recall, which counts boxes above 0.2 as hits
- * (precision_at_recall, with the greatest recall that is reached so, recall_most_fifth, and the
- * average precision, ap_fifth; with 0.5: precision_at_recall_half). The last line has the means
- * over the classes. --method parts: by configurations of parts; --as-written: by the method of
- * the thesis; --bundles, --nearest and --modes change what the other is made of. --method
- * chamfer: the plain oriented chamfer twin. --verify: the weight of verification by contour
- * grouping, 0: without. --curves DIR: CLASS.csv and CLASS.svg, precision over recall and
- * detection rate over false positives per image, of hits at IoU >= 0.5, with --as-written above
- * 0.2, as in the thesis (figs 5.5, 5.7). */
+ * Every class's model is searched in the images of all classes; size and rotation are not given,
+ * and nothing is trained. A hit has an IoU of the boxes >= 0.5, each object once. Output: a line
+ * for each class, and one with the means over the classes:
+ * - the detection rate at 0.3 and 0.4 false positives per image, the 11-point average precision;
+ * - precision_at_recall: the precision at the thesis's recall, which counts boxes above 0.2 as hits
+ *   (recall_most_fifth: the greatest recall reached, ap_fifth: the average precision by that
+ *   criterion); with 0.5: precision_at_recall_half.
+ *
+ * --method parts: by configurations of parts. --as-written: by the method of the thesis. --bundles,
+ * --nearest and --modes change the parts of the other. --method chamfer: the plain oriented chamfer
+ * baseline. --verify: the weight of verification by contour grouping, 0: without. --curves DIR:
+ * CLASS.csv and CLASS.svg, precision over recall and detection rate over false positives per image,
+ * of hits at IoU >= 0.5, with --as-written above 0.2, as in the thesis (figs 5.5, 5.7). */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -44,8 +45,8 @@ static const struct {
 
 enum { CLASSES = sizeof classes / sizeof *classes, MAX_SECONDS = 1 << 16 };
 
-/* Seconds of the processor by stage, over all images and models; those before VOTES are an
- * image's, all models share them. */
+/* Processor time by stage, over all images and models; those before VOTES are per image and shared
+ * by all models. */
 enum {
     STAGE_EDGES,
     STAGE_SEGMENTS,
@@ -67,7 +68,7 @@ typedef struct run {
     double *seconds;
     int32_t timed;
     stage_clock stages;
-    cairn_appearance_model look; /* of the class that is looked for, with --train */
+    cairn_appearance_model look; /* of the trained class, with --train */
 } run;
 
 static void begin_stage(stage_clock *c, int32_t stage)
@@ -170,7 +171,7 @@ static int run_chamfer(run *r, const group_image *image, int32_t own)
     return 1;
 }
 
-/* The time of an image and a model has that of the edges and the field, which all models of an
+/* The time of an image and a model includes that of the edges and the field, which all models of an
  * image share. */
 static int run_default(run *r, const group_image *image, const char *folder, int32_t own,
                        cairn_file_error *error)
@@ -254,7 +255,7 @@ static int run_image(run *r, const char *folder, const char *name, int32_t own)
     return ok;
 }
 
-/* Of the class whose appearance is learnt, the images behind those that it is learnt from. */
+/* Of the trained class, the images after the training images. */
 static int64_t first_scored(const run *r, int32_t own)
 {
     return r->wanted[own] ? r->s->train : 0;
@@ -303,7 +304,7 @@ static int load_models(run *r)
     return 1;
 }
 
-/* Without it (--train 0) or with no weight the appearance is none. */
+/* Without it (--train 0) or with zero weight appearance is not used. */
 static int learn_looks(run *r)
 {
     char folder[4096];
@@ -389,7 +390,7 @@ static int print_class(run *r, int32_t k, means *m)
     return ok;
 }
 
-/* Means; of an image, then of an image and a model. */
+/* Means per image, then per image and model. */
 static void print_stages(const stage_clock *c)
 {
     static const char *const names[STAGES] = {
@@ -462,7 +463,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
                     "nearest words learnt"),
         OPTION_NUMBER("--weight", &s->weight, 0, 1000, "LAMBDA", "of appearance, with --train"),
         OPTION_NUMBER("--verify", &s->verify, 0, 100, "WEIGHT",
-                      "of what contour grouping finds where a detection is; 0: it is not asked"),
+                      "weight of the evidence of contour grouping at a detection; 0: no grouping"),
         OPTION_TEXT("--curves", &s->curves, "DIR",
                     "writes CLASS.csv and CLASS.svg: at IoU 0.5, as written at 0.2"),
         OPTION_TEXT("--data", &s->data, "DIR", "where ethz/ is"),

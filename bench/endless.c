@@ -15,7 +15,7 @@
 
 #define PROGRAM "bench/endless"
 
-enum { EDGE = 20 }; /* laps at the begin and at the end that are compared */
+enum { EDGE = 20 }; /* laps at the beginning and at the end that are compared */
 
 /* Sums over some laps. */
 typedef struct stretch {
@@ -31,7 +31,7 @@ typedef struct totals {
     bench_endless_lap first, last; /* the first one in full memory */
     const char *method;
     uint64_t pool_first;
-    int64_t grown; /* laps after which another number of bytes was in use than after the first */
+    int64_t grown; /* laps after which the number of bytes in use differs from that of the first */
 } totals;
 
 static void print_lap(const totals *t, const bench_endless_lap *lap)

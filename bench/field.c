@@ -1,17 +1,20 @@
 /* bench/field: the experiments of chapter 7 of the thesis on force field simulation, on generated
  * scenes.
  *
- * maze 16 full scans, poses disturbed by 0.25 m and 20 degrees, 20 steps (section 7.4.4); met: the
- * mean errors in position and in heading fall to a fifth apartment a drive of 200 scans whose loop
- * is closed wrongly, 150 steps (section 7.4.3); met: the gap falls to a quarter and the potential
- * rises in one of the first ten steps. A drive that does not come back is not judged rescue 60
- * scans of 100 degrees, 50 steps (section 7.4.2); met: no step raises the potential corners three
- * scans of a corner each, 12 steps, with nearest neighbours beside (figure 7.6; bench_corners)
+ * - maze: 16 full scans, poses disturbed by 0.25 m and 20 degrees, 20 steps (section 7.4.4). Met:
+ *   the
+ *   mean errors in position and in heading fall to a fifth.
+ * - apartment: a drive of 200 scans with a false loop closure, 150 steps (section 7.4.3). Met: the
+ *   gap falls to a quarter and the potential rises in one of the first ten steps. A drive that does
+ *   not return is not evaluated.
+ * - rescue: 60 scans of 100 degrees, 50 steps (section 7.4.2). Met: no step raises the potential.
+ * - corners: three scans of a corner each, 12 steps, compared with nearest neighbours (figure 7.6;
+ *   bench_corners).
  *
- * Errors are those after the best common motion, by least squares over all scans. Potentials
- * compare only for one sigma: a step raises P when P of the poses after it is above that before it,
- * both at the sigma of the step, without regions of interest and with faces of opposite sides told
- * apart as in the step. */
+ * Errors are those after the best common motion, by least squares over all scans. Potentials are
+ * comparable only for one sigma: a step raises P when P of the poses after it exceeds that before
+ * it, both at the sigma of the step, without regions of interest and with opposite faces
+ * distinguished as in the step. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -29,8 +32,8 @@ typedef struct settings {
     const char *scene, *preset, *svg;
     int64_t arenas, seed;
     double spacing, sigma;
-    double trans, rot; /* m, degrees: of the start; NaN: the scene's own */
-    double mass, pace; /* of points in regions of interest, NaN: the mode's; factor of dt */
+    double trans, rot;      /* m, degrees: of the start; NaN: the scene's own */
+    double mass, dt_factor; /* of points in regions of interest, NaN: the mode's; factor of dt */
     int32_t as_written;
 } settings;
 
@@ -39,7 +42,7 @@ typedef struct outcome {
     double start_gap, end_gap;
     double step_ms, potential_start, potential_end;
     int32_t scans, steps, rising, rising_first_10; /* steps in which the potential rose */
-    int32_t judged, met;
+    int32_t evaluated, met;
     int32_t corners_dropped; /* the most of any step */
     size_t pool_bytes;
 } outcome;
@@ -127,11 +130,11 @@ static cairn_status views_make(views *v, const scene *s, double spacing)
     return status;
 }
 
-/* Corners that there is memory for, for each segment: T and X crossings of a long drive are many
- * more than its segments. */
+/* Corners in memory per segment: T and X crossings of a long drive are many more than its
+ * segments. */
 enum { CORNERS_PER_SEGMENT = 16 };
 
-static void make_room(cairn_force_field_params *params, const views *v)
+static void set_corner_capacity(cairn_force_field_params *params, const views *v)
 {
     params->max_scans = v->count;
     params->max_segments = v->segment_count + 1;
@@ -215,7 +218,7 @@ static cairn_status run_field(scene *s, const views *v, cairn_force_field_params
     cairn_status status;
     double start;
 
-    make_room(&params, v);
+    set_corner_capacity(&params, v);
     params.max_steps = s->steps;
     params.stop_relocation = 0;
     status = field_make(&field, &pool, &params, &memory);
@@ -305,7 +308,7 @@ static void print(const settings *set, const scene *s, const outcome *o)
     bench_json_number("potential_end", o->potential_end);
     bench_json_integer("rising", o->rising);
     bench_json_integer("rising_first_10", o->rising_first_10);
-    bench_json_integer("judged", o->judged);
+    bench_json_integer("judged", o->evaluated);
     bench_json_integer("corners_dropped", o->corners_dropped);
     bench_json_integer("met", o->met);
     bench_json_number("step_ms", o->step_ms);
@@ -325,20 +328,20 @@ static cairn_force_field_params preset_of(const settings *set, const scene *s)
                                          s->steps);
     if (!isnan(set->mass))
         params.roi_mass = (cairn_real)set->mass;
-    params.dt_start *= (cairn_real)set->pace;
-    params.dt_end *= (cairn_real)set->pace;
+    params.dt_start *= (cairn_real)set->dt_factor;
+    params.dt_end *= (cairn_real)set->dt_factor;
     return params;
 }
 
-/* Whether the thesis's result is there. */
-static void judge(const scene *s, outcome *o)
+/* Whether the result of the thesis is reproduced. */
+static void evaluate(const scene *s, outcome *o)
 {
-    o->judged = 1;
+    o->evaluated = 1;
     if (strcmp(s->name, "maze") == 0) {
         o->met = o->end.metres <= o->start.metres / 5 && o->end.degrees <= o->start.degrees / 5;
     } else if (s->drive) {
-        o->judged = !isnan(o->start_gap);
-        o->met = o->judged && o->end_gap <= o->start_gap / 4 && o->rising_first_10 > 0;
+        o->evaluated = !isnan(o->start_gap);
+        o->met = o->evaluated && o->end_gap <= o->start_gap / 4 && o->rising_first_10 > 0;
     } else {
         o->met = o->rising == 0;
     }
@@ -362,7 +365,7 @@ static int run_scene(const settings *set, uint64_t seed, scene *s, outcome *o)
     o->end = field_error_of(s, s->poses);
     o->moved = field_moved(s, s->poses);
     o->end_gap = s->drive ? field_gap(s, s->poses) : (double)NAN;
-    judge(s, o);
+    evaluate(s, o);
     done = status == CAIRN_OK && (set->svg == NULL || draw(set, s, &v, seed));
     views_free(&v);
     return done;
@@ -379,7 +382,7 @@ static void add(outcome *sum, const outcome *o, double share)
     sum->end.median_degrees += share * o->end.median_degrees;
     sum->moved.metres += share * o->moved.metres;
     sum->moved.degrees += share * o->moved.degrees;
-    if (o->judged) { /* made means at the end */
+    if (o->evaluated) { /* made means at the end */
         sum->start_gap += o->start_gap;
         sum->end_gap += o->end_gap;
     }
@@ -390,7 +393,7 @@ static void add(outcome *sum, const outcome *o, double share)
     sum->steps += o->steps;
     sum->rising += o->rising;
     sum->rising_first_10 += o->rising_first_10;
-    sum->judged += o->judged;
+    sum->evaluated += o->evaluated;
     sum->corners_dropped += o->corners_dropped;
     sum->met += o->met;
     sum->pool_bytes = o->pool_bytes > sum->pool_bytes ? o->pool_bytes : sum->pool_bytes;
@@ -423,9 +426,9 @@ static int run_all(const settings *set)
         if (!done)
             return 0;
     }
-    if (sum.judged > 0) {
-        sum.start_gap /= sum.judged;
-        sum.end_gap /= sum.judged;
+    if (sum.evaluated > 0) {
+        sum.start_gap /= sum.evaluated;
+        sum.end_gap /= sum.evaluated;
     }
     bench_json_begin("field");
     bench_json_integer("arenas", set->arenas);
@@ -453,10 +456,10 @@ static int check(const settings *s, const char *given_preset)
     else if (!is_preset)
         fprintf(stderr, "bench/field: unknown preset '%s', expected thesis, spaced or springs\n",
                 s->preset);
-    else if (s->as_written && (given_preset != NULL || s->sigma > 0 || s->pace != 1))
+    else if (s->as_written && (given_preset != NULL || s->sigma > 0 || s->dt_factor != 1))
         fprintf(stderr, "bench/field: --as-written with --preset, --sigma or --dt, expected the "
                         "thesis's constants\n");
-    else if ((!isnan(s->mass) || s->pace != 1) && strcmp(s->preset, "thesis") != 0 &&
+    else if ((!isnan(s->mass) || s->dt_factor != 1) && strcmp(s->preset, "thesis") != 0 &&
              !s->as_written)
         fprintf(stderr, "bench/field: --mass or --dt with preset %s, expected thesis\n", s->preset);
     else if ((!isnan(s->trans) || !isnan(s->rot)) &&
@@ -479,7 +482,7 @@ int main(int argc, char **argv)
                   .trans = (double)NAN,
                   .rot = (double)NAN,
                   .mass = (double)NAN,
-                  .pace = 1};
+                  .dt_factor = 1};
     const char *given_preset = NULL;
     const option table[] = {
         OPTION_TEXT("--scene", &s.scene, "NAME", "rescue, maze, apartment or corners (rescue)"),
@@ -497,7 +500,7 @@ int main(int argc, char **argv)
                       "disturbance of the heading, uniform +-, degrees (20)"),
         OPTION_NUMBER("--mass", &s.mass, 0.01, 1000, "M",
                       "of points in regions of interest, which the thesis leaves open (4)"),
-        OPTION_NUMBER("--dt", &s.pace, 0.01, 100, "F", "times this the thesis's dt"),
+        OPTION_NUMBER("--dt", &s.dt_factor, 0.01, 100, "F", "times this the thesis's dt"),
         OPTION_TEXT("--svg", &s.svg, "DIR", "pictures of start and end"),
     };
     const option_set set = {"bench/field", "[options]",

@@ -1,24 +1,26 @@
-/* bench/gauss: the fast Gauss transform (Greengard and Strain 1991; Yang, Duraiswami, Gumerov and
- * Davis 2003) for the forces of force field simulation, which section 7.3.5 of the thesis names,
- * against the sums of force_field.
+/* bench/gauss: the fast Gauss transform for the forces of force field simulation, which section
+ * 7.3.5 of the thesis proposes, compared with the sums of force_field.
  *
- * The force of eqs. 7.1 to 7.3 is no Gauss transform: its unit vector is d / r, and |cos| of the
- * directions has a kink. So
- *     1 / r    is a sum of Gaussians (the trapezoidal rule of 2 / sqrt(pi) times the integral of
- *     exp(s - r^2 e^2s)): times
- *              exp(-r^2 / (2 sigma^2)) they are narrower ones; those much wider than sigma are
- *              taken together as one, |cos|    is 2 / pi + 4 / pi times the sum of (-1)^(k+1) / (4
- *              k^2 - 1) cos 2k(a - b), k = 1 ... --harmonics, and each Gaussian is transformed with
- *              2k + 1 weights: cells as clusters, Taylor expansions about their centres (as
- *              improved: one expansion in place of Hermite and Taylor), gradients of these. A sum
- *              over a cluster is off by at most the weight times (2 a b / h^2)^p / p! for terms up
- *              to degree p - 1, a the radius of a cluster and b the distance to which it counts,
- *              and by exp(-b^2 / h^2) beyond.
+ * The force of eqs. 7.1 to 7.3 is not a Gauss transform: its unit vector is d / r, and |cos| of the
+ * directions has a kink. Method:
+ * 1. 1 / r is a sum of Gaussians: the trapezoidal rule of 2 / sqrt(pi) times the integral of
+ *    exp(s - r^2 e^2s). Multiplied by exp(-r^2 / (2 sigma^2)) they become narrower Gaussians; those
+ *    much wider than sigma are merged into one.
+ * 2. |cos(a - b)| is 2 / pi + 4 / pi times the sum of (-1)^(k+1) / (4 k^2 - 1) cos 2k(a - b),
+ *    k = 1 ... --harmonics. Each Gaussian is transformed with 2k + 1 weights.
+ * 3. Cells are the clusters. Taylor expansions about their centres (as improved: one expansion in
+ *    place of Hermite and Taylor) give the gradients.
+ * 4. The error of a sum over a cluster is at most the weight times (2 a b / h^2)^p / p! for terms
+ *    up
+ *    to degree p - 1, a the radius of a cluster and b the distance to which it counts, and
+ *    exp(-b^2 / h^2) beyond.
  *
- * Points lie along the walls of 60 scans of one map of 12 by 10 m. Prints a line for each number
- * of points and each sigma, with the errors of both sums against all pairs, relative to the root
- * mean square force. The transform sums over all points; it is not charged for taking out again
- * those of the point's own scan, nor for torque and potential. */
+ * Points lie along the walls of 60 scans of one map of 12 by 10 m. Prints a line for each number of
+ * points and each sigma, with the errors of both sums relative to all pairs, as a share of the root
+ * mean square force. The transform sums over all points; removing the point's own scan, torque and
+ * potential are not charged to it.
+ *
+ * Source: Greengard and Strain 1991; Yang, Duraiswami, Gumerov and Davis 2003. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -36,9 +38,9 @@ enum { DEGREE = 9, TERMS = DEGREE * (DEGREE + 1) / 2 }; /* p, and monomials of d
 enum { MAX_GAUSSIANS = 32, MAX_WEIGHTS = 2 * 32 + 1 };
 
 static const double WIDTH = 12, HEIGHT = 10;
-/* h */
+/* side of a cell, in h */
 static const double CELL_SIDE = 0.7;
-/* h */
+/* distance to which a cluster counts, in h */
 static const double CUT_OFF = 2.6;
 /* step of s in the sum for 1 / r */
 static const double RATIO = 0.8;

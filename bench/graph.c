@@ -137,8 +137,8 @@ static named_link name_link(const cairn_pose_graph_file *file, int32_t e)
     return link;
 }
 
-/* Which links are wrong: those that were added to a generated graph, or are not in the clean
- * one. NULL: not known, or no memory. To be freed. */
+/* Outlier links: those added to a generated graph, or absent from the clean one. NULL: not known,
+ * or memory is insufficient. To be freed. */
 static uint8_t *wrong_links(const settings *s, const cairn_pose_graph_file *file,
                             const cairn_pose_graph_file *clean)
 {
@@ -289,11 +289,11 @@ static int solve_generated(const settings *s, totals *sum)
     return code;
 }
 
-/* ---- How time and memory grow ---- */
+/* ---- Growth of time and memory ---- */
 
 enum { SIZES = 4, MAX_REPEATS = 99 };
 
-/* The processor's time of one solution, < 0: refused. */
+/* Processor time of one solution, < 0: refused. */
 static double cpu_seconds(const settings *s, const cairn_pose_graph_file *file,
                           cairn_pose_graph_file_solution *out)
 {

@@ -1,22 +1,23 @@
-/* bench/group: objects in the images of the ETHZ shape classes (chapter 2), from their supplied
- * edge images and one drawn model a class.
+/* bench/group: grouping of objects in the images of the ETHZ shape classes (chapter 2), from their
+ * supplied edge images and one drawn model a class.
  *
- * --class NAME: all images of the class's folder with its model, then, unless --no-others, those
- * of the other classes for false groupings. covered_rate: as hit_rate, by coverage alone, as the
- * thesis counts. --as-written: the thesis's own method, at the size of each instance's box. A
- * grouping counts where it lies along an edge of the image: of its segments only pixels of edges
- * within a pixel. Hit: of the outline's pixels that have an edge within 3 px, 80 % have the
- * grouping within 3 px, and 60 % of the grouping lie within 4 % of the box's diagonal of the
- * outline; only the best I groupings of an image with I instances. --scale given: the size of
- * each instance's box, within a tenth; searched: a tenth of the image's diagonal to the whole.
- * The original distribution's folders are read as they are: images with .jpg, edges with
- * _edges.tif, boxes with _CLASS.groundtruth, outlines with _CLASS_outlines.pgm or .png, or masks
- * with .mask.N.png, whose border is the outline; instances with neither, or none with edges, are
- * left out and counted. hit_rate_thin: the same against the line in the middle of the outlines'
- * strokes, some of which are as wide as what coverage allows. With --as-written also
- * points_dropped, symmetric points beyond the memory for them, and why walks ended:
- * end_no_start, end_posterior, end_no_follower, end_steps, end_histories count the searches
- * (with --each: end, of the instance's). */
+ * --class NAME: all images of the class's folder with its model, then, unless --no-others, those of
+ * the other classes for false groupings. --as-written: the thesis's own method, at the size of each
+ * instance's box. --scale given: the size of each instance's box, within a tenth; searched: a tenth
+ * of the image's diagonal to the whole.
+ *
+ * Only the edge pixels within a pixel of a grouping's segments count. Hit (hit_rate): of the
+ * outline's pixels with an edge within 3 px, 80 % have the grouping within 3 px, and 60 % of the
+ * grouping lie within 4 % of the box's diagonal of the outline; only the best I groupings of an
+ * image with I instances. covered_rate: by coverage alone, as the thesis counts. hit_rate_thin:
+ * against the midline of the outlines' strokes, some of which are as wide as the tolerance of
+ * coverage. With --as-written also points_dropped, symmetric points beyond the capacity, and the
+ * numbers of searches by the end of the walk: end_no_start, end_posterior, end_no_follower,
+ * end_steps, end_histories (with --each: end, of the instance's).
+ *
+ * The folders of the original distribution are read unchanged: images .jpg, edges _edges.tif, boxes
+ * _CLASS.groundtruth, outlines _CLASS_outlines.pgm or .png, or masks .mask.N.png, whose border is
+ * the outline. Instances with neither, or without edges, are left out and counted. */
 #include <dirent.h>
 #include <inttypes.h>
 #include <math.h>
@@ -348,7 +349,7 @@ static int run_own(const settings *s, sums *t, const char *folder, const char *n
     return 1;
 }
 
-/* An image of another class: whatever is found is false. */
+/* An image of another class: every grouping is false. */
 static int run_other(const settings *s, sums *t, const char *folder, const char *name,
                      const cairn_shape_model *model)
 {

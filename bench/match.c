@@ -26,13 +26,13 @@ typedef struct outcome {
     int32_t places, right, silently_wrong, parts, ambiguous, ok;
     double median_m, median_deg;           /* of places */
     double scan_median_m, scan_median_deg; /* of scans */
-    double seconds, total, rival;
+    double seconds, total, competing_total;
     size_t pool_bytes;
 } outcome;
 
 /* ---- Scoring ---- */
 
-/* poses: [scan_count] of the scans, moved onto the truth by the motion that suits most places. */
+/* poses: [scan_count] of the scans, moved onto the truth by the motion that fits most places. */
 static int score(const bench_match_problem *p, const bench_match_machine *m, sim_pose *poses,
                  outcome *out)
 {
@@ -77,7 +77,7 @@ static int score(const bench_match_problem *p, const bench_match_machine *m, sim
         out->parts = result.components;
         out->ambiguous = result.ambiguous;
         out->total = (double)result.total;
-        out->rival = (double)result.competing_total;
+        out->competing_total = (double)result.competing_total;
         out->ok = out->right == out->places;
     }
     free(truth);
@@ -107,8 +107,8 @@ static cairn_place_map_params params_of(const settings *s)
     return params;
 }
 
-/* Maps the places one after the other for comparison, and draws match-SEED.svg and
- * errors-SEED.svg. poses: ours. */
+/* Maps the places one after the other for comparison, and draws match-SEED.svg and errors-SEED.svg.
+ * poses: those of place_map. */
 static int draw_arena(const settings *s, const bench_match_problem *p, uint64_t seed,
                       sim_pose *poses)
 {
@@ -175,7 +175,7 @@ static int run_arena(const settings *s, uint64_t seed, outcome *out)
         bench_json_number("scan_trans_m", out->scan_median_m);
         bench_json_number("scan_rot_deg", out->scan_median_deg);
         bench_json_number("total", out->total);
-        bench_json_number("rival", out->rival);
+        bench_json_number("rival", out->competing_total);
         bench_json_number("seconds", out->seconds);
         bench_json_end();
     }
@@ -260,9 +260,9 @@ static int check(settings *s)
                 s->method);
         return 0;
     }
-    if (s->world.strangers >= s->world.places) {
-        fprintf(stderr, "bench/match: %d strangers, expected fewer than the places\n",
-                (int)s->world.strangers);
+    if (s->world.unrelated >= s->world.places) {
+        fprintf(stderr, "bench/match: --strangers is %d, expected fewer than the places\n",
+                (int)s->world.unrelated);
         return 0;
     }
     return 1;
@@ -313,8 +313,8 @@ int main(int argc, char **argv)
                     "at the end every scan is aligned by itself, all at once"),
         OPTION_FLAG("--ablate", &s.ablate,
                     "the method of chapter 6 after each of its stages instead"),
-        OPTION_COUNT("--strangers", &s.world.strangers, 0, 255, "N",
-                     "so many of the places are of another arena"),
+        OPTION_COUNT("--strangers", &s.world.unrelated, 0, 255, "N",
+                     "number of places of another arena"),
         OPTION_FLAG("--decoupled-icp", &s.by_icp, "the same one after the other by ICP"),
     };
     const option_set set = {"bench/match", "[options]", "Maps of places without odometry.", table,

@@ -57,7 +57,7 @@ int main(void)
     cairn_aligner_params aligner = cairn_aligner_default();
     cairn_pose_consensus_params consensus = cairn_pose_consensus_default();
     cairn_place_map_params places = cairn_place_map_default();
-    cairn_weak_direction_params slide = cairn_weak_direction_default();
+    cairn_weak_direction_params weak_direction = cairn_weak_direction_default();
 
     scan.max_beams = 181;
     scan.max_points = 256;
@@ -118,7 +118,8 @@ int main(void)
     aligner.max_hypotheses = aligner.max_fill = 1150;
     print("aligner", "60 scans of 401 beams, what the largest of arenas needs",
           cairn_aligner_memory(&aligner));
-    print("weak_direction", "64 scans, 1024 walls, 24 parts", cairn_weak_direction_memory(&slide));
+    print("weak_direction", "64 scans, 1024 walls, 24 parts",
+          cairn_weak_direction_memory(&weak_direction));
     print("pose_consensus", "64 nodes, 1024 hypotheses, 8 candidates",
           cairn_pose_consensus_memory(&consensus));
     print("place_map", "16 places of 1024 points and 2048 beams, 4096 hypotheses",
@@ -128,11 +129,11 @@ int main(void)
     places = cairn_place_map_as_written();
     print("place_map", "as written: 16 places of 2048 readings", cairn_place_map_memory(&places));
     print("occupancy_grid", "400 x 400 cells", cairn_occupancy_grid_memory(&grid));
-    print("mapper", "181 beams, 64 key scans", cairn_mapper_memory(&mapper));
+    print("mapper", "181 beams, 64 keyframes", cairn_mapper_memory(&mapper));
     mapper = cairn_mapper_default_for(1024, 181);
-    print("mapper", "181 beams, 1024 key scans", cairn_mapper_memory(&mapper));
+    print("mapper", "181 beams, 1024 keyframes", cairn_mapper_memory(&mapper));
     rao_blackwell = cairn_filter_mapper_default_for(1024, 181, 30);
-    print("filter_mapper", "181 beams, 1024 key scans, 30 particles",
+    print("filter_mapper", "181 beams, 1024 keyframes, 30 particles",
           cairn_filter_mapper_memory(&rao_blackwell));
     bench_json_begin("memory");
     bench_json_integer("real_bytes", (int64_t)sizeof(cairn_real));

@@ -22,7 +22,7 @@
 
 static const double RIGHT_M = 0.10, RIGHT_RAD = 2 * DEGREE;
 
-/* A wrong map that lies within these is at its right place, but not well. */
+/* Tolerance within which a wrong map is at the right place, but inaccurate. */
 static const double PLACE_M = 0.30, PLACE_RAD = 5 * DEGREE;
 
 typedef struct settings {
@@ -32,7 +32,7 @@ typedef struct settings {
     const char *write;
     const char *maps, *perception;
     int32_t decoy, pair, repeat, modes, order, scaling;
-    int32_t corners; /* of a map at most; 0: as many as the default */
+    int32_t corners; /* of a map at most; 0: the default */
     int32_t as_written, gave_particles;
 } settings;
 
@@ -78,8 +78,8 @@ static int is_near(cairn_pose pose, sim_pose truth, double metres, double radian
            fabs(remainder((double)pose.theta - truth.theta, 360 * DEGREE)) <= radians;
 }
 
-/* Whether the place of a pair that is best by Psi, by gamma, and by the product of Psi and of
- * gamma beyond its least (fig. 9.5) is right. */
+/* Whether the place of a pair that is best by Psi, by gamma, and by the product of Psi and of gamma
+ * above its minimum (fig. 9.5) is right. */
 static void print_best(const cairn_map_merge *merge, int32_t a, int32_t b, sim_pose truth)
 {
     static const char *const names[3] = {"psi_right", "gamma_right", "product_right"};
@@ -109,7 +109,7 @@ static void print_best(const cairn_map_merge *merge, int32_t a, int32_t b, sim_p
         bench_json_integer(names[i], right[i]);
 }
 
-/* Where the best modes of true neighbours lie, beside the best wrong ones. */
+/* The best modes of true neighbours compared with the best wrong ones. */
 static void print_modes(const cairn_map_merge *merge, const bench_parts *parts)
 {
     for (int32_t b = 0; b < parts->count; b++)
@@ -203,7 +203,7 @@ static int32_t count_near(const cairn_map_merge *merge, const bench_parts *parts
     return near;
 }
 
-/* Which placed maps are right: those that agree with the map that most agree with. */
+/* Right maps among the placed: those consistent with the map with which most are consistent. */
 static void score(const cairn_map_merge *merge, const bench_parts *parts, outcome *out)
 {
     int32_t placed = 0, most = 0, best = 0;
@@ -222,7 +222,7 @@ static void score(const cairn_map_merge *merge, const bench_parts *parts, outcom
     out->left_out = parts->count - placed;
 }
 
-/* robot_0.yaml ... with their images, in a folder that is there. */
+/* robot_0.yaml ... with their images, in an existing folder. */
 static int write_maps(const bench_parts *parts, const char *folder)
 {
     int ok = 1;
@@ -377,7 +377,7 @@ static int run_arenas(const settings *s)
     return ok ? 0 : 1;
 }
 
-/* ---- How the work grows ---- */
+/* ---- Growth of the work ---- */
 
 enum { SCALES = 5 };
 
@@ -496,7 +496,7 @@ int main(int argc, char **argv)
         OPTION_FLAG("--pair", &s.pair, "two robots in an arena of 20 by 16 m"),
         OPTION_FLAG(
             "--repeat", &s.repeat,
-            "three maps of a building with two rooms alike, which the third one tells apart"),
+            "three maps of a building with two identical rooms, which the third one distinguishes"),
         OPTION_FLAG("--order", &s.order, "in a known order, row by row"),
         OPTION_FLAG("--decoy", &s.decoy,
                     "one map more, of another arena or of this one in a mirror"),

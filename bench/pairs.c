@@ -1,10 +1,10 @@
 /* bench/pairs: scan matching of two scans, with or without a prior.
  *
  * Pairs are drawn from drives through simulated arenas, whose truth is exact, or from a real log
- * with reference poses. A match is right within 0.10 m in x and in y and 0.03 rad. The start is
- * the truth disturbed uniformly: E 0.1 m 10 degrees, T 0.3 m 20, X 0.5 m 45; `none` starts at
- * the identity and searches everything. The ceiling is the share of pairs that point-to-line ICP
- * at full resolution, started at the truth, leaves there. Strangers are pairs of scans that
+ * with reference poses. A match is right within 0.10 m in x and in y and 0.03 rad. The start is the
+ * truth disturbed uniformly: E 0.1 m 10 degrees, T 0.3 m 20, X 0.5 m 45; `none` starts at the
+ * identity and searches everything. The ceiling is the share of pairs that point-to-line ICP at
+ * full resolution, started at the truth, leaves there. Unrelated pairs (--strangers) are scans that
  * share nothing: of two arenas, or of places far apart in a log. With --union a place is matched
  * with all others of its arena: where scenes repeat themselves (twins, mirror, corridor) the
  * verdict must say so. */
@@ -29,7 +29,7 @@ enum { WHOLE = 3, MAX_STAGES = 5 }; /* of the stages */
 typedef struct settings {
     bench_pairs_settings of;
     const char *data, *start, *method;
-    int64_t strangers;
+    int64_t unrelated;
     int32_t each, ablate;
     cairn_scan_match_mode mode;
 } settings;
@@ -50,7 +50,7 @@ static const start_kind STARTS[] = {
 
 /* What one match gave. */
 typedef struct outcome {
-    int32_t right, verdict, count, rank; /* rank: of the right hypothesis from 1, 0: none is */
+    int32_t right, verdict, count, rank; /* rank of the right hypothesis from 1, 0: none is right */
     double metres, radians, ratio, inside, ms;
     int64_t units;
 } outcome;
@@ -210,11 +210,11 @@ static int run_pair(matcher *m, const bench_collection *c, const bench_pair *p,
 
 static void print_each(const settings *s, const bench_collection *c, const bench_pair *p,
                        const outcome *o, const cairn_scan_match_result *r, int ceiling,
-                       int stranger)
+                       int is_unrelated)
 {
     bench_json_begin("pairs");
     bench_json_text("start", s->start);
-    bench_json_integer("stranger", stranger);
+    bench_json_integer("stranger", is_unrelated);
     bench_json_integer("target", c->views.at[p->target].scan);
     bench_json_integer("query", c->views.at[p->query].scan);
     bench_json_integer("right", o->right);
@@ -246,9 +246,9 @@ static void print_each(const settings *s, const bench_collection *c, const bench
 /* ---- Output ---- */
 
 typedef struct row {
-    int32_t pairs, right, ceiling, both, inside, judged, found, found_right, ambiguous, none,
+    int32_t pairs, right, ceiling, both, inside, evaluated, found, found_right, ambiguous, none,
         listed;
-    int32_t strangers, strangers_none;
+    int32_t unrelated, unrelated_none;
     double *metres, *degrees, *ratios, *ms, *units; /* [pairs] */
     int32_t ratio_count;
 } row;
@@ -269,7 +269,7 @@ static void count_pair(row *r, const outcome *o)
     r->ambiguous += o->verdict == CAIRN_SCAN_MATCH_AMBIGUOUS;
     r->none += o->verdict == CAIRN_SCAN_MATCH_NONE;
     if (o->verdict != CAIRN_SCAN_MATCH_NONE && o->count > 0) {
-        r->judged++;
+        r->evaluated++;
         r->inside += o->inside > 0;
     }
 }
@@ -303,18 +303,18 @@ static void print_row(const settings *s, const char *name, const start_kind *kin
     bench_json_number("ops_median", median_units);
     bench_json_number("ops_worst_over_median",
                       n > 0 ? r->units[n - 1] / median_units : (double)NAN);
-    bench_json_number("inside95", share(r->inside, r->judged));
+    bench_json_number("inside95", share(r->inside, r->evaluated));
     bench_json_number("found", share(r->found, r->pairs));
     bench_json_number("found_right", share(r->found_right, r->found));
     bench_json_number("ambiguous", share(r->ambiguous, r->pairs));
     bench_json_number("none", share(r->none, r->pairs));
-    bench_json_number("strangers_none", share(r->strangers_none, r->strangers));
+    bench_json_number("strangers_none", share(r->unrelated_none, r->unrelated));
     bench_json_integer("pool_bytes", (int64_t)pool_bytes);
     bench_json_true("summary");
     bench_json_end();
 }
 
-/* All pairs from one kind of start, and the strangers from none. */
+/* All pairs from one kind of start, and the unrelated pairs without a start. */
 static int run_start(const settings *s, const char *name, const bench_collection *c,
                      const start_kind *kind)
 {
@@ -350,16 +350,16 @@ static int run_start(const settings *s, const char *name, const bench_collection
         if (s->each)
             print_each(&labelled, c, p, &o, &result, ceiling, 0);
     }
-    for (int32_t i = 0; i < c->stranger_count && done && (kind->metres < 0 || s->strangers); i++) {
+    for (int32_t i = 0; i < c->unrelated_count && done && (kind->metres < 0 || s->unrelated); i++) {
         cairn_scan_match_result result;
         outcome o;
 
-        done = run_pair(&m, c, &c->strangers[i], kind, &random, &o);
-        r.strangers++;
-        r.strangers_none += o.verdict == CAIRN_SCAN_MATCH_NONE;
+        done = run_pair(&m, c, &c->unrelated[i], kind, &random, &o);
+        r.unrelated++;
+        r.unrelated_none += o.verdict == CAIRN_SCAN_MATCH_NONE;
         result = cairn_scan_match_read(m.match);
         if (s->each && done)
-            print_each(&labelled, c, &c->strangers[i], &o, &result, 0, 1);
+            print_each(&labelled, c, &c->unrelated[i], &o, &result, 0, 1);
     }
     if (done)
         print_row(s, name, kind, &r, m.pool_bytes);
@@ -436,7 +436,7 @@ int main(int argc, char **argv)
                        "the second scan is one of the next N with a reference pose (10; fr079 59)"),
         OPTION_INTEGER("--seed", &s.of.seed, 0, 9e15, "N",
                        "of the arenas, the pairs and their starts"),
-        OPTION_INTEGER("--strangers", &s.strangers, 0, 1, "N",
+        OPTION_INTEGER("--strangers", &s.unrelated, 0, 1, "N",
                        "1: pairs that share nothing at every start, not at none only"),
         OPTION_FLAG("--noise", &s.of.noise,
                     "overwrite the poses of the log with noise: nothing may change"),

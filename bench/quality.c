@@ -47,7 +47,7 @@ typedef struct part {
 typedef struct figures {
     part whole, quadrant[CAIRN_MAP_QUALITY_QUADRANTS];
     double entropy_of_cell, likelihood_of_beam;
-    double from_end; /* m, mean distance from the method's own end */
+    double from_end; /* m, mean distance from the method's own final poses */
 } figures;
 
 /* One arena: the beams of its scans and the grid that all maps of it share. */
@@ -330,7 +330,7 @@ static int run_arena(const settings *set, int32_t arena, study *all)
     return done;
 }
 
-/* ---- How well a measure predicts the error ---- */
+/* ---- Prediction of the error by a measure ---- */
 
 static double entropy_of_cell(const figures *map)
 {
@@ -362,7 +362,8 @@ static int predict(const study *all, const settings *set, double (*measure)(cons
 
 /* ---- Each method ---- */
 
-/* The first step from which on the poses stay within 1 % of their way to the method's own end. */
+/* The first step from which on the poses stay within 1 % of their distance to the method's final
+ * poses. */
 static double settled(const study *all, int32_t arena, int32_t method)
 {
     double way = map_of(all, arena, method, 0)->from_end;
@@ -373,8 +374,8 @@ static double settled(const study *all, int32_t arena, int32_t method)
     return bench_track_step(k);
 }
 
-/* Of the first 50 steps those after which the entropy is higher; adds how much it rose, and
- * changed, in all of them. */
+/* Counts the steps among the first 50 that raise the entropy; adds the total rise and the total
+ * change. */
 static int32_t rising_steps(const study *all, int32_t arena, int32_t method, double *rise,
                             double *change)
 {
@@ -391,8 +392,8 @@ static int32_t rising_steps(const study *all, int32_t arena, int32_t method, dou
     return rising;
 }
 
-/* How often the quadrant that has less entropy by the method than by another one has less error,
- * too, at the end; adds to *agree and *compared. */
+/* How often the quadrant of lower entropy by one of two methods has the lower error at the end,
+ * too; adds to *agree and *compared. */
 static void compare_quadrants(const study *all, int32_t arena, int32_t method, int32_t *agree,
                               int32_t *compared)
 {

@@ -14,8 +14,8 @@
 #include "sim/arena.h"
 #include "tools/options.h"
 
-static const double ASTRAY = 0.2; /* m */
-static const double ASTRAY_TURN = 2 / 57.29577951308232;
+static const double MAX_ERROR_M = 0.2; /* m */
+static const double MAX_ERROR_RAD = 2 / 57.29577951308232;
 
 typedef struct settings {
     const char *scene;
@@ -25,8 +25,8 @@ typedef struct settings {
 
 /* A drive, mapped. */
 typedef struct outcome {
-    cairn_pose *poses;  /* [scans] */
-    int32_t *key_scans; /* [scans] scan index of a keyframe */
+    cairn_pose *poses;       /* [scans] */
+    int32_t *keyframe_scans; /* [scans] scan index of a keyframe */
     int32_t accepted, rejected, waiting, wrong;
     double worst_closure;
     cairn_mapper_state state;
@@ -49,8 +49,8 @@ static double length(cairn_pose p)
 static void count_closure(const settings *s, const cairn_mapper_loop *loop, const sim_scan *scans,
                           outcome *out)
 {
-    cairn_pose truth = cairn_pose_between(pose_of(scans[out->key_scans[loop->first]].truth),
-                                          pose_of(scans[out->key_scans[loop->second]].truth));
+    cairn_pose truth = cairn_pose_between(pose_of(scans[out->keyframe_scans[loop->first]].truth),
+                                          pose_of(scans[out->keyframe_scans[loop->second]].truth));
     cairn_pose error = cairn_pose_between(truth, loop->first_second);
     double off = length(error), turn = fabs((double)error.theta);
 
@@ -61,7 +61,7 @@ static void count_closure(const settings *s, const cairn_mapper_loop *loop, cons
         return;
     out->accepted++;
     out->worst_closure = fmax(out->worst_closure, off);
-    if (off <= ASTRAY && turn <= ASTRAY_TURN)
+    if (off <= MAX_ERROR_M && turn <= MAX_ERROR_RAD)
         return;
     out->wrong++;
     if (s->verbose)
@@ -83,7 +83,7 @@ static void count_closures(const settings *s, const cairn_mapper *mapper, const 
 
 /* ---- Mapping ---- */
 
-/* Events are read after every few units of work: no more happen meanwhile than can be read. */
+/* Events are read after every few units of work, before older ones are overwritten. */
 static cairn_status work(const settings *s, cairn_mapper *mapper, const sim_scan *scans,
                          int32_t *seen, outcome *out,
                          cairn_status (*step)(cairn_mapper *, cairn_budget *))
@@ -110,7 +110,7 @@ static cairn_status feed(const settings *s, cairn_mapper *mapper, const sim_scan
         cairn_pose odometry = pose_of(scans[i].odometry);
         int32_t keys = cairn_mapper_measure(mapper).keyframes;
 
-        out->key_scans[keys] = i;
+        out->keyframe_scans[keys] = i;
         status = cairn_mapper_add(mapper, &input, s->no_odometry ? NULL : &odometry, NULL);
         if (status == CAIRN_OK)
             status = work(s, mapper, scans, &seen, out, cairn_mapper_step);
@@ -130,7 +130,7 @@ static cairn_status feed(const settings *s, cairn_mapper *mapper, const sim_scan
 static void free_outcome(outcome *out)
 {
     free(out->poses);
-    free(out->key_scans);
+    free(out->keyframe_scans);
 }
 
 static cairn_status map_drive(const settings *s, const sim_scan *scans, int32_t count,
@@ -149,8 +149,8 @@ static cairn_status map_drive(const settings *s, const sim_scan *scans, int32_t 
     bytes = cairn_mapper_memory(&params) + CAIRN_ALIGN;
     memory = malloc(bytes);
     out->poses = calloc((size_t)count + 1, sizeof *out->poses);
-    out->key_scans = calloc((size_t)count + 1, sizeof *out->key_scans);
-    if (memory != NULL && out->poses != NULL && out->key_scans != NULL)
+    out->keyframe_scans = calloc((size_t)count + 1, sizeof *out->keyframe_scans);
+    if (memory != NULL && out->poses != NULL && out->keyframe_scans != NULL)
         status = cairn_pool_init(&pool, memory, bytes);
     if (status == CAIRN_OK)
         status = cairn_mapper_create(&mapper, &pool, &params);
@@ -172,14 +172,14 @@ static double error_of(const sim_scan *scans, const outcome *out, int32_t i)
 
 /* Over all arenas. */
 typedef struct totals {
-    int64_t arenas, closures, rejected, wrong, poses, poses_astray, arenas_astray;
+    int64_t arenas, closures, rejected, wrong, poses, corrupted_poses, corrupted_arenas;
     double worst_closure, worst_led, worst_with, worst_without;
 } totals;
 
 static void add_up(const sim_scan *scans, int32_t count, const outcome *with,
                    const outcome *without, totals *t)
 {
-    int64_t astray = 0;
+    int64_t corrupted = 0;
 
     for (int32_t i = 0; i < count; i++) {
         double a = error_of(scans, with, i), b = error_of(scans, without, i);
@@ -187,7 +187,7 @@ static void add_up(const sim_scan *scans, int32_t count, const outcome *with,
         t->worst_with = fmax(t->worst_with, a);
         t->worst_without = fmax(t->worst_without, b);
         t->worst_led = fmax(t->worst_led, a - b);
-        astray += a > ASTRAY && a - b > ASTRAY;
+        corrupted += a > MAX_ERROR_M && a - b > MAX_ERROR_M;
     }
     t->arenas++;
     t->poses += count;
@@ -195,8 +195,8 @@ static void add_up(const sim_scan *scans, int32_t count, const outcome *with,
     t->rejected += with->rejected;
     t->wrong += with->wrong;
     t->worst_closure = fmax(t->worst_closure, with->worst_closure);
-    t->poses_astray += astray;
-    t->arenas_astray += astray > 0;
+    t->corrupted_poses += corrupted;
+    t->corrupted_arenas += corrupted > 0;
 }
 
 static void merge(totals *all, const totals *one)
@@ -206,8 +206,8 @@ static void merge(totals *all, const totals *one)
     all->rejected += one->rejected;
     all->wrong += one->wrong;
     all->poses += one->poses;
-    all->poses_astray += one->poses_astray;
-    all->arenas_astray += one->arenas_astray;
+    all->corrupted_poses += one->corrupted_poses;
+    all->corrupted_arenas += one->corrupted_arenas;
     all->worst_closure = fmax(all->worst_closure, one->worst_closure);
     all->worst_led = fmax(all->worst_led, one->worst_led);
     all->worst_with = fmax(all->worst_with, one->worst_with);
@@ -228,9 +228,9 @@ static void print_totals(const settings *s, const totals *t, int64_t seed)
     bench_json_integer("wrong", t->wrong);
     bench_json_number("closure_worst_m", t->worst_closure);
     bench_json_integer("poses", t->poses);
-    bench_json_integer("poses_astray", t->poses_astray);
+    bench_json_integer("poses_astray", t->corrupted_poses);
     if (seed < 0)
-        bench_json_integer("arenas_astray", t->arenas_astray);
+        bench_json_integer("arenas_astray", t->corrupted_arenas);
     bench_json_number("led_worst_m", t->worst_led);
     bench_json_number("error_worst_m", t->worst_with);
     bench_json_number("error_worst_without_m", t->worst_without);
@@ -297,7 +297,8 @@ int main(int argc, char **argv)
         OPTION_FLAG("--no-odometry", &s.no_odometry, "uses the ranges alone"),
         OPTION_FLAG("--verbose", &s.verbose, "prints every wrong loop closure"),
     };
-    const option_set set = {"bench/scenes", "[options]", "Do loops that close ever lead astray?",
+    const option_set set = {"bench/scenes", "[options]",
+                            "Measures false loop closures in buildings with perceptual aliasing.",
                             table, sizeof table / sizeof *table};
     totals all = {0};
     size_t words = 0;

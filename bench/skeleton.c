@@ -1,14 +1,17 @@
-/* bench/skeleton: skeletons and contours without a model (chapter 3), on generated scenes, with no
+/* bench/skeleton: skeletons and contours without a model (chapter 3), on generated scenes; needs no
  * data.
  *
- * A scene holds one object swept by discs along known axes (bench_sweep), 120 px times 0.7 ...
- * 1.3, turned at random, among --k others, --noise grey levels. Given is the range of radii
- * alone, from 0.8 of the object's least to 1.2 of its largest, both times --wrong. Of the
- * objects found the likeliest counts: skeleton_f, of places along its axis and the true one that
- * lie within 1 % of the image's diagonal of the other; radius_error, median over scenes of the
- * median over places of the axis that are right; boundary_f, of the contour at 3 px; disks_iou,
- * of the union of its discs with the object; free_ends, mean share of the true number. all_f and
- * all_boundary_f count every part that was found; parts is their mean number. */
+ * A scene holds one object swept by discs along known axes (bench_sweep), 120 px times 0.7 ... 1.3,
+ * rotated at random, among --k others, with noise of --noise grey levels. Only the range of radii
+ * is given, from 0.8 of the object's least to 1.2 of its largest, both times --wrong. Measures of
+ * the likeliest object:
+ * - skeleton_f: F measure of the places of its axis and the true one, within 1 % of the image's
+ *   diagonal of the other;
+ * - radius_error: median over scenes of the median over right places of the axis;
+ * - boundary_f: F measure of the contour at 3 px; disks_iou: of the union of its discs with the
+ *   object; free_ends: mean share of the true number.
+ *
+ * all_f and all_boundary_f count every part that was found; parts is their mean number. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -246,7 +249,7 @@ static void measure(const settings *set, sums *t, const finder *f, const scene *
 
 /* ---- Images ---- */
 
-/* Of one way to group: how precise it is beside Canny's best at its recall. */
+/* For one way to group: its precision compared with Canny's best at its recall. */
 typedef struct way_sums {
     double gain, precision, canny, recall;
     int32_t lacking; /* recall below the least */
@@ -450,7 +453,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_INTEGER("--k", &s->k, 0, 1000, "K", "clutter objects"),
         OPTION_NUMBER("--noise", &s->noise, 0, 100, "SIGMA", "grey levels"),
         OPTION_NUMBER("--wrong", &s->wrong, 0.1, 10, "FACTOR",
-                      "the range of radii that is given is so many times the true one"),
+                      "factor of the given range of radii"),
         OPTION_FLAG("--propose", &s->propose, "no range is given"),
         OPTION_NUMBER("--min-slope", &s->slope, 0.01, 1000, "G",
                       "grey levels per pixel, of edgels"),

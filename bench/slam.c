@@ -69,7 +69,7 @@ static scan_cost cost_of(double *units, int32_t count)
     return out;
 }
 
-/* Takes scans 0 ... count - 1 through the releases since the last time. */
+/* Re-attaches scans 0 ... count - 1 after the keyframes culled since the last call. */
 static void rehang(const cairn_mapper *mapper, int32_t *seen, int32_t *key, cairn_pose *poses,
                    int32_t count)
 {
@@ -178,7 +178,7 @@ static double filter_log(const settings *s, const cairn_carmen_log_scans *log, c
     return done ? filter->seconds : -1;
 }
 
-/* Relations whose scans the log does not have are left out. */
+/* Relations with scans missing in the log are left out. */
 static void print_errors(const settings *s, const char *name, const cairn_carmen_log_scans *log,
                          const cairn_pose *poses, const cairn_relation_table_row *row,
                          int32_t count, double seconds, size_t pool_bytes,

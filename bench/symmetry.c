@@ -19,7 +19,8 @@
 #define DEGREE  0.017453292519943295
 /* An end is right within this share of the outline. */
 #define NEAR 0.05
-/* A shape has a mirror axis when so much of it and its mirror image is common. */
+/* A shape has a mirror axis when its intersection over union with its mirror image is at least
+ * this. */
 #define RIGID 0.9
 
 enum { MODES = 2, MAX_FILES = 4096 };
@@ -37,7 +38,7 @@ typedef struct settings {
     const char *data;
 } settings;
 
-/* What a mode did over all shapes. */
+/* Results of a mode over all shapes. */
 typedef struct sums {
     cairn_self_similarity *similarity;
     int64_t shapes, hits, among, units;
@@ -78,7 +79,7 @@ static int analyze(sums *t, const cairn_curve *outlines, int32_t count,
     return 1;
 }
 
-/* Of an axis to the true one, the farther end, as a share of the outline. */
+/* Distance of the axis from the true one: the farther end, as a share of the outline. */
 static double ends_off(const cairn_self_similarity_axis *axis, const double end[2])
 {
     double off[2] = {0, 0};
@@ -108,7 +109,7 @@ static void print_axis(const char *name, const cairn_self_similarity_axis *axis)
     bench_json_number(key, (double)axis->skew);
 }
 
-/* right: the place of the true axis in the list, or beyond it. */
+/* right: rank of the true axis in the list, or beyond it. */
 static void print_each(const settings *s, int mode, uint64_t seed, double off, int32_t right,
                        const cairn_self_similarity_result *r)
 {
@@ -167,7 +168,7 @@ static int compare_names(const void *a, const void *b)
     return strcmp(*(const char *const *)a, *(const char *const *)b);
 }
 
-/* The names of a folder's pictures, sorted. */
+/* The names of a folder's images, sorted. */
 static int32_t read_names(const char *folder, char **names)
 {
     DIR *open = opendir(folder);
@@ -202,7 +203,7 @@ static int is_right(const bench_reflections *truth, const cairn_curve *shape, in
                truth->axes[0].overlap - BENCH_AS_GOOD;
 }
 
-/* Looks at one picture when it has a mirror axis. 0: a line was printed. */
+/* Processes one image when it has a mirror axis. 0: a line was printed. */
 static int run_picture(const settings *s, sums t[MODES], const char *path, const char *name)
 {
     cairn_shape_image_params params = cairn_shape_image_default();

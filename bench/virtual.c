@@ -3,25 +3,26 @@
  * rooms: four rooms on a hallway, rotated randomly, five places, pose errors of up to 25 units of
  * 0.03 m and 15 degrees. A seed is right when every scan lies within 4 units and 1 degree after the
  * best rigid alignment. rubble and round: the arenas of bench/align, and those without a straight
- * wall; shares as there. rescue110: the first arena with scans of 110 degrees. halls: the rooms,
- * whose hallway is 12 m long, by scans of half a circle; rooms far off: by full ones from starts 1
- * m and 20 degrees off. Each with hypotheses and without, on the same starts. Without: the aligner
- * alone; gradient: algorithm 2 as written; field without: the aligner, its field, and components
- * that slide along walls, but no hypotheses. wall_rms_m: RMS distance of the hits on collinear
- * walls from their common line.
+ * wall; shares as there. rescue110: the first arena with scans of 110 degrees. halls: the rooms
+ * with a hallway 12 m long, by scans of half a circle. rooms far off: by full scans from starts 1 m
+ * and 20 degrees off. Each with hypotheses and without, on the same starts. Without: the aligner
+ * alone; gradient: algorithm 2 as written; field without: the aligner, its field and the
+ * translation of components along walls, but no hypotheses. wall_rms_m: RMS distance of the hits on
+ * collinear walls from their common line.
  *
- * box: a flat box in a room, two scans of 110 degrees that face it from either side, with no long
- * side and no wall across in common: how far apart the sides are only the starts tell, and the
- * sides attract each other. It has collapsed when these end up nearer to each other than half its
- * thickness. Starts are off by 0.1 m and 5 degrees, and, far off, by 0.3 m and 15 degrees.
+ * box: a flat box in a room, and two scans of 110 degrees that face it from opposite sides, without
+ * a long side or a transverse wall in common. Only the initial poses determine the distance of the
+ * sides, and the sides attract each other. The box has collapsed when they end up nearer to each
+ * other than half its thickness. Starts are off by 0.1 m and 5 degrees, and, far off, by 0.3 m and
+ * 15 degrees.
  *
  * planted: rooms, by the field alone (springs, or algorithm 2 as written), with a false rectangle
- * among the hypotheses of step 5. In how many of the seeds it is believed at step 15 or later, and
- * how many scans come out right with it and without.
+ * among the hypotheses of step 5. Output: in how many of the seeds it is accepted at step 15 or
+ * later, and how many scans are right with it and without.
  *
- * detector: scenes of rectangles turned at random, of whose outline 60 % is seen in pieces with
- * noise, among single pieces of walls; a rectangle is found when all its corners are within 0.3
- * m. */
+ * detector: scenes of rectangles rotated at random, with 60 % of their outlines visible as noisy
+ * segments among isolated segments of walls. A rectangle is found when all its corners are within
+ * 0.3 m. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -34,7 +35,7 @@
 #include "cairn/random.h"
 #include "tools/options.h"
 
-enum { LIE_STEP = 5 }; /* in whose hypotheses the false one is */
+enum { PLANTED_STEP = 5 }; /* where the false one is among the hypotheses */
 
 typedef struct settings {
     int64_t seeds, seed, arenas, halls, scenes, boxes, lies;
@@ -63,7 +64,7 @@ static void print_row(const bench_virtual_scene *from, const bench_virtual_metho
     bench_json_end();
 }
 
-/* Processor time of the first of two methods beyond that of the second, over that. */
+/* Relative processor time of the first of two methods above that of the second. */
 static double cost_ratio(const bench_virtual_row *rows)
 {
     return (rows[0].seconds - rows[1].seconds) / rows[1].seconds;
@@ -118,10 +119,10 @@ static void print_gradient(const bench_virtual_row rows[3])
     }
 }
 
-/* ---- A box, and a lie ---- */
+/* ---- A box, and a false hypothesis ---- */
 
-/* Each method on the same starts; how many boxes it has collapsed. of_last: [2] those of the
- * last two methods; NULL: not wanted. */
+/* Each method on the same starts; counts collapsed boxes. of_last: [2] those of the last two
+ * methods; NULL: not wanted. */
 static int run_boxes(const settings *s, const char *name, double metres, double degrees,
                      int32_t *of_last)
 {
@@ -179,38 +180,38 @@ static int run_boxes(const settings *s, const char *name, double metres, double 
 }
 
 /* Evaluates scene rooms with a false hypothesis. */
-typedef struct lie_counts {
-    int32_t scans, believed, right_with, right_without;
-} lie_counts;
+typedef struct planted_counts {
+    int32_t scans, accepted, right_with, right_without;
+} planted_counts;
 
-static int run_lies(const settings *s, const bench_virtual_scene *rooms, lie_counts *of)
+static int run_planted(const settings *s, const bench_virtual_scene *rooms, planted_counts *of)
 {
     static const bench_virtual_method methods[] = {
         {"springs with hypotheses", 0, 1, BENCH_SPRINGS, 30 * BENCH_VIRTUAL_UNIT},
         {"gradient with hypotheses", 0, 1, BENCH_FIELD_AS_WRITTEN, 30 * BENCH_VIRTUAL_UNIT}};
 
     for (int64_t i = 0; i < s->lies; i++)
-        for (int told = 0; told < 2; told++) {
+        for (int planted = 0; planted < 2; planted++) {
             bench_virtual_problem p;
             bench_virtual_row out;
-            bench_lie lie;
+            bench_false_rectangle lie;
             int done = bench_virtual_open(rooms, (uint64_t)(s->seed + i), &p);
 
             memset(&out, 0, sizeof out);
             if (done) {
-                lie = bench_lie_draw(p.start, p.count, (uint64_t)(s->seed + i));
-                if (s->as_written) { /* V is made anew in every iteration */
-                    lie.when = LIE_STEP - 1;
+                lie = bench_false_rectangle_draw(p.start, p.count, (uint64_t)(s->seed + i));
+                if (s->as_written) { /* V is computed anew in every iteration */
+                    lie.when = PLANTED_STEP - 1;
                     lie.spacing = (double)cairn_virtual_align_as_written().hypotheses.spacing;
                 }
-                p.lie = told ? &lie : NULL;
+                p.lie = planted ? &lie : NULL;
                 done = bench_virtual_run(&p, &methods[s->as_written], s->steps, &out);
             }
             if (done) {
-                *(told ? &of->right_with : &of->right_without) +=
+                *(planted ? &of->right_with : &of->right_without) +=
                     bench_virtual_score(&p, 4 * BENCH_VIRTUAL_UNIT);
-                of->believed += p.believed;
-                of->scans += told ? p.observable : 0;
+                of->accepted += p.accepted;
+                of->scans += planted ? p.observable : 0;
             }
             bench_virtual_close(&p);
             if (!done)
@@ -220,17 +221,17 @@ static int run_lies(const settings *s, const bench_virtual_scene *rooms, lie_cou
     bench_json_text("scene", "planted");
     bench_json_text("method", methods[s->as_written].name);
     bench_json_integer("seeds", s->lies);
-    bench_json_integer("believed_at_15", of->believed);
+    bench_json_integer("believed_at_15", of->accepted);
     bench_json_integer("right_scans_without_it", of->right_without);
     bench_json_integer("right_scans_with_it", of->right_with);
     bench_json_end();
     return 1;
 }
 
-static void print_lies(const settings *s, const lie_counts *of)
+static void print_lies(const settings *s, const planted_counts *of)
 {
     bench_json_integer("lies", s->lies);
-    bench_json_integer("lies_believed_at_15", of->believed);
+    bench_json_integer("lies_believed_at_15", of->accepted);
     bench_json_integer("lies_scans", of->scans);
     bench_json_integer("lies_right_scans_with", of->right_with);
     bench_json_integer("lies_right_scans_without", of->right_without);
@@ -258,8 +259,8 @@ static int run_detector(const settings *s, const char *name, detector find)
     return 1;
 }
 
-/* Rooms, lies, arenas and boxes by algorithm 2; methods: with hypotheses, without, without from
- * another sigma. */
+/* Rooms, false hypotheses, arenas and boxes by algorithm 2; methods: with hypotheses, without,
+ * without from another sigma. */
 static int run_as_written(const settings *s, const bench_virtual_scene *rooms,
                           const bench_virtual_scene *rubble, const bench_virtual_method *methods)
 {
@@ -268,11 +269,11 @@ static int run_as_written(const settings *s, const bench_virtual_scene *rooms,
         {"gradient without", 0, 0, BENCH_FIELD_AS_WRITTEN, 0}};
     bench_virtual_row of_rooms[3] = {{0}}, of_rubble[2] = {{0}};
     int32_t collapsed[2] = {0};
-    lie_counts of_lies = {0};
+    planted_counts of_planted = {0};
 
     if ((s->boxes > 0 && (!run_boxes(s, "box", 0.1, 5, collapsed) ||
                           !run_boxes(s, "box far off", 0.3, 15, NULL))) ||
-        (s->lies > 0 && !run_lies(s, rooms, &of_lies)) ||
+        (s->lies > 0 && !run_planted(s, rooms, &of_planted)) ||
         (s->seeds > 0 &&
          !run_scene(s, rooms, s->seeds, methods, 3, 4 * BENCH_VIRTUAL_UNIT, of_rooms)) ||
         (s->arenas > 0 && !run_scene(s, rubble, s->arenas, in_rubble, 2, 0.05, of_rubble)))
@@ -289,7 +290,7 @@ static int run_as_written(const settings *s, const bench_virtual_scene *rooms,
     bench_json_integer("boxes_collapsed_with", collapsed[0]);
     bench_json_integer("boxes_collapsed_without", collapsed[1]);
     bench_json_integer("boxes", s->boxes);
-    print_lies(s, &of_lies);
+    print_lies(s, &of_planted);
     bench_json_end();
     return 1;
 }
@@ -329,11 +330,12 @@ int main(int argc, char **argv)
                     "lies, arenas"),
         OPTION_FLAG("--steps", &s.steps, "print the hypotheses of every step"),
     };
-    const option_set set = {"bench/virtual", "[options]", "Measures what virtual scans are worth.",
-                            table, sizeof table / sizeof *table};
+    const option_set set = {"bench/virtual", "[options]",
+                            "Measures the accuracy of alignment with virtual scans.", table,
+                            sizeof table / sizeof *table};
     bench_virtual_row in_rooms[5] = {{0}}, in_rubble[3] = {{0}}, in_narrow[2] = {{0}},
                       in_round[2] = {{0}}, in_halls[3] = {{0}}, in_far[3] = {{0}};
-    lie_counts of_lies = {0};
+    planted_counts of_planted = {0};
     size_t none = 0;
     option_result result = options_read(&set, argc, argv, NULL, &none);
 
@@ -346,7 +348,7 @@ int main(int argc, char **argv)
         return 1;
     if ((s.boxes > 0 &&
          (!run_boxes(&s, "box", 0.1, 5, NULL) || !run_boxes(&s, "box far off", 0.3, 15, NULL))) ||
-        (s.lies > 0 && !run_lies(&s, &rooms, &of_lies)))
+        (s.lies > 0 && !run_planted(&s, &rooms, &of_planted)))
         return 1;
     if (s.seeds > 0 &&
         !run_scene(&s, &rooms, s.seeds, rooms_methods, 5, 4 * BENCH_VIRTUAL_UNIT, in_rooms))
@@ -386,7 +388,7 @@ int main(int argc, char **argv)
     bench_json_number("far_off_cost_ratio", cost_ratio(in_far));
     bench_json_number("rescue110_cost_ratio", cost_ratio(in_narrow));
     bench_json_number("round_cost_ratio", cost_ratio(in_round));
-    print_lies(&s, &of_lies);
+    print_lies(&s, &of_planted);
     bench_json_end();
     return 0;
 }

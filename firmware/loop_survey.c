@@ -42,7 +42,7 @@ static surveyor the_surveyor;
 static drive the_drive;
 static lap_measure the_lap;
 static cairn_pose second_lap[SURVEY_SWEEPS];
-static int32_t astray; /* number of sweeps beyond MAX_DISTANCE_M */
+static int32_t diverged_sweeps; /* number of sweeps beyond MAX_DISTANCE_M */
 static console_measure measures[SURVEYOR_WORKS];
 
 /* ---- The drive ---- */
@@ -137,7 +137,7 @@ static void count_mapped(const surveyor *s, int32_t number)
     y = pose.y - second->y;
     away = lap > 0 ? cairn_sqrt(x * x + y * y) : 0;
     the_lap.mapped++;
-    astray += away > MAX_DISTANCE_M;
+    diverged_sweeps += away > MAX_DISTANCE_M;
     the_lap.sum += away;
     the_lap.most = cairn_max(the_lap.most, away);
 }
@@ -236,5 +236,5 @@ int main(void)
     print_map(s, refused, lost);
     console_hash(the_survey.name, hash);
     print_measures(s);
-    return lost + refused + astray > 0;
+    return lost + refused + diverged_sweeps > 0;
 }

@@ -1,5 +1,5 @@
-/* Segments of an image by hand, and a contour_grouping with a model and a pool of its own: what
- * the tests of both modes share. */
+/* Shared by the tests of both modes of contour_grouping: segments of an image made by hand, a
+ * contour_grouping with a model and its own pool. */
 #ifndef CAIRN_TESTS_CONTOUR_SCENE_H
 #define CAIRN_TESTS_CONTOUR_SCENE_H
 
@@ -33,7 +33,7 @@ static inline void add_line(scene *s, double ax, double ay, double bx, double by
     s->lines[s->count++] = line;
 }
 
-/* The line from a to b in pieces of some 8 px, in their order. */
+/* The line from a to b as segments of about 8 px, in order. */
 static inline void add_pieces(scene *s, double ax, double ay, double bx, double by)
 {
     int parts = (int)ceil(hypot(bx - ax, by - ay) / 8 - 1e-9);
@@ -43,7 +43,7 @@ static inline void add_pieces(scene *s, double ax, double ay, double bx, double 
                  ax + (bx - ax) * (k + 1) / parts, ay + (by - ay) * (k + 1) / parts);
 }
 
-/* Lines anywhere, of half a length from `least` to `most`, px. */
+/* Random lines of half lengths `least` to `most`, px. */
 static inline void add_clutter(scene *s, int32_t count, double least, double most, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 3);

@@ -14,7 +14,7 @@ typedef struct drive {
     int32_t count;
 } drive;
 
-/* every: m and rad between scans. */
+/* Distance and turn between scans, m and rad. */
 static inline drive start_drive(sim_scene scene, uint64_t seed, int32_t scans, double bias,
                                 double every)
 {

@@ -1,5 +1,5 @@
-/* Scans by hand, a field with a pool of its own, and a small scene: what the tests of force
- * fields share. */
+/* Shared by the tests of force fields: scans made by hand, a field with its own pool, and a small
+ * scene. */
 #ifndef CAIRN_TESTS_FIELD_SCENE_H
 #define CAIRN_TESTS_FIELD_SCENE_H
 
@@ -13,7 +13,7 @@
 
 enum { MAX_SCAN_SEGMENTS = 16, MAX_SCAN_POINTS = 256 };
 
-/* A scan as a caller would hold it. */
+/* A scan as a caller stores it. */
 struct scan {
     cairn_segment segments[MAX_SCAN_SEGMENTS];
     int32_t first_point[MAX_SCAN_SEGMENTS + 1];
@@ -115,7 +115,7 @@ static inline cairn_force_field_params small_params(void)
     return params;
 }
 
-/* Rooms as several sensors see them, some walls in more than one scan, seven scans in all. */
+/* Walls of rooms as several sensors see them, some walls in more than one scan; seven scans. */
 enum { SCENE = 7 };
 
 static inline void make_scene(struct scan scans[SCENE], cairn_pose poses[SCENE])
@@ -138,7 +138,7 @@ static inline void make_scene(struct scan scans[SCENE], cairn_pose poses[SCENE])
         scans[i].view.sensor.y = (cairn_real)(-0.2 + 0.05 * i);
         poses[i] = pose(shift[i][0], shift[i][1], shift[i][2]);
     }
-    /* Uneven points, and some whose direction is against their order. */
+    /* Unevenly spaced points, some with a direction against their order. */
     for (int k = 0; k < scans[2].view.point_count; k++)
         scans[2].points[k].position.x += (cairn_real)(0.012 * (k % 3));
     for (int k = 0; k < scans[5].first_point[1]; k++)

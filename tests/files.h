@@ -1,4 +1,4 @@
-/* Files for tests: a folder of their own that goes when they end. */
+/* Files for tests, in a folder that is removed at the end. */
 #ifndef CAIRN_TESTS_FILES_H
 #define CAIRN_TESTS_FILES_H
 
@@ -18,7 +18,7 @@
 
 static char files_folder[64];
 
-/* For cmocka_run_group_tests: makes the folder, in $TMPDIR unless its name is long, ... */
+/* For cmocka_run_group_tests: makes the folder, in $TMPDIR unless its name is too long. */
 static inline int files_setup(void **state)
 {
     const char *above = getenv("TMPDIR");
@@ -50,7 +50,7 @@ static inline void files_remove(const char *path)
     (void)rmdir(path);
 }
 
-/* ... and removes it with all that is in it. */
+/* Removes the folder with all its contents. */
 static inline int files_teardown(void **state)
 {
     (void)state;
@@ -85,7 +85,7 @@ static inline const char *files_write_text(const char *name, const char *text)
     return files_write(name, text, strlen(text));
 }
 
-/* The whole file with a 0 behind it, to be freed; NULL when it cannot be opened. */
+/* The whole file, terminated by 0, to be freed; NULL when it cannot be opened. */
 static inline char *files_read(const char *path, size_t *count)
 {
     FILE *file = fopen(path, "rb");
@@ -107,8 +107,8 @@ static inline char *files_read(const char *path, size_t *count)
     return bytes;
 }
 
-/* Bytes of the heap in use, where glibc tells; 0 elsewhere and under sanitizers. What is lost in
- * every one of so many rounds adds up to more than the pieces that the heap keeps for itself. */
+/* Bytes of the heap in use by glibc's mallinfo; 0 elsewhere and under sanitizers. A leak in every
+ * round adds up to more than what the heap retains for itself. */
 #define FILES_HEAP_ROUNDS 40
 #define FILES_HEAP_NOISE  1000
 static inline size_t files_heap(void)
@@ -133,8 +133,8 @@ static inline int files_count(void)
     return count;
 }
 
-/* 1 when the program now runs under a locale with a decimal comma: one that is installed, or one
- * that is made in the folder. The caller goes back to "C". */
+/* Sets a locale with a decimal comma, an installed one or one made in the folder; 1 when that
+ * succeeded. The caller sets "C" again. */
 static inline int files_comma_locale(void)
 {
     static const char *const names[] = {"de_DE.UTF-8", "de_DE.utf8", "fr_FR.UTF-8", "it_IT.UTF-8",

@@ -1,5 +1,5 @@
-/* A flag drawn into a picture of edges, its model and the tokens found: what the tests of
- * searches for a known shape share. */
+/* Shared by the tests of the search for a known shape: a flag drawn into an edge image, its model,
+ * and the tokens found. */
 #ifndef CAIRN_TESTS_FLAG_PICTURE_H
 #define CAIRN_TESTS_FLAG_PICTURE_H
 
@@ -49,8 +49,8 @@ static inline void draw_line(double ax, double ay, double bx, double by)
     }
 }
 
-/* The flag with its upper left corner, or the upper right one when it is mirrored, at (x, y),
- * but for side `hidden`. */
+/* Draws the flag with its upper left corner (upper right when mirrored) at (x, y), without side
+ * `hidden`. */
 static inline void draw_flag_without(double x, double y, double scale, int mirrored, int32_t hidden)
 {
     double wide = scale * (mirrored ? -1 : 1);
@@ -69,7 +69,7 @@ static inline void draw_flag(double x, double y, double scale, int mirrored)
     draw_flag_without(x, y, scale, mirrored, -1);
 }
 
-/* Lines anywhere, up to 42 px long: what they cross is cut into chains. */
+/* Random lines up to 42 px long; they cut the chains that they cross. */
 static inline void draw_clutter(int32_t lines)
 {
     cairn_random random = cairn_random_seed(9, 2);
@@ -83,7 +83,7 @@ static inline void draw_clutter(int32_t lines)
     }
 }
 
-/* Short edges at every place. */
+/* Short edges everywhere. */
 static inline void draw_edges_everywhere(void)
 {
     for (int32_t i = 0; i < PIXELS; i++)
@@ -99,7 +99,7 @@ static inline cairn_contour_search_tokens find_tokens(int32_t edgels)
     return tokens;
 }
 
-/* The share of a box and that of a flag, over their union. */
+/* Intersection over union of a box and that of a flag. */
 static inline double share_of(const cairn_object_detection *d, double x, double y, double scale,
                               int mirrored)
 {
@@ -114,7 +114,7 @@ static inline double share_of(const cairn_object_detection *d, double x, double 
             w * h);
 }
 
-/* What is detected of the flag among tokens, the best first. */
+/* Detections of the flag among tokens, the best first. */
 static inline cairn_object_detections detect_flag(const cairn_contour_search_tokens *tokens,
                                                   const cairn_object_detect_params *params)
 {
@@ -131,8 +131,8 @@ static inline cairn_object_detections detect_flag(const cairn_contour_search_tok
     return found;
 }
 
-/* Stages come one after the other, of the model and of its mirror image: writes each as a digit
- * behind those before, char[16]. */
+/* Stages follow each other, for the model and for its mirror image: appends each as a digit,
+ * char[16]. */
 static inline void hear_stage(void *context, cairn_object_detect_stage stage)
 {
     char *heard = context;

@@ -1,5 +1,5 @@
-/* Scans of the four rooms on a hallway, and an aligner with virtual scans and a pool of its own:
- * what the tests of both modes share. */
+/* Shared by the tests of both modes of virtual_align: scans of four rooms on a hallway, and an
+ * aligner with virtual scans and its own pool. */
 #ifndef CAIRN_TESTS_FOUR_ROOMS_H
 #define CAIRN_TESTS_FOUR_ROOMS_H
 
@@ -48,7 +48,7 @@ static inline cairn_scan_view fit(const sim_scan *scan)
     return cairn_scan_read(scan_object);
 }
 
-/* Without all but the shortest of its walls. */
+/* Removes all of its walls but the shortest. */
 static inline cairn_scan_view fit_one_wall(const sim_scan *scan)
 {
     static cairn_segment wall;
@@ -75,7 +75,7 @@ struct rooms {
     sim_survey *survey;
     const sim_scan *scans;
     cairn_pose start[SCANS];
-    int32_t narrow; /* this one shows one wall; SCANS: none */
+    int32_t narrow; /* index of the scan that shows one wall only; SCANS: none */
 };
 
 /* Scan i as it is added. */

@@ -1,8 +1,7 @@
-/* One line per scene, "name hash": what tools/check-bits.sh compares between compilers and
- * options, and tools/firmware-test.sh between machines; tests/test_golden.c runs the scenes,
- * too. A scene computes with seeded inputs and hashes all bits of its results; a NaN is never
- * hashed, and 0 is a scene that has failed. Prints through the board, so that it runs on a bare
- * microcontroller, too. */
+/* Prints one line per scene, "name hash": tools/check-bits.sh compares them between compilers and
+ * options, tools/firmware-test.sh between machines; tests/test_golden.c runs the scenes, too. A
+ * scene computes with seeded inputs and hashes all bits of its results. A NaN is never hashed; 0 is
+ * a scene that failed. Output goes through the board, so that it runs on a bare microcontroller. */
 #include "src/core/build.h"
 
 #include "firmware/board.h"

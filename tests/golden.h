@@ -1,5 +1,4 @@
-/* What the files of the golden scenes share: hashes, random arguments, sweeps of a room, and the
- * scenes themselves. */
+/* Shared by the golden scenes: hashes, random arguments, sweeps of a room, the list of scenes. */
 #ifndef CAIRN_TESTS_GOLDEN_H
 #define CAIRN_TESTS_GOLDEN_H
 
@@ -46,7 +45,7 @@ static inline uint64_t add_covariance(uint64_t hash, const cairn_real *covarianc
 
 /* ---- Arguments ---- */
 
-/* 0: uniform within +-size; else a factor 2^-30 ... 2^30 on top. */
+/* 0: uniform within +-size; else multiplied by a factor of 2^-30 ... 2^30. */
 static inline cairn_real argument(cairn_random *random, cairn_real size, int wide)
 {
     cairn_real x = cairn_random_uniform(random, -size, size);
@@ -70,13 +69,13 @@ typedef struct golden_sweep {
 
 void golden_make_sweep(golden_sweep *out, cairn_random *random, cairn_pose pose);
 
-/* A fitted sweep; its view stays until the next one of the same object. 0: it cannot be fitted. */
+/* A fitted sweep; its view is valid until the next one of the same object. 0: the fit fails. */
 int golden_fit_sweep(cairn_scan *scan, const golden_sweep *s);
 
-/* For such sweeps; NULL when there is no room. */
+/* Allocates for such sweeps; NULL when memory is insufficient. */
 cairn_scan *golden_new_scan(cairn_pool *pool);
 
-/* Where sweeps of the room are taken, and where they are thought to be. */
+/* True poses of the sweeps, and their initial poses. */
 enum { GOLDEN_VIEWS = 5 };
 
 cairn_pose golden_view_pose(int32_t i);
@@ -131,6 +130,6 @@ typedef struct golden_scene {
     uint64_t (*run)(void);
 } golden_scene;
 
-extern const golden_scene golden_scenes[]; /* the one behind the last has no name */
+extern const golden_scene golden_scenes[]; /* the last one has no name */
 
 #endif

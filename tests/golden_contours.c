@@ -26,7 +26,7 @@ static void dot(cairn_vec2 at, int32_t strength)
         picture[y * SIDE + x] = (uint8_t)strength;
 }
 
-/* Two rings two pixels wide, lines across them, and noise. */
+/* Two rings two pixels wide, crossing lines, and noise. */
 static void draw(cairn_random *random)
 {
     memset(picture, 0, sizeof picture);
@@ -251,7 +251,7 @@ static uint64_t add_grouping(uint64_t hash, const cairn_contour_grouping_result 
     return hash;
 }
 
-/* 0: it cannot be grouped. The units that it took go into the hash. */
+/* 0: grouping fails. The units are hashed, too. */
 static uint64_t group(uint64_t hash, cairn_contour_grouping *g,
                       const cairn_contour_grouping_input *in)
 {

@@ -1,4 +1,4 @@
-/* Golden scenes of the rooms of the core, and of graphs of poses. */
+/* Golden scenes of the core modules and of pose graphs. */
 #include "src/core/build.h"
 
 #include "cairn/geometry.h"
@@ -131,8 +131,7 @@ uint64_t golden_small_matrices(void)
     return hash;
 }
 
-/* A drive round a block, twice, with measurements between neighbours in place, some of them
- * wrong. */
+/* A drive round a block, twice, with measurements between nearby places, some of them wrong. */
 enum { NODES = 24 };
 
 static cairn_pose drive_pose(int32_t i)

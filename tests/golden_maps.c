@@ -1,5 +1,5 @@
-/* Golden scenes of what is made of scans and maps: lines and rectangles, particles,
- * registration, hypotheses, maps of places, merged maps. */
+/* Golden scenes of mapping: lines and rectangles, particles, registration, hypotheses, place maps,
+ * merged maps. */
 #include "src/core/build.h"
 
 #include "cairn/filter_mapper.h"
@@ -24,8 +24,7 @@ static cairn_budget unbounded(void)
 
 enum { ROOMS = 2, WALLS = 4 * ROOMS, WALL_POINTS = 40 };
 
-/* The walls of two rooms that stand beside each other, the one turned a little, with their free
- * sides inside. */
+/* The walls of two adjacent rooms, one slightly rotated, with their free sides inside. */
 static cairn_segment wall_of(int32_t i)
 {
     static const cairn_vec2 corner[4] = {{0, 0}, {4, 0}, {4, 3}, {0, 3}};
@@ -78,7 +77,7 @@ uint64_t golden_lines_and_rectangles(void)
         cairn_vec2 direction = cairn_vec2_unit(cairn_vec2_sub(wall.b, wall.a)),
                    left = cairn_vec2_left_perp(direction);
 
-        /* Two pieces of each wall, with a gap. */
+        /* Two segments of each wall, with a gap. */
         for (int32_t k = 0; k < 2; k++) {
             cairn_real from =
                 CAIRN_REAL(0.6) * (cairn_real)k + argument(&random, CAIRN_REAL(0.05), 0);
@@ -131,7 +130,7 @@ static uint64_t add_ellipse(uint64_t hash, const cairn_ellipse *e)
     return add_bytes(hash, &e->kind, sizeof e->kind);
 }
 
-/* An oval room and a column in it, of each three quarters. */
+/* An oval room and a column in it, three quarters of each. */
 uint64_t golden_ellipses(void)
 {
     static const cairn_ellipse truth[ROUND] = {
@@ -176,7 +175,7 @@ uint64_t golden_ellipses(void)
 
 /* ---- Particles ---- */
 
-/* A walk in the plane of which the distance to a beacon is seen. */
+/* A random walk in the plane; the distance to a beacon is measured. */
 typedef struct walk {
     cairn_random random;
     cairn_real seen; /* m */
@@ -261,7 +260,7 @@ uint64_t golden_particles(void)
 /* ---- Sweeps of the room ---- */
 
 /* The next sweep of the room, fitted; 0 when that fails. */
-static int look(cairn_scan *scan, cairn_random *random, int32_t i, cairn_scan_view *view)
+static int take_scan(cairn_scan *scan, cairn_random *random, int32_t i, cairn_scan_view *view)
 {
     static golden_sweep s;
 
@@ -272,8 +271,8 @@ static int look(cairn_scan *scan, cairn_random *random, int32_t i, cairn_scan_vi
     return 1;
 }
 
-/* All sweeps by lum in at most 4 iterations, from poses that are `far` m and rad farther off; 0
- * when it fails. */
+/* All sweeps by lum in at most 4 iterations, from initial poses whose errors are increased by `far`
+ * m and rad; 0 when it fails. */
 static uint64_t lum_of(cairn_lum_params params, cairn_real far)
 {
     cairn_random random = cairn_random_seed(13, 1);
@@ -297,7 +296,7 @@ static uint64_t lum_of(cairn_lum_params params, cairn_real far)
 
         pose.x += argument(&random, far, 0);
         pose.theta += argument(&random, far, 0);
-        if (!look(scan, &random, i, &view) ||
+        if (!take_scan(scan, &random, i, &view) ||
             cairn_lum_add_scan(lum, view.points, view.point_count, pose, NULL) != CAIRN_OK)
             return 0;
     }
@@ -310,7 +309,7 @@ static uint64_t lum_of(cairn_lum_params params, cairn_real far)
     return add_real(hash, cairn_lum_read(lum).chi2);
 }
 
-/* With registration, from poses that are far off. */
+/* With registration, from distant initial poses. */
 uint64_t golden_registered(void)
 {
     cairn_lum_params params = cairn_lum_default();
@@ -341,7 +340,7 @@ static cairn_virtual_scan_params small_hypotheses(cairn_virtual_scan_params para
     return params;
 }
 
-/* The lines and rectangles that the sweeps as they are thought to lie speak for. */
+/* Lines and rectangles of the sweeps at their initial poses. */
 uint64_t golden_hypotheses(void)
 {
     cairn_scan_set_params set_params = {GOLDEN_VIEWS, GOLDEN_VIEWS * 32, GOLDEN_VIEWS * 256, 0};
@@ -366,7 +365,7 @@ uint64_t golden_hypotheses(void)
         return 0;
     for (int32_t i = 0; i < GOLDEN_VIEWS; i++) {
         pose[i] = golden_thought_pose(&random, i);
-        if (!look(scan, &random, i, &view) ||
+        if (!take_scan(scan, &random, i, &view) ||
             cairn_scan_set_add(set, &view, NULL, NULL) != CAIRN_OK)
             return 0;
     }
@@ -386,8 +385,7 @@ uint64_t golden_hypotheses(void)
     return hash;
 }
 
-/* Three sweeps by the aligner that asks for more than they have, so that hypotheses must help,
- * or as written. */
+/* Three sweeps by the aligner with thresholds so high that hypotheses must help, or as written. */
 static uint64_t virtual_aligned_of(cairn_virtual_align_params params,
                                    cairn_virtual_scan_params hypotheses)
 {
@@ -415,7 +413,7 @@ static uint64_t virtual_aligned_of(cairn_virtual_align_params params,
         cairn_virtual_align_create(&align, &pool, &params) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < 3; i++)
-        if (!look(scan, &random, i, &view) ||
+        if (!take_scan(scan, &random, i, &view) ||
             cairn_virtual_align_add_scan(align, &view, golden_thought_pose(&random, i), NULL) !=
                 CAIRN_OK)
             return 0;
@@ -477,7 +475,7 @@ uint64_t golden_mapped(void)
     return cairn_mapper_measure(mapper).keyframes > 1 ? hash : 0;
 }
 
-/* By particles, there and back, so that what was seen first is an old map in the end. */
+/* By particles, there and back, so that the first scans have become an old map at the end. */
 uint64_t golden_filtered(void)
 {
     cairn_filter_mapper_params params = cairn_filter_mapper_default_for(6, GOLDEN_BEAMS, 3);
@@ -512,7 +510,7 @@ uint64_t golden_filtered(void)
                : 0;
 }
 
-/* ---- Places and maps, with no guess ---- */
+/* ---- Places and maps, without a guess ---- */
 
 uint64_t golden_places(void)
 {
@@ -540,7 +538,7 @@ uint64_t golden_places(void)
         cairn_place_map_create(&map, &pool, &params) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < PLACES; i++)
-        if (!look(scan, &random, i, &view) ||
+        if (!take_scan(scan, &random, i, &view) ||
             cairn_place_map_add_scan(map, i, &view, cairn_pose_identity(), NULL) != CAIRN_OK)
             return 0;
     if (cairn_place_map_begin(map) != CAIRN_OK || cairn_place_map_step(map, &budget) != CAIRN_OK ||
@@ -554,7 +552,7 @@ uint64_t golden_places(void)
     return add_real(hash, cairn_place_map_read(map).total);
 }
 
-/* The map of chapter 6 as written: a robot that keeps its heading. */
+/* The map of chapter 6 as written: a robot of constant heading. */
 uint64_t golden_places_as_written(void)
 {
     enum { PLACES = 3 };
@@ -596,8 +594,8 @@ uint64_t golden_places_as_written(void)
 
 enum { MAP_SIDE = 40 };
 
-/* A map of a part of a hall with `boxes` boxes at all angles, `size` times 0.6 by 0.3 m, in
- * cells of 0.1 m, seen from a frame of its own. */
+/* A map of a part of a hall with `boxes` boxes at all angles, `size` times 0.6 by 0.3 m, in cells
+ * of 0.1 m, in its own frame. */
 static void draw_map(cairn_pose hall_map, uint8_t *cells, int32_t boxes, cairn_real size)
 {
     cairn_random random = cairn_random_seed(17, 1);

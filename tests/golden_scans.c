@@ -13,8 +13,8 @@
 
 _Alignas(CAIRN_ALIGN) unsigned char golden_memory[GOLDEN_MEMORY];
 
-/* Distance along a direction to the walls of a room of 6 x 4 m, or of the box at (3.5, 0) of 1 x
- * 1.2 m that stands in it. */
+/* Distance along a direction to the walls of a 6 x 4 m room, or to the box of 1 x 1.2 m at (3.5,
+ * 0). */
 static cairn_real room_range(cairn_real x, cairn_real y, cairn_real c, cairn_real s)
 {
     static const cairn_segment wall[] = {
@@ -234,7 +234,7 @@ uint64_t golden_scans_and_grid(void)
     return hash;
 }
 
-/* One sweep matched against another: with a guess by icp, with none by scan_match. */
+/* One sweep matched with another: by icp from a guess, by scan_match without. */
 uint64_t golden_matches(void)
 {
     cairn_random random = cairn_random_seed(7, 1);
@@ -297,7 +297,7 @@ uint64_t golden_matches(void)
     return hash;
 }
 
-/* All sweeps at once by lum, how they cover each other, and how far the poses are off. */
+/* All sweeps at once by lum, their redundancy, and the errors of the poses. */
 uint64_t golden_links_and_cover(void)
 {
     cairn_scan_set_params set_params = {GOLDEN_VIEWS, GOLDEN_VIEWS * 64, GOLDEN_VIEWS * 256, 0};

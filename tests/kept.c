@@ -3,12 +3,12 @@
 typedef struct kept_test {
     const char *file;
     kept_value value;
-    kept_tell tell;
+    kept_format format;
     int renews;
     char now[KEPT_TEXT];
 } kept_test;
 
-/* The value that the file has behind a name; NULL when it has no such line. */
+/* The value of a name in the file; NULL when it has no such line. */
 static const char *find(const char *file, const char *name, char text[KEPT_TEXT])
 {
     FILE *lines = fopen(file, "r");
@@ -29,7 +29,7 @@ static void check(void **state)
     char kept[KEPT_TEXT];
     const char *text = find(test->file, test->value.name, kept);
 
-    test->tell(test->value.item, test->now);
+    test->format(test->value.item, test->now);
     if (test->renews)
         return;
     if (text == NULL)
@@ -54,7 +54,7 @@ static int write_all(const char *file, const kept_test *kept, int32_t count)
 }
 
 int kept_main(int argc, char **argv, const char *file, const kept_value *values, int32_t count,
-              kept_tell tell)
+              kept_format format)
 {
     kept_test *kept = calloc((size_t)count, sizeof *kept);
     struct CMUnitTest *tests = calloc((size_t)count, sizeof *tests);
@@ -66,7 +66,7 @@ int kept_main(int argc, char **argv, const char *file, const kept_value *values,
     for (int32_t i = 0; i < count; i++) {
         kept[i].file = file;
         kept[i].value = values[i];
-        kept[i].tell = tell;
+        kept[i].format = format;
         kept[i].renews = renews;
         tests[i].name = values[i].name;
         tests[i].test_func = check;

@@ -1,6 +1,6 @@
-/* Long scenes: with a seeded input each, like the golden scenes, but of real size, with all that
- * can be read of an object hashed and the units of its steps, too. Numbers are cairn_real all
- * the way, so that the input is the same everywhere. */
+/* Long scenes: seeded inputs like those of the golden scenes, but of realistic size, with all
+ * readable results of an object hashed, and the units of its steps, too. Numbers are cairn_real
+ * throughout, so that the input is the same everywhere. */
 #ifndef CAIRN_TESTS_LONG_H
 #define CAIRN_TESTS_LONG_H
 
@@ -19,8 +19,8 @@ static inline uint64_t add_vector(uint64_t hash, const cairn_real *x, int32_t co
     return hash;
 }
 
-/* Calls step(object, ...) with `each` units until it has ended, and hashes what is left of them
- * each time. */
+/* Calls step(object, ...) with `each` units until it has ended, and hashes the units left each
+ * time. */
 #define LONG_RUN(hash, step, object, each)                                                         \
     do {                                                                                           \
         cairn_budget long_budget;                                                                  \
@@ -34,14 +34,14 @@ static inline uint64_t add_vector(uint64_t hash, const cairn_real *x, int32_t co
         assert_ok(long_status);                                                                    \
     } while (0)
 
-/* A pool of its own and the object in it: LONG_CREATE(pool, icp, &icp, &params). */
-#define LONG_CREATE(pool, room, object, params)                                                    \
+/* A pool and an object in it: LONG_CREATE(pool, icp, &icp, &params). */
+#define LONG_CREATE(pool, module, object, params)                                                  \
     do {                                                                                           \
-        *(pool) = test_pool(cairn_##room##_memory(params));                                        \
-        assert_ok(cairn_##room##_create(object, pool, params));                                    \
+        *(pool) = test_pool(cairn_##module##_memory(params));                                      \
+        assert_ok(cairn_##module##_create(object, pool, params));                                  \
     } while (0)
 
-/* ---- The world: a flat of 12 x 8 m with five rooms on a hall and boxes at all angles ---- */
+/* ---- The world: a flat of 12 x 8 m with five rooms on a hall, and boxes at all angles ---- */
 
 enum { LONG_WALLS = 256, LONG_BEAMS = 361, LONG_STOPS = 9 };
 
@@ -59,19 +59,18 @@ void long_add_box(long_world *world, cairn_pose centre, cairn_real half_length,
                   cairn_real half_width);
 void long_build(long_world *world, uint64_t seed, int32_t boxes);
 
-/* A way round through the rooms and back along the hall; the first stop is also the last. */
+/* A round trip through the rooms and back along the hall; the last stop is the first. */
 cairn_pose long_on_the_way(cairn_real metres);
 extern const cairn_real long_way; /* m, of a lap */
 
 /* A pose at least 0.35 m from everything. */
 cairn_pose long_somewhere(const long_world *world, cairn_random *random);
 
-/* What a scanner with a range of 8 m sees, with noise of 1 cm; a share of the beams ends on
- * people. */
-void long_look(long_sweep *out, const long_world *world, cairn_random *random, cairn_pose pose,
-               int32_t beams, cairn_real view, cairn_real crowd);
+/* The ranges of a scanner of 8 m with noise of 1 cm; a share of the beams ends on people. */
+void long_take_sweep(long_sweep *out, const long_world *world, cairn_random *random,
+                     cairn_pose pose, int32_t beams, cairn_real view, cairn_real crowd);
 
-/* For sweeps of LONG_BEAMS at most; the view stays until the next fit. */
+/* For sweeps of at most LONG_BEAMS beams; the view is valid until the next fit. */
 cairn_scan *long_new_scan(cairn_pool *pool);
 cairn_scan_view long_fit(cairn_scan *scan, const long_sweep *sweep);
 
@@ -85,7 +84,7 @@ static inline cairn_vec2 long_point(cairn_random *random, cairn_real x, cairn_re
     return point;
 }
 
-/* Off by at most so much in x, in y, and in theta. */
+/* Random errors of at most so much in x, in y, and in theta. */
 cairn_pose long_disturbed(cairn_random *random, cairn_pose pose, cairn_real metres,
                           cairn_real radians);
 

@@ -1,4 +1,4 @@
-/* Long scenes of aligning scans: the aligner, the force field, Lu and Milios, hypotheses. */
+/* Long scenes of scan alignment: the aligner, the force field, Lu and Milios, hypotheses. */
 #include "src/core/build.h"
 
 #include "cairn/lum.h"
@@ -9,7 +9,7 @@
 
 enum { MOST_SCANS = 32 };
 
-/* Scans at places of a flat, each a part of what is around. */
+/* Scans at places of a flat, each of a part of the surroundings. */
 typedef struct survey {
     long_world world;
     cairn_random random;
@@ -29,7 +29,7 @@ static cairn_scan_view take(survey *s, cairn_pose pose, int32_t beams, cairn_rea
 {
     static long_sweep sweep;
 
-    long_look(&sweep, &s->world, &s->random, pose, beams, view, crowd);
+    long_take_sweep(&sweep, &s->world, &s->random, pose, beams, view, crowd);
     return long_fit(s->scan, &sweep);
 }
 
@@ -78,7 +78,7 @@ static uint64_t align_all(uint64_t hash, cairn_aligner *aligner)
     return hash;
 }
 
-static cairn_aligner_params room_for(int32_t scans)
+static cairn_aligner_params params_for(int32_t scans)
 {
     cairn_aligner_params params = cairn_aligner_default();
 
@@ -88,10 +88,10 @@ static cairn_aligner_params room_for(int32_t scans)
     return params;
 }
 
-/* The whole flat, far off; again from where a few were found. */
+/* The whole flat from distant poses; again from poses of which a few are right. */
 static uint64_t align_flat(uint64_t hash, uint64_t seed, cairn_real metres)
 {
-    cairn_aligner_params params = room_for(MOST_SCANS);
+    cairn_aligner_params params = params_for(MOST_SCANS);
     cairn_pose place = {0, 0, 0};
     cairn_aligner *aligner;
     cairn_pool pool;
@@ -128,10 +128,10 @@ uint64_t long_aligned_flat(void)
     return align_flat(hash, 12, CAIRN_REAL(0.3));
 }
 
-/* With other parameters, step by step; some scans are far from where they are thought to be. */
+/* With other parameters, step by step; some initial poses are far off. */
 static uint64_t align_and_repair(uint64_t hash, uint64_t seed, int32_t max_hypotheses)
 {
-    cairn_aligner_params params = room_for(16);
+    cairn_aligner_params params = params_for(16);
     cairn_pose place = {0, 0, 0};
     cairn_aligner *aligner;
     cairn_pool pool;
@@ -183,11 +183,11 @@ uint64_t long_aligned_repaired(void)
     return align_and_repair(hash, 14, 400);
 }
 
-/* What a joint solution cannot hold, scans that share nothing, and a corridor along which
- * nothing tells the place. */
+/* Groups that the joint solution cannot connect, scans without common surfaces, and a corridor
+ * along which the position is unobservable. */
 uint64_t long_aligned_parts(void)
 {
-    cairn_aligner_params params = room_for(12);
+    cairn_aligner_params params = params_for(12);
     uint64_t hash = GOLDEN_START;
     cairn_aligner *aligner;
     cairn_pool pool;
@@ -264,8 +264,8 @@ static uint64_t add_field(uint64_t hash, const cairn_force_field *field)
 
 enum { FIELD_SCANS = 10 };
 
-/* A field of scans at places along the way, run to its end and once more after a restart, with a
- * scan fixed, one moved by hand, one gone and another in its place. */
+/* A field of scans along the path, run to its end, and again after a restart with one scan fixed,
+ * one moved, one removed and another in its place. */
 static uint64_t run_field(uint64_t seed, const cairn_force_field_params *params, int32_t with_mass,
                           int32_t extras)
 {
@@ -388,7 +388,7 @@ uint64_t long_field_springs_twisted(void)
     return run_field(8, &params, 0, 0);
 }
 
-/* ---- Lu and Milios, and what covers what ---- */
+/* ---- Lu and Milios, and redundancy ---- */
 
 uint64_t long_lum(void)
 {
@@ -455,7 +455,7 @@ uint64_t long_lum(void)
 
 /* ---- Hypotheses ---- */
 
-/* Scans that share little, so that rooms and walls that nobody has seen whole must help. */
+/* Scans with little overlap, so that rooms and walls that no scan sees whole must help. */
 uint64_t long_hypotheses(void)
 {
     enum { SCANS = 8 };
@@ -471,7 +471,7 @@ uint64_t long_hypotheses(void)
     survey s;
 
     start_survey(&s, 10, 4);
-    params.aligner = room_for(SCANS);
+    params.aligner = params_for(SCANS);
     params.aligner.min_log_likelihood_ratio = 60;
     params.aligner.max_relocalizations = 0;
     params.hypotheses.max_hypotheses = 12;

@@ -1,4 +1,4 @@
-/* Long scenes of poses and numbers: graphs, consensus, particles. */
+/* Long scenes of graphs, consensus and particles. */
 #include "src/core/build.h"
 
 #include "cairn/particle_filter.h"
@@ -11,7 +11,7 @@
 
 enum { POSES = 120, LAP = 30 };
 
-/* Round and round, a little wider each time. */
+/* A spiral of laps. */
 static cairn_pose truth_of(int32_t i)
 {
     cairn_real turn = 2 * CAIRN_PI * (cairn_real)i / LAP, sine, cosine,
@@ -32,7 +32,7 @@ static cairn_pose measure(cairn_random *random, int32_t i, int32_t j)
     return long_disturbed(random, seen, CAIRN_REAL(0.03), CAIRN_REAL(0.02));
 }
 
-/* Closures with the laps before, of which some are wrong. */
+/* Loop closures with earlier laps, some of them wrong. */
 static void add_links(cairn_pose_graph *graph, cairn_random *random)
 {
     cairn_sym3 information = {900, 50, -20, 1100, 30, 3000};
@@ -212,10 +212,10 @@ static cairn_pose node_of(int32_t i)
     return pose;
 }
 
-/* What the data of a pair say of a pose: less the farther it is off the truth, for some pairs
- * nothing. */
-static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose first_second,
-                        int32_t *units)
+/* The log-likelihood of a pair at a pose: lower with the distance from the truth, for some pairs
+ * 0. */
+static cairn_real pairwise_likelihood(void *context, int32_t first, int32_t second,
+                                      cairn_pose first_second, int32_t *units)
 {
     cairn_pose off =
         cairn_pose_between(cairn_pose_between(node_of(first), node_of(second)), first_second);
@@ -229,7 +229,7 @@ static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose
 }
 
 static uint64_t agree(uint64_t hash, const cairn_pose_consensus_params *params, uint64_t seed,
-                      int32_t judged, int32_t bounded)
+                      int32_t with_likelihood, int32_t bounded)
 {
     cairn_random random = cairn_random_seed(seed, 32);
     cairn_pose_consensus_result result;
@@ -258,11 +258,11 @@ static uint64_t agree(uint64_t hash, const cairn_pose_consensus_params *params, 
             h.covariance[0] = h.covariance[4] = CAIRN_REAL(0.001);
             h.covariance[8] = CAIRN_REAL(0.0002);
             if ((i + k) % 13 == 0)
-                h.covariance[0] = 100; /* a corridor: anywhere along it */
+                h.covariance[0] = 100; /* a corridor: unobservable along it */
             if (cairn_pose_consensus_add(c, &h, NULL) == CAIRN_OK)
                 count++;
         }
-    cairn_pose_consensus_set_pair_likelihood(c, judged ? judge : NULL, NULL);
+    cairn_pose_consensus_set_pair_likelihood(c, with_likelihood ? pairwise_likelihood : NULL, NULL);
     for (int32_t i = 0; i < NODES && bounded; i += 6)
         assert_ok(cairn_pose_consensus_set_bound(c, i, node_of(i), 1, CAIRN_REAL(0.6)));
     for (int32_t again = 0; again < 2; again++) {
@@ -321,7 +321,7 @@ uint64_t long_consensus(void)
 
 /* ---- Particles ---- */
 
-/* A walk on a ring, of which only the distance to a beacon is seen. */
+/* A random walk on a ring; the distance to a beacon is measured. */
 typedef struct walk {
     cairn_random random;
     cairn_real seen;

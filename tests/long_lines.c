@@ -1,4 +1,4 @@
-/* Long scenes of lines, surfaces and pictures. */
+/* Long scenes of lines, surfaces and images. */
 #include "src/core/build.h"
 
 #include "cairn/corner.h"
@@ -14,7 +14,7 @@
 #include "tests/long.h"
 #include "tests/long_scenes.h"
 
-/* ---- Lines of points in the plane and in space ---- */
+/* ---- Line fitting in the plane and in space ---- */
 
 static uint64_t add_polyline(uint64_t hash, const cairn_polyline *polyline)
 {
@@ -52,7 +52,7 @@ uint64_t long_polylines(void)
         params.segment_penalty = k > 3 ? 12 : 20;
         params.gap_factor = k > 4 ? 2 : 3;
         LONG_CREATE(&pool, polyline, &polyline, &params);
-        for (int32_t i = 0; i < POINTS; i++) { /* a zigzag with holes, strays, and an arc */
+        for (int32_t i = 0; i < POINTS; i++) { /* a zigzag with holes, outliers, and an arc */
             int32_t leg = i / 60;
             cairn_real along = (cairn_real)(i % 60) / 20, sine, cosine;
 
@@ -79,7 +79,7 @@ uint64_t long_polylines(void)
     return hash;
 }
 
-/* ---- Sweeps as they are fitted ---- */
+/* ---- Fitted sweeps ---- */
 
 uint64_t long_sweeps(void)
 {
@@ -101,8 +101,8 @@ uint64_t long_sweeps(void)
         cairn_scan_measure measure;
         cairn_scan_view view;
 
-        long_look(&sweep, &world, &random, long_somewhere(&world, &random), 121 + 16 * i,
-                  CAIRN_REAL(6.1), CAIRN_REAL(0.1) * (cairn_real)(i % 3));
+        long_take_sweep(&sweep, &world, &random, long_somewhere(&world, &random), 121 + 16 * i,
+                        CAIRN_REAL(6.1), CAIRN_REAL(0.1) * (cairn_real)(i % 3));
         sweep.input.base_sensor.x = CAIRN_REAL(0.1) * (cairn_real)(i % 4);
         sweep.input.base_sensor.theta = (cairn_real)(i % 5);
         sweep.input.motion.x = CAIRN_REAL(0.02) * (cairn_real)(i % 3);
@@ -110,7 +110,7 @@ uint64_t long_sweeps(void)
         sweep.input.range_max = i % 2 ? 8 : 3;
         sweep.input.range_min = i % 3 ? 0 : 0.8F;
         sweep.input.range_sigma = i % 5 ? 0.01F : 0.03F;
-        if (i % 4 == 3) { /* an angle for each beam, clockwise */
+        if (i % 4 == 3) { /* an angle for each beam, clockwise order */
             for (int32_t k = 0; k < sweep.input.count; k++)
                 angle[k] = 3 - (float)k * sweep.input.angle_step;
             sweep.input.angle = angle;
@@ -139,7 +139,7 @@ uint64_t long_sweeps(void)
 
 /* ---- Walls, rooms and corners of the flat ---- */
 
-/* The walls in pieces, each a little off. */
+/* The walls as several segments, each slightly displaced. */
 static int32_t break_walls(const long_world *world, cairn_random *random, cairn_segment *pieces,
                            int32_t most)
 {

@@ -1,5 +1,5 @@
-/* Long scenes of maps: the mapper on drives, grids and what they are worth, maps of many robots
- * put together. */
+/* Long scenes of maps: the mapper on drives, grids and their quality, merged maps of several
+ * robots. */
 #include "src/core/build.h"
 
 #include "cairn/map_merge.h"
@@ -54,7 +54,7 @@ typedef struct drive {
     int32_t scans, beams;
     cairn_real every, view, crowd;
     int32_t boxes;
-    int32_t odometry;          /* 0: none, 1: drifts, 2: jumps now and then, too */
+    int32_t odometry;          /* 0: none, 1: drifts, 2: also jumps now and then */
     int32_t blind_from, blind; /* scans that see nothing */
     int32_t each;              /* units of a step */
 } drive;
@@ -82,7 +82,7 @@ static uint64_t map_drive(uint64_t seed, const cairn_mapper_params *params, cons
             step.x += CAIRN_REAL(0.4);
         odometry = cairn_pose_compose(odometry, step);
         before = pose;
-        long_look(&sweep, &world, &random, pose, d->beams, d->view, d->crowd);
+        long_take_sweep(&sweep, &world, &random, pose, d->beams, d->view, d->crowd);
         if (i >= d->blind_from && i < d->blind_from + d->blind)
             sweep.input.range_min = CAIRN_REAL(7.5);
         sweep.input.stamp_ns = (int64_t)i * 100000000;
@@ -110,7 +110,7 @@ static cairn_mapper_params small_mapper(int32_t keys)
     return params;
 }
 
-/* Once round and a bit, with loops to close. */
+/* One lap and a bit, with loop closures. */
 uint64_t long_drive(void)
 {
     cairn_mapper_params params = small_mapper(80);
@@ -136,7 +136,7 @@ uint64_t long_drive_blindly(void)
     return map_drive(32, &params, &d);
 }
 
-/* With odometry that cannot be trusted, little memory and closures that must hurry. */
+/* With unreliable odometry, little memory and a small budget for loop closures. */
 uint64_t long_drive_astray(void)
 {
     cairn_mapper_params params = small_mapper(90);
@@ -156,7 +156,7 @@ uint64_t long_drive_astray(void)
     return map_drive(33, &params, &d);
 }
 
-/* Through rooms that are bare and look alike, twice round, with closures that must agree. */
+/* Through bare rooms that look alike, two laps, with loop closures that must agree. */
 uint64_t long_drive_among_twins(void)
 {
     cairn_mapper_params params = small_mapper(120);
@@ -183,7 +183,7 @@ uint64_t long_drive_among_twins(void)
 
 enum { SIDE = 128 };
 
-/* The flat from a few places, in a grid that does not hold all of it. */
+/* The flat from a few places, in a grid that covers a part of it. */
 static cairn_occupancy_grid *draw_flat(cairn_pool *pool, uint64_t seed, uint64_t *hash)
 {
     cairn_occupancy_grid_params params = cairn_occupancy_grid_default();
@@ -206,7 +206,7 @@ static cairn_occupancy_grid *draw_flat(cairn_pool *pool, uint64_t seed, uint64_t
             i < 10 ? long_on_the_way((cairn_real)i * 2) : long_somewhere(&world, &random);
         cairn_scan_view view;
 
-        long_look(&sweep, &world, &random, pose, 241, CAIRN_REAL(6.2), CAIRN_REAL(0.1));
+        long_take_sweep(&sweep, &world, &random, pose, 241, CAIRN_REAL(6.2), CAIRN_REAL(0.1));
         sweep.input.range_max = 4;
         view = long_fit(scan, &sweep);
         assert_ok(cairn_occupancy_grid_begin_scan(grid, view.beams, view.beam_count, pose, NULL));
@@ -287,11 +287,11 @@ uint64_t long_grid(void)
     return hash;
 }
 
-/* ---- Maps put together ---- */
+/* ---- Merged maps ---- */
 
 enum { MAPS = 4, PART = 80 };
 
-/* Part `index` of the drawn flat, turned by a quarter or half for some, in cells of its own
+/* Part `index` of the drawn flat, some rotated by a quarter or half turn, in cells of its own
  * frame. */
 static void cut_part(const uint8_t *flat, int32_t index, uint8_t *part)
 {
@@ -393,7 +393,7 @@ uint64_t long_merged(void)
     return merge_maps(35, &params, 0);
 }
 
-/* With few corners, so that walls must do, and an empty map. */
+/* With few corners, so that walls must decide, and an empty map. */
 uint64_t long_merged_by_walls(void)
 {
     cairn_map_merge_params params = cairn_map_merge_default();

@@ -1,4 +1,4 @@
-/* Long scenes of matching scans: scan_match in all its modes, icp, places without a guess,
+/* Long scenes of scan matching: scan_match in all its modes, icp, places without a guess,
  * sequences. */
 #include "src/core/build.h"
 
@@ -8,7 +8,7 @@
 #include "tests/long.h"
 #include "tests/long_scenes.h"
 
-/* Views that stay: what a part of a match points to. */
+/* Views that stay valid: the parts of a match point to them. */
 typedef struct kept_view {
     cairn_pool pool;
     cairn_scan_match_part part;
@@ -23,7 +23,7 @@ static void keep(kept_view *k, const long_world *world, cairn_random *random, ca
     static long_sweep sweep;
 
     k->pose = pose;
-    long_look(&sweep, world, random, pose, beams, view, crowd);
+    long_take_sweep(&sweep, world, random, pose, beams, view, crowd);
     k->view = long_fit(long_new_scan(&k->pool), &sweep);
     k->part = cairn_scan_match_part_of(&k->view);
     k->part.dense_count = cairn_scan_match_dense(&k->view, k->dense);
@@ -76,7 +76,7 @@ static uint64_t match_all(uint64_t seed, const cairn_scan_match_params *params, 
         cairn_pose pose = long_on_the_way(2 + (cairn_real)i * CAIRN_REAL(0.6));
 
         if (i == TARGETS + QUERIES - 1)
-            pose = long_on_the_way(12); /* which sees something else */
+            pose = long_on_the_way(12); /* a scan of other surroundings */
         keep(&views[i], &world, &random, long_disturbed(&random, pose, CAIRN_REAL(0.2), 1), 201,
              CAIRN_REAL(4.2), crowd);
     }
@@ -230,8 +230,8 @@ static uint64_t place_all(uint64_t seed, const cairn_place_map_params *params, c
 
         heading.theta *= (cairn_real)(i % HEADINGS);
         place_scan = long_disturbed(&random, heading, CAIRN_REAL(0.1), CAIRN_REAL(0.1));
-        long_look(&sweep, &world, &random, cairn_pose_compose(place, place_scan), 161,
-                  CAIRN_REAL(2.2), crowd);
+        long_take_sweep(&sweep, &world, &random, cairn_pose_compose(place, place_scan), 161,
+                        CAIRN_REAL(2.2), crowd);
         view = long_fit(scan, &sweep);
         slight = long_disturbed(&random, place_scan, CAIRN_REAL(0.03), CAIRN_REAL(0.02));
         assert_ok(cairn_place_map_add_scan(map, i / HEADINGS, &view, slight, NULL));

@@ -146,8 +146,8 @@ cairn_pose long_disturbed(cairn_random *random, cairn_pose pose, cairn_real metr
     return pose;
 }
 
-/* Distance along a unit vector to the nearest wall that is seen from its free side; 9 when there
- * is none. */
+/* Distance along a unit vector to the nearest wall seen from its free side; 9 when there is
+ * none. */
 static cairn_real cast(const long_world *world, cairn_pose pose, cairn_real c, cairn_real s)
 {
     cairn_real nearest = 9;
@@ -164,8 +164,8 @@ static cairn_real cast(const long_world *world, cairn_pose pose, cairn_real c, c
     return nearest;
 }
 
-void long_look(long_sweep *out, const long_world *world, cairn_random *random, cairn_pose pose,
-               int32_t beams, cairn_real view, cairn_real crowd)
+void long_take_sweep(long_sweep *out, const long_world *world, cairn_random *random,
+                     cairn_pose pose, int32_t beams, cairn_real view, cairn_real crowd)
 {
     cairn_real step = view / (cairn_real)beams, first = -view / 2;
     int32_t person = 0;

@@ -1,5 +1,5 @@
-/* A room with niches as a scan sees it, and a match of two such scans: what the tests of
- * scan_match by stages and as written share. */
+/* Shared by the tests of scan_match by stages and as written: a room with niches, and a match of
+ * two scans of it. */
 #ifndef CAIRN_TESTS_MATCH_BED_H
 #define CAIRN_TESTS_MATCH_BED_H
 
@@ -13,7 +13,7 @@ enum { MOST = 400 };
 static const cairn_vec2 room[] = {{-2, -2}, {3, -2}, {3, 0},  {2, 0},  {2, 1},   {3, 1},
                                   {3, 3},   {-2, 3}, {-2, 1}, {-3, 1}, {-3, -1}, {-2, -1}};
 
-/* Points every 9.3 cm along the room's walls as seen from a pose, those of some walls left out. */
+/* Points every 9.3 cm along the room's walls as seen from a pose, without those of some walls. */
 static inline int32_t see(cairn_oriented_point *points, cairn_pose pose, int32_t first_wall,
                           int32_t walls)
 {
@@ -40,11 +40,11 @@ typedef struct bed {
     cairn_oriented_point target[MOST], query[MOST];
     cairn_scan_match_part target_part, query_part;
     cairn_pose start; /* of the search */
-    cairn_pose truth; /* where the query is, when the caller says so */
+    cairn_pose truth; /* the pose of the query, when the caller gives it */
 } bed;
 
-/* A match with the walls from the first on of a target that is seen from `home`, and the query
- * of those from the fourth on, seen from `from`: nine of them. */
+/* A match of a target seen from `home`, with the walls from the first on, and a query seen from
+ * `from`, with the walls from the fourth on: nine of them. */
 static inline void open_bed(bed *b, cairn_scan_match_params params, cairn_pose home, int32_t walls,
                             cairn_pose from)
 {

@@ -1,5 +1,5 @@
-/* A merging of maps with any budget, and what it found as a hash: what the tests of both modes
- * of map_merge share. */
+/* Shared by the tests of both modes of map_merge: a merging with any budget, and a hash of its
+ * results. */
 #ifndef CAIRN_TESTS_MERGING_H
 #define CAIRN_TESTS_MERGING_H
 
@@ -7,7 +7,7 @@
 
 #include "cairn/map_merge.h"
 
-/* Goes on in steps of `units`, none of which is overdrawn. */
+/* Continues in steps of `units`; none exceeds its budget. */
 static inline void run(cairn_map_merge *merge, int32_t units)
 {
     cairn_status status;
@@ -22,7 +22,7 @@ static inline void run(cairn_map_merge *merge, int32_t units)
     assert_ok(status);
 }
 
-/* Of the first `maps` maps: where they lie, and what holds them there. */
+/* Of the first `maps` maps: poses and supports. */
 static inline uint64_t hash_of(const cairn_map_merge *merge, int32_t maps)
 {
     uint64_t hash = TEST_HASH_START;

@@ -1,5 +1,4 @@
-/* Scans read, and the poses of a map of places as a hash: what the tests of both modes of
- * place_map share. */
+/* Shared by the tests of both modes of place_map: fitted scans, and a hash of the poses. */
 #ifndef CAIRN_TESTS_PLACE_MAPPING_H
 #define CAIRN_TESTS_PLACE_MAPPING_H
 
@@ -7,7 +6,7 @@
 
 #include "cairn/place_map.h"
 
-/* The view stays until the next one. */
+/* The view is valid until the next one. */
 static inline cairn_scan_view view_of(cairn_scan *scan, const cairn_scan_input *input)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};

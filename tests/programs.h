@@ -1,4 +1,4 @@
-/* Runs the built programs as a user does: output, errors, exit code. */
+/* Runs the built programs: output, errors, exit code. */
 #ifndef CAIRN_TESTS_PROGRAMS_H
 #define CAIRN_TESTS_PROGRAMS_H
 
@@ -6,10 +6,10 @@
 
 #include "tests/files.h"
 
-/* Where cairn and cairn-arena stand. */
+/* The folder of cairn and cairn-arena. */
 static char programs_folder[512];
 
-/* CAIRN_PROGRAMS when it is set, or the folder above that of the test. */
+/* CAIRN_PROGRAMS when it is set, else the folder above that of the test. */
 static inline void programs_find(int argc, char **argv)
 {
     const char *given = getenv("CAIRN_PROGRAMS"), *slash = argc > 0 ? strrchr(argv[0], '/') : NULL;
@@ -36,8 +36,8 @@ static inline void programs_read(const char *name, char *text, size_t size)
     free(bytes);
 }
 
-/* Runs "<before> <folder>/<command> >output"; `command` begins with the program's name. What was
- * printed goes to `output`, or into the outcome when that is NULL. */
+/* Runs "<before> <folder>/<command> >output"; `command` begins with the program's name. Standard
+ * output goes to `output`, or into the outcome when that is NULL. */
 static inline outcome programs_run_shell(const char *before, const char *command,
                                          const char *output)
 {
@@ -57,7 +57,7 @@ static inline outcome programs_run_shell(const char *before, const char *command
     return o;
 }
 
-/* The command as with printf; @ stands for the folder of the test's files. */
+/* The command as with printf; @ is the folder of the test's files. */
 static inline outcome programs_run(const char *format, ...)
 {
     char text[2048], command[4096];

@@ -1,14 +1,14 @@
-/* Scenes for skeleton_grouping as written, and what holds of any of its results: the reference
- * implementation of centre points, weights and culling, which the tests of that mode share. */
+/* Shared by the tests of skeleton_grouping as written: scenes, invariants of every result, and the
+ * reference implementation of centre points, weights and culling. */
 #ifndef CAIRN_TESTS_SKELETON_REFERENCE_H
 #define CAIRN_TESTS_SKELETON_REFERENCE_H
 
 #include "tests/skeleton_scene.h"
 
 #define REFERENCE                                                                                  \
-    0.5 /* less this, in logarithms, a step of the greatest value leaves a part's likelihood */
+    0.5 /* a step of maximum value less this, in logarithms, leaves a part's likelihood */
 
-/* Edgels a pixel apart, shifted and turned a little each, so that no two weights are the same. */
+/* Edgels a pixel apart, slightly displaced and rotated, so that no two weights are equal. */
 static inline void add_line(double ax, double ay, double bx, double by, cairn_random *random)
 {
     double length = hypot(bx - ax, by - ay), ux = (bx - ax) / length, uy = (by - ay) / length;
@@ -51,7 +51,7 @@ static inline cairn_skeleton_grouping_params small_params(void)
 
 typedef struct reference_pose {
     double cx, cy, r;
-    double x[2], y[2], nx[2], ny[2], deviation[2]; /* normals turned to the centre */
+    double x[2], y[2], nx[2], ny[2], deviation[2]; /* normals that point to the centre */
 } reference_pose;
 
 static inline double angle_between(double ax, double ay, double bx, double by)
@@ -59,8 +59,8 @@ static inline double angle_between(double ax, double ay, double bx, double by)
     return atan2(ax * by - ay * bx, ax * bx + ay * by);
 }
 
-/* The CP of two edgels; 0: there is none. Places on a normal at equal distances from both
- * edgels, and the middle of the two. */
+/* The CP of two edgels; 0: none. Points on each normal at equal distances from both edgels, and
+ * their midpoint. */
 static inline int reference_of(int32_t first, int32_t second, double low, double high, double most,
                                reference_pose *t)
 {
@@ -110,8 +110,8 @@ static inline void turn_round(reference_pose *t)
     }
 }
 
-/* Logarithm of (3.7) to (3.9), each Gaussian of its greatest value, the sign of the loss of
- * symmetry mended. */
+/* Logarithm of (3.7) to (3.9), each Gaussian relative to its maximum, with the corrected sign of
+ * the loss of symmetry. */
 static inline double reference_weight(const reference_pose *a, const reference_pose *b,
                                       const cairn_skeleton_grouping_params *p, double least,
                                       double most)
@@ -170,8 +170,7 @@ static inline int is_explored(const reference_pose *walk, int32_t count, double 
     return fabs(turned) > PI;
 }
 
-/* 1: the next pose of a walk is none that the text culls, which is one of a contour of its own
- * that goes on. */
+/* 1: the next pose of a walk passes the culling of the text and continues on its own contour. */
 static inline int may_follow(const reference_pose *walk, int32_t count, const reference_pose *next)
 {
     const reference_pose *last = &walk[count - 1];
@@ -202,8 +201,7 @@ static inline int may_follow(const reference_pose *walk, int32_t count, const re
     return !segments_meet(ends[0][0], ends[0][1], ends[1][0], ends[1][1]);
 }
 
-/* Both poses ordered by their sweep about the vector from the middle of one chord to that of the
- * other. */
+/* Both poses ordered by their sweep about the vector between the midpoints of their chords. */
 static inline int put_in_order(const reference_pose *last, reference_pose *next, double heading[2])
 {
     double was, is;
@@ -217,7 +215,7 @@ static inline int put_in_order(const reference_pose *last, reference_pose *next,
     return heading[0] != 0 || heading[1] != 0;
 }
 
-/* What holds of any result: the weights of all parts, what is culled, one object for each part. */
+/* Invariants of every result: the weights of all parts, culling, one object for each part. */
 static inline void check(const cairn_skeleton_grouping_result *r,
                          const cairn_skeleton_grouping_params *p)
 {

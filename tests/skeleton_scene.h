@@ -1,5 +1,5 @@
-/* Edgels of an image by hand, a skeleton_grouping with a pool of its own, and what it does with
- * any budget: what the tests of both modes share. */
+/* Shared by the tests of both modes of skeleton_grouping: edgels made by hand, an object with its
+ * own pool, and its result under any budget. */
 #ifndef CAIRN_TESTS_SKELETON_SCENE_H
 #define CAIRN_TESTS_SKELETON_SCENE_H
 
@@ -12,7 +12,7 @@
 #define PI 3.14159265358979323846
 
 enum { MOST = 3000, WIDTH = 200, HEIGHT = 160 };
-/* What the fit of lines may use beyond the budget, and what moving CPs costs. */
+/* How far a fit of lines may exceed the budget, and the cost of moving CPs. */
 enum { OVERDRAWN = 12 + 64 / 8 };
 
 static cairn_edgel edgels[MOST];
@@ -73,7 +73,7 @@ static inline cairn_skeleton_grouping_result run(cairn_skeleton_grouping *skelet
     return cairn_skeleton_grouping_read(skeleton);
 }
 
-/* Edgels of both senses at one place are no part. */
+/* Edgels of both senses at one place form no part. */
 static inline void assert_nothing_at_one_place(cairn_skeleton_grouping *skeleton)
 {
     for (int32_t i = 0; i < 50; i++)
@@ -81,7 +81,7 @@ static inline void assert_nothing_at_one_place(cairn_skeleton_grouping *skeleton
     assert_int_equal(run(skeleton, 5, 10).part_count, 0);
 }
 
-/* Only edgels far outside of the image: sorted into its outermost cells. */
+/* Edgels far outside of the image: sorted into its outermost cells. */
 static inline void place_far_edgels(void)
 {
     edgel_count = 0;
@@ -93,7 +93,7 @@ static inline void place_far_edgels(void)
 
 /* ---- Budgets and memory ---- */
 
-static inline uint64_t tell(void *context)
+static inline uint64_t result_hash(void *context)
 {
     cairn_skeleton_grouping_result r = cairn_skeleton_grouping_read(context);
     uint64_t hash = test_hash(TEST_HASH_START, &r.part_count, sizeof r.part_count);
@@ -117,15 +117,14 @@ static inline cairn_status step_scene(void *context, cairn_budget *budget)
     return cairn_skeleton_grouping_step(context, budget);
 }
 
-/* The scene that was drawn gives the same result with small budgets, none of which is overdrawn
- * by more than an item. */
+/* The scene gives the same result with small budgets; none is exceeded by more than an item. */
 static inline void assert_any_budget(cairn_skeleton_grouping *skeleton)
 {
     static const int32_t budgets[] = {1, 7, 1000};
     uint64_t all;
 
     (void)run(skeleton, 0, 0);
-    all = tell(skeleton);
+    all = result_hash(skeleton);
     for (size_t k = 0; k < sizeof budgets / sizeof *budgets; k++) {
         cairn_status status = CAIRN_MORE;
 
@@ -139,7 +138,7 @@ static inline void assert_any_budget(cairn_skeleton_grouping *skeleton)
         }
         assert_ok(status);
         assert_true(cairn_skeleton_grouping_read(skeleton).part_count > 0);
-        assert_true(tell(skeleton) == all);
+        assert_true(result_hash(skeleton) == all);
     }
 }
 

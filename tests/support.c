@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-/* The library's assertions end the test at hand. */
+/* A failed assertion of the library ends the current test. */
 void cairn_assertion_failed(const char *condition, const char *file, int line);
 void cairn_assertion_failed(const char *condition, const char *file, int line)
 {
@@ -25,7 +25,7 @@ cairn_pool test_pool(size_t bytes)
                                                   CAIRN_ALIGN * CAIRN_ALIGN);
 
     assert_non_null(memory);
-    memset(memory, 0xA5, bytes); /* nothing may rest on what fresh memory holds */
+    memset(memory, 0xA5, bytes); /* nothing may depend on the contents of fresh memory */
     assert_ok(cairn_pool_init(&pool, memory, bytes < CAIRN_ALIGN ? CAIRN_ALIGN : bytes));
     return pool;
 }
@@ -38,7 +38,7 @@ void test_pool_free(cairn_pool *pool)
 
 void test_every_pool_size(test_create create, void *context, size_t need)
 {
-    /* Under AddressSanitizer the block must belong to the pool, whose poison free() takes back. */
+    /* Under AddressSanitizer the block must belong to the pool; free() removes its poison. */
     cairn_pool whole = test_pool(need + CAIRN_ALIGN);
 
     assert_true(need > 0);
@@ -64,7 +64,7 @@ static uint64_t run_to_end(const test_stepped *object, int64_t *units)
     assert_ok(object->begin(object->context));
     assert_ok(object->step(object->context, &budget));
     *units = CAIRN_UNBOUNDED - budget.left;
-    return object->tell(object->context);
+    return object->result_hash(object->context);
 }
 
 void test_begins_anew(const test_stepped *object, int32_t stops)
@@ -72,7 +72,7 @@ void test_begins_anew(const test_stepped *object, int32_t stops)
     int64_t whole, again;
     uint64_t hash;
 
-    (void)run_to_end(object, &whole); /* what is done once only is done */
+    (void)run_to_end(object, &whole); /* what is done once only has been done */
     hash = run_to_end(object, &whole);
     for (int32_t k = 1; k <= stops; k++) {
         cairn_budget budget = {(int32_t)(whole * k / (stops + 1))};

@@ -1,4 +1,4 @@
-/* What every test program includes: cmocka, and what it lacks. */
+/* Included by every test program: cmocka and its extensions. */
 #ifndef CAIRN_TESTS_TEST_H
 #define CAIRN_TESTS_TEST_H
 
@@ -26,7 +26,7 @@ void test_assert_near(double actual, double expected, double tolerance, const ch
 #define assert_ok(call)             assert_int_equal(call, CAIRN_OK)
 #define assert_status(call, status) assert_int_equal(call, status)
 
-/* A call that refuses with a status, and tells in *fault what is wrong and, unless `where` is
+/* A call that is refused with a status and reports in *fault what is wrong and, unless `where` is
  * -1, with which item. */
 #define assert_fault(fault, call, status, where)                                                   \
     do {                                                                                           \
@@ -37,14 +37,14 @@ void test_assert_near(double actual, double expected, double tolerance, const ch
         assert_int_equal((fault)->index, where);                                                   \
     } while (0)
 
-/* 1e-12 in double and 1e-5 in float, say: NUMBER(1e-12, 1e-5). */
+/* For example 1e-12 in double and 1e-5 in float: NUMBER(1e-12, 1e-5). */
 #ifdef CAIRN_FLOAT
 #define NUMBER(in_double, in_float) (in_float)
 #else
 #define NUMBER(in_double, in_float) (in_double)
 #endif
 
-/* A pool over fresh memory from the heap; test_pool_free gives it back. */
+/* A pool over fresh memory of the heap; test_pool_free returns it. */
 cairn_pool test_pool(size_t bytes);
 void test_pool_free(cairn_pool *pool);
 
@@ -54,25 +54,25 @@ void test_pool_free(cairn_pool *pool);
 typedef cairn_status (*test_create)(void *context, cairn_pool *pool);
 void test_every_pool_size(test_create create, void *context, size_t need);
 
-/* An object whose step() is called until it no longer returns CAIRN_MORE; `tell` hashes what it
- * has found. */
+/* An object whose step() is called until it no longer returns CAIRN_MORE; `result_hash` hashes its
+ * result. */
 typedef struct test_stepped {
     cairn_status (*begin)(void *context);
     cairn_status (*step)(void *context, cairn_budget *budget);
-    uint64_t (*tell)(void *context);
+    uint64_t (*result_hash)(void *context);
     void *context;
 } test_stepped;
 
-/* Begun anew at any of `stops` places on its way it finds the same, in as many units as from the
- * start: nothing is left of what it was at. */
+/* Begun anew after any of `stops` steps it gives the same result in the same number of units: no
+ * state is left over. */
 void test_begins_anew(const test_stepped *object, int32_t stops);
 
 /* FNV-1a over bytes, for golden hashes. Start with TEST_HASH_START. */
 #define TEST_HASH_START UINT64_C(14695981039346656037)
 uint64_t test_hash(uint64_t hash, const void *data, size_t bytes);
 
-/* Fails unless the hash is that of this build's numbers, and prints it: all bits of a scene's
- * results stay as they are until somebody means to change them. */
+/* Fails unless the hash is that of this build's numbers, and prints it. All bits of a scene's
+ * results change only on purpose. */
 #define assert_golden(hash, in_double, in_float)                                                   \
     test_assert_golden(hash, NUMBER(in_double, in_float), __FILE__, __LINE__)
 void test_assert_golden(uint64_t hash, uint64_t expected, const char *file, int line);

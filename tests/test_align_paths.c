@@ -1,4 +1,4 @@
-/* Whole paths on simulated arenas: sweeps of a moving scanner, force field. */
+/* End-to-end tests on simulated arenas: sweeps of a moving scanner, force field. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -14,7 +14,7 @@ static cairn_pose pose_of(sim_pose p)
     return pose;
 }
 
-/* ---- Sweeps of a scanner that turns ---- */
+/* ---- Sweeps of a rotating scanner ---- */
 
 enum { POINTS_MOST = 1024, PLACES_MOST = 32 };
 
@@ -53,7 +53,7 @@ static void add_errors(pose_errors *sum, const pose_errors *e)
     sum->pairs += e->pairs;
 }
 
-/* Aligns the second scan to the first from a start that is off, and adds the error. */
+/* Aligns the second scan to the first from an erroneous start, and adds the error. */
 static void align_pair(cairn_icp *icp, const fitted *first, const fitted *second, cairn_pose truth,
                        cairn_pose off, pose_errors *errors)
 {
@@ -73,7 +73,8 @@ static void align_pair(cairn_icp *icp, const fitted *first, const fitted *second
     errors->pairs++;
 }
 
-/* Pairs of poses 0.3 m and 0.5 rad apart at most, all with room about them. The number of pairs. */
+/* Pairs of poses at most 0.3 m and 0.5 rad apart, clear of obstacles. Returns the number of
+ * pairs. */
 static int32_t choose_poses(const sim_arena *arena, uint64_t seed, sim_pose *from, sim_pose *to)
 {
     sim_survey_options options = sim_survey_default();
@@ -146,8 +147,8 @@ static void align_surveys(const sim_survey *a, const sim_survey *b, int32_t give
 
 enum { STILL, TURNING, DRIVING, IGNORED, WAYS };
 
-/* The same pairs of scans in all ways; the two scans of a pair turn against each other, so that
- * nothing cancels out. */
+/* The same pairs of scans in all modes; the two scans of a pair turn in opposite senses, so that
+ * errors do not cancel. */
 static void compare_ways(const sim_arena *arena, uint64_t seed, cairn_scan *scan, cairn_icp *icp,
                          pose_errors *errors)
 {
@@ -167,8 +168,8 @@ static void compare_ways(const sim_arena *arena, uint64_t seed, cairn_scan *scan
     }
 }
 
-/* A sweep of 0.1 s at 1 rad/s smears a scan by 6 degrees. With the motion given, the alignment
- * is as good as that of scans that were taken standing still, within 10 % over all pairs. */
+/* A sweep of 0.1 s at 1 rad/s is distorted by 6 degrees. With the motion given, the alignment is as
+ * good as that of scans taken at rest, within 10 % over all pairs. */
 static void motion_correction_brings_sweeps_back(void **state)
 {
     static const sim_scene scenes[] = {SIM_APARTMENT, SIM_OFFICE, SIM_RESCUE};
@@ -200,7 +201,7 @@ static void motion_correction_brings_sweeps_back(void **state)
             sim_arena_free(arena);
             for (int way = 0; way < WAYS; way++)
                 add_errors(&sum[way], &errors[way]);
-            /* What is ignored is missed in every arena. */
+            /* Ignoring it degrades every arena. */
             assert_true(errors[IGNORED].metres > 10 * errors[TURNING].metres);
             assert_true(errors[IGNORED].radians > 50 * errors[TURNING].radians);
         }
@@ -227,8 +228,8 @@ typedef struct room {
     cairn_force_field *field;
 } room;
 
-/* Eight full scans of one place within 0.8 m, the first one fixed at its truth, the others off
- * by so much at most. */
+/* Eight full scans of one place within 0.8 m; the first is fixed at its true pose, the others have
+ * errors of at most so much. */
 static void begin_room(room *r, sim_scene scene, uint64_t seed, double metres, double radians,
                        const cairn_force_field_params *params)
 {
@@ -286,7 +287,7 @@ static void iterate(cairn_force_field *field)
     assert_true(cairn_force_field_iterate(field, &budget) >= 0);
 }
 
-/* Mean errors of the scans that may move, at the start and now. */
+/* Mean errors of the free scans, at the start and now. */
 static void room_errors(const room *r, pose_errors *start, pose_errors *now)
 {
     memset(start, 0, sizeof *start);
@@ -334,7 +335,7 @@ static void a_disturbed_room_comes_back(void **state)
     assert_true(ends.radians < starts.radians / 6);
 }
 
-/* With sigma held and steps small enough, every step goes down the potential; that of the truth
+/* At constant sigma and with small steps every step decreases the potential; that of the true poses
  * is lower still. */
 static void the_potential_falls(void **state)
 {

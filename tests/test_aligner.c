@@ -1,5 +1,5 @@
-/* The aligner on simulated arenas, on rooms drawn by hand, and on scans that say nothing;
- * refusals and budgets. */
+/* The aligner on simulated arenas, on rooms drawn by hand, and on uninformative scans; refusals and
+ * budgets. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -14,14 +14,14 @@
 
 enum { MAX_SCANS = 64 };
 
-/* An aligner with all that it needs. */
+/* An aligner with its inputs and pool. */
 struct bed {
     cairn_pool pool;
     cairn_aligner_params params;
     cairn_aligner *aligner;
 };
 
-static cairn_aligner_params room_for(int32_t scans)
+static cairn_aligner_params params_for(int32_t scans)
 {
     cairn_aligner_params params = cairn_aligner_default();
 
@@ -175,7 +175,7 @@ struct outcome {
     int32_t observable, aligned, flagged, missed, unflagged, inside;
 };
 
-/* How the poses, of scans shifted by `from`, lie to the truth. */
+/* Errors of the poses relative to the truth, of scans shifted by `from`. */
 static struct outcome compare(const struct bed *bed, const struct survey *s, int32_t from)
 {
     sim_pose truth[MAX_SCANS], poses[MAX_SCANS];
@@ -218,7 +218,7 @@ static struct outcome compare(const struct bed *bed, const struct survey *s, int
 static void aligns_an_arena(void **state)
 {
     struct survey s = visit(2001, 15, 4, 100, 0.3, 20);
-    cairn_aligner_params params = room_for(s.count);
+    cairn_aligner_params params = params_for(s.count);
     struct bed bed = make_bed(&params);
     cairn_aligner_result result;
     struct outcome out;
@@ -247,14 +247,14 @@ static void aligns_an_arena(void **state)
     leave(&s);
 }
 
-/* Scans of one wall, which lie askew to the axes of the map, are in every arena; they must not
- * cost the others their joint solution in float. */
-static void scans_that_slide_spoil_no_solution(void **state)
+/* Every arena has scans of one wall, oblique to the axes of the map; they must not cost the others
+ * their joint solution in float. */
+static void unobservable_scans_spoil_no_solution(void **state)
 {
     (void)state;
     for (uint64_t seed = 2003; seed < 2009; seed++) {
         struct survey s = visit(seed, 15, 4, 100, 0.3, 20);
-        cairn_aligner_params params = room_for(s.count);
+        cairn_aligner_params params = params_for(s.count);
         struct bed bed = make_bed(&params);
         cairn_aligner_result result;
 
@@ -267,11 +267,11 @@ static void scans_that_slide_spoil_no_solution(void **state)
     }
 }
 
-/* The scans of a survey, once and far from each other four times. Returns the units of the
+/* The scans of a survey, once, and four times far from each other. Returns the units of the
  * alignment. */
 static int64_t units_of_copies(const struct survey *s, int32_t copies, int32_t *worst_step)
 {
-    cairn_aligner_params params = room_for(MAX_SCANS);
+    cairn_aligner_params params = params_for(MAX_SCANS);
     struct bed bed = make_bed(&params);
     cairn_aligner_result result;
 
@@ -307,7 +307,7 @@ static void cost_grows_with_the_scans(void **state)
 static void aligns_full_scans(void **state)
 {
     struct survey s = visit(2002, 16, 1, 360, 0.5, 30);
-    cairn_aligner_params params = room_for(s.count);
+    cairn_aligner_params params = params_for(s.count);
     struct bed bed = make_bed(&params);
     struct outcome out;
 
@@ -321,11 +321,11 @@ static void aligns_full_scans(void **state)
     leave(&s);
 }
 
-/* In another order of the scans sums round differently; the map is as good. */
+/* In another order of the scans sums round differently; the map is equally good. */
 static void order_does_not_matter(void **state)
 {
     struct survey s = visit(2001, 15, 4, 100, 0.3, 20);
-    cairn_aligner_params params = room_for(s.count);
+    cairn_aligner_params params = params_for(s.count);
     struct bed a = make_bed(&params), b = make_bed(&params);
     struct outcome first, second;
 
@@ -366,7 +366,7 @@ static void budgets_do_not_matter(void **state)
 {
     static const int32_t budgets[] = {1, 7, 1000};
     struct survey s = visit(2004, 4, 4, 100, 0.3, 20);
-    cairn_aligner_params params = room_for(s.count);
+    cairn_aligner_params params = params_for(s.count);
     struct bed bed = make_bed(&params);
     cairn_budget none = {0};
     uint64_t expected;
@@ -389,7 +389,7 @@ static void budgets_do_not_matter(void **state)
     leave(&s);
 }
 
-/* Hash of what stands at every commit point; *commits of them. */
+/* Hash of the state at every commit point; *commits: their number. */
 static uint64_t watch(struct bed *bed, const struct survey *s, int32_t budget, int32_t *commits)
 {
     int32_t count = cairn_aligner_scan_count(bed->aligner), parts = count, most = 0;
@@ -436,7 +436,7 @@ static uint64_t watch(struct bed *bed, const struct survey *s, int32_t budget, i
 static void an_alignment_can_be_watched(void **state)
 {
     struct survey s = visit(2004, 4, 4, 100, 0.3, 20);
-    cairn_aligner_params params = room_for(s.count);
+    cairn_aligner_params params = params_for(s.count);
     struct bed bed = make_bed(&params);
     int32_t commits, again, part;
     uint64_t expected, hash;
@@ -449,7 +449,7 @@ static void an_alignment_can_be_watched(void **state)
     run(&bed, CAIRN_UNBOUNDED);
     expected = hash_of(&bed);
     hash = watch(&bed, &s, CAIRN_UNBOUNDED, &commits);
-    /* The same result, and more than one commit point for each scan that was joined. */
+    /* The same result, and more than one commit point for each scan joined. */
     assert_true(hash_of(&bed) == expected);
     assert_true(commits > s.count);
     assert_true(watch(&bed, &s, 7, &again) == hash);
@@ -469,11 +469,11 @@ static void an_alignment_can_be_watched(void **state)
     leave(&s);
 }
 
-/* Without an ingredient the aligner still ends, and does worse or tells less. */
+/* Without an ingredient the aligner still ends, with worse results or fewer outputs. */
 static void ingredients_matter(void **state)
 {
     struct survey s = visit(2005, 10, 4, 100, 0.3, 20);
-    cairn_aligner_params params = room_for(s.count);
+    cairn_aligner_params params = params_for(s.count);
     struct outcome all, blind, lines;
     struct bed bed = make_bed(&params);
 
@@ -491,7 +491,7 @@ static void ingredients_matter(void **state)
     assert_true(blind.aligned < all.aligned);
     end_bed(&bed);
 
-    params = room_for(s.count);
+    params = params_for(s.count);
     params.oriented = 0;
     bed = make_bed(&params);
     add_all(&bed, &s, 0);
@@ -500,7 +500,7 @@ static void ingredients_matter(void **state)
     assert_true(lines.aligned > 0 && lines.aligned < lines.observable);
     end_bed(&bed);
 
-    params = room_for(s.count);
+    params = params_for(s.count);
     params.max_iterations = params.max_relocalizations = 0;
     bed = make_bed(&params);
     add_all(&bed, &s, 0);
@@ -516,7 +516,7 @@ static void ingredients_matter(void **state)
 static void too_little_fill_is_a_verdict(void **state)
 {
     struct survey s = visit(2004, 4, 4, 100, 0.1, 5);
-    cairn_aligner_params params = room_for(s.count);
+    cairn_aligner_params params = params_for(s.count);
     struct bed bed;
 
     (void)state;
@@ -570,10 +570,10 @@ static cairn_pose start_at(double x, double y, double degrees)
     return p;
 }
 
-/* Two scans of one box come to lie on each other, exactly. */
+/* Two scans of one box are aligned exactly. */
 static void two_scans_of_a_box(void **state)
 {
-    cairn_aligner_params params = room_for(2);
+    cairn_aligner_params params = params_for(2);
     struct bed bed = make_bed(&params);
     sim_pose first = {2, 1.5, 0}, second = {3, 2, 0.3};
     cairn_aligner_pose a, b;
@@ -606,7 +606,7 @@ static void two_scans_of_a_box(void **state)
 /* The common motion is that of the initial poses. */
 static void initial_poses_place_the_map(void **state)
 {
-    cairn_aligner_params params = room_for(2);
+    cairn_aligner_params params = params_for(2);
     struct bed bed = make_bed(&params);
     sim_pose first = {2, 1.5, 0}, second = {3, 2, 0};
     float ranges[BEAMS];
@@ -625,11 +625,11 @@ static void initial_poses_place_the_map(void **state)
     end_bed(&bed);
 }
 
-/* Another initial pose is as if the scan had been added with it, before an alignment, in the
- * middle of one, and after it. */
+/* Another initial pose acts as if the scan had been added with it: before an alignment, during one,
+ * and after it. */
 static void initial_poses_can_be_changed(void **state)
 {
-    cairn_aligner_params params = room_for(2);
+    cairn_aligner_params params = params_for(2);
     struct bed bed = make_bed(&params), fresh = make_bed(&params);
     sim_pose first = {2, 1.5, 0}, second = {3, 2, 0};
     cairn_pose far = {CAIRN_REAL(1.1e6), 0, 0}, nan = {0, (cairn_real)NAN, 0},
@@ -678,10 +678,11 @@ static void initial_poses_can_be_changed(void **state)
     end_bed(&fresh);
 }
 
-/* One flat wall: the scan can slide along it, and is told apart by direction. */
+/* One flat wall: the translation of the scan along it is unobservable, which its direction
+ * shows. */
 static void a_flat_wall_is_not_observable(void **state)
 {
-    cairn_aligner_params params = room_for(2);
+    cairn_aligner_params params = params_for(2);
     struct bed bed = make_bed(&params);
     float ranges[BEAMS];
     sim_pose at = {10, 2, 0};
@@ -708,7 +709,7 @@ static void a_flat_wall_is_not_observable(void **state)
 
 static void parts_that_do_not_meet(void **state)
 {
-    cairn_aligner_params params = room_for(4);
+    cairn_aligner_params params = params_for(4);
     struct bed bed = make_bed(&params);
     sim_pose first = {2, 1.5, 0}, second = {3, 2, 0.2};
     float ranges[BEAMS];
@@ -739,8 +740,8 @@ static void parts_that_do_not_meet(void **state)
     end_bed(&bed);
 }
 
-/* Only those hits of a sensor that lie within [x0, x1] x [y0, y1] or on the wall at the top,
- * farther right than `right`. */
+/* Only those hits of a sensor that lie within [x0, x1] x [y0, y1], or on the wall at the top to the
+ * right of `right`. */
 struct kept {
     double x0, x1, y0, y1, right;
 };
@@ -757,21 +758,21 @@ static void keep_hits(float *ranges, sim_pose at, struct kept kept)
     }
 }
 
-/* Three scans of the lower left of a box, which also see its upper wall, and one of that wall
- * and of what it keeps. */
-static cairn_aligner_pose slide(struct kept kept, int32_t max_stubs)
+/* Three scans of the lower left of a box, which also see its upper wall, and one of that wall and
+ * of what it bounds. */
+static cairn_aligner_pose align_with_capacity(struct kept kept, int32_t max_short_segments)
 {
     static const sim_pose others[] = {{3, 3, 0}, {3.6, 3.4, 0.2}, {4, 2.8, -0.1}};
     const struct kept low = {-1, 13, -1, 4, 0.6};
     const sim_pose at = {1.5, 7, 0.1};
-    cairn_aligner_params params = room_for(4);
+    cairn_aligner_params params = params_for(4);
     cairn_aligner_pose first, last;
     cairn_pose between;
     cairn_scan_input input;
     float ranges[BEAMS];
     struct bed bed;
 
-    params.max_short_segments = max_stubs;
+    params.max_short_segments = max_short_segments;
     bed = make_bed(&params);
     for (int k = 0; k < 3; k++) {
         input = box_scan(ranges, 12, 8, others[k]);
@@ -793,13 +794,13 @@ static cairn_aligner_pose slide(struct kept kept, int32_t max_stubs)
     return last;
 }
 
-/* A wall that nobody has seen at that place, but on the line of one that others see elsewhere,
- * stops a scan. */
-static void a_scan_slides_until_its_walls_meet(void **state)
+/* A wall that no scan has seen at that place, but others have seen elsewhere on its line, stops a
+ * scan. */
+static void a_scan_is_translated_until_its_walls_meet(void **state)
 {
     const struct kept corner = {-0.1, 0.1, 6, 7.8, 0.1}, nothing = {0, 0, 0, 0, 0.6},
                       reach = {-0.1, 0.1, 6.95, 7.05, 0.6};
-    cairn_aligner_pose p = slide(corner, 0);
+    cairn_aligner_pose p = align_with_capacity(corner, 0);
 
     (void)state;
     assert_near(p.map_scan.x, 0, 5e-3);
@@ -807,17 +808,17 @@ static void a_scan_slides_until_its_walls_meet(void **state)
     assert_near(p.map_scan.theta, 0, 5e-3);
     assert_int_equal(p.placed, 1);
     assert_int_equal(p.observable, CAIRN_ALIGNER_X | CAIRN_ALIGNER_Y | CAIRN_ALIGNER_THETA);
-    p = slide(nothing, 8);
+    p = align_with_capacity(nothing, 8);
     assert_int_equal(p.placed, 0);
     assert_int_equal(p.observable, CAIRN_ALIGNER_Y | CAIRN_ALIGNER_THETA);
-    p = slide(reach, 8);
+    p = align_with_capacity(reach, 8);
     assert_near(p.map_scan.x, 0, 2e-2);
     assert_int_equal(p.placed, 1);
-    p = slide(reach, 0);
+    p = align_with_capacity(reach, 0);
     assert_int_equal(p.placed, 0);
 }
 
-/* ---- Scans that say little or nothing ---- */
+/* ---- Scans of little or no information ---- */
 
 static void check_ends(struct bed *bed)
 {
@@ -832,7 +833,7 @@ static void check_ends(struct bed *bed)
 
 static void degenerate_scans(void **state)
 {
-    cairn_aligner_params params = room_for(12);
+    cairn_aligner_params params = params_for(12);
     struct bed bed = make_bed(&params);
     sim_pose at = {2, 1.5, 0};
     float ranges[BEAMS];
@@ -844,7 +845,7 @@ static void degenerate_scans(void **state)
     check_ends(&bed);
     assert_int_equal(cairn_aligner_read(bed.aligner).verdict, CAIRN_ALIGNER_DISCONNECTED);
     assert_near(cairn_aligner_pose_of(bed.aligner, 0).map_scan.x, 1, 1e-5);
-    /* All equal, far from each other and at the same place. */
+    /* All equal, far from each other, and at the same place. */
     for (int i = 0; i < 6; i++)
         add(&bed, &input, start_at(i < 3 ? 1 : 2, 2, 5 * i));
     check_ends(&bed);
@@ -953,7 +954,7 @@ static void params_are_refused(void **state)
 
 static void scans_are_refused(void **state)
 {
-    cairn_aligner_params params = room_for(2);
+    cairn_aligner_params params = params_for(2);
     cairn_segment segments[2] = {{{1, 0}, {1, 1}}, {{1, 1}, {0, 1}}};
     cairn_oriented_point points[3] = {{{1, 0}, {0, 1}}, {{1, 1}, {0, 1}}, {{0, 1}, {-1, 0}}};
     cairn_scan_beam beams[1] = {{{0, 0}, {1, CAIRN_REAL(0.5)}, CAIRN_SCAN_BEAM_HIT}};
@@ -1052,7 +1053,7 @@ static void scans_are_refused(void **state)
 /* Before an alignment and after clear() the poses are the initial ones. */
 static void initial_poses_are_shown(void **state)
 {
-    cairn_aligner_params params = room_for(2);
+    cairn_aligner_params params = params_for(2);
     struct bed bed = make_bed(&params);
     sim_pose at = {2, 1.5, 0};
     float ranges[BEAMS];
@@ -1073,14 +1074,14 @@ static void initial_poses_are_shown(void **state)
     end_bed(&bed);
 }
 
-/* A scan that starts too far off is not placed; looked for again where it is, it is, and the
- * others hardly move. */
-static void what_was_not_placed_is_looked_for_again(void **state)
+/* A scan whose start is too far off is not placed. With another start it is, and the others hardly
+ * move. */
+static void unplaced_scans_are_searched_again(void **state)
 {
     enum { LOST = 4, PLACES = 8 };
     static const int32_t budgets[] = {CAIRN_UNBOUNDED, 1, 1000};
     struct survey s = visit(3, PLACES, 1, 360, 0.1, 5);
-    cairn_aligner_params params = room_for(PLACES);
+    cairn_aligner_params params = params_for(PLACES);
     cairn_pose near[PLACES], truth = {0, 0, 0}, first[PLACES], bad[PLACES];
     int64_t units = 0;
 
@@ -1105,7 +1106,7 @@ static void what_was_not_placed_is_looked_for_again(void **state)
         for (int32_t i = 0; i < PLACES; i++) {
             before[i] = cairn_aligner_pose_of(bed.aligner, i);
             assert_int_equal(before[i].placed, i != LOST);
-            /* not read of those that are placed */
+            /* ignored for those that are placed */
             near[i].x = near[i].y = near[i].theta = (cairn_real)NAN;
         }
         near[LOST] = s.start[LOST];
@@ -1118,7 +1119,7 @@ static void what_was_not_placed_is_looked_for_again(void **state)
         assert_status(cairn_aligner_begin_warm(bed.aligner, bad), CAIRN_BAD_ARGUMENT);
         assert_false(cairn_aligner_running(bed.aligner));
 
-        /* Where it was it is not found, and the result stays bit by bit. */
+        /* From its old start it is not found, and the result stays bit by bit. */
         assert_ok(cairn_aligner_begin_warm(bed.aligner, near));
         assert_true(cairn_aligner_running(bed.aligner));
         assert_status(cairn_aligner_begin_warm(bed.aligner, near), CAIRN_EMPTY);
@@ -1168,10 +1169,10 @@ static void what_was_not_placed_is_looked_for_again(void **state)
     leave(&s);
 }
 
-/* Given late, initial poses do the same as given at once. */
+/* Initial poses given late act like those given at once. */
 static void initial_poses_can_be_given_again(void **state)
 {
-    cairn_aligner_params params = room_for(2);
+    cairn_aligner_params params = params_for(2);
     struct bed bed = make_bed(&params), other = make_bed(&params);
     sim_pose first = {2, 1.5, 0}, second = {3, 2, 0};
     cairn_pose far = start_at(103, 52.2, 0), bad = far;
@@ -1214,7 +1215,7 @@ static void initial_poses_can_be_given_again(void **state)
 
 /* ---- Golden results ---- */
 
-/* All that is told. */
+/* All that is reported. */
 static uint64_t hash_of_all(const struct bed *bed)
 {
     cairn_aligner_result r = cairn_aligner_read(bed->aligner);
@@ -1225,12 +1226,13 @@ static uint64_t hash_of_all(const struct bed *bed)
     return test_hash(test_hash(hash_of(bed), numbers, sizeof numbers), spreads, sizeof spreads);
 }
 
-/* Half circles from places in a room with boxes and slanting walls, `strange` of the last ones
- * in another room; every `wild`-th lies a metre and more off its initial pose. */
+/* Scans of half a circle from places in a room with boxes and slanting walls; the last
+ * `in_other_room` ones are in another room, and every `wild`-th has an initial error of a metre and
+ * more. */
 struct scene {
-    int32_t scans, strange, wild, hypotheses, oriented;
+    int32_t scans, in_other_room, wild, hypotheses, oriented;
     double metres, degrees;
-    uint64_t world; /* not 0: the seed of other rooms, of walls and boxes at random */
+    uint64_t world; /* not 0: the seed of another world, with random walls and boxes */
     int32_t beams;
     uint64_t in_double, in_float;
 };
@@ -1261,7 +1263,7 @@ static void furnish(rooms_room *room, cairn_random *random)
 
 static uint64_t hash_of_scene(const struct scene *scene)
 {
-    cairn_aligner_params params = room_for(scene->scans);
+    cairn_aligner_params params = params_for(scene->scans);
     cairn_random random = cairn_random_seed((uint64_t)scene->scans, 9);
     const cairn_pose wild = {1, CAIRN_REAL(-0.5), 1};
     rooms_room rooms[2];
@@ -1295,8 +1297,8 @@ static uint64_t hash_of_scene(const struct scene *scene)
                            CAIRN_REAL(0.3) * (cairn_real)(place % 3),
                            CAIRN_REAL(0.8) * along + CAIRN_REAL(2.6) * (cairn_real)(i % 2)};
         cairn_pose start = pose;
-        cairn_scan_input input = rooms_take_scan(&rooms[i >= scene->scans - scene->strange], pose,
-                                                 (uint64_t)i + 1, &taken);
+        cairn_scan_input input = rooms_take_scan(&rooms[i >= scene->scans - scene->in_other_room],
+                                                 pose, (uint64_t)i + 1, &taken);
 
         input.count = scene->beams;
         start.x += (cairn_real)scene->metres * cairn_random_uniform(&random, -1, 1);
@@ -1349,7 +1351,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(results_stay_as_they_are),
         cmocka_unit_test(aligns_an_arena),
-        cmocka_unit_test(scans_that_slide_spoil_no_solution),
+        cmocka_unit_test(unobservable_scans_spoil_no_solution),
         cmocka_unit_test(cost_grows_with_the_scans),
         cmocka_unit_test(aligns_full_scans),
         cmocka_unit_test(order_does_not_matter),
@@ -1361,7 +1363,7 @@ int main(void)
         cmocka_unit_test(initial_poses_place_the_map),
         cmocka_unit_test(initial_poses_can_be_changed),
         cmocka_unit_test(a_flat_wall_is_not_observable),
-        cmocka_unit_test(a_scan_slides_until_its_walls_meet),
+        cmocka_unit_test(a_scan_is_translated_until_its_walls_meet),
         cmocka_unit_test(parts_that_do_not_meet),
         cmocka_unit_test(degenerate_scans),
         cmocka_unit_test(memory_is_exact),
@@ -1369,7 +1371,7 @@ int main(void)
         cmocka_unit_test(scans_are_refused),
         cmocka_unit_test(initial_poses_are_shown),
         cmocka_unit_test(initial_poses_can_be_given_again),
-        cmocka_unit_test(what_was_not_placed_is_looked_for_again),
+        cmocka_unit_test(unplaced_scans_are_searched_again),
     };
 
     return cmocka_run_group_tests(tests, open_scan, close_scan);

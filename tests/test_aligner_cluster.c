@@ -1,5 +1,5 @@
-/* Clusters of the aligner: what scans keep when their cluster turns, and the circles by which
- * scans are near. */
+/* Clusters of the aligner: frames of scans when their cluster is rotated, and the circles by which
+ * neighbours are found. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -9,8 +9,7 @@
 
 enum { SCANS = 12 };
 
-/* Scans of a room with a pillar, each in a frame whose origin lies elsewhere: `off` m from the
- * sensor. */
+/* Scans of a room with a pillar; the origin of each frame is `off` m from the sensor. */
 static cairn_aligner *take_scans(cairn_pool *pool, uint64_t seed, cairn_real off)
 {
     cairn_scan_params scan_params = cairn_scan_default();
@@ -79,9 +78,9 @@ static void nothing_lies_beyond_the_extent(void **state)
     }
 }
 
-/* Scans are partners when one may show a point of the other, whatever the extents say of far
+/* Scans are candidate pairs when one may show a point of the other, whatever the extents of distant
  * ones. */
-static void partners_are_those_that_may_meet(void **state)
+static void candidate_pairs_are_those_that_may_overlap(void **state)
 {
     cairn_pool pool;
     cairn_aligner *x = take_scans(&pool, 21, 0);
@@ -101,8 +100,8 @@ static void partners_are_those_that_may_meet(void **state)
     test_pool_free(&pool);
 }
 
-/* The motion that a scan is pulled to turns with the cluster that it joins another in. */
-static void pulls_turn_with_their_cluster(void **state)
+/* The pending motion of a scan is rotated with the cluster in which it joins another. */
+static void pending_motions_turn_with_their_cluster(void **state)
 {
     cairn_transform same = {0, 0, 1, 0},
                     turned = cairn_transform_of((cairn_pose){3, -2, CAIRN_REAL(0.7)});
@@ -138,8 +137,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(nothing_lies_beyond_the_extent),
-        cmocka_unit_test(partners_are_those_that_may_meet),
-        cmocka_unit_test(pulls_turn_with_their_cluster),
+        cmocka_unit_test(candidate_pairs_are_those_that_may_overlap),
+        cmocka_unit_test(pending_motions_turn_with_their_cluster),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

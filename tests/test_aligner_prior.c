@@ -1,5 +1,4 @@
-/* What initial poses say of clusters of the aligner: the sums that are kept against a look at
- * every scan. */
+/* Priors of the aligner: the running sums over a cluster compared with sums over all scans. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -10,15 +9,15 @@ enum { SCANS = 12, FIRST = 7 };
 
 static const double PI = 3.14159265358979323846;
 
-/* Scans that show nothing; those before FIRST in one cluster, the others in another, each in a
- * frame of its own. */
+/* Scans without points; those before FIRST in one cluster, the others in another, each in its own
+ * frame. */
 struct bed {
     cairn_pool pool;
     cairn_aligner *x;
     int32_t first, second; /* the clusters */
 };
 
-/* off: by how much the poses are off, m; a third of that in rad. */
+/* off: errors of the poses in m; a third of that in rad. */
 static struct bed make_bed(uint64_t seed, double off)
 {
     cairn_aligner_params params = cairn_aligner_default();
@@ -59,15 +58,15 @@ static struct bed make_bed(uint64_t seed, double off)
     return bed;
 }
 
-/* ---- The slow twin ---- */
+/* ---- The reference implementation ---- */
 
-struct crowd {
+struct members {
     double x[SCANS + 1], y[SCANS + 1], theta[SCANS + 1];
     cairn_pose initial[SCANS + 1];
     int32_t count;
 };
 
-static void add_cluster(struct crowd *c, const cairn_aligner *x, int32_t cluster,
+static void add_cluster(struct members *c, const cairn_aligner *x, int32_t cluster,
                         cairn_transform motion)
 {
     for (int32_t i = x->clusters[cluster].head; i >= 0; i = x->scans[i].next_in_cluster) {
@@ -84,9 +83,9 @@ struct left {
     double squares, squares_angle, beyond, cost;
 };
 
-/* What is left of a crowd turned as a whole, at the best shift; cost: what the gauge makes
- * least. */
-static struct left left_at(const cairn_aligner *x, const struct crowd *c, double turn)
+/* Residual of a cluster that is rotated as a whole, at the best shift; cost: what the gauge
+ * minimizes. */
+static struct left left_at(const cairn_aligner *x, const struct members *c, double turn)
 {
     double weight = pow((double)x->sigma / (double)x->sigma_angle, 2), dx = 0, dy = 0;
     double far = 1.25 * (double)x->params.max_initial_error,
@@ -116,7 +115,7 @@ static struct left left_at(const cairn_aligner *x, const struct crowd *c, double
 }
 
 /* By trying all turns. */
-static struct left least_left(const cairn_aligner *x, const struct crowd *c)
+static struct left least_left(const cairn_aligner *x, const struct members *c)
 {
     double best = 0, step = PI / 60;
     struct left least = left_at(x, c, 0);
@@ -145,7 +144,7 @@ static double chi_squared(const cairn_aligner *x, struct left m)
 static double slow_misfit(const cairn_aligner *x, int32_t cluster)
 {
     cairn_transform same = {0, 0, 1, 0};
-    struct crowd c;
+    struct members c;
 
     c.count = 0;
     add_cluster(&c, x, cluster, same);
@@ -156,7 +155,7 @@ static double slow_prior(const cairn_aligner *x, int32_t moving, int32_t fixed,
                          cairn_transform pose)
 {
     cairn_transform same = {0, 0, 1, 0};
-    struct crowd c;
+    struct members c;
 
     c.count = 0;
     add_cluster(&c, x, moving, pose);
@@ -167,7 +166,7 @@ static double slow_prior(const cairn_aligner *x, int32_t moving, int32_t fixed,
 
 /* ---- Tests ---- */
 
-/* The pose of the first cluster in the second that the initial poses ask for, off by some. */
+/* The pose of the first cluster in the second according to the initial poses, with an error. */
 static cairn_transform pose_off(const struct bed *bed, double off_x, double off_turn)
 {
     cairn_transform first = cairn_aligner_gauge(bed->x, bed->first),
@@ -196,11 +195,11 @@ static void all_as_slow(struct bed *bed)
         assert_same_prior(bed, pose_off(bed, offs[k][0], offs[k][1]));
 }
 
-static void sums_tell_what_scans_tell(void **state)
+static void sums_equal_those_over_scans(void **state)
 {
     (void)state;
     for (uint64_t seed = 1; seed <= 6; seed++) {
-        /* up to 3.6 m and 1.2 rad: far out of the box */
+        /* up to 3.6 m and 1.2 rad: far outside of the box */
         struct bed bed = make_bed(seed, 0.1 * (double)(seed * seed));
 
         all_as_slow(&bed);
@@ -208,7 +207,7 @@ static void sums_tell_what_scans_tell(void **state)
     }
 }
 
-static void sums_follow_scans_that_come_and_go(void **state)
+static void sums_follow_added_and_removed_scans(void **state)
 {
     struct bed bed = make_bed(11, 0.2);
     int32_t pass = 0;
@@ -244,7 +243,7 @@ static void single_scans_have_no_misfit(void **state)
     test_pool_free(&bed.pool);
 }
 
-/* The spread that is learnt, two scans of the expected one weighed in. */
+/* The learnt spread, with a weight of two scans of the expected spread. */
 static void spread_is_that_of_the_scans(void **state)
 {
     static const double offs[] = {0.05, 0.3, 5};
@@ -262,12 +261,12 @@ static void spread_is_that_of_the_scans(void **state)
         bed.x->sigma = (cairn_real)expected;
         bed.x->sigma_angle = (cairn_real)expected_angle;
         for (int c = 0; c < 2; c++) {
-            struct crowd crowd;
+            struct members members;
             struct left m;
 
-            crowd.count = 0;
-            add_cluster(&crowd, bed.x, clusters[c], same);
-            m = least_left(bed.x, &crowd);
+            members.count = 0;
+            add_cluster(&members, bed.x, clusters[c], same);
+            m = least_left(bed.x, &members);
             squares += m.squares;
             angles += m.squares_angle;
         }
@@ -277,8 +276,8 @@ static void spread_is_that_of_the_scans(void **state)
     }
 }
 
-/* What is kept of a cluster, and told anew after each change, against what its scans say when
- * nothing is kept. */
+/* The running sums of a cluster after each change compared with sums over its scans from
+ * scratch. */
 static void spread_learnt_bit_by_bit_is_that_of_all(void **state)
 {
     (void)state;
@@ -301,7 +300,7 @@ static void spread_learnt_bit_by_bit_is_that_of_all(void **state)
             cairn_aligner_estimate_sigmas(x);
             sigma = x->sigma;
             sigma_angle = x->sigma_angle;
-            if (change % 8 == 7) { /* in between, the sums go on from what was kept */
+            if (change % 8 == 7) { /* between them, the sums continue from the stored ones */
                 for (int32_t c = 0; c <= SCANS; c++)
                     x->prior_sums[c].stamp = -1;
                 cairn_aligner_estimate_sigmas(x);
@@ -316,8 +315,8 @@ static void spread_learnt_bit_by_bit_is_that_of_all(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(sums_tell_what_scans_tell),
-        cmocka_unit_test(sums_follow_scans_that_come_and_go),
+        cmocka_unit_test(sums_equal_those_over_scans),
+        cmocka_unit_test(sums_follow_added_and_removed_scans),
         cmocka_unit_test(single_scans_have_no_misfit),
         cmocka_unit_test(spread_is_that_of_the_scans),
         cmocka_unit_test(spread_learnt_bit_by_bit_is_that_of_all),

@@ -1,5 +1,4 @@
-/* What the aligner says of two scans after it has ended, on a hallway that is longer than a scan
- * sees. */
+/* Queries of the aligner after its end, on a hallway longer than the range of a scan. */
 #include "tests/test.h"
 
 #include "cairn/aligner.h"
@@ -10,8 +9,7 @@
 
 enum { SCANS = 5 };
 
-/* 0 and 1 see the end of the hallway, 2 and 3 nothing but its sides, 4 stands in a room far
- * away. */
+/* 0 and 1 see the end of the hallway, 2 and 3 only its sides, 4 is in a room far away. */
 static const cairn_pose truth[SCANS] = {{2, 1, 0},
                                         {CAIRN_REAL(5.5), CAIRN_REAL(1.2), 2},
                                         {CAIRN_REAL(8.6), 1, -1},
@@ -107,8 +105,8 @@ static void sides_hold_across_and_the_end_along(void **state)
     test_pool_free(&bed.pool);
 }
 
-/* A wall in common that the two do not lie on together holds nothing. */
-static void walls_hold_who_lies_on_them(void **state)
+/* A common wall constrains nothing unless both scans lie on it. */
+static void walls_constrain_scans_on_them(void **state)
 {
     struct bed bed = align();
     cairn_pose first = cairn_aligner_pose_of(bed.x, 0).map_scan,
@@ -142,7 +140,7 @@ static void walls_hold_who_lies_on_them(void **state)
     test_pool_free(&bed.pool);
 }
 
-static void objections_are_what_speaks_against(void **state)
+static void free_space_violations_agree_with_the_reference(void **state)
 {
     struct bed bed = align();
     int32_t units = 0, against = 0;
@@ -187,7 +185,7 @@ static void objections_are_what_speaks_against(void **state)
     test_pool_free(&bed.pool);
 }
 
-static void partners_are_near(void **state)
+static void candidate_pairs_are_near(void **state)
 {
     struct bed bed = align();
 
@@ -207,10 +205,10 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(sides_hold_across_and_the_end_along),
-        cmocka_unit_test(walls_hold_who_lies_on_them),
-        cmocka_unit_test(objections_are_what_speaks_against),
-        cmocka_unit_test(partners_are_near),
+        cmocka_unit_test(walls_constrain_scans_on_them),
+        cmocka_unit_test(free_space_violations_agree_with_the_reference),
+        cmocka_unit_test(candidate_pairs_are_near),
     };
 
-    return cmocka_run_group_tests_name("aligner_witness", tests, NULL, NULL);
+    return cmocka_run_group_tests_name("aligner_query", tests, NULL, NULL);
 }

@@ -1,12 +1,12 @@
-/* Walls of the aligner: those that are found by tiles against a look at every wall. */
+/* Walls of the aligner: the search by tiles compared with a linear search. */
 #include "tests/test.h"
 
 #include "src/mapping/aligner_work.h"
 
 enum { SEGMENTS = 900, SCANS = 12 };
 
-/* Pieces of a lattice of lines, 3 m apart, a few of them far longer than the others; from -30 to
- * 30 m, turned at random. */
+/* Segments of a lattice of lines, 3 m apart, a few of them much longer than the others; from -30 to
+ * 30 m, rotated at random. */
 static aligner_segment random_segment(cairn_random *random, cairn_real turn)
 {
     static const cairn_real lengths[] = {CAIRN_REAL(0.1), CAIRN_REAL(0.4), 1, 3, 12};
@@ -37,7 +37,7 @@ static aligner_segment random_segment(cairn_random *random, cairn_real turn)
     return s;
 }
 
-static int32_t look_at_every_wall(const cairn_aligner *x, const aligner_segment *s)
+static int32_t search_every_wall(const cairn_aligner *x, const aligner_segment *s)
 {
     cairn_real best = CAIRN_REAL_MAX;
     int32_t found = -1;
@@ -53,7 +53,8 @@ static int32_t look_at_every_wall(const cairn_aligner *x, const aligner_segment 
     return found;
 }
 
-/* An aligner whose scans stand at the origin of one cluster; every third is held by little else. */
+/* An aligner whose scans are at the origin of one cluster; every third has few other
+ * constraints. */
 static cairn_aligner *make_aligner(cairn_pool *pool, uint64_t seed)
 {
     cairn_aligner_params params = cairn_aligner_default();
@@ -84,7 +85,7 @@ static cairn_aligner *make_aligner(cairn_pool *pool, uint64_t seed)
     return x;
 }
 
-static void tiles_find_what_a_look_at_every_wall_finds(void **state)
+static void tiles_find_what_a_linear_search_finds(void **state)
 {
     (void)state;
     for (uint64_t seed = 1; seed <= 12; seed++) {
@@ -96,7 +97,7 @@ static void tiles_find_what_a_look_at_every_wall_finds(void **state)
         while (x->at < SEGMENTS) {
             aligner_segment *s = &x->segments[x->at];
             int32_t passed, wall = cairn_aligner_find_wall(x, s, &passed),
-                            expected = look_at_every_wall(x, s);
+                            expected = search_every_wall(x, s);
 
             assert_int_equal(wall, expected);
             found += wall >= 0;
@@ -110,7 +111,7 @@ static void tiles_find_what_a_look_at_every_wall_finds(void **state)
     }
 }
 
-/* When walls are kept they are filled anew, and are found at their new places. */
+/* When walls are kept they are filled in anew, and are found at their new positions. */
 static void kept_walls_are_found_where_they_are(void **state)
 {
     cairn_pool pool;
@@ -133,13 +134,13 @@ static void kept_walls_are_found_where_they_are(void **state)
         int32_t passed;
 
         assert_int_equal(cairn_aligner_find_wall(x, &x->segments[i], &passed),
-                         look_at_every_wall(x, &x->segments[i]));
+                         search_every_wall(x, &x->segments[i]));
     }
     test_pool_free(&pool);
 }
 
-/* A segment near the line of another, often about as far along, off and turned as may just fit
- * it. */
+/* A segment near the line of another, often at about the same position along it, displaced and
+ * rotated as far as may just fit. */
 static aligner_segment continuation(cairn_random *random, const aligner_segment *of)
 {
     static const cairn_real lengths[] = {CAIRN_REAL(0.1), CAIRN_REAL(0.5), 3, 12};
@@ -164,7 +165,7 @@ static aligner_segment continuation(cairn_random *random, const aligner_segment 
     return s;
 }
 
-/* No tile is passed over that holds a wall which the segment fits. */
+/* No tile is skipped that holds a wall which the segment fits. */
 static void what_fits_is_found(void **state)
 {
     cairn_random random = cairn_random_seed(5, 1);
@@ -201,7 +202,7 @@ static void what_fits_is_found(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(tiles_find_what_a_look_at_every_wall_finds),
+        cmocka_unit_test(tiles_find_what_a_linear_search_finds),
         cmocka_unit_test(kept_walls_are_found_where_they_are),
         cmocka_unit_test(what_fits_is_found),
     };

@@ -1,5 +1,5 @@
-/* What classes look like: textures told apart, the same model again, its file, files that are
- * none; and life without the library of OpenCV. */
+/* Appearance models: textures distinguished, training repeated, files, bad files; without the
+ * library of OpenCV. */
 #include "cairn/appearance.h"
 
 #include <math.h>
@@ -15,7 +15,7 @@ static uint8_t grey[WIDTH * HEIGHT];
 
 /* ---- Without the library ---- */
 
-/* Two words, two support vectors: of the first word, of the second. */
+/* Two words and two support vectors: one of each word. */
 static cairn_appearance_model make_small(void)
 {
     static uint8_t words[2 * CAIRN_APPEARANCE_DESCRIPTOR_SIZE];
@@ -30,36 +30,36 @@ static cairn_appearance_model make_small(void)
     return m;
 }
 
-static void judges_histograms(void **state)
+static void scores_histograms(void **state)
 {
-    static const float asked[] = {0.5F, 0.5F};
+    static const float query[] = {0.5F, 0.5F};
     cairn_appearance_model m = make_small();
     /* chi2: .25 / 1.5 + .5 and .0625 / .75 + .0625 / 1.25. */
     double f = 2 * exp(-0.5 * (0.25 / 1.5 + 0.5)) -
                1.5 * exp(-0.5 * (0.0625 / 0.75 + 0.0625 / 1.25)) - 0.25;
 
     (void)state;
-    assert_near(cairn_appearance_histogram_probability(&m, asked), 1 / (1 + exp(-2 * f + 0.125)),
+    assert_near(cairn_appearance_histogram_probability(&m, query), 1 / (1 + exp(-2 * f + 0.125)),
                 1e-12);
     m.platt_slope = -1e300;
     m.rho = 1e9;
-    assert_near(cairn_appearance_histogram_probability(&m, asked), 0, 1e-300);
+    assert_near(cairn_appearance_histogram_probability(&m, query), 0, 1e-300);
 }
 
 static void finds_the_nearest_word(void **state)
 {
-    uint8_t words[3 * CAIRN_APPEARANCE_DESCRIPTOR_SIZE], asked[CAIRN_APPEARANCE_DESCRIPTOR_SIZE];
+    uint8_t words[3 * CAIRN_APPEARANCE_DESCRIPTOR_SIZE], query[CAIRN_APPEARANCE_DESCRIPTOR_SIZE];
     int32_t distance;
 
     (void)state;
     memset(words, 10, sizeof words / 3);
     memset(words + CAIRN_APPEARANCE_DESCRIPTOR_SIZE, 20, sizeof words / 3);
     memset(words + 2 * CAIRN_APPEARANCE_DESCRIPTOR_SIZE, 20, sizeof words / 3);
-    memset(asked, 16, sizeof asked);
-    assert_int_equal(cairn_appearance_nearest_word(words, 3, asked, &distance), 1);
+    memset(query, 16, sizeof query);
+    assert_int_equal(cairn_appearance_nearest_word(words, 3, query, &distance), 1);
     assert_int_equal(distance, 16 * CAIRN_APPEARANCE_DESCRIPTOR_SIZE);
-    memset(asked, 15, sizeof asked); /* of equal ones the first */
-    assert_int_equal(cairn_appearance_nearest_word(words, 3, asked, NULL), 0);
+    memset(query, 15, sizeof query); /* of equal ones the first */
+    assert_int_equal(cairn_appearance_nearest_word(words, 3, query, NULL), 0);
 }
 
 static void keeps_models(void **state)
@@ -97,8 +97,8 @@ static void assert_unreadable(const char *text, cairn_status status, const char 
         fail_msg("\"%s\" does not hold \"%s\"", error.text, what);
 }
 
-/* Every cut of a file is told, and so is a foreign one, another version, and numbers that cannot
- * be. */
+/* Every truncated file is refused, and so are foreign files, other versions, and impossible
+ * numbers. */
 static void refuses_what_is_no_model(void **state)
 {
     cairn_appearance_model m = make_small();
@@ -149,7 +149,7 @@ static void refuses_what_is_no_model(void **state)
     assert_status(cairn_appearance_read(&m, files_path("missing.look"), &error), CAIRN_IO);
 }
 
-/* Nothing is written that reading would refuse. */
+/* Nothing is written that the reader would refuse. */
 static void writes_nothing_unreadable(void **state)
 {
     static float beyond[] = {1, 0, 1.5F, 0};
@@ -193,8 +193,8 @@ static void writes_nothing_unreadable(void **state)
     }
 }
 
-/* What is not there says what it is. */
-static void lives_without_the_library(void **state)
+/* What is missing is named. */
+static void works_without_the_library(void **state)
 {
     cairn_appearance_model m = make_small();
     cairn_appearance_field *field;
@@ -226,7 +226,7 @@ static void need_library(void)
     }
 }
 
-/* Stripes in the box, blots elsewhere. */
+/* Stripes in the box, blots outside. */
 static void draw(int32_t left, int32_t top, uint64_t seed, int is_there)
 {
     cairn_random random = cairn_random_seed(seed, 3);
@@ -274,7 +274,7 @@ static cairn_appearance_model learn(const cairn_appearance_params *params)
     return m;
 }
 
-static void tells_textures_apart(void **state)
+static void distinguishes_textures(void **state)
 {
     static const double other[4] = {5, 5, 85, 85}, none[4] = {-50, -50, -20, -20};
     cairn_appearance_params params = small_params();
@@ -300,7 +300,7 @@ static void tells_textures_apart(void **state)
         assert_near(cairn_appearance_distance(field, none), 1, 0);
         cairn_appearance_field_free(field);
     }
-    /* The same again, bit by bit; another seed is another dictionary. */
+    /* Training repeated is the same bit by bit; another seed gives another dictionary. */
     again = learn(&params);
     assert_int_equal(again.support_count, m.support_count);
     assert_memory_equal(again.words, m.words, 20 * CAIRN_APPEARANCE_DESCRIPTOR_SIZE);
@@ -314,8 +314,7 @@ static void tells_textures_apart(void **state)
     cairn_appearance_free(&m);
 }
 
-/* All of an image's boxes are learnt from, however many: the last of them alone has the patches
- * that are asked for. */
+/* All boxes of an image are used, however many: only the last of them has the required patches. */
 static void takes_many_boxes(void **state)
 {
     enum { BOXES = 300 };
@@ -345,7 +344,7 @@ static void takes_many_boxes(void **state)
     need_library();
 }
 
-static void takes_tiny_images(void **state)
+static void accepts_tiny_images(void **state)
 {
     static const double all[4] = {0, 0, 8, 8};
     cairn_appearance_model m = make_small();
@@ -416,15 +415,15 @@ static void refuses_what_cannot_be_learnt(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(judges_histograms),
+        cmocka_unit_test(scores_histograms),
         cmocka_unit_test(finds_the_nearest_word),
         cmocka_unit_test(keeps_models),
         cmocka_unit_test(refuses_what_is_no_model),
         cmocka_unit_test(writes_nothing_unreadable),
-        cmocka_unit_test(lives_without_the_library),
-        cmocka_unit_test(tells_textures_apart),
+        cmocka_unit_test(works_without_the_library),
+        cmocka_unit_test(distinguishes_textures),
         cmocka_unit_test(takes_many_boxes),
-        cmocka_unit_test(takes_tiny_images),
+        cmocka_unit_test(accepts_tiny_images),
         cmocka_unit_test(refuses_what_cannot_be_learnt),
     };
 

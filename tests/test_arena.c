@@ -112,7 +112,7 @@ static void test_same_seed_same_arena(void **state)
     }
 }
 
-/* The turn moves the arena as a whole; what stands is the same with any amount of rubble. */
+/* The rotation moves the arena as a whole; fixed bodies are the same with any amount of rubble. */
 static void test_turn_and_rubble_have_streams_of_their_own(void **state)
 {
     sim_arena_options options = sim_arena_default();
@@ -279,7 +279,7 @@ static void test_rubble(void **state)
                 assert_in_range(here, 20, 200);
             sim_arena_free(arena);
         }
-    /* Nine bins of 10 degrees against the walls: none empty, none with more than twice its
+    /* Nine bins of 10 degrees relative to the walls: none empty, none with more than twice its
      * share. */
     assert_true(loose > 120 && discs > 20);
     for (int32_t i = 0; i < 9; i++)
@@ -311,7 +311,7 @@ static void test_clearance(void **state)
     sim_arena_free(arena);
 }
 
-/* A robot gets to most of every arena: the reachable part by sampling, as a share of the whole
+/* A robot reaches most of every arena: the reachable part by sampling, as a share of the whole
  * rectangle. */
 static void test_reachable_share(void **state)
 {

@@ -27,7 +27,7 @@ static sim_survey *survey_of(sim_arena **arena, double fov)
     return sim_survey_create(*arena, &options, NULL, 0);
 }
 
-/* The whole file as text; the caller frees it. */
+/* The whole file as text, to be freed by the caller. */
 static char *text_of(FILE *file)
 {
     long size;
@@ -53,7 +53,7 @@ static char *log_of(const sim_survey *survey, const sim_pose *poses, const char 
     return text_of(file);
 }
 
-/* The next number of a line; the text moves on. */
+/* The next number of a line; advances the text. */
 static double number(char **text)
 {
     char *end;
@@ -317,7 +317,7 @@ static void test_picture(void **state)
     sim_arena_free(arena);
 }
 
-/* A comma for the decimal point changes nothing; a full disk is told. */
+/* A decimal comma changes nothing; a full disk is reported. */
 static void test_locale_and_full_disk(void **state)
 {
     sim_arena *arena;

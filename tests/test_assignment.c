@@ -40,7 +40,7 @@ static cairn_assignment_result run(pairing *p)
     return cairn_assignment_read(p->assignment);
 }
 
-/* Each pair once, as many as there can be, and the sum that is said. */
+/* Each pair once, as many as possible, and the reported sum. */
 static void assert_pairs(const pairing *p, const cairn_assignment_result *r)
 {
     int32_t used[SIDE] = {0}, pairs = 0;
@@ -60,7 +60,7 @@ static void assert_pairs(const pairing *p, const cairn_assignment_result *r)
     assert_near(r->total_cost, sum, NUMBER(1e-12, 1e-4));
 }
 
-/* ---- The obvious way: all pairings ---- */
+/* ---- Reference implementation: all pairings ---- */
 
 static double least_of(const pairing *p, int32_t row, uint32_t used, int32_t skips)
 {
@@ -104,7 +104,7 @@ static void is_as_cheap_as_the_best_of_all_pairings(void **state)
 
 /* ---- Larger ones: the Hungarian method on the padded square table, by its equality graph ---- */
 
-/* Looks for a free column along edges without slack. */
+/* Searches a free column along edges without slack. */
 static int augment(const double *cost, const double *u, const double *v, int32_t n, int32_t row,
                    int32_t *seen, int32_t *row_of)
 {
@@ -217,7 +217,7 @@ static cairn_status step_drawn(void *context, cairn_budget *budget)
     return cairn_assignment_step(p->assignment, budget);
 }
 
-static uint64_t tell(void *context)
+static uint64_t result_hash(void *context)
 {
     pairing *p = context;
     cairn_assignment_result r = cairn_assignment_read(p->assignment);
@@ -232,7 +232,7 @@ static void does_not_depend_on_budgets(void **state)
     cairn_random random = cairn_random_seed(6, 1);
     cairn_budget all = {INT32_MAX};
     pairing p;
-    test_stepped object = {begin_drawn, step_drawn, tell, &p};
+    test_stepped object = {begin_drawn, step_drawn, result_hash, &p};
     uint64_t hash;
 
     (void)state;
@@ -242,7 +242,7 @@ static void does_not_depend_on_budgets(void **state)
     assert_ok(step_drawn(&p, &all));
     assert_ok(step_drawn(&p, &all));
     assert_true(INT32_MAX - all.left <= 17 * 17 * 20 / 8);
-    hash = tell(&p);
+    hash = result_hash(&p);
     for (int i = 0; i < 3; i++) {
         int32_t used = 0;
         cairn_status status;
@@ -256,7 +256,7 @@ static void does_not_depend_on_budgets(void **state)
         } while (status == CAIRN_MORE);
         assert_ok(status);
         assert_int_equal(used, INT32_MAX - all.left);
-        assert_true(tell(&p) == hash);
+        assert_true(result_hash(&p) == hash);
     }
     test_begins_anew(&object, 7);
     test_pool_free(&p.pool);

@@ -8,7 +8,7 @@
 
 enum { MAX_POSES = 80, MAX_LINKS = 4000, ROWS = 3 * MAX_POSES };
 
-/* A system as the user gives it. */
+/* A system in the form of the input. */
 struct system {
     int32_t poses, links;
     int32_t first[MAX_LINKS], second[MAX_LINKS];
@@ -58,7 +58,7 @@ static void fill_values(struct system *s, cairn_random *random, cairn_real prior
         }
 }
 
-/* ---- The twin: dense inverse by Cholesky ---- */
+/* ---- The reference implementation: dense inverse by Cholesky ---- */
 
 static double dense[ROWS][ROWS], inverse[ROWS][ROWS];
 
@@ -69,7 +69,7 @@ static void add_dense(int32_t i, int32_t j, double value)
         dense[j][i] += value;
 }
 
-static void twin_assemble(const struct system *s)
+static void reference_assemble(const struct system *s)
 {
     memset(dense, 0, sizeof dense);
     for (int32_t i = 0; i < s->poses; i++) {
@@ -87,8 +87,8 @@ static void twin_assemble(const struct system *s)
             add_dense(3 * s->first[l] + k / 3, 3 * s->second[l] + k % 3, (double)s->blocks[l][k]);
 }
 
-/* dense becomes its Cholesky factor, inverse the inverse of what it was. */
-static void twin_invert(int32_t n)
+/* dense becomes its Cholesky factor, inverse its inverse. */
+static void reference_invert(int32_t n)
 {
     for (int32_t j = 0; j < n; j++)
         for (int32_t i = j; i < n; i++) {
@@ -167,15 +167,15 @@ static void give_values(cairn_block_solver *solver, const struct system *s)
         assert_ok(cairn_block_solver_add_link_block(solver, l, s->blocks[l]));
 }
 
-/* Solves twice, inverts, and compares all with the twin. */
+/* Solves twice, inverts, and compares all with the reference implementation. */
 static void compare(cairn_block_solver *solver, const struct system *s, double tolerance)
 {
     cairn_block_solver_result result = cairn_block_solver_read(solver);
     int32_t supported = 0;
     double largest = 0;
 
-    twin_assemble(s);
-    twin_invert(3 * s->poses);
+    reference_assemble(s);
+    reference_invert(3 * s->poses);
     for (int32_t i = 0; i < 3 * s->poses; i++)
         largest = fmax(largest, inverse[i][i]);
     give_values(solver, s);
@@ -224,7 +224,7 @@ static void compare(cairn_block_solver *solver, const struct system *s, double t
 
 static const double TOLERANCE = NUMBER(1e-11, 2e-4);
 
-/* Returns the units that it took. */
+/* Returns the units used. */
 static int64_t solve_and_compare(const struct system *s, int32_t fill)
 {
     int64_t units;
@@ -258,7 +258,7 @@ static void graphs_of_known_fill(void **state)
     fill_values(s, &random, 1);
     assert_int_equal(solve_and_compare(s, 0), 30);
 
-    begin_system(50); /* no links: as many systems */
+    begin_system(50); /* no links: as many independent systems */
     fill_values(s, &random, 1);
     assert_int_equal(solve_and_compare(s, 0), 1185);
 
@@ -287,7 +287,7 @@ static void graphs_of_known_fill(void **state)
     fill_values(s, &random, CAIRN_REAL(0.1));
     assert_int_equal(solve_and_compare(s, 50 + 47), 4366);
 
-    begin_system(75); /* all with all, some twice in either direction */
+    begin_system(75); /* all pairs, some of them twice in either direction */
     for (int32_t i = 0; i < 75; i++)
         for (int32_t j = 0; j < i; j++)
             link_poses(s, i, j);
@@ -298,7 +298,7 @@ static void graphs_of_known_fill(void **state)
     fill_values(s, &random, CAIRN_REAL(0.1));
     assert_int_equal(solve_and_compare(s, 75 * 74 / 2), 469360);
 
-    begin_system(40); /* two pieces: a clique and a ring */
+    begin_system(40); /* two components: a clique and a ring */
     for (int32_t i = 0; i < 10; i++)
         for (int32_t j = 0; j < i; j++)
             link_poses(s, i, j);
@@ -332,8 +332,7 @@ static void random_graphs(void **state)
     assert_int_equal(units, NUMBER(422706, 575927)); /* other numbers are drawn */
 }
 
-/* Third unknowns that nothing couples are left out of the products; then one entry couples a
- * pair. */
+/* Third unknowns without coupling are omitted from the products; then one entry couples a pair. */
 static void compare_third_unknowns(int32_t poses, int32_t between)
 {
     enum { COUPLINGS = 7 };
@@ -368,7 +367,7 @@ static void compare_third_unknowns(int32_t poses, int32_t between)
     }
 }
 
-/* Of few poses, and of as many as take several turns to subtract. */
+/* Of few poses, and of enough poses to take several steps to subtract. */
 static void third_unknowns_apart(void **state)
 {
     (void)state;
@@ -456,8 +455,8 @@ static void check_grid_solution(struct grid *g, const cairn_real *b)
     free(y);
 }
 
-/* The fill is that of a good ordering (SuiteSparse's AMD has 891, 9331, 244733), told before it
- * is there. */
+/* The fill is that of a good ordering (891, 9331 and 244733 by SuiteSparse's AMD), reported before
+ * the factorization. */
 static void large_grids(void **state)
 {
     static const struct {
@@ -495,8 +494,8 @@ static void large_grids(void **state)
     }
 }
 
-/* Random graphs near a ring, too small for dissection and too large to be dense: the order of
- * elimination is what it is. */
+/* Random graphs near a ring, too small for dissection and too large for dense elimination: the
+ * elimination order decides. */
 static void fill_of_random_graphs(void **state)
 {
     static const struct {
@@ -526,9 +525,9 @@ static void fill_of_random_graphs(void **state)
     }
 }
 
-/* Poses that are each linked with all others of theirs and with a leaf, beside a grid. The
- * leaves go first and leave lists of one pose, which must stay when the grid's lists need room;
- * both parts have the fill that they have alone. */
+/* Cliques whose poses have a leaf each, beside a grid. Leaves are eliminated first and leave lists
+ * of one pose, which must stay when the grid's lists need memory. Each part has the fill that it
+ * has alone. */
 static void lists_of_one_pose_are_kept(void **state)
 {
     enum {
@@ -562,7 +561,7 @@ static void lists_of_one_pose_are_kept(void **state)
 
 /* ---- Not positive definite ---- */
 
-/* A chain without priors moves freely; one that is fixed at pose `fixed` does not. */
+/* A chain without priors is singular; one that is fixed at pose `fixed` is not. */
 static cairn_block_solver *start_chain(cairn_pool *pool, int32_t poses, int32_t fixed,
                                        cairn_real weight)
 {
@@ -584,7 +583,7 @@ static cairn_block_solver *start_chain(cairn_pool *pool, int32_t poses, int32_t 
     return solver;
 }
 
-static void not_positive_is_told_with_the_pose(void **state)
+static void not_positive_is_reported_with_the_pose(void **state)
 {
     const cairn_real b[30] = {1};
     cairn_block_solver_result result;
@@ -633,8 +632,8 @@ static void not_positive_is_told_with_the_pose(void **state)
     test_pool_free(&pool);
 }
 
-/* Wherever it stands in the order of elimination. */
-static void every_pose_is_told_by_its_own_number(void **state)
+/* At every position in the elimination order. */
+static void every_pose_is_reported_by_its_own_number(void **state)
 {
     enum { SIDE = 9, POSES = SIDE * SIDE };
     const cairn_sym3 good = {2, 0, 0, 2, 0, 2}, bad = {2, 0, 0, 2, 0, -1};
@@ -654,7 +653,7 @@ static void every_pose_is_told_by_its_own_number(void **state)
     test_pool_free(&g.pool);
 }
 
-/* What 64 rounding errors leave of a pivot is the border. */
+/* 64 rounding errors of a pivot are the limit. */
 static void nearly_singular_is_refused(void **state)
 {
     (void)state;
@@ -683,7 +682,7 @@ static void nearly_singular_is_refused(void **state)
         }
 }
 
-static void overflow_is_told(void **state)
+static void overflow_is_reported(void **state)
 {
     const cairn_real tiny = NUMBER(1e-200, 1e-25f), huge = NUMBER(1e200, 1e25f),
                      subnormal = NUMBER(1e-310, 1e-40f);
@@ -728,8 +727,7 @@ static void overflow_is_told(void **state)
 
 /* ---- Budgets, bits ---- */
 
-/* The whole path on a grid that has been analyzed, with steps of some units; hash of all that
- * comes out. */
+/* All calls on a grid that has been analyzed, with steps of some units; hash of all results. */
 static uint64_t hash_of_analyzed(struct grid made, int32_t units, int64_t *spent)
 {
     uint64_t hash = TEST_HASH_START;
@@ -766,9 +764,9 @@ static uint64_t hash_of_grid(int32_t units, int64_t *spent)
     return hash_of_analyzed(g, units, spent);
 }
 
-/* Room for the blocks that is taken when they are counted: refused when it is too little, at
- * another time, or not there; then all comes out as with room from the beginning. */
-static void room_is_taken_when_the_fill_is_known(void **state)
+/* Memory for the blocks that is taken when they are counted: refused when it is too little, at the
+ * wrong time, or missing; then the same results as with memory from the beginning. */
+static void memory_is_taken_when_the_fill_is_known(void **state)
 {
     int64_t spent, all;
     uint64_t hash = hash_of_grid(CAIRN_UNBOUNDED, &all);
@@ -805,14 +803,14 @@ static void room_is_taken_when_the_fill_is_known(void **state)
         /* nothing is missing */
         assert_status(cairn_block_solver_extend(g.solver, &more, fill), CAIRN_BAD_ARGUMENT);
         assert_true(hash_of_analyzed(g, units, &spent) == hash);
-        /* the columns are counted out twice */
+        /* the columns are counted completely, twice */
         assert_in_range(spent, all + 1, all + 100);
         test_pool_free(&more);
         test_pool_free(&less);
     }
 }
 
-/* Values that have been cleared are so after whatever was added last. */
+/* Cleared values are zero whatever was added last. */
 static void cleared_values_are_zero(void **state)
 {
     const cairn_sym3 one = {1, 0, 0, 1, 0, 1};
@@ -871,7 +869,8 @@ static void budgets_do_not_matter(void **state)
     give_grid_values(&g);
     assert_ok(cairn_block_solver_factor(g.solver));
     assert_status(cairn_block_solver_step(g.solver, &little), CAIRN_MORE);
-    assert_ok(cairn_block_solver_begin(g.solver, 3)); /* drops what runs, and what it still owes */
+    /* drops the running part and its outstanding units */
+    assert_ok(cairn_block_solver_begin(g.solver, 3));
     assert_ok(cairn_block_solver_step(g.solver, &nothing));
     test_pool_free(&g.pool);
     assert_ok(start_grid(&g, 8, 400, CAIRN_UNBOUNDED));
@@ -972,7 +971,7 @@ static void refused_params(void **state)
 
         assert_true(sizeof(size_t) == 4 || cairn_block_solver_memory(&largest) > 0);
     }
-    for (int k = 0; k < 3; k++) { /* what a pose, a link and a block of the factor take */
+    for (int k = 0; k < 3; k++) { /* what a pose, a link and a block of the factor cost */
         const size_t real = sizeof(cairn_real), bytes[3] = {18 * real + 64, 20, 9 * real + 4};
         cairn_block_solver_params few = {1000, 1000, 1000}, more = few;
 
@@ -1110,12 +1109,12 @@ int main(void)
         cmocka_unit_test(large_grids),
         cmocka_unit_test(fill_of_random_graphs),
         cmocka_unit_test(lists_of_one_pose_are_kept),
-        cmocka_unit_test(not_positive_is_told_with_the_pose),
-        cmocka_unit_test(every_pose_is_told_by_its_own_number),
+        cmocka_unit_test(not_positive_is_reported_with_the_pose),
+        cmocka_unit_test(every_pose_is_reported_by_its_own_number),
         cmocka_unit_test(nearly_singular_is_refused),
-        cmocka_unit_test(overflow_is_told),
+        cmocka_unit_test(overflow_is_reported),
         cmocka_unit_test(budgets_do_not_matter),
-        cmocka_unit_test(room_is_taken_when_the_fill_is_known),
+        cmocka_unit_test(memory_is_taken_when_the_fill_is_known),
         cmocka_unit_test(cleared_values_are_zero),
         cmocka_unit_test(one_part_at_a_time),
         cmocka_unit_test(refused_params),

@@ -1,5 +1,5 @@
-/* Contours between regions: strengths, cuts and joints against the definition, closed at every
- * level, colours of one brightness, texture, budgets, capacities. */
+/* Boundaries of regions: strengths, cuts and merges compared with the definition, closed at every
+ * level, colours of equal brightness, texture, budgets, capacities. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -21,7 +21,7 @@ static cairn_boundary_params small_params(void)
     return params;
 }
 
-/* Windows that are small against the picture; many regions. */
+/* Small windows, many regions. */
 static cairn_boundary_params narrow_params(void)
 {
     cairn_boundary_params params = small_params();
@@ -64,7 +64,7 @@ static cairn_boundary_result find(struct fixture *f, cairn_boundary_image image)
     return cairn_boundary_read(f->boundary);
 }
 
-/* Blots of colours, and noise. */
+/* Patches of colour, and noise. */
 static void draw_blots(uint64_t seed, int32_t noise)
 {
     cairn_random random = cairn_random_seed(seed, 7);
@@ -91,26 +91,26 @@ static void draw_blots(uint64_t seed, int32_t noise)
         picture[i] = (uint8_t)(picture[i] + noise * (double)cairn_random_uniform(&random, 0, 1));
 }
 
-/* ---- The twin of the strengths: windows summed pixel by pixel, colours by libc math ---- */
+/* ---- Reference implementation of the strengths: windows pixel by pixel, colours by libm ---- */
 
-static double twin_light(uint8_t sample)
+static double reference_light(uint8_t sample)
 {
     double s = sample / 255.0;
 
     return s <= 0.04045 ? s / 12.92 : pow((s + 0.055) / 1.055, 2.4);
 }
 
-static double twin_root(double t)
+static double reference_root(double t)
 {
     return t > 216.0 / 24389 ? cbrt(t) : (24389.0 / 27 * t + 16) / 116;
 }
 
-static void twin_colour(const uint8_t *bgr, double lab[3])
+static void reference_colour(const uint8_t *bgr, double lab[3])
 {
-    double b = twin_light(bgr[0]), g = twin_light(bgr[1]), r = twin_light(bgr[2]);
-    double x = twin_root((0.412453 * r + 0.357580 * g + 0.180423 * b) / 0.950456);
-    double y = twin_root(0.212671 * r + 0.715160 * g + 0.072169 * b);
-    double z = twin_root((0.019334 * r + 0.119193 * g + 0.950227 * b) / 1.088754);
+    double b = reference_light(bgr[0]), g = reference_light(bgr[1]), r = reference_light(bgr[2]);
+    double x = reference_root((0.412453 * r + 0.357580 * g + 0.180423 * b) / 0.950456);
+    double y = reference_root(0.212671 * r + 0.715160 * g + 0.072169 * b);
+    double z = reference_root((0.019334 * r + 0.119193 * g + 0.950227 * b) / 1.088754);
 
     lab[0] = 116 * y - 16;
     lab[1] = 500 * (x - y);
@@ -122,8 +122,8 @@ static int32_t reflected(int32_t i, int32_t count)
     return i < 0 ? -1 - i : i >= count ? 2 * count - 1 - i : i;
 }
 
-/* Averages over squares, thrice. */
-static void twin_average(double *map, int32_t half)
+/* Box averages, three times. */
+static void reference_average(double *map, int32_t half)
 {
     static double to[PIXELS];
 
@@ -140,7 +140,7 @@ static void twin_average(double *map, int32_t half)
     }
 }
 
-static void twin_add(const double *map, double weight, double tensor[PIXELS][3])
+static void reference_add(const double *map, double weight, double tensor[PIXELS][3])
 {
     for (int32_t i = 0; i < PIXELS; i++) {
         int32_t x = i % WIDTH, y = i / WIDTH;
@@ -153,9 +153,9 @@ static void twin_add(const double *map, double weight, double tensor[PIXELS][3])
     }
 }
 
-/* Of a channel its values by the windows `half`, or the bins of its histogram. */
-static void twin_channel(double lab[PIXELS][3], int32_t c, int32_t half, int of_bins, double weight,
-                         double tensor[PIXELS][3])
+/* Of a channel: its values by windows of `half`, or the bins of its histogram. */
+static void reference_channel(double lab[PIXELS][3], int32_t c, int32_t half, int of_bins,
+                              double weight, double tensor[PIXELS][3])
 {
     double least = c == 0 ? 0 : -45, most = c == 0 ? 100 : 45, scale = (half + 0.5) * (half + 0.5);
     int32_t bins = c == 0 ? 16 : 13;
@@ -167,14 +167,14 @@ static void twin_channel(double lab[PIXELS][3], int32_t c, int32_t half, int of_
 
             map[i] = of_bins ? fmax(0, 1 - fabs(at - bin)) : lab[i][c] / 10;
         }
-        twin_average(map, half);
+        reference_average(map, half);
         for (int32_t i = 0; i < PIXELS && of_bins; i++)
             map[i] = sqrt(map[i] + 1e-3);
-        twin_add(map, weight * scale, tensor);
+        reference_add(map, weight * scale, tensor);
     }
 }
 
-static void strengths_are_what_the_definition_says(void **state)
+static void strengths_agree_with_the_definition(void **state)
 {
     static double lab[PIXELS][3], tensor[PIXELS][3];
     cairn_boundary_params params = small_params();
@@ -187,13 +187,16 @@ static void strengths_are_what_the_definition_says(void **state)
     r = find(&f, image_of(3));
     memset(tensor, 0, sizeof tensor);
     for (int32_t i = 0; i < PIXELS; i++)
-        twin_colour(&picture[3 * i], lab[i]);
+        reference_colour(&picture[3 * i], lab[i]);
     for (int32_t c = 0; c < 3; c++) {
-        twin_channel(lab, c, params.fine_half_width, 1, (double)params.histogram_weight, tensor);
-        twin_channel(lab, c, params.coarse_half_width, 1, (double)params.histogram_weight, tensor);
-        twin_channel(lab, c, params.fine_half_width, 0, 1, tensor);
-        twin_channel(lab, c, (params.fine_half_width + params.coarse_half_width) / 2, 0, 1, tensor);
-        twin_channel(lab, c, params.fine_half_width + params.coarse_half_width, 0, 1, tensor);
+        reference_channel(lab, c, params.fine_half_width, 1, (double)params.histogram_weight,
+                          tensor);
+        reference_channel(lab, c, params.coarse_half_width, 1, (double)params.histogram_weight,
+                          tensor);
+        reference_channel(lab, c, params.fine_half_width, 0, 1, tensor);
+        reference_channel(lab, c, (params.fine_half_width + params.coarse_half_width) / 2, 0, 1,
+                          tensor);
+        reference_channel(lab, c, params.fine_half_width + params.coarse_half_width, 0, 1, tensor);
     }
     for (int32_t i = 0; i < PIXELS; i++) {
         double xx = tensor[i][0], xy = tensor[i][1], yy = tensor[i][2];
@@ -206,9 +209,9 @@ static void strengths_are_what_the_definition_says(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- The twin of the joints: all borders are summed anew before each ---- */
+/* ---- Reference implementation of the merges: all borders are summed anew before each ---- */
 
-/* The side of a pixel to the right (0) or below (1): its level, -1: none is there. */
+/* The side of a pixel to the right (0) or below (1): its level; -1: none. */
 static double level_at[2][PIXELS];
 
 static void fill_levels(const cairn_boundary_result *r)
@@ -265,7 +268,7 @@ static int32_t label_regions(void)
     return count;
 }
 
-/* What a side of two pixels of different regions weighs; histograms of pixels. */
+/* Weight of a side between two pixels of different regions; histograms of pixels. */
 static double side_weight[2][PIXELS], pixel_bins[PIXELS][23];
 
 static void fill_pixel_bins(void)
@@ -273,7 +276,7 @@ static void fill_pixel_bins(void)
     for (int32_t i = 0; i < PIXELS; i++) {
         double lab[3];
 
-        twin_colour(&picture[3 * i], lab);
+        reference_colour(&picture[3 * i], lab);
         for (int32_t k = 0; k < 23; k++) {
             int32_t c = k < 9 ? 0 : 1 + (k - 9) / 7, bins = c == 0 ? 9 : 7,
                     bin = c == 0 ? k : (k - 9) % 7;
@@ -286,7 +289,7 @@ static void fill_pixel_bins(void)
 }
 
 /* The Hellinger distance of the colours of regions p and q. */
-static double twin_apart(int32_t p, int32_t q)
+static double reference_apart(int32_t p, int32_t q)
 {
     double bins[2][23], size[2] = {0, 0}, sum = 0;
 
@@ -302,8 +305,8 @@ static double twin_apart(int32_t p, int32_t q)
     return sqrt(fmax(0, 1 - sum));
 }
 
-/* The weakest border: the key, and its regions. 0: there is none. */
-static int twin_weakest(double small, double contrast, double *key, int32_t pair[2])
+/* The weakest border: its key and its regions. 0: none. */
+static int reference_weakest(double small, double contrast, double *key, int32_t pair[2])
 {
     static double sum[PIXELS], length[PIXELS];
     double size[PIXELS], found = 1e300;
@@ -330,7 +333,7 @@ static int twin_weakest(double small, double contrast, double *key, int32_t pair
                 double k = sum[q] / length[q] * pow(fmin(size[p], size[q]) / PIXELS, small);
 
                 if (contrast > 0)
-                    k *= pow(twin_apart(p, q) * length[q] / sum[q], contrast);
+                    k *= pow(reference_apart(p, q) * length[q] / sum[q], contrast);
                 if (k < found) {
                     found = k;
                     pair[0] = p;
@@ -342,14 +345,14 @@ static int twin_weakest(double small, double contrast, double *key, int32_t pair
     return found < 1e300;
 }
 
-/* Joins all regions: the level of each side. The number of joints. */
-static int32_t twin_join(double small, double contrast, double level[2][PIXELS])
+/* Merges all regions: the level of each side. Returns the number of merges. */
+static int32_t reference_join(double small, double contrast, double level[2][PIXELS])
 {
     double joined = 0, key;
     int32_t pair[2], joints = 0;
 
     memcpy(label, first_label, sizeof label);
-    while (twin_weakest(small, contrast, &key, pair)) {
+    while (reference_weakest(small, contrast, &key, pair)) {
         joined = fmax(joined, key);
         joints++;
         for (int32_t i = 0; i < SIDES; i++) {
@@ -367,7 +370,7 @@ static int32_t twin_join(double small, double contrast, double level[2][PIXELS])
     return joints;
 }
 
-/* The first regions, and their borders: sums and numbers of sides. */
+/* The first regions and their borders: sums and numbers of sides. */
 enum { REGIONS_MOST = 200 };
 static int32_t number[PIXELS], region_count;
 static double border_sum[REGIONS_MOST][REGIONS_MOST], border_sides[REGIONS_MOST][REGIONS_MOST],
@@ -397,7 +400,8 @@ static void sum_borders(const cairn_boundary_result *r)
 }
 
 /* All eigenvectors of m, by Jacobi's method: the columns of v. */
-static void twin_eigen(double m[REGIONS_MOST][REGIONS_MOST], double v[REGIONS_MOST][REGIONS_MOST])
+static void reference_eigen(double m[REGIONS_MOST][REGIONS_MOST],
+                            double v[REGIONS_MOST][REGIONS_MOST])
 {
     int32_t n = region_count;
 
@@ -431,9 +435,9 @@ static void twin_eigen(double m[REGIONS_MOST][REGIONS_MOST], double v[REGIONS_MO
             }
 }
 
-/* What the eight best cuts have across each border: the generalised eigenvectors of D - W, of
- * unit mean square, by the roots of their values. */
-static void twin_cuts(double mean)
+/* The eight best cuts across each border: the generalized eigenvectors of D - W, of unit mean
+ * square, divided by the square roots of their eigenvalues. */
+static void reference_cuts(double mean)
 {
     static double laplacian[REGIONS_MOST][REGIONS_MOST], v[REGIONS_MOST][REGIONS_MOST];
     double degree[REGIONS_MOST], pixels[REGIONS_MOST];
@@ -456,7 +460,7 @@ static void twin_cuts(double mean)
     for (int32_t p = 0; p < n; p++)
         for (int32_t q = 0; q < n; q++)
             laplacian[p][q] = (p == q) + laplacian[p][q] / sqrt(degree[p] * degree[q]);
-    twin_eigen(laplacian, v);
+    reference_eigen(laplacian, v);
     for (int32_t k = 0; k < 9; k++) {
         int32_t best = -1;
         double square = 0;
@@ -474,8 +478,8 @@ static void twin_cuts(double mean)
     }
 }
 
-/* The mean strength of each border of the first regions, with what the cuts add to it, becomes
- * what its sides weigh. */
+/* The mean strength of each border of the first regions plus that of the cuts becomes the weight of
+ * its sides. */
 static void weigh_sides(const cairn_boundary_result *r, double global)
 {
     double mean = 0, mean_cut = 0, count = 0;
@@ -489,7 +493,7 @@ static void weigh_sides(const cairn_boundary_result *r, double global)
             }
     mean /= count;
     if (global > 0)
-        twin_cuts(mean);
+        reference_cuts(mean);
     for (int32_t p = 0; p < region_count; p++)
         for (int32_t q = 0; q < p; q++)
             mean_cut += border_sides[p][q] > 0 ? cuts[p][q] / count : 0;
@@ -505,7 +509,7 @@ static void weigh_sides(const cairn_boundary_result *r, double global)
     }
 }
 
-/* The levels of all sides beside those of the slow way. */
+/* The levels of all sides compared with those of the reference implementation. */
 static void compare_levels(double global, double tolerance)
 {
     static const double powers[5][2] = {{0, 0}, {1, 0}, {2, 0}, {0.5, 1}, {1.5, 1}};
@@ -529,8 +533,8 @@ static void compare_levels(double global, double tolerance)
     weigh_sides(&r, global);
     memset(logs, 0, sizeof logs);
     for (int32_t way = 0; way < 5; way++) {
-        assert_int_equal(twin_join(powers[way][0] * (double)params.size_exponent,
-                                   powers[way][1] * (double)params.contrast_exponent, level),
+        assert_int_equal(reference_join(powers[way][0] * (double)params.size_exponent,
+                                        powers[way][1] * (double)params.contrast_exponent, level),
                          r.region_count - 1);
         for (int32_t i = 0; i < SIDES; i++)
             if (level_at[i / PIXELS][i % PIXELS] >= 0)
@@ -538,7 +542,7 @@ static void compare_levels(double global, double tolerance)
     }
     for (int32_t i = 0; i < SIDES; i++)
         side_weight[i / PIXELS][i % PIXELS] = exp(logs[i / PIXELS][i % PIXELS] / 5);
-    (void)twin_join(0, 0, level);
+    (void)reference_join(0, 0, level);
     for (int32_t i = 0; i < SIDES; i++)
         if (level_at[i / PIXELS][i % PIXELS] >= 0) {
             assert_near(level_at[i / PIXELS][i % PIXELS], level[i / PIXELS][i % PIXELS], tolerance);
@@ -548,19 +552,19 @@ static void compare_levels(double global, double tolerance)
     test_pool_free(&f.pool);
 }
 
-static void joints_are_what_the_definition_says(void **state)
+static void merges_agree_with_the_definition(void **state)
 {
     (void)state;
     compare_levels(0, NUMBER(1e-8, 1e-2));
 }
 
-static void cuts_are_what_the_definition_says(void **state)
+static void cuts_agree_with_the_definition(void **state)
 {
     (void)state;
     compare_levels(0.5, NUMBER(1e-6, 3e-2));
 }
 
-/* ---- What must hold of any picture ---- */
+/* ---- Invariants of any image ---- */
 
 /* Contours above any level have no loose ends within the image. */
 static void contours_close_at_every_level(void **state)
@@ -631,7 +635,7 @@ static void draw_disc(const uint8_t inside[3], const uint8_t outside[3])
     }
 }
 
-/* Contours at more than half of the highest level are the disc's, all around it. */
+/* Contours above half of the highest level are those of the disc, all around it. */
 static void assert_disc(const cairn_boundary_result *r, double least)
 {
     double highest = 0;
@@ -652,7 +656,7 @@ static void assert_disc(const cairn_boundary_result *r, double least)
             assert_near(hypot(q->x - 24, q->y - 18), 10, 1.5);
         }
     }
-    assert_near(sides, 80, 10); /* as of the square about it */
+    assert_near(sides, 80, 10); /* of the bounding square */
 }
 
 static void a_disc_has_its_contour(void **state)
@@ -668,8 +672,8 @@ static void a_disc_has_its_contour(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Red and green of one brightness: in grey there is nothing. */
-static void colours_of_one_brightness_part(void **state)
+/* Red and green of equal brightness: invisible in grey. */
+static void colours_of_equal_brightness_are_separated(void **state)
 {
     static const uint8_t red[3] = {60, 60, 200}, green[3] = {60, 123, 60};
     struct fixture f = boundary_with(narrow_params());
@@ -677,8 +681,8 @@ static void colours_of_one_brightness_part(void **state)
     double lab[2][3];
 
     (void)state;
-    twin_colour(red, lab[0]);
-    twin_colour(green, lab[1]);
+    reference_colour(red, lab[0]);
+    reference_colour(green, lab[1]);
     assert_near(lab[0][0], lab[1][0], 1);
     draw_disc(red, green);
     r = find(&f, image_of(3));
@@ -691,8 +695,8 @@ static void colours_of_one_brightness_part(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Left: stripes of two greys, right: the light that is their mean. Means say little, histograms
- * where the stripes end. */
+/* Left: stripes of two greys; right: uniform grey of their mean. Means differ little, histograms do
+ * at the border. */
 static void histograms_see_where_a_texture_ends(void **state)
 {
     double strength[2] = {0, 0};
@@ -749,7 +753,7 @@ static cairn_status step_it(void *context, cairn_budget *budget)
     return cairn_boundary_step(context, budget);
 }
 
-static uint64_t tell_it(void *context)
+static uint64_t hash_it(void *context)
 {
     cairn_boundary_result r = cairn_boundary_read(context);
 
@@ -760,7 +764,7 @@ static void budgets_change_nothing(void **state)
 {
     struct fixture f = boundary_with(small_params());
     cairn_boundary_result r;
-    test_stepped stepped = {begin_it, step_it, tell_it, f.boundary};
+    test_stepped stepped = {begin_it, step_it, hash_it, f.boundary};
     uint64_t whole;
     cairn_status status;
 
@@ -796,7 +800,7 @@ static void bits_stay_as_they_are(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A fourth channel is passed over, rows may have gaps, grey is grey in colour. */
+/* A fourth channel is ignored, rows may have gaps, grey images equal grey colours. */
 static void views_of_one_picture_agree(void **state)
 {
     static uint8_t other[4 * PIXELS + 8 * HEIGHT];
@@ -903,13 +907,13 @@ static void bad_arguments_are_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(strengths_are_what_the_definition_says),
-        cmocka_unit_test(joints_are_what_the_definition_says),
-        cmocka_unit_test(cuts_are_what_the_definition_says),
+        cmocka_unit_test(strengths_agree_with_the_definition),
+        cmocka_unit_test(merges_agree_with_the_definition),
+        cmocka_unit_test(cuts_agree_with_the_definition),
         cmocka_unit_test(contours_close_at_every_level),
         cmocka_unit_test(the_strongest_come_first),
         cmocka_unit_test(a_disc_has_its_contour),
-        cmocka_unit_test(colours_of_one_brightness_part),
+        cmocka_unit_test(colours_of_equal_brightness_are_separated),
         cmocka_unit_test(histograms_see_where_a_texture_ends),
         cmocka_unit_test(budgets_change_nothing),
         cmocka_unit_test(bits_stay_as_they_are),

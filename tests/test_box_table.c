@@ -1,4 +1,4 @@
-/* Tables of boxes: columns in any order, quoted names, what is no table. */
+/* Tables of boxes: columns in any order, quoted names, bad tables. */
 #include "cairn/box_table.h"
 #include "tests/files.h"
 
@@ -26,7 +26,7 @@ static void reads_boxes(void **state)
     assert_near(row[1].box[2], 40, 0);
     assert_int_equal(row[1].line, 4);
     free(row);
-    /* More rows than there is room for at first. */
+    /* More rows than the initial capacity. */
     {
         char text[4096] = "image,left,top,right,bottom\n";
 

@@ -1,4 +1,4 @@
-/* cairn align --no-poses and cairn match --as-written, as a user runs them. */
+/* cairn align --no-poses and cairn match --as-written, run as programs. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -6,7 +6,7 @@
 #include "cairn/pose_table.h"
 #include "tests/programs.h"
 
-/* The same scans in two logs, the poses of which are nearly right and useless. */
+/* The same scans in two logs, one with poses that are nearly right, one with useless ones. */
 static int make_logs(void **state)
 {
     static const char *const make = "cairn-arena rescue --seed 6 --size 7x6 --places 4 --beams 121 "
@@ -121,7 +121,7 @@ static cairn_pose_table_row *read_poses(const char *folder)
     return row;
 }
 
-/* The distance between a scan's poses in two folders at most, m. */
+/* The largest distance of a scan's poses in two folders, m. */
 static double farthest(const char *first, const char *second)
 {
     cairn_pose_table_row *a = read_poses(first), *b = read_poses(second);
@@ -135,7 +135,7 @@ static double farthest(const char *first, const char *second)
     return most;
 }
 
-/* Force field simulation begins where shape has put the places, and moves the scans by
+/* Force field simulation begins from the poses of the shape stage, and moves the scans by
  * decimetres at most. */
 static void shape_then_forces(void **state)
 {
@@ -159,7 +159,7 @@ static void shape_then_forces(void **state)
     assert_true(farthest("shape", "first") < farthest("shape", "chain"));
 }
 
-/* Place after place, with nothing but the order of the scans. */
+/* Place after place, with only the order of the scans. */
 static void shape_then_forces_online(void **state)
 {
     outcome o = programs_run("cairn align @/near/scans.log --no-poses --as-written --online "
@@ -190,7 +190,7 @@ static int32_t count_in(const char *text, const char *piece)
     return count;
 }
 
-/* Figures 6.6 and 6.7: nothing else is different for them. */
+/* Figures 6.6 and 6.7: nothing else differs between them. */
 static void pictures_as_written(void **state)
 {
     static const char *const panels[] = {"(a) by shape", "(b) + ICP", "(c) decoupled",
@@ -317,7 +317,7 @@ static void logs_that_hold_little(void **state)
         outcome o = programs_run("cairn align @/odd.log --no-poses --headings 1 %s -o @/odd",
                                  k == 1 ? "--as-written" : "");
 
-        assert_true(o.code == 0 || o.code == 2); /* damaged lines are left out */
+        assert_true(o.code == 0 || o.code == 2); /* damaged lines are skipped */
         assert_true(o.code == 0 || strncmp(o.err, "cairn align: ", 13) == 0 ||
                     strstr(o.err, "odd.log:") != NULL);
     }

@@ -92,7 +92,7 @@ static void test_four_files_and_same_bytes(void **state)
     }
 }
 
-/* The tool is a double build: this program, be it float or double, must make the same bytes. */
+/* The tool is a double build: this program, in float or double, must make the same bytes. */
 static void test_same_bytes_as_the_library(void **state)
 {
     sim_arena_options where = sim_arena_default();
@@ -187,7 +187,7 @@ static void test_refusals(void **state)
     refused("rescue --places 2 -o /nowhere/x", "cairn-arena: /nowhere/x/scans.log.part: ");
     assert_int_equal(files_in("x"), -1);
 
-    /* A folder stands where a file should go: nothing is left but what was there. */
+    /* A folder has the name of the file to be written: only what was there before is left. */
     snprintf(path, sizeof path, "%s/f", folder);
     assert_int_equal(mkdir(path, 0777), 0);
     snprintf(path, sizeof path, "%s/f/arena.json.part", folder);

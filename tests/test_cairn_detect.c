@@ -17,7 +17,7 @@ static int is_bottle(int32_t x, int32_t y, int32_t left)
     return y >= 30 && y < 180 && abs(x - left) <= (y < 80 ? 12 : 33);
 }
 
-/* A bottle in a picture and its edges; its silhouette is the model. */
+/* An image of a bottle and its edges; its silhouette is the model. */
 static void write_pictures(void)
 {
     cairn_file_error error;
@@ -138,8 +138,7 @@ static double best_score(const char *json)
     return value;
 }
 
-/* What is grouped where the bottle is adds to its score, without being asked for; nothing with
- * weight 0. */
+/* Grouping at the bottle adds to its score by default; nothing with weight 0. */
 static void test_verified(void **state)
 {
     static const char *const detect = "cairn detect @/bottle0.png --edges @/edges.png --model "
@@ -183,7 +182,7 @@ static void test_by_parts(void **state)
     free(text);
 }
 
-/* Fragments by hand: only those are found, in their bundles. */
+/* Fragments given by hand: only those are found, in their bundles. */
 static void test_cuts(void **state)
 {
     static const char *const detect =
@@ -208,7 +207,7 @@ static void test_cuts(void **state)
     assert_refused(programs_run(detect, "missing.cuts"), "missing.cuts: cannot open");
 }
 
-/* Pictures of twice the size are halved, their boxes with them: what is learnt is the same. */
+/* Images of twice the size are halved, their boxes with them: training gives the same model. */
 static void learns_at_the_scale_of_the_search(const char *learn)
 {
     static uint8_t large[4 * WIDTH * HEIGHT];
@@ -233,7 +232,7 @@ static void learns_at_the_scale_of_the_search(const char *learn)
     assert_same("large.look", "bottle.look");
 }
 
-/* What was learnt from boxes counts; without the library of OpenCV that is said. */
+/* The trained appearance changes scores; without the library of OpenCV a message says so. */
 static void test_appearance(void **state)
 {
     static const char *const learn = "cairn train @/bottle0.png @/bottle1.png @/bottle2.png "
@@ -281,7 +280,7 @@ static void test_appearance(void **state)
                    "no file to write to (-o), expected");
 }
 
-/* What is halved comes out in the image's own pixels. */
+/* Results on a halved image are in the image's own pixels. */
 static void test_halved(void **state)
 {
     const char *box;
@@ -300,7 +299,7 @@ static void test_halved(void **state)
     free(text);
 }
 
-/* In as many processes as there may be: the same bytes. */
+/* With the largest number of processes: the same bytes. */
 static void write_truth(const char *name, const char *rows)
 {
     FILE *f = fopen(files_path(name), "w");
@@ -348,7 +347,7 @@ static void test_many_images(void **state)
         (void)snprintf(b, sizeof b, "three/bottle%d.json", k);
         assert_same(a, b);
     }
-    /* One that cannot be read is told; no table is left behind. */
+    /* An unreadable image is reported; no table is left behind. */
     one = programs_run("cairn detect @/bottle0.png @/missing.png @/bottle1.png --model "
                        "@/bottle.shape --jobs 3 -o @/some "
                        "--detections @/some.csv");
@@ -356,7 +355,7 @@ static void test_many_images(void **state)
     assert_int_not_equal(access(files_path("some.csv"), F_OK), 0);
 }
 
-/* The last line of curves: recall at the most, and false positives per image there. */
+/* The last line of curves: the highest recall, and the false positives per image there. */
 static void read_last(const char *name, double *recall, double *false_per_image)
 {
     char *text = read_in(name), *line = strrchr(text, ','), *end;
@@ -371,8 +370,7 @@ static void read_last(const char *name, double *recall, double *false_per_image)
     free(text);
 }
 
-/* One object of the image, one of an image that was not looked at; then, too, one that is not
- * there. */
+/* One object of the image, one of an image that was not searched; then also a missing image. */
 static void test_truth(void **state)
 {
     static const char *const command =
@@ -432,7 +430,7 @@ static void write_grey_as_text(const char *name)
     free(text);
 }
 
-/* Names that would be two fields, or end one, stand in quotes. */
+/* Names with a separator or a line end are quoted. */
 static void test_quoted_names(void **state)
 {
     static const char row[] =
@@ -502,7 +500,7 @@ static void test_refusals(void **state)
         {"@/bottle0.png --edges @/edges.png --model @/bottle.shape -o @/refused --truth @/no.csv "
          "--curves @/c",
          "no.csv: cannot open"},
-        /* Before anything is searched. */
+        /* Before any search. */
         {"@/bottle0.png --edges @/edges.png --model @/bottle.shape -o @/refused --detections "
          "@/nowhere/table.csv",
          "nowhere"},

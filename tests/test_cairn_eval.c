@@ -1,4 +1,4 @@
-/* cairn eval, run as a program: figures that can be worked out by hand, and refusals. */
+/* cairn eval, run as a program: figures computed by hand, and refusals. */
 #include "tests/programs.h"
 
 #include <math.h>
@@ -8,7 +8,7 @@ static void write_text(const char *name, const char *text)
     (void)files_write(name, text, strlen(text));
 }
 
-/* The number behind "key": in a JSON object. */
+/* The number of "key": in a JSON object. */
 static double number_of(const char *json, const char *key)
 {
     char quoted[64];
@@ -34,7 +34,7 @@ static void poses(void **state)
 
     (void)state;
     write_text("truth.csv", "index,x,y,theta\n0,0,0,0\n1,1,0,0.5\n2,1,2,-0.5\n3,0,2,3\n9,5,5,5\n");
-    /* The same turned by a right angle and shifted, in another order, one of them missing. */
+    /* The same, rotated by a right angle and shifted, in another order, one of them missing. */
     write_text("turned.csv",
                "index,x,y,theta\n3,8,7,4.5707963267948966\n1,10,8,2.0707963267948966\n"
                "0,10,7,1.5707963267948966\n2,8,8,1.0707963267948966\n7,0,0,0\n");
@@ -47,8 +47,7 @@ static void poses(void **state)
     assert_near(number_of(o.out, "e_theta_rad"), 0, 1e-9);
     assert_near(number_of(o.out, "distance_most_m"), 0, 1e-9);
     assert_near(number_of(o.out, "first_e_x_m"), 0, 1e-9);
-    /* Two of four stretched apart: the common motion shares the error, a common first pose does
-     * not. */
+    /* Two of four moved apart: a common motion shares the error, a common first pose does not. */
     write_text("pulled.csv", "index,x,y,theta\n0,0,0,0\n1,1,0,0.5\n2,1,2.4,-0.5\n3,0,2.4,3\n");
     o = programs_run("cairn eval poses @/pulled.csv @/truth.csv --json");
     assert_done(o);
@@ -57,7 +56,7 @@ static void poses(void **state)
     assert_near(number_of(o.out, "distance_mean_m"), 0.2, 1e-9);
     assert_near(number_of(o.out, "distance_most_m"), 0.2, 1e-9);
     assert_near(number_of(o.out, "first_e_y_m"), 0.2, 1e-9);
-    /* One heading off by 0.4: the first pose hands it on to all. */
+    /* One heading off by 0.4: alignment of the first pose passes it on to all. */
     write_text("bent.csv", "index,x,y,theta\n0,0,0,0.4\n1,1,0,0.5\n2,1,2,-0.5\n3,0,2,3\n");
     o = programs_run("cairn eval poses @/bent.csv @/truth.csv --json");
     assert_done(o);
@@ -78,7 +77,7 @@ static void relations(void **state)
     (void)state;
     write_text("timed.csv", "index,time,x,y,theta\n2,12.5,1,1,1.5707963267948966\n0,10,0,0,0\n1,11."
                             "25,1,0,0\n5,99,7,7,0\n");
-    /* Off by (0.3, 0.4) and 10 degrees; by nothing; times and indices that are nobody's. */
+    /* Errors of (0.3, 0.4) and 10 degrees; of nothing; times and indices without a pose. */
     write_text("good.relations",
                "10 11.25 1.3 0.4 0 0 0 0.17453292519943295\n1 2 0 1 1.5707963267948966\n"
                "10 13 0 0 0 0 0 0\n0 3 0 0 0\n0 17 0 0 0\n");
@@ -102,8 +101,8 @@ static void relations(void **state)
     o = programs_run("cairn eval relations @/two.log @/two.relations --json");
     assert_done(o);
     assert_near(number_of(o.out, "trans_mean_m"), 0.5, 1e-8);
-    /* Sensors 0.2 m ahead of a robot that turns on the spot by a right angle: they move by
-     * (-0.2, 0.2). */
+    /* Sensors 0.2 m ahead of a robot that turns by a right angle on the spot: they move by (-0.2,
+     * 0.2). */
     write_text("ahead.log", "FLASER 1 2 0.2 0 0 0 0 0 1 h 1\nFLASER 1 2 0 0.2 1.5707963267948966 0 "
                             "0 1.5707963267948966 3 h 3\n");
     write_text("ahead.csv", "index,x,y,theta\n0,0,0,0\n1,0,0,1.5707963267948966\n");
@@ -151,7 +150,7 @@ static void maps(void **state)
     }
     assert_near(entropy, number_of(good.out, "entropy"), 1e-5 * entropy);
     assert_near(likelihood, number_of(good.out, "log_likelihood"), -1e-6 * likelihood);
-    /* The cells of a map that cairn align draws, which are those that the poses give. */
+    /* The cells of a map drawn by cairn align, which are those computed from its poses. */
     assert_done(programs_run("cairn align @/arena/scans.log -o @/aligned --resolution 0.1"));
     good = programs_run(
         "cairn eval map @/arena/scans.log @/aligned/poses.csv --map @/aligned/map.yaml --json");

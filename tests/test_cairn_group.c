@@ -1,5 +1,5 @@
-/* cairn group: a shape found in a picture of edges, its files and pages; bad input of all kinds.
- * What needs OpenCV is skipped without. */
+/* cairn group: a shape found in an edge image, output files and pages; bad input of all kinds.
+ * Tests that need OpenCV are skipped without it. */
 #include "tests/programs.h"
 
 #include "cairn/json_text.h"
@@ -16,7 +16,7 @@ static int is_bottle(int32_t x, int32_t y)
     return y >= 40 && y < 190 && abs(x - 150) <= (y < 90 ? 12 : 33);
 }
 
-/* A bottle in a picture, its edges, and its silhouette as the model. */
+/* An image of a bottle, its edges, and its silhouette as the model. */
 static void write_pictures(void)
 {
     cairn_file_error error;
@@ -95,7 +95,7 @@ static void test_found(void **state)
     text = read_in("found/bottle.html");
     assert_non_null(strstr(text, "N_eff"));
     free(text);
-    /* The same seed, the same bytes; a model made on the way does as well. */
+    /* Same seed, same bytes; a model made by the command itself gives the same. */
     text = read_in("found/bottle.json");
     assert_done(programs_run("cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape "
                              "--scale 120:220 --quiet -o @/found"));
@@ -110,7 +110,7 @@ static void test_found(void **state)
     assert_holds(o.out, "object");
 }
 
-/* The method of the thesis: what it writes can be read; an image without an edge has no object. */
+/* The method of the thesis: its output can be read; an image without an edge has no object. */
 static void test_as_written(void **state)
 {
     char *text;
@@ -147,7 +147,7 @@ static void test_as_written(void **state)
     free(text);
 }
 
-/* What is halved comes out in the image's own pixels. */
+/* Results on a halved image are in the image's own pixels. */
 static void test_halved(void **state)
 {
     char *text;
@@ -187,7 +187,7 @@ static void test_no_object(void **state)
                      "120:220 --min-score 0.9 -o @/down");
     assert_done(o);
     assert_holds(o.out, "no object, best score");
-    /* More evidence than there is. */
+    /* A threshold above the evidence found. */
     o = programs_run(
         "cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape --scale 120:220 "
         "--min-evidence 999 -o @/much");
@@ -266,8 +266,8 @@ static void test_refusals(void **state)
     assert_done(programs_run("cairn group --help"));
 }
 
-/* A picture of 8000 x 6000 pixels is made smaller, and done with; edges everywhere in one that
- * is not are refused. */
+/* An image of 8000 x 6000 pixels is reduced and searched; an image of normal size full of edges is
+ * refused. */
 static void test_large_images(void **state)
 {
     static const char head[] = "P5\n8000 6000\n255\n";

@@ -1,4 +1,4 @@
-/* cairn merge as a user runs it. */
+/* cairn merge, run as a program. */
 #include "tests/test.h"
 
 #include <inttypes.h>
@@ -8,8 +8,8 @@
 #include "tests/programs.h"
 #include "tests/world.h"
 
-/* A view as a map_server map, named in the test's folder; scale and raw need another way to say
- * unknown. */
+/* A view as a map_server map, named, in the test's folder; scale and raw encode unknown cells
+ * otherwise. */
 static void write_view(const char *name, const view *v, cairn_map_file_mode mode, int32_t negate,
                        cairn_map_file_image format)
 {
@@ -63,7 +63,7 @@ static void assert_pose(cairn_pose p, double x, double y, double theta)
     assert_near(remainder((double)p.theta - theta, 2 * PI), 0, 0.02);
 }
 
-/* Where the maps lie: seen from the first one. */
+/* Poses of the maps, seen from the first one. */
 static void assert_transforms(const char *name)
 {
     cairn_pose_table_row *row;
@@ -81,8 +81,8 @@ static void assert_transforms(const char *name)
     cairn_pose_table_free(row);
 }
 
-/* The places of a map: their shares and products add up to 1, and the one with most evidence is
- * where it was placed. */
+/* The places of a map: their shares and products add up to 1; the one of most evidence is the
+ * accepted one. */
 static void assert_places(const char *name, int32_t map, double x, double y)
 {
     char *text = files_read(files_path(name), NULL);
@@ -101,7 +101,7 @@ static void assert_places(const char *name, int32_t map, double x, double y)
                                 &of, &beside, &v[0], &v[1], &v[2], &v[3], &v[4], &v[5], &v[6],
                                 &v[7], &v[8]),
                          11);
-        assert_true(of != beside && beside < 3); /* the stranger was placed nowhere */
+        assert_true(of != beside && beside < 3); /* the unrelated map was placed nowhere */
         assert_true(v[4] >= 0 && v[4] <= 4 && v[6] >= 0 && v[6] <= 1 && v[7] >= 0 && v[7] <= 1);
         if (of != map)
             continue;
@@ -122,7 +122,7 @@ static void assert_places(const char *name, int32_t map, double x, double y)
     free(text);
 }
 
-static void three_maps_and_a_stranger(void **state)
+static void three_maps_and_an_unrelated_one(void **state)
 {
     outcome o = programs_run("cairn merge @/a.yaml @/b.yaml @/c.yaml @/d.yaml -o @/merged");
     cairn_map_file merged;
@@ -146,7 +146,7 @@ static void three_maps_and_a_stranger(void **state)
         walls += merged.occupancy[i] == 100;
         open += merged.occupancy[i] == 0;
     }
-    /* The world has 14 by 8 m, less boxes. */
+    /* The world is 14 by 8 m, less boxes. */
     assert_in_range((int64_t)((double)open * 0.0025), 70, 112);
     assert_in_range(walls, 800, 6000);
     cairn_map_file_free(&merged);
@@ -159,8 +159,7 @@ static void three_maps_and_a_stranger(void **state)
     free(picture);
 }
 
-/* A later merging with the same maps keeps what it is told, and order and reference may be asked
- * for. */
+/* A later merging of the same maps accepts the earlier result; order and reference may be given. */
 static void a_warm_start(void **state)
 {
     outcome o = programs_run("cairn merge @/a.yaml @/b.yaml @/c.yaml @/d.yaml -o @/warm --start "
@@ -180,8 +179,8 @@ static void a_warm_start(void **state)
     assert_non_null(strstr(o.out, "maps       2, 1 placed"));
 }
 
-/* By images maps are refused more often, and as written none is that has a corner like another
- * one's. */
+/* By images maps are refused more often; as written none is refused that shares a corner type with
+ * another. */
 static void by_images_and_as_written(void **state)
 {
     outcome o = programs_run(
@@ -198,7 +197,7 @@ static void by_images_and_as_written(void **state)
         "cairn merge @/a.yaml @/b.yaml @/d.yaml -o @/written --as-written --order 0,1,2");
     assert_string_equal(o.err, "");
     assert_int_equal(o.code, 0);
-    assert_non_null(strstr(o.out, "maps       3, 3 placed")); /* the stranger, too */
+    assert_non_null(strstr(o.out, "maps       3, 3 placed")); /* the unrelated map, too */
     assert_non_null(strstr(o.out, "downsampled 1 by 1"));
     assert_ok(cairn_pose_table_read(&row, &count, files_path("written/transforms.csv"), &error));
     assert_int_equal(count, 3);
@@ -240,8 +239,8 @@ static void command_lines_are_refused(void **state)
     assert_refused("@/a.yaml @/b.yaml -o @/no --start @/missing.csv", "missing.csv");
     assert_refused("@/a.yaml @/b.yaml -o @/no --pool 1K", "pool");
     assert_refused("@/a.yaml @/b.yaml -o @/a.yaml/no", "a.yaml");
-    assert_refused("@/a.yaml @/b.yaml -o @/no --perception sight",
-                   "--perception sight, expected evidence or images");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --perception vision",
+                   "--perception vision, expected evidence or images");
     assert_refused("@/a.yaml @/b.yaml -o @/no --as-written --perception evidence",
                    "expected one of both");
     assert_refused("@/a.yaml @/b.yaml -o @/no --as-written --start @/merged/transforms.csv",
@@ -266,8 +265,10 @@ static void help_is_printed(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(three_maps_and_a_stranger), cmocka_unit_test(a_warm_start),
-        cmocka_unit_test(by_images_and_as_written),  cmocka_unit_test(command_lines_are_refused),
+        cmocka_unit_test(three_maps_and_an_unrelated_one),
+        cmocka_unit_test(a_warm_start),
+        cmocka_unit_test(by_images_and_as_written),
+        cmocka_unit_test(command_lines_are_refused),
         cmocka_unit_test(help_is_printed),
     };
 

@@ -1,5 +1,4 @@
-/* cairn model: pictures become models, models are drawn and mirrored; what is no picture of a
- * shape. */
+/* cairn model: images become models, models are drawn and mirrored; bad images. */
 #include "tests/programs.h"
 
 #include "cairn/shape_model_file.h"
@@ -8,7 +7,7 @@
 
 enum { WIDTH = 160, HEIGHT = 120 };
 
-/* A bottle of two boxes, black on white; its outline alone when `drawn`. */
+/* A bottle of two boxes, black on white; only its outline when `drawn`. */
 static void write_bottle(const char *name, int drawn)
 {
     static uint8_t grey[WIDTH * HEIGHT];

@@ -1,4 +1,4 @@
-/* The tool cairn-scene, run as a program: the one that was built beside the tests. */
+/* The tool cairn-scene, run as a program: the one built beside the tests. */
 #include "tests/test.h"
 
 #include "cairn/vision.h"
@@ -46,7 +46,7 @@ static void test_same_seed_same_bytes(void **state)
     assert_true(same("a", "c", "silhouette.pgm"));
 }
 
-/* The truth is where the library finds the object by the model of its drawing. */
+/* The library finds the object at its true place by the model of its drawing. */
 static void test_the_object_is_where_the_truth_says(void **state)
 {
     char *truth, *found;

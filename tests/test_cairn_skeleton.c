@@ -1,5 +1,5 @@
-/* cairn skeleton: a bar in a picture, its files; radii learnt from a silhouette; bad input. What
- * needs OpenCV is skipped without. */
+/* cairn skeleton: a bar in an image, output files; radii from a silhouette; bad input. Tests that
+ * need OpenCV are skipped without it. */
 #include "tests/programs.h"
 
 #include <sys/stat.h>
@@ -13,7 +13,7 @@ enum { WIDTH = 200, HEIGHT = 120 };
 
 static uint8_t grey[WIDTH * HEIGHT];
 
-/* A bright bar, 20 px wide; a silhouette of the same: it is the picture without its grey. */
+/* A bright bar, 20 px wide; its silhouette is the image without grey. */
 static void write_pictures(void)
 {
     cairn_file_error error;
@@ -45,7 +45,7 @@ static void assert_refused(outcome o, const char *piece)
     assert_string_equal(o.out, "");
 }
 
-/* The first number behind a name in a text of JSON, all of which must be well formed. */
+/* The first number of a key in a JSON text, all of which must be well formed. */
 static double number_of(const char *text, const char *name)
 {
     cairn_json json = cairn_json_begin("json", text, strlen(text));
@@ -104,8 +104,8 @@ static void a_bar_is_found(void **state)
     free(text);
 }
 
-/* The method as written, by both names: parts are objects of their own, and there are no
- * contours between regions. */
+/* The method as written, by both option names: parts are objects of their own, and there are no
+ * region contours. */
 static void as_written_finds_it(void **state)
 {
     static const char *const names[] = {"--as-written", "--weight as-written"};
@@ -137,7 +137,7 @@ static void as_written_finds_it(void **state)
     assert_null(files_read(files_path("found/bar-lines.svg"), NULL));
 }
 
-/* With the edges of another detector: one row of pixels along each side of the bar. */
+/* With edges of another detector: one row of pixels along each side of the bar. */
 static void edges_of_another_detector(void **state)
 {
     cairn_file_error error;
@@ -171,7 +171,7 @@ static void edges_of_another_detector(void **state)
                    "expected one");
 }
 
-/* Of a bar of 20 x 140 px radii up to 10. */
+/* A bar of 20 x 140 px has radii up to 10. */
 static void radii_are_learnt(void **state)
 {
     char *text;

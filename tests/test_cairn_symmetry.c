@@ -1,4 +1,4 @@
-/* cairn symmetry: pictures become axes, as pictures and JSON; what is no shape. */
+/* cairn symmetry: images become axes, as images and JSON; bad images. */
 #include "tests/programs.h"
 
 #include <math.h>
@@ -47,7 +47,7 @@ static int bar(int32_t x, int32_t y)
     return x >= 10 && x < 150 && y >= 76 && y < 84;
 }
 
-/* A band that winds up, wider outside. */
+/* A spiral band, wider outside. */
 static int spiral(int32_t x, int32_t y)
 {
     double turn = atan2(y - 80, x - 80), radius = hypot(x - 80, y - 80);
@@ -110,7 +110,7 @@ static void assert_json(const char *text)
     while (token.kind != CAIRN_JSON_END);
 }
 
-/* The number behind a key's first occurrence. */
+/* The number of a key's first occurrence. */
 static double number_of(const char *text, const char *key)
 {
     const char *at = strstr(text, key);

@@ -1,4 +1,4 @@
-/* The cairn command as a user meets it: output, errors, exit codes. */
+/* The cairn command, run as a program: output, errors, exit codes. */
 #include "tests/programs.h"
 
 static void test_frame(void **state)
@@ -50,7 +50,7 @@ static void test_info(void **state)
     assert_holds(o.out, "path         5.0 m, 0 degrees");
     assert_holds(o.out, "sensor       0.200 m, 0.000 m, 0.00 degrees on the robot\n");
     assert_holds(o.out, "messages     0 odometry lines, 0 of other kinds, 12 damaged\n");
-    /* Ten of twelve warnings, each with its line; no bar. */
+    /* Ten of twelve warnings, each with its line; no progress bar. */
     assert_holds(o.err, "a.log:7: reading 2 is \"x\", expected a number\n");
     assert_holds(o.err, "a.log:16: ");
     assert_null(strstr(o.err, "a.log:17: "));

@@ -1,4 +1,4 @@
-/* CARMEN logs: whole ones, plain and gzipped, and every kind of damage. */
+/* CARMEN logs: valid ones, plain and gzipped, and every kind of damage. */
 #include "tests/files.h"
 
 #include <float.h>
@@ -37,7 +37,7 @@ static void add_tail(text *t, double lx, double ly, double lth, double x, double
     add(t, " %.6f %.6f %.6f %.6f %.6f %.6f %.6f host %.6f\n", lx, ly, lth, x, y, th, stamp, stamp);
 }
 
-/* A FLASER line of n ranges that all are `range`, robot at (x, 0, 0), laser 0.1 m ahead. */
+/* A FLASER line of n ranges that all equal `range`, robot at (x, 0, 0), laser 0.1 m ahead. */
 static void add_flaser(text *t, int n, double range, double x, double stamp)
 {
     add(t, "FLASER %d", n);
@@ -46,7 +46,7 @@ static void add_flaser(text *t, int n, double range, double x, double stamp)
     add_tail(t, x + 0.1, 0, 0, x, 0, 0, stamp);
 }
 
-/* A small log with all that is read: 3 FLASER, 1 ROBOTLASER1, 2 ODOM. */
+/* A small log of all message types that are read: 3 FLASER, 1 ROBOTLASER1, 2 ODOM. */
 static text small_log(void)
 {
     text t = {NULL, 0, 0};
@@ -352,7 +352,7 @@ static void test_robotlaser_without_step(void **state)
     assert_near(scans.record[1].scan.range_max, 20, 0);
     cairn_carmen_log_scans_free(&scans);
 
-    /* The caller's limit comes first. */
+    /* The caller's limit takes precedence. */
     params.range_max = 0.75;
     assert_ok(cairn_carmen_log_load(&scans, path, &params, NULL));
     assert_true(isinf(scans.record[1].range[0]));
@@ -413,15 +413,15 @@ static void test_limit_of_the_scanner(void **state)
     add_ranges(&t, 6, 51.10);
     add_ranges(&t, 6, 51.16);
     assert_near(limit_of(&t, 0), 51.05, 0.0101);
-    /* One stray reading far above does not matter, 2 of 12 do. */
+    /* One outlier far above does not matter, 2 of 12 do. */
     t.count = 0;
     add_ranges(&t, 11, 50);
     add_ranges(&t, 1, 5000);
     assert_near(limit_of(&t, 0), 50, 0.0101);
     add_ranges(&t, 1, 500);
     assert_near(limit_of(&t, 0), 80, 0);
-    /* Infinite ranges are none; the window starts at the higher one of equal places, and what is
-     * just below it counts among the 2 m below only. */
+    /* Infinite ranges are ignored; the window starts at the higher one of equal candidates, and
+     * ranges just below it count only among the 2 m below. */
     t.count = 0;
     for (int i = 0; i < 12; i++)
         add(&t, "FLASER 3 50 inf -3 0 0 0 0 0 0 1 h 1\n");
@@ -461,7 +461,7 @@ static void test_limit_by_param(void **state)
     text t = {NULL, 0, 0};
 
     (void)state;
-    /* Believed: nothing above it, or all above it close together. */
+    /* Accepted: nothing above it, or all above it close together. */
     add(&t, "PARAM robot_front_laser_max 30 nohost 0\n");
     add_ranges(&t, 50, 29.99);
     assert_near(limit_of(&t, 0), 30, 0);
@@ -469,7 +469,7 @@ static void test_limit_by_param(void **state)
     add_ranges(&t, 9, 31.2);
     add_ranges(&t, 2, 30);
     assert_near(limit_of(&t, 0), 30, 0);
-    /* Not believed: too many above it spread out. */
+    /* Rejected: too many above it spread out. */
     add_ranges(&t, 1, 30);
     assert_near(limit_of(&t, 0), 80, 0);
     assert_near(limit_of(&t, 7), 7, 0);
@@ -556,7 +556,7 @@ static void test_mounting(void **state)
     assert_near(record.scan.base_sensor.theta, 0.3, 1e-5);
     cairn_carmen_log_close(log);
 
-    /* A place that no robot reaches is none, and so the scans can be used. */
+    /* A pose that no robot reaches is ignored, and so the scans can be used. */
     for (int part = 0; part < 2; part++) {
         cairn_carmen_log_scans scans;
 
@@ -571,7 +571,7 @@ static void test_mounting(void **state)
         cairn_carmen_log_scans_free(&scans);
     }
 
-    /* One that is elsewhere by 0.02 m or rad makes the mounting unknown. */
+    /* One that differs by 0.02 m or rad makes the mounting unknown. */
     for (int part = 0; part < 3; part++) {
         size_t whole = t.count;
 
@@ -589,8 +589,8 @@ static void test_mounting(void **state)
     free(t.bytes);
 }
 
-/* A damaged line between two good ones: reported with its number, left out, and the good ones
- * are there. */
+/* A damaged line between two good ones: reported with its number and skipped, and the good ones are
+ * read. */
 static void test_damaged_lines(void **state)
 {
     static const struct {
@@ -792,7 +792,7 @@ static void test_nothing_to_read(void **state)
         assert_status(cairn_carmen_log_open(&log, "/proc/self/mem", NULL, NULL), CAIRN_IO);
     }
 
-    /* Only both bytes of gzip tell it. */
+    /* Only both bytes of the gzip signature identify it. */
     for (int k = 0; k < 2; k++) {
         assert_ok(cairn_carmen_log_open(
             &log,
@@ -847,14 +847,14 @@ static void test_binary_garbage(void **state)
         cairn_carmen_log_open(&log, files_write("garbage.log", bytes, sizeof bytes), NULL, &error),
         CAIRN_EMPTY);
     assert_holds(error.text, "no whole scan");
-    /* A zero byte is no end of a line. */
+    /* A zero byte does not end a line. */
     assert_status(
         cairn_carmen_log_open(&log, files_write("zero.log", "FLASER 1 1 0 0 0 0 0 0\0 1 h 1\n", 30),
                               NULL, &error),
         CAIRN_EMPTY);
 }
 
-/* Cut anywhere, the scans before the cut are there. */
+/* Truncated anywhere, the scans before the end are read. */
 static void test_cut_plain_file(void **state)
 {
     text t = {NULL, 0, 0};
@@ -873,7 +873,7 @@ static void test_cut_plain_file(void **state)
         int whole = (int)(cut / line);
 
         assert_ok(cairn_carmen_log_load(&scans, write_plain("cut.log", &piece), &params, NULL));
-        /* The very last field, which is not used, may be cut. */
+        /* The very last field, which is not used, may be truncated. */
         if (f.count == 0) {
             assert_true(scans.count == whole ||
                         (scans.count == whole + 1 && cut % line >= line - 9));
@@ -918,7 +918,7 @@ static void test_cut_and_damaged_gzip(void **state)
             cairn_carmen_log_record record;
             int count = 0;
 
-            /* More bytes never give fewer scans, and the cut is always told. */
+            /* More bytes never give fewer scans, and truncation is always reported. */
             assert_true(info.scans >= scans_most);
             scans_most = (int)info.scans;
             assert_true(f.count >= 1 && f.count <= 2);
@@ -974,8 +974,8 @@ static void test_cut_and_damaged_gzip(void **state)
     free(t.bytes);
 }
 
-/* Files that change when they have been read once: what fits into the arrays of the first pass
- * is handed out. */
+/* Files that change after the first pass: what fits into the arrays of the first pass is
+ * returned. */
 static void rewrite(void *context, const cairn_file_error *fault)
 {
     (void)fault;
@@ -1014,7 +1014,7 @@ static void test_a_file_that_changes(void **state)
     }
 }
 
-/* Gzip files that were put together by cat, and with something else behind them. */
+/* Gzip files concatenated by cat, and with trailing bytes. */
 static void test_gzip_members(void **state)
 {
     text t = small_log();
@@ -1035,8 +1035,8 @@ static void test_gzip_members(void **state)
     check_small_log(files_write("members.log.gz", both, size + more));
     memcpy(both + size + more, "\0\0\0\0x", 5);
     check_small_log(files_write("padded.log.gz", both, size + more + 5));
-    /* The first member's end at every place around that of the reader's blocks of 64 KiB: a name
-     * pads its header. */
+    /* The end of the first member at every position around the borders of the reader's blocks of 64
+     * KiB: a name pads its header. */
     for (size_t end = 65534; end <= 65538; end++) {
         char *padded = calloc(end + more, 1);
 
@@ -1049,7 +1049,7 @@ static void test_gzip_members(void **state)
         check_small_log(files_write("blocks.log.gz", padded, end + more));
         free(padded);
     }
-    /* Cut in the header of the second. */
+    /* Truncated in the header of the second. */
     assert_ok(cairn_carmen_log_load(&scans, files_write("members-cut.log.gz", both, size + 5),
                                     &params, NULL));
     assert_true(f.count >= 1);
@@ -1061,7 +1061,7 @@ static void test_gzip_members(void **state)
     free(t.bytes);
 }
 
-/* Whatever happens to a log, it is read or a fault with a line is given. */
+/* Whatever the damage of a log, it is read or a fault with a line is given. */
 static void test_mutations(void **state)
 {
     static const char *const pieces[] = {"nan",         "-1",   "FLASER",      "\n", " ", "1e308",
@@ -1163,7 +1163,7 @@ static void test_long_path(void **state)
     assert_true(strlen(error.text) < sizeof error.text);
 }
 
-/* All memory comes back, whatever the end. */
+/* All memory is freed, whatever the end. */
 static void test_heap(void **state)
 {
     text t = small_log();

@@ -1,5 +1,5 @@
-/* Contours as JSON and as pictures: every key, lengths of images that were made smaller, what
- * was found and nothing. */
+/* Contours as JSON and as SVG: every key, lengths in images that were reduced, with an object and
+ * without. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -22,7 +22,7 @@ typedef struct found {
     cairn_contour_file_picture picture;
 } found;
 
-/* A box of 40 x 80 in the picture, or nothing. */
+/* A box of 40 x 80 in the image, or nothing. */
 static found find(int there, int32_t shrink)
 {
     static const cairn_vec2 box[] = {{0, 0}, {40, 0}, {40, 80}, {0, 80}};
@@ -65,7 +65,7 @@ static void drop(found *f)
     cairn_contour_search_result_free(&f->result);
 }
 
-/* The number behind the first such name; the text is valid JSON. */
+/* The number of the first such key; the text is valid JSON. */
 static double number_of(const char *text, const char *name)
 {
     cairn_json json = cairn_json_begin("json", text, strlen(text));

@@ -5,11 +5,11 @@
 
 enum { SIDES = 7 };
 
-/* A lamp: nothing in it is alike upside down or from behind. */
+/* A lamp: it has no symmetry upside down or mirrored. */
 static const double lamp[SIDES][2] = {{-10, -40}, {14, -40}, {26, 0}, {6, 4},
                                       {10, 40},   {-14, 40}, {-4, 4}};
 
-/* The lamp's sides in pieces of some 8 px, those of number `from` to `to` - 1 only. Indices of
+/* The lamp's sides as segments of about 8 px, only those of number `from` to `to` - 1. Indices of
  * its segments are in order. */
 static void add_lamp(scene *s, double x, double y, double scale, double turn, int from, int to)
 {
@@ -57,8 +57,7 @@ static cairn_contour_grouping_input input_of(const finder *f, const scene *s)
     return in;
 }
 
-/* The share of the segments first ... last - 1 that an object has, and of its own that are among
- * them. */
+/* Recall and precision of an object against the segments first ... last - 1. */
 static void shares(const cairn_contour_grouping_result *r, int32_t object, int32_t first,
                    int32_t last, double *recall, double *precision)
 {
@@ -76,7 +75,7 @@ static void shares(const cairn_contour_grouping_result *r, int32_t object, int32
     *precision = o->count > 0 ? (double)among / o->count : 0;
 }
 
-/* Where the frame of the model comes to lie: its origin is the middle of the box. */
+/* The pose of the model's frame: its origin is the middle of the box. */
 static void assert_lies(const finder *f, const cairn_contour_grouping_object *o, double x, double y,
                         double scale, double turn)
 {
@@ -129,7 +128,7 @@ static void it_is_found_in_clutter_at_any_size_and_turn(void **state)
     test_pool_free(&f.pool);
 }
 
-static void two_are_found_and_told_apart(void **state)
+static void two_are_found_and_distinguished(void **state)
 {
     cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
@@ -183,8 +182,7 @@ static int is_of_sides(const finder *f, cairn_vec2 place, int from, int to)
     return nearest >= from && nearest < to;
 }
 
-/* Samples of the paths of which a side lies next to a place of the outline that a segment goes
- * along. */
+/* Samples of the paths with a side next to a place of the outline that a segment covers. */
 static int32_t samples_seen(const finder *f, const cairn_contour_grouping_result *r,
                             const cairn_contour_grouping_object *o)
 {
@@ -211,8 +209,8 @@ static int32_t samples_seen(const finder *f, const cairn_contour_grouping_result
     return seen;
 }
 
-/* One end is hidden, then the other: what is left is grouped, with less evidence, and it is said
- * which part was seen. */
+/* One end is hidden, then the other: the rest is grouped, with less evidence, and the visible part
+ * is reported. */
 static void a_part_is_enough(void **state)
 {
     cairn_contour_grouping_params params = small_params();
@@ -262,7 +260,7 @@ static void a_part_is_enough(void **state)
 }
 
 /* A third of it lies beyond the border of the image. */
-static void what_the_border_cuts_is_found(void **state)
+static void objects_cut_by_the_border_are_found(void **state)
 {
     cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
@@ -286,9 +284,9 @@ static void what_the_border_cuts_is_found(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Not there, upside down, or of another size than asked for: nothing is reported, but for the
- * best score. */
-static void what_is_not_there_is_not_found(void **state)
+/* Absent, upside down, or of another size than requested: nothing is reported but the best
+ * score. */
+static void absent_objects_are_not_found(void **state)
 {
     cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
@@ -324,28 +322,28 @@ static void what_is_not_there_is_not_found(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- The slow twin: evidence of a pose from all tokens of the image ---- */
+/* ---- The reference implementation: evidence of a pose from all tokens of the image ---- */
 
-enum { TWIN_MOST = 2000, TWIN_CELLS = 5 };
+enum { REFERENCE_MOST = 2000, REFERENCE_CELLS = 5 };
 
-typedef struct twin_token {
+typedef struct reference_token {
     double x, y, dx, dy, half;
     int32_t chain;
-} twin_token;
+} reference_token;
 
-typedef struct twin {
-    twin_token token[TWIN_MOST];
+typedef struct reference {
+    reference_token token[REFERENCE_MOST];
     int32_t count;
     double size, cosine, sine, ox, oy; /* the pose */
     double deform, turn, spacing, chance;
-} twin;
+} reference;
 
-typedef struct twin_cell {
+typedef struct reference_cell {
     double cost, off, value;
     int32_t token;
-} twin_cell;
+} reference_cell;
 
-static void twin_cut(twin *t, const scene *s, double token)
+static void reference_cut(reference *t, const scene *s, double token)
 {
     double length_of_all = 0;
     int32_t chain = 0;
@@ -359,7 +357,7 @@ static void twin_cut(twin *t, const scene *s, double token)
         if (i > 0 && hypot(ax - (double)s->lines[i - 1].b.x, ay - (double)s->lines[i - 1].b.y) > 3)
             chain++;
         for (int k = 0; k < parts; k++) {
-            twin_token *p = &t->token[t->count++];
+            reference_token *p = &t->token[t->count++];
 
             p->x = ax + (k + 0.5) / parts * (bx - ax);
             p->y = ay + (k + 0.5) / parts * (by - ay);
@@ -373,49 +371,49 @@ static void twin_cut(twin *t, const scene *s, double token)
     t->chance = 0.25 * log(fmax(1, length_of_all / (WIDTH * HEIGHT * 0.035)));
 }
 
-static double twin_sense(const twin *t, int32_t token, double ux, double uy)
+static double reference_sense(const reference *t, int32_t token, double ux, double uy)
 {
     return t->token[token].dx * ux + t->token[token].dy * uy >= 0 ? 1 : -1;
 }
 
-/* 2 where the chain of a token goes on. */
-static double twin_leave(const twin *t, int32_t token, double ux, double uy, int ahead)
+/* 2 where the chain of a token continues. */
+static double reference_leave(const reference *t, int32_t token, double ux, double uy, int ahead)
 {
-    int32_t next = token + 2 * ahead * (int)twin_sense(t, token, ux, uy);
+    int32_t next = token + 2 * ahead * (int)reference_sense(t, token, ux, uy);
 
     return next >= 0 && next < t->count && t->token[next].chain == t->token[token].chain ? 2 : 0;
 }
 
-static double twin_step(const twin *t, const twin_cell *a, const twin_cell *b, double ux, double uy,
-                        double bend)
+static double reference_step(const reference *t, const reference_cell *a, const reference_cell *b,
+                             double ux, double uy, double bend)
 {
     int32_t ahead;
 
     if (a->token == b->token)
         return 0;
     if (a->token < 0)
-        return 0.4 + twin_leave(t, b->token, ux, uy, -1);
+        return 0.4 + reference_leave(t, b->token, ux, uy, -1);
     if (b->token < 0)
-        return 0.4 + twin_leave(t, a->token, ux, uy, 1);
-    ahead = (b->token - a->token) * (int)twin_sense(t, b->token, ux, uy);
+        return 0.4 + reference_leave(t, a->token, ux, uy, 1);
+    ahead = (b->token - a->token) * (int)reference_sense(t, b->token, ux, uy);
     if (t->token[a->token].chain == t->token[b->token].chain && ahead >= 0 && ahead <= 3)
         return -bend;
-    return 0.8 + (b->off - a->off) * (b->off - a->off) + twin_leave(t, a->token, ux, uy, 1) +
-           twin_leave(t, b->token, ux, uy, -1);
+    return 0.8 + (b->off - a->off) * (b->off - a->off) + reference_leave(t, a->token, ux, uy, 1) +
+           reference_leave(t, b->token, ux, uy, -1);
 }
 
-/* The cells of a place of the outline; their number. */
-static int twin_look(const twin *t, double x, double y, double ux, double uy, double bend,
-                     twin_cell *cell)
+/* The cells of a place of the outline; returns their number. */
+static int reference_cells(const reference *t, double x, double y, double ux, double uy,
+                           double bend, reference_cell *cell)
 {
-    double sigma = t->deform * t->size, wide = fmax(sigma, 1.5), worth = 1 - 0.65 * (1 - bend);
+    double sigma = t->deform * t->size, wide = fmax(sigma, 1.5), reward = 1 - 0.65 * (1 - bend);
     double reach = fmin(fmax(3 * sigma, 4) + 5, 64);
     int count = 1;
 
     cell[0].token = -1;
     cell[0].value = -0.15 * t->spacing / 0.08;
     for (int32_t i = 0; i < t->count; i++) {
-        const twin_token *p = &t->token[i];
+        const reference_token *p = &t->token[i];
         double along = fmax(-p->half, fmin(p->half, (x - p->x) * p->dx + (y - p->y) * p->dy));
         double fx = p->x + along * p->dx - x, fy = p->y + along * p->dy - y, cost;
         int at;
@@ -425,23 +423,23 @@ static int twin_look(const twin *t, double x, double y, double ux, double uy, do
             continue;
         cost = pow((ux * fy - uy * fx) / wide, 2) + pow((ux * fx + uy * fy) / (2 * wide), 2);
         cost = (cost + pow((ux * p->dy - uy * p->dx) / t->turn, 2)) / 2;
-        if (cost > 4.5 || (count == TWIN_CELLS && cost >= cell[count - 1].cost))
+        if (cost > 4.5 || (count == REFERENCE_CELLS && cost >= cell[count - 1].cost))
             continue;
-        count += count < TWIN_CELLS;
+        count += count < REFERENCE_CELLS;
         for (at = count - 1; at > 1 && cell[at - 1].cost > cost; at--)
             cell[at] = cell[at - 1];
         cell[at].cost = cost;
         cell[at].token = i;
         cell[at].off = (ux * fy - uy * fx) / sigma;
-        cell[at].value =
-            t->spacing / 0.08 * (fmax(2.14 * worth - 6.25 * cost, 0.5 * worth - cost) - t->chance);
+        cell[at].value = t->spacing / 0.08 *
+                         (fmax(2.14 * reward - 6.25 * cost, 0.5 * reward - cost) - t->chance);
     }
     return count;
 }
 
-static double twin_evidence(const twin *t, const cairn_shape_model *m)
+static double reference_evidence(const reference *t, const cairn_shape_model *m)
 {
-    static twin_cell cell[512][TWIN_CELLS];
+    static reference_cell cell[512][REFERENCE_CELLS];
     int count = 0, before = 0;
     double best = -1e9;
 
@@ -456,14 +454,14 @@ static double twin_evidence(const twin *t, const cairn_shape_model *m)
         double bend = 1 - exp(((double)cairn_vec2_dot(p->direction, q->direction) - 1) / 0.0667);
 
         before = count;
-        count = twin_look(t, t->ox + t->cosine * mx - t->sine * my,
-                          t->oy + t->sine * mx + t->cosine * my, ux, uy, bend, cell[i]);
+        count = reference_cells(t, t->ox + t->cosine * mx - t->sine * my,
+                                t->oy + t->sine * mx + t->cosine * my, ux, uy, bend, cell[i]);
         for (int k = 0; k < count && i > 0; k++) {
             double most = -1e9;
 
             for (int j = 0; j < before; j++)
-                most = fmax(most, cell[i - 1][j].value -
-                                      twin_step(t, &cell[i - 1][j], &cell[i][k], ux, uy, bend));
+                most = fmax(most, cell[i - 1][j].value - reference_step(t, &cell[i - 1][j],
+                                                                        &cell[i][k], ux, uy, bend));
             cell[i][k].value += most;
         }
     }
@@ -472,14 +470,14 @@ static double twin_evidence(const twin *t, const cairn_shape_model *m)
     return best;
 }
 
-static void evidence_is_that_of_the_slow_twin(void **state)
+static void evidence_is_that_of_the_reference(void **state)
 {
     cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
 
     (void)state;
     for (int i = 0; i < 6; i++) {
-        static twin t;
+        static reference t;
         double w = 0;
         scene s = {.count = 0};
         cairn_contour_grouping_input in;
@@ -503,17 +501,18 @@ static void evidence_is_that_of_the_slow_twin(void **state)
             w += (double)cairn_vec2_norm(
                 cairn_vec2_sub(f.model.outline[k].position, f.model.outline[k - 1].position));
         t.spacing = w / f.model.outline_count;
-        twin_cut(&t, &s, (double)params.token_length);
+        reference_cut(&t, &s, (double)params.token_length);
         assert_int_equal(r.token_count, t.count);
-        assert_near(r.objects[0].evidence, twin_evidence(&t, &f.model), 0.02);
+        assert_near(r.objects[0].evidence, reference_evidence(&t, &f.model), 0.02);
     }
     test_pool_free(&f.pool);
 }
 
 /* ---- Degenerate input ---- */
 
-/* Pairs of lines, each a token, that may be both sides of a sample, by angles. */
-static int32_t twin_sights(const finder *f, const scene *s, const cairn_contour_grouping_input *in)
+/* Pairs of lines, each a token, that may be the two sides of a sample, judged by angles. */
+static int32_t reference_hypotheses(const finder *f, const scene *s,
+                                    const cairn_contour_grouping_input *in)
 {
     int32_t count = 0;
 
@@ -544,7 +543,7 @@ static int32_t twin_sights(const finder *f, const scene *s, const cairn_contour_
     return count;
 }
 
-static void first_sight_passes_nothing_over(void **state)
+static void hypothesis_generation_skips_no_pose(void **state)
 {
     static const double turns[][2] = {{-15, 15}, {-180, 180}, {20, 50}, {-90, 90},
                                       {-89, 89}, {150, 180},  {0, 1}};
@@ -571,7 +570,7 @@ static void first_sight_passes_nothing_over(void **state)
         in.max_size = 150;
         in.min_turn = (cairn_real)(turns[i][0] * DEGREE);
         in.max_turn = (cairn_real)(turns[i][1] * DEGREE);
-        wanted = twin_sights(&f, &s, &in);
+        wanted = reference_hypotheses(&f, &s, &in);
         r = group(&f, &in);
         assert_int_equal(r.token_count, s.count);
         assert_int_equal(r.hypothesis_count, wanted);
@@ -581,7 +580,7 @@ static void first_sight_passes_nothing_over(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Edges everywhere: so many tokens as there is room for, evenly; and it comes to an end. */
+/* Edges everywhere: tokens up to the capacity, evenly distributed; and the search ends. */
 static void an_image_full_of_edges_is_thinned_out(void **state)
 {
     cairn_contour_grouping_params params = small_params();
@@ -625,7 +624,7 @@ static void an_image_full_of_edges_is_thinned_out(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A triangle is a model as well; an image of one pixel has nothing in it. */
+/* A triangle is a valid model; an image of one pixel is empty. */
 static void small_models_and_images(void **state)
 {
     cairn_contour_grouping_params params = small_params();
@@ -660,8 +659,8 @@ static void small_models_and_images(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Without a term it still groups; steps stop early where nothing fits; a longer path needs no
- * larger pool but for its trace. */
+/* Without one of the terms it still groups; steps stop early where nothing fits; a longer path
+ * needs no larger pool but for its trace. */
 static void parts_can_be_switched_off(void **state)
 {
     cairn_contour_grouping_params params = small_params(), longer = params;
@@ -875,15 +874,15 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(it_is_found_in_clutter_at_any_size_and_turn),
-        cmocka_unit_test(two_are_found_and_told_apart),
+        cmocka_unit_test(two_are_found_and_distinguished),
         cmocka_unit_test(a_part_is_enough),
-        cmocka_unit_test(what_the_border_cuts_is_found),
-        cmocka_unit_test(evidence_is_that_of_the_slow_twin),
-        cmocka_unit_test(first_sight_passes_nothing_over),
+        cmocka_unit_test(objects_cut_by_the_border_are_found),
+        cmocka_unit_test(evidence_is_that_of_the_reference),
+        cmocka_unit_test(hypothesis_generation_skips_no_pose),
         cmocka_unit_test(an_image_full_of_edges_is_thinned_out),
         cmocka_unit_test(small_models_and_images),
         cmocka_unit_test(parts_can_be_switched_off),
-        cmocka_unit_test(what_is_not_there_is_not_found),
+        cmocka_unit_test(absent_objects_are_not_found),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(bad_input_is_refused),
         cmocka_unit_test(bad_params_are_refused),

@@ -1,11 +1,11 @@
-/* Contours of known shapes in drawn pictures of edges: found where they are, as they are and
- * mirrored, with both kinds of tokens; the walk watched; pictures with nothing, with edges
- * everywhere, and those that are too large. */
+/* The search for contours of known shapes in drawn edge images: found at their places, mirrored
+ * too, with both kinds of tokens; the trace; images with nothing, with edges everywhere, and too
+ * large ones. */
 #include "tests/flag_picture.h"
 
 #include "src/host/contour_search_work.h"
 
-static int32_t samples; /* of the model that was searched last */
+static int32_t samples; /* of the model searched last */
 
 static cairn_contour_search_result run(const cairn_contour_search_tokens *tokens,
                                        const cairn_contour_search_params *params)
@@ -19,7 +19,7 @@ static cairn_contour_search_result run(const cairn_contour_search_tokens *tokens
     return result;
 }
 
-/* Every index is one of the list it points into. */
+/* Every index is within the list it refers to. */
 static void assert_whole(const cairn_contour_search_result *r, const cairn_contour_search_tokens *t)
 {
     for (int32_t i = 0; i < r->object_count; i++) {
@@ -38,7 +38,7 @@ static void assert_whole(const cairn_contour_search_result *r, const cairn_conto
             assert_true(r->discs[i].side[side] >= -1 && r->discs[i].side[side] < t->count);
 }
 
-/* A search that always reports its best. */
+/* A search that always reports its best candidate. */
 static cairn_contour_search_params generous(void)
 {
     cairn_contour_search_params params = cairn_contour_search_default(WIDTH, HEIGHT);
@@ -72,7 +72,7 @@ static void check_found(double x, double y, double scale, int mirrored, int32_t 
     assert_near(o->found.origin.x, x + (mirrored ? -40 : 40) * scale, 0.06 * size);
     assert_near(o->found.origin.y, y + 60 * scale, 0.06 * size);
     assert_true(r.best_score >= o->found.score);
-    /* Of the axis most discs have both sides, and lie inside the flag. */
+    /* Most discs of the axis have both sides, and lie inside the flag. */
     for (int32_t k = 0; k < samples; k++) {
         const cairn_contour_search_disc *d = &r.discs[o->first_disc + k];
 
@@ -99,7 +99,7 @@ static void test_found_among_edgels(void **state)
     check_found(60, 40, 1, 0, 1);
 }
 
-/* Without the mirror there is one trace, and the mirrored flag is not the best. */
+/* Without mirroring there is one trace, and the mirrored flag is not the best. */
 static void test_without_mirror(void **state)
 {
     cairn_contour_search_params params = generous();
@@ -147,9 +147,9 @@ static void test_both_of_two(void **state)
     cairn_contour_search_tokens_free(&tokens);
 }
 
-/* Of a flag alone in the picture all edges but bits about the corners belong to the object, each
+/* Of a flag alone in the image all edges but short ones at the corners belong to the object, each
  * segment once. */
-/* A flag of which the picture's border cuts off the tip of the cloth. */
+/* A flag whose tip is cut off by the border of the image. */
 static void test_cut_by_the_border(void **state)
 {
     cairn_contour_search_params params = generous();
@@ -172,7 +172,7 @@ static void test_cut_by_the_border(void **state)
     cairn_contour_search_tokens_free(&tokens);
 }
 
-/* A triangle by its three corners is a model like any other. */
+/* A triangle given by its three corners is a valid model. */
 static void test_model_of_three_points(void **state)
 {
     static const cairn_vec2 corners[] = {{0, 0}, {90, 10}, {30, 100}};
@@ -249,12 +249,12 @@ static void draw_level(cairn_oriented_point outline[LEVEL])
     }
 }
 
-/* Such an outline, and edges about it: which of them are collected, and their order. */
+/* Such an outline with edges around it: which of them are collected, and in which order. */
 static void collect(const cairn_segment *lines, const int32_t *chains, int32_t count,
                     const char *wanted)
 {
     cairn_oriented_point outline[LEVEL];
-    contour_fitted_outline laid = {outline, LEVEL, {100, 100}, 200};
+    contour_fitted_outline placed = {outline, LEVEL, {100, 100}, 200};
     cairn_contour_search_tokens tokens;
     int32_t list[16], listed = 0, known[16] = {0};
 
@@ -263,7 +263,7 @@ static void collect(const cairn_segment *lines, const int32_t *chains, int32_t c
     tokens.lines = (cairn_segment *)lines;
     tokens.chain = (int32_t *)chains;
     tokens.count = count;
-    assert_true(cairn_contour_search_collect_segments(&tokens, &laid, list, &listed));
+    assert_true(cairn_contour_search_collect_segments(&tokens, &placed, list, &listed));
     for (int32_t i = 0; i < listed; i++) {
         known[list[i]]++;
         if (i > 0)
@@ -284,7 +284,7 @@ static void make_row(cairn_segment row[8], cairn_real y)
     }
 }
 
-static void test_what_lies_along(void **state)
+static void test_edges_along_the_outline(void **state)
 {
     static const int32_t apart[8] = {0, 1, 2, 3, 4, 5, 6, 7};
     cairn_segment row[8];
@@ -295,7 +295,7 @@ static void test_what_lies_along(void **state)
     collect(row, apart, 8, "++++++++");
     make_row(row, 110);
     collect(row, apart, 8, "........");
-    /* Turned by less than 37 degrees. */
+    /* Rotated by less than 37 degrees. */
     make_row(row, 100);
     row[2].a.y = 94;
     row[2].b.y = 106;
@@ -307,14 +307,14 @@ static void test_what_lies_along(void **state)
     row[5].a.y = 94;
     row[5].b.y = 106;
     collect(row, apart, 8, "+++.+.++");
-    /* Not beyond a size from the middle. */
+    /* Not farther than one size from the middle. */
     make_row(row, 100);
     row[7].a.x = 310;
     row[7].b.x = 330;
     collect(row, apart, 8, "+++++++.");
 }
 
-static void test_what_is_completed(void **state)
+static void test_completed_outlines(void **state)
 {
     static const int32_t one[8] = {0, 0, 0, 0, 0, 0, 0, 0}, two[8] = {0, 0, 0, 0, 1, 1, 1, 1};
     cairn_segment row[8];
@@ -326,13 +326,13 @@ static void test_what_is_completed(void **state)
     collect(row, one, 8, "++++++++");
     row[3].a.y = row[3].b.y = row[4].a.y = row[4].b.y = 145;
     collect(row, one, 8, "+++..+++");
-    /* An edge that leaves the outline slowly is followed, and its chain behind it. */
+    /* An edge that leaves the outline gradually is followed, with the rest of its chain. */
     make_row(row, 100);
     for (int32_t i = 0; i < 8; i++)
         row[i].a.y = row[i].b.y = (cairn_real)(100 + 3 * i);
     collect(row, one, 8, "++++++++");
-    /* Across a junction to a chain that begins there, 13 px off, behind one that is 8 px off;
-     * not to one that begins 6 px away. */
+    /* Across a junction to a chain that begins there, 13 px off, behind one that is 8 px off; not
+     * to one that begins 6 px away. */
     make_row(row, 108);
     for (int32_t i = 4; i < 8; i++)
         row[i].a.y = row[i].b.y = 113;
@@ -345,13 +345,13 @@ static void test_what_is_completed(void **state)
     collect(row, two, 8, "++++....");
 }
 
-/* A bow over a box: what leaves the outline is followed for a third of the size, out of the box
- * for a fifth, not round a sharp bend. */
-static void test_what_is_followed(void **state)
+/* A bow over a box: what leaves the outline is followed for a third of the size; out of the box for
+ * a fifth; never round a sharp bend. */
+static void test_edges_that_are_followed(void **state)
 {
     static const int32_t one[8] = {0, 0, 0, 0, 0, 0, 0, 0}, two[8] = {0, 0, 0, 1, 1, 1, 1, 1};
     cairn_oriented_point outline[40];
-    contour_fitted_outline laid = {outline, 40, {100, 100}, 200};
+    contour_fitted_outline placed = {outline, 40, {100, 100}, 200};
     cairn_contour_search_tokens tokens;
     cairn_segment row[8];
     int32_t list[8], listed;
@@ -366,7 +366,7 @@ static void test_what_is_followed(void **state)
         outline[i].direction.x = 1;
         outline[i].direction.y = 0;
     }
-    /* Along the upper side, then steadily down into the box: 14 px each in length. */
+    /* Along the upper side, then gradually down into the box: each 14 px long. */
     for (int32_t k = 0; k < 4; k++) {
         for (int32_t i = 0; i < 8; i++) {
             row[i].a.x = (cairn_real)(20 + 10 * i);
@@ -384,21 +384,21 @@ static void test_what_is_followed(void **state)
             row[i].a.y = (cairn_real)(40 + 20 * (i - 3));
             row[i].b.y = row[i].a.y + 20;
         }
-        assert_true(cairn_contour_search_collect_segments(&tokens, &laid, list, &listed));
+        assert_true(cairn_contour_search_collect_segments(&tokens, &placed, list, &listed));
         assert_int_equal(listed, k < 2 ? 7 : k == 2 ? 6 : 3);
     }
 }
 
-/* Pieces of an outline of two parts that no segment goes along. */
-/* Under a line that ends in a gap of its drawing: what begins below it, off by 8 px and at a
- * right angle, is followed about the gap, and only there. */
-static void test_what_goes_on_at_a_gap(void **state)
+/* Intervals of an outline of two parts that no segment covers. */
+/* Below a line that ends in a gap of its drawing: edges that begin below it, 8 px off and at a
+ * right angle, are followed near the gap only. */
+static void test_edges_are_followed_at_a_gap(void **state)
 {
     static const int32_t apart[3] = {0, 1, 2};
     const cairn_segment lines[3] = {
         {{150, 100}, {170, 100}}, {{170, 108}, {170, 128}}, {{170, 135}, {170, 138}}};
     cairn_oriented_point outline[LEVEL];
-    contour_fitted_outline laid = {outline, LEVEL, {100, 100}, 200};
+    contour_fitted_outline placed = {outline, LEVEL, {100, 100}, 200};
     contour_gaps gaps = {.at = {{200, 100}}, .count = 0};
     cairn_contour_search_tokens tokens;
     int32_t list[3], listed;
@@ -409,17 +409,17 @@ static void test_what_goes_on_at_a_gap(void **state)
     tokens.lines = (cairn_segment *)lines;
     tokens.chain = (int32_t *)apart;
     tokens.count = 3;
-    assert_true(cairn_contour_search_collect_with_gaps(&tokens, &laid, &gaps, list, &listed));
+    assert_true(cairn_contour_search_collect_with_gaps(&tokens, &placed, &gaps, list, &listed));
     assert_int_equal(listed, 1);
     gaps.count = 1;
-    assert_true(cairn_contour_search_collect_with_gaps(&tokens, &laid, &gaps, list, &listed));
+    assert_true(cairn_contour_search_collect_with_gaps(&tokens, &placed, &gaps, list, &listed));
     assert_int_equal(listed, 3);
     gaps.at[0].x = 50;
-    assert_true(cairn_contour_search_collect_with_gaps(&tokens, &laid, &gaps, list, &listed));
+    assert_true(cairn_contour_search_collect_with_gaps(&tokens, &placed, &gaps, list, &listed));
     assert_int_equal(listed, 1);
 }
 
-static void test_pieces_not_seen(void **state)
+static void test_intervals_not_seen(void **state)
 {
     static const char seen[] = "..++.+..|..+++..", *const wanted = "aa++b+cc|dd+++ee";
     cairn_contour_search_place outline[16];
@@ -448,9 +448,9 @@ static void test_pieces_not_seen(void **state)
     assert_int_equal(count, 0);
 }
 
-/* A flag of which a piece of the pole is hidden: that piece, and hardly more, is predicted,
- * where it would be. */
-static void test_hidden_piece_is_predicted(void **state)
+/* A flag with an interval of the pole hidden: that interval, and hardly more, is predicted, at its
+ * place. */
+static void test_hidden_interval_is_predicted(void **state)
 {
     cairn_contour_search_params params = generous();
     cairn_contour_search_tokens tokens;
@@ -486,7 +486,7 @@ static void test_hidden_piece_is_predicted(void **state)
     cairn_contour_search_tokens_free(&tokens);
 }
 
-/* ---- The walk watched ---- */
+/* ---- The trace of the walk ---- */
 
 typedef struct watch {
     int32_t calls[2], last;
@@ -534,7 +534,7 @@ static void test_the_walk_is_watched(void **state)
         for (int32_t i = 0; i < r.steps[m]; i++)
             assert_in_range(r.mode_counts[m][i], 1, r.trace[m][i].particles);
     }
-    /* Who watches changes nothing. */
+    /* Tracing changes nothing. */
     assert_int_equal(r.object_count, silent.object_count);
     assert_memory_equal(r.segments, silent.segments, (size_t)r.segment_count * sizeof *r.segments);
     cairn_contour_search_result_free(&silent);
@@ -553,7 +553,7 @@ static void test_no_walk_no_particles(void **state)
     assert_int_equal(cairn_contour_grouping_particles(NULL, NULL, 0, NULL), 0);
 }
 
-/* Objects with less than what is asked for are not reported, but the best there is said. */
+/* Objects below the threshold are not reported, but the best score is. */
 static void test_least_of_evidence_and_score(void **state)
 {
     (void)state;
@@ -577,8 +577,8 @@ static void test_least_of_evidence_and_score(void **state)
     }
 }
 
-/* A flag as it was drawn, and one whose edges are shifted in its lower half: of that the shape
- * takes more from the evidence. */
+/* A flag as drawn, and one whose edges are shifted in its lower half: its shape term is more
+ * negative. */
 static void test_shape_counts(void **state)
 {
     cairn_real left[2];
@@ -615,7 +615,7 @@ static void test_shape_counts(void **state)
     assert_true(left[1] < left[0] - 3);
 }
 
-/* Of edges in three strengths each has the share of the length that is weaker. */
+/* For edges of three strengths the share of the length that is weaker. */
 static void test_strengths(void **state)
 {
     cairn_contour_search_tokens tokens;
@@ -635,7 +635,7 @@ static void test_strengths(void **state)
     cairn_contour_search_tokens_free(&tokens);
 }
 
-/* ---- Pictures with nothing in them, or too much ---- */
+/* ---- Empty images, and full ones ---- */
 
 static void test_empty_and_full(void **state)
 {
@@ -729,12 +729,12 @@ int main(void)
         cmocka_unit_test(test_cut_by_the_border),
         cmocka_unit_test(test_model_of_three_points),
         cmocka_unit_test(test_completed_along_the_chains),
-        cmocka_unit_test(test_what_lies_along),
-        cmocka_unit_test(test_what_is_completed),
-        cmocka_unit_test(test_what_is_followed),
-        cmocka_unit_test(test_what_goes_on_at_a_gap),
-        cmocka_unit_test(test_pieces_not_seen),
-        cmocka_unit_test(test_hidden_piece_is_predicted),
+        cmocka_unit_test(test_edges_along_the_outline),
+        cmocka_unit_test(test_completed_outlines),
+        cmocka_unit_test(test_edges_that_are_followed),
+        cmocka_unit_test(test_edges_are_followed_at_a_gap),
+        cmocka_unit_test(test_intervals_not_seen),
+        cmocka_unit_test(test_hidden_interval_is_predicted),
         cmocka_unit_test(test_the_walk_is_watched),
         cmocka_unit_test(test_no_walk_no_particles),
         cmocka_unit_test(test_least_of_evidence_and_score),

@@ -1,4 +1,4 @@
-/* contour_search_ends: the segments that meet are those of comparing all with all. */
+/* contour_search_ends: the meeting segments are those found by comparing all pairs. */
 #include "tests/test.h"
 
 #include "src/host/contour_search_ends.h"
@@ -48,8 +48,8 @@ static void finds_all_that_meet(void **state)
             lines[i].a.y = cairn_random_uniform(&random, 0, 1) * width;
             lines[i].b.x = lines[i].a.x + cairn_random_uniform(&random, -reach, reach);
             lines[i].b.y = lines[i].a.y + cairn_random_uniform(&random, -reach, reach);
-            /* Every third begins about where the one before ends, and some to the bit as far off
-             * as ends may lie. */
+            /* Every third begins near the end of the one before, some exactly at the greatest
+             * distance. */
             if (i % 3 == 2) {
                 lines[i].a = lines[i - 1].b;
                 lines[i].a.x += i % 2 == 0 ? APART : cairn_random_uniform(&random, -5, 5);

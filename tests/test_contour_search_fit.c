@@ -1,5 +1,5 @@
-/* An outline bent onto edges: the field beside its slow twin, shapes of other proportions and
- * with parts shifted, parts that are hidden, nothing to bend onto. */
+/* Outline fitting: the field compared with its reference implementation; shapes of other
+ * proportions and with parts shifted; hidden parts; nothing to fit to. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -49,8 +49,8 @@ static void add_line(cairn_vec2 a, cairn_vec2 b)
     tokens.count++;
 }
 
-/* A jug at (100, 80), as wide and high as said, its spout lower by `down`; without its sides of
- * which `hidden` has a bit. */
+/* A jug at (100, 80) of the given width and height, its spout lower by `down`; without the sides in
+ * the bit set `hidden`. */
 static void draw_jug(double wide, double high, double down, int32_t hidden,
                      cairn_vec2 corners[CORNERS])
 {
@@ -64,7 +64,7 @@ static void draw_jug(double wide, double high, double down, int32_t hidden,
             add_line(corners[i], corners[(i + 1) % CORNERS]);
 }
 
-/* The model laid over it as it is. */
+/* The model placed over it unchanged. */
 static cairn_contour_grouping_object object_at(const cairn_shape_model *model)
 {
     cairn_contour_grouping_object o;
@@ -91,7 +91,7 @@ static cairn_real distance_to(const cairn_vec2 corners[CORNERS], cairn_vec2 p)
 typedef struct bent {
     /* px: distances of the outline's samples from the drawn jug */
     cairn_real evidence, mean, most;
-    /* of the object; mean worth of the samples that lie nearest to hidden sides */
+    /* of the object; mean log-likelihood ratio of the samples nearest to hidden sides */
     cairn_real size, hidden;
     cairn_vec2 origin;
 } bent;
@@ -137,7 +137,7 @@ static bent bend(const cairn_vec2 corners[CORNERS], int32_t hidden)
     return b;
 }
 
-static void test_field_beside_its_twin(void **state)
+static void test_field_beside_its_reference(void **state)
 {
     cairn_random random = cairn_random_seed(3, 1);
     contour_field *field = cairn_contour_search_field_new();
@@ -149,7 +149,7 @@ static void test_field_beside_its_twin(void **state)
     o.origin.x = o.origin.y = 96;
     o.size = 128;
     clear_lines();
-    /* In cells of a pixel, single points of a direction each. */
+    /* In cells of a pixel, single points, each of one direction. */
     for (int32_t i = 0; i < 40; i++) {
         cairn_vec2 a = {cairn_floor(cairn_random_uniform(&random, 5, 185)) + CAIRN_REAL(0.5),
                         cairn_floor(cairn_random_uniform(&random, 5, 185)) + CAIRN_REAL(0.5)};
@@ -206,8 +206,8 @@ static void test_directions(void **state)
     }
 }
 
-/* As drawn, wider, lower, with the spout elsewhere: the outline comes to lie on the edges, and
- * more of bending is less evidence. */
+/* As drawn, wider, lower, with the spout elsewhere: the outline is fitted to the edges, and more
+ * deformation gives less evidence. */
 static void test_bends_onto_edges(void **state)
 {
     static const double wide[] = {1, 1.2, 0.85, 1}, high[] = {1, 0.95, 1.1, 1},
@@ -229,7 +229,8 @@ static void test_bends_onto_edges(void **state)
     }
 }
 
-/* What is hidden is predicted: it goes along with what is seen, and is worth less than nothing. */
+/* Hidden parts are predicted: they move with the visible ones, and their log-likelihood ratio is
+ * below zero. */
 static void test_hidden_parts(void **state)
 {
     const int32_t hidden = 1 << 5 | 1 << 0;
@@ -246,7 +247,7 @@ static void test_hidden_parts(void **state)
     assert_true(part.evidence < whole.evidence - 5 && part.evidence > 0);
 }
 
-/* The object's pose becomes that of the bent outline. */
+/* The object's pose becomes that of the fitted outline. */
 static void test_pose_follows(void **state)
 {
     cairn_vec2 corners[CORNERS];
@@ -269,7 +270,7 @@ static void test_pose_follows(void **state)
     assert_near(bend(corners, 0).size, 1.12 * (double)b.size, 4);
 }
 
-static void test_nothing_to_bend_onto(void **state)
+static void test_no_edges_to_fit_to(void **state)
 {
     cairn_vec2 corners[CORNERS];
     bent b;
@@ -285,9 +286,12 @@ static void test_nothing_to_bend_onto(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_field_beside_its_twin), cmocka_unit_test(test_directions),
-        cmocka_unit_test(test_bends_onto_edges),      cmocka_unit_test(test_hidden_parts),
-        cmocka_unit_test(test_pose_follows),          cmocka_unit_test(test_nothing_to_bend_onto),
+        cmocka_unit_test(test_field_beside_its_reference),
+        cmocka_unit_test(test_directions),
+        cmocka_unit_test(test_bends_onto_edges),
+        cmocka_unit_test(test_hidden_parts),
+        cmocka_unit_test(test_pose_follows),
+        cmocka_unit_test(test_no_edges_to_fit_to),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,5 +1,5 @@
-/* The search in the mode as written: every step of the walk is reported, also of a single
- * particle; why the walk ended; refusals that say which argument was wrong. */
+/* The search as written: every step of the walk is reported, also of a single particle; why the
+ * walk ended; refusals that name the argument. */
 #include "tests/flag_picture.h"
 
 static cairn_contour_search_tokens written_tokens(void)
@@ -38,7 +38,7 @@ static void on_step(void *context, const cairn_contour_grouping_particle *partic
     w->steps++;
 }
 
-/* A walk of n steps has n + 1 discs: the report misses none. */
+/* A walk of n steps has n + 1 discs: the report has all of them. */
 static void on_walk(void *context, const cairn_contour_grouping_disc *discs, int32_t count)
 {
     watch *w = context;
@@ -78,13 +78,13 @@ static void test_every_step_is_reported(void **state)
             most = k == 0 && r.steps[0] > most ? r.steps[0] : most;
             cairn_contour_search_result_free(&r);
         }
-    /* Of one particle, too, there is something to miss. */
+    /* Also for one particle. */
     assert_true(most >= 2);
     cairn_contour_search_tokens_free(&tokens);
     cairn_shape_model_file_free(&model);
 }
 
-static void test_the_end_is_told(void **state)
+static void test_the_end_is_reported(void **state)
 {
     static const char *const ends[] = {"no start", "posterior", "no follower", "steps",
                                        "histories"};
@@ -170,7 +170,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_every_step_is_reported),
-        cmocka_unit_test(test_the_end_is_told),
+        cmocka_unit_test(test_the_end_is_reported),
         cmocka_unit_test(test_refusals_say_what_is_wrong),
     };
 

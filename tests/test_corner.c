@@ -57,7 +57,7 @@ static int32_t count_of(cairn_corner_set *set, cairn_segment s, cairn_segment t)
     return found;
 }
 
-/* ---- The obvious way: all pairs, angles by libc math ---- */
+/* ---- Reference implementation: all pairs, angles by libm ---- */
 
 static double distance(cairn_vec2 a, cairn_vec2 b)
 {
@@ -283,7 +283,7 @@ static void test_memory_is_exact(void **state)
         }
 }
 
-/* The corner of a room and of a box, and a thin wall's, under all exchanges of segments. */
+/* Corners of rooms, boxes and thin walls, under all exchanges of segments. */
 static void test_kind_and_legs(void **state)
 {
     struct fixture f = small_set();
@@ -304,8 +304,8 @@ static void test_kind_and_legs(void **state)
                 assert_int_equal(found, 1);
                 assert_near(c->position.x, 2, 1e-6);
                 assert_near(c->position.y, 1, 1e-6);
-                /* The upper wall leads away to the left, from there it is a quarter turn to the
-                 * one that leads down. */
+                /* The upper wall leads away to the left; from there it is a quarter turn to the one
+                 * that leads down. */
                 assert_near(c->leg[0].x, -1, 1e-6);
                 assert_near(c->leg[0].y, 0, 1e-6);
                 assert_near(c->leg[1].x, 0, 1e-6);
@@ -342,7 +342,7 @@ static void test_limits_of_the_opening(void **state)
     }
     test_pool_free(&f.pool);
 
-    /* The opening is that between the legs, not the lesser one of the lines. */
+    /* The opening is the angle between the legs, not the smaller angle of the lines. */
     {
         cairn_corner_params p = cairn_corner_default();
 
@@ -376,7 +376,7 @@ static void test_limits_of_the_distance(void **state)
     /* Crossing walls. */
     assert_int_equal(count_of(f.set, s, segment(0.2, -0.2, 0.2, 2)), 1);
     assert_int_equal(count_of(f.set, s, segment(0.2, -0.4, 0.2, 2)), 0);
-    /* Without length, and with equal lines. */
+    /* Of zero length, and with equal lines. */
     assert_int_equal(count_of(f.set, s, segment(0, 0, 0, 0)), 0);
     assert_int_equal(count_of(f.set, s, s), 0);
     test_pool_free(&f.pool);
@@ -527,7 +527,7 @@ static void test_ties_by_index(void **state)
 static void test_merging(void **state)
 {
     struct fixture f = small_set();
-    /* A corner, seen again a little off and shorter. */
+    /* A corner, seen again slightly displaced and shorter. */
     cairn_segment s[4] = {segment(0, 0, 2, 0), segment(0, 2, 0, 0), segment(0.05, 0.05, 1, 0.05),
                           segment(0.05, 1, 0.05, 0.05)};
     int32_t found;
@@ -540,7 +540,7 @@ static void test_merging(void **state)
     s[2] = reversed(s[2]);
     s[3] = reversed(s[3]);
     c = search(f.set, s, 4, &found);
-    assert_int_equal(found, 3); /* and those of one segment of each, which are one */
+    assert_int_equal(found, 3); /* and those of one segment of each, which are merged */
     assert_int_equal(c[0].kind, CAIRN_CORNER_CONCAVE);
     assert_int_equal(c[1].kind, CAIRN_CORNER_MIXED);
     assert_int_equal(c[2].kind, CAIRN_CORNER_CONVEX);
@@ -589,7 +589,7 @@ static void test_budgets_are_equal(void **state)
             steps++;
         } while (status == CAIRN_MORE);
         assert_ok(status);
-        /* As counted once: what a change of the charges or of the work done would change. */
+        /* Fixed values: they change when the charges or the amount of work change. */
         assert_int_equal(units, NUMBER(4091, 4308));
         assert_true(steps > (budgets[i] == 1 ? 300 : budgets[i] == 7 ? 100 : 1));
         c = cairn_corner_list(f.set, &count);
@@ -624,7 +624,7 @@ static void test_statuses(void **state)
     (void)search(f.set, s, 3, &found);
     assert_int_equal(found, 1);
 
-    /* What is not finite ends the search; the last result stays. */
+    /* Non-finite input ends the search; the last result stays. */
     for (int i = 0; i < 4; i++) {
         cairn_segment bad[3] = {s[0], s[1], s[2]};
         cairn_real *place = i == 0   ? &bad[2].a.x
@@ -641,7 +641,7 @@ static void test_statuses(void **state)
         assert_ok(cairn_corner_step(f.set, &none));
     }
 
-    /* No budget, then a new search in the middle of one. */
+    /* Zero budget, then a new search during another. */
     assert_ok(cairn_corner_begin(f.set, s, 3));
     assert_status(cairn_corner_step(f.set, &none), CAIRN_MORE);
     budget.left = 4;

@@ -1,4 +1,4 @@
-/* CSM's scans: every field, every way in which one can be wrong, files cut at every byte. */
+/* CSM's scans: every field, every fault, files truncated at every byte. */
 #include "tests/files.h"
 
 #include <math.h>
@@ -66,7 +66,8 @@ static void test_fields(void **state)
     assert_int_equal(scans.count, 0);
     assert_null(scans.scan);
 
-    /* Theta goes before the limits; of a single ray without it these give the first. */
+    /* Theta takes precedence over the limits; for a single ray without it the limits give the
+     * first. */
     load(&scans, "{\"nrays\":1,\"min_theta\":0.5,\"max_theta\":3,\"readings\":[1],\"valid\":[true]}"
                  "{\"nrays\":2,\"min_theta\":0,\"max_theta\":1,\"readings\":[1,2],\"theta\":[5,6],"
                  "\"valid\":[false,null]}");
@@ -108,7 +109,7 @@ static void test_params(void **state)
 #undef REFUSED
 }
 
-/* What the scanner room makes of them. */
+/* Their fit by the scan module. */
 static void test_as_scans(void **state)
 {
     cairn_scan_params params = cairn_scan_default();
@@ -223,14 +224,14 @@ static void test_refusals(void **state)
     }
 }
 
-/* Files that cannot be read, and one with more rays than a scan may have. */
+/* Unreadable files, and one with more rays than allowed. */
 static void test_files(void **state)
 {
     cairn_csm_scan_list scans;
     cairn_file_error error;
     gzFile zip = gzopen(files_path("scans.json.gz"), "wb");
-    size_t room = 300000, used = 0;
-    char *text = malloc(room), *packed;
+    size_t size = 300000, used = 0;
+    char *text = malloc(size), *packed;
 
     (void)state;
     assert_status(cairn_csm_scan_load(&scans, files_path("missing.json"), NULL, &error), CAIRN_IO);
@@ -247,10 +248,10 @@ static void test_files(void **state)
         CAIRN_TRUNCATED);
     free(packed);
     assert_non_null(text);
-    used = (size_t)snprintf(text, room, "{\"nrays\":1,\"readings\":[");
+    used = (size_t)snprintf(text, size, "{\"nrays\":1,\"readings\":[");
     for (int i = 0; i < 100001; i++)
-        used += (size_t)snprintf(text + used, room - used, "1,");
-    (void)snprintf(text + used, room - used, "1]}");
+        used += (size_t)snprintf(text + used, size - used, "1,");
+    (void)snprintf(text + used, size - used, "1]}");
     assert_status(cairn_csm_scan_load(&scans, files_write_text("many.json", text), NULL, &error),
                   CAIRN_FULL);
     assert_non_null(
@@ -294,7 +295,7 @@ static void test_many(void **state)
     free(text);
 }
 
-/* A file that is cut anywhere is refused, or is the scans before the cut. */
+/* A truncated file is refused, or gives the scans before the end. */
 static void test_cut_anywhere(void **state)
 {
     const char *second = strstr(whole, "}\n{") + 1;
@@ -319,7 +320,7 @@ static void test_cut_anywhere(void **state)
     }
 }
 
-/* A byte that is another one: never more than a refusal. */
+/* A changed byte causes a refusal at most. */
 static void test_any_byte_changed(void **state)
 {
     static const char bytes[] = "\"[]{},:0x-\\";

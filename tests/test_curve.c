@@ -28,7 +28,7 @@ static void walk(cairn_vec2 *points, int32_t count, uint64_t seed)
     }
 }
 
-/* ---- The obvious way: from the start for every sample ---- */
+/* ---- Reference implementation: from the start for every sample ---- */
 
 static double side_length(const cairn_curve *c, int32_t i)
 {
@@ -92,7 +92,7 @@ static void samples_are_even(void **state)
     }
 }
 
-/* A square with corners on samples, its first and last vertices twice. */
+/* A square with corners on samples, its first and last vertices doubled. */
 static void corners_take_the_side_behind(void **state)
 {
     static const cairn_vec2 square[] = {{0, 0}, {0, 0}, {2, 0}, {2, 2}, {0, 2}, {0, 2}};
@@ -113,7 +113,7 @@ static void corners_take_the_side_behind(void **state)
     for (int k = 0; k < 7; k++) {
         assert_near(samples[k].x, x[k], 0);
         assert_near(samples[k].y, y[k], 0);
-        /* The last vertex twice: the direction stays that of the side before. */
+        /* The last vertex doubled: the direction stays that of the side before. */
         assert_near(directions[k].x, k == 6 ? -1 : dx[k], 0);
         assert_near(directions[k].y, k == 6 ? 0 : dy[k], 0);
     }

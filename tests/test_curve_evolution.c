@@ -42,9 +42,9 @@ static cairn_curve_evolution_result evolve(evolving *e, const cairn_vec2 *points
     return cairn_curve_evolution_read(e->evolution);
 }
 
-/* ---- The obvious way: everything anew for each removal ---- */
+/* ---- Reference implementation: everything anew for each removal ---- */
 
-/* 1 when no two sides of the polygon share a point but neighbours their vertex. */
+/* 1 when no two sides of the polygon share a point, except neighbours their vertex. */
 static int is_simple(const cairn_vec2 *p, int32_t n)
 {
     for (int32_t i = 0; i < n; i++)
@@ -127,7 +127,7 @@ static void assert_as_slow(evolving *e, const cairn_vec2 *points, int32_t count)
     assert_as_slow_in(e, points, count, CAIRN_MODE_DEFAULT);
 }
 
-/* Seen whole from its middle: spikes of all lengths. */
+/* A star-shaped polygon: spikes of all lengths. */
 static void star(cairn_vec2 *p, int32_t count, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 0);
@@ -140,7 +140,7 @@ static void star(cairn_vec2 *p, int32_t count, uint64_t seed)
     }
 }
 
-/* A band wound up, half its vertices on either side. */
+/* A spiral band, half its vertices on either side. */
 static void spiral(cairn_vec2 *p, int32_t count)
 {
     int32_t half = count / 2;
@@ -153,7 +153,7 @@ static void spiral(cairn_vec2 *p, int32_t count)
     }
 }
 
-static void evolves_as_the_obvious_way(void **state)
+static void evolves_as_the_reference(void **state)
 {
     evolving e = new_evolving(MANY);
     cairn_vec2 p[MANY];
@@ -170,8 +170,8 @@ static void evolves_as_the_obvious_way(void **state)
     test_pool_free(&e.pool);
 }
 
-/* The least relevant vertex always goes, down to a triangle, also where the curve then crosses
- * itself. */
+/* The least relevant vertex is always removed, down to a triangle, also where the curve then
+ * crosses itself. */
 static void as_written_nothing_is_refused(void **state)
 {
     evolving e = new_evolving_in(MANY, cairn_curve_evolution_as_written().mode);
@@ -199,7 +199,7 @@ static void as_written_nothing_is_refused(void **state)
     test_pool_free(&checked.pool);
 }
 
-/* On pixels: many vertices are as relevant as others, and straight on. */
+/* On pixels: many vertices have equal relevance, and many are collinear. */
 static void equals_go_in_their_order(void **state)
 {
     evolving e = new_evolving(MANY);
@@ -225,8 +225,8 @@ static void equals_go_in_their_order(void **state)
     test_pool_free(&e.pool);
 }
 
-/* The narrow tooth goes last of its neighbours: without its tip the side would cut through what
- * reaches into it. */
+/* The narrow tooth is removed after its neighbours: without its tip the side would cut through the
+ * part that reaches into it. */
 static void never_touches_itself(void **state)
 {
     evolving e = new_evolving(MANY);
@@ -255,8 +255,8 @@ static void never_touches_itself(void **state)
     test_pool_free(&e.pool);
 }
 
-/* A side of it runs back over another: nothing can go. */
-static void what_touches_from_the_start_may_stay(void **state)
+/* A side of it runs back over another: nothing can be removed. */
+static void initial_contacts_may_stay(void **state)
 {
     evolving e = new_evolving(8);
     cairn_vec2 flat[4] = {at(0, 0), at(4, 0), at(1, 0), at(3, 0)};
@@ -398,11 +398,11 @@ static void refusals(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(evolves_as_the_obvious_way),
+        cmocka_unit_test(evolves_as_the_reference),
         cmocka_unit_test(as_written_nothing_is_refused),
         cmocka_unit_test(equals_go_in_their_order),
         cmocka_unit_test(never_touches_itself),
-        cmocka_unit_test(what_touches_from_the_start_may_stay),
+        cmocka_unit_test(initial_contacts_may_stay),
         cmocka_unit_test(relevance_is_that_of_the_thesis),
         cmocka_unit_test(a_triangle_stays),
         cmocka_unit_test(budgets_do_not_matter),

@@ -1,4 +1,4 @@
-/* The defaults of all rooms but the force field, whose own test has them. */
+/* The defaults of all modules but the force field, whose own test checks them. */
 #include "tests/test.h"
 
 #include "cairn/aligner.h"
@@ -157,15 +157,15 @@ static void of_hypotheses(void **state)
         VALUE(align.field.roi, 0),
         VALUE(align.hypotheses.spacing, 0.3),
         VALUE(align.hypotheses.weight, 3),
-        VALUE(align.slide.use_thickness, 1),
-        VALUE(align.slide.max_scans, 64),
-        VALUE(align.slide.max_walls, 1024),
-        VALUE(align.slide.max_submaps, 24),
-        VALUE(align.slide.weak_sigma, 0.03),
-        VALUE(align.slide.max_cross_sigma, 0.05),
-        VALUE(align.slide.max_sigma_theta, DEGREE),
-        VALUE(align.slide.translation_step, 0.02),
-        VALUE(align.slide.thickness_sigma, 0.02),
+        VALUE(align.weak_direction.use_thickness, 1),
+        VALUE(align.weak_direction.max_scans, 64),
+        VALUE(align.weak_direction.max_walls, 1024),
+        VALUE(align.weak_direction.max_submaps, 24),
+        VALUE(align.weak_direction.weak_sigma, 0.03),
+        VALUE(align.weak_direction.max_cross_sigma, 0.05),
+        VALUE(align.weak_direction.max_sigma_theta, DEGREE),
+        VALUE(align.weak_direction.translation_step, 0.02),
+        VALUE(align.weak_direction.thickness_sigma, 0.02),
         VALUE(align.rebuild_interval, 8),
         VALUE(align.max_rounds, 2),
         VALUE(align.use_aligner, 1),
@@ -489,7 +489,7 @@ static void of_the_mapper(void **state)
         VALUE(p.field.dt_end, 0.005),
         VALUE(p.field.roi, 0),
         VALUE(p.field.max_steps, 10),
-        /* All else is as the rooms have it. */
+        /* All other fields equal the modules' own defaults. */
         VALUE(p.field.mode, (double)field.mode),
         VALUE(p.field.max_scans, (double)field.max_scans),
         VALUE(p.field.max_segments, (double)field.max_segments),

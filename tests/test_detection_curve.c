@@ -1,4 +1,4 @@
-/* Curves of detections: small cases by hand, many against the obvious way, files. */
+/* Detection curves: small cases by hand, many compared with a reference implementation, files. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -56,7 +56,7 @@ static void shares_of_boxes(void **state)
 }
 
 /* Counted anew for every score. */
-static void as_the_obvious_way(void **state)
+static void agrees_with_the_reference_implementation(void **state)
 {
     cairn_random random = cairn_random_seed(3, 1);
 
@@ -75,7 +75,7 @@ static void as_the_obvious_way(void **state)
         for (int32_t i = 0; i < count; i++) {
             int32_t above = 0, right = 0;
 
-            /* The last of its score: the others that tie with it count. */
+            /* The last of its score: all detections of the same score count. */
             if (i + 1 < count && p[i + 1].score == p[i].score)
                 continue;
             for (int32_t k = 0; k < count; k++) {
@@ -90,7 +90,7 @@ static void as_the_obvious_way(void **state)
     }
 }
 
-/* The interval's ends are where the share lies 1.96 sigmas off. */
+/* The interval's ends are where the share is 1.96 sigmas off. */
 static void intervals(void **state)
 {
     double low, high;
@@ -141,7 +141,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(curves_by_hand),
         cmocka_unit_test(shares_of_boxes),
-        cmocka_unit_test(as_the_obvious_way),
+        cmocka_unit_test(agrees_with_the_reference_implementation),
         cmocka_unit_test(intervals),
         cmocka_unit_test(files),
     };

@@ -1,5 +1,5 @@
-/* Detections as JSON and drawn: what was found, nothing, names that need escapes, a place that
- * cannot be written to. */
+/* Detections as JSON and SVG: with objects, without, names that need escapes, a place that cannot
+ * be written to. */
 #include "tests/test.h"
 
 #include "cairn/detection_file.h"
@@ -108,7 +108,7 @@ static void writes_json(void **state)
     free(text);
 }
 
-/* The configuration of a detection by parts: of four bundles two are missing. */
+/* The configuration of a detection by parts: two of four bundles are missing. */
 static void writes_parts(void **state)
 {
     static cairn_object_detect_part parts[] = {{0, 3, 9, 0, 1, 0, 1},

@@ -4,13 +4,13 @@
 
 enum { SIDE = 40, PIXELS = SIDE * SIDE };
 
-/* A picture drawn by hand, or at random. */
+/* An image drawn by hand, or at random. */
 typedef struct picture {
     uint8_t data[PIXELS];
     int32_t width, height;
 } picture;
 
-/* Rows parted by '\n': '#' is 200, a digit 10 times itself plus 5, all else nothing. */
+/* Rows separated by '\n': '#' is 200, a digit 10 times itself plus 5, all else 0. */
 static picture draw(const char *rows)
 {
     picture p;
@@ -93,7 +93,7 @@ static cairn_edge_chain_result search(cairn_edge_chain_set *set, const picture *
     return cairn_edge_chain_read(set);
 }
 
-/* ---- The obvious way ---- */
+/* ---- Reference implementation ---- */
 
 static int at(const picture *p, int32_t x, int32_t y)
 {
@@ -123,7 +123,7 @@ static int touch(int32_t j, int32_t k)
     return abs(ring_x[j] - ring_x[k]) <= 1 && abs(ring_y[j] - ring_y[k]) <= 1;
 }
 
-/* Groups of neighbours that hang together without the pixel. */
+/* Connected groups of neighbours without the pixel itself. */
 static int32_t group_count(const picture *p, int32_t x, int32_t y)
 {
     int32_t label[8], groups = 0;
@@ -168,7 +168,8 @@ static int32_t capped_distance(const picture *p, int32_t x, int32_t y)
     return least;
 }
 
-/* The next in line is looked for among all pixels, by rank and then by when it got in line. */
+/* The next pixel in the queue is searched among all pixels, by rank and then by the time of
+ * entry. */
 static picture slow_thin(const picture *input)
 {
     static int32_t rank[PIXELS], since[PIXELS];
@@ -226,8 +227,8 @@ static int linked(const picture *p, cairn_edge_chain_pixel a, cairn_edge_chain_p
     return dx == 0 || dy == 0 || (!at(p, a.x + dx, a.y) && !at(p, a.x, a.y + dy));
 }
 
-/* Every link of the thinned picture is in exactly one chain, chains part at all that is no line,
- * and say so. */
+/* Every link of the thinned image is in exactly one chain; chains end at every pixel that is not of
+ * degree two, and report it. */
 static void check_chains(const picture *thin, const cairn_edge_chain_result *r, int32_t min_length)
 {
     int32_t links = 0, in_chains = 0, end = 0;
@@ -263,7 +264,7 @@ static void check_chains(const picture *thin, const cairn_edge_chain_result *r, 
         assert_int_equal(in_chains, links);
 }
 
-/* All pixels of chains, as a picture. */
+/* All pixels of chains, as an image. */
 static picture chains_drawn(const picture *like, const cairn_edge_chain_result *r)
 {
     picture p = *like;
@@ -275,7 +276,7 @@ static picture chains_drawn(const picture *like, const cairn_edge_chain_result *
     return p;
 }
 
-static void agrees_with_the_obvious_way(void **state)
+static void agrees_with_the_reference(void **state)
 {
     static const int32_t shares[] = {20, 60, 110, 160, 220, 256};
     static const int32_t levels[] = {1, 3, 254};
@@ -295,10 +296,9 @@ static void agrees_with_the_obvious_way(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- Pictures with a known answer ---- */
+/* ---- Images with a known answer ---- */
 
-/* `expected` is what is left after thinning and pruning; compared without pixels that stand
- * alone. */
+/* `expected` is the result of thinning and pruning; compared without isolated pixels. */
 static void expect_thinned(const char *rows, const char *expected)
 {
     cairn_edge_chain_params params = small_params();
@@ -444,7 +444,7 @@ static void a_ring_is_closed_and_its_tail_is_not(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Two loops that share one pixel need the most room that pixels can need. */
+/* Two loops that share one pixel need the most memory per pixel. */
 static void loops_through_one_junction(void **state)
 {
     cairn_edge_chain_params params = small_params();
@@ -490,8 +490,8 @@ static void spurs_go_and_branches_stay(void **state)
     struct fixture f;
 
     (void)state;
-    /* Branches of two pixels beside the one that lines share stay at 1 and go at 2; a short line
-     * of its own is none. */
+    /* Branches of two pixels at a pixel that lines share stay at 1 and are removed at 2; a short
+     * separate line is not a branch. */
     params.max_spur = 1;
     f = set_with(params);
     r = search(f.set, &p);
@@ -580,7 +580,7 @@ static void strength_is_the_mean_of_the_chain(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- Degenerate pictures, budgets, refusals ---- */
+/* ---- Degenerate images, budgets, refusals ---- */
 
 static void nothing_and_everything(void **state)
 {
@@ -784,7 +784,7 @@ static cairn_status create_in(void *context, cairn_pool *pool)
     return cairn_edge_chain_create(&set, pool, context);
 }
 
-static void memory_is_what_it_says(void **state)
+static void memory_is_exactly_as_stated(void **state)
 {
     cairn_edge_chain_params params = small_params();
 
@@ -801,7 +801,7 @@ static void memory_is_what_it_says(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(agrees_with_the_obvious_way),
+        cmocka_unit_test(agrees_with_the_reference),
         cmocka_unit_test(thick_lines_keep_their_middle_and_length),
         cmocka_unit_test(lines_run_along_the_crest),
         cmocka_unit_test(corners_of_stairs_go),
@@ -819,7 +819,7 @@ int main(void)
         cmocka_unit_test(too_many_edges_are_refused),
         cmocka_unit_test(bad_pictures_are_refused),
         cmocka_unit_test(bad_params_are_refused),
-        cmocka_unit_test(memory_is_what_it_says),
+        cmocka_unit_test(memory_is_exactly_as_stated),
     };
     return cmocka_run_group_tests_name("edge_chain", tests, NULL, NULL);
 }

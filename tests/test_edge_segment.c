@@ -30,7 +30,7 @@ static void dot(drawing *d, int32_t x, int32_t y)
     d->chains[d->chain_count - 1].count++;
 }
 
-/* A straight row of pixels from the last one, or from (ax, ay) in a chain that is empty. */
+/* A straight row of pixels from the last one, or from (ax, ay) in an empty chain. */
 static void line_to(drawing *d, int32_t ax, int32_t ay, int32_t bx, int32_t by)
 {
     int32_t steps = abs(bx - ax) > abs(by - ay) ? abs(bx - ax) : abs(by - ay);
@@ -117,7 +117,7 @@ static cairn_edge_segment_result search(cairn_edge_segment_set *set, const drawi
     return cairn_edge_segment_read(set);
 }
 
-/* ---- The obvious way, in double ---- */
+/* ---- Reference implementation, in double ---- */
 
 typedef struct slow_line {
     double a[2], b[2];
@@ -224,7 +224,7 @@ static int by_value(const void *a, const void *b)
     return (p > q) - (p < q);
 }
 
-/* Whole pixels of the projections of all ends within 2 L, in order, as far as pieces stay long
+/* Whole pixels of the projections of all ends within 2 L, in order, as long as segments stay long
  * enough. */
 static void slow_cut(const drawing *d, slow_line *line, double look_ahead, double least)
 {
@@ -335,7 +335,7 @@ static int by_slow_segments(const void *a, const void *b)
     return by_parts(p->first, q->first, p->last, q->last, p->a[0], q->a[0]);
 }
 
-/* Virtual ones are compared in the order of what they join, and of where they start where two
+/* Virtual ones are compared in the order of the segments they join, and by their starts where two
  * join the same. */
 static void expect_the_obvious_way(const cairn_edge_segment_result *r, const drawing *d,
                                    const cairn_edge_segment_params *p)
@@ -369,7 +369,7 @@ static void expect_the_obvious_way(const cairn_edge_segment_result *r, const dra
     }
 }
 
-static void agrees_with_the_obvious_way(void **state)
+static void agrees_with_the_reference(void **state)
 {
     cairn_edge_segment_params params = small_params();
     struct fixture f = set_with(params);
@@ -418,8 +418,8 @@ static void a_straight_line_is_one_segment(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A wall of 30 px is cut where the short line beside it ends, as far as the look-ahead goes; 2 *
- * 5 px here. */
+/* A wall of 30 px is cut at the end of the short line beside it, within the look-ahead distance; 2
+ * * 5 px here. */
 static void ends_nearby_cut(void **state)
 {
     static const int32_t beside[] = {10, 11, -10, -11};
@@ -455,8 +455,9 @@ static void ends_nearby_cut(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A cut leaves at least four pixels on both sides, and the first of two that are too near wins. */
-static void pieces_do_not_become_too_short(void **state)
+/* A cut leaves at least four pixels on both sides; of two that are too near each other the first
+ * wins. */
+static void segments_do_not_become_too_short(void **state)
 {
     cairn_edge_segment_params params = small_params();
     struct fixture f;
@@ -542,8 +543,8 @@ static void closed_chains_go_all_the_way_round(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A hook whose pixels spread across its chord, a chain that comes back to where it started, one
- * that stays there. */
+/* A hook whose pixels spread across its chord, a chain that returns to its start, one that stays
+ * there. */
 static void odd_chains_are_finite(void **state)
 {
     cairn_edge_segment_params params = small_params();
@@ -632,7 +633,7 @@ static void budgets_do_not_matter(void **state)
     test_pool_free(&other.pool);
 }
 
-/* Every capacity that is one too small is refused in words, and the set can be used again. */
+/* Every capacity that is one too small is refused with a message, and the set can be used again. */
 static void capacities_are_kept(void **state)
 {
     static drawing d, one;
@@ -772,7 +773,7 @@ static cairn_status create_in(void *context, cairn_pool *pool)
     return cairn_edge_segment_create(&set, pool, context);
 }
 
-static void memory_is_what_it_says(void **state)
+static void memory_is_exactly_as_stated(void **state)
 {
     cairn_edge_segment_params params = small_params();
 
@@ -785,10 +786,10 @@ static void memory_is_what_it_says(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(agrees_with_the_obvious_way),
+        cmocka_unit_test(agrees_with_the_reference),
         cmocka_unit_test(a_straight_line_is_one_segment),
         cmocka_unit_test(ends_nearby_cut),
-        cmocka_unit_test(pieces_do_not_become_too_short),
+        cmocka_unit_test(segments_do_not_become_too_short),
         cmocka_unit_test(a_corner_gets_its_mean_direction),
         cmocka_unit_test(closed_chains_go_all_the_way_round),
         cmocka_unit_test(odd_chains_are_finite),
@@ -797,7 +798,7 @@ int main(void)
         cmocka_unit_test(capacities_are_kept),
         cmocka_unit_test(bad_chains_are_refused),
         cmocka_unit_test(bad_params_are_refused),
-        cmocka_unit_test(memory_is_what_it_says),
+        cmocka_unit_test(memory_is_exactly_as_stated),
     };
     return cmocka_run_group_tests_name("edge_segment", tests, NULL, NULL);
 }

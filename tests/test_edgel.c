@@ -116,8 +116,8 @@ static void a_straight_edge_lies_where_it_is(void **state)
             assert_near(e[i].position.y, i, 0);
             assert_near(e[i].normal.x, k % 2 ? 1 : -1, NUMBER(1e-9, 1e-4));
             assert_near(e[i].normal.y, 0, NUMBER(1e-9, 1e-3));
-            /* The height of the step times the Gaussian's peak, a little less for the pixel's
-             * own width. */
+            /* The height of the step times the Gaussian's peak, reduced slightly by the pixel's own
+             * width. */
             assert_near(e[i].gradient_magnitude, 180 / (1.5 * sqrt(2 * PI)), 3);
         }
     }
@@ -140,8 +140,8 @@ static double sobel_error(double x, double y, double cx, double cy)
     return angle_between(gx, gy, rint(x) - cx, rint(y) - cy);
 }
 
-/* Of noisy circles, near them: errors of the angle, and Sobel's at the same pixels. Every place
- * round the circle is met. */
+/* Near noisy circles: errors of the angle, and Sobel's at the same pixels. Every direction of the
+ * circle occurs. */
 static void normals_of_circles_beat_sobel(void **state)
 {
     struct fixture f = set_with(small_params());
@@ -178,7 +178,7 @@ static void normals_of_circles_beat_sobel(void **state)
             }
             for (int32_t i = 0; i < 20; i++)
                 assert_int_equal(met[i], 1);
-            /* About one for each row or column that the edge passes through. */
+            /* About one for each row or column that the edge crosses. */
             assert_true(near > 5 * r && near < 6.5 * r);
             assert_true(level > 0 || count == near);
             total += near;
@@ -190,16 +190,16 @@ static void normals_of_circles_beat_sobel(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- The twin: derivatives as sums over the plane, all zeros looked at one by one ---- */
+/* ---- Reference implementation: derivatives over the plane, zero crossings one by one ---- */
 
-struct twin {
+struct reference {
     double f[SMALL * SMALL], fx[SMALL * SMALL], fy[SMALL * SMALL], x[SMALL * SMALL],
         y[SMALL * SMALL];
 };
 
-/* Weights of a derivative of this order that are exact for x^order and lower powers, from the
+/* Weights of a derivative of this order that are exact for x^order and lower powers, by
  * definition. */
-static void twin_weights(double sigma, int order, double w[2 * REACH_MOST + 1])
+static void reference_weights(double sigma, int order, double w[2 * REACH_MOST + 1])
 {
     int reach = (int)ceil(4 * sigma);
     double m[4] = {0, 0, 0, 0}, first = 0, second = 0;
@@ -214,7 +214,7 @@ static void twin_weights(double sigma, int order, double w[2 * REACH_MOST + 1])
     for (int i = -reach; i <= reach; i++) {
         double g = exp(-i * i / (2 * sigma * sigma)), raw;
 
-        /* Hermite polynomials whose lower moment vanishes in the sampled sums. */
+        /* Hermite polynomials whose lower moments vanish in the sampled sums. */
         if (order < 2)
             raw = pow(i, order) * g;
         else if (order == 2)
@@ -228,13 +228,13 @@ static void twin_weights(double sigma, int order, double w[2 * REACH_MOST + 1])
         w[i] *= (order == 3 ? 6 : order == 2 ? 2 : 1) / m[3];
 }
 
-static double twin_derivative(double sigma, int32_t px, int32_t py, int along_x, int along_y)
+static double reference_derivative(double sigma, int32_t px, int32_t py, int along_x, int along_y)
 {
     double wx[2 * REACH_MOST + 1], wy[2 * REACH_MOST + 1], sum = 0;
     int reach = (int)ceil(4 * sigma);
 
-    twin_weights(sigma, along_x, wx);
-    twin_weights(sigma, along_y, wy);
+    reference_weights(sigma, along_x, wx);
+    reference_weights(sigma, along_y, wy);
     for (int v = -reach; v <= reach; v++)
         for (int u = -reach; u <= reach; u++) {
             int32_t x = px + u < 0 ? 0 : px + u >= SMALL ? SMALL - 1 : px + u;
@@ -245,14 +245,18 @@ static double twin_derivative(double sigma, int32_t px, int32_t py, int along_x,
     return sum;
 }
 
-static void twin_sample(struct twin *t, double sigma, int32_t px, int32_t py)
+static void reference_sample(struct reference *t, double sigma, int32_t px, int32_t py)
 {
     int32_t at = py * SMALL + px;
-    double x = twin_derivative(sigma, px, py, 1, 0), y = twin_derivative(sigma, px, py, 0, 1);
-    double xx = twin_derivative(sigma, px, py, 2, 0), xy = twin_derivative(sigma, px, py, 1, 1);
-    double yy = twin_derivative(sigma, px, py, 0, 2), xxx = twin_derivative(sigma, px, py, 3, 0);
-    double xxy = twin_derivative(sigma, px, py, 2, 1), xyy = twin_derivative(sigma, px, py, 1, 2);
-    double yyy = twin_derivative(sigma, px, py, 0, 3);
+    double x = reference_derivative(sigma, px, py, 1, 0),
+           y = reference_derivative(sigma, px, py, 0, 1);
+    double xx = reference_derivative(sigma, px, py, 2, 0),
+           xy = reference_derivative(sigma, px, py, 1, 1);
+    double yy = reference_derivative(sigma, px, py, 0, 2),
+           xxx = reference_derivative(sigma, px, py, 3, 0);
+    double xxy = reference_derivative(sigma, px, py, 2, 1),
+           xyy = reference_derivative(sigma, px, py, 1, 2);
+    double yyy = reference_derivative(sigma, px, py, 0, 3);
 
     t->x[at] = x;
     t->y[at] = y;
@@ -264,14 +268,14 @@ static void twin_sample(struct twin *t, double sigma, int32_t px, int32_t py)
                 2 * y * yy * yy + y * y * yyy;
 }
 
-/* 1 when there is an edgel between two pixels; *doubt: 1 when rounding may decide. */
-static int twin_between(const struct twin *t, int32_t a, int32_t b, const cairn_edgel_params *p,
-                        cairn_edgel *e, int *doubt)
+/* 1 when there is an edgel between two pixels; *undecided: 1 when rounding may decide. */
+static int reference_between(const struct reference *t, int32_t a, int32_t b,
+                             const cairn_edgel_params *p, cairn_edgel *e, int *undecided)
 {
     int32_t row = a / SMALL;
     double from, share, fx, fy, x, y, f, slope, turn;
 
-    *doubt = 0;
+    *undecided = 0;
     if ((t->f[a] > 0) == (t->f[b] > 0))
         return 0;
     from = t->f[a] / pow(hypot(t->x[a], t->y[a]), 3);
@@ -283,9 +287,9 @@ static int twin_between(const struct twin *t, int32_t a, int32_t b, const cairn_
     f = hypot(fx, fy);
     slope = hypot(x, y);
     turn = -(fx * x + fy * y) / (f * slope);
-    *doubt = fabs(slope - (double)p->min_gradient) < 1e-3 ||
-             fabs(turn - cos((double)p->max_normal_angle)) < 1e-3 ||
-             fabs(fabs(fx) - fabs(fy)) < 1e-3 * f;
+    *undecided = fabs(slope - (double)p->min_gradient) < 1e-3 ||
+                 fabs(turn - cos((double)p->max_normal_angle)) < 1e-3 ||
+                 fabs(fabs(fx) - fabs(fy)) < 1e-3 * f;
     e->position.x = (cairn_real)(a % SMALL + (b == a + 1 ? share : 0));
     e->position.y = (cairn_real)(row + (b == a + 1 ? 0 : share));
     e->normal.x = (cairn_real)(-fx / f);
@@ -295,11 +299,11 @@ static int twin_between(const struct twin *t, int32_t a, int32_t b, const cairn_
            (fabs(fx) >= fabs(fy)) == (b == a + 1);
 }
 
-/* In the order of the rows: at each pixel from the one above, then to the right. */
-static void it_is_what_the_definition_says(void **state)
+/* In the order of the rows: at each pixel the link from above first, then the link to the right. */
+static void it_agrees_with_the_definition(void **state)
 {
     static const double sigmas[] = {0.7, 1.5, 2.3};
-    static struct twin t;
+    static struct reference t;
     int32_t compared = 0;
 
     (void)state;
@@ -315,19 +319,19 @@ static void it_is_what_the_definition_says(void **state)
         f = set_with(params);
         found = find(f.set, view_of(SMALL, SMALL), &count);
         for (int32_t i = 0; i < SMALL * SMALL; i++)
-            twin_sample(&t, (double)params.sigma, i % SMALL, i / SMALL);
+            reference_sample(&t, (double)params.sigma, i % SMALL, i / SMALL);
         for (int32_t i = 0; i < 2 * SMALL * SMALL; i++) {
             int32_t at = i / 2, from = i % 2 ? at : at - SMALL, to = i % 2 ? at + 1 : at;
             cairn_edgel e = {{0, 0}, {0, 0}, 0};
-            int doubt, has, met;
+            int undecided, has, met;
 
             if (from < 0 || (i % 2 && at % SMALL == SMALL - 1))
                 continue;
-            has = twin_between(&t, from, to, &params, &e, &doubt);
+            has = reference_between(&t, from, to, &params, &e, &undecided);
             met = next < count &&
                   hypot((double)(found[next].position.x - e.position.x),
                         (double)(found[next].position.y - e.position.y)) < NUMBER(1e-6, 1e-2);
-            if (doubt) {
+            if (undecided) {
                 next += has && met;
                 continue;
             }
@@ -382,7 +386,7 @@ static void limits_leave_edgels_out(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- Pictures of any size and lie ---- */
+/* ---- Images of any size and layout ---- */
 
 static void pictures_without_edges(void **state)
 {
@@ -405,7 +409,7 @@ static void pictures_without_edges(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A view from below on every second pixel finds what a picture of those finds. */
+/* A view from below on every second pixel gives the same as an image of those. */
 static void strides_do_not_matter(void **state)
 {
     static uint8_t copy[SMALL * SMALL], wide[SIDE * SIDE];
@@ -471,7 +475,7 @@ static cairn_status step_set(void *context, cairn_budget *budget)
     return cairn_edgel_step(context, budget);
 }
 
-static uint64_t tell_set(void *context)
+static uint64_t hash_set(void *context)
 {
     int32_t count;
     const cairn_edgel *e = cairn_edgel_list(context, &count);
@@ -482,7 +486,7 @@ static uint64_t tell_set(void *context)
 static void it_begins_anew(void **state)
 {
     struct fixture f = set_with(small_params());
-    test_stepped object = {begin_noise, step_set, tell_set, f.set};
+    test_stepped object = {begin_noise, step_set, hash_set, f.set};
 
     (void)state;
     draw_noise(SMALL * SMALL, 15);
@@ -554,7 +558,7 @@ static void too_many_edgels(void **state)
     params.max_edgels = SMALL - 1;
     f = set_with(params);
     for (int32_t k = 0; k < 2; k++) {
-        /* Upright, then lying: both ways to be one too many. */
+        /* Upright, then lying: both exceed the capacity by one. */
         for (int32_t i = 0; k > 0 && i < SMALL * SMALL; i++)
             picture[i] = i / SMALL < SMALL / 2 ? 20 : 200;
         assert_ok(cairn_edgel_begin(f.set, view_of(SMALL, SMALL)));
@@ -627,7 +631,7 @@ static cairn_status create_in(void *context, cairn_pool *pool)
     return cairn_edgel_create(&set, pool, context);
 }
 
-static void memory_is_what_it_says(void **state)
+static void memory_is_exactly_as_stated(void **state)
 {
     cairn_edgel_params params = small_params();
 
@@ -642,7 +646,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_straight_edge_lies_where_it_is),
         cmocka_unit_test(normals_of_circles_beat_sobel),
-        cmocka_unit_test(it_is_what_the_definition_says),
+        cmocka_unit_test(it_agrees_with_the_definition),
         cmocka_unit_test(limits_leave_edgels_out),
         cmocka_unit_test(pictures_without_edges),
         cmocka_unit_test(strides_do_not_matter),
@@ -652,7 +656,7 @@ int main(void)
         cmocka_unit_test(bad_pictures_are_refused),
         cmocka_unit_test(too_many_edgels),
         cmocka_unit_test(bad_params_are_refused),
-        cmocka_unit_test(memory_is_what_it_says),
+        cmocka_unit_test(memory_is_exactly_as_stated),
     };
     return cmocka_run_group_tests_name("edgel", tests, NULL, NULL);
 }

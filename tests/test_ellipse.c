@@ -1,4 +1,4 @@
-/* Ellipses that oriented points outline, beside the obvious way to look for them. */
+/* Ellipses among oriented points, compared with a reference implementation. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -26,14 +26,14 @@ static struct fixture set_with(cairn_ellipse_params params)
     return f;
 }
 
-/* Points of a scene, in the order in which they were laid. */
+/* Points of a scene, in the order of their creation. */
 struct cloud {
     cairn_oriented_point points[MANY];
     cairn_real weights[MANY];
     int32_t count;
 };
 
-static void lay_point(struct cloud *c, double x, double y, double dx, double dy)
+static void add_scene_point(struct cloud *c, double x, double y, double dx, double dy)
 {
     cairn_oriented_point *p = &c->points[c->count];
 
@@ -44,14 +44,15 @@ static void lay_point(struct cloud *c, double x, double y, double dx, double dy)
     c->weights[c->count++] = 1;
 }
 
-static void lay_wall(struct cloud *c, double x, double y, double angle, int32_t count)
+static void add_wall(struct cloud *c, double x, double y, double angle, int32_t count)
 {
     for (int32_t i = 0; i < count; i++)
-        lay_point(c, x + 0.1 * i * cos(angle), y + 0.1 * i * sin(angle), cos(angle), sin(angle));
+        add_scene_point(c, x + 0.1 * i * cos(angle), y + 0.1 * i * sin(angle), cos(angle),
+                        sin(angle));
 }
 
-/* `count` points from one angle of the ellipse to another, the last left out. */
-static void lay_arc(struct cloud *c, const cairn_ellipse *e, double from, double to, int32_t count)
+/* `count` points from one angle of the ellipse to another, excluding the last. */
+static void add_arc(struct cloud *c, const cairn_ellipse *e, double from, double to, int32_t count)
 {
     double cosine = cos((double)e->centre.theta), sine = sin((double)e->centre.theta);
 
@@ -63,9 +64,9 @@ static void lay_arc(struct cloud *c, const cairn_ellipse *e, double from, double
 
         if (e->kind == CAIRN_ELLIPSE_COLUMN)
             n = -n;
-        lay_point(c, (double)e->centre.x + cosine * u - sine * v,
-                  (double)e->centre.y + sine * u + cosine * v, (cosine * du - sine * dv) / n,
-                  (sine * du + cosine * dv) / n);
+        add_scene_point(c, (double)e->centre.x + cosine * u - sine * v,
+                        (double)e->centre.y + sine * u + cosine * v, (cosine * du - sine * dv) / n,
+                        (sine * du + cosine * dv) / n);
     }
 }
 
@@ -93,7 +94,7 @@ static const cairn_ellipse *search(cairn_ellipse_set *set, const struct cloud *c
     return cairn_ellipse_list(set, found);
 }
 
-/* ---- The obvious way: votes of a cell at a time, conics by elimination, all in double ---- */
+/* ---- Reference implementation: cells one by one, conics by elimination, in double ---- */
 
 struct slow {
     const cairn_ellipse_params *p;
@@ -105,7 +106,7 @@ struct slow {
     int32_t count;
 };
 
-static void slow_lay(struct slow *s)
+static void slow_begin(struct slow *s)
 {
     double low_x = 1e9, low_y = 1e9, high_x = -1e9, high_y = -1e9;
 
@@ -359,7 +360,7 @@ static void slow_refine(struct slow *s, int32_t at)
         s->found[s->count++] = e;
 }
 
-/* All ellipses of a scene, before those that lie on a stronger one go. */
+/* All ellipses of a scene, before those on a stronger one are removed. */
 static struct slow slow_search(const cairn_ellipse_params *p, const struct cloud *c)
 {
     struct slow s;
@@ -367,7 +368,7 @@ static struct slow slow_search(const cairn_ellipse_params *p, const struct cloud
     memset(&s, 0, sizeof s);
     s.p = p;
     s.c = c;
-    slow_lay(&s);
+    slow_begin(&s);
     slow_vote(&s);
     for (int32_t i = 0; i < s.squares * p->cells * p->cells && s.count < MOST; i++)
         if (slow_is_peak(&s, i))
@@ -377,7 +378,7 @@ static struct slow slow_search(const cairn_ellipse_params *p, const struct cloud
     return s;
 }
 
-/* An ellipse beside another: axes of a circle may lie anywhere. */
+/* An ellipse beside another: the axes of a circle may have any direction. */
 static int is_near(const cairn_ellipse *a, const cairn_ellipse *b, double tolerance)
 {
     double turn = remainder((double)(a->centre.theta - b->centre.theta), PI);
@@ -396,7 +397,7 @@ static double uniform(cairn_random *random, double low, double high)
     return (double)cairn_random_uniform(random, (cairn_real)low, (cairn_real)high);
 }
 
-/* Two or three ellipses in parts, walls, and points that belong to nothing. */
+/* Partial ellipses, two or three; walls; and clutter. */
 static struct cloud scene(uint64_t seed, double noise, cairn_ellipse truth[3], int *ellipses)
 {
     cairn_random random = cairn_random_seed(seed, 5);
@@ -410,14 +411,15 @@ static struct cloud scene(uint64_t seed, double noise, cairn_ellipse truth[3], i
 
         truth[i] = ellipse(6 * i + uniform(&random, -1, 1), uniform(&random, -2, 2),
                            uniform(&random, 0, PI), b * uniform(&random, 1, 1.5), b, i == 1);
-        lay_arc(&c, &truth[i], from, from + uniform(&random, 4.4, 2 * PI), (int32_t)(b * 50));
+        add_arc(&c, &truth[i], from, from + uniform(&random, 4.4, 2 * PI), (int32_t)(b * 50));
     }
-    lay_wall(&c, -4, 5, 0.1, 80);
-    lay_wall(&c, 15, -5, 2, 60);
+    add_wall(&c, -4, 5, 0.1, 80);
+    add_wall(&c, 15, -5, 2, 60);
     for (int i = 0; i < 60; i++) {
         double angle = uniform(&random, 0, 2 * PI);
 
-        lay_point(&c, uniform(&random, -4, 16), uniform(&random, -5, 6), cos(angle), sin(angle));
+        add_scene_point(&c, uniform(&random, -4, 16), uniform(&random, -5, 6), cos(angle),
+                        sin(angle));
     }
     for (int32_t i = 0; i < c.count; i++) {
         cairn_oriented_point *p = &c.points[i];
@@ -433,7 +435,7 @@ static struct cloud scene(uint64_t seed, double noise, cairn_ellipse truth[3], i
     return c;
 }
 
-static void finds_what_the_obvious_way_finds(void **state)
+static void finds_what_the_reference_finds(void **state)
 {
     cairn_ellipse_params params = cairn_ellipse_default();
     int32_t all = 0;
@@ -469,7 +471,7 @@ static void finds_what_the_obvious_way_finds(void **state)
             if (i > 0)
                 assert_true(list[i].votes <= list[i - 1].votes);
         }
-        for (int32_t k = 0; k < s.count; k++) { /* what was left out lies on a stronger one */
+        for (int32_t k = 0; k < s.count; k++) { /* the omitted ones lie on a stronger one */
             int32_t i = 0;
 
             while (i < found &&
@@ -484,7 +486,7 @@ static void finds_what_the_obvious_way_finds(void **state)
     assert_in_range(all, 20, 40);
 }
 
-/* Of 60 ellipses all but a few, at the right place, and hardly another. */
+/* Of 60 ellipses all but a few are found at the right place, and hardly any false one. */
 static void finds_the_truth(void **state)
 {
     cairn_ellipse_params params = cairn_ellipse_default();
@@ -515,8 +517,8 @@ static void finds_the_truth(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Without noise the conic is the ellipse itself; the little weight on the circle moves it by
- * next to nothing. */
+/* Without noise the conic is the ellipse itself; the small weight of the circle hardly changes
+ * it. */
 static void ellipses_without_noise(void **state)
 {
     static const double ratios[] = {1, 1.2, 1.5};
@@ -532,7 +534,7 @@ static void ellipses_without_noise(void **state)
 
         params.oriented = truth.kind != CAIRN_ELLIPSE_ANY;
         f = set_with(params);
-        lay_arc(&c, &truth, 0, 2 * PI, 120);
+        add_arc(&c, &truth, 0, 2 * PI, 120);
         list = search(f.set, &c, &found);
         assert_int_equal(found, 1);
         assert_true(is_near(&list[0], &truth, 0.004));
@@ -544,7 +546,7 @@ static void ellipses_without_noise(void **state)
     }
 }
 
-/* Half a circle is one; a straight room has none; the params' limits hold. */
+/* Half a circle is found; a straight room has none; the params' limits hold. */
 static void what_is_an_ellipse(void **state)
 {
     cairn_ellipse_params params = cairn_ellipse_default();
@@ -555,13 +557,13 @@ static void what_is_an_ellipse(void **state)
     const cairn_ellipse *list;
 
     (void)state;
-    lay_arc(&c, &round, 0, PI * 1.1, 60);
+    add_arc(&c, &round, 0, PI * 1.1, 60);
     list = search(f.set, &c, &found);
     assert_int_equal(found, 1);
     assert_true(is_near(&list[0], &round, 0.02));
     assert_near(list[0].coverage, 0.55, 0.03);
     c.count = 0;
-    lay_arc(&c, &round, 0, PI * 0.8, 60);
+    add_arc(&c, &round, 0, PI * 0.8, 60);
     (void)search(f.set, &c, &found);
     assert_int_equal(found, 0); /* too little of it */
     params.min_coverage = (cairn_real)0.35;
@@ -575,17 +577,17 @@ static void what_is_an_ellipse(void **state)
     params = cairn_ellipse_default();
     assert_ok(cairn_ellipse_adjust(f.set, &params));
     c.count = 0;
-    lay_wall(&c, -2, -2, 0, 40);
-    lay_wall(&c, 2, -2, PI / 2, 40);
-    lay_wall(&c, 2, 2, PI, 40);
-    lay_wall(&c, -2, 2, -PI / 2, 40);
+    add_wall(&c, -2, -2, 0, 40);
+    add_wall(&c, 2, -2, PI / 2, 40);
+    add_wall(&c, 2, 2, PI, 40);
+    add_wall(&c, -2, 2, -PI / 2, 40);
     (void)search(f.set, &c, &found);
     assert_int_equal(found, 0); /* a square room */
     for (int k = 0; k < 4; k++) {
         cairn_ellipse e = ellipse(0, 0, 0.3, 1.8, 1.2, CAIRN_ELLIPSE_ROOM);
 
         c.count = 0;
-        lay_arc(&c, &e, 0, 2 * PI, 100);
+        add_arc(&c, &e, 0, 2 * PI, 100);
         params = cairn_ellipse_default();
         if (k == 1)
             params.max_axis_ratio = (cairn_real)1.45;
@@ -600,7 +602,7 @@ static void what_is_an_ellipse(void **state)
     test_pool_free(&f.pool);
 }
 
-/* The free side tells rooms from columns; without it both are found. */
+/* The free side distinguishes rooms from columns; without it both are found. */
 static void which_side_is_free(void **state)
 {
     (void)state;
@@ -614,7 +616,7 @@ static void which_side_is_free(void **state)
 
         params.oriented = k < 2;
         f = set_with(params);
-        lay_arc(&c, &e, 0, 2 * PI, 80);
+        add_arc(&c, &e, 0, 2 * PI, 80);
         list = search(f.set, &c, &found);
         assert_int_equal(found, 1);
         assert_int_equal(list[0].kind, k < 2 ? k : CAIRN_ELLIPSE_ANY);
@@ -622,7 +624,8 @@ static void which_side_is_free(void **state)
     }
 }
 
-/* Of more centres than there is room for the highest are kept; those on a stronger one go. */
+/* When there are more centres than the capacity the highest are kept; those on a stronger one are
+ * removed. */
 static void the_strongest_are_kept(void **state)
 {
     cairn_ellipse_params params = cairn_ellipse_default();
@@ -638,7 +641,7 @@ static void the_strongest_are_kept(void **state)
     for (int i = 0; i < 4; i++) {
         cairn_ellipse e = ellipse(3 * i, 0, 0, 0.8, 0.8, CAIRN_ELLIPSE_COLUMN);
 
-        lay_arc(&c, &e, 0, 2 * PI, 60 + 20 * ((i + 1) % 3));
+        add_arc(&c, &e, 0, 2 * PI, 60 + 20 * ((i + 1) % 3));
     }
     list = search(f.set, &c, &found);
     assert_int_equal(found, 2);
@@ -709,7 +712,7 @@ static cairn_status step_again(void *context, cairn_budget *budget)
     return cairn_ellipse_step(((struct again *)context)->set, budget);
 }
 
-static uint64_t tell(void *context)
+static uint64_t result_hash(void *context)
 {
     int32_t count;
     const cairn_ellipse *list = cairn_ellipse_list(((struct again *)context)->set, &count);
@@ -724,7 +727,7 @@ static void can_be_begun_anew(void **state)
     int ellipses;
     struct cloud c = scene(4, 0.01, truth, &ellipses);
     struct again again = {f.set, &c};
-    test_stepped object = {begin_again, step_again, tell, &again};
+    test_stepped object = {begin_again, step_again, result_hash, &again};
 
     (void)state;
     test_begins_anew(&object, 12);
@@ -776,9 +779,9 @@ static void shapes(void **state)
     }
 }
 
-/* What is turned away by its distance from the centre alone does not belong, however flat the
- * ellipse and wide the gate. */
-static void what_is_far_does_not_belong(void **state)
+/* A point rejected by its distance from the centre alone does not belong, however flat the ellipse
+ * and wide the gate. */
+static void distant_points_do_not_belong(void **state)
 {
     cairn_random random = cairn_random_seed(31, 0);
     int32_t far = 0, belong = 0, outside = 0;
@@ -809,9 +812,9 @@ static void what_is_far_does_not_belong(void **state)
     assert_true(far > 5000 && belong > 1000 && outside > 100);
 }
 
-/* ---- Degenerate and refused ---- */
+/* ---- Degenerate input and refusals ---- */
 
-/* As far off as is allowed, in distance and in direction, is on it still. */
+/* At the largest allowed distance and direction it still belongs. */
 static void limits_belong_to_it(void **state)
 {
     const cairn_ellipse e = {.half_length = 2, .half_width = 2, .kind = CAIRN_ELLIPSE_ANY};
@@ -836,12 +839,12 @@ static void little_to_search(void **state)
     (void)search(f.set, &c, &found);
     assert_int_equal(found, 0);
     for (int i = 0; i < 50; i++)
-        lay_point(&c, 1, 1, i % 2, 0); /* at one place, every other without a direction */
+        add_scene_point(&c, 1, 1, i % 2, 0); /* at one place, every other without a direction */
     (void)search(f.set, &c, &found);
     assert_int_equal(found, 0);
     c.count = 0;
-    lay_wall(&c, -1e6, 0, 0, 20);
-    lay_wall(&c, 999990, 999990, 1, 20); /* cells of 20 km */
+    add_wall(&c, -1e6, 0, 0, 20);
+    add_wall(&c, 999990, 999990, 1, 20); /* cells of 20 km */
     (void)search(f.set, &c, &found);
     assert_int_equal(found, 0);
     assert_ok(cairn_ellipse_begin(f.set, NULL, NULL, 0));
@@ -850,7 +853,7 @@ static void little_to_search(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Weights are as many points; none and NULL. */
+/* Weights: one for each point; none; NULL. */
 static void weights_count(void **state)
 {
     struct fixture f = set_with(cairn_ellipse_default());
@@ -861,7 +864,7 @@ static void weights_count(void **state)
     const cairn_ellipse *list;
 
     (void)state;
-    lay_arc(&c, &e, 0, 2 * PI, 70);
+    add_arc(&c, &e, 0, 2 * PI, 70);
     for (int32_t i = 0; i < 70; i++)
         c.weights[i] = 3;
     list = search(f.set, &c, &found);
@@ -900,13 +903,13 @@ static void bad_points_are_refused(void **state)
     int32_t found;
 
     (void)state;
-    lay_arc(&c, &e, 0, 2 * PI, 70);
+    add_arc(&c, &e, 0, 2 * PI, 70);
     (void)search(f.set, &c, &found);
     for (size_t k = 0; k < sizeof bad / sizeof *bad; k++) {
         struct cloud worse = c;
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
-        lay_point(&worse, bad[k].x, bad[k].y, bad[k].dx, bad[k].dy);
+        add_scene_point(&worse, bad[k].x, bad[k].y, bad[k].dx, bad[k].dy);
         worse.weights[worse.count - 1] = (cairn_real)bad[k].weight;
         assert_ok(cairn_ellipse_begin(f.set, worse.points, worse.weights, worse.count));
         assert_status(cairn_ellipse_step(f.set, &budget), bad[k].status);
@@ -1002,7 +1005,7 @@ static void bad_calls_are_refused(void **state)
     test_every_pool_size(create, &p, cairn_ellipse_memory(&p));
 }
 
-/* A search that is given up when tolerances change leaves the last result. */
+/* A search that is abandoned because tolerances change leaves the last result. */
 static void adjusting_gives_up(void **state)
 {
     cairn_ellipse_params params = cairn_ellipse_default();
@@ -1013,10 +1016,10 @@ static void adjusting_gives_up(void **state)
     int32_t found;
 
     (void)state;
-    lay_arc(&c, &e, 0, 2 * PI, 70);
+    add_arc(&c, &e, 0, 2 * PI, 70);
     (void)search(f.set, &c, &found);
     c.count = 0;
-    lay_wall(&c, 0, 0, 0, 40);
+    add_wall(&c, 0, 0, 0, 40);
     assert_ok(cairn_ellipse_begin(f.set, c.points, c.weights, c.count));
     assert_status(cairn_ellipse_step(f.set, &budget), CAIRN_MORE);
     assert_ok(cairn_ellipse_adjust(f.set, &params));
@@ -1031,7 +1034,7 @@ static void adjusting_gives_up(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(finds_what_the_obvious_way_finds),
+        cmocka_unit_test(finds_what_the_reference_finds),
         cmocka_unit_test(finds_the_truth),
         cmocka_unit_test(ellipses_without_noise),
         cmocka_unit_test(what_is_an_ellipse),
@@ -1040,7 +1043,7 @@ int main(void)
         cmocka_unit_test(the_budget_does_not_matter),
         cmocka_unit_test(can_be_begun_anew),
         cmocka_unit_test(shapes),
-        cmocka_unit_test(what_is_far_does_not_belong),
+        cmocka_unit_test(distant_points_do_not_belong),
         cmocka_unit_test(limits_belong_to_it),
         cmocka_unit_test(little_to_search),
         cmocka_unit_test(weights_count),

@@ -1,4 +1,4 @@
-/* A robot that drives round and round in fixed memory, for a few laps. */
+/* A robot that drives endless laps in fixed memory, for a few laps. */
 #include "bench/bench_endless.h"
 #include "tests/test.h"
 
@@ -46,7 +46,7 @@ static void laps_are_all_alike(void **state)
         assert_true(lap->units < 11 * l.lap[2].units / 10);
         assert_true(lap->mean < 0.06 && lap->away < 0.05);
     }
-    /* As many go as come, and age does not decide. */
+    /* As many scans are removed as arrive, and age does not decide. */
     assert_int_equal(released, LAPS * options.places - options.kept);
     assert_true(oldest < released / 4 && newest < released);
 }

@@ -36,7 +36,7 @@ static void long_paths_are_cut_from_the_left(void **state)
     assert_non_null(strstr(error.text, "end.lo:12: cut off, expected more"));
 }
 
-static void refusals_of_the_system_are_told(void **state)
+static void refusals_of_the_system_are_reported(void **state)
 {
     cairn_file_error error;
 
@@ -53,7 +53,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(texts_name_file_and_line),
         cmocka_unit_test(long_paths_are_cut_from_the_left),
-        cmocka_unit_test(refusals_of_the_system_are_told),
+        cmocka_unit_test(refusals_of_the_system_are_reported),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,10 +1,11 @@
-/* The mapper by particles beside a slow twin, its refusals, budgets, and drives with loops. */
+/* The mapper by particles compared with a reference implementation; refusals, budgets, drives with
+ * loops. */
 #include "cairn/filter_mapper.h"
 #include "tests/drive.h"
 
 #include <math.h>
 
-enum { KEYS_MOST = 200, CANDIDATES = 4, TWIN_POINTS = 4000 };
+enum { KEYS_MOST = 200, CANDIDATES = 4, REFERENCE_POINTS = 4000 };
 
 static cairn_filter_mapper_params filter_params(int32_t particles)
 {
@@ -55,44 +56,43 @@ static uint64_t hash_of(const cairn_filter_mapper *mapper)
     return hash;
 }
 
-/* ---- The slow twin: every particle keeps its path in an array, sorts all of it, and looks at
- * all points ---- */
+/* ---- Reference implementation: a path in an array for every particle, sorted; all points ---- */
 
-typedef struct twin_state {
+typedef struct reference_state {
     cairn_pose path[KEYS_MOST];
-    double padding; /* states of different size in mapper and twin */
+    double padding; /* states of different size in mapper and reference implementation */
     cairn_real log_weight;
     int32_t keys;
-} twin_state;
+} reference_state;
 
-typedef struct twin_near {
+typedef struct reference_near {
     cairn_real distance;
     int32_t key;
-} twin_near;
+} reference_near;
 
-typedef struct twin_map {
-    cairn_vec2 point[TWIN_POINTS], direction[TWIN_POINTS];
+typedef struct reference_map {
+    cairn_vec2 point[REFERENCE_POINTS], direction[REFERENCE_POINTS];
     int32_t count;
-} twin_map;
+} reference_map;
 
-typedef struct twin {
+typedef struct reference {
     cairn_filter_mapper_params params;
     cairn_pool pool;
     cairn_mapper *front;
     cairn_particle_filter *filter;
     cairn_icp *icp;
     cairn_random random;
-    twin_map map[2];
+    reference_map map[2];
     cairn_pose motion, front_last;
     cairn_real distance, turn;
     int64_t returns;
-} twin;
+} reference;
 
-static twin t;
+static reference t;
 
 static int compare_near(const void *a, const void *b)
 {
-    const twin_near *x = a, *y = b;
+    const reference_near *x = a, *y = b;
 
     if (x->distance != y->distance)
         return x->distance < y->distance ? -1 : 1;
@@ -113,12 +113,12 @@ static int32_t key_points(int32_t key, cairn_oriented_point *points)
     return count;
 }
 
-/* Fills match and map with the key scans first ... end - 1 of the path that are near. */
-static void twin_fill(twin_map *map, const twin_state *s, cairn_pose expected, int32_t first,
-                      int32_t end)
+/* Fills match and map with the nearby keyframes among first ... end - 1 of the path. */
+static void reference_fill(reference_map *map, const reference_state *s, cairn_pose expected,
+                           int32_t first, int32_t end)
 {
-    static cairn_oriented_point points[TWIN_POINTS];
-    twin_near near[KEYS_MOST];
+    static cairn_oriented_point points[REFERENCE_POINTS];
+    reference_near near[KEYS_MOST];
     int32_t count = 0;
 
     map->count = 0;
@@ -145,7 +145,7 @@ static void twin_fill(twin_map *map, const twin_state *s, cairn_pose expected, i
     }
 }
 
-static cairn_real twin_cost(const twin_map *map, cairn_vec2 p, cairn_vec2 direction)
+static cairn_real reference_cost(const reference_map *map, cairn_vec2 p, cairn_vec2 direction)
 {
     cairn_real best = 3 * t.params.sigma * (3 * t.params.sigma), across;
     int32_t nearest = -1;
@@ -165,14 +165,14 @@ static cairn_real twin_cost(const twin_map *map, cairn_vec2 p, cairn_vec2 direct
     return cairn_min(across * across / 2, t.params.max_point_cost);
 }
 
-typedef struct twin_place {
+typedef struct reference_place {
     cairn_pose mean;
     cairn_real sigma[3], axis[3][3];
-} twin_place;
+} reference_place;
 
-static twin_place twin_place_of(cairn_pose mean, cairn_sym3 covariance)
+static reference_place reference_place_of(cairn_pose mean, cairn_sym3 covariance)
 {
-    twin_place place = {.mean = mean};
+    reference_place place = {.mean = mean};
     cairn_real variance[3];
 
     cairn_sym3_eigen(covariance, variance, place.axis);
@@ -181,19 +181,20 @@ static twin_place twin_place_of(cairn_pose mean, cairn_sym3 covariance)
     return place;
 }
 
-static cairn_status twin_propose(void *context, cairn_particle_filter *filter, int32_t index,
-                                 cairn_budget *budget)
+static cairn_status reference_propose(void *context, cairn_particle_filter *filter, int32_t index,
+                                      cairn_budget *budget)
 {
     const cairn_filter_mapper_params *p = &t.params;
-    twin_state s = *(const twin_state *)cairn_particle_filter_particle(filter, index).state,
-               drawn[CANDIDATES];
+    reference_state s = *(const reference_state *)cairn_particle_filter_particle(filter, index)
+                             .state,
+                    drawn[CANDIDATES];
     cairn_pose expected = cairn_pose_compose(s.path[s.keys - 1], t.motion);
     cairn_rigid_motion_pose_prior prior = {expected, t.distance, t.distance, t.turn};
     cairn_real d = t.distance * t.distance;
     cairn_scan_view view = cairn_mapper_view(t.front);
     int32_t recent = s.keys > p->recent_keyframes ? s.keys - p->recent_keyframes : 0, places = 0;
     int32_t every = (int32_t)ceil((double)view.point_count / p->scored_points), weighed = 0;
-    twin_place place[2];
+    reference_place place[2];
 
     (void)context;
     for (int which = 0; which < 2; which++) {
@@ -201,8 +202,8 @@ static cairn_status twin_propose(void *context, cairn_particle_filter *filter, i
         cairn_icp_result match;
         cairn_sym3 c;
 
-        twin_fill(&t.map[which], &s, expected, which == 0 ? recent : 0,
-                  which == 0 ? s.keys : recent);
+        reference_fill(&t.map[which], &s, expected, which == 0 ? recent : 0,
+                       which == 0 ? s.keys : recent);
         if (cairn_icp_begin(t.icp, view.points, view.point_count, expected, &prior, NULL) !=
             CAIRN_OK)
             continue;
@@ -216,16 +217,16 @@ static cairn_status twin_propose(void *context, cairn_particle_filter *filter, i
         c.yy = match.covariance[4] + p->match_sigma * p->match_sigma;
         c.yz = match.covariance[5];
         c.zz = match.covariance[8] + p->match_sigma_theta * p->match_sigma_theta;
-        place[places++] = twin_place_of(match.target_query, c);
+        place[places++] = reference_place_of(match.target_query, c);
         t.returns += which;
     }
     if (places == 0) {
         cairn_sym3 c = {d, 0, 0, d, 0, t.turn * t.turn};
 
-        place[places++] = twin_place_of(expected, c);
+        place[places++] = reference_place_of(expected, c);
     }
     for (int32_t k = 0; k < CANDIDATES; k++) {
-        const twin_place *from = &place[k % places];
+        const reference_place *from = &place[k % places];
         cairn_real e[3] = {0, 0, 0};
 
         drawn[k] = s;
@@ -251,7 +252,7 @@ static cairn_status twin_propose(void *context, cairn_particle_filter *filter, i
 
         for (int32_t i = 0; i < view.point_count; i += every)
             for (int which = 0; which < 2; which++)
-                cost += (double)twin_cost(
+                cost += (double)reference_cost(
                     &t.map[which], cairn_transform_point(map_scan, view.points[i].position),
                     cairn_transform_direction(map_scan, view.points[i].direction));
         drawn[k].log_weight =
@@ -262,22 +263,22 @@ static cairn_status twin_propose(void *context, cairn_particle_filter *filter, i
     return CAIRN_OK;
 }
 
-static cairn_status twin_likelihood(void *context, const cairn_particle_filter *filter,
-                                    int32_t index, const void *state, cairn_real *log_likelihood,
-                                    cairn_budget *budget)
+static cairn_status reference_likelihood(void *context, const cairn_particle_filter *filter,
+                                         int32_t index, const void *state,
+                                         cairn_real *log_likelihood, cairn_budget *budget)
 {
     (void)context;
     (void)filter;
     (void)index;
     (void)budget;
-    *log_likelihood = ((const twin_state *)state)->log_weight;
+    *log_likelihood = ((const reference_state *)state)->log_weight;
     return CAIRN_OK;
 }
 
-static void new_twin(const cairn_filter_mapper_params *params)
+static void new_reference(const cairn_filter_mapper_params *params)
 {
     cairn_particle_filter_params filter = cairn_particle_filter_default();
-    cairn_particle_filter_model model = {NULL, twin_propose, twin_likelihood, NULL, NULL};
+    cairn_particle_filter_model model = {NULL, reference_propose, reference_likelihood, NULL, NULL};
     cairn_mapper_params front = params->front;
     cairn_icp_params icp = front.icp;
 
@@ -289,7 +290,7 @@ static void new_twin(const cairn_filter_mapper_params *params)
     filter.particles = filter.max_particles = params->particles;
     filter.max_followers = 1;
     filter.adaptive_followers = 0;
-    filter.state_bytes = sizeof(twin_state);
+    filter.state_bytes = sizeof(reference_state);
     filter.max_blocks = params->particles * KEYS_MOST;
     t.pool = test_pool(cairn_mapper_memory(&front) + cairn_icp_memory(&icp) +
                        cairn_particle_filter_memory(&filter));
@@ -300,7 +301,7 @@ static void new_twin(const cairn_filter_mapper_params *params)
     t.random = cairn_random_seed(params->seed, 1);
 }
 
-static void feed_twin(const sim_scan *scan, int32_t with_odometry)
+static void feed_reference(const sim_scan *scan, int32_t with_odometry)
 {
     const cairn_filter_mapper_params *p = &t.params;
     cairn_budget unbounded = {CAIRN_UNBOUNDED};
@@ -315,7 +316,7 @@ static void feed_twin(const sim_scan *scan, int32_t with_odometry)
     if (!result.is_keyframe)
         return;
     if (result.keyframe == 0) {
-        twin_state first = {.keys = 1};
+        reference_state first = {.keys = 1};
 
         first.path[0] = cairn_mapper_keyframe_pose(t.front, 0);
         for (int32_t i = 0; i < p->particles; i++)
@@ -337,15 +338,15 @@ static void feed_twin(const sim_scan *scan, int32_t with_odometry)
     assert_ok(cairn_particle_filter_step(t.filter, &unbounded));
 }
 
-/* Both differ by roundings alone; in float these grow, and after some key scans other particles
- * are drawn. */
-static void compare_with_twin(const cairn_filter_mapper *mapper, int32_t key_count)
+/* The two differ by rounding only; in float the differences grow, and after some keyframes other
+ * particles are drawn. */
+static void compare_with_reference(const cairn_filter_mapper *mapper, int32_t key_count)
 {
     static cairn_pose path[KEYS_MOST];
 
     assert_int_equal(cairn_filter_mapper_count(mapper), cairn_particle_filter_count(t.filter));
     for (int32_t i = 0; i < cairn_filter_mapper_count(mapper); i++) {
-        const twin_state *s = cairn_particle_filter_particle(t.filter, i).state;
+        const reference_state *s = cairn_particle_filter_particle(t.filter, i).state;
 
         assert_int_equal(cairn_filter_mapper_path(mapper, i, path, KEYS_MOST), key_count);
         assert_int_equal(s->keys, key_count);
@@ -358,8 +359,8 @@ static void compare_with_twin(const cairn_filter_mapper *mapper, int32_t key_cou
     }
 }
 
-static void along_twin(const cairn_filter_mapper_params *params, sim_scene scene, int32_t scans,
-                       int32_t with_odometry)
+static void along_reference(const cairn_filter_mapper_params *params, sim_scene scene,
+                            int32_t scans, int32_t with_odometry)
 {
     drive d = start_drive(scene, 3, scans, 0.02, 0.3);
     cairn_filter_mapper *mapper;
@@ -368,12 +369,12 @@ static void along_twin(const cairn_filter_mapper_params *params, sim_scene scene
     int32_t most = NUMBER(scans, 12);
     double best = -HUGE_VAL;
 
-    new_twin(params);
+    new_reference(params);
     mapper = new_filter_mapper(&pool, params);
     for (int32_t i = 0; i < most; i++) {
         feed(mapper, &d.scans[i], with_odometry, 1000);
-        feed_twin(&d.scans[i], with_odometry);
-        compare_with_twin(mapper, cairn_mapper_read(t.front).keyframe + 1);
+        feed_reference(&d.scans[i], with_odometry);
+        compare_with_reference(mapper, cairn_mapper_read(t.front).keyframe + 1);
     }
     state = cairn_filter_mapper_measure(mapper);
     assert_int_equal(state.revisit_matches, t.returns);
@@ -392,19 +393,19 @@ static void along_twin(const cairn_filter_mapper_params *params, sim_scene scene
     end_drive(&d);
 }
 
-static void agrees_with_twin(void **state)
+static void agrees_with_reference(void **state)
 {
     cairn_filter_mapper_params params = filter_params(4);
 
     (void)state;
     params.recent_keyframes = 6;
     params.local_keyframes = 5;
-    along_twin(&params, SIM_APARTMENT, 60, 1);
+    along_reference(&params, SIM_APARTMENT, 60, 1);
 }
 
-/* So little room that the farthest key scans are left out, weak scans that match nothing, no
- * odometry, another seed. */
-static void agrees_with_twin_where_room_is_short(void **state)
+/* Capacities so small that the farthest keyframes are left out, uninformative scans that match
+ * nothing, no odometry, another seed. */
+static void agrees_with_reference_when_capacities_are_short(void **state)
 {
     cairn_filter_mapper_params params = filter_params(3);
 
@@ -415,12 +416,12 @@ static void agrees_with_twin_where_room_is_short(void **state)
     params.seed = 7;
     params.min_overlap = CAIRN_REAL(0.9);
     params.local_radius = 2;
-    along_twin(&params, SIM_RESCUE, 40, 0);
+    along_reference(&params, SIM_RESCUE, 40, 0);
     params.min_overlap = CAIRN_REAL(0.3);
     params.max_local_points = 260;
-    along_twin(&params, SIM_RESCUE, 40, 1);
+    along_reference(&params, SIM_RESCUE, 40, 1);
     params.max_local_points = 190;
-    along_twin(&params, SIM_APARTMENT, 40, 1);
+    along_reference(&params, SIM_APARTMENT, 40, 1);
 }
 
 /* ---- Refusals ---- */
@@ -527,7 +528,7 @@ static void refuses_bad_params(void **state)
     TAKEN(motion_turn, 0);
     TAKEN(min_overlap, 0);
     TAKEN(min_overlap, 1);
-    /* What the mapper that goes ahead does without is not asked for. */
+    /* Features that the inner mapper does not use take no memory. */
     TAKEN(front.window, 1);
     TAKEN(front.loop.max_loops, -1);
     /* 2^28 nodes at most. */
@@ -583,7 +584,7 @@ static void refuses_bad_calls(void **state)
     assert_int_equal(cairn_filter_mapper_measure(mapper).units, CAIRN_UNBOUNDED - budget.left);
     assert_int_equal(cairn_filter_mapper_count(mapper), 3);
     assert_int_equal(cairn_filter_mapper_best(mapper), 0);
-    /* While particles are at work, too, no scan is taken. */
+    /* While particles are processed no scan is accepted either. */
     for (int32_t i = 1; i < 8; i++) {
         cairn_scan_input next = sim_scan_input(&d.scans[i]);
 
@@ -666,7 +667,7 @@ static void result_does_not_depend_on_budget(void **state)
     end_drive(&d);
 }
 
-/* No step takes more than its budget but for the last item of the mapper that goes ahead. */
+/* No step exceeds its budget except by the last item of the inner mapper. */
 static void steps_are_bounded(void **state)
 {
     cairn_filter_mapper_params params = filter_params(4);
@@ -691,8 +692,8 @@ static void steps_are_bounded(void **state)
     end_drive(&d);
 }
 
-/* Scans that show nothing at all: the first one is where the path begins, the others hang on it. */
-static void takes_scans_that_show_nothing(void **state)
+/* Scans without points: the first one is the start of the path, the others are attached to it. */
+static void accepts_scans_without_returns(void **state)
 {
     cairn_filter_mapper_params params = filter_params(2);
     drive d = start_drive(SIM_APARTMENT, 1, 6, 0, 0.6);
@@ -729,8 +730,8 @@ static void takes_scans_that_show_nothing(void **state)
 
 /* ---- Drives ---- */
 
-/* Mean error of position seen from the first scan, in m, along the best path, and along the
- * motion alone. */
+/* Mean position error relative to the first scan, in m, along the best path, and along the
+ * predicted motion alone. */
 static void drive_errors(uint64_t seed, int32_t particles, double errors[2],
                          cairn_filter_mapper_state *measured)
 {
@@ -790,15 +791,15 @@ static void closes_a_loop(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(agrees_with_twin),
-        cmocka_unit_test(agrees_with_twin_where_room_is_short),
+        cmocka_unit_test(agrees_with_reference),
+        cmocka_unit_test(agrees_with_reference_when_capacities_are_short),
         cmocka_unit_test(takes_just_its_memory),
         cmocka_unit_test(refuses_bad_params),
         cmocka_unit_test(refuses_bad_calls),
         cmocka_unit_test(says_when_it_is_full),
         cmocka_unit_test(result_does_not_depend_on_budget),
         cmocka_unit_test(steps_are_bounded),
-        cmocka_unit_test(takes_scans_that_show_nothing),
+        cmocka_unit_test(accepts_scans_without_returns),
         cmocka_unit_test(closes_a_loop),
     };
 

@@ -1,6 +1,6 @@
 #include "tests/field_scene.h"
 
-/* ---- The obvious way, in double: every point against every other ---- */
+/* ---- Reference implementation in double: every point with every other ---- */
 
 enum { SLOW_POINTS = 1024, SLOW_SEGMENTS = 64, SLOW_CORNERS = SLOW_SEGMENTS * SLOW_SEGMENTS };
 
@@ -14,8 +14,8 @@ struct slow_field {
     double force[16][2], torque[16], centre[16][2], relocation[16];
     double point_force[SLOW_POINTS][2], mass[SLOW_POINTS];
     double potential, mean_relocation;
-    /* What P(g) gains by turning scan i with all |cos| left as they are is the torque; this is
-     * the rest, about any centre. */
+    /* The gain of P(g) when scan i is rotated with all |cos| constant is the torque; this is the
+     * rest, about any centre. */
     double direction_torque[16];
     long pairs;
     int segment_pairs;
@@ -301,7 +301,7 @@ static void test_params_are_refused(void **state)
     ACCEPTED(stop_relocation, CAIRN_REAL(1e6));
 #undef ACCEPTED
 
-    /* Without regions of interest their parameters are not looked at. */
+    /* Without regions of interest their parameters are ignored. */
     p = good;
     p.roi = 0;
     p.max_corners = 0;
@@ -341,7 +341,7 @@ static void test_the_defaults_are_the_thesis(void **state)
     assert_near(p.reach, 4, 0);
 }
 
-/* As it is written: the motion of the thesis, and corners wherever two segments cross. */
+/* As written: the motion of the thesis, and corners wherever two segments cross. */
 static void test_as_written_is_the_thesis(void **state)
 {
     cairn_force_field_params p = cairn_force_field_as_written(), q = cairn_force_field_default();
@@ -406,7 +406,7 @@ static void test_memory_is_exact(void **state)
                 }
 }
 
-/* One iteration and many against all pairs of points. In float the two part after some
+/* One iteration and many compared with all pairs of points. In float the two diverge after some
  * iterations. */
 static void compare_with_slow(const cairn_force_field_params *params, int iterations, int fixed)
 {
@@ -446,7 +446,7 @@ static void compare_with_slow(const cairn_force_field_params *params, int iterat
 #ifndef CAIRN_FLOAT
         assert_int_equal(s.pairs, slow.pairs);
 #endif
-        /* Boxes are grown by a thousandth more than the reach. */
+        /* Boxes are enlarged by a thousandth more than the reach. */
         assert_in_range(s.segment_pairs, slow.segment_pairs, slow.segment_pairs + 1);
         assert_true(slow.segment_pairs > 10);
         for (int i = 0, point = 0; i < SCENE; point += scans[i].view.point_count, i++) {
@@ -495,7 +495,7 @@ static void test_all_pairs(void **state)
     p.potential = 0;
     p.reach = 4;
     compare_with_slow(&p, 2, 0);
-    /* sigma falls to half its start, where the centre is still that of mass, and below. */
+    /* sigma falls to half its start, where the centre is still the centre of mass, and below. */
     p.sigma_start = CAIRN_REAL(0.16);
     p.sigma_step = CAIRN_REAL(0.04);
     compare_with_slow(&p, 4, 0);
@@ -510,7 +510,7 @@ static void test_all_pairs(void **state)
 }
 
 #ifndef CAIRN_FLOAT
-/* P(g) after scan i is moved by (x, y) and turned by `angle` about (cx, cy). */
+/* P(g) after scan i is moved by (x, y) and rotated by `angle` about (cx, cy). */
 static double potential_after(const cairn_force_field_params *params, const struct scan *scans,
                               const cairn_pose *poses, int i, cairn_vec2 centre, double x, double y,
                               double angle)
@@ -538,8 +538,8 @@ static double potential_after(const cairn_force_field_params *params, const stru
 #endif
 
 /* F = -dP/d(x, y) with all factors of eqs. 7.3 to 7.5. The torque is minus the derivative with
- * respect to a turn but for what the turn changes in |cos|, which the thesis leaves out. Masses
- * are those of the start: no regions of interest. */
+ * respect to a rotation, without the change of |cos|, which the thesis omits. Masses are those of
+ * the start: no regions of interest. */
 static void test_force_is_minus_the_gradient(void **state)
 {
 #ifndef CAIRN_FLOAT
@@ -582,7 +582,7 @@ static void test_force_is_minus_the_gradient(void **state)
     (void)state;
 }
 
-/* How far b is from where a sees it at zero: metres, and degrees. */
+/* Error of the relative pose of b seen from a, which is zero in truth: metres and degrees. */
 static void assert_together(const cairn_force_field *field, int a, int b, double metres,
                             double degrees)
 {
@@ -647,9 +647,9 @@ static void test_three_corners_come_together(void **state)
     assert_near(cairn_force_field_spaced(CAIRN_REAL(0.08)).dt_end, 0.02, 1e-6);
 }
 
-/* With sigma held and short steps the potential falls in every one. The force does not fade
- * towards distance 0, so in the end scans swing about the goal by one step; points of unlike
- * spacing keep most of them apart until then. */
+/* At constant sigma and with short steps the potential falls in every one. The force does not
+ * vanish towards distance 0, so in the end scans oscillate about the goal by one step; differently
+ * spaced points keep most of them apart until then. */
 static void test_the_potential_falls(void **state)
 {
     cairn_force_field_params p = small_params();
@@ -715,7 +715,7 @@ static void test_fixed_scans_stay(void **state)
     }
     assert_same_pose(cairn_force_field_pose(f.field, 1), poses[1]);
 
-    /* All fixed: nothing moves, no pair is looked at, and that is the end. */
+    /* All fixed: nothing moves, no pair is evaluated, and the run ends. */
     for (int i = 0; i < SCENE; i++)
         assert_ok(cairn_force_field_fix(f.field, i, 1));
     poses[0] = cairn_force_field_pose(f.field, 0);
@@ -734,7 +734,7 @@ static void test_fixed_scans_stay(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A scan put elsewhere is as one that was there from the begin. */
+/* A scan placed elsewhere equals one added there at the beginning. */
 static void test_placed_scans_are_there(void **state)
 {
     cairn_force_field_params p = small_params();
@@ -758,7 +758,7 @@ static void test_placed_scans_are_there(void **state)
     assert_ok(cairn_force_field_place(fresh.field, 2, there));
     for (int k = 0; k < 3; k++)
         iterate(f.field);
-    /* Back to where all began, after some iterations. */
+    /* Back to the initial poses, after some iterations. */
     for (int i = 0; i < SCENE; i++)
         assert_ok(cairn_force_field_place(f.field, i, i == 2 ? there : poses[i]));
     cairn_force_field_restart(f.field);
@@ -843,7 +843,7 @@ static void test_budgets_are_equal(void **state)
         assert_true(hash_of(f.field) == expected[11]);
         if (b == 3)
             last = s;
-        /* As counted once: what a change of the charges or of the work done would change. */
+        /* Fixed values: they change when the charges or the amount of work change. */
         assert_int_equal(s.units, NUMBER(285239, 285238));
         assert_int_equal(s.units, last.units);
         assert_true(calls >= s.units / budgets[b]);
@@ -866,7 +866,7 @@ static void step_into(cairn_force_field *field, int32_t iterations, int32_t unit
     assert_int_equal(cairn_force_field_read(field).iterations, iterations);
 }
 
-/* A scan, a fixing and a restart in the middle of an iteration do what they do at its end. */
+/* Adding, fixing and restarting in the middle of an iteration act at its end. */
 static void test_inputs_wait_for_the_commit(void **state)
 {
     static const int32_t units[] = {1, 40, 90, 130, 200, 300, 500, 900, 1400};
@@ -965,7 +965,7 @@ static void test_stop_and_restart(void **state)
     assert_int_equal(cairn_force_field_read(f.field).verdict, CAIRN_FORCE_FIELD_OUT_OF_STEPS);
     assert_ok(cairn_force_field_step(f.field, &none));
 
-    /* A new scan alone does not set it going. */
+    /* A new scan alone does not start it. */
     scan_corner(&scan, 1, 1, 0.1);
     add(f.field, &scan, pose(2.1, 1.6, 0));
     hash = hash_of(f.field);
@@ -994,7 +994,7 @@ static void test_clear(void **state)
     add_scene(fresh.field);
     for (int k = 0; k < 3; k++)
         iterate(fresh.field);
-    /* In the middle of an iteration of something else. */
+    /* In the middle of an iteration of other work. */
     scan_corner(&scan, 1, 1, 0.1);
     for (int i = 0; i < 9; i++)
         add(f.field, &scan, pose(0.1 * i, 0, i));
@@ -1051,7 +1051,7 @@ static void test_readers(void **state)
     assert_status(cairn_force_field_point_force(NULL, 0, 0, &force, &mass), CAIRN_BAD_ARGUMENT);
     test_pool_free(&f.pool);
 
-    /* More corners than the field holds. */
+    /* More corners than the capacity. */
     p.max_corners = 5;
     f = field_with(&p);
     add_scene(f.field);
@@ -1131,7 +1131,7 @@ static void test_degenerate_scans(void **state)
 
     (void)state;
     scan_corner(&corner, 1, 1, 0.1);
-    /* Identical scans: all forces cancel, also between points on each other. */
+    /* Identical scans: all forces cancel, also between coincident points. */
     add(f.field, &corner, pose(0.3, 0.2, 30));
     add(f.field, &corner, pose(0.3, 0.2, 30));
     run(f.field);
@@ -1140,8 +1140,8 @@ static void test_degenerate_scans(void **state)
     assert_near(cairn_force_field_pose(f.field, 0).x, 0.3, 1e-6);
     assert_near(cairn_force_field_pose(f.field, 0).theta, 30 * DEGREE, 1e-6);
 
-    /* One point alone on a segment moves but does not turn; one whose direction is zero has no
-     * force; a scan of nothing, and one of a segment without points, stay. */
+    /* A single point on a segment moves but does not turn; one whose direction is zero has no
+     * force; an empty scan, and one of a segment without points, stay. */
     cairn_force_field_clear(f.field);
     scan_begin(&one);
     one.segments[0].a.x = one.segments[0].b.x = 1;
@@ -1180,7 +1180,7 @@ static void test_degenerate_scans(void **state)
     assert_same_pose(cairn_force_field_pose(f.field, 5), pose(-0.95, -0.52, 0));
     test_pool_free(&f.pool);
 
-    /* A single scan is at its goal; its pose is what it was to rounding. */
+    /* A single scan is at its goal; its pose is unchanged up to rounding. */
     f = field_with(&p);
     add(f.field, &corner, pose(1, 2, 3));
     run(f.field);
@@ -1235,9 +1235,9 @@ static void test_bad_scans_are_refused(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- Points made on the fly ---- */
+/* ---- Points generated on demand ---- */
 
-/* A wall with points where the scan room puts them, some left out. */
+/* A wall with points at the places of the scan module, some left out. */
 static void scan_places(struct scan *scan, double ax, double ay, double bx, double by,
                         double spacing)
 {
@@ -1268,7 +1268,7 @@ static void scan_places(struct scan *scan, double ax, double ay, double bx, doub
 }
 
 /* Scan i of a room with long walls, of more than a tile each, as a sensor near (0, 0) sees it. */
-static void make_room(struct scan *scan, int i)
+static void make_room_scan(struct scan *scan, int i)
 {
     double far = 2 + 0.1 * (i % 5);
 
@@ -1294,7 +1294,7 @@ static cairn_force_field_params room_params(void)
     return params;
 }
 
-/* All that readers see of two fields, to the bit. */
+/* All readable state of two fields, to the bit. */
 static void assert_same_fields(const cairn_force_field *a, const cairn_force_field *b)
 {
     cairn_force_field_state s = cairn_force_field_read(a), t = cairn_force_field_read(b);
@@ -1338,7 +1338,7 @@ static void test_points_on_the_fly(void **state)
         assert_ok(cairn_pool_init(&pool, memory, sizeof memory));
         assert_ok(cairn_force_field_create(&again, &pool, &p));
         for (int i = 0; i < 7; i++) {
-            make_room(&scan, i);
+            make_room_scan(&scan, i);
             add(kept.field, &scan, room_pose(i));
             add(made.field, &scan, room_pose(i));
         }
@@ -1365,7 +1365,7 @@ static void test_points_on_the_fly(void **state)
     assert_int_equal(cairn_force_field_memory(&p), 0);
 }
 
-/* Tiles of long lines against all pairs. */
+/* Tiles of long lines compared with all pairs. */
 static void test_long_lines(void **state)
 {
     cairn_force_field_params p = room_params();
@@ -1377,7 +1377,7 @@ static void test_long_lines(void **state)
 
     (void)state;
     for (int i = 0; i < 5; i++) {
-        make_room(&scans[i], i);
+        make_room_scan(&scans[i], i);
         poses[i] = room_pose(i);
         add(f.field, &scans[i], poses[i]);
     }
@@ -1408,10 +1408,10 @@ static void test_long_lines(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- What stands still ---- */
+/* ---- Scans at rest ---- */
 
-/* Scans here and there, so that some are neighbours and some are not. */
-static void make_islands(cairn_random *random, struct scan *scan, cairn_pose *at)
+/* Scattered scans, some of them neighbours. */
+static void make_scattered_scans(cairn_random *random, struct scan *scan, cairn_pose *at)
 {
     scan_begin(scan);
     scan_wall(scan, 0, 0, 0.5 + (double)cairn_random_uniform(random, 0, 1), 0, 0.1);
@@ -1421,9 +1421,9 @@ static void make_islands(cairn_random *random, struct scan *scan, cairn_pose *at
              (double)cairn_random_uniform(random, -10, 10));
 }
 
-/* A field that computes only what has changed, beside one that computes all in every iteration,
- * as one does that is given points from outside. */
-static void test_what_stands_still_is_kept(void **state)
+/* A field that computes only what has changed, compared with one that computes all in every
+ * iteration, as a field with external points does. */
+static void test_scans_at_rest_are_not_recomputed(void **state)
 {
     cairn_force_field_params p = small_params();
     int64_t least = INT64_MAX, most = 0;
@@ -1447,7 +1447,7 @@ static void test_what_stands_still_is_kept(void **state)
                 struct scan scan;
                 cairn_pose at;
 
-                make_islands(&random, &scan, &at);
+                make_scattered_scans(&random, &scan, &at);
                 add(f.field, &scan, at);
                 add(all.field, &scan, at);
             }
@@ -1478,7 +1478,7 @@ static void test_what_stands_still_is_kept(void **state)
     assert_true(2 * least < most);
 }
 
-/* When nothing has moved an iteration costs next to nothing. */
+/* Without motion an iteration costs next to nothing. */
 static void test_nothing_moves(void **state)
 {
     cairn_force_field_params p = small_params();
@@ -1507,7 +1507,7 @@ static void test_nothing_moves(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- Scans that come and go ---- */
+/* ---- Scans added and removed ---- */
 
 static void release(cairn_force_field *field, int32_t scan)
 {
@@ -1516,7 +1516,7 @@ static void release(cairn_force_field *field, int32_t scan)
     assert_status(cairn_force_field_fix(field, scan, 1), CAIRN_BAD_ARGUMENT);
 }
 
-/* A field of the scans `at` ... as they stand in another one has the same forces and moves them
+/* A field of the scans `at` ... at their poses in another one has the same forces and moves them
  * alike. */
 static void assert_like_new(const cairn_force_field *field, const cairn_force_field_params *params,
                             const int *made, const int32_t *index, const cairn_pose *before,
@@ -1527,7 +1527,7 @@ static void assert_like_new(const cairn_force_field *field, const cairn_force_fi
     for (int i = 0; i < count; i++) {
         struct scan scan;
 
-        make_room(&scan, made[i]);
+        make_room_scan(&scan, made[i]);
         add(f.field, &scan, before[i]);
         assert_ok(cairn_force_field_fix(f.field, i, fixed[i]));
     }
@@ -1548,7 +1548,7 @@ static void assert_like_new(const cairn_force_field *field, const cairn_force_fi
     test_pool_free(&f.pool);
 }
 
-/* An endless run in fixed memory: scans arrive, become old and fixed, and leave. */
+/* An endless run in fixed memory: scans are added, become old and fixed, and are removed. */
 static void endless(const cairn_force_field_params *params, int scans, int32_t cut)
 {
     enum { WINDOW = 5 };
@@ -1566,7 +1566,7 @@ static void endless(const cairn_force_field_params *params, int scans, int32_t c
 
             release(f.field, index[leaves]);
             assert_false(cairn_force_field_has(f.field, index[leaves]) && cut == 0);
-            /* The room is free when the steps have gone as far as the next iteration. */
+            /* The memory is free when the steps have reached the next iteration. */
             (void)!cairn_force_field_step(f.field, &budget);
             for (count = WINDOW - 1; leaves < count; leaves++) {
                 made[leaves] = made[leaves + 1];
@@ -1575,7 +1575,7 @@ static void endless(const cairn_force_field_params *params, int scans, int32_t c
             }
             iterate(f.field);
         }
-        make_room(&scan, i);
+        make_room_scan(&scan, i);
         index[count] = cairn_force_field_next(f.field);
         assert_in_range(index[count], 0, WINDOW);
         made[count] = i;
@@ -1637,7 +1637,7 @@ static void test_release(void **state)
     f = field_with(&p);
     assert_int_equal(cairn_force_field_next(f.field), 0);
     for (int i = 0; i < 3; i++) {
-        make_room(&scan, i);
+        make_room_scan(&scan, i);
         add(f.field, &scan, room_pose(i));
     }
     assert_int_equal(cairn_force_field_next(f.field), -1);
@@ -1645,7 +1645,7 @@ static void test_release(void **state)
     assert_status(cairn_force_field_remove(f.field, -1), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_force_field_remove(NULL, 0), CAIRN_BAD_ARGUMENT);
 
-    /* In the middle of an iteration: it takes part to the end. */
+    /* In the middle of an iteration: it takes part until its end. */
     step_into(f.field, 0, 300);
     revision = cairn_force_field_revision(f.field);
     release(f.field, 1);
@@ -1666,7 +1666,7 @@ static void test_release(void **state)
     assert_int_equal(cairn_force_field_read(f.field).iterations, 2);
     assert_int_equal(cairn_force_field_next(f.field), 1);
 
-    /* When the field stands, too, steps make room. */
+    /* When the field is at rest, steps also reclaim memory. */
     release(f.field, 0);
     assert_int_equal(cairn_force_field_revision(f.field), revision + 3);
     all.left = CAIRN_UNBOUNDED;
@@ -1688,22 +1688,22 @@ static void test_release(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- Points from outside ---- */
+/* ---- External points ---- */
 
-/* They pull as a fixed scan of the same points does. */
+/* They attract like a fixed scan of the same points. */
 static void test_extra_points(void **state)
 {
     cairn_force_field_params p = room_params();
     struct scan scans[4];
     cairn_oriented_point extra[MAX_SCAN_POINTS];
     cairn_real weights[MAX_SCAN_POINTS];
-    struct fixture f, twin;
+    struct fixture f, replica;
     int32_t count;
     size_t without;
 
     (void)state;
     p.roi = 0;
-    twin = field_with(&p);
+    replica = field_with(&p);
     without = cairn_force_field_memory(&p);
     p.max_extra = MAX_SCAN_POINTS;
     assert_true(cairn_force_field_memory(&p) > without);
@@ -1711,7 +1711,7 @@ static void test_extra_points(void **state)
                 without + CAIRN_FORCE_FIELD_EXTRA_BYTES(MAX_SCAN_POINTS));
     f = field_with(&p);
     for (int i = 0; i < 4; i++) {
-        make_room(&scans[i], i);
+        make_room_scan(&scans[i], i);
         if (i < 3)
             add(f.field, &scans[i], room_pose(i));
     }
@@ -1725,18 +1725,18 @@ static void test_extra_points(void **state)
         extra[i].direction.y *= 2;
     }
     for (int i = 0; i < 4; i++)
-        assert_ok(cairn_force_field_add_scan(twin.field, &scans[i].view, i == 3 ? weights : NULL,
+        assert_ok(cairn_force_field_add_scan(replica.field, &scans[i].view, i == 3 ? weights : NULL,
                                              room_pose(i), NULL));
-    assert_ok(cairn_force_field_fix(twin.field, 3, 1));
+    assert_ok(cairn_force_field_fix(replica.field, 3, 1));
     assert_ok(cairn_force_field_set_extra(f.field, extra, weights, count));
     memset(extra, 0, sizeof extra); /* they have been copied */
     for (int k = 0; k < 5; k++) {
         cairn_force_field_state s, t;
 
         iterate(f.field);
-        iterate(twin.field);
+        iterate(replica.field);
         s = cairn_force_field_read(f.field);
-        t = cairn_force_field_read(twin.field);
+        t = cairn_force_field_read(replica.field);
         assert_near(s.potential, t.potential, NUMBER(1e-10, 1e-4) * fabs((double)t.potential));
         if (k == 0) {
             assert_int_equal(s.pairs, t.pairs);
@@ -1744,7 +1744,7 @@ static void test_extra_points(void **state)
         }
         for (int i = 0; i < 3; i++) {
             cairn_force_field_motion m = cairn_force_field_motion_of(f.field, i);
-            cairn_force_field_motion n = cairn_force_field_motion_of(twin.field, i);
+            cairn_force_field_motion n = cairn_force_field_motion_of(replica.field, i);
             cairn_vec2 force, other;
             cairn_real mass;
 
@@ -1752,32 +1752,32 @@ static void test_extra_points(void **state)
             assert_near(m.force.y, n.force.y, NUMBER(1e-7, 1));
             assert_near(m.torque, n.torque, NUMBER(1e-7, 1));
             assert_ok(cairn_force_field_point_force(f.field, i, 9, &force, &mass));
-            assert_ok(cairn_force_field_point_force(twin.field, i, 9, &other, &mass));
+            assert_ok(cairn_force_field_point_force(replica.field, i, 9, &other, &mass));
             assert_near(force.x, other.x, NUMBER(1e-8, 0.1));
             assert_near(force.y, other.y, NUMBER(1e-8, 0.1));
         }
     }
-    /* Others in their place, in the middle of an iteration: from the next one on. */
+    /* Replaced in the middle of an iteration: effective from the next one on. */
     {
         cairn_force_field_motion with, without_them;
 
         step_into(f.field, 5, 500);
         assert_ok(cairn_force_field_set_extra(f.field, NULL, NULL, 0));
         iterate(f.field);
-        iterate(twin.field);
+        iterate(replica.field);
         with = cairn_force_field_motion_of(f.field, 0);
-        assert_near(with.force.x, cairn_force_field_motion_of(twin.field, 0).force.x,
+        assert_near(with.force.x, cairn_force_field_motion_of(replica.field, 0).force.x,
                     NUMBER(1e-7, 1));
-        release(twin.field, 3);
+        release(replica.field, 3);
         iterate(f.field);
-        iterate(twin.field);
+        iterate(replica.field);
         without_them = cairn_force_field_motion_of(f.field, 0);
-        assert_near(without_them.force.x, cairn_force_field_motion_of(twin.field, 0).force.x,
+        assert_near(without_them.force.x, cairn_force_field_motion_of(replica.field, 0).force.x,
                     NUMBER(1e-7, 1));
         assert_true(fabs((double)(without_them.force.x - with.force.x)) > 0.1);
     }
     test_pool_free(&f.pool);
-    test_pool_free(&twin.pool);
+    test_pool_free(&replica.pool);
 }
 
 static void test_extra_refusals(void **state)
@@ -1825,8 +1825,8 @@ static void test_extra_refusals(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Everything at once, with scans that leave and points from outside: the same bits, and no step
- * beyond its budget. */
+/* Everything at once, with scans removed and external points: the same bits, and no step exceeds
+ * its budget. */
 static void test_budgets_with_all_inputs(void **state)
 {
     static const int32_t budgets[] = {CAIRN_UNBOUNDED, 1, 7, 50, 1000};
@@ -1853,7 +1853,7 @@ static void test_budgets_with_all_inputs(void **state)
             for (int i = 0; i < 3; i++) {
                 struct scan scan;
 
-                make_room(&scan, 3 * round + i);
+                make_room_scan(&scan, 3 * round + i);
                 add(f.field, &scan, room_pose(3 * round + i));
             }
             if (round > 0)
@@ -1881,8 +1881,8 @@ static void test_budgets_with_all_inputs(void **state)
     }
 }
 
-/* The bits of the poses after 20 iterations: the same from every compiler, at every level of
- * optimisation. */
+/* The bits of the poses after 20 iterations: the same with every compiler and optimization
+ * level. */
 static void test_golden_poses(void **state)
 {
     cairn_force_field_params p = small_params();
@@ -1924,7 +1924,7 @@ int main(void)
         cmocka_unit_test(test_bad_scans_are_refused),
         cmocka_unit_test(test_points_on_the_fly),
         cmocka_unit_test(test_long_lines),
-        cmocka_unit_test(test_what_stands_still_is_kept),
+        cmocka_unit_test(test_scans_at_rest_are_not_recomputed),
         cmocka_unit_test(test_nothing_moves),
         cmocka_unit_test(test_an_endless_run),
         cmocka_unit_test(test_release),

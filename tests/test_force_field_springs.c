@@ -2,12 +2,11 @@
 
 #include "cairn/icp.h"
 
-/* ---- The obvious way: one dense system of all motions, every point against every other, in
- * double ---- */
+/* ---- Reference implementation: one dense system of all motions, all pairs, in double ---- */
 
 enum { UNKNOWNS = 3 * SCENE, RUN = 3 };
 
-/* Three points from outside, of one direction. */
+/* Three external points of one direction. */
 static const double outside[RUN][2] = {{0.5, 1.62}, {0.7, 1.61}, {0.9, 1.63}};
 
 struct slow_point {
@@ -48,7 +47,7 @@ static void slow_points(struct slow_system *s, const struct scan *scans, const c
     }
 }
 
-/* Moves the middle of a pair by a motion of the scan about its centre: two rows of three. */
+/* Moves the midpoint of a pair by a motion of the scan about its centre: two rows of three. */
 static void slow_lever(double lever[2][3], double x, double y, cairn_vec2 centre)
 {
     lever[0][0] = lever[1][1] = 1;
@@ -57,7 +56,7 @@ static void slow_lever(double lever[2][3], double x, double y, cairn_vec2 centre
     lever[1][2] = x - (double)centre.x;
 }
 
-/* A spring of point p towards q, with the shape that the direction of `along` gives. */
+/* A spring of point p towards q, shaped by the direction of `along`. */
 static void slow_spring(struct slow_system *s, const cairn_force_field_params *params,
                         const cairn_vec2 *centres, const struct slow_point *p,
                         const struct slow_point *q, const struct slow_point *along,
@@ -88,7 +87,7 @@ static void slow_spring(struct slow_system *s, const cairn_force_field_params *p
         }
 }
 
-/* Turns the scans of two points so that their lines are parallel. */
+/* Rotates the scans of two points so that their lines become parallel. */
 static void slow_twist(struct slow_system *s, const cairn_force_field_params *params,
                        const struct slow_point *p, const struct slow_point *q, double r)
 {
@@ -173,7 +172,7 @@ static void slow_motions(struct slow_system *s, const cairn_force_field_params *
     slow_solve(s, is_fixed);
 }
 
-/* ---- One iteration against it ---- */
+/* ---- One iteration compared with it ---- */
 
 static cairn_force_field_params springs_params(double sigma, int steps)
 {
@@ -336,7 +335,7 @@ static void test_refused(void **state)
         p = springs_params(0.3, 10);
         memcpy((char *)&p + cases[i].field, &value, sizeof value);
         assert_int_equal(cairn_force_field_memory(&p) == 0, cases[i].is_refused);
-        /* What is for springs alone is not looked at without. */
+        /* Parameters of springs are ignored in the other modes. */
         p.mode = CAIRN_FORCE_FIELD_GRADIENT;
         assert_int_equal(cairn_force_field_memory(&p) == 0,
                          cases[i].is_refused && cases[i].field < offsetof(cairn_force_field_params,
@@ -409,7 +408,7 @@ static void test_sigma_falls_by_the_factor(void **state)
     test_pool_free(&f.pool);
 }
 
-/* The root mean square way of the points of a scan, measured from its poses. */
+/* The root mean square displacement of the points of a scan, from its poses. */
 static double way(const struct scan *scan, cairn_pose before, cairn_pose after)
 {
     double sum = 0;
@@ -444,14 +443,14 @@ static void test_no_scan_moves_farther_than_allowed(void **state)
             add(f.field, &scans[i], poses[i]);
         iterate(f.field);
         for (int i = 0; i < SCENE; i++) {
-            double told = (double)cairn_force_field_motion_of(f.field, i).relocation;
+            double reported = (double)cairn_force_field_motion_of(f.field, i).relocation;
 
-            assert_near(way(&scans[i], poses[i], cairn_force_field_pose(f.field, i)), told,
-                        0.01 * told + 1e-6);
-            assert_true(told <= bounds[b] * (1 + 1e-6));
-            at_the_bound += b == 0 && told > bounds[b] * (1 - 1e-6);
-            below += b == 0 && told < bounds[b] * 0.99;
-            mean += told / SCENE;
+            assert_near(way(&scans[i], poses[i], cairn_force_field_pose(f.field, i)), reported,
+                        0.01 * reported + 1e-6);
+            assert_true(reported <= bounds[b] * (1 + 1e-6));
+            at_the_bound += b == 0 && reported > bounds[b] * (1 - 1e-6);
+            below += b == 0 && reported < bounds[b] * 0.99;
+            mean += reported / SCENE;
         }
         assert_near(cairn_force_field_read(f.field).mean_relocation, mean, 1e-6);
         test_pool_free(&f.pool);
@@ -486,7 +485,7 @@ static void test_too_few_bonds(void **state)
     assert_int_equal(few.bonds, 4);
     assert_in_range(few.bonds_dropped, all.bonds - 4, all.segment_pairs);
     test_pool_free(&f.pool);
-    /* Without room for any nothing moves. */
+    /* Without capacity for any nothing moves. */
     p.max_bonds = 0;
     f = field_with(&p);
     add_scene(f.field);
@@ -496,7 +495,7 @@ static void test_too_few_bonds(void **state)
     test_pool_free(&f.pool);
 }
 
-/* All that may depend on the budget. */
+/* All results that could depend on the budget. */
 struct outcome {
     cairn_pose poses[SCENE];
     int64_t units;
@@ -537,7 +536,7 @@ static void test_any_budget_gives_the_same(void **state)
     (void)state;
     assert_int_equal(all.state.iterations, 6);
 #ifndef CAIRN_FLOAT
-    /* What is charged, the rounds of the solver included. */
+    /* The units charged, including the rounds of the solver. */
     assert_int_equal(all.units, 88075);
 #endif
     for (int i = 0; i < 3; i++) {
@@ -550,7 +549,7 @@ static void test_any_budget_gives_the_same(void **state)
     }
 }
 
-/* How far scan b is from where scan a sees it at zero. */
+/* Error of the relative pose of b seen from a, which is zero in truth. */
 static void apart(cairn_pose a, cairn_pose b, double *metres, double *degrees)
 {
     cairn_pose p = cairn_pose_between(a, b);
@@ -559,7 +558,7 @@ static void apart(cairn_pose a, cairn_pose b, double *metres, double *degrees)
     *degrees = fmax(*degrees, fabs((double)p.theta) / DEGREE);
 }
 
-/* Scans that were released leave no springs behind. */
+/* Removed scans leave no springs behind. */
 static void test_release(void **state)
 {
     cairn_force_field_params p = springs_params(0.3, 10);
@@ -595,7 +594,7 @@ static void test_release(void **state)
                 moved[late][k++] = cairn_force_field_pose(f.field, i);
         test_pool_free(&f.pool);
     }
-    /* The order of the scans, and with it that of the sums, is another one. */
+    /* The order of the scans, and with it that of the sums, is changed. */
     for (int i = 0, found = 0; i < 3; i++, found = 0) {
         for (int k = 0; k < 3; k++) {
             double metres = 0, degrees = 0;
@@ -645,8 +644,8 @@ static void test_three_corners_come_together(void **state)
     }
 }
 
-/* ... where the nearest neighbours of all points, without a gate, end beside it: the longer
- * walls have no partners but the ends of the shorter ones, which pull them along. */
+/* ... while the nearest neighbours of all points, without a gate, end displaced: the longer walls
+ * correspond to the ends of the shorter ones, which pull them along. */
 static void test_nearest_neighbours_end_wrong(void **state)
 {
     cairn_icp_params p = cairn_icp_default();
@@ -760,7 +759,7 @@ static void test_degenerate_input(void **state)
                 assert_int_equal(s.verdict, CAIRN_FORCE_FIELD_CONVERGED);
                 assert_true(s.mean_relocation == 0);
             }
-            /* Circles come together; their turn stays open. */
+            /* Circles are aligned; their rotation stays undetermined. */
             if (c == 4) {
                 cairn_pose a = cairn_force_field_pose(f.field, 0),
                            b = cairn_force_field_pose(f.field, 1);

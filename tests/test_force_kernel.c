@@ -13,7 +13,7 @@ static cairn_oriented_point oriented(double x, double y, double angle)
     return p;
 }
 
-/* Eqs. 7.1 and 7.2 by libc math; returns the strength. */
+/* Eqs. 7.1 and 7.2 by libm; returns the strength. */
 static double strength(double r, double c, double m1, double m2, double sigma)
 {
     return m1 * m2 * fabs(c) * exp(-r * r / (2 * sigma * sigma)) / (sigma * sqrt(2 * PI));
@@ -121,7 +121,7 @@ static void make_points(struct points *p, uint64_t seed)
     }
 }
 
-/* The sums of all pairs one by one; those of a count from the row `first` on. */
+/* The sums of all pairs one by one; those of a count from row `first` on. */
 static void test_strips_against_the_formulas(void **state)
 {
     const double sigma = 0.12, reach = 4.5;
@@ -141,7 +141,7 @@ static void test_strips_against_the_formulas(void **state)
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
         make_points(&p, seed);
-        /* One point lies on the zone's very side. */
+        /* One point lies on the border of the zone. */
         if (seed % 5 == 1)
             p.strip[1].reach_box.max.x = p.position[0][4].x;
         if (seed % 5 == 2)
@@ -193,7 +193,7 @@ static void test_strips_against_the_formulas(void **state)
     }
 }
 
-/* The springs of all pairs one by one, whatever the budget; the other sums do not change by
+/* The springs of all pairs one by one, whatever the budget; the other sums are not affected by
  * them. */
 static void test_springs_against_the_formulas(void **state)
 {
@@ -212,7 +212,7 @@ static void test_springs_against_the_formulas(void **state)
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
         make_points(&p, seed);
-        /* Nearer than the least length of a spring. */
+        /* Nearer than the minimum length of a spring. */
         p.position[1][0].x = p.position[0][0].x + CAIRN_REAL(0.005);
         p.position[1][0].y = p.position[0][0].y;
         memset(&springs, 0, sizeof springs);
@@ -275,7 +275,7 @@ static void test_springs_against_the_formulas(void **state)
     }
 }
 
-/* The last of the sums, which is that of the others turned by a quarter. */
+/* The last sum is that of the others rotated by a quarter turn. */
 static void test_springs_turned(void **state)
 {
     cairn_force_kernel kernel;

@@ -1,5 +1,5 @@
-/* Fragments found along chains: where a piece was laid, against the whole tables of all pairs,
- * with nothing and with very much to match. */
+/* Fragments found along chains: the place of a drawn fragment, comparison with complete tables of
+ * all pairs, empty input, very much input. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -19,7 +19,7 @@ typedef struct matching {
     int32_t chain_count;
 } matching;
 
-/* A shape with three unlike humps, about 1 across. */
+/* A shape with three different humps, about 1 across. */
 static void draw_outline(matching *m)
 {
     for (int32_t i = 0; i < CORNERS; i++) {
@@ -68,10 +68,9 @@ static void end(matching *m)
     test_pool_free(&m->model_pool);
 }
 
-/* A chain of its own that runs like the outline from one vertex on to another, so large, so far
- * away. */
-static void lay(matching *m, int32_t from, int32_t count, double scale, double x, double y,
-                int reversed)
+/* A separate chain shaped like the outline between two vertices, of given scale and place. */
+static void draw_chain(matching *m, int32_t from, int32_t count, double scale, double x, double y,
+                       int reversed)
 {
     cairn_vec2 *p = m->points[m->chain_count];
 
@@ -84,8 +83,8 @@ static void lay(matching *m, int32_t from, int32_t count, double scale, double x
     m->chains[m->chain_count++] = (cairn_curve){p, count, count == CORNERS};
 }
 
-/* Walks that turn at random. */
-static void lay_clutter(matching *m, int32_t chains, uint64_t seed)
+/* Random walks. */
+static void draw_clutter(matching *m, int32_t chains, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 1);
 
@@ -114,9 +113,9 @@ static cairn_fragment_match_result run(matching *m)
     return cairn_fragment_match_read(m->matcher);
 }
 
-/* ---- Where a piece was laid ---- */
+/* ---- The place of a drawn fragment ---- */
 
-static void finds_what_was_laid(void **state)
+static void finds_drawn_fragments(void **state)
 {
     static const double scales[] = {80, 113, 200};
 
@@ -129,9 +128,9 @@ static void finds_what_was_laid(void **state)
         int32_t good = 0;
 
         start(&m, &params);
-        lay_clutter(&m, k % 4, (uint64_t)k);
+        draw_clutter(&m, k % 4, (uint64_t)k);
         /* Of the whole outline, and of half of it, in both senses. */
-        lay(&m, 7 * k, k < 6 ? CORNERS : CORNERS / 2, scale, 200, 150, k % 2);
+        draw_chain(&m, 7 * k, k < 6 ? CORNERS : CORNERS / 2, scale, 200, 150, k % 2);
         r = run(&m);
         for (int32_t i = 0; i < r.count; i++) {
             const cairn_fragment_match *f = &r.matches[i];
@@ -155,8 +154,8 @@ static void finds_what_was_laid(void **state)
     }
 }
 
-/* A straight chain runs like a straight fragment at many scales: the largest is taken, at which
- * all of it is used. */
+/* A straight chain matches a straight fragment at many scales: the largest is taken, at which the
+ * whole chain is used. */
 static void prefers_the_larger_scale(void **state)
 {
     static const cairn_vec2 square[] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
@@ -189,7 +188,7 @@ static void prefers_the_larger_scale(void **state)
     end(&m);
 }
 
-/* ---- The obvious way: every table whole, in doubles ---- */
+/* ---- Reference implementation: complete tables, in double ---- */
 
 static double turn_between(double a, double b)
 {
@@ -269,15 +268,15 @@ static void is_as_good_as_whole_tables(void **state)
     for (uint64_t seed = 0; seed < 3; seed++) {
         cairn_fragment_match_params params = small_params();
         cairn_fragment_match_result r;
-        int32_t missed = 0, doubtful = 0;
+        int32_t missed = 0, undecided = 0;
         matching m;
 
         params.matches_per_fragment = CHAINS;
         params.zero_score_angle = seed == 2 ? CAIRN_REAL(0.7) : params.zero_score_angle;
         params.gap_cost = seed == 1 ? 1 : params.gap_cost;
         start(&m, &params);
-        lay_clutter(&m, 11, seed);
-        lay(&m, 5, 30, 100, 200, 100, (int)seed % 2);
+        draw_clutter(&m, 11, seed);
+        draw_chain(&m, 5, 30, 100, 200, 100, (int)seed % 2);
         r = run(&m);
         for (int32_t f = 0; f < m.model.fragment_count; f++)
             for (int32_t c = 0; c < m.chain_count; c++) {
@@ -296,12 +295,11 @@ static void is_as_good_as_whole_tables(void **state)
                 } else {
                     none++;
                     missed += fmax(ahead, back) > (double)m.params.min_similarity + 0.01;
-                    doubtful += fmax(ahead, back) > (double)m.params.min_similarity - 0.01;
+                    undecided += fmax(ahead, back) > (double)m.params.min_similarity - 0.01;
                 }
             }
-        /* Where nothing is found, nothing is like the fragment, but for what went because of its
-         * scale. */
-        assert_in_range(r.candidate_count - r.count, missed, doubtful);
+        /* Without a match nothing resembles the fragment, except where the scale was rejected. */
+        assert_in_range(r.candidate_count - r.count, missed, undecided);
         for (int32_t i = 1; i < r.count; i++)
             assert_true(r.matches[i].fragment != r.matches[i - 1].fragment ||
                         r.matches[i].similarity <= r.matches[i - 1].similarity);
@@ -311,7 +309,7 @@ static void is_as_good_as_whole_tables(void **state)
     assert_in_range(none, 60, 10000);
 }
 
-/* However near each other the limits are, there is a step between them for every fragment. */
+/* However close the limits are, there is a step between them for every fragment. */
 static void narrow_limits_lose_little(void **state)
 {
     static const double widths[] = {2, 1.1, 1.03, 1};
@@ -327,7 +325,7 @@ static void narrow_limits_lose_little(void **state)
         params.min_scale = (cairn_real)(100 / widths[i]);
         params.max_scale = (cairn_real)(100 * widths[i]);
         start(&m, &params);
-        lay(&m, 0, CORNERS, 100, 200, 150, 0);
+        draw_chain(&m, 0, CORNERS, 100, 200, 150, 0);
         r = run(&m);
         for (int32_t k = 0; k < r.count; k++) {
             double dx = (double)r.matches[k].centroid.x - 200 - 100 * (double)m.model.centroid.x;
@@ -342,7 +340,7 @@ static void narrow_limits_lose_little(void **state)
     }
 }
 
-/* Kept are the best of a longer list, each on its own chain. */
+/* The best of a longer list are kept, each on its own chain. */
 static void keeps_the_best(void **state)
 {
     cairn_fragment_match_params params = small_params();
@@ -357,14 +355,14 @@ static void keeps_the_best(void **state)
     params.max_scale = 1000000;
     params.min_step = 4;
     start(&m, &params);
-    lay_clutter(&m, CHAINS, 8);
+    draw_clutter(&m, CHAINS, 8);
     r = run(&m);
     count = r.count;
     memcpy(all, r.matches, (size_t)count * sizeof *all);
     end(&m);
     params.matches_per_fragment = 3;
     start(&m, &params);
-    lay_clutter(&m, CHAINS, 8);
+    draw_clutter(&m, CHAINS, 8);
     r = run(&m);
     assert_in_range(r.count, 3 * 10, 3 * 32);
     for (int32_t i = 0, k = 0; i < r.count; i++, k++) {
@@ -378,7 +376,7 @@ static void keeps_the_best(void **state)
     end(&m);
 }
 
-/* ---- Nothing, and very much ---- */
+/* ---- Empty input, and very much ---- */
 
 static void matches_nothing(void **state)
 {
@@ -404,9 +402,9 @@ static void matches_nothing(void **state)
     r = run(&m);
     assert_int_equal(r.count, 0);
     m.chain_count = 0;
-    lay(&m, 0, CORNERS, 100, 100, 100, 0);
+    draw_chain(&m, 0, CORNERS, 100, 100, 100, 0);
     assert_true(run(&m).count > 0);
-    /* Fragments without length, and a model without fragments. */
+    /* Fragments of zero length, and a model without fragments. */
     none = m.model.fragments[0];
     none.length = 0;
     m.model.fragments = &none;
@@ -417,7 +415,7 @@ static void matches_nothing(void **state)
     end(&m);
 }
 
-/* 10,000 chains: no more cells than there are samples of them at all steps, twice. */
+/* 10,000 chains: at most as many cells as they have samples at all steps, twice. */
 static void is_bounded(void **state)
 {
     enum { MANY = 10000 };
@@ -435,7 +433,7 @@ static void is_bounded(void **state)
     params.max_scale = 400;
     params.step_ratio = 2;
     start(&m, &params);
-    lay_clutter(&m, CHAINS, 3);
+    draw_clutter(&m, CHAINS, 3);
     for (int32_t i = 0; i < MANY; i++)
         chains[i] = m.chains[i % CHAINS];
     assert_ok(cairn_fragment_match_begin(m.matcher, &m.model, chains, MANY));
@@ -448,7 +446,7 @@ static void is_bounded(void **state)
     assert_true(r.cell_count > 0 && r.cell_count <= samples * 2 * SAMPLES * m.model.fragment_count);
     assert_true(INT32_MAX - budget.left <= r.cell_count / 4);
     assert_true(r.count <= params.matches_per_fragment * m.model.fragment_count);
-    /* Of equal chains the first. */
+    /* Of equal chains the first wins. */
     for (int32_t i = 0; i < r.count; i++)
         assert_in_range(r.matches[i].chain, 0, 2 * CHAINS - 1);
     free(chains);
@@ -471,7 +469,7 @@ static cairn_status step_chains(void *context, cairn_budget *budget)
     return cairn_fragment_match_step(m->matcher, budget);
 }
 
-static uint64_t tell(void *context)
+static uint64_t result_hash(void *context)
 {
     matching *m = context;
     cairn_fragment_match_result r = cairn_fragment_match_read(m->matcher);
@@ -490,17 +488,17 @@ static void does_not_depend_on_budgets(void **state)
     cairn_fragment_match_params params = small_params();
     cairn_budget all = {INT32_MAX};
     matching m;
-    test_stepped object = {begin_chains, step_chains, tell, &m};
+    test_stepped object = {begin_chains, step_chains, result_hash, &m};
     uint64_t hash;
 
     (void)state;
     start(&m, &params);
-    lay_clutter(&m, 4, 2);
-    lay(&m, 5, CORNERS, 100, 200, 100, 1);
+    draw_clutter(&m, 4, 2);
+    draw_chain(&m, 5, CORNERS, 100, 200, 100, 1);
     assert_ok(begin_chains(&m));
     assert_null(cairn_fragment_match_read(m.matcher).matches);
     assert_ok(step_chains(&m, &all));
-    hash = tell(&m);
+    hash = result_hash(&m);
     for (int i = 0; i < 3; i++) {
         int32_t used = 0;
         cairn_status status;
@@ -515,7 +513,7 @@ static void does_not_depend_on_budgets(void **state)
         } while (status == CAIRN_MORE);
         assert_ok(status);
         assert_int_equal(used, INT32_MAX - all.left);
-        assert_true(tell(&m) == hash);
+        assert_true(result_hash(&m) == hash);
     }
     test_begins_anew(&object, 5);
     end(&m);
@@ -586,7 +584,7 @@ static void refuses_bad_input(void **state)
     (void)state;
     params.max_fragments = 24;
     start(&m, &params);
-    lay(&m, 0, CORNERS, 100, 200, 100, 0);
+    draw_chain(&m, 0, CORNERS, 100, 200, 100, 0);
     assert_int_equal(m.model.fragment_count, 24);
     assert_status(cairn_fragment_match_begin(NULL, &m.model, m.chains, 1), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_fragment_match_begin(m.matcher, NULL, m.chains, 1), CAIRN_BAD_ARGUMENT);
@@ -641,7 +639,7 @@ static void refuses_bad_input(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(finds_what_was_laid),
+        cmocka_unit_test(finds_drawn_fragments),
         cmocka_unit_test(prefers_the_larger_scale),
         cmocka_unit_test(is_as_good_as_whole_tables),
         cmocka_unit_test(narrow_limits_lose_little),

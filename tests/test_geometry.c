@@ -1,5 +1,5 @@
-/* Vectors, poses, segments, boxes and polygons: algebraic identities, slow twins and degenerate
- * inputs. */
+/* Vectors, poses, segments, boxes and polygons: algebraic identities, comparison with reference
+ * implementations, degenerate input. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -212,7 +212,7 @@ static void lines_meet(void **state)
         assert_near(cairn_vec2_cross(u, cairn_vec2_sub(point, a.a)), 0, 200 * TOLERANCE);
         assert_near(cairn_vec2_cross(v, cairn_vec2_sub(point, b.a)), 0, 200 * TOLERANCE);
     }
-    /* Parallel, without length, and both sides of the limit. */
+    /* Parallel, of zero length, and both sides of the limit. */
     point = vec(77, 78);
     assert_int_equal(cairn_line_intersection(segment(0, 0, 2, 1), segment(1, 0, 5, 2), &point), 0);
     assert_int_equal(cairn_line_intersection(segment(0, 0, 0, 0), segment(1, 0, 5, 2), &point), 0);
@@ -265,7 +265,7 @@ static void segments_cross(void **state)
         /* parallel */
         {{0, 0, 0, 4, 0, 3, 0, 7}, 1},
         {{0, 0, 4, 4, 1, 0, 5, 4}, 0},
-        /* the line is met behind the end */
+        /* the line is met beyond the end */
         {{0, 0, 4, 4, 5, 5, 5, 0}, 0},
         /* a point on a segment */
         {{0, 0, 4, 0, 5, -1, 5, 1}, 0},
@@ -280,7 +280,7 @@ static void segments_cross(void **state)
         crossing(cases[i].corners, cases[i].expected);
 }
 
-/* On a small grid of integers against the definition: some of the exactly computed parameters
+/* On a small grid of integers compared with the definition: some of the exactly computed parameters
  * lie in [0, 1]. */
 static void segments_cross_exactly(void **state)
 {
@@ -420,7 +420,7 @@ static void a_motion_about_a_point(void **state)
     assert_pose(straight, shift, TOLERANCE);
 }
 
-/* Sum of squares that cairn_pose_fit makes least. */
+/* Sum of squares that cairn_pose_fit minimizes. */
 static double misfit(const cairn_pose *from, const cairn_pose *to, const int32_t *use, int count,
                      double ahead, const double motion[3])
 {

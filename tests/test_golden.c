@@ -1,11 +1,10 @@
-/* The golden scenes, also those that a board runs, against what they gave when they were looked
- * at last. */
+/* The golden scenes, also those that a board runs, compared with the stored hashes. */
 #include <inttypes.h>
 
 #include "tests/golden.h"
 #include "tests/kept.h"
 
-static void tell(const void *item, char text[KEPT_TEXT])
+static void format_value(const void *item, char text[KEPT_TEXT])
 {
     const golden_scene *scene = item;
     uint64_t hash = scene->run();
@@ -26,5 +25,5 @@ int main(int argc, char **argv)
         values[count].name = golden_scenes[count].name;
         values[count].item = &golden_scenes[count];
     }
-    return kept_main(argc, argv, KEPT_FILE("golden"), values, count, tell);
+    return kept_main(argc, argv, KEPT_FILE("golden"), values, count, format_value);
 }

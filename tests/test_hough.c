@@ -23,7 +23,7 @@ static struct fixture hough_with(cairn_hough_params params)
     return f;
 }
 
-/* Points of a scene, in the order in which they were laid. */
+/* Points of a scene, in the order of their creation. */
 struct cloud {
     cairn_oriented_point points[MANY];
     cairn_real weights[MANY];
@@ -31,8 +31,8 @@ struct cloud {
 };
 
 /* `count` points from (ax, ay) on, `spacing` apart, on a wall of the unit direction (dx, dy). */
-static void lay_along(struct cloud *c, double ax, double ay, double dx, double dy, int32_t count,
-                      double spacing)
+static void add_points_along(struct cloud *c, double ax, double ay, double dx, double dy,
+                             int32_t count, double spacing)
 {
     for (int32_t i = 0; i < count; i++) {
         cairn_oriented_point *p = &c->points[c->count];
@@ -45,9 +45,10 @@ static void lay_along(struct cloud *c, double ax, double ay, double dx, double d
     }
 }
 
-static void lay(struct cloud *c, double ax, double ay, double angle, int32_t count, double spacing)
+static void add_wall(struct cloud *c, double ax, double ay, double angle, int32_t count,
+                     double spacing)
 {
-    lay_along(c, ax, ay, cos(angle), sin(angle), count, spacing);
+    add_points_along(c, ax, ay, cos(angle), sin(angle), count, spacing);
 }
 
 static const cairn_hough_line *search(cairn_hough *hough, const struct cloud *c, int32_t *found)
@@ -59,8 +60,7 @@ static const cairn_hough_line *search(cairn_hough *hough, const struct cloud *c,
     return cairn_hough_list(hough, found);
 }
 
-/* ---- The obvious way: all votes of a bin at a time, in double, with the angles of libc math
- * ---- */
+/* ---- Reference implementation: all votes of one bin at a time, in double, angles of libm ---- */
 
 struct slow_line {
     double x, y, dx, dy, low, high, covered, votes, rms, peak;
@@ -99,7 +99,7 @@ static double slow_votes(const struct slow *s, int32_t row, int32_t column)
     return sum;
 }
 
-static void slow_lay(struct slow *s)
+static void slow_begin(struct slow *s)
 {
     double low_x = (double)INFINITY, low_y = (double)INFINITY, high_x = -(double)INFINITY,
            high_y = -(double)INFINITY;
@@ -169,8 +169,8 @@ static int by_value(const void *a, const void *b)
     return *(const double *)a < *(const double *)b ? -1 : *(const double *)a > *(const double *)b;
 }
 
-/* The line through the points within reach of l: the mean and the slope of the distance over the
- * place along it. */
+/* The line through the points within reach of l: the mean and slope of the distance over the
+ * position along it. */
 static void slow_refit(const struct slow *s, struct slow_line *l, double reach)
 {
     double w = 0, t = 0, d = 0, tt = 0, td = 0, slope;
@@ -248,7 +248,7 @@ static double from_middle(const struct slow *s, const struct slow_line *l)
     return (s->middle_x - l->x) * l->dy - (s->middle_y - l->y) * l->dx;
 }
 
-/* Of lines that came to lie on each other only the one with more votes stays. */
+/* Of coincident lines only the one with more votes stays. */
 static void slow_thin(struct slow *s)
 {
     int32_t kept = 0;
@@ -275,7 +275,7 @@ static void slow_thin(struct slow *s)
 
 static void slow_search(struct slow *s)
 {
-    slow_lay(s);
+    slow_begin(s);
     slow_vote(s);
     s->count = 0;
     for (int32_t row = 0; row < s->rows; row++)
@@ -318,7 +318,7 @@ static void scatter(struct cloud *c, uint64_t seed)
         double y = draw(&random, 8);
         double angle = draw(&random, 2 * PI);
 
-        lay(c, x, y, angle, 40 + 17 * wall, 0.07);
+        add_wall(c, x, y, angle, 40 + 17 * wall, 0.07);
     }
     for (int32_t i = 0; i < c->count; i++) {
         c->points[i].position.x += CAIRN_REAL(0.01) * cairn_random_normal(&random);
@@ -329,7 +329,7 @@ static void scatter(struct cloud *c, uint64_t seed)
         double y = draw(&random, 8);
         double angle = draw(&random, 2 * PI);
 
-        lay(c, x, y, angle, 1, 0);
+        add_wall(c, x, y, angle, 1, 0);
     }
     for (int32_t i = 0; i < c->count; i++)
         c->weights[i] = cairn_random_uniform(&random, CAIRN_REAL(0.5), CAIRN_REAL(1.5));
@@ -354,7 +354,7 @@ static void assert_same_line(const cairn_hough_line *l, const struct slow_line *
     assert_near(l->covered_length, s->covered, 2.1 * (double)p->distance_step);
 }
 
-static void finds_what_the_obvious_way_finds(void **state)
+static void finds_what_the_reference_finds(void **state)
 {
     static struct cloud c;
     static struct slow s;
@@ -388,7 +388,7 @@ static void finds_what_the_obvious_way_finds(void **state)
 
 /* ---- As written ---- */
 
-/* Points that lie in a bin, each in one column of every row, whatever their directions. */
+/* Points in a bin, one in each column of every row, whatever their directions. */
 static double slow_count(const struct slow *s, int32_t row, int32_t column, int32_t *bin)
 {
     double turn = PI / s->p->angles, sum = 0;
@@ -404,13 +404,13 @@ static double slow_count(const struct slow *s, int32_t row, int32_t column, int3
     return sum;
 }
 
-/* The bins that no other within the separation exceeds, or equals and comes before, by all pairs
- * of bins; then as many as are not on a stronger one. */
+/* Local maxima: bins that no other within the separation exceeds, or equals and precedes, by all
+ * pairs of bins; then those not on a stronger one. */
 static void slow_as_written(struct slow *s)
 {
     static int32_t bin[MANY];
 
-    slow_lay(s);
+    slow_begin(s);
     for (int32_t row = 0; row < s->rows; row++)
         for (int32_t column = 0; column < s->p->distances; column++)
             s->votes[row * s->p->distances + column] = slow_count(s, row, column, bin);
@@ -456,7 +456,7 @@ static void slow_as_written(struct slow *s)
     slow_thin(s);
 }
 
-/* All points count for all directions: what the directions of the points are changes nothing. */
+/* All points count for all directions: the directions of the points do not matter. */
 static void as_written_is_the_classical_transform(void **state)
 {
     static struct cloud c;
@@ -511,7 +511,7 @@ static void as_written_is_the_classical_transform(void **state)
     }
 }
 
-/* The number of points of a wall and of those that happen to lie in its bin. */
+/* The number of points of a wall and of those that lie in its bin by chance. */
 static void as_written_votes_are_points(void **state)
 {
     static struct cloud c;
@@ -522,9 +522,9 @@ static void as_written_votes_are_points(void **state)
 
     (void)state;
     c.count = 0;
-    lay(&c, 0, 0, 0, 50, 0.1);
-    lay(&c, 8, 0, PI / 2, 20, 0.1); /* its first point lies on the first wall's line */
-    lay(&c, 3, 3, PI, 1, 0);
+    add_wall(&c, 0, 0, 0, 50, 0.1);
+    add_wall(&c, 8, 0, PI / 2, 20, 0.1); /* its first point lies on the first wall's line */
+    add_wall(&c, 3, 3, PI, 1, 0);
     f = hough_with(p);
     lines = search(f.hough, &c, &found);
     assert_int_equal(found, 2);
@@ -534,10 +534,10 @@ static void as_written_votes_are_points(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- What is known exactly ---- */
+/* ---- Exactly known results ---- */
 
-/* Two pieces of one wall with a door between them, two metres apart, seen from both sides. */
-static void pieces_of_a_wall_are_one_line(void **state)
+/* Two segments of one wall with a door between them, two metres apart, seen from both sides. */
+static void segments_of_a_wall_are_one_line(void **state)
 {
     static struct cloud c;
     struct fixture f = hough_with(cairn_hough_default());
@@ -550,10 +550,10 @@ static void pieces_of_a_wall_are_one_line(void **state)
         double angle = turn * 15 * DEGREE, dx = cos(angle), dy = sin(angle);
 
         c.count = 0;
-        lay(&c, 3 + dx, -5 + dy, angle, 31, 0.1);
-        lay(&c, 3 + 6 * dx, -5 + 6 * dy, angle, 21, 0.1);
+        add_wall(&c, 3 + dx, -5 + dy, angle, 31, 0.1);
+        add_wall(&c, 3 + 6 * dx, -5 + 6 * dy, angle, 21, 0.1);
         /* another face */
-        lay(&c, 3 + 8 * dx - 0.3 * dy, -5 + 8 * dy + 0.3 * dx, angle + PI, 26, 0.1);
+        add_wall(&c, 3 + 8 * dx - 0.3 * dy, -5 + 8 * dy + 0.3 * dx, angle + PI, 26, 0.1);
         lines = search(f.hough, &c, &found);
         assert_int_equal(found, 2);
         assert_near(lines[0].votes, 52, 0);
@@ -588,8 +588,8 @@ static void faces_are_one_without_orientation(void **state)
         double angle = turn * 10 * DEGREE + 1e-3, dx = cos(angle), dy = sin(angle);
 
         c.count = 0;
-        lay(&c, 1, 1, angle, 20, 0.1);
-        lay(&c, 1 + 5 * dx, 1 + 5 * dy, angle + PI, 20, 0.1);
+        add_wall(&c, 1, 1, angle, 20, 0.1);
+        add_wall(&c, 1 + 5 * dx, 1 + 5 * dy, angle + PI, 20, 0.1);
         lines = search(f.hough, &c, &found);
         assert_int_equal(found, 1);
         assert_near(lines[0].votes, 40, 0);
@@ -602,7 +602,8 @@ static void faces_are_one_without_orientation(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Parallel walls come apart at the separation, and nearly parallel ones at its angle. */
+/* Parallel walls are separated from the separation on, and nearly parallel ones from its angle
+ * on. */
 static void separation(void **state)
 {
     static struct cloud c;
@@ -613,16 +614,17 @@ static void separation(void **state)
     (void)state;
     for (int32_t apart = 13; apart <= 40; apart += 6) {
         c.count = 0;
-        lay(&c, 0, 0, 0, 60, 0.1);
-        lay(&c, 0, apart * 0.01, 0, 50, 0.1);
+        add_wall(&c, 0, 0, 0, 60, 0.1);
+        add_wall(&c, 0, apart * 0.01, 0, 50, 0.1);
         lines = search(f.hough, &c, &found);
         assert_int_equal(found, apart > 21 ? 2 : 1);
         assert_near(lines[0].votes, 60, 0);
     }
     for (int32_t degrees = 4; degrees <= 30; degrees += 2) {
         c.count = 0;
-        lay(&c, -3, 0, 0, 60, 0.1);
-        lay(&c, -3 * cos(degrees * DEGREE), -3 * sin(degrees * DEGREE), degrees * DEGREE, 60, 0.1);
+        add_wall(&c, -3, 0, 0, 60, 0.1);
+        add_wall(&c, -3 * cos(degrees * DEGREE), -3 * sin(degrees * DEGREE), degrees * DEGREE, 60,
+                 0.1);
         (void)search(f.hough, &c, &found);
         if (degrees <= 8)
             assert_int_equal(found, 1);
@@ -632,7 +634,7 @@ static void separation(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Points whose direction is off vote less and less, and then not at all. */
+/* Points of deviating direction vote less and less, and then not at all. */
 static void directions_count(void **state)
 {
     static struct cloud c;
@@ -642,7 +644,7 @@ static void directions_count(void **state)
     (void)state;
     for (int32_t degrees = 0; degrees <= 180; degrees += 5) {
         c.count = 0;
-        lay(&c, 0, 0, 0, 100, 0.1);
+        add_wall(&c, 0, 0, 0, 100, 0.1);
         for (int32_t i = 0; i < c.count; i++) {
             c.points[i].direction.x = (cairn_real)cos(degrees * DEGREE);
             c.points[i].direction.y = (cairn_real)sin(degrees * DEGREE);
@@ -667,7 +669,7 @@ static void weights_are_votes(void **state)
 
     (void)state;
     c.count = 0;
-    lay(&c, 0, 0, 1, 30, 0.1);
+    add_wall(&c, 0, 0, 1, 30, 0.1);
     for (int32_t i = 0; i < c.count; i++)
         c.weights[i] = CAIRN_REAL(0.66);
     (void)search(f.hough, &c, &found);
@@ -709,7 +711,7 @@ static void the_highest_peaks_are_kept(void **state)
     f = hough_with(p);
     c.count = 0;
     for (int32_t i = 0; i < 5; i++)
-        lay(&c, 0, i, 0, counts[i], 0.1);
+        add_wall(&c, 0, i, 0, counts[i], 0.1);
     lines = search(f.hough, &c, &found);
     assert_int_equal(found, 3);
     assert_int_equal(cairn_hough_dropped(f.hough), 2);
@@ -719,7 +721,7 @@ static void the_highest_peaks_are_kept(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Points that reach far make the columns wider rather than fall off. */
+/* Distant points make the columns wider; none is dropped. */
 static void far_points_fit(void **state)
 {
     static struct cloud c;
@@ -732,8 +734,8 @@ static void far_points_fit(void **state)
     p.distances = 8;
     f = hough_with(p);
     c.count = 0;
-    lay(&c, -1000, 300, 0, 30, 60);
-    lay(&c, 500, -900, PI / 2, 40, 60);
+    add_wall(&c, -1000, 300, 0, 30, 60);
+    add_wall(&c, 500, -900, PI / 2, 40, 60);
     lines = search(f.hough, &c, &found);
     assert_int_equal(found, 2);
     assert_near(lines[0].votes, 40, 0);
@@ -759,8 +761,8 @@ static void places_do_not_matter(void **state)
         double x = 300 * column, y = 300 * row;
 
         c.count = 0;
-        lay(&c, x + 1, y + 1, 0.3, 60, 0.1);
-        lay(&c, x + 1 - 0.3 * sin(0.3), y + 1 + 0.3 * cos(0.3), 0.3, 40, 0.1);
+        add_wall(&c, x + 1, y + 1, 0.3, 60, 0.1);
+        add_wall(&c, x + 1 - 0.3 * sin(0.3), y + 1 + 0.3 * cos(0.3), 0.3, 40, 0.1);
         lines = search(f.hough, &c, &found);
         assert_int_equal(found, 2);
         assert_near(lines[0].votes, 60, 0);
@@ -770,7 +772,7 @@ static void places_do_not_matter(void **state)
     test_pool_free(&f.pool);
 }
 
-/* With other tolerances the same points are other lines; capacities stay. */
+/* With other tolerances the same points give other lines; capacities stay. */
 static void tolerances_can_be_adjusted(void **state)
 {
     static struct cloud c;
@@ -782,8 +784,8 @@ static void tolerances_can_be_adjusted(void **state)
 
     (void)state;
     c.count = 0;
-    lay(&c, 0, 0, 0.2, 30, 0.1);
-    lay(&c, 5 * cos(0.2) - 0.3 * sin(0.2), 5 * sin(0.2) + 0.3 * cos(0.2), 0.2, 30, 0.1);
+    add_wall(&c, 0, 0, 0.2, 30, 0.1);
+    add_wall(&c, 5 * cos(0.2) - 0.3 * sin(0.2), 5 * sin(0.2) + 0.3 * cos(0.2), 0.2, 30, 0.1);
     (void)search(f.hough, &c, &found);
     assert_int_equal(found, 2);
     p.support_distance = CAIRN_REAL(0.3);
@@ -818,9 +820,9 @@ static void tolerances_can_be_adjusted(void **state)
 
 /* ---- The bits ---- */
 
-/* Walls on a grid of a quarter of a metre with weights in halves, so that votes tie and
- * distances lie on the params' very limits; in every third scene turned, and with noise. */
-static void lay_quarters(struct cloud *c, cairn_random *random)
+/* Walls on a grid of a quarter of a metre with weights in halves, so that votes tie and distances
+ * equal the params' limits; every third scene is rotated and noisy. */
+static void draw_quarters(struct cloud *c, cairn_random *random)
 {
     static const double directions[8][2] = {{1, 0},  {0.8, 0.6},   {0, 1},  {-0.6, 0.8},
                                             {-1, 0}, {-0.8, -0.6}, {0, -1}, {0.6, -0.8}};
@@ -835,7 +837,8 @@ static void lay_quarters(struct cloud *c, cairn_random *random)
         double y = 0.25 * cairn_random_below(random, 24);
         double spacing = 0.125 * (1 + cairn_random_below(random, 4));
 
-        lay_along(c, x, y, direction[0], direction[1], 6 + cairn_random_below(random, 30), spacing);
+        add_points_along(c, x, y, direction[0], direction[1], 6 + cairn_random_below(random, 30),
+                         spacing);
     }
     for (int32_t i = 0; i < c->count; i++) {
         cairn_oriented_point *p = &c->points[i];
@@ -887,7 +890,7 @@ static uint64_t hash_of_search(cairn_hough *hough, const struct cloud *c, int32_
     return add_found(hough, test_hash(hash, &budget.left, sizeof budget.left));
 }
 
-/* Params on whose limits the scenes' quarters lie, and few lines. */
+/* Params whose limits are the scenes' quarters, and few lines. */
 static cairn_hough_params draw_params(cairn_random *random)
 {
     cairn_hough_params p = cairn_hough_default();
@@ -917,8 +920,8 @@ static uint64_t hash_of_scenes(int32_t oriented)
 
         p.oriented = oriented;
         f = hough_with(p);
-        for (int32_t k = 0; k < 2; k++) { /* the second is not to see the first */
-            lay_quarters(&c, &random);
+        for (int32_t k = 0; k < 2; k++) { /* the second must not see the first */
+            draw_quarters(&c, &random);
             hash = hash_of_search(f.hough, &c, i % 4, hash);
         }
         test_pool_free(&f.pool);
@@ -947,7 +950,7 @@ static void the_budget_does_not_matter(void **state)
     (void)state;
     scatter(&c, 9);
     for (int32_t i = 0; i < 8; i++)
-        lay(&c, 12 + i, 1, 1, 50, 0.1);
+        add_wall(&c, 12 + i, 1, 1, 50, 0.1);
     lines = search(f.hough, &c, &count);
     memcpy(whole, lines, (size_t)count * sizeof *whole);
     for (int i = 0; i < 3; i++) {
@@ -990,7 +993,7 @@ static cairn_status step_cloud(void *context, cairn_budget *budget)
     return cairn_hough_step(((struct under_way *)context)->hough, budget);
 }
 
-static uint64_t tell_cloud(void *context)
+static uint64_t hash_cloud(void *context)
 {
     return add_found(((struct under_way *)context)->hough, TEST_HASH_START);
 }
@@ -1001,7 +1004,7 @@ static void begins_anew(void **state)
     cairn_hough_params p = cairn_hough_default();
     struct fixture f;
     struct under_way u;
-    test_stepped object = {begin_cloud, step_cloud, tell_cloud, &u};
+    test_stepped object = {begin_cloud, step_cloud, hash_cloud, &u};
 
     (void)state;
     p.angles = 32;
@@ -1032,7 +1035,7 @@ static void nothing_gives_no_lines(void **state)
     assert_int_equal(found, 0);
     /* One place has no direction. */
     c.count = 0;
-    lay(&c, 7, 7, 1, 100, 0);
+    add_wall(&c, 7, 7, 1, 100, 0);
     (void)search(f.hough, &c, &found);
     assert_int_equal(found, 0);
     test_pool_free(&f.pool);
@@ -1055,7 +1058,7 @@ static void bad_points_are_refused(void **state)
 
     (void)state;
     c.count = 0;
-    lay(&c, 0, 0, 0, 50, 0.1);
+    add_wall(&c, 0, 0, 0, 50, 0.1);
     (void)search(f.hough, &c, &found);
     assert_int_equal(found, 1);
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
@@ -1151,7 +1154,7 @@ static void bad_params_are_refused(void **state)
     assert_status(cairn_hough_create(NULL, &pool, &p), CAIRN_BAD_ARGUMENT);
     assert_ok(cairn_hough_create(&hough, &pool, &p));
     test_pool_free(&pool);
-    /* The ends of the ranges are taken. */
+    /* The ends of the ranges are accepted. */
     p = cairn_hough_default();
     p.max_lines = 1;
     p.angles = 8;
@@ -1167,10 +1170,10 @@ static void bad_params_are_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(finds_what_the_obvious_way_finds),
+        cmocka_unit_test(finds_what_the_reference_finds),
         cmocka_unit_test(as_written_is_the_classical_transform),
         cmocka_unit_test(as_written_votes_are_points),
-        cmocka_unit_test(pieces_of_a_wall_are_one_line),
+        cmocka_unit_test(segments_of_a_wall_are_one_line),
         cmocka_unit_test(faces_are_one_without_orientation),
         cmocka_unit_test(separation),
         cmocka_unit_test(directions_count),

@@ -42,7 +42,7 @@ static void l_room(struct points *points, cairn_real spacing)
     add_room(points, L_ROOM, 6, spacing);
 }
 
-/* The points as seen from `pose`, moved across their lines by normal noise. */
+/* The points as seen from `pose`, with normal noise across their lines. */
 static void seen_from(const struct points *world, cairn_pose pose, cairn_real noise,
                       cairn_random *random, struct points *seen)
 {
@@ -111,26 +111,25 @@ static void assert_pose_near(cairn_pose pose, cairn_pose expected, double distan
     assert_near(cairn_wrap_angle(pose.theta - expected.theta), 0, angle);
 }
 
-/* ---- A plain twin: all pairs, normal equations over (x, y, theta) about the centroid, in
- * double ---- */
+/* ---- Reference implementation: all pairs, normal equations about the centroid, in double ---- */
 
-struct twin {
+struct reference {
     double x, y, theta, gate, sigma, point_sigma;
     double covariance[3][3];
     double mean_distance;
     int32_t pairs;
 };
 
-static void twin_prior(const cairn_rigid_motion_pose_prior *prior, const struct twin *twin,
-                       double kx, double ky, double m[3][4])
+static void reference_prior(const cairn_rigid_motion_pose_prior *prior,
+                            const struct reference *reference, double kx, double ky, double m[3][4])
 {
     for (int k = 0; prior != NULL && k < 3; k++) {
         double pc = cos((double)prior->mean.theta), ps = sin((double)prior->mean.theta);
         double ax = k == 0 ? pc : k == 1 ? -ps : 0, ay = k == 0 ? ps : k == 1 ? pc : 0;
         double row[3] = {ax, ay, k < 2 ? -ax * kx - ay * ky : 1};
-        double e =
-            k < 2 ? ax * (twin->x - (double)prior->mean.x) + ay * (twin->y - (double)prior->mean.y)
-                  : twin->theta - (double)prior->mean.theta;
+        double e = k < 2 ? ax * (reference->x - (double)prior->mean.x) +
+                               ay * (reference->y - (double)prior->mean.y)
+                         : reference->theta - (double)prior->mean.theta;
         double w = pow((double)(k == 0   ? prior->sigma_x
                                 : k == 1 ? prior->sigma_y
                                          : prior->sigma_theta),
@@ -144,7 +143,7 @@ static void twin_prior(const cairn_rigid_motion_pose_prior *prior, const struct 
     }
 }
 
-/* Gauss and Jordan on a positive definite matrix with one or more right sides, which become the
+/* Gauss and Jordan for a positive definite matrix with one or more right sides, which become the
  * solutions. */
 static void eliminate(double m[3][4], double sides[3][3])
 {
@@ -164,30 +163,31 @@ static void eliminate(double m[3][4], double sides[3][3])
     }
 }
 
-static void twin_iterate(const cairn_icp_params *params, const struct points *target,
-                         const struct points *query, const cairn_rigid_motion_pose_prior *prior,
-                         struct twin *twin)
+static void reference_iterate(const cairn_icp_params *params, const struct points *target,
+                              const struct points *query,
+                              const cairn_rigid_motion_pose_prior *prior,
+                              struct reference *reference)
 {
     double a[3][4] = {{0}}, lines[3][3] = {{0}}, weights = 0, squares = 0, psi = 0, slopes = 0,
            points = 0, far = 0;
-    double cx = 0, cy = 0, c = cos(twin->theta), s = sin(twin->theta), distance = 0, variance,
-           scale;
-    double kx, ky, information[3][4] = {{0}}, g[3][3], n, sigma = twin->sigma,
-                   point_sigma = twin->point_sigma;
+    double cx = 0, cy = 0, c = cos(reference->theta), s = sin(reference->theta), distance = 0,
+           variance, scale;
+    double kx, ky, information[3][4] = {{0}}, g[3][3], n, sigma = reference->sigma,
+                   point_sigma = reference->point_sigma;
     int to_line = params->mode == CAIRN_ICP_POINT_TO_LINE;
 
     for (int32_t i = 0; i < query->count; i++) {
         cx += (double)query->at[i].position.x / query->count;
         cy += (double)query->at[i].position.y / query->count;
     }
-    twin->pairs = 0;
+    reference->pairs = 0;
     for (int32_t i = 0; i < query->count; i++) {
         const cairn_oriented_point *q = &query->at[i];
         double qx = (double)q->position.x, qy = (double)q->position.y;
-        double px = c * qx - s * qy + twin->x, py = s * qx + c * qy + twin->y;
+        double px = c * qx - s * qy + reference->x, py = s * qx + c * qy + reference->y;
         double ux = c * (double)q->direction.x - s * (double)q->direction.y;
         double uy = s * (double)q->direction.x + c * (double)q->direction.y;
-        double best = twin->gate * twin->gate, ex, ey, e, w, axes[3][2];
+        double best = reference->gate * reference->gate, ex, ey, e, w, axes[3][2];
         double armx = -s * (qx - cx) - c * (qy - cy), army = c * (qx - cx) - s * (qy - cy);
         int32_t pair = -1;
 
@@ -203,7 +203,7 @@ static void twin_iterate(const cairn_icp_params *params, const struct points *ta
         }
         if (pair < 0)
             continue;
-        twin->pairs++;
+        reference->pairs++;
         distance += sqrt(best);
         ex = px - (double)target->at[pair].position.x;
         ey = py - (double)target->at[pair].position.y;
@@ -235,10 +235,10 @@ static void twin_iterate(const cairn_icp_params *params, const struct points *ta
             }
         }
     }
-    n = twin->pairs;
-    twin->sigma = fmax((double)params->min_sigma, sqrt(1.26 * squares / weights));
-    twin->point_sigma = fmax((double)params->min_sigma, sqrt(1.26 * far / points / 2));
-    variance = pow(to_line ? twin->sigma : twin->point_sigma, 2);
+    n = reference->pairs;
+    reference->sigma = fmax((double)params->min_sigma, sqrt(1.26 * squares / weights));
+    reference->point_sigma = fmax((double)params->min_sigma, sqrt(1.26 * far / points / 2));
+    variance = pow(to_line ? reference->sigma : reference->point_sigma, 2);
     kx = -s * cx - c * cy;
     ky = c * cx - s * cy;
     scale =
@@ -249,20 +249,20 @@ static void twin_iterate(const cairn_icp_params *params, const struct points *ta
             if (v < 3)
                 information[u][v] = lines[u][v] / scale;
         }
-    twin_prior(prior, twin, kx, ky, a);
+    reference_prior(prior, reference, kx, ky, a);
     for (int i = 0; i < 9; i++)
         g[i / 3][i % 3] = i % 4 == 0;
     eliminate(a, g);
-    twin->x += a[0][3] + c * cx - s * cy;
-    twin->y += a[1][3] + s * cx + c * cy;
-    twin->theta += a[2][3];
-    c = cos(twin->theta);
-    s = sin(twin->theta);
-    twin->x -= c * cx - s * cy;
-    twin->y -= s * cx + c * cy;
+    reference->x += a[0][3] + c * cx - s * cy;
+    reference->y += a[1][3] + s * cx + c * cy;
+    reference->theta += a[2][3];
+    c = cos(reference->theta);
+    s = sin(reference->theta);
+    reference->x -= c * cx - s * cy;
+    reference->y -= s * cx + c * cy;
     kx = -s * cx - c * cy;
     ky = c * cx - s * cy;
-    twin_prior(prior, twin, kx, ky, information);
+    reference_prior(prior, reference, kx, ky, information);
     for (int i = 0; i < 9; i++)
         g[i / 3][i % 3] = i % 4 == 0;
     eliminate(information, g);
@@ -270,17 +270,19 @@ static void twin_iterate(const cairn_icp_params *params, const struct points *ta
         for (int v = 0; v < 3; v++) {
             double to[3][3] = {{1, 0, -kx}, {0, 1, -ky}, {0, 0, 1}};
 
-            twin->covariance[u][v] = 0;
+            reference->covariance[u][v] = 0;
             for (int i = 0; i < 9; i++)
-                twin->covariance[u][v] += to[u][i / 3] * g[i / 3][i % 3] * to[v][i % 3];
+                reference->covariance[u][v] += to[u][i / 3] * g[i / 3][i % 3] * to[v][i % 3];
         }
-    twin->mean_distance = distance / n;
-    twin->gate = fmin(twin->gate, fmax((double)params->gate_end,
-                                       (double)params->gate_factor * twin->mean_distance));
+    reference->mean_distance = distance / n;
+    reference->gate =
+        fmin(reference->gate, fmax((double)params->gate_end,
+                                   (double)params->gate_factor * reference->mean_distance));
 }
 
-/* Every iteration by itself against the twin, in both modes, with and without prior. */
-static void test_icp_matches_twin(void **state)
+/* Every iteration compared with the reference implementation, in both modes, with and without
+ * prior. */
+static void test_icp_matches_reference(void **state)
 {
     static struct points world, target, query;
     cairn_random random = cairn_random_seed(31, 0);
@@ -297,7 +299,7 @@ static void test_icp_matches_twin(void **state)
         cairn_rigid_motion_pose_prior prior = {start, CAIRN_REAL(0.02), CAIRN_REAL(0.05),
                                                CAIRN_REAL(0.01)};
         cairn_icp_params params = cairn_icp_default();
-        struct twin twin = {
+        struct reference reference = {
             (double)start.x, (double)start.y, (double)start.theta, 0.5, 0.5, 0.5, {{0}}, 0, 0};
 
         seen_from(&world, truth, CAIRN_REAL(0.02), &random, &query);
@@ -315,23 +317,23 @@ static void test_icp_matches_twin(void **state)
             icp = make_icp(&pool, params);
             add_target(icp, &target);
             result = align(icp, &query, start, k < 4 ? NULL : &prior);
-            assert_near(result.gate, twin.gate, tolerance);
-            twin_iterate(&params, &target, &query, k < 4 ? NULL : &prior, &twin);
-            pose.x = (cairn_real)twin.x;
-            pose.y = (cairn_real)twin.y;
-            pose.theta = (cairn_real)twin.theta;
+            assert_near(result.gate, reference.gate, tolerance);
+            reference_iterate(&params, &target, &query, k < 4 ? NULL : &prior, &reference);
+            pose.x = (cairn_real)reference.x;
+            pose.y = (cairn_real)reference.y;
+            pose.theta = (cairn_real)reference.theta;
             assert_int_equal(result.verdict, CAIRN_ICP_OUT_OF_ITERATIONS);
             assert_int_equal(result.iterations, iterations);
             assert_pose_near(result.target_query, pose, tolerance, tolerance);
-            assert_true(abs(result.pairs - twin.pairs) <= NUMBER(0, 2));
+            assert_true(abs(result.pairs - reference.pairs) <= NUMBER(0, 2));
             assert_near(result.overlap, (double)result.pairs / query.count, 1e-6);
-            assert_near(result.mean_distance, twin.mean_distance, tolerance);
-            assert_near(result.sigma, twin.sigma, tolerance);
+            assert_near(result.mean_distance, reference.mean_distance, tolerance);
+            assert_near(result.sigma, reference.sigma, tolerance);
             assert_int_equal(result.observable_dof, 3);
             for (int i = 0; i < 9; i++)
-                assert_near(result.covariance[i], twin.covariance[i / 3][i % 3],
-                            NUMBER(1e-6, 0.03) * sqrt(twin.covariance[i / 3][i / 3] *
-                                                      twin.covariance[i % 3][i % 3]));
+                assert_near(result.covariance[i], reference.covariance[i / 3][i % 3],
+                            NUMBER(1e-6, 0.03) * sqrt(reference.covariance[i / 3][i / 3] *
+                                                      reference.covariance[i % 3][i % 3]));
             test_pool_free(&pool);
         }
     }
@@ -367,7 +369,8 @@ static void test_known_motions_without_noise(void **state)
     test_pool_free(&pool);
 }
 
-/* The local map comes scan by scan, each from its pose; point to point and point to line agree. */
+/* The local map is added scan by scan, each from its pose; point to point and point to line
+ * agree. */
 static void test_known_motions_with_noise(void **state)
 {
     static struct points world, query, scan;
@@ -408,7 +411,7 @@ static void test_known_motions_with_noise(void **state)
     }
 }
 
-/* A tenth of the query is elsewhere, up to half a metre: no more harm than noise does. */
+/* A tenth of the query is displaced by up to half a metre: no more error than from noise. */
 static void test_outliers(void **state)
 {
     static struct points world, query;
@@ -434,8 +437,8 @@ static void test_outliers(void **state)
     test_pool_free(&pool);
 }
 
-/* A wall of 0.1 m: the face that was seen is nearer to the other face's points, which point the
- * other way. */
+/* A wall of 0.1 m: the visible face is nearer to points of the other face, which have the opposite
+ * direction. */
 static void test_faces_of_a_thin_wall(void **state)
 {
     static const cairn_vec2 ends[] = {{-2, 0}, {2, 0}, {2, CAIRN_REAL(0.1)}, {-2, CAIRN_REAL(0.1)}};
@@ -470,8 +473,8 @@ static void test_faces_of_a_thin_wall(void **state)
     test_pool_free(&pool);
 }
 
-/* Query points half way between two target points, with others nearer that point the other way:
- * the lower index is taken, so that all move by half a spacing the same way. */
+/* Query points half way between two target points, with nearer points of opposite direction: the
+ * lower index is taken, so that all move by half a spacing in the same direction. */
 static void test_ties(void **state)
 {
     static struct points target, query;
@@ -517,8 +520,8 @@ static void test_ties(void **state)
 
 /* ---- Observability ---- */
 
-/* Two long walls, turned by 0.5 rad: the corridor's direction is named, the pose does not move
- * along it and comes right across it; a prior decides along it. */
+/* Two long walls, rotated by 0.5 rad: the corridor's direction is reported, the pose does not move
+ * along it and is right across it; a prior decides along it. */
 static void test_corridor(void **state)
 {
     static const cairn_vec2 ends[] = {{-10, -1}, {10, -1}, {10, 1}, {-10, 1}};
@@ -570,7 +573,7 @@ static void test_corridor(void **state)
             assert_near(values[0], 1e-4 / query.count, NUMBER(2e-7, 0.1));
             assert_near(cairn_abs(cairn_vec2_dot(major, axis)), 1, 1e-4);
         }
-        /* The prior's mean lies 0.05 m along the corridor and 0.03 m beside it. */
+        /* The prior's mean is 0.05 m along the corridor and 0.03 m across it. */
         off.x = CAIRN_REAL(0.05);
         off.y = CAIRN_REAL(0.03);
         off.theta = 0;
@@ -600,8 +603,8 @@ static void test_corridor(void **state)
     }
 }
 
-/* One wall leaves its direction alone; a round room leaves the rotation, about its centre,
- * unknown. */
+/* Of one wall the translation along it is unobservable; of a round room the rotation about its
+ * centre. */
 static void test_wall_and_round_room(void **state)
 {
     static struct points target;
@@ -648,7 +651,7 @@ static void test_wall_and_round_room(void **state)
         assert_near(mapped.x, 1, 1e-3);
         assert_near(mapped.y, 2, 1e-3);
     }
-    /* All points in one place with one direction tell one thing: the distance across. */
+    /* All points in one place with one direction observe one quantity: the distance across. */
     cairn_icp_clear_target(icp);
     for (int32_t i = 0; i < 20; i++) {
         target.at[i].position = a;
@@ -712,7 +715,7 @@ static void test_covariance_fits_the_errors(void **state)
     test_pool_free(&pool);
 }
 
-/* ---- Steps, edges, refusals ---- */
+/* ---- Steps, edge cases, refusals ---- */
 
 static void test_budgets(void **state)
 {
@@ -736,7 +739,7 @@ static void test_budgets(void **state)
         cairn_status status;
         int32_t iterations = 0;
 
-        /* An alignment half done is dropped. */
+        /* An unfinished alignment is dropped. */
         assert_ok(cairn_icp_begin(icp, query.at, query.count, truth, NULL, NULL));
         assert_status(cairn_icp_step(icp, &budget), CAIRN_MORE);
         assert_int_equal(budget.left, 0);
@@ -762,16 +765,16 @@ static void test_budgets(void **state)
         assert_int_equal(units[k], units[0]);
         assert_int_equal(results[k].verdict, CAIRN_ICP_CONVERGED);
     }
-    /* As counted once: what a change of the charges or of the work done would change. */
+    /* Fixed values: they change when the charges or the amount of work change. */
     assert_int_equal(units[0], NUMBER(7506, 7561));
     assert_in_range(units[0], results[0].iterations * (5 * query.count + 12),
                     results[0].iterations * (8 * query.count + 12));
     test_pool_free(&pool);
 }
 
-/* A corridor's two walls and the wall at its end are parts of their own: each tells what is
- * across it, all together what the whole target tells. */
-static void parts_tell_what_is_across_them(void **state)
+/* A corridor's two walls and the wall at its end are parts: each observes the direction across it,
+ * all together what the whole target observes. */
+static void parts_observe_the_direction_across_them(void **state)
 {
     static const cairn_vec2 ends[3][2] = {
         {{-4, -1}, {4, -1}}, {{4, -1}, {4, 1}}, {{4, 1}, {-4, 1}}};
@@ -822,9 +825,9 @@ static void parts_tell_what_is_across_them(void **state)
     test_pool_free(&other_pool);
 }
 
-/* With a greater ratio the end of the corridor is not enough to tell the way along it, and the
- * prior decides. */
-static void a_ratio_decides_what_is_weak(void **state)
+/* With a greater ratio the end of the corridor is too little to observe the translation along it,
+ * and the prior decides. */
+static void the_ratio_decides_what_is_unobservable(void **state)
 {
     static const cairn_vec2 corners[] = {{-4, -1}, {4, -1}, {4, 1}, {-4, 1}};
     static struct points target;
@@ -888,7 +891,7 @@ static void test_few_points(void **state)
             assert_int_equal(result.verdict, CAIRN_ICP_UNOBSERVABLE);
         }
     }
-    /* Nothing near: what is known is the prior. */
+    /* No correspondences: only the prior is known. */
     result = align(icp, &world, away, &prior);
     assert_int_equal(result.verdict, CAIRN_ICP_TOO_FEW_PAIRS);
     assert_int_equal(result.pairs, 0);
@@ -1143,9 +1146,9 @@ static void test_bad_inputs(void **state)
     test_pool_free(&pool);
 }
 
-/* The twin runs without roll-back for 1, 2, ... iterations, and finds where pairs get fewer and
- * farther apart. */
-static void what_gets_worse_is_rolled_back(void **state)
+/* The reference implementation runs without roll-back for 1, 2, ... iterations, and finds where
+ * pairs become fewer and more distant. */
+static void steps_that_increase_the_error_are_rolled_back(void **state)
 {
     static struct points target, query;
     cairn_icp_params params = cairn_icp_default();
@@ -1188,7 +1191,7 @@ static void what_gets_worse_is_rolled_back(void **state)
                 expected.verdict = CAIRN_ICP_ROLLED_BACK;
                 expected.iterations = k;
             } else {
-                /* the pose that these pairs belong to */
+                /* the pose of these pairs */
                 last = expected;
                 last.weak_direction[0] = before.x;
                 last.weak_direction[1] = before.y;
@@ -1221,7 +1224,7 @@ static void what_gets_worse_is_rolled_back(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_icp_matches_twin),
+        cmocka_unit_test(test_icp_matches_reference),
         cmocka_unit_test(test_known_motions_without_noise),
         cmocka_unit_test(test_known_motions_with_noise),
         cmocka_unit_test(test_outliers),
@@ -1232,11 +1235,11 @@ int main(void)
         cmocka_unit_test(test_covariance_fits_the_errors),
         cmocka_unit_test(test_budgets),
         cmocka_unit_test(test_few_points),
-        cmocka_unit_test(parts_tell_what_is_across_them),
-        cmocka_unit_test(a_ratio_decides_what_is_weak),
+        cmocka_unit_test(parts_observe_the_direction_across_them),
+        cmocka_unit_test(the_ratio_decides_what_is_unobservable),
         cmocka_unit_test(test_bad_params),
         cmocka_unit_test(test_bad_inputs),
-        cmocka_unit_test(what_gets_worse_is_rolled_back),
+        cmocka_unit_test(steps_that_increase_the_error_are_rolled_back),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

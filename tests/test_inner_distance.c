@@ -39,7 +39,7 @@ static cairn_inner_distance_result measure(measuring *m, const cairn_curve *outl
     return cairn_inner_distance_read(m->inner);
 }
 
-/* ---- The obvious way: all segments against all sides, sums over all vertices ---- */
+/* ---- Reference implementation: all segments with all sides, sums over all vertices ---- */
 
 /* All vertices and sides of a shape. */
 typedef struct graph {
@@ -63,7 +63,7 @@ static int lies_between(const graph *g, int32_t i, int32_t k, int32_t v)
            along < dx * dx + dy * dy;
 }
 
-/* By the even-odd rule over all outlines, holes and all. */
+/* By the even-odd rule over all outlines, holes included. */
 static int is_inside(const graph *g, double x, double y)
 {
     int inside = 0;
@@ -77,7 +77,7 @@ static int is_inside(const graph *g, double x, double y)
     return inside;
 }
 
-static int slow_sight(const graph *g, int32_t i, int32_t k)
+static int slow_visible(const graph *g, int32_t i, int32_t k)
 {
     if (g->next[i] == k || g->next[k] == i)
         return 1;
@@ -106,9 +106,9 @@ static void slow_measure(graph *g, const cairn_curve *outlines, int32_t count)
         }
     for (int32_t i = 0; i < g->count; i++)
         for (int32_t k = 0; k < g->count; k++)
-            g->d[i][k] = i == k                ? 0
-                         : slow_sight(g, i, k) ? hypot(g->x[i] - g->x[k], g->y[i] - g->y[k])
-                                               : 1e9;
+            g->d[i][k] = i == k                  ? 0
+                         : slow_visible(g, i, k) ? hypot(g->x[i] - g->x[k], g->y[i] - g->y[k])
+                                                 : 1e9;
     for (int32_t over = 0; over < g->count; over++)
         for (int32_t i = 0; i < g->count; i++)
             for (int32_t k = 0; k < g->count; k++)
@@ -168,8 +168,8 @@ static cairn_curve spiral(cairn_vec2 *p, int32_t count, double turns, int clockw
     return closed(p, count);
 }
 
-/* Even samples of a comb of pixels: nearly all of them lie straight between others, teeth line
- * up. */
+/* Even samples of a comb of pixels: nearly all of them are collinear with others, and teeth are
+ * aligned. */
 static cairn_curve comb(cairn_vec2 *p)
 {
     static const int8_t corner[][2] = {{0, 0}, {9, 0}, {9, 6}, {7, 6}, {7, 2}, {5, 2},

@@ -1,13 +1,13 @@
-/* JSON piece by piece: every kind of token, strings and their escapes, every refusal with its
- * line, texts cut anywhere. */
+/* The JSON reader: every kind of token, strings and their escapes, every refusal with its line,
+ * texts truncated anywhere. */
 #include "tests/test.h"
 
 #include <locale.h>
 
 #include "cairn/json_text.h"
 
-/* Writes the tokens of a text as "{ name: 1 }"-like words, or the error's text; returns the
- * status of the last. */
+/* Writes the tokens of a text as "{ name: 1 }"-like words, or the error's text; returns the last
+ * status. */
 static cairn_status read_all(const char *text, size_t length, char *out, size_t size)
 {
     static const char *const words[] = {
@@ -23,7 +23,7 @@ static cairn_status read_all(const char *text, size_t length, char *out, size_t 
         char buffer[64] = "";
 
         if (status != CAIRN_OK) {
-            /* The same again, and nothing in the token. */
+            /* The same again, and an empty token. */
             assert_int_equal(token.kind, 0);
             assert_true(token.text == NULL && token.length == 0);
             assert_status(cairn_json_next(&json, &token, NULL), status);
@@ -100,7 +100,7 @@ static void test_strings(void **state)
     assert_reads("{\"\\u0061\":0}", "{ n:a d:0 } end");
 }
 
-/* What a copy keeps when there is less room than needed, and equality. */
+/* What a copy retains when the buffer is too small, and equality. */
 static void test_copies(void **state)
 {
     const char *text = "\"a\\u00e9\xE2\x82\xACz\"";
@@ -242,8 +242,8 @@ static void test_refusals(void **state)
         assert_reads(cases[i].text, cases[i].tokens);
 }
 
-/* Every text that is cut within a value is CAIRN_TRUNCATED, or CAIRN_BAD_FORMAT where a word or
- * an escape is cut. */
+/* Every text truncated within a value is CAIRN_TRUNCATED, or CAIRN_BAD_FORMAT within a word or an
+ * escape. */
 static void test_cut_anywhere(void **state)
 {
     const char *text =
@@ -253,7 +253,7 @@ static void test_cut_anywhere(void **state)
     (void)state;
     assert_ok(read_all(text, strlen(text), out, sizeof out));
     for (size_t length = 1; length < strlen(text); length++) {
-        char *cut = malloc(length); /* of its own, so that a byte too many shows */
+        char *cut = malloc(length); /* in a block of its own, so that an overrun shows */
         cairn_status status;
 
         assert_non_null(cut);
@@ -264,7 +264,7 @@ static void test_cut_anywhere(void **state)
     }
 }
 
-/* Any bytes: a status, and no byte read beyond the end. */
+/* Random bytes: a status, and no byte read beyond the end. */
 static void test_any_bytes(void **state)
 {
     static const char alphabet[] = "{}[]:,\"\\u0123456789abcdefntrl.eE+- \n";
@@ -304,7 +304,7 @@ static void test_depth(void **state)
     assert_status(cairn_json_next(&json, &token, &error), CAIRN_FULL);
     assert_string_equal(error.text, "f:1: nested too deep, expected at most 64");
     assert_status(cairn_json_next(&json, &token, NULL), CAIRN_FULL);
-    /* So deep it still knows an object from an array, and closes. */
+    /* At this depth it still distinguishes objects from arrays, and closes them. */
     for (int i = 0; i < CAIRN_JSON_MAX_DEPTH / 2; i++) {
         text[i] = '[';
         text[CAIRN_JSON_MAX_DEPTH - 1 - i] = ']';
@@ -327,7 +327,7 @@ static void test_skip(void **state)
 
     (void)state;
     assert_ok(cairn_json_next(&json, &token, NULL));
-    /* a name follows, nothing is passed over */
+    /* a name follows, nothing is skipped */
     assert_status(cairn_json_skip(&json, &error), CAIRN_BAD_FORMAT);
     assert_string_equal(error.text, "f:1: no value here, expected one");
     for (const char *name = "abc"; *name != '\0'; name++) {

@@ -1,5 +1,5 @@
-/* Sizes and offsets of the open structs are part of the ABI: a change of one is a change of the
- * soname, and then of tests/layout.h by tools/layout.sh. */
+/* Sizes and offsets of the open structs are part of the ABI: a change requires a new soname, and
+ * then a new tests/layout.h by tools/layout.sh. */
 #include "tests/test.h"
 
 typedef struct layout {

@@ -22,7 +22,7 @@ static double cost(const cairn_vec2 *points, const cairn_real *weights, int coun
     return sum;
 }
 
-/* The slow twin: the mean by definition, the angle by search. */
+/* The reference implementation: the mean by definition, the angle by search. */
 static void fit_against_search(double angle, double offset, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 1);
@@ -110,7 +110,7 @@ static void test_fit_without_weights(void **state)
     assert_near(a.high - a.low, 3, NUMBER(1e-15, 1e-6));
 }
 
-/* The digits of a small figure must not drown in a large offset. */
+/* The digits of a small figure must not be lost in a large offset. */
 static void test_fit_far_away(void **state)
 {
     cairn_vec2 points[30];
@@ -124,7 +124,7 @@ static void test_fit_far_away(void **state)
     assert_ok(cairn_line_fit(points, NULL, 30, &line));
     assert_near(line.direction.y / line.direction.x, 0.5, NUMBER(1e-12, 1e-5));
     assert_near(line.rms, 0, NUMBER(1e-9, 1e-4));
-    /* Nor in a point that does not count. */
+    /* Nor in a point of zero weight. */
     {
         cairn_real weights[30];
 
@@ -168,7 +168,7 @@ static void test_fit_statuses(void **state)
     assert_memory_equal(&line, &before, sizeof line);
 }
 
-/* The slow twin: the regression of many points laid on both segments. */
+/* Reference implementation: the regression of many points on both segments. */
 static void merge_against_points(cairn_segment a, double mass_a, cairn_segment b, double mass_b)
 {
     enum { HALF = 4000 };
@@ -223,8 +223,8 @@ static void test_merge(void **state)
     merge_against_points(above, 5, upright, 1);
 }
 
-/* By hand: what lies in line; the first one's sense among equal masses; two that lie side by
- * side at a distance d, whose scatter along is 2 * 4/12 and across d^2/2. */
+/* By hand: collinear segments; the first one's sense among equal masses; two parallel segments at a
+ * distance d, whose scatter along is 2 * 4/12 and across d^2/2. */
 static void test_merge_known(void **state)
 {
     cairn_segment a = {{0, 0}, {2, 0}}, b = {{5, 0}, {3, 0}}, above = {{0, 0}, {2, 0}}, merged;

@@ -1,4 +1,4 @@
-/* The long scenes, against what they gave when they were looked at last. */
+/* The long scenes, compared with the stored hashes. */
 #include <inttypes.h>
 
 #include "tests/golden.h"
@@ -8,7 +8,7 @@
 #define SCENE(name) {#name, long_##name},
 static const golden_scene SCENES[] = {LONG_SCENES(SCENE)};
 
-static void tell(const void *item, char text[KEPT_TEXT])
+static void format_value(const void *item, char text[KEPT_TEXT])
 {
     (void)snprintf(text, KEPT_TEXT, "%016" PRIx64, ((const golden_scene *)item)->run());
 }
@@ -22,5 +22,5 @@ int main(int argc, char **argv)
         values[i].name = SCENES[i].name;
         values[i].item = &SCENES[i];
     }
-    return kept_main(argc, argv, KEPT_FILE("long"), values, COUNT, tell);
+    return kept_main(argc, argv, KEPT_FILE("long"), values, COUNT, format_value);
 }

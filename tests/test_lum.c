@@ -1,5 +1,5 @@
-/* Lu and Milios against a plain reference implementation with all pairs of points and a dense
- * solution; rooms that come back; pieces, refusals, budgets. */
+/* Lu and Milios compared with a reference implementation of all pairs of points and a dense
+ * solution; revisited rooms; components, refusals, budgets. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -20,7 +20,8 @@ struct scan {
 
 static struct scan scans[SCANS];
 
-/* Walls of the room from one scan's pose; each scan has its points at other places along them. */
+/* Walls of the room from one scan's pose; each scan has its points at other positions along
+ * them. */
 static void make_scans(double metres, double radians)
 {
     cairn_random random = cairn_random_seed(1, 0);
@@ -105,7 +106,7 @@ static cairn_status run(cairn_lum *lum, int32_t units)
     }
 }
 
-/* ---- The reference implementation: one iteration ---- */
+/* ---- Reference implementation: one iteration ---- */
 
 static void transform_point(cairn_pose pose, cairn_vec2 p, double q[2])
 {
@@ -183,8 +184,8 @@ static void eliminate(double *m, int n)
         m[r * (n + 1) + n] /= m[r * (n + 1) + r];
 }
 
-/* D^T C^-1 D as eq. 10.2 has it: D the measured difference, C = s^2 (M^T M)^-1 built and
- * inverted again. */
+/* D^T C^-1 D as in eq. 10.2: D the measured difference, C = s^2 (M^T M)^-1 computed and inverted
+ * again. */
 static double reference_w(double h[3][3], const double d[3], double variance)
 {
     double c[3][6], w = 0;
@@ -272,7 +273,7 @@ static void iterations_are_those_of_the_reference(void **state)
 {
     (void)state;
     for (int32_t rebuild = 0; rebuild < 4; rebuild++) {
-        cairn_lum_params params = small_params(), told;
+        cairn_lum_params params = small_params(), given;
         cairn_pose poses[SCANS];
         cairn_pool pool;
         cairn_lum *lum;
@@ -281,16 +282,16 @@ static void iterations_are_those_of_the_reference(void **state)
         params.rebuild_interval = rebuild;
         params.min_sigma = rebuild == 1 ? CAIRN_REAL(0.001) : params.min_sigma;
         params.direction_gate = rebuild == 2 ? CAIRN_PI : params.direction_gate;
-        told = params;
-        if (rebuild == 3) { /* as written: what the mode does not read is told wrong */
-            told = params = as_written_params();
-            told.rebuild_interval = 1;
-            told.direction_gate = CAIRN_REAL(0.1);
-            told.min_sigma = 1;
-            told.sequential_registration = 1;
-            assert_int_equal(cairn_lum_memory(&told), cairn_lum_memory(&params));
+        given = params;
+        if (rebuild == 3) { /* as written: params that the mode does not read have bad values */
+            given = params = as_written_params();
+            given.rebuild_interval = 1;
+            given.direction_gate = CAIRN_REAL(0.1);
+            given.min_sigma = 1;
+            given.sequential_registration = 1;
+            assert_int_equal(cairn_lum_memory(&given), cairn_lum_memory(&params));
         }
-        lum = new_lum(&pool, &told);
+        lum = new_lum(&pool, &given);
         add_all(lum);
         for (int32_t i = 0; i < SCANS; i++)
             poses[i] = scans[i].start;
@@ -354,8 +355,8 @@ static void a_room_comes_back(void **state)
 
 /* ---- Registration ---- */
 
-/* The pose that brings a[i] nearest to b[i] for those used, headings as points 1 m ahead: by the
- * normal equations of small turns, again and again. */
+/* The pose that brings a[i] nearest to b[i] for those used, headings as points 1 m ahead: by
+ * repeated normal equations of small turns. */
 static cairn_pose reference_motion(const cairn_pose *a, const cairn_pose *b, const int *used)
 {
     double theta = 0, tx = 0, ty = 0;
@@ -365,7 +366,7 @@ static cairn_pose reference_motion(const cairn_pose *a, const cairn_pose *b, con
 
         for (int32_t i = 0; i < SCANS; i++)
             for (int ahead = 0; ahead < 2 && used[i]; ahead++) {
-                /* The heading alone: a point 1 m ahead of the origin, seen as a direction. */
+                /* The heading alone, as the direction of a point 1 m ahead of the origin. */
                 double px = ahead ? cos((double)a[i].theta) : (double)a[i].x;
                 double py = ahead ? sin((double)a[i].theta) : (double)a[i].y;
                 double qx = ahead ? cos((double)b[i].theta) : (double)b[i].x;
@@ -387,7 +388,7 @@ static cairn_pose reference_motion(const cairn_pose *a, const cairn_pose *b, con
     return (cairn_pose){(cairn_real)tx, (cairn_real)ty, (cairn_real)theta};
 }
 
-/* The score of the best of the matches of a scan with those placed; its pose. */
+/* The best score of the matches of a scan with those placed; its pose. */
 static double reference_match(const cairn_lum_params *params, const cairn_pose *placed,
                               const int *used, int32_t scan, cairn_pose start, cairn_pose *pose)
 {
@@ -432,7 +433,7 @@ static double reference_match(const cairn_lum_params *params, const cairn_pose *
     return best;
 }
 
-/* All scans one after the other; returns how many were matched. */
+/* All scans in sequence; returns how many were matched. */
 static int32_t reference_register(const cairn_lum_params *params, cairn_pose *placed)
 {
     int used[SCANS] = {0};
@@ -481,8 +482,7 @@ static int32_t reference_register(const cairn_lum_params *params, cairn_pose *pl
     return matched;
 }
 
-/* Points of 0.1 m less some that are nearer to the one before than `register_spacing` of the
- * tests. */
+/* Points of 0.1 m without those nearer to the one before than `register_spacing` of the tests. */
 static void double_points(void)
 {
     for (int32_t i = 0; i < SCANS; i++)
@@ -493,7 +493,7 @@ static void double_points(void)
         }
 }
 
-/* Every scan of its own kind, so that a match shows from where it came. */
+/* Scans of different shapes, so that a match shows its target. */
 static void roughen(void)
 {
     cairn_random random = cairn_random_seed(2, 0);
@@ -581,8 +581,8 @@ static void registration_is_that_of_the_reference(void **state)
     check_registration(&params, placed, reference_register(&params, placed));
 }
 
-/* From poses that the links alone do not bring back. */
-static void registration_brings_back_what_is_far(void **state)
+/* From poses that the links alone do not correct. */
+static void registration_corrects_distant_starts(void **state)
 {
     cairn_lum_params params = small_params();
     double farthest[2];
@@ -610,7 +610,7 @@ static void registration_brings_back_what_is_far(void **state)
     assert_true(farthest[0] > 0.2);
 }
 
-static void pieces_stay_and_are_told(void **state)
+static void disconnected_parts_stay_and_are_reported(void **state)
 {
     cairn_lum_params params = small_params();
     cairn_pool pool;
@@ -619,7 +619,7 @@ static void pieces_stay_and_are_told(void **state)
 
     (void)state;
     make_scans(0.02, 0.01);
-    scans[2].start.x += 100; /* out of sight, with the next one beside it */
+    scans[2].start.x += 100; /* without common surfaces, with the next one beside it */
     scans[3].start.x += 100;
     scans[1].count = 0;
     add_all(lum);
@@ -639,7 +639,7 @@ static void pieces_stay_and_are_told(void **state)
     test_pool_free(&pool);
 }
 
-static void capacities_are_told(void **state)
+static void capacities_are_reported(void **state)
 {
     cairn_lum_params params = small_params();
     cairn_fault fault;
@@ -686,8 +686,8 @@ static void capacities_are_told(void **state)
     test_pool_free(&pool);
 }
 
-/* Two scans whose points meet end to end, `gap` apart: linked when that is at most the distance
- * of pairs. */
+/* Two scans whose points meet end to end, `gap` apart: linked when that is at most the distance of
+ * pairs. */
 static void scans_that_just_meet(void **state)
 {
     enum { COUNT = 11 };
@@ -729,7 +729,7 @@ static void scans_that_just_meet(void **state)
         }
 }
 
-/* Of points at equal distance the one with the lowest index is the partner, wherever its bucket. */
+/* Of points at equal distance the one with the lowest index corresponds, whichever its bucket. */
 static void of_equal_distances_the_lowest_index(void **state)
 {
     (void)state;
@@ -783,7 +783,7 @@ static void defaults(void **state)
     assert_near(p.registration_spacing, 0.08, 1e-7);
 }
 
-/* Nothing but what the thesis has; pairs that fit exactly do not divide by 0. */
+/* Only what the thesis has; pairs that fit exactly cause no division by 0. */
 static void as_written(void **state)
 {
     cairn_lum_params p = as_written_params(), other = p;
@@ -805,7 +805,7 @@ static void as_written(void **state)
     assert_int_equal(cairn_lum_memory(&other), 0);
     make_scans(0, 0);
     lum = new_lum(&pool, &p);
-    /* all the same, with opposite directions in every other one */
+    /* all equal, with opposite directions in every other one */
     for (int32_t i = 0; i < SCANS; i++) {
         for (int32_t k = 0; k < scans[0].count && i % 2 != 0; k++)
             scans[0].at[k].direction = cairn_vec2_scale(scans[0].at[k].direction, -1);
@@ -823,11 +823,11 @@ static void as_written(void **state)
     test_pool_free(&pool);
 }
 
-/* What an alignment of three scans, one of them empty, is charged. */
-static void units_are_as_told(void **state)
+/* The units charged for an alignment of three scans, one of them empty. */
+static void units_are_as_reported(void **state)
 {
     static const int32_t units[3] = {12682, NUMBER(64856, 69351),
-                                     /* without, with registration; without turns */
+                                     /* without and with registration; without turns */
                                      NUMBER(27220, 27451)};
 
     (void)state;
@@ -994,14 +994,14 @@ int main(void)
         cmocka_unit_test(iterations_are_those_of_the_reference),
         cmocka_unit_test(a_room_comes_back),
         cmocka_unit_test(registration_is_that_of_the_reference),
-        cmocka_unit_test(registration_brings_back_what_is_far),
-        cmocka_unit_test(pieces_stay_and_are_told),
-        cmocka_unit_test(capacities_are_told),
+        cmocka_unit_test(registration_corrects_distant_starts),
+        cmocka_unit_test(disconnected_parts_stay_and_are_reported),
+        cmocka_unit_test(capacities_are_reported),
         cmocka_unit_test(scans_that_just_meet),
         cmocka_unit_test(of_equal_distances_the_lowest_index),
         cmocka_unit_test(defaults),
         cmocka_unit_test(as_written),
-        cmocka_unit_test(units_are_as_told),
+        cmocka_unit_test(units_are_as_reported),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(refusals),
     };

@@ -1,4 +1,4 @@
-/* Maps of map_server: round trips, the meaning of pixels, images of all kinds, bad files. */
+/* map_server maps: round trips, the meaning of pixels, images of all kinds, bad files. */
 #include "tests/files.h"
 
 #include <math.h>
@@ -53,7 +53,7 @@ static void test_round_trips(void **state)
         image = files_read(files_path(round < 4 ? "map.v1.pgm" : "map.v1.png"), NULL);
         assert_memory_equal(image, round < 4 ? "P5\n" : "\x89PN", 3);
         free(image);
-        error.status = 77; /* is not touched when all goes well */
+        error.status = 77; /* unchanged when all goes well */
         assert_ok(cairn_map_file_read(&back, path, &error));
         assert_int_equal(error.status, 77);
         assert_int_equal(back.width, 37);
@@ -181,7 +181,7 @@ static void test_draw(void **state)
     assert_ok(cairn_map_file_draw(&map));
     assert_memory_equal(map.pixel, "\x00\xff\xff\x41\x42\x64", 6);
 
-    /* On a threshold, which is neither free nor occupied; 205 on the one and the other. */
+    /* On a threshold: neither free nor occupied; 205 in both modes. */
     map.mode = CAIRN_MAP_FILE_TRINARY;
     map.negate = 0;
     map.free_threshold = map.occupied_threshold = CAIRN_REAL(0.5);
@@ -374,7 +374,7 @@ static void test_bad_images(void **state)
     assert_holds(error.text, "cannot read: Is a directory");
 }
 
-/* A PNG cut or damaged anywhere is refused or, where what is left suffices, read whole. */
+/* A PNG truncated or damaged anywhere is refused or, where the rest suffices, read whole. */
 static void test_cut_png(void **state)
 {
     unsigned char pixel[50 * 40];
@@ -504,7 +504,7 @@ static void test_bad_descriptions(void **state)
     }
     assert_status(cairn_map_file_read(&map, files_path("none.yaml"), &error), CAIRN_IO);
     assert_status(cairn_map_file_read(&map, files_folder, &error), CAIRN_IO);
-    /* Keys of others, one that is no word, and an absolute path are all right. */
+    /* Foreign keys, one that is not a word, and an absolute path are accepted. */
     {
         char text[1024];
 
@@ -566,7 +566,7 @@ static void test_maps_that_cannot_be_written(void **state)
     cairn_map_file_free(&good);
 }
 
-/* Grey, RGB and RGBA, as their headers say and as they are read back; sides of 0 are no image. */
+/* Grey, RGB and RGBA, as in their headers and as read back; sides of 0 are refused. */
 static void test_encode_png(void **state)
 {
     static const uint8_t pixel[2 * 3 * 4] = {10, 20, 33, 40, 50, 60, 70, 80, 90, 100, 110, 120,
@@ -599,7 +599,7 @@ static void test_encode_png(void **state)
     assert_int_equal(count, 0);
 }
 
-/* A header that promises the most pixels is believed, one row more is refused. */
+/* A header of the largest number of pixels is accepted, one row more is refused. */
 static void test_huge_png(void **state)
 {
     unsigned char bytes[] =
@@ -625,7 +625,7 @@ static void test_huge_png(void **state)
                  "huge.png: the image has 65536 x 4097 pixels, expected at most 268435456");
 }
 
-/* Names that YAML could misread, and a name without an ending. */
+/* Names that YAML could misread, and a name without an extension. */
 static void test_odd_names(void **state)
 {
     static const char *const names[] = {"it's: [a] #map.yaml", "no-ending", ".hidden", "{x}.yaml"};
@@ -663,7 +663,7 @@ static void test_locale(void **state)
     cairn_map_file_free(&map);
 }
 
-/* All memory comes back, whatever the end. */
+/* All memory is freed, whatever the end. */
 static void test_heap(void **state)
 {
     size_t heap = 0;

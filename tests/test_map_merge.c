@@ -5,7 +5,7 @@ static cairn_map_merge_map map_of(const view *v)
 {
     cairn_map_merge_map map = {{v->cells, SIDE, SIDE, SIDE}, (cairn_real)v->resolution, {0, 0, 0}};
 
-    /* Not where the frame of the view is: that lies in the middle. */
+    /* Not the origin of the view's frame, which is in the middle. */
     map.origin.x = map.origin.y = -(cairn_real)(SIDE * v->resolution / 2);
     return map;
 }
@@ -233,7 +233,7 @@ static void test_calls_are_refused(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- Maps that belong together ---- */
+/* ---- Maps that overlap ---- */
 
 static int32_t placed_of_27(world (*make)(uint64_t seed), double apart)
 {
@@ -307,8 +307,8 @@ static void test_known_order_and_other_resolution(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Lengths are counted in cells of the first map: the same pictures with other cells give the
- * same places, in other units. */
+/* Lengths are counted in cells of the first map: the same images with other cell sizes give the
+ * same places, scaled. */
 static void test_size_of_cells_is_only_a_unit(void **state)
 {
     cairn_map_merge_params p = small_params();
@@ -370,7 +370,7 @@ static cairn_status step_merge(void *context, cairn_budget *budget)
     return cairn_map_merge_step(context, budget);
 }
 
-static uint64_t tell_merge(void *context)
+static uint64_t hash_merge(void *context)
 {
     return hash_of(context, 3);
 }
@@ -381,7 +381,7 @@ static void test_begun_anew(void **state)
     struct fixture f = merge_with(&p);
     world w = rooms(1);
     view *views[3];
-    test_stepped object = {begin_merge, step_merge, tell_merge, f.merge};
+    test_stepped object = {begin_merge, step_merge, hash_merge, f.merge};
 
     (void)state;
     three_views(&w, views);
@@ -421,9 +421,9 @@ static void test_a_guess_is_kept(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- Maps that do not ---- */
+/* ---- Maps that do not overlap ---- */
 
-static void test_strangers_are_refused(void **state)
+static void test_unrelated_maps_are_refused(void **state)
 {
     cairn_map_merge_params p = small_params();
     struct fixture f = merge_with(&p);
@@ -451,7 +451,7 @@ static void test_strangers_are_refused(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A map that shares nothing with those before it is put aside until its neighbour has come. */
+/* A map that shares nothing with those before it is deferred until its neighbour is placed. */
 static void test_a_map_may_come_too_early(void **state)
 {
     const int32_t order[3] = {0, 2, 1};
@@ -538,7 +538,7 @@ static void test_identical_maps(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A straight corridor without ends: nothing tells where along it. */
+/* A straight corridor without ends: the position along it is unobservable. */
 static void test_corridor_is_refused(void **state)
 {
     cairn_map_merge_params p = small_params();
@@ -558,9 +558,9 @@ static void test_corridor_is_refused(void **state)
     test_pool_free(&f.pool);
 }
 
-/* ---- Scores, the slow way: every cell against every cell ---- */
+/* ---- Scores by a reference implementation: all pairs of cells ---- */
 
-/* Cells of a class, and whether they are of the surface (occupied beside free). */
+/* Cells of a class, and whether they belong to the surface (occupied beside free). */
 static int is_surface(const view *v, int32_t i)
 {
     int32_t x = i % SIDE, y = i / SIDE;
@@ -647,7 +647,7 @@ static void test_images_equal_the_slow_way(void **state)
     test_pool_free(&f.pool);
 }
 
-/* The perception of the thesis: less is found, nothing wrong is kept. */
+/* The perception of the thesis: fewer places are found, none of the accepted ones is wrong. */
 static void test_images_as_perception(void **state)
 {
     cairn_map_merge_params p = small_params();
@@ -711,7 +711,8 @@ static uint64_t hash_pose(uint64_t hash, cairn_pose p)
     return hash_real(hash_real(hash_real(hash, p.x), p.y), p.theta);
 }
 
-/* All that can be read of a merging: places, rivals, scores at them and beside them. */
+/* All readable results of a merging: places, competing hypotheses, scores at them and beside
+ * them. */
 static uint64_t hash_merging(const cairn_map_merge *merge, int32_t maps)
 {
     cairn_map_merge_result result = cairn_map_merge_read(merge);
@@ -748,9 +749,9 @@ static uint64_t hash_merging(const cairn_map_merge *merge, int32_t maps)
     return hash;
 }
 
-/* Surfaces, normals, lines, corners and refinements to their last bit: as they are, with fewer
- * points and lines than the maps have, and with a map of coarser cells, which is a part of a
- * larger picture. */
+/* Surfaces, normals, lines, corners and refinements to their last bit: with default capacities,
+ * with fewer points and lines than the maps have, and with a map of coarser cells that is a part of
+ * a larger image. */
 static void test_bits_stay(void **state)
 {
     static const struct {
@@ -799,7 +800,7 @@ int main(void)
         cmocka_unit_test(test_budgets_do_not_matter),
         cmocka_unit_test(test_begun_anew),
         cmocka_unit_test(test_a_guess_is_kept),
-        cmocka_unit_test(test_strangers_are_refused),
+        cmocka_unit_test(test_unrelated_maps_are_refused),
         cmocka_unit_test(test_a_map_may_come_too_early),
         cmocka_unit_test(test_coarser_cells),
         cmocka_unit_test(test_nothing_in_a_map),

@@ -9,8 +9,7 @@ enum { MAPS_MOST = 4, CELLS_MOST = 120 * 80 };
 
 static const double CELL = 0.05;
 
-/* A map cut out of a world that says what lies at a place; lower left corner (x, y) of its
- * raster in the world. */
+/* A map cut out of a world of known cells; lower left corner (x, y) of its raster in the world. */
 typedef struct cut_map {
     uint8_t cells[CELLS_MOST];
     int32_t width, height;
@@ -158,7 +157,7 @@ static double slow_s(const cut_map *from, const cut_map *to, cairn_pose to_from,
     return count > 0 ? sum / count : 0;
 }
 
-static void images_equal_the_slow_way(void **state)
+static void images_equal_the_reference(void **state)
 {
     static const uint8_t class[2] = {CAIRN_OCCUPANCY_GRID_OCCUPIED, CAIRN_OCCUPANCY_GRID_FREE};
     static cut_map maps[2];
@@ -213,7 +212,7 @@ static double squared_distances(const cairn_vec2 *to, const cairn_vec2 *from, ca
     return sum;
 }
 
-/* No motion of a fine grid about it, and none of a coarse one of all, has a smaller sum of
+/* No motion of a fine grid about it, and none of a coarse grid over all, has a smaller sum of
  * squares. */
 static void registration_is_the_best_motion(void **state)
 {
@@ -260,9 +259,8 @@ static int is_within(double x, double y, double x0, double x1, double y0, double
     return x > x0 && x < x1 && y > y0 && y < y1;
 }
 
-/* A corridor, 2.6 m wide, that looks the same when it is turned by half a circle about its
- * middle, as far as 2 m from there: beyond there is rock on the left and another room on the
- * right. */
+/* A corridor, 2.6 m wide, that is symmetric under half a turn about its middle up to 2 m from
+ * there: beyond there is rock on the left and another room on the right. */
 static uint8_t symmetric_corridor(double x, double y)
 {
     if (is_within(x, y, 0.8, 1.5, 0.2, 0.7) || is_within(-x, -y, 0.8, 1.5, 0.2, 0.7))
@@ -281,7 +279,7 @@ static void cut_corridor(cut_map *maps)
     cut_out(&maps[2], symmetric_corridor, 0, 4, -1.6, 1.6);
 }
 
-/* Where map b lies seen from map a, as they were cut out. */
+/* The pose of map b seen from map a, as they were cut out. */
 static cairn_pose truth_of(const cut_map *a, const cut_map *b)
 {
     cairn_pose pose = {(cairn_real)(b->x - a->x), (cairn_real)(b->y - a->y), 0};
@@ -296,8 +294,7 @@ static void assert_pose(cairn_pose p, cairn_pose q, double metres)
     assert_near(remainder((double)(p.theta - q.theta), 2 * 3.14159265358979), 0, metres);
 }
 
-/* The middle map says as much for the right end at either of its ends; the maps merged say
- * which. */
+/* The middle map supports the right end at either of its ends equally; the merged maps decide. */
 static void likelihood_is_that_of_the_merged_map(void **state)
 {
     static const int32_t order[3] = {0, 1, 2};
@@ -324,7 +321,7 @@ static void likelihood_is_that_of_the_merged_map(void **state)
     test_pool_free(&pool);
 }
 
-/* A square room: each of its corners lies on each of another one's. */
+/* A square room: each of its corners fits each of another one's. */
 static uint8_t square_room(double x, double y)
 {
     double most = fmax(fabs(x), fabs(y));
@@ -352,7 +349,7 @@ static void particles_grow_with_the_modes(void **state)
     assert_int_equal(result.placed, 3);
     assert_true(result.peak_particles > p.particles && result.peak_particles <= 2 * p.particles);
     assert_true(result.hypotheses >= 3 * 16);
-    /* which way it is turned is not determined */
+    /* its rotation is not determined */
     assert_true(cairn_map_merge_of(merge, 1).error_probability > CAIRN_REAL(0.3));
     test_pool_free(&pool);
 }
@@ -429,9 +426,9 @@ static void maps_without_corners_are_refused(void **state)
     test_pool_free(&pool);
 }
 
-/* A merged map without capacity: every candidate of every particle goes, and what was merged
+/* A merged map without capacity: every candidate of every particle is refused, and the merged map
  * stays. */
-static void no_room_for_the_merged_map(void **state)
+static void no_capacity_for_the_merged_map(void **state)
 {
     static cut_map maps[2];
     cairn_map_merge_params p = small_params();
@@ -456,13 +453,13 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(params_of_the_mode),
         cmocka_unit_test(memory_is_exact),
-        cmocka_unit_test(images_equal_the_slow_way),
+        cmocka_unit_test(images_equal_the_reference),
         cmocka_unit_test(registration_is_the_best_motion),
         cmocka_unit_test(likelihood_is_that_of_the_merged_map),
         cmocka_unit_test(particles_grow_with_the_modes),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(maps_without_corners_are_refused),
-        cmocka_unit_test(no_room_for_the_merged_map),
+        cmocka_unit_test(no_capacity_for_the_merged_map),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,4 +1,4 @@
-/* Whole paths on simulated arenas: a drive through mapper and occupancy grid. */
+/* End-to-end tests on simulated arenas: a drive through mapper and occupancy grid. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -26,12 +26,12 @@ typedef struct drive {
     const sim_scan *scans;
     const sim_edge *edges;
     int32_t edge_count;
-    uint8_t *seen; /* [edge_count][SAMPLES] pieces of walls that a beam has hit */
+    uint8_t *seen; /* [edge_count][SAMPLES] wall samples hit by a beam */
     double side;   /* m, of the grid about the origin */
     int32_t cells; /* along a side */
 } drive;
 
-/* Marks the piece of wall that a beam hit. */
+/* Marks the wall sample that a beam hit. */
 static void mark(drive *d, int32_t edge, double x, double y)
 {
     const sim_edge *e = &d->edges[edge];
@@ -48,7 +48,7 @@ static void mark_all(drive *d)
         const sim_scan *s = &d->scans[i];
 
         for (int32_t k = 0; k < s->count; k++) {
-            /* Turned on the spot or not, a beam lies in its own scan's piece of wall to far less
+            /* With or without turns on the spot, a beam ends within its own wall sample to far less
              * than a cell. */
             double share = (double)k / (s->count - 1), range = (double)s->range[k];
             double theta = s->truth.theta + share * s->motion.theta, c = cos(s->truth.theta),
@@ -102,11 +102,11 @@ static void end_drive(drive *d)
     sim_arena_free(d->arena);
 }
 
-/* Feeds the drive to a mapper, in portions of `budget`; the poses in the end. */
+/* Feeds the drive to a mapper, in portions of `budget`; returns the final poses. */
 static void map_drive(const drive *d, int32_t budget_each, cairn_pose *poses)
 {
     cairn_mapper_params params = cairn_mapper_default();
-    static cairn_pose key_scan[DRIVE];
+    static cairn_pose keyframe_scan[DRIVE];
     static int32_t key[DRIVE];
     cairn_mapper *mapper;
     cairn_pool pool;
@@ -133,10 +133,10 @@ static void map_drive(const drive *d, int32_t budget_each, cairn_pose *poses)
         result = cairn_mapper_read(mapper);
         assert_int_equal(result.verdict, i == 0 ? CAIRN_MAPPER_FIRST : CAIRN_MAPPER_MATCHED);
         key[i] = result.keyframe;
-        key_scan[i] = result.keyframe_scan;
+        keyframe_scan[i] = result.keyframe_scan;
     }
     for (int32_t i = 0; i < DRIVE; i++)
-        poses[i] = cairn_pose_compose(cairn_mapper_keyframe_pose(mapper, key[i]), key_scan[i]);
+        poses[i] = cairn_pose_compose(cairn_mapper_keyframe_pose(mapper, key[i]), keyframe_scan[i]);
     test_pool_free(&pool);
 }
 
@@ -191,7 +191,7 @@ static double edge_distance(const sim_edge *e, double x, double y)
     return hypot(x - e->a.x - t * dx, y - e->a.y - t * dy);
 }
 
-/* Share of the seen wall pieces that have an occupied cell within one cell. */
+/* Share of the seen wall samples that have an occupied cell within one cell. */
 static double walls_found(const drive *d, const uint8_t *states, int32_t *pieces)
 {
     int32_t found = 0;
@@ -217,7 +217,7 @@ static double walls_found(const drive *d, const uint8_t *states, int32_t *pieces
     return (double)found / *pieces;
 }
 
-/* Share of the occupied cells whose middle lies within 1.5 cells of a wall. */
+/* Share of the occupied cells whose middle is within 1.5 cells of a wall. */
 static double cells_right(const drive *d, const uint8_t *states, int32_t *cells)
 {
     int32_t right = 0;
@@ -239,7 +239,7 @@ static double cells_right(const drive *d, const uint8_t *states, int32_t *cells)
     return (double)right / *cells;
 }
 
-/* Share of the cells called free that lie inside of a body, half a cell deep at least. */
+/* Share of the free cells inside of a body, at least half a cell deep. */
 static double free_in_bodies(const drive *d, const uint8_t *states)
 {
     int32_t open = 0, wrong = 0;
@@ -269,9 +269,9 @@ static double mean_distance(const drive *d, const cairn_pose *poses)
     return sum / DRIVE;
 }
 
-/* Moves all poses together so that their positions lie best on the true ones: the first scan,
- * which gives the map its frame, may be one in which the robot sets off, and be turned. */
-static void lay_over_truth(const drive *d, cairn_pose *poses)
+/* Moves all poses together so that their positions fit the true ones best: the first scan, which
+ * defines the frame of the map, may be one at the start of the motion, and rotated. */
+static void align_to_truth(const drive *d, cairn_pose *poses)
 {
     double px = 0, py = 0, tx = 0, ty = 0, sine = 0, cosine = 0;
     cairn_pose motion;
@@ -312,7 +312,7 @@ static void a_drive_becomes_the_arena(void **state)
         states = malloc((size_t)d.cells * (size_t)d.cells);
         assert_non_null(states);
         map_drive(&d, CAIRN_UNBOUNDED, poses);
-        lay_over_truth(&d, poses);
+        align_to_truth(&d, poses);
         make_grid(&d, poses, states);
         found = walls_found(&d, states, &pieces);
         right = cells_right(&d, states, &cells);
@@ -323,10 +323,10 @@ static void a_drive_becomes_the_arena(void **state)
         assert_true(right > 0.99);
         assert_true(wrong < 0.003);
 
-        /* The measure tells: by odometry alone walls are doubled and blurred. */
+        /* The measure discriminates: by odometry alone walls are doubled and blurred. */
         for (int32_t i = 0; i < DRIVE; i++)
             odometry[i] = pose_of(d.scans[i].odometry);
-        lay_over_truth(&d, odometry);
+        align_to_truth(&d, odometry);
         make_grid(&d, odometry, states);
         assert_true(mean_distance(&d, odometry) > 3 * mean_distance(&d, poses));
         assert_true(walls_found(&d, states, &pieces) < found - 0.04);
@@ -351,8 +351,8 @@ static uint64_t drive_hash(const drive *d, int32_t budget)
     return hash;
 }
 
-/* Neither what the memory held before, nor how the work is cut into steps, nor a second arena
- * changes a bit. */
+/* Neither the former contents of the memory, nor the split of the work into steps, nor a second
+ * arena changes a bit. */
 static void the_same_drive_gives_the_same_bits(void **state)
 {
     drive first, second, other;
@@ -402,8 +402,8 @@ static double mean_error(const sim_scan *scans, const cairn_pose *poses, int32_t
     return sum / count;
 }
 
-/* Two people walk about, are seen, get in the way, and push the robot, while half of its scans
- * see a bare wall. */
+/* Two people walk about, are seen, block the robot and push it, while half of its scans see a bare
+ * wall. */
 static double error_among_people(sim_scene scene, uint64_t seed)
 {
     static cairn_pose poses[LONG_DRIVE];

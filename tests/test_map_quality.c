@@ -1,5 +1,5 @@
-/* Entropy, likelihood of a beam through cells that it cuts at unequal chords, pose errors and
- * relations, all by hand. */
+/* Entropy, likelihood of a beam through cells with unequal chords, pose errors and relations, all
+ * by hand. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -117,7 +117,7 @@ static void a_beam_through_unequal_chords(void **state)
     assert_ok(cairn_map_quality_beam_likelihood(grid, at(0.1, 2.5), at(0.9, 2.5), 0,
                                                 (cairn_real)least, &log_p));
     assert_near(log_p, log(least + (1 - least) * exp(-0.8 / 0.5)), CLOSE);
-    /* A hit without length stops every beam. */
+    /* A hit of zero length stops every beam. */
     assert_ok(cairn_occupancy_grid_add_beam(grid, at(3.5, 2.5), at(3.5, 2.5), 1));
     assert_ok(cairn_map_quality_beam_likelihood(grid, at(2.5, 2.5), at(3.5, 2.5), 1,
                                                 (cairn_real)least, &log_p));
@@ -146,7 +146,7 @@ static void a_beam_through_unequal_chords(void **state)
 
 static void pose_errors(void **state)
 {
-    /* The same path in a frame turned by 90 degrees, but for the last pose. */
+    /* The same path in a frame rotated by 90 degrees, except for the last pose. */
     const cairn_pose truth[3] = {{1, 1, 0}, {2, 1, 1}, {2, 3, CAIRN_REAL(3.1)}};
     cairn_pose estimate[3] = {{5, 5, CAIRN_PI / 2}, {5, 6, CAIRN_PI / 2 + 1}, {0, 0, 0}};
     /* truth: (1, 2, 3.1) */

@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-/* What became of a drive: the poses that the mapper found. */
+/* The outcome of a drive: the poses of the mapper. */
 typedef struct trace {
     cairn_mapper_result results[400];
     cairn_pose poses[400];
@@ -12,11 +12,11 @@ typedef struct trace {
 
 typedef enum odometry_kind { WITH, WITHOUT, NEVER_BACK } odometry_kind;
 
-/* odometry NEVER_BACK: the defect of a real log, a robot that backs up is reported as driving
+/* odometry NEVER_BACK: the defect of a real log, where a robot that backs up is reported as driving
  * ahead. */
 static void run(cairn_mapper *mapper, const drive *d, odometry_kind how, int32_t budget, trace *t)
 {
-    cairn_pose believed = pose_of(d->scans[0].odometry);
+    cairn_pose odometry_pose = pose_of(d->scans[0].odometry);
 
     t->count = d->count;
     for (int32_t i = 0; i < d->count; i++) {
@@ -30,9 +30,9 @@ static void run(cairn_mapper *mapper, const drive *d, odometry_kind how, int32_t
 
             if (how == NEVER_BACK)
                 step.x = cairn_abs(step.x);
-            believed = cairn_pose_compose(believed, step);
+            odometry_pose = cairn_pose_compose(odometry_pose, step);
         }
-        assert_ok(cairn_mapper_add(mapper, &input, how == WITHOUT ? NULL : &believed, NULL));
+        assert_ok(cairn_mapper_add(mapper, &input, how == WITHOUT ? NULL : &odometry_pose, NULL));
         while ((status = cairn_mapper_step(mapper, &left)) == CAIRN_MORE) {
             assert_true(left.left <= 0);
             left.left = budget;
@@ -45,7 +45,7 @@ static void run(cairn_mapper *mapper, const drive *d, odometry_kind how, int32_t
                                          t->results[i].keyframe_scan);
 }
 
-/* Mean error of position seen from the first scan, in m. */
+/* Mean position error relative to the first scan, in m. */
 static double mean_error(const drive *d, const trace *t, int32_t odometry_alone)
 {
     double sum = 0;
@@ -71,9 +71,8 @@ static int compare(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Maps an apartment for each of five seeds; the median of the mean errors. A single match may go
- * wrong where scans lie far apart, and takes what follows along, so that not every drive is
- * good. */
+/* Maps an apartment for each of five seeds; the median of the mean errors. A single match may be
+ * wrong where scans are far apart, and corrupts what follows, so that not every drive is good. */
 static double median_error(const cairn_mapper_params *params)
 {
     double errors[5];
@@ -127,7 +126,7 @@ static void maps_without_odometry(void **state)
     end_drive(&d);
 }
 
-static void odometry_that_never_goes_back_is_not_believed(void **state)
+static void odometry_that_never_goes_back_is_rejected(void **state)
 {
     cairn_mapper_params params = small_params();
     drive d = start_drive(SIM_RESCUE, 4, 200, 0.01, 0.4);
@@ -214,7 +213,7 @@ static void verdicts_say_how_a_pose_was_found(void **state)
     end_drive(&d);
 }
 
-/* A scan that fits nowhere gets the predicted pose. */
+/* A scan that matches nowhere gets the predicted pose. */
 static void what_does_not_match_is_predicted(void **state)
 {
     cairn_mapper_params params = small_params();
@@ -289,8 +288,8 @@ static void capacities_and_bad_input_change_nothing(void **state)
     end_drive(&d);
 }
 
-/* The force field moves the free key scans of its window, and nothing else; given units enough,
- * all before the next scan. Returns how many times a key scan moved. */
+/* The force field moves the free keyframes of its window, and nothing else; with enough units, all
+ * before the next scan. Returns how many times a keyframe moved. */
 static int32_t moves_of_the_window(int32_t units)
 {
     cairn_mapper_params params = small_params();
@@ -304,10 +303,10 @@ static int32_t moves_of_the_window(int32_t units)
     mapper = new_mapper(&pool, &params);
     for (int32_t i = 0; i < d.count; i++) {
         cairn_scan_input input = sim_scan_input(&d.scans[i]);
-        cairn_pose believed = pose_of(d.scans[i].odometry);
+        cairn_pose odometry_pose = pose_of(d.scans[i].odometry);
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
-        assert_ok(cairn_mapper_add(mapper, &input, &believed, NULL));
+        assert_ok(cairn_mapper_add(mapper, &input, &odometry_pose, NULL));
         assert_ok(cairn_mapper_step(mapper, &budget));
         for (int32_t k = 0; k < keys; k++) {
             cairn_pose now = cairn_mapper_keyframe_pose(mapper, k);
@@ -330,7 +329,7 @@ static int32_t moves_of_the_window(int32_t units)
     return moved;
 }
 
-static void the_window_moves_its_free_key_scans(void **state)
+static void the_window_moves_its_free_keyframes(void **state)
 {
     int32_t at_once = moves_of_the_window(CAIRN_UNBOUNDED), by_and_by = moves_of_the_window(8000);
 
@@ -374,9 +373,8 @@ static void memory_is_exact(void **state)
     test_every_pool_size(create, &params, cairn_mapper_memory(&params));
 }
 
-/* What the mapper takes is a part that does not depend on the key scans, and so much for each of
- * them. */
-static void memory_grows_with_the_key_scans(void **state)
+/* The mapper's memory is a constant part plus a fixed amount for each of them. */
+static void memory_grows_with_the_keyframes(void **state)
 {
     size_t bytes[3];
 
@@ -428,7 +426,7 @@ static void bad_params_are_refused(void **state)
     REFUSED(max_keyframes, (1 << 20) + 1);
     REFUSED(max_keyframe_points, 0);
     REFUSED(max_keyframe_segments, 0);
-    /* of the first key scan, on which all hang */
+    /* relative to the first keyframe, the reference of all scans */
     REFUSED(max_keyframe_points, good.scan.max_points - 1);
     REFUSED(max_keyframe_segments, good.scan.max_segments - 1);
     REFUSED(local_keyframes, 0);
@@ -572,12 +570,12 @@ static void bad_params_are_refused(void **state)
 
 /* ---- Golden results ---- */
 
-/* All that is told, but the units, of which many rooms have a part, of a drive round a room and
- * back, its odometry worse and worse, one scan blind; `odometry` 0: none. */
+/* All readable results of a drive round a room and back, with odometry that degrades and one scan
+ * without returns; not the units, to which many modules contribute. `odometry` 0: none. */
 static uint64_t hash_of_round(const cairn_mapper_params *params, int32_t odometry)
 {
     cairn_random random = cairn_random_seed(21, 1);
-    cairn_pose at = {-2, -1, 0}, believed = {5, 5, 1};
+    cairn_pose at = {-2, -1, 0}, odometry_pose = {5, 5, 1};
     uint64_t hash = TEST_HASH_START;
     cairn_mapper_state state;
     rooms_room room;
@@ -590,7 +588,7 @@ static uint64_t hash_of_round(const cairn_mapper_params *params, int32_t odometr
     rooms_add_wall(&room, 2, 2.5, 3.5, 1.2);
     rooms_add_box(&room, -3.5, 0.5, -3, 1.5);
     for (int32_t i = 0; i < 60; i++) {
-        cairn_pose step = {CAIRN_REAL(0.2), 0, i % 12 > 8 ? CAIRN_REAL(0.52) : 0}, told = step;
+        cairn_pose step = {CAIRN_REAL(0.2), 0, i % 12 > 8 ? CAIRN_REAL(0.52) : 0}, measured = step;
         cairn_budget budget = {CAIRN_UNBOUNDED};
         cairn_mapper_result r;
         rooms_scan taken;
@@ -598,7 +596,7 @@ static uint64_t hash_of_round(const cairn_mapper_params *params, int32_t odometr
 
         for (int32_t k = 0; k < ROOMS_BEAMS && i == 30; k++)
             taken.range[k] = NAN;
-        assert_ok(cairn_mapper_add(mapper, &input, odometry ? &believed : NULL, NULL));
+        assert_ok(cairn_mapper_add(mapper, &input, odometry ? &odometry_pose : NULL, NULL));
         assert_ok(cairn_mapper_step(mapper, &budget));
         r = cairn_mapper_read(mapper);
         hash = test_hash(hash, &r.verdict, 2 * sizeof r.verdict);
@@ -608,9 +606,9 @@ static uint64_t hash_of_round(const cairn_mapper_params *params, int32_t odometr
         hash = test_hash(hash, &r.overlap, sizeof r.overlap);
         hash = test_hash(hash, &r.is_keyframe, sizeof r.is_keyframe);
         at = cairn_pose_compose(at, step);
-        told.x += CAIRN_REAL(0.002) * (cairn_real)i * cairn_random_uniform(&random, -1, 1);
-        told.theta += CAIRN_REAL(0.004) * (cairn_real)i * cairn_random_uniform(&random, -1, 1);
-        believed = cairn_pose_compose(believed, told);
+        measured.x += CAIRN_REAL(0.002) * (cairn_real)i * cairn_random_uniform(&random, -1, 1);
+        measured.theta += CAIRN_REAL(0.004) * (cairn_real)i * cairn_random_uniform(&random, -1, 1);
+        odometry_pose = cairn_pose_compose(odometry_pose, measured);
     }
     {
         cairn_budget budget = {CAIRN_UNBOUNDED};
@@ -668,8 +666,8 @@ static void results_stay_as_they_are(void **state)
 
 enum { SPINS = 110, SPIN_BEAMS = 241 };
 
-/* A robot that stands, and then turns left by 1.2 rad/s along a small arc, ten scans a second;
- * its scanner looks over 240 of 360 degrees of its turn. */
+/* A robot that stands, and then turns left by 1.2 rad/s along a small arc, ten scans a second; its
+ * scanner covers 240 of 360 degrees of its turn. */
 static sim_survey *start_spin(drive *d, uint64_t seed)
 {
     static const double rate = 1.2, speed = 0.25, period = 0.1, pi = 3.14159265358979;
@@ -706,8 +704,8 @@ static sim_survey *start_spin(drive *d, uint64_t seed)
     return standing;
 }
 
-/* Mean error of the headings seen from the first scan, rad; the mapper knows how long a sweep
- * takes, or not. */
+/* Mean error of the headings relative to the first scan, rad; the mapper knows the duration of a
+ * sweep, or not. */
 static double heading_error(const drive *d, const sim_scan *standing, float time_step,
                             int32_t known, const cairn_pose *odometry)
 {
@@ -738,7 +736,7 @@ static double heading_error(const drive *d, const sim_scan *standing, float time
     return sum / d->count;
 }
 
-static void who_turns_does_not_wind_up_the_world(void **state)
+static void turning_on_the_spot_does_not_rotate_the_map(void **state)
 {
     static const float step = (float)(0.1 / 360);
     cairn_pose odometry[SPINS];
@@ -768,15 +766,15 @@ int main(void)
         cmocka_unit_test(results_stay_as_they_are),
         cmocka_unit_test(maps_better_than_odometry),
         cmocka_unit_test(maps_without_odometry),
-        cmocka_unit_test(odometry_that_never_goes_back_is_not_believed),
-        cmocka_unit_test(who_turns_does_not_wind_up_the_world),
+        cmocka_unit_test(odometry_that_never_goes_back_is_rejected),
+        cmocka_unit_test(turning_on_the_spot_does_not_rotate_the_map),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(verdicts_say_how_a_pose_was_found),
         cmocka_unit_test(what_does_not_match_is_predicted),
         cmocka_unit_test(capacities_and_bad_input_change_nothing),
-        cmocka_unit_test(the_window_moves_its_free_key_scans),
+        cmocka_unit_test(the_window_moves_its_free_keyframes),
         cmocka_unit_test(memory_is_exact),
-        cmocka_unit_test(memory_grows_with_the_key_scans),
+        cmocka_unit_test(memory_grows_with_the_keyframes),
         cmocka_unit_test(bad_params_are_refused),
     };
 

@@ -1,4 +1,4 @@
-/* Loops that close: drives through buildings that come back to where they were. */
+/* Loop closures: drives through buildings that return to earlier places. */
 #include "tests/drive.h"
 
 #include <math.h>
@@ -10,12 +10,12 @@ typedef struct outcome {
     cairn_pose poses[SCANS];
     cairn_mapper_loop events[EVENTS];
     cairn_mapper_state state;
-    int32_t key_scan[SCANS]; /* number of the scan that a key scan was */
+    int32_t keyframe_scan[SCANS]; /* index of the scan of a keyframe */
 } outcome;
 
 static outcome one, two;
 
-/* Writes down what happened since the last time. */
+/* Records the loop-closure events since the last call. */
 static void drain(const cairn_mapper *mapper, int32_t *events, outcome *out)
 {
     int32_t now = cairn_mapper_measure(mapper).loop_events;
@@ -25,23 +25,23 @@ static void drain(const cairn_mapper *mapper, int32_t *events, outcome *out)
         out->events[*events] = cairn_mapper_loop_at(mapper, *events);
 }
 
-static cairn_pose told[SCANS];
+static cairn_pose drifted[SCANS];
 
 /* Odometry of which every step turns by `bias` rad too much. */
-static void tell(const drive *d, cairn_real bias)
+static void drift_odometry(const drive *d, cairn_real bias)
 {
-    told[0] = pose_of(d->scans[0].truth);
+    drifted[0] = pose_of(d->scans[0].truth);
     for (int32_t i = 1; i < d->count; i++) {
         cairn_pose step =
             cairn_pose_between(pose_of(d->scans[i - 1].truth), pose_of(d->scans[i].truth));
 
         step.theta += bias;
-        told[i] = cairn_pose_compose(told[i - 1], step);
+        drifted[i] = cairn_pose_compose(drifted[i - 1], step);
     }
 }
 
-/* Every key scan is linked to the one before, and perhaps to others of its local map, and there
- * are as many closures as are said to be in the graph. */
+/* Every keyframe is linked to the one before, and perhaps to others of its local map; the graph has
+ * as many loop closures as are reported. */
 static void check_links(const cairn_mapper *mapper, const cairn_mapper_state *state)
 {
     int32_t links = cairn_mapper_link_count(mapper), loops = 0, chained = 0;
@@ -56,7 +56,7 @@ static void check_links(const cairn_mapper *mapper, const cairn_mapper_state *st
         assert_true(covariance.xx > 0 && covariance.yy > 0 && covariance.zz > 0);
         if (link.is_loop)
             loops += !link.is_outlier;
-        else if (link.second == chained) /* one more of the last key scan */
+        else if (link.second == chained) /* one more of the last keyframe */
             assert_true(link.first < chained - 1 && !link.is_outlier);
         else
             assert_true(link.first == chained && link.second == ++chained && !link.is_outlier);
@@ -65,7 +65,7 @@ static void check_links(const cairn_mapper *mapper, const cairn_mapper_state *st
     assert_int_equal(chained, links > 0 ? state->keyframes - 1 : 0);
 }
 
-/* Takes in all scans with the odometry that was told. */
+/* Takes in all scans with the drifted odometry. */
 static void run(cairn_mapper *mapper, const drive *d, int32_t budget, outcome *out)
 {
     cairn_mapper_result results[SCANS];
@@ -77,7 +77,7 @@ static void run(cairn_mapper *mapper, const drive *d, int32_t budget, outcome *o
     for (int32_t i = 0; i < d->count; i++) {
         cairn_scan_input input = sim_scan_input(&d->scans[i]);
 
-        assert_ok(cairn_mapper_add(mapper, &input, &told[i], NULL));
+        assert_ok(cairn_mapper_add(mapper, &input, &drifted[i], NULL));
         while ((status = cairn_mapper_step(mapper, &left)) == CAIRN_MORE) {
             assert_true(left.left <= 0);
             left.left = budget;
@@ -85,7 +85,7 @@ static void run(cairn_mapper *mapper, const drive *d, int32_t budget, outcome *o
         assert_ok(status);
         results[i] = cairn_mapper_read(mapper);
         if (results[i].is_keyframe)
-            out->key_scan[results[i].keyframe] = i;
+            out->keyframe_scan[results[i].keyframe] = i;
         drain(mapper, &events, out);
     }
     budget = budget < 5000 ? budget : 5000;
@@ -107,14 +107,14 @@ static double distance(cairn_pose a, cairn_pose b)
     return hypot((double)(a.x - b.x), (double)(a.y - b.y));
 }
 
-/* Of a scan seen from another one. */
+/* The relative pose of two scans. */
 static double relative_error(const drive *d, const outcome *out, int32_t i, int32_t k)
 {
     return distance(cairn_pose_between(pose_of(d->scans[i].truth), pose_of(d->scans[k].truth)),
                     cairn_pose_between(out->poses[i], out->poses[k]));
 }
 
-/* The largest error seen from the first scan, m. */
+/* The largest error relative to the first scan, m. */
 static double worst_error(const drive *d, const outcome *out)
 {
     double worst = 0;
@@ -124,8 +124,8 @@ static double worst_error(const drive *d, const outcome *out)
     return worst;
 }
 
-/* Closures of an outcome that were accepted; every one must be right to 0.3 m, which along a
- * corridor is what a scan and its prediction tell, and 2 degrees. */
+/* Accepted loop closures of an outcome; every one must be right to 2 degrees and 0.3 m, which is
+ * the accuracy of a scan and its prediction along a corridor. */
 static int32_t check_closures(const drive *d, const outcome *out)
 {
     int32_t accepted = 0;
@@ -137,8 +137,8 @@ static int32_t check_closures(const drive *d, const outcome *out)
         assert_true(e->first >= 0 && e->first < e->second && e->second < out->state.keyframes);
         if (e->verdict != CAIRN_MAPPER_LOOP_ACCEPTED)
             continue;
-        truth = cairn_pose_between(pose_of(d->scans[out->key_scan[e->first]].truth),
-                                   pose_of(d->scans[out->key_scan[e->second]].truth));
+        truth = cairn_pose_between(pose_of(d->scans[out->keyframe_scan[e->first]].truth),
+                                   pose_of(d->scans[out->keyframe_scan[e->second]].truth));
         assert_true(distance(truth, e->first_second) < 0.3);
         assert_true(fabs((double)cairn_wrap_angle(truth.theta - e->first_second.theta)) < 0.035);
         accepted++;
@@ -152,7 +152,7 @@ static outcome *map(const drive *d, const cairn_mapper_params *params, cairn_rea
     cairn_pool pool;
     cairn_mapper *mapper = new_mapper(&pool, params);
 
-    tell(d, bias);
+    drift_odometry(d, bias);
     run(mapper, d, CAIRN_UNBOUNDED, out);
     test_pool_free(&pool);
     return out;
@@ -208,8 +208,8 @@ static void budgets_do_not_matter(void **state)
     end_drive(&d);
 }
 
-/* Places that look alike are not taken for one another. */
-static void twins_are_told_apart(void **state)
+/* Places that look alike are not confused. */
+static void identical_rooms_are_distinguished(void **state)
 {
     static const sim_scene scenes[] = {SIM_TWINS, SIM_MIRROR, SIM_MAZE};
     cairn_mapper_params params = small_params();
@@ -239,9 +239,9 @@ static int32_t count_verdict(const outcome *out, cairn_mapper_loop_verdict verdi
     return count;
 }
 
-/* Corridors that repeat themselves within what the path may have gone astray: the one that was
- * seen is not taken for the one that was not. */
-static void a_place_like_one_seen_is_not_taken_for_it(void **state)
+/* Corridors that repeat themselves within the accumulated drift: the one that was visited is not
+ * confused with the one that was not. */
+static void a_similar_place_is_not_confused(void **state)
 {
     cairn_mapper_params params = small_params();
     int32_t unlikely = 0;
@@ -255,7 +255,7 @@ static void a_place_like_one_seen_is_not_taken_for_it(void **state)
         cairn_mapper *mapper = new_mapper(&pool, &params);
 
         for (int32_t i = 0; i < d.count; i++)
-            told[i] = pose_of(d.scans[i].odometry);
+            drifted[i] = pose_of(d.scans[i].odometry);
         run(mapper, &d, CAIRN_UNBOUNDED, &one);
         test_pool_free(&pool);
         assert_true(check_closures(&d, &one) > 10);
@@ -266,7 +266,7 @@ static void a_place_like_one_seen_is_not_taken_for_it(void **state)
     assert_true(unlikely > 0);
 }
 
-static void what_has_no_room_is_said(void **state)
+static void exceeded_capacities_are_reported(void **state)
 {
     cairn_mapper_params params = small_params();
     drive d = start_drive(SIM_OFFICE, 3, 120, 0, 0.5);
@@ -285,8 +285,8 @@ static void what_has_no_room_is_said(void **state)
     end_drive(&d);
 }
 
-/* A scan from which the robot turned away too fast is searched for, and found. */
-static void a_leap_is_searched_for(void **state)
+/* A scan after a rotation too fast to match is searched for, and found. */
+static void a_jump_is_searched_for(void **state)
 {
     cairn_mapper_params params = small_params();
     drive d = start_drive(SIM_RESCUE, 1, 60, 0, 0.1);
@@ -325,15 +325,14 @@ static void a_leap_is_searched_for(void **state)
     end_drive(&d);
 }
 
-/* Odometry that tells ways that were never gone is found out, and believed again when it is
- * right. */
-static void odometry_is_believed_as_long_as_it_is_right(void **state)
+/* Odometry that reports motion that did not happen is rejected, and used again when it is right. */
+static void odometry_is_used_as_long_as_it_is_right(void **state)
 {
     cairn_mapper_params params = small_params();
     drive d = start_drive(SIM_APARTMENT, 3, 80, 0, 0.1);
     cairn_pool pool;
     cairn_mapper *mapper = new_mapper(&pool, &params);
-    cairn_pose believed = pose_of(d.scans[0].truth);
+    cairn_pose odometry_pose = pose_of(d.scans[0].truth);
     int64_t contradicted = 0;
 
     (void)state;
@@ -348,9 +347,9 @@ static void odometry_is_believed_as_long_as_it_is_right(void **state)
 
             if (i >= 20 && i < 50)
                 step.y += CAIRN_REAL(0.3);
-            believed = cairn_pose_compose(believed, step);
+            odometry_pose = cairn_pose_compose(odometry_pose, step);
         }
-        assert_ok(cairn_mapper_add(mapper, &input, &believed, NULL));
+        assert_ok(cairn_mapper_add(mapper, &input, &odometry_pose, NULL));
         assert_ok(cairn_mapper_step(mapper, &budget));
         result = cairn_mapper_read(mapper);
         assert_true(distance(result.map_scan, pose_of(d.scans[i].truth)) < 0.1);
@@ -364,7 +363,7 @@ static void odometry_is_believed_as_long_as_it_is_right(void **state)
     end_drive(&d);
 }
 
-/* The frame of the odometry in the map takes odometry to the map. */
+/* The pose of the odometry's frame in the map transforms odometry to the map. */
 static void map_odom_leads_from_odometry_to_the_map(void **state)
 {
     cairn_mapper_params params = small_params();
@@ -391,8 +390,8 @@ static void map_odom_leads_from_odometry_to_the_map(void **state)
     end_drive(&d);
 }
 
-/* ... also while a scan is in work, of which nothing is told before it is done, and after scans
- * without odometry. */
+/* ... also while a scan is processed, before anything of it is reported, and after scans without
+ * odometry. */
 static void map_odom_is_of_scans_that_are_done(void **state)
 {
     cairn_mapper_params params = small_params();
@@ -431,8 +430,9 @@ static void map_odom_is_of_scans_that_are_done(void **state)
     end_drive(&d);
 }
 
-/* A leap that no robot makes tells nothing of the motion; odometry beyond all bounds is refused. */
-static void odometry_that_leaps_out_of_the_world(void **state)
+/* A jump that no robot makes is no information on the motion; odometry beyond all bounds is
+ * refused. */
+static void odometry_that_jumps_out_of_the_world(void **state)
 {
     cairn_mapper_params params = small_params();
     drive d = start_drive(SIM_OFFICE, 4, 20, 0, 0.2);
@@ -461,14 +461,14 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_drive_that_comes_back_closes_its_loops),
         cmocka_unit_test(budgets_do_not_matter),
-        cmocka_unit_test(twins_are_told_apart),
-        cmocka_unit_test(a_place_like_one_seen_is_not_taken_for_it),
-        cmocka_unit_test(what_has_no_room_is_said),
-        cmocka_unit_test(a_leap_is_searched_for),
-        cmocka_unit_test(odometry_is_believed_as_long_as_it_is_right),
+        cmocka_unit_test(identical_rooms_are_distinguished),
+        cmocka_unit_test(a_similar_place_is_not_confused),
+        cmocka_unit_test(exceeded_capacities_are_reported),
+        cmocka_unit_test(a_jump_is_searched_for),
+        cmocka_unit_test(odometry_is_used_as_long_as_it_is_right),
         cmocka_unit_test(map_odom_leads_from_odometry_to_the_map),
         cmocka_unit_test(map_odom_is_of_scans_that_are_done),
-        cmocka_unit_test(odometry_that_leaps_out_of_the_world),
+        cmocka_unit_test(odometry_that_jumps_out_of_the_world),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

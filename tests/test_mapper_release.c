@@ -1,5 +1,5 @@
-/* A mapper that runs on and on: key scans that go, their links and what hung on them, beside
- * slow twins. */
+/* A mapper that runs without end: culled keyframes, their links and attached scans, beside
+ * reference implementations. */
 #include "tests/drive.h"
 
 #include <math.h>
@@ -60,32 +60,32 @@ static cairn_pose odometry_at(int32_t turn, cairn_pose before)
     return cairn_pose_compose(before, step);
 }
 
-/* Where scans hang, as a user of the mapper keeps it. */
-typedef struct hanging {
+/* Reference keyframes of scans, as a user of the mapper keeps them. */
+typedef struct scan_references {
     int32_t key[TURNS];
-    cairn_pose key_scan[TURNS];
+    cairn_pose keyframe_scan[TURNS];
     int32_t count, releases;
-} hanging;
+} scan_references;
 
-static cairn_pose pose_at(const cairn_mapper *mapper, const hanging *h, int32_t i)
+static cairn_pose pose_at(const cairn_mapper *mapper, const scan_references *h, int32_t i)
 {
-    return cairn_pose_compose(cairn_mapper_keyframe_pose(mapper, h->key[i]), h->key_scan[i]);
+    return cairn_pose_compose(cairn_mapper_keyframe_pose(mapper, h->key[i]), h->keyframe_scan[i]);
 }
 
-static void follow(const cairn_mapper *mapper, hanging *h)
+static void follow(const cairn_mapper *mapper, scan_references *h)
 {
     for (int32_t now = cairn_mapper_measure(mapper).culled_keyframes; h->releases < now;
          h->releases++)
         for (int32_t i = 0; i < h->count; i++)
             cairn_mapper_reattach(cairn_mapper_culling_at(mapper, h->releases), &h->key[i],
-                                  &h->key_scan[i]);
+                                  &h->keyframe_scan[i]);
 }
 
-typedef void (*watch)(void *context, cairn_mapper *mapper, hanging *h);
+typedef void (*watch)(void *context, cairn_mapper *mapper, scan_references *h);
 
-/* Drives, in steps of so many units; watched before and after each of them. */
-static void run(cairn_mapper *mapper, int32_t turns, int32_t units, hanging *h, watch before,
-                watch after, void *context)
+/* Drives, in steps of `units`; callbacks before and after each of them. */
+static void run(cairn_mapper *mapper, int32_t turns, int32_t units, scan_references *h,
+                watch before, watch after, void *context)
 {
     cairn_pose odometry = cairn_pose_identity();
 
@@ -108,7 +108,7 @@ static void run(cairn_mapper *mapper, int32_t turns, int32_t units, hanging *h, 
         }
         assert_ok(status);
         h->key[turn] = cairn_mapper_read(mapper).keyframe;
-        h->key_scan[turn] = cairn_mapper_read(mapper).keyframe_scan;
+        h->keyframe_scan[turn] = cairn_mapper_read(mapper).keyframe_scan;
         h->count++;
     }
 }
@@ -137,12 +137,12 @@ static void check_links(const cairn_mapper *mapper)
                 root[k] = from;
     }
     assert_int_equal(loops, cairn_mapper_measure(mapper).loops);
-    /* In one piece without its closures. */
+    /* Connected even without its loop closures. */
     for (int32_t i = 0; i < mapper->loop.graph_keyframes; i++)
         assert_int_equal(root[i], root[0]);
 }
 
-static double error_at(const cairn_mapper *mapper, const hanging *h, int32_t i)
+static double error_at(const cairn_mapper *mapper, const scan_references *h, int32_t i)
 {
     cairn_pose found = pose_at(mapper, h, i);
     sim_pose truth = scan_of(i)->truth;
@@ -150,7 +150,7 @@ static double error_at(const cairn_mapper *mapper, const hanging *h, int32_t i)
     return hypot((double)found.x - truth.x, (double)found.y - truth.y);
 }
 
-static hanging kept, other;
+static scan_references kept, other;
 
 static void it_runs_on_in_fixed_memory(void **state)
 {
@@ -187,7 +187,7 @@ static void it_runs_on_in_fixed_memory(void **state)
     test_pool_free(&pool);
 }
 
-static void without_release_it_is_full(void **state)
+static void without_culling_it_is_full(void **state)
 {
     cairn_mapper_params params = release_params();
     cairn_pool pool;
@@ -214,7 +214,7 @@ static void without_release_it_is_full(void **state)
     test_pool_free(&pool);
 }
 
-static void little_room_for_points_is_enough(void **state)
+static void a_small_capacity_of_points_is_enough(void **state)
 {
     cairn_mapper_params params = release_params();
     cairn_pool pool;
@@ -253,7 +253,8 @@ static void budgets_do_not_matter(void **state)
         assert_int_equal(cairn_mapper_measure(mapper).units, cairn_mapper_measure(all).units);
         assert_int_equal(other.releases, kept.releases);
         assert_memory_equal(other.key, kept.key, SCANS * sizeof *kept.key);
-        assert_memory_equal(other.key_scan, kept.key_scan, SCANS * sizeof *kept.key_scan);
+        assert_memory_equal(other.keyframe_scan, kept.keyframe_scan,
+                            SCANS * sizeof *kept.keyframe_scan);
         for (int32_t k = 0; k < all->keyframe_count; k++) {
             cairn_pose a = cairn_mapper_keyframe_pose(all, k),
                        b = cairn_mapper_keyframe_pose(mapper, k);
@@ -265,27 +266,27 @@ static void budgets_do_not_matter(void **state)
     test_pool_free(&pool);
 }
 
-/* ---- The mapper before a step, whole ---- */
+/* ---- State of the mapper before a step ---- */
 
-typedef struct memory_of {
+typedef struct snapshot {
     int32_t key_count, entered, link_count, releases, local_count, pending_count, solutions;
-    int32_t slot[KEYS], pieces[KEYS], local[CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES], doubtful[KEYS];
+    int32_t slot[KEYS], pieces[KEYS], local[CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES], low_confidence[KEYS];
     cairn_pose pose[KEYS];
-    uint16_t sight[KEYS][MAPPER_BEARINGS];
+    uint16_t visibility[KEYS][MAPPER_BEARINGS];
     cairn_vec2 sensor[KEYS];
     cairn_mapper_link link[LINKS];
     cairn_real chi2[LINKS];
     mapper_pending pending[MAPPER_MAX_PENDING];
     cairn_mapper_loop events[MAPPER_LOOP_EVENTS];
     cairn_pose last;
-    int32_t seen, fused, bent, taken, contradicted; /* releases, and links by what became of them */
-} memory_of;
+    int32_t seen, fused, bent, taken, contradicted; /* culled keyframes, and links by their fate */
+} snapshot;
 
-static memory_of was;
+static snapshot was;
 
-static void remember(void *context, cairn_mapper *mapper, hanging *h)
+static void remember(void *context, cairn_mapper *mapper, scan_references *h)
 {
-    memory_of *m = context;
+    snapshot *m = context;
 
     (void)h;
     if (mapper->phase != MAPPER_BACKGROUND || mapper->loop.phase != MAPPER_LOOP_REDUNDANCY)
@@ -305,11 +306,11 @@ static void remember(void *context, cairn_mapper *mapper, hanging *h)
     memcpy(m->pending, mapper->loop.pending, sizeof m->pending);
     memcpy(m->events, mapper->loop.events, sizeof m->events);
     for (int32_t k = 0; k < m->key_count; k++) {
-        memcpy(m->sight[k], &mapper->visibility[(size_t)m->slot[k] * MAPPER_BEARINGS],
-               sizeof m->sight[k]);
+        memcpy(m->visibility[k], &mapper->visibility[(size_t)m->slot[k] * MAPPER_BEARINGS],
+               sizeof m->visibility[k]);
         m->sensor[k] = mapper->keyframes->scans[m->slot[k]].sensor;
         m->pieces[k] = mapper->loop.constraints[k].submap;
-        m->doubtful[k] = mapper->loop.constraints[k].low_confidence;
+        m->low_confidence[k] = mapper->loop.constraints[k].low_confidence;
     }
     assert_true(m->link_count <= LINKS);
     for (int32_t i = 0; i < m->link_count; i++) {
@@ -320,8 +321,8 @@ static void remember(void *context, cairn_mapper *mapper, hanging *h)
 
 /* ---- Which one goes ---- */
 
-/* The bearing whose sector the angle of a direction is in: by the corners of a square that
- * stands on its tip, which the bearings divide evenly. */
+/* The bearing whose sector holds the angle of a direction: by the corners of a square that stands
+ * on its tip, which the bearings divide evenly. */
 static int32_t slow_bearing(cairn_vec2 d)
 {
     double angle = atan2((double)d.y, (double)d.x);
@@ -354,17 +355,17 @@ static cairn_vec2 middle_of(int32_t bearing)
     return d;
 }
 
-static int slow_sees(const memory_of *m, int32_t key, cairn_vec2 in_map, int surface)
+static int slow_sees(const snapshot *m, int32_t key, cairn_vec2 in_map, int surface)
 {
     cairn_vec2 p = cairn_pose_point(cairn_pose_inverse(m->pose[key]), in_map),
                d = cairn_vec2_sub(p, m->sensor[key]);
-    double range = m->sight[key][slow_bearing(d)] / 100.0,
+    double range = m->visibility[key][slow_bearing(d)] / 100.0,
            distance = hypot((double)d.x, (double)d.y);
 
     return surface ? range > 0 && fabs(range - distance) <= 0.2 : range >= distance;
 }
 
-static double distance_of(const memory_of *m, int32_t a, int32_t b)
+static double distance_of(const snapshot *m, int32_t a, int32_t b)
 {
     cairn_vec2 p = cairn_pose_point(m->pose[a], m->sensor[a]),
                q = cairn_pose_point(m->pose[b], m->sensor[b]);
@@ -372,7 +373,7 @@ static double distance_of(const memory_of *m, int32_t a, int32_t b)
     return hypot((double)(p.x - q.x), (double)(p.y - q.y));
 }
 
-static const memory_of *sorted_for;
+static const snapshot *sorted_for;
 static int32_t sorted_about;
 
 static int by_distance(const void *a, const void *b)
@@ -383,7 +384,7 @@ static int by_distance(const void *a, const void *b)
     return d < 0 ? -1 : d > 0 ? 1 : p - q;
 }
 
-static double slow_loss(const memory_of *m, int32_t key)
+static double slow_loss(const snapshot *m, int32_t key)
 {
     int32_t near[KEYS], count = 0;
     double loss = 0;
@@ -394,9 +395,9 @@ static double slow_loss(const memory_of *m, int32_t key)
     sorted_about = key;
     qsort(near, (size_t)count, sizeof *near, by_distance);
     for (int32_t b = 0; b < MAPPER_BEARINGS; b += 4)
-        for (int part = 1; part <= 2 && m->sight[key][b] > 0; part++) {
-            cairn_vec2 way =
-                cairn_vec2_scale(middle_of(b), (cairn_real)(m->sight[key][b] / 100.0 * part / 2));
+        for (int part = 1; part <= 2 && m->visibility[key][b] > 0; part++) {
+            cairn_vec2 way = cairn_vec2_scale(
+                middle_of(b), (cairn_real)(m->visibility[key][b] / 100.0 * part / 2));
             cairn_vec2 at = cairn_pose_point(m->pose[key], cairn_vec2_add(m->sensor[key], way));
             int seen = 0;
 
@@ -410,7 +411,7 @@ static double slow_loss(const memory_of *m, int32_t key)
 /* Rounding may put a sample on the other side of an edge. */
 static const double ROUNDED = NUMBER(0.6, 3);
 
-static void check_choice(const memory_of *m, const cairn_mapper_culling *release)
+static void check_choice(const snapshot *m, const cairn_mapper_culling *release)
 {
     int32_t end = m->entered - 8 < m->key_count - 10 ? m->entered - 8 : m->key_count - 10;
     double loss = slow_loss(m, release->keyframe);
@@ -420,7 +421,7 @@ static void check_choice(const memory_of *m, const cairn_mapper_culling *release
         assert_true(loss <= slow_loss(m, k) + ROUNDED);
 }
 
-/* ---- What becomes of its links ---- */
+/* ---- Links of a culled keyframe ---- */
 
 /* A measurement as three numbers with a dense covariance, in double. */
 typedef struct dense {
@@ -463,8 +464,8 @@ static void invert(const double a[3], double out[3])
     out[2] = -a[2];
 }
 
-/* out.z of motions a and b that are off by e and f in their own frames, seen from out as it is
- * without. */
+/* Change of out.z when the motions a and b are disturbed by e and f in their own frames, relative
+ * to the undisturbed out. */
 typedef void (*combine)(const double a[3], const double b[3], double out[3]);
 
 static void inverse_of(const double a[3], const double b[3], double out[3])
@@ -533,7 +534,7 @@ static void invert_dense(double in[3][3], double out[3][3])
 static int slow_fuse(const dense *a, const dense *b, dense *out)
 {
     double back[3], e[3], ia[3][3], ib[3][3], both[3][3], sum[3][3], weight[3][3],
-        strain = 0, by = 1, off[3] = {0, 0, 0};
+        chi2 = 0, by = 1, off[3] = {0, 0, 0};
 
     invert(a->z, back);
     compose(back, b->z, e);
@@ -544,8 +545,8 @@ static int slow_fuse(const dense *a, const dense *b, dense *out)
     invert_dense(sum, weight);
     for (int r = 0; r < 3; r++)
         for (int k = 0; k < 3; k++)
-            strain += e[r] * weight[r][k] * e[k];
-    if (strain > 50)
+            chi2 += e[r] * weight[r][k] * e[k];
+    if (chi2 > 50)
         return 0;
     memcpy(ia, a->c, sizeof ia);
     memcpy(ib, b->c, sizeof ib);
@@ -591,7 +592,7 @@ static int32_t renamed(int32_t key, int32_t gone)
     return key - (key > gone);
 }
 
-/* The link between two key scans that is in use, of an array; -1. */
+/* The active link between two keyframes, of an array; -1: none. */
 static int32_t slow_find(const cairn_mapper_link *links, int32_t count, int32_t a, int32_t b)
 {
     for (int32_t i = 0; i < count; i++)
@@ -601,11 +602,11 @@ static int32_t slow_find(const cairn_mapper_link *links, int32_t count, int32_t 
     return -1;
 }
 
-static double strain_at(const memory_of *m, int32_t from, int32_t to, const dense *d)
+static double chi2_at(const snapshot *m, int32_t from, int32_t to, const dense *d)
 {
     cairn_pose there = cairn_pose_between(m->pose[from], m->pose[to]);
     double z[3] = {(double)there.x, (double)there.y, (double)there.theta}, back[3], e[3], w[3][3],
-           strain = 0, c[3][3];
+           chi2 = 0, c[3][3];
 
     invert(d->z, back);
     compose(back, z, e);
@@ -614,12 +615,12 @@ static double strain_at(const memory_of *m, int32_t from, int32_t to, const dens
     invert_dense(c, w);
     for (int r = 0; r < 3; r++)
         for (int k = 0; k < 3; k++)
-            strain += e[r] * w[r][k] * e[k];
-    return strain;
+            chi2 += e[r] * w[r][k] * e[k];
+    return chi2;
 }
 
-/* Every link of the one that went, one after the other, on copies of the links as they were. */
-static void check_contraction(memory_of *m, const cairn_mapper *mapper,
+/* Every link of the culled keyframe, one after the other, on copies of the former links. */
+static void check_contraction(snapshot *m, const cairn_mapper *mapper,
                               const cairn_mapper_culling *release)
 {
     static cairn_mapper_link now[LINKS];
@@ -671,9 +672,8 @@ static void check_contraction(memory_of *m, const cairn_mapper *mapper,
         if (there >= 0 && known[there] == 0) {
             before = seen_from(&m->link[there], onto);
             if (!slow_fuse(&before, &onto_far, &both)) {
-                both = strain_at(m, onto, far, &onto_far) < strain_at(m, onto, far, &before)
-                           ? onto_far
-                           : before;
+                both = chi2_at(m, onto, far, &onto_far) < chi2_at(m, onto, far, &before) ? onto_far
+                                                                                         : before;
                 m->contradicted++;
             }
             assert_int_equal(now[after].is_loop, l->is_loop && m->link[there].is_loop);
@@ -687,7 +687,7 @@ static void check_contraction(memory_of *m, const cairn_mapper *mapper,
         expected[after] = both;
         assert_same(&expected[after], &now[after]);
     }
-    /* All others are as they were, in their order. */
+    /* All others are unchanged, in their order. */
     for (int32_t i = 0, at = 0; i < m->link_count; i++) {
         cairn_mapper_link *l = &m->link[i];
 
@@ -704,7 +704,7 @@ static void check_contraction(memory_of *m, const cairn_mapper *mapper,
     }
 }
 
-/* ---- What all is named ---- */
+/* ---- Renumbering ---- */
 
 static void assert_same_pose(cairn_pose a, cairn_pose b)
 {
@@ -713,7 +713,7 @@ static void assert_same_pose(cairn_pose a, cairn_pose b)
     assert_near(cairn_wrap_angle(a.theta - b.theta), 0, NUMBER(1e-9, 1e-4));
 }
 
-static void check_names(const memory_of *m, const cairn_mapper *mapper,
+static void check_names(const snapshot *m, const cairn_mapper *mapper,
                         const cairn_mapper_culling *release)
 {
     int32_t gone = release->keyframe, heir = -1;
@@ -733,7 +733,7 @@ static void check_names(const memory_of *m, const cairn_mapper *mapper,
         assert_memory_equal(&mapper->keyframe_pose[now], &m->pose[k], sizeof m->pose[k]);
         assert_int_equal(mapper->loop.constraints[now].submap, renamed(piece, gone));
         assert_int_equal(mapper->loop.constraints[now].low_confidence,
-                         m->doubtful[k == heir ? gone : k]);
+                         m->low_confidence[k == heir ? gone : k]);
         if (now < mapper->loop.graph_keyframes) {
             cairn_pose in_graph = cairn_pose_graph_pose(mapper->loop.graph, now);
 
@@ -767,9 +767,9 @@ static void check_names(const memory_of *m, const cairn_mapper *mapper,
     }
 }
 
-static void check_release(void *context, cairn_mapper *mapper, hanging *h)
+static void check_culling(void *context, cairn_mapper *mapper, scan_references *h)
 {
-    memory_of *m = context;
+    snapshot *m = context;
     cairn_mapper_culling release;
 
     if (mapper->state.culled_keyframes == m->releases || m->key_count == 0)
@@ -786,7 +786,7 @@ static void check_release(void *context, cairn_mapper *mapper, hanging *h)
     m->seen++;
 }
 
-static void every_release_is_that_of_the_twins(void **state)
+static void every_culled_keyframe_is_that_of_the_reference(void **state)
 {
     cairn_mapper_params params = release_params();
     cairn_pool pool;
@@ -794,13 +794,13 @@ static void every_release_is_that_of_the_twins(void **state)
 
     (void)state;
     memset(&was, 0, sizeof was);
-    run(mapper, 2 * SCANS, 1, &kept, remember, check_release, &was);
+    run(mapper, 2 * SCANS, 1, &kept, remember, check_culling, &was);
     assert_true(was.seen > KEYS && was.bent > 10 && was.taken > 10);
     test_pool_free(&pool);
 }
 
-/* A chain solved without the key scan between two others leaves these where they were. */
-static void what_hangs_stays_in_its_place(void **state)
+/* A chain solved without the keyframe between two others leaves these unchanged. */
+static void attached_scans_stay_in_place(void **state)
 {
     cairn_mapper_culling release = {4, 2, {1, 2, CAIRN_REAL(0.5)}};
     cairn_pose seen = {CAIRN_REAL(0.3), CAIRN_REAL(-0.1), CAIRN_REAL(0.2)}, at;
@@ -849,7 +849,8 @@ static void params_are_checked(void **state)
     REFUSED(loop.max_loops, 0);
     REFUSED(local_span, 0);
     REFUSED(max_keyframes, 11);
-    params.max_keyframes = 12; /* gap, free ones of the window, the first one and one that may go */
+    /* gap, free ones of the window, the first one and one that may be culled */
+    params.max_keyframes = 12;
     assert_true(cairn_mapper_memory(&params) > 0);
     REFUSED(max_keyframes, 11);
     REFUSED(local_span, 11);
@@ -866,12 +867,12 @@ static void params_are_checked(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_release_is_that_of_the_twins),
+        cmocka_unit_test(every_culled_keyframe_is_that_of_the_reference),
         cmocka_unit_test(it_runs_on_in_fixed_memory),
-        cmocka_unit_test(without_release_it_is_full),
-        cmocka_unit_test(little_room_for_points_is_enough),
+        cmocka_unit_test(without_culling_it_is_full),
+        cmocka_unit_test(a_small_capacity_of_points_is_enough),
         cmocka_unit_test(budgets_do_not_matter),
-        cmocka_unit_test(what_hangs_stays_in_its_place),
+        cmocka_unit_test(attached_scans_stay_in_place),
         cmocka_unit_test(params_are_checked),
     };
 

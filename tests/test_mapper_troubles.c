@@ -1,5 +1,4 @@
-/* Bad logs: what the mapper makes of scans that show nothing, come twice, run back in time, or
- * begin elsewhere. */
+/* Bad logs: scans without information, duplicates, stamps that run backwards, starts elsewhere. */
 #include "tests/drive.h"
 
 #include <math.h>
@@ -9,7 +8,7 @@ enum { SCANS = 300 };
 static cairn_mapper_result results[SCANS];
 static cairn_pose poses[SCANS];
 
-/* One scan, taken in whole, with odometry or none. */
+/* One scan, processed completely, with odometry or none. */
 static cairn_mapper_result take(cairn_mapper *mapper, const cairn_scan_input *input,
                                 const cairn_pose *odometry)
 {
@@ -32,7 +31,7 @@ static void settle(cairn_mapper *mapper, int32_t count)
     }
 }
 
-/* Largest error of position of scans from ... end - 1 seen from scan `from`. */
+/* Largest position error of scans from ... end - 1 relative to scan `from`. */
 static double worst_error(const drive *d, int32_t from, int32_t end)
 {
     double worst = 0;
@@ -106,7 +105,7 @@ static void every_scan_twice(void **state)
     end_drive(&d);
 }
 
-/* Of scans taken at once stamps tell nothing: their order does not matter. */
+/* Equal stamps carry no information: the order does not matter. */
 static void time_that_runs_back(void **state)
 {
     cairn_mapper_params params = small_params();
@@ -134,8 +133,8 @@ static void time_that_runs_back(void **state)
     end_drive(&d);
 }
 
-/* The robot is carried to another room after its first scans, and odometry does not know. It
- * says that it is in doubt, and maps where it is. */
+/* The robot is displaced to another room after its first scans, unknown to odometry. The mapper
+ * reports low confidence, and maps the new place. */
 static void a_kidnapped_start(void **state)
 {
     cairn_mapper_params params = small_params();
@@ -172,7 +171,7 @@ static void a_kidnapped_start(void **state)
     end_drive(&d);
 }
 
-/* A pose seen from the one to which odometry leads. */
+/* A pose relative to the one predicted by odometry. */
 static cairn_pose off_odometry(const drive *d, cairn_pose before, cairn_pose after, int32_t i)
 {
     cairn_pose moved =
@@ -181,9 +180,9 @@ static cairn_pose off_odometry(const drive *d, cairn_pose before, cairn_pose aft
     return cairn_pose_between(cairn_pose_compose(before, moved), after);
 }
 
-/* Every scan of another building has some likeness to this one. Next to none moves a robot away
- * from where trusted odometry leads (one in ten did while a single likeness could). */
-static void scans_of_elsewhere_move_nothing(void **state)
+/* Every scan of another building resembles this one somewhere. Hardly any moves the robot away from
+ * the prediction of reliable odometry (one in ten did while a single match sufficed). */
+static void scans_of_another_building_move_nothing(void **state)
 {
     static const sim_scene elsewhere[] = {SIM_RESCUE, SIM_OFFICE, SIM_MAZE, SIM_ROOMS};
     cairn_mapper_params params = small_params();
@@ -218,43 +217,43 @@ static void scans_of_elsewhere_move_nothing(void **state)
     assert_true(moved * 30 < foreign);
 }
 
-enum { CARRIED = 100, LEAP = 10, DRIVES = 8 };
+enum { DISPLACED_AT = 100, SKIPPED = 10, DRIVES = 8 };
 
-/* Drives, is carried over LEAP scans, of which its odometry knows nothing, and drives on. 1:
- * three scans later it is where it is. */
+/* Drives, is displaced over SKIPPED scans unknown to its odometry, and drives on. 1: three scans
+ * later its pose is right. */
 static int is_found_again(const drive *d)
 {
     cairn_mapper_params params = small_params();
     cairn_pool pool;
     cairn_mapper *mapper = new_mapper(&pool, &params);
-    cairn_pose believed = pose_of(d->scans[0].truth), off = cairn_pose_identity();
+    cairn_pose odometry_pose = pose_of(d->scans[0].truth), off = cairn_pose_identity();
 
-    for (int32_t i = 0; i < CARRIED + 4; i++) {
-        int32_t at = i < CARRIED ? i : i + LEAP;
+    for (int32_t i = 0; i < DISPLACED_AT + 4; i++) {
+        int32_t at = i < DISPLACED_AT ? i : i + SKIPPED;
         cairn_scan_input input = sim_scan_input(&d->scans[at]);
 
-        if (i > 0 && i != CARRIED)
-            believed =
-                cairn_pose_compose(believed, cairn_pose_between(pose_of(d->scans[at - 1].truth),
-                                                                pose_of(d->scans[at].truth)));
+        if (i > 0 && i != DISPLACED_AT)
+            odometry_pose = cairn_pose_compose(
+                odometry_pose,
+                cairn_pose_between(pose_of(d->scans[at - 1].truth), pose_of(d->scans[at].truth)));
         off = cairn_pose_between(pose_of(d->scans[at].truth),
-                                 take(mapper, &input, &believed).map_scan);
-        if (i == CARRIED - 1)
+                                 take(mapper, &input, &odometry_pose).map_scan);
+        if (i == DISPLACED_AT - 1)
             assert_true(hypot((double)off.x, (double)off.y) < 0.05);
     }
     test_pool_free(&pool);
     return hypot((double)off.x, (double)off.y) < 0.05 && fabs((double)off.theta) < 0.05;
 }
 
-/* Two scans that tell the same of a place far from where odometry leads are believed: most leaps
- * of a metre and 1 rad are found. */
-static void who_was_carried_is_found_again(void **state)
+/* Two scans that agree on a place far from the odometry are accepted: most displacements of a metre
+ * and 1 rad are recovered. */
+static void a_displaced_robot_is_relocalized(void **state)
 {
     int32_t found = 0;
 
     (void)state;
     for (uint64_t seed = 0; seed < DRIVES; seed++) {
-        drive d = start_drive(SIM_APARTMENT, 21 + seed, CARRIED + LEAP + 4, 0, 0.1);
+        drive d = start_drive(SIM_APARTMENT, 21 + seed, DISPLACED_AT + SKIPPED + 4, 0, 0.1);
 
         found += is_found_again(&d);
         end_drive(&d);
@@ -269,8 +268,8 @@ int main(void)
         cmocka_unit_test(every_scan_twice),
         cmocka_unit_test(time_that_runs_back),
         cmocka_unit_test(a_kidnapped_start),
-        cmocka_unit_test(scans_of_elsewhere_move_nothing),
-        cmocka_unit_test(who_was_carried_is_found_again),
+        cmocka_unit_test(scans_of_another_building_move_nothing),
+        cmocka_unit_test(a_displaced_robot_is_relocalized),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

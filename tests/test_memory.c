@@ -1,5 +1,5 @@
-/* What every object takes of a pool, at its defaults and with each capacity changed, against
- * what it took when somebody looked at it last: memory is part of the contract. */
+/* The pool memory of every object, at its defaults and with each capacity changed, compared with
+ * stored values: memory is part of the contract. */
 #include "tests/kept.h"
 #include "tools/pool_objects.h"
 
@@ -7,10 +7,10 @@ enum { MOST = 400, NAME = 48 };
 
 typedef struct question {
     const pool_object *object;
-    int32_t capacity; /* that is changed; -1: none */
+    int32_t capacity; /* the changed capacity; -1: none */
 } question;
 
-/* With the capacities up to `capacity` at their defaults, the last of them so much higher. */
+/* With the capacities up to `capacity` at their defaults, the last of them increased by so much. */
 static size_t bytes_with(const question *q, int32_t more)
 {
     int32_t values[POOL_CAPACITIES];
@@ -22,10 +22,10 @@ static size_t bytes_with(const question *q, int32_t more)
     return pool_object_bytes(q->object, values, q->capacity + 1);
 }
 
-/* The default; or the sum over sixteen numbers from a third more than the default on, which for
- * a choice are the next ones, and where these are beyond the limit from a third less: pieces are
- * rounded up, and one element more shows in one of them. */
-static void tell(const void *item, char text[KEPT_TEXT])
+/* The default; or the sum over sixteen numbers from a third more than the default on. For a choice
+ * these are the next values; beyond the limit they start from a third less. Sizes are rounded up,
+ * and one element more shows in one of the sixteen. */
+static void format_value(const void *item, char text[KEPT_TEXT])
 {
     const question *q = item;
     int32_t third = q->capacity < 0 ? 0 : pool_object_default(q->object, q->capacity) / 3;
@@ -39,7 +39,7 @@ static void tell(const void *item, char text[KEPT_TEXT])
     (void)snprintf(text, KEPT_TEXT, "%zu", bytes);
 }
 
-/* Under AddressSanitizer pieces have gaps, and bytes are others: only that there are any. */
+/* Under AddressSanitizer allocations have gaps, and sizes differ: only that they are above 0. */
 static void defaults_are_accepted(void **state)
 {
     (void)state;
@@ -71,5 +71,5 @@ int main(int argc, char **argv)
             values[count].item = &questions[count];
             count++;
         }
-    return kept_main(argc, argv, KEPT_FILE("memory"), values, count, tell);
+    return kept_main(argc, argv, KEPT_FILE("memory"), values, count, format_value);
 }

@@ -33,8 +33,8 @@ static int32_t slow_nearest(const cairn_vec2 *points, int32_t count, cairn_vec2 
     return best;
 }
 
-/* Of the points that look east, north, west and south in turn, the nearest one that looks north
- * or east. */
+/* Of points with directions east, north, west and south in turn, the nearest one facing north or
+ * east. */
 static void check_facing(const cairn_point_grid *grid, const cairn_vec2 *points, int32_t count,
                          cairn_vec2 p, cairn_real radius)
 {
@@ -54,7 +54,7 @@ static void check_facing(const cairn_point_grid *grid, const cairn_vec2 *points,
     assert_true(looked_at >= (best >= 0) && looked_at <= 3 * count + 2);
 }
 
-/* The cursor meets every point within the radius once and no other. */
+/* The cursor visits every point within the radius once, and no other. */
 static void check_cursor(const cairn_point_grid *grid, const cairn_vec2 *points, int32_t count,
                          cairn_vec2 p, cairn_real radius)
 {
@@ -84,8 +84,8 @@ static void check_query(const cairn_point_grid *grid, const cairn_vec2 *points, 
     check_cursor(grid, points, count, p, radius);
 }
 
-/* Points at `scale` m around the origin, in steps of `step` cells (so that there are ties and
- * points on borders). */
+/* Points at `scale` m around the origin, in steps of `step` cells, so that there are ties and
+ * points on borders. */
 static void check_random_points(uint64_t seed, cairn_real cell, cairn_real scale, cairn_real step)
 {
     static const cairn_real radii[] = {0, CAIRN_REAL(0.3), 1, CAIRN_REAL(2.5), 8, 1000};
@@ -118,7 +118,7 @@ static void check_random_points(uint64_t seed, cairn_real cell, cairn_real scale
                 }
             }
         }
-        /* Taking points out again leaves the others as they were. */
+        /* Removing points leaves the others unchanged. */
         for (int32_t i = POINTS - 1; round == 0 && i >= 0; i--) {
             cairn_point_grid_remove_last(grid);
             assert_int_equal(cairn_point_grid_count(grid), i);
@@ -144,9 +144,9 @@ static void test_grid_matches_linear_search(void **state)
     check_random_points(5, CAIRN_REAL(0.125), 1, CAIRN_REAL(0.25));
 }
 
-/* What a search looks at: a cell and the points in it, rings of cells until the next one is
- * farther than the best point. */
-static void test_grid_counts_looks(void **state)
+/* Work of a search: a cell and its points, then rings of cells until the next ring is farther than
+ * the best point. */
+static void test_grid_counts_evaluations(void **state)
 {
     static const cairn_vec2 points[] = {
         {CAIRN_REAL(0.5), CAIRN_REAL(0.5)}, {CAIRN_REAL(0.6), CAIRN_REAL(0.5)},
@@ -178,8 +178,8 @@ static void test_grid_counts_looks(void **state)
     test_pool_free(&pool);
 }
 
-/* Far beyond the range of cell numbers all points share the outermost cells and are still told
- * apart. */
+/* Far beyond the range of cell numbers all points share the outermost cells and are still
+ * distinguished. */
 static void test_grid_far_points(void **state)
 {
     static const cairn_vec2 points[] = {{CAIRN_REAL(1e30), 0},  {CAIRN_REAL(1.1e30), 0},
@@ -205,7 +205,8 @@ static void test_grid_far_points(void **state)
     test_pool_free(&pool);
 }
 
-/* A query meets points of the cell to the left and below even when the distance underflows to 0. */
+/* A query visits points of the cell to the left and below even when the distance underflows to
+ * 0. */
 static void test_grid_underflow(void **state)
 {
     static const cairn_vec2 points[] = {{-CAIRN_REAL(1e-30), -CAIRN_REAL(1e-30)},
@@ -230,8 +231,8 @@ static void test_grid_underflow(void **state)
     test_pool_free(&pool);
 }
 
-/* The work is bounded by the points, not by the area: a huge radius over tiny cells must return
- * at once. */
+/* The work is bounded by the points, not by the area: a huge radius over tiny cells returns at
+ * once. */
 static void test_grid_huge_radius(void **state)
 {
     cairn_pool pool;
@@ -277,8 +278,8 @@ static void test_grid_order_is_reproducible(void **state)
     assert_true(hashes[0] == hashes[1]);
 }
 
-/* The cells that a query looks at, side by side with its radius, each border on its own side;
- * fewer cells than points, or all points instead. */
+/* The cells that a query visits, side by side with its radius, each border on its own side; fewer
+ * cells than points, or all points instead. */
 static void test_grid_cells(void **state)
 {
     enum { FAR = 1 << 30 };
@@ -326,7 +327,7 @@ static void test_grid_cells(void **state)
 }
 
 /* 256 points in as many cells around the origin. The head of the chain that a query starts with
- * tells the bucket: this is how well the hash spreads them. */
+ * identifies the bucket: the test measures how well the hash spreads them. */
 static void test_grid_buckets(void **state)
 {
     cairn_pool pool;
@@ -472,7 +473,7 @@ static int starts_before(const cairn_box *boxes, int32_t a, int32_t b)
 }
 
 /* Runs the sweep with budgets of `budget` units, compares with all pairs, and returns the units
- * spent; *hash is one of the pairs in order, which is that of the left sides. */
+ * spent; *hash is that of the pairs in order, which is the order of the left sides. */
 static int32_t check_sweep(cairn_box_sweep *sweep, const cairn_box *boxes, int32_t count,
                            int32_t budget, uint64_t *hash)
 {
@@ -551,8 +552,8 @@ static void test_sweep_matches_all_pairs(void **state)
     assert_true(hashes[0] == hashes[1] && hashes[0] == hashes[2] && hashes[0] == hashes[3]);
 }
 
-/* Boxes that touch share a point; points and lines are boxes; what is empty or not a number
- * overlaps nothing. */
+/* Boxes that touch share a point; points and lines are boxes; empty boxes and NaN overlap
+ * nothing. */
 /* Within a window: of all pairs, in their order, those of which both boxes overlap it. */
 static void test_sweep_in_a_window(void **state)
 {
@@ -626,7 +627,7 @@ static void test_sweep_edges(void **state)
     test_pool_free(&pool);
 }
 
-/* A sweep begun in the middle of another, at any point of it, is as good as any. */
+/* A sweep begun in the middle of another, at any point of it, gives the same result. */
 static void test_sweep_begins_anew(void **state)
 {
     cairn_random random = cairn_random_seed(3, 3);
@@ -650,8 +651,8 @@ static void test_sweep_begins_anew(void **state)
     }
 }
 
-/* Sorted order is kept: the second sweep over boxes that stay costs a pass, a comparison and a
- * test to the unit; the pairs come in order of the left sides. */
+/* Sorted order is kept: the second sweep over unmoved boxes costs a pass, a comparison and a test
+ * to the unit; pairs are in the order of the left sides. */
 static void test_sweep_cost(void **state)
 {
     cairn_pool pool;
@@ -669,7 +670,7 @@ static void test_sweep_cost(void **state)
     }
     cost = check_sweep(sweep, boxes, BOXES, 1, &hash);
     assert_int_equal(cost, 771);
-    /* One comparison a box to see that all is sorted, one test a box to see that the next starts
+    /* One comparison a box to verify the order, one test a box to see that the next starts
      * later. */
     assert_int_equal(check_sweep(sweep, boxes, BOXES, 1, &hash), BOXES);
     boxes[0].min.x = boxes[1].min.x - 1;
@@ -740,7 +741,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_grid_matches_linear_search),
-        cmocka_unit_test(test_grid_counts_looks),
+        cmocka_unit_test(test_grid_counts_evaluations),
         cmocka_unit_test(test_grid_far_points),
         cmocka_unit_test(test_grid_underflow),
         cmocka_unit_test(test_grid_huge_radius),

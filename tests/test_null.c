@@ -1,5 +1,5 @@
-/* Every object refuses what is not there: creation without a place for it, a pool or params; and
- * steps, where they say so, without an object or a budget. */
+/* Every object refuses missing arguments: creation without an object pointer, a pool or params;
+ * steps, where the header says so, without an object or a budget. */
 #include "tests/test.h"
 
 #include "cairn/assignment.h"
@@ -27,42 +27,42 @@
 #include "cairn/virtual_align.h"
 
 /* type: of the object, without cairn_. */
-#define CREATES(room, type)                                                                        \
-    static void test_##room##_create(void **state)                                                 \
+#define CREATES(module, type)                                                                      \
+    static void test_##module##_create(void **state)                                               \
     {                                                                                              \
-        cairn_##room##_params params = room##_params();                                            \
-        cairn_pool pool = test_pool(cairn_##room##_memory(&params));                               \
+        cairn_##module##_params params = module##_params();                                        \
+        cairn_pool pool = test_pool(cairn_##module##_memory(&params));                             \
         size_t before = pool.used;                                                                 \
         cairn_##type *object;                                                                      \
                                                                                                    \
         (void)state;                                                                               \
-        assert_status(cairn_##room##_create(NULL, &pool, &params), CAIRN_BAD_ARGUMENT);            \
-        assert_status(cairn_##room##_create(&object, NULL, &params), CAIRN_BAD_ARGUMENT);          \
-        assert_status(cairn_##room##_create(&object, &pool, NULL), CAIRN_BAD_ARGUMENT);            \
-        assert_int_equal(cairn_##room##_memory(NULL), 0);                                          \
+        assert_status(cairn_##module##_create(NULL, &pool, &params), CAIRN_BAD_ARGUMENT);          \
+        assert_status(cairn_##module##_create(&object, NULL, &params), CAIRN_BAD_ARGUMENT);        \
+        assert_status(cairn_##module##_create(&object, &pool, NULL), CAIRN_BAD_ARGUMENT);          \
+        assert_int_equal(cairn_##module##_memory(NULL), 0);                                        \
         assert_int_equal(pool.used, before);                                                       \
         test_pool_free(&pool);                                                                     \
     }
-#define STEPS(room, type)                                                                          \
-    CREATES(room, type)                                                                            \
-    static void test_##room##_step(void **state)                                                   \
+#define STEPS(module, type)                                                                        \
+    CREATES(module, type)                                                                          \
+    static void test_##module##_step(void **state)                                                 \
     {                                                                                              \
-        cairn_##room##_params params = room##_params();                                            \
-        cairn_pool pool = test_pool(cairn_##room##_memory(&params));                               \
+        cairn_##module##_params params = module##_params();                                        \
+        cairn_pool pool = test_pool(cairn_##module##_memory(&params));                             \
         cairn_budget budget = {100};                                                               \
         cairn_##type *object;                                                                      \
                                                                                                    \
         (void)state;                                                                               \
-        assert_ok(cairn_##room##_create(&object, &pool, &params));                                 \
-        assert_status(cairn_##room##_step(NULL, &budget), CAIRN_BAD_ARGUMENT);                     \
-        assert_status(cairn_##room##_step(object, NULL), CAIRN_BAD_ARGUMENT);                      \
+        assert_ok(cairn_##module##_create(&object, &pool, &params));                               \
+        assert_status(cairn_##module##_step(NULL, &budget), CAIRN_BAD_ARGUMENT);                   \
+        assert_status(cairn_##module##_step(object, NULL), CAIRN_BAD_ARGUMENT);                    \
         assert_int_equal(budget.left, 100);                                                        \
         test_pool_free(&pool);                                                                     \
     }
-#define DEFAULT(room)                                                                              \
-    static cairn_##room##_params room##_params(void)                                               \
+#define DEFAULT(module)                                                                            \
+    static cairn_##module##_params module##_params(void)                                           \
     {                                                                                              \
-        return cairn_##room##_default();                                                           \
+        return cairn_##module##_default();                                                         \
     }
 
 static cairn_scan_set_params scan_set_params(void)
@@ -128,14 +128,14 @@ static cairn_distance_map_params distance_map_params(void)
     X(virtual_scan, virtual_scan)                                                                  \
     X(weak_direction, weak_direction)
 
-/* Steps that say nothing about objects that are not there. */
+/* Steps whose headers say nothing of missing objects. */
 #define OTHERS(X)                                                                                  \
     X(block_solver, block_solver)                                                                  \
     X(icp, icp)                                                                                    \
     X(lum, lum)                                                                                    \
     X(occupancy_grid, occupancy_grid)
 
-#define DEFAULT_OF(room, type) DEFAULT(room)
+#define DEFAULT_OF(module, type) DEFAULT(module)
 STEPPED(DEFAULT_OF)
 OTHERS(DEFAULT_OF)
 STEPPED(STEPS)
@@ -145,8 +145,8 @@ CREATES(scan_set, scan_set)
 CREATES(point_grid, point_grid)
 CREATES(box_sweep, box_sweep)
 
-#define CREATE_TEST(room, type) cmocka_unit_test(test_##room##_create),
-#define STEP_TEST(room, type)   CREATE_TEST(room, type) cmocka_unit_test(test_##room##_step),
+#define CREATE_TEST(module, type) cmocka_unit_test(test_##module##_create),
+#define STEP_TEST(module, type)   CREATE_TEST(module, type) cmocka_unit_test(test_##module##_step),
 
 int main(void)
 {

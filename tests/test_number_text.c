@@ -1,4 +1,4 @@
-/* Numbers from and to text against strtod, and under a locale with a decimal comma. */
+/* Numbers from and to text compared with strtod, and under a locale with a decimal comma. */
 #include "tests/files.h"
 
 #include <locale.h>
@@ -238,7 +238,7 @@ static void test_locale_does_not_matter(void **state)
     assert_near(value, 1.25e-30, 0);
     assert_int_equal(read_text("1,25", &value), 0);
     assert_string_equal(cairn_number_write(text, CAIRN_REAL(2.5)), "2.5");
-    /* The caller's locale is as it was. */
+    /* The caller's locale is unchanged. */
     assert_string_equal(localeconv()->decimal_point, ",");
     assert_non_null(setlocale(LC_ALL, "C"));
 }

@@ -1,5 +1,5 @@
-/* Known shapes detected in drawn pictures of edges; the field and the best place against the
- * obvious way; pictures with nothing and with edges everywhere. */
+/* Known shapes detected in drawn edge images; the field and the best place compared with a
+ * reference implementation; images with nothing and with edges everywhere. */
 #include "tests/flag_picture.h"
 
 #include "src/host/contour_search_fit.h"
@@ -65,8 +65,8 @@ static void finds_a_shape_where_it_is(void **state)
     }
 }
 
-/* Two flags, and the second one only as its mirror image; no two boxes share more than they may,
- * none lies in another. */
+/* Two flags, the second one only as its mirror image; no two boxes overlap more than allowed, none
+ * lies in another. */
 static void finds_two_shapes(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
@@ -102,7 +102,7 @@ static void finds_two_shapes(void **state)
                                               (b->right - b->left) * (b->bottom - b->top) - both));
         }
     cairn_object_detections_free(&found);
-    /* Without the mirror image one is left; nothing is better than the best. */
+    /* Without mirroring one is left; nothing exceeds the best. */
     params.mirror = 0;
     found = detect(&tokens, &params);
     assert_true(share_of(&found.found[0], 30, 50, 1, 0) > 0.85);
@@ -119,9 +119,9 @@ static void finds_two_shapes(void **state)
     cairn_contour_search_tokens_free(&tokens);
 }
 
-/* ---- The obvious way ---- */
+/* ---- Reference implementation ---- */
 
-/* How well the edges nearest to a cell go with a direction. */
+/* Agreement of the edges nearest to a cell with a direction. */
 static double likely_at(const cairn_contour_search_tokens *tokens, const object_detect_plane *p,
                         int32_t x, int32_t y, int32_t bin)
 {
@@ -145,7 +145,7 @@ static double likely_at(const cairn_contour_search_tokens *tokens, const object_
     return exp(-least);
 }
 
-static void weighs_edges_as_the_obvious_way_does(void **state)
+static void weighs_edges_as_the_reference_does(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
     cairn_contour_search_tokens tokens;
@@ -165,7 +165,7 @@ static void weighs_edges_as_the_obvious_way_does(void **state)
     likely = malloc((size_t)(p->width * p->height) * sizeof *likely);
     assert_non_null(likely);
     for (int32_t bin = 0; bin < OBJECT_DETECT_BINS; bin += 5) {
-        const float *worth = &p->llr[(size_t)bin * cairn_object_detect_layer(p)];
+        const float *llr = &p->llr[(size_t)bin * cairn_object_detect_layer(p)];
 
         for (int32_t i = 0; i < p->width * p->height; i++)
             likely[i] = likely_at(&tokens, p, i % p->width, i / p->width, bin);
@@ -179,22 +179,21 @@ static void weighs_edges_as_the_obvious_way_does(void **state)
                         sum += likely[v * p->width + u];
                         cells++;
                     }
-            assert_near(
-                worth[(size_t)(y + OBJECT_DETECT_MARGIN_CELLS) * cairn_object_detect_row(p) +
-                      (size_t)(x + OBJECT_DETECT_MARGIN_CELLS)],
-                log(0.25 + 0.75 * likely[i] / fmax(0.02, sum / cells)), 1e-4);
+            assert_near(llr[(size_t)(y + OBJECT_DETECT_MARGIN_CELLS) * cairn_object_detect_row(p) +
+                            (size_t)(x + OBJECT_DETECT_MARGIN_CELLS)],
+                        log(0.25 + 0.75 * likely[i] / fmax(0.02, sum / cells)), 1e-4);
         }
-        assert_near(worth[0], -0.7, 1e-6);
-        assert_near(worth[cairn_object_detect_layer(p) - 1], -0.7, 1e-6);
+        assert_near(llr[0], -0.7, 1e-6);
+        assert_near(llr[cairn_object_detect_layer(p) - 1], -0.7, 1e-6);
     }
     free(likely);
     cairn_object_detect_field_free(field);
     cairn_contour_search_tokens_free(&tokens);
 }
 
-/* The mean worth of a flag's samples at a cell. */
-static double mean_worth(const object_detect_plane *p, const cairn_shape_model *m, double aspect,
-                         int32_t x, int32_t y)
+/* The mean log-likelihood ratio of a flag's samples at a cell. */
+static double mean_llr(const object_detect_plane *p, const cairn_shape_model *m, double aspect,
+                       int32_t x, int32_t y)
 {
     double sum = 0;
 
@@ -217,7 +216,7 @@ static double mean_worth(const object_detect_plane *p, const cairn_shape_model *
     return sum / m->outline_count;
 }
 
-static void looks_at_every_place(void **state)
+static void examines_every_place(void **state)
 {
     static const double aspects[] = {1, 0.8, 1.25, 0.64, 1.5625};
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
@@ -240,7 +239,7 @@ static void looks_at_every_place(void **state)
     for (int32_t k = 0; k < 5; k++)
         for (int32_t y = 0; y < field->plane[0].height; y++)
             for (int32_t x = 0; x < field->plane[0].width; x++)
-                best = fmax(best, mean_worth(&field->plane[0], &model.model, aspects[k], x, y));
+                best = fmax(best, mean_llr(&field->plane[0], &model.model, aspects[k], x, y));
     assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));
     assert_int_equal(found.count, 1);
     assert_near(found.found[0].rigid_evidence, best, 1e-4);
@@ -250,9 +249,9 @@ static void looks_at_every_place(void **state)
     cairn_shape_model_file_free(&model);
 }
 
-/* ---- How the bent outline fits ---- */
+/* ---- Quality of a fitted outline ---- */
 
-/* The nearest edge in sigmas of 0.012 sizes and of a sine of 0.35, of all there are. */
+/* The nearest edge in sigmas of 0.012 sizes and of a sine of 0.35, over all edges. */
 static double close_of(const cairn_contour_search_tokens *tokens,
                        const cairn_contour_search_place *places, const cairn_object_detection *d)
 {
@@ -279,7 +278,8 @@ static double close_of(const cairn_contour_search_tokens *tokens,
     return sum / d->outline_count;
 }
 
-/* Angles of the ways from two samples before to two behind, by atan2; the flag has one outline. */
+/* Angles between the vectors from two samples before to two behind, by atan2; the flag has one
+ * outline. */
 static double turned_of(const cairn_shape_model *m, const cairn_contour_search_place *places,
                         const cairn_object_detection *d)
 {
@@ -299,8 +299,8 @@ static double turned_of(const cairn_shape_model *m, const cairn_contour_search_p
     return sum / n;
 }
 
-/* What is left of one coordinate after the best a + b x + c y: Gram and Schmidt on the columns,
- * in place of normal equations. */
+/* Residual of one coordinate after the best a + b x + c y: Gram and Schmidt on the columns, in
+ * place of normal equations. */
 static double residual_of(const cairn_shape_model *m, double *value, double slope[2])
 {
     enum { MOST = 1024 };
@@ -336,7 +336,7 @@ static double residual_of(const cairn_shape_model *m, double *value, double slop
     return left;
 }
 
-static double strained_of(const cairn_shape_model *m, const cairn_contour_search_place *places)
+static double deformation_of(const cairn_shape_model *m, const cairn_contour_search_place *places)
 {
     static double value[1024];
     double slope[2][2], left;
@@ -373,8 +373,8 @@ static void measures_how_the_outline_fits(void **state)
 
         assert_near(d->edge_proximity, close_of(&tokens, places, d), 1e-3);
         assert_near(d->tangent_deviation, turned_of(&model.model, places, d), 1e-4);
-        assert_near(d->deformation, strained_of(&model.model, places), 1e-4);
-        /* The flags are as drawn; what is laid along clutter is not. */
+        assert_near(d->deformation, deformation_of(&model.model, places), 1e-4);
+        /* The flags are as drawn; fits along clutter are not. */
         assert_true(i < 2 ? d->edge_proximity > CAIRN_REAL(0.8)
                           : d->edge_proximity < found.found[1].edge_proximity);
         assert_true(i < 2 ? d->tangent_deviation < CAIRN_REAL(0.03)
@@ -390,7 +390,7 @@ static void measures_how_the_outline_fits(void **state)
     cairn_shape_model_file_free(&model);
 }
 
-/* A disc in front of the picture: no edges within, its own about it. */
+/* An occluding disc: no edges within, its own edges about it. */
 static void hide_behind_disc(int32_t x, int32_t y, int32_t radius)
 {
     for (int32_t v = y - radius; v <= y + radius; v++)
@@ -403,8 +403,8 @@ static void hide_behind_disc(int32_t x, int32_t y, int32_t radius)
                   x + radius * cos((i + 1) * 0.10471976), y + radius * sin((i + 1) * 0.10471976));
 }
 
-/* How far an outline is from every similarity of the drawn one: of its triangles with the first
- * and a far place, the third places, px. */
+/* Distance of an outline from every similarity of the drawn one: of its triangles with the first
+ * and a distant place, the third places, px. */
 static double unlike(const cairn_shape_model *m, const cairn_contour_search_place *places)
 {
     int32_t far = m->outline_count / 2;
@@ -424,9 +424,9 @@ static double unlike(const cairn_shape_model *m, const cairn_contour_search_plac
     return most;
 }
 
-/* Half of the cloth behind a disc: laid where the rest says with a score above 0; without being
- * told, bent round the disc. */
-static void finds_what_is_hidden_in_part(void **state)
+/* Half of the cloth behind a disc: with occlusion allowed it is fitted to the rest with a score
+ * above 0; by default it is deformed round the disc. */
+static void finds_occluded_objects(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
     cairn_shape_model_file model = make_model();
@@ -457,7 +457,7 @@ static void finds_what_is_hidden_in_part(void **state)
     cairn_shape_model_file_free(&model);
 }
 
-/* The flag turned about its middle; sides from..., the others are hidden. */
+/* The flag rotated about its middle; sides from ... on; the others are hidden. */
 static void draw_turned_flag(double x, double y, double turn, int32_t first, int32_t sides)
 {
     for (int32_t i = first; i < first + sides; i++) {
@@ -474,9 +474,9 @@ static void draw_turned_flag(double x, double y, double turn, int32_t first, int
     }
 }
 
-/* A flag that leans by 12 degrees and has lost its pole: candidates stand upright, grouping
- * makes one that leans, and its evidence counts, whatever the weight of verification. */
-static void finds_what_is_turned_and_hidden_by_grouping(void **state)
+/* A flag that leans by 12 degrees and has no pole: candidates are upright, grouping finds the
+ * leaning one, and its evidence counts whatever the weight of verification. */
+static void finds_rotated_and_occluded_objects_by_grouping(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
     cairn_contour_search_tokens tokens;
@@ -498,8 +498,8 @@ static void finds_what_is_turned_and_hidden_by_grouping(void **state)
     cairn_contour_search_tokens_free(&tokens);
 }
 
-/* Flags of two sizes, one mirrored: both are grouped, most evidence first, where they are, and
- * nowhere else. */
+/* Flags of two sizes, one mirrored: both are grouped, the one of most evidence first, at their
+ * places, and nothing else. */
 static void groups_in_all_sizes(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
@@ -536,8 +536,8 @@ static void groups_in_all_sizes(void **state)
     cairn_shape_model_file_free(&model);
 }
 
-/* Chance lays more small outlines along edges than are kept: the large one, which comes last, is
- * found still. */
+/* By chance more small outlines are found along edges than the capacity: the large one, which comes
+ * last, is found still. */
 static void finds_a_large_shape_among_very_many_peaks(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
@@ -560,8 +560,8 @@ static void finds_a_large_shape_among_very_many_peaks(void **state)
     cairn_contour_search_tokens_free(&tokens);
 }
 
-/* Grouping finds the flag, too: its score goes up in proportion to the weight, before overlaps
- * are looked at and the worse ones go. With no weight nothing is grouped. */
+/* Grouping finds the flag, too: its score rises in proportion to the weight, before non-maximum
+ * suppression. With zero weight nothing is grouped. */
 static void verifies_what_is_grouped_as_well(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
@@ -586,7 +586,7 @@ static void verifies_what_is_grouped_as_well(void **state)
         assert_near(found.found[0].score - plain.found[0].score,
                     params.verify * found.found[0].grouped_evidence, 1e-3);
         cairn_object_detections_free(&found);
-        /* What would be too little without. */
+        /* A score that would be too low without it. */
         params.min_score = plain.found[0].score + params.verify;
         found = detect(&tokens, &params);
         assert_int_equal(found.count, 1);
@@ -600,9 +600,9 @@ static void verifies_what_is_grouped_as_well(void **state)
     cairn_contour_search_tokens_free(&tokens);
 }
 
-/* ---- Odd pictures, refusals ---- */
+/* ---- Unusual images, refusals ---- */
 
-static void takes_odd_pictures(void **state)
+static void accepts_unusual_images(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
     cairn_contour_search_tokens tokens;
@@ -697,7 +697,7 @@ static void refuses_what_cannot_be(void **state)
     cairn_shape_model_file_free(&model);
 }
 
-/* So small an object that the picture has too many cells for it; as many sizes as there may be. */
+/* An object so small that the image has too many cells for it; the largest number of sizes. */
 static void takes_sizes_up_to_the_bounds(void **state)
 {
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
@@ -780,15 +780,15 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(finds_a_shape_where_it_is),
         cmocka_unit_test(finds_two_shapes),
-        cmocka_unit_test(weighs_edges_as_the_obvious_way_does),
-        cmocka_unit_test(looks_at_every_place),
+        cmocka_unit_test(weighs_edges_as_the_reference_does),
+        cmocka_unit_test(examines_every_place),
         cmocka_unit_test(measures_how_the_outline_fits),
-        cmocka_unit_test(finds_what_is_hidden_in_part),
-        cmocka_unit_test(finds_what_is_turned_and_hidden_by_grouping),
+        cmocka_unit_test(finds_occluded_objects),
+        cmocka_unit_test(finds_rotated_and_occluded_objects_by_grouping),
         cmocka_unit_test(groups_in_all_sizes),
         cmocka_unit_test(finds_a_large_shape_among_very_many_peaks),
         cmocka_unit_test(verifies_what_is_grouped_as_well),
-        cmocka_unit_test(takes_odd_pictures),
+        cmocka_unit_test(accepts_unusual_images),
         cmocka_unit_test(refuses_what_cannot_be),
         cmocka_unit_test(takes_sizes_up_to_the_bounds),
         cmocka_unit_test(refuses_outlines_that_reach_too_far),

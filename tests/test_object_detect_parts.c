@@ -1,5 +1,5 @@
-/* Shapes detected by configurations of parts: where they are, what they are made of, each way of
- * bundling; pictures with nothing and with edges everywhere. */
+/* Shapes detected by configurations of parts: their places, their parts, each way of bundling;
+ * images with nothing and with edges everywhere. */
 #include "tests/flag_picture.h"
 
 #include "cairn/part_bundle.h"
@@ -22,7 +22,7 @@ static cairn_real length_of_chain(const cairn_contour_search_tokens *tokens, int
     return length;
 }
 
-/* Every part is a fragment along a chain; of each bundle there is one at most. */
+/* Every part is a fragment along a chain; at most one of each bundle. */
 static void assert_configuration(const cairn_contour_search_tokens *tokens,
                                  const cairn_object_detect_params *params,
                                  const cairn_object_detections *found,
@@ -95,8 +95,7 @@ static void finds_a_shape_by_its_parts(void **state)
     }
 }
 
-/* Whichever way the fragments are bundled and votes looked around: an alone-standing shape is
- * found. */
+/* However the fragments are bundled and votes searched, a shape by itself is found. */
 static void finds_it_by_every_way(void **state)
 {
     (void)state;
@@ -145,7 +144,7 @@ static void follows_chains(void **state)
     cairn_contour_search_tokens_free(&tokens);
 }
 
-static void takes_odd_pictures(void **state)
+static void accepts_unusual_images(void **state)
 {
     cairn_object_detect_params params = parts_params();
     cairn_contour_search_tokens tokens;
@@ -158,7 +157,7 @@ static void takes_odd_pictures(void **state)
     assert_int_equal(found.count, 0);
     cairn_object_detections_free(&found);
     cairn_contour_search_tokens_free(&tokens);
-    /* Nothing of them is as long as half a fragment. */
+    /* None of them is as long as half a fragment. */
     draw_edges_everywhere();
     tokens = find_tokens(0);
     assert_true(tokens.count > 1000);
@@ -168,7 +167,7 @@ static void takes_odd_pictures(void **state)
     cairn_contour_search_tokens_free(&tokens);
 }
 
-static void tells_its_stages(void **state)
+static void reports_its_stages(void **state)
 {
     static const char *const expected[] = {"012", "0010122"};
 
@@ -196,8 +195,7 @@ static void tells_its_stages(void **state)
     }
 }
 
-/* Ten thousand chains of a picture without any object, by both methods: what comes back is
- * bounded. */
+/* Ten thousand chains of an image without any object, by both methods: results are bounded. */
 static void takes_very_many_chains(void **state)
 {
     enum { CHAINS = 10000, SIDE = 1600 };
@@ -288,7 +286,7 @@ static void refuses_what_cannot_be(void **state)
     assert_null(found.found);
     model.model.outline_count = full;
     cairn_object_detect_field_free(field);
-    /* An outline without length is none. */
+    /* An outline of zero length is none. */
     assert_ok(cairn_object_detect_field_make(&field, &tokens, &good, "edges", &error));
     for (int32_t i = 0; i < model.model.outline_count; i++)
         model.outline[i].position = model.outline[0].position;
@@ -305,8 +303,8 @@ int main(void)
         cmocka_unit_test(finds_a_shape_by_its_parts),
         cmocka_unit_test(finds_it_by_every_way),
         cmocka_unit_test(follows_chains),
-        cmocka_unit_test(takes_odd_pictures),
-        cmocka_unit_test(tells_its_stages),
+        cmocka_unit_test(accepts_unusual_images),
+        cmocka_unit_test(reports_its_stages),
         cmocka_unit_test(takes_very_many_chains),
         cmocka_unit_test(refuses_what_cannot_be),
     };

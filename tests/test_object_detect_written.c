@@ -1,11 +1,11 @@
-/* Shapes detected by parts as written: what a hypothesis is made of, its box and score; nothing,
- * very much, one fragment alone. */
+/* Shapes detected by parts as written: the parts of a hypothesis, its box and score; empty input,
+ * very much input, a single fragment. */
 #include "tests/flag_picture.h"
 
 #include "cairn/part_bundle.h"
 #include "src/host/object_detect_work.h"
 
-/* The box about all lines of the chains that the parts are. */
+/* The bounding box of all lines of the chains of the parts. */
 static void assert_box(const cairn_contour_search_tokens *tokens,
                        const cairn_object_detections *found, const cairn_object_detection *d)
 {
@@ -27,7 +27,7 @@ static void assert_box(const cairn_contour_search_tokens *tokens,
     assert_near(d->bottom, box.max.y, 3);
 }
 
-/* One fragment of a bundle, one to one with chains; nothing but the distance of shapes counts. */
+/* One fragment of a bundle, one to one with chains; only the distance of shapes counts. */
 static void assert_hypothesis(const cairn_contour_search_tokens *tokens,
                               const cairn_object_detections *found, const cairn_object_detection *d)
 {
@@ -72,7 +72,7 @@ static cairn_object_detect_params written_params(void)
     return params;
 }
 
-/* Whole, mirrored, with a side hidden: its chains are the hypothesis; the box is about them. */
+/* Whole, mirrored, with a side hidden: its chains are the hypothesis, and the box is about them. */
 static void finds_a_shape(void **state)
 {
     static const struct {
@@ -134,7 +134,7 @@ static void is_bounded(void **state)
     cairn_contour_search_tokens_free(&tokens);
 }
 
-/* Of sets of chains each is new once, in whatever order; against all before it. */
+/* Sets of chains in any order: each is new once, compared with all before it. */
 static void takes_each_set_once(void **state)
 {
     enum { SETS = 600, CHAINS = 7 };
@@ -167,7 +167,7 @@ static void takes_each_set_once(void **state)
     cairn_object_detect_chain_sets_free(&sets);
 }
 
-/* A model of one fragment by hand: a configuration is one chain. */
+/* A model of one fragment, made by hand: a configuration is one chain. */
 static void takes_one_fragment(void **state)
 {
     static const cairn_part_bundle_cut cut = {0, 20, 0};
@@ -194,7 +194,7 @@ static void takes_one_fragment(void **state)
     cairn_shape_model_file_free(&model);
 }
 
-static void tells_its_stages(void **state)
+static void reports_its_stages(void **state)
 {
     cairn_object_detect_params params = written_params();
     char heard[16] = "";
@@ -213,7 +213,7 @@ static void tells_its_stages(void **state)
     cairn_contour_search_tokens_free(&tokens);
 }
 
-/* What the thesis does not have. */
+/* Options that the thesis does not have. */
 static void refuses_other_methods(void **state)
 {
     enum { BAD = 9 };
@@ -246,7 +246,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(finds_a_shape),       cmocka_unit_test(is_bounded),
         cmocka_unit_test(takes_each_set_once), cmocka_unit_test(takes_one_fragment),
-        cmocka_unit_test(tells_its_stages),    cmocka_unit_test(refuses_other_methods),
+        cmocka_unit_test(reports_its_stages),  cmocka_unit_test(refuses_other_methods),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -18,7 +18,7 @@ static cairn_occupancy_grid *make_grid(cairn_pool *pool, cairn_occupancy_grid_pa
     return grid;
 }
 
-/* Shares of a -> b between low and high along one axis. */
+/* The interval of a -> b between low and high along one axis. */
 static int slow_clip(double a, double b, double low, double high, double *start, double *end)
 {
     double t0, t1;
@@ -44,9 +44,9 @@ static double slow_chord(cairn_vec2 from, cairn_vec2 to, double x, double y, dou
     return (end - start) * hypot((double)(to.x - from.x), (double)(to.y - from.y));
 }
 
-/* Beam by beam: chords of a walk against clipping with each cell, their sum against clipping
- * with the whole grid; cells follow each other without a gap, and none is touched in a corner
- * alone by a `generic` beam; then what add_beam leaves in the cells. */
+/* Beam by beam: chords of a walk compared with clipping by each cell, their sum compared with
+ * clipping by the whole grid. Cells follow each other without a gap, and a `generic` beam enters
+ * none by a corner alone. Then the contents of the cells after add_beam. */
 static void check_beam(cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 to, int generic)
 {
     cairn_occupancy_grid_params params = cairn_occupancy_grid_read(grid);
@@ -181,7 +181,7 @@ static void test_known_beams(void **state)
     assert_int_equal(cairn_occupancy_grid_cell(grid, 2, 2).hits, 1);
     assert_near(cairn_occupancy_grid_cell(grid, 0, 0).length, sqrt(2), 1e-6);
     assert_near(cairn_occupancy_grid_cell(grid, 1, 1).length, 2 + sqrt(2), 1e-6);
-    /* A hit without length: whatever enters stops. */
+    /* A hit of zero length: every beam that enters stops. */
     assert_ok(cairn_occupancy_grid_add_beam(grid, corner, corner, 1));
     assert_int_equal(cairn_occupancy_grid_cell(grid, 0, 0).hits, 1);
     from.x = to.x = CAIRN_REAL(3.5);
@@ -191,8 +191,8 @@ static void test_known_beams(void **state)
     test_pool_free(&pool);
 }
 
-/* Bound of the length: a beam many times as long as the grid, and coordinates that are not
- * numbers or overflow. */
+/* Bound of the length: a beam many times as long as the grid, and coordinates that are NaN or
+ * overflow. */
 static void test_beams_far_and_not_finite(void **state)
 {
     const cairn_real bad[] = {(cairn_real)NAN, (cairn_real)INFINITY, -(cairn_real)INFINITY,
@@ -276,16 +276,16 @@ static void test_scan_matches_beams(void **state)
     cairn_transform transform = cairn_transform_of(map_scan);
     cairn_scan_beam beams[BEAMS];
     cairn_pool pool, other;
-    cairn_occupancy_grid *grid = make_grid(&pool, SMALL), *twin = make_grid(&other, SMALL);
+    cairn_occupancy_grid *grid = make_grid(&pool, SMALL), *one_by_one = make_grid(&other, SMALL);
     int32_t units[4], expected = (WIDTH * HEIGHT + 63) / 64;
 
     (void)state;
     random_scan(&random, beams);
     for (int32_t i = 0; i < BEAMS; i++)
-        expected += units_of(twin, &beams[i], transform);
+        expected += units_of(one_by_one, &beams[i], transform);
     for (int32_t i = 0; i < BEAMS; i++)
         if (beams[i].kind != CAIRN_SCAN_BEAM_UNKNOWN)
-            assert_ok(cairn_occupancy_grid_add_beam(twin,
+            assert_ok(cairn_occupancy_grid_add_beam(one_by_one,
                                                     cairn_transform_point(transform, beams[i].from),
                                                     cairn_transform_point(transform, beams[i].to),
                                                     beams[i].kind == CAIRN_SCAN_BEAM_HIT));
@@ -294,7 +294,7 @@ static void test_scan_matches_beams(void **state)
         cairn_fault fault = {7, NULL};
         cairn_status status;
 
-        /* A scan half added is dropped by clear(). */
+        /* A scan added in part is dropped by clear(). */
         assert_ok(cairn_occupancy_grid_begin_scan(grid, beams, BEAMS, cairn_pose_identity(), NULL));
         assert_status(cairn_occupancy_grid_step(grid, &budget), CAIRN_MORE);
         assert_int_equal(budget.left, 0);
@@ -318,7 +318,7 @@ static void test_scan_matches_beams(void **state)
         for (int32_t y = 0; y < HEIGHT; y++)
             for (int32_t x = 0; x < WIDTH; x++) {
                 cairn_occupancy_grid_cell_state a = cairn_occupancy_grid_cell(grid, x, y);
-                cairn_occupancy_grid_cell_state b = cairn_occupancy_grid_cell(twin, x, y);
+                cairn_occupancy_grid_cell_state b = cairn_occupancy_grid_cell(one_by_one, x, y);
 
                 assert_int_equal(a.hits, b.hits);
                 assert_true(a.length == b.length);
@@ -402,7 +402,7 @@ static void test_scan_refusals(void **state)
     test_pool_free(&pool);
 }
 
-/* Cells with 0 ... 3 hits on a metre of beam each, against the probabilities one by one. */
+/* Cells with 0 ... 3 hits on a metre of beam each, compared with the probabilities one by one. */
 static void test_classify(void **state)
 {
     cairn_occupancy_grid_params params = {4, 3, CAIRN_REAL(0.5), {0, 0}};
@@ -443,7 +443,7 @@ static void test_classify(void **state)
     assert_true(seen[0] > 1 && seen[1] > 4 && seen[2] >= 1);
     assert_int_equal(picture[0][4], 1);
 
-    /* Some rows: row 1 alone. Equal thresholds leave nothing seen unknown. */
+    /* A range of rows: row 1 alone. With equal thresholds no seen cell is unknown. */
     thresholds.occupied = thresholds.free = CAIRN_REAL(0.45);
     out.data = picture[0];
     out.height = 1;

@@ -18,7 +18,7 @@ static char said[4000];
 static const char *words[2];
 static size_t word_count;
 
-/* Parses words parted by blanks; keeps what is said on standard output and standard error. */
+/* Parses words separated by blanks; captures standard output and standard error. */
 static option_result parse(const char *line)
 {
     option table[] = {

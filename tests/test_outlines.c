@@ -62,7 +62,7 @@ static void test_a_hole_is_outside(void **state)
     assert_false(outline_contains(&object, 0.48, 0));
 }
 
-/* The area by the shoelace formula is that of the places that it contains. */
+/* The area by the shoelace formula equals that of the places inside. */
 static void test_contains_agrees_with_the_area(void **state)
 {
     (void)state;

@@ -1,4 +1,4 @@
-/* Files that are whole or not there, folders, paths. */
+/* Files that are complete or absent, folders, paths. */
 #include "tests/files.h"
 
 #include <errno.h>
@@ -109,7 +109,7 @@ static void test_devices_are_written_directly(void **state)
     cairn_output_print(output, "too much");
     assert_status(cairn_output_commit(output, &error), CAIRN_IO);
     assert_string_equal(error.text, "/dev/full: cannot write: No space left on device");
-    /* A failure that shows early is kept. */
+    /* An early failure is kept. */
     assert_ok(cairn_output_open(&output, "/dev/full", &error));
     for (int i = 0; i < 100000; i++)
         cairn_output_bytes(output, "0123456789", 10);
@@ -134,7 +134,7 @@ static void test_refusals(void **state)
     memset(deep, 'n', sizeof deep);
     deep[sizeof deep - 1] = 0;
     assert_status(cairn_output_open(&output, files_path(deep), &error), CAIRN_IO);
-    /* The folder goes while it is being written. */
+    /* The folder is removed during the writing. */
     assert_ok(cairn_output_folder(files_path("going"), &error));
     assert_ok(cairn_output_open(&output, files_path("going/file.txt"), &error));
     files_remove(files_path("going"));
@@ -231,7 +231,7 @@ static void test_error_texts(void **state)
     assert_memory_equal(error.text, "xxxxxx", 6);
 }
 
-/* All memory comes back, whatever the end. */
+/* All memory is freed, whatever the end. */
 static void test_heap(void **state)
 {
     size_t heap = 0;

@@ -1,4 +1,4 @@
-/* Several files that come all or none. */
+/* Several files that are written all or none. */
 #include "tests/files.h"
 
 #include "cairn/output.h"
@@ -85,7 +85,7 @@ static void test_all_come_at_the_commit(void **state)
         assert_file(folder, names[i], "first");
     assert_int_equal(count_in(folder), FILES);
 
-    /* Once more, over what is there and beside what is none of its. */
+    /* Once more, over existing files and beside foreign ones. */
     write_to(in_folder(folder, "other"), "kept");
     assert_ok(cairn_output_set_check(files_path(folder), names, FILES, &error));
     assert_ok(cairn_output_set_open(&set, files_path(folder), names, FILES, &error));
@@ -110,7 +110,7 @@ static void test_discard_leaves_nothing(void **state)
     cairn_output_set_discard(set);
     assert_int_equal(count_in("new"), -1);
 
-    /* Only what it has made goes. */
+    /* Only its own files are removed. */
     assert_int_equal(mkdir(files_path("there"), 0777), 0);
     assert_ok(cairn_output_set_open(&set, files_path("there/more"), names, FILES, NULL));
     write_all(set, "gone");
@@ -121,7 +121,7 @@ static void test_discard_leaves_nothing(void **state)
     cairn_output_set_discard(set);
     assert_int_equal(count_in("there"), 0);
 
-    /* And no folder with files of others. */
+    /* And no folder with foreign files. */
     assert_ok(cairn_output_set_open(&set, files_path("shared/by"), names, FILES, NULL));
     write_to(files_path("shared/by/two"), "kept");
     cairn_output_set_discard(set);
@@ -136,7 +136,7 @@ static void test_a_failing_commit_takes_all_back(void **state)
     cairn_output_set *set;
 
     (void)state;
-    /* The last file is not there. */
+    /* The last file is missing. */
     assert_ok(cairn_output_set_open(&set, files_path(folder), names, FILES, NULL));
     write_to(cairn_output_set_path(set, 0), "x");
     write_to(cairn_output_set_path(set, 1), "x");
@@ -157,7 +157,7 @@ static void test_a_failing_commit_takes_all_back(void **state)
     assert_file(folder, "c.txt", "old c");
     assert_int_equal(count_in(folder), 2);
 
-    /* A folder comes into the way between. */
+    /* A folder blocks the path in between. */
     assert_ok(cairn_output_set_open(&set, files_path(folder), names, FILES, NULL));
     write_all(set, "x");
     assert_int_equal(mkdir(in_folder(folder, "b.txt"), 0777), 0);
@@ -237,7 +237,7 @@ static void test_names_without_a_folder_above(void **state)
         cairn_output_set_discard(set);
         assert_int_equal(count_in(k == 0 ? "gone" : "g"), -1);
     }
-    /* Two at once: a stage of its own each, the later commit stays. */
+    /* Two at once: each with its own staging folder, the later commit wins. */
     {
         cairn_output_set *other;
 
@@ -253,7 +253,7 @@ static void test_names_without_a_folder_above(void **state)
     assert_int_equal(chdir(here), 0);
 }
 
-/* All memory comes back, whatever the end. */
+/* All memory is freed, whatever the end. */
 static void test_heap(void **state)
 {
     size_t heap = 0;

@@ -32,7 +32,7 @@ static cairn_part_bundle_params small_params(void)
     return params;
 }
 
-/* A star with `tips` tips that differ, seen from inside. */
+/* A star with `tips` different tips, seen from inside. */
 static void draw_star(bundling *b, int32_t tips, int32_t count)
 {
     b->count = count;
@@ -54,7 +54,7 @@ static cairn_part_bundle_model run(bundling *b)
     return cairn_part_bundle_read(b->builder);
 }
 
-/* ---- The obvious way: walks along the outline, in doubles ---- */
+/* ---- Reference implementation: walks along the outline, in double ---- */
 
 static double side(const bundling *b, int32_t i)
 {
@@ -77,7 +77,7 @@ static double whole(const bundling *b)
     return walk(b, 0, b->count - 1) + side(b, b->count - 1);
 }
 
-/* The place so far along the outline from a vertex. */
+/* The place at a distance along the outline from a vertex. */
 static void place_at(const bundling *b, int32_t from, double far, double place[2])
 {
     int32_t i = from;
@@ -220,7 +220,7 @@ static void finds_the_middle_of_the_line(void **state)
     assert_near(m.centroid.y, (5 * 1.5 + 3 * 1.5) / 12.0, NUMBER(1e-12, 1e-5));
     assert_int_equal(m.vertex_count, 3);
     assert_int_equal(m.fragment_count, 6);
-    /* Vertices that coincide make pieces without length, of which there are no fragments. */
+    /* Coincident vertices make sides of zero length, of which there are no fragments. */
     b.points[3] = b.points[2];
     b.count = 4;
     m = run(&b);
@@ -245,7 +245,7 @@ static cairn_status step_star(void *context, cairn_budget *budget)
     return cairn_part_bundle_step(b->builder, budget);
 }
 
-static uint64_t tell(void *context)
+static uint64_t result_hash(void *context)
 {
     bundling *b = context;
     cairn_part_bundle_model m = cairn_part_bundle_read(b->builder);
@@ -264,7 +264,7 @@ static void does_not_depend_on_budgets(void **state)
     static const int32_t budgets[] = {1, 7, 1000};
     cairn_budget all = {INT32_MAX};
     bundling b;
-    test_stepped object = {begin_star, step_star, tell, &b};
+    test_stepped object = {begin_star, step_star, result_hash, &b};
     uint64_t hash;
 
     (void)state;
@@ -273,7 +273,7 @@ static void does_not_depend_on_budgets(void **state)
     assert_ok(begin_star(&b));
     assert_ok(step_star(&b, &all));
     assert_ok(step_star(&b, &all));
-    hash = tell(&b);
+    hash = result_hash(&b);
     for (int i = 0; i < 3; i++) {
         int32_t used = 0;
         cairn_status status;
@@ -287,7 +287,7 @@ static void does_not_depend_on_budgets(void **state)
         } while (status == CAIRN_MORE);
         assert_ok(status);
         assert_int_equal(used, INT32_MAX - all.left);
-        assert_true(tell(&b) == hash);
+        assert_true(result_hash(&b) == hash);
     }
     test_begins_anew(&object, 7);
     test_pool_free(&b.pool);

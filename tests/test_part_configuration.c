@@ -1,5 +1,5 @@
-/* Configurations of parts against all configurations of the nearest of all votes; modes;
- * nothing, the same place, very many. */
+/* Configurations of parts compared with all configurations of the nearest of all votes; modes;
+ * empty input, coincident votes, very many. */
 #include "tests/voting.h"
 
 #include "src/contour/part_configuration_work.h"
@@ -22,8 +22,7 @@ static cairn_part_configuration_vote *vote(voting *v, int32_t bundle, double x, 
     return made;
 }
 
-/* Some about a few places, the others anywhere; few chains, so that parts rival for their
- * pieces. */
+/* Some about a few places, the others anywhere; few chains, so that parts compete for them. */
 static void vote_at_random(voting *v, int32_t count, int32_t bundles, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 4);
@@ -50,7 +49,7 @@ static void vote_at_random(voting *v, int32_t count, int32_t bundles, uint64_t s
     }
 }
 
-/* ---- The obvious way: all votes sorted by distance, all configurations ---- */
+/* ---- Reference implementation: all votes sorted by distance, all configurations ---- */
 
 typedef struct slow_search {
     const voting *v;
@@ -120,7 +119,7 @@ static double slow_score(const slow_search *s)
     return gain - scatter / 2;
 }
 
-static int rival(const voting *v, int32_t a, int32_t b)
+static int exclude_each_other(const voting *v, int32_t a, int32_t b)
 {
     const cairn_part_configuration_vote *p = &v->votes[a], *q = &v->votes[b];
     double shorter = fmin((double)(p->to - p->from), (double)(q->to - q->from)), sum = 0;
@@ -149,7 +148,7 @@ static void try_all(slow_search *s, int32_t bundle)
         int ok = s->v->votes[s->near[i]].bundle == bundle;
 
         for (int32_t k = 0; k < s->parts && ok; k++)
-            ok = !rival(s->v, s->near[i], s->chosen[k]);
+            ok = !exclude_each_other(s->v, s->near[i], s->chosen[k]);
         if (!ok)
             continue;
         s->chosen[s->parts++] = s->near[i];
@@ -166,7 +165,7 @@ static int has_vote(const cairn_part_configuration_result *r, int32_t k, int32_t
     return 0;
 }
 
-/* Every seed's best configuration is there, with its score, and nothing else. */
+/* Every seed's best configuration is found, with its score, and nothing else. */
 static void loses_nothing(void **state)
 {
     static const int32_t nearest[] = {5, 20, 20, 12, 20, 20}, min_parts[] = {2, 2, 3, 1, 2, 2};
@@ -225,7 +224,8 @@ static void loses_nothing(void **state)
     assert_true(visited < all / 4);
 }
 
-/* The mean of the votes, by gain; votes of one bundle rival, however well they agree. */
+/* The mean of the votes, weighted by gain; votes of one bundle exclude each other, however well
+ * they agree. */
 static void says_where(void **state)
 {
     cairn_part_configuration_params params = cairn_part_configuration_default();
@@ -248,7 +248,8 @@ static void says_where(void **state)
     assert_near(r.found[0].scale, 200, NUMBER(1e-9, 1e-3));
     assert_near(r.found[0].weight_sum, 4, NUMBER(1e-9, 1e-5));
     assert_near(r.found[0].score, 4 - 0.75 * pow(4 / 16.0, 2) / 2, NUMBER(1e-9, 1e-5));
-    /* The same piece of a chain stands for one part only; beside it on the chain for two. */
+    /* An interval of a chain belongs to one part only; beside it on the chain there may be
+     * another. */
     v.votes[1].chain = v.votes[0].chain;
     r = run(&v);
     assert_int_equal(r.found[0].count, 2);
@@ -294,7 +295,7 @@ static void climbs_to_modes(void **state)
     test_pool_free(&v.pool);
 }
 
-/* ---- Nothing, and very much ---- */
+/* ---- Empty input, and very much ---- */
 
 static void finds_nothing(void **state)
 {
@@ -318,7 +319,7 @@ static void finds_nothing(void **state)
     test_pool_free(&v.pool);
 }
 
-/* All at one place, and the ends of what may be. */
+/* All at one place, and the ends of the ranges. */
 static void is_bounded(void **state)
 {
     cairn_part_configuration_params params = cairn_part_configuration_default();
@@ -345,9 +346,9 @@ static void is_bounded(void **state)
     test_pool_free(&v.pool);
 }
 
-/* Few distances are measured of votes that lie apart. */
-/* All at one place, so in one bucket: no step looks at more votes than it has units. */
-static void equal_votes_are_looked_at_one_by_one(void **state)
+/* Few distances are computed between distant votes. */
+/* All at one place, so in one bucket: no step examines more votes than it has units. */
+static void equal_votes_are_examined_one_by_one(void **state)
 {
     cairn_part_configuration_params params = cairn_part_configuration_default();
     cairn_status status = CAIRN_MORE;
@@ -369,7 +370,7 @@ static void equal_votes_are_looked_at_one_by_one(void **state)
     test_pool_free(&v.pool);
 }
 
-static void looks_near_only(void **state)
+static void searches_the_neighbourhood_only(void **state)
 {
     cairn_part_configuration_params params = cairn_part_configuration_default();
     cairn_random random = cairn_random_seed(1, 1);
@@ -504,9 +505,9 @@ int main(void)
         cmocka_unit_test(climbs_to_modes),
         cmocka_unit_test(finds_nothing),
         cmocka_unit_test(is_bounded),
-        cmocka_unit_test(looks_near_only),
+        cmocka_unit_test(searches_the_neighbourhood_only),
         cmocka_unit_test(does_not_depend_on_budgets),
-        cmocka_unit_test(equal_votes_are_looked_at_one_by_one),
+        cmocka_unit_test(equal_votes_are_examined_one_by_one),
         cmocka_unit_test(refuses_bad_params),
         cmocka_unit_test(refuses_bad_votes),
     };

@@ -1,4 +1,4 @@
-/* Configurations as written, against all subsets of the nearest of all votes. */
+/* Configurations as written, compared with all subsets of the nearest of all votes. */
 #include "tests/voting.h"
 
 #include <stdlib.h>
@@ -13,7 +13,7 @@ static cairn_part_configuration_params written(int32_t votes)
     return params;
 }
 
-/* Whole centres, so that some are equally near; scales, pieces and rounds, which must not
+/* Integer centres, so that some are equally near; scales, intervals and rounds, which must not
  * matter; few chains. */
 static void vote_at_random(voting *v, int32_t count, int32_t bundles, uint64_t seed)
 {
@@ -35,7 +35,7 @@ static void vote_at_random(voting *v, int32_t count, int32_t bundles, uint64_t s
     }
 }
 
-/* ---- The obvious way ---- */
+/* ---- Reference implementation ---- */
 
 typedef struct slow_search {
     const voting *v;
@@ -172,7 +172,7 @@ static void makes_every_configuration(void **state)
     free(found);
 }
 
-/* Near and far votes, of any scale, go together when they are among the K nearest; a chain only
+/* Near and distant votes of any scale are combined when they are among the K nearest; a chain only
  * once. */
 static void has_no_other_gates(void **state)
 {
@@ -201,7 +201,8 @@ static void has_no_other_gates(void **state)
     test_pool_free(&v.pool);
 }
 
-/* Fewer votes than K, one vote, none; very many configurations end by max_nodes, which is told. */
+/* Fewer votes than K, one vote, none; very many configurations end by max_nodes, which is
+ * reported. */
 static void is_bounded(void **state)
 {
     cairn_part_configuration_params params = written(MOST);

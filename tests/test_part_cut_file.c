@@ -1,4 +1,4 @@
-/* Fragments by hand from files, and what is none. */
+/* Fragments given by hand, from files; bad files. */
 #include "cairn/part_cut_file.h"
 #include "tests/files.h"
 
@@ -36,7 +36,7 @@ static void refuses_what_is_none(void **state)
             CAIRN_BAD_FORMAT);
         assert_non_null(strstr(error.text, "b.cuts:1: not a fragment, expected two samples"));
     }
-    /* What was read before is not offered. */
+    /* The fragment read before is not offered. */
     assert_status(cairn_part_cut_file_read(cuts, &count,
                                            files_write_text("b.cuts", "0 9 0\n9 x 0\n"), &error),
                   CAIRN_BAD_FORMAT);

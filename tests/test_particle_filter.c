@@ -7,7 +7,7 @@
 /* ---- A model of few states, whose posterior can be written down ----
  *
  * A Markov chain on SYMBOLS symbols with a likelihood of each symbol at each time. A state
- * carries a full copy of its history, the twin of the tree. */
+ * carries a full copy of its history, the reference implementation of the tree. */
 
 enum { SYMBOLS = 4, PATH_MOST = 600 };
 
@@ -28,7 +28,7 @@ typedef struct chain {
     int32_t waited;
     int32_t weighed, appended, lost;
     cairn_status propose_status, likelihood_status;
-    /* NULL, or to be offered something out of turn */
+    /* NULL, or an object to be offered something out of turn */
     cairn_particle_filter *offer_late;
 } chain;
 
@@ -89,7 +89,7 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     return c->likelihood_status;
 }
 
-/* The symbol goes to the end of a copy of the whole path. */
+/* The symbol is appended to a copy of the whole path. */
 static void append(void *context, const cairn_particle_filter *filter, int32_t index, void *state)
 {
     chain *c = context;
@@ -468,14 +468,14 @@ static void test_the_heaviest_are_kept(void **state)
                             exp((double)q.log_weight) / kept, NUMBER(1e-12, 1e-5));
         }
     }
-    /* The nodes of those that were cut are free again: each path of three steps stands on at
-     * most three nodes. */
+    /* The nodes of removed particles are free again: each path of three steps uses at most three
+     * nodes. */
     assert_true(cairn_particle_filter_read(cut.filter).blocks <= 1 + 4 + 16 + 21);
     test_pool_free(&all.pool);
     test_pool_free(&cut.pool);
 }
 
-/* ---- Drawn followers: right in the mean ---- */
+/* ---- Drawn followers: unbiased in the mean ---- */
 
 static void check_mean(cairn_particle_filter_proposal proposal, int32_t followers,
                        int32_t particles)
@@ -589,8 +589,8 @@ static int32_t compare_tree_with_copies(cairn_particle_filter_proposal way, int3
     return resampled;
 }
 
-/* Beside a filter that keeps the whole past: the same particles, so many states behind each, in
- * as many blocks as promised. */
+/* Compared with a filter that stores the whole past: the same particles, as many states behind
+ * each, in as many blocks as promised. */
 static void compare_short_past(int32_t past)
 {
     chain c = new_chain(9);
@@ -715,7 +715,7 @@ static void test_residual_resampling(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Whole shares need no draw at all, also where rounding leaves them a hair below. */
+/* Whole shares need no draw, also where rounding leaves them slightly below. */
 static void test_whole_shares(void **state)
 {
     static const double weight[] = {0.5, 0.1, 0.1, 0.3};
@@ -802,7 +802,7 @@ static int32_t followers_of(const double masses[SYMBOLS], int32_t most, int32_t 
     assert_int_equal(followers, cairn_particle_filter_count(f.filter));
     assert_int_equal(c.appended, followers);
     if (way == CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR && followers < SYMBOLS)
-        assert_int_equal(c.weighed, followers); /* only what is drawn is weighed */
+        assert_int_equal(c.weighed, followers); /* only drawn ones are weighed */
     test_pool_free(&f.pool);
     return followers;
 }
@@ -825,7 +825,7 @@ static void test_as_many_followers_as_modes(void **state)
         assert_int_equal(followers_of(even, 1, 0, way), 1);
     }
     assert_in_range(followers_of(nearly, 4, 1, CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL), 1, 2);
-    /* room for all: none is drawn */
+    /* capacity for all: none is drawn */
     assert_int_equal(followers_of(peaked, 4, 0, CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL), 4);
 }
 
@@ -919,8 +919,8 @@ static void test_failures_undo_the_step(void **state)
     test_pool_free(&f.pool);
 }
 
-/* No block is left for a follower that takes the place of a lighter one, which has given back
- * its own: the step that is refused has used that one. */
+/* No block is left for a follower that replaces a lighter one, which has returned its own: the
+ * refused step has used that one. */
 static void test_blocks_run_out_in_a_full_population(void **state)
 {
     int32_t enough = 0;
@@ -955,7 +955,7 @@ static void test_blocks_run_out_in_a_full_population(void **state)
     assert_in_range(enough, 7, 20);
 }
 
-/* A step given up half way leaves no block behind. */
+/* A step abandoned half way leaves no block behind. */
 static void test_clear_in_the_middle(void **state)
 {
     chain c = new_chain(4);
@@ -1108,8 +1108,7 @@ static uint64_t hash_of_step(const cairn_particle_filter *filter, cairn_status s
     return hash;
 }
 
-/* Weights that are often equal, some candidates impossible, capacities that are too small for
- * some steps. */
+/* Weights that are often equal, some impossible candidates, capacities too small for some steps. */
 static uint64_t hash_of_halves(uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 4);
@@ -1165,7 +1164,7 @@ static void test_same_bits(void **state)
     assert_golden(hash_of_halves(2), UINT64_C(0x68b0ab5aeca8f83b), UINT64_C(0x9724d794dc245f31));
 }
 
-/* What the header says that a step costs. */
+/* The costs of a step as the header states them. */
 static void test_cost(void **state)
 {
     chain c = new_chain(5);
@@ -1183,8 +1182,8 @@ static void test_cost(void **state)
     assert_ok(cairn_particle_filter_begin(f.filter));
     assert_ok(cairn_particle_filter_step(f.filter, &budget));
     spent = CAIRN_UNBOUNDED - budget.left;
-    /* 16 proposals; 64 candidates of 6 units (none is drawn); 64 followers of more than 512
-     * bytes, summed and normalised; 16 released. */
+    /* 16 proposals; 64 candidates of 6 units (none is drawn); 64 followers of more than 512 bytes,
+     * summed and normalized; 16 released. */
     assert_int_equal(spent, 16 + 64 * 6 + 2 * 64 + 2 * 64 + 16);
     test_pool_free(&f.pool);
 }

@@ -12,8 +12,8 @@ static const double DEGREE = 0.017453292519943295;
 
 /* ---- Scans ---- */
 
-/* A set of scans with their place and their pose in the place; views stay with `reader` only
- * until the next one. */
+/* A set of scans with their places and their poses in the places; views are valid with `reader`
+ * only until the next one. */
 struct scans {
     cairn_scan_input input[MAX_SCANS];
     int32_t place[MAX_SCANS];
@@ -87,7 +87,7 @@ static void free_arena(struct arena *a)
     sim_arena_free(a->arena);
 }
 
-/* Another scan of a place that has only one, or whose scans all lie at its origin. */
+/* Another scan of a place that has only one, or whose scans are all at its origin. */
 static void add_room_scan(struct scans *s, const rooms_room *room, int32_t place, cairn_pose pose)
 {
     static rooms_scan taken[MAX_SCANS];
@@ -151,7 +151,7 @@ static cairn_place_map_result solve(struct mapper *m)
     return cairn_place_map_read(m->map);
 }
 
-/* Places that lie within metres and radians of the truth, seen from the first. */
+/* Places that lie within the given metres and radians of the truth, relative to the first. */
 static int32_t count_right(const struct mapper *m, const struct scans *scans, double metres,
                            double radians)
 {
@@ -209,44 +209,44 @@ static void places_of_an_arena(void **state)
     free_arena(&arena);
 }
 
-/* Places of another arena fit somewhere by chance: they are parts or islands of their own. */
-static void places_of_another_arena_are_told(void **state)
+/* Places of another arena fit somewhere by chance: they become separate components or submaps. */
+static void places_of_another_arena_are_reported(void **state)
 {
-    enum { OWN = 3, STRANGE = 2 };
-    cairn_place_map_params params = small_params(OWN + STRANGE);
-    static struct arena arena, strange;
+    enum { OWN = 3, UNRELATED = 2 };
+    cairn_place_map_params params = small_params(OWN + UNRELATED);
+    static struct arena arena, unrelated;
     struct mapper m;
-    int32_t joined = 0, islands = 0;
+    int32_t joined = 0, submaps = 0;
 
     (void)state;
     make_arena(&arena, 1003, OWN, 0, 0, 0);
-    make_arena(&strange, 1012, STRANGE, 0, 0, 0);
-    for (int32_t k = 0; k < strange.scans.count; k++) {
+    make_arena(&unrelated, 1012, UNRELATED, 0, 0, 0);
+    for (int32_t k = 0; k < unrelated.scans.count; k++) {
         int32_t i = arena.scans.count++;
 
-        arena.scans.input[i] = strange.scans.input[k];
-        arena.scans.place[i] = strange.scans.place[k] + OWN;
-        arena.scans.place_scan[i] = strange.scans.place_scan[k];
+        arena.scans.input[i] = unrelated.scans.input[k];
+        arena.scans.place[i] = unrelated.scans.place[k] + OWN;
+        arena.scans.place_scan[i] = unrelated.scans.place_scan[k];
     }
     make_mapper(&m, &params);
     load(&m, &arena.scans);
     (void)solve(&m);
     for (int32_t i = 0; i < OWN; i++)
-        for (int32_t k = OWN; k < OWN + STRANGE; k++) {
+        for (int32_t k = OWN; k < OWN + UNRELATED; k++) {
             cairn_place_map_place own = cairn_place_map_place_of(m.map, i);
             cairn_place_map_place other = cairn_place_map_place_of(m.map, k);
 
             joined += own.component == other.component && own.submap == other.submap;
-            islands += other.submap > 0 && other.ambiguous;
+            submaps += other.submap > 0 && other.ambiguous;
         }
     assert_int_equal(joined, 0);
-    assert_int_equal(islands, OWN * STRANGE);
+    assert_int_equal(submaps, OWN * UNRELATED);
     test_pool_free(&m.pool);
-    free_arena(&strange);
+    free_arena(&unrelated);
     free_arena(&arena);
 }
 
-/* The poses that a log brings along must not be looked at. */
+/* The poses in a log must not be used. */
 static void the_order_of_budgets_and_stamps_do_not_matter(void **state)
 {
     const int32_t budgets[] = {CAIRN_UNBOUNDED, 1, 7, 1000};
@@ -301,7 +301,7 @@ static void relative_errors(const struct mapper *m, const struct scans *scans, d
 
 static void scans_aligned_by_themselves(void **state)
 {
-    const double most[3] = {1, 0.9, 0.25}; /* of the errors that are left */
+    const double most[3] = {1, 0.9, 0.25}; /* of the remaining errors */
     cairn_place_map_params params = small_params(6);
     static struct arena arena;
     double first[2];
@@ -330,8 +330,8 @@ static void scans_aligned_by_themselves(void **state)
     free_arena(&arena);
 }
 
-/* The place goes with its first scan, and rooms that share nothing are parts or islands that
- * stay as they are. */
+/* The place moves with its first scan, and rooms that share nothing are components or submaps that
+ * do not change. */
 static void parts_are_aligned_apart(void **state)
 {
     const cairn_pose poses[4] = {{0, 0, 0},
@@ -394,7 +394,7 @@ static void an_aligner_that_is_full_refuses(void **state)
     test_pool_free(&m.pool);
 }
 
-/* A rectangle looks the same after half a turn. */
+/* A rectangle is symmetric under half a turn. */
 static void half_a_turn_of_a_rectangle_is_ambiguous(void **state)
 {
     const cairn_pose poses[2] = {{1, CAIRN_REAL(0.5), 0}, {CAIRN_REAL(-1.2), CAIRN_REAL(-0.4), 2}};
@@ -424,7 +424,7 @@ static void half_a_turn_of_a_rectangle_is_ambiguous(void **state)
                 3.14159, 0.02);
     assert_near(cairn_place_map_alternative(m.map, 1, place.alternatives).weight, 0, 0);
 
-    /* A box in a corner tells. */
+    /* A box in a corner makes it unambiguous. */
     rooms_add_box(&room, 2, 1, 3, 2);
     scans.count = 0;
     for (int32_t i = 0; i < 2; i++)
@@ -436,7 +436,7 @@ static void half_a_turn_of_a_rectangle_is_ambiguous(void **state)
     test_pool_free(&m.pool);
 }
 
-static void rooms_that_differ_are_parts(void **state)
+static void different_rooms_are_components(void **state)
 {
     cairn_place_map_params params = small_params(4);
     rooms_room small = {.count = 0}, large = {.count = 0};
@@ -532,10 +532,10 @@ static void one_place(void **state)
 
 /* ---- Evidence ---- */
 
-/* A place among others told once more, the slow way: all marks of a point in a set, and of those
- * that share it a list. */
-static double twin_among(const cairn_place_map *map, int32_t place, const cairn_pose *poses,
-                         const int32_t *parts)
+/* The likelihood of a place among others by a reference implementation: all marks of a point in a
+ * set, and a list of the points that share it. */
+static double reference_among(const cairn_place_map *map, int32_t place, const cairn_pose *poses,
+                              const int32_t *parts)
 {
     double sum = 0;
 
@@ -552,7 +552,7 @@ static double twin_among(const cairn_place_map *map, int32_t place, const cairn_
             cairn_vec2 direction =
                 cairn_transform_direction(cairn_transform_of(map_scan), point->direction);
             int marks[64] = {0};
-            double worth = 0;
+            double nats = 0;
 
             for (int32_t k = 0; k < map->place_count; k++) {
                 cairn_transform seen_from = cairn_transform_of(cairn_pose_inverse(poses[k]));
@@ -568,26 +568,25 @@ static double twin_among(const cairn_place_map *map, int32_t place, const cairn_
                     sharers += saw > PLACE_MAP_OBSERVED_FREE;
             }
             if (floats) {
-                worth = marks[PLACE_MAP_OBSERVED_DYNAMIC] || marks[PLACE_MAP_OBSERVED_ROUGH] ? 0.42
-                        : marks[PLACE_MAP_OBSERVED_PARALLEL] ||
-                                marks[PLACE_MAP_OBSERVED_OPPOSITE] ||
-                                marks[PLACE_MAP_OBSERVED_OTHER_DIRECTION]
-                            ? 0.26
-                            : 0;
-                worth -= marks[PLACE_MAP_OBSERVED_FREE] ? 0.19 : 0;
+                nats = marks[PLACE_MAP_OBSERVED_DYNAMIC] || marks[PLACE_MAP_OBSERVED_ROUGH] ? 0.42
+                       : marks[PLACE_MAP_OBSERVED_PARALLEL] || marks[PLACE_MAP_OBSERVED_OPPOSITE] ||
+                               marks[PLACE_MAP_OBSERVED_OTHER_DIRECTION]
+                           ? 0.26
+                           : 0;
+                nats -= marks[PLACE_MAP_OBSERVED_FREE] ? 0.19 : 0;
             } else {
                 int any = marks[PLACE_MAP_OBSERVED_PARALLEL] + marks[PLACE_MAP_OBSERVED_OPPOSITE] +
                           marks[PLACE_MAP_OBSERVED_OTHER_DIRECTION] +
                           marks[PLACE_MAP_OBSERVED_ROUGH] + marks[PLACE_MAP_OBSERVED_DYNAMIC];
 
-                worth = marks[PLACE_MAP_OBSERVED_PARALLEL]   ? 0.2
-                        : marks[PLACE_MAP_OBSERVED_ROUGH]    ? 0.87
-                        : marks[PLACE_MAP_OBSERVED_OPPOSITE] ? 0.1
-                        : marks[PLACE_MAP_OBSERVED_DYNAMIC]  ? 0.1
-                                                             : 0;
-                worth -= !marks[PLACE_MAP_OBSERVED_FREE] ? 0 : any ? 1.75 : 1.2;
+                nats = marks[PLACE_MAP_OBSERVED_PARALLEL]   ? 0.2
+                       : marks[PLACE_MAP_OBSERVED_ROUGH]    ? 0.87
+                       : marks[PLACE_MAP_OBSERVED_OPPOSITE] ? 0.1
+                       : marks[PLACE_MAP_OBSERVED_DYNAMIC]  ? 0.1
+                                                            : 0;
+                nats -= !marks[PLACE_MAP_OBSERVED_FREE] ? 0 : any ? 1.75 : 1.2;
             }
-            sum += of == place ? worth : worth / sharers;
+            sum += of == place ? nats : nats / sharers;
         }
     }
     for (int32_t y = 0; y < map->visibility_side; y += 6)
@@ -624,7 +623,7 @@ static void every_surface_counts_once(void **state)
 
     (void)state;
     make_arena(&arena, 1003, 3, 0, 0, 0.2);
-    /* The fourth place is the second once more. */
+    /* The fourth place duplicates the second. */
     for (int32_t k = 0, count = arena.scans.count; k < count; k++)
         if (arena.scans.place[k] == 1) {
             int32_t i = arena.scans.count++;
@@ -644,7 +643,7 @@ static void every_surface_counts_once(void **state)
         for (int32_t i = 0; i < 4; i++)
             assert_near(cairn_place_map_joint_likelihood(m.map, i, poses[i], poses, all, 0,
                                                          &against, &units),
-                        twin_among(m.map, i, poses, all), NUMBER(1e-6, 2));
+                        reference_among(m.map, i, poses, all), NUMBER(1e-6, 2));
         assert_true(units > 1);
         assert_true(against > 0);
         poses[0].x += CAIRN_REAL(0.13);
@@ -652,7 +651,7 @@ static void every_surface_counts_once(void **state)
     }
     alone = (double)cairn_place_map_joint_likelihood(m.map, 0, poses[0], poses, two, 0, &against,
                                                      &units);
-    assert_near(alone, twin_among(m.map, 0, poses, two), NUMBER(1e-6, 2));
+    assert_near(alone, reference_among(m.map, 0, poses, two), NUMBER(1e-6, 2));
     poses[3] = poses[1];
     for (int32_t part = -1; part < 1; part++) {
         int32_t parts[4] = {0, 0, -1, part};
@@ -695,9 +694,9 @@ static uint64_t hash_of_all(const struct mapper *m, const struct scans *scans)
     return hash;
 }
 
-/* Four places of two scans each, the second of each off by some centimetres and a degree;
- * `strange`: the last two places are in another room. A post stands free in the room. */
-static uint64_t hash_of_rooms(cairn_place_map_params params, int32_t strange)
+/* Four places of two scans each, the second scan displaced by some centimetres and a degree;
+ * `in_other_room`: the last two places are in another room. A free-standing post is in the room. */
+static uint64_t hash_of_rooms(cairn_place_map_params params, int32_t in_other_room)
 {
     rooms_room rooms[2] = {{.count = 0}, {.count = 0}};
     static struct scans scans;
@@ -718,7 +717,7 @@ static uint64_t hash_of_rooms(cairn_place_map_params params, int32_t strange)
 
         off.x += CAIRN_REAL(0.03);
         off.theta += CAIRN_REAL(0.015);
-        add_room_scan(&scans, &rooms[strange && i >= 4], i / 2,
+        add_room_scan(&scans, &rooms[in_other_room && i >= 4], i / 2,
                       i % 2 ? cairn_pose_compose(pose, step) : pose);
         scans.place_scan[i] = i % 2 ? off : cairn_pose_identity();
     }
@@ -730,7 +729,7 @@ static uint64_t hash_of_rooms(cairn_place_map_params params, int32_t strange)
     return hash;
 }
 
-static uint64_t hash_of_crowd(cairn_place_map_params params)
+static uint64_t hash_of_busy_arena(cairn_place_map_params params)
 {
     static struct arena arena;
     struct mapper m;
@@ -749,7 +748,7 @@ static uint64_t hash_of_crowd(cairn_place_map_params params)
 static void results_stay_as_they_are(void **state)
 {
     cairn_place_map_params params = small_params(4), sequential = params, decoupled = params;
-    cairn_place_map_params crowded = small_params(5), jointly = crowded;
+    cairn_place_map_params one_by_one = small_params(5), jointly = one_by_one;
 
     (void)state;
     sequential.mode = CAIRN_PLACE_MAP_SEQUENTIAL;
@@ -764,9 +763,9 @@ static void results_stay_as_they_are(void **state)
     assert_golden(hash_of_rooms(sequential, 0), UINT64_C(0x5fd47e4840096001),
                   UINT64_C(0xa3b8a145304838a8));
     jointly.decoupled = CAIRN_PLACE_MAP_JOINTLY;
-    assert_golden(hash_of_crowd(crowded), UINT64_C(0x4ac5ee726249c26d),
+    assert_golden(hash_of_busy_arena(one_by_one), UINT64_C(0x4ac5ee726249c26d),
                   UINT64_C(0xb6f3e821a94e51ef));
-    assert_golden(hash_of_crowd(jointly), UINT64_C(0xb836a8e41658ccdb),
+    assert_golden(hash_of_busy_arena(jointly), UINT64_C(0xb836a8e41658ccdb),
                   UINT64_C(0xde637f7277813dd9));
     assert_golden(hash_of_rooms(decoupled, 0), UINT64_C(0xfd078e216e751678),
                   UINT64_C(0xff9503e73219a7a7));
@@ -923,7 +922,7 @@ static void bad_scans_are_refused(void **state)
     large = view;
     large.beam_count = params.max_place_beams + 1;
     assert_status(cairn_place_map_add_scan(m.map, 0, &large, pose, NULL), CAIRN_FULL);
-    /* nothing of these was kept */
+    /* nothing of these was stored */
     assert_status(cairn_place_map_begin(m.map), CAIRN_EMPTY);
     assert_ok(cairn_place_map_add_scan(m.map, 0, &view, pose, NULL));
     assert_ok(cairn_place_map_add_scan(m.map, 0, &view, pose, NULL));
@@ -950,13 +949,13 @@ int main(void)
         cmocka_unit_test(every_surface_counts_once),
         cmocka_unit_test(results_stay_as_they_are),
         cmocka_unit_test(places_of_an_arena),
-        cmocka_unit_test(places_of_another_arena_are_told),
+        cmocka_unit_test(places_of_another_arena_are_reported),
         cmocka_unit_test(the_order_of_budgets_and_stamps_do_not_matter),
         cmocka_unit_test(scans_aligned_by_themselves),
         cmocka_unit_test(parts_are_aligned_apart),
         cmocka_unit_test(an_aligner_that_is_full_refuses),
         cmocka_unit_test(half_a_turn_of_a_rectangle_is_ambiguous),
-        cmocka_unit_test(rooms_that_differ_are_parts),
+        cmocka_unit_test(different_rooms_are_components),
         cmocka_unit_test(one_after_the_other),
         cmocka_unit_test(one_place),
         cmocka_unit_test(memory_is_exact),

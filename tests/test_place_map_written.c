@@ -1,4 +1,4 @@
-/* place_map, mode as_written: the map of chapter 6 in its own setting, the headings known. */
+/* place_map as written: the map of chapter 6 in its own setting, headings known. */
 #include "tests/place_mapping.h"
 
 #include <math.h>
@@ -9,8 +9,8 @@ enum { PLACES = 4, HEADINGS = 4 };
 
 static const double DEGREE = 0.017453292519943295;
 
-/* A map, its scan reader, and the places of a cluttered room, the frames of which have one
- * heading up to 2 degrees. */
+/* A map, its scan reader, and the places of a cluttered room, whose frames have equal headings up
+ * to 2 degrees. */
 typedef struct bed {
     cairn_pool pool;
     cairn_scan *scan;
@@ -51,7 +51,7 @@ static void make_bed(bed *b, const cairn_place_map_params *params)
     assert_ok(cairn_place_map_create(&b->map, &b->pool, params));
 }
 
-/* Adds a scan of 100 degrees of a place, or with `blind` one that saw nothing. */
+/* Adds a scan of 100 degrees of a place, or with `blind` one without returns. */
 static cairn_status add(bed *b, int32_t place, int32_t heading, cairn_pose place_scan,
                         int32_t blind)
 {
@@ -67,7 +67,7 @@ static cairn_status add(bed *b, int32_t place, int32_t heading, cairn_pose place
     b->truth[place][heading] = cairn_pose_compose(b->frame[place], place_scan);
     input =
         rooms_take_scan(&room, b->truth[place][heading], (uint64_t)(10 * place + heading), &taken);
-    for (int i = 0; i < ROOMS_BEAMS; i++) /* beams are a degree apart and begin behind */
+    for (int i = 0; i < ROOMS_BEAMS; i++) /* beams are a degree apart and begin behind the robot */
         if (blind || abs(i - ROOMS_BEAMS / 2) > 50)
             taken.range[i] = 0;
     view = view_of(b->scan, &input);
@@ -138,8 +138,8 @@ static void places_in_order(void **state)
     test_pool_free(&b.pool);
 }
 
-/* Without decoupling scans keep their poses in the place, and the estimate by shape alone is
- * another one. */
+/* Without decoupling scans keep their poses in the place, and the estimate by shape alone
+ * differs. */
 static void stages(void **state)
 {
     cairn_place_map_params params = small_params();
@@ -173,7 +173,7 @@ static void stages(void **state)
     assert_true(last[0].x != last[1].x);
 }
 
-/* A place that saw nothing is a part of its own, and what follows is matched with those before
+/* A place without points is a component of its own, and the next ones are matched with those before
  * it. */
 static void a_blind_place(void **state)
 {
@@ -193,7 +193,7 @@ static void a_blind_place(void **state)
     assert_int_equal(cairn_place_map_place_of(b.map, 1).component, 1);
     assert_near(cairn_place_map_place_of(b.map, 1).map_place.x, 0, 0);
     assert_true(metres_off(&b, 2) < 0.3 && metres_off(&b, 3) < 0.3);
-    load(&b, 0); /* the first place is the map's, whatever it saw */
+    load(&b, 0); /* the first place defines the map, whatever it saw */
     result = solve(&b, CAIRN_UNBOUNDED, &used);
     assert_int_equal(result.placed, 1);
     assert_int_equal(result.components, PLACES);
@@ -266,8 +266,8 @@ static void extend(bed *b, int32_t each)
     assert_ok(status);
 }
 
-/* Place after place is the same as all at once; what another aligner has moved stays where it
- * is, and the next place follows. */
+/* Place after place gives the same as all at once; what another aligner has moved stays, and the
+ * next place follows. */
 static void places_one_by_one(void **state)
 {
     cairn_place_map_params params = small_params();
@@ -323,7 +323,7 @@ static void places_one_by_one(void **state)
     test_pool_free(&b.pool);
 }
 
-static void takes_exactly_what_it_says(void **state)
+static void memory_is_as_stated(void **state)
 {
     cairn_place_map_params params = small_params();
     cairn_place_map_params bad[5];
@@ -336,7 +336,7 @@ static void takes_exactly_what_it_says(void **state)
         bad[k] = params;
     bad[0].decoupled = CAIRN_PLACE_MAP_JOINTLY;
     bad[1].match = cairn_scan_match_default();
-    bad[2].match.mode = CAIRN_SCAN_MATCH_AS_WRITTEN_SEGMENTS; /* with no ICP to decouple by */
+    bad[2].match.mode = CAIRN_SCAN_MATCH_AS_WRITTEN_SEGMENTS; /* without ICP for the decoupling */
     bad[3].match.mode = CAIRN_SCAN_MATCH_SHAPE;
     bad[4].mode = CAIRN_PLACE_MAP_SEQUENTIAL + 1;
     for (int k = 0; k < 5; k++)
@@ -348,13 +348,10 @@ static void takes_exactly_what_it_says(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(places_in_order),
-        cmocka_unit_test(stages),
-        cmocka_unit_test(a_blind_place),
-        cmocka_unit_test(budgets_do_not_matter),
-        cmocka_unit_test(few_places_and_far_ones),
-        cmocka_unit_test(places_one_by_one),
-        cmocka_unit_test(takes_exactly_what_it_says),
+        cmocka_unit_test(places_in_order),         cmocka_unit_test(stages),
+        cmocka_unit_test(a_blind_place),           cmocka_unit_test(budgets_do_not_matter),
+        cmocka_unit_test(few_places_and_far_ones), cmocka_unit_test(places_one_by_one),
+        cmocka_unit_test(memory_is_as_stated),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

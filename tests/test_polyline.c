@@ -8,11 +8,11 @@
 #define MAX_POINTS 2000
 #define PI         3.14159265358979323846
 
-/* ---- Scenes: walls, seen by a scanner, or points laid on them ---- */
+/* ---- Scenes: walls seen by a scanner, or points on them ---- */
 
 typedef struct cloud {
     cairn_vec2 point[MAX_POINTS];
-    int32_t wall[MAX_POINTS]; /* that the point lies on, -1: clutter */
+    int32_t wall[MAX_POINTS]; /* wall of the point, -1: clutter */
     int32_t count;
 } cloud;
 
@@ -22,9 +22,9 @@ static cairn_segment wall(double ax, double ay, double bx, double by)
     return s;
 }
 
-/* What `beams` beams from (x, y), all around, hit, with range noise. */
-static void look(cloud *c, const cairn_segment *walls, int count, double x, double y, int beams,
-                 double noise, uint64_t seed)
+/* Hits of `beams` beams from (x, y), all around, with range noise. */
+static void take_scan(cloud *c, const cairn_segment *walls, int count, double x, double y,
+                      int beams, double noise, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 2);
 
@@ -54,8 +54,9 @@ static void look(cloud *c, const cairn_segment *walls, int count, double x, doub
     }
 }
 
-/* `n` points evenly on a wall, with noise across it. */
-static void lay(cloud *c, cairn_segment s, int n, double noise, int label, cairn_random *random)
+/* `n` even points on a wall, with noise across it. */
+static void add_wall_points(cloud *c, cairn_segment s, int n, double noise, int label,
+                            cairn_random *random)
 {
     cairn_vec2 left = cairn_vec2_left_perp(cairn_vec2_unit(cairn_vec2_sub(s.b, s.a)));
 
@@ -194,7 +195,7 @@ static void assert_found(cairn_polyline_view view, cairn_segment truth, double a
                 0, ends);
 }
 
-/* What a view always promises. */
+/* Invariants of every view. */
 static void assert_sound(cairn_polyline_view view, const cloud *c)
 {
     int32_t counts[256] = {0};
@@ -226,7 +227,7 @@ static void assert_sound(cairn_polyline_view view, const cloud *c)
 
 static const double ROOM[4][4] = {{-3, -2, 5, -2}, {5, -2, 5, 4}, {5, 4, -3, 4}, {-3, 4, -3, -2}};
 
-static void make_room(cairn_segment walls[4])
+static void make_room_walls(cairn_segment walls[4])
 {
     for (int i = 0; i < 4; i++)
         walls[i] = wall(ROOM[i][0], ROOM[i][1], ROOM[i][2], ROOM[i][3]);
@@ -238,11 +239,11 @@ static void test_room_from_inside(void **state)
     cloud c;
 
     (void)state;
-    make_room(walls);
+    make_room_walls(walls);
     for (uint64_t seed = 0; seed < 20; seed++) {
         cairn_polyline_view view;
 
-        look(&c, walls, 4, 0.3, 0.2, 361, 0.01, seed);
+        take_scan(&c, walls, 4, 0.3, 0.2, 361, 0.01, seed);
         view = fit(&c);
         assert_sound(view, &c);
         assert_int_equal(view.segment_count, 4);
@@ -276,7 +277,7 @@ static void test_box_from_outside(void **state)
     cairn_polyline_view view;
 
     (void)state;
-    look(&c, walls, 4, 0, 0, 720, 0.005, 5);
+    take_scan(&c, walls, 4, 0, 0, 720, 0.005, 5);
     view = fit(&c);
     assert_sound(view, &c);
     assert_int_equal(view.segment_count, 2);
@@ -312,7 +313,7 @@ static void test_circle_becomes_chords(void **state)
     }
 }
 
-/* A bend too blunt for a gap, and a step in a wall. */
+/* A bend too blunt to split, and a step in a wall. */
 static void test_bends_and_steps_are_cut(void **state)
 {
     cairn_segment bend[2] = {wall(0, 0, 2, 0), wall(2, 0, 4, 0.3)};
@@ -323,23 +324,23 @@ static void test_bends_and_steps_are_cut(void **state)
 
     (void)state;
     c.count = 0;
-    lay(&c, bend[0], 60, 0.01, 0, &random);
-    lay(&c, bend[1], 60, 0.01, 1, &random);
+    add_wall_points(&c, bend[0], 60, 0.01, 0, &random);
+    add_wall_points(&c, bend[1], 60, 0.01, 1, &random);
     view = fit(&c);
     assert_int_equal(view.segment_count, 2);
     assert_found(view, bend[0], 0.006, 0.012, 0.2);
     assert_found(view, bend[1], 0.006, 0.012, 0.2);
     c.count = 0;
-    lay(&c, step[0], 60, 0.01, 0, &random);
-    lay(&c, step[1], 60, 0.01, 1, &random);
+    add_wall_points(&c, step[0], 60, 0.01, 0, &random);
+    add_wall_points(&c, step[1], 60, 0.01, 1, &random);
     view = fit(&c);
     assert_int_equal(view.segment_count, 2);
     assert_found(view, step[0], 0.006, 0.012, 0.1);
     assert_found(view, step[1], 0.006, 0.012, 0.1);
 }
 
-/* A hole is a gap when the points beside it are near each other, and none when they are as far
- * apart themselves. */
+/* A hole is a gap when the points beside it are near each other, and none when they are equally far
+ * apart. */
 static void test_gaps(void **state)
 {
     cairn_random random = cairn_random_seed(6, 3);
@@ -351,26 +352,27 @@ static void test_gaps(void **state)
         double hole = i < 4 ? 0.15 : 0.35 + 0.2 * i;
 
         c.count = 0;
-        lay(&c, wall(0, 1, 2, 1.5), 40, 0.01, 0, &random);
-        lay(&c, wall(2 + hole, 1.5 + hole / 4, 4 + hole, 2 + hole / 4), 40, 0.01, 0, &random);
+        add_wall_points(&c, wall(0, 1, 2, 1.5), 40, 0.01, 0, &random);
+        add_wall_points(&c, wall(2 + hole, 1.5 + hole / 4, 4 + hole, 2 + hole / 4), 40, 0.01, 0,
+                        &random);
         view = fit(&c);
         assert_int_equal(view.segment_count, i < 4 ? 1 : 2);
     }
     /* 0.35 m apart. */
     c.count = 0;
-    lay(&c, wall(-7, 60, 7, 62), 41, 0.01, 0, &random);
+    add_wall_points(&c, wall(-7, 60, 7, 62), 41, 0.01, 0, &random);
     view = fit(&c);
     assert_int_equal(view.segment_count, 1);
     assert_found(view, wall(-7, 60, 7, 62), 0.003, 0.02, 0.03);
-    /* As long a hole as gap_max is never bridged, however far apart the points are. */
+    /* A hole of gap_max is never bridged, however far apart the points are. */
     c.count = 0;
-    lay(&c, wall(0, 0, 6, 0), 9, 0.001, 0, &random);
-    lay(&c, wall(7.6, 0, 13.6, 0), 9, 0.001, 0, &random);
+    add_wall_points(&c, wall(0, 0, 6, 0), 9, 0.001, 0, &random);
+    add_wall_points(&c, wall(7.6, 0, 13.6, 0), 9, 0.001, 0, &random);
     view = fit(&c);
     assert_int_equal(view.segment_count, 2);
     c.count = 0;
-    lay(&c, wall(0, 0, 6, 0), 9, 0.001, 0, &random);
-    lay(&c, wall(7.4, 0, 13.4, 0), 9, 0.001, 0, &random);
+    add_wall_points(&c, wall(0, 0, 6, 0), 9, 0.001, 0, &random);
+    add_wall_points(&c, wall(7.4, 0, 13.4, 0), 9, 0.001, 0, &random);
     view = fit(&c);
     assert_int_equal(view.segment_count, 1);
 }
@@ -383,7 +385,7 @@ static void test_grazing_wall(void **state)
     cairn_polyline_view view;
 
     (void)state;
-    look(&c, &far, 1, 0, 0, 720, 0.005, 7);
+    take_scan(&c, &far, 1, 0, 0, 720, 0.005, 7);
     assert_true(c.count > 100);
     view = fit(&c);
     assert_int_equal(view.segment_count, 1);
@@ -399,16 +401,16 @@ static void test_near_parallel_walls_stay_apart(void **state)
 
     (void)state;
     c.count = 0;
-    lay(&c, walls[0], 60, 0.01, 0, &random);
-    lay(&c, walls[1], 60, 0.01, 1, &random);
+    add_wall_points(&c, walls[0], 60, 0.01, 0, &random);
+    add_wall_points(&c, walls[1], 60, 0.01, 1, &random);
     view = fit(&c);
     assert_int_equal(view.segment_count, 2);
     assert_found(view, walls[0], 0.01, 0.015, 0.05);
     assert_found(view, walls[1], 0.01, 0.015, 0.05);
 }
 
-/* The error of a wall's angle and offset over many draws, against that of the regression of just
- * its points. */
+/* The error of a wall's angle and offset over many draws, compared with the regression of its own
+ * points. */
 static void test_accuracy_is_that_of_regression(void **state)
 {
     cairn_segment truth = wall(1, 1, 2.6, 2.2);
@@ -422,7 +424,7 @@ static void test_accuracy_is_that_of_regression(void **state)
         cairn_line line;
 
         c.count = 0;
-        lay(&c, truth, 60, 0.01, 0, &random);
+        add_wall_points(&c, truth, 60, 0.01, 0, &random);
         assert_ok(cairn_line_fit(c.point, NULL, c.count, &line));
         view = fit(&c);
         assert_int_equal(view.segment_count, 1);
@@ -430,7 +432,7 @@ static void test_accuracy_is_that_of_regression(void **state)
         best += pow(angle_error(cairn_line_segment(&line), truth), 2);
         assert_near(line_error(plane(&view.segments[0]), cairn_line_segment(&line)), 0, 0.004);
     }
-    /* Cramer and Rao: sigma / sqrt(sum of squared places), which are 2 / 59 m apart. */
+    /* Cramer-Rao bound: sigma / sqrt(sum of squared positions), which are 2 / 59 m apart. */
     bound = 0.01 / sqrt(pow(2.0 / 59, 2) * 60 * (60 * 60 - 1) / 12.0);
     assert_near(sqrt(best / 100), bound, 0.2 * bound);
     assert_true(sqrt(ours / 100) < 1.15 * sqrt(best / 100));
@@ -444,7 +446,7 @@ static void assert_same(cairn_polyline_view view, const cloud *a,
 {
     assert_int_equal(view.segment_count, count);
     assert_memory_equal(view.segments, segments, (size_t)count * sizeof *segments);
-    /* The same places have the same labels. */
+    /* The same points have the same labels. */
     for (int32_t i = 0; i < a->count; i++)
         for (int32_t j = 0; j < b->count; j++)
             if (!(a->point[i].x < b->point[j].x) && !(a->point[i].x > b->point[j].x) &&
@@ -461,7 +463,7 @@ static void test_order_does_not_matter(void **state)
     cloud c, ordered;
 
     (void)state;
-    make_room(walls);
+    make_room_walls(walls);
     walls[4] = wall(2, 1, 2.6, 1.8);
     walls[5] = wall(2.6, 1.8, 2, 2.4);
     for (uint64_t seed = 0; seed < 4; seed++) {
@@ -469,7 +471,7 @@ static void test_order_does_not_matter(void **state)
         cairn_polyline_view view;
         int32_t count;
 
-        look(&ordered, walls, 6, 0.3, 0.2, 361, 0.01, seed);
+        take_scan(&ordered, walls, 6, 0.3, 0.2, 361, 0.01, seed);
         clutter(&ordered, seed < 2 ? 0 : 90, box, &random);
         for (int i = 0; i < 3; i++) /* places that occur twice */
             ordered.point[ordered.count++] = ordered.point[i * 50];
@@ -486,7 +488,7 @@ static void test_order_does_not_matter(void **state)
     }
 }
 
-/* A fifth of all points is clutter, and the order is none: the walls are found, and little else. */
+/* A fifth of all points is clutter, in no order: the walls are found, and little else. */
 static void test_fifth_of_noise(void **state)
 {
     cairn_segment walls[5];
@@ -496,13 +498,13 @@ static void test_fifth_of_noise(void **state)
     cloud c;
 
     (void)state;
-    make_room(walls);
+    make_room_walls(walls);
     walls[4] = wall(2, 1, 2.6, 1.8);
     for (uint64_t seed = 0; seed < 40; seed++) {
         cairn_random random = cairn_random_seed(seed, 6);
         cairn_polyline_view view;
 
-        look(&c, walls, 5, 0.3, 0.2, 361, 0.01, seed);
+        take_scan(&c, walls, 5, 0.3, 0.2, 361, 0.01, seed);
         clutter(&c, c.count / 4, box, &random);
         shuffle(&c, seed);
         view = fit(&c);
@@ -572,9 +574,9 @@ static void test_budgets_are_equal(void **state)
     cloud c;
 
     (void)state;
-    make_room(walls);
+    make_room_walls(walls);
     walls[4] = wall(2, 1, 2.6, 1.8);
-    look(&c, walls, 5, 0.3, 0.2, 181, 0.01, 11);
+    take_scan(&c, walls, 5, 0.3, 0.2, 181, 0.01, 11);
     clutter(&c, 40, box, &random);
     view = fit(&c);
     count = view.segment_count;
@@ -701,7 +703,7 @@ static void test_begin_statuses(void **state)
 
     (void)state;
     c.count = 0;
-    lay(&c, truth, 30, 0, 0, &random);
+    add_wall_points(&c, truth, 30, 0, 0, &random);
     assert_int_equal(fit(&c).segment_count, 1);
 
     assert_fault(&fault, cairn_polyline_begin(NULL, &c.point[0].x, 1, &fault), CAIRN_BAD_ARGUMENT,
@@ -721,7 +723,7 @@ static void test_begin_statuses(void **state)
     assert_fault(&fault, cairn_polyline_begin(fitter, &c.point[0].x, c.count, &fault),
                  CAIRN_BAD_ARGUMENT, 9);
     assert_status(cairn_polyline_begin(fitter, &c.point[0].x, c.count, NULL), CAIRN_BAD_ARGUMENT);
-    /* Nothing of that touched the last result. */
+    /* None of this changed the last result. */
     assert_int_equal(cairn_polyline_read(fitter).segment_count, 1);
     assert_ok(cairn_polyline_step(fitter, &budget));
     assert_status(cairn_polyline_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
@@ -746,7 +748,7 @@ static void test_begin_statuses(void **state)
     for (int i = 0; i < MAX_POINTS; i++)
         assert_ok(cairn_polyline_add(fitter, point));
     assert_status(cairn_polyline_add(fitter, point), CAIRN_FULL);
-    /* After one unit of work, too. */
+    /* Also after one unit of work. */
     assert_ok(cairn_polyline_clear(fitter, 1));
     assert_ok(cairn_polyline_add(fitter, point));
     assert_ok(cairn_polyline_add(fitter, point));
@@ -755,7 +757,7 @@ static void test_begin_statuses(void **state)
     assert_status(cairn_polyline_add(fitter, point), CAIRN_BAD_ARGUMENT);
 }
 
-/* Nothing, one place, two places: no segments and no harm. */
+/* No point, one, two: no segments, no failure. */
 static void test_degenerate_points(void **state)
 {
     cairn_polyline_view view;
@@ -786,7 +788,7 @@ static void test_degenerate_points(void **state)
     for (int32_t i = 0; i < view.segment_count; i++)
         assert_true(cairn_is_finite(view.segments[i].a[0]) &&
                     cairn_is_finite(view.segments[i].rms));
-    /* The far corners of what is allowed. */
+    /* The extreme corners of the allowed range. */
     c.count = 5;
     c.point[0].x = CAIRN_POLYLINE_EXTENT;
     c.point[1].x = -CAIRN_POLYLINE_EXTENT;
@@ -795,7 +797,7 @@ static void test_degenerate_points(void **state)
     assert_int_equal(view.segment_count, 0);
 }
 
-/* Added one by one and all at once are the same; a scale widens the band. */
+/* Added one by one or all at once gives the same; a scale widens the band. */
 static void test_add_and_scale(void **state)
 {
     cairn_random random = cairn_random_seed(12, 1);
@@ -806,7 +808,7 @@ static void test_add_and_scale(void **state)
 
     (void)state;
     c.count = 0;
-    lay(&c, wall(0, 0, 3, 1), 80, 0.01, 0, &random);
+    add_wall_points(&c, wall(0, 0, 3, 1), 80, 0.01, 0, &random);
     first = fit(&c).segments[0];
     assert_ok(cairn_polyline_clear(fitter, 1));
     for (int32_t i = 0; i < c.count; i++)
@@ -815,7 +817,7 @@ static void test_add_and_scale(void **state)
     assert_memory_equal(&cairn_polyline_read(fitter).segments[0], &first, sizeof first);
     /* Noise of 5 cm. */
     c.count = 0;
-    lay(&c, wall(0, 0, 3, 1), 80, 0.05, 0, &random);
+    add_wall_points(&c, wall(0, 0, 3, 1), 80, 0.05, 0, &random);
     assert_ok(cairn_polyline_clear(fitter, 5));
     for (int32_t i = 0; i < c.count; i++)
         assert_ok(cairn_polyline_add(fitter, &c.point[i].x));
@@ -824,9 +826,9 @@ static void test_add_and_scale(void **state)
     assert_int_equal(view.segment_count, 1);
     assert_in_range(view.segments[0].count, 78, 80);
     assert_found(view, wall(0, 0, 3, 1), 0.02, 0.05, 0.08);
-    /* And the scale is for that fit alone. */
+    /* The scale holds for that fit alone. */
     c.count = 0;
-    lay(&c, wall(0, 0, 3, 1), 80, 0.01, 0, &random);
+    add_wall_points(&c, wall(0, 0, 3, 1), 80, 0.01, 0, &random);
     assert_true(fit(&c).segments[0].rms < CAIRN_REAL(0.013));
 }
 
@@ -845,16 +847,16 @@ static void test_support(void **state)
     own = test_pool(cairn_polyline_memory(&params));
     assert_ok(cairn_polyline_create(&strict, &own, &params));
     c.count = 0;
-    lay(&c, wall(0, 0, 0.9, 0), 9, 0, 0, &random);
+    add_wall_points(&c, wall(0, 0, 0.9, 0), 9, 0, 0, &random);
     assert_int_equal(fit_with(strict, &c, 100).segment_count, 0);
     c.count = 0;
-    lay(&c, wall(0, 0, 0.9, 0), 10, 0, 0, &random);
+    add_wall_points(&c, wall(0, 0, 0.9, 0), 10, 0, 0, &random);
     assert_int_equal(fit_with(strict, &c, 100).segment_count, 1);
     c.count = 0;
-    lay(&c, wall(0, 0, 0.45, 0), 30, 0, 0, &random);
+    add_wall_points(&c, wall(0, 0, 0.45, 0), 30, 0, 0, &random);
     assert_int_equal(fit_with(strict, &c, 100).segment_count, 0);
     c.count = 0;
-    lay(&c, wall(0, 0, 0.55, 0), 30, 0, 0, &random);
+    add_wall_points(&c, wall(0, 0, 0.55, 0), 30, 0, 0, &random);
     assert_int_equal(fit_with(strict, &c, 100).segment_count, 1);
     test_pool_free(&own);
 }
@@ -876,14 +878,15 @@ static void test_few_segments(void **state)
     assert_ok(cairn_polyline_create(&small, &own, &params));
     c.count = 0;
     for (int i = 0; i < 5; i++)
-        lay(&c, wall(5 * i, 0, 5 * i + 1, 1), i == 1 || i == 4 ? 60 : 20, 0.002, i, &random);
+        add_wall_points(&c, wall(5 * i, 0, 5 * i + 1, 1), i == 1 || i == 4 ? 60 : 20, 0.002, i,
+                        &random);
     view = fit_with(small, &c, 100);
     assert_int_equal(view.segment_count, 2);
     assert_true(view.dropped > 0);
     assert_found(view, wall(5, 0, 6, 1), 0.01, 0.01, 0.1);
     assert_found(view, wall(20, 0, 21, 1), 0.01, 0.01, 0.1);
     c.count = 0;
-    lay(&c, wall(0, 0, 1, 1), 60, 0.002, 0, &random);
+    add_wall_points(&c, wall(0, 0, 1, 1), 60, 0.002, 0, &random);
     assert_int_equal(fit_with(small, &c, 100).dropped, 0);
     test_pool_free(&own);
 }
@@ -939,7 +942,7 @@ static void test_lines_in_space(void **state)
             }
             nearest = fmin(nearest, fmin(same, turned));
         }
-        /* At the corner a few points are shared; clutter may lengthen a line. */
+        /* Near the corner a few points are shared; clutter may lengthen a line. */
         assert_near(nearest, 0, 0.12);
     }
     /* In any order and with any budget, to the last bit. */
@@ -957,7 +960,7 @@ static void test_lines_in_space(void **state)
     test_pool_free(&own);
 }
 
-/* A plane figure in space, turned: the fit must be the turned fit of the plane. */
+/* A plane figure in space, rotated: the fit must be the rotated fit of the plane. */
 static void test_space_agrees_with_plane(void **state)
 {
     static cairn_real points[MAX_POINTS][3];
@@ -974,8 +977,8 @@ static void test_space_agrees_with_plane(void **state)
     params.max_points = 400;
     own = test_pool(cairn_polyline_memory(&params));
     assert_ok(cairn_polyline_create(&space, &own, &params));
-    make_room(walls);
-    look(&c, walls, 4, 0.3, 0.2, 361, 0.01, 3);
+    make_room_walls(walls);
+    take_scan(&c, walls, 4, 0.3, 0.2, 361, 0.01, 3);
     for (int32_t i = 0; i < c.count; i++) {
         /* y and z from y by 30 degrees about the x axis */
         points[i][0] = c.point[i].x;
@@ -1006,8 +1009,8 @@ static void test_space_agrees_with_plane(void **state)
 
 /* ---- The same bits everywhere ---- */
 
-/* A scene of random walls around the origin, made with cairn's own functions alone, so that it
- * has the same bits on every machine too: rays all around, noise, clutter. */
+/* A scene of random walls around the origin, made by cairn's own functions alone, so that it has
+ * the same bits on every machine: rays all around, noise, clutter. */
 static void random_scene(cloud *c, cairn_random *random)
 {
     cairn_segment walls[8];
@@ -1065,8 +1068,8 @@ static uint64_t hash_fit(uint64_t hash, cairn_polyline *x)
     return test_hash(hash, &cost.peak_segments, sizeof cost.peak_segments);
 }
 
-/* The hash of what this code gave where its results were looked at. A change of method changes
- * it; a change of machine, compiler or optimisation must not. */
+/* The stored hash of the results. A change of method changes it; a change of machine, compiler or
+ * optimization must not. */
 static void test_same_bits(void **state)
 {
     cairn_random random = cairn_random_seed(2008, 1);
@@ -1129,8 +1132,8 @@ static void test_same_bits(void **state)
     test_pool_free(&own);
 }
 
-/* Walls of an eighth of a metre on a grid, with holes and some points twice, and params on which
- * holes, lengths and distances lie exactly. */
+/* Walls of an eighth of a metre on a grid, with holes and some doubled points, and params equal to
+ * the holes, lengths and distances. */
 static void grid_scene(cloud *c, cairn_random *random)
 {
     int32_t walls = 2 + cairn_random_below(random, 4);
@@ -1211,7 +1214,7 @@ static cairn_status step_cloud(void *context, cairn_budget *budget)
     return cairn_polyline_step(fitter, budget);
 }
 
-static uint64_t tell_cloud(void *context)
+static uint64_t hash_cloud(void *context)
 {
     (void)context;
     return hash_fit(TEST_HASH_START, fitter);
@@ -1221,7 +1224,7 @@ static void test_begun_anew(void **state)
 {
     cairn_random random = cairn_random_seed(2010, 1);
     cloud c;
-    test_stepped object = {begin_cloud, step_cloud, tell_cloud, &c};
+    test_stepped object = {begin_cloud, step_cloud, hash_cloud, &c};
 
     (void)state;
     random_scene(&c, &random);

@@ -67,7 +67,7 @@ static void flushing_to_zero_is_seen(void **state)
 }
 #endif
 
-static void pieces_are_aligned_and_apart(void **state)
+static void components_are_aligned_and_apart(void **state)
 {
     cairn_pool pool = test_pool(1024);
     unsigned char *end = pool.base;
@@ -113,7 +113,7 @@ static void a_full_pool_refuses(void **state)
     test_pool_free(&pool);
 }
 
-static void nothing_is_a_valid_piece(void **state)
+static void an_empty_map_is_a_valid_part(void **state)
 {
     cairn_pool pool = test_pool(256);
 
@@ -124,7 +124,7 @@ static void nothing_is_a_valid_piece(void **state)
     test_pool_free(&pool);
 }
 
-static void room_is_asked_for_exactly(void **state)
+static void memory_is_requested_exactly(void **state)
 {
     cairn_pool pool = test_pool(8 * PIECE);
 
@@ -382,7 +382,7 @@ static void assert_usage(const cairn_block_pool *blocks, int32_t used, int32_t p
     assert_int_equal(usage.refused, refused);
 }
 
-static void blocks_come_and_go(void **state)
+static void blocks_are_taken_and_returned(void **state)
 {
     cairn_pool pool = test_pool(4096);
     cairn_block_pool *blocks;
@@ -425,7 +425,7 @@ static void blocks_come_and_go(void **state)
     assert_usage(blocks, 3, 5, 2);
 
     again = cairn_block_pool_take(blocks);
-    assert_ptr_equal(again, block[0]); /* the one given back last comes first */
+    assert_ptr_equal(again, block[0]); /* the one returned last is reused first */
     assert_ptr_equal(cairn_block_pool_take(blocks), block[3]);
     assert_null(cairn_block_pool_take(blocks));
     assert_usage(blocks, 5, 5, 3);
@@ -435,7 +435,7 @@ static void blocks_come_and_go(void **state)
     test_pool_free(&pool);
 }
 
-/* Against a list of which blocks are out, over many random takes and gives. */
+/* Compared with a list of taken blocks, over many random takes and returns. */
 static void blocks_at_random(void **state)
 {
     cairn_random random = cairn_random_seed(11, 0);
@@ -478,10 +478,10 @@ int main(void)
 #ifdef __SSE2__
         cmocka_unit_test(flushing_to_zero_is_seen),
 #endif
-        cmocka_unit_test(pieces_are_aligned_and_apart),
+        cmocka_unit_test(components_are_aligned_and_apart),
         cmocka_unit_test(a_full_pool_refuses),
-        cmocka_unit_test(nothing_is_a_valid_piece),
-        cmocka_unit_test(room_is_asked_for_exactly),
+        cmocka_unit_test(an_empty_map_is_a_valid_part),
+        cmocka_unit_test(memory_is_requested_exactly),
         cmocka_unit_test(counting_measures_like_the_real_pool),
         cmocka_unit_test(counting_saturates),
         cmocka_unit_test(marks_release_in_order),
@@ -493,7 +493,7 @@ int main(void)
 #endif
         cmocka_unit_test(block_pool_sizes),
         cmocka_unit_test(block_pool_in_every_size),
-        cmocka_unit_test(blocks_come_and_go),
+        cmocka_unit_test(blocks_are_taken_and_returned),
         cmocka_unit_test(blocks_at_random),
     };
 

@@ -18,7 +18,7 @@ static cairn_pose_consensus *new_consensus(cairn_pool *pool,
     return consensus;
 }
 
-/* first_second, known to `sigma` m and `sigma_angle` rad. */
+/* first_second, with standard deviations `sigma` m and `sigma_angle` rad. */
 static cairn_pose_consensus_relative_pose hypothesis_of(int32_t first, int32_t second,
                                                         cairn_pose first_second, cairn_real sigma,
                                                         cairn_real sigma_angle, cairn_real score)
@@ -136,7 +136,7 @@ static void load(cairn_pose_consensus *consensus, const struct world *world)
         assert_ok(cairn_pose_consensus_add(consensus, &world->hypotheses[k], NULL));
 }
 
-/* Nodes of part 0 that lie, seen from its first node, where they do in truth. */
+/* Nodes of part 0 whose poses relative to its first node are right. */
 static int32_t count_right(const cairn_pose_consensus *consensus, const struct world *world,
                            double metres, double radians)
 {
@@ -200,8 +200,8 @@ static void two_nodes(void **state)
     assert_int_equal(node.conflicting, 0);
     assert_int_equal(node.alternatives, 0);
 
-    /* Of node 0 given 1, in the frame of 1 it would be the covariance with the sigmas added; the
-     * frame is that of 0. */
+    /* Of node 0 given 1 in the frame of 1 it would be the covariance with the sigmas added; here
+     * the frame is that of 0. */
     node = cairn_pose_consensus_node(consensus, 0);
     shift = (double)(params.sigma * params.sigma) + 5 * turn;
     x = cos(-0.5);
@@ -272,7 +272,7 @@ static void relaxation_averages(void **state)
 }
 
 /* One false hypothesis outweighs every true one, but three true ones outweigh it. */
-static void many_weak_ones_beat_a_strong_one(void **state)
+static void many_weak_ones_outweigh_a_strong_one(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
     const cairn_pose truth[4] = {{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}};
@@ -294,7 +294,7 @@ static void many_weak_ones_beat_a_strong_one(void **state)
     assert_int_equal(cairn_pose_consensus_is_inlier(consensus, 2), 1);
     assert_int_equal(cairn_pose_consensus_is_inlier(consensus, 6), 0);
 
-    /* What else node 3 could be: given the others, exp(13 - 15) as likely. */
+    /* The alternative of node 3: given the others, exp(13 - 15) as likely. */
     node = cairn_pose_consensus_node(consensus, 3);
     assert_near(node.support, 15, 1e-3);
     assert_true(node.alternatives >= 1);
@@ -310,9 +310,9 @@ static void many_weak_ones_beat_a_strong_one(void **state)
     test_pool_free(&pool);
 }
 
-/* ---- A plain twin: every way to hang five nodes together ---- */
+/* ---- Reference implementation: every spanning tree of five nodes ---- */
 
-struct twin {
+struct reference {
     const struct world *world;
     const cairn_pose_consensus_params *params;
     cairn_pose pose[MAX_NODES];
@@ -320,61 +320,63 @@ struct twin {
     double best;
 };
 
-static double plain_chi(const struct twin *twin, const cairn_pose_consensus_relative_pose *h,
-                        cairn_pose first, cairn_pose second)
+static double plain_chi(const struct reference *reference,
+                        const cairn_pose_consensus_relative_pose *h, cairn_pose first,
+                        cairn_pose second)
 {
     cairn_pose seen = cairn_pose_between(first, second);
     double x = (double)(seen.x - h->first_second.x), y = (double)(seen.y - h->first_second.y);
     double theta = remainder((double)(seen.theta - h->first_second.theta), 6.283185307179586);
-    double turn = (double)(twin->params->sigma_theta * twin->params->sigma_theta);
-    double shift = (double)(twin->params->sigma * twin->params->sigma) +
+    double turn = (double)(reference->params->sigma_theta * reference->params->sigma_theta);
+    double shift = (double)(reference->params->sigma * reference->params->sigma) +
                    turn * (pow((double)h->first_second.x, 2) + pow((double)h->first_second.y, 2));
 
     return (x * x + y * y) / ((double)h->covariance[0] + shift) +
            theta * theta / ((double)h->covariance[8] + turn);
 }
 
-static double plain_total(const struct twin *twin)
+static double plain_total(const struct reference *reference)
 {
     double best[MAX_NODES][MAX_NODES] = {{0}}, total = 0;
 
-    for (int32_t k = 0; k < twin->world->count; k++) {
-        const cairn_pose_consensus_relative_pose *h = &twin->world->hypotheses[k];
-        double share = 1 - plain_chi(twin, h, twin->pose[h->first], twin->pose[h->second]) /
-                               (double)twin->params->max_chi2;
+    for (int32_t k = 0; k < reference->world->count; k++) {
+        const cairn_pose_consensus_relative_pose *h = &reference->world->hypotheses[k];
+        double share =
+            1 - plain_chi(reference, h, reference->pose[h->first], reference->pose[h->second]) /
+                    (double)reference->params->max_chi2;
         int32_t i = h->first < h->second ? h->first : h->second, j = h->first + h->second - i;
 
         best[i][j] = fmax(best[i][j], share * (double)h->score);
     }
-    for (int32_t i = 0; i < twin->world->nodes; i++)
-        for (int32_t j = 0; j < twin->world->nodes; j++)
+    for (int32_t i = 0; i < reference->world->nodes; i++)
+        for (int32_t j = 0; j < reference->world->nodes; j++)
             total += best[i][j];
     return total;
 }
 
-static void hang_rest(struct twin *twin)
+static void attach_rest(struct reference *reference)
 {
     int32_t rest = 0;
 
-    for (int32_t n = 0; n < twin->world->nodes; n++)
-        rest += !twin->placed[n];
+    for (int32_t n = 0; n < reference->world->nodes; n++)
+        rest += !reference->placed[n];
     if (rest == 0) {
-        twin->best = fmax(twin->best, plain_total(twin));
+        reference->best = fmax(reference->best, plain_total(reference));
         return;
     }
-    for (int32_t k = 0; k < twin->world->count; k++) {
-        const cairn_pose_consensus_relative_pose *h = &twin->world->hypotheses[k];
-        int32_t node = twin->placed[h->first] ? h->second : h->first;
+    for (int32_t k = 0; k < reference->world->count; k++) {
+        const cairn_pose_consensus_relative_pose *h = &reference->world->hypotheses[k];
+        int32_t node = reference->placed[h->first] ? h->second : h->first;
 
-        if (twin->placed[h->first] == twin->placed[h->second])
+        if (reference->placed[h->first] == reference->placed[h->second])
             continue;
-        twin->pose[node] =
-            node == h->second
-                ? cairn_pose_compose(twin->pose[h->first], h->first_second)
-                : cairn_pose_compose(twin->pose[h->second], cairn_pose_inverse(h->first_second));
-        twin->placed[node] = 1;
-        hang_rest(twin);
-        twin->placed[node] = 0;
+        reference->pose[node] = node == h->second
+                                    ? cairn_pose_compose(reference->pose[h->first], h->first_second)
+                                    : cairn_pose_compose(reference->pose[h->second],
+                                                         cairn_pose_inverse(h->first_second));
+        reference->placed[node] = 1;
+        attach_rest(reference);
+        reference->placed[node] = 0;
     }
 }
 
@@ -382,7 +384,7 @@ static void nothing_better_is_found_by_trying_all(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
     static struct world world;
-    static struct twin twin;
+    static struct reference reference;
     cairn_pool pool;
     cairn_pose_consensus *consensus = new_consensus(&pool, &params);
 
@@ -393,17 +395,17 @@ static void nothing_better_is_found_by_trying_all(void **state)
         make_world(&world, seed, 5, 20, CAIRN_REAL(0.8), 6);
         load(consensus, &world);
         result = solve(consensus);
-        memset(&twin, 0, sizeof twin);
-        twin.world = &world;
-        twin.params = &params;
-        twin.placed[0] = 1;
-        hang_rest(&twin);
-        assert_true(twin.best > 0);
-        assert_true((double)result.total > 0.98 * twin.best);
+        memset(&reference, 0, sizeof reference);
+        reference.world = &world;
+        reference.params = &params;
+        reference.placed[0] = 1;
+        attach_rest(&reference);
+        assert_true(reference.best > 0);
+        assert_true((double)result.total > 0.98 * reference.best);
         if (result.placed == 5 && result.components == 1) {
             for (int32_t i = 0; i < 5; i++)
-                twin.pose[i] = cairn_pose_consensus_node(consensus, i).map_node;
-            assert_near(plain_total(&twin), result.total, 2e-3 * (double)result.total);
+                reference.pose[i] = cairn_pose_consensus_node(consensus, i).map_node;
+            assert_near(plain_total(&reference), result.total, 2e-3 * (double)result.total);
         }
     }
     test_pool_free(&pool);
@@ -411,7 +413,7 @@ static void nothing_better_is_found_by_trying_all(void **state)
 
 /* ---- Parts ---- */
 
-/* Two triangles without a hypothesis between them, and a node alone. */
+/* Two triangles without a hypothesis between them, and an isolated node. */
 static void load_triangles(cairn_pose_consensus *consensus, const cairn_pose truth[7])
 {
     assert_ok(cairn_pose_consensus_clear(consensus, 8));
@@ -424,7 +426,7 @@ static void load_triangles(cairn_pose_consensus *consensus, const cairn_pose tru
 static const cairn_pose TRIANGLES[7] = {{0, 0, 0},  {2, 0, 1},  {1, 2, 2}, {6, 0, 3},
                                         {8, 0, -2}, {7, 2, -1}, {7, 1, 0}};
 
-static void what_does_not_hang_together_is_parts(void **state)
+static void disconnected_nodes_are_components(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
     cairn_pool pool;
@@ -499,8 +501,8 @@ static void nothing_is_placed_on_weak_evidence(void **state)
 
 /* ---- Ambiguity ---- */
 
-/* A pair of nodes that hangs by one ambiguous link: node by node nothing may move, but both
- * could lie elsewhere. */
+/* A pair of nodes connected by one ambiguous link: node by node nothing moves, but both could lie
+ * elsewhere. */
 static void another_map_is_an_alternative(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
@@ -549,23 +551,23 @@ static void another_map_is_an_alternative(void **state)
 
 /* ---- Blocks ---- */
 
-/* Two nodes hold each other and hang by one strong false hypothesis; two weak true ones outweigh
- * it, but no node alone can go there, and neither can the rest. */
-static void load_pair_gone_astray(cairn_pose_consensus *consensus, const cairn_pose truth[5])
+/* Two nodes confirm each other and are connected by one strong false hypothesis. Two weak true ones
+ * outweigh it, but neither node can move alone. */
+static void load_pair_at_false_place(cairn_pose_consensus *consensus, const cairn_pose truth[5])
 {
-    const cairn_pose astray = {-4, 0, 1};
+    const cairn_pose false_place = {-4, 0, 1};
 
     assert_ok(cairn_pose_consensus_clear(consensus, 5));
     for (int32_t i = 0; i < 3; i++)
         for (int32_t j = i + 1; j < 3; j++)
             add(consensus, i, j, cairn_pose_between(truth[i], truth[j]), 20);
     add(consensus, 3, 4, cairn_pose_between(truth[3], truth[4]), 30);
-    add(consensus, 0, 3, astray, 9);
+    add(consensus, 0, 3, false_place, 9);
     add(consensus, 1, 4, cairn_pose_between(truth[1], truth[4]), 5);
     add(consensus, 2, 3, cairn_pose_between(truth[2], truth[3]), 6);
 }
 
-static void blocks_are_laid_anew(void **state)
+static void blocks_are_allocated_anew(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
     const cairn_pose truth[5] = {{0, 0, 0}, {2, 0, 1}, {1, 2, 2}, {6, 0, 3}, {8, 0, -2}};
@@ -577,7 +579,7 @@ static void blocks_are_laid_anew(void **state)
     params.max_starts = 1;
     params.max_rounds = 0;
     consensus = new_consensus(&pool, &params);
-    load_pair_gone_astray(consensus, truth);
+    load_pair_at_false_place(consensus, truth);
     result = solve(consensus);
     assert_near(result.total, 60 + 30 + 9, 0.1);
     assert_near(result.competing_total, 0, 0);
@@ -585,7 +587,7 @@ static void blocks_are_laid_anew(void **state)
 
     params.max_rounds = 4;
     consensus = new_consensus(&pool, &params);
-    load_pair_gone_astray(consensus, truth);
+    load_pair_at_false_place(consensus, truth);
     result = solve(consensus);
     assert_near(result.total, 60 + 30 + 11, 0.1);
     assert_near(result.competing_total, 60 + 30 + 9, 0.1);
@@ -596,29 +598,29 @@ static void blocks_are_laid_anew(void **state)
     test_pool_free(&pool);
 }
 
-/* A node whose true place each single vote speaks for less than for a false one: what the judge
- * says of all decides. */
-struct jury {
+/* A node whose every single vote supports a false place more than the true one: the sum of
+ * pairwise likelihoods decides. */
+struct pair_truth {
     cairn_pose truth[4];
     cairn_real right;
 };
 
-static cairn_real likes_the_truth(void *context, int32_t first, int32_t second,
-                                  cairn_pose first_second, int32_t *units)
+static cairn_real likelihood_of_truth(void *context, int32_t first, int32_t second,
+                                      cairn_pose first_second, int32_t *units)
 {
-    struct jury *jury = context;
-    cairn_pose seen = cairn_pose_between(jury->truth[first], jury->truth[second]);
+    struct pair_truth *known = context;
+    cairn_pose seen = cairn_pose_between(known->truth[first], known->truth[second]);
 
     *units = 3;
     return hypot((double)(seen.x - first_second.x), (double)(seen.y - first_second.y)) < 0.1
-               ? jury->right
+               ? known->right
                : 0;
 }
 
-static void the_judge_may_say_more_than_a_hypothesis(void **state)
+static void the_likelihood_may_exceed_a_hypothesis(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
-    struct jury jury = {{{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}}, 4};
+    struct pair_truth known = {{{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}}, 4};
     cairn_pool pool;
     cairn_pose_consensus *consensus = NULL;
 
@@ -628,20 +630,20 @@ static void the_judge_may_say_more_than_a_hypothesis(void **state)
     assert_ok(cairn_pose_consensus_clear(consensus, 4));
     for (int32_t i = 0; i < 3; i++)
         for (int32_t j = i + 1; j < 3; j++)
-            add(consensus, i, j, cairn_pose_between(jury.truth[i], jury.truth[j]), 10);
+            add(consensus, i, j, cairn_pose_between(known.truth[i], known.truth[j]), 10);
     add(consensus, 0, 3, (cairn_pose){9, 9, 0}, 7);
-    add(consensus, 1, 3, cairn_pose_between(jury.truth[1], jury.truth[3]), 1);
-    cairn_pose_consensus_set_pair_likelihood(consensus, likes_the_truth, &jury);
+    add(consensus, 1, 3, cairn_pose_between(known.truth[1], known.truth[3]), 1);
+    cairn_pose_consensus_set_pair_likelihood(consensus, likelihood_of_truth, &known);
     assert_near(solve(consensus).total, 30 + 3 * 4, 0.1);
-    assert_pose_near(cairn_pose_consensus_node(consensus, 3).map_node, jury.truth[3], 1e-2, 1e-2);
+    assert_pose_near(cairn_pose_consensus_node(consensus, 3).map_node, known.truth[3], 1e-2, 1e-2);
     assert_near(cairn_pose_consensus_node(consensus, 3).support, 3 * 4, 0.1);
     test_pool_free(&pool);
 }
 
 /* ---- Bounds ---- */
 
-/* Four nodes; the strongest hypotheses of node 3 are wrong in truth. */
-static void load_liar(cairn_pose_consensus *consensus, const cairn_pose truth[4])
+/* Four nodes; the strongest hypotheses of node 3 are false. */
+static void load_false_majority(cairn_pose_consensus *consensus, const cairn_pose truth[4])
 {
     cairn_pose wrong = truth[3];
 
@@ -666,7 +668,7 @@ static void bounds_forbid(void **state)
     cairn_pose first;
 
     (void)state;
-    load_liar(consensus, truth);
+    load_false_majority(consensus, truth);
     assert_int_equal(solve(consensus).components, 1);
     assert_near(cairn_pose_consensus_node(consensus, 3).map_node.x, 1, 0.01);
     for (int32_t i = 0; i < 4; i++) {
@@ -689,7 +691,7 @@ static void bounds_forbid(void **state)
         assert_pose_near(pose, cairn_pose_compose(frame, truth[i]), 0.25, 0.1);
     }
 
-    /* Of a node whose hypotheses all are beyond its bound nothing is left. */
+    /* A node whose hypotheses are all beyond its bound has none left. */
     assert_ok(cairn_pose_consensus_set_bound(consensus, 2, frame, CAIRN_REAL(0.1), 10 * DEGREE));
     assert_int_equal(solve(consensus).components, 2);
     assert_int_equal(cairn_pose_consensus_node(consensus, 2).component, 1);
@@ -697,32 +699,32 @@ static void bounds_forbid(void **state)
     test_pool_free(&pool);
 }
 
-/* ---- The judge ---- */
+/* ---- Pairwise and joint likelihoods ---- */
 
-struct court {
+struct counted_likelihood {
     cairn_pose truth[4];
     int32_t calls;
-    cairn_real wrong; /* evidence for a pose that is not the truth */
+    cairn_real wrong; /* log-likelihood ratio of a pose that is not the truth */
 };
 
-static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose first_second,
-                        int32_t *units)
+static cairn_real pairwise_likelihood(void *context, int32_t first, int32_t second,
+                                      cairn_pose first_second, int32_t *units)
 {
-    struct court *court = context;
-    cairn_pose seen = cairn_pose_between(court->truth[first], court->truth[second]);
+    struct counted_likelihood *likelihood = context;
+    cairn_pose seen = cairn_pose_between(likelihood->truth[first], likelihood->truth[second]);
 
     assert_true(first < second);
-    court->calls++;
+    likelihood->calls++;
     *units = 7;
     return hypot((double)(seen.x - first_second.x), (double)(seen.y - first_second.y)) < 0.1
                ? 1
-               : court->wrong;
+               : likelihood->wrong;
 }
 
-static void a_judge_decides(void **state)
+static void a_pairwise_likelihood_decides(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
-    struct court court = {{{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}}, 0, -2};
+    struct counted_likelihood likelihood = {{{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}}, 0, -2};
     cairn_pool pool;
     cairn_pose_consensus *consensus = new_consensus(&pool, &params);
     cairn_pose_consensus_estimate node;
@@ -733,24 +735,24 @@ static void a_judge_decides(void **state)
     assert_ok(cairn_pose_consensus_clear(consensus, 4));
     for (int32_t i = 0; i < 3; i++)
         for (int32_t j = i + 1; j < 3; j++)
-            add(consensus, i, j, cairn_pose_between(court.truth[i], court.truth[j]), 10);
-    add(consensus, 0, 3, cairn_pose_between(court.truth[0], court.truth[3]), 5);
-    add(consensus, 0, 3, cairn_pose_between(court.truth[0], wrong), 6);
+            add(consensus, i, j, cairn_pose_between(likelihood.truth[i], likelihood.truth[j]), 10);
+    add(consensus, 0, 3, cairn_pose_between(likelihood.truth[0], likelihood.truth[3]), 5);
+    add(consensus, 0, 3, cairn_pose_between(likelihood.truth[0], wrong), 6);
     units = solve(consensus).units;
     node = cairn_pose_consensus_node(consensus, 3);
     assert_near(node.map_node.x, 1, 0.01);
     assert_near(node.support, 6, 0.01);
-    cairn_pose_consensus_set_pair_likelihood(consensus, judge, &court);
+    cairn_pose_consensus_set_pair_likelihood(consensus, pairwise_likelihood, &likelihood);
     assert_true(solve(consensus).units > units);
     node = cairn_pose_consensus_node(consensus, 3);
-    assert_pose_near(node.map_node, court.truth[3], 0.01, 0.01);
-    assert_near(node.support, 7, 0.02); /* two pairs more, for which there is no hypothesis */
+    assert_pose_near(node.map_node, likelihood.truth[3], 0.01, 0.01);
+    assert_near(node.support, 7, 0.02); /* two more pairs, which have no hypothesis */
     assert_int_equal(node.agreeing, 3);
-    assert_true(court.calls > 0);
+    assert_true(likelihood.calls > 0);
     assert_near(cairn_pose_consensus_alternative(consensus, 3, 0).support, 2, 0.02);
 
-    /* A verdict that is not a number counts nothing. */
-    court.wrong = (cairn_real)NAN;
+    /* A NaN counts nothing. */
+    likelihood.wrong = (cairn_real)NAN;
     assert_int_equal(solve(consensus).components, 1);
     assert_near(cairn_pose_consensus_alternative(consensus, 3, 0).support, 6, 0.02);
     cairn_pose_consensus_set_pair_likelihood(consensus, NULL, NULL);
@@ -759,13 +761,13 @@ static void a_judge_decides(void **state)
     test_pool_free(&pool);
 }
 
-/* Says for a node what the judge of the court would say in sum, one nat less for every other
- * node of the part. */
-static cairn_real whole_court(void *context, int32_t node, cairn_pose map_node,
-                              const cairn_pose *map_nodes, const int32_t *parts, int32_t part,
-                              cairn_real *against, int32_t *units)
+/* The joint likelihood of a node: the sum of the pairwise ones, less one nat for every other node
+ * of the part. */
+static cairn_real joint_likelihood(void *context, int32_t node, cairn_pose map_node,
+                                   const cairn_pose *map_nodes, const int32_t *parts, int32_t part,
+                                   cairn_real *against, int32_t *units)
 {
-    struct court *court = context;
+    struct counted_likelihood *likelihood = context;
     cairn_real sum = 0;
 
     assert_true(part >= 0);
@@ -774,22 +776,22 @@ static cairn_real whole_court(void *context, int32_t node, cairn_pose map_node,
 
         if (i == node || parts[i] != part)
             continue;
-        seen = cairn_pose_between(court->truth[i], court->truth[node]);
-        sum +=
-            (hypot((double)(seen.x - found.x), (double)(seen.y - found.y)) < 0.1 ? 4
-                                                                                 : court->wrong) -
-            1;
+        seen = cairn_pose_between(likelihood->truth[i], likelihood->truth[node]);
+        sum += (hypot((double)(seen.x - found.x), (double)(seen.y - found.y)) < 0.1
+                    ? 4
+                    : likelihood->wrong) -
+               1;
     }
-    court->calls++;
+    likelihood->calls++;
     *against = 0;
     *units = 7;
     return sum;
 }
 
-static void a_jury_decides(void **state)
+static void the_joint_likelihood_decides(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
-    struct court court = {{{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}}, 0, -2};
+    struct counted_likelihood likelihood = {{{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}}, 0, -2};
     cairn_pool pool;
     cairn_pose_consensus *consensus = new_consensus(&pool, &params);
     cairn_pose_consensus_estimate node;
@@ -800,43 +802,43 @@ static void a_jury_decides(void **state)
     assert_ok(cairn_pose_consensus_clear(consensus, 4));
     for (int32_t i = 0; i < 3; i++)
         for (int32_t j = i + 1; j < 3; j++)
-            add(consensus, i, j, cairn_pose_between(court.truth[i], court.truth[j]), 10);
-    add(consensus, 0, 3, cairn_pose_between(court.truth[0], court.truth[3]), 5);
-    add(consensus, 0, 3, cairn_pose_between(court.truth[0], wrong), 6);
+            add(consensus, i, j, cairn_pose_between(likelihood.truth[i], likelihood.truth[j]), 10);
+    add(consensus, 0, 3, cairn_pose_between(likelihood.truth[0], likelihood.truth[3]), 5);
+    add(consensus, 0, 3, cairn_pose_between(likelihood.truth[0], wrong), 6);
     units = solve(consensus).units;
-    cairn_pose_consensus_set_joint_likelihood(consensus, whole_court, &court);
+    cairn_pose_consensus_set_joint_likelihood(consensus, joint_likelihood, &likelihood);
     assert_near(cairn_pose_consensus_read(consensus).total, 0, 0);
     assert_true(solve(consensus).units > units);
-    assert_true(court.calls > 0);
+    assert_true(likelihood.calls > 0);
     assert_near(cairn_pose_consensus_read(consensus).total, 18,
-                1e-3); /* four nodes of nine, by pairs: in place of what pairs earn */
+                1e-3); /* four nodes of nine, by pairs, in place of the pairwise sum */
     node = cairn_pose_consensus_node(consensus, 3);
-    assert_pose_near(node.map_node, court.truth[3], 0.01, 0.01);
+    assert_pose_near(node.map_node, likelihood.truth[3], 0.01, 0.01);
     assert_near(node.support, 3 * 3, 1e-3);
     assert_int_equal(node.agreeing, 1);
     assert_int_equal(node.alternatives, 0);
 
-    /* A verdict that is not a number counts nothing: no node has support. */
-    court.wrong = (cairn_real)NAN;
-    court.truth[3].x = 7;
+    /* A NaN counts nothing: no node has support. */
+    likelihood.wrong = (cairn_real)NAN;
+    likelihood.truth[3].x = 7;
     assert_int_equal(solve(consensus).components, 2);
     cairn_pose_consensus_set_joint_likelihood(consensus, NULL, NULL);
     (void)solve(consensus);
     assert_near(cairn_pose_consensus_node(consensus, 3).map_node.x, 1, 0.01);
-    cairn_pose_consensus_set_joint_likelihood(consensus, whole_court, &court);
-    assert_ok(cairn_pose_consensus_clear(consensus, 1)); /* forgets the jury */
-    court.calls = 0;
+    cairn_pose_consensus_set_joint_likelihood(consensus, joint_likelihood, &likelihood);
+    assert_ok(cairn_pose_consensus_clear(consensus, 1)); /* drops the likelihood */
+    likelihood.calls = 0;
     (void)solve(consensus);
-    assert_int_equal(court.calls, 0);
+    assert_int_equal(likelihood.calls, 0);
     test_pool_free(&pool);
 }
 
-/* Node 3 has 22 nats where it lies and `elsewhere` at a pose that is off by `off`, where it
- * contradicts two nodes of six nats each, which costs three each; node 4 hangs by node 3 and by
- * node 0. */
-static cairn_pose_consensus_result solve_doubtful(cairn_pose_consensus *consensus, cairn_pose off,
-                                                  cairn_real elsewhere, cairn_real by_third,
-                                                  cairn_real by_first)
+/* Node 3 has 22 nats at its pose and `elsewhere` at a pose that is off by `off`, where it
+ * contradicts two nodes of six nats each, at a cost of three each; node 4 is connected by node 3
+ * and node 0. */
+static cairn_pose_consensus_result solve_ambiguous(cairn_pose_consensus *consensus, cairn_pose off,
+                                                   cairn_real elsewhere, cairn_real by_third,
+                                                   cairn_real by_first)
 {
     const cairn_pose truth[5] = {{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}, {2, 2, 0}};
 
@@ -851,7 +853,7 @@ static cairn_pose_consensus_result solve_doubtful(cairn_pose_consensus *consensu
     return solve(consensus);
 }
 
-static void what_would_be_believed_elsewhere_is_ambiguous(void **state)
+static void nodes_with_a_competing_pose_are_ambiguous(void **state)
 {
     const cairn_pose far = {CAIRN_REAL(1.2), 0, 0}, near = {CAIRN_REAL(0.8), 0, 0},
                      turned = {0, 0, CAIRN_REAL(0.7)};
@@ -865,31 +867,31 @@ static void what_would_be_believed_elsewhere_is_ambiguous(void **state)
     params.min_ambiguous_weight = CAIRN_REAL(1e-9);
     consensus = new_consensus(&pool, &params);
     /* e^-12 weighs something */
-    assert_int_equal(solve_doubtful(consensus, far, 17, 0.5, 5).ambiguous, 1);
+    assert_int_equal(solve_ambiguous(consensus, far, 17, 0.5, 5).ambiguous, 1);
     test_pool_free(&pool);
     /* of 7.8 nats */
     params.min_ambiguous_weight = CAIRN_REAL(0.0004);
     params.significant_support = 4;
     consensus = new_consensus(&pool, &params);
-    assert_int_equal(solve_doubtful(consensus, far, 15, 0.5, 5).ambiguous, 0);
-    assert_int_equal(solve_doubtful(consensus, near, 17, 0.5, 5).ambiguous, 0);
-    assert_int_equal(solve_doubtful(consensus, turned, 17, 0.5, 5).ambiguous, 1);
-    assert_int_equal(solve_doubtful(consensus, far, 17, 0.5, 5).ambiguous, 1);
+    assert_int_equal(solve_ambiguous(consensus, far, 15, 0.5, 5).ambiguous, 0);
+    assert_int_equal(solve_ambiguous(consensus, near, 17, 0.5, 5).ambiguous, 0);
+    assert_int_equal(solve_ambiguous(consensus, turned, 17, 0.5, 5).ambiguous, 1);
+    assert_int_equal(solve_ambiguous(consensus, far, 17, 0.5, 5).ambiguous, 1);
     assert_int_equal(cairn_pose_consensus_node(consensus, 3).ambiguous, 1);
     assert_int_equal(cairn_pose_consensus_node(consensus, 4).ambiguous, 0);
-    /* Node 4 owes most of its support to node 3. */
-    assert_int_equal(solve_doubtful(consensus, far, 19, 3, 2.5).ambiguous, 2);
+    /* Most of the support of node 4 comes from node 3. */
+    assert_int_equal(solve_ambiguous(consensus, far, 19, 3, 2.5).ambiguous, 2);
     assert_int_equal(cairn_pose_consensus_node(consensus, 4).ambiguous, 1);
     assert_int_equal(cairn_pose_consensus_node(consensus, 0).ambiguous, 0);
     test_pool_free(&pool);
     params.min_ambiguous_weight = CAIRN_REAL(0.003);
     consensus = new_consensus(&pool, &params);
     /* six nats against it are too much */
-    assert_int_equal(solve_doubtful(consensus, far, 17, 0.5, 5).ambiguous, 0);
+    assert_int_equal(solve_ambiguous(consensus, far, 17, 0.5, 5).ambiguous, 0);
     test_pool_free(&pool);
 }
 
-static cairn_pose_consensus_result find_islands(cairn_pose_consensus *consensus, int32_t units)
+static cairn_pose_consensus_result find_submaps(cairn_pose_consensus *consensus, int32_t units)
 {
     cairn_budget budget = {units};
 
@@ -899,8 +901,8 @@ static cairn_pose_consensus_result find_islands(cairn_pose_consensus *consensus,
     return cairn_pose_consensus_read(consensus);
 }
 
-/* Node 4 of solve_doubtful() hangs by what its two pairs say. */
-static void a_node_that_hangs_by_too_little_is_an_island(void **state)
+/* Node 4 of solve_ambiguous() is supported by its two pairs. */
+static void a_node_of_too_little_support_is_a_submap(void **state)
 {
     const cairn_pose near = {CAIRN_REAL(0.8), 0, 0};
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
@@ -915,12 +917,12 @@ static void a_node_that_hangs_by_too_little_is_an_island(void **state)
     params.significant_support = 4;
     consensus = new_consensus(&pool, &params);
     assert_int_equal(cairn_pose_consensus_find_submaps(consensus), CAIRN_EMPTY);
-    before = solve_doubtful(consensus, near, 9, 1.5, 2.25);
+    before = solve_ambiguous(consensus, near, 9, 1.5, 2.25);
     assert_int_equal(before.ambiguous, 0);
     node = cairn_pose_consensus_node(consensus, 4);
     assert_int_equal(node.submap, 0);
     for (int32_t units = 1; units <= 1000; units += 999) {
-        after = find_islands(consensus, units);
+        after = find_submaps(consensus, units);
         assert_true(after.units > before.units);
         before.units = after.units;
         before.ambiguous = 1;
@@ -935,21 +937,21 @@ static void a_node_that_hangs_by_too_little_is_an_island(void **state)
         }
     }
     /* 4.25 nats are enough. */
-    (void)solve_doubtful(consensus, near, 9, 1.75, 2.5);
-    assert_int_equal(find_islands(consensus, 1000).ambiguous, 0);
+    (void)solve_ambiguous(consensus, near, 9, 1.75, 2.5);
+    assert_int_equal(find_submaps(consensus, 1000).ambiguous, 0);
     assert_int_equal(cairn_pose_consensus_node(consensus, 4).submap, 0);
     test_pool_free(&pool);
 
-    params.significant_support = 0; /* not asked */
+    params.significant_support = 0; /* no submaps */
     consensus = new_consensus(&pool, &params);
-    before = solve_doubtful(consensus, near, 9, 1.5, 2.25);
-    after = find_islands(consensus, 1000);
+    before = solve_ambiguous(consensus, near, 9, 1.5, 2.25);
+    after = find_submaps(consensus, 1000);
     assert_memory_equal(&after, &before, sizeof after);
     test_pool_free(&pool);
 }
 
-/* Three groups of nodes that hold together by ten nats a pair; the second hangs at the first by
- * one pair of `second`, the third at the second by one of `third`. */
+/* Three groups of nodes connected by ten nats a pair; the second is linked to the first by one pair
+ * of `second`, the third to the second by one of `third`. */
 static void solve_groups(cairn_pose_consensus *consensus, cairn_real second, cairn_real third)
 {
     const cairn_pose at[9] = {{0, 0, 0}, {3, 0, 1},  {9, 0, 1},  {12, 0, 2}, {12, 3, 3},
@@ -964,7 +966,7 @@ static void solve_groups(cairn_pose_consensus *consensus, cairn_real second, cai
     add(consensus, 1, 2, cairn_pose_between(at[1], at[2]), second);
     add(consensus, 5, 6, cairn_pose_between(at[5], at[6]), third);
     assert_int_equal(solve(consensus).components, 1);
-    (void)find_islands(consensus, 1000);
+    (void)find_submaps(consensus, 1000);
     for (int32_t i = 0; i < 9; i++) {
         assert_pose_near(cairn_pose_consensus_node(consensus, i).map_node, at[i], 0.01, 0.01);
         assert_int_equal(cairn_pose_consensus_node(consensus, i).component, 0);
@@ -973,7 +975,7 @@ static void solve_groups(cairn_pose_consensus *consensus, cairn_real second, cai
     }
 }
 
-static void assert_islands(const cairn_pose_consensus *consensus, int32_t first, int32_t second,
+static void assert_submaps(const cairn_pose_consensus *consensus, int32_t first, int32_t second,
                            int32_t third)
 {
     assert_int_equal(cairn_pose_consensus_node(consensus, 0).submap, first);
@@ -984,9 +986,9 @@ static void assert_islands(const cairn_pose_consensus *consensus, int32_t first,
         assert_int_equal(cairn_pose_consensus_node(consensus, i).submap, third);
 }
 
-/* Several nodes need four times as much as one, as they see by chance in several ways what they
- * share. */
-static void blocks_that_hang_by_too_little_are_islands(void **state)
+/* Several nodes need four times as much as one, because by chance they share views in several
+ * ways. */
+static void groups_of_too_little_support_are_submaps(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
     cairn_pool pool;
@@ -996,21 +998,21 @@ static void blocks_that_hang_by_too_little_are_islands(void **state)
     params.significant_support = CAIRN_REAL(2.25); /* nine nats for several */
     consensus = new_consensus(&pool, &params);
     solve_groups(consensus, 9.5, 9.5);
-    assert_islands(consensus, 0, 0, 0);
+    assert_submaps(consensus, 0, 0, 0);
     solve_groups(consensus, 9.5, 8.5);
-    assert_islands(consensus, 0, 0, 1);
+    assert_submaps(consensus, 0, 0, 1);
     solve_groups(consensus, 8.5, 9.5);
-    assert_islands(consensus, 1, 0, 0);
+    assert_submaps(consensus, 1, 0, 0);
     solve_groups(consensus, 8.5, 8.25);
-    assert_islands(consensus, 2, 0, 1); /* by their sizes */
+    assert_submaps(consensus, 2, 0, 1); /* by their sizes */
     test_pool_free(&pool);
 }
 
-/* Two parts, each of islands of three, three and two nodes, and a node that nothing places:
- * islands are numbered within their part, of equal ones that of the lower node first. */
-static void islands_are_numbered_within_their_parts(void **state)
+/* Two parts, each of submaps of three, three and two nodes, and a node that nothing places. Submaps
+ * are numbered within their part, among equal ones by the lowest node. */
+static void submaps_are_numbered_within_their_components(void **state)
 {
-    static const int32_t island[17] = {2, 2, 0, 0, 0, 1, 1, 1, 2, 2, 0, 0, 0, 1, 1, 1, 0};
+    static const int32_t submap_of[17] = {2, 2, 0, 0, 0, 1, 1, 1, 2, 2, 0, 0, 0, 1, 1, 1, 0};
     static const int32_t group[8] = {0, 0, 1, 1, 1, 2, 2, 2};
     const cairn_pose at[8] = {{0, 0, 0},  {3, 0, 1},  {9, 0, 1},  {12, 0, 2},
                               {12, 3, 3}, {20, 0, 0}, {20, 3, 1}, {23, 2, 2}};
@@ -1034,20 +1036,20 @@ static void islands_are_numbered_within_their_parts(void **state)
     }
     assert_int_equal(solve(consensus).components, 3);
     for (int32_t units = 1; units <= 1000; units += 999) {
-        result = find_islands(consensus, units);
+        result = find_submaps(consensus, units);
         for (int32_t i = 0; i < 17; i++) {
             cairn_pose_consensus_estimate node = cairn_pose_consensus_node(consensus, i);
 
             assert_int_equal(node.component, i / 8);
-            assert_int_equal(node.submap, island[i]);
-            assert_int_equal(node.ambiguous, island[i] > 0);
+            assert_int_equal(node.submap, submap_of[i]);
+            assert_int_equal(node.ambiguous, submap_of[i] > 0);
         }
         assert_int_equal(result.ambiguous, 10);
     }
     test_pool_free(&pool);
 }
 
-static void contradictions_cost(void **state)
+static void free_space_violations_cost(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
     const cairn_pose truth[3] = {{0, 0, 0}, {3, 0, 1}, {3, 3, 2}};
@@ -1073,7 +1075,7 @@ static void contradictions_cost(void **state)
 
 /* ---- Golden results ---- */
 
-/* All that is told. */
+/* All that is reported. */
 static uint64_t hash_of(const cairn_pose_consensus *consensus, int32_t hypotheses)
 {
     cairn_pose_consensus_result r = cairn_pose_consensus_read(consensus);
@@ -1106,9 +1108,9 @@ static uint64_t hash_of(const cairn_pose_consensus *consensus, int32_t hypothese
     return hash;
 }
 
-/* For poses that bring the nodes near, against others. */
-static cairn_real likes_them_near(void *context, int32_t first, int32_t second,
-                                  cairn_pose first_second, int32_t *units)
+/* Poses that bring the nodes close, against others. */
+static cairn_real likelihood_of_proximity(void *context, int32_t first, int32_t second,
+                                          cairn_pose first_second, int32_t *units)
 {
     cairn_real square = first_second.x * first_second.x + first_second.y * first_second.y;
 
@@ -1123,7 +1125,7 @@ struct scene {
     double reach, known;
     int32_t starts, rounds, candidates, alternatives;
     double contradiction;
-    int32_t bounded; /* nodes that are bounded about their true poses; with a judge, too */
+    int32_t bounded; /* nodes bounded about their true poses; with a joint likelihood, too */
     uint64_t in_double, in_float;
 };
 
@@ -1148,7 +1150,7 @@ static uint64_t hash_of_scene(const struct scene *scene)
         assert_ok(cairn_pose_consensus_set_bound(consensus, i, world.truth[i], CAIRN_REAL(0.5),
                                                  CAIRN_REAL(0.4)));
     if (scene->bounded > 0)
-        cairn_pose_consensus_set_pair_likelihood(consensus, likes_them_near, NULL);
+        cairn_pose_consensus_set_pair_likelihood(consensus, likelihood_of_proximity, NULL);
     (void)solve(consensus);
     hash = hash_of(consensus, world.count);
     test_pool_free(&pool);
@@ -1175,8 +1177,8 @@ static void results_stay_as_they_are(void **state)
         assert_golden(hash_of_scene(&scenes[k]), scenes[k].in_double, scenes[k].in_float);
 }
 
-/* Nodes on a grid without a turn, with scores that are whole numbers, hypotheses twice and
- * bounds a metre wide: many of the choices are between equals, and much lies on the very limits. */
+/* Nodes on a grid without rotation, with integer scores, doubled hypotheses and bounds of a metre:
+ * many choices are between equals, and many values equal the limits. */
 static uint64_t hash_of_ties(uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 2);
@@ -1215,7 +1217,7 @@ static uint64_t hash_of_ties(uint64_t seed)
             assert_ok(cairn_pose_consensus_set_bound(consensus, i, centre, 1, CAIRN_REAL(0.5)));
         }
         if (k % 4 == 1)
-            cairn_pose_consensus_set_pair_likelihood(consensus, likes_them_near, NULL);
+            cairn_pose_consensus_set_pair_likelihood(consensus, likelihood_of_proximity, NULL);
         (void)solve(consensus);
         hash = test_hash(hash, &nodes, sizeof nodes) ^ hash_of(consensus, count);
         test_pool_free(&pool);
@@ -1288,7 +1290,7 @@ static cairn_status step_world(void *context, cairn_budget *budget)
     return cairn_pose_consensus_step(context, budget);
 }
 
-static uint64_t tell_world(void *context)
+static uint64_t hash_world(void *context)
 {
     return hash_of(context, half_done_world.count);
 }
@@ -1298,7 +1300,7 @@ static void begins_anew(void **state)
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
     cairn_pool pool;
     cairn_pose_consensus *consensus = new_consensus(&pool, &params);
-    test_stepped object = {begin_world, step_world, tell_world, consensus};
+    test_stepped object = {begin_world, step_world, hash_world, consensus};
 
     (void)state;
     make_world(&half_done_world, 36, 8, 4, CAIRN_REAL(0.6), 30);
@@ -1477,7 +1479,7 @@ static void bad_hypotheses_are_refused(void **state)
     assert_int_equal(cairn_pose_consensus_node(consensus, 3).agreeing, 0);
     assert_int_equal(cairn_pose_consensus_node(consensus, -1).agreeing, 0);
 
-    /* A change ends what was found. */
+    /* A change invalidates the result. */
     pose.x = 0;
     assert_ok(cairn_pose_consensus_set_bound(consensus, 0, pose, 1, 1));
     assert_int_equal(cairn_pose_consensus_read(consensus).placed, 0);
@@ -1496,22 +1498,22 @@ int main(void)
         cmocka_unit_test(two_nodes),
         cmocka_unit_test(most_hypotheses_are_wrong),
         cmocka_unit_test(relaxation_averages),
-        cmocka_unit_test(many_weak_ones_beat_a_strong_one),
+        cmocka_unit_test(many_weak_ones_outweigh_a_strong_one),
         cmocka_unit_test(nothing_better_is_found_by_trying_all),
-        cmocka_unit_test(what_does_not_hang_together_is_parts),
+        cmocka_unit_test(disconnected_nodes_are_components),
         cmocka_unit_test(parts_are_joined_as_wholes),
         cmocka_unit_test(nothing_is_placed_on_weak_evidence),
         cmocka_unit_test(another_map_is_an_alternative),
-        cmocka_unit_test(blocks_are_laid_anew),
-        cmocka_unit_test(the_judge_may_say_more_than_a_hypothesis),
+        cmocka_unit_test(blocks_are_allocated_anew),
+        cmocka_unit_test(the_likelihood_may_exceed_a_hypothesis),
         cmocka_unit_test(bounds_forbid),
-        cmocka_unit_test(a_judge_decides),
-        cmocka_unit_test(a_jury_decides),
-        cmocka_unit_test(what_would_be_believed_elsewhere_is_ambiguous),
-        cmocka_unit_test(a_node_that_hangs_by_too_little_is_an_island),
-        cmocka_unit_test(blocks_that_hang_by_too_little_are_islands),
-        cmocka_unit_test(islands_are_numbered_within_their_parts),
-        cmocka_unit_test(contradictions_cost),
+        cmocka_unit_test(a_pairwise_likelihood_decides),
+        cmocka_unit_test(the_joint_likelihood_decides),
+        cmocka_unit_test(nodes_with_a_competing_pose_are_ambiguous),
+        cmocka_unit_test(a_node_of_too_little_support_is_a_submap),
+        cmocka_unit_test(groups_of_too_little_support_are_submaps),
+        cmocka_unit_test(submaps_are_numbered_within_their_components),
+        cmocka_unit_test(free_space_violations_cost),
         cmocka_unit_test(the_result_does_not_depend_on_budgets),
         cmocka_unit_test(begins_anew),
         cmocka_unit_test(memory_is_exact),

@@ -1,5 +1,5 @@
-/* Pose graphs against plain derivatives: minima by numeric gradients, covariances by a dense
- * inverse; starts, kernels, fixed poses, pieces; refusals and budgets. */
+/* Pose graphs: minima compared with numeric gradients, covariances with a dense inverse; starts,
+ * kernels, fixed poses, components; refusals and budgets. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -47,7 +47,7 @@ static void measure(struct problem *p, int32_t a, int32_t b, double noise, cairn
     m->information.yz = cairn_random_uniform(random, -60, 60);
 }
 
-/* A robot that goes through a grid row by row, there and back, and sees the row below. */
+/* A robot that traverses a grid row by row, there and back, and sees the row below. */
 static struct problem a_problem(uint64_t seed, double noise)
 {
     cairn_random random = cairn_random_seed(seed, 0);
@@ -97,19 +97,19 @@ static struct made make_graph(const struct problem *p, const cairn_pose_graph_pa
     for (int32_t i = 0; i < p->poses; i++)
         assert_ok(cairn_pose_graph_add_pose(made.graph, p->guess[i]));
     for (int32_t l = 0; l < p->links; l++) {
-        cairn_sym3 information, asked = p->link[l].information;
+        cairn_sym3 information, given = p->link[l].information;
         cairn_pose z;
 
         assert_ok(cairn_pose_graph_add_link(made.graph, p->link[l].first, p->link[l].second,
-                                            p->link[l].z, asked));
+                                            p->link[l].z, given));
         z = cairn_pose_graph_measurement(made.graph, l, &information);
         assert_memory_equal(&z, &p->link[l].z, sizeof z);
-        assert_near(information.xx, asked.xx, 1e-5 * (double)asked.xx);
-        assert_near(information.xy, asked.xy, 1e-5 * (double)asked.xx);
-        assert_near(information.xz, asked.xz, 1e-5 * (double)asked.xx);
-        assert_near(information.yy, asked.yy, 1e-5 * (double)asked.yy);
-        assert_near(information.yz, asked.yz, 1e-5 * (double)asked.yy);
-        assert_near(information.zz, asked.zz, 1e-5 * (double)asked.zz);
+        assert_near(information.xx, given.xx, 1e-5 * (double)given.xx);
+        assert_near(information.xy, given.xy, 1e-5 * (double)given.xx);
+        assert_near(information.xz, given.xz, 1e-5 * (double)given.xx);
+        assert_near(information.yy, given.yy, 1e-5 * (double)given.yy);
+        assert_near(information.yz, given.yz, 1e-5 * (double)given.yy);
+        assert_near(information.zz, given.zz, 1e-5 * (double)given.zz);
     }
     return made;
 }
@@ -134,15 +134,15 @@ static cairn_pose_graph_state solve(cairn_pose_graph *graph)
     return cairn_pose_graph_read(graph);
 }
 
-/* ---- The twin ---- */
+/* ---- The reference implementation ---- */
 
-struct twin {
+struct reference {
     double x[POSES][3];
 };
 
-static struct twin twin_of(const cairn_pose_graph *graph, int32_t poses)
+static struct reference reference_of(const cairn_pose_graph *graph, int32_t poses)
 {
-    struct twin t;
+    struct reference t;
 
     memset(&t, 0, sizeof t);
     for (int32_t i = 0; i < poses; i++) {
@@ -156,7 +156,7 @@ static struct twin twin_of(const cairn_pose_graph *graph, int32_t poses)
 }
 
 /* z^-1 (a^-1 b) as in g2o. */
-static void twin_error(const struct twin *t, const struct measurement *m, double e[3])
+static void reference_error(const struct reference *t, const struct measurement *m, double e[3])
 {
     const double *a = t->x[m->first], *b = t->x[m->second];
     double dx = b[0] - a[0], dy = b[1] - a[1], c = cos(a[2]), s = sin(a[2]);
@@ -168,7 +168,7 @@ static void twin_error(const struct twin *t, const struct measurement *m, double
     e[2] = remainder(b[2] - a[2] - (double)m->z.theta, 2 * 3.14159265358979323846);
 }
 
-static void twin_information(const struct measurement *m, double w[3][3])
+static void reference_information(const struct measurement *m, double w[3][3])
 {
     w[0][0] = (double)m->information.xx;
     w[1][1] = (double)m->information.yy;
@@ -178,18 +178,18 @@ static void twin_information(const struct measurement *m, double w[3][3])
     w[1][2] = w[2][1] = (double)m->information.yz;
 }
 
-static double twin_chi2(const struct twin *t, const struct measurement *m)
+static double reference_chi2(const struct reference *t, const struct measurement *m)
 {
     double e[3], w[3][3], sum = 0;
 
-    twin_error(t, m, e);
-    twin_information(m, w);
+    reference_error(t, m, e);
+    reference_information(m, w);
     for (int k = 0; k < 9; k++)
         sum += e[k / 3] * w[k / 3][k % 3] * e[k % 3];
     return sum;
 }
 
-static double twin_rho(cairn_pose_graph_kernel kernel, double c, double s)
+static double reference_rho(cairn_pose_graph_kernel kernel, double c, double s)
 {
     double c2 = c * c;
 
@@ -207,33 +207,33 @@ static double twin_rho(cairn_pose_graph_kernel kernel, double c, double s)
     }
 }
 
-static double twin_cost(const struct twin *t, const struct problem *p,
-                        const cairn_pose_graph_params *params)
+static double reference_cost(const struct reference *t, const struct problem *p,
+                             const cairn_pose_graph_params *params)
 {
     double sum = 0;
 
     for (int32_t l = 0; l < p->links; l++)
-        sum += twin_rho(params->kernel, (double)params->kernel_width, twin_chi2(t, &p->link[l]));
+        sum += reference_rho(params->kernel, (double)params->kernel_width,
+                             reference_chi2(t, &p->link[l]));
     return sum;
 }
 
-/* The gradient vanishes at all poses but the fixed ones: compared with what one link alone
- * pulls. */
+/* The gradient vanishes at all free poses, compared with the gradient of a single link. */
 static void assert_minimum(const struct made *made, const struct problem *p,
                            const cairn_pose_graph_params *params, const int32_t *fixed)
 {
-    struct twin t = twin_of(made->graph, p->poses);
+    struct reference t = reference_of(made->graph, p->poses);
     double h = NUMBER(1e-5, 1e-3);
 
     for (int32_t i = 0; i < 3 * p->poses; i++) {
-        struct twin up = t, down = t;
+        struct reference up = t, down = t;
 
         if (fixed[i / 3])
             continue;
         up.x[i / 3][i % 3] += h;
         down.x[i / 3][i % 3] -= h;
-        assert_near((twin_cost(&up, p, params) - twin_cost(&down, p, params)) / (2 * h), 0,
-                    NUMBER(2e-2, 3));
+        assert_near((reference_cost(&up, p, params) - reference_cost(&down, p, params)) / (2 * h),
+                    0, NUMBER(2e-2, 3));
     }
 }
 
@@ -243,13 +243,13 @@ static void assert_state(const struct made *made, const struct problem *p,
                          const cairn_pose_graph_params *params)
 {
     cairn_pose_graph_state state = cairn_pose_graph_read(made->graph);
-    struct twin t = twin_of(made->graph, p->poses);
+    struct reference t = reference_of(made->graph, p->poses);
     double chi2 = 0;
     int32_t outliers = 0;
 
     for (int32_t l = 0; l < p->links; l++) {
         cairn_pose_graph_link link = cairn_pose_graph_link_of(made->graph, l);
-        double s = twin_chi2(&t, &p->link[l]), c = (double)params->kernel_width,
+        double s = reference_chi2(&t, &p->link[l]), c = (double)params->kernel_width,
                step = 1e-6 * (s + 1);
 
         chi2 += s;
@@ -258,12 +258,14 @@ static void assert_state(const struct made *made, const struct problem *p,
         assert_int_equal(link.second, p->link[l].second);
         assert_int_equal(link.is_outlier, s > (double)params->max_chi2);
         assert_near(link.chi2, s, NUMBER(1e-8, 2e-2) * (1 + s));
-        assert_near(link.weight,
-                    (twin_rho(params->kernel, c, s + step) - twin_rho(params->kernel, c, s)) / step,
-                    NUMBER(1e-4, 1e-2));
+        assert_near(
+            link.weight,
+            (reference_rho(params->kernel, c, s + step) - reference_rho(params->kernel, c, s)) /
+                step,
+            NUMBER(1e-4, 1e-2));
     }
     assert_near(state.chi2, chi2, NUMBER(1e-9, 1e-2) * (1 + chi2));
-    assert_near(state.cost, twin_cost(&t, p, params), NUMBER(1e-9, 1e-2) * (1 + chi2));
+    assert_near(state.cost, reference_cost(&t, p, params), NUMBER(1e-9, 1e-2) * (1 + chi2));
     assert_int_equal(state.outliers, outliers);
     assert_int_equal(state.poses, p->poses);
     assert_int_equal(state.links, p->links);
@@ -331,7 +333,7 @@ static void chordal_start_needs_no_guess(void **state)
     test_pool_free(&made.pool);
 }
 
-/* The chordal start is bad with outliers; BEST takes the given one then, and the kernel names
+/* With outliers the chordal start is bad: BEST takes the given one, and the kernel identifies
  * them. */
 static void outliers_are_named(void **state)
 {
@@ -357,7 +359,7 @@ static void outliers_are_named(void **state)
         assert_int_equal(cairn_pose_graph_link_of(made.graph, l).is_outlier, l >= good);
     assert_minimum(&made, &p, &params, FIRST_FIXED);
 
-    /* Without them: least squares of the others. */
+    /* Without the outliers: least squares of the others. */
     for (int32_t l = good; l < p.links; l++)
         assert_ok(cairn_pose_graph_exclude_link(made.graph, l, 1));
     assert_ok(cairn_pose_graph_set_kernel(made.graph, CAIRN_POSE_GRAPH_SQUARE, 1));
@@ -369,14 +371,16 @@ static void outliers_are_named(void **state)
     params.kernel = CAIRN_POSE_GRAPH_SQUARE;
     p.links = good;
     assert_minimum(&made, &p, &params, FIRST_FIXED);
-    assert_near(s.chi2, twin_cost(&(struct twin[]){twin_of(made.graph, POSES)}[0], &p, &params),
-                NUMBER(1e-6, 1));
+    assert_near(
+        s.chi2,
+        reference_cost(&(struct reference[]){reference_of(made.graph, POSES)}[0], &p, &params),
+        NUMBER(1e-6, 1));
     assert_ok(cairn_pose_graph_exclude_link(made.graph, good, 0));
     assert_true(solve(made.graph).chi2 > 10 * s.chi2);
     test_pool_free(&made.pool);
 }
 
-/* Graduated: a chain that drifts agrees with itself, and the kernel alone keeps it and takes the
+/* Graduated: a drifting chain is consistent with itself; the kernel alone keeps it and takes the
  * rows' links for outliers. */
 static void graduated_widens_the_reach(void **state)
 {
@@ -448,7 +452,8 @@ static void fixed_poses_stay(void **state)
 /* ---- Covariances ---- */
 
 /* The inverse of J^T Omega J of numeric derivatives, without the first pose. */
-static void dense_covariance(const struct twin *t, const struct problem *p, double (*inverse)[ROWS])
+static void dense_covariance(const struct reference *t, const struct problem *p,
+                             double (*inverse)[ROWS])
 {
     static double h[ROWS][2 * ROWS];
     int32_t n = 3 * p->poses - 3;
@@ -458,16 +463,16 @@ static void dense_covariance(const struct twin *t, const struct problem *p, doub
         const struct measurement *m = &p->link[l];
         double w[3][3], j[6][3];
 
-        twin_information(m, w);
+        reference_information(m, w);
         for (int k = 0; k < 6; k++) {
-            struct twin up = *t, down = *t;
+            struct reference up = *t, down = *t;
             int32_t pose = k < 3 ? m->first : m->second;
             double plus[3], minus[3];
 
             up.x[pose][k % 3] += 1e-6;
             down.x[pose][k % 3] -= 1e-6;
-            twin_error(&up, m, plus);
-            twin_error(&down, m, minus);
+            reference_error(&up, m, plus);
+            reference_error(&down, m, minus);
             for (int r = 0; r < 3; r++)
                 j[k][r] = (plus[r] - minus[r]) / 2e-6;
         }
@@ -504,7 +509,7 @@ static void covariances_are_those_of_the_dense_inverse(void **state)
     struct problem p = a_problem(6, 0.03);
     cairn_pose_graph_params params = small_params();
     struct made made = make_graph(&p, &params, NULL);
-    struct twin t;
+    struct reference t;
     cairn_real block[9];
     int32_t unsupported = 0;
 
@@ -516,7 +521,7 @@ static void covariances_are_those_of_the_dense_inverse(void **state)
     assert_status(cairn_pose_graph_marginals(made.graph), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_pose_graph_covariance(made.graph, 1, 1, block), CAIRN_EMPTY);
     assert_ok(run(made.graph, 10));
-    t = twin_of(made.graph, POSES);
+    t = reference_of(made.graph, POSES);
     dense_covariance(&t, &p, inverse);
     for (int32_t i = 1; i < POSES; i++)
         for (int32_t j = 1; j < POSES; j++) {
@@ -535,16 +540,16 @@ static void covariances_are_those_of_the_dense_inverse(void **state)
     for (int32_t l = 0; l < p.links; l++)
         assert_ok(
             cairn_pose_graph_covariance(made.graph, p.link[l].first, p.link[l].second, block));
-    /* Gone with the first change. */
+    /* Invalid after the first change. */
     assert_ok(cairn_pose_graph_set_pose(made.graph, 4, p.truth[4]));
     assert_status(cairn_pose_graph_covariance(made.graph, 1, 1, block), CAIRN_EMPTY);
     assert_status(cairn_pose_graph_marginals(made.graph), CAIRN_BAD_ARGUMENT);
     test_pool_free(&made.pool);
 }
 
-/* ---- Pieces, capacities, a solver of one's own ---- */
+/* ---- Components, capacities, a custom solver ---- */
 
-/* Covariances stand from the end of marginals() to the next solve() or marginals(). */
+/* Covariances are valid from the end of marginals() to the next solve() or marginals(). */
 static void covariances_are_of_the_last_poses(void **state)
 {
     struct problem p = a_problem(13, 0.05);
@@ -578,7 +583,7 @@ static void covariances_are_of_the_last_poses(void **state)
     test_pool_free(&made.pool);
 }
 
-static void pieces_are_told(void **state)
+static void components_are_counted(void **state)
 {
     struct problem p = a_problem(7, 0.05);
     cairn_pose_graph_params params = small_params();
@@ -594,7 +599,7 @@ static void pieces_are_told(void **state)
     assert_status(cairn_pose_graph_marginals(made.graph), CAIRN_BAD_ARGUMENT);
     for (int32_t i = 13; i < POSES; i++)
         assert_ok(cairn_pose_graph_fix(made.graph, i, 1));
-    s = solve(made.graph); /* a fixed pose somewhere takes the right of the first */
+    s = solve(made.graph); /* a fixed pose elsewhere frees the first */
     assert_int_equal(s.pose, 0);
     assert_ok(cairn_pose_graph_fix(made.graph, 5, 1));
     s = solve(made.graph);
@@ -606,7 +611,7 @@ static void pieces_are_told(void **state)
     test_pool_free(&made.pool);
 }
 
-static void too_much_fill_is_told(void **state)
+static void too_much_fill_is_reported(void **state)
 {
     struct problem p = a_problem(8, 0.05);
     cairn_pose_graph_params params = small_params();
@@ -648,9 +653,9 @@ static int graphs_are_equal(const cairn_pose_graph *a, const cairn_pose_graph *b
     return memcmp(&s, &t, sizeof s) == 0;
 }
 
-/* A graph that has no room for a factor takes it when it knows how much, and goes on to the same
- * bits; not before, not for another graph, not beside a solver of the user's own. */
-static void room_is_taken_when_the_fill_is_known(void **state)
+/* A graph without memory for a factor takes it once the size is known, and continues to the same
+ * bits; not before, not for another graph, not beside a custom solver. */
+static void memory_is_taken_when_the_fill_is_known(void **state)
 {
     struct problem p = a_problem(8, 0.05);
     cairn_pose_graph_params params = small_params();
@@ -708,10 +713,10 @@ static void room_is_taken_when_the_fill_is_known(void **state)
     test_pool_free(&whole.pool);
 }
 
-/* A solver around the built-in one that counts, and refuses on demand. */
+/* A wrapper of the built-in solver that counts, and fails on demand. */
 static struct {
     cairn_pose_graph_solver inner;
-    int32_t refuse_from; /* factors from this one on are not positive; -1: none */
+    int32_t refuse_from; /* factors from this one on are not positive definite; -1: none */
     int32_t factors;
 } outer;
 
@@ -755,7 +760,7 @@ static void a_solver_of_ones_own(void **state)
     mine = make_graph(&p, &params, &face);
     t = solve(mine.graph);
     assert_memory_equal(&s, &t, sizeof s);
-    /* headings, poses about them, and one that served all steps */
+    /* headings, poses about them, and one that was reused for all steps */
     assert_int_equal(outer.factors, 3);
     assert_true(t.iterations > NUMBER(1, 0));
     for (int32_t i = 0; i < POSES; i++) {
@@ -777,9 +782,9 @@ static void a_solver_of_ones_own(void **state)
     t = solve(mine.graph);
     assert_int_equal(t.verdict, CAIRN_POSE_GRAPH_SINGULAR);
     assert_int_equal(t.pose, 11);
-    assert_in_range(outer.factors, NUMBER(8, 7), NUMBER(8, 7)); /* more and more damping first */
+    assert_in_range(outer.factors, NUMBER(8, 7), NUMBER(8, 7)); /* increasing damping first */
     assert_status(cairn_pose_graph_marginals(mine.graph), CAIRN_BAD_ARGUMENT);
-    outer.factors = 0; /* headings: then from the poses as they are */
+    outer.factors = 0; /* headings: then from the current poses */
     outer.refuse_from = 0;
     t = solve(mine.graph);
     assert_int_equal(t.verdict, CAIRN_POSE_GRAPH_SINGULAR);
@@ -801,8 +806,8 @@ static cairn_pose disturbed(cairn_pose pose, cairn_real sigma, cairn_random *ran
     return pose;
 }
 
-/* Streets up and down, linked with the street beside every fourth metre: large parts turn at
- * little cost. */
+/* Streets in both directions, linked with the parallel street every fourth metre: large parts turn
+ * at little cost. */
 static void add_streets(cairn_pose_graph *graph, cairn_real sigma, uint64_t seed)
 {
     const cairn_sym3 information = {100, 0, 0, 100, 0, 400};
@@ -835,9 +840,9 @@ static void add_streets(cairn_pose_graph *graph, cairn_real sigma, uint64_t seed
     }
 }
 
-/* Steps that bend such a graph make the cost higher by their second order: it is solved with few
- * factors all the same, with as many steps as known, and to the same minimum as with a factor
- * for every step. */
+/* Steps that bend such a graph raise the cost by their second order. It is solved with few factors
+ * all the same, in the known number of steps, and to the same minimum as with a factor for every
+ * step. */
 static void weak_motions_take_few_factors(void **state)
 {
     static const struct {
@@ -887,14 +892,13 @@ static void weak_motions_take_few_factors(void **state)
 
 /* ---- Old factors ---- */
 
-/* A solver around the built-in one whose factor, when it serves again, promises what is not
- * there: it moves only that coordinate on which the graph pulls least, and so far that the slope
- * is 1. */
+/* A wrapper of the built-in solver whose reused factor promises a false descent: it moves only the
+ * coordinate of the smallest gradient, so far that the slope is 1. */
 static struct {
     cairn_pose_graph_solver inner;
     int32_t solves; /* since the last factor */
     int32_t spoiled, least;
-    cairn_real pull;
+    cairn_real least_gradient;
 } stale;
 
 static cairn_status stale_factor(void *context)
@@ -905,10 +909,11 @@ static cairn_status stale_factor(void *context)
 
 static cairn_status stale_solve(void *context, const cairn_real *b)
 {
-    stale.pull = 0;
+    stale.least_gradient = 0;
     for (int32_t k = 0; k < 3 * POSES; k++)
-        if (b[k] != 0 && (stale.pull == 0 || cairn_abs(b[k]) < cairn_abs(stale.pull))) {
-            stale.pull = b[k];
+        if (b[k] != 0 &&
+            (stale.least_gradient == 0 || cairn_abs(b[k]) < cairn_abs(stale.least_gradient))) {
+            stale.least_gradient = b[k];
             stale.least = k;
         }
     stale.solves++;
@@ -922,12 +927,12 @@ static cairn_status stale_solution(const void *context, int32_t pose, cairn_real
         return stale.inner.solution(context, pose, x);
     x[0] = x[1] = x[2] = 0;
     if (stale.least / 3 == pose)
-        x[stale.least % 3] = 1 / stale.pull;
+        x[stale.least % 3] = 1 / stale.least_gradient;
     return CAIRN_OK;
 }
 
-/* A step that hardly changes the cost is no rest when an old factor made it: a new one goes on
- * to the minimum. */
+/* A step that hardly changes the cost is not convergence when an old factor made it: a new factor
+ * continues to the minimum. */
 static void old_factors_do_not_end_it(void **state)
 {
     struct problem p = a_problem(9, 0.2);
@@ -1256,9 +1261,9 @@ static void refused_graphs(void **state)
     test_pool_free(&pool);
 }
 
-/* Links and poses that are taken away or changed leave the graph that has always been without
- * them, or with them so. */
-static void what_goes_leaves_no_trace(void **state)
+/* A graph from which links and poses were removed, or in which they were changed, equals one built
+ * that way. */
+static void removed_scans_leave_no_trace(void **state)
 {
     static struct problem p, without;
     cairn_pose_graph_params params = small_params();
@@ -1274,7 +1279,7 @@ static void what_goes_leaves_no_trace(void **state)
         without.links = 0;
         for (int32_t i = gone; i < POSES - 1; i++)
             without.guess[i] = p.guess[i + 1];
-        p.link[3].first = 20; /* it is given other ends later */
+        p.link[3].first = 20; /* it gets other ends later */
         p.link[3].second = 5;
         for (int32_t l = 0; l < p.links; l++) {
             struct measurement m = p.link[l];
@@ -1329,7 +1334,7 @@ static void what_goes_leaves_no_trace(void **state)
     }
 }
 
-static void overflow_is_told(void **state)
+static void overflow_is_reported(void **state)
 {
     const cairn_sym3 one = {1, 0, 0, 1, 0, 1};
     cairn_pose_graph_params params = small_params();
@@ -1370,9 +1375,9 @@ int main(void)
         cmocka_unit_test(fixed_poses_stay),
         cmocka_unit_test(covariances_are_those_of_the_dense_inverse),
         cmocka_unit_test(covariances_are_of_the_last_poses),
-        cmocka_unit_test(pieces_are_told),
-        cmocka_unit_test(too_much_fill_is_told),
-        cmocka_unit_test(room_is_taken_when_the_fill_is_known),
+        cmocka_unit_test(components_are_counted),
+        cmocka_unit_test(too_much_fill_is_reported),
+        cmocka_unit_test(memory_is_taken_when_the_fill_is_known),
         cmocka_unit_test(a_solver_of_ones_own),
         cmocka_unit_test(weak_motions_take_few_factors),
         cmocka_unit_test(old_factors_do_not_end_it),
@@ -1381,8 +1386,8 @@ int main(void)
         cmocka_unit_test(refused_params),
         cmocka_unit_test(every_pool_size),
         cmocka_unit_test(refused_graphs),
-        cmocka_unit_test(what_goes_leaves_no_trace),
-        cmocka_unit_test(overflow_is_told),
+        cmocka_unit_test(removed_scans_leave_no_trace),
+        cmocka_unit_test(overflow_is_reported),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -119,7 +119,7 @@ static void files_come_back_as_they_were(void **state)
     cairn_pose_graph_file_free(&back);
 }
 
-/* Without vertices: edges between consecutive ids come first, wherever they stand, in either
+/* Without vertices: edges between consecutive ids are used first, wherever they stand, in either
  * direction. */
 static void poses_come_from_the_edges(void **state)
 {
@@ -140,9 +140,9 @@ static void poses_come_from_the_edges(void **state)
     cairn_pose_graph_file_free(&file);
 }
 
-/* Trees of steps along the axes, their edges shuffled and some against their way, with ids that
- * leave gaps; behind them edges from every vertex to the next, false unless their ids are
- * consecutive, too, and they are taken first. */
+/* Trees of steps along the axes, their edges shuffled and some reversed, with gaps in the ids.
+ * Behind them edges from every vertex to the next, false unless their ids are consecutive, too, and
+ * they are used first. */
 static void trees_are_chained(void **state)
 {
     enum { MOST = 40 };
@@ -197,8 +197,8 @@ static void trees_are_chained(void **state)
     }
 }
 
-/* A ring of 20 poses, a metre apart, with links to the next and the next but one, and `bad`
- * wrong ones behind. */
+/* A ring of 20 poses, a metre apart, with links to the next and the next but one, and `bad` wrong
+ * ones at the end. */
 static char *a_ring(int32_t bad)
 {
     cairn_random random = cairn_random_seed(7, 0);
@@ -262,8 +262,8 @@ static void bad_links_are_dropped(void **state)
         }
 }
 
-/* A chain of three whose ends are 3 m apart and whose links say 1 m each: what is FIXed stays,
- * the rest is between. */
+/* A chain of three whose ends are 3 m apart and whose links measure 1 m each: FIXed poses stay, the
+ * other is between. */
 static void fixed_poses_stay(void **state)
 {
     (void)state;
@@ -288,9 +288,8 @@ static void fixed_poses_stay(void **state)
     }
 }
 
-/* A square of side x side poses, a metre apart and each with a heading of its own, with links to
- * the right and upwards that are right to the bit; the poses given are up to 0.2 m and 0.1 rad
- * off, all but the first. */
+/* A square of side x side poses, a metre apart and each with its own heading, with exact links to
+ * the right and upwards; the given poses are off by up to 0.2 m and 0.1 rad, all but the first. */
 static cairn_pose_graph_file a_grid(int32_t side)
 {
     cairn_random random = cairn_random_seed(5, 0);
@@ -324,7 +323,7 @@ static cairn_pose_graph_file a_grid(int32_t side)
     return file;
 }
 
-/* A factor that needs more memory than large pages begin with, found to be too small first. */
+/* A factor that needs more memory than the initial large pages, detected before it is computed. */
 static void large_graphs_are_solved(void **state)
 {
     enum { SIDE = 90 };

@@ -88,7 +88,7 @@ static void test_round_trip(void **state)
     free(row);
 }
 
-/* Columns in another order, some missing, some of others, blanks, comments, CRLF. */
+/* Columns in another order, some missing, some foreign, blanks, comments, CRLF. */
 static void test_reads_by_name(void **state)
 {
     const char *path = files_write_text(
@@ -242,7 +242,7 @@ static void test_rows_that_cannot_be_written(void **state)
     assert_ok(cairn_pose_table_write(path, row, 1, &error));
 }
 
-/* All memory comes back, whatever the end. */
+/* All memory is freed, whatever the end. */
 static void test_heap(void **state)
 {
     size_t heap = 0;

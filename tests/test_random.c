@@ -1,4 +1,4 @@
-/* PCG32 against its published output; ranges, moments and uniformity of what is made of it. */
+/* PCG32 compared with its published output; ranges, moments and uniformity of derived numbers. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -36,22 +36,22 @@ static void seeds_and_streams_differ(void **state)
 
 static void unit_is_made_of_the_high_bits(void **state)
 {
-    cairn_random random = cairn_random_seed(3, 3), twin = random;
+    cairn_random random = cairn_random_seed(3, 3), replica = random;
 
     (void)state;
     for (int i = 0; i < 1000; i++) {
         cairn_real x = cairn_random_unit(&random);
 #ifdef CAIRN_FLOAT
-        assert_true(x == (cairn_real)(cairn_random_bits(&twin) / 256) / 16777216);
+        assert_true(x == (cairn_real)(cairn_random_bits(&replica) / 256) / 16777216);
 #else
-        double high = floor(cairn_random_bits(&twin) / 32.0);
-        double low = floor(cairn_random_bits(&twin) / 64.0);
+        double high = floor(cairn_random_bits(&replica) / 32.0);
+        double low = floor(cairn_random_bits(&replica) / 64.0);
 
         assert_true(x == (high * 67108864 + low) / 9007199254740992.0);
 #endif
         assert_true(x >= 0 && x < 1);
     }
-    assert_true(random.state == twin.state);
+    assert_true(random.state == replica.state);
 }
 
 static void unit_is_uniform(void **state)
@@ -100,7 +100,7 @@ static void uniform_keeps_its_bounds(void **state)
         assert_true(cairn_random_uniform(&random, 1, 1 + CAIRN_REAL_EPSILON) == 1);
     assert_true(cairn_random_uniform(&random, 7, 7) == 7);
     {
-        /* the wrong way round still lies between */
+        /* reversed bounds still enclose it */
         cairn_real x = cairn_random_uniform(&random, 2, -2);
 
         assert_true(x <= 2 && x >= -2);
@@ -109,11 +109,11 @@ static void uniform_keeps_its_bounds(void **state)
 
 static void uniform_is_a_scaled_unit(void **state)
 {
-    cairn_random random = cairn_random_seed(6, 0), twin = random;
+    cairn_random random = cairn_random_seed(6, 0), replica = random;
 
     (void)state;
     for (int i = 0; i < 100; i++) {
-        cairn_real unit = cairn_random_unit(&twin);
+        cairn_real unit = cairn_random_unit(&replica);
 
         assert_near(cairn_random_uniform(&random, 2, 10), 2 + 8 * unit, 20 * CAIRN_REAL_EPSILON);
     }
@@ -149,11 +149,11 @@ static void normal_has_the_moments(void **state)
 
 static void normal_is_box_and_muller(void **state)
 {
-    cairn_random random = cairn_random_seed(8, 0), twin = random;
+    cairn_random random = cairn_random_seed(8, 0), replica = random;
 
     (void)state;
     for (int i = 0; i < 1000; i++) {
-        double u = (double)cairn_random_unit(&twin), v = (double)cairn_random_unit(&twin);
+        double u = (double)cairn_random_unit(&replica), v = (double)cairn_random_unit(&replica);
 
         assert_near(cairn_random_normal(&random),
                     sqrt(-2 * log(1 - u)) * cos(6.283185307179586 * v), NUMBER(1e-14, 3e-6));
@@ -175,7 +175,8 @@ static void below_is_unbiased(void **state)
     }
     for (int k = 0; k < 7; k++)
         assert_near(count[k], 10000, 4 * sqrt(10000));
-    /* Of 3 * 2^30 plain remainders would give the lowest third of the results half of all draws. */
+    /* With 3 * 2^30 plain remainders would give the lowest third of the results half of all
+     * draws. */
     for (int i = 0; i < 10000; i++) {
         int32_t k = cairn_random_below(&random, 0x60000000);
 
@@ -194,7 +195,7 @@ static void below_is_unbiased(void **state)
 /* Rejection: bits below 2^32 mod count are drawn again, others taken modulo count. */
 static void below_rejects_exactly(void **state)
 {
-    cairn_random random = cairn_random_seed(10, 0), twin = random;
+    cairn_random random = cairn_random_seed(10, 0), replica = random;
     static const int32_t counts[] = {1,          2,          3,          10,       1000,
                                      0x40000000, 0x55555556, 0x60000000, INT32_MAX};
     int rejected = 0;
@@ -203,10 +204,10 @@ static void below_rejects_exactly(void **state)
     for (int i = 0; i < 9000; i++) {
         int32_t count = counts[i % 9];
         uint64_t drop = (UINT64_C(1) << 32) % (uint64_t)count;
-        uint32_t bits = cairn_random_bits(&twin);
+        uint32_t bits = cairn_random_bits(&replica);
 
         while (bits < drop) {
-            bits = cairn_random_bits(&twin);
+            bits = cairn_random_bits(&replica);
             rejected++;
         }
         assert_int_equal(cairn_random_below(&random, count), bits % (uint32_t)count);

@@ -1,19 +1,19 @@
-/* Tables of ranges: every field, every way in which a line or a head can be wrong. */
+/* Tables of ranges: every field, every fault of a line or a header. */
 #include "tests/files.h"
 
 #include <math.h>
 
 #include "cairn/range_table.h"
 
-static cairn_file_error told[8];
-static int32_t told_count;
+static cairn_file_error fault_list[8];
+static int32_t fault_count;
 
 static void on_fault(void *context, const cairn_file_error *fault)
 {
     (void)context;
-    if (told_count < 8)
-        told[told_count] = *fault;
-    told_count++;
+    if (fault_count < 8)
+        fault_list[fault_count] = *fault;
+    fault_count++;
 }
 
 static cairn_status load(cairn_carmen_log_scans *scans, int32_t *has_odometry, const char *text,
@@ -23,7 +23,7 @@ static cairn_status load(cairn_carmen_log_scans *scans, int32_t *has_odometry, c
 
     params.range_max = range_max;
     params.on_fault = on_fault;
-    told_count = 0;
+    fault_count = 0;
     return cairn_range_table_load(scans, has_odometry, files_write_text("table", text), kind,
                                   &params, error);
 }
@@ -42,7 +42,7 @@ static void csv_fields(void **state)
                    " 2.5 ,1,3,-0.5, 4 ,,inf\r\n"
                    "2,1,3,7,nan,80,79\n",
                    CAIRN_RANGE_TABLE_CSV, 0, NULL));
-    assert_int_equal(told_count, 0);
+    assert_int_equal(fault_count, 0);
     assert_int_equal(has_odometry, 1);
     assert_int_equal(s.count, 3);
     assert_int_equal(s.info.scans, 3);
@@ -92,7 +92,7 @@ static void csv_fields(void **state)
     cairn_carmen_log_scans_free(&s);
 }
 
-/* Many scans, without time and odometry; the greatest range is the caller's. */
+/* Many scans, without time and odometry; the maximum range is the caller's. */
 static void csv_of_ranges_alone(void **state)
 {
     char *text = malloc(100000), *at = text;
@@ -116,7 +116,7 @@ static void csv_of_ranges_alone(void **state)
     free(text);
 }
 
-static void damaged_lines_are_told_and_left_out(void **state)
+static void damaged_lines_are_reported_and_left_out(void **state)
 {
     cairn_carmen_log_scans s;
     int32_t has_odometry;
@@ -127,14 +127,14 @@ static void damaged_lines_are_told_and_left_out(void **state)
                    CAIRN_RANGE_TABLE_CSV, 0, NULL));
     assert_int_equal(s.count, 2);
     assert_int_equal(s.info.faults, 5);
-    assert_int_equal(told_count, 5);
+    assert_int_equal(fault_count, 5);
     for (int i = 0; i < 5; i++)
-        assert_int_equal(told[i].line, 3 + i);
-    assert_non_null(strstr(told[0].text, "too few fields, expected 3 numbers"));
-    assert_non_null(strstr(told[1].text, "too many fields"));
-    assert_non_null(strstr(told[2].text, "not a number"));
-    assert_non_null(strstr(told[3].text, "not finite"));
-    assert_non_null(strstr(told[4].text, "not a number"));
+        assert_int_equal(fault_list[i].line, 3 + i);
+    assert_non_null(strstr(fault_list[0].text, "too few fields, expected 3 numbers"));
+    assert_non_null(strstr(fault_list[1].text, "too many fields"));
+    assert_non_null(strstr(fault_list[2].text, "not a number"));
+    assert_non_null(strstr(fault_list[3].text, "not finite"));
+    assert_non_null(strstr(fault_list[4].text, "not a number"));
     cairn_carmen_log_scans_free(&s);
 }
 
@@ -176,7 +176,7 @@ static void bad_heads_and_files_are_refused(void **state)
                   CAIRN_IO);
 }
 
-/* A line of the URG's of so many fields, the ranges growing by 1 mm. */
+/* A line of the URG log format of `fields` fields, the ranges increasing by 1 mm. */
 static char *add_urg(char *at, int fields, int microseconds, int range)
 {
     at += sprintf(at, "%d", microseconds);
@@ -202,7 +202,7 @@ static void urg_fields(void **state)
     assert_ok(load(&s, &has_odometry, text, CAIRN_RANGE_TABLE_URG, 0, NULL));
     assert_int_equal(has_odometry, 0);
     assert_int_equal(s.count, 2);
-    assert_int_equal(told_count, 2);
+    assert_int_equal(fault_count, 2);
     assert_int_equal(s.info.max_beams, 682);
     assert_near(s.info.range_max, 5.6, 1e-12);
     assert_int_equal(s.record[0].stamp_ns, 1500000000);
@@ -218,7 +218,7 @@ static void urg_fields(void **state)
     free(text);
 }
 
-/* A line of the URG's with ticks of both wheels. */
+/* A line of the URG log format with ticks of both wheels. */
 static char *add_rolling_urg(char *at, int microseconds, int left, int right)
 {
     at += sprintf(at, "%d 0 %d %d", microseconds, left, right);
@@ -229,8 +229,8 @@ static char *add_rolling_urg(char *at, int microseconds, int left, int right)
     return at;
 }
 
-/* The wheels roll straight ahead for a second, then turn on the spot to the left; the scans are
- * older than that by .17 s. */
+/* The wheels roll straight ahead for a second, then turn left on the spot; the scans are .17 s
+ * older than the ticks. */
 static void urg_wheels(void **state)
 {
     static const double tick = 2 * 3.14159265358979 * 0.077 / 2000;
@@ -262,13 +262,13 @@ static void urg_wheels(void **state)
     assert_near(r[20].laser.x, 1000 * tick + 0.145 * cos(830 * 2 * tick / 0.31), 1e-5);
     assert_near(r[20].scan.base_sensor.x, 0.145, 1e-6);
     assert_near(r[20].scan.time_step, 0.1 / 1024, 1e-9);
-    /* what is below are the scanner's words of fault */
+    /* values below are the scanner's error codes */
     assert_near(r[20].scan.range_min, 0.02, 1e-9);
     assert_near(s.info.base_sensor.x, 0.145, 1e-6);
     assert_near(s.info.odometry_length, 1000 * tick, 1e-5);
     cairn_carmen_log_scans_free(&s);
 
-    /* Across a gap in time nothing is known either. */
+    /* Across a gap in time the odometry is unknown, too. */
     at = add_rolling_urg(text, 0, 0, 0);
     at = add_rolling_urg(at, 100000, 100, 100);
     at = add_rolling_urg(at, 400000, 400, 400);
@@ -290,7 +290,7 @@ static cairn_range_table_kind kind_of(const char *text)
     return kind;
 }
 
-static void kinds_are_told_apart(void **state)
+static void kinds_are_distinguished(void **state)
 {
     char *text = malloc(100000), *at = text;
     cairn_range_table_kind kind = CAIRN_RANGE_TABLE_URG;
@@ -320,11 +320,11 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(csv_fields),
         cmocka_unit_test(csv_of_ranges_alone),
-        cmocka_unit_test(damaged_lines_are_told_and_left_out),
+        cmocka_unit_test(damaged_lines_are_reported_and_left_out),
         cmocka_unit_test(bad_heads_and_files_are_refused),
         cmocka_unit_test(urg_fields),
         cmocka_unit_test(urg_wheels),
-        cmocka_unit_test(kinds_are_told_apart),
+        cmocka_unit_test(kinds_are_distinguished),
     };
 
     return cmocka_run_group_tests(tests, files_setup, files_teardown);

@@ -2,7 +2,7 @@
 
 #include "cairn/raster.h"
 
-enum { SIDE = 40, ROOM = 64 * 64 };
+enum { SIDE = 40, MAX_CELLS = 64 * 64 };
 
 static cairn_distance_map *make_map(cairn_pool *pool, int32_t max_width)
 {
@@ -51,15 +51,16 @@ static int64_t run_map(cairn_distance_map *map, const cairn_distance_map_input *
     return spent;
 }
 
-/* Both metrics, several budgets, flipped and padded views, against the slow twin. */
+/* Both metrics, several budgets, flipped and padded views, compared with the reference
+ * implementation. */
 static void check_raster(cairn_distance_map *map, const uint8_t *pixels, int32_t width,
                          int32_t height, uint8_t mask, uint8_t match)
 {
     static const int32_t budgets[] = {CAIRN_UNBOUNDED, 1, 7, 1000};
-    static int32_t distances[ROOM];
+    static int32_t distances[MAX_CELLS];
     cairn_distance_map_input input;
     ptrdiff_t in_stride = width + 3, out_stride = width + 1;
-    static uint8_t padded[ROOM];
+    static uint8_t padded[MAX_CELLS];
 
     input.mask = mask;
     input.match = match;
@@ -69,7 +70,7 @@ static void check_raster(cairn_distance_map *map, const uint8_t *pixels, int32_t
             int64_t spent;
 
             memset(padded, match, sizeof padded);
-            for (int32_t i = 0; i < ROOM; i++)
+            for (int32_t i = 0; i < MAX_CELLS; i++)
                 distances[i] = -7;
             input.metric = metric;
             input.pixels.width = input.distances.width = width;
@@ -140,7 +141,7 @@ static void test_distance_of_few_pixels(void **state)
     test_pool_free(&pool);
 }
 
-/* One match in the corner of the longest row and column: the largest numbers there are. */
+/* One match in the corner of the longest row and column: the largest possible numbers. */
 static void test_distance_of_longest_sides(void **state)
 {
     enum { LONG = CAIRN_RASTER_MAX_SIDE };
@@ -171,7 +172,7 @@ static void test_distance_of_longest_sides(void **state)
     test_pool_free(&pool);
 }
 
-/* A map begun anew drops the one before, however far that was. */
+/* A map begun anew drops the one before at any stage. */
 static void test_distance_begins_anew(void **state)
 {
     uint8_t pixels[SIDE * SIDE];

@@ -1,4 +1,4 @@
-/* The elementary functions against libc math in long double, over dense seeded arguments: the
+/* The elementary functions compared with libm in long double, over dense seeded arguments: the
  * table of real.h is measured here. Golden hashes hold the bits. */
 #include "tests/test.h"
 
@@ -9,7 +9,7 @@
 #define MIN_EXPONENT     NUMBER(DBL_MIN_EXP, FLT_MIN_EXP)
 #define SMALLEST         NUMBER(DBL_MIN, (cairn_real)FLT_MIN)
 #define NEXT(x, towards) NUMBER(nextafter(x, towards), nextafterf(x, (float)(towards)))
-/* Where long double is no wider than double, libc's own error is in the figure. */
+/* Where long double is no wider than double, the figure includes libm's own error. */
 #define REFERENCE_ERROR (LDBL_MANT_DIG > MANTISSA ? 0.0 : 1.0)
 
 enum { ARGUMENTS = 200000 };
@@ -52,7 +52,7 @@ static void assert_worst(const worst *w, double bound)
     if (!(w->error <= bound + REFERENCE_ERROR))
         fail_msg("%s is off by %.3f ulp at %.17g, documented are %.0f", w->name, w->error, w->at,
                  bound);
-    /* A sweep that sees no error at all has not compared anything. */
+    /* A sweep without any error has compared nothing. */
     assert_true(w->error > 0.4);
 }
 
@@ -86,7 +86,7 @@ static void sine_and_cosine(void **state)
         case 2:
             x = log_uniform(&random, NUMBER(-300, -120), 3);
             break;
-        default: /* beside the multiples of pi/2, where most cancels */
+        default: /* beside the multiples of pi/2, where cancellation is worst */
             x = cairn_rint(cairn_random_uniform(&random, -limit, limit) / (CAIRN_PI / 2)) *
                 (CAIRN_PI / 2);
             if (cairn_random_below(&random, 2))
@@ -112,7 +112,8 @@ static void large_angles_stay_on_the_circle(void **state)
         cairn_sincos(x, &s, &c);
         assert_near(s * s + c * c, 1, 4 * CAIRN_REAL_EPSILON);
     }
-    /* Beyond the reduction limit the period is the rounded 2 pi: whole turns of it are no turn. */
+    /* Beyond the reduction limit the period is the rounded 2 pi: whole turns of it have no
+     * effect. */
     {
         cairn_real turn = 2 * CAIRN_PI * NUMBER(1048576, 1024), s, c;
 
@@ -122,8 +123,8 @@ static void large_angles_stay_on_the_circle(void **state)
         assert_true(s == 0 && c == 1);
     }
     {
-        /* On both sides of the limit both reductions agree to what the rounding of 2 pi makes
-         * after so many turns. */
+        /* On both sides of the limit both reductions agree up to the rounding of 2 pi after these
+         * turns. */
         cairn_real limit = NUMBER(1000000, 6000), s, c;
 
         for (int i = -5; i <= 5; i++) {
@@ -438,7 +439,7 @@ static void small_functions(void **state)
     assert_false(cairn_is_finite(NOT_A_NUMBER));
 }
 
-/* The bits themselves, which every conforming compiler and machine must give. */
+/* The bits themselves, equal for every conforming compiler and machine. */
 static void golden_bits(void **state)
 {
     cairn_random random = cairn_random_seed(42, 7);

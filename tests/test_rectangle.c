@@ -28,7 +28,7 @@ struct scene {
     int32_t count;
 };
 
-/* In a frame at (x, y), turned by `turn`. */
+/* In a frame at (x, y), rotated by `turn`. */
 struct frame {
     double x, y, turn;
 };
@@ -77,7 +77,7 @@ static const cairn_rectangle *search(cairn_rectangle_set *set, const struct scen
     return cairn_rectangle_list(set, found);
 }
 
-/* ---- What is known exactly ---- */
+/* ---- Exactly known results ---- */
 
 static void rooms_and_boxes(void **state)
 {
@@ -121,8 +121,8 @@ static void rooms_and_boxes(void **state)
     test_pool_free(&f.pool);
 }
 
-/* The side of each number lies where the header says. */
-static void sides_are_told(void **state)
+/* The side of each number is where the header says. */
+static void sides_are_reported(void **state)
 {
     struct fixture f = set_with(cairn_rectangle_default());
     struct frame at = {0, 0, 0.3};
@@ -132,7 +132,7 @@ static void sides_are_told(void **state)
 
     (void)state;
     add_room(&s, at, 5, 3, 0, 1);
-    /* Sides are numbered by length: the upper one, the lower one, the left one, the right one. */
+    /* Sides are numbered by length: upper, lower, left, right. */
     s.segments[0].b = placed(at, 4.9, 0);
     s.segments[1].b = placed(at, 5, 2.8);
     s.segments[3].b = placed(at, 0, 0.1);
@@ -146,8 +146,8 @@ static void sides_are_told(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Sides in pieces, each from another scan and a little off. */
-static void pieces_are_merged(void **state)
+/* Sides as several segments, each from another scan and slightly displaced. */
+static void segments_are_merged(void **state)
 {
     struct fixture f = set_with(cairn_rectangle_default());
     struct frame at = {1, 1, 0.2};
@@ -172,7 +172,7 @@ static void pieces_are_merged(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A side lies where the lengths of its segments put it. */
+/* The position of a side is the mean of its segments, weighted by length. */
 static void sides_are_weighed(void **state)
 {
     struct fixture f = set_with(cairn_rectangle_default());
@@ -195,7 +195,7 @@ static void sides_are_weighed(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Both kinds of walls of one room that directions would keep apart. */
+/* Walls of both kinds in one room, which directions would separate. */
 static void directions_count_or_do_not(void **state)
 {
     cairn_rectangle_params p = cairn_rectangle_default();
@@ -219,7 +219,7 @@ static void directions_count_or_do_not(void **state)
     assert_int_equal(found, 1);
     assert_int_equal(r->kind, CAIRN_RECTANGLE_ANY);
     assert_near(r->score, 1, 1e-5);
-    /* A piece against the way of its side joins it only there. */
+    /* A segment against the direction of its side joins it only there. */
     s.segments[1].b = s.segments[1].a;
     s.segments[1].a = a;
     s.segments[2].b = placed(at, 2, 3);
@@ -274,7 +274,7 @@ static void limits(void **state)
     }
 }
 
-/* Less strength to what is askew: sides off by half of the angle lose an eighth. */
+/* Less strength for skew: sides off by half of the angle lose an eighth. */
 static void skew_costs_strength(void **state)
 {
     struct fixture f = set_with(cairn_rectangle_default());
@@ -326,7 +326,7 @@ static void near_ones_are_one(void **state)
     }
 }
 
-/* ---- The obvious way: all quadruples of segments ---- */
+/* ---- Reference implementation: all quadruples of segments ---- */
 
 struct slow {
     double x, y, theta, length, width, covered, strength;
@@ -357,7 +357,7 @@ static void meet(const struct slow_side *s, const struct slow_side *t, double *x
     *y = s->my + along * s->dy;
 }
 
-/* How much of a side from p to q a segment covers. */
+/* Length of a side from p to q that a segment covers. */
 static double share_of(const struct slow_side *s, double px, double py, double qx, double qy)
 {
     double length = hypot(qx - px, qy - py), ux = (qx - px) / length, uy = (qy - py) / length;
@@ -426,7 +426,7 @@ static int inside_or_out(const struct slow_side *of[4])
     return in == 4 ? 1 : in == 0 ? 2 : 0;
 }
 
-/* Opposite sides run against each other when both are free on the same side of the outline. */
+/* Opposite sides have opposite senses when both are free on the same side of the outline. */
 static int slow_quadruples(const cairn_rectangle_params *p, const struct scene *scene,
                            struct slow *found)
 {
@@ -475,8 +475,8 @@ static int is_slow(const cairn_rectangle *r, const struct slow *s)
            fabs((double)r->score - s->strength) < 0.05;
 }
 
-/* Walls in two directions at random, some off by a few degrees, none near enough to another to
- * be merged. */
+/* Random walls in two directions, some off by a few degrees, none near enough to another to be
+ * merged. */
 static void scatter(struct scene *s, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 0);
@@ -549,16 +549,15 @@ static void finds_what_all_quadruples_give(void **state)
 
 /* ---- The bits ---- */
 
-/* Quarters of metres, so that lengths, gaps and distances tie and lie on the params' very
- * limits. */
+/* Quarters of metres, so that lengths, gaps and distances tie and equal the params' limits. */
 static double quarter(cairn_random *random, int32_t below)
 {
     return 0.25 * cairn_random_below(random, below);
 }
 
-/* Rooms and boxes in pieces, walls for themselves and twice, along the axes or all turned a
- * little. */
-static void lay_quarters(struct scene *s, cairn_random *random)
+/* Rooms and boxes as several segments, isolated walls and doubled ones, along the axes or all
+ * slightly rotated. */
+static void draw_quarters(struct scene *s, cairn_random *random)
 {
     struct frame at = {0, 0, 0};
     int32_t pieces = 12 + cairn_random_below(random, 20);
@@ -636,7 +635,7 @@ static uint64_t hash_of_search(cairn_rectangle_set *set, const struct scene *s, 
     return add_found(set, test_hash(hash, &budget.left, sizeof budget.left));
 }
 
-/* Params within which the scenes' quarters lie, and capacities that are too small for some. */
+/* Params whose limits are the scenes' quarters, and capacities too small for some. */
 static cairn_rectangle_params draw_params(cairn_random *random)
 {
     cairn_rectangle_params p = cairn_rectangle_default();
@@ -664,10 +663,10 @@ static uint64_t hash_of_scenes(int32_t oriented)
 
         p.oriented = oriented;
         f = set_with(p);
-        for (int32_t k = 0; k < 2; k++) { /* the second is not to see the first */
+        for (int32_t k = 0; k < 2; k++) { /* the second must not see the first */
             struct scene s;
 
-            lay_quarters(&s, &random);
+            draw_quarters(&s, &random);
             hash = hash_of_search(f.set, &s, hash);
         }
         test_pool_free(&f.pool);
@@ -742,7 +741,7 @@ static cairn_status step_scene(void *context, cairn_budget *budget)
     return cairn_rectangle_step(((struct under_way *)context)->set, budget);
 }
 
-static uint64_t tell_scene(void *context)
+static uint64_t hash_scene(void *context)
 {
     return add_found(((struct under_way *)context)->set, TEST_HASH_START);
 }
@@ -752,7 +751,7 @@ static void begins_anew(void **state)
     cairn_rectangle_params p = cairn_rectangle_default();
     struct fixture f;
     struct under_way u;
-    test_stepped object = {begin_scene, step_scene, tell_scene, &u};
+    test_stepped object = {begin_scene, step_scene, hash_scene, &u};
 
     (void)state;
     p.max_pairs = 100;
@@ -773,7 +772,7 @@ static void capacities(void **state)
     int32_t found;
 
     (void)state;
-    /* Three rooms, none beside another, the second with the most cover. */
+    /* Three rooms, none beside another, the second with the most coverage. */
     for (int32_t i = 0; i < 3; i++) {
         struct frame room = {6.0 * i, 6.0 * i, 0.2};
 
@@ -795,7 +794,7 @@ static void capacities(void **state)
     assert_int_equal(cairn_rectangle_dropped(f.set), 2);
     assert_near(r[0].coverage, 1, 0.01);
     test_pool_free(&f.pool);
-    /* The longest walls make the sides that there is room for: of the second room all, of the
+    /* The longest walls become the sides that fit the capacity: of the second room all, of the
      * third the long ones. */
     p.max_rectangles = 3;
     p.max_sides = 7;
@@ -834,7 +833,7 @@ static void little_or_nothing(void **state)
     assert_ok(cairn_rectangle_step(f.set, &budget));
     (void)cairn_rectangle_list(f.set, &found);
     assert_int_equal(found, 0);
-    /* Points are no sides; parallels alone are no rectangle, many with one slope each a pair
+    /* Points are no sides; parallels alone are no rectangle, many of one slope each count as a pair
      * once. */
     for (int32_t i = 0; i < 5; i++)
         add(&s, at, i, i, i, i);
@@ -982,8 +981,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(rooms_and_boxes),
-        cmocka_unit_test(sides_are_told),
-        cmocka_unit_test(pieces_are_merged),
+        cmocka_unit_test(sides_are_reported),
+        cmocka_unit_test(segments_are_merged),
         cmocka_unit_test(sides_are_weighed),
         cmocka_unit_test(directions_count_or_do_not),
         cmocka_unit_test(limits),

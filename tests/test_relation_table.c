@@ -1,4 +1,5 @@
-/* Relations: both kinds of lines, scans by their time against a plain twin, bad files. */
+/* Relations: both kinds of lines, scans by their stamps compared with a reference implementation,
+ * bad files. */
 #include "tests/files.h"
 
 #include <inttypes.h>
@@ -64,7 +65,7 @@ static void many_are_read(void **state)
 }
 
 /* The nearest stamp within 1 us, the lowest scan among equals; -1: none. */
-static int64_t twin_find(const int64_t *stamp, int32_t scans, int64_t wanted)
+static int64_t reference_find(const int64_t *stamp, int32_t scans, int64_t wanted)
 {
     int64_t found = -1, best = 1001;
 
@@ -99,8 +100,8 @@ static void scans_are_found(void **state)
                                      : cairn_random_below(&random, SCANS + 2);
         wanted[k] = row[k];
         if (row[k].timed) {
-            wanted[k].first = twin_find(stamp, SCANS, row[k].first);
-            wanted[k].second = twin_find(stamp, SCANS, row[k].second);
+            wanted[k].first = reference_find(stamp, SCANS, row[k].first);
+            wanted[k].second = reference_find(stamp, SCANS, row[k].second);
         }
         if (wanted[k].first >= SCANS || wanted[k].second >= SCANS || wanted[k].first < 0)
             wanted[k].first = wanted[k].second = -1;

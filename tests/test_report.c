@@ -1,4 +1,4 @@
-/* Pictures of maps: where things are drawn, what becomes an image, refusals; every picture is
+/* Pictures of maps: positions of the elements, embedded images, refusals; every picture is
  * well-formed XML. */
 #include "tests/files.h"
 #include "tests/xml.h"
@@ -36,8 +36,8 @@ static char *draw(const cairn_report_map *map)
     return svg;
 }
 
-/* The whole picture but the bytes of its images, which are zlib's, as a hash. Places in float
- * are others. */
+/* Hash of the whole picture except the bytes of its images, which are zlib's. Places in float
+ * differ. */
 static void assert_picture(const char *svg, uint64_t expected)
 {
 #ifndef CAIRN_FLOAT
@@ -78,7 +78,7 @@ static void make_sample(sample *s)
     s->pose[1].theta = CAIRN_PI / 2;
     s->point[0].x = -1;
     s->point[0].y = -1;
-    s->point[1].x = 1; /* one ahead, one to the right of a robot that looks up: (10, 5) */
+    s->point[1].x = 1; /* one ahead, one to the right of a robot facing up: (10, 5) */
     s->point[1].y = -1;
     s->scan[2].point = s->point;
     s->scan[2].point_count = 2;
@@ -106,13 +106,13 @@ static void test_places(void **state)
     (void)state;
     make_sample(&s);
     svg = draw(&s.map);
-    /* Frame 952 wide at (24, 24), 18 within: (952 - 36)/10 = 91.6 pixels a metre, 5 * 91.6 + 36
-     * = 494 high. */
+    /* Frame 952 wide at (24, 24), 18 within: (952 - 36)/10 = 91.6 pixels a metre, 5 * 91.6 + 36 =
+     * 494 high. */
     assert_holds(svg, "width=\"1000\" height=\"562\"");
     assert_holds(svg, "x=\"24.0\" y=\"24.0\" width=\"952.0\" height=\"494.0\"");
     assert_holds(svg, "M42.0 500.0h0");
     assert_holds(svg, "M958.0 42.0h0");
-    /* Robots: the first looks right, the second up. */
+    /* Robots: the first faces right, the second up. */
     assert_holds(svg, "translate(133.6 408.4) rotate(0.0)");
     assert_holds(svg, "translate(866.4 133.6) rotate(-90.0)");
     /* The path between them, blue at its start. */
@@ -138,7 +138,7 @@ static void test_places(void **state)
         s.scan[0].segment = &segment;
         s.scan[0].segment_count = 1;
         svg = draw(&s.map);
-        /* The box is that of the segment's middle, the point and the poses: 0.5 .. 10. */
+        /* The box is that of the segment's midpoint, the point and the poses: 0.5 .. 10. */
         assert_holds(svg, "L");
         assert_int_equal(count_of(svg, "h0"), 1);
         assert_picture(svg, UINT64_C(0x5d57aa45481fd52f));
@@ -236,15 +236,15 @@ static void test_tall_and_tiny_maps(void **state)
     free(svg);
 }
 
-static void test_doubtful_and_colours(void **state)
+static void test_ambiguous_and_colours(void **state)
 {
-    static const uint8_t doubtful[2] = {0, 1};
+    static const uint8_t low_confidence[2] = {0, 1};
     sample s;
     char *svg;
 
     (void)state;
     make_sample(&s);
-    s.panel[0].low_confidence = doubtful;
+    s.panel[0].low_confidence = low_confidence;
     s.map.connect = 0;
     svg = draw(&s.map);
     assert_holds(svg, ">low confidence</text>");
@@ -266,7 +266,7 @@ static void test_doubtful_and_colours(void **state)
     free(svg);
 }
 
-/* A long path: all of it drawn, few markers, no pose twice. */
+/* A long path: drawn in full, few markers, no doubled pose. */
 static void test_long_path(void **state)
 {
     enum { COUNT = 5000 };
@@ -293,7 +293,7 @@ static void test_long_path(void **state)
     free(pose);
 }
 
-/* Stray points do not make the map small. */
+/* Outlying points do not make the map small. */
 static void test_strays_are_cut_off(void **state)
 {
     enum { COUNT = 1000 };
@@ -399,7 +399,7 @@ static void test_many_points_become_an_image(void **state)
         assert_int_equal(image.pixel[36 * 1904 + 1868], 174);
         cairn_image_free(&image);
         free(svg);
-        /* One point in nine of ten samples is full ink, and two are no more. */
+        /* One point in nine of ten samples is full ink, and two are the same. */
         for (int i = 0; i < 10; i++)
             several[i + 2].x = (cairn_real)i / 4;
         svg = draw(&s.map);
@@ -410,7 +410,7 @@ static void test_many_points_become_an_image(void **state)
         free(svg);
     }
 
-    /* Segments: each sample along them, without end too. */
+    /* Segments: each sample along them, also of infinite ones. */
     make_sample(&s);
     s.map.max_elements = 0;
     s.scan[0].segment = &segment;
@@ -475,7 +475,8 @@ static void test_grid(void **state)
     assert_picture(svg, UINT64_C(0xaac21f71f1099641));
     free(svg);
 
-    /* Turned by a quarter: x of the grid goes up, its upper left corner is at (-1 - 4, -2). */
+    /* Rotated by a quarter turn: x of the grid goes up, its upper left corner is at (-1 - 4,
+     * -2). */
     grid.origin.theta = CAIRN_PI / 2;
     svg = draw(&s.map);
     {
@@ -623,7 +624,7 @@ int main(void)
         cmocka_unit_test(test_texts_and_panels),
         cmocka_unit_test(test_common_scale),
         cmocka_unit_test(test_tall_and_tiny_maps),
-        cmocka_unit_test(test_doubtful_and_colours),
+        cmocka_unit_test(test_ambiguous_and_colours),
         cmocka_unit_test(test_long_path),
         cmocka_unit_test(test_strays_are_cut_off),
         cmocka_unit_test(test_many_points_become_an_image),

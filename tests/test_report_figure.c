@@ -1,4 +1,4 @@
-/* Figures: where points, lines, bars, numbers and the key stand; refusals; every figure is
+/* Figures: positions of points, lines, bars, numbers and the key; refusals; every figure is
  * well-formed XML. */
 #include "tests/files.h"
 #include "tests/xml.h"
@@ -29,7 +29,7 @@ static char *draw(const cairn_report_figure *figure)
     return svg;
 }
 
-/* A map of two dots and a line, and a chart of one bar. */
+/* A map of two dots and a line, and a bar chart. */
 typedef struct sample {
     cairn_vec2 dot[2], line[2], bar[2];
     cairn_report_layer layer[3];
@@ -105,11 +105,11 @@ static void test_map(void **state)
     assert_holds(svg, "M101.4 844.0h18\" stroke=\"#222222\"");
     free(svg);
 
-    /* A box of its own: what lies outside is cut off by the frame. */
+    /* A box of its own: the frame cuts off what is outside. */
     s.plot[0].box.min.x = s.plot[0].box.min.y = 0;
     s.plot[0].box.max.x = s.plot[0].box.max.y = 1;
     svg = draw(&s.figure);
-    /* The lower height rules: 682 pixels a metre. */
+    /* The smaller height decides: 682 pixels a metre. */
     assert_holds(svg, "M159.0 804.0h0");
     assert_holds(svg, ">0.1 m</text>");
     free(svg);
@@ -187,7 +187,7 @@ static void test_side_by_side(void **state)
     free(svg);
 }
 
-/* Nothing at all, one point, points on a line: no division by nothing. */
+/* Nothing at all, one point, points on a line: no division by zero. */
 static void test_degenerate(void **state)
 {
     sample s;

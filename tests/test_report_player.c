@@ -1,5 +1,5 @@
-/* The player's page: well-formed, its data read back as the page reads them, thinned out to what
- * was asked, the same bytes for the same calls, whole or not there. */
+/* The player's page: well-formed, its data decoded as the page decodes them, thinned to the limits,
+ * the same bytes for the same calls, complete or absent. */
 #include "tests/files.h"
 
 #include <math.h>
@@ -8,7 +8,7 @@
 #include "cairn/report.h"
 #include "src/host/map_file_image.h"
 
-/* ---- A page, taken apart ---- */
+/* ---- Decoding of a page ---- */
 
 typedef struct bytes {
     uint8_t *data;
@@ -174,7 +174,7 @@ static void read_grid(cairn_json *json, page *p)
     (void)next(json, CAIRN_JSON_OBJECT_END);
 }
 
-/* One field of the data; 0 when it is none that holds a list. */
+/* One field of the data; 0 when it is not a list. */
 static int read_list(cairn_json *json, const cairn_json_token *name, page *p)
 {
     cairn_json_token token;
@@ -248,7 +248,7 @@ static void read_data(page *p)
     assert_int_equal(next(&json, CAIRN_JSON_END).kind, CAIRN_JSON_END);
 }
 
-/* Elements close in order, attributes are quoted; the text of scripts and styles is passed over. */
+/* Elements close in order, attributes are quoted; the text of scripts and styles is skipped. */
 static void assert_well_formed(const char *html)
 {
     char open[32][32];
@@ -318,7 +318,7 @@ static page *read_page(const char *path)
     return p;
 }
 
-/* All that the page is told, as a hash. */
+/* Hash of all calls that make the page. */
 #define assert_data(p, in_double, in_float)                                                        \
     assert_golden(test_hash(TEST_HASH_START, (p)->data, strlen((p)->data)), UINT64_C(in_double),   \
                   UINT64_C(in_float))
@@ -379,7 +379,7 @@ static cairn_status add_poses(cairn_report_player *player, int64_t step, const c
     return cairn_report_player_add_frame(player, &frame);
 }
 
-/* The next frame's poses by the stream, with those of the frame before. */
+/* Decodes the next frame's poses from the stream and those of the frame before. */
 static int32_t next_poses(page *p, int64_t (*pose)[3], int32_t before)
 {
     int32_t count = (int32_t)whole(&p->poses), i = 0;
@@ -514,7 +514,7 @@ static void test_scans(void **state)
     cairn_report_player_free(player);
 }
 
-/* Poses of every frame come back to half a unit, those that stand still at two bytes a run. */
+/* Poses of every frame are decoded to half a unit; those at rest take two bytes a run. */
 static void test_poses(void **state)
 {
     enum { SCANS = 40, FRAMES = 30 };
@@ -567,7 +567,7 @@ static void test_poses(void **state)
     cairn_report_player_free(player);
 }
 
-/* The farthest pose that is taken is exact, and small steps from it. */
+/* The farthest accepted pose is exact, and small steps from it. */
 static void test_far_poses(void **state)
 {
     cairn_pose pose[2] = {{CAIRN_REAL(-1e9), CAIRN_REAL(1e9), CAIRN_REAL(-1e9)},
@@ -595,7 +595,7 @@ static void test_far_poses(void **state)
 static void test_marks(void **state)
 {
     static const cairn_report_curve curves[] = {{"a", "", ""}, {"b", "", ""}, {"c", "", ""}};
-    static const uint8_t doubtful[5] = {0, 1, 0, 0, 2};
+    static const uint8_t low_confidence[5] = {0, 1, 0, 0, 2};
     static const cairn_vec2 region[2] = {{1, -2}, {CAIRN_REAL(1.05), 3}};
     static const cairn_report_force force[4] = {
         {{0, 1}, {0, 2}}, {{1, 1}, {-4, 0}}, {{1, 0}, {0, 0}}, {{2, 2}, {1, -1}}};
@@ -622,7 +622,7 @@ static void test_marks(void **state)
     frame.label = "\xCF\x83 0.1 m";
     frame.pose = pose;
     frame.pose_count = 5;
-    frame.low_confidence = doubtful;
+    frame.low_confidence = low_confidence;
     frame.value = value;
     frame.region = region;
     frame.region_count = 2;
@@ -674,12 +674,12 @@ static void test_marks(void **state)
     cairn_report_player_free(player);
 }
 
-/* Parts are told where they change, from frame to frame that is kept. */
+/* Components are stored where they change, between kept frames. */
 static void test_parts(void **state)
 {
     static const int32_t part[4][4] = {{-1, 1, 1, -1}, {3, 3, 3, 3}, {-1, 1, 1, 3}, {0, 0, 0, 0}};
     static const int32_t count[4] = {4, 4, 3, 4};
-    /* Kept are frames 0, 2, 3 and, as 2 shows three scans, the fourth is in no part there. */
+    /* Frames 0, 2, 3 are kept; frame 2 has three scans, so the fourth is in no component there. */
     static const uint64_t expected[] = {2, 1, 2, 1, 2, 0, 4, 0, 1, 1, 1, 1, 1, 1, 1};
     static const uint64_t last[] = {2, 1, 2, 1, 2, 0, 2, 1, 0, 1, 0};
     cairn_report_player_params params = cairn_report_player_default();
@@ -708,7 +708,7 @@ static void test_parts(void **state)
     assert_int_equal(p->parts.at, p->parts.count);
     assert_data(p, 0x53e5a226c8c2e96d, 0x53e5a226c8c2e96d);
     free_page(p);
-    /* No parts any more, and frame 3 has gone. */
+    /* No components any more, and frame 3 is removed. */
     assert_ok(add_poses(player, 4, pose, 4));
     p = write_page(player);
     for (size_t i = 0; i < sizeof last / sizeof *last; i++)
@@ -718,7 +718,7 @@ static void test_parts(void **state)
     cairn_report_player_free(player);
 }
 
-/* A loop shows from the first frame that is kept after it was told. */
+/* A loop closure is shown from the first frame kept after it was added. */
 static void test_links(void **state)
 {
     static const uint64_t expected[] = {3, 0, 0, 1, 1, 1, 1, 2, 0, 3, 2, 0, 1};
@@ -779,7 +779,7 @@ static void test_grid(void **state)
     free(png);
     free_page(p);
 
-    /* A refused grid leaves the last one; a later one takes its place, coarser when it is large. */
+    /* A refused grid leaves the last one; a later one replaces it, coarser when it is large. */
     grid.width = 0;
     assert_status(cairn_report_player_set_grid(player, &grid), CAIRN_BAD_ARGUMENT);
     grid.width = 3;
@@ -819,9 +819,10 @@ static void test_grid(void **state)
 
 /* ---- Thinning ---- */
 
-/* The frames that stay of `count`: multiples of the least power of two that leaves few enough,
- * and the last. Poses per frame are `each`. */
-static int32_t twin_stride(int32_t count, int32_t frames_most, int64_t poses_most, int64_t each)
+/* The kept frames of `count`: multiples of the least power of two that leaves few enough, and the
+ * last. Poses per frame are `each`. */
+static int32_t reference_stride(int32_t count, int32_t frames_most, int64_t poses_most,
+                                int64_t each)
 {
     int32_t stride = 1;
 
@@ -856,7 +857,7 @@ static void test_thinned_frames(void **state)
         player = open_player(&params);
         add_scans(player, 3);
         for (int32_t i = 0; i < cases[k].count; i++) {
-            int32_t now = twin_stride(i + 1, cases[k].most, cases[k].poses, 3);
+            int32_t now = reference_stride(i + 1, cases[k].most, cases[k].poses, 3);
 
             assert_ok(add_poses(player, i, pose, 3));
             stride = now > stride ? now : stride;
@@ -971,7 +972,7 @@ static void test_thinned_points(void **state)
     cairn_report_player_free(player);
 }
 
-/* A whole log: a page of a few MB, however long it was. */
+/* A whole log: a page of a few MB, however long the log. */
 static void test_whole_log(void **state)
 {
     enum { SCANS = 3000, POINTS = 100, FRAMES = 3000 };

@@ -38,7 +38,8 @@ static void random_step(cairn_random *random, cairn_real size, cairn_real step[3
         step[k] = cairn_random_uniform(random, -size, size);
 }
 
-/* The centre moves by the step's shift, the body turns by its third part over the radius. */
+/* The centre moves by the step's shift, the body turns by its third component divided by the
+ * radius. */
 static void test_move(void **state)
 {
     cairn_random random = cairn_random_seed(41, 0);
@@ -66,7 +67,7 @@ static void test_move(void **state)
     }
 }
 
-/* Rows against differences of moved points. */
+/* Rows compared with differences of moved points. */
 static void test_row(void **state)
 {
     cairn_random random = cairn_random_seed(42, 0);
@@ -108,7 +109,7 @@ static double prior_cost(const cairn_rigid_motion_pose_prior *prior, cairn_pose 
             pow((double)(off.theta / prior->sigma_theta), 2));
 }
 
-/* Gradient and information of the prior against differences of its cost. */
+/* Gradient and information of the prior compared with differences of its cost. */
 static void test_prior(void **state)
 {
     cairn_random random = cairn_random_seed(43, 0);
@@ -172,8 +173,8 @@ static void multiply(cairn_sym3 m, const cairn_real v[3], cairn_real out[3])
     out[2] = m.xz * v[0] + m.yz * v[1] + m.zz * v[2];
 }
 
-/* Without weak directions the step solves the sum of the equations; a short limit keeps its
- * direction. */
+/* Without unobservable directions the step solves the sum of the equations; a step cut short keeps
+ * its direction. */
 static void test_solve(void **state)
 {
     cairn_random random = cairn_random_seed(44, 0);
@@ -211,8 +212,8 @@ static void test_solve(void **state)
     }
 }
 
-/* Weak directions: no motion without a prior; with one the prior's own, whatever the gradient
- * there. */
+/* Unobservable directions: no motion without a prior; with one the prior's own, whatever the
+ * gradient there. */
 static void test_weak_directions(void **state)
 {
     const cairn_real diagonal = cairn_sqrt(CAIRN_REAL(0.5));
@@ -256,7 +257,7 @@ static void test_weak_directions(void **state)
     assert_near(step[0], -0.25, 1e-6);
     assert_near(step[1], -0.75, 1e-6);
 
-    /* One direction alone is never weak; nothing at all cannot be solved. */
+    /* A single direction is never unobservable; without any information there is no solution. */
     observed.information = cairn_sym3_zero();
     cairn_sym3_add_outer(&observed.information, v, 7);
     basis = cairn_rigid_motion_basis_of(observed.information, CAIRN_REAL(0.9));
@@ -267,7 +268,8 @@ static void test_weak_directions(void **state)
     assert_near(step[0], 9, 0);
 }
 
-/* Against the inverse of the sum, mapped to the body's origin by differences of moved poses. */
+/* Compared with the inverse of the sum, mapped to the body's origin by differences of moved
+ * poses. */
 static void test_covariance(void **state)
 {
     cairn_random random = cairn_random_seed(45, 0);
@@ -324,7 +326,7 @@ static void test_covariance(void **state)
     }
 }
 
-/* What nothing is known of gets 100 m. */
+/* Without information the standard deviation is 100 m. */
 static void test_covariance_of_the_unknown(void **state)
 {
     cairn_pose pose = {1, 2, CAIRN_REAL(0.3)};

@@ -1,4 +1,4 @@
-/* The robot of the firmware and its flight recorder, and `cairn replay` of what it wrote. */
+/* The robot of the firmware and its flight recorder, and `cairn replay` of its recordings. */
 #include <math.h>
 #include <pthread.h>
 
@@ -9,7 +9,7 @@
 
 enum { SWEEPS = 5, BEAMS = 121, MEMORY = 400 * 1024, STREAM = 64 * 1024 };
 
-/* Sweeps of a room of 4 x 3 m from places that lie in it, with poses that are a little wrong. */
+/* Sweeps of a 4 x 3 m room from places in it, with slightly wrong poses. */
 typedef struct walk {
     float range[SWEEPS][BEAMS];
     robot_sweep sweep[SWEEPS];
@@ -111,7 +111,7 @@ typedef struct flown {
     int32_t works[ROBOT_WORKS]; /* ticks of each kind */
 } flown;
 
-/* The whole run of a walk, a sweep every `arrival` ticks; budgets take turns when `second`
+/* The whole run of a walk, a sweep every `arrival` ticks; budgets alternate when `second`
  * differs. */
 static flown fly(const walk *w, int32_t arrival, int32_t first, int32_t second, stream *s)
 {
@@ -158,7 +158,7 @@ static flown fly(const walk *w, int32_t arrival, int32_t first, int32_t second, 
     return result;
 }
 
-/* When every sweep comes after all is done with the one before, the budgets do not matter. */
+/* When every sweep arrives after the work on the one before, the budgets do not matter. */
 static void budgets_do_not_matter(void **state)
 {
     walk w;
@@ -189,7 +189,7 @@ static void the_same_run_has_the_same_hash(void **state)
     assert_true(a.hash != c.hash);
 }
 
-/* The solution is far nearer to the truth than what came in, and knows how near. */
+/* The solution is far nearer to the truth than the input, and its covariance is right. */
 static void poses_and_covariances_are_right(void **state)
 {
     walk w;
@@ -234,7 +234,7 @@ static void scans_move_towards_each_other(void **state)
         assert_true(memcmp(&a.pose[i], &w.sweep[i].pose, sizeof a.pose[i]) != 0);
 }
 
-static void offers_wait_their_turn(void **state)
+static void offers_are_queued(void **state)
 {
     static unsigned char memory[MEMORY];
     static robot r;
@@ -267,7 +267,7 @@ static void offers_wait_their_turn(void **state)
     assert_int_equal(robot_offer(&r, &w.sweep[1]), CAIRN_FULL);
 }
 
-/* A sweep that the library refuses ends the run with its status and leaves the robot as it was. */
+/* A sweep that the library refuses ends the run with its status and leaves the robot unchanged. */
 static void a_bad_sweep_is_refused(void **state)
 {
     static unsigned char memory[MEMORY];
@@ -330,7 +330,7 @@ static joint_params small_joint(void)
     return params;
 }
 
-/* Solves from the given poses in steps of so many units; returns the units of all. */
+/* Solves from the given poses in steps of `units`; returns the total units. */
 static int64_t solve_in(joint *x, const cairn_scan_set *set, const walk *w, int32_t count,
                         int32_t units)
 {
@@ -379,9 +379,9 @@ static void the_solution_does_not_depend_on_budgets(void **state)
     test_pool_free(&pool);
 }
 
-/* Scans that are held stay to the bit and are not compared with each other; the one that is free
- * comes to lie among them. */
-static void held_scans_stay(void **state)
+/* Fixed scans stay to the bit and are not compared with each other; the free one is aligned with
+ * them. */
+static void fixed_scans_stay(void **state)
 {
     static const int32_t units[] = {CAIRN_UNBOUNDED, 1, 7};
     cairn_pool pool = test_pool(MEMORY);
@@ -437,8 +437,8 @@ static void held_scans_stay(void **state)
     test_pool_free(&pool);
 }
 
-/* Information of the later of two scans held against the first, in the map, by differences of
- * every point's error. */
+/* Information of the later of two scans, the first one fixed, in the map, by differences of every
+ * point's error. */
 static void add_pair_information(const joint *x, const cairn_scan_set *set,
                                  double information[3][3])
 {
@@ -486,8 +486,8 @@ static void add_pair_information(const joint *x, const cairn_scan_set *set,
     information[2][2] += 1 / (double)(x->params.spread_angle * x->params.spread_angle);
 }
 
-/* With two scans the covariance is the inverse of the information of their one link, but for
- * what the last round moved. */
+/* With two scans the covariance is the inverse of the information of their one link, up to the
+ * motion of the last round. */
 static void the_covariance_is_that_of_the_points(void **state)
 {
     cairn_pool pool = test_pool(MEMORY);
@@ -521,7 +521,7 @@ static void the_covariance_is_that_of_the_points(void **state)
     test_pool_free(&pool);
 }
 
-static void what_the_joint_solution_refuses(void **state)
+static void the_joint_solution_refuses_bad_input(void **state)
 {
     cairn_pool pool = test_pool(MEMORY), small = test_pool(64);
     cairn_budget budget = {CAIRN_UNBOUNDED};
@@ -543,7 +543,7 @@ static void what_the_joint_solution_refuses(void **state)
     bad.max_links = SWEEPS - 1;
     assert_int_equal(joint_create(&x, &pool, &bad), CAIRN_BAD_ARGUMENT);
     assert_int_equal(joint_create(&x, &small, &params), CAIRN_NO_MEMORY);
-    /* Links beyond the capacity are left out, those of neighbours in time come first. */
+    /* Links beyond the capacity are left out; those of neighbours in time come first. */
     params.max_links = SWEEPS;
     assert_int_equal(joint_create(&x, &pool, &params), CAIRN_OK);
     assert_int_equal(joint_begin(&x, set, given, NULL, 0), CAIRN_EMPTY);
@@ -553,7 +553,7 @@ static void what_the_joint_solution_refuses(void **state)
     assert_true(cairn_pose_graph_read(x.graph).links == SWEEPS);
     for (int32_t i = 1; i < SWEEPS; i++)
         assert_int_equal(cairn_pose_graph_link_of(x.graph, i - 1).second, i);
-    /* A factor that does not fit is told. */
+    /* A factor beyond the memory is reported. */
     params = small_joint();
     params.max_fill = 1;
     assert_int_equal(joint_create(&x, &pool, &params), CAIRN_OK);
@@ -586,7 +586,7 @@ static void recordings_play_back(void **state)
     files_write("flight.rec", s.bytes, s.used);
     (void)snprintf(expected, sizeof expected, "ticks %u, recorded %u\nhash %08x", (unsigned)a.ticks,
                    (unsigned)a.ticks, (unsigned)a.hash);
-    /* Either program plays either recording. */
+    /* Both programs replay both recordings. */
     for (int32_t i = 0; i < 2; i++) {
         o = programs_run("%s replay @/flight.rec", i == 0 ? program : "cairn");
         assert_int_equal(o.code, 0);
@@ -696,16 +696,16 @@ int main(int argc, char **argv)
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(the_same_run_has_the_same_hash),
         cmocka_unit_test(scans_move_towards_each_other),
-        cmocka_unit_test(offers_wait_their_turn),
+        cmocka_unit_test(offers_are_queued),
         cmocka_unit_test(a_bad_sweep_is_refused),
         cmocka_unit_test(recordings_play_back),
         cmocka_unit_test(damaged_recordings_are_refused),
         cmocka_unit_test(threads_do_not_meet),
         cmocka_unit_test(poses_and_covariances_are_right),
         cmocka_unit_test(the_solution_does_not_depend_on_budgets),
-        cmocka_unit_test(held_scans_stay),
+        cmocka_unit_test(fixed_scans_stay),
         cmocka_unit_test(the_covariance_is_that_of_the_points),
-        cmocka_unit_test(what_the_joint_solution_refuses),
+        cmocka_unit_test(the_joint_solution_refuses_bad_input),
     };
 
     programs_find(argc, argv);

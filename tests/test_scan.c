@@ -7,7 +7,7 @@
 #define PI        3.14159265358979323846
 #define MAX_BEAMS 2000
 
-/* ---- A scanner that moves while it turns ---- */
+/* ---- A scanner that moves during its sweep ---- */
 
 typedef struct sweep {
     float range[MAX_BEAMS], angle[MAX_BEAMS];
@@ -32,8 +32,8 @@ static double cast(const cairn_segment *walls, int count, double x, double y, do
     return nearest;
 }
 
-/* The base after the fraction f of a motion of constant twist, by many small steps: the slow
- * twin. */
+/* The base after the fraction f of a motion of constant twist, by many small steps: the reference
+ * implementation. */
 static void drive(double v, double w, double f, double *x, double *y, double *theta)
 {
     enum { STEPS = 2000 };
@@ -50,8 +50,8 @@ static void drive(double v, double w, double f, double *x, double *y, double *th
 
 /* Sweeps while the base drives v forward and turns by w in all, the sensor mounted at (mx, my,
  * mt). */
-static void look(sweep *s, const cairn_segment *walls, int count, int beams, double first,
-                 double step, double v, double w, const double mount[3])
+static void take_scan(sweep *s, const cairn_segment *walls, int count, int beams, double first,
+                      double step, double v, double w, const double mount[3])
 {
     double x, y, theta;
 
@@ -145,7 +145,7 @@ static cairn_scan_view take(const cairn_scan_input *input)
     return take_with(scanner, input, CAIRN_UNBOUNDED);
 }
 
-/* What a view always promises. */
+/* Invariants of every view. */
 static void assert_sound(cairn_scan_view view, double spacing, double support)
 {
     assert_int_equal(view.first_point[0], 0);
@@ -192,7 +192,7 @@ static double line_error(cairn_segment s, cairn_segment truth)
 
 /* ---- Beams ---- */
 
-/* Whatever was in its memory. The first test of the group. */
+/* Whatever the former contents of the memory. The first test of the group. */
 static void test_new_object_is_empty(void **state)
 {
     cairn_scan_view view = cairn_scan_read(scanner);
@@ -258,7 +258,7 @@ static void test_scan_without_return(void **state)
     cairn_scan_view view;
 
     (void)state;
-    look(&s, NULL, 0, 181, -PI / 2, PI / 180, 0, 0, AT_BASE);
+    take_scan(&s, NULL, 0, 181, -PI / 2, PI / 180, 0, 0, AT_BASE);
     view = take(&s.input);
     assert_int_equal(view.beam_count, 181);
     assert_int_equal(view.segment_count, 0);
@@ -274,8 +274,8 @@ static void test_scan_without_return(void **state)
     assert_near(view.beams[0].to.y, -30, 1e-4);
 }
 
-/* Where beams start and end while driving an arc, with a mounted sensor, against the small steps
- * of the slow twin. */
+/* Starts and ends of beams on an arc, with a mounted sensor, compared with the reference
+ * implementation. */
 static void test_motion_of_beams(void **state)
 {
     static const double MOUNT[3] = {0.2, -0.1, 0.4};
@@ -289,7 +289,7 @@ static void test_motion_of_beams(void **state)
     for (int m = 0; m < 6; m++) {
         cairn_scan_view view;
 
-        look(&s, walls, 4, 91, -2, 4.0 / 90, MOTIONS[m][0], MOTIONS[m][1], MOUNT);
+        take_scan(&s, walls, 4, 91, -2, 4.0 / 90, MOTIONS[m][0], MOTIONS[m][1], MOUNT);
         view = take(&s.input);
         assert_near(view.sensor.x, 0.2, 1e-6);
         assert_near(view.sensor.y, -0.1, 1e-6);
@@ -309,7 +309,7 @@ static void test_motion_of_beams(void **state)
     }
 }
 
-/* A wall swept in 0.1 s at 1 rad/s is where the motionless scan has it, and 0.1 rad askew
+/* A wall swept in 0.1 s at 1 rad/s is where the motionless scan has it, and rotated by 0.1 rad
  * without the correction. */
 static void test_wall_while_turning(void **state)
 {
@@ -319,8 +319,8 @@ static void test_wall_while_turning(void **state)
     cairn_scan_view view;
 
     (void)state;
-    look(&still, &truth, 1, 361, -PI / 3, 2 * PI / 3 / 360, 0, 0, AT_BASE);
-    look(&moved, &truth, 1, 361, -PI / 3, 2 * PI / 3 / 360, 0.05, 0.1, AT_BASE);
+    take_scan(&still, &truth, 1, 361, -PI / 3, 2 * PI / 3 / 360, 0, 0, AT_BASE);
+    take_scan(&moved, &truth, 1, 361, -PI / 3, 2 * PI / 3 / 360, 0.05, 0.1, AT_BASE);
     view = take(&still.input);
     assert_int_equal(view.segment_count, 1);
     a = view.segments[0];
@@ -345,7 +345,7 @@ static void test_wall_while_turning(void **state)
 static const double ROOM[5][4] = {
     {-3, -2, 5, -2}, {5, -2, 5, 4}, {5, 4, -3, 4}, {-3, 4, -3, -2}, {1.2, 1.5, 2.2, 1.1}};
 
-static void make_room(cairn_segment walls[5])
+static void make_room_walls(cairn_segment walls[5])
 {
     for (int i = 0; i < 5; i++)
         walls[i] = wall(ROOM[i][0], ROOM[i][1], ROOM[i][2], ROOM[i][3]);
@@ -358,11 +358,11 @@ static void test_room(void **state)
     cairn_scan_view view;
 
     (void)state;
-    make_room(walls);
+    make_room_walls(walls);
     for (uint64_t seed = 0; seed < 5; seed++) {
         int found = 0;
 
-        look(&s, walls, 5, 361, -PI, 2 * PI / 360, 0, 0, AT_BASE);
+        take_scan(&s, walls, 5, 361, -PI, 2 * PI / 360, 0, 0, AT_BASE);
         add_noise(&s, 0.01, seed);
         view = take(&s.input);
         assert_sound(view, 0.1, 0.2);
@@ -387,7 +387,7 @@ static void test_room(void **state)
     }
 }
 
-/* The same ranges in reverse, as an array of angles, and in no order: the same segments, to the
+/* The same ranges in reverse, as an array of angles, and in random order: the same segments, to the
  * last bit. */
 static void test_sense_and_order_of_beams(void **state)
 {
@@ -399,8 +399,8 @@ static void test_sense_and_order_of_beams(void **state)
     int32_t count, point_count;
 
     (void)state;
-    make_room(walls);
-    look(&s, walls, 5, 361, -3.125, 1.0 / 64, 0, 0, AT_BASE);
+    make_room_walls(walls);
+    take_scan(&s, walls, 5, 361, -3.125, 1.0 / 64, 0, 0, AT_BASE);
     add_noise(&s, 0.01, 3);
     view = take(&s.input);
     assert_sound(view, 0.1, 0.2);
@@ -432,7 +432,7 @@ static void test_sense_and_order_of_beams(void **state)
     }
 }
 
-/* Seen by a sensor that looks backwards from the tail, the room is where it was. */
+/* Seen by a sensor that faces backwards at the rear, the room is where it was. */
 static void test_mounted_sensor(void **state)
 {
     static const double TAIL[3] = {-0.4, 0.15, PI};
@@ -442,8 +442,8 @@ static void test_mounted_sensor(void **state)
     int found = 0;
 
     (void)state;
-    make_room(walls);
-    look(&s, walls, 5, 361, -PI, 2 * PI / 360, 0, 0, TAIL);
+    make_room_walls(walls);
+    take_scan(&s, walls, 5, 361, -PI, 2 * PI / 360, 0, 0, TAIL);
     view = take(&s.input);
     assert_near(view.sensor.x, -0.4, 1e-6);
     assert_near(view.sensor.y, 0.15, 1e-6);
@@ -454,8 +454,8 @@ static void test_mounted_sensor(void **state)
     assert_int_equal(found, 31);
 }
 
-/* Places along walls of known length, and a hole of 0.22 m, which is no gap but has no support
- * in its middle. */
+/* Places along walls of known length, and a hole of 0.22 m, which is no gap but has no support in
+ * its middle. */
 static void test_spacing_and_support(void **state)
 {
     cairn_segment one = wall(3, -1.03, 3, 1.03);
@@ -468,7 +468,7 @@ static void test_spacing_and_support(void **state)
     sweep s;
 
     (void)state;
-    look(&s, &one, 1, 1001, -PI / 2, PI / 1000, 0, 0, AT_BASE);
+    take_scan(&s, &one, 1, 1001, -PI / 2, PI / 1000, 0, 0, AT_BASE);
     view = take(&s.input);
     assert_int_equal(view.segment_count, 1);
     length = cairn_segment_length(view.segments[0]);
@@ -483,7 +483,7 @@ static void test_spacing_and_support(void **state)
     params.support_distance = CAIRN_REAL(0.05);
     own = test_pool(cairn_scan_memory(&params));
     assert_ok(cairn_scan_create(&fine, &own, &params));
-    look(&s, two, 2, 1001, -PI / 2, PI / 1000, 0, 0, AT_BASE);
+    take_scan(&s, two, 2, 1001, -PI / 2, PI / 1000, 0, 0, AT_BASE);
     s.range[500] = 1.8F; /* belongs to no segment, and supports none */
     view = take_with(fine, &s.input, 1000);
     assert_int_equal(view.segment_count, 1);
@@ -502,7 +502,7 @@ static void test_far_wall(void **state)
     cairn_scan_view view;
 
     (void)state;
-    look(&s, &far, 1, 401, -0.2, 0.001 * 4.363323, 0, 0, AT_BASE);
+    take_scan(&s, &far, 1, 401, -0.2, 0.001 * 4.363323, 0, 0, AT_BASE);
     s.input.range_max = 100;
     add_noise(&s, 0.01, 4);
     view = take(&s.input);
@@ -510,7 +510,8 @@ static void test_far_wall(void **state)
     assert_in_range(view.point_count, 168, 173);
 }
 
-/* With room for so many points, `kept` of three walls (the shortest go first) are in the view. */
+/* With a smaller capacity of points, `kept` of three walls (the shortest are dropped first) are in
+ * the view. */
 static void keep_longest(const cairn_scan_input *input, int32_t max_points, int32_t kept)
 {
     static const cairn_real SHORTEST[4] = {0, CAIRN_REAL(1.3), CAIRN_REAL(0.8), 0};
@@ -537,7 +538,7 @@ static void test_too_many_points(void **state)
     sweep s;
 
     (void)state;
-    /* Turned by quarters, so that the walls are found in any order. */
+    /* Rotated by quarter turns, so that the walls are found in any order. */
     for (int quarter = 0; quarter < 4; quarter++) {
         double c = COSINE[quarter], d = COSINE[(quarter + 3) % 4];
         cairn_segment walls[3] = {
@@ -547,7 +548,7 @@ static void test_too_many_points(void **state)
         int32_t places[3] = {0, 0, 0};
         cairn_scan_view view;
 
-        look(&s, walls, 3, 721, -PI, PI / 360, 0, 0, AT_BASE);
+        take_scan(&s, walls, 3, 721, -PI, PI / 360, 0, 0, AT_BASE);
         view = take(&s.input);
         assert_int_equal(view.segment_count, 3);
         for (int32_t k = 0; k < 3; k++) {
@@ -565,7 +566,7 @@ static void test_too_many_points(void **state)
     }
 }
 
-/* The error of the ranges that the driver tells widens the fit. */
+/* The range error stated by the driver widens the fit. */
 static void test_range_sigma(void **state)
 {
     cairn_segment truth = wall(4, -3, 4, 3);
@@ -574,7 +575,7 @@ static void test_range_sigma(void **state)
     int32_t uncertain;
 
     (void)state;
-    look(&s, &truth, 1, 361, -PI / 4, PI / 2 / 360, 0, 0, AT_BASE);
+    take_scan(&s, &truth, 1, 361, -PI / 4, PI / 2 / 360, 0, 0, AT_BASE);
     add_noise(&s, 0.05, 5);
     s.input.range_sigma = 0.05F;
     view = take(&s.input);
@@ -582,7 +583,7 @@ static void test_range_sigma(void **state)
     assert_near(line_error(view.segments[0], truth), 0, 0.03);
     uncertain = cairn_scan_measured(scanner).unassigned_hits;
     assert_in_range(uncertain, 0, 8);
-    /* Taken for 1 cm noise it is another matter. */
+    /* With an assumed noise of 1 cm the result differs. */
     s.input.range_sigma = 0;
     (void)take(&s.input);
     assert_true(cairn_scan_measured(scanner).unassigned_hits > uncertain);
@@ -604,8 +605,8 @@ static void test_budgets_are_equal(void **state)
     sweep s;
 
     (void)state;
-    make_room(walls);
-    look(&s, walls, 5, 361, -PI, 2 * PI / 360, 0.05, 0.1, AT_BASE);
+    make_room_walls(walls);
+    take_scan(&s, walls, 5, 361, -PI, 2 * PI / 360, 0.05, 0.1, AT_BASE);
     add_noise(&s, 0.01, 6);
     view = take(&s.input);
     cost = cairn_scan_measured(scanner);
@@ -725,7 +726,7 @@ static void test_begin_statuses(void **state)
     sweep s;
 
     (void)state;
-    look(&s, &truth, 1, 181, -PI / 2, PI / 180, 0, 0, AT_BASE);
+    take_scan(&s, &truth, 1, 181, -PI / 2, PI / 180, 0, 0, AT_BASE);
     before = take(&s.input);
     assert_int_equal(before.segment_count, 1);
     cost = cairn_scan_measured(scanner);
@@ -760,7 +761,7 @@ static void test_begin_statuses(void **state)
     s.input.angle = s.angle;
     assert_refused(&s.input, CAIRN_NOT_FINITE, 42);
 
-    /* Nothing of that touched the last result. */
+    /* None of this changed the last result. */
     after = cairn_scan_read(scanner);
     assert_memory_equal(&before, &after, sizeof before);
     assert_int_equal(cairn_scan_measured(scanner).units, cost.units);
@@ -773,7 +774,7 @@ static void test_begin_statuses(void **state)
     assert_int_equal(cairn_scan_read(scanner).first_point[0], 0);
 }
 
-/* As many beams as are allowed; and the input's arrays may go after begin(). */
+/* The largest number of beams; the input's arrays may be freed after begin(). */
 static void test_hundred_thousand_beams(void **state)
 {
     enum { BEAMS = 100000 };
@@ -793,8 +794,8 @@ static void test_hundred_thousand_beams(void **state)
     params.max_segments = 2000;
     own = test_pool(cairn_scan_memory(&params));
     assert_ok(cairn_scan_create(&large, &own, &params));
-    make_room(walls);
-    look(&s, walls, 5, 1, -3.14, 0, 0, 0, AT_BASE);
+    make_room_walls(walls);
+    take_scan(&s, walls, 5, 1, -3.14, 0, 0, 0, AT_BASE);
     input = s.input;
     input.range = range;
     input.count = BEAMS;
@@ -823,8 +824,8 @@ static void test_hundred_thousand_beams(void **state)
     test_pool_free(&own);
 }
 
-/* The hash of what this code gave where its results were looked at. A change of method changes
- * it; a change of machine, compiler or optimisation must not. */
+/* The stored hash of the results. A change of method changes it; a change of machine, compiler or
+ * optimization must not. */
 static void test_same_bits(void **state)
 {
     static float range[400];

@@ -14,7 +14,7 @@ static const cairn_vec2 OBLONG[] = {{-3, -2}, {3, -2}, {3, 2}, {-3, 2}};
 static const cairn_vec2 CORRIDOR[] = {{-30, -1}, {30, -1}, {30, 1}, {-30, 1}};
 static const cairn_vec2 TRIANGLE[] = {{-2.5, -1.5}, {3, -1}, {0.5, 3}};
 
-/* A room and what a turning scanner sees of it from one pose. */
+/* A room and the ranges of a rotating scanner in it from one pose. */
 struct seen {
     cairn_oriented_point points[MAX_POINTS];
     cairn_oriented_point dense[MAX_POINTS];
@@ -40,10 +40,10 @@ static cairn_real cast(const cairn_vec2 *corners, int32_t count, cairn_vec2 from
     return most;
 }
 
-/* All walls' points every 0.1 m that are in sight within 12 m, beams around the circle, dense
- * points of those. */
-static void look(struct seen *seen, const cairn_vec2 *corners, int32_t count, cairn_pose pose,
-                 cairn_real noise, cairn_random *random)
+/* All points of walls every 0.1 m that are visible within 12 m, beams around the circle, their
+ * dense points. */
+static void take_scan(struct seen *seen, const cairn_vec2 *corners, int32_t count, cairn_pose pose,
+                      cairn_real noise, cairn_random *random)
 {
     cairn_transform to_sensor = cairn_transform_of(cairn_pose_inverse(pose));
     cairn_vec2 from = {pose.x, pose.y};
@@ -143,15 +143,15 @@ static cairn_pose draw(cairn_random *random, cairn_real distance, cairn_real ang
     return pose;
 }
 
-/* Matches what is seen of a room from two places. */
+/* Matches the views of a room from two places. */
 static cairn_scan_match_result match_room(cairn_scan_match *match, const cairn_vec2 *corners,
                                           int32_t count, cairn_pose a, cairn_pose b,
                                           const cairn_pose *start,
                                           const cairn_scan_match_window *window,
                                           cairn_random *random)
 {
-    look(&first, corners, count, a, CAIRN_REAL(0.01), random);
-    look(&second, corners, count, b, CAIRN_REAL(0.01), random);
+    take_scan(&first, corners, count, a, CAIRN_REAL(0.01), random);
+    take_scan(&second, corners, count, b, CAIRN_REAL(0.01), random);
     cairn_scan_match_clear_target(match);
     assert_ok(cairn_scan_match_add_target(match, &first.part, cairn_pose_identity(), NULL));
     return run(match, &second.part, start != NULL ? *start : cairn_pose_identity(), window);
@@ -249,7 +249,7 @@ static void a_corner_alone_is_ambiguous(void **state)
     cairn_scan_match *match = make_match(&pool, cairn_scan_match_default());
 
     (void)state;
-    look(&first, SQUARE, 4, cairn_pose_identity(), CAIRN_REAL(0.01), &random);
+    take_scan(&first, SQUARE, 4, cairn_pose_identity(), CAIRN_REAL(0.01), &random);
     assert_ok(cairn_scan_match_add_target(match, &first.part, cairn_pose_identity(), NULL));
     for (int k = 0; k < 4; k++) {
         cairn_pose corner = {0, 0, CAIRN_PI / 4 + CAIRN_PI / 2 * (cairn_real)k}, b;
@@ -258,7 +258,7 @@ static void a_corner_alone_is_ambiguous(void **state)
         corner = cairn_pose_compose(corner, (cairn_pose){CAIRN_REAL(-0.3), 0, 0});
         b = corner;
         b.theta += CAIRN_REAL(0.1);
-        look(&second, SQUARE, 4, b, CAIRN_REAL(0.01), &random);
+        take_scan(&second, SQUARE, 4, b, CAIRN_REAL(0.01), &random);
         narrow(&second, CAIRN_PI / 4);
         result = run(match, &second.part, cairn_pose_identity(), NULL);
         assert_int_equal(result.verdict, CAIRN_SCAN_MATCH_AMBIGUOUS);
@@ -267,10 +267,9 @@ static void a_corner_alone_is_ambiguous(void **state)
     test_pool_free(&pool);
 }
 
-/* Two rooms that are the same, of which the target has seen one less than the other: that the
- * other explains more of the query does not make it the one. Where they differ by a piece of
- * wall, it does. */
-static void a_twin_that_was_seen_less_of_is_ambiguous(void **state)
+/* Two equal rooms, of which the target has seen one less completely: that the other explains more
+ * of the query does not decide. Where they differ by an interval of wall, it does. */
+static void an_identical_room_seen_in_part_is_ambiguous(void **state)
 {
     static const cairn_vec2 other_room[] = {{-3, -2}, {4, -2}, {4, 1}, {2, 1}, {2, 3}, {-3, 3}};
     const cairn_pose away = {20, 3, CAIRN_REAL(0.5)}, a = {CAIRN_REAL(-0.5), CAIRN_REAL(0.2), 0},
@@ -283,14 +282,14 @@ static void a_twin_that_was_seen_less_of_is_ambiguous(void **state)
     (void)state;
     for (int differs = 0; differs < 2; differs++) {
         cairn_scan_match_clear_target(match);
-        look(&first, differs ? other_room : L_ROOM, 6, a, CAIRN_REAL(0.01), &random);
+        take_scan(&first, differs ? other_room : L_ROOM, 6, a, CAIRN_REAL(0.01), &random);
         assert_ok(cairn_scan_match_add_target(match, &first.part, a, NULL));
-        look(&first, L_ROOM, 6, a, CAIRN_REAL(0.01), &random);
+        take_scan(&first, L_ROOM, 6, a, CAIRN_REAL(0.01), &random);
         first.part.count = first.part.count * 3 / 4;
         first.part.dense_count = 0;
         assert_ok(
             cairn_scan_match_add_target(match, &first.part, cairn_pose_compose(away, a), NULL));
-        look(&second, L_ROOM, 6, b, CAIRN_REAL(0.01), &random);
+        take_scan(&second, L_ROOM, 6, b, CAIRN_REAL(0.01), &random);
         result = run(match, &second.part, cairn_pose_identity(), NULL);
         assert_int_equal(result.verdict,
                          differs ? CAIRN_SCAN_MATCH_FOUND : CAIRN_SCAN_MATCH_AMBIGUOUS);
@@ -305,9 +304,9 @@ static void a_twin_that_was_seen_less_of_is_ambiguous(void **state)
     test_pool_free(&pool);
 }
 
-/* Two rooms that are the same, of which the target saw one fifteen times and the other once: a
- * wall is no likelier to be the one that is seen because many have seen it. */
-static void a_twin_that_was_seen_once_is_ambiguous(void **state)
+/* Two equal rooms, of which the target saw one fifteen times and the other once: a wall is not more
+ * likely to be the right one because many scans have seen it. */
+static void an_identical_room_seen_once_is_ambiguous(void **state)
 {
     enum { LOOKS = 15 };
     const cairn_pose away = {20, 3, CAIRN_REAL(0.5)},
@@ -324,18 +323,18 @@ static void a_twin_that_was_seen_once_is_ambiguous(void **state)
     for (int k = 0; k <= LOOKS; k++) {
         cairn_pose a = draw(&random, CAIRN_REAL(0.8), CAIRN_PI);
 
-        look(&first, L_ROOM, 6, a, CAIRN_REAL(0.01), &random);
+        take_scan(&first, L_ROOM, 6, a, CAIRN_REAL(0.01), &random);
         assert_ok(cairn_scan_match_add_target(match, &first.part,
                                               k < LOOKS ? a : cairn_pose_compose(away, a), NULL));
     }
-    look(&second, L_ROOM, 6, b, CAIRN_REAL(0.01), &random);
+    take_scan(&second, L_ROOM, 6, b, CAIRN_REAL(0.01), &random);
     result = run(match, &second.part, cairn_pose_identity(), NULL);
     assert_int_equal(result.verdict, CAIRN_SCAN_MATCH_AMBIGUOUS);
     assert_true(is_listed(&result, b) && is_listed(&result, cairn_pose_compose(away, b)));
     test_pool_free(&pool);
 }
 
-static void names_what_is_not_observable(void **state)
+static void names_unobservable_directions(void **state)
 {
     cairn_random random = cairn_random_seed(3, 1);
     cairn_pool pool;
@@ -357,7 +356,7 @@ static void names_what_is_not_observable(void **state)
     test_pool_free(&pool);
 }
 
-static void says_no(void **state)
+static void reports_not_found(void **state)
 {
     cairn_random random = cairn_random_seed(4, 1);
     cairn_pool pool;
@@ -371,7 +370,7 @@ static void says_no(void **state)
     one = empty;
     one.points = one.dense = &alone;
     one.count = one.dense_count = 1;
-    look(&first, L_ROOM, 6, cairn_pose_identity(), 0, &random);
+    take_scan(&first, L_ROOM, 6, cairn_pose_identity(), 0, &random);
     assert_int_equal(cairn_scan_match_read(match).verdict, CAIRN_SCAN_MATCH_RUNNING);
     assert_int_equal(run(match, &first.part, cairn_pose_identity(), NULL).verdict,
                      CAIRN_SCAN_MATCH_NONE);
@@ -380,7 +379,7 @@ static void says_no(void **state)
                      CAIRN_SCAN_MATCH_NONE);
     result = run(match, &one, cairn_pose_identity(), NULL);
     assert_true(result.verdict != CAIRN_SCAN_MATCH_FOUND);
-    look(&second, TRIANGLE, 3, cairn_pose_identity(), 0, &random);
+    take_scan(&second, TRIANGLE, 3, cairn_pose_identity(), 0, &random);
     assert_int_equal(run(match, &second.part, cairn_pose_identity(), NULL).verdict,
                      CAIRN_SCAN_MATCH_NONE);
     test_pool_free(&pool);
@@ -400,10 +399,10 @@ static void joins_parts(void **state)
     params.max_target = 3000;
     match = make_match(&pool, params);
     for (int i = 0; i < 2; i++) {
-        look(&first, L_ROOM, 6, places[i], CAIRN_REAL(0.01), &random);
+        take_scan(&first, L_ROOM, 6, places[i], CAIRN_REAL(0.01), &random);
         assert_ok(cairn_scan_match_add_target(match, &first.part, places[i], NULL));
     }
-    look(&second, L_ROOM, 6, places[2], CAIRN_REAL(0.01), &random);
+    take_scan(&second, L_ROOM, 6, places[2], CAIRN_REAL(0.01), &random);
     result = run(match, &second.part, cairn_pose_identity(), NULL);
     assert_int_equal(result.verdict, CAIRN_SCAN_MATCH_FOUND);
     assert_pose_near(result.hypotheses[0].target_query, places[2], 0.01, 0.004);
@@ -504,7 +503,7 @@ static cairn_status create(void *context, cairn_pool *pool)
     return cairn_scan_match_create(&match, pool, context);
 }
 
-static void takes_exactly_what_it_says(void **state)
+static void memory_is_as_stated(void **state)
 {
     cairn_scan_match_params params = cairn_scan_match_default();
 
@@ -595,7 +594,7 @@ static void shape_does_not_depend_on_budgets(void **state)
     test_pool_free(&pool);
 }
 
-static void shape_takes_exactly_what_it_says(void **state)
+static void memory_of_shape_is_as_stated(void **state)
 {
     cairn_scan_match_params params = cairn_scan_match_default();
 
@@ -607,9 +606,9 @@ static void shape_takes_exactly_what_it_says(void **state)
     test_every_pool_size(create, &params, cairn_scan_match_memory(&params));
 }
 
-/* ---- What speaks for and against ---- */
+/* ---- Terms of the log-likelihood ratio ---- */
 
-static void free_space_speaks_against(void **state)
+static void free_space_violations_lower_the_score(void **state)
 {
     cairn_random random = cairn_random_seed(9, 1);
     cairn_scan_match_params params = cairn_scan_match_default();
@@ -618,8 +617,8 @@ static void free_space_speaks_against(void **state)
     cairn_scan_match_result result;
 
     (void)state;
-    look(&first, OBLONG, 4, cairn_pose_identity(), 0, &random);
-    look(&second, TRIANGLE, 3, cairn_pose_identity(), 0, &random);
+    take_scan(&first, OBLONG, 4, cairn_pose_identity(), 0, &random);
+    take_scan(&second, TRIANGLE, 3, cairn_pose_identity(), 0, &random);
     assert_ok(cairn_scan_match_add_target(match, &first.part, cairn_pose_identity(), NULL));
     result = run(match, &second.part, cairn_pose_identity(), NULL);
     assert_true(result.count > 0);
@@ -627,7 +626,7 @@ static void free_space_speaks_against(void **state)
                     result.hypotheses[0].target_free_space_violation >
                 CAIRN_REAL(0.1));
     assert_true(result.hypotheses[0].log_odds < 0);
-    /* Nothing is known of free space. */
+    /* No free space is known. */
     second.part.beam_count = first.part.beam_count = 0;
     cairn_scan_match_clear_target(match);
     assert_ok(cairn_scan_match_add_target(match, &first.part, cairn_pose_identity(), NULL));
@@ -637,7 +636,7 @@ static void free_space_speaks_against(void **state)
     test_pool_free(&pool);
 }
 
-static void leaves_out_what_it_has_no_room_for(void **state)
+static void leaves_out_what_exceeds_the_capacity(void **state)
 {
     cairn_random random = cairn_random_seed(10, 1);
     cairn_scan_match_params params = cairn_scan_match_default();
@@ -650,14 +649,14 @@ static void leaves_out_what_it_has_no_room_for(void **state)
     params.max_dense = params.max_views = 0;
     match = make_match(&pool, params);
     result = match_room(match, L_ROOM, 6, a, b, NULL, NULL, &random);
-    /* nothing speaks against the room turned about */
+    /* no free-space violation when the room is turned about */
     assert_int_equal(result.verdict, CAIRN_SCAN_MATCH_AMBIGUOUS);
     assert_pose_near(result.hypotheses[0].target_query, cairn_pose_between(a, b), 0.02, 0.008);
     assert_near(result.hypotheses[0].free_space_violation, 0, 0);
     test_pool_free(&pool);
 }
 
-/* 95 % of the errors lie in the 95 % ellipsoid, more or less. */
+/* 95 % of the errors lie in the 95 % ellipsoid, approximately. */
 static void covariance_holds(void **state)
 {
     cairn_random random = cairn_random_seed(11, 1);
@@ -687,7 +686,7 @@ static void covariance_holds(void **state)
     test_pool_free(&pool);
 }
 
-static void is_sure_of_nothing_in_a_round_room(void **state)
+static void a_round_room_is_ambiguous(void **state)
 {
     static cairn_vec2 circle[60];
     cairn_random random = cairn_random_seed(12, 1);
@@ -721,8 +720,8 @@ static void dense_points_have_the_direction_of_their_wall(void **state)
     memset(&view, 0, sizeof view);
     view.beams = beams;
     view.beam_count = 43;
-    /* A corner at (2, 0.6), seen from the origin counter-clockwise: up along x = 2, then left
-     * along y = 0.6; then one hit alone, and one beam that hit nothing. */
+    /* A corner at (2, 0.6), seen from the origin counter-clockwise: up along x = 2, then left along
+     * y = 0.6; then an isolated hit, and a beam without a hit. */
     for (int i = 0; i < 41; i++) {
         beams[i].kind = CAIRN_SCAN_BEAM_HIT;
         beams[i].to.x = i < 21 ? 2 : 2 - (cairn_real)(i - 20) * CAIRN_REAL(0.03);
@@ -747,8 +746,7 @@ static void dense_points_have_the_direction_of_their_wall(void **state)
 
 /* ---- Few points ---- */
 
-/* A corner's points a metre apart: three pairs are too few to say anything, four make the
- * corner. */
+/* A corner's points a metre apart: three pairs are too few for a decision, four make the corner. */
 static void four_pairs_are_enough(void **state)
 {
     static const cairn_oriented_point corner[] = {
@@ -798,8 +796,8 @@ static uint64_t hash_match(const cairn_scan_match *match)
     return test_hash(hash, numbers, sizeof numbers);
 }
 
-/* What is seen of one place is added as two parts, of what is seen of another every hypothesis
- * is hashed. */
+/* The view of one place is added as two parts; of the view of another every hypothesis is
+ * hashed. */
 struct scene {
     cairn_scan_match_mode mode;
     const cairn_vec2 *target, *query;
@@ -811,8 +809,7 @@ struct scene {
     uint64_t in_double, in_float;
 };
 
-/* Another target, elsewhere, of which a first match ends and a second is dropped while its
- * points vote. */
+/* Another target, elsewhere; a first match of it ends, and a second is dropped during the votes. */
 static void leave_traces(cairn_scan_match *match)
 {
     const cairn_pose elsewhere = {-40, -30, 2};
@@ -844,8 +841,8 @@ static uint64_t hash_of_scene(const struct scene *scene)
 
     params.mode = scene->mode;
     match = make_match(&pool, params);
-    look(&first, scene->target, scene->target_corners, a, CAIRN_REAL(0.01), &random);
-    look(&second, scene->query, scene->query_corners, b, CAIRN_REAL(0.01), &random);
+    take_scan(&first, scene->target, scene->target_corners, a, CAIRN_REAL(0.01), &random);
+    take_scan(&second, scene->query, scene->query_corners, b, CAIRN_REAL(0.01), &random);
     hash = test_hash(TEST_HASH_START, second.dense,
                      (size_t)second.part.dense_count * sizeof *second.dense);
     if (scene->bare) {
@@ -928,8 +925,8 @@ static void results_stay_as_they_are(void **state)
 
 /* ---- Memory of the search ---- */
 
-/* A grid that just holds the window finds the same as the largest one, in less memory; what is
- * too small holds its middle. */
+/* A grid that just holds the window finds the same as the largest one, in less memory; a smaller
+ * one holds the middle of the window. */
 static void a_small_grid_finds_the_same(void **state)
 {
     cairn_scan_match_params params = cairn_scan_match_default();
@@ -990,7 +987,7 @@ static void refuses_input(void **state)
     int32_t count;
 
     (void)state;
-    look(&first, L_ROOM, 6, zero, 0, &random);
+    take_scan(&first, L_ROOM, 6, zero, 0, &random);
     count = first.part.count;
     params.max_target = 2 * count - 1;
     params.max_query = count;
@@ -1036,7 +1033,7 @@ static void refuses_input(void **state)
     assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault),
                  CAIRN_NOT_FINITE, 7);
     first.beams[7] = beam;
-    /* Nothing came in so far, then just as much as there is room for. */
+    /* No input so far; then exactly as much as the capacity. */
     assert_int_equal(run(match, &first.part, zero, NULL).verdict, CAIRN_SCAN_MATCH_NONE);
     assert_ok(cairn_scan_match_add_target(match, &first.part, zero, &fault));
     assert_fault(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault), CAIRN_FULL,
@@ -1083,21 +1080,21 @@ int main(void)
         cmocka_unit_test(finds_from_a_guess_and_from_none),
         cmocka_unit_test(lists_all_that_look_alike),
         cmocka_unit_test(a_corner_alone_is_ambiguous),
-        cmocka_unit_test(a_twin_that_was_seen_less_of_is_ambiguous),
-        cmocka_unit_test(a_twin_that_was_seen_once_is_ambiguous),
-        cmocka_unit_test(names_what_is_not_observable),
-        cmocka_unit_test(says_no),
+        cmocka_unit_test(an_identical_room_seen_in_part_is_ambiguous),
+        cmocka_unit_test(an_identical_room_seen_once_is_ambiguous),
+        cmocka_unit_test(names_unobservable_directions),
+        cmocka_unit_test(reports_not_found),
         cmocka_unit_test(joins_parts),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(refuses_params),
-        cmocka_unit_test(takes_exactly_what_it_says),
+        cmocka_unit_test(memory_is_as_stated),
         cmocka_unit_test(shape_finds_and_each_stage_brings_it_nearer),
         cmocka_unit_test(shape_does_not_depend_on_budgets),
-        cmocka_unit_test(shape_takes_exactly_what_it_says),
-        cmocka_unit_test(free_space_speaks_against),
-        cmocka_unit_test(leaves_out_what_it_has_no_room_for),
+        cmocka_unit_test(memory_of_shape_is_as_stated),
+        cmocka_unit_test(free_space_violations_lower_the_score),
+        cmocka_unit_test(leaves_out_what_exceeds_the_capacity),
         cmocka_unit_test(covariance_holds),
-        cmocka_unit_test(is_sure_of_nothing_in_a_round_room),
+        cmocka_unit_test(a_round_room_is_ambiguous),
         cmocka_unit_test(dense_points_have_the_direction_of_their_wall),
         cmocka_unit_test(four_pairs_are_enough),
         cmocka_unit_test(a_small_grid_finds_the_same),

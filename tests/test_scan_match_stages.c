@@ -1,4 +1,4 @@
-/* What the modes of shape show of their stages, beside slow obvious implementations of them. */
+/* The stages of the shape modes compared with reference implementations. */
 #include "tests/match_bed.h"
 
 #include <math.h>
@@ -7,7 +7,7 @@
 
 enum { MANY = 1024 };
 
-/* Target and query overlap in part; the query is turned by 0.02 rad and shifted beside that. */
+/* Target and query overlap in part; the query is rotated by 0.02 rad and shifted. */
 static void make_bed_of(bed *b, cairn_scan_match_mode mode, int32_t candidates)
 {
     static const cairn_pose from = {CAIRN_REAL(0.5), CAIRN_REAL(-0.05), CAIRN_REAL(0.32)};
@@ -113,9 +113,9 @@ static void modes_up_to_a_stage(void **state)
                 dropped[4][CAIRN_SCAN_MATCH_ACCEPTED] > 0);
 }
 
-/* Whether points within half a metre of a point, as many as a quarter of those in the fullest
- * bin of 10 degrees, lie off the line along its direction: 1, 0, or -1 where that hangs on a
- * point at the border of bins or reach. */
+/* Whether points within half a metre of a point, at least a quarter of those in the fullest bin of
+ * 10 degrees, lie off the line along its direction: 1, 0, or -1 where a point at the border of bins
+ * or reach decides. */
 static int is_descriptive(const cairn_oriented_point *points, int32_t count, int32_t i, double turn)
 {
     const double direction =
@@ -145,8 +145,7 @@ static int is_descriptive(const cairn_oriented_point *points, int32_t count, int
     return border ? -1 : off_line;
 }
 
-/* Up to the colinear filter, points that have nothing but a straight line about them are
- * dropped, too. */
+/* Before the colinear filter, points with only a straight line around them are dropped, too. */
 static void points_of_straight_lines(void **state)
 {
     int32_t straight = 0, descriptive = 0;
@@ -172,9 +171,8 @@ static void points_of_straight_lines(void **state)
     test_pool_free(&b.pool);
 }
 
-/* Pairs that the filters drop though their vector leads away from both lines, of those about
- * which the test is sure, and those that are kept though one of their points has only a straight
- * line about it. */
+/* Pairs that the filters drop though their vector leads away from both lines, where the test is
+ * certain, and those kept though one of their points has only a straight line around it. */
 static void count_strict(const bed *b, int *dropped, int *kept)
 {
     cairn_pose pose = cairn_scan_match_pair_pose(b->match);
@@ -192,8 +190,8 @@ static void count_strict(const bed *b, int *dropped, int *kept)
     }
 }
 
-/* The filters are applied without the points of straight lines and with them; all pairs are told
- * by the one that won. */
+/* The filters are applied without the points of straight lines and with them; the reported pairs
+ * are those of the winning one. */
 static void pairs_of_one_pass(void **state)
 {
     int won[2] = {0, 0};
@@ -246,7 +244,7 @@ static int has_segment_of_mean(const bed *b, cairn_vec2 mean)
     return 0;
 }
 
-/* Of many rotations, the pairs are those that gave the pose: without ICP it is the mean of a
+/* With many rotations, the pairs are those that gave the pose: without ICP it is the mean of a
  * segment's vectors. */
 static void pairs_are_those_of_the_pose(void **state)
 {
@@ -257,7 +255,7 @@ static void pairs_are_those_of_the_pose(void **state)
     make_bed(&b, CAIRN_SCAN_MATCH_SHAPE_SEGMENTS);
     for (int k = 0; k < 6; k++) {
         cairn_scan_match_result found;
-        cairn_pose pose, laid;
+        cairn_pose pose, placed;
         cairn_vec2 moved;
 
         b.start.theta = CAIRN_REAL(0.1) * (cairn_real)(k - 3);
@@ -265,19 +263,19 @@ static void pairs_are_those_of_the_pose(void **state)
         found = cairn_scan_match_read(b.match);
         assert_int_equal(found.count, 1);
         pose = found.hypotheses[0].target_query;
-        laid = cairn_scan_match_pair_pose(b.match);
-        assert_near(cairn_wrap_angle(pose.theta - laid.theta), 0, 1e-6);
-        turned += fabs((double)(laid.theta - b.start.theta)) > 0.02;
-        moved.x = pose.x - laid.x;
-        moved.y = pose.y - laid.y;
+        placed = cairn_scan_match_pair_pose(b.match);
+        assert_near(cairn_wrap_angle(pose.theta - placed.theta), 0, 1e-6);
+        turned += fabs((double)(placed.theta - b.start.theta)) > 0.02;
+        moved.x = pose.x - placed.x;
+        moved.y = pose.y - placed.y;
         assert_true(has_segment_of_mean(&b, moved));
     }
     assert_true(turned > 2);
     test_pool_free(&b.pool);
 }
 
-/* Beside counting by angles; a point so near to a border of bins that rounding decides is passed
- * over. */
+/* Compared with counting by angles; a point so near to a border of bins that rounding decides is
+ * skipped. */
 static void histograms(void **state)
 {
     cairn_real share[CAIRN_SCAN_MATCH_BINS];
@@ -335,7 +333,7 @@ static void nothing_to_show(void **state)
     make_bed(&b, CAIRN_SCAN_MATCH_SHAPE);
     run(&b);
     assert_true(cairn_scan_match_pair_count(b.match) > 0);
-    b.query_part.count = 0; /* what was seen before is not shown for it */
+    b.query_part.count = 0; /* earlier input is not shown for it */
     run(&b);
     assert_int_equal(cairn_scan_match_pair_count(b.match), 0);
     assert_status(cairn_scan_match_histogram(b.match, 0, share), CAIRN_EMPTY);
@@ -343,7 +341,7 @@ static void nothing_to_show(void **state)
     test_pool_free(&b.pool);
 }
 
-/* ---- The vote, beside a plain twin ---- */
+/* ---- The vote, compared with a reference implementation ---- */
 
 static int32_t plain_bin(const cairn_oriented_point *p)
 {
@@ -353,8 +351,8 @@ static int32_t plain_bin(const cairn_oriented_point *p)
     return (int32_t)floor((turns < 0 ? turns + 65536 : turns) * SCAN_MATCH_DIRECTION_BINS / 65536);
 }
 
-/* The cell of the grid that a pair of points votes for; -1: none. Positions are whole parts of a
- * cell, as in the vote. */
+/* The cell of the grid for which a pair of points votes; -1: none. Positions are whole fractions of
+ * a cell, as in the vote. */
 static int32_t plain_cell(const bed *b, int32_t query, int32_t target)
 {
     const scan_match_accumulator *v = &b->match->votes;
@@ -377,7 +375,7 @@ static int32_t plain_cell(const bed *b, int32_t query, int32_t target)
                                                              : (int32_t)y * v->width + (int32_t)x;
 }
 
-/* Every query point that votes with every target point; `once`: no more than once for a cell. */
+/* Every query point votes with every target point; `once`: at most once for a cell. */
 static void plain_votes(const bed *b, int once, int32_t *cell)
 {
     static int32_t last[SCAN_MATCH_MAX_CELLS];
@@ -407,7 +405,7 @@ static int32_t plain_window(const scan_match_accumulator *v, const int32_t *cell
     return sum;
 }
 
-/* Steps until the votes of a rotation are in; 0 when all have been. */
+/* Steps until the votes of a rotation are complete; 0 when all have been. */
 static int next_rotation(bed *b)
 {
     cairn_budget budget;
@@ -432,8 +430,9 @@ static void pass_peaks(bed *b)
     }
 }
 
-/* Peaks of this rotation by the plain votes, which are all told: a cell with votes whose window
- * of two by two cells has more votes than those about it, or as many and comes first. */
+/* Peaks of this rotation by the plain votes; all are reported. A peak is a cell with votes whose
+ * window of two by two cells has more votes than the neighbouring windows, or as many and comes
+ * first. */
 static int32_t assert_peaks(const bed *b, const int32_t *cell, int32_t rotation, int32_t already)
 {
     const scan_match_accumulator *v = &b->match->votes;
@@ -441,7 +440,7 @@ static int32_t assert_peaks(const bed *b, const int32_t *cell, int32_t rotation,
 
     for (int32_t at = 0; at < v->width * v->height; at++) {
         int32_t column = at % v->width, row = at / v->width,
-                own = plain_window(v, cell, column, row), told = 0;
+                own = plain_window(v, cell, column, row), reported = 0;
         int32_t is_peak = cell[at] > 0;
 
         for (int32_t k = 0; k < 9 && is_peak; k++) {
@@ -457,7 +456,7 @@ static int32_t assert_peaks(const bed *b, const int32_t *cell, int32_t rotation,
         for (int32_t i = 0; i < b->match->candidate_count; i++) {
             const scan_match_candidate *c = &b->match->candidates[i];
 
-            told +=
+            reported +=
                 fabs((double)(c->pose.x - v->origin.x) / (double)v->cell_size - column - 1) <
                     1e-3 &&
                 fabs((double)(c->pose.y - v->origin.y) / (double)v->cell_size - row - 1) < 1e-3 &&
@@ -465,7 +464,7 @@ static int32_t assert_peaks(const bed *b, const int32_t *cell, int32_t rotation,
                                               (cairn_real)rotation * v->angle_step)) < 1e-3 &&
                 fabs((double)c->score - own) < 0.5;
         }
-        assert_int_equal(told, 1);
+        assert_int_equal(reported, 1);
     }
     assert_int_equal(b->match->candidate_count, already + peaks);
     return peaks;
@@ -514,7 +513,7 @@ static void votes_of_everything_are_points(void **state)
         b.match, &b.query_part, (cairn_pose){CAIRN_REAL(1.03), CAIRN_REAL(0.02), CAIRN_REAL(0.11)},
         NULL));
     assert_ok(cairn_scan_match_begin(b.match, &b.query_part, b.start, NULL, NULL));
-    while (next_rotation(&b)) { /* all but those in which nobody votes */
+    while (next_rotation(&b)) { /* all but those without votes */
         const scan_match_accumulator *v = &b.match->votes;
 
         plain_votes(&b, 1, cell);

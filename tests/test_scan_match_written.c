@@ -1,4 +1,4 @@
-/* scan_match, mode as_written: every stage beside a slow reference implementation. */
+/* scan_match as written: every stage compared with a reference implementation. */
 #include "tests/match_bed.h"
 
 #include <math.h>
@@ -25,7 +25,7 @@ static cairn_scan_match_params small_params(cairn_scan_match_mode mode)
     return params;
 }
 
-/* Target and query share seven walls of the room; the query is turned by 1.3 degrees and
+/* Target and query share seven walls of the room; the query is rotated by 1.3 degrees and
  * shifted. */
 static void make_bed(bed *b, cairn_scan_match_mode mode)
 {
@@ -39,9 +39,9 @@ static void make_bed(bed *b, cairn_scan_match_mode mode)
 /* ---- The reference implementation ---- */
 
 typedef struct reference {
-    double query[MOST][2], target[MOST][2]; /* of the pairs that the colinear filter leaves */
+    double query[MOST][2], target[MOST][2]; /* of the pairs kept by the colinear filter */
     int32_t count;
-    double x, y, distance; /* the translation of the segment that wins, and its mean distance */
+    double x, y, distance; /* the translation of the winning segment, and its mean distance */
     int32_t kept;
 } reference;
 
@@ -51,7 +51,7 @@ static double between_lines(double ax, double ay, double bx, double by)
     return acos(fmin(fabs(ax * bx + ay * by) / (hypot(ax, ay) * hypot(bx, by)), 1));
 }
 
-/* Tells the pairs by the colinear filter as printed, checks it, and keeps what it leaves. */
+/* Marks the pairs dropped by the colinear filter as printed, checks it, and keeps the rest. */
 static void filter_pairs(const bed *b, reference *out, int32_t *dropped)
 {
     cairn_pose pose = cairn_scan_match_pair_pose(b->match);
@@ -172,8 +172,8 @@ typedef struct overlap {
     int32_t pairs;
 } overlap;
 
-/* Which query points overlap the target within `reach`; the pairs of those within `gate`. */
-static overlap look(const bed *b, cairn_pose pose, double reach, double gate)
+/* Query points that overlap the target within `reach`; the pairs of those within `gate`. */
+static overlap overlap_at(const bed *b, cairn_pose pose, double reach, double gate)
 {
     double c = cos((double)pose.theta), s = sin((double)pose.theta);
     static double all[MOST][4];
@@ -227,10 +227,10 @@ static overlap look(const bed *b, cairn_pose pose, double reach, double gate)
 static cairn_pose icp(const bed *b, cairn_pose pose, double reach)
 {
     cairn_pose last = pose;
-    overlap before = look(b, pose, reach, 0);
+    overlap before = overlap_at(b, pose, reach, 0);
 
     for (int k = 0; k < 20; k++) {
-        overlap pairs = look(b, pose, reach, before.distance), now;
+        overlap pairs = overlap_at(b, pose, reach, before.distance), now;
         double turn = atan2(pairs.cross, pairs.dot), c = cos(turn), s = sin(turn);
         double x = (double)pose.x - pairs.mean[0], y = (double)pose.y - pairs.mean[1];
 
@@ -238,7 +238,7 @@ static cairn_pose icp(const bed *b, cairn_pose pose, double reach)
         pose.x = (cairn_real)(c * x - s * y + pairs.mean[2]);
         pose.y = (cairn_real)(s * x + c * y + pairs.mean[3]);
         pose.theta = (cairn_real)((double)pose.theta + turn);
-        now = look(b, pose, reach, 0);
+        now = overlap_at(b, pose, reach, 0);
         if (now.count < before.count && now.distance > before.distance)
             return last;
         before = now;
@@ -292,9 +292,8 @@ static void finds_and_each_stage_follows_its_reference(void **state)
     assert_true(all_dropped > 5 && all_kept > 20);
 }
 
-/* Points of bare walls that the other modes leave out are kept, when their vectors lead off the
- * walls. */
-static void the_colinear_filter_stands_alone(void **state)
+/* Points of bare walls that the other modes omit are kept when their vectors lead off the walls. */
+static void the_colinear_filter_by_itself(void **state)
 {
     static bed b;
     static reference t;
@@ -380,7 +379,7 @@ static void budgets_do_not_matter(void **state)
     test_pool_free(&b.pool);
 }
 
-/* Of a scan matched as a whole each half finds its own pose, by the overlap distance of the
+/* Each half of a scan matched as a whole finds its own pose, by the overlap distance of the
  * whole. */
 static void parts_by_icp_alone(void **state)
 {
@@ -405,7 +404,7 @@ static void parts_by_icp_alone(void **state)
                      NUMBER(1e-9, 1e-2));
     assert_int_equal(cairn_scan_match_pair_count(b.match), 0);
 
-    (void)run_in(&b, NULL); /* the target is still known by its descriptors */
+    (void)run_in(&b, NULL); /* the target's descriptors are still known */
     assert_int_equal(cairn_scan_match_read(b.match).count, 1);
     half = b.query_part;
     half.count /= 2;
@@ -441,14 +440,14 @@ static void parts_by_icp_alone(void **state)
     test_pool_free(&b.pool);
 }
 
-/* Nothing of the shapes is alike: no hypothesis. */
+/* No shapes agree: no hypothesis. */
 static void nothing_in_common(void **state)
 {
     static bed b;
 
     (void)state;
     make_bed(&b, CAIRN_SCAN_MATCH_AS_WRITTEN);
-    b.query_part.count = 4; /* of one wall, whose direction is turned away from all */
+    b.query_part.count = 4; /* of one wall, whose direction differs from all */
     for (int32_t i = 0; i < 4; i++) {
         b.query[i].direction.x = CAIRN_REAL(0.6);
         b.query[i].direction.y = CAIRN_REAL(0.8);
@@ -468,7 +467,7 @@ static cairn_status create(void *context, cairn_pool *pool)
     return cairn_scan_match_create(&match, pool, context);
 }
 
-static void takes_exactly_what_it_says(void **state)
+static void memory_is_as_stated(void **state)
 {
     cairn_scan_match_params params = small_params(CAIRN_SCAN_MATCH_AS_WRITTEN);
 
@@ -484,7 +483,7 @@ static void takes_exactly_what_it_says(void **state)
     assert_int_equal(params.max_query, 1604);
 }
 
-/* A reading for every beam that hit, with the direction of the segment that is nearest. */
+/* A reading for every beam that hit, with the direction of the nearest segment. */
 static void readings_have_the_direction_of_the_nearest_segment(void **state)
 {
     static rooms_scan taken;
@@ -541,12 +540,12 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(finds_and_each_stage_follows_its_reference),
-        cmocka_unit_test(the_colinear_filter_stands_alone),
+        cmocka_unit_test(the_colinear_filter_by_itself),
         cmocka_unit_test(every_degree_of_the_window),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(parts_by_icp_alone),
         cmocka_unit_test(nothing_in_common),
-        cmocka_unit_test(takes_exactly_what_it_says),
+        cmocka_unit_test(memory_is_as_stated),
         cmocka_unit_test(readings_have_the_direction_of_the_nearest_segment),
     };
 

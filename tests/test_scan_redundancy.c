@@ -1,4 +1,4 @@
-/* The cover of scans against counting every point with every other. */
+/* The redundancy of scans compared with counting all pairs of points. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -8,7 +8,7 @@
 
 enum { SCANS = 7, WALLS = 5, MOST = 40 };
 
-/* A set of scans with walls in all directions around places that lie near each other. */
+/* A set of scans with walls in all directions around neighbouring places. */
 typedef struct world {
     cairn_pool pool;
     cairn_scan_set *set;
@@ -97,7 +97,7 @@ static void run(cairn_scan_redundancy *cover, int32_t units, int64_t *used)
     assert_int_equal(status, CAIRN_OK);
 }
 
-/* 1 when a point of one segment shows one of another. */
+/* 1 when a point of one segment coincides with one of another. */
 static int shows(const world *w, cairn_scan_redundancy_params params, int32_t s, int32_t i,
                  int32_t t, int32_t j)
 {
@@ -150,7 +150,7 @@ static void losses_are_those_by_hand(void **state)
         params.radius = CAIRN_REAL(0.1) * (cairn_real)seed;
         params.direction_gate = seed == 6 ? CAIRN_PI : CAIRN_REAL(0.3) * (cairn_real)seed;
         cover = make_cover(&w, params);
-        /* Twice: what is left of the first time does not show. */
+        /* Twice: nothing is left over from the first time. */
         for (int32_t again = 0; again < 2; again++) {
             assert_ok(cairn_scan_redundancy_begin(cover, w.set, w.pose));
             run(cover, 1000, &used);
@@ -166,9 +166,9 @@ static void losses_are_those_by_hand(void **state)
     }
 }
 
-/* Of three scans of one wall and two of another one of the three goes, the first; when it is
- * spared the second. */
-static void the_best_covered_goes(void **state)
+/* Of three scans of one wall and two of another the first of the three is chosen; when it is
+ * excluded the second. */
+static void the_most_redundant_scan_is_culled(void **state)
 {
     cairn_scan_redundancy_params params = small_params();
     world w = make_world(1);
@@ -193,8 +193,7 @@ static void the_best_covered_goes(void **state)
     assert_true(cairn_scan_redundancy_loss(cover, 0) == cairn_scan_redundancy_loss(cover, 4));
     assert_int_equal(cairn_scan_redundancy_most_redundant(cover, -1), 0);
     assert_int_equal(cairn_scan_redundancy_most_redundant(cover, 0), 2);
-    /* When two of the three are gone the pair is covered best; slots that are empty have no
-     * loss. */
+    /* When two of the three are gone the pair has the lowest loss; empty slots have none. */
     assert_ok(cairn_scan_set_remove(w.set, 0));
     assert_ok(cairn_scan_set_remove(w.set, 2));
     w.pose[0].x = (cairn_real)NAN;
@@ -204,7 +203,7 @@ static void the_best_covered_goes(void **state)
                 cairn_scan_redundancy_loss(cover, 2) == -1);
     assert_true(cairn_scan_redundancy_loss(cover, 4) > cairn_scan_redundancy_loss(cover, 3));
     assert_int_equal(cairn_scan_redundancy_most_redundant(cover, -1), 1);
-    /* A scan without points can go at once. */
+    /* A scan without points is chosen at once. */
     add_scan(&w, &random, 0, MOST);
     w.pose[2] = cairn_pose_identity();
     assert_ok(cairn_scan_redundancy_begin(cover, w.set, w.pose));
@@ -321,7 +320,7 @@ static void memory_is_exact(void **state)
     test_pool_free(&pool);
 }
 
-static void what_begin_refuses(void **state)
+static void begin_refuses_bad_input(void **state)
 {
     world w = make_world(2);
     cairn_scan_redundancy_params params = small_params();
@@ -377,9 +376,12 @@ static void what_begin_refuses(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(losses_are_those_by_hand), cmocka_unit_test(the_best_covered_goes),
-        cmocka_unit_test(budgets_do_not_matter),    cmocka_unit_test(bad_params_are_refused),
-        cmocka_unit_test(memory_is_exact),          cmocka_unit_test(what_begin_refuses),
+        cmocka_unit_test(losses_are_those_by_hand),
+        cmocka_unit_test(the_most_redundant_scan_is_culled),
+        cmocka_unit_test(budgets_do_not_matter),
+        cmocka_unit_test(bad_params_are_refused),
+        cmocka_unit_test(memory_is_exact),
+        cmocka_unit_test(begin_refuses_bad_input),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -140,8 +140,8 @@ static void test_scans_are_copied(void **state)
         assert_near(s->sensor.y, -1, 0);
         assert_near(s->centroid.x, 1.5, 1e-6);
         assert_near(s->centroid.y, 1, 1e-6);
-        /* (.25 + 1) + (.25 + 1) + (2.25 + 1) + (2.25 + 9) = 17; (0 + 1) + (1 + 1) + (4 + 1) + (1
-         * + 25) = 34 */
+        /* (.25 + 1) + (.25 + 1) + (2.25 + 1) + (2.25 + 9) = 17; (0 + 1) + (1 + 1) + (4 + 1) + (1 +
+         * 25) = 34 */
         assert_near(s->centroid_spread, 4.25, 1e-5);
         assert_near(s->sensor_spread, 8.5, 1e-5);
         for (int32_t i = 0; i < 3; i++) {
@@ -264,12 +264,12 @@ static void test_bad_scans_are_refused(void **state)
     test_pool_free(&pool);
 }
 
-/* ---- Points made from the ends of segments ---- */
+/* ---- Points generated from the ends of segments ---- */
 
 enum { WALLS = 6, MOST = 400 };
 
-/* What the scan room makes of walls: points every `spacing`, centred, those of which a bit of
- * `support` is set. */
+/* The points of walls as the scan module makes them: every `spacing`, centred, those with a bit of
+ * `support`. */
 struct walls {
     cairn_segment segments[WALLS];
     int32_t first_point[WALLS + 1];
@@ -317,7 +317,7 @@ static void make_walls(struct walls *w, uint64_t seed, double spacing)
     }
 }
 
-/* Both ways of keeping give the same bits, whatever the points are asked for. */
+/* Both representations give the same bits, in whatever order the points are read. */
 static void assert_same_sets(const cairn_scan_set *kept, const cairn_scan_set *made)
 {
     assert_int_equal(kept->scan_count, made->scan_count);
@@ -381,7 +381,7 @@ static void test_points_are_made(void **state)
     }
     assert_same_sets(kept, made);
 
-    /* What is not so is refused. */
+    /* Segments of another form are refused. */
     cairn_scan_set_clear(made);
     make_walls(&w, 1, 0.07);
     for (int i = 0; i < MOST; i++)
@@ -415,7 +415,7 @@ static void test_points_are_made(void **state)
     assert_int_equal(made->segment_count, 1);
     assert_int_equal(made->word_count, 0);
     cairn_scan_set_clear(made);
-    /* A wall with a place for every point but not for every place. */
+    /* A wall with memory for every point but not for every place. */
     make_walls(&w, 1, 0.07);
     w.segments[0].b.x = w.segments[0].a.x + 9000;
     w.first_point[1] = 1;
@@ -429,7 +429,7 @@ static void test_points_are_made(void **state)
 
 /* ---- Removal ---- */
 
-/* The scans in the order in which they came, as a list of seeds, beside sets of both kinds. */
+/* The scans in the order of arrival, as a list of seeds, compared with sets of both kinds. */
 struct ledger {
     uint64_t seed[8];
     int32_t slot[8];
@@ -469,7 +469,8 @@ static void assert_is_ledger(const cairn_scan_set *set, const struct ledger *led
     }
 }
 
-/* Thousands of scans through few slots: at random one more, one less, or a little tidying up. */
+/* Thousands of scans through few slots: at random an addition, a removal, or a little
+ * compaction. */
 static void test_scans_come_and_go(void **state)
 {
     cairn_scan_set_params params = {8, 8 * WALLS, 8 * MOST, 0};
@@ -500,7 +501,7 @@ static void test_scans_come_and_go(void **state)
                 if (ledger.count == 8)
                     assert_int_equal(next, -1);
                 if (status == CAIRN_FULL && ledger.count < 8) {
-                    /* Only because of what has not been tidied up. */
+                    /* Only because of slots not compacted yet. */
                     assert_true(set->needs_packing);
                     assert_ok(cairn_scan_set_pack(set, &rest));
                     status = cairn_scan_set_add(set, &w.view, NULL, NULL);
@@ -548,7 +549,7 @@ static void test_scans_come_and_go(void **state)
     }
 }
 
-/* What is paid does not depend on how the budget is cut. */
+/* The units charged do not depend on the split of the budget. */
 static void test_pack_budgets(void **state)
 {
     static const int32_t budgets[] = {1, 7, 1000, CAIRN_UNBOUNDED};

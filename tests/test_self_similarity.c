@@ -24,29 +24,30 @@ static cairn_curve closed(const cairn_vec2 *points, int32_t count)
     return c;
 }
 
-typedef struct looking {
+typedef struct fixture {
     cairn_pool pool;
     cairn_self_similarity *similarity;
-} looking;
+} fixture;
 
-static looking new_looking(const cairn_self_similarity_params *params)
+static fixture new_fixture(const cairn_self_similarity_params *params)
 {
-    looking l;
+    fixture l;
 
     l.pool = test_pool(cairn_self_similarity_memory(params));
     assert_ok(cairn_self_similarity_create(&l.similarity, &l.pool, params));
     return l;
 }
 
-static looking of_mode(int32_t mode)
+static fixture of_mode(int32_t mode)
 {
     cairn_self_similarity_params params = cairn_self_similarity_default();
 
     params.mode = mode;
-    return new_looking(&params);
+    return new_fixture(&params);
 }
 
-static cairn_self_similarity_result look(looking *l, const cairn_curve *outlines, int32_t count)
+static cairn_self_similarity_result find_axes(fixture *l, const cairn_curve *outlines,
+                                              int32_t count)
 {
     cairn_budget budget = {INT32_MAX};
 
@@ -55,7 +56,7 @@ static cairn_self_similarity_result look(looking *l, const cairn_curve *outlines
     return cairn_self_similarity_read(l->similarity);
 }
 
-/* The farther of two ends from where they should be, either way round, in shares of the outline. */
+/* The farther of two ends from their expected places, in either order, as shares of the outline. */
 static double ends_off(const cairn_self_similarity_axis *axis, double first, double second)
 {
     double off[2];
@@ -103,7 +104,7 @@ static cairn_curve regular(cairn_vec2 *p, int32_t count, double turn)
     return closed(p, count);
 }
 
-/* ---- The thesis's search, the obvious way ---- */
+/* ---- Reference implementation: the thesis's search ---- */
 
 typedef struct slow {
     double unlike[96][96];
@@ -140,7 +141,7 @@ static double between(double last, double first, double n)
     return fmod(last + gap / 2, n) / n;
 }
 
-/* All sets S = (i ... j) and T from j or j + 1 to i or i - 1, as section 4.4 writes them. */
+/* All sets S = (i ... j) and T from j or j + 1 to i or i - 1, as in section 4.4. */
 static void slow_level(slow *s, int32_t m)
 {
     int32_t v[32], n = 0;
@@ -218,9 +219,9 @@ static void slow_search(slow *s, const cairn_vec2 *samples, int32_t count)
     test_pool_free(&pool);
 }
 
-static void searches_as_the_obvious_way(void **state)
+static void searches_as_the_reference(void **state)
 {
-    looking l = of_mode(CAIRN_MODE_AS_WRITTEN);
+    fixture l = of_mode(CAIRN_MODE_AS_WRITTEN);
 
     (void)state;
     for (uint64_t seed = 0; seed < 6; seed++) {
@@ -236,7 +237,7 @@ static void searches_as_the_obvious_way(void **state)
 
             p[i] = at(1.5 * radius * cos(turn), radius * sin(turn));
         }
-        r = look(&l, &c, 1);
+        r = find_axes(&l, &c, 1);
         slow_search(&s, r.samples, r.sample_count);
         assert_near(r.axes[0].dissimilarity, s.best, NUMBER(1e-9, 1e-5));
 #ifndef CAIRN_FLOAT
@@ -250,7 +251,7 @@ static void searches_as_the_obvious_way(void **state)
     test_pool_free(&l.pool);
 }
 
-/* What a result must always be. */
+/* Invariants of every result. */
 static void assert_sound(const cairn_self_similarity_result *r, int32_t mode)
 {
     assert_true(r->count >= 1 && r->count <= CAIRN_SELF_SIMILARITY_MAX_AXES && r->tie_count >= 1 &&
@@ -288,14 +289,14 @@ static void finds_a_plain_axis(void **state)
     (void)state;
     for (int32_t mode = 0; mode < 2; mode++)
         for (int wide = 0; wide < 3; wide++) {
-            looking l = of_mode(mode);
+            fixture l = of_mode(mode);
             cairn_vec2 p[MOST];
             cairn_self_similarity_result r;
             cairn_curve c;
             double half;
 
             c = pear(p, 200, 15 + 20 * wide, 0, 0, &half);
-            r = look(&l, &c, 1);
+            r = find_axes(&l, &c, 1);
             assert_sound(&r, mode);
             assert_true(ends_off(&r.axes[0], 0, half) <
                         (mode == CAIRN_MODE_DEFAULT ? 0.006 : 0.05));
@@ -315,7 +316,7 @@ static void finds_a_plain_axis(void **state)
 
 static void takes_bends_and_skews_back(void **state)
 {
-    looking l = of_mode(CAIRN_MODE_DEFAULT);
+    fixture l = of_mode(CAIRN_MODE_DEFAULT);
 
     (void)state;
     for (int sign = -1; sign <= 1; sign += 2)
@@ -325,7 +326,7 @@ static void takes_bends_and_skews_back(void **state)
             cairn_self_similarity_result r;
             cairn_curve c = pear(p, 300, 22, bend, skew, &half);
 
-            r = look(&l, &c, 1);
+            r = find_axes(&l, &c, 1);
             assert_sound(&r, CAIRN_MODE_DEFAULT);
             assert_true(ends_off(&r.axes[0], 0, half) < 0.01);
             /* The axis may be found from either end. */
@@ -338,7 +339,7 @@ static void takes_bends_and_skews_back(void **state)
     test_pool_free(&l.pool);
 }
 
-/* A body with two pairs of limbs, those in front as long as `fore`, each turned at its joint. */
+/* A body with two pairs of limbs, the front ones of length `fore`, each rotated at its joint. */
 static int32_t beast(cairn_vec2 *p, double fore, double hind, const double turn[4], double *half)
 {
     const double joint[4] = {20, 75, 75, 20}, long_ones[4] = {fore, hind, hind, fore};
@@ -379,7 +380,7 @@ static void joints_do_not_matter(void **state)
 {
     static const double turns[][4] = {
         {0, 0, 0, 0}, {0.6, -0.4, 0.7, -0.5}, {-0.7, 0.3, -0.6, 0.8}, {0.9, 0.9, 0.1, -0.7}};
-    looking l = of_mode(CAIRN_MODE_DEFAULT);
+    fixture l = of_mode(CAIRN_MODE_DEFAULT);
 
     (void)state;
     for (int i = 0; i < 4; i++) {
@@ -389,20 +390,20 @@ static void joints_do_not_matter(void **state)
         int32_t n = beast(p, 50, 30, turns[i], &half);
         cairn_curve c = closed(p, n);
 
-        r = look(&l, &c, 1);
+        r = find_axes(&l, &c, 1);
         assert_sound(&r, CAIRN_MODE_DEFAULT);
         assert_true(ends_off(&r.axes[0], 0, half) < 0.05);
     }
     test_pool_free(&l.pool);
 }
 
-/* Limbs in front nearly as long as those behind: the body might be divided between them. */
+/* Front limbs nearly as long as the hind ones: the body could be divided between them. */
 static void like_limbs_in_front_and_behind_do_not_matter(void **state)
 {
     static const double turns[][4] = {{0.7, -0.2, -0.1, -0.4}, {-0.8, 0.1, -0.4, 0.0},
                                       {-0.4, -0.1, 0.5, -0.7}, {0.2, 0.9, -0.7, 0.7},
                                       {0.3, -0.5, 0.8, 0.7},   {-0.7, -0.5, -0.7, 0.7}};
-    looking l = of_mode(CAIRN_MODE_DEFAULT);
+    fixture l = of_mode(CAIRN_MODE_DEFAULT);
 
     (void)state;
     for (int i = 0; i < 6; i++) {
@@ -412,7 +413,7 @@ static void like_limbs_in_front_and_behind_do_not_matter(void **state)
         int32_t n = beast(p, 50, 44, turns[i], &half);
         cairn_curve c = closed(p, n);
 
-        r = look(&l, &c, 1);
+        r = find_axes(&l, &c, 1);
         assert_sound(&r, CAIRN_MODE_DEFAULT);
         assert_true(ends_off(&r.axes[0], 0, half) < 0.05);
     }
@@ -421,7 +422,7 @@ static void like_limbs_in_front_and_behind_do_not_matter(void **state)
 
 /* ---- Verdicts ---- */
 
-/* An egg, 100 high, slit from above along its axis down to 12 above the lower end; turned by
+/* An egg, 100 high, slit from above along its axis down to 12 above the lower end; rotated by
  * `turn`. */
 static cairn_curve slit_egg(cairn_vec2 *p, double turn)
 {
@@ -447,18 +448,19 @@ static cairn_curve slit_egg(cairn_vec2 *p, double turn)
     return closed(p, count);
 }
 
-/* The axis is short, a sample at its end would turn it by degrees; all samples tell the line. */
-static void the_mirror_line_is_told_by_all_samples(void **state)
+/* The axis is short, so that one sample at its end would turn it by degrees; the line is fitted to
+ * all samples. */
+static void the_mirror_line_is_fitted_to_all_samples(void **state)
 {
     static cairn_vec2 p[MOST];
-    looking by_ends = of_mode(CAIRN_MODE_AS_WRITTEN), l = of_mode(CAIRN_MODE_DEFAULT);
+    fixture by_ends = of_mode(CAIRN_MODE_AS_WRITTEN), l = of_mode(CAIRN_MODE_DEFAULT);
     double worst_chord = 0;
 
     (void)state;
     for (int k = 0; k < 8; k++) {
         double turn = 0.1 + 0.37 * k;
         cairn_curve egg = slit_egg(p, turn);
-        cairn_self_similarity_result r = look(&l, &egg, 1), written;
+        cairn_self_similarity_result r = find_axes(&l, &egg, 1), written;
         cairn_vec2 along = at(-sin(turn), cos(turn)),
                    chord = cairn_vec2_sub(r.axes[0].end[1], r.axes[0].end[0]);
 
@@ -468,7 +470,7 @@ static void the_mirror_line_is_told_by_all_samples(void **state)
         assert_near(cairn_vec2_cross(r.axes[0].mirror_point, along), 0, 0.5);
         worst_chord =
             fmax(worst_chord, fabs((double)cairn_vec2_cross(cairn_vec2_unit(chord), along)));
-        written = look(&by_ends, &egg, 1);
+        written = find_axes(&by_ends, &egg, 1);
         for (int32_t i = 0; i < written.count; i++) {
             chord = cairn_vec2_sub(written.axes[i].end[1], written.axes[i].end[0]);
             assert_near(cairn_vec2_cross(written.axes[i].mirror_direction, cairn_vec2_unit(chord)),
@@ -483,7 +485,7 @@ static void the_mirror_line_is_told_by_all_samples(void **state)
 static void many_axes_are_said_so(void **state)
 {
     static const int corners[] = {3, 4, 5, 6};
-    looking l = of_mode(CAIRN_MODE_DEFAULT);
+    fixture l = of_mode(CAIRN_MODE_DEFAULT);
     cairn_vec2 p[MOST];
     cairn_self_similarity_result r;
     cairn_curve c;
@@ -491,7 +493,7 @@ static void many_axes_are_said_so(void **state)
     (void)state;
     for (int i = 0; i < 4; i++) {
         c = regular(p, corners[i], 0.3);
-        r = look(&l, &c, 1);
+        r = find_axes(&l, &c, 1);
         assert_sound(&r, CAIRN_MODE_DEFAULT);
         assert_int_equal(r.rotation_order, corners[i]);
         assert_int_equal(r.tie_count, corners[i]);
@@ -513,10 +515,10 @@ static void a_circle_has_no_single_axis(void **state)
 {
     (void)state;
     for (int32_t mode = 0; mode < 2; mode++) {
-        looking l = of_mode(mode);
+        fixture l = of_mode(mode);
         cairn_vec2 p[MOST];
         cairn_curve c = regular(p, 200, 0);
-        cairn_self_similarity_result r = look(&l, &c, 1);
+        cairn_self_similarity_result r = find_axes(&l, &c, 1);
 
         assert_sound(&r, mode);
         assert_int_equal(r.rotation_order, 0);
@@ -528,10 +530,10 @@ static void a_circle_has_no_single_axis(void **state)
 
 static void a_bar_has_two(void **state)
 {
-    looking l = of_mode(CAIRN_MODE_DEFAULT);
+    fixture l = of_mode(CAIRN_MODE_DEFAULT);
     cairn_vec2 p[4] = {at(0, 0), at(200, 0), at(200, 6), at(0, 6)};
     cairn_curve c = closed(p, 4);
-    cairn_self_similarity_result r = look(&l, &c, 1);
+    cairn_self_similarity_result r = find_axes(&l, &c, 1);
     double along = 0, across = 0;
 
     (void)state;
@@ -546,8 +548,7 @@ static void a_bar_has_two(void **state)
     test_pool_free(&l.pool);
 }
 
-/* Holes change what the points see: without them a square has four axes; with one beside its
- * middle one. */
+/* Holes change the distances: without them a square has four axes; with an off-centre hole one. */
 static void holes_count_unless_filled(void **state)
 {
     cairn_self_similarity_params params = cairn_self_similarity_default();
@@ -555,20 +556,20 @@ static void holes_count_unless_filled(void **state)
     cairn_vec2 hole[4] = {at(20, 35), at(20, 65), at(60, 65), at(60, 35)}, none[4];
     cairn_curve shape[3] = {closed(box, 4), closed(hole, 4), closed(none, 4)};
     cairn_self_similarity_result r;
-    looking l;
+    fixture l;
 
     (void)state;
     for (int i = 0; i < 4; i++)
         none[i] = at(80, 80);
-    l = new_looking(&params);
-    r = look(&l, shape, 3);
+    l = new_fixture(&params);
+    r = find_axes(&l, shape, 3);
     assert_sound(&r, CAIRN_MODE_DEFAULT);
     assert_true(ends_off(&r.axes[0], 0.375, 0.875) < 0.03);
     assert_int_equal(r.verdict, CAIRN_SELF_SIMILARITY_SINGLE);
     test_pool_free(&l.pool);
     params.hole_samples = 0;
-    l = new_looking(&params);
-    r = look(&l, shape, 3);
+    l = new_fixture(&params);
+    r = find_axes(&l, shape, 3);
     assert_sound(&r, CAIRN_MODE_DEFAULT);
     assert_int_equal(r.tie_count, 4);
     test_pool_free(&l.pool);
@@ -576,7 +577,7 @@ static void holes_count_unless_filled(void **state)
 
 static uint64_t hash_of(void *context)
 {
-    cairn_self_similarity_result r = cairn_self_similarity_read(((looking *)context)->similarity);
+    cairn_self_similarity_result r = cairn_self_similarity_read(((fixture *)context)->similarity);
     uint64_t hash = test_hash(TEST_HASH_START, &r.tie_count, sizeof r.tie_count);
 
     for (int32_t i = 0; i < r.count; i++) {
@@ -597,12 +598,12 @@ static cairn_status begin_beast(void *context)
     int32_t n = beast(p, 50, 30, turns, &half);
     cairn_curve c = closed(p, n);
 
-    return cairn_self_similarity_begin(((looking *)context)->similarity, &c, 1);
+    return cairn_self_similarity_begin(((fixture *)context)->similarity, &c, 1);
 }
 
 static cairn_status step(void *context, cairn_budget *budget)
 {
-    return cairn_self_similarity_step(((looking *)context)->similarity, budget);
+    return cairn_self_similarity_step(((fixture *)context)->similarity, budget);
 }
 
 static void budgets_do_not_matter(void **state)
@@ -616,11 +617,11 @@ static void budgets_do_not_matter(void **state)
     for (int32_t mode = 0; mode < 2; mode++) {
         cairn_budget all = {INT32_MAX}, none = {0};
         uint64_t hash;
-        looking l;
+        fixture l;
         test_stepped object = {begin_beast, step, hash_of, &l};
 
         params.mode = mode;
-        l = new_looking(&params);
+        l = new_fixture(&params);
         assert_ok(begin_beast(&l));
         assert_status(step(&l, &none), CAIRN_MORE);
         assert_int_equal(cairn_self_similarity_read(l.similarity).count, 0);
@@ -649,7 +650,7 @@ static void budgets_do_not_matter(void **state)
 
 static void bad_outlines_are_refused(void **state)
 {
-    looking l = of_mode(CAIRN_MODE_DEFAULT);
+    fixture l = of_mode(CAIRN_MODE_DEFAULT);
     cairn_vec2 p[MOST], hole[4] = {at(60, 15), at(70, 15), at(70, 25), at(60, 25)};
     cairn_curve shape[CAIRN_SELF_SIMILARITY_MAX_OUTLINES + 1], kept[2];
     cairn_budget budget = {1};
@@ -661,7 +662,7 @@ static void bad_outlines_are_refused(void **state)
     shape[0] = pear(p, 100, 20, 0, 0, &half);
     for (int i = 1; i <= CAIRN_SELF_SIMILARITY_MAX_OUTLINES; i++)
         shape[i] = closed(hole, 4);
-    (void)look(&l, shape, 2);
+    (void)find_axes(&l, shape, 2);
     hash = hash_of(&l);
     memcpy(kept, shape, sizeof kept);
     assert_status(cairn_self_similarity_begin(NULL, shape, 1), CAIRN_BAD_ARGUMENT);
@@ -695,9 +696,9 @@ static void bad_outlines_are_refused(void **state)
     assert_status(cairn_self_similarity_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_self_similarity_step(l.similarity, NULL), CAIRN_BAD_ARGUMENT);
     assert_int_equal(cairn_self_similarity_read(NULL).count, 0);
-    /* As many holes as there may be, more than there is room for. */
+    /* The largest number of holes, beyond the capacity. */
     shape[0] = pear(p, 100, 20, 0, 0, &half);
-    (void)look(&l, shape, CAIRN_SELF_SIMILARITY_MAX_OUTLINES);
+    (void)find_axes(&l, shape, CAIRN_SELF_SIMILARITY_MAX_OUTLINES);
     test_pool_free(&l.pool);
 }
 
@@ -761,12 +762,12 @@ static void bad_params_are_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(searches_as_the_obvious_way),
+        cmocka_unit_test(searches_as_the_reference),
         cmocka_unit_test(finds_a_plain_axis),
         cmocka_unit_test(takes_bends_and_skews_back),
         cmocka_unit_test(joints_do_not_matter),
         cmocka_unit_test(like_limbs_in_front_and_behind_do_not_matter),
-        cmocka_unit_test(the_mirror_line_is_told_by_all_samples),
+        cmocka_unit_test(the_mirror_line_is_fitted_to_all_samples),
         cmocka_unit_test(many_axes_are_said_so),
         cmocka_unit_test(a_circle_has_no_single_axis),
         cmocka_unit_test(a_bar_has_two),

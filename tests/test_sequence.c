@@ -6,7 +6,7 @@
 
 enum { MOST = 40 };
 
-/* Numbers to compare, and how. */
+/* Numbers to compare, and the comparison. */
 struct sequences {
     double first[MOST], second[MOST];
     int32_t first_count, second_count;
@@ -32,7 +32,7 @@ static cairn_real compare(const void *context, int32_t i, int32_t j)
 }
 
 /* The score by the whole table. */
-static double twin(const struct sequences *s, double gap)
+static double reference(const struct sequences *s, double gap)
 {
     static double table[MOST + 1][MOST + 1];
     double best = 0;
@@ -58,7 +58,7 @@ static double twin(const struct sequences *s, double gap)
     return s->kind == CAIRN_SEQUENCE_LOCAL ? best : table[s->first_count][s->second_count];
 }
 
-/* The score of the pairs, which must be in order and as the kind wants them. */
+/* The score of the pairs, which must be in order and of the kind's form. */
 static double score_of(const struct sequences *s, const cairn_sequence_result *result, double gap)
 {
     double score = 0;
@@ -130,7 +130,7 @@ static void gives_the_score_and_the_path_of_the_whole_table(void **state)
             s.kind = kind;
             s.comparisons = &comparisons;
             draw(&s, &random, trial < 60 ? 3 : MOST);
-            expected = twin(&s, (double)params.gap_cost);
+            expected = reference(&s, (double)params.gap_cost);
             assert_ok(cairn_sequence_begin(sequence, s.first_count, s.second_count, compare, &s));
             assert_int_equal(cairn_sequence_read(sequence).count, 0);
             assert_ok(cairn_sequence_step(sequence, &budget));
@@ -244,7 +244,7 @@ static void takes_the_first_of_equal_paths_in_known_units(void **state)
     }
 }
 
-static void a_local_alignment_of_strangers_is_empty(void **state)
+static void a_local_alignment_of_unlike_sequences_is_empty(void **state)
 {
     struct sequences s = {{1, 1, 1}, {9, 9}, 3, 2, CAIRN_SEQUENCE_LOCAL, NULL};
     cairn_sequence_params params = {CAIRN_SEQUENCE_LOCAL, 3, 2, 1};
@@ -357,7 +357,7 @@ static cairn_status create(void *context, cairn_pool *pool)
     return cairn_sequence_create(&sequence, pool, context);
 }
 
-static void takes_exactly_what_it_says(void **state)
+static void memory_is_as_stated(void **state)
 {
     cairn_sequence_params params = {CAIRN_SEQUENCE_DTW, 11, 5, 0};
 
@@ -371,10 +371,10 @@ int main(void)
         cmocka_unit_test(gives_the_score_and_the_path_of_the_whole_table),
         cmocka_unit_test(finds_what_is_known),
         cmocka_unit_test(takes_the_first_of_equal_paths_in_known_units),
-        cmocka_unit_test(a_local_alignment_of_strangers_is_empty),
+        cmocka_unit_test(a_local_alignment_of_unlike_sequences_is_empty),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(refuses),
-        cmocka_unit_test(takes_exactly_what_it_says),
+        cmocka_unit_test(memory_is_as_stated),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -55,7 +55,7 @@ static cairn_shape_context_result run(comparing *c)
     return cairn_shape_context_read(c->context);
 }
 
-/* ---- The obvious way, in doubles ---- */
+/* ---- Reference implementation, in double ---- */
 
 static double mean_distance(const cairn_vec2 *p, int32_t n)
 {
@@ -113,7 +113,7 @@ static void reference_costs(const comparing *c, double cost[MOST][MOST])
         }
 }
 
-/* The cheapest pairing, by all of them. */
+/* The cheapest assignment among all. */
 static double least_of(double cost[MOST][MOST], int32_t rows, int32_t columns, int32_t row,
                        uint32_t used, int32_t skips)
 {
@@ -162,7 +162,7 @@ static void pairs_whole_shapes_at_the_least_cost(void **state)
     test_pool_free(&c.pool);
 }
 
-/* Both ways, without a look at the pairs; the same when the shapes are exchanged. */
+/* In both directions, without examining the pairs; the same when the shapes are exchanged. */
 static void measures_both_ways(void **state)
 {
     cairn_random random = cairn_random_seed(17, 1);
@@ -258,7 +258,7 @@ static void is_zero_for_the_same_shape_at_another_size_and_place(void **state)
     assert_near(r.distance, 0, NUMBER(1e-12, 0.01));
     for (int32_t i = 0; i < 20; i++)
         assert_int_equal(r.match[i], 19 - i);
-    /* Turned upside down it is another one. */
+    /* Upside down it is another shape. */
     for (int32_t i = 0; i < 20; i++)
         c.second[i].y = -c.second[i].y;
     r = run(&c);
@@ -266,8 +266,8 @@ static void is_zero_for_the_same_shape_at_another_size_and_place(void **state)
     test_pool_free(&c.pool);
 }
 
-/* Coincident points, points far away from all others, points on the bounds of sectors. */
-static void takes_odd_points(void **state)
+/* Coincident points, points far away from all others, points on the borders of sectors. */
+static void accepts_unusual_points(void **state)
 {
     comparing c;
     cairn_shape_context_result r;
@@ -312,7 +312,7 @@ static cairn_status step_drawn(void *context, cairn_budget *budget)
     return cairn_shape_context_step(c->context, budget);
 }
 
-static uint64_t tell(void *context)
+static uint64_t result_hash(void *context)
 {
     comparing *c = context;
     cairn_shape_context_result r = cairn_shape_context_read(c->context);
@@ -327,7 +327,7 @@ static void does_not_depend_on_budgets(void **state)
     cairn_random random = cairn_random_seed(14, 1);
     cairn_budget all = {INT32_MAX};
     comparing c;
-    test_stepped object = {begin_drawn, step_drawn, tell, &c};
+    test_stepped object = {begin_drawn, step_drawn, result_hash, &c};
     uint64_t hash;
 
     (void)state;
@@ -337,7 +337,7 @@ static void does_not_depend_on_budgets(void **state)
     assert_ok(step_drawn(&c, &all));
     assert_in_range(INT32_MAX - all.left, 20 * 19 + 24 * 23 + 3 * 20 * 24,
                     2 * (20 * 19 + 24 * 23 + 3 * 20 * 24));
-    hash = tell(&c);
+    hash = result_hash(&c);
     for (int i = 0; i < 3; i++) {
         int32_t used = 0;
         cairn_status status;
@@ -351,7 +351,7 @@ static void does_not_depend_on_budgets(void **state)
         } while (status == CAIRN_MORE);
         assert_ok(status);
         assert_int_equal(used, INT32_MAX - all.left);
-        assert_true(tell(&c) == hash);
+        assert_true(result_hash(&c) == hash);
     }
     test_begins_anew(&object, 9);
     test_pool_free(&c.pool);
@@ -461,7 +461,7 @@ int main(void)
         cmocka_unit_test(measures_both_ways),
         cmocka_unit_test(takes_the_nearest_for_parts),
         cmocka_unit_test(is_zero_for_the_same_shape_at_another_size_and_place),
-        cmocka_unit_test(takes_odd_points),
+        cmocka_unit_test(accepts_unusual_points),
         cmocka_unit_test(does_not_depend_on_budgets),
         cmocka_unit_test(refuses_bad_params),
         cmocka_unit_test(refuses_bad_input),

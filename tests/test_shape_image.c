@@ -1,5 +1,5 @@
-/* Outlines from pictures: silhouettes and drawings of known objects, their gaps, parts and
- * holes; what is no object. */
+/* Outlines from images: silhouettes and drawings of known objects, their gaps, parts and holes; bad
+ * images. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -112,7 +112,7 @@ static void test_silhouette(void **state)
         assert_near(box.min.y, 9.5, 1e-4);
         assert_near(box.max.x, 79.5, 1e-4);
         assert_near(box.max.y, 49.5, 1e-4);
-        /* Smoothing cuts the corners alone. */
+        /* Smoothing cuts only the corners. */
         assert_near(area_of(&image.outlines[0]), 60 * 40, 8);
         assert_closed(&image.outlines[0]);
         cairn_shape_image_free(&image);
@@ -141,7 +141,7 @@ static void test_disc(void **state)
     cairn_shape_image_free(&image);
 }
 
-/* An object that the rim cuts is closed along it. */
+/* An object cut by the border of the image is closed along it. */
 static void test_object_at_the_rim(void **state)
 {
     cairn_shape_image image;
@@ -275,8 +275,8 @@ static void test_gaps(void **state)
     assert_refused(&params, CAIRN_BAD_FORMAT, "enclose nothing");
 }
 
-/* Of the faces of a drawing the largest is the object, the others are holes: a mug and the hole
- * of its handle. */
+/* The largest face of a drawing is the object, the others are holes: a mug and the hole of its
+ * handle. */
 static void test_faces_of_a_drawing(void **state)
 {
     cairn_shape_image image;
@@ -293,7 +293,7 @@ static void test_faces_of_a_drawing(void **state)
     cairn_shape_image_free(&image);
 }
 
-/* Two parts of a drawing, and letters beside them that enclose nothing. */
+/* A drawing of two parts, and letters beside them that enclose nothing. */
 static void test_parts_of_a_drawing(void **state)
 {
     cairn_shape_image image;
@@ -311,7 +311,7 @@ static void test_parts_of_a_drawing(void **state)
     cairn_shape_image_free(&image);
 }
 
-/* ---- What is no object ---- */
+/* ---- Bad images ---- */
 
 static void test_refusals(void **state)
 {
@@ -368,7 +368,7 @@ static void test_too_many_parts(void **state)
     assert_refused(&params, CAIRN_FULL, "9 parts and holes");
 }
 
-/* Lines without end: refused, not followed for ever. */
+/* Endless lines: refused, not followed for ever. */
 static void test_hatching(void **state)
 {
     cairn_shape_image_params params = cairn_shape_image_default();
@@ -382,7 +382,7 @@ static void test_hatching(void **state)
     assert_refused(&params, CAIRN_BAD_FORMAT, "open line ends");
 }
 
-/* Any picture at all comes to an end with outlines that close, or with an error. */
+/* Every image ends with outlines that close, or with an error. */
 static void test_noise(void **state)
 {
     cairn_shape_image_params params = cairn_shape_image_default();

@@ -62,8 +62,7 @@ static int32_t box_with_leg(cairn_vec2 *v, double leg)
     return n;
 }
 
-/* A bar: its middle line, half as far from either side as it is wide, sides and shares as they
- * are. */
+/* A bar: its middle line, radii of half its width, sides and shares unchanged. */
 static void a_bar_has_its_middle_line(void **state)
 {
     shape s = new_shape(1);
@@ -108,7 +107,7 @@ static void a_bar_has_its_middle_line(void **state)
     test_pool_free(&s.pool);
 }
 
-/* The whole outline of a disc belongs to its path, at its one centre, sides opposite to each
+/* The whole outline of a disc belongs to its path, at its one centre; sides are opposite to each
  * other in turn. */
 static void a_disc_is_swept_once(void **state)
 {
@@ -130,9 +129,8 @@ static void a_disc_is_swept_once(void **state)
     test_pool_free(&s.pool);
 }
 
-/* The longest path comes up the leg into the body; each corner that it leaves out has a path of
- * its own, from where it branches off to its tip, and all together hold the outline but for the
- * tips. */
+/* The longest path comes up the leg into the body. Each corner that it omits has a path of its own,
+ * from the branch point to its tip. All together hold the outline except for the tips. */
 static void corners_are_branches(void **state)
 {
     shape one = new_shape(1), s = new_shape(8);
@@ -166,7 +164,7 @@ static void corners_are_branches(void **state)
     test_pool_free(&s.pool);
 }
 
-/* Two outlines are one object: the second one's path hangs on the first's. */
+/* Two outlines are one object: the second one's path is attached to the first's. */
 static void outlines_are_joined(void **state)
 {
     shape s = new_shape(8);
@@ -181,8 +179,8 @@ static void outlines_are_joined(void **state)
     for (int32_t p = 1; p < m.path_count; p++)
         joined += m.samples[m.paths[p].first].centre.x * m.size > 25 && m.paths[p].parent == 0;
     assert_int_equal(joined, 1);
-    /* Samples are even: of 128 those along 160 of 240 px; the second outline lies more than 10
-     * px off. */
+    /* Samples are even: of 128 those along 160 of 240 px; the second outline is more than 10 px
+     * away. */
     assert_int_equal(cairn_shape_model_first_outline(&m), 85);
     m.outline_count = 1;
     assert_int_equal(cairn_shape_model_first_outline(&m), 1);
@@ -191,8 +189,7 @@ static void outlines_are_joined(void **state)
     test_pool_free(&s.pool);
 }
 
-/* Where an outline lies, how large it is and in which sense it runs makes no difference to the
- * model. */
+/* Position, size and sense of an outline make no difference to the model. */
 static void size_place_and_sense_do_not_matter(void **state)
 {
     shape s = new_shape(8), t = new_shape(8);

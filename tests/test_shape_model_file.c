@@ -1,5 +1,5 @@
-/* Models of shapes as files: what is written comes back bit by bit, every line is looked at,
- * pictures show all, mirrors turn back. */
+/* Models of shapes as files: written ones are read back bit by bit, every line is checked, pictures
+ * show all, mirroring twice restores the model. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -54,7 +54,7 @@ static void test_written_and_read(void **state)
     assert_null(read.samples);
 }
 
-/* ---- Files that are no good ---- */
+/* ---- Bad files ---- */
 
 #define HEAD    "cairn-shape 1\nsize 10\norigin 1 2\n"
 #define OUTLINE "outline 2\n-0.5 0 1 0\n0.5 0 -1 0\n"
@@ -96,7 +96,7 @@ static void test_smallest_and_comments(void **state)
     cairn_shape_model_file_free(&file);
 }
 
-static void test_every_line_is_looked_at(void **state)
+static void test_every_line_is_checked(void **state)
 {
     (void)state;
     assert_refused("", CAIRN_TRUNCATED, 0, "header of a shape model");
@@ -125,7 +125,7 @@ static void test_every_line_is_looked_at(void **state)
                    CAIRN_BAD_FORMAT, 8, "more than 16");
 }
 
-/* What the library refuses is told with its line. */
+/* A refusal of the library is reported with its line. */
 static void test_faults_of_the_model(void **state)
 {
     char paths[2048] = HEAD OUTLINE;
@@ -211,7 +211,7 @@ static const char *write_picture(void)
     return files_path("bar.png");
 }
 
-/* A box drawn with a gap in its upper side, off its middle. */
+/* A box drawn with an off-centre gap in its upper side. */
 static const char *write_drawing(void)
 {
     uint8_t grey[120 * 100];
@@ -226,7 +226,7 @@ static const char *write_drawing(void)
     return files_path("box.png");
 }
 
-/* The middle of the gap is told in the model's frame, in its file, and in its mirror image. */
+/* The middle of the gap in the model's frame, in its file, and in its mirror image. */
 static void test_gaps(void **state)
 {
     cairn_shape_image_params image = cairn_shape_image_default();
@@ -342,7 +342,7 @@ static int32_t count_of_pieces(const char *text, const char *piece)
     return count;
 }
 
-/* Of the first outline alone, whose samples are as far from each other as a sixteenth of it. */
+/* Of the first outline alone, whose samples are a sixteenth of it apart. */
 static void test_parts_drawn(void **state)
 {
     cairn_shape_model_file made = make();
@@ -361,7 +361,7 @@ static void test_parts_drawn(void **state)
     assert_int_equal(count_of_pieces(text, "class=\"fragment\""), 24);
     assert_int_equal(count_of_pieces(text, "class=\"outline\""), 24);
     free(text);
-    /* A square, and another outline far off. */
+    /* A square, and a distant second outline. */
     for (int32_t i = 0; i < 34; i++) {
         int32_t side = i % 32 / 8, step = i % 8;
 
@@ -387,7 +387,7 @@ static void test_parts_drawn(void **state)
     assert_non_null(text);
     assert_int_equal(count_of_pieces(text, "class=\"fragment\""), 24);
     free(text);
-    /* By hand: two sides in one bundle, a third in another; a sample that is not there. */
+    /* By hand: two sides in one bundle, a third in another; a sample that does not exist. */
     assert_ok(cairn_shape_model_file_draw_parts(&bad, by_hand, 3, "three", files_path("parts.svg"),
                                                 &error));
     text = files_read(files_path("parts.svg"), NULL);
@@ -466,7 +466,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_written_and_read),
         cmocka_unit_test(test_smallest_and_comments),
-        cmocka_unit_test(test_every_line_is_looked_at),
+        cmocka_unit_test(test_every_line_is_checked),
         cmocka_unit_test(test_faults_of_the_model),
         cmocka_unit_test(test_what_cannot_be_read_or_written),
         cmocka_unit_test(test_outlines_that_make_no_model),

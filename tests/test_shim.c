@@ -1,5 +1,4 @@
-/* Libraries that are loaded when they are needed: zlib stands for one, whose "table" is its
- * version's text. */
+/* Libraries loaded on demand: zlib is the example, its "table" is the text of its version. */
 #include "src/host/shim.h"
 
 #include <stdlib.h>
@@ -21,7 +20,7 @@ static void loads_what_fits(void **state)
     assert_null(cairn_shim_find(LIBRARY, VARIABLE, "zlibVersion", version + 1));
     assert_null(cairn_shim_find(LIBRARY, VARIABLE, "no_function_of_zlib", version));
     assert_null(cairn_shim_find("libnowhere.so", VARIABLE, "zlibVersion", version));
-    /* A path that is given is the only one. */
+    /* A given path is the only one tried. */
     (void)setenv(VARIABLE, "/nowhere/libz.so.1", 1);
     assert_null(cairn_shim_find(LIBRARY, VARIABLE, "zlibVersion", version));
     (void)setenv(VARIABLE, LIBRARY, 1);

@@ -1,5 +1,5 @@
-/* Skeletons as JSON and as pictures: every key, what was seen and what was carried on, joints,
- * and nothing found. */
+/* Skeletons as JSON and as SVG: every key, seen and extrapolated contours, joints, and an empty
+ * result. */
 #include "tests/test.h"
 
 #include "cairn/json_text.h"
@@ -9,7 +9,7 @@
 
 static cairn_file_error error;
 
-/* A stem of three discs, and a branch of two that leads into its middle. */
+/* A stem of three discs, and a branch of two that joins its middle. */
 static const cairn_skeleton_grouping_point points[] = {
     {{10, 20}, 4, {{10, 16}, {10, 24}}, {3, 7}},  {{20, 20}, 5, {{20, 15}, {20, 25}}, {4, -1}},
     {{30, 20}, 6, {{30, 14}, {30, 26}}, {5, 8}},  {{20, 40}, 2, {{18, 40}, {22, 40}}, {-1, -1}},
@@ -112,7 +112,7 @@ static void test_picture(void **state)
     text = files_read(files_path("a.svg"), NULL);
     assert_well_formed(text);
     assert_int_equal(count_of(text, "<image x"), 1);
-    /* What lies over the image ends with it. */
+    /* What exceeds the image is cut off. */
     assert_int_equal(count_of(text, ".over path,.over circle,.over .box{clip-path:url(#frame)}"),
                      1);
     assert_int_equal(count_of(text, "<g class=\"over\""), 1);
@@ -174,8 +174,8 @@ static void test_folders_are_named(void **state)
     assert_non_null(strstr(error.text, "none/b.svg"));
 }
 
-/* Two facing lines of edgels: their CPs, all of the same radius, and the line through them;
- * without a skeleton only the image. */
+/* Two facing lines of edgels: their CPs, all of the same radius, and the line through them; without
+ * a skeleton only the image. */
 static void test_lines(void **state)
 {
     cairn_skeleton_grouping_params params = cairn_skeleton_grouping_as_written();

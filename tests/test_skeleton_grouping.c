@@ -1,6 +1,6 @@
 #include "tests/skeleton_scene.h"
 
-/* Edgels a pixel apart along a line, the bright side to the left of the way (y up). */
+/* Edgels a pixel apart along a line, the bright side to the left of the direction (y up). */
 static void add_line(double ax, double ay, double bx, double by)
 {
     double length = hypot(bx - ax, by - ay), ux = (bx - ax) / length, uy = (by - ay) / length;
@@ -40,7 +40,7 @@ static cairn_skeleton_grouping_params small_params(void)
     return params;
 }
 
-/* What holds of any result. */
+/* Invariants of every result. */
 static void check(const cairn_skeleton_grouping_result *r, const cairn_skeleton_grouping_params *p)
 {
     int32_t points = 0, parts = 0;
@@ -94,7 +94,7 @@ static void check(const cairn_skeleton_grouping_result *r, const cairn_skeleton_
 
 /* ---- What is found ---- */
 
-/* At any angle; from one end of the axis to the other, but for a disc. */
+/* At any angle; from one end of the axis to the other, up to a disc. */
 static void a_bar_has_its_axis(void **state)
 {
     cairn_skeleton_grouping_params params = small_params();
@@ -126,7 +126,7 @@ static void a_bar_has_its_axis(void **state)
             most = fmax(most, c * x + s * y);
         }
         assert_true(least < -45 + r && most > 45 - r);
-        /* The touches keep to their sides, first to the left of the way (y up). */
+        /* Contact points stay on their sides, first to the left of the direction (y up). */
         for (int32_t i = 0; i + 1 < found.point_count; i++) {
             cairn_vec2 way = cairn_vec2_sub(found.points[i + 1].centre, found.points[i].centre);
 
@@ -167,7 +167,7 @@ static void a_bent_band_has_a_bent_axis(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A limb of 24 px leads into a bar: one object with three free ends. */
+/* A limb of 24 px joins a bar: one object with three free ends. */
 static void limbs_join(void **state)
 {
     cairn_skeleton_grouping_params params = small_params();
@@ -190,7 +190,7 @@ static void limbs_join(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A dark bar that leads into a bright one is none of its limbs. */
+/* A dark bar that joins a bright one is not a limb of it. */
 static void dark_and_bright_do_not_join(void **state)
 {
     cairn_skeleton_grouping_params params = small_params();
@@ -210,7 +210,8 @@ static void dark_and_bright_do_not_join(void **state)
     test_pool_free(&f.pool);
 }
 
-/* One side hidden for a while: the contour is carried on there, and the axis goes through. */
+/* One side is hidden for an interval: the contour is extrapolated there, and the axis is
+ * continuous. */
 static void gaps_are_bridged(void **state)
 {
     cairn_skeleton_grouping_params params = small_params();
@@ -233,7 +234,7 @@ static void gaps_are_bridged(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A contour has one inside: of the spaces between three lines the one that the range likes is
+/* A contour has one inside: of the spaces between three lines the one within the range of radii is
  * taken. */
 static void a_contour_belongs_to_one_part(void **state)
 {
@@ -270,7 +271,7 @@ static void the_range_is_proposed(void **state)
     test_pool_free(&f.pool);
 }
 
-/* The further a radius lies off the range the less its part is worth; beyond the room about it
+/* The further a radius is outside the range the lower the part's log odds; beyond the tolerance
  * there is none. */
 static void the_range_counts(void **state)
 {
@@ -311,7 +312,7 @@ static void noise_is_no_object(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Two bars, the second one with slopes of its own: log odds of the parts of both. */
+/* Two bars, the second one with other slopes: log odds of the parts of both. */
 static void run_two_bars(const cairn_skeleton_grouping_params *params, double slope, double other,
                          double log_odds[2])
 {
@@ -334,8 +335,7 @@ static void run_two_bars(const cairn_skeleton_grouping_params *params, double sl
     test_pool_free(&f.pool);
 }
 
-/* The steeper one is likelier, by what the slopes say and no more, where slopes are known and
- * used. */
+/* The steeper one is likelier, by its slopes alone, where slopes are known and used. */
 static void steep_edges_stand_out(void **state)
 {
     static const double unknown[3][2] = {{0, 0}, {0, -1}, {-1, 90}};
@@ -350,8 +350,8 @@ static void steep_edges_stand_out(void **state)
         assert_near(odds[0], even[0], 1e-3 * even[0]);
         assert_near(odds[1], even[1], 1e-3 * even[1]);
     }
-    /* The mean is 30: log 3 more for one and less for the other, twice, for every 3 px of the
-     * axis at least. */
+    /* The mean is 30: log 3 more for one and less for the other, twice, for at least every 3 px of
+     * the axis. */
     run_two_bars(&params, 10, 90, odds);
     assert_true(odds[1] > even[1] + 2 * log(3) * 38);
     assert_true(odds[0] < even[0] - 2 * log(3) * 38);
@@ -361,8 +361,8 @@ static void steep_edges_stand_out(void **state)
     assert_near(odds[1], even[1], 1e-3 * even[1]);
 }
 
-/* Starts on lone pairs of edgels, far apart in a draughtboard, after such as are all alike: the
- * slopes of the white squares' pairs, and of both sides of the black ones'. */
+/* Starts on isolated pairs of edgels, far apart in a draughtboard, after equal ones: the slopes of
+ * the white squares' pairs, and of both sides of the black ones. */
 static int32_t starts_of(double contrast, double white, double left, double right)
 {
     cairn_skeleton_grouping_params params = small_params();
@@ -386,8 +386,8 @@ static int32_t starts_of(double contrast, double white, double left, double righ
     return found.seed_count;
 }
 
-/* Dull CPs do not take the starts from those with steep edges on both sides; where slopes do not
- * count they are all the same. */
+/* Faint CPs do not take the starts from those with steep edges on both sides; where slopes do not
+ * count they are equal. */
 static void walks_start_where_edges_are_steep(void **state)
 {
     int32_t all = starts_of(6, 10, 10, 10);
@@ -400,11 +400,11 @@ static void walks_start_where_edges_are_steep(void **state)
     assert_int_equal(starts_of(6, 10, 30, 1), all / 2);
 }
 
-/* ---- The twin: every edgel with every other ---- */
+/* ---- The reference implementation: every edgel with every other ---- */
 
-/* The cost of a pair by the book; 4: none. */
-static double twin_cost(const cairn_edgel *a, double sense, const cairn_edgel *b, double low,
-                        double high, double sigma)
+/* The cost of a pair by definition; 4: none. */
+static double reference_cost(const cairn_edgel *a, double sense, const cairn_edgel *b, double low,
+                             double high, double sigma)
 {
     double dx = (double)(b->position.x - a->position.x),
            dy = (double)(b->position.y - a->position.y);
@@ -448,8 +448,8 @@ static void centres_are_those_of_all_pairs(void **state)
                 double best = 4;
 
                 for (int32_t j = 0; j < edgel_count; j++)
-                    best = fmin(best, twin_cost(&edgels[i], k ? 1 : -1, &edgels[j], low, high,
-                                                (double)params.symmetry_sigma));
+                    best = fmin(best, reference_cost(&edgels[i], k ? 1 : -1, &edgels[j], low, high,
+                                                     (double)params.symmetry_sigma));
                 expected += best < 4;
             }
         assert_true(expected > 20);
@@ -481,7 +481,7 @@ static void little_or_nothing(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A circle has no way to go; a square has the axes between its sides; both end. */
+/* A circle has no axis to follow; a square has the axes between its sides; both end. */
 static void circles_and_squares(void **state)
 {
     cairn_skeleton_grouping_params params = small_params();
@@ -504,7 +504,7 @@ static void circles_and_squares(void **state)
     found = run(f.skeleton, 16, 24);
     check(&found, &params);
     assert_true(found.part_count >= 1);
-    /* A ring: the walk does not go round for ever. */
+    /* A ring: the walk ends after one round. */
     edgel_count = 0;
     add_arc(100, 80, 60, 0, 2 * PI, 1);
     add_arc(100, 80, 46, 0, 2 * PI, -1);
@@ -526,8 +526,8 @@ static void draw_scene(void)
     add_noise(300, 8);
 }
 
-/* Little room of any kind: what has none is left out. */
-static void little_room(void **state)
+/* Small capacities of every kind: what exceeds them is left out. */
+static void small_capacities(void **state)
 {
     (void)state;
     for (int32_t k = 0; k < 6; k++) {
@@ -549,7 +549,7 @@ static void little_room(void **state)
     }
 }
 
-/* Each edgel that is looked at may be in two CPs. */
+/* Each edgel examined may be in two CPs. */
 static void few_centres(void **state)
 {
     (void)state;
@@ -568,7 +568,7 @@ static void few_centres(void **state)
     }
 }
 
-/* What room is missing for is told. */
+/* Exceeded capacities are reported. */
 static void starts_are_left_out(void **state)
 {
     (void)state;
@@ -606,7 +606,7 @@ static void budgets_do_not_matter(void **state)
 static void it_begins_anew(void **state)
 {
     struct fixture f = with(small_params());
-    test_stepped object = {begin_scene, step_scene, tell, f.skeleton};
+    test_stepped object = {begin_scene, step_scene, result_hash, f.skeleton};
 
     (void)state;
     draw_scene();
@@ -614,7 +614,7 @@ static void it_begins_anew(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Nothing of the slopes of the image before. */
+/* No slopes of the image before remain. */
 static void steepness_is_of_the_image(void **state)
 {
     static const double slopes[] = {1, 3, 17.3, NUMBER(1e300, 1e30), NUMBER(1e-300, 1e-30)};
@@ -630,8 +630,8 @@ static void steepness_is_of_the_image(void **state)
         edgel_count = 0;
         draw_scene();
         (void)run(f.skeleton, 4, 12);
-        first = k == 0 ? tell(f.skeleton) : first;
-        assert_int_equal(tell(f.skeleton), first);
+        first = k == 0 ? result_hash(f.skeleton) : first;
+        assert_int_equal(result_hash(f.skeleton), first);
     }
     test_pool_free(&f.pool);
 }
@@ -666,7 +666,7 @@ static void bad_input_is_refused(void **state)
     (void)state;
     draw_scene();
     (void)run(f.skeleton, 4, 12);
-    before = tell(f.skeleton);
+    before = result_hash(f.skeleton);
     good = input_of(4, 12);
     for (size_t k = 0; k < sizeof reals / sizeof *reals; k++) {
         in = good;
@@ -686,7 +686,7 @@ static void bad_input_is_refused(void **state)
     assert_status(cairn_skeleton_grouping_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_skeleton_grouping_step(f.skeleton, NULL), CAIRN_BAD_ARGUMENT);
     assert_int_equal(cairn_skeleton_grouping_read(NULL).part_count, 0);
-    assert_true(tell(f.skeleton) == before);
+    assert_true(result_hash(f.skeleton) == before);
     for (int32_t k = 0; k < 5; k++) {
         cairn_real *field[] = {&edgels[9].position.x, &edgels[9].position.y, &edgels[9].normal.x,
                                &edgels[9].normal.y, &edgels[9].gradient_magnitude};
@@ -773,7 +773,7 @@ static void bad_params_are_refused(void **state)
     test_pool_free(&pool);
 }
 
-static void memory_is_what_it_says(void **state)
+static void memory_is_exactly_as_stated(void **state)
 {
     cairn_skeleton_grouping_params params = small_params();
 
@@ -801,7 +801,7 @@ int main(void)
         cmocka_unit_test(centres_are_those_of_all_pairs),
         cmocka_unit_test(little_or_nothing),
         cmocka_unit_test(circles_and_squares),
-        cmocka_unit_test(little_room),
+        cmocka_unit_test(small_capacities),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(it_begins_anew),
         cmocka_unit_test(steepness_is_of_the_image),
@@ -809,7 +809,7 @@ int main(void)
         cmocka_unit_test(starts_are_left_out),
         cmocka_unit_test(bad_input_is_refused),
         cmocka_unit_test(bad_params_are_refused),
-        cmocka_unit_test(memory_is_what_it_says),
+        cmocka_unit_test(memory_is_exactly_as_stated),
     };
     return cmocka_run_group_tests_name("skeleton_grouping", tests, NULL, NULL);
 }

@@ -1,5 +1,5 @@
-/* Skeletons as Adluru 2008, chapter 3, has them: what is found and its weights, what is culled;
- * little and very much; budgets. */
+/* Skeletons of Adluru 2008, chapter 3: results and their weights, culling; little input and very
+ * much; budgets. */
 #include "tests/skeleton_reference.h"
 
 /* ---- What is found ---- */
@@ -66,7 +66,7 @@ static void clutter_and_bends_are_checked(void **state)
     test_pool_free(&f.pool);
 }
 
-/* How steep edges are, and which side of them is brighter, says nothing. */
+/* The steepness of edges, and their brighter side, do not matter. */
 static void contrast_does_not_count(void **state)
 {
     cairn_skeleton_grouping_params params = small_params();
@@ -119,7 +119,7 @@ static void little_or_nothing(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A line of CPs whose contours end: all particles die at once, and a lone CP is no part. */
+/* A line of CPs whose contours end: all particles die at once, and an isolated CP is no part. */
 static void all_particles_die(void **state)
 {
     cairn_skeleton_grouping_params params = small_params();
@@ -136,9 +136,9 @@ static void all_particles_die(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Tens of thousands of CPs, evenly thinned, and circles full of edgels: bounded, and what it
- * says is true. */
-static void crowds_are_thinned(void **state)
+/* Tens of thousands of CPs, evenly thinned, and circles full of edgels: bounded, and the results
+ * are right. */
+static void dense_clusters_are_thinned(void **state)
 {
     cairn_skeleton_grouping_params params = small_params();
     struct fixture f;
@@ -163,7 +163,7 @@ static void crowds_are_thinned(void **state)
     test_pool_free(&f.pool);
 }
 
-static void little_room(void **state)
+static void small_capacities(void **state)
 {
     (void)state;
     for (int32_t k = 0; k < 6; k++) {
@@ -221,13 +221,13 @@ static void it_begins_anew(void **state)
     params.max_steps = 20;
     params.max_centres = 300;
     f = with(params);
-    object = (test_stepped){begin_scene, step_scene, tell, f.skeleton};
+    object = (test_stepped){begin_scene, step_scene, result_hash, f.skeleton};
     draw_scene();
     test_begins_anew(&object, 9);
     test_pool_free(&f.pool);
 }
 
-static void memory_is_what_it_says(void **state)
+static void memory_is_exactly_as_stated(void **state)
 {
     cairn_skeleton_grouping_params params = small_params();
 
@@ -242,16 +242,11 @@ static void memory_is_what_it_says(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_bar_has_its_axis),
-        cmocka_unit_test(clutter_and_bends_are_checked),
-        cmocka_unit_test(contrast_does_not_count),
-        cmocka_unit_test(little_or_nothing),
-        cmocka_unit_test(all_particles_die),
-        cmocka_unit_test(crowds_are_thinned),
-        cmocka_unit_test(little_room),
-        cmocka_unit_test(budgets_do_not_matter),
-        cmocka_unit_test(it_begins_anew),
-        cmocka_unit_test(memory_is_what_it_says),
+        cmocka_unit_test(a_bar_has_its_axis),      cmocka_unit_test(clutter_and_bends_are_checked),
+        cmocka_unit_test(contrast_does_not_count), cmocka_unit_test(little_or_nothing),
+        cmocka_unit_test(all_particles_die),       cmocka_unit_test(dense_clusters_are_thinned),
+        cmocka_unit_test(small_capacities),        cmocka_unit_test(budgets_do_not_matter),
+        cmocka_unit_test(it_begins_anew),          cmocka_unit_test(memory_is_exactly_as_stated),
     };
     return cmocka_run_group_tests_name("skeleton_written", tests, NULL, NULL);
 }

@@ -1,5 +1,5 @@
-/* Skeletons as Adluru 2008, chapter 3, has them, against a slow reference implementation: every
- * centre point, and whole walks. */
+/* Skeletons of Adluru 2008, chapter 3, compared with a reference implementation: every centre
+ * point, and whole walks. */
 #include "tests/skeleton_reference.h"
 
 /* 1: an edgel lies in the look-ahead circle of a side. */
@@ -13,7 +13,7 @@ static int is_ahead(const reference_pose *last, const double heading[2], int32_t
                  (double)e->position.y - last->y[side] - sign * reach * ty) <= reach;
 }
 
-/* The heaviest of all followers. 0: there is none. */
+/* The heaviest follower. 0: none. */
 static int best_follower(const reference_pose *walk, int32_t count, const double heading[2],
                          const cairn_skeleton_grouping_params *p, double least, double most,
                          reference_pose *best, double *weight)
@@ -44,7 +44,7 @@ static int best_follower(const reference_pose *walk, int32_t count, const double
     return followers > 0;
 }
 
-/* Poses of the walk of one particle from a pose on; 0: not these. */
+/* Poses of the walk of one particle from a pose on; 0: no match. */
 static int is_walk_of(const cairn_skeleton_grouping_result *r,
                       const cairn_skeleton_grouping_part *part, const double way[2],
                       const cairn_skeleton_grouping_params *p, double least, double most)

@@ -1,4 +1,4 @@
-/* Solves, inverses and eigenvectors: each result is put back into its equation; degenerate
+/* Solves, inverses and eigenvectors: each result is substituted into its equation; degenerate
  * matrices are refused. */
 #include "tests/test.h"
 
@@ -219,7 +219,7 @@ static void not_positive_definite(void **state)
     }
 }
 
-/* Diagonal matrices of any scale and shape are fine as long as no pivot drowns in rounding. */
+/* Diagonal matrices of any scale and shape are accepted as long as no pivot is lost in rounding. */
 static void scales(void **state)
 {
     const cairn_real b[3] = {1, 1, 1};
@@ -240,7 +240,7 @@ static void scales(void **state)
     drowned.xx = 4 * CAIRN_REAL_EPSILON * CAIRN_REAL_EPSILON;
     refused(drowned);
     {
-        /* What is left of a pivot after elimination is compared with its own entry. */
+        /* The rest of a pivot after elimination is compared with its own entry. */
         cairn_sym3 nearly = {1, 1, 0, 1 + 2 * CAIRN_REAL_EPSILON, 0, 1};
 
         refused(nearly);

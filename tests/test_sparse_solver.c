@@ -1,4 +1,5 @@
-/* SuiteSparse beside the built-in solver: the same solutions, covariances and poses; refusals. */
+/* SuiteSparse compared with the built-in solver: the same solutions, covariances and poses;
+ * refusals. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -47,8 +48,8 @@ static cairn_status run(const cairn_pose_graph_solver *face)
     return status;
 }
 
-/* A random positive definite system, the same in every solver; pairs are linked in both
- * directions and twice. */
+/* A random positive definite system, the same in every solver; pairs are linked in both directions
+ * and twice. */
 static void give_system(const cairn_pose_graph_solver *face, uint64_t seed, cairn_real prior)
 {
     cairn_random random = cairn_random_seed(seed, 0);
@@ -270,7 +271,7 @@ static void refusals(void **state)
     cairn_sparse_solver_close(sparse);
 }
 
-/* One pose with a diagonal and nothing else: what factor() makes of it. */
+/* One pose with only a diagonal: the outcome of factor(). */
 static cairn_block_solver_state state_of_pose(const cairn_pose_graph_solver *f, cairn_sym3 block)
 {
     assert_ok(f->begin(f->context, 1));
@@ -282,8 +283,8 @@ static cairn_block_solver_state state_of_pose(const cairn_pose_graph_solver *f, 
     return f->read(f->context).state;
 }
 
-/* Every unknown is measured by its own diagonal, and a solution beyond what a cairn_real holds
- * is told. */
+/* Every unknown is scaled by its own diagonal, and a solution beyond the range of a cairn_real is
+ * reported. */
 static void one_pose(void **state)
 {
     const cairn_sym3 uneven = {CAIRN_REAL(1e-18), 0, 0, 1, 0, CAIRN_REAL(1e18)};
@@ -347,7 +348,7 @@ static void small_pivots(void **state)
     cairn_sparse_solver_close(sparse);
 }
 
-/* What is held, and that its lack is told. */
+/* Memory in use, and that exhaustion is reported. */
 static void memory(void **state)
 {
     const size_t numbers = 8 * sizeof(int) + 3 * sizeof(double),

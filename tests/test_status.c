@@ -1,4 +1,4 @@
-/* Every status has a text of its own, and the numbers stay what they are. */
+/* Every status has a text of its own, and the numbers are fixed. */
 #include "tests/test.h"
 
 static void every_status_has_its_text(void **state)
@@ -38,25 +38,25 @@ static void every_status_has_its_text(void **state)
     assert_string_equal(cairn_status_text(INT32_MIN), "unknown status");
 }
 
-static void dear_items_are_paid_over_several_calls(void **state)
+static void expensive_items_are_charged_over_several_calls(void **state)
 {
     cairn_budget budget = {0};
-    int32_t paid = 0;
+    int32_t charged = 0;
 
     (void)state;
-    assert_false(cairn_budget_charge(&budget, &paid, 1));
+    assert_false(cairn_budget_charge(&budget, &charged, 1));
     budget.left = -3;
-    assert_false(cairn_budget_charge(&budget, &paid, 1));
+    assert_false(cairn_budget_charge(&budget, &charged, 1));
     assert_int_equal(budget.left, -3);
     budget.left = 2;
-    assert_false(cairn_budget_charge(&budget, &paid, 5));
+    assert_false(cairn_budget_charge(&budget, &charged, 5));
     assert_int_equal(budget.left, 0);
     budget.left = 7;
-    assert_true(cairn_budget_charge(&budget, &paid, 5));
+    assert_true(cairn_budget_charge(&budget, &charged, 5));
     assert_int_equal(budget.left, 4);
-    assert_true(cairn_budget_charge(&budget, &paid, 4));
-    assert_int_equal(budget.left + paid, 0);
-    assert_true(cairn_budget_charge(&budget, &paid, 0));
+    assert_true(cairn_budget_charge(&budget, &charged, 4));
+    assert_int_equal(budget.left + charged, 0);
+    assert_true(cairn_budget_charge(&budget, &charged, 0));
 }
 
 static void a_refusal_fills_in_the_fault(void **state)
@@ -74,7 +74,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_status_has_its_text),
-        cmocka_unit_test(dear_items_are_paid_over_several_calls),
+        cmocka_unit_test(expensive_items_are_charged_over_several_calls),
         cmocka_unit_test(a_refusal_fills_in_the_fault),
     };
 

@@ -33,7 +33,7 @@ static sim_pose compose(sim_pose a, sim_pose b)
     return c;
 }
 
-/* The slow twin: distance along a ray to the nearest edge, by cutting it with every edge; 1e9
+/* Reference implementation: distance along a ray to the nearest edge by intersecting all edges; 1e9
  * when there is none. */
 static double cast(const sim_arena *arena, sim_pose from, double angle, int32_t *which)
 {
@@ -71,7 +71,7 @@ static double cast(const sim_arena *arena, sim_pose from, double angle, int32_t 
     return nearest;
 }
 
-static void test_ranges_against_slow_twin(void **state)
+static void test_ranges_against_reference(void **state)
 {
     (void)state;
     for (sim_scene scene = 0; scene < SIM_SCENES; scene++) {
@@ -121,7 +121,7 @@ static void test_ranges_against_slow_twin(void **state)
                 }
             }
         }
-        /* Beams that graze a corner may go either way in float and double. */
+        /* Beams that graze a corner may differ in float and double. */
         if (odd > beams / 5000 || other_edge > beams / 500)
             fail_msg("%s: %d ranges and %d edges differ of %d", sim_scene_name(scene), (int)odd,
                      (int)other_edge, (int)beams);
@@ -176,7 +176,7 @@ static void test_places(void **state)
                 for (int32_t b = 0; b < a; b++)
                     assert_true(hypot(places[a].x - places[b].x, places[a].y - places[b].y) >=
                                 0.299);
-            /* All scans hang together: by common edges, each seen by five beams of both. */
+            /* All scans are connected by common edges, each seen by five beams of both. */
             while (merged) {
                 merged = 0;
                 for (int32_t a = 0; a < count; a++)
@@ -226,7 +226,7 @@ static uint64_t hash_scans(const sim_survey *survey)
 
 static void test_same_options_same_scans(void **state)
 {
-    sim_arena *arena = arena_of(SIM_RESCUE, 8), *twin = arena_of(SIM_RESCUE, 8);
+    sim_arena *arena = arena_of(SIM_RESCUE, 8), *again_arena = arena_of(SIM_RESCUE, 8);
     sim_survey_options options = sim_survey_default();
 
     (void)state;
@@ -241,7 +241,7 @@ static void test_same_options_same_scans(void **state)
         options.drive = drive;
         options.seed = 8;
         first = survey_of(arena, &options);
-        again = survey_of(twin, &options);
+        again = survey_of(again_arena, &options);
         options.seed = 9;
         other = survey_of(arena, &options);
         assert_true(hash_scans(first) == hash_scans(again));
@@ -251,11 +251,11 @@ static void test_same_options_same_scans(void **state)
         sim_survey_free(other);
     }
     sim_arena_free(arena);
-    sim_arena_free(twin);
+    sim_arena_free(again_arena);
 }
 
-/* Errors of the scanner do not move the robot, nor each other. Their shares and sizes are those
- * asked for. */
+/* Errors of the scanner do not move the robot, and do not affect each other. Their shares and sizes
+ * are as requested. */
 static void test_noise_and_dropouts(void **state)
 {
     sim_arena *arena = arena_of(SIM_RESCUE, 3);
@@ -314,7 +314,7 @@ static void test_noise_and_dropouts(void **state)
     sim_arena_free(arena);
 }
 
-/* Tilted scans see the floor in one run, short of the walls, along d / cos: 1/r is a cosine of
+/* Tilted scans see the floor in one interval, short of the walls, along d / cos: 1/r is a cosine of
  * the bearing. */
 static void test_tilt(void **state)
 {
@@ -362,11 +362,11 @@ static void test_tilt(void **state)
 }
 
 /* People hide a share of every scan, and nothing else changes. */
-static void test_crowd(void **state)
+static void test_dense_cluster(void **state)
 {
     sim_arena *arena = arena_of(SIM_ROOMS, 3);
     sim_survey_options options = sim_survey_default();
-    sim_survey *empty, *crowded;
+    sim_survey *empty, *with_people;
     const sim_scan *a, *b;
     int32_t count, hidden = 0, beams = 0, right = 0;
 
@@ -374,9 +374,9 @@ static void test_crowd(void **state)
     options.noise = 0;
     empty = survey_of(arena, &options);
     options.crowd = 0.2;
-    crowded = survey_of(arena, &options);
+    with_people = survey_of(arena, &options);
     a = sim_survey_scans(empty, &count);
-    b = sim_survey_scans(crowded, &count);
+    b = sim_survey_scans(with_people, &count);
     for (int32_t i = 0; i < count; i++) {
         int32_t here = 0;
 
@@ -397,7 +397,7 @@ static void test_crowd(void **state)
     assert_true(right > 0.8 * count);
     assert_near((double)hidden / beams, 0.21, 0.03);
     sim_survey_free(empty);
-    sim_survey_free(crowded);
+    sim_survey_free(with_people);
     sim_arena_free(arena);
 }
 
@@ -431,7 +431,7 @@ static void test_movers(void **state)
                 assert_true(b[i].range[k] < a[i].range[k]);
                 assert_true(b[i].range[k] > 0.3f);
                 here++;
-                /* They walk: what the last scan of this place saw there is something else. */
+                /* They walk: the last scan of a place differs. */
                 if (i > 0 && b[i].place == b[i - 1].place) {
                     double bearing = b[i].truth.theta - b[i - 1].truth.theta;
                     int32_t before = (k + (int32_t)lround(bearing * 180 / pi) + 720) % 360;
@@ -531,7 +531,7 @@ static void test_sweep_motion(void **state)
     sim_arena_free(arena);
 }
 
-/* Scans at places that take time: bounded motion; the sensor, not the base, stands at the place. */
+/* Scans at places that take time: bounded motion; the sensor, not the base, is at the place. */
 static void test_sweeps_at_places(void **state)
 {
     sim_arena *arena = arena_of(SIM_APARTMENT, 5);
@@ -659,7 +659,7 @@ static void test_drive(void **state)
     assert_in_range(bumps, 3, 200);
 }
 
-/* Without slip and bias a drive that bumps into nothing has true odometry. */
+/* Without slip and bias a drive without collisions has true odometry. */
 static void test_drive_without_slip(void **state)
 {
     sim_arena *arena = arena_of(SIM_CORRIDOR, 1);
@@ -863,13 +863,13 @@ static void test_bad_options(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_ranges_against_slow_twin),
+        cmocka_unit_test(test_ranges_against_reference),
         cmocka_unit_test(test_places),
         cmocka_unit_test(test_same_options_same_scans),
         cmocka_unit_test(test_noise_and_dropouts),
         cmocka_unit_test(test_tilt),
         cmocka_unit_test(test_movers),
-        cmocka_unit_test(test_crowd),
+        cmocka_unit_test(test_dense_cluster),
         cmocka_unit_test(test_sweep_motion),
         cmocka_unit_test(test_sweeps_at_places),
         cmocka_unit_test(test_odometry),

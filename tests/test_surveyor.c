@@ -1,5 +1,5 @@
-/* The surveyor of the firmware: the mapper in a loop of ticks gives the poses that it gives by
- * itself. */
+/* The surveyor of the firmware: the mapper in a loop of ticks gives the same poses as without the
+ * loop. */
 #include <math.h>
 
 #include "firmware/surveyor.h"
@@ -9,7 +9,7 @@ enum { SWEEPS = 12, BEAMS = 121, KEYS = 16, MEMORY = 4 * 1024 * 1024 };
 
 static _Alignas(CAIRN_ALIGN) unsigned char memory[MEMORY];
 
-/* A drive through a room of 4 x 3 m with a niche, and odometry that is a little wrong. */
+/* A drive through a 4 x 3 m room with a niche, and slightly wrong odometry. */
 typedef struct drive {
     float range[SWEEPS][BEAMS];
     robot_sweep sweep[SWEEPS];
@@ -89,8 +89,8 @@ static void tick(surveyor *s, int32_t units, surveyor_work expected)
     assert_int_equal(work, expected);
 }
 
-/* The whole drive, ticks of so many units, each sweep when the one before is done or, early, as
- * soon as it may wait. */
+/* The whole drive, ticks of given units, each sweep when the one before is done or, early, as
+ * soon as it can wait. */
 static void fly(surveyor *s, const drive *d, int32_t units, int32_t early)
 {
     int32_t next = 0;
@@ -112,7 +112,7 @@ static void fly(surveyor *s, const drive *d, int32_t units, int32_t early)
     assert_int_equal(s->taken, SWEEPS);
 }
 
-/* The mapper by itself, in other memory. */
+/* The mapper without the loop, in other memory. */
 static uint32_t mapped_hash(const drive *d)
 {
     surveyor_params params = room_params();
@@ -264,8 +264,8 @@ static void drive_on(shuttle *d, int32_t turn)
                     cairn_random_uniform(&d->random, -CAIRN_REAL(0.01), CAIRN_REAL(0.01)));
 }
 
-/* The loop of the firmware, in fixed memory: no sweep is refused, and laps are all alike. */
-static void it_goes_on_and_on(void **state)
+/* The loop of the firmware, in fixed memory: no sweep is refused, and all laps are alike. */
+static void it_runs_without_end(void **state)
 {
     static shuttle d;
     surveyor_params params = room_params();
@@ -352,7 +352,7 @@ int main(void)
         cmocka_unit_test(one_sweep_may_wait),
         cmocka_unit_test(the_hash_is_of_result_and_keys),
         cmocka_unit_test(what_is_refused),
-        cmocka_unit_test(it_goes_on_and_on),
+        cmocka_unit_test(it_runs_without_end),
         cmocka_unit_test(a_full_map_stays),
     };
 

@@ -63,8 +63,8 @@ static void of_a_circle_it_is_the_centre(void **state)
     }
 }
 
-/* As printed: both normals meet the bisector, at c/2 tan a and c/2 tan b. The centre lies
- * between them, the normals deviate from the way to it alike, and the mean of the printed
+/* As printed: both normals meet the bisector, at c/2 tan a and c/2 tan b. The centre lies between
+ * them, the normals deviate equally from the direction to it, and the mean of the printed
  * deviations is the same. */
 static void it_lies_between_the_normals(void **state)
 {
@@ -77,7 +77,8 @@ static void it_lies_between_the_normals(void **state)
         double low = c / 2 * fmin(tan(a), tan(b)), high = c / 2 * fmax(tan(a), tan(b)), phi;
         cairn_symmetric_point sp;
 
-        /* The normals are (cos a, sin a) and (-cos b, sin b), the edgels lie across them. */
+        /* The normals are (cos a, sin a) and (-cos b, sin b), the edgels are perpendicular to
+         * them. */
         assert_int_equal(point_of(edgel(0, 0, a + PI / 2), edgel(c, 0, -b + PI / 2), &sp), 1);
         assert_near(sp.centre.x, c / 2, NUMBER(1e-12, 1e-5));
         assert_true((double)sp.centre.y >= low - NUMBER(1e-12, 1e-5) &&
@@ -90,8 +91,8 @@ static void it_lies_between_the_normals(void **state)
     }
 }
 
-/* As written, of two segments of one sample each: the centre is the middle of where the normals
- * meet the bisector. */
+/* As written, of two segments of one sample each: the centre is the midpoint of the normals'
+ * intersections with the bisector. */
 static void as_written_it_is_the_middle(void **state)
 {
     cairn_symmetric_point_params params = cairn_symmetric_point_as_written();
@@ -126,7 +127,7 @@ static void facing_edgels_meet_in_the_middle(void **state)
     assert_near(sp.centre.x, 0, NUMBER(1e-12, 1e-5));
     assert_near(sp.centre.y, 4, NUMBER(1e-12, 1e-5));
     assert_near(sp.deviation, 0, NUMBER(1e-12, 1e-6));
-    /* Parallel but shifted along: still the middle, and as far off as they are shifted. */
+    /* Parallel but shifted along: still the midpoint, and the deviation is that of the shift. */
     assert_int_equal(point_of(edgel(0, 0, 0), edgel(6, 8, 0), &sp), 1);
     assert_near(sp.centre.x, 3, NUMBER(1e-12, 1e-5));
     assert_near(sp.centre.y, 4, NUMBER(1e-12, 1e-5));
@@ -166,7 +167,7 @@ static void quality_falls_with_the_deviation(void **state)
 
 /* ---- Two segments ---- */
 
-/* All pairs of samples by the book. */
+/* All pairs of samples by definition. */
 static int slow_pair(const cairn_symmetric_point_params *p, cairn_segment s, cairn_segment t,
                      cairn_symmetric_point *best)
 {
@@ -248,7 +249,7 @@ static void of_segments_the_best_pair_of_samples(void **state)
     assert_true(found > 300 && found < 1800);
 }
 
-/* Of parallel sides that face each other all samples are as good: the one opposite counts, and
+/* Of parallel sides that face each other all samples are equally good: the opposite one counts, and
  * of those the first. */
 static void equally_good_pairs(void **state)
 {
@@ -262,8 +263,8 @@ static void equally_good_pairs(void **state)
     assert_near(sp.centre.x, 2, NUMBER(1e-12, 1e-5));
     assert_near(sp.centre.y, 5, NUMBER(1e-12, 1e-5));
     assert_near(sp.deviation, 0, 0);
-    /* A wedge: all pairs at equal heights are perfect, the innermost has its centre nearest to
-     * its chord. */
+    /* A wedge: all pairs at equal heights are perfect; the innermost has its centre nearest to its
+     * chord. */
     assert_int_equal(cairn_symmetric_point_of_segments(&params, segment(2, 2, 22, 12),
                                                        segment(2, -2, 22, -12), &sp),
                      1);
@@ -391,14 +392,14 @@ static void finds_all_pairs_in_reach(void **state)
     assert_int_equal(cairn_symmetric_point_dropped(f.set), 0);
     test_pool_free(&f.pool);
 
-    /* With less room the best stay. */
+    /* With a smaller capacity the best stay. */
     params.max_points = 100;
     tight = set_with(params);
     points = search(tight.set, segments, MANY, &found);
     assert_int_equal(found, 100);
     assert_memory_equal(points, slow, 100 * sizeof *points);
     assert_int_equal(cairn_symmetric_point_dropped(tight.set), expected - 100);
-    /* And what was found before is forgotten. */
+    /* Earlier results are cleared. */
     points = search(tight.set, segments, 2, &found);
     assert_true(found <= 1);
     assert_int_equal(cairn_symmetric_point_dropped(tight.set), 0);
@@ -557,7 +558,7 @@ static cairn_status create_in(void *context, cairn_pool *pool)
     return cairn_symmetric_point_create(&set, pool, context);
 }
 
-static void memory_is_what_it_says(void **state)
+static void memory_is_exactly_as_stated(void **state)
 {
     cairn_symmetric_point_params params = small_params();
 
@@ -585,7 +586,7 @@ int main(void)
         cmocka_unit_test(work_is_charged),
         cmocka_unit_test(bad_segments_are_refused),
         cmocka_unit_test(bad_params_are_refused),
-        cmocka_unit_test(memory_is_what_it_says),
+        cmocka_unit_test(memory_is_exactly_as_stated),
     };
     return cmocka_run_group_tests_name("symmetric_point", tests, NULL, NULL);
 }

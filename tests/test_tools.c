@@ -1,5 +1,4 @@
-/* Whole paths through the programs: an arena, its log, poses and a map; and what they say to bad
- * input. */
+/* End-to-end tests of the programs: an arena, its log, poses and a map; messages for bad input. */
 #include <sys/stat.h>
 
 #include <math.h>
@@ -75,7 +74,7 @@ static int lines_of(const char *text)
     return lines;
 }
 
-/* One line that begins with `start` and says what was expected; nothing else, and exit code 2. */
+/* One line that begins with `start` and states what was expected; nothing else, and exit code 2. */
 static void assert_refused(outcome o, const char *start, const char *piece)
 {
     char whole[512];
@@ -88,7 +87,7 @@ static void assert_refused(outcome o, const char *start, const char *piece)
     assert_string_equal(o.out, "");
 }
 
-/* ---- A log of a square room, written here ---- */
+/* ---- A log of a square room, made here ---- */
 
 typedef struct text {
     char *bytes;
@@ -109,7 +108,7 @@ static void add(text *t, const char *format, ...)
     va_end(arguments);
 }
 
-/* Distance to the walls of a room of side 2 * half about the origin. */
+/* Distance to the walls of a square room of side 2 * half about the origin. */
 static double room_range(double half, double x, double y, double angle)
 {
     double c = cos(angle), s = sin(angle);
@@ -119,9 +118,9 @@ static double room_range(double half, double x, double y, double angle)
     return fmin(to_x, to_y);
 }
 
-/* A line of `beams` beams around a whole circle from (x, 0); what: the word instead of each
- * range, or NULL. */
-static void add_room_scan_elsewhere(text *t, double half, int beams, double x, double told,
+/* A line of `beams` beams around a whole circle from (x, 0); what: the word instead of each range,
+ * or NULL. */
+static void add_room_scan_elsewhere(text *t, double half, int beams, double x, double odometry_x,
                                     const char *what, int stamp)
 {
     double step = 6.283185307179586 / beams;
@@ -132,7 +131,7 @@ static void add_room_scan_elsewhere(text *t, double half, int beams, double x, d
             add(t, " %s", what);
         else
             add(t, " %.4f", room_range(half, x, 0, -3.14159265 + i * step));
-    add(t, " 0 %g 0 0 %g 0 0 0 0 0 0 0 %d h %d\n", told, told, stamp, stamp);
+    add(t, " 0 %g 0 0 %g 0 0 0 0 0 0 0 %d h %d\n", odometry_x, odometry_x, stamp, stamp);
 }
 
 static void add_room_scan(text *t, double half, int beams, double x, const char *what, int stamp)
@@ -146,7 +145,7 @@ static void write_text(const char *name, text *t)
     t->count = 0;
 }
 
-/* ---- XML, as far as pictures go ---- */
+/* ---- XML, as far as pictures use it ---- */
 
 static int is_name(char c)
 {
@@ -154,7 +153,7 @@ static int is_name(char c)
            c == ':' || c == '_';
 }
 
-/* What '&' begins, up to its ';'; NULL when it is no entity. */
+/* The entity of '&', up to its ';'; NULL when it is none. */
 static const char *skip_entity(const char *at)
 {
     static const char *const known[] = {"&lt;", "&gt;", "&amp;", "&quot;", "&apos;"};
@@ -170,7 +169,7 @@ static const char *skip_entity(const char *at)
     return NULL;
 }
 
-/* Attributes up to '>' or '/'; NULL when they are not well formed or one of them is there twice. */
+/* Attributes up to '>' or '/'; NULL when they are malformed or one of them is doubled. */
 static const char *skip_attributes(const char *at)
 {
     const char *names[64];
@@ -208,7 +207,7 @@ static const char *skip_attributes(const char *at)
     }
 }
 
-/* NULL when the text is one well-formed element, or else where it is not. */
+/* NULL when the text is one well-formed element, else the place of the fault. */
 static const char *xml_fault(const char *at)
 {
     const char *open[64];
@@ -351,14 +350,14 @@ static void same_seed_same_bytes(void **state)
     assert_int_equal(count_in("map"), FILES + 2);
     assert_same_files("map", "map-again/new/folder", graph_files);
     assert_int_equal(count_in("align"), FILES);
-    /* Over what is there, once more. */
+    /* Over existing files, once more. */
     assert_done(programs_run("cairn map @/drive/scans.log -o @/align-again"));
     assert_same_files("map", "align-again", map_files);
     assert_int_equal(count_in("align-again"), FILES + 2);
     assert_int_equal(count_in("drive"), FILES);
 }
 
-/* Mean distance of poses.csv from the true positions, the first one laid over its truth when
+/* Mean distance of poses.csv from the true positions, the first one aligned with its truth when
  * `relative`. */
 static double mean_error(const cairn_pose_table_row *row, int32_t count, const char *truth_path,
                          int32_t relative)
@@ -441,7 +440,7 @@ static void a_pose_for_every_scan(void **state)
             assert_string_equal(row[1].verdict, "matched");
         }
         if (k == 1)
-            assert_true((double)row[0].covariance[0] >= 0); /* the aligner tells it */
+            assert_true((double)row[0].covariance[0] >= 0); /* the aligner reports it */
         if (!(mean_error(row, count, files_path(sample[k].truth), sample[k].relative) <
               sample[k].error))
             fail_msg("%s is off by %g m", sample[k].poses,
@@ -475,7 +474,7 @@ static void the_map_reads_back(void **state)
             open += map.occupancy[i] == 0;
             unknown += map.occupancy[i] < 0;
         }
-        /* Walls are thin, rooms are free, what is behind walls is unknown. */
+        /* Walls are thin, rooms are free, cells behind walls are unknown. */
         assert_true(occupied > 200 && occupied < open / 5);
         area = (double)open * 0.05 * 0.05;
         assert_true(area > 15 && area < 150);
@@ -483,7 +482,7 @@ static void the_map_reads_back(void **state)
         cairn_map_file_free(&map);
         assert_picture(folders[k], "map.svg");
     }
-    /* The side of a cell is that which was asked for. */
+    /* The cell size is the requested one. */
     {
         cairn_map_file map;
 
@@ -513,7 +512,7 @@ static void quiet_and_pipes(void **state)
     outcome o;
 
     (void)state;
-    /* No bar in a pipe, even in a run that is long enough for one. */
+    /* No progress bar in a pipe, even in a run long enough for one. */
     o = programs_run("cairn map @/drive/scans.log -o @/quiet");
     assert_done(o);
     assert_string_equal(o.err, "");
@@ -535,7 +534,7 @@ static void quiet_and_pipes(void **state)
     assert_string_equal(o.out, "");
 }
 
-/* With --filter: the same files but for the graph, the same bytes by the same seed and others by
+/* With --filter: the same files except the graph, the same bytes with the same seed and others with
  * another, a page, refusals. */
 static void maps_by_particles(void **state)
 {
@@ -621,8 +620,7 @@ static void help_and_version(void **state)
     assert_string_equal(o.err, "");
 }
 
-/* The page that --report asks for: beside the other files, in a folder that is made, or in that
- * at hand. */
+/* The page of --report: beside the other files, in a new folder, or in the current one. */
 static void pages(void **state)
 {
     static const char *const commands[] = {
@@ -684,7 +682,7 @@ static void pages(void **state)
         assert_null(strstr(page, "\"potential P(g)\""));
         free(page);
     }
-    /* In the folder at hand. */
+    /* In the current folder. */
     {
         char before[256], here[256], *programs;
 
@@ -709,7 +707,7 @@ typedef struct match_result {
     int32_t hypotheses;
 } match_result;
 
-/* What the JSON of a match says; that it is JSON. */
+/* Checks that the JSON of a match is valid, and its values. */
 static match_result read_match(const char *bytes)
 {
     cairn_json json = cairn_json_begin("match", bytes, strlen(bytes));
@@ -769,7 +767,7 @@ static void matches(void **state)
     assert_near(result.y, expected.y, 0.03);
     assert_near(result.theta, expected.theta, 0.02);
 
-    /* In words, with a start that is not far; the same bytes again; without a word. */
+    /* As text, with a start nearby; the same bytes again; quietly. */
     o = programs_run("cairn match @/drive/scans.log:18 @/drive/scans.log:20 --start %.2f,%.2f,%.1f "
                      "--window 0.5,20",
                      (double)expected.x + 0.1, (double)expected.y - 0.1,
@@ -798,8 +796,7 @@ static void matches(void **state)
     assert_near(hypot(result.x, result.y) + fabs(result.theta), 0, 1e-3);
 }
 
-/* A copy of a log of FLASER lines in which every pose, the robot's and the laser's alike, is
- * noise. */
+/* A copy of a log of FLASER lines in which every pose, of the robot and of the laser, is noise. */
 static void overwrite_poses(const char *from, const char *to)
 {
     cairn_random random = cairn_random_seed(17, 1);
@@ -834,8 +831,8 @@ static void overwrite_poses(const char *from, const char *to)
     free(log);
 }
 
-/* Where a log says that its scans were taken is not looked at: noise there, the same bytes out. */
-static void poses_of_a_log_have_no_say(void **state)
+/* The poses in a log are not used: with noise in their place the output has the same bytes. */
+static void poses_of_a_log_are_not_used(void **state)
 {
     static const char *const methods[] = {"default", "shape"};
     char *log = files_read(files_path("drive/scans.log"), NULL), *noise;
@@ -845,24 +842,24 @@ static void poses_of_a_log_have_no_say(void **state)
         char *one, *two;
         outcome o;
 
-        (void)files_write_text("told.log", log);
+        (void)files_write_text("given.log", log);
         assert_done(programs_run(
-            "cairn match @/told.log:14 @/told.log:16 --method %s -o @/told --pictures --quiet",
+            "cairn match @/given.log:14 @/given.log:16 --method %s -o @/given --pictures --quiet",
             methods[k]));
-        overwrite_poses("drive/scans.log", "told.log");
-        noise = files_read(files_path("told.log"), NULL);
+        overwrite_poses("drive/scans.log", "given.log");
+        noise = files_read(files_path("given.log"), NULL);
         assert_true(strcmp(log, noise) != 0);
         free(noise);
         o = programs_run(
-            "cairn match @/told.log:14 @/told.log:16 --method %s -o @/untold --pictures --json",
+            "cairn match @/given.log:14 @/given.log:16 --method %s -o @/guessed --pictures --json",
             methods[k]);
         assert_done(o);
         assert_true(read_match(o.out).hypotheses > 0);
         for (int i = 0; i < 2; i++) {
             static const char *const names[] = {"match.json", "match.svg"};
 
-            one = files_read(in_folder("told", names[i]), NULL);
-            two = files_read(in_folder("untold", names[i]), NULL);
+            one = files_read(in_folder("given", names[i]), NULL);
+            two = files_read(in_folder("guessed", names[i]), NULL);
             assert_string_equal(one, two);
             free(one);
             free(two);
@@ -895,7 +892,7 @@ static void matches_by_shape(void **state)
     }
 }
 
-/* Scans that show next to nothing, or the same all around: a verdict. */
+/* Uninformative scans, and rotationally symmetric ones: a verdict. */
 static void matches_of_poor_scans(void **state)
 {
     static const struct {
@@ -935,7 +932,7 @@ static void matches_of_poor_scans(void **state)
     free(t.bytes);
 }
 
-/* ---- Logs that are damaged in part ---- */
+/* ---- Partly damaged logs ---- */
 
 static void a_damaged_scan_is_left_out(void **state)
 {
@@ -1112,7 +1109,7 @@ static void damage_of_all_kinds_among_good_scans(void **state)
     free(t.bytes);
 }
 
-/* The method as it is printed has two names; scan after scan it is another one. */
+/* The method as printed has two option names; scan after scan it differs. */
 static void aligned_as_written(void **state)
 {
     char *of_all, *online;
@@ -1166,9 +1163,9 @@ static void a_log_without_walls(void **state)
     free(t.bytes);
 }
 
-/* Key scans with more points than there is room for at first: all begins anew, and nothing of
- * that is seen. */
-static void large_rooms_get_more_room(void **state)
+/* Keyframes with more points than the initial capacity: all begins anew, and the output does not
+ * show it. */
+static void large_rooms_get_a_larger_window(void **state)
 {
     text t = {NULL, 0, 0};
     cairn_pose_table_row *row;
@@ -1194,8 +1191,8 @@ static void large_rooms_get_more_room(void **state)
     free(t.bytes);
 }
 
-/* To and fro in a room, with room for fewer key scans than come. */
-static void key_scans_that_go_leave_their_scans(void **state)
+/* To and fro in a room, with fewer keyframes than needed. */
+static void scans_of_culled_keyframes_are_written(void **state)
 {
     enum { TO_AND_FRO = 90 };
     text t = {NULL, 0, 0};
@@ -1244,13 +1241,13 @@ static void poses_far_away(void **state)
     add_room_scan(&t, 2, 60, 0, NULL, 0);
     add_room_scan(&t, 2, 60, 2e6, "2", 1);
     write_text("far.log", &t);
-    /* no robot leaps so far: that tells nothing */
+    /* no robot moves so far: the jump is ignored */
     assert_done(programs_run("cairn map @/far.log -o @/far"));
     o = programs_run("cairn align @/far.log -o @/far-align");
     assert_int_equal(o.code, 2);
     assert_holds(o.err, "/far.log:2: the scan cannot be used: the pose is farther than 1e6 m");
     assert_int_equal(count_in("far-align"), -1);
-    /* What the scans tell stands against such odometry. */
+    /* The scans prevail over such odometry. */
     add_room_scan(&t, 2, 60, 0, NULL, 0);
     add_room_scan_elsewhere(&t, 2, 60, 0.1, 2e6, NULL, 1);
     write_text("jump.log", &t);
@@ -1295,7 +1292,7 @@ static void scans_that_are_none(void **state)
         assert_int_equal(lines_of(o.err), 1);
         assert_holds(o.err, "/missing.json: cannot open: No such file or directory\n");
     }
-    /* The folder is looked at before the scans. */
+    /* The folder is checked before the scans. */
     (void)files_write_text("plain", "kept");
     assert_refused(programs_run("cairn match @/missing.json b -o @/plain"),
                    "/plain: ", "is a file, expected a folder");
@@ -1351,7 +1348,7 @@ static void logs_that_are_none(void **state)
     assert_int_equal(mkdir(files_path("folder.log"), 0777), 0);
     refuse_log("folder.log", 0, "", "folder.log: is a folder, expected a regular file\n");
 
-    /* A cut gzip file: what can be read is used; when that is nothing it is refused. */
+    /* A truncated gzip file: the readable part is used; when that is empty it is refused. */
     zip = gzopen(files_path("whole.log.gz"), "wb");
     assert_non_null(zip);
     assert_int_equal(gzwrite(zip, whole, (unsigned)strlen(whole)), (int)strlen(whole));
@@ -1488,7 +1485,7 @@ static void command_lines(void **state)
         assert_refused(programs_run("%s", sample[i].arguments), sample[i].start, sample[i].piece);
         assert_int_equal(count_in("refused"), -1);
     }
-    /* A pool that is just as large as it must be is enough. */
+    /* A pool of exactly the required size suffices. */
     o = programs_run("cairn align @/drive/scans.log -o @/just --steps 2 --pool 1K");
     assert_int_equal(o.code, 2);
     assert_int_equal(sscanf(strstr(o.err, "at least "), "at least %lld", &least), 1);
@@ -1523,14 +1520,14 @@ static void folders_that_cannot_be_written(void **state)
     assert_refused(programs_run("cairn-arena rooms -o @/file"), "cairn-arena: ", "expected");
     assert_int_equal(count_in("file"), -1);
 
-    /* A folder where a file shall be: nothing else is written either. */
+    /* A folder has the name of a file to be written: nothing else is written either. */
     assert_int_equal(mkdir(files_path("taken"), 0777), 0);
     assert_int_equal(mkdir(files_path("taken/map.svg"), 0777), 0);
     assert_refused(programs_run("cairn map @/drive/scans.log -o @/taken"),
                    "/taken/map.svg: ", "is a folder, expected");
     assert_int_equal(count_in("taken"), 1);
 
-    /* A page that cannot be written is told before the work. */
+    /* A page that cannot be written is reported before the work. */
     assert_refused(
         programs_run("cairn map @/drive/scans.log -o @/unpaged --report @/file/map.html"), "/file",
         "is a file, expected a folder");
@@ -1539,7 +1536,7 @@ static void folders_that_cannot_be_written(void **state)
     assert_refused(programs_run("cairn map @/drive/scans.log -o @/unpaged --report @/taken/"),
                    "/taken/: ", "is a folder, expected the name of a page");
     assert_int_equal(count_in("unpaged"), -1);
-    /* No room on the disk for it: the map is there, and what had its name stays. */
+    /* The disk is full: the map is complete, and the old file stays. */
     (void)files_write_text("kept.html", "kept");
     {
         char command[1024], *kept;
@@ -1568,7 +1565,7 @@ static void folders_that_cannot_be_written(void **state)
         assert_int_equal(count_in("closed"), 0);
     }
 
-    /* No room on the disk after the first file: the folder is as it was, a new one is not there. */
+    /* The disk is full after the first file: the folder is unchanged, a new one does not exist. */
     assert_int_equal(mkdir(files_path("old"), 0777), 0);
     (void)files_write_text("old/map.svg", "old");
     for (int k = 0; k < 2; k++) {
@@ -1585,7 +1582,7 @@ static void folders_that_cannot_be_written(void **state)
     }
 }
 
-/* A refused run leaves what an earlier one has written. */
+/* A refused run leaves the files of an earlier one. */
 static void a_refused_run_leaves_the_folder(void **state)
 {
     static const char *const arguments[] = {
@@ -1613,7 +1610,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(pages),
         cmocka_unit_test(matches),
         cmocka_unit_test(matches_of_poor_scans),
-        cmocka_unit_test(poses_of_a_log_have_no_say),
+        cmocka_unit_test(poses_of_a_log_are_not_used),
         cmocka_unit_test(matches_by_shape),
         cmocka_unit_test(names_of_logs_stay_text),
         cmocka_unit_test(quiet_and_pipes),
@@ -1625,8 +1622,8 @@ int main(int argc, char **argv)
         cmocka_unit_test(damage_of_all_kinds_among_good_scans),
         cmocka_unit_test(aligned_as_written),
         cmocka_unit_test(a_log_without_walls),
-        cmocka_unit_test(large_rooms_get_more_room),
-        cmocka_unit_test(key_scans_that_go_leave_their_scans),
+        cmocka_unit_test(large_rooms_get_a_larger_window),
+        cmocka_unit_test(scans_of_culled_keyframes_are_written),
         cmocka_unit_test(poses_far_away),
         cmocka_unit_test(logs_that_are_none),
         cmocka_unit_test(scans_that_are_none),

@@ -13,7 +13,7 @@ static cairn_virtual_align_params small_params(void)
     return p;
 }
 
-/* An aligner that asks for more evidence than some of the scans have. */
+/* An aligner that requires more evidence than some of the scans have. */
 static cairn_virtual_align_params hesitant_params(void)
 {
     cairn_virtual_align_params p = small_params();
@@ -61,7 +61,7 @@ static void rooms_come_together(void **state)
     assert_true(right_with >= right_without);
 }
 
-/* What the aligner has settled stays where it is. */
+/* Scans placed by the aligner do not move. */
 static void settled_scans_stay(void **state)
 {
     cairn_virtual_align_params p = hesitant_params();
@@ -140,7 +140,8 @@ static void the_budget_does_not_matter(void **state)
     leave(&r);
 }
 
-/* Begun anew in the middle of an iteration, and with a scan more: as if nothing had been before. */
+/* Begun anew in the middle of an iteration, and with one more scan: as if nothing had run
+ * before. */
 static void can_be_begun_anew(void **state)
 {
     cairn_virtual_align_params p = hesitant_params();
@@ -185,7 +186,7 @@ static void can_be_begun_anew(void **state)
     leave(&r);
 }
 
-/* Without the aligner all scans move from where they are. */
+/* Without the aligner all scans move from their initial poses. */
 static void the_field_alone(void **state)
 {
     cairn_virtual_align_params p = hesitant_params();
@@ -214,7 +215,7 @@ static void the_field_alone(void **state)
     leave(&r);
 }
 
-/* Scans that say nothing, or nothing to each other. */
+/* Scans without information, or without common surfaces. */
 static void little_to_align(void **state)
 {
     cairn_virtual_align_params p = small_params();
@@ -243,16 +244,16 @@ static void little_to_align(void **state)
     test_pool_free(&bed.pool);
 }
 
-/* ---- The obvious way: aligner, field and hypotheses by hand, each step to its end ---- */
+/* ---- Reference implementation: aligner, field and hypotheses called one by one ---- */
 
-struct twin {
+struct reference {
     cairn_aligner_pose kept[SCANS];
     cairn_virtual_align_params p;
     cairn_pool pool;
     cairn_aligner *aligner;
     cairn_force_field *field;
     cairn_virtual_scan *hypotheses;
-    cairn_weak_direction *slide;
+    cairn_weak_direction *weak_direction;
     cairn_real spread;
     const cairn_pose *start;
     cairn_virtual_align_result result;
@@ -260,9 +261,9 @@ struct twin {
     cairn_pose found[SCANS];
 };
 
-static struct twin twin_of(const cairn_virtual_align_params *p, const struct rooms *r)
+static struct reference reference_of(const cairn_virtual_align_params *p, const struct rooms *r)
 {
-    struct twin t;
+    struct reference t;
 
     memset(&t, 0, sizeof t);
     t.p = *p;
@@ -279,7 +280,7 @@ static struct twin twin_of(const cairn_virtual_align_params *p, const struct roo
     assert_ok(cairn_aligner_create(&t.aligner, &t.pool, &t.p.aligner));
     assert_ok(cairn_force_field_create(&t.field, &t.pool, &t.p.field));
     assert_ok(cairn_virtual_scan_create(&t.hypotheses, &t.pool, &t.p.hypotheses));
-    assert_ok(cairn_weak_direction_create(&t.slide, &t.pool, &t.p.weak_direction));
+    assert_ok(cairn_weak_direction_create(&t.weak_direction, &t.pool, &t.p.weak_direction));
     for (int32_t i = 0; i < SCANS; i++) {
         cairn_scan_view view = view_of(r, i);
 
@@ -289,7 +290,7 @@ static struct twin twin_of(const cairn_virtual_align_params *p, const struct roo
     return t;
 }
 
-static void twin_steps_aligner(struct twin *t)
+static void reference_steps_aligner(struct reference *t)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
@@ -297,13 +298,13 @@ static void twin_steps_aligner(struct twin *t)
     t->result.align_units += CAIRN_UNBOUNDED - budget.left;
 }
 
-static void twin_aligns(struct twin *t)
+static void reference_aligns(struct reference *t)
 {
     assert_ok(cairn_aligner_begin(t->aligner));
-    twin_steps_aligner(t);
+    reference_steps_aligner(t);
 }
 
-static void twin_keeps(struct twin *t)
+static void reference_keeps(struct reference *t)
 {
     t->result.aligner = cairn_aligner_read(t->aligner);
     for (int32_t i = 0; i < t->count; i++) {
@@ -313,8 +314,8 @@ static void twin_keeps(struct twin *t)
     t->result.field_units += 2 * (int64_t)t->count;
 }
 
-/* m of wall across the main direction of what a scan shows, by trying all directions. */
-static double twin_across(const struct twin *t, int32_t scan)
+/* m of wall across the main direction of a scan, by trying all directions. */
+static double reference_across(const struct reference *t, int32_t scan)
 {
     const cairn_scan_set *set = cairn_force_field_scans(t->field);
     double least = (double)INFINITY;
@@ -334,14 +335,14 @@ static double twin_across(const struct twin *t, int32_t scan)
     return least;
 }
 
-/* 1 when the aligner goes on from what it has found. */
-static int twin_goes_on(const struct twin *t)
+/* 1 when the aligner continues from its result. */
+static int reference_continues(const struct reference *t)
 {
     return t->result.aligner.placed >= 2 && t->result.aligner.largest_size >= 3;
 }
 
-/* What was placed before stays; the new ones by the motion of all that was. */
-static void twin_takes_in(struct twin *t)
+/* Scans placed before stay; the new ones move with the mean motion of those. */
+static void reference_takes_in(struct reference *t)
 {
     cairn_pose now[SCANS], then[SCANS], motion;
     int32_t use[SCANS];
@@ -363,15 +364,15 @@ static void twin_takes_in(struct twin *t)
     t->result.field_units += 1 + (int64_t)t->count;
 }
 
-/* 1: the aligner has placed more than before; else what shares nothing with its largest part
- * stays where the field left it. */
-static int twin_judges(struct twin *t)
+/* 1: the aligner has placed more than before; else scans that share nothing with its largest
+ * component stay where the field left them. */
+static int reference_verdict(struct reference *t)
 {
     if (cairn_aligner_read(t->aligner).placed > t->result.aligner.placed) {
-        if (twin_goes_on(t))
-            twin_takes_in(t);
+        if (reference_continues(t))
+            reference_takes_in(t);
         else
-            twin_keeps(t);
+            reference_keeps(t);
         return 1;
     }
     for (int32_t i = 0; i < t->count; i++) {
@@ -383,16 +384,16 @@ static int twin_judges(struct twin *t)
     return 0;
 }
 
-/* Fixed is what the aligner has placed together with another scan. */
-static void twin_places(struct twin *t)
+/* Fixed are the scans that the aligner has placed together with another one. */
+static void reference_places(struct reference *t)
 {
     t->result.moved_scans = 0;
     for (int32_t i = 0; i < t->count; i++) {
         cairn_aligner_pose at = t->kept[i];
 
         t->moves[i] = !t->p.use_aligner || t->result.aligner.placed < 2 ||
-                      (!at.placed && !cairn_weak_direction_is_weak(t->slide, &at) &&
-                       twin_across(t, i) >= 0.1);
+                      (!at.placed && !cairn_weak_direction_is_weak(t->weak_direction, &at) &&
+                       reference_across(t, i) >= 0.1);
         t->result.field_units += 2 + (cairn_force_field_scans(t->field)->scans[i].end_segment -
                                       cairn_force_field_scans(t->field)->scans[i].first_segment) /
                                          4;
@@ -404,7 +405,7 @@ static void twin_places(struct twin *t)
     cairn_force_field_restart(t->field);
 }
 
-static void twin_makes_hypotheses(struct twin *t, cairn_real sigma)
+static void reference_makes_hypotheses(struct reference *t, cairn_real sigma)
 {
     const cairn_scan_set *set = cairn_force_field_scans(t->field);
     cairn_budget budget = {CAIRN_UNBOUNDED};
@@ -426,8 +427,8 @@ static void twin_makes_hypotheses(struct twin *t, cairn_real sigma)
     (void)cairn_virtual_scan_hypotheses(t->hypotheses, &t->result.hypotheses);
 }
 
-/* One round of the field; the scans that it moved are left where it put them. */
-static void twin_relaxes(struct twin *t)
+/* One round of the field; the moved scans stay at its poses. */
+static void reference_relaxes(struct reference *t)
 {
     t->result.rounds++;
     for (int32_t since = 0;
@@ -437,8 +438,8 @@ static void twin_relaxes(struct twin *t)
 
         if (since == 0 || (since % t->p.rebuild_interval == 0 &&
                            (!t->p.use_aligner || t->result.aligner.placed < 2)))
-            twin_makes_hypotheses(t, since == 0 ? t->p.field.sigma_start
-                                                : cairn_force_field_read(t->field).sigma);
+            reference_makes_hypotheses(t, since == 0 ? t->p.field.sigma_start
+                                                     : cairn_force_field_read(t->field).sigma);
         assert_ok(cairn_force_field_iterate(t->field, &budget));
         t->result.field_units += CAIRN_UNBOUNDED - budget.left;
         t->result.iterations++;
@@ -448,72 +449,72 @@ static void twin_relaxes(struct twin *t)
         t->found[i] = cairn_force_field_pose(t->field, i);
 }
 
-static void twin_starts_again(struct twin *t)
+static void reference_starts_again(struct reference *t)
 {
     t->result.field_units += 1 + (int64_t)t->count;
-    if (twin_goes_on(t)) {
+    if (reference_continues(t)) {
         assert_ok(cairn_aligner_begin_warm(t->aligner, t->found));
-        twin_steps_aligner(t);
+        reference_steps_aligner(t);
         return;
     }
     for (int32_t i = 0; i < t->count; i++)
         assert_ok(cairn_aligner_set_initial_pose(t->aligner, i, t->found[i]));
-    twin_aligns(t);
+    reference_aligns(t);
 }
 
-static void twin_places_and_relaxes(struct twin *t)
+static void reference_places_and_relaxes(struct reference *t)
 {
     if (t->p.use_aligner)
-        twin_aligns(t);
+        reference_aligns(t);
     t->spread = cairn_aligner_read(t->aligner).initial_sigma;
-    twin_keeps(t);
+    reference_keeps(t);
     for (;;) {
-        twin_places(t);
+        reference_places(t);
         if (t->result.moved_scans == 0)
             return;
-        twin_relaxes(t);
+        reference_relaxes(t);
         if (!t->p.use_aligner)
             return;
-        twin_starts_again(t);
-        if (!twin_judges(t) || t->result.rounds >= t->p.max_rounds)
+        reference_starts_again(t);
+        if (!reference_verdict(t) || t->result.rounds >= t->p.max_rounds)
             return;
     }
 }
 
-/* Last, what may slide does, where anything was aligned. */
-static void twin_slides(struct twin *t)
+/* Last, weakly constrained components are translated, where anything was aligned. */
+static void reference_translates(struct reference *t)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
-    assert_ok(cairn_weak_direction_begin(t->slide, t->aligner, cairn_force_field_scans(t->field),
-                                         t->spread));
+    assert_ok(cairn_weak_direction_begin(t->weak_direction, t->aligner,
+                                         cairn_force_field_scans(t->field), t->spread));
     for (int32_t i = 0; i < t->count; i++) {
         cairn_aligner_pose aligned = t->kept[i];
 
         aligned.map_scan = t->found[i];
-        assert_ok(cairn_weak_direction_add(t->slide, t->start[i], &aligned));
+        assert_ok(cairn_weak_direction_add(t->weak_direction, t->start[i], &aligned));
     }
-    assert_ok(cairn_weak_direction_step(t->slide, &budget));
+    assert_ok(cairn_weak_direction_step(t->weak_direction, &budget));
     for (int32_t i = 0; i < t->count; i++) {
-        cairn_vec2 shift = cairn_weak_direction_translation(t->slide, i);
+        cairn_vec2 shift = cairn_weak_direction_translation(t->weak_direction, i);
 
         t->found[i].x += shift.x;
         t->found[i].y += shift.y;
         t->moves[i] |= shift.x != 0 || shift.y != 0;
     }
-    t->result.weak_direction = cairn_weak_direction_read(t->slide);
+    t->result.weak_direction = cairn_weak_direction_read(t->weak_direction);
     t->result.hypothesis_units += CAIRN_UNBOUNDED - budget.left;
     t->result.hypothesis_units += 2 * (int64_t)t->count + 1 + t->count / 8;
 }
 
-static void twin_runs(struct twin *t)
+static void reference_runs(struct reference *t)
 {
-    twin_places_and_relaxes(t);
+    reference_places_and_relaxes(t);
     if (t->p.use_aligner && t->result.aligner.placed >= 2)
-        twin_slides(t);
+        reference_translates(t);
 }
 
-static void assert_same(const struct twin *t, const cairn_virtual_align *align)
+static void assert_same(const struct reference *t, const cairn_virtual_align *align)
 {
     cairn_virtual_align_result result = cairn_virtual_align_read(align);
 
@@ -554,7 +555,7 @@ static void does_what_is_done_by_hand(void **state)
         cairn_virtual_align_params p = cases[k].hesitant > 0 ? hesitant_params() : small_params();
         struct rooms r = visit_with(cases[k].seed, cases[k].fov);
         struct bed bed;
-        struct twin t;
+        struct reference t;
 
         r.narrow = cases[k].narrow;
         if (cases[k].hesitant == 2)
@@ -564,8 +565,8 @@ static void does_what_is_done_by_hand(void **state)
         p.field.max_steps = cases[k].steps;
         p.max_rounds = cases[k].rounds;
         p.hypotheses.weight = (cairn_real)cases[k].weight;
-        t = twin_of(&p, &r);
-        twin_runs(&t);
+        t = reference_of(&p, &r);
+        reference_runs(&t);
         bed = bed_with(&p);
         add_rooms(&bed, &r);
         run(bed.align, 1000);
@@ -573,7 +574,7 @@ static void does_what_is_done_by_hand(void **state)
         slid += t.result.weak_direction.translated_scans;
         if (r.narrow < SCANS)
             stayed += !t.kept[r.narrow].placed &&
-                      !cairn_weak_direction_is_weak(t.slide, &t.kept[r.narrow]) &&
+                      !cairn_weak_direction_is_weak(t.weak_direction, &t.kept[r.narrow]) &&
                       !t.moves[r.narrow];
         test_pool_free(&t.pool);
         test_pool_free(&bed.pool);

@@ -1,8 +1,8 @@
-/* Virtual scans as written: algorithm 2 by hand, with a virtual scan in every step; lines as
- * strong as they have points; rooms. */
+/* Virtual scans as written: algorithm 2 step by step, with a virtual scan in every iteration; the
+ * strength of lines by their points; rooms. */
 #include "tests/four_rooms.h"
 
-/* Algorithm 2 for rooms: the constants of section 7.4.2 with all lengths six times as great, 30
+/* Algorithm 2 for rooms: the constants of section 7.4.2 with all lengths multiplied by six, 30
  * units of 0.03 m for 15 cm. */
 static cairn_virtual_align_params rooms_params(int32_t steps)
 {
@@ -50,7 +50,7 @@ static void reference_runs(struct reference *t, const cairn_virtual_align_params
 
         assert_ok(cairn_force_field_add_scan(t->field, &view, NULL, r->start[i], NULL));
     }
-    do { /* 3, with no virtual scan at first */
+    do { /* line 3, without a virtual scan at first */
         cairn_budget budget = {CAIRN_UNBOUNDED};
         const cairn_oriented_point *points;
         const cairn_real *weights;
@@ -94,7 +94,7 @@ static void is_algorithm_2(void **state)
         add_rooms(&bed, &r);
         run(bed.align, units[k]);
         if (k == 0)
-            run(bed.align, units[k]); /* again: the virtual scan of the first run is forgotten */
+            run(bed.align, units[k]); /* again: the virtual scan of the first run is dropped */
         assert_int_equal(cairn_virtual_align_read(bed.align).iterations, 4);
         assert_int_equal(cairn_virtual_align_read(bed.align).active_iterations, 3);
         for (int32_t i = 0; i < SCANS; i++) {
@@ -109,7 +109,7 @@ static void is_algorithm_2(void **state)
     leave(&r);
 }
 
-/* What figs 8.9 and 8.10 show: with virtual scans the rooms come together, without they do not. */
+/* Figs 8.9 and 8.10: with virtual scans the rooms come together, without they do not. */
 static void rooms_come_together(void **state)
 {
     int32_t with = 0, without = 0;
@@ -137,7 +137,7 @@ static void rooms_come_together(void **state)
 
 /* ---- The virtual scan ---- */
 
-/* A wall of a map; its points' directions are told wrong by `turn`. */
+/* A wall of a map; its points' directions are off by `turn`. */
 static void wall(cairn_scan_view *view, double ax, double ay, double bx, double by, double turn)
 {
     static cairn_segment segments[8];
@@ -161,8 +161,8 @@ static void wall(cairn_scan_view *view, double ax, double ay, double bx, double 
     view->points = points;
 }
 
-/* One scan alone makes lines, of all directions of points, each as strong as it has points by
- * the most. */
+/* One scan alone makes lines, of all directions of points; the strength of each is its number of
+ * points relative to the largest. */
 static void lines_are_as_strong_as_they_have_points(void **state)
 {
     cairn_virtual_scan_params p = cairn_virtual_scan_as_written();
@@ -216,7 +216,7 @@ static void lines_are_as_strong_as_they_have_points(void **state)
 }
 
 /* Four sides make a rectangle whichever side of each is free. */
-static void faces_are_not_told_apart(void **state)
+static void faces_are_not_distinguished(void **state)
 {
     cairn_virtual_scan_params p = cairn_virtual_scan_as_written();
     cairn_scan_set_params set_params = {1, 8, 512, 0};
@@ -306,7 +306,7 @@ int main(void)
         cmocka_unit_test(is_algorithm_2),
         cmocka_unit_test(rooms_come_together),
         cmocka_unit_test(lines_are_as_strong_as_they_have_points),
-        cmocka_unit_test(faces_are_not_told_apart),
+        cmocka_unit_test(faces_are_not_distinguished),
         cmocka_unit_test(constants_are_those_of_the_thesis),
     };
 

@@ -116,7 +116,7 @@ static const cairn_virtual_scan_hypothesis *detect(struct fixture *f, double sig
 
 /* ---- Lines ---- */
 
-/* Two scans with a wall each, in line with each other, far apart. */
+/* Two scans with a wall each, collinear, far apart. */
 static void walls_of_two_scans_make_a_line(void **state)
 {
     (void)state;
@@ -132,7 +132,7 @@ static void walls_of_two_scans_make_a_line(void **state)
         wall(&one, 5, 5, 5 + 2 * dx, 5 + 2 * dy);
         put(&f, &one);
         (void)detect(&f, 0.2, &count);
-        assert_int_equal(count, 0); /* one scan knows its own wall */
+        assert_int_equal(count, 0); /* a wall of one scan makes no hypothesis for it */
         wall(&other, 5 + 6 * dx, 5 + 6 * dy, 5 + 8 * dx, 5 + 8 * dy);
         put(&f, &other);
         h = detect(&f, 0.2, &count);
@@ -163,8 +163,8 @@ static void walls_of_two_scans_make_a_line(void **state)
     }
 }
 
-/* The more the scans may be off, the farther apart walls may be of which a line is made: 0.3
- * sigma to each side. */
+/* The greater the error of the scans, the farther apart may be the walls of which a line is made:
+ * 0.3 sigma to each side. */
 static void tolerances_follow_sigma(void **state)
 {
     static const struct {
@@ -217,7 +217,7 @@ static void short_walls_do_not_count(void **state)
     assert_int_equal(count, 1);
     assert_int_equal(h->observing_scans, 2);
     end_fixture(&f);
-    /* Three of them are asked for. */
+    /* Three of them are requested. */
     p.min_scans = 3;
     f = fixture_with(&p);
     put(&f, &one);
@@ -240,7 +240,7 @@ static void short_walls_do_not_count(void **state)
 
 /* ---- Rectangles ---- */
 
-/* A room of which each of two scans sees an L. */
+/* A room; each of two scans sees an L of it. */
 static void draw_room(struct fixture *f, double width, int32_t is_box)
 {
     struct drawing one = drawing_at(1, 1, 0.2), other = drawing_at(3, 2, -1);
@@ -320,8 +320,8 @@ static void draw_arc(struct drawing *d, double radius, double from, double to)
     d->first[++d->walls] = at;
 }
 
-/* Three scans of a third of a round room each make an ellipse, which goes all around; one scan
- * alone does not. */
+/* Three scans of a third of a round room each make an ellipse, which is a full one; one scan alone
+ * does not. */
 static void round_rooms_are_ellipses(void **state)
 {
     cairn_virtual_scan_params p = cairn_virtual_scan_default();
@@ -364,7 +364,7 @@ static void round_rooms_are_ellipses(void **state)
                         1.45);
         }
         end_fixture(&f);
-        if (scans == 3) { /* room for half of it; then no room for it; then not asked for */
+        if (scans == 3) { /* capacity for half of it; then none; then not requested */
             for (int k = 0; k < 2; k++) {
                 cairn_virtual_scan_params less = p;
 
@@ -407,7 +407,7 @@ static void kinds_can_be_left_out(void **state)
         p.weight = 2;
         f = fixture_with(&p);
         draw_room(&f, 4, 0);
-        put(&f, &more); /* goes on with a wall of the room */
+        put(&f, &more); /* continues a wall of the room */
         h = detect(&f, 0, &count);
         for (int32_t i = 0; i < count; i++) {
             seen[h[i].kind]++;
@@ -423,7 +423,7 @@ static void kinds_can_be_left_out(void **state)
     }
 }
 
-/* What the map no longer shows is gone. */
+/* What is no longer in the map is gone. */
 static void hypotheses_vanish(void **state)
 {
     struct fixture f = default_fixture();
@@ -436,7 +436,7 @@ static void hypotheses_vanish(void **state)
     assert_int_equal(count, 1);
     f.poses[1].x += 9;
     f.poses[1].y += 7;
-    /* The last result stays while the next is made. */
+    /* The last result stays while the next is computed. */
     give(&f, 0);
     (void)cairn_virtual_scan_hypotheses(f.v, &count);
     assert_int_equal(count, 1);
@@ -447,9 +447,9 @@ static void hypotheses_vanish(void **state)
     end_fixture(&f);
 }
 
-/* ---- Kinds of the caller ---- */
+/* ---- Detectors of the caller ---- */
 
-/* Finds `count` discs of three points each, in as many steps, and fails when told to. */
+/* Finds `count` discs of three points each, in as many steps, and fails on request. */
 struct discs {
     int32_t count, done, begun, fail_at;
     cairn_virtual_scan_map map;
@@ -484,9 +484,9 @@ static int32_t count_discs(const void *state)
 }
 
 static int32_t outline_disc(const void *state, int32_t i, cairn_real spacing,
-                            cairn_oriented_point *points, int32_t room, cairn_real *strength)
+                            cairn_oriented_point *points, int32_t capacity, cairn_real *strength)
 {
-    int32_t count = room < 3 ? room : 3;
+    int32_t count = capacity < 3 ? capacity : 3;
 
     (void)state;
     for (int32_t k = 0; k < count; k++) {
@@ -555,7 +555,7 @@ static void kinds_of_the_caller(void **state)
         assert_near(weights[h[i].first_point + 2], 0.25, 0);
     }
     assert_int_equal(h[7].end_point, point_count);
-    /* What a detector says goes to the caller, and the last result stays. */
+    /* The status of a detector is returned to the caller, and the last result stays. */
     for (int32_t at = 1; at <= 2; at++) {
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
@@ -571,7 +571,7 @@ static void kinds_of_the_caller(void **state)
 
 /* ---- Capacities ---- */
 
-static void what_finds_no_room(void **state)
+static void what_exceeds_capacities(void **state)
 {
     cairn_virtual_scan_params p = cairn_virtual_scan_default();
     struct discs discs = {5, 0, 0, 0, {NULL, NULL, NULL, NULL, 0, 0, 0}};
@@ -674,8 +674,8 @@ static void the_budget_does_not_matter(void **state)
 
 /* ---- The bits ---- */
 
-/* Rooms in pieces and walls for themselves on a grid of a quarter of a metre, each in one of the
- * scans at hand. */
+/* Rooms as several segments and isolated walls on a grid of a quarter of a metre, each in one of
+ * the given scans. */
 static void draw_quarters(struct fixture *f, cairn_random *random)
 {
     int32_t scans = 2 + cairn_random_below(random, 3);
@@ -705,7 +705,7 @@ static void draw_quarters(struct fixture *f, cairn_random *random)
     }
 }
 
-/* A few points and segments, two thirds of what room there is. */
+/* A few points and segments, two thirds of the capacity. */
 static cairn_virtual_scan_params draw_params(cairn_random *random)
 {
     cairn_virtual_scan_params p = cairn_virtual_scan_default();
@@ -802,7 +802,7 @@ static cairn_status step_map(void *context, cairn_budget *budget)
     return cairn_virtual_scan_step(((struct fixture *)context)->v, budget);
 }
 
-static uint64_t tell_map(void *context)
+static uint64_t hash_map(void *context)
 {
     return add_found(context, TEST_HASH_START);
 }
@@ -815,7 +815,7 @@ static void begins_anew(void **state)
     struct discs discs = {5, 0, 0, 0, {NULL, NULL, NULL, NULL, 0, 0, 0}};
     cairn_virtual_scan_hypothesis_detector d = {&discs, begin_discs, step_discs, count_discs,
                                                 outline_disc};
-    test_stepped object = {begin_map, step_map, tell_map, &f};
+    test_stepped object = {begin_map, step_map, hash_map, &f};
 
     (void)state;
     p.hough.angles = p.hough.distances = 16;
@@ -937,7 +937,7 @@ static void bad_params_are_refused(void **state)
     assert_status(cairn_virtual_scan_create(NULL, &pool, &p), CAIRN_BAD_ARGUMENT);
     assert_ok(cairn_virtual_scan_create(&v, &pool, &p));
     test_pool_free(&pool);
-    /* The ends of the ranges are taken. */
+    /* The ends of the ranges are accepted. */
     p.max_scans = p.max_segments = 1 << 20;
     p.max_points = p.max_virtual = 1 << 24;
     p.max_hypotheses = 1024;
@@ -973,7 +973,7 @@ int main(void)
         cmocka_unit_test(round_rooms_are_ellipses),
         cmocka_unit_test(hypotheses_vanish),
         cmocka_unit_test(kinds_of_the_caller),
-        cmocka_unit_test(what_finds_no_room),
+        cmocka_unit_test(what_exceeds_capacities),
         cmocka_unit_test(the_budget_does_not_matter),
         cmocka_unit_test(all_bits_are_kept),
         cmocka_unit_test(begins_anew),

@@ -1,5 +1,5 @@
-/* Images through OpenCV: what is written comes back, edges and slopes of known pictures;
- * damaged, giant and foreign files; and life without OpenCV. */
+/* Images through OpenCV: round trips, edges and slopes of known images; damaged, huge and foreign
+ * files; without OpenCV. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -12,7 +12,7 @@ enum { WIDTH = 23, HEIGHT = 17, PIXELS = WIDTH * HEIGHT, CHANNELS_MOST = 4 };
 
 static cairn_file_error error;
 
-/* Tests of what needs OpenCV are skipped without it. */
+/* Tests that need OpenCV are skipped without it. */
 static void need_opencv(void)
 {
     cairn_status status = cairn_vision_load(&error);
@@ -42,7 +42,7 @@ static void assert_refused(const char *path, cairn_status status, const char *pi
     assert_said(path, piece);
 }
 
-/* Samples that no two neighbours share. */
+/* Samples that differ between all neighbours. */
 static cairn_vision_image make(int32_t channels, int32_t bytes)
 {
     static uint16_t samples[PIXELS * CHANNELS_MOST];
@@ -260,9 +260,9 @@ static void test_refused_edges(void **state)
     assert_said("name", "grey");
 }
 
-/* ---- Files that are no good ---- */
+/* ---- Bad files ---- */
 
-static void test_every_cut_is_told(void **state)
+static void test_every_cut_is_reported(void **state)
 {
     static const char *const names[] = {"a.tif", "a.png", "a.jpg", "a.pgm"};
 
@@ -280,8 +280,8 @@ static void test_every_cut_is_told(void **state)
             const char *shorter = files_write("cut", bytes, cut);
             cairn_status status = cairn_vision_read(&got, shorter, &error);
 
-            /* What lies behind the pixels of a TIFF may go, and a reader of TIFF may keep the
-             * rows that are there. */
+            /* The data behind the pixels of a TIFF may be missing, and a reader of TIFF may keep
+             * the rows that exist. */
             if (status == CAIRN_OK && i == 0)
                 cairn_vision_free(&got);
             else if (status != CAIRN_TRUNCATED && status != CAIRN_BAD_FORMAT)
@@ -324,7 +324,7 @@ static void test_damage_is_survived(void **state)
     }
 }
 
-/* Heads of images beyond the limits, with nothing behind them. */
+/* Headers of images beyond the limits, without data. */
 static void test_giants_are_refused_unread(void **state)
 {
     static const uint8_t png[] = "\x89PNG\r\n\x1A\n\0\0\0\x0DIHDR\0\0\x80\x01\0\0\0\x01\x08\0\0\0\0"
@@ -424,7 +424,7 @@ static void test_without_the_library(void **state)
     assert_int_equal(unsetenv("CAIRN_VISION"), 0);
 }
 
-/* A library that is none of ours is not taken for it. */
+/* A foreign library is not accepted as it. */
 static void test_a_foreign_library(void **state)
 {
     (void)state;
@@ -464,7 +464,7 @@ int main(void)
         cmocka_unit_test(test_edges_of_a_step),
         cmocka_unit_test(test_slopes_of_a_ramp),
         cmocka_unit_test(test_refused_edges),
-        cmocka_unit_test(test_every_cut_is_told),
+        cmocka_unit_test(test_every_cut_is_reported),
         cmocka_unit_test(test_damage_is_survived),
         cmocka_unit_test(test_giants_are_refused_unread),
         cmocka_unit_test(test_what_is_no_image),

@@ -1,5 +1,5 @@
-/* Parts that slide along walls: rooms on a hallway seen by scans of half a circle, against the
- * obvious way to do it. */
+/* weak_direction: components that can be translated along walls. Rooms on a hallway seen by scans
+ * of half a circle, compared with a reference implementation. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -24,7 +24,7 @@ struct scene {
     cairn_real spread;
 };
 
-/* The direction of the longest piece of wall. */
+/* The direction of the longest segment of wall. */
 static cairn_vec2 hallway_of(const struct scene *s)
 {
     cairn_vec2 way = {1, 0};
@@ -42,8 +42,8 @@ static cairn_vec2 hallway_of(const struct scene *s)
     return way;
 }
 
-/* As if the last four scans were firm, and of the others four each known alike but for one
- * direction: that of the hallway, turned. */
+/* As if the last four scans were well constrained, and four of the others each unobservable in one
+ * direction: that of the hallway, rotated. */
 static void loosen(struct scene *s, double degrees)
 {
     cairn_transform turn = {0, 0, (cairn_real)cos(degrees * DEGREE),
@@ -51,16 +51,17 @@ static void loosen(struct scene *s, double degrees)
     cairn_vec2 way = cairn_transform_direction(turn, hallway_of(s));
 
     for (int32_t i = 0; i < SCANS; i++) {
-        cairn_real loose = i < 4 ? CAIRN_REAL(0.09) : CAIRN_REAL(0.04), firm = CAIRN_REAL(1e-5);
+        cairn_real large_variance = i < 4 ? CAIRN_REAL(0.09) : CAIRN_REAL(0.04),
+                   small_variance = CAIRN_REAL(1e-5);
         cairn_aligner_pose *a = &s->aligned[i];
 
         memset(a->covariance, 0, sizeof a->covariance);
         a->component = 0;
         a->placed = i >= 8;
-        a->covariance[0] = loose * way.x * way.x + firm * way.y * way.y;
-        a->covariance[1] = a->covariance[3] = (loose - firm) * way.x * way.y;
-        a->covariance[4] = loose * way.y * way.y + firm * way.x * way.x;
-        a->covariance[8] = firm;
+        a->covariance[0] = large_variance * way.x * way.x + small_variance * way.y * way.y;
+        a->covariance[1] = a->covariance[3] = (large_variance - small_variance) * way.x * way.y;
+        a->covariance[4] = large_variance * way.y * way.y + small_variance * way.x * way.x;
+        a->covariance[8] = small_variance;
     }
 }
 
@@ -137,46 +138,46 @@ static void close_scene(struct scene *s)
 
 struct bed {
     cairn_pool pool;
-    cairn_weak_direction *slide;
+    cairn_weak_direction *weak_direction;
 };
 
 static struct bed bed_with(const cairn_weak_direction_params *params)
 {
     struct bed bed = {test_pool(cairn_weak_direction_memory(params)), NULL};
 
-    assert_ok(cairn_weak_direction_create(&bed.slide, &bed.pool, params));
+    assert_ok(cairn_weak_direction_create(&bed.weak_direction, &bed.pool, params));
     return bed;
 }
 
-static void begin(cairn_weak_direction *slide, const struct scene *s)
+static void begin(cairn_weak_direction *weak_direction, const struct scene *s)
 {
-    assert_ok(cairn_weak_direction_begin(slide, s->aligner, s->set, s->spread));
+    assert_ok(cairn_weak_direction_begin(weak_direction, s->aligner, s->set, s->spread));
     for (int32_t i = 0; i < SCANS; i++)
-        assert_ok(cairn_weak_direction_add(slide, s->start[i], &s->aligned[i]));
+        assert_ok(cairn_weak_direction_add(weak_direction, s->start[i], &s->aligned[i]));
 }
 
-static void run(cairn_weak_direction *slide, const struct scene *s, int32_t units)
+static void run(cairn_weak_direction *weak_direction, const struct scene *s, int32_t units)
 {
     cairn_budget budget = {units};
     cairn_status status;
 
-    begin(slide, s);
-    while ((status = cairn_weak_direction_step(slide, &budget)) == CAIRN_MORE) {
+    begin(weak_direction, s);
+    while ((status = cairn_weak_direction_step(weak_direction, &budget)) == CAIRN_MORE) {
         assert_int_equal(budget.left, 0);
-        assert_int_equal(cairn_weak_direction_read(slide).weak_submaps, 0);
+        assert_int_equal(cairn_weak_direction_read(weak_direction).weak_submaps, 0);
         budget.left = units;
     }
     assert_ok(status);
 }
 
 /* Scans within 0.05 m and 1 degree of the truth after the best common motion. */
-static int32_t right(const struct scene *s, const cairn_weak_direction *slide)
+static int32_t right(const struct scene *s, const cairn_weak_direction *weak_direction)
 {
     sim_pose found[SCANS], moved[SCANS];
     int32_t use[SCANS];
 
     for (int32_t i = 0; i < SCANS; i++) {
-        cairn_vec2 shift = cairn_weak_direction_translation(slide, i);
+        cairn_vec2 shift = cairn_weak_direction_translation(weak_direction, i);
 
         use[i] = 1;
         found[i].x = (double)(s->aligned[i].map_scan.x + shift.x);
@@ -186,21 +187,21 @@ static int32_t right(const struct scene *s, const cairn_weak_direction *slide)
     return bench_fit_common(s->truth, found, use, SCANS, 0.05, DEGREE, moved);
 }
 
-/* ---- The obvious way: all pairs anew each time, nothing kept ---- */
+/* ---- Reference implementation: all pairs anew each time, nothing stored ---- */
 
-struct twin_wall {
+struct reference_wall {
     cairn_vec2 a, b;
     double share;
     int32_t scan;
 };
 
-struct twin {
+struct reference {
     const struct scene *s;
     cairn_weak_direction_params p;
-    int32_t part[SCANS]; /* the least scan tied to it, -1 firm, -2 none */
+    int32_t part[SCANS]; /* the lowest scan of its component, -1 well constrained, -2 none */
     cairn_vec2 along[SCANS], shift[SCANS];
     double deviation[SCANS];
-    struct twin_wall walls[WALLS];
+    struct reference_wall walls[WALLS];
     int32_t wall_count, parts, joined;
     double thickness, alike;
     cairn_pose expected[SCANS];
@@ -211,8 +212,8 @@ static double dot(cairn_vec2 a, cairn_vec2 b)
     return (double)a.x * (double)b.x + (double)a.y * (double)b.y;
 }
 
-/* The direction in which a scan is known least, by its angle. */
-static void twin_axes(const cairn_real c[9], cairn_vec2 *along, double *most, double *least)
+/* The direction of a scan's largest variance, by its angle. */
+static void reference_axes(const cairn_real c[9], cairn_vec2 *along, double *most, double *least)
 {
     double half = ((double)c[0] - (double)c[4]) / 2, angle = atan2((double)c[1], half) / 2;
 
@@ -222,13 +223,13 @@ static void twin_axes(const cairn_real c[9], cairn_vec2 *along, double *most, do
     *least = sqrt(fmax(((double)c[0] + (double)c[4]) / 2 - hypot(half, (double)c[1]), 0));
 }
 
-static void twin_ties(struct twin *t)
+static void reference_constraints(struct reference *t)
 {
     for (int32_t i = 0; i < SCANS; i++) {
         const cairn_aligner_pose *a = &t->s->aligned[i];
         double least;
 
-        twin_axes(a->covariance, &t->along[i], &t->deviation[i], &least);
+        reference_axes(a->covariance, &t->along[i], &t->deviation[i], &least);
         t->part[i] = -2;
         if (a->component == 0 && a->placed)
             t->part[i] = -1;
@@ -263,12 +264,12 @@ static void twin_ties(struct twin *t)
 
 /* ---- Its walls ---- */
 
-static cairn_vec2 way_of(const struct twin_wall *w)
+static cairn_vec2 way_of(const struct reference_wall *w)
 {
     return cairn_vec2_unit(cairn_vec2_sub(w->b, w->a));
 }
 
-static double overlap(const struct twin_wall *v, const struct twin_wall *w)
+static double overlap(const struct reference_wall *v, const struct reference_wall *w)
 {
     cairn_vec2 way = way_of(v),
                middle = cairn_vec2_scale(cairn_vec2_add(w->a, w->b), CAIRN_REAL(0.5));
@@ -281,7 +282,7 @@ static double overlap(const struct twin_wall *v, const struct twin_wall *w)
 }
 
 /* m from w to v across both, to the left of v. */
-static double across(const struct twin_wall *v, const struct twin_wall *w)
+static double across(const struct reference_wall *v, const struct reference_wall *w)
 {
     cairn_vec2 way = way_of(v), other = way_of(w);
     cairn_vec2 mean = dot(way, other) > 0 ? cairn_vec2_add(way, other) : cairn_vec2_sub(way, other);
@@ -290,21 +291,21 @@ static double across(const struct twin_wall *v, const struct twin_wall *w)
     return dot(cairn_vec2_left_perp(cairn_vec2_unit(mean)), off) / 2;
 }
 
-static int faces(const struct twin_wall *v, const struct twin_wall *w)
+static int faces(const struct reference_wall *v, const struct reference_wall *w)
 {
     return dot(way_of(v), way_of(w)) <= -0.99 && overlap(v, w) >= 0.3;
 }
 
-static void twin_draws_walls(struct twin *t)
+static void reference_draws_walls(struct reference *t)
 {
     for (int32_t i = 0; i < SCANS; i++) {
         cairn_transform pose = cairn_transform_of(t->s->aligned[i].map_scan);
 
         for (int32_t k = t->s->set->scans[i].first_segment;
              k < t->s->set->scans[i].end_segment && t->part[i] >= -1; k++) {
-            struct twin_wall w = {cairn_transform_point(pose, t->s->set->segments[k].segment.a),
-                                  cairn_transform_point(pose, t->s->set->segments[k].segment.b), 0,
-                                  i};
+            struct reference_wall w = {
+                cairn_transform_point(pose, t->s->set->segments[k].segment.a),
+                cairn_transform_point(pose, t->s->set->segments[k].segment.b), 0, i};
 
             if (cairn_vec2_norm(cairn_vec2_sub(w.b, w.a)) >= CAIRN_REAL(0.2))
                 t->walls[t->wall_count++] = w;
@@ -312,14 +313,14 @@ static void twin_draws_walls(struct twin *t)
     }
 }
 
-static void twin_shares(struct twin *t)
+static void reference_shares(struct reference *t)
 {
     for (int32_t i = 0; i < t->wall_count; i++) {
-        const struct twin_wall *v = &t->walls[i];
+        const struct reference_wall *v = &t->walls[i];
         int32_t same = 0;
 
         for (int32_t k = 0; k < t->wall_count; k++) {
-            const struct twin_wall *w = &t->walls[k];
+            const struct reference_wall *w = &t->walls[k];
 
             same += t->part[v->scan] == t->part[w->scan] && dot(way_of(v), way_of(w)) >= 0.99 &&
                     overlap(v, w) > -0.1 && fabs(across(v, w)) < 0.03;
@@ -328,15 +329,15 @@ static void twin_shares(struct twin *t)
     }
 }
 
-/* All thicknesses that are seen; in windows of eight half centimetres. */
-static void twin_learns(struct twin *t)
+/* All observed thicknesses; in windows of eight half centimetres. */
+static void reference_learns(struct reference *t)
 {
     double gaps[WALLS * 4], weights[WALLS * 4], total = 0, most = 0;
     int32_t count = 0;
 
     for (int32_t i = 0; i < t->wall_count; i++)
         for (int32_t k = 0; k < i; k++) {
-            const struct twin_wall *v = &t->walls[i], *w = &t->walls[k];
+            const struct reference_wall *v = &t->walls[i], *w = &t->walls[k];
 
             if (t->part[v->scan] != t->part[w->scan] || !faces(v, w) || across(v, w) <= 0.02 ||
                 across(v, w) >= 0.5)
@@ -364,22 +365,23 @@ static void twin_learns(struct twin *t)
 
 /* ---- Its shifts ---- */
 
-static double thickness_nats(const struct twin *t, int32_t moving, int32_t fixed, cairn_vec2 shift)
+static double thickness_nats(const struct reference *t, int32_t moving, int32_t fixed,
+                             cairn_vec2 shift)
 {
     cairn_vec2 along = t->along[moving];
     double sum = 0;
 
     for (int32_t i = 0; i < t->wall_count; i++) {
-        struct twin_wall v = t->walls[i];
+        struct reference_wall v = t->walls[i];
         double best = -HUGE_VAL;
 
         if (t->part[v.scan] != moving || fabs(dot(cairn_vec2_left_perp(way_of(&v)), along)) < 0.7)
             continue;
         for (int32_t k = 0; k < t->wall_count; k++) {
-            struct twin_wall w = t->walls[k], moved = v;
+            struct reference_wall w = t->walls[k], moved = v;
             double gap, off;
 
-            if (t->part[w.scan] != fixed || !faces(&v, &w)) /* side by side before it is shifted */
+            if (t->part[w.scan] != fixed || !faces(&v, &w)) /* side by side before the shift */
                 continue;
             moved.a = cairn_vec2_add(moved.a, shift);
             moved.b = cairn_vec2_add(moved.b, shift);
@@ -397,7 +399,8 @@ static double thickness_nats(const struct twin *t, int32_t moving, int32_t fixed
     return sum;
 }
 
-static double objection_nats(const struct twin *t, int32_t moving, int32_t fixed, cairn_vec2 shift)
+static double violation_nats(const struct reference *t, int32_t moving, int32_t fixed,
+                             cairn_vec2 shift)
 {
     double sum = 0;
 
@@ -418,8 +421,9 @@ static double objection_nats(const struct twin *t, int32_t moving, int32_t fixed
     return sum;
 }
 
-/* Where the starts of a part say that it is, less where it is, in the mean; along a direction. */
-static double expected_off(const struct twin *t, int32_t part, cairn_vec2 along, int32_t *scans)
+/* Shift of a component according to its initial poses, less its current mean, along a direction. */
+static double expected_off(const struct reference *t, int32_t part, cairn_vec2 along,
+                           int32_t *scans)
 {
     double sum = 0;
 
@@ -435,20 +439,19 @@ static double expected_off(const struct twin *t, int32_t part, cairn_vec2 along,
     return sum / *scans;
 }
 
-static double shift_nats(const struct twin *t, int32_t moving, int32_t fixed, double shift,
+static double shift_nats(const struct reference *t, int32_t moving, int32_t fixed, double shift,
                          double off, double variance)
 {
     cairn_vec2 way = cairn_vec2_scale(t->along[moving], (cairn_real)shift);
     double nats =
-        objection_nats(t, moving, fixed, way) - (shift - off) * (shift - off) / (2 * variance);
+        violation_nats(t, moving, fixed, way) - (shift - off) * (shift - off) / (2 * variance);
 
     return t->p.use_thickness && t->thickness > 0 ? nats + thickness_nats(t, moving, fixed, way)
                                                   : nats;
 }
 
-/* The best shift of a part against another, and by how much it is. The last that is tried is to
- * stay. */
-static double best_shift(const struct twin *t, int32_t moving, int32_t fixed, double *shift)
+/* The best shift of a component relative to another, and its gain. The last one tried is zero. */
+static double best_shift(const struct reference *t, int32_t moving, int32_t fixed, double *shift)
 {
     int32_t own, others;
     double off = expected_off(t, moving, t->along[moving], &own) -
@@ -471,7 +474,7 @@ static double best_shift(const struct twin *t, int32_t moving, int32_t fixed, do
         if (nats[i] > nats[best])
             best = i;
     }
-    if (nats[best] - nats[count] < 2) /* little is gained: it stays */
+    if (nats[best] - nats[count] < 2) /* little gain: it stays */
         best = count;
     for (int32_t i = 0; i <= count; i++)
         if (fabs(at[i] - at[best]) > 0.06 + step / 2)
@@ -480,17 +483,17 @@ static double best_shift(const struct twin *t, int32_t moving, int32_t fixed, do
     return fmax(nats[best] - second, 0);
 }
 
-static void twin_joins(struct twin *t)
+static void reference_joins(struct reference *t)
 {
     for (;;) {
         int32_t moving = -1, fixed = -1;
-        double surest = -1, shift = 0;
+        double best_gain = -1, shift = 0;
 
-        /* In the order of numbers: the firm part, then by the least scan. */
+        /* In the order of numbers: the well constrained component, then by the lowest scan. */
         for (int32_t k = 0; k < SCANS; k++)
             for (int32_t h = -1; h < k; h++) {
                 int32_t has_k = 0, has_h = 0;
-                double way, surer;
+                double way, gain;
 
                 for (int32_t i = 0; i < SCANS; i++) {
                     has_k |= t->part[i] == k;
@@ -498,9 +501,9 @@ static void twin_joins(struct twin *t)
                 }
                 if (!has_k || !has_h || (h >= 0 && fabs(dot(t->along[k], t->along[h])) < 0.99))
                     continue;
-                surer = best_shift(t, k, h, &way);
-                if (surer > surest) {
-                    surest = surer;
+                gain = best_shift(t, k, h, &way);
+                if (gain > best_gain) {
+                    best_gain = gain;
                     shift = way;
                     moving = k;
                     fixed = h;
@@ -523,42 +526,42 @@ static void twin_joins(struct twin *t)
         for (int32_t i = 0; i < SCANS; i++)
             if (t->part[i] == moving)
                 t->part[i] = fixed;
-        twin_shares(t);
+        reference_shares(t);
     }
 }
 
-static struct twin twin_of(const struct scene *s, const cairn_weak_direction_params *p)
+static struct reference reference_of(const struct scene *s, const cairn_weak_direction_params *p)
 {
     cairn_pose to[SCANS], gauge;
-    int32_t use[SCANS], firm = 0;
-    struct twin t;
+    int32_t use[SCANS], well_constrained = 0;
+    struct reference t;
 
     memset(&t, 0, sizeof t);
     t.s = s;
     t.p = *p;
-    twin_ties(&t);
+    reference_constraints(&t);
     for (int32_t i = 0; i < SCANS; i++) {
         to[i] = s->aligned[i].map_scan;
         use[i] = t.part[i] == -1;
-        firm += use[i];
+        well_constrained += use[i];
     }
-    if (firm == 0)
+    if (well_constrained == 0)
         t.parts = 0;
     if (t.parts == 0)
         return t;
     gauge = cairn_pose_fit(s->start, to, use, SCANS, 1);
     for (int32_t i = 0; i < SCANS; i++)
         t.expected[i] = cairn_pose_compose(gauge, s->start[i]);
-    twin_draws_walls(&t);
-    twin_shares(&t);
-    twin_learns(&t);
-    twin_joins(&t);
+    reference_draws_walls(&t);
+    reference_shares(&t);
+    reference_learns(&t);
+    reference_joins(&t);
     return t;
 }
 
-static void assert_twin(const struct twin *t, const cairn_weak_direction *slide)
+static void assert_reference(const struct reference *t, const cairn_weak_direction *weak_direction)
 {
-    cairn_weak_direction_result result = cairn_weak_direction_read(slide);
+    cairn_weak_direction_result result = cairn_weak_direction_read(weak_direction);
     int32_t slid = 0;
 
     assert_int_equal(result.weak_submaps, t->parts);
@@ -567,7 +570,7 @@ static void assert_twin(const struct twin *t, const cairn_weak_direction *slide)
     assert_near(result.thickness_share, t->alike, NUMBER(1e-9, 1e-4));
     assert_int_equal(result.dropped, 0);
     for (int32_t i = 0; i < SCANS; i++) {
-        cairn_vec2 shift = cairn_weak_direction_translation(slide, i);
+        cairn_vec2 shift = cairn_weak_direction_translation(weak_direction, i);
 
         slid += t->shift[i].x != 0 || t->shift[i].y != 0;
         assert_near(shift.x, t->shift[i].x, NUMBER(1e-9, 1e-4));
@@ -580,7 +583,7 @@ static const uint64_t seeds[] = {501, 504, 507, 508, 510, 513, 525, 530};
 
 enum { SEEDS = sizeof seeds / sizeof *seeds };
 
-static void does_what_the_obvious_way_does(void **state)
+static void agrees_with_the_reference(void **state)
 {
     int32_t joined = 0;
 
@@ -589,19 +592,19 @@ static void does_what_the_obvious_way_does(void **state)
         cairn_weak_direction_params p = cairn_weak_direction_default();
         struct scene s = open_scene(seeds[k]);
         struct bed bed;
-        struct twin t;
+        struct reference t;
 
         if (k % 3 > 0)
             loosen(&s, k % 3 == 1 ? 0 : 40);
         if (k == 6)
-            s.spread = CAIRN_REAL(0.03); /* where they are is far from where they started */
+            s.spread = CAIRN_REAL(0.03); /* its poses are far from the initial ones */
         p.use_thickness = k != 3;
         p.translation_step = k == 4 ? CAIRN_REAL(0.001) : k == 2 ? 5 : p.translation_step;
         p.thickness_sigma = k == 5 ? CAIRN_REAL(0.04) : p.thickness_sigma;
         bed = bed_with(&p);
-        t = twin_of(&s, &p);
-        run(bed.slide, &s, CAIRN_UNBOUNDED);
-        assert_twin(&t, bed.slide);
+        t = reference_of(&s, &p);
+        run(bed.weak_direction, &s, CAIRN_UNBOUNDED);
+        assert_reference(&t, bed.weak_direction);
         joined += t.joined;
         test_pool_free(&bed.pool);
         close_scene(&s);
@@ -609,8 +612,9 @@ static void does_what_the_obvious_way_does(void **state)
     assert_true(joined >= 15);
 }
 
-/* Scans that are right: by the aligner, when parts slide, and with walls as thick as elsewhere. */
-static void parts_find_their_place(void **state)
+/* Scans that are right: by the aligner, after the translation, and with walls as thick as
+ * elsewhere. */
+static void components_are_translated_to_their_place(void **state)
 {
     cairn_weak_direction_params p = cairn_weak_direction_default();
     struct bed with = bed_with(&p), without;
@@ -622,14 +626,15 @@ static void parts_find_their_place(void **state)
     for (size_t k = 0; k < SEEDS; k++) {
         struct scene s = open_scene(seeds[k]);
 
-        begin(with.slide, &s);
-        before += right(&s, with.slide);
-        run(with.slide, &s, CAIRN_UNBOUNDED);
-        run(without.slide, &s, CAIRN_UNBOUNDED);
-        after += right(&s, with.slide);
-        bare += right(&s, without.slide);
-        assert_near(cairn_weak_direction_read(with.slide).thickness, 0.1, 0.006);
-        assert_in_range(cairn_weak_direction_read(with.slide).thickness_share * 100, 40, 95);
+        begin(with.weak_direction, &s);
+        before += right(&s, with.weak_direction);
+        run(with.weak_direction, &s, CAIRN_UNBOUNDED);
+        run(without.weak_direction, &s, CAIRN_UNBOUNDED);
+        after += right(&s, with.weak_direction);
+        bare += right(&s, without.weak_direction);
+        assert_near(cairn_weak_direction_read(with.weak_direction).thickness, 0.1, 0.006);
+        assert_in_range(cairn_weak_direction_read(with.weak_direction).thickness_share * 100, 40,
+                        95);
         close_scene(&s);
     }
     assert_true(bare > before + 10);
@@ -653,13 +658,13 @@ static void the_budget_does_not_matter(void **state)
     for (int k = 0; k < 4; k++) {
         cairn_weak_direction_result result;
 
-        run(bed.slide, &s, budgets[k]);
-        result = cairn_weak_direction_read(bed.slide);
+        run(bed.weak_direction, &s, budgets[k]);
+        result = cairn_weak_direction_read(bed.weak_direction);
         if (k == 0)
             first = result;
         assert_memory_equal(&result, &first, sizeof result);
         for (int32_t i = 0; i < SCANS; i++) {
-            cairn_vec2 now = cairn_weak_direction_translation(bed.slide, i);
+            cairn_vec2 now = cairn_weak_direction_translation(bed.weak_direction, i);
 
             shift[i] = k == 0 ? now : shift[i];
             assert_memory_equal(&now, &shift[i], sizeof now);
@@ -667,56 +672,56 @@ static void the_budget_does_not_matter(void **state)
     }
     assert_int_equal(first.units, NUMBER(98611, 38688));
     assert_true(first.translated_scans > 3);
-    assert_near(cairn_weak_direction_translation(bed.slide, SCANS).x, 0, 0);
-    assert_near(cairn_weak_direction_translation(bed.slide, -1).x, 0, 0);
-    begin(bed.slide, &s);
-    assert_near(cairn_weak_direction_translation(bed.slide, 0).x, 0, 0);
+    assert_near(cairn_weak_direction_translation(bed.weak_direction, SCANS).x, 0, 0);
+    assert_near(cairn_weak_direction_translation(bed.weak_direction, -1).x, 0, 0);
+    begin(bed.weak_direction, &s);
+    assert_near(cairn_weak_direction_translation(bed.weak_direction, 0).x, 0, 0);
     test_pool_free(&bed.pool);
     close_scene(&s);
 }
 
-/* ---- What there is no room for, and what does not slide ---- */
+/* ---- Exceeded capacities, and components that are not translated ---- */
 
-static void room_is_short(void **state)
+static void capacities_are_short(void **state)
 {
     cairn_weak_direction_params p = cairn_weak_direction_default();
     struct scene s = open_scene(508);
-    struct twin t;
+    struct reference t;
     struct bed bed;
     int32_t parts, walls;
 
     (void)state;
     loosen(&s, 0);
-    t = twin_of(&s, &p);
+    t = reference_of(&s, &p);
     walls = t.wall_count;
     assert_true(t.parts > 2);
     p.max_walls = walls;
     bed = bed_with(&p);
-    run(bed.slide, &s, CAIRN_UNBOUNDED);
-    assert_twin(&t, bed.slide);
+    run(bed.weak_direction, &s, CAIRN_UNBOUNDED);
+    assert_reference(&t, bed.weak_direction);
     test_pool_free(&bed.pool);
     p.max_walls = walls - 3;
     p.max_submaps = t.parts;
     bed = bed_with(&p);
-    run(bed.slide, &s, CAIRN_UNBOUNDED);
-    assert_int_equal(cairn_weak_direction_read(bed.slide).dropped, 3);
-    parts = cairn_weak_direction_read(bed.slide).weak_submaps;
+    run(bed.weak_direction, &s, CAIRN_UNBOUNDED);
+    assert_int_equal(cairn_weak_direction_read(bed.weak_direction).dropped, 3);
+    parts = cairn_weak_direction_read(bed.weak_direction).weak_submaps;
     assert_int_equal(parts, t.parts);
     test_pool_free(&bed.pool);
     p.max_walls = walls;
     p.max_submaps = 1;
     bed = bed_with(&p);
-    run(bed.slide, &s, CAIRN_UNBOUNDED);
-    assert_int_equal(cairn_weak_direction_read(bed.slide).weak_submaps, 1);
-    assert_int_equal(cairn_weak_direction_read(bed.slide).dropped, parts - 1);
+    run(bed.weak_direction, &s, CAIRN_UNBOUNDED);
+    assert_int_equal(cairn_weak_direction_read(bed.weak_direction).weak_submaps, 1);
+    assert_int_equal(cairn_weak_direction_read(bed.weak_direction).dropped, parts - 1);
     for (int32_t i = 0; i < SCANS; i++)
-        if (t.shift[i].x != 0 && cairn_weak_direction_translation(bed.slide, i).x != 0)
+        if (t.shift[i].x != 0 && cairn_weak_direction_translation(bed.weak_direction, i).x != 0)
             assert_true(s.aligned[i].component == 0 && !s.aligned[i].placed);
     test_pool_free(&bed.pool);
     close_scene(&s);
 }
 
-static void what_is_known_stays(void **state)
+static void placed_scans_stay(void **state)
 {
     cairn_weak_direction_params p = cairn_weak_direction_default();
     struct scene s = open_scene(508);
@@ -730,7 +735,8 @@ static void what_is_known_stays(void **state)
         for (int32_t i = 0; i < SCANS; i++) {
             cairn_aligner_pose *a = &s.aligned[i];
 
-            a->placed = k == 0 ? 0 : k == 1 ? 1 : a->placed; /* nothing is firm, or all */
+            /* no scan is well constrained, or all are */
+            a->placed = k == 0 ? 0 : k == 1 ? 1 : a->placed;
             a->component = k == 2 && !a->placed ? 1 : a->component;
             a->covariance[8] = k == 3 && !a->placed ? CAIRN_REAL(0.0004) : a->covariance[8];
             if (k >= 4) {
@@ -739,18 +745,18 @@ static void what_is_known_stays(void **state)
                 a->covariance[4] = k == 4 ? CAIRN_REAL(0.003) : CAIRN_REAL(0.0001);
             }
         }
-        run(bed.slide, &s, CAIRN_UNBOUNDED);
-        assert_int_equal(cairn_weak_direction_read(bed.slide).weak_submaps, 0);
-        assert_int_equal(cairn_weak_direction_read(bed.slide).translated_scans, 0);
+        run(bed.weak_direction, &s, CAIRN_UNBOUNDED);
+        assert_int_equal(cairn_weak_direction_read(bed.weak_direction).weak_submaps, 0);
+        assert_int_equal(cairn_weak_direction_read(bed.weak_direction).translated_scans, 0);
         for (int32_t i = 0; i < SCANS; i++)
-            assert_near(cairn_weak_direction_translation(bed.slide, i).y, 0, 0);
+            assert_near(cairn_weak_direction_translation(bed.weak_direction, i).y, 0, 0);
     }
     test_pool_free(&bed.pool);
     close_scene(&s);
 }
 
-/* Starts that are taken for exact, more so than a square can tell: the parts go where they say,
- * to the step. */
+/* Initial poses of extreme assumed accuracy, beyond what a square can represent: the components
+ * move exactly to them, up to the step. */
 static void starts_may_be_exact(void **state)
 {
     cairn_weak_direction_params p = cairn_weak_direction_default();
@@ -760,18 +766,18 @@ static void starts_may_be_exact(void **state)
 
     (void)state;
     loosen(&s, 0);
-    run(bed.slide, &s, CAIRN_UNBOUNDED);
-    assert_true(cairn_weak_direction_read(bed.slide).merged_submaps > 1);
-    assert_int_equal(cairn_weak_direction_read(bed.slide).units, NUMBER(207989, 138535));
+    run(bed.weak_direction, &s, CAIRN_UNBOUNDED);
+    assert_true(cairn_weak_direction_read(bed.weak_direction).merged_submaps > 1);
+    assert_int_equal(cairn_weak_direction_read(bed.weak_direction).units, NUMBER(207989, 138535));
     s.spread = CAIRN_REAL(1e-6);
-    run(bed.slide, &s, CAIRN_UNBOUNDED);
-    assert_true(cairn_weak_direction_read(bed.slide).merged_submaps > 0);
+    run(bed.weak_direction, &s, CAIRN_UNBOUNDED);
+    assert_true(cairn_weak_direction_read(bed.weak_direction).merged_submaps > 0);
     for (int32_t i = 0; i < SCANS; i++)
-        shift[i] = cairn_weak_direction_translation(bed.slide, i);
+        shift[i] = cairn_weak_direction_translation(bed.weak_direction, i);
     s.spread = NUMBER((cairn_real)1e-200, (cairn_real)1e-30);
-    run(bed.slide, &s, CAIRN_UNBOUNDED);
+    run(bed.weak_direction, &s, CAIRN_UNBOUNDED);
     for (int32_t i = 0; i < SCANS; i++) {
-        cairn_vec2 now = cairn_weak_direction_translation(bed.slide, i);
+        cairn_vec2 now = cairn_weak_direction_translation(bed.weak_direction, i);
 
         assert_near((double)now.x, (double)shift[i].x, NUMBER(1e-12, 0));
         assert_near((double)now.y, (double)shift[i].y, NUMBER(1e-12, 0));
@@ -780,7 +786,7 @@ static void starts_may_be_exact(void **state)
     close_scene(&s);
 }
 
-/* Parts that slide in different directions join by way of the firm part only. */
+/* Components of different directions join by way of the well constrained one only. */
 static void directions_are_not_mixed(void **state)
 {
     cairn_weak_direction_params p = cairn_weak_direction_default();
@@ -789,7 +795,7 @@ static void directions_are_not_mixed(void **state)
     (void)state;
     for (size_t k = 0; k < 3; k++) {
         struct scene s = open_scene(seeds[k]);
-        struct twin t;
+        struct reference t;
 
         for (int32_t i = 0; i < SCANS; i += 3) {
             cairn_real *c = s.aligned[i].covariance, x = c[0];
@@ -798,9 +804,9 @@ static void directions_are_not_mixed(void **state)
             c[4] = x;
             c[1] = c[3] = -c[1];
         }
-        t = twin_of(&s, &p);
-        run(bed.slide, &s, CAIRN_UNBOUNDED);
-        assert_twin(&t, bed.slide);
+        t = reference_of(&s, &p);
+        run(bed.weak_direction, &s, CAIRN_UNBOUNDED);
+        assert_reference(&t, bed.weak_direction);
         close_scene(&s);
     }
     test_pool_free(&bed.pool);
@@ -810,16 +816,16 @@ static void directions_are_not_mixed(void **state)
 
 static cairn_status create(void *context, cairn_pool *pool)
 {
-    cairn_weak_direction *slide;
+    cairn_weak_direction *weak_direction;
 
-    return cairn_weak_direction_create(&slide, pool, context);
+    return cairn_weak_direction_create(&weak_direction, pool, context);
 }
 
 static void bad_params_are_refused(void **state)
 {
     cairn_weak_direction_params p = cairn_weak_direction_default();
     cairn_pool pool = test_pool(cairn_weak_direction_memory(&p));
-    cairn_weak_direction *slide = NULL;
+    cairn_weak_direction *weak_direction = NULL;
 
     (void)state;
     for (int i = 0; i < 22; i++) {
@@ -840,7 +846,7 @@ static void bad_params_are_refused(void **state)
         else if (i < 21)
             *lengths[i - 16] = CAIRN_REAL(1.1e6);
         assert_int_equal(cairn_weak_direction_memory(i == 21 ? NULL : &bad), 0);
-        assert_status(cairn_weak_direction_create(&slide, &pool, i == 21 ? NULL : &bad),
+        assert_status(cairn_weak_direction_create(&weak_direction, &pool, i == 21 ? NULL : &bad),
                       CAIRN_BAD_ARGUMENT);
         assert_int_equal(pool.used, 0);
         if (i >= 3 && i < 6) {
@@ -849,8 +855,8 @@ static void bad_params_are_refused(void **state)
         }
     }
     assert_status(cairn_weak_direction_create(NULL, &pool, &p), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_weak_direction_create(&slide, NULL, &p), CAIRN_BAD_ARGUMENT);
-    assert_ok(cairn_weak_direction_create(&slide, &pool, &p));
+    assert_status(cairn_weak_direction_create(&weak_direction, NULL, &p), CAIRN_BAD_ARGUMENT);
+    assert_ok(cairn_weak_direction_create(&weak_direction, &pool, &p));
     assert_int_equal(pool.used, cairn_weak_direction_memory(&p));
     test_pool_free(&pool);
     p.max_scans = p.max_walls = p.max_submaps = 1;
@@ -868,49 +874,56 @@ static void bad_calls_are_refused(void **state)
     cairn_budget budget = {10};
 
     (void)state;
-    assert_ok(cairn_weak_direction_step(bed.slide, &budget)); /* nothing was begun */
+    assert_ok(cairn_weak_direction_step(bed.weak_direction, &budget)); /* nothing was begun */
     assert_int_equal(budget.left, 10);
-    assert_status(cairn_weak_direction_add(bed.slide, s.start[0], &bad), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_weak_direction_add(bed.weak_direction, s.start[0], &bad),
+                  CAIRN_BAD_ARGUMENT);
     assert_status(cairn_weak_direction_begin(NULL, s.aligner, s.set, s.spread), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_weak_direction_begin(bed.slide, NULL, s.set, s.spread), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_weak_direction_begin(bed.slide, s.aligner, NULL, s.spread),
+    assert_status(cairn_weak_direction_begin(bed.weak_direction, NULL, s.set, s.spread),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_weak_direction_begin(bed.weak_direction, s.aligner, NULL, s.spread),
                   CAIRN_BAD_ARGUMENT);
     p.max_scans = SCANS - 1;
     small = bed_with(&p);
-    assert_status(cairn_weak_direction_begin(small.slide, s.aligner, s.set, s.spread), CAIRN_FULL);
+    assert_status(cairn_weak_direction_begin(small.weak_direction, s.aligner, s.set, s.spread),
+                  CAIRN_FULL);
     test_pool_free(&small.pool);
     p.max_scans = SCANS;
     small = bed_with(&p);
-    assert_ok(cairn_weak_direction_begin(small.slide, s.aligner, s.set, s.spread));
+    assert_ok(cairn_weak_direction_begin(small.weak_direction, s.aligner, s.set, s.spread));
     assert_status(cairn_weak_direction_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_weak_direction_step(small.slide, NULL), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_weak_direction_step(small.slide, &budget), CAIRN_EMPTY);
+    assert_status(cairn_weak_direction_step(small.weak_direction, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_weak_direction_step(small.weak_direction, &budget), CAIRN_EMPTY);
     assert_status(cairn_weak_direction_add(NULL, s.start[0], &bad), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_weak_direction_add(small.slide, s.start[0], NULL), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_weak_direction_add(small.slide, nan, &bad), CAIRN_NOT_FINITE);
-    assert_status(cairn_weak_direction_add(small.slide, far, &bad), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_weak_direction_add(small.weak_direction, s.start[0], NULL),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_weak_direction_add(small.weak_direction, nan, &bad), CAIRN_NOT_FINITE);
+    assert_status(cairn_weak_direction_add(small.weak_direction, far, &bad), CAIRN_BAD_ARGUMENT);
     bad.map_scan = far;
-    assert_status(cairn_weak_direction_add(small.slide, s.start[0], &bad), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_weak_direction_add(small.weak_direction, s.start[0], &bad),
+                  CAIRN_BAD_ARGUMENT);
     far.x = far.y;
     far.y = 0;
     bad.map_scan = far;
-    assert_status(cairn_weak_direction_add(small.slide, s.start[0], &bad), CAIRN_BAD_ARGUMENT);
-    bad.map_scan = nan;
-    assert_status(cairn_weak_direction_add(small.slide, s.start[0], &bad), CAIRN_NOT_FINITE);
-    for (int32_t i = 0; i < SCANS; i++) {
-        assert_status(cairn_weak_direction_step(small.slide, &budget), CAIRN_EMPTY);
-        assert_ok(cairn_weak_direction_add(small.slide, s.start[i], &s.aligned[i]));
-    }
-    assert_status(cairn_weak_direction_add(small.slide, s.start[0], &s.aligned[0]),
+    assert_status(cairn_weak_direction_add(small.weak_direction, s.start[0], &bad),
                   CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_weak_direction_step(small.slide, &budget), CAIRN_MORE);
-    assert_status(cairn_weak_direction_add(small.slide, s.start[0], &s.aligned[0]),
+    bad.map_scan = nan;
+    assert_status(cairn_weak_direction_add(small.weak_direction, s.start[0], &bad),
+                  CAIRN_NOT_FINITE);
+    for (int32_t i = 0; i < SCANS; i++) {
+        assert_status(cairn_weak_direction_step(small.weak_direction, &budget), CAIRN_EMPTY);
+        assert_ok(cairn_weak_direction_add(small.weak_direction, s.start[i], &s.aligned[i]));
+    }
+    assert_status(cairn_weak_direction_add(small.weak_direction, s.start[0], &s.aligned[0]),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_weak_direction_step(small.weak_direction, &budget), CAIRN_MORE);
+    assert_status(cairn_weak_direction_add(small.weak_direction, s.start[0], &s.aligned[0]),
                   CAIRN_BAD_ARGUMENT);
     assert_ok(cairn_aligner_begin(s.aligner));
-    assert_status(cairn_weak_direction_begin(bed.slide, s.aligner, s.set, s.spread),
+    assert_status(cairn_weak_direction_begin(bed.weak_direction, s.aligner, s.set, s.spread),
                   CAIRN_BAD_ARGUMENT);
     cairn_aligner_clear(s.aligner);
-    assert_status(cairn_weak_direction_begin(bed.slide, s.aligner, s.set, s.spread),
+    assert_status(cairn_weak_direction_begin(bed.weak_direction, s.aligner, s.set, s.spread),
                   CAIRN_BAD_ARGUMENT);
     test_pool_free(&small.pool);
     test_pool_free(&bed.pool);
@@ -920,11 +933,11 @@ static void bad_calls_are_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(does_what_the_obvious_way_does),
-        cmocka_unit_test(parts_find_their_place),
+        cmocka_unit_test(agrees_with_the_reference),
+        cmocka_unit_test(components_are_translated_to_their_place),
         cmocka_unit_test(the_budget_does_not_matter),
-        cmocka_unit_test(room_is_short),
-        cmocka_unit_test(what_is_known_stays),
+        cmocka_unit_test(capacities_are_short),
+        cmocka_unit_test(placed_scans_stay),
         cmocka_unit_test(starts_may_be_exact),
         cmocka_unit_test(directions_are_not_mixed),
         cmocka_unit_test(bad_params_are_refused),

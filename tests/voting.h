@@ -1,5 +1,5 @@
-/* Votes, a configurator of parts with a pool of its own, and what it makes of them with any
- * budget: what the tests of both modes share. */
+/* Shared by the tests of both modes of part_configuration: votes, an object with its own pool, and
+ * its results with any budget. */
 #ifndef CAIRN_TESTS_VOTING_H
 #define CAIRN_TESTS_VOTING_H
 
@@ -51,7 +51,7 @@ static inline cairn_status step_votes(void *context, cairn_budget *budget)
     return cairn_part_configuration_step(v->configurator, budget);
 }
 
-static inline uint64_t tell(void *context)
+static inline uint64_t result_hash(void *context)
 {
     voting *v = context;
     cairn_part_configuration_result r = cairn_part_configuration_read(v->configurator);
@@ -65,12 +65,12 @@ static inline uint64_t tell(void *context)
     return hash;
 }
 
-/* The votes give the same configurations with any budget, for the same units, and when the
- * search is begun anew. */
+/* The votes give the same configurations with any budget, for the same units, and when the search
+ * is begun anew. */
 static inline void assert_any_budget(voting *v)
 {
     static const int32_t budgets[] = {1, 7, 1000};
-    test_stepped object = {begin_votes, step_votes, tell, v};
+    test_stepped object = {begin_votes, step_votes, result_hash, v};
     cairn_budget all = {INT32_MAX};
     uint64_t hash;
 
@@ -78,7 +78,7 @@ static inline void assert_any_budget(voting *v)
     assert_null(cairn_part_configuration_read(v->configurator).found);
     assert_ok(step_votes(v, &all));
     assert_true(cairn_part_configuration_read(v->configurator).count > 0);
-    hash = tell(v);
+    hash = result_hash(v);
     for (int i = 0; i < 3; i++) {
         int32_t used = 0;
         cairn_status status;
@@ -93,7 +93,7 @@ static inline void assert_any_budget(voting *v)
         } while (status == CAIRN_MORE);
         assert_ok(status);
         assert_int_equal(used, INT32_MAX - all.left);
-        assert_true(tell(v) == hash);
+        assert_true(result_hash(v) == hash);
     }
     test_begins_anew(&object, 7);
 }

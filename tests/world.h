@@ -1,4 +1,4 @@
-/* A world of walls, boxes and round things, and what maps of parts of it look like. */
+/* A world of walls, boxes and round bodies, and maps of parts of it. */
 #ifndef CAIRN_TESTS_WORLD_H
 #define CAIRN_TESTS_WORLD_H
 
@@ -19,10 +19,10 @@ typedef struct box {
 typedef struct world {
     box box[BOXES_MOST];
     int32_t count;
-    double top, bottom; /* what lies beyond is unknown */
+    double top, bottom; /* beyond it cells are unknown */
 } world;
 
-/* A map: what lies within a window of the world, seen from a frame of its own. */
+/* A map: the part within a window of the world, in a frame of its own. */
 typedef struct view {
     uint8_t cells[SIDE * SIDE];
     double x, y, theta; /* of the frame in the world */
@@ -118,7 +118,7 @@ static inline double outside(const box *b, double x, double y)
     return du > 0 && dv > 0 ? hypot(du, dv) : fmax(du, dv);
 }
 
-/* Free, on a surface, or unknown within. */
+/* Free, on a surface, or unknown inside of bodies. */
 static inline uint8_t look(const world *w, double x, double y, double cell)
 {
     double nearest = 1e9;

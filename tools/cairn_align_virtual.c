@@ -216,10 +216,11 @@ static void read_result(align_job *job, const cairn_virtual_align *align)
     }
     snprintf(job->subtitle, sizeof job->subtitle,
              "%" PRId32 " placed, %" PRId32 " by hypotheses alone", result.aligner.placed, guessed);
-    snprintf(job->summary, sizeof job->summary,
-             "virtual    %" PRId32 " scans registered against hypotheses in %" PRId32
-             " iterations, %" PRId32 " slid along walls, %" PRId32 " placed by hypotheses alone\n",
-             result.moved_scans, result.iterations, result.slide.translated_scans, guessed);
+    snprintf(
+        job->summary, sizeof job->summary,
+        "virtual    %" PRId32 " scans registered against hypotheses in %" PRId32
+        " iterations, %" PRId32 " translated along walls, %" PRId32 " placed by hypotheses alone\n",
+        result.moved_scans, result.iterations, result.weak_direction.translated_scans, guessed);
     align_summarize(job, &result.aligner);
 }
 

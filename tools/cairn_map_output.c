@@ -329,11 +329,11 @@ static cairn_status write_picture(const map_output *output, const cairn_map_file
     size_t n = (size_t)output->count;
     cairn_report_scan *scan = calloc(n, sizeof *scan);
     cairn_pose *before = malloc(n * sizeof *before), *after = malloc(n * sizeof *after);
-    uint8_t *doubtful = malloc(n);
+    uint8_t *low_confidence = malloc(n);
     cairn_status status = CAIRN_NO_MEMORY;
 
     memset(panel, 0, sizeof panel);
-    if (scan != NULL && before != NULL && after != NULL && doubtful != NULL) {
+    if (scan != NULL && before != NULL && after != NULL && low_confidence != NULL) {
         for (size_t i = 0; i < n; i++) {
             const map_scan *s = &output->scan[i];
 
@@ -343,7 +343,7 @@ static cairn_status write_picture(const map_output *output, const cairn_map_file
             scan[i].segment_count = s->segment_count;
             before[i] = s->before;
             after[i] = s->after;
-            doubtful[i] = s->low_confidence;
+            low_confidence[i] = s->low_confidence;
         }
         panel[0].title = "before";
         panel[0].note = output->before != NULL ? output->before : "poses of the log";
@@ -351,7 +351,7 @@ static cairn_status write_picture(const map_output *output, const cairn_map_file
         panel[1].title = "after";
         panel[1].note = output->grid_panel ? "occupancy grid and path" : "aligned";
         panel[1].pose = after;
-        panel[1].low_confidence = doubtful;
+        panel[1].low_confidence = low_confidence;
         panel[1].grid = output->grid_panel ? &grid : NULL;
         picture.title = output->title;
         picture.subtitle = output->subtitle;
@@ -368,7 +368,7 @@ static cairn_status write_picture(const map_output *output, const cairn_map_file
     free(scan);
     free(before);
     free(after);
-    free(doubtful);
+    free(low_confidence);
     return status;
 }
 

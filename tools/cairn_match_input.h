@@ -14,7 +14,7 @@ typedef struct match_input {
     cairn_csm_scan_list csm;
 } match_input;
 
-/* Reads FILE or FILE:INDEX, a CARMEN log or scans of CSM, told apart by the first character.
+/* Reads FILE or FILE:INDEX, a CARMEN log or scans of CSM, distinguished by the first character.
  * range_max: m, ranges from this value on count as no return; 0: the limit of the file. TOOL_OK, or
  * another exit code after a line on standard error; to be freed in any case. */
 int match_input_load(match_input *input, const char *program, const char *word, double range_max,

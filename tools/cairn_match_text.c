@@ -80,9 +80,9 @@ static void print_text(FILE *out, const match_record *record)
     if (result->count > 0) {
         print_unobservable(out, &result->hypotheses[0]);
         fprintf(out, "rank        x (m)     y (m) theta (deg)    sd x     sd y  sd (deg)  overlap "
-                     "contra-  score  told\n"
+                     " viola-  score   dof\n"
                      "                                            (m)      (m)                     "
-                     "diction\n");
+                     "   tion\n");
     }
     for (int32_t i = 0; i < result->count; i++)
         print_hypothesis(out, &result->hypotheses[i], i + 1);

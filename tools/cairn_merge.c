@@ -294,11 +294,11 @@ static int is_better(const merge_job *job)
 /* Returns 1 when every map is placed with a small error probability. */
 static int is_confident(const merge_job *job)
 {
-    int32_t doubtful = 0;
+    int32_t uncertain = 0;
 
     for (int32_t i = 0; i < job->settings->count; i++)
-        doubtful += !((double)job->map[i].placed.error_probability <= MERGE_MAX_ERROR_PROBABILITY);
-    return doubtful == 0;
+        uncertain += !((double)job->map[i].placed.error_probability <= MERGE_MAX_ERROR_PROBABILITY);
+    return uncertain == 0;
 }
 
 static int merge_once(merge_job *job, int32_t k)

@@ -139,18 +139,20 @@ int32_t tool_read_bytes(const char *text, size_t *bytes)
     return 1;
 }
 
-int tool_pool_open(cairn_pool *pool, const char *program, const char *asked, size_t need)
+int tool_pool_open(cairn_pool *pool, const char *program, const char *pool_size, size_t need)
 {
     size_t bytes = need;
     void *memory;
     cairn_status status;
 
-    if (asked != NULL && !tool_read_bytes(asked, &bytes))
-        return options_refuse(
-            program, "--pool is '%s', expected a number of bytes such as 65536, 64K or 2M", asked);
+    if (pool_size != NULL && !tool_read_bytes(pool_size, &bytes))
+        return options_refuse(program,
+                              "--pool is '%s', expected a number of bytes such as 65536, 64K or 2M",
+                              pool_size);
     bytes = bytes / CAIRN_ALIGN * CAIRN_ALIGN;
     if (bytes < need)
-        return options_refuse(program, "--pool is '%s', expected at least %zu bytes", asked, need);
+        return options_refuse(program, "--pool is '%s', expected at least %zu bytes", pool_size,
+                              need);
     bytes = bytes > 0 ? bytes : CAIRN_ALIGN;
     memory = aligned_alloc(CAIRN_ALIGN, bytes);
     if (memory == NULL) {

@@ -86,10 +86,10 @@ void tool_progress_at(tool_progress *progress, int64_t done);
 void tool_progress_end(tool_progress *progress);
 
 /* Opens a pool on the heap for objects that need `need` bytes. Its size is the value of --pool
- * (bytes, or with suffix K, M, G for 1024, 1024^2, 1024^3), or `need` when asked is NULL. TOOL_OK,
- * or another exit code after a line on standard error: invalid size, size too small, out of
- * memory. */
-int tool_pool_open(cairn_pool *pool, const char *program, const char *asked, size_t need);
+ * (bytes, or with suffix K, M, G for 1024, 1024^2, 1024^3), or `need` when pool_size is NULL.
+ * TOOL_OK, or another exit code after a line on standard error: invalid size, size too small, out
+ * of memory. */
+int tool_pool_open(cairn_pool *pool, const char *program, const char *pool_size, size_t need);
 void tool_pool_close(cairn_pool *pool);
 
 /* Parses a size in the format of --pool. Returns 1 and sets *bytes, or returns 0. */

@@ -33,8 +33,8 @@ function worst(f,    i, n, target, deepest, below)
         target = callee[f, i]
         if (target == "__indirect_call") { calls_back[f] = 1; continue }
         if (colour[target] == 1) {
-            if (!((f, target) in told)) {
-                told[f, target] = 1
+            if (!((f, target) in reported)) {
+                reported[f, target] = 1
                 print directory ": recursion: " display(f) " calls " (f == target ? "itself" : display(target) ", which leads back to it")
                 bad = 1
             }

@@ -73,13 +73,13 @@ lint()
     export LIBRARY=$2
     shift 2
     export FLAGS='-std=c11 -D_POSIX_C_SOURCE=200809L -I. -Iinclude'
-    export LOOSE='-cert-*,-clang-analyzer-*,-misc-no-recursion,-bugprone-not-null-terminated-result,-bugprone-suspicious-memory-comparison,-bugprone-suspicious-include'
+    export TEST_CHECKS='-cert-*,-clang-analyzer-*,-misc-no-recursion,-bugprone-not-null-terminated-result,-bugprone-suspicious-memory-comparison,-bugprone-suspicious-include'
     export OPENCV="$opencv"
     printf '%s\n' "$@" | xargs -P 2 -n 1 sh -c '
         case $1 in
         */vision_shim.cpp | */appearance_shim.cpp) clang-tidy --quiet "$1" -- -std=c++17 -I. -Iinclude -isystem "$OPENCV" ;;
         *.cpp) clang-tidy --quiet "$1" -- -std=c++17 -I. -Iinclude ;;
-        tests/* | bench/*) clang-tidy --quiet --checks="$LOOSE" "$1" -- $FLAGS ;;
+        tests/* | bench/*) clang-tidy --quiet --checks="$TEST_CHECKS" "$1" -- $FLAGS ;;
         src/core/* | src/contour/* | src/mapping/*) clang-tidy --quiet --checks="$LIBRARY" "$1" -- $FLAGS ;;
         *) clang-tidy --quiet "$1" -- $FLAGS ;;
         esac || exit 1' tidy >"$log" 2>&1

@@ -1,7 +1,7 @@
 #!/bin/sh
 # Installs the dependencies of cairn on Debian: tools/deps.sh [build|test|solver|vision|appearance|firmware|check]...   (default: build)
 #
-# Prints nothing and exits with 0 when all are installed. As root it installs with apt-get; otherwise it asks on a
+# Prints nothing and exits with 0 when all are installed. As root it installs with apt-get; otherwise it prompts on a
 # terminal and installs with sudo after a yes. When it cannot install, it prints the command and exits with 3.
 
 # use  package  evidence that the package is installed: a command, or a header below an include directory

@@ -44,7 +44,7 @@ version=$(pkg-config --modversion cairn) || fail "pkg-config does not find cairn
 $cc -std=c11 "$work/program.c" $(pkg-config --cflags --libs cairn) -o "$work/shared" || fail "shared"
 said=$(LD_LIBRARY_PATH=$lib "$work/shared")
 [ "$said" = "$version 8" ] || fail "the shared program said '$said'"
-readelf -d "$work/shared" | grep -q "libcairn\.so\.${version%.*}\]" || fail "the program does not ask for its soname"
+readelf -d "$work/shared" | grep -q "libcairn\.so\.${version%.*}\]" || fail "the program does not need its soname"
 # shellcheck disable=SC2046
 $cc -std=c11 "$work/program.c" $(pkg-config --cflags cairn) "$lib/libcairn.a" -lm -o "$work/static" || fail "static"
 said=$("$work/static")

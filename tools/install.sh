@@ -8,8 +8,8 @@ mkdir -p "$to/include/cairn" "$to/lib/pkgconfig" "$to/bin"
 
 for header in include/cairn/*.h; do
     # Headers of the host library are installed only with it.
-    room=${header##*/}
-    if [ -f "$build/libcairn-host.a" ] || ! grep -q "^host ${room%.h}\$" tools/modules.txt; then
+    module=${header##*/}
+    if [ -f "$build/libcairn-host.a" ] || ! grep -q "^host ${module%.h}\$" tools/modules.txt; then
         install -m 644 "$header" "$to/include/cairn/"
     fi
 done

@@ -167,7 +167,7 @@ objects() # of the files given
     done
 }
 # program NAME FILE...: links $build/NAME; $work/uses/NAME says which of the library's objects it needs (newer linkers name
-# the members of archives only when asked twice).
+# the members of archives only with the option twice).
 program()
 {
     name=$1
@@ -203,7 +203,7 @@ mkdir -p "$work/uses/tests"
         program "tests/$t" "tests/$t.c" $common $(needs_of "$t") || exit 2
     done
     grep -qx pool.c "$work/uses/tests/test_pool" || {
-        echo "the linker does not tell what tests use" >&2
+        echo "the linker does not report which objects tests use" >&2
         exit 2
     }
     for t in $tests; do
@@ -241,23 +241,23 @@ verdict=skip
 if eval "$command" 2>/dev/null &&
     ! cmp -s "$object" "$work/$number.o" && cc -shared -o "$work/$number.so" "$work/$number.o" 2>/dev/null; then
     verdict=missed
-    room=test_$(basename "$file" .c)
-    until [ -f "tests/$room.c" ] || [ "${room%_*}" = test ]; do # of a part: its room
-        room=${room%_*}
+    module_test=test_$(basename "$file" .c)
+    until [ -f "tests/$module_test.c" ] || [ "${module_test%_*}" = test ]; do # of a part: its module
+        module_test=${module_test%_*}
     done
     ulimit -c 0
     mkdir "$TMPDIR/$number"
     while read -r t limit; do
         [ -n "$t" ] || continue
-        [ "$t" = "$room" ] || grep -qx "$(basename "$file")" "$work/uses/tests/$t" || continue
+        [ "$t" = "$module_test" ] || grep -qx "$(basename "$file")" "$work/uses/tests/$t" || continue
         LD_PRELOAD=$work/$number.so$heap CMOCKA_TEST_ABORT=1 TMPDIR=$TMPDIR/$number timeout -k 1 "$limit" "$build/tests/$t" \
             >/dev/null 2>&1 || {
             verdict="found by $t"
             break
         }
     done <<TIMES
-$(awk -v room="$room" '$1 == room' "$work/times")
-$(awk -v room="$room" '$1 != room' "$work/times")
+$(awk -v module_test="$module_test" '$1 == module_test' "$work/times")
+$(awk -v module_test="$module_test" '$1 != module_test' "$work/times")
 TIMES
     rm -rf "${TMPDIR:?}/$number"
 fi

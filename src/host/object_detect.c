@@ -41,7 +41,7 @@
 #define TANGENT_WEIGHT     32
 #define DEFORMATION_WEIGHT 16
 /* Score offset: the typical score without an object, so that most images without one have no
- * detection above 0 (docs/accuracy.md). */
+ * detection above 0 (docs/lab/detect.md). */
 #define SCORE_OFFSET 10.7
 /* Score weight of the squared log ratio of the box's aspect ratio to the model's. */
 #define ASPECT_WEIGHT 1

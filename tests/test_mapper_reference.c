@@ -1,32 +1,32 @@
-/* The mapper beside a slow twin: the same rooms, called one after another, over key scans that
- * are sorted as a whole. */
+/* The mapper compared with a reference implementation: the same modules, called one after another,
+ * over keyframes sorted as a whole. */
 #include "tests/drive.h"
 
 #include <math.h>
 
 enum { KEYS = 200, POINTS = 400, SEGMENTS = 64 };
 
-typedef struct twin_key {
+typedef struct reference_key {
     cairn_segment segments[SEGMENTS];
     int32_t first_point[SEGMENTS + 1];
     cairn_oriented_point points[POINTS];
     cairn_scan_view view;
     cairn_pose pose;
-} twin_key;
+} reference_key;
 
-typedef struct twin {
-    cairn_real trust; /* in odometry */
-    cairn_real slip;  /* times its standard deviations */
-    cairn_vec2 drag;  /* added to it */
-    cairn_vec2 pace;
-    int32_t rest;       /* scans since the last key scan */
-    int32_t weak_scans; /* that did not tell how far the robot went */
+typedef struct reference {
+    cairn_real odometry_health; /* in odometry */
+    cairn_real slip;            /* multiples of its standard deviations */
+    cairn_vec2 drag;            /* added to it */
+    cairn_vec2 velocity;
+    int32_t rest;       /* scans since the last keyframe */
+    int32_t weak_scans; /* scans whose translation was unobservable */
     cairn_mapper_params params;
     cairn_pool pool;
     cairn_scan *scan;
     cairn_icp *icp;
     cairn_force_field *field;
-    twin_key *keys;
+    reference_key *keys;
     cairn_mapper_state state;
     cairn_mapper_result result;
     int32_t key_points;
@@ -34,17 +34,17 @@ typedef struct twin {
     cairn_pose odometry, motion; /* of the last scan */
     int32_t map_made;            /* the local map, and where */
     cairn_pose map_at;
-} twin;
+} reference;
 
-static twin new_twin(const cairn_mapper_params *params)
+static reference new_reference(const cairn_mapper_params *params)
 {
     cairn_icp_params icp = params->icp;
     cairn_force_field_params field = params->field;
-    twin t;
+    reference t;
 
     memset(&t, 0, sizeof t);
     t.params = *params;
-    t.trust = t.slip = 1;
+    t.odometry_health = t.slip = 1;
     t.keys = calloc(KEYS, sizeof *t.keys);
     assert_non_null(t.keys);
     icp.max_target = params->max_local_points;
@@ -60,7 +60,7 @@ static twin new_twin(const cairn_mapper_params *params)
     return t;
 }
 
-static void free_twin(twin *t)
+static void free_reference(reference *t)
 {
     free(t->keys);
     test_pool_free(&t->pool);
@@ -83,7 +83,7 @@ static int compare_places(const void *a, const void *b)
     return q->key - p->key;
 }
 
-static void make_map(twin *t, cairn_pose at)
+static void make_map(reference *t, cairn_pose at)
 {
     place places[KEYS];
     int32_t span = t->params.local_span, count = 0;
@@ -104,11 +104,11 @@ static void make_map(twin *t, cairn_pose at)
     if (count > t->params.local_keyframes)
         count = t->params.local_keyframes;
     cairn_icp_clear_target(t->icp);
-    /* A unit for every key scan that was looked at, for 64 points of room and for two of each
-     * key scan. */
+    /* A unit for every keyframe examined, for 64 points of capacity and for two of each
+     * keyframe. */
     t->state.units += t->state.keyframes - oldest + 1 + t->params.max_local_points / 64;
     for (int32_t i = 0, points = 0; i < count && points <= t->params.max_local_points; i++) {
-        const twin_key *k = &t->keys[places[i].key];
+        const reference_key *k = &t->keys[places[i].key];
 
         points += k->view.point_count;
         if (points <= t->params.max_local_points)
@@ -127,9 +127,9 @@ static cairn_real way_of(cairn_pose motion)
     return cairn_sqrt(motion.x * motion.x + motion.y * motion.y);
 }
 
-/* What a motion tells of the scan, by odometry or because the one before was such. */
-static cairn_rigid_motion_pose_prior prior_of(const twin *t, cairn_pose last, cairn_pose motion,
-                                              int32_t is_odometry)
+/* The motion prior of a scan, from odometry or from the last motion. */
+static cairn_rigid_motion_pose_prior prior_of(const reference *t, cairn_pose last,
+                                              cairn_pose motion, int32_t is_odometry)
 {
     const cairn_mapper_params *p = &t->params;
     cairn_real way = way_of(motion);
@@ -146,7 +146,7 @@ static cairn_rigid_motion_pose_prior prior_of(const twin *t, cairn_pose last, ca
     return prior;
 }
 
-static cairn_icp_result match(twin *t, const cairn_rigid_motion_pose_prior *prior)
+static cairn_icp_result match(reference *t, const cairn_rigid_motion_pose_prior *prior)
 {
     cairn_scan_view view = cairn_scan_read(t->scan);
     cairn_budget budget = {CAIRN_UNBOUNDED};
@@ -157,10 +157,10 @@ static cairn_icp_result match(twin *t, const cairn_rigid_motion_pose_prior *prio
     return cairn_icp_read(t->icp);
 }
 
-/* Odometry that is two standard deviations off is believed less; what agrees is believed more,
- * by a tenth each. Where the scan tells all of its motion: beyond one standard deviation it may
- * be off by as much for a while, up to four, beyond one and a half by the same way. */
-static void weigh_odometry(twin *t, const cairn_rigid_motion_pose_prior *prior,
+/* Odometry that is two standard deviations off loses weight, agreement raises it, by a tenth each.
+ * Where the scan observes all of its motion: beyond one standard deviation the noise scale rises
+ * for a while, up to four; beyond one and a half so does the bias. */
+static void weigh_odometry(reference *t, const cairn_rigid_motion_pose_prior *prior,
                            const cairn_icp_result *found)
 {
     cairn_pose e = cairn_pose_between(prior->mean, found->target_query);
@@ -186,43 +186,43 @@ static void weigh_odometry(twin *t, const cairn_rigid_motion_pose_prior *prior,
         t->drag.x *= CAIRN_REAL(0.8);
         t->drag.y *= CAIRN_REAL(0.8);
     }
-    t->trust += CAIRN_REAL(0.1) * ((off > 2 ? 0 : 1) - t->trust);
+    t->odometry_health += CAIRN_REAL(0.1) * ((off > 2 ? 0 : 1) - t->odometry_health);
     t->state.odometry_contradicted += off > 2;
 }
 
-/* What is expected next: half of a sudden motion; along walls that tell nothing of it the pace
- * of before, which fades. */
-static cairn_pose expect(twin *t, cairn_pose motion, cairn_pose asked, cairn_pose predicted,
+/* The expected error of the next step: half of one beyond the threshold; along unobservable
+ * directions the decaying velocity estimate. */
+static cairn_pose expect(reference *t, cairn_pose motion, cairn_pose measured, cairn_pose predicted,
                          const cairn_icp_result *best)
 {
     cairn_pose off = cairn_pose_between(predicted, best->target_query);
     cairn_real s, c, wx, wy, lost;
 
-    if (way_of(off) > CAIRN_REAL(0.1) + CAIRN_REAL(0.2) * way_of(asked) ||
-        cairn_abs(off.theta) > CAIRN_REAL(0.08) + CAIRN_REAL(0.2) * cairn_abs(asked.theta)) {
+    if (way_of(off) > CAIRN_REAL(0.1) + CAIRN_REAL(0.2) * way_of(measured) ||
+        cairn_abs(off.theta) > CAIRN_REAL(0.08) + CAIRN_REAL(0.2) * cairn_abs(measured.theta)) {
         motion.x = (motion.x + t->motion.x) / 2;
         motion.y = (motion.y + t->motion.y) / 2;
         motion.theta = cairn_wrap_angle(t->motion.theta +
                                         cairn_wrap_angle(motion.theta - t->motion.theta) / 2);
     }
     if (best->weak_ratio >= CAIRN_REAL(0.05)) {
-        t->pace.x += CAIRN_REAL(0.1) * (motion.x - t->pace.x);
-        t->pace.y += CAIRN_REAL(0.1) * (motion.y - t->pace.y);
+        t->velocity.x += CAIRN_REAL(0.1) * (motion.x - t->velocity.x);
+        t->velocity.y += CAIRN_REAL(0.1) * (motion.y - t->velocity.y);
         return motion;
     }
     t->weak_scans++;
     cairn_sincos(cairn_pose_inverse(best->target_query).theta, &s, &c);
     wx = c * best->weak_direction[0] - s * best->weak_direction[1];
     wy = s * best->weak_direction[0] + c * best->weak_direction[1];
-    lost = wx * (t->pace.x - motion.x) + wy * (t->pace.y - motion.y);
+    lost = wx * (t->velocity.x - motion.x) + wy * (t->velocity.y - motion.y);
     motion.x += wx * lost;
     motion.y += wy * lost;
-    t->pace.x *= CAIRN_REAL(0.99);
-    t->pace.y *= CAIRN_REAL(0.99);
+    t->velocity.x *= CAIRN_REAL(0.99);
+    t->velocity.y *= CAIRN_REAL(0.99);
     return motion;
 }
 
-static int counts(const twin *t, const cairn_icp_result *found)
+static int counts(const reference *t, const cairn_icp_result *found)
 {
     return found->verdict != CAIRN_ICP_TOO_FEW_PAIRS && found->overlap >= t->params.min_overlap &&
            found->sigma < CAIRN_REAL(0.1);
@@ -233,12 +233,12 @@ static cairn_real quality(const cairn_icp_result *found)
     return found->overlap * cairn_exp(-found->sigma / CAIRN_REAL(0.05));
 }
 
-/* ---- Key scans ---- */
+/* ---- Keyframes ---- */
 
-/* As kept: without beams, the points of a segment with one direction. */
-static void keep_key(twin *t, const cairn_scan_view *view, cairn_pose pose)
+/* As stored: without beams, the points of a segment with one direction. */
+static void keep_key(reference *t, const cairn_scan_view *view, cairn_pose pose)
 {
-    twin_key *k = &t->keys[t->state.keyframes++];
+    reference_key *k = &t->keys[t->state.keyframes++];
 
     k->view = *view;
     k->view.beams = NULL;
@@ -258,12 +258,12 @@ static void keep_key(twin *t, const cairn_scan_view *view, cairn_pose pose)
     t->map_made = 0;
 }
 
-/* The force field over the last key scans, of which the last `window_free` may move, but never
- * the first. */
-static void run_field(twin *t)
+/* The force field over the last keyframes, of which the last `window_free` may move, but never the
+ * first. */
+static void run_field(reference *t)
 {
     int32_t count = 0, points = 0;
-    twin_key *window = &t->keys[t->state.keyframes];
+    reference_key *window = &t->keys[t->state.keyframes];
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
     while (count < t->params.window && count < t->state.keyframes &&
@@ -290,7 +290,7 @@ static void run_field(twin *t)
 
 /* ---- A scan ---- */
 
-static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *odometry)
+static void reference_scan(reference *t, const cairn_scan_input *input, const cairn_pose *odometry)
 {
     const cairn_mapper_params *p = &t->params;
     cairn_pose last = cairn_pose_identity(), by_odometry = cairn_pose_identity(),
@@ -300,17 +300,17 @@ static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_icp_result best, other;
     cairn_scan_view view;
-    int32_t is_first = t->state.scans == 0, matched = 0, has_motion, believed;
+    int32_t is_first = t->state.scans == 0, matched = 0, has_motion, odometry_pose;
 
     if (!is_first)
         last = cairn_pose_compose(t->keys[t->result.keyframe].pose, t->result.keyframe_scan);
     else if (odometry != NULL)
         last = *odometry;
     has_motion = odometry != NULL && (t->had_odometry || is_first);
-    believed = has_motion && t->trust > CAIRN_REAL(0.5);
+    odometry_pose = has_motion && t->odometry_health > CAIRN_REAL(0.5);
     if (has_motion && !is_first)
         by_odometry = cairn_pose_between(t->odometry, *odometry);
-    if (believed) {
+    if (odometry_pose) {
         alternative = motion;
         motion = by_odometry;
         motion.x += t->drag.x;
@@ -318,8 +318,8 @@ static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *
     } else if (has_motion) {
         alternative = by_odometry;
     }
-    prior = prior_of(t, last, motion, believed);
-    second = prior_of(t, last, alternative, has_motion && !believed);
+    prior = prior_of(t, last, motion, odometry_pose);
+    second = prior_of(t, last, alternative, has_motion && !odometry_pose);
 
     assert_ok(cairn_scan_begin(t->scan, input, NULL));
     assert_ok(cairn_scan_step(t->scan, &budget));
@@ -336,7 +336,7 @@ static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *
             best = match(t, &prior);
             matched = counts(t, &best);
             away = cairn_pose_between(motion, alternative);
-            /* 5 cm or 0.02 rad apart: the two motions tell two stories. */
+            /* 5 cm or 0.02 rad apart: the two motions disagree. */
             if (away.x * away.x + away.y * away.y > CAIRN_REAL(0.05) * CAIRN_REAL(0.05) ||
                 cairn_abs(away.theta) > CAIRN_REAL(0.02)) {
                 other = match(t, &second);
@@ -344,12 +344,12 @@ static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *
                     (!matched || quality(&other) > CAIRN_REAL(1.2) * quality(&best))) {
                     best = other;
                     matched = 1;
-                    t->state.odometry_rejected += believed;
+                    t->state.odometry_rejected += odometry_pose;
                 }
             }
         }
     }
-    if (matched && !believed && best.weak_ratio < CAIRN_REAL(0.05)) {
+    if (matched && !odometry_pose && best.weak_ratio < CAIRN_REAL(0.05)) {
         cairn_real x = CAIRN_REAL(0.3) * best.weak_direction[0],
                    y = CAIRN_REAL(0.3) * best.weak_direction[1];
 
@@ -359,9 +359,9 @@ static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *
         best.covariance[4] += y * y;
     }
     if (matched && has_motion) {
-        cairn_rigid_motion_pose_prior told = prior_of(t, last, by_odometry, 1);
+        cairn_rigid_motion_pose_prior odometry_prior = prior_of(t, last, by_odometry, 1);
 
-        weigh_odometry(t, &told, &best);
+        weigh_odometry(t, &odometry_prior, &best);
     }
 
     memset(&t->result, 0, sizeof t->result);
@@ -410,7 +410,7 @@ static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *
 
 #define assert_same(a, b) assert_memory_equal(&(a), &(b), sizeof(a))
 
-static void compare(const cairn_mapper *mapper, const twin *t)
+static void compare(const cairn_mapper *mapper, const reference *t)
 {
     cairn_mapper_result result = cairn_mapper_read(mapper);
     cairn_mapper_state state = cairn_mapper_measure(mapper);
@@ -440,15 +440,15 @@ static void compare(const cairn_mapper *mapper, const twin *t)
     }
 }
 
-/* What a drive does to odometry and sensor, one after another and mixed. */
+/* Disturbances of odometry and sensor during a drive, one after another and mixed. */
 typedef struct troubles {
-    /* of every step of odometry, at random up to these */
+    /* random error of every step of odometry, up to these */
     cairn_real step_error, turn_error;
-    /* every so many scans without odometry, two in a row; 0: never */
+    /* every n-th scan, two in a row, has no odometry; 0: never */
     int32_t lost;
-    /* every so many scans without a return; 0: never */
+    /* every n-th scan has no return; 0: never */
     int32_t blind;
-    /* every so many scans odometry leaps far away; 0: never */
+    /* every n-th scan odometry jumps far away; 0: never */
     int32_t jump;
     /* the first scans: 1 without odometry, 2 without a return */
     int32_t bare_start;
@@ -459,18 +459,18 @@ static void side_by_side(cairn_mapper_params *params, sim_scene scene, uint64_t 
 {
     static float nothing[181];
     drive d = start_drive(scene, seed, scans, 0, every);
-    cairn_pose believed = {3, -2, 1};
+    cairn_pose odometry_pose = {3, -2, 1};
     cairn_random random;
     cairn_pool pool;
     cairn_mapper *mapper;
-    twin t;
+    reference t;
 
     params->loop.max_loops = 0;
     params->search = 0;
     params->max_local_points = 500;
-    params->window_units = CAIRN_UNBOUNDED; /* the force field is done before the next scan comes */
+    params->window_units = CAIRN_UNBOUNDED; /* the force field ends before the next scan */
     mapper = new_mapper(&pool, params);
-    t = new_twin(params);
+    t = new_reference(params);
 
     random = cairn_random_seed(seed, 1);
     for (int i = 0; i < 181; i++)
@@ -489,25 +489,25 @@ static void side_by_side(cairn_mapper_params *params, sim_scene scene, uint64_t 
             step.theta += trouble->turn_error * cairn_random_uniform(&random, -1, 1);
             if (trouble->jump > 0 && i % trouble->jump == trouble->jump - 1)
                 step.x += 25;
-            believed = cairn_pose_compose(believed, step);
+            odometry_pose = cairn_pose_compose(odometry_pose, step);
         }
         if ((trouble->blind > 0 && i % trouble->blind == trouble->blind - 1) ||
             (trouble->bare_start == 2 && i < 2))
             input.range = nothing;
         if (trouble->bare_start == 1 && i < 2)
             has_odometry = 0;
-        assert_ok(cairn_mapper_add(mapper, &input, has_odometry ? &believed : NULL, NULL));
+        assert_ok(cairn_mapper_add(mapper, &input, has_odometry ? &odometry_pose : NULL, NULL));
         assert_ok(cairn_mapper_step(mapper, &budget));
-        twin_scan(&t, &input, has_odometry ? &believed : NULL);
+        reference_scan(&t, &input, has_odometry ? &odometry_pose : NULL);
         compare(mapper, &t);
     }
     *measured = t.state;
-    free_twin(&t);
+    free_reference(&t);
     test_pool_free(&pool);
     end_drive(&d);
 }
 
-static void as_the_twin_on_a_calm_drive(void **state)
+static void as_the_reference_on_a_calm_drive(void **state)
 {
     static const troubles calm = {CAIRN_REAL(0.02), CAIRN_REAL(0.01), 0, 0, 0, 0};
     cairn_mapper_params params = small_params();
@@ -519,8 +519,8 @@ static void as_the_twin_on_a_calm_drive(void **state)
     assert_true(measured.keyframes > 20);
 }
 
-/* Few key scans for the local map, of which some are beyond the radius; short windows, or none. */
-static void as_the_twin_with_small_maps(void **state)
+/* Few keyframes for the local map, some of them beyond the radius; short windows, or none. */
+static void as_the_reference_with_small_maps(void **state)
 {
     static const troubles calm = {CAIRN_REAL(0.05), CAIRN_REAL(0.02), 0, 0, 0, 0};
     cairn_mapper_params params = small_params();
@@ -542,7 +542,7 @@ static void as_the_twin_with_small_maps(void **state)
     assert_true(measured.keyframes > 20);
 }
 
-static void as_the_twin_when_odometry_fails(void **state)
+static void as_the_reference_when_odometry_fails(void **state)
 {
     static const troubles lost = {CAIRN_REAL(0.08), CAIRN_REAL(0.04), 9, 11, 0, 0},
                           jumps = {CAIRN_REAL(0.3), CAIRN_REAL(0.3), 0, 0, 13, 0};
@@ -566,9 +566,9 @@ static void as_the_twin_when_odometry_fails(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(as_the_twin_on_a_calm_drive),
-        cmocka_unit_test(as_the_twin_with_small_maps),
-        cmocka_unit_test(as_the_twin_when_odometry_fails),
+        cmocka_unit_test(as_the_reference_on_a_calm_drive),
+        cmocka_unit_test(as_the_reference_with_small_maps),
+        cmocka_unit_test(as_the_reference_when_odometry_fails),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
