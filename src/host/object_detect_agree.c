@@ -20,7 +20,7 @@
 static const double sigma_factor[] = {4, 2, 1, 1};
 /* Number of halves of the outline used as starts, besides the whole; and limit of the transform's
  * scale either way. */
-enum { HALVES = 8, ROUNDS = sizeof sigma_factor / sizeof *sigma_factor };
+enum { HALF_STARTS = 8, ROUND_COUNT = sizeof sigma_factor / sizeof *sigma_factor };
 #define MAX_SCALE_RATIO 2
 
 static cairn_vec2 apply_similarity(const object_detect_similarity *map, cairn_vec2 p)
@@ -101,15 +101,16 @@ cairn_real cairn_object_detect_rigid_proximity(const contour_fitted_outline *fit
 {
     cairn_real best = 0;
 
-    for (int32_t half = 0; half <= HALVES; half++) {
-        int32_t count = fitted->outline_count, first = (int32_t)((int64_t)half * count / HALVES),
-                is_whole = half == HALVES;
+    for (int32_t half = 0; half <= HALF_STARTS; half++) {
+        int32_t count = fitted->outline_count,
+                first = (int32_t)((int64_t)half * count / HALF_STARTS),
+                is_whole = half == HALF_STARTS;
         cairn_real share = 0;
         object_detect_similarity fit;
 
         for (int32_t i = 0; i < count; i++)
             weight[i] = is_whole || (i - first + count) % count < count / 2 ? proximity[i] : 0;
-        for (int32_t round = 0; round < ROUNDS; round++) {
+        for (int32_t round = 0; round < ROUND_COUNT; round++) {
             if (!solve_similarity(fitted, reference, weight, &fit)) {
                 share = 0;
                 break;

@@ -16,7 +16,7 @@
 #include "src/mapping/map_merge_work.h"
 
 /* nats of log-likelihood ratio per nat of log-likelihood */
-#define TEMPERATURE CAIRN_REAL(4.0)
+#define LIKELIHOOD_TEMPERATURE CAIRN_REAL(4.0)
 /* nats: minimum log-likelihood ratio of a candidate; weakly supported maps are cut off in the
  * end */
 #define MIN_LOG_RATIO CAIRN_REAL(2.0)
@@ -316,7 +316,7 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     else if (merge->params.perception == CAIRN_MAP_MERGE_IMAGES)
         *log_likelihood = -20;
     else
-        *log_likelihood = s->log_ratio / TEMPERATURE;
+        *log_likelihood = s->log_ratio / LIKELIHOOD_TEMPERATURE;
     return CAIRN_OK;
 }
 
