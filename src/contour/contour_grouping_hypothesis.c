@@ -18,7 +18,7 @@
 /* Near-duplicate hypotheses: distance, and difference of scale and rotation, shares of the size. */
 #define DUPLICATE_DISTANCE CAIRN_REAL(0.05)
 #define DUPLICATE_SCALE    CAIRN_REAL(0.12)
-/* Cluster radius, share of the size; a cluster holds at most 1 / MAX_CLUSTERS of them. */
+/* Cluster radius, share of the size; a cluster holds at most 1 / MAX_CLUSTERS of all. */
 #define CLUSTER_RADIUS CAIRN_REAL(0.3)
 enum { MAX_CLUSTERS = 8 };
 enum { MAX_PAIRS = 1 << 22 };

@@ -31,17 +31,17 @@ enum { SPREAD_CELLS = 5 };
 /* Least background likelihood. */
 #define MIN_BACKGROUND 0.02
 
-enum { FIELD_SIDE = CONTOUR_FIELD_SIDE, DIRECTION_BINS = CONTOUR_FIELD_BINS };
+enum { FIELD_SIDE = CONTOUR_SEARCH_FIELD_SIDE, DIRECTION_BINS = CONTOUR_SEARCH_FIELD_BINS };
 
 /* Initializes the costs of one direction to out of reach. */
 static void clear_costs(cairn_real *cost)
 {
     for (int32_t i = 0; i < FIELD_SIDE * FIELD_SIDE; i++)
-        cost[i] = CONTOUR_FIELD_MAX_COST;
+        cost[i] = CONTOUR_SEARCH_FIELD_MAX_COST;
 }
 
 /* Rasterizes a line into the cells of one direction. */
-static void mark_line(contour_field *field, cairn_segment line, cairn_real *cost,
+static void mark_line(contour_search_field *field, cairn_segment line, cairn_real *cost,
                       cairn_real line_cost)
 {
     cairn_real length = cairn_segment_length(line);
@@ -58,7 +58,7 @@ static void mark_line(contour_field *field, cairn_segment line, cairn_real *cost
     }
 }
 
-static int is_outside(const contour_field *field, cairn_segment line)
+static int is_outside(const contour_search_field *field, cairn_segment line)
 {
     cairn_real side = FIELD_SIDE * field->cell_size;
 
@@ -69,7 +69,7 @@ static int is_outside(const contour_field *field, cairn_segment line)
 }
 
 /* Enters a segment into all direction bins near its own. */
-static void enter_segment(contour_field *field, cairn_segment line, cairn_real strength)
+static void enter_segment(contour_search_field *field, cairn_segment line, cairn_real strength)
 {
     double angle = atan2((double)(line.b.y - line.a.y), (double)(line.b.x - line.a.x));
     double strong = -log(fmax(MIN_STRENGTH_RATIO, 2 * (double)strength));
@@ -105,7 +105,7 @@ static int has_edge(const cairn_real *cost, int32_t count)
 {
     int32_t i = 0;
 
-    while (i < count && !(cost[i] < CONTOUR_FIELD_MAX_COST))
+    while (i < count && !(cost[i] < CONTOUR_SEARCH_FIELD_MAX_COST))
         i++;
     return i < count;
 }
@@ -119,14 +119,15 @@ static void spread_both(cairn_real *cost, cairn_real *plane)
     if (!has_edge(cost, FIELD_SIDE * FIELD_SIDE))
         return;
     for (int32_t i = 0; i < SPREAD_CELLS; i++)
-        line[i] = line[FIELD_SIDE + SPREAD_CELLS + i] = CONTOUR_FIELD_MAX_COST;
+        line[i] = line[FIELD_SIDE + SPREAD_CELLS + i] = CONTOUR_SEARCH_FIELD_MAX_COST;
     for (int32_t i = 0; i < FIELD_SIDE; i++) {
         memcpy(&line[SPREAD_CELLS], &cost[i * FIELD_SIDE], FIELD_SIDE * sizeof *line);
         if (has_edge(&line[SPREAD_CELLS], FIELD_SIDE))
             spread_line(&cost[i * FIELD_SIDE], &line[SPREAD_CELLS], 1);
     }
     for (int32_t i = 0; i < SPREAD_CELLS * FIELD_SIDE; i++)
-        plane[i] = plane[(FIELD_SIDE + SPREAD_CELLS) * FIELD_SIDE + i] = CONTOUR_FIELD_MAX_COST;
+        plane[i] = plane[(FIELD_SIDE + SPREAD_CELLS) * FIELD_SIDE + i] =
+            CONTOUR_SEARCH_FIELD_MAX_COST;
     memcpy(&plane[SPREAD_CELLS * FIELD_SIDE], cost, sizeof *plane * FIELD_SIDE * FIELD_SIDE);
     for (int32_t i = 0; i < FIELD_SIDE; i++)
         spread_line(&cost[i * FIELD_SIDE], &plane[(SPREAD_CELLS + i) * FIELD_SIDE], FIELD_SIDE);
@@ -135,18 +136,18 @@ static void spread_both(cairn_real *cost, cairn_real *plane)
 /* Transforms one direction's costs, and returns the mean likelihood. */
 static cairn_real spread(cairn_real *cost, cairn_real *plane)
 {
-    const double none = exp(-(double)CONTOUR_FIELD_MAX_COST);
+    const double none = exp(-(double)CONTOUR_SEARCH_FIELD_MAX_COST);
     double sum = 0;
 
     spread_both(cost, plane);
     for (int32_t i = 0; i < FIELD_SIDE * FIELD_SIDE; i++)
-        sum += cost[i] < CONTOUR_FIELD_MAX_COST ? exp(-(double)cost[i]) : none;
+        sum += cost[i] < CONTOUR_SEARCH_FIELD_MAX_COST ? exp(-(double)cost[i]) : none;
     return (cairn_real)fmax(MIN_BACKGROUND, sum / (FIELD_SIDE * FIELD_SIDE));
 }
 
-contour_field *cairn_contour_search_field_new(void)
+contour_search_field *cairn_contour_search_field_new(void)
 {
-    contour_field *field = calloc(1, sizeof *field);
+    contour_search_field *field = calloc(1, sizeof *field);
 
     if (field == NULL)
         return NULL;
@@ -160,7 +161,7 @@ contour_field *cairn_contour_search_field_new(void)
     return NULL;
 }
 
-void cairn_contour_search_field_free(contour_field *field)
+void cairn_contour_search_field_free(contour_search_field *field)
 {
     if (field != NULL) {
         free(field->cost);
@@ -170,7 +171,7 @@ void cairn_contour_search_field_free(contour_field *field)
     free(field);
 }
 
-void cairn_contour_search_field_fill(contour_field *field,
+void cairn_contour_search_field_fill(contour_search_field *field,
                                      const cairn_contour_search_tokens *tokens,
                                      const cairn_contour_grouping_object *object)
 {

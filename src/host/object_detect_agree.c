@@ -32,14 +32,14 @@ static cairn_vec2 apply_similarity(const object_detect_similarity *map, cairn_ve
 }
 
 /* Position of a deformed sample relative to the outline's origin, in sizes. */
-static cairn_vec2 normalized_position(const contour_fitted_outline *fitted, int32_t i)
+static cairn_vec2 normalized_position(const contour_search_fitted_outline *fitted, int32_t i)
 {
     return cairn_vec2_scale(cairn_vec2_sub(fitted->outline[i].position, fitted->origin),
                             1 / fitted->size);
 }
 
 /* Weighted least-squares similarity transform; 0: none within MAX_SCALE_RATIO. */
-static int32_t solve_similarity(const contour_fitted_outline *fitted,
+static int32_t solve_similarity(const contour_search_fitted_outline *fitted,
                                 const cairn_oriented_point *reference, const cairn_real *weight,
                                 object_detect_similarity *map)
 {
@@ -77,7 +77,7 @@ static int32_t solve_similarity(const contour_fitted_outline *fitted,
 
 /* Reweights the samples by edge proximity times a Gaussian of their distance from the transformed
  * outline; returns the mean weight. */
-static cairn_real reweight(const contour_fitted_outline *fitted,
+static cairn_real reweight(const contour_search_fitted_outline *fitted,
                            const cairn_oriented_point *reference,
                            const object_detect_similarity *map, cairn_real sigma,
                            const cairn_real *proximity, cairn_real *weight)
@@ -94,7 +94,7 @@ static cairn_real reweight(const contour_fitted_outline *fitted,
     return sum / (cairn_real)fitted->outline_count;
 }
 
-cairn_real cairn_object_detect_rigid_proximity(const contour_fitted_outline *fitted,
+cairn_real cairn_object_detect_rigid_proximity(const contour_search_fitted_outline *fitted,
                                                const cairn_oriented_point *reference,
                                                const cairn_real *proximity, cairn_real *weight,
                                                object_detect_similarity *map)
@@ -127,8 +127,8 @@ cairn_real cairn_object_detect_rigid_proximity(const contour_fitted_outline *fit
 }
 
 void cairn_object_detect_place_outline(const object_detect_similarity *map,
-                                       const cairn_oriented_point *reference, contour_fit *fit,
-                                       cairn_object_detection *detection)
+                                       const cairn_oriented_point *reference,
+                                       contour_search_fit *fit, cairn_object_detection *detection)
 {
     const cairn_vec2 none = {0, 0};
     cairn_vec2 middle = apply_similarity(map, none);
