@@ -14,11 +14,23 @@ PREFIX   ?= /usr/local
 DESTDIR  ?=
 WERROR   ?=
 
+# CROSS=x86_64-w64-mingw32-: for another system, with the compilers of that prefix (make windows).
+CROSS ?=
+ifneq ($(CROSS),)
+CC  := $(CROSS)gcc
+CXX := $(CROSS)g++
+AR  := $(CROSS)ar
+endif
+WINDOWS := $(findstring mingw,$(CROSS))
+EXE     := $(if $(WINDOWS),.exe)
+
 version_part = $(shell awk '/define CAIRN_VERSION_$(1) /{print $$3}' include/cairn/version.h)
 VERSION := $(call version_part,MAJOR).$(call version_part,MINOR).$(call version_part,PATCH)
 SOVERSION := $(call version_part,MAJOR).$(call version_part,MINOR)
 
 WARN     := -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wdouble-promotion -Wvla -Wundef -Wcast-align
+# Formats there are checked by the rules of another C library than the one that prints, and isfinite() is no macro of the compiler.
+WARN     += $(if $(WINDOWS),-Wno-format -Wno-float-conversion)
 CWARN    := $(WARN) -Wstrict-prototypes -Wmissing-prototypes
 ,        := ,
 SAN       = $(if $(SANITIZE),-fsanitize=$(SANITIZE:1=address$(,)undefined) -fno-sanitize-recover=all -fno-omit-frame-pointer -g)
@@ -32,27 +44,32 @@ TRAPS     := $(if $(ASSERTIONS),$(if $(SANITIZE)$(COVERAGE),,$(shell t='-fsaniti
 # The library itself is freestanding C11; all desktop code may use POSIX and is built with assertions. On desktops long loops
 # over image planes are vectorized, with the same bits.
 LIB_FLAGS  = -std=c11 $(CWARN) $(WERROR) $(COMMON) -fno-math-errno $(if $(ASSERTIONS),-DCAIRN_ASSERTIONS) $(TRAPS)
-HOST_FLAGS = -std=c11 -D_POSIX_C_SOURCE=200809L -D_DEFAULT_SOURCE $(CWARN) $(WERROR) $(COMMON) $(HOST_OPT) $(TRAPS)
+HOST_FLAGS = -std=c11 -D_POSIX_C_SOURCE=200809L -D_DEFAULT_SOURCE $(if $(WINDOWS),-D__USE_MINGW_ANSI_STDIO=1) $(CWARN) $(WERROR) $(COMMON) $(HOST_OPT) $(TRAPS)
 # Tests are optimized less: they are compiled more often than they run.
 TEST_OPT   = $(if $(filter tests/%,$<),$(if $(filter -O2 -O3,$(OPT)),-O1))
 CXX_FLAGS  = -std=c++17 $(WARN) $(WERROR) $(COMMON) $(TRAPS)
 
 # Modules. Box2D, libyaml, zlib, libpng, OpenCV and cmocka are searched in the Debian locations. A missing library disables
-# its modules (tools/deps.sh installs it).
-has        = $(or $(wildcard /usr/include/$(1)),$(wildcard /usr/local/include/$(1)))
+# what needs it (tools/deps.sh installs it): without zlib the host library is left out, without libyaml map files cannot be read,
+# without libpng PNG images cannot.
+INCLUDES   := $(if $(CROSS),/usr/$(CROSS:-=)/include,/usr/include /usr/local/include)
+has        = $(firstword $(wildcard $(addsuffix /$(1),$(INCLUDES))))
 CORE_SRC    := $(wildcard src/core/*.c)
 CONTOUR_SRC := $(wildcard src/contour/*.c)
 MAPPING_SRC := $(wildcard src/mapping/*.c)
 LIB_SRC     := $(CORE_SRC) $(CONTOUR_SRC) $(MAPPING_SRC)
-HAVE_HOST   := $(and $(call has,yaml.h),$(call has,zlib.h),$(call has,png.h))
+HAVE_HOST   := $(call has,zlib.h)
+HAVE_YAML   := $(call has,yaml.h)
+HAVE_PNG    := $(call has,png.h)
 HAVE_SIM    := $(call has,box2d/box2d.h)
 HAVE_TEST   := $(call has,cmocka.h)
 VISION_INC  := $(patsubst %/opencv2/imgcodecs.hpp,%,$(firstword $(call has,opencv4/opencv2/imgcodecs.hpp)))
-HOST_SRC    := $(if $(HAVE_HOST),$(wildcard src/host/*.c) src/host/report_player_page.c)
+HOST_OTHER  := src/host/map_file_$(if $(HAVE_YAML),no_)yaml.c src/host/map_file_png$(if $(HAVE_PNG),_plain).c
+HOST_SRC    := $(if $(HAVE_HOST),$(filter-out $(HOST_OTHER),$(wildcard src/host/*.c)) src/host/report_player_page.c)
 VISION_SRC  := $(if $(VISION_INC),src/host/vision_shim.cpp)
 APPEARANCE_SRC := $(if $(and $(VISION_INC),$(call has,opencv4/opencv2/features2d.hpp),$(call has,opencv4/opencv2/ml.hpp)),src/host/appearance_shim.cpp)
 SIM_SRC     := $(if $(HAVE_SIM),$(wildcard sim/*.cpp))
-TEST_LACKS  := $(if $(HAVE_SIM),,sim) $(if $(HAVE_HOST),,host)
+TEST_LACKS  := $(if $(HAVE_SIM),,sim) $(if $(HAVE_HOST),,host) $(if $(HAVE_YAML),,yaml) $(if $(HAVE_PNG),,png)
 TEST_SRC    := $(if $(HAVE_TEST),$(if $(strip $(TEST_LACKS)),$(shell sh tools/free-tests.sh $(TEST_LACKS)),$(wildcard tests/test_*.c)))
 BENCH_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(filter-out bench/bench_%,$(wildcard bench/*.c)))
 BENCH_COMMON := $(wildcard bench/bench_*.c) tools/options.c tools/cairn_places_picture.c firmware/joint.c
@@ -68,21 +85,21 @@ NEEDS_test_golden := $(filter-out tests/golden.c,$(GOLDEN))
 NEEDS_test_memory := tools/pool_objects.c
 NEEDS_test_outlines := sim/outlines.c
 NEEDS_test_long   := $(wildcard tests/long_*.c)
-HOST_LIBS   := -lyaml -lpng -lz
+HOST_LIBS   := $(if $(HAVE_YAML),-lyaml) $(if $(HAVE_PNG),-lpng) -lz $(if $(WINDOWS),-lpthread)
 SIM_LIBS    := -lbox2d
 VISION_LIBS := -lopencv_imgcodecs -lopencv_imgproc -lopencv_core
 APPEARANCE_LIBS := -lopencv_features2d -lopencv_ml -lopencv_core
 
 object = $(patsubst %,$(BUILD)/$(1)/%.o,$(2))
-LIBS     := $(BUILD)/libcairn.a $(BUILD)/libcairn-float.a $(BUILD)/libcairn.so.$(SOVERSION) \
+LIBS     := $(BUILD)/libcairn.a $(BUILD)/libcairn-float.a $(if $(WINDOWS),,$(BUILD)/libcairn.so.$(SOVERSION)) \
             $(if $(HOST_SRC),$(BUILD)/libcairn-host.a) $(if $(VISION_SRC),$(BUILD)/libcairn-vision.so) $(if $(APPEARANCE_SRC),$(BUILD)/libcairn-appearance.so)
-TOOLS    := $(if $(CAIRN_SRC),$(BUILD)/cairn $(BUILD)/cairn-float) $(if $(ARENA_SRC),$(BUILD)/cairn-arena) $(if $(SCENE_SRC),$(BUILD)/cairn-scene)
+TOOLS    := $(if $(CAIRN_SRC),$(BUILD)/cairn$(EXE) $(BUILD)/cairn-float$(EXE)) $(if $(ARENA_SRC),$(BUILD)/cairn-arena) $(if $(SCENE_SRC),$(BUILD)/cairn-scene$(EXE))
 TESTS    := $(TEST_SRC:tests/%.c=%)
 BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
 .PHONY: all help code-objects test-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
-.PHONY: check check-long check-freestanding mutate amalgamation coverage
-.PHONY: accuracy data run-data dist release-check thesis install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
+.PHONY: windows windows-test check check-long check-freestanding mutate amalgamation coverage
+.PHONY: docs run-docs accuracy data run-data dist release-check abi thesis install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
 .DELETE_ON_ERROR:
 .SECONDARY:
 
@@ -98,7 +115,8 @@ help:
 	@echo "make appearance     libcairn-appearance, which learns what classes look like (installs OpenCV's features2d and ml)"
 	@echo "make thesis         runs the experiments of the thesis, writes docs/thesis.md (DATA=FOLDER ITEMS='2/29 ...')"
 	@echo "make accuracy       measures what docs/accuracy.md says, writes its tables (DATA=FOLDER ITEMS='...' QUICK=--quick)"
-	@echo "make check          warnings, formats, analyzers, freestanding proof, module order, words"
+	@echo "make docs           the API reference as HTML, build/docs/html (installs Doxygen)"
+	@echo "make check          warnings, formats, analyzers, API reference, freestanding proof, module order, words"
 	@echo "make check-long     what .ci/run leaves out because it takes long; a release passes both"
 	@echo "make mutate         plants faults in src/ and counts those that the tests find (N=40 SEED=1)"
 	@echo "make firmware       the library in a robot's loop on Cortex-M7 and M4F"
@@ -110,14 +128,19 @@ help:
 	@echo "make coverage       tests with line and branch coverage of src/"
 	@echo "make dist           the sources of the last commit as a tarball"
 	@echo "make release-check  builds, tests and installs from that tarball, without git"
+	@echo "make windows        cairn.exe, by the compilers of mingw-w64 (make windows-test: run under wine, and compared)"
+	@echo "make abi            the binary interface of libcairn.so, recorded for make check (a release renews it)"
 	@echo "make install        PREFIX=$(PREFIX) DESTDIR=$(DESTDIR)"
 
+by_deps = $(if $(CROSS),, (tools/deps.sh $(1)))
 missing:
-	@$(if $(HAVE_HOST),:,echo "cairn: no libyaml, zlib or libpng: libcairn-host and the tools are left out (tools/deps.sh build)")
-	@$(if $(HAVE_SIM),:,echo "cairn: no Box2D: sim and cairn-arena are left out (tools/deps.sh build)")
+	@$(if $(HAVE_HOST),:,echo "cairn: no zlib: libcairn-host and the tools are left out$(call by_deps,build)")
+	@$(if $(HAVE_YAML),:,echo "cairn: no libyaml: map files are written$(,) but cannot be read$(call by_deps,build)")
+	@$(if $(HAVE_PNG),:,echo "cairn: no libpng: PNG images are written$(,) but cannot be read$(call by_deps,build)")
+	@$(if $(HAVE_SIM),:,echo "cairn: no Box2D: sim and cairn-arena are left out$(call by_deps,build)")
 	@$(if $(and $(HAVE_TEST),$(strip $(TEST_LACKS))),echo "cairn: tests that need what is missing are left out$(,) $(words $(TEST_SRC)) of $(words $(wildcard tests/test_*.c)) run",:)
-	@$(if $(VISION_INC),:,echo "cairn: no OpenCV: libcairn-vision is left out, images are read as PGM and PNG only (tools/deps.sh vision)")
-	@$(if $(APPEARANCE_SRC),:,echo "cairn: no features2d or ml of OpenCV: libcairn-appearance is left out, cairn train and --appearance do not work (tools/deps.sh appearance)")
+	@$(if $(VISION_INC),:,echo "cairn: no OpenCV: libcairn-vision is left out, images are read as PGM and PNG only$(call by_deps,vision)")
+	@$(if $(APPEARANCE_SRC),:,echo "cairn: no features2d or ml of OpenCV: libcairn-appearance is left out, cairn train and --appearance do not work$(call by_deps,appearance)")
 
 # Library objects, double and float.
 $(BUILD)/double/src/%.c.o: src/%.c
@@ -160,8 +183,12 @@ $(BUILD)/libcairn-sim.a: $(call object,double,$(SIM_SRC))
 	$(archive)
 $(BUILD)/float/libcairn-sim.a: $(call object,float,$(SIM_SRC))
 	$(archive)
-$(BUILD)/libcairn.so.$(SOVERSION): $(call object,double,$(LIB_SRC))
-	$(CC) -shared -Wl,-soname,$(@F) $(SAN) $(LDFLAGS) -o $@ $^ -lm
+# The shared library exports what the public headers name, and nothing else.
+$(BUILD)/libcairn.map: $(wildcard include/cairn/*.h)
+	@mkdir -p $(@D)
+	@{ echo '{ global:'; grep -ohE '\bcairn_[a-z0-9_]+\(' $^ | LC_ALL=C sort -u | tr '(' ';'; echo 'local: *; };'; } >$@
+$(BUILD)/libcairn.so.$(SOVERSION): $(call object,double,$(LIB_SRC)) $(BUILD)/libcairn.map
+	$(CC) -shared -Wl,-soname,$(@F) -Wl,--version-script=$(BUILD)/libcairn.map $(SAN) $(LDFLAGS) -o $@ $(filter %.o,$^) -lm
 
 # Warnings are disabled for the headers of OpenCV.
 $(BUILD)/double/src/host/vision_shim.cpp.o $(BUILD)/double/src/host/appearance_shim.cpp.o: CXXFLAGS += -isystem $(VISION_INC)
@@ -170,18 +197,18 @@ $(BUILD)/libcairn-vision.so: $(call object,double,$(VISION_SRC))
 $(BUILD)/libcairn-appearance.so: $(call object,double,$(APPEARANCE_SRC))
 	$(CXX) -shared -Wl,-soname,$(@F) $(SAN) $(LDFLAGS) -o $@ $^ $(APPEARANCE_LIBS)
 
-link = @mkdir -p $(@D); $(CXX) $(SAN) $(if $(COVERAGE),--coverage) $(LDFLAGS) -o $@ -Wl,--start-group $^ -Wl,--end-group
+link = @mkdir -p $(@D); $(CXX) $(SAN) $(if $(COVERAGE),--coverage) $(LDFLAGS) $(if $(WINDOWS),-static) -o $@ -Wl,--start-group $^ -Wl,--end-group
 DOUBLE_LIBS := $(if $(SIM_SRC),$(BUILD)/libcairn-sim.a) $(if $(HOST_SRC),$(BUILD)/libcairn-host.a) $(BUILD)/libcairn.a
 FLOAT_LIBS  := $(if $(SIM_SRC),$(BUILD)/float/libcairn-sim.a) $(if $(HOST_SRC),$(BUILD)/float/libcairn-host.a) $(BUILD)/libcairn-float.a
 SYS_LIBS    = $(if $(SIM_SRC),$(SIM_LIBS)) $(if $(HOST_SRC),$(HOST_LIBS)) -lpthread -lm
 
-$(BUILD)/cairn: $(call object,double,$(CAIRN_SRC)) $(BUILD)/libcairn-host.a $(BUILD)/libcairn.a
+$(BUILD)/cairn$(EXE): $(call object,double,$(CAIRN_SRC)) $(BUILD)/libcairn-host.a $(BUILD)/libcairn.a
 	$(link) $(HOST_LIBS) -lm
-$(BUILD)/cairn-float: $(call object,float,$(CAIRN_SRC)) $(BUILD)/float/libcairn-host.a $(BUILD)/libcairn-float.a
+$(BUILD)/cairn-float$(EXE): $(call object,float,$(CAIRN_SRC)) $(BUILD)/float/libcairn-host.a $(BUILD)/libcairn-float.a
 	$(link) $(HOST_LIBS) -lm
 $(BUILD)/cairn-arena: $(call object,double,$(ARENA_SRC)) $(DOUBLE_LIBS)
 	$(link) $(SYS_LIBS)
-$(BUILD)/cairn-scene: $(call object,double,$(SCENE_SRC)) $(BUILD)/libcairn-host.a $(BUILD)/libcairn.a
+$(BUILD)/cairn-scene$(EXE): $(call object,double,$(SCENE_SRC)) $(BUILD)/libcairn-host.a $(BUILD)/libcairn.a
 	$(link) $(HOST_LIBS) -lm
 $(BUILD)/bench/%: $(BUILD)/double/bench/%.c.o $(call object,double,$(BENCH_COMMON)) $(DOUBLE_LIBS)
 	$(link) $(SYS_LIBS)
@@ -201,6 +228,16 @@ $(BUILD)/tests/$(1): $(call object,double,$(NEEDS_$(1)))
 $(BUILD)/tests-float/$(1): $(call object,float,$(NEEDS_$(1)))
 endef
 $(foreach test,$(TESTS),$(if $(NEEDS_$(test)),$(eval $(call test_needs,$(test)))))
+
+# For Windows, by the compilers of mingw-w64: build/windows/cairn.exe. windows-test runs it under wine and compares its files with
+# those of this machine.
+windows:
+	@sh tools/deps.sh windows
+	@$(MAKE) CROSS=x86_64-w64-mingw32- BUILD=$(BUILD)/windows all
+windows-test:
+	@sh tools/deps.sh build
+	@$(MAKE) $(BUILD)/cairn
+	@MAKE="$(MAKE)" sh tools/windows-test.sh $(BUILD)
 
 # make test and make demo install missing dependencies, then run make again to detect them, on all processors unless -j is
 # given.
@@ -265,8 +302,15 @@ accuracy:
 	@$(MAKE) $(PARALLEL) run-bench
 	@sh tools/measure.sh accuracy $(BUILD) $(DATA) $(QUICK) $(ITEMS)
 
+# The API reference, from the comments of the headers; and whether the defaults that they say are those of the libraries.
+docs:
+	@sh tools/deps.sh build docs
+	@$(MAKE) $(PARALLEL) run-docs
+run-docs: $(BUILD)/libcairn.a $(if $(HOST_SRC),$(BUILD)/libcairn-host.a)
+	@sh tools/docs.sh $(BUILD) && sh tools/docs-defaults.sh $(BUILD)
+
 check:
-	@sh tools/deps.sh build test check
+	@sh tools/deps.sh build test check docs
 	@sh tools/check.sh $(BUILD)
 
 check-freestanding:
@@ -281,12 +325,19 @@ release-check: dist
 	@sh tools/deps.sh build test
 	@MAKE="$(MAKE)" sh tools/release-check.sh $(BUILD)/$(DIST).tar.gz $(DIST)
 
+# The record of the last release's binary interface, with which make check compares: renewed by a release.
+ABI_RECORD := tools/libcairn-$(VERSION).abi.gz
+abi: $(BUILD)/libcairn.so.$(SOVERSION)
+	@sh tools/deps.sh check
+	@sh tools/abi.sh $< >$(BUILD)/abi.part
+	@rm -f tools/libcairn-*.abi.gz && mv $(BUILD)/abi.part $(ABI_RECORD)
+
 check-long:
-	@sh tools/deps.sh build test check
+	@sh tools/deps.sh build test check docs
 	@sh tools/check-long.sh $(BUILD)
 
 # All objects of library, tools and benches, those of the tests, and both, for the checks of warnings.
-CODE_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(FW_LOOP) $(FW_SURVEY) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC) $(SCENE_SRC)
+CODE_SRC = $(LIB_SRC) $(HOST_SRC) $(if $(HAVE_YAML),src/host/map_file_no_yaml.c) $(SIM_SRC) $(FW_LOOP) $(FW_SURVEY) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC) $(SCENE_SRC)
 ALL_TEST_SRC = $(TEST_SRC) $(filter tests/%,$(TEST_COMMON)) $(GOLDEN) $(NEEDS_test_long) $(NEEDS_test_memory)
 code-objects: $(call object,double,$(CODE_SRC) $(VISION_SRC) $(APPEARANCE_SRC)) $(call object,float,$(CODE_SRC))
 test-objects: $(call object,double,$(ALL_TEST_SRC)) $(call object,float,$(ALL_TEST_SRC))
@@ -386,7 +437,7 @@ coverage:
 	@sh tools/coverage.sh $(BUILD)/coverage
 
 install: all
-	sh tools/install.sh "$(BUILD)" "$(DESTDIR)$(PREFIX)" "$(PREFIX)" "$(VERSION)" "$(SOVERSION)"
+	sh tools/install.sh "$(BUILD)" "$(DESTDIR)$(PREFIX)" "$(PREFIX)" "$(VERSION)" "$(SOVERSION)" "$(strip $(HOST_LIBS))"
 
 clean:
 	rm -rf $(BUILD)

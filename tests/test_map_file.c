@@ -8,6 +8,17 @@
 #include "cairn/map_file.h"
 #include "src/host/map_file_image.h"
 
+/* What builds without libpng have, beside what this build has. */
+CAIRN_CHECKED cairn_status plain_decode_png(cairn_image *image, FILE *file, const char *path,
+                                            cairn_file_error *error);
+CAIRN_CHECKED cairn_status plain_encode_png(uint8_t **bytes, size_t *count, const uint8_t *pixel,
+                                            int32_t width, int32_t height, int32_t channels);
+#define cairn_image_decode_png plain_decode_png
+#define cairn_image_encode_png plain_encode_png
+#include "src/host/map_file_png_plain.c"
+#undef cairn_image_decode_png
+#undef cairn_image_encode_png
+
 #define NUMBERS                                                                                    \
     "resolution: 0.05\norigin: [-10, 5.5, 0.25]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: "  \
     "0.196\n"
@@ -567,7 +578,9 @@ static void test_maps_that_cannot_be_written(void **state)
 }
 
 /* Grey, RGB and RGBA, as in their headers and as read back; sides of 0 are refused. */
-static void test_encode_png(void **state)
+static void check_encoder(cairn_status (*encode)(uint8_t **bytes, size_t *count,
+                                                 const uint8_t *pixel, int32_t width,
+                                                 int32_t height, int32_t channels))
 {
     static const uint8_t pixel[2 * 3 * 4] = {10, 20, 33, 40, 50, 60, 70, 80, 90, 100, 110, 120,
                                              7,  8,  9,  0,  1,  2,  3,  4,  5,  6,   255, 254};
@@ -578,11 +591,10 @@ static void test_encode_png(void **state)
     cairn_image image;
     size_t count = 0;
 
-    (void)state;
     for (int32_t channels = 1; channels <= 4; channels++) {
         if (channels == 2)
             continue;
-        assert_ok(cairn_image_encode_png(&bytes, &count, pixel, 3, 2, channels));
+        assert_ok(encode(&bytes, &count, pixel, 3, 2, channels));
         assert_int_equal(bytes[25], colour_type[channels]);
         assert_ok(cairn_image_read(&image, files_write("encoded.png", bytes, count), NULL));
         assert_int_equal(image.width, 3);
@@ -594,9 +606,26 @@ static void test_encode_png(void **state)
         cairn_image_free(&image);
         free(bytes);
     }
-    assert_status(cairn_image_encode_png(&bytes, &count, pixel, 0, 2, 1), CAIRN_NO_MEMORY);
+    assert_status(encode(&bytes, &count, pixel, 0, 2, 1), CAIRN_NO_MEMORY);
     assert_null(bytes);
     assert_int_equal(count, 0);
+}
+
+static void test_encode_png(void **state)
+{
+    (void)state;
+    check_encoder(cairn_image_encode_png);
+    check_encoder(plain_encode_png);
+}
+
+static void test_no_libpng(void **state)
+{
+    cairn_file_error error;
+    cairn_image image;
+
+    (void)state;
+    assert_status(plain_decode_png(&image, NULL, "a.png", &error), CAIRN_UNSUPPORTED);
+    assert_holds(error.text, "a.png: is a PNG image");
 }
 
 /* A header of the largest number of pixels is accepted, one row more is refused. */
@@ -712,6 +741,7 @@ int main(void)
         cmocka_unit_test(test_maps_that_cannot_be_written),
         cmocka_unit_test(test_encode_png),
         cmocka_unit_test(test_huge_png),
+        cmocka_unit_test(test_no_libpng),
         cmocka_unit_test(test_odd_names),
         cmocka_unit_test(test_heap),
         cmocka_unit_test(test_locale),

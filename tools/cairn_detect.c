@@ -4,14 +4,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include "cairn/detection_file.h"
 #include "cairn/output.h"
 #include "cairn/output_set.h"
 #include "cairn/part_cut_file.h"
 #include "cairn/shape_model_file.h"
+#include "src/host/posix.h"
 #include "tools/cairn_detect_truth.h"
 #include "tools/cairn_picture.h"
 #include "tools/cairn_tool.h"
@@ -354,16 +353,24 @@ static int run_job(const settings *s, int32_t job, const cairn_shape_model *mode
 static int run_jobs(const settings *s, const cairn_shape_model *model, FILE **records)
 {
     pid_t process[MAX_JOBS];
-    int code = TOOL_OK;
+    int own_code[MAX_JOBS], code = TOOL_OK;
 
     for (int32_t job = 0; job < s->jobs; job++) {
+        own_code[job] = -1;
         process[job] = fork();
         if (process[job] == 0)
             _exit(run_job(s, job, model, records[job]));
+        /* a system without fork() runs the jobs one after another */
+        if (process[job] < 0 && errno == ENOSYS)
+            own_code[job] = run_job(s, job, model, records[job]);
     }
     for (int32_t job = 0; job < s->jobs; job++) {
-        int status = 0, own;
+        int status = 0, own = own_code[job];
 
+        if (own >= 0) {
+            code = own > code ? own : code;
+            continue;
+        }
         if (process[job] < 0 || waitpid(process[job], &status, 0) < 0 || !WIFEXITED(status)) {
             fprintf(stderr, "%s: a process could not be run\n", PROGRAM);
             own = TOOL_FAILED;

@@ -2,12 +2,10 @@
 #include "tools/cairn_match_input.h"
 
 #include <inttypes.h>
-#include <stdlib.h>
-#include <string.h>
-#include <unistd.h>
 #include <zlib.h>
 
 #include "cairn/number_text.h"
+#include "src/host/posix.h"
 
 /* Splits FILE:INDEX, unless a file of the complete name exists. Returns 0 when there is no
  * memory. */

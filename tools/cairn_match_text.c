@@ -1,10 +1,9 @@
 /* Text and JSON output of a scan match. */
 #include <inttypes.h>
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
 
 #include "cairn/json_text.h"
+#include "src/host/posix.h"
 #include "tools/cairn_match.h"
 
 #define DEGREES (180 / 3.14159265358979323846)
@@ -166,20 +165,12 @@ static void print_json(FILE *out, const match_record *record)
 static char *printed(const match_record *record,
                      void (*print)(FILE *out, const match_record *record))
 {
-    char *text = NULL;
-    size_t count = 0;
-    FILE *out = open_memstream(&text, &count);
-    int failed;
+    cairn_text_stream text;
 
-    if (out == NULL)
+    if (!cairn_text_stream_open(&text))
         return NULL;
-    print(out, record);
-    failed = ferror(out);
-    if (fclose(out) != 0 || failed) {
-        free(text);
-        return NULL;
-    }
-    return text;
+    print(text.stream, record);
+    return cairn_text_stream_close(&text);
 }
 
 char *match_text(const match_record *record)

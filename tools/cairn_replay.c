@@ -1,12 +1,9 @@
 /* cairn replay: deterministic replay of a robot's recorded run, compared bit by bit. */
 #include <inttypes.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <unistd.h>
 
 #include "firmware/recorder.h"
 #include "firmware/robot.h"
+#include "src/host/posix.h"
 #include "tools/cairn_tool.h"
 
 #define PROGRAM "cairn replay"
@@ -85,12 +82,11 @@ static int play_with_other_program(const recording *in, uint32_t real_bytes, cha
 {
     static const char *const name = sizeof(cairn_real) == 8 ? "cairn-float" : "cairn";
     char path[4096];
-    ssize_t length = readlink("/proc/self/exe", path, sizeof path - 16);
     char *slash;
 
     if (real_bytes != 4 && real_bytes != 8)
         return refuse(in, "reals are neither of 4 nor of 8 bytes");
-    path[length > 0 ? length : 0] = '\0';
+    cairn_program_path(path, sizeof path - 16);
     slash = strrchr(path, '/');
     (void)snprintf(slash == NULL ? path : slash + 1, 16, "%s", name);
     argv[0] = path;

@@ -1,12 +1,9 @@
 /* Functions that all subcommands share. */
 #include <inttypes.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <time.h>
-#include <unistd.h>
 
 #include "cairn/number_text.h"
+#include "src/host/posix.h"
 #include "tools/cairn_tool.h"
 
 #define MAX_SHOWN_FAULTS 10

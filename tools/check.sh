@@ -198,6 +198,16 @@ step_headers()
     said "headers alone, C11 and C++17" $? "$out/headers.log"
 }
 
+# The API reference: a public symbol without documentation, or with a default that is not so, is an error.
+step_docs()
+{
+    command -v doxygen >/dev/null 2>&1 || {
+        skipped "API reference: no doxygen"
+        return 0
+    }
+    gcc_build run-docs && sh tools/docs-test.sh "$out/gcc"
+}
+
 step_layout()
 {
     sh tools/layout.sh | diff tests/layout.h - >"$out/layout.log" 2>&1
@@ -237,7 +247,27 @@ step_install()
     sh tools/install-test.sh "$out/gcc"
 }
 
-[ $# -gt 0 ] || set -- modules words headers format layout warnings freestanding bits amalgamation readme thesis install analyzer cppcheck tidy
+# The record is of this compiler's debug information and of this machine's layout.
+step_abi()
+{
+    [ "$(uname -m)" = x86_64 ] || {
+        skipped "binary interface: its record is of x86_64"
+        return 0
+    }
+    command -v abidiff >/dev/null || {
+        skipped "binary interface: no abidiff"
+        return 0
+    }
+    version=$(awk '/define CAIRN_VERSION_STRING/ { gsub(/"/, "", $3); print $3 }' include/cairn/version.h)
+    shared=$out/gcc/libcairn.so.${version%.*}
+    gcc_build "$shared" >"$out/abi.log" 2>&1 || {
+        said "binary interface: the library does not build" 1 "$out/abi.log"
+        return 1
+    }
+    sh tools/check-abi-test.sh && sh tools/check-abi.sh "$shared" "$version" tools/libcairn-*.abi.gz
+}
+
+[ $# -gt 0 ] || set -- modules words headers format layout warnings docs freestanding abi bits amalgamation readme thesis install analyzer cppcheck tidy
 failures=
 for step in "$@"; do
     start=$(date +%s)

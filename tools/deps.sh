@@ -1,5 +1,5 @@
 #!/bin/sh
-# Installs the dependencies of cairn on Debian: tools/deps.sh [build|test|solver|vision|appearance|firmware|check]...   (default: build)
+# Installs the dependencies of cairn on Debian: tools/deps.sh [build|test|solver|vision|appearance|firmware|check|docs|windows]...   (default: build)
 #
 # Prints nothing and exits with 0 when all are installed. As root it installs with apt-get; otherwise it prompts on a
 # terminal and installs with sudo after a yes. When it cannot install, it prints the command and exits with 3.
@@ -34,6 +34,13 @@ check    valgrind                valgrind
 check    gcc-aarch64-linux-gnu   aarch64-linux-gnu-gcc
 check    libc6-dev-arm64-cross   /usr/aarch64-linux-gnu/include/stdio.h
 check    qemu-user               qemu-aarch64
+docs     doxygen                 doxygen
+check    abigail-tools           abidiff
+windows  gcc-mingw-w64-x86-64    x86_64-w64-mingw32-gcc
+windows  g++-mingw-w64-x86-64    x86_64-w64-mingw32-g++
+windows  libz-mingw-w64-dev      /usr/x86_64-w64-mingw32/include/zlib.h
+windows  wine64                  wine|wine-stable|wine64
+windows  wine                    wine|wine-stable|wine64
 '
 
 # True when one of the alternatives, separated by |, exists.
@@ -60,9 +67,9 @@ installed()
 [ $# -gt 0 ] || set -- build
 for use in "$@"; do
     case $use in
-    build | test | solver | vision | appearance | firmware | check) ;;
+    build | test | solver | vision | appearance | firmware | check | docs | windows) ;;
     *)
-        echo "tools/deps.sh: unknown use '$use', expected build, test, solver, vision, appearance, firmware or check" >&2
+        echo "tools/deps.sh: unknown use '$use', expected build, test, solver, vision, appearance, firmware, check, docs or windows" >&2
         exit 2
         ;;
     esac

@@ -26,50 +26,52 @@ extern "C" {
 
 /* Parameters; defaults in brackets. */
 typedef struct cairn_aligner_params {
-    /* number of scans, 1 ... 2^16 (64) */
+    /* 1 ... 2^16 (64): number of scans */
     int32_t max_scans;
-    /* segments of all scans together, 1 ... 2^24 (1024) */
+    /* 1 ... 2^24 (1024): segments of all scans together */
     int32_t max_segments;
-    /* short segments of all scans together, 0 ... 2^24: surfaces too short for a direction of their
-     * own; those beyond the limit are left out (256) */
+    /* 0 ... 2^24 (256): short segments of all scans together: surfaces too short for a direction of
+     * their own; those beyond the limit are left out */
     int32_t max_short_segments;
-    /* points of all scans together, 1 ... 2^24 (4096) */
+    /* 1 ... 2^24 (4096): points of all scans together */
     int32_t max_points;
-    /* hypotheses of relative poses, 1 ... 2^24; beyond the limit the best ones are kept (1536) */
+    /* 1 ... 2^24 (1536): hypotheses of relative poses; beyond the limit the best ones are kept */
     int32_t max_hypotheses;
-    /* blocks of the Cholesky factor, as in cairn_block_solver_params (2048) */
+    /* 0 ... 2^24 (2048): blocks of the Cholesky factor, as in cairn_block_solver_params */
     int32_t max_fill;
-    /* cells of the search raster of a relocalization, 64 ... 2^24; fewer cells are coarser
-     * (25600) */
+    /* 64 ... 2^24 (25600): cells of the search raster of a relocalization; fewer cells are
+     * coarser */
     int32_t max_cells;
-    /* m, > 0: bound of the error in x and in y of an initial pose, approximately (0.6) */
+    /* m, > 0 (0.6): bound of the error in x and in y of an initial pose, approximately */
     cairn_real max_initial_error;
-    /* rad, > 0, <= pi: bound of the error of an initial heading (35 degrees) */
+    /* rad, > 0, <= pi (35 degrees): bound of the error of an initial heading */
     cairn_real max_initial_angle_error;
-    /* m, > 0: longer ranges are not used (30) */
+    /* m, > 0 (30): longer ranges are not used */
     cairn_real max_range;
-    /* m, > 0: standard deviation of a range (0.01) */
+    /* m, > 0 (0.01): standard deviation of a range */
     cairn_real range_sigma;
-    /* nats, >= 0: penalty of a point in space that another scan measured free; 0: none (1.5) */
+    /* nats, >= 0 (1.5): penalty of a point in space that another scan measured free; 0: none */
     cairn_real free_space_penalty;
-    /* not 0: surfaces have a free side; 0: directions are those of lines, modulo half a turn (1) */
+    /* 0 or 1 (1): 1: surfaces have a free side; 0: directions are those of lines, modulo half a
+     * turn */
     int32_t oriented;
-    /* rounds of relocalization of badly fitting scans, >= 0 (2) */
+    /* >= 0 (2): rounds of relocalization of badly fitting scans */
     int32_t max_relocalizations;
-    /* Gauss-Newton iterations of each joint solution, >= 0; 0: no walls, no covariances (10) */
+    /* >= 0 (10): Gauss-Newton iterations of each joint solution; 0: no walls, no covariances */
     int32_t max_iterations;
-    /* nats, > 0: clusters are merged only above this log-likelihood ratio, competing hypotheses
-     * taken into account (1) */
+    /* nats, > 0 (1): clusters are merged only above this log-likelihood ratio, competing hypotheses
+     * taken into account */
     cairn_real min_log_likelihood_ratio;
-    /* m, > 0: a position is observable when its standard deviation (x and y) is below (0.05) */
+    /* m, > 0 (0.05): a position is observable when its standard deviation (x and y) is below */
     cairn_real observable_sigma;
-    /* rad, > 0: a heading is observable when its standard deviation is below (1 degree) */
+    /* rad, > 0 (1 degree): a heading is observable when its standard deviation is below */
     cairn_real observable_sigma_theta;
 } cairn_aligner_params;
 
 /* State of an alignment, and the reason why it ended. */
 typedef int32_t cairn_aligner_verdict;
 enum {
+    /* running, or nothing was begun */
     CAIRN_ALIGNER_RUNNING = 0,
     /* one connected component; the joint solution converged */
     CAIRN_ALIGNER_CONVERGED = 1,
@@ -82,10 +84,18 @@ enum {
 };
 
 /* Bits of the observable directions of a pose. */
-enum { CAIRN_ALIGNER_X = 1, CAIRN_ALIGNER_Y = 2, CAIRN_ALIGNER_THETA = 4 };
+enum {
+    /* x of the map frame */
+    CAIRN_ALIGNER_X = 1,
+    /* y of the map frame */
+    CAIRN_ALIGNER_Y = 2,
+    /* heading */
+    CAIRN_ALIGNER_THETA = 4
+};
 
 /* Estimate of a scan's pose. A component lies where its initial poses put it, in the mean. */
 typedef struct cairn_aligner_pose {
+    /* pose of the scan in the map, m and rad */
     cairn_pose map_scan;
     /* marginal covariance, row-major over (x, y, theta) in m and rad, in the map frame, given the
      * anchor of the component; outside component 0 that of the initial pose */
@@ -100,7 +110,9 @@ typedef struct cairn_aligner_pose {
     int32_t component;
 } cairn_aligner_pose;
 
+/* Result of an alignment: its verdict, and counts of the work done. */
 typedef struct cairn_aligner_result {
+    /* how the alignment has ended */
     cairn_aligner_verdict verdict;
     /* connected components, of scans with at least one segment */
     int32_t components;
@@ -134,9 +146,10 @@ typedef struct cairn_aligner_result {
     int32_t worst_step;
 } cairn_aligner_result;
 
+/* Joint alignment of scans from poor initial poses. */
 typedef struct cairn_aligner cairn_aligner;
 
-/* Returns the defaults above. */
+/* Returns the default parameters. */
 cairn_aligner_params cairn_aligner_default(void);
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
@@ -153,7 +166,9 @@ CAIRN_CHECKED cairn_status cairn_aligner_create(cairn_aligner **aligner, cairn_p
  * CAIRN_BAD_ARGUMENT: NULL, negative counts, first_point that does not rise from 0 to point_count,
  * coordinates beyond 1e6 m. CAIRN_NOT_FINITE. CAIRN_FULL: more scans, segments or points than
  * params allow. *fault, when not NULL, names the field and the index. Cost: beams times segments of
- * the scan. */
+ * the scan.
+ *
+ * view: scan with its segments, points and beams */
 CAIRN_CHECKED cairn_status cairn_aligner_add_scan(cairn_aligner *aligner,
                                                   const cairn_scan_view *view, cairn_pose map_scan,
                                                   cairn_fault *fault);
@@ -177,9 +192,11 @@ CAIRN_CHECKED cairn_status cairn_aligner_begin(cairn_aligner *aligner);
  * another method, which aligns walls in parallel, has moved these scans. The result stays unless a
  * scan is relocalized; then the joint solution runs again.
  *
- * map_scan: [scans], not read of placed scans. CAIRN_EMPTY: no alignment has ended since scans were
- * added or one was begun. CAIRN_BAD_ARGUMENT: NULL, a pose beyond 1e6 m. CAIRN_NOT_FINITE. Linear
- * in the scans. The steps cost the relocalization alone unless one succeeds. */
+ * CAIRN_EMPTY: no alignment has ended since scans were added or one was begun. CAIRN_BAD_ARGUMENT:
+ * NULL, a pose beyond 1e6 m. CAIRN_NOT_FINITE. Linear in the scans. The steps cost the
+ * relocalization alone unless one succeeds.
+ *
+ * map_scan: [scans] poses, not read of placed scans */
 CAIRN_CHECKED cairn_status cairn_aligner_begin_warm(cairn_aligner *aligner,
                                                     const cairn_pose *map_scan);
 
@@ -200,37 +217,49 @@ int32_t cairn_aligner_running(const cairn_aligner *aligner);
 /* Returns the pose of a scan at the last commit point; identity, and *part = -1, for a scan that
  * does not exist. Not meaningful between commit points. *part, when not NULL: label of the scan's
  * cluster, 0 ... scan_count - 1; a label may be used again for another cluster. Linear in the
- * cluster. */
+ * cluster.
+ *
+ * scan: index of the scan */
 cairn_pose cairn_aligner_current_pose(const cairn_aligner *aligner, int32_t scan, int32_t *part);
 
 /* ---- The result: the initial poses until step() returns CAIRN_OK ---- */
 
+/* Returns the number of scans. */
 int32_t cairn_aligner_scan_count(const cairn_aligner *aligner);
 
 /* Returns 1 when two scans constrain each other along the direction `along`: the last joint
  * solution has both on one wall; the first scan, at the pose second_first, lies on this wall within
  * 0.03 m; and the wall crosses `along` at 30 degrees or more. along: unit vector in the frame of
  * the first scan. Returns 0 for scans that do not exist and while an alignment is running. *units,
- * when not NULL: the cost, at most the product of the two scans' segments. */
+ * when not NULL: the cost, at most the product of the two scans' segments.
+ *
+ * first, second: indices of the scans */
 int32_t cairn_aligner_share_wall(const cairn_aligner *aligner, int32_t first, int32_t second,
                                  cairn_pose second_first, cairn_vec2 along, int32_t *units);
 
 /* Returns 1 when two scans are a candidate pair: near enough by their initial poses to be compared.
- * Cost: a quarter of a unit. */
+ * Cost: a quarter of a unit.
+ *
+ * first, second: indices of the scans */
 int32_t cairn_aligner_is_candidate_pair(const cairn_aligner *aligner, int32_t first,
                                         int32_t second);
 
 /* Returns the log-likelihood, in nats, <= 0, of the free-space violations of a relative pose of two
  * scans: surfaces of one scan where the other measured free space or another surface. 0 for scans
  * that do not exist or cannot overlap in this pose. *units, when not NULL: the cost, one per point
- * of both scans. */
+ * of both scans.
+ *
+ * first, second: indices of the scans */
 cairn_real cairn_aligner_free_space_violation(const cairn_aligner *aligner, int32_t first,
                                               int32_t second, cairn_pose second_first,
                                               int32_t *units);
 
+/* Returns the result; its verdict is RUNNING until step() returns CAIRN_OK. */
 cairn_aligner_result cairn_aligner_read(const cairn_aligner *aligner);
 
-/* Returns the estimate of a scan's pose; all zero for a scan that does not exist. */
+/* Returns the estimate of a scan's pose; all zero for a scan that does not exist.
+ *
+ * scan: index of the scan */
 cairn_aligner_pose cairn_aligner_pose_of(const cairn_aligner *aligner, int32_t scan);
 
 #ifdef __cplusplus

@@ -49,6 +49,7 @@ typedef struct cairn_appearance_model {
  * is missing or incompatible; the error message says which. */
 CAIRN_CHECKED cairn_status cairn_appearance_load(cairn_file_error *error);
 
+/* Frees the arrays of `model`. */
 void cairn_appearance_free(cairn_appearance_model *model);
 
 /* ---- Files ----
@@ -64,13 +65,18 @@ void cairn_appearance_free(cairn_appearance_model *model);
 
 /* Reads a model file, plain or gzipped. CAIRN_UNSUPPORTED: another version, or not a regular file.
  * CAIRN_BAD_FORMAT, CAIRN_TRUNCATED, CAIRN_FULL (beyond the limits above): the error names the
- * line. CAIRN_IO, CAIRN_NO_MEMORY. On failure there is nothing to free. */
+ * line. CAIRN_IO, CAIRN_NO_MEMORY. On failure there is nothing to free.
+ *
+ * path: file, plain or gzipped
+ * model: set to the model */
 CAIRN_CHECKED cairn_status cairn_appearance_read(cairn_appearance_model *model, const char *path,
                                                  cairn_file_error *error);
 
 /* Writes a model file; reading it restores the same bits. CAIRN_BAD_ARGUMENT: a model that could
  * not be read again: beyond the limits above, a number that is not finite or beyond 1e9, gamma not
- * above 0. CAIRN_IO, CAIRN_NO_MEMORY. */
+ * above 0. CAIRN_IO, CAIRN_NO_MEMORY.
+ *
+ * path: target */
 CAIRN_CHECKED cairn_status cairn_appearance_write(const cairn_appearance_model *model,
                                                   const char *path, cairn_file_error *error);
 
@@ -82,49 +88,75 @@ typedef struct cairn_appearance_field cairn_appearance_field;
 /* Computes the words of an 8-bit grey image [height * width]. The image need not stay valid; the
  * model must. CAIRN_BAD_ARGUMENT: a side outside 1 ... CAIRN_APPEARANCE_MAX_SIDE, or refused by
  * OpenCV. CAIRN_UNSUPPORTED: no libcairn-appearance. CAIRN_NO_MEMORY. On failure there is nothing
- * to free, and *field is NULL. The error message names `path`. */
+ * to free, and *field is NULL. The error message names `path`.
+ *
+ * path: used in the error
+ * model: a model, which must outlive the field
+ * grey: [height * width] 8-bit grey image
+ * width, height: size, px */
 CAIRN_CHECKED cairn_status cairn_appearance_field_make(cairn_appearance_field **field,
                                                        const cairn_appearance_model *model,
                                                        const uint8_t *grey, int32_t width,
                                                        int32_t height, const char *path,
                                                        cairn_file_error *error);
+
+/* Frees the field. NULL is allowed. */
 void cairn_appearance_field_free(cairn_appearance_field *field);
 
 /* Returns the probability that a box shows the class, 0 ... 1, from the patches centred in the box;
- * 0.5 without patches. Cost: linear in the patches of the image. */
+ * 0.5 without patches. Cost: linear in the patches of the image.
+ *
+ * box: px: left, top, right, bottom */
 double cairn_appearance_probability(const cairn_appearance_field *field, const double box[4]);
 
 /* Returns the distance of the box's word histogram to the nearest positive support vector, 0 ... 1:
  * half of chi-squared; 1 when the box has no patch, or the model no positive support vector. Cost:
- * linear in the patches of the image and the size of the model. */
+ * linear in the patches of the image and the size of the model.
+ *
+ * box: px: left, top, right, bottom */
 double cairn_appearance_distance(const cairn_appearance_field *field, const double box[4]);
 
-/* Returns the probability of the class for a normalized histogram [word_count]. */
+/* Returns the probability of the class for a normalized histogram [word_count].
+ *
+ * model: a model
+ * histogram: [word_count] shares of the words, with sum 1 */
 double cairn_appearance_histogram_probability(const cairn_appearance_model *model,
                                               const float *histogram);
 
 /* ---- Training ---- */
 
+/* Parameters of the training; defaults in brackets. */
 typedef struct cairn_appearance_params {
-    int32_t words;     /* words of the dictionary, 2 ... CAIRN_APPEARANCE_MAX_WORDS (100) */
-    int32_t negatives; /* 1 ... 100: negative windows per box (10) */
-    /* > 0 ... 1e6: C of the support vector machine, cost of a misclassified window (10) */
+    /* 2 ... CAIRN_APPEARANCE_MAX_WORDS (100): words of the dictionary */
+    int32_t words;
+    /* 1 ... 100 (10): negative windows per box */
+    int32_t negatives;
+    /* > 0, <= 1e6 (10): C of the support vector machine, cost of a misclassified window */
     double cost;
-    uint64_t seed; /* seed of k-means and of the window sampling (1) */
+    /* any (1): seed of k-means and of the window sampling */
+    uint64_t seed;
 } cairn_appearance_params;
 
+/* Collects the images and boxes that a model is trained on. */
 typedef struct cairn_appearance_trainer cairn_appearance_trainer;
 
-/* Returns the values in brackets above. */
+/* Returns the default parameters. */
 cairn_appearance_params cairn_appearance_default(void);
 
-/* Creates an empty trainer; NULL: out of memory. */
+/* Returns an empty trainer, to be freed by cairn_appearance_trainer_free(); NULL: out of memory. */
 cairn_appearance_trainer *cairn_appearance_trainer_new(void);
+
+/* Frees the trainer. NULL is allowed. */
 void cairn_appearance_trainer_free(cairn_appearance_trainer *trainer);
 
 /* Adds an image and the boxes [count][4] about all objects of the class in it; without boxes it is
  * a negative image. CAIRN_FULL: more than CAIRN_APPEARANCE_MAX_IMAGES. CAIRN_BAD_ARGUMENT: an
- * invalid box, or one outside the image. Other statuses as cairn_appearance_field_make. */
+ * invalid box, or one outside the image. Other statuses as cairn_appearance_field_make.
+ *
+ * grey: [height * width] 8-bit grey image
+ * width, height: size, px
+ * path: used in the error
+ * boxes: [count][4] px: left, top, right, bottom */
 CAIRN_CHECKED cairn_status cairn_appearance_trainer_add(cairn_appearance_trainer *trainer,
                                                         const uint8_t *grey, int32_t width,
                                                         int32_t height, const double *boxes,
@@ -142,7 +174,10 @@ CAIRN_CHECKED cairn_status cairn_appearance_trainer_add(cairn_appearance_trainer
  * Cost: k-means takes words times at most 8000 patches, at most 25 times; quantization takes words
  * times all patches of all images; six support vector machines are trained, each between quadratic
  * and cubic in the windows, times words. Memory: windows times words, twice, and all images'
- * patches, which the trainer keeps (about 128 bytes per 29 pixels). */
+ * patches, which the trainer keeps (about 128 bytes per 29 pixels).
+ *
+ * path: used in the error
+ * model: set to the model */
 CAIRN_CHECKED cairn_status cairn_appearance_train(cairn_appearance_model *model,
                                                   const cairn_appearance_trainer *trainer,
                                                   const cairn_appearance_params *params,

@@ -13,16 +13,16 @@
 extern "C" {
 #endif
 
-/* Capacities. Default values in brackets. */
+/* Capacities; defaults in brackets. */
 typedef struct cairn_assignment_params {
-    /* Rows and columns of the table, 1 ... 4096 (128 and 128). */
+    /* 1 ... 4096 (128 and 128): rows and columns of the table */
     int32_t max_rows, max_columns;
 } cairn_assignment_params;
 
 /* Solver of linear assignment problems. */
 typedef struct cairn_assignment cairn_assignment;
 
-/* The default values. */
+/* Returns the default parameters. */
 cairn_assignment_params cairn_assignment_default(void);
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. Linear in the sides; the
@@ -37,7 +37,9 @@ CAIRN_CHECKED cairn_status cairn_assignment_create(cairn_assignment **assignment
 /* Starts an assignment. cost[row * columns + column], of either sign, at most 1e9 in magnitude,
  * must stay until step() returns CAIRN_OK. An assignment that runs is discarded.
  * CAIRN_BAD_ARGUMENT: NULL, a side below 1. CAIRN_FULL: more than max_rows or max_columns. Cost:
- * linear in the sides. */
+ * linear in the sides.
+ *
+ * cost: [rows][columns], row-major */
 CAIRN_CHECKED cairn_status cairn_assignment_begin(cairn_assignment *assignment,
                                                   const cairn_real *cost, int32_t rows,
                                                   int32_t columns);

@@ -30,19 +30,19 @@ extern "C" {
 /* Sparse LDL^T solver. */
 typedef struct cairn_block_solver cairn_block_solver;
 
-/* Capacities. Default values in brackets. */
+/* Capacities; defaults in brackets. */
 typedef struct cairn_block_solver_params {
-    /* Poses, 1 ... 2^22 (1000). */
+    /* 1 ... 2^22 (1000): poses */
     int32_t max_poses;
-    /* Links, repeated ones included, 0 ... 2^24 (3000). */
+    /* 0 ... 2^24 (3000): links, repeated ones included */
     int32_t max_links;
-    /* Blocks of the factor below the diagonal (fill-in included), 0 ... 2^26 (12000). The memory
+    /* 0 ... 2^26 (12000): blocks of the factor below the diagonal (fill-in included). The memory
      * grows by 9 cairn_real and an int32_t per block. Pose graphs of robots that drive through
      * corridors need 2 to 6 blocks per link. */
     int32_t max_fill;
 } cairn_block_solver_params;
 
-/* The default values. */
+/* Returns the default parameters. */
 cairn_block_solver_params cairn_block_solver_default(void);
 
 /* State of a solver, after the last stage that ended. */
@@ -94,7 +94,9 @@ CAIRN_CHECKED cairn_status cairn_block_solver_begin(cairn_block_solver *solver, 
 
 /* Links two different poses. Links are numbered from 0 in the order in which they are added.
  * Repeated links of a pair share one block. CAIRN_BAD_ARGUMENT: no such pose, first == second, or
- * the structure is already analyzed. CAIRN_FULL: max_links. Constant time. */
+ * the structure is already analyzed. CAIRN_FULL: max_links. Constant time.
+ *
+ * first, second: indices of the poses, from 0 */
 CAIRN_CHECKED cairn_status cairn_block_solver_add_link(cairn_block_solver *solver, int32_t first,
                                                        int32_t second);
 
@@ -110,7 +112,9 @@ CAIRN_CHECKED cairn_status cairn_block_solver_analyze(cairn_block_solver *solver
  * allocated. So the memory can be fitted to the graph: create with max_fill of 0, analyze, read
  * `fill`, extend. CAIRN_BAD_ARGUMENT: the last step did not return CAIRN_FULL, max_fill is less
  * than `fill` or above 2^26. CAIRN_NO_MEMORY: the pool has less than extend_memory() bytes left;
- * nothing has changed. */
+ * nothing has changed.
+ *
+ * max_fill: new capacity for blocks of the factor */
 CAIRN_CHECKED cairn_status cairn_block_solver_extend(cairn_block_solver *solver, cairn_pool *pool,
                                                      int32_t max_fill);
 
@@ -122,13 +126,19 @@ size_t cairn_block_solver_extend_memory(int32_t max_fill);
 CAIRN_CHECKED cairn_status cairn_block_solver_clear(cairn_block_solver *solver);
 
 /* Adds a block to the diagonal block of a pose. CAIRN_BAD_ARGUMENT: no such pose, or state is not
- * ANALYZED. CAIRN_NOT_FINITE. Constant time. */
+ * ANALYZED. CAIRN_NOT_FINITE. Constant time.
+ *
+ * pose: index of the pose
+ * block: symmetric 3 x 3 block to add */
 CAIRN_CHECKED cairn_status cairn_block_solver_add_pose_block(cairn_block_solver *solver,
                                                              int32_t pose, cairn_sym3 block);
 
 /* Adds a block to the off-diagonal block of a link. block[3 * r + c]: entry of row r of the first
  * pose and column c of the second pose. CAIRN_BAD_ARGUMENT: no such link, or state is not
- * ANALYZED. CAIRN_NOT_FINITE. Constant time. */
+ * ANALYZED. CAIRN_NOT_FINITE. Constant time.
+ *
+ * link: index of the link
+ * block: [3][3] block to add */
 CAIRN_CHECKED cairn_status cairn_block_solver_add_link_block(cairn_block_solver *solver,
                                                              int32_t link,
                                                              const cairn_real block[9]);
@@ -145,7 +155,10 @@ CAIRN_CHECKED cairn_status cairn_block_solver_solve(cairn_block_solver *solver,
                                                     const cairn_real *b);
 
 /* The three entries of the solution x of a pose. CAIRN_BAD_ARGUMENT: no such pose. CAIRN_EMPTY: no
- * solution since the last factor(). */
+ * solution since the last factor().
+ *
+ * pose: index of the pose
+ * x: [3] set to the entries */
 CAIRN_CHECKED cairn_status cairn_block_solver_solution(const cairn_block_solver *solver,
                                                        int32_t pose, cairn_real x[3]);
 
@@ -159,7 +172,10 @@ CAIRN_CHECKED cairn_status cairn_block_solver_invert(cairn_block_solver *solver)
  * marginal (cross-)covariance. Available for a pose with itself and for linked poses; to make
  * another pair available, link the pair without adding a block. CAIRN_EMPTY: state is not INVERTED.
  * CAIRN_UNSUPPORTED: the block is outside the pattern. CAIRN_BAD_ARGUMENT: no such pose. Cost:
- * logarithmic. */
+ * logarithmic.
+ *
+ * first, second: indices of the poses
+ * block: [3][3] set to the block */
 CAIRN_CHECKED cairn_status cairn_block_solver_covariance(const cairn_block_solver *solver,
                                                          int32_t first, int32_t second,
                                                          cairn_real block[9]);

@@ -32,40 +32,43 @@
 extern "C" {
 #endif
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_boundary_params {
-    /* Largest image, px, 1 ... 8192 (640 and 480). */
+    /* px, 1 ... 8192 (640 and 480): largest image */
     int32_t max_width, max_height;
-    /* Capacity of regions, 1 ... 2^22 (8192). Further basins, the shallowest last, merge with
-     * their neighbours. */
+    /* 1 ... 2^22 (8192): capacity of regions. Further basins, the shallowest last, merge with their
+     * neighbours. */
     int32_t max_regions;
-    /* Capacity of corners of all reported contours, 1 ... 2^28 (262,144). 2 pixels + 3
-     * max_regions suffice. */
+    /* 1 ... 2^28 (262,144): capacity of corners of all reported contours. 2 pixels + 3 max_regions
+     * suffice. */
     int32_t max_corners;
-    /* Half-widths of the histogram windows, px, 1 ... 32 (2 and 5). Each window is a box filter
+    /* px, 1 ... 32 (2 and 5): half-widths of the histogram windows. Each window is a box filter
      * applied three times. The half-widths of the mean windows are the fine one, the average of
      * both, and their sum. */
     int32_t fine_half_width, coarse_half_width;
-    /* Weight of histogram changes, >= 0 (8). A change of a mean by 10 units of L, a, b has
-     * weight 1. */
+    /* >= 0 (8): weight of histogram changes. A change of a mean by 10 units of L, a, b has weight
+     * 1. */
     cairn_real histogram_weight;
-    /* Weight of the spectral cue, >= 0, relative to the mean border strength (0.3). */
+    /* >= 0 (0.3): weight of the spectral cue, relative to the mean border strength */
     cairn_real spectral_weight;
-    /* Exponent of the smaller region's share of the image in the merge cost, 0 ... 1; the merge
-     * criteria use it times 0 to 2 (0.1). */
+    /* 0 ... 1 (0.1): exponent of the smaller region's share of the image in the merge cost; the
+     * merge criteria use it times 0 to 2 */
     cairn_real size_exponent;
-    /* Exponent of the colour distance of both regions in the merge cost, 0 ... 1; used by two of
-     * the five criteria (0.15). */
+    /* 0 ... 1 (0.15): exponent of the colour distance of both regions in the merge cost; used by
+     * two of the five criteria */
     cairn_real contrast_exponent;
-    /* Least strength of a reported contour, >= 0 (0). */
+    /* >= 0 (0): least strength of a reported contour */
     cairn_real min_strength;
 } cairn_boundary_params;
 
 /* A pixel corner. Corner (x, y) lies between pixels (x - 1, y - 1) and (x, y), at (x - 1/2, y -
  * 1/2) in image coordinates, px. */
 typedef struct cairn_boundary_corner {
+    /* column and row of the corner */
     int16_t x, y;
 } cairn_boundary_corner;
 
+/* A contour between two regions, from junction to junction. */
 typedef struct cairn_boundary_contour {
     /* corners[first ... first + count - 1]; consecutive corners are one pixel side apart. */
     int32_t first, count;
@@ -93,10 +96,11 @@ typedef struct cairn_boundary_image {
     ptrdiff_t stride;
 } cairn_boundary_image;
 
+/* Detector of region contours. */
 typedef struct cairn_boundary cairn_boundary;
 
-/* Returns the default values, in brackets above. The weights were chosen from a few candidates
- * on photographs with human-drawn outlines (docs/lab/skeleton.md). */
+/* Returns the default parameters. The weights were chosen from a few candidates on photographs with
+ * human-drawn outlines (docs/lab/skeleton.md). */
 cairn_boundary_params cairn_boundary_default(void);
 
 /* Returns the memory of a detector in bytes; 0 for params that create() rejects. */
@@ -109,7 +113,9 @@ CAIRN_CHECKED cairn_status cairn_boundary_create(cairn_boundary **boundary, cair
 
 /* Starts on an image and discards the previous result. CAIRN_BAD_ARGUMENT: no samples,
  * unsupported channels or stride. CAIRN_FULL: larger than max_width or max_height. Cost: linear
- * in max_regions. */
+ * in max_regions.
+ *
+ * image: grey or colour image */
 CAIRN_CHECKED cairn_status cairn_boundary_begin(cairn_boundary *boundary,
                                                 const cairn_boundary_image *image);
 
@@ -134,6 +140,7 @@ typedef struct cairn_boundary_result {
     cairn_raster_real_view strengths;
 } cairn_boundary_result;
 
+/* Returns the contours; all zero until step() returns CAIRN_OK. */
 cairn_boundary_result cairn_boundary_read(const cairn_boundary *boundary);
 
 #ifdef __cplusplus

@@ -63,14 +63,15 @@ extern "C" {
 
 /* Parameters of the reader. */
 typedef struct cairn_carmen_log_params {
-    /* m; ranges at or above it are no returns. 0: estimated by rules 2 to 5. Default 0 */
+    /* m, 0 ... CAIRN_SCAN_EXTENT (0): ranges at or above it are no returns; 0: estimated by rules 2
+     * to 5 */
     double range_max;
-    /* m; standard deviation of the ranges, copied into the scans. Default 0.01 */
+    /* m, >= 0 (0.01): standard deviation of the ranges, copied into the scans */
     double range_sigma;
-    /* Called once for each fault, in the order of the lines, by cairn_carmen_log_open() or
-     * cairn_carmen_log_load(). NULL: faults are only counted. */
+    /* any (NULL): called once for each fault, in the order of the lines, by cairn_carmen_log_open()
+     * or cairn_carmen_log_load(). NULL: faults are only counted. */
     void (*on_fault)(void *context, const cairn_file_error *fault);
-    /* passed to on_fault */
+    /* any (NULL): passed to on_fault */
     void *context;
 } cairn_carmen_log_params;
 
@@ -79,6 +80,7 @@ cairn_carmen_log_params cairn_carmen_log_default(void);
 
 /* Summary of a whole log. */
 typedef struct cairn_carmen_log_summary {
+    /* lines of the file */
     int64_t lines;
     /* well-formed FLASER and ROBOTLASER1 lines */
     int64_t scans;
@@ -92,6 +94,7 @@ typedef struct cairn_carmen_log_summary {
     int64_t beams;
     /* fewest and most beams of one scan */
     int32_t min_beams;
+    /* most beams of a scan */
     int32_t max_beams;
     /* stamps of the first and the last scan, ns */
     int64_t first_ns, last_ns;
@@ -120,11 +123,13 @@ enum {
 
 /* A scan or an odometry message. */
 typedef struct cairn_carmen_log_record {
+    /* kind of the message */
     cairn_carmen_log_kind kind;
     /* number of ranges; 0 for odometry */
     int32_t count;
     /* number of the line, from 1 */
     int64_t line;
+    /* time, ns */
     int64_t stamp_ns;
     /* the robot's odometry pose */
     cairn_pose robot;
@@ -143,7 +148,9 @@ typedef struct cairn_carmen_log cairn_carmen_log;
 /* Opens a log and reads it once, for its summary and its faults. CAIRN_EMPTY: no scan;
  * CAIRN_BAD_ARGUMENT: a range_max that is negative or above CAIRN_SCAN_EXTENT, a range_sigma that
  * is negative or not finite; CAIRN_IO, CAIRN_UNSUPPORTED (not a regular file), CAIRN_NO_MEMORY.
- * Memory: the longest line. params NULL: the defaults. */
+ * Memory: the longest line. params NULL: the defaults.
+ *
+ * path: file, plain or gzipped */
 CAIRN_CHECKED cairn_status cairn_carmen_log_open(cairn_carmen_log **log, const char *path,
                                                  const cairn_carmen_log_params *params,
                                                  cairn_file_error *error);
@@ -152,7 +159,9 @@ CAIRN_CHECKED cairn_status cairn_carmen_log_open(cairn_carmen_log **log, const c
 cairn_carmen_log_summary cairn_carmen_log_info(const cairn_carmen_log *log);
 
 /* Reads the next scan or odometry message. The record's arrays are valid until the next call.
- * CAIRN_EMPTY: the end of the log; CAIRN_IO, CAIRN_NO_MEMORY. */
+ * CAIRN_EMPTY: the end of the log; CAIRN_IO, CAIRN_NO_MEMORY.
+ *
+ * record: set to the message */
 CAIRN_CHECKED cairn_status cairn_carmen_log_next(cairn_carmen_log *log,
                                                  cairn_carmen_log_record *record,
                                                  cairn_file_error *error);
@@ -166,18 +175,25 @@ void cairn_carmen_log_close(cairn_carmen_log *log);
 /* All scans of a log. */
 typedef struct cairn_carmen_log_scans {
     cairn_carmen_log_record *record; /* [count] */
+    /* number of scans */
     int32_t count;
     float *range; /* storage of the records' ranges */
+    /* summary of the log */
     cairn_carmen_log_summary info;
 } cairn_carmen_log_scans;
 
 /* Reads all scans of a log. Statuses of cairn_carmen_log_open() and cairn_carmen_log_next(); on
- * failure there is nothing to free. CAIRN_FULL: more than INT32_MAX scans. */
+ * failure there is nothing to free. CAIRN_FULL: more than INT32_MAX scans.
+ *
+ * scans: set to the scans and the summary
+ * path: file, plain or gzipped */
 CAIRN_CHECKED cairn_status cairn_carmen_log_load(cairn_carmen_log_scans *scans, const char *path,
                                                  const cairn_carmen_log_params *params,
                                                  cairn_file_error *error);
 
-/* Frees the arrays. */
+/* Frees the arrays.
+ *
+ * scans: scans that were loaded */
 void cairn_carmen_log_scans_free(cairn_carmen_log_scans *scans);
 
 #ifdef __cplusplus

@@ -45,46 +45,57 @@
 extern "C" {
 #endif
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_contour_grouping_params {
-    int32_t mode;                  /* CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN */
-    int32_t max_width, max_height; /* px, size of the image, 1 ... 8192 (1024 and 1024) */
-    /* 1 ... 2^20 (8192). Default mode: pieces of segments; a longer list is subsampled evenly. As
-     * written: segments; begin() refuses more. */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): method */
+    int32_t mode;
+    /* px, 1 ... 8192 (1024 and 1024): size of the image */
+    int32_t max_width, max_height;
+    /* 1 ... 2^20 (8192): capacity for tokens. Default mode: pieces of segments; a longer list is
+     * subsampled evenly. As written: segments; begin() refuses more. */
     int32_t max_tokens;
-    int32_t max_samples;  /* samples of a model's paths, 1 ... 1024 (64) */
-    int32_t max_outline;  /* samples of a model's outline, 1 ... 4096 (512) */
-    int32_t particles;    /* also the maximum number of hypotheses, 1 ... 4096 (300) */
-    int32_t max_objects;  /* 1 ... 64 (8) */
-    int32_t use_model;    /* 0: particles are not weighted by the model (1) */
-    int32_t use_skeleton; /* 0: the proposal ignores symmetry (1) */
-    /* token_length, deform_sigma, turn_sigma, missing_likelihood, min_score and min_evidence apply
-     * to the default mode only. */
-    /* px, > 0: length of the tokens that segments are cut into (10) */
+    /* 1 ... 1024 (64): samples of a model's paths */
+    int32_t max_samples;
+    /* 1 ... 4096 (512): samples of a model's outline */
+    int32_t max_outline;
+    /* 1 ... 4096 (300): particles of the filter, also the maximum number of hypotheses */
+    int32_t particles;
+    /* 1 ... 64 (8): greatest number of reported objects */
+    int32_t max_objects;
+    /* 0 or 1 (1): 0: particles are not weighted by the model */
+    int32_t use_model;
+    /* 0 or 1 (1): 0: the proposal ignores symmetry */
+    int32_t use_skeleton;
+    /* px, > 0 (10): length of the tokens that segments are cut into; default mode only */
     cairn_real token_length;
-    /* share of the object's size, > 0: standard deviation of contour positions (0.025) */
+    /* share of the object's size, > 0 (0.025): standard deviation of contour positions; default
+     * mode only */
     cairn_real deform_sigma;
-    /* rad, > 0: standard deviation of contour directions (15 degrees) */
+    /* rad, > 0 (15 degrees): standard deviation of contour directions; default mode only */
     cairn_real turn_sigma;
-    /* rad, > 0: S_sigma, standard deviation of the loss of symmetry per step (45 degrees) */
+    /* rad, > 0 (45 degrees): S_sigma, standard deviation of the loss of symmetry per step */
     cairn_real symmetry_sigma;
-    /* 0 < p <= 1: likelihood of a side that matches no token (0.3) */
+    /* > 0, <= 1 (0.3): likelihood of a side that matches no token; default mode only */
     cairn_real missing_likelihood;
-    /* 0 < p <= 1: the filter ends when the best mean likelihood per step falls below. As written:
-     * Delta_p, see above (0.3; as written 0.5). */
+    /* > 0, <= 1 (0.3): the filter ends when the best mean likelihood per step falls below. As
+     * written (0.5 there): Delta_p, see above. */
     cairn_real stop_likelihood;
-    cairn_real min_score;    /* 0 ... 1: least score of a reported object (0.2) */
-    cairn_real min_evidence; /* nats, >= 0: least evidence of a reported object (13) */
-    /* seed of the random numbers (1) */
+    /* 0 ... 1 (0.2): least score of a reported object; default mode only */
+    cairn_real min_score;
+    /* nats, >= 0 (13): least evidence of a reported object; default mode only */
+    cairn_real min_evidence;
+    /* any (1): seed of the random numbers */
     uint64_t seed;
-    /* Mode as written only. */
-    /* symmetric points of all pairs of segments, 1 ... 2^22; of more the most symmetric are kept
-     * (65,536) */
+    /* 1 ... 2^22 (65,536): symmetric points of all pairs of segments; of more the most symmetric
+     * are kept; as written only */
     int32_t max_points;
-    /* steps of a trajectory, 2 ... 1024 (128) */
+    /* 2 ... 1024 (128): steps of a trajectory; as written only */
     int32_t max_steps;
-    /* > 0: D_sigma of (2.13), standard deviation of the displacement dissimilarity (0.7) */
+    /* > 0 (0.7): D_sigma of (2.13), standard deviation of the displacement dissimilarity; as
+     * written only */
     cairn_real path_sigma;
-    /* > 0: R_sigma of (2.13), standard deviation of the radius, in mean radii of the model (0.2) */
+    /* mean radii of the model, > 0 (0.2): R_sigma of (2.13), standard deviation of the radius; as
+     * written only */
     cairn_real radius_sigma;
 } cairn_contour_grouping_params;
 
@@ -92,6 +103,7 @@ typedef struct cairn_contour_grouping_params {
 typedef struct cairn_contour_grouping_input {
     /* [count] px; must stay valid until step() returns CAIRN_OK */
     const cairn_segment *segments;
+    /* number of segments */
     int32_t count;
     /* px */
     int32_t width, height;
@@ -110,6 +122,7 @@ typedef struct cairn_contour_grouping_input {
     /* [end_count] px, end points of strong chains, where trajectories start; must stay valid,
      * too */
     const cairn_vec2 *ends;
+    /* number of end points */
     int32_t end_count;
 } cairn_contour_grouping_input;
 
@@ -145,9 +158,11 @@ typedef struct cairn_contour_grouping_trace {
     cairn_real n_eff;
     /* nats, of the best particle, mean over its steps; as written: of the greatest posterior */
     cairn_real log_likelihood;
+    /* followers drawn, whether the population was resampled, and particles afterwards */
     int32_t followers, resampled, particles;
 } cairn_contour_grouping_trace;
 
+/* The objects found, and their segments. */
 typedef struct cairn_contour_grouping_result {
     const cairn_contour_grouping_object *objects; /* [object_count] by descending evidence */
     /* Indices of the input's segments, object by object, in the order of the outline. As written:
@@ -157,6 +172,7 @@ typedef struct cairn_contour_grouping_result {
      * written: only at the outline samples nearest to the model samples of the discs. */
     const int32_t *outline_segments;
     const cairn_contour_grouping_trace *trace; /* [steps] */
+    /* number of objects, of their segments in all, and of filter steps */
     int32_t object_count, segment_count, steps;
     /* Pose hypotheses generated from pairs of tokens. As written: start states that the initial
      * particles are sampled from, four per symmetric point near an end of a strong chain. */
@@ -189,9 +205,10 @@ enum {
     CAIRN_CONTOUR_GROUPING_HISTORIES = 4
 };
 
+/* Grouping of contour tokens to objects by a particle filter. */
 typedef struct cairn_contour_grouping cairn_contour_grouping;
 
-/* Returns the values in brackets above. */
+/* Returns the default parameters. */
 cairn_contour_grouping_params cairn_contour_grouping_default(void);
 
 /* Returns the mode as written with the constants of the thesis. */
@@ -210,7 +227,9 @@ cairn_contour_grouping_create(cairn_contour_grouping **grouping, cairn_pool *poo
 
 /* Starts the search in one image and discards earlier results. CAIRN_BAD_ARGUMENT: NULL, an empty
  * range, an invalid model. CAIRN_FULL: an image or a model beyond the params; as written also more
- * than max_tokens segments. CAIRN_NOT_FINITE: a number of the input. Cost: linear in the model. */
+ * than max_tokens segments. CAIRN_NOT_FINITE: a number of the input. Cost: linear in the model.
+ *
+ * input: tokens, model and ranges of the pose */
 CAIRN_CHECKED cairn_status cairn_contour_grouping_begin(cairn_contour_grouping *grouping,
                                                         const cairn_contour_grouping_input *input);
 
@@ -239,6 +258,7 @@ typedef struct cairn_contour_grouping_particle {
     cairn_real turn;   /* rad, rotation */
     cairn_vec2 centre; /* px */
     cairn_real radius; /* px */
+    /* logarithm of the weight, nats */
     cairn_real log_weight;
     int32_t sample;        /* of the model */
     int32_t matched_sides; /* 0 ... 2: matched sides of the disc */
@@ -246,7 +266,9 @@ typedef struct cairn_contour_grouping_particle {
 
 /* Writes the first `most` particles after the last completed filter step into particles[] and
  * returns their total number: 0 before the first step and without hypotheses. *steps, when not
- * NULL: number of completed steps. Cost: linear. */
+ * NULL: number of completed steps. Cost: linear.
+ *
+ * particles: [most] set to the first particles */
 int32_t cairn_contour_grouping_particles(const cairn_contour_grouping *grouping,
                                          cairn_contour_grouping_particle *particles, int32_t most,
                                          int32_t *steps);
@@ -273,12 +295,18 @@ typedef struct cairn_contour_grouping_disc {
 
 /* Writes the first `most` discs of a particle's trajectory, from its start to the last step, into
  * discs[] and returns their total number: 0 for an unknown particle and in the default mode. Cost:
- * linear. */
+ * linear.
+ *
+ * particle: index of the particle
+ * discs: [most] set to the first discs */
 int32_t cairn_contour_grouping_history(const cairn_contour_grouping *grouping, int32_t particle,
                                        cairn_contour_grouping_disc *discs, int32_t most);
 
-/* Writes the skeleton of an object of the result, as cairn_contour_grouping_history does for a
- * particle. */
+/* Writes the first `most` discs of the skeleton of an object of the result and returns their total
+ * number, as cairn_contour_grouping_history() does for a particle.
+ *
+ * discs: [most] set to the first discs
+ * object: index of the object in the result */
 int32_t cairn_contour_grouping_skeleton(const cairn_contour_grouping *grouping, int32_t object,
                                         cairn_contour_grouping_disc *discs, int32_t most);
 

@@ -26,6 +26,7 @@ typedef struct cairn_contour_search_tokens {
     int32_t *chain;       /* [count] chain index of each segment */
     /* [count] 0 ... 1: rank of its strength, the share of the total edge length that is weaker */
     cairn_real *strength_rank;
+    /* number of segments and of chains */
     int32_t count, chain_count;
     int32_t width, height;  /* px, size of the image */
     cairn_real mean_length; /* px, mean length of the segments */
@@ -33,13 +34,19 @@ typedef struct cairn_contour_search_tokens {
     /* Set by cairn_contour_search_tokens_find_written() only. */
     cairn_real look_ahead; /* px, look-ahead L */
     cairn_vec2 *ends;      /* [end_count] px: end points of the strong chains */
+    /* number of end points */
     int32_t end_count;
 } cairn_contour_search_tokens;
 
 /* Extracts the segments of an edge image. edgels 1: extracts edgels instead, short straight pieces
  * at even steps along the chains. min_strength: 1 ... 255. CAIRN_FULL: beyond the limits above;
  * CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. On failure there is nothing to free. The error message names
- * `path`. */
+ * `path`.
+ *
+ * tokens: set to the segments
+ * strengths: edge strengths, 0: no edge
+ * path: used in the error
+ * edgels: 0: segments; 1: edgels */
 CAIRN_CHECKED cairn_status cairn_contour_search_tokens_find(cairn_contour_search_tokens *tokens,
                                                             cairn_raster_u8_view strengths,
                                                             int32_t min_strength, int32_t edgels,
@@ -48,10 +55,20 @@ CAIRN_CHECKED cairn_status cairn_contour_search_tokens_find(cairn_contour_search
 
 /* Extracts the tokens for the mode as written (Adluru 2008, 2.6 and 2.7). Adds the virtual segments
  * at junctions (their chain is -1), and the end points of strong chains: chains whose mean strength
- * is at least `strong` times the length-weighted mean of all. strong: finite, >= 0. */
+ * is at least `strong` times the length-weighted mean of all. Statuses of
+ * cairn_contour_search_tokens_find(); CAIRN_BAD_ARGUMENT also: strong.
+ *
+ * tokens: set to the tokens
+ * strengths: edge strengths, 0: no edge
+ * min_strength: 1 ... 255: weaker pixels are not edges
+ * edgels: 0: segments; 1: edgels
+ * strong: finite, >= 0
+ * path: used in the error */
 CAIRN_CHECKED cairn_status cairn_contour_search_tokens_find_written(
     cairn_contour_search_tokens *tokens, cairn_raster_u8_view strengths, int32_t min_strength,
     int32_t edgels, cairn_real strong, const char *path, cairn_file_error *error);
+
+/* Frees the arrays of `tokens`. */
 void cairn_contour_search_tokens_free(cairn_contour_search_tokens *tokens);
 
 /* One disc of an object's skeleton. */
@@ -107,23 +124,29 @@ typedef struct cairn_contour_search_object {
     int32_t outline_count;
     /* nats, evidence of the outline before and after deformation */
     cairn_real rigid_evidence, deformed_evidence;
+    /* how the outline was deformed */
     cairn_contour_search_shape shape;
 } cairn_contour_search_object;
 
+/* The objects found in an image, and diagnostics of the search. Arrays are on the heap. */
 typedef struct cairn_contour_search_result {
     /* [object_count] by descending evidence */
     cairn_contour_search_object *objects;
     /* [segment_count] indices of the tokens' lines, object by object, in the order of the model's
      * outline */
     int32_t *segments;
+    /* [disc_count] skeletons, object by object */
     cairn_contour_search_disc *discs;
+    /* [outline_count] outline samples, object by object */
     cairn_contour_search_place *outline;
     /* [steps] of the filter, for the model and for its mirror image */
     cairn_contour_grouping_trace *trace[2];
     /* [steps] number of clusters of particles: clusters of model poses; as written: of start
      * points */
     int32_t *mode_counts[2];
+    /* filter steps, and number of hypotheses; of the model and of its mirror image */
     int32_t steps[2], hypothesis_counts[2];
+    /* lengths of the arrays above */
     int32_t object_count, segment_count, disc_count, outline_count;
     /* the best score of all hypotheses, reported or not */
     cairn_real best_score;
@@ -141,53 +164,74 @@ typedef struct cairn_contour_search_result {
 } cairn_contour_search_result;
 
 /* Returns the name of a CAIRN_GROUPING_... termination reason: "no start", "posterior", "no
- * follower", "steps", "histories"; "" for other values. */
+ * follower", "steps", "histories"; "" for other values.
+ *
+ * end: any number */
 const char *cairn_contour_search_end_text(int32_t end);
 
+/* Parameters of the search; defaults in brackets. */
 typedef struct cairn_contour_search_params {
     /* the search sets its capacities and refines its objects */
     cairn_contour_grouping_params grouping;
-    /* nats per object size of outline length: least evidence of a reported object (34) */
+    /* nats per object size of outline length, any (34): least evidence of a reported object */
     cairn_real min_evidence;
-    /* 0 ... 1: least matched share of a reported object (0.3) */
+    /* 0 ... 1 (0.3): least matched share of a reported object */
     cairn_real min_score;
-    /* px, > 0: range of the object's size, the diagonal of its bounding box */
+    /* px, > 0 (from the image's size): range of the object's size, the diagonal of its bounding
+     * box; by default from a tenth of the image's diagonal to the whole, at least 24 */
     cairn_real min_size, max_size;
-    /* rad: range of the rotation (-15 ... 15 degrees) */
+    /* rad, any (-15 degrees and 15 degrees): range of the rotation */
     cairn_real min_turn, max_turn;
-    /* 1: the mirrored model is searched, too (1) */
+    /* 0 or 1 (1): 1: the mirrored model is searched, too */
     int32_t mirror;
-    /* called with the particles after every filter step; NULL: no callback */
+    /* any (NULL): called with the particles after every filter step; NULL: no callback */
     void (*on_step)(void *context, const cairn_contour_grouping_particle *particles, int32_t count,
                     int32_t mirrored);
+    /* any (NULL): passed to on_step and on_walk */
     void *context;
-    /* mode as written: called after on_step with the trajectory of the particle of greatest weight;
-     * NULL: no callback */
+    /* any (NULL): mode as written: called after on_step with the trajectory of the particle of
+     * greatest weight; NULL: no callback */
     void (*on_walk)(void *context, const cairn_contour_grouping_disc *discs, int32_t count);
 } cairn_contour_search_params;
 
-/* Returns the values in brackets above; sizes from a tenth of the image's diagonal, at least 24 px,
- * to the whole. */
+/* Returns the default parameters; sizes from a tenth of the image's diagonal, at least 24 px, to
+ * the whole.
+ *
+ * width, height: size of the image, px */
 cairn_contour_search_params cairn_contour_search_default(int32_t width, int32_t height);
 
 /* Returns the params of the mode as written: no mirror image, no rotation. The searched size is the
- * geometric mean of min_size and max_size. */
+ * geometric mean of min_size and max_size.
+ *
+ * width, height: size of the image, px */
 cairn_contour_search_params cairn_contour_search_as_written(int32_t width, int32_t height);
 
 /* Detects the instances of a model. CAIRN_BAD_ARGUMENT: params, or a model that cannot be searched
  * (statuses of cairn_contour_grouping_begin). CAIRN_FULL: in the mode as written, more than 2^20
  * segments. CAIRN_NO_MEMORY. On failure there is nothing to free. The error message names
- * `path`. */
+ * `path`.
+ *
+ * result: set to the result
+ * tokens: segments of the image
+ * path: used in the error
+ * model: model to search */
 CAIRN_CHECKED cairn_status cairn_contour_search_run(cairn_contour_search_result *result,
                                                     const cairn_contour_search_tokens *tokens,
                                                     const cairn_shape_model *model,
                                                     const cairn_contour_search_params *params,
                                                     const char *path, cairn_file_error *error);
+
+/* Frees the arrays of `result`. */
 void cairn_contour_search_result_free(cairn_contour_search_result *result);
 
 /* Finds the next run of outline samples, at or after sample `from`, that no segment of the contour
  * matches: samples *first ... *first + *count - 1 are predicted, not observed. A run ends at the
- * end of an outline. Returns 0 when there is none. Cost: linear. */
+ * end of an outline. Returns 0 when there is none. Cost: linear.
+ *
+ * result: result of a search
+ * object: one of its objects
+ * from: sample of the object's outline, from 0
+ * first, count: set to the run */
 int cairn_contour_search_completed(const cairn_contour_search_result *result,
                                    const cairn_contour_search_object *object, int32_t from,
                                    int32_t *first, int32_t *count);

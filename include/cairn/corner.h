@@ -25,6 +25,7 @@ enum {
     CAIRN_CORNER_CONVEX = 2
 };
 
+/* A corner of two segments. */
 typedef struct cairn_corner {
     /* intersection of the two lines, m */
     cairn_vec2 position;
@@ -36,30 +37,33 @@ typedef struct cairn_corner {
     cairn_real strength;
     /* leg[k] runs along segments[segment[k]] */
     int32_t segment[2];
+    /* kind of the corner */
     cairn_corner_kind kind;
 } cairn_corner;
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_corner_params {
-    /* 1 ... 2^28 (256) */
+    /* 1 ... 2^28 (256): capacity for segments */
     int32_t max_segments;
-    /* 1 ... 2^28; beyond the limit the strongest corners are kept (128) */
+    /* 1 ... 2^28 (128): capacity for corners; of more the strongest are kept */
     int32_t max_corners;
-    /* rad, > 0: least opening angle (80 degrees) */
+    /* rad, > 0 (80 degrees): least opening angle */
     cairn_real min_opening;
-    /* rad, >= min_opening, < pi: greatest opening angle (100 degrees) */
+    /* rad, >= min_opening, < pi (100 degrees): greatest opening angle */
     cairn_real max_opening;
-    /* m, > 0: greatest distance from the corner to an end of both segments (0.30) */
+    /* m, > 0 (0.30): greatest distance from the corner to an end of both segments */
     cairn_real end_distance;
-    /* m, >= 0: non-maximum-suppression radius; of corners of one kind within it whose legs agree
-     * within merge_angle only the strongest stays; 0: no suppression (0.10) */
+    /* m, >= 0 (0.10): non-maximum-suppression radius; of corners of one kind within it whose legs
+     * agree within merge_angle only the strongest stays; 0: no suppression */
     cairn_real merge_radius;
-    /* rad, 0 ... pi: greatest angle between the legs of suppressed corners (10 degrees) */
+    /* rad, 0 ... pi (10 degrees): greatest angle between the legs of suppressed corners */
     cairn_real merge_angle;
-    /* not 0: end_distance holds to both segments, not to their ends, so that T and X crossings are
-     * corners, too, as in section 7.3.4 (0) */
+    /* 0 or 1 (0): 1: end_distance holds to both segments, not to their ends, so that T and X
+     * crossings are corners, too, as in section 7.3.4 */
     int32_t crossings;
 } cairn_corner_params;
 
+/* Detector of corners, and the corners of its last detection. */
 typedef struct cairn_corner_set cairn_corner_set;
 
 /* Upper bound of cairn_corner_memory as a constant expression. */
@@ -68,7 +72,7 @@ typedef struct cairn_corner_set cairn_corner_set;
      CAIRN_ALLOCATION_BYTES(segments, sizeof(cairn_box)) +                                         \
      2 * CAIRN_ALLOCATION_BYTES(corners, sizeof(cairn_corner)))
 
-/* Returns 256 segments, 128 corners, and the other defaults in brackets above. */
+/* Returns the default parameters. */
 cairn_corner_params cairn_corner_default(void);
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
@@ -80,7 +84,9 @@ CAIRN_CHECKED cairn_status cairn_corner_create(cairn_corner_set **set, cairn_poo
 
 /* Starts a detection over segments[0 ... count-1], which must not change until it ends. A running
  * detection is cancelled. Segments of length 0 have no corners. CAIRN_BAD_ARGUMENT: count < 0, or
- * NULL with count > 0. CAIRN_FULL: count > max_segments. Constant time. */
+ * NULL with count > 0. CAIRN_FULL: count > max_segments. Constant time.
+ *
+ * segments: [count] segments */
 CAIRN_CHECKED cairn_status cairn_corner_begin(cairn_corner_set *set, const cairn_segment *segments,
                                               int32_t count);
 
@@ -92,7 +98,9 @@ CAIRN_CHECKED cairn_status cairn_corner_begin(cairn_corner_set *set, const cairn
 CAIRN_CHECKED cairn_status cairn_corner_step(cairn_corner_set *set, cairn_budget *budget);
 
 /* Returns the corners of the last completed detection, the strongest first (ties: by the lower,
- * then the higher index of their two segments); valid until the next detection ends. */
+ * then the higher index of their two segments); valid until the next detection ends.
+ *
+ * count: set to the number of corners */
 const cairn_corner *cairn_corner_list(const cairn_corner_set *set, int32_t *count);
 
 /* Returns the number of corners that the last detection dropped beyond max_corners. */

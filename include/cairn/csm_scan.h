@@ -25,8 +25,9 @@ extern "C" {
 
 /* Parameters of the reader. */
 typedef struct cairn_csm_scan_params {
-    double range_max; /* m, above 0; ranges at or above it are no returns. Default 80 */
-    /* m; standard deviation of the ranges, copied into the scans. Default 0.01 */
+    /* m, > 0, <= CAIRN_SCAN_EXTENT (80): ranges at or above it are no returns */
+    double range_max;
+    /* m, 0 ... CAIRN_SCAN_EXTENT (0.01): standard deviation of the ranges, copied into the scans */
     double range_sigma;
 } cairn_csm_scan_params;
 
@@ -36,8 +37,10 @@ cairn_csm_scan_params cairn_csm_scan_default(void);
 /* One scan. */
 typedef struct cairn_csm_scan {
     int64_t line; /* line of the file where its object begins, from 1 */
+    /* the scan; its arrays belong to the list */
     cairn_scan_input scan;
     cairn_pose odometry, estimate, true_pose; /* m, m, rad; identity when unknown */
+    /* 1: the pose of this name is given */
     int32_t has_odometry, has_estimate, has_true_pose;
     int32_t has_stamp; /* 0: no timestamp, scan.stamp_ns is 0 */
 } cairn_csm_scan;
@@ -45,6 +48,7 @@ typedef struct cairn_csm_scan {
 /* All scans of a file. */
 typedef struct cairn_csm_scan_list {
     cairn_csm_scan *scan; /* [count] */
+    /* number of scans */
     int32_t count;
     int32_t max_rays; /* most rays of one scan */
 } cairn_csm_scan_list;
@@ -52,7 +56,10 @@ typedef struct cairn_csm_scan_list {
 /* Reads a whole file. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED: not in the format above, the error has
  * file and line; CAIRN_EMPTY: no scan; CAIRN_FULL: more rays than CAIRN_CSM_SCAN_MAX_RAYS or
  * nested too deep; CAIRN_UNSUPPORTED (not a regular file), CAIRN_IO, CAIRN_NO_MEMORY;
- * CAIRN_BAD_ARGUMENT: params. params NULL: the defaults. On failure there is nothing to free. */
+ * CAIRN_BAD_ARGUMENT: params. params NULL: the defaults. On failure there is nothing to free.
+ *
+ * scans: set to the scans
+ * path: file, plain or gzipped */
 CAIRN_CHECKED cairn_status cairn_csm_scan_load(cairn_csm_scan_list *scans, const char *path,
                                                const cairn_csm_scan_params *params,
                                                cairn_file_error *error);

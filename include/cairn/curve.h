@@ -30,7 +30,10 @@ cairn_real cairn_curve_length(const cairn_curve *curve);
  * is not repeated at the end. directions: [count], set to the unit directions of the side of each
  * sample (at a vertex of the following side); may be NULL. CAIRN_BAD_ARGUMENT: NULL, counts below 1
  * (below 2 samples of an open curve), more than 2^24 samples. CAIRN_NOT_FINITE: a vertex, or the
- * length. CAIRN_EMPTY: the length is 0. Cost: linear in vertices and samples. */
+ * length. CAIRN_EMPTY: the length is 0. Cost: linear in vertices and samples.
+ *
+ * curve: the curve
+ * samples: [count] set to the samples */
 CAIRN_CHECKED cairn_status cairn_curve_resample(const cairn_curve *curve, cairn_vec2 *samples,
                                                 cairn_vec2 *directions, int32_t count);
 
@@ -38,7 +41,10 @@ CAIRN_CHECKED cairn_status cairn_curve_resample(const cairn_curve *curve, cairn_
  * vertices before to the vertex `reach` vertices after, clamped to the ends of an open curve. Where
  * both coincide the tangent of the previous vertex is repeated, (1, 0) at the first. directions:
  * [curve->count]. CAIRN_BAD_ARGUMENT: NULL, or reach outside 1 ... count - 1 (closed: (count - 1) /
- * 2). CAIRN_NOT_FINITE: a vertex. Cost: linear. */
+ * 2). CAIRN_NOT_FINITE: a vertex. Cost: linear.
+ *
+ * curve: the curve
+ * reach: vertices to either side, >= 1 */
 CAIRN_CHECKED cairn_status cairn_curve_tangents(const cairn_curve *curve, int32_t reach,
                                                 cairn_vec2 *directions);
 

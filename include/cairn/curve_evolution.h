@@ -14,18 +14,19 @@
 extern "C" {
 #endif
 
-/* Parameters. Default values in brackets. */
+/* Parameters; defaults in brackets. */
 typedef struct cairn_curve_evolution_params {
-    /* Vertices, 3 ... 4096 (256). */
+    /* 3 ... 4096 (256): vertices */
     int32_t max_points;
-    /* CAIRN_MODE_AS_WRITTEN: no check for self-intersection (CAIRN_MODE_DEFAULT). */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written,
+     * self-intersection is not checked */
     int32_t mode;
 } cairn_curve_evolution_params;
 
 /* Discrete curve evolution of a polyline. */
 typedef struct cairn_curve_evolution cairn_curve_evolution;
 
-/* The default values. */
+/* Returns the default parameters. */
 cairn_curve_evolution_params cairn_curve_evolution_default(void);
 
 /* The same in the mode as written. */
@@ -68,7 +69,9 @@ cairn_curve_evolution_result cairn_curve_evolution_read(const cairn_curve_evolut
 
 /* Relevance of a vertex between two others: K = beta l1 l2 / (l1 + l2), beta the turning angle in
  * rad, 0 ... pi, and l1, l2 the lengths of the two sides (Adluru 2008, eq. 4.1), in rad times the
- * unit of the points. 0 when the vertex coincides with both neighbours. */
+ * unit of the points. 0 when the vertex coincides with both neighbours.
+ *
+ * before, vertex, after: consecutive vertices */
 cairn_real cairn_curve_evolution_relevance(cairn_vec2 before, cairn_vec2 vertex, cairn_vec2 after);
 
 #ifdef __cplusplus

@@ -15,7 +15,9 @@ extern "C" {
 /* A scored detection. hit 1: true positive, its box matches an object that no better detection has
  * claimed; 0: false positive. */
 typedef struct cairn_detection_curve_event {
+    /* score of the detection */
     double score;
+    /* 1: true positive; 0: false positive */
     int32_t hit;
 } cairn_detection_curve_event;
 
@@ -28,36 +30,66 @@ typedef struct cairn_detection_curve_point {
     int32_t instances, detections; /* denominators of recall and precision */
 } cairn_detection_curve_point;
 
-/* Returns the intersection over union (IoU) of two boxes (left, top, right, bottom): 0 ... 1. */
+/* Returns the intersection over union (IoU) of two boxes (left, top, right, bottom): 0 ... 1.
+ *
+ * a, b: left, top, right, bottom */
 double cairn_detection_curve_overlap(const double a[4], const double b[4]);
 
 /* Returns the index of the object with taken[i] 0 whose intersection over union with a box is
- * greatest; -1: none. *share: that overlap. */
+ * greatest; -1: none. *share: that overlap.
+ *
+ * objects: [count] boxes: left, top, right, bottom
+ * taken: [count] not 0: the object is not considered
+ * box: left, top, right, bottom */
 int32_t cairn_detection_curve_object(const double (*objects)[4], const int32_t *taken,
                                      int32_t count, const double box[4], double *share);
 
 /* Computes the curve in descending order of score: points[count]. events are sorted in place; false
  * positives precede true positives of the same score, so that ties give no advantage. Cost: n log
- * n. */
+ * n.
+ *
+ * events: [count] detections
+ * images: number of images
+ * instances: number of objects in all images
+ * points: [count] set to the curve */
 void cairn_detection_curve(cairn_detection_curve_event *events, int32_t count, int32_t images,
                            int32_t instances, cairn_detection_curve_point *points);
 
-/* Return the recall at a number of false positives per image; the 11-point interpolated average
- * precision (mean of the greatest precision at recalls of 0, 0.1 ... 1); the greatest precision at
- * a recall or above, 0 where it is not reached. */
+/* Returns the recall at a number of false positives per image.
+ *
+ * points: [count] curve
+ * false_per_image: false positives per image */
 double cairn_detection_curve_rate_at(const cairn_detection_curve_point *points, int32_t count,
                                      double false_per_image);
+
+/* Returns the 11-point interpolated average precision: the mean of the greatest precision at
+ * recalls of 0, 0.1 ... 1.
+ *
+ * points: [count] curve */
 double cairn_detection_curve_average_precision(const cairn_detection_curve_point *points,
                                                int32_t count);
+
+/* Returns the greatest precision at a recall or above; 0 where the recall is not reached.
+ *
+ * points: [count] curve
+ * recall: 0 ... 1 */
 double cairn_detection_curve_precision_at(const cairn_detection_curve_point *points, int32_t count,
                                           double recall);
 
 /* Computes the 95 % Wilson score interval of a proportion `share` of `count` trials (Wilson
- * 1927). */
+ * 1927).
+ *
+ * low, high: set to the bounds, 0 ... 1
+ * share: 0 ... 1
+ * count: number of trials */
 void cairn_detection_curve_interval(double share, int32_t count, double *low, double *high);
 
 /* Writes STEM.csv, one line per point with confidence intervals, and STEM.svg, a plot of both
- * curves with confidence bands. CAIRN_IO, CAIRN_NO_MEMORY. */
+ * curves with confidence bands. CAIRN_IO, CAIRN_NO_MEMORY.
+ *
+ * stem: path without extension
+ * title: title of the plot
+ * points: [count] curve */
 CAIRN_CHECKED cairn_status cairn_detection_curve_write(const char *stem, const char *title,
                                                        const cairn_detection_curve_point *points,
                                                        int32_t count, cairn_file_error *error);

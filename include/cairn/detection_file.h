@@ -12,25 +12,38 @@ extern "C" {
 /* The input of the writers: the detections in an image and their source. */
 typedef struct cairn_detection_file_picture {
     const char *image; /* name of the image */
+    /* name of the model, as displayed */
     const char *model_name;
     /* [height * width] grey levels of the searched image; NULL: drawn without a background */
     const uint8_t *grey;
     /* downscaling factor: pixels of the image per pixel of the searched image, >= 1 */
     int32_t shrink;
+    /* edge segments of the searched image */
     const cairn_contour_search_tokens *tokens;
+    /* detections to be written */
     const cairn_object_detections *detections;
 } cairn_detection_file_picture;
 
-/* Computes the box of a detection in pixels of the original image: left, top, right, bottom. */
+/* Computes the box of a detection in pixels of the original image: left, top, right, bottom.
+ *
+ * picture: gives the downscaling factor
+ * detection: one of the detections
+ * box: set to left, top, right, bottom */
 void cairn_detection_file_box(const cairn_detection_file_picture *picture,
                               const cairn_object_detection *detection, double box[4]);
 
 /* Writes SVG: the image, boxes with scores, segments, and the deformed outlines, dashed where no
- * edge matches. CAIRN_IO, CAIRN_NO_MEMORY. */
+ * edge matches. CAIRN_IO, CAIRN_NO_MEMORY.
+ *
+ * picture: what is drawn
+ * path: target */
 CAIRN_CHECKED cairn_status cairn_detection_file_draw(const cairn_detection_file_picture *picture,
                                                      const char *path, cairn_file_error *error);
 
-/* Writes JSON, in pixels of the original image. CAIRN_IO, CAIRN_NO_MEMORY. */
+/* Writes JSON, in pixels of the original image. CAIRN_IO, CAIRN_NO_MEMORY.
+ *
+ * picture: what is written
+ * path: target */
 CAIRN_CHECKED cairn_status cairn_detection_file_write(const cairn_detection_file_picture *picture,
                                                       const char *path, cairn_file_error *error);
 

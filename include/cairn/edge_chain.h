@@ -14,7 +14,9 @@
 extern "C" {
 #endif
 
+/* Pixel of a chain, px: column x, row y. */
 typedef struct cairn_edge_chain_pixel {
+    /* column and row, px */
     int16_t x, y;
 } cairn_edge_chain_pixel;
 
@@ -29,6 +31,7 @@ enum {
     CAIRN_EDGE_CHAIN_CLOSED = 2
 };
 
+/* Chain of neighbouring edge pixels, one pixel wide. */
 typedef struct cairn_edge_chain {
     /* pixels[first ... first + count - 1]; consecutive pixels are neighbours */
     int32_t first, count;
@@ -38,22 +41,24 @@ typedef struct cairn_edge_chain {
     cairn_real strength;
 } cairn_edge_chain;
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_edge_chain_params {
-    /* px, 1 ... CAIRN_RASTER_MAX_SIDE (640 and 480) */
+    /* px, 1 ... CAIRN_RASTER_MAX_SIDE (640 and 480): largest image */
     int32_t max_width, max_height;
-    /* capacity for edge pixels, 1 ... 2^28 (100,000) */
+    /* 1 ... 2^28 (100,000): capacity for edge pixels */
     int32_t max_edges;
-    /* capacity for chains, 1 ... 2^28 (10,000) */
+    /* 1 ... 2^28 (10,000): capacity for chains */
     int32_t max_chains;
-    /* 1 ... 255: threshold; weaker pixels are not edges (1) */
+    /* 1 ... 255 (1): threshold; weaker pixels are not edges */
     int32_t min_strength;
-    /* px, >= 2: shorter chains are dropped (5) */
+    /* px, >= 2 (5): shorter chains are dropped */
     int32_t min_length;
-    /* px, 0 ... 64, without the junction's pixel: side branches (spurs) up to this length, which
-     * thinning leaves on thick edges, are pruned before the lines are followed (3) */
+    /* px, 0 ... 64 (3): side branches (spurs) up to this length, without the junction's pixel,
+     * which thinning leaves on thick edges, are pruned before the lines are followed */
     int32_t max_spur;
 } cairn_edge_chain_params;
 
+/* Extractor of edge chains, and the chains of its last image. */
 typedef struct cairn_edge_chain_set cairn_edge_chain_set;
 
 /* Upper bound of cairn_edge_chain_memory as a constant expression. */
@@ -63,7 +68,7 @@ typedef struct cairn_edge_chain_set cairn_edge_chain_set;
      CAIRN_ALLOCATION_BYTES((size_t)(edges) + 2 * (size_t)(chains) + 2, 4) +                       \
      CAIRN_ALLOCATION_BYTES(chains, sizeof(cairn_edge_chain)))
 
-/* Returns the values in brackets above. */
+/* Returns the default parameters. */
 cairn_edge_chain_params cairn_edge_chain_default(void);
 
 /* Returns the bytes that create() takes from the pool; 0 for params that create() would refuse. */
@@ -75,7 +80,9 @@ CAIRN_CHECKED cairn_status cairn_edge_chain_create(cairn_edge_chain_set **set, c
 
 /* Starts on an image of edge strengths, 0 where there is no edge, and discards earlier results. The
  * image must stay valid until step() returns CAIRN_OK. CAIRN_BAD_ARGUMENT: an invalid view.
- * CAIRN_FULL: larger than max_width or max_height. Constant time. */
+ * CAIRN_FULL: larger than max_width or max_height. Constant time.
+ *
+ * strengths: image of edge strengths */
 CAIRN_CHECKED cairn_status cairn_edge_chain_begin(cairn_edge_chain_set *set,
                                                   cairn_raster_u8_view strengths);
 
@@ -91,6 +98,7 @@ CAIRN_CHECKED cairn_status cairn_edge_chain_step(cairn_edge_chain_set *set, cair
 typedef struct cairn_edge_chain_result {
     const cairn_edge_chain *chains;       /* [chain_count] */
     const cairn_edge_chain_pixel *pixels; /* [pixel_count] */
+    /* number of chains and of their pixels */
     int32_t chain_count, pixel_count;
     int32_t edge_count;  /* edge pixels of the image, before thinning */
     int32_t short_count; /* chains of at least two pixels dropped as too short */

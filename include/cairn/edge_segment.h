@@ -16,6 +16,7 @@
 extern "C" {
 #endif
 
+/* Straight piece of a contour, or a virtual segment at a junction. */
 typedef struct cairn_edge_segment {
     /* px, directed along the chain; a virtual segment has the length min_piece and is centred on
      * the junction */
@@ -29,29 +30,31 @@ typedef struct cairn_edge_segment {
     cairn_real strength;
 } cairn_edge_segment;
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_edge_segment_params {
-    /* capacity for polyline segments before cutting, 1 ... 2^26 (10,000) */
+    /* 1 ... 2^26 (10,000): capacity for polyline segments before cutting */
     int32_t max_lines;
-    /* capacity for segments, 1 ... 2^28 (40,000) */
+    /* 1 ... 2^28 (40,000): capacity for segments */
     int32_t max_segments;
-    /* px, > 0: greatest distance of a chain's pixel from its polyline (1.5) */
+    /* px, > 0 (1.5): greatest distance of a chain's pixel from its polyline */
     cairn_real tolerance;
-    /* px, >= 2: least length of a piece after a cut (4) */
+    /* px, >= 2 (4): least length of a piece after a cut */
     cairn_real min_piece;
-    /* px, >= 0: look-ahead L; 0: mean + half the standard deviation of the lengths, at least 5
-     * (0) */
+    /* px, >= 0 (0): look-ahead L; 0: mean + half the standard deviation of the lengths, at least
+     * 5 */
     cairn_real look_ahead;
-    /* px, >= 0: two segments form a junction when the crossing of their lines is within this
-     * distance of an end of both (6); 0: no virtual segments */
+    /* px, >= 0 (6): two segments form a junction when the crossing of their lines is within this
+     * distance of an end of both; 0: no virtual segments */
     cairn_real junction_distance;
-    /* rad, 0 ... pi: least turning angle of a junction; flatter ones get no virtual segment (20
-     * degrees) */
+    /* rad, 0 ... pi (20 degrees): least turning angle of a junction; flatter ones get no virtual
+     * segment */
     cairn_real min_junction_angle;
 } cairn_edge_segment_params;
 
+/* Extractor of edge segments, and the segments of its last image. */
 typedef struct cairn_edge_segment_set cairn_edge_segment_set;
 
-/* Returns the values in brackets above. */
+/* Returns the default parameters. */
 cairn_edge_segment_params cairn_edge_segment_default(void);
 
 /* Returns the bytes that create() takes from the pool, about 90 per line and 48 (float 36) per
@@ -63,7 +66,9 @@ CAIRN_CHECKED cairn_status cairn_edge_segment_create(cairn_edge_segment_set **se
                                                      const cairn_edge_segment_params *params);
 
 /* Starts on a set of chains and discards earlier results. The chains must stay valid until step()
- * returns CAIRN_OK. CAIRN_BAD_ARGUMENT: NULL, or negative counts. Constant time. */
+ * returns CAIRN_OK. CAIRN_BAD_ARGUMENT: NULL, or negative counts. Constant time.
+ *
+ * chains: chains of an image */
 CAIRN_CHECKED cairn_status cairn_edge_segment_begin(cairn_edge_segment_set *set,
                                                     const cairn_edge_chain_result *chains);
 

@@ -18,6 +18,7 @@
 extern "C" {
 #endif
 
+/* Edge point with subpixel position and direction. */
 typedef struct cairn_edgel {
     /* px */
     cairn_vec2 position;
@@ -27,23 +28,25 @@ typedef struct cairn_edgel {
     cairn_real gradient_magnitude;
 } cairn_edgel;
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_edgel_params {
-    /* px, 1 ... CAIRN_RASTER_MAX_SIDE (640 and 480) */
+    /* px, 1 ... CAIRN_RASTER_MAX_SIDE (640 and 480): largest image */
     int32_t max_width, max_height;
-    /* capacity for edgels, 1 ... 2^28 (40,000) */
+    /* 1 ... 2^28 (40,000): capacity for edgels */
     int32_t max_edgels;
-    /* px, 0.7 ... 8: standard deviation of the Gaussian; more suppresses noise and detail (1.5) */
+    /* px, 0.7 ... 8 (1.5): standard deviation of the Gaussian; more suppresses noise and detail */
     cairn_real sigma;
-    /* grey levels per px, > 0: least gradient magnitude of an edge (2) */
+    /* grey levels per px, > 0 (2): least gradient magnitude of an edge */
     cairn_real min_gradient;
-    /* rad, > 0, <= pi/2: greatest angle between the normal and the gradient of an edge (60
-     * degrees) */
+    /* rad, > 0, <= pi/2 (60 degrees): greatest angle between the normal and the gradient of an
+     * edge */
     cairn_real max_normal_angle;
 } cairn_edgel_params;
 
+/* Detector of edgels, and the edgels of its last image. */
 typedef struct cairn_edgel_set cairn_edgel_set;
 
-/* Returns the values in brackets above. */
+/* Returns the default parameters. */
 cairn_edgel_params cairn_edgel_default(void);
 
 /* Returns the bytes that create() takes from the pool; 0 for params that create() would refuse. */
@@ -55,7 +58,9 @@ CAIRN_CHECKED cairn_status cairn_edgel_create(cairn_edgel_set **set, cairn_pool 
 
 /* Starts on a grey-level image and discards earlier results. The image must stay valid until step()
  * returns CAIRN_OK. Its border pixels are replicated beyond the border. CAIRN_BAD_ARGUMENT: an
- * invalid view. CAIRN_FULL: larger than max_width or max_height. Constant time. */
+ * invalid view. CAIRN_FULL: larger than max_width or max_height. Constant time.
+ *
+ * grey: grey-level image */
 CAIRN_CHECKED cairn_status cairn_edgel_begin(cairn_edgel_set *set, cairn_raster_u8_view grey);
 
 /* Resumes the detection, row by row. CAIRN_MORE: the budget is exhausted. CAIRN_OK: the edgels are

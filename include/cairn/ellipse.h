@@ -47,41 +47,41 @@ typedef struct cairn_ellipse {
     cairn_ellipse_kind kind;
 } cairn_ellipse;
 
-/* Parameters. Default values in brackets. */
+/* Parameters; defaults in brackets. */
 typedef struct cairn_ellipse_params {
-    /* Ellipses, 1 ... 256 (32). Of more peaks those with the most votes are kept. */
+    /* 1 ... 256 (32): ellipses. Of more peaks those with the most votes are kept. */
     int32_t max_ellipses;
-    /* Cells along a side of the square accumulator of centres, 8 ... 1024 (96). */
+    /* 8 ... 1024 (96): cells along a side of the square accumulator of centres */
     int32_t cells;
-    /* m, > 0: side of a cell (0.15). Larger when the points extend too far for `cells` cells. */
+    /* m, > 0 (0.15): side of a cell. Larger when the points extend too far for `cells` cells. */
     cairn_real cell_size;
-    /* 1: points have free space on the left of their direction; 0: not known (1). */
+    /* 0 or 1 (1): 1: points have free space on the left of their direction; 0: not known */
     int32_t oriented;
-    /* m, > 0: least semi-minor axis (0.15). */
+    /* m, > 0 (0.15): least semi-minor axis */
     cairn_real min_radius;
-    /* m, > least_radius: largest semi-major axis (6). */
+    /* m, > min_radius (6): largest semi-major axis */
     cairn_real max_radius;
-    /* >= 1: largest ratio of the major to the minor axis (2). */
+    /* >= 1 (2): largest ratio of the major to the minor axis */
     cairn_real max_axis_ratio;
-    /* rad, > 0, <= pi / 4: largest angle of an inlier's direction to the outline (15 degrees). */
+    /* rad, > 0, <= pi/4 (15 degrees): largest angle of an inlier's direction to the outline */
     cairn_real angle_tolerance;
-    /* m, > 0: largest distance of an inlier from the outline (0.05). */
+    /* m, > 0 (0.05): largest distance of an inlier from the outline */
     cairn_real support_distance;
-    /* m, > 0: usual spacing of the points along an outline (0.10). */
+    /* m, > 0 (0.10): usual spacing of the points along an outline */
     cairn_real spacing;
-    /* > 0: least sum of the weights of an ellipse's inliers (8). */
+    /* > 0 (8): least sum of the weights of an ellipse's inliers */
     cairn_real min_votes;
-    /* 0 ... 1: least covered fraction of the outline (0.5). */
+    /* 0 ... 1 (0.5): least covered fraction of the outline */
     cairn_real min_coverage;
-    /* m, > 0: non-maximum suppression: of ellipses of a kind whose centres and axes differ by less
-     * only the one with the most votes stays (0.3). */
+    /* m, > 0 (0.3): non-maximum suppression: of ellipses of a kind whose centres and axes differ by
+     * less only the one with the most votes stays */
     cairn_real separation;
 } cairn_ellipse_params;
 
 /* Search for ellipses, with its result. */
 typedef struct cairn_ellipse_set cairn_ellipse_set;
 
-/* The default values. */
+/* Returns the default parameters. */
 cairn_ellipse_params cairn_ellipse_default(void);
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. */
@@ -100,7 +100,9 @@ CAIRN_CHECKED cairn_status cairn_ellipse_adjust(cairn_ellipse_set *set,
 
 /* Starts a search over points[0 ... count-1], which must not change until the search ends. A search
  * that runs is discarded. weights: [count], >= 0, or NULL when all are 1. CAIRN_BAD_ARGUMENT: NULL,
- * count < 0. Constant time. */
+ * count < 0. Constant time.
+ *
+ * points: [count] points */
 CAIRN_CHECKED cairn_status cairn_ellipse_begin(cairn_ellipse_set *set,
                                                const cairn_oriented_point *points,
                                                const cairn_real *weights, int32_t count);
@@ -124,21 +126,35 @@ int32_t cairn_ellipse_dropped(const cairn_ellipse_set *set);
 
 /* The point of the outline at a parametric (eccentric) angle in rad, 0 on the major axis. The
  * direction has free space on its left: counter-clockwise for rooms and unknown kinds, clockwise
- * for columns. */
+ * for columns.
+ *
+ * ellipse: an ellipse of the list
+ * angle: parametric angle, rad */
 cairn_oriented_point cairn_ellipse_point(const cairn_ellipse *ellipse, cairn_real angle);
 
-/* Perimeter in m by Ramanujan's first formula, accurate to 0.1 % for an axis ratio up to 4. */
+/* Perimeter in m by Ramanujan's first formula, accurate to 0.1 % for an axis ratio up to 4.
+ *
+ * ellipse: an ellipse of the list */
 cairn_real cairn_ellipse_length(const cairn_ellipse *ellipse);
 
 /* Signed distance of a point from the outline to first order (Sampson distance), in m, positive
  * outside. *normal is set to the outward unit normal of the outline near the point. At the centre
- * both are those of the closest end of the minor axis. */
+ * both are those of the closest end of the minor axis.
+ *
+ * ellipse: an ellipse of the list
+ * point: point, m
+ * normal: set to the outward unit normal */
 cairn_real cairn_ellipse_distance(const cairn_ellipse *ellipse, cairn_vec2 point,
                                   cairn_vec2 *normal);
 
 /* 1 when a point is an inlier of the ellipse: within max_distance m of the outline, with the angle
  * between its direction and the outline's of a sine of at most max_sine. For kinds other than ANY
- * the directions must also have the same sense. */
+ * the directions must also have the same sense.
+ *
+ * ellipse: an ellipse of the list
+ * point: point with its direction
+ * max_distance: m, >= 0
+ * max_sine: sine of the greatest angle, 0 ... 1 */
 int32_t cairn_ellipse_is_inlier(const cairn_ellipse *ellipse, const cairn_oriented_point *point,
                                 cairn_real max_distance, cairn_real max_sine);
 

@@ -18,6 +18,7 @@ extern "C" {
 
 /* An error report. */
 typedef struct cairn_file_error {
+    /* status of the call */
     cairn_status status;
     /* from 1; 0: the file as a whole */
     int64_t line;
@@ -34,13 +35,21 @@ typedef struct cairn_file_error {
 #endif
 
 /* Fills *error unless it is NULL, formats without the user's locale, and returns `status`, so that
- * a caller can write `return cairn_file_error_set(...)`. line 0: the file as a whole. */
+ * a caller can write `return cairn_file_error_set(...)`. line 0: the file as a whole.
+ *
+ * status: returned as it is
+ * path: file that the text begins with
+ * format: as for printf
+ * line: line of the file, from 1; 0: the file as a whole */
 cairn_status cairn_file_error_set(cairn_file_error *error, cairn_status status, const char *path,
                                   int64_t line, const char *format, ...)
     CAIRN_FILE_ERROR_FORMAT(5, 6);
 
 /* The same for an error of the operating system: "path: cannot <what>: <text of code>". code: a
- * value of errno. Returns CAIRN_NO_MEMORY for ENOMEM, CAIRN_IO otherwise. */
+ * value of errno. Returns CAIRN_NO_MEMORY for ENOMEM, CAIRN_IO otherwise.
+ *
+ * path: file that the text begins with
+ * what: what failed, such as "write" */
 cairn_status cairn_file_error_system(cairn_file_error *error, const char *path, const char *what,
                                      int32_t code);
 

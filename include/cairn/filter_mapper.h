@@ -31,58 +31,65 @@ extern "C" {
 /* Maximum number of candidate poses per particle. */
 #define CAIRN_FILTER_MAPPER_MAX_CANDIDATES 64
 
+/* SLAM by a Rao-Blackwellized particle filter. */
 typedef struct cairn_filter_mapper cairn_filter_mapper;
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_filter_mapper_params {
     /* front-end mapper; its window and loop.max_loops are taken as 0 */
     cairn_mapper_params front;
-    /* 1 ... 4096; particles times front.max_keyframes is at most 2^28 (30) */
+    /* 1 ... 4096 (30): particles of the filter; particles times front.max_keyframes is at most
+     * 2^28 */
     int32_t particles;
-    /* candidate poses per particle and keyframe, 1 ... CAIRN_FILTER_MAPPER_MAX_CANDIDATES (6) */
+    /* 1 ... CAIRN_FILTER_MAPPER_MAX_CANDIDATES (6): candidate poses per particle and keyframe */
     int32_t candidates;
-    /* points of a scan that its likelihood uses, >= 1 (60) */
+    /* >= 1 (60): points of a scan that its likelihood uses */
     int32_t scored_points;
-    /* keyframes of the recent map, and of the old one, 1 ...
-     * CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES (10) */
+    /* 1 ... CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES (10): keyframes of the recent map, and of the
+     * old one */
     int32_t local_keyframes;
-    /* capacity for points of either map, 1 ... 2^20; keyframes beyond it are left out, farthest
-     * first (2048) */
+    /* 1 ... 2^20 (2048): capacity for points of either map; keyframes beyond it are left out,
+     * farthest first */
     int32_t max_local_points;
-    /* number of most recent keyframes that form the recent map, >= 1; the others are old (25) */
+    /* >= 1 (25): number of most recent keyframes that form the recent map; the others are old */
     int32_t recent_keyframes;
-    /* m, > 0: maximum distance of keyframes in a local map (4) */
+    /* m, > 0 (4): maximum distance of keyframes in a local map */
     cairn_real local_radius;
-    /* motion noise: standard deviation of translation per metre travelled, >= 0 (0.05) */
+    /* m per m, >= 0 (0.05): motion noise: standard deviation of translation per metre travelled */
     cairn_real motion_distance;
-    /* standard deviation of rotation per radian turned, >= 0 (0.05) */
+    /* rad per rad, >= 0 (0.05): standard deviation of rotation per radian turned */
     cairn_real motion_turn;
-    /* m, > 0: minimum standard deviation of translation (0.02) */
+    /* m, > 0 (0.02): minimum standard deviation of translation */
     cairn_real motion_distance_min;
-    /* rad, > 0: minimum standard deviation of rotation (0.01) */
+    /* rad, > 0 (0.01): minimum standard deviation of rotation */
     cairn_real motion_turn_min;
-    /* m, > 0: standard deviation added to a match (0.0025) */
+    /* m, > 0 (0.0025): standard deviation added to a match */
     cairn_real match_sigma;
-    /* rad, > 0: likewise in heading (0.001) */
+    /* rad, > 0 (0.001): likewise in heading */
     cairn_real match_sigma_theta;
-    /* minimum overlap of a valid match: share of the scan's points with a correspondence, in [0, 1]
-     * (0.3) */
+    /* 0 ... 1 (0.3): minimum overlap of a valid match: share of the scan's points with a
+     * correspondence */
     cairn_real min_overlap;
-    /* m, > 0: standard deviation of a point normal to its wall, in the likelihood field (0.07) */
+    /* m, > 0 (0.07): standard deviation of a point normal to its wall, in the likelihood field */
     cairn_real sigma;
-    /* nats, > 0: maximum cost of a point, also that of a point off all walls (3) */
+    /* nats, > 0 (3): maximum cost of a point, also that of a point off all walls */
     cairn_real max_point_cost;
-    /* > 0: effective number of independent points per scan, since errors of neighbours correlate
-     * (8) */
+    /* > 0 (8): effective number of independent points per scan, since errors of neighbours
+     * correlate */
     cairn_real independent_points;
-    /* of the random generator (1) */
+    /* any (1): seed of the random generator */
     uint64_t seed;
 } cairn_filter_mapper_params;
 
-/* Returns the default parameters, given in parentheses above; front has the mapper's own. */
+/* Returns the default parameters; front has the mapper's own. */
 cairn_filter_mapper_params cairn_filter_mapper_default(void);
 
 /* Returns the defaults sized for max_keyframes keyframes of a scanner with max_beams beams, and
- * `particles` particles; see cairn_mapper_default_for(). */
+ * `particles` particles; see cairn_mapper_default_for().
+ *
+ * max_keys: capacity for keyframes, >= 1
+ * max_beams: most beams of a scan, >= 1
+ * particles: number of particles, >= 1 */
 cairn_filter_mapper_params cairn_filter_mapper_default_for(int32_t max_keys, int32_t max_beams,
                                                            int32_t particles);
 
@@ -96,7 +103,10 @@ CAIRN_CHECKED cairn_status cairn_filter_mapper_create(cairn_filter_mapper **mapp
                                                       const cairn_filter_mapper_params *params);
 
 /* Starts processing the next scan: as cairn_mapper_add(), with its statuses. CAIRN_MORE: the
- * previous scan is still being processed. */
+ * previous scan is still being processed.
+ *
+ * input: ranges, angles and poses
+ * odometry: pose of the base in the odometry frame; NULL: none */
 CAIRN_CHECKED cairn_status cairn_filter_mapper_add(cairn_filter_mapper *mapper,
                                                    const cairn_scan_input *input,
                                                    const cairn_pose *odometry, cairn_fault *fault);
@@ -122,11 +132,16 @@ int32_t cairn_filter_mapper_count(const cairn_filter_mapper *mapper);
 int32_t cairn_filter_mapper_best(const cairn_filter_mapper *mapper);
 
 /* Returns the pose of a particle's last keyframe in the map; the identity for an invalid particle.
- * Constant time. */
+ * Constant time.
+ *
+ * particle: index of the particle */
 cairn_pose cairn_filter_mapper_last(const cairn_filter_mapper *mapper, int32_t particle);
 
 /* Copies the keyframe poses along a particle's path to poses[0 ... returned - 1], at most the first
- * `capacity` of them. Returns 0 for an invalid particle. Linear in the keyframes. */
+ * `capacity` of them. Returns 0 for an invalid particle. Linear in the keyframes.
+ *
+ * particle: index of the particle
+ * poses: [capacity] set to the keyframe poses, m and rad */
 int32_t cairn_filter_mapper_path(const cairn_filter_mapper *mapper, int32_t particle,
                                  cairn_pose *poses, int32_t capacity);
 

@@ -52,93 +52,95 @@ enum {
  * angle. ENDS: near an end of both segments. CROSSINGS: near both segments, anywhere along them (T
  * and X junctions too, as in the thesis). */
 enum {
+    /* no regions of interest */
     CAIRN_FORCE_FIELD_ROI_NONE = 0,
+    /* about corners near the ends of both segments */
     CAIRN_FORCE_FIELD_ROI_ENDS = 1,
+    /* about corners near both segments, T and X crossings included */
     CAIRN_FORCE_FIELD_ROI_CROSSINGS = 2
 };
 
-/* Defaults in parentheses. Where the thesis has a value it is the default, followed by the thesis's
- * value in cm. The thesis's dt of 5 to 1 is 0.05 to 0.01 here: accelerations in m are 1e4 times
- * those in cm. */
+/* Parameters; defaults in brackets. Where the thesis has a value, it is the default. The thesis's
+ * dt of 5 to 1 is 0.05 to 0.01 here: accelerations in m are 1e4 times those in cm. */
 typedef struct cairn_force_field_params {
-    /* motion model (CAIRN_FORCE_FIELD_GRADIENT) */
+    /* any (CAIRN_FORCE_FIELD_GRADIENT): motion model */
     cairn_force_field_mode mode;
-    /* maximum number of scans, 1 ... 2^20 (64) */
+    /* 1 ... 2^20 (64): maximum number of scans */
     int32_t max_scans;
-    /* capacity for segments of all scans, 1 ... 2^24 (1024) */
+    /* 1 ... 2^24 (1024): capacity for segments of all scans */
     int32_t max_segments;
-    /* capacity for points of all scans, 1 ... 2^24 (8192) */
+    /* 1 ... 2^24 (8192): capacity for points of all scans */
     int32_t max_points;
-    /* maximum number of corners, the strongest, 1 ... 2^24 (1024); unused without roi */
+    /* 1 ... 2^24 (1024): maximum number of corners, the strongest; unused without roi */
     int32_t max_corners;
-    /* m, > 0: sigma in the first iteration (0.15; thesis 15 cm) */
+    /* m, > 0 (0.15): sigma in the first iteration; 15 cm in the thesis */
     cairn_real sigma_start;
-    /* m, > 0, <= sigma_start: minimum sigma (0.04; 4 cm) */
+    /* m, > 0, <= sigma_start (0.04): minimum sigma; 4 cm in the thesis */
     cairn_real sigma_end;
-    /* m, >= 0: decrement of sigma per iteration (0.0025; 0.25 cm) */
+    /* m, >= 0 (0.0025): decrement of sigma per iteration; 0.25 cm in the thesis */
     cairn_real sigma_step;
-    /* 0 ... 1: factor of sigma per iteration, before the decrement (1) */
+    /* 0 ... 1 (1): factor of sigma per iteration, before the decrement */
     cairn_real sigma_factor;
-    /* m, >= 0: at sigma up to this value directions are oriented: the two faces of a wall do not
-     * attract each other, max(0, cos) replaces |cos| (0) */
+    /* m, >= 0 (0): at sigma up to this value directions are oriented: the two faces of a wall do
+     * not attract each other, max(0, cos) replaces |cos| */
     cairn_real oriented_below;
-    /* s, > 0: time step in the first iteration (0.05; 5) */
+    /* s, > 0 (0.05): time step in the first iteration; 5 in the thesis */
     cairn_real dt_start;
-    /* s, > 0, <= dt_start: minimum time step (0.01; 1) */
+    /* s, > 0, <= dt_start (0.01): minimum time step; 1 in the thesis */
     cairn_real dt_end;
-    /* 0 ... 1: factor of the time step per iteration (0.96) */
+    /* 0 ... 1 (0.96): factor of the time step per iteration */
     cairn_real dt_factor;
-    /* in sigma, > 0, <= 6: cut-off distance of pairs (4, where a force has fallen to 3e-4 of its
-     * start: the thesis grows the boxes of segments by 2 sigma) */
+    /* sigma, > 0, <= 6 (4): cut-off distance of pairs. At 4 a force has fallen to 3e-4 of its
+     * start; the thesis grows the boxes of segments by 2 sigma. */
     cairn_real reach;
-    /* the centre of rotation is the centre of mass while sigma >= sensor_below * sigma_start, then
-     * the sensor; 0: always the centre of mass (0.5) */
+    /* >= 0 (0.5): the centre of rotation is the centre of mass while sigma >= sensor_below *
+     * sigma_start, then the sensor; 0: always the centre of mass */
     cairn_real sensor_below;
-    /* kind of regions of interest (CAIRN_FORCE_FIELD_ROI_ENDS) */
+    /* CAIRN_FORCE_FIELD_ROI_NONE ... CAIRN_FORCE_FIELD_ROI_CROSSINGS (CAIRN_FORCE_FIELD_ROI_ENDS):
+     * kind of regions of interest */
     int32_t roi;
-    /* m, > 0: radius of a region about its corner (0.05; 5 cm) */
+    /* m, > 0 (0.05): radius of a region about its corner; 5 cm in the thesis */
     cairn_real roi_radius;
-    /* > 0: factor of the mass of a point in a region (4) */
+    /* > 0 (4): factor of the mass of a point in a region */
     cairn_real roi_mass;
-    /* m, > 0: maximum distance of a corner from both segments or their ends (see roi) (0.30) */
+    /* m, > 0 (0.30): maximum distance of a corner from both segments or their ends (see roi) */
     cairn_real corner_distance;
-    /* rad, > 0: minimum opening of a corner (80 degrees) */
+    /* rad, > 0 (80 degrees): minimum opening of a corner */
     cairn_real corner_min_opening;
-    /* rad, >= corner_min_opening, < pi: maximum opening (100 degrees) */
+    /* rad, >= corner_min_opening, < pi (100 degrees): maximum opening */
     cairn_real corner_max_opening;
-    /* not 0: P(g) is computed as well (1); always with alignment_torque */
+    /* 0 or 1 (1): 1: P(g) is computed as well; always with alignment_torque */
     int32_t potential;
-    /* >= 1: maximum iterations of a run (50) */
+    /* >= 1 (50): maximum iterations of a run */
     int32_t max_steps;
-    /* m, >= 0: a run stops when the mean relocation of an iteration is below (0.0001) */
+    /* m, >= 0 (0.0001): a run stops when the mean relocation of an iteration is below */
     cairn_real stop_relocation;
-    /* 0: the points of the scans are stored. > 0, m: they are generated from the ends of their
-     * segments on demand, with the same results; see cairn_scan_set_params (0) */
+    /* m, >= 0 (0): 0: the points of the scans are stored. > 0: they are generated from the ends of
+     * their segments on demand, with the same results; see cairn_scan_set_params. */
     cairn_real spacing;
-    /* capacity for external points, 0 ... 2^24 (0) */
+    /* 0 ... 2^24 (0): capacity for external points */
     int32_t max_extra;
-
-    /* For SPRINGS only. */
-    /* capacity for bonds, pairs of scans near each other, 0 ... 2^24; further pairs are ignored
-     * (0) */
+    /* 0 ... 2^24 (0): capacity for bonds, pairs of scans near each other; further pairs are
+     * ignored */
     int32_t max_bonds;
-    /* 0 ... 1: stiffness of a spring tangential to the lines of its points, relative to normal
-     * (0.1) */
+    /* 0 ... 1 (0.1): stiffness of a spring tangential to the lines of its points, relative to
+     * normal */
     cairn_real tangential_stiffness;
-    /* m, >= 0: a translation of a scan is damped by (sigma / damping_sigma)^3 times its own
-     * stiffness, so headings settle first; 0: no damping (0.35) */
+    /* m, >= 0 (0.35): a translation of a scan is damped by (sigma / damping_sigma)^3 times its own
+     * stiffness, so headings settle first; 0: no damping */
     cairn_real damping_sigma;
-    /* >= 0: strength of the alignment of directions: each pair of points exerts the torque
-     * alignment_torque/2 erfc(r / (sigma sqrt 2)) sin cos^3 of the angle between the lines; 0: none
-     * (0) */
+    /* >= 0 (0): strength of the alignment of directions: each pair of points exerts the torque
+     * alignment_torque/2 erfc(r / (sigma sqrt 2)) sin cos^3 of the angle between the lines; 0:
+     * none */
     cairn_real alignment_torque;
-    /* m, > 0: maximum root mean square displacement of the points of a scan per iteration (0.3) */
+    /* m, > 0 (0.3): maximum root mean square displacement of the points of a scan per iteration */
     cairn_real max_relocation;
 } cairn_force_field_params;
 
 /* State of the simulation. */
 typedef int32_t cairn_force_field_verdict;
 enum {
+    /* the run has not ended */
     CAIRN_FORCE_FIELD_RUNNING = 0,
     CAIRN_FORCE_FIELD_CONVERGED = 1,   /* mean relocation below stop_relocation */
     CAIRN_FORCE_FIELD_OUT_OF_STEPS = 2 /* max_steps iterations done */
@@ -147,6 +149,7 @@ enum {
 /* Measurements. The first four fields count over the whole life of the object. The others are those
  * of the last committed iteration (0 before the first). */
 typedef struct cairn_force_field_state {
+    /* running, or how the run has ended */
     cairn_force_field_verdict verdict;
     /* iterations since creation or clear(), restarts included */
     int32_t iterations;
@@ -190,6 +193,7 @@ typedef struct cairn_force_field_motion {
     cairn_real relocation;
 } cairn_force_field_motion;
 
+/* Force field simulation of scans. */
 typedef struct cairn_force_field cairn_force_field;
 
 /* Upper bounds of cairn_force_field_memory as constant expressions, without external points: with
@@ -232,7 +236,7 @@ typedef struct cairn_force_field cairn_force_field;
      CAIRN_ALLOCATION_BYTES(corners, sizeof(cairn_vec2)) +                                         \
      3 * CAIRN_ALLOCATION_BYTES(corners, sizeof(int32_t)))
 
-/* Returns the defaults given in parentheses above. */
+/* Returns the default parameters. */
 cairn_force_field_params cairn_force_field_default(void);
 
 /* Returns force field simulation as written: the defaults, but corners are intersections near the
@@ -242,7 +246,9 @@ cairn_force_field_params cairn_force_field_as_written(void);
 
 /* Returns the defaults with dt_start and dt_end for points `spacing` m apart. Forces are
  * proportional to the density of points and steps to dt^2, so dt grows with the root of the
- * spacing. The defaults are those for 0.02. */
+ * spacing. The defaults are those for 0.02.
+ *
+ * spacing: spacing of the points, m, > 0 */
 cairn_force_field_params cairn_force_field_spaced(cairn_real spacing);
 
 /* Returns params of mode SPRINGS, for maps that the defaults hardly improve: little overlap, large
@@ -252,7 +258,10 @@ cairn_force_field_params cairn_force_field_spaced(cairn_real spacing);
  * reach 2.5 sigma; no regions of interest; alignment_torque 40, which follows from P(g), since that
  * depends on the angle between directions. sigma_start, m, > 0, should be about the error of the
  * points: 0.15 for nearly correct poses, as after a wrong loop closure, 0.8 for heading errors up
- * to 20 degrees. max_bonds suffices for max_scans scans that are all near each other. */
+ * to 20 degrees. max_bonds suffices for max_scans scans that are all near each other.
+ *
+ * sigma_start: sigma in the first iteration, m, > 0
+ * steps: iterations in which sigma falls, >= 1 */
 cairn_force_field_params cairn_force_field_springs(cairn_real sigma_start, int32_t steps);
 
 /* Returns the bytes that create() takes from the pool; 0 for invalid params. */
@@ -270,14 +279,20 @@ int32_t cairn_force_field_next(const cairn_force_field *field);
 /* Adds a scan at the pose map_scan. View, mass, fault and statuses are as in cairn_scan_set_add;
  * mass: of the points in the forces outside regions of interest. CAIRN_BAD_ARGUMENT: also a pose
  * beyond 1e6 m. A scan without points has no effect. Adding does not change the cooling and does
- * not start a stopped simulation: restart() does. Linear in the scan. */
+ * not start a stopped simulation: restart() does. Linear in the scan.
+ *
+ * view: segments and points of the scan
+ * mass: [point_count] masses of the points outside regions of interest; NULL: all 1 */
 CAIRN_CHECKED cairn_status cairn_force_field_add_scan(cairn_force_field *field,
                                                       const cairn_scan_view *view,
                                                       const cairn_real *mass, cairn_pose map_scan,
                                                       cairn_fault *fault);
 
 /* Fixes (yes not 0) or frees a scan. A fixed scan exerts forces but does not move. Pairs of fixed
- * scans are skipped, in the potential as well. CAIRN_BAD_ARGUMENT: no such scan. Constant time. */
+ * scans are skipped, in the potential as well. CAIRN_BAD_ARGUMENT: no such scan. Constant time.
+ *
+ * scan: index of the scan
+ * yes: 0: the scan is free */
 CAIRN_CHECKED cairn_status cairn_force_field_fix(cairn_force_field *field, int32_t scan,
                                                  int32_t yes);
 
@@ -296,7 +311,9 @@ CAIRN_CHECKED cairn_status cairn_force_field_remove(cairn_force_field *field, in
  * as masses. Regions of interest do not change them. They take effect at the next commit point. Few
  * different successive directions are fastest. CAIRN_FULL: count > max_extra. CAIRN_NOT_FINITE.
  * CAIRN_BAD_ARGUMENT: NULL, a coordinate beyond 1e6 m, a weight below 0 or beyond 1e6. Linear in
- * count. */
+ * count.
+ *
+ * points: [count] points in the map */
 CAIRN_CHECKED cairn_status cairn_force_field_set_extra(cairn_force_field *field,
                                                        const cairn_oriented_point *points,
                                                        const cairn_real *weights, int32_t count);
@@ -333,13 +350,18 @@ int32_t cairn_force_field_pose_count(const cairn_force_field *field);
 int32_t cairn_force_field_has(const cairn_force_field *field, int32_t scan);
 
 /* Returns map_scan of a scan, 0 <= scan < pose_count; the last pose of a removed one until its
- * index is reused. */
+ * index is reused.
+ *
+ * scan: index of the scan */
 cairn_pose cairn_force_field_pose(const cairn_force_field *field, int32_t scan);
 
 /* Returns the motion of a scan in the last iteration, 0 <= scan < pose_count; zeros before its
- * first. */
+ * first.
+ *
+ * scan: index of the scan */
 cairn_force_field_motion cairn_force_field_motion_of(const cairn_force_field *field, int32_t scan);
 
+/* Returns the state after the last complete iteration. */
 cairn_force_field_state cairn_force_field_read(const cairn_force_field *field);
 
 /* Returns P(g) of the last committed iteration, as in the state. */
@@ -352,14 +374,20 @@ const cairn_scan_set *cairn_force_field_scans(const cairn_force_field *field);
 /* Computes the force on point `index` of a scan and the point's mass in the last iteration, in the
  * map before the motion. CAIRN_BAD_ARGUMENT: no such point. CAIRN_EMPTY: an iteration is in
  * progress, none included the scan, or scans have been removed since. For visualization: the force
- * is summed again, linear in the segments and the points within reach. */
+ * is summed again, linear in the segments and the points within reach.
+ *
+ * scan: index of the scan
+ * index: index of the point in the scan
+ * force, mass: set to the force and to the mass */
 CAIRN_CHECKED cairn_status cairn_force_field_point_force(const cairn_force_field *field,
                                                          int32_t scan, int32_t index,
                                                          cairn_vec2 *force, cairn_real *mass);
 
 /* Returns the corners of the field's last search, strongest first. They belong to the poses before
  * the last motion, or to the current ones when the current iteration has found them already.
- * Segment indices count through all scans. None without roi. */
+ * Segment indices count through all scans. None without roi.
+ *
+ * count: set to their number */
 const cairn_corner *cairn_force_field_corners(const cairn_force_field *field, int32_t *count);
 
 #ifdef __cplusplus

@@ -27,7 +27,12 @@ extern "C" {
 #define CAIRN_FORCE_KERNEL_MAX_REACH 6
 
 /* Returns the force on p1 by the formulas above, without cut-off; *potential may be NULL. sigma in
- * m, > 0. */
+ * m, > 0.
+ *
+ * p1, p2: the points, m
+ * m1, m2: their masses
+ * sigma: m, > 0
+ * potential: set to the potential; NULL: not wanted */
 cairn_vec2 cairn_force_kernel_pair(cairn_oriented_point p1, cairn_oriented_point p2, cairn_real m1,
                                    cairn_real m2, cairn_real sigma, cairn_real *potential);
 
@@ -44,15 +49,24 @@ typedef struct cairn_force_kernel {
     cairn_real min_spring_length; /* m: minimum spring length, sigma / 8 */
 } cairn_force_kernel;
 
-/* Fills in the tables. */
+/* Fills in the tables.
+ *
+ * kernel: tables to be filled in */
 void cairn_force_kernel_init(cairn_force_kernel *kernel);
 
 /* Sets sigma (m, > 0) and the cut-off distance in sigma (> 0, at most
- * CAIRN_FORCE_KERNEL_MAX_REACH). */
+ * CAIRN_FORCE_KERNEL_MAX_REACH).
+ *
+ * kernel: initialized tables
+ * sigma: m, > 0
+ * reach: in sigma, > 0, <= CAIRN_FORCE_KERNEL_MAX_REACH */
 void cairn_force_kernel_set(cairn_force_kernel *kernel, cairn_real sigma, cairn_real reach);
 
-/* Maximum number of points in a strip. */
-enum { CAIRN_FORCE_STRIP_POINTS = 16 };
+/* Size of a strip. */
+enum {
+    /* maximum number of points */
+    CAIRN_FORCE_STRIP_POINTS = 16
+};
 
 /* A strip: a few points in the map with similar direction; the arrays are the caller's. */
 typedef struct cairn_force_kernel_strip {
@@ -78,6 +92,7 @@ typedef struct cairn_force_kernel_springs {
 /* Sums over pairs for the points of the first strip, as if all directions were parallel and without
  * the factor `norm`; those of the second strip get the opposite. */
 typedef struct cairn_force_kernel_sum {
+    /* sum of the forces on the first strip */
     cairn_vec2 force;
     /* about `centre`; equal for both strips, since a pair's force acts along the line through its
      * points */
@@ -94,6 +109,7 @@ typedef struct cairn_force_kernel_sum {
 
 /* Sums for one point of mass 1 over several others; the last six fields only for springs. */
 typedef struct cairn_force_kernel_pull {
+    /* sum of the forces in x and y, and of the potentials */
     cairn_real x, y, potential;
     cairn_real stiffness, spring_x, spring_y;   /* k, k d */
     cairn_real spring_xx, spring_xy, spring_yy; /* k d d^T */
@@ -112,7 +128,13 @@ typedef struct cairn_force_kernel_cursor {
  * (float: 3e-6), of a potential 1e-13 (3e-7) of its value at distance 0. CAIRN_OK: all rows are
  * done. CAIRN_MORE: the budget is used up. Costs a unit for each row, one more for eight points of
  * the second strip unless the row is outside its reach_box, and one for each pair within reach. The
- * sums do not depend on how the budget is split. */
+ * sums do not depend on how the budget is split.
+ *
+ * kernel: tables, set for sigma
+ * a, b: the strips
+ * cursor: position in the pairs, advanced
+ * with_potential: not 0: potentials are summed
+ * sum: sums to which the effect is added */
 CAIRN_CHECKED cairn_status cairn_force_kernel_strips(
     const cairn_force_kernel *kernel, const cairn_force_kernel_strip *a,
     const cairn_force_kernel_strip *b, cairn_force_kernel_cursor *cursor, int32_t with_potential,

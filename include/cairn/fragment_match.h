@@ -17,26 +17,30 @@
 extern "C" {
 #endif
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_fragment_match_params {
-    /* Capacity of fragments of a model, 1 ... 65536 (CAIRN_PART_MAX_FRAGMENTS). */
+    /* 1 ... 65536 (CAIRN_PART_MAX_FRAGMENTS): capacity of fragments of a model */
     int32_t max_fragments;
-    int32_t samples_per_fragment; /* Capacity of samples of a fragment, 2 ... 64 (20). */
-    int32_t max_chains;           /* Capacity of chains, 1 ... 2^24 (10,000). */
-    int32_t max_samples; /* Capacity of samples of a chain at min_step, 4 ... 2^20 (4096). */
-    /* Matches kept for each fragment, each on a different chain, 1 ... 64 (2). */
+    /* 2 ... 64 (20): capacity of samples of a fragment */
+    int32_t samples_per_fragment;
+    /* 1 ... 2^24 (10,000): capacity of chains */
+    int32_t max_chains;
+    /* 4 ... 2^20 (4096): capacity of samples of a chain at min_step */
+    int32_t max_samples;
+    /* 1 ... 64 (2): matches kept for each fragment, each on a different chain */
     int32_t matches_per_fragment;
-    /* Range of scales, px per unit of the model, 0 < min <= max <= 1e6 (24 ... 800). A range
-     * narrower than step_ratio is widened to step_ratio about its centre. */
+    /* px per unit of the model, > 0, <= 1e6 (24 and 800): range of scales, min_scale <= max_scale.
+     * A range narrower than step_ratio is widened to step_ratio about its centre. */
     cairn_real min_scale, max_scale;
-    /* Smallest sampling step of a chain, px, >= 0.5 (1.5). */
+    /* px, >= 0.5 (1.5): smallest sampling step of a chain */
     cairn_real min_step;
-    /* Ratio of consecutive sampling steps, 1.05 ... 2 (1.19). */
+    /* 1.05 ... 2 (1.19): ratio of consecutive sampling steps */
     cairn_real step_ratio;
-    /* Difference of two directions at which a pair scores 0, rad, 0.02 ... pi (pi/8). */
+    /* rad, 0.02 ... pi (pi/8): difference of two directions at which a pair scores 0 */
     cairn_real zero_score_angle;
-    /* Cost of a skipped sample, relative to the gain of an equal pair, 0.5 ... 4 (0.5). */
+    /* 0.5 ... 4 (0.5): cost of a skipped sample, relative to the gain of an equal pair */
     cairn_real gap_cost;
-    /* Least similarity of a match, > 0 ... 1 (0.5). */
+    /* > 0, <= 1 (0.5): least similarity of a match */
     cairn_real min_similarity;
 } cairn_fragment_match_params;
 
@@ -61,6 +65,7 @@ typedef struct cairn_fragment_match {
     cairn_real from, to;
 } cairn_fragment_match;
 
+/* The matches of all fragments, and counts of the work done. */
 typedef struct cairn_fragment_match_result {
     /* [count] Sorted by fragment, then by decreasing similarity; valid until the next begin(). */
     const cairn_fragment_match *matches;
@@ -73,9 +78,10 @@ typedef struct cairn_fragment_match_result {
     int64_t cell_count;
 } cairn_fragment_match_result;
 
+/* Matcher of outline fragments to edge chains. */
 typedef struct cairn_fragment_matcher cairn_fragment_matcher;
 
-/* Returns the default values, in brackets above. */
+/* Returns the default parameters. */
 cairn_fragment_match_params cairn_fragment_match_default(void);
 
 /* Returns the memory of a matcher in bytes; 0 for params that create() rejects. */
@@ -93,7 +99,10 @@ CAIRN_CHECKED cairn_status cairn_fragment_match_create(cairn_fragment_matcher **
  * may be NULL if chain_count is 0), a negative count, fewer than 2 samples of a fragment.
  * CAIRN_FULL: fragments, samples or chains beyond the capacities, a chain longer than
  * max_samples steps of min_step. CAIRN_NOT_FINITE: a coordinate that is not finite or beyond
- * 1e6; a fragment's length that is not finite, negative or beyond 1e6. Cost: linear. */
+ * 1e6; a fragment's length that is not finite, negative or beyond 1e6. Cost: linear.
+ *
+ * chains: [chain_count] edge chains, px
+ * model: fragments, samples and centroid of the model */
 CAIRN_CHECKED cairn_status cairn_fragment_match_begin(cairn_fragment_matcher *matcher,
                                                       const cairn_part_bundle_model *model,
                                                       const cairn_curve *chains,

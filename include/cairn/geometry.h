@@ -15,28 +15,33 @@ extern "C" {
 
 /* Vector or point in the plane, usually in m. */
 typedef struct cairn_vec2 {
+    /* coordinates */
     cairn_real x, y;
 } cairn_vec2;
 
 /* Pose in SE(2): position (x, y) in m and heading theta in rad. All functions that return a pose
  * wrap theta to (-pi, pi], unless their comment says otherwise. */
 typedef struct cairn_pose {
+    /* position in m and heading in rad */
     cairn_real x, y, theta;
 } cairn_pose;
 
 /* Rigid transform: translation (x, y) in m, and cosine and sine of the rotation, computed once for
  * mapping many points. */
 typedef struct cairn_transform {
+    /* translation in m, cosine and sine of the rotation */
     cairn_real x, y, cosine, sine;
 } cairn_transform;
 
 /* Line segment from a to b, in m. */
 typedef struct cairn_segment {
+    /* start and end, m */
     cairn_vec2 a, b;
 } cairn_segment;
 
 /* Axis-aligned bounding box, borders included, in m. Empty when min > max in x or in y. */
 typedef struct cairn_box {
+    /* least and greatest corner, m */
     cairn_vec2 min, max;
 } cairn_box;
 
@@ -65,14 +70,19 @@ static inline cairn_vec2 cairn_vec2_sub(cairn_vec2 a, cairn_vec2 b)
     return difference;
 }
 
-/* s a. */
+/* s a.
+ *
+ * a: vector
+ * s: factor */
 static inline cairn_vec2 cairn_vec2_scale(cairn_vec2 a, cairn_real s)
 {
     cairn_vec2 scaled = {a.x * s, a.y * s};
     return scaled;
 }
 
-/* Dot product. */
+/* Dot product.
+ *
+ * a, b: the vectors */
 static inline cairn_real cairn_vec2_dot(cairn_vec2 a, cairn_vec2 b)
 {
     return a.x * b.x + a.y * b.y;
@@ -91,13 +101,17 @@ static inline cairn_vec2 cairn_vec2_left_perp(cairn_vec2 a)
     return left;
 }
 
-/* Squared Euclidean norm. */
+/* Squared Euclidean norm.
+ *
+ * a: vector */
 static inline cairn_real cairn_vec2_norm_squared(cairn_vec2 a)
 {
     return a.x * a.x + a.y * a.y;
 }
 
-/* Euclidean norm. */
+/* Euclidean norm.
+ *
+ * a: vector */
 static inline cairn_real cairn_vec2_norm(cairn_vec2 a)
 {
     return cairn_sqrt(a.x * a.x + a.y * a.y);
@@ -117,14 +131,20 @@ static inline cairn_transform cairn_transform_of(cairn_pose pose)
     return t;
 }
 
-/* Transforms a point: rotation, then translation. */
+/* Transforms a point: rotation, then translation.
+ *
+ * t: rigid transform
+ * p: point, m */
 static inline cairn_vec2 cairn_transform_point(cairn_transform t, cairn_vec2 p)
 {
     cairn_vec2 mapped = {t.cosine * p.x - t.sine * p.y + t.x, t.sine * p.x + t.cosine * p.y + t.y};
     return mapped;
 }
 
-/* Transforms a direction: rotation only. */
+/* Transforms a direction: rotation only.
+ *
+ * t: rigid transform
+ * d: direction, of any length */
 static inline cairn_vec2 cairn_transform_direction(cairn_transform t, cairn_vec2 d)
 {
     cairn_vec2 mapped = {t.cosine * d.x - t.sine * d.y, t.sine * d.x + t.cosine * d.y};
@@ -147,10 +167,14 @@ cairn_pose cairn_pose_inverse(cairn_pose a_b);
 /* Relative pose: b_c from a_b and a_c, the inverse of a_b composed with a_c. */
 cairn_pose cairn_pose_between(cairn_pose a_b, cairn_pose a_c);
 
-/* A point of frame b in frame a. */
+/* A point of frame b in frame a.
+ *
+ * b_point: point in frame b, m */
 cairn_vec2 cairn_pose_point(cairn_pose a_b, cairn_vec2 b_point);
 
-/* 1 when x, y and theta are finite. */
+/* 1 when x, y and theta are finite.
+ *
+ * pose: any pose */
 int32_t cairn_pose_is_finite(cairn_pose pose);
 
 /* Twist: an element of the Lie algebra se(2), the motion of constant linear and angular velocity
@@ -163,11 +187,16 @@ typedef struct cairn_twist {
 } cairn_twist;
 
 /* Logarithm map of SE(2): the twist of the shortest motion of constant twist from the identity to a
- * pose. */
+ * pose.
+ *
+ * motion: pose that the motion ends at */
 cairn_twist cairn_twist_log(cairn_pose motion);
 
 /* Exponential map of SE(2): exp(fraction * twist), the pose after a fraction of the motion.
- * Fractions outside 0 ... 1 extrapolate. theta is not wrapped. */
+ * Fractions outside 0 ... 1 extrapolate. theta is not wrapped.
+ *
+ * twist: motion over unit time
+ * fraction: share of the motion */
 cairn_pose cairn_twist_exp(cairn_twist twist, cairn_real fraction);
 
 /* Least-squares rigid motion of paired points in closed form, from the moments of the pairs (Horn
@@ -180,7 +209,11 @@ cairn_pose cairn_pose_from_moments(cairn_vec2 from, cairn_vec2 to, cairn_real do
 /* Least-squares rigid motion that aligns from[i] with to[i], the alignment of two trajectories:
  * for all i < count with use[i] != 0 (use NULL: all). lever_arm, in m, > 0, weighs headings against
  * positions: a heading counts as a point that far ahead of the pose's origin. Identity when no pose
- * is in use. Cost: linear. */
+ * is in use. Cost: linear.
+ *
+ * from, to: [count] poses of the two trajectories
+ * use: [count] 0: the pair is left out; NULL: all are used
+ * lever_arm: m, > 0 */
 cairn_pose cairn_pose_fit(const cairn_pose *from, const cairn_pose *to, const int32_t *use,
                           int32_t count, cairn_real lever_arm);
 
@@ -197,10 +230,15 @@ cairn_vec2 cairn_segment_nearest(cairn_segment segment, cairn_vec2 p, cairn_real
 cairn_real cairn_segment_distance(cairn_segment segment, cairn_vec2 p);
 
 /* Intersection of the infinite lines through two segments. 1 and *point set, or 0 when the lines
- * are parallel (the sine of their angle is at most 1e-6) or a segment has length 0. */
+ * are parallel (the sine of their angle is at most 1e-6) or a segment has length 0.
+ *
+ * first, second: segments on the lines
+ * point: set to the intersection */
 int32_t cairn_line_intersection(cairn_segment first, cairn_segment second, cairn_vec2 *point);
 
-/* 1 when two segments intersect, end points included. */
+/* 1 when two segments intersect, end points included.
+ *
+ * first, second: the segments */
 int32_t cairn_segments_intersect(cairn_segment first, cairn_segment second);
 
 /* ---- Boxes and polygons ---- */
@@ -208,13 +246,18 @@ int32_t cairn_segments_intersect(cairn_segment first, cairn_segment second);
 /* The empty box, from which extending starts. */
 cairn_box cairn_box_empty(void);
 
-/* The smallest box that contains a box and a point. */
+/* The smallest box that contains a box and a point.
+ *
+ * box: box, may be empty
+ * p: point, m */
 cairn_box cairn_box_extend(cairn_box box, cairn_vec2 p);
 
 /* A box enlarged by `margin` m on every side. */
 cairn_box cairn_box_grow(cairn_box box, cairn_real margin);
 
-/* 1 when two boxes share a point, borders included. */
+/* 1 when two boxes share a point, borders included.
+ *
+ * a, b: the boxes */
 int32_t cairn_box_overlap(cairn_box a, cairn_box b);
 
 /* Signed area of a simple polygon, in m^2: positive when the vertices run counter-clockwise.

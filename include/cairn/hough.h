@@ -22,36 +22,36 @@
 extern "C" {
 #endif
 
-/* Parameters. Default values in brackets. */
+/* Parameters; defaults in brackets. */
 typedef struct cairn_hough_params {
-    /* Lines, 1 ... 256 (32). Of more peaks those with the most votes are kept. */
+    /* 1 ... 256 (32): lines. Of more peaks those with the most votes are kept. */
     int32_t max_lines;
-    /* Bins of the direction over half a turn, 8 ... 2^12 (180). */
+    /* 8 ... 2^12 (180): bins of the direction over half a turn */
     int32_t angles;
-    /* Bins of the distance from the centre of the points, 8 ... 2^14 (256). */
+    /* 8 ... 2^14 (256): bins of the distance from the centre of the points */
     int32_t distances;
-    /* m, > 0: width of a bin of the distance (0.05). Wider when the points extend too far for
+    /* m, > 0 (0.05): width of a bin of the distance. Wider when the points extend too far for
      * `distances` bins. */
     cairn_real distance_step;
-    /* 1: the two faces of a wall are two lines; 0: directions count modulo half a turn (1). */
+    /* 0 or 1 (1): 1: the two faces of a wall are two lines; 0: directions count modulo half a
+     * turn */
     int32_t oriented;
-    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN, which ignores oriented, angle_tolerance and
-     * support_distance (CAIRN_MODE_DEFAULT). */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written, oriented,
+     * angle_tolerance and support_distance are ignored */
     int32_t mode;
-    /* rad, > 0, <= pi / 2: a point votes for lines whose direction differs by less from its own
-     * (10 degrees). */
+    /* rad, > 0, <= pi/2 (10 degrees): a point votes for lines whose direction differs by less from
+     * its own */
     cairn_real angle_tolerance;
-    /* m, > 0: radius of the non-maximum suppression in distance: of lines closer to each other than
-     * this ... (0.20) */
+    /* m, > 0 (0.20): radius of the non-maximum suppression in distance: of lines closer to each
+     * other than this and than separation_angle only the one with more votes stays */
     cairn_real separation;
-    /* rad, > 0, <= pi / 2: ... and than this in direction only the one with more votes stays (10
-     * degrees). */
+    /* rad, > 0, <= pi/2 (10 degrees): radius of the non-maximum suppression in direction */
     cairn_real separation_angle;
-    /* m, > 0: points closer to a line than this are inliers (0.05). */
+    /* m, > 0 (0.05): points closer to a line than this are inliers */
     cairn_real support_distance;
-    /* m, > 0: usual spacing of the points along a line (0.10). */
+    /* m, > 0 (0.10): usual spacing of the points along a line */
     cairn_real spacing;
-    /* > 0: least sum of the weights of a line's inliers (20). */
+    /* > 0 (20): least sum of the weights of a line's inliers */
     cairn_real min_votes;
 } cairn_hough_params;
 
@@ -83,7 +83,7 @@ typedef struct cairn_hough cairn_hough;
      2 * CAIRN_ALLOCATION_BYTES(lines, sizeof(cairn_hough_line)) +                                 \
      CAIRN_ALLOCATION_BYTES(lines, 8 + sizeof(double)))
 
-/* The default values. */
+/* Returns the default parameters. */
 cairn_hough_params cairn_hough_default(void);
 
 /* Parameters of the mode as written: 180 angles, 256 distances of 0.10 m, lines of at least 20
@@ -105,7 +105,9 @@ CAIRN_CHECKED cairn_status cairn_hough_adjust(cairn_hough *hough, const cairn_ho
 
 /* Starts a search over points[0 ... count-1], which must not change until the search ends. A search
  * that runs is discarded. weights: [count], >= 0, or NULL when all are 1. CAIRN_BAD_ARGUMENT: NULL,
- * count < 0. Constant time. */
+ * count < 0. Constant time.
+ *
+ * points: [count] points */
 CAIRN_CHECKED cairn_status cairn_hough_begin(cairn_hough *hough, const cairn_oriented_point *points,
                                              const cairn_real *weights, int32_t count);
 
@@ -124,7 +126,9 @@ const cairn_hough_line *cairn_hough_list(const cairn_hough *hough, int32_t *coun
 /* Number of peaks of the last search that were dropped because of max_lines. */
 int32_t cairn_hough_dropped(const cairn_hough *hough);
 
-/* The segment from `low` to `high` on a line. */
+/* The segment from `low` to `high` on a line.
+ *
+ * line: a line of the list */
 cairn_segment cairn_hough_segment(const cairn_hough_line *line);
 
 #ifdef __cplusplus

@@ -17,57 +17,65 @@
 extern "C" {
 #endif
 
+/* ICP alignment of a query against a target. */
 typedef struct cairn_icp cairn_icp;
 
+/* Distance of a pair that is minimized. */
 typedef int32_t cairn_icp_mode;
 enum {
+    /* distance of the two points */
     CAIRN_ICP_POINT_TO_POINT = 0,
     /* residual along the normal of the target point: translation along the line is free */
     CAIRN_ICP_POINT_TO_LINE = 1
 };
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_icp_params {
-    /* capacity for target points, 1 ... 2^24; memory per point: 2 points and 2 to 3 int32_t */
+    /* 1 ... 2^24 (4096): capacity for target points; memory per point: 2 points and 2 to 3
+     * int32_t */
     int32_t max_target;
-    /* >= 1 */
+    /* >= 1 (40): greatest number of iterations of an alignment */
     int32_t max_iterations;
-    /* least number of inlier pairs, >= 4; the alignment ends below it */
+    /* >= 4 (10): least number of inlier pairs; the alignment ends below it */
     int32_t min_pairs;
+    /* any (CAIRN_ICP_POINT_TO_LINE): distance that is minimized */
     cairn_icp_mode mode;
-    /* m, > 0: side of the search grid's cells; about half the gate is fastest */
+    /* m, > 0 (0.2): side of the search grid's cells; about half the gate is fastest */
     cairn_real cell_size;
-    /* m: distance gate of the first iteration */
+    /* m, > 0 (0.5): distance gate of the first iteration */
     cairn_real gate_start;
-    /* m, <= gate_start: least distance gate; the gate shrinks in between */
+    /* m, > 0, <= gate_start (0.1): least distance gate; the gate shrinks in between */
     cairn_real gate_end;
-    /* gate = gate_factor times the mean distance of the last pairs, never growing */
+    /* > 0 (3): gate = gate_factor times the mean distance of the last pairs, never growing */
     cairn_real gate_factor;
-    /* rad, (0, pi]: greatest angle between the oriented directions of a pair */
+    /* rad, > 0, <= pi (60 degrees): greatest angle between the oriented directions of a pair */
     cairn_real direction_gate;
-    /* m: lower bound of the estimated standard deviation of a point across its line */
+    /* m, > 0 (0.01): lower bound of the estimated standard deviation of a point across its line */
     cairn_real min_sigma;
-    /* m: converged when a step translates less, ... */
+    /* m, > 0 (1e-4): converged when a step translates less, and rotates less than
+     * converged_angle */
     cairn_real converged_distance;
-    /* rad: ... and rotates less */
+    /* rad, > 0 (1e-4): rotation of a step below which the alignment has converged */
     cairn_real converged_angle;
-    /* [0, 1): a direction is unobservable when its information is below this share of the best
-     * direction's */
+    /* >= 0, < 1 (0.01): a direction is unobservable when its information is below this share of the
+     * best direction's */
     cairn_real weak_ratio;
-    /* 1: an iteration that lowers the overlap and raises the mean distance is undone and ends the
-     * alignment (Adluru 2008, section 6.6) */
+    /* 0 or 1 (0): 1: an iteration that lowers the overlap and raises the mean distance is undone
+     * and ends the alignment (Adluru 2008, section 6.6) */
     int32_t roll_back;
 } cairn_icp_params;
 
-/* Returns the defaults: point to line; 4096 points; 40 iterations; 10 pairs; gate 0.5 -> 0.1 m at 3
- * mean distances; 60 degrees; sigma 0.01 m; converged below 1e-4 m and 1e-4 rad; unobservable below
- * 0.01; no roll-back. */
+/* Returns the default parameters. */
 cairn_icp_params cairn_icp_default(void);
 
+/* How an alignment has ended. */
 typedef int32_t cairn_icp_verdict;
 enum {
     /* running, or nothing was begun */
     CAIRN_ICP_RUNNING = 0,
+    /* a step was shorter than converged_distance and converged_angle */
     CAIRN_ICP_CONVERGED = 1,
+    /* max_iterations were done without convergence */
     CAIRN_ICP_OUT_OF_ITERATIONS = 2,
     /* the pose is that of the last iteration with enough pairs */
     CAIRN_ICP_TOO_FEW_PAIRS = 3,
@@ -78,6 +86,7 @@ enum {
     CAIRN_ICP_ROLLED_BACK = 5
 };
 
+/* Estimate and diagnostics after the last complete iteration. */
 typedef struct cairn_icp_result {
     cairn_pose target_query; /* pose of the query's frame in the target's */
     /* Covariance, row-major over (x, y, theta) in m and rad, of target_query in the target's frame;
@@ -99,11 +108,15 @@ typedef struct cairn_icp_result {
      * radius) in the target's frame, sign free. weak_ratio is its information as a share of the
      * best observable direction's. */
     cairn_real weak_direction[3];
+    /* information of weak_direction as a share of that of the best direction, 0 ... 1 */
     cairn_real weak_ratio;
     cairn_real radius; /* m: root mean square distance of the query points from their centroid */
     int32_t observable_dof; /* observable degrees of freedom, 0 ... 3 */
+    /* inlier pairs of the last iteration */
     int32_t pairs;
+    /* complete iterations */
     int32_t iterations;
+    /* running, or how the alignment has ended */
     cairn_icp_verdict verdict;
 } cairn_icp_result;
 
@@ -120,24 +133,33 @@ void cairn_icp_clear_target(cairn_icp *icp);
 /* Adds points[0 ... count-1], mapped by target_points, to the target; they are copied.
  * CAIRN_BAD_ARGUMENT: count < 0, NULL with count > 0, a direction whose length is not 1 within 1 %,
  * or an alignment is running. CAIRN_NOT_FINITE. CAIRN_FULL: more than max_target in all. *fault,
- * when not NULL, gives the index of the point. Cost: a linear pass over the points. */
+ * when not NULL, gives the index of the point. Cost: a linear pass over the points.
+ *
+ * points: [count] in a frame of their own; directions of length 1
+ * target_points: pose of that frame in the target's */
 CAIRN_CHECKED cairn_status cairn_icp_add_target(cairn_icp *icp, const cairn_oriented_point *points,
                                                 int32_t count, cairn_pose target_points,
                                                 cairn_fault *fault);
 
+/* Returns the number of target points. */
 int32_t cairn_icp_target_count(const cairn_icp *icp);
 
 /* Starts to align query[0 ... count-1], which must not change until step() returns CAIRN_OK. A
  * running alignment is cancelled. prior: Gaussian prior of the pose; NULL: none. CAIRN_EMPTY: no
  * query or no target points. CAIRN_BAD_ARGUMENT: count < 0, NULL query, directions as in
- * add_target(), sigmas that are not > 0. CAIRN_NOT_FINITE. Cost: a linear pass over the query. */
+ * add_target(), sigmas that are not > 0. CAIRN_NOT_FINITE. Cost: a linear pass over the query.
+ *
+ * start: initial pose of the query's frame in the target's
+ * query: [count] in a frame of its own; directions of length 1 */
 CAIRN_CHECKED cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query,
                                            int32_t count, cairn_pose start,
                                            const cairn_rigid_motion_pose_prior *prior,
                                            cairn_fault *fault);
 
 /* Sets the least information ratio of an observable direction (params.weak_ratio) for the next
- * alignments. CAIRN_BAD_ARGUMENT: not in [0, 1), or an alignment is running. */
+ * alignments. CAIRN_BAD_ARGUMENT: not in [0, 1), or an alignment is running.
+ *
+ * weak_ratio: >= 0, < 1 */
 CAIRN_CHECKED cairn_status cairn_icp_set_weak_ratio(cairn_icp *icp, cairn_real weak_ratio);
 
 /* Continues the alignment. CAIRN_OK: it has ended; the verdict is valid. CAIRN_MORE: the budget is
@@ -152,16 +174,20 @@ cairn_icp_result cairn_icp_read(const cairn_icp *icp);
  * CAIRN_ICP_MAX_PARTS are counted with the last one. */
 #define CAIRN_ICP_MAX_PARTS 64
 
+/* Information of the pairs with each target part. */
 typedef struct cairn_icp_parts {
     /* motion of the query at the linearization point of the information */
     cairn_rigid_motion motion;
+    /* number of target parts, at most CAIRN_ICP_MAX_PARTS */
     int32_t count;
     /* point-to-line information of the pairs with each part, last complete iteration */
     cairn_sym3 information[CAIRN_ICP_MAX_PARTS];
 } cairn_icp_parts;
 
 /* Writes the information per target part; all zero while an alignment has no complete iteration
- * with enough pairs. Cost: linear in the parts. */
+ * with enough pairs. Cost: linear in the parts.
+ *
+ * parts: set to the information of each part */
 void cairn_icp_read_parts(const cairn_icp *icp, cairn_icp_parts *parts);
 
 #ifdef __cplusplus

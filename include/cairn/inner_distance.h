@@ -15,14 +15,18 @@
 extern "C" {
 #endif
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_inner_distance_params {
-    int32_t max_points; /* Capacity of vertices of all outlines, 3 ... 2048 (128). */
-    int32_t fill_holes; /* 0: holes are outside of the shape; 1: holes are filled (0). */
+    /* 3 ... 2048 (128): capacity of vertices of all outlines */
+    int32_t max_points;
+    /* 0 or 1 (0): 0: holes are outside of the shape; 1: holes are filled */
+    int32_t fill_holes;
 } cairn_inner_distance_params;
 
+/* Computation of inner distances. */
 typedef struct cairn_inner_distance cairn_inner_distance;
 
-/* Returns the default values, in brackets above. */
+/* Returns the default parameters. */
 cairn_inner_distance_params cairn_inner_distance_default(void);
 
 /* Returns the memory of an object in bytes; 0 for params that create() rejects. Grows with the
@@ -39,7 +43,9 @@ CAIRN_CHECKED cairn_status cairn_inner_distance_create(cairn_inner_distance **in
  * distances are at most those along the outline and otherwise undefined. CAIRN_BAD_ARGUMENT:
  * NULL, count below 1, an outline of fewer than 3 vertices or an open outline. CAIRN_FULL: more
  * than max_points vertices. CAIRN_NOT_FINITE: a vertex, or coordinates so large that lengths
- * overflow. CAIRN_EMPTY: an outline without area. Cost: linear. */
+ * overflow. CAIRN_EMPTY: an outline without area. Cost: linear.
+ *
+ * outlines: [count] closed outlines */
 CAIRN_CHECKED cairn_status cairn_inner_distance_begin(cairn_inner_distance *inner,
                                                       const cairn_curve *outlines, int32_t count);
 
@@ -48,6 +54,7 @@ CAIRN_CHECKED cairn_status cairn_inner_distance_begin(cairn_inner_distance *inne
 CAIRN_CHECKED cairn_status cairn_inner_distance_step(cairn_inner_distance *inner,
                                                      cairn_budget *budget);
 
+/* Inner distances and angles of all pairs of vertices. */
 typedef struct cairn_inner_distance_result {
     /* [i * stride + k] Distance from vertex i to k of outlines[0], 0 <= i, k < count, in the
      * units of the outline. */

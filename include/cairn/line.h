@@ -28,11 +28,16 @@ typedef struct cairn_line {
  * count-1] (total least squares). weights: [count], >= 0, or NULL when all are 1.
  * CAIRN_BAD_ARGUMENT: NULL, count < 2, or a weight < 0. CAIRN_NOT_FINITE: a NaN or infinity.
  * CAIRN_EMPTY: the points of weight > 0 coincide, so the direction is undefined. Cost: linear, four
- * passes. */
+ * passes.
+ *
+ * points: [count] points, m
+ * line: set to the line */
 CAIRN_CHECKED cairn_status cairn_line_fit(const cairn_vec2 *points, const cairn_real *weights,
                                           int32_t count, cairn_line *line);
 
-/* The segment from `low` to `high` on the line. */
+/* The segment from `low` to `high` on the line.
+ *
+ * line: line with its extent */
 cairn_segment cairn_line_segment(const cairn_line *line);
 
 /* Merges two segments into one: the orthogonal regression of both, each with its mass (for example
@@ -40,7 +45,11 @@ cairn_segment cairn_line_segment(const cairn_line *line);
  * four end points. The direction is that of the segment of larger mass, of `first` when equal.
  * Constant time. CAIRN_BAD_ARGUMENT: NULL, or a mass that is not > 0. CAIRN_NOT_FINITE.
  * CAIRN_EMPTY: both segments are the same point. Source: the segment merging of Lakaemper and
- * Latecki 2006, with moments in place of end points. */
+ * Latecki 2006, with moments in place of end points.
+ *
+ * first, second: segments, m
+ * first_mass, second_mass: their masses, > 0
+ * merged: set to the merged segment */
 CAIRN_CHECKED cairn_status cairn_line_merge(cairn_segment first, cairn_real first_mass,
                                             cairn_segment second, cairn_real second_mass,
                                             cairn_segment *merged);

@@ -28,71 +28,82 @@
 extern "C" {
 #endif
 
+/* Joint alignment of scans by Lu and Milios. */
 typedef struct cairn_lum cairn_lum;
 
 /* Parameters; defaults in brackets. */
 typedef struct cairn_lum_params {
-    /* number of scans, 1 ... 2^16 (64) */
+    /* 1 ... 2^16 (64): number of scans */
     int32_t max_scans;
-    /* points of all scans together, 1 ... 2^24 (8192) */
+    /* 1 ... 2^24 (8192): points of all scans together */
     int32_t max_points;
-    /* 1 ... 2^24 (2016: all pairs of 64 scans) */
+    /* 1 ... 2^24 (2016): capacity for links; all pairs of 64 scans by default */
     int32_t max_links;
-    /* blocks of the Cholesky factor, see block_solver (2016) */
+    /* 0 ... 2^26 (2016): blocks of the Cholesky factor, see block_solver */
     int32_t max_fill;
-    /* >= 2: a link has more pairs than this (5) */
+    /* >= 2 (5): a link has more pairs than this */
     int32_t min_pairs;
-    /* >= 1 (500) */
+    /* >= 1 (500): greatest number of iterations */
     int32_t max_iterations;
-    /* iterations between two searches for links; 0: links are built once, as in the thesis (0) */
+    /* >= 0 (0): iterations between two searches for links; 0: links are built once, as in the
+     * thesis */
     int32_t rebuild_interval;
-    /* m, > 0: greatest distance of a closest-point pair (0.20) */
+    /* m, > 0 (0.20): greatest distance of a closest-point pair */
     cairn_real max_pair_distance;
-    /* rad, (0, pi]: greatest angle between the oriented directions of a pair; pi: any, as in the
-     * thesis, which attracts the two faces of a wall to each other (60 degrees) */
+    /* rad, > 0, <= pi (60 degrees): greatest angle between the oriented directions of a pair; pi:
+     * any, as in the thesis, which attracts the two faces of a wall to each other */
     cairn_real direction_gate;
-    /* m, > 0: lower bound of the standard deviation of a pair (0.02; with less, links of a few
-     * pairs that agree by chance outweigh all others) */
+    /* m, > 0 (0.02): lower bound of the standard deviation of a pair; with less, links of a few
+     * pairs that agree by chance outweigh all others */
     cairn_real min_sigma;
-    /* m, > 0: converged when no scan moves farther, rotations counted at a radius of 1 m
-     * (0.0001) */
+    /* m, > 0 (0.0001): converged when no scan moves farther, rotations counted at a radius of 1
+     * m */
     cairn_real converged_distance;
-    /* 1: sequential registration before the first search for links. Scan after scan is matched with
-     * the placed scans by ICP (icp, point to line), the best match first. The start pose is the
-     * scan's pose moved by the mean motion of the placed scans. 0: none (0). 1 helps from poor
+    /* 0 or 1 (0): 1: sequential registration before the first search for links. Scan after scan is
+     * matched with the placed scans by ICP (icp, point to line), the best match first. The start
+     * pose is the scan's pose moved by the mean motion of the placed scans. It helps from poor
      * initial poses: links within 0.20 m alone keep nearly correct poses and do not find distant
      * ones. */
     int32_t sequential_registration;
-    /* CAIRN_MODE_DEFAULT; CAIRN_MODE_AS_WRITTEN: rebuild_interval, direction_gate, min_sigma and
-     * sequential_registration are not read (CAIRN_MODE_DEFAULT) */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written,
+     * rebuild_interval, direction_gate, min_sigma and sequential_registration are not read */
     int32_t mode;
-    /* m, >= max_pair_distance: distance gate of the registration's first iteration (0.7) */
+    /* m, >= max_pair_distance (0.7): distance gate of the registration's first iteration */
     cairn_real registration_gate;
-    /* rad, [0, pi]: offset of two further start headings, to both sides (10 degrees) */
+    /* rad, 0 ... pi (10 degrees): offset of two further start headings, to both sides */
     cairn_real registration_angle;
-    /* m, >= 0: registration skips points of a scan nearer to the point before (0.08) */
+    /* m, >= 0 (0.08): registration skips points of a scan nearer to the point before */
     cairn_real registration_spacing;
 } cairn_lum_params;
 
+/* Returns the default parameters. */
 cairn_lum_params cairn_lum_default(void);
 
 /* Returns the params of the mode as written, with the thesis's constants where it has any. */
 cairn_lum_params cairn_lum_as_written(void);
 
+/* How an alignment has ended. */
 typedef int32_t cairn_lum_verdict;
 enum {
     /* running, or nothing was begun */
     CAIRN_LUM_RUNNING = 0,
+    /* no scan moved farther than converged_distance */
     CAIRN_LUM_CONVERGED = 1,
+    /* max_iterations were done without convergence */
     CAIRN_LUM_OUT_OF_ITERATIONS = 2,
     /* the links do not determine all poses; the poses are those of the last iteration */
     CAIRN_LUM_SINGULAR = 3
 };
 
+/* State after the last complete iteration. */
 typedef struct cairn_lum_state {
+    /* running, or how the alignment has ended */
     cairn_lum_verdict verdict;
+    /* number of scans */
     int32_t scans;
+    /* complete iterations */
     int32_t iterations;
+    /* number of links between scans */
     int32_t links;
     /* connected components of the link graph; 1 is good */
     int32_t components;
@@ -119,7 +130,9 @@ void cairn_lum_clear(cairn_lum *lum);
 /* Adds points[0 ... count-1] at the pose map_scan; they are copied. CAIRN_BAD_ARGUMENT: count < 0,
  * NULL with count > 0, a coordinate beyond 1e6 m, a direction whose length is not 1 within 1 %, or
  * an alignment is running. CAIRN_NOT_FINITE. CAIRN_FULL: more scans or points than params allow.
- * *fault, when not NULL, gives the index of the point. Linear in the points. */
+ * *fault, when not NULL, gives the index of the point. Linear in the points.
+ *
+ * points: [count] in the frame of the scan; directions of length 1 */
 CAIRN_CHECKED cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *points,
                                               int32_t count, cairn_pose map_scan,
                                               cairn_fault *fault);
@@ -145,7 +158,9 @@ cairn_lum_state cairn_lum_read(const cairn_lum *lum);
 cairn_pose cairn_lum_pose(const cairn_lum *lum, int32_t scan);
 
 /* Returns 1 when scan < scans is in the connected component of the first scan. Valid once links
- * have been searched for. */
+ * have been searched for.
+ *
+ * scan: index of the scan */
 int32_t cairn_lum_is_connected(const cairn_lum *lum, int32_t scan);
 
 #ifdef __cplusplus

@@ -31,11 +31,23 @@ extern "C" {
 
 /* How pixels are interpreted. */
 typedef int32_t cairn_map_file_mode;
-enum { CAIRN_MAP_FILE_TRINARY = 0, CAIRN_MAP_FILE_SCALE = 1, CAIRN_MAP_FILE_RAW = 2 };
+enum {
+    /* occupied, free or unknown, by the thresholds */
+    CAIRN_MAP_FILE_TRINARY = 0,
+    /* grey levels are occupancies */
+    CAIRN_MAP_FILE_SCALE = 1,
+    /* pixels are occupancies, 0 ... 100; 255: unknown */
+    CAIRN_MAP_FILE_RAW = 2
+};
 
 /* The format of the image file. */
 typedef int32_t cairn_map_file_image;
-enum { CAIRN_MAP_FILE_PGM = 0, CAIRN_MAP_FILE_PNG = 1 };
+enum {
+    /* binary portable grey map */
+    CAIRN_MAP_FILE_PGM = 0,
+    /* PNG */
+    CAIRN_MAP_FILE_PNG = 1
+};
 
 /* A map with its metadata. */
 typedef struct cairn_map_file {
@@ -45,6 +57,7 @@ typedef struct cairn_map_file {
     cairn_pose origin;
     int32_t negate;                                /* 0 or 1 */
     cairn_real occupied_threshold, free_threshold; /* probabilities, 0 ... 1 */
+    /* how pixels are interpreted */
     cairn_map_file_mode mode;
     uint8_t *pixel;    /* [height * width] grey levels, row 0 lowest */
     int8_t *occupancy; /* [height * width] -1: unknown, 0: free .. 100: occupied; row 0 lowest */
@@ -55,31 +68,46 @@ typedef struct cairn_map_file {
 cairn_map_file cairn_map_file_default(void);
 
 /* Allocates the arrays, all cells unknown (occupancy -1, pixel 205). CAIRN_BAD_ARGUMENT: a size
- * below 1; CAIRN_FULL: more than CAIRN_MAP_FILE_MAX_CELLS; CAIRN_NO_MEMORY. */
+ * below 1; CAIRN_FULL: more than CAIRN_MAP_FILE_MAX_CELLS; CAIRN_NO_MEMORY.
+ *
+ * map: set to the arrays
+ * width, height: size, px */
 CAIRN_CHECKED cairn_status cairn_map_file_allocate(cairn_map_file *map, int32_t width,
                                                    int32_t height);
 
 /* Renders the occupancy into the pixels. Trinary: occupied 0 or free 254 by the thresholds
  * (negated: 255 or 1), otherwise 205 (negated: 50) for unknown. Where the thresholds would classify
  * that level as free or occupied, unknown is the level halfway between them. Raw: the occupancy,
- * 255 for unknown. CAIRN_UNSUPPORTED: mode scale, which has no grey level for unknown. */
+ * 255 for unknown. CAIRN_UNSUPPORTED: mode scale, which has no grey level for unknown.
+ *
+ * map: map with occupancy */
 CAIRN_CHECKED cairn_status cairn_map_file_draw(cairn_map_file *map);
 
 /* Reads a YAML file and its image. CAIRN_BAD_FORMAT: not in the format above, the error has file
- * and line; CAIRN_TRUNCATED, CAIRN_UNSUPPORTED (a maximum grey level other than 255), CAIRN_FULL,
- * CAIRN_IO, CAIRN_NO_MEMORY. On failure there is nothing to free. */
+ * and line; CAIRN_TRUNCATED, CAIRN_UNSUPPORTED (a maximum grey level other than 255; a build without
+ * libyaml, or a PNG and a build without libpng), CAIRN_FULL, CAIRN_IO, CAIRN_NO_MEMORY. On failure
+ * there is nothing to free.
+ *
+ * map: set to the map
+ * yaml_path: the YAML file */
 CAIRN_CHECKED cairn_status cairn_map_file_read(cairn_map_file *map, const char *yaml_path,
                                                cairn_file_error *error);
 
 /* Writes the image from `pixel`, then the YAML file. The image has the path of the YAML file with
  * the extension .pgm or .png. CAIRN_BAD_ARGUMENT: no cells, a resolution that is not above 0,
  * thresholds that are not 0 <= free <= occupied <= 1, an unknown mode or format; CAIRN_NOT_FINITE:
- * the origin; CAIRN_IO, CAIRN_NO_MEMORY. */
+ * the origin; CAIRN_IO, CAIRN_NO_MEMORY.
+ *
+ * map: map with pixels
+ * yaml_path: the YAML file to be written
+ * format: format of the image */
 CAIRN_CHECKED cairn_status cairn_map_file_write(const cairn_map_file *map, const char *yaml_path,
                                                 cairn_map_file_image format,
                                                 cairn_file_error *error);
 
-/* Frees the arrays. */
+/* Frees the arrays.
+ *
+ * map: map that was read or allocated */
 void cairn_map_file_free(cairn_map_file *map);
 
 #ifdef __cplusplus

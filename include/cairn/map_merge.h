@@ -50,6 +50,7 @@
 extern "C" {
 #endif
 
+/* Merging of occupancy grids. */
 typedef struct cairn_map_merge cairn_map_merge;
 
 /* Perception model: how a candidate pose of a map is weighted. */
@@ -61,39 +62,42 @@ enum {
     CAIRN_MAP_MERGE_IMAGES = 1
 };
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_map_merge_params {
-    /* maximum number of maps, 1 ... 64 */
+    /* 1 ... 64 (16): maximum number of maps */
     int32_t max_maps;
-    /* capacity for the cells of all maps together, 1 ... 2^28 */
+    /* 1 ... 2^28 (2,560,000): capacity for the cells of all maps together */
     int32_t max_cells;
-    /* capacity for the cells of one map, 1 ... max_cells */
+    /* 1 ... max_cells (160,000): capacity for the cells of one map */
     int32_t max_map_cells;
-    /* surface points sampled per map, 64 ... 2^16; evenly spread where there are more cells */
+    /* 64 ... 2^16 (4096): surface points sampled per map; evenly spread where there are more
+     * cells */
     int32_t max_points;
-    /* line segments per map, 1 ... 4096 */
+    /* 1 ... 4096 (256): line segments per map */
     int32_t max_segments;
-    /* corners per map, the strongest, 1 ... 1024 */
+    /* 1 ... 1024 (48): corners per map, the strongest */
     int32_t max_corners;
-    /* competing registrations (modes) kept per pair of maps, 1 ... 32 */
+    /* 1 ... 32 (6): competing registrations (modes) kept per pair of maps */
     int32_t max_modes;
-    /* particles of the filter, 1 ... 4096 */
+    /* 1 ... 4096 (100): particles of the filter */
     int32_t particles;
+    /* any (CAIRN_MAP_MERGE_LIKELIHOOD_RATIO): perception model */
     cairn_map_merge_perception perception;
-    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN, which requires CAIRN_MAP_MERGE_IMAGES */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written, perception must
+     * be CAIRN_MAP_MERGE_IMAGES */
     int32_t mode;
-    /* correlation length of errors along a wall, in cells of the first map, > 0: wall of this
-     * length counts as one observation (10) */
+    /* cells of the first map, > 0 (10): correlation length of errors along a wall: wall of this
+     * length counts as one observation */
     cairn_real correlation_length;
-    /* nats, > 0: minimum support; a map with less is rejected; not as written */
+    /* nats, > 0 (6): minimum support; a map with less is rejected; not as written */
     cairn_real min_score;
-    /* nats, >= 0: minimum margin over the best competing pose; not as written */
+    /* nats, >= 0 (3): minimum margin over the best competing pose; not as written */
     cairn_real min_margin;
+    /* any (1): seed of the random numbers */
     uint64_t seed;
 } cairn_map_merge_params;
 
-/* Returns the default parameters: 16 maps of 400 x 400 cells, 2048 points, 256 segments, 48
- * corners, 6 modes, 100 particles, log-likelihood ratio; correlation length 10 cells, minimum score
- * 6 and margin 3 nats. */
+/* Returns the default parameters, for 16 maps of 400 x 400 cells. */
 cairn_map_merge_params cairn_map_merge_default(void);
 
 /* Returns chapter 9 as written: as above, but image similarity, 50 particles (the thesis: 50 to 100
@@ -121,7 +125,10 @@ typedef struct cairn_map_merge_map {
 /* Downsamples a grid by k: an output cell is occupied when any of its k x k cells is, else free
  * when any is free, else unknown. For maps distorted by more than two cells, which agree only at a
  * coarse resolution. out: size of `cells` divided by k, rounded up. CAIRN_BAD_ARGUMENT: a bad view,
- * k < 1, or another size. Linear in cells. */
+ * k < 1, or another size. Linear in cells.
+ *
+ * cells: the grid
+ * k: cells of the side of an output cell, >= 1 */
 CAIRN_CHECKED cairn_status cairn_map_merge_coarsen(cairn_raster_u8_view cells, int32_t k,
                                                    cairn_raster_u8 out);
 
@@ -138,7 +145,9 @@ CAIRN_CHECKED cairn_status cairn_map_merge_add(cairn_map_merge *merge,
 /* Sets an initial guess of a map's pose in the frame of the reference, as from an earlier merging.
  * The pose becomes a candidate and is kept unless another one is better by min_margin.
  * CAIRN_BAD_ARGUMENT: no such map. CAIRN_NOT_FINITE. CAIRN_UNSUPPORTED: as written. Constant
- * time. */
+ * time.
+ *
+ * map: index of the map */
 CAIRN_CHECKED cairn_status cairn_map_merge_guess(cairn_map_merge *merge, int32_t map,
                                                  cairn_pose reference_map);
 
@@ -157,6 +166,7 @@ CAIRN_CHECKED cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_bu
 
 /* ---- Score of one relative pose of two maps ---- */
 
+/* Scores of a relative pose of two maps. */
 typedef struct cairn_map_merge_pair_score {
     /* nats: (1.7 agreeing_wall - 4 free_space_violation) / correlation_length */
     cairn_real log_likelihood_ratio;
@@ -178,14 +188,19 @@ typedef struct cairn_map_merge_pair_score {
 /* Scores the relative pose a_b of map b in the frame of map a, at once. psi, disagreement and gamma
  * use an evenly spread sample of cells, d exact disagreement; as written all cells and one kernel.
  * CAIRN_BAD_ARGUMENT: no such maps, or not prepared (no merging has ended). CAIRN_NOT_FINITE.
- * Linear in the points, as written in the cells. */
+ * Linear in the points, as written in the cells.
+ *
+ * score: set to the scores
+ * a, b: indices of the maps */
 CAIRN_CHECKED cairn_status cairn_map_merge_score(const cairn_map_merge *merge, int32_t a, int32_t b,
                                                  cairn_pose a_b, cairn_map_merge_pair_score *score);
 
 /* ---- Result of the last merging that has ended ---- */
 
+/* Whether a map was placed, or why not. */
 typedef int32_t cairn_map_merge_verdict;
 enum {
+    /* placed in the frame of the reference */
     CAIRN_MAP_MERGE_PLACED = 0,
     /* rejected: it has no wall, or no known cell */
     CAIRN_MAP_MERGE_EMPTY = 1,
@@ -204,7 +219,9 @@ enum {
 /* Returns the verdict in words, without a full stop. */
 const char *cairn_map_merge_verdict_text(cairn_map_merge_verdict verdict);
 
+/* Result of one map. */
 typedef struct cairn_map_merge_placed {
+    /* whether the map was placed, or why not */
     cairn_map_merge_verdict verdict;
     /* pose of the map's frame in that of the reference, m and rad; the best pose found for a
      * rejected map */
@@ -227,11 +244,15 @@ typedef struct cairn_map_merge_placed {
     int32_t corners;
 } cairn_map_merge_placed;
 
+/* Result of a merging. */
 typedef struct cairn_map_merge_result {
+    /* number of maps, and of those that were placed */
     int32_t maps, placed;
+    /* map whose frame is the merged frame */
     int32_t reference;
     /* registrations of structures that were tried */
     int32_t hypotheses;
+    /* resamplings of the particle filter */
     int32_t resamplings;
     /* largest number of particles after any step: as written, more than `particles` while N_eff is
      * high */
@@ -240,6 +261,7 @@ typedef struct cairn_map_merge_result {
     cairn_real n_eff;
     /* nats: total log-likelihood ratio of all pairs placed; as written: the sum of Psi */
     cairn_real log_likelihood_ratio;
+    /* work units charged */
     int64_t units;
 } cairn_map_merge_result;
 
@@ -250,7 +272,12 @@ cairn_map_merge_result cairn_map_merge_read(const cairn_map_merge *merge);
 cairn_map_merge_placed cairn_map_merge_of(const cairn_map_merge *merge, int32_t map);
 
 /* Gets mode `index` of map b relative to map a, the best first; returns 0 beyond the last. *a_b is
- * in the frames of the maps. As written, *log_ratio is the similarity of the corners, 0 ... 1. */
+ * in the frames of the maps. As written, *log_ratio is the similarity of the corners, 0 ... 1.
+ *
+ * a, b: indices of the maps
+ * index: 0: the best
+ * log_ratio: set to the score, nats
+ * a_b: set to the pose of map b in the frame of map a */
 int32_t cairn_map_merge_mode(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index,
                              cairn_pose *a_b, cairn_real *log_ratio);
 

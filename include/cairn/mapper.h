@@ -36,105 +36,113 @@ extern "C" {
 #define CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES 64
 
 /* Parameters of loop-closure detection. A return to a known place is searched for within the
- * uncertainty that has accumulated along the path. Defaults in parentheses. */
+ * uncertainty that has accumulated along the path. Defaults in brackets. */
 typedef struct cairn_mapper_loop_params {
-    /* maximum number of loop closures, 1 ... 2^22; 0: loop closure is off (4096) */
+    /* 0 ... 2^22 (4096): maximum number of loop closures; 0: loop closure is off */
     int32_t max_loops;
-    /* maximum number of blocks in the graph's sparse Cholesky factor, see block_solver (32768) */
+    /* 0 ... 2^26 (32768): maximum number of blocks in the graph's sparse Cholesky factor, see
+     * block_solver */
     int32_t max_fill;
-    /* work units that loop closure and graph optimization may use per scan, >= 1 (8000) */
+    /* >= 1 (8000): work units that loop closure and graph optimization may use per scan */
     int32_t units_per_scan;
-    /* keyframes around a candidate that form the target map of the match, 1 ... 64 (9) */
+    /* 1 ... 64 (9): keyframes around a candidate that form the target map of the match */
     int32_t target_keyframes;
-    /* minimum difference of keyframe indices for a loop closure, >= 1 (25) */
+    /* >= 1 (25): minimum difference of keyframe indices for a loop closure */
     int32_t min_keyframe_gap;
-    /* number of consistent closures that a wide search requires, 1 ... 8 (3) */
+    /* 1 ... 8 (3): number of consistent closures that a wide search requires */
     int32_t min_consistent;
-    /* m, > 0: maximum distance between the scan centroids of a candidate and the query, beyond the
-     * path uncertainty (3) */
+    /* m, > 0 (3): maximum distance between the scan centroids of a candidate and the query, beyond
+     * the path uncertainty */
     cairn_real candidate_radius;
-    /* m, > 0: half side of the largest search window (4) */
+    /* m, > 0 (4): half side of the largest search window */
     cairn_real search_radius;
-    /* m, > 0: a search within this radius is local and needs no consistent closures (0.6) */
+    /* m, > 0 (0.6): a search within this radius is local and needs no consistent closures */
     cairn_real local_search_radius;
-    /* nats: minimum log odds of a closure, by scan_match and the path prior (2) */
+    /* nats, any (2): minimum log odds of a closure, by scan_match and the path prior */
     cairn_real min_log_odds;
-    /* maximum share of points in observed free space of an accepted closure, in [0, 1] (0.1) */
+    /* 0 ... 1 (0.1): maximum share of points in observed free space of an accepted closure */
     cairn_real max_free_space_violation;
-    /* m, > 0: standard deviation added to every link (0.01) */
+    /* m, > 0 (0.01): standard deviation added to every link */
     cairn_real sigma;
-    /* rad, > 0: likewise in heading (0.004) */
+    /* rad, > 0 (0.004): likewise in heading */
     cairn_real sigma_theta;
-    /* a closure whose chi-squared (squared Mahalanobis distance) exceeds this value after an
-     * optimization is removed as an outlier, > 0 (50) */
+    /* > 0 (50): a closure whose chi-squared (squared Mahalanobis distance) exceeds this value after
+     * an optimization is removed as an outlier */
     cairn_real max_chi2;
 } cairn_mapper_loop_params;
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_mapper_params {
+    /* preprocessing of a scan */
     cairn_scan_params scan;
     /* the mapper sets the capacities of icp itself */
     cairn_icp_params icp;
     /* the mapper sets max_scans, max_segments and max_points itself */
     cairn_force_field_params field;
+    /* loop closure */
     cairn_mapper_loop_params loop;
-    /* maximum number of keyframes, 1 ... 2^20 (1024) */
+    /* 1 ... 2^20 (1024): maximum number of keyframes */
     int32_t max_keyframes;
-    /* capacity for segments of all keyframes, scan.max_segments ... 2^24 (32768) */
+    /* scan.max_segments ... 2^24 (32768): capacity for segments of all keyframes */
     int32_t max_keyframe_segments;
-    /* capacity for points of all keyframes, scan.max_points ... 2^24 (131072) */
+    /* scan.max_points ... 2^24 (131072): capacity for points of all keyframes */
     int32_t max_keyframe_points;
-    /* 1: the most redundant keyframe is culled before one of the three capacities is exceeded.
-     * Requires loop closure, local_span > 0, and max_keyframes greater than local_span,
+    /* 0 or 1 (0): 1: the most redundant keyframe is culled before one of the three capacities is
+     * exceeded. Requires loop closure, local_span > 0, and max_keyframes greater than local_span,
      * loop.min_keyframe_gap plus window_free, and window, plus 1. 0: the mapper stops with
-     * CAIRN_FULL (0) */
+     * CAIRN_FULL. */
     int32_t cull_keyframes;
-    /* capacity for the points of the local map, 1 ... 2^20, at least one keyframe; the same for the
-     * window of the force field. The farthest or oldest keyframes are left out beyond it (4096) */
+    /* 1 ... 2^20 (4096): capacity for the points of the local map, at least one keyframe; the same
+     * for the window of the force field. The farthest or oldest keyframes are left out beyond
+     * it. */
     int32_t max_local_points;
-    /* keyframes in the local map, 1 ... CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES (15) */
+    /* 1 ... CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES (15): keyframes in the local map */
     int32_t local_keyframes;
-    /* of which the most recent ones, the others being the nearest: 1 ... local_keyframes (3) */
+    /* 1 ... local_keyframes (3): the most recent keyframes among them; the others are the
+     * nearest */
     int32_t local_recent;
-    /* the local map uses only this number of most recent keyframes, >= local_recent; 0: all (25) */
+    /* 0 or >= local_recent (25): the local map uses only this number of most recent keyframes; 0:
+     * all */
     int32_t local_span;
-    /* m, > 0: maximum distance of the nearest keyframes (4) */
+    /* m, > 0 (4): maximum distance of the nearest keyframes */
     cairn_real local_radius;
-    /* m, > 0: translation since the last keyframe that starts a new keyframe (0.5) */
+    /* m, > 0 (0.5): translation since the last keyframe that starts a new keyframe */
     cairn_real keyframe_distance;
-    /* rad, > 0: rotation since the last keyframe that starts a new keyframe (0.5) */
+    /* rad, > 0 (0.5): rotation since the last keyframe that starts a new keyframe */
     cairn_real keyframe_angle;
-    /* a scan with a smaller overlap also becomes a keyframe, in [0, 1] (0.6) */
+    /* 0 ... 1 (0.6): a scan with a smaller overlap also becomes a keyframe */
     cairn_real keyframe_min_overlap;
-    /* keyframes in the sliding window of the force field, 2 ... 64; 0: no force field (8) */
+    /* 0 or 2 ... 64 (8): keyframes in the sliding window of the force field; 0: no force field */
     int32_t window;
-    /* of which the most recent ones may move, 1 ... window - 1 (3) */
+    /* 1 ... window - 1 (3): the most recent keyframes of the window, which may move */
     int32_t window_free;
-    /* work units that the force field may use per scan, >= 1 (32000) */
+    /* >= 1 (32000): work units that the force field may use per scan */
     int32_t window_units;
-    /* odometry noise: standard deviation of translation per metre travelled (0.3) */
+    /* m per m, >= 0 (0.3): odometry noise: standard deviation of translation per metre travelled */
     cairn_real odometry_distance;
-    /* standard deviation of rotation per radian turned (0.3) */
+    /* rad per rad, >= 0 (0.3): standard deviation of rotation per radian turned */
     cairn_real odometry_turn;
-    /* m, > 0: minimum standard deviation of translation (0.01) */
+    /* m, > 0 (0.01): minimum standard deviation of translation */
     cairn_real odometry_distance_min;
-    /* rad, > 0: minimum standard deviation of rotation (0.005) */
+    /* rad, > 0 (0.005): minimum standard deviation of rotation */
     cairn_real odometry_turn_min;
-    /* constant-velocity model without odometry: standard deviation of translation per metre of the
-     * previous motion (0.3) */
+    /* m per m, >= 0 (0.3): constant-velocity model without odometry: standard deviation of
+     * translation per metre of the previous motion */
     cairn_real motion_distance;
-    /* standard deviation of rotation per radian of the previous motion (0.3) */
+    /* rad per rad, >= 0 (0.3): standard deviation of rotation per radian of the previous motion */
     cairn_real motion_turn;
-    /* m, > 0: minimum standard deviation of translation (0.03) */
+    /* m, > 0 (0.03): minimum standard deviation of translation */
     cairn_real motion_distance_min;
-    /* rad, > 0: minimum standard deviation of rotation (0.02) */
+    /* rad, > 0 (0.02): minimum standard deviation of rotation */
     cairn_real motion_turn_min;
-    /* minimum overlap of a valid match: share of the scan's points with a correspondence (0.3) */
+    /* 0 ... 1 (0.3): minimum overlap of a valid match: share of the scan's points with a
+     * correspondence */
     cairn_real min_overlap;
-    /* 1: a match of low confidence is searched for globally in a window by scan_match; 0: never
-     * (1) */
+    /* 0 or 1 (1): 1: a match of low confidence is searched for globally in a window by scan_match;
+     * 0: never */
     int32_t search;
-    /* work units that the matches of a scan and its search may use, >= 1; a search that needs more
-     * fails (155000) */
+    /* >= 1 (155000): work units that the matches of a scan and its search may use; a search that
+     * needs more fails */
     int32_t search_units;
 } cairn_mapper_params;
 
@@ -147,7 +155,9 @@ enum {
     CAIRN_MAPPER_NO_FEATURES = 3 /* predicted; the scan has no segments */
 };
 
+/* Pose of the last finished scan, and how it was found. */
 typedef struct cairn_mapper_result {
+    /* how the pose was found */
     cairn_mapper_verdict verdict;
     /* index of the reference keyframe of the scan; the scan itself when it is a keyframe */
     int32_t keyframe;
@@ -166,6 +176,7 @@ typedef struct cairn_mapper_result {
 
 /* Counters over the whole life of the mapper. */
 typedef struct cairn_mapper_state {
+    /* number of finished scans */
     int64_t scans;
     /* scans without a match, those without features included */
     int64_t predicted;
@@ -179,6 +190,7 @@ typedef struct cairn_mapper_state {
     int64_t searched;
     /* scans whose match still has low confidence; their covariance is inflated */
     int64_t low_confidence;
+    /* number of keyframes */
     int32_t keyframes;
     /* work units charged so far */
     int64_t units;
@@ -202,6 +214,7 @@ typedef struct cairn_mapper_state {
 /* Outcome of a loop-closure candidate. */
 typedef int32_t cairn_mapper_loop_verdict;
 enum {
+    /* a link of the graph */
     CAIRN_MAPPER_LOOP_ACCEPTED = 0,
     /* waits for consistent closures */
     CAIRN_MAPPER_LOOP_PENDING = 1,
@@ -217,21 +230,27 @@ enum {
     CAIRN_MAPPER_LOOP_UNLIKELY = 6
 };
 
+/* A loop event: a candidate and its outcome. */
 typedef struct cairn_mapper_loop {
     int32_t first, second;   /* keyframes, the older one first */
     cairn_pose first_second; /* as matched; the identity for NO_MATCH */
+    /* outcome of the candidate */
     cairn_mapper_loop_verdict verdict;
 } cairn_mapper_loop;
 
+/* Mapper of a scan stream. */
 typedef struct cairn_mapper cairn_mapper;
 
-/* Returns the default parameters, given in parentheses above. scan, icp and field have their own
- * defaults, except that the force field starts with a small sigma. */
+/* Returns the default parameters. scan, icp and field have their own defaults, except that the
+ * force field starts with a small sigma. */
 cairn_mapper_params cairn_mapper_default(void);
 
 /* Returns the defaults sized for max_keyframes keyframes of a scanner with max_beams beams: 160
  * points, 40 segments, 4 loop closures and 40 factor blocks per keyframe. The memory is then a
- * constant plus a multiple of max_keyframes, see docs/memory.md. */
+ * constant plus a multiple of max_keyframes, see docs/memory.md.
+ *
+ * max_keys: capacity for keyframes, >= 1
+ * max_beams: most beams of a scan, >= 1 */
 cairn_mapper_params cairn_mapper_default_for(int32_t max_keys, int32_t max_beams);
 
 /* Returns the bytes that create() takes from the pool; 0 for invalid params. */
@@ -246,7 +265,9 @@ CAIRN_CHECKED cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool
  * being processed; call step() first, nothing was taken. Statuses of cairn_scan_begin.
  * CAIRN_NOT_FINITE: odometry is not finite. CAIRN_BAD_ARGUMENT: odometry is farther than 1e9 m from
  * its origin. CAIRN_FULL: no capacity for another keyframe. An odometry step longer than
- * CAIRN_SCAN_EXTENT is ignored. */
+ * CAIRN_SCAN_EXTENT is ignored.
+ *
+ * input: ranges, angles and poses */
 CAIRN_CHECKED cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *input,
                                             const cairn_pose *odometry, cairn_fault *fault);
 
@@ -271,13 +292,18 @@ cairn_pose cairn_mapper_map_odom(const cairn_mapper *mapper);
 /* Returns the last scan as points and segments in its own frame; valid until the next add. */
 cairn_scan_view cairn_mapper_view(const cairn_mapper *mapper);
 
-/* Returns the current pose of a keyframe in the map, 0 <= keyframe < keyframes. */
+/* Returns the current pose of a keyframe in the map, 0 <= keyframe < keyframes.
+ *
+ * keyframe: index of the keyframe */
 cairn_pose cairn_mapper_keyframe_pose(const cairn_mapper *mapper, int32_t keyframe);
 
-/* Returns segments and points of all keyframes, each in its own frame. keyframe_slot() maps a
- * keyframe index, 0 <= keyframe < keyframes, to its index in the set; both are equal until a
- * keyframe is culled. */
+/* Returns segments and points of all keyframes, each in its own frame. */
 const cairn_scan_set *cairn_mapper_keyframes(const cairn_mapper *mapper);
+
+/* Returns the index of a keyframe in the set of cairn_mapper_keyframes(); both are equal until a
+ * keyframe is culled.
+ *
+ * keyframe: 0 ... keyframes - 1 */
 int32_t cairn_mapper_keyframe_slot(const cairn_mapper *mapper, int32_t keyframe);
 
 /* A culling event: a keyframe was removed. Higher keyframe indices decrease by one from then on.
@@ -294,7 +320,11 @@ typedef struct cairn_mapper_culling {
 cairn_mapper_culling cairn_mapper_culling_at(const cairn_mapper *mapper, int32_t index);
 
 /* Reattaches a relative pose after a culling: maps the keyframe index and, for the culled keyframe,
- * the pose relative to it. */
+ * the pose relative to it.
+ *
+ * culling: event of cairn_mapper_culling_at()
+ * keyframe: index of the keyframe, changed when it moves
+ * keyframe_scan: pose of the scan in the frame of the keyframe, changed likewise */
 void cairn_mapper_reattach(cairn_mapper_culling culling, int32_t *keyframe,
                            cairn_pose *keyframe_scan);
 
@@ -306,9 +336,12 @@ cairn_mapper_loop cairn_mapper_loop_at(const cairn_mapper *mapper, int32_t index
  * constraint to another keyframe of the local map, a loop closure, or their composition by culled
  * keyframes. */
 typedef struct cairn_mapper_link {
+    /* keyframes that the link joins */
     int32_t first, second;
+    /* measured pose of second in the frame of first */
     cairn_pose first_second;
     cairn_sym3 information; /* inverse covariance of first_second, in the frame of second */
+    /* 1: a loop closure; 1: removed as an outlier */
     int32_t is_loop, is_outlier;
 } cairn_mapper_link;
 

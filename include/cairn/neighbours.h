@@ -17,9 +17,9 @@ typedef struct cairn_point_grid cairn_point_grid;
 
 /* Parameters of a point grid. */
 typedef struct cairn_point_grid_params {
-    /* Points, 1 ... 2^28. */
+    /* 1 ... 2^28 (none): points */
     int32_t max_points;
-    /* Side of a cell, in m, > 0. Fastest when about the usual query radius. */
+    /* m, > 0 (none): side of a cell; fastest when about the usual query radius */
     cairn_real cell_size;
 } cairn_point_grid_params;
 
@@ -45,13 +45,18 @@ void cairn_point_grid_remove_last(cairn_point_grid *grid);
 /* Number of points. */
 int32_t cairn_point_grid_count(const cairn_point_grid *grid);
 
-/* The point with an index from 0 to count() - 1. */
+/* The point with an index from 0 to count() - 1.
+ *
+ * index: index of the point */
 cairn_vec2 cairn_point_grid_point(const cairn_point_grid *grid, int32_t index);
 
 /* Nearest neighbour: the index of the point closest to p within `radius` m (inclusive), the lowest
  * index among equal distances. -1 when no point is in range. *distance_squared, in m^2, is set when
  * not NULL and a point was found. Cost: linear in the cells within the radius and the points in
- * these cells, at most twice the number of points. */
+ * these cells, at most twice the number of points.
+ *
+ * p: m: centre of the search
+ * radius: m: greatest distance, inclusive */
 int32_t cairn_point_grid_nearest(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius,
                                  cairn_real *distance_squared);
 
@@ -67,7 +72,11 @@ typedef struct cairn_point_grid_facing {
 } cairn_point_grid_facing;
 
 /* Nearest neighbour among the points whose direction passes the gate; else as nearest().
- * *visited is set to the number of points and cells visited, for charging a budget. */
+ * *visited is set to the number of points and cells visited, for charging a budget.
+ *
+ * p: m: centre of the search
+ * radius: m: greatest distance, inclusive
+ * facing: directions of the points, and the gate */
 int32_t cairn_point_grid_nearest_facing(const cairn_point_grid *grid, cairn_vec2 p,
                                         cairn_real radius, const cairn_point_grid_facing *facing,
                                         int32_t *visited);
@@ -94,11 +103,16 @@ typedef struct cairn_point_grid_cursor {
     int32_t all;
 } cairn_point_grid_cursor;
 
-/* Starts a radius search around p; radius in m. */
+/* Starts a radius search around p. Returns the cursor before the first point.
+ *
+ * p: centre, m
+ * radius: m, inclusive */
 cairn_point_grid_cursor cairn_point_grid_begin(const cairn_point_grid *grid, cairn_vec2 p,
                                                cairn_real radius);
 
-/* Index of the next point within the radius (inclusive), -1 after the last. */
+/* Index of the next point within the radius (inclusive), -1 after the last.
+ *
+ * cursor: cursor of cairn_point_grid_begin() */
 int32_t cairn_point_grid_next(const cairn_point_grid *grid, cairn_point_grid_cursor *cursor);
 
 /* ---- Sweep and prune over boxes ---- */
@@ -108,7 +122,7 @@ typedef struct cairn_box_sweep cairn_box_sweep;
 
 /* Capacity of a sweep. */
 typedef struct cairn_box_sweep_params {
-    /* Boxes, 1 ... 2^28. */
+    /* 1 ... 2^28 (none): boxes */
     int32_t max_boxes;
 } cairn_box_sweep_params;
 
@@ -124,19 +138,26 @@ CAIRN_CHECKED cairn_status cairn_box_sweep_create(cairn_box_sweep **sweep, cairn
  * The sorting starts from the order of the last sweep (temporal coherence: linear when the boxes
  * moved little; new boxes may be appended). Boxes that are empty or contain a NaN overlap no box.
  * CAIRN_BAD_ARGUMENT: count < 0, or NULL with count > 0. CAIRN_FULL: count > max_boxes. Constant
- * time. */
+ * time.
+ *
+ * boxes: [count] boxes */
 CAIRN_CHECKED cairn_status cairn_box_sweep_begin(cairn_box_sweep *sweep, const cairn_box *boxes,
                                                  int32_t count);
 
-/* As begin(), for the pairs of which both boxes overlap a window. These pairs are reported in the
- * same order as after begin(). */
+/* As begin(), with its statuses, for the pairs of which both boxes overlap a window. These pairs
+ * are reported in the same order as after begin().
+ *
+ * boxes: [count] as for begin()
+ * window: box that both boxes of a pair overlap */
 CAIRN_CHECKED cairn_status cairn_box_sweep_begin_in(cairn_box_sweep *sweep, const cairn_box *boxes,
                                                     int32_t count, cairn_box window);
 
 /* Reports the next overlapping pair, *first < *second. CAIRN_OK: a pair is set. CAIRN_MORE: the
  * budget was used up before the next pair. CAIRN_EMPTY: no more pairs. The pairs and their order do
  * not depend on the budget. Cost: three units per four moves of the sort, and one unit per four
- * overlap tests. */
+ * overlap tests.
+ *
+ * first, second: set to the indices of the boxes */
 CAIRN_CHECKED cairn_status cairn_box_sweep_next(cairn_box_sweep *sweep, cairn_budget *budget,
                                                 int32_t *first, int32_t *second);
 

@@ -24,21 +24,33 @@ extern "C" {
 
 /* Parses all of text[0 .. length) as one decimal number: [+-]digits[.digits][e[+-]digits], or nan,
  * inf, infinity in any case and with a sign. Returns 1 and sets *value. Returns 0 and leaves *value
- * untouched for any other text and for a magnitude above DBL_MAX. */
+ * untouched for any other text and for a magnitude above DBL_MAX.
+ *
+ * text: [length] characters
+ * value: set when 1 is returned */
 int32_t cairn_number_read(const char *text, size_t length, double *value);
 
-/* The same for an integer in the range of int64_t, without point and exponent. */
+/* The same for an integer in the range of int64_t, without point and exponent.
+ *
+ * text, length: the characters
+ * value: set when 1 is returned */
 int32_t cairn_number_read_integer(const char *text, size_t length, int64_t *value);
 
 /* Parses all of text[0 .. length) as a finite decimal number of seconds. Returns 1 and sets
  * *nanoseconds, rounded half away from zero, from the first 19 digits. Returns 0 for other text and
- * on overflow. */
+ * on overflow.
+ *
+ * text: [length] characters
+ * nanoseconds: set when 1 is returned */
 int32_t cairn_number_read_stamp(const char *text, size_t length, int64_t *nanoseconds);
 
 /* Writes the value, 0-terminated, and returns text. Values that are not finite: nan, inf, -inf. */
 char *cairn_number_write(char text[CAIRN_NUMBER_TEXT_BYTES], cairn_real value);
 
-/* Writes a stamp in seconds with zero to nine decimals, as many as necessary, and returns text. */
+/* Writes a stamp in seconds with zero to nine decimals, as many as necessary, and returns text.
+ *
+ * text: written, 0-terminated
+ * nanoseconds: stamp, ns */
 char *cairn_number_write_stamp(char text[CAIRN_NUMBER_TEXT_BYTES], int64_t nanoseconds);
 
 #ifdef __cplusplus

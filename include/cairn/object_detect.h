@@ -39,6 +39,7 @@
 extern "C" {
 #endif
 
+/* Method of detection. */
 typedef int32_t cairn_object_detect_method;
 enum {
     /* sliding window over all positions and sizes, scored by log-likelihood ratio */
@@ -47,6 +48,7 @@ enum {
     CAIRN_OBJECT_DETECT_PARTS = 1
 };
 
+/* Bundles of a model's fragments in method PARTS. */
 typedef int32_t cairn_object_detect_bundles;
 enum {
     /* at most one fragment per bundle */
@@ -66,65 +68,75 @@ enum {
     CAIRN_OBJECT_DETECT_BOXES = 2   /* non-maximum suppression; PARTS: outlines deformed, too */
 };
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_object_detect_params {
-    /* px, range of the diagonal of the object's box: 8 <= min <= max <= 2
-     * CAIRN_CONTOUR_SEARCH_MAX_SIDE, min at least a fiftieth of the image's longer side. */
+    /* px, 8 ... 2 CAIRN_CONTOUR_SEARCH_MAX_SIDE (from the image's size): range of the diagonal of
+     * the object's box, min_size <= max_size, min_size at least a fiftieth of the image's longer
+     * side; by default from a tenth of the image's diagonal to the whole, at least 24 */
     cairn_real min_size, max_size;
-    /* 1: the mirrored model is searched, too (1) */
+    /* 0 or 1 (1): 1: the mirrored model is searched, too */
     int32_t mirror;
-    /* 1 ... 64: candidates that are refined (30) */
+    /* 1 ... 64 (30): candidates that are refined */
     int32_t candidates;
-    /* 0 ... 1: non-maximum suppression threshold. Of two detections whose intersection over union
-     * is greater the better one stays (0.2); so it does when most of the smaller box lies in the
-     * other */
+    /* 0 ... 1 (0.2): non-maximum suppression threshold. Of two detections whose intersection over
+     * union is greater the better one stays; so it does when most of the smaller box lies in the
+     * other. */
     cairn_real overlap;
-    /* least score of a reported detection, before appearance counts (0; as written -100: all are
-     * reported) */
+    /* finite (0): least score of a reported detection, before appearance counts; as written -100:
+     * all are reported */
     cairn_real min_score;
-    /* (EVIDENCE) */
+    /* any (CAIRN_OBJECT_DETECT_EVIDENCE): method of detection */
     cairn_object_detect_method method;
-    /* Of method PARTS: */
-    /* (BUNDLES) */
+    /* any (CAIRN_OBJECT_DETECT_BUNDLES): method PARTS: how fragments are bundled */
     cairn_object_detect_bundles bundles;
-    /* [cut_count] manually chosen fragments of the first outline; NULL: chosen by rule (NULL) */
+    /* any (NULL): [cut_count] manually chosen fragments of the first outline; NULL: chosen by
+     * rule */
     const cairn_part_bundle_cut *cuts;
+    /* >= 0 (0): number of cuts */
     int32_t cut_count;
-    /* 1 ... 64: chains that vote for each fragment (2, as in the thesis) */
+    /* 1 ... 64 (2): chains that vote for each fragment; 2 in the thesis */
     int32_t matches;
-    /* 1 ... 64: nearest votes that the configurations around a vote are formed from (20) */
+    /* 1 ... 64 (20): nearest votes that the configurations around a vote are formed from */
     int32_t nearest;
-    /* 1: only around the modes of the votes, found by mean shift (0) */
+    /* 0 or 1 (0): 1: only around the modes of the votes, found by mean shift */
     int32_t modes_only;
-    /* appearance of the same image, for the score of a box; NULL: not used (NULL) */
+    /* any (NULL): appearance of the same image, for the score of a box; NULL: not used */
     const cairn_appearance_field *appearance;
-    /* 0 ... 1000: weight of the appearance distance, lambda of the thesis (8) */
+    /* 0 ... 1000 (8): weight of the appearance distance, lambda of the thesis */
     cairn_real appearance_weight;
-    /* called when a stage begins; NULL: no callback (NULL) */
+    /* any (NULL): called when a stage begins; NULL: no callback */
     void (*on_stage)(void *context, cairn_object_detect_stage stage);
+    /* any (NULL): passed to on_stage */
     void *on_stage_context;
-    /* Of method EVIDENCE, 1: objects may be partly occluded and have the model's own shape. Only
-     * edges that agree on one similarity map of the original outline count (rigid_proximity). The
-     * evidence of a contour grouped there is added. Grouped contours add up to `candidates` more
-     * candidates. Outlines are fitted by that map and not deformed. In clutter it raises the number
-     * of false positives (0). */
+    /* 0 or 1 (0): 1, method EVIDENCE: objects may be partly occluded and have the model's own
+     * shape. Only edges that agree on one similarity map of the original outline count
+     * (rigid_proximity). The evidence of a contour grouped there is added. Grouped contours add up
+     * to `candidates` more candidates. Outlines are fitted by that map and not deformed. In clutter
+     * it raises the number of false positives. */
     int32_t occluded;
-    /* Of method EVIDENCE, 0 ... 100: weight in the score of the evidence of a contour grouped at
-     * the detection (grouped_evidence; contour_grouping). Grouping takes more than half the time of
-     * a search. 0: no grouping, except with `occluded`, which has its own weight for it (0.08). */
+    /* 0 ... 100 (0.08): method EVIDENCE: weight in the score of the evidence of a contour grouped
+     * at the detection (grouped_evidence; contour_grouping). Grouping takes more than half the time
+     * of a search. 0: no grouping, except with `occluded`, which has its own weight for it. */
     cairn_real verify;
-    int32_t mode; /* CAIRN_MODE_DEFAULT, or CAIRN_MODE_AS_WRITTEN, method PARTS only (DEFAULT) */
-    /* 0: appearance is the probability of the support vector machine (Adluru 2008, section 5.3.2);
-     * 1, as written only: 1 - the distance to the nearest training histogram (section 5.4.2) (0; as
-     * written 1). */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written: method PARTS
+     * only */
+    int32_t mode;
+    /* 0 or 1 (0): 0: appearance is the probability of the support vector machine (Adluru 2008,
+     * section 5.3.2); 1, as written only and its default: 1 - the distance to the nearest training
+     * histogram (section 5.4.2) */
     int32_t appearance_nearest;
 } cairn_object_detect_params;
 
-/* Returns the values in brackets above; sizes from a tenth of the image's diagonal, at least 24 px,
- * to the whole. */
+/* Returns the default parameters; sizes from a tenth of the image's diagonal, at least 24 px, to
+ * the whole.
+ *
+ * width, height: size of the image, px */
 cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t height);
 
 /* Returns the params of CAIRN_MODE_AS_WRITTEN, method PARTS, with the thesis's constants: 2 matches
- * per fragment, K = 20, lambda = 8; no verification. */
+ * per fragment, K = 20, lambda = 8; no verification.
+ *
+ * width, height: size of the image, px */
 cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t height);
 
 /* One detection. rigid_evidence and deformed_evidence: mean log-likelihood ratio (nats) of the
@@ -136,6 +148,7 @@ typedef struct cairn_object_detection {
      * deformation, the box's aspect ratio, the size over the image's diagonal, and
      * grouped_evidence. With `occluded`: of rigid_proximity, grouped_evidence and that size. */
     cairn_real score;
+    /* nats, evidence of the outline before and after deformation */
     cairn_real rigid_evidence, deformed_evidence;
     /* total length of the segments over that of the outline */
     cairn_real outline_coverage;
@@ -161,6 +174,7 @@ typedef struct cairn_object_detection {
     int32_t mirrored;
     /* segments along the outline: segments[first_segment ... + segment_count - 1] */
     int32_t first_segment;
+    /* number of these segments */
     int32_t segment_count;
     /* outline[first_outline ... + outline_count - 1] */
     int32_t first_outline;
@@ -194,6 +208,7 @@ typedef struct cairn_object_detections {
     int32_t *segments;                   /* [segment_count] indices of the tokens' lines */
     cairn_contour_search_place *outline; /* [outline_count] */
     cairn_object_detect_part *parts;     /* [part_count] */
+    /* lengths of the arrays above */
     int32_t count, segment_count, outline_count, part_count;
     int32_t bundle_count;   /* bundles of the model; 0: not detected by parts */
     int32_t has_appearance; /* 1: the scores include appearance */
@@ -204,24 +219,34 @@ typedef struct cairn_object_detect_field cairn_object_detect_field;
 
 /* Creates the field for all sizes within params. `tokens` must stay valid. CAIRN_BAD_ARGUMENT:
  * params; CAIRN_NO_MEMORY. On failure there is nothing to free, and *field is NULL. The error
- * message names `path`. */
+ * message names `path`.
+ *
+ * tokens: segments and chains of the image
+ * path: used in the error */
 CAIRN_CHECKED cairn_status cairn_object_detect_field_make(cairn_object_detect_field **field,
                                                           const cairn_contour_search_tokens *tokens,
                                                           const cairn_object_detect_params *params,
                                                           const char *path,
                                                           cairn_file_error *error);
+
+/* Frees the field. NULL is allowed. */
 void cairn_object_detect_field_free(cairn_object_detect_field *field);
 
 /* Detects the instances of a model. CAIRN_BAD_ARGUMENT, CAIRN_NOT_FINITE: a model that
  * cairn_shape_model_check refuses. CAIRN_BAD_ARGUMENT: a model with fewer than 3 outline samples,
  * without width or height, or with a sample 0.54 of its size or farther from its origin along an
  * axis. Method PARTS: also the statuses of cairn_part_bundle_begin() (CAIRN_EMPTY, CAIRN_FULL,
- * CAIRN_BAD_ARGUMENT: cuts). CAIRN_NO_MEMORY. On failure there is nothing to free. */
+ * CAIRN_BAD_ARGUMENT: cuts). CAIRN_NO_MEMORY. On failure there is nothing to free.
+ *
+ * detections: set to the detections
+ * path: used in the error
+ * model: model to detect */
 CAIRN_CHECKED cairn_status cairn_object_detect(cairn_object_detections *detections,
                                                const cairn_object_detect_field *field,
                                                const cairn_shape_model *model, const char *path,
                                                cairn_file_error *error);
 
+/* Frees the arrays of `detections`. */
 void cairn_object_detections_free(cairn_object_detections *detections);
 
 #ifdef __cplusplus

@@ -19,15 +19,21 @@ extern "C" {
 typedef struct cairn_output cairn_output;
 
 /* Opens an output for `path`. CAIRN_IO: the folder is missing or not writable, or the path is a
- * folder; CAIRN_NO_MEMORY. */
+ * folder; CAIRN_NO_MEMORY.
+ *
+ * path: target */
 CAIRN_CHECKED cairn_status cairn_output_open(cairn_output **output, const char *path,
                                              cairn_file_error *error);
 
 /* Appends bytes. A write error is stored and returned by the commit, so that a caller need not
- * check every call. */
+ * check every call.
+ *
+ * bytes: [count] to be written */
 void cairn_output_bytes(cairn_output *output, const void *bytes, size_t count);
 
-/* Appends formatted text as printf does, under the "C" locale. */
+/* Appends formatted text as printf does, under the "C" locale.
+ *
+ * format: as for printf */
 void cairn_output_print(cairn_output *output, const char *format, ...)
     CAIRN_FILE_ERROR_FORMAT(2, 3);
 
@@ -38,18 +44,27 @@ CAIRN_CHECKED cairn_status cairn_output_commit(cairn_output *output, cairn_file_
 /* Frees the output and leaves the target unchanged. NULL is allowed. */
 void cairn_output_discard(cairn_output *output);
 
-/* Creates a folder and its missing parents. CAIRN_OK also when it exists already; CAIRN_IO. */
+/* Creates a folder and its missing parents. CAIRN_OK also when it exists already; CAIRN_IO.
+ *
+ * path: folder to create */
 CAIRN_CHECKED cairn_status cairn_output_folder(const char *path, cairn_file_error *error);
 
 /* Returns "folder/name", or the name alone when the folder is "" or the name is absolute. The
- * caller frees the string; NULL: out of memory. */
+ * caller frees the string; NULL: out of memory.
+ *
+ * folder: folder, may be ""
+ * name: name or path */
 char *cairn_output_path_join(const char *folder, const char *name);
 
 /* Returns the folder of a path, "" when the path has none. The caller frees the string; NULL: out
- * of memory. */
+ * of memory.
+ *
+ * path: any path */
 char *cairn_output_path_folder(const char *path);
 
-/* Returns the last component of a path, a pointer into `path`. */
+/* Returns the last component of a path, a pointer into `path`.
+ *
+ * path: any path */
 const char *cairn_output_path_name(const char *path);
 
 #ifdef __cplusplus

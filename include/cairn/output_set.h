@@ -21,18 +21,25 @@ typedef struct cairn_output_set cairn_output_set;
 
 /* Checks whether cairn_output_set_open() would succeed, before a long computation; creates nothing.
  * names: [count], without '/'. CAIRN_OK: the folder, or its nearest existing parent, is writable
- * and none of the names is a folder. CAIRN_IO, CAIRN_NO_MEMORY. */
+ * and none of the names is a folder. CAIRN_IO, CAIRN_NO_MEMORY.
+ *
+ * folder: target folder */
 CAIRN_CHECKED cairn_status cairn_output_set_check(const char *folder, const char *const *names,
                                                   int32_t count, cairn_file_error *error);
 
 /* Opens a set and creates missing folders. CAIRN_BAD_ARGUMENT: count outside 1 ...
- * CAIRN_OUTPUT_SET_MAX_FILES; statuses of cairn_output_set_check(). */
+ * CAIRN_OUTPUT_SET_MAX_FILES; statuses of cairn_output_set_check().
+ *
+ * folder: target folder
+ * names: [count] names of the files, without '/' */
 CAIRN_CHECKED cairn_status cairn_output_set_open(cairn_output_set **set, const char *folder,
                                                  const char *const *names, int32_t count,
                                                  cairn_file_error *error);
 
 /* Returns the path to which file `index`, 0 <= index < count, has to be written. Valid until the
- * set is committed or discarded. */
+ * set is committed or discarded.
+ *
+ * index: index in names, from 0 */
 const char *cairn_output_set_path(const cairn_output_set *set, int32_t index);
 
 /* Moves all files to their targets and frees the set, also on failure. CAIRN_OK: all files are in

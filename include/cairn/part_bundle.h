@@ -21,6 +21,7 @@ extern "C" {
 #define CAIRN_PART_MAX_PIECES    32
 #define CAIRN_PART_MAX_FRAGMENTS 96
 
+/* Fragment of a model's outline. */
 typedef struct cairn_part_bundle_fragment {
     /* vertex indices of the input outline: the fragment runs from one to the other in outline
      * order */
@@ -47,6 +48,7 @@ typedef struct cairn_part_bundle_model {
     const int32_t *vertices;
     /* [vertex_count] arc length of each piece in the unit of the outline */
     const cairn_real *piece_length;
+    /* number of fragments, samples of each, vertices and bundles */
     int32_t fragment_count, samples_each, vertex_count, bundle_count;
     /* arc length of the outline */
     cairn_real length;
@@ -54,17 +56,24 @@ typedef struct cairn_part_bundle_model {
     cairn_vec2 centroid;
 } cairn_part_bundle_model;
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_part_bundle_params {
-    int32_t max_points;   /* capacity for outline points, 3 ... 4096 (256) */
-    int32_t bundles;      /* number of bundles, 1 ... CAIRN_PART_MAX_BUNDLES (4) */
-    int32_t pieces_each;  /* 1 ... 4: DCE vertices per bundle (2) */
-    int32_t max_pieces;   /* 1 ... 3: greatest number of pieces of a fragment (3) */
-    int32_t samples_each; /* samples of each fragment, 2 ... 64 (20) */
+    /* 3 ... 4096 (256): capacity for outline points */
+    int32_t max_points;
+    /* 1 ... CAIRN_PART_MAX_BUNDLES (4): number of bundles */
+    int32_t bundles;
+    /* 1 ... 4 (2): DCE vertices per bundle */
+    int32_t pieces_each;
+    /* 1 ... 3 (3): greatest number of pieces of a fragment */
+    int32_t max_pieces;
+    /* 2 ... 64 (20): samples of each fragment */
+    int32_t samples_each;
 } cairn_part_bundle_params;
 
+/* Builder of part bundles. */
 typedef struct cairn_part_bundle_builder cairn_part_bundle_builder;
 
-/* Returns the values in brackets above. */
+/* Returns the default parameters. */
 cairn_part_bundle_params cairn_part_bundle_default(void);
 
 /* Returns the bytes that create() takes from the pool; 0 for params that create() would refuse. */
@@ -90,7 +99,9 @@ typedef struct cairn_part_bundle_cut {
  * vertex. CAIRN_BAD_ARGUMENT: NULL, fewer than 3 points, invalid cuts or none. CAIRN_FULL: more
  * points than max_points, more than CAIRN_PART_MAX_FRAGMENTS cuts or CAIRN_PART_MAX_PIECES vertices
  * of cuts. CAIRN_NOT_FINITE: a coordinate that is not finite, or beyond 1e9. CAIRN_EMPTY: an
- * outline or a cut of zero length. Cost: linear in points, times cuts. */
+ * outline or a cut of zero length. Cost: linear in points, times cuts.
+ *
+ * points: [count] vertices of the outline */
 CAIRN_CHECKED cairn_status cairn_part_bundle_begin(cairn_part_bundle_builder *builder,
                                                    const cairn_vec2 *points, int32_t count,
                                                    const cairn_part_bundle_cut *cuts,

@@ -24,6 +24,7 @@
 extern "C" {
 #endif
 
+/* Vote of a matched part for the centre and the scale of an object. */
 typedef struct cairn_part_configuration_vote {
     int32_t bundle;      /* >= 0: bundle index; a configuration uses at most one vote per bundle */
     int32_t chain;       /* chain index; a configuration uses no interval of a chain twice */
@@ -34,6 +35,7 @@ typedef struct cairn_part_configuration_vote {
     cairn_real closed_length; /* px, length of a closed chain; 0: an open chain */
 } cairn_part_configuration_vote;
 
+/* Neighbourhoods in which configurations are searched. */
 typedef int32_t cairn_part_search;
 enum {
     /* configurations of the votes nearest to each vote */
@@ -43,34 +45,36 @@ enum {
     CAIRN_PART_SEARCH_MODES = 1
 };
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_part_configuration_params {
-    /* capacity for votes, 1 ... 2^20 (512) */
+    /* 1 ... 2^20 (512): capacity for votes */
     int32_t max_votes;
-    /* K: number of nearest votes that configurations are formed from, the vote itself included, 1
-     * ... 64 (20) */
+    /* 1 ... 64 (20): K: number of nearest votes that configurations are formed from, the vote
+     * itself included */
     int32_t nearest;
-    /* least number of parts of a configuration, 1 ... 64 (2) */
+    /* 1 ... 64 (2): least number of parts of a configuration */
     int32_t min_parts;
-    /* capacity for configurations, 1 ... 2^16 (64) */
+    /* 1 ... 2^16 (64): capacity for configurations */
     int32_t max_found;
-    /* 1 ... 2^30: limit of search-tree nodes per vote: a part added, skipped or removed
-     * (1,000,000) */
+    /* 1 ... 2^30 (1,000,000): limit of search-tree nodes per vote: a part added, skipped or
+     * removed */
     int32_t max_nodes;
-    /* (NEAREST) */
+    /* any (CAIRN_PART_SEARCH_NEAREST): votes that configurations are formed from */
     cairn_part_search search;
-    /* tolerance of the centre, in units of the model, 1e-4 ... 10 (0.08) */
+    /* units of the model, 1e-4 ... 10 (0.08): tolerance of the centre */
     cairn_real centre_tolerance;
-    /* tolerance of the logarithm of the scale, 0.01 ... 1 (0.15) */
+    /* 0.01 ... 1 (0.15): tolerance of the logarithm of the scale */
     cairn_real scale_tolerance;
-    /* radius of the neighbourhood of a vote, in tolerances, 0.5 ... 4 (3) */
+    /* tolerances, 0.5 ... 4 (3): radius of the neighbourhood of a vote */
     cairn_real search_radius;
-    /* 0 ... 1: two parts conflict when a greater share of the shorter one's interval lies in both
-     * (0.2) */
+    /* 0 ... 1 (0.2): two parts conflict when a greater share of the shorter one's interval lies in
+     * both */
     cairn_real overlap;
-    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN, which ignores the search kind, search_radius,
-     * scale_tolerance and overlap, and allows max_votes up to 8192 (DEFAULT) */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written, the search
+     * kind, search_radius, scale_tolerance and overlap are ignored, and max_votes up to 8192 is
+     * allowed */
     int32_t mode;
-    /* >= 0, as written: least summed similarity of a configuration (0) */
+    /* >= 0 (0): as written: least summed similarity of a configuration */
     cairn_real min_sum;
 } cairn_part_configuration_params;
 
@@ -79,16 +83,20 @@ typedef struct cairn_part_configuration_params {
 typedef struct cairn_part_configuration {
     cairn_real score, weight_sum; /* weight_sum: sum of the weights */
     cairn_vec2 centre;            /* px, weighted mean */
+    /* px per unit of the model, weighted mean */
     cairn_real scale;
     int32_t seed;         /* index of the vote whose neighbourhood it was found in */
     int32_t first, count; /* votes[first ... first + count - 1], vote indices in ascending order */
 } cairn_part_configuration;
 
+/* The configurations found, and counts of the work done. */
 typedef struct cairn_part_configuration_result {
     /* [count] by descending score, without duplicates; valid until the next begin(). As written
      * ties go to the earlier seed. */
     const cairn_part_configuration *found;
+    /* indices of the votes of all configurations */
     const int32_t *votes;
+    /* number of configurations */
     int32_t count;
     /* votes or modes whose neighbourhoods were searched */
     int32_t seed_count;
@@ -103,9 +111,10 @@ typedef struct cairn_part_configuration_result {
     int64_t enumerated_count;
 } cairn_part_configuration_result;
 
+/* Search for configurations of parts. */
 typedef struct cairn_part_configurator cairn_part_configurator;
 
-/* Returns the values in brackets above. */
+/* Returns the default parameters. */
 cairn_part_configuration_params cairn_part_configuration_default(void);
 
 /* Returns the params of CAIRN_MODE_AS_WRITTEN: K = 20, at least one part, an effectively unlimited
@@ -123,7 +132,9 @@ cairn_part_configuration_create(cairn_part_configurator **configurator, cairn_po
 /* Starts on a set of votes, which must stay valid until step() returns CAIRN_OK, and discards the
  * previous run. CAIRN_BAD_ARGUMENT: NULL (except for no votes), a negative count, an invalid vote
  * (*fault: its index). CAIRN_FULL: more than max_votes. CAIRN_NOT_FINITE: a position or length
- * beyond 1e6, a scale outside 1e-6 ... 1e6, a weight above 1e6. Cost: linear. */
+ * beyond 1e6, a scale outside 1e-6 ... 1e6, a weight above 1e6. Cost: linear.
+ *
+ * votes: [count] votes */
 CAIRN_CHECKED cairn_status cairn_part_configuration_begin(
     cairn_part_configurator *configurator, const cairn_part_configuration_vote *votes,
     int32_t count, cairn_fault *fault);

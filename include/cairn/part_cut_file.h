@@ -18,7 +18,11 @@ extern "C" {
 /* Reads the fragments, plain or gzipped. CAIRN_BAD_FORMAT: a line is not in the format above;
  * CAIRN_FULL: more than CAIRN_PART_MAX_FRAGMENTS; CAIRN_EMPTY: none; CAIRN_TRUNCATED (gzip),
  * CAIRN_UNSUPPORTED (not a regular file), CAIRN_IO, CAIRN_NO_MEMORY. The error has the line; on
- * failure *count is 0. Limits: the samples are not checked against an outline. */
+ * failure *count is 0. Limits: the samples are not checked against an outline.
+ *
+ * cuts: set to the fragments
+ * path: file, plain or gzipped
+ * count: set to their number; 0 on failure */
 CAIRN_CHECKED cairn_status
 cairn_part_cut_file_read(cairn_part_bundle_cut cuts[CAIRN_PART_MAX_FRAGMENTS], int32_t *count,
                          const char *path, cairn_file_error *error);

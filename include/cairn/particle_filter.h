@@ -33,59 +33,74 @@ enum {
     CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL = 1
 };
 
-/* Parameters. Default values in brackets. */
+/* Parameters; defaults in brackets. */
 typedef struct cairn_particle_filter_params {
-    /* N: number of particles after resampling, 1 ... 2^20 (100). */
+    /* 1 ... 2^20 (100): N: number of particles after resampling */
     int32_t particles;
-    /* Largest number of particles while no resampling is needed, >= particles, <= 2^20 (100). Of
-     * more followers those with the lowest weights are discarded. */
+    /* particles ... 2^20 (100): largest number of particles while no resampling is needed. Of more
+     * followers those with the lowest weights are discarded. */
     int32_t max_particles;
-    /* Followers per particle and step, 1 ... 2^20 (8). */
+    /* 1 ... 2^20 (8): followers per particle and step */
     int32_t max_followers;
-    /* Candidates of all particles in a step, 1 ... 2^20 (4096). */
+    /* 1 ... 2^20 (4096): candidates of all particles in a step */
     int32_t max_candidates;
-    /* Blocks (states) in all histories together, those of the step that runs included, 1 ... 2^28
-     * (4096). (max_history + 2) max_particles blocks suffice for any number of steps when
+    /* 1 ... 2^28 (4096): blocks (states) in all histories together, those of the step that runs
+     * included. (max_history + 2) max_particles blocks suffice for any number of steps when
      * max_history is not 0. */
     int32_t max_blocks;
-    /* Bytes of a state, 1 ... 2^20 (64). States are aligned to CAIRN_ALIGN. */
+    /* 1 ... 2^20 (64): bytes of a state. States are aligned to CAIRN_ALIGN. */
     int32_t state_bytes;
-    /* Proposal distribution (optimal). */
+    /* any (CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL): proposal distribution */
     cairn_particle_filter_proposal proposal;
-    /* 1: a particle has exp(H) followers, rounded up, at most max_followers, where H is the entropy
-     * of the distribution from which the followers are drawn: one per mode. 0: max_followers
-     * (1). */
+    /* 0 or 1 (1): 1: a particle has exp(H) followers, rounded up, at most max_followers, where H is
+     * the entropy of the distribution from which the followers are drawn: one per mode. 0:
+     * max_followers. */
     int32_t adaptive_followers;
-    /* States of a history that are kept before the last one, 1 ... 2^20; 0: all states (0). */
+    /* 0 ... 2^20 (0): states of a history that are kept before the last one; 0: all states */
     int32_t max_history;
-    /* The population is resampled when N_eff is below this fraction of N, 0 ... 1 (0.5). */
+    /* 0 ... 1 (0.5): the population is resampled when N_eff is below this fraction of N */
     cairn_real resample_ratio;
 } cairn_particle_filter_params;
 
-/* The default values. */
+/* Returns the default parameters. */
 cairn_particle_filter_params cairn_particle_filter_default(void);
 
 /* Motion model: offers the candidates of particle `index` by cairn_particle_filter_offer().
  * CAIRN_OK: all candidates are offered. CAIRN_MORE: the budget is used up, call again. Negative:
  * the step ends with this status. Called for all particles in turn before any candidate is
- * weighted, so scores may be normalized over all particles. */
+ * weighted, so scores may be normalized over all particles.
+ *
+ * context: that of the model
+ * index: index of the particle */
 typedef cairn_status (*cairn_particle_filter_propose)(void *context, cairn_particle_filter *filter,
                                                       int32_t index, cairn_budget *budget);
 
 /* Observation model: sets *log_likelihood to ln p(observation | history of particle `index`,
  * state), in nats; -infinity (or less than -CAIRN_REAL_MAX / 4): impossible. Statuses as for
- * propose. */
+ * propose.
+ *
+ * context: that of the model
+ * index: index of the particle
+ * state: [state_bytes] the candidate
+ * log_likelihood: set to the log-likelihood, nats */
 typedef cairn_status (*cairn_particle_filter_likelihood)(void *context,
                                                          const cairn_particle_filter *filter,
                                                          int32_t index, const void *state,
                                                          cairn_real *log_likelihood,
                                                          cairn_budget *budget);
 
-/* Completes a drawn state when it becomes the last state of a history. */
+/* Completes a drawn state when it becomes the last state of a history.
+ *
+ * context: that of the model
+ * index: particle that the history belongs to
+ * state: [state_bytes] the drawn state, to be completed */
 typedef void (*cairn_particle_filter_append)(void *context, const cairn_particle_filter *filter,
                                              int32_t index, void *state);
 
-/* Reports that particle `index` has no follower and is discarded; its history can still be read. */
+/* Reports that particle `index` has no follower and is discarded; its history can still be read.
+ *
+ * context: that of the model
+ * index: index of the particle */
 typedef void (*cairn_particle_discard)(void *context, const cairn_particle_filter *filter,
                                        int32_t index);
 
@@ -116,13 +131,18 @@ CAIRN_CHECKED cairn_status cairn_particle_filter_create(cairn_particle_filter **
                                                         const cairn_particle_filter_model *model);
 
 /* Removes all particles and begins a new run, with random numbers of `seed`. CAIRN_BAD_ARGUMENT:
- * NULL. Cost: linear in the blocks in use. */
+ * NULL. Cost: linear in the blocks in use.
+ *
+ * seed: any number */
 CAIRN_CHECKED cairn_status cairn_particle_filter_clear(cairn_particle_filter *filter,
                                                        uint64_t seed);
 
 /* Adds an initial particle; the state is copied. Weights need not add up to 1. CAIRN_BAD_ARGUMENT:
  * NULL, or begin() was called. CAIRN_NOT_FINITE: the log weight. CAIRN_FULL: max_particles or
- * max_blocks. Constant time. */
+ * max_blocks. Constant time.
+ *
+ * state: [state_bytes] first state of the history
+ * log_weight: logarithm of the weight, finite */
 CAIRN_CHECKED cairn_status cairn_particle_filter_start(cairn_particle_filter *filter,
                                                        const void *state, cairn_real log_weight);
 
@@ -134,7 +154,9 @@ CAIRN_CHECKED cairn_status cairn_particle_filter_begin(cairn_particle_filter *fi
  * log_mass: logarithm of the prior mass; masses are normalized per particle, -infinity is a mass of
  * 0. CAIRN_BAD_ARGUMENT: NULL, or not called by propose. CAIRN_NOT_FINITE: NaN or +infinity.
  * CAIRN_FULL: max_candidates; the candidate is dropped and counted in the trace. Cost: linear in
- * state_bytes. */
+ * state_bytes.
+ *
+ * state: [state_bytes] the candidate */
 CAIRN_CHECKED cairn_status cairn_particle_filter_offer(cairn_particle_filter *filter,
                                                        const void *state, cairn_real log_mass);
 
@@ -166,7 +188,9 @@ int32_t cairn_particle_filter_count(const cairn_particle_filter *filter);
 /* A particle, by index from 0. All zero when there is no such particle. */
 cairn_particle cairn_particle_filter_particle(const cairn_particle_filter *filter, int32_t index);
 
-/* The state before a state of a history; NULL before the first one that is kept. Constant time. */
+/* The state before a state of a history; NULL before the first one that is kept. Constant time.
+ *
+ * state: state of a history */
 const void *cairn_particle_filter_state_before(const void *state);
 
 /* Statistics of the last step. */

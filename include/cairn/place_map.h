@@ -23,10 +23,13 @@
 extern "C" {
 #endif
 
+/* Map of places, each a set of scans with known relative poses. */
 typedef struct cairn_place_map cairn_place_map;
 
+/* Method by which places are put together. */
 typedef int32_t cairn_place_map_mode;
 enum {
+    /* all places are matched with each other, and pose_consensus chooses among the hypotheses */
     CAIRN_PLACE_MAP_CONSENSUS = CAIRN_MODE_DEFAULT,
     /* Adluru 2008, chapter 6: see cairn_place_map_as_written() */
     CAIRN_PLACE_MAP_AS_WRITTEN = CAIRN_MODE_AS_WRITTEN,
@@ -39,6 +42,7 @@ enum {
  * place may have small errors. */
 typedef int32_t cairn_place_map_decoupling;
 enum {
+    /* the scans of a place keep their relative poses */
     CAIRN_PLACE_MAP_COUPLED = 0,
     /* sequential ICP against all other scans, as in the thesis */
     CAIRN_PLACE_MAP_BY_ICP = 1,
@@ -46,48 +50,52 @@ enum {
     CAIRN_PLACE_MAP_JOINTLY = 2
 };
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_place_map_params {
+    /* any (CAIRN_PLACE_MAP_CONSENSUS): method */
     cairn_place_map_mode mode;
-    /* number of places, 2 ... 256 (16) */
+    /* 2 ... 256 (16): number of places */
     int32_t max_places;
-    /* scans of all places together, >= max_places (64) */
+    /* >= max_places (64): scans of all places together */
     int32_t max_scans;
-    /* evenly spaced points of one place, >= 1 (1024) */
+    /* >= 1 (1024): evenly spaced points of one place */
     int32_t max_place_points;
-    /* beams of one place, >= 1 (2048) */
+    /* >= 1 (2048): beams of one place */
     int32_t max_place_beams;
-    /* places that the sequential modes match with, >= 1 (3) */
+    /* >= 1 (3): places that the sequential modes match with */
     int32_t recent_places;
-    /* rounds in which every place is matched again with the map of the others, >= 0 (4) */
+    /* >= 0 (4): rounds in which every place is matched again with the map of the others */
     int32_t rematch_rounds;
-    /* sweeps of the ICP refinement over all places, >= 0 (10) */
+    /* >= 0 (10): sweeps of the ICP refinement over all places */
     int32_t refinement_sweeps;
+    /* any (CAIRN_PLACE_MAP_COUPLED): individual alignment of the scans at the end */
     cairn_place_map_decoupling decoupled;
-    /* m, > 0: half the side of a place's visibility grid (8) */
+    /* m, > 0 (8): half the side of a place's visibility grid */
     cairn_real visibility_reach;
-    /* m, > 0: side of its cells (0.05) */
+    /* m, > 0 (0.05): side of the cells of the visibility grid */
     cairn_real visibility_cell;
-    /* m, > 0: distance to a surface within which another surface counts as the same (0.10) */
+    /* m, > 0 (0.10): distance to a surface within which another surface counts as the same */
     cairn_real visibility_margin;
-    /* Log-likelihood ratios per point of one place, in the visibility grid of the other. nats, > 0:
-     * on a surface of its direction (0.05) */
+    /* nats, > 0 (0.05): log-likelihood ratio of a point of one place, in the visibility grid of the
+     * other: on a surface of its direction */
     cairn_real surface_nats;
-    /* nats, > 0: of a dynamic-object candidate (small isolated body) on such a body (0.25) */
+    /* nats, > 0 (0.25): likewise: a dynamic-object candidate (small isolated body) on such a
+     * body */
     cairn_real dynamic_nats;
-    /* nats, > 0: on the opposite face of a wall, saturating with their number (0.3) */
+    /* nats, > 0 (0.3): likewise: on the opposite face of a wall, saturating with their number */
     cairn_real opposite_face_nats;
-    /* nats, > 0: on a surface too rough to have a direction (0.65) */
+    /* nats, > 0 (0.65): likewise: on a surface too rough to have a direction */
     cairn_real rough_surface_nats;
-    /* nats, >= 0, per square metre that both places measured free (1.6) */
+    /* nats per m^2, >= 0 (1.6): log-likelihood ratio of the area that both places measured free */
     cairn_real free_area_nats;
-    /* nats, > 0: penalty of a free-space violation, a point in space that the other place measured
-     * free (0.6) */
+    /* nats, > 0 (0.6): penalty of a free-space violation, a point in space that the other place
+     * measured free */
     cairn_real free_space_penalty;
-    /* in [0, 1]: factor on the penalty of points of dynamic-object candidates, which may have moved
-     * (0.05) */
+    /* 0 ... 1 (0.05): factor on the penalty of points of dynamic-object candidates, which may have
+     * moved */
     cairn_real dynamic_factor;
-    /* nats, >= 0: subtracted from every hypothesis, as the best of many random ones reaches this
-     * ratio by chance (0) */
+    /* nats, >= 0 (0): subtracted from every hypothesis, as the best of many random ones reaches
+     * this ratio by chance */
     cairn_real chance_nats;
     /* scan matching; max_target ... max_query are not read */
     cairn_scan_match_params match;
@@ -97,9 +105,8 @@ typedef struct cairn_place_map_params {
     cairn_aligner_params aligner;
 } cairn_place_map_params;
 
-/* Returns the defaults: consensus; coupled scans; values in brackets above; match with 40
- * hypotheses of 768 candidates and vote_once 0; consensus with 4096 hypotheses, ambiguous from
- * 1e-5, significant from 12 nats. */
+/* Returns the default parameters; match with 40 hypotheses of 768 candidates and vote_once 0;
+ * consensus with 4096 hypotheses, ambiguous from 1e-5, significant from 12 nats. */
 cairn_place_map_params cairn_place_map_default(void);
 
 /* Returns the params of Adluru 2008, chapter 6, as printed: mode AS_WRITTEN, matches by
@@ -136,7 +143,10 @@ void cairn_place_map_clear(cairn_place_map *map);
  * is that of the last scan or the next one. place_scan: pose of the scan in the frame of the place.
  * CAIRN_BAD_ARGUMENT: NULL, another place. CAIRN_NOT_FINITE. CAIRN_FULL: max_places, max_scans,
  * max_place_points, max_place_beams or the aligner's max_segments is used up. *fault, when not
- * NULL, names the field. Cost: linear in the scan. */
+ * NULL, names the field. Cost: linear in the scan.
+ *
+ * view: scan with its segments, points and beams
+ * place: index of the place */
 CAIRN_CHECKED cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place,
                                                     const cairn_scan_view *view,
                                                     cairn_pose place_scan, cairn_fault *fault);
@@ -152,7 +162,9 @@ CAIRN_CHECKED cairn_status cairn_place_map_extend(cairn_place_map *map);
 /* Mode as written: sets the pose of a scan of the last complete map, such as the result of another
  * aligner; places that extend() adds are matched with the scan in this pose. map_place stays.
  * CAIRN_UNSUPPORTED: another mode; CAIRN_BAD_ARGUMENT: NULL, a scan that is not in the map, a pose
- * beyond the limit; CAIRN_NOT_FINITE. Constant time. */
+ * beyond the limit; CAIRN_NOT_FINITE. Constant time.
+ *
+ * scan: index of the scan, in the order of add_scan() */
 CAIRN_CHECKED cairn_status cairn_place_map_move_scan(cairn_place_map *map, int32_t scan,
                                                      cairn_pose map_scan);
 
@@ -162,6 +174,7 @@ CAIRN_CHECKED cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budg
 
 /* ---- The result: empty until step() returns CAIRN_OK ---- */
 
+/* Result of a map, and counts of the work done. */
 typedef struct cairn_place_map_result {
     /* placed: places in the largest component */
     int32_t places, placed;
@@ -177,11 +190,14 @@ typedef struct cairn_place_map_result {
     int32_t decoupled;
     /* nats: log-likelihood ratio of the map, and of the best competing map found; 0: none */
     cairn_real total, competing_total;
+    /* work units charged */
     int64_t units;
 } cairn_place_map_result;
 
+/* Returns the result; all zero until step() returns CAIRN_OK. */
 cairn_place_map_result cairn_place_map_read(const cairn_place_map *map);
 
+/* Estimate of a place. */
 typedef struct cairn_place_map_place {
     /* in the frame of its component: that of the component's first place */
     cairn_pose map_place;
@@ -192,27 +208,37 @@ typedef struct cairn_place_map_place {
     int32_t component;
     /* 1: in a submap other than the component's largest, or see cairn_place_map_alternative() */
     int32_t ambiguous;
+    /* number of alternative poses */
     int32_t alternatives;
     /* submap within the component; 0: the largest; the links between submaps may be due to
      * chance */
     int32_t submap;
 } cairn_place_map_place;
 
-/* Returns the estimate of a place; all zero for a place that does not exist. */
+/* Returns the estimate of a place; all zero for a place that does not exist.
+ *
+ * place: index of the place */
 cairn_place_map_place cairn_place_map_place_of(const cairn_place_map *map, int32_t place);
 
 /* Returns an alternative pose of a place, the most probable first; see
- * cairn_pose_consensus_alternative(). */
+ * cairn_pose_consensus_alternative().
+ *
+ * index: 0 ... number of alternatives - 1
+ * place: index of the place */
 cairn_pose_consensus_competing_pose cairn_place_map_alternative(const cairn_place_map *map,
                                                                 int32_t place, int32_t index);
 
 /* Returns the pose of a scan in the frame of its component, scans counted in the order of
  * add_scan(); map_place composed with place_scan unless the scan was aligned individually. The
- * identity for a scan that does not exist. */
+ * identity for a scan that does not exist.
+ *
+ * scan: index of the scan, in the order of add_scan() */
 cairn_pose cairn_place_map_scan_pose(const cairn_place_map *map, int32_t scan);
 
 /* Returns 1 when the joint alignment determines the pose of this scan individually; 0 when the pose
- * follows from that of its place, the scan does not exist, or scans are not aligned jointly. */
+ * follows from that of its place, the scan does not exist, or scans are not aligned jointly.
+ *
+ * scan: index of the scan, in the order of add_scan() */
 int32_t cairn_place_map_scan_is_aligned(const cairn_place_map *map, int32_t scan);
 
 #ifdef __cplusplus

@@ -25,54 +25,53 @@ typedef struct cairn_polyline cairn_polyline;
 
 /* Parameters. Default values, for indoor range scans, in brackets. */
 typedef struct cairn_polyline_params {
-    /* Dimension of the points, 2 or 3 (2). */
+    /* 2 or 3 (2): dimension of the points */
     int32_t dim;
-    /* Points, 1 ... 2^26 (1024). */
+    /* 1 ... 2^26 (1024): points */
     int32_t max_points;
-    /* Segments, 1 ... 2^20 (256). While fitting, walls are in pieces: about 4 times the final
+    /* 1 ... 2^20 (256): segments. While fitting, walls are in pieces: about 4 times the final
      * number is needed. */
     int32_t max_segments;
-    /* >= 3: segments of fewer points are dropped (4). */
+    /* >= 3 (4): segments of fewer points are dropped */
     int32_t min_points;
-    /* EM iterations, >= 1 (20). Splits at bends, and growth across gaps, happen only in the first
+    /* >= 1 (20): EM iterations. Splits at bends, and growth across gaps, happen only in the first
      * half. */
     int32_t max_iterations;
-    /* m, >= 0: shorter segments are dropped (0.08). */
+    /* m, >= 0 (0.08): shorter segments are dropped */
     cairn_real min_length;
-    /* m, > 0: standard deviation of the points across their line (sensor noise; 0.01). The
+    /* m, > 0 (0.01): standard deviation of the points across their line (sensor noise). The
      * variance is never estimated smaller. */
     cairn_real sigma;
-    /* m, >= width_last: width of the Gaussian of the E-step in the first iteration (0.04). A larger
+    /* m, >= width_last (0.04): width of the Gaussian of the E-step in the first iteration. A larger
      * width bridges more gaps and blurs corners more. */
     cairn_real width_first;
-    /* m, > 0: width of the Gaussian of the E-step in the last iterations (0.02). Twice sigma keeps
+    /* m, > 0 (0.02): width of the Gaussian of the E-step in the last iterations. Twice sigma keeps
      * nearly all points of a line. */
     cairn_real width_last;
-    /* (0, 1]: factor of the width per iteration (annealing; 0.5). */
+    /* > 0, <= 1 (0.5): factor of the width per iteration (annealing) */
     cairn_real width_decay;
-    /* m, > 0: a gap between points along a segment that is longer splits the segment
-     * (0.25), ... */
+    /* m, > 0 (0.25): a segment is split at a gap between its points that is longer */
     cairn_real gap;
-    /* >= 1: ... unless the gap is at most gap_factor times the spacing of the adjacent points
-     * (3), ... */
+    /* >= 1 (3): exception: a gap up to gap_factor times the spacing of the adjacent points splits
+     * nothing */
     cairn_real gap_factor;
-    /* m, >= gap: ... and even then when the gap is longer than gap_max (1.5). */
+    /* m, >= gap (1.5): a gap that is longer always splits the segment */
     cairn_real gap_max;
-    /* rad, [0, pi/2]: segments whose directions differ by more are not merged (0.26). */
+    /* rad, 0 ... pi/2 (0.26): segments whose directions differ by more are not merged */
     cairn_real merge_angle;
-    /* m, > 0: segments are not merged when an end of the lighter one is farther from the line of
-     * the other (0.10). */
+    /* m, > 0 (0.10): segments are not merged when an end of the lighter one is farther from the
+     * line of the other */
     cairn_real merge_distance;
-    /* > 0: penalty of a further segment (model selection), as a multiple of the variance of the
-     * residuals, which is at least sigma^2 (20). The penalty is at least sigma^2 / 4 per point. Two
+    /* > 0 (20): penalty of a further segment (model selection), as a multiple of the variance of
+     * the residuals, which is at least sigma^2. The penalty is at least sigma^2 / 4 per point. Two
      * segments are merged unless they reduce the sum of squared residuals by more than the penalty;
      * a segment is split when the reduction is more than 1.5 times the penalty. */
     cairn_real segment_penalty;
-    /* m, > 0: the fit has converged when no end point moves farther in an iteration (0.001). */
+    /* m, > 0 (0.001): the fit has converged when no end point moves farther in an iteration */
     cairn_real tolerance;
 } cairn_polyline_params;
 
-/* The default values. */
+/* Returns the default parameters. */
 cairn_polyline_params cairn_polyline_default(void);
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. */
@@ -94,7 +93,9 @@ CAIRN_CHECKED cairn_status cairn_polyline_begin(cairn_polyline *polyline, const 
 
 /* Starts a fit without points, for callers that add the points one by one in bounded steps: clear,
  * add each point, then step. scale multiplies sigma and both widths for this fit: 1, or more for
- * less accurate points. CAIRN_BAD_ARGUMENT: NULL, or scale is not finite and > 0. Constant time. */
+ * less accurate points. CAIRN_BAD_ARGUMENT: NULL, or scale is not finite and > 0. Constant time.
+ *
+ * scale: factor of sigma and of both widths, > 0 */
 CAIRN_CHECKED cairn_status cairn_polyline_clear(cairn_polyline *polyline, cairn_real scale);
 
 /* Adds a point after clear(). point: [dim]. Statuses as for begin(); CAIRN_BAD_ARGUMENT also after

@@ -79,16 +79,24 @@ CAIRN_CHECKED cairn_status cairn_pool_init(cairn_pool *pool, void *memory, size_
 void cairn_pool_init_counting(cairn_pool *pool);
 
 /* Adds `need` bytes, the _memory() of a nested object, to a counting pool. A need of 0 (params that
- * _create() would refuse) counts as an overflow. */
+ * _create() would refuse) counts as an overflow.
+ *
+ * counting: a counting pool
+ * need: bytes */
 void cairn_pool_count(cairn_pool *counting, size_t need);
 
 /* Bytes that a counting pool has added up, 0 after an overflow: the value that _memory()
- * returns. */
+ * returns.
+ *
+ * counting: a counting pool */
 size_t cairn_pool_counted(const cairn_pool *counting);
 
-/* Allocates `count` elements of `size` bytes, not cleared. NULL when too few bytes are left
+/* Allocates `count` elements of `size` bytes, not cleared. Returns NULL when too few bytes are left
  * (`refused` is incremented, nothing is allocated), and always from a counting pool. A count or
- * size of 0 gives a valid pointer that must not be dereferenced. Constant time. */
+ * size of 0 gives a valid pointer that must not be dereferenced. Constant time.
+ *
+ * count: number of elements
+ * size: bytes of an element */
 void *cairn_pool_take(cairn_pool *pool, size_t count, size_t size);
 
 /* Allocates one element of `size` bytes, as cairn_pool_take(). */
@@ -101,10 +109,14 @@ static inline void *cairn_pool_take_one(cairn_pool *pool, size_t size)
 size_t cairn_pool_remaining(const cairn_pool *pool);
 
 /* 1 when at least `bytes` bytes are left; else 0, and `refused` is incremented. Every _create()
- * checks with this function before its first allocation, so a failure leaves the pool as it was. */
+ * checks with this function before its first allocation, so a failure leaves the pool as it was.
+ *
+ * bytes: sum of the allocations to come */
 CAIRN_CHECKED int32_t cairn_pool_has_capacity(cairn_pool *pool, size_t bytes);
 
-/* Records the state of the pool in *mark. CAIRN_BAD_ARGUMENT: NULL. Constant time. */
+/* Records the state of the pool in *mark. CAIRN_BAD_ARGUMENT: NULL. Constant time.
+ *
+ * mark: set to the state */
 CAIRN_CHECKED cairn_status cairn_pool_mark(cairn_pool *pool, cairn_mark *mark);
 
 /* Frees all allocations since the mark. Marks are released last in, first out. CAIRN_BAD_ARGUMENT:
@@ -112,7 +124,10 @@ CAIRN_CHECKED cairn_status cairn_pool_mark(cairn_pool *pool, cairn_mark *mark);
 CAIRN_CHECKED cairn_status cairn_pool_release(cairn_pool *pool, cairn_mark mark);
 
 /* Allocates `bytes` bytes (rounded up to CAIRN_ALIGN, plus the redzone) from `pool` and makes them
- * a pool of their own. CAIRN_BAD_ARGUMENT: NULL, a counting pool, 0 bytes. CAIRN_NO_MEMORY. */
+ * a pool of their own. CAIRN_BAD_ARGUMENT: NULL, a counting pool, 0 bytes. CAIRN_NO_MEMORY.
+ *
+ * child: becomes the pool of the allocated bytes
+ * bytes: size of the child, > 0 */
 CAIRN_CHECKED cairn_status cairn_pool_split(cairn_pool *pool, cairn_pool *child, size_t bytes);
 
 /* ---- Block pool ---- */
@@ -126,11 +141,14 @@ typedef struct cairn_block_pool cairn_block_pool;
 size_t cairn_block_pool_memory(size_t block_bytes, size_t count);
 
 /* Creates a block pool of free blocks. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. Cost: linear in
- * count. */
+ * count.
+ *
+ * block_bytes: bytes of a block, > 0
+ * count: number of blocks, 1 ... INT32_MAX - 1 */
 CAIRN_CHECKED cairn_status cairn_block_pool_create(cairn_block_pool **blocks, cairn_pool *pool,
                                                    size_t block_bytes, size_t count);
 
-/* Allocates a block, not cleared. NULL when all blocks are in use. Constant time. */
+/* Allocates a block, not cleared. Returns NULL when all blocks are in use. Constant time. */
 void *cairn_block_pool_take(cairn_block_pool *blocks);
 
 /* Frees a block. CAIRN_BAD_ARGUMENT: the pointer is not a block of this pool, or the block is not
@@ -149,6 +167,7 @@ typedef struct cairn_block_pool_usage {
     uint32_t refused;
 } cairn_block_pool_usage;
 
+/* Returns the usage of a block pool. */
 cairn_block_pool_usage cairn_block_pool_read(const cairn_block_pool *blocks);
 
 #ifdef __cplusplus

@@ -23,7 +23,9 @@ extern "C" {
 
 /* A relative pose measurement: the pose of the second node in the frame of the first. */
 typedef struct cairn_pose_consensus_relative_pose {
+    /* nodes that the hypothesis joins */
     int32_t first, second;
+    /* pose of the second node in the frame of the first */
     cairn_pose first_second;
     /* row-major over (x, y, theta) of first_second in m and rad, in the frame of the first node */
     cairn_real covariance[9];
@@ -32,46 +34,48 @@ typedef struct cairn_pose_consensus_relative_pose {
     cairn_real score;
 } cairn_pose_consensus_relative_pose;
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_pose_consensus_params {
-    /* 1 ... 2^16 (64) */
+    /* 1 ... 2^16 (64): capacity for nodes */
     int32_t max_nodes;
-    /* 1 ... 2^20 (1024) */
+    /* 1 ... 2^20 (1024): capacity for hypotheses of relative poses */
     int32_t max_hypotheses;
-    /* >= 1: growths, each from the strongest hypothesis that no map found so far agrees with
-     * (16) */
+    /* >= 1 (16): growths, each from the strongest hypothesis that no map found so far agrees
+     * with */
     int32_t max_starts;
-    /* >= 0: rounds in which every node is chosen again, and in which blocks of nodes are moved
-     * (10) */
+    /* >= 0 (10): rounds in which every node is chosen again, and in which blocks of nodes are
+     * moved */
     int32_t max_rounds;
-    /* 1 ... 32: candidates of a choice, by votes, that the likelihood functions evaluate (8) */
+    /* 1 ... 32 (8): candidates of a choice, by votes, that the likelihood functions evaluate */
     int32_t max_candidates;
-    /* 0 ... 32: alternatives reported per node (4) */
+    /* 0 ... 32 (4): alternatives reported per node */
     int32_t max_alternatives;
-    /* m, > 0: model noise of the nodes' positions, added in quadrature to the covariances (0.03) */
+    /* m, > 0 (0.03): model noise of the nodes' positions, added in quadrature to the covariances */
     cairn_real sigma;
-    /* rad, > 0: model noise of the headings, likewise; times the distance of the nodes it adds to
-     * their positions (0.6 degrees) */
+    /* rad, > 0 (0.6 degrees): model noise of the headings, likewise; times the distance of the
+     * nodes it adds to their positions */
     cairn_real sigma_theta;
-    /* > 0: a hypothesis is an inlier when its chi-squared (3 degrees of freedom) is below (16) */
+    /* > 0 (16): a hypothesis is an inlier when its chi-squared (3 degrees of freedom) is below */
     cairn_real max_chi2;
-    /* >= 0: share of the best score of a pair that is subtracted when none of its hypotheses is an
-     * inlier and there is no pairwise likelihood function (0) */
+    /* >= 0 (0): share of the best score of a pair that is subtracted when none of its hypotheses is
+     * an inlier and there is no pairwise likelihood function */
     cairn_real conflict_penalty;
-    /* nats, > 0: a node with less support from all others together is not placed (3) */
+    /* nats, > 0 (3): a node with less support from all others together is not placed */
     cairn_real min_support;
-    /* in (0, 1): least weight of an alternative that makes its node ambiguous (0.02) */
+    /* > 0, < 1 (0.02): least weight of an alternative that makes its node ambiguous */
     cairn_real min_ambiguous_weight;
-    /* nats, >= 0: significance threshold of a pose's support, violations subtracted twice. A node
-     * is ambiguous that reaches it at an alternative pose, however much greater the support of the
-     * chosen pose, if the violations there weigh at least min_ambiguous_weight; so are nodes whose
-     * support comes mostly from ambiguous nodes. See also cairn_pose_consensus_find_submaps().
-     * 0: no test (0) */
+    /* nats, >= 0 (0): significance threshold of a pose's support, violations subtracted twice. A
+     * node is ambiguous that reaches it at an alternative pose, however much greater the support of
+     * the chosen pose, if the violations there weigh at least min_ambiguous_weight; so are nodes
+     * whose support comes mostly from ambiguous nodes. See also
+     * cairn_pose_consensus_find_submaps(). 0: no test. */
     cairn_real significant_support;
 } cairn_pose_consensus_params;
 
-/* Returns the defaults in brackets above. */
+/* Returns the default parameters. */
 cairn_pose_consensus_params cairn_pose_consensus_default(void);
 
+/* Search for the poses that most hypotheses agree with. */
 typedef struct cairn_pose_consensus cairn_pose_consensus;
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
@@ -83,14 +87,18 @@ CAIRN_CHECKED cairn_status cairn_pose_consensus_create(cairn_pose_consensus **co
                                                        const cairn_pose_consensus_params *params);
 
 /* Removes all hypotheses, bounds and likelihood functions, and sets the number of nodes.
- * CAIRN_BAD_ARGUMENT: NULL, nodes < 1. CAIRN_FULL: more than max_nodes. Linear in nodes. */
+ * CAIRN_BAD_ARGUMENT: NULL, nodes < 1. CAIRN_FULL: more than max_nodes. Linear in nodes.
+ *
+ * nodes: number of nodes, 1 ... max_nodes */
 CAIRN_CHECKED cairn_status cairn_pose_consensus_clear(cairn_pose_consensus *consensus,
                                                       int32_t nodes);
 
 /* Adds a hypothesis; it is copied, its index is the number of those before it. CAIRN_BAD_ARGUMENT:
  * NULL, nodes that do not exist or are equal, a score that is not > 0, a covariance that is not
  * positive semidefinite. CAIRN_NOT_FINITE. CAIRN_FULL: max_hypotheses. *fault, when not NULL, names
- * the field. Cancels a running search. Constant time. */
+ * the field. Cancels a running search. Constant time.
+ *
+ * hypothesis: relative pose of two nodes with its score */
 CAIRN_CHECKED cairn_status
 cairn_pose_consensus_add(cairn_pose_consensus *consensus,
                          const cairn_pose_consensus_relative_pose *hypothesis, cairn_fault *fault);
@@ -98,7 +106,10 @@ cairn_pose_consensus_add(cairn_pose_consensus *consensus,
 /* Sets a prior bound of a node: within +-metres (a circle) and +-radians of map_node. Candidates
  * that no common motion of their component brings within the bounds are dropped, and the result is
  * in the frame of the bounds. CAIRN_BAD_ARGUMENT: NULL, no such node, not > 0. CAIRN_NOT_FINITE.
- * Cancels a running search. Constant time. */
+ * Cancels a running search. Constant time.
+ *
+ * node: index of the node
+ * metres, radians: half-widths of the bound, > 0 */
 CAIRN_CHECKED cairn_status cairn_pose_consensus_set_bound(cairn_pose_consensus *consensus,
                                                           int32_t node, cairn_pose map_node,
                                                           cairn_real metres, cairn_real radians);
@@ -106,11 +117,17 @@ CAIRN_CHECKED cairn_status cairn_pose_consensus_set_bound(cairn_pose_consensus *
 /* Pairwise likelihood function: returns the log-likelihood ratio in nats, positive or negative, of
  * the data of two nodes for a relative pose. A pair counts with this value, or with the score of
  * its agreeing hypothesis where that is greater. *units: the cost. A pure function of its
- * arguments. */
+ * arguments.
+ *
+ * context: that of cairn_pose_consensus_set_pair_likelihood()
+ * first, second: nodes */
 typedef cairn_real (*cairn_pose_pair_likelihood)(void *context, int32_t first, int32_t second,
                                                  cairn_pose first_second, int32_t *units);
 
-/* Sets the pairwise likelihood function; NULL: none. Cancels a running search. */
+/* Sets the pairwise likelihood function; NULL: none. Cancels a running search.
+ *
+ * judge: the function, or NULL
+ * context: passed to the function */
 void cairn_pose_consensus_set_pair_likelihood(cairn_pose_consensus *consensus,
                                               cairn_pose_pair_likelihood likelihood, void *context);
 
@@ -118,7 +135,13 @@ void cairn_pose_consensus_set_pair_likelihood(cairn_pose_consensus *consensus,
  * data of a node for a pose given all other nodes of a component: those i != node with parts[i] ==
  * part, at map_nodes[i]. Data that several nodes share so count once, which sums over pairs cannot
  * do. *against: the violations that were subtracted, nats, >= 0. *units: the cost. A pure function
- * of its arguments. */
+ * of its arguments.
+ *
+ * context: that of cairn_pose_consensus_set_joint_likelihood()
+ * node: the node in question
+ * map_nodes: poses of all nodes
+ * parts: component of each node
+ * part: the component in question */
 typedef cairn_real (*cairn_pose_joint_likelihood)(void *context, int32_t node, cairn_pose map_node,
                                                   const cairn_pose *map_nodes, const int32_t *parts,
                                                   int32_t part, cairn_real *against,
@@ -126,7 +149,10 @@ typedef cairn_real (*cairn_pose_joint_likelihood)(void *context, int32_t node, c
 
 /* Sets the joint likelihood function; NULL: none. Its value replaces the sum over pairs wherever
  * the support by a whole component is evaluated; pairs still determine the tree of strongest links.
- * clear() removes it. Cancels a running search. */
+ * clear() removes it. Cancels a running search.
+ *
+ * jury: the function, or NULL
+ * context: passed to the function */
 void cairn_pose_consensus_set_joint_likelihood(cairn_pose_consensus *consensus,
                                                cairn_pose_joint_likelihood likelihood,
                                                void *context);
@@ -154,6 +180,7 @@ CAIRN_CHECKED cairn_status cairn_pose_consensus_find_submaps(cairn_pose_consensu
 
 /* ---- The result: empty until step() returns CAIRN_OK ---- */
 
+/* Estimate of a node. */
 typedef struct cairn_pose_consensus_estimate {
     /* in the frame of its component: that of its first node, or of the bounds if any */
     cairn_pose map_node;
@@ -177,15 +204,18 @@ typedef struct cairn_pose_consensus_estimate {
     int32_t submap;
 } cairn_pose_consensus_estimate;
 
-/* Alternative pose of a node given the others, or (whole = 1) given another consistent map. */
+/* Alternative pose of a node given the others, or (is_other_map 1) given another consistent map. */
 typedef struct cairn_pose_consensus_competing_pose {
+    /* alternative pose of the node in the map */
     cairn_pose map_node;
-    cairn_real support; /* nats; of the other map's total for whole = 1 */
+    cairn_real support; /* nats; of the other map's total for is_other_map 1 */
     /* softmax of the support over the chosen pose and all alternatives, 0 ... 1 */
     cairn_real weight;
+    /* 1: given another consistent map */
     int32_t is_other_map;
 } cairn_pose_consensus_competing_pose;
 
+/* Result of a search, and counts of the work done. */
 typedef struct cairn_pose_consensus_result {
     cairn_real total;           /* nats, sum over all pairs */
     cairn_real competing_total; /* total of the best competing map found; 0: none */
@@ -193,25 +223,35 @@ typedef struct cairn_pose_consensus_result {
     int32_t components;         /* connected components; 1 is good */
     int32_t ambiguous;          /* ambiguous nodes */
     int32_t start;              /* seed hypothesis of the best map */
+    /* growths, and rounds of all of them */
     int32_t starts, rounds;
     int32_t inliers; /* inlier hypotheses */
+    /* work units charged */
     int64_t units;
 } cairn_pose_consensus_result;
 
+/* Returns the result; all zero until step() returns CAIRN_OK. */
 cairn_pose_consensus_result cairn_pose_consensus_read(const cairn_pose_consensus *consensus);
 
-/* Returns the estimate of a node; all zero for a node that does not exist. */
+/* Returns the estimate of a node; all zero for a node that does not exist.
+ *
+ * node: index of the node */
 cairn_pose_consensus_estimate cairn_pose_consensus_node(const cairn_pose_consensus *consensus,
                                                         int32_t node);
 
 /* Returns an alternative of a node, the most probable first; all zero for one that does not
- * exist. */
+ * exist.
+ *
+ * index: 0 ... number of alternatives - 1
+ * node: index of the node */
 cairn_pose_consensus_competing_pose
 cairn_pose_consensus_alternative(const cairn_pose_consensus *consensus, int32_t node,
                                  int32_t index);
 
 /* Returns 1 when a hypothesis is an inlier of the poses found; the inliers are the measurements for
- * a joint solution. */
+ * a joint solution.
+ *
+ * hypothesis: index of the hypothesis */
 int32_t cairn_pose_consensus_is_inlier(const cairn_pose_consensus *consensus, int32_t hypothesis);
 
 #ifdef __cplusplus

@@ -39,6 +39,7 @@ typedef struct cairn_pose_graph_file_edge {
 typedef struct cairn_pose_graph_file {
     cairn_pose_graph_file_vertex *vertex; /* [vertex_count] by ascending id */
     cairn_pose_graph_file_edge *edge;     /* [edge_count] in the order of the file */
+    /* number of vertices and of edges */
     int32_t vertex_count, edge_count;
     int32_t chained; /* 1: the initial poses were composed from the edges */
 } cairn_pose_graph_file;
@@ -48,17 +49,25 @@ typedef struct cairn_pose_graph_file {
  * unknown vertex, an edge from a vertex to itself, an information matrix that is not positive
  * definite, a graph that is not connected; CAIRN_NOT_FINITE; CAIRN_UNSUPPORTED: other elements of
  * g2o. CAIRN_EMPTY: no edge. CAIRN_IO, CAIRN_TRUNCATED, CAIRN_NO_MEMORY. On failure there is
- * nothing to free. */
+ * nothing to free.
+ *
+ * file: set to the graph
+ * path: file, plain or gzipped */
 CAIRN_CHECKED cairn_status cairn_pose_graph_file_read(cairn_pose_graph_file *file, const char *path,
                                                       cairn_file_error *error);
 
 /* Writes a graph atomically. Numbers read back bit-exactly. CAIRN_NOT_FINITE, CAIRN_IO,
- * CAIRN_NO_MEMORY. */
+ * CAIRN_NO_MEMORY.
+ *
+ * path: target
+ * file: the graph */
 CAIRN_CHECKED cairn_status cairn_pose_graph_file_write(const char *path,
                                                        const cairn_pose_graph_file *file,
                                                        cairn_file_error *error);
 
-/* Frees the arrays. */
+/* Frees the arrays.
+ *
+ * file: graph that was read */
 void cairn_pose_graph_file_free(cairn_pose_graph_file *file);
 
 /* ---- Solving ---- */
@@ -107,15 +116,25 @@ typedef struct cairn_pose_graph_file_solution {
  *
  * CAIRN_UNSUPPORTED: SuiteSparse is not installed; CAIRN_NOT_FINITE: a cost overflows;
  * CAIRN_NO_MEMORY, also when the factor has more than 2^26 blocks. On failure there is nothing to
- * free. */
+ * free.
+ *
+ * file: the graph, which is not changed
+ * solution: solver and keep_all are read; all other fields are set */
 CAIRN_CHECKED cairn_status cairn_pose_graph_file_solve(const cairn_pose_graph_file *file,
                                                        cairn_pose_graph_file_solution *solution);
 
-/* Frees the arrays. */
+/* Frees the arrays.
+ *
+ * solution: solution of cairn_pose_graph_file_solve() */
 void cairn_pose_graph_file_solution_free(cairn_pose_graph_file_solution *solution);
 
 /* Draws the graph before and after optimization as an SVG picture: edges grey, outliers red.
- * CAIRN_IO, CAIRN_NO_MEMORY. */
+ * CAIRN_IO, CAIRN_NO_MEMORY.
+ *
+ * path: target, an SVG file
+ * file: the graph
+ * solution: its solution
+ * title: title of the picture */
 CAIRN_CHECKED cairn_status cairn_pose_graph_file_draw(
     const char *path, const cairn_pose_graph_file *file,
     const cairn_pose_graph_file_solution *solution, const char *title, cairn_file_error *error);

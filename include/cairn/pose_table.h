@@ -40,12 +40,18 @@ typedef struct cairn_pose_table_row {
     char verdict[CAIRN_POSE_TABLE_VERDICT_BYTES];
 } cairn_pose_table_row;
 
-/* Returns a row with an index and a pose and all other fields unknown. */
+/* Returns a row with an index and a pose and all other fields unknown.
+ *
+ * index: index of the scan
+ * pose: m and rad */
 cairn_pose_table_row cairn_pose_table_row_of(int64_t index, cairn_pose pose);
 
 /* Writes a table atomically. CAIRN_NOT_FINITE: a pose that is not finite, or an infinite covariance
  * or support (error->line is the row, from 1); CAIRN_BAD_ARGUMENT: a verdict with a comma, quote or
- * control character; CAIRN_IO, CAIRN_NO_MEMORY. */
+ * control character; CAIRN_IO, CAIRN_NO_MEMORY.
+ *
+ * path: target
+ * row: [count] rows */
 CAIRN_CHECKED cairn_status cairn_pose_table_write(const char *path, const cairn_pose_table_row *row,
                                                   int32_t count, cairn_file_error *error);
 
@@ -53,11 +59,17 @@ CAIRN_CHECKED cairn_status cairn_pose_table_write(const char *path, const cairn_
  * identified by their names in the header line, in any order. index, x, y and theta are required,
  * others are optional, unknown columns are ignored. Blank lines and lines that begin with # are
  * skipped. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED, CAIRN_NOT_FINITE with the line; CAIRN_EMPTY: no row;
- * CAIRN_IO, CAIRN_UNSUPPORTED, CAIRN_NO_MEMORY. On failure there is nothing to free. */
+ * CAIRN_IO, CAIRN_UNSUPPORTED, CAIRN_NO_MEMORY. On failure there is nothing to free.
+ *
+ * row: set to the rows
+ * count: set to their number
+ * path: file, plain or gzipped */
 CAIRN_CHECKED cairn_status cairn_pose_table_read(cairn_pose_table_row **row, int32_t *count,
                                                  const char *path, cairn_file_error *error);
 
-/* Frees the array. NULL is allowed. */
+/* Frees the array. NULL is allowed.
+ *
+ * row: rows that were read */
 void cairn_pose_table_free(cairn_pose_table_row *row);
 
 #ifdef __cplusplus

@@ -22,7 +22,10 @@ typedef struct cairn_random {
 } cairn_random;
 
 /* A generator seeded with `seed`. Generators of different streams are independent, also with the
- * same seed. */
+ * same seed.
+ *
+ * seed: any number
+ * stream: number of the stream */
 cairn_random cairn_random_seed(uint64_t seed, uint64_t stream);
 
 /* The next 32 random bits. */
@@ -31,7 +34,9 @@ uint32_t cairn_random_bits(cairn_random *random);
 /* Uniform number in [0, 1): 53 bits in double (two draws), 24 bits in float (one draw). */
 cairn_real cairn_random_unit(cairn_random *random);
 
-/* Uniform number in [low, high). */
+/* Uniform number in [low, high).
+ *
+ * low, high: bounds, low < high */
 cairn_real cairn_random_uniform(cairn_random *random, cairn_real low, cairn_real high);
 
 /* Normal (Gaussian) number with mean 0 and standard deviation 1 (Box and Muller 1958, one number of

@@ -31,12 +31,17 @@ extern "C" {
 typedef int32_t cairn_range_table_kind;
 enum {
     CAIRN_RANGE_TABLE_NONE = 0, /* neither format; possibly a CARMEN log */
+    /* comma-separated values with a header */
     CAIRN_RANGE_TABLE_CSV = 1,
+    /* log of a URG scanner */
     CAIRN_RANGE_TABLE_URG = 2
 };
 
 /* Detects the format of a file by its first hundred lines: the first line that is a CSV header or
- * has as many numbers as a URG line decides. Statuses of opening a file. */
+ * has as many numbers as a URG line decides. Statuses of opening a file.
+ *
+ * kind: set to the format
+ * path: file, plain or gzipped */
 CAIRN_CHECKED cairn_status cairn_range_table_find_kind(cairn_range_table_kind *kind,
                                                        const char *path, cairn_file_error *error);
 
@@ -44,7 +49,11 @@ CAIRN_CHECKED cairn_status cairn_range_table_find_kind(cairn_range_table_kind *k
  * pose. *has_odometry: 1 when the table has x, y and theta, or wheel ticks that change. params as
  * for a CARMEN log; a range_max of 0 is 80 m for CSV and the scanner's maximum range for URG.
  * CAIRN_BAD_FORMAT: a header with an unknown or duplicate name, or without bearings; CAIRN_EMPTY:
- * no scan; others as cairn_carmen_log_load(). On failure there is nothing to free. */
+ * no scan; others as cairn_carmen_log_load(). On failure there is nothing to free.
+ *
+ * scans: set to the scans
+ * path: file, plain or gzipped
+ * kind: format of the file */
 CAIRN_CHECKED cairn_status cairn_range_table_load(cairn_carmen_log_scans *scans,
                                                   int32_t *has_odometry, const char *path,
                                                   cairn_range_table_kind kind,

@@ -77,28 +77,35 @@ typedef struct cairn_raster_real_view {
     ptrdiff_t stride;
 } cairn_raster_real_view;
 
-/* Checks a view: CAIRN_OK, or CAIRN_BAD_ARGUMENT: data is NULL, a side is outside 1 ...
- * CAIRN_RASTER_MAX_SIDE, rows overlap (|stride| < width with more than one row), or offsets
- * overflow. */
+/* Checks a view. CAIRN_BAD_ARGUMENT: data is NULL, a side is outside 1 ... CAIRN_RASTER_MAX_SIDE,
+ * rows overlap (|stride| < width with more than one row), or offsets overflow.
+ *
+ * view: any view */
 CAIRN_CHECKED cairn_status cairn_raster_u8_check(cairn_raster_u8_view view);
 CAIRN_CHECKED cairn_status cairn_raster_i32_check(cairn_raster_i32_view view);
 CAIRN_CHECKED cairn_status cairn_raster_real_check(cairn_raster_real_view view);
 
-/* The read-only view of a writable view. */
+/* The read-only view of a writable view.
+ *
+ * raster: writable view */
 static inline cairn_raster_u8_view cairn_raster_u8_as_view(cairn_raster_u8 raster)
 {
     cairn_raster_u8_view view = {raster.data, raster.width, raster.height, raster.stride};
     return view;
 }
 
-/* The read-only view of a writable view. */
+/* The read-only view of a writable view.
+ *
+ * raster: writable view */
 static inline cairn_raster_i32_view cairn_raster_i32_as_view(cairn_raster_i32 raster)
 {
     cairn_raster_i32_view view = {raster.data, raster.width, raster.height, raster.stride};
     return view;
 }
 
-/* The read-only view of a writable view. */
+/* The read-only view of a writable view.
+ *
+ * raster: writable view */
 static inline cairn_raster_real_view cairn_raster_real_as_view(cairn_raster_real raster)
 {
     cairn_raster_real_view view = {raster.data, raster.width, raster.height, raster.stride};
@@ -124,8 +131,8 @@ typedef struct cairn_distance_map cairn_distance_map;
 
 /* Capacity of a distance transform. */
 typedef struct cairn_distance_map_params {
-    /* Columns, 1 ... CAIRN_RASTER_MAX_SIDE. The memory grows only with the columns, by 12 bytes
-     * per column. */
+    /* 1 ... CAIRN_RASTER_MAX_SIDE (none): columns. The memory grows only with the columns, by 12
+     * bytes per column. */
     int32_t max_width;
 } cairn_distance_map_params;
 
@@ -154,7 +161,9 @@ typedef struct cairn_distance_map_input {
 
 /* Starts a distance transform. Both rasters must stay until step() returns CAIRN_OK. A transform
  * that runs is discarded. CAIRN_BAD_ARGUMENT: NULL, a view that the check refuses, views of
- * different sizes, an unknown metric. CAIRN_FULL: wider than max_width. Constant time. */
+ * different sizes, an unknown metric. CAIRN_FULL: wider than max_width. Constant time.
+ *
+ * input: rasters, metric and targets */
 CAIRN_CHECKED cairn_status cairn_distance_map_begin(cairn_distance_map *map,
                                                     const cairn_distance_map_input *input);
 

@@ -32,9 +32,7 @@
 extern "C" {
 #endif
 
-/* The floating-point type of all lengths, angles and weights. CAIRN_REAL(x): the literal x of this
- * type. CAIRN_REAL_EPSILON: relative rounding, the distance from 1 to the next number.
- * CAIRN_REAL_MIN: the least normal number. */
+/* The floating-point type of all lengths, angles and weights: double, or float with CAIRN_FLOAT. */
 #ifdef CAIRN_FLOAT
 typedef float cairn_real;
 #define CAIRN_REAL(x)      x##f
@@ -43,12 +41,17 @@ typedef float cairn_real;
 #define CAIRN_REAL_MIN     FLT_MIN
 #else
 typedef double cairn_real;
+/* The literal x as a cairn_real. */
 #define CAIRN_REAL(x)      x
+/* Relative rounding: the distance from 1 to the next number. */
 #define CAIRN_REAL_EPSILON DBL_EPSILON
+/* The greatest finite number. */
 #define CAIRN_REAL_MAX     DBL_MAX
+/* The least normal number. */
 #define CAIRN_REAL_MIN     DBL_MIN
 #endif
 
+/* The number pi. */
 #define CAIRN_PI CAIRN_REAL(3.14159265358979323846)
 
 /* Sine of x, in rad. */
@@ -57,23 +60,35 @@ cairn_real cairn_sin(cairn_real x);
 /* Cosine of x, in rad. */
 cairn_real cairn_cos(cairn_real x);
 
-/* Sine and cosine of x, in rad, for the cost of one of them. */
+/* Sine and cosine of x, in rad, for the cost of one of them.
+ *
+ * x: angle, rad
+ * sine: set to sin x
+ * cosine: set to cos x */
 void cairn_sincos(cairn_real x, cairn_real *sine, cairn_real *cosine);
 
-/* Angle of the vector (x, y) in [-pi, pi] rad, signed zeros as in C; 0 or pi for a zero vector. */
+/* Angle of the vector (x, y) in [-pi, pi] rad, signed zeros as in C; 0 or pi for a zero vector.
+ *
+ * y, x: components of the vector */
 cairn_real cairn_atan2(cairn_real y, cairn_real x);
 
-/* Exponential function; infinity on overflow. */
+/* Exponential function; infinity on overflow.
+ *
+ * x: any number */
 cairn_real cairn_exp(cairn_real x);
 
-/* Natural logarithm; -infinity for 0, NaN for x < 0. */
+/* Natural logarithm; -infinity for 0, NaN for x < 0.
+ *
+ * x: number >= 0 */
 cairn_real cairn_log(cairn_real x);
 
 /* Complementary error function 1 - erf(x). */
 cairn_real cairn_erfc(cairn_real x);
 
 /* x truncated toward zero and clamped to the range of int32_t; NaN gives 0. Every conversion from
- * cairn_real to an integer in cairn uses this function. */
+ * cairn_real to an integer in cairn uses this function.
+ *
+ * x: any number, also NaN */
 static inline int32_t cairn_real_to_int(cairn_real x)
 {
     if (!(x > CAIRN_REAL(-2147483648.0)))
@@ -83,10 +98,14 @@ static inline int32_t cairn_real_to_int(cairn_real x)
     return (int32_t)x;
 }
 
-/* x wrapped to (-pi, pi] rad: the angle that differs from x by whole turns. */
+/* x wrapped to (-pi, pi] rad: the angle that differs from x by whole turns.
+ *
+ * x: any angle, rad */
 cairn_real cairn_wrap_angle(cairn_real x);
 
-/* Square root, correctly rounded. */
+/* Square root, correctly rounded.
+ *
+ * x: number >= 0; NaN for x < 0 */
 static inline cairn_real cairn_sqrt(cairn_real x)
 {
 #ifdef CAIRN_FLOAT
@@ -96,7 +115,9 @@ static inline cairn_real cairn_sqrt(cairn_real x)
 #endif
 }
 
-/* Absolute value. */
+/* Absolute value.
+ *
+ * x: any number */
 static inline cairn_real cairn_abs(cairn_real x)
 {
 #ifdef CAIRN_FLOAT
@@ -126,7 +147,9 @@ static inline cairn_real cairn_ceil(cairn_real x)
 #endif
 }
 
-/* Nearest integer, halves to even. */
+/* Nearest integer, halves to even.
+ *
+ * x: any number */
 static inline cairn_real cairn_rint(cairn_real x)
 {
 #ifdef CAIRN_FLOAT
@@ -136,19 +159,25 @@ static inline cairn_real cairn_rint(cairn_real x)
 #endif
 }
 
-/* x^2 / 2: the negative log-likelihood of a standard normal residual x, up to a constant. */
+/* x^2 / 2: the negative log-likelihood of a standard normal residual x, up to a constant.
+ *
+ * x: residual in standard deviations */
 static inline cairn_real cairn_half_square(cairn_real x)
 {
     return CAIRN_REAL(0.5) * x * x;
 }
 
-/* The smaller one of two numbers; b when one of them is NaN. */
+/* The smaller one of two numbers; b when one of them is NaN.
+ *
+ * a, b: the numbers */
 static inline cairn_real cairn_min(cairn_real a, cairn_real b)
 {
     return a < b ? a : b;
 }
 
-/* The larger one of two numbers; b when one of them is NaN. */
+/* The larger one of two numbers; b when one of them is NaN.
+ *
+ * a, b: the numbers */
 static inline cairn_real cairn_max(cairn_real a, cairn_real b)
 {
     return a > b ? a : b;

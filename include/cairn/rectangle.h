@@ -45,36 +45,36 @@ typedef struct cairn_rectangle {
     int32_t side[4];
 } cairn_rectangle;
 
-/* Parameters. Default values in brackets. */
+/* Parameters; defaults in brackets. */
 typedef struct cairn_rectangle_params {
-    /* Segments, 1 ... 2^20 (1024). */
+    /* 1 ... 2^20 (1024): segments */
     int32_t max_segments;
-    /* Merged sides, 1 ... 2^16 (256). Of more sides those of the longest segments are kept. */
+    /* 1 ... 2^16 (256): merged sides. Of more sides those of the longest segments are kept. */
     int32_t max_sides;
-    /* Pairs of parallel sides, 1 ... 2^20 (2048). Further pairs are dropped. */
+    /* 1 ... 2^20 (2048): pairs of parallel sides. Further pairs are dropped. */
     int32_t max_pairs;
-    /* Rectangles, 1 ... 256 (32). Of more those with the highest score are kept. */
+    /* 1 ... 256 (32): rectangles. Of more those with the highest score are kept. */
     int32_t max_rectangles;
-    /* 1: segments have free space on the left of a -> b; 0: not known (1). */
+    /* 0 or 1 (1): 1: segments have free space on the left of a -> b; 0: not known */
     int32_t oriented;
-    /* m, > 0: segments are merged into a side when their ends are closer than this to its line ...
-     * (0.10) */
+    /* m, > 0 (0.10): segments are merged into a side when their ends are closer than this to its
+     * line, and merge_angle and merge_gap hold, too */
     cairn_real merge_distance;
-    /* rad, > 0, < pi / 4: ... their directions differ by less than this ... (10 degrees) */
+    /* rad, > 0, < pi/4 (10 degrees): greatest difference of the directions of merged segments */
     cairn_real merge_angle;
-    /* m, >= 0: ... and the gap between them along the line is at most this (2). */
+    /* m, >= 0 (2): greatest gap along the line between merged segments */
     cairn_real merge_gap;
-    /* rad, > 0, < pi / 4: largest deviation of two sides from parallel, and of two pairs from
-     * perpendicular (8 degrees). */
+    /* rad, > 0, < pi/4 (8 degrees): largest deviation of two sides from parallel, and of two pairs
+     * from perpendicular */
     cairn_real max_angle_error;
-    /* m, > 0: shortest side (0.3). */
+    /* m, > 0 (0.3): shortest side */
     cairn_real min_side;
-    /* 0 ... 1: least covered fraction of each side (0.15). */
+    /* 0 ... 1 (0.15): least covered fraction of each side */
     cairn_real min_side_coverage;
-    /* 0 ... 1: least covered fraction of the outline (0.5). */
+    /* 0 ... 1 (0.5): least covered fraction of the outline */
     cairn_real min_coverage;
-    /* m, > 0: non-maximum suppression: of rectangles of a kind whose corners are all closer than
-     * this only the one with the highest score stays (0.3). */
+    /* m, > 0 (0.3): non-maximum suppression: of rectangles of a kind whose corners are all closer
+     * than this only the one with the highest score stays */
     cairn_real separation;
 } cairn_rectangle_params;
 
@@ -91,7 +91,7 @@ typedef struct cairn_rectangle_set cairn_rectangle_set;
      CAIRN_ALLOCATION_BYTES(pairs, 16 + 8 * sizeof(cairn_real)) +                                  \
      2 * CAIRN_ALLOCATION_BYTES(rectangles, sizeof(cairn_rectangle)))
 
-/* The default values. */
+/* Returns the default parameters. */
 cairn_rectangle_params cairn_rectangle_default(void);
 
 /* Bytes that create() allocates. 0 for params that create() would refuse. */
@@ -104,7 +104,9 @@ CAIRN_CHECKED cairn_status cairn_rectangle_create(cairn_rectangle_set **set, cai
 
 /* Starts a search over segments[0 ... count-1], which must not change until the search ends. A
  * search that runs is discarded. Segments of length 0 are ignored. CAIRN_BAD_ARGUMENT: NULL, count
- * < 0. CAIRN_FULL: count > max_segments. Constant time. */
+ * < 0. CAIRN_FULL: count > max_segments. Constant time.
+ *
+ * segments: [count] segments */
 CAIRN_CHECKED cairn_status cairn_rectangle_begin(cairn_rectangle_set *set,
                                                  const cairn_segment *segments, int32_t count);
 
@@ -123,7 +125,10 @@ const cairn_rectangle *cairn_rectangle_list(const cairn_rectangle_set *set, int3
  * max_pairs and max_rectangles. */
 int32_t cairn_rectangle_dropped(const cairn_rectangle_set *set);
 
-/* The four corners in m, counter-clockwise from (-half_length, -half_width). */
+/* The four corners in m, counter-clockwise from (-half_length, -half_width).
+ *
+ * rectangle: a rectangle of the list
+ * corners: set to the corners */
 void cairn_rectangle_corners(const cairn_rectangle *rectangle, cairn_vec2 corners[4]);
 
 #ifdef __cplusplus

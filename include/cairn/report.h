@@ -25,15 +25,20 @@ extern "C" {
 /* Points and walls of a scan in the frame of its pose, m. The segments are drawn when there are
  * any, otherwise the points. */
 typedef struct cairn_report_scan {
+    /* [point_count] points */
     const cairn_vec2 *point;
+    /* [segment_count] walls */
     const cairn_segment *segment;
+    /* number of points */
     int32_t point_count;
+    /* number of walls */
     int32_t segment_count;
 } cairn_report_scan;
 
 /* An occupancy grid to draw in place of the scans' walls. */
 typedef struct cairn_report_grid {
     const uint8_t *pixel; /* [height * width] grey, 0 black .. 255 white; row 0 lowest */
+    /* size, px */
     int32_t width, height;
     cairn_real resolution; /* m per cell */
     cairn_pose origin;     /* pose of the lower left corner of pixel (0, 0); m, m, rad */
@@ -55,6 +60,7 @@ typedef struct cairn_report_map {
     const char *title;
     /* NULL: none */
     const char *subtitle;
+    /* [panel_count] panels, side by side */
     const cairn_report_panel *panel;
     /* [scan_count], shared by all panels; NULL: only poses and grids */
     const cairn_report_scan *scan;
@@ -78,7 +84,10 @@ cairn_report_map cairn_report_map_default(void);
 
 /* Writes the picture atomically. CAIRN_BAD_ARGUMENT: a count, width or grid size outside its range,
  * or a NULL pose; CAIRN_NOT_FINITE: a pose, point, segment or grid origin, named in the error;
- * CAIRN_IO, CAIRN_NO_MEMORY. Cost: linear in points. */
+ * CAIRN_IO, CAIRN_NO_MEMORY. Cost: linear in points.
+ *
+ * path: target, an SVG file
+ * map: the picture */
 CAIRN_CHECKED cairn_status cairn_report_map_write(const char *path, const cairn_report_map *map,
                                                   cairn_file_error *error);
 
@@ -102,8 +111,11 @@ enum {
 typedef struct cairn_report_layer {
     const char *name;   /* in the legend, once for each name; NULL: not in the legend */
     const char *colour; /* "#1e293b" */
+    /* kind of the marks */
     cairn_report_mark mark;
+    /* number of marks */
     int32_t count;
+    /* points of the marks, see cairn_report_mark */
     const cairn_vec2 *point;
     double width;   /* above 0; of dots and lines in pixels */
     double opacity; /* above 0, up to 1 */
@@ -117,6 +129,7 @@ typedef struct cairn_report_plot {
      * a scale bar in place of axes. */
     const char *x_label, *y_label;
     const cairn_report_layer *layer; /* [layer_count], drawn in their order */
+    /* number of layers */
     int32_t layer_count;
     cairn_box box;         /* the displayed range; empty: that of all layers */
     double x_step, y_step; /* between the ticks of the axes; 0: automatic */
@@ -126,6 +139,7 @@ typedef struct cairn_report_plot {
 typedef struct cairn_report_figure {
     const char *title;    /* NULL: none */
     const char *subtitle; /* NULL: none */
+    /* [plot_count] plots, side by side */
     const cairn_report_plot *plot;
     int32_t plot_count; /* 1 .. CAIRN_REPORT_MAX_PLOTS */
     int32_t width;      /* width of the picture in pixels, 200 .. 10000. Default 1200 */
@@ -136,7 +150,9 @@ cairn_report_figure cairn_report_figure_default(void);
 
 /* Writes the figure as SVG, atomically. CAIRN_BAD_ARGUMENT: a count, width, opacity or mark outside
  * its range, NULL points, one label without the other, a step below 0; CAIRN_NOT_FINITE: a point or
- * box that is not finite or beyond 1e9; CAIRN_IO, CAIRN_NO_MEMORY. Cost: linear in points. */
+ * box that is not finite or beyond 1e9; CAIRN_IO, CAIRN_NO_MEMORY. Cost: linear in points.
+ *
+ * path: target, an SVG file */
 CAIRN_CHECKED cairn_status cairn_report_figure_write(const char *path,
                                                      const cairn_report_figure *figure,
                                                      cairn_file_error *error);
@@ -154,6 +170,8 @@ CAIRN_CHECKED cairn_status cairn_report_figure_write(const char *path,
  * Data beyond the limits below are subsampled evenly, and the page states the factor. Coordinates
  * are quantized: poses to 0.1 mm and 0.01 mrad, points and walls to 2 mm, regions and forces to 5
  * mm. */
+
+/* An HTML player of a mapping run, under construction. */
 typedef struct cairn_report_player cairn_report_player;
 
 /* The maximum number of curves of a player. */
@@ -161,6 +179,7 @@ typedef struct cairn_report_player cairn_report_player;
 
 /* A quantity that is plotted over the frames. */
 typedef struct cairn_report_curve {
+    /* name of the quantity */
     const char *name;
     const char *unit; /* such as "m"; NULL or "": dimensionless */
     const char *note; /* a line below the curve; NULL: none */
@@ -168,40 +187,43 @@ typedef struct cairn_report_curve {
 
 /* Parameters of a player; defaults in brackets. Texts are UTF-8 and are copied. */
 typedef struct cairn_report_player_params {
-    /* NULL: none */
+    /* any (NULL): title of the page; NULL: none */
     const char *title;
-    /* NULL: none */
+    /* any (NULL): line below the title; NULL: none */
     const char *subtitle;
-    /* the name of a step. Default "step" */
+    /* any ("step"): name of a step */
     const char *step_name;
-    /* [curve_count] */
+    /* any (NULL): [curve_count] curves of values below the pictures */
     const cairn_report_curve *curve;
-    /* 0 .. CAIRN_REPORT_MAX_CURVES */
+    /* 0 ... CAIRN_REPORT_MAX_CURVES (0): number of curves */
     int32_t curve_count;
-    /* 1: the poses are connected in order as a path. Default 0 */
+    /* 0 or 1 (0): 1: the poses are connected in order as a path */
     int32_t connect;
-    /* limit of frames, 2 or more: beyond it every second frame is dropped (600) */
+    /* >= 2 (600): limit of frames: beyond it every second frame is dropped */
     int32_t max_frames;
-    /* limit of the poses of all frames, 2 or more: likewise (2,000,000) */
+    /* >= 2 (2,000,000): limit of the poses of all frames: likewise */
     int64_t max_poses;
-    /* limit of the points, and of the walls, of all scans, 1 or more (200,000) */
+    /* >= 1 (200,000): limit of the points, and of the walls, of all scans */
     int64_t max_points;
-    /* limit of the forces, regions, and hypotheses of all frames, each 1 or more (150,000) */
+    /* >= 1 (150,000): limit of the forces, of the regions, and of the hypotheses of all frames */
     int64_t max_forces;
-    /* radius of the regions of interest, m, >= 0 (0) */
+    /* m, >= 0 (0): radius of the regions of interest */
     cairn_real region_radius;
 } cairn_report_player_params;
 
 /* A force on a point of the map, in the map frame. Arrows are scaled to the largest force of a
  * frame. */
 typedef struct cairn_report_force {
+    /* point on which the force acts, m */
     cairn_vec2 at;
+    /* force, in any unit */
     cairn_vec2 force;
 } cairn_report_force;
 
 /* A segment of a hypothesized structure that no scan shows yet, such as a line or a side of a
  * rectangle. */
 typedef struct cairn_report_hypothesis {
+    /* m, in the map */
     cairn_segment segment;
     cairn_real strength; /* relative weight, 0 ... 1 */
 } cairn_report_hypothesis;
@@ -227,9 +249,13 @@ typedef struct cairn_report_frame {
     const cairn_report_force *force;
     /* [hypothesis_count] segments of hypotheses */
     const cairn_report_hypothesis *hypothesis;
+    /* number of poses */
     int32_t pose_count;
+    /* number of regions */
     int32_t region_count;
+    /* number of forces */
     int32_t force_count;
+    /* number of segments of hypotheses */
     int32_t hypothesis_count;
 } cairn_report_frame;
 
@@ -243,7 +269,9 @@ CAIRN_CHECKED cairn_status cairn_report_player_open(cairn_report_player **player
 
 /* Adds a scan; its points and segments are copied. index: the number that the page displays.
  * CAIRN_BAD_ARGUMENT: NULL, a negative count; CAIRN_NOT_FINITE; CAIRN_NO_MEMORY: the player is
- * unchanged. */
+ * unchanged.
+ *
+ * scan: points and walls in the frame of its pose */
 CAIRN_CHECKED cairn_status cairn_report_player_add_scan(cairn_report_player *player,
                                                         const cairn_report_scan *scan,
                                                         int64_t index);
@@ -256,7 +284,10 @@ CAIRN_CHECKED cairn_status cairn_report_player_add_frame(cairn_report_player *pl
                                                          const cairn_report_frame *frame);
 
 /* Adds a loop closure between two scans, drawn from the next frame on. CAIRN_BAD_ARGUMENT: unknown
- * scans; CAIRN_NO_MEMORY. */
+ * scans; CAIRN_NO_MEMORY.
+ *
+ * a, b: indices of the scans
+ * accepted: 0: a rejected one */
 CAIRN_CHECKED cairn_status cairn_report_player_add_link(cairn_report_player *player, int32_t a,
                                                         int32_t b, int32_t accepted);
 
@@ -267,7 +298,9 @@ CAIRN_CHECKED cairn_status cairn_report_player_set_grid(cairn_report_player *pla
                                                         const cairn_report_grid *grid);
 
 /* Writes the page atomically; the same calls give the same bytes. CAIRN_EMPTY: no frame; CAIRN_IO,
- * CAIRN_NO_MEMORY. */
+ * CAIRN_NO_MEMORY.
+ *
+ * path: target, an HTML file */
 CAIRN_CHECKED cairn_status cairn_report_player_write(const cairn_report_player *player,
                                                      const char *path, cairn_file_error *error);
 

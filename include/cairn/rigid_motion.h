@@ -59,17 +59,26 @@ typedef struct cairn_rigid_motion_basis {
 cairn_rigid_motion cairn_rigid_motion_at(cairn_pose map_body, cairn_vec2 centre, cairn_real radius);
 
 /* Row of the Jacobian: the derivative of a body point's coordinate along the unit vector `axis`
- * (in the map) with respect to the small motion. body_point: in the body's frame, in m. */
+ * (in the map) with respect to the small motion. body_point: in the body's frame, in m.
+ *
+ * row: set to the derivatives by the step's three entries
+ * motion: the estimate
+ * axis: unit vector in the map */
 void cairn_rigid_motion_jacobian(const cairn_rigid_motion *motion, cairn_vec2 axis,
                                  cairn_vec2 body_point, cairn_real row[3]);
 
 /* Eigenbasis of the observed information. A direction is unobservable when its eigenvalue is less
  * than min_ratio, in [0, 1), of the largest eigenvalue, which must be positive. At most two
- * directions are unobservable. */
+ * directions are unobservable.
+ *
+ * min_ratio: >= 0, < 1 */
 cairn_rigid_motion_basis cairn_rigid_motion_basis_of(cairn_sym3 information, cairn_real min_ratio);
 
 /* Normal equations of the prior at the current estimate, an argument of solve() and
- * covariance(). */
+ * covariance().
+ *
+ * motion: the current estimate
+ * prior: mean and standard deviations */
 cairn_rigid_motion_equations cairn_rigid_motion_prior(const cairn_rigid_motion *motion,
                                                       const cairn_rigid_motion_pose_prior *prior);
 
@@ -77,21 +86,35 @@ cairn_rigid_motion_equations cairn_rigid_motion_prior(const cairn_rigid_motion *
  * Unobservable directions are removed from the observed equations (solution remapping, Zhang, Kaess
  * and Singh 2016): along these the prior decides, or the motion is 0. A step longer than max_step m
  * is scaled to max_step. Returns 1 with the step set, or 0 when the equations are singular. Cost:
- * about 5 units. */
+ * about 5 units.
+ *
+ * basis: eigenbasis of the observed information
+ * observed: observed normal equations
+ * prior: normal equations of the prior; NULL: none
+ * step: set to the step: translation in x and y, and rotation times radius, m */
 int32_t cairn_rigid_motion_solve(const cairn_rigid_motion_basis *basis,
                                  const cairn_rigid_motion_equations *observed,
                                  const cairn_rigid_motion_equations *prior, cairn_real max_step,
                                  cairn_real step[3]);
 
 /* Applies a step to the estimate: rotates map_body about the centre by step[2] / radius and
- * translates it by (step[0], step[1]), in m. */
+ * translates it by (step[0], step[1]), in m.
+ *
+ * motion: the estimate, which is moved
+ * step: translation in x and y, and rotation times radius, m */
 void cairn_rigid_motion_move(cairn_rigid_motion *motion, const cairn_real step[3]);
 
 /* Covariance of map_body over (x, y, theta) in the map's frame, row-major, in m^2, m rad and rad^2:
  * the inverse of the information, which is the observed information without its unobservable
  * directions plus the prior's (NULL: none). basis or observed NULL: no observations. A direction
  * without information gets a standard deviation of 100 m of motion about the centre. Cost: about 5
- * units. */
+ * units.
+ *
+ * covariance: [3][3] set to the covariance
+ * motion: the estimate
+ * basis: eigenbasis of the observed information
+ * observed: observed information
+ * prior: normal equations of the prior; NULL: none */
 void cairn_rigid_motion_covariance(const cairn_rigid_motion *motion,
                                    const cairn_rigid_motion_basis *basis,
                                    const cairn_sym3 *observed,

@@ -18,7 +18,10 @@ typedef struct cairn_scan_input {
     const float *range;
     /* [count] rad, any spacing, sense and start; NULL: angle_min + i * angle_step */
     const float *angle;
+    /* number of beams */
     int32_t count;
+    /* rad, rad, m, m, m: angle of the first beam, angle from beam to beam, limits of valid ranges,
+     * standard deviation of a range */
     float angle_min, angle_step, range_min, range_max, range_sigma;
     /* s from beam to beam, 0: unknown. Only mapper reads it, which estimates the motion itself */
     float time_step;
@@ -42,7 +45,9 @@ enum {
 /* One beam in the frame of the base at the first beam, corrected for the motion during the scan. */
 typedef struct cairn_scan_beam {
     cairn_vec2 from; /* sensor position, m */
+    /* end of the beam, m */
     cairn_vec2 to;
+    /* what the beam says of its end */
     cairn_scan_beam_kind kind;
 } cairn_scan_beam;
 
@@ -58,11 +63,15 @@ typedef struct cairn_scan_view {
     const int32_t *first_point;
     /* [point_count], every `spacing` along the segments */
     const cairn_oriented_point *points;
+    /* number of beams */
     int32_t beam_count;
+    /* number of segments */
     int32_t segment_count;
+    /* number of points */
     int32_t point_count;
     /* sensor position at the first beam, m */
     cairn_vec2 sensor;
+    /* time of the first beam, ns */
     int64_t stamp_ns;
 } cairn_scan_view;
 
@@ -73,25 +82,27 @@ typedef struct cairn_scan_view {
 /* m: limit of ranges, sensor positions and motions. */
 #define CAIRN_SCAN_EXTENT CAIRN_REAL(1e5)
 
+/* Preprocessing of one laser scan. */
 typedef struct cairn_scan cairn_scan;
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_scan_params {
-    /* 1 ... 100,000 (1024) */
+    /* 1 ... 100,000 (1024): beams of a scan */
     int32_t max_beams;
-    /* as in cairn_polyline_params (128) */
+    /* 1 ... 2^20 (128): capacity for segments, as in cairn_polyline_params */
     int32_t max_segments;
-    /* >= 1: resampled points; beyond the limit the shortest segments are left out (2048) */
+    /* >= 1 (2048): resampled points; beyond the limit the shortest segments are left out */
     int32_t max_points;
-    /* m, > 0: spacing of the resampled points (0.10) */
+    /* m, > 0 (0.10): spacing of the resampled points */
     cairn_real spacing;
-    /* m, > 0: a resampled point is left out without a hit of its segment within this distance along
-     * it (0.20) */
+    /* m, > 0 (0.20): a resampled point is left out without a hit of its segment within this
+     * distance along it */
     cairn_real support_distance;
     /* line fit of the hits; its dim, max_points and max_segments are not read */
     cairn_polyline_params fit;
 } cairn_scan_params;
 
-/* Returns the defaults in brackets above; fit as cairn_polyline_default(). */
+/* Returns the default parameters; fit is that of cairn_polyline_default(). */
 cairn_scan_params cairn_scan_default(void);
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
@@ -112,7 +123,9 @@ CAIRN_CHECKED cairn_status cairn_scan_create(cairn_scan **scan, cairn_pool *pool
  * CAIRN_SCAN_EXTENT, range_sigma < 0, time_step < 0, a position or motion beyond CAIRN_SCAN_EXTENT.
  * CAIRN_FULL: count > max_beams. CAIRN_NOT_FINITE: any field but a range is NaN or infinite.
  * *fault, when not NULL, names the field, and the index in an array. A refused call changes
- * nothing. */
+ * nothing.
+ *
+ * input: ranges, angles and poses */
 CAIRN_CHECKED cairn_status cairn_scan_begin(cairn_scan *scan, const cairn_scan_input *input,
                                             cairn_fault *fault);
 
@@ -133,6 +146,7 @@ cairn_scan_view cairn_scan_read(const cairn_scan *scan);
 
 /* Statistics and cost of the last scan. */
 typedef struct cairn_scan_measure {
+    /* work units charged */
     int64_t units;
     /* number of beams of each kind */
     int32_t hits, free, unknown;
@@ -146,6 +160,7 @@ typedef struct cairn_scan_measure {
     int32_t dropped_segments;
 } cairn_scan_measure;
 
+/* Returns the statistics of the last scan. */
 cairn_scan_measure cairn_scan_measured(const cairn_scan *scan);
 
 #ifdef __cplusplus

@@ -20,10 +20,13 @@
 extern "C" {
 #endif
 
+/* Scan matching without an initial pose. */
 typedef struct cairn_scan_match cairn_scan_match;
 
+/* Method of matching. */
 typedef int32_t cairn_scan_match_mode;
 enum {
+    /* correlative search over translations and headings, refined by ICP */
     CAIRN_SCAN_MATCH_CORRELATIVE = CAIRN_MODE_DEFAULT,
     /* Adluru 2008, 6.2-6.4: see cairn_scan_match_as_written() */
     CAIRN_SCAN_MATCH_AS_WRITTEN = CAIRN_MODE_AS_WRITTEN,
@@ -40,45 +43,50 @@ enum {
     CAIRN_SCAN_MATCH_SHAPE_LINES = 6,
     /* The same parts of mode AS_WRITTEN: */
     CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON = 7,
+    /* with the colinear filter */
     CAIRN_SCAN_MATCH_AS_WRITTEN_COLINEAR = 8,
+    /* with the segment filter and its translation */
     CAIRN_SCAN_MATCH_AS_WRITTEN_SEGMENTS = 9,
+    /* all but the colinear filter */
     CAIRN_SCAN_MATCH_AS_WRITTEN_LINES = 10
 };
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_scan_match_params {
+    /* any (CAIRN_SCAN_MATCH_CORRELATIVE): method */
     cairn_scan_match_mode mode;
-    /* evenly spaced points of all target parts, 1 ... 2^20 (2048) */
+    /* 1 ... 2^20 (2048): evenly spaced points of all target parts */
     int32_t max_target;
-    /* dense points of all target parts, 0 ... 2^20; 0: none are kept (4096) */
+    /* 0 ... 2^20 (4096): dense points of all target parts; 0: none are kept */
     int32_t max_dense;
-    /* target parts whose beams are kept as visibility profiles, 0 ... 4096; 0: no free space is
-     * known (16) */
+    /* 0 ... 4096 (16): target parts whose beams are kept as visibility profiles; 0: no free space
+     * is known */
     int32_t max_views;
-    /* evenly spaced points of the query, 1 ... 2^20 (1024) */
+    /* 1 ... 2^20 (1024): evenly spaced points of the query */
     int32_t max_query;
-    /* reported hypotheses, 1 ... 64 (8) */
+    /* 1 ... 64 (8): reported hypotheses */
     int32_t max_hypotheses;
-    /* 1 ... 1024: candidates of the search that are refined; with more, a match is still found at a
-     * smaller overlap, at a higher cost (128) */
+    /* 1 ... 1024 (128): candidates of the search that are refined; with more, a match is still
+     * found at a smaller overlap, at a higher cost */
     int32_t max_candidates;
-    /* 25 ... 65536 cells of 2 by 2 spacings in the vote accumulator: a larger window is cut about
-     * its middle (65536). See cairn_scan_match_cells() */
+    /* 25 ... 65536 (65536): cells of 2 by 2 spacings in the vote accumulator: a larger window is
+     * cut about its middle. See cairn_scan_match_cells(). */
     int32_t max_cells;
-    /* 1: in a search without a window a query point votes for a pose once, however many target
-     * parts show the surface there, so that poses on rarely seen surfaces are found, too; 0: once
-     * for each target point there (1) */
+    /* 0 or 1 (1): 1: in a search without a window a query point votes for a pose once, however many
+     * target parts show the surface there, so that poses on rarely seen surfaces are found, too; 0:
+     * once for each target point there */
     int32_t vote_once;
-    /* m, >= 0.001: spacing of the evenly spaced points; lengths of the search are multiples of it
-     * (0.10) */
+    /* m, >= 0.001 (0.10): spacing of the evenly spaced points; lengths of the search are multiples
+     * of it */
     cairn_real spacing;
-    /* m, > 0: lower bound of the estimated standard deviation of a point across its line (0.01) */
+    /* m, > 0 (0.01): lower bound of the estimated standard deviation of a point across its line */
     cairn_real min_sigma;
-    /* [0, 1): a direction is unobservable when its information is below this share of the best
-     * direction's (0.001) */
+    /* >= 0, < 1 (0.001): a direction is unobservable when its information is below this share of
+     * the best direction's */
     cairn_real weak_ratio;
 } cairn_scan_match_params;
 
-/* Returns the defaults: correlative, and the values in brackets above. */
+/* Returns the default parameters. */
 cairn_scan_match_params cairn_scan_match_default(void);
 
 /* Returns the params of Adluru 2008, 6.2 to 6.4, as printed: points are the readings of
@@ -118,6 +126,7 @@ typedef struct cairn_scan_match_part {
     const cairn_oriented_point *dense;
     /* [beam_count] beams for the free space; NULL: unknown */
     const cairn_scan_beam *beams;
+    /* lengths of the arrays above */
     int32_t count, dense_count, beam_count;
 } cairn_scan_match_part;
 
@@ -128,6 +137,7 @@ typedef struct cairn_scan_match_window {
     cairn_real angle;    /* rad, >= 0; >= pi: the full circle */
 } cairn_scan_match_window;
 
+/* A pose at which query and target agree. */
 typedef struct cairn_scan_match_hypothesis {
     cairn_pose target_query; /* pose of the query's frame in the target's */
     /* Row-major over (x, y, theta) of target_query in m and rad, in the target's frame. An
@@ -154,12 +164,14 @@ typedef struct cairn_scan_match_hypothesis {
      * radius) in the target's frame, sign free. weak_ratio is its information as a share of the
      * best observable direction's. */
     cairn_real weak_direction[3];
+    /* information of the least observable direction as a share of that of the best, 0 ... 1 */
     cairn_real weak_ratio;
     cairn_real radius; /* m: root mean square distance of the query's points from their centroid */
     int32_t observable_dof; /* observable degrees of freedom, 0 ... 3 */
     int32_t pairs;          /* inlier pairs of the last refinement */
 } cairn_scan_match_hypothesis;
 
+/* Outcome of a match. */
 typedef int32_t cairn_scan_match_verdict;
 enum {
     /* running, or nothing was begun */
@@ -173,15 +185,19 @@ enum {
     CAIRN_SCAN_MATCH_NONE = 3
 };
 
+/* The hypotheses of a match. */
 typedef struct cairn_scan_match_result {
     /* [count], best first; valid until the next begin() */
     const cairn_scan_match_hypothesis *hypotheses;
+    /* number of hypotheses */
     int32_t count;
+    /* outcome of the match */
     cairn_scan_match_verdict verdict;
 } cairn_scan_match_result;
 
 /* Cost of the last match. */
 typedef struct cairn_scan_match_measure {
+    /* work units charged */
     int64_t units;
     int32_t worst_step;  /* units of the most expensive item */
     int32_t candidates;  /* candidate poses of the search */
@@ -191,25 +207,34 @@ typedef struct cairn_scan_match_measure {
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_scan_match_memory(const cairn_scan_match_params *params);
 
-/* Returns max_cells for search windows of half side `distance`, m, at most 65536. */
+/* Returns max_cells for search windows of half side `distance`, m, at most 65536.
+ *
+ * distance: half side of the largest window, m
+ * spacing: params.spacing, m */
 int32_t cairn_scan_match_cells(cairn_real distance, cairn_real spacing);
 
 /* Creates the object in memory of the pool. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_scan_match_create(cairn_scan_match **match, cairn_pool *pool,
                                                    const cairn_scan_match_params *params);
 
-/* Returns the points and beams of a scan as a part, without dense points. */
+/* Returns the points and beams of a scan as a part, without dense points.
+ *
+ * view: scan, whose arrays the part refers to */
 cairn_scan_match_part cairn_scan_match_part_of(const cairn_scan_view *view);
 
 /* Writes the dense points of a scan: the end of every hit beside another hit, with the direction of
  * the line through the neighbouring hits. dense: [view->beam_count]. Returns their number. Cost:
- * linear in the beams. */
+ * linear in the beams.
+ *
+ * view: scan with its beams */
 int32_t cairn_scan_match_dense(const cairn_scan_view *view, cairn_oriented_point *dense);
 
 /* Writes the readings with directions that mode AS_WRITTEN takes (Adluru 2008, 6.2.1): the end of
  * every hit, in the order of the scan, with the direction of the nearest segment. readings:
  * [view->beam_count]. Returns the number of readings; 0 for a scan without segments. Cost: beams
- * times segments. */
+ * times segments.
+ *
+ * view: scan with its beams and segments */
 int32_t cairn_scan_match_readings(const cairn_scan_view *view, cairn_oriented_point *readings);
 
 /* Removes the target and the last result, and cancels a running match. Constant time. */
@@ -229,7 +254,11 @@ CAIRN_CHECKED cairn_status cairn_scan_match_add_target(cairn_scan_match *match,
  * match is cancelled. window NULL: global search over every position at which query and target can
  * touch, and every heading (start is not used). A query or target without points gives the verdict
  * NONE. CAIRN_BAD_ARGUMENT: NULL, counts and directions as in add_target(), a window that is
- * negative. CAIRN_NOT_FINITE. CAIRN_FULL: more than max_query points. Cost: linear in the query. */
+ * negative. CAIRN_NOT_FINITE. CAIRN_FULL: more than max_query points. Cost: linear in the query.
+ *
+ * query: points and beams of the query
+ * start: initial pose of the query in the target's frame
+ * window: range of poses about start; NULL: global search */
 CAIRN_CHECKED cairn_status cairn_scan_match_begin(cairn_scan_match *match,
                                                   const cairn_scan_match_part *query,
                                                   cairn_pose start,
@@ -239,7 +268,10 @@ CAIRN_CHECKED cairn_status cairn_scan_match_begin(cairn_scan_match *match,
 /* Starts the ICP of mode AS_WRITTEN alone, from a start pose: for parts of a scan that was matched
  * as a whole (decoupled ICP, Adluru 2008, 6.5.1). Points overlap up to the distance of the last
  * match with this target, up to 0.40 m when there was none. Statuses as begin(); CAIRN_BAD_ARGUMENT
- * also in a mode without this ICP. Cost: linear in the query. */
+ * also in a mode without this ICP. Cost: linear in the query.
+ *
+ * query: as for begin()
+ * start: initial pose of the query in the target's frame */
 CAIRN_CHECKED cairn_status cairn_scan_match_begin_icp(cairn_scan_match *match,
                                                       const cairn_scan_match_part *query,
                                                       cairn_pose start, cairn_fault *fault);
@@ -251,6 +283,7 @@ CAIRN_CHECKED cairn_status cairn_scan_match_step(cairn_scan_match *match, cairn_
 /* Returns the result; no hypotheses and RUNNING until step() returns CAIRN_OK. */
 cairn_scan_match_result cairn_scan_match_read(const cairn_scan_match *match);
 
+/* Returns the statistics of the last match. */
 cairn_scan_match_measure cairn_scan_match_measured(const cairn_scan_match *match);
 
 /* ---- Correspondences of the shape modes, for pictures, once step() has returned CAIRN_OK: those
@@ -269,8 +302,10 @@ enum {
     CAIRN_SCAN_MATCH_ACCEPTED = 2
 };
 
+/* A pair of query and target points that a match of directions has found. */
 typedef struct cairn_scan_match_pair {
     int32_t query, target; /* evenly spaced points; target points are counted through all parts */
+    /* stage of the method that the pair has reached */
     cairn_scan_match_stage stage;
 } cairn_scan_match_pair;
 
@@ -286,11 +321,15 @@ cairn_scan_match_pair cairn_scan_match_pair_at(const cairn_scan_match *match, in
  * points. */
 cairn_pose cairn_scan_match_pair_pose(const cairn_scan_match *match);
 
+/* Bins of an angular histogram over a whole turn. */
 #define CAIRN_SCAN_MATCH_BINS 36
 
 /* Writes the angular histogram of a query point: shares of the fullest bin, over bearings from 0
  * on, in the query's rotation. CAIRN_BAD_ARGUMENT: NULL, no such point; CAIRN_EMPTY: there are no
- * pairs. */
+ * pairs.
+ *
+ * share: set to the shares, 0 ... 1
+ * point: index of the evenly spaced point */
 CAIRN_CHECKED cairn_status cairn_scan_match_histogram(const cairn_scan_match *match, int32_t point,
                                                       cairn_real share[CAIRN_SCAN_MATCH_BINS]);
 

@@ -14,21 +14,23 @@
 extern "C" {
 #endif
 
+/* Scoring of scans by their redundancy. */
 typedef struct cairn_scan_redundancy cairn_scan_redundancy;
 
 /* Parameters; defaults in brackets. */
 typedef struct cairn_scan_redundancy_params {
-    /* slots of the set, 1 ... 2^20 (64) */
+    /* 1 ... 2^20 (64): slots of the set */
     int32_t max_scans;
-    /* points of all scans together, 1 ... 2^24 (8192) */
+    /* 1 ... 2^24 (8192): points of all scans together */
     int32_t max_points;
-    /* m, > 0, <= 1e6: a scan shows a point when one of its points is within this distance ...
-     * (0.15) */
+    /* m, > 0, <= 1e6 (0.15): a scan shows a point when one of its points is within this distance,
+     * and within direction_gate */
     cairn_real radius;
-    /* rad, in (0, pi]: ... and their directions differ by at most this angle (30 degrees) */
+    /* rad, > 0, <= pi (30 degrees): greatest angle between the directions of both points */
     cairn_real direction_gate;
 } cairn_scan_redundancy_params;
 
+/* Returns the default parameters. */
 cairn_scan_redundancy_params cairn_scan_redundancy_default(void);
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
@@ -42,7 +44,9 @@ CAIRN_CHECKED cairn_status cairn_scan_redundancy_create(cairn_scan_redundancy **
 /* Starts to score the scans of a set, which must not change until step() returns CAIRN_OK.
  * map_scan: [set->scan_count], the poses by slot; those of free slots are not used.
  * CAIRN_BAD_ARGUMENT: NULL, or a pose beyond 1e6 m. CAIRN_FULL: more slots or points than params
- * allow. CAIRN_NOT_FINITE: a pose. Linear in the scans. */
+ * allow. CAIRN_NOT_FINITE: a pose. Linear in the scans.
+ *
+ * set: the scans */
 CAIRN_CHECKED cairn_status cairn_scan_redundancy_begin(cairn_scan_redundancy *redundancy,
                                                        const cairn_scan_set *set,
                                                        const cairn_pose *map_scan);
@@ -54,12 +58,16 @@ CAIRN_CHECKED cairn_status cairn_scan_redundancy_step(cairn_scan_redundancy *red
 
 /* Returns the redundancy score of a scan: its loss, in points; the lower, the more redundant. Valid
  * after the last step that returned CAIRN_OK; -1 for slots that were free, and while step() has
- * work left. */
+ * work left.
+ *
+ * scan: slot of the scan */
 cairn_real cairn_scan_redundancy_loss(const cairn_scan_redundancy *redundancy, int32_t scan);
 
 /* Returns the most redundant scan: that of least loss, the lowest slot among equals. The slot
  * `spared` is excluded, such as the anchor of the map (-1: none). -1: there is none, or step() has
- * work left. Linear in the scans. */
+ * work left. Linear in the scans.
+ *
+ * spared: slot that is excluded; -1: none */
 int32_t cairn_scan_redundancy_most_redundant(const cairn_scan_redundancy *redundancy,
                                              int32_t spared);
 

@@ -20,16 +20,17 @@ extern "C" {
 /* Limit of coordinates (m) and masses, so that no sum of squares overflows in float. */
 #define CAIRN_SCAN_SET_LIMIT CAIRN_REAL(1e6)
 
+/* Capacities; a set has no defaults. */
 typedef struct cairn_scan_set_params {
-    /* number of scans, 1 ... 2^20 */
+    /* 1 ... 2^20 (none): number of scans */
     int32_t max_scans;
-    /* segments of all scans together, 1 ... 2^24 */
+    /* 1 ... 2^24 (none): segments of all scans together */
     int32_t max_segments;
-    /* points of all scans together, 1 ... 2^24; with spacing also the positions along their
+    /* 1 ... 2^24 (none): points of all scans together; with spacing also the positions along their
      * segments */
     int32_t max_points;
-    /* m: 0: points and masses are kept. > 0: as in cairn_scan_params; points are generated from the
-     * segments' ends, all of mass 1 */
+    /* m, >= 0 (none): 0: points and masses are kept. > 0: as in cairn_scan_params; points are
+     * generated from the segments' ends, all of mass 1. */
     cairn_real spacing;
 } cairn_scan_set_params;
 
@@ -39,11 +40,13 @@ typedef struct cairn_scan_set_scan {
     int32_t in_use;
     /* its segments are first_segment ... end_segment - 1 */
     int32_t first_segment, end_segment;
+    /* its points are first_point ... end_point - 1 */
     int32_t first_point, end_point;
     /* words of the position bits of its segments */
     int32_t word_count;
     /* m; (0, 0) without points */
     cairn_vec2 centroid;
+    /* m: sensor position */
     cairn_vec2 sensor;
     /* m^2: mean squared distance of the points from the centroid */
     cairn_real centroid_spread;
@@ -51,9 +54,12 @@ typedef struct cairn_scan_set_scan {
     cairn_real sensor_spread;
 } cairn_scan_set_scan;
 
+/* A segment of a scan and the range of its points. */
 typedef struct cairn_scan_set_segment {
+    /* m, in the frame of the scan */
     cairn_segment segment;
     cairn_vec2 direction; /* direction of its points: unit vector, or zero without points */
+    /* its points are first_point ... end_point - 1 */
     int32_t first_point, end_point;
     int32_t first_word; /* first word of its position bits; 0 without spacing */
     int32_t scan;       /* slot; -1: the scan was removed, pack() will remove the segment */
@@ -74,6 +80,7 @@ typedef struct cairn_scan_set {
     uint32_t *position_bits;
     /* slots that were ever used: upper bound of the slots in use */
     int32_t scan_count;
+    /* segments, points and words in use, removed ones before pack() included */
     int32_t segment_count, point_count, word_count;
     /* slot of the last removed scan, head of the free list; -1: none */
     int32_t free_slot;
@@ -83,6 +90,7 @@ typedef struct cairn_scan_set {
     int32_t pack_from, pack_segment, pack_point, pack_word;
     /* units of pack() already charged towards the next scan */
     int32_t pack_units;
+    /* capacities and spacing */
     cairn_scan_set_params params;
 } cairn_scan_set;
 
@@ -104,12 +112,16 @@ typedef struct cairn_scan_set {
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_scan_set_memory(const cairn_scan_set_params *params);
 
-/* Creates the object in memory of the pool. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+/* Creates the object in memory of the pool. CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY.
+ *
+ * set: receives the created set */
 CAIRN_CHECKED cairn_status cairn_scan_set_create(cairn_scan_set **set, cairn_pool *pool,
                                                  const cairn_scan_set_params *params);
 
 /* Returns the slot that the next scan will get: the last free one on the free list, else one never
- * used. -1: max_scans are in use. */
+ * used. -1: max_scans are in use.
+ *
+ * set: the set */
 int32_t cairn_scan_set_next(const cairn_scan_set *set);
 
 /* Adds the segments and points of a scan; they are copied. The direction of all points of a segment
@@ -120,27 +132,42 @@ int32_t cairn_scan_set_next(const cairn_scan_set *set);
  * that are not, in their order, at the positions of cairn_scan with the same spacing.
  * CAIRN_NOT_FINITE. CAIRN_FULL: more scans, segments or points than params allow, including removed
  * ones before pack(). *fault, when not NULL, names the point, segment or mass. Linear in the scan
- * and its positions. */
+ * and its positions.
+ *
+ * set: the set
+ * view: segments and points of the scan */
 CAIRN_CHECKED cairn_status cairn_scan_set_add(cairn_scan_set *set, const cairn_scan_view *view,
                                               const cairn_real *mass, cairn_fault *fault);
 
 /* Removes a scan; its slot is free at once, its memory after pack(). CAIRN_BAD_ARGUMENT: no such
- * scan. Linear in its segments. */
+ * scan. Linear in its segments.
+ *
+ * set: the set
+ * scan: slot of the scan */
 CAIRN_CHECKED cairn_status cairn_scan_set_remove(cairn_scan_set *set, int32_t scan);
 
 /* Compacts the arrays after removals: later scans move up, whole scan by scan, so that readers
  * never see a partial move. CAIRN_MORE: the budget is used up. CAIRN_OK: the arrays are compact.
  * Scans may be added between two calls. Cost per scan behind the first gap: a unit, one for two of
- * its segments and one for eight of its points. */
+ * its segments and one for eight of its points.
+ *
+ * set: the set */
 CAIRN_CHECKED cairn_status cairn_scan_set_pack(cairn_scan_set *set, cairn_budget *budget);
 
 /* Reads points first ... first+count-1 of a segment (0 is its first one), which must exist, into
  * points[0 ... count-1]. Linear in count, and with spacing in the 32nd part of the positions
- * before. */
+ * before.
+ *
+ * set: the set
+ * segment: index of the segment
+ * first: first point to read, 0: that of the segment
+ * points: [count] set to the points, m */
 void cairn_scan_set_read(const cairn_scan_set *set, int32_t segment, int32_t first, int32_t count,
                          cairn_vec2 *points);
 
-/* Removes all scans. Constant time. */
+/* Removes all scans. Constant time.
+ *
+ * set: the set */
 void cairn_scan_set_clear(cairn_scan_set *set);
 
 #ifdef __cplusplus

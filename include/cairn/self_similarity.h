@@ -39,30 +39,33 @@ extern "C" {
 /* Greatest number of outlines of a shape. */
 #define CAIRN_SELF_SIMILARITY_MAX_OUTLINES 16
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_self_similarity_params {
-    /* CAIRN_MODE_DEFAULT (re-ranked) or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT). */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): method; the default one
+     * re-ranks the axes */
     int32_t mode;
-    /* Samples of the outline, 16 ... 512 (96). */
+    /* 16 ... 512 (96): samples of the outline */
     int32_t outline_samples;
-    /* Greatest number of samples of all holes together, 4 ... 512; 0: holes are filled (48). */
+    /* 0 or 4 ... 512 (48): greatest number of samples of all holes together; 0: holes are filled */
     int32_t hole_samples;
-    /* Vertices of the coarsest evolution level, 4 ... 32 (5). */
+    /* 4 ... 32 (5): vertices of the coarsest evolution level */
     int32_t min_vertices;
-    /* Vertices of the finest level, min_vertices ... 32, at most outline_samples (20). */
+    /* min_vertices ... 32 (20): vertices of the finest level, at most outline_samples */
     int32_t max_vertices;
-    /* Relative tie tolerance, >= 0: axes whose dissimilarity exceeds the best by at most this
-     * ratio tie with it (0.01). */
+    /* >= 0 (0.01): relative tie tolerance: axes whose dissimilarity exceeds the best by at most
+     * this ratio tie with it */
     cairn_real tie_ratio;
-    /* Absolute tie tolerance of the dissimilarity, >= 0 (0.001). */
+    /* >= 0 (0.001): absolute tie tolerance of the dissimilarity */
     cairn_real tie_floor;
-    /* Non-maximum-suppression radius, share of the outline's length, > 0 ... 0.25: axes with all
-     * ends closer are one (0.05). */
+    /* share of the outline's length, > 0, <= 0.25 (0.05): non-maximum-suppression radius: axes with
+     * all ends closer are one */
     cairn_real separation;
 } cairn_self_similarity_params;
 
+/* Detector of symmetry axes of an outline. */
 typedef struct cairn_self_similarity cairn_self_similarity;
 
-/* Returns the default values, in brackets above. */
+/* Returns the default parameters. */
 cairn_self_similarity_params cairn_self_similarity_default(void);
 
 /* Returns CAIRN_MODE_AS_WRITTEN with the thesis's 5 to 20 vertices and the other values as
@@ -84,7 +87,9 @@ CAIRN_CHECKED cairn_status cairn_self_similarity_create(cairn_self_similarity **
  * outline of fewer than 3 vertices or an open outline. CAIRN_FULL: more than
  * CAIRN_SELF_SIMILARITY_MAX_OUTLINES outlines. CAIRN_NOT_FINITE: a vertex, or coordinates so
  * large that lengths or areas overflow. CAIRN_EMPTY: an outline without area. Cost: linear in
- * the vertices. */
+ * the vertices.
+ *
+ * outlines: [count] closed outlines */
 CAIRN_CHECKED cairn_status cairn_self_similarity_begin(cairn_self_similarity *similarity,
                                                        const cairn_curve *outlines, int32_t count);
 
@@ -97,9 +102,11 @@ CAIRN_CHECKED cairn_status cairn_self_similarity_step(cairn_self_similarity *sim
  * outlines[0], in the order of its vertices. 0 <= from < 1, from <= to <= from + 1. As written
  * an arc may be one critical point, from == to. */
 typedef struct cairn_self_similarity_arc {
+    /* start and end, shares of the outline's length */
     cairn_real from, to;
 } cairn_self_similarity_arc;
 
+/* An axis that divides the outline into two similar arcs. */
 typedef struct cairn_self_similarity_axis {
     /* End points of the axis on the outline, in the units of the outline. */
     cairn_vec2 end[2];
@@ -130,6 +137,7 @@ typedef struct cairn_self_similarity_axis {
     int32_t division;
 } cairn_self_similarity_axis;
 
+/* Whether the best axis is unique. */
 typedef int32_t cairn_self_similarity_verdict;
 enum {
     /* One axis is better than all others. */
@@ -140,6 +148,7 @@ enum {
     CAIRN_SELF_SIMILARITY_CIRCULAR = 2
 };
 
+/* The axes of a shape and its rotational symmetry. */
 typedef struct cairn_self_similarity_result {
     /* [count] Local minima of the dissimilarity, best first. */
     const cairn_self_similarity_axis *axes;

@@ -32,26 +32,30 @@ enum {
 
 /* Compares element i of the first sequence with element j of the second. LCS: > 0 when both match.
  * LOCAL: score of the pair, of either sign. DTW: distance, >= 0. The value must be finite, below
- * 1e9 in magnitude, and the same in every call. */
+ * 1e9 in magnitude, and the same in every call.
+ *
+ * context: that of begin()
+ * i, j: indices of the elements, from 0 */
 typedef cairn_real (*cairn_sequence_compare)(const void *context, int32_t i, int32_t j);
 
-/* Parameters. Default values in brackets. */
+/* Parameters; defaults in brackets. */
 typedef struct cairn_sequence_params {
-    /* Kind of alignment (LCS). */
+    /* any (CAIRN_SEQUENCE_LCS): kind of alignment */
     cairn_sequence_kind kind;
-    /* Elements of the first sequence, 1 ... 2^24 (1024). */
+    /* 1 ... 2^24 (1024): elements of the first sequence */
     int32_t max_first;
-    /* Elements of the second sequence, 1 ... 2^24 (1024). */
+    /* 1 ... 2^24 (1024): elements of the second sequence */
     int32_t max_second;
-    /* LOCAL: cost of an unpaired element between pairs, >= 0 (1). */
+    /* >= 0 (1): kind LOCAL: cost of an unpaired element between pairs */
     cairn_real gap_cost;
 } cairn_sequence_params;
 
-/* The default values. */
+/* Returns the default parameters. */
 cairn_sequence_params cairn_sequence_default(void);
 
 /* Indices of a pair of elements. */
 typedef struct cairn_sequence_pair {
+    /* index in the first and in the second sequence */
     int32_t first, second;
 } cairn_sequence_pair;
 
@@ -75,7 +79,11 @@ CAIRN_CHECKED cairn_status cairn_sequence_create(cairn_sequence **sequence, cair
 
 /* Starts an alignment. An alignment that runs is discarded. `context` is passed to compare() and
  * must stay until step() returns CAIRN_OK. CAIRN_BAD_ARGUMENT: NULL (context may be NULL), a
- * negative count. CAIRN_FULL: more than max_first or max_second elements. Constant time. */
+ * negative count. CAIRN_FULL: more than max_first or max_second elements. Constant time.
+ *
+ * first_count, second_count: numbers of elements, 0 ... max_first and max_second
+ * compare: compares two elements
+ * context: passed to compare() */
 CAIRN_CHECKED cairn_status cairn_sequence_begin(cairn_sequence *sequence, int32_t first_count,
                                                 int32_t second_count,
                                                 cairn_sequence_compare compare,

@@ -19,33 +19,36 @@
 extern "C" {
 #endif
 
+/* Bins of a shape context: rings, sectors, and their product. */
 #define CAIRN_SHAPE_CONTEXT_RINGS   5
 #define CAIRN_SHAPE_CONTEXT_SECTORS 12
 #define CAIRN_SHAPE_CONTEXT_BINS    (CAIRN_SHAPE_CONTEXT_RINGS * CAIRN_SHAPE_CONTEXT_SECTORS)
 
+/* Comparison of two shapes by shape contexts. */
 typedef struct cairn_shape_context cairn_shape_context;
 
+/* How the points of two shapes are assigned. */
 typedef int32_t cairn_shape_context_kind;
 enum {
-    CAIRN_SHAPE_CONTEXT_WHOLE =
-        0, /* Both shapes are whole, of any size: one-to-one assignment of least total cost. */
-    CAIRN_SHAPE_CONTEXT_PART =
-        /* The first shape is a part of the second, in its frame: nearest neighbour of each of
-         * its points. */
-    1
+    /* Both shapes are whole, of any size: one-to-one assignment of least total cost. */
+    CAIRN_SHAPE_CONTEXT_WHOLE = 0,
+    /* The first shape is a part of the second, in its frame: nearest neighbour of each of its
+     * points. */
+    CAIRN_SHAPE_CONTEXT_PART = 1
 };
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_shape_context_params {
-    /* Capacity of points of either shape, 2 ... 1024 (128); the memory grows with its square. */
+    /* 2 ... 1024 (128): capacity of points of either shape; the memory grows with its square */
     int32_t max_points;
-    /* Radii of the innermost and outermost ring, relative to the mean distance of two points, 0
-     * < inner_radius < outer_radius (1/8, 2). */
+    /* mean distances of two points, > 0 (1/8 and 2): radii of the innermost and outermost ring,
+     * inner_radius < outer_radius */
     cairn_real inner_radius, outer_radius;
-    /* Cost of an unmatched point, and of the missing share of a shape, >= 0 (1). */
+    /* >= 0 (1): cost of an unmatched point, and of the missing share of a shape */
     cairn_real missing_cost;
 } cairn_shape_context_params;
 
-/* Returns the default values, in brackets above. */
+/* Returns the default parameters. */
 cairn_shape_context_params cairn_shape_context_default(void);
 
 /* Returns the memory of an object in bytes; 0 for params that create() rejects. */
@@ -56,6 +59,7 @@ CAIRN_CHECKED cairn_status cairn_shape_context_create(cairn_shape_context **cont
                                                       cairn_pool *pool,
                                                       const cairn_shape_context_params *params);
 
+/* Two shapes to compare. */
 typedef struct cairn_shape_context_input {
     /* Kind of the comparison. */
     cairn_shape_context_kind kind;
@@ -70,7 +74,9 @@ typedef struct cairn_shape_context_input {
 /* Starts a comparison and discards the previous result; the points are copied.
  * CAIRN_BAD_ARGUMENT: NULL, an unknown kind, fewer than 2 points, a share outside 0 ... 1.
  * CAIRN_FULL: more than max_points. CAIRN_NOT_FINITE: a coordinate that is not finite or beyond
- * 1e9. Cost: linear. */
+ * 1e9. Cost: linear.
+ *
+ * input: points of both shapes, and how they are compared */
 CAIRN_CHECKED cairn_status cairn_shape_context_begin(cairn_shape_context *context,
                                                      const cairn_shape_context_input *input);
 

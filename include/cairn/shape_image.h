@@ -30,19 +30,20 @@ enum {
 
 /* Parameters; defaults in brackets. */
 typedef struct cairn_shape_image_params {
-    /* treatment of holes (keep) */
+    /* any (CAIRN_SHAPE_IMAGE_HOLES_KEEP): treatment of holes */
     cairn_shape_image_holes holes;
-    /* largest gap between open line ends that is bridged, as a fraction 0 ... 1 of the ink's
-     * diagonal (0.1) */
+    /* share of the ink's diagonal, 0 ... 1 (0.1): largest gap between open line ends that is
+     * bridged */
     double max_gap;
-    /* smallest component or hole that is kept, as a fraction 0 ... 1 of the largest component's
-     * area (0.01) */
+    /* share of the largest component's area, 0 ... 1 (0.01): smallest component or hole that is
+     * kept */
     double min_part;
 } cairn_shape_image_params;
 
 /* Outlines on the heap, in pixels; (0, 0) is the centre of the first pixel. Components come first
  * by descending area, then holes. */
 typedef struct cairn_shape_image {
+    /* [outline_count] closed outlines; the first is the outer one */
     cairn_curve outlines[CAIRN_SHAPE_MODEL_MAX_OUTLINES];
     int32_t count, holes;                        /* outlines; holes among them */
     int32_t is_drawing;                          /* 1: a line drawing; 0: a silhouette */
@@ -60,13 +61,18 @@ cairn_shape_image_params cairn_shape_image_default(void);
  * diagonal; CAIRN_BAD_FORMAT: lines that do not close; CAIRN_FULL: a side beyond
  * CAIRN_SHAPE_IMAGE_MAX_SIDE, or more than CAIRN_SHAPE_MODEL_MAX_OUTLINES outlines;
  * CAIRN_UNSUPPORTED: a hole where holes are refused; CAIRN_NO_MEMORY. On failure there is
- * nothing to free. Cost: linear in pixels. */
+ * nothing to free. Cost: linear in pixels.
+ *
+ * image: set to the outlines
+ * grey: picture of the object */
 CAIRN_CHECKED cairn_status cairn_shape_image_trace(cairn_shape_image *image,
                                                    cairn_raster_u8_view grey,
                                                    const cairn_shape_image_params *params,
                                                    const char *path, cairn_file_error *error);
 
-/* Frees the outlines. */
+/* Frees the outlines.
+ *
+ * image: image that was traced */
 void cairn_shape_image_free(cairn_shape_image *image);
 
 #ifdef __cplusplus

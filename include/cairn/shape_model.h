@@ -43,6 +43,7 @@ typedef struct cairn_shape_model_sample {
     cairn_real outline_share[2];
 } cairn_shape_model_sample;
 
+/* A path of the skeleton: consecutive samples. */
 typedef struct cairn_shape_model_path {
     /* samples[first ... first + count - 1] */
     int32_t first, count;
@@ -62,6 +63,7 @@ typedef struct cairn_shape_model {
     /* Equidistant samples of all outlines, each oriented with its interior on the side of
      * cairn_vec2_left_perp(direction). */
     const cairn_oriented_point *outline; /* [outline_count] */
+    /* number of samples, of paths and of outline samples */
     int32_t sample_count, path_count, outline_count;
     cairn_real size;   /* Size of the model in the units of the input outline, > 0. */
     cairn_vec2 origin; /* Origin of the model's frame in the units of the input outline. */
@@ -72,7 +74,10 @@ typedef struct cairn_shape_model {
 } cairn_shape_model;
 
 /* Returns D_k, the displacement of sample k of a path from its first sample (Adluru 2008,
- * section 2.5). */
+ * section 2.5).
+ *
+ * model: valid model
+ * path, k: indices from 0, within the model */
 static inline cairn_vec2 cairn_shape_model_displacement(const cairn_shape_model *model,
                                                         int32_t path, int32_t k)
 {
@@ -89,33 +94,37 @@ CAIRN_CHECKED cairn_status cairn_shape_model_check(const cairn_shape_model *mode
                                                    cairn_fault *fault);
 
 /* Returns the number of samples of a model's first outline, 0 ... outline_count. The first step
- * longer than 3 mean steps begins another outline. Cost: linear. */
+ * longer than 3 mean steps begins another outline. Cost: linear.
+ *
+ * model: a model */
 int32_t cairn_shape_model_first_outline(const cairn_shape_model *model);
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_shape_model_builder_params {
-    /* Samples along all outlines together, 16 ... 1024 (128). */
+    /* 16 ... 1024 (128): samples along all outlines together */
     int32_t outline_samples;
-    /* Samples of a path that covers the whole outline, 4 ... 256; other paths in proportion, at
-     * least 3 (32). */
+    /* 4 ... 256 (32): samples of a path that covers the whole outline; other paths in proportion,
+     * at least 3 */
     int32_t path_samples;
-    /* Greatest number of paths, 1 ... CAIRN_SHAPE_MODEL_MAX_PATHS (8); 1: the longest path only,
-     * as in the thesis. */
+    /* 1 ... CAIRN_SHAPE_MODEL_MAX_PATHS (8): greatest number of paths; 1: the longest path only, as
+     * in the thesis */
     int32_t max_paths;
-    /* Greatest symmetry error of a symmetric point of the symmetry set, rad, > 0, < pi/2 (20
-     * degrees). */
+    /* rad, > 0, < pi/2 (20 degrees): greatest symmetry error of a symmetric point of the symmetry
+     * set */
     cairn_real max_deviation;
-    /* Standard deviation of the symmetry error, rad, > 0 (10 degrees). */
+    /* rad, > 0 (10 degrees): standard deviation of the symmetry error */
     cairn_real deviation_sigma;
-    /* Least distance of the outline to a disc's centre, share of the radius, 0 ... 1; 0: any
-     * disc (0.8). */
+    /* share of the radius, 0 ... 1 (0.8): least distance of the outline to a disc's centre; 0: any
+     * disc */
     cairn_real min_clearance;
-    /* Least share of an outline for a path of its own, > 0 ... 1 (0.08). */
+    /* > 0, <= 1 (0.08): least share of an outline for a path of its own */
     cairn_real min_outline_share;
 } cairn_shape_model_builder_params;
 
+/* Builder of a shape model from outlines. */
 typedef struct cairn_shape_model_builder cairn_shape_model_builder;
 
-/* Returns the default values, in brackets above. */
+/* Returns the default parameters. */
 cairn_shape_model_builder_params cairn_shape_model_builder_default(void);
 
 /* Returns the memory of a builder in bytes; 0 for params that create() rejects. Grows with the
@@ -130,7 +139,9 @@ cairn_shape_model_builder_create(cairn_shape_model_builder **builder, cairn_pool
 /* Starts on the outlines of one object, in either orientation. They are sampled here and may be
  * freed afterwards. CAIRN_BAD_ARGUMENT: NULL, count outside 1 ...
  * CAIRN_SHAPE_MODEL_MAX_OUTLINES, an open outline. CAIRN_NOT_FINITE. CAIRN_EMPTY: an outline
- * without area. Cost: linear in the vertices. */
+ * without area. Cost: linear in the vertices.
+ *
+ * outlines: [count] closed outlines */
 CAIRN_CHECKED cairn_status cairn_shape_model_builder_begin(cairn_shape_model_builder *builder,
                                                            const cairn_curve *outlines,
                                                            int32_t count);

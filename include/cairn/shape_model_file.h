@@ -32,65 +32,100 @@ extern "C" {
 
 /* A model on the heap. */
 typedef struct cairn_shape_model_file {
+    /* view of the arrays below */
     cairn_shape_model model;
+    /* [model.sample_count] on the heap */
     cairn_shape_model_sample *samples;
+    /* [model.path_count] on the heap */
     cairn_shape_model_path *paths;
+    /* [model.outline_count] on the heap */
     cairn_oriented_point *outline;
 } cairn_shape_model_file;
 
 /* Builds a model from the outlines of one object. path: used in the error. CAIRN_EMPTY: the object
  * has no symmetric part; statuses of cairn_shape_model_builder_create() and
- * cairn_shape_model_builder_begin(). On failure there is nothing to free. */
+ * cairn_shape_model_builder_begin(). On failure there is nothing to free.
+ *
+ * file: set to the model
+ * outlines: [count] closed outlines */
 CAIRN_CHECKED cairn_status cairn_shape_model_file_build(
     cairn_shape_model_file *file, const cairn_curve *outlines, int32_t count,
     const cairn_shape_model_builder_params *params, const char *path, cairn_file_error *error);
 
-/* Returns 1 when a file has the header of a model. */
+/* Returns 1 when a file has the header of a model.
+ *
+ * path: file, plain or gzipped */
 int32_t cairn_shape_model_file_is(const char *path);
 
 /* Reads a model, plain or gzipped. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED, CAIRN_FULL (beyond the limits
  * above), CAIRN_NOT_FINITE, CAIRN_BAD_ARGUMENT (rejected by cairn_shape_model_check()): the error
- * has the line; CAIRN_IO, CAIRN_NO_MEMORY. On failure there is nothing to free. */
+ * has the line; CAIRN_IO, CAIRN_NO_MEMORY. On failure there is nothing to free.
+ *
+ * file: set to the model
+ * path: file, plain or gzipped */
 CAIRN_CHECKED cairn_status cairn_shape_model_file_read(cairn_shape_model_file *file,
                                                        const char *path, cairn_file_error *error);
 
 /* Writes a model atomically; numbers read back bit-exactly. CAIRN_BAD_ARGUMENT, CAIRN_NOT_FINITE:
- * rejected by cairn_shape_model_check() or beyond the limits; CAIRN_IO, CAIRN_NO_MEMORY. */
+ * rejected by cairn_shape_model_check() or beyond the limits; CAIRN_IO, CAIRN_NO_MEMORY.
+ *
+ * path: target */
 CAIRN_CHECKED cairn_status cairn_shape_model_file_write(const cairn_shape_model *model,
                                                         const char *path, cairn_file_error *error);
 
 /* Reads a model from its file, or builds one from a picture of the object by vision and
  * shape_image. traced, unless NULL: the result of shape_image without its outlines; all 0 when a
  * model was read. Statuses of cairn_shape_model_file_read(), cairn_shape_model_file_build(),
- * cairn_shape_image_trace() and cairn_vision_read(). */
+ * cairn_shape_image_trace() and cairn_vision_read().
+ *
+ * file: set to the model
+ * path: model file or picture
+ * image: parameters of shape_image
+ * builder: parameters of the model
+ * traced: set to the result of shape_image; NULL: not wanted */
 CAIRN_CHECKED cairn_status cairn_shape_model_file_load(
     cairn_shape_model_file *file, const char *path, const cairn_shape_image_params *image,
     const cairn_shape_model_builder_params *builder, cairn_shape_image *traced,
     cairn_file_error *error);
 
-/* Copies a valid model to the heap. CAIRN_NO_MEMORY: there is nothing to free. */
+/* Copies a valid model to the heap. CAIRN_NO_MEMORY: there is nothing to free.
+ *
+ * file: set to the copy
+ * model: model to copy */
 CAIRN_CHECKED cairn_status cairn_shape_model_file_copy(cairn_shape_model_file *file,
                                                        const cairn_shape_model *model);
 
-/* Mirrors a model: x changes sign, and left and right sides are exchanged. */
+/* Mirrors a model: x changes sign, and left and right sides are exchanged.
+ *
+ * file: the model, changed in place */
 void cairn_shape_model_file_mirror(cairn_shape_model_file *file);
 
 /* Draws a model as SVG: its outline, the axes of its paths, and the radii to both sides. Statuses
- * of cairn_shape_model_file_write(). */
+ * of cairn_shape_model_file_write().
+ *
+ * title: title of the picture
+ * path: target, an SVG file
+ * model: a valid model */
 CAIRN_CHECKED cairn_status cairn_shape_model_file_draw(const cairn_shape_model *model,
                                                        const char *title, const char *path,
                                                        cairn_file_error *error);
 
 /* Draws the fragments of the model's first outline by part bundles as SVG. cuts: [cut_count] manual
  * fragments; NULL: those of part_bundle. CAIRN_EMPTY: fewer than 3 samples; statuses of
- * cairn_part_bundle_begin() and cairn_shape_model_file_write(). */
+ * cairn_part_bundle_begin() and cairn_shape_model_file_write().
+ *
+ * title: title of the picture
+ * path: target, an SVG file
+ * model: a valid model */
 CAIRN_CHECKED cairn_status cairn_shape_model_file_draw_parts(const cairn_shape_model *model,
                                                              const cairn_part_bundle_cut *cuts,
                                                              int32_t cut_count, const char *title,
                                                              const char *path,
                                                              cairn_file_error *error);
 
-/* Frees the model. */
+/* Frees the model.
+ *
+ * file: model on the heap */
 void cairn_shape_model_file_free(cairn_shape_model_file *file);
 
 #ifdef __cplusplus

@@ -57,59 +57,60 @@
 extern "C" {
 #endif
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_skeleton_grouping_params {
-    /* Largest image, px, 1 ... 8192 (640 and 480). */
+    /* px, 1 ... 8192 (640 and 480): largest image */
     int32_t max_width, max_height;
-    /* Capacity of edgels, 1 ... 2^24 (40,000). */
+    /* 1 ... 2^24 (40,000): capacity of edgels */
     int32_t max_edgels;
-    /* Capacity of CPs, 1 ... 2^20; more CPs are subsampled, one in N (4000). */
+    /* 1 ... 2^20 (4000): capacity of CPs; more CPs are subsampled, one in N */
     int32_t max_centres;
-    /* Capacity of lines through CPs, also during fitting, and of seeds, 1 ... 4096 (256). */
+    /* 1 ... 4096 (256): capacity of lines through CPs, also during fitting, and of seeds */
     int32_t max_lines;
-    /* Capacity of parts, 1 ... 4096 (256). */
+    /* 1 ... 4096 (256): capacity of parts */
     int32_t max_parts;
-    /* Capacity of axis points of all parts, 1 ... 2^20 (8192). A walk needs 2 max_steps + 1 free
+    /* 1 ... 2^20 (8192): capacity of axis points of all parts. A walk needs 2 max_steps + 1 free
      * points. */
     int32_t max_points;
-    /* Greatest number of steps of a walk, 1 ... 1024 (96). */
+    /* 1 ... 1024 (96): greatest number of steps of a walk */
     int32_t max_steps;
-    /* Particles of a filter, 1 ... 1024 (16). */
+    /* 1 ... 1024 (16): particles of a filter */
     int32_t particle_count;
-    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN, see above. */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): method, see above */
     int32_t mode;
-    /* D sigma, rad, > 0: standard deviation of directions and of the loss of symmetry (20
-     * degrees). */
+    /* rad, > 0 (20 degrees): D sigma: standard deviation of directions and of the loss of
+     * symmetry */
     cairn_real duality_sigma;
-    /* C sigma, px, > 0: standard deviation of the step length and search radius of a step (8). */
+    /* px, > 0 (8): C sigma: standard deviation of the step length and search radius of a step */
     cairn_real step_sigma;
-    /* R sigma, share of the radius, > 0: standard deviation of the distance of a radius to the
-     * range (0.2); as written px. */
+    /* share of the radius, > 0 (0.2): R sigma: standard deviation of the distance of a radius to
+     * the range; as written px */
     cairn_real radius_sigma;
-    /* Standard deviation of the angle between an edgel's normal and the vector to its CP, rad, >
-     * 0 (8 degrees); as written the greatest mean angle. */
+    /* rad, > 0 (8 degrees): standard deviation of the angle between an edgel's normal and the
+     * vector to its CP; as written the greatest mean angle */
     cairn_real symmetry_sigma;
-    /* Detection probability: share of a contour that has edgels, between 0 and 1, both excluded
-     * (0.9). */
+    /* > 0, < 1 (0.9): detection probability: share of a contour that has edgels */
     cairn_real detection_probability;
-    /* Probability that the contrast polarity changes from one contour point to the next, between
-     * 0 and 1, both excluded (0.05). */
+    /* > 0, < 1 (0.05): probability that the contrast polarity changes from one contour point to the
+     * next */
     cairn_real polarity_flip_probability;
-    /* Log odds of an edgel e times as steep as the mean, >= 0 (6); unused as written. */
+    /* >= 0 (6): log odds of an edgel e times as steep as the mean; unused as written */
     cairn_real contrast_weight;
-    /* A walk stops when its log odds fall this much below their maximum, nats, > 0 (10); as
-     * written -log Delta_p. */
+    /* nats, > 0 (10): a walk stops when its log odds fall this much below their maximum; as written
+     * -log Delta_p */
     cairn_real stop_log_odds;
-    /* Least log odds of a reported part, nats, >= 0 (20); as written log p_min. */
+    /* nats, >= 0 (20): least log odds of a reported part; as written log p_min */
     cairn_real min_log_odds;
-    /* Least share of a line's CPs that are mirror symmetric about it, 0 ... 1 (0.6). */
+    /* 0 ... 1 (0.6): least share of a line's CPs that are mirror symmetric about it */
     cairn_real min_mirror_ratio;
-    /* Seed of the random numbers (1). */
+    /* any (1): seed of the random numbers */
     uint64_t seed;
 } cairn_skeleton_grouping_params;
 
+/* Grouping of edgels to symmetric parts. */
 typedef struct cairn_skeleton_grouping cairn_skeleton_grouping;
 
-/* Returns the default values, in brackets above. */
+/* Returns the default parameters. */
 cairn_skeleton_grouping_params cairn_skeleton_grouping_default(void);
 
 /* Returns CAIRN_MODE_AS_WRITTEN: 8000 CPs, 512 parts of 32,768 points, 256 steps, 50 particles,
@@ -141,7 +142,9 @@ typedef struct cairn_skeleton_grouping_input {
 /* Starts on an image and discards the previous result; the edgels must stay valid until step()
  * returns CAIRN_OK. CAIRN_BAD_ARGUMENT: NULL, counts, sides or radii outside the ranges above.
  * CAIRN_NOT_FINITE: a radius. CAIRN_FULL: larger than max_width or max_height, more than
- * max_edgels. Cost: constant. */
+ * max_edgels. Cost: constant.
+ *
+ * input: edgels, size of the image and radii */
 CAIRN_CHECKED cairn_status cairn_skeleton_grouping_begin(
     cairn_skeleton_grouping *skeleton, const cairn_skeleton_grouping_input *input);
 
@@ -169,6 +172,7 @@ typedef struct cairn_skeleton_grouping_point {
     int32_t edgel[2];
 } cairn_skeleton_grouping_point;
 
+/* A part: a piece of an axis with the contours on both sides. */
 typedef struct cairn_skeleton_grouping_part {
     /* points[first ... first + count - 1] */
     int32_t first, count;
@@ -180,6 +184,7 @@ typedef struct cairn_skeleton_grouping_part {
     cairn_real log_odds;
 } cairn_skeleton_grouping_part;
 
+/* An object: parts that belong together. */
 typedef struct cairn_skeleton_grouping_object {
     /* Number of parts, and of their free ends. */
     int32_t part_count, free_end_count;
@@ -204,17 +209,24 @@ typedef struct cairn_skeleton_grouping_result {
     cairn_real min_radius, max_radius;
 } cairn_skeleton_grouping_result;
 
+/* Returns the skeletons; all zero until step() returns CAIRN_OK. */
 cairn_skeleton_grouping_result
 cairn_skeleton_grouping_read(const cairn_skeleton_grouping *skeleton);
 
 /* The seeds of the walks (Adluru 2008, fig. 3.3); valid as long as the result. */
 
-/* Writes CP number index of the line fit, in no order, px; returns 0 beyond the last one. */
+/* Writes CP number index of the line fit, in no order, px; returns 0 beyond the last one.
+ *
+ * at, radius: set to the position and the radius, px
+ * index: index of the CP, from 0 */
 int32_t cairn_skeleton_grouping_centre_point(const cairn_skeleton_grouping *skeleton, int32_t index,
                                              cairn_vec2 *at, cairn_real *radius);
 
 /* Writes mirror-symmetric line number index, sorted by decreasing number of CPs; its third
- * coordinate is the radius, px. Returns 0 beyond the last one. */
+ * coordinate is the radius, px. Returns 0 beyond the last one.
+ *
+ * index: index of the line, from 0
+ * line: set to the line */
 int32_t cairn_skeleton_grouping_mirror_line(const cairn_skeleton_grouping *skeleton, int32_t index,
                                             cairn_polyline_segment *line);
 

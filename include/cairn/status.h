@@ -32,7 +32,8 @@ enum {
     CAIRN_BAD_ARGUMENT = -1,
     /* An input is NaN or infinite. */
     CAIRN_NOT_FINITE = -2,
-    /* The pool has fewer bytes left than _memory() or _scratch() returns. */
+    /* Too little memory: the pool has fewer bytes left than _memory() or _scratch() returns, or the
+     * heap of the host has none. */
     CAIRN_NO_MEMORY = -3,
     /* A capacity of the params (a field max_...) is used up. */
     CAIRN_FULL = -4,
@@ -65,7 +66,11 @@ typedef struct cairn_fault {
 } cairn_fault;
 
 /* Fills in *fault, unless NULL, and returns the status. Functions that report the position of a
- * fault return with it. */
+ * fault return with it.
+ *
+ * index: position of the fault, for fault->index
+ * what: constant text, for fault->message
+ * status: returned as it is */
 cairn_status cairn_refuse(cairn_fault *fault, int64_t index, const char *what, cairn_status status);
 
 /* Work that a step may still do, counted down by the step. Several objects may share one budget.
@@ -79,7 +84,10 @@ typedef struct cairn_budget {
 /* Charges an operation of `cost` units to the budget, in several calls if the budget is used up
  * in between: so no step exceeds its budget. *charged holds the units charged so far, 0 before
  * the first call and after the last. Returns 1 when the operation is charged in full and may be
- * done, 0 when the budget is used up. Constant time. */
+ * done, 0 when the budget is used up. Constant time.
+ *
+ * charged: units already charged for this operation
+ * cost: units of the operation, >= 0 */
 static inline int cairn_budget_charge(cairn_budget *budget, int32_t *charged, int32_t cost)
 {
     int32_t due = cost - *charged, now = due < budget->left ? due : budget->left;

@@ -16,7 +16,9 @@
 extern "C" {
 #endif
 
+/* Symmetric point (SP) of two edgels: centre and radius of a disc that touches both. */
 typedef struct cairn_symmetric_point {
+    /* px: centre of the disc */
     cairn_vec2 centre;
     /* px, distance of the centre to both edgels */
     cairn_real radius;
@@ -28,32 +30,34 @@ typedef struct cairn_symmetric_point {
     int32_t first, second;
 } cairn_symmetric_point;
 
+/* Parameters; defaults in brackets. */
 typedef struct cairn_symmetric_point_params {
-    /* capacity for segments, 1 ... 2^26 (4096) */
+    /* 1 ... 2^26 (4096): capacity for segments */
     int32_t max_segments;
-    /* capacity for points, 1 ... 2^28; of more the most symmetric are kept (8192) */
+    /* 1 ... 2^28 (8192): capacity for points; of more the most symmetric are kept */
     int32_t max_points;
-    /* 1 ... 16: greatest number of edgels sampled per segment (5) */
+    /* 1 ... 16 (5): greatest number of edgels sampled per segment */
     int32_t samples;
-    /* definition of the centre. CAIRN_MODE_DEFAULT: both normals deviate equally from the
-     * directions to the centre; CAIRN_MODE_AS_WRITTEN: the midpoint of their intersections with the
-     * bisector (CAIRN_MODE_DEFAULT) */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): definition of the centre.
+     * Default: both normals deviate equally from the directions to the centre. As written: the
+     * midpoint of their intersections with the bisector. */
     int32_t mode;
-    /* px, > 0: spacing of the sampled edgels (4) */
+    /* px, > 0 (4): spacing of the sampled edgels */
     cairn_real sample_step;
-    /* px, >= 0: least radius (2) */
+    /* px, >= 0 (2): least radius */
     cairn_real min_radius;
-    /* px, >= min_radius, finite: greatest radius (100) */
+    /* px, >= min_radius, finite (100): greatest radius */
     cairn_real max_radius;
-    /* rad, > 0, < pi/2: greatest angle between a normal and the chord (60 degrees) */
+    /* rad, > 0, < pi/2 (60 degrees): greatest angle between a normal and the chord */
     cairn_real max_angle;
-    /* rad, >= 0: greatest deviation (45 degrees) */
+    /* rad, >= 0 (45 degrees): greatest deviation */
     cairn_real max_deviation;
 } cairn_symmetric_point_params;
 
+/* Detector of symmetric points, and the points of its last run. */
 typedef struct cairn_symmetric_point_set cairn_symmetric_point_set;
 
-/* Returns the values in brackets above. */
+/* Returns the default parameters. */
 cairn_symmetric_point_params cairn_symmetric_point_default(void);
 
 /* Returns the defaults with centres as in Adluru 2008, figure 2.3. */
@@ -63,19 +67,29 @@ cairn_symmetric_point_params cairn_symmetric_point_as_written(void);
  * without an SP: both edgels at one position, or a normal at more than max_angle (rad, below pi/2)
  * to the chord. The centre is the point on the bisector where both normals deviate equally: both
  * are rotated to the mean of their angles with the chord and intersected with the bisector.
- * Constant time. */
+ * Constant time.
+ *
+ * first, second: the edgels; directions of length 1
+ * max_angle: rad, > 0, < pi/2
+ * point: set when 1 is returned */
 int32_t cairn_symmetric_point_of(cairn_oriented_point first, cairn_oriented_point second,
                                  cairn_real max_angle, cairn_symmetric_point *point);
 
 /* Computes the SP of two segments: the one of least deviation over all pairs of their samples.
  * Ties: the nearest to the midpoint of its chord, then the first. Returns 0 when no SP lies within
- * the params' radii and deviation, or a segment has zero length. Cost: samples^2. */
+ * the params' radii and deviation, or a segment has zero length. Cost: samples^2.
+ *
+ * first, second: the segments, px
+ * point: set when 1 is returned */
 int32_t cairn_symmetric_point_of_segments(const cairn_symmetric_point_params *params,
                                           cairn_segment first, cairn_segment second,
                                           cairn_symmetric_point *point);
 
 /* Returns the quality of an SP, exp(-deviation^2 / (2 sigma^2)), Adluru 2008 (2.10); sigma in rad,
- * > 0. */
+ * > 0.
+ *
+ * point: symmetric point
+ * sigma: rad, > 0 */
 cairn_real cairn_symmetric_point_quality(const cairn_symmetric_point *point, cairn_real sigma);
 
 /* Returns the bytes that create() takes from the pool; 0 for params that create() would refuse. */
@@ -87,14 +101,18 @@ CAIRN_CHECKED cairn_status cairn_symmetric_point_create(cairn_symmetric_point_se
                                                         const cairn_symmetric_point_params *params);
 
 /* Replaces the range of radii from the next begin() on. CAIRN_BAD_ARGUMENT: NULL, or radii that
- * create() would refuse. */
+ * create() would refuse.
+ *
+ * min_radius, max_radius: px, as in params */
 CAIRN_CHECKED cairn_status cairn_symmetric_point_set_radii(cairn_symmetric_point_set *set,
                                                            cairn_real min_radius,
                                                            cairn_real max_radius);
 
 /* Starts on segments[0 ... count-1] and discards earlier results. The segments must stay valid
  * until step() returns CAIRN_OK. CAIRN_BAD_ARGUMENT: count < 0, or NULL with count > 0. CAIRN_FULL:
- * count > max_segments. Constant time. */
+ * count > max_segments. Constant time.
+ *
+ * segments: [count] segments, px */
 CAIRN_CHECKED cairn_status cairn_symmetric_point_begin(cairn_symmetric_point_set *set,
                                                        const cairn_segment *segments,
                                                        int32_t count);

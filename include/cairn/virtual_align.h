@@ -42,7 +42,7 @@
 extern "C" {
 #endif
 
-/* Defaults in parentheses. */
+/* Parameters; defaults in brackets. */
 typedef struct cairn_virtual_align_params {
     /* its max_scans, max_segments and max_points apply to all modules */
     cairn_aligner_params aligner;
@@ -53,17 +53,17 @@ typedef struct cairn_virtual_align_params {
     cairn_virtual_scan_params hypotheses;
     /* its max_scans is ignored */
     cairn_weak_direction_params weak_direction;
-    /* >= 1: iterations of the field between two virtual scans while their source scans move (8) */
+    /* >= 1 (8): iterations of the field between two virtual scans while their source scans move */
     int32_t rebuild_interval;
-    /* >= 1: maximum runs of the field, each followed by the aligner, while scans are unplaced
-     * (2) */
+    /* >= 1 (2): maximum runs of the field, each followed by the aligner, while scans are
+     * unplaced */
     int32_t max_rounds;
-    /* 0: no aligner: all scans move from their initial poses, and none is translated along walls
-     * (1) */
+    /* 0 or 1 (1): 0: no aligner: all scans move from their initial poses, and none is translated
+     * along walls */
     int32_t use_aligner;
-    /* CAIRN_MODE_DEFAULT, or CAIRN_MODE_AS_WRITTEN, which ignores rebuild_interval, max_rounds,
-     * use_aligner, weak_direction, hypotheses.mode, and the field's mode, roi and oriented_below
-     * (CAIRN_MODE_DEFAULT) */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written,
+     * rebuild_interval, max_rounds, use_aligner, weak_direction, hypotheses.mode, and the field's mode, roi
+     * and oriented_below are ignored */
     int32_t mode;
 } cairn_virtual_align_params;
 
@@ -75,7 +75,9 @@ typedef struct cairn_virtual_align_pose {
     int32_t moved;
 } cairn_virtual_align_pose;
 
+/* Result of an alignment: that of the aligner and that of the translations. */
 typedef struct cairn_virtual_align_result {
+    /* result of the last run of the aligner */
     cairn_aligner_result aligner;
     /* runs of the field */
     int32_t rounds;
@@ -89,12 +91,14 @@ typedef struct cairn_virtual_align_result {
     int32_t hypotheses;
     /* work units; those of the translation count as hypothesis_units */
     int64_t align_units, hypothesis_units, field_units;
+    /* translations along weakly observable directions */
     cairn_weak_direction_result weak_direction;
 } cairn_virtual_align_result;
 
+/* Joint alignment of scans by force field, virtual scans and aligner. */
 typedef struct cairn_virtual_align cairn_virtual_align;
 
-/* Returns the defaults given in parentheses above. */
+/* Returns the default parameters. */
 cairn_virtual_align_params cairn_virtual_align_default(void);
 
 /* Returns the params of the mode as written, see above. */
@@ -102,7 +106,12 @@ cairn_virtual_align_params cairn_virtual_align_as_written(void);
 
 /* Values of hypotheses.max_virtual and hypotheses.hough.distances as written, for maps of about 20
  * m: a line extends over the whole map. */
-enum { CAIRN_VIRTUAL_ALIGN_WRITTEN_POINTS = 1 << 15, CAIRN_VIRTUAL_ALIGN_WRITTEN_DISTANCES = 512 };
+enum {
+    /* points of the virtual scan */
+    CAIRN_VIRTUAL_ALIGN_WRITTEN_POINTS = 1 << 15,
+    /* bins of the distance of a line */
+    CAIRN_VIRTUAL_ALIGN_WRITTEN_DISTANCES = 512
+};
 
 /* Returns the bytes that create() takes from the pool; 0 for invalid params. */
 size_t cairn_virtual_align_memory(const cairn_virtual_align_params *params);
@@ -111,13 +120,17 @@ size_t cairn_virtual_align_memory(const cairn_virtual_align_params *params);
 CAIRN_CHECKED cairn_status cairn_virtual_align_create(cairn_virtual_align **align, cairn_pool *pool,
                                                       const cairn_virtual_align_params *params);
 
-/* Adds a scan as cairn_aligner_add_scan, with its statuses. */
+/* Adds a scan as cairn_aligner_add_scan, with its statuses.
+ *
+ * view: scan with its segments, points and beams */
 CAIRN_CHECKED cairn_status cairn_virtual_align_add_scan(cairn_virtual_align *align,
                                                         const cairn_scan_view *view,
                                                         cairn_pose map_scan, cairn_fault *fault);
 
 /* Adds a kind of hypothesis as cairn_virtual_scan_add_detector, with its statuses.
- * CAIRN_BAD_ARGUMENT: NULL. Its step() must not fail. */
+ * CAIRN_BAD_ARGUMENT: NULL. Its step() must not fail.
+ *
+ * detector: callbacks, which are copied */
 CAIRN_CHECKED cairn_status cairn_virtual_align_add_detector(
     cairn_virtual_align *align, const cairn_virtual_scan_hypothesis_detector *detector);
 
@@ -142,6 +155,7 @@ int32_t cairn_virtual_align_running(const cairn_virtual_align *align);
 
 /* ---- The result ---- */
 
+/* Returns the result; valid when step() has returned CAIRN_OK. */
 cairn_virtual_align_result cairn_virtual_align_read(const cairn_virtual_align *align);
 
 /* Returns the result of a scan; all zero for an unknown scan. While the field runs: its pose at the

@@ -45,13 +45,18 @@ extern "C" {
 /* Kind of a hypothesis: the three built-in ones, and those of the caller. */
 typedef int32_t cairn_virtual_scan_hypothesis_kind;
 enum {
+    /* line, from hough */
     CAIRN_VIRTUAL_SCAN_LINE = 0,
+    /* rectangle */
     CAIRN_VIRTUAL_SCAN_RECTANGLE = 1,
+    /* circle or ellipse */
     CAIRN_VIRTUAL_SCAN_ELLIPSE = 2,
     CAIRN_VIRTUAL_SCAN_CALLER = 3 /* and above: the caller's kinds in order of their addition */
 };
 
+/* A structure that the scans suggest. */
 typedef struct cairn_virtual_scan_hypothesis {
+    /* kind of the structure */
     cairn_virtual_scan_hypothesis_kind kind;
     /* range of its points in the virtual scan */
     int32_t first_point, end_point;
@@ -70,70 +75,92 @@ typedef struct cairn_virtual_scan_map {
     const int32_t *point_scan;          /* [point_count] slot of the scan */
     const cairn_segment *segments;      /* [segment_count], free side on the left */
     const int32_t *segment_scan;        /* [segment_count] */
+    /* number of points and of segments */
     int32_t point_count, segment_count;
     cairn_real sigma; /* m: position uncertainty of the scans */
 } cairn_virtual_scan_map;
 
-/* Callbacks of a caller's kind, such as triangles. begin() gets the map, which stays valid until
- * the detection has ended. step() works as all steps. count() then returns the number of
- * hypotheses. outline() writes at most `room` points every `spacing` along hypothesis i, sets its
- * strength (0 ... 1) and returns the number of points. A status below 0 ends the detection with
- * it. */
+/* Starts a detection of a caller's kind, such as triangles. A status below 0 ends the detection with
+ * it.
+ *
+ * state: that of the detector
+ * map: the map, which stays valid until the detection has ended */
 typedef cairn_status (*cairn_virtual_scan_hypothesis_begin)(void *state,
                                                             const cairn_virtual_scan_map *map);
+
+/* Works on the detection, as all steps. A status below 0 ends the detection with it.
+ *
+ * state: that of the detector */
 typedef cairn_status (*cairn_virtual_scan_hypothesis_step)(void *state, cairn_budget *budget);
+
+/* Returns the number of hypotheses, after the last step.
+ *
+ * state: that of the detector */
 typedef int32_t (*cairn_virtual_scan_hypothesis_count)(const void *state);
+
+/* Writes the points along a hypothesis and returns their number.
+ *
+ * state: that of the detector
+ * i: index of the hypothesis
+ * spacing: distance of the points, m
+ * points: [room] set to at most `room` points
+ * strength: set to the strength, 0 ... 1 */
 typedef int32_t (*cairn_virtual_scan_hypothesis_outline)(const void *state, int32_t i,
                                                          cairn_real spacing,
                                                          cairn_oriented_point *points, int32_t room,
                                                          cairn_real *strength);
 
+/* Callbacks that detect a caller's kind of structure. */
 typedef struct cairn_virtual_scan_hypothesis_detector {
     void *state; /* of the caller */
+    /* starts a detection on a map */
     cairn_virtual_scan_hypothesis_begin begin;
+    /* works on the detection */
     cairn_virtual_scan_hypothesis_step step;
+    /* number of hypotheses found */
     cairn_virtual_scan_hypothesis_count count;
+    /* points along a hypothesis */
     cairn_virtual_scan_hypothesis_outline outline;
 } cairn_virtual_scan_hypothesis_detector;
 
-/* Defaults in parentheses. */
+/* Parameters; defaults in brackets. */
 typedef struct cairn_virtual_scan_params {
-    /* bound of the slots of the scans, 1 ... 2^20 (64) */
+    /* 1 ... 2^20 (64): bound of the slots of the scans */
     int32_t max_scans;
-    /* capacity for points of the map, 1 ... 2^24 (4096) */
+    /* 1 ... 2^24 (4096): capacity for points of the map */
     int32_t max_points;
-    /* capacity for segments of the map, 1 ... 2^20 (1024) */
+    /* 1 ... 2^20 (1024): capacity for segments of the map */
     int32_t max_segments;
-    /* maximum number of hypotheses, 1 ... 1024 (64) */
+    /* 1 ... 1024 (64): maximum number of hypotheses */
     int32_t max_hypotheses;
-    /* capacity for points of the virtual scan, 1 ... 2^24 (4096) */
+    /* 1 ... 2^24 (4096): capacity for points of the virtual scan */
     int32_t max_virtual;
-    /* maximum number of the caller's detectors, 0 ... 16 (2) */
+    /* 0 ... 16 (2): maximum number of the caller's detectors */
     int32_t max_detectors;
-    /* not 0: detect lines (1) */
+    /* 0 or 1 (1): 1: detect lines */
     int32_t lines;
-    /* not 0: detect rectangles (1) */
+    /* 0 or 1 (1): 1: detect rectangles */
     int32_t rectangles;
-    /* not 0: detect circles and ellipses (1) */
+    /* 0 or 1 (1): 1: detect circles and ellipses */
     int32_t ellipses;
-    /* >= 1: every n-th of the scans' points votes for lines and ellipses (2) */
+    /* >= 1 (2): every n-th of the scans' points votes for lines and ellipses */
     int32_t stride;
-    /* m, > 0: distance of the virtual scan's points (0.10) */
+    /* m, > 0 (0.10): distance of the virtual scan's points */
     cairn_real spacing;
-    /* >= 0: weight of a point of a hypothesis of strength 1 (1) */
+    /* >= 0 (1): weight of a point of a hypothesis of strength 1 */
     cairn_real weight;
-    /* in sigma, > 0: maximum distance of an inlier from its line or ellipse (0.3) */
+    /* sigma, > 0 (0.3): maximum distance of an inlier from its line or ellipse */
     cairn_real distance_per_sigma;
-    /* rad per m of sigma, > 0: maximum deviation of an inlier's direction, within 4 to 10 degrees
-     * (0.2) */
+    /* rad per m of sigma, > 0 (0.2): maximum deviation of an inlier's direction, within 4 to 10
+     * degrees */
     cairn_real angle_per_sigma;
-    /* >= 1: minimum number of scans that a line or ellipse joins (2) */
+    /* >= 1 (2): minimum number of scans that a line or ellipse joins */
     int32_t min_scans;
-    /* CAIRN_MODE_DEFAULT, or CAIRN_MODE_AS_WRITTEN, which ignores ellipses, stride,
-     * distance_per_sigma, angle_per_sigma, min_scans, min_wall_length, hough.mode and
-     * rectangle.oriented (CAIRN_MODE_DEFAULT) */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written, ellipses,
+     * stride, distance_per_sigma, angle_per_sigma, min_scans, min_wall_length, hough.mode and
+     * rectangle.oriented are ignored */
     int32_t mode;
-    /* m, >= 0: minimum length of wall of a scan on it for the scan to count (0.5) */
+    /* m, >= 0 (0.5): minimum length of wall of a scan on it for the scan to count */
     cairn_real min_wall_length;
     /* its tolerances are minimum values, for sigma 0 */
     cairn_hough_params hough;
@@ -143,10 +170,11 @@ typedef struct cairn_virtual_scan_params {
     cairn_ellipse_params ellipse;
 } cairn_virtual_scan_params;
 
+/* Detection of structures, and the virtual scan along them. */
 typedef struct cairn_virtual_scan cairn_virtual_scan;
 
-/* Returns the defaults given in parentheses above; hough with 72 angles, 128 distances and steps of
- * 0.10 m, rectangles with sides from 1 m of whose outline 55 % is observed. */
+/* Returns the default parameters; hough with 72 angles, 128 distances and steps of 0.10 m,
+ * rectangles with sides from 1 m of whose outline 55 % is observed. */
 cairn_virtual_scan_params cairn_virtual_scan_default(void);
 
 /* Returns the params of the mode as written, see above. */
@@ -161,7 +189,9 @@ CAIRN_CHECKED cairn_status cairn_virtual_scan_create(cairn_virtual_scan **virtua
                                                      const cairn_virtual_scan_params *params);
 
 /* Adds a kind of hypothesis; its number is CAIRN_VIRTUAL_SCAN_CALLER and up. CAIRN_BAD_ARGUMENT:
- * NULL, or a missing function. CAIRN_FULL: max_detectors exist. */
+ * NULL, or a missing function. CAIRN_FULL: max_detectors exist.
+ *
+ * detector: callbacks, which are copied */
 CAIRN_CHECKED cairn_status cairn_virtual_scan_add_detector(
     cairn_virtual_scan *virtual_scan, const cairn_virtual_scan_hypothesis_detector *detector);
 
@@ -173,7 +203,10 @@ CAIRN_CHECKED cairn_status cairn_virtual_scan_begin(cairn_virtual_scan *virtual_
 
 /* Adds a scan of a set at its current pose, before the first step. CAIRN_BAD_ARGUMENT: NULL, no
  * such scan, a pose that is not finite or beyond 1e6 m, or a detection that has begun its steps.
- * CAIRN_FULL: more points or segments than params allow; nothing was added. Linear in the scan. */
+ * CAIRN_FULL: more points or segments than params allow; nothing was added. Linear in the scan.
+ *
+ * set: the scans
+ * scan: slot of the scan */
 CAIRN_CHECKED cairn_status cairn_virtual_scan_add_scan(cairn_virtual_scan *virtual_scan,
                                                        const cairn_scan_set *set, int32_t scan,
                                                        cairn_pose map_scan);
@@ -187,11 +220,16 @@ CAIRN_CHECKED cairn_status cairn_virtual_scan_step(cairn_virtual_scan *virtual_s
 /* ---- Result of the last detection that has ended ---- */
 
 /* Returns the hypotheses: the strongest lines first, then rectangles, ellipses, the caller's
- * kinds. */
+ * kinds.
+ *
+ * count: set to the number of hypotheses */
 const cairn_virtual_scan_hypothesis *
 cairn_virtual_scan_hypotheses(const cairn_virtual_scan *virtual_scan, int32_t *count);
 
-/* Returns the virtual scan: points in the map with the weight of each. */
+/* Returns the virtual scan: points in the map with the weight of each.
+ *
+ * weights: set to [count] weights
+ * count: set to the number of points */
 const cairn_oriented_point *cairn_virtual_scan_points(const cairn_virtual_scan *virtual_scan,
                                                       const cairn_real **weights, int32_t *count);
 

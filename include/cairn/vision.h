@@ -35,18 +35,27 @@ CAIRN_CHECKED cairn_status cairn_vision_load(cairn_file_error *error);
 /* Reads a TIFF, PNG, JPEG or PGM (PPM), detected by its first bytes; of a file with several images
  * the first. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED, CAIRN_FULL (beyond the limits above),
  * CAIRN_UNSUPPORTED (no libcairn-vision, or samples that are neither 8 nor 16 bits), CAIRN_IO,
- * CAIRN_NO_MEMORY. Errors of OpenCV have its text. On failure there is nothing to free. */
+ * CAIRN_NO_MEMORY. Errors of OpenCV have its text. On failure there is nothing to free.
+ *
+ * image: set to the image
+ * path: file */
 CAIRN_CHECKED cairn_status cairn_vision_read(cairn_vision_image *image, const char *path,
                                              cairn_file_error *error);
 
-/* The same, converted to 8-bit grey: luma 0.299 red + 0.587 green + 0.114 blue (BT.601), of 16 bits
- * the upper 8. */
+/* Reads an image as cairn_vision_read(), with its statuses, and converts the image to 8-bit grey:
+ * luma 0.299 red + 0.587 green + 0.114 blue (BT.601), of 16 bits the upper 8.
+ *
+ * image: set to the image
+ * path: file */
 CAIRN_CHECKED cairn_status cairn_vision_read_grey(cairn_vision_image *image, const char *path,
                                                   cairn_file_error *error);
 
 /* Writes an image atomically, in the format of the path's extension (.tif, .tiff, .png, .jpg,
  * .jpeg, .pgm). CAIRN_BAD_ARGUMENT: another extension, an invalid image, more than 8 bits as JPEG,
- * several channels as PGM; CAIRN_UNSUPPORTED, CAIRN_IO, CAIRN_NO_MEMORY. */
+ * several channels as PGM; CAIRN_UNSUPPORTED, CAIRN_IO, CAIRN_NO_MEMORY.
+ *
+ * path: target
+ * image: image to be written */
 CAIRN_CHECKED cairn_status cairn_vision_write(const cairn_vision_image *image, const char *path,
                                               cairn_file_error *error);
 
@@ -57,16 +66,22 @@ CAIRN_CHECKED cairn_status cairn_vision_make_grey(cairn_vision_image *image);
 /* Computes the gradient of an 8-bit grey image by Sobel operators after a Gaussian blur: x and y,
  * [height * width] each, grey levels per pixel. sigma: standard deviation of the blur in pixels, 0:
  * no blur, at most 50. name: used as the path in the error. CAIRN_BAD_ARGUMENT, CAIRN_UNSUPPORTED,
- * CAIRN_NO_MEMORY. */
+ * CAIRN_NO_MEMORY.
+ *
+ * grey: 8-bit grey image
+ * x, y: [height * width] set to the gradient */
 CAIRN_CHECKED cairn_status cairn_vision_gradients(const cairn_vision_image *grey, double sigma,
                                                   float *x, float *y, const char *name,
                                                   cairn_file_error *error);
 
 /* Parameters of the Canny edge detector; defaults in brackets. */
 typedef struct cairn_vision_canny_params {
-    double sigma; /* Gaussian blur, pixels, 0 ... 50 (1.4) */
-    double low;   /* lower hysteresis threshold, grey levels per pixel, > 0 (3) */
-    double high;  /* upper hysteresis threshold, low ... 1000 (8) */
+    /* px, 0 ... 50 (1.4): standard deviation of the Gaussian blur */
+    double sigma;
+    /* grey levels per px, > 0 (3): lower hysteresis threshold */
+    double low;
+    /* grey levels per px, low ... 1000 (8): upper hysteresis threshold */
+    double high;
 } cairn_vision_canny_params;
 
 /* Returns the default parameters. */
@@ -74,13 +89,19 @@ cairn_vision_canny_params cairn_vision_canny_default(void);
 
 /* Detects the edges of an 8-bit grey image (Canny 1986), one pixel wide: strengths [height *
  * width], 0: no edge, otherwise twice the gradient magnitude, 1 ... 255. Statuses of
- * cairn_vision_gradients(). */
+ * cairn_vision_gradients().
+ *
+ * grey: 8-bit grey image
+ * strengths: [height * width] is written
+ * name: used as the path in the error */
 CAIRN_CHECKED cairn_status cairn_vision_canny(const cairn_vision_image *grey,
                                               const cairn_vision_canny_params *params,
                                               uint8_t *strengths, const char *name,
                                               cairn_file_error *error);
 
-/* Frees the samples. */
+/* Frees the samples.
+ *
+ * image: image that was read */
 void cairn_vision_free(cairn_vision_image *image);
 
 #ifdef __cplusplus

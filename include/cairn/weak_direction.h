@@ -27,28 +27,29 @@ extern "C" {
 
 /* Parameters; defaults in brackets. */
 typedef struct cairn_weak_direction_params {
-    /* number of scans, 1 ... 2^16 (64) */
+    /* 1 ... 2^16 (64): number of scans */
     int32_t max_scans;
-    /* segments of all scans that are used, 1 ... 2^16; beyond the limit segments are left out,
-     * first those of strongly constrained scans (1024) */
+    /* 1 ... 2^16 (1024): segments of all scans that are used; beyond the limit segments are left
+     * out, first those of strongly constrained scans */
     int32_t max_walls;
-    /* submaps that may be translated, 1 ... 64; beyond the limit submaps stay (24) */
+    /* 1 ... 64 (24): submaps that may be translated; beyond the limit submaps stay */
     int32_t max_submaps;
-    /* not 0: use the prior on wall thickness (1) */
+    /* 0 or 1 (1): 1: use the prior on wall thickness */
     int32_t use_thickness;
-    /* m, > 0: a direction with a greater standard deviation is weakly observable (0.03) */
+    /* m, > 0 (0.03): a direction with a greater standard deviation is weakly observable */
     cairn_real weak_sigma;
-    /* m, > 0: greatest standard deviation across the weakly observable direction (0.05) */
+    /* m, > 0 (0.05): greatest standard deviation across the weakly observable direction */
     cairn_real max_cross_sigma;
-    /* rad, > 0: greatest standard deviation of the heading (1 degree) */
+    /* rad, > 0 (1 degree): greatest standard deviation of the heading */
     cairn_real max_sigma_theta;
-    /* m, > 0: step of the translations that are tried, or the 401st part of 6 standard deviations
-     * (0.02) */
+    /* m, > 0 (0.02): step of the translations that are tried, or the 401st part of 6 standard
+     * deviations */
     cairn_real translation_step;
-    /* m, > 0: standard deviation of the thickness of equal walls (0.02) */
+    /* m, > 0 (0.02): standard deviation of the thickness of equal walls */
     cairn_real thickness_sigma;
 } cairn_weak_direction_params;
 
+/* Counts of the submaps and scans, and the thickness of the walls. */
 typedef struct cairn_weak_direction_result {
     int32_t weak_submaps;     /* submaps with a weakly observable direction */
     int32_t merged_submaps;   /* submaps that were merged with another */
@@ -61,9 +62,10 @@ typedef struct cairn_weak_direction_result {
     int64_t units; /* work units of all steps */
 } cairn_weak_direction_result;
 
+/* Translation of submaps along weakly observable directions. */
 typedef struct cairn_weak_direction cairn_weak_direction;
 
-/* Returns the defaults above. */
+/* Returns the default parameters. */
 cairn_weak_direction_params cairn_weak_direction_default(void);
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
@@ -75,7 +77,9 @@ CAIRN_CHECKED cairn_status cairn_weak_direction_create(cairn_weak_direction **we
                                                        const cairn_weak_direction_params *params);
 
 /* Returns 1 when a scan is in the largest component of an alignment, with a well observable heading
- * and exactly one weakly observable direction of translation. Constant time. */
+ * and exactly one weakly observable direction of translation. Constant time.
+ *
+ * aligned: result of the scan */
 int32_t cairn_weak_direction_is_weak(const cairn_weak_direction *weak_direction,
                                      const cairn_aligner_pose *aligned);
 
@@ -84,14 +88,19 @@ int32_t cairn_weak_direction_is_weak(const cairn_weak_direction *weak_direction,
  * poses of add(), as the alignment from these poses estimated it (cairn_aligner_result); an
  * alignment by cairn_aligner_begin_warm() estimates that of other poses. CAIRN_BAD_ARGUMENT: NULL,
  * spread not > 0, an aligner that is running, or with other scans than the set. CAIRN_FULL: more
- * scans than params allow. Linear in params. */
+ * scans than params allow. Linear in params.
+ *
+ * set: segments and points of the scans */
 CAIRN_CHECKED cairn_status cairn_weak_direction_begin(cairn_weak_direction *weak_direction,
                                                       const cairn_aligner *aligner,
                                                       const cairn_scan_set *set, cairn_real spread);
 
 /* Adds the next scan: its pose before the alignment, and the result of the alignment.
  * CAIRN_BAD_ARGUMENT: NULL, all scans have been added, or poses beyond 1e6 m. CAIRN_NOT_FINITE.
- * Constant time. */
+ * Constant time.
+ *
+ * start: pose before the alignment
+ * aligned: result of the alignment */
 CAIRN_CHECKED cairn_status cairn_weak_direction_add(cairn_weak_direction *weak_direction,
                                                     cairn_pose start,
                                                     const cairn_aligner_pose *aligned);
@@ -107,10 +116,13 @@ CAIRN_CHECKED cairn_status cairn_weak_direction_step(cairn_weak_direction *weak_
 
 /* ---- The result: all zero until step() returns CAIRN_OK ---- */
 
+/* Returns the result; all zero until step() returns CAIRN_OK. */
 cairn_weak_direction_result cairn_weak_direction_read(const cairn_weak_direction *weak_direction);
 
 /* Returns the translation of a scan in the map, m; 0 for a scan that stays, and for one that does
- * not exist. */
+ * not exist.
+ *
+ * scan: slot of the scan */
 cairn_vec2 cairn_weak_direction_translation(const cairn_weak_direction *weak_direction,
                                             int32_t scan);
 

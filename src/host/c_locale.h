@@ -3,7 +3,7 @@
 #ifndef CAIRN_HOST_C_LOCALE_H
 #define CAIRN_HOST_C_LOCALE_H
 
-#include <locale.h>
+#include "src/host/posix.h"
 
 typedef struct cairn_c_locale {
     locale_t c_locale; /* the "C" locale; 0: it could not be created */

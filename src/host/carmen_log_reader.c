@@ -5,21 +5,17 @@
  * functions, which discard the data inflated just before an error. */
 #include "src/core/build.h"
 
-#include <errno.h>
-#include <fcntl.h>
 #include <stdbool.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
 #include <zlib.h>
 
 #include "src/host/carmen_log_reader.h"
+#include "src/host/posix.h"
 
 /* Initial capacity of the line buffer and size of the input buffer, in bytes. */
 #define FIRST_CAPACITY (256 * 1024)
 #define INPUT_BYTES    (64 * 1024)
+/* Most bytes that are read at once: read() of Windows counts in unsigned int. */
+#define MAX_READ_BYTES ((size_t)1 << 30)
 
 /* zlib's windowBits for a window of 32 KiB and a gzip header. */
 #define GZIP_WINDOW (15 + 16)
@@ -148,7 +144,8 @@ static void end_input(cairn_line_reader *reader, cairn_status status)
 /* Reads up to `max_count` bytes of the file; 0 at its end or on failure, which ends the input. */
 static size_t read_bytes(cairn_line_reader *reader, void *bytes, size_t max_count)
 {
-    ssize_t count = read(reader->file, bytes, max_count);
+    size_t asked = max_count < MAX_READ_BYTES ? max_count : MAX_READ_BYTES;
+    ssize_t count = read(reader->file, bytes, (unsigned)asked);
 
     if (count > 0)
         return (size_t)count;

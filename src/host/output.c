@@ -2,17 +2,11 @@
 #define _XOPEN_SOURCE 700 /* realpath */
 #include "src/core/build.h"
 
-#include <errno.h>
-#include <fcntl.h>
 #include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include "cairn/output.h"
 #include "src/host/c_locale.h"
+#include "src/host/posix.h"
 
 struct cairn_output {
     FILE *stream;

@@ -9,16 +9,11 @@
  * Limits: a process that is killed leaves its staging folder behind. */
 #include "src/core/build.h"
 
-#include <errno.h>
 #include <stdbool.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include "cairn/output.h"
 #include "cairn/output_set.h"
+#include "src/host/posix.h"
 
 /* Bytes of the staging folder's name beyond the target folder. */
 #define STAGE_BYTES 48

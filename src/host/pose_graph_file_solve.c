@@ -4,12 +4,9 @@
  * tomographic image reconstruction, 1987 (the robust kernel). */
 #include "src/core/build.h"
 
-#include <stdlib.h>
-#include <string.h>
-#include <sys/mman.h>
-
 #include "cairn/pose_graph_file.h"
 #include "cairn/sparse_solver.h"
+#include "src/host/posix.h"
 
 /* Threshold of the chi-squared test, in standard deviations above the mean. */
 static const double CHI2_MAX_DEVIATIONS = 6;

@@ -1,12 +1,7 @@
 /* Lazy loading of plug-in libraries by dlopen. */
 #include "src/core/build.h"
 
-#include <dlfcn.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <unistd.h>
-
+#include "src/host/posix.h"
 #include "src/host/shim.h"
 
 enum { PATH_BYTES = 4096 };
@@ -33,10 +28,9 @@ static const void *load_table(const char *path, const char *function, int32_t ve
 /* Writes the folder of the running program's executable; "" when the system does not provide it. */
 static void find_program_folder(char folder[PATH_BYTES])
 {
-    ssize_t length = readlink("/proc/self/exe", folder, PATH_BYTES - 1);
     char *slash;
 
-    folder[length > 0 ? length : 0] = '\0';
+    cairn_program_path(folder, PATH_BYTES);
     slash = strrchr(folder, '/');
     folder[slash != NULL ? slash - folder : 0] = '\0';
 }

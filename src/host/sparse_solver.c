@@ -12,11 +12,8 @@
  * Davis and Duff, Algorithm 837: AMD, 2004. */
 #include "src/core/build.h"
 
-#include <dlfcn.h>
-#include <stdlib.h>
-#include <string.h>
-
 #include "cairn/sparse_solver.h"
+#include "src/host/posix.h"
 
 /* Functions of the libraries, as declared there. */
 struct libraries {

@@ -1,0 +1,44 @@
+#!/bin/sh
+# Tests that the API reference rejects what is not documented, or not so: tools/docs-test.sh BUILD, where tools/docs.sh has run
+build=${1:?usage: tools/docs-test.sh BUILD}
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+failed=0
+
+# expect MESSAGE STATUS TEXT: the message that must be printed, with a failure
+expect()
+{
+    if [ "$2" -eq 0 ] || ! echo "$3" | grep -q "$1"; then
+        echo "FAILED API reference test: expected \"$1\" with a failure, got exit $2: $3"
+        failed=1
+    fi
+}
+
+# spoil MESSAGE HEADER SCRIPT: the message when a header is changed by a sed script
+spoil()
+{
+    rm -rf "$work/include"
+    cp -r include "$work/include"
+    sed -i "$3" "$work/include/cairn/$2"
+    if cmp -s "include/cairn/$2" "$work/include/cairn/$2"; then
+        echo "FAILED API reference test: \"$3\" changes nothing in $2"
+        failed=1
+    fi
+    said=$(sh tools/docs.sh "$work/build" "$work/include/cairn" 2>&1)
+    expect "$1" $? "$said"
+}
+
+spoil "parameter 'block_bytes'" pool.h '/^ \* block_bytes: /d'
+spoil 'cairn_icp_params.cell_size: the comment is' icp.h 's/> 0 (0\.2): side of/> 0: side of/'
+spoil 'cairn_icp_mode: no comment' icp.h '/^\/\* Distance of a pair/d'
+spoil 'CAIRN_ICP_CONVERGED = 1,: no comment' icp.h '/converged_distance and converged_angle \*\//d'
+spoil 'cairn_icp_target_count: no comment' icp.h '/^\/\* Returns the number of target points/d'
+spoil 'cairn_icp_no_such: no public name' icp.h 's/Returns the number of target points/Returns cairn_icp_no_such/'
+
+mkdir "$work/defaults"
+sed '/cairn_icp_params/s/\t0\.2\t/\t0.3\t/' "$build/docs/params.tsv" >"$work/defaults/params.tsv"
+said=$(sh tools/docs-defaults.sh "$build" "$work/defaults" 2>&1)
+expect 'cairn_icp_params.cell_size: the comment says 0.3, the default is 0.2' $? "$said"
+
+[ $failed -eq 0 ] && echo "ok     API reference test"
+exit $failed
