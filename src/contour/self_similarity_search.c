@@ -1,5 +1,5 @@
 /* Exhaustive search over all cuts at two critical points, on all evolution levels (Adluru 2008,
- * section 4.4). */
+ * section 4.4). self_similarity.c describes the method. */
 #include "src/core/build.h"
 
 #include "src/contour/self_similarity_work.h"

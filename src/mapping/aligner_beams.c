@@ -1,5 +1,5 @@
 /* aligner: storage of a scan: segments with the moments of their hits, points along them,
- * visibility profile.
+ * visibility profile. aligner.c describes the method.
  *
  * Consecutive hits on no segment form a short segment: the few beams that just reach a wall at the
  * edge of the view. Its direction is poor, but it constrains a scan whose other walls are all
