@@ -11,7 +11,8 @@
 #    are found: the last word of a line is also placed before the next one.
 # 3. Errors are also: an exception without a word in any file (not with FILE...), and an invalid line of tools/words.txt.
 #
-# Limits: camelCase is one word. The files in which words are quoted on purpose are not checked: tools/words.txt, docs/renamed.md.
+# Limits: camelCase is one word. The files in which words are quoted on purpose are not checked: tools/words.txt, docs/renamed.md,
+# this program and its test.
 root=.
 [ "$1" = -C ] && root=$2 && shift 2
 cd "$root" || exit 2
@@ -68,7 +69,7 @@ BEGIN {
     }
     if (!patterns) { print list ": no patterns"; exit bad = 2 }
 }
-FNR == 1 { last = ""; skip = FILENAME ~ /^(tools\/words\.txt|docs\/renamed\.md)$/; files += !skip }
+FNR == 1 { last = ""; skip = FILENAME ~ /^(tools\/(words\.txt|check-words(-test)?\.sh)|docs\/renamed\.md)$/; files += !skip }
 skip { next }
 {
     text = words_of($0)
@@ -78,12 +79,12 @@ skip { next }
         # Words across the line break: neither line has them alone.
         else if ((last " ") !~ any) check(both, FNR)
     }
-    if (text ~ /[a-z0-9_] +$/) {
-        sub(/ +$/, "", text)
+    last = ""
+    if ($0 ~ /[A-Za-z0-9_,]$/ && text != " ") {
+        sub(/ $/, "", text)
         sub(/^.* /, "", text)
         last = " " text
-    } else
-        last = ""
+    }
 }
 END {
     if (bad == 2) exit 2

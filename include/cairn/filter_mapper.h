@@ -12,7 +12,7 @@
  * 5. A loop is closed when particles with consistent paths survive resampling.
  *
  * Limits: no path is corrected afterwards. On public logs more than one particle improves headings
- * at most, not positions (docs/accuracy.md, "What the particles are worth").
+ * at most, not positions (docs/lab/particles.md).
  *
  *     add(scan) -> step(budget) until CAIRN_OK -> best(), path() ... */
 #ifndef CAIRN_FILTER_MAPPER_H
@@ -126,9 +126,9 @@ int32_t cairn_filter_mapper_best(const cairn_filter_mapper *mapper);
 cairn_pose cairn_filter_mapper_last(const cairn_filter_mapper *mapper, int32_t particle);
 
 /* Copies the keyframe poses along a particle's path to poses[0 ... returned - 1], at most the first
- * `room` of them. Returns 0 for an invalid particle. Linear in the keyframes. */
+ * `capacity` of them. Returns 0 for an invalid particle. Linear in the keyframes. */
 int32_t cairn_filter_mapper_path(const cairn_filter_mapper *mapper, int32_t particle,
-                                 cairn_pose *poses, int32_t room);
+                                 cairn_pose *poses, int32_t capacity);
 
 /* Counters; those of the front-end mapper are read from it. */
 typedef struct cairn_filter_mapper_state {

@@ -288,7 +288,7 @@ CAIRN_CHECKED cairn_status cairn_force_field_place(cairn_force_field *field, int
 
 /* Removes a scan. Its index is reused and its memory free when a later step has reached the next
  * iteration or has returned CAIRN_OK. CAIRN_BAD_ARGUMENT: no such scan. Constant time; the steps
- * pay for compaction. */
+ * are charged for compaction. */
 CAIRN_CHECKED cairn_status cairn_force_field_remove(cairn_force_field *field, int32_t scan);
 
 /* Replaces the external points: points in the map that exert forces on the scans but belong to

@@ -63,8 +63,8 @@ typedef struct cairn_pose_consensus_params {
     cairn_real min_ambiguous_weight;
     /* nats, >= 0: significance threshold of a pose's support, violations subtracted twice. A node
      * is ambiguous that reaches it at an alternative pose, however much greater the support of the
-     * chosen pose, if the violations there weigh at least min_ambiguous_weight; so are nodes that
-     * owe most of their support to ambiguous nodes. See also cairn_pose_consensus_find_submaps().
+     * chosen pose, if the violations there weigh at least min_ambiguous_weight; so are nodes whose
+     * support comes mostly from ambiguous nodes. See also cairn_pose_consensus_find_submaps().
      * 0: no test (0) */
     cairn_real significant_support;
 } cairn_pose_consensus_params;

@@ -22,14 +22,14 @@
  * translation. When the aligner matches no two scans, all scans move, and the virtual scan is
  * rebuilt every few iterations.
  *
- * Mode as written (cairn_virtual_align_as_written): algorithm 2 alone, without aligner and translation of submaps.
- * Force field simulation moves all scans, with the gradient of chapter 7. The first iteration has
- * no virtual scan; after every iteration one is built from the current poses of the real scans, as
- * written (virtual_scan.h). Real points have weight 1: no regions of interest. The run ends with
- * that of the force field. Choices: at most 100 iterations (fig. 8.12). sigma and dt are those of
- * section 7.4.2, since chapter 8 gives an initial sigma alone, "in units of the data set": for data
- * of unit u m, sigma and dt are u times the thesis's numbers. Section 7.4.2 has u = 0.01 m, and so
- * have the defaults: sigma 15 to 4, dt 5 to 1. */
+ * Mode as written (cairn_virtual_align_as_written): algorithm 2 alone, without aligner and
+ * translation of submaps. Force field simulation moves all scans, with the gradient of chapter 7.
+ * The first iteration has no virtual scan; after every iteration one is built from the current
+ * poses of the real scans, as written (virtual_scan.h). Real points have weight 1: no regions of
+ * interest. The run ends with that of the force field. Choices: at most 100 iterations (fig. 8.12).
+ * sigma and dt are those of section 7.4.2, since chapter 8 gives an initial sigma alone, "in units
+ * of the data set": for data of unit u m, sigma and dt are u times the thesis's numbers. Section
+ * 7.4.2 has u = 0.01 m, and so have the defaults: sigma 15 to 4, dt 5 to 1. */
 #ifndef CAIRN_VIRTUAL_ALIGN_H
 #define CAIRN_VIRTUAL_ALIGN_H
 

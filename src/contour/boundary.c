@@ -51,17 +51,19 @@ static int is_within(int32_t value, int32_t upper)
     return value >= 1 && value <= upper;
 }
 
-static int params_are_valid(const cairn_boundary_params *p)
+static int params_are_valid(const cairn_boundary_params *params)
 {
-    return p != NULL && is_within(p->max_width, MAX_SIDE_PX) &&
-           is_within(p->max_height, MAX_SIDE_PX) && is_within(p->max_regions, MAX_REGIONS) &&
-           is_within(p->max_corners, MAX_POINTS) &&
-           is_within(p->fine_half_width, MAX_HALF_WIDTH_PX) &&
-           is_within(p->coarse_half_width, MAX_HALF_WIDTH_PX) && p->histogram_weight >= 0 &&
-           cairn_is_finite(p->histogram_weight) && p->spectral_weight >= 0 &&
-           cairn_is_finite(p->spectral_weight) && p->size_exponent >= 0 && p->size_exponent <= 1 &&
-           p->contrast_exponent >= 0 && p->contrast_exponent <= 1 && p->min_strength >= 0 &&
-           cairn_is_finite(p->min_strength);
+    return params != NULL && is_within(params->max_width, MAX_SIDE_PX) &&
+           is_within(params->max_height, MAX_SIDE_PX) &&
+           is_within(params->max_regions, MAX_REGIONS) &&
+           is_within(params->max_corners, MAX_POINTS) &&
+           is_within(params->fine_half_width, MAX_HALF_WIDTH_PX) &&
+           is_within(params->coarse_half_width, MAX_HALF_WIDTH_PX) &&
+           params->histogram_weight >= 0 && cairn_is_finite(params->histogram_weight) &&
+           params->spectral_weight >= 0 && cairn_is_finite(params->spectral_weight) &&
+           params->size_exponent >= 0 && params->size_exponent <= 1 &&
+           params->contrast_exponent >= 0 && params->contrast_exponent <= 1 &&
+           params->min_strength >= 0 && cairn_is_finite(params->min_strength);
 }
 
 /* Returns a power of two that keeps the hash table at most half full. */
@@ -75,21 +77,23 @@ static int32_t table_size_of(const cairn_boundary_params *params)
 }
 
 /* Allocates the object from a pool; with a counting pool only the memory is counted. */
-static cairn_boundary *carve(cairn_pool *pool, const cairn_boundary_params *p)
+static cairn_boundary *carve(cairn_pool *pool, const cairn_boundary_params *params)
 {
-    size_t pixels = (size_t)p->max_width * (size_t)p->max_height, regions = (size_t)p->max_regions;
+    size_t pixels = (size_t)params->max_width * (size_t)params->max_height,
+           regions = (size_t)params->max_regions;
     size_t borders = MAX_BORDERS_PER_REGION * regions;
     cairn_boundary *made = cairn_pool_take_one(pool, sizeof *made), taken;
 
     memset(&taken, 0, sizeof taken);
-    taken.params = *p;
+    taken.params = *params;
     taken.max_borders = (int32_t)borders;
-    taken.table_size = table_size_of(p);
+    taken.table_size = table_size_of(params);
     taken.colour = cairn_pool_take(pool, BOUNDARY_CHANNELS * pixels, sizeof *taken.colour);
     taken.strength = cairn_pool_take(pool, pixels, sizeof *taken.strength);
     taken.scratch = cairn_pool_take(pool, pixels, sizeof *taken.scratch);
     taken.tensor = cairn_pool_take(pool, pixels, sizeof *taken.tensor);
-    taken.row_buffer = cairn_pool_take(pool, 2 * (size_t)p->max_width, sizeof *taken.row_buffer);
+    taken.row_buffer =
+        cairn_pool_take(pool, 2 * (size_t)params->max_width, sizeof *taken.row_buffer);
     taken.label = cairn_pool_take(pool, pixels, sizeof *taken.label);
     taken.next_in_queue = cairn_pool_take(pool, pixels, sizeof *taken.next_in_queue);
     taken.next_of_level = cairn_pool_take(pool, pixels, sizeof *taken.next_of_level);
@@ -110,7 +114,7 @@ static cairn_boundary *carve(cairn_pool *pool, const cairn_boundary_params *p)
     taken.heap = cairn_pool_take(pool, borders, sizeof *taken.heap);
     taken.traced = cairn_pool_take(pool, borders, sizeof *taken.traced);
     taken.ranked = cairn_pool_take(pool, borders, sizeof *taken.ranked);
-    taken.corners = cairn_pool_take(pool, (size_t)p->max_corners, sizeof *taken.corners);
+    taken.corners = cairn_pool_take(pool, (size_t)params->max_corners, sizeof *taken.corners);
     if (made != NULL)
         *made = taken;
     return made;

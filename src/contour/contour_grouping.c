@@ -298,8 +298,8 @@ cairn_status cairn_contour_grouping_begin(cairn_contour_grouping *grouping,
         grouping->hypothesis_count = grouping->object_count = grouping->segment_count =
             grouping->step_count = grouping->generated_count = 0;
     grouping->best_score = grouping->best_evidence = 0;
-    grouping->cursor = grouping->second_cursor = grouping->charged_units =
-        grouping->charged_callback_units = grouping->has_particles = 0;
+    grouping->cursor = grouping->second_cursor = grouping->units_charged =
+        grouping->callback_units_charged = grouping->has_particles = 0;
     grouping->next_token = -1;
     grouping->phase = PHASE_CUT;
     if (grouping->written != NULL) {
@@ -384,10 +384,10 @@ static void cut(cairn_contour_grouping *grouping, int32_t index, int32_t piece)
     }
 }
 
-static int is_finite_segment(const cairn_segment *s)
+static int is_finite_segment(const cairn_segment *segment)
 {
-    return cairn_is_finite(s->a.x) && cairn_is_finite(s->a.y) && cairn_is_finite(s->b.x) &&
-           cairn_is_finite(s->b.y);
+    return cairn_is_finite(segment->a.x) && cairn_is_finite(segment->a.y) &&
+           cairn_is_finite(segment->b.x) && cairn_is_finite(segment->b.y);
 }
 
 /* Clears the cells, counts the pieces, creates the tokens. */
@@ -396,12 +396,12 @@ static cairn_status step_cut(cairn_contour_grouping *grouping, cairn_budget *bud
     int32_t cells = grouping->columns * grouping->rows;
 
     for (; grouping->cursor < cells; grouping->cursor++) {
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
             return CAIRN_MORE;
         grouping->cell_start[grouping->cursor] = -1;
     }
     for (; grouping->cursor - cells < grouping->input.count; grouping->cursor++) {
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
             return CAIRN_MORE;
         if (!is_finite_segment(&grouping->input.segments[grouping->cursor - cells]))
             return CAIRN_NOT_FINITE;
@@ -412,7 +412,7 @@ static cairn_status step_cut(cairn_contour_grouping *grouping, cairn_budget *bud
     for (; grouping->second_cursor < grouping->input.count; grouping->second_cursor++) {
         int32_t pieces = pieces_of(grouping, grouping->second_cursor);
 
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 1 + pieces))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1 + pieces))
             return CAIRN_MORE;
         cut(grouping, grouping->second_cursor, grouping->cut_piece_count);
         grouping->cut_piece_count += pieces;
@@ -428,7 +428,7 @@ static cairn_status step_sort(cairn_contour_grouping *grouping, cairn_budget *bu
     int32_t cells = grouping->columns * grouping->rows;
 
     while (grouping->next_token >= 0 || grouping->cursor < cells) {
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
             return CAIRN_MORE;
         if (grouping->next_token >= 0) {
             const contour_grouping_token *token = &grouping->tokens[grouping->next_token];
@@ -466,25 +466,25 @@ typedef struct contour_place {
 
 /* Cost of a token at a contour point: half the squared distance in sigmas. Returns early with a
  * value above `limit` when the angle alone or the lower bound of the distance across exceeds it. */
-static cairn_real token_cost(const contour_place *p, const contour_grouping_sorted_token *t,
+static cairn_real token_cost(const contour_place *place, const contour_grouping_sorted_token *token,
                              cairn_real limit)
 {
-    cairn_real sine = cairn_vec2_cross(p->along, t->direction), turn_cost = sine * sine * p->turn,
-               across, middle, gap;
-    cairn_vec2 offset = cairn_vec2_sub(t->middle, p->middle);
+    cairn_real sine = cairn_vec2_cross(place->along, token->direction),
+               turn_cost = sine * sine * place->turn, across, middle, gap;
+    cairn_vec2 offset = cairn_vec2_sub(token->middle, place->middle);
 
     if (turn_cost > 2 * limit)
         return turn_cost;
-    middle = cairn_vec2_cross(p->along, offset);
-    across = cairn_max(cairn_abs(middle) - t->half_length * cairn_abs(sine), 0);
-    if (across * across * p->across > 2 * limit)
+    middle = cairn_vec2_cross(place->along, offset);
+    across = cairn_max(cairn_abs(middle) - token->half_length * cairn_abs(sine), 0);
+    if (across * across * place->across > 2 * limit)
         return CAIRN_REAL_MAX;
-    gap = cairn_max(-t->half_length,
-                    cairn_min(-cairn_vec2_dot(t->direction, offset), t->half_length));
+    gap = cairn_max(-token->half_length,
+                    cairn_min(-cairn_vec2_dot(token->direction, offset), token->half_length));
     across = middle + sine * gap;
-    gap = CAIRN_REAL(0.5) *
-          (cairn_vec2_dot(p->along, offset) + cairn_vec2_dot(p->along, t->direction) * gap);
-    return CAIRN_REAL(0.5) * ((across * across + gap * gap) * p->across + turn_cost);
+    gap = CAIRN_REAL(0.5) * (cairn_vec2_dot(place->along, offset) +
+                             cairn_vec2_dot(place->along, token->direction) * gap);
+    return CAIRN_REAL(0.5) * ((across * across + gap * gap) * place->across + turn_cost);
 }
 
 int32_t cairn_contour_grouping_match_tokens(const cairn_contour_grouping *grouping, cairn_vec2 at,

@@ -57,47 +57,49 @@ static int32_t sample_of_step(const cairn_shape_model *model, int32_t start, int
 }
 
 /* Updates a state for the tokens matched to the sides of its sample. */
-static void match_sides(const cairn_contour_grouping *grouping, contour_grouping_state *s,
+static void match_sides(const cairn_contour_grouping *grouping, contour_grouping_state *state,
                         const cairn_vec2 predicted[2])
 {
-    const cairn_shape_model_sample *model_sample = &grouping->input.model->samples[s->sample];
+    const cairn_shape_model_sample *model_sample = &grouping->input.model->samples[state->sample];
     cairn_oriented_point edgel[2] = {{{0, 0}, {0, 0}}, {{0, 0}, {0, 0}}};
     cairn_symmetric_point sp;
 
-    s->gap = 0;
+    state->gap = 0;
     for (int32_t side = 0; side < 2; side++) {
-        if (s->token[side] < 0)
+        if (state->token[side] < 0)
             continue;
         edgel[side].position =
-            cairn_contour_grouping_nearest_point(grouping, s->token[side], predicted[side]);
-        edgel[side].direction = grouping->tokens[s->token[side]].direction;
+            cairn_contour_grouping_nearest_point(grouping, state->token[side], predicted[side]);
+        edgel[side].direction = grouping->tokens[state->token[side]].direction;
         /* The position of a token along the contour carries no information; only its offset across
          * does. */
-        s->offset[side] = cairn_vec2_sub(
+        state->offset[side] = cairn_vec2_sub(
             edgel[side].position,
-            contour_grouping_transform_point(&s->pose, model_sample->contact[side].position));
-        s->gap +=
+            contour_grouping_transform_point(&state->pose, model_sample->contact[side].position));
+        state->gap +=
             CAIRN_REAL(0.5) *
-            cairn_abs(cairn_vec2_norm(cairn_vec2_sub(edgel[side].position, s->last_point[side])) -
-                      cairn_vec2_norm(cairn_vec2_sub(predicted[side], s->last_point[side])));
-        s->last_point[side] = edgel[side].position;
+            cairn_abs(
+                cairn_vec2_norm(cairn_vec2_sub(edgel[side].position, state->last_point[side])) -
+                cairn_vec2_norm(cairn_vec2_sub(predicted[side], state->last_point[side])));
+        state->last_point[side] = edgel[side].position;
     }
-    s->centre = contour_grouping_transform_point(&s->pose, model_sample->centre);
-    s->radius = contour_grouping_size(&s->pose) * model_sample->radius;
-    if (s->token[0] >= 0 && s->token[1] >= 0 &&
+    state->centre = contour_grouping_transform_point(&state->pose, model_sample->centre);
+    state->radius = contour_grouping_size(&state->pose) * model_sample->radius;
+    if (state->token[0] >= 0 && state->token[1] >= 0 &&
         cairn_symmetric_point_of(edgel[0], edgel[1], CAIRN_REAL(1.5), &sp)) {
-        s->centre = sp.centre;
-        s->radius = sp.radius;
-        s->deviation = sp.deviation;
+        state->centre = sp.centre;
+        state->radius = sp.radius;
+        state->deviation = sp.deviation;
     }
 }
 
 /* Log mass of the proposal (2.11): gaps, and loss of symmetry. */
 static cairn_real log_mass(const cairn_contour_grouping *grouping,
-                           const contour_grouping_state *previous, const contour_grouping_state *s)
+                           const contour_grouping_state *previous,
+                           const contour_grouping_state *state)
 {
-    cairn_real loss = cairn_max(s->deviation - previous->deviation, 0);
-    cairn_real mass = -cairn_half_square(s->gap / grouping->input.mean_length);
+    cairn_real loss = cairn_max(state->deviation - previous->deviation, 0);
+    cairn_real mass = -cairn_half_square(state->gap / grouping->input.mean_length);
 
     return grouping->params.use_skeleton
                ? mass - cairn_half_square(loss / grouping->params.symmetry_sigma)
@@ -116,7 +118,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     const cairn_shape_model_sample *model_sample;
     cairn_vec2 predicted[2];
 
-    if (!cairn_budget_charge(budget, &grouping->charged_callback_units, UNITS_PER_PROPOSAL))
+    if (!cairn_budget_charge(budget, &grouping->callback_units_charged, UNITS_PER_PROPOSAL))
         return CAIRN_MORE;
     s.sample = sample_of_step(grouping->input.model, s.start, grouping->step_count + 1);
     model_sample = &grouping->input.model->samples[s.sample];
@@ -152,14 +154,15 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 
 /* Cost of a matched side: half the squared offset across the model and sine of the angle, in
  * sigmas. */
-static cairn_real side_cost(const cairn_contour_grouping *grouping, const contour_grouping_state *s,
-                            int32_t side)
+static cairn_real side_cost(const cairn_contour_grouping *grouping,
+                            const contour_grouping_state *state, int32_t side)
 {
     cairn_vec2 direction = contour_grouping_transform_vector(
-        &s->pose, grouping->input.model->samples[s->sample].contact[side].direction);
-    cairn_real size = contour_grouping_size(&s->pose), sigma = grouping->params.deform_sigma * size;
-    cairn_real across = cairn_vec2_cross(direction, s->offset[side]) / (size * sigma);
-    cairn_real sine = cairn_vec2_cross(direction, grouping->tokens[s->token[side]].direction) /
+        &state->pose, grouping->input.model->samples[state->sample].contact[side].direction);
+    cairn_real size = contour_grouping_size(&state->pose),
+               sigma = grouping->params.deform_sigma * size;
+    cairn_real across = cairn_vec2_cross(direction, state->offset[side]) / (size * sigma);
+    cairn_real sine = cairn_vec2_cross(direction, grouping->tokens[state->token[side]].direction) /
                       (size * grouping->params.turn_sigma);
 
     return cairn_half_square(across * CAIRN_REAL(0.5)) + cairn_half_square(sine);
@@ -242,7 +245,7 @@ cairn_status cairn_contour_grouping_begin_filter(cairn_contour_grouping *groupin
 {
     cairn_status status = cairn_particle_filter_clear(grouping->filter, grouping->params.seed);
 
-    grouping->step_count = grouping->charged_callback_units = 0;
+    grouping->step_count = grouping->callback_units_charged = 0;
     grouping->log_missing = cairn_log(grouping->params.missing_likelihood);
     grouping->has_particles = grouping->hypothesis_count > 0;
     for (int32_t i = 0; i < grouping->hypothesis_count && status == CAIRN_OK; i++) {

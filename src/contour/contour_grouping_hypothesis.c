@@ -52,16 +52,17 @@ static int32_t direction_bin(cairn_vec2 d)
 }
 
 /* Marks a token's direction bin and its neighbours in the cells around the token. */
-static void mark_token(cairn_contour_grouping *grouping, const contour_grouping_token *t)
+static void mark_token(cairn_contour_grouping *grouping, const contour_grouping_token *token)
 {
-    int32_t bin = direction_bin(t->direction),
-            steps = 1 + cairn_real_to_int(t->half_length / CONTOUR_GROUPING_EDGE_CELL_PX);
+    int32_t bin = direction_bin(token->direction),
+            steps = 1 + cairn_real_to_int(token->half_length / CONTOUR_GROUPING_EDGE_CELL_PX);
     uint8_t bits = (uint8_t)(1 << bin | 1 << ((bin + 1) & 7) | 1 << ((bin + 7) & 7));
 
     for (int32_t s = -steps; s <= steps; s++) {
         cairn_vec2 p = cairn_vec2_add(
-            t->middle,
-            cairn_vec2_scale(t->direction, t->half_length * ((cairn_real)s / (cairn_real)steps)));
+            token->middle,
+            cairn_vec2_scale(token->direction,
+                             token->half_length * ((cairn_real)s / (cairn_real)steps)));
         int32_t x = cairn_real_to_int(p.x) / CONTOUR_GROUPING_EDGE_CELL_PX,
                 y = cairn_real_to_int(p.y) / CONTOUR_GROUPING_EDGE_CELL_PX;
 
@@ -157,11 +158,11 @@ static void insert_hypothesis(cairn_contour_grouping *grouping,
 }
 
 /* Returns 1 when a token is aligned with a model direction in a pose. */
-static int is_aligned(const contour_grouping_token *t, const contour_grouping_pose *pose,
+static int is_aligned(const contour_grouping_token *token, const contour_grouping_pose *pose,
                       cairn_vec2 d, cairn_real size)
 {
-    return cairn_abs(cairn_vec2_dot(t->direction, contour_grouping_transform_vector(pose, d))) >=
-           MIN_COSINE * size;
+    return cairn_abs(cairn_vec2_dot(
+               token->direction, contour_grouping_transform_vector(pose, d))) >= MIN_COSINE * size;
 }
 
 /* Quantized direction of a chord, 0 ... CONTOUR_GROUPING_CHORD_DIRECTIONS - 1 over the full circle;
@@ -293,12 +294,12 @@ cairn_status cairn_contour_grouping_generate_hypotheses(cairn_contour_grouping *
     cairn_real reach = grouping->max_chord * grouping->max_chord;
 
     for (; grouping->cursor < cells; grouping->cursor++) {
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
             return CAIRN_MORE;
         grouping->edge_map[grouping->cursor] = 0;
     }
     for (; grouping->cursor < cells + grouping->token_count; grouping->cursor++) {
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 4))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 4))
             return CAIRN_MORE;
         mark_token(grouping, &grouping->tokens[grouping->cursor - cells]);
     }
@@ -319,7 +320,7 @@ cairn_status cairn_contour_grouping_generate_hypotheses(cairn_contour_grouping *
                 budget->left -= grouping->second_cursor % 16 == 0;
                 continue;
             }
-            if (!cairn_budget_charge(budget, &grouping->charged_units, samples))
+            if (!cairn_budget_charge(budget, &grouping->units_charged, samples))
                 return CAIRN_MORE;
             range = grouping->chord_samples[chord_direction(c)];
             for (int32_t k = range.from; k < range.to; k++)

@@ -261,7 +261,7 @@ cairn_status cairn_contour_grouping_refine_particles(cairn_contour_grouping *gro
         cairn_status status;
 
         if (!grouping->is_fitting) {
-            if (!cairn_budget_charge(budget, &grouping->charged_units,
+            if (!cairn_budget_charge(budget, &grouping->units_charged,
                                      1 + grouping->second_cursor / ENDS_PER_UNIT))
                 return CAIRN_MORE;
             grouping->pose = s->pose;

@@ -227,7 +227,7 @@ cairn_status cairn_contour_grouping_match_outline(cairn_contour_grouping *groupi
 {
     grouping->is_fitting = 1;
     for (; grouping->sample < grouping->input.model->outline_count; grouping->sample++) {
-        if (!cairn_budget_charge(budget, &grouping->charged_units, UNITS_PER_SAMPLE))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, UNITS_PER_SAMPLE))
             return CAIRN_MORE;
         extend_paths(grouping, grouping->sample);
     }

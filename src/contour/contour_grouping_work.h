@@ -94,6 +94,9 @@ typedef struct contour_grouping_state {
     int32_t sample, start;
 } contour_grouping_state;
 
+/* Phase of a search (contour_grouping.c). */
+typedef int32_t contour_grouping_phase;
+
 struct cairn_contour_grouping {
     cairn_contour_grouping_params params;
     cairn_contour_grouping_input input;
@@ -161,10 +164,11 @@ struct cairn_contour_grouping {
     /* 1: the current object is accepted, and its own tokens are being listed */
     int32_t is_listing;
     int32_t cursor, second_cursor, next_token;
-    /* phase; work units charged for the current item */
-    int32_t phase, charged_units;
+    contour_grouping_phase phase;
+    /* work units charged for the current item */
+    int32_t units_charged;
     /* work units charged in the running callback */
-    int32_t charged_callback_units;
+    int32_t callback_units_charged;
 };
 
 /* Transforms a point of the model to the image. */

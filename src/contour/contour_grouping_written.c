@@ -250,7 +250,7 @@ cairn_status cairn_contour_grouping_written_index(cairn_contour_grouping *groupi
     const cairn_symmetric_point *points = cairn_symmetric_point_list(written->set, &count);
 
     for (; grouping->cursor < slots; grouping->cursor++) {
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
             return CAIRN_MORE;
         written->pair_slots[grouping->cursor] = -1;
     }
@@ -258,14 +258,14 @@ cairn_status cairn_contour_grouping_written_index(cairn_contour_grouping *groupi
         const cairn_symmetric_point *point = &points[grouping->cursor - slots];
         int32_t at = pair_slot(written, point->first, point->second);
 
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 2))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 2))
             return CAIRN_MORE;
         while (written->pair_slots[at] >= 0)
             at = (at + 1) & (written->slot_count - 1);
         written->pair_slots[at] = grouping->cursor - slots;
     }
     while (grouping->second_cursor == 0 && cairn_point_grid_count(written->ends) > 0) {
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
             return CAIRN_MORE;
         cairn_point_grid_remove_last(written->ends);
     }
@@ -273,7 +273,7 @@ cairn_status cairn_contour_grouping_written_index(cairn_contour_grouping *groupi
         const cairn_segment *s = &grouping->input.segments[grouping->second_cursor / 2];
         cairn_status status;
 
-        if (!cairn_budget_charge(budget, &grouping->charged_units, 1))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
             return CAIRN_MORE;
         written->is_start[grouping->second_cursor / 2] = 0;
         written->segment_stamp[grouping->second_cursor / 2] = 0;
@@ -286,7 +286,7 @@ cairn_status cairn_contour_grouping_written_index(cairn_contour_grouping *groupi
             written->ends, grouping->input.ends[grouping->second_cursor - ends],
             grouping->input.look_ahead);
 
-        if (!cairn_budget_charge(budget, &grouping->charged_units, UNITS_PER_START))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, UNITS_PER_START))
             return CAIRN_MORE;
         if (!cairn_is_finite(search.centre.x) || !cairn_is_finite(search.centre.y))
             return CAIRN_NOT_FINITE;
@@ -356,7 +356,7 @@ cairn_status cairn_contour_grouping_written_start(cairn_contour_grouping *groupi
         const cairn_symmetric_point *point = &points[grouping->cursor / STARTS_PER_POINT];
         contour_grouping_written_state state;
 
-        if (!cairn_budget_charge(budget, &grouping->charged_units,
+        if (!cairn_budget_charge(budget, &grouping->units_charged,
                                  is_start_point(written, point)
                                      ? UNITS_PER_START +
                                            cairn_contour_grouping_written_likelihood_units(grouping)
@@ -382,7 +382,7 @@ cairn_status cairn_contour_grouping_written_start(cairn_contour_grouping *groupi
         const cairn_symmetric_point *point = &points[grouping->second_cursor / STARTS_PER_POINT];
         contour_grouping_written_state state;
 
-        if (!cairn_budget_charge(budget, &grouping->charged_units,
+        if (!cairn_budget_charge(budget, &grouping->units_charged,
                                  is_start_point(written, point)
                                      ? UNITS_PER_START +
                                            cairn_contour_grouping_written_likelihood_units(grouping)
@@ -475,7 +475,7 @@ cairn_status cairn_contour_grouping_written_run_filter(cairn_contour_grouping *g
             int32_t units = UNITS_PER_RECORD +
                             grouping->step_count * (1 + grouping->object_count / OBJECTS_PER_UNIT);
 
-            if (!cairn_budget_charge(budget, &grouping->charged_units, units))
+            if (!cairn_budget_charge(budget, &grouping->units_charged, units))
                 return CAIRN_MORE;
             cairn_contour_grouping_written_record(grouping, grouping->cursor);
         }
@@ -491,13 +491,13 @@ cairn_status cairn_contour_grouping_written_run_filter(cairn_contour_grouping *g
 }
 
 void cairn_contour_grouping_written_read(const cairn_contour_grouping *grouping,
-                                         cairn_contour_grouping_result *r)
+                                         cairn_contour_grouping_result *result)
 {
     const struct contour_grouping_written *written = grouping->written;
 
-    (void)cairn_symmetric_point_list(written->set, &r->point_count);
-    r->points_dropped = cairn_symmetric_point_dropped(written->set);
-    r->candidates_dropped = written->dropped_candidates;
-    r->token_count = grouping->input.count;
-    r->end_reason = written->end_reason;
+    (void)cairn_symmetric_point_list(written->set, &result->point_count);
+    result->points_dropped = cairn_symmetric_point_dropped(written->set);
+    result->candidates_dropped = written->dropped_candidates;
+    result->token_count = grouping->input.count;
+    result->end_reason = written->end_reason;
 }

@@ -257,9 +257,9 @@ static int cross_each_other(const cairn_contour_grouping *grouping,
 /* Log mass of the proposal (2.11). */
 static cairn_real log_mass(const cairn_contour_grouping *grouping,
                            const contour_grouping_written_state *previous,
-                           const contour_grouping_written_state *s, cairn_real gap)
+                           const contour_grouping_written_state *state, cairn_real gap)
 {
-    cairn_real loss = cairn_max(s->deviation - previous->deviation, 0);
+    cairn_real loss = cairn_max(state->deviation - previous->deviation, 0);
     cairn_real mass = -cairn_half_square(gap / grouping->input.mean_length);
 
     return grouping->params.use_skeleton
@@ -338,9 +338,9 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     contour_grouping_written_extension list[2][CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS];
     int32_t count[2];
 
-    if (grouping->charged_callback_units == 0)
+    if (grouping->callback_units_charged == 0)
         grouping->written->proposal_units = proposal_units(grouping, previous, particle.steps);
-    if (!cairn_budget_charge(budget, &grouping->charged_callback_units,
+    if (!cairn_budget_charge(budget, &grouping->callback_units_charged,
                              grouping->written->proposal_units))
         return CAIRN_MORE;
     read_history(grouping, previous, particle.steps + 1);
@@ -367,7 +367,7 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     (void)filter;
     (void)index;
     /* append() evaluates it once more, hence the factor 2. */
-    if (!cairn_budget_charge(budget, &grouping->charged_callback_units,
+    if (!cairn_budget_charge(budget, &grouping->callback_units_charged,
                              2 * cairn_contour_grouping_written_likelihood_units(grouping)))
         return CAIRN_MORE;
     *log_likelihood = cairn_contour_grouping_written_likelihood(grouping, state, &sample);

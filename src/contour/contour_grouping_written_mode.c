@@ -223,7 +223,7 @@ cairn_status cairn_contour_grouping_written_finish(cairn_contour_grouping *group
     for (; grouping->cursor < grouping->object_count; grouping->cursor++) {
         cairn_contour_grouping_object *object = &grouping->objects[grouping->cursor];
 
-        if (!cairn_budget_charge(budget, &grouping->charged_units,
+        if (!cairn_budget_charge(budget, &grouping->units_charged,
                                  1 + object->matched_samples *
                                          grouping->input.model->outline_count / 16))
             return CAIRN_MORE;

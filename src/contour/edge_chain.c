@@ -34,7 +34,7 @@ enum { MAX_DISTANCE = 7, DISTANCE_MASK = 7, FLAG_EDGE = 8, FLAG_QUEUED = 16, FLA
 
 enum { QUEUES = 256 * (MAX_DISTANCE + 1), PIXELS_PER_UNIT = 16 };
 
-typedef int32_t link_phase;
+typedef int32_t edge_chain_phase;
 enum {
     PHASE_IDLE,
     PHASE_LOAD,
@@ -84,9 +84,9 @@ struct cairn_edge_chain_set {
     /* sum of strengths of the chain being followed */
     int64_t strength_sum;
     int32_t chain_count, pixel_count, edge_count, short_count;
-    link_phase phase;
+    edge_chain_phase phase;
     /* work units charged for the current item */
-    int32_t charged_units;
+    int32_t units_charged;
 };
 
 cairn_edge_chain_params cairn_edge_chain_default(void)
@@ -184,7 +184,7 @@ cairn_status cairn_edge_chain_begin(cairn_edge_chain_set *set, cairn_raster_u8_v
     set->direction = 0;
     set->is_following = 0;
     set->chain_count = set->pixel_count = set->edge_count = set->short_count = 0;
-    set->charged_units = 0;
+    set->units_charged = 0;
     set->phase = PHASE_LOAD;
     return CAIRN_OK;
 }
@@ -490,7 +490,7 @@ static cairn_status step_prune(cairn_edge_chain_set *set, cairn_budget *budget)
     while ((found = find_edge(set, budget)) > 0) {
         int32_t is_end = bit_count(links_of(set, set->cursor)) == 1;
 
-        if (!cairn_budget_charge(budget, &set->charged_units,
+        if (!cairn_budget_charge(budget, &set->units_charged,
                                  is_end ? 2 * set->params.max_spur + 1 : 1))
             return CAIRN_MORE;
         if (is_end)
@@ -610,7 +610,7 @@ static cairn_status step_follow(cairn_edge_chain_set *set, cairn_budget *budget)
 
         if (found < 0)
             return CAIRN_OK;
-        if (found == 0 || !cairn_budget_charge(budget, &set->charged_units, 2))
+        if (found == 0 || !cairn_budget_charge(budget, &set->units_charged, 2))
             return CAIRN_MORE;
         if (set->is_following) {
             cairn_status status = follow(set);

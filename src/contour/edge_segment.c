@@ -35,7 +35,7 @@ enum {
 #define GRID_CELL_PX  CAIRN_REAL(16.0)
 #define MIN_LENGTH_PX CAIRN_REAL(5.0)
 
-typedef int32_t segment_phase;
+typedef int32_t edge_segment_phase;
 enum { PHASE_IDLE, PHASE_SPLIT, PHASE_FIT, PHASE_INDEX, PHASE_CUT, PHASE_JOIN, PHASE_DONE };
 
 /* A polyline segment: the piece of a chain from position `low` to position `high`, counted from the
@@ -67,7 +67,7 @@ struct cairn_edge_segment_set {
     /* px, px^2: sums over lengths of lines, then sum over lengths of segments */
     cairn_real length_sum, squared_length_sum;
     cairn_real look_ahead, mean_length;
-    segment_phase phase;
+    edge_segment_phase phase;
     /* PHASE_SPLIT: chain index */
     int32_t chain;
     /* PHASE_SPLIT: positions in the chain */
@@ -90,7 +90,7 @@ struct cairn_edge_segment_set {
     /* PHASE_CUT: 1 while ends are searched, 2 while cuts are made; PHASE_JOIN: 1 */
     int32_t search_state;
     cairn_point_grid_cursor search;
-    int32_t charged_units;
+    int32_t units_charged;
 };
 
 cairn_edge_segment_params cairn_edge_segment_default(void)
@@ -200,7 +200,7 @@ cairn_status cairn_edge_segment_begin(cairn_edge_segment_set *set,
     set->window = 0;
     set->last_cut = 0;
     set->search_state = 0;
-    set->charged_units = 0;
+    set->units_charged = 0;
     set->phase = PHASE_SPLIT;
     return CAIRN_OK;
 }
@@ -448,7 +448,7 @@ static int32_t search_cost(const cairn_edge_segment_set *set, cairn_real radius)
 static int start_search(cairn_edge_segment_set *set, cairn_vec2 centre, cairn_real radius,
                         cairn_budget *budget)
 {
-    if (!cairn_budget_charge(budget, &set->charged_units, search_cost(set, radius)))
+    if (!cairn_budget_charge(budget, &set->units_charged, search_cost(set, radius)))
         return 0;
     set->search = cairn_point_grid_begin(set->grid, centre, radius);
     set->search_state = 1;

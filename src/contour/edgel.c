@@ -56,7 +56,7 @@ struct cairn_edgel_set {
     int32_t next_row; /* next row to smooth */
     int32_t x, y;     /* current pixel */
     edgel_phase phase;
-    int32_t charged_units;
+    int32_t units_charged;
 };
 
 cairn_edgel_params cairn_edgel_default(void)
@@ -194,7 +194,7 @@ cairn_status cairn_edgel_begin(cairn_edgel_set *set, cairn_raster_u8_view grey)
         return CAIRN_FULL;
     set->grey = grey;
     set->count = set->next_row = set->x = set->y = 0;
-    set->charged_units = 0;
+    set->units_charged = 0;
     set->phase = PHASE_SMOOTH;
     return CAIRN_OK;
 }
@@ -378,7 +378,7 @@ cairn_status cairn_edgel_step(cairn_edgel_set *set, cairn_budget *budget)
     while (set->phase != PHASE_IDLE && set->phase != PHASE_DONE) {
         cairn_status status;
 
-        if (!cairn_budget_charge(budget, &set->charged_units, unit_cost(set)))
+        if (!cairn_budget_charge(budget, &set->units_charged, unit_cost(set)))
             return CAIRN_MORE;
         status = process_pixel(set);
         if (status != CAIRN_OK) {

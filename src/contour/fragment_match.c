@@ -58,24 +58,25 @@ cairn_fragment_match_params cairn_fragment_match_default(void)
 }
 
 /* Validates the capacities. */
-static int capacities_are_valid(const cairn_fragment_match_params *p)
+static int capacities_are_valid(const cairn_fragment_match_params *params)
 {
-    return p->max_fragments >= 1 && p->max_fragments <= MAX_FRAGMENTS &&
-           p->samples_per_fragment >= 2 && p->samples_per_fragment <= FRAGMENT_MATCH_MAX_SAMPLES &&
-           p->max_chains >= 1 && p->max_chains <= MAX_CHAINS && p->max_samples >= 4 &&
-           p->max_samples <= MAX_CHAIN_SAMPLES && p->matches_per_fragment >= 1 &&
-           p->matches_per_fragment <= MAX_MATCHES;
+    return params->max_fragments >= 1 && params->max_fragments <= MAX_FRAGMENTS &&
+           params->samples_per_fragment >= 2 &&
+           params->samples_per_fragment <= FRAGMENT_MATCH_MAX_SAMPLES && params->max_chains >= 1 &&
+           params->max_chains <= MAX_CHAINS && params->max_samples >= 4 &&
+           params->max_samples <= MAX_CHAIN_SAMPLES && params->matches_per_fragment >= 1 &&
+           params->matches_per_fragment <= MAX_MATCHES;
 }
 
-static int params_are_valid(const cairn_fragment_match_params *p)
+static int params_are_valid(const cairn_fragment_match_params *params)
 {
-    return p != NULL && capacities_are_valid(p) && p->min_scale > 0 &&
-           p->max_scale >= p->min_scale && p->max_scale <= MAX_COORDINATE &&
-           p->min_step >= CAIRN_REAL(0.5) && p->min_step <= MAX_COORDINATE &&
-           p->step_ratio >= CAIRN_REAL(1.05) && p->step_ratio <= 2 &&
-           p->zero_score_angle >= CAIRN_REAL(0.02) && p->zero_score_angle <= CAIRN_PI &&
-           p->gap_cost >= CAIRN_REAL(0.5) && p->gap_cost <= 4 && p->min_similarity > 0 &&
-           p->min_similarity <= 1;
+    return params != NULL && capacities_are_valid(params) && params->min_scale > 0 &&
+           params->max_scale >= params->min_scale && params->max_scale <= MAX_COORDINATE &&
+           params->min_step >= CAIRN_REAL(0.5) && params->min_step <= MAX_COORDINATE &&
+           params->step_ratio >= CAIRN_REAL(1.05) && params->step_ratio <= 2 &&
+           params->zero_score_angle >= CAIRN_REAL(0.02) && params->zero_score_angle <= CAIRN_PI &&
+           params->gap_cost >= CAIRN_REAL(0.5) && params->gap_cost <= 4 &&
+           params->min_similarity > 0 && params->min_similarity <= 1;
 }
 
 static cairn_sequence_params aligner_params(const cairn_fragment_match_params *p)
@@ -91,14 +92,14 @@ static cairn_sequence_params aligner_params(const cairn_fragment_match_params *p
 }
 
 /* Allocates everything but the aligner. */
-static cairn_fragment_matcher *carve(cairn_pool *pool, const cairn_fragment_match_params *p)
+static cairn_fragment_matcher *carve(cairn_pool *pool, const cairn_fragment_match_params *params)
 {
-    size_t fragments = (size_t)p->max_fragments, samples = (size_t)p->max_samples,
-           matches = fragments * (size_t)p->matches_per_fragment;
+    size_t fragments = (size_t)params->max_fragments, samples = (size_t)params->max_samples,
+           matches = fragments * (size_t)params->matches_per_fragment;
     cairn_fragment_matcher *matcher = cairn_pool_take_one(pool, sizeof *matcher);
-    cairn_real *length = cairn_pool_take(pool, (size_t)p->max_chains, sizeof *length);
-    int16_t *fragment_code = cairn_pool_take(pool, 2 * fragments * (size_t)p->samples_per_fragment,
-                                             sizeof *fragment_code);
+    cairn_real *length = cairn_pool_take(pool, (size_t)params->max_chains, sizeof *length);
+    int16_t *fragment_code = cairn_pool_take(
+        pool, 2 * fragments * (size_t)params->samples_per_fragment, sizeof *fragment_code);
     cairn_vec2 *positions = cairn_pool_take(pool, 2 * samples, sizeof *positions);
     int16_t *chain_code = cairn_pool_take(pool, samples, sizeof *chain_code);
     fragment_match_alignment_end *ends = cairn_pool_take(pool, matches, sizeof *ends);
@@ -310,7 +311,7 @@ cairn_status cairn_fragment_match_begin(cairn_fragment_matcher *matcher,
 
 cairn_fragment_match_result cairn_fragment_match_read(const cairn_fragment_matcher *matcher)
 {
-    cairn_fragment_match_result result = {NULL, 0, 0, 0};
+    cairn_fragment_match_result result = {0};
 
     if (matcher != NULL && matcher->phase == FRAGMENT_MATCH_DONE) {
         result.matches = matcher->matches;

@@ -304,22 +304,22 @@ static void positions_of(const cairn_fragment_matcher *matcher,
 /* Least-squares scale and centroid (Adluru 2008, section 5.2.2, without rotation): s = sum (f -
  * mean)(e - mean) / sum (f - mean)^2. */
 static void fit(const cairn_fragment_matcher *matcher, const fragment_match_alignment_end *end,
-                const cairn_sequence_result *r, cairn_fragment_match *match)
+                const cairn_sequence_result *result, cairn_fragment_match *match)
 {
     cairn_vec2 position[2], mean[2] = {{0, 0}, {0, 0}};
     cairn_real both = 0, own = 0, squared_sum = 0;
 
-    for (int32_t i = 0; i < r->count; i++) {
-        positions_of(matcher, end, r->pairs[i], position);
+    for (int32_t i = 0; i < result->count; i++) {
+        positions_of(matcher, end, result->pairs[i], position);
         mean[0] = cairn_vec2_add(mean[0], position[0]);
         mean[1] = cairn_vec2_add(mean[1], position[1]);
     }
-    mean[0] = cairn_vec2_scale(mean[0], 1 / (cairn_real)r->count);
-    mean[1] = cairn_vec2_scale(mean[1], 1 / (cairn_real)r->count);
-    for (int32_t i = 0; i < r->count; i++) {
+    mean[0] = cairn_vec2_scale(mean[0], 1 / (cairn_real)result->count);
+    mean[1] = cairn_vec2_scale(mean[1], 1 / (cairn_real)result->count);
+    for (int32_t i = 0; i < result->count; i++) {
         cairn_vec2 f;
 
-        positions_of(matcher, end, r->pairs[i], position);
+        positions_of(matcher, end, result->pairs[i], position);
         f = cairn_vec2_sub(position[0], mean[0]);
         both += cairn_vec2_dot(f, cairn_vec2_sub(position[1], mean[1]));
         own += cairn_vec2_norm_squared(f);
@@ -327,13 +327,13 @@ static void fit(const cairn_fragment_matcher *matcher, const fragment_match_alig
     match->scale = own > 0 ? both / own : 0;
     match->centroid = cairn_vec2_add(
         mean[1], cairn_vec2_scale(cairn_vec2_sub(matcher->model.centroid, mean[0]), match->scale));
-    for (int32_t i = 0; i < r->count; i++) {
-        positions_of(matcher, end, r->pairs[i], position);
+    for (int32_t i = 0; i < result->count; i++) {
+        positions_of(matcher, end, result->pairs[i], position);
         squared_sum += cairn_vec2_norm_squared(
             cairn_vec2_sub(cairn_vec2_sub(position[1], mean[1]),
                            cairn_vec2_scale(cairn_vec2_sub(position[0], mean[0]), match->scale)));
     }
-    match->rms_residual = cairn_sqrt(squared_sum / (cairn_real)r->count);
+    match->rms_residual = cairn_sqrt(squared_sum / (cairn_real)result->count);
 }
 
 static int step_pair(cairn_fragment_matcher *matcher, cairn_budget *budget)

@@ -13,6 +13,7 @@ enum {
     FRAGMENT_MATCH_WINDOW_RATIO = 3,
     FRAGMENT_MATCH_MAX_SAMPLES = 64
 };
+typedef int32_t fragment_match_phase;
 enum {
     FRAGMENT_MATCH_IDLE,
     FRAGMENT_MATCH_SAMPLE,
@@ -70,8 +71,9 @@ struct cairn_fragment_matcher {
     int32_t next_end;
     int32_t match_count, candidate_count;
     int64_t cell_count;
-    /* Current phase; work units charged for the next work item. */
-    int32_t phase, units_charged;
+    fragment_match_phase phase;
+    /* Work units charged for the next work item. */
+    int32_t units_charged;
 };
 
 /* Returns the quantized direction, 0 ... FRAGMENT_MATCH_DIRECTIONS - 1. */

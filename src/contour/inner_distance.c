@@ -20,6 +20,7 @@
 
 #include "cairn/inner_distance.h"
 
+typedef int32_t inner_distance_phase;
 enum { PHASE_IDLE, PHASE_VISIBILITY, PHASE_PATHS, PHASE_MAXIMUM, PHASE_DONE };
 enum { MIN_POINTS = 3, MAX_POINTS = 2048 };
 /* Work units: a pair of vertices, edges tested for visibility, compared sums. */
@@ -52,7 +53,8 @@ struct cairn_inner_distance {
     cairn_real contact_tolerance;
     cairn_real unreachable; /* Upper bound of any path length: no path yet. */
     cairn_real max_distance;
-    int32_t phase, units_charged;
+    inner_distance_phase phase;
+    int32_t units_charged;
 };
 
 cairn_inner_distance_params cairn_inner_distance_default(void)
@@ -65,9 +67,9 @@ cairn_inner_distance_params cairn_inner_distance_default(void)
     return params;
 }
 
-static cairn_inner_distance *carve(cairn_pool *pool, const cairn_inner_distance_params *p)
+static cairn_inner_distance *carve(cairn_pool *pool, const cairn_inner_distance_params *params)
 {
-    size_t n = (size_t)p->max_points;
+    size_t n = (size_t)params->max_points;
     cairn_inner_distance *inner = cairn_pool_take_one(pool, sizeof *inner);
     inner_vertex *vertices = cairn_pool_take(pool, n, sizeof *vertices);
     cairn_real *distance = cairn_pool_take(pool, n * n, sizeof *distance);
@@ -194,14 +196,14 @@ cairn_status cairn_inner_distance_begin(cairn_inner_distance *inner, const cairn
 /* ---- Visibility graph ---- */
 
 /* Returns 1 if a unit direction enters the shape at a vertex, or runs along one of its edges. */
-static int leads_inside(const cairn_inner_distance *inner, const inner_vertex *v,
+static int leads_inside(const cairn_inner_distance *inner, const inner_vertex *vertex,
                         cairn_vec2 direction)
 {
-    cairn_vec2 in = inner->vertices[v->before].direction;
+    cairn_vec2 in = inner->vertices[vertex->before].direction;
     int of_in = cairn_vec2_cross(in, direction) >= -MAX_STRAIGHT_SINE,
-        of_out = cairn_vec2_cross(v->direction, direction) >= -MAX_STRAIGHT_SINE;
+        of_out = cairn_vec2_cross(vertex->direction, direction) >= -MAX_STRAIGHT_SINE;
 
-    return cairn_vec2_cross(in, v->direction) >= 0 ? of_in && of_out : of_in || of_out;
+    return cairn_vec2_cross(in, vertex->direction) >= 0 ? of_in && of_out : of_in || of_out;
 }
 
 /* A segment between two vertices: start, unit direction, length. */
@@ -211,45 +213,46 @@ typedef struct inner_segment {
 } inner_segment;
 
 /* Returns the signed distance of a point to the line of a segment. */
-static cairn_real lateral_offset(const inner_segment *s, cairn_vec2 p)
+static cairn_real lateral_offset(const inner_segment *segment, cairn_vec2 p)
 {
-    return cairn_vec2_cross(s->along, cairn_vec2_sub(p, s->from));
+    return cairn_vec2_cross(segment->along, cairn_vec2_sub(p, segment->from));
 }
 
 /* Returns the position of a point along a segment. */
-static cairn_real position_along(const inner_segment *s, cairn_vec2 p)
+static cairn_real position_along(const inner_segment *segment, cairn_vec2 p)
 {
-    return cairn_vec2_dot(s->along, cairn_vec2_sub(p, s->from));
+    return cairn_vec2_dot(segment->along, cairn_vec2_sub(p, segment->from));
 }
 
-static int is_within(const inner_segment *s, cairn_real place)
+static int is_within(const inner_segment *segment, cairn_real place)
 {
-    return place >= 0 && place <= s->length;
+    return place >= 0 && place <= segment->length;
 }
 
 /* Returns 1 if the segment touches an edge whose ends have lateral offsets a and b. */
-static int intersects(const inner_segment *s, cairn_vec2 from, cairn_vec2 to, cairn_real a,
+static int intersects(const inner_segment *segment, cairn_vec2 from, cairn_vec2 to, cairn_real a,
                       cairn_real b, cairn_real tolerance)
 {
     if ((a > tolerance && b > tolerance) || (a < -tolerance && b < -tolerance))
         return 0;
     if (cairn_abs(a) <= tolerance || cairn_abs(b) <= tolerance)
-        return (cairn_abs(a) <= tolerance && is_within(s, position_along(s, from))) ||
-               (cairn_abs(b) <= tolerance && is_within(s, position_along(s, to)));
-    return is_within(s, (position_along(s, from) * b - position_along(s, to) * a) / (b - a));
+        return (cairn_abs(a) <= tolerance && is_within(segment, position_along(segment, from))) ||
+               (cairn_abs(b) <= tolerance && is_within(segment, position_along(segment, to)));
+    return is_within(
+        segment, (position_along(segment, from) * b - position_along(segment, to) * a) / (b - a));
 }
 
 /* Returns whether an edge blocks the segment between vertices i and k. */
-static int is_blocking(const cairn_inner_distance *inner, const inner_segment *s, int32_t side,
-                       int32_t i, int32_t k)
+static int is_blocking(const cairn_inner_distance *inner, const inner_segment *segment,
+                       int32_t side, int32_t i, int32_t k)
 {
     const inner_vertex *v = &inner->vertices[side];
     cairn_vec2 to = inner->vertices[v->after].position;
 
     if (side == i || side == k || v->after == i || v->after == k)
         return 0;
-    return intersects(s, v->position, to, lateral_offset(s, v->position), lateral_offset(s, to),
-                      inner->contact_tolerance);
+    return intersects(segment, v->position, to, lateral_offset(segment, v->position),
+                      lateral_offset(segment, to), inner->contact_tolerance);
 }
 
 /* Neighbouring segments are mostly blocked by the same edge: it is tested first. */
@@ -360,7 +363,7 @@ cairn_status cairn_inner_distance_step(cairn_inner_distance *inner, cairn_budget
 
 cairn_inner_distance_result cairn_inner_distance_read(const cairn_inner_distance *inner)
 {
-    cairn_inner_distance_result result = {NULL, 0, 0, 0};
+    cairn_inner_distance_result result = {0};
 
     if (inner != NULL && inner->phase == PHASE_DONE) {
         result.distance = inner->distance;

@@ -28,6 +28,7 @@ enum {
     MAX_SAMPLES_EACH = 64,
     POINTS_PER_UNIT = 4
 };
+typedef int32_t part_bundle_phase;
 enum { PHASE_IDLE, PHASE_EVOLVE, PHASE_SELECT_VERTICES, PHASE_SAMPLE, PHASE_DONE };
 
 static const cairn_real MAX_COORDINATE = CAIRN_REAL(1e9);
@@ -47,7 +48,8 @@ struct cairn_part_bundle_builder {
     int32_t count, vertex_count, fragment_count, bundles;
     cairn_vec2 centroid;
     int32_t next_fragment; /* next fragment to sample */
-    int32_t phase, charged_units;
+    part_bundle_phase phase;
+    int32_t units_charged;
 };
 
 cairn_part_bundle_params cairn_part_bundle_default(void)
@@ -369,7 +371,7 @@ cairn_status cairn_part_bundle_begin(cairn_part_bundle_builder *builder, const c
     memcpy(builder->points, points, (size_t)count * sizeof *points);
     builder->count = count;
     builder->vertex_count = builder->fragment_count = builder->bundles = builder->next_fragment =
-        builder->charged_units = 0;
+        builder->units_charged = 0;
     measure_outline(builder);
     builder->phase = PHASE_EVOLVE;
     if (cuts != NULL)
@@ -390,7 +392,7 @@ cairn_status cairn_part_bundle_step(cairn_part_bundle_builder *builder, cairn_bu
     }
     if (builder->phase == PHASE_SELECT_VERTICES) {
         if (!cairn_budget_charge(
-                budget, &builder->charged_units,
+                budget, &builder->units_charged,
                 1 + (builder->count + MAX_FRAGMENT_PIECES * level_of(&builder->params)) /
                         POINTS_PER_UNIT))
             return CAIRN_MORE;
@@ -401,7 +403,7 @@ cairn_status cairn_part_bundle_step(cairn_part_bundle_builder *builder, cairn_bu
             builder->phase = PHASE_DONE;
             break;
         }
-        if (!cairn_budget_charge(budget, &builder->charged_units,
+        if (!cairn_budget_charge(budget, &builder->units_charged,
                                  1 + (builder->count + builder->params.samples_each) /
                                          POINTS_PER_UNIT))
             return CAIRN_MORE;

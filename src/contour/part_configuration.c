@@ -337,7 +337,7 @@ static int step_gather(cairn_part_configurator *configurator, cairn_budget *budg
         configurator->params.nearest +
         (configurator->params.search == CAIRN_PART_SEARCH_MODES ? configurator->mode_count : 0);
 
-    if (!cairn_budget_charge(budget, &configurator->charged_units, cost > 0 ? cost : 1 + end))
+    if (!cairn_budget_charge(budget, &configurator->units_charged, cost > 0 ? cost : 1 + end))
         return 0;
     if (cost > 0)
         cairn_part_configuration_query_next(configurator);
@@ -355,7 +355,7 @@ static int step_enumerate(cairn_part_configurator *configurator, cairn_budget *b
                     : ends ? 1 + configurator->found_count / COMPARISONS_PER_UNIT
                            : 1;
 
-    if (!cairn_budget_charge(budget, &configurator->charged_units, units))
+    if (!cairn_budget_charge(budget, &configurator->units_charged, units))
         return 0;
     if (!ends) {
         configurator->visited_count++;
@@ -375,7 +375,7 @@ static int step_index(cairn_part_configurator *configurator, cairn_budget *budge
 {
     int32_t buckets = (int32_t)configurator->mask + 1;
 
-    if (!cairn_budget_charge(budget, &configurator->charged_units,
+    if (!cairn_budget_charge(budget, &configurator->units_charged,
                              configurator->exhaustive != NULL
                                  ? cairn_part_configuration_exhaustive_units(configurator)
                                  : 1))
@@ -399,7 +399,7 @@ static int step_index(cairn_part_configurator *configurator, cairn_budget *budge
 
 static int step_sort(cairn_part_configurator *configurator, cairn_budget *budget)
 {
-    if (!cairn_budget_charge(budget, &configurator->charged_units,
+    if (!cairn_budget_charge(budget, &configurator->units_charged,
                              cairn_part_configuration_exhaustive_units(configurator)))
         return 0;
     if (!cairn_part_configuration_exhaustive_sort(configurator))
@@ -446,7 +446,7 @@ cairn_status cairn_part_configuration_begin(cairn_part_configurator *configurato
     configurator->votes = votes;
     configurator->count = count;
     configurator->index_cursor = configurator->mode_count = configurator->found_count =
-        configurator->seed_count = configurator->truncated_count = configurator->charged_units = 0;
+        configurator->seed_count = configurator->truncated_count = configurator->units_charged = 0;
     configurator->node_count = configurator->pair_count = 0;
     if (configurator->exhaustive != NULL) {
         configurator->exhaustive->enumerated_count = 0;

@@ -78,10 +78,10 @@ void cairn_part_configuration_begin_tree(cairn_part_configurator *configurator)
 
 /* Node after adding a vote: incremental update of the weighted mean and of the scatter. */
 static part_configuration_node add_vote(const part_configuration_node *node,
-                                        const part_configuration_near_vote *n, cairn_real weight)
+                                        const part_configuration_near_vote *vote, cairn_real weight)
 {
-    cairn_real sum = node->weight + weight, x = n->x - node->x, y = n->y - node->y,
-               log_scale = n->log_scale - node->log_scale;
+    cairn_real sum = node->weight + weight, x = vote->x - node->x, y = vote->y - node->y,
+               log_scale = vote->log_scale - node->log_scale;
     part_configuration_node added = *node;
 
     added.scatter += node->weight * weight / sum * (x * x + y * y + log_scale * log_scale);
@@ -123,13 +123,13 @@ static cairn_real overlap_of(const cairn_part_configuration_vote *a,
 /* Returns 1 when a vote shares no chain interval with the parts chosen so far. */
 static int is_compatible(const cairn_part_configurator *configurator,
                          const part_configuration_node *node,
-                         const cairn_part_configuration_vote *v)
+                         const cairn_part_configuration_vote *vote)
 {
     for (int32_t i = 0; i < node->part_count; i++) {
         const cairn_part_configuration_vote *u = vote_of(configurator, configurator->chosen[i]);
 
-        if (u->chain == v->chain &&
-            (is_as_written(configurator) || overlap_of(u, v) > configurator->params.overlap))
+        if (u->chain == vote->chain &&
+            (is_as_written(configurator) || overlap_of(u, vote) > configurator->params.overlap))
             return 0;
     }
     return 1;

@@ -7,6 +7,7 @@
 
 /* Greatest number of parts of a configuration. */
 enum { PART_CONFIGURATION_MAX_PARTS = 64 };
+typedef int32_t part_configuration_phase;
 enum {
     PART_CONFIGURATION_IDLE,
     PART_CONFIGURATION_INDEX,
@@ -83,7 +84,8 @@ struct cairn_part_configurator {
     part_configuration_vote_point *modes;
     /* [max_found] */
     cairn_part_configuration *found;
-    /* [max_found * PART_CONFIGURATION_MAX_PARTS] votes of slot k from k * PART_CONFIGURATION_MAX_PARTS on */
+    /* [max_found * PART_CONFIGURATION_MAX_PARTS] votes of slot k from
+     * k * PART_CONFIGURATION_MAX_PARTS on */
     int32_t *found_votes;
     uint32_t mask;
     int32_t count, index_cursor, seed, mode_count, shift_count;
@@ -103,7 +105,8 @@ struct cairn_part_configurator {
     int32_t best_votes[PART_CONFIGURATION_MAX_PARTS], best_count;
     int32_t found_count, seed_count, truncated_count;
     int64_t node_count, pair_count;
-    int32_t phase, charged_units;
+    part_configuration_phase phase;
+    int32_t units_charged;
     /* NULL in the default mode */
     part_configuration_exhaustive *exhaustive;
 };
@@ -130,7 +133,7 @@ cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurat
 /* ---- As written (part_configuration_exhaustive.c) ---- */
 
 void cairn_part_configuration_exhaustive_carve(cairn_pool *pool,
-                                               const cairn_part_configuration_params *p,
+                                               const cairn_part_configuration_params *params,
                                                part_configuration_exhaustive **exhaustive);
 /* Clears the seeds of a vote. */
 void cairn_part_configuration_exhaustive_clear(cairn_part_configurator *configurator, int32_t vote);

@@ -54,37 +54,40 @@ cairn_self_similarity_params cairn_self_similarity_as_written(void)
     return params;
 }
 
-static int params_are_valid(const cairn_self_similarity_params *p)
+static int params_are_valid(const cairn_self_similarity_params *params)
 {
-    return p != NULL && (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
-           p->outline_samples >= MIN_SAMPLES && p->outline_samples <= MAX_SAMPLES &&
-           (p->hole_samples == 0 ||
-            (p->hole_samples >= MIN_HOLE_SAMPLES && p->hole_samples <= MAX_SAMPLES)) &&
-           p->min_vertices >= MIN_VERTICES && p->max_vertices >= p->min_vertices &&
-           p->max_vertices <= SELF_SIMILARITY_MAX_VERTICES &&
-           p->max_vertices <= p->outline_samples && p->tie_ratio >= 0 &&
-           cairn_is_finite(p->tie_ratio) && p->tie_floor >= 0 && cairn_is_finite(p->tie_floor) &&
-           p->separation > 0 && p->separation <= CAIRN_REAL(0.25);
+    return params != NULL &&
+           (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN) &&
+           params->outline_samples >= MIN_SAMPLES && params->outline_samples <= MAX_SAMPLES &&
+           (params->hole_samples == 0 ||
+            (params->hole_samples >= MIN_HOLE_SAMPLES && params->hole_samples <= MAX_SAMPLES)) &&
+           params->min_vertices >= MIN_VERTICES && params->max_vertices >= params->min_vertices &&
+           params->max_vertices <= SELF_SIMILARITY_MAX_VERTICES &&
+           params->max_vertices <= params->outline_samples && params->tie_ratio >= 0 &&
+           cairn_is_finite(params->tie_ratio) && params->tie_floor >= 0 &&
+           cairn_is_finite(params->tie_floor) && params->separation > 0 &&
+           params->separation <= CAIRN_REAL(0.25);
 }
 
-static cairn_inner_distance_params inner_params(const cairn_self_similarity_params *p)
+static cairn_inner_distance_params inner_params(const cairn_self_similarity_params *params)
 {
     cairn_inner_distance_params inner = {
-        .max_points = p->outline_samples + p->hole_samples,
-        .fill_holes = p->hole_samples == 0,
+        .max_points = params->outline_samples + params->hole_samples,
+        .fill_holes = params->hole_samples == 0,
     };
 
     return inner;
 }
 
-static cairn_self_similarity *carve(cairn_pool *pool, const cairn_self_similarity_params *p)
+static cairn_self_similarity *carve(cairn_pool *pool, const cairn_self_similarity_params *params)
 {
-    size_t n = (size_t)p->outline_samples;
+    size_t n = (size_t)params->outline_samples;
     cairn_self_similarity *similarity = cairn_pool_take_one(pool, sizeof *similarity);
-    cairn_vec2 *samples = cairn_pool_take(pool, n + (size_t)p->hole_samples, sizeof *samples);
-    cairn_vec2 *next = cairn_pool_take(pool, n + (size_t)p->hole_samples, sizeof *next);
+    cairn_vec2 *samples = cairn_pool_take(pool, n + (size_t)params->hole_samples, sizeof *samples);
+    cairn_vec2 *next = cairn_pool_take(pool, n + (size_t)params->hole_samples, sizeof *next);
     cairn_vec2 *smooth = cairn_pool_take(pool, n, sizeof *smooth);
-    cairn_vec2 *flat_holes = cairn_pool_take(pool, (size_t)p->hole_samples, sizeof *flat_holes);
+    cairn_vec2 *flat_holes =
+        cairn_pool_take(pool, (size_t)params->hole_samples, sizeof *flat_holes);
     cairn_vec2 *flat = cairn_pool_take(pool, 3 * (n + FLAT_ENDS), sizeof *flat);
     cairn_real *descriptor_distance = cairn_pool_take(pool, n * n, sizeof *descriptor_distance);
     cairn_real *dtw_sum = cairn_pool_take(pool, 2 * n, sizeof *dtw_sum);

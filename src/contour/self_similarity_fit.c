@@ -59,15 +59,16 @@ static cairn_real *row_of(const cairn_self_similarity *similarity, int32_t row)
 
 /* Computes the residuals (row 0) and the Jacobian (row 1 + v: derivative with respect to
  * variable v) by forward differences; returns the number of residuals. */
-static int32_t compute_jacobian(cairn_self_similarity *similarity, const self_similarity_trial *t)
+static int32_t compute_jacobian(cairn_self_similarity *similarity,
+                                const self_similarity_trial *trial)
 {
-    int32_t count = t->sides.count[0] + t->sides.count[1];
+    int32_t count = trial->sides.count[0] + trial->sides.count[1];
     const cairn_real *here = row_of(similarity, 0);
 
-    compute_residuals(similarity, &t->axis_arcs, t->nearest_segment, row_of(similarity, 0));
+    compute_residuals(similarity, &trial->axis_arcs, trial->nearest_segment, row_of(similarity, 0));
     for (int32_t v = 0; v < VARIABLES; v++) {
         cairn_real *change = row_of(similarity, 1 + v);
-        self_similarity_cut moved = t->cut;
+        self_similarity_cut moved = trial->cut;
         self_similarity_axis_arcs perturbed;
 
         *variable(&moved, v) += DIFFERENCE_STEP * unit[v];
@@ -76,8 +77,8 @@ static int32_t compute_jacobian(cairn_self_similarity *similarity, const self_si
                                      ? (cairn_real)similarity->params.outline_samples
                                      : 0;
         perturbed =
-            cairn_self_similarity_unbend(similarity, &moved, &t->sides, similarity->perturbed);
-        compute_residuals(similarity, &perturbed, t->nearest_segment, change);
+            cairn_self_similarity_unbend(similarity, &moved, &trial->sides, similarity->perturbed);
+        compute_residuals(similarity, &perturbed, trial->nearest_segment, change);
         for (int32_t i = 0; i < count; i++)
             change[i] = (change[i] - here[i]) / DIFFERENCE_STEP;
     }

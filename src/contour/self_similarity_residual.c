@@ -64,19 +64,19 @@ static axis_frame axis_frame_of(cairn_vec2 from, cairn_vec2 to, cairn_real bend,
 
 /* Transforms a point to axis coordinates: x along the axis from its middle, y to the left, skew
  * removed. */
-static cairn_vec2 to_axis_coordinates(const axis_frame *f, cairn_vec2 p)
+static cairn_vec2 to_axis_coordinates(const axis_frame *frame, cairn_vec2 p)
 {
-    cairn_vec2 v = cairn_vec2_sub(p, f->origin), flat;
+    cairn_vec2 v = cairn_vec2_sub(p, frame->origin), flat;
 
-    if (f->radius == 0) {
-        flat.x = cairn_vec2_dot(f->along, v) - f->half;
-        flat.y = cairn_vec2_cross(f->along, v);
+    if (frame->radius == 0) {
+        flat.x = cairn_vec2_dot(frame->along, v) - frame->half;
+        flat.y = cairn_vec2_cross(frame->along, v);
     } else {
-        flat.x =
-            f->radius * cairn_atan2(cairn_vec2_cross(f->along, v), cairn_vec2_dot(f->along, v));
-        flat.y = f->radius + (f->radius > 0 ? -cairn_vec2_norm(v) : cairn_vec2_norm(v));
+        flat.x = frame->radius *
+                 cairn_atan2(cairn_vec2_cross(frame->along, v), cairn_vec2_dot(frame->along, v));
+        flat.y = frame->radius + (frame->radius > 0 ? -cairn_vec2_norm(v) : cairn_vec2_norm(v));
     }
-    flat.x -= f->skew * flat.y;
+    flat.x -= frame->skew * flat.y;
     return flat;
 }
 
@@ -211,36 +211,38 @@ static cairn_real hole_residual_sum(cairn_self_similarity *similarity,
     return sum;
 }
 
-void cairn_self_similarity_evaluate(cairn_self_similarity *similarity, self_similarity_trial *t,
+void cairn_self_similarity_evaluate(cairn_self_similarity *similarity, self_similarity_trial *trial,
                                     int32_t stride)
 {
     cairn_real sum = 0, inlier_sum = 0, robust_sum = 0,
                most = TRUNCATION_DEFAULT * similarity->max_distance;
-    cairn_real bend = cairn_abs(t->cut.bend), penalty, all;
+    cairn_real bend = cairn_abs(trial->cut.bend), penalty, all;
     int32_t count = 0;
 
-    t->sides = cairn_self_similarity_sides(similarity, &t->cut, stride);
-    t->axis_arcs = cairn_self_similarity_unbend(similarity, &t->cut, &t->sides, t->buffer);
+    trial->sides = cairn_self_similarity_sides(similarity, &trial->cut, stride);
+    trial->axis_arcs =
+        cairn_self_similarity_unbend(similarity, &trial->cut, &trial->sides, trial->buffer);
     for (int32_t arc = 0; arc < 2; arc++)
-        for (int32_t i = 1; i + 1 < t->axis_arcs.count[arc]; i++) {
+        for (int32_t i = 1; i + 1 < trial->axis_arcs.count[arc]; i++) {
             cairn_real distance;
 
-            t->nearest_segment[count++] = nearest_segment(&t->axis_arcs, arc, i, &distance);
+            trial->nearest_segment[count++] = nearest_segment(&trial->axis_arcs, arc, i, &distance);
             sum += cairn_min(distance, most);
             inlier_sum += cairn_min(distance, TRUNCATION_INLIER * similarity->max_distance);
             robust_sum += cairn_min(distance, TRUNCATION_ROBUST * similarity->max_distance);
         }
     all = (cairn_real)count * similarity->max_distance;
     penalty =
-        BEND_COST * bend / (1 + bend / BEND_HALF_COST_RAD) + SKEW_COST * cairn_abs(t->cut.skew);
-    t->cut.truncated_residual = count > 0 ? inlier_sum / all : TRUNCATION_INLIER;
+        BEND_COST * bend / (1 + bend / BEND_HALF_COST_RAD) + SKEW_COST * cairn_abs(trial->cut.skew);
+    trial->cut.truncated_residual = count > 0 ? inlier_sum / all : TRUNCATION_INLIER;
     robust_sum = count > 0 ? robust_sum / all : TRUNCATION_ROBUST;
-    sum += similarity->hole_total > 0 ? hole_residual_sum(similarity, &t->cut, most, &count) : 0;
+    sum +=
+        similarity->hole_total > 0 ? hole_residual_sum(similarity, &trial->cut, most, &count) : 0;
     similarity->comparison_count++;
-    t->cut.mirror_residual =
+    trial->cut.mirror_residual =
         count > 0 ? sum / ((cairn_real)count * similarity->max_distance) : TRUNCATION_DEFAULT;
-    t->cut.mirror_cost = t->cut.mirror_residual + penalty;
-    t->cut.cost = similarity->robust ? robust_sum + penalty : t->cut.mirror_cost;
+    trial->cut.mirror_cost = trial->cut.mirror_residual + penalty;
+    trial->cut.cost = similarity->robust ? robust_sum + penalty : trial->cut.mirror_cost;
 }
 
 int32_t cairn_self_similarity_evaluate_cost(const cairn_self_similarity *similarity, int32_t stride)

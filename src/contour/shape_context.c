@@ -32,6 +32,7 @@ enum {
 enum { BINS = CAIRN_SHAPE_CONTEXT_BINS };
 /* Work units of a row: distances, costs, column minima. */
 enum { DISTANCES_PER_UNIT = 6, UNITS_PER_COST = 3, MINIMA_PER_UNIT = 16 };
+typedef int32_t shape_context_phase;
 enum {
     PHASE_IDLE,
     PHASE_MEAN_DISTANCE,
@@ -56,7 +57,8 @@ struct cairn_shape_context {
     /* Mean distance of two points, in the units of the input; sums during PHASE_MEAN_DISTANCE. */
     cairn_real mean_distance[2];
     cairn_real missing_share, distance, symmetric_distance;
-    int32_t phase, shape, row, units_charged;
+    shape_context_phase phase;
+    int32_t shape, row, units_charged;
 };
 
 cairn_shape_context_params cairn_shape_context_default(void)
@@ -71,11 +73,12 @@ cairn_shape_context_params cairn_shape_context_default(void)
     return params;
 }
 
-static int params_are_valid(const cairn_shape_context_params *p)
+static int params_are_valid(const cairn_shape_context_params *params)
 {
-    return p != NULL && p->max_points >= 2 && p->max_points <= MAX_POINTS && p->inner_radius > 0 &&
-           p->outer_radius > p->inner_radius && p->outer_radius <= MAX_COORDINATE &&
-           p->missing_cost >= 0 && p->missing_cost <= MAX_COORDINATE;
+    return params != NULL && params->max_points >= 2 && params->max_points <= MAX_POINTS &&
+           params->inner_radius > 0 && params->outer_radius > params->inner_radius &&
+           params->outer_radius <= MAX_COORDINATE && params->missing_cost >= 0 &&
+           params->missing_cost <= MAX_COORDINATE;
 }
 
 static cairn_assignment_params assignment_params(const cairn_shape_context_params *p)
@@ -89,9 +92,9 @@ static cairn_assignment_params assignment_params(const cairn_shape_context_param
 }
 
 /* Allocates everything but the assignment. */
-static cairn_shape_context *carve(cairn_pool *pool, const cairn_shape_context_params *p)
+static cairn_shape_context *carve(cairn_pool *pool, const cairn_shape_context_params *params)
 {
-    size_t n = (size_t)p->max_points;
+    size_t n = (size_t)params->max_points;
     cairn_shape_context *shape_context = cairn_pool_take_one(pool, sizeof *shape_context);
     cairn_vec2 *points = cairn_pool_take(pool, 2 * n, sizeof *points);
     cairn_real *context = cairn_pool_take(pool, 2 * n * BINS, sizeof *context);
@@ -422,7 +425,7 @@ cairn_status cairn_shape_context_step(cairn_shape_context *shape_context, cairn_
 
 cairn_shape_context_result cairn_shape_context_read(const cairn_shape_context *shape_context)
 {
-    cairn_shape_context_result result = {NULL, 0, 0, 0};
+    cairn_shape_context_result result = {0};
 
     if (shape_context != NULL && shape_context->phase == PHASE_DONE) {
         result.match = shape_context->match;

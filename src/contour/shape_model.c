@@ -53,41 +53,44 @@ cairn_shape_model_builder_params cairn_shape_model_builder_default(void)
     return params;
 }
 
-static int params_are_valid(const cairn_shape_model_builder_params *p)
+static int params_are_valid(const cairn_shape_model_builder_params *params)
 {
-    return p != NULL && p->outline_samples >= SHAPE_MODEL_MIN_OUTLINE_SAMPLES &&
-           p->outline_samples <= 1024 && p->path_samples >= 4 && p->path_samples <= 256 &&
-           p->max_paths >= 1 && p->max_paths <= CAIRN_SHAPE_MODEL_MAX_PATHS &&
-           p->max_deviation > 0 && p->max_deviation < CAIRN_PI / 2 && p->deviation_sigma > 0 &&
-           cairn_is_finite(p->deviation_sigma) && p->min_clearance >= 0 && p->min_clearance <= 1 &&
-           p->min_outline_share > 0 && p->min_outline_share <= 1;
+    return params != NULL && params->outline_samples >= SHAPE_MODEL_MIN_OUTLINE_SAMPLES &&
+           params->outline_samples <= 1024 && params->path_samples >= 4 &&
+           params->path_samples <= 256 && params->max_paths >= 1 &&
+           params->max_paths <= CAIRN_SHAPE_MODEL_MAX_PATHS && params->max_deviation > 0 &&
+           params->max_deviation < CAIRN_PI / 2 && params->deviation_sigma > 0 &&
+           cairn_is_finite(params->deviation_sigma) && params->min_clearance >= 0 &&
+           params->min_clearance <= 1 && params->min_outline_share > 0 &&
+           params->min_outline_share <= 1;
 }
 
 /* Paths share an outline, and each has a least number of samples. */
-int32_t cairn_shape_model_max_samples(const cairn_shape_model_builder_params *p)
+int32_t cairn_shape_model_max_samples(const cairn_shape_model_builder_params *params)
 {
-    return p->path_samples + CAIRN_SHAPE_MODEL_MAX_PATHS * (SHAPE_MODEL_MIN_PATH_SAMPLES + 1);
+    return params->path_samples + CAIRN_SHAPE_MODEL_MAX_PATHS * (SHAPE_MODEL_MIN_PATH_SAMPLES + 1);
 }
 
 /* Returns the greatest number of samples of all outlines. */
-static int32_t max_outline_samples(const cairn_shape_model_builder_params *p)
+static int32_t max_outline_samples(const cairn_shape_model_builder_params *params)
 {
-    return p->outline_samples +
+    return params->outline_samples +
            CAIRN_SHAPE_MODEL_MAX_OUTLINES * (SHAPE_MODEL_MIN_OUTLINE_SAMPLES + 1);
 }
 
-static cairn_shape_model_builder *carve(cairn_pool *pool, const cairn_shape_model_builder_params *p)
+static cairn_shape_model_builder *carve(cairn_pool *pool,
+                                        const cairn_shape_model_builder_params *params)
 {
-    size_t side = (size_t)p->outline_samples + SHAPE_MODEL_MIN_OUTLINE_SAMPLES;
+    size_t side = (size_t)params->outline_samples + SHAPE_MODEL_MIN_OUTLINE_SAMPLES;
     cairn_shape_model_builder *builder = cairn_pool_take_one(pool, sizeof *builder);
     cairn_oriented_point *outline =
-        cairn_pool_take(pool, (size_t)max_outline_samples(p), sizeof *outline);
+        cairn_pool_take(pool, (size_t)max_outline_samples(params), sizeof *outline);
     cairn_real *gain = cairn_pool_take(pool, side * side, sizeof *gain);
     cairn_real *dp_value = cairn_pool_take(pool, 3 * side, sizeof *dp_value);
     uint8_t *dp_move = cairn_pool_take(pool, side * side, sizeof *dp_move);
     shape_model_pair *path_pairs = cairn_pool_take(pool, 2 * side, sizeof *path_pairs);
     cairn_shape_model_sample *samples =
-        cairn_pool_take(pool, (size_t)cairn_shape_model_max_samples(p), sizeof *samples);
+        cairn_pool_take(pool, (size_t)cairn_shape_model_max_samples(params), sizeof *samples);
     cairn_shape_model_path *paths =
         cairn_pool_take(pool, CAIRN_SHAPE_MODEL_MAX_PATHS, sizeof *paths);
 
@@ -396,17 +399,18 @@ static cairn_status check_sample(const cairn_shape_model_sample *s, int64_t inde
     return CAIRN_OK;
 }
 
-static cairn_status check_path(const cairn_shape_model *m, int32_t index, cairn_fault *fault)
+static cairn_status check_path(const cairn_shape_model *model, int32_t index, cairn_fault *fault)
 {
-    const cairn_shape_model_path *p = &m->paths[index];
+    const cairn_shape_model_path *p = &model->paths[index];
 
-    if (p->first < 0 || p->count < 1 || p->first > m->sample_count ||
-        p->count > m->sample_count - p->first)
+    if (p->first < 0 || p->count < 1 || p->first > model->sample_count ||
+        p->count > model->sample_count - p->first)
         return cairn_refuse(fault, index,
                             "a path beyond the samples, expected at least one of them",
                             CAIRN_BAD_ARGUMENT);
     if (p->parent < -1 || p->parent >= index || (p->parent < 0) != (p->branch < 0) ||
-        (p->parent >= 0 && p->branch >= m->paths[p->parent].count) || !is_share(p->outline_share))
+        (p->parent >= 0 && p->branch >= model->paths[p->parent].count) ||
+        !is_share(p->outline_share))
         return cairn_refuse(
             fault, index, "a path that branches off nowhere, expected a sample of a path before it",
             CAIRN_BAD_ARGUMENT);
@@ -414,12 +418,12 @@ static cairn_status check_path(const cairn_shape_model *m, int32_t index, cairn_
 }
 
 /* Validates the gaps of a model. */
-static int gaps_are_valid(const cairn_shape_model *m)
+static int gaps_are_valid(const cairn_shape_model *model)
 {
-    int32_t good = m->gap_count >= 0 && m->gap_count <= CAIRN_SHAPE_MODEL_MAX_GAPS;
+    int32_t good = model->gap_count >= 0 && model->gap_count <= CAIRN_SHAPE_MODEL_MAX_GAPS;
 
-    for (int32_t i = 0; good && i < m->gap_count; i++)
-        good = cairn_is_finite(m->gaps[i].x) && cairn_is_finite(m->gaps[i].y);
+    for (int32_t i = 0; good && i < model->gap_count; i++)
+        good = cairn_is_finite(model->gaps[i].x) && cairn_is_finite(model->gaps[i].y);
     return good;
 }
 
@@ -448,18 +452,19 @@ cairn_status cairn_shape_model_check(const cairn_shape_model *m, cairn_fault *fa
     return status;
 }
 
-int32_t cairn_shape_model_first_outline(const cairn_shape_model *m)
+int32_t cairn_shape_model_first_outline(const cairn_shape_model *model)
 {
     cairn_real mean = 0;
-    int32_t count = m->outline_count > 0;
+    int32_t count = model->outline_count > 0;
 
-    for (int32_t i = 1; i < m->outline_count; i++)
-        mean +=
-            cairn_vec2_norm(cairn_vec2_sub(m->outline[i].position, m->outline[i - 1].position)) /
-            (cairn_real)m->outline_count;
-    while (count < m->outline_count &&
-           cairn_vec2_norm(cairn_vec2_sub(m->outline[count].position,
-                                          m->outline[count - 1].position)) <= MAX_STEP_RATIO * mean)
+    for (int32_t i = 1; i < model->outline_count; i++)
+        mean += cairn_vec2_norm(
+                    cairn_vec2_sub(model->outline[i].position, model->outline[i - 1].position)) /
+                (cairn_real)model->outline_count;
+    while (count < model->outline_count &&
+           cairn_vec2_norm(cairn_vec2_sub(model->outline[count].position,
+                                          model->outline[count - 1].position)) <=
+               MAX_STEP_RATIO * mean)
         count++;
     return count;
 }

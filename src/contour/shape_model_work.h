@@ -22,6 +22,9 @@ typedef struct shape_model_pair {
     int32_t low, high;
 } shape_model_pair;
 
+/* Phase of a construction (shape_model.c). */
+typedef int32_t shape_model_phase;
+
 struct cairn_shape_model_builder {
     cairn_shape_model_builder_params params;
     /* All outlines, consecutively. */
@@ -56,7 +59,7 @@ struct cairn_shape_model_builder {
     int32_t best_end[2];
     /* Value of the best path so far. */
     cairn_real best_value;
-    int32_t phase;
+    shape_model_phase phase;
     /* Work units charged for the next work item. */
     int32_t units_charged;
 };

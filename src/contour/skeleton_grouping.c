@@ -101,52 +101,53 @@ static int is_count(int32_t n, int32_t most)
     return n >= 1 && n <= most;
 }
 
-static int params_are_valid(const cairn_skeleton_grouping_params *p)
+static int params_are_valid(const cairn_skeleton_grouping_params *params)
 {
-    return p != NULL && is_count(p->max_width, 8192) && is_count(p->max_height, 8192) &&
-           is_count(p->max_edgels, 1 << 24) && is_count(p->max_centres, 1 << 20) &&
-           is_count(p->max_lines, 4096) && is_count(p->max_parts, 4096) &&
-           is_count(p->max_points, 1 << 20) && is_count(p->max_steps, 1024) &&
-           is_count(p->particle_count, 1024) &&
-           (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
-           is_positive(p->duality_sigma) && is_positive(p->step_sigma) &&
-           is_positive(p->radius_sigma) && is_positive(p->symmetry_sigma) &&
-           is_share(p->detection_probability) && is_share(p->polarity_flip_probability) &&
-           p->contrast_weight >= 0 && cairn_is_finite(p->contrast_weight) &&
-           is_positive(p->stop_log_odds) && p->min_log_odds >= 0 &&
-           cairn_is_finite(p->min_log_odds) && p->min_mirror_ratio >= 0 && p->min_mirror_ratio <= 1;
+    return params != NULL && is_count(params->max_width, 8192) &&
+           is_count(params->max_height, 8192) && is_count(params->max_edgels, 1 << 24) &&
+           is_count(params->max_centres, 1 << 20) && is_count(params->max_lines, 4096) &&
+           is_count(params->max_parts, 4096) && is_count(params->max_points, 1 << 20) &&
+           is_count(params->max_steps, 1024) && is_count(params->particle_count, 1024) &&
+           (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN) &&
+           is_positive(params->duality_sigma) && is_positive(params->step_sigma) &&
+           is_positive(params->radius_sigma) && is_positive(params->symmetry_sigma) &&
+           is_share(params->detection_probability) && is_share(params->polarity_flip_probability) &&
+           params->contrast_weight >= 0 && cairn_is_finite(params->contrast_weight) &&
+           is_positive(params->stop_log_odds) && params->min_log_odds >= 0 &&
+           cairn_is_finite(params->min_log_odds) && params->min_mirror_ratio >= 0 &&
+           params->min_mirror_ratio <= 1;
 }
 
 /* Returns the params of the particle filter. */
-static cairn_particle_filter_params filter_params(const cairn_skeleton_grouping_params *p)
+static cairn_particle_filter_params filter_params(const cairn_skeleton_grouping_params *params)
 {
     cairn_particle_filter_params f = cairn_particle_filter_default();
 
-    f.particles = f.max_particles = p->particle_count;
-    f.max_blocks = (p->max_steps + 2) * p->particle_count;
-    if (p->mode == CAIRN_MODE_AS_WRITTEN) {
+    f.particles = f.max_particles = params->particle_count;
+    f.max_blocks = (params->max_steps + 2) * params->particle_count;
+    if (params->mode == CAIRN_MODE_AS_WRITTEN) {
         /* Prior boosting: all followers are kept, each with its weight. */
         f.proposal = CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR;
         f.adaptive_followers = 0;
         f.max_followers = SKELETON_GROUPING_WRITTEN_MAX_FOLLOWERS;
-        f.max_candidates = p->particle_count * SKELETON_GROUPING_WRITTEN_MAX_FOLLOWERS;
+        f.max_candidates = params->particle_count * SKELETON_GROUPING_WRITTEN_MAX_FOLLOWERS;
         f.state_bytes = (int32_t)sizeof(skeleton_grouping_written_state);
         return f;
     }
     f.max_followers = SKELETON_GROUPING_MAX_FOLLOWERS;
-    f.max_candidates = p->particle_count * SKELETON_GROUPING_MAX_CANDIDATES;
+    f.max_candidates = params->particle_count * SKELETON_GROUPING_MAX_CANDIDATES;
     f.state_bytes = (int32_t)sizeof(skeleton_grouping_state);
     return f;
 }
 
 /* Lengths are in pixels instead of metres. */
-static cairn_polyline_params line_params(const cairn_skeleton_grouping_params *p)
+static cairn_polyline_params line_params(const cairn_skeleton_grouping_params *params)
 {
     cairn_polyline_params line = cairn_polyline_default();
 
     line.dim = 3;
-    line.max_points = p->max_centres;
-    line.max_segments = p->max_lines;
+    line.max_points = params->max_centres;
+    line.max_segments = params->max_lines;
     line.min_points = 5;
     line.max_iterations = 15;
     line.min_length = 4;
@@ -169,11 +170,11 @@ static int32_t cell_count(int32_t side)
 }
 
 static cairn_particle_filter *carve_filter(cairn_pool *pool,
-                                           const cairn_skeleton_grouping_params *p,
+                                           const cairn_skeleton_grouping_params *params,
                                            cairn_skeleton_grouping *skeleton)
 {
-    cairn_particle_filter_params f = filter_params(p);
-    cairn_particle_filter_model model = p->mode == CAIRN_MODE_AS_WRITTEN
+    cairn_particle_filter_params f = filter_params(params);
+    cairn_particle_filter_model model = params->mode == CAIRN_MODE_AS_WRITTEN
                                             ? cairn_skeleton_grouping_written_model(skeleton)
                                             : cairn_skeleton_grouping_model(skeleton);
     cairn_particle_filter *filter = NULL;
@@ -189,9 +190,10 @@ static cairn_particle_filter *carve_filter(cairn_pool *pool,
     return filter;
 }
 
-static cairn_polyline *carve_polyline(cairn_pool *pool, const cairn_skeleton_grouping_params *p)
+static cairn_polyline *carve_polyline(cairn_pool *pool,
+                                      const cairn_skeleton_grouping_params *params)
 {
-    cairn_polyline_params line = line_params(p);
+    cairn_polyline_params line = line_params(params);
     cairn_polyline *polyline = NULL;
     cairn_status status;
 
@@ -205,19 +207,23 @@ static cairn_polyline *carve_polyline(cairn_pool *pool, const cairn_skeleton_gro
     return polyline;
 }
 
-static cairn_skeleton_grouping *carve(cairn_pool *pool, const cairn_skeleton_grouping_params *p)
+static cairn_skeleton_grouping *carve(cairn_pool *pool,
+                                      const cairn_skeleton_grouping_params *params)
 {
-    size_t lists = (size_t)cell_count(p->max_width) * (size_t)cell_count(p->max_height) + 1;
-    int written = p->mode == CAIRN_MODE_AS_WRITTEN;
-    size_t parts = (size_t)p->max_parts, points = (size_t)p->max_points;
+    size_t lists =
+        (size_t)cell_count(params->max_width) * (size_t)cell_count(params->max_height) + 1;
+    int written = params->mode == CAIRN_MODE_AS_WRITTEN;
+    size_t parts = (size_t)params->max_parts, points = (size_t)params->max_points;
     cairn_skeleton_grouping *skeleton = cairn_pool_take_one(pool, sizeof *skeleton);
-    skeleton_grouping_edgel *edgels = cairn_pool_take(pool, (size_t)p->max_edgels, sizeof *edgels);
+    skeleton_grouping_edgel *edgels =
+        cairn_pool_take(pool, (size_t)params->max_edgels, sizeof *edgels);
     int32_t *first = cairn_pool_take(pool, lists, sizeof *first);
     skeleton_grouping_centre *centres =
-        cairn_pool_take(pool, (size_t)p->max_centres, sizeof *centres);
-    skeleton_grouping_seed *starts = cairn_pool_take(pool, (size_t)p->max_lines, sizeof *starts);
+        cairn_pool_take(pool, (size_t)params->max_centres, sizeof *centres);
+    skeleton_grouping_seed *starts =
+        cairn_pool_take(pool, (size_t)params->max_lines, sizeof *starts);
     skeleton_grouping_state *path =
-        written ? NULL : cairn_pool_take(pool, (size_t)p->max_steps + 1, sizeof *path);
+        written ? NULL : cairn_pool_take(pool, (size_t)params->max_steps + 1, sizeof *path);
     skeleton_grouping_written *work = written ? cairn_pool_take_one(pool, sizeof *work) : NULL;
     skeleton_grouping_disc *discs = cairn_pool_take(pool, points, sizeof *discs);
     skeleton_grouping_part *candidates = cairn_pool_take(pool, parts, sizeof *candidates);
@@ -226,8 +232,8 @@ static cairn_skeleton_grouping *carve(cairn_pool *pool, const cairn_skeleton_gro
     cairn_skeleton_grouping_object *objects = cairn_pool_take(pool, parts, sizeof *objects);
     int32_t *group = cairn_pool_take(pool, parts, sizeof *group);
     int32_t *bright = cairn_pool_take(pool, parts, sizeof *bright);
-    cairn_polyline *polyline = carve_polyline(pool, p);
-    cairn_particle_filter *filter = carve_filter(pool, p, skeleton);
+    cairn_polyline *polyline = carve_polyline(pool, params);
+    cairn_particle_filter *filter = carve_filter(pool, params, skeleton);
 
     if (skeleton != NULL) {
         memset(skeleton, 0, sizeof *skeleton);
@@ -346,20 +352,21 @@ static int32_t cell_of(const cairn_skeleton_grouping *skeleton, cairn_vec2 p)
            cairn_skeleton_grouping_column(skeleton, p.x);
 }
 
-static int is_finite_edgel(const cairn_edgel *e)
+static int is_finite_edgel(const cairn_edgel *edgel)
 {
-    return cairn_is_finite(e->position.x) && cairn_is_finite(e->position.y) &&
-           cairn_is_finite(e->normal.x) && cairn_is_finite(e->normal.y) &&
-           cairn_is_finite(e->gradient_magnitude);
+    return cairn_is_finite(edgel->position.x) && cairn_is_finite(edgel->position.y) &&
+           cairn_is_finite(edgel->normal.x) && cairn_is_finite(edgel->normal.y) &&
+           cairn_is_finite(edgel->gradient_magnitude);
 }
 
 /* Counts an edgel in its cell and updates the mean logarithmic slope. */
-static void count(cairn_skeleton_grouping *skeleton, const cairn_edgel *e)
+static void count(cairn_skeleton_grouping *skeleton, const cairn_edgel *edgel)
 {
-    skeleton->cell_first[cell_of(skeleton, e->position)]++;
-    if (e->gradient_magnitude > 0)
-        skeleton->mean_log_slope += (cairn_log(e->gradient_magnitude) - skeleton->mean_log_slope) /
-                                    (cairn_real)++skeleton->slope_count;
+    skeleton->cell_first[cell_of(skeleton, edgel->position)]++;
+    if (edgel->gradient_magnitude > 0)
+        skeleton->mean_log_slope +=
+            (cairn_log(edgel->gradient_magnitude) - skeleton->mean_log_slope) /
+            (cairn_real)++skeleton->slope_count;
 }
 
 /* Stores an input edgel in its cell. */

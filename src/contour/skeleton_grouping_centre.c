@@ -60,14 +60,14 @@ void cairn_skeleton_grouping_set_limits(cairn_skeleton_grouping *skeleton)
 
 /* Returns the search region of an edgel on one side. */
 static search_wedge search_wedge_of(const cairn_skeleton_grouping *skeleton,
-                                    const skeleton_grouping_edgel *e, int32_t polarity)
+                                    const skeleton_grouping_edgel *edgel, int32_t polarity)
 {
-    cairn_vec2 inward = skeleton_grouping_inward(e, polarity);
+    cairn_vec2 inward = skeleton_grouping_inward(edgel, polarity);
     cairn_vec2 tip =
-        cairn_vec2_add(e->position, cairn_vec2_scale(inward, 2 * skeleton->max_search_radius));
+        cairn_vec2_add(edgel->position, cairn_vec2_scale(inward, 2 * skeleton->max_search_radius));
     cairn_vec2 aside = cairn_vec2_scale(cairn_vec2_left_perp(inward),
                                         CAIRN_REAL(0.6) * 2 * skeleton->max_search_radius);
-    cairn_box box = {e->position, e->position};
+    cairn_box box = {edgel->position, edgel->position};
     search_wedge w;
 
     box = cairn_box_extend(cairn_box_extend(cairn_box_extend(box, tip), cairn_vec2_add(tip, aside)),
@@ -76,24 +76,25 @@ static search_wedge search_wedge_of(const cairn_skeleton_grouping *skeleton,
     w.x1 = cairn_skeleton_grouping_column(skeleton, box.max.x);
     w.y0 = cairn_skeleton_grouping_row(skeleton, box.min.y);
     w.y1 = cairn_skeleton_grouping_row(skeleton, box.max.y);
-    w.position = e->position;
+    w.position = edgel->position;
     w.inward = inward;
     w.polarity = polarity;
     return w;
 }
 
-static int32_t wedge_cost(const cairn_skeleton_grouping *skeleton, const search_wedge *w)
+static int32_t wedge_cost(const cairn_skeleton_grouping *skeleton, const search_wedge *wedge)
 {
-    return UNITS_PER_EDGEL + skeleton_grouping_cells_cost(skeleton, w->x0, w->x1, w->y0, w->y1);
+    return UNITS_PER_EDGEL +
+           skeleton_grouping_cells_cost(skeleton, wedge->x0, wedge->x1, wedge->y0, wedge->y1);
 }
 
 /* Returns the cost of a pair in half squared standard deviations; MAX_PAIR_COST: rejected. */
-static cairn_real pair_cost(const cairn_skeleton_grouping *skeleton, const search_wedge *w,
+static cairn_real pair_cost(const cairn_skeleton_grouping *skeleton, const search_wedge *wedge,
                             const skeleton_grouping_edgel *other, int32_t *polarity)
 {
-    cairn_vec2 chord = cairn_vec2_sub(other->position, w->position), mirrored;
-    cairn_real along = cairn_vec2_dot(w->inward, chord), squared = cairn_vec2_norm_squared(chord),
-               facing, radius, cosine;
+    cairn_vec2 chord = cairn_vec2_sub(other->position, wedge->position), mirrored;
+    cairn_real along = cairn_vec2_dot(wedge->inward, chord),
+               squared = cairn_vec2_norm_squared(chord), facing, radius, cosine;
 
     if (along <= 0 || along * along < MIN_FACING_COSINE * MIN_FACING_COSINE * squared ||
         squared > 4 * skeleton->max_search_radius * skeleton->max_search_radius)
@@ -108,28 +109,28 @@ static cairn_real pair_cost(const cairn_skeleton_grouping *skeleton, const searc
         return MAX_PAIR_COST;
     /* The normal reflected at the bisector; its angle to the other normal is twice the
      * deviation. */
-    mirrored = cairn_vec2_sub(w->inward, cairn_vec2_scale(chord, 2 * along / squared));
+    mirrored = cairn_vec2_sub(wedge->inward, cairn_vec2_scale(chord, 2 * along / squared));
     cosine = cairn_vec2_dot(mirrored, skeleton_grouping_inward(other, *polarity));
     return (1 - cosine) / (4 * skeleton->params.symmetry_sigma * skeleton->params.symmetry_sigma) +
-           (*polarity != w->polarity ? POLARITY_CHANGE_COST : 0) +
+           (*polarity != wedge->polarity ? POLARITY_CHANGE_COST : 0) +
            MAX_RADIUS_COST * (radius - skeleton->min_search_radius) /
                (skeleton->max_search_radius - skeleton->min_search_radius + 1);
 }
 
 /* Returns the best partner of an edgel; -1: none. */
-static int32_t partner_of(const cairn_skeleton_grouping *skeleton, const search_wedge *w,
+static int32_t partner_of(const cairn_skeleton_grouping *skeleton, const search_wedge *wedge,
                           int32_t *polarity)
 {
     cairn_real best = MAX_PAIR_COST;
     int32_t partner = -1;
 
-    for (int32_t y = w->y0; y <= w->y1; y++) {
+    for (int32_t y = wedge->y0; y <= wedge->y1; y++) {
         int32_t from, end;
 
-        skeleton_grouping_cells_of_row(skeleton, y, w->x0, w->x1, &from, &end);
+        skeleton_grouping_cells_of_row(skeleton, y, wedge->x0, wedge->x1, &from, &end);
         for (int32_t i = from; i < end; i++) {
             int32_t s = 0;
-            cairn_real cost = pair_cost(skeleton, w, &skeleton->edgels[i], &s);
+            cairn_real cost = pair_cost(skeleton, wedge, &skeleton->edgels[i], &s);
 
             if (cost < best) {
                 best = cost;
@@ -141,9 +142,9 @@ static int32_t partner_of(const cairn_skeleton_grouping *skeleton, const search_
     return partner;
 }
 
-static cairn_oriented_point oriented(const skeleton_grouping_edgel *e)
+static cairn_oriented_point oriented(const skeleton_grouping_edgel *edgel)
 {
-    cairn_oriented_point p = {e->position, cairn_vec2_left_perp(e->normal)};
+    cairn_oriented_point p = {edgel->position, cairn_vec2_left_perp(edgel->normal)};
 
     return p;
 }

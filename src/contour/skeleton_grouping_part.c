@@ -49,37 +49,38 @@ static int is_written(const cairn_skeleton_grouping *skeleton)
 }
 
 /* As written: scores the whole walk, without competition. */
-static void score_whole(const cairn_skeleton_grouping *skeleton, skeleton_grouping_part *p)
+static void score_whole(const cairn_skeleton_grouping *skeleton, skeleton_grouping_part *part)
 {
-    p->kept_first = p->first;
-    p->kept_end = p->first + p->count;
-    p->log_odds = 0;
-    for (int32_t i = p->kept_first; i < p->kept_end; i++)
-        p->log_odds += skeleton->discs[i].gain;
+    part->kept_first = part->first;
+    part->kept_end = part->first + part->count;
+    part->log_odds = 0;
+    for (int32_t i = part->kept_first; i < part->kept_end; i++)
+        part->log_odds += skeleton->discs[i].gain;
 }
 
 /* Finds the stretch of discs of maximum sum (Kadane's algorithm). */
-static void score_best_stretch(const cairn_skeleton_grouping *skeleton, skeleton_grouping_part *p)
+static void score_best_stretch(const cairn_skeleton_grouping *skeleton,
+                               skeleton_grouping_part *part)
 {
     cairn_real sum = 0;
-    int32_t from = p->first;
+    int32_t from = part->first;
 
     if (is_written(skeleton)) {
-        score_whole(skeleton, p);
+        score_whole(skeleton, part);
         return;
     }
-    p->log_odds = 0;
-    p->kept_first = p->kept_end = p->first;
-    for (int32_t i = p->first; i < p->first + p->count; i++) {
+    part->log_odds = 0;
+    part->kept_first = part->kept_end = part->first;
+    for (int32_t i = part->first; i < part->first + part->count; i++) {
         if (sum <= 0) {
             sum = 0;
             from = i;
         }
         sum += remaining_gain(skeleton, &skeleton->discs[i]);
-        if (sum > p->log_odds) {
-            p->log_odds = sum;
-            p->kept_first = from;
-            p->kept_end = i + 1;
+        if (sum > part->log_odds) {
+            part->log_odds = sum;
+            part->kept_first = from;
+            part->kept_end = i + 1;
         }
     }
 }
@@ -116,12 +117,12 @@ static void assign_along(cairn_skeleton_grouping *skeleton, cairn_segment line)
 }
 
 /* Assigns the edgels of a walk to its part. */
-static void assign_edgels(cairn_skeleton_grouping *skeleton, const skeleton_grouping_part *p)
+static void assign_edgels(cairn_skeleton_grouping *skeleton, const skeleton_grouping_part *part)
 {
-    for (int32_t i = p->kept_first; i < p->kept_end; i++)
+    for (int32_t i = part->kept_first; i < part->kept_end; i++)
         for (int32_t side = 0; side < 2; side++) {
             const skeleton_grouping_disc *d = &skeleton->discs[i],
-                                         *next = i + 1 < p->kept_end ? d + 1 : d;
+                                         *next = i + 1 < part->kept_end ? d + 1 : d;
             cairn_segment line = {d->contact[side], next->contact[side]};
 
             if (d->edgel[side] >= 0)
@@ -133,10 +134,10 @@ static void assign_edgels(cairn_skeleton_grouping *skeleton, const skeleton_grou
 
 /* Returns the disc, smoothed along the axis; as written unsmoothed. */
 static cairn_skeleton_grouping_point smoothed_point(const cairn_skeleton_grouping *skeleton,
-                                                    const skeleton_grouping_part *p, int32_t i)
+                                                    const skeleton_grouping_part *part, int32_t i)
 {
-    const skeleton_grouping_disc *d = &skeleton->discs[i], *a = i > p->kept_first ? d - 1 : d,
-                                 *b = i + 1 < p->kept_end ? d + 1 : d;
+    const skeleton_grouping_disc *d = &skeleton->discs[i], *a = i > part->kept_first ? d - 1 : d,
+                                 *b = i + 1 < part->kept_end ? d + 1 : d;
     cairn_skeleton_grouping_point q;
 
     if (a == d || b == d || is_written(skeleton))
@@ -287,13 +288,14 @@ static int is_crossed(cairn_skeleton_grouping *skeleton, cairn_vec2 from, cairn_
 }
 
 /* Returns the point of another part into which an end of this part continues; -1: a free end. */
-static int32_t joint_of(cairn_skeleton_grouping *skeleton, const cairn_skeleton_grouping_part *p,
+static int32_t joint_of(cairn_skeleton_grouping *skeleton, const cairn_skeleton_grouping_part *part,
                         int32_t end)
 {
     const cairn_skeleton_grouping_point *last =
-        &skeleton->points[end ? p->first + p->count - 1 : p->first];
+        &skeleton->points[end ? part->first + part->count - 1 : part->first];
     const cairn_skeleton_grouping_point *before =
-        end ? last - (p->count > 3 ? 3 : p->count - 1) : last + (p->count > 3 ? 3 : p->count - 1);
+        end ? last - (part->count > 3 ? 3 : part->count - 1)
+            : last + (part->count > 3 ? 3 : part->count - 1);
     cairn_vec2 heading = cairn_vec2_unit(cairn_vec2_sub(last->centre, before->centre));
     cairn_real nearest = CAIRN_REAL_MAX;
     int32_t joint = -1;
@@ -301,7 +303,7 @@ static int32_t joint_of(cairn_skeleton_grouping *skeleton, const cairn_skeleton_
     for (int32_t k = 0; k < skeleton->part_count; k++) {
         const cairn_skeleton_grouping_part *other = &skeleton->parts[k];
 
-        if (other == p || are_opposite(skeleton, skeleton->cursor, k))
+        if (other == part || are_opposite(skeleton, skeleton->cursor, k))
             continue;
         for (int32_t i = other->first; i < other->first + other->count; i++) {
             cairn_vec2 displacement = cairn_vec2_sub(skeleton->points[i].centre, last->centre);

@@ -43,15 +43,15 @@ cairn_status cairn_skeleton_grouping_lines(cairn_skeleton_grouping *skeleton, ca
 }
 
 int cairn_skeleton_grouping_is_mirrored(const cairn_skeleton_grouping *skeleton,
-                                        const skeleton_grouping_centre *c,
-                                        const cairn_polyline_segment *s)
+                                        const skeleton_grouping_centre *centre,
+                                        const cairn_polyline_segment *segment)
 {
-    cairn_vec2 a = {s->a[0], s->a[1]}, b = {s->b[0], s->b[1]},
+    cairn_vec2 a = {segment->a[0], segment->a[1]}, b = {segment->b[0], segment->b[1]},
                along = cairn_vec2_unit(cairn_vec2_sub(b, a));
     cairn_real first =
-        cairn_vec2_cross(along, cairn_vec2_sub(skeleton->edgels[c->edgel[0]].position, a));
+        cairn_vec2_cross(along, cairn_vec2_sub(skeleton->edgels[centre->edgel[0]].position, a));
     cairn_real second =
-        cairn_vec2_cross(along, cairn_vec2_sub(skeleton->edgels[c->edgel[1]].position, a));
+        cairn_vec2_cross(along, cairn_vec2_sub(skeleton->edgels[centre->edgel[1]].position, a));
 
     return (first > 0) != (second > 0) &&
            cairn_abs(first + second) <=
@@ -60,16 +60,18 @@ int cairn_skeleton_grouping_is_mirrored(const cairn_skeleton_grouping *skeleton,
 
 /* Returns the cost of a CP as seed: distance to the line's middle relative to the line's length,
  * plus its deviation. */
-static cairn_real seed_cost(const skeleton_grouping_centre *c, const cairn_polyline_segment *s)
+static cairn_real seed_cost(const skeleton_grouping_centre *centre,
+                            const cairn_polyline_segment *segment)
 {
-    cairn_real d[3] = {c->position.x - (s->a[0] + s->b[0]) / 2,
-                       c->position.y - (s->a[1] + s->b[1]) / 2,
-                       c->radius - (s->a[2] + s->b[2]) / 2};
-    cairn_real l[3] = {s->b[0] - s->a[0], s->b[1] - s->a[1], s->b[2] - s->a[2]};
+    cairn_real d[3] = {centre->position.x - (segment->a[0] + segment->b[0]) / 2,
+                       centre->position.y - (segment->a[1] + segment->b[1]) / 2,
+                       centre->radius - (segment->a[2] + segment->b[2]) / 2};
+    cairn_real l[3] = {segment->b[0] - segment->a[0], segment->b[1] - segment->a[1],
+                       segment->b[2] - segment->a[2]};
 
     return cairn_sqrt((d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) /
                       cairn_max(l[0] * l[0] + l[1] * l[1] + l[2] * l[2], 1)) +
-           c->deviation / DEVIATION_SCALE_RAD / 2;
+           centre->deviation / DEVIATION_SCALE_RAD / 2;
 }
 
 /* Returns 1 if seed a ranks before b. */
@@ -90,12 +92,13 @@ static void insert_seed(cairn_skeleton_grouping *skeleton, const skeleton_groupi
 
 /* Returns 1 if a single CP is a seed, since short and curved parts have no line. It is
  * symmetric, has the same polarity on both sides, and both contrasts reach the mean. */
-static int is_seed(const cairn_skeleton_grouping *skeleton, const skeleton_grouping_centre *c)
+static int is_seed(const cairn_skeleton_grouping *skeleton, const skeleton_grouping_centre *centre)
 {
-    return c->deviation <= skeleton->params.symmetry_sigma && c->polarity[0] == c->polarity[1] &&
+    return centre->deviation <= skeleton->params.symmetry_sigma &&
+           centre->polarity[0] == centre->polarity[1] &&
            (skeleton->params.contrast_weight == 0 ||
-            (skeleton->edgels[c->edgel[0]].log_slope_ratio >= 0 &&
-             skeleton->edgels[c->edgel[1]].log_slope_ratio >= 0));
+            (skeleton->edgels[centre->edgel[0]].log_slope_ratio >= 0 &&
+             skeleton->edgels[centre->edgel[1]].log_slope_ratio >= 0));
 }
 
 /* Distributes the remaining capacity to single CPs, evenly over the image: they are counted,

@@ -71,27 +71,28 @@ static cairn_real step_of(const cairn_skeleton_grouping *skeleton, cairn_real ra
 }
 
 /* Returns the contour's forward tangent. */
-static cairn_vec2 tangent_of(const skeleton_grouping_state *s, int32_t side)
+static cairn_vec2 tangent_of(const skeleton_grouping_state *state, int32_t side)
 {
-    cairn_vec2 tangent = cairn_vec2_left_perp(s->inward[side]);
+    cairn_vec2 tangent = cairn_vec2_left_perp(state->inward[side]);
 
-    return cairn_vec2_dot(tangent, s->heading) < 0 ? cairn_vec2_scale(tangent, -1) : tangent;
+    return cairn_vec2_dot(tangent, state->heading) < 0 ? cairn_vec2_scale(tangent, -1) : tangent;
 }
 
 /* Returns the predicted contact point on a straight contour. */
-static cairn_vec2 predicted_contact(const skeleton_grouping_state *s, int32_t side, cairn_real step)
+static cairn_vec2 predicted_contact(const skeleton_grouping_state *state, int32_t side,
+                                    cairn_real step)
 {
-    return cairn_vec2_add(s->contact[side], cairn_vec2_scale(tangent_of(s, side), step));
+    return cairn_vec2_add(state->contact[side], cairn_vec2_scale(tangent_of(state, side), step));
 }
 
 /* Returns the gain of an edgel as the next contact point of a side, nats. */
 static cairn_real side_gain(const cairn_skeleton_grouping *skeleton,
-                            const skeleton_grouping_state *s, int32_t side, const choice *c,
+                            const skeleton_grouping_state *state, int32_t side, const choice *c,
                             cairn_vec2 ahead, cairn_real log_density)
 {
-    cairn_vec2 chord = cairn_vec2_sub(c->position, s->contact[side]);
-    cairn_real bend = angle_from(ahead, chord), turn = angle_from(s->inward[side], c->inward);
-    cairn_real flip = c->polarity == s->polarity[side]
+    cairn_vec2 chord = cairn_vec2_sub(c->position, state->contact[side]);
+    cairn_real bend = angle_from(ahead, chord), turn = angle_from(state->inward[side], c->inward);
+    cairn_real flip = c->polarity == state->polarity[side]
                           ? 1 - skeleton->params.polarity_flip_probability
                           : skeleton->params.polarity_flip_probability;
 
@@ -129,18 +130,22 @@ static void insert_choice(choice *list, int32_t *count, const choice *c)
 }
 
 /* Lists the candidate edgels of a side and the choice without an edgel; returns their number. */
-static int32_t choices_of(const cairn_skeleton_grouping *skeleton, const skeleton_grouping_state *s,
-                          int32_t side, cairn_real step, choice *list)
+static int32_t choices_of(const cairn_skeleton_grouping *skeleton,
+                          const skeleton_grouping_state *state, int32_t side, cairn_real step,
+                          choice *list)
 {
-    cairn_vec2 ahead = tangent_of(s, side), predicted = predicted_contact(s, side, step);
+    cairn_vec2 ahead = tangent_of(state, side), predicted = predicted_contact(state, side, step);
     cairn_real search_radius = SEARCH_RADIUS_STEPS * step,
                log_density = cairn_log(cairn_skeleton_grouping_density(skeleton, predicted));
     int32_t x0 = cairn_skeleton_grouping_column(skeleton, predicted.x - search_radius),
             x1 = cairn_skeleton_grouping_column(skeleton, predicted.x + search_radius);
     int32_t y1 = cairn_skeleton_grouping_row(skeleton, predicted.y + search_radius), count = 0;
-    choice none = {
-        predicted, s->inward[side],  cairn_log(1 - skeleton->params.detection_probability), step,
-        -1,        s->polarity[side]};
+    choice none = {predicted,
+                   state->inward[side],
+                   cairn_log(1 - skeleton->params.detection_probability),
+                   step,
+                   -1,
+                   state->polarity[side]};
 
     for (int32_t y = cairn_skeleton_grouping_row(skeleton, predicted.y - search_radius); y <= y1;
          y++) {
@@ -154,12 +159,12 @@ static int32_t choices_of(const cairn_skeleton_grouping *skeleton, const skeleto
             if (cairn_vec2_norm_squared(cairn_vec2_sub(e->position, predicted)) >
                 search_radius * search_radius)
                 continue;
-            if (cairn_vec2_dot(e->normal, s->inward[side]) < 0) {
+            if (cairn_vec2_dot(e->normal, state->inward[side]) < 0) {
                 c.inward = cairn_vec2_scale(e->normal, -1);
                 c.polarity = SKELETON_GROUPING_DARKER;
             }
-            c.chord = cairn_vec2_norm(cairn_vec2_sub(e->position, s->contact[side]));
-            c.gain = side_gain(skeleton, s, side, &c, ahead, log_density);
+            c.chord = cairn_vec2_norm(cairn_vec2_sub(e->position, state->contact[side]));
+            c.gain = side_gain(skeleton, state, side, &c, ahead, log_density);
             if (c.gain > none.gain)
                 insert_choice(list, &count, &c);
         }
@@ -180,30 +185,33 @@ static cairn_real range_gain(const cairn_skeleton_grouping *skeleton, cairn_real
 
 /* Returns the gain of the symmetry and of the change of radius, nats. */
 static cairn_real pair_gain(const cairn_skeleton_grouping *skeleton,
-                            const skeleton_grouping_state *before, const skeleton_grouping_state *s)
+                            const skeleton_grouping_state *before,
+                            const skeleton_grouping_state *state)
 {
-    cairn_real along = cairn_max(cairn_vec2_norm(cairn_vec2_sub(s->centre, before->centre)), 1);
+    cairn_real along = cairn_max(cairn_vec2_norm(cairn_vec2_sub(state->centre, before->centre)), 1);
     cairn_real symmetry =
-        log_normal(s->deviation, skeleton->params.symmetry_sigma) + cairn_log(2 * CAIRN_PI / 3);
+        log_normal(state->deviation, skeleton->params.symmetry_sigma) + cairn_log(2 * CAIRN_PI / 3);
     cairn_real slope =
-        log_normal((s->radius - before->radius) / along, RADIUS_SLOPE_SIGMA) + cairn_log(2);
+        log_normal((state->radius - before->radius) / along, RADIUS_SLOPE_SIGMA) + cairn_log(2);
 
     return cairn_max(symmetry, MIN_GAIN) + cairn_max(slope, MIN_GAIN);
 }
 
 /* Returns the gain of a state, nats. */
 static cairn_real gain_of(const cairn_skeleton_grouping *skeleton,
-                          const skeleton_grouping_state *before, const skeleton_grouping_state *s,
-                          const choice *left, const choice *right)
+                          const skeleton_grouping_state *before,
+                          const skeleton_grouping_state *state, const choice *left,
+                          const choice *right)
 {
-    cairn_real range = range_gain(skeleton, s->radius);
+    cairn_real range = range_gain(skeleton, state->radius);
 
     /* A contour on one side alone is no evidence of an axis. */
     if (left->edgel < 0 || right->edgel < 0)
         return SIDE_GAIN_WEIGHT *
                    ((left->edgel < 0 ? left->gain : 0) + (right->edgel < 0 ? right->gain : 0)) +
                range;
-    return SIDE_GAIN_WEIGHT * (left->gain + right->gain) + pair_gain(skeleton, before, s) + range;
+    return SIDE_GAIN_WEIGHT * (left->gain + right->gain) + pair_gain(skeleton, before, state) +
+           range;
 }
 
 /* Returns the cost of the edgels near a point in units. */
@@ -247,7 +255,7 @@ static cairn_real interior_gain(const cairn_skeleton_grouping *skeleton, cairn_v
 static int make_state(const cairn_skeleton_grouping *skeleton,
                       const skeleton_grouping_state *before, const choice *left,
                       const choice *right, cairn_real step, cairn_real interior,
-                      skeleton_grouping_state *s)
+                      skeleton_grouping_state *state)
 {
     cairn_oriented_point first = {left->position, cairn_vec2_left_perp(left->inward)};
     cairn_oriented_point second = {right->position, cairn_vec2_left_perp(right->inward)};
@@ -267,29 +275,29 @@ static int make_state(const cairn_skeleton_grouping *skeleton,
         cairn_vec2_dot(right->inward, cairn_vec2_sub(sp.centre, right->position)) <
             CAIRN_REAL(0.5) * sp.radius)
         return 0;
-    *s = *before;
-    s->contact[0] = left->position;
-    s->contact[1] = right->position;
-    s->inward[0] = left->inward;
-    s->inward[1] = right->inward;
-    s->edgel[0] = left->edgel;
-    s->edgel[1] = right->edgel;
-    s->polarity[0] = left->polarity;
-    s->polarity[1] = right->polarity;
-    s->centre = sp.centre;
-    s->radius = sp.radius;
-    s->deviation = sp.deviation;
+    *state = *before;
+    state->contact[0] = left->position;
+    state->contact[1] = right->position;
+    state->inward[0] = left->inward;
+    state->inward[1] = right->inward;
+    state->edgel[0] = left->edgel;
+    state->edgel[1] = right->edgel;
+    state->polarity[0] = left->polarity;
+    state->polarity[1] = right->polarity;
+    state->centre = sp.centre;
+    state->radius = sp.radius;
+    state->deviation = sp.deviation;
     /* Steps are short and their directions noisy: the heading is low-pass filtered. */
-    s->heading = cairn_vec2_unit(
+    state->heading = cairn_vec2_unit(
         cairn_vec2_add(before->heading, cairn_vec2_scale(cairn_vec2_unit(moved), CAIRN_REAL(0.7))));
-    if (cairn_vec2_cross(s->heading, cairn_vec2_sub(left->position, sp.centre)) <= 0 ||
-        cairn_vec2_cross(s->heading, cairn_vec2_sub(right->position, sp.centre)) >= 0)
+    if (cairn_vec2_cross(state->heading, cairn_vec2_sub(left->position, sp.centre)) <= 0 ||
+        cairn_vec2_cross(state->heading, cairn_vec2_sub(right->position, sp.centre)) >= 0)
         return 0;
-    s->length++;
+    state->length++;
     /* Edgels are one pixel apart: the gain is proportional to the step length. */
-    s->gain = (gain_of(skeleton, before, s, left, right) + interior) * step / MIN_STEP_PX;
-    s->log_odds += s->gain;
-    s->best_log_odds = cairn_max(s->best_log_odds, s->log_odds);
+    state->gain = (gain_of(skeleton, before, state, left, right) + interior) * step / MIN_STEP_PX;
+    state->log_odds += state->gain;
+    state->best_log_odds = cairn_max(state->best_log_odds, state->log_odds);
     return 1;
 }
 
@@ -307,15 +315,15 @@ static int self_intersects(const skeleton_grouping_state *last, cairn_vec2 next)
 
 /* Returns the cost of a proposal in units. */
 static int32_t proposal_cost(const cairn_skeleton_grouping *skeleton,
-                             const skeleton_grouping_state *s, cairn_real step)
+                             const skeleton_grouping_state *state, cairn_real step)
 {
-    cairn_vec2 next = cairn_vec2_add(s->centre, cairn_vec2_scale(s->heading, step));
-    int32_t cost = UNITS_PER_PROPOSAL + s->length / STATES_PER_UNIT +
-                   cells_cost_near(skeleton, next, INTERIOR_RADIUS * s->radius);
+    cairn_vec2 next = cairn_vec2_add(state->centre, cairn_vec2_scale(state->heading, step));
+    int32_t cost = UNITS_PER_PROPOSAL + state->length / STATES_PER_UNIT +
+                   cells_cost_near(skeleton, next, INTERIOR_RADIUS * state->radius);
 
     for (int32_t side = 0; side < 2; side++)
-        cost +=
-            cells_cost_near(skeleton, predicted_contact(s, side, step), SEARCH_RADIUS_STEPS * step);
+        cost += cells_cost_near(skeleton, predicted_contact(state, side, step),
+                                SEARCH_RADIUS_STEPS * step);
     return cost;
 }
 
@@ -426,14 +434,15 @@ static skeleton_grouping_state first_state(const cairn_skeleton_grouping *skelet
 }
 
 /* Returns 1 if a walk from another seed covers the CP. */
-static int is_covered(const cairn_skeleton_grouping *skeleton, const skeleton_grouping_centre *c)
+static int is_covered(const cairn_skeleton_grouping *skeleton,
+                      const skeleton_grouping_centre *centre)
 {
     for (int32_t i = 0; i < skeleton->disc_count; i++) {
         const skeleton_grouping_disc *d = &skeleton->discs[i];
 
-        if (cairn_vec2_norm_squared(cairn_vec2_sub(d->centre, c->position)) <
-                CAIRN_REAL(0.25) * c->radius * c->radius &&
-            cairn_abs(d->radius - c->radius) < CAIRN_REAL(0.3) * c->radius)
+        if (cairn_vec2_norm_squared(cairn_vec2_sub(d->centre, centre->position)) <
+                CAIRN_REAL(0.25) * centre->radius * centre->radius &&
+            cairn_abs(d->radius - centre->radius) < CAIRN_REAL(0.3) * centre->radius)
             return 1;
     }
     return 0;

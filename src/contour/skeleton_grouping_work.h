@@ -80,6 +80,9 @@ typedef struct skeleton_grouping_part {
 /* Working memory of the mode as written. */
 typedef struct skeleton_grouping_written skeleton_grouping_written;
 
+/* Phase of a search (skeleton_grouping.c). */
+typedef int32_t skeleton_grouping_phase;
+
 struct cairn_skeleton_grouping {
     cairn_skeleton_grouping_params params;
     cairn_skeleton_grouping_input input;
@@ -130,8 +133,9 @@ struct cairn_skeleton_grouping {
     int32_t seed_index, direction, is_walking;
     /* Loop counters of the current phase. */
     int32_t cursor, second_cursor, polarity_cursor, phase_counter;
-    /* Current phase; work units charged for the next item and for the next proposal. */
-    int32_t phase, units_charged, step_units_charged;
+    skeleton_grouping_phase phase;
+    /* Work units charged for the next item and for the next proposal. */
+    int32_t units_charged, step_units_charged;
 };
 
 /* Sets the range *from ... *end - 1 of edgels in the cells of columns x0 ... x1 of row y. */
@@ -160,10 +164,10 @@ int32_t cairn_skeleton_grouping_column(const cairn_skeleton_grouping *skeleton, 
 int32_t cairn_skeleton_grouping_row(const cairn_skeleton_grouping *skeleton, cairn_real y);
 
 /* Returns the normal that points to the object. */
-static inline cairn_vec2 skeleton_grouping_inward(const skeleton_grouping_edgel *e,
+static inline cairn_vec2 skeleton_grouping_inward(const skeleton_grouping_edgel *edgel,
                                                   int32_t polarity)
 {
-    return cairn_vec2_scale(e->normal, polarity == SKELETON_GROUPING_BRIGHTER ? 1 : -1);
+    return cairn_vec2_scale(edgel->normal, polarity == SKELETON_GROUPING_BRIGHTER ? 1 : -1);
 }
 
 /* Returns the local edgel density (background clutter) at a point, 1/px^2. */

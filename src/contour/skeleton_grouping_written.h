@@ -81,8 +81,8 @@ cairn_status cairn_skeleton_grouping_written_walks(cairn_skeleton_grouping *skel
 
 /* Returns 1 if the CP's edgels lie on opposite sides of its line at about equal distances. */
 int cairn_skeleton_grouping_is_mirrored(const cairn_skeleton_grouping *skeleton,
-                                        const skeleton_grouping_centre *c,
-                                        const cairn_polyline_segment *s);
+                                        const skeleton_grouping_centre *centre,
+                                        const cairn_polyline_segment *segment);
 
 cairn_particle_filter_model
 cairn_skeleton_grouping_written_model(cairn_skeleton_grouping *skeleton);

@@ -13,8 +13,8 @@
  * 4. The run ends when no particle has a follower, after max_steps, or when (3.7) of the heaviest
  *    particle, relative to its maximum, is below Delta_p. Its walk is the part.
  *
- * Limits: circles of more than SKELETON_GROUPING_WRITTEN_MAX_EDGELS edgels and particles with more than
- * SKELETON_GROUPING_WRITTEN_MAX_FOLLOWERS followers are subsampled evenly. */
+ * Limits: circles of more than SKELETON_GROUPING_WRITTEN_MAX_EDGELS edgels and particles with more
+ * than SKELETON_GROUPING_WRITTEN_MAX_FOLLOWERS followers are subsampled evenly. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -87,13 +87,13 @@ static cairn_real log_step(const cairn_skeleton_grouping *skeleton,
 /* Returns the centre of the look-ahead circle: the contour of a side, extended by C sigma along
  * the edgel's orientation. */
 static cairn_vec2 search_centre(const cairn_skeleton_grouping *skeleton,
-                                const skeleton_grouping_written_state *s, int32_t side)
+                                const skeleton_grouping_written_state *state, int32_t side)
 {
-    cairn_vec2 tangent = cairn_vec2_left_perp(s->pair.inward[side]);
-    cairn_real offset = cairn_vec2_dot(tangent, s->heading) < 0 ? -skeleton->params.step_sigma
-                                                                : skeleton->params.step_sigma;
+    cairn_vec2 tangent = cairn_vec2_left_perp(state->pair.inward[side]);
+    cairn_real offset = cairn_vec2_dot(tangent, state->heading) < 0 ? -skeleton->params.step_sigma
+                                                                    : skeleton->params.step_sigma;
 
-    return cairn_vec2_add(s->pair.contact[side], cairn_vec2_scale(tangent, offset));
+    return cairn_vec2_add(state->pair.contact[side], cairn_vec2_scale(tangent, offset));
 }
 
 /* Returns the number of edgels in a look-ahead circle; stores every stride-th in a list, if
@@ -129,12 +129,12 @@ static int32_t scan_circle(const cairn_skeleton_grouping *skeleton, cairn_vec2 m
 
 /* Collects the edgels of both look-ahead circles. */
 static void collect_candidates(cairn_skeleton_grouping *skeleton,
-                               const skeleton_grouping_written_state *s)
+                               const skeleton_grouping_written_state *state)
 {
     skeleton_grouping_written *written = skeleton->written;
 
     for (int32_t side = 0; side < 2; side++) {
-        cairn_vec2 middle = search_centre(skeleton, s, side);
+        cairn_vec2 middle = search_centre(skeleton, state, side);
         int32_t all = scan_circle(skeleton, middle, 1, NULL),
                 stride = 1 + (all - 1) / SKELETON_GROUPING_WRITTEN_MAX_EDGELS;
 
@@ -146,13 +146,13 @@ static void collect_candidates(cairn_skeleton_grouping *skeleton,
 
 /* Returns the cost of both look-ahead circles in units. */
 static int32_t search_cost(const cairn_skeleton_grouping *skeleton,
-                           const skeleton_grouping_written_state *s)
+                           const skeleton_grouping_written_state *state)
 {
     cairn_real reach = skeleton->params.step_sigma;
     int32_t cost = UNITS_PER_PARTICLE;
 
     for (int32_t side = 0; side < 2; side++) {
-        cairn_vec2 m = search_centre(skeleton, s, side);
+        cairn_vec2 m = search_centre(skeleton, state, side);
 
         cost += skeleton_grouping_cells_cost(skeleton,
                                              cairn_skeleton_grouping_column(skeleton, m.x - reach),
@@ -429,18 +429,21 @@ cairn_particle_filter_model cairn_skeleton_grouping_written_model(cairn_skeleton
 /* ---- Runs ---- */
 
 /* Sets the first pose: a CP in one direction of its line; returns 0 if it is invalid. */
-static int first_state(const cairn_skeleton_grouping *skeleton, const skeleton_grouping_centre *c,
-                       cairn_vec2 direction, skeleton_grouping_written_state *s)
+static int first_state(const cairn_skeleton_grouping *skeleton,
+                       const skeleton_grouping_centre *centre, cairn_vec2 direction,
+                       skeleton_grouping_written_state *state)
 {
     skeleton_grouping_written_limits rule = cairn_skeleton_grouping_written_limits_of(
         skeleton, RADIUS_MARGIN_SIGMAS * skeleton->params.radius_sigma);
 
-    memset(s, 0, sizeof *s);
-    if (!cairn_skeleton_grouping_written_pair(skeleton, &rule, c->edgel[0], c->edgel[1], &s->pair))
+    memset(state, 0, sizeof *state);
+    if (!cairn_skeleton_grouping_written_pair(skeleton, &rule, centre->edgel[0], centre->edgel[1],
+                                              &state->pair))
         return 0;
-    s->heading = direction;
-    if (cairn_vec2_cross(direction, cairn_vec2_sub(s->pair.contact[0], s->pair.contact[1])) < 0)
-        swap_sides(&s->pair);
+    state->heading = direction;
+    if (cairn_vec2_cross(direction,
+                         cairn_vec2_sub(state->pair.contact[0], state->pair.contact[1])) < 0)
+        swap_sides(&state->pair);
     return 1;
 }
 

@@ -36,7 +36,7 @@ enum {
 /* Factor on the growth of boxes, for rounding errors. */
 #define BOX_GROWTH CAIRN_REAL(1.001)
 
-typedef int32_t search_phase;
+typedef int32_t symmetric_point_phase;
 enum { PHASE_IDLE, PHASE_BOXES, PHASE_PAIRS, PHASE_SORT, PHASE_DONE };
 
 struct cairn_symmetric_point_set {
@@ -48,8 +48,8 @@ struct cairn_symmetric_point_set {
     int32_t segment_count, count, dropped;
     int32_t cursor;        /* PHASE_BOXES: segment; PHASE_SORT: end of the heap */
     int32_t first, second; /* PHASE_PAIRS: the current pair; first -1: none */
-    search_phase phase;
-    int32_t charged_units;
+    symmetric_point_phase phase;
+    int32_t units_charged;
 };
 
 cairn_symmetric_point_params cairn_symmetric_point_default(void)
@@ -179,7 +179,7 @@ cairn_status cairn_symmetric_point_begin(cairn_symmetric_point_set *set,
     set->count = set->dropped = 0;
     set->cursor = 0;
     set->first = -1;
-    set->charged_units = 0;
+    set->units_charged = 0;
     set->phase = PHASE_BOXES;
     /* The segments are new, so the order of the previous sweep is discarded. */
     status = cairn_box_sweep_begin(set->sweep, NULL, 0);
@@ -278,12 +278,12 @@ static cairn_oriented_point sample(cairn_segment segment, cairn_real length, int
 }
 
 /* Squared distance of the centre from the midpoint of the chord, px^2. */
-static cairn_real squared_chord_offset(const cairn_symmetric_point *p)
+static cairn_real squared_chord_offset(const cairn_symmetric_point *point)
 {
     cairn_vec2 middle =
-        cairn_vec2_scale(cairn_vec2_add(p->contact[0], p->contact[1]), CAIRN_REAL(0.5));
+        cairn_vec2_scale(cairn_vec2_add(point->contact[0], point->contact[1]), CAIRN_REAL(0.5));
 
-    return cairn_vec2_norm_squared(cairn_vec2_sub(p->centre, middle));
+    return cairn_vec2_norm_squared(cairn_vec2_sub(point->centre, middle));
 }
 
 int32_t cairn_symmetric_point_of_segments(const cairn_symmetric_point_params *params,
@@ -404,7 +404,7 @@ static cairn_status step_pairs(cairn_symmetric_point_set *set, cairn_budget *bud
                 return status == CAIRN_EMPTY ? CAIRN_OK : status;
             }
         }
-        if (!cairn_budget_charge(budget, &set->charged_units, pair_cost(set)))
+        if (!cairn_budget_charge(budget, &set->units_charged, pair_cost(set)))
             return CAIRN_MORE;
         if (cairn_symmetric_point_of_segments(&set->params, set->segments[set->first],
                                               set->segments[set->second], &point)) {
@@ -423,7 +423,7 @@ static cairn_status step_sort(cairn_symmetric_point_set *set, cairn_budget *budg
         int32_t last = set->count - 1 - set->cursor;
         cairn_symmetric_point worst = set->heap[0], moved = set->heap[last];
 
-        if (!cairn_budget_charge(budget, &set->charged_units, UNITS_PER_HEAP_OPERATION))
+        if (!cairn_budget_charge(budget, &set->units_charged, UNITS_PER_HEAP_OPERATION))
             return CAIRN_MORE;
         sift_down(set->heap, last, 0, &moved);
         set->heap[last] = worst;

@@ -26,6 +26,7 @@
 /* Largest number of rows and columns, and columns visited per work unit. */
 enum { MAX_SIDE = 4096, COLUMNS_PER_UNIT = 8 };
 /* Phases. */
+typedef int32_t assignment_phase;
 enum { PHASE_IDLE, PHASE_GROW, PHASE_AUGMENT, PHASE_DONE };
 
 /* Largest absolute cost. */
@@ -58,8 +59,9 @@ struct cairn_assignment {
     cairn_real path_length;
     /* Sum of the costs of the pairs. */
     cairn_real total_cost;
-    /* Phase, and work units charged for the next operation so far. */
-    int32_t phase, charged;
+    assignment_phase phase;
+    /* Work units charged for the next operation so far. */
+    int32_t units_charged;
 };
 
 cairn_assignment_params cairn_assignment_default(void)
@@ -163,7 +165,7 @@ cairn_status cairn_assignment_begin(cairn_assignment *assignment, const cairn_re
         assignment->short_of_long[j] = -1;
     }
     start_path(assignment, 0);
-    assignment->charged = 0;
+    assignment->units_charged = 0;
     assignment->phase = PHASE_GROW;
     return CAIRN_OK;
 }
@@ -259,7 +261,7 @@ cairn_status cairn_assignment_step(cairn_assignment *assignment, cairn_budget *b
     if (assignment == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
     while (assignment->phase == PHASE_GROW || assignment->phase == PHASE_AUGMENT) {
-        if (!cairn_budget_charge(budget, &assignment->charged,
+        if (!cairn_budget_charge(budget, &assignment->units_charged,
                                  1 + assignment->long_count / COLUMNS_PER_UNIT))
             return CAIRN_MORE;
         if (assignment->phase == PHASE_GROW) {
@@ -283,7 +285,7 @@ cairn_status cairn_assignment_step(cairn_assignment *assignment, cairn_budget *b
 
 cairn_assignment_result cairn_assignment_read(const cairn_assignment *assignment)
 {
-    cairn_assignment_result result = {NULL, 0, 0, 0};
+    cairn_assignment_result result = {0};
 
     if (assignment != NULL && assignment->phase == PHASE_DONE) {
         result.column = assignment->column;

@@ -21,6 +21,7 @@ enum {
 enum { BLOCK_SOLVER_PRODUCTS_PER_CALL = 16 };
 
 /* Phase: the kind of the next operation. The order of the phases is used by comparisons. */
+typedef int32_t block_solver_phase;
 enum {
     /* No stage runs. */
     BLOCK_SOLVER_IDLE,
@@ -123,7 +124,7 @@ struct cairn_block_solver {
     cairn_block_solver_params params;
     cairn_block_solver_result result;
     /* Kind of the next operation. */
-    int32_t phase;
+    block_solver_phase phase;
     /* Work units of finished operations that are not yet charged to a budget. */
     int32_t units_due;
     /* 1: the structure takes no more links. */

@@ -21,6 +21,7 @@
 #include "cairn/curve_evolution.h"
 
 /* Phases: search for the next candidate, and check of its removal. */
+typedef int32_t curve_evolution_phase;
 enum { PHASE_IDLE, PHASE_SEARCH, PHASE_CHECK, PHASE_DONE };
 /* Bounds of the number of vertices. */
 enum { MIN_POINTS = 3, MAX_POINTS = 4096 };
@@ -40,8 +41,9 @@ struct cairn_curve_evolution {
     int32_t ring_start;
     /* Vertex that was tried last, -1: none since the last removal. */
     int32_t candidate;
-    /* Phase, and work units charged for the next operation so far. */
-    int32_t phase, charged;
+    curve_evolution_phase phase;
+    /* Work units charged for the next operation so far. */
+    int32_t units_charged;
 };
 
 cairn_curve_evolution_params cairn_curve_evolution_default(void)
@@ -143,7 +145,7 @@ cairn_status cairn_curve_evolution_begin(cairn_curve_evolution *evolution, const
         evolution->rank[i] = -1;
     }
     evolution->count = evolution->remaining = count;
-    evolution->ring_start = evolution->charged = 0;
+    evolution->ring_start = evolution->units_charged = 0;
     evolution->candidate = -1;
     for (int32_t i = 0; i < count; i++)
         update_relevance(evolution, i);
@@ -229,7 +231,7 @@ cairn_status cairn_curve_evolution_step(cairn_curve_evolution *evolution, cairn_
                            ? 1 + evolution->remaining / VISITS_PER_UNIT
                            : UNITS_PER_REMOVAL + evolution->remaining / TESTS_PER_UNIT;
 
-        if (!cairn_budget_charge(budget, &evolution->charged, cost))
+        if (!cairn_budget_charge(budget, &evolution->units_charged, cost))
             return CAIRN_MORE;
         if (evolution->phase == PHASE_SEARCH) {
             evolution->candidate =
@@ -252,7 +254,7 @@ cairn_status cairn_curve_evolution_step(cairn_curve_evolution *evolution, cairn_
 
 cairn_curve_evolution_result cairn_curve_evolution_read(const cairn_curve_evolution *evolution)
 {
-    cairn_curve_evolution_result result = {NULL, 0, 0};
+    cairn_curve_evolution_result result = {0};
 
     if (evolution != NULL && evolution->phase == PHASE_DONE) {
         result.rank = evolution->rank;

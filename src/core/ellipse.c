@@ -148,7 +148,7 @@ cairn_status cairn_ellipse_begin(cairn_ellipse_set *set, const cairn_oriented_po
     set->points = points;
     set->weights = weights;
     set->count = count;
-    set->cursor = set->charged = 0;
+    set->cursor = set->units_charged = 0;
     set->box = cairn_box_empty();
     set->peak_count = set->found_count = set->found_dropped = 0;
     set->phase = ELLIPSE_BOUNDS;
@@ -266,7 +266,7 @@ static cairn_status step_vote(cairn_ellipse_set *set, cairn_budget *budget)
         cairn_vec2 normal = cairn_vec2_left_perp(cairn_vec2_unit(point->direction));
         cairn_real weight = cairn_ellipse_weight(set, set->cursor);
 
-        if (!cairn_budget_charge(budget, &set->charged, 1 + votes_per_point(set) / 4))
+        if (!cairn_budget_charge(budget, &set->units_charged, 1 + votes_per_point(set) / 4))
             return CAIRN_MORE;
         if (!(weight > 0) || !(cairn_vec2_norm_squared(normal) > 0))
             continue;
@@ -302,7 +302,7 @@ static cairn_status step_smooth(cairn_ellipse_set *set, cairn_budget *budget)
         cairn_real *layer = &set->accumulator[set->cursor / (2 * cells) * cells * cells];
         int32_t line = set->cursor % (2 * cells);
 
-        if (!cairn_budget_charge(budget, &set->charged, 1 + cells / 16))
+        if (!cairn_budget_charge(budget, &set->units_charged, 1 + cells / 16))
             return CAIRN_MORE;
         if (line < cells)
             smooth_line(&layer[line * cells], 1, cells);
@@ -374,11 +374,11 @@ static cairn_status step_peaks(cairn_ellipse_set *set, cairn_budget *budget)
                 set->cursor++;
             continue;
         }
-        if (!cairn_budget_charge(budget, &set->charged, 1 + window_cells / 32))
+        if (!cairn_budget_charge(budget, &set->units_charged, 1 + window_cells / 32))
             return CAIRN_MORE;
         if (is_peak(set, set->cursor)) {
             /* Charged together with the next operation. */
-            set->charged -= 1 + set->peak_count / 8;
+            set->units_charged -= 1 + set->peak_count / 8;
             insert_peak(set, set->cursor);
         }
         set->cursor++;
@@ -406,7 +406,8 @@ static cairn_status step_suppress(cairn_ellipse_set *set, cairn_budget *budget)
     cairn_ellipse *list = set->result;
     int32_t kept = 0;
 
-    if (!cairn_budget_charge(budget, &set->charged, 1 + set->found_count * set->found_count / 8))
+    if (!cairn_budget_charge(budget, &set->units_charged,
+                             1 + set->found_count * set->found_count / 8))
         return CAIRN_MORE;
     for (int32_t i = 0; i < set->found_count; i++) {
         int is_suppressed = 0;

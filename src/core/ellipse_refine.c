@@ -138,7 +138,7 @@ static void add_point(cairn_ellipse_set *set, const cairn_oriented_point *point,
     if (set->pass == ELLIPSE_PASS_RADIUS) {
         add_radius(set, &oriented, weight);
     } else if (cairn_ellipse_gate_passes(&set->gate, &oriented, &distance)) {
-        set->charged -= UNITS_PER_INLIER;
+        set->units_charged -= UNITS_PER_INLIER;
         if (set->pass != ELLIPSE_PASS_SUPPORT) {
             cairn_ellipse_conic_add(&set->equations, &oriented, weight);
             return;
@@ -214,12 +214,12 @@ cairn_status cairn_ellipse_refine(cairn_ellipse_set *set, cairn_budget *budget)
 {
     while (set->current_peak < set->peak_count) {
         while (set->cursor < set->count) {
-            if (!cairn_budget_charge(budget, &set->charged, 1))
+            if (!cairn_budget_charge(budget, &set->units_charged, 1))
                 return CAIRN_MORE;
             for (int32_t i = 0; i < 2 && set->cursor < set->count; i++, set->cursor++)
                 add_point(set, &set->points[set->cursor], cairn_ellipse_weight(set, set->cursor));
         }
-        if (!cairn_budget_charge(budget, &set->charged, 16 + set->found_count / 2))
+        if (!cairn_budget_charge(budget, &set->units_charged, 16 + set->found_count / 2))
             return CAIRN_MORE;
         end_pass(set);
     }

@@ -94,7 +94,7 @@ struct cairn_ellipse_set {
     int32_t cursor;
     /* Work units charged for the next operation so far; negative: units of past operations still
      * due. */
-    int32_t charged;
+    int32_t units_charged;
     /* Bounding box of the points, in m. */
     cairn_box box;
     /* Centre of the first cell, in m. */

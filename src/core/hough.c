@@ -342,7 +342,7 @@ static cairn_status step_vote_as_written(cairn_hough *hough, cairn_budget *budge
     for (; hough->cursor < hough->count; hough->cursor++) {
         cairn_vec2 p = cairn_vec2_sub(hough->points[hough->cursor].position, hough->centre);
 
-        if (!cairn_budget_charge(budget, &hough->charged, 2 + hough->rows / 4))
+        if (!cairn_budget_charge(budget, &hough->units_charged, 2 + hough->rows / 4))
             return CAIRN_MORE;
         vote_as_written(hough, p, cairn_hough_weight(hough, hough->cursor));
     }
@@ -360,7 +360,7 @@ static cairn_status step_vote(cairn_hough *hough, cairn_budget *budget)
         if (budget->left <= 0)
             return CAIRN_MORE;
         centre = rows_near_direction(hough, point->direction, &first, &last);
-        if (!cairn_budget_charge(budget, &hough->charged, 2 + (last - first) / 4))
+        if (!cairn_budget_charge(budget, &hough->units_charged, 2 + (last - first) / 4))
             return CAIRN_MORE;
         if (weight > 0 && cairn_vec2_norm_squared(point->direction) > 0)
             vote_near_direction(hough, cairn_vec2_sub(point->position, hough->centre), weight,
@@ -437,7 +437,7 @@ static cairn_status step_peaks(cairn_hough *hough, cairn_budget *budget)
                 hough->cursor++;
             continue;
         }
-        if (!cairn_budget_charge(budget, &hough->charged,
+        if (!cairn_budget_charge(budget, &hough->units_charged,
                                  2 + window_bins / 16 + hough->peak_count / 8))
             return CAIRN_MORE;
         if (is_peak(hough, hough->cursor / columns, hough->cursor % columns))
@@ -482,7 +482,7 @@ cairn_status cairn_hough_step(cairn_hough *hough, cairn_budget *budget)
         if (status < 0)
             return status;
         hough->cursor = 0;
-        hough->charged = 0;
+        hough->units_charged = 0;
         if (hough->phase == PHASE_FIT)
             cairn_hough_begin_lines(hough);
     }

@@ -224,7 +224,7 @@ cairn_status cairn_hough_fit_lines(cairn_hough *hough, cairn_budget *budget)
                 add_point(hough, &hough->points[hough->cursor],
                           cairn_hough_weight(hough, hough->cursor));
         }
-        if (!cairn_budget_charge(budget, &hough->charged,
+        if (!cairn_budget_charge(budget, &hough->units_charged,
                                  4 + hough->params.distances / 16 + hough->found_count / 2))
             return CAIRN_MORE;
         end_pass(hough);
@@ -237,7 +237,7 @@ cairn_status cairn_hough_suppress_lines(cairn_hough *hough, cairn_budget *budget
     cairn_hough_line *list = hough->result;
     int32_t kept = 0;
 
-    if (!cairn_budget_charge(budget, &hough->charged,
+    if (!cairn_budget_charge(budget, &hough->units_charged,
                              1 + hough->found_count * hough->found_count / 8))
         return CAIRN_MORE;
     for (int32_t i = 0; i < hough->found_count; i++) {

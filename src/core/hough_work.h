@@ -18,6 +18,9 @@ typedef struct hough_moments {
     cairn_real w, t, s, tt, ts, ss;
 } hough_moments;
 
+/* Phase of a search (hough.c). */
+typedef int32_t hough_phase;
+
 struct cairn_hough {
     cairn_hough_params params;
     /* Rows of the accumulator. */
@@ -43,12 +46,11 @@ struct cairn_hough {
     const cairn_oriented_point *points;
     const cairn_real *weights;
     int32_t count;
-    /* Phase of the search. */
-    int32_t phase;
+    hough_phase phase;
     /* Next point or bin of the phase. */
     int32_t cursor;
     /* Work units charged for the next operation so far. */
-    int32_t charged;
+    int32_t units_charged;
     /* Bounding box of the points, and its centre, in m. */
     cairn_box box;
     cairn_vec2 centre;

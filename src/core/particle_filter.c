@@ -306,7 +306,7 @@ cairn_status cairn_particle_filter_clear(cairn_particle_filter *filter, uint64_t
     filter->random = cairn_random_seed(seed, 0);
     filter->phase = PARTICLE_FILTER_IDLE;
     filter->has_begun = 0;
-    filter->charged = 0;
+    filter->units_charged = 0;
     filter->is_call_charged = 0;
     memset(&filter->last_trace, 0, sizeof filter->last_trace);
     return CAIRN_OK;
@@ -347,7 +347,7 @@ cairn_status cairn_particle_filter_begin(cairn_particle_filter *filter)
     filter->birth_count = 0;
     filter->max_log_weight = PARTICLE_FILTER_IMPOSSIBLE;
     filter->outcome = CAIRN_OK;
-    filter->charged = 0;
+    filter->units_charged = 0;
     filter->phase = PARTICLE_FILTER_PROPOSE;
     return CAIRN_OK;
 }

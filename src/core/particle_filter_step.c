@@ -31,7 +31,7 @@ static int step_sampling(cairn_particle_filter *filter, cairn_real *mass, int32_
                        mass[sampler->cursor] / sampler->total * (cairn_real)sampler->draw_count,
                    whole = cairn_floor(expected);
 
-        if (!cairn_budget_charge(budget, &filter->charged, 1))
+        if (!cairn_budget_charge(budget, &filter->units_charged, 1))
             return 0;
         copies[sampler->cursor] = cairn_real_to_int(whole);
         sampler->draws_left -= copies[sampler->cursor];
@@ -44,7 +44,7 @@ static int step_sampling(cairn_particle_filter *filter, cairn_real *mass, int32_
         int32_t low = 0, high = sampler->last_residual;
         cairn_real u;
 
-        if (!cairn_budget_charge(budget, &filter->charged, 1))
+        if (!cairn_budget_charge(budget, &filter->units_charged, 1))
             return 0;
         u = cairn_random_unit(&filter->random) * sampler->residual_sum;
         while (low < high) {
@@ -66,7 +66,7 @@ static int step_sampling(cairn_particle_filter *filter, cairn_real *mass, int32_
  * when the budget is used up. */
 static int charge_call(cairn_particle_filter *filter, cairn_budget *budget)
 {
-    if (!filter->is_call_charged && !cairn_budget_charge(budget, &filter->charged, 1))
+    if (!filter->is_call_charged && !cairn_budget_charge(budget, &filter->units_charged, 1))
         return 0;
     filter->is_call_charged = 1;
     return 1;
@@ -152,7 +152,7 @@ static cairn_status step_priors(cairn_particle_filter *filter, cairn_budget *bud
     for (; filter->cursor < 3 * count; filter->cursor++) {
         int32_t k = filter->cursor % count;
 
-        if (!cairn_budget_charge(budget, &filter->charged, 1))
+        if (!cairn_budget_charge(budget, &filter->units_charged, 1))
             return CAIRN_MORE;
         if (filter->cursor < count)
             filter->max_log_mass = cairn_max(filter->max_log_mass, candidates[k].log_prior);
@@ -221,7 +221,7 @@ static cairn_status step_masses(cairn_particle_filter *filter, cairn_budget *bud
     for (; filter->cursor < 2 * count; filter->cursor++) {
         int32_t k = filter->cursor % count;
 
-        if (!cairn_budget_charge(budget, &filter->charged, 1))
+        if (!cairn_budget_charge(budget, &filter->units_charged, 1))
             return CAIRN_MORE;
         if (filter->cursor < count) {
             filter->max_log_mass = cairn_max(filter->max_log_mass, log_mass_of(&candidates[k]));
@@ -255,7 +255,7 @@ static cairn_status step_follow(cairn_particle_filter *filter, cairn_budget *bud
         if (log_mass_of(candidate) <= PARTICLE_FILTER_IMPOSSIBLE ||
             (filter->is_drawn && filter->copies[filter->cursor] == 0))
             continue;
-        if (!cairn_budget_charge(budget, &filter->charged, cost))
+        if (!cairn_budget_charge(budget, &filter->units_charged, cost))
             return CAIRN_MORE;
         if (!filter->is_drawn)
             follower.log_weight += candidate->log_prior + candidate->log_likelihood;
@@ -352,7 +352,7 @@ static void begin_group(cairn_particle_filter *filter)
 static cairn_status step_sum(cairn_particle_filter *filter, cairn_budget *budget)
 {
     for (; filter->cursor < filter->next.count; filter->cursor++) {
-        if (!cairn_budget_charge(budget, &filter->charged, 1))
+        if (!cairn_budget_charge(budget, &filter->units_charged, 1))
             return CAIRN_MORE;
         add_mass(filter, filter->cursor, filter->next.list[filter->cursor].log_weight);
     }
@@ -370,7 +370,7 @@ static cairn_status step_normalise(cairn_particle_filter *filter, cairn_budget *
     for (; filter->cursor < filter->next.count; filter->cursor++) {
         cairn_real weight = filter->mass[filter->cursor] / filter->mass_sum;
 
-        if (!cairn_budget_charge(budget, &filter->charged, 1))
+        if (!cairn_budget_charge(budget, &filter->units_charged, 1))
             return CAIRN_MORE;
         particles[filter->cursor].log_weight -= shift;
         filter->squared_weights += weight * weight;
@@ -400,7 +400,7 @@ static cairn_status step_copies(cairn_particle_filter *filter, cairn_budget *bud
             filter->cursor++;
             continue;
         }
-        if (!cairn_budget_charge(budget, &filter->charged, 1))
+        if (!cairn_budget_charge(budget, &filter->units_charged, 1))
             return CAIRN_MORE;
         if (filter->cursor == filter->max_weight_index)
             filter->step_trace.best = filter->resampled.count;
@@ -444,7 +444,7 @@ static cairn_status step_release(cairn_particle_filter *filter, cairn_budget *bu
             population = &filter->resampled;
         if (filter->node_to_release == NULL && population->count == 0)
             break;
-        if (!cairn_budget_charge(budget, &filter->charged, 1))
+        if (!cairn_budget_charge(budget, &filter->units_charged, 1))
             return CAIRN_MORE;
         if (filter->node_to_release == NULL)
             filter->node_to_release = population->list[--population->count].leaf;
@@ -534,7 +534,7 @@ cairn_status cairn_particle_filter_step(cairn_particle_filter *filter, cairn_bud
             advance(filter);
         } else {
             filter->outcome = status;
-            filter->charged = 0;
+            filter->units_charged = 0;
             filter->is_call_charged = 0;
             filter->phase = PARTICLE_FILTER_RELEASE;
         }

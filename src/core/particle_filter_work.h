@@ -137,7 +137,7 @@ struct cairn_particle_filter {
     cairn_real squared_weights;
     particle_filter_sampler sampler;
     /* Particles created in this step, and work units charged for the next operation so far. */
-    int32_t birth_count, charged;
+    int32_t birth_count, units_charged;
     /* 1: the current call of a callback is charged. */
     int32_t is_call_charged;
     /* Node that loses a reference next. */

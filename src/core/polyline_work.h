@@ -23,7 +23,7 @@
 /* Weighted moments of points in the frame of a component: sum of weights, of coordinates (m), and
  * of products of coordinates (m^2). */
 typedef struct polyline_sums {
-    cairn_real n;
+    cairn_real weight;
     cairn_real v[3];
     cairn_sym3 vv;
 } polyline_sums;
@@ -51,7 +51,8 @@ typedef struct polyline_component {
 } polyline_component;
 
 /* Phases, in order. */
-typedef enum polyline_phase {
+typedef int32_t polyline_phase;
+enum {
     /* Canonical order of the points, by Morton code. */
     POLYLINE_KEYS,
     POLYLINE_SORT_POINTS,
@@ -72,7 +73,7 @@ typedef enum polyline_phase {
     POLYLINE_ASSIGN,
     POLYLINE_WRITE,
     POLYLINE_DONE
-} polyline_phase;
+};
 
 struct cairn_polyline {
     cairn_polyline_params params;

@@ -60,7 +60,8 @@ cairn_status cairn_raster_real_check(cairn_raster_real_view view)
 enum { DISTANCE_FAR = CAIRN_DISTANCE_MAP_FAR, OPERATIONS_PER_UNIT = 6 };
 
 /* Passes, in order; the passes from PASS_RIGHT on repeat for every row. */
-enum pass {
+typedef int32_t distance_map_pass;
+enum {
     PASS_DOWN,
     PASS_UP,
     PASS_RIGHT,
@@ -80,7 +81,7 @@ struct cairn_distance_map {
     cairn_distance_map_input input;
     int32_t max_width;
     /* Current pass, and the next pixel of the pass. */
-    int32_t pass;
+    distance_map_pass pass;
     int32_t x, y;
     /* Columns on the stack. */
     int32_t stack_count;

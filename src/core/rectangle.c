@@ -429,7 +429,7 @@ static void begin_phase(cairn_rectangle_set *set)
 {
     set->cursor = 0;
     set->compared = 0;
-    set->charged = 0;
+    set->units_charged = 0;
     if (set->phase == RECTANGLE_BY_LENGTH)
         set->sort = begin_sort(set->order, set->length_key, set->ordered_count);
     else if (set->phase == RECTANGLE_BY_SLOPE)
@@ -453,7 +453,7 @@ static cairn_status step_phase(cairn_rectangle_set *set, cairn_budget *budget)
     case RECTANGLE_MATCH:
         return cairn_rectangle_match(set, budget);
     default:
-        return step_sort(&set->sort, &set->charged, budget);
+        return step_sort(&set->sort, &set->units_charged, budget);
     }
 }
 

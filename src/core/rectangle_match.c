@@ -378,13 +378,13 @@ cairn_status cairn_rectangle_match(struct cairn_rectangle_set *set, cairn_budget
 
         if (set->has_candidate) {
             if (step_coverage(set, budget) == CAIRN_MORE ||
-                !cairn_budget_charge(budget, &set->charged, 8 + 4 * set->found_count))
+                !cairn_budget_charge(budget, &set->units_charged, 8 + 4 * set->found_count))
                 return CAIRN_MORE;
             score_candidate(set);
             set->has_candidate = 0;
             continue;
         }
-        if (!cairn_budget_charge(budget, &set->charged, 2))
+        if (!cairn_budget_charge(budget, &set->units_charged, 2))
             return CAIRN_MORE;
         p = pair_at(set, set->cursor);
         from = p->slope + CAIRN_PI / 2 - set->params.max_angle_error;

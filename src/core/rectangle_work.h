@@ -108,7 +108,7 @@ struct cairn_rectangle_set {
     int32_t has_candidate;
     rectangle_candidate candidate;
     /* Work units charged for the next operation so far. */
-    int32_t charged;
+    int32_t units_charged;
     rectangle_sorter sort;
 };
 

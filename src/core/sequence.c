@@ -38,7 +38,8 @@ typedef struct sequence_job {
 } sequence_job;
 
 /* Phases. */
-typedef enum sequence_phase {
+typedef int32_t sequence_phase;
+enum {
     SEQUENCE_IDLE,
     /* LOCAL: end and start of the best local alignment. */
     SEQUENCE_FIND_END,
@@ -55,7 +56,7 @@ typedef enum sequence_phase {
     /* Path of a job of one row of elements. */
     SEQUENCE_TRACE_PATH,
     SEQUENCE_DONE
-} sequence_phase;
+};
 
 struct cairn_sequence {
     cairn_sequence_params params;
@@ -477,8 +478,12 @@ cairn_status cairn_sequence_step(cairn_sequence *sequence, cairn_budget *budget)
 
 cairn_sequence_result cairn_sequence_read(const cairn_sequence *sequence)
 {
-    cairn_sequence_result result = {sequence->pairs, sequence->pair_count, sequence->score},
-                          nothing = {NULL, 0, 0};
+    cairn_sequence_result result = {0};
 
-    return sequence->phase == SEQUENCE_DONE ? result : nothing;
+    if (sequence->phase == SEQUENCE_DONE) {
+        result.pairs = sequence->pairs;
+        result.count = sequence->pair_count;
+        result.score = sequence->score;
+    }
+    return result;
 }

@@ -114,7 +114,7 @@ void cairn_object_detect_group_free(object_detect_groupings *made);
 /* Returns the greatest evidence (nats) of a grouped object that coincides with a detection; 0:
  * none. */
 cairn_real cairn_object_detect_grouped_evidence(const object_detect_groupings *made,
-                                                const cairn_object_detection *o);
+                                                const cairn_object_detection *detection);
 
 /* Builds the polylines of all chains. Returns 0 when out of memory; the result must be freed then,
  * too. */
@@ -133,16 +133,16 @@ typedef struct object_detect_similarity {
  * each sample; weight: [outline_count] scratch. map: the transform with the greatest agreement,
  * relative to the outline's origin and in its sizes, set when the result is > 0. Cost: about 40
  * passes over the samples. */
-cairn_real cairn_object_detect_rigid_proximity(const contour_fitted_outline *laid,
+cairn_real cairn_object_detect_rigid_proximity(const contour_fitted_outline *fitted,
                                                const cairn_oriented_point *drawn,
                                                const cairn_real *near, cairn_real *weight,
                                                object_detect_similarity *map);
 
 /* Replaces the deformed outline by the original outline at the transform; updates the detection's
  * origin and size. */
-void cairn_object_detect_place_outline(const object_detect_similarity *laid,
+void cairn_object_detect_place_outline(const object_detect_similarity *map,
                                        const cairn_oriented_point *drawn, contour_fit *fit,
-                                       cairn_object_detection *o);
+                                       cairn_object_detection *detection);
 
 /* Finds hypotheses by parts. CAIRN_NO_MEMORY; CAIRN_EMPTY: an outline of zero length. On failure
  * there is nothing to free. */
@@ -159,7 +159,7 @@ static inline int cairn_object_detect_is_as_written(const cairn_object_detect_fi
 /* As written (object_detect_written.c). Computes the bounding box of a hypothesis' fragments, and
  * samples points[count] at even steps along all of them. Returns 0 when their length is zero. */
 int cairn_object_detect_written_sample(const cairn_object_detect_field *field,
-                                       object_detect_hypothesis *h,
+                                       object_detect_hypothesis *hypothesis,
                                        const cairn_object_detect_part *parts, cairn_vec2 *points,
                                        int32_t count);
 /* Hash set of sets of chains, so that hypotheses of the same chains are compared once. begin:
@@ -173,7 +173,7 @@ typedef struct object_detect_chain_sets {
     uint32_t mask;
     int32_t count;
 } object_detect_chain_sets;
-int cairn_object_detect_chain_sets_begin(object_detect_chain_sets *sets, int32_t room);
+int cairn_object_detect_chain_sets_begin(object_detect_chain_sets *sets, int32_t capacity);
 int cairn_object_detect_chain_sets_add(object_detect_chain_sets *sets,
                                        const cairn_object_detect_part *parts, int32_t count);
 void cairn_object_detect_chain_sets_free(object_detect_chain_sets *sets);

@@ -193,7 +193,7 @@ static cairn_status box_of_panel(const cairn_report_map *map, const cairn_report
     return CAIRN_OK;
 }
 
-cairn_status cairn_report_lay_out(const cairn_report_map *map, cairn_report_layout *layout)
+cairn_status cairn_report_compute_layout(const cairn_report_map *map, cairn_report_layout *layout)
 {
     double wide = MIN_BOX_M, high = MIN_BOX_M, min_height, max_height;
     cairn_status status;

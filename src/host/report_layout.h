@@ -40,8 +40,8 @@ CAIRN_CHECKED cairn_status cairn_report_check(const char *path, const cairn_repo
                                               cairn_file_error *error);
 
 /* Computes the layout. CAIRN_NO_MEMORY. */
-CAIRN_CHECKED cairn_status cairn_report_lay_out(const cairn_report_map *map,
-                                                cairn_report_layout *layout);
+CAIRN_CHECKED cairn_status cairn_report_compute_layout(const cairn_report_map *map,
+                                                       cairn_report_layout *layout);
 
 /* Returns the transformation of panel `index`. */
 cairn_report_view cairn_report_view_of(const cairn_report_layout *layout, int32_t index);

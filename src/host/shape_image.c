@@ -8,7 +8,7 @@
  * 4. Components and holes are filtered by area, and their boundaries are traced along pixel edges,
  *    of drawings outside of their lines.
  *
- * Limits: one object a picture; all components belong to it. A drawing within a drawing (the spots
+ * Limits: one object a picture; all components belong to it. A drawing within a drawing (the dots
  * of a giraffe) yields holes. */
 #include "src/core/build.h"
 

@@ -63,20 +63,21 @@ static int is_capacity(int32_t count, int32_t most)
     return count >= 1 && count <= most;
 }
 
-static int params_are_valid(const cairn_aligner_params *p)
+static int params_are_valid(const cairn_aligner_params *params)
 {
-    return p != NULL && is_capacity(p->max_scans, MAX_SCANS) &&
-           is_capacity(p->max_segments, MAX_COUNT) && p->max_short_segments >= 0 &&
-           p->max_short_segments <= MAX_COUNT && is_capacity(p->max_points, MAX_COUNT) &&
-           is_capacity(p->max_hypotheses, MAX_COUNT) && is_capacity(p->max_fill, MAX_COUNT) &&
-           is_capacity(p->max_cells, MAX_COUNT) && p->max_cells >= MIN_CELLS &&
-           is_positive(p->max_initial_error) && is_positive(p->max_initial_angle_error) &&
-           p->max_initial_angle_error <= CAIRN_PI && is_positive(p->max_range) &&
-           p->max_range <= MAX_COORDINATE_M && is_positive(p->range_sigma) &&
-           p->free_space_penalty >= 0 && p->free_space_penalty <= CAIRN_REAL_MAX &&
-           p->max_relocalizations >= 0 && p->max_iterations >= 0 &&
-           is_positive(p->min_log_likelihood_ratio) && is_positive(p->observable_sigma) &&
-           is_positive(p->observable_sigma_theta);
+    return params != NULL && is_capacity(params->max_scans, MAX_SCANS) &&
+           is_capacity(params->max_segments, MAX_COUNT) && params->max_short_segments >= 0 &&
+           params->max_short_segments <= MAX_COUNT && is_capacity(params->max_points, MAX_COUNT) &&
+           is_capacity(params->max_hypotheses, MAX_COUNT) &&
+           is_capacity(params->max_fill, MAX_COUNT) && is_capacity(params->max_cells, MAX_COUNT) &&
+           params->max_cells >= MIN_CELLS && is_positive(params->max_initial_error) &&
+           is_positive(params->max_initial_angle_error) &&
+           params->max_initial_angle_error <= CAIRN_PI && is_positive(params->max_range) &&
+           params->max_range <= MAX_COORDINATE_M && is_positive(params->range_sigma) &&
+           params->free_space_penalty >= 0 && params->free_space_penalty <= CAIRN_REAL_MAX &&
+           params->max_relocalizations >= 0 && params->max_iterations >= 0 &&
+           is_positive(params->min_log_likelihood_ratio) && is_positive(params->observable_sigma) &&
+           is_positive(params->observable_sigma_theta);
 }
 
 static cairn_block_solver_params solver_params(const cairn_aligner_params *p)
@@ -116,10 +117,10 @@ static void carve_shared(cairn_aligner *aligner, cairn_pool *pool, size_t segmen
     aligner->order = (void *)(shared + built);
 }
 
-static cairn_aligner *carve(cairn_pool *pool, const cairn_aligner_params *p)
+static cairn_aligner *carve(cairn_pool *pool, const cairn_aligner_params *params)
 {
-    size_t scans = (size_t)p->max_scans,
-           segments = (size_t)p->max_segments + (size_t)p->max_short_segments;
+    size_t scans = (size_t)params->max_scans,
+           segments = (size_t)params->max_segments + (size_t)params->max_short_segments;
     cairn_aligner *made = cairn_pool_take_one(pool, sizeof *made), arrays;
 
     memset(&arrays, 0, sizeof arrays);
@@ -129,17 +130,18 @@ static cairn_aligner *carve(cairn_pool *pool, const cairn_aligner_params *p)
     arrays.clusters = cairn_pool_take(pool, scans + 1, sizeof *arrays.clusters);
     arrays.prior_sums = cairn_pool_take(pool, scans + 1, sizeof *arrays.prior_sums);
     arrays.segments = cairn_pool_take(pool, segments, sizeof *arrays.segments);
-    arrays.points = cairn_pool_take(pool, (size_t)p->max_points, sizeof *arrays.points);
+    arrays.points = cairn_pool_take(pool, (size_t)params->max_points, sizeof *arrays.points);
     arrays.neighbours =
         cairn_pool_take(pool, scans * ALIGNER_MAX_NEIGHBOURS, sizeof *arrays.neighbours);
-    arrays.patches = cairn_pool_take(pool, (size_t)p->max_points / ALIGNER_PATCH_POINTS + scans,
-                                     sizeof *arrays.patches);
-    arrays.hypotheses = cairn_pool_take(pool, (size_t)p->max_hypotheses, sizeof *arrays.hypotheses);
+    arrays.patches = cairn_pool_take(
+        pool, (size_t)params->max_points / ALIGNER_PATCH_POINTS + scans, sizeof *arrays.patches);
+    arrays.hypotheses =
+        cairn_pool_take(pool, (size_t)params->max_hypotheses, sizeof *arrays.hypotheses);
     arrays.links = cairn_pool_take(pool, scans, sizeof *arrays.links);
     arrays.best_of_block =
-        cairn_pool_take(pool, (size_t)p->max_hypotheses / ALIGNER_HYPOTHESIS_BLOCK + 1,
+        cairn_pool_take(pool, (size_t)params->max_hypotheses / ALIGNER_HYPOTHESIS_BLOCK + 1,
                         sizeof *arrays.best_of_block);
-    carve_shared(&arrays, pool, segments, (size_t)p->max_cells);
+    carve_shared(&arrays, pool, segments, (size_t)params->max_cells);
     arrays.rhs = cairn_pool_take(pool, 3 * (scans + (segments + 1) / 2), sizeof *arrays.rhs);
     arrays.bearings = cairn_pool_take(pool, ALIGNER_PROFILE_BINS, sizeof *arrays.bearings);
     arrays.results = cairn_pool_take(pool, scans, sizeof *arrays.results);
@@ -283,7 +285,7 @@ static void discard_result(cairn_aligner *aligner)
 {
     aligner->phase = ALIGNER_DONE;
     aligner->has_ended = 0;
-    aligner->uncharged_units = 0;
+    aligner->units_due = 0;
     aligner->evaluation.active = aligner->relax.active = 0;
     memset(&aligner->result, 0, sizeof aligner->result);
     aligner->result.anchor = -1;
@@ -363,7 +365,7 @@ cairn_status cairn_aligner_begin(cairn_aligner *aligner)
     cairn_aligner_begin_clusters(aligner);
     aligner->evaluation.active = aligner->relax.active = 0;
     aligner->phase = ALIGNER_FIND_NEIGHBOURS;
-    aligner->uncharged_units = 0;
+    aligner->units_due = 0;
     aligner->scan_index = aligner->neighbour_index = aligner->item_index = aligner->inner_index =
         aligner->nearest_count = 0;
     aligner->trial_count = aligner->relocalization_rounds = aligner->translation_passes = 0;
@@ -395,7 +397,7 @@ cairn_status cairn_aligner_begin_warm(cairn_aligner *aligner, const cairn_pose *
     aligner->hypothesis_count = 0;
     aligner->relocalization_rounds = aligner->translation_passes = aligner->changed_scans = 0;
     aligner->scan_index = aligner->neighbour_index = aligner->item_index = aligner->inner_index = 0;
-    aligner->uncharged_units = 0;
+    aligner->units_due = 0;
     aligner->is_warm_start = 1;
     aligner->has_ended = 0;
     aligner->phase = ALIGNER_RELOCALIZE;
@@ -454,14 +456,13 @@ static cairn_status run(cairn_aligner *aligner, cairn_budget *budget, int to_com
 {
     if (aligner == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (aligner->phase != ALIGNER_DONE || aligner->uncharged_units > 0) {
+    while (aligner->phase != ALIGNER_DONE || aligner->units_due > 0) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (aligner->uncharged_units > 0) {
-            int32_t charged =
-                aligner->uncharged_units < budget->left ? aligner->uncharged_units : budget->left;
+        if (aligner->units_due > 0) {
+            int32_t charged = aligner->units_due < budget->left ? aligner->units_due : budget->left;
 
-            aligner->uncharged_units -= charged;
+            aligner->units_due -= charged;
             aligner->result.units += charged;
             budget->left -= charged;
         } else if (to_commit && commits_of(aligner) != aligner->reported_commit &&
@@ -469,9 +470,9 @@ static cairn_status run(cairn_aligner *aligner, cairn_budget *budget, int to_com
             aligner->reported_commit = commits_of(aligner);
             return CAIRN_OK;
         } else if (!run_solver(aligner, budget) && aligner->phase != ALIGNER_DONE) {
-            aligner->uncharged_units += next_item(aligner);
-            if (aligner->uncharged_units > aligner->result.worst_step)
-                aligner->result.worst_step = aligner->uncharged_units;
+            aligner->units_due += next_item(aligner);
+            if (aligner->units_due > aligner->result.worst_step)
+                aligner->result.worst_step = aligner->units_due;
         }
     }
     return CAIRN_OK;
@@ -489,7 +490,7 @@ cairn_status cairn_aligner_iterate(cairn_aligner *aligner, cairn_budget *budget)
 
 int32_t cairn_aligner_running(const cairn_aligner *aligner)
 {
-    return aligner->phase != ALIGNER_DONE || aligner->uncharged_units > 0;
+    return aligner->phase != ALIGNER_DONE || aligner->units_due > 0;
 }
 
 /* ---- Results ---- */

@@ -62,25 +62,26 @@ static int32_t segment_of(const cairn_aligner *aligner, const aligner_scan *scan
 
 /* Adds a hit to a segment, weighted by the variance of its range across the line. Called twice,
  * first for the mean. */
-static void add_hit(cairn_aligner *aligner, aligner_segment *s, const cairn_scan_beam *beam,
+static void add_hit(cairn_aligner *aligner, aligner_segment *segment, const cairn_scan_beam *beam,
                     int32_t about_mean)
 {
     cairn_vec2 ray = cairn_vec2_sub(beam->to, beam->from), d;
-    cairn_real incidence = cairn_abs(cairn_vec2_cross(s->direction, ray)) / cairn_vec2_norm(ray),
+    cairn_real incidence =
+                   cairn_abs(cairn_vec2_cross(segment->direction, ray)) / cairn_vec2_norm(ray),
                deviation, weight;
 
     deviation = aligner->params.range_sigma * cairn_max(incidence, MIN_INCIDENCE);
     weight = 1 / (deviation * deviation);
-    d = cairn_vec2_sub(beam->to, about_mean ? s->mean : s->a);
+    d = cairn_vec2_sub(beam->to, about_mean ? segment->mean : segment->a);
     if (!about_mean) {
-        s->weight += weight;
-        s->scatter.xx += weight * d.x;
-        s->scatter.yy += weight * d.y;
+        segment->weight += weight;
+        segment->scatter.xx += weight * d.x;
+        segment->scatter.yy += weight * d.y;
         return;
     }
-    s->scatter.xx += weight * d.x * d.x;
-    s->scatter.xy += weight * d.x * d.y;
-    s->scatter.yy += weight * d.y * d.y;
+    segment->scatter.xx += weight * d.x * d.x;
+    segment->scatter.xy += weight * d.x * d.y;
+    segment->scatter.yy += weight * d.y * d.y;
 }
 
 static void finish_means(cairn_aligner *aligner, const aligner_scan *scan)

@@ -54,9 +54,9 @@ static void number_walls(cairn_aligner *aligner)
     }
 }
 
-static int is_shared(const cairn_aligner *aligner, const aligner_segment *s)
+static int is_shared(const cairn_aligner *aligner, const aligner_segment *segment)
 {
-    return s->wall >= 0 && aligner->walls[s->wall].node >= 0;
+    return segment->wall >= 0 && aligner->walls[segment->wall].node >= 0;
 }
 
 /* Numbers the nodes, adds the links of some segments, then starts the symbolic analysis; all are
@@ -111,28 +111,31 @@ typedef struct term {
     cairn_real chi, scale;
 } term;
 
-static term term_of(const cairn_aligner *aligner, const aligner_segment *s)
+static term term_of(const cairn_aligner *aligner, const aligner_segment *segment)
 {
-    const aligner_wall *wall = &aligner->walls[s->wall];
-    cairn_transform pose = aligner->poses[s->scan];
-    cairn_vec2 mean = cairn_transform_point(pose, s->mean), along = cairn_aligner_along(wall), n, t;
+    const aligner_wall *wall = &aligner->walls[segment->wall];
+    cairn_transform pose = aligner->poses[segment->scan];
+    cairn_vec2 mean = cairn_transform_point(pose, segment->mean), along = cairn_aligner_along(wall),
+               n, t;
     cairn_vec2 arm = {mean.x - pose.x, mean.y - pose.y};
     cairn_real across;
     term m;
 
-    /* The wall's axes in the scan's frame. */
+    /* The wall'segment axes in the scan'segment frame. */
     n.x = pose.cosine * wall->normal.x + pose.sine * wall->normal.y;
     n.y = pose.cosine * wall->normal.y - pose.sine * wall->normal.x;
     t.x = n.y;
     t.y = -n.x;
-    m.along = s->scatter.xx * t.x * t.x + 2 * s->scatter.xy * t.x * t.y + s->scatter.yy * t.y * t.y;
-    across = s->scatter.xx * n.x * n.x + 2 * s->scatter.xy * n.x * n.y + s->scatter.yy * n.y * n.y;
-    m.oblique = s->scatter.xx * t.x * n.x + s->scatter.xy * (t.x * n.y + t.y * n.x) +
-                s->scatter.yy * t.y * n.y;
+    m.along = segment->scatter.xx * t.x * t.x + 2 * segment->scatter.xy * t.x * t.y +
+              segment->scatter.yy * t.y * t.y;
+    across = segment->scatter.xx * n.x * n.x + 2 * segment->scatter.xy * n.x * n.y +
+             segment->scatter.yy * n.y * n.y;
+    m.oblique = segment->scatter.xx * t.x * n.x + segment->scatter.xy * (t.x * n.y + t.y * n.x) +
+                segment->scatter.yy * t.y * n.y;
     m.error = cairn_vec2_dot(wall->normal, mean) - wall->offset;
-    m.chi = s->weight * m.error * m.error + cairn_max(across - s->min_scatter, 0);
+    m.chi = segment->weight * m.error * m.error + cairn_max(across - segment->min_scatter, 0);
     m.scale = 1 / (1 + m.chi / cairn_max(aligner->robust_chi2,
-                                         s->weight * aligner->robust_squared_distance));
+                                         segment->weight * aligner->robust_squared_distance));
     m.scale *= m.scale;
     m.row[0] = wall->normal.x;
     m.row[1] = wall->normal.y;
@@ -175,16 +178,17 @@ static cairn_vec2 frame_of(const cairn_aligner *aligner, int32_t scan)
     return least;
 }
 
-static cairn_status add_segment(cairn_aligner *aligner, const aligner_segment *s, int32_t link)
+static cairn_status add_segment(cairn_aligner *aligner, const aligner_segment *segment,
+                                int32_t link)
 {
-    int32_t node = aligner->walls[s->wall].node;
-    term m = term_of(aligner, s);
-    cairn_real *b = &aligner->rhs[3 * s->scan], *c = &aligner->rhs[3 * node], block[9],
-               weight = m.scale * s->weight;
+    int32_t node = aligner->walls[segment->wall].node;
+    term m = term_of(aligner, segment);
+    cairn_real *b = &aligner->rhs[3 * segment->scan], *c = &aligner->rhs[3 * node], block[9],
+               weight = m.scale * segment->weight;
     cairn_sym3 own = cairn_sym3_zero(), walls = cairn_sym3_zero();
     cairn_status status;
 
-    into_frame(aligner->scans[s->scan].first_axis, m.row);
+    into_frame(aligner->scans[segment->scan].first_axis, m.row);
     cairn_sym3_add_outer(&own, m.row, weight);
     own.zz += m.scale * m.along;
     cairn_sym3_add_outer(&walls, m.column, weight);
@@ -198,7 +202,7 @@ static cairn_status add_segment(cairn_aligner *aligner, const aligner_segment *s
     block[7] -= m.scale * m.along;
     b[2] -= m.scale * m.oblique;
     c[1] += m.scale * m.oblique;
-    status = cairn_block_solver_add_pose_block(aligner->solver, s->scan, own);
+    status = cairn_block_solver_add_pose_block(aligner->solver, segment->scan, own);
     if (status == CAIRN_OK)
         status = cairn_block_solver_add_pose_block(aligner->solver, node, walls);
     return status == CAIRN_OK ? cairn_block_solver_add_link_block(aligner->solver, link, block)
@@ -253,7 +257,7 @@ static cairn_status add_value(cairn_aligner *aligner, int32_t k, int32_t anchor)
 
         if (k == aligner->scans[scan].first_segment) {
             aligner->scans[scan].first_axis = frame_of(aligner, scan);
-            aligner->uncharged_units += (aligner->scans[scan].end_segment - k) / 2;
+            aligner->units_due += (aligner->scans[scan].end_segment - k) / 2;
         }
         return is_shared(aligner, &aligner->segments[k])
                    ? add_segment(aligner, &aligner->segments[k], aligner->link++)

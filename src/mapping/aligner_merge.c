@@ -32,56 +32,62 @@ static int32_t cluster_of(const cairn_aligner *aligner, int32_t scan)
     return aligner->scans[scan].cluster;
 }
 
-static int is_fresh(const cairn_aligner *aligner, const aligner_hypothesis *h)
+static int is_fresh(const cairn_aligner *aligner, const aligner_hypothesis *hypothesis)
 {
-    return h->first_stamp == aligner->clusters[cluster_of(aligner, h->first)].stamp &&
-           h->second_stamp == aligner->clusters[cluster_of(aligner, h->second)].stamp;
+    return hypothesis->first_stamp ==
+               aligner->clusters[cluster_of(aligner, hypothesis->first)].stamp &&
+           hypothesis->second_stamp ==
+               aligner->clusters[cluster_of(aligner, hypothesis->second)].stamp;
 }
 
 /* Invalidates the best hypothesis of a block. */
-static void invalidate_block(cairn_aligner *aligner, const aligner_hypothesis *h)
+static void invalidate_block(cairn_aligner *aligner, const aligner_hypothesis *hypothesis)
 {
-    aligner->best_of_block[(h - aligner->hypotheses) / ALIGNER_HYPOTHESIS_BLOCK] = UNKNOWN;
+    aligner->best_of_block[(hypothesis - aligner->hypotheses) / ALIGNER_HYPOTHESIS_BLOCK] = UNKNOWN;
 }
 
 /* Returns the pose of the first scan's cluster in the frame of the second's. */
-static cairn_transform clusters_pose(const cairn_aligner *aligner, const aligner_hypothesis *h)
+static cairn_transform clusters_pose(const cairn_aligner *aligner,
+                                     const aligner_hypothesis *hypothesis)
 {
-    cairn_transform first =
-        cairn_aligner_compose(aligner->poses[h->second], cairn_transform_of(h->second_first));
+    cairn_transform first = cairn_aligner_compose(aligner->poses[hypothesis->second],
+                                                  cairn_transform_of(hypothesis->second_first));
 
-    return cairn_aligner_compose(first, cairn_aligner_inverse(aligner->poses[h->first]));
+    return cairn_aligner_compose(first, cairn_aligner_inverse(aligner->poses[hypothesis->first]));
 }
 
 /* Starts an evaluation; returns 0 and rejects the hypothesis when its prior is below any possible
  * gain. */
-static int begin_evaluation(cairn_aligner *aligner, aligner_hypothesis *h)
+static int begin_evaluation(cairn_aligner *aligner, aligner_hypothesis *hypothesis)
 {
-    int32_t first = cluster_of(aligner, h->first), second = cluster_of(aligner, h->second);
-    cairn_transform pose = clusters_pose(aligner, h);
+    int32_t first = cluster_of(aligner, hypothesis->first),
+            second = cluster_of(aligner, hypothesis->second);
+    cairn_transform pose = clusters_pose(aligner, hypothesis);
 
     if (cairn_aligner_prior(aligner, first, second, pose) < MIN_PRIOR_NATS) {
-        h->state = ALIGNER_REJECTED;
-        invalidate_block(aligner, h);
+        hypothesis->state = ALIGNER_REJECTED;
+        invalidate_block(aligner, hypothesis);
         return 0;
     }
     cairn_aligner_begin_evaluation(aligner, first, second, pose,
-                                   h->first_stamp < 0 ? 1 : EVALUATION_ROUNDS, MIN_PRIOR_NATS);
+                                   hypothesis->first_stamp < 0 ? 1 : EVALUATION_ROUNDS,
+                                   MIN_PRIOR_NATS);
     return 1;
 }
 
-static void store_evaluation(cairn_aligner *aligner, aligner_hypothesis *h)
+static void store_evaluation(cairn_aligner *aligner, aligner_hypothesis *hypothesis)
 {
     cairn_transform first =
-        cairn_aligner_compose(aligner->evaluation.pose, aligner->poses[h->first]);
+        cairn_aligner_compose(aligner->evaluation.pose, aligner->poses[hypothesis->first]);
 
-    h->second_first =
-        cairn_aligner_to_pose(cairn_aligner_between(aligner->poses[h->second], first));
-    h->score = h->rank = aligner->evaluation.log_likelihood_ratio + aligner->evaluation.log_prior;
-    h->first_stamp = aligner->clusters[cluster_of(aligner, h->first)].stamp;
-    h->second_stamp = aligner->clusters[cluster_of(aligner, h->second)].stamp;
-    h->state = h->score < MIN_NATS ? ALIGNER_REJECTED : ALIGNER_EVALUATED;
-    invalidate_block(aligner, h);
+    hypothesis->second_first =
+        cairn_aligner_to_pose(cairn_aligner_between(aligner->poses[hypothesis->second], first));
+    hypothesis->score = hypothesis->rank =
+        aligner->evaluation.log_likelihood_ratio + aligner->evaluation.log_prior;
+    hypothesis->first_stamp = aligner->clusters[cluster_of(aligner, hypothesis->first)].stamp;
+    hypothesis->second_stamp = aligner->clusters[cluster_of(aligner, hypothesis->second)].stamp;
+    hypothesis->state = hypothesis->score < MIN_NATS ? ALIGNER_REJECTED : ALIGNER_EVALUATED;
+    invalidate_block(aligner, hypothesis);
 }
 
 static void find_best_of_block(cairn_aligner *aligner, int32_t block)
@@ -115,7 +121,7 @@ static int find_some_best(cairn_aligner *aligner)
             find_best_of_block(aligner, block);
             found++;
         }
-    aligner->uncharged_units += blocks_of(aligner) / 32 + found * (ALIGNER_HYPOTHESIS_BLOCK / 16);
+    aligner->units_due += blocks_of(aligner) / 32 + found * (ALIGNER_HYPOTHESIS_BLOCK / 16);
     return found == OF_ITEM;
 }
 
@@ -129,14 +135,14 @@ static int32_t best_hypothesis(cairn_aligner *aligner)
 
         if (aligner->best_of_block[block] == UNKNOWN) {
             find_best_of_block(aligner, block);
-            aligner->uncharged_units += ALIGNER_HYPOTHESIS_BLOCK / 16;
+            aligner->units_due += ALIGNER_HYPOTHESIS_BLOCK / 16;
         }
         own = aligner->best_of_block[block];
         if (own >= 0 &&
             (best < 0 || aligner->hypotheses[own].rank > aligner->hypotheses[best].rank))
             best = own;
     }
-    aligner->uncharged_units += blocks_of(aligner) / 16;
+    aligner->units_due += blocks_of(aligner) / 16;
     return best;
 }
 
@@ -198,11 +204,11 @@ static aligner_hypothesis *next_competing(cairn_aligner *aligner, int32_t *passe
 
 /* Returns the pose of the chosen hypothesis' first scan in the other cluster's frame, by hypothesis
  * g. */
-static cairn_transform pose_by(const cairn_aligner *aligner, const aligner_hypothesis *g)
+static cairn_transform pose_by(const cairn_aligner *aligner, const aligner_hypothesis *hypothesis)
 {
     const aligner_hypothesis *h = &aligner->hypotheses[aligner->chosen];
 
-    return cairn_aligner_compose(competing_pose(aligner, h, g), aligner->poses[h->first]);
+    return cairn_aligner_compose(competing_pose(aligner, h, hypothesis), aligner->poses[h->first]);
 }
 
 /* Evaluates competing hypotheses that are outdated; not those with the same pose. */

@@ -4,7 +4,7 @@
  * visible to the other, then the distance of what they see.
  * 1. Each scan's neighbours are the nearest scans.
  * 2. The relation is made symmetric within the capacity, so that isolated scans have neighbours and
- *    crowded ones not more than the limit. */
+ *    scans among many others not more than the limit. */
 #include "src/core/build.h"
 
 #include "src/mapping/aligner_work.h"

@@ -199,7 +199,7 @@ static void store_hypothesis(cairn_aligner *aligner, const aligner_hypothesis *t
         for (int32_t i = 1; i < aligner->hypothesis_count; i++)
             if (aligner->hypotheses[i].score < h->score)
                 h = &aligner->hypotheses[i];
-        aligner->uncharged_units += aligner->hypothesis_count / 32;
+        aligner->units_due += aligner->hypothesis_count / 32;
         if (h->score >= trial->score)
             return;
     }

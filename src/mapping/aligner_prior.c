@@ -149,7 +149,7 @@ static const aligner_prior_sums *sums_of(cairn_aligner *aligner, int32_t cluster
     fit->origin.y = middle.y;
     for (int32_t i = head; i >= 0; i = aligner->scans[i].next_in_cluster)
         add_scan(aligner, fit, i, 1);
-    aligner->uncharged_units += aligner->clusters[cluster].size / SCANS_PER_UNIT;
+    aligner->units_due += aligner->clusters[cluster].size / SCANS_PER_UNIT;
     return fit;
 }
 
@@ -238,7 +238,7 @@ static residual_sums visit_scans(cairn_aligner *aligner, int32_t cluster, cairn_
         m.squares_angle += one.turn * one.turn;
         m.beyond += distance_outside_box(aligner, one.error.x, one.error.y, one.turn);
     }
-    aligner->uncharged_units += aligner->clusters[cluster].size / SCANS_PER_UNIT;
+    aligner->units_due += aligner->clusters[cluster].size / SCANS_PER_UNIT;
     return m;
 }
 
@@ -271,11 +271,11 @@ static residual_sums residual_sums_of(cairn_aligner *aligner, const gauge_member
     return m;
 }
 
-static cairn_real chi_squared(const cairn_aligner *aligner, const residual_sums *m)
+static cairn_real chi_squared(const cairn_aligner *aligner, const residual_sums *sums)
 {
-    return m->squares / (aligner->sigma * aligner->sigma) +
-           m->squares_angle / (aligner->sigma_angle * aligner->sigma_angle) +
-           2 * OUTSIDE_NATS_PER_M * m->beyond;
+    return sums->squares / (aligner->sigma * aligner->sigma) +
+           sums->squares_angle / (aligner->sigma_angle * aligner->sigma_angle) +
+           2 * OUTSIDE_NATS_PER_M * sums->beyond;
 }
 
 /* Residuals of a cluster at its own gauge. */
@@ -312,7 +312,7 @@ cairn_real cairn_aligner_prior(cairn_aligner *aligner, int32_t moving, int32_t f
 
         together += chi_squared(aligner, &m);
     }
-    aligner->uncharged_units += 4;
+    aligner->units_due += 4;
     return -(together - own_chi2(aligner, moving) - own_chi2(aligner, fixed)) / 2;
 }
 
@@ -328,7 +328,7 @@ static const aligner_prior_sums *update_estimate(cairn_aligner *aligner, int32_t
     fit->estimate_stamp = fit->stamp;
     fit->squares = m.squares;
     fit->squares_angle = m.squares_angle;
-    aligner->uncharged_units++;
+    aligner->units_due++;
     return fit;
 }
 
@@ -340,7 +340,7 @@ void cairn_aligner_estimate_sigmas(cairn_aligner *aligner)
     cairn_real squares = PRIOR_SCANS * 2 * expected, squares_angle = PRIOR_SCANS * expected_angle;
     cairn_real count = PRIOR_SCANS;
 
-    aligner->uncharged_units += aligner->scan_count / CLUSTERS_PER_UNIT;
+    aligner->units_due += aligner->scan_count / CLUSTERS_PER_UNIT;
     aligner->sigma = cairn_sqrt(expected);
     aligner->sigma_angle = cairn_sqrt(expected_angle);
     for (int32_t c = 0; c < aligner->scan_count; c++)

@@ -3,12 +3,12 @@
  *
  * Method: a scan's visibility profile has range and segment by bearing.
  * 1. A point of another scan is looked up by its bearing from the scan's sensor, in constant time.
- *    It is on the same surface when its distance from the segment's line is within a gate and the
- *    directions agree; in free space when the scan measured well beyond it (free-space violation);
- *    else on another surface, or occluded.
+ *    - Same surface: its distance from the segment's line is within a gate, and the directions agree.
+ *    - Free space: the scan measured well beyond it (free-space violation).
+ *    - Else it is on another surface, or occluded.
  * 2. Bearings are positions on the diamond |x| + |y| = 1: one division, no arc tangent.
- * 3. The count of one segment saturates: points of one surface are correlated, and a long wall on a
- *    long wall says little more than a short one. */
+ * 3. The count of one segment saturates: points of one surface are correlated, so the
+ *    information of a long wall is little more than that of a short one. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -285,17 +285,18 @@ static patch_walk begin_patches(const cairn_aligner *aligner, int32_t from, int3
 }
 
 /* Advances to the next visible patch; 0: none is left. */
-static int next_patch(patch_walk *w, cairn_transform to_from)
+static int next_patch(patch_walk *walk, cairn_transform to_from)
 {
-    while (w->end < w->last) {
-        const aligner_patch *patch = &w->aligner->patches[w->patch++];
+    while (walk->end < walk->last) {
+        const aligner_patch *patch = &walk->aligner->patches[walk->patch++];
 
-        w->at = w->end;
-        w->end = w->at + ALIGNER_PATCH_POINTS < w->last ? w->at + ALIGNER_PATCH_POINTS : w->last;
-        w->work += w->patch & 1;
-        if (may_be_visible(w->aligner, w->to, cairn_transform_point(to_from, patch->middle),
+        walk->at = walk->end;
+        walk->end = walk->at + ALIGNER_PATCH_POINTS < walk->last ? walk->at + ALIGNER_PATCH_POINTS
+                                                                 : walk->last;
+        walk->work += walk->patch & 1;
+        if (may_be_visible(walk->aligner, walk->to, cairn_transform_point(to_from, patch->middle),
                            patch->radius)) {
-            w->work += w->end - w->at;
+            walk->work += walk->end - walk->at;
             return 1;
         }
     }

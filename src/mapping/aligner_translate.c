@@ -60,10 +60,10 @@ typedef struct placed {
     cairn_vec2 direction, mean;
 } placed;
 
-static placed place_at(const aligner_segment *s, cairn_transform pose)
+static placed place_at(const aligner_segment *segment, cairn_transform pose)
 {
-    placed p = {s, cairn_transform_direction(pose, s->direction),
-                cairn_transform_point(pose, s->mean)};
+    placed p = {segment, cairn_transform_direction(pose, segment->direction),
+                cairn_transform_point(pose, segment->mean)};
 
     return p;
 }

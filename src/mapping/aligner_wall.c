@@ -50,10 +50,10 @@ static cairn_real gate_of(int32_t round)
     return gates[round < 5 ? round : 5];
 }
 
-static int is_used(const cairn_aligner *aligner, const aligner_segment *s)
+static int is_used(const cairn_aligner *aligner, const aligner_segment *segment)
 {
-    return s->weight > 0 && (s->is_short || s->length > MIN_LENGTH_M) &&
-           aligner->scans[s->scan].cluster == aligner->home;
+    return segment->weight > 0 && (segment->is_short || segment->length > MIN_LENGTH_M) &&
+           aligner->scans[segment->scan].cluster == aligner->home;
 }
 
 /* ---- Order of the segments: decreasing information, by heap sort ---- */
@@ -131,40 +131,41 @@ cairn_vec2 cairn_aligner_along(const aligner_wall *wall)
     return along;
 }
 
-static void add_to_wall(cairn_aligner *aligner, aligner_wall *wall, const aligner_segment *s)
+static void add_to_wall(cairn_aligner *aligner, aligner_wall *wall, const aligner_segment *segment)
 {
-    cairn_transform pose = aligner->poses[s->scan];
-    cairn_vec2 mean = cairn_transform_point(pose, s->mean), along;
-    cairn_real c = pose.cosine, si = pose.sine, sum = wall->weight + s->weight,
-               share = wall->weight * s->weight / sum;
+    cairn_transform pose = aligner->poses[segment->scan];
+    cairn_vec2 mean = cairn_transform_point(pose, segment->mean), along;
+    cairn_real c = pose.cosine, si = pose.sine, sum = wall->weight + segment->weight,
+               share = wall->weight * segment->weight / sum;
     cairn_real dx = mean.x - wall->middle.x, dy = mean.y - wall->middle.y, low, high;
-    cairn_sym2 m = s->scatter;
+    cairn_sym2 m = segment->scatter;
 
     wall->scatter.xx += c * c * m.xx - 2 * c * si * m.xy + si * si * m.yy + share * dx * dx;
     wall->scatter.xy += c * si * (m.xx - m.yy) + (c * c - si * si) * m.xy + share * dx * dy;
     wall->scatter.yy += si * si * m.xx + 2 * c * si * m.xy + c * c * m.yy + share * dy * dy;
-    wall->middle.x += dx * s->weight / sum;
-    wall->middle.y += dy * s->weight / sum;
+    wall->middle.x += dx * segment->weight / sum;
+    wall->middle.y += dy * segment->weight / sum;
     wall->weight = sum;
-    fit_wall(wall, cairn_transform_direction(pose, s->direction));
+    fit_wall(wall, cairn_transform_direction(pose, segment->direction));
     along = cairn_aligner_along(wall);
-    low = cairn_vec2_dot(along, cairn_transform_point(pose, s->a));
-    high = low + s->length;
+    low = cairn_vec2_dot(along, cairn_transform_point(pose, segment->a));
+    high = low + segment->length;
     wall->low = cairn_min(wall->low, low);
     wall->high = cairn_max(wall->high, high);
     if (wall->scan_count == 0)
-        wall->first_scan = s->scan;
-    if (wall->scan_count < 2 && (wall->scan_count == 0 || wall->first_scan != s->scan))
+        wall->first_scan = segment->scan;
+    if (wall->scan_count < 2 && (wall->scan_count == 0 || wall->first_scan != segment->scan))
         wall->scan_count++;
 }
 
-int cairn_aligner_same_line(const aligner_wall *wall, const aligner_segment *s,
+int cairn_aligner_same_line(const aligner_wall *wall, const aligner_segment *segment,
                             cairn_vec2 direction)
 {
     cairn_real cosine = cairn_vec2_dot(cairn_aligner_along(wall), direction);
 
-    return s->is_short ? cosine >= MIN_COSINE_SHORT && wall->high - wall->low >= MIN_WALL_LENGTH_M
-                       : cosine >= MIN_COSINE;
+    return segment->is_short
+               ? cosine >= MIN_COSINE_SHORT && wall->high - wall->low >= MIN_WALL_LENGTH_M
+               : cosine >= MIN_COSINE;
 }
 
 /* A segment in the map. */
@@ -174,17 +175,17 @@ typedef struct placed {
     cairn_real gate, far; /* m: gate across, and greatest gap */
 } placed;
 
-static placed place_segment(const cairn_aligner *aligner, const aligner_segment *s)
+static placed place_segment(const cairn_aligner *aligner, const aligner_segment *segment)
 {
-    cairn_transform pose = aligner->poses[s->scan];
+    cairn_transform pose = aligner->poses[segment->scan];
     placed p;
 
-    p.segment = s;
-    p.direction = cairn_transform_direction(pose, s->direction);
-    p.a = cairn_transform_point(pose, s->a);
-    p.b = cairn_vec2_add(p.a, cairn_vec2_scale(p.direction, s->length));
-    p.gate = gate_of(aligner->round) + (s->length < SHORT_LENGTH_M ? SHORT_EXTRA_GATE_M : 0);
-    p.far = aligner->scans[s->scan].is_weak ? MAX_GAP_WEAK_M : MAX_GAP_M;
+    p.segment = segment;
+    p.direction = cairn_transform_direction(pose, segment->direction);
+    p.a = cairn_transform_point(pose, segment->a);
+    p.b = cairn_vec2_add(p.a, cairn_vec2_scale(p.direction, segment->length));
+    p.gate = gate_of(aligner->round) + (segment->length < SHORT_LENGTH_M ? SHORT_EXTRA_GATE_M : 0);
+    p.far = aligner->scans[segment->scan].is_weak ? MAX_GAP_WEAK_M : MAX_GAP_M;
     return p;
 }
 
@@ -212,10 +213,10 @@ static cairn_real distance_from_wall(const aligner_wall *wall, const placed *p)
     return error + GAP_COST_PER_M * cairn_max(gap, 0);
 }
 
-cairn_real cairn_aligner_wall_distance(const cairn_aligner *aligner, const aligner_segment *s,
+cairn_real cairn_aligner_wall_distance(const cairn_aligner *aligner, const aligner_segment *segment,
                                        const aligner_wall *wall)
 {
-    placed p = place_segment(aligner, s);
+    placed p = place_segment(aligner, segment);
 
     return distance_from_wall(wall, &p);
 }
@@ -282,27 +283,27 @@ typedef struct wall_search {
 } wall_search;
 
 /* Visits the walls of a bucket. */
-static void visit_bucket(const cairn_aligner *aligner, int32_t tile, wall_search *f)
+static void visit_bucket(const cairn_aligner *aligner, int32_t tile, wall_search *search)
 {
     for (int32_t w = aligner->buckets[tile]; w >= 0; w = aligner->walls[w].next_in_bucket) {
         cairn_real fit;
 
-        f->passed++;
-        if (distance_of(&aligner->walls[w], f->segment.a) > f->segment.gate)
+        search->passed++;
+        if (distance_of(&aligner->walls[w], search->segment.a) > search->segment.gate)
             continue;
-        fit = distance_from_wall(&aligner->walls[w], &f->segment);
-        if (fit >= 0 && (fit < f->best || (fit <= f->best && w < f->wall))) {
-            f->best = fit;
-            f->wall = w;
+        fit = distance_from_wall(&aligner->walls[w], &search->segment);
+        if (fit >= 0 && (fit < search->best || (fit <= search->best && w < search->wall))) {
+            search->best = fit;
+            search->wall = w;
         }
     }
 }
 
 /* Returns 0 when no wall with its middle in this tile can be associated: its line passes the
  * segment's end within the gate and leaves the segment's line by at most the cone's slope. */
-static int may_hold(const wall_search *f, int32_t u, int32_t v)
+static int may_hold(const wall_search *search, int32_t u, int32_t v)
 {
-    const placed *p = &f->segment;
+    const placed *p = &search->segment;
     cairn_vec2 middle = {((cairn_real)u + CAIRN_REAL(0.5)) * TILE_M,
                          ((cairn_real)v + CAIRN_REAL(0.5)) * TILE_M};
     cairn_vec2 from = cairn_vec2_sub(middle, p->a);
@@ -310,16 +311,17 @@ static int may_hold(const wall_search *f, int32_t u, int32_t v)
         TILE_M / 2 * (cairn_abs(p->direction.x) + cairn_abs(p->direction.y)) + TILE_MARGIN_M;
     cairn_real along = cairn_abs(cairn_vec2_dot(p->direction, from));
 
-    return cairn_abs(cairn_vec2_cross(p->direction, from)) <= far + (along + far) * f->slope;
+    return cairn_abs(cairn_vec2_cross(p->direction, from)) <= far + (along + far) * search->slope;
 }
 
-int32_t cairn_aligner_find_wall(const cairn_aligner *aligner, const aligner_segment *s,
+int32_t cairn_aligner_find_wall(const cairn_aligner *aligner, const aligner_segment *segment,
                                 int32_t *passed)
 {
-    cairn_transform cone = s->is_short ? CONE_SHORT : CONE;
-    wall_search f = {place_segment(aligner, s), cone.sine / cone.cosine, CAIRN_REAL_MAX, -1, 0};
+    cairn_transform cone = segment->is_short ? CONE_SHORT : CONE;
+    wall_search f = {place_segment(aligner, segment), cone.sine / cone.cosine, CAIRN_REAL_MAX, -1,
+                     0};
     const placed *p = &f.segment;
-    cairn_real gap = cairn_min(cairn_max(p->far, MAX_GAP_RATIO * s->length),
+    cairn_real gap = cairn_min(cairn_max(p->far, MAX_GAP_RATIO * segment->length),
                                cairn_max(p->far, MAX_GAP_RATIO * TILE_M));
     cairn_real reach = gap + TILE_M / 2 + TILE_MARGIN_M;
     int32_t west = tile_index(cairn_min(p->a.x, p->b.x) - reach),

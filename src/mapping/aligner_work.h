@@ -198,7 +198,8 @@ typedef struct aligner_relax {
     aligner_sums sums;
 } aligner_relax;
 
-typedef enum aligner_phase {
+typedef int32_t aligner_phase;
+enum {
     ALIGNER_FIND_NEIGHBOURS,       /* nearest scans of each scan */
     ALIGNER_SYMMETRIZE_NEIGHBOURS, /* symmetric neighbours */
     ALIGNER_PAIRS,                 /* trials of pairs of segments */
@@ -223,7 +224,7 @@ typedef enum aligner_phase {
     ALIGNER_TRY_TRANSLATIONS,      /* its translations */
     ALIGNER_MARGINALS,             /* covariances and results */
     ALIGNER_DONE
-} aligner_phase;
+};
 
 typedef struct aligner_peak {
     cairn_pose pose;
@@ -295,7 +296,7 @@ struct cairn_aligner {
     int32_t reported_commit;
 
     aligner_phase phase;
-    int32_t uncharged_units;
+    int32_t units_due;
     aligner_evaluation evaluation;
     aligner_relax relax;
     /* Current item of pairs, hypotheses, relocalizations: scan, neighbour, and two inner
@@ -462,19 +463,19 @@ static inline int cairn_aligner_has_fixed_association(const cairn_aligner *align
 }
 
 /* Returns the distance of a segment from a wall, m, gaps added; negative: no association. */
-cairn_real cairn_aligner_wall_distance(const cairn_aligner *aligner, const aligner_segment *s,
+cairn_real cairn_aligner_wall_distance(const cairn_aligner *aligner, const aligner_segment *segment,
                                        const aligner_wall *wall);
 
 /* Returns the wall nearest to a segment, of equal ones the first; -1: none. *passed: buckets and
  * walls visited. */
-int32_t cairn_aligner_find_wall(const cairn_aligner *aligner, const aligner_segment *s,
+int32_t cairn_aligner_find_wall(const cairn_aligner *aligner, const aligner_segment *segment,
                                 int32_t *passed);
 
 /* Returns the direction along a wall, free side on the left. */
 cairn_vec2 cairn_aligner_along(const aligner_wall *wall);
 
 /* Returns 1 when a segment of this direction in the map may be part of a wall. */
-int cairn_aligner_same_line(const aligner_wall *wall, const aligner_segment *s,
+int cairn_aligner_same_line(const aligner_wall *wall, const aligner_segment *segment,
                             cairn_vec2 direction);
 
 /* ---- aligner_joint.c and aligner_translate.c ---- */

@@ -10,7 +10,7 @@
  *    stays.
  *
  * Layout: two lists of corners, one in work, one for readers; the boxes of the segments; the sweep.
- * Limits: corners are dropped by strength before the suppression, so many copies of a strong corner
+ * Limits: corners are dropped by strength before the suppression, so that copies of a strong corner
  * can displace a weak one; choose max_corners for the copies too.
  * Source: Adluru 2008, sections 7.3.4 and 9. */
 #include "src/core/build.h"
@@ -27,8 +27,8 @@ enum { MAX_COUNT = 1 << 28 };
 /* Margin of the boxes in end distances: many times the rounding of a corner. */
 #define BOX_MARGIN (CAIRN_REAL(1.0) / 16)
 
-typedef int32_t search_phase;
-enum { IDLE, BOXES, PAIRS, SORT, SUPPRESS };
+typedef int32_t corner_phase;
+enum { PHASE_IDLE, PHASE_BOXES, PHASE_PAIRS, PHASE_SORT, PHASE_SUPPRESS };
 
 struct cairn_corner_set {
     cairn_corner_params params;
@@ -43,13 +43,14 @@ struct cairn_corner_set {
     const cairn_segment *segments;
     int32_t segment_count;
     int32_t sorted_boxes; /* segments of the last search */
-    search_phase phase;
-    /* BOXES: segment; SORT: end of the heap; SUPPRESS: corner to be tested */
+    corner_phase phase;
+    /* PHASE_BOXES: segment; PHASE_SORT: end of the heap; PHASE_SUPPRESS: corner to be tested */
     int32_t cursor;
-    int32_t kept, compared; /* SUPPRESS: corners that stay, and the next of them to be compared */
-    int32_t first, second;  /* PAIRS: near segments to be tested next; first -1: none */
-    int32_t is_found;       /* PAIRS: `found` is to be inserted */
-    int32_t item_units;     /* units already charged to the current item */
+    /* PHASE_SUPPRESS: corners that stay, and the next of them to be compared */
+    int32_t kept, compared;
+    int32_t first, second; /* PHASE_PAIRS: near segments to be tested next; first -1: none */
+    int32_t is_found;      /* PHASE_PAIRS: `found` is to be inserted */
+    int32_t item_units;    /* units already charged to the current item */
     cairn_corner found;
 };
 
@@ -68,18 +69,22 @@ cairn_corner_params cairn_corner_default(void)
     return params;
 }
 
-static int params_are_valid(const cairn_corner_params *p)
+static int params_are_valid(const cairn_corner_params *params)
 {
-    return p != NULL && p->max_segments >= 1 && p->max_segments <= MAX_COUNT &&
-           p->max_corners >= 1 && p->max_corners <= MAX_COUNT && p->min_opening > 0 &&
-           p->max_opening >= p->min_opening && p->max_opening < CAIRN_PI && p->end_distance > 0 &&
-           cairn_is_finite(p->end_distance) && p->merge_radius >= 0 &&
-           cairn_is_finite(p->merge_radius) && p->merge_angle >= 0 && p->merge_angle <= CAIRN_PI;
+    return params != NULL && params->max_segments >= 1 && params->max_segments <= MAX_COUNT &&
+           params->max_corners >= 1 && params->max_corners <= MAX_COUNT &&
+           params->min_opening > 0 && params->max_opening >= params->min_opening &&
+           params->max_opening < CAIRN_PI && params->end_distance > 0 &&
+           cairn_is_finite(params->end_distance) && params->merge_radius >= 0 &&
+           cairn_is_finite(params->merge_radius) && params->merge_angle >= 0 &&
+           params->merge_angle <= CAIRN_PI;
 }
 
 static cairn_box_sweep *carve_sweep(cairn_pool *pool, int32_t max_boxes)
 {
-    cairn_box_sweep_params params = {max_boxes};
+    cairn_box_sweep_params params = {
+        .max_boxes = max_boxes,
+    };
     size_t need = cairn_box_sweep_memory(&params);
     cairn_box_sweep *sweep = NULL;
     cairn_status status;
@@ -167,18 +172,18 @@ cairn_status cairn_corner_begin(cairn_corner_set *set, const cairn_segment *segm
         (void)status;
     }
     set->sorted_boxes = count;
-    set->phase = BOXES;
+    set->phase = PHASE_BOXES;
     return CAIRN_OK;
 }
 
-static int32_t lower(const cairn_corner *c)
+static int32_t lower(const cairn_corner *corner)
 {
-    return c->segment[0] < c->segment[1] ? c->segment[0] : c->segment[1];
+    return corner->segment[0] < corner->segment[1] ? corner->segment[0] : corner->segment[1];
 }
 
-static int32_t higher(const cairn_corner *c)
+static int32_t higher(const cairn_corner *corner)
 {
-    return c->segment[0] < c->segment[1] ? c->segment[1] : c->segment[0];
+    return corner->segment[0] < corner->segment[1] ? corner->segment[1] : corner->segment[0];
 }
 
 /* Order of the result, total because every pair of segments makes one corner at most. */
@@ -193,7 +198,7 @@ static int is_stronger(const cairn_corner *a, const cairn_corner *b)
 
 /* Heap sift-down: puts a corner into the heap of `count` corners at the vacant index `hole` or
  * below; no corner is weaker than its parent. */
-static void sift_down(cairn_corner *heap, int32_t count, int32_t hole, const cairn_corner *c)
+static void sift_down(cairn_corner *heap, int32_t count, int32_t hole, const cairn_corner *corner)
 {
     for (;;) {
         int32_t child = 2 * hole + 1;
@@ -202,33 +207,33 @@ static void sift_down(cairn_corner *heap, int32_t count, int32_t hole, const cai
             break;
         if (child + 1 < count && is_stronger(&heap[child], &heap[child + 1]))
             child++;
-        if (!is_stronger(c, &heap[child]))
+        if (!is_stronger(corner, &heap[child]))
             break;
         heap[hole] = heap[child];
         hole = child;
     }
-    heap[hole] = *c;
+    heap[hole] = *corner;
 }
 
-static void sift_up(cairn_corner *heap, int32_t hole, const cairn_corner *c)
+static void sift_up(cairn_corner *heap, int32_t hole, const cairn_corner *corner)
 {
-    while (hole > 0 && is_stronger(&heap[(hole - 1) / 2], c)) {
+    while (hole > 0 && is_stronger(&heap[(hole - 1) / 2], corner)) {
         heap[hole] = heap[(hole - 1) / 2];
         hole = (hole - 1) / 2;
     }
-    heap[hole] = *c;
+    heap[hole] = *corner;
 }
 
-static void insert_corner(cairn_corner_set *set, const cairn_corner *c)
+static void insert_corner(cairn_corner_set *set, const cairn_corner *corner)
 {
     if (set->work_count < set->params.max_corners) {
-        sift_up(set->work, set->work_count, c);
+        sift_up(set->work, set->work_count, corner);
         set->work_count++;
         return;
     }
     set->work_dropped++;
-    if (is_stronger(c, &set->work[0]))
-        sift_down(set->work, set->work_count, 0, c);
+    if (is_stronger(corner, &set->work[0]))
+        sift_down(set->work, set->work_count, 0, corner);
 }
 
 /* Finds the leg of a corner at p, on the line of a segment; *forward: 1 when it runs as a -> b.
@@ -250,7 +255,8 @@ static int find_leg(const cairn_corner_params *params, cairn_segment segment, ca
 }
 
 /* Returns 1 and sets *corner when the two segments make a corner. */
-static int find_corner(const cairn_corner_set *set, int32_t first, int32_t second, cairn_corner *c)
+static int find_corner(const cairn_corner_set *set, int32_t first, int32_t second,
+                       cairn_corner *corner)
 {
     cairn_segment s = set->segments[first], t = set->segments[second];
     cairn_vec2 u = cairn_vec2_sub(s.b, s.a), v = cairn_vec2_sub(t.b, t.a), leg_s, leg_t;
@@ -259,27 +265,27 @@ static int find_corner(const cairn_corner_set *set, int32_t first, int32_t secon
 
     if (along * along > set->cos_squared * cairn_vec2_norm_squared(u) * cairn_vec2_norm_squared(v))
         return 0;
-    if (!cairn_line_intersection(s, t, &c->position) ||
-        !find_leg(&set->params, s, c->position, &leg_s, &length_s, &forward_s) ||
-        !find_leg(&set->params, t, c->position, &leg_t, &length_t, &forward_t))
+    if (!cairn_line_intersection(s, t, &corner->position) ||
+        !find_leg(&set->params, s, corner->position, &leg_s, &length_s, &forward_s) ||
+        !find_leg(&set->params, t, corner->position, &leg_t, &length_t, &forward_t))
         return 0;
     cosine = cairn_vec2_dot(leg_s, leg_t);
     if (cosine > set->cos_min || cosine < set->cos_max)
         return 0;
 
     left = cairn_vec2_cross(leg_s, leg_t) > 0;
-    c->leg[0] = left ? leg_s : leg_t;
-    c->leg[1] = left ? leg_t : leg_s;
-    c->segment[0] = left ? first : second;
-    c->segment[1] = left ? second : first;
-    c->opening = cairn_atan2(cairn_vec2_cross(c->leg[0], c->leg[1]), cosine);
-    c->strength = cairn_min(length_s, length_t);
+    corner->leg[0] = left ? leg_s : leg_t;
+    corner->leg[1] = left ? leg_t : leg_s;
+    corner->segment[0] = left ? first : second;
+    corner->segment[1] = left ? second : first;
+    corner->opening = cairn_atan2(cairn_vec2_cross(corner->leg[0], corner->leg[1]), cosine);
+    corner->strength = cairn_min(length_s, length_t);
     /* The free side is on the left of a -> b: between the legs when leg[0] runs along its segment
      * and leg[1] against. */
     if (forward_s == forward_t)
-        c->kind = CAIRN_CORNER_MIXED;
+        corner->kind = CAIRN_CORNER_MIXED;
     else
-        c->kind = forward_s == left ? CAIRN_CORNER_CONCAVE : CAIRN_CORNER_CONVEX;
+        corner->kind = forward_s == left ? CAIRN_CORNER_CONCAVE : CAIRN_CORNER_CONVEX;
     return 1;
 }
 
@@ -421,34 +427,34 @@ cairn_status cairn_corner_step(cairn_corner_set *set, cairn_budget *budget)
 
     if (set == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (set->phase != IDLE) {
-        search_phase next = set->phase + 1;
+    while (set->phase != PHASE_IDLE) {
+        corner_phase next = set->phase + 1;
 
         switch (set->phase) {
-        case BOXES:
+        case PHASE_BOXES:
             status = step_boxes(set, budget);
             break;
-        case PAIRS:
+        case PHASE_PAIRS:
             status = step_pairs(set, budget);
             break;
-        case SORT:
+        case PHASE_SORT:
             status = step_sort(set, budget);
             if (!(set->params.merge_radius > 0))
-                next = IDLE;
+                next = PHASE_IDLE;
             break;
         default:
             status = step_suppress(set, budget);
-            next = IDLE;
+            next = PHASE_IDLE;
             break;
         }
         if (status == CAIRN_MORE)
             return status;
         if (status < 0) {
-            set->phase = IDLE;
+            set->phase = PHASE_IDLE;
             return status;
         }
         set->phase = next;
-        if (next == IDLE)
+        if (next == PHASE_IDLE)
             finish(set);
     }
     return CAIRN_OK;

@@ -88,7 +88,10 @@ static cairn_icp_params icp_params(const cairn_filter_mapper_params *params)
 
 static cairn_point_grid_params grid_params(const cairn_filter_mapper_params *params)
 {
-    cairn_point_grid_params grid = {params->max_local_points, 2 * params->sigma};
+    cairn_point_grid_params grid = {
+        .max_points = params->max_local_points,
+        .cell_size = 2 * params->sigma,
+    };
 
     return grid;
 }
@@ -108,19 +111,21 @@ static cairn_particle_filter_params filter_params(const cairn_filter_mapper_para
 }
 
 /* Checks the params that the modules do not check themselves. */
-static int is_valid(const cairn_filter_mapper_params *p)
+static int is_valid(const cairn_filter_mapper_params *params)
 {
-    return p != NULL && p->particles >= 1 && p->particles <= MAX_PARTICLES &&
-           p->front.max_keyframes >= 1 && p->front.max_keyframes <= MAX_NODES / p->particles &&
-           p->candidates >= 1 && p->candidates <= CAIRN_FILTER_MAPPER_MAX_CANDIDATES &&
-           p->scored_points >= 1 && p->local_keyframes >= 1 &&
-           p->local_keyframes <= CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES &&
-           p->max_local_points >= 1 && p->max_local_points <= MAX_LOCAL_POINTS &&
-           p->recent_keyframes >= 1 && p->local_radius > 0 && p->motion_distance >= 0 &&
-           p->motion_turn >= 0 && p->motion_distance_min > 0 && p->motion_turn_min > 0 &&
-           p->match_sigma > 0 && p->match_sigma_theta > 0 && p->min_overlap >= 0 &&
-           p->min_overlap <= 1 && p->sigma > 0 && p->max_point_cost > 0 &&
-           p->independent_points > 0;
+    return params != NULL && params->particles >= 1 && params->particles <= MAX_PARTICLES &&
+           params->front.max_keyframes >= 1 &&
+           params->front.max_keyframes <= MAX_NODES / params->particles &&
+           params->candidates >= 1 && params->candidates <= CAIRN_FILTER_MAPPER_MAX_CANDIDATES &&
+           params->scored_points >= 1 && params->local_keyframes >= 1 &&
+           params->local_keyframes <= CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES &&
+           params->max_local_points >= 1 && params->max_local_points <= MAX_LOCAL_POINTS &&
+           params->recent_keyframes >= 1 && params->local_radius > 0 &&
+           params->motion_distance >= 0 && params->motion_turn >= 0 &&
+           params->motion_distance_min > 0 && params->motion_turn_min > 0 &&
+           params->match_sigma > 0 && params->match_sigma_theta > 0 && params->min_overlap >= 0 &&
+           params->min_overlap <= 1 && params->sigma > 0 && params->max_point_cost > 0 &&
+           params->independent_points > 0;
 }
 
 /* ---- Memory ---- */
@@ -230,7 +235,11 @@ cairn_status cairn_filter_mapper_add(cairn_filter_mapper *mapper, const cairn_sc
 /* Adds the first keyframe, at which all paths begin. */
 static cairn_status start_paths(cairn_filter_mapper *mapper)
 {
-    filter_mapper_path_state first = {cairn_mapper_keyframe_pose(mapper->front, 0), 0, 0};
+    filter_mapper_path_state first = {
+        .map_keyframe = cairn_mapper_keyframe_pose(mapper->front, 0),
+        .log_weight = 0,
+        .keyframe = 0,
+    };
     cairn_status status = CAIRN_OK;
 
     for (int32_t i = 0; i < mapper->params.particles && status == CAIRN_OK; i++)
@@ -345,14 +354,14 @@ cairn_pose cairn_filter_mapper_last(const cairn_filter_mapper *mapper, int32_t p
 }
 
 int32_t cairn_filter_mapper_path(const cairn_filter_mapper *mapper, int32_t particle,
-                                 cairn_pose *poses, int32_t room)
+                                 cairn_pose *poses, int32_t capacity)
 {
     const filter_mapper_path_state *state =
         cairn_particle_filter_particle(mapper->filter, particle).state;
     int32_t count = 0;
 
     for (; state != NULL; state = cairn_particle_filter_state_before(state)) {
-        if (state->keyframe >= room)
+        if (state->keyframe >= capacity)
             continue;
         poses[state->keyframe] = state->map_keyframe;
         count++;

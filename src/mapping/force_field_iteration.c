@@ -473,7 +473,7 @@ static cairn_status run_phase(cairn_force_field *field, cairn_budget *budget)
     }
 }
 
-static cairn_force_field_phase phase_after(const cairn_force_field *field)
+static force_field_phase phase_after(const cairn_force_field *field)
 {
     switch (field->phase) {
     case FORCE_FIELD_PACK:

@@ -8,7 +8,7 @@
 
 /* Phases of an iteration, in their order. Between iterations the field is AT_COMMIT or, after a
  * removal of scans, in PACK. */
-typedef int32_t cairn_force_field_phase;
+typedef int32_t force_field_phase;
 enum {
     FORCE_FIELD_AT_COMMIT,
     FORCE_FIELD_PACK,
@@ -189,7 +189,7 @@ struct cairn_force_field {
     cairn_force_field_state state; /* as committed, except units and max_step_units */
 
     /* The current iteration. */
-    cairn_force_field_phase phase;
+    force_field_phase phase;
     /* units charged towards the current item */
     int32_t units_charged;
     /* segments of the scans that have taken effect */

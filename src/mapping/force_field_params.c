@@ -122,16 +122,16 @@ static const struct {
     {OFFSET_OF(max_relocation), WITH_SPRINGS | POSITIVE},
 };
 
-static int are_in_range(const cairn_force_field_params *p)
+static int are_in_range(const cairn_force_field_params *params)
 {
-    int32_t unused =
-        (p->roi ? 0 : WITH_ROI) | (p->mode == CAIRN_FORCE_FIELD_SPRINGS ? 0 : WITH_SPRINGS);
+    int32_t unused = (params->roi ? 0 : WITH_ROI) |
+                     (params->mode == CAIRN_FORCE_FIELD_SPRINGS ? 0 : WITH_SPRINGS);
 
     for (size_t i = 0; i < sizeof ranges / sizeof *ranges; i++) {
         int32_t conditions = ranges[i].conditions;
         cairn_real value, most = conditions & UNIT_INTERVAL ? 1 : MAX_VALUE;
 
-        memcpy(&value, (const unsigned char *)p + ranges[i].at, sizeof value);
+        memcpy(&value, (const unsigned char *)params + ranges[i].at, sizeof value);
         if (!(conditions & unused) &&
             !((conditions & POSITIVE ? value > 0 : value >= 0) && value <= most))
             return 0;
@@ -139,13 +139,14 @@ static int are_in_range(const cairn_force_field_params *p)
     return 1;
 }
 
-int32_t cairn_force_field_params_are_valid(const cairn_force_field_params *p)
+int32_t cairn_force_field_params_are_valid(const cairn_force_field_params *params)
 {
-    return p != NULL && p->mode >= CAIRN_FORCE_FIELD_GRADIENT &&
-           p->mode <= CAIRN_FORCE_FIELD_SPRINGS && are_in_range(p) &&
-           p->sigma_end <= p->sigma_start && p->dt_end <= p->dt_start &&
-           p->reach <= CAIRN_FORCE_KERNEL_MAX_REACH && (!p->roi || p->max_corners <= MAX_CORNERS) &&
-           p->max_steps >= 1 && p->max_extra >= 0 && p->max_extra <= MAX_EXTRA &&
-           (p->mode == CAIRN_FORCE_FIELD_GRADIENT ||
-            (p->max_bonds >= 0 && p->max_bonds <= MAX_BONDS));
+    return params != NULL && params->mode >= CAIRN_FORCE_FIELD_GRADIENT &&
+           params->mode <= CAIRN_FORCE_FIELD_SPRINGS && are_in_range(params) &&
+           params->sigma_end <= params->sigma_start && params->dt_end <= params->dt_start &&
+           params->reach <= CAIRN_FORCE_KERNEL_MAX_REACH &&
+           (!params->roi || params->max_corners <= MAX_CORNERS) && params->max_steps >= 1 &&
+           params->max_extra >= 0 && params->max_extra <= MAX_EXTRA &&
+           (params->mode == CAIRN_FORCE_FIELD_GRADIENT ||
+            (params->max_bonds >= 0 && params->max_bonds <= MAX_BONDS));
 }

@@ -63,7 +63,7 @@ struct cairn_icp {
     int32_t query_count;
     int32_t running;
     int32_t next_point; /* query point to pair; == query_count: the iteration is to be solved */
-    int32_t uncharged_units; /* units of finished items, not yet charged */
+    int32_t units_due;  /* units of finished items, not yet charged */
     int32_t has_prior;
     cairn_rigid_motion_pose_prior prior;
     cairn_rigid_motion motion; /* motion of the query about its centroid */
@@ -127,7 +127,10 @@ static cairn_icp *carve(cairn_pool *pool, const cairn_icp_params *params)
 
 static cairn_point_grid_params grid_params(const cairn_icp_params *params)
 {
-    cairn_point_grid_params grid = {params->max_target, params->cell_size};
+    cairn_point_grid_params grid = {
+        .max_points = params->max_target,
+        .cell_size = params->cell_size,
+    };
     return grid;
 }
 
@@ -280,7 +283,7 @@ cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, 
     icp->query_count = count;
     icp->running = 1;
     icp->next_point = 0;
-    icp->uncharged_units = 0;
+    icp->units_due = 0;
     icp->has_prior = prior != NULL;
     if (prior != NULL)
         icp->prior = *prior;
@@ -310,7 +313,7 @@ static int32_t find_pair(cairn_icp *icp, cairn_vec2 p, cairn_vec2 direction)
     int32_t looked_at,
         best = cairn_point_grid_nearest_facing(icp->grid, p, icp->gate, &facing, &looked_at);
 
-    icp->uncharged_units += looked_at / VISITS_PER_UNIT;
+    icp->units_due += looked_at / VISITS_PER_UNIT;
     return best;
 }
 
@@ -327,15 +330,15 @@ static void add_gradient(cairn_real gradient[3], const cairn_real row[3], cairn_
         gradient[k] += by * row[k];
 }
 
-static void add_point_terms(cairn_icp *icp, const cairn_oriented_point *q, cairn_vec2 difference,
-                            cairn_real squared)
+static void add_point_terms(cairn_icp *icp, const cairn_oriented_point *point,
+                            cairn_vec2 difference, cairn_real squared)
 {
     static const cairn_vec2 axes[2] = {{1, 0}, {0, 1}};
     struct sums *sums = &icp->sums;
     cairn_real weight = cauchy_weight(squared, icp->point_sigma), row[3];
 
     for (int k = 0; k < 2; k++) {
-        cairn_rigid_motion_jacobian(&icp->motion, axes[k], q->position, row);
+        cairn_rigid_motion_jacobian(&icp->motion, axes[k], point->position, row);
         cairn_sym3_add_outer(&sums->points, row, weight);
         add_gradient(sums->gradient, row, weight * cairn_vec2_dot(axes[k], difference));
     }
@@ -359,12 +362,12 @@ static int32_t part_of(const cairn_icp *icp, int32_t point)
     return first;
 }
 
-static void add_query_point(cairn_icp *icp, const cairn_oriented_point *q)
+static void add_query_point(cairn_icp *icp, const cairn_oriented_point *point)
 {
     struct sums *sums = &icp->sums;
-    cairn_vec2 p = cairn_transform_point(icp->motion.transform, q->position);
+    cairn_vec2 p = cairn_transform_point(icp->motion.transform, point->position);
     int32_t target =
-        find_pair(icp, p, cairn_transform_direction(icp->motion.transform, q->direction));
+        find_pair(icp, p, cairn_transform_direction(icp->motion.transform, point->direction));
     cairn_vec2 difference, normal;
     cairn_real error, squared, weight, row[3];
 
@@ -374,7 +377,7 @@ static void add_query_point(cairn_icp *icp, const cairn_oriented_point *q)
     normal = cairn_vec2_left_perp(icp->directions[target]);
     error = cairn_vec2_dot(normal, difference);
     weight = cauchy_weight(error * error, icp->sigma);
-    cairn_rigid_motion_jacobian(&icp->motion, normal, q->position, row);
+    cairn_rigid_motion_jacobian(&icp->motion, normal, point->position, row);
     cairn_sym3_add_outer(&sums->lines, row, weight);
     cairn_sym3_add_outer(&sums->parts[part_of(icp, target)], row, weight);
     sums->weight += weight;
@@ -388,7 +391,7 @@ static void add_query_point(cairn_icp *icp, const cairn_oriented_point *q)
     if (icp->params.mode == CAIRN_ICP_POINT_TO_LINE)
         add_gradient(sums->gradient, row, weight * error);
     else
-        add_point_terms(icp, q, difference, squared);
+        add_point_terms(icp, point, difference, squared);
 }
 
 /* ---- Normal equations ---- */
@@ -531,21 +534,20 @@ static void end_iteration(cairn_icp *icp)
 
 cairn_status cairn_icp_step(cairn_icp *icp, cairn_budget *budget)
 {
-    while (icp->running || icp->uncharged_units > 0) {
+    while (icp->running || icp->units_due > 0) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (icp->uncharged_units > 0) {
-            int32_t charged =
-                icp->uncharged_units < budget->left ? icp->uncharged_units : budget->left;
+        if (icp->units_due > 0) {
+            int32_t charged = icp->units_due < budget->left ? icp->units_due : budget->left;
 
-            icp->uncharged_units -= charged;
+            icp->units_due -= charged;
             budget->left -= charged;
         } else if (icp->next_point < icp->query_count) {
-            icp->uncharged_units = UNITS_PER_PAIR;
+            icp->units_due = UNITS_PER_PAIR;
             add_query_point(icp, &icp->query[icp->next_point]);
             icp->next_point++;
         } else {
-            icp->uncharged_units = UNITS_PER_SOLVE;
+            icp->units_due = UNITS_PER_SOLVE;
             end_iteration(icp);
         }
     }

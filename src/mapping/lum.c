@@ -86,19 +86,21 @@ static int is_length(cairn_real x)
     return x > 0 && x <= MAX_COORDINATE_M;
 }
 
-static int params_are_valid(const cairn_lum_params *p)
+static int params_are_valid(const cairn_lum_params *params)
 {
-    return p->max_scans >= 1 && p->max_scans <= MAX_SCANS && p->max_points >= 1 &&
-           p->max_points <= MAX_POINTS && p->max_links >= 1 && p->max_links <= MAX_LINKS &&
-           p->min_pairs >= 2 && p->max_iterations >= 1 && p->rebuild_interval >= 0 &&
-           is_length(p->max_pair_distance) && p->direction_gate > 0 &&
-           p->direction_gate <= CAIRN_PI && is_length(p->min_sigma) &&
-           is_length(p->converged_distance) &&
-           (p->sequential_registration == 0 || p->sequential_registration == 1) &&
-           (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
-           p->registration_gate >= p->max_pair_distance && is_length(p->registration_gate) &&
-           p->registration_angle >= 0 && p->registration_angle <= CAIRN_PI &&
-           p->registration_spacing >= 0 && p->registration_spacing <= MAX_COORDINATE_M;
+    return params->max_scans >= 1 && params->max_scans <= MAX_SCANS && params->max_points >= 1 &&
+           params->max_points <= MAX_POINTS && params->max_links >= 1 &&
+           params->max_links <= MAX_LINKS && params->min_pairs >= 2 &&
+           params->max_iterations >= 1 && params->rebuild_interval >= 0 &&
+           is_length(params->max_pair_distance) && params->direction_gate > 0 &&
+           params->direction_gate <= CAIRN_PI && is_length(params->min_sigma) &&
+           is_length(params->converged_distance) &&
+           (params->sequential_registration == 0 || params->sequential_registration == 1) &&
+           (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN) &&
+           params->registration_gate >= params->max_pair_distance &&
+           is_length(params->registration_gate) && params->registration_angle >= 0 &&
+           params->registration_angle <= CAIRN_PI && params->registration_spacing >= 0 &&
+           params->registration_spacing <= MAX_COORDINATE_M;
 }
 
 static cairn_block_solver_params solver_params(const cairn_lum_params *params)
@@ -194,7 +196,7 @@ void cairn_lum_clear(cairn_lum *lum)
     memset(&lum->state, 0, sizeof lum->state);
     lum->point_count = 0;
     lum->stage = LUM_IDLE;
-    lum->uncharged_units = 0;
+    lum->units_due = 0;
     lum->outcome = CAIRN_OK;
 }
 
@@ -202,7 +204,7 @@ void cairn_lum_clear(cairn_lum *lum)
 
 static int is_running(const cairn_lum *lum)
 {
-    return lum->stage != LUM_IDLE || lum->uncharged_units > 0 || lum->outcome != CAIRN_OK;
+    return lum->stage != LUM_IDLE || lum->units_due > 0 || lum->outcome != CAIRN_OK;
 }
 
 static cairn_status check_points(const cairn_oriented_point *points, int32_t count,
@@ -519,14 +521,13 @@ cairn_status cairn_lum_iterate(cairn_lum *lum, cairn_budget *budget)
     cairn_status outcome;
 
     lum->committed = 0;
-    while (lum->uncharged_units > 0 || (lum->stage != LUM_IDLE && !lum->committed)) {
+    while (lum->units_due > 0 || (lum->stage != LUM_IDLE && !lum->committed)) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (lum->uncharged_units > 0) {
-            int32_t charged =
-                lum->uncharged_units < budget->left ? lum->uncharged_units : budget->left;
+        if (lum->units_due > 0) {
+            int32_t charged = lum->units_due < budget->left ? lum->units_due : budget->left;
 
-            lum->uncharged_units -= charged;
+            lum->units_due -= charged;
             budget->left -= charged;
         } else if (is_solver_stage(lum->stage)) {
             cairn_status status = cairn_block_solver_step(lum->solver, budget);
@@ -539,7 +540,7 @@ cairn_status cairn_lum_iterate(cairn_lum *lum, cairn_budget *budget)
                 return CAIRN_MORE;
             cairn_lum_register_matched(lum);
         } else {
-            lum->uncharged_units = do_item(lum);
+            lum->units_due = do_item(lum);
         }
     }
     outcome = lum->outcome;

@@ -39,16 +39,17 @@ cairn_icp_params cairn_lum_register_icp(const cairn_lum_params *params)
     return icp;
 }
 
-void cairn_lum_register_carve(struct lum_register *r, cairn_pool *pool,
+void cairn_lum_register_carve(struct lum_register *registration, cairn_pool *pool,
                               const cairn_lum_params *params)
 {
     size_t scans = (size_t)params->max_scans;
 
-    r->points = cairn_pool_take(pool, (size_t)params->max_points, sizeof *r->points);
-    r->first = cairn_pool_take(pool, scans + 1, sizeof *r->first);
-    r->initial = cairn_pool_take(pool, scans, sizeof *r->initial);
-    r->placed = cairn_pool_take(pool, scans, sizeof *r->placed);
-    r->is_placed = cairn_pool_take(pool, scans, sizeof *r->is_placed);
+    registration->points =
+        cairn_pool_take(pool, (size_t)params->max_points, sizeof *registration->points);
+    registration->first = cairn_pool_take(pool, scans + 1, sizeof *registration->first);
+    registration->initial = cairn_pool_take(pool, scans, sizeof *registration->initial);
+    registration->placed = cairn_pool_take(pool, scans, sizeof *registration->placed);
+    registration->is_placed = cairn_pool_take(pool, scans, sizeof *registration->is_placed);
 }
 
 void cairn_lum_register_add(cairn_lum *lum, const cairn_oriented_point *points, int32_t count)
@@ -71,16 +72,16 @@ void cairn_lum_register_add(cairn_lum *lum, const cairn_oriented_point *points, 
     r->first[scan + 1] = end;
 }
 
-static int32_t count_of(const struct lum_register *r, int32_t scan)
+static int32_t count_of(const struct lum_register *registration, int32_t scan)
 {
-    return r->first[scan + 1] - r->first[scan];
+    return registration->first[scan + 1] - registration->first[scan];
 }
 
-static void begin_round(struct lum_register *r)
+static void begin_round(struct lum_register *registration)
 {
-    r->scan = r->turn_index = 0;
-    r->best.scan = -1;
-    r->best.score = 0;
+    registration->scan = registration->turn_index = 0;
+    registration->best.scan = -1;
+    registration->best.score = 0;
 }
 
 static void place_scan(cairn_lum *lum, int32_t scan, cairn_pose pose)

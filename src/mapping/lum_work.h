@@ -7,6 +7,8 @@
 
 enum { LUM_UNITS_PER_POINT = 4, LUM_UNITS_PER_LINK = 4 };
 
+/* Kind of the next work item. */
+typedef int32_t lum_stage;
 enum {
     LUM_IDLE,
     LUM_REGISTER, /* sequential registration */
@@ -84,7 +86,8 @@ struct cairn_lum {
     cairn_transform second_first;
     cairn_transform map_first;
     int32_t point_count;
-    int32_t stage, uncharged_units, committed;
+    lum_stage stage;
+    int32_t units_due, committed;
     /* current pair of scans, and point of the second */
     int32_t first, second, point;
     /* current link or scan */
@@ -112,7 +115,7 @@ CAIRN_CHECKED cairn_status cairn_lum_add_link(cairn_lum *lum, int32_t index);
 /* ---- lum_register.c ---- */
 
 /* Sets all pointers but that of the ICP. */
-void cairn_lum_register_carve(struct lum_register *r, cairn_pool *pool,
+void cairn_lum_register_carve(struct lum_register *registration, cairn_pool *pool,
                               const cairn_lum_params *params);
 
 cairn_icp_params cairn_lum_register_icp(const cairn_lum_params *params);

@@ -61,27 +61,29 @@ static int is_count(int32_t n, int32_t least, int32_t most)
     return n >= least && n <= most;
 }
 
-static int params_are_valid(const cairn_map_merge_params *p)
+static int params_are_valid(const cairn_map_merge_params *params)
 {
-    return p != NULL && is_count(p->max_maps, 1, MAP_MERGE_MAX_MAPS) &&
-           is_count(p->max_cells, 1, MAX_CELLS) && is_count(p->max_map_cells, 1, p->max_cells) &&
-           is_count(p->max_points, MIN_POINTS, MAX_POINTS) && is_count(p->max_segments, 1, 4096) &&
-           is_count(p->max_corners, 1, 1024) && is_count(p->max_modes, 1, 32) &&
-           is_count(p->particles, 1, 4096) &&
-           is_count(p->mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN) &&
-           (p->mode == CAIRN_MODE_DEFAULT || p->perception == CAIRN_MAP_MERGE_IMAGES) &&
-           p->perception >= CAIRN_MAP_MERGE_LIKELIHOOD_RATIO &&
-           p->perception <= CAIRN_MAP_MERGE_IMAGES && p->correlation_length > 0 &&
-           cairn_is_finite(p->correlation_length) && p->min_score > 0 &&
-           cairn_is_finite(p->min_score) && p->min_margin >= 0 && cairn_is_finite(p->min_margin);
+    return params != NULL && is_count(params->max_maps, 1, MAP_MERGE_MAX_MAPS) &&
+           is_count(params->max_cells, 1, MAX_CELLS) &&
+           is_count(params->max_map_cells, 1, params->max_cells) &&
+           is_count(params->max_points, MIN_POINTS, MAX_POINTS) &&
+           is_count(params->max_segments, 1, 4096) && is_count(params->max_corners, 1, 1024) &&
+           is_count(params->max_modes, 1, 32) && is_count(params->particles, 1, 4096) &&
+           is_count(params->mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN) &&
+           (params->mode == CAIRN_MODE_DEFAULT || params->perception == CAIRN_MAP_MERGE_IMAGES) &&
+           params->perception >= CAIRN_MAP_MERGE_LIKELIHOOD_RATIO &&
+           params->perception <= CAIRN_MAP_MERGE_IMAGES && params->correlation_length > 0 &&
+           cairn_is_finite(params->correlation_length) && params->min_score > 0 &&
+           cairn_is_finite(params->min_score) && params->min_margin >= 0 &&
+           cairn_is_finite(params->min_margin);
 }
 
-static cairn_corner_params corner_params(const cairn_map_merge_params *p)
+static cairn_corner_params corner_params(const cairn_map_merge_params *params)
 {
     cairn_corner_params c = cairn_corner_default();
 
-    c.max_segments = p->max_segments;
-    c.max_corners = p->max_corners;
+    c.max_segments = params->max_segments;
+    c.max_corners = params->max_corners;
     c.min_opening = 50 * (CAIRN_PI / 180);
     c.max_opening = 130 * (CAIRN_PI / 180);
     c.end_distance = CAIRN_REAL(0.5);
@@ -89,48 +91,51 @@ static cairn_corner_params corner_params(const cairn_map_merge_params *p)
 }
 
 /* Returns the maximum number of cells of the merged map, as written. */
-static int32_t merged_cells(const cairn_map_merge_params *p)
+static int32_t merged_cells(const cairn_map_merge_params *params)
 {
-    return p->max_cells < MAX_CELLS / MAP_MERGE_MAX_MERGED_CELLS
-               ? MAP_MERGE_MAX_MERGED_CELLS * p->max_cells
+    return params->max_cells < MAX_CELLS / MAP_MERGE_MAX_MERGED_CELLS
+               ? MAP_MERGE_MAX_MERGED_CELLS * params->max_cells
                : MAX_CELLS;
 }
 
 /* Returns the maximum number of cells of an image that distances are computed for. */
-static int32_t image_cells(const cairn_map_merge_params *p)
+static int32_t image_cells(const cairn_map_merge_params *params)
 {
-    return map_merge_is_written(p) ? merged_cells(p) : p->max_map_cells;
+    return map_merge_is_written(params) ? merged_cells(params) : params->max_map_cells;
 }
 
 /* Returns the distance map's params: a side of at most that of a raster, or all cells in one
  * row. */
-static cairn_distance_map_params distance_params(const cairn_map_merge_params *p)
+static cairn_distance_map_params distance_params(const cairn_map_merge_params *params)
 {
-    cairn_distance_map_params d = {image_cells(p) < CAIRN_RASTER_MAX_SIDE ? image_cells(p)
-                                                                          : CAIRN_RASTER_MAX_SIDE};
+    cairn_distance_map_params d = {
+        .max_width = image_cells(params) < CAIRN_RASTER_MAX_SIDE ? image_cells(params)
+                                                                 : CAIRN_RASTER_MAX_SIDE,
+    };
 
     return d;
 }
 
-static cairn_particle_filter_params filter_params(const cairn_map_merge_params *p)
+static cairn_particle_filter_params filter_params(const cairn_map_merge_params *params)
 {
-    return map_merge_is_written(p) ? cairn_map_merge_written_params(p)
-                                   : cairn_map_merge_filter_params(p);
+    return map_merge_is_written(params) ? cairn_map_merge_written_params(params)
+                                        : cairn_map_merge_filter_params(params);
 }
 
-static size_t pairs_of(const cairn_map_merge_params *p)
+static size_t pairs_of(const cairn_map_merge_params *params)
 {
-    size_t n = (size_t)p->max_maps;
+    size_t n = (size_t)params->max_maps;
 
     return n * (n - 1) / 2 + 1;
 }
 
 /* Creates the objects inside; NULL from a counting pool. */
-static void take_objects(cairn_map_merge *merge, cairn_pool *pool, const cairn_map_merge_params *p)
+static void take_objects(cairn_map_merge *merge, cairn_pool *pool,
+                         const cairn_map_merge_params *params)
 {
-    cairn_corner_params corners = corner_params(p);
-    cairn_distance_map_params distances = distance_params(p);
-    cairn_particle_filter_params filter = filter_params(p);
+    cairn_corner_params corners = corner_params(params);
+    cairn_distance_map_params distances = distance_params(params);
+    cairn_particle_filter_params filter = filter_params(params);
     cairn_particle_filter_model model;
     cairn_status status;
 
@@ -140,8 +145,8 @@ static void take_objects(cairn_map_merge *merge, cairn_pool *pool, const cairn_m
         cairn_pool_count(pool, cairn_particle_filter_memory(&filter));
         return;
     }
-    model = map_merge_is_written(p) ? cairn_map_merge_written_model(merge)
-                                    : cairn_map_merge_model(merge);
+    model = map_merge_is_written(params) ? cairn_map_merge_written_model(merge)
+                                         : cairn_map_merge_model(merge);
     status = cairn_corner_create(&merge->corners, pool, &corners);
     CAIRN_ASSERT(status == CAIRN_OK);
     status = cairn_distance_map_create(&merge->distances, pool, &distances);
@@ -152,10 +157,10 @@ static void take_objects(cairn_map_merge *merge, cairn_pool *pool, const cairn_m
 }
 
 /* Takes the memory of the mode as written. */
-static map_merge_written *take_written(cairn_pool *pool, const cairn_map_merge_params *p)
+static map_merge_written *take_written(cairn_pool *pool, const cairn_map_merge_params *params)
 {
-    cairn_particle_filter_params filter = cairn_map_merge_written_params(p);
-    size_t cells = (size_t)merged_cells(p), listed = (size_t)filter.max_candidates;
+    cairn_particle_filter_params filter = cairn_map_merge_written_params(params);
+    size_t cells = (size_t)merged_cells(params), listed = (size_t)filter.max_candidates;
     map_merge_written *w = cairn_pool_take_one(pool, sizeof *w);
     uint16_t *grid = cairn_pool_take(pool, cells, sizeof *grid);
     uint8_t *classes = cairn_pool_take(pool, cells, 1);
@@ -166,7 +171,7 @@ static map_merge_written *take_written(cairn_pool *pool, const cairn_map_merge_p
         memset(w, 0, sizeof *w);
         w->merged.grid = grid;
         w->cells = classes;
-        w->max_cells = merged_cells(p);
+        w->max_cells = merged_cells(params);
         w->candidates = list;
         w->max_candidates = filter.max_candidates;
         w->places = places;
@@ -175,32 +180,35 @@ static map_merge_written *take_written(cairn_pool *pool, const cairn_map_merge_p
     return w;
 }
 
-static cairn_map_merge *take_memory(cairn_pool *pool, const cairn_map_merge_params *p)
+static cairn_map_merge *take_memory(cairn_pool *pool, const cairn_map_merge_params *params)
 {
-    size_t maps = (size_t)p->max_maps, points = (size_t)p->max_points;
+    size_t maps = (size_t)params->max_maps, points = (size_t)params->max_points;
     cairn_map_merge *merge = cairn_pool_take_one(pool, sizeof *merge);
     map_merge_map *list = cairn_pool_take(pool, maps, sizeof *list);
-    uint16_t *grid = cairn_pool_take(pool, (size_t)p->max_cells, sizeof *grid);
-    int32_t *scratch = cairn_pool_take(pool, (size_t)image_cells(p), sizeof *scratch);
+    uint16_t *grid = cairn_pool_take(pool, (size_t)params->max_cells, sizeof *grid);
+    int32_t *scratch = cairn_pool_take(pool, (size_t)image_cells(params), sizeof *scratch);
     map_merge_point *surface = cairn_pool_take(pool, (maps + 1) * points, sizeof *surface);
     cairn_vec2 *open = cairn_pool_take(pool, maps * (points / 2), sizeof *open);
-    cairn_corner *corners = cairn_pool_take(pool, maps * (size_t)p->max_corners, sizeof *corners);
-    map_merge_direction *ways = cairn_pool_take(pool, maps * (size_t)p->max_segments, sizeof *ways);
+    cairn_corner *corners =
+        cairn_pool_take(pool, maps * (size_t)params->max_corners, sizeof *corners);
+    map_merge_direction *ways =
+        cairn_pool_take(pool, maps * (size_t)params->max_segments, sizeof *ways);
     int32_t *queue = cairn_pool_take(pool, 2 * points, sizeof *queue);
     cairn_vec2 *line = cairn_pool_take(pool, points, sizeof *line);
     map_merge_curve_point *curve_points =
         cairn_pool_take(pool, maps * MAP_MERGE_MAX_CURVE_POINTS, sizeof *curve_points);
-    cairn_segment *lines = cairn_pool_take(pool, maps * (size_t)p->max_segments, sizeof *lines);
+    cairn_segment *lines =
+        cairn_pool_take(pool, maps * (size_t)params->max_segments, sizeof *lines);
     map_merge_mode *modes =
-        cairn_pool_take(pool, pairs_of(p) * (size_t)p->max_modes, sizeof *modes);
-    int32_t *mode_count = cairn_pool_take(pool, pairs_of(p), sizeof *mode_count);
+        cairn_pool_take(pool, pairs_of(params) * (size_t)params->max_modes, sizeof *modes);
+    int32_t *mode_count = cairn_pool_take(pool, pairs_of(params), sizeof *mode_count);
     map_merge_cache_entry *memory =
-        map_merge_is_written(p) ? NULL
-                                : cairn_pool_take(pool, MAP_MERGE_CACHE_SLOTS, sizeof *memory);
+        map_merge_is_written(params) ? NULL
+                                     : cairn_pool_take(pool, MAP_MERGE_CACHE_SLOTS, sizeof *memory);
 
     if (merge != NULL) {
         memset(merge, 0, sizeof *merge);
-        merge->params = *p;
+        merge->params = *params;
         merge->maps = list;
         merge->grid = grid;
         merge->scratch = scratch;
@@ -215,15 +223,15 @@ static cairn_map_merge *take_memory(cairn_pool *pool, const cairn_map_merge_para
             memset(&list[i], 0, sizeof list[i]);
             list[i].points = surface + i * points;
             list[i].free_cells = open + i * (points / 2);
-            list[i].corners = corners + i * (size_t)p->max_corners;
-            list[i].lines = lines + i * (size_t)p->max_segments;
+            list[i].corners = corners + i * (size_t)params->max_corners;
+            list[i].lines = lines + i * (size_t)params->max_segments;
             list[i].curve_points = curve_points + i * MAP_MERGE_MAX_CURVE_POINTS;
-            list[i].directions = ways + i * (size_t)p->max_segments;
+            list[i].directions = ways + i * (size_t)params->max_segments;
         }
     }
-    take_objects(merge, pool, p);
-    if (map_merge_is_written(p)) {
-        map_merge_written *written = take_written(pool, p);
+    take_objects(merge, pool, params);
+    if (map_merge_is_written(params)) {
+        map_merge_written *written = take_written(pool, params);
 
         if (merge != NULL)
             merge->written = written;
@@ -521,7 +529,7 @@ const char *cairn_map_merge_verdict_text(cairn_map_merge_verdict verdict)
 
 cairn_map_merge_result cairn_map_merge_read(const cairn_map_merge *merge)
 {
-    const cairn_map_merge_result none = {0, 0, 0, 0, 0, 0, 0, 0, 0};
+    const cairn_map_merge_result none = {0};
 
     return merge->done ? merge->result : none;
 }

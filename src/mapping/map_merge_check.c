@@ -311,11 +311,12 @@ static cairn_status step_places(cairn_map_merge *merge, int32_t map, cairn_budge
 }
 
 /* Returns the probability that a competing pose, or chance, reaches the same support. */
-static cairn_real error_probability(const cairn_map_merge_placed *p)
+static cairn_real error_probability(const cairn_map_merge_placed *placed)
 {
-    cairn_real competing =
-        cairn_exp(cairn_min((p->competing_support - p->support) / CHANCE_SPREAD_NATS, 30));
-    cairn_real chance = cairn_exp(cairn_min((CHANCE_NATS - p->support) / CHANCE_SPREAD_NATS, 30));
+    cairn_real competing = cairn_exp(
+        cairn_min((placed->competing_support - placed->support) / CHANCE_SPREAD_NATS, 30));
+    cairn_real chance =
+        cairn_exp(cairn_min((CHANCE_NATS - placed->support) / CHANCE_SPREAD_NATS, 30));
 
     return cairn_max((competing + chance) / (1 + competing + chance), MIN_ERROR_PROBABILITY);
 }

@@ -22,11 +22,11 @@
 #define LEG_NOISE_M CAIRN_REAL(0.20)
 
 /* Returns the length of a leg of a corner, m. */
-static cairn_real leg_length(const map_merge_map *map, const cairn_corner *c, int32_t leg)
+static cairn_real leg_length(const map_merge_map *map, const cairn_corner *corner, int32_t leg)
 {
-    cairn_segment s = map->lines[c->segment[leg]];
-    cairn_real a = cairn_vec2_dot(c->leg[leg], cairn_vec2_sub(s.a, c->position));
-    cairn_real b = cairn_vec2_dot(c->leg[leg], cairn_vec2_sub(s.b, c->position));
+    cairn_segment s = map->lines[corner->segment[leg]];
+    cairn_real a = cairn_vec2_dot(corner->leg[leg], cairn_vec2_sub(s.a, corner->position));
+    cairn_real b = cairn_vec2_dot(corner->leg[leg], cairn_vec2_sub(s.b, corner->position));
 
     return cairn_max(a, b);
 }

@@ -26,14 +26,14 @@ enum { MAX_LINE_STEPS = 4 };
  * placed */
 enum { STEPS_PER_MAP = 2 };
 
-cairn_particle_filter_params cairn_map_merge_filter_params(const cairn_map_merge_params *p)
+cairn_particle_filter_params cairn_map_merge_filter_params(const cairn_map_merge_params *params)
 {
     cairn_particle_filter_params f = cairn_particle_filter_default();
 
-    f.particles = f.max_particles = p->particles;
+    f.particles = f.max_particles = params->particles;
     f.max_followers = MAP_MERGE_MAX_CANDIDATES;
-    f.max_candidates = p->particles * MAP_MERGE_MAX_CANDIDATES;
-    f.max_blocks = p->particles * (STEPS_PER_MAP * p->max_maps + 2) + 1;
+    f.max_candidates = params->particles * MAP_MERGE_MAX_CANDIDATES;
+    f.max_blocks = params->particles * (STEPS_PER_MAP * params->max_maps + 2) + 1;
     f.state_bytes = (int32_t)sizeof(map_merge_state);
     f.adaptive_followers = 0;
     return f;
@@ -132,7 +132,14 @@ int32_t cairn_map_merge_places(const cairn_map_merge *merge, int32_t map, map_me
 static void list_candidates(cairn_map_merge *merge, map_merge_proposal *offer)
 {
     map_merge_mode places[MAP_MERGE_MAX_CANDIDATES - 1];
-    map_merge_state none = {MAP_MERGE_ENDED, -1, {0, 0, 0}, MIN_LOG_RATIO, 0, 0};
+    map_merge_state none = {
+        .map = MAP_MERGE_ENDED,
+        .source_map = -1,
+        .reference_map = {0, 0, 0},
+        .log_ratio = MIN_LOG_RATIO,
+        .psi = 0,
+        .gamma = 0,
+    };
     int32_t map = next_map(merge, 0), count;
 
     if (map < 0)
@@ -152,31 +159,32 @@ static void list_candidates(cairn_map_merge *merge, map_merge_proposal *offer)
     offer->count = count + 1;
 }
 
-static void add_image_scores(cairn_map_merge *merge, const map_merge_state *s)
+static void add_image_scores(cairn_map_merge *merge, const map_merge_state *state)
 {
-    merge->proposals.psi_sum += s->psi;
-    merge->proposals.gamma_sum += s->gamma;
-    merge->proposals.gamma_min =
-        merge->proposals.emitted == 0 ? s->gamma : cairn_min(merge->proposals.gamma_min, s->gamma);
+    merge->proposals.psi_sum += state->psi;
+    merge->proposals.gamma_sum += state->gamma;
+    merge->proposals.gamma_min = merge->proposals.emitted == 0
+                                     ? state->gamma
+                                     : cairn_min(merge->proposals.gamma_min, state->gamma);
     merge->proposals.emitted++;
 }
 
 /* Computes Psi and gamma relative to the neighbour of largest overlap. */
-static void score_images(cairn_map_merge *merge, map_merge_state *s)
+static void score_images(cairn_map_merge *merge, map_merge_state *state)
 {
     cairn_real most = -1;
 
-    s->psi = s->gamma = 0;
-    for (int32_t i = 0; i < merge->neighbour_count && s->map >= 0; i++) {
+    state->psi = state->gamma = 0;
+    for (int32_t i = 0; i < merge->neighbour_count && state->map >= 0; i++) {
         cairn_map_merge_pair_score score;
 
-        cairn_map_merge_score_at(merge, merge->neighbours[i], s->map,
-                                 cairn_pose_between(merge->neighbour_poses[i], s->reference_map),
-                                 &score);
+        cairn_map_merge_score_at(
+            merge, merge->neighbours[i], state->map,
+            cairn_pose_between(merge->neighbour_poses[i], state->reference_map), &score);
         if (score.overlap > most) {
             most = score.overlap;
-            s->psi = score.psi;
-            s->gamma = score.gamma;
+            state->psi = score.psi;
+            state->gamma = score.gamma;
         }
     }
 }
@@ -228,25 +236,26 @@ static void begin_proposal(cairn_map_merge *merge, const map_merge_state *state)
 }
 
 /* Processes one candidate: refined against all placed maps, then scored. */
-static int step_candidate(cairn_map_merge *merge, map_merge_state *s, cairn_budget *budget)
+static int step_candidate(cairn_map_merge *merge, map_merge_state *state, cairn_budget *budget)
 {
     if (merge->proposals.stage == 1) {
-        cairn_map_merge_begin_lines(merge, s->map, s->reference_map, s->reference_map,
+        cairn_map_merge_begin_lines(merge, state->map, state->reference_map, state->reference_map,
                                     MAX_LINE_STEPS);
         merge->proposals.stage = 2;
     }
     if (merge->proposals.stage == 2) {
         if (!cairn_map_merge_step_lines(merge, budget))
             return 0;
-        s->reference_map = merge->climb.best;
-        cairn_map_merge_begin_total(merge, s->map, s->reference_map, merge->params.max_points);
+        state->reference_map = merge->climb.best;
+        cairn_map_merge_begin_total(merge, state->map, state->reference_map,
+                                    merge->params.max_points);
         merge->proposals.stage = 3;
     }
     if (!cairn_map_merge_step_total(merge, budget))
         return 0;
-    s->log_ratio = merge->total.log_ratio;
+    state->log_ratio = merge->total.log_ratio;
     if (merge->params.perception == CAIRN_MAP_MERGE_IMAGES)
-        score_images(merge, s);
+        score_images(merge, state);
     merge->proposals.stage = 1;
     return 1;
 }
@@ -281,12 +290,12 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 
 /* Returns log(Psi~ gamma~) (9.5, 9.6), each normalized over all candidates of the step; a single
  * one has 0. */
-static cairn_real log_images(const cairn_map_merge *merge, const map_merge_state *s)
+static cairn_real log_images(const cairn_map_merge *merge, const map_merge_state *state)
 {
     cairn_real gammas = merge->proposals.gamma_sum -
                         (cairn_real)merge->proposals.emitted * merge->proposals.gamma_min;
-    cairn_real psi = s->psi / merge->proposals.psi_sum,
-               gamma = (s->gamma - merge->proposals.gamma_min) / gammas;
+    cairn_real psi = state->psi / merge->proposals.psi_sum,
+               gamma = (state->gamma - merge->proposals.gamma_min) / gammas;
 
     if (merge->proposals.emitted < 2 || !(gammas > 0) || !(merge->proposals.psi_sum > 0))
         return 0;
@@ -342,7 +351,14 @@ static int32_t first_map(const cairn_map_merge *merge)
 
 static void begin_filter(cairn_map_merge *merge)
 {
-    const map_merge_state first = {first_map(merge), -1, {0, 0, 0}, 0, 0, 0};
+    const map_merge_state first = {
+        .map = first_map(merge),
+        .source_map = -1,
+        .reference_map = {0, 0, 0},
+        .log_ratio = 0,
+        .psi = 0,
+        .gamma = 0,
+    };
     cairn_status status = cairn_particle_filter_clear(merge->filter, merge->params.seed);
 
     CAIRN_ASSERT(status == CAIRN_OK);

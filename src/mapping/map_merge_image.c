@@ -78,39 +78,39 @@ static inline int32_t cell_index(cairn_real at, int32_t limit)
 /* ---- Comparison of two images ---- */
 
 /* Sets the columns and rows of image k that lie near the other image's box. */
-static void set_window(map_merge_images *c, int32_t k, cairn_pose own_other)
+static void set_window(map_merge_images *images, int32_t k, cairn_pose own_other)
 {
-    const map_merge_map *own = c->map[k], *other = c->map[1 - k];
+    const map_merge_map *own = images->map[k], *other = images->map[1 - k];
     cairn_box box = cairn_map_merge_box_of(other, own_other);
     cairn_real margin = KERNEL_REACH_CELLS * other->input.resolution,
                scale = 1 / own->input.resolution;
     int32_t width = own->input.cells.width, height = own->input.cells.height;
 
-    c->begin[k][0] = cell_index((box.min.x - margin - own->corner.x) * scale, width);
-    c->end[k][0] = cell_index((box.max.x + margin - own->corner.x) * scale, width) + 1;
-    c->begin[k][1] = cell_index((box.min.y - margin - own->corner.y) * scale, height);
-    c->end[k][1] = cell_index((box.max.y + margin - own->corner.y) * scale, height) + 1;
+    images->begin[k][0] = cell_index((box.min.x - margin - own->corner.x) * scale, width);
+    images->end[k][0] = cell_index((box.max.x + margin - own->corner.x) * scale, width) + 1;
+    images->begin[k][1] = cell_index((box.min.y - margin - own->corner.y) * scale, height);
+    images->end[k][1] = cell_index((box.max.y + margin - own->corner.y) * scale, height) + 1;
     for (int32_t i = 0; i < 2; i++) {
         int32_t side = i == 0 ? width : height;
 
-        c->begin[k][i] = c->begin[k][i] > 0 ? c->begin[k][i] : 0;
-        c->end[k][i] = c->end[k][i] < side ? c->end[k][i] : side;
+        images->begin[k][i] = images->begin[k][i] > 0 ? images->begin[k][i] : 0;
+        images->end[k][i] = images->end[k][i] < side ? images->end[k][i] : side;
     }
 }
 
-void cairn_map_merge_begin_images(map_merge_images *c, const map_merge_map *a,
+void cairn_map_merge_begin_images(map_merge_images *images, const map_merge_map *a,
                                   const map_merge_map *b, cairn_pose a_b)
 {
     cairn_pose b_a = cairn_pose_inverse(a_b);
 
-    memset(c, 0, sizeof *c);
-    c->map[0] = a;
-    c->map[1] = b;
-    c->to_other[0] = cairn_transform_of(b_a);
-    c->to_other[1] = cairn_transform_of(a_b);
-    set_window(c, 0, a_b);
-    set_window(c, 1, b_a);
-    c->row = c->begin[0][1];
+    memset(images, 0, sizeof *images);
+    images->map[0] = a;
+    images->map[1] = b;
+    images->to_other[0] = cairn_transform_of(b_a);
+    images->to_other[1] = cairn_transform_of(a_b);
+    set_window(images, 0, a_b);
+    set_window(images, 1, b_a);
+    images->row = images->begin[0][1];
 }
 
 /* Returns the cell of an image nearest to one that may lie outside; adds their distance to
@@ -145,7 +145,7 @@ typedef struct image_row {
     int32_t known;
 } image_row;
 
-static void add_cell(image_row *r, uint16_t own, uint16_t cell, int32_t outside_distance,
+static void add_cell(image_row *row, uint16_t own, uint16_t cell, int32_t outside_distance,
                      const cairn_real *kernel)
 {
     int32_t to_occupied = outside_distance + map_merge_to_occupied(cell),
@@ -154,69 +154,69 @@ static void add_cell(image_row *r, uint16_t own, uint16_t cell, int32_t outside_
     to_occupied = to_occupied < MAP_MERGE_MAX_DISTANCE ? to_occupied : MAP_MERGE_MAX_DISTANCE;
     to_free = to_free < MAP_MERGE_MAX_DISTANCE ? to_free : MAP_MERGE_MAX_DISTANCE;
     if (map_merge_class(own) == MAP_MERGE_OCCUPIED) {
-        r->same[1] += kernel[to_occupied];
-        r->other_class[1] += kernel[to_free];
+        row->same[1] += kernel[to_occupied];
+        row->other_class[1] += kernel[to_free];
     } else {
-        r->same[0] += kernel[to_free];
-        r->other_class[0] += kernel[to_occupied];
-        r->known += outside_distance == 0 && map_merge_class(cell) != MAP_MERGE_UNKNOWN;
+        row->same[0] += kernel[to_free];
+        row->other_class[0] += kernel[to_occupied];
+        row->known += outside_distance == 0 && map_merge_class(cell) != MAP_MERGE_UNKNOWN;
     }
 }
 
 /* Adds columns that may lie outside the other image. */
-static void add_outside(image_row *r, int32_t begin, int32_t end, const cairn_real *kernel)
+static void add_outside(image_row *row, int32_t begin, int32_t end, const cairn_real *kernel)
 {
-    int32_t width = r->other->input.cells.width, height = r->other->input.cells.height;
+    int32_t width = row->other->input.cells.width, height = row->other->input.cells.height;
 
     for (int32_t column = begin; column < end; column++) {
         int32_t u, v, outside_distance = 0;
 
-        if (map_merge_class(r->cells[column]) == MAP_MERGE_UNKNOWN)
+        if (map_merge_class(row->cells[column]) == MAP_MERGE_UNKNOWN)
             continue;
         u = clamp_cell(
-            cell_index(r->first.x + (cairn_real)column * r->step.x, width + KERNEL_REACH_CELLS),
+            cell_index(row->first.x + (cairn_real)column * row->step.x, width + KERNEL_REACH_CELLS),
             width, &outside_distance);
-        v = clamp_cell(
-            cell_index(r->first.y + (cairn_real)column * r->step.y, height + KERNEL_REACH_CELLS),
-            height, &outside_distance);
-        add_cell(r, r->cells[column], r->other->grid[(size_t)v * (size_t)width + (size_t)u],
+        v = clamp_cell(cell_index(row->first.y + (cairn_real)column * row->step.y,
+                                  height + KERNEL_REACH_CELLS),
+                       height, &outside_distance);
+        add_cell(row, row->cells[column], row->other->grid[(size_t)v * (size_t)width + (size_t)u],
                  outside_distance, kernel);
     }
 }
 
 /* Adds columns that lie inside it. */
-static void add_inside(image_row *r, int32_t begin, int32_t end, const cairn_real *kernel)
+static void add_inside(image_row *row, int32_t begin, int32_t end, const cairn_real *kernel)
 {
-    size_t width = (size_t)r->other->input.cells.width;
+    size_t width = (size_t)row->other->input.cells.width;
 
     for (int32_t column = begin; column < end; column++) {
-        size_t u = (size_t)(r->first.x + (cairn_real)column * r->step.x);
-        size_t v = (size_t)(r->first.y + (cairn_real)column * r->step.y);
+        size_t u = (size_t)(row->first.x + (cairn_real)column * row->step.x);
+        size_t v = (size_t)(row->first.y + (cairn_real)column * row->step.y);
 
-        if (map_merge_class(r->cells[column]) != MAP_MERGE_UNKNOWN)
-            add_cell(r, r->cells[column], r->other->grid[v * width + u], 0, kernel);
+        if (map_merge_class(row->cells[column]) != MAP_MERGE_UNKNOWN)
+            add_cell(row, row->cells[column], row->other->grid[v * width + u], 0, kernel);
     }
 }
 
 /* Adds a row of image k: the cells within the kernel's reach of the other image. */
-static void add_row(map_merge_images *c, int32_t k, const cairn_real *kernel)
+static void add_row(map_merge_images *images, int32_t k, const cairn_real *kernel)
 {
-    const map_merge_map *own = c->map[k], *other = c->map[1 - k];
+    const map_merge_map *own = images->map[k], *other = images->map[1 - k];
     cairn_real width = (cairn_real)other->input.cells.width,
                height = (cairn_real)other->input.cells.height;
     cairn_real scale = 1 / other->input.resolution, size = own->input.resolution,
-               row = (cairn_real)c->row;
+               row = (cairn_real)images->row;
     cairn_vec2 first = {own->corner.x + size / 2, own->corner.y + (row + CAIRN_REAL(0.5)) * size},
                along = {size, 0};
-    int32_t begin = c->begin[k][0], end = c->end[k][0], from, to;
-    image_row r = {other,  own->grid + (size_t)c->row * (size_t)own->input.cells.width,
+    int32_t begin = images->begin[k][0], end = images->end[k][0], from, to;
+    image_row r = {other,  own->grid + (size_t)images->row * (size_t)own->input.cells.width,
                    {0, 0}, {0, 0},
                    {0, 0}, {0, 0},
                    0};
 
     r.first = cairn_vec2_scale(
-        cairn_vec2_sub(cairn_transform_point(c->to_other[k], first), other->corner), scale);
-    r.step = cairn_vec2_scale(cairn_transform_direction(c->to_other[k], along), scale);
+        cairn_vec2_sub(cairn_transform_point(images->to_other[k], first), other->corner), scale);
+    r.step = cairn_vec2_scale(cairn_transform_direction(images->to_other[k], along), scale);
     if (cairn_abs(r.step.x) < LEVEL_SLOPE_CELLS || cairn_abs(r.step.y) < LEVEL_SLOPE_CELLS) {
         add_outside(&r, begin, end, kernel);
     } else {
@@ -235,42 +235,44 @@ static void add_row(map_merge_images *c, int32_t k, const cairn_real *kernel)
         add_outside(&r, begin, end, kernel);
     }
     for (int32_t i = 0; i < 2; i++) {
-        c->same[k][i] += r.same[i];
-        c->other[k][i] += r.other_class[i];
+        images->same[k][i] += r.same[i];
+        images->other[k][i] += r.other_class[i];
     }
-    c->known += k == 1 ? r.known : 0;
+    images->known += k == 1 ? r.known : 0;
 }
 
-int cairn_map_merge_step_images(map_merge_images *c, const cairn_real *kernel, int32_t *charged,
-                                cairn_budget *budget)
+int cairn_map_merge_step_images(map_merge_images *images, const cairn_real *kernel,
+                                int32_t *charged, cairn_budget *budget)
 {
-    for (; c->turn < 2; c->turn++, c->row = c->turn < 2 ? c->begin[c->turn][1] : 0)
-        for (; c->row < c->end[c->turn][1]; c->row++) {
-            int32_t cells = c->end[c->turn][0] - c->begin[c->turn][0];
+    for (; images->turn < 2;
+         images->turn++, images->row = images->turn < 2 ? images->begin[images->turn][1] : 0)
+        for (; images->row < images->end[images->turn][1]; images->row++) {
+            int32_t cells = images->end[images->turn][0] - images->begin[images->turn][0];
 
             if (!cairn_budget_charge(budget, charged, 1 + (cells > 0 ? cells : 0) / CELLS_PER_UNIT))
                 return 0;
-            add_row(c, c->turn, kernel);
+            add_row(images, images->turn, kernel);
         }
     return 1;
 }
 
-void cairn_map_merge_end_images(const map_merge_images *c, cairn_map_merge_pair_score *score)
+void cairn_map_merge_end_images(const map_merge_images *images, cairn_map_merge_pair_score *score)
 {
     score->psi = score->disagreement = 0;
     for (int32_t k = 0; k < 2; k++) {
-        cairn_real free = (cairn_real)c->map[k]->free_count,
-                   occupied = (cairn_real)c->map[k]->occupied_count;
+        cairn_real free = (cairn_real)images->map[k]->free_count,
+                   occupied = (cairn_real)images->map[k]->occupied_count;
 
-        score->psi += c->same[k][0] / cairn_max(free, 1) + c->same[k][1] / cairn_max(occupied, 1);
+        score->psi +=
+            images->same[k][0] / cairn_max(free, 1) + images->same[k][1] / cairn_max(occupied, 1);
         score->disagreement +=
-            c->other[k][0] / cairn_max(free, 1) + c->other[k][1] / cairn_max(occupied, 1);
+            images->other[k][0] / cairn_max(free, 1) + images->other[k][1] / cairn_max(occupied, 1);
     }
     {
-        int32_t a = c->map[0]->free_count, b = c->map[1]->free_count;
+        int32_t a = images->map[0]->free_count, b = images->map[1]->free_count;
         cairn_real d = cairn_max(score->disagreement, MIN_DISAGREEMENT);
 
-        score->overlap = (cairn_real)c->known / cairn_max((cairn_real)(a < b ? a : b), 1);
+        score->overlap = (cairn_real)images->known / cairn_max((cairn_real)(a < b ? a : b), 1);
         score->gamma = -cairn_log(d) - d;
     }
 }
@@ -351,16 +353,16 @@ static void vote_row(cairn_map_merge *merge, int32_t near, int32_t row)
     }
 }
 
-static void count_row(map_merge_written *w, int32_t row)
+static void count_row(map_merge_written *written, int32_t row)
 {
-    size_t width = (size_t)w->merged.input.cells.width;
+    size_t width = (size_t)written->merged.input.cells.width;
 
     for (size_t at = (size_t)row * width; at < (size_t)(row + 1) * width; at++) {
-        int32_t walls = w->merged.grid[at] & 255, open = w->merged.grid[at] >> 8;
+        int32_t walls = written->merged.grid[at] & 255, open = written->merged.grid[at] >> 8;
 
-        w->cells[at] = (uint8_t)(walls + open == 0 ? CAIRN_OCCUPANCY_GRID_UNKNOWN
-                                 : walls >= open   ? CAIRN_OCCUPANCY_GRID_OCCUPIED
-                                                   : CAIRN_OCCUPANCY_GRID_FREE);
+        written->cells[at] = (uint8_t)(walls + open == 0 ? CAIRN_OCCUPANCY_GRID_UNKNOWN
+                                       : walls >= open   ? CAIRN_OCCUPANCY_GRID_OCCUPIED
+                                                         : CAIRN_OCCUPANCY_GRID_FREE);
     }
 }
 

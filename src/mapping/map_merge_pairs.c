@@ -66,31 +66,32 @@ static uint16_t cell_of(const map_merge_map *to, cairn_vec2 p, cairn_real scale)
  * wall do not agree. A point two cells beside a wall may lie on the other face or be displaced by
  * noise: it counts half. A third one is neutral. */
 void cairn_map_merge_sum(const cairn_map_merge *merge, const map_merge_map *to,
-                         const map_merge_map *from, const cairn_transform *t, int32_t begin,
-                         int32_t end, map_merge_sums *s)
+                         const map_merge_map *from, const cairn_transform *transform, int32_t begin,
+                         int32_t end, map_merge_sums *sums)
 {
     cairn_real scale = 1 / to->input.resolution;
 
     for (int32_t i = begin; i < end; i++) {
-        cairn_vec2 p = cairn_transform_point(*t, from->points[i].position);
+        cairn_vec2 p = cairn_transform_point(*transform, from->points[i].position);
         uint16_t cell = cell_of(to, p, scale);
         int32_t d = map_merge_to_occupied(cell);
 
         if (map_merge_class(cell) == MAP_MERGE_UNKNOWN)
             continue;
-        s->known_count++;
-        s->centroid_sum = cairn_vec2_add(s->centroid_sum, p);
+        sums->known_count++;
+        sums->centroid_sum = cairn_vec2_add(sums->centroid_sum, p);
         if (d > 3 && map_merge_class(cell) == MAP_MERGE_FREE) {
-            s->conflict += 1;
-            s->soft_conflict += d > 5;
+            sums->conflict += 1;
+            sums->soft_conflict += d > 5;
         }
         if (d > SOFT_REACH_CELLS ||
-            map_merge_class(cell_of(to, cairn_transform_point(*t, from->points[i].free_side),
-                                    scale)) != MAP_MERGE_FREE)
+            map_merge_class(
+                cell_of(to, cairn_transform_point(*transform, from->points[i].free_side), scale)) !=
+                MAP_MERGE_FREE)
             continue;
-        s->soft_agree += merge->soft_kernel[d];
+        sums->soft_agree += merge->soft_kernel[d];
         if (d <= 2)
-            s->agree += d < 2 ? from->points[i].weight : from->points[i].weight / 2;
+            sums->agree += d < 2 ? from->points[i].weight : from->points[i].weight / 2;
     }
 }
 
@@ -136,14 +137,16 @@ static int resume_comparing(cairn_map_merge *merge, cairn_budget *budget)
 }
 
 /* Returns the m of wall per compared point. */
-static cairn_real wall_per_point(const cairn_map_merge *merge, const map_merge_comparison *c,
-                                 int32_t direction)
+static cairn_real wall_per_point(const cairn_map_merge *merge,
+                                 const map_merge_comparison *comparison, int32_t direction)
 {
-    const map_merge_map *from = &merge->maps[direction == 0 ? c->second : c->first];
+    const map_merge_map *from =
+        &merge->maps[direction == 0 ? comparison->second : comparison->first];
 
-    if (c->point_counts[direction] == 0)
+    if (comparison->point_counts[direction] == 0)
         return 0;
-    return from->spacing * (cairn_real)from->point_count / (cairn_real)c->point_counts[direction];
+    return from->spacing * (cairn_real)from->point_count /
+           (cairn_real)comparison->point_counts[direction];
 }
 
 cairn_real cairn_map_merge_nats(const cairn_map_merge *merge, cairn_real agree, cairn_real conflict)
@@ -152,11 +155,13 @@ cairn_real cairn_map_merge_nats(const cairn_map_merge *merge, cairn_real agree, 
            (merge->params.correlation_length * MAP_MERGE_CELL);
 }
 
-static cairn_real log_ratio_of(const cairn_map_merge *merge, const map_merge_comparison *c)
+static cairn_real log_ratio_of(const cairn_map_merge *merge, const map_merge_comparison *comparison)
 {
-    cairn_real there = wall_per_point(merge, c, 0), back = wall_per_point(merge, c, 1);
-    cairn_real agree = (c->sums[0].agree * there + c->sums[1].agree * back) / 2;
-    cairn_real conflict = c->sums[0].conflict * there + c->sums[1].conflict * back;
+    cairn_real there = wall_per_point(merge, comparison, 0),
+               back = wall_per_point(merge, comparison, 1);
+    cairn_real agree = (comparison->sums[0].agree * there + comparison->sums[1].agree * back) / 2;
+    cairn_real conflict =
+        comparison->sums[0].conflict * there + comparison->sums[1].conflict * back;
 
     return cairn_map_merge_nats(merge, agree, conflict);
 }

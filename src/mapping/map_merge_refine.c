@@ -46,16 +46,16 @@ static cairn_segment mapped(cairn_transform t, cairn_segment s)
 
 /* Adds a point-to-line residual: the body's point `body` at p, and the line through `at` with
  * normal n. */
-static void add_end(map_merge_fit *f, cairn_vec2 p, cairn_vec2 at, cairn_vec2 n, cairn_vec2 body,
+static void add_end(map_merge_fit *fit, cairn_vec2 p, cairn_vec2 at, cairn_vec2 n, cairn_vec2 body,
                     cairn_real weight)
 {
     cairn_real r = cairn_vec2_dot(n, cairn_vec2_sub(p, at)), row[3];
 
-    weight /= 1 + r * r / (f->cell * f->cell);
-    cairn_rigid_motion_jacobian(&f->motion, n, body, row);
-    cairn_sym3_add_outer(&f->equations.information, row, weight);
+    weight /= 1 + r * r / (fit->cell * fit->cell);
+    cairn_rigid_motion_jacobian(&fit->motion, n, body, row);
+    cairn_sym3_add_outer(&fit->equations.information, row, weight);
     for (int i = 0; i < 3; i++)
-        f->equations.gradient[i] += weight * row[i] * r;
+        fit->equations.gradient[i] += weight * row[i] * r;
 }
 
 /* Returns the variance of the direction of a line fitted to a length in m, rad^2. */
@@ -66,22 +66,22 @@ static cairn_real variance_of(cairn_real length)
 
 /* Adds the residual of the directions of two lines: long walls give it far better than their common
  * part does. */
-static void add_direction(map_merge_fit *f, cairn_real turn, cairn_real length,
+static void add_direction(map_merge_fit *fit, cairn_real turn, cairn_real length,
                           cairn_real own_length)
 {
-    cairn_real row = 1 / f->motion.radius;
+    cairn_real row = 1 / fit->motion.radius;
     cairn_real weight = 1 / (variance_of(length) + variance_of(own_length) +
                              MIN_DIRECTION_SIGMA_RAD * MIN_DIRECTION_SIGMA_RAD);
 
     weight /= 1 + turn * turn / (CURVED_DIRECTION_SIGMA_RAD * CURVED_DIRECTION_SIGMA_RAD);
-    f->equations.information.zz += weight * row * row;
-    f->equations.gradient[2] += weight * row * turn;
+    fit->equations.information.zz += weight * row * row;
+    fit->equations.gradient[2] += weight * row * turn;
 }
 
 /* Adds the residuals of line `own` of the map and line `t` of the neighbour. */
-static void add_lines(map_merge_fit *f, cairn_segment own, cairn_segment t)
+static void add_lines(map_merge_fit *fit, cairn_segment own, cairn_segment t)
 {
-    cairn_segment s = mapped(f->motion.transform, own);
+    cairn_segment s = mapped(fit->motion.transform, own);
     cairn_vec2 along = cairn_vec2_sub(t.b, t.a), way = cairn_vec2_sub(s.b, s.a);
     cairn_real length = cairn_vec2_norm(along), own_length = cairn_vec2_norm(way), low, high, from,
                to, share, weight;
@@ -105,27 +105,27 @@ static void add_lines(map_merge_fit *f, cairn_segment own, cairn_segment t)
         {
             cairn_vec2 body =
                 cairn_vec2_add(own.a, cairn_vec2_scale(cairn_vec2_sub(own.b, own.a), share));
-            cairn_vec2 p = cairn_transform_point(f->motion.transform, body);
+            cairn_vec2 p = cairn_transform_point(fit->motion.transform, body);
 
             if (cairn_abs(cairn_vec2_dot(n, cairn_vec2_sub(p, t.a))) >=
-                MAX_DISTANCE_CELLS * f->cell)
+                MAX_DISTANCE_CELLS * fit->cell)
                 continue;
-            add_end(f, p, t.a, n, body, weight);
+            add_end(fit, p, t.a, n, body, weight);
             near++;
         }
     }
     if (near == 2)
-        add_direction(f, cairn_vec2_cross(u, v), length, own_length);
+        add_direction(fit, cairn_vec2_cross(u, v), length, own_length);
 }
 
 /* Adds line `index` of the current neighbour against all lines of the map. */
-static void add_line(map_merge_fit *f, const map_merge_map *body, const map_merge_map *other,
+static void add_line(map_merge_fit *fit, const map_merge_map *body, const map_merge_map *other,
                      int32_t index)
 {
-    cairn_segment line = mapped(f->neighbour_transform, other->lines[index]);
+    cairn_segment line = mapped(fit->neighbour_transform, other->lines[index]);
 
     for (int32_t k = 0; k < body->line_count; k++)
-        add_lines(f, body->lines[k], line);
+        add_lines(fit, body->lines[k], line);
 }
 
 static cairn_real curve_point_weight(const map_merge_map *map)
@@ -136,36 +136,36 @@ static cairn_real curve_point_weight(const map_merge_map *map)
 }
 
 /* Adds a curve point of the map against the surface of the neighbour. */
-static void add_curve_point(map_merge_fit *f, const map_merge_map *body, const map_merge_map *other,
-                            int32_t index)
+static void add_curve_point(map_merge_fit *fit, const map_merge_map *body,
+                            const map_merge_map *other, int32_t index)
 {
     const map_merge_curve_point *curve_point = &body->curve_points[index];
-    cairn_vec2 p = cairn_transform_point(f->to_neighbour, curve_point->position),
-               n = cairn_transform_direction(f->to_neighbour, curve_point->normal);
+    cairn_vec2 p = cairn_transform_point(fit->to_neighbour, curve_point->position),
+               n = cairn_transform_direction(fit->to_neighbour, curve_point->normal);
     cairn_real along;
 
     if (cairn_map_merge_surface_along(other, p, n, &along))
-        add_end(f, cairn_transform_point(f->neighbour_transform, p),
-                cairn_transform_point(f->neighbour_transform,
+        add_end(fit, cairn_transform_point(fit->neighbour_transform, p),
+                cairn_transform_point(fit->neighbour_transform,
                                       cairn_vec2_add(p, cairn_vec2_scale(n, along))),
-                cairn_transform_direction(f->neighbour_transform, n), curve_point->position,
+                cairn_transform_direction(fit->neighbour_transform, n), curve_point->position,
                 curve_point_weight(body));
 }
 
 /* Adds a curve point of the neighbour against the surface of the map. */
-static void add_curve_point_of_neighbour(map_merge_fit *f, const map_merge_map *body,
+static void add_curve_point_of_neighbour(map_merge_fit *fit, const map_merge_map *body,
                                          const map_merge_map *other, int32_t index)
 {
     const map_merge_curve_point *curve_point = &other->curve_points[index];
-    cairn_vec2 p = cairn_transform_point(f->to_map, curve_point->position),
-               n = cairn_transform_direction(f->to_map, curve_point->normal);
+    cairn_vec2 p = cairn_transform_point(fit->to_map, curve_point->position),
+               n = cairn_transform_direction(fit->to_map, curve_point->normal);
     cairn_real along;
 
     if (cairn_map_merge_surface_along(body, p, n, &along)) {
         p = cairn_vec2_add(p, cairn_vec2_scale(n, along));
-        add_end(f, cairn_transform_point(f->motion.transform, p),
-                cairn_transform_point(f->neighbour_transform, curve_point->position),
-                cairn_transform_direction(f->neighbour_transform, curve_point->normal), p,
+        add_end(fit, cairn_transform_point(fit->motion.transform, p),
+                cairn_transform_point(fit->neighbour_transform, curve_point->position),
+                cairn_transform_direction(fit->neighbour_transform, curve_point->normal), p,
                 curve_point_weight(other));
     }
 }

@@ -22,15 +22,15 @@ static cairn_real kernel_of(int32_t cells)
     return cells > 20 ? 0 : cairn_exp(-(cairn_real)(cells * cells) / 8);
 }
 
-static void add_image(const map_merge_map *to, cairn_vec2 p, int32_t class, image_sums *s)
+static void add_image(const map_merge_map *to, cairn_vec2 p, int32_t class, image_sums *sums)
 {
     uint16_t cell = map_merge_cell_at(to, (p.x - to->corner.x) / to->input.resolution,
                                       (p.y - to->corner.y) / to->input.resolution);
 
-    s->known += map_merge_class(cell) != MAP_MERGE_UNKNOWN;
-    s->same += kernel_of(class == MAP_MERGE_OCCUPIED ? map_merge_to_occupied(cell)
-                                                     : map_merge_to_free(cell));
-    s->other += map_merge_class(cell) != MAP_MERGE_UNKNOWN && map_merge_class(cell) != class;
+    sums->known += map_merge_class(cell) != MAP_MERGE_UNKNOWN;
+    sums->same += kernel_of(class == MAP_MERGE_OCCUPIED ? map_merge_to_occupied(cell)
+                                                        : map_merge_to_free(cell));
+    sums->other += map_merge_class(cell) != MAP_MERGE_UNKNOWN && map_merge_class(cell) != class;
 }
 
 /* Adds both classes of `from` in the grid of `to` to psi and d; returns the observed share of the

@@ -152,7 +152,7 @@ static void rotate_points(cairn_map_merge *merge, cairn_real turn)
 /* Adds points begin ... end - 1, translated in cells, looked up in a grid. */
 static void look_up_points(const cairn_map_merge *merge, const map_merge_map *to,
                            const cairn_vec2 *points, const cairn_vec2 *fronts, cairn_vec2 shift,
-                           int32_t begin, int32_t end, map_merge_sums *s)
+                           int32_t begin, int32_t end, map_merge_sums *sums)
 {
     for (int32_t i = begin; i < end; i++) {
         uint16_t cell = map_merge_cell_at(to, points[i].x + shift.x, points[i].y + shift.y);
@@ -161,10 +161,10 @@ static void look_up_points(const cairn_map_merge *merge, const map_merge_map *to
         if (map_merge_class(cell) == MAP_MERGE_UNKNOWN)
             continue;
         if (d > SOFT_REACH_CELLS)
-            s->soft_conflict += map_merge_class(cell) == MAP_MERGE_FREE;
+            sums->soft_conflict += map_merge_class(cell) == MAP_MERGE_FREE;
         else if (map_merge_class(map_merge_cell_at(to, fronts[i].x + shift.x,
                                                    fronts[i].y + shift.y)) == MAP_MERGE_FREE)
-            s->soft_agree += merge->soft_kernel[d];
+            sums->soft_agree += merge->soft_kernel[d];
     }
 }
 

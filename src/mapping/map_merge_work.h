@@ -180,7 +180,8 @@ typedef struct map_merge_images {
     /* the image whose rows are being added, and its next row */
     int32_t turn, row;
     cairn_real same[2][2],
-        /* sums of the kernel, [map][class - MAP_MERGE_FREE]: to the same class, to the other class */
+        /* sums of the kernel, [map][class - MAP_MERGE_FREE]: to the same class, and to the other
+         * class */
         other[2][2];
     /* free cells of the second map that the first one has observed */
     int32_t known;
@@ -421,15 +422,15 @@ static inline cairn_real map_merge_search_wall(const map_merge_map *first,
 
 /* Returns 1 when free-space violations exceed 2.5 plus a third of the agreeing points: early
  * rejection. */
-static inline int map_merge_is_rejected(const map_merge_sums *s)
+static inline int map_merge_is_rejected(const map_merge_sums *sums)
 {
-    return s->soft_conflict > s->soft_agree / 3 + CAIRN_REAL(2.5);
+    return sums->soft_conflict > sums->soft_agree / 3 + CAIRN_REAL(2.5);
 }
 
 /* Returns the score of a pose in m of wall. */
-static inline cairn_real map_merge_search_score(const map_merge_sums *s, cairn_real wall)
+static inline cairn_real map_merge_search_score(const map_merge_sums *sums, cairn_real wall)
 {
-    return (s->soft_agree / 2 - CAIRN_REAL(1.5) * s->soft_conflict) * wall;
+    return (sums->soft_agree / 2 - CAIRN_REAL(1.5) * sums->soft_conflict) * wall;
 }
 
 static inline int32_t map_merge_pair(int32_t first, int32_t second)
@@ -473,8 +474,8 @@ cairn_status cairn_map_merge_register_curve_points(cairn_map_merge *merge, cairn
 
 cairn_status cairn_map_merge_find_modes(cairn_map_merge *merge, cairn_budget *budget);
 void cairn_map_merge_sum(const cairn_map_merge *merge, const map_merge_map *to,
-                         const map_merge_map *from, const cairn_transform *t, int32_t begin,
-                         int32_t end, map_merge_sums *s);
+                         const map_merge_map *from, const cairn_transform *transform, int32_t begin,
+                         int32_t end, map_merge_sums *sums);
 
 /* Returns 1 when two poses differ by less than the tolerances in m and rad. */
 int cairn_map_merge_is_same(cairn_pose a, cairn_pose b, cairn_real metres, cairn_real radians);
@@ -504,9 +505,9 @@ int cairn_map_merge_step_lines(cairn_map_merge *merge, cairn_budget *budget);
 cairn_real cairn_map_merge_nats(const cairn_map_merge *merge, cairn_real agree,
                                 cairn_real conflict);
 
-static inline int map_merge_is_written(const cairn_map_merge_params *p)
+static inline int map_merge_is_written(const cairn_map_merge_params *params)
 {
-    return p->mode == CAIRN_MODE_AS_WRITTEN;
+    return params->mode == CAIRN_MODE_AS_WRITTEN;
 }
 
 /* ---- map_merge_score.c ---- */
@@ -518,7 +519,7 @@ void cairn_map_merge_score_at(const cairn_map_merge *merge, int32_t a, int32_t b
 
 /* ---- map_merge_filter.c ---- */
 
-cairn_particle_filter_params cairn_map_merge_filter_params(const cairn_map_merge_params *p);
+cairn_particle_filter_params cairn_map_merge_filter_params(const cairn_map_merge_params *params);
 cairn_particle_filter_model cairn_map_merge_model(cairn_map_merge *merge);
 cairn_status cairn_map_merge_run_filter(cairn_map_merge *merge, cairn_budget *budget);
 
@@ -538,13 +539,13 @@ int cairn_map_merge_is_same_history(const map_merge_state *a, const map_merge_st
 
 /* Compares image b, placed at a_b, with image a; step_images() returns 1 when all rows are added.
  * Four cells a unit. */
-void cairn_map_merge_begin_images(map_merge_images *c, const map_merge_map *a,
+void cairn_map_merge_begin_images(map_merge_images *images, const map_merge_map *a,
                                   const map_merge_map *b, cairn_pose a_b);
-int cairn_map_merge_step_images(map_merge_images *c, const cairn_real *kernel, int32_t *charged,
-                                cairn_budget *budget);
+int cairn_map_merge_step_images(map_merge_images *images, const cairn_real *kernel,
+                                int32_t *charged, cairn_budget *budget);
 
 /* Computes psi, disagreement, gamma and overlap from the sums. */
-void cairn_map_merge_end_images(const map_merge_images *c, cairn_map_merge_pair_score *score);
+void cairn_map_merge_end_images(const map_merge_images *images, cairn_map_merge_pair_score *score);
 
 /* Fills in exp(x (2 mu - x) / (2 sigma^2)) for distances 0 ... MAP_MERGE_MAX_DISTANCE in cells. */
 void cairn_map_merge_set_kernel(cairn_real *kernel);
@@ -563,8 +564,8 @@ int cairn_map_merge_has_capacity(const cairn_map_merge *merge, cairn_box box);
 
 enum { MAP_MERGE_CORRESPONDENCES = 3 };
 
-/* Returns the least-squares rigid motion from the frame of from[MAP_MERGE_CORRESPONDENCES] to that of
- * to[]. */
+/* Returns the least-squares rigid motion from the frame of from[MAP_MERGE_CORRESPONDENCES] to that
+ * of to[]. */
 cairn_pose cairn_map_merge_motion_of(const cairn_vec2 *to, const cairn_vec2 *from);
 
 /* Computes the modes of every pair of maps as registrations of their most similar corners. */
@@ -581,7 +582,7 @@ enum {
     MAP_MERGE_MAX_PLACES = 1024
 };
 
-cairn_particle_filter_params cairn_map_merge_written_params(const cairn_map_merge_params *p);
+cairn_particle_filter_params cairn_map_merge_written_params(const cairn_map_merge_params *params);
 cairn_particle_filter_model cairn_map_merge_written_model(cairn_map_merge *merge);
 cairn_status cairn_map_merge_run_written(cairn_map_merge *merge, cairn_budget *budget);
 cairn_status cairn_map_merge_end_written(cairn_map_merge *merge, cairn_budget *budget);

@@ -25,25 +25,25 @@ enum { MAX_CANDIDATES = 1 << 20 };
 
 /* Returns the number of candidates of a particle: merged maps times remaining maps, times the
  * registrations of a pair. */
-static int32_t places_of(const cairn_map_merge_params *p)
+static int32_t places_of(const cairn_map_merge_params *params)
 {
-    int32_t pairs = p->max_maps * p->max_maps / 4;
-    int32_t places = (pairs > 0 ? pairs : 1) * p->max_modes;
-    int32_t most = MAX_CANDIDATES / (MAP_MERGE_GROWTH * p->particles);
+    int32_t pairs = params->max_maps * params->max_maps / 4;
+    int32_t places = (pairs > 0 ? pairs : 1) * params->max_modes;
+    int32_t most = MAX_CANDIDATES / (MAP_MERGE_GROWTH * params->particles);
 
     places = places < MAP_MERGE_MAX_PLACES ? places : MAP_MERGE_MAX_PLACES;
     return places < most ? places : most;
 }
 
-cairn_particle_filter_params cairn_map_merge_written_params(const cairn_map_merge_params *p)
+cairn_particle_filter_params cairn_map_merge_written_params(const cairn_map_merge_params *params)
 {
     cairn_particle_filter_params f = cairn_particle_filter_default();
 
-    f.particles = p->particles;
-    f.max_particles = MAP_MERGE_GROWTH * p->particles;
+    f.particles = params->particles;
+    f.max_particles = MAP_MERGE_GROWTH * params->particles;
     f.max_followers = MAP_MERGE_MAX_CANDIDATES;
-    f.max_candidates = f.max_particles * places_of(p);
-    f.max_blocks = f.max_particles * (p->max_maps + 1) + 1;
+    f.max_candidates = f.max_particles * places_of(params);
+    f.max_blocks = f.max_particles * (params->max_maps + 1) + 1;
     f.state_bytes = (int32_t)sizeof(map_merge_state);
     return f;
 }
@@ -133,19 +133,20 @@ static void list_candidates(cairn_map_merge *merge, map_merge_places *places)
 
 /* Returns the log of the sum of Gaussians about all registrations of a candidate's map. */
 static cairn_real log_prior(const cairn_map_merge *merge, const map_merge_places *places,
-                            const map_merge_state *s)
+                            const map_merge_state *state)
 {
     const map_merge_state *list = merge->written->candidates + places->first;
     cairn_real sum = 0;
 
     for (int32_t i = 0; i < places->count; i++) {
-        cairn_real x = (list[i].reference_map.x - s->reference_map.x) / PRIOR_SIGMA_M;
-        cairn_real y = (list[i].reference_map.y - s->reference_map.y) / PRIOR_SIGMA_M;
-        cairn_real turn = cairn_wrap_angle(list[i].reference_map.theta - s->reference_map.theta) /
-                          PRIOR_SIGMA_RAD;
+        cairn_real x = (list[i].reference_map.x - state->reference_map.x) / PRIOR_SIGMA_M;
+        cairn_real y = (list[i].reference_map.y - state->reference_map.y) / PRIOR_SIGMA_M;
+        cairn_real turn =
+            cairn_wrap_angle(list[i].reference_map.theta - state->reference_map.theta) /
+            PRIOR_SIGMA_RAD;
         cairn_real squared = x * x + y * y + turn * turn;
 
-        if (list[i].map == s->map && squared < 50)
+        if (list[i].map == state->map && squared < 50)
             sum += cairn_exp(-squared / 2);
     }
     return cairn_log(sum);
@@ -199,27 +200,28 @@ static int score_places(cairn_map_merge *merge, const map_merge_places *places,
 
 /* Accumulates Psi and gamma. gamma is relative to the first candidate's: the sum of equal ones is
  * then 0 despite rounding. */
-static void add_image_scores(map_merge_written *w, const map_merge_state *s)
+static void add_image_scores(map_merge_written *written, const map_merge_state *state)
 {
-    if (w->emitted == 0) {
-        w->gamma_first = s->gamma;
-        w->psi_sum = w->gamma_sum = w->gamma_min = 0;
+    if (written->emitted == 0) {
+        written->gamma_first = state->gamma;
+        written->psi_sum = written->gamma_sum = written->gamma_min = 0;
     }
-    w->psi_sum += s->psi;
-    w->gamma_sum += s->gamma - w->gamma_first;
-    w->gamma_min = cairn_min(w->gamma_min, s->gamma - w->gamma_first);
-    w->emitted++;
+    written->psi_sum += state->psi;
+    written->gamma_sum += state->gamma - written->gamma_first;
+    written->gamma_min = cairn_min(written->gamma_min, state->gamma - written->gamma_first);
+    written->emitted++;
 }
 
 /* Returns log(Psi~ gamma~), each normalized over the candidates of all particles; 0 where a sum is
  * 0. */
-static cairn_real log_images(const map_merge_written *w, const map_merge_state *s)
+static cairn_real log_images(const map_merge_written *written, const map_merge_state *state)
 {
-    cairn_real gammas = w->gamma_sum - (cairn_real)w->emitted * w->gamma_min;
-    cairn_real psi = w->psi_sum > 0 ? s->psi / w->psi_sum : 1;
-    cairn_real gamma = gammas > 0 ? (s->gamma - w->gamma_first - w->gamma_min) / gammas : 1;
+    cairn_real gammas = written->gamma_sum - (cairn_real)written->emitted * written->gamma_min;
+    cairn_real psi = written->psi_sum > 0 ? state->psi / written->psi_sum : 1;
+    cairn_real gamma =
+        gammas > 0 ? (state->gamma - written->gamma_first - written->gamma_min) / gammas : 1;
 
-    if (w->emitted < 2)
+    if (written->emitted < 2)
         return 0;
     return psi * gamma > 0 ? cairn_log(psi * gamma) : -CAIRN_REAL_MAX;
 }
@@ -311,7 +313,14 @@ static void gather_connected(cairn_map_merge *merge)
 
 static void begin_filter(cairn_map_merge *merge)
 {
-    const map_merge_state first = {merge->reference, -1, {0, 0, 0}, 0, 0, 0};
+    const map_merge_state first = {
+        .map = merge->reference,
+        .source_map = -1,
+        .reference_map = {0, 0, 0},
+        .log_ratio = 0,
+        .psi = 0,
+        .gamma = 0,
+    };
     cairn_status status = cairn_particle_filter_clear(merge->filter, merge->params.seed);
 
     CAIRN_ASSERT(status == CAIRN_OK);

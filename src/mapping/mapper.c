@@ -123,7 +123,7 @@ static int has_new_hypothesis(const cairn_mapper *mapper)
  * low. */
 static int is_keyframe(const cairn_mapper *mapper, cairn_pose map_scan)
 {
-    cairn_pose key_scan;
+    cairn_pose step;
 
     if (mapper->keyframe_count == 0)
         return 1;
@@ -132,10 +132,10 @@ static int is_keyframe(const cairn_mapper *mapper, cairn_pose map_scan)
     if (mapper->result.overlap < mapper->params.keyframe_min_overlap &&
         mapper->scans_since_keyframe >= MIN_SCANS_BETWEEN_KEYFRAMES)
         return 1;
-    key_scan = cairn_pose_between(mapper->keyframe_pose[mapper->keyframe_count - 1], map_scan);
-    return key_scan.x * key_scan.x + key_scan.y * key_scan.y >
+    step = cairn_pose_between(mapper->keyframe_pose[mapper->keyframe_count - 1], map_scan);
+    return step.x * step.x + step.y * step.y >
                mapper->params.keyframe_distance * mapper->params.keyframe_distance ||
-           cairn_abs(key_scan.theta) > mapper->params.keyframe_angle;
+           cairn_abs(step.theta) > mapper->params.keyframe_angle;
 }
 
 /* Stores the current scan as a keyframe. A force field run in progress ends with the poses reached
@@ -152,11 +152,10 @@ static cairn_status store_keyframe(cairn_mapper *mapper, const cairn_scan_view *
         return status;
     }
     if (mapper->window_phase == MAPPER_WINDOW_RUN) {
-        cairn_pose key_scan =
-            cairn_pose_between(mapper->keyframe_pose[keyframe - 1], result->map_scan);
+        cairn_pose step = cairn_pose_between(mapper->keyframe_pose[keyframe - 1], result->map_scan);
 
         cairn_mapper_read_window(mapper);
-        result->map_scan = cairn_pose_compose(mapper->keyframe_pose[keyframe - 1], key_scan);
+        result->map_scan = cairn_pose_compose(mapper->keyframe_pose[keyframe - 1], step);
     }
     mapper->slot[keyframe] = slot;
     mapper->keyframe_count++;

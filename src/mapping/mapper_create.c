@@ -132,8 +132,12 @@ static cairn_force_field_params field_params(const cairn_mapper_params *params)
 
 static cairn_scan_set_params keyframe_params(const cairn_mapper_params *params)
 {
-    cairn_scan_set_params keys = {params->max_keyframes, params->max_keyframe_segments,
-                                  params->max_keyframe_points, 0};
+    cairn_scan_set_params keys = {
+        .max_scans = params->max_keyframes,
+        .max_segments = params->max_keyframe_segments,
+        .max_points = params->max_keyframe_points,
+        .spacing = 0,
+    };
 
     return keys;
 }
@@ -200,42 +204,45 @@ static int loop_is_valid(const cairn_mapper_params *params)
 
 /* Culling needs the graph, which joins the neighbours of a culled keyframe. The most recent
  * keyframes are in use and are never culled. */
-static int culling_is_valid(const cairn_mapper_params *p)
+static int culling_is_valid(const cairn_mapper_params *params)
 {
-    if (p->cull_keyframes == 0)
+    if (params->cull_keyframes == 0)
         return 1;
-    return p->cull_keyframes == 1 && has_loops(p) && p->local_span > 0 &&
-           p->max_keyframes > cairn_mapper_protected_count(p) + 1;
+    return params->cull_keyframes == 1 && has_loops(params) && params->local_span > 0 &&
+           params->max_keyframes > cairn_mapper_protected_count(params) + 1;
 }
 
-static int is_valid(const cairn_mapper_params *p)
+static int is_valid(const cairn_mapper_params *params)
 {
-    if (p == NULL || p->max_keyframes < 1 || p->max_keyframes > MAX_KEYFRAMES)
+    if (params == NULL || params->max_keyframes < 1 || params->max_keyframes > MAX_KEYFRAMES)
         return 0;
-    if (p->local_keyframes < 1 || p->local_keyframes > CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES ||
-        p->local_recent < 1 || p->local_recent > p->local_keyframes)
+    if (params->local_keyframes < 1 || params->local_keyframes > CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES ||
+        params->local_recent < 1 || params->local_recent > params->local_keyframes)
         return 0;
-    if (!loop_is_valid(p) || p->local_span < 0 ||
-        (p->local_span > 0 && p->local_span < p->local_recent))
+    if (!loop_is_valid(params) || params->local_span < 0 ||
+        (params->local_span > 0 && params->local_span < params->local_recent))
         return 0;
-    if (p->scan.max_points < 1 || p->scan.max_points > 1 << 17 || p->scan.max_segments < 1 ||
-        p->scan.max_segments > 1 << 17)
+    if (params->scan.max_points < 1 || params->scan.max_points > 1 << 17 ||
+        params->scan.max_segments < 1 || params->scan.max_segments > 1 << 17)
         return 0;
-    if (p->window != 0 && (p->window < 2 || p->window > 64 || p->window_free < 1 ||
-                           p->window_free >= p->window || p->window_units < 1))
+    if (params->window != 0 &&
+        (params->window < 2 || params->window > 64 || params->window_free < 1 ||
+         params->window_free >= params->window || params->window_units < 1))
         return 0;
-    if (p->max_local_points < 1 || p->max_local_points > 1 << 20)
+    if (params->max_local_points < 1 || params->max_local_points > 1 << 20)
         return 0;
     /* The first scan must fit: all others are stored relative to it. */
-    if (p->max_keyframe_points < p->scan.max_points ||
-        p->max_keyframe_segments < p->scan.max_segments)
+    if (params->max_keyframe_points < params->scan.max_points ||
+        params->max_keyframe_segments < params->scan.max_segments)
         return 0;
-    return culling_is_valid(p) && p->local_radius > 0 && p->keyframe_distance > 0 &&
-           p->keyframe_angle > 0 && p->keyframe_min_overlap >= 0 && p->keyframe_min_overlap <= 1 &&
-           p->odometry_distance >= 0 && p->odometry_turn >= 0 && p->odometry_distance_min > 0 &&
-           p->odometry_turn_min > 0 && p->motion_distance >= 0 && p->motion_turn >= 0 &&
-           p->motion_distance_min > 0 && p->motion_turn_min > 0 && p->min_overlap >= 0 &&
-           p->min_overlap <= 1 && (p->search == 0 || (p->search == 1 && p->search_units >= 1));
+    return culling_is_valid(params) && params->local_radius > 0 && params->keyframe_distance > 0 &&
+           params->keyframe_angle > 0 && params->keyframe_min_overlap >= 0 &&
+           params->keyframe_min_overlap <= 1 && params->odometry_distance >= 0 &&
+           params->odometry_turn >= 0 && params->odometry_distance_min > 0 &&
+           params->odometry_turn_min > 0 && params->motion_distance >= 0 &&
+           params->motion_turn >= 0 && params->motion_distance_min > 0 &&
+           params->motion_turn_min > 0 && params->min_overlap >= 0 && params->min_overlap <= 1 &&
+           (params->search == 0 || (params->search == 1 && params->search_units >= 1));
 }
 
 /* Counts the memory of the objects that the mapper creates. */

@@ -7,8 +7,8 @@
  *    times the squared lever arm, the distance from the query keyframe.
  * 2. Candidates: older keyframes whose scan centroids lie within three standard deviations of the
  *    path, the nearest of each run of successive ones. Weakly constrained keyframes
- *    (mapper_constraint.c) are penalized: a match against them says little about the rest of the
- *    map.
+ *    (mapper_constraint.c) are penalized: a match against them has little information on the
+ *    rest of the map.
  * 3. Registration: scan_match against the union of the keyframes around the candidate, in the
  *    window given by 1.
  * 4. Verification: a match below the minimum log odds, an ambiguous one, or one with free-space
@@ -393,19 +393,19 @@ static cairn_real prior_cost(const cairn_mapper *mapper, const mapper_pending *c
 /* Returns the covariance of a closure, inflated along a weakly observable direction: the few points
  * there may be on a dynamic object. */
 static cairn_sym3 closure_covariance(const cairn_mapper *mapper,
-                                     const cairn_scan_match_hypothesis *h)
+                                     const cairn_scan_match_hypothesis *hypothesis)
 {
-    cairn_real covariance[9], x = MAPPER_LOW_CONFIDENCE_M * h->weak_direction[0],
-                              y = MAPPER_LOW_CONFIDENCE_M * h->weak_direction[1];
+    cairn_real covariance[9], x = MAPPER_LOW_CONFIDENCE_M * hypothesis->weak_direction[0],
+                              y = MAPPER_LOW_CONFIDENCE_M * hypothesis->weak_direction[1];
 
-    memcpy(covariance, h->covariance, sizeof covariance);
-    if (h->weak_ratio < MAPPER_MIN_INFORMATION_RATIO) {
+    memcpy(covariance, hypothesis->covariance, sizeof covariance);
+    if (hypothesis->weak_ratio < MAPPER_MIN_INFORMATION_RATIO) {
         covariance[0] += x * x;
         covariance[1] += x * y;
         covariance[3] += x * y;
         covariance[4] += y * y;
     }
-    return cairn_mapper_own_covariance(mapper, covariance, h->target_query.theta);
+    return cairn_mapper_own_covariance(mapper, covariance, hypothesis->target_query.theta);
 }
 
 /* Verifies the match of the current candidate: accepts, defers or rejects the closure. */
@@ -554,13 +554,14 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
     return status;
 }
 
-cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget, int32_t until_room)
+cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget,
+                                    int32_t until_capacity)
 {
     mapper_loop *loop = &mapper->loop;
     cairn_status status = CAIRN_OK;
 
     while (status == CAIRN_OK) {
-        if (budget->left <= 0 || (until_room && !cairn_mapper_must_cull(mapper)))
+        if (budget->left <= 0 || (until_capacity && !cairn_mapper_must_cull(mapper)))
             return CAIRN_MORE;
         if (loop->phase == MAPPER_LOOP_IDLE) {
             status = begin_next(mapper, budget);

@@ -83,7 +83,8 @@ typedef int32_t mapper_loop_phase;
 enum {
     MAPPER_LOOP_IDLE = 0,
     MAPPER_LOOP_RESET_PATHS, /* reset the path variances of all keyframes */
-    MAPPER_LOOP_PATH_VARIANCE, /* Dijkstra: least accumulated variance from the query to every keyframe */
+    /* Dijkstra: least accumulated variance from the query to every keyframe */
+    MAPPER_LOOP_PATH_VARIANCE,
     MAPPER_LOOP_SELECT_CANDIDATES, /* candidate keyframes */
     MAPPER_LOOP_BEGIN_CANDIDATE,   /* start with the current candidate */
     MAPPER_LOOP_BUILD_TARGET,      /* target map around the candidate */
@@ -435,9 +436,10 @@ void cairn_mapper_record_loop(cairn_mapper *mapper, int32_t first, int32_t secon
 /* Gives the match object to a relocalization search; the current loop candidate restarts later. */
 void cairn_mapper_preempt_loop_match(cairn_mapper *mapper);
 
-/* Continues loop closure and graph optimization; with until_room only until there is capacity for
- * another keyframe. CAIRN_MORE: the budget is used up. CAIRN_OK: nothing to do now. */
-cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget, int32_t until_room);
+/* Continues loop closure and graph optimization; with until_capacity only until there is capacity
+ * for another keyframe. CAIRN_MORE: the budget is used up. CAIRN_OK: nothing to do now. */
+cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget,
+                                    int32_t until_capacity);
 
 /* ---- mapper_constraint.c ---- */
 

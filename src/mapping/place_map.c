@@ -81,23 +81,23 @@ cairn_place_map_params cairn_place_map_as_written(void)
     return params;
 }
 
-static int is_written(const cairn_place_map_params *p)
+static int is_written(const cairn_place_map_params *params)
 {
-    return p->mode == CAIRN_PLACE_MAP_AS_WRITTEN;
+    return params->mode == CAIRN_PLACE_MAP_AS_WRITTEN;
 }
 
 /* Returns 1 when the match mode is one as written, and scans are decoupled by its ICP or not at
  * all. */
-static int written_is_valid(const cairn_place_map_params *p)
+static int written_is_valid(const cairn_place_map_params *params)
 {
-    cairn_scan_match_mode match = p->match.mode;
+    cairn_scan_match_mode match = params->match.mode;
     int has_icp =
         match == CAIRN_SCAN_MATCH_AS_WRITTEN || match == CAIRN_SCAN_MATCH_AS_WRITTEN_LINES;
 
     return (has_icp || (match >= CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON &&
                         match <= CAIRN_SCAN_MATCH_AS_WRITTEN_LINES)) &&
-           (p->decoupled == CAIRN_PLACE_MAP_COUPLED ||
-            (has_icp && p->decoupled == CAIRN_PLACE_MAP_BY_ICP));
+           (params->decoupled == CAIRN_PLACE_MAP_COUPLED ||
+            (has_icp && params->decoupled == CAIRN_PLACE_MAP_BY_ICP));
 }
 
 static int is_positive(cairn_real x)
@@ -105,28 +105,33 @@ static int is_positive(cairn_real x)
     return x > 0 && x <= CAIRN_REAL(1e6);
 }
 
-static int counts_are_valid(const cairn_place_map_params *p)
+static int counts_are_valid(const cairn_place_map_params *params)
 {
-    return p->mode >= CAIRN_PLACE_MAP_CONSENSUS && p->mode <= CAIRN_PLACE_MAP_SEQUENTIAL &&
-           p->max_places >= 2 && p->max_places <= MAX_PLACES && p->max_scans >= p->max_places &&
-           p->max_scans <= MAX_COUNT && p->max_place_points >= 1 &&
-           p->max_place_points <= MAX_MATCHED_POINTS / p->max_places && p->max_place_beams >= 1 &&
-           p->max_place_beams <= MAX_MATCHED_POINTS / p->max_places && p->recent_places >= 1 &&
-           p->rematch_rounds >= 0 && p->refinement_sweeps >= 0 &&
-           p->decoupled >= CAIRN_PLACE_MAP_COUPLED && p->decoupled <= CAIRN_PLACE_MAP_JOINTLY;
+    return params->mode >= CAIRN_PLACE_MAP_CONSENSUS &&
+           params->mode <= CAIRN_PLACE_MAP_SEQUENTIAL && params->max_places >= 2 &&
+           params->max_places <= MAX_PLACES && params->max_scans >= params->max_places &&
+           params->max_scans <= MAX_COUNT && params->max_place_points >= 1 &&
+           params->max_place_points <= MAX_MATCHED_POINTS / params->max_places &&
+           params->max_place_beams >= 1 &&
+           params->max_place_beams <= MAX_MATCHED_POINTS / params->max_places &&
+           params->recent_places >= 1 && params->rematch_rounds >= 0 &&
+           params->refinement_sweeps >= 0 && params->decoupled >= CAIRN_PLACE_MAP_COUPLED &&
+           params->decoupled <= CAIRN_PLACE_MAP_JOINTLY;
 }
 
-static int params_are_valid(const cairn_place_map_params *p)
+static int params_are_valid(const cairn_place_map_params *params)
 {
-    return p != NULL && counts_are_valid(p) && (!is_written(p) || written_is_valid(p)) &&
-           is_positive(p->visibility_reach) && is_positive(p->visibility_cell) &&
-           is_positive(p->visibility_margin) && p->visibility_margin <= 20 * p->visibility_cell &&
-           is_positive(p->surface_nats) && is_positive(p->dynamic_nats) &&
-           is_positive(p->opposite_face_nats) && is_positive(p->rough_surface_nats) &&
-           is_positive(p->free_space_penalty) && p->free_area_nats >= 0 &&
-           p->free_area_nats <= CAIRN_REAL(1e6) && p->dynamic_factor >= 0 &&
-           p->dynamic_factor <= 1 && p->chance_nats >= 0 && p->chance_nats <= CAIRN_REAL(1e6) &&
-           cairn_place_map_side(p) > 0;
+    return params != NULL && counts_are_valid(params) &&
+           (!is_written(params) || written_is_valid(params)) &&
+           is_positive(params->visibility_reach) && is_positive(params->visibility_cell) &&
+           is_positive(params->visibility_margin) &&
+           params->visibility_margin <= 20 * params->visibility_cell &&
+           is_positive(params->surface_nats) && is_positive(params->dynamic_nats) &&
+           is_positive(params->opposite_face_nats) && is_positive(params->rough_surface_nats) &&
+           is_positive(params->free_space_penalty) && params->free_area_nats >= 0 &&
+           params->free_area_nats <= CAIRN_REAL(1e6) && params->dynamic_factor >= 0 &&
+           params->dynamic_factor <= 1 && params->chance_nats >= 0 &&
+           params->chance_nats <= CAIRN_REAL(1e6) && cairn_place_map_side(params) > 0;
 }
 
 /* Returns the number of places that mode AS_WRITTEN matches with. */
@@ -294,7 +299,7 @@ void cairn_place_map_clear(cairn_place_map *map)
 {
     map->place_count = map->scan_count = map->point_count = map->beam_count = 0;
     map->phase = CAIRN_PLACE_MAP_IDLE;
-    map->place = map->uncharged_units = 0;
+    map->place = map->units_due = 0;
     if (map->aligner != NULL)
         cairn_aligner_clear(map->aligner);
 }
@@ -388,7 +393,7 @@ cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place,
     map->places[place].beam_count += scan->beam_count;
     map->scan_count++;
     map->phase = CAIRN_PLACE_MAP_IDLE;
-    map->uncharged_units = 0;
+    map->units_due = 0;
     return CAIRN_OK;
 }
 
@@ -404,7 +409,7 @@ cairn_status cairn_place_map_begin(cairn_place_map *map)
         map->point_class[i] &= PLACE_MAP_POINT_DYNAMIC_CANDIDATE;
     map->hypothesis_count = map->optimized_hypotheses = 0;
     map->item = map->place = map->query = map->round = map->sweep = map->inner_running =
-        map->submaps_found = map->uncharged_units = 0;
+        map->submaps_found = map->units_due = 0;
     if (is_written(&map->params))
         map->query = 1; /* the first place is the origin of the map */
     for (int32_t i = 0; i < map->place_count; i++) {
@@ -447,15 +452,15 @@ cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budget *budget)
     if (map == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
     while ((map->phase != CAIRN_PLACE_MAP_IDLE && map->phase != CAIRN_PLACE_MAP_DONE) ||
-           map->uncharged_units > 0) {
+           map->units_due > 0) {
         int32_t before = budget->left;
 
         if (before <= 0)
             return CAIRN_MORE;
-        if (map->uncharged_units > 0) {
-            int32_t charged = map->uncharged_units < before ? map->uncharged_units : before;
+        if (map->units_due > 0) {
+            int32_t charged = map->units_due < before ? map->units_due : before;
 
-            map->uncharged_units -= charged;
+            map->units_due -= charged;
             budget->left -= charged;
         } else {
             cairn_place_map_item(map, budget);
@@ -469,7 +474,7 @@ cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budget *budget)
 
 static int has_result(const cairn_place_map *map)
 {
-    return map->phase == CAIRN_PLACE_MAP_DONE && map->uncharged_units == 0;
+    return map->phase == CAIRN_PLACE_MAP_DONE && map->units_due == 0;
 }
 
 cairn_place_map_result cairn_place_map_read(const cairn_place_map *map)

@@ -55,7 +55,7 @@ void cairn_place_map_add_hypothesis(cairn_place_map *map, int32_t first, int32_t
 cairn_real cairn_place_map_score_pair(cairn_place_map *map, int32_t first, int32_t second,
                                       cairn_pose first_second)
 {
-    map->uncharged_units += cairn_place_map_pair_units(map, first, second);
+    map->units_due += cairn_place_map_pair_units(map, first, second);
     return cairn_place_map_pair_likelihood(map, first, second, first_second);
 }
 
@@ -74,15 +74,15 @@ void cairn_place_map_rotate_covariance(const cairn_real in[9], cairn_real theta,
 
 /* A match aligns faces of walls; opposite faces, rough surfaces and bodies are as informative. */
 cairn_real cairn_place_map_optimize_hypothesis(cairn_place_map *map,
-                                               cairn_pose_consensus_relative_pose *h)
+                                               cairn_pose_consensus_relative_pose *pose)
 {
-    cairn_pose matched = h->first_second;
-    cairn_real before = cairn_place_map_score_pair(map, h->first, h->second, matched),
+    cairn_pose matched = pose->first_second;
+    cairn_real before = cairn_place_map_score_pair(map, pose->first, pose->second, matched),
                best = before;
     cairn_real step = SEARCH_STEP_M, turn = SEARCH_STEP_RAD;
 
     for (int32_t halvings = 0, moves = 0; halvings < MAX_HALVINGS && moves < MAX_MOVES;) {
-        cairn_pose around = h->first_second, better = around;
+        cairn_pose around = pose->first_second, better = around;
 
         for (int32_t k = 0; k < 6; k++) {
             cairn_pose tried = around;
@@ -91,13 +91,13 @@ cairn_real cairn_place_map_optimize_hypothesis(cairn_place_map *map,
             tried.x += k / 2 == 0 ? sign * step : 0;
             tried.y += k / 2 == 1 ? sign * step : 0;
             tried.theta += k / 2 == 2 ? sign * turn : 0;
-            evidence = cairn_place_map_score_pair(map, h->first, h->second, tried);
+            evidence = cairn_place_map_score_pair(map, pose->first, pose->second, tried);
             if (evidence > best) {
                 best = evidence;
                 better = tried;
             }
         }
-        h->first_second = better;
+        pose->first_second = better;
         moves++;
         if (better.x == around.x && better.y == around.y && better.theta == around.theta) {
             halvings++;
@@ -106,7 +106,7 @@ cairn_real cairn_place_map_optimize_hypothesis(cairn_place_map *map,
         }
     }
     if (best < before + MIN_GAIN_NATS) {
-        h->first_second = matched;
+        pose->first_second = matched;
         return before;
     }
     return best;

@@ -19,7 +19,7 @@ static const cairn_real MIN_PAIR_NATS = -3;
 /* m: a place that the consensus moves farther changes the map. */
 static const cairn_real MAX_UNMOVED_M = CAIRN_REAL(0.3);
 
-void cairn_place_map_enter(cairn_place_map *map, cairn_place_map_phase phase)
+void cairn_place_map_enter(cairn_place_map *map, place_map_phase phase)
 {
     map->phase = phase;
     map->item = map->inner_running = 0;
@@ -33,7 +33,7 @@ static void visibility_item(cairn_place_map *map)
 
     if (map->item == 0) {
         memset(map->visibility + (size_t)map->place * cells, PLACE_MAP_VISIBILITY_UNKNOWN, cells);
-        map->uncharged_units += 1 + (int32_t)(cells / CELLS_PER_UNIT);
+        map->units_due += 1 + (int32_t)(cells / CELLS_PER_UNIT);
     }
     if (cairn_place_map_visibility_item(map, map->place, map->item)) {
         map->item++;
@@ -84,7 +84,7 @@ static void add_to_target(cairn_place_map *map, int32_t place, cairn_pose target
 
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
-        map->uncharged_units += (scan->point_count + scan->beam_count) / POINTS_PER_UNIT;
+        map->units_due += (scan->point_count + scan->beam_count) / POINTS_PER_UNIT;
     }
 }
 
@@ -105,7 +105,7 @@ static void make_target(cairn_place_map *map)
     for (int32_t i = 0; i < map->place_count; i++)
         if (is_target(map, i))
             add_to_target(map, i, is_pair ? cairn_pose_identity() : map->places[i].map_place);
-    map->uncharged_units++;
+    map->units_due++;
     cairn_place_map_enter(map, CAIRN_PLACE_MAP_MATCH);
 }
 
@@ -152,35 +152,36 @@ static cairn_scan_match_part query_part(cairn_place_map *map)
             add_to_query(map, &map->scans[s],
                          cairn_pose_compose(query_place, map->scans[s].place_scan), &part);
     }
-    map->uncharged_units += (part.count + part.beam_count) / POINTS_PER_UNIT;
+    map->units_due += (part.count + part.beam_count) / POINTS_PER_UNIT;
     return part;
 }
 
 /* Adds the hypothesis of two places, one of the target and one of the query, that follows from a
  * match with a map, if its log-likelihood ratio is positive. */
 static void add_pair_of_map_match(cairn_place_map *map, int32_t target, int32_t place,
-                                  const cairn_scan_match_hypothesis *h)
+                                  const cairn_scan_match_hypothesis *hypothesis)
 {
     cairn_pose map_target = map->places[target].map_place;
     cairn_pose query_place =
         cairn_pose_between(map->places[map->query].map_place, map->places[place].map_place);
-    cairn_pose map_place =
-        place == map->query ? h->target_query : cairn_pose_compose(h->target_query, query_place);
+    cairn_pose map_place = place == map->query
+                               ? hypothesis->target_query
+                               : cairn_pose_compose(hypothesis->target_query, query_place);
     cairn_pose seen = cairn_pose_between(map_target, map_place);
     cairn_real covariance[9];
 
     if (!(cairn_place_map_score_pair(map, target, place, seen) > 0))
         return;
-    cairn_place_map_rotate_covariance(h->covariance, map_target.theta, covariance);
+    cairn_place_map_rotate_covariance(hypothesis->covariance, map_target.theta, covariance);
     cairn_place_map_add_hypothesis(map, target, place, seen, covariance);
 }
 
-static void add_map_match(cairn_place_map *map, const cairn_scan_match_hypothesis *h)
+static void add_map_match(cairn_place_map *map, const cairn_scan_match_hypothesis *hypothesis)
 {
     for (int32_t i = 0; i < map->place_count; i++)
         for (int32_t k = 0; k < map->place_count && is_target(map, i); k++)
             if (is_in_query(map, k))
-                add_pair_of_map_match(map, i, k, h);
+                add_pair_of_map_match(map, i, k, hypothesis);
 }
 
 static void store_match(cairn_place_map *map)
@@ -253,7 +254,7 @@ static void match_item(cairn_place_map *map, cairn_budget *budget)
             CAIRN_ASSERT(status == CAIRN_OK);
             map->inner_running = status == CAIRN_OK;
         }
-        map->uncharged_units++;
+        map->units_due++;
         if (!map->inner_running)
             next_match(map);
         return;
@@ -298,7 +299,7 @@ static void score_item(cairn_place_map *map)
         cairn_pose_consensus_set_pair_likelihood(map->consensus, pair_likelihood, map);
         cairn_pose_consensus_set_joint_likelihood(map->consensus, joint_likelihood, map);
         map->result.hypotheses = 0;
-        map->uncharged_units += 1 + map->place_count;
+        map->units_due += 1 + map->place_count;
     }
     if (map->item == map->hypothesis_count) {
         map->optimized_hypotheses = map->hypothesis_count;
@@ -349,7 +350,7 @@ static void consensus_item(cairn_place_map *map, cairn_budget *budget)
 
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
-        map->uncharged_units += 1 + map->place_count;
+        map->units_due += 1 + map->place_count;
         map->inner_running = 1;
     } else if (cairn_pose_consensus_step(map->consensus, budget) == CAIRN_OK) {
         store_consensus(map);
@@ -361,7 +362,7 @@ static void consensus_item(cairn_place_map *map, cairn_budget *budget)
 
             CAIRN_ASSERT(status == CAIRN_OK);
             (void)status;
-            map->uncharged_units += 1 + map->place_count;
+            map->units_due += 1 + map->place_count;
             map->submaps_found = 1;
         }
     }
@@ -388,7 +389,7 @@ static void classify_item(cairn_place_map *map)
                           map->submaps_found ? CAIRN_PLACE_MAP_REFINE : CAIRN_PLACE_MAP_TARGET);
     map->result.placed = count_placed(map);
     map->round++;
-    map->uncharged_units++;
+    map->units_due++;
 }
 
 /* ---- Refinement ---- */
@@ -410,9 +411,9 @@ static void target_others(cairn_place_map *map, int32_t place, int32_t only_scan
         status = cairn_icp_add_target(map->icp, map->query_points, count, scan->map_scan, NULL);
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
-        map->uncharged_units += scan->point_count / POINTS_PER_UNIT;
+        map->units_due += scan->point_count / POINTS_PER_UNIT;
     }
-    map->uncharged_units++;
+    map->units_due++;
 }
 
 void cairn_place_map_place_scans(cairn_place_map *map, int32_t place)
@@ -449,7 +450,7 @@ void cairn_place_map_finish(cairn_place_map *map)
             place->component >= result->components ? place->component + 1 : result->components;
     }
     result->placed = count_placed(map);
-    map->uncharged_units += map->place_count;
+    map->units_due += map->place_count;
     cairn_place_map_enter(map, CAIRN_PLACE_MAP_DONE);
 }
 
@@ -554,7 +555,7 @@ static void store_alignment(cairn_place_map *map)
             here->map_place =
                 cairn_pose_compose(found.map_scan, cairn_pose_inverse(scan->place_scan));
     }
-    map->uncharged_units += map->scan_count;
+    map->units_due += map->scan_count;
 }
 
 /* Joint alignment of all scans, from the poses of their places. */
@@ -571,7 +572,7 @@ static void align_jointly_item(cairn_place_map *map, cairn_budget *budget)
         }
         if (status == CAIRN_OK)
             status = cairn_aligner_begin(map->aligner);
-        map->uncharged_units += map->scan_count;
+        map->units_due += map->scan_count;
         map->inner_running = status == CAIRN_OK;
         if (!map->inner_running)
             cairn_place_map_finish(map);

@@ -86,7 +86,7 @@ static void clear_beam(cairn_place_map *map, int32_t place, const cairn_scan_bea
         if (cell >= 0)
             grid[cell] = PLACE_MAP_VISIBILITY_FREE;
     }
-    map->uncharged_units += steps / CELLS_PER_UNIT;
+    map->units_due += steps / CELLS_PER_UNIT;
 }
 
 /* Marks a cell; it keeps the most informative code, of surfaces with directions the first. */
@@ -113,11 +113,11 @@ static void mark_surface(cairn_place_map *map, int32_t place, cairn_vec2 p, uint
             if (cairn_vec2_norm_squared(off) <= margin * margin)
                 mark_cell(map, place, cairn_vec2_add(p, off), value);
         }
-    map->uncharged_units += 1 + (2 * reach + 1) * (2 * reach + 1) / CELLS_PER_UNIT;
+    map->units_due += 1 + (2 * reach + 1) * (2 * reach + 1) / CELLS_PER_UNIT;
 }
 
 /* Marks uncleared cells behind a surface as possible inside of a wall, whose opposite face another
- * place sees. */
+ * place observes. */
 static void mark_behind(cairn_place_map *map, int32_t place, const cairn_oriented_point *point,
                         uint8_t value)
 {
@@ -136,7 +136,7 @@ static void mark_behind(cairn_place_map *map, int32_t place, const cairn_oriente
                 grid_of(map, place)[cell_of(map, p)] == PLACE_MAP_VISIBILITY_UNKNOWN)
                 mark_cell(map, place, p, value);
         }
-    map->uncharged_units += 1 + 3 * steps / CELLS_PER_UNIT;
+    map->units_due += 1 + 3 * steps / CELLS_PER_UNIT;
 }
 
 /* Returns the nearest of the quantized directions. */
@@ -164,7 +164,7 @@ static int has_point_near(cairn_place_map *map, const place_map_place_scan *scan
 {
     const cairn_oriented_point *points = &map->points[scan->first_point];
 
-    map->uncharged_units += 1 + scan->point_count / POINTS_PER_UNIT;
+    map->units_due += 1 + scan->point_count / POINTS_PER_UNIT;
     for (int32_t i = 0; i < scan->point_count; i++)
         if (cairn_vec2_norm_squared(cairn_vec2_sub(points[i].position, hit)) <
             MAX_SMOOTH_DISTANCE_M * MAX_SMOOTH_DISTANCE_M)
@@ -216,7 +216,7 @@ int32_t cairn_place_map_visibility_item(cairn_place_map *map, int32_t place, int
             !has_point_near(map, &map->scans[s], in_scan.to))
             mark_surface(map, place, beam.to, PLACE_MAP_VISIBILITY_ROUGH);
     }
-    map->uncharged_units++;
+    map->units_due++;
     return 1;
 }
 
@@ -243,7 +243,7 @@ void cairn_place_map_sample_free(cairn_place_map *map, int32_t place)
             if (grid[y * map->visibility_side + x] == PLACE_MAP_VISIBILITY_FREE)
                 cells[count++] = y * map->visibility_side + x;
     map->places[place].free_count = count;
-    map->uncharged_units += 1 + samples_of_side(map) * samples_of_side(map) / CELLS_PER_UNIT;
+    map->units_due += 1 + samples_of_side(map) * samples_of_side(map) / CELLS_PER_UNIT;
 }
 
 cairn_vec2 cairn_place_map_free_point(const cairn_place_map *map, int32_t place, int32_t i)
@@ -510,5 +510,5 @@ void cairn_place_map_classify_points(cairn_place_map *map, int32_t place, int32_
                                      (is_invalidated ? PLACE_MAP_POINT_INVALIDATED : 0));
         }
     }
-    map->uncharged_units += 1 + here->point_count * map->place_count / 2;
+    map->units_due += 1 + here->point_count * map->place_count / 2;
 }

@@ -55,7 +55,7 @@ enum {
     PLACE_MAP_POINT_INVALIDATED = 2
 };
 
-typedef int32_t cairn_place_map_phase;
+typedef int32_t place_map_phase;
 enum {
     CAIRN_PLACE_MAP_IDLE = 0,
     CAIRN_PLACE_MAP_VISIBILITY, /* visibility grid of each place */
@@ -106,7 +106,7 @@ struct cairn_place_map {
     cairn_vec2 directions[PLACE_MAP_VISIBILITY_DIRECTIONS];
     int32_t place_count, scan_count, point_count, beam_count, hypothesis_count;
 
-    cairn_place_map_phase phase;
+    place_map_phase phase;
     int32_t item;  /* beam or point of the place whose grid is built, ... */
     int32_t place; /* ... the target of a match in the first round, or the place that is aligned */
     int32_t query; /* place that is matched */
@@ -116,7 +116,7 @@ struct cairn_place_map {
     int32_t submaps_found;        /* 1: the submaps of the last map are known */
     int32_t optimized_hypotheses; /* hypotheses whose poses have been optimized */
     int32_t inner_running;        /* 1: icp or consensus is running */
-    int32_t uncharged_units;      /* units of finished items, not yet charged */
+    int32_t units_due;            /* units of finished items, not yet charged */
     cairn_place_map_result result;
 };
 
@@ -183,7 +183,7 @@ cairn_real cairn_place_map_optimize_hypothesis(cairn_place_map *map,
 
 /* ---- Shared by the modes ---- */
 
-void cairn_place_map_enter(cairn_place_map *map, cairn_place_map_phase phase);
+void cairn_place_map_enter(cairn_place_map *map, place_map_phase phase);
 
 /* Sets the poses of the scans of a place from that of the place. */
 void cairn_place_map_place_scans(cairn_place_map *map, int32_t place);
@@ -195,7 +195,7 @@ void cairn_place_map_finish(cairn_place_map *map);
 void cairn_place_map_written_extend(cairn_place_map *map);
 void cairn_place_map_written_item(cairn_place_map *map, cairn_budget *budget);
 
-/* Executes one item and adds its cost to uncharged_units; items of the match, the consensus and icp
+/* Executes one item and adds its cost to units_due; items of the match, the consensus and icp
  * charge the budget directly. */
 void cairn_place_map_item(cairn_place_map *map, cairn_budget *budget);
 

@@ -28,7 +28,7 @@ static int32_t append_scan(cairn_place_map *map, const place_map_place_scan *sca
         map->query_points[count++].direction =
             cairn_transform_direction(t, map->points[i].direction);
     }
-    map->uncharged_units += scan->point_count / POINTS_PER_UNIT;
+    map->units_due += scan->point_count / POINTS_PER_UNIT;
     return count;
 }
 
@@ -59,7 +59,7 @@ static void target_item(cairn_place_map *map)
 {
     int32_t first = map->query;
 
-    map->uncharged_units++;
+    map->units_due++;
     if (map->query == 1 && map->place == 0)
         cairn_place_map_place_scans(map, 0);
     if (map->query >= map->place_count) {
@@ -77,7 +77,7 @@ static void target_item(cairn_place_map *map)
             continue;
         part = part_of_place(map, i, 1);
         if (cairn_scan_match_add_target(map->match, &part, cairn_pose_identity(), NULL) != CAIRN_OK)
-            map->uncharged_units++; /* too far away to match with */
+            map->units_due++; /* too far away to match with */
     }
     cairn_place_map_enter(map, CAIRN_PLACE_MAP_MATCH);
 }
@@ -96,7 +96,7 @@ static void set_unplaced(cairn_place_map *map)
     for (int32_t i = 0; i < map->query; i++)
         here->component = map->places[i].component >= here->component ? map->places[i].component + 1
                                                                       : here->component;
-    map->uncharged_units += 1 + map->query / POINTS_PER_UNIT;
+    map->units_due += 1 + map->query / POINTS_PER_UNIT;
     cairn_place_map_place_scans(map, map->query);
     next_place(map);
 }
@@ -136,7 +136,7 @@ static void match_item(cairn_place_map *map, cairn_budget *budget)
     start.x = before.x;
     start.y = before.y;
     part = part_of_place(map, map->query, 0);
-    map->uncharged_units++;
+    map->units_due++;
     map->inner_running =
         cairn_scan_match_begin(map->match, &part, start, &window, NULL) == CAIRN_OK;
     if (!map->inner_running)
@@ -160,13 +160,13 @@ static void decouple_item(cairn_place_map *map, cairn_budget *budget)
             map->item++;
         }
     } else if (map->item == here->scan_count) {
-        map->uncharged_units++;
+        map->units_due++;
         next_place(map);
     } else {
         cairn_scan_match_part part = {
             map->points + scan->first_point, NULL, NULL, scan->point_count, 0, 0};
 
-        map->uncharged_units++;
+        map->units_due++;
         map->inner_running =
             cairn_scan_match_begin_icp(map->match, &part, scan->map_scan, NULL) == CAIRN_OK;
         map->item += !map->inner_running;
@@ -180,7 +180,7 @@ void cairn_place_map_written_extend(cairn_place_map *map)
         map->places[i].component = 0;
     }
     map->query = map->place;
-    map->item = map->inner_running = map->uncharged_units = 0;
+    map->item = map->inner_running = map->units_due = 0;
     cairn_place_map_enter(map, CAIRN_PLACE_MAP_TARGET);
 }
 

@@ -132,7 +132,7 @@ cairn_status cairn_pose_consensus_create(cairn_pose_consensus **consensus, cairn
 static void cancel(cairn_pose_consensus *consensus)
 {
     consensus->phase = POSE_CONSENSUS_IDLE;
-    consensus->uncharged_units = 0;
+    consensus->units_due = 0;
     memset(&consensus->result, 0, sizeof consensus->result);
 }
 
@@ -178,10 +178,11 @@ static cairn_status check_hypothesis(const cairn_pose_consensus *consensus,
 /* Returns the information: inverse of the covariance plus the nodes' model noise; 0 when it is
  * singular. */
 static int32_t information_of(const cairn_pose_consensus_params *params,
-                              const cairn_pose_consensus_relative_pose *h, cairn_sym3 *information)
+                              const cairn_pose_consensus_relative_pose *pose,
+                              cairn_sym3 *information)
 {
-    const cairn_real *c = h->covariance;
-    cairn_real x = h->first_second.x, y = h->first_second.y,
+    const cairn_real *c = pose->covariance;
+    cairn_real x = pose->first_second.x, y = pose->first_second.y,
                turn = params->sigma_theta * params->sigma_theta;
     cairn_real shift = params->sigma * params->sigma + turn * (x * x + y * y);
     cairn_sym3 sum = {c[0] + shift, (c[1] + c[3]) / 2, (c[2] + c[6]) / 2,
@@ -341,7 +342,7 @@ cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)
 
 static int has_result(const cairn_pose_consensus *consensus)
 {
-    return consensus->phase == POSE_CONSENSUS_IDLE && consensus->uncharged_units == 0 &&
+    return consensus->phase == POSE_CONSENSUS_IDLE && consensus->units_due == 0 &&
            consensus->result.nodes > 0;
 }
 
@@ -362,14 +363,14 @@ cairn_status cairn_pose_consensus_step(cairn_pose_consensus *consensus, cairn_bu
 {
     if (consensus == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (consensus->phase != POSE_CONSENSUS_IDLE || consensus->uncharged_units > 0) {
+    while (consensus->phase != POSE_CONSENSUS_IDLE || consensus->units_due > 0) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (consensus->uncharged_units > 0) {
-            int32_t charged = consensus->uncharged_units < budget->left ? consensus->uncharged_units
-                                                                        : budget->left;
+        if (consensus->units_due > 0) {
+            int32_t charged =
+                consensus->units_due < budget->left ? consensus->units_due : budget->left;
 
-            consensus->uncharged_units -= charged;
+            consensus->units_due -= charged;
             budget->left -= charged;
             consensus->result.units += charged;
         } else {

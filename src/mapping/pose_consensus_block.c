@@ -32,7 +32,7 @@ void cairn_pose_consensus_begin_tree(cairn_pose_consensus *consensus)
         consensus->component_count = consensus->current[i].component >= consensus->component_count
                                          ? consensus->current[i].component + 1
                                          : consensus->component_count;
-    consensus->uncharged_units += consensus->node_count / 2;
+    consensus->units_due += consensus->node_count / 2;
     cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_TREE, consensus->node_count);
 }
 
@@ -78,7 +78,7 @@ void cairn_pose_consensus_tree_item(cairn_pose_consensus *consensus)
             cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_SPLIT, consensus->node_count);
         else
             cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_BLOCK, 0);
-        consensus->uncharged_units++;
+        consensus->units_due++;
         return;
     }
     consensus->next++;
@@ -99,7 +99,7 @@ void cairn_pose_consensus_tree_item(cairn_pose_consensus *consensus)
             branch->log_likelihood_ratio = evidence;
         }
     }
-    consensus->uncharged_units +=
+    consensus->units_due +=
         units + (consensus->first_link[node + 1] - consensus->first_link[node]) / 4;
 }
 
@@ -133,14 +133,14 @@ static int32_t cut_off(cairn_pose_consensus *consensus, int32_t branch)
         if (consensus->current[i].component == consensus->block_component &&
             is_below(consensus, i, branch) == takes_below)
             consensus->current[i].component = consensus->component_count;
-    consensus->uncharged_units += consensus->node_count;
+    consensus->units_due += consensus->node_count;
     return size;
 }
 
 /* Starts the next block, or the phase after the last. */
 void cairn_pose_consensus_block_item(cairn_pose_consensus *consensus)
 {
-    consensus->uncharged_units++;
+    consensus->units_due++;
     while (consensus->block_node < consensus->node_count &&
            cut_off(consensus, consensus->block_node) == 0)
         consensus->block_node++;
@@ -190,7 +190,7 @@ void cairn_pose_consensus_propose_item(cairn_pose_consensus *consensus)
     cairn_pose_consensus_candidate merge;
     int32_t inside, outside;
 
-    consensus->uncharged_units++;
+    consensus->units_due++;
     if (consensus->next == consensus->end) {
         move_block(consensus);
         return;
@@ -209,7 +209,7 @@ void cairn_pose_consensus_propose_item(cairn_pose_consensus *consensus)
     merge.pose = cairn_pose_consensus_compose(consensus->current[outside].pose,
                                               cairn_pose_consensus_relative_to(h, outside));
     own = cairn_pose_consensus_support_of(consensus, inside, merge.pose, merge.component, 1);
-    consensus->uncharged_units += own.units;
+    consensus->units_due += own.units;
     if (!(own.sum > 0))
         return;
     merge.pose = cairn_pose_consensus_compose(
@@ -237,7 +237,7 @@ static cairn_real missing_support(cairn_pose_consensus *consensus)
             support += of.sum;
             against += of.violations;
             size++;
-            consensus->uncharged_units += of.units;
+            consensus->units_due += of.units;
         }
     return size > 1 ? BLOCK_FACTOR * consensus->params.significant_support - (support + against)
                     : consensus->params.significant_support - (support - against);
@@ -263,7 +263,7 @@ void cairn_pose_consensus_submap_item(cairn_pose_consensus *consensus)
         return;
     }
     consensus->next++;
-    consensus->uncharged_units += consensus->node_count - consensus->node_count / 2;
+    consensus->units_due += consensus->node_count - consensus->node_count / 2;
     for (int32_t i = 0; i < consensus->node_count; i++)
         if (i == node || (consensus->current[node].component >= 0 &&
                           consensus->current[i].component == consensus->current[node].component)) {
@@ -286,7 +286,7 @@ void cairn_pose_consensus_number_item(cairn_pose_consensus *consensus)
         return;
     }
     consensus->next++;
-    consensus->uncharged_units += consensus->node_count / 2;
+    consensus->units_due += consensus->node_count / 2;
     first = consensus->tree[own].parent;
     node->submap = first < own ? consensus->nodes[first].submap : 0;
     for (int32_t i = 0; first == own && i < consensus->node_count; i++)
@@ -302,7 +302,7 @@ void cairn_pose_consensus_number_item(cairn_pose_consensus *consensus)
  * significant. */
 void cairn_pose_consensus_split_item(cairn_pose_consensus *consensus)
 {
-    consensus->uncharged_units++;
+    consensus->units_due++;
     if (consensus->next < consensus->end) {
         int32_t node = consensus->next++;
         cairn_real lack;

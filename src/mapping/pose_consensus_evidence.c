@@ -220,10 +220,10 @@ int32_t cairn_pose_consensus_is_significant(const cairn_pose_consensus *consensu
 
 /* ---- Cycle consistency ---- */
 
-cairn_pose_consensus_pose cairn_pose_consensus_relative_to(const cairn_pose_consensus_hypothesis *h,
-                                                           int32_t node)
+cairn_pose_consensus_pose
+cairn_pose_consensus_relative_to(const cairn_pose_consensus_hypothesis *hypothesis, int32_t node)
 {
-    return h->first == node ? h->first_second : h->second_first;
+    return hypothesis->first == node ? hypothesis->first_second : hypothesis->second_first;
 }
 
 /* Returns the end of the links of a node to one other node, from `from` on. */
@@ -240,7 +240,7 @@ static int32_t end_of_pair(const cairn_pose_consensus *consensus, int32_t node, 
 /* Returns the score of the best cycle of h through one third node, over links a[0] ... a[1]-1 of
  * the first and b[0] ... b[1]-1 of the second node. */
 static cairn_real best_cycle(cairn_pose_consensus *consensus,
-                             const cairn_pose_consensus_hypothesis *h, const int32_t a[2],
+                             const cairn_pose_consensus_hypothesis *hypothesis, const int32_t a[2],
                              const int32_t b[2])
 {
     const cairn_pose_consensus_pose here = {{0, 0, 1, 0}, 0};
@@ -252,7 +252,7 @@ static cairn_real best_cycle(cairn_pose_consensus *consensus,
                 &consensus->hypotheses[consensus->links[i].hypothesis];
             const cairn_pose_consensus_hypothesis *on =
                 &consensus->hypotheses[consensus->links[j].hypothesis];
-            cairn_pose_consensus_pose way = cairn_pose_consensus_relative_to(to, h->first),
+            cairn_pose_consensus_pose way = cairn_pose_consensus_relative_to(to, hypothesis->first),
                                       rest = cairn_pose_consensus_relative_to(
                                           on, consensus->links[j].other);
             cairn_vec2 position = {rest.transform.x, rest.transform.y};
@@ -262,11 +262,12 @@ static cairn_real best_cycle(cairn_pose_consensus *consensus,
             way.transform.x = position.x;
             way.transform.y = position.y;
             way.theta += rest.theta;
-            share = 1 - cairn_pose_consensus_chi2(h, here, way, NULL) /
+            share = 1 - cairn_pose_consensus_chi2(hypothesis, here, way, NULL) /
                             (CYCLE_GATE * consensus->params.max_chi2);
-            best = cairn_max(best, share * cairn_min(h->score, cairn_min(to->score, on->score)));
+            best = cairn_max(best,
+                             share * cairn_min(hypothesis->score, cairn_min(to->score, on->score)));
         }
-    consensus->uncharged_units += 1 + (a[1] - a[0]) * (b[1] - b[0]) / 2;
+    consensus->units_due += 1 + (a[1] - a[0]) * (b[1] - b[0]) / 2;
     return best;
 }
 
@@ -290,7 +291,7 @@ void cairn_pose_consensus_add_cycles(cairn_pose_consensus *consensus)
         if (other <= third)
             b[0] = b[1];
     }
-    consensus->uncharged_units++;
+    consensus->units_due++;
 }
 
 /* ---- Bounds ---- */
@@ -417,17 +418,18 @@ static cairn_real dot3(const cairn_real a[3], const cairn_real b[3])
 
 /* Adds the normal equations of one hypothesis for one of its nodes. */
 static void add_terms(const cairn_pose_consensus *consensus,
-                      const cairn_pose_consensus_hypothesis *h, int32_t node,
+                      const cairn_pose_consensus_hypothesis *hypothesis, int32_t node,
                       cairn_sym3 *information, cairn_real gradient[3])
 {
-    cairn_pose_consensus_pose first = consensus->current[h->first].pose,
-                              second = consensus->current[h->second].pose;
+    cairn_pose_consensus_pose first = consensus->current[hypothesis->first].pose,
+                              second = consensus->current[hypothesis->second].pose;
     cairn_real columns[3][3], weighted[3][3], residual[3];
-    cairn_real weight = weight_of(consensus, cairn_pose_consensus_chi2(h, first, second, residual));
+    cairn_real weight =
+        weight_of(consensus, cairn_pose_consensus_chi2(hypothesis, first, second, residual));
 
-    residual_columns(first, second, h->first == node, columns);
+    residual_columns(first, second, hypothesis->first == node, columns);
     for (int k = 0; k < 3; k++) {
-        sym3_times(h->information, columns[k], weighted[k]);
+        sym3_times(hypothesis->information, columns[k], weighted[k]);
         gradient[k] += weight * dot3(weighted[k], residual);
     }
     information->xx += weight * dot3(weighted[0], columns[0]);

@@ -208,7 +208,7 @@ void cairn_pose_consensus_report_node(cairn_pose_consensus *consensus)
     cairn_pose_consensus_support support = cairn_pose_consensus_support_of(
         consensus, consensus->subject, assignment->pose, assignment->component, 1);
 
-    consensus->uncharged_units += 2 * support.units;
+    consensus->units_due += 2 * support.units;
     write_covariance(consensus, consensus->subject);
     node->support = support.sum;
     node->agreeing = support.agreeing;
@@ -241,7 +241,7 @@ void cairn_pose_consensus_propagate_ambiguity_item(cairn_pose_consensus *consens
     int32_t node = consensus->next, link, units = 1;
     cairn_real all = 0, ambiguous_evidence = 0;
 
-    consensus->uncharged_units++;
+    consensus->units_due++;
     if (consensus->next == consensus->end) {
         cairn_pose_consensus_enter(consensus,
                                    consensus->changed_nodes > 0 ? POSE_CONSENSUS_PROPAGATE_AMBIGUITY
@@ -265,7 +265,7 @@ void cairn_pose_consensus_propagate_ambiguity_item(cairn_pose_consensus *consens
     consensus->nodes[node].ambiguous = 2 * ambiguous_evidence > all;
     consensus->changed_nodes += consensus->nodes[node].ambiguous;
     consensus->result.ambiguous += consensus->nodes[node].ambiguous;
-    consensus->uncharged_units += units;
+    consensus->units_due += units;
 }
 
 void cairn_pose_consensus_finish(cairn_pose_consensus *consensus)
@@ -279,10 +279,10 @@ void cairn_pose_consensus_finish(cairn_pose_consensus *consensus)
         insert_competing(consensus, i);
         set_weights(consensus, i);
         move_into_frame(consensus, i);
-        consensus->uncharged_units += 4;
+        consensus->units_due += 4;
     }
     number_parts(consensus);
-    consensus->uncharged_units += consensus->node_count;
+    consensus->units_due += consensus->node_count;
     for (int32_t h = 0; h < consensus->hypothesis_count; h++) {
         const cairn_pose_consensus_hypothesis *kept = &consensus->hypotheses[h];
         const cairn_pose_consensus_assignment *first = &consensus->current[kept->first],
@@ -293,5 +293,5 @@ void cairn_pose_consensus_finish(cairn_pose_consensus *consensus)
                                      cairn_pose_consensus_chi2(kept, first->pose, second->pose,
                                                                NULL) < consensus->params.max_chi2;
     }
-    consensus->uncharged_units += consensus->hypothesis_count / 2;
+    consensus->units_due += consensus->hypothesis_count / 2;
 }

@@ -11,7 +11,7 @@ enum { SWEEPS_GROWTH = 1, SWEEPS_ROUND = 2, SWEEPS_END = 10 };
 /* nats: least gain of a reassignment, above rounding. */
 static const cairn_real MIN_GAIN_NATS = CAIRN_REAL(1e-4);
 
-void cairn_pose_consensus_enter(cairn_pose_consensus *consensus, cairn_pose_consensus_phase phase,
+void cairn_pose_consensus_enter(cairn_pose_consensus *consensus, pose_consensus_phase phase,
                                 int32_t end)
 {
     consensus->phase = phase;
@@ -38,7 +38,7 @@ static int32_t strongest_hypothesis(cairn_pose_consensus *consensus, int32_t for
             index = i;
         }
     }
-    consensus->uncharged_units += 1 + consensus->hypothesis_count / 8;
+    consensus->units_due += 1 + consensus->hypothesis_count / 8;
     return index;
 }
 
@@ -80,7 +80,7 @@ static void begin_part(cairn_pose_consensus *consensus, int32_t hypothesis)
     search(consensus, POSE_CONSENSUS_CHOOSE_NEXT, 0);
 }
 
-static void relax(cairn_pose_consensus *consensus, int32_t sweeps, cairn_pose_consensus_phase after)
+static void relax(cairn_pose_consensus *consensus, int32_t sweeps, pose_consensus_phase after)
 {
     cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_RELAX, consensus->node_count);
     consensus->sweeps = sweeps;
@@ -102,7 +102,7 @@ static void start_growth(cairn_pose_consensus *consensus)
         consensus->current[i].component = -1;
     if (consensus->result.starts < consensus->params.max_starts && consensus->block_passes == 0)
         hypothesis = strongest_hypothesis(consensus, 1);
-    consensus->uncharged_units++;
+    consensus->units_due++;
     if (hypothesis < 0) {
         cairn_pose_consensus_begin_blocks(consensus);
         return;
@@ -164,12 +164,12 @@ static void vote(cairn_pose_consensus *consensus, cairn_pose_consensus_candidate
         consensus, candidate->node, candidate->pose, candidate->component, 0);
 
     candidate->support = support.sum;
-    consensus->uncharged_units += support.units;
+    consensus->units_due += support.units;
     if (cairn_pose_consensus_within_bounds(consensus, candidate->component, candidate->node,
                                            candidate->pose, NULL))
         insert_candidate(consensus, candidate);
     if (consensus->bound_count > 0)
-        consensus->uncharged_units += consensus->node_count;
+        consensus->units_due += consensus->node_count;
 }
 
 static void propose(cairn_pose_consensus *consensus, int32_t link)
@@ -202,7 +202,7 @@ static int is_open(const cairn_pose_consensus *consensus, int32_t link)
 
 static void search_item(cairn_pose_consensus *consensus)
 {
-    consensus->uncharged_units++;
+    consensus->units_due++;
     if (consensus->choice != POSE_CONSENSUS_CHOOSE_NEXT &&
         consensus->next == consensus->first_link[consensus->subject] &&
         consensus->candidate_count == 0 && consensus->current[consensus->subject].component >= 0) {
@@ -287,7 +287,7 @@ static void report_item(cairn_pose_consensus *consensus);
 
 static void evaluate_item(cairn_pose_consensus *consensus)
 {
-    consensus->uncharged_units++;
+    consensus->units_due++;
     if (consensus->next < consensus->end) {
         cairn_pose_consensus_candidate *candidate = &consensus->candidates[consensus->next++];
         cairn_pose_consensus_support support = cairn_pose_consensus_support_of(
@@ -295,7 +295,7 @@ static void evaluate_item(cairn_pose_consensus *consensus)
 
         candidate->support = support.sum;
         candidate->violations = support.violations;
-        consensus->uncharged_units += support.units;
+        consensus->units_due += support.units;
     } else if (consensus->choice == POSE_CONSENSUS_CHOOSE_NEXT) {
         choose_next(consensus);
     } else if (consensus->choice == POSE_CONSENSUS_CHOOSE_REASSIGN) {
@@ -320,23 +320,24 @@ cairn_real cairn_pose_consensus_merged_support(cairn_pose_consensus *consensus,
                 merge->component, by_likelihood);
 
             sum += support.sum;
-            consensus->uncharged_units += support.units;
+            consensus->units_due += support.units;
         }
     return sum;
 }
 
-static void propose_merge(cairn_pose_consensus *consensus, const cairn_pose_consensus_hypothesis *h)
+static void propose_merge(cairn_pose_consensus *consensus,
+                          const cairn_pose_consensus_hypothesis *hypothesis)
 {
-    const cairn_pose_consensus_assignment *first = &consensus->current[h->first],
-                                          *second = &consensus->current[h->second];
+    const cairn_pose_consensus_assignment *first = &consensus->current[hypothesis->first],
+                                          *second = &consensus->current[hypothesis->second];
     cairn_pose_consensus_candidate merge;
 
     memset(&merge, 0, sizeof merge);
     merge.node = second->component;
     merge.component = first->component;
-    merge.pose =
-        cairn_pose_consensus_compose(cairn_pose_consensus_compose(first->pose, h->first_second),
-                                     cairn_pose_consensus_inverse(second->pose));
+    merge.pose = cairn_pose_consensus_compose(
+        cairn_pose_consensus_compose(first->pose, hypothesis->first_second),
+        cairn_pose_consensus_inverse(second->pose));
     merge.support = cairn_pose_consensus_merged_support(consensus, &merge, 0);
     if (merge.support > consensus->merge.support)
         consensus->merge = merge;
@@ -367,7 +368,7 @@ static void merge_item(cairn_pose_consensus *consensus)
 {
     const cairn_pose_consensus_hypothesis *h = &consensus->hypotheses[consensus->next];
 
-    consensus->uncharged_units++;
+    consensus->units_due++;
     if (consensus->next < consensus->end) {
         int32_t first = consensus->current[h->first].component,
                 second = consensus->current[h->second].component;
@@ -391,7 +392,7 @@ static void merge_item(cairn_pose_consensus *consensus)
 
 static void reassign_item(cairn_pose_consensus *consensus)
 {
-    consensus->uncharged_units++;
+    consensus->units_due++;
     if (consensus->next < consensus->end) {
         search(consensus, POSE_CONSENSUS_CHOOSE_REASSIGN, consensus->next);
     } else if (consensus->changed_nodes > 0) {
@@ -406,9 +407,9 @@ static void reassign_item(cairn_pose_consensus *consensus)
 static void relax_item(cairn_pose_consensus *consensus)
 {
     if (consensus->next < consensus->end) {
-        consensus->uncharged_units += 2 + (consensus->first_link[consensus->next + 1] -
-                                           consensus->first_link[consensus->next]) /
-                                              4;
+        consensus->units_due += 2 + (consensus->first_link[consensus->next + 1] -
+                                     consensus->first_link[consensus->next]) /
+                                        4;
         cairn_pose_consensus_relax(consensus, consensus->next);
         consensus->next++;
     } else if (--consensus->sweeps > 0) {
@@ -476,7 +477,7 @@ static void compare(cairn_pose_consensus *consensus)
         result->total = consensus->total;
         result->start = consensus->start;
     }
-    consensus->uncharged_units += consensus->node_count / 2;
+    consensus->units_due += consensus->node_count / 2;
 }
 
 static void mark_explained(cairn_pose_consensus *consensus)
@@ -491,12 +492,12 @@ static void mark_explained(cairn_pose_consensus *consensus)
                 consensus->params.max_chi2)
             h->is_explained = 1;
     }
-    consensus->uncharged_units += consensus->hypothesis_count / 2;
+    consensus->units_due += consensus->hypothesis_count / 2;
 }
 
 static void total_item(cairn_pose_consensus *consensus)
 {
-    consensus->uncharged_units++;
+    consensus->units_due++;
     if (consensus->next < consensus->end) {
         const cairn_pose_consensus_assignment *node = &consensus->current[consensus->next];
 
@@ -505,7 +506,7 @@ static void total_item(cairn_pose_consensus *consensus)
                 consensus, consensus->next, node->pose, node->component, 1);
 
             consensus->total += support.sum / 2;
-            consensus->uncharged_units += support.units;
+            consensus->units_due += support.units;
         }
         consensus->next++;
     } else {
@@ -520,7 +521,7 @@ static void total_item(cairn_pose_consensus *consensus)
 /* Visited twice per node: to search its alternatives, and after their evaluation. */
 static void report_item(cairn_pose_consensus *consensus)
 {
-    consensus->uncharged_units++;
+    consensus->units_due++;
     if (consensus->phase == POSE_CONSENSUS_EVALUATE) {
         cairn_pose_consensus_report_node(consensus);
         cairn_pose_consensus_enter(consensus, POSE_CONSENSUS_REPORT, consensus->node_count);

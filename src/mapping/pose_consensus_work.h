@@ -67,7 +67,7 @@ typedef struct cairn_pose_consensus_support {
     int32_t units;
 } cairn_pose_consensus_support;
 
-typedef int32_t cairn_pose_consensus_phase;
+typedef int32_t pose_consensus_phase;
 enum {
     POSE_CONSENSUS_IDLE = 0,
     POSE_CONSENSUS_CYCLES,
@@ -137,7 +137,7 @@ struct cairn_pose_consensus {
     int32_t node_count, hypothesis_count, bound_count;
 
     /* after: the phase after relaxation */
-    cairn_pose_consensus_phase phase, after;
+    pose_consensus_phase phase, after;
     cairn_pose_consensus_choice choice;
     /* next: hypothesis, link, candidate or node of the phase; end: where it ends */
     int32_t next, end;
@@ -162,7 +162,7 @@ struct cairn_pose_consensus {
     /* nodes changed in this round */
     int32_t changed_nodes;
     /* units of finished items, not yet charged */
-    int32_t uncharged_units;
+    int32_t units_due;
     int32_t candidate_count;
     /* best merge so far: its pose maps component `node` into `part` */
     cairn_pose_consensus_candidate merge;
@@ -196,8 +196,8 @@ int32_t cairn_pose_consensus_best_of_pair(const cairn_pose_consensus *consensus,
                                           cairn_pose_consensus_pose map_other, int32_t *to,
                                           cairn_real *earned, cairn_real *strongest);
 
-/* Returns the support of a pose of a node by the placed nodes of a component; by_likelihood 1: by the
- * likelihood functions. */
+/* Returns the support of a pose of a node by the placed nodes of a component; by_likelihood 1: by
+ * the likelihood functions. */
 cairn_pose_consensus_support cairn_pose_consensus_support_of(const cairn_pose_consensus *consensus,
                                                              int32_t node,
                                                              cairn_pose_consensus_pose map_node,
@@ -273,10 +273,10 @@ void cairn_pose_consensus_submap_item(cairn_pose_consensus *consensus);
 void cairn_pose_consensus_number_item(cairn_pose_consensus *consensus);
 
 /* Enters a phase of `end` items. */
-void cairn_pose_consensus_enter(cairn_pose_consensus *consensus, cairn_pose_consensus_phase phase,
+void cairn_pose_consensus_enter(cairn_pose_consensus *consensus, pose_consensus_phase phase,
                                 int32_t end);
 
-/* Executes one item of the search and adds its cost to uncharged_units. */
+/* Executes one item of the search and adds its cost to units_due. */
 void cairn_pose_consensus_item(cairn_pose_consensus *consensus);
 
 /* Marks a node as ambiguous when it depends on ambiguous nodes. */

@@ -233,7 +233,7 @@ void cairn_pose_graph_clear(cairn_pose_graph *graph)
     memset(&graph->state, 0, sizeof graph->state);
     graph->state.pose = -1;
     graph->stage = POSE_GRAPH_IDLE;
-    graph->uncharged_units = 0;
+    graph->units_due = 0;
     graph->fixed_count = 0;
     graph->analyzed = 0;
     graph->fill_exceeded = 0;

@@ -52,7 +52,7 @@ static const cairn_real KERNEL_NARROWING = CAIRN_REAL(1.4);
 
 /* ---- Stages ---- */
 
-void cairn_pose_graph_enter(cairn_pose_graph *graph, int32_t mode, int32_t stage)
+void cairn_pose_graph_enter(cairn_pose_graph *graph, pose_graph_mode mode, pose_graph_stage stage)
 {
     graph->mode = mode;
     graph->stage = stage;
@@ -515,14 +515,13 @@ cairn_status cairn_pose_graph_step(cairn_pose_graph *graph, cairn_budget *budget
 {
     cairn_status outcome;
 
-    while (graph->stage != POSE_GRAPH_IDLE || graph->uncharged_units > 0) {
+    while (graph->stage != POSE_GRAPH_IDLE || graph->units_due > 0) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (graph->uncharged_units > 0) {
-            int32_t charged =
-                graph->uncharged_units < budget->left ? graph->uncharged_units : budget->left;
+        if (graph->units_due > 0) {
+            int32_t charged = graph->units_due < budget->left ? graph->units_due : budget->left;
 
-            graph->uncharged_units -= charged;
+            graph->units_due -= charged;
             budget->left -= charged;
         } else if (is_solver_stage(graph->stage)) {
             cairn_status status = graph->solver.step(graph->solver.context, budget);
@@ -531,7 +530,7 @@ cairn_status cairn_pose_graph_step(cairn_pose_graph *graph, cairn_budget *budget
                 return CAIRN_MORE;
             end_solver_phase(graph, status);
         } else {
-            graph->uncharged_units = do_item(graph);
+            graph->units_due = do_item(graph);
         }
     }
     outcome = graph->outcome;

@@ -7,6 +7,7 @@
 #include "cairn/pose_graph.h"
 
 /* Linear problem of the current stage. */
+typedef int32_t pose_graph_mode;
 enum {
     POSE_GRAPH_INITIAL_COST, /* none: the cost of the initial poses */
     POSE_GRAPH_HEADINGS,     /* chordal initialisation: cosines and sines */
@@ -16,6 +17,7 @@ enum {
 };
 
 /* Stage: kind of the next work item. */
+typedef int32_t pose_graph_stage;
 enum {
     POSE_GRAPH_IDLE,
     POSE_GRAPH_ANALYZE,
@@ -84,7 +86,11 @@ struct cairn_pose_graph {
     int32_t has_marginals;
     /* status of the step that ends */
     cairn_status outcome;
-    int32_t mode, stage, index, uncharged_units;
+    pose_graph_mode mode;
+    pose_graph_stage stage;
+    int32_t index;
+    /* units of finished items, not yet charged */
+    int32_t units_due;
     /* factor on the kernel's c^2 (graduated non-convexity), >= 1 */
     cairn_real kernel_scale;
     /* Levenberg-Marquardt damping: share of the diagonal that is added */
@@ -126,7 +132,7 @@ void cairn_pose_graph_cost_of_link(cairn_pose_graph *graph, int32_t index);
 void cairn_pose_graph_try_link(cairn_pose_graph *graph, int32_t index);
 
 /* Enters a stage of a mode. */
-void cairn_pose_graph_enter(cairn_pose_graph *graph, int32_t mode, int32_t stage);
+void cairn_pose_graph_enter(cairn_pose_graph *graph, pose_graph_mode mode, pose_graph_stage stage);
 
 /* Waits for the solver's structure again. */
 void cairn_pose_graph_resume(cairn_pose_graph *graph);
@@ -134,8 +140,7 @@ void cairn_pose_graph_resume(cairn_pose_graph *graph);
 /* Returns 1 when no solution is running. */
 static inline int cairn_pose_graph_is_idle(const cairn_pose_graph *graph)
 {
-    return graph->stage == POSE_GRAPH_IDLE && graph->uncharged_units == 0 &&
-           graph->outcome == CAIRN_OK;
+    return graph->stage == POSE_GRAPH_IDLE && graph->units_due == 0 && graph->outcome == CAIRN_OK;
 }
 
 /* Returns 1 for fixed poses. */

@@ -33,30 +33,32 @@ static int is_positive(cairn_real value)
     return value > 0 && cairn_is_finite(value);
 }
 
-static cairn_polyline_params fit_params(const cairn_scan_params *p)
+static cairn_polyline_params fit_params(const cairn_scan_params *params)
 {
-    cairn_polyline_params step_fit = p->fit;
+    cairn_polyline_params step_fit = params->fit;
 
     step_fit.dim = 2;
-    step_fit.max_points = p->max_beams;
-    step_fit.max_segments = p->max_segments;
+    step_fit.max_points = params->max_beams;
+    step_fit.max_segments = params->max_segments;
     return step_fit;
 }
 
-static int params_are_valid(const cairn_scan_params *p)
+static int params_are_valid(const cairn_scan_params *params)
 {
     cairn_polyline_params step_fit;
 
-    if (p == NULL || p->max_beams < 1 || p->max_beams > 100000 || p->max_points < 1 ||
-        p->max_points >= INT32_MAX || !is_positive(p->spacing) || !is_positive(p->support_distance))
+    if (params == NULL || params->max_beams < 1 || params->max_beams > 100000 ||
+        params->max_points < 1 || params->max_points >= INT32_MAX ||
+        !is_positive(params->spacing) || !is_positive(params->support_distance))
         return 0;
-    step_fit = fit_params(p);
+    step_fit = fit_params(params);
     return cairn_polyline_memory(&step_fit) > 0;
 }
 
-static cairn_scan *carve(cairn_pool *pool, const cairn_scan_params *p)
+static cairn_scan *carve(cairn_pool *pool, const cairn_scan_params *params)
 {
-    size_t n = (size_t)p->max_beams, m = (size_t)p->max_segments, k = (size_t)p->max_points;
+    size_t n = (size_t)params->max_beams, m = (size_t)params->max_segments,
+           k = (size_t)params->max_points;
     cairn_scan *scan = cairn_pool_take_one(pool, sizeof *scan);
     float *range = cairn_pool_take(pool, n, sizeof *range);
     float *angle = cairn_pool_take(pool, n, sizeof *angle);
@@ -71,7 +73,7 @@ static cairn_scan *carve(cairn_pool *pool, const cairn_scan_params *p)
 
     if (scan != NULL) {
         memset(scan, 0, sizeof *scan);
-        scan->params = *p;
+        scan->params = *params;
         scan->range = range;
         scan->angle = angle;
         scan->beams = beams;

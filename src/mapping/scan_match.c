@@ -72,75 +72,87 @@ static int is_within(int32_t n, int32_t least, int32_t most)
     return n >= least && n <= most;
 }
 
-static int params_are_valid(const cairn_scan_match_params *p)
+static int params_are_valid(const cairn_scan_match_params *params)
 {
-    return p != NULL &&
-           is_within(p->mode, CAIRN_SCAN_MATCH_CORRELATIVE, CAIRN_SCAN_MATCH_AS_WRITTEN_LINES) &&
-           is_within(p->max_target, 1, MAX_POINTS) && is_within(p->max_dense, 0, MAX_POINTS) &&
-           is_within(p->max_views, 0, MAX_VIEWS) && is_within(p->max_query, 1, MAX_POINTS) &&
-           is_within(p->max_hypotheses, 1, MAX_HYPOTHESES) &&
-           is_within(p->max_candidates, 1, MAX_CANDIDATES) &&
-           is_within(p->max_cells, SCAN_MATCH_MIN_CELLS, SCAN_MATCH_MAX_CELLS) &&
-           is_within(p->vote_once, 0, 1) && is_positive(p->spacing) &&
-           p->spacing >= MIN_SPACING_M && is_positive(p->min_sigma) && p->weak_ratio >= 0 &&
-           p->weak_ratio < 1;
+    return params != NULL &&
+           is_within(params->mode, CAIRN_SCAN_MATCH_CORRELATIVE,
+                     CAIRN_SCAN_MATCH_AS_WRITTEN_LINES) &&
+           is_within(params->max_target, 1, MAX_POINTS) &&
+           is_within(params->max_dense, 0, MAX_POINTS) &&
+           is_within(params->max_views, 0, MAX_VIEWS) &&
+           is_within(params->max_query, 1, MAX_POINTS) &&
+           is_within(params->max_hypotheses, 1, MAX_HYPOTHESES) &&
+           is_within(params->max_candidates, 1, MAX_CANDIDATES) &&
+           is_within(params->max_cells, SCAN_MATCH_MIN_CELLS, SCAN_MATCH_MAX_CELLS) &&
+           is_within(params->vote_once, 0, 1) && is_positive(params->spacing) &&
+           params->spacing >= MIN_SPACING_M && is_positive(params->min_sigma) &&
+           params->weak_ratio >= 0 && params->weak_ratio < 1;
 }
 
 static cairn_sequence_params sequence_params(const cairn_scan_match_params *p)
 {
-    cairn_sequence_params params = {CAIRN_SEQUENCE_LCS, p->max_query, p->max_target, 0};
+    cairn_sequence_params params = {
+        .kind = CAIRN_SEQUENCE_LCS,
+        .max_first = p->max_query,
+        .max_second = p->max_target,
+        .gap_cost = 0,
+    };
 
     return params;
 }
 
 /* Takes the arrays of the shape modes, but for the sequence; NULL from a counting pool. */
-static scan_match_shape *carve_shape(cairn_pool *pool, const cairn_scan_match_params *p)
+static scan_match_shape *carve_shape(cairn_pool *pool, const cairn_scan_match_params *params)
 {
     scan_match_shape *shape = cairn_pool_take(pool, 1, sizeof *shape);
     scan_match_shape made;
 
     memset(&made, 0, sizeof made);
-    made.target = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.target);
-    made.query = cairn_pool_take(pool, (size_t)p->max_query, sizeof *made.query);
-    made.target_part = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.target_part);
-    made.rotated_query = cairn_pool_take(pool, (size_t)p->max_query, sizeof *made.rotated_query);
-    made.pairs = cairn_pool_take(pool, (size_t)p->max_query, sizeof *made.pairs);
-    made.segments = cairn_pool_take(pool, (size_t)p->max_query + 1, sizeof *made.segments);
+    made.target = cairn_pool_take(pool, (size_t)params->max_target, sizeof *made.target);
+    made.query = cairn_pool_take(pool, (size_t)params->max_query, sizeof *made.query);
+    made.target_part = cairn_pool_take(pool, (size_t)params->max_target, sizeof *made.target_part);
+    made.rotated_query =
+        cairn_pool_take(pool, (size_t)params->max_query, sizeof *made.rotated_query);
+    made.pairs = cairn_pool_take(pool, (size_t)params->max_query, sizeof *made.pairs);
+    made.segments = cairn_pool_take(pool, (size_t)params->max_query + 1, sizeof *made.segments);
     if (shape != NULL)
         *shape = made;
     return shape;
 }
 
 /* Takes the object with its arrays; NULL from a counting pool. */
-static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *p)
+static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *params)
 {
-    size_t cells = p->mode == CAIRN_SCAN_MATCH_CORRELATIVE ? (size_t)p->max_cells : 0;
+    size_t cells = params->mode == CAIRN_SCAN_MATCH_CORRELATIVE ? (size_t)params->max_cells : 0;
     cairn_scan_match *match = cairn_pool_take_one(pool, sizeof *match);
     cairn_scan_match made;
 
     memset(&made, 0, sizeof made);
-    made.params = *p;
-    made.target = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.target);
-    made.dense = cairn_pool_take(pool, (size_t)p->max_dense, sizeof *made.dense);
+    made.params = *params;
+    made.target = cairn_pool_take(pool, (size_t)params->max_target, sizeof *made.target);
+    made.dense = cairn_pool_take(pool, (size_t)params->max_dense, sizeof *made.dense);
     made.dense_index.points =
-        cairn_pool_take(pool, (size_t)p->max_dense, sizeof *made.dense_index.points);
-    made.dense_index.start = cairn_pool_take(pool, cairn_scan_match_index_cells(p->max_dense) + 1,
-                                             sizeof *made.dense_index.start);
-    made.views = cairn_pool_take(pool, (size_t)p->max_views, sizeof *made.views);
+        cairn_pool_take(pool, (size_t)params->max_dense, sizeof *made.dense_index.points);
+    made.dense_index.start = cairn_pool_take(
+        pool, cairn_scan_match_index_cells(params->max_dense) + 1, sizeof *made.dense_index.start);
+    made.views = cairn_pool_take(pool, (size_t)params->max_views, sizeof *made.views);
     made.query_profile = cairn_pool_take_one(pool, sizeof *made.query_profile);
-    made.index.points = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.index.points);
-    made.index.start = cairn_pool_take(pool, cairn_scan_match_index_cells(p->max_target) + 1,
+    made.index.points =
+        cairn_pool_take(pool, (size_t)params->max_target, sizeof *made.index.points);
+    made.index.start = cairn_pool_take(pool, cairn_scan_match_index_cells(params->max_target) + 1,
                                        sizeof *made.index.start);
-    made.by_direction =
-        cairn_pool_take(pool, cells > 0 ? (size_t)p->max_target : 0, sizeof *made.by_direction);
+    made.by_direction = cairn_pool_take(pool, cells > 0 ? (size_t)params->max_target : 0,
+                                        sizeof *made.by_direction);
     made.query_angle = cairn_pool_take(pool, cells > 0 ? SCAN_MATCH_MAX_QUERY_POINTS : 0,
                                        sizeof *made.query_angle);
     made.votes.cell = cairn_pool_take(pool, cells, sizeof *made.votes.cell);
     made.votes.touched = cairn_pool_take(pool, cells, sizeof *made.votes.touched);
-    made.candidates = cairn_pool_take(pool, (size_t)p->max_candidates, sizeof *made.candidates);
-    made.hypotheses = cairn_pool_take(pool, (size_t)p->max_candidates, sizeof *made.hypotheses);
-    if (p->mode != CAIRN_SCAN_MATCH_CORRELATIVE)
-        made.shape = carve_shape(pool, p);
+    made.candidates =
+        cairn_pool_take(pool, (size_t)params->max_candidates, sizeof *made.candidates);
+    made.hypotheses =
+        cairn_pool_take(pool, (size_t)params->max_candidates, sizeof *made.hypotheses);
+    if (params->mode != CAIRN_SCAN_MATCH_CORRELATIVE)
+        made.shape = carve_shape(pool, params);
     if (match != NULL)
         *match = made;
     return match;
@@ -204,7 +216,7 @@ static void cancel(cairn_scan_match *match)
         match->votes.cell[match->votes.touched[i]] = 0;
     match->votes.touched_count = 0;
     match->phase = SCAN_MATCH_IDLE;
-    match->uncharged_parts = 0;
+    match->parts_due = 0;
     memset(&match->result, 0, sizeof match->result);
 }
 
@@ -452,7 +464,7 @@ cairn_scan_match_result cairn_scan_match_read(const cairn_scan_match *match)
         .verdict = CAIRN_SCAN_MATCH_RUNNING,
     };
 
-    return match->phase == SCAN_MATCH_DONE && match->uncharged_parts < SCAN_MATCH_PARTS_PER_UNIT
+    return match->phase == SCAN_MATCH_DONE && match->parts_due < SCAN_MATCH_PARTS_PER_UNIT
                ? match->result
                : running;
 }

@@ -86,7 +86,7 @@ static void add_cross(cairn_scan_match *match, const cairn_real row[3], cairn_ve
     cairn_sym3_add_outer(&match->fit.sums.cross, difference, -weight / 4);
 }
 
-static void add_pair(cairn_scan_match *match, const cairn_oriented_point *q)
+static void add_pair(cairn_scan_match *match, const cairn_oriented_point *point)
 {
     scan_match_fit *fit = &match->fit;
     scan_match_sums *sums = &fit->sums;
@@ -96,8 +96,8 @@ static void add_pair(cairn_scan_match *match, const cairn_oriented_point *q)
     cairn_vec2 normal;
     int32_t parts = 20;
 
-    search.p = cairn_transform_point(fit->motion.transform, q->position);
-    search.direction = cairn_transform_direction(fit->motion.transform, q->direction);
+    search.p = cairn_transform_point(fit->motion.transform, point->position);
+    search.direction = cairn_transform_direction(fit->motion.transform, point->direction);
     search.cosine = MIN_PAIR_COSINE;
     m = cairn_scan_match_index_nearest(fit->index, &search, fit->gate, &parts);
     cairn_scan_match_charge(match, parts);
@@ -107,10 +107,10 @@ static void add_pair(cairn_scan_match *match, const cairn_oriented_point *q)
     error = cairn_vec2_dot(normal, cairn_vec2_sub(search.p, m->position));
     squared = error * error;
     weight = 1 / (1 + squared / (scale * scale));
-    cairn_rigid_motion_jacobian(&fit->motion, normal, q->position, row);
+    cairn_rigid_motion_jacobian(&fit->motion, normal, point->position, row);
     cairn_sym3_add_outer(&sums->lines, row, weight);
     if (STAGES[match->stage].dense)
-        add_cross(match, row, search.direction, q->position, weight);
+        add_cross(match, row, search.direction, point->position, weight);
     for (int k = 0; k < 3; k++)
         sums->gradient[k] += weight * error * row[k];
     sums->weight += weight;
@@ -273,14 +273,14 @@ void cairn_scan_match_score_begin(cairn_scan_match *match)
     match->index_in_phase = 0;
 }
 
-static void test_query_point(cairn_scan_match *match, const cairn_oriented_point *q)
+static void test_query_point(cairn_scan_match *match, const cairn_oriented_point *point)
 {
     const cairn_oriented_point *m;
     scan_match_search search;
     int32_t parts = 20;
 
-    search.p = cairn_transform_point(match->target_query, q->position);
-    search.direction = cairn_transform_direction(match->target_query, q->direction);
+    search.p = cairn_transform_point(match->target_query, point->position);
+    search.direction = cairn_transform_direction(match->target_query, point->direction);
     search.cosine = MIN_INLIER_COSINE;
     match->inlier_count.query_points++;
     m = cairn_scan_match_index_nearest(match->fit.index, &search,
@@ -306,10 +306,10 @@ static void test_query_point(cairn_scan_match *match, const cairn_oriented_point
     cairn_scan_match_charge(match, parts);
 }
 
-static void test_target_point(cairn_scan_match *match, const cairn_oriented_point *p)
+static void test_target_point(cairn_scan_match *match, const cairn_oriented_point *point)
 {
     int32_t says = cairn_scan_match_profile_lookup(
-        match->query_profile, cairn_transform_point(match->query_target, p->position),
+        match->query_profile, cairn_transform_point(match->query_target, point->position),
         FREE_SPACE_MARGIN * match->params.spacing);
 
     match->inlier_count.target_inliers += says < 0;

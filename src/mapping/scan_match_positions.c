@@ -47,14 +47,14 @@ int32_t cairn_scan_match_angle_bin(uint16_t turn)
     return turn * SCAN_MATCH_DIRECTION_BINS / FULL_CIRCLE;
 }
 
-static int32_t *start_of(cairn_scan_match *match, const cairn_oriented_point *p)
+static int32_t *start_of(cairn_scan_match *match, const cairn_oriented_point *point)
 {
     int32_t bin = cairn_scan_match_angle_bin(
-        cairn_scan_match_quantize_angle(cairn_atan2(p->direction.y, p->direction.x)));
+        cairn_scan_match_quantize_angle(cairn_atan2(point->direction.y, point->direction.x)));
 
     return &match->direction_start[bin * SCAN_MATCH_STRIPS +
                                    cairn_scan_match_strip(
-                                       match, cairn_scan_match_quantize(match, p->position))];
+                                       match, cairn_scan_match_quantize(match, point->position))];
 }
 
 void cairn_scan_match_positions_reset(cairn_scan_match *match)
@@ -72,9 +72,9 @@ void cairn_scan_match_positions_reset(cairn_scan_match *match)
     cairn_scan_match_charge(match, SCAN_MATCH_DIRECTION_BINS * SCAN_MATCH_STRIPS / 16);
 }
 
-void cairn_scan_match_positions_count(cairn_scan_match *match, const cairn_oriented_point *p)
+void cairn_scan_match_positions_count(cairn_scan_match *match, const cairn_oriented_point *point)
 {
-    ++*start_of(match, p);
+    ++*start_of(match, point);
 }
 
 void cairn_scan_match_positions_sum(cairn_scan_match *match)
@@ -84,7 +84,8 @@ void cairn_scan_match_positions_sum(cairn_scan_match *match)
     cairn_scan_match_charge(match, SCAN_MATCH_DIRECTION_BINS * SCAN_MATCH_STRIPS / 3);
 }
 
-void cairn_scan_match_positions_place(cairn_scan_match *match, const cairn_oriented_point *p)
+void cairn_scan_match_positions_place(cairn_scan_match *match, const cairn_oriented_point *point)
 {
-    match->by_direction[--*start_of(match, p)] = cairn_scan_match_quantize(match, p->position);
+    match->by_direction[--*start_of(match, point)] =
+        cairn_scan_match_quantize(match, point->position);
 }

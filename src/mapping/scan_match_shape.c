@@ -13,7 +13,7 @@
  * 6. ICP with gates, rolled back when overlap and distance both get worse (6.4).
  *
  * The colinear filter exists because the shape of a straight line is ambiguous along it. While the
- * frames are not aligned, the direction of a vector says little about that, and all points of walls
+ * frames are not aligned, the direction of a vector has little information, and all points of walls
  * pass alike. Mode SHAPE so applies the filters twice, and the overlap decides as between
  * rotations: first without the points that have nothing but a straight line about them, then with
  * them, as written. The reported pairs are those of the winning rotation and filters, which are
@@ -212,7 +212,7 @@ static int is_colinear(const cairn_scan_match *match, cairn_sequence_pair pair)
 }
 
 /* Returns 1 when the neighbourhood of a point is a straight line along its direction. */
-static int32_t is_straight(const scan_match_shape_descriptor *d, cairn_vec2 direction)
+static int32_t is_straight(const scan_match_shape_descriptor *descriptor, cairn_vec2 direction)
 {
     const int32_t half = SCAN_MATCH_SHAPE_BINS / 2;
     int32_t along = bearing_bin(direction);
@@ -220,7 +220,7 @@ static int32_t is_straight(const scan_match_shape_descriptor *d, cairn_vec2 dire
     for (int32_t b = 0; b < SCAN_MATCH_SHAPE_BINS; b++) {
         int32_t off = (b - along + SCAN_MATCH_SHAPE_BINS) % half;
 
-        if (d->bin[b] >= BIN_THRESHOLD && off > 1 && off < half - 1)
+        if (descriptor->bin[b] >= BIN_THRESHOLD && off > 1 && off < half - 1)
             return 0;
     }
     return 1;
@@ -374,7 +374,7 @@ int32_t cairn_scan_match_shape_translate(cairn_scan_match *match)
 /* ---- Overlap ---- */
 
 const cairn_oriented_point *cairn_scan_match_shape_nearest(cairn_scan_match *match,
-                                                           const cairn_oriented_point *q,
+                                                           const cairn_oriented_point *point,
                                                            cairn_transform transform,
                                                            cairn_real gate, cairn_vec2 *p,
                                                            cairn_real *distance)
@@ -383,8 +383,8 @@ const cairn_oriented_point *cairn_scan_match_shape_nearest(cairn_scan_match *mat
     int32_t parts = 8;
     const cairn_oriented_point *found;
 
-    *p = search.p = cairn_transform_point(transform, q->position);
-    search.direction = cairn_transform_direction(transform, q->direction);
+    *p = search.p = cairn_transform_point(transform, point->position);
+    search.direction = cairn_transform_direction(transform, point->direction);
     search.cosine = SIMILAR_COSINE;
     found = cairn_scan_match_index_nearest(&match->index, &search, gate, &parts);
     *distance = found != NULL ? cairn_sqrt(search.nearest) : 0;

@@ -115,7 +115,7 @@ int32_t cairn_scan_match_shape_icp(cairn_scan_match *match);
 /* Returns the target point nearest to query point q mapped by `transform`, of a direction within 10
  * degrees and within the gate; NULL: none. *p: the query point in the target's frame. */
 const cairn_oriented_point *cairn_scan_match_shape_nearest(cairn_scan_match *match,
-                                                           const cairn_oriented_point *q,
+                                                           const cairn_oriented_point *point,
                                                            cairn_transform transform,
                                                            cairn_real gate, cairn_vec2 *p,
                                                            cairn_real *distance);

@@ -317,16 +317,15 @@ cairn_status cairn_scan_match_step(cairn_scan_match *match, cairn_budget *budget
     if (match == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
     while ((match->phase != SCAN_MATCH_IDLE && match->phase != SCAN_MATCH_DONE) ||
-           match->uncharged_parts >= SCAN_MATCH_PARTS_PER_UNIT) {
-        int32_t before = match->uncharged_parts,
-                due = match->uncharged_parts / SCAN_MATCH_PARTS_PER_UNIT;
+           match->parts_due >= SCAN_MATCH_PARTS_PER_UNIT) {
+        int32_t before = match->parts_due, due = match->parts_due / SCAN_MATCH_PARTS_PER_UNIT;
 
         if (budget->left <= 0)
             return CAIRN_MORE;
         if (due > 0) {
             due = due < budget->left ? due : budget->left;
             budget->left -= due;
-            match->uncharged_parts -= due * SCAN_MATCH_PARTS_PER_UNIT;
+            match->parts_due -= due * SCAN_MATCH_PARTS_PER_UNIT;
             match->measure.units += due;
             continue;
         }
@@ -339,7 +338,7 @@ cairn_status cairn_scan_match_step(cairn_scan_match *match, cairn_budget *budget
             continue;
         }
         run_item(match);
-        due = (match->uncharged_parts - before) / SCAN_MATCH_PARTS_PER_UNIT;
+        due = (match->parts_due - before) / SCAN_MATCH_PARTS_PER_UNIT;
         if (due > match->measure.worst_step)
             match->measure.worst_step = due;
     }

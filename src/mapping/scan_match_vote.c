@@ -206,17 +206,18 @@ int32_t cairn_scan_match_vote_item(cairn_scan_match *match)
     return match->index_in_phase >= match->query.count;
 }
 
-static int32_t votes_at(const scan_match_accumulator *v, int32_t column, int32_t row)
+static int32_t votes_at(const scan_match_accumulator *accumulator, int32_t column, int32_t row)
 {
-    return column < v->width && row < v->height ? v->cell[row * v->width + column] >> v->count_shift
-                                                : 0;
+    return column < accumulator->width && row < accumulator->height
+               ? accumulator->cell[row * accumulator->width + column] >> accumulator->count_shift
+               : 0;
 }
 
 /* Returns the votes of two by two cells, (column, row) the lower left one. */
-static int32_t block_votes(const scan_match_accumulator *v, int32_t column, int32_t row)
+static int32_t block_votes(const scan_match_accumulator *accumulator, int32_t column, int32_t row)
 {
-    return votes_at(v, column, row) + votes_at(v, column + 1, row) + votes_at(v, column, row + 1) +
-           votes_at(v, column + 1, row + 1);
+    return votes_at(accumulator, column, row) + votes_at(accumulator, column + 1, row) +
+           votes_at(accumulator, column, row + 1) + votes_at(accumulator, column + 1, row + 1);
 }
 
 static int32_t is_peak(cairn_scan_match *match, int32_t column, int32_t row, int32_t own)

@@ -206,7 +206,7 @@ struct cairn_scan_match {
     /* State of the steps. */
     scan_match_phase phase;
     int32_t index_in_phase, hypothesis_index;
-    int32_t uncharged_parts; /* parts of units of finished items, not yet charged */
+    int32_t parts_due; /* parts of units of finished items, not yet charged */
     cairn_scan_match_result result;
     cairn_scan_match_measure measure;
 };
@@ -214,7 +214,7 @@ struct cairn_scan_match {
 /* Charges the current item. */
 static inline void cairn_scan_match_charge(cairn_scan_match *match, int32_t parts)
 {
-    match->uncharged_parts += parts;
+    match->parts_due += parts;
 }
 
 /* scan_match_index.c */
@@ -231,10 +231,10 @@ const cairn_oriented_point *cairn_scan_match_index_nearest(const scan_match_inde
                                                            cairn_real gate, int32_t *parts);
 /* scan_match_positions.c: quantized target positions by direction and strip. */
 void cairn_scan_match_positions_reset(cairn_scan_match *match);
-void cairn_scan_match_positions_count(cairn_scan_match *match, const cairn_oriented_point *p);
+void cairn_scan_match_positions_count(cairn_scan_match *match, const cairn_oriented_point *point);
 void cairn_scan_match_positions_sum(cairn_scan_match *match);
 /* Called with the last point first, so that the sort is stable. */
-void cairn_scan_match_positions_place(cairn_scan_match *match, const cairn_oriented_point *p);
+void cairn_scan_match_positions_place(cairn_scan_match *match, const cairn_oriented_point *point);
 scan_match_position cairn_scan_match_quantize(const cairn_scan_match *match, cairn_vec2 p);
 /* Returns the strip of a position along the longer side of the target's bounding box; positions
  * outside are in the first or last. */

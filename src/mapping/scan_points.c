@@ -141,9 +141,9 @@ cairn_status cairn_scan_choose(cairn_scan *scan, cairn_budget *budget)
 }
 
 /* Distance of the first position from the segment's start, m. */
-static cairn_real first_position(const cairn_scan *scan, const scan_segment *w)
+static cairn_real first_position(const cairn_scan *scan, const scan_segment *segment)
 {
-    return cairn_scan_first_position(w->length, w->positions, scan->params.spacing);
+    return cairn_scan_first_position(segment->length, segment->positions, scan->params.spacing);
 }
 
 /* Stage 0 clears the difference array, stage 1 enters the interval that each hit supports. */

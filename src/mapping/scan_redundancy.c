@@ -20,7 +20,8 @@ enum { MAX_SCANS = 1 << 20, MAX_POINTS = 1 << 24, POINTS_PER_ITEM = 16, REMOVED_
 
 static const cairn_real MAX_COORDINATE_M = CAIRN_REAL(1e6);
 
-enum { IDLE, CLEAR_GRID, INSERT_POINTS, COUNT_SCANS };
+typedef int32_t scan_redundancy_phase;
+enum { PHASE_IDLE, PHASE_CLEAR_GRID, PHASE_INSERT_POINTS, PHASE_COUNT_SCANS };
 
 struct cairn_scan_redundancy {
     cairn_scan_redundancy_params params;
@@ -32,8 +33,10 @@ struct cairn_scan_redundancy {
     int32_t *last_point;        /* [max_scans] last point that a point of the scan covered */
     const cairn_scan_set *set;
     int32_t scans; /* slots at the last begin() */
-    int32_t phase, uncharged_units;
-    int32_t at, point; /* INSERT_POINTS: segment and point of it; COUNT_SCANS: point */
+    scan_redundancy_phase phase;
+    /* units of finished items, not yet charged */
+    int32_t units_due;
+    int32_t at, point; /* PHASE_INSERT_POINTS: segment and point of it; PHASE_COUNT_SCANS: point */
 };
 
 cairn_scan_redundancy_params cairn_scan_redundancy_default(void)
@@ -47,16 +50,20 @@ cairn_scan_redundancy_params cairn_scan_redundancy_default(void)
     return params;
 }
 
-static int params_are_valid(const cairn_scan_redundancy_params *p)
+static int params_are_valid(const cairn_scan_redundancy_params *params)
 {
-    return p != NULL && p->max_scans >= 1 && p->max_scans <= MAX_SCANS && p->max_points >= 1 &&
-           p->max_points <= MAX_POINTS && p->radius > 0 && p->radius <= MAX_COORDINATE_M &&
-           p->direction_gate > 0 && p->direction_gate <= CAIRN_PI;
+    return params != NULL && params->max_scans >= 1 && params->max_scans <= MAX_SCANS &&
+           params->max_points >= 1 && params->max_points <= MAX_POINTS && params->radius > 0 &&
+           params->radius <= MAX_COORDINATE_M && params->direction_gate > 0 &&
+           params->direction_gate <= CAIRN_PI;
 }
 
 static cairn_point_grid_params grid_params(const cairn_scan_redundancy_params *params)
 {
-    cairn_point_grid_params grid = {params->max_points, 2 * params->radius};
+    cairn_point_grid_params grid = {
+        .max_points = params->max_points,
+        .cell_size = 2 * params->radius,
+    };
     return grid;
 }
 
@@ -136,8 +143,8 @@ cairn_status cairn_scan_redundancy_begin(cairn_scan_redundancy *redundancy,
     }
     redundancy->set = set;
     redundancy->scans = set->scan_count;
-    redundancy->phase = CLEAR_GRID;
-    redundancy->uncharged_units = redundancy->at = redundancy->point = 0;
+    redundancy->phase = PHASE_CLEAR_GRID;
+    redundancy->units_due = redundancy->at = redundancy->point = 0;
     return CAIRN_OK;
 }
 
@@ -148,7 +155,7 @@ static int32_t clear_item(cairn_scan_redundancy *redundancy)
     for (int32_t i = 0; i < REMOVED_PER_ITEM; i++)
         cairn_point_grid_remove_last(redundancy->grid);
     if (cairn_point_grid_count(redundancy->grid) == 0)
-        redundancy->phase = INSERT_POINTS;
+        redundancy->phase = PHASE_INSERT_POINTS;
     return 1;
 }
 
@@ -160,7 +167,7 @@ static int32_t insert_item(cairn_scan_redundancy *redundancy)
     int32_t left, count;
 
     if (redundancy->at == redundancy->set->segment_count) {
-        redundancy->phase = COUNT_SCANS;
+        redundancy->phase = PHASE_COUNT_SCANS;
         redundancy->at = 0;
         return 1;
     }
@@ -203,7 +210,7 @@ static int32_t count_item(cairn_scan_redundancy *redundancy)
     cairn_vec2 direction;
 
     if (redundancy->at == cairn_point_grid_count(redundancy->grid)) {
-        redundancy->phase = IDLE;
+        redundancy->phase = PHASE_IDLE;
         return 1;
     }
     direction = direction_at(redundancy, redundancy->at, &own);
@@ -229,22 +236,21 @@ cairn_status cairn_scan_redundancy_step(cairn_scan_redundancy *redundancy, cairn
 {
     if (redundancy == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (redundancy->uncharged_units > 0 || redundancy->phase != IDLE) {
+    while (redundancy->units_due > 0 || redundancy->phase != PHASE_IDLE) {
         if (budget->left <= 0)
             return CAIRN_MORE;
-        if (redundancy->uncharged_units > 0) {
-            int32_t charged = redundancy->uncharged_units < budget->left
-                                  ? redundancy->uncharged_units
-                                  : budget->left;
+        if (redundancy->units_due > 0) {
+            int32_t charged =
+                redundancy->units_due < budget->left ? redundancy->units_due : budget->left;
 
-            redundancy->uncharged_units -= charged;
+            redundancy->units_due -= charged;
             budget->left -= charged;
-        } else if (redundancy->phase == CLEAR_GRID) {
-            redundancy->uncharged_units = clear_item(redundancy);
+        } else if (redundancy->phase == PHASE_CLEAR_GRID) {
+            redundancy->units_due = clear_item(redundancy);
         } else {
-            redundancy->uncharged_units = redundancy->phase == INSERT_POINTS
-                                              ? insert_item(redundancy)
-                                              : count_item(redundancy);
+            redundancy->units_due = redundancy->phase == PHASE_INSERT_POINTS
+                                        ? insert_item(redundancy)
+                                        : count_item(redundancy);
         }
     }
     return CAIRN_OK;
@@ -254,7 +260,7 @@ cairn_status cairn_scan_redundancy_step(cairn_scan_redundancy *redundancy, cairn
 
 static int is_done(const cairn_scan_redundancy *redundancy)
 {
-    return redundancy != NULL && redundancy->phase == IDLE && redundancy->uncharged_units == 0;
+    return redundancy != NULL && redundancy->phase == PHASE_IDLE && redundancy->units_due == 0;
 }
 
 cairn_real cairn_scan_redundancy_loss(const cairn_scan_redundancy *redundancy, int32_t scan)

@@ -4,7 +4,8 @@
 
 #include "cairn/scan.h"
 
-typedef enum scan_phase {
+typedef int32_t scan_phase;
+enum {
     SCAN_BEAMS,     /* deskewed beams */
     SCAN_FIT,       /* line fit */
     SCAN_ATTRIBUTE, /* side and bearing of each segment */
@@ -13,7 +14,7 @@ typedef enum scan_phase {
     SCAN_MARK,      /* support of the positions */
     SCAN_EMIT,      /* points and segments of the view */
     SCAN_DONE
-} scan_phase;
+};
 
 /* A segment of the line fit. */
 typedef struct scan_segment {

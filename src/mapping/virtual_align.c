@@ -17,8 +17,9 @@
  * 5. Last, weakly observable submaps of the largest component are translated along their walls
  *    (weak_direction).
  *
- * Layout: the aligner, the field, the hypotheses and the search for weak directions in one pool. A scan has the same
- * index in the aligner and in the field. The best result of the aligner is stored beside it.
+ * Layout: the aligner, the field, the hypotheses and the search along weak directions in one pool.
+ * A scan has the same index in the aligner and in the field. The best result of the aligner is
+ * stored beside it.
  *
  * Limits: a scan moved by the field keeps the covariance of its initial pose, and one translated
  * along walls that of its previous pose.

@@ -107,17 +107,19 @@ static int is_count(int32_t count, int32_t least, int32_t most)
     return count >= least && count <= most;
 }
 
-static int params_are_valid(const cairn_virtual_scan_params *p)
+static int params_are_valid(const cairn_virtual_scan_params *params)
 {
-    return is_count(p->max_scans, 1, 1 << 20) && is_count(p->max_points, 1, 1 << 24) &&
-           is_count(p->max_segments, 1, 1 << 20) && is_count(p->max_hypotheses, 1, 1024) &&
-           is_count(p->max_virtual, 1, 1 << 24) && is_count(p->max_detectors, 0, 16) &&
-           p->stride >= 1 && p->spacing > 0 && p->spacing <= MAX_VALUE && p->weight >= 0 &&
-           p->weight <= MAX_VALUE && p->distance_per_sigma > 0 && p->distance_per_sigma <= 1 &&
-           p->angle_per_sigma > 0 && p->angle_per_sigma <= MAX_VALUE && p->min_scans >= 1 &&
-           p->min_wall_length >= 0 && p->min_wall_length <= MAX_VALUE &&
-           (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
-           cairn_hough_memory(&p->hough) > 0 && cairn_ellipse_memory(&p->ellipse) > 0;
+    return is_count(params->max_scans, 1, 1 << 20) && is_count(params->max_points, 1, 1 << 24) &&
+           is_count(params->max_segments, 1, 1 << 20) &&
+           is_count(params->max_hypotheses, 1, 1024) && is_count(params->max_virtual, 1, 1 << 24) &&
+           is_count(params->max_detectors, 0, 16) && params->stride >= 1 && params->spacing > 0 &&
+           params->spacing <= MAX_VALUE && params->weight >= 0 && params->weight <= MAX_VALUE &&
+           params->distance_per_sigma > 0 && params->distance_per_sigma <= 1 &&
+           params->angle_per_sigma > 0 && params->angle_per_sigma <= MAX_VALUE &&
+           params->min_scans >= 1 && params->min_wall_length >= 0 &&
+           params->min_wall_length <= MAX_VALUE &&
+           (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN) &&
+           cairn_hough_memory(&params->hough) > 0 && cairn_ellipse_memory(&params->ellipse) > 0;
 }
 
 static cairn_rectangle_params rectangles_of(const cairn_virtual_scan_params *params)
@@ -177,7 +179,7 @@ static cairn_ellipse_set *take_ellipses(cairn_pool *pool, const cairn_ellipse_pa
 
 static virtual_scan_result take_result(cairn_pool *pool, const cairn_virtual_scan_params *params)
 {
-    virtual_scan_result r = {NULL, NULL, NULL, 0, 0, 0};
+    virtual_scan_result r = {0};
 
     r.hypotheses = cairn_pool_take(pool, (size_t)params->max_hypotheses, sizeof *r.hypotheses);
     r.points = cairn_pool_take(pool, (size_t)params->max_virtual, sizeof *r.points);
@@ -323,9 +325,9 @@ static int has_scan(const cairn_virtual_scan *virtual_scan, const cairn_scan_set
 
 /* Returns the number of a segment's points in the thinned map. */
 static int32_t thinned_count(const cairn_virtual_scan *virtual_scan,
-                             const cairn_scan_set_segment *s)
+                             const cairn_scan_set_segment *segment)
 {
-    return (s->end_point - s->first_point + virtual_scan->params.stride - 1) /
+    return (segment->end_point - segment->first_point + virtual_scan->params.stride - 1) /
            virtual_scan->params.stride;
 }
 

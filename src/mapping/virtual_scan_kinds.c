@@ -29,8 +29,8 @@ static cairn_virtual_scan_hypothesis *add_hypothesis(cairn_virtual_scan *virtual
 
 /* Samples a segment, points `spacing` apart, symmetric about its middle; those beyond the capacity
  * are counted as dropped. */
-static void sample_segment(cairn_virtual_scan *virtual_scan, cairn_virtual_scan_hypothesis *h,
-                           cairn_segment s)
+static void sample_segment(cairn_virtual_scan *virtual_scan,
+                           cairn_virtual_scan_hypothesis *hypothesis, cairn_segment s)
 {
     cairn_vec2 run = cairn_vec2_sub(s.b, s.a), direction = cairn_vec2_unit(run);
     cairn_real length = cairn_vec2_norm(run),
@@ -49,9 +49,9 @@ static void sample_segment(cairn_virtual_scan *virtual_scan, cairn_virtual_scan_
         p->position = cairn_vec2_add(
             s.a, cairn_vec2_scale(direction, first + (cairn_real)i * virtual_scan->params.spacing));
         p->direction = direction;
-        virtual_scan->work.weights[virtual_scan->work.point_count++] = h->weight;
+        virtual_scan->work.weights[virtual_scan->work.point_count++] = hypothesis->weight;
     }
-    h->end_point = virtual_scan->work.point_count;
+    hypothesis->end_point = virtual_scan->work.point_count;
 }
 
 /* Returns the units of sampling a length in m. */
@@ -66,32 +66,34 @@ static int32_t sample_cost(const cairn_virtual_scan *virtual_scan, cairn_real le
 
 /* ---- Lines ---- */
 
-static int is_on(const cairn_virtual_scan *virtual_scan, const cairn_hough_line *l,
-                 const cairn_oriented_point *p)
+static int is_on(const cairn_virtual_scan *virtual_scan, const cairn_hough_line *line,
+                 const cairn_oriented_point *point)
 {
-    cairn_vec2 from = cairn_vec2_sub(p->position, l->point);
-    cairn_real along = cairn_vec2_dot(l->direction, p->direction);
+    cairn_vec2 from = cairn_vec2_sub(point->position, line->point);
+    cairn_real along = cairn_vec2_dot(line->direction, point->direction);
 
     if (!virtual_scan->params.hough.oriented)
         along = cairn_abs(along);
-    return cairn_abs(cairn_vec2_cross(l->direction, from)) <= virtual_scan->support && along > 0 &&
-           cairn_abs(cairn_vec2_cross(l->direction, p->direction)) <= virtual_scan->sine_angle;
+    return cairn_abs(cairn_vec2_cross(line->direction, from)) <= virtual_scan->support &&
+           along > 0 &&
+           cairn_abs(cairn_vec2_cross(line->direction, point->direction)) <=
+               virtual_scan->sine_angle;
 }
 
-static int is_on_line(const cairn_virtual_scan *virtual_scan, const cairn_oriented_point *p)
+static int is_on_line(const cairn_virtual_scan *virtual_scan, const cairn_oriented_point *point)
 {
     int32_t count;
 
     return is_on(virtual_scan, &cairn_hough_list(virtual_scan->hough, &count)[virtual_scan->item],
-                 p);
+                 point);
 }
 
-static int is_on_ellipse(const cairn_virtual_scan *virtual_scan, const cairn_oriented_point *p)
+static int is_on_ellipse(const cairn_virtual_scan *virtual_scan, const cairn_oriented_point *point)
 {
     int32_t count;
 
     return cairn_ellipse_is_inlier(
-        &cairn_ellipse_list(virtual_scan->ellipses, &count)[virtual_scan->item], p,
+        &cairn_ellipse_list(virtual_scan->ellipses, &count)[virtual_scan->item], point,
         virtual_scan->ellipse_support, virtual_scan->sine_tangent);
 }
 
@@ -140,11 +142,11 @@ static void next_item(cairn_virtual_scan *virtual_scan)
 /* Returns the strength. As written: inliers of the line divided by those of the first, which has
  * the most; else the covered share. */
 static cairn_real strength_of(const cairn_virtual_scan *virtual_scan, const cairn_hough_line *lines,
-                              const cairn_hough_line *l)
+                              const cairn_hough_line *line)
 {
     return virtual_scan->params.mode == CAIRN_MODE_AS_WRITTEN
-               ? l->votes / lines->votes
-               : l->covered_length / (l->high - l->low);
+               ? line->votes / lines->votes
+               : line->covered_length / (line->high - line->low);
 }
 
 cairn_status cairn_virtual_scan_sample_lines(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
@@ -177,10 +179,10 @@ cairn_status cairn_virtual_scan_sample_lines(cairn_virtual_scan *virtual_scan, c
 /* ---- Ellipses ---- */
 
 /* Samples the outline of an ellipse, about `spacing` apart, at even angles of its circle. */
-static void sample_ellipse(cairn_virtual_scan *virtual_scan, cairn_virtual_scan_hypothesis *h,
-                           const cairn_ellipse *e)
+static void sample_ellipse(cairn_virtual_scan *virtual_scan,
+                           cairn_virtual_scan_hypothesis *hypothesis, const cairn_ellipse *ellipse)
 {
-    cairn_real length = cairn_ellipse_length(e);
+    cairn_real length = cairn_ellipse_length(ellipse);
     int32_t count =
         cairn_real_to_int(cairn_max(cairn_ceil(length / virtual_scan->params.spacing), 8));
     int32_t capacity = virtual_scan->params.max_virtual - virtual_scan->work.point_count;
@@ -191,10 +193,10 @@ static void sample_ellipse(cairn_virtual_scan *virtual_scan, cairn_virtual_scan_
     }
     for (int32_t i = 0; i < count; i++) {
         virtual_scan->work.points[virtual_scan->work.point_count] =
-            cairn_ellipse_point(e, 2 * CAIRN_PI * (cairn_real)i / (cairn_real)count);
-        virtual_scan->work.weights[virtual_scan->work.point_count++] = h->weight;
+            cairn_ellipse_point(ellipse, 2 * CAIRN_PI * (cairn_real)i / (cairn_real)count);
+        virtual_scan->work.weights[virtual_scan->work.point_count++] = hypothesis->weight;
     }
-    h->end_point = virtual_scan->work.point_count;
+    hypothesis->end_point = virtual_scan->work.point_count;
 }
 
 cairn_status cairn_virtual_scan_sample_ellipses(cairn_virtual_scan *virtual_scan,
@@ -227,15 +229,15 @@ cairn_status cairn_virtual_scan_sample_ellipses(cairn_virtual_scan *virtual_scan
 /* ---- Rectangles ---- */
 
 /* Returns side i; free inside for rooms and rectangles without orientation, outside for boxes. */
-static cairn_segment side_of(const cairn_rectangle *r, int32_t i)
+static cairn_segment side_of(const cairn_rectangle *rectangle, int32_t i)
 {
     cairn_vec2 corners[4];
     cairn_segment side;
 
-    cairn_rectangle_corners(r, corners);
+    cairn_rectangle_corners(rectangle, corners);
     side.a = corners[i];
     side.b = corners[(i + 1) % 4];
-    if (r->kind == CAIRN_RECTANGLE_BOX) {
+    if (rectangle->kind == CAIRN_RECTANGLE_BOX) {
         side.a = corners[(i + 1) % 4];
         side.b = corners[i];
     }
@@ -265,7 +267,7 @@ cairn_status cairn_virtual_scan_sample_rectangles(cairn_virtual_scan *virtual_sc
 /* ---- The caller's kinds ---- */
 
 static void take_outline(cairn_virtual_scan *virtual_scan,
-                         const cairn_virtual_scan_hypothesis_detector *d, int32_t index)
+                         const cairn_virtual_scan_hypothesis_detector *detector, int32_t index)
 {
     cairn_virtual_scan_hypothesis *h =
         add_hypothesis(virtual_scan, CAIRN_VIRTUAL_SCAN_CALLER + virtual_scan->item, 0);
@@ -274,9 +276,9 @@ static void take_outline(cairn_virtual_scan *virtual_scan,
 
     if (h == NULL)
         return;
-    count =
-        d->outline(d->state, index, virtual_scan->params.spacing,
-                   &virtual_scan->work.points[virtual_scan->work.point_count], capacity, &strength);
+    count = detector->outline(detector->state, index, virtual_scan->params.spacing,
+                              &virtual_scan->work.points[virtual_scan->work.point_count], capacity,
+                              &strength);
     CAIRN_ASSERT(count >= 0 && count <= capacity && strength >= 0 && strength <= 1);
     h->strength = strength;
     h->weight = virtual_scan->params.weight * strength;

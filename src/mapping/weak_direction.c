@@ -59,12 +59,13 @@ static int is_length(cairn_real length)
     return length > 0 && length <= MAX_COORDINATE_M;
 }
 
-static int params_are_valid(const cairn_weak_direction_params *p)
+static int params_are_valid(const cairn_weak_direction_params *params)
 {
-    return p != NULL && is_count(p->max_scans, 1, 1 << 16) && is_count(p->max_walls, 1, 1 << 16) &&
-           is_count(p->max_submaps, 1, 64) && is_length(p->weak_sigma) &&
-           is_length(p->max_cross_sigma) && is_length(p->max_sigma_theta) &&
-           is_length(p->translation_step) && is_length(p->thickness_sigma);
+    return params != NULL && is_count(params->max_scans, 1, 1 << 16) &&
+           is_count(params->max_walls, 1, 1 << 16) && is_count(params->max_submaps, 1, 64) &&
+           is_length(params->weak_sigma) && is_length(params->max_cross_sigma) &&
+           is_length(params->max_sigma_theta) && is_length(params->translation_step) &&
+           is_length(params->thickness_sigma);
 }
 
 static size_t pairs_of(int32_t parts)
@@ -140,7 +141,7 @@ cairn_status cairn_weak_direction_begin(cairn_weak_direction *weak_direction,
     weak_direction->added_scans = weak_direction->wall_count = 0;
     weak_direction->submap_count = 1;
     weak_direction->phase = WEAK_DIRECTION_ADD_SCANS;
-    weak_direction->item = weak_direction->inner_item = weak_direction->uncharged_units = 0;
+    weak_direction->item = weak_direction->inner_item = weak_direction->units_due = 0;
     memset(&weak_direction->result, 0, sizeof weak_direction->result);
     memset(weak_direction->thickness_weight, 0,
            WEAK_DIRECTION_THICKNESS_BINS * sizeof *weak_direction->thickness_weight);
@@ -303,12 +304,13 @@ static void number_scan(cairn_weak_direction *weak_direction, int32_t i, cairn_p
 /* Numbers all submaps; none when there is no fixed or no weak submap. */
 static int32_t number_item(cairn_weak_direction *weak_direction)
 {
-    int32_t firm = weak_direction->submaps[WEAK_DIRECTION_FIXED_SUBMAP].scans;
-    cairn_pose gauge = firm > 0 ? cairn_pose_fit(weak_direction->fixed_initial,
-                                                 weak_direction->fixed_map, NULL, firm, 1)
-                                : cairn_pose_identity();
+    int32_t fixed_count = weak_direction->submaps[WEAK_DIRECTION_FIXED_SUBMAP].scans;
+    cairn_pose gauge = fixed_count > 0
+                           ? cairn_pose_fit(weak_direction->fixed_initial,
+                                            weak_direction->fixed_map, NULL, fixed_count, 1)
+                           : cairn_pose_identity();
 
-    for (int32_t i = 0; i < weak_direction->scan_count && firm > 0; i++)
+    for (int32_t i = 0; i < weak_direction->scan_count && fixed_count > 0; i++)
         number_scan(weak_direction, i, gauge);
     for (size_t k = 0; k < pairs_of(weak_direction->submap_count - 1); k++)
         weak_direction->pairs[k].margin = -1;
@@ -422,11 +424,11 @@ static int32_t run_through(cairn_weak_direction *weak_direction, int32_t count,
 /* Walls of the weak submaps, then those of the fixed one. */
 static int32_t gather_item(cairn_weak_direction *weak_direction)
 {
-    int32_t firm = weak_direction->inner_item,
+    int32_t gathers_fixed = weak_direction->inner_item,
             units = run_through(weak_direction, weak_direction->scan_count,
                                 cairn_weak_direction_walls_item, WEAK_DIRECTION_WEIGHT);
 
-    if (weak_direction->phase == WEAK_DIRECTION_WEIGHT && !firm) {
+    if (weak_direction->phase == WEAK_DIRECTION_WEIGHT && !gathers_fixed) {
         weak_direction->phase = WEAK_DIRECTION_WALLS;
         weak_direction->inner_item = 1;
     }
@@ -470,18 +472,17 @@ cairn_status cairn_weak_direction_step(cairn_weak_direction *weak_direction, cai
         return CAIRN_EMPTY;
     if (weak_direction->phase == WEAK_DIRECTION_ADD_SCANS)
         weak_direction->phase = WEAK_DIRECTION_CLUSTER;
-    while (weak_direction->phase != WEAK_DIRECTION_DONE || weak_direction->uncharged_units > 0) {
-        int32_t charged = weak_direction->uncharged_units < budget->left
-                              ? weak_direction->uncharged_units
-                              : budget->left;
+    while (weak_direction->phase != WEAK_DIRECTION_DONE || weak_direction->units_due > 0) {
+        int32_t charged =
+            weak_direction->units_due < budget->left ? weak_direction->units_due : budget->left;
 
         if (budget->left <= 0)
             return CAIRN_MORE;
-        weak_direction->uncharged_units -= charged;
+        weak_direction->units_due -= charged;
         weak_direction->result.units += charged;
         budget->left -= charged;
-        if (weak_direction->uncharged_units == 0 && weak_direction->phase != WEAK_DIRECTION_DONE)
-            weak_direction->uncharged_units = phase_item(weak_direction);
+        if (weak_direction->units_due == 0 && weak_direction->phase != WEAK_DIRECTION_DONE)
+            weak_direction->units_due = phase_item(weak_direction);
     }
     return CAIRN_OK;
 }
@@ -490,12 +491,12 @@ cairn_status cairn_weak_direction_step(cairn_weak_direction *weak_direction, cai
 
 static int has_ended(const cairn_weak_direction *weak_direction)
 {
-    return weak_direction->phase == WEAK_DIRECTION_DONE && weak_direction->uncharged_units == 0;
+    return weak_direction->phase == WEAK_DIRECTION_DONE && weak_direction->units_due == 0;
 }
 
 cairn_weak_direction_result cairn_weak_direction_read(const cairn_weak_direction *weak_direction)
 {
-    static const cairn_weak_direction_result none = {0, 0, 0, 0, 0, 0, 0};
+    static const cairn_weak_direction_result none = {0};
 
     return has_ended(weak_direction) ? weak_direction->result : none;
 }

@@ -103,7 +103,7 @@ struct cairn_weak_direction {
     /* m: standard deviation of the initial positions */
     cairn_real initial_sigma;
     weak_direction_phase phase;
-    int32_t item, inner_item, uncharged_units;
+    int32_t item, inner_item, units_due;
     /* the current pair of submaps */
     int32_t moving, fixed;
     /* trial translations in steps: first, first + 1, ...; the last may be the zero translation */
