@@ -25,11 +25,11 @@ static void start_survey(survey *s, uint64_t seed, int32_t boxes)
 }
 
 static cairn_scan_view take(survey *s, cairn_pose pose, int32_t beams, cairn_real view,
-                            cairn_real crowd)
+                            cairn_real people)
 {
     static long_sweep sweep;
 
-    long_take_sweep(&sweep, &s->world, &s->random, pose, beams, view, crowd);
+    long_take_sweep(&sweep, &s->world, &s->random, pose, beams, view, people);
     return long_fit(s->scan, &sweep);
 }
 

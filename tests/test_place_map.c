@@ -36,10 +36,10 @@ static cairn_pose pose_of(sim_pose p)
     return pose;
 }
 
-/* error: of the scans in their places, uniform +-m and +-degrees. crowd: share of the beams that
+/* error: of the scans in their places, uniform +-m and +-degrees. people: share of the beams that
  * end on people. */
 static void make_arena(struct arena *a, uint64_t seed, int32_t places, double error_m,
-                       double error_deg, double crowd)
+                       double error_deg, double people)
 {
     sim_arena_options arena = sim_arena_default();
     sim_survey_options survey = sim_survey_default();
@@ -54,7 +54,7 @@ static void make_arena(struct arena *a, uint64_t seed, int32_t places, double er
     arena.height = 6;
     survey.places = places;
     survey.beams = 201;
-    survey.crowd = crowd;
+    survey.crowd = people;
     a->arena = sim_arena_create(&arena, fault, sizeof fault);
     assert_non_null(a->arena);
     a->survey = sim_survey_create(a->arena, &survey, fault, sizeof fault);

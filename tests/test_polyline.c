@@ -227,7 +227,7 @@ static void assert_sound(cairn_polyline_view view, const cloud *c)
 
 static const double ROOM[4][4] = {{-3, -2, 5, -2}, {5, -2, 5, 4}, {5, 4, -3, 4}, {-3, 4, -3, -2}};
 
-static void make_room_walls(cairn_segment walls[4])
+static void set_room_walls(cairn_segment walls[4])
 {
     for (int i = 0; i < 4; i++)
         walls[i] = wall(ROOM[i][0], ROOM[i][1], ROOM[i][2], ROOM[i][3]);
@@ -239,7 +239,7 @@ static void test_room_from_inside(void **state)
     cloud c;
 
     (void)state;
-    make_room_walls(walls);
+    set_room_walls(walls);
     for (uint64_t seed = 0; seed < 20; seed++) {
         cairn_polyline_view view;
 
@@ -463,7 +463,7 @@ static void test_order_does_not_matter(void **state)
     cloud c, ordered;
 
     (void)state;
-    make_room_walls(walls);
+    set_room_walls(walls);
     walls[4] = wall(2, 1, 2.6, 1.8);
     walls[5] = wall(2.6, 1.8, 2, 2.4);
     for (uint64_t seed = 0; seed < 4; seed++) {
@@ -498,7 +498,7 @@ static void test_fifth_of_noise(void **state)
     cloud c;
 
     (void)state;
-    make_room_walls(walls);
+    set_room_walls(walls);
     walls[4] = wall(2, 1, 2.6, 1.8);
     for (uint64_t seed = 0; seed < 40; seed++) {
         cairn_random random = cairn_random_seed(seed, 6);
@@ -574,7 +574,7 @@ static void test_budgets_are_equal(void **state)
     cloud c;
 
     (void)state;
-    make_room_walls(walls);
+    set_room_walls(walls);
     walls[4] = wall(2, 1, 2.6, 1.8);
     take_scan(&c, walls, 5, 0.3, 0.2, 181, 0.01, 11);
     clutter(&c, 40, box, &random);
@@ -977,7 +977,7 @@ static void test_space_agrees_with_plane(void **state)
     params.max_points = 400;
     own = test_pool(cairn_polyline_memory(&params));
     assert_ok(cairn_polyline_create(&space, &own, &params));
-    make_room_walls(walls);
+    set_room_walls(walls);
     take_scan(&c, walls, 4, 0.3, 0.2, 361, 0.01, 3);
     for (int32_t i = 0; i < c.count; i++) {
         /* y and z from y by 30 degrees about the x axis */

@@ -345,7 +345,7 @@ static void test_wall_while_turning(void **state)
 static const double ROOM[5][4] = {
     {-3, -2, 5, -2}, {5, -2, 5, 4}, {5, 4, -3, 4}, {-3, 4, -3, -2}, {1.2, 1.5, 2.2, 1.1}};
 
-static void make_room_walls(cairn_segment walls[5])
+static void set_room_walls(cairn_segment walls[5])
 {
     for (int i = 0; i < 5; i++)
         walls[i] = wall(ROOM[i][0], ROOM[i][1], ROOM[i][2], ROOM[i][3]);
@@ -358,7 +358,7 @@ static void test_room(void **state)
     cairn_scan_view view;
 
     (void)state;
-    make_room_walls(walls);
+    set_room_walls(walls);
     for (uint64_t seed = 0; seed < 5; seed++) {
         int found = 0;
 
@@ -399,7 +399,7 @@ static void test_sense_and_order_of_beams(void **state)
     int32_t count, point_count;
 
     (void)state;
-    make_room_walls(walls);
+    set_room_walls(walls);
     take_scan(&s, walls, 5, 361, -3.125, 1.0 / 64, 0, 0, AT_BASE);
     add_noise(&s, 0.01, 3);
     view = take(&s.input);
@@ -442,7 +442,7 @@ static void test_mounted_sensor(void **state)
     int found = 0;
 
     (void)state;
-    make_room_walls(walls);
+    set_room_walls(walls);
     take_scan(&s, walls, 5, 361, -PI, 2 * PI / 360, 0, 0, TAIL);
     view = take(&s.input);
     assert_near(view.sensor.x, -0.4, 1e-6);
@@ -605,7 +605,7 @@ static void test_budgets_are_equal(void **state)
     sweep s;
 
     (void)state;
-    make_room_walls(walls);
+    set_room_walls(walls);
     take_scan(&s, walls, 5, 361, -PI, 2 * PI / 360, 0.05, 0.1, AT_BASE);
     add_noise(&s, 0.01, 6);
     view = take(&s.input);
@@ -794,7 +794,7 @@ static void test_hundred_thousand_beams(void **state)
     params.max_segments = 2000;
     own = test_pool(cairn_scan_memory(&params));
     assert_ok(cairn_scan_create(&large, &own, &params));
-    make_room_walls(walls);
+    set_room_walls(walls);
     take_scan(&s, walls, 5, 1, -3.14, 0, 0, 0, AT_BASE);
     input = s.input;
     input.range = range;
