@@ -394,7 +394,8 @@ uint64_t long_lum(void)
 {
     enum { SCANS = 12 };
     cairn_scan_redundancy_params cover_params = cairn_scan_redundancy_default();
-    cairn_scan_set_params set_params = {SCANS, SCANS * 48, SCANS * 300, 0};
+    cairn_scan_set_params set_params = {
+        .max_scans = SCANS, .max_segments = SCANS * 48, .max_points = SCANS * 300, .spacing = 0};
     cairn_lum_params params = cairn_lum_default();
     cairn_pose pose[SCANS], thought[SCANS];
     uint64_t hash = GOLDEN_START;

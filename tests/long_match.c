@@ -337,7 +337,8 @@ uint64_t long_sequences(void)
     words w;
 
     for (w.kind = CAIRN_SEQUENCE_LCS; w.kind <= CAIRN_SEQUENCE_DTW; w.kind++) {
-        cairn_sequence_params params = {w.kind, 60, 50, CAIRN_REAL(0.5)};
+        cairn_sequence_params params = {
+            .kind = w.kind, .max_first = 60, .max_second = 50, .gap_cost = CAIRN_REAL(0.5)};
         cairn_sequence *sequence;
         cairn_pool pool;
 

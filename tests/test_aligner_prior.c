@@ -5,12 +5,12 @@
 
 #include "src/mapping/aligner_work.h"
 
-enum { SCANS = 12, FIRST = 7 };
+enum { SCANS = 12, FIRST_CLUSTER = 7 };
 
 static const double PI = 3.14159265358979323846;
 
-/* Scans without points; those before FIRST in one cluster, the others in another, each in its own
- * frame. */
+/* Scans without points; those before FIRST_CLUSTER in one cluster, the others in another, each in
+ * its own frame. */
 struct bed {
     cairn_pool pool;
     cairn_aligner *x;
@@ -40,7 +40,7 @@ static struct bed make_bed(uint64_t seed, double off)
     assert_ok(cairn_aligner_begin(bed.x));
     for (int32_t i = 0; i < SCANS; i++) {
         cairn_pose pose = bed.x->scans[i].initial,
-                   turned = {i < FIRST ? 3 : -2, 1, i < FIRST ? 1 : -2};
+                   turned = {i < FIRST_CLUSTER ? 3 : -2, 1, i < FIRST_CLUSTER ? 1 : -2};
 
         pose.x += cairn_random_uniform(&random, -1, 1) * (cairn_real)off;
         pose.y += cairn_random_uniform(&random, -1, 1) * (cairn_real)off;
@@ -49,10 +49,10 @@ static struct bed make_bed(uint64_t seed, double off)
             cairn_aligner_compose(cairn_transform_of(turned), cairn_transform_of(pose));
     }
     bed.first = 0;
-    for (int32_t i = 1; i < FIRST; i++)
+    for (int32_t i = 1; i < FIRST_CLUSTER; i++)
         bed.first = cairn_aligner_merge_clusters(bed.x, i, bed.first, same);
-    bed.second = FIRST;
-    for (int32_t i = FIRST + 1; i < SCANS; i++)
+    bed.second = FIRST_CLUSTER;
+    for (int32_t i = FIRST_CLUSTER + 1; i < SCANS; i++)
         bed.second = cairn_aligner_merge_clusters(bed.x, i, bed.second, same);
     cairn_aligner_estimate_sigmas(bed.x);
     return bed;
@@ -213,7 +213,7 @@ static void sums_follow_added_and_removed_scans(void **state)
     int32_t pass = 0;
 
     (void)state;
-    for (int32_t i = 1; i < FIRST; i += 2, pass++) {
+    for (int32_t i = 1; i < FIRST_CLUSTER; i += 2, pass++) {
         all_as_slow(&bed); /* the sums are there */
         cairn_aligner_remove(bed.x, i);
         all_as_slow(&bed);

@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-enum { KEYS = 200, POINTS = 400, SEGMENTS = 64 };
+enum { KEYFRAMES = 200, POINTS = 400, SEGMENTS = 64 };
 
 typedef struct reference_key {
     cairn_segment segments[SEGMENTS];
@@ -45,7 +45,7 @@ static reference new_reference(const cairn_mapper_params *params)
     memset(&t, 0, sizeof t);
     t.params = *params;
     t.odometry_health = t.slip = 1;
-    t.keys = calloc(KEYS, sizeof *t.keys);
+    t.keys = calloc(KEYFRAMES, sizeof *t.keys);
     assert_non_null(t.keys);
     icp.max_target = params->max_local_points;
     field.max_scans = params->window;
@@ -85,7 +85,7 @@ static int compare_places(const void *a, const void *b)
 
 static void make_map(reference *t, cairn_pose at)
 {
-    place places[KEYS];
+    place places[KEYFRAMES];
     int32_t span = t->params.local_span, count = 0;
     int32_t oldest = span > 0 && t->state.keyframes > span ? t->state.keyframes - span : 0;
 

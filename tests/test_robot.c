@@ -294,7 +294,8 @@ static void a_bad_sweep_is_refused(void **state)
 /* The scans of a walk, in the frames of their sensors. */
 static cairn_scan_set *make_set(const walk *w, cairn_pool *pool)
 {
-    cairn_scan_set_params params = {SWEEPS, SWEEPS * 8, SWEEPS * 150, 0};
+    cairn_scan_set_params params = {
+        .max_scans = SWEEPS, .max_segments = SWEEPS * 8, .max_points = SWEEPS * 150, .spacing = 0};
     cairn_scan_params scan_params = room_params().scan;
     cairn_scan_set *set;
     cairn_scan *scan;
