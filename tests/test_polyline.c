@@ -117,23 +117,23 @@ static int teardown(void **state)
     return 0;
 }
 
-static cairn_polyline_view fit_with(cairn_polyline *x, const cloud *c, int32_t budget)
+static cairn_polyline_view fit_with(cairn_polyline *polyline, const cloud *c, int32_t budget)
 {
     cairn_budget left = {budget};
     cairn_status status;
     int64_t used = 0;
 
-    assert_ok(cairn_polyline_begin(x, &c->point[0].x, c->count, NULL));
-    while ((status = cairn_polyline_step(x, &left)) == CAIRN_MORE) {
+    assert_ok(cairn_polyline_begin(polyline, &c->point[0].x, c->count, NULL));
+    while ((status = cairn_polyline_step(polyline, &left)) == CAIRN_MORE) {
         assert_true(left.left > -12);
-        assert_int_equal(cairn_polyline_read(x).segment_count, 0);
+        assert_int_equal(cairn_polyline_read(polyline).segment_count, 0);
         used += budget - left.left;
         left.left = budget;
     }
     assert_ok(status);
     used += budget - left.left;
-    assert_int_equal(cairn_polyline_measured(x).units, used);
-    return cairn_polyline_read(x);
+    assert_int_equal(cairn_polyline_measured(polyline).units, used);
+    return cairn_polyline_read(polyline);
 }
 
 static cairn_polyline_view fit(const cloud *c)
@@ -627,7 +627,7 @@ static void test_memory(void **state)
         cairn_polyline_params p = cairn_polyline_default();                                        \
         p.field = (value);                                                                         \
         assert_int_equal(cairn_polyline_memory(&p), 0);                                            \
-        assert_status(cairn_polyline_create(&x, &pool, &p), CAIRN_BAD_ARGUMENT);                   \
+        assert_status(cairn_polyline_create(&polyline, &pool, &p), CAIRN_BAD_ARGUMENT);            \
     } while (0)
 
 #define TAKEN(field, value)                                                                        \
@@ -640,7 +640,7 @@ static void test_memory(void **state)
 static void test_params(void **state)
 {
     const cairn_real nan = (cairn_real)NAN, infinity = (cairn_real)INFINITY;
-    cairn_polyline *x;
+    cairn_polyline *polyline;
     cairn_polyline_params good = cairn_polyline_default();
 
     (void)state;
@@ -650,8 +650,8 @@ static void test_params(void **state)
     assert_int_equal(good.max_segments, 256);
     assert_int_equal(cairn_polyline_memory(NULL), 0);
     assert_status(cairn_polyline_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_polyline_create(&x, NULL, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_polyline_create(&x, &pool, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_polyline_create(&polyline, NULL, &good), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_polyline_create(&polyline, &pool, NULL), CAIRN_BAD_ARGUMENT);
     REFUSED(dim, 1);
     REFUSED(dim, 4);
     REFUSED(max_points, 0);
@@ -1047,10 +1047,10 @@ static void random_scene(cloud *c, cairn_random *random)
     clutter(c, cairn_random_below(random, 1 + c->count / 4), box, random);
 }
 
-static uint64_t hash_fit(uint64_t hash, cairn_polyline *x)
+static uint64_t hash_fit(uint64_t hash, cairn_polyline *polyline)
 {
-    cairn_polyline_view view = cairn_polyline_read(x);
-    cairn_polyline_measure cost = cairn_polyline_measured(x);
+    cairn_polyline_view view = cairn_polyline_read(polyline);
+    cairn_polyline_measure cost = cairn_polyline_measured(polyline);
 
     for (int32_t i = 0; i < view.segment_count; i++) {
         hash = test_hash(hash, view.segments[i].a, sizeof view.segments[i].a);
@@ -1167,7 +1167,7 @@ static uint64_t hash_of_grids(void)
 
     for (int32_t i = 0; i < 60; i++) {
         cairn_polyline_params params = cairn_polyline_default();
-        cairn_polyline *x;
+        cairn_polyline *polyline;
         cairn_pool own;
         cloud c;
 
@@ -1184,11 +1184,11 @@ static uint64_t hash_of_grids(void)
         params.gap_max = CAIRN_REAL(0.5) * (cairn_real)(1 + cairn_random_below(&random, 2));
         params.merge_distance = CAIRN_REAL(0.125);
         own = test_pool(cairn_polyline_memory(&params));
-        assert_ok(cairn_polyline_create(&x, &own, &params));
+        assert_ok(cairn_polyline_create(&polyline, &own, &params));
         for (int32_t k = 0; k < 3; k++) {
             grid_scene(&c, &random);
-            (void)fit_with(x, &c, CAIRN_UNBOUNDED);
-            hash = hash_fit(hash, x);
+            (void)fit_with(polyline, &c, CAIRN_UNBOUNDED);
+            hash = hash_fit(hash, polyline);
         }
         test_pool_free(&own);
     }

@@ -117,27 +117,27 @@ static int setup(void **state)
     return 0;
 }
 
-static cairn_scan_view take_with(cairn_scan *x, const cairn_scan_input *input, int32_t budget)
+static cairn_scan_view take_with(cairn_scan *scan, const cairn_scan_input *input, int32_t budget)
 {
     cairn_budget left = {budget};
     cairn_fault fault;
     cairn_status status;
     int64_t used = 0;
 
-    assert_ok(cairn_scan_begin(x, input, &fault));
+    assert_ok(cairn_scan_begin(scan, input, &fault));
     assert_null(fault.message);
     assert_int_equal(fault.index, -1);
-    while ((status = cairn_scan_step(x, &left)) == CAIRN_MORE) {
-        assert_int_equal(cairn_scan_read(x).beam_count, 0);
-        assert_int_equal(cairn_scan_read(x).point_count, 0);
+    while ((status = cairn_scan_step(scan, &left)) == CAIRN_MORE) {
+        assert_int_equal(cairn_scan_read(scan).beam_count, 0);
+        assert_int_equal(cairn_scan_read(scan).point_count, 0);
         assert_true(left.left > -7);
         used += budget - left.left;
         left.left = budget;
     }
     assert_ok(status);
     used += budget - left.left;
-    assert_int_equal(cairn_scan_measured(x).units, used);
-    return cairn_scan_read(x);
+    assert_int_equal(cairn_scan_measured(scan).units, used);
+    return cairn_scan_read(scan);
 }
 
 static cairn_scan_view take(const cairn_scan_input *input)
@@ -665,13 +665,13 @@ static void test_memory(void **state)
         cairn_scan_params p = cairn_scan_default();                                                \
         p.field = (value);                                                                         \
         assert_int_equal(cairn_scan_memory(&p), 0);                                                \
-        assert_status(cairn_scan_create(&x, &pool, &p), CAIRN_BAD_ARGUMENT);                       \
+        assert_status(cairn_scan_create(&scan, &pool, &p), CAIRN_BAD_ARGUMENT);                    \
     } while (0)
 
 static void test_params(void **state)
 {
     cairn_scan_params good = cairn_scan_default();
-    cairn_scan *x;
+    cairn_scan *scan;
 
     (void)state;
     assert_true(cairn_scan_memory(&good) > 0);
@@ -686,8 +686,8 @@ static void test_params(void **state)
     assert_true(cairn_scan_memory(&good) > 0);
     assert_int_equal(cairn_scan_memory(NULL), 0);
     assert_status(cairn_scan_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_scan_create(&x, NULL, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_scan_create(&x, &pool, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_scan_create(&scan, NULL, &good), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_scan_create(&scan, &pool, NULL), CAIRN_BAD_ARGUMENT);
     REFUSED(max_beams, 0);
     REFUSED(max_beams, 100001);
     REFUSED(max_segments, 0);
