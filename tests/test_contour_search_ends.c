@@ -8,7 +8,7 @@ enum { LINES = 400, END_DISTANCE_PX = 4 };
 static void assert_same_as_all(const cairn_segment *lines, int32_t count)
 {
     int32_t listed[LINES], listed_count = 0, met = 0;
-    contour_ends ends;
+    contour_search_ends ends;
 
     for (int32_t i = 0; i < count; i++)
         if (i % 7 != 3)

@@ -112,7 +112,9 @@ static option_result read_settings(settings *s, int argc, char **argv)
                     "image's diagonal to all of it)"),
         OPTION_TEXT("--rotation", &s->rotation, "A:B",
                     "rotation from the model to the object, clockwise, degrees (-15:15)"),
-        OPTION_INTEGER("--particles", &s->particles, 1, 4096, "N", "particles of the filter"),
+        OPTION_INTEGER("--particles", &s->particles, 1, 4096, "N",
+                       "particles of the filter; without --as-written also the maximum number of\n"
+                       "hypotheses that are fitted, which is what matters"),
         OPTION_TEXT("--tokens", &s->tokens, "NAME", "tokens to group: segments, or edgels"),
         OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_MODEL_MAX_PATHS, "N",
                        "maximum number of paths of a model that is built from a picture"),

@@ -23,6 +23,8 @@ refused()
 refused "$(echo "$row" | sed 's/pool_init/pool_empty_out/')" '' 'no function'
 refused "$(echo "$row" | sed 's/no-odometry/no-moons/')" '' 'unknown option'
 refused "$(echo "$row" | sed 's/| 3 |/|/')" '' 'cells'
+refused "$(echo "$row" | sed 's|cairn map --no-odometry|bench/graph --no-moons|')" '' 'unknown option'
+refused "$(echo "$row" | sed 's|cairn map --no-odometry|build/bench/graph --no-moons|')" '' 'unknown option'
 refused "$(echo "$row" | sed 's/as written/well/')" '' 'none of those'
 refused "$(echo "$row" | sed 's/as written/left out/')" '' 'does not say'
 refused "$row

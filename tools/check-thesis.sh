@@ -22,12 +22,12 @@ done
 # The command, from the folder of the build, with --help appended: all arguments before it are parsed first.
 accepted()
 {
-    words=$(printf '%s\n' "$1" | sed "s|^build/|$build/|; s|^cairn|$build/cairn|")
+    words=$(printf '%s\n' "$1" | sed "s|^build/|$build/|; s|^bench/|$build/bench/|; s|^cairn|$build/cairn|")
     # shellcheck disable=SC2086
     said=$($words --help 2>&1 >/dev/null </dev/null) || refuse "$2: \`$1\`: $(echo "$said" | tail -1)"
 }
 
-grep -o '`\(build/bench/\|build/cairn\|cairn\|cairn-arena\) [^`]*`\|`build/bench/[a-z]*`' "$document" | tr -d '`' | sort -u >"$build/thesis-commands"
+grep -oE '`((build/)?bench/[a-z]+|(build/)?cairn(-arena)?) [^`]*`|`(build/)?bench/[a-z]+`' "$document" | tr -d '`' | sort -u >"$build/thesis-commands"
 while read -r command; do
     accepted "$command" "$document"
 done <"$build/thesis-commands"

@@ -102,7 +102,7 @@ CAIRN_CHECKED cairn_status cairn_block_solver_add_link(cairn_block_solver *solve
  * values are 0 afterwards. The last step returns CAIRN_FULL when the factor would have more than
  * max_fill blocks, with their number in `fill`: the structure stays, and only extend() and begin()
  * are accepted. CAIRN_BAD_ARGUMENT: no structure, or already analyzed. Cost: for planar graphs
- * about proportional to `fill` (measured, docs/accuracy.md). */
+ * about proportional to `fill` (measured, docs/lab/graphs.md). */
 CAIRN_CHECKED cairn_status cairn_block_solver_analyze(cairn_block_solver *solver);
 
 /* Resumes an analysis that returned CAIRN_FULL, with memory for max_fill blocks from a pool that

@@ -96,7 +96,7 @@ typedef struct cairn_boundary_image {
 typedef struct cairn_boundary cairn_boundary;
 
 /* Returns the default values, in brackets above. The weights were chosen from a few candidates
- * on photographs with human-drawn outlines (docs/accuracy.md). */
+ * on photographs with human-drawn outlines (docs/lab/skeleton.md). */
 cairn_boundary_params cairn_boundary_default(void);
 
 /* Returns the memory of a detector in bytes; 0 for params that create() rejects. */

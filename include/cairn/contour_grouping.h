@@ -7,7 +7,7 @@
  * CAIRN_MODE_DEFAULT: hypothesis generation and verification. Every pair of tokens (short pieces of
  * segments) that matches the two sides of a model sample generates a pose hypothesis. The best
  * hypotheses are refined by dynamic programming along the model's outline. So are the final poses
- * of a particle filter that starts from these hypotheses. Ablation (docs/accuracy.md): the
+ * of a particle filter that starts from these hypotheses. Ablation (docs/lab/group.md): the
  * parameter `particles` matters, because it also limits the number of hypotheses. Neither term of
  * the filter's weights matters: without them the same objects are found in clutter, under occlusion
  * and with several instances.

@@ -19,7 +19,6 @@
  * - D' begins at the point itself, as D does. Eq. 4.3 as printed is shifted by one sample.
  * - The norm of eq. 4.4 is Euclidean, in units of sqrt(N) times the greatest distance. That is one
  *   factor for all cuts of a shape, so the ranking does not depend on it.
- * - Levels that discrete curve evolution cannot reach without self-intersection are skipped.
  * - If two arcs share no end point, the axis ends halfway between their ends.
  * - Among equal cuts the coarser level wins.
  * - Ties, rotations and the axes after the first are not in the text.

@@ -12,7 +12,7 @@
  * 6. Parts whose axes continue into each other are joined to an object.
  *
  * Limits: the number of particles matters little. One particle finds the same parts as 16, with
- * radius errors of 1.4 % instead of 0.9 % (docs/accuracy.md).
+ * radius errors of 1.4 % instead of 0.9 % (docs/lab/skeleton.md).
  *
  * CAIRN_MODE_AS_WRITTEN follows the chapter as printed. CPs come from all pairs of edgels. Each
  * mirror-symmetric line has two filters, one in each direction, whose first particles are the CPs

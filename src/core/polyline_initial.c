@@ -2,14 +2,14 @@
  * order.
  *
  * Method:
- * 1. Cells are runs of the sorted points; the next cell follows from the codes at the border of the
+ * 1. Cells are runs of the sorted points. The next cell follows from the codes at the border of the
  *    last one, so neither a stack nor a tree is needed. On each branch the first cell whose points,
  *    except a few, lie in a band becomes a component.
  * 2. A cell is fitted three times, the last two times to the points in the band only, so clutter
  *    does not rotate the line.
- * 3. A wall whose cells have too few points each is found in one of two later rounds, which search
- *    the outliers in cells shifted by a third (Chan 1998: two points that are close to each other
- *    share a small cell of one of three such trees).
+ * 3. A wall whose cells have too few points each is found in one of two later rounds. These search
+ *    the outliers in cells shifted by a third. Two points that are close to each other share a
+ *    small cell of one of three such trees (Chan 1998).
  *
  * Source: Chan 1998 (shifted quadtrees). */
 #include "src/core/build.h"

@@ -330,8 +330,8 @@ size_t cairn_token_next(const char **at, const char *end, const char **token)
 
 const char *cairn_token_text(char text[CAIRN_TOKEN_TEXT_BYTES], const char *token, size_t length)
 {
-    enum { SHOWN = 24 };
-    size_t count = length < SHOWN ? length : SHOWN, i;
+    enum { MAX_SHOWN_BYTES = 24 };
+    size_t count = length < MAX_SHOWN_BYTES ? length : MAX_SHOWN_BYTES, i;
     char *at = text;
 
     *at++ = '"';

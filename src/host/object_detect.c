@@ -41,7 +41,7 @@
 #define TANGENT_WEIGHT     32
 #define DEFORMATION_WEIGHT 16
 /* Score offset: the typical score without an object, so that most images without one have no
- * detection above 0 (docs/accuracy.md). */
+ * detection above 0 (docs/lab/detect.md). */
 #define SCORE_OFFSET 10.7
 /* Score weight of the squared log ratio of the box's aspect ratio to the model's. */
 #define ASPECT_WEIGHT 1
@@ -189,8 +189,8 @@ static int append_segments(const object_detector *detector, cairn_object_detecti
                            cairn_object_detection *detection)
 {
     const cairn_contour_search_tokens *tokens = detector->field->tokens;
-    contour_fitted_outline fitted = {detector->fit.outline, detector->model->outline_count,
-                                     detection->origin, detection->size};
+    contour_search_fitted_outline fitted = {detector->fit.outline, detector->model->outline_count,
+                                            detection->origin, detection->size};
     int32_t *list = realloc(
         found->segments, ((size_t)found->segment_count + (size_t)tokens->count + 1) * sizeof *list);
     cairn_real length = 0;
@@ -227,9 +227,9 @@ static const cairn_oriented_point *model_outline(const object_detector *detector
 static void measure_shape(const object_detector *detector, cairn_object_detection *detection,
                           object_detect_similarity *map)
 {
-    const contour_fitted_outline fitted = {detector->fit.outline, detection->outline_count,
-                                           detection->origin, detection->size};
-    const contour_reference reference = {model_outline(detector, detection), {1, 0}};
+    const contour_search_fitted_outline fitted = {detector->fit.outline, detection->outline_count,
+                                                  detection->origin, detection->size};
+    const contour_search_reference reference = {model_outline(detector, detection), {1, 0}};
     cairn_contour_search_shape shape = cairn_contour_search_shape_of(
         detector->field->tokens, &fitted, detector->fit.outline_index, &reference,
         detector->segment_scratch, detector->sample_scratch);

@@ -3,7 +3,8 @@
  *
  * Method: a scan's visibility profile has range and segment by bearing.
  * 1. A point of another scan is looked up by its bearing from the scan's sensor, in constant time.
- *    - Same surface: its distance from the segment's line is within a gate, and the directions agree.
+ *    - Same surface: its distance from the segment's line is within a gate, and the directions
+ *      agree.
  *    - Free space: the scan measured well beyond it (free-space violation).
  *    - Else it is on another surface, or occluded.
  * 2. Bearings are positions on the diamond |x| + |y| = 1: one division, no arc tangent.

@@ -16,7 +16,7 @@
 #include "src/mapping/map_merge_work.h"
 
 /* nats of log-likelihood ratio per nat of log-likelihood */
-#define TEMPERATURE CAIRN_REAL(4.0)
+#define LIKELIHOOD_TEMPERATURE CAIRN_REAL(4.0)
 /* nats: minimum log-likelihood ratio of a candidate; weakly supported maps are cut off in the
  * end */
 #define MIN_LOG_RATIO CAIRN_REAL(2.0)
@@ -316,7 +316,7 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     else if (merge->params.perception == CAIRN_MAP_MERGE_IMAGES)
         *log_likelihood = -20;
     else
-        *log_likelihood = s->log_ratio / TEMPERATURE;
+        *log_likelihood = s->log_ratio / LIKELIHOOD_TEMPERATURE;
     return CAIRN_OK;
 }
 
@@ -327,8 +327,9 @@ cairn_particle_filter_model cairn_map_merge_model(cairn_map_merge *merge)
     return model;
 }
 
-/* Returns the first map: one of the pair with the largest log-likelihood ratio, so that weak maps
- * meet many maps at once; the reference when an order or a guess is given. */
+/* Returns the first map: the reference when an order or an initial pose is given, otherwise one of
+ * the pair with the largest log-likelihood ratio. Weak maps are then compared with many maps at
+ * once. */
 static int32_t first_map(const cairn_map_merge *merge)
 {
     int32_t first = merge->reference;
