@@ -1,3 +1,4 @@
+/* Pairwise merging of real maps. */
 #include "bench/bench_maps.h"
 
 #include <inttypes.h>

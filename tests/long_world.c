@@ -1,3 +1,4 @@
+/* The world of the long scenes, and scans of it. */
 #include "src/core/build.h"
 
 #include "tests/long.h"

@@ -1,3 +1,5 @@
+/* Linear assignment compared with all pairings and with the Hungarian method; budgets, memory,
+ * refusals. */
 #include "tests/test.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+/* Corners of segments: by hand, and compared with all pairs; suppression, budgets, refusals. */
 #include "tests/test.h"
 
 #include <math.h>

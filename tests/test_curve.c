@@ -1,3 +1,4 @@
+/* Even samples and tangents of polylines, compared with a reference implementation. */
 #include "tests/test.h"
 
 #include <math.h>

@@ -1,3 +1,5 @@
+/* Discrete curve evolution compared with a reference implementation; curves that would cross
+ * themselves. */
 #include "tests/test.h"
 
 #include <math.h>

@@ -1,3 +1,5 @@
+/* Edge segments of chains: drawings with known segments, random ones compared with a reference
+ * implementation; budgets, refusals. */
 #include "tests/test.h"
 
 #include <math.h>

@@ -1,3 +1,5 @@
+/* Force field simulation as in chapter 7: forces and potential compared with all pairs, budgets,
+ * endless operation, external points. */
 #include "tests/field_scene.h"
 
 /* ---- Reference implementation in double: every point with every other ---- */

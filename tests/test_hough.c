@@ -1,3 +1,5 @@
+/* Hough transform: lines compared with a reference implementation, known scenes, tolerances,
+ * budgets, refusals. */
 #include "tests/test.h"
 
 #include <math.h>

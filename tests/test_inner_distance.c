@@ -1,3 +1,5 @@
+/* Inner distances compared with shortest paths over all pairs of vertices; notches, crossing
+ * sides, refusals. */
 #include "tests/test.h"
 
 #include <math.h>

@@ -1,3 +1,5 @@
+/* The mapper on simulated drives: accuracy, window, memory, motion during a sweep, stored
+ * results. */
 #include "tests/drive.h"
 #include "tests/rooms.h"
 

@@ -1,3 +1,5 @@
+/* Hash grid of points and sweep over boxes, compared with linear searches; work, budgets,
+ * memory. */
 #include "tests/test.h"
 
 #include "cairn/neighbours.h"

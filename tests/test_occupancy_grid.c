@@ -1,3 +1,5 @@
+/* Occupancy grid: beams compared with clipping by every cell, probabilities by hand, budgets,
+ * degenerate beams. */
 #include "tests/test.h"
 
 #include <math.h>

@@ -1,3 +1,5 @@
+/* Bundles of outline fragments compared with a reference implementation; degenerate outlines,
+ * refusals. */
 #include "tests/test.h"
 
 #include <math.h>

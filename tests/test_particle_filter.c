@@ -1,3 +1,4 @@
+/* The particle filter compared with exact posteriors; resampling, histories, costs, failures. */
 #include "tests/test.h"
 
 #include <math.h>

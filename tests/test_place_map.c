@@ -1,3 +1,5 @@
+/* Maps of places without odometry: simulated arenas, ambiguity, likelihoods compared with a
+ * reference implementation, refusals. */
 #include "tests/place_mapping.h"
 
 #include <math.h>

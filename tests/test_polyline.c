@@ -1,3 +1,5 @@
+/* Line fitting by extended EM: walls of known position, noise and clutter, budgets, capacities,
+ * stored results. */
 #include "tests/test.h"
 
 #include <math.h>

@@ -1,3 +1,4 @@
+/* Distance maps compared with a reference implementation; views, budgets. */
 #include "tests/test.h"
 
 #include "cairn/raster.h"

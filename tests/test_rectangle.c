@@ -1,3 +1,5 @@
+/* Rectangles from segments, compared with all quadruples; exactly known scenes, capacities,
+ * refusals. */
 #include "tests/test.h"
 
 #include <math.h>

@@ -1,3 +1,5 @@
+/* Line fit of a scan: motion during the sweep compared with small steps, segments and points,
+ * budgets, refusals. */
 #include "tests/test.h"
 
 #include <math.h>

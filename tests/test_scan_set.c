@@ -1,3 +1,4 @@
+/* Sets of scans: storage of points in both representations, removal, compaction, refusals. */
 #include "tests/test.h"
 
 #include <math.h>

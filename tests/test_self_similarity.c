@@ -1,3 +1,5 @@
+/* Axes of symmetry: generated shapes with known axes, the thesis's search compared with a
+ * reference implementation, refusals. */
 #include "tests/test.h"
 
 #include <math.h>

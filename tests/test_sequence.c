@@ -1,3 +1,4 @@
+/* Sequence alignment compared with whole tables; equal paths, units, refusals. */
 #include "tests/test.h"
 
 #include <math.h>

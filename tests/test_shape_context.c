@@ -1,3 +1,5 @@
+/* Shape contexts compared with a reference implementation; whole shapes and parts, degenerate
+ * shapes. */
 #include "tests/test.h"
 
 #include <math.h>

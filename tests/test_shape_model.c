@@ -1,3 +1,4 @@
+/* Models of outlines: paths of known shapes, sides and shares; refusals. */
 #include "tests/test.h"
 
 #include <math.h>

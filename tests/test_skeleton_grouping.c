@@ -1,3 +1,5 @@
+/* Skeletons of images: bars, rings, branches; slopes, pairs compared with a reference
+ * implementation, degenerate images, budgets. */
 #include "tests/skeleton_scene.h"
 
 /* Edgels a pixel apart along a line, the bright side to the left of the direction (y up). */

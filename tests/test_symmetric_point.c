@@ -1,3 +1,4 @@
+/* Symmetric points: by hand, and compared with all pairs of samples; capacities, refusals. */
 #include "tests/test.h"
 
 #include <math.h>

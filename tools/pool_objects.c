@@ -1,3 +1,4 @@
+/* Table of all objects that take memory from a pool. */
 #include "tools/pool_objects.h"
 
 #include <string.h>
