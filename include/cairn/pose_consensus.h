@@ -126,7 +126,7 @@ typedef cairn_real (*cairn_pose_pair_likelihood)(void *context, int32_t first, i
 
 /* Sets the pairwise likelihood function; NULL: none. Cancels a running search.
  *
- * judge: the function, or NULL
+ * likelihood: the function, or NULL
  * context: passed to the function */
 void cairn_pose_consensus_set_pair_likelihood(cairn_pose_consensus *consensus,
                                               cairn_pose_pair_likelihood likelihood, void *context);
@@ -151,7 +151,7 @@ typedef cairn_real (*cairn_pose_joint_likelihood)(void *context, int32_t node, c
  * the support by a whole component is evaluated; pairs still determine the tree of strongest links.
  * clear() removes it. Cancels a running search.
  *
- * jury: the function, or NULL
+ * likelihood: the function, or NULL
  * context: passed to the function */
 void cairn_pose_consensus_set_joint_likelihood(cairn_pose_consensus *consensus,
                                                cairn_pose_joint_likelihood likelihood,
