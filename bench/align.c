@@ -4,9 +4,8 @@
  * aligned when it lies within 0.05 m and 1 degree (--within) of the truth after the best rigid
  * alignment; the fraction is relative to the scans that are observable by the Cramer-Rao bound
  * (bench_bound). The flags of methods that report low-confidence poses are evaluated: false_flags
- * are observable scans that it flagged, missed_flags unobservable ones that it did not, and of all
- * scans that it did not flag, inside95 is the fraction with the true position inside the 95 %
- * covariance ellipse. */
+ * are flagged observable scans, missed_flags unflagged unobservable ones. inside95 is the fraction
+ * of the unflagged scans with the true position inside the 95 % covariance ellipse. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>

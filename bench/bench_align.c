@@ -1,3 +1,4 @@
+/* The methods of batch scan alignment behind one interface. */
 #include "bench/bench_align.h"
 
 #include <stdio.h>

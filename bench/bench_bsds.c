@@ -7,7 +7,7 @@
 #include <string.h>
 
 /* Of the diagonal. */
-#define REACH 0.0075
+#define MATCH_DISTANCE_SHARE 0.0075
 /* Canny's lower threshold, as a fraction of the upper one. */
 #define LOW 0.4
 
@@ -69,7 +69,7 @@ int bsds_read(bsds_image *image, const char *folder, const char *name)
         bsds_free(image);
         return 0;
     }
-    image->reach = REACH * hypot(image->grey.width, image->grey.height);
+    image->reach = MATCH_DISTANCE_SHARE * hypot(image->grey.width, image->grey.height);
     image->near = calloc((size_t)pixels_of(image), 1);
     if (image->near == NULL || image->truth.width != image->grey.width ||
         image->truth.height != image->grey.height) {
@@ -203,7 +203,7 @@ double bsds_canny(const bsds_image *image, double recall)
         /* From few edges to many, until the recall is reached. */
         for (int level = 0; level < LEVELS && last.recall < recall; level++) {
             double high = 60 / sigma[s] * pow(0.8, level);
-            cairn_vision_canny_params params = {sigma[s], LOW * high, high};
+            cairn_vision_canny_params params = {.sigma = sigma[s], .low = LOW * high, .high = high};
             cairn_file_error error;
             bsds_point here;
 

@@ -12,7 +12,7 @@ enum {
     RIGHT = 14,
     TOP = 34,
     BOTTOM = 34,
-    HEAD = 96
+    HEAD_PX = 96
 };
 
 static const char *const colours[] = {"#d97706", "#2563eb", "#059669", "#dc2626"};
@@ -95,7 +95,7 @@ static void draw_panel(cairn_output *out, const bench_curves *c, int32_t index)
     const bench_curve_panel *panel = &c->panel[index];
     int32_t row = index / c->columns;
     double corner_x = 12 + (double)(index % c->columns * PANEL_WIDTH),
-           corner_y = HEAD + (double)(row * PANEL_HEIGHT);
+           corner_y = HEAD_PX + (double)(row * PANEL_HEIGHT);
     frame f = {corner_x + LEFT,
                corner_y + TOP,
                PANEL_WIDTH - LEFT - RIGHT,
@@ -126,7 +126,7 @@ static void draw_panel(cairn_output *out, const bench_curves *c, int32_t index)
 cairn_status bench_curves_write(const char *path, const bench_curves *c, cairn_file_error *error)
 {
     int width = 24 + c->columns * PANEL_WIDTH;
-    int height = HEAD + 16 + (c->panels + c->columns - 1) / c->columns * PANEL_HEIGHT;
+    int height = HEAD_PX + 16 + (c->panels + c->columns - 1) / c->columns * PANEL_HEIGHT;
     cairn_output *out;
     cairn_status status = cairn_output_open(&out, path, error);
 

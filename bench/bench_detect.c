@@ -1,3 +1,4 @@
+/* Evaluation of detections: hits, precision and recall. */
 #include <stdlib.h>
 #include <string.h>
 

@@ -11,9 +11,9 @@ enum { CHANNELS = 8, SIZES = 9, ASPECTS = 3, STEP = 4, MAX_DETECTIONS = 64, MAX_
 
 /* Clipping distance as a share of the size; penalty of a direction that is one channel off, in
  * px. */
-#define CUT      0.06
-#define OVERLAP  0.2
-#define DIAGONAL 1.41421356F
+#define CLIP_SHARE  0.06
+#define MAX_OVERLAP 0.2
+#define DIAGONAL    1.41421356F
 
 typedef struct matcher {
     const group_image *image;
@@ -114,7 +114,7 @@ static void match(matcher *m, double size, double aspect, int32_t mirrored)
     int32_t w = m->image->width, h = m->image->height, n = m->model->outline_count;
     double wide = sqrt(aspect) * size * (mirrored ? -1 : 1), tall = size / sqrt(aspect), half_x = 0,
            half_y = 0;
-    float cut = (float)(CUT * size);
+    float cut = (float)(CLIP_SHARE * size);
 
     for (int32_t i = 0; i < n; i++) {
         half_x = fmax(half_x, fabs(wide * (double)m->model->outline[i].position.x));
@@ -169,7 +169,7 @@ static void keep_best(matcher *m)
         int32_t apart = 1;
 
         for (int32_t k = 0; k < kept && apart; k++)
-            apart = shared(&m->peaks[i], &m->peaks[k]) <= OVERLAP;
+            apart = shared(&m->peaks[i], &m->peaks[k]) <= MAX_OVERLAP;
         if (apart)
             m->peaks[kept++] = m->peaks[i];
     }

@@ -1,3 +1,4 @@
+/* A robot that drives endless laps in bounded memory. */
 #include "bench/bench_endless.h"
 
 #include <math.h>

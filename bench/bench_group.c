@@ -9,11 +9,11 @@
 #include "cairn/vision.h"
 
 /* Protocol: px of coverage, share of the box's diagonal of precision; and thresholds of a hit. */
-#define NEAR          3
-#define FAR_SHARE     0.04
-#define HIT_COVERAGE  0.8
-#define HIT_PRECISION 0.6
-#define APART         0.3
+#define COVERAGE_PX      3
+#define FAR_SHARE        0.04
+#define HIT_COVERAGE     0.8
+#define HIT_PRECISION    0.6
+#define SAME_PLACE_SHARE 0.3
 /* Pixels by which an outline may leave its box, and that it has at least. */
 #define BOX_SLACK     5
 #define LEAST_OUTLINE 20
@@ -318,7 +318,7 @@ int group_image_read(group_image *image, const char *folder, const char *name,
     image->height = edges.height;
     image->edges = edges.samples;
     image->near_edge = grown(image, image->edges, 1.5);
-    image->with_edge = grown(image, image->edges, NEAR);
+    image->with_edge = grown(image, image->edges, COVERAGE_PX);
     if (class_name != NULL) {
         read_boxes(image, folder, class_name);
         read_outlines(image, folder, class_name);
@@ -425,7 +425,7 @@ void group_found_sort(group_found *found)
 
             apart =
                 hypot((double)(o->origin.x - b->origin.x), (double)(o->origin.y - b->origin.y)) >
-                APART * fmax((double)o->size, (double)b->size);
+                SAME_PLACE_SHARE * fmax((double)o->size, (double)b->size);
         }
         if (apart)
             found->grouping[kept++] = found->grouping[i];
@@ -454,7 +454,7 @@ static group_score score_of(const group_image *image, const group_grouping *g, i
 {
     const group_box *b = &image->box[instance];
     double far = fmax(1, FAR_SHARE * hypot(b->right - b->left, b->bottom - b->top));
-    uint8_t *near = grown(image, g->pixels, NEAR),
+    uint8_t *near = grown(image, g->pixels, COVERAGE_PX),
             *along = grown(image, image->outline[instance], far);
     group_score s = {.instance = instance};
     int32_t present = 0, covered = 0, thin_present = 0, thin_covered = 0, right = 0;

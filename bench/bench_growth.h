@@ -8,9 +8,9 @@
 
 #include "bench/bench_problem.h"
 
-/* Prints an object for each arena, with the seconds (least of three runs each, taken in turn) and
- * units of all, and one of the medians over the arenas of the cost ratios of the large arena to the
- * other two. 0 on failure, with a line on standard error. */
+/* Prints an object for each arena: the seconds (least of three runs each, taken in turn) and units.
+ * Prints one object of medians over the arenas: the cost ratios of the large arena to the other
+ * two. 0 on failure, with a line on standard error. */
 int bench_growth(const bench_problem_kind *kind, int64_t arenas, int64_t seed);
 
 #endif

@@ -1,3 +1,4 @@
+/* Test cases of the hypotheses of virtual scans. */
 #include "bench/bench_guess.h"
 
 #include <math.h>

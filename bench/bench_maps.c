@@ -1,3 +1,4 @@
+/* Pairwise merging of real maps. */
 #include "bench/bench_maps.h"
 
 #include <inttypes.h>
@@ -15,14 +16,14 @@
 static const double FIT_MOST = 16, RIGHT_HALMSTAD = 20, RIGHT_PARTS = 10;
 
 /* Up to this probability of error no coarser cells are tried. */
-static const double SURE = 0.001;
+static const double MAX_ERROR_PROBABILITY = 0.001;
 
 /* Maps are coarsened while they have more cells to a side than MAX_SIDE_CELLS, or are not merged
  * and keep MIN_SIDE_CELLS. */
 enum { MIN_SIDE_CELLS = 175, MAX_SIDE_CELLS = 800, MAX_NAME_BYTES = 64 };
 
 /* Pixels beyond which the distance of a wall is clipped. */
-enum { FAR = 40 };
+enum { MAX_DISTANCE_PX = 40 };
 
 /* Factor by which a map may be larger than the other one. */
 enum { SIZES = 3 };
@@ -135,14 +136,15 @@ static int32_t next_size(int32_t k)
 /* Pose of a source, and its evidence. */
 typedef struct finding {
     cairn_map_merge_placed placed;
-    int32_t k;   /* pixels to a side of a cell; 0: none yet */
-    double size; /* in pixels of the target */
+    int32_t cell_pixels; /* pixels to a side of a cell; 0: none yet */
+    double size;         /* in pixels of the target */
 } finding;
 
 /* Compares first whether it was placed, then the evidence. */
 static int is_better(int placed, const cairn_map_merge_placed *tried, int best, const finding *f)
 {
-    return f->k == 0 || placed > best || (placed == best && tried->support > f->placed.support);
+    return f->cell_pixels == 0 || placed > best ||
+           (placed == best && tried->support > f->placed.support);
 }
 
 /* Cells from fine to coarse until the place is certain; maps of several surveys differ in scale by
@@ -164,13 +166,13 @@ static int merge_pair(const picture *target, const picture *source,
                 return placed;
             if (is_better(placed, &tried, best, f)) {
                 f->placed = tried;
-                f->k = k;
+                f->cell_pixels = k;
                 f->size = SIZE[i];
                 best = placed;
             }
         }
         if (base->mode == CAIRN_MODE_AS_WRITTEN ||
-            (best && (double)f->placed.error_probability <= SURE) ||
+            (best && (double)f->placed.error_probability <= MAX_ERROR_PROBABILITY) ||
             side / next_size(k) < MIN_SIDE_CELLS)
             return best;
     }
@@ -184,14 +186,14 @@ static cairn_vec2 placed_at(const finding *f, int32_t x, int32_t y)
     return cairn_pose_point(f->placed.reference_map, p);
 }
 
-/* Pixels from a point to the nearest wall of the target, at most FAR. */
+/* Pixels from a point to the nearest wall of the target, at most MAX_DISTANCE_PX. */
 static double to_wall(const picture *target, cairn_vec2 p)
 {
     int32_t u = (int32_t)floor((double)p.x), v = (int32_t)floor((double)p.y);
-    double least = FAR;
+    double least = MAX_DISTANCE_PX;
 
-    for (int32_t y = v - FAR; y <= v + FAR; y++)
-        for (int32_t x = u - FAR; x <= u + FAR; x++)
+    for (int32_t y = v - MAX_DISTANCE_PX; y <= v + MAX_DISTANCE_PX; y++)
+        for (int32_t x = u - MAX_DISTANCE_PX; x <= u + MAX_DISTANCE_PX; x++)
             if (x >= 0 && y >= 0 && x < target->width && y < target->height &&
                 target->cells[(size_t)y * (size_t)target->width + (size_t)x] ==
                     CAIRN_OCCUPANCY_GRID_OCCUPIED)
@@ -265,7 +267,7 @@ static void run_pair(const picture *target, const picture *source, const shift *
     bench_json_number("off_px", off);
     bench_json_number("wrong_probability",
                       placed > 0 ? (double)found.placed.error_probability : (double)NAN);
-    bench_json_integer("cells", found.k);
+    bench_json_integer("cells", found.cell_pixels);
     bench_json_number("size", found.size);
     bench_json_number("seconds", bench_seconds() - start);
     bench_json_end();

@@ -7,7 +7,7 @@
 
 #include "cairn/random.h"
 
-static const double APART = 1000; /* m, between an arena and an unrelated one */
+static const double UNRELATED_DISTANCE_M = 1000; /* m, between an arena and an unrelated one */
 static const uint64_t OTHER_ARENA_SEED = 1000000;
 
 /* ---- Problems ---- */
@@ -117,7 +117,7 @@ static int add_survey(const bench_match_settings *s, uint64_t seed, int32_t inde
 
         *scan = scans[k];
         scan->place += index > 0 ? (int32_t)s->places - places : 0;
-        scan->truth.x += APART * index;
+        scan->truth.x += UNRELATED_DISTANCE_M * index;
     }
     return 1;
 }

@@ -12,7 +12,7 @@
 /* Random points per chosen place: the farthest from those chosen before is taken. */
 enum { DRAWS = 12, BEAMS = 720, HALVINGS = 10, ROUNDS = 2 };
 
-static const double TURN = 6.283185307179586;
+static const double FULL_TURN = 6.283185307179586;
 
 static double uniform(cairn_random *random, double low, double high)
 {
@@ -57,10 +57,10 @@ static sim_survey *scan_part(const sim_arena *arena, const bench_parts_options *
 
     options.seed = o->seed * 1000 + (uint64_t)index;
     options.beams = BEAMS;
-    options.fov = TURN;
+    options.fov = FULL_TURN;
     while (count < o->places && count < 64 &&
            choose_place(arena, part, poses, count, random, &poses[count]))
-        poses[count++].theta = uniform(random, 0, TURN);
+        poses[count++].theta = uniform(random, 0, FULL_TURN);
     if (count == 0) {
         fprintf(stderr, "parts: robot %d can stand nowhere\n", (int)index);
         return NULL;
@@ -246,7 +246,7 @@ static int make_part(const sim_arena *arena, const bench_parts_options *o, int32
     part->half[1] = half[1];
     part->world_map.x = middle.x + uniform(&random, -1, 1);
     part->world_map.y = middle.y + uniform(&random, -1, 1);
-    part->world_map.theta = uniform(&random, -TURN / 2, TURN / 2);
+    part->world_map.theta = uniform(&random, -FULL_TURN / 2, FULL_TURN / 2);
     part->side = 2 * (int32_t)ceil((reach + 1.5) / o->resolution);
     cells = (size_t)part->side * (size_t)part->side;
     part->cells = malloc(cells);

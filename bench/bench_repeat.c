@@ -12,7 +12,8 @@
 
 enum { ROOMS = 6, TABLES = 4, MAPS = 3, MAX_OBSERVED_BOXES = 4 };
 
-static const double TURN = 6.283185307179586, ROOM = 5, CORRIDOR = 2, HALF_WALL = 0.05, DOOR = 0.5;
+static const double FULL_TURN = 6.283185307179586, ROOM = 5, CORRIDOR = 2, HALF_WALL = 0.05,
+                    DOOR = 0.5;
 
 /* Rooms 0 ... 3 along the corridor, 4 behind 2 and 5 behind 3. */
 static const double WEST[ROOMS] = {0, 5, 10, 15, 10, 15}, SOUTH[ROOMS] = {2, 2, 2, 2, 7, 7};
@@ -43,7 +44,7 @@ static void furnish(building *b, cairn_random *random)
 
             t.half[0] = uniform(random, 0.15, 0.5);
             t.half[1] = uniform(random, 0.15, 0.5);
-            t.turn = uniform(random, 0, TURN);
+            t.turn = uniform(random, 0, FULL_TURN);
             b->tables[i][k] = t;
         }
     memcpy(b->tables[2], b->tables[0], sizeof b->tables[0]);
@@ -113,7 +114,7 @@ static int draw(const building *b, const box *seen, int count, double resolution
     }
     part->world_map.x = (x0 + x1) / 2 + uniform(random, -1, 1);
     part->world_map.y = (y0 + y1) / 2 + uniform(random, -1, 1);
-    part->world_map.theta = uniform(random, -TURN / 2, TURN / 2);
+    part->world_map.theta = uniform(random, -FULL_TURN / 2, FULL_TURN / 2);
     part->side = 2 * (int32_t)ceil((hypot(x1 - x0, y1 - y0) / 2 + 1.5) / resolution);
     part->cells = malloc((size_t)part->side * (size_t)part->side);
     if (part->cells == NULL)

@@ -11,11 +11,11 @@
 #define PI     3.14159265358979324
 #define LENGTH 200.0
 /* Spacing of the vertices of a swept outline, in px. */
-#define SPACING 4.0
+#define VERTEX_SPACING_PX 4.0
 /* Bound of the widths as a share of the axis's radius of curvature, so that no ribs cross. */
-#define LEAN 0.8
+#define MAX_WIDTH_SHARE 0.8
 
-enum { RIBS = 400, WAVES = 3 };
+enum { RIB_COUNT = 400, WAVES = 3 };
 
 static double uniform(cairn_random *random, double low, double high)
 {
@@ -104,30 +104,30 @@ void bench_shape_swept(bench_shape *shape, uint64_t seed, double bend, double sk
     cairn_random random = cairn_random_seed(seed, 51);
     profile p = draw_profile(&random, 0.2 * LENGTH, 1.25 * LENGTH);
     double widest = 0, turned = 0, left = 0, right = 0;
-    cairn_vec2 ribs[2 * RIBS], even[BENCH_SHAPE_POINTS], across[BENCH_SHAPE_POINTS];
-    cairn_curve outline = {ribs, 2 * RIBS, 1};
+    cairn_vec2 ribs[2 * RIB_COUNT], even[BENCH_SHAPE_POINTS], across[BENCH_SHAPE_POINTS];
+    cairn_curve outline = {ribs, 2 * RIB_COUNT, 1};
     cairn_status status;
 
     bend = uniform(&random, -1, 1) < 0 ? -bend : bend;
     skew = uniform(&random, -1, 1) < 0 ? -skew : skew;
-    for (int32_t i = 0; i <= RIBS; i++)
-        widest = fmax(widest, half_width(&p, (double)i / RIBS));
-    p.width *= fmin(1, LEAN * LENGTH / (fmax(fabs(bend), 1e-9) * widest));
+    for (int32_t i = 0; i <= RIB_COUNT; i++)
+        widest = fmax(widest, half_width(&p, (double)i / RIB_COUNT));
+    p.width *= fmin(1, MAX_WIDTH_SHARE * LENGTH / (fmax(fabs(bend), 1e-9) * widest));
     turned = bend / 2;
-    for (int32_t i = 0; i < 2 * RIBS; i++) {
-        double t = 0.5 - 0.5 * cos(PI * i / RIBS), width = half_width(&p, t);
-        cairn_vec2 at = bent(t * LENGTH, i < RIBS ? width : -width, bend);
+    for (int32_t i = 0; i < 2 * RIB_COUNT; i++) {
+        double t = 0.5 - 0.5 * cos(PI * i / RIB_COUNT), width = half_width(&p, t);
+        cairn_vec2 at = bent(t * LENGTH, i < RIB_COUNT ? width : -width, bend);
         double x = cos(turned) * (double)at.x + sin(turned) * (double)at.y;
         double y = cos(turned) * (double)at.y - sin(turned) * (double)at.x;
 
         ribs[i] = vec2(x + skew * y, y);
     }
-    for (int32_t i = 0; i < 2 * RIBS; i++) {
-        cairn_vec2 a = ribs[i], b = ribs[(i + 1) % (2 * RIBS)];
+    for (int32_t i = 0; i < 2 * RIB_COUNT; i++) {
+        cairn_vec2 a = ribs[i], b = ribs[(i + 1) % (2 * RIB_COUNT)];
 
-        *(i < RIBS ? &left : &right) += hypot((double)(b.x - a.x), (double)(b.y - a.y));
+        *(i < RIB_COUNT ? &left : &right) += hypot((double)(b.x - a.x), (double)(b.y - a.y));
     }
-    shape->count = (int32_t)fmin(BENCH_SHAPE_POINTS, ceil((left + right) / SPACING));
+    shape->count = (int32_t)fmin(BENCH_SHAPE_POINTS, ceil((left + right) / VERTEX_SPACING_PX));
     shape->end[0] = 0;
     shape->end[1] = left / (left + right);
     status = cairn_curve_resample(&outline, even, across, shape->count);

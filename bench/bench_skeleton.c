@@ -6,7 +6,7 @@
 
 #include "bench/bench_json.h"
 
-#define NEAR 3 /* px */
+#define TOLERANCE_PX 3 /* px */
 
 void skeleton_add_way(skeleton_places *p, skeleton_place a, skeleton_place b)
 {
@@ -162,5 +162,5 @@ double skeleton_boundary_f(const cairn_skeleton_grouping_result *r, const scene 
 
             truth.at[truth.count++] = p;
         }
-    return f_of(share_near(&found, &truth, NEAR), share_near(&truth, &found, NEAR));
+    return f_of(share_near(&found, &truth, TOLERANCE_PX), share_near(&truth, &found, TOLERANCE_PX));
 }

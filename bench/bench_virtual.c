@@ -1,3 +1,4 @@
+/* Runs and scores of virtual_align. */
 #include "bench/bench_virtual.h"
 
 #include <stdio.h>

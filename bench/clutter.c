@@ -27,9 +27,9 @@
 #include "cairn/object_detect.h"
 #include "tools/options.h"
 
-#define DEGREE 0.017453292519943295
-#define NEAR   3 /* px */
-#define EDGEL  5 /* px */
+#define DEGREE       0.017453292519943295
+#define TOLERANCE_PX 3 /* px */
+#define TOKEN_PX     5 /* px */
 
 enum { MOST_SEGMENTS = 40000, MOST_VERTICES = 4000 };
 
@@ -113,14 +113,14 @@ static int make_model(finder *f, const scene_shape *shape)
            cairn_shape_model_builder_step(f->builder, &budget) == CAIRN_OK;
 }
 
-/* Tokens instead of segments: parts of chains of EDGEL px each. */
+/* Tokens instead of segments: parts of chains of TOKEN_PX px each. */
 static void take_edgels(finder *f, const cairn_edge_chain_result *r)
 {
     f->line_count = 0;
     for (int32_t c = 0; c < r->chain_count; c++)
-        for (int32_t i = 0; i + EDGEL < r->chains[c].count && f->line_count < MOST_SEGMENTS;
-             i += EDGEL) {
-            const cairn_edge_chain_pixel *a = &r->pixels[r->chains[c].first + i], *b = a + EDGEL;
+        for (int32_t i = 0; i + TOKEN_PX < r->chains[c].count && f->line_count < MOST_SEGMENTS;
+             i += TOKEN_PX) {
+            const cairn_edge_chain_pixel *a = &r->pixels[r->chains[c].first + i], *b = a + TOKEN_PX;
             cairn_segment *line = &f->lines[f->line_count++];
 
             line->a.x = (cairn_real)a->x;
@@ -236,15 +236,15 @@ static void mark_line(uint8_t *pixels, cairn_segment line)
     }
 }
 
-/* 1 when a pixel of at least `least` lies within NEAR px. */
+/* 1 when a pixel of at least `least` lies within TOLERANCE_PX px. */
 static int has_near(const uint8_t *pixels, int32_t at, int32_t least)
 {
     int32_t x = at % SCENE_WIDTH, y = at / SCENE_WIDTH;
 
-    for (int32_t v = y - NEAR; v <= y + NEAR; v++)
-        for (int32_t u = x - NEAR; u <= x + NEAR; u++)
+    for (int32_t v = y - TOLERANCE_PX; v <= y + TOLERANCE_PX; v++)
+        for (int32_t u = x - TOLERANCE_PX; u <= x + TOLERANCE_PX; u++)
             if (u >= 0 && v >= 0 && u < SCENE_WIDTH && v < SCENE_HEIGHT &&
-                (u - x) * (u - x) + (v - y) * (v - y) <= NEAR * NEAR &&
+                (u - x) * (u - x) + (v - y) * (v - y) <= TOLERANCE_PX * TOLERANCE_PX &&
                 pixels[v * SCENE_WIDTH + u] >= least)
                 return 1;
     return 0;

@@ -1,9 +1,9 @@
 /* bench/endless: long-term operation in bounded memory: a robot drives laps through an arena with
  * capacity for a few scans (bench_endless), or with the mapper and keyframe culling.
  *
- * One line for each of a few laps, spread over the run, and one for the whole run: units and time
- * of a scan in the first laps after the memory was full and in the last ones, and how far the poses
- * of the last lap are from those of the first. */
+ * Prints one line for each of a few laps, spread over the run, and one for the whole run: units and
+ * time of a scan in the first laps after the memory was full, and in the last laps; distance of the
+ * poses of the last lap from those of the first. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>

@@ -43,7 +43,7 @@ static const double CELL_SIDE = 0.7;
 /* distance to which a cluster counts, in h */
 static const double CUT_OFF = 2.6;
 /* step of s in the sum for 1 / r */
-static const double RATIO = 0.8;
+static const double STEP_RATIO = 0.8;
 static const double LEAST_R = 0.1,
                     /* sigma: 1 / r from here on; 1 / sigma: Gaussians of 1 / r at least so
                      * narrow */
@@ -367,7 +367,7 @@ static int add_gaussian(const transform *t, double h, double weight)
 /* 1 / r as Gaussians exp(-decay r^2): their number. */
 static int32_t make_gaussians(double sigma, double *decay, double *weight)
 {
-    double wide = 0, step = exp(RATIO), at = LEAST_DECAY / sigma;
+    double wide = 0, step = exp(STEP_RATIO), at = LEAST_DECAY / sigma;
     int32_t count = 1;
 
     for (double e = at / step; e > 1e-6 * at; e /= step)
@@ -379,7 +379,7 @@ static int32_t make_gaussians(double sigma, double *decay, double *weight)
         weight[count] = at;
     }
     for (int32_t k = 0; k < count; k++)
-        weight[k] *= 2 * RATIO / sqrt(PI);
+        weight[k] *= 2 * STEP_RATIO / sqrt(PI);
     return count;
 }
 

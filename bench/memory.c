@@ -35,7 +35,7 @@ static void print(const char *object, const char *capacities, size_t bytes)
 int main(void)
 {
     cairn_scan_params scan = cairn_scan_default();
-    cairn_block_solver_params solver = {3500, 5598, 18581};
+    cairn_block_solver_params solver = {.max_poses = 3500, .max_links = 5598, .max_fill = 18581};
     cairn_icp_params icp = cairn_icp_default();
     cairn_scan_match_params match = cairn_scan_match_default();
     cairn_hough_params hough = cairn_hough_default();

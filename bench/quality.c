@@ -1,12 +1,11 @@
 /* bench/quality: map quality during alignment, and correlation of entropy and likelihood with pose
  * errors.
  *
- * Every method starts from the same disturbed poses of the same arenas. Of the poses after each
- * step a map is drawn (moved onto the truth by the best rigid alignment, so that all maps have the
- * same cells and quadrants), with its entropy, the log-likelihood of its beams and the mean
- * absolute errors E(x), E(y), E(theta), of the whole and of its quadrants: the cells that lie in
- * one, the beams and the poses of the scans that were taken in it. A method that has ended keeps
- * its last map.
+ * Every method starts from the same disturbed poses of the same arenas. A map is drawn of the poses
+ * after each step, moved onto the truth by the best rigid alignment, so that all maps have the same
+ * cells and quadrants. Its measures are the entropy, the log-likelihood of its beams and the mean
+ * absolute errors E(x), E(y), E(theta), of the whole and of each quadrant: its cells, and the beams
+ * and poses of the scans taken in it. A method that has ended keeps its last map.
  *
  * How well entropy a cell, or likelihood a beam, predicts the mean distance of the scans from the
  * truth: see bench_predict. */

@@ -18,10 +18,10 @@
 #define PROGRAM "bench/symmetry"
 #define DEGREE  0.017453292519943295
 /* An end is right within this share of the outline. */
-#define NEAR 0.05
+#define END_TOLERANCE 0.05
 /* A shape has a mirror axis when its intersection over union with its mirror image is at least
  * this. */
-#define RIGID 0.9
+#define MIN_MIRROR_OVERLAP 0.9
 
 enum { MODES = 2, MAX_FILES = 4096 };
 
@@ -149,13 +149,13 @@ static int run_generated(const settings *s, sums t[MODES])
             if (!analyze(&t[mode], &outline, 1, &r))
                 return 0;
             for (int32_t k = 0; k < r.count; k++) {
-                right = best > NEAR ? k : right;
+                right = best > END_TOLERANCE ? k : right;
                 best = fmin(best, ends_off(&r.axes[k], shape.end));
                 off = k == 0 ? best : off;
             }
-            t[mode].hits += off <= NEAR;
-            t[mode].among += best <= NEAR;
-            print_each(s, mode, seed, off, best > NEAR ? r.count : right, &r);
+            t[mode].hits += off <= END_TOLERANCE;
+            t[mode].among += best <= END_TOLERANCE;
+            print_each(s, mode, seed, off, best > END_TOLERANCE ? r.count : right, &r);
         }
     }
     return 1;
@@ -232,7 +232,8 @@ static int run_picture(const settings *s, sums t[MODES], const char *path, const
         if (cairn_polygon_contains(shape[0].points, shape[0].count, image.outlines[i].points[0]))
             shape[count++] = image.outlines[i];
     ok = bench_reflections_find(&truth, shape, count);
-    for (int mode = 0; mode < s->modes && ok && truth.count > 0 && truth.axes[0].overlap >= RIGID;
+    for (int mode = 0;
+         mode < s->modes && ok && truth.count > 0 && truth.axes[0].overlap >= MIN_MIRROR_OVERLAP;
          mode++) {
         cairn_self_similarity_result r = {.count = 0};
         cairn_box box = cairn_box_empty();

@@ -1,3 +1,4 @@
+/* Output of the loops and cost statistics of their ticks. */
 #include "src/core/build.h"
 
 #include "firmware/board.h"

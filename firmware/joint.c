@@ -24,9 +24,15 @@ enum { POINT_TILE = 16, SEGMENTS_PER_STEP = 8 };
 
 joint_params joint_default(void)
 {
-    joint_params params = {
-        64, 256, 512, 10, 3, CAIRN_REAL(0.1), CAIRN_REAL(0.02), CAIRN_REAL(0.1), CAIRN_REAL(0.05),
-    };
+    joint_params params = {.max_scans = 64,
+                           .max_links = 256,
+                           .max_fill = 512,
+                           .min_points = 10,
+                           .rounds = 3,
+                           .gate = CAIRN_REAL(0.1),
+                           .sigma = CAIRN_REAL(0.02),
+                           .spread = CAIRN_REAL(0.1),
+                           .spread_angle = CAIRN_REAL(0.05)};
     return params;
 }
 

@@ -18,10 +18,10 @@ HELPER double __wrap___aeabi_dadd(double a, double b);
 HELPER double __wrap___aeabi_dsub(double a, double b);
 HELPER double __wrap___aeabi_drsub(double a, double b);
 
-#define SIGN     UINT64_C(0x8000000000000000)
-#define INFINITE UINT64_C(0x7FF0000000000000)
-#define HIDDEN   UINT64_C(0x0010000000000000)
-#define QUIET    UINT64_C(0x0008000000000000)
+#define SIGN       UINT64_C(0x8000000000000000)
+#define INFINITE   UINT64_C(0x7FF0000000000000)
+#define HIDDEN_BIT UINT64_C(0x0010000000000000)
+#define QUIET      UINT64_C(0x0008000000000000)
 
 static uint64_t bits_of(double x)
 {
@@ -45,7 +45,7 @@ static uint64_t mantissa_of(uint64_t magnitude, int32_t *exponent)
 {
     *exponent = (int32_t)(magnitude >> 52);
     if (*exponent > 0)
-        return (magnitude & (HIDDEN - 1)) | HIDDEN;
+        return (magnitude & (HIDDEN_BIT - 1)) | HIDDEN_BIT;
     *exponent = 1;
     return magnitude;
 }
@@ -57,11 +57,11 @@ static uint64_t round_to_even(uint64_t mantissa, int32_t exponent)
 
     if (mantissa == 0)
         return 0;
-    if (mantissa >= HIDDEN << 4) {
+    if (mantissa >= HIDDEN_BIT << 4) {
         mantissa = (mantissa >> 1) | (mantissa & 1);
         exponent++;
     }
-    while (mantissa < HIDDEN << 3 && exponent > 1) {
+    while (mantissa < HIDDEN_BIT << 3 && exponent > 1) {
         mantissa <<= 1;
         exponent--;
     }
@@ -70,7 +70,7 @@ static uint64_t round_to_even(uint64_t mantissa, int32_t exponent)
     if (low > 4 || (low == 4 && (mantissa & 1)))
         mantissa++;
     /* A carry out of the mantissa, also of a subnormal one, increments the exponent. */
-    mantissa += mantissa >= HIDDEN ? (uint64_t)(exponent - 1) << 52 : 0;
+    mantissa += mantissa >= HIDDEN_BIT ? (uint64_t)(exponent - 1) << 52 : 0;
     return mantissa >= INFINITE ? INFINITE : mantissa;
 }
 

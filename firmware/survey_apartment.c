@@ -6,7 +6,7 @@
 #include "apartment_scans.h"
 #include "firmware/survey.h"
 
-enum { KEYS = 64, BEAMS = 241 };
+enum { KEYFRAMES = 64, BEAMS = 241 };
 
 static SURVEY_EXTERNAL _Alignas(CAIRN_ALIGN) unsigned char memory[1536 * 1024];
 
@@ -26,6 +26,6 @@ void survey_read(survey *out)
     out->bytes = sizeof memory;
     out->params.range_max = 8;
     out->params.range_sigma = 0.01f;
-    out->params.mapper = cairn_mapper_default_for(KEYS, BEAMS);
+    out->params.mapper = cairn_mapper_default_for(KEYFRAMES, BEAMS);
     out->params.mapper.cull_keyframes = 1;
 }

@@ -1,3 +1,4 @@
+/* The mapper in the main loop of a robot. */
 #include "src/core/build.h"
 
 #include <string.h>

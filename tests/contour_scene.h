@@ -9,10 +9,10 @@
 
 #include "cairn/contour_grouping.h"
 
-enum { WIDTH = 320, HEIGHT = 240, MOST = 700, CORNERS_MOST = 16 };
+enum { WIDTH = 320, HEIGHT = 240, MAX_COUNT = 700, CORNERS_MOST = 16 };
 
 typedef struct scene {
-    cairn_segment lines[MOST];
+    cairn_segment lines[MAX_COUNT];
     cairn_vec2 ends[32]; /* of strong chains */
     int32_t count, end_count;
 } scene;
@@ -29,7 +29,7 @@ static inline void add_line(scene *s, double ax, double ay, double bx, double by
 {
     cairn_segment line = {{(cairn_real)ax, (cairn_real)ay}, {(cairn_real)bx, (cairn_real)by}};
 
-    assert_true(s->count < MOST);
+    assert_true(s->count < MAX_COUNT);
     s->lines[s->count++] = line;
 }
 

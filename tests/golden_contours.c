@@ -79,15 +79,15 @@ static uint64_t add_symmetric_points(uint64_t hash, const cairn_symmetric_point 
 /* The centres of the discs as a curve, evenly sampled. */
 static uint64_t add_samples(uint64_t hash, const cairn_symmetric_point *points, int32_t count)
 {
-    enum { MOST = 64 };
-    cairn_vec2 vertices[MOST], samples[MOST], directions[MOST];
-    cairn_curve curve = {vertices, count < MOST ? count : MOST, 1};
+    enum { MAX_COUNT = 64 };
+    cairn_vec2 vertices[MAX_COUNT], samples[MAX_COUNT], directions[MAX_COUNT];
+    cairn_curve curve = {vertices, count < MAX_COUNT ? count : MAX_COUNT, 1};
 
     for (int32_t i = 0; i < curve.count; i++)
         vertices[i] = points[i].centre;
-    if (cairn_curve_resample(&curve, samples, directions, MOST) != CAIRN_OK)
+    if (cairn_curve_resample(&curve, samples, directions, MAX_COUNT) != CAIRN_OK)
         return 0;
-    for (int32_t i = 0; i < MOST; i++)
+    for (int32_t i = 0; i < MAX_COUNT; i++)
         hash = add_point(add_point(hash, samples[i]), directions[i]);
     if (cairn_curve_tangents(&curve, 1, directions) != CAIRN_OK)
         return 0;
@@ -98,7 +98,13 @@ static uint64_t add_samples(uint64_t hash, const cairn_symmetric_point *points, 
 
 uint64_t golden_contours(void)
 {
-    cairn_edge_chain_params chain = {SIDE, SIDE, 4000, 400, 20, 4, 3};
+    cairn_edge_chain_params chain = {.max_width = SIDE,
+                                     .max_height = SIDE,
+                                     .max_edges = 4000,
+                                     .max_chains = 400,
+                                     .min_strength = 20,
+                                     .min_length = 4,
+                                     .max_spur = 3};
     cairn_edge_segment_params segment = cairn_edge_segment_default();
     cairn_symmetric_point_params symmetric = cairn_symmetric_point_default();
     cairn_raster_u8_view view = {picture, SIDE, SIDE, SIDE};

@@ -343,7 +343,10 @@ static cairn_virtual_scan_params small_hypotheses(cairn_virtual_scan_params para
 /* Lines and rectangles of the sweeps at their initial poses. */
 uint64_t golden_hypotheses(void)
 {
-    cairn_scan_set_params set_params = {GOLDEN_VIEWS, GOLDEN_VIEWS * 32, GOLDEN_VIEWS * 256, 0};
+    cairn_scan_set_params set_params = {.max_scans = GOLDEN_VIEWS,
+                                        .max_segments = GOLDEN_VIEWS * 32,
+                                        .max_points = GOLDEN_VIEWS * 256,
+                                        .spacing = 0};
     cairn_virtual_scan_params params = small_hypotheses(cairn_virtual_scan_default());
     cairn_random random = cairn_random_seed(14, 1);
     cairn_pose pose[GOLDEN_VIEWS];

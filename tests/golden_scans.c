@@ -300,7 +300,10 @@ uint64_t golden_matches(void)
 /* All sweeps at once by lum, their redundancy, and the errors of the poses. */
 uint64_t golden_links_and_cover(void)
 {
-    cairn_scan_set_params set_params = {GOLDEN_VIEWS, GOLDEN_VIEWS * 64, GOLDEN_VIEWS * 256, 0};
+    cairn_scan_set_params set_params = {.max_scans = GOLDEN_VIEWS,
+                                        .max_segments = GOLDEN_VIEWS * 64,
+                                        .max_points = GOLDEN_VIEWS * 256,
+                                        .spacing = 0};
     cairn_scan_redundancy_params cover_params = cairn_scan_redundancy_default();
     cairn_lum_params lum_params = cairn_lum_default();
     cairn_random random = cairn_random_seed(10, 1);

@@ -1,3 +1,4 @@
+/* Compares values with those of a file, or writes the file (--renew). */
 #include "tests/kept.h"
 
 typedef struct kept_test {

@@ -68,7 +68,7 @@ cairn_pose long_somewhere(const long_world *world, cairn_random *random);
 
 /* The ranges of a scanner of 8 m with noise of 1 cm; a share of the beams ends on people. */
 void long_take_sweep(long_sweep *out, const long_world *world, cairn_random *random,
-                     cairn_pose pose, int32_t beams, cairn_real view, cairn_real crowd);
+                     cairn_pose pose, int32_t beams, cairn_real view, cairn_real people);
 
 /* For sweeps of at most LONG_BEAMS beams; the view is valid until the next fit. */
 cairn_scan *long_new_scan(cairn_pool *pool);

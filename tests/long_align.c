@@ -25,11 +25,11 @@ static void start_survey(survey *s, uint64_t seed, int32_t boxes)
 }
 
 static cairn_scan_view take(survey *s, cairn_pose pose, int32_t beams, cairn_real view,
-                            cairn_real crowd)
+                            cairn_real people)
 {
     static long_sweep sweep;
 
-    long_take_sweep(&sweep, &s->world, &s->random, pose, beams, view, crowd);
+    long_take_sweep(&sweep, &s->world, &s->random, pose, beams, view, people);
     return long_fit(s->scan, &sweep);
 }
 
@@ -394,7 +394,8 @@ uint64_t long_lum(void)
 {
     enum { SCANS = 12 };
     cairn_scan_redundancy_params cover_params = cairn_scan_redundancy_default();
-    cairn_scan_set_params set_params = {SCANS, SCANS * 48, SCANS * 300, 0};
+    cairn_scan_set_params set_params = {
+        .max_scans = SCANS, .max_segments = SCANS * 48, .max_points = SCANS * 300, .spacing = 0};
     cairn_lum_params params = cairn_lum_default();
     cairn_pose pose[SCANS], thought[SCANS];
     uint64_t hash = GOLDEN_START;

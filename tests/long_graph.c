@@ -139,7 +139,7 @@ uint64_t long_block_systems(void)
 {
     enum { BLOCKS = 60, LINKS = 110 };
     cairn_random random = cairn_random_seed(52, 31);
-    cairn_block_solver_params params = {BLOCKS, LINKS, 900};
+    cairn_block_solver_params params = {.max_poses = BLOCKS, .max_links = LINKS, .max_fill = 900};
     uint64_t hash = GOLDEN_START;
     cairn_block_solver *solver;
     int32_t ends[LINKS][2];

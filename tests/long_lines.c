@@ -213,23 +213,24 @@ static uint64_t add_corners(uint64_t hash, const cairn_corner_set *set)
 
 uint64_t long_walls(void)
 {
-    enum { PIECES = 220, EACH = 8 };
-    static cairn_oriented_point points[PIECES * EACH];
-    static cairn_real weights[PIECES * EACH];
-    static cairn_segment pieces[PIECES];
+    enum { SEGMENTS = 220, SEGMENT_POINTS = 8 };
+    static cairn_oriented_point points[SEGMENTS * SEGMENT_POINTS];
+    static cairn_real weights[SEGMENTS * SEGMENT_POINTS];
+    static cairn_segment pieces[SEGMENTS];
     cairn_random random = cairn_random_seed(63, 36);
     static long_world world;
     uint64_t hash = GOLDEN_START;
     int32_t count;
 
     long_build(&world, 63, 14);
-    count = break_walls(&world, &random, pieces, PIECES);
-    for (int32_t i = 0; i < count * EACH; i++) {
-        cairn_segment piece = pieces[i / EACH];
+    count = break_walls(&world, &random, pieces, SEGMENTS);
+    for (int32_t i = 0; i < count * SEGMENT_POINTS; i++) {
+        cairn_segment piece = pieces[i / SEGMENT_POINTS];
         cairn_vec2 way = cairn_vec2_sub(piece.b, piece.a);
 
         points[i].position =
-            cairn_vec2_add(piece.a, cairn_vec2_scale(way, (cairn_real)(i % EACH) / (EACH - 1)));
+            cairn_vec2_add(piece.a, cairn_vec2_scale(way, (cairn_real)(i % SEGMENT_POINTS) /
+                                                              (SEGMENT_POINTS - 1)));
         points[i].direction = cairn_vec2_unit(way);
         weights[i] = 1 + (cairn_real)(i % 5) / 4;
     }
@@ -250,13 +251,14 @@ uint64_t long_walls(void)
         rectangle_params.max_pairs = k < 2 ? 2048 : 150;
         rectangle_params.max_rectangles = k < 2 ? 32 : 5;
         corner_params.max_corners = k < 2 ? 400 : 40;
-        corner_params.max_segments = PIECES;
+        corner_params.max_segments = SEGMENTS;
         corner_params.merge_radius = k == 3 ? 0 : CAIRN_REAL(0.1);
         corner_params.min_opening = k == 1 ? 1 : CAIRN_REAL(1.4);
         LONG_CREATE(&pool[0], hough, &hough, &hough_params);
         LONG_CREATE(&pool[1], rectangle, &rectangles, &rectangle_params);
         LONG_CREATE(&pool[2], corner, &corners, &corner_params);
-        assert_ok(cairn_hough_begin(hough, points, k == 2 ? NULL : weights, count * EACH));
+        assert_ok(
+            cairn_hough_begin(hough, points, k == 2 ? NULL : weights, count * SEGMENT_POINTS));
         LONG_RUN(hash, cairn_hough_step, hough, 1000);
         hash = add_lines(hash, hough);
         assert_ok(cairn_rectangle_begin(rectangles, pieces, count));
@@ -324,7 +326,7 @@ uint64_t long_pictures(void)
         cairn_edge_chain_params chain_params = cairn_edge_chain_default();
         cairn_edge_segment_params segment_params = cairn_edge_segment_default();
         cairn_symmetric_point_params point_params = cairn_symmetric_point_default();
-        cairn_distance_map_params map_params = {WIDTH};
+        cairn_distance_map_params map_params = {.max_width = WIDTH};
         cairn_distance_map_input input = {view, out, 0xFF, 0, k % 2};
         const cairn_symmetric_point *points;
         cairn_edge_segment_result segments;
@@ -406,8 +408,8 @@ uint64_t long_pictures(void)
 uint64_t long_neighbours(void)
 {
     enum { POINTS = 600 };
-    cairn_point_grid_params grid_params = {POINTS, CAIRN_REAL(0.3)};
-    cairn_box_sweep_params sweep_params = {POINTS};
+    cairn_point_grid_params grid_params = {.max_points = POINTS, .cell_size = CAIRN_REAL(0.3)};
+    cairn_box_sweep_params sweep_params = {.max_boxes = POINTS};
     cairn_random random = cairn_random_seed(65, 38);
     static cairn_box boxes[POINTS];
     uint64_t hash = GOLDEN_START;

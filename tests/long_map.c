@@ -52,7 +52,7 @@ static uint64_t add_whole_map(uint64_t hash, const cairn_mapper *mapper)
 
 typedef struct drive {
     int32_t scans, beams;
-    cairn_real every, view, crowd;
+    cairn_real every, view, people;
     int32_t boxes;
     int32_t odometry;          /* 0: none, 1: drifts, 2: also jumps now and then */
     int32_t blind_from, blind; /* scans that see nothing */
@@ -82,7 +82,7 @@ static uint64_t map_drive(uint64_t seed, const cairn_mapper_params *params, cons
             step.x += CAIRN_REAL(0.4);
         odometry = cairn_pose_compose(odometry, step);
         before = pose;
-        long_take_sweep(&sweep, &world, &random, pose, d->beams, d->view, d->crowd);
+        long_take_sweep(&sweep, &world, &random, pose, d->beams, d->view, d->people);
         if (i >= d->blind_from && i < d->blind_from + d->blind)
             sweep.input.range_min = CAIRN_REAL(7.5);
         sweep.input.stamp_ns = (int64_t)i * 100000000;
@@ -171,7 +171,7 @@ uint64_t long_drive_among_twins(void)
     params.search = 0;
     hash = map_drive(37, &params, &d);
     d.boxes = 2;
-    d.crowd = CAIRN_REAL(0.1);
+    d.people = CAIRN_REAL(0.1);
     d.view = CAIRN_REAL(3.5);
     params.loop.min_consistent = 4;
     params.loop.sigma = CAIRN_REAL(0.03);

@@ -18,12 +18,12 @@ typedef struct kept_view {
 } kept_view;
 
 static void keep(kept_view *k, const long_world *world, cairn_random *random, cairn_pose pose,
-                 int32_t beams, cairn_real view, cairn_real crowd)
+                 int32_t beams, cairn_real view, cairn_real people)
 {
     static long_sweep sweep;
 
     k->pose = pose;
-    long_take_sweep(&sweep, world, random, pose, beams, view, crowd);
+    long_take_sweep(&sweep, world, random, pose, beams, view, people);
     k->view = long_fit(long_new_scan(&k->pool), &sweep);
     k->part = cairn_scan_match_part_of(&k->view);
     k->part.dense_count = cairn_scan_match_dense(&k->view, k->dense);
@@ -58,7 +58,7 @@ static uint64_t add_match(uint64_t hash, const cairn_scan_match *match)
 }
 
 /* Scans against a map of two others in one mode, with windows of all kinds. */
-static uint64_t match_all(uint64_t seed, const cairn_scan_match_params *params, cairn_real crowd)
+static uint64_t match_all(uint64_t seed, const cairn_scan_match_params *params, cairn_real people)
 {
     enum { TARGETS = 2, QUERIES = 5 };
     static kept_view views[TARGETS + QUERIES];
@@ -78,7 +78,7 @@ static uint64_t match_all(uint64_t seed, const cairn_scan_match_params *params, 
         if (i == TARGETS + QUERIES - 1)
             pose = long_on_the_way(12); /* a scan of other surroundings */
         keep(&views[i], &world, &random, long_disturbed(&random, pose, CAIRN_REAL(0.2), 1), 201,
-             CAIRN_REAL(4.2), crowd);
+             CAIRN_REAL(4.2), people);
     }
     if (params->max_views < TARGETS) {
         views[1].part.beams = NULL;
@@ -209,7 +209,7 @@ uint64_t long_icp(void)
 
 enum { PLACES = 5, HEADINGS = 3 };
 
-static uint64_t place_all(uint64_t seed, const cairn_place_map_params *params, cairn_real crowd)
+static uint64_t place_all(uint64_t seed, const cairn_place_map_params *params, cairn_real people)
 {
     cairn_random random = cairn_random_seed(seed, 28);
     static long_world world;
@@ -231,7 +231,7 @@ static uint64_t place_all(uint64_t seed, const cairn_place_map_params *params, c
         heading.theta *= (cairn_real)(i % HEADINGS);
         place_scan = long_disturbed(&random, heading, CAIRN_REAL(0.1), CAIRN_REAL(0.1));
         long_take_sweep(&sweep, &world, &random, cairn_pose_compose(place, place_scan), 161,
-                        CAIRN_REAL(2.2), crowd);
+                        CAIRN_REAL(2.2), people);
         view = long_fit(scan, &sweep);
         slight = long_disturbed(&random, place_scan, CAIRN_REAL(0.03), CAIRN_REAL(0.02));
         assert_ok(cairn_place_map_add_scan(map, i / HEADINGS, &view, slight, NULL));
@@ -337,7 +337,8 @@ uint64_t long_sequences(void)
     words w;
 
     for (w.kind = CAIRN_SEQUENCE_LCS; w.kind <= CAIRN_SEQUENCE_DTW; w.kind++) {
-        cairn_sequence_params params = {w.kind, 60, 50, CAIRN_REAL(0.5)};
+        cairn_sequence_params params = {
+            .kind = w.kind, .max_first = 60, .max_second = 50, .gap_cost = CAIRN_REAL(0.5)};
         cairn_sequence *sequence;
         cairn_pool pool;
 

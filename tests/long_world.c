@@ -1,3 +1,4 @@
+/* The world of the long scenes, and scans of it. */
 #include "src/core/build.h"
 
 #include "tests/long.h"
@@ -165,7 +166,7 @@ static cairn_real cast(const long_world *world, cairn_pose pose, cairn_real c, c
 }
 
 void long_take_sweep(long_sweep *out, const long_world *world, cairn_random *random,
-                     cairn_pose pose, int32_t beams, cairn_real view, cairn_real crowd)
+                     cairn_pose pose, int32_t beams, cairn_real view, cairn_real people)
 {
     cairn_real step = view / (cairn_real)beams, first = -view / 2;
     int32_t person = 0;
@@ -176,7 +177,7 @@ void long_take_sweep(long_sweep *out, const long_world *world, cairn_random *ran
 
         cairn_sincos(pose.theta + first + (cairn_real)i * step, &s, &c);
         range = cast(world, pose, c, s);
-        person = person > 0 ? person - 1 : cairn_random_unit(random) < crowd / 10 ? 10 : 0;
+        person = person > 0 ? person - 1 : cairn_random_unit(random) < people / 10 ? 10 : 0;
         if (person > 0)
             range = cairn_min(range, CAIRN_REAL(1.25) + (cairn_real)(person % 5) / 20);
         out->range[i] = i % 60 == 59 ? 0 : (float)(range + noise);

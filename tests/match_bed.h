@@ -7,7 +7,7 @@
 
 #include "cairn/scan_match.h"
 
-enum { MOST = 400 };
+enum { MAX_COUNT = 400 };
 
 /* The corners of a room with niches, counter-clockwise. */
 static const cairn_vec2 room[] = {{-2, -2}, {3, -2}, {3, 0},  {2, 0},  {2, 1},   {3, 1},
@@ -25,7 +25,7 @@ static inline int32_t see(cairn_oriented_point *points, cairn_pose pose, int32_t
         cairn_vec2 unit = cairn_vec2_unit(along);
 
         for (cairn_real s = CAIRN_REAL(0.05); s < cairn_vec2_norm(along); s += CAIRN_REAL(0.093)) {
-            assert_true(count < MOST);
+            assert_true(count < MAX_COUNT);
             points[count].position =
                 cairn_transform_point(t, cairn_vec2_add(a, cairn_vec2_scale(unit, s)));
             points[count++].direction = cairn_transform_direction(t, unit);
@@ -37,7 +37,7 @@ static inline int32_t see(cairn_oriented_point *points, cairn_pose pose, int32_t
 typedef struct bed {
     cairn_pool pool;
     cairn_scan_match *match;
-    cairn_oriented_point target[MOST], query[MOST];
+    cairn_oriented_point target[MAX_COUNT], query[MAX_COUNT];
     cairn_scan_match_part target_part, query_part;
     cairn_pose start; /* of the search */
     cairn_pose truth; /* the pose of the query, when the caller gives it */
@@ -49,8 +49,8 @@ static inline void open_bed(bed *b, cairn_scan_match_params params, cairn_pose h
                             cairn_pose from)
 {
     memset(b, 0, sizeof *b);
-    params.max_query = MOST;
-    params.max_target = 2 * MOST;
+    params.max_query = MAX_COUNT;
+    params.max_target = 2 * MAX_COUNT;
     b->pool = test_pool(cairn_scan_match_memory(&params));
     assert_ok(cairn_scan_match_create(&b->match, &b->pool, &params));
     b->target_part.points = b->target;

@@ -1,3 +1,4 @@
+/* Ranges of a scanner in rooms of straight walls. */
 #include "tests/rooms.h"
 
 #include <math.h>

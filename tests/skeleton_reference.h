@@ -37,7 +37,7 @@ static inline cairn_skeleton_grouping_params small_params(void)
 
     params.max_width = WIDTH;
     params.max_height = HEIGHT;
-    params.max_edgels = MOST;
+    params.max_edgels = MAX_COUNT;
     params.max_lines = 64;
     params.max_parts = 64;
     params.max_points = 8000;

@@ -11,18 +11,18 @@
 
 #define PI 3.14159265358979323846
 
-enum { MOST = 3000, WIDTH = 200, HEIGHT = 160 };
+enum { MAX_COUNT = 3000, WIDTH = 200, HEIGHT = 160 };
 /* How far a fit of lines may exceed the budget, and the cost of moving CPs. */
-enum { OVERDRAWN = 12 + 64 / 8 };
+enum { MAX_EXCESS_UNITS = 12 + 64 / 8 };
 
-static cairn_edgel edgels[MOST];
+static cairn_edgel edgels[MAX_COUNT];
 static int32_t edgel_count;
 
 static inline void add(double x, double y, double nx, double ny)
 {
     cairn_edgel e = {{(cairn_real)x, (cairn_real)y}, {(cairn_real)nx, (cairn_real)ny}, 10};
 
-    assert_true(edgel_count < MOST);
+    assert_true(edgel_count < MAX_COUNT);
     edgels[edgel_count++] = e;
 }
 
@@ -134,7 +134,8 @@ static inline void assert_any_budget(cairn_skeleton_grouping *skeleton)
 
             assert_int_equal(cairn_skeleton_grouping_read(skeleton).part_count, 0);
             status = cairn_skeleton_grouping_step(skeleton, &budget);
-            assert_true(budget.left >= -OVERDRAWN && (status != CAIRN_MORE || budget.left <= 0));
+            assert_true(budget.left >= -MAX_EXCESS_UNITS &&
+                        (status != CAIRN_MORE || budget.left <= 0));
         }
         assert_ok(status);
         assert_true(cairn_skeleton_grouping_read(skeleton).part_count > 0);

@@ -1,3 +1,4 @@
+/* Pools, hashes and stepped objects for all tests. */
 #include "tests/test.h"
 
 #include <math.h>

@@ -17,7 +17,7 @@ static cairn_aligner *take_scans(cairn_pool *pool, uint64_t seed, cairn_real off
     cairn_pool scan_pool = test_pool(cairn_scan_memory(&scan_params));
     cairn_random random = cairn_random_seed(seed, 3);
     rooms_room room = {.count = 0};
-    cairn_aligner *x;
+    cairn_aligner *aligner;
     cairn_scan *scan;
 
     rooms_add_box(&room, 0, 0, 40, 6);
@@ -25,7 +25,7 @@ static cairn_aligner *take_scans(cairn_pool *pool, uint64_t seed, cairn_real off
     params.max_points = 8192;
     params.max_segments = 2048;
     *pool = test_pool(cairn_aligner_memory(&params));
-    assert_ok(cairn_aligner_create(&x, pool, &params));
+    assert_ok(cairn_aligner_create(&aligner, pool, &params));
     assert_ok(cairn_scan_create(&scan, &scan_pool, &scan_params));
     for (int32_t i = 0; i < SCANS; i++) {
         cairn_pose pose = {cairn_random_uniform(&random, 1, 17),
@@ -43,10 +43,10 @@ static cairn_aligner *take_scans(cairn_pool *pool, uint64_t seed, cairn_real off
         assert_ok(cairn_scan_begin(scan, &input, NULL));
         assert_ok(cairn_scan_step(scan, &budget));
         view = cairn_scan_read(scan);
-        assert_ok(cairn_aligner_add_scan(x, &view, pose, NULL));
+        assert_ok(cairn_aligner_add_scan(aligner, &view, pose, NULL));
     }
     test_pool_free(&scan_pool);
-    return x;
+    return aligner;
 }
 
 /* The extent of a scan reaches from the origin of its frame to the far side of its circle, in
@@ -58,16 +58,16 @@ static void nothing_lies_beyond_the_extent(void **state)
     (void)state;
     for (size_t k = 0; k < sizeof offs / sizeof *offs; k++) {
         cairn_pool pool;
-        cairn_aligner *x = take_scans(&pool, 11 + k, offs[k]);
+        cairn_aligner *aligner = take_scans(&pool, 11 + k, offs[k]);
 
         for (int32_t i = 0; i < SCANS; i++) {
-            const aligner_scan *s = &x->scans[i];
+            const aligner_scan *s = &aligner->scans[i];
             double extent = hypot((double)s->middle.x, (double)s->middle.y) + (double)s->radius;
 
             assert_near((double)s->extent, extent, NUMBER(1e-12, 1e-5));
-            assert_true(cairn_aligner_points_of(x, i) > 0);
+            assert_true(cairn_aligner_points_of(aligner, i) > 0);
             for (int32_t p = s->first_point; p < s->end_point; p++) {
-                cairn_vec2 at = x->points[p].position;
+                cairn_vec2 at = aligner->points[p].position;
                 double from = hypot((double)(at.x - s->middle.x), (double)(at.y - s->middle.y));
 
                 assert_true(from <= (double)s->radius * (1 + 1e-5));
@@ -83,17 +83,18 @@ static void nothing_lies_beyond_the_extent(void **state)
 static void candidate_pairs_are_those_that_may_overlap(void **state)
 {
     cairn_pool pool;
-    cairn_aligner *x = take_scans(&pool, 21, 0);
+    cairn_aligner *aligner = take_scans(&pool, 21, 0);
     int32_t met = 0;
 
     (void)state;
-    assert_ok(cairn_aligner_begin(x));
-    while (x->phase <= ALIGNER_SYMMETRIZE_NEIGHBOURS)
-        (void)cairn_aligner_neighbour_item(x);
+    assert_ok(cairn_aligner_begin(aligner));
+    while (aligner->phase <= ALIGNER_SYMMETRIZE_NEIGHBOURS)
+        (void)cairn_aligner_neighbour_item(aligner);
     for (int32_t i = 0; i < SCANS; i++)
         for (int32_t j = 0; j < SCANS; j++)
-            if (i != j && cairn_aligner_may_overlap(x, i, j, x->poses[i], x->poses[j])) {
-                assert_true(cairn_aligner_has_neighbour(x, i, j, ALIGNER_MAX_NEIGHBOURS));
+            if (i != j &&
+                cairn_aligner_may_overlap(aligner, i, j, aligner->poses[i], aligner->poses[j])) {
+                assert_true(cairn_aligner_has_neighbour(aligner, i, j, ALIGNER_MAX_NEIGHBOURS));
                 met++;
             }
     assert_in_range(met, SCANS, SCANS * (SCANS - 1));
@@ -109,21 +110,21 @@ static void pending_motions_turn_with_their_cluster(void **state)
         {1, 0, CAIRN_REAL(0.5)}, {CAIRN_REAL(0.6), CAIRN_REAL(0.8), -1}, {0, 1, 2}};
     cairn_real before[3], after[3];
     cairn_pool pool;
-    cairn_aligner *x = take_scans(&pool, 31, 0);
-    aligner_sums *pull = &x->scans[3].normal_equations;
+    cairn_aligner *aligner = take_scans(&pool, 31, 0);
+    aligner_sums *pull = &aligner->scans[3].normal_equations;
     int32_t fixed = 0;
 
     (void)state;
-    assert_ok(cairn_aligner_begin(x));
+    assert_ok(cairn_aligner_begin(aligner));
     for (int32_t i = 1; i < 3; i++)
-        fixed = cairn_aligner_merge_clusters(x, i, fixed, same);
+        fixed = cairn_aligner_merge_clusters(aligner, i, fixed, same);
     for (int k = 0; k < 3; k++) {
         cairn_sym3_add_outer(&pull->equations.information, rows[k], (cairn_real)(k + 1));
         pull->equations.gradient[k] = CAIRN_REAL(0.1) * (cairn_real)(k - 3);
     }
     pull->pairs = 3;
     assert_true(cairn_aligner_solve(pull, before));
-    assert_int_equal(cairn_aligner_merge_clusters(x, 3, fixed, turned), fixed);
+    assert_int_equal(cairn_aligner_merge_clusters(aligner, 3, fixed, turned), fixed);
     assert_true(cairn_aligner_solve(pull, after));
     assert_near((double)after[0], (double)(turned.cosine * before[0] - turned.sine * before[1]),
                 NUMBER(1e-12, 1e-5));

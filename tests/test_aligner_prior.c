@@ -5,15 +5,15 @@
 
 #include "src/mapping/aligner_work.h"
 
-enum { SCANS = 12, FIRST = 7 };
+enum { SCANS = 12, FIRST_CLUSTER = 7 };
 
 static const double PI = 3.14159265358979323846;
 
-/* Scans without points; those before FIRST in one cluster, the others in another, each in its own
- * frame. */
+/* Scans without points; those before FIRST_CLUSTER in one cluster, the others in another, each in
+ * its own frame. */
 struct bed {
     cairn_pool pool;
-    cairn_aligner *x;
+    cairn_aligner *aligner;
     int32_t first, second; /* the clusters */
 };
 
@@ -27,7 +27,7 @@ static struct bed make_bed(uint64_t seed, double off)
 
     params.max_scans = SCANS;
     bed.pool = test_pool(cairn_aligner_memory(&params));
-    assert_ok(cairn_aligner_create(&bed.x, &bed.pool, &params));
+    assert_ok(cairn_aligner_create(&bed.aligner, &bed.pool, &params));
     for (int32_t i = 0; i < SCANS; i++) {
         cairn_scan_view nothing;
         cairn_pose pose = {cairn_random_uniform(&random, -8, 8),
@@ -35,26 +35,26 @@ static struct bed make_bed(uint64_t seed, double off)
                            cairn_random_uniform(&random, -3, 3)};
 
         memset(&nothing, 0, sizeof nothing);
-        assert_ok(cairn_aligner_add_scan(bed.x, &nothing, pose, NULL));
+        assert_ok(cairn_aligner_add_scan(bed.aligner, &nothing, pose, NULL));
     }
-    assert_ok(cairn_aligner_begin(bed.x));
+    assert_ok(cairn_aligner_begin(bed.aligner));
     for (int32_t i = 0; i < SCANS; i++) {
-        cairn_pose pose = bed.x->scans[i].initial,
-                   turned = {i < FIRST ? 3 : -2, 1, i < FIRST ? 1 : -2};
+        cairn_pose pose = bed.aligner->scans[i].initial,
+                   turned = {i < FIRST_CLUSTER ? 3 : -2, 1, i < FIRST_CLUSTER ? 1 : -2};
 
         pose.x += cairn_random_uniform(&random, -1, 1) * (cairn_real)off;
         pose.y += cairn_random_uniform(&random, -1, 1) * (cairn_real)off;
         pose.theta += cairn_random_uniform(&random, -1, 1) * (cairn_real)(off / 3);
-        bed.x->poses[i] =
+        bed.aligner->poses[i] =
             cairn_aligner_compose(cairn_transform_of(turned), cairn_transform_of(pose));
     }
     bed.first = 0;
-    for (int32_t i = 1; i < FIRST; i++)
-        bed.first = cairn_aligner_merge_clusters(bed.x, i, bed.first, same);
-    bed.second = FIRST;
-    for (int32_t i = FIRST + 1; i < SCANS; i++)
-        bed.second = cairn_aligner_merge_clusters(bed.x, i, bed.second, same);
-    cairn_aligner_estimate_sigmas(bed.x);
+    for (int32_t i = 1; i < FIRST_CLUSTER; i++)
+        bed.first = cairn_aligner_merge_clusters(bed.aligner, i, bed.first, same);
+    bed.second = FIRST_CLUSTER;
+    for (int32_t i = FIRST_CLUSTER + 1; i < SCANS; i++)
+        bed.second = cairn_aligner_merge_clusters(bed.aligner, i, bed.second, same);
+    cairn_aligner_estimate_sigmas(bed.aligner);
     return bed;
 }
 
@@ -66,16 +66,17 @@ struct members {
     int32_t count;
 };
 
-static void add_cluster(struct members *c, const cairn_aligner *x, int32_t cluster,
+static void add_cluster(struct members *c, const cairn_aligner *aligner, int32_t cluster,
                         cairn_transform motion)
 {
-    for (int32_t i = x->clusters[cluster].head; i >= 0; i = x->scans[i].next_in_cluster) {
-        cairn_transform pose = cairn_aligner_compose(motion, x->poses[i]);
+    for (int32_t i = aligner->clusters[cluster].head; i >= 0;
+         i = aligner->scans[i].next_in_cluster) {
+        cairn_transform pose = cairn_aligner_compose(motion, aligner->poses[i]);
 
         c->x[c->count] = (double)pose.x;
         c->y[c->count] = (double)pose.y;
         c->theta[c->count] = atan2((double)pose.sine, (double)pose.cosine);
-        c->initial[c->count++] = x->scans[i].initial;
+        c->initial[c->count++] = aligner->scans[i].initial;
     }
 }
 
@@ -85,11 +86,11 @@ struct left {
 
 /* Residual of a cluster that is rotated as a whole, at the best shift; cost: what the gauge
  * minimizes. */
-static struct left left_at(const cairn_aligner *x, const struct members *c, double turn)
+static struct left left_at(const cairn_aligner *aligner, const struct members *c, double turn)
 {
-    double weight = pow((double)x->sigma / (double)x->sigma_angle, 2), dx = 0, dy = 0;
-    double far = 1.25 * (double)x->params.max_initial_error,
-           wide = 1.25 * (double)x->params.max_initial_angle_error;
+    double weight = pow((double)aligner->sigma / (double)aligner->sigma_angle, 2), dx = 0, dy = 0;
+    double far = 1.25 * (double)aligner->params.max_initial_error,
+           wide = 1.25 * (double)aligner->params.max_initial_angle_error;
     struct left m = {0, 0, 0, 0};
 
     for (int pass = 0; pass < 2; pass++)
@@ -115,16 +116,16 @@ static struct left left_at(const cairn_aligner *x, const struct members *c, doub
 }
 
 /* By trying all turns. */
-static struct left least_left(const cairn_aligner *x, const struct members *c)
+static struct left least_left(const cairn_aligner *aligner, const struct members *c)
 {
     double best = 0, step = PI / 60;
-    struct left least = left_at(x, c, 0);
+    struct left least = left_at(aligner, c, 0);
 
     for (int32_t level = 0; level < 12; level++, step /= 8) {
         double middle = best;
 
         for (int32_t k = -60; k <= 60; k++) {
-            struct left m = left_at(x, c, middle + k * step);
+            struct left m = left_at(aligner, c, middle + k * step);
 
             if (m.cost < least.cost) {
                 least = m;
@@ -135,32 +136,33 @@ static struct left least_left(const cairn_aligner *x, const struct members *c)
     return least;
 }
 
-static double chi_squared(const cairn_aligner *x, struct left m)
+static double chi_squared(const cairn_aligner *aligner, struct left m)
 {
-    return m.squares / pow((double)x->sigma, 2) + m.squares_angle / pow((double)x->sigma_angle, 2) +
-           200 * m.beyond;
+    return m.squares / pow((double)aligner->sigma, 2) +
+           m.squares_angle / pow((double)aligner->sigma_angle, 2) + 200 * m.beyond;
 }
 
-static double slow_misfit(const cairn_aligner *x, int32_t cluster)
+static double slow_misfit(const cairn_aligner *aligner, int32_t cluster)
 {
     cairn_transform same = {0, 0, 1, 0};
     struct members c;
 
     c.count = 0;
-    add_cluster(&c, x, cluster, same);
-    return c.count > 1 ? chi_squared(x, least_left(x, &c)) : 0;
+    add_cluster(&c, aligner, cluster, same);
+    return c.count > 1 ? chi_squared(aligner, least_left(aligner, &c)) : 0;
 }
 
-static double slow_prior(const cairn_aligner *x, int32_t moving, int32_t fixed,
+static double slow_prior(const cairn_aligner *aligner, int32_t moving, int32_t fixed,
                          cairn_transform pose)
 {
     cairn_transform same = {0, 0, 1, 0};
     struct members c;
 
     c.count = 0;
-    add_cluster(&c, x, moving, pose);
-    add_cluster(&c, x, fixed, same);
-    return -(chi_squared(x, least_left(x, &c)) - slow_misfit(x, moving) - slow_misfit(x, fixed)) /
+    add_cluster(&c, aligner, moving, pose);
+    add_cluster(&c, aligner, fixed, same);
+    return -(chi_squared(aligner, least_left(aligner, &c)) - slow_misfit(aligner, moving) -
+             slow_misfit(aligner, fixed)) /
            2;
 }
 
@@ -169,8 +171,8 @@ static double slow_prior(const cairn_aligner *x, int32_t moving, int32_t fixed,
 /* The pose of the first cluster in the second according to the initial poses, with an error. */
 static cairn_transform pose_off(const struct bed *bed, double off_x, double off_turn)
 {
-    cairn_transform first = cairn_aligner_gauge(bed->x, bed->first),
-                    second = cairn_aligner_gauge(bed->x, bed->second);
+    cairn_transform first = cairn_aligner_gauge(bed->aligner, bed->first),
+                    second = cairn_aligner_gauge(bed->aligner, bed->second);
     cairn_transform pose = cairn_aligner_compose(cairn_aligner_inverse(second), first);
     cairn_vec2 centre = {pose.x, pose.y};
     cairn_real motion[3] = {(cairn_real)off_x, (cairn_real)(-off_x / 2), (cairn_real)off_turn};
@@ -180,8 +182,8 @@ static cairn_transform pose_off(const struct bed *bed, double off_x, double off_
 
 static void assert_same_prior(struct bed *bed, cairn_transform pose)
 {
-    double fast = (double)cairn_aligner_prior(bed->x, bed->first, bed->second, pose);
-    double slow = slow_prior(bed->x, bed->first, bed->second, pose);
+    double fast = (double)cairn_aligner_prior(bed->aligner, bed->first, bed->second, pose);
+    double slow = slow_prior(bed->aligner, bed->first, bed->second, pose);
 
     assert_near(fast, slow, (sizeof(cairn_real) == 8 ? 1e-4 : 1e-2) * (1 + fabs(slow)));
 }
@@ -213,12 +215,12 @@ static void sums_follow_added_and_removed_scans(void **state)
     int32_t pass = 0;
 
     (void)state;
-    for (int32_t i = 1; i < FIRST; i += 2, pass++) {
+    for (int32_t i = 1; i < FIRST_CLUSTER; i += 2, pass++) {
         all_as_slow(&bed); /* the sums are there */
-        cairn_aligner_remove(bed.x, i);
+        cairn_aligner_remove(bed.aligner, i);
         all_as_slow(&bed);
-        bed.x->poses[i].x += (cairn_real)(0.3 * pass);
-        cairn_aligner_insert(bed.x, i, pass == 1 ? bed.second : bed.first);
+        bed.aligner->poses[i].x += (cairn_real)(0.3 * pass);
+        cairn_aligner_insert(bed.aligner, i, pass == 1 ? bed.second : bed.first);
     }
     all_as_slow(&bed);
     test_pool_free(&bed.pool);
@@ -230,15 +232,15 @@ static void single_scans_have_no_misfit(void **state)
     cairn_transform same = {0, 0, 1, 0};
 
     (void)state;
-    while (bed.x->clusters[bed.second].size > 1) {
-        int32_t i = bed.x->clusters[bed.second].head;
+    while (bed.aligner->clusters[bed.second].size > 1) {
+        int32_t i = bed.aligner->clusters[bed.second].head;
 
-        cairn_aligner_remove(bed.x, i);
-        cairn_aligner_insert(bed.x, i, bed.first);
+        cairn_aligner_remove(bed.aligner, i);
+        cairn_aligner_insert(bed.aligner, i, bed.first);
     }
     all_as_slow(&bed);
-    bed.x->poses[bed.x->clusters[bed.second].head] = same;
-    bed.x->clusters[bed.second].stamp = ++bed.x->change_count;
+    bed.aligner->poses[bed.aligner->clusters[bed.second].head] = same;
+    bed.aligner->clusters[bed.second].stamp = ++bed.aligner->change_count;
     all_as_slow(&bed);
     test_pool_free(&bed.pool);
 }
@@ -251,22 +253,22 @@ static void spread_is_that_of_the_scans(void **state)
     (void)state;
     for (size_t k = 0; k < sizeof offs / sizeof *offs; k++) {
         struct bed bed = make_bed(21 + k, offs[k]);
-        double expected = (double)bed.x->params.max_initial_error / sqrt(3),
-               expected_angle = (double)bed.x->params.max_initial_angle_error / sqrt(3);
+        double expected = (double)bed.aligner->params.max_initial_error / sqrt(3),
+               expected_angle = (double)bed.aligner->params.max_initial_angle_error / sqrt(3);
         double squares = 4 * expected * expected, angles = 2 * expected_angle * expected_angle;
-        cairn_real sigma = bed.x->sigma, sigma_angle = bed.x->sigma_angle;
+        cairn_real sigma = bed.aligner->sigma, sigma_angle = bed.aligner->sigma_angle;
         int32_t clusters[2] = {bed.first, bed.second};
         cairn_transform same = {0, 0, 1, 0};
 
-        bed.x->sigma = (cairn_real)expected;
-        bed.x->sigma_angle = (cairn_real)expected_angle;
+        bed.aligner->sigma = (cairn_real)expected;
+        bed.aligner->sigma_angle = (cairn_real)expected_angle;
         for (int c = 0; c < 2; c++) {
             struct members members;
             struct left m;
 
             members.count = 0;
-            add_cluster(&members, bed.x, clusters[c], same);
-            m = least_left(bed.x, &members);
+            add_cluster(&members, bed.aligner, clusters[c], same);
+            m = least_left(bed.aligner, &members);
             squares += m.squares;
             angles += m.squares_angle;
         }
@@ -284,7 +286,7 @@ static void spread_learnt_bit_by_bit_is_that_of_all(void **state)
     for (uint64_t seed = 1; seed <= 20; seed++) {
         struct bed bed = make_bed(seed, seed % 2 ? 0.2 : 1.5);
         cairn_random random = cairn_random_seed(seed, 2);
-        cairn_aligner *x = bed.x;
+        cairn_aligner *aligner = bed.aligner;
 
         for (int32_t change = 0; change < 40; change++) {
             int32_t scan =
@@ -293,19 +295,19 @@ static void spread_learnt_bit_by_bit_is_that_of_all(void **state)
                 cairn_random_uniform(&random, 0, 1) < CAIRN_REAL(0.5) ? bed.first : bed.second;
             cairn_real sigma, sigma_angle;
 
-            if (x->clusters[x->scans[scan].cluster].size > 1) {
-                cairn_aligner_remove(x, scan);
-                cairn_aligner_insert(x, scan, to);
+            if (aligner->clusters[aligner->scans[scan].cluster].size > 1) {
+                cairn_aligner_remove(aligner, scan);
+                cairn_aligner_insert(aligner, scan, to);
             }
-            cairn_aligner_estimate_sigmas(x);
-            sigma = x->sigma;
-            sigma_angle = x->sigma_angle;
+            cairn_aligner_estimate_sigmas(aligner);
+            sigma = aligner->sigma;
+            sigma_angle = aligner->sigma_angle;
             if (change % 8 == 7) { /* between them, the sums continue from the stored ones */
                 for (int32_t c = 0; c <= SCANS; c++)
-                    x->prior_sums[c].stamp = -1;
-                cairn_aligner_estimate_sigmas(x);
-                assert_near((double)sigma, (double)x->sigma, NUMBER(1e-9, 1e-4));
-                assert_near((double)sigma_angle, (double)x->sigma_angle, NUMBER(1e-9, 1e-4));
+                    aligner->prior_sums[c].stamp = -1;
+                cairn_aligner_estimate_sigmas(aligner);
+                assert_near((double)sigma, (double)aligner->sigma, NUMBER(1e-9, 1e-4));
+                assert_near((double)sigma_angle, (double)aligner->sigma_angle, NUMBER(1e-9, 1e-4));
             }
         }
         test_pool_free(&bed.pool);

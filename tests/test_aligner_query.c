@@ -18,16 +18,17 @@ static const cairn_pose truth[SCANS] = {{2, 1, 0},
 
 struct bed {
     cairn_pool pool;
-    cairn_aligner *x;
+    cairn_aligner *aligner;
 };
 
 /* By the poses of the aligner. */
 static int32_t share(const struct bed *bed, int32_t first, int32_t second, cairn_vec2 along)
 {
-    cairn_pose a = cairn_aligner_pose_of(bed->x, first).map_scan,
-               b = cairn_aligner_pose_of(bed->x, second).map_scan;
+    cairn_pose a = cairn_aligner_pose_of(bed->aligner, first).map_scan,
+               b = cairn_aligner_pose_of(bed->aligner, second).map_scan;
 
-    return cairn_aligner_share_wall(bed->x, first, second, cairn_pose_between(b, a), along, NULL);
+    return cairn_aligner_share_wall(bed->aligner, first, second, cairn_pose_between(b, a), along,
+                                    NULL);
 }
 
 static struct bed align(void)
@@ -44,7 +45,7 @@ static struct bed align(void)
     rooms_add_box(&hall, 58, 58, 62, 63);
     params.max_scans = SCANS;
     bed.pool = test_pool(cairn_aligner_memory(&params));
-    assert_ok(cairn_aligner_create(&bed.x, &bed.pool, &params));
+    assert_ok(cairn_aligner_create(&bed.aligner, &bed.pool, &params));
     assert_ok(cairn_scan_create(&scan, &scan_pool, &scan_params));
     for (int32_t i = 0; i < SCANS; i++) {
         rooms_scan taken;
@@ -55,12 +56,12 @@ static struct bed align(void)
         assert_ok(cairn_scan_begin(scan, &input, NULL));
         assert_ok(cairn_scan_step(scan, &budget));
         view = cairn_scan_read(scan);
-        assert_ok(cairn_aligner_add_scan(bed.x, &view, truth[i], NULL));
+        assert_ok(cairn_aligner_add_scan(bed.aligner, &view, truth[i], NULL));
     }
-    assert_ok(cairn_aligner_begin(bed.x));
+    assert_ok(cairn_aligner_begin(bed.aligner));
     assert_int_equal(share(&bed, 0, 1, (cairn_vec2){0, 1}), 0); /* it is running */
     budget.left = CAIRN_UNBOUNDED;
-    assert_ok(cairn_aligner_step(bed.x, &budget));
+    assert_ok(cairn_aligner_step(bed.aligner, &budget));
     test_pool_free(&scan_pool);
     return bed;
 }
@@ -93,10 +94,11 @@ static void sides_hold_across_and_the_end_along(void **state)
                 assert_int_equal(share(&bed, i, j, seen_from(i, 90)), 0);
         }
         /* Without the end of the hallway. */
-        for (int32_t k = bed.x->scans[1].first_segment; k < bed.x->scans[1].end_segment; k++)
-            if (cairn_abs(cairn_vec2_dot(bed.x->segments[k].direction, seen_from(1, 0))) <
+        for (int32_t k = bed.aligner->scans[1].first_segment; k < bed.aligner->scans[1].end_segment;
+             k++)
+            if (cairn_abs(cairn_vec2_dot(bed.aligner->segments[k].direction, seen_from(1, 0))) <
                 CAIRN_REAL(0.5))
-                bed.x->segments[k].wall = -1;
+                bed.aligner->segments[k].wall = -1;
     }
     assert_int_equal(share(&bed, 0, SCANS, seen_from(0, 90)), 0);
     assert_int_equal(share(&bed, SCANS, 0, seen_from(0, 90)), 0);
@@ -109,33 +111,35 @@ static void sides_hold_across_and_the_end_along(void **state)
 static void walls_constrain_scans_on_them(void **state)
 {
     struct bed bed = align();
-    cairn_pose first = cairn_aligner_pose_of(bed.x, 0).map_scan,
-               at = cairn_aligner_pose_of(bed.x, 1).map_scan;
-    int32_t units = 0, most = (bed.x->scans[0].end_segment - bed.x->scans[0].first_segment) *
-                              (1 + bed.x->scans[1].end_segment - bed.x->scans[1].first_segment);
+    cairn_pose first = cairn_aligner_pose_of(bed.aligner, 0).map_scan,
+               at = cairn_aligner_pose_of(bed.aligner, 1).map_scan;
+    int32_t units = 0,
+            most = (bed.aligner->scans[0].end_segment - bed.aligner->scans[0].first_segment) *
+                   (1 + bed.aligner->scans[1].end_segment - bed.aligner->scans[1].first_segment);
 
     (void)state;
     for (cairn_real sign = -1; sign <= 1; sign += 2) {
         cairn_pose off = at;
 
         off.y += sign * CAIRN_REAL(0.02);
-        assert_int_equal(cairn_aligner_share_wall(bed.x, 0, 1, cairn_pose_between(off, first),
+        assert_int_equal(cairn_aligner_share_wall(bed.aligner, 0, 1, cairn_pose_between(off, first),
                                                   seen_from(0, 90), &units),
                          1);
         assert_in_range(units, 1, 1 + most / 16);
         off.y += sign * CAIRN_REAL(0.02);
-        assert_int_equal(cairn_aligner_share_wall(bed.x, 0, 1, cairn_pose_between(off, first),
+        assert_int_equal(cairn_aligner_share_wall(bed.aligner, 0, 1, cairn_pose_between(off, first),
                                                   seen_from(0, 90), &units),
                          0);
         assert_in_range(units, 1, 1 + most / 16);
-        assert_int_equal(cairn_aligner_share_wall(bed.x, 1, 0, cairn_pose_between(first, off),
+        assert_int_equal(cairn_aligner_share_wall(bed.aligner, 1, 0, cairn_pose_between(first, off),
                                                   seen_from(1, 90), NULL),
                          0);
-        assert_int_equal(cairn_aligner_share_wall(bed.x, 1, 0, cairn_pose_between(first, off),
+        assert_int_equal(cairn_aligner_share_wall(bed.aligner, 1, 0, cairn_pose_between(first, off),
                                                   seen_from(1, 0), NULL),
                          1);
     }
-    assert_int_equal(cairn_aligner_share_wall(bed.x, 0, SCANS, first, seen_from(0, 90), &units), 0);
+    assert_int_equal(
+        cairn_aligner_share_wall(bed.aligner, 0, SCANS, first, seen_from(0, 90), &units), 0);
     assert_int_equal(units, 1);
     test_pool_free(&bed.pool);
 }
@@ -159,13 +163,13 @@ static void free_space_violations_agree_with_the_reference(void **state)
 
                 at.y += off[k];
                 between = cairn_pose_between(truth[j], at);
-                got = cairn_aligner_free_space_violation(bed.x, i, j, between, &units);
-                work = cairn_aligner_count_pair(bed.x, i, j, cairn_transform_of(between),
+                got = cairn_aligner_free_space_violation(bed.aligner, i, j, between, &units);
+                work = cairn_aligner_count_pair(bed.aligner, i, j, cairn_transform_of(between),
                                                 CAIRN_REAL(0.07), &count);
                 count.same_surface = 0;
-                expected = cairn_aligner_log_likelihood_ratio(bed.x, count);
+                expected = cairn_aligner_log_likelihood_ratio(bed.aligner, count);
                 assert_near(got, expected, 0);
-                assert_near(cairn_aligner_free_space_violation(bed.x, i, j, between, NULL),
+                assert_near(cairn_aligner_free_space_violation(bed.aligner, i, j, between, NULL),
                             expected, 0);
                 assert_int_equal(units, 1 + work);
                 if (k == 0)
@@ -175,12 +179,13 @@ static void free_space_violations_agree_with_the_reference(void **state)
                 against += got < -5;
             }
     assert_true(against > 20);
-    assert_near(cairn_aligner_free_space_violation(bed.x, 0, SCANS, truth[0], &units), 0, 0);
+    assert_near(cairn_aligner_free_space_violation(bed.aligner, 0, SCANS, truth[0], &units), 0, 0);
     assert_int_equal(units, 1);
-    assert_near(cairn_aligner_free_space_violation(bed.x, -1, 0, truth[0], &units), 0, 0);
+    assert_near(cairn_aligner_free_space_violation(bed.aligner, -1, 0, truth[0], &units), 0, 0);
     assert_near(cairn_aligner_free_space_violation(NULL, 0, 1, truth[0], &units), 0, 0);
-    assert_near(cairn_aligner_free_space_violation(bed.x, 0, 1, (cairn_pose){500, 0, 0}, &units), 0,
-                0);
+    assert_near(
+        cairn_aligner_free_space_violation(bed.aligner, 0, 1, (cairn_pose){500, 0, 0}, &units), 0,
+        0);
     assert_int_equal(units, 1);
     test_pool_free(&bed.pool);
 }
@@ -193,10 +198,11 @@ static void candidate_pairs_are_near(void **state)
     for (int32_t i = 0; i < SCANS; i++)
         for (int32_t j = 0; j < SCANS; j++)
             if (i != j)
-                assert_int_equal(cairn_aligner_is_candidate_pair(bed.x, i, j), i < 4 && j < 4);
-    assert_int_equal(cairn_aligner_is_candidate_pair(bed.x, 0, SCANS), 0);
-    assert_int_equal(cairn_aligner_is_candidate_pair(bed.x, SCANS, 0), 0);
-    assert_int_equal(cairn_aligner_is_candidate_pair(bed.x, 0, -1), 0);
+                assert_int_equal(cairn_aligner_is_candidate_pair(bed.aligner, i, j),
+                                 i < 4 && j < 4);
+    assert_int_equal(cairn_aligner_is_candidate_pair(bed.aligner, 0, SCANS), 0);
+    assert_int_equal(cairn_aligner_is_candidate_pair(bed.aligner, SCANS, 0), 0);
+    assert_int_equal(cairn_aligner_is_candidate_pair(bed.aligner, 0, -1), 0);
     assert_int_equal(cairn_aligner_is_candidate_pair(NULL, 0, 1), 0);
     test_pool_free(&bed.pool);
 }

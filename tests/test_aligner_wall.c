@@ -37,13 +37,13 @@ static aligner_segment random_segment(cairn_random *random, cairn_real turn)
     return s;
 }
 
-static int32_t search_every_wall(const cairn_aligner *x, const aligner_segment *s)
+static int32_t search_every_wall(const cairn_aligner *aligner, const aligner_segment *s)
 {
     cairn_real best = CAIRN_REAL_MAX;
     int32_t found = -1;
 
-    for (int32_t w = 0; w < x->wall_count; w++) {
-        cairn_real misfit = cairn_aligner_wall_distance(x, s, &x->walls[w]);
+    for (int32_t w = 0; w < aligner->wall_count; w++) {
+        cairn_real misfit = cairn_aligner_wall_distance(aligner, s, &aligner->walls[w]);
 
         if (misfit >= 0 && misfit < best) {
             best = misfit;
@@ -62,27 +62,27 @@ static cairn_aligner *make_aligner(cairn_pool *pool, uint64_t seed)
     cairn_real turn = cairn_random_uniform(&random, -3, 3);
     cairn_pose origin = {0, 0, 0};
     cairn_scan_view nothing;
-    cairn_aligner *x;
+    cairn_aligner *aligner;
 
     params.max_scans = SCANS;
     params.max_segments = SEGMENTS;
     *pool = test_pool(cairn_aligner_memory(&params));
-    assert_ok(cairn_aligner_create(&x, pool, &params));
+    assert_ok(cairn_aligner_create(&aligner, pool, &params));
     memset(&nothing, 0, sizeof nothing);
     for (int32_t i = 0; i < SCANS; i++)
-        assert_ok(cairn_aligner_add_scan(x, &nothing, origin, NULL));
-    assert_ok(cairn_aligner_begin(x));
+        assert_ok(cairn_aligner_add_scan(aligner, &nothing, origin, NULL));
+    assert_ok(cairn_aligner_begin(aligner));
     for (int32_t i = 0; i < SCANS; i++) {
-        x->scans[i].cluster = 0;
-        x->scans[i].is_weak = i % 3 == 0;
+        aligner->scans[i].cluster = 0;
+        aligner->scans[i].is_weak = i % 3 == 0;
     }
-    x->segment_count = SEGMENTS;
+    aligner->segment_count = SEGMENTS;
     for (int32_t i = 0; i < SEGMENTS; i++) {
-        x->segments[i] = random_segment(&random, turn);
-        x->order[i] = i;
+        aligner->segments[i] = random_segment(&random, turn);
+        aligner->order[i] = i;
     }
-    x->home = x->at = x->round = 0;
-    return x;
+    aligner->home = aligner->at = aligner->round = 0;
+    return aligner;
 }
 
 static void tiles_find_what_a_linear_search_finds(void **state)
@@ -90,20 +90,20 @@ static void tiles_find_what_a_linear_search_finds(void **state)
     (void)state;
     for (uint64_t seed = 1; seed <= 12; seed++) {
         cairn_pool pool;
-        cairn_aligner *x = make_aligner(&pool, seed);
+        cairn_aligner *aligner = make_aligner(&pool, seed);
         int32_t found = 0, looked = 0, walls = 0;
 
-        (void)cairn_aligner_associate_item(x);
-        while (x->at < SEGMENTS) {
-            aligner_segment *s = &x->segments[x->at];
-            int32_t passed, wall = cairn_aligner_find_wall(x, s, &passed),
-                            expected = search_every_wall(x, s);
+        (void)cairn_aligner_associate_item(aligner);
+        while (aligner->at < SEGMENTS) {
+            aligner_segment *s = &aligner->segments[aligner->at];
+            int32_t passed, wall = cairn_aligner_find_wall(aligner, s, &passed),
+                            expected = search_every_wall(aligner, s);
 
             assert_int_equal(wall, expected);
             found += wall >= 0;
             looked += passed;
-            walls += x->wall_count;
-            (void)cairn_aligner_associate_item(x);
+            walls += aligner->wall_count;
+            (void)cairn_aligner_associate_item(aligner);
         }
         assert_in_range(found, SEGMENTS / 20, SEGMENTS);
         assert_true(looked < walls);
@@ -115,26 +115,26 @@ static void tiles_find_what_a_linear_search_finds(void **state)
 static void kept_walls_are_found_where_they_are(void **state)
 {
     cairn_pool pool;
-    cairn_aligner *x = make_aligner(&pool, 7);
+    cairn_aligner *aligner = make_aligner(&pool, 7);
     int32_t walls;
 
     (void)state;
-    while (x->at < SEGMENTS)
-        (void)cairn_aligner_associate_item(x);
-    walls = x->wall_count;
+    while (aligner->at < SEGMENTS)
+        (void)cairn_aligner_associate_item(aligner);
+    walls = aligner->wall_count;
     for (int32_t i = 0; i < SCANS; i++)
-        x->poses[i].x += 9;
-    x->round = 8;
-    x->at = 0;
-    while (x->at < SEGMENTS)
-        (void)cairn_aligner_associate_item(x);
-    assert_int_equal(x->wall_count, walls);
-    x->round = 3;
+        aligner->poses[i].x += 9;
+    aligner->round = 8;
+    aligner->at = 0;
+    while (aligner->at < SEGMENTS)
+        (void)cairn_aligner_associate_item(aligner);
+    assert_int_equal(aligner->wall_count, walls);
+    aligner->round = 3;
     for (int32_t i = 0; i < SEGMENTS; i++) {
         int32_t passed;
 
-        assert_int_equal(cairn_aligner_find_wall(x, &x->segments[i], &passed),
-                         search_every_wall(x, &x->segments[i]));
+        assert_int_equal(cairn_aligner_find_wall(aligner, &aligner->segments[i], &passed),
+                         search_every_wall(aligner, &aligner->segments[i]));
     }
     test_pool_free(&pool);
 }
@@ -170,7 +170,7 @@ static void what_fits_is_found(void **state)
 {
     cairn_random random = cairn_random_seed(5, 1);
     cairn_pool pool;
-    cairn_aligner *x = make_aligner(&pool, 5);
+    cairn_aligner *aligner = make_aligner(&pool, 5);
     int32_t fitting = 0, far = 0;
 
     (void)state;
@@ -182,15 +182,15 @@ static void what_fits_is_found(void **state)
         wall.length = cairn_max(wall.length, CAIRN_REAL(0.4));
         wall.is_short = 0;
         s = continuation(&random, &wall);
-        x->segments[0] = wall;
-        x->segments[1] = s;
-        x->segment_count = 2;
-        x->home = 0;
-        x->at = 0;
-        x->round = i % 6;
-        (void)cairn_aligner_associate_item(x);
-        misfit = cairn_aligner_wall_distance(x, &s, &x->walls[0]);
-        assert_int_equal(cairn_aligner_find_wall(x, &s, &passed), misfit >= 0 ? 0 : -1);
+        aligner->segments[0] = wall;
+        aligner->segments[1] = s;
+        aligner->segment_count = 2;
+        aligner->home = 0;
+        aligner->at = 0;
+        aligner->round = i % 6;
+        (void)cairn_aligner_associate_item(aligner);
+        misfit = cairn_aligner_wall_distance(aligner, &s, &aligner->walls[0]);
+        assert_int_equal(cairn_aligner_find_wall(aligner, &s, &passed), misfit >= 0 ? 0 : -1);
         fitting += misfit >= 0;
         far += misfit >= CAIRN_REAL(0.2); /* over more than 3 m */
     }

@@ -1,3 +1,4 @@
+/* Simulated arenas: bodies, walls, reachability, scenes, options, refusals. */
 #include "tests/test.h"
 
 #include <math.h>

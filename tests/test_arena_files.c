@@ -1,3 +1,4 @@
+/* Files of cairn-arena: log, truth, JSON, picture; locale and full disk. */
 #include "tests/test.h"
 
 #include <locale.h>

@@ -1,3 +1,5 @@
+/* Linear assignment compared with all pairings and with the Hungarian method; budgets, memory,
+ * refusals. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -15,7 +17,7 @@ typedef struct pairing {
 
 static void start(pairing *p, int32_t most_rows, int32_t most_columns)
 {
-    cairn_assignment_params params = {most_rows, most_columns};
+    cairn_assignment_params params = {.max_rows = most_rows, .max_columns = most_columns};
 
     p->pool = test_pool(cairn_assignment_memory(&params));
     assert_ok(cairn_assignment_create(&p->assignment, &p->pool, &params));
@@ -273,7 +275,8 @@ static cairn_status create(void *context, cairn_pool *pool)
 
 static void refuses_bad_params(void **state)
 {
-    cairn_assignment_params good = {5, 9}, crosswise = {9, 5},
+    cairn_assignment_params good = {.max_rows = 5, .max_columns = 9},
+                            crosswise = {.max_rows = 9, .max_columns = 5},
                             bad[] = {{0, 5}, {5, 0}, {4097, 5}, {5, 4097}, {-1, 5}, {5, -1}};
     cairn_assignment *assignment;
     cairn_pool pool = test_pool(1 << 16);

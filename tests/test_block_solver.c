@@ -122,7 +122,7 @@ static void reference_invert(int32_t n)
 
 static cairn_block_solver *make_solver(cairn_pool *pool, int32_t poses, int32_t links, int32_t fill)
 {
-    cairn_block_solver_params params = {poses, links, fill};
+    cairn_block_solver_params params = {.max_poses = poses, .max_links = links, .max_fill = fill};
     cairn_block_solver *solver;
 
     *pool = test_pool(cairn_block_solver_memory(&params));
@@ -938,7 +938,7 @@ static void one_part_at_a_time(void **state)
 
 static void refused_params(void **state)
 {
-    const cairn_block_solver_params good = {10, 20, 30};
+    const cairn_block_solver_params good = {.max_poses = 10, .max_links = 20, .max_fill = 30};
     cairn_block_solver *solver = NULL;
     cairn_pool pool = test_pool(1 << 16);
 
@@ -966,14 +966,16 @@ static void refused_params(void **state)
     assert_status(cairn_block_solver_create(&solver, NULL, &good), CAIRN_BAD_ARGUMENT);
     assert_int_equal(pool.used, 0);
     for (int k = 0; k < 3; k++) {
-        cairn_block_solver_params largest = {k == 0 ? 1 << 22 : 1, k == 1 ? 1 << 24 : 0,
-                                             k == 2 ? 1 << 26 : 0};
+        cairn_block_solver_params largest = {.max_poses = k == 0 ? 1 << 22 : 1,
+                                             .max_links = k == 1 ? 1 << 24 : 0,
+                                             .max_fill = k == 2 ? 1 << 26 : 0};
 
         assert_true(sizeof(size_t) == 4 || cairn_block_solver_memory(&largest) > 0);
     }
     for (int k = 0; k < 3; k++) { /* what a pose, a link and a block of the factor cost */
         const size_t real = sizeof(cairn_real), bytes[3] = {18 * real + 64, 20, 9 * real + 4};
-        cairn_block_solver_params few = {1000, 1000, 1000}, more = few;
+        cairn_block_solver_params few = {.max_poses = 1000, .max_links = 1000, .max_fill = 1000},
+                                  more = few;
 
         if (k == 0)
             more.max_poses += 1000;
@@ -996,7 +998,7 @@ static cairn_status create_one(void *context, cairn_pool *pool)
 
 static void every_pool_size(void **state)
 {
-    cairn_block_solver_params params = {3, 5, 7};
+    cairn_block_solver_params params = {.max_poses = 3, .max_links = 5, .max_fill = 7};
 
     (void)state;
     test_every_pool_size(create_one, &params, cairn_block_solver_memory(&params));

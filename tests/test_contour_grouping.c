@@ -1,3 +1,5 @@
+/* Grouping of the contour of a known object: drawn scenes, evidence compared with a reference
+ * implementation, degenerate input, budgets. */
 #include "tests/contour_scene.h"
 
 #define PI     3.14159265358979323846

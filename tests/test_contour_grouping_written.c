@@ -34,7 +34,7 @@ static cairn_contour_grouping_params small_params(void)
 
     p.max_width = WIDTH;
     p.max_height = HEIGHT;
-    p.max_tokens = MOST;
+    p.max_tokens = MAX_COUNT;
     p.max_points = 8192;
     p.max_steps = STEPS;
     p.particles = 60;
@@ -420,7 +420,7 @@ static void bad_input_is_refused(void **state)
     REFUSED(in.look_ahead = (cairn_real)NAN, CAIRN_NOT_FINITE);
     REFUSED(in.end_count = -1, CAIRN_BAD_ARGUMENT);
     REFUSED(in.ends = NULL, CAIRN_BAD_ARGUMENT);
-    REFUSED(in.count = MOST + 1, CAIRN_FULL);
+    REFUSED(in.count = MAX_COUNT + 1, CAIRN_FULL);
     REFUSED(in.model = &pathless, CAIRN_BAD_ARGUMENT);
     REFUSED(in.min_size = 0, CAIRN_BAD_ARGUMENT);
 #undef REFUSED

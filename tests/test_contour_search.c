@@ -254,7 +254,7 @@ static void collect(const cairn_segment *lines, const int32_t *chains, int32_t c
                     const char *wanted)
 {
     cairn_oriented_point outline[LEVEL];
-    contour_fitted_outline placed = {outline, LEVEL, {100, 100}, 200};
+    contour_search_fitted_outline placed = {outline, LEVEL, {100, 100}, 200};
     cairn_contour_search_tokens tokens;
     int32_t list[16], listed = 0, known[16] = {0};
 
@@ -351,7 +351,7 @@ static void test_edges_that_are_followed(void **state)
 {
     static const int32_t one[8] = {0, 0, 0, 0, 0, 0, 0, 0}, two[8] = {0, 0, 0, 1, 1, 1, 1, 1};
     cairn_oriented_point outline[40];
-    contour_fitted_outline placed = {outline, 40, {100, 100}, 200};
+    contour_search_fitted_outline placed = {outline, 40, {100, 100}, 200};
     cairn_contour_search_tokens tokens;
     cairn_segment row[8];
     int32_t list[8], listed;
@@ -398,8 +398,8 @@ static void test_edges_are_followed_at_a_gap(void **state)
     const cairn_segment lines[3] = {
         {{150, 100}, {170, 100}}, {{170, 108}, {170, 128}}, {{170, 135}, {170, 138}}};
     cairn_oriented_point outline[LEVEL];
-    contour_fitted_outline placed = {outline, LEVEL, {100, 100}, 200};
-    contour_gaps gaps = {.at = {{200, 100}}, .count = 0};
+    contour_search_fitted_outline placed = {outline, LEVEL, {100, 100}, 200};
+    contour_search_gaps gaps = {.at = {{200, 100}}, .count = 0};
     cairn_contour_search_tokens tokens;
     int32_t list[3], listed;
 

@@ -3,24 +3,25 @@
 
 #include "src/host/contour_search_ends.h"
 
-enum { LINES = 400, APART = 4 };
+enum { LINES = 400, END_DISTANCE_PX = 4 };
 
 static void assert_same_as_all(const cairn_segment *lines, int32_t count)
 {
     int32_t listed[LINES], listed_count = 0, met = 0;
-    contour_ends ends;
+    contour_search_ends ends;
 
     for (int32_t i = 0; i < count; i++)
         if (i % 7 != 3)
             listed[listed_count++] = i;
-    assert_true(cairn_contour_search_ends_make(&ends, lines, listed, listed_count, APART));
+    assert_true(
+        cairn_contour_search_ends_make(&ends, lines, listed, listed_count, END_DISTANCE_PX));
     for (int32_t round = 0; round < 2; round++)
         for (int32_t i = 0; i < listed_count; i++) {
             int32_t near = cairn_contour_search_ends_near(&ends, i), at = 0;
 
             for (int32_t k = 0; k < listed_count; k++)
-                if (k != i &&
-                    cairn_contour_search_meet(lines[listed[i]], lines[listed[k]], APART)) {
+                if (k != i && cairn_contour_search_meet(lines[listed[i]], lines[listed[k]],
+                                                        END_DISTANCE_PX)) {
                     assert_true(at < near);
                     assert_int_equal(ends.neighbours[at++], k);
                 }
@@ -52,7 +53,7 @@ static void finds_all_that_meet(void **state)
              * distance. */
             if (i % 3 == 2) {
                 lines[i].a = lines[i - 1].b;
-                lines[i].a.x += i % 2 == 0 ? APART : cairn_random_uniform(&random, -5, 5);
+                lines[i].a.x += i % 2 == 0 ? END_DISTANCE_PX : cairn_random_uniform(&random, -5, 5);
             }
         }
         assert_same_as_all(lines, LINES);

@@ -100,9 +100,9 @@ static bent bend(const cairn_vec2 corners[CORNERS], int32_t hidden)
 {
     cairn_shape_model_file model = make_model();
     cairn_contour_grouping_object o = object_at(&model.model);
-    contour_field *field = cairn_contour_search_field_new();
+    contour_search_field *field = cairn_contour_search_field_new();
     int32_t n = model.model.outline_count, behind = 0;
-    contour_fit fit;
+    contour_search_fit fit;
     bent b;
 
     memset(&b, 0, sizeof b);
@@ -140,7 +140,7 @@ static bent bend(const cairn_vec2 corners[CORNERS], int32_t hidden)
 static void test_field_beside_its_reference(void **state)
 {
     cairn_random random = cairn_random_seed(3, 1);
-    contour_field *field = cairn_contour_search_field_new();
+    contour_search_field *field = cairn_contour_search_field_new();
     cairn_contour_grouping_object o;
 
     (void)state;
@@ -160,15 +160,16 @@ static void test_field_beside_its_reference(void **state)
         strength[i] = cairn_random_uniform(&random, 0, 1);
     }
     cairn_contour_search_field_fill(field, &tokens, &o);
-    for (int32_t bin = 0; bin < CONTOUR_FIELD_BINS; bin++) {
+    for (int32_t bin = 0; bin < CONTOUR_SEARCH_FIELD_BINS; bin++) {
         double sum = 0;
 
-        for (int32_t at = 0; at < CONTOUR_FIELD_SIDE * CONTOUR_FIELD_SIDE; at++) {
-            int32_t column = at % CONTOUR_FIELD_SIDE, row = at / CONTOUR_FIELD_SIDE;
+        for (int32_t at = 0; at < CONTOUR_SEARCH_FIELD_SIDE * CONTOUR_SEARCH_FIELD_SIDE; at++) {
+            int32_t column = at % CONTOUR_SEARCH_FIELD_SIDE, row = at / CONTOUR_SEARCH_FIELD_SIDE;
             double least = 30, x = column + 0.5, y = row + 0.5;
             double cost =
-                (double)
-                    field->cost[(size_t)bin * CONTOUR_FIELD_SIDE * CONTOUR_FIELD_SIDE + (size_t)at];
+                (double)field
+                    ->cost[(size_t)bin * CONTOUR_SEARCH_FIELD_SIDE * CONTOUR_SEARCH_FIELD_SIDE +
+                           (size_t)at];
 
             for (int32_t i = 0; i < tokens.count; i++) {
                 cairn_vec2 d = cairn_vec2_sub(lines[i].b, lines[i].a);
@@ -190,7 +191,8 @@ static void test_field_beside_its_reference(void **state)
                 assert_true(cost > 20);
         }
         assert_near(field->background[bin],
-                    fmax(0.02, sum / (CONTOUR_FIELD_SIDE * CONTOUR_FIELD_SIDE)), 1e-3);
+                    fmax(0.02, sum / (CONTOUR_SEARCH_FIELD_SIDE * CONTOUR_SEARCH_FIELD_SIDE)),
+                    1e-3);
     }
     cairn_contour_search_field_free(field);
 }

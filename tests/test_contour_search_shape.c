@@ -59,8 +59,8 @@ static void place_square(double turn, double wide, double off, int32_t hidden)
 /* turn: the direction that counts as upright. */
 static cairn_contour_search_shape measure(double turn)
 {
-    const contour_fitted_outline c = {fitted, SAMPLES, origin, size};
-    const contour_reference d = {drawn, {(cairn_real)cos(turn), (cairn_real)sin(turn)}};
+    const contour_search_fitted_outline c = {fitted, SAMPLES, origin, size};
+    const contour_search_reference d = {drawn, {(cairn_real)cos(turn), (cairn_real)sin(turn)}};
 
     return cairn_contour_search_shape_of(&tokens, &c, part, &d, list, NULL);
 }

@@ -1,10 +1,11 @@
+/* Corners of segments: by hand, and compared with all pairs; suppression, budgets, refusals. */
 #include "tests/test.h"
 
 #include <math.h>
 
 #include "cairn/corner.h"
 
-enum { MANY = 120, ALL_PAIRS = MANY * (MANY - 1) / 2 };
+enum { ITEM_COUNT = 120, ALL_PAIRS = ITEM_COUNT * (ITEM_COUNT - 1) / 2 };
 
 static cairn_segment segment(double ax, double ay, double bx, double by)
 {
@@ -401,17 +402,17 @@ static void test_strength_is_the_nearer_far_end(void **state)
 static void compare_with_slow(cairn_corner_params p, uint64_t seed)
 {
     static cairn_corner slow[ALL_PAIRS];
-    cairn_segment segments[MANY];
+    cairn_segment segments[ITEM_COUNT];
     cairn_corner_params unmerged = p;
     struct fixture f = set_with(p);
     int32_t found, expected, raw, wanted;
     const cairn_corner *fast;
 
-    scatter(segments, MANY, seed);
-    fast = search(f.set, segments, MANY, &found);
+    scatter(segments, ITEM_COUNT, seed);
+    fast = search(f.set, segments, ITEM_COUNT, &found);
     unmerged.merge_radius = 0;
-    raw = slow_search(&unmerged, segments, MANY, slow);
-    expected = slow_search(&p, segments, MANY, slow);
+    raw = slow_search(&unmerged, segments, ITEM_COUNT, slow);
+    expected = slow_search(&p, segments, ITEM_COUNT, slow);
     assert_true(expected > 60);
     wanted = expected < p.max_corners ? expected : p.max_corners;
     assert_int_equal(found, wanted);
@@ -555,7 +556,7 @@ static void test_merging(void **state)
 static void test_budgets_are_equal(void **state)
 {
     static const int32_t budgets[] = {1, 7, 1000};
-    cairn_segment segments[MANY];
+    cairn_segment segments[ITEM_COUNT];
     cairn_corner_params p = cairn_corner_default();
     struct fixture whole;
     int32_t found, count;
@@ -563,16 +564,16 @@ static void test_budgets_are_equal(void **state)
 
     (void)state;
     p.max_corners = 50;
-    scatter(segments, MANY, 9);
+    scatter(segments, ITEM_COUNT, 9);
     whole = set_with(p);
-    expected = search(whole.set, segments, MANY, &found);
+    expected = search(whole.set, segments, ITEM_COUNT, &found);
     for (int i = 0; i < 3; i++) {
         struct fixture f = set_with(p);
         int32_t steps = 0, units = 0;
         cairn_status status;
         const cairn_corner *c;
 
-        assert_ok(cairn_corner_begin(f.set, segments, MANY));
+        assert_ok(cairn_corner_begin(f.set, segments, ITEM_COUNT));
         do {
             cairn_budget budget = {0};
 

@@ -1,10 +1,11 @@
+/* Even samples and tangents of polylines, compared with a reference implementation. */
 #include "tests/test.h"
 
 #include <math.h>
 
 #include "cairn/curve.h"
 
-enum { MANY = 60, SAMPLES = 97 };
+enum { ITEM_COUNT = 60, SAMPLES = 97 };
 
 static const double tolerance = NUMBER(1e-11, 1e-4);
 
@@ -64,7 +65,7 @@ static void samples_are_even(void **state)
 {
     (void)state;
     for (uint64_t seed = 0; seed < 40; seed++) {
-        cairn_vec2 points[MANY], samples[SAMPLES], directions[SAMPLES], again[SAMPLES];
+        cairn_vec2 points[ITEM_COUNT], samples[SAMPLES], directions[SAMPLES], again[SAMPLES];
         int32_t closed = seed % 2 == 1;
         cairn_curve c = curve_of(points, (int32_t)(3 + seed), closed);
         int32_t count = seed < 20 ? 5 : SAMPLES;
@@ -128,9 +129,9 @@ static void tangents_reach_over_vertices(void **state)
 {
     (void)state;
     for (int32_t reach = 1; reach < 8; reach++) {
-        cairn_vec2 points[MANY], directions[MANY];
+        cairn_vec2 points[ITEM_COUNT], directions[ITEM_COUNT];
 
-        walk(points, MANY, (uint64_t)reach);
+        walk(points, ITEM_COUNT, (uint64_t)reach);
         for (int32_t closed = 0; closed < 2; closed++) {
             cairn_curve c = curve_of(points, 17, closed);
 

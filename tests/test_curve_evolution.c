@@ -1,10 +1,12 @@
+/* Discrete curve evolution compared with a reference implementation; curves that would cross
+ * themselves. */
 #include "tests/test.h"
 
 #include <math.h>
 
 #include "cairn/curve_evolution.h"
 
-enum { MANY = 80 };
+enum { ITEM_COUNT = 80 };
 
 static cairn_vec2 at(double x, double y)
 {
@@ -68,16 +70,16 @@ static int is_simple(const cairn_vec2 *p, int32_t n)
 
 static int32_t slow_evolution(const cairn_vec2 *points, int32_t count, int32_t mode, int32_t *rank)
 {
-    int32_t left[MANY], n = count;
+    int32_t left[ITEM_COUNT], n = count;
 
     for (int32_t i = 0; i < count; i++)
         left[i] = i;
     while (n > 3) {
-        int refused[MANY] = {0};
+        int refused[ITEM_COUNT] = {0};
         int32_t best;
 
         for (;;) {
-            cairn_vec2 rest[MANY];
+            cairn_vec2 rest[ITEM_COUNT];
             cairn_real least = 0;
             int32_t m = 0;
 
@@ -114,7 +116,7 @@ static int32_t slow_evolution(const cairn_vec2 *points, int32_t count, int32_t m
 static void assert_as_slow_in(evolving *e, const cairn_vec2 *points, int32_t count, int32_t mode)
 {
     cairn_curve_evolution_result r = evolve(e, points, count);
-    int32_t rank[MANY], least = slow_evolution(points, count, mode, rank);
+    int32_t rank[ITEM_COUNT], least = slow_evolution(points, count, mode, rank);
 
     assert_int_equal(r.count, count);
     assert_int_equal(r.min_vertices, least);
@@ -155,8 +157,8 @@ static void spiral(cairn_vec2 *p, int32_t count)
 
 static void evolves_as_the_reference(void **state)
 {
-    evolving e = new_evolving(MANY);
-    cairn_vec2 p[MANY];
+    evolving e = new_evolving(ITEM_COUNT);
+    cairn_vec2 p[ITEM_COUNT];
 
     (void)state;
     for (uint64_t seed = 0; seed < 30; seed++) {
@@ -165,8 +167,8 @@ static void evolves_as_the_reference(void **state)
         star(p, count, seed);
         assert_as_slow(&e, p, count);
     }
-    spiral(p, MANY);
-    assert_as_slow(&e, p, MANY);
+    spiral(p, ITEM_COUNT);
+    assert_as_slow(&e, p, ITEM_COUNT);
     test_pool_free(&e.pool);
 }
 
@@ -174,10 +176,10 @@ static void evolves_as_the_reference(void **state)
  * crosses itself. */
 static void as_written_nothing_is_refused(void **state)
 {
-    evolving e = new_evolving_in(MANY, cairn_curve_evolution_as_written().mode);
-    evolving checked = new_evolving(MANY);
+    evolving e = new_evolving_in(ITEM_COUNT, cairn_curve_evolution_as_written().mode);
+    evolving checked = new_evolving(ITEM_COUNT);
     cairn_curve_evolution_result r, other;
-    cairn_vec2 p[MANY];
+    cairn_vec2 p[ITEM_COUNT];
     int32_t differ = 0;
 
     (void)state;
@@ -188,11 +190,11 @@ static void as_written_nothing_is_refused(void **state)
         assert_as_slow_in(&e, p, count, CAIRN_MODE_AS_WRITTEN);
         assert_int_equal(cairn_curve_evolution_read(e.evolution).min_vertices, 3);
     }
-    spiral(p, MANY);
-    assert_as_slow_in(&e, p, MANY, CAIRN_MODE_AS_WRITTEN);
+    spiral(p, ITEM_COUNT);
+    assert_as_slow_in(&e, p, ITEM_COUNT, CAIRN_MODE_AS_WRITTEN);
     r = cairn_curve_evolution_read(e.evolution);
-    other = evolve(&checked, p, MANY);
-    for (int32_t i = 0; i < MANY; i++)
+    other = evolve(&checked, p, ITEM_COUNT);
+    for (int32_t i = 0; i < ITEM_COUNT; i++)
         differ += r.rank[i] != other.rank[i];
     assert_true(differ > 0);
     test_pool_free(&e.pool);
@@ -202,9 +204,9 @@ static void as_written_nothing_is_refused(void **state)
 /* On pixels: many vertices have equal relevance, and many are collinear. */
 static void equals_go_in_their_order(void **state)
 {
-    evolving e = new_evolving(MANY);
+    evolving e = new_evolving(ITEM_COUNT);
     cairn_curve_evolution_result r;
-    cairn_vec2 p[MANY];
+    cairn_vec2 p[ITEM_COUNT];
 
     (void)state;
     for (int32_t i = 0; i < 40; i++)
@@ -229,8 +231,8 @@ static void equals_go_in_their_order(void **state)
  * part that reaches into it. */
 static void never_touches_itself(void **state)
 {
-    evolving e = new_evolving(MANY);
-    cairn_vec2 p[MANY];
+    evolving e = new_evolving(ITEM_COUNT);
+    cairn_vec2 p[ITEM_COUNT];
 
     (void)state;
     for (uint64_t seed = 40; seed < 60; seed++) {
@@ -242,7 +244,7 @@ static void never_touches_itself(void **state)
             continue;
         r = evolve(&e, p, 40 + (int32_t)(seed % 7) * 2);
         for (int32_t m = r.min_vertices; m <= r.count; m++) {
-            cairn_vec2 level[MANY];
+            cairn_vec2 level[ITEM_COUNT];
             int32_t n = 0;
 
             for (int32_t i = 0; i < r.count; i++)
@@ -303,10 +305,10 @@ static uint64_t hash_of(void *context)
 
 static cairn_status begin_star(void *context)
 {
-    cairn_vec2 p[MANY];
+    cairn_vec2 p[ITEM_COUNT];
 
-    star(p, MANY, 7);
-    return cairn_curve_evolution_begin(((evolving *)context)->evolution, p, MANY);
+    star(p, ITEM_COUNT, 7);
+    return cairn_curve_evolution_begin(((evolving *)context)->evolution, p, ITEM_COUNT);
 }
 
 static cairn_status step(void *context, cairn_budget *budget)
@@ -317,7 +319,7 @@ static cairn_status step(void *context, cairn_budget *budget)
 static void budgets_do_not_matter(void **state)
 {
     static const int32_t budgets[] = {1, 7, 1000};
-    evolving e = new_evolving(MANY);
+    evolving e = new_evolving(ITEM_COUNT);
     test_stepped object = {begin_star, step, hash_of, &e};
     cairn_budget all = {INT32_MAX}, none = {0};
     uint64_t hash;

@@ -10,7 +10,7 @@
 #include "tests/files.h"
 #include "tests/xml.h"
 
-enum { MOST = 60 };
+enum { MAX_COUNT = 60 };
 
 static void curves_by_hand(void **state)
 {
@@ -62,12 +62,12 @@ static void agrees_with_the_reference_implementation(void **state)
 
     (void)state;
     for (int32_t round = 0; round < 50; round++) {
-        cairn_detection_curve_event e[MOST];
-        cairn_detection_curve_point p[MOST];
-        int32_t count = 1 + cairn_random_below(&random, MOST), hits = 0;
+        cairn_detection_curve_event e[MAX_COUNT];
+        cairn_detection_curve_point p[MAX_COUNT];
+        int32_t count = 1 + cairn_random_below(&random, MAX_COUNT), hits = 0;
 
         for (int32_t i = 0; i < count; i++) {
-            e[i].score = i + 0.5 * cairn_random_below(&random, 2 * MOST) * 2;
+            e[i].score = i + 0.5 * cairn_random_below(&random, 2 * MAX_COUNT) * 2;
             e[i].hit = cairn_random_below(&random, 2);
             hits += e[i].hit;
         }

@@ -1,3 +1,5 @@
+/* Edge linking: drawn images with known chains, random ones compared with a reference
+ * implementation; budgets, refusals. */
 #include "tests/test.h"
 
 #include "cairn/edge_chain.h"

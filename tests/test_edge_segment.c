@@ -1,10 +1,12 @@
+/* Edge segments of chains: drawings with known segments, random ones compared with a reference
+ * implementation; budgets, refusals. */
 #include "tests/test.h"
 
 #include <math.h>
 
 #include "cairn/edge_segment.h"
 
-enum { MANY_CHAINS = 40, MANY_PIXELS = 4000, MANY = 4000 };
+enum { MANY_CHAINS = 40, MANY_PIXELS = 4000, ITEM_COUNT = 4000 };
 
 /* Chains made by hand. */
 typedef struct drawing {
@@ -89,7 +91,7 @@ static cairn_edge_segment_params small_params(void)
     cairn_edge_segment_params params = cairn_edge_segment_default();
 
     params.max_lines = 400;
-    params.max_segments = MANY;
+    params.max_segments = ITEM_COUNT;
     return params;
 }
 
@@ -124,7 +126,7 @@ typedef struct slow_line {
     int32_t chain, low, high, first, last;
 } slow_line;
 
-static slow_line slow_lines[MANY];
+static slow_line slow_lines[ITEM_COUNT];
 static int32_t slow_line_count;
 
 static const cairn_edge_chain_pixel *pixel_at(const drawing *d, int32_t chain, int32_t k)
@@ -214,7 +216,7 @@ typedef struct slow_segment {
     int32_t chain, first, last;
 } slow_segment;
 
-static slow_segment slow_segments[MANY];
+static slow_segment slow_segments[ITEM_COUNT];
 static int32_t slow_count;
 
 static int by_value(const void *a, const void *b)
@@ -228,7 +230,7 @@ static int by_value(const void *a, const void *b)
  * enough. */
 static void slow_cut(const drawing *d, slow_line *line, double look_ahead, double least)
 {
-    static double cuts[2 * MANY];
+    static double cuts[2 * ITEM_COUNT];
     double length = length_of(line), ux = (line->b[0] - line->a[0]) / length,
            uy = (line->b[1] - line->a[1]) / length, from = 0;
     int32_t count = 0;
@@ -340,7 +342,7 @@ static int by_slow_segments(const void *a, const void *b)
 static void expect_the_obvious_way(const cairn_edge_segment_result *r, const drawing *d,
                                    const cairn_edge_segment_params *p)
 {
-    static cairn_edge_segment found[MANY];
+    static cairn_edge_segment found[ITEM_COUNT];
     double look_ahead = slow_search(d, p), tolerance = NUMBER(1e-9, 2e-3);
     int32_t real = r->count - r->virtual_count;
 

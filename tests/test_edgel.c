@@ -1,3 +1,5 @@
+/* Sub-pixel edgels: accuracy on discs and steps, comparison with a reference implementation,
+ * images of any layout, refusals. */
 #include "tests/test.h"
 
 #include <math.h>

@@ -10,7 +10,7 @@
 #define PI     3.14159265358979323846
 #define DEGREE (PI / 180)
 
-enum { MANY = 1200, MOST = 64, RADII = 64 };
+enum { ITEM_COUNT = 1200, MAX_COUNT = 64, RADII = 64 };
 
 struct fixture {
     cairn_pool pool;
@@ -28,8 +28,8 @@ static struct fixture set_with(cairn_ellipse_params params)
 
 /* Points of a scene, in the order of their creation. */
 struct cloud {
-    cairn_oriented_point points[MANY];
-    cairn_real weights[MANY];
+    cairn_oriented_point points[ITEM_COUNT];
+    cairn_real weights[ITEM_COUNT];
     int32_t count;
 };
 
@@ -102,7 +102,7 @@ struct slow {
     double cell, corner_x, corner_y;
     int32_t squares;
     double *raw, *votes;
-    cairn_ellipse found[MOST];
+    cairn_ellipse found[MAX_COUNT];
     int32_t count;
 };
 
@@ -370,7 +370,7 @@ static struct slow slow_search(const cairn_ellipse_params *p, const struct cloud
     s.c = c;
     slow_begin(&s);
     slow_vote(&s);
-    for (int32_t i = 0; i < s.squares * p->cells * p->cells && s.count < MOST; i++)
+    for (int32_t i = 0; i < s.squares * p->cells * p->cells && s.count < MAX_COUNT; i++)
         if (slow_is_peak(&s, i))
             slow_refine(&s, i);
     free(s.raw);
@@ -441,7 +441,7 @@ static void finds_what_the_reference_finds(void **state)
     int32_t all = 0;
 
     (void)state;
-    params.max_ellipses = MOST;
+    params.max_ellipses = MAX_COUNT;
     params.min_votes = 20;
     for (uint64_t seed = 1; seed <= 12; seed++) {
         cairn_ellipse truth[3];

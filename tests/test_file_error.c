@@ -1,3 +1,4 @@
+/* Error texts of files: path, line, reason; errors of the system. */
 #include "tests/test.h"
 
 #include <errno.h>

@@ -1,3 +1,5 @@
+/* Force field simulation as in chapter 7: forces and potential compared with all pairs, budgets,
+ * endless operation, external points. */
 #include "tests/field_scene.h"
 
 /* ---- Reference implementation in double: every point with every other ---- */
@@ -1268,7 +1270,7 @@ static void scan_places(struct scan *scan, double ax, double ay, double bx, doub
 }
 
 /* Scan i of a room with long walls, of more than a tile each, as a sensor near (0, 0) sees it. */
-static void make_room_scan(struct scan *scan, int i)
+static void sense_room(struct scan *scan, int i)
 {
     double far = 2 + 0.1 * (i % 5);
 
@@ -1338,7 +1340,7 @@ static void test_points_on_the_fly(void **state)
         assert_ok(cairn_pool_init(&pool, memory, sizeof memory));
         assert_ok(cairn_force_field_create(&again, &pool, &p));
         for (int i = 0; i < 7; i++) {
-            make_room_scan(&scan, i);
+            sense_room(&scan, i);
             add(kept.field, &scan, room_pose(i));
             add(made.field, &scan, room_pose(i));
         }
@@ -1377,7 +1379,7 @@ static void test_long_lines(void **state)
 
     (void)state;
     for (int i = 0; i < 5; i++) {
-        make_room_scan(&scans[i], i);
+        sense_room(&scans[i], i);
         poses[i] = room_pose(i);
         add(f.field, &scans[i], poses[i]);
     }
@@ -1527,7 +1529,7 @@ static void assert_like_new(const cairn_force_field *field, const cairn_force_fi
     for (int i = 0; i < count; i++) {
         struct scan scan;
 
-        make_room_scan(&scan, made[i]);
+        sense_room(&scan, made[i]);
         add(f.field, &scan, before[i]);
         assert_ok(cairn_force_field_fix(f.field, i, fixed[i]));
     }
@@ -1575,7 +1577,7 @@ static void endless(const cairn_force_field_params *params, int scans, int32_t c
             }
             iterate(f.field);
         }
-        make_room_scan(&scan, i);
+        sense_room(&scan, i);
         index[count] = cairn_force_field_next(f.field);
         assert_in_range(index[count], 0, WINDOW);
         made[count] = i;
@@ -1637,7 +1639,7 @@ static void test_release(void **state)
     f = field_with(&p);
     assert_int_equal(cairn_force_field_next(f.field), 0);
     for (int i = 0; i < 3; i++) {
-        make_room_scan(&scan, i);
+        sense_room(&scan, i);
         add(f.field, &scan, room_pose(i));
     }
     assert_int_equal(cairn_force_field_next(f.field), -1);
@@ -1711,7 +1713,7 @@ static void test_extra_points(void **state)
                 without + CAIRN_FORCE_FIELD_EXTRA_BYTES(MAX_SCAN_POINTS));
     f = field_with(&p);
     for (int i = 0; i < 4; i++) {
-        make_room_scan(&scans[i], i);
+        sense_room(&scans[i], i);
         if (i < 3)
             add(f.field, &scans[i], room_pose(i));
     }
@@ -1853,7 +1855,7 @@ static void test_budgets_with_all_inputs(void **state)
             for (int i = 0; i < 3; i++) {
                 struct scan scan;
 
-                make_room_scan(&scan, 3 * round + i);
+                sense_room(&scan, 3 * round + i);
                 add(f.field, &scan, room_pose(3 * round + i));
             }
             if (round > 0)

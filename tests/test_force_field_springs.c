@@ -1,3 +1,5 @@
+/* Force field, mode springs: one iteration compared with a dense system, cooling, bounds,
+ * degenerate input. */
 #include "tests/field_scene.h"
 
 #include "cairn/icp.h"

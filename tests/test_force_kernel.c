@@ -1,3 +1,4 @@
+/* Pair forces, potential and springs compared with libm; sums over many pairs. */
 #include "tests/test.h"
 
 #include <math.h>

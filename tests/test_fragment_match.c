@@ -418,9 +418,9 @@ static void matches_nothing(void **state)
 /* 10,000 chains: at most as many cells as they have samples at all steps, twice. */
 static void is_bounded(void **state)
 {
-    enum { MANY = 10000 };
+    enum { ITEM_COUNT = 10000 };
     cairn_fragment_match_params params = small_params();
-    cairn_curve *chains = malloc(MANY * sizeof *chains);
+    cairn_curve *chains = malloc(ITEM_COUNT * sizeof *chains);
     cairn_fragment_match_result r;
     cairn_budget budget = {INT32_MAX};
     int64_t samples = 0;
@@ -428,21 +428,21 @@ static void is_bounded(void **state)
 
     (void)state;
     assert_non_null(chains);
-    params.max_chains = MANY;
+    params.max_chains = ITEM_COUNT;
     params.min_scale = 100;
     params.max_scale = 400;
     params.step_ratio = 2;
     start(&m, &params);
     draw_clutter(&m, CHAINS, 3);
-    for (int32_t i = 0; i < MANY; i++)
+    for (int32_t i = 0; i < ITEM_COUNT; i++)
         chains[i] = m.chains[i % CHAINS];
-    assert_ok(cairn_fragment_match_begin(m.matcher, &m.model, chains, MANY));
+    assert_ok(cairn_fragment_match_begin(m.matcher, &m.model, chains, ITEM_COUNT));
     assert_ok(cairn_fragment_match_step(m.matcher, &budget));
     r = cairn_fragment_match_read(m.matcher);
     for (int32_t i = 0; i < CHAINS; i++)
         for (double step = 2; step < 200; step *= 2)
-            samples +=
-                MANY / CHAINS * (20 + (int64_t)((double)cairn_curve_length(&m.chains[i]) / step));
+            samples += ITEM_COUNT / CHAINS *
+                       (20 + (int64_t)((double)cairn_curve_length(&m.chains[i]) / step));
     assert_true(r.cell_count > 0 && r.cell_count <= samples * 2 * SAMPLES * m.model.fragment_count);
     assert_true(INT32_MAX - budget.left <= r.cell_count / 4);
     assert_true(r.count <= params.matches_per_fragment * m.model.fragment_count);

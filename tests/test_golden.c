@@ -17,11 +17,11 @@ static void format_value(const void *item, char text[KEPT_TEXT])
 
 int main(int argc, char **argv)
 {
-    enum { MOST = 64 };
-    kept_value values[MOST];
+    enum { MAX_COUNT = 64 };
+    kept_value values[MAX_COUNT];
     int32_t count = 0;
 
-    for (; count < MOST && golden_scenes[count].name != NULL; count++) {
+    for (; count < MAX_COUNT && golden_scenes[count].name != NULL; count++) {
         values[count].name = golden_scenes[count].name;
         values[count].item = &golden_scenes[count];
     }

@@ -1,3 +1,5 @@
+/* Hough transform: lines compared with a reference implementation, known scenes, tolerances,
+ * budgets, refusals. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -7,7 +9,7 @@
 #define PI     3.14159265358979323846
 #define DEGREE (PI / 180)
 
-enum { MANY = 1500, MOST_LINES = 64 };
+enum { ITEM_COUNT = 1500, MOST_LINES = 64 };
 
 struct fixture {
     cairn_pool pool;
@@ -25,8 +27,8 @@ static struct fixture hough_with(cairn_hough_params params)
 
 /* Points of a scene, in the order of their creation. */
 struct cloud {
-    cairn_oriented_point points[MANY];
-    cairn_real weights[MANY];
+    cairn_oriented_point points[ITEM_COUNT];
+    cairn_real weights[ITEM_COUNT];
     int32_t count;
 };
 
@@ -70,7 +72,7 @@ struct slow {
     const cairn_hough_params *p;
     const struct cloud *c;
     double middle_x, middle_y, step;
-    double angle[MANY]; /* of the points */
+    double angle[ITEM_COUNT]; /* of the points */
     int32_t rows;
     double *votes;
     struct slow_line lines[MOST_LINES];
@@ -201,7 +203,7 @@ static void slow_refit(const struct slow *s, struct slow_line *l, double reach)
 
 static void slow_measure(const struct slow *s, struct slow_line *l)
 {
-    static double places[MANY];
+    static double places[ITEM_COUNT];
     double t = 0, d = 0, dd = 0;
     int32_t count = 0;
 
@@ -408,7 +410,7 @@ static double slow_count(const struct slow *s, int32_t row, int32_t column, int3
  * pairs of bins; then those not on a stronger one. */
 static void slow_as_written(struct slow *s)
 {
-    static int32_t bin[MANY];
+    static int32_t bin[ITEM_COUNT];
 
     slow_begin(s);
     for (int32_t row = 0; row < s->rows; row++)

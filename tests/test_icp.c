@@ -1,3 +1,5 @@
+/* ICP: iterations compared with a reference implementation, known motions, unobservable
+ * directions, covariances, refusals. */
 #include "tests/test.h"
 
 #include <math.h>

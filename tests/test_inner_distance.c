@@ -1,10 +1,12 @@
+/* Inner distances compared with shortest paths over all pairs of vertices; notches, crossing
+ * sides, refusals. */
 #include "tests/test.h"
 
 #include <math.h>
 
 #include "cairn/inner_distance.h"
 
-enum { MANY = 120 };
+enum { ITEM_COUNT = 120 };
 
 static const double tolerance = NUMBER(1e-9, 2e-4);
 
@@ -22,7 +24,7 @@ typedef struct measuring {
 
 static measuring new_measuring(int32_t points, int32_t fill)
 {
-    cairn_inner_distance_params params = {points, fill};
+    cairn_inner_distance_params params = {.max_points = points, .fill_holes = fill};
     measuring m;
 
     m.pool = test_pool(cairn_inner_distance_memory(&params));
@@ -43,8 +45,8 @@ static cairn_inner_distance_result measure(measuring *m, const cairn_curve *outl
 
 /* All vertices and sides of a shape. */
 typedef struct graph {
-    double x[MANY], y[MANY], d[MANY][MANY];
-    int32_t next[MANY], count;
+    double x[ITEM_COUNT], y[ITEM_COUNT], d[ITEM_COUNT][ITEM_COUNT];
+    int32_t next[ITEM_COUNT], count;
 } graph;
 
 static double side_of_line(const graph *g, int32_t i, int32_t k, int32_t v)
@@ -190,8 +192,8 @@ static cairn_curve comb(cairn_vec2 *p)
 
 static void spirals_and_stars(void **state)
 {
-    measuring m = new_measuring(MANY, 0);
-    cairn_vec2 p[MANY];
+    measuring m = new_measuring(ITEM_COUNT, 0);
+    cairn_vec2 p[ITEM_COUNT];
     cairn_curve c;
 
     (void)state;
@@ -212,7 +214,7 @@ static void spirals_and_stars(void **state)
 
 static void ways_lead_round_holes(void **state)
 {
-    measuring m = new_measuring(MANY, 0), filled = new_measuring(MANY, 1);
+    measuring m = new_measuring(ITEM_COUNT, 0), filled = new_measuring(ITEM_COUNT, 1);
     cairn_vec2 box[40], hole[2][30];
     cairn_inner_distance_result r;
 
@@ -310,7 +312,7 @@ static cairn_status step(void *context, cairn_budget *budget)
 static void budgets_do_not_matter(void **state)
 {
     static const int32_t budgets[] = {1, 7, 1000};
-    measuring m = new_measuring(MANY, 0);
+    measuring m = new_measuring(ITEM_COUNT, 0);
     test_stepped object = {begin_star, step, hash_of, &m};
     cairn_budget all = {INT32_MAX}, none = {0};
     uint64_t hash;
@@ -349,7 +351,8 @@ static cairn_status create(void *context, cairn_pool *pool)
 
 static void refusals(void **state)
 {
-    cairn_inner_distance_params good = {12, 0}, bad[] = {{2, 0}, {2049, 0}, {12, 2}, {12, -1}};
+    cairn_inner_distance_params good = {.max_points = 12, .fill_holes = 0},
+                                bad[] = {{2, 0}, {2049, 0}, {12, 2}, {12, -1}};
     measuring m = new_measuring(12, 0);
     cairn_vec2 p[13], hole[4] = {at(29, 19), at(31, 19), at(31, 21), at(29, 21)};
     cairn_curve shape[2] = {star(p, 8, 1, 1, 0), closed(hole, 4)}, kept[2];

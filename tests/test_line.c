@@ -1,3 +1,4 @@
+/* Line regression by definition and by search; merging of segments. */
 #include "tests/test.h"
 
 #include <math.h>

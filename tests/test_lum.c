@@ -7,13 +7,13 @@
 #include "cairn/icp.h"
 #include "cairn/lum.h"
 
-enum { SCANS = 4, MOST = 400, ROWS = 3 * SCANS };
+enum { SCANS = 4, MAX_COUNT = 400, ROWS = 3 * SCANS };
 
 /* An L-shaped room, counter-clockwise, so that the inside is on the left. */
 static const cairn_vec2 ROOM[] = {{-3, -2}, {4, -2}, {4, 1}, {1, 1}, {1, 4}, {-3, 4}};
 
 struct scan {
-    cairn_oriented_point at[MOST];
+    cairn_oriented_point at[MAX_COUNT];
     int32_t count;
     cairn_pose truth, start;
 };
@@ -43,7 +43,7 @@ static void make_scans(double metres, double radians)
                  t += CAIRN_REAL(0.1)) {
                 cairn_vec2 p = cairn_vec2_add(a, cairn_vec2_scale(unit, t));
 
-                assert_true(s->count < MOST);
+                assert_true(s->count < MAX_COUNT);
                 s->at[s->count].position = cairn_transform_point(inverse, p);
                 s->at[s->count++].direction = cairn_transform_direction(inverse, unit);
             }
@@ -62,7 +62,7 @@ static cairn_lum_params small_params(void)
     cairn_lum_params params = cairn_lum_default();
 
     params.max_scans = SCANS;
-    params.max_points = SCANS * MOST;
+    params.max_points = SCANS * MAX_COUNT;
     params.max_links = params.max_fill = SCANS * (SCANS - 1) / 2;
     return params;
 }
@@ -400,7 +400,7 @@ static double reference_match(const cairn_lum_params *params, const cairn_pose *
         others += used[j];
     if (others == 0)
         return 0;
-    icp_params.max_target = SCANS * MOST;
+    icp_params.max_target = SCANS * MAX_COUNT;
     icp_params.max_iterations = 60;
     icp_params.gate_start = params->registration_gate;
     icp_params.gate_end = params->max_pair_distance / 2;

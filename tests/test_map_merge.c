@@ -1,3 +1,5 @@
+/* Map merging: maps that overlap and maps that do not, scores by all pairs of cells, budgets,
+ * refusals. */
 #include "tests/merging.h"
 #include "tests/world.h"
 

@@ -6,11 +6,12 @@
 
 #include "cairn/map_quality.h"
 
-static const double CLOSE = NUMBER(1e-6, 1e-5);
+static const double TOLERANCE = NUMBER(1e-6, 1e-5);
 
 static cairn_occupancy_grid *new_grid(cairn_pool *pool, int32_t width, int32_t height)
 {
-    cairn_occupancy_grid_params params = {width, height, 1, {0, 0}};
+    cairn_occupancy_grid_params params = {
+        .width = width, .height = height, .resolution = 1, .origin = {0, 0}};
     cairn_occupancy_grid *grid;
 
     *pool = test_pool(cairn_occupancy_grid_memory(&params));
@@ -56,10 +57,10 @@ static void entropy_by_quadrants(void **state)
     for (int q = 0; q < 4; q++) {
         double h = entropy_of(1 - exp(-1 / (0.8 * (q + 2))));
 
-        assert_near(entropy.quadrant[q], h, CLOSE);
+        assert_near(entropy.quadrant[q], h, TOLERANCE);
         whole += h;
     }
-    assert_near(entropy.total, whole, CLOSE);
+    assert_near(entropy.total, whole, TOLERANCE);
     assert_ok(cairn_map_quality_entropy_add(grid, 3, 0, &none));
     assert_int_equal(none.cells, 0);
     assert_status(cairn_map_quality_entropy_add(NULL, 0, 1, &none), CAIRN_BAD_ARGUMENT);
@@ -95,36 +96,36 @@ static void a_beam_through_unequal_chords(void **state)
     }
     assert_ok(cairn_map_quality_beam_likelihood(grid, at(0.5, 0.25), at(2.5, 1.25), 1,
                                                 (cairn_real)least, &log_p));
-    assert_near(log_p, log(least + (1 - least) * exp(-passed) * (1 - exp(-last))), CLOSE);
+    assert_near(log_p, log(least + (1 - least) * exp(-passed) * (1 - exp(-last))), TOLERANCE);
     assert_ok(cairn_map_quality_beam_likelihood(grid, at(0.5, 0.25), at(2.5, 1.25), 0,
                                                 (cairn_real)least, &log_p));
-    assert_near(log_p, log(least + (1 - least) * exp(-passed - last)), CLOSE);
+    assert_near(log_p, log(least + (1 - least) * exp(-passed - last)), TOLERANCE);
     /* Ends beyond the grid, beside it, in cells never seen. */
     assert_ok(cairn_map_quality_beam_likelihood(grid, at(3.5, 2.5), at(9, 2.5), 1,
                                                 (cairn_real)least, &log_p));
-    assert_near(log_p, log(least), CLOSE);
+    assert_near(log_p, log(least), TOLERANCE);
     assert_ok(cairn_map_quality_beam_likelihood(grid, at(3.5, 2.5), at(9, 2.5), 0,
                                                 (cairn_real)least, &log_p));
-    assert_near(log_p, 0, CLOSE);
+    assert_near(log_p, 0, TOLERANCE);
     assert_ok(cairn_map_quality_beam_likelihood(grid, at(-3, -3), at(-9, -3), 0, (cairn_real)least,
                                                 &log_p));
-    assert_near(log_p, 0, CLOSE);
+    assert_near(log_p, 0, TOLERANCE);
     assert_ok(cairn_map_quality_beam_likelihood(grid, at(-3, -3), at(-9, -3), 1, (cairn_real)least,
                                                 &log_p));
-    assert_near(log_p, log(least), CLOSE);
+    assert_near(log_p, log(least), TOLERANCE);
     /* Half a metre of beam, one hit. */
     assert_ok(cairn_occupancy_grid_add_beam(grid, at(0.2, 2.5), at(0.7, 2.5), 1));
     assert_ok(cairn_map_quality_beam_likelihood(grid, at(0.1, 2.5), at(0.9, 2.5), 0,
                                                 (cairn_real)least, &log_p));
-    assert_near(log_p, log(least + (1 - least) * exp(-0.8 / 0.5)), CLOSE);
+    assert_near(log_p, log(least + (1 - least) * exp(-0.8 / 0.5)), TOLERANCE);
     /* A hit of zero length stops every beam. */
     assert_ok(cairn_occupancy_grid_add_beam(grid, at(3.5, 2.5), at(3.5, 2.5), 1));
     assert_ok(cairn_map_quality_beam_likelihood(grid, at(2.5, 2.5), at(3.5, 2.5), 1,
                                                 (cairn_real)least, &log_p));
-    assert_near(log_p, 0, CLOSE);
+    assert_near(log_p, 0, TOLERANCE);
     assert_ok(cairn_map_quality_beam_likelihood(grid, at(2.5, 2.5), at(3.5, 2.5), 0,
                                                 (cairn_real)least, &log_p));
-    assert_near(log_p, log(least), CLOSE);
+    assert_near(log_p, log(least), TOLERANCE);
     assert_status(
         cairn_map_quality_beam_likelihood(NULL, at(0, 0), at(1, 1), 1, CAIRN_REAL(0.1), &log_p),
         CAIRN_BAD_ARGUMENT);
@@ -156,9 +157,9 @@ static void pose_errors(void **state)
     (void)state;
     estimate[2] = cairn_pose_compose(estimate[0], last);
     assert_ok(cairn_map_quality_pose_errors_of(estimate, truth, 3, &e));
-    assert_near(e.x, 0.5 / 3, CLOSE);
-    assert_near(e.y, 0.3 / 3, CLOSE);
-    assert_near(e.theta, (2 * 3.14159265358979 - 6.1) / 3, CLOSE);
+    assert_near(e.x, 0.5 / 3, TOLERANCE);
+    assert_near(e.y, 0.3 / 3, TOLERANCE);
+    assert_near(e.theta, (2 * 3.14159265358979 - 6.1) / 3, TOLERANCE);
     assert_ok(cairn_map_quality_pose_errors_of(estimate, truth, 1, &e));
     assert_true(e.x == 0 && e.y == 0 && e.theta == 0);
     assert_ok(cairn_map_quality_pose_errors_of(estimate, truth, 3, &e));
@@ -168,7 +169,7 @@ static void pose_errors(void **state)
     assert_status(cairn_map_quality_pose_errors_of(estimate, truth, 0, &e), CAIRN_EMPTY);
     estimate[1].theta = (cairn_real)NAN;
     assert_status(cairn_map_quality_pose_errors_of(estimate, truth, 3, &e), CAIRN_NOT_FINITE);
-    assert_near(e.x, 0.5 / 3, CLOSE);
+    assert_near(e.x, 0.5 / 3, TOLERANCE);
 }
 
 static void relations(void **state)
@@ -192,12 +193,12 @@ static void relations(void **state)
         assert_ok(cairn_map_quality_relation_add(&sums, reference, first, second));
     }
     e = cairn_map_quality_relation_errors_of(&sums);
-    assert_near(e.distance_mean, 0.3, CLOSE);
-    assert_near(e.distance_sd, 0.2, CLOSE);
-    assert_near(e.distance_squared, 0.13, CLOSE);
-    assert_near(e.angle_mean, 0.4, CLOSE);
-    assert_near(e.angle_sd, 0.2, CLOSE);
-    assert_near(e.angle_squared, 0.2, CLOSE);
+    assert_near(e.distance_mean, 0.3, TOLERANCE);
+    assert_near(e.distance_sd, 0.2, TOLERANCE);
+    assert_near(e.distance_squared, 0.13, TOLERANCE);
+    assert_near(e.angle_mean, 0.4, TOLERANCE);
+    assert_near(e.angle_sd, 0.2, TOLERANCE);
+    assert_near(e.angle_squared, 0.2, TOLERANCE);
     assert_status(cairn_map_quality_relation_add(NULL, reference, first, first),
                   CAIRN_BAD_ARGUMENT);
     assert_status(cairn_map_quality_relation_add(&sums, bad, first, first), CAIRN_NOT_FINITE);

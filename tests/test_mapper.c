@@ -1,3 +1,5 @@
+/* The mapper on simulated drives: accuracy, window, memory, motion during a sweep, stored
+ * results. */
 #include "tests/drive.h"
 #include "tests/rooms.h"
 
@@ -664,7 +666,7 @@ static void results_stay_as_they_are(void **state)
 
 /* ---- Motion during the sweep ---- */
 
-enum { SPINS = 110, SPIN_BEAMS = 241 };
+enum { SPIN_SCANS = 110, SPIN_BEAMS = 241 };
 
 /* A robot that stands, and then turns left by 1.2 rad/s along a small arc, ten scans a second; its
  * scanner covers 240 of 360 degrees of its turn. */
@@ -673,7 +675,7 @@ static sim_survey *start_spin(drive *d, uint64_t seed)
     static const double rate = 1.2, speed = 0.25, period = 0.1, pi = 3.14159265358979;
     sim_arena_options arena = sim_arena_default();
     sim_survey_options survey = sim_survey_default();
-    sim_pose poses[SPINS];
+    sim_pose poses[SPIN_SCANS];
     sim_survey *places, *standing;
     int32_t count;
 
@@ -686,7 +688,7 @@ static sim_survey *start_spin(drive *d, uint64_t seed)
     assert_non_null(places);
     poses[0] = sim_survey_scans(places, &count)[0].truth;
     sim_survey_free(places);
-    for (int i = 1; i < SPINS; i++) {
+    for (int i = 1; i < SPIN_SCANS; i++) {
         double heading = poses[i - 1].theta + rate * period / 2;
 
         poses[i].x = poses[i - 1].x + speed * period * cos(heading);
@@ -698,7 +700,7 @@ static sim_survey *start_spin(drive *d, uint64_t seed)
     standing = sim_survey_at(d->arena, &survey, poses, 1, 0, 0, NULL, 0);
     assert_non_null(standing);
     survey.scan_time = period * 240 / 360;
-    d->survey = sim_survey_at(d->arena, &survey, poses, SPINS, speed, rate, NULL, 0);
+    d->survey = sim_survey_at(d->arena, &survey, poses, SPIN_SCANS, speed, rate, NULL, 0);
     assert_non_null(d->survey);
     d->scans = sim_survey_scans(d->survey, &d->count);
     return standing;
@@ -739,7 +741,7 @@ static double heading_error(const drive *d, const sim_scan *standing, float time
 static void turning_on_the_spot_does_not_rotate_the_map(void **state)
 {
     static const float step = (float)(0.1 / 360);
-    cairn_pose odometry[SPINS];
+    cairn_pose odometry[SPIN_SCANS];
 
     (void)state;
     for (uint64_t seed = 1; seed <= 4; seed++) {
@@ -748,7 +750,7 @@ static void turning_on_the_spot_does_not_rotate_the_map(void **state)
         int32_t one_scan;
         const sim_scan *s = sim_survey_scans(survey, &one_scan);
 
-        for (int i = 0; i < SPINS; i++)
+        for (int i = 0; i < SPIN_SCANS; i++)
             odometry[i] = pose_of(d.scans[i].truth);
         assert_true(heading_error(&d, s, 0, 0, NULL) > 0.01);
         assert_true(heading_error(&d, s, step, 0, NULL) < 0.005);

@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-enum { KEYS = 200, POINTS = 400, SEGMENTS = 64 };
+enum { KEYFRAMES = 200, POINTS = 400, SEGMENTS = 64 };
 
 typedef struct reference_key {
     cairn_segment segments[SEGMENTS];
@@ -16,8 +16,8 @@ typedef struct reference_key {
 
 typedef struct reference {
     cairn_real odometry_health; /* in odometry */
-    cairn_real slip;            /* multiples of its standard deviations */
-    cairn_vec2 drag;            /* added to it */
+    cairn_real noise_scale;     /* multiples of its standard deviations */
+    cairn_vec2 bias;            /* added to it */
     cairn_vec2 velocity;
     int32_t rest;       /* scans since the last keyframe */
     int32_t weak_scans; /* scans whose translation was unobservable */
@@ -44,8 +44,8 @@ static reference new_reference(const cairn_mapper_params *params)
 
     memset(&t, 0, sizeof t);
     t.params = *params;
-    t.odometry_health = t.slip = 1;
-    t.keys = calloc(KEYS, sizeof *t.keys);
+    t.odometry_health = t.noise_scale = 1;
+    t.keys = calloc(KEYFRAMES, sizeof *t.keys);
     assert_non_null(t.keys);
     icp.max_target = params->max_local_points;
     field.max_scans = params->window;
@@ -85,7 +85,7 @@ static int compare_places(const void *a, const void *b)
 
 static void make_map(reference *t, cairn_pose at)
 {
-    place places[KEYS];
+    place places[KEYFRAMES];
     int32_t span = t->params.local_span, count = 0;
     int32_t oldest = span > 0 && t->state.keyframes > span ? t->state.keyframes - span : 0;
 
@@ -136,13 +136,14 @@ static cairn_rigid_motion_pose_prior prior_of(const reference *t, cairn_pose las
     cairn_rigid_motion_pose_prior prior;
 
     prior.mean = cairn_pose_compose(last, motion);
-    prior.sigma_x = is_odometry ? t->slip * (p->odometry_distance_min + p->odometry_distance * way)
-                                : p->motion_distance_min + p->motion_distance * way;
+    prior.sigma_x = is_odometry
+                        ? t->noise_scale * (p->odometry_distance_min + p->odometry_distance * way)
+                        : p->motion_distance_min + p->motion_distance * way;
     prior.sigma_y = prior.sigma_x;
-    prior.sigma_theta = is_odometry
-                            ? t->slip * (p->odometry_turn_min +
-                                         p->odometry_turn * (cairn_abs(motion.theta) + way / 10))
-                            : p->motion_turn_min + p->motion_turn * cairn_abs(motion.theta);
+    prior.sigma_theta =
+        is_odometry ? t->noise_scale * (p->odometry_turn_min +
+                                        p->odometry_turn * (cairn_abs(motion.theta) + way / 10))
+                    : p->motion_turn_min + p->motion_turn * cairn_abs(motion.theta);
     return prior;
 }
 
@@ -159,38 +160,38 @@ static cairn_icp_result match(reference *t, const cairn_rigid_motion_pose_prior 
 
 /* Odometry that is two standard deviations off loses weight, agreement raises it, by a tenth each.
  * Where the scan observes all of its motion: beyond one standard deviation the noise scale rises
- * for a while, up to four; beyond one and a half so does the bias. */
+ * for a while, up to four; beyond one and a half a pure translation error becomes the bias. */
 static void weigh_odometry(reference *t, const cairn_rigid_motion_pose_prior *prior,
                            const cairn_icp_result *found)
 {
     cairn_pose e = cairn_pose_between(prior->mean, found->target_query);
     cairn_real way_off = way_of(e) / prior->sigma_x,
                turn_off = cairn_abs(e.theta) / prior->sigma_theta;
-    cairn_real off = t->slip * (way_off > turn_off ? way_off : turn_off),
-               faded = t->slip * CAIRN_REAL(0.8);
+    cairn_real off = t->noise_scale * (way_off > turn_off ? way_off : turn_off),
+               faded = t->noise_scale * CAIRN_REAL(0.8);
 
     if (found->weak_ratio >= CAIRN_REAL(0.05)) {
-        t->slip = off > 4 ? 4 : off;
-        if (t->slip < faded)
-            t->slip = faded;
-        if (t->slip < 1)
-            t->slip = 1;
+        t->noise_scale = off > 4 ? 4 : off;
+        if (t->noise_scale < faded)
+            t->noise_scale = faded;
+        if (t->noise_scale < 1)
+            t->noise_scale = 1;
         {
-            int32_t drags = t->slip * way_off > CAIRN_REAL(1.5) && way_of(e) > CAIRN_REAL(0.1) &&
-                            cairn_abs(e.theta) < CAIRN_REAL(0.08);
+            int32_t is_bias = t->noise_scale * way_off > CAIRN_REAL(1.5) &&
+                              way_of(e) > CAIRN_REAL(0.1) && cairn_abs(e.theta) < CAIRN_REAL(0.08);
 
-            t->drag.x = drags ? e.x : 0;
-            t->drag.y = drags ? e.y : 0;
+            t->bias.x = is_bias ? e.x : 0;
+            t->bias.y = is_bias ? e.y : 0;
         }
     } else {
-        t->drag.x *= CAIRN_REAL(0.8);
-        t->drag.y *= CAIRN_REAL(0.8);
+        t->bias.x *= CAIRN_REAL(0.8);
+        t->bias.y *= CAIRN_REAL(0.8);
     }
     t->odometry_health += CAIRN_REAL(0.1) * ((off > 2 ? 0 : 1) - t->odometry_health);
     t->state.odometry_contradicted += off > 2;
 }
 
-/* The expected error of the next step: half of one beyond the threshold; along unobservable
+/* The expected next motion: half of the change when the match is a jump; along unobservable
  * directions the decaying velocity estimate. */
 static cairn_pose expect(reference *t, cairn_pose motion, cairn_pose measured, cairn_pose predicted,
                          const cairn_icp_result *best)
@@ -313,8 +314,8 @@ static void reference_scan(reference *t, const cairn_scan_input *input, const ca
     if (odometry_pose) {
         alternative = motion;
         motion = by_odometry;
-        motion.x += t->drag.x;
-        motion.y += t->drag.y;
+        motion.x += t->bias.x;
+        motion.y += t->bias.y;
     } else if (has_motion) {
         alternative = by_odometry;
     }

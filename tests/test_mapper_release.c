@@ -6,7 +6,14 @@
 
 #include "src/mapping/mapper_work.h"
 
-enum { SCANS = 150, LAPS = 3, TURNS = LAPS * SCANS, KEYS = 26, LINKS = 400, CLOSURES = 100 };
+enum {
+    SCANS = 150,
+    LAPS = 3,
+    TURNS = LAPS * SCANS,
+    KEYFRAMES = 26,
+    LINKS = 400,
+    MAX_CLOSURES = 100
+};
 
 static drive tour;
 
@@ -28,12 +35,12 @@ static cairn_mapper_params release_params(void)
 {
     cairn_mapper_params params = small_params();
 
-    params.max_keyframes = KEYS;
+    params.max_keyframes = KEYFRAMES;
     params.cull_keyframes = 1;
     params.local_span = 8;
     params.local_keyframes = 8;
     params.loop.min_keyframe_gap = 8;
-    params.loop.max_loops = CLOSURES;
+    params.loop.max_loops = MAX_CLOSURES;
     params.loop.max_fill = 2000;
     params.window = 4;
     params.window_free = 2;
@@ -119,7 +126,7 @@ static void check_links(const cairn_mapper *mapper)
 {
     int32_t links = cairn_mapper_link_count(mapper), loops = 0,
             keys = cairn_mapper_measure(mapper).keyframes;
-    int32_t root[KEYS];
+    int32_t root[KEYFRAMES];
 
     for (int32_t i = 0; i < keys; i++)
         root[i] = i;
@@ -166,9 +173,9 @@ static void it_runs_on_in_fixed_memory(void **state)
     assert_ok(cairn_mapper_settle(mapper, &all));
     follow(mapper, &kept);
     check_links(mapper);
-    assert_true(cairn_mapper_measure(mapper).culled_keyframes > 2 * KEYS);
-    assert_true(cairn_mapper_measure(mapper).keyframes < KEYS &&
-                cairn_mapper_measure(mapper).keyframes > KEYS / 2);
+    assert_true(cairn_mapper_measure(mapper).culled_keyframes > 2 * KEYFRAMES);
+    assert_true(cairn_mapper_measure(mapper).keyframes < KEYFRAMES &&
+                cairn_mapper_measure(mapper).keyframes > KEYFRAMES / 2);
     assert_int_equal(cairn_mapper_measure(mapper).keyframes, mapper->keyframe_count);
     assert_true(cairn_mapper_measure(mapper).graph_solutions > 3);
     for (int32_t i = 0; i < TURNS; i++) {
@@ -209,7 +216,7 @@ static void without_culling_it_is_full(void **state)
         assert_int_equal(cairn_mapper_keyframe_slot(mapper, 0), 0);
     }
     assert_status(status, CAIRN_FULL);
-    assert_int_equal(cairn_mapper_measure(mapper).keyframes, KEYS);
+    assert_int_equal(cairn_mapper_measure(mapper).keyframes, KEYFRAMES);
     assert_int_equal(cairn_mapper_measure(mapper).culled_keyframes, 0);
     test_pool_free(&pool);
 }
@@ -270,10 +277,11 @@ static void budgets_do_not_matter(void **state)
 
 typedef struct snapshot {
     int32_t key_count, entered, link_count, releases, local_count, pending_count, solutions;
-    int32_t slot[KEYS], pieces[KEYS], local[CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES], low_confidence[KEYS];
-    cairn_pose pose[KEYS];
-    uint16_t visibility[KEYS][MAPPER_BEARINGS];
-    cairn_vec2 sensor[KEYS];
+    int32_t slot[KEYFRAMES], pieces[KEYFRAMES], local[CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES],
+        low_confidence[KEYFRAMES];
+    cairn_pose pose[KEYFRAMES];
+    uint16_t visibility[KEYFRAMES][MAPPER_BEARINGS];
+    cairn_vec2 sensor[KEYFRAMES];
     cairn_mapper_link link[LINKS];
     cairn_real chi2[LINKS];
     mapper_pending pending[MAPPER_MAX_PENDING];
@@ -386,7 +394,7 @@ static int by_distance(const void *a, const void *b)
 
 static double slow_loss(const snapshot *m, int32_t key)
 {
-    int32_t near[KEYS], count = 0;
+    int32_t near[KEYFRAMES], count = 0;
     double loss = 0;
 
     for (int32_t k = 0; k < key; k++)
@@ -409,7 +417,7 @@ static double slow_loss(const snapshot *m, int32_t key)
 }
 
 /* Rounding may put a sample on the other side of an edge. */
-static const double ROUNDED = NUMBER(0.6, 3);
+static const double ROUNDING_TOLERANCE = NUMBER(0.6, 3);
 
 static void check_choice(const snapshot *m, const cairn_mapper_culling *release)
 {
@@ -418,7 +426,7 @@ static void check_choice(const snapshot *m, const cairn_mapper_culling *release)
 
     assert_true(release->keyframe >= 1 && release->keyframe < end);
     for (int32_t k = 1; k < end; k++)
-        assert_true(loss <= slow_loss(m, k) + ROUNDED);
+        assert_true(loss <= slow_loss(m, k) + ROUNDING_TOLERANCE);
 }
 
 /* ---- Links of a culled keyframe ---- */
@@ -795,7 +803,7 @@ static void every_culled_keyframe_is_that_of_the_reference(void **state)
     (void)state;
     memset(&was, 0, sizeof was);
     run(mapper, 2 * SCANS, 1, &kept, remember, check_culling, &was);
-    assert_true(was.seen > KEYS && was.bent > 10 && was.taken > 10);
+    assert_true(was.seen > KEYFRAMES && was.bent > 10 && was.taken > 10);
     test_pool_free(&pool);
 }
 

@@ -3,7 +3,7 @@
 #include "tests/kept.h"
 #include "tools/pool_objects.h"
 
-enum { MOST = 400, NAME = 48 };
+enum { MAX_COUNT = 400, NAME = 48 };
 
 typedef struct question {
     const pool_object *object;
@@ -49,9 +49,9 @@ static void defaults_are_accepted(void **state)
 
 int main(int argc, char **argv)
 {
-    static question questions[MOST];
-    static kept_value values[MOST];
-    static char names[MOST][NAME];
+    static question questions[MAX_COUNT];
+    static kept_value values[MAX_COUNT];
+    static char names[MAX_COUNT][NAME];
     const struct CMUnitTest with_gaps[] = {cmocka_unit_test(defaults_are_accepted)};
     int32_t count = 0;
 
@@ -59,7 +59,8 @@ int main(int argc, char **argv)
         return cmocka_run_group_tests(with_gaps, NULL, NULL);
     for (const pool_object *o = pool_objects; o->name != NULL; o++)
         for (int32_t k = -1;
-             k < POOL_CAPACITIES && (k < 0 || o->capacities[k].name != NULL) && count < MOST; k++) {
+             k < POOL_CAPACITIES && (k < 0 || o->capacities[k].name != NULL) && count < MAX_COUNT;
+             k++) {
             questions[count].object = o;
             questions[count].capacity = k;
             (void)snprintf(names[count], NAME, "%s_%s", o->name,

@@ -1,3 +1,5 @@
+/* Hash grid of points and sweep over boxes, compared with linear searches; work, budgets,
+ * memory. */
 #include "tests/test.h"
 
 #include "cairn/neighbours.h"
@@ -8,7 +10,7 @@ enum { POINTS = 400 };
 
 static cairn_point_grid *make_grid(cairn_pool *pool, int32_t max_points, cairn_real cell)
 {
-    cairn_point_grid_params params = {max_points, cell};
+    cairn_point_grid_params params = {.max_points = max_points, .cell_size = cell};
     cairn_point_grid *grid;
 
     *pool = test_pool(cairn_point_grid_memory(&params));
@@ -364,7 +366,7 @@ static void test_grid_memory(void **state)
         size_t buckets;
     } sample[] = {{1, 1},   {2, 2},   {3, 4},    {4, 4},
                   {63, 64}, {64, 64}, {65, 128}, {1 << 20, 1 << 20}};
-    cairn_point_grid_params params = {1, 1};
+    cairn_point_grid_params params = {.max_points = 1, .cell_size = 1};
     /* without a point, a link and a bucket, 16 bytes each */
     size_t base = cairn_point_grid_memory(&params) - 48;
 
@@ -398,7 +400,8 @@ static void test_grid_refusals(void **state)
                                                   {1, (cairn_real)NAN},
                                                   {1, (cairn_real)INFINITY},
                                                   {1, CAIRN_REAL_EPSILON * NUMBER(1e-300, 1e-36f)}};
-    cairn_point_grid_params params = {33, 1}, most = {1 << 28, 1};
+    cairn_point_grid_params params = {.max_points = 33, .cell_size = 1},
+                            most = {.max_points = 1 << 28, .cell_size = 1};
     cairn_pool pool = test_pool(100000);
     cairn_point_grid *grid;
     cairn_vec2 p = {1, 2}, nan_x = {(cairn_real)NAN, 0}, nan_y = {0, (cairn_real)NAN};
@@ -454,7 +457,7 @@ enum { BOXES = 120 };
 
 static cairn_box_sweep *make_sweep(cairn_pool *pool, int32_t max_boxes)
 {
-    cairn_box_sweep_params params = {max_boxes};
+    cairn_box_sweep_params params = {.max_boxes = max_boxes};
     cairn_box_sweep *sweep;
 
     *pool = test_pool(cairn_box_sweep_memory(&params));
@@ -692,7 +695,8 @@ static cairn_status create_sweep(void *context, cairn_pool *pool)
 static void test_sweep_refusals(void **state)
 {
     static const cairn_box_sweep_params bad[] = {{0}, {-5}, {(1 << 28) + 1}};
-    cairn_box_sweep_params params = {17}, one = {1}, most = {1 << 28};
+    cairn_box_sweep_params params = {.max_boxes = 17}, one = {.max_boxes = 1},
+                           most = {.max_boxes = 1 << 28};
     cairn_pool pool = test_pool(10000);
     cairn_box_sweep *sweep;
     cairn_box boxes[2] = {{{0, 0}, {1, 1}}, {{0, 0}, {1, 1}}};

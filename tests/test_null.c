@@ -67,28 +67,29 @@
 
 static cairn_scan_set_params scan_set_params(void)
 {
-    cairn_scan_set_params params = {4, 40, 400, 0};
+    cairn_scan_set_params params = {
+        .max_scans = 4, .max_segments = 40, .max_points = 400, .spacing = 0};
 
     return params;
 }
 
 static cairn_point_grid_params point_grid_params(void)
 {
-    cairn_point_grid_params params = {100, 1};
+    cairn_point_grid_params params = {.max_points = 100, .cell_size = 1};
 
     return params;
 }
 
 static cairn_box_sweep_params box_sweep_params(void)
 {
-    cairn_box_sweep_params params = {100};
+    cairn_box_sweep_params params = {.max_boxes = 100};
 
     return params;
 }
 
 static cairn_distance_map_params distance_map_params(void)
 {
-    cairn_distance_map_params params = {100};
+    cairn_distance_map_params params = {.max_width = 100};
 
     return params;
 }

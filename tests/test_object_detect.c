@@ -303,12 +303,12 @@ static double turned_of(const cairn_shape_model *m, const cairn_contour_search_p
  * place of normal equations. */
 static double residual_of(const cairn_shape_model *m, double *value, double slope[2])
 {
-    enum { MOST = 1024 };
-    static double column[3][MOST];
+    enum { MAX_COUNT = 1024 };
+    static double column[3][MAX_COUNT];
     double scale[3], along[3][3] = {{0}}, part[3], left = 0;
     int32_t n = m->outline_count;
 
-    assert_in_range(n, 3, MOST);
+    assert_in_range(n, 3, MAX_COUNT);
     for (int32_t i = 0; i < n; i++) {
         column[0][i] = 1;
         column[1][i] = (double)m->outline[i].position.x;

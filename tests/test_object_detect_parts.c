@@ -252,8 +252,8 @@ static void refuses_what_cannot_be(void **state)
                                        "65 nearest votes, expected 1 to",
                                        "appearance_weight -1, expected",
                                        "appearance_weight 1001"};
-    enum { BAD = sizeof what / sizeof *what };
-    cairn_object_detect_params good = parts_params(), bad[BAD];
+    enum { BAD_CASES = sizeof what / sizeof *what };
+    cairn_object_detect_params good = parts_params(), bad[BAD_CASES];
     cairn_shape_model_file model = make_model();
     int32_t full = model.model.outline_count;
     cairn_contour_search_tokens tokens = {.width = WIDTH, .height = HEIGHT};
@@ -261,7 +261,7 @@ static void refuses_what_cannot_be(void **state)
     cairn_object_detections found;
 
     (void)state;
-    for (int i = 0; i < BAD; i++)
+    for (int i = 0; i < BAD_CASES; i++)
         bad[i] = good;
     bad[0].method = 2;
     bad[1].method = -1;
@@ -272,7 +272,7 @@ static void refuses_what_cannot_be(void **state)
     bad[6].nearest = 65;
     bad[7].appearance_weight = -1;
     bad[8].appearance_weight = 1001;
-    for (int i = 0; i < BAD; i++) {
+    for (int i = 0; i < BAD_CASES; i++) {
         assert_status(cairn_object_detect_field_make(&field, &tokens, &bad[i], "edges", &error),
                       CAIRN_BAD_ARGUMENT);
         assert_error_holds(what[i]);

@@ -216,13 +216,13 @@ static void reports_its_stages(void **state)
 /* Options that the thesis does not have. */
 static void refuses_other_methods(void **state)
 {
-    enum { BAD = 9 };
-    cairn_object_detect_params bad[BAD];
+    enum { BAD_CASES = 9 };
+    cairn_object_detect_params bad[BAD_CASES];
     cairn_contour_search_tokens tokens = {.width = WIDTH, .height = HEIGHT};
     cairn_object_detect_field *field;
 
     (void)state;
-    for (int i = 0; i < BAD; i++)
+    for (int i = 0; i < BAD_CASES; i++)
         bad[i] = written_params();
     bad[0].mode = 2;
     bad[1].mode = -1;
@@ -234,7 +234,7 @@ static void refuses_other_methods(void **state)
     bad[7].appearance_nearest = 2;
     bad[8] = cairn_object_detect_default(WIDTH, HEIGHT);
     bad[8].appearance_nearest = 1;
-    for (int i = 0; i < BAD; i++) {
+    for (int i = 0; i < BAD_CASES; i++) {
         assert_status(cairn_object_detect_field_make(&field, &tokens, &bad[i], "edges", &error),
                       CAIRN_BAD_ARGUMENT);
         assert_error_holds(i < 2 ? "expected 0 or 1" : "as written");

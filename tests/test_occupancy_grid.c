@@ -1,3 +1,5 @@
+/* Occupancy grid: beams compared with clipping by every cell, probabilities by hand, budgets,
+ * degenerate beams. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -6,8 +8,10 @@
 
 enum { WIDTH = 13, HEIGHT = 9 };
 
-static const cairn_occupancy_grid_params SMALL = {
-    WIDTH, HEIGHT, CAIRN_REAL(0.25), {-1, CAIRN_REAL(0.5)}};
+static const cairn_occupancy_grid_params SMALL = {.width = WIDTH,
+                                                  .height = HEIGHT,
+                                                  .resolution = CAIRN_REAL(0.25),
+                                                  .origin = {-1, CAIRN_REAL(0.5)}};
 
 static cairn_occupancy_grid *make_grid(cairn_pool *pool, cairn_occupancy_grid_params params)
 {
@@ -155,7 +159,8 @@ static void test_beams_on_borders(void **state)
 /* Known cells, by hand: a beam along a row of cells and one across a corner. */
 static void test_known_beams(void **state)
 {
-    cairn_occupancy_grid_params params = {4, 3, 1, {0, 0}};
+    cairn_occupancy_grid_params params = {
+        .width = 4, .height = 3, .resolution = 1, .origin = {0, 0}};
     cairn_vec2 from = {CAIRN_REAL(0.5), CAIRN_REAL(1.5)}, to = {CAIRN_REAL(2.25), CAIRN_REAL(1.5)};
     cairn_vec2 corner = {0, 0}, far = {2, 2};
     cairn_pool pool;
@@ -332,7 +337,8 @@ static void test_scan_matches_beams(void **state)
 /* Clearing takes exactly a unit for 64 cells and leaves nothing. */
 static void test_clear(void **state)
 {
-    cairn_occupancy_grid_params params = {43, 3, 1, {0, 0}};
+    cairn_occupancy_grid_params params = {
+        .width = 43, .height = 3, .resolution = 1, .origin = {0, 0}};
     cairn_vec2 from = {0, 0}, to = {CAIRN_REAL(42.9), CAIRN_REAL(2.9)};
     cairn_pool pool;
     cairn_occupancy_grid *grid = make_grid(&pool, params);
@@ -405,7 +411,8 @@ static void test_scan_refusals(void **state)
 /* Cells with 0 ... 3 hits on a metre of beam each, compared with the probabilities one by one. */
 static void test_classify(void **state)
 {
-    cairn_occupancy_grid_params params = {4, 3, CAIRN_REAL(0.5), {0, 0}};
+    cairn_occupancy_grid_params params = {
+        .width = 4, .height = 3, .resolution = CAIRN_REAL(0.5), .origin = {0, 0}};
     cairn_occupancy_grid_thresholds thresholds = cairn_occupancy_grid_thresholds_default();
     uint8_t picture[3][6];
     cairn_raster_u8 out = {picture[2], 4, 3, -6};

@@ -1,3 +1,4 @@
+/* The command line parser of the tools: values, refusals, help. */
 #include "tests/test.h"
 
 #include <unistd.h>

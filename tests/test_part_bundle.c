@@ -1,3 +1,5 @@
+/* Bundles of outline fragments compared with a reference implementation; degenerate outlines,
+ * refusals. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -5,12 +7,12 @@
 #include "cairn/curve_evolution.h"
 #include "cairn/part_bundle.h"
 
-enum { MOST = 96 };
+enum { MAX_COUNT = 96 };
 
 typedef struct bundling {
     cairn_pool pool;
     cairn_part_bundle_builder *builder;
-    cairn_vec2 points[MOST];
+    cairn_vec2 points[MAX_COUNT];
     int32_t count;
     const cairn_part_bundle_cut *cuts;
     int32_t cut_count;
@@ -28,7 +30,7 @@ static cairn_part_bundle_params small_params(void)
 {
     cairn_part_bundle_params params = cairn_part_bundle_default();
 
-    params.max_points = MOST;
+    params.max_points = MAX_COUNT;
     return params;
 }
 
@@ -128,7 +130,7 @@ static void cuts_by_the_rule(void **state)
     for (int32_t tips = 2; tips < 7; tips++)
         for (int32_t longest = 1; longest <= 3; longest++) {
             cairn_part_bundle_params params = small_params();
-            cairn_curve_evolution_params evolution_params = {.max_points = MOST};
+            cairn_curve_evolution_params evolution_params = {.max_points = MAX_COUNT};
             cairn_pool pool = test_pool(cairn_curve_evolution_memory(&evolution_params));
             cairn_budget budget = {INT32_MAX};
             cairn_curve_evolution *evolution;
@@ -140,7 +142,7 @@ static void cuts_by_the_rule(void **state)
             params.bundles = 2 + tips % 3;
             params.pieces_each = 1 + tips % 2;
             start(&b, params);
-            draw_star(&b, tips, MOST - 5 * tips);
+            draw_star(&b, tips, MAX_COUNT - 5 * tips);
             m = run(&b);
             assert_ok(cairn_curve_evolution_create(&evolution, &pool, &evolution_params));
             assert_ok(cairn_curve_evolution_begin(evolution, b.points, b.count));
@@ -340,7 +342,7 @@ static void refuses_bad_outlines(void **state)
     assert_status(cairn_part_bundle_begin(b.builder, NULL, 30, NULL, 0), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_part_bundle_begin(b.builder, b.points, 1, NULL, 0), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_part_bundle_begin(b.builder, b.points, 2, NULL, 0), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_part_bundle_begin(b.builder, b.points, MOST + 1, NULL, 0), CAIRN_FULL);
+    assert_status(cairn_part_bundle_begin(b.builder, b.points, MAX_COUNT + 1, NULL, 0), CAIRN_FULL);
     b.points[29].x = (cairn_real)NAN;
     assert_status(cairn_part_bundle_begin(b.builder, b.points, 30, NULL, 0), CAIRN_NOT_FINITE);
     assert_ok(cairn_part_bundle_begin(b.builder, b.points, 29, NULL, 0));

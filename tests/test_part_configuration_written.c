@@ -3,7 +3,7 @@
 
 #include <stdlib.h>
 
-enum { MOST = 60, SETS = 200000 };
+enum { MAX_COUNT = 60, SETS = 200000 };
 
 static cairn_part_configuration_params written(int32_t votes)
 {
@@ -121,7 +121,7 @@ static void makes_every_configuration(void **state)
 
     (void)state;
     for (uint64_t round = 0; round < 6; round++) {
-        cairn_part_configuration_params params = written(MOST);
+        cairn_part_configuration_params params = written(MAX_COUNT);
         slow_search s = {.bundles = bundles[round], .sets = sets, .sums = found};
         cairn_part_configuration_result r;
         voting v;
@@ -176,7 +176,7 @@ static void makes_every_configuration(void **state)
  * once. */
 static void has_no_other_gates(void **state)
 {
-    cairn_part_configuration_params params = written(MOST);
+    cairn_part_configuration_params params = written(MAX_COUNT);
     cairn_part_configuration_result r;
     voting v;
 
@@ -205,7 +205,7 @@ static void has_no_other_gates(void **state)
  * reported. */
 static void is_bounded(void **state)
 {
-    cairn_part_configuration_params params = written(MOST);
+    cairn_part_configuration_params params = written(MAX_COUNT);
     cairn_part_configuration_result r;
     voting v;
 
@@ -224,10 +224,10 @@ static void is_bounded(void **state)
     params.max_nodes = 1000;
     params.max_found = 16;
     start(&v, &params);
-    vote_at_random(&v, MOST, 30, 3);
+    vote_at_random(&v, MAX_COUNT, 30, 3);
     r = run(&v);
-    assert_int_equal(r.truncated_count, MOST);
-    assert_int_equal(r.node_count, 1000 * MOST);
+    assert_int_equal(r.truncated_count, MAX_COUNT);
+    assert_int_equal(r.node_count, 1000 * MAX_COUNT);
     assert_int_equal(r.count, 16);
     test_pool_free(&v.pool);
 }
@@ -236,7 +236,7 @@ static void is_bounded(void **state)
 
 static void does_not_depend_on_budgets(void **state)
 {
-    cairn_part_configuration_params params = written(MOST);
+    cairn_part_configuration_params params = written(MAX_COUNT);
     voting v;
 
     (void)state;
@@ -251,7 +251,7 @@ static void does_not_depend_on_budgets(void **state)
 
 static void refuses_bad_params(void **state)
 {
-    cairn_part_configuration_params good = written(MOST), bad[6];
+    cairn_part_configuration_params good = written(MAX_COUNT), bad[6];
 
     (void)state;
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)

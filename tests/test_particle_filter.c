@@ -1,3 +1,4 @@
+/* The particle filter compared with exact posteriors; resampling, histories, costs, failures. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -526,8 +527,8 @@ static void test_drawn_followers_are_right_in_the_mean(void **state)
 
 static int32_t distinct_nodes(const cairn_particle_filter *filter)
 {
-    enum { MOST = 20000 };
-    const void **seen = malloc(MOST * sizeof *seen);
+    enum { MAX_COUNT = 20000 };
+    const void **seen = malloc(MAX_COUNT * sizeof *seen);
     int32_t count = 0;
 
     assert_non_null(seen);
@@ -541,7 +542,7 @@ static int32_t distinct_nodes(const cairn_particle_filter *filter)
                 k++;
             if (k < count)
                 break; /* and so are all before it */
-            assert_true(count < MOST);
+            assert_true(count < MAX_COUNT);
             seen[count++] = s;
         }
     }

@@ -1,3 +1,5 @@
+/* Maps of places without odometry: simulated arenas, ambiguity, likelihoods compared with a
+ * reference implementation, refusals. */
 #include "tests/place_mapping.h"
 
 #include <math.h>
@@ -36,10 +38,10 @@ static cairn_pose pose_of(sim_pose p)
     return pose;
 }
 
-/* error: of the scans in their places, uniform +-m and +-degrees. crowd: share of the beams that
+/* error: of the scans in their places, uniform +-m and +-degrees. people: share of the beams that
  * end on people. */
 static void make_arena(struct arena *a, uint64_t seed, int32_t places, double error_m,
-                       double error_deg, double crowd)
+                       double error_deg, double people)
 {
     sim_arena_options arena = sim_arena_default();
     sim_survey_options survey = sim_survey_default();
@@ -54,7 +56,7 @@ static void make_arena(struct arena *a, uint64_t seed, int32_t places, double er
     arena.height = 6;
     survey.places = places;
     survey.beams = 201;
-    survey.crowd = crowd;
+    survey.crowd = people;
     a->arena = sim_arena_create(&arena, fault, sizeof fault);
     assert_non_null(a->arena);
     a->survey = sim_survey_create(a->arena, &survey, fault, sizeof fault);
@@ -212,27 +214,27 @@ static void places_of_an_arena(void **state)
 /* Places of another arena fit somewhere by chance: they become separate components or submaps. */
 static void places_of_another_arena_are_reported(void **state)
 {
-    enum { OWN = 3, UNRELATED = 2 };
-    cairn_place_map_params params = small_params(OWN + UNRELATED);
+    enum { OWN_PLACES = 3, UNRELATED_PLACES = 2 };
+    cairn_place_map_params params = small_params(OWN_PLACES + UNRELATED_PLACES);
     static struct arena arena, unrelated;
     struct mapper m;
     int32_t joined = 0, submaps = 0;
 
     (void)state;
-    make_arena(&arena, 1003, OWN, 0, 0, 0);
-    make_arena(&unrelated, 1012, UNRELATED, 0, 0, 0);
+    make_arena(&arena, 1003, OWN_PLACES, 0, 0, 0);
+    make_arena(&unrelated, 1012, UNRELATED_PLACES, 0, 0, 0);
     for (int32_t k = 0; k < unrelated.scans.count; k++) {
         int32_t i = arena.scans.count++;
 
         arena.scans.input[i] = unrelated.scans.input[k];
-        arena.scans.place[i] = unrelated.scans.place[k] + OWN;
+        arena.scans.place[i] = unrelated.scans.place[k] + OWN_PLACES;
         arena.scans.place_scan[i] = unrelated.scans.place_scan[k];
     }
     make_mapper(&m, &params);
     load(&m, &arena.scans);
     (void)solve(&m);
-    for (int32_t i = 0; i < OWN; i++)
-        for (int32_t k = OWN; k < OWN + UNRELATED; k++) {
+    for (int32_t i = 0; i < OWN_PLACES; i++)
+        for (int32_t k = OWN_PLACES; k < OWN_PLACES + UNRELATED_PLACES; k++) {
             cairn_place_map_place own = cairn_place_map_place_of(m.map, i);
             cairn_place_map_place other = cairn_place_map_place_of(m.map, k);
 
@@ -240,7 +242,7 @@ static void places_of_another_arena_are_reported(void **state)
             submaps += other.submap > 0 && other.ambiguous;
         }
     assert_int_equal(joined, 0);
-    assert_int_equal(submaps, OWN * UNRELATED);
+    assert_int_equal(submaps, OWN_PLACES * UNRELATED_PLACES);
     test_pool_free(&m.pool);
     free_arena(&unrelated);
     free_arena(&arena);

@@ -1,3 +1,5 @@
+/* Line fitting by extended EM: walls of known position, noise and clutter, budgets, capacities,
+ * stored results. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -117,23 +119,23 @@ static int teardown(void **state)
     return 0;
 }
 
-static cairn_polyline_view fit_with(cairn_polyline *x, const cloud *c, int32_t budget)
+static cairn_polyline_view fit_with(cairn_polyline *polyline, const cloud *c, int32_t budget)
 {
     cairn_budget left = {budget};
     cairn_status status;
     int64_t used = 0;
 
-    assert_ok(cairn_polyline_begin(x, &c->point[0].x, c->count, NULL));
-    while ((status = cairn_polyline_step(x, &left)) == CAIRN_MORE) {
+    assert_ok(cairn_polyline_begin(polyline, &c->point[0].x, c->count, NULL));
+    while ((status = cairn_polyline_step(polyline, &left)) == CAIRN_MORE) {
         assert_true(left.left > -12);
-        assert_int_equal(cairn_polyline_read(x).segment_count, 0);
+        assert_int_equal(cairn_polyline_read(polyline).segment_count, 0);
         used += budget - left.left;
         left.left = budget;
     }
     assert_ok(status);
     used += budget - left.left;
-    assert_int_equal(cairn_polyline_measured(x).units, used);
-    return cairn_polyline_read(x);
+    assert_int_equal(cairn_polyline_measured(polyline).units, used);
+    return cairn_polyline_read(polyline);
 }
 
 static cairn_polyline_view fit(const cloud *c)
@@ -227,7 +229,7 @@ static void assert_sound(cairn_polyline_view view, const cloud *c)
 
 static const double ROOM[4][4] = {{-3, -2, 5, -2}, {5, -2, 5, 4}, {5, 4, -3, 4}, {-3, 4, -3, -2}};
 
-static void make_room_walls(cairn_segment walls[4])
+static void set_room_walls(cairn_segment walls[4])
 {
     for (int i = 0; i < 4; i++)
         walls[i] = wall(ROOM[i][0], ROOM[i][1], ROOM[i][2], ROOM[i][3]);
@@ -239,7 +241,7 @@ static void test_room_from_inside(void **state)
     cloud c;
 
     (void)state;
-    make_room_walls(walls);
+    set_room_walls(walls);
     for (uint64_t seed = 0; seed < 20; seed++) {
         cairn_polyline_view view;
 
@@ -463,7 +465,7 @@ static void test_order_does_not_matter(void **state)
     cloud c, ordered;
 
     (void)state;
-    make_room_walls(walls);
+    set_room_walls(walls);
     walls[4] = wall(2, 1, 2.6, 1.8);
     walls[5] = wall(2.6, 1.8, 2, 2.4);
     for (uint64_t seed = 0; seed < 4; seed++) {
@@ -498,7 +500,7 @@ static void test_fifth_of_noise(void **state)
     cloud c;
 
     (void)state;
-    make_room_walls(walls);
+    set_room_walls(walls);
     walls[4] = wall(2, 1, 2.6, 1.8);
     for (uint64_t seed = 0; seed < 40; seed++) {
         cairn_random random = cairn_random_seed(seed, 6);
@@ -574,7 +576,7 @@ static void test_budgets_are_equal(void **state)
     cloud c;
 
     (void)state;
-    make_room_walls(walls);
+    set_room_walls(walls);
     walls[4] = wall(2, 1, 2.6, 1.8);
     take_scan(&c, walls, 5, 0.3, 0.2, 181, 0.01, 11);
     clutter(&c, 40, box, &random);
@@ -627,7 +629,7 @@ static void test_memory(void **state)
         cairn_polyline_params p = cairn_polyline_default();                                        \
         p.field = (value);                                                                         \
         assert_int_equal(cairn_polyline_memory(&p), 0);                                            \
-        assert_status(cairn_polyline_create(&x, &pool, &p), CAIRN_BAD_ARGUMENT);                   \
+        assert_status(cairn_polyline_create(&polyline, &pool, &p), CAIRN_BAD_ARGUMENT);            \
     } while (0)
 
 #define TAKEN(field, value)                                                                        \
@@ -640,7 +642,7 @@ static void test_memory(void **state)
 static void test_params(void **state)
 {
     const cairn_real nan = (cairn_real)NAN, infinity = (cairn_real)INFINITY;
-    cairn_polyline *x;
+    cairn_polyline *polyline;
     cairn_polyline_params good = cairn_polyline_default();
 
     (void)state;
@@ -650,8 +652,8 @@ static void test_params(void **state)
     assert_int_equal(good.max_segments, 256);
     assert_int_equal(cairn_polyline_memory(NULL), 0);
     assert_status(cairn_polyline_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_polyline_create(&x, NULL, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_polyline_create(&x, &pool, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_polyline_create(&polyline, NULL, &good), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_polyline_create(&polyline, &pool, NULL), CAIRN_BAD_ARGUMENT);
     REFUSED(dim, 1);
     REFUSED(dim, 4);
     REFUSED(max_points, 0);
@@ -977,7 +979,7 @@ static void test_space_agrees_with_plane(void **state)
     params.max_points = 400;
     own = test_pool(cairn_polyline_memory(&params));
     assert_ok(cairn_polyline_create(&space, &own, &params));
-    make_room_walls(walls);
+    set_room_walls(walls);
     take_scan(&c, walls, 4, 0.3, 0.2, 361, 0.01, 3);
     for (int32_t i = 0; i < c.count; i++) {
         /* y and z from y by 30 degrees about the x axis */
@@ -1047,10 +1049,10 @@ static void random_scene(cloud *c, cairn_random *random)
     clutter(c, cairn_random_below(random, 1 + c->count / 4), box, random);
 }
 
-static uint64_t hash_fit(uint64_t hash, cairn_polyline *x)
+static uint64_t hash_fit(uint64_t hash, cairn_polyline *polyline)
 {
-    cairn_polyline_view view = cairn_polyline_read(x);
-    cairn_polyline_measure cost = cairn_polyline_measured(x);
+    cairn_polyline_view view = cairn_polyline_read(polyline);
+    cairn_polyline_measure cost = cairn_polyline_measured(polyline);
 
     for (int32_t i = 0; i < view.segment_count; i++) {
         hash = test_hash(hash, view.segments[i].a, sizeof view.segments[i].a);
@@ -1167,7 +1169,7 @@ static uint64_t hash_of_grids(void)
 
     for (int32_t i = 0; i < 60; i++) {
         cairn_polyline_params params = cairn_polyline_default();
-        cairn_polyline *x;
+        cairn_polyline *polyline;
         cairn_pool own;
         cloud c;
 
@@ -1184,11 +1186,11 @@ static uint64_t hash_of_grids(void)
         params.gap_max = CAIRN_REAL(0.5) * (cairn_real)(1 + cairn_random_below(&random, 2));
         params.merge_distance = CAIRN_REAL(0.125);
         own = test_pool(cairn_polyline_memory(&params));
-        assert_ok(cairn_polyline_create(&x, &own, &params));
+        assert_ok(cairn_polyline_create(&polyline, &own, &params));
         for (int32_t k = 0; k < 3; k++) {
             grid_scene(&c, &random);
-            (void)fit_with(x, &c, CAIRN_UNBOUNDED);
-            hash = hash_fit(hash, x);
+            (void)fit_with(polyline, &c, CAIRN_UNBOUNDED);
+            hash = hash_fit(hash, polyline);
         }
         test_pool_free(&own);
     }

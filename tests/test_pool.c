@@ -10,7 +10,7 @@ void __asan_unpoison_memory_region(void const volatile *address, size_t size);
 int __asan_address_is_poisoned(void const volatile *address);
 #endif
 
-static const size_t GAP = CAIRN_POOL_REDZONE, PIECE = CAIRN_ALIGN + CAIRN_POOL_REDZONE;
+static const size_t GAP = CAIRN_POOL_REDZONE, ALLOCATION = CAIRN_ALIGN + CAIRN_POOL_REDZONE;
 
 static size_t rounded(size_t bytes)
 {
@@ -90,26 +90,26 @@ static void components_are_aligned_and_apart(void **state)
 
 static void a_full_pool_refuses(void **state)
 {
-    cairn_pool pool = test_pool(4 * PIECE);
+    cairn_pool pool = test_pool(4 * ALLOCATION);
     void *last;
 
     (void)state;
     assert_non_null(cairn_pool_take(&pool, 3, 5));
-    assert_int_equal(pool.used, PIECE);
-    assert_null(cairn_pool_take(&pool, 1, 3 * PIECE - GAP + 1));
+    assert_int_equal(pool.used, ALLOCATION);
+    assert_null(cairn_pool_take(&pool, 1, 3 * ALLOCATION - GAP + 1));
     assert_int_equal(pool.refused, 1);
     assert_null(cairn_pool_take(&pool, SIZE_MAX / 2, 3)); /* the product wraps */
     assert_null(cairn_pool_take(&pool, 3, SIZE_MAX / 2));
     assert_null(cairn_pool_take(&pool, SIZE_MAX, 1)); /* the rounding wraps */
     assert_null(cairn_pool_take(&pool, 1, SIZE_MAX - 15));
     assert_int_equal(pool.refused, 5);
-    assert_int_equal(pool.used, PIECE);
-    last = cairn_pool_take(&pool, 1, 3 * PIECE - GAP);
-    assert_ptr_equal(last, pool.base + PIECE);
+    assert_int_equal(pool.used, ALLOCATION);
+    last = cairn_pool_take(&pool, 1, 3 * ALLOCATION - GAP);
+    assert_ptr_equal(last, pool.base + ALLOCATION);
     assert_int_equal(cairn_pool_remaining(&pool), 0);
     assert_null(cairn_pool_take(&pool, 1, 1));
     assert_int_equal(pool.refused, 6);
-    assert_int_equal(pool.peak, 4 * PIECE);
+    assert_int_equal(pool.peak, 4 * ALLOCATION);
     test_pool_free(&pool);
 }
 
@@ -126,16 +126,16 @@ static void an_empty_map_is_a_valid_part(void **state)
 
 static void memory_is_requested_exactly(void **state)
 {
-    cairn_pool pool = test_pool(8 * PIECE);
+    cairn_pool pool = test_pool(8 * ALLOCATION);
 
     (void)state;
     assert_non_null(cairn_pool_take(&pool, 1, 1));
-    assert_int_equal(cairn_pool_has_capacity(&pool, 7 * PIECE), 1);
+    assert_int_equal(cairn_pool_has_capacity(&pool, 7 * ALLOCATION), 1);
     assert_int_equal(cairn_pool_has_capacity(&pool, 0), 1);
     assert_int_equal(pool.refused, 0);
-    assert_int_equal(cairn_pool_has_capacity(&pool, 7 * PIECE + 1), 0);
+    assert_int_equal(cairn_pool_has_capacity(&pool, 7 * ALLOCATION + 1), 0);
     assert_int_equal(pool.refused, 1);
-    assert_int_equal(pool.used, PIECE);
+    assert_int_equal(pool.used, ALLOCATION);
     test_pool_free(&pool);
 }
 
@@ -219,14 +219,14 @@ static void marks_release_in_order(void **state)
     assert_status(cairn_pool_release(&pool, first), CAIRN_BAD_ARGUMENT); /* second is due */
     assert_status(cairn_pool_release(&pool, none), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_pool_release(NULL, second), CAIRN_BAD_ARGUMENT);
-    assert_int_equal(pool.used, PIECE + 2 * (32 + GAP));
+    assert_int_equal(pool.used, ALLOCATION + 2 * (32 + GAP));
     assert_ok(cairn_pool_release(&pool, second));
-    assert_int_equal(pool.used, PIECE + 32 + GAP);
+    assert_int_equal(pool.used, ALLOCATION + 32 + GAP);
     assert_status(cairn_pool_release(&pool, second), CAIRN_BAD_ARGUMENT); /* twice */
     assert_ok(cairn_pool_release(&pool, first));
-    assert_int_equal(pool.used, PIECE);
+    assert_int_equal(pool.used, ALLOCATION);
     assert_int_equal(pool.marks, 0);
-    assert_int_equal(pool.peak, PIECE + 2 * (32 + GAP));
+    assert_int_equal(pool.peak, ALLOCATION + 2 * (32 + GAP));
     assert_status(cairn_pool_release(&pool, first), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_pool_release(&pool, none), CAIRN_BAD_ARGUMENT);
     assert_ptr_equal(cairn_pool_take(&pool, 1, 20), piece);
@@ -263,7 +263,7 @@ static void counting_pools_take_marks(void **state)
     assert_ok(cairn_pool_mark(&counting, &mark));
     assert_null(cairn_pool_take(&counting, 100, 1));
     assert_ok(cairn_pool_release(&counting, mark));
-    assert_int_equal(counting.used, PIECE);
+    assert_int_equal(counting.used, ALLOCATION);
 }
 
 static void a_split_is_a_pool_of_its_own(void **state)
@@ -274,10 +274,10 @@ static void a_split_is_a_pool_of_its_own(void **state)
     (void)state;
     assert_non_null(cairn_pool_take(&pool, 1, 1));
     assert_ok(cairn_pool_split(&pool, &child, 100));
-    assert_ptr_equal(child.base, pool.base + PIECE);
+    assert_ptr_equal(child.base, pool.base + ALLOCATION);
     assert_int_equal(child.size, 112);
     assert_int_equal(child.used, 0);
-    assert_int_equal(pool.used, PIECE + 112 + GAP);
+    assert_int_equal(pool.used, ALLOCATION + 112 + GAP);
     piece = cairn_pool_take(&child, 1, 112 - GAP);
     assert_ptr_equal(piece, child.base);
     memset(piece, 1, 112 - GAP);

@@ -1,3 +1,5 @@
+/* Consensus of relative poses: true and false hypotheses, ambiguity, likelihoods, submaps,
+ * stored results. */
 #include "tests/test.h"
 
 #include <math.h>

@@ -700,7 +700,8 @@ static void memory_is_taken_when_the_fill_is_known(void **state)
     assert_status(cairn_pose_graph_extend(made.graph, &more, fill), CAIRN_BAD_ARGUMENT);
     test_pool_free(&made.pool);
     test_pool_free(&more);
-    inner = (cairn_block_solver_params){params.max_poses, params.max_links, 0};
+    inner = (cairn_block_solver_params){
+        .max_poses = params.max_poses, .max_links = params.max_links, .max_fill = 0};
     more = test_pool(cairn_block_solver_memory(&inner) + bytes);
     assert_ok(cairn_block_solver_create(&solver, &more, &inner));
     face = cairn_pose_graph_solver_of(solver);
@@ -741,7 +742,7 @@ static void a_solver_of_ones_own(void **state)
 {
     struct problem p = a_problem(9, 0.05);
     cairn_pose_graph_params params = small_params();
-    cairn_block_solver_params inner = {POSES, MAX_LINKS, 400};
+    cairn_block_solver_params inner = {.max_poses = POSES, .max_links = MAX_LINKS, .max_fill = 400};
     cairn_block_solver *solver;
     cairn_pose_graph_solver face;
     cairn_pool pool = test_pool(cairn_block_solver_memory(&inner));
@@ -796,7 +797,7 @@ static void a_solver_of_ones_own(void **state)
 
 /* ---- Weak motions ---- */
 
-enum { STREET = 55, STREETS = STREET * STREET };
+enum { STREET_POSES = 55, STREETS = STREET_POSES * STREET_POSES };
 
 static cairn_pose disturbed(cairn_pose pose, cairn_real sigma, cairn_random *random)
 {
@@ -815,7 +816,8 @@ static void add_streets(cairn_pose_graph *graph, cairn_real sigma, uint64_t seed
     cairn_pose guess = cairn_pose_identity(), truth[STREETS];
 
     for (int32_t i = 0; i < STREETS; i++) {
-        int32_t row = i / STREET, column = row % 2 == 0 ? i % STREET : STREET - 1 - i % STREET;
+        int32_t row = i / STREET_POSES,
+                column = row % 2 == 0 ? i % STREET_POSES : STREET_POSES - 1 - i % STREET_POSES;
 
         truth[i].x = (cairn_real)column;
         truth[i].y = (cairn_real)row;
@@ -830,7 +832,7 @@ static void add_streets(cairn_pose_graph *graph, cairn_real sigma, uint64_t seed
             assert_ok(cairn_pose_graph_add_pose(graph, guess));
         }
         if (row > 0 && column % 4 == 0) {
-            int32_t beside = row * STREET - 1 - i % STREET;
+            int32_t beside = row * STREET_POSES - 1 - i % STREET_POSES;
 
             assert_ok(cairn_pose_graph_add_link(
                 graph, beside, i,
@@ -858,7 +860,8 @@ static void weak_motions_take_few_factors(void **state)
     (void)state;
     for (size_t k = 0; k < sizeof known / sizeof *known; k++) {
         cairn_pose_graph_params params = cairn_pose_graph_default();
-        cairn_block_solver_params inner = {STREETS, 2 * STREETS, 6 * STREETS};
+        cairn_block_solver_params inner = {
+            .max_poses = STREETS, .max_links = 2 * STREETS, .max_fill = 6 * STREETS};
         cairn_pool pool = test_pool(cairn_block_solver_memory(&inner)), graphs;
         cairn_block_solver *solver;
         cairn_pose_graph *graph;
@@ -937,7 +940,7 @@ static void old_factors_do_not_end_it(void **state)
 {
     struct problem p = a_problem(9, 0.2);
     cairn_pose_graph_params params = small_params();
-    cairn_block_solver_params inner = {POSES, MAX_LINKS, 400};
+    cairn_block_solver_params inner = {.max_poses = POSES, .max_links = MAX_LINKS, .max_fill = 400};
     cairn_block_solver *solver;
     cairn_pose_graph_solver face;
     cairn_pool pool = test_pool(cairn_block_solver_memory(&inner));

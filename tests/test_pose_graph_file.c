@@ -145,13 +145,13 @@ static void poses_come_from_the_edges(void **state)
  * they are used first. */
 static void trees_are_chained(void **state)
 {
-    enum { MOST = 40 };
+    enum { MAX_COUNT = 40 };
     cairn_random random = cairn_random_seed(9, 0);
 
     (void)state;
     for (int32_t round = 0; round < 30; round++) {
-        int32_t count = 2 + cairn_random_below(&random, MOST - 1), id[MOST], x[MOST], y[MOST],
-                order[MOST];
+        int32_t count = 2 + cairn_random_below(&random, MAX_COUNT - 1), id[MAX_COUNT], x[MAX_COUNT],
+                y[MAX_COUNT], order[MAX_COUNT];
         char *text = malloc(20000), *end = text;
         cairn_pose_graph_file file;
 

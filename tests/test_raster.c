@@ -1,3 +1,4 @@
+/* Distance maps compared with a reference implementation; views, budgets. */
 #include "tests/test.h"
 
 #include "cairn/raster.h"
@@ -6,7 +7,7 @@ enum { SIDE = 40, MAX_CELLS = 64 * 64 };
 
 static cairn_distance_map *make_map(cairn_pool *pool, int32_t max_width)
 {
-    cairn_distance_map_params params = {max_width};
+    cairn_distance_map_params params = {.max_width = max_width};
     cairn_distance_map *map;
 
     *pool = test_pool(cairn_distance_map_memory(&params));
@@ -218,7 +219,7 @@ static cairn_status create_map(void *context, cairn_pool *pool)
 static void test_distance_refusals(void **state)
 {
     static const cairn_distance_map_params bad[] = {{0}, {-1}, {CAIRN_RASTER_MAX_SIDE + 1}};
-    cairn_distance_map_params params = {9};
+    cairn_distance_map_params params = {.max_width = 9};
     uint8_t pixels[20] = {0};
     int32_t distances[20];
     cairn_distance_map_input good = {{pixels, 5, 4, 5},

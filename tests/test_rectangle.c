@@ -1,3 +1,5 @@
+/* Rectangles from segments, compared with all quadruples; exactly known scenes, capacities,
+ * refusals. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -7,7 +9,7 @@
 #define PI     3.14159265358979323846
 #define DEGREE (PI / 180)
 
-enum { MANY = 200, MOST = 256 };
+enum { ITEM_COUNT = 200, MAX_COUNT = 256 };
 
 struct fixture {
     cairn_pool pool;
@@ -24,7 +26,7 @@ static struct fixture set_with(cairn_rectangle_params params)
 }
 
 struct scene {
-    cairn_segment segments[MANY];
+    cairn_segment segments[ITEM_COUNT];
     int32_t count;
 };
 
@@ -430,7 +432,7 @@ static int inside_or_out(const struct slow_side *of[4])
 static int slow_quadruples(const cairn_rectangle_params *p, const struct scene *scene,
                            struct slow *found)
 {
-    static struct slow_side side[MANY];
+    static struct slow_side side[ITEM_COUNT];
     int32_t n = scene->count, count = 0;
 
     for (int32_t i = 0; i < n; i++)
@@ -455,7 +457,7 @@ static int slow_quadruples(const cairn_rectangle_params *p, const struct scene *
                         continue;
                     found[count].kind = free_side == 1 ? CAIRN_RECTANGLE_ROOM : CAIRN_RECTANGLE_BOX;
                     count++;
-                    assert_true(count < MOST);
+                    assert_true(count < MAX_COUNT);
                 }
         }
     return count;
@@ -503,7 +505,7 @@ static void scatter(struct scene *s, uint64_t seed)
 
 static void finds_what_all_quadruples_give(void **state)
 {
-    static struct slow slow[MOST];
+    static struct slow slow[MAX_COUNT];
     int32_t seen = 0;
 
     (void)state;
@@ -515,7 +517,7 @@ static void finds_what_all_quadruples_give(void **state)
         int32_t found, count;
 
         p.separation = CAIRN_REAL(1e-6);
-        p.max_rectangles = MOST;
+        p.max_rectangles = MAX_COUNT;
         more = p;
         more.min_coverage = p.min_coverage - CAIRN_REAL(0.04);
         more.min_side_coverage = p.min_side_coverage - CAIRN_REAL(0.04);
@@ -686,7 +688,7 @@ static void all_bits_are_kept(void **state)
 static void the_budget_does_not_matter(void **state)
 {
     static const int32_t budgets[] = {1, 7, 1000};
-    static cairn_rectangle whole[MOST];
+    static cairn_rectangle whole[MAX_COUNT];
     struct fixture f = set_with(cairn_rectangle_default());
     const cairn_rectangle *list;
     struct scene s;

@@ -44,19 +44,19 @@ static void both_kinds_are_read(void **state)
 
 static void many_are_read(void **state)
 {
-    enum { MANY = 1000 };
+    enum { ITEM_COUNT = 1000 };
     FILE *file = fopen(files_path("many.relations"), "w");
     cairn_relation_table_row *row;
     int32_t count;
 
     (void)state;
     assert_non_null(file);
-    for (int i = 0; i < MANY; i++)
+    for (int i = 0; i < ITEM_COUNT; i++)
         (void)fprintf(file, "%d %d 1 2 %d\n", i, i + 1, i);
     assert_int_equal(fclose(file), 0);
     assert_ok(cairn_relation_table_read(&row, &count, files_path("many.relations"), NULL));
-    assert_int_equal(count, MANY);
-    for (int i = 0; i < MANY; i++) {
+    assert_int_equal(count, ITEM_COUNT);
+    for (int i = 0; i < ITEM_COUNT; i++) {
         assert_int_equal(row[i].first, i);
         assert_int_equal(row[i].second, i + 1);
         assert_near(row[i].reference.theta, i, 0);

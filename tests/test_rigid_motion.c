@@ -1,3 +1,5 @@
+/* Normal equations, priors and covariances of a pose, compared with differences; unobservable
+ * directions. */
 #include "tests/test.h"
 
 #include <math.h>

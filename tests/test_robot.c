@@ -294,7 +294,8 @@ static void a_bad_sweep_is_refused(void **state)
 /* The scans of a walk, in the frames of their sensors. */
 static cairn_scan_set *make_set(const walk *w, cairn_pool *pool)
 {
-    cairn_scan_set_params params = {SWEEPS, SWEEPS * 8, SWEEPS * 150, 0};
+    cairn_scan_set_params params = {
+        .max_scans = SWEEPS, .max_segments = SWEEPS * 8, .max_points = SWEEPS * 150, .spacing = 0};
     cairn_scan_params scan_params = room_params().scan;
     cairn_scan_set *set;
     cairn_scan *scan;
@@ -331,7 +332,7 @@ static joint_params small_joint(void)
 }
 
 /* Solves from the given poses in steps of `units`; returns the total units. */
-static int64_t solve_in(joint *x, const cairn_scan_set *set, const walk *w, int32_t count,
+static int64_t solve_in(joint *optimizer, const cairn_scan_set *set, const walk *w, int32_t count,
                         int32_t units)
 {
     cairn_pose given[SWEEPS];
@@ -340,11 +341,11 @@ static int64_t solve_in(joint *x, const cairn_scan_set *set, const walk *w, int3
 
     for (int32_t i = 0; i < SWEEPS; i++)
         given[i] = w->sweep[i].pose;
-    assert_int_equal(joint_begin(x, set, given, NULL, count), CAIRN_OK);
+    assert_int_equal(joint_begin(optimizer, set, given, NULL, count), CAIRN_OK);
     while (status == CAIRN_MORE) {
         cairn_budget budget = {units};
 
-        status = joint_step(x, &budget);
+        status = joint_step(optimizer, &budget);
         assert_true(budget.left >= 0);
         used += units - budget.left;
     }
@@ -439,11 +440,12 @@ static void fixed_scans_stay(void **state)
 
 /* Information of the later of two scans, the first one fixed, in the map, by differences of every
  * point's error. */
-static void add_pair_information(const joint *x, const cairn_scan_set *set,
+static void add_pair_information(const joint *optimizer, const cairn_scan_set *set,
                                  double information[3][3])
 {
     const cairn_scan_set_scan *first = &set->scans[0], *later = &set->scans[1];
-    const double h = 1e-4, spread = (double)x->params.spread, sigma = (double)x->params.sigma;
+    const double h = 1e-4, spread = (double)optimizer->params.spread,
+                 sigma = (double)optimizer->params.sigma;
 
     for (int32_t s = later->first_segment; s < later->end_segment; s++)
         for (int32_t t = first->first_segment; t < first->end_segment; t++) {
@@ -457,21 +459,21 @@ static void add_pair_information(const joint *x, const cairn_scan_set *set,
                 int32_t is_on = 1;
 
                 for (int32_t m = 0; m < 4; m++) {
-                    cairn_pose moved = x->poses[1];
+                    cairn_pose moved = optimizer->poses[1];
                     cairn_vec2 p, direction;
                     double place;
 
                     moved.x += (cairn_real)(m == 1 ? h : 0);
                     moved.y += (cairn_real)(m == 2 ? h : 0);
                     moved.theta += (cairn_real)(m == 3 ? h : 0);
-                    moved = cairn_pose_between(x->poses[0], moved);
+                    moved = cairn_pose_between(optimizer->poses[0], moved);
                     p = cairn_vec2_sub(cairn_pose_point(moved, set->points[k]), wall->segment.a);
                     direction =
                         cairn_transform_direction(cairn_transform_of(moved), segment->direction);
                     place = (double)cairn_vec2_dot(along, p);
                     error[m] = (double)cairn_vec2_cross(along, p);
                     is_on = is_on && place >= 0 && place <= (double)length &&
-                            fabs(error[m]) <= (double)x->params.gate &&
+                            fabs(error[m]) <= (double)optimizer->params.gate &&
                             (double)cairn_vec2_dot(along, direction) >= 0.95;
                 }
                 for (int32_t m = 0; m < 3; m++)
@@ -483,7 +485,8 @@ static void add_pair_information(const joint *x, const cairn_scan_set *set,
         }
     information[0][0] += 1 / (spread * spread);
     information[1][1] += 1 / (spread * spread);
-    information[2][2] += 1 / (double)(x->params.spread_angle * x->params.spread_angle);
+    information[2][2] +=
+        1 / (double)(optimizer->params.spread_angle * optimizer->params.spread_angle);
 }
 
 /* With two scans the covariance is the inverse of the information of their one link, up to the

@@ -1,3 +1,5 @@
+/* Line fit of a scan: motion during the sweep compared with small steps, segments and points,
+ * budgets, refusals. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -117,27 +119,27 @@ static int setup(void **state)
     return 0;
 }
 
-static cairn_scan_view take_with(cairn_scan *x, const cairn_scan_input *input, int32_t budget)
+static cairn_scan_view take_with(cairn_scan *scan, const cairn_scan_input *input, int32_t budget)
 {
     cairn_budget left = {budget};
     cairn_fault fault;
     cairn_status status;
     int64_t used = 0;
 
-    assert_ok(cairn_scan_begin(x, input, &fault));
+    assert_ok(cairn_scan_begin(scan, input, &fault));
     assert_null(fault.message);
     assert_int_equal(fault.index, -1);
-    while ((status = cairn_scan_step(x, &left)) == CAIRN_MORE) {
-        assert_int_equal(cairn_scan_read(x).beam_count, 0);
-        assert_int_equal(cairn_scan_read(x).point_count, 0);
+    while ((status = cairn_scan_step(scan, &left)) == CAIRN_MORE) {
+        assert_int_equal(cairn_scan_read(scan).beam_count, 0);
+        assert_int_equal(cairn_scan_read(scan).point_count, 0);
         assert_true(left.left > -7);
         used += budget - left.left;
         left.left = budget;
     }
     assert_ok(status);
     used += budget - left.left;
-    assert_int_equal(cairn_scan_measured(x).units, used);
-    return cairn_scan_read(x);
+    assert_int_equal(cairn_scan_measured(scan).units, used);
+    return cairn_scan_read(scan);
 }
 
 static cairn_scan_view take(const cairn_scan_input *input)
@@ -345,7 +347,7 @@ static void test_wall_while_turning(void **state)
 static const double ROOM[5][4] = {
     {-3, -2, 5, -2}, {5, -2, 5, 4}, {5, 4, -3, 4}, {-3, 4, -3, -2}, {1.2, 1.5, 2.2, 1.1}};
 
-static void make_room_walls(cairn_segment walls[5])
+static void set_room_walls(cairn_segment walls[5])
 {
     for (int i = 0; i < 5; i++)
         walls[i] = wall(ROOM[i][0], ROOM[i][1], ROOM[i][2], ROOM[i][3]);
@@ -358,7 +360,7 @@ static void test_room(void **state)
     cairn_scan_view view;
 
     (void)state;
-    make_room_walls(walls);
+    set_room_walls(walls);
     for (uint64_t seed = 0; seed < 5; seed++) {
         int found = 0;
 
@@ -399,7 +401,7 @@ static void test_sense_and_order_of_beams(void **state)
     int32_t count, point_count;
 
     (void)state;
-    make_room_walls(walls);
+    set_room_walls(walls);
     take_scan(&s, walls, 5, 361, -3.125, 1.0 / 64, 0, 0, AT_BASE);
     add_noise(&s, 0.01, 3);
     view = take(&s.input);
@@ -442,7 +444,7 @@ static void test_mounted_sensor(void **state)
     int found = 0;
 
     (void)state;
-    make_room_walls(walls);
+    set_room_walls(walls);
     take_scan(&s, walls, 5, 361, -PI, 2 * PI / 360, 0, 0, TAIL);
     view = take(&s.input);
     assert_near(view.sensor.x, -0.4, 1e-6);
@@ -605,7 +607,7 @@ static void test_budgets_are_equal(void **state)
     sweep s;
 
     (void)state;
-    make_room_walls(walls);
+    set_room_walls(walls);
     take_scan(&s, walls, 5, 361, -PI, 2 * PI / 360, 0.05, 0.1, AT_BASE);
     add_noise(&s, 0.01, 6);
     view = take(&s.input);
@@ -665,13 +667,13 @@ static void test_memory(void **state)
         cairn_scan_params p = cairn_scan_default();                                                \
         p.field = (value);                                                                         \
         assert_int_equal(cairn_scan_memory(&p), 0);                                                \
-        assert_status(cairn_scan_create(&x, &pool, &p), CAIRN_BAD_ARGUMENT);                       \
+        assert_status(cairn_scan_create(&scan, &pool, &p), CAIRN_BAD_ARGUMENT);                    \
     } while (0)
 
 static void test_params(void **state)
 {
     cairn_scan_params good = cairn_scan_default();
-    cairn_scan *x;
+    cairn_scan *scan;
 
     (void)state;
     assert_true(cairn_scan_memory(&good) > 0);
@@ -686,8 +688,8 @@ static void test_params(void **state)
     assert_true(cairn_scan_memory(&good) > 0);
     assert_int_equal(cairn_scan_memory(NULL), 0);
     assert_status(cairn_scan_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_scan_create(&x, NULL, &good), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_scan_create(&x, &pool, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_scan_create(&scan, NULL, &good), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_scan_create(&scan, &pool, NULL), CAIRN_BAD_ARGUMENT);
     REFUSED(max_beams, 0);
     REFUSED(max_beams, 100001);
     REFUSED(max_segments, 0);
@@ -794,7 +796,7 @@ static void test_hundred_thousand_beams(void **state)
     params.max_segments = 2000;
     own = test_pool(cairn_scan_memory(&params));
     assert_ok(cairn_scan_create(&large, &own, &params));
-    make_room_walls(walls);
+    set_room_walls(walls);
     take_scan(&s, walls, 5, 1, -3.14, 0, 0, 0, AT_BASE);
     input = s.input;
     input.range = range;

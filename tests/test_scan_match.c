@@ -1,3 +1,5 @@
+/* Matching of two scans: rooms with known poses, ambiguity, covariances, budgets, memory,
+ * refusals. */
 #include "tests/test.h"
 
 #include <math.h>

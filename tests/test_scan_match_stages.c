@@ -5,7 +5,7 @@
 
 #include "src/mapping/scan_match_work.h"
 
-enum { MANY = 1024 };
+enum { ITEM_COUNT = 1024 };
 
 /* Target and query overlap in part; the query is rotated by 0.02 rad and shifted. */
 static void make_bed_of(bed *b, cairn_scan_match_mode mode, int32_t candidates)
@@ -478,9 +478,9 @@ static void votes_are_those_of_all_pairs(void **state)
     int32_t rotations = 0, peaks = 0, votes = 0;
 
     (void)state;
-    make_bed_of(&b, CAIRN_SCAN_MATCH_CORRELATIVE, MANY);
+    make_bed_of(&b, CAIRN_SCAN_MATCH_CORRELATIVE, ITEM_COUNT);
     assert_ok(cairn_scan_match_begin(b.match, &b.query_part, b.start, &window, NULL));
-    b.match->votes.max_candidates = MANY; /* all peaks are kept */
+    b.match->votes.max_candidates = ITEM_COUNT; /* all peaks are kept */
     while (next_rotation(&b)) {
         int32_t rotation = b.match->votes.rotation;
 

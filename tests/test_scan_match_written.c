@@ -20,8 +20,8 @@ static cairn_scan_match_params small_params(cairn_scan_match_mode mode)
     cairn_scan_match_params params = cairn_scan_match_as_written();
 
     params.mode = mode;
-    params.max_query = MOST;
-    params.max_target = 2 * MOST;
+    params.max_query = MAX_COUNT;
+    params.max_target = 2 * MAX_COUNT;
     return params;
 }
 
@@ -39,7 +39,7 @@ static void make_bed(bed *b, cairn_scan_match_mode mode)
 /* ---- The reference implementation ---- */
 
 typedef struct reference {
-    double query[MOST][2], target[MOST][2]; /* of the pairs kept by the colinear filter */
+    double query[MAX_COUNT][2], target[MAX_COUNT][2]; /* of the pairs kept by the colinear filter */
     int32_t count;
     double x, y, distance; /* the translation of the winning segment, and its mean distance */
     int32_t kept;
@@ -114,7 +114,7 @@ static double mean_off(const reference *t, int32_t first, int32_t end, const dou
 /* The segment filter and the segment-wise translation, 6.2.4 and 6.3. */
 static void translate(reference *t)
 {
-    int32_t first[MOST + 1], segments = 0, best = -1, most = 0, agrees[MOST];
+    int32_t first[MAX_COUNT + 1], segments = 0, best = -1, most = 0, agrees[MAX_COUNT];
 
     for (int32_t i = 0; i < t->count; i++)
         if (i == 0 || jump(t->query[i], t->query[i - 1]) >= 0.3 ||
@@ -176,7 +176,7 @@ typedef struct overlap {
 static overlap overlap_at(const bed *b, cairn_pose pose, double reach, double gate)
 {
     double c = cos((double)pose.theta), s = sin((double)pose.theta);
-    static double all[MOST][4];
+    static double all[MAX_COUNT][4];
     overlap out;
 
     memset(&out, 0, sizeof out);
@@ -425,7 +425,7 @@ static void parts_by_icp_alone(void **state)
     half.count = -1;
     assert_fault(&fault, cairn_scan_match_begin_icp(b.match, &half, start, &fault),
                  CAIRN_BAD_ARGUMENT, -1);
-    half.count = MOST + 1;
+    half.count = MAX_COUNT + 1;
     start.x = (cairn_real)NAN;
     assert_fault(&fault, cairn_scan_match_begin_icp(b.match, &b.query_part, start, &fault),
                  CAIRN_NOT_FINITE, -1);

@@ -6,7 +6,7 @@
 #include "cairn/random.h"
 #include "cairn/scan_redundancy.h"
 
-enum { SCANS = 7, WALLS = 5, MOST = 40 };
+enum { SCANS = 7, WALLS = 5, MAX_COUNT = 40 };
 
 /* A set of scans with walls in all directions around neighbouring places. */
 typedef struct world {
@@ -18,7 +18,7 @@ typedef struct world {
 /* One scan: walls of up to `points` points 0.1 m apart. */
 static void add_scan(world *w, cairn_random *random, int32_t walls, int32_t points)
 {
-    cairn_oriented_point point[WALLS * MOST];
+    cairn_oriented_point point[WALLS * MAX_COUNT];
     cairn_segment segment[WALLS];
     int32_t first[WALLS + 1] = {0};
     cairn_scan_view view = {0};
@@ -50,14 +50,17 @@ static void add_scan(world *w, cairn_random *random, int32_t walls, int32_t poin
 static world make_world(uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 1);
-    cairn_scan_set_params params = {SCANS + 1, (SCANS + 1) * WALLS, (SCANS + 1) * WALLS * MOST, 0};
+    cairn_scan_set_params params = {.max_scans = SCANS + 1,
+                                    .max_segments = (SCANS + 1) * WALLS,
+                                    .max_points = (SCANS + 1) * WALLS * MAX_COUNT,
+                                    .spacing = 0};
     world w;
 
     memset(&w, 0, sizeof w);
     w.pool = test_pool(1 << 20);
     assert_ok(cairn_scan_set_create(&w.set, &w.pool, &params));
     for (int32_t i = 0; i < SCANS; i++) {
-        add_scan(&w, &random, WALLS, MOST);
+        add_scan(&w, &random, WALLS, MAX_COUNT);
         w.pose[i].x = cairn_random_uniform(&random, -1, 1);
         w.pose[i].y = cairn_random_uniform(&random, -1, 1);
         w.pose[i].theta = cairn_random_uniform(&random, -3, 3);
@@ -70,7 +73,7 @@ static cairn_scan_redundancy_params small_params(void)
     cairn_scan_redundancy_params params = cairn_scan_redundancy_default();
 
     params.max_scans = SCANS + 1;
-    params.max_points = (SCANS + 1) * WALLS * MOST;
+    params.max_points = (SCANS + 1) * WALLS * MAX_COUNT;
     return params;
 }
 
@@ -181,7 +184,7 @@ static void the_most_redundant_scan_is_culled(void **state)
     for (int32_t i = 0; i < 5; i++) {
         cairn_random same = cairn_random_seed(11, 1);
 
-        add_scan(&w, &same, 2, MOST);
+        add_scan(&w, &same, 2, MAX_COUNT);
         w.pose[i] = cairn_pose_identity();
         w.pose[i].x = i % 2 == 0 ? 0 : 50;
     }
@@ -204,7 +207,7 @@ static void the_most_redundant_scan_is_culled(void **state)
     assert_true(cairn_scan_redundancy_loss(cover, 4) > cairn_scan_redundancy_loss(cover, 3));
     assert_int_equal(cairn_scan_redundancy_most_redundant(cover, -1), 1);
     /* A scan without points is chosen at once. */
-    add_scan(&w, &random, 0, MOST);
+    add_scan(&w, &random, 0, MAX_COUNT);
     w.pose[2] = cairn_pose_identity();
     assert_ok(cairn_scan_redundancy_begin(cover, w.set, w.pose));
     run(cover, 1000, &used);

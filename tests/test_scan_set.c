@@ -1,3 +1,4 @@
+/* Sets of scans: storage of points in both representations, removal, compaction, refusals. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -55,7 +56,8 @@ static cairn_status create_with(void *params, cairn_pool *pool)
 
 static void test_params_and_memory(void **state)
 {
-    cairn_scan_set_params good = {2, 3, 5, 0}, p;
+    cairn_scan_set_params good = {.max_scans = 2, .max_segments = 3, .max_points = 5, .spacing = 0},
+                          p;
     cairn_pool pool = test_pool(cairn_scan_set_memory(&good));
     cairn_scan_set *set;
 
@@ -107,7 +109,8 @@ static void test_params_and_memory(void **state)
 
 static void test_scans_are_copied(void **state)
 {
-    cairn_scan_set_params params = {3, 7, 9, 0};
+    cairn_scan_set_params params = {
+        .max_scans = 3, .max_segments = 7, .max_points = 9, .spacing = 0};
     cairn_pool pool = test_pool(cairn_scan_set_memory(&params));
     cairn_scan_set *set;
     cairn_scan_view nothing;
@@ -197,7 +200,8 @@ static void test_full(void **state)
     }
     /* Full to the last one. */
     {
-        cairn_scan_set_params exact = {2, 6, 8, 0};
+        cairn_scan_set_params exact = {
+            .max_scans = 2, .max_segments = 6, .max_points = 8, .spacing = 0};
         cairn_pool pool = test_pool(cairn_scan_set_memory(&exact));
         cairn_scan_set *set;
 
@@ -212,7 +216,8 @@ static void test_bad_scans_are_refused(void **state)
 {
     const cairn_real nan = (cairn_real)NAN, infinity = (cairn_real)INFINITY,
                      far = CAIRN_REAL(1.1e6);
-    cairn_scan_set_params params = {3, 9, 12, 0};
+    cairn_scan_set_params params = {
+        .max_scans = 3, .max_segments = 9, .max_points = 12, .spacing = 0};
     cairn_pool pool = test_pool(cairn_scan_set_memory(&params));
     cairn_scan_set *set;
     struct example e;
@@ -266,14 +271,14 @@ static void test_bad_scans_are_refused(void **state)
 
 /* ---- Points generated from the ends of segments ---- */
 
-enum { WALLS = 6, MOST = 400 };
+enum { WALLS = 6, MAX_COUNT = 400 };
 
 /* The points of walls as the scan module makes them: every `spacing`, centred, those with a bit of
  * `support`. */
 struct walls {
     cairn_segment segments[WALLS];
     int32_t first_point[WALLS + 1];
-    cairn_oriented_point points[MOST];
+    cairn_oriented_point points[MAX_COUNT];
     cairn_scan_view view;
 };
 
@@ -337,7 +342,7 @@ static void assert_same_sets(const cairn_scan_set *kept, const cairn_scan_set *m
     for (int32_t i = 0; i < kept->segment_count; i++) {
         const cairn_scan_set_segment *a = &kept->segments[i], *b = &made->segments[i];
         int32_t count = a->end_point - a->first_point;
-        cairn_vec2 points[MOST];
+        cairn_vec2 points[MAX_COUNT];
 
         assert_int_equal(a->first_point, b->first_point);
         assert_int_equal(a->end_point, b->end_point);
@@ -360,13 +365,14 @@ static void assert_same_sets(const cairn_scan_set *kept, const cairn_scan_set *m
 
 static void test_points_are_made(void **state)
 {
-    cairn_scan_set_params params = {5, 5 * WALLS, 5 * MOST, 0};
+    cairn_scan_set_params params = {
+        .max_scans = 5, .max_segments = 5 * WALLS, .max_points = 5 * MAX_COUNT, .spacing = 0};
     size_t kept_bytes = cairn_scan_set_memory(&params);
     cairn_pool pool = test_pool(2 * kept_bytes);
     cairn_scan_set *kept, *made;
     struct walls w;
     cairn_fault fault;
-    cairn_real mass[MOST];
+    cairn_real mass[MAX_COUNT];
 
     (void)state;
     assert_ok(cairn_scan_set_create(&kept, &pool, &params));
@@ -384,7 +390,7 @@ static void test_points_are_made(void **state)
     /* Segments of another form are refused. */
     cairn_scan_set_clear(made);
     make_walls(&w, 1, 0.07);
-    for (int i = 0; i < MOST; i++)
+    for (int i = 0; i < MAX_COUNT; i++)
         mass[i] = 1;
     assert_fault(&fault, cairn_scan_set_add(made, &w.view, mass, &fault), CAIRN_BAD_ARGUMENT, -1);
     assert_non_null(strstr(fault.message, "mass"));
@@ -445,7 +451,7 @@ static void assert_is_ledger(const cairn_scan_set *set, const struct ledger *led
     assert_int_equal(used, ledger->count);
     for (int32_t i = 0; i < ledger->count; i++) {
         const cairn_scan_set_scan *scan = &set->scans[ledger->slot[i]];
-        cairn_vec2 points[MOST];
+        cairn_vec2 points[MAX_COUNT];
         struct walls w;
 
         make_walls(&w, ledger->seed[i], 0.07);
@@ -473,7 +479,8 @@ static void assert_is_ledger(const cairn_scan_set *set, const struct ledger *led
  * compaction. */
 static void test_scans_come_and_go(void **state)
 {
-    cairn_scan_set_params params = {8, 8 * WALLS, 8 * MOST, 0};
+    cairn_scan_set_params params = {
+        .max_scans = 8, .max_segments = 8 * WALLS, .max_points = 8 * MAX_COUNT, .spacing = 0};
     cairn_random random = cairn_random_seed(9, 9);
 
     (void)state;
@@ -553,7 +560,8 @@ static void test_scans_come_and_go(void **state)
 static void test_pack_budgets(void **state)
 {
     static const int32_t budgets[] = {1, 7, 1000, CAIRN_UNBOUNDED};
-    cairn_scan_set_params params = {4, 4 * WALLS, 4 * MOST, 0};
+    cairn_scan_set_params params = {
+        .max_scans = 4, .max_segments = 4 * WALLS, .max_points = 4 * MAX_COUNT, .spacing = 0};
     int32_t expected = 0;
 
     (void)state;

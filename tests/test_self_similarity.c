@@ -1,3 +1,5 @@
+/* Axes of symmetry: generated shapes with known axes, the thesis's search compared with a
+ * reference implementation, refusals. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -6,7 +8,7 @@
 #include "cairn/inner_distance.h"
 #include "cairn/self_similarity.h"
 
-enum { MOST = 400 };
+enum { MAX_COUNT = 400 };
 
 #define PI 3.14159265358979324
 
@@ -182,7 +184,7 @@ static void slow_level(slow *s, int32_t m)
 
 static void slow_search(slow *s, const cairn_vec2 *samples, int32_t count)
 {
-    cairn_inner_distance_params inner_params = {96, 0};
+    cairn_inner_distance_params inner_params = {.max_points = 96, .fill_holes = 0};
     cairn_curve_evolution_params evolution_params = {.max_points = 96,
                                                      .mode = CAIRN_MODE_AS_WRITTEN};
     cairn_pool pool = test_pool(cairn_inner_distance_memory(&inner_params) +
@@ -290,7 +292,7 @@ static void finds_a_plain_axis(void **state)
     for (int32_t mode = 0; mode < 2; mode++)
         for (int wide = 0; wide < 3; wide++) {
             fixture l = of_mode(mode);
-            cairn_vec2 p[MOST];
+            cairn_vec2 p[MAX_COUNT];
             cairn_self_similarity_result r;
             cairn_curve c;
             double half;
@@ -322,7 +324,7 @@ static void takes_bends_and_skews_back(void **state)
     for (int sign = -1; sign <= 1; sign += 2)
         for (int i = 0; i < 4; i++) {
             double bend = sign * 0.5 * i, skew = i == 0 ? sign * 0.35 : 0, half;
-            cairn_vec2 p[MOST];
+            cairn_vec2 p[MAX_COUNT];
             cairn_self_similarity_result r;
             cairn_curve c = pear(p, 300, 22, bend, skew, &half);
 
@@ -452,7 +454,7 @@ static cairn_curve slit_egg(cairn_vec2 *p, double turn)
  * all samples. */
 static void the_mirror_line_is_fitted_to_all_samples(void **state)
 {
-    static cairn_vec2 p[MOST];
+    static cairn_vec2 p[MAX_COUNT];
     fixture by_ends = of_mode(CAIRN_MODE_AS_WRITTEN), l = of_mode(CAIRN_MODE_DEFAULT);
     double worst_chord = 0;
 
@@ -486,7 +488,7 @@ static void many_axes_are_said_so(void **state)
 {
     static const int corners[] = {3, 4, 5, 6};
     fixture l = of_mode(CAIRN_MODE_DEFAULT);
-    cairn_vec2 p[MOST];
+    cairn_vec2 p[MAX_COUNT];
     cairn_self_similarity_result r;
     cairn_curve c;
 
@@ -516,7 +518,7 @@ static void a_circle_has_no_single_axis(void **state)
     (void)state;
     for (int32_t mode = 0; mode < 2; mode++) {
         fixture l = of_mode(mode);
-        cairn_vec2 p[MOST];
+        cairn_vec2 p[MAX_COUNT];
         cairn_curve c = regular(p, 200, 0);
         cairn_self_similarity_result r = find_axes(&l, &c, 1);
 
@@ -651,7 +653,7 @@ static void budgets_do_not_matter(void **state)
 static void bad_outlines_are_refused(void **state)
 {
     fixture l = of_mode(CAIRN_MODE_DEFAULT);
-    cairn_vec2 p[MOST], hole[4] = {at(60, 15), at(70, 15), at(70, 25), at(60, 25)};
+    cairn_vec2 p[MAX_COUNT], hole[4] = {at(60, 15), at(70, 15), at(70, 25), at(60, 25)};
     cairn_curve shape[CAIRN_SELF_SIMILARITY_MAX_OUTLINES + 1], kept[2];
     cairn_budget budget = {1};
     double half;

@@ -1,14 +1,15 @@
+/* Sequence alignment compared with whole tables; equal paths, units, refusals. */
 #include "tests/test.h"
 
 #include <math.h>
 
 #include "cairn/sequence.h"
 
-enum { MOST = 40 };
+enum { MAX_COUNT = 40 };
 
 /* Numbers to compare, and the comparison. */
 struct sequences {
-    double first[MOST], second[MOST];
+    double first[MAX_COUNT], second[MAX_COUNT];
     int32_t first_count, second_count;
     cairn_sequence_kind kind;
     int64_t *comparisons;
@@ -34,7 +35,7 @@ static cairn_real compare(const void *context, int32_t i, int32_t j)
 /* The score by the whole table. */
 static double reference(const struct sequences *s, double gap)
 {
-    static double table[MOST + 1][MOST + 1];
+    static double table[MAX_COUNT + 1][MAX_COUNT + 1];
     double best = 0;
 
     for (int32_t i = 0; i <= s->first_count; i++)
@@ -92,7 +93,7 @@ static void draw(struct sequences *s, cairn_random *random, int32_t most)
 {
     s->first_count = 1 + cairn_random_below(random, most);
     s->second_count = 1 + cairn_random_below(random, most);
-    for (int32_t i = 0; i < MOST; i++) {
+    for (int32_t i = 0; i < MAX_COUNT; i++) {
         int32_t a = cairn_random_below(random, 5), b = cairn_random_below(random, 5);
         double noise = (double)cairn_random_uniform(random, 0, CAIRN_REAL(0.3));
 
@@ -117,8 +118,10 @@ static void gives_the_score_and_the_path_of_the_whole_table(void **state)
     (void)state;
     for (cairn_sequence_kind kind = CAIRN_SEQUENCE_LCS; kind <= CAIRN_SEQUENCE_DTW; kind++)
         for (int trial = 0; trial < 300; trial++) {
-            cairn_sequence_params params = {kind, MOST, MOST,
-                                            trial % 3 == 0 ? 0 : CAIRN_REAL(0.75)};
+            cairn_sequence_params params = {.kind = kind,
+                                            .max_first = MAX_COUNT,
+                                            .max_second = MAX_COUNT,
+                                            .gap_cost = trial % 3 == 0 ? 0 : CAIRN_REAL(0.75)};
             cairn_budget budget = {CAIRN_UNBOUNDED};
             int64_t comparisons = 0;
             cairn_sequence_result result;
@@ -129,7 +132,7 @@ static void gives_the_score_and_the_path_of_the_whole_table(void **state)
 
             s.kind = kind;
             s.comparisons = &comparisons;
-            draw(&s, &random, trial < 60 ? 3 : MOST);
+            draw(&s, &random, trial < 60 ? 3 : MAX_COUNT);
             expected = reference(&s, (double)params.gap_cost);
             assert_ok(cairn_sequence_begin(sequence, s.first_count, s.second_count, compare, &s));
             assert_int_equal(cairn_sequence_read(sequence).count, 0);
@@ -224,7 +227,8 @@ static void takes_the_first_of_equal_paths_in_known_units(void **state)
     (void)state;
     for (size_t k = 0; k < sizeof knowns / sizeof *knowns; k++) {
         const struct known *known = &knowns[k];
-        cairn_sequence_params params = {known->kind, 5, 6, 1};
+        cairn_sequence_params params = {
+            .kind = known->kind, .max_first = 5, .max_second = 6, .gap_cost = 1};
         cairn_budget budget = {CAIRN_UNBOUNDED};
         struct sequences s = {{0}, {0}, known->first_count, known->second_count, known->kind, NULL};
         cairn_pool pool;
@@ -247,7 +251,8 @@ static void takes_the_first_of_equal_paths_in_known_units(void **state)
 static void a_local_alignment_of_unlike_sequences_is_empty(void **state)
 {
     struct sequences s = {{1, 1, 1}, {9, 9}, 3, 2, CAIRN_SEQUENCE_LOCAL, NULL};
-    cairn_sequence_params params = {CAIRN_SEQUENCE_LOCAL, 3, 2, 1};
+    cairn_sequence_params params = {
+        .kind = CAIRN_SEQUENCE_LOCAL, .max_first = 3, .max_second = 2, .gap_cost = 1};
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_pool pool;
     cairn_sequence *sequence = make(&pool, params);
@@ -267,9 +272,12 @@ static void budgets_do_not_matter(void **state)
 
     (void)state;
     for (cairn_sequence_kind kind = CAIRN_SEQUENCE_LCS; kind <= CAIRN_SEQUENCE_DTW; kind++) {
-        cairn_sequence_params params = {kind, MOST, MOST, CAIRN_REAL(0.5)};
+        cairn_sequence_params params = {.kind = kind,
+                                        .max_first = MAX_COUNT,
+                                        .max_second = MAX_COUNT,
+                                        .gap_cost = CAIRN_REAL(0.5)};
         cairn_budget all = {CAIRN_UNBOUNDED}, none = {0};
-        cairn_sequence_pair whole[2 * MOST];
+        cairn_sequence_pair whole[2 * MAX_COUNT];
         cairn_sequence_result result;
         struct sequences s;
         cairn_pool pool;
@@ -278,7 +286,7 @@ static void budgets_do_not_matter(void **state)
 
         s.kind = kind;
         s.comparisons = NULL;
-        draw(&s, &random, MOST);
+        draw(&s, &random, MAX_COUNT);
         assert_ok(cairn_sequence_begin(sequence, s.first_count, s.second_count, compare, &s));
         assert_status(cairn_sequence_step(sequence, &none), CAIRN_MORE);
         assert_ok(cairn_sequence_step(sequence, &all));
@@ -309,7 +317,11 @@ static void budgets_do_not_matter(void **state)
 
 static void refuses(void **state)
 {
-    cairn_sequence_params good = {CAIRN_SEQUENCE_LOCAL, 3, 2, 1}, bad[10];
+    cairn_sequence_params good = {.kind = CAIRN_SEQUENCE_LOCAL,
+                                  .max_first = 3,
+                                  .max_second = 2,
+                                  .gap_cost = 1},
+                          bad[10];
     struct sequences s = {{1, 1, 1}, {9, 9}, 3, 2, CAIRN_SEQUENCE_LOCAL, NULL};
     cairn_budget budget = {CAIRN_UNBOUNDED};
     int count = 0;
@@ -359,7 +371,8 @@ static cairn_status create(void *context, cairn_pool *pool)
 
 static void memory_is_as_stated(void **state)
 {
-    cairn_sequence_params params = {CAIRN_SEQUENCE_DTW, 11, 5, 0};
+    cairn_sequence_params params = {
+        .kind = CAIRN_SEQUENCE_DTW, .max_first = 11, .max_second = 5, .gap_cost = 0};
 
     (void)state;
     test_every_pool_size(create, &params, cairn_sequence_memory(&params));

@@ -1,15 +1,17 @@
+/* Shape contexts compared with a reference implementation; whole shapes and parts, degenerate
+ * shapes. */
 #include "tests/test.h"
 
 #include <math.h>
 
 #include "cairn/shape_context.h"
 
-enum { MOST = 24, BINS = 60 };
+enum { MAX_COUNT = 24, BINS = 60 };
 
 typedef struct comparing {
     cairn_pool pool;
     cairn_shape_context *context;
-    cairn_vec2 first[MOST], second[MOST];
+    cairn_vec2 first[MAX_COUNT], second[MAX_COUNT];
     cairn_shape_context_input input;
 } comparing;
 
@@ -17,7 +19,7 @@ static cairn_shape_context_params small_params(void)
 {
     cairn_shape_context_params params = cairn_shape_context_default();
 
-    params.max_points = MOST;
+    params.max_points = MAX_COUNT;
     return params;
 }
 
@@ -37,7 +39,7 @@ static void draw(comparing *c, cairn_random *random, int32_t first, int32_t seco
 {
     c->input.first_count = first;
     c->input.second_count = second;
-    for (int32_t i = 0; i < MOST; i++) {
+    for (int32_t i = 0; i < MAX_COUNT; i++) {
         c->first[i].x = cairn_random_uniform(random, -5, 5);
         c->first[i].y = cairn_random_uniform(random, -3, 3);
         c->second[i].x = cairn_random_uniform(random, -40, 40);
@@ -93,7 +95,7 @@ static void count_context(const cairn_vec2 *p, int32_t n, int32_t at, double mea
         context[k] /= counted;
 }
 
-static void reference_costs(const comparing *c, double cost[MOST][MOST])
+static void reference_costs(const comparing *c, double cost[MAX_COUNT][MAX_COUNT])
 {
     const cairn_shape_context_input *in = &c->input;
     double second = mean_distance(c->second, in->second_count);
@@ -114,8 +116,8 @@ static void reference_costs(const comparing *c, double cost[MOST][MOST])
 }
 
 /* The cheapest assignment among all. */
-static double least_of(double cost[MOST][MOST], int32_t rows, int32_t columns, int32_t row,
-                       uint32_t used, int32_t skips)
+static double least_of(double cost[MAX_COUNT][MAX_COUNT], int32_t rows, int32_t columns,
+                       int32_t row, uint32_t used, int32_t skips)
 {
     double least = 1e30;
 
@@ -138,7 +140,7 @@ static void pairs_whole_shapes_at_the_least_cost(void **state)
     (void)state;
     start(&c);
     for (int trial = 0; trial < 60; trial++) {
-        static double cost[MOST][MOST];
+        static double cost[MAX_COUNT][MAX_COUNT];
         int32_t n = 2 + cairn_random_below(&random, 5), m = 2 + cairn_random_below(&random, 5);
         cairn_shape_context_result r;
         double expected, sum = 0;
@@ -171,9 +173,9 @@ static void measures_both_ways(void **state)
     (void)state;
     start(&c);
     for (int trial = 0; trial < 40; trial++) {
-        static double cost[MOST][MOST];
-        int32_t n = 2 + cairn_random_below(&random, MOST - 1),
-                m = 2 + cairn_random_below(&random, MOST - 1);
+        static double cost[MAX_COUNT][MAX_COUNT];
+        int32_t n = 2 + cairn_random_below(&random, MAX_COUNT - 1),
+                m = 2 + cairn_random_below(&random, MAX_COUNT - 1);
         cairn_shape_context_result r;
         double expected = 0;
 
@@ -215,9 +217,9 @@ static void takes_the_nearest_for_parts(void **state)
     start(&c);
     c.input.kind = CAIRN_SHAPE_CONTEXT_PART;
     for (int trial = 0; trial < 60; trial++) {
-        static double cost[MOST][MOST];
-        int32_t n = 2 + cairn_random_below(&random, MOST - 1),
-                m = 2 + cairn_random_below(&random, MOST - 1);
+        static double cost[MAX_COUNT][MAX_COUNT];
+        int32_t n = 2 + cairn_random_below(&random, MAX_COUNT - 1),
+                m = 2 + cairn_random_below(&random, MAX_COUNT - 1);
         cairn_shape_context_result r;
         double expected = 0;
 
@@ -431,10 +433,10 @@ static void refuses_bad_input(void **state)
         assert_status(cairn_shape_context_begin(c.context, &bad[i]), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_shape_context_begin(NULL, &c.input), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_shape_context_begin(c.context, NULL), CAIRN_BAD_ARGUMENT);
-    c.input.first_count = MOST + 1;
+    c.input.first_count = MAX_COUNT + 1;
     assert_status(cairn_shape_context_begin(c.context, &c.input), CAIRN_FULL);
     c.input.first_count = 8;
-    c.input.second_count = MOST + 1;
+    c.input.second_count = MAX_COUNT + 1;
     assert_status(cairn_shape_context_begin(c.context, &c.input), CAIRN_FULL);
     c.input.second_count = 8;
     for (int i = 0; i < 4; i++) {

@@ -1,10 +1,11 @@
+/* Models of outlines: paths of known shapes, sides and shares; refusals. */
 #include "tests/test.h"
 
 #include <math.h>
 
 #include "cairn/shape_model.h"
 
-enum { MOST = 400 };
+enum { MAX_COUNT = 400 };
 
 static cairn_vec2 at(double x, double y)
 {
@@ -349,8 +350,8 @@ static void models_are_checked(void **state)
     cairn_vec2 v[8];
     cairn_curve outline = {v, box_with_leg(v, 36), 1};
     cairn_shape_model good = build(&s, &outline, 1), m;
-    static cairn_shape_model_sample samples[MOST];
-    static cairn_oriented_point points[MOST];
+    static cairn_shape_model_sample samples[MAX_COUNT];
+    static cairn_oriented_point points[MAX_COUNT];
     cairn_shape_model_path paths[CAIRN_SHAPE_MODEL_MAX_PATHS];
     cairn_fault fault;
 
@@ -386,7 +387,7 @@ static void models_are_checked(void **state)
     CHANGED(points[3].direction.x = (cairn_real)NAN, CAIRN_BAD_ARGUMENT, 3);
     CHANGED(paths[0].first = -1, CAIRN_BAD_ARGUMENT, 0);
     CHANGED(paths[0].count = 0, CAIRN_BAD_ARGUMENT, 0);
-    CHANGED(paths[1].count = MOST, CAIRN_BAD_ARGUMENT, 1);
+    CHANGED(paths[1].count = MAX_COUNT, CAIRN_BAD_ARGUMENT, 1);
     CHANGED(paths[1].parent = 1, CAIRN_BAD_ARGUMENT, 1);
     CHANGED(paths[1].branch = -1, CAIRN_BAD_ARGUMENT, 1);
     CHANGED(paths[1].branch = paths[0].count, CAIRN_BAD_ARGUMENT, 1);

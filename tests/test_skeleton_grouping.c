@@ -1,3 +1,5 @@
+/* Skeletons of images: bars, rings, branches; slopes, pairs compared with a reference
+ * implementation, degenerate images, budgets. */
 #include "tests/skeleton_scene.h"
 
 /* Edgels a pixel apart along a line, the bright side to the left of the direction (y up). */
@@ -32,7 +34,7 @@ static cairn_skeleton_grouping_params small_params(void)
 
     params.max_width = WIDTH;
     params.max_height = HEIGHT;
-    params.max_edgels = MOST;
+    params.max_edgels = MAX_COUNT;
     params.max_centres = 2000;
     params.max_lines = 64;
     params.max_parts = 32;
@@ -660,7 +662,7 @@ static void bad_input_is_refused(void **state)
         cairn_status status;
     } counts[] = {{&in.count, -1, CAIRN_BAD_ARGUMENT},  {&in.width, 0, CAIRN_BAD_ARGUMENT},
                   {&in.height, 0, CAIRN_BAD_ARGUMENT},  {&in.width, WIDTH + 1, CAIRN_FULL},
-                  {&in.height, HEIGHT + 1, CAIRN_FULL}, {&in.count, MOST + 1, CAIRN_FULL}};
+                  {&in.height, HEIGHT + 1, CAIRN_FULL}, {&in.count, MAX_COUNT + 1, CAIRN_FULL}};
     uint64_t before;
 
     (void)state;

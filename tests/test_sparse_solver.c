@@ -9,7 +9,7 @@
 
 enum { POSES = 40, LINKS = 90, FILL = 800 };
 
-static const double CLOSE = NUMBER(1e-9, 2e-4);
+static const double TOLERANCE = NUMBER(1e-9, 2e-4);
 
 static int open_or_say_so(cairn_sparse_solver **solver)
 {
@@ -25,7 +25,7 @@ static int open_or_say_so(cairn_sparse_solver **solver)
 
 static cairn_pose_graph_solver builtin(cairn_pool *pool)
 {
-    cairn_block_solver_params params = {POSES, LINKS, FILL};
+    cairn_block_solver_params params = {.max_poses = POSES, .max_links = LINKS, .max_fill = FILL};
     cairn_block_solver *solver;
 
     *pool = test_pool(cairn_block_solver_memory(&params));
@@ -133,7 +133,7 @@ static void same_solutions_and_covariances(void **state)
             for (int k = 0; k < 2; k++)
                 assert_ok(face[k].solution(face[k].context, i, x[k]));
             for (int c = 0; c < 3; c++)
-                assert_near(x[0][c], x[1][c], CLOSE * (1 + fabs((double)x[1][c])));
+                assert_near(x[0][c], x[1][c], TOLERANCE * (1 + fabs((double)x[1][c])));
         }
         for (int k = 0; k < 2; k++) {
             assert_ok(face[k].invert(face[k].context));
@@ -148,7 +148,7 @@ static void same_solutions_and_covariances(void **state)
                     continue;
                 compared++;
                 for (int c = 0; c < 9; c++)
-                    assert_near(z[0][c], z[1][c], CLOSE * 10);
+                    assert_near(z[0][c], z[1][c], TOLERANCE * 10);
             }
     }
     assert_true(compared > 5 * POSES);

@@ -1,3 +1,5 @@
+/* Simulated surveys: ranges compared with all edges, errors of the scanner, people, motion,
+ * odometry, refusals. */
 #include "tests/test.h"
 
 #include <math.h>

@@ -5,7 +5,7 @@
 #include "firmware/surveyor.h"
 #include "tests/test.h"
 
-enum { SWEEPS = 12, BEAMS = 121, KEYS = 16, MEMORY = 4 * 1024 * 1024 };
+enum { SWEEPS = 12, BEAMS = 121, KEYFRAMES = 16, MEMORY = 4 * 1024 * 1024 };
 
 static _Alignas(CAIRN_ALIGN) unsigned char memory[MEMORY];
 
@@ -66,7 +66,7 @@ static void make_drive(drive *d)
 static surveyor_params room_params(void)
 {
     surveyor_params params = {
-        .range_max = 8, .range_sigma = 0.01f, .mapper = cairn_mapper_default_for(KEYS, BEAMS)};
+        .range_max = 8, .range_sigma = 0.01f, .mapper = cairn_mapper_default_for(KEYFRAMES, BEAMS)};
 
     return params;
 }

@@ -1,3 +1,4 @@
+/* Symmetric points: by hand, and compared with all pairs of samples; capacities, refusals. */
 #include "tests/test.h"
 
 #include <math.h>
@@ -7,7 +8,7 @@
 #define PI     3.14159265358979323846
 #define DEGREE (PI / 180)
 
-enum { MANY = 150, ALL_PAIRS = MANY * (MANY - 1) / 2 };
+enum { ITEM_COUNT = 150, ALL_PAIRS = ITEM_COUNT * (ITEM_COUNT - 1) / 2 };
 
 static cairn_oriented_point edgel(double x, double y, double angle)
 {
@@ -325,7 +326,7 @@ static cairn_symmetric_point_params small_params(void)
 {
     cairn_symmetric_point_params params = cairn_symmetric_point_default();
 
-    params.max_segments = MANY;
+    params.max_segments = ITEM_COUNT;
     params.max_points = ALL_PAIRS;
     params.max_radius = 30;
     return params;
@@ -366,7 +367,7 @@ static int by_quality(const void *a, const void *b)
 
 static void finds_all_pairs_in_reach(void **state)
 {
-    static cairn_segment segments[MANY];
+    static cairn_segment segments[ITEM_COUNT];
     static cairn_symmetric_point slow[ALL_PAIRS];
     cairn_symmetric_point_params params = small_params();
     struct fixture f = set_with(params), tight;
@@ -375,17 +376,17 @@ static void finds_all_pairs_in_reach(void **state)
     int32_t found, expected = 0;
 
     (void)state;
-    for (int32_t i = 0; i < MANY; i++)
+    for (int32_t i = 0; i < ITEM_COUNT; i++)
         segments[i] = i % 5 == 4 ? segments[i - 1] : random_segment(&random);
-    for (int32_t i = 0; i < MANY; i++)
-        for (int32_t j = i + 1; j < MANY; j++)
+    for (int32_t i = 0; i < ITEM_COUNT; i++)
+        for (int32_t j = i + 1; j < ITEM_COUNT; j++)
             if (cairn_symmetric_point_of_segments(&params, segments[i], segments[j],
                                                   &slow[expected])) {
                 slow[expected].first = i;
                 slow[expected++].second = j;
             }
     qsort(slow, (size_t)expected, sizeof *slow, by_quality);
-    points = search(f.set, segments, MANY, &found);
+    points = search(f.set, segments, ITEM_COUNT, &found);
     assert_int_equal(found, expected);
     assert_true(found > 500);
     assert_memory_equal(points, slow, (size_t)found * sizeof *points);
@@ -395,7 +396,7 @@ static void finds_all_pairs_in_reach(void **state)
     /* With a smaller capacity the best stay. */
     params.max_points = 100;
     tight = set_with(params);
-    points = search(tight.set, segments, MANY, &found);
+    points = search(tight.set, segments, ITEM_COUNT, &found);
     assert_int_equal(found, 100);
     assert_memory_equal(points, slow, 100 * sizeof *points);
     assert_int_equal(cairn_symmetric_point_dropped(tight.set), expected - 100);
@@ -409,22 +410,22 @@ static void finds_all_pairs_in_reach(void **state)
 static void budgets_do_not_matter(void **state)
 {
     static const int32_t budgets[] = {1, 7, 1000};
-    static cairn_segment segments[MANY];
+    static cairn_segment segments[ITEM_COUNT];
     struct fixture f = set_with(small_params()), other = set_with(small_params());
     cairn_random random = cairn_random_seed(5, 0);
     const cairn_symmetric_point *points;
     int32_t found;
 
     (void)state;
-    for (int32_t i = 0; i < MANY; i++)
+    for (int32_t i = 0; i < ITEM_COUNT; i++)
         segments[i] = random_segment(&random);
-    points = search(f.set, segments, MANY, &found);
+    points = search(f.set, segments, ITEM_COUNT, &found);
     for (size_t k = 0; k < sizeof budgets / sizeof *budgets; k++) {
         const cairn_symmetric_point *again;
         cairn_status status = CAIRN_MORE;
         int32_t count;
 
-        assert_ok(cairn_symmetric_point_begin(other.set, segments, MANY));
+        assert_ok(cairn_symmetric_point_begin(other.set, segments, ITEM_COUNT));
         while (status == CAIRN_MORE) {
             cairn_budget budget = {budgets[k]};
 

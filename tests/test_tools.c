@@ -108,7 +108,7 @@ static void add(text *t, const char *format, ...)
     va_end(arguments);
 }
 
-/* Distance to the walls of a square room of side 2 * half about the origin. */
+/* Distance to the walls of a square room with sides of 2 * half about the origin. */
 static double room_range(double half, double x, double y, double angle)
 {
     double c = cos(angle), s = sin(angle);

@@ -1,3 +1,4 @@
+/* The version at compile time and at run time. */
 #include "tests/test.h"
 
 #include "cairn/version.h"

@@ -166,7 +166,8 @@ static void wall(cairn_scan_view *view, double ax, double ay, double bx, double 
 static void lines_are_as_strong_as_they_have_points(void **state)
 {
     cairn_virtual_scan_params p = cairn_virtual_scan_as_written();
-    cairn_scan_set_params set_params = {1, 8, 512, 0};
+    cairn_scan_set_params set_params = {
+        .max_scans = 1, .max_segments = 8, .max_points = 512, .spacing = 0};
     cairn_pool pool, set_pool = test_pool(cairn_scan_set_memory(&set_params));
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_pose pose = {0, 0, 0};
@@ -219,7 +220,8 @@ static void lines_are_as_strong_as_they_have_points(void **state)
 static void faces_are_not_distinguished(void **state)
 {
     cairn_virtual_scan_params p = cairn_virtual_scan_as_written();
-    cairn_scan_set_params set_params = {1, 8, 512, 0};
+    cairn_scan_set_params set_params = {
+        .max_scans = 1, .max_segments = 8, .max_points = 512, .spacing = 0};
     cairn_pool pool, set_pool = test_pool(cairn_scan_set_memory(&set_params));
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_pose pose = {1, 2, CAIRN_REAL(0.3)};

@@ -59,7 +59,8 @@ struct fixture {
 
 static struct fixture fixture_with(const cairn_virtual_scan_params *params)
 {
-    cairn_scan_set_params set_params = {64, 512, 8192, 0};
+    cairn_scan_set_params set_params = {
+        .max_scans = 64, .max_segments = 512, .max_points = 8192, .spacing = 0};
     struct fixture f;
 
     memset(&f, 0, sizeof f);

@@ -73,7 +73,8 @@ static struct scene open_scene(uint64_t seed)
     sim_survey_options options = sim_survey_default();
     cairn_scan_params scan_params = cairn_scan_default();
     cairn_aligner_params params = cairn_aligner_default();
-    cairn_scan_set_params set_params = {SCANS, WALLS, 6000, 0};
+    cairn_scan_set_params set_params = {
+        .max_scans = SCANS, .max_segments = WALLS, .max_points = 6000, .spacing = 0};
     cairn_random random = cairn_random_seed(seed, 80);
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_pool scan_pool = test_pool(cairn_scan_memory(&scan_params));

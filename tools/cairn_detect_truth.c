@@ -1,3 +1,4 @@
+/* Comparison of detections with ground truth: hits, curves. */
 #include "tools/cairn_detect_truth.h"
 
 #include <errno.h>

@@ -286,7 +286,7 @@ static int is_better(const merge_job *job)
 {
     cairn_map_merge_result result = cairn_map_merge_read(job->merge);
 
-    return job->k == 0 || result.placed > job->result.placed ||
+    return job->downsampling == 0 || result.placed > job->result.placed ||
            (result.placed == job->result.placed &&
             result.log_likelihood_ratio > job->result.log_likelihood_ratio);
 }
@@ -335,7 +335,7 @@ static int merge_once(merge_job *job, int32_t k)
         for (int32_t i = 0; i < job->settings->count; i++)
             job->map[i].placed = cairn_map_merge_of(job->merge, i);
         job->result = cairn_map_merge_read(job->merge);
-        job->k = k;
+        job->downsampling = k;
         if (!merge_read_places(job)) {
             (void)options_refuse(MERGE_PROGRAM, "no memory");
             code = TOOL_FAILED;
@@ -428,7 +428,7 @@ static void print_summary(const merge_job *job, double seconds)
                    s->map[i]);
     }
     printf("downsampled %" PRId32 " by %" PRId32 "\nseconds    %.3f\npool       %zu bytes\n",
-           job->k, job->k, seconds, job->pool_bytes);
+           job->downsampling, job->downsampling, seconds, job->pool_bytes);
 }
 
 int tool_merge(int argc, char **argv)

@@ -51,7 +51,7 @@ typedef struct merge_job {
     size_t pool_bytes;
     merge_place *place; /* [place_count] */
     int32_t place_count;
-    int32_t k; /* downsampling factor of the result; 0: no result yet */
+    int32_t downsampling; /* downsampling factor of the result; 0: no result yet */
 } merge_job;
 
 /* Draws all placed maps in the frame and cell size of the reference. Contradicting cells are

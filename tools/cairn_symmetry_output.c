@@ -7,10 +7,10 @@
 #include "tools/cairn_symmetry.h"
 
 #define DEGREES    57.29577951308232
-#define PANEL      480.0
-#define SMALL      280.0
-#define FOOT       40.0
-#define LINE       20.0
+#define PANEL_PX   480.0
+#define CELL_PX    280.0
+#define CAPTION_PX 40.0
+#define LINE_PX    20.0
 #define COLUMNS    4
 #define STRAIGHT   1e-3
 #define AXES_DRAWN 8
@@ -161,12 +161,12 @@ cairn_status symmetry_draw(const symmetry_found *f, const char *path, cairn_file
 
     describe(f, subtitle, sizeof subtitle);
     head = cairn_report_head_height(title, subtitle);
-    v = view_of(f, CAIRN_REPORT_MARGIN, head + CAIRN_REPORT_MARGIN, PANEL);
+    v = view_of(f, CAIRN_REPORT_MARGIN, head + CAIRN_REPORT_MARGIN, PANEL_PX);
     status = cairn_output_open(&output, path, error);
     if (status != CAIRN_OK)
         return status;
-    cairn_report_print_head(output, PANEL + 2 * CAIRN_REPORT_MARGIN,
-                            head + PANEL + 2 * CAIRN_REPORT_MARGIN, title, subtitle);
+    cairn_report_print_head(output, PANEL_PX + 2 * CAIRN_REPORT_MARGIN,
+                            head + PANEL_PX + 2 * CAIRN_REPORT_MARGIN, title, subtitle);
     print_style(output);
     print_shape(output, f, &v);
     cairn_output_print(output, "</svg>\n");
@@ -177,7 +177,7 @@ cairn_status symmetry_draw_sheet(const symmetry_found *found, int32_t count, con
                                  cairn_file_error *error)
 {
     int32_t columns = count < COLUMNS ? count : COLUMNS, rows = (count + columns - 1) / columns;
-    double step = SMALL + CAIRN_REPORT_MARGIN, head;
+    double step = CELL_PX + CAIRN_REPORT_MARGIN, head;
     const char *subtitle = symmetry_mode_name(found[0].mode);
     cairn_output *output;
     cairn_status status = cairn_output_open(&output, path, error);
@@ -186,22 +186,22 @@ cairn_status symmetry_draw_sheet(const symmetry_found *found, int32_t count, con
         return status;
     head = cairn_report_head_height("Axes of self-similarity", subtitle);
     cairn_report_print_head(output, CAIRN_REPORT_MARGIN + columns * step,
-                            head + CAIRN_REPORT_MARGIN + rows * (step + FOOT),
+                            head + CAIRN_REPORT_MARGIN + rows * (step + CAPTION_PX),
                             "Axes of self-similarity", subtitle);
     print_style(output);
     for (int32_t i = 0; i < count; i++) {
         int32_t row = i / columns, column = i % columns;
         double left = CAIRN_REPORT_MARGIN + column * step,
-               top = head + CAIRN_REPORT_MARGIN + row * (step + FOOT);
-        view v = view_of(&found[i], left, top, SMALL);
+               top = head + CAIRN_REPORT_MARGIN + row * (step + CAPTION_PX);
+        view v = view_of(&found[i], left, top, CELL_PX);
         char text[160];
 
         describe(&found[i], text, sizeof text);
         print_shape(output, &found[i], &v);
-        cairn_report_print_text(output, left, top + SMALL + LINE,
+        cairn_report_print_text(output, left, top + CELL_PX + LINE_PX,
                                 "font-size=\"14\" fill=\"#0f172a\"",
                                 cairn_output_path_name(found[i].path));
-        cairn_report_print_text(output, left, top + SMALL + 2 * LINE,
+        cairn_report_print_text(output, left, top + CELL_PX + 2 * LINE_PX,
                                 "font-size=\"12\" fill=\"#475569\"", text);
     }
     cairn_output_print(output, "</svg>\n");

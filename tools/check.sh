@@ -16,7 +16,7 @@ c_files=$(ls src/*/*.c tools/*.c tests/*.c bench/*.c firmware/*.c 2>/dev/null)
 cpp_files=$(ls sim/*.cpp src/host/*.cpp 2>/dev/null)
 headers=$(ls src/*/*.h include/cairn/*.h sim/*.h tools/*.h tests/*.h bench/*.h firmware/*.h 2>/dev/null)
 
-# said NAME STATUS LOG: the line of a step, with what its tools said when it failed.
+# said NAME STATUS LOG: prints the line of a step, with the output of its tools when it failed.
 said()
 {
     if [ "$2" -eq 0 ]; then
@@ -40,8 +40,8 @@ gcc_build()
         CFLAGS='-fstack-usage -fcallgraph-info=su -fno-stack-protector -U_FORTIFY_SOURCE' "$@"
 }
 
-# Everything compiles without a warning. Those of clang do not depend on the optimizer. Of the tests only what gcc says without its
-# optimizer: what it says with it is an error in .ci/run, whose `make test` has WERROR=-Werror, and in check-long.
+# Everything compiles without a warning. Warnings of clang do not depend on the optimizer. Tests are compiled by gcc without its
+# optimizer; warnings with it are errors in .ci/run, whose `make test` has WERROR=-Werror, and in check-long.
 step_warnings()
 {
     {
@@ -65,8 +65,8 @@ step_format()
     said "format" $? "$out/format.log"
 }
 
-# lint NAME LIBRARY_CHECKS FILE...: tests and benches may call the shell, count in reals, compare bytes and take in a tool's source;
-# what they read wrongly the sanitizers see.
+# lint NAME LIBRARY_CHECKS FILE...: tests and benches may call the shell, count in reals, compare bytes and include a tool's source;
+# their bad reads are found by the sanitizers.
 lint()
 {
     log=$out/$1.log
@@ -88,11 +88,11 @@ lint()
     return $status
 }
 
-# The paths through the library are followed by gcc's analyzer, in a tenth of the time, and in check-long by clang's, too. The most
+# The paths through the library are analyzed by gcc, in a tenth of the time, and in check-long by clang, too. The most
 # expensive files, those of sim, come first, so that both processes end together.
 step_tidy()
 {
-    # Files of the board, of its compiler and of generated scans are for the other compiler.
+    # The files of the board, of its compiler and of generated scans are compiled for another target.
     host_files=$(echo "$c_files" | grep -v '^firmware/\(board_cortex_m\|soft_double\|mission_\|survey_\)')
     # Without OpenCV its headers are missing.
     opencv=$(ls -d /usr/include/opencv4 /usr/local/include/opencv4 2>/dev/null | head -1)
@@ -117,7 +117,7 @@ step_tidy_rest()
     said "clang-tidy of the library with clang's analyzer" $? "$out/tidy_rest.log"
 }
 
-# analyze NAME STANDARD REAL FILE...: as it is compiled, and not in all the ways that the headers of the system could be read.
+# analyze NAME STANDARD REAL FILE...: in the configuration that is compiled, not in all configurations of the system headers.
 analyze()
 {
     log=$out/$1.log options="--std=$2 -D$3"
@@ -127,7 +127,7 @@ analyze()
         -D__GNUC__=12 -D__unix__ $options "$@" >>"$log" 2>&1
 }
 
-# Everything in double; in float what is written differently there, and in check-long everything again.
+# Everything in double; in float the code that differs there, and in check-long everything again.
 step_cppcheck()
 {
     failed=0
@@ -148,7 +148,7 @@ step_cppcheck_rest()
     said "cppcheck in float" $? "$out/cppcheck_rest.log"
 }
 
-# Of C only, and of the library only: on C++ and on stdio gcc's analyzer is not ready.
+# C and the library only: gcc's analyzer does not support C++, and has false positives on stdio.
 step_analyzer()
 {
     echo "$library" | xargs -P 2 -n 1 sh -c 'gcc -std=c11 -O0 -I. -Iinclude -fanalyzer -Werror -c "$1" -o /dev/null || exit 1' \

@@ -1,3 +1,4 @@
+/* Command line parser of all programs. */
 #include "tools/options.h"
 
 #include <inttypes.h>

@@ -1,3 +1,4 @@
+/* Table of all objects that take memory from a pool. */
 #include "tools/pool_objects.h"
 
 #include <string.h>
@@ -134,28 +135,29 @@ MEMORY_OF(occupancy_grid)
 
 static void point_grid_set_default(void *params)
 {
-    cairn_point_grid_params grid = {1000, 1};
+    cairn_point_grid_params grid = {.max_points = 1000, .cell_size = 1};
 
     *(cairn_point_grid_params *)params = grid;
 }
 
 static void box_sweep_set_default(void *params)
 {
-    cairn_box_sweep_params sweep = {1000};
+    cairn_box_sweep_params sweep = {.max_boxes = 1000};
 
     *(cairn_box_sweep_params *)params = sweep;
 }
 
 static void distance_map_set_default(void *params)
 {
-    cairn_distance_map_params map = {100};
+    cairn_distance_map_params map = {.max_width = 100};
 
     *(cairn_distance_map_params *)params = map;
 }
 
 static void scan_set_set_default(void *params)
 {
-    cairn_scan_set_params set = {64, 1024, 8192, 0};
+    cairn_scan_set_params set = {
+        .max_scans = 64, .max_segments = 1024, .max_points = 8192, .spacing = 0};
 
     *(cairn_scan_set_params *)params = set;
 }

@@ -11,7 +11,7 @@
 
 #include "src/contour/boundary_work.h"
 
-enum { RIGHT, DOWN, LEFT, UP, HEADINGS };
+enum { HEADING_RIGHT, HEADING_DOWN, HEADING_LEFT, HEADING_UP, HEADING_COUNT };
 enum { TRACED_ABOVE = 1, TRACED_LEFT = 2 };
 
 /* A pixel side that starts at a corner. */
@@ -27,12 +27,12 @@ static int pixel_side(const cairn_boundary *boundary, int32_t x, int32_t y, int3
 {
     int32_t width = boundary->image.width;
 
-    x -= heading == LEFT;
-    y -= heading == UP;
+    x -= heading == HEADING_LEFT;
+    y -= heading == HEADING_UP;
     if (x < 0 || y < 0 || x >= width || y >= boundary->image.height)
         return 0;
     s->pixel = y * width + x;
-    if (heading == RIGHT || heading == LEFT) {
+    if (heading == HEADING_RIGHT || heading == HEADING_LEFT) {
         s->other = s->pixel - width;
         s->walked = TRACED_ABOVE;
         return y > 0;
@@ -55,7 +55,7 @@ static int32_t border_sides_at(const cairn_boundary *boundary, int32_t x, int32_
     int32_t count = 0;
     side s;
 
-    for (int32_t heading = 0; heading < HEADINGS; heading++)
+    for (int32_t heading = 0; heading < HEADING_COUNT; heading++)
         count += is_border(boundary, x, y, heading, &s);
     return count;
 }
@@ -80,7 +80,7 @@ static int find_start(cairn_boundary *boundary)
 
     if (boundary->closed_pass ? sides != 2 : sides == 2)
         return 0;
-    for (int32_t heading = 0; heading < HEADINGS; heading++)
+    for (int32_t heading = 0; heading < HEADING_COUNT; heading++)
         if (is_border(boundary, boundary->scan_x, boundary->scan_y, heading, &s) &&
             !(boundary->traced_sides[s.pixel] & s.walked)) {
             boundary->heading = heading;
@@ -153,10 +153,10 @@ static void end_trace(cairn_boundary *boundary)
 /* Sets the heading of the contour at a corner where exactly two border sides meet. */
 static void continue_border(cairn_boundary *boundary)
 {
-    int32_t back = (boundary->heading + 2) % HEADINGS;
+    int32_t back = (boundary->heading + 2) % HEADING_COUNT;
     side s;
 
-    for (int32_t heading = 0; heading < HEADINGS; heading++)
+    for (int32_t heading = 0; heading < HEADING_COUNT; heading++)
         if (heading != back && is_border(boundary, boundary->x, boundary->y, heading, &s)) {
             boundary->heading = heading;
             return;
@@ -173,8 +173,8 @@ static cairn_status trace_step(cairn_boundary *boundary)
     boundary->traced_sides[s.pixel] |= s.walked;
     boundary->trace_strength_sum +=
         cairn_max(boundary->strength[s.pixel], boundary->strength[s.other]);
-    boundary->x += (boundary->heading == RIGHT) - (boundary->heading == LEFT);
-    boundary->y += (boundary->heading == DOWN) - (boundary->heading == UP);
+    boundary->x += (boundary->heading == HEADING_RIGHT) - (boundary->heading == HEADING_LEFT);
+    boundary->y += (boundary->heading == HEADING_DOWN) - (boundary->heading == HEADING_UP);
     if (boundary->closed_pass && boundary->x == boundary->scan_x &&
         boundary->y == boundary->scan_y) {
         end_trace(boundary);

@@ -20,7 +20,7 @@
 #include "src/contour/boundary_work.h"
 
 enum {
-    ITERATIONS = 24,
+    SUBSPACE_ITERATIONS = 24,
     CHEBYSHEV_DEGREE = 10,
     JACOBI_SWEEPS = 10,
     EIGENVECTORS_USED = 8,
@@ -345,7 +345,7 @@ int cairn_boundary_spectral_next(cairn_boundary *boundary)
     } else {
         rotate_to_eigenvectors(boundary);
         boundary->spectral_stage = BOUNDARY_CHEBYSHEV;
-        if (++boundary->iteration == ITERATIONS) {
+        if (++boundary->iteration == SUBSPACE_ITERATIONS) {
             add_spectral_strength(boundary);
             return 0;
         }

@@ -16,7 +16,7 @@
 
 #include "src/contour/boundary_work.h"
 
-enum { L_BINS = 16, AB_BINS = 13, PASSES = 3, SCALES = 2, MEAN_SCALES = 3 };
+enum { L_BINS = 16, AB_BINS = 13, PASS_COUNT = 3, SCALE_COUNT = 2, MEAN_SCALES = 3 };
 
 #define COLOUR_UNIT CAIRN_REAL(10.0) /* Units of L, a, b that have weight 1. */
 /* Regularizer added to a bin's share of the window before the square root. */
@@ -37,7 +37,7 @@ static int32_t bins_per_scale(const cairn_boundary *boundary)
 /* Returns the number of feature maps. */
 static int32_t map_count(const cairn_boundary *boundary)
 {
-    return SCALES * bins_per_scale(boundary) + MEAN_SCALES * boundary->channels;
+    return SCALE_COUNT * bins_per_scale(boundary) + MEAN_SCALES * boundary->channels;
 }
 
 /* Returns the current feature map. Order: histogram bins at both scales, then means at three
@@ -49,7 +49,7 @@ static feature_map feature_map_of(const cairn_boundary *boundary)
         (boundary->params.fine_half_width + boundary->params.coarse_half_width) / 2,
         boundary->params.fine_half_width + boundary->params.coarse_half_width};
     int32_t each = bins_per_scale(boundary), index = boundary->map_index % each,
-            mean = boundary->map_index - SCALES * each;
+            mean = boundary->map_index - SCALE_COUNT * each;
     feature_map map;
 
     if (mean >= 0) {
@@ -290,7 +290,7 @@ static void end_rows(cairn_boundary *boundary)
         else
             next_map(boundary);
     } else if (boundary->phase == BOUNDARY_FILTER_COLUMNS) {
-        if (++boundary->pass == PASSES)
+        if (++boundary->pass == PASS_COUNT)
             boundary->phase = BOUNDARY_TENSOR;
     } else if (boundary->phase == BOUNDARY_TENSOR) {
         next_map(boundary);

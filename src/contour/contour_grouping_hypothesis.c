@@ -18,9 +18,9 @@
 /* Near-duplicate hypotheses: distance, and difference of scale and rotation, shares of the size. */
 #define DUPLICATE_DISTANCE CAIRN_REAL(0.05)
 #define DUPLICATE_SCALE    CAIRN_REAL(0.12)
-/* Cluster radius, share of the size; a cluster holds at most one CLUSTERS-th of the hypotheses. */
+/* Cluster radius, share of the size; a cluster holds at most 1 / MAX_CLUSTERS of all. */
 #define CLUSTER_RADIUS CAIRN_REAL(0.3)
-enum { CLUSTERS = 8 };
+enum { MAX_CLUSTERS = 8 };
 enum { MAX_PAIRS = 1 << 22 };
 /* Least cosine of half the rotation range for which chords are rejected early by a squared
  * cosine. */
@@ -118,7 +118,7 @@ static int are_in_cluster(const contour_grouping_hypothesis *a,
 static int32_t replaceable_hypothesis(const cairn_contour_grouping *grouping,
                                       const contour_grouping_hypothesis *hypothesis)
 {
-    int32_t max_cluster = grouping->params.particles / CLUSTERS, cluster_size = 0, worst = -1;
+    int32_t max_cluster = grouping->params.particles / MAX_CLUSTERS, cluster_size = 0, worst = -1;
 
     for (int32_t i = 0; i < grouping->hypothesis_count; i++) {
         cairn_real sizes = grouping->hypotheses[i].size * hypothesis->size;

@@ -1,5 +1,5 @@
 /* Modes of the posterior: the best trajectory of each mode over all steps, and the resulting
- * objects.
+ * objects. contour_grouping_written.c describes the method.
  *
  * Two trajectories belong to one mode when at least half of the segments of the shorter one also
  * belong to the other. A trajectory is recorded unless a better one of its mode is recorded; worse

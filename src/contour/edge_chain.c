@@ -32,7 +32,7 @@ enum { MAX_COUNT = 1 << 28, MAX_SPUR = 64 };
 /* Bits of a pixel: its distance, capped, and flags. */
 enum { MAX_DISTANCE = 7, DISTANCE_MASK = 7, FLAG_EDGE = 8, FLAG_QUEUED = 16, FLAG_USED = 32 };
 
-enum { QUEUES = 256 * (MAX_DISTANCE + 1), PIXELS_PER_UNIT = 16 };
+enum { QUEUE_COUNT = 256 * (MAX_DISTANCE + 1), PIXELS_PER_UNIT = 16 };
 
 typedef int32_t edge_chain_phase;
 enum {
@@ -56,7 +56,7 @@ struct cairn_edge_chain_set {
     cairn_edge_chain_params params;
     /* [(max_height + 2) * (max_width + 2)] */
     uint8_t *flags;
-    /* [QUEUES], -1: empty */
+    /* [QUEUE_COUNT], -1: empty */
     int32_t *head, *tail;
     /* [max_edges]; a pixel is in one queue at most */
     queue_entry *entries;
@@ -119,7 +119,7 @@ static cairn_edge_chain_set *carve(cairn_pool *pool, const cairn_edge_chain_para
     size_t edges = (size_t)params->max_edges, chain_count = (size_t)params->max_chains;
     cairn_edge_chain_set *set = cairn_pool_take_one(pool, sizeof *set);
     uint8_t *flags = cairn_pool_take(pool, cells, sizeof *flags);
-    int32_t *ends = cairn_pool_take(pool, 2 * (size_t)QUEUES, sizeof *ends);
+    int32_t *ends = cairn_pool_take(pool, 2 * (size_t)QUEUE_COUNT, sizeof *ends);
     queue_entry *entries = cairn_pool_take(pool, edges, sizeof *entries);
     cairn_edge_chain_pixel *pixels =
         cairn_pool_take(pool, edges + 2 * chain_count + 2, sizeof *pixels);
@@ -129,7 +129,7 @@ static cairn_edge_chain_set *carve(cairn_pool *pool, const cairn_edge_chain_para
         memset(set, 0, sizeof *set);
         set->flags = flags;
         set->head = ends;
-        set->tail = ends + QUEUES;
+        set->tail = ends + QUEUE_COUNT;
         set->entries = entries;
         set->pixels = pixels;
         set->chains = chains;
@@ -398,14 +398,14 @@ static cairn_status step_pixels(cairn_edge_chain_set *set, cairn_budget *budget)
 /* Frees all entries and clears all queues, eight per unit. */
 static cairn_status step_queues(cairn_edge_chain_set *set, cairn_budget *budget)
 {
-    int32_t items = set->edge_count > QUEUES ? set->edge_count : QUEUES;
+    int32_t items = set->edge_count > QUEUE_COUNT ? set->edge_count : QUEUE_COUNT;
 
     while (set->cursor < items) {
         if (budget->left <= 0)
             return CAIRN_MORE;
         budget->left--;
         for (int32_t k = 0; k < 8; k++, set->cursor++) {
-            if (set->cursor < QUEUES)
+            if (set->cursor < QUEUE_COUNT)
                 set->head[set->cursor] = -1;
             if (set->cursor < set->edge_count) {
                 set->entries[set->cursor].next = set->free_entry;
@@ -431,7 +431,7 @@ static void remove_pixel(cairn_edge_chain_set *set, int32_t cell)
 
 static cairn_status step_thin(cairn_edge_chain_set *set, cairn_budget *budget)
 {
-    while (set->queue < QUEUES) {
+    while (set->queue < QUEUE_COUNT) {
         int32_t entry = set->head[set->queue], cell;
         uint32_t mask;
 
@@ -440,7 +440,7 @@ static cairn_status step_thin(cairn_edge_chain_set *set, cairn_budget *budget)
         budget->left--;
         if (entry < 0) {
             for (int32_t k = 0;
-                 k < PIXELS_PER_UNIT && set->queue < QUEUES && set->head[set->queue] < 0; k++)
+                 k < PIXELS_PER_UNIT && set->queue < QUEUE_COUNT && set->head[set->queue] < 0; k++)
                 set->queue++;
             continue;
         }

@@ -7,8 +7,8 @@
  * 2. F (the second derivative along the gradient, times the squared gradient magnitude) and its
  *    gradient follow from them.
  * 3. Where F changes sign between two adjacent pixels, the zero crossing and the edgel's attributes
- *    are interpolated linearly: between pixels of a row for rather vertical edges, of a column for
- *    the others. So an edge is detected once per row or column.
+ *    are interpolated linearly. Rather vertical edges are interpolated between pixels of a row, the
+ *    others between pixels of a column. An edge is therefore detected once per row or column.
  * 4. At a maximum of the gradient magnitude F decreases in the direction of the gradient. Where it
  *    increases there is a minimum, and no edge.
  *
@@ -28,7 +28,7 @@
 
 enum { MAX_EDGELS = 1 << 28, MAX_REACH = 32, MAX_TAPS = 2 * MAX_REACH + 1 };
 /* Orders of derivatives along one axis, 0 ... 3. */
-enum { ORDERS = 4 };
+enum { DERIVATIVE_ORDERS = 4 };
 /* Multiplications of a filter per work unit. */
 enum { TAPS_PER_UNIT = 48 };
 
@@ -46,10 +46,10 @@ typedef struct edgel_sample {
 struct cairn_edgel_set {
     cairn_edgel_params params;
     cairn_raster_u8_view grey;
-    cairn_real *smooth;   /* [taps][ORDERS][max_width] ring buffer of smoothed rows */
+    cairn_real *smooth;   /* [taps][DERIVATIVE_ORDERS][max_width] ring buffer of smoothed rows */
     edgel_sample *sample; /* [2][max_width] of even and of odd rows */
     cairn_edgel *edgels;  /* [max_edgels] */
-    cairn_real filter[ORDERS][MAX_TAPS];
+    cairn_real filter[DERIVATIVE_ORDERS][MAX_TAPS];
     cairn_real cos_turn;
     int32_t reach, taps;
     int32_t count;
@@ -91,7 +91,7 @@ static cairn_edgel_set *carve(cairn_pool *pool, const cairn_edgel_params *params
 {
     size_t width = (size_t)params->max_width, taps = 2 * (size_t)reach_of(params) + 1;
     cairn_edgel_set *set = cairn_pool_take_one(pool, sizeof *set);
-    cairn_real *smooth = cairn_pool_take(pool, taps * ORDERS * width, sizeof *smooth);
+    cairn_real *smooth = cairn_pool_take(pool, taps * DERIVATIVE_ORDERS * width, sizeof *smooth);
     edgel_sample *sample = cairn_pool_take(pool, 2 * width, sizeof *sample);
     cairn_edgel *edgels = cairn_pool_take(pool, (size_t)params->max_edgels, sizeof *edgels);
 
@@ -144,7 +144,7 @@ static void add_filter(cairn_edgel_set *set, int32_t order, cairn_real factor, i
  * 0. */
 static void make_filters(cairn_edgel_set *set)
 {
-    static const cairn_real factorial[ORDERS] = {1, 1, 2, 6};
+    static const cairn_real factorial[DERIVATIVE_ORDERS] = {1, 1, 2, 6};
     cairn_real s2 = set->params.sigma * set->params.sigma;
 
     for (int32_t i = 0; i < set->taps; i++) {
@@ -155,7 +155,7 @@ static void make_filters(cairn_edgel_set *set)
         set->filter[2][i] = (x * x - s2) * g;
         set->filter[3][i] = x * (x * x - 3 * s2) * g;
     }
-    for (int32_t order = 0; order < ORDERS; order++) {
+    for (int32_t order = 0; order < DERIVATIVE_ORDERS; order++) {
         if (order >= 2)
             add_filter(set, order,
                        -moment(set, order, order - 2) / moment(set, order - 2, order - 2),
@@ -208,7 +208,8 @@ static int32_t clamp(int32_t i, int32_t count)
 
 static cairn_real *smooth_row(const cairn_edgel_set *set, int32_t y, int32_t order)
 {
-    return &set->smooth[((ptrdiff_t)(y % set->taps) * ORDERS + order) * set->params.max_width];
+    return &set->smooth[((ptrdiff_t)(y % set->taps) * DERIVATIVE_ORDERS + order) *
+                        set->params.max_width];
 }
 
 static edgel_sample *sample_row(const cairn_edgel_set *set, int32_t y)
@@ -220,36 +221,36 @@ static edgel_sample *sample_row(const cairn_edgel_set *set, int32_t y)
 static void smooth_pixel(const cairn_edgel_set *set)
 {
     const uint8_t *row = set->grey.data + set->grey.stride * set->next_row;
-    cairn_real sum[ORDERS] = {0, 0, 0, 0};
+    cairn_real sum[DERIVATIVE_ORDERS] = {0, 0, 0, 0};
 
     for (int32_t i = 0; i < set->taps; i++) {
         cairn_real grey = (cairn_real)row[clamp(set->x + i - set->reach, set->grey.width)];
 
-        for (int32_t order = 0; order < ORDERS; order++)
+        for (int32_t order = 0; order < DERIVATIVE_ORDERS; order++)
             sum[order] += set->filter[order][i] * grey;
     }
-    for (int32_t order = 0; order < ORDERS; order++)
+    for (int32_t order = 0; order < DERIVATIVE_ORDERS; order++)
         smooth_row(set, set->next_row, order)[set->x] = sum[order];
 }
 
 /* Partial derivatives at the current pixel: d[i][j], i times along x and j times along y, i + j <=
  * 3. */
-static void derive(const cairn_edgel_set *set, cairn_real d[ORDERS][ORDERS])
+static void derive(const cairn_edgel_set *set, cairn_real d[DERIVATIVE_ORDERS][DERIVATIVE_ORDERS])
 {
-    memset(d, 0, sizeof(cairn_real[ORDERS][ORDERS]));
+    memset(d, 0, sizeof(cairn_real[DERIVATIVE_ORDERS][DERIVATIVE_ORDERS]));
     for (int32_t k = 0; k < set->taps; k++) {
         int32_t row = clamp(set->y + k - set->reach, set->grey.height);
 
-        for (int32_t i = 0; i < ORDERS; i++) {
+        for (int32_t i = 0; i < DERIVATIVE_ORDERS; i++) {
             cairn_real along = smooth_row(set, row, i)[set->x];
 
-            for (int32_t j = i == 0; i + j < ORDERS; j++)
+            for (int32_t j = i == 0; i + j < DERIVATIVE_ORDERS; j++)
                 d[i][j] += set->filter[j][k] * along;
         }
     }
 }
 
-static edgel_sample sample_of(cairn_real d[ORDERS][ORDERS])
+static edgel_sample sample_of(cairn_real d[DERIVATIVE_ORDERS][DERIVATIVE_ORDERS])
 {
     cairn_real x = d[1][0], y = d[0][1], xx = d[2][0], xy = d[1][1], yy = d[0][2];
     /* Half the gradient of the squared gradient magnitude. */
@@ -335,14 +336,14 @@ static cairn_status find_pixel(cairn_edgel_set *set)
 
 static int32_t unit_cost(const cairn_edgel_set *set)
 {
-    static const int32_t products[] = {0, ORDERS, 9, 0};
+    static const int32_t products[] = {0, DERIVATIVE_ORDERS, 9, 0};
 
     return 1 + products[set->phase] * set->taps / TAPS_PER_UNIT;
 }
 
 static cairn_status process_pixel(cairn_edgel_set *set)
 {
-    cairn_real d[ORDERS][ORDERS];
+    cairn_real d[DERIVATIVE_ORDERS][DERIVATIVE_ORDERS];
 
     if (set->phase == PHASE_SMOOTH) {
         smooth_pixel(set);

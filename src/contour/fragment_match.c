@@ -311,7 +311,7 @@ cairn_status cairn_fragment_match_begin(cairn_fragment_matcher *matcher,
 
 cairn_fragment_match_result cairn_fragment_match_read(const cairn_fragment_matcher *matcher)
 {
-    cairn_fragment_match_result result = {NULL, 0, 0, 0};
+    cairn_fragment_match_result result = {0};
 
     if (matcher != NULL && matcher->phase == FRAGMENT_MATCH_DONE) {
         result.matches = matcher->matches;

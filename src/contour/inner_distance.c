@@ -363,7 +363,7 @@ cairn_status cairn_inner_distance_step(cairn_inner_distance *inner, cairn_budget
 
 cairn_inner_distance_result cairn_inner_distance_read(const cairn_inner_distance *inner)
 {
-    cairn_inner_distance_result result = {NULL, 0, 0, 0};
+    cairn_inner_distance_result result = {0};
 
     if (inner != NULL && inner->phase == PHASE_DONE) {
         result.distance = inner->distance;

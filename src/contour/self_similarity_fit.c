@@ -12,7 +12,7 @@
 
 #include "src/contour/self_similarity_work.h"
 
-enum { VARIABLES = SELF_SIMILARITY_VARIABLES, MAX_ITERATIONS = 10 };
+enum { VARIABLE_COUNT = SELF_SIMILARITY_VARIABLES, MAX_ITERATIONS = 10 };
 
 /* Scale of the Geman-McClure weight, relative to the greatest inner distance. */
 #define GEMAN_MCCLURE_SCALE CAIRN_REAL(0.02)
@@ -23,7 +23,7 @@ enum { VARIABLES = SELF_SIMILARITY_VARIABLES, MAX_ITERATIONS = 10 };
 
 /* Unit of each variable (end positions in samples, bend in rad, skew) and the finite-difference
  * step, in that unit. */
-static const cairn_real unit[VARIABLES] = {2, 2, CAIRN_REAL(0.3), CAIRN_REAL(0.2)};
+static const cairn_real unit[VARIABLE_COUNT] = {2, 2, CAIRN_REAL(0.3), CAIRN_REAL(0.2)};
 #define DIFFERENCE_STEP CAIRN_REAL(0.1)
 /* Greatest step of a variable in an iteration, in its unit. */
 #define MAX_STEP 2
@@ -66,7 +66,7 @@ static int32_t compute_jacobian(cairn_self_similarity *similarity,
     const cairn_real *here = row_of(similarity, 0);
 
     compute_residuals(similarity, &trial->axis_arcs, trial->nearest_segment, row_of(similarity, 0));
-    for (int32_t v = 0; v < VARIABLES; v++) {
+    for (int32_t v = 0; v < VARIABLE_COUNT; v++) {
         cairn_real *change = row_of(similarity, 1 + v);
         self_similarity_cut moved = trial->cut;
         self_similarity_axis_arcs perturbed;
@@ -88,29 +88,30 @@ static int32_t compute_jacobian(cairn_self_similarity *similarity,
 /* Sets the damped, weighted normal equations a x = b. */
 static void set_normal_equations(const cairn_self_similarity *similarity,
                                  const self_similarity_cut *cut, int32_t count,
-                                 cairn_real a[VARIABLES][VARIABLES], cairn_real b[VARIABLES])
+                                 cairn_real a[VARIABLE_COUNT][VARIABLE_COUNT],
+                                 cairn_real b[VARIABLE_COUNT])
 {
     const cairn_real *here = row_of(similarity, 0);
     cairn_real prior = BEND_SKEW_PRIOR * (cairn_real)count;
 
-    for (int32_t v = 0; v < VARIABLES; v++) {
+    for (int32_t v = 0; v < VARIABLE_COUNT; v++) {
         b[v] = 0;
-        for (int32_t u = 0; u < VARIABLES; u++)
+        for (int32_t u = 0; u < VARIABLE_COUNT; u++)
             a[v][u] = 0;
     }
     for (int32_t i = 0; i < count; i++) {
         cairn_real scaled = here[i] / GEMAN_MCCLURE_SCALE, share = 1 / (1 + scaled * scaled),
                    weight = share * share;
 
-        for (int32_t v = 0; v < VARIABLES; v++) {
+        for (int32_t v = 0; v < VARIABLE_COUNT; v++) {
             cairn_real change = weight * row_of(similarity, 1 + v)[i];
 
-            for (int32_t u = 0; u < VARIABLES; u++)
+            for (int32_t u = 0; u < VARIABLE_COUNT; u++)
                 a[v][u] += change * row_of(similarity, 1 + u)[i];
             b[v] -= change * here[i];
         }
     }
-    for (int32_t v = 0; v < VARIABLES; v++)
+    for (int32_t v = 0; v < VARIABLE_COUNT; v++)
         a[v][v] += similarity->damping * (a[v][v] + prior) + prior;
     b[2] -= prior * cut->bend / unit[2];
     b[3] -= prior * cut->skew / unit[3];
@@ -118,18 +119,18 @@ static void set_normal_equations(const cairn_self_similarity *similarity,
 
 /* Solves a x = b for a symmetric positive definite a by Gaussian elimination, in place; the
  * solution is in b. */
-static void solve(cairn_real a[VARIABLES][VARIABLES], cairn_real b[VARIABLES])
+static void solve(cairn_real a[VARIABLE_COUNT][VARIABLE_COUNT], cairn_real b[VARIABLE_COUNT])
 {
-    for (int32_t i = 0; i < VARIABLES; i++)
-        for (int32_t k = i + 1; k < VARIABLES; k++) {
+    for (int32_t i = 0; i < VARIABLE_COUNT; i++)
+        for (int32_t k = i + 1; k < VARIABLE_COUNT; k++) {
             cairn_real share = a[k][i] / a[i][i];
 
-            for (int32_t j = i; j < VARIABLES; j++)
+            for (int32_t j = i; j < VARIABLE_COUNT; j++)
                 a[k][j] -= share * a[i][j];
             b[k] -= share * b[i];
         }
-    for (int32_t i = VARIABLES - 1; i >= 0; i--) {
-        for (int32_t k = i + 1; k < VARIABLES; k++)
+    for (int32_t i = VARIABLE_COUNT - 1; i >= 0; i--) {
+        for (int32_t k = i + 1; k < VARIABLE_COUNT; k++)
             b[i] -= a[i][k] * b[k];
         b[i] /= a[i][i];
     }
@@ -140,12 +141,12 @@ static int iterate(cairn_self_similarity *similarity)
 {
     self_similarity_trial *current = &similarity->trial[similarity->current_trial],
                           *next = &similarity->trial[1 - similarity->current_trial];
-    cairn_real a[VARIABLES][VARIABLES], b[VARIABLES];
+    cairn_real a[VARIABLE_COUNT][VARIABLE_COUNT], b[VARIABLE_COUNT];
 
     set_normal_equations(similarity, &current->cut, compute_jacobian(similarity, current), a, b);
     solve(a, b);
     next->cut = current->cut;
-    for (int32_t v = 0; v < VARIABLES; v++)
+    for (int32_t v = 0; v < VARIABLE_COUNT; v++)
         *variable(&next->cut, v) += unit[v] * cairn_max(-MAX_STEP, cairn_min(MAX_STEP, b[v]));
     cairn_self_similarity_clamp(similarity, &next->cut);
     cairn_self_similarity_evaluate(similarity, next, 1);
@@ -177,7 +178,8 @@ cairn_status cairn_self_similarity_fit_step(cairn_self_similarity *similarity, c
         int continues = 1;
 
         if (!cairn_budget_charge(budget, &similarity->units_charged,
-                                 similarity->fit_iteration == 0 ? units : units + VARIABLES * n))
+                                 similarity->fit_iteration == 0 ? units
+                                                                : units + VARIABLE_COUNT * n))
             return CAIRN_MORE;
         if (similarity->fit_iteration == 0)
             cairn_self_similarity_evaluate(similarity,

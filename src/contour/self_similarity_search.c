@@ -1,11 +1,11 @@
 /* Exhaustive search over all cuts at two critical points, on all evolution levels (Adluru 2008,
- * section 4.4). */
+ * section 4.4). self_similarity.c describes the method. */
 #include "src/core/build.h"
 
 #include "src/contour/self_similarity_work.h"
 
 /* Work units: table cells, vertices; number of divisions. */
-enum { CELLS_PER_UNIT = 8, VERTICES_PER_UNIT = 32, DIVISIONS = 4 };
+enum { CELLS_PER_UNIT = 8, VERTICES_PER_UNIT = 32, ROUND_DIVISIONS = 4 };
 
 self_similarity_alignment cairn_self_similarity_align(cairn_self_similarity *similarity,
                                                       const int32_t *first, int32_t first_count,
@@ -147,7 +147,7 @@ void cairn_self_similarity_search_begin(cairn_self_similarity *similarity)
 /* Advances to the next division, pair and level. */
 static void advance(cairn_self_similarity *similarity)
 {
-    if (++similarity->division <= DIVISIONS)
+    if (++similarity->division <= ROUND_DIVISIONS)
         return;
     similarity->division = 1;
     if (++similarity->inner_cursor < similarity->level)

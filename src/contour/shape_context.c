@@ -26,10 +26,10 @@
 
 enum {
     MAX_POINTS = 1024,
-    RINGS = CAIRN_SHAPE_CONTEXT_RINGS,
-    SECTORS = CAIRN_SHAPE_CONTEXT_SECTORS
+    RING_COUNT = CAIRN_SHAPE_CONTEXT_RINGS,
+    SECTOR_COUNT = CAIRN_SHAPE_CONTEXT_SECTORS
 };
-enum { BINS = CAIRN_SHAPE_CONTEXT_BINS };
+enum { BIN_COUNT = CAIRN_SHAPE_CONTEXT_BINS };
 /* Work units of a row: distances, costs, column minima. */
 enum { DISTANCES_PER_UNIT = 6, UNITS_PER_COST = 3, MINIMA_PER_UNIT = 16 };
 typedef int32_t shape_context_phase;
@@ -49,7 +49,7 @@ struct cairn_shape_context {
     cairn_shape_context_params params;
     cairn_shape_context_kind kind;
     cairn_vec2 *points[2];  /* [max_points] */
-    cairn_real *context[2]; /* [max_points * BINS] */
+    cairn_real *context[2]; /* [max_points * BIN_COUNT] */
     cairn_real *cost;       /* [count[0] * count[1]] */
     int32_t *match;         /* [max_points] */
     cairn_assignment *assignment;
@@ -97,7 +97,7 @@ static cairn_shape_context *carve(cairn_pool *pool, const cairn_shape_context_pa
     size_t n = (size_t)params->max_points;
     cairn_shape_context *shape_context = cairn_pool_take_one(pool, sizeof *shape_context);
     cairn_vec2 *points = cairn_pool_take(pool, 2 * n, sizeof *points);
-    cairn_real *context = cairn_pool_take(pool, 2 * n * BINS, sizeof *context);
+    cairn_real *context = cairn_pool_take(pool, 2 * n * BIN_COUNT, sizeof *context);
     cairn_real *cost = cairn_pool_take(pool, n * n, sizeof *cost);
     int32_t *match = cairn_pool_take(pool, n, sizeof *match);
 
@@ -106,7 +106,7 @@ static cairn_shape_context *carve(cairn_pool *pool, const cairn_shape_context_pa
         shape_context->points[0] = points;
         shape_context->points[1] = points + n;
         shape_context->context[0] = context;
-        shape_context->context[1] = context + n * BINS;
+        shape_context->context[1] = context + n * BIN_COUNT;
         shape_context->cost = cost;
         shape_context->match = match;
     }
@@ -210,24 +210,27 @@ static int32_t bin_of(const cairn_shape_context *shape_context, cairn_vec2 d, ca
                                             shape_context->params.inner_radius)),
                bound = shape_context->params.inner_radius;
     int32_t ring = 0, sector = cairn_real_to_int((angle < 0 ? angle + 2 * CAIRN_PI : angle) *
-                                                 (SECTORS / (2 * CAIRN_PI)));
+                                                 (SECTOR_COUNT / (2 * CAIRN_PI)));
 
-    while (ring < RINGS && distance >= bound) {
+    while (ring < RING_COUNT && distance >= bound) {
         ring++;
         bound *= step;
     }
-    return ring < RINGS ? ring * SECTORS + (sector < SECTORS ? sector : SECTORS - 1) : -1;
+    return ring < RING_COUNT
+               ? ring * SECTOR_COUNT + (sector < SECTOR_COUNT ? sector : SECTOR_COUNT - 1)
+               : -1;
 }
 
 /* Computes the shape context of a point. */
 static void histogram_row(cairn_shape_context *shape_context)
 {
     cairn_real *context =
-                   &shape_context->context[shape_context->shape][(size_t)shape_context->row * BINS],
+                   &shape_context
+                        ->context[shape_context->shape][(size_t)shape_context->row * BIN_COUNT],
                counted = 0;
     const cairn_vec2 *p = shape_context->points[shape_context->shape];
 
-    for (int32_t k = 0; k < BINS; k++)
+    for (int32_t k = 0; k < BIN_COUNT; k++)
         context[k] = 0;
     for (int32_t k = 0; k < shape_context->count[shape_context->shape]; k++) {
         int32_t bin = k != shape_context->row
@@ -240,7 +243,7 @@ static void histogram_row(cairn_shape_context *shape_context)
             counted += 1;
         }
     }
-    for (int32_t k = 0; k < BINS && counted > 0; k++)
+    for (int32_t k = 0; k < BIN_COUNT && counted > 0; k++)
         context[k] /= counted;
 }
 
@@ -249,7 +252,7 @@ static cairn_real chi_squared_cost(const cairn_real *a, const cairn_real *b)
 {
     cairn_real sum = 0;
 
-    for (int32_t k = 0; k < BINS; k++)
+    for (int32_t k = 0; k < BIN_COUNT; k++)
         if (a[k] + b[k] > 0)
             sum += (a[k] - b[k]) * (a[k] - b[k]) / (a[k] + b[k]);
     return sum / 2;
@@ -257,15 +260,15 @@ static cairn_real chi_squared_cost(const cairn_real *a, const cairn_real *b)
 
 /* The non-empty bins of a histogram. */
 typedef struct sparse_histogram {
-    int32_t bin[BINS], count;
-    cairn_real value[BINS];
+    int32_t bin[BIN_COUNT], count;
+    cairn_real value[BIN_COUNT];
 } sparse_histogram;
 
 static sparse_histogram sparse_histogram_of(const cairn_real *context)
 {
     sparse_histogram sparse = {.count = 0};
 
-    for (int32_t k = 0; k < BINS; k++)
+    for (int32_t k = 0; k < BIN_COUNT; k++)
         if (context[k] > 0) {
             sparse.bin[sparse.count] = k;
             sparse.value[sparse.count++] = context[k];
@@ -295,12 +298,12 @@ static void cost_row(cairn_shape_context *shape_context)
 {
     cairn_real *cost =
         &shape_context->cost[(size_t)shape_context->row * (size_t)shape_context->count[1]];
-    const cairn_real *own = &shape_context->context[0][(size_t)shape_context->row * BINS];
+    const cairn_real *own = &shape_context->context[0][(size_t)shape_context->row * BIN_COUNT];
     sparse_histogram sparse = sparse_histogram_of(own);
     int32_t least = 0;
 
     for (int32_t k = 0; k < shape_context->count[1]; k++) {
-        const cairn_real *other = &shape_context->context[1][(size_t)k * BINS];
+        const cairn_real *other = &shape_context->context[1][(size_t)k * BIN_COUNT];
 
         cost[k] = shape_context->kind == CAIRN_SHAPE_CONTEXT_PART
                       ? chi_squared_cost(own, other)
@@ -425,7 +428,7 @@ cairn_status cairn_shape_context_step(cairn_shape_context *shape_context, cairn_
 
 cairn_shape_context_result cairn_shape_context_read(const cairn_shape_context *shape_context)
 {
-    cairn_shape_context_result result = {NULL, 0, 0, 0};
+    cairn_shape_context_result result = {0};
 
     if (shape_context != NULL && shape_context->phase == PHASE_DONE) {
         result.match = shape_context->match;

@@ -1,5 +1,5 @@
-/* Seeding: lines through the CPs in (x, y, radius), and the CP at the middle of each line that
- * is an axis of mirror symmetry. */
+/* Seeding: lines through the CPs in (x, y, radius), and the CP at the middle of each line that is
+ * an axis of mirror symmetry. skeleton_grouping.c describes the method. */
 #include "src/core/build.h"
 
 #include "src/contour/skeleton_grouping_written.h"

@@ -285,7 +285,7 @@ cairn_status cairn_assignment_step(cairn_assignment *assignment, cairn_budget *b
 
 cairn_assignment_result cairn_assignment_read(const cairn_assignment *assignment)
 {
-    cairn_assignment_result result = {NULL, 0, 0, 0};
+    cairn_assignment_result result = {0};
 
     if (assignment != NULL && assignment->phase == PHASE_DONE) {
         result.column = assignment->column;

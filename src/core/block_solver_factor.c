@@ -4,7 +4,7 @@
  * 1. H = L D L^T column by column (left-looking). Columns store C = L D, so no column is scaled:
  *    column k subtracts C_ik D_k^-1 C_jk^T from the block (i, j).
  * 2. Adjacent columns with the same rows below are a run (supernode). A run is subtracted from a
- *    panel of up to four columns of another run at a time: the blocks of the targets in one row
+ *    panel of up to four columns of another run at a time. The blocks of the targets in one row
  *    stay in registers while the products of the run's columns are accumulated.
  * 3. The runs that update a panel are in linked lists of its rows, and then move to the list of
  *    their next row (George and Liu 1981; Ng and Peyton 1993).

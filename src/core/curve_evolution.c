@@ -254,7 +254,7 @@ cairn_status cairn_curve_evolution_step(cairn_curve_evolution *evolution, cairn_
 
 cairn_curve_evolution_result cairn_curve_evolution_read(const cairn_curve_evolution *evolution)
 {
-    cairn_curve_evolution_result result = {NULL, 0, 0};
+    cairn_curve_evolution_result result = {0};
 
     if (evolution != NULL && evolution->phase == PHASE_DONE) {
         result.rank = evolution->rank;

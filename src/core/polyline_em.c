@@ -168,7 +168,7 @@ int cairn_polyline_maximize(cairn_polyline *polyline, cairn_budget *budget)
 
         if (!polyline_charge(polyline, budget, polyline->params.dim == 2 ? 56 : 96))
             return 0;
-        if (component->soft_sums.n < 2) /* dropped for lack of support */
+        if (component->soft_sums.weight < 2) /* dropped for lack of support */
             continue;
         cairn_polyline_point_at(component, component->low, end[0]);
         cairn_polyline_point_at(component, component->high, end[1]);

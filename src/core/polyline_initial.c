@@ -2,14 +2,14 @@
  * order.
  *
  * Method:
- * 1. Cells are runs of the sorted points; the next cell follows from the codes at the border of the
+ * 1. Cells are runs of the sorted points. The next cell follows from the codes at the border of the
  *    last one, so neither a stack nor a tree is needed. On each branch the first cell whose points,
  *    except a few, lie in a band becomes a component.
  * 2. A cell is fitted three times, the last two times to the points in the band only, so clutter
  *    does not rotate the line.
- * 3. A wall whose cells have too few points each is found in one of two later rounds, which search
- *    the outliers in cells shifted by a third (Chan 1998: two points that are close to each other
- *    share a small cell of one of three such trees).
+ * 3. A wall whose cells have too few points each is found in one of two later rounds. These search
+ *    the outliers in cells shifted by a third. Two points that are close to each other share a
+ *    small cell of one of three such trees (Chan 1998).
  *
  * Source: Chan 1998 (shifted quadtrees). */
 #include "src/core/build.h"
@@ -57,7 +57,7 @@ static int fit_band(cairn_polyline *polyline, cairn_budget *budget)
         polyline->limit = POLYLINE_GATE * polyline->sigma;
         if (polyline->stage == 2) /* outliers may have rotated the first line */
             polyline->limit +=
-                cairn_sqrt(cairn_polyline_residual(&polyline->sums) / polyline->sums.n);
+                cairn_sqrt(cairn_polyline_residual(&polyline->sums) / polyline->sums.weight);
         cairn_polyline_fit(&polyline->made_component, &polyline->sums, polyline->params.dim);
         memset(&polyline->sums, 0, sizeof polyline->sums);
         polyline->made_component.low = CAIRN_REAL_MAX;
@@ -84,7 +84,8 @@ static int fit_band(cairn_polyline *polyline, cairn_budget *budget)
  * is missed, and at most a quarter of the points. */
 static int is_line(const cairn_polyline *polyline)
 {
-    int32_t count = polyline->last - polyline->first, inside = cairn_real_to_int(polyline->sums.n);
+    int32_t count = polyline->last - polyline->first,
+            inside = cairn_real_to_int(polyline->sums.weight);
 
     return polyline->stage == 5 && count - inside < polyline->params.min_points &&
            4 * (count - inside) <= count;
@@ -134,7 +135,7 @@ int cairn_polyline_initial(cairn_polyline *polyline, cairn_budget *budget)
         }
         while (polyline->stage < 5 &&
                (polyline->other > polyline->first ||
-                polyline->sums.n >= (cairn_real)polyline->params.min_points)) {
+                polyline->sums.weight >= (cairn_real)polyline->params.min_points)) {
             if (!fit_band(polyline, budget))
                 return 0;
             polyline->stage++;
@@ -144,7 +145,7 @@ int cairn_polyline_initial(cairn_polyline *polyline, cairn_budget *budget)
                 return 0;
             polyline->made_component.reach_low = polyline->made_component.reach_high =
                 polyline->params.gap;
-            polyline->made_component.count = cairn_real_to_int(polyline->sums.n);
+            polyline->made_component.count = cairn_real_to_int(polyline->sums.weight);
             cairn_polyline_insert(polyline, polyline->components, &polyline->component_count,
                                   &polyline->made_component);
         } else if (polyline->level < POLYLINE_MORTON_BITS) {

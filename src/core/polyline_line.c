@@ -25,7 +25,7 @@ void cairn_polyline_add_point(polyline_sums *sums, const cairn_real v[3], cairn_
 {
     cairn_real t = weight * v[0], p = weight * v[1], q = weight * v[2];
 
-    sums->n += weight;
+    sums->weight += weight;
     sums->v[0] += t;
     sums->v[1] += p;
     sums->vv.xx += t * v[0];
@@ -45,8 +45,8 @@ static cairn_sym3 scatter(const polyline_sums *sums, cairn_real mean[3])
     cairn_sym3 about = sums->vv;
 
     for (int i = 0; i < 3; i++)
-        mean[i] = sums->v[i] / sums->n;
-    cairn_sym3_add_outer(&about, mean, -sums->n);
+        mean[i] = sums->v[i] / sums->weight;
+    cairn_sym3_add_outer(&about, mean, -sums->weight);
     return about;
 }
 
@@ -148,7 +148,7 @@ void cairn_polyline_fit_own(polyline_component *component, const polyline_sums *
     stretch = 1 + along[1] * along[1] + along[2] * along[2];
     component->tt = cairn_max(about.xx, 0) * stretch;
     component->sse = cairn_polyline_residual(sums);
-    component->count = cairn_real_to_int(cairn_rint(sums->n));
+    component->count = cairn_real_to_int(cairn_rint(sums->weight));
     for (int i = 0; i < 3; i++)
         component->own_mean[i] = 0;
     reframe(component, mean, along, dim);

@@ -112,7 +112,7 @@ static int merge_pair(cairn_polyline *polyline, polyline_component *a, polyline_
     within = ends.lower[0] > heavy->low && ends.upper[0] < heavy->high &&
              ends.across < polyline->width_last * polyline->width_last;
     if (!within &&
-        increase > cairn_polyline_split_penalty(polyline, sums.n, heavy->sse + light->sse))
+        increase > cairn_polyline_split_penalty(polyline, sums.weight, heavy->sse + light->sse))
         return 0;
     if (ends.lower[0] < heavy->low) {
         both.low = ends.lower[0];

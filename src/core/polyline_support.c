@@ -82,7 +82,7 @@ static void emit_component(cairn_polyline *polyline, int32_t component, int32_t 
     } else {
         /* The line of the M-step is kept; the own points give the mean and the sums of squares. */
         for (int j = 0; j < 3; j++)
-            polyline->made_component.own_mean[j] = sums->v[j] / sums->n;
+            polyline->made_component.own_mean[j] = sums->v[j] / sums->weight;
         polyline->made_component.tt =
             sums->vv.xx - sums->v[0] * polyline->made_component.own_mean[0];
         polyline->made_component.sse =
@@ -109,7 +109,7 @@ static polyline_sums sums_right_of(const polyline_sums *all, const polyline_sums
 {
     polyline_sums rest = *all;
 
-    rest.n -= left->n;
+    rest.weight -= left->weight;
     for (int j = 0; j < 3; j++)
         rest.v[j] -= left->v[j];
     rest.vv.xx -= left->vv.xx;
@@ -203,7 +203,7 @@ int cairn_polyline_support(cairn_polyline *polyline, cairn_budget *budget)
             /* No split can reduce the sum of squares by more than the whole. */
             polyline->stage = polyline->measure.iterations < polyline->params.max_iterations / 2 &&
                                       sse > SPLIT_FACTOR * cairn_polyline_split_penalty(
-                                                               polyline, polyline->sums.n, 0)
+                                                               polyline, polyline->sums.weight, 0)
                                   ? 3
                                   : 4;
             polyline->inner = polyline->first;
@@ -221,8 +221,8 @@ int cairn_polyline_support(cairn_polyline *polyline, cairn_budget *budget)
             return 0;
         if (polyline->best_split >= 0 &&
             sse - polyline->best_sse >
-                SPLIT_FACTOR *
-                    cairn_polyline_split_penalty(polyline, polyline->sums.n, polyline->best_sse)) {
+                SPLIT_FACTOR * cairn_polyline_split_penalty(polyline, polyline->sums.weight,
+                                                            polyline->best_sse)) {
             polyline_sums rest = sums_right_of(&polyline->sums, &polyline->best_left_sums);
 
             emit_component(polyline, component, polyline->first, polyline->best_split + 1,

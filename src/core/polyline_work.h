@@ -23,7 +23,7 @@
 /* Weighted moments of points in the frame of a component: sum of weights, of coordinates (m), and
  * of products of coordinates (m^2). */
 typedef struct polyline_sums {
-    cairn_real n;
+    cairn_real weight;
     cairn_real v[3];
     cairn_sym3 vv;
 } polyline_sums;

@@ -138,7 +138,7 @@ static const cairn_real ERFC_MAX = 26.6;
 static const cairn_real ERFC_SPLIT = 1048576;
 #endif
 
-#define HORNER(coefficients, x)                                                                    \
+#define HORNER_SCHEME(coefficients, x)                                                             \
     horner(coefficients, (int)(sizeof(coefficients) / sizeof *(coefficients)), x)
 
 /* Polynomial by Horner's rule, coefficients in ascending order. */
@@ -183,8 +183,8 @@ void cairn_sincos(cairn_real x, cairn_real *sine, cairn_real *cosine)
     }
     quarter = reduce_quarter(x, &r);
     z = r * r;
-    s = r + r * (z * HORNER(SINE_COEFFICIENTS, z));
-    c = 1 - (z / 2 - z * z * HORNER(COSINE_COEFFICIENTS, z));
+    s = r + r * (z * HORNER_SCHEME(SINE_COEFFICIENTS, z));
+    c = 1 - (z / 2 - z * z * HORNER_SCHEME(COSINE_COEFFICIENTS, z));
     *sine = quarter & 1 ? c : s;
     *cosine = quarter & 1 ? s : c;
     if (quarter & 2)
@@ -219,7 +219,7 @@ static cairn_real atan_octant(cairn_real y, cairn_real x)
     cairn_real z = q * q;
 
     CAIRN_ASSERT(k >= 0 && k <= 4);
-    return ATAN_HIGH[k] + (q + (ATAN_LOW[k] + q * (z * HORNER(ARCTAN_COEFFICIENTS, z))));
+    return ATAN_HIGH[k] + (q + (ATAN_LOW[k] + q * (z * HORNER_SCHEME(ARCTAN_COEFFICIENTS, z))));
 }
 
 cairn_real cairn_atan2(cairn_real y, cairn_real x)
@@ -263,7 +263,7 @@ cairn_real cairn_exp(cairn_real x)
     r = x - k * LN2_PARTS[0];
     low = k * LN2_PARTS[1];
     r -= low;
-    sum = 1 + (r + r * r * HORNER(EXPONENTIAL_COEFFICIENTS, r));
+    sum = 1 + (r + r * r * HORNER_SCHEME(EXPONENTIAL_COEFFICIENTS, r));
     return normal_or_zero(LDEXP(sum, cairn_real_to_int(k)));
 }
 
@@ -293,8 +293,8 @@ cairn_real cairn_log(cairn_real x)
     half_square = m * m / 2;
     k = (cairn_real)exponent;
     return k * LN2_PARTS[0] +
-           (m - (half_square -
-                 (f * (half_square + z * HORNER(LOGARITHM_COEFFICIENTS, z)) + k * LN2_PARTS[1])));
+           (m - (half_square - (f * (half_square + z * HORNER_SCHEME(LOGARITHM_COEFFICIENTS, z)) +
+                                k * LN2_PARTS[1])));
 }
 
 cairn_real cairn_erfc(cairn_real x)
@@ -306,7 +306,7 @@ cairn_real cairn_erfc(cairn_real x)
     if (a < CAIRN_REAL(0.75)) {
         cairn_real z = a * a;
 
-        return 1 - x * HORNER(ERF_COEFFICIENTS, z);
+        return 1 - x * HORNER_SCHEME(ERF_COEFFICIENTS, z);
     }
     if (a > ERFC_MAX) {
         tail = 0;
@@ -316,7 +316,7 @@ cairn_real cairn_erfc(cairn_real x)
         cairn_real t = (a - 3) / (a + 3);
 
         tail = cairn_exp(-h * h) * (cairn_exp((h - a) * (h + a)) *
-                                    (HORNER(ERFCX_COEFFICIENTS, t) / (a + CAIRN_REAL(0.5))));
+                                    (HORNER_SCHEME(ERFCX_COEFFICIENTS, t) / (a + CAIRN_REAL(0.5))));
         tail = normal_or_zero(tail);
     }
     return x < 0 ? 2 - tail : tail;

@@ -478,8 +478,12 @@ cairn_status cairn_sequence_step(cairn_sequence *sequence, cairn_budget *budget)
 
 cairn_sequence_result cairn_sequence_read(const cairn_sequence *sequence)
 {
-    cairn_sequence_result result = {sequence->pairs, sequence->pair_count, sequence->score},
-                          nothing = {NULL, 0, 0};
+    cairn_sequence_result result = {0};
 
-    return sequence->phase == SEQUENCE_DONE ? result : nothing;
+    if (sequence->phase == SEQUENCE_DONE) {
+        result.pairs = sequence->pairs;
+        result.count = sequence->pair_count;
+        result.score = sequence->score;
+    }
+    return result;
 }

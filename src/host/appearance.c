@@ -20,7 +20,7 @@
 #include "src/host/appearance_work.h"
 #include "src/host/shim.h"
 
-#define LIBRARY "libcairn-appearance.so"
+#define PLUGIN_NAME "libcairn-appearance.so"
 
 /* px: spacing of patches, and keypoint size for SIFT, whose patch is six times as wide; twice that
  * in the image of half the size. EARLY_EXIT_STEP: descriptor components between early-exit
@@ -44,20 +44,21 @@ struct cairn_appearance_field {
 
 const cairn_appearance_shim *cairn_appearance_need_shim(const char *path, cairn_file_error *error)
 {
-    const cairn_appearance_shim *shim = cairn_shim_find(
-        LIBRARY, "CAIRN_APPEARANCE", "cairn_appearance_shim_table", CAIRN_APPEARANCE_SHIM_VERSION);
+    const cairn_appearance_shim *shim =
+        cairn_shim_find(PLUGIN_NAME, "CAIRN_APPEARANCE", "cairn_appearance_shim_table",
+                        CAIRN_APPEARANCE_SHIM_VERSION);
 
     if (shim == NULL)
         (void)cairn_file_error_set(
             error, CAIRN_UNSUPPORTED, path, 0,
-            "appearance needs " LIBRARY " of this version, expected it beside the program "
+            "appearance needs " PLUGIN_NAME " of this version, expected it beside the program "
             "(built by `make appearance`, OpenCV 4: tools/deps.sh appearance)");
     return shim;
 }
 
 cairn_status cairn_appearance_load(cairn_file_error *error)
 {
-    return cairn_appearance_need_shim(LIBRARY, error) != NULL ? CAIRN_OK : CAIRN_UNSUPPORTED;
+    return cairn_appearance_need_shim(PLUGIN_NAME, error) != NULL ? CAIRN_OK : CAIRN_UNSUPPORTED;
 }
 
 static void place_keypoints(appearance_patches *patches, int32_t width, int32_t height)

@@ -13,7 +13,7 @@
 
 #define FILE_MAGIC "cairn-appearance"
 
-enum { VERSION = 1 };
+enum { FORMAT_VERSION = 1 };
 /* Limits of the parameters of a support vector machine. */
 #define MAX_NUMBER 1e9
 #define MIN_GAMMA  1e-9
@@ -126,10 +126,10 @@ static cairn_status read_head(appearance_reader *reader)
         status = expect_token(reader, FILE_MAGIC);
     if (status == CAIRN_OK)
         status = read_number(reader, 0, 1e9, &version);
-    if (status == CAIRN_OK && version != VERSION)
+    if (status == CAIRN_OK && version != FORMAT_VERSION)
         return cairn_file_error_set(reader->error, CAIRN_UNSUPPORTED, reader->path, line_of(reader),
                                     "a model of version %g, expected %d (cairn train makes it)",
-                                    version, VERSION);
+                                    version, FORMAT_VERSION);
     return status == CAIRN_OK ? expect_line_end(reader) : status;
 }
 
@@ -269,7 +269,8 @@ cairn_status cairn_appearance_write(const cairn_appearance_model *model, const c
     status = cairn_output_open(&output, path, error);
     if (status != CAIRN_OK)
         return status;
-    cairn_output_print(output, FILE_MAGIC " %d\nwords %d\n", VERSION, (int)model->word_count);
+    cairn_output_print(output, FILE_MAGIC " %d\nwords %d\n", FORMAT_VERSION,
+                       (int)model->word_count);
     for (int32_t i = 0; i < model->word_count * APPEARANCE_DESCRIPTOR_SIZE; i++)
         cairn_output_print(output, "%d%c", (int)model->words[i],
                            (i + 1) % APPEARANCE_DESCRIPTOR_SIZE == 0 ? '\n' : ' ');

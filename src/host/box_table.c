@@ -10,7 +10,7 @@
 #include "cairn/number_text.h"
 #include "src/host/carmen_log_reader.h"
 
-enum { IMAGE, LEFT, TOP, RIGHT, BOTTOM, COLUMNS };
+enum { COLUMN_IMAGE, COLUMN_LEFT, COLUMN_TOP, COLUMN_RIGHT, COLUMN_BOTTOM, COLUMN_COUNT };
 
 /* Largest accepted magnitude of a coordinate, in pixels. */
 #define MAX_COORDINATE_PIXELS 1e6
@@ -23,7 +23,7 @@ typedef struct box_reader {
     /* fields of the current line, without quotes */
     char field[CAIRN_BOX_TABLE_MAX_FIELDS][CAIRN_BOX_TABLE_NAME_BYTES];
     /* fields of the line; field of each column */
-    int32_t fields, column[COLUMNS];
+    int32_t fields, column[COLUMN_COUNT];
 } box_reader;
 
 static int64_t line_of(const box_reader *reader)
@@ -84,9 +84,9 @@ static cairn_status read_fields(box_reader *reader, const char *line, size_t len
 /* Finds the columns by name in the header line. */
 static cairn_status read_header(box_reader *reader)
 {
-    static const char *const names[COLUMNS] = {"image", "left", "top", "right", "bottom"};
+    static const char *const names[COLUMN_COUNT] = {"image", "left", "top", "right", "bottom"};
 
-    for (int32_t k = 0; k < COLUMNS; k++) {
+    for (int32_t k = 0; k < COLUMN_COUNT; k++) {
         reader->column[k] = -1;
         for (int32_t i = 0; i < reader->fields && reader->column[k] < 0; i++)
             if (strcmp(reader->field[i], names[k]) == 0)
@@ -102,15 +102,15 @@ static cairn_status read_header(box_reader *reader)
 /* Converts the fields of a line to a row. */
 static cairn_status parse_row(const box_reader *reader, cairn_box_table_row *row)
 {
-    for (int32_t k = 0; k < COLUMNS; k++)
+    for (int32_t k = 0; k < COLUMN_COUNT; k++)
         if (reader->column[k] >= reader->fields)
             return bad_line(reader, "fewer fields than in the first line, expected as many");
-    memcpy(row->image, reader->field[reader->column[IMAGE]], sizeof row->image);
+    memcpy(row->image, reader->field[reader->column[COLUMN_IMAGE]], sizeof row->image);
     row->line = line_of(reader);
     if (row->image[0] == '\0')
         return bad_line(reader, "no image, expected its name");
     for (int32_t k = 0; k < 4; k++) {
-        const char *text = reader->field[reader->column[LEFT + k]];
+        const char *text = reader->field[reader->column[COLUMN_LEFT + k]];
 
         if (!cairn_number_read(text, strlen(text), &row->box[k]) ||
             !(fabs(row->box[k]) <= MAX_COORDINATE_PIXELS))

@@ -23,9 +23,9 @@
 #include "src/host/carmen_log_reader.h"
 
 /* Range histogram. */
-#define BINS             100000
+#define RANGE_BINS       100000
 #define BINS_PER_METRE   100
-#define HISTOGRAM_METRES 1000.0 /* farther ranges are counted in bin BINS */
+#define HISTOGRAM_METRES 1000.0 /* farther ranges are counted in bin RANGE_BINS */
 #define WINDOW_BINS      20     /* 0.2 m: spread of the ranges that mean "no return" */
 #define BELOW_BINS       200    /* 2 m: the window is compared with the ranges this far below it */
 /* Acceptance of a mode of the histogram: lowest bin, minimum ranges. */
@@ -38,7 +38,7 @@
 
 /* Statistics of the first pass beyond the summary. */
 typedef struct survey_statistics {
-    /* [BINS + 1 + WINDOW_BINS] histogram of ranges, then zeros. find_limit turns it into a
+    /* [RANGE_BINS + 1 + WINDOW_BINS] histogram of ranges, then zeros. find_limit turns it into a
      * cumulative histogram from above: the ranges in this bin and all higher ones. */
     uint64_t *bin;
     /* m, the maximum range by a PARAM; 0: none */
@@ -157,9 +157,9 @@ static void survey_scan(survey_statistics *statistics, cairn_carmen_log_summary 
  * the higher of equals. *count: its ranges. `bin` is the cumulative histogram. */
 static size_t fullest_window(const uint64_t *bin, size_t from, uint64_t *count)
 {
-    size_t best = BINS, first = BINS;
+    size_t best = RANGE_BINS, first = RANGE_BINS;
 
-    *count = bin[BINS];
+    *count = bin[RANGE_BINS];
     while (first-- > from)
         if (bin[first] - bin[first + WINDOW_BINS] > *count) {
             *count = bin[first] - bin[first + WINDOW_BINS];
@@ -174,7 +174,7 @@ static double find_limit(survey_statistics *statistics)
     uint64_t window_count;
     size_t bin, from;
 
-    for (bin = BINS; bin-- > 0;)
+    for (bin = RANGE_BINS; bin-- > 0;)
         statistics->bin[bin] += statistics->bin[bin + 1];
     if (statistics->param_max > 0) {
         from = bin_of(statistics->param_max);
@@ -309,7 +309,7 @@ cairn_status cairn_carmen_log_open(cairn_carmen_log **log, const char *path,
             settings.range_sigma);
     memset(&statistics, 0, sizeof statistics);
     created = calloc(1, sizeof *created);
-    statistics.bin = calloc(BINS + 1 + WINDOW_BINS, sizeof *statistics.bin);
+    statistics.bin = calloc(RANGE_BINS + 1 + WINDOW_BINS, sizeof *statistics.bin);
     if (created == NULL || statistics.bin == NULL) {
         free(created);
         free(statistics.bin);

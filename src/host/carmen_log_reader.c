@@ -144,8 +144,8 @@ static void end_input(cairn_line_reader *reader, cairn_status status)
 /* Reads up to `max_count` bytes of the file; 0 at its end or on failure, which ends the input. */
 static size_t read_bytes(cairn_line_reader *reader, void *bytes, size_t max_count)
 {
-    size_t asked = max_count < MAX_READ_BYTES ? max_count : MAX_READ_BYTES;
-    ssize_t count = read(reader->file, bytes, (unsigned)asked);
+    size_t byte_count = max_count < MAX_READ_BYTES ? max_count : MAX_READ_BYTES;
+    ssize_t count = read(reader->file, bytes, (unsigned)byte_count);
 
     if (count > 0)
         return (size_t)count;
@@ -327,8 +327,8 @@ size_t cairn_token_next(const char **at, const char *end, const char **token)
 
 const char *cairn_token_text(char text[CAIRN_TOKEN_TEXT_BYTES], const char *token, size_t length)
 {
-    enum { SHOWN = 24 };
-    size_t count = length < SHOWN ? length : SHOWN, i;
+    enum { MAX_SHOWN_BYTES = 24 };
+    size_t count = length < MAX_SHOWN_BYTES ? length : MAX_SHOWN_BYTES, i;
     char *at = text;
 
     *at++ = '"';

@@ -58,8 +58,8 @@ typedef struct contour_searcher {
     cairn_contour_search_result *result;
     const cairn_contour_search_tokens *tokens;
     const cairn_contour_search_params *params;
-    contour_field *field;
-    contour_fit fit;
+    contour_search_field *field;
+    contour_search_fit fit;
     int32_t *scratch; /* [tokens->count] scratch for the current object */
 } contour_searcher;
 
@@ -240,9 +240,9 @@ static void count_matched(const cairn_contour_search_result *result,
 }
 
 /* Positions on the deformed outline of the gaps in the model's drawing. */
-static contour_gaps gaps_of(const contour_fit *fit, const cairn_shape_model *model)
+static contour_search_gaps gaps_of(const contour_search_fit *fit, const cairn_shape_model *model)
 {
-    contour_gaps gaps = {.count = model->gap_count};
+    contour_search_gaps gaps = {.count = model->gap_count};
 
     for (int32_t i = 0; i < gaps.count; i++)
         gaps.at[i] = fit->outline[nearest_sample(model, model->gaps[i])].position;
@@ -250,10 +250,10 @@ static contour_gaps gaps_of(const contour_fit *fit, const cairn_shape_model *mod
 }
 
 static cairn_contour_search_shape shape_of(const contour_searcher *searcher,
-                                           const contour_fitted_outline *fitted, cairn_real turn,
-                                           const cairn_shape_model *model)
+                                           const contour_search_fitted_outline *fitted,
+                                           cairn_real turn, const cairn_shape_model *model)
 {
-    const contour_reference drawn = {
+    const contour_search_reference drawn = {
         model->outline, {(cairn_real)cos((double)turn), (cairn_real)sin((double)turn)}};
 
     return cairn_contour_search_shape_of(searcher->tokens, fitted, searcher->fit.outline_index,
@@ -282,8 +282,8 @@ static int add_object(contour_searcher *searcher, const cairn_contour_grouping_r
                                           .disc_count = model->sample_count,
                                           .first_outline = result->outline_count,
                                           .outline_count = model->outline_count};
-    contour_fitted_outline fitted = {searcher->fit.outline, model->outline_count, {0, 0}, 0};
-    contour_gaps gaps;
+    contour_search_fitted_outline fitted = {searcher->fit.outline, model->outline_count, {0, 0}, 0};
+    contour_search_gaps gaps;
 
     cairn_contour_search_field_fill(searcher->field, searcher->tokens, &object.found);
     if (!cairn_contour_search_fit_run(&searcher->fit, searcher->field, model, &object.found))

@@ -34,14 +34,14 @@
 #define SAMPLE_STEP_PX     3
 /* Greatest length that edges are followed beyond the outline, share of the size. */
 #define MAX_EXTENSION_SHARE 0.35
-/* Margin of the outline's box within which they are followed, share of the size (a drawing may end
- * where the object continues, as at legs); least cosines of the turning angle along a chain and
+/* Margin of the outline's box within which they are followed, share of the size: a drawing may end
+ * where the object continues, as at legs. Least cosines of the turning angle along a chain and
  * across a junction. */
 #define BOX_MARGIN_SHARE    0.2
 #define MIN_CHAIN_COSINE    0.5
 #define MIN_JUNCTION_COSINE 0.6
-/* Radius around a gap of the drawing, share of the size, where the object continues; least cosine
- * of the turning angle along a chain there, and greatest distance of adjacent ends, px, in any
+/* Radius around a gap of the drawing, share of the size, where the object continues. Least cosine
+ * of the turning angle along a chain there. Greatest distance of adjacent ends, px, in any
  * direction. */
 #define GAP_RADIUS_SHARE 0.3
 #define MIN_GAP_COSINE   0.3
@@ -60,7 +60,7 @@ static cairn_vec2 middle_of(cairn_segment line)
 }
 
 /* Index of the outline sample nearest to a point; *distance to it. */
-static int32_t nearest_sample(const contour_fitted_outline *fitted, cairn_vec2 point,
+static int32_t nearest_sample(const contour_search_fitted_outline *fitted, cairn_vec2 point,
                               cairn_real *distance)
 {
     cairn_real smallest = CAIRN_REAL_MAX;
@@ -80,7 +80,8 @@ static int32_t nearest_sample(const contour_fitted_outline *fitted, cairn_vec2 p
 }
 
 /* Returns 1 when a line is parallel to the outline at a sample. */
-static int is_parallel(const contour_fitted_outline *fitted, int32_t sample, cairn_segment line)
+static int is_parallel(const contour_search_fitted_outline *fitted, int32_t sample,
+                       cairn_segment line)
 {
     cairn_vec2 along = cairn_vec2_unit(cairn_vec2_sub(line.b, line.a));
 
@@ -89,7 +90,7 @@ static int is_parallel(const contour_fitted_outline *fitted, int32_t sample, cai
 }
 
 /* Returns 1 when the contour continues from one selected segment to another. */
-static int is_continuation(const contour_fitted_outline *fitted, cairn_segment from,
+static int is_continuation(const contour_search_fitted_outline *fitted, cairn_segment from,
                            cairn_segment line)
 {
     cairn_real previous, distance;
@@ -103,7 +104,7 @@ static int is_continuation(const contour_fitted_outline *fitted, cairn_segment f
 }
 
 /* Returns 1 when most of a segment is along the outline. */
-static int is_along_outline(const contour_fitted_outline *fitted, cairn_segment line)
+static int is_along_outline(const contour_search_fitted_outline *fitted, cairn_segment line)
 {
     int32_t steps = 1 + (int32_t)(cairn_segment_length(line) / SAMPLE_STEP_PX), near_count = 0;
     cairn_real max_distance =
@@ -122,7 +123,7 @@ static int is_along_outline(const contour_fitted_outline *fitted, cairn_segment 
 
 /* Closes the gaps of one chain, segments [from ... to - 1]. */
 static void close_gaps(const cairn_contour_search_tokens *tokens,
-                       const contour_fitted_outline *fitted, int32_t from, int32_t to,
+                       const contour_search_fitted_outline *fitted, int32_t from, int32_t to,
                        uint8_t *selected)
 {
     cairn_real gap = 0;
@@ -141,8 +142,9 @@ static void close_gaps(const cairn_contour_search_tokens *tokens,
 }
 
 /* Extends the selection along one chain, in both directions. */
-static void follow(const cairn_contour_search_tokens *tokens, const contour_fitted_outline *fitted,
-                   int32_t from, int32_t to, uint8_t *selected)
+static void follow(const cairn_contour_search_tokens *tokens,
+                   const contour_search_fitted_outline *fitted, int32_t from, int32_t to,
+                   uint8_t *selected)
 {
     for (int32_t i = from + 1; i < to; i++)
         if (!selected[i] && selected[i - 1])
@@ -163,8 +165,8 @@ static int32_t end_of_chain(const cairn_contour_search_tokens *tokens, int32_t f
 
 /* Selects the ends of chains that continue where a selected segment ends; returns their number. */
 static int32_t cross_junctions(const cairn_contour_search_tokens *tokens,
-                               const contour_fitted_outline *fitted, contour_ends *ends,
-                               uint8_t *selected)
+                               const contour_search_fitted_outline *fitted,
+                               contour_search_ends *ends, uint8_t *selected)
 {
     int32_t crossed = 0;
 
@@ -186,7 +188,7 @@ static int32_t cross_junctions(const cairn_contour_search_tokens *tokens,
 
 /* Closes gaps and extends the ends of all chains with a selected segment. */
 static void complete_chains(const cairn_contour_search_tokens *tokens,
-                            const contour_fitted_outline *fitted, uint8_t *selected)
+                            const contour_search_fitted_outline *fitted, uint8_t *selected)
 {
     for (int32_t from = 0, to; from < tokens->count; from = to) {
         int32_t any = 0;
@@ -203,7 +205,7 @@ static void complete_chains(const cairn_contour_search_tokens *tokens,
 
 /* Lists the first and last segments of the chains near the object; returns their number. */
 static int32_t list_ends(const cairn_contour_search_tokens *tokens,
-                         const contour_fitted_outline *fitted, int32_t *ends)
+                         const contour_search_fitted_outline *fitted, int32_t *ends)
 {
     int32_t count = 0;
 
@@ -229,7 +231,7 @@ static int compare_placed(const void *a, const void *b)
 
 /* Lists the selected segments in the order of the outline. */
 static int list_selected(const cairn_contour_search_tokens *tokens,
-                         const contour_fitted_outline *fitted, const uint8_t *selected,
+                         const contour_search_fitted_outline *fitted, const uint8_t *selected,
                          int32_t *list, int32_t *count)
 {
     outline_order *order = malloc(((size_t)tokens->count + 1) * sizeof *order);
@@ -252,7 +254,7 @@ static int list_selected(const cairn_contour_search_tokens *tokens,
 
 /* Selects the segments along the outline, near the object only. */
 static void select_along_outline(const cairn_contour_search_tokens *tokens,
-                                 const contour_fitted_outline *fitted, uint8_t *selected)
+                                 const contour_search_fitted_outline *fitted, uint8_t *selected)
 {
     for (int32_t i = 0; i < tokens->count; i++)
         selected[i] = (uint8_t)(cairn_vec2_norm(cairn_vec2_sub(middle_of(tokens->lines[i]),
@@ -294,7 +296,7 @@ typedef struct edge_extender {
     /* least cosines of the turning angle along a chain and between chains */
     cairn_real chain_cosine, junction_cosine;
     /* extension only near these gaps; NULL: everywhere */
-    const contour_gaps *gaps;
+    const contour_search_gaps *gaps;
     /* px, radius around a gap */
     cairn_real gap_radius;
     /* [tokens->count] px, length of edges from the outline to the end of each segment;
@@ -344,7 +346,7 @@ static void extend_chain(edge_extender *extender, int32_t from, int32_t to)
 }
 
 /* Follows edges beyond the outline, in rounds until nothing changes. */
-static void extend_all(edge_extender *extender, contour_ends *ends)
+static void extend_all(edge_extender *extender, contour_search_ends *ends)
 {
     for (int32_t round = 0; round < MAX_ROUNDS; round++) {
         extender->has_changed = 0;
@@ -370,9 +372,10 @@ static void extend_all(edge_extender *extender, contour_ends *ends)
 }
 
 /* Second pass near the gaps, from all selected segments. */
-static int extend_gaps(edge_extender *extender, const contour_gaps *gaps, const contour_ends *ends)
+static int extend_gaps(edge_extender *extender, const contour_search_gaps *gaps,
+                       const contour_search_ends *ends)
 {
-    contour_ends wide;
+    contour_search_ends wide;
 
     if (!cairn_contour_search_ends_make(&wide, ends->lines, ends->listed, ends->count,
                                         GAP_JUNCTION_PX))
@@ -388,8 +391,9 @@ static int extend_gaps(edge_extender *extender, const contour_gaps *gaps, const 
 }
 
 static int extend_selected(const cairn_contour_search_tokens *tokens,
-                           const contour_fitted_outline *fitted, const contour_gaps *gaps,
-                           contour_ends *ends, uint8_t *selected)
+                           const contour_search_fitted_outline *fitted,
+                           const contour_search_gaps *gaps, contour_search_ends *ends,
+                           uint8_t *selected)
 {
     cairn_real margin = (cairn_real)BOX_MARGIN_SHARE * fitted->size;
     cairn_box box = cairn_box_empty();
@@ -420,12 +424,13 @@ static int extend_selected(const cairn_contour_search_tokens *tokens,
 }
 
 int cairn_contour_search_collect_with_gaps(const cairn_contour_search_tokens *tokens,
-                                           const contour_fitted_outline *fitted,
-                                           const contour_gaps *gaps, int32_t *list, int32_t *count)
+                                           const contour_search_fitted_outline *fitted,
+                                           const contour_search_gaps *gaps, int32_t *list,
+                                           int32_t *count)
 {
     uint8_t *selected = calloc((size_t)tokens->count + 1, 1);
     int32_t *listed = malloc(((size_t)tokens->count + 1) * sizeof *listed);
-    contour_ends ends;
+    contour_search_ends ends;
     int ok = selected != NULL && listed != NULL &&
              cairn_contour_search_ends_make(&ends, tokens->lines, listed,
                                             list_ends(tokens, fitted, listed), JUNCTION_PX);
@@ -446,10 +451,10 @@ int cairn_contour_search_collect_with_gaps(const cairn_contour_search_tokens *to
 }
 
 int cairn_contour_search_collect_segments(const cairn_contour_search_tokens *tokens,
-                                          const contour_fitted_outline *fitted, int32_t *list,
-                                          int32_t *count)
+                                          const contour_search_fitted_outline *fitted,
+                                          int32_t *list, int32_t *count)
 {
-    const contour_gaps none = {.count = 0};
+    const contour_search_gaps none = {.count = 0};
 
     return cairn_contour_search_collect_with_gaps(tokens, fitted, &none, list, count);
 }

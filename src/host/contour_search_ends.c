@@ -18,7 +18,7 @@ int cairn_contour_search_meet(cairn_segment a, cairn_segment b, cairn_real max_d
            cairn_vec2_norm_squared(cairn_vec2_sub(a.b, b.b)) <= max_squared;
 }
 
-static cairn_vec2 end_position(const contour_ends *ends, int32_t end)
+static cairn_vec2 end_position(const contour_search_ends *ends, int32_t end)
 {
     const cairn_segment *line = &ends->lines[ends->listed[end / 2]];
 
@@ -30,11 +30,11 @@ static int32_t cell_of(cairn_real offset, cairn_real cell)
     return cairn_real_to_int(offset / cell);
 }
 
-int cairn_contour_search_ends_make(contour_ends *ends, const cairn_segment *lines,
+int cairn_contour_search_ends_make(contour_search_ends *ends, const cairn_segment *lines,
                                    const int32_t *listed, int32_t count, cairn_real max_distance)
 {
     cairn_box box = cairn_box_empty();
-    contour_ends made = {
+    contour_search_ends made = {
         .lines = lines, .listed = listed, .count = count, .max_distance = max_distance};
     size_t cells;
 
@@ -78,7 +78,7 @@ static int ascending(const void *a, const void *b)
     return (*x > *y) - (*x < *y);
 }
 
-int32_t cairn_contour_search_ends_near(contour_ends *ends, int32_t index)
+int32_t cairn_contour_search_ends_near(contour_search_ends *ends, int32_t index)
 {
     int32_t count = 0;
 
@@ -107,7 +107,7 @@ int32_t cairn_contour_search_ends_near(contour_ends *ends, int32_t index)
     return count;
 }
 
-void cairn_contour_search_ends_free(contour_ends *ends)
+void cairn_contour_search_ends_free(contour_search_ends *ends)
 {
     free(ends->cell_heads);
     free(ends->next);

@@ -8,7 +8,7 @@
 /* Returns 1 when an end of one segment lies at most max_distance, px, from an end of the other. */
 int cairn_contour_search_meet(cairn_segment a, cairn_segment b, cairn_real max_distance);
 
-typedef struct contour_ends {
+typedef struct contour_search_ends {
     const cairn_segment *lines;
     /* [count] indices in lines */
     const int32_t *listed;
@@ -26,17 +26,17 @@ typedef struct contour_ends {
     int32_t query_count;
     /* [count] result of a query */
     int32_t *neighbours;
-} contour_ends;
+} contour_search_ends;
 
 /* Builds the grid. lines and listed must stay valid; finite, within 1e6 px; max_distance: px, > 0,
  * of adjacent ends. Cost: linear. Returns 0 when out of memory, with nothing to free. */
-int cairn_contour_search_ends_make(contour_ends *ends, const cairn_segment *lines,
+int cairn_contour_search_ends_make(contour_search_ends *ends, const cairn_segment *lines,
                                    const int32_t *listed, int32_t count, cairn_real max_distance);
 
 /* Finds the list indices of the segments adjacent to that of a list index, ascending, in
  * ends->neighbours; returns their number. Cost: the ends in the cells around its ends. */
-int32_t cairn_contour_search_ends_near(contour_ends *ends, int32_t place);
+int32_t cairn_contour_search_ends_near(contour_search_ends *ends, int32_t place);
 
-void cairn_contour_search_ends_free(contour_ends *ends);
+void cairn_contour_search_ends_free(contour_search_ends *ends);
 
 #endif

@@ -54,9 +54,9 @@ static const struct {
 } rounds[ROUND_COUNT] = {{8, 0.02}, {7, 0.015}, {6, 0.008}, {5, 0.004}};
 
 typedef struct outline_deformer {
-    const contour_field *field;
+    const contour_search_field *field;
     const cairn_shape_model *model;
-    contour_fit *fit;
+    contour_search_fit *fit;
     /* [outline_count] px, base positions that shifts are relative to */
     cairn_vec2 *base;
     /* [(2 * outline_count + 1) * MAX_LABELS] score of the best path to each label */
@@ -64,7 +64,7 @@ typedef struct outline_deformer {
     /* [outline_count * MAX_LABELS] score of each sample at each label */
     cairn_real *sample_llr;
     /* log-likelihood ratio where no edge is in reach, per direction */
-    cairn_real no_edge_llr[CONTOUR_FIELD_BINS];
+    cairn_real no_edge_llr[CONTOUR_SEARCH_FIELD_BINS];
     /* size: px, of the object; spacing: of the samples, share of the size */
     cairn_real size, spacing;
     /* total cost of relative shifts */
@@ -75,7 +75,7 @@ typedef struct outline_deformer {
     cairn_real step;
 } outline_deformer;
 
-int cairn_contour_search_fit_new(contour_fit *fit, int32_t outline_count)
+int cairn_contour_search_fit_new(contour_search_fit *fit, int32_t outline_count)
 {
     fit->outline = malloc((size_t)outline_count * sizeof *fit->outline);
     fit->llr = malloc((size_t)outline_count * sizeof *fit->llr);
@@ -87,7 +87,7 @@ int cairn_contour_search_fit_new(contour_fit *fit, int32_t outline_count)
     return 0;
 }
 
-void cairn_contour_search_fit_free(contour_fit *fit)
+void cairn_contour_search_fit_free(contour_search_fit *fit)
 {
     free(fit->outline);
     free(fit->llr);
@@ -96,7 +96,7 @@ void cairn_contour_search_fit_free(contour_fit *fit)
 }
 
 /* Log-likelihood ratio of a cell's cost in a direction, object against background. */
-static cairn_real llr_of_cost(const contour_field *field, cairn_real cost, int32_t bin)
+static cairn_real llr_of_cost(const contour_search_field *field, cairn_real cost, int32_t bin)
 {
     return cairn_log((cairn_real)OCCLUSION_PROBABILITY + (1 - (cairn_real)OCCLUSION_PROBABILITY) *
                                                              cairn_exp(-cost) /
@@ -112,11 +112,13 @@ static int32_t cell_at(cairn_real from_corner, cairn_real cell)
  * same cells. */
 static cairn_real llr_in_cell(const outline_deformer *deformer, int32_t x, int32_t y, int32_t bin)
 {
-    const contour_field *field = deformer->field;
-    size_t cell = ((size_t)bin * CONTOUR_FIELD_SIDE + (size_t)y) * CONTOUR_FIELD_SIDE + (size_t)x;
+    const contour_search_field *field = deformer->field;
+    size_t cell =
+        ((size_t)bin * CONTOUR_SEARCH_FIELD_SIDE + (size_t)y) * CONTOUR_SEARCH_FIELD_SIDE +
+        (size_t)x;
 
-    if (x < 0 || y < 0 || x >= CONTOUR_FIELD_SIDE || y >= CONTOUR_FIELD_SIDE ||
-        !(field->cost[cell] < CONTOUR_FIELD_MAX_COST))
+    if (x < 0 || y < 0 || x >= CONTOUR_SEARCH_FIELD_SIDE || y >= CONTOUR_SEARCH_FIELD_SIDE ||
+        !(field->cost[cell] < CONTOUR_SEARCH_FIELD_MAX_COST))
         return deformer->no_edge_llr[bin];
     if (field->llr[cell] == CAIRN_REAL_MAX)
         field->llr[cell] = llr_of_cost(field, field->cost[cell], bin);
@@ -125,7 +127,7 @@ static cairn_real llr_in_cell(const outline_deformer *deformer, int32_t x, int32
 
 static cairn_real llr_at(const outline_deformer *deformer, cairn_vec2 at, int32_t bin)
 {
-    const contour_field *field = deformer->field;
+    const contour_search_field *field = deformer->field;
 
     return llr_in_cell(deformer, cell_at(at.x - field->corner.x, field->cell_size),
                        cell_at(at.y - field->corner.y, field->cell_size), bin);
@@ -484,7 +486,7 @@ static cairn_real spacing_of(const cairn_shape_model *model)
     return mean;
 }
 
-int cairn_contour_search_fit_run(contour_fit *fit, const contour_field *field,
+int cairn_contour_search_fit_run(contour_search_fit *fit, const contour_search_field *field,
                                  const cairn_shape_model *model,
                                  cairn_contour_grouping_object *object)
 {
@@ -499,8 +501,8 @@ int cairn_contour_search_fit_run(contour_fit *fit, const contour_field *field,
     deformer.base = malloc(count * sizeof *deformer.base);
     deformer.path_value = malloc((2 * count + 1) * MAX_LABELS * sizeof *deformer.path_value);
     deformer.sample_llr = malloc(count * MAX_LABELS * sizeof *deformer.sample_llr);
-    for (int32_t bin = 0; bin < CONTOUR_FIELD_BINS; bin++)
-        deformer.no_edge_llr[bin] = llr_of_cost(field, CONTOUR_FIELD_MAX_COST, bin);
+    for (int32_t bin = 0; bin < CONTOUR_SEARCH_FIELD_BINS; bin++)
+        deformer.no_edge_llr[bin] = llr_of_cost(field, CONTOUR_SEARCH_FIELD_MAX_COST, bin);
     ok = deformer.base != NULL && deformer.path_value != NULL && deformer.sample_llr != NULL;
     if (ok)
         deform(&deformer, object);

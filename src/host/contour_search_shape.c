@@ -42,7 +42,7 @@ static cairn_real cost_of(cairn_segment line, cairn_oriented_point point, cairn_
 
 /* Lists the lines near the box of an outline. */
 static int32_t list_candidates(const cairn_contour_search_tokens *tokens,
-                               const contour_fitted_outline *fitted, int32_t *list)
+                               const contour_search_fitted_outline *fitted, int32_t *list)
 {
     cairn_real reach = MAX_DISTANCE_SIGMAS * (cairn_real)DISTANCE_SIGMA * fitted->size;
     cairn_box box = cairn_box_empty();
@@ -64,7 +64,7 @@ static int32_t list_candidates(const cairn_contour_search_tokens *tokens,
 
 /* Mean edge proximity; proximity: of each sample, or NULL. */
 static cairn_real edge_proximity(const cairn_contour_search_tokens *tokens,
-                                 const contour_fitted_outline *fitted, int32_t *list,
+                                 const contour_search_fitted_outline *fitted, int32_t *list,
                                  cairn_real *proximity)
 {
     int32_t count = list_candidates(tokens, fitted, list);
@@ -95,9 +95,9 @@ static int32_t end_of_outline(const int32_t *outline_index, int32_t first, int32
 }
 
 /* Mean of 1 - cos of the angle between the rotated drawing's tangents and those of the outline. */
-static cairn_real tangent_deviation(const contour_fitted_outline *fitted,
+static cairn_real tangent_deviation(const contour_search_fitted_outline *fitted,
                                     const int32_t *outline_index,
-                                    const contour_reference *reference)
+                                    const contour_search_reference *reference)
 {
     const cairn_oriented_point *d = reference->outline;
     cairn_real sum = 0;
@@ -127,7 +127,7 @@ static cairn_real tangent_deviation(const contour_fitted_outline *fitted,
 }
 
 /* Least-squares affine map; 0: singular. */
-static int32_t solve_map(const contour_fitted_outline *fitted,
+static int32_t solve_map(const contour_search_fitted_outline *fitted,
                          const cairn_oriented_point *reference, cairn_real map[2][3])
 {
     cairn_sym3 sums = cairn_sym3_zero();
@@ -147,7 +147,7 @@ static int32_t solve_map(const contour_fitted_outline *fitted,
 }
 
 /* Root mean square residual of the affine map, relative to the mapped area's side. */
-static cairn_real deformation_of(const contour_fitted_outline *fitted,
+static cairn_real deformation_of(const contour_search_fitted_outline *fitted,
                                  const cairn_oriented_point *reference)
 {
     cairn_real map[2][3], sum = 0, area;
@@ -167,11 +167,10 @@ static cairn_real deformation_of(const contour_fitted_outline *fitted,
                     : 1;
 }
 
-cairn_contour_search_shape cairn_contour_search_shape_of(const cairn_contour_search_tokens *tokens,
-                                                         const contour_fitted_outline *fitted,
-                                                         const int32_t *outline_index,
-                                                         const contour_reference *reference,
-                                                         int32_t *list, cairn_real *proximity)
+cairn_contour_search_shape cairn_contour_search_shape_of(
+    const cairn_contour_search_tokens *tokens, const contour_search_fitted_outline *fitted,
+    const int32_t *outline_index, const contour_search_reference *reference, int32_t *list,
+    cairn_real *proximity)
 {
     cairn_contour_search_shape shape;
 

@@ -83,17 +83,17 @@ static cairn_status read_text(file_text *text, const char *path, cairn_file_erro
 /* ---- fields ---- */
 
 enum {
-    NRAYS,
+    FIELD_NRAYS,
     MIN_THETA,
     MAX_THETA,
-    THETA,
-    READINGS,
-    VALID,
-    ODOMETRY,
-    ESTIMATE,
+    FIELD_THETA,
+    FIELD_READINGS,
+    FIELD_VALID,
+    FIELD_ODOMETRY,
+    FIELD_ESTIMATE,
     TRUE_POSE,
-    TIMESTAMP,
-    FIELDS
+    FIELD_TIMESTAMP,
+    FIELD_COUNT
 };
 
 /* The syntax of a field. */
@@ -104,7 +104,7 @@ typedef struct field_rule {
     int32_t truth;    /* 1: true and false are allowed and become 1 and 0 */
 } field_rule;
 
-static const field_rule rules[FIELDS] = {
+static const field_rule rules[FIELD_COUNT] = {
     {"nrays", 1, 0, 0},     {"min_theta", 1, 0, 0}, {"max_theta", 1, 0, 0}, {"theta", 0, 0, 0},
     {"readings", 0, 1, 0},  {"valid", 0, 1, 1},     {"odometry", 0, 1, 0},  {"estimate", 0, 1, 0},
     {"true_pose", 0, 1, 0}, {"timestamp", 2, 0, 0}};
@@ -123,7 +123,7 @@ typedef struct csm_loader {
     const char *path;
     const cairn_csm_scan_params *params;
     cairn_json json;
-    csm_field field[FIELDS];
+    csm_field field[FIELD_COUNT];
     cairn_csm_scan_list *scans;
     int32_t capacity; /* of scans->scan */
     cairn_file_error *error;
@@ -223,13 +223,14 @@ static cairn_status read_object(csm_loader *loader)
     cairn_status status;
     int32_t i;
 
-    for (i = 0; i < FIELDS; i++)
+    for (i = 0; i < FIELD_COUNT; i++)
         loader->field[i].given = 0;
     while ((status = cairn_json_next(&loader->json, &token, loader->error)) == CAIRN_OK &&
            token.kind == CAIRN_JSON_NAME) {
-        for (i = 0; i < FIELDS && !cairn_json_is(&token, rules[i].name); i++)
+        for (i = 0; i < FIELD_COUNT && !cairn_json_is(&token, rules[i].name); i++)
             continue;
-        status = i < FIELDS ? read_field(loader, i) : cairn_json_skip(&loader->json, loader->error);
+        status =
+            i < FIELD_COUNT ? read_field(loader, i) : cairn_json_skip(&loader->json, loader->error);
         if (status != CAIRN_OK)
             break;
     }
@@ -271,27 +272,28 @@ static cairn_status check_object(const csm_loader *loader, int64_t line)
     cairn_status status = CAIRN_OK;
     int32_t i, rays;
 
-    if (!field[NRAYS].given || !field[READINGS].given)
+    if (!field[FIELD_NRAYS].given || !field[FIELD_READINGS].given)
         return cairn_file_error_set(loader->error, CAIRN_BAD_FORMAT, loader->path, line,
                                     "a scan without %s, expected one",
-                                    field[NRAYS].given ? "readings" : "nrays");
-    if (!field[THETA].given && !(field[MIN_THETA].given && field[MAX_THETA].given))
+                                    field[FIELD_NRAYS].given ? "readings" : "nrays");
+    if (!field[FIELD_THETA].given && !(field[MIN_THETA].given && field[MAX_THETA].given))
         return cairn_file_error_set(
             loader->error, CAIRN_BAD_FORMAT, loader->path, line,
             "a scan without directions, expected theta or min_theta and max_theta");
-    if (!(field[NRAYS].value[0] >= 1 && field[NRAYS].value[0] <= CAIRN_CSM_SCAN_MAX_RAYS) ||
-        field[NRAYS].value[0] != floor(field[NRAYS].value[0]))
+    if (!(field[FIELD_NRAYS].value[0] >= 1 &&
+          field[FIELD_NRAYS].value[0] <= CAIRN_CSM_SCAN_MAX_RAYS) ||
+        field[FIELD_NRAYS].value[0] != floor(field[FIELD_NRAYS].value[0]))
         return cairn_file_error_set(loader->error, CAIRN_BAD_FORMAT, loader->path,
-                                    field[NRAYS].line,
+                                    field[FIELD_NRAYS].line,
                                     "nrays is %g, expected a whole number from 1 to %d",
-                                    field[NRAYS].value[0], CAIRN_CSM_SCAN_MAX_RAYS);
-    rays = (int32_t)field[NRAYS].value[0];
-    for (i = THETA; i <= VALID && status == CAIRN_OK; i++)
+                                    field[FIELD_NRAYS].value[0], CAIRN_CSM_SCAN_MAX_RAYS);
+    rays = (int32_t)field[FIELD_NRAYS].value[0];
+    for (i = FIELD_THETA; i <= FIELD_VALID && status == CAIRN_OK; i++)
         status = check_count(loader, i, rays);
-    for (i = ODOMETRY; i <= TRUE_POSE && status == CAIRN_OK; i++)
+    for (i = FIELD_ODOMETRY; i <= TRUE_POSE && status == CAIRN_OK; i++)
         status = check_count(loader, i, 3);
     for (i = MIN_THETA; i <= TRUE_POSE && status == CAIRN_OK; i++)
-        if (i != READINGS && i != VALID)
+        if (i != FIELD_READINGS && i != FIELD_VALID)
             status = check_size(loader, i);
     return status;
 }
@@ -312,13 +314,13 @@ static int32_t read_pose(const csm_field *field, cairn_pose *pose)
 /* Converts the timestamp to nanoseconds. */
 static cairn_status read_stamp(const csm_loader *loader, cairn_csm_scan *scan)
 {
-    const csm_field *field = &loader->field[TIMESTAMP];
+    const csm_field *field = &loader->field[FIELD_TIMESTAMP];
     double seconds, micros;
 
     if (!field->given)
         return CAIRN_OK;
     if (field->is_list && field->count != 2)
-        return check_count(loader, TIMESTAMP, 2);
+        return check_count(loader, FIELD_TIMESTAMP, 2);
     seconds = field->value[0];
     micros = field->is_list ? field->value[1] : 0;
     if (!(fabs(seconds) <= MAX_SECONDS) || !(fabs(micros) <= MAX_SECONDS))
@@ -335,8 +337,8 @@ static cairn_status read_stamp(const csm_loader *loader, cairn_csm_scan *scan)
 /* Returns a heap array of [2 * rays]: ranges in m, then bearings in rad. NULL: out of memory. */
 static float *make_beams(const csm_loader *loader, int32_t rays)
 {
-    const csm_field *reading = &loader->field[READINGS], *theta = &loader->field[THETA],
-                    *valid = &loader->field[VALID];
+    const csm_field *reading = &loader->field[FIELD_READINGS], *theta = &loader->field[FIELD_THETA],
+                    *valid = &loader->field[FIELD_VALID];
     double first = loader->field[MIN_THETA].given ? loader->field[MIN_THETA].value[0] : 0;
     double span = loader->field[MAX_THETA].given ? loader->field[MAX_THETA].value[0] - first : 0;
     float *beam = malloc(2 * (size_t)rays * sizeof *beam);
@@ -382,7 +384,7 @@ static cairn_status add_scan(csm_loader *loader, int64_t line)
         scans->scan = grown;
         loader->capacity = capacity;
     }
-    rays = (int32_t)loader->field[NRAYS].value[0];
+    rays = (int32_t)loader->field[FIELD_NRAYS].value[0];
     beam = make_beams(loader, rays);
     if (beam == NULL)
         return no_memory(loader);
@@ -391,8 +393,8 @@ static cairn_status add_scan(csm_loader *loader, int64_t line)
     scan.scan.count = rays;
     scan.scan.range_max = (float)loader->params->range_max;
     scan.scan.range_sigma = (float)loader->params->range_sigma;
-    scan.has_odometry = read_pose(&loader->field[ODOMETRY], &scan.odometry);
-    scan.has_estimate = read_pose(&loader->field[ESTIMATE], &scan.estimate);
+    scan.has_odometry = read_pose(&loader->field[FIELD_ODOMETRY], &scan.odometry);
+    scan.has_estimate = read_pose(&loader->field[FIELD_ESTIMATE], &scan.estimate);
     scan.has_true_pose = read_pose(&loader->field[TRUE_POSE], &scan.true_pose);
     scans->scan[scans->count++] = scan;
     scans->max_rays = rays > scans->max_rays ? rays : scans->max_rays;
@@ -452,7 +454,7 @@ cairn_status cairn_csm_scan_load(cairn_csm_scan_list *scans, const char *path,
         loader.json = cairn_json_begin(path, text.bytes != NULL ? text.bytes : "", text.count);
         status = read_scans(&loader);
     }
-    for (i = 0; i < FIELDS; i++)
+    for (i = 0; i < FIELD_COUNT; i++)
         free(loader.field[i].value);
     free(text.bytes);
     if (status != CAIRN_OK)

@@ -1,8 +1,8 @@
 /* A streaming JSON tokenizer.
  *
  * Method
- * 1. A finite state machine: the state says which tokens may come next.
- * 2. A stack of one bit for each depth says whether the open container is an object or an array.
+ * 1. A finite state machine: the state determines the permitted next tokens.
+ * 2. A stack of one bit for each depth marks whether the open container is an object or an array.
  *    There is no recursion and no allocation.
  * 3. Strings are validated when they are tokenized, so decoding their escapes cannot fail. */
 #include "src/core/build.h"

@@ -18,8 +18,9 @@ typedef struct cairn_image {
 
 /* Reads a PGM (P2 or P5, of 255 grey levels) or a PNG, detected by their first bytes. Colours are
  * converted to the mean of their channels, 16-bit samples to their upper 8 bits. CAIRN_BAD_FORMAT,
- * CAIRN_TRUNCATED, CAIRN_UNSUPPORTED (a maximum grey level other than 255; a PNG and a build without
- * libpng), CAIRN_FULL (more than CAIRN_IMAGE_MAX_PIXELS), CAIRN_IO, CAIRN_NO_MEMORY. On failure there is nothing to free. */
+ * CAIRN_TRUNCATED, CAIRN_UNSUPPORTED (a maximum grey level other than 255; a PNG and a build
+ * without libpng), CAIRN_FULL (more than CAIRN_IMAGE_MAX_PIXELS), CAIRN_IO, CAIRN_NO_MEMORY. On
+ * failure there is nothing to free. */
 CAIRN_CHECKED cairn_status cairn_image_read(cairn_image *image, const char *path,
                                             cairn_file_error *error);
 
@@ -28,8 +29,8 @@ CAIRN_CHECKED cairn_status cairn_image_read(cairn_image *image, const char *path
 CAIRN_CHECKED cairn_status cairn_image_decode_png(cairn_image *image, FILE *file, const char *path,
                                                   cairn_file_error *error);
 
-/* Checks the size and allocates the pixels; errors name `line` of the file, 0: none. CAIRN_BAD_FORMAT,
- * CAIRN_FULL, CAIRN_NO_MEMORY. */
+/* Checks the size and allocates the pixels; errors name `line` of the file, 0: none.
+ * CAIRN_BAD_FORMAT, CAIRN_FULL, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_image_allocate(cairn_image *image, int64_t width, int64_t height,
                                                 const char *path, int64_t line,
                                                 cairn_file_error *error);

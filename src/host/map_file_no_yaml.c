@@ -1,5 +1,5 @@
-/* Map files without libyaml: reading is refused. It takes the place of map_file_yaml.c where libyaml
- * is missing; maps are written without it. */
+/* Map files without libyaml: reading is refused. It takes the place of map_file_yaml.c where
+ * libyaml is missing; maps are written without it. */
 #include "src/core/build.h"
 
 #include "src/host/map_file_work.h"

@@ -13,15 +13,24 @@
 #include "src/host/map_file_work.h"
 #include "src/host/carmen_log_reader.h"
 
-enum { KEY_IMAGE, KEY_RESOLUTION, KEY_ORIGIN, KEY_NEGATE, KEY_OCCUPIED, KEY_FREE, KEY_MODE, KEYS };
+enum {
+    KEY_IMAGE,
+    KEY_RESOLUTION,
+    KEY_ORIGIN,
+    KEY_NEGATE,
+    KEY_OCCUPIED,
+    KEY_FREE,
+    KEY_MODE,
+    KEY_COUNT
+};
 
-static const char *const key_name[KEYS] = {"image",           "resolution",  "origin", "negate",
-                                           "occupied_thresh", "free_thresh", "mode"};
+static const char *const key_name[KEY_COUNT] = {
+    "image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh", "mode"};
 
 /* The parsed YAML file. */
 typedef struct yaml_view {
     yaml_document_t document;
-    yaml_node_t *value[KEYS]; /* NULL: the key is missing */
+    yaml_node_t *value[KEY_COUNT]; /* NULL: the key is missing */
     const char *path;
     cairn_file_error *error;
 } yaml_view;
@@ -65,7 +74,7 @@ static cairn_status find_keys(yaml_view *view)
                                     "no \"key: value\" lines, expected the description of a map");
     for (pair = root->data.mapping.pairs.start; pair < root->data.mapping.pairs.top; pair++) {
         key = yaml_document_get_node(&view->document, pair->key);
-        for (k = 0; k < KEYS && key->type == YAML_SCALAR_NODE; k++) {
+        for (k = 0; k < KEY_COUNT && key->type == YAML_SCALAR_NODE; k++) {
             if (strcmp(scalar(key), key_name[k]) != 0)
                 continue;
             if (view->value[k] != NULL)

@@ -189,8 +189,8 @@ static int append_segments(const object_detector *detector, cairn_object_detecti
                            cairn_object_detection *detection)
 {
     const cairn_contour_search_tokens *tokens = detector->field->tokens;
-    contour_fitted_outline fitted = {detector->fit.outline, detector->model->outline_count,
-                                     detection->origin, detection->size};
+    contour_search_fitted_outline fitted = {detector->fit.outline, detector->model->outline_count,
+                                            detection->origin, detection->size};
     int32_t *list = realloc(
         found->segments, ((size_t)found->segment_count + (size_t)tokens->count + 1) * sizeof *list);
     cairn_real length = 0;
@@ -227,9 +227,9 @@ static const cairn_oriented_point *model_outline(const object_detector *detector
 static void measure_shape(const object_detector *detector, cairn_object_detection *detection,
                           object_detect_similarity *map)
 {
-    const contour_fitted_outline fitted = {detector->fit.outline, detection->outline_count,
-                                           detection->origin, detection->size};
-    const contour_reference reference = {model_outline(detector, detection), {1, 0}};
+    const contour_search_fitted_outline fitted = {detector->fit.outline, detection->outline_count,
+                                                  detection->origin, detection->size};
+    const contour_search_reference reference = {model_outline(detector, detection), {1, 0}};
     cairn_contour_search_shape shape = cairn_contour_search_shape_of(
         detector->field->tokens, &fitted, detector->fit.outline_index, &reference,
         detector->segment_scratch, detector->sample_scratch);

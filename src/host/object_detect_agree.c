@@ -20,7 +20,7 @@
 static const double sigma_factor[] = {4, 2, 1, 1};
 /* Number of halves of the outline used as starts, besides the whole; and limit of the transform's
  * scale either way. */
-enum { HALVES = 8, ROUNDS = sizeof sigma_factor / sizeof *sigma_factor };
+enum { HALF_STARTS = 8, ROUND_COUNT = sizeof sigma_factor / sizeof *sigma_factor };
 #define MAX_SCALE_RATIO 2
 
 static cairn_vec2 apply_similarity(const object_detect_similarity *map, cairn_vec2 p)
@@ -32,14 +32,14 @@ static cairn_vec2 apply_similarity(const object_detect_similarity *map, cairn_ve
 }
 
 /* Position of a deformed sample relative to the outline's origin, in sizes. */
-static cairn_vec2 normalized_position(const contour_fitted_outline *fitted, int32_t i)
+static cairn_vec2 normalized_position(const contour_search_fitted_outline *fitted, int32_t i)
 {
     return cairn_vec2_scale(cairn_vec2_sub(fitted->outline[i].position, fitted->origin),
                             1 / fitted->size);
 }
 
 /* Weighted least-squares similarity transform; 0: none within MAX_SCALE_RATIO. */
-static int32_t solve_similarity(const contour_fitted_outline *fitted,
+static int32_t solve_similarity(const contour_search_fitted_outline *fitted,
                                 const cairn_oriented_point *reference, const cairn_real *weight,
                                 object_detect_similarity *map)
 {
@@ -77,7 +77,7 @@ static int32_t solve_similarity(const contour_fitted_outline *fitted,
 
 /* Reweights the samples by edge proximity times a Gaussian of their distance from the transformed
  * outline; returns the mean weight. */
-static cairn_real reweight(const contour_fitted_outline *fitted,
+static cairn_real reweight(const contour_search_fitted_outline *fitted,
                            const cairn_oriented_point *reference,
                            const object_detect_similarity *map, cairn_real sigma,
                            const cairn_real *proximity, cairn_real *weight)
@@ -94,22 +94,23 @@ static cairn_real reweight(const contour_fitted_outline *fitted,
     return sum / (cairn_real)fitted->outline_count;
 }
 
-cairn_real cairn_object_detect_rigid_proximity(const contour_fitted_outline *fitted,
+cairn_real cairn_object_detect_rigid_proximity(const contour_search_fitted_outline *fitted,
                                                const cairn_oriented_point *reference,
                                                const cairn_real *proximity, cairn_real *weight,
                                                object_detect_similarity *map)
 {
     cairn_real best = 0;
 
-    for (int32_t half = 0; half <= HALVES; half++) {
-        int32_t count = fitted->outline_count, first = (int32_t)((int64_t)half * count / HALVES),
-                is_whole = half == HALVES;
+    for (int32_t half = 0; half <= HALF_STARTS; half++) {
+        int32_t count = fitted->outline_count,
+                first = (int32_t)((int64_t)half * count / HALF_STARTS),
+                is_whole = half == HALF_STARTS;
         cairn_real share = 0;
         object_detect_similarity fit;
 
         for (int32_t i = 0; i < count; i++)
             weight[i] = is_whole || (i - first + count) % count < count / 2 ? proximity[i] : 0;
-        for (int32_t round = 0; round < ROUNDS; round++) {
+        for (int32_t round = 0; round < ROUND_COUNT; round++) {
             if (!solve_similarity(fitted, reference, weight, &fit)) {
                 share = 0;
                 break;
@@ -126,8 +127,8 @@ cairn_real cairn_object_detect_rigid_proximity(const contour_fitted_outline *fit
 }
 
 void cairn_object_detect_place_outline(const object_detect_similarity *map,
-                                       const cairn_oriented_point *reference, contour_fit *fit,
-                                       cairn_object_detection *detection)
+                                       const cairn_oriented_point *reference,
+                                       contour_search_fit *fit, cairn_object_detection *detection)
 {
     const cairn_vec2 none = {0, 0};
     cairn_vec2 middle = apply_similarity(map, none);

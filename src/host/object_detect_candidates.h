@@ -33,10 +33,10 @@ typedef struct object_detector {
     int32_t variant_count;
     object_detect_peak *peaks;
     int32_t count;
-    contour_field *window;
+    contour_search_field *window;
     int32_t *segment_scratch;   /* [segments] scratch for the current candidate */
     cairn_real *sample_scratch; /* [2 samples] scratch */
-    contour_fit fit;
+    contour_search_fit fit;
     object_detect_hypotheses hypotheses;
     object_detect_groupings groupings;
 } object_detector;

@@ -40,7 +40,7 @@ enum { SPREAD_CELLS = 3, WINDOW_CELLS = 30 };
 #define SIZE_STEP 1.2
 #define MAX_COST  30.0F
 
-enum { BINS = OBJECT_DETECT_BINS, MARGIN = OBJECT_DETECT_MARGIN_CELLS };
+enum { DIRECTION_BINS = OBJECT_DETECT_BINS, MARGIN_CELLS = OBJECT_DETECT_MARGIN_CELLS };
 /* Limits of the params. */
 enum {
     MIN_SIZE_PX = 8,
@@ -53,7 +53,7 @@ enum {
 };
 
 typedef struct plane_buffers {
-    float *cost;  /* [BINS][height][width] */
+    float *cost;  /* [DIRECTION_BINS][height][width] */
     double *sums; /* [(height + 1)][width + 1] summed-area table */
     float *strip; /* scratch: a row or column with its margins */
 } plane_buffers;
@@ -83,9 +83,10 @@ static void enter_segment(const object_detect_plane *plane, cairn_segment line, 
     double angle = atan2((double)(line.b.y - line.a.y), (double)(line.b.x - line.a.x));
     double strong = -log(fmax(MIN_STRENGTH_RATIO, 2 * (double)strength));
 
-    for (int32_t bin = 0; bin < BINS; bin++) {
-        double turn = remainder(angle - (bin + 0.5) * ((double)CAIRN_PI / BINS), (double)CAIRN_PI) /
-                      ANGLE_SIGMA;
+    for (int32_t bin = 0; bin < DIRECTION_BINS; bin++) {
+        double turn =
+            remainder(angle - (bin + 0.5) * ((double)CAIRN_PI / DIRECTION_BINS), (double)CAIRN_PI) /
+            ANGLE_SIGMA;
 
         if (fabs(turn) <= MAX_ANGLE_SIGMAS)
             mark_line(plane, line, &cost[(size_t)bin * (size_t)(plane->width * plane->height)],
@@ -142,7 +143,8 @@ static void compute_llr(const object_detect_plane *plane, const float *likelihoo
     for (int32_t y = 0; y < h; y++) {
         int32_t above = y > WINDOW_CELLS ? y - WINDOW_CELLS : 0,
                 below = y + WINDOW_CELLS < h ? y + WINDOW_CELLS : h;
-        float *row = &llr[(size_t)(y + MARGIN) * cairn_object_detect_row(plane) + MARGIN];
+        float *row =
+            &llr[(size_t)(y + MARGIN_CELLS) * cairn_object_detect_row(plane) + MARGIN_CELLS];
 
         for (int32_t x = 0; x < w; x++) {
             int32_t left = x > WINDOW_CELLS ? x - WINDOW_CELLS : 0,
@@ -166,20 +168,20 @@ static int make_plane(object_detect_plane *plane, const cairn_contour_search_tok
     int32_t w = plane->width, h = plane->height, longest = w > h ? w : h;
     size_t cells = (size_t)w * (size_t)h;
 
-    plane->llr = malloc(BINS * cairn_object_detect_layer(plane) * sizeof *plane->llr);
-    buffers->cost = calloc(BINS * cells, sizeof *buffers->cost);
+    plane->llr = malloc(DIRECTION_BINS * cairn_object_detect_layer(plane) * sizeof *plane->llr);
+    buffers->cost = calloc(DIRECTION_BINS * cells, sizeof *buffers->cost);
     buffers->sums = malloc(((size_t)w + 1) * ((size_t)h + 1) * sizeof *buffers->sums);
     buffers->strip = malloc(((size_t)longest + 2 * SPREAD_CELLS) * sizeof *buffers->strip);
     if (plane->llr == NULL || buffers->cost == NULL || buffers->sums == NULL ||
         buffers->strip == NULL)
         return 0;
-    for (size_t i = 0; i < BINS * cells; i++)
+    for (size_t i = 0; i < DIRECTION_BINS * cells; i++)
         buffers->cost[i] = MAX_COST;
-    for (size_t i = 0; i < BINS * cairn_object_detect_layer(plane); i++)
+    for (size_t i = 0; i < DIRECTION_BINS * cairn_object_detect_layer(plane); i++)
         plane->llr[i] = OUTSIDE_LLR;
     for (int32_t i = 0; i < tokens->count; i++)
         enter_segment(plane, tokens->lines[i], tokens->strength_rank[i], buffers->cost);
-    for (int32_t bin = 0; bin < BINS; bin++) {
+    for (int32_t bin = 0; bin < DIRECTION_BINS; bin++) {
         float *cost = &buffers->cost[(size_t)bin * cells];
 
         for (int32_t y = 0; y < h; y++)

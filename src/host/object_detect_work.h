@@ -10,7 +10,7 @@
 /* Direction bins over half a turn; cells per object size; margin around the image, cells, without
  * known edges; greatest number of sizes; greatest number of cells along an image's side. */
 enum {
-    OBJECT_DETECT_BINS = CONTOUR_FIELD_BINS,
+    OBJECT_DETECT_BINS = CONTOUR_SEARCH_FIELD_BINS,
     OBJECT_DETECT_CELLS_PER_SIZE = 40,
     OBJECT_DETECT_MARGIN_CELLS = 28,
     OBJECT_DETECT_MAX_PLANES = 42,
@@ -133,7 +133,7 @@ typedef struct object_detect_similarity {
  * each sample; weight: [outline_count] scratch. map: the transform with the greatest agreement,
  * relative to the outline's origin and in its sizes, set when the result is > 0. Cost: about 40
  * passes over the samples. */
-cairn_real cairn_object_detect_rigid_proximity(const contour_fitted_outline *fitted,
+cairn_real cairn_object_detect_rigid_proximity(const contour_search_fitted_outline *fitted,
                                                const cairn_oriented_point *drawn,
                                                const cairn_real *near, cairn_real *weight,
                                                object_detect_similarity *map);
@@ -141,7 +141,7 @@ cairn_real cairn_object_detect_rigid_proximity(const contour_fitted_outline *fit
 /* Replaces the deformed outline by the original outline at the transform; updates the detection's
  * origin and size. */
 void cairn_object_detect_place_outline(const object_detect_similarity *map,
-                                       const cairn_oriented_point *drawn, contour_fit *fit,
+                                       const cairn_oriented_point *drawn, contour_search_fit *fit,
                                        cairn_object_detection *detection);
 
 /* Finds hypotheses by parts. CAIRN_NO_MEMORY; CAIRN_EMPTY: an outline of zero length. On failure

@@ -6,9 +6,9 @@
 #include "src/host/report_text.h"
 
 /* Side of a panel, margin and height of the title, in SVG units. */
-#define PANEL  560.0
-#define MARGIN 24.0
-#define TOP    72.0
+#define PANEL_SIDE_PX   560.0
+#define MARGIN_PX       24.0
+#define TITLE_HEIGHT_PX 72.0
 
 /* Transformation from the map to a panel. */
 typedef struct panel_view {
@@ -62,11 +62,12 @@ static void print_links(cairn_output *output, const cairn_pose_graph_file *file,
 
         if (solution->outlier[e] != dropped)
             continue;
-        cairn_output_print(output, "M%.1f %.1fL%.1f %.1f",
-                           panel->left + PANEL / 2 + ((double)a.x - panel->x) * panel->scale,
-                           TOP + PANEL / 2 - ((double)a.y - panel->y) * panel->scale,
-                           panel->left + PANEL / 2 + ((double)b.x - panel->x) * panel->scale,
-                           TOP + PANEL / 2 - ((double)b.y - panel->y) * panel->scale);
+        cairn_output_print(
+            output, "M%.1f %.1fL%.1f %.1f",
+            panel->left + PANEL_SIDE_PX / 2 + ((double)a.x - panel->x) * panel->scale,
+            TITLE_HEIGHT_PX + PANEL_SIDE_PX / 2 - ((double)a.y - panel->y) * panel->scale,
+            panel->left + PANEL_SIDE_PX / 2 + ((double)b.x - panel->x) * panel->scale,
+            TITLE_HEIGHT_PX + PANEL_SIDE_PX / 2 - ((double)b.y - panel->y) * panel->scale);
     }
     cairn_output_print(output, "\"/>\n");
 }
@@ -76,8 +77,10 @@ cairn_status cairn_pose_graph_file_draw(const char *path, const cairn_pose_graph
                                         const char *title, cairn_file_error *error)
 {
     bounding_box panel_bounds[2] = {find_bounds(file, solution, 0), find_bounds(file, solution, 1)};
-    double scale = (PANEL - MARGIN) / fmax(side_of(panel_bounds[0]), side_of(panel_bounds[1]));
-    double width = 2 * PANEL + 3 * MARGIN, height = PANEL + TOP + MARGIN;
+    double scale =
+        (PANEL_SIDE_PX - MARGIN_PX) / fmax(side_of(panel_bounds[0]), side_of(panel_bounds[1]));
+    double width = 2 * PANEL_SIDE_PX + 3 * MARGIN_PX,
+           height = PANEL_SIDE_PX + TITLE_HEIGHT_PX + MARGIN_PX;
     cairn_output *output;
     cairn_status status = cairn_output_open(&output, path, error);
 
@@ -91,12 +94,12 @@ cairn_status cairn_pose_graph_file_draw(const char *path, const cairn_pose_graph
         "<style>.kept{fill:none;stroke:#555;stroke-width:.8}.dropped{fill:none;stroke:#d22;"
         "stroke-width:.6;stroke-opacity:.6}</style>\n<rect width=\"100%%\" height=\"100%%\" "
         "fill=\"#fff\"/>\n<text x=\"%.0f\" y=\"26\" font-size=\"17\">",
-        width, height, width, height, MARGIN);
+        width, height, width, height, MARGIN_PX);
     cairn_report_print_escaped(output, title);
     cairn_output_print(output, "</text>\n");
     for (int after = 0; after < 2; after++) {
         bounding_box bounds = panel_bounds[after];
-        panel_view panel = {MARGIN + after * (PANEL + MARGIN), scale,
+        panel_view panel = {MARGIN_PX + after * (PANEL_SIDE_PX + MARGIN_PX), scale,
                             (bounds.min_x + bounds.max_x) / 2, (bounds.min_y + bounds.max_y) / 2};
 
         cairn_output_print(output, "<text x=\"%.0f\" y=\"54\">%s: &#967;&#178; %.6g", panel.left,

@@ -20,15 +20,21 @@ enum {
     COLUMN_FIRST_COVARIANCE
 };
 /* MAX_COLUMNS: columns of a table that is read, unknown ones included. */
-enum { COLUMN_SUPPORT = 12, COLUMN_VERDICT = 13, COLUMNS = 14, MAX_COLUMNS = 64, COVARIANCES = 6 };
+enum {
+    COLUMN_SUPPORT = 12,
+    COLUMN_VERDICT = 13,
+    COLUMN_COUNT = 14,
+    MAX_COLUMNS = 64,
+    COVARIANCE_COUNT = 6
+};
 
-static const char *const column_name[COLUMNS] = {
+static const char *const column_name[COLUMN_COUNT] = {
     "index", "line",      "time",   "x",          "y",          "theta",   "var_x",
     "var_y", "var_theta", "cov_xy", "cov_xtheta", "cov_ytheta", "support", "verdict"};
 
 /* Covariance element of each covariance column, and its symmetric counterpart. */
-static const int covariance_element[COVARIANCES] = {0, 4, 8, 1, 2, 5};
-static const int covariance_mirror[COVARIANCES] = {0, 4, 8, 3, 6, 7};
+static const int covariance_element[COVARIANCE_COUNT] = {0, 4, 8, 1, 2, 5};
+static const int covariance_mirror[COVARIANCE_COUNT] = {0, 4, 8, 3, 6, 7};
 
 cairn_pose_table_row cairn_pose_table_row_of(int64_t index, cairn_pose pose)
 {
@@ -57,7 +63,7 @@ static cairn_status check_row(const char *path, const cairn_pose_table_row *row,
     int infinite = is_infinite(row->support), i;
     const char *c;
 
-    for (i = 0; i < COVARIANCES; i++)
+    for (i = 0; i < COVARIANCE_COUNT; i++)
         infinite |= is_infinite(row->covariance[covariance_element[i]]);
     if (infinite || !cairn_pose_is_finite(row->pose))
         return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, number,
@@ -97,7 +103,7 @@ static void print_row(cairn_output *output, const cairn_pose_table_row *row)
     print_optional(output, row->pose.x);
     print_optional(output, row->pose.y);
     print_optional(output, row->pose.theta);
-    for (i = 0; i < COVARIANCES; i++)
+    for (i = 0; i < COVARIANCE_COUNT; i++)
         print_optional(output, row->covariance[covariance_element[i]]);
     print_optional(output, row->support);
     cairn_output_print(output, ",%s\n", row->verdict);
@@ -118,7 +124,7 @@ cairn_status cairn_pose_table_write(const char *path, const cairn_pose_table_row
     status = cairn_output_open(&output, path, error);
     if (status != CAIRN_OK)
         return status;
-    for (i = 0; i < COLUMNS; i++)
+    for (i = 0; i < COLUMN_COUNT; i++)
         cairn_output_print(output, "%s%s", i > 0 ? "," : "", column_name[i]);
     cairn_output_print(output, "\n");
     for (i = 0; i < count; i++)
@@ -169,7 +175,7 @@ typedef struct table_reader {
 static cairn_status read_header(table_reader *reader, const char *line, size_t length)
 {
     int64_t number = cairn_line_reader_number(reader->lines);
-    int32_t seen[COLUMNS] = {0}, i, k;
+    int32_t seen[COLUMN_COUNT] = {0}, i, k;
     char shown[CAIRN_TOKEN_TEXT_BYTES];
     csv_field fields[MAX_COLUMNS + 1];
 
@@ -180,7 +186,7 @@ static cairn_status read_header(table_reader *reader, const char *line, size_t l
                                     MAX_COLUMNS);
     for (i = 0; i < reader->columns; i++) {
         reader->column[i] = -1;
-        for (k = 0; k < COLUMNS; k++)
+        for (k = 0; k < COLUMN_COUNT; k++)
             if (fields[i].length == strlen(column_name[k]) &&
                 memcmp(fields[i].text, column_name[k], fields[i].length) == 0)
                 reader->column[i] = k;
@@ -189,7 +195,7 @@ static cairn_status read_header(table_reader *reader, const char *line, size_t l
                                         "column %s is there twice, expected it once",
                                         cairn_token_text(shown, fields[i].text, fields[i].length));
     }
-    for (k = 0; k < COLUMNS; k++)
+    for (k = 0; k < COLUMN_COUNT; k++)
         if (!seen[k] && (k == COLUMN_INDEX || k == COLUMN_X || k == COLUMN_Y || k == COLUMN_THETA))
             return cairn_file_error_set(
                 reader->error, CAIRN_BAD_FORMAT, reader->path, number,
@@ -294,7 +300,7 @@ static cairn_status read_row(const table_reader *reader, const char *line, size_
         if (status != CAIRN_OK)
             return status;
     }
-    for (i = 0; i < COVARIANCES; i++)
+    for (i = 0; i < COVARIANCE_COUNT; i++)
         row->covariance[covariance_mirror[i]] = row->covariance[covariance_element[i]];
     return CAIRN_OK;
 }

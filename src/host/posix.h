@@ -1,5 +1,5 @@
-/* posix: the POSIX functions that files, folders and plug-ins need, on POSIX systems and on Windows.
- * Internal to the host library and the tools.
+/* posix: the POSIX functions that files, folders and plug-ins need, on POSIX systems and on
+ * Windows. Internal to the host library and the tools.
  *
  * Elsewhere than on Windows this header includes those of the system. On Windows it adds what the
  * C library there (mingw-w64) lacks, or does otherwise.

@@ -25,7 +25,7 @@ enum { URG_FIELDS = 707, URG_FIRST = 25, URG_MIDDLE = 341, PROBED_LINES = 100 };
 
 /* Degrees between beams, m, m, s of one rotation, m, rad of a degree. */
 static const double URG_STEP_DEGREES = 360.0 / 1024, URG_RANGE_MIN = 0.02, URG_RANGE_MAX = 5.6,
-                    URG_ROTATION_S = 0.1, CSV_RANGE_MAX = 80, RADIANS = 0.017453292519943295;
+                    URG_ROTATION_S = 0.1, CSV_RANGE_MAX = 80, RAD_PER_DEG = 0.017453292519943295;
 /* The robot of these logs: metres that a wheel rolls in a tick, wheel separation in m, distance of
  * the scanner in front of the axle in m. */
 static const double URG_METRES_PER_TICK = 2 * 3.141592653589793 * 0.077 / 2000,
@@ -35,8 +35,18 @@ static const int64_t URG_LATENCY_NS = 170000000;
 /* Period of scans without time. */
 static const int64_t SCAN_PERIOD_NS = 100000000;
 
-/* The content of a column. A CSV header can name the columns before NAMED, and bearings. */
-enum { TIME, X, Y, THETA, NAMED, LEFT = NAMED, RIGHT, BEARING, IGNORED };
+/* The content of a column. A CSV header can name the columns before CONTENT_NAMED, and bearings. */
+enum {
+    CONTENT_TIME,
+    CONTENT_X,
+    CONTENT_Y,
+    CONTENT_THETA,
+    CONTENT_NAMED,
+    CONTENT_LEFT = CONTENT_NAMED,
+    CONTENT_RIGHT,
+    CONTENT_BEARING,
+    CONTENT_IGNORED
+};
 
 /* Columns, and the line being read. */
 typedef struct range_table {
@@ -124,12 +134,12 @@ static int has_content(const char *line, size_t length)
  * unknown. */
 static int32_t find_column(const char *name, size_t length, double *degrees)
 {
-    static const char *const names[NAMED] = {"time", "x", "y", "theta"};
+    static const char *const names[CONTENT_NAMED] = {"time", "x", "y", "theta"};
 
-    for (int32_t k = 0; k < NAMED; k++)
+    for (int32_t k = 0; k < CONTENT_NAMED; k++)
         if (strlen(names[k]) == length && memcmp(names[k], name, length) == 0)
             return k;
-    return cairn_number_read(name, length, degrees) && fabs(*degrees) <= 360 ? BEARING : -1;
+    return cairn_number_read(name, length, degrees) && fabs(*degrees) <= 360 ? CONTENT_BEARING : -1;
 }
 
 /* Returns 1 when a line can be a CSV header. */
@@ -146,7 +156,7 @@ static int is_header(const char *line, size_t length)
         if (column < 0)
             return 0;
         fields++;
-        bearings += column == BEARING;
+        bearings += column == CONTENT_BEARING;
     }
     return bearings > 0 && fields > 1;
 }
@@ -168,7 +178,7 @@ static cairn_status read_header(range_loader *loader, const char *line, size_t l
     int64_t number = cairn_line_reader_number(loader->reader);
     range_table *table = &loader->table;
     const char *at = line, *cell;
-    int32_t seen[NAMED] = {0}, fields = 1;
+    int32_t seen[CONTENT_NAMED] = {0}, fields = 1;
     size_t n;
 
     for (size_t i = 0; i < length; i++)
@@ -180,24 +190,24 @@ static cairn_status read_header(range_loader *loader, const char *line, size_t l
         double degrees = 0;
         int32_t column = find_column(cell, n, &degrees);
 
-        if (column < 0 || (column < NAMED && seen[column]++ > 0))
+        if (column < 0 || (column < CONTENT_NAMED && seen[column]++ > 0))
             return cairn_file_error_set(
                 error, CAIRN_BAD_FORMAT, loader->path, number,
                 "column %s, expected time, x, y, theta, each once, or a bearing in degrees",
                 cairn_token_text(text, cell, n));
         table->column[i] = column;
-        if (column == BEARING)
-            table->bearing[table->beams++] = (float)(degrees * RADIANS);
+        if (column == CONTENT_BEARING)
+            table->bearing[table->beams++] = (float)(degrees * RAD_PER_DEG);
     }
-    if (seen[X] + seen[Y] + seen[THETA] != 3 * seen[X])
+    if (seen[CONTENT_X] + seen[CONTENT_Y] + seen[CONTENT_THETA] != 3 * seen[CONTENT_X])
         return cairn_file_error_set(error, CAIRN_BAD_FORMAT, loader->path, number,
                                     "only some of x, y and theta, expected all");
     if (table->beams == 0 || table->beams > CAIRN_CARMEN_LOG_MAX_BEAMS)
         return cairn_file_error_set(error, CAIRN_BAD_FORMAT, loader->path, number,
                                     "%d bearings, expected 1 to %d", table->beams,
                                     CAIRN_CARMEN_LOG_MAX_BEAMS);
-    table->has_time = seen[TIME];
-    table->has_odometry = seen[X];
+    table->has_time = seen[CONTENT_TIME];
+    table->has_odometry = seen[CONTENT_X];
     table->time_unit = 1e9;
     table->range_unit = 1;
     return CAIRN_OK;
@@ -211,14 +221,14 @@ static cairn_status set_urg_layout(range_loader *loader, cairn_file_error *error
     if (!make_table(table, URG_FIELDS))
         return cairn_file_error_system(error, loader->path, "read", ENOMEM);
     for (int32_t i = 0; i < URG_FIELDS; i++)
-        table->column[i] = IGNORED;
-    table->column[0] = TIME;
-    table->column[2] = LEFT;
-    table->column[3] = RIGHT;
+        table->column[i] = CONTENT_IGNORED;
+    table->column[0] = CONTENT_TIME;
+    table->column[2] = CONTENT_LEFT;
+    table->column[3] = CONTENT_RIGHT;
     for (int32_t i = URG_FIRST; i < URG_FIELDS; i++) {
-        table->column[i] = BEARING;
+        table->column[i] = CONTENT_BEARING;
         table->bearing[table->beams] =
-            (float)((table->beams - URG_MIDDLE) * URG_STEP_DEGREES * RADIANS);
+            (float)((table->beams - URG_MIDDLE) * URG_STEP_DEGREES * RAD_PER_DEG);
         table->beams++;
     }
     table->has_time = 1;
@@ -240,11 +250,12 @@ static const char *read_values(range_table *table, const char *line, size_t leng
         if (count == table->fields)
             return "too many fields";
         table->value[count] = 0;
-        if (table->column[count] == IGNORED || (n == 0 && table->column[count] == BEARING))
+        if (table->column[count] == CONTENT_IGNORED ||
+            (n == 0 && table->column[count] == CONTENT_BEARING))
             continue;
         if (!cairn_number_read(field, n, &table->value[count]))
             return "a field is not a number";
-        if (table->column[count] < BEARING && !(fabs(table->value[count]) <= 1e15))
+        if (table->column[count] < CONTENT_BEARING && !(fabs(table->value[count]) <= 1e15))
             return "a time, pose or tick that is not finite";
     }
     return count < table->fields ? "too few fields" : NULL;
@@ -297,20 +308,21 @@ static void update_summary(cairn_carmen_log_summary *info, const cairn_carmen_lo
  * (midpoint rule). The pose is accumulated in double. */
 static void integrate_ticks(range_table *table, double *named)
 {
-    double left = named[LEFT] - table->last_ticks[0], right = named[RIGHT] - table->last_ticks[1];
+    double left = named[CONTENT_LEFT] - table->last_ticks[0],
+           right = named[CONTENT_RIGHT] - table->last_ticks[1];
     double distance = URG_METRES_PER_TICK * (left + right) / 2,
            rotation = URG_METRES_PER_TICK * (right - left) / URG_WHEEL_SEPARATION_M;
 
-    table->last_ticks[0] = named[LEFT];
-    table->last_ticks[1] = named[RIGHT];
+    table->last_ticks[0] = named[CONTENT_LEFT];
+    table->last_ticks[1] = named[CONTENT_RIGHT];
     if (table->has_last_ticks) {
         table->odometry[0] += distance * cos(table->odometry[2] + rotation / 2);
         table->odometry[1] += distance * sin(table->odometry[2] + rotation / 2);
-        table->odometry[2] = remainder(table->odometry[2] + rotation, 360 * RADIANS);
+        table->odometry[2] = remainder(table->odometry[2] + rotation, 360 * RAD_PER_DEG);
         table->has_odometry |= left != 0 || right != 0;
     }
     table->has_last_ticks = 1;
-    memcpy(&named[X], table->odometry, sizeof table->odometry);
+    memcpy(&named[CONTENT_X], table->odometry, sizeof table->odometry);
 }
 
 /* Appends the values of the current line as a scan. */
@@ -320,7 +332,7 @@ static cairn_status append_scan(range_loader *loader, cairn_file_error *error)
     const range_table *table = &loader->table;
     cairn_carmen_log_record *record;
     float *range;
-    double named[BEARING] = {0};
+    double named[CONTENT_BEARING] = {0};
 
     if (!reserve_scan(loader))
         return cairn_file_error_system(error, loader->path, "read", ENOMEM);
@@ -330,9 +342,9 @@ static cairn_status append_scan(range_loader *loader, cairn_file_error *error)
     for (int32_t i = 0, beam = 0; i < table->fields; i++) {
         double value = table->value[i];
 
-        if (table->column[i] < BEARING)
+        if (table->column[i] < CONTENT_BEARING)
             named[table->column[i]] = value;
-        else if (table->column[i] == BEARING)
+        else if (table->column[i] == CONTENT_BEARING)
             range[beam++] = value >= scans->info.range_max / table->range_unit
                                 ? INFINITY
                                 : (float)(value * table->range_unit);
@@ -340,13 +352,13 @@ static cairn_status append_scan(range_loader *loader, cairn_file_error *error)
     record->kind = CAIRN_CARMEN_LOG_SCAN;
     record->count = table->beams;
     record->line = cairn_line_reader_number(loader->reader);
-    record->stamp_ns = table->has_time ? (int64_t)llround(named[TIME] * table->time_unit)
+    record->stamp_ns = table->has_time ? (int64_t)llround(named[CONTENT_TIME] * table->time_unit)
                                        : scans->count * SCAN_PERIOD_NS;
     if (table->kind == CAIRN_RANGE_TABLE_URG)
         integrate_ticks(&loader->table, named);
-    record->robot.x = (cairn_real)named[X];
-    record->robot.y = (cairn_real)named[Y];
-    record->robot.theta = cairn_wrap_angle((cairn_real)named[THETA]);
+    record->robot.x = (cairn_real)named[CONTENT_X];
+    record->robot.y = (cairn_real)named[CONTENT_Y];
+    record->robot.theta = cairn_wrap_angle((cairn_real)named[CONTENT_THETA]);
     record->laser = cairn_pose_compose(record->robot, scans->info.base_sensor);
     update_summary(&scans->info, record, scans->count > 0 ? record - 1 : NULL);
     scans->count++;

@@ -8,16 +8,16 @@
 #include "src/host/report_text.h"
 
 /* Largest accepted magnitude of a coordinate. Lengths below are in px. */
-#define MAX_COORDINATE CAIRN_REAL(1e9)
-#define GAP            20.0
-#define PAD            16.0 /* between a frame and its content */
-#define AXIS_LEFT      62.0 /* space for the tick labels and the axis label */
-#define AXIS_BOTTOM    46.0
-#define LEGEND_HEIGHT  44.0
-#define MIN_EXTENT     1e-6 /* smallest displayed range of an axis, in its units */
-#define BAR_PIXELS     120.0
-#define TICK_PIXELS    70.0
-#define TEXT_SMALL     "font-size=\"12\" fill=\"#475569\""
+#define MAX_COORDINATE   CAIRN_REAL(1e9)
+#define PANEL_GAP_PX     20.0
+#define FRAME_PADDING_PX 16.0 /* between a frame and its content */
+#define AXIS_LEFT        62.0 /* space for the tick labels and the axis label */
+#define AXIS_BOTTOM      46.0
+#define LEGEND_HEIGHT    44.0
+#define MIN_EXTENT       1e-6 /* smallest displayed range of an axis, in its units */
+#define BAR_PIXELS       120.0
+#define TICK_PIXELS      70.0
+#define TEXT_SMALL       "font-size=\"12\" fill=\"#475569\""
 
 cairn_report_figure cairn_report_figure_default(void)
 {
@@ -173,10 +173,10 @@ static plot_view view_of(const cairn_report_plot *plot, double left, double top,
     view.frame_top = top;
     view.frame_width = width;
     view.frame_height = height;
-    view.left = left + (map ? PAD : AXIS_LEFT);
-    view.width = width - (map ? 2 * PAD : AXIS_LEFT + PAD);
-    view.height = height - (map ? 2 * PAD : AXIS_BOTTOM + PAD);
-    view.bottom = top + height - (map ? PAD : AXIS_BOTTOM);
+    view.left = left + (map ? FRAME_PADDING_PX : AXIS_LEFT);
+    view.width = width - (map ? 2 * FRAME_PADDING_PX : AXIS_LEFT + FRAME_PADDING_PX);
+    view.height = height - (map ? 2 * FRAME_PADDING_PX : AXIS_BOTTOM + FRAME_PADDING_PX);
+    view.bottom = top + height - (map ? FRAME_PADDING_PX : AXIS_BOTTOM);
     set_range(&view, box_of(plot), map);
     wide = view.max_x - view.min_x;
     high = view.max_y - view.min_y;
@@ -387,7 +387,7 @@ cairn_status cairn_report_figure_write(const char *path, const cairn_report_figu
         titles |= figure->plot[i].title != NULL || figure->plot[i].note != NULL;
         maps += is_map(&figure->plot[i]);
     }
-    width = (figure->width - 2 * CAIRN_REPORT_MARGIN - GAP * (figure->plot_count - 1)) /
+    width = (figure->width - 2 * CAIRN_REPORT_MARGIN - PANEL_GAP_PX * (figure->plot_count - 1)) /
             figure->plot_count;
     height = width * (maps > 0 && figure->plot_count > 1 ? 1.0
                       : maps > 0                         ? 0.75
@@ -397,8 +397,8 @@ cairn_status cairn_report_figure_write(const char *path, const cairn_report_figu
     cairn_report_print_head(output, figure->width, head + height + LEGEND_HEIGHT, figure->title,
                             figure->subtitle);
     for (i = 0; i < figure->plot_count; i++) {
-        plot_view view =
-            view_of(&figure->plot[i], CAIRN_REPORT_MARGIN + i * (width + GAP), head, width, height);
+        plot_view view = view_of(&figure->plot[i], CAIRN_REPORT_MARGIN + i * (width + PANEL_GAP_PX),
+                                 head, width, height);
 
         draw_plot(output, &view, &figure->plot[i], (int)i);
     }

@@ -12,10 +12,10 @@
 #include "src/host/report_layout.h"
 
 /* px between panels. */
-#define GAP         20.0
-#define PAD         18.0 /* px between a frame and its box */
-#define MAX_SAMPLES 200000
-#define MIN_BOX_M   1.0 /* minimum side of a box */
+#define PANEL_GAP_PX     20.0
+#define FRAME_PADDING_PX 18.0 /* px between a frame and its box */
+#define MAX_SAMPLES      200000
+#define MIN_BOX_M        1.0 /* minimum side of a box */
 
 /* ---- Validation ---- */
 
@@ -209,12 +209,13 @@ cairn_status cairn_report_compute_layout(const cairn_report_map *map, cairn_repo
     }
     layout->head = cairn_report_head_height(map->title, map->subtitle);
     layout->top = layout->head + (titles ? 26 : 0);
-    layout->width =
-        (map->width - 2 * CAIRN_REPORT_MARGIN - GAP * (map->panel_count - 1)) / map->panel_count;
+    layout->width = (map->width - 2 * CAIRN_REPORT_MARGIN - PANEL_GAP_PX * (map->panel_count - 1)) /
+                    map->panel_count;
     min_height = 0.3 * layout->width;
     max_height = 1.25 * layout->width;
-    layout->scale = fmin((layout->width - 2 * PAD) / wide, (max_height - 2 * PAD) / high);
-    layout->height = fmax(min_height, high * layout->scale + 2 * PAD);
+    layout->scale = fmin((layout->width - 2 * FRAME_PADDING_PX) / wide,
+                         (max_height - 2 * FRAME_PADDING_PX) / high);
+    layout->height = fmax(min_height, high * layout->scale + 2 * FRAME_PADDING_PX);
     return CAIRN_OK;
 }
 
@@ -228,7 +229,7 @@ cairn_report_view cairn_report_view_of(const cairn_report_layout *layout, int32_
     view.scale = layout->scale;
     view.width = layout->width;
     view.height = layout->height;
-    view.frame_left = CAIRN_REPORT_MARGIN + index * (layout->width + GAP);
+    view.frame_left = CAIRN_REPORT_MARGIN + index * (layout->width + PANEL_GAP_PX);
     view.frame_top = layout->top;
     /* The box is centred in its frame. */
     view.left =

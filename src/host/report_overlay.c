@@ -8,7 +8,7 @@
 #include "src/host/map_file_image.h"
 #include "src/host/report_overlay.h"
 
-#define PICTURE 1000.0 /* px, the longer side of the image */
+#define PICTURE_SIDE_PX 1000.0 /* px, the longer side of the image */
 /* px, height of the legend */
 #define LEGEND_HEIGHT 50.0
 
@@ -33,7 +33,7 @@ static cairn_status print_image(cairn_output *output, const cairn_report_overlay
 
 double cairn_report_overlay_scale(const cairn_report_overlay *overlay)
 {
-    return PICTURE / fmax(overlay->width, overlay->height);
+    return PICTURE_SIDE_PX / fmax(overlay->width, overlay->height);
 }
 
 static double head_of(const cairn_report_overlay *overlay)

@@ -5,7 +5,7 @@
 #include "src/host/report_text.h"
 #include "src/host/utf8.h"
 
-#define FONT "system-ui,-apple-system,'Segoe UI',Roboto,Helvetica,Arial,sans-serif"
+#define FONT_FAMILY "system-ui,-apple-system,'Segoe UI',Roboto,Helvetica,Arial,sans-serif"
 
 void cairn_report_print_escaped(cairn_output *output, const char *text)
 {
@@ -71,7 +71,7 @@ void cairn_report_print_head(cairn_output *output, double width, double height, 
     cairn_output_print(output,
                        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%.0f\" height=\"%.0f\" "
                        "viewBox=\"0 0 %.0f "
-                       "%.0f\" font-family=\"" FONT "\">\n<title>",
+                       "%.0f\" font-family=\"" FONT_FAMILY "\">\n<title>",
                        width, height, width, height);
     cairn_report_print_escaped(output, title != NULL ? title : "Map");
     cairn_output_print(

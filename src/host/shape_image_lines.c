@@ -1,4 +1,5 @@
-/* Gap bridging in line drawings, and boundary tracing of regions. */
+/* Gap bridging in line drawings, and boundary tracing of regions. shape_image.c describes the
+ * method. */
 #include "src/core/build.h"
 
 #include <errno.h>

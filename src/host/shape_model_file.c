@@ -11,10 +11,10 @@
 #include "src/host/carmen_log_reader.h"
 
 /* First word of a model file. */
-#define SIGNATURE "cairn-shape"
+#define FILE_SIGNATURE "cairn-shape"
 
 /* Numbers of a line of the outline, of a path, and of any line. */
-enum { VERSION = 1, OUTLINE_NUMBERS = 4, SAMPLE_NUMBERS = 14, MAX_NUMBERS = 16 };
+enum { FORMAT_VERSION = 1, OUTLINE_NUMBERS = 4, SAMPLE_NUMBERS = 14, MAX_NUMBERS = 16 };
 
 void cairn_shape_model_file_free(cairn_shape_model_file *file)
 {
@@ -238,12 +238,12 @@ static cairn_oriented_point point_of(const double *number)
 /* Reads the version, the size and the origin. */
 static cairn_status read_header(shape_reader *reader, cairn_shape_model *model)
 {
-    cairn_status status =
-        next_named(reader, SIGNATURE, 1, "\"" SIGNATURE " 1\", the header of a shape model");
+    cairn_status status = next_named(reader, FILE_SIGNATURE, 1,
+                                     "\"" FILE_SIGNATURE " 1\", the header of a shape model");
 
-    if (status == CAIRN_OK && !(reader->number[0] == VERSION))
+    if (status == CAIRN_OK && !(reader->number[0] == FORMAT_VERSION))
         return cairn_file_error_set(reader->error, CAIRN_UNSUPPORTED, reader->path, line_of(reader),
-                                    "version %g, expected %d", reader->number[0], VERSION);
+                                    "version %g, expected %d", reader->number[0], FORMAT_VERSION);
     if (status == CAIRN_OK)
         status = next_named(reader, "size", 1, "\"size\" and a number");
     model->size = (cairn_real)reader->number[0];
@@ -416,7 +416,7 @@ int32_t cairn_shape_model_file_is(const char *path)
     if (cairn_line_reader_open(&reader.lines, path, NULL) != CAIRN_OK)
         return 0;
     if (next_line(&reader, 1) == CAIRN_OK)
-        is_model = is_word(&reader, SIGNATURE);
+        is_model = is_word(&reader, FILE_SIGNATURE);
     cairn_line_reader_close(reader.lines);
     return is_model;
 }
@@ -453,7 +453,7 @@ static void print_sample(cairn_output *output, const cairn_shape_model_sample *s
 
 static void print_model(cairn_output *output, const cairn_shape_model *model)
 {
-    cairn_output_print(output, SIGNATURE " %d\nsize ", VERSION);
+    cairn_output_print(output, FILE_SIGNATURE " %d\nsize ", FORMAT_VERSION);
     print_number(output, model->size, "\norigin ");
     print_number(output, model->origin.x, " ");
     print_number(output, model->origin.y, "\n");

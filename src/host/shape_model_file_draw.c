@@ -7,7 +7,7 @@
 #include "cairn/shape_model_file.h"
 #include "src/host/report_text.h"
 
-#define SCALE 760.0 /* px: the model's size */
+#define MODEL_SIZE_PX 760.0 /* px: the model's size */
 /* px: height of the legend. */
 #define LEGEND_HEIGHT 54.0
 /* Samples farther apart than this multiple of the mean spacing belong to different outlines. */
@@ -20,12 +20,12 @@ typedef struct model_view {
 
 static double x_of(const model_view *origin, cairn_vec2 point)
 {
-    return origin->left + SCALE * (double)point.x;
+    return origin->left + MODEL_SIZE_PX * (double)point.x;
 }
 
 static double y_of(const model_view *origin, cairn_vec2 point)
 {
-    return origin->top + SCALE * (double)point.y;
+    return origin->top + MODEL_SIZE_PX * (double)point.y;
 }
 
 /* Returns the bounding box of a model. */
@@ -122,11 +122,11 @@ cairn_status cairn_shape_model_file_draw(const cairn_shape_model *model, const c
                    (int)model->path_count, (int)model->sample_count, (int)model->outline_count);
     box = box_of(model);
     head = cairn_report_head_height(title, subtitle);
-    origin.left = CAIRN_REPORT_MARGIN - SCALE * (double)box.min.x;
-    origin.top = head + CAIRN_REPORT_MARGIN - SCALE * (double)box.min.y;
-    width = fmax(800, 2 * CAIRN_REPORT_MARGIN + SCALE * (double)(box.max.x - box.min.x));
-    height =
-        head + 2 * CAIRN_REPORT_MARGIN + SCALE * (double)(box.max.y - box.min.y) + LEGEND_HEIGHT;
+    origin.left = CAIRN_REPORT_MARGIN - MODEL_SIZE_PX * (double)box.min.x;
+    origin.top = head + CAIRN_REPORT_MARGIN - MODEL_SIZE_PX * (double)box.min.y;
+    width = fmax(800, 2 * CAIRN_REPORT_MARGIN + MODEL_SIZE_PX * (double)(box.max.x - box.min.x));
+    height = head + 2 * CAIRN_REPORT_MARGIN + MODEL_SIZE_PX * (double)(box.max.y - box.min.y) +
+             LEGEND_HEIGHT;
     status = cairn_output_open(&output, path, error);
     if (status != CAIRN_OK)
         return status;

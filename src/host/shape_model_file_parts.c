@@ -10,8 +10,9 @@
 #include "cairn/shape_model_file.h"
 #include "src/host/report_text.h"
 
-#define CELL 120.0 /* px: side of a fragment's cell; SIZE: the model's size in it */
-#define SIZE 100.0
+#define CELL_SIDE_PX                                                                               \
+    120.0 /* px: side of a fragment's cell; MODEL_SIZE_PX: the model's size in it */
+#define MODEL_SIZE_PX 100.0
 
 static const char *const colours[CAIRN_PART_MAX_BUNDLES] = {
     "#2563eb", "#ea580c", "#16a34a", "#dc2626", "#7c3aed", "#0891b2", "#ca8a04", "#475569"};
@@ -35,8 +36,9 @@ static void print_arc(cairn_output *output, const parts_drawing *drawing, int32_
     do {
         cairn_vec2 point = drawing->model->outline[i].position;
 
-        cairn_output_print(output, "%s%.1f %.1f", is_first ? "M" : "L", x + SIZE * (double)point.x,
-                           y + SIZE * (double)point.y);
+        cairn_output_print(output, "%s%.1f %.1f", is_first ? "M" : "L",
+                           x + MODEL_SIZE_PX * (double)point.x,
+                           y + MODEL_SIZE_PX * (double)point.y);
         is_first = 0;
         if (i == to)
             return;
@@ -47,8 +49,8 @@ static void print_arc(cairn_output *output, const parts_drawing *drawing, int32_
 static void print_fragment(cairn_output *output, const parts_drawing *drawing,
                            const cairn_part_bundle_fragment *fragment, int32_t row)
 {
-    double x = CAIRN_REPORT_MARGIN + CELL * (fragment->bundle + 0.5),
-           y = drawing->head_height + CELL * (row + 0.5);
+    double x = CAIRN_REPORT_MARGIN + CELL_SIDE_PX * (fragment->bundle + 0.5),
+           y = drawing->head_height + CELL_SIDE_PX * (row + 0.5);
 
     cairn_output_print(output, "<path class=\"outline\" d=\"");
     print_arc(output, drawing, 0, -1, x, y);
@@ -86,9 +88,9 @@ static cairn_status print_drawing(parts_drawing *drawing, const char *title, con
                    (int)drawing->parts.fragment_count, (int)drawing->parts.bundle_count);
     drawing->head_height = cairn_report_head_height(title, subtitle) + CAIRN_REPORT_MARGIN;
     cairn_report_print_head(
-        output, 2 * CAIRN_REPORT_MARGIN + CELL * fmax(5, drawing->parts.bundle_count),
-        drawing->head_height + CELL * count_rows(&drawing->parts) + CAIRN_REPORT_MARGIN, title,
-        subtitle);
+        output, 2 * CAIRN_REPORT_MARGIN + CELL_SIDE_PX * fmax(5, drawing->parts.bundle_count),
+        drawing->head_height + CELL_SIDE_PX * count_rows(&drawing->parts) + CAIRN_REPORT_MARGIN,
+        title, subtitle);
     cairn_output_print(
         output,
         "<style>path{fill:none}.outline{stroke:#cbd5e1}.fragment{stroke-width:3;stroke-linecap:"

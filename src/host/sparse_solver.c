@@ -53,11 +53,11 @@ struct cairn_sparse_solver {
     int32_t structure_closed, solved;
     struct link *links;
     int32_t link_capacity;
-    int n; /* scalars: 3 a pose */
+    int unknowns; /* 3 a pose */
     /* H by compressed columns: for each pose the blocks of its neighbours, then its own */
     int *column, *row;
     double *value;
-    /* [n] permutation and its inverse */
+    /* [unknowns] permutation and its inverse */
     int *order, *inverse_order;
     /* L by compressed columns: column starts, elimination tree, entries of each column; then
      * workspace */
@@ -183,7 +183,7 @@ static cairn_status sparse_begin(void *context, int32_t poses)
     memset(&solver->result, 0, sizeof solver->result);
     solver->result.poses = poses;
     solver->result.failed_pose = -1;
-    solver->n = 3 * poses;
+    solver->unknowns = 3 * poses;
     solver->phase = PHASE_NONE;
     solver->structure_closed = solver->solved = 0;
     return CAIRN_OK;
@@ -272,7 +272,7 @@ static int32_t fill_columns(cairn_sparse_solver *solver, struct half *half)
                 solver->row[entry++] = 3 * j + r;
         }
     }
-    solver->column[solver->n] = entry;
+    solver->column[solver->unknowns] = entry;
     return kept;
 }
 
@@ -308,7 +308,7 @@ static cairn_status order_poses(cairn_sparse_solver *solver, const struct half *
 /* Allocates the arrays of H and of the symbolic analysis. */
 static cairn_status allocate(cairn_sparse_solver *solver)
 {
-    size_t n = (size_t)solver->n, entries = 18 * (size_t)solver->result.links + 3 * n;
+    size_t n = (size_t)solver->unknowns, entries = 18 * (size_t)solver->result.links + 3 * n;
 
     solver->column = new_array(solver, n, sizeof(int));
     solver->row = new_array(solver, entries, sizeof(int));
@@ -337,13 +337,13 @@ static cairn_status analyze(cairn_sparse_solver *solver)
     free(half);
     if (status != CAIRN_OK)
         return status;
-    solver->call.ldl_symbolic(solver->n, solver->column, solver->row, solver->l_start,
+    solver->call.ldl_symbolic(solver->unknowns, solver->column, solver->row, solver->l_start,
                               solver->parent, solver->l_count, solver->flag, solver->order,
                               solver->inverse_order);
-    solver->l_row = new_array(solver, (size_t)solver->l_start[solver->n], sizeof(int));
-    solver->l_value = new_array(solver, (size_t)solver->l_start[solver->n], sizeof(double));
+    solver->l_row = new_array(solver, (size_t)solver->l_start[solver->unknowns], sizeof(int));
+    solver->l_value = new_array(solver, (size_t)solver->l_start[solver->unknowns], sizeof(double));
     /* of each pose, three scalars lie below the diagonal of its own block */
-    solver->result.fill = (solver->l_start[solver->n] - solver->n) / 9;
+    solver->result.fill = (solver->l_start[solver->unknowns] - solver->unknowns) / 9;
     return solver->out_of_memory ? CAIRN_NO_MEMORY : CAIRN_OK;
 }
 
@@ -355,7 +355,7 @@ static cairn_status sparse_clear(void *context)
 
     if (solver->phase != PHASE_NONE || solver->result.state == CAIRN_BLOCK_SOLVER_NEW)
         return CAIRN_BAD_ARGUMENT;
-    memset(solver->value, 0, (size_t)solver->column[solver->n] * sizeof *solver->value);
+    memset(solver->value, 0, (size_t)solver->column[solver->unknowns] * sizeof *solver->value);
     solver->solved = 0;
     solver->result.failed_pose = -1;
     solver->result.state = CAIRN_BLOCK_SOLVER_ANALYZED;
@@ -427,7 +427,7 @@ static cairn_status sparse_solve(void *context, const cairn_real *b)
     cairn_sparse_solver *solver = context;
     cairn_status status = begin_phase(solver, CAIRN_BLOCK_SOLVER_FACTORED, PHASE_SOLVE);
 
-    for (int k = 0; k < solver->n && status == CAIRN_OK; k++) {
+    for (int k = 0; k < solver->unknowns && status == CAIRN_OK; k++) {
         if (!cairn_is_finite(b[k])) {
             solver->phase = PHASE_NONE;
             return CAIRN_NOT_FINITE;
@@ -442,10 +442,10 @@ static cairn_status sparse_solve(void *context, const cairn_real *b)
 static void factor(cairn_sparse_solver *solver)
 {
     int factored = solver->call.ldl_numeric(
-        solver->n, solver->column, solver->row, solver->value, solver->l_start, solver->parent,
-        solver->l_count, solver->l_row, solver->l_value, solver->d, solver->y, solver->pattern,
-        solver->flag, solver->order, solver->inverse_order);
-    int failed = factored < solver->n ? factored : -1;
+        solver->unknowns, solver->column, solver->row, solver->value, solver->l_start,
+        solver->parent, solver->l_count, solver->l_row, solver->l_value, solver->d, solver->y,
+        solver->pattern, solver->flag, solver->order, solver->inverse_order);
+    int failed = factored < solver->unknowns ? factored : -1;
 
     for (int k = 0; k < factored && failed < 0; k++)
         if (!(solver->d[k] >
@@ -460,10 +460,10 @@ static void factor(cairn_sparse_solver *solver)
 /* Solves L D L^T x = x by substitution; 0 when the solution exceeds the range of cairn_real. */
 static int substitute(const cairn_sparse_solver *solver, double *x)
 {
-    solver->call.ldl_lsolve(solver->n, x, solver->l_start, solver->l_row, solver->l_value);
-    solver->call.ldl_dsolve(solver->n, x, solver->d);
-    solver->call.ldl_ltsolve(solver->n, x, solver->l_start, solver->l_row, solver->l_value);
-    for (int k = 0; k < solver->n; k++)
+    solver->call.ldl_lsolve(solver->unknowns, x, solver->l_start, solver->l_row, solver->l_value);
+    solver->call.ldl_dsolve(solver->unknowns, x, solver->d);
+    solver->call.ldl_ltsolve(solver->unknowns, x, solver->l_start, solver->l_row, solver->l_value);
+    for (int k = 0; k < solver->unknowns; k++)
         if (!(fabs(x[k]) <= (double)CAIRN_REAL_MAX))
             return 0;
     return 1;
@@ -521,11 +521,11 @@ static cairn_status sparse_covariance(const void *context, int32_t first, int32_
         return CAIRN_BAD_ARGUMENT;
     if (!is_in(solver, CAIRN_BLOCK_SOLVER_INVERTED))
         return CAIRN_EMPTY;
-    x = malloc((size_t)solver->n * sizeof *x);
+    x = malloc((size_t)solver->unknowns * sizeof *x);
     if (x == NULL)
         return CAIRN_NO_MEMORY;
     for (int c = 0; c < 3; c++) {
-        memset(x, 0, (size_t)solver->n * sizeof *x);
+        memset(x, 0, (size_t)solver->unknowns * sizeof *x);
         x[solver->inverse_order[3 * second + c]] = 1;
         if (!substitute(solver, x)) {
             free(x);

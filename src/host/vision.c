@@ -21,7 +21,7 @@
 #include "src/host/vision_format.h"
 #include "src/host/vision_shim.h"
 
-#define LIBRARY "libcairn-vision.so"
+#define PLUGIN_NAME "libcairn-vision.so"
 /* Largest accepted file in bytes: CAIRN_VISION_MAX_PIXELS pixels of four 16-bit samples, and
  * metadata. */
 #define MAX_FILE_BYTES   ((int64_t)CAIRN_VISION_MAX_PIXELS * 8 + (1 << 20))
@@ -32,7 +32,7 @@
 
 static const cairn_vision_shim *find_shim(void)
 {
-    return cairn_shim_find(LIBRARY, "CAIRN_VISION", "cairn_vision_shim_table",
+    return cairn_shim_find(PLUGIN_NAME, "CAIRN_VISION", "cairn_vision_shim_table",
                            CAIRN_VISION_SHIM_VERSION);
 }
 
@@ -43,7 +43,7 @@ static const cairn_vision_shim *require_shim(const char *path, cairn_file_error 
 
     if (shim == NULL)
         (void)cairn_file_error_set(error, CAIRN_UNSUPPORTED, path, 0,
-                                   "image reading needs " LIBRARY
+                                   "image reading needs " PLUGIN_NAME
                                    " of this version, expected it beside the program "
                                    "(built by `make vision`, OpenCV 4: tools/deps.sh vision)");
     return shim;
@@ -51,7 +51,7 @@ static const cairn_vision_shim *require_shim(const char *path, cairn_file_error 
 
 cairn_status cairn_vision_load(cairn_file_error *error)
 {
-    return require_shim(LIBRARY, error) != NULL ? CAIRN_OK : CAIRN_UNSUPPORTED;
+    return require_shim(PLUGIN_NAME, error) != NULL ? CAIRN_OK : CAIRN_UNSUPPORTED;
 }
 
 /* Reports an error of OpenCV. */

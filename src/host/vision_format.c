@@ -92,7 +92,7 @@ static cairn_status read_jpeg(cairn_vision_header *header, const byte_reader *re
 static cairn_status read_tiff(cairn_vision_header *header, const byte_reader *reader,
                               const char *path, cairn_file_error *error)
 {
-    enum { WIDTH = 256, HEIGHT = 257, IS_SHORT = 3 };
+    enum { TAG_WIDTH = 256, TAG_HEIGHT = 257, TYPE_SHORT = 3 };
     uint64_t at = (uint64_t)(read_unsigned(reader, 4, 4) > 0 ? read_unsigned(reader, 4, 4) : 0);
     int64_t entries = read_unsigned(reader, at, 2);
 
@@ -101,11 +101,11 @@ static cairn_status read_tiff(cairn_vision_header *header, const byte_reader *re
     for (at += 2; entries-- > 0; at += 12) {
         int64_t tag = read_unsigned(reader, at, 2),
                 value = read_unsigned(reader, at + 8,
-                                      read_unsigned(reader, at + 2, 2) == IS_SHORT ? 2 : 4);
+                                      read_unsigned(reader, at + 2, 2) == TYPE_SHORT ? 2 : 4);
 
-        if (tag == WIDTH)
+        if (tag == TAG_WIDTH)
             header->width = value;
-        if (tag == HEIGHT)
+        if (tag == TAG_HEIGHT)
             header->height = value;
     }
     return CAIRN_OK;

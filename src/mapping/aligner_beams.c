@@ -1,5 +1,5 @@
 /* aligner: storage of a scan: segments with the moments of their hits, points along them,
- * visibility profile.
+ * visibility profile. aligner.c describes the method.
  *
  * Consecutive hits on no segment form a short segment: the few beams that just reach a wall at the
  * edge of the view. Its direction is poor, but it constrains a scan whose other walls are all
@@ -277,12 +277,12 @@ static void measure_view(cairn_aligner *aligner, int32_t index)
 /* Greatest range of each sector and its neighbours. */
 static void measure_sectors(aligner_visibility *table)
 {
-    enum { WIDTH = ALIGNER_PROFILE_BINS / ALIGNER_PROFILE_SECTORS };
+    enum { SECTOR_BINS = ALIGNER_PROFILE_BINS / ALIGNER_PROFILE_SECTORS };
 
     for (int32_t k = 0; k < ALIGNER_PROFILE_SECTORS; k++) {
         uint16_t farthest = 0;
 
-        for (int32_t bin = (k - 1) * WIDTH; bin < (k + 2) * WIDTH; bin++)
+        for (int32_t bin = (k - 1) * SECTOR_BINS; bin < (k + 2) * SECTOR_BINS; bin++)
             if (table->range[bin & (ALIGNER_PROFILE_BINS - 1)] > farthest)
                 farthest = table->range[bin & (ALIGNER_PROFILE_BINS - 1)];
         table->sector_max[k] = farthest;

@@ -80,21 +80,22 @@ void cairn_aligner_begin_clusters(cairn_aligner *aligner)
 void cairn_aligner_begin_evaluation(cairn_aligner *aligner, int32_t moving, int32_t fixed,
                                     cairn_transform pose, int32_t rounds, cairn_real least)
 {
-    aligner_evaluation *look = &aligner->evaluation;
+    aligner_evaluation *evaluation = &aligner->evaluation;
     int32_t first = aligner->clusters[moving].head;
 
-    memset(look, 0, sizeof *look);
-    look->active = 1;
-    look->moving = moving;
-    look->fixed = fixed;
-    look->pose = pose;
-    look->rounds = rounds;
-    look->lower_bound = least;
-    look->outer = aligner->clusters[moving].size <= aligner->clusters[fixed].size ? moving : fixed;
-    look->inner = look->outer == moving ? fixed : moving;
-    look->member = aligner->clusters[look->outer].head;
-    look->centre = cairn_transform_point(cairn_aligner_compose(pose, aligner->poses[first]),
-                                         aligner->scans[first].middle);
+    memset(evaluation, 0, sizeof *evaluation);
+    evaluation->active = 1;
+    evaluation->moving = moving;
+    evaluation->fixed = fixed;
+    evaluation->pose = pose;
+    evaluation->rounds = rounds;
+    evaluation->lower_bound = least;
+    evaluation->outer =
+        aligner->clusters[moving].size <= aligner->clusters[fixed].size ? moving : fixed;
+    evaluation->inner = evaluation->outer == moving ? fixed : moving;
+    evaluation->member = aligner->clusters[evaluation->outer].head;
+    evaluation->centre = cairn_transform_point(cairn_aligner_compose(pose, aligner->poses[first]),
+                                               aligner->scans[first].middle);
 }
 
 static cairn_real refine_gate(int32_t round)
@@ -104,54 +105,57 @@ static cairn_real refine_gate(int32_t round)
     return gates[round < 2 ? round : 2];
 }
 
-static void find_weak_direction(aligner_evaluation *look)
+static void find_weak_direction(aligner_evaluation *evaluation)
 {
-    cairn_sym3 m = look->sums.equations.information;
+    cairn_sym3 m = evaluation->sums.equations.information;
     cairn_real values[3], vectors[3][3];
 
     m.xz /= ARM_M;
     m.yz /= ARM_M;
     m.zz /= ARM_M * ARM_M;
     cairn_sym3_eigen(m, values, vectors);
-    memcpy(look->weak_direction, vectors[0], sizeof look->weak_direction);
-    look->weak_direction[2] /= ARM_M;
+    memcpy(evaluation->weak_direction, vectors[0], sizeof evaluation->weak_direction);
+    evaluation->weak_direction[2] /= ARM_M;
 }
 
-static void end_refinement(aligner_evaluation *look)
+static void end_refinement(aligner_evaluation *evaluation)
 {
     cairn_real motion[3];
 
-    find_weak_direction(look);
-    if (cairn_aligner_solve(&look->sums, motion))
-        look->pose = cairn_aligner_moved(look->pose, look->centre, motion);
+    find_weak_direction(evaluation);
+    if (cairn_aligner_solve(&evaluation->sums, motion))
+        evaluation->pose = cairn_aligner_moved(evaluation->pose, evaluation->centre, motion);
     else
-        look->round = look->rounds - 1;
-    memset(&look->sums, 0, sizeof look->sums);
-    look->round++;
+        evaluation->round = evaluation->rounds - 1;
+    memset(&evaluation->sums, 0, sizeof evaluation->sums);
+    evaluation->round++;
 }
 
 static void end_evaluation(cairn_aligner *aligner)
 {
-    aligner_evaluation *look = &aligner->evaluation;
+    aligner_evaluation *evaluation = &aligner->evaluation;
 
-    look->active = 0;
-    look->log_likelihood_ratio = cairn_aligner_log_likelihood_ratio(aligner, look->count);
-    look->log_prior = cairn_aligner_prior(aligner, look->moving, look->fixed, look->pose);
+    evaluation->active = 0;
+    evaluation->log_likelihood_ratio =
+        cairn_aligner_log_likelihood_ratio(aligner, evaluation->count);
+    evaluation->log_prior =
+        cairn_aligner_prior(aligner, evaluation->moving, evaluation->fixed, evaluation->pose);
 }
 
 /* Evaluates a pair of scans, a of the outer cluster; returns the number of lookups. */
 static int32_t evaluate_pair(cairn_aligner *aligner, int32_t a, int32_t b, cairn_transform pose_a,
                              cairn_transform pose_b)
 {
-    aligner_evaluation *look = &aligner->evaluation;
-    int32_t turn = look->outer != look->moving, i = turn ? b : a, j = turn ? a : b;
+    aligner_evaluation *evaluation = &aligner->evaluation;
+    int32_t turn = evaluation->outer != evaluation->moving, i = turn ? b : a, j = turn ? a : b;
     cairn_transform pose_i = turn ? pose_b : pose_a, pose_j = turn ? pose_a : pose_b;
 
-    if (look->round < look->rounds)
-        return cairn_aligner_add_normal_equations(
-            aligner, i, j, pose_i, pose_j, refine_gate(look->round), 1, look->centre, &look->sums);
+    if (evaluation->round < evaluation->rounds)
+        return cairn_aligner_add_normal_equations(aligner, i, j, pose_i, pose_j,
+                                                  refine_gate(evaluation->round), 1,
+                                                  evaluation->centre, &evaluation->sums);
     return cairn_aligner_count_pair(aligner, i, j, cairn_aligner_between(pose_j, pose_i),
-                                    COUNT_GATE_M, &look->count);
+                                    COUNT_GATE_M, &evaluation->count);
 }
 
 /* Returns 1 when the count cannot change the decision. */
@@ -165,35 +169,35 @@ static int is_decided(const cairn_aligner *aligner)
 /* Evaluates a scan of the outer cluster with its next neighbour that it may overlap. */
 int32_t cairn_aligner_evaluation_item(cairn_aligner *aligner)
 {
-    aligner_evaluation *look = &aligner->evaluation;
+    aligner_evaluation *evaluation = &aligner->evaluation;
     cairn_transform same = {0, 0, 1, 0}, to_outer, to_inner, pose_a;
-    int32_t a = look->member, passed = 0, work = 0;
+    int32_t a = evaluation->member, passed = 0, work = 0;
 
     if (a < 0 || is_decided(aligner)) {
-        if (look->round < look->rounds)
-            end_refinement(look);
+        if (evaluation->round < evaluation->rounds)
+            end_refinement(evaluation);
         else
             end_evaluation(aligner);
-        look->member = aligner->clusters[look->outer].head;
+        evaluation->member = aligner->clusters[evaluation->outer].head;
         return 4;
     }
-    to_outer = look->outer == look->moving ? look->pose : same;
-    to_inner = look->outer == look->moving ? same : look->pose;
+    to_outer = evaluation->outer == evaluation->moving ? evaluation->pose : same;
+    to_inner = evaluation->outer == evaluation->moving ? same : evaluation->pose;
     pose_a = cairn_aligner_compose(to_outer, aligner->poses[a]);
-    while (work == 0 && look->neighbour < aligner->scans[a].neighbour_count) {
-        int32_t b = cairn_aligner_neighbour(aligner, a, look->neighbour++);
+    while (work == 0 && evaluation->neighbour < aligner->scans[a].neighbour_count) {
+        int32_t b = cairn_aligner_neighbour(aligner, a, evaluation->neighbour++);
         cairn_transform pose_b;
 
         passed++;
-        if (aligner->scans[b].cluster != look->inner)
+        if (aligner->scans[b].cluster != evaluation->inner)
             continue;
         pose_b = cairn_aligner_compose(to_inner, aligner->poses[b]);
         if (cairn_aligner_may_overlap(aligner, a, b, pose_a, pose_b))
             work = evaluate_pair(aligner, a, b, pose_a, pose_b);
     }
-    if (look->neighbour >= aligner->scans[a].neighbour_count) {
-        look->member = aligner->scans[a].next_in_cluster;
-        look->neighbour = 0;
+    if (evaluation->neighbour >= aligner->scans[a].neighbour_count) {
+        evaluation->member = aligner->scans[a].next_in_cluster;
+        evaluation->neighbour = 0;
     }
     return 1 + passed / ALIGNER_FAR_PAIRS_PER_UNIT + work / ALIGNER_POINTS_PER_UNIT;
 }
@@ -262,10 +266,9 @@ static void propagate(cairn_aligner *aligner, int32_t i, int32_t j, const aligne
                       const cairn_real motion[3])
 {
     const aligner_scan *scan = &aligner->scans[i];
-    aligner_scan *partner = &aligner->scans[j];
+    aligner_scan *other = &aligner->scans[j];
     cairn_vec2 from = cairn_transform_point(aligner->poses[i], scan->middle);
-    cairn_vec2 arm =
-        cairn_vec2_sub(from, cairn_transform_point(aligner->poses[j], partner->middle));
+    cairn_vec2 arm = cairn_vec2_sub(from, cairn_transform_point(aligner->poses[j], other->middle));
     const cairn_sym3 *m = &pair->equations.information;
     int met = were_relaxed_together(aligner, i, j);
     cairn_real moved[3], pull[3];
@@ -277,11 +280,11 @@ static void propagate(cairn_aligner *aligner, int32_t i, int32_t j, const aligne
         pull[k] += pair->equations.gradient[k];
     pull[2] += arm.x * pull[1] - arm.y * pull[0];
     for (int k = 0; k < 3; k++)
-        partner->normal_equations.equations.gradient[k] -= pull[k];
-    if (partner->relax_state == 0 &&
-        (partner->normal_equations.pairs < 3 ||
-         (cairn_aligner_solve(&partner->normal_equations, moved) && is_move(moved))))
-        partner->relax_state = ALIGNER_RELAX_DIRTY;
+        other->normal_equations.equations.gradient[k] -= pull[k];
+    if (other->relax_state == 0 &&
+        (other->normal_equations.pairs < 3 ||
+         (cairn_aligner_solve(&other->normal_equations, moved) && is_move(moved))))
+        other->relax_state = ALIGNER_RELAX_DIRTY;
 }
 
 static void next_scan(cairn_aligner *aligner)

@@ -2,15 +2,15 @@
  * share, with marginal covariances.
  *
  * Method: each wall (aligner_wall.c) has an unknown offset and angle.
- * 1. Normal equations by moments: with the residual e = n p - rho of a hit at p, the sums of J J^T
- *    and J e over all hits of a segment follow from its weight, mean and scatter matrix, since J is
- *    linear in p. Every beam so counts and none is stored.
+ * 1. Normal equations by moments: a hit at p has the residual e = n p - rho, whose Jacobian J is
+ *    linear in p. The sums of J J^T and J e over all hits of a segment therefore follow from its
+ *    weight, mean and scatter matrix. Every beam counts, and none is stored.
  * 2. Robust weights (Geman and McClure) of segments, with a scale that falls from iteration to
  *    iteration.
  * 3. The estimated variances of the initial poses are a weak prior at the current pose.
  * 4. Sparse Cholesky (block_solver), update, until convergence.
  * 5. Marginal covariances: the inverse of the same system, with one scan as anchor, is the
- *    Cramer-Rao bound of the poses at the solution and decides about observability. The covariances
+ *    Cramer-Rao bound of the poses at the solution. It decides about observability. The covariances
  *    are the bound times chi-squared per degree of freedom, since misassociated walls are not
  *    noise. */
 #include "src/core/build.h"

@@ -24,7 +24,7 @@ static const cairn_real SAME_HEADING_COSINE = CAIRN_REAL(0.9986);
 static const cairn_real SHIFT_M = CAIRN_REAL(0.25);
 /* nats: competing hypotheses worse by this are ignored */
 static const cairn_real COMPETING_MARGIN_NATS = 8;
-enum { EVALUATION_ROUNDS = 3, UNKNOWN = -2 };
+enum { EVALUATION_ROUNDS = 3, NOT_EVALUATED = -2 };
 enum { HYPOTHESES_PER_ITEM = 128, LINKS_PER_ITEM = 64, LINKS_PER_UNIT = 8 };
 
 static int32_t cluster_of(const cairn_aligner *aligner, int32_t scan)
@@ -43,7 +43,8 @@ static int is_fresh(const cairn_aligner *aligner, const aligner_hypothesis *hypo
 /* Invalidates the best hypothesis of a block. */
 static void invalidate_block(cairn_aligner *aligner, const aligner_hypothesis *hypothesis)
 {
-    aligner->best_of_block[(hypothesis - aligner->hypotheses) / ALIGNER_HYPOTHESIS_BLOCK] = UNKNOWN;
+    aligner->best_of_block[(hypothesis - aligner->hypotheses) / ALIGNER_HYPOTHESIS_BLOCK] =
+        NOT_EVALUATED;
 }
 
 /* Returns the pose of the first scan's cluster in the frame of the second's. */
@@ -117,7 +118,7 @@ static int find_some_best(cairn_aligner *aligner)
     int32_t found = 0;
 
     for (int32_t block = 0; block < blocks_of(aligner) && found < OF_ITEM; block++)
-        if (aligner->best_of_block[block] == UNKNOWN) {
+        if (aligner->best_of_block[block] == NOT_EVALUATED) {
             find_best_of_block(aligner, block);
             found++;
         }
@@ -133,7 +134,7 @@ static int32_t best_hypothesis(cairn_aligner *aligner)
     for (int32_t block = 0; block < blocks_of(aligner); block++) {
         int32_t own;
 
-        if (aligner->best_of_block[block] == UNKNOWN) {
+        if (aligner->best_of_block[block] == NOT_EVALUATED) {
             find_best_of_block(aligner, block);
             aligner->units_due += ALIGNER_HYPOTHESIS_BLOCK / 16;
         }

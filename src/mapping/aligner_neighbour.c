@@ -56,7 +56,7 @@ static void insert_nearest(cairn_aligner *aligner, cairn_real nearness, int32_t 
 static int32_t find_nearest(cairn_aligner *aligner)
 {
     enum { SCANS_OF_ITEM = 8 };
-    uint16_t *partners = &aligner->neighbours[ALIGNER_MAX_NEIGHBOURS * aligner->scan_index];
+    uint16_t *neighbours = &aligner->neighbours[ALIGNER_MAX_NEIGHBOURS * aligner->scan_index];
     int32_t units = 1;
 
     for (int32_t k = 0; k < SCANS_OF_ITEM && aligner->neighbour_index < aligner->scan_count;
@@ -75,7 +75,7 @@ static int32_t find_nearest(cairn_aligner *aligner)
     if (aligner->neighbour_index < aligner->scan_count)
         return units;
     for (int32_t k = 0; k < aligner->nearest_count; k++)
-        partners[k] = (uint16_t)aligner->nearest[k].scan;
+        neighbours[k] = (uint16_t)aligner->nearest[k].scan;
     aligner->scans[aligner->scan_index].neighbour_count = aligner->nearest_count;
     aligner->nearest_count = aligner->neighbour_index = 0;
     if (++aligner->scan_index == aligner->scan_count) {
@@ -99,11 +99,11 @@ int cairn_aligner_has_neighbour(const cairn_aligner *aligner, int32_t scan, int3
 static int32_t symmetrize(cairn_aligner *aligner)
 {
     aligner_scan *scan = &aligner->scans[aligner->scan_index];
-    uint16_t *partners = &aligner->neighbours[ALIGNER_MAX_NEIGHBOURS * aligner->scan_index];
+    uint16_t *neighbours = &aligner->neighbours[ALIGNER_MAX_NEIGHBOURS * aligner->scan_index];
     int32_t kept = 0;
 
     for (int32_t k = 0; k < scan->neighbour_count; k++) {
-        int32_t j = partners[k];
+        int32_t j = neighbours[k];
 
         if (!cairn_aligner_has_neighbour(aligner, j, aligner->scan_index, ALIGNER_MAX_NEIGHBOURS)) {
             if (aligner->scans[j].neighbour_count == ALIGNER_MAX_NEIGHBOURS)
@@ -111,7 +111,7 @@ static int32_t symmetrize(cairn_aligner *aligner)
             aligner->neighbours[ALIGNER_MAX_NEIGHBOURS * j + aligner->scans[j].neighbour_count++] =
                 (uint16_t)aligner->scan_index;
         }
-        partners[kept++] = (uint16_t)j;
+        neighbours[kept++] = (uint16_t)j;
     }
     scan->neighbour_count = kept;
     if (++aligner->scan_index == aligner->scan_count) {

@@ -5,8 +5,8 @@
  * 1. Sums of the residuals at one gauge are stored per cluster, about an origin near its scans, so
  *    that all numbers stay small.
  * 2. The chi-squared at any other gauge, and of two clusters at their common one, follows from the
- *    sums without visiting the scans: with residual e, position u from the origin, and a further
- *    motion by s and a rotation R, the residual is e + s + (R - I) u.
+ *    sums without visiting the scans. A further motion by s and a rotation R changes the residual e
+ *    of a scan at position u from the origin to e + s + (R - I) u.
  * 3. When a scan may lie outside the box of expected errors, the scans are visited one by one.
  * 4. The variances are estimated from the residuals of all clusters, with the params as a prior.
  * The sums are updated as scans enter and leave, and computed anew when poses have changed. */

@@ -3,12 +3,13 @@
  *
  * Method: a scan's visibility profile has range and segment by bearing.
  * 1. A point of another scan is looked up by its bearing from the scan's sensor, in constant time.
- *    It is on the same surface when its distance from the segment's line is within a gate and the
- *    directions agree; in free space when the scan measured well beyond it (free-space violation);
- *    else on another surface, or occluded.
+ *    - Same surface: its distance from the segment's line is within a gate, and the directions
+ *      agree.
+ *    - Free space: the scan measured well beyond it (free-space violation).
+ *    - Else it is on another surface, or occluded.
  * 2. Bearings are positions on the diamond |x| + |y| = 1: one division, no arc tangent.
- * 3. The count of one segment saturates: points of one surface are correlated, and a long wall on a
- *    long wall says little more than a short one. */
+ * 3. The count of one segment saturates: points of one surface are correlated, so the
+ *    information of a long wall is little more than that of a short one. */
 #include "src/core/build.h"
 
 #include <string.h>

@@ -38,7 +38,7 @@ static const cairn_real gates[] = {CAIRN_REAL(0.08), CAIRN_REAL(0.07), CAIRN_REA
                                    CAIRN_REAL(0.05), CAIRN_REAL(0.04), CAIRN_REAL(0.03)};
 
 /* Cosine and sine of a little more than these angles. */
-static const cairn_transform CONE = {0, 0, CAIRN_REAL(0.9375), CAIRN_REAL(0.3480)};
+static const cairn_transform DIRECTION_CONE = {0, 0, CAIRN_REAL(0.9375), CAIRN_REAL(0.3480)};
 static const cairn_transform CONE_SHORT = {0, 0, CAIRN_REAL(0.6964), CAIRN_REAL(0.7176)};
 
 static const cairn_real TILE_M = 6;                       /* m: side of a tile */
@@ -299,8 +299,9 @@ static void visit_bucket(const cairn_aligner *aligner, int32_t tile, wall_search
     }
 }
 
-/* Returns 0 when no wall with its middle in this tile can be associated: its line passes the
- * segment's end within the gate and leaves the segment's line by at most the cone's slope. */
+/* Returns 0 when no wall with its middle in this tile can be associated. The line of an associated
+ * wall passes the segment's end within the gate, and diverges from the segment's line by at most
+ * the cone's slope. */
 static int may_hold(const wall_search *search, int32_t u, int32_t v)
 {
     const placed *p = &search->segment;
@@ -317,7 +318,7 @@ static int may_hold(const wall_search *search, int32_t u, int32_t v)
 int32_t cairn_aligner_find_wall(const cairn_aligner *aligner, const aligner_segment *segment,
                                 int32_t *passed)
 {
-    cairn_transform cone = segment->is_short ? CONE_SHORT : CONE;
+    cairn_transform cone = segment->is_short ? CONE_SHORT : DIRECTION_CONE;
     wall_search f = {place_segment(aligner, segment), cone.sine / cone.cosine, CAIRN_REAL_MAX, -1,
                      0};
     const placed *p = &f.segment;

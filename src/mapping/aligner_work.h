@@ -421,7 +421,7 @@ static inline int32_t cairn_aligner_neighbour(const cairn_aligner *aligner, int3
 }
 
 /* Returns 1 when the second scan is one of the first `most` neighbours of the first. */
-int cairn_aligner_has_neighbour(const cairn_aligner *aligner, int32_t scan, int32_t partner,
+int cairn_aligner_has_neighbour(const cairn_aligner *aligner, int32_t scan, int32_t neighbour,
                                 int32_t most);
 
 /* Returns 1 when the bounding circles of two scans overlap and one is in the other's field of

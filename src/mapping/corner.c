@@ -82,7 +82,9 @@ static int params_are_valid(const cairn_corner_params *params)
 
 static cairn_box_sweep *carve_sweep(cairn_pool *pool, int32_t max_boxes)
 {
-    cairn_box_sweep_params params = {max_boxes};
+    cairn_box_sweep_params params = {
+        .max_boxes = max_boxes,
+    };
     size_t need = cairn_box_sweep_memory(&params);
     cairn_box_sweep *sweep = NULL;
     cairn_status status;

@@ -88,7 +88,10 @@ static cairn_icp_params icp_params(const cairn_filter_mapper_params *params)
 
 static cairn_point_grid_params grid_params(const cairn_filter_mapper_params *params)
 {
-    cairn_point_grid_params grid = {params->max_local_points, 2 * params->sigma};
+    cairn_point_grid_params grid = {
+        .max_points = params->max_local_points,
+        .cell_size = 2 * params->sigma,
+    };
 
     return grid;
 }
@@ -232,7 +235,11 @@ cairn_status cairn_filter_mapper_add(cairn_filter_mapper *mapper, const cairn_sc
 /* Adds the first keyframe, at which all paths begin. */
 static cairn_status start_paths(cairn_filter_mapper *mapper)
 {
-    filter_mapper_path_state first = {cairn_mapper_keyframe_pose(mapper->front, 0), 0, 0};
+    filter_mapper_path_state first = {
+        .map_keyframe = cairn_mapper_keyframe_pose(mapper->front, 0),
+        .log_weight = 0,
+        .keyframe = 0,
+    };
     cairn_status status = CAIRN_OK;
 
     for (int32_t i = 0; i < mapper->params.particles && status == CAIRN_OK; i++)

@@ -15,9 +15,9 @@
  *    distances along the normals of the nearest points. A scan of n points counts as
  *    `independent_points` independent ones.
  *
- * Dividing by the proposal density would make the weight an unbiased but noisy importance weight: a
- * few draws from narrow distributions would then decide which particles survive (measured: half of
- * all steps resampled, against less than one in ten without). The scan of a path whose ends do not
+ * Dividing by the proposal density would make the weight an unbiased but noisy importance weight. A
+ * few draws from narrow distributions would then decide which particles survive. Measured: half of
+ * all steps resampled, against less than one in ten without. The scan of a path whose ends do not
  * meet fits one of the maps, never both.
  *
  * Source: Grisetti, Stachniss and Burgard 2007, section III-B, with the mixture of Adluru 2008,

@@ -30,7 +30,12 @@ static int is_not_negative(cairn_real x)
 
 static cairn_scan_set_params set_params(const cairn_force_field_params *p)
 {
-    cairn_scan_set_params params = {p->max_scans, p->max_segments, p->max_points, p->spacing};
+    cairn_scan_set_params params = {
+        .max_scans = p->max_scans,
+        .max_segments = p->max_segments,
+        .max_points = p->max_points,
+        .spacing = p->spacing,
+    };
     return params;
 }
 
@@ -47,7 +52,10 @@ static cairn_corner_params corner_params(const cairn_force_field_params *p)
 
 static cairn_point_grid_params grid_params(const cairn_force_field_params *p)
 {
-    cairn_point_grid_params params = {p->max_corners, 2 * p->roi_radius};
+    cairn_point_grid_params params = {
+        .max_points = p->max_corners,
+        .cell_size = 2 * p->roi_radius,
+    };
     return params;
 }
 
@@ -79,7 +87,9 @@ static cairn_scan_set *carve_set(cairn_pool *pool, const cairn_force_field_param
 
 static cairn_box_sweep *carve_sweep(cairn_pool *pool, const cairn_force_field_params *params)
 {
-    cairn_box_sweep_params p = {params->max_extra + params->max_segments};
+    cairn_box_sweep_params p = {
+        .max_boxes = params->max_extra + params->max_segments,
+    };
     cairn_box_sweep *sweep = NULL;
 
     if (!only_counted(pool, cairn_box_sweep_memory(&p)))

@@ -95,31 +95,31 @@ cairn_force_field_params cairn_force_field_springs(cairn_real sigma_start, int32
 }
 
 /* Conditions of a value besides 0 ... MAX_VALUE, and the modes in which it is validated. */
-enum { POSITIVE = 1, UNIT_INTERVAL = 2, WITH_ROI = 4, WITH_SPRINGS = 8 };
+enum { IS_POSITIVE = 1, IN_UNIT_INTERVAL = 2, WITH_ROI = 4, WITH_SPRINGS = 8 };
 
 /* A table: separate comparisons take three times the code size. */
 #define OFFSET_OF(field) (uint16_t) offsetof(cairn_force_field_params, field)
 static const struct {
     uint16_t at, conditions;
 } ranges[] = {
-    {OFFSET_OF(sigma_start), POSITIVE},
-    {OFFSET_OF(sigma_end), POSITIVE},
+    {OFFSET_OF(sigma_start), IS_POSITIVE},
+    {OFFSET_OF(sigma_end), IS_POSITIVE},
     {OFFSET_OF(sigma_step), 0},
-    {OFFSET_OF(sigma_factor), UNIT_INTERVAL},
+    {OFFSET_OF(sigma_factor), IN_UNIT_INTERVAL},
     {OFFSET_OF(oriented_below), 0},
-    {OFFSET_OF(dt_start), POSITIVE},
-    {OFFSET_OF(dt_end), POSITIVE},
-    {OFFSET_OF(dt_factor), UNIT_INTERVAL},
-    {OFFSET_OF(reach), POSITIVE},
+    {OFFSET_OF(dt_start), IS_POSITIVE},
+    {OFFSET_OF(dt_end), IS_POSITIVE},
+    {OFFSET_OF(dt_factor), IN_UNIT_INTERVAL},
+    {OFFSET_OF(reach), IS_POSITIVE},
     {OFFSET_OF(sensor_below), 0},
     {OFFSET_OF(stop_relocation), 0},
     {OFFSET_OF(spacing), 0},
-    {OFFSET_OF(roi_radius), WITH_ROI | POSITIVE},
-    {OFFSET_OF(roi_mass), WITH_ROI | POSITIVE},
-    {OFFSET_OF(tangential_stiffness), WITH_SPRINGS | UNIT_INTERVAL},
+    {OFFSET_OF(roi_radius), WITH_ROI | IS_POSITIVE},
+    {OFFSET_OF(roi_mass), WITH_ROI | IS_POSITIVE},
+    {OFFSET_OF(tangential_stiffness), WITH_SPRINGS | IN_UNIT_INTERVAL},
     {OFFSET_OF(damping_sigma), WITH_SPRINGS},
     {OFFSET_OF(alignment_torque), WITH_SPRINGS},
-    {OFFSET_OF(max_relocation), WITH_SPRINGS | POSITIVE},
+    {OFFSET_OF(max_relocation), WITH_SPRINGS | IS_POSITIVE},
 };
 
 static int are_in_range(const cairn_force_field_params *params)
@@ -129,11 +129,11 @@ static int are_in_range(const cairn_force_field_params *params)
 
     for (size_t i = 0; i < sizeof ranges / sizeof *ranges; i++) {
         int32_t conditions = ranges[i].conditions;
-        cairn_real value, most = conditions & UNIT_INTERVAL ? 1 : MAX_VALUE;
+        cairn_real value, most = conditions & IN_UNIT_INTERVAL ? 1 : MAX_VALUE;
 
         memcpy(&value, (const unsigned char *)params + ranges[i].at, sizeof value);
         if (!(conditions & unused) &&
-            !((conditions & POSITIVE ? value > 0 : value >= 0) && value <= most))
+            !((conditions & IS_POSITIVE ? value > 0 : value >= 0) && value <= most))
             return 0;
     }
     return 1;

@@ -23,8 +23,8 @@ enum { COMPARISONS_PER_UNIT = 8 };
 /* 1 / sqrt(2 pi), 1 / sqrt(2), 1 / sqrt(pi) */
 #define INVERSE_SQRT_2PI CAIRN_REAL(0.39894228040143267794)
 #define INVERSE_SQRT_2   CAIRN_REAL(0.70710678118654752440)
-#define FIFTH            (CAIRN_REAL(1.0) / 5)
-#define SIXTH            (CAIRN_REAL(1.0) / 6)
+#define ONE_FIFTH        (CAIRN_REAL(1.0) / 5)
+#define ONE_SIXTH        (CAIRN_REAL(1.0) / 6)
 #define INVERSE_SQRT_PI  CAIRN_REAL(0.56418958354775628695)
 
 cairn_vec2 cairn_force_kernel_pair(cairn_oriented_point p1, cairn_oriented_point p2, cairn_real m1,
@@ -99,8 +99,8 @@ static inline cairn_real erfc_interpolated(const cairn_force_kernel *kernel, cai
     node = kernel->erfc[k];
     curvatures = node[3] + (2 * square - 1) * e;
     slopes = 2 * x * e - node[2];
-    return node[0] -
-           INVERSE_SQRT_PI * d * (node[1] + e + d * FIFTH * (slopes + d * SIXTH * curvatures));
+    return node[0] - INVERSE_SQRT_PI * d *
+                         (node[1] + e + d * ONE_FIFTH * (slopes + d * ONE_SIXTH * curvatures));
 }
 
 /* Adds the pair as a spring with the same force, but no stiffer than at the minimum length. */

@@ -7,8 +7,8 @@
  * 1. Data association: every query point is paired with its nearest target point, and its terms are
  *    added to the normal equations at once; no pairs are stored.
  * 2. Degeneracy analysis: eigenvectors of the point-to-line information sum(w J J^T). Those of
- *    small eigenvalue are projected out of the normal equations (solution remapping, Zhang, Kaess
- *    and Singh 2016): the prior decides there, or the pose stays.
+ *    small eigenvalue, its numerical null-space, are projected out of the normal equations
+ *    (solution remapping, Zhang, Kaess and Singh 2016). The prior decides there, or the pose stays.
  * 3. Iteratively reweighted least squares: Cauchy weights, 1 / (1 + (e / (2.385 sigma))^2), with
  *    sigma from the last iteration's residuals.
  * 4. The Gauss-Newton step is cut to the length of the gate, as pairs reach no farther.
@@ -127,7 +127,10 @@ static cairn_icp *carve(cairn_pool *pool, const cairn_icp_params *params)
 
 static cairn_point_grid_params grid_params(const cairn_icp_params *params)
 {
-    cairn_point_grid_params grid = {params->max_target, params->cell_size};
+    cairn_point_grid_params grid = {
+        .max_points = params->max_target,
+        .cell_size = params->cell_size,
+    };
     return grid;
 }
 

@@ -1,13 +1,12 @@
 /* lum: Lu and Milios, a linearized pose graph of closest-point links.
  *
- * Method: a small motion (t, phi) of a scan about the map's centre c moves its point p by t + phi
- * (p - c) turned left, to first order M (t, phi) with M = [1 0 -y; 0 1 x]. Pairs (a_k, b_k) of the
- * scans i and j at m_k = (a_k + b_k) / 2 with z_k = a_k - b_k then measure the difference of their
- * motions
- *     D = -(M^T M)^-1 M^T Z,  covariance C = s^2 (M^T M)^-1,  s^2 = |Z + M D|^2 / (2 n - 3)
- * and W = sum (xi_i - xi_j - D)^T C^-1 (xi_i - xi_j - D) is minimised by the solution of the normal
- * equations G xi = B, where G has the C^-1 of links and B the C^-1 D = -M^T Z / s^2: D itself is
- * needed for s^2 alone.
+ * Method: a small motion xi = (t, phi) of a scan about the map's centre c moves its point p to
+ * first order by M xi, with M = [1 0 -y; 0 1 x] at (x, y) = p - c. The pairs (a_k, b_k) of the
+ * scans i and j lie at m_k = (a_k + b_k) / 2 and have the differences z_k = a_k - b_k. They measure
+ * the difference of the motions of both scans: D = -(M^T M)^-1 M^T Z, covariance C = s^2 (M^T
+ * M)^-1, s^2 = |Z + M D|^2 / (2 n - 3) W = sum (xi_i - xi_j - D)^T C^-1 (xi_i - xi_j - D) is
+ * minimised by the solution of the normal equations G xi = B. G has the C^-1 of the links, B the
+ * C^-1 D = -M^T Z / s^2. D itself is needed for s^2 alone.
  *
  * 1. Optional sequential registration (lum_register.c); not part of Lu and Milios.
  * 2. Links: closest points of every pair of scans whose circles meet.
@@ -16,9 +15,9 @@
  * Layout: the points of each scan are in hash buckets of their grid cells, in the scan's own frame,
  * so that they never move: heads[2 first ... ] of a scan whose points begin at `first`, two buckets
  * a point.
- * Limits: closest points need not be true correspondences, and a link whose wrong pairs agree by
- * chance has full weight: from errors of more than a few degrees the solution often converges to a
- * local minimum. Evenly spaced points lock into each other at half their spacing.
+ * Limits: closest points need not be true correspondences. A link whose wrong pairs agree by chance
+ * has full weight. From errors of more than a few degrees the solution often converges to a local
+ * minimum. Evenly spaced points lock into each other at half their spacing.
  * Source: Lu and Milios, Globally consistent range scan alignment for environment mapping, 1997;
  * Adluru 2008, chapter 10. */
 #include "src/core/build.h"

@@ -109,7 +109,9 @@ static int32_t image_cells(const cairn_map_merge_params *params)
 static cairn_distance_map_params distance_params(const cairn_map_merge_params *params)
 {
     cairn_distance_map_params d = {
-        image_cells(params) < CAIRN_RASTER_MAX_SIDE ? image_cells(params) : CAIRN_RASTER_MAX_SIDE};
+        .max_width = image_cells(params) < CAIRN_RASTER_MAX_SIDE ? image_cells(params)
+                                                                 : CAIRN_RASTER_MAX_SIDE,
+    };
 
     return d;
 }
@@ -527,7 +529,7 @@ const char *cairn_map_merge_verdict_text(cairn_map_merge_verdict verdict)
 
 cairn_map_merge_result cairn_map_merge_read(const cairn_map_merge *merge)
 {
-    const cairn_map_merge_result none = {0, 0, 0, 0, 0, 0, 0, 0, 0};
+    const cairn_map_merge_result none = {0};
 
     return merge->done ? merge->result : none;
 }

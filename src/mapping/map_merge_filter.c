@@ -16,7 +16,7 @@
 #include "src/mapping/map_merge_work.h"
 
 /* nats of log-likelihood ratio per nat of log-likelihood */
-#define TEMPERATURE CAIRN_REAL(4.0)
+#define LIKELIHOOD_TEMPERATURE CAIRN_REAL(4.0)
 /* nats: minimum log-likelihood ratio of a candidate; weakly supported maps are cut off in the
  * end */
 #define MIN_LOG_RATIO CAIRN_REAL(2.0)
@@ -132,7 +132,14 @@ int32_t cairn_map_merge_places(const cairn_map_merge *merge, int32_t map, map_me
 static void list_candidates(cairn_map_merge *merge, map_merge_proposal *offer)
 {
     map_merge_mode places[MAP_MERGE_MAX_CANDIDATES - 1];
-    map_merge_state none = {MAP_MERGE_ENDED, -1, {0, 0, 0}, MIN_LOG_RATIO, 0, 0};
+    map_merge_state none = {
+        .map = MAP_MERGE_ENDED,
+        .source_map = -1,
+        .reference_map = {0, 0, 0},
+        .log_ratio = MIN_LOG_RATIO,
+        .psi = 0,
+        .gamma = 0,
+    };
     int32_t map = next_map(merge, 0), count;
 
     if (map < 0)
@@ -309,7 +316,7 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     else if (merge->params.perception == CAIRN_MAP_MERGE_IMAGES)
         *log_likelihood = -20;
     else
-        *log_likelihood = s->log_ratio / TEMPERATURE;
+        *log_likelihood = s->log_ratio / LIKELIHOOD_TEMPERATURE;
     return CAIRN_OK;
 }
 
@@ -320,8 +327,9 @@ cairn_particle_filter_model cairn_map_merge_model(cairn_map_merge *merge)
     return model;
 }
 
-/* Returns the first map: one of the pair with the largest log-likelihood ratio, so that weak maps
- * meet many maps at once; the reference when an order or a guess is given. */
+/* Returns the first map: the reference when an order or an initial pose is given, otherwise one of
+ * the pair with the largest log-likelihood ratio. Weak maps are then compared with many maps at
+ * once. */
 static int32_t first_map(const cairn_map_merge *merge)
 {
     int32_t first = merge->reference;
@@ -344,7 +352,14 @@ static int32_t first_map(const cairn_map_merge *merge)
 
 static void begin_filter(cairn_map_merge *merge)
 {
-    const map_merge_state first = {first_map(merge), -1, {0, 0, 0}, 0, 0, 0};
+    const map_merge_state first = {
+        .map = first_map(merge),
+        .source_map = -1,
+        .reference_map = {0, 0, 0},
+        .log_ratio = 0,
+        .psi = 0,
+        .gamma = 0,
+    };
     cairn_status status = cairn_particle_filter_clear(merge->filter, merge->params.seed);
 
     CAIRN_ASSERT(status == CAIRN_OK);

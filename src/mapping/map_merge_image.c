@@ -389,25 +389,34 @@ static int step_votes(cairn_map_merge *merge, cairn_budget *budget)
 
 int cairn_map_merge_draw_merged(cairn_map_merge *merge, cairn_budget *budget)
 {
-    enum { BEGIN, VOTES, TO_OCCUPIED, PACK_OCCUPIED, TO_FREE, PACK_FREE, DRAWN };
+    enum {
+        STAGE_BEGIN,
+        STAGE_VOTES,
+        STAGE_TO_OCCUPIED,
+        STAGE_PACK_OCCUPIED,
+        STAGE_TO_FREE,
+        STAGE_PACK_FREE,
+        STAGE_DRAWN
+    };
     map_merge_written *w = merge->written;
 
-    if (w->stage == BEGIN) {
+    if (w->stage == STAGE_BEGIN) {
         begin_merged(merge);
-        w->stage = VOTES;
+        w->stage = STAGE_VOTES;
     }
-    while (w->stage < DRAWN) {
+    while (w->stage < STAGE_DRAWN) {
         cairn_status status = CAIRN_OK;
 
-        if (w->stage == VOTES)
+        if (w->stage == STAGE_VOTES)
             status = step_votes(merge, budget) ? CAIRN_OK : CAIRN_MORE;
-        else if (w->stage == TO_OCCUPIED || w->stage == TO_FREE)
-            status = cairn_map_merge_measure(merge, &w->merged,
-                                             w->stage == TO_FREE ? CAIRN_OCCUPANCY_GRID_FREE
-                                                                 : CAIRN_OCCUPANCY_GRID_OCCUPIED,
-                                             &w->cursor, budget);
+        else if (w->stage == STAGE_TO_OCCUPIED || w->stage == STAGE_TO_FREE)
+            status =
+                cairn_map_merge_measure(merge, &w->merged,
+                                        w->stage == STAGE_TO_FREE ? CAIRN_OCCUPANCY_GRID_FREE
+                                                                  : CAIRN_OCCUPANCY_GRID_OCCUPIED,
+                                        &w->cursor, budget);
         else
-            status = cairn_map_merge_pack(merge, &w->merged, w->stage == PACK_FREE ? 7 : 0,
+            status = cairn_map_merge_pack(merge, &w->merged, w->stage == STAGE_PACK_FREE ? 7 : 0,
                                           &w->cursor, budget);
         if (status != CAIRN_OK)
             return 0;

@@ -40,7 +40,7 @@
 /* rad: rotations to either side from which a mode is refined again; nats: minimum for that */
 #define VARIANT_RAD      CAIRN_REAL(0.025)
 #define MIN_VARIANT_NATS CAIRN_REAL(1.0)
-enum { VARIANTS = 3 };
+enum { CLIMB_VARIANTS = 3 };
 /* maximum steps of a refinement by lines */
 enum { MAX_LINE_STEPS = 5 };
 /* m: lever arm at which a rotation step moves points by one translation step */
@@ -535,7 +535,7 @@ static cairn_status step_refine(cairn_map_merge *merge, cairn_budget *budget)
             merge->climb.base_pivot = merge->climb.pivot;
         }
         merge->inner = 0;
-        if (mode.log_ratio < MIN_VARIANT_NATS || ++merge->climb.variant == VARIANTS) {
+        if (mode.log_ratio < MIN_VARIANT_NATS || ++merge->climb.variant == CLIMB_VARIANTS) {
             merge->climb.variant = 0;
             merge->cursor++;
         }

@@ -313,7 +313,14 @@ static void gather_connected(cairn_map_merge *merge)
 
 static void begin_filter(cairn_map_merge *merge)
 {
-    const map_merge_state first = {merge->reference, -1, {0, 0, 0}, 0, 0, 0};
+    const map_merge_state first = {
+        .map = merge->reference,
+        .source_map = -1,
+        .reference_map = {0, 0, 0},
+        .log_ratio = 0,
+        .psi = 0,
+        .gamma = 0,
+    };
     cairn_status status = cairn_particle_filter_clear(merge->filter, merge->params.seed);
 
     CAIRN_ASSERT(status == CAIRN_OK);

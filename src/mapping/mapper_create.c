@@ -132,8 +132,12 @@ static cairn_force_field_params field_params(const cairn_mapper_params *params)
 
 static cairn_scan_set_params keyframe_params(const cairn_mapper_params *params)
 {
-    cairn_scan_set_params keys = {params->max_keyframes, params->max_keyframe_segments,
-                                  params->max_keyframe_points, 0};
+    cairn_scan_set_params keys = {
+        .max_scans = params->max_keyframes,
+        .max_segments = params->max_keyframe_segments,
+        .max_points = params->max_keyframe_points,
+        .spacing = 0,
+    };
 
     return keys;
 }

@@ -72,8 +72,8 @@ static int32_t has_motion(const cairn_scan_input *input)
 /* Returns the motion during the sweep, for deskewing. A scanner that turns once in 0.1 s makes
  * every rotation of a robot at 45 degrees/s wrong by 1.25 %, always to the same side, and bends a
  * path with many turns. Where the input has no motion but a sweep duration, the motion since the
- * previous scan is scaled to it at constant twist: that of healthy odometry, otherwise that of the
- * matches, smoothed because their noise would distort the next scan. */
+ * previous scan is scaled to it at constant twist. It is the motion of healthy odometry, otherwise
+ * that of the matches, smoothed because their noise would distort the next scan. */
 cairn_pose cairn_mapper_sweep_motion(const cairn_mapper *mapper, const cairn_scan_input *input,
                                      const cairn_pose *by_odometry)
 {

@@ -1,4 +1,5 @@
-/* Keyframe storage: local map selection, visibility profiles, input of force field and search. */
+/* Keyframe storage: local map selection, visibility profiles, input of force field and search.
+ * mapper.c describes the method. */
 #include "src/core/build.h"
 
 #include <string.h>

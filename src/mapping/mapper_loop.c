@@ -7,8 +7,8 @@
  *    times the squared lever arm, the distance from the query keyframe.
  * 2. Candidates: older keyframes whose scan centroids lie within three standard deviations of the
  *    path, the nearest of each run of successive ones. Weakly constrained keyframes
- *    (mapper_constraint.c) are penalized: a match against them says little about the rest of the
- *    map.
+ *    (mapper_constraint.c) are penalized: a match against them has little information on the
+ *    rest of the map.
  * 3. Registration: scan_match against the union of the keyframes around the candidate, in the
  *    window given by 1.
  * 4. Verification: a match below the minimum log odds, an ambiguous one, or one with free-space

@@ -38,7 +38,12 @@ struct cairn_occupancy_grid {
 
 cairn_occupancy_grid_params cairn_occupancy_grid_default(void)
 {
-    cairn_occupancy_grid_params params = {400, 400, CAIRN_REAL(0.05), {-10, -10}};
+    cairn_occupancy_grid_params params = {
+        .width = 400,
+        .height = 400,
+        .resolution = CAIRN_REAL(0.05),
+        .origin = {-10, -10},
+    };
     return params;
 }
 
@@ -356,7 +361,7 @@ int32_t cairn_occupancy_grid_locate(const cairn_occupancy_grid *grid, cairn_vec2
 cairn_occupancy_grid_cell_state cairn_occupancy_grid_cell(const cairn_occupancy_grid *grid,
                                                           int32_t x, int32_t y)
 {
-    cairn_occupancy_grid_cell_state none = {0, 0};
+    cairn_occupancy_grid_cell_state none = {0};
 
     if (x < 0 || x >= grid->params.width || y < 0 || y >= grid->params.height)
         return none;

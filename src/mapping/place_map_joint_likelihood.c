@@ -1,14 +1,14 @@
 /* place_map: joint log-likelihood ratio of a place's pose given all other places of a component.
  *
- * Method: sums over pairs count a wall as often as places observed it, so that a place fits best
- * where most places are, and never at the edge of the map, where a single other one overlaps.
+ * Method: sums over pairs count a wall as often as places observed it. A place would fit best where
+ * most places are, and never at the edge of the map, where a single other one overlaps.
  * 1. Each point of the place counts once, by the union of the others' observations there.
  * 2. Points of the others in the visibility grid of the place count by 1 over the number of places
  *    that observed the same surface.
  * 3. Free space counts once that the place and any of the others observed.
  * 4. The weights are those of a conditional logistic regression: the true pose of a place against
- *    the best wrong ones of all poses, in simulated arenas with people and with tilted scans; the
- *    nats are multiplied by four to compare with those of pairs.
+ *    the best wrong ones of all poses. Data: simulated arenas with people and with tilted scans.
+ *    The nats are multiplied by four to compare with those of pairs.
  *
  * Invalidated points count too: the map cannot excuse a place that contradicts it.
  * Layout: places of the component, and the map in the frame of each, in scratch of the object. */

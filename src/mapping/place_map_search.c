@@ -1,4 +1,4 @@
-/* place_map: matching, consensus and refinement, item by item. */
+/* place_map: matching, consensus and refinement, item by item. place_map.c describes the method. */
 #include "src/core/build.h"
 
 #include <string.h>

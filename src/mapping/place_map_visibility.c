@@ -117,7 +117,7 @@ static void mark_surface(cairn_place_map *map, int32_t place, cairn_vec2 p, uint
 }
 
 /* Marks uncleared cells behind a surface as possible inside of a wall, whose opposite face another
- * place sees. */
+ * place observes. */
 static void mark_behind(cairn_place_map *map, int32_t place, const cairn_oriented_point *point,
                         uint8_t value)
 {

@@ -14,13 +14,13 @@
  * 5. Seeds: the next growth starts from the strongest hypothesis that no map found so far agrees
  *    with; the total decides between the maps.
  * 6. Block moves: the best map is cut at every edge of its maximum spanning tree, and the smaller
- *    side is moved to its best supported pose (pose_consensus_block.c), as nodes that support each
+ *    side is moved to its best supported pose (pose_consensus_block.c). Nodes that support each
  *    other never move alone.
  *
  * Layout: hypotheses in the order of add(); links sorted by node, other node and hypothesis, so
  * that the links of a node are contiguous, and those of a pair within them. Three maps: the growing
  * one, the best, and the best competing one.
- * Limits: the total has many local maxima and the search is greedy; a map is found when from one of
+ * Limits: the total has many local maxima and the search is greedy. A map is found when from one of
  * the seeds every step finds more support for the true candidate than for false ones. The caller
  * must ensure that the scores of several pairs are independent: weights are as good as the scores.
  * Source: after the pairwise consistent measurement sets of Mangelson et al. 2018 and the growth by

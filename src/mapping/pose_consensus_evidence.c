@@ -1,4 +1,5 @@
-/* pose_consensus: support of a pose by hypotheses, likelihood functions and bounds; relaxation. */
+/* pose_consensus: support of a pose by hypotheses, likelihood functions and bounds; relaxation.
+ * pose_consensus.c describes the method. */
 #include "src/core/build.h"
 
 #include "src/mapping/pose_consensus_work.h"

@@ -1,5 +1,5 @@
 /* pose_consensus: the best map as the result: frames and order of its components, alternatives,
- * ambiguity. */
+ * ambiguity. pose_consensus.c describes the method. */
 #include "src/core/build.h"
 
 #include <string.h>

@@ -1,5 +1,5 @@
 /* pose_consensus: greedy growth, merging of components, reassignment, and comparison of maps, item
- * by item. */
+ * by item. pose_consensus.c describes the method. */
 #include "src/core/build.h"
 
 #include <string.h>

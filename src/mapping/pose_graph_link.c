@@ -1,5 +1,6 @@
 /* pose_graph: links: residuals, Jacobians, robust weights, and their blocks of the normal
- * equations. The method is described in pose_graph_solve.c. */
+ * equations. The method is described in pose_graph_solve.c. chi-squared of a link is the square of
+ * its normalized residual: e^T Omega e. */
 #include "src/core/build.h"
 
 #include "src/mapping/pose_graph_work.h"

@@ -3,7 +3,7 @@
  *
  * Method: in the map frame a link has the residual g = (t_j - t_i - R_i t_z, theta_j - theta_i -
  * theta_z) and the information W = R_i Omega R_i^T. Its Jacobian by the second pose is the identity
- * and by the first -A, A = [1 0 -v_y; 0 1 v_x; 0 0 1] with v = t_j - t_i. A link so adds W, A^T W A
+ * and by the first -A, A = [1 0 -v_y; 0 1 v_x; 0 0 1] with v = t_j - t_i. A link adds W, A^T W A
  * and -A^T W. A fixed pose has the identity for its block and no links.
  * 1. Chordal initialisation, of the same form. Headings: g = r_j - R_z r_i for the unit vectors r,
  *    with the information of the angle alone, which is linear; then the poses with v = R_i t_z of

@@ -91,7 +91,12 @@ static int params_are_valid(const cairn_scan_match_params *params)
 
 static cairn_sequence_params sequence_params(const cairn_scan_match_params *p)
 {
-    cairn_sequence_params params = {CAIRN_SEQUENCE_LCS, p->max_query, p->max_target, 0};
+    cairn_sequence_params params = {
+        .kind = CAIRN_SEQUENCE_LCS,
+        .max_first = p->max_query,
+        .max_second = p->max_target,
+        .gap_cost = 0,
+    };
 
     return params;
 }

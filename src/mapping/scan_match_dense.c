@@ -1,9 +1,9 @@
 /* scan_match: surface points at full resolution: the ends of the beams with local surface
  * directions.
  *
- * The line is fitted to the neighbouring hits of each hit, not taken from the scan's segments, so
- * that structure smaller than a segment (door frames, posts) is kept: along bare walls it alone
- * constrains the translation along the wall. */
+ * Method: the line at each hit is fitted to its neighbouring hits, not taken from the scan's
+ * segments. This keeps structure smaller than a segment (door frames, posts). Along bare walls it
+ * alone constrains the translation along the wall. */
 #include "src/core/build.h"
 
 #include "cairn/scan_match.h"

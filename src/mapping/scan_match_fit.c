@@ -8,8 +8,8 @@
  *    equal weight.
  * 3. Covariance of an M-estimator (Huber 1981, section 7.6). Its information is formed from the
  *    products of the normals of both points of a pair. Plain Gauss-Newton uses one normal twice:
- *    the noise of the normals of a bare wall then adds up in squares and feigns information along
- *    the wall, while products of independent normals cancel it. Errors that do not average out
+ *    the squared noise of the normals of a bare wall is then false information along the wall.
+ *    Products of independent normals cancel it. Errors that do not average out
  *    (bent surfaces, the choice of pairs) are a floor: with a thousand beams they dominate.
  * 4. Scoring: query points on a target surface are inliers, those in its free space are violations;
  *    target samples are tested in the query's visibility profile. */
@@ -186,7 +186,7 @@ static void store_hypothesis(cairn_scan_match *match, const cairn_rigid_motion_b
 }
 
 /* Returns 1 when the prior is used. In the early stages the residual scale is that of the search,
- * and the prior would attract the candidates of a wide window to its centre; there it is used only
+ * and the prior would attract the candidates of a wide window to its centre. There it is used only
  * when the whole window lies within the gate. */
 static int32_t uses_prior(const cairn_scan_match *match)
 {

@@ -1,4 +1,4 @@
-/* scan_match: ranking, non-maximum suppression and decision.
+/* scan_match: ranking, non-maximum suppression and decision. scan_match.c describes the method.
  *
  * The log odds are a logistic regression of "correct" against "places without overlap": simulated
  * half and full circles and real logs of half circles, 0.10 m spacing. A chance similarity has

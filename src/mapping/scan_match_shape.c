@@ -13,16 +13,15 @@
  * 6. ICP with gates, rolled back when overlap and distance both get worse (6.4).
  *
  * The colinear filter exists because the shape of a straight line is ambiguous along it. While the
- * frames are not aligned, the direction of a vector says little about that, and all points of walls
- * pass alike. Mode SHAPE so applies the filters twice, and the overlap decides as between
+ * frames are not aligned, the direction of a vector has little information, and all points of walls
+ * pass alike. Mode SHAPE therefore applies the filters twice, and the overlap decides as between
  * rotations: first without the points that have nothing but a straight line about them, then with
  * them, as written. The reported pairs are those of the winning rotation and filters, which are
- * replayed.
- * Choices that the thesis leaves open: headings every 5 degrees over the window (every 1 when it is
- * at most 5 wide), then every 1 about the best; ICP point to point in closed form, its gate the
- * mean distance of its pairs but at least 1.5 spacings.
- * Mode AS_WRITTEN takes the readings themselves, every degree, and applies each filter once, as
- * printed; its ICP is in scan_match_written.c, its choices in the header.
+ * replayed. Choices that the thesis leaves open: headings every 5 degrees over the window (every 1
+ * when it is at most 5 wide), then every 1 about the best; ICP point to point in closed form, its
+ * gate the mean distance of its pairs but at least 1.5 spacings. Mode AS_WRITTEN takes the readings
+ * themselves, every degree, and applies each filter once, as printed; its ICP is in
+ * scan_match_written.c, its choices in the header.
  * Layout: histograms in bytes, 0 ... 255 for 0 ... 1. */
 #include "src/core/build.h"
 
@@ -30,7 +29,7 @@
 
 #include "src/mapping/scan_match_shape.h"
 
-static const cairn_real DEGREE = CAIRN_PI / 180;
+static const cairn_real RAD_PER_DEG = CAIRN_PI / 180;
 static const cairn_real DESCRIPTOR_RADIUS_M = CAIRN_REAL(0.5); /* m: radius of a descriptor */
 /* cosine and sine of 10 degrees: similar directions */
 static const cairn_real SIMILAR_COSINE = CAIRN_REAL(0.98480775);
@@ -131,9 +130,9 @@ void cairn_scan_match_shape_begin(cairn_scan_match *match)
         half = CAIRN_SCAN_MATCH_WRITTEN_HEADING;
     shape->shift.x = match->has_window ? match->start.x : 0;
     shape->shift.y = match->has_window ? match->start.y : 0;
-    shape->step = half <= COARSE_STEP_DEGREES * DEGREE || cairn_scan_match_is_as_written(match)
-                      ? DEGREE
-                      : COARSE_STEP_DEGREES * DEGREE;
+    shape->step = half <= COARSE_STEP_DEGREES * RAD_PER_DEG || cairn_scan_match_is_as_written(match)
+                      ? RAD_PER_DEG
+                      : COARSE_STEP_DEGREES * RAD_PER_DEG;
     steps = cairn_real_to_int(cairn_floor(
         half / shape->step + (cairn_scan_match_is_as_written(match) ? WINDOW_SLACK_STEPS : 0)));
     shape->rotations = 2 * steps + 1;
@@ -142,7 +141,7 @@ void cairn_scan_match_shape_begin(cairn_scan_match *match)
     if (half >= CAIRN_PI)
         shape->rotations--;
     shape->rotation = 0;
-    shape->is_fine = shape->step < 2 * DEGREE;
+    shape->is_fine = shape->step < 2 * RAD_PER_DEG;
     shape->best_overlap = -1;
     shape->with_lines = shape->is_replay = 0;
 }
@@ -405,7 +404,7 @@ static void next_rotation(cairn_scan_match *match)
     if (++shape->rotation < shape->rotations || shape->is_fine || shape->best_overlap < 0)
         return;
     shape->is_fine = 1;
-    shape->step = DEGREE;
+    shape->step = RAD_PER_DEG;
     shape->rotations = 2 * COARSE_STEP_DEGREES - 1;
     shape->rotation = 0;
     shape->first_angle = shape->best.theta - shape->step * (cairn_real)(COARSE_STEP_DEGREES - 1);

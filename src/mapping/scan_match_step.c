@@ -1,4 +1,4 @@
-/* scan_match: the phases of a match, item by item. */
+/* scan_match: the phases of a match, item by item. scan_match.c describes the method. */
 #include "src/core/build.h"
 
 #include <string.h>

@@ -60,7 +60,10 @@ static int params_are_valid(const cairn_scan_redundancy_params *params)
 
 static cairn_point_grid_params grid_params(const cairn_scan_redundancy_params *params)
 {
-    cairn_point_grid_params grid = {params->max_points, 2 * params->radius};
+    cairn_point_grid_params grid = {
+        .max_points = params->max_points,
+        .cell_size = 2 * params->radius,
+    };
     return grid;
 }
 

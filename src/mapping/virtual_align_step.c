@@ -23,7 +23,7 @@ static int has_matches(const cairn_virtual_align *align)
     return align->params.use_aligner && align->result.aligner.placed >= 2;
 }
 
-/* Runs the first alignment, which alone knows the initial error of the poses. */
+/* Runs the first alignment. It alone gets the initial error of the poses. */
 static cairn_status step_align(cairn_virtual_align *align, cairn_budget *budget)
 {
     cairn_status status = cairn_aligner_step(align->aligner, budget);

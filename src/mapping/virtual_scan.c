@@ -179,7 +179,7 @@ static cairn_ellipse_set *take_ellipses(cairn_pool *pool, const cairn_ellipse_pa
 
 static virtual_scan_result take_result(cairn_pool *pool, const cairn_virtual_scan_params *params)
 {
-    virtual_scan_result r = {NULL, NULL, NULL, 0, 0, 0};
+    virtual_scan_result r = {0};
 
     r.hypotheses = cairn_pool_take(pool, (size_t)params->max_hypotheses, sizeof *r.hypotheses);
     r.points = cairn_pool_take(pool, (size_t)params->max_virtual, sizeof *r.points);

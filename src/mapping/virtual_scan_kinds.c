@@ -1,4 +1,5 @@
-/* Sampling of hypotheses of each kind as points, and acceptance of lines and ellipses. */
+/* Sampling of hypotheses of each kind as points, and acceptance of lines and ellipses.
+ * virtual_scan.c describes the method. */
 #include "src/core/build.h"
 
 #include <string.h>

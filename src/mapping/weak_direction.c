@@ -496,7 +496,7 @@ static int has_ended(const cairn_weak_direction *weak_direction)
 
 cairn_weak_direction_result cairn_weak_direction_read(const cairn_weak_direction *weak_direction)
 {
-    static const cairn_weak_direction_result none = {0, 0, 0, 0, 0, 0, 0};
+    static const cairn_weak_direction_result none = {0};
 
     return has_ended(weak_direction) ? weak_direction->result : none;
 }

@@ -7,7 +7,7 @@
  *    greatest bound is evaluated next, one pair of scans at a time. A trial with all pairs
  *    evaluated and the greatest value is the optimum (branch and bound).
  * 3. The pair of scans with the last clear violation is evaluated first in the next trial, as it
- *    mostly violates again; most trials so need one or two pairs.
+ *    mostly violates again; most trials therefore need one or two pairs.
  * 4. The best trial outside its neighbourhood is found in the same way; the difference is the
  *    margin. */
 #include "src/core/build.h"
