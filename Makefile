@@ -250,7 +250,9 @@ test:
 PRECISIONS ?= double float
 TEST_PROGRAMS = $(if $(filter double,$(PRECISIONS)),$(TESTS:%=$(BUILD)/tests/%)) \
                 $(if $(filter float,$(PRECISIONS)),$(TESTS:%=$(BUILD)/tests-float/%))
-run-tests: all $(TEST_PROGRAMS)
+# Without tests in float the programs of float are not built.
+TEST_TOOLS = $(if $(filter float,$(PRECISIONS)),$(LIBS) $(TOOLS),$(filter-out $(BUILD)/libcairn-float.a $(BUILD)/cairn-float,$(LIBS) $(TOOLS)))
+run-tests: missing $(TEST_TOOLS) $(TEST_PROGRAMS)
 	@SANITIZE=$(SANITIZE) sh tests/run.sh $(BUILD) $(TEST_PROGRAMS)
 
 # Updates the stored results and pool sizes after an intended change (tests/kept.h).
