@@ -99,7 +99,7 @@ BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
 .PHONY: all help code-objects test-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
 .PHONY: windows windows-test check check-long check-freestanding mutate amalgamation coverage
-.PHONY: docs run-docs accuracy data run-data dist release-check abi thesis install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
+.PHONY: docs run-docs run-docs-test accuracy data run-data dist release-check abi thesis install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
 .DELETE_ON_ERROR:
 .SECONDARY:
 
@@ -250,7 +250,9 @@ test:
 PRECISIONS ?= double float
 TEST_PROGRAMS = $(if $(filter double,$(PRECISIONS)),$(TESTS:%=$(BUILD)/tests/%)) \
                 $(if $(filter float,$(PRECISIONS)),$(TESTS:%=$(BUILD)/tests-float/%))
-run-tests: all $(TEST_PROGRAMS)
+# Without tests in float the programs of float are not built.
+TEST_TOOLS = $(if $(filter float,$(PRECISIONS)),$(LIBS) $(TOOLS),$(filter-out $(BUILD)/libcairn-float.a $(BUILD)/cairn-float,$(LIBS) $(TOOLS)))
+run-tests: missing $(TEST_TOOLS) $(TEST_PROGRAMS)
 	@SANITIZE=$(SANITIZE) sh tests/run.sh $(BUILD) $(TEST_PROGRAMS)
 
 # Updates the stored results and pool sizes after an intended change (tests/kept.h).
@@ -307,7 +309,9 @@ docs:
 	@sh tools/deps.sh build docs
 	@$(MAKE) $(PARALLEL) run-docs
 run-docs: $(BUILD)/libcairn.a $(if $(HOST_SRC),$(BUILD)/libcairn-host.a)
-	@sh tools/docs.sh $(BUILD) && sh tools/docs-defaults.sh $(BUILD)
+	@sh tools/docs.sh $(BUILD) && HOST_LIBS="$(HOST_LIBS)" sh tools/docs-defaults.sh $(BUILD)
+run-docs-test: run-docs
+	@HOST_LIBS="$(HOST_LIBS)" sh tools/docs-test.sh $(BUILD)
 
 check:
 	@sh tools/deps.sh build test check docs

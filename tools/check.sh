@@ -205,7 +205,7 @@ step_docs()
         skipped "API reference: no doxygen"
         return 0
     }
-    gcc_build run-docs && sh tools/docs-test.sh "$out/gcc"
+    gcc_build run-docs-test
 }
 
 step_layout()

@@ -1,8 +1,8 @@
 #!/bin/sh
 # Whether the defaults in the comments of the headers are those that _default() returns: tools/docs-defaults.sh BUILD [OUT]
 #
-# Of each line of OUT/params.tsv (tools/docs.sh; OUT: BUILD/docs) a comparison in C is made, compiled with the libraries in BUILD and run.
-# Not compared are defaults that depend on arguments, "(from ...)".
+# Of each line of OUT/params.tsv (tools/docs.sh; OUT: BUILD/docs) a comparison in C is made, compiled with the libraries in BUILD
+# and run. HOST_LIBS: what libcairn-host needs. Not compared are defaults that depend on arguments, "(from ...)".
 set -e
 build=${1:?usage: tools/docs-defaults.sh BUILD [OUT]}
 out=${2:-$build/docs}
@@ -11,7 +11,7 @@ layers='core|contour|mapping'
 libraries="$build/libcairn.a -lm"
 if [ -f "$build/libcairn-host.a" ]; then
     layers="$layers|host"
-    libraries="$build/libcairn-host.a $build/libcairn.a -lyaml -lpng -lz -lm"
+    libraries="$build/libcairn-host.a $build/libcairn.a ${HOST_LIBS--lyaml -lpng -lz} -lm"
 else
     echo "skipped defaults of the host library: not built"
 fi

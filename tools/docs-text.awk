@@ -93,7 +93,7 @@ function joined(    i, text)
     return text
 }
 
-# Splits C[from ... to] into blocks: B_kind is text, list or verbatim.
+# Splits C[from ... to] into blocks: B_kind is text, ol (an item "1. ..."), ul (an item "- ...") or verbatim.
 function blocks(from, to,    i, text, kind)
 {
     block_count = 0
@@ -105,11 +105,11 @@ function blocks(from, to,    i, text, kind)
                 B_text[block_count] = B_text[block_count] "\n"
             else
                 kind = ""
-        } else if (text ~ /^ *[0-9]+\. / && (kind == "" || kind == "list" || kind == "text")) {
-            sub(/^ *[0-9]+\. /, "", text)
-            B_kind[++block_count] = kind = "list"
+        } else if (text ~ /^ *([0-9]+\.|-) / && kind != "verbatim") {
+            B_kind[++block_count] = kind = text ~ /^ *-/ ? "ul" : "ol"
+            sub(/^ *([0-9]+\.|-) /, "", text)
             B_text[block_count] = text
-        } else if (kind == "list" && text ~ /^  /) {
+        } else if (kind ~ /^[uo]l$/ && text ~ /^  /) {
             sub(/^ +/, "", text)
             B_text[block_count] = B_text[block_count] " " text
         } else if (kind == "verbatim" || kind == "" && text ~ /^  /) {
@@ -159,12 +159,12 @@ function put_blocks(from, to,    i, text)
         if (B_kind[i] == "verbatim") {
             sub(/\n+$/, "", text)
             put(" * \\verbatim\n" text "\n\\endverbatim")
-        } else if (B_kind[i] == "list") {
-            if (i == from || B_kind[i - 1] != "list")
-                put(" * <ol>")
+        } else if (B_kind[i] ~ /^[uo]l$/) {
+            if (i == from || B_kind[i - 1] != B_kind[i])
+                put(" * <" B_kind[i] ">")
             put(" * <li>" literal(text) "</li>")
-            if (i == to || B_kind[i + 1] != "list")
-                put(" * </ol>")
+            if (i == to || B_kind[i + 1] != B_kind[i])
+                put(" * </" B_kind[i] ">")
         } else if (B_kind[i] == "text") {
             text = literal(text)
             # "Limits: ...", "No return. ..."

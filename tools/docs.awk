@@ -54,7 +54,7 @@ FNR == 1 { header = FILENAME; lines = 0 }
 END {
     if (lines)
         file()
-    exit faults > 0
+    exit (faults > 0)
 }
 
 function fault(where, what)

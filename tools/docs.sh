@@ -55,10 +55,10 @@ END
 } >"$out/groups.dox"
 
 cat >"$out/docs.css" <<'END'
-table.params-table td { vertical-align: top; overflow-wrap: anywhere; }
-table.params-table td:first-child { white-space: nowrap; }
+table.params-table td { vertical-align: top; }
+table.params-table td:nth-child(-n+2) { white-space: nowrap; }
 table.params-table td:nth-child(3) { min-width: 24em; }
-table.params-table td:nth-child(5), table.params-table td:nth-child(6) { min-width: 5.5em; }
+table.params-table td:nth-child(n+5) { min-width: 7em; overflow-wrap: anywhere; }
 .memdoc:has(table.params-table) table.fieldtable { display: none; }
 END
 

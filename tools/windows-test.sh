@@ -73,8 +73,8 @@ refused()
     [ $code -eq 2 ] && grep -q "$pattern" "$work/wine.log" || fail "cairn $*: code $code, $(cat "$work/wine.log")"
 }
 refused "robot1.yaml: map files cannot be read: .* without libyaml" merge data/maps/robot1.yaml data/maps/robot2.yaml -o "$work/wine/merge"
-printf '\211PNG\r\n' >"$work/shape.png"
-refused "shape.png: is a PNG image, .* no libpng" symmetry "$work/shape.png" -o "$work/wine/symmetry"
+printf '\211PNG\r\n\032\n\000\000\000\rIHDR\000\000\000\003\000\000\000\002\010\000\000\000\000....\000\000\000\000IEND....' >"$work/shape.png"
+refused "shape.png: is a PNG image: .* without libpng" symmetry "$work/shape.png" -o "$work/wine/symmetry"
 refused "nowhere.log: cannot open: No such file" map nowhere.log -o "$work/wine/nowhere"
 [ $failed -eq 0 ] && echo "ok     windows: cairn.exe map writes the same poses, map and graph under wine as cairn here"
 exit $failed

@@ -26,8 +26,9 @@
  * - non-maximum suppression keeps the best of the boxes whose intersection over union exceeds
  *   `overlap`;
  * - d_app of eq. 5.1 is the distance to the nearest positive support vector, the word histograms
- *   of the training set that the model keeps, as in the experiments (section 5.4.2); with `appearance_nearest` 0 it is 1 - the probability of the
- *   support vector machine (section 5.3.2). */
+ *   of the training set that the model keeps, as in the experiments (section 5.4.2); with
+ *   `appearance_nearest` 0 it is 1 - the probability of the support vector machine (section
+ *   5.3.2). */
 #ifndef CAIRN_OBJECT_DETECT_H
 #define CAIRN_OBJECT_DETECT_H
 

@@ -62,8 +62,8 @@ typedef struct cairn_virtual_align_params {
      * along walls */
     int32_t use_aligner;
     /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written,
-     * rebuild_interval, max_rounds, use_aligner, weak_direction, hypotheses.mode, and the
-     * field's mode, roi and oriented_below are ignored */
+     * rebuild_interval, max_rounds, use_aligner, weak_direction, hypotheses.mode, and the field's
+     * mode, roi and oriented_below are ignored */
     int32_t mode;
 } cairn_virtual_align_params;
 

@@ -80,8 +80,8 @@ typedef struct cairn_virtual_scan_map {
     cairn_real sigma; /* m: position uncertainty of the scans */
 } cairn_virtual_scan_map;
 
-/* Starts a detection of a caller's kind, such as triangles. A status below 0 ends the detection with
- * it.
+/* Starts a detection of a caller's kind, such as triangles. A status below 0 ends the detection
+ * with it.
  *
  * state: that of the detector
  * map: the map, which stays valid until the detection has ended */

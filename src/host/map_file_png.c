@@ -79,7 +79,7 @@ static cairn_status decode_png(cairn_image *image, png_work *work, FILE *file, c
     png_read_update_info(work->png, work->info);
     channels = png_get_channels(work->png, work->info);
     stride = png_get_rowbytes(work->png, work->info);
-    work->samples = malloc(stride * (size_t)image->height);
+    work->samples = calloc((size_t)image->height, stride);
     work->row = malloc((size_t)image->height * sizeof *work->row);
     if (channels % 2 == 0)
         image->alpha = malloc((size_t)image->width * (size_t)image->height);

@@ -17,7 +17,7 @@ cairn_status cairn_image_decode_png(cairn_image *image, FILE *file, const char *
     (void)image;
     (void)file;
     return cairn_file_error_set(error, CAIRN_UNSUPPORTED, path, 0,
-                                "is a PNG image, which this program was built without (no libpng), "
+                                "is a PNG image: this program was built without libpng, "
                                 "expected a PGM image");
 }
 
