@@ -37,8 +37,8 @@ HOST_FLAGS = -std=c11 -D_POSIX_C_SOURCE=200809L -D_DEFAULT_SOURCE $(CWARN) $(WER
 TEST_OPT   = $(if $(filter tests/%,$<),$(if $(filter -O2 -O3,$(OPT)),-O1))
 CXX_FLAGS  = -std=c++17 $(WARN) $(WERROR) $(COMMON) $(TRAPS)
 
-# Modules. Box2D, libyaml, zlib, libpng, OpenCV and cmocka are searched in the Debian locations. A missing library disables
-# its modules (tools/deps.sh installs it).
+# Modules. Box2D, libyaml, zlib, libpng, OpenCV, cmocka and what bags are compressed by are searched in the Debian locations. A
+# missing library disables its modules, or its formats of bags (tools/deps.sh installs it).
 has        = $(or $(wildcard /usr/include/$(1)),$(wildcard /usr/local/include/$(1)))
 CORE_SRC    := $(wildcard src/core/*.c)
 CONTOUR_SRC := $(wildcard src/contour/*.c)
@@ -47,6 +47,12 @@ LIB_SRC     := $(CORE_SRC) $(CONTOUR_SRC) $(MAPPING_SRC)
 HAVE_HOST   := $(and $(call has,yaml.h),$(call has,zlib.h),$(call has,png.h))
 HAVE_SIM    := $(call has,box2d/box2d.h)
 HAVE_TEST   := $(call has,cmocka.h)
+# Libraries for bags: header:library:macro, all optional.
+BAG_KINDS   := sqlite3.h:sqlite3:CAIRN_HAVE_SQLITE lz4frame.h:lz4:CAIRN_HAVE_LZ4 bzlib.h:bz2:CAIRN_HAVE_BZ2 zstd.h:zstd:CAIRN_HAVE_ZSTD
+BAG_FOUND   := $(foreach kind,$(BAG_KINDS),$(if $(call has,$(firstword $(subst :, ,$(kind)))),$(kind)))
+BAG_LIBS    := $(foreach kind,$(BAG_FOUND),-l$(word 2,$(subst :, ,$(kind))))
+BAG_DEFINES := $(foreach kind,$(BAG_FOUND),-D$(word 3,$(subst :, ,$(kind))))
+BAG_MISSING := $(foreach kind,$(filter-out $(BAG_FOUND),$(BAG_KINDS)),lib$(word 2,$(subst :, ,$(kind))))
 VISION_INC  := $(patsubst %/opencv2/imgcodecs.hpp,%,$(firstword $(call has,opencv4/opencv2/imgcodecs.hpp)))
 HOST_SRC    := $(if $(HAVE_HOST),$(wildcard src/host/*.c) src/host/report_player_page.c)
 VISION_SRC  := $(if $(VISION_INC),src/host/vision_shim.cpp)
@@ -68,7 +74,7 @@ NEEDS_test_golden := $(filter-out tests/golden.c,$(GOLDEN))
 NEEDS_test_memory := tools/pool_objects.c
 NEEDS_test_outlines := sim/outlines.c
 NEEDS_test_long   := $(wildcard tests/long_*.c)
-HOST_LIBS   := -lyaml -lpng -lz
+HOST_LIBS   := -lyaml -lpng -lz $(BAG_LIBS)
 SIM_LIBS    := -lbox2d
 VISION_LIBS := -lopencv_imgcodecs -lopencv_imgproc -lopencv_core
 APPEARANCE_LIBS := -lopencv_features2d -lopencv_ml -lopencv_core
@@ -80,7 +86,7 @@ TOOLS    := $(if $(CAIRN_SRC),$(BUILD)/cairn $(BUILD)/cairn-float) $(if $(ARENA_
 TESTS    := $(TEST_SRC:tests/%.c=%)
 BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
-.PHONY: all help code-objects test-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
+.PHONY: FORCE bag-libraries all help code-objects test-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
 .PHONY: check check-long check-freestanding mutate amalgamation coverage
 .PHONY: accuracy data run-data dist release-check thesis install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
 .DELETE_ON_ERROR:
@@ -114,6 +120,7 @@ help:
 
 missing:
 	@$(if $(HAVE_HOST),:,echo "cairn: no libyaml, zlib or libpng: libcairn-host and the tools are left out (tools/deps.sh build)")
+	@$(if $(and $(HAVE_HOST),$(strip $(BAG_MISSING))),echo "cairn: no $(strip $(BAG_MISSING)): bags that need it are refused (tools/deps.sh bags)",:)
 	@$(if $(HAVE_SIM),:,echo "cairn: no Box2D: sim and cairn-arena are left out (tools/deps.sh build)")
 	@$(if $(and $(HAVE_TEST),$(strip $(TEST_LACKS))),echo "cairn: tests that need what is missing are left out$(,) $(words $(TEST_SRC)) of $(words $(wildcard tests/test_*.c)) run",:)
 	@$(if $(VISION_INC),:,echo "cairn: no OpenCV: libcairn-vision is left out, images are read as PGM and PNG only (tools/deps.sh vision)")
@@ -126,6 +133,15 @@ $(BUILD)/double/src/%.c.o: src/%.c
 $(BUILD)/float/src/%.c.o: src/%.c
 	@mkdir -p $(@D)
 	$(CC) -DCAIRN_FLOAT $(if $(filter host/%,$*),$(HOST_FLAGS),$(LIB_FLAGS)) $(CFLAGS) -c $< -o $@
+# What decompresses bags, and its test, are compiled again when one of the libraries comes or goes.
+bag_objects := $(foreach real,double float,$(foreach file,src/host/unpack src/host/bag_file_sqlite tests/test_scan_log,$(BUILD)/$(real)/$(file).c.o))
+$(bag_objects): $(BUILD)/bag-libraries.txt
+$(bag_objects): HOST_FLAGS += $(BAG_DEFINES)
+$(BUILD)/bag-libraries.txt: FORCE
+	@mkdir -p $(@D); echo '$(BAG_LIBS)' | cmp -s - $@ || echo '$(BAG_LIBS)' >$@
+FORCE:
+bag-libraries:
+	@echo '$(BAG_LIBS)'
 # The page of the player is generated from its HTML.
 $(BUILD)/src/host/report_player_page.c: src/host/report_player.html tools/page.sh
 	@mkdir -p $(@D)
@@ -206,7 +222,7 @@ $(foreach test,$(TESTS),$(if $(NEEDS_$(test)),$(eval $(call test_needs,$(test)))
 # given.
 PARALLEL = $(if $(filter -j% --jobserver%,$(MAKEFLAGS)),,-j$(shell nproc))
 test:
-	@sh tools/deps.sh build test
+	@sh tools/deps.sh build bags test
 	@$(MAKE) $(PARALLEL) ASSERTIONS=1 BUILD=$(BUILD)/checked run-tests
 
 # PRECISIONS=double: only the tests in double.
@@ -386,7 +402,7 @@ coverage:
 	@sh tools/coverage.sh $(BUILD)/coverage
 
 install: all
-	sh tools/install.sh "$(BUILD)" "$(DESTDIR)$(PREFIX)" "$(PREFIX)" "$(VERSION)" "$(SOVERSION)"
+	sh tools/install.sh "$(BUILD)" "$(DESTDIR)$(PREFIX)" "$(PREFIX)" "$(VERSION)" "$(SOVERSION)" "$(BAG_LIBS)"
 
 clean:
 	rm -rf $(BUILD)

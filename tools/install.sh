@@ -1,9 +1,9 @@
 #!/bin/sh
-# Installs the library (make install): tools/install.sh BUILD DESTINATION PREFIX VERSION SOVERSION
+# Installs the library (make install): tools/install.sh BUILD DESTINATION PREFIX VERSION SOVERSION LIBRARIES
 #
-# DESTINATION: folder of the files (DESTDIR and PREFIX); PREFIX: installed location.
+# DESTINATION: folder of the files (DESTDIR and PREFIX); PREFIX: installed location; LIBRARIES: what bags are read by (-lzstd ...).
 set -e
-build=$1 to=$2 prefix=$3 version=$4 soversion=$5
+build=$1 to=$2 prefix=$3 version=$4 soversion=$5 bag_libraries=$6
 mkdir -p "$to/include/cairn" "$to/lib/pkgconfig" "$to/bin"
 
 for header in include/cairn/*.h; do
@@ -49,7 +49,7 @@ if [ -f "$build/libcairn-host.a" ]; then
         package cairn-host "files, pictures and solvers for cairn on an operating system"
         echo 'Requires: cairn'
         # The library is static only, so each program links its dependencies.
-        echo 'Libs: -L${libdir} -lcairn-host -lyaml -lpng -lz'
+        echo 'Libs: -L${libdir} -lcairn-host -lyaml -lpng -lz '"$bag_libraries"
     } >"$to/lib/pkgconfig/cairn-host.pc"
 fi
 echo "cairn $version: installed in $to"
