@@ -36,6 +36,7 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
                       "maximum range of beams entered into the map, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from this value on count as no return, m (from the log)"),
+        TOOL_LOG_OPTIONS(&s->scan_topic, &s->odometry_topic),
         OPTION_NUMBER("--sweep", &s->sweep, 0, 2, "S",
                       "duration of a scan, first to last beam, s, for logs without it; 0: no "
                       "motion during a scan"),
@@ -51,7 +52,7 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
     };
     const option_set set = {
         MAP_PROGRAM, "LOG [LOG ...] -o DIR [options]",
-        "Maps a log (CARMEN, or a table of ranges, plain or gzipped), scan by scan: every scan is "
+        "Maps a log (CARMEN, table of ranges, CSM, bag of ROS), scan by scan: every scan is "
         "matched\n"
         "against nearby keyframes, force field simulation refines a sliding window of the last "
         "keyframes, and\n"
@@ -565,7 +566,11 @@ int tool_map(int argc, char **argv)
         return result;
     if (map_output_check(s.folder, s.particles == 0, s.report, &error) != CAIRN_OK)
         return tool_report(&error);
-    code = map_input_load(&input, s.logs, s.log_count, s.range_max, s.quiet);
+    code = map_input_load(&input, s.logs, s.log_count,
+                          &(tool_log_options){.range_max = s.range_max,
+                                              .scan_topic = s.scan_topic,
+                                              .odometry_topic = s.odometry_topic,
+                                              .quiet = s.quiet});
     if (code != TOOL_OK)
         return code;
     s.no_odometry |= !input.has_odometry;

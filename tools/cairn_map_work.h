@@ -12,7 +12,7 @@
 typedef struct map_settings {
     const char *log; /* the first one */
     const char *logs[MAP_MAX_LOGS];
-    const char *folder, *pool, *report;
+    const char *folder, *pool, *report, *scan_topic, *odometry_topic;
     int32_t log_count;
     int64_t max_keyframes, window, seed, particles;
     double resolution, range, range_max;
