@@ -1054,6 +1054,144 @@ static void bad_arguments(void **state)
     assert_status(cairn_scan_log_load(&log, "/dev/null", NULL, NULL), CAIRN_UNSUPPORTED);
 }
 
+/* ---- Streams ---- */
+
+static cairn_scan_log_stream *open_stream(const char *text, const cairn_scan_log_params *params)
+{
+    int file = open(files_write_text("stream", text), O_RDONLY);
+    cairn_scan_log_stream *stream;
+
+    assert_true(file >= 0);
+    assert_ok(cairn_scan_log_stream_open(&stream, file, "stream", params, NULL));
+    return stream;
+}
+
+static void streams_of_carmen(void **state)
+{
+    cairn_scan_log_params params = told_params();
+    cairn_scan_log_stream *stream =
+        open_stream("# a log\nPARAM robot_frontlaser_max 20\nODOM 0 0 0 0 0 0 1 h 1\n"
+                    "FLASER 3 1 25 nan 1.5 0 0 1 0 0 4 h 4\n"
+                    "FLASER x\n"
+                    "ROBOTLASER1 0 -0.5 1 0.5 30 0 0 3 1 25 31 0 2 0 0 2 1 0 0 0 0 0 0 5 h 5\n",
+                    &params);
+    cairn_carmen_log_record record;
+    int32_t has_odometry;
+
+    (void)state;
+    assert_ok(cairn_scan_log_stream_next(stream, &record, &has_odometry, NULL));
+    assert_int_equal(has_odometry, 1);
+    assert_int_equal(record.line, 4);
+    assert_int_equal(record.count, 3);
+    assert_int_equal(record.stamp_ns, 4 * SECOND);
+    assert_near(record.robot.x, 1, 0);
+    assert_near(record.scan.base_sensor.x, 0.5, 1e-6);
+    assert_near(record.scan.range_max, 20, 0);
+    assert_near(record.scan.range_sigma, 0.01, 1e-8);
+    assert_near(record.range[0], 1, 0);
+    assert_true(isinf(record.range[1]) && isnan(record.range[2]));
+    assert_ok(cairn_scan_log_stream_next(stream, &record, &has_odometry, NULL));
+    assert_int_equal(record.line, 6);
+    assert_near(record.scan.angle_min, -0.5, 0);
+    assert_near(record.scan.angle_step, 0.5, 0);
+    /* its own limit; the mounting stays that of the first scan */
+    assert_near(record.scan.range_max, 30, 0);
+    assert_near(record.range[1], 25, 0);
+    assert_true(isinf(record.range[2]));
+    assert_near(record.scan.base_sensor.x, 0.5, 1e-6);
+    assert_near(record.scan.base_sensor.y, 0, 0);
+    assert_status(cairn_scan_log_stream_next(stream, &record, &has_odometry, NULL), CAIRN_EMPTY);
+    assert_int_equal(cairn_scan_log_stream_faults(stream), 1);
+    assert_int_equal(told_count, 1);
+    assert_non_null(strstr(told[0].text, "stream:5: "));
+    cairn_scan_log_stream_close(stream);
+}
+
+static void streams_of_json(void **state)
+{
+    cairn_scan_log_stream *stream = open_stream(
+        "\n{\"header\":{\"seq\":1,\"stamp\":{\"sec\":7,\"nanosec\":8},\"frame_id\":\"a\"},"
+        "\"angle_min\":-1,\"angle_increment\":0.5,\"time_increment\":0.25,\"range_min\":0.125,"
+        "\"range_max\":10,\"ranges\":[1,null,10,2],\"intensities\":[[]],\"sensor\":[1,2,0.5],"
+        "\"odometry\":[3,4,7]}\n"
+        "{\"stamp_ns\":1147713122541201007,\"angle_min\":0,\"angle_increment\":0,\"ranges\":[90]}"
+        "\n",
+        NULL);
+    cairn_carmen_log_record record;
+    int32_t has_odometry;
+
+    (void)state;
+    assert_ok(cairn_scan_log_stream_next(stream, &record, &has_odometry, NULL));
+    assert_int_equal(has_odometry, 1);
+    assert_int_equal(record.line, 2);
+    assert_int_equal(record.count, 4);
+    assert_int_equal(record.stamp_ns, 7 * SECOND + 8);
+    assert_int_equal(record.scan.stamp_ns, 7 * SECOND + 8);
+    assert_near(record.scan.angle_min, -1, 0);
+    assert_near(record.scan.angle_step, 0.5, 0);
+    assert_near(record.scan.time_step, 0.25, 0);
+    assert_near(record.scan.range_min, 0.125, 0);
+    assert_near(record.scan.range_max, 10, 0);
+    assert_near(record.range[0], 1, 0);
+    assert_true(isnan(record.range[1]) && isinf(record.range[2]));
+    assert_near(record.range[3], 2, 0);
+    assert_near(record.robot.y, 4, 0);
+    assert_near(record.robot.theta, 7 - 2 * 3.141592653589793, 1e-6);
+    assert_near(record.scan.base_sensor.y, 2, 0);
+    assert_ok(cairn_scan_log_stream_next(stream, &record, &has_odometry, NULL));
+    assert_int_equal(has_odometry, 0);
+    assert_true(record.stamp_ns == INT64_C(1147713122541201007));
+    assert_near(record.scan.range_max, 80, 0);
+    assert_true(isinf(record.range[0]));
+    assert_near(record.robot.x, 0, 0);
+    assert_status(cairn_scan_log_stream_next(stream, &record, &has_odometry, NULL), CAIRN_EMPTY);
+    cairn_scan_log_stream_close(stream);
+}
+
+static void bad_json(void **state)
+{
+    static const struct {
+        const char *line, *text;
+    } cases[] = {
+        {"{\"ranges\":[1]}", "a scan without bearings"},
+        {"{\"angle_min\":0,\"angle_increment\":1}", "a scan without ranges"},
+        {"{\"angle_min\":0,\"angle_increment\":1,\"ranges\":[]}", "a scan without ranges"},
+        {"{\"angle_min\":1e10}", "no number up to 1e9"},
+        {"{\"angle_min\":\"a\"}", "no number up to 1e9"},
+        {"{\"ranges\":1}", "ranges is not a list"},
+        {"{\"ranges\":[true]}", "ranges holds something else"},
+        {"{\"odometry\":1}", "a pose is not a list"},
+        {"{\"odometry\":[1,2]}", "no number up to 1e9"},
+        {"{\"odometry\":[1,2,3,4]}", "a pose of more than three numbers"},
+        {"{\"stamp_ns\":1.5}", "no whole number"},
+        {"{\"header\":1}", "not an object"},
+        {"{\"header\":{\"stamp\":{\"sec\":-1}}}", "below 0"},
+        {"{\"angle_min\":0,\"angle_increment\":1,\"ranges\":[1]} 2", "more than one value"},
+        {"{\"ranges\":[1", "stream:2: "},
+        {"[]", "not an object, expected { and the fields of a LaserScan"}};
+    cairn_carmen_log_record record;
+    int32_t has_odometry;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        static const char good[] = "{\"angle_min\":0,\"angle_increment\":1,\"ranges\":[1]}\n";
+        cairn_scan_log_params params = told_params();
+        cairn_scan_log_stream *stream;
+        char text[512];
+
+        (void)snprintf(text, sizeof text, "%s%s\n%s", good, cases[i].line, good);
+        stream = open_stream(text, &params);
+        assert_ok(cairn_scan_log_stream_next(stream, &record, &has_odometry, NULL));
+        assert_ok(cairn_scan_log_stream_next(stream, &record, &has_odometry, NULL));
+        assert_int_equal(record.line, 3);
+        assert_int_equal(told_count, 1);
+        assert_non_null(strstr(told[0].text, "stream:2: "));
+        if (strstr(told[0].text, cases[i].text) == NULL)
+            fail_msg("\"%s\" does not hold \"%s\"", told[0].text, cases[i].text);
+        cairn_scan_log_stream_close(stream);
+    }
+}
+
 /* Nothing is lost over many rounds. */
 static void frees_all(void **state)
 {
@@ -1154,6 +1292,9 @@ int main(int argc, char **argv)
         cmocka_unit_test(formats_of_text),
         cmocka_unit_test(csm_scans),
         cmocka_unit_test(bad_arguments),
+        cmocka_unit_test(streams_of_carmen),
+        cmocka_unit_test(streams_of_json),
+        cmocka_unit_test(bad_json),
         cmocka_unit_test(frees_all),
         cmocka_unit_test(same_as_rosbags),
     };

@@ -88,6 +88,46 @@ CAIRN_CHECKED cairn_status cairn_scan_log_load(cairn_scan_log *log, const char *
 /* Frees the scans. */
 void cairn_scan_log_free(cairn_scan_log *log);
 
+/* ---- Streams ----
+ *
+ * A stream is read line by line and returns each scan as soon as its line has come. Its first line
+ * that is neither blank nor a comment tells its format:
+ *
+ * CARMEN: as cairn/carmen_log.h says, except for what needs the whole log. The maximum range is that
+ * of the message, else params.range_max, else the last PARAM, else 80 m. The mounting is that of the
+ * first scan.
+ *
+ * JSON: one object a line, with the fields of a sensor_msgs/LaserScan, of which angle_min,
+ * angle_increment and ranges are required; null in ranges is an invalid reading.
+ *
+ *   {"stamp_ns": 1147713122541201000, "angle_min": -1.5, "angle_increment": 0.01, "range_min": 0.1,
+ *    "range_max": 30, "time_increment": 0, "ranges": [2.5, null, 3.1], "odometry": [0, 0, 0]}
+ *
+ * The stamp is stamp_ns, or header.stamp with sec and nanosec. odometry is the robot's pose (m, m,
+ * rad), sensor the sensor's pose on the robot; both may lack. Other fields are ignored. */
+typedef struct cairn_scan_log_stream cairn_scan_log_stream;
+
+/* Begins to read an open file, which is closed with the stream. name: for error texts. Statuses of
+ * cairn_scan_log_load() for the params; CAIRN_NO_MEMORY. On failure the file is closed. */
+CAIRN_CHECKED cairn_status cairn_scan_log_stream_open(cairn_scan_log_stream **stream, int32_t file,
+                                                      const char *name,
+                                                      const cairn_scan_log_params *params,
+                                                      cairn_file_error *error);
+
+/* Waits for the next scan. *has_odometry 0: record->robot is the identity. The record's arrays are
+ * valid until the next call. Faulty lines are reported and skipped. CAIRN_EMPTY: the end;
+ * CAIRN_IO, CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status cairn_scan_log_stream_next(cairn_scan_log_stream *stream,
+                                                      cairn_carmen_log_record *record,
+                                                      int32_t *has_odometry,
+                                                      cairn_file_error *error);
+
+/* Returns the number of faulty lines so far. */
+int64_t cairn_scan_log_stream_faults(const cairn_scan_log_stream *stream);
+
+/* Closes the stream and its file. NULL is allowed. */
+void cairn_scan_log_stream_close(cairn_scan_log_stream *stream);
+
 #ifdef __cplusplus
 }
 #endif

@@ -168,6 +168,17 @@ static cairn_status load_text(cairn_scan_log *log, const char *path,
     }
 }
 
+cairn_status cairn_scan_log_check(const cairn_scan_log_params *params, const char *path,
+                                  cairn_file_error *error)
+{
+    if (params->range_max >= 0 && params->range_max <= (double)CAIRN_SCAN_EXTENT &&
+        params->range_sigma >= 0 && params->range_sigma <= (double)CAIRN_SCAN_EXTENT)
+        return CAIRN_OK;
+    return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
+                                "range_max %g and range_sigma %g, expected numbers from 0 to %g",
+                                params->range_max, params->range_sigma, (double)CAIRN_SCAN_EXTENT);
+}
+
 cairn_status cairn_scan_log_load(cairn_scan_log *log, const char *path,
                                  const cairn_scan_log_params *params, cairn_file_error *error)
 {
@@ -180,12 +191,9 @@ cairn_status cairn_scan_log_load(cairn_scan_log *log, const char *path,
         return status;
     if (params == NULL)
         params = &standard;
-    if (!(params->range_max >= 0 && params->range_max <= (double)CAIRN_SCAN_EXTENT &&
-          params->range_sigma >= 0 && params->range_sigma <= (double)CAIRN_SCAN_EXTENT))
-        return cairn_file_error_set(
-            error, CAIRN_BAD_ARGUMENT, path, 0,
-            "range_max %g and range_sigma %g, expected numbers from 0 to %g", params->range_max,
-            params->range_sigma, (double)CAIRN_SCAN_EXTENT);
+    status = cairn_scan_log_check(params, path, error);
+    if (status != CAIRN_OK)
+        return status;
     if (bag != CAIRN_BAG_NONE) {
         log->kind = CAIRN_SCAN_LOG_BAG;
         status = cairn_scan_log_load_bag(log, path, bag, params, error);

@@ -74,6 +74,32 @@ void cairn_scan_log_frames_free(cairn_scan_log_frames *frames);
 /* Returns a frame's name without the slash before it, on the heap; NULL when out of memory. */
 char *cairn_scan_log_copy_frame(cairn_ros_text name);
 
+/* Checks range_max and range_sigma. CAIRN_BAD_ARGUMENT. */
+CAIRN_CHECKED cairn_status cairn_scan_log_check(const cairn_scan_log_params *params,
+                                                const char *path, cairn_file_error *error);
+
+/* Ranges of a JSON scan, which grow. */
+typedef struct cairn_scan_log_beams {
+    double *range; /* [count] of [capacity] m */
+    int32_t count, capacity;
+} cairn_scan_log_beams;
+
+/* A scan in JSON. */
+typedef struct cairn_scan_log_json {
+    int64_t stamp_ns;
+    double angle_min, angle_step, time_step, range_min, range_max; /* NaN: the field is missing */
+    double odometry[3], sensor[3];                                 /* m, m, rad */
+    int32_t has_odometry;
+} cairn_scan_log_json;
+
+/* Parses line[0 .. length), line `number` of the file: an object of a LaserScan's fields. *beams:
+ * its ranges, NaN for null. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED, CAIRN_FULL, CAIRN_NOT_FINITE: the
+ * fault says why; CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status cairn_scan_log_json_read(cairn_scan_log_json *scan,
+                                                    cairn_scan_log_beams *beams, const char *path,
+                                                    int64_t number, const char *line, size_t length,
+                                                    cairn_file_error *fault);
+
 /* Reads a bag. As cairn_scan_log_load(). */
 CAIRN_CHECKED cairn_status cairn_scan_log_load_bag(cairn_scan_log *log, const char *path,
                                                    cairn_bag_kind kind,
