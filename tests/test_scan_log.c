@@ -1,7 +1,8 @@
 /* Logs of any format through one door: bags in every container, compression and serialization, what
  * is taken of them, and every way in which they can be cut or wrong.
  *
- *   test_scan_log --print FILE   prints stamps and the bits of all ranges, for tests/compare_bags.py */
+ * test_scan_log --print FILE   prints stamps and the bits of all ranges, for tests/compare_bags.py
+ * */
 #include "tests/bag_writer.h"
 
 #include <fcntl.h>
@@ -370,8 +371,8 @@ static void upside_down(void **state)
     }
 }
 
-/* Without a topic of odometry the transforms odom -> base are it; the sensor hangs on two links, the
- * base is not the frame above all. */
+/* Without a topic of odometry the transforms odom -> base are it; the sensor hangs on two links,
+ * the base is not the frame above all. */
 static void odometry_of_transforms(void **state)
 {
     static const double half[4] = {0, 0, 1, 0};
@@ -401,8 +402,8 @@ static void odometry_of_transforms(void **state)
     cairn_scan_log_free(&log);
 }
 
-/* A base that is not above the sensor: the way leads over the frame above both. A loop of links ends
- * the search. */
+/* A base that is not above the sensor: the way leads over the frame above both. A loop of links
+ * ends the search. */
 static void tree_of_frames(void **state)
 {
     cairn_scan_log_params params = told_params();
@@ -1216,8 +1217,8 @@ static void frees_all(void **state)
 
 static char program[512];
 
-/* tests/compare_bags.py writes bags by the PyPI package rosbags and compares what both read. PYTHON: an
- * interpreter that has it. */
+/* tests/compare_bags.py writes bags by the PyPI package rosbags and compares what both read.
+ * PYTHON: an interpreter that has it. */
 static void same_as_rosbags(void **state)
 {
     const char *python = getenv("PYTHON") != NULL ? getenv("PYTHON") : "python3";

@@ -116,8 +116,8 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
     return OPTIONS_READ;
 }
 
-/* Feeds all scans to the mapper. TOOL_OK, or another exit code after a line on standard error. *full
- * is set, and no line printed, when the mapper has no capacity for a keyframe. */
+/* Feeds all scans to the mapper. TOOL_OK, or another exit code after a line on standard error.
+ * *full is set, and no line printed, when the mapper has no capacity for a keyframe. */
 static int feed(map_run *run, const map_input *input, int32_t *full)
 {
     tool_progress progress = tool_progress_begin("map", input->count, run->settings->quiet);

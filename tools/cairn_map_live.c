@@ -1,12 +1,12 @@
 /* cairn map -: online SLAM on a stream, while it comes.
  *
- * Method: each scan is mapped as soon as its line has come, and its pose printed (--live). The files
- * are rewritten every so many seconds (--watch), and written at the end of the stream. SIGINT ends
- * the stream: it puts /dev/null in the place of standard input, so that neither a read that waits nor
- * a later one blocks. A second SIGINT ends the program.
+ * Method: each scan is mapped as soon as its line has come, and its pose printed (--live). The
+ * files are rewritten every so many seconds (--watch), and written at the end of the stream. SIGINT
+ * ends the stream: it puts /dev/null in the place of standard input, so that neither a read that
+ * waits nor a later one blocks. A second SIGINT ends the program.
  *
- * Limits: the beams of a scan are at most four times those of the first one, or 2048; keyframes have
- * 640 points on average. Without -o no scan is kept. */
+ * Limits: the beams of a scan are at most four times those of the first one, or 2048; keyframes
+ * have 640 points on average. Without -o no scan is kept. */
 #include <fcntl.h>
 #include <inttypes.h>
 #include <math.h>

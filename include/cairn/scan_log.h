@@ -1,8 +1,7 @@
 /* scan_log: reader of laser scans from a file of any format that cairn knows, detected by its
  * content:
  *
- *   CARMEN log, table of ranges (CSV), URG log, scans of CSM   plain or gzipped; cairn/carmen_log.h,
- *                                                              range_table.h, csm_scan.h
+ *   CARMEN log, table of ranges (CSV), URG log, scans of CSM   plain or gzipped
  *   bag of ROS 1 (.bag, format 2.0)        chunks plain, lz4 or bz2
  *   bag of ROS 2 (.db3, SQLite)            plain, messages or the whole file by zstd
  *   bag of ROS 2 (.mcap)                   chunks plain, lz4 or zstd, or none; indexes are not read
@@ -78,9 +77,10 @@ typedef struct cairn_scan_log {
 } cairn_scan_log;
 
 /* Reads all scans of a file. CAIRN_EMPTY: no scan; CAIRN_BAD_ARGUMENT: params, several topics and
- * none is named, a topic that is not there, or a topic for a file that is no bag; CAIRN_UNSUPPORTED:
- * a format or compression that this build lacks, not a regular file; CAIRN_BAD_FORMAT, CAIRN_FULL,
- * CAIRN_IO, CAIRN_NO_MEMORY. params NULL: the defaults. On failure there is nothing to free. */
+ * none is named, a topic that is not there, or a topic for a file that is no bag;
+ * CAIRN_UNSUPPORTED: a format or compression that this build lacks, not a regular file;
+ * CAIRN_BAD_FORMAT, CAIRN_FULL, CAIRN_IO, CAIRN_NO_MEMORY. params NULL: the defaults. On failure
+ * there is nothing to free. */
 CAIRN_CHECKED cairn_status cairn_scan_log_load(cairn_scan_log *log, const char *path,
                                                const cairn_scan_log_params *params,
                                                cairn_file_error *error);
@@ -93,9 +93,9 @@ void cairn_scan_log_free(cairn_scan_log *log);
  * A stream is read line by line and returns each scan as soon as its line has come. Its first line
  * that is neither blank nor a comment tells its format:
  *
- * CARMEN: as cairn/carmen_log.h says, except for what needs the whole log. The maximum range is that
- * of the message, else params.range_max, else the last PARAM, else 80 m. The mounting is that of the
- * first scan.
+ * CARMEN: as cairn/carmen_log.h says, except for what needs the whole log. The maximum range is
+ * that of the message, else params.range_max, else the last PARAM, else 80 m. The mounting is that
+ * of the first scan.
  *
  * JSON: one object a line, with the fields of a sensor_msgs/LaserScan, of which angle_min,
  * angle_increment and ranges are required; null in ranges is an invalid reading.

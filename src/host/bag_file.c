@@ -305,6 +305,7 @@ static cairn_bag_kind kind_of(const uint8_t *bytes, size_t count)
 static cairn_status open_file(int *file, struct stat *about, const char *path,
                               cairn_file_error *error)
 {
+    memset(about, 0, sizeof *about);
     *file = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
     if (*file == -1)
         return cairn_file_error_system(error, path, "open", errno);

@@ -132,8 +132,8 @@ static cairn_status read_small(cairn_bag_reader *reader, cairn_bag_source *sourc
 }
 
 /* Parses the record at an offset. *found 0: the source ends within its lengths or header, or the
- * header is damaged, and no record can be found behind it. A connection's header is fetched together
- * with its data, so that both are in one window. */
+ * header is damaged, and no record can be found behind it. A connection's header is fetched
+ * together with its data, so that both are in one window. */
 static cairn_status find_record(cairn_bag_reader *reader, cairn_bag_source *source, uint64_t offset,
                                 bag_record *record, int *found)
 {

@@ -24,13 +24,11 @@
 /* Returns path and suffix joined; NULL when out of memory. */
 static char *join(const char *path, const char *suffix)
 {
-    size_t length = strlen(path), more = strlen(suffix) + 1;
-    char *joined = malloc(length + more);
+    size_t length = strlen(path) + strlen(suffix) + 1;
+    char *joined = malloc(length);
 
-    if (joined != NULL) {
-        memcpy(joined, path, length);
-        memcpy(joined + length, suffix, more);
-    }
+    if (joined != NULL)
+        (void)snprintf(joined, length, "%s%s", path, suffix);
     return joined;
 }
 
@@ -69,6 +67,7 @@ static cairn_status open_database(cairn_bag_reader *reader, sqlite3 **database)
 {
     const cairn_bag_source *source = &reader->source;
     char *uri = source->memory == NULL ? make_uri(reader->path) : join(":memory:", "");
+    unsigned char *memory;
     int code = SQLITE_NOMEM;
 
     if (uri != NULL)
@@ -78,10 +77,10 @@ static cairn_status open_database(cairn_bag_reader *reader, sqlite3 **database)
                                NULL);
     free(uri);
     /* the memory is only read, though the pointer is not const */
-    if (code == SQLITE_OK && source->memory != NULL)
-        code = sqlite3_deserialize(*database, "main", (unsigned char *)(uintptr_t)source->memory,
-                                   (sqlite3_int64)source->size, (sqlite3_int64)source->size,
-                                   SQLITE_DESERIALIZE_READONLY);
+    memcpy(&memory, &source->memory, sizeof memory);
+    if (code == SQLITE_OK && memory != NULL)
+        code = sqlite3_deserialize(*database, "main", memory, (sqlite3_int64)source->size,
+                                   (sqlite3_int64)source->size, SQLITE_DESERIALIZE_READONLY);
     if (code == SQLITE_NOMEM)
         return no_memory(reader);
     if (code != SQLITE_OK)

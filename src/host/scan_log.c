@@ -1,8 +1,8 @@
 /* Reader of scans of any format.
  *
- * Method: the format is detected by the first bytes (bags), by the first character (JSON of CSM) and
- * by the first lines (tables; everything else is a CARMEN log). The format's reader does the rest;
- * the scans of CSM are converted to records. */
+ * Method: the format is detected by the first bytes (bags), by the first character (JSON of CSM)
+ * and by the first lines (tables; everything else is a CARMEN log). The format's reader does the
+ * rest; the scans of CSM are converted to records. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -70,7 +70,7 @@ static cairn_status convert_csm(cairn_scan_log *log, const cairn_csm_scan_list *
     size_t rays = count_rays(list, &log->has_odometry), at = 0;
 
     scans->record = calloc((size_t)list->count, sizeof *scans->record);
-    scans->range = malloc(2 * rays * sizeof *scans->range);
+    scans->range = malloc((2 * rays + 1) * sizeof *scans->range);
     if (scans->record == NULL || scans->range == NULL)
         return cairn_file_error_system(error, path, "read", ENOMEM);
     for (; scans->count < list->count; scans->count++) {

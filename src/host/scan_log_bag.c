@@ -173,8 +173,8 @@ static int32_t topic_of(bag_loader *loader, const cairn_bag_message *message)
     return grown->name != NULL && grown->type != NULL ? loader->topic_count - 1 : -1;
 }
 
-/* Returns 1 when the messages of a topic are taken: it is the one that is named, or the first of its
- * kind. *taken: the topic that is taken. */
+/* Returns 1 when the messages of a topic are taken: it is the one that is named, or the first of
+ * its kind. *taken: the topic that is taken. */
 static int takes(const bag_loader *loader, int32_t topic, const char *asked, int32_t *taken)
 {
     if (*taken < 0 && (asked == NULL || is_topic(asked, loader->topic[topic].name)))

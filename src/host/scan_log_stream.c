@@ -41,15 +41,17 @@ cairn_status cairn_scan_log_stream_open(cairn_scan_log_stream **stream, int32_t 
                                         cairn_file_error *error)
 {
     cairn_scan_log_params settings = params != NULL ? *params : cairn_scan_log_default();
-    cairn_scan_log_stream *created = calloc(1, sizeof *created);
     cairn_status status = cairn_scan_log_check(&settings, name, error);
+    cairn_scan_log_stream *created = NULL;
 
     *stream = NULL;
-    if (created == NULL)
-        status = cairn_file_error_system(error, name, "read", ENOMEM);
-    if (status != CAIRN_OK) {
+    if (status == CAIRN_OK) {
+        created = calloc(1, sizeof *created);
+        if (created == NULL)
+            status = cairn_file_error_system(error, name, "read", ENOMEM);
+    }
+    if (created == NULL) {
         (void)close(file);
-        free(created);
         return status;
     }
     created->params = settings;

@@ -24,8 +24,8 @@ CAIRN_CHECKED cairn_status cairn_scan_log_track_add(cairn_scan_log_track *track,
 /* Sorts the poses by time, equal times by their recording. */
 void cairn_scan_log_track_sort(cairn_scan_log_track *track);
 
-/* Returns the pose at a time: interpolated with a constant twist, the nearest one outside. The track
- * is sorted and not empty. */
+/* Returns the pose at a time: interpolated with a constant twist, the nearest one outside. The
+ * track is sorted and not empty. */
 cairn_pose cairn_scan_log_track_at(const cairn_scan_log_track *track, int64_t stamp_ns);
 
 void cairn_scan_log_track_free(cairn_scan_log_track *track);
@@ -50,8 +50,8 @@ CAIRN_CHECKED cairn_status cairn_scan_log_frames_add(cairn_scan_log_frames *fram
                                                      const char *topic,
                                                      const cairn_ros_stamped *transform);
 
-/* Finds the link odom -> base above a frame: the first whose parent's name begins with "odom". NULL:
- * none. */
+/* Finds the link odom -> base above a frame: the first whose parent's name begins with "odom".
+ * NULL: none. */
 cairn_scan_log_link *cairn_scan_log_frames_odometry(const cairn_scan_log_frames *frames,
                                                     const char *sensor);
 

@@ -1,5 +1,5 @@
-/* unpack: decompression of a block of bytes in memory: lz4 frames, bzip2, zstd. Internal to the host
- * library. */
+/* unpack: decompression of a block of bytes in memory: lz4 frames, bzip2, zstd. Internal to the
+ * host library. */
 #ifndef CAIRN_HOST_UNPACK_H
 #define CAIRN_HOST_UNPACK_H
 
