@@ -222,7 +222,7 @@ $(foreach test,$(TESTS),$(if $(NEEDS_$(test)),$(eval $(call test_needs,$(test)))
 # given.
 PARALLEL = $(if $(filter -j% --jobserver%,$(MAKEFLAGS)),,-j$(shell nproc))
 test:
-	@sh tools/deps.sh build bags test
+	@sh tools/deps.sh build test
 	@$(MAKE) $(PARALLEL) ASSERTIONS=1 BUILD=$(BUILD)/checked run-tests
 
 # PRECISIONS=double: only the tests in double.
