@@ -529,6 +529,20 @@ static void topics_are_named(void **state)
     }
 }
 
+/* Transforms that are asked for as odometry and are not there. */
+static void no_transforms(void **state)
+{
+    cairn_scan_log_params params = told_params();
+    bag_recording recording = make_recording(BAG_ROS1);
+    cairn_file_error error;
+    cairn_scan_log log;
+
+    (void)state;
+    params.odometry_topic = "/tf";
+    assert_status(load_recording(&log, &recording, &params, &error), CAIRN_BAD_ARGUMENT);
+    assert_non_null(strstr(error.text, "no transform from odom above laser on /tf, expected one"));
+}
+
 static void no_scans(void **state)
 {
     bag_recording recording = {.encoding = BAG_ROS1};
@@ -1332,37 +1346,22 @@ static int print_scans(const char *path)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(all_containers),
-        cmocka_unit_test(whole_files),
-        cmocka_unit_test(order_of_recording),
-        cmocka_unit_test(latched_transform),
-        cmocka_unit_test(upside_down),
-        cmocka_unit_test(odometry_of_transforms),
-        cmocka_unit_test(tree_of_frames),
-        cmocka_unit_test(doubtful_mountings),
-        cmocka_unit_test(topics_are_named),
-        cmocka_unit_test(no_scans),
-        cmocka_unit_test(first_echoes),
-        cmocka_unit_test(bad_messages),
-        cmocka_unit_test(range_limits),
-        cmocka_unit_test(giant_lengths),
-        cmocka_unit_test(cuts),
-        cmocka_unit_test(cut_is_told),
-        cmocka_unit_test(damaged_bytes),
-        cmocka_unit_test(checksums),
-        cmocka_unit_test(giant_records),
-        cmocka_unit_test(not_a_bag),
-        cmocka_unit_test(bounds_of_decompression),
-        cmocka_unit_test(split_bags),
-        cmocka_unit_test(bad_folders),
-        cmocka_unit_test(formats_of_text),
-        cmocka_unit_test(csm_scans),
-        cmocka_unit_test(bad_arguments),
-        cmocka_unit_test(examples_of_the_docs),
-        cmocka_unit_test(streams_of_carmen),
-        cmocka_unit_test(streams_of_json),
-        cmocka_unit_test(bad_json),
-        cmocka_unit_test(frees_all),
+        cmocka_unit_test(all_containers),     cmocka_unit_test(whole_files),
+        cmocka_unit_test(order_of_recording), cmocka_unit_test(latched_transform),
+        cmocka_unit_test(upside_down),        cmocka_unit_test(odometry_of_transforms),
+        cmocka_unit_test(tree_of_frames),     cmocka_unit_test(doubtful_mountings),
+        cmocka_unit_test(topics_are_named),   cmocka_unit_test(no_transforms),
+        cmocka_unit_test(no_scans),           cmocka_unit_test(first_echoes),
+        cmocka_unit_test(bad_messages),       cmocka_unit_test(range_limits),
+        cmocka_unit_test(giant_lengths),      cmocka_unit_test(cuts),
+        cmocka_unit_test(cut_is_told),        cmocka_unit_test(damaged_bytes),
+        cmocka_unit_test(checksums),          cmocka_unit_test(giant_records),
+        cmocka_unit_test(not_a_bag),          cmocka_unit_test(bounds_of_decompression),
+        cmocka_unit_test(split_bags),         cmocka_unit_test(bad_folders),
+        cmocka_unit_test(formats_of_text),    cmocka_unit_test(csm_scans),
+        cmocka_unit_test(bad_arguments),      cmocka_unit_test(examples_of_the_docs),
+        cmocka_unit_test(streams_of_carmen),  cmocka_unit_test(streams_of_json),
+        cmocka_unit_test(bad_json),           cmocka_unit_test(frees_all),
         cmocka_unit_test(same_as_rosbags),
     };
 
