@@ -167,8 +167,8 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
     };
     const option_set set = {
         ALIGN_PROGRAM, "LOG -o DIR [options]",
-        "Aligns all scans of a CARMEN log (plain or gzipped) at once. Their "
-        "order does not matter; the\n"
+        "Aligns all scans of a log (CARMEN, table of ranges, CSM, bag of ROS) at once. Their order "
+        "does not matter; the\n"
         "poses in the log are the initial estimates. With --no-poses they only group the scans "
         "into\n"
         "places and give their relative poses there (with --headings they are not used).",

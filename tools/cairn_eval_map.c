@@ -47,7 +47,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
     };
     const option_set set = {
         PROGRAM, "LOG [POSES.csv] [options]",
-        "Enters all beams of a CARMEN log at the poses of a table, or at those of the log, into "
+        "Enters all beams of a log at the poses of a table, or at those of the log, into "
         "an\n"
         "occupancy grid with beam penetration. Prints its entropy (lower is better; compare maps "
         "of "

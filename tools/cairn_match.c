@@ -124,8 +124,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
                             "frame of A, best first, with standard\n"
                             "deviations, and a verdict: found, ambiguous (competing hypotheses, or "
                             "an unobservable direction) or none.\n"
-                            "A and B: FILE or FILE:INDEX, a CARMEN log or scans of CSM (JSON), "
-                            "plain or gzipped; INDEX counts\n"
+                            "A and B: FILE or FILE:INDEX, a log (CARMEN, table of ranges, CSM, bag "
+                            "of ROS); INDEX counts\n"
                             "the scans of the file from 0, which is also the default.",
                             table, sizeof table / sizeof *table};
     size_t count = 2;
