@@ -29,6 +29,9 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
                        "maximum number of keyframes"),
         OPTION_FLAG("--release", &s->cull_keyframes,
                     "keyframe culling: beyond --max-keys the most redundant keyframes are removed"),
+        OPTION_FLAG(
+            "--no-loops", &s->no_loops,
+            "no loop closure and no pose graph: shows whether a loop closure has folded the map"),
         OPTION_INTEGER("--window", &s->window, 0, 64, "N",
                        "sliding window of keyframes for the force field, 0: none"),
         OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "cell size of the map, m"),
@@ -75,6 +78,13 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
     if (s->cull_keyframes && s->particles > 0) {
         (void)options_refuse(MAP_PROGRAM, "--release with --filter, expected one of them: the "
                                           "particle filter has no keyframe culling");
+        return OPTIONS_BAD;
+    }
+    if (s->no_loops && (s->cull_keyframes || s->particles > 0)) {
+        (void)options_refuse(MAP_PROGRAM, "--no-loops with %s, expected one of them: %s",
+                             s->cull_keyframes ? "--release" : "--filter",
+                             s->cull_keyframes ? "keyframe culling needs the pose graph"
+                                               : "the particle filter has no loop closure");
         return OPTIONS_BAD;
     }
     if (s->window == 1) {
@@ -416,7 +426,7 @@ static int write_all(const map_settings *s, const map_input *input, const cairn_
     output.title = title;
     output.subtitle = subtitle;
     output.player = player;
-    output.graph = &graph;
+    output.graph = s->no_loops ? NULL : &graph;
     if (map_output_write(&output, s->folder, &error) != CAIRN_OK)
         code = tool_report(&error);
     free(graph.vertex);
@@ -460,6 +470,8 @@ static cairn_mapper_params params_for(const map_settings *s, const map_input *in
 
     params.cull_keyframes = s->cull_keyframes && s->max_keyframes < input->count;
     params.window = (int32_t)s->window;
+    if (s->no_loops)
+        params.loop.max_loops = params.local_span = 0;
     params.field.potential = 1;
     if (params.window > 0 && params.window_free >= params.window)
         params.window_free = params.window - 1;
@@ -563,7 +575,7 @@ int tool_map(int argc, char **argv)
     result = read_settings(&s, argc, argv);
     if (result != OPTIONS_READ)
         return result;
-    if (map_output_check(s.folder, s.particles == 0, s.report, &error) != CAIRN_OK)
+    if (map_output_check(s.folder, s.particles == 0 && !s.no_loops, s.report, &error) != CAIRN_OK)
         return tool_report(&error);
     code = map_input_load(&input, s.logs, s.log_count, s.range_max, s.quiet);
     if (code != TOOL_OK)

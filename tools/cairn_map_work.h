@@ -17,7 +17,7 @@ typedef struct map_settings {
     int64_t max_keyframes, window, seed, particles;
     double resolution, range, range_max;
     double sweep; /* s; 0: as the log says */
-    int32_t no_odometry, quiet, cull_keyframes;
+    int32_t no_odometry, no_loops, quiet, cull_keyframes;
 } map_settings;
 
 /* Pose of a scan relative to its reference keyframe. */
