@@ -82,7 +82,7 @@ typedef struct cairn_map_merge_params {
     /* 1 ... 32 (6): competing registrations (modes) kept per pair of maps */
     int32_t max_modes;
     /* 1 ... 4096 (100): particles of the filter. One suffices where no later map has to resolve an
-     * ambiguity; many are for buildings of similar rooms. */
+     * ambiguity; where one has to, ten do as well as a hundred, the figure of the thesis. */
     int32_t particles;
     /* any (CAIRN_MAP_MERGE_LIKELIHOOD_RATIO): perception model */
     cairn_map_merge_perception perception;
@@ -92,7 +92,8 @@ typedef struct cairn_map_merge_params {
     /* cells of the first map, > 0 (10): correlation length of errors along a wall: wall of this
      * length counts as one observation */
     cairn_real correlation_length;
-    /* nats, > 0 (6): minimum support; a map with less is rejected; not as written */
+    /* nats, > 0 (6): minimum support, a log-likelihood ratio; a map with less is rejected; not as
+     * written */
     cairn_real min_score;
     /* nats, >= 0 (3): minimum margin over the best competing pose; not as written */
     cairn_real min_margin;
@@ -223,7 +224,7 @@ enum {
 /* Returns the verdict in words, without a full stop. */
 const char *cairn_map_merge_verdict_text(cairn_map_merge_verdict verdict);
 
-/* Result of one map. */
+/* Result of one map, placed or rejected. */
 typedef struct cairn_map_merge_placed {
     /* whether the map was placed, or why not */
     cairn_map_merge_verdict verdict;

@@ -4,7 +4,8 @@
  *
  * 1. Line segments and evenly spaced points are fitted to each scan (module scan).
  * 2. The scan is registered against a local map of nearby keyframes by ICP (module icp). The
- *    initial pose comes from odometry, or from a constant-velocity model without odometry.
+ *    initial pose comes from odometry, or from a constant-velocity model without odometry. After a
+ *    match of low confidence the scan is relocalized in a window (module scan_match).
  * 3. A scan that shows enough new surface becomes a keyframe.
  * 4. A new keyframe starts a sliding-window refinement over the last keyframes by force field
  *    simulation (Adluru 2008, section 7.3.6, online FFS).

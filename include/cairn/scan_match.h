@@ -91,10 +91,19 @@ cairn_scan_match_params cairn_scan_match_default(void);
 /* Returns the params of Adluru 2008, 6.2 to 6.4, as printed: points are the readings of
  * cairn_scan_match_readings(), target parts are whole scans in the order in which they were taken.
  * The heading is known to the window's angle about the start (2 degrees without a window), tried
- * every degree; the position is unknown, and the window's distance is not read. Thresholds are
- * those of the thesis: 10 degrees; 36 bins, 0.5 m, 2 bins, 0.25; 0.30 m, 2 d + 0.20 m; d + 0.40 m;
- * 20 iterations. Params: 4,812 target and 1,604 query points, one hypothesis, no dense points, no
- * views; otherwise as the default.
+ * every degree; the position is unknown, and the window's distance is not read. Params: 4,812
+ * target and 1,604 query points, one hypothesis, no dense points, no views; otherwise as the
+ * default.
+ *
+ * Thresholds of the thesis; d is the mean distance of the pairs of the segment whose translation is
+ * tried:
+ * - similar directions: within 10 degrees;
+ * - angular histogram: 36 bins, points within 0.5 m; similar when at most 2 bins differ by more
+ *   than 0.25;
+ * - segments: the list of pairs is cut at jumps of 0.30 m; a segment is dropped beyond
+ *   2 d + 0.20 m;
+ * - overlap: points within d + 0.40 m;
+ * - ICP: at most 20 iterations.
  *
  * Choices, where the text is silent:
  * - a histogram is divided by its fullest bin, in steps of 1/255, and counts bearings in the frame

@@ -569,11 +569,11 @@ cairn_icp_result cairn_icp_read(const cairn_icp *icp)
 void cairn_icp_read_parts(const cairn_icp *icp, cairn_icp_parts *parts)
 {
     int32_t has_sums = !icp->running && icp->result.pairs >= icp->params.min_pairs;
-    cairn_real by = has_sums ? information_scale(icp) : 0;
+    cairn_real factor = has_sums ? information_scale(icp) : 0;
 
     memset(parts, 0, sizeof *parts);
     parts->motion = icp->motion;
     parts->count = icp->part_count;
     for (int32_t i = 0; i < parts->count; i++)
-        parts->information[i] = scaled(icp->sums.parts[i], by);
+        parts->information[i] = scaled(icp->sums.parts[i], factor);
 }
