@@ -37,7 +37,7 @@ static void run(bed *b)
 }
 
 /* Whether the vector of a pair is within 10 degrees of the line of one of its points. */
-static int is_colinear(const bed *b, cairn_scan_match_pair pair)
+static int is_collinear(const bed *b, cairn_scan_match_pair pair)
 {
     cairn_transform t = cairn_transform_of(b->start);
     const cairn_oriented_point *q = &b->query[pair.query], *p = &b->target[pair.target];
@@ -72,7 +72,7 @@ static void pairs_and_their_stages(void **state)
             assert_true(pair.target > cairn_scan_match_pair_at(b.match, i - 1).target);
         }
         assert_in_range(pair.stage, 0, 2);
-        assert_true(pair.stage == CAIRN_SCAN_MATCH_REJECTED_COLINEAR || !is_colinear(&b, pair));
+        assert_true(pair.stage == CAIRN_SCAN_MATCH_REJECTED_COLINEAR || !is_collinear(&b, pair));
         at_stage[pair.stage]++;
     }
     assert_true(at_stage[CAIRN_SCAN_MATCH_REJECTED_COLINEAR] > 0 &&
@@ -145,7 +145,7 @@ static int is_descriptive(const cairn_oriented_point *points, int32_t count, int
     return border ? -1 : off_line;
 }
 
-/* Before the colinear filter, points with only a straight line around them are dropped, too. */
+/* Before the collinear filter, points with only a straight line around them are dropped, too. */
 static void points_of_straight_lines(void **state)
 {
     int32_t straight = 0, descriptive = 0;
@@ -160,7 +160,7 @@ static void points_of_straight_lines(void **state)
         int first = is_descriptive(b.query, b.query_part.count, pair.query, (double)b.start.theta);
         int second = is_descriptive(b.target, b.target_part.count, pair.target, 0);
 
-        if (first < 0 || second < 0 || is_colinear(&b, pair))
+        if (first < 0 || second < 0 || is_collinear(&b, pair))
             continue;
         assert_int_equal(pair.stage, first && second ? CAIRN_SCAN_MATCH_ACCEPTED
                                                      : CAIRN_SCAN_MATCH_REJECTED_COLINEAR);
@@ -183,7 +183,7 @@ static void count_strict(const bed *b, int *dropped, int *kept)
         int first = is_descriptive(b->query, b->query_part.count, pair.query, (double)pose.theta);
         int second = is_descriptive(b->target, b->target_part.count, pair.target, 0);
 
-        if (first < 0 || second < 0 || is_colinear(b, pair))
+        if (first < 0 || second < 0 || is_collinear(b, pair))
             continue;
         *dropped += pair.stage == CAIRN_SCAN_MATCH_REJECTED_COLINEAR;
         *kept += pair.stage != CAIRN_SCAN_MATCH_REJECTED_COLINEAR && !(first && second);

@@ -39,7 +39,8 @@ static void make_bed(bed *b, cairn_scan_match_mode mode)
 /* ---- The reference implementation ---- */
 
 typedef struct reference {
-    double query[MAX_COUNT][2], target[MAX_COUNT][2]; /* of the pairs kept by the colinear filter */
+    double query[MAX_COUNT][2],
+        target[MAX_COUNT][2]; /* of the pairs kept by the collinear filter */
     int32_t count;
     double x, y, distance; /* the translation of the winning segment, and its mean distance */
     int32_t kept;
@@ -51,7 +52,7 @@ static double between_lines(double ax, double ay, double bx, double by)
     return acos(fmin(fabs(ax * bx + ay * by) / (hypot(ax, ay) * hypot(bx, by)), 1));
 }
 
-/* Marks the pairs dropped by the colinear filter as printed, checks it, and keeps the rest. */
+/* Marks the pairs dropped by the collinear filter as printed, checks it, and keeps the rest. */
 static void filter_pairs(const bed *b, reference *out, int32_t *dropped)
 {
     cairn_pose pose = cairn_scan_match_pair_pose(b->match);
@@ -293,7 +294,7 @@ static void finds_and_each_stage_follows_its_reference(void **state)
 }
 
 /* Points of bare walls that the other modes omit are kept when their vectors lead off the walls. */
-static void the_colinear_filter_by_itself(void **state)
+static void the_collinear_filter_by_itself(void **state)
 {
     static bed b;
     static reference t;
@@ -540,7 +541,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(finds_and_each_stage_follows_its_reference),
-        cmocka_unit_test(the_colinear_filter_by_itself),
+        cmocka_unit_test(the_collinear_filter_by_itself),
         cmocka_unit_test(every_degree_of_the_window),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(parts_by_icp_alone),

@@ -1232,6 +1232,36 @@ static void scans_of_culled_keyframes_are_written(void **state)
     free(t.bytes);
 }
 
+/* A robot that returns many times: loops are closed; with --no-loops none is, and no graph is
+ * written. */
+static void maps_without_loop_closure(void **state)
+{
+    enum { TO_AND_FRO = 90 };
+    text t = {NULL, 0, 0};
+    cairn_pose_table_row *row;
+    int32_t count;
+    outcome o;
+
+    (void)state;
+    for (int i = 0; i < TO_AND_FRO; i++)
+        add_room_scan(&t, 8, 181, 0.55 * abs(i % 18 - 9) - 2.5, NULL, i);
+    write_text("returns.log", &t);
+    free(t.bytes);
+    o = programs_run("cairn map @/returns.log -o @/returns");
+    assert_done(o);
+    assert_null(strstr(o.out, "loops      0 closed"));
+    assert_int_equal(count_in("returns"), FILES + 2);
+    o = programs_run("cairn map @/returns.log -o @/no-loops --no-loops");
+    assert_done(o);
+    assert_holds(o.out, "loops      0 closed, 0 corrections\n");
+    assert_int_equal(count_in("no-loops"), FILES);
+    assert_ok(cairn_pose_table_read(&row, &count, files_path("no-loops/poses.csv"), NULL));
+    assert_int_equal(count, TO_AND_FRO);
+    for (int i = 0; i < TO_AND_FRO; i++)
+        assert_near(row[i].pose.x - row[0].pose.x, 0.55 * (abs(i % 18 - 9) - 9), 0.05);
+    cairn_pose_table_free(row);
+}
+
 static void poses_far_away(void **state)
 {
     text t = {NULL, 0, 0};
@@ -1427,6 +1457,10 @@ static void command_lines(void **state)
          "cairn map: ", "--max-keys is '1'"},
         {"cairn map @/drive/scans.log -o @/refused --filter 3 --release",
          "cairn map: ", "--release with --filter"},
+        {"cairn map @/drive/scans.log -o @/refused --filter 3 --no-loops",
+         "cairn map: ", "--no-loops with --filter, expected one of them"},
+        {"cairn map @/drive/scans.log -o @/refused --release --no-loops",
+         "cairn map: ", "--no-loops with --release, expected one of them"},
         {"cairn map @/drive/scans.log -o @/refused --seed=-1", "cairn map: ", "--seed is '-1'"},
         {"cairn map @/drive/scans.log -o @/refused --quiet=yes", "cairn map: ", "'--quiet=yes'"},
         {"cairn map @/drive/scans.log -o @/refused --pool 64",
@@ -1625,6 +1659,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(a_log_without_walls),
         cmocka_unit_test(large_rooms_get_a_larger_window),
         cmocka_unit_test(scans_of_culled_keyframes_are_written),
+        cmocka_unit_test(maps_without_loop_closure),
         cmocka_unit_test(poses_far_away),
         cmocka_unit_test(logs_that_are_none),
         cmocka_unit_test(scans_that_are_none),

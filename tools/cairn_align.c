@@ -137,12 +137,14 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
                     "unplaced scans are registered against hypotheses of lines and rectangles in "
                     "the map (default); with gradient: "
                     "algorithm 2 of the thesis"),
-        OPTION_FLAG(
-            "--no-poses", &s->no_poses,
-            "poses of the log are not used: whole places are matched pairwise, all with all"),
-        OPTION_INTEGER("--headings", &s->headings, 1, 64, "N",
-                       "N scans per place at evenly spaced headings, no pose of the log is read; "
-                       "without it the poses of the log group the scans into places (--no-poses)"),
+        OPTION_FLAG("--no-poses", &s->no_poses,
+                    "no initial poses: whole places are matched pairwise, all with all; poses of "
+                    "the log only "
+                    "group scans into places, unless --headings is given"),
+        OPTION_INTEGER(
+            "--headings", &s->headings, 1, 64, "N",
+            "N scans per place at evenly spaced headings, 1: each scan is a place; no pose "
+            "of the log is read (--no-poses)"),
         OPTION_FLAG("--pictures", &s->pictures,
                     "also draws errors.svg and stages.svg: poses and maps after each stage "
                     "(--no-poses --as-written)"),

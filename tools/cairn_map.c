@@ -51,6 +51,9 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
                        "maximum number of keyframes"),
         OPTION_FLAG("--release", &s->cull_keyframes,
                     "keyframe culling: beyond --max-keys the most redundant keyframes are removed"),
+        OPTION_FLAG(
+            "--no-loops", &s->no_loops,
+            "no loop closure and no pose graph: shows whether a loop closure has folded the map"),
         OPTION_INTEGER("--window", &s->window, 0, 64, "N",
                        "sliding window of keyframes for the force field, 0: none"),
         OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "cell size of the map, m"),
@@ -107,6 +110,13 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
     if (s->cull_keyframes && s->particles > 0) {
         (void)options_refuse(MAP_PROGRAM, "--release with --filter, expected one of them: the "
                                           "particle filter has no keyframe culling");
+        return OPTIONS_BAD;
+    }
+    if (s->no_loops && (s->cull_keyframes || s->particles > 0)) {
+        (void)options_refuse(MAP_PROGRAM, "--no-loops with %s, expected one of them: %s",
+                             s->cull_keyframes ? "--release" : "--filter",
+                             s->cull_keyframes ? "keyframe culling needs the pose graph"
+                                               : "the particle filter has no loop closure");
         return OPTIONS_BAD;
     }
     if (s->window == 1) {
@@ -215,7 +225,7 @@ int tool_map(int argc, char **argv)
     if (result != OPTIONS_READ)
         return result;
     if (s.folder != NULL &&
-        map_output_check(s.folder, s.particles == 0, s.report, &error) != CAIRN_OK)
+        map_output_check(s.folder, s.particles == 0 && !s.no_loops, s.report, &error) != CAIRN_OK)
         return tool_report(&error);
     if (is_stream(&s))
         return map_live(&s);

@@ -347,7 +347,7 @@ int map_run_write(map_run *run)
     output.title = title;
     output.subtitle = subtitle;
     output.player = run->player;
-    output.graph = &graph;
+    output.graph = s->no_loops ? NULL : &graph;
     if (map_output_write(&output, s->folder, &error) != CAIRN_OK)
         code = tool_report(&error);
     free(graph.vertex);
@@ -414,6 +414,8 @@ cairn_mapper_params map_params(const map_settings *s, int32_t scans, int32_t bea
 
     params.cull_keyframes = s->cull_keyframes && s->max_keyframes < scans;
     params.window = (int32_t)s->window;
+    if (s->no_loops)
+        params.loop.max_loops = params.local_span = 0;
     params.field.potential = 1;
     if (params.window > 0 && params.window_free >= params.window)
         params.window_free = params.window - 1;

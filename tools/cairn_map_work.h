@@ -23,7 +23,7 @@ typedef struct map_settings {
     double resolution, range, range_max;
     double sweep; /* s; 0: as the log says */
     double watch; /* s; 0: the map is written at the end only */
-    int32_t no_odometry, quiet, cull_keyframes, live;
+    int32_t no_odometry, no_loops, quiet, cull_keyframes, live;
 } map_settings;
 
 /* Pose of a scan relative to its reference keyframe. */

@@ -5,8 +5,9 @@
  * of oriented points with a start pose. Each iteration associates every query point with the
  * nearest target point within a distance gate and a direction gate, and takes one Gauss-Newton step
  * on the robustly weighted residuals (Besl and McKay 1992; Chen and Medioni 1992). Unobservable
- * directions (along a corridor, rotation in a round room) are found from the eigenvalues of the
- * information matrix. They are constrained by the prior, or left at the start pose without one. */
+ * directions (degeneracy: along a corridor, rotation in a round room) are found from the
+ * eigenvalues of the information matrix. They are constrained by the prior, or left at the start
+ * pose without one. */
 #ifndef CAIRN_ICP_H
 #define CAIRN_ICP_H
 

@@ -1,22 +1,24 @@
 /* map_merge: global alignment of the occupancy grids of several robots without an initial guess
  * (Adluru 2008, chapter 9).
  *
- * Method. A virtual robot visits one map after another. Its pose is the pose of that map in the
- * merged frame. Its control is a registration of structures: corners, wall directions, and points
- * of curved walls. Its observation is the map itself.
+ * Method. A particle filter over the poses of the maps, with one map added per step. Proposals are
+ * registrations of structures: corners, wall directions, and points of curved walls. The weight is
+ * the agreement of the map with those placed before. (The thesis: a virtual robot visits one map
+ * after another; its control is a registration, its observation the map.)
  *
  * 1. Structures are extracted from every map, and competing registrations (modes) are found for
  *    every pair of maps.
- * 2. A Rao-Blackwellized particle filter follows the competing hypotheses. Ten particles do as well
- *    as a hundred; one suffices where no later map has to resolve an ambiguity.
+ * 2. A Rao-Blackwellized particle filter follows the competing hypotheses until later maps resolve
+ *    them.
  * 3. The best particle is refined jointly and verified. A map without sufficient support is
  *    rejected with a reason.
  *
  * Mode CAIRN_MODE_AS_WRITTEN is chapter 9 as printed. The control is the closed-form registration
  * of pairs of similar corners alone. The weight is Psi and gamma (9.5, 9.6) of whole images against
  * the map merged so far. The filter draws from the optimal proposal (9.3) and has more than
- * `particles` particles while N_eff is at least half of them. Nothing is refined, and no map is
- * rejected that has a corner similar to one of the merged maps. Choices, where the text is silent:
+ * `particles` particles while N_eff is at least half of them. Nothing is refined, and only maps
+ * without a corner similar to one of the merged maps are rejected. Choices, where the text is
+ * silent:
  *
  * - Two corners are similar when both are concave, convex or mixed and their openings differ by at
  *   most 10 degrees. The max_modes pairs whose leg lengths, in order, agree best are registered.
@@ -79,7 +81,8 @@ typedef struct cairn_map_merge_params {
     int32_t max_corners;
     /* 1 ... 32 (6): competing registrations (modes) kept per pair of maps */
     int32_t max_modes;
-    /* 1 ... 4096 (100): particles of the filter */
+    /* 1 ... 4096 (100): particles of the filter. One suffices where no later map has to resolve an
+     * ambiguity; where one has to, ten do as well as a hundred, the figure of the thesis. */
     int32_t particles;
     /* any (CAIRN_MAP_MERGE_LIKELIHOOD_RATIO): perception model */
     cairn_map_merge_perception perception;
@@ -89,7 +92,8 @@ typedef struct cairn_map_merge_params {
     /* cells of the first map, > 0 (10): correlation length of errors along a wall: wall of this
      * length counts as one observation */
     cairn_real correlation_length;
-    /* nats, > 0 (6): minimum support; a map with less is rejected; not as written */
+    /* nats, > 0 (6): minimum support, a log-likelihood ratio; a map with less is rejected; not as
+     * written */
     cairn_real min_score;
     /* nats, >= 0 (3): minimum margin over the best competing pose; not as written */
     cairn_real min_margin;
@@ -168,7 +172,8 @@ CAIRN_CHECKED cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_bu
 
 /* Scores of a relative pose of two maps. */
 typedef struct cairn_map_merge_pair_score {
-    /* nats: (1.7 agreeing_wall - 4 free_space_violation) / correlation_length */
+    /* nats: (1.7 agreeing_wall - 4 free_space_violation) / (correlation_length times the first
+     * map's resolution) */
     cairn_real log_likelihood_ratio;
     /* m: length of wall that both maps have; a long straight wall counts by the root of its
      * length */
@@ -219,7 +224,7 @@ enum {
 /* Returns the verdict in words, without a full stop. */
 const char *cairn_map_merge_verdict_text(cairn_map_merge_verdict verdict);
 
-/* Result of one map. */
+/* Result of one map, placed or rejected. */
 typedef struct cairn_map_merge_placed {
     /* whether the map was placed, or why not */
     cairn_map_merge_verdict verdict;

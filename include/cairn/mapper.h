@@ -4,7 +4,8 @@
  *
  * 1. Line segments and evenly spaced points are fitted to each scan (module scan).
  * 2. The scan is registered against a local map of nearby keyframes by ICP (module icp). The
- *    initial pose comes from odometry, or from a constant-velocity model without odometry.
+ *    initial pose comes from odometry, or from a constant-velocity model without odometry. After a
+ *    match of low confidence the scan is relocalized in a window (module scan_match).
  * 3. A scan that shows enough new surface becomes a keyframe.
  * 4. A new keyframe starts a sliding-window refinement over the last keyframes by force field
  *    simulation (Adluru 2008, section 7.3.6, online FFS).
@@ -35,10 +36,13 @@ extern "C" {
 /* Maximum number of keyframes in the local map that a scan is matched against. */
 #define CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES 64
 
-/* Parameters of loop-closure detection. A return to a known place is searched for within the
- * uncertainty that has accumulated along the path. Defaults in brackets. */
+/* Parameters of loop-closure detection. A return to a known place is searched for within three
+ * standard deviations of the drift accumulated along the path in the pose graph, at most
+ * search_radius: accumulated drift of more than search_radius in x or y is not closed. Defaults in
+ * brackets. */
 typedef struct cairn_mapper_loop_params {
-    /* 0 ... 2^22 (4096): maximum number of loop closures; 0: loop closure is off */
+    /* 0 ... 2^22 (4096): maximum number of links besides those between successive keyframes: loop
+     * closures, and sequential constraints to other submaps; 0: no loop closure, no pose graph */
     int32_t max_loops;
     /* 0 ... 2^26 (32768): maximum number of blocks in the graph's sparse Cholesky factor, see
      * block_solver */
@@ -47,22 +51,24 @@ typedef struct cairn_mapper_loop_params {
     int32_t units_per_scan;
     /* 1 ... 64 (9): keyframes around a candidate that form the target map of the match */
     int32_t target_keyframes;
-    /* >= 1 (25): minimum difference of keyframe indices for a loop closure */
+    /* >= 1 (25): a loop closure joins keyframes whose indices differ by more than this */
     int32_t min_keyframe_gap;
     /* 1 ... 8 (3): number of consistent closures that a wide search requires */
     int32_t min_consistent;
     /* m, > 0 (3): maximum distance between the scan centroids of a candidate and the query, beyond
-     * the path uncertainty */
+     * the search radius */
     cairn_real candidate_radius;
-    /* m, > 0 (4): half side of the largest search window */
+    /* m, > 0 (4): half side of the largest search window; a larger accumulated drift is not closed.
+     * A larger window needs more cells of scan_match. */
     cairn_real search_radius;
-    /* m, > 0 (0.6): a search within this radius is local and needs no consistent closures */
+    /* m, > 0 (0.6): a search of a smaller radius is local and needs no consistent closures */
     cairn_real local_search_radius;
-    /* nats, any (2): minimum log odds of a closure, by scan_match and the path prior */
+    /* nats, any (2): minimum log odds of a closure by scan_match; in a wide search also less half
+     * the squared Mahalanobis distance from the prior of the path */
     cairn_real min_log_odds;
     /* 0 ... 1 (0.1): maximum share of points in observed free space of an accepted closure */
     cairn_real max_free_space_violation;
-    /* m, > 0 (0.01): standard deviation added to every link */
+    /* m, > 0 (0.01): standard deviation added to every link in x and y */
     cairn_real sigma;
     /* rad, > 0 (0.004): likewise in heading */
     cairn_real sigma_theta;
@@ -88,9 +94,9 @@ typedef struct cairn_mapper_params {
     /* scan.max_points ... 2^24 (131072): capacity for points of all keyframes */
     int32_t max_keyframe_points;
     /* 0 or 1 (0): 1: the most redundant keyframe is culled before one of the three capacities is
-     * exceeded. Requires loop closure, local_span > 0, and max_keyframes greater than local_span,
-     * loop.min_keyframe_gap plus window_free, and window, plus 1. 0: the mapper stops with
-     * CAIRN_FULL. */
+     * exceeded. Requires loop closure, local_span > 0, and max_keyframes - 1 greater than each of:
+     * local_span; window; loop.min_keyframe_gap + window_free (without a force field:
+     * loop.min_keyframe_gap). 0: the mapper stops with CAIRN_FULL. */
     int32_t cull_keyframes;
     /* 1 ... 2^20 (4096): capacity for the points of the local map, at least one keyframe; the same
      * for the window of the force field. The farthest or oldest keyframes are left out beyond
@@ -138,8 +144,8 @@ typedef struct cairn_mapper_params {
     /* 0 ... 1 (0.3): minimum overlap of a valid match: share of the scan's points with a
      * correspondence */
     cairn_real min_overlap;
-    /* 0 or 1 (1): 1: a match of low confidence is searched for globally in a window by scan_match;
-     * 0: never */
+    /* 0 or 1 (1): 1: after a match of low confidence the scan is relocalized by scan_match, in a
+     * window of up to 1 m plus the motion about the prediction; 0: never */
     int32_t search;
     /* >= 1 (155000): work units that the matches of a scan and its search may use; a search that
      * needs more fails */
@@ -152,7 +158,7 @@ enum {
     CAIRN_MAPPER_FIRST = 0,      /* the first scan defines the map frame */
     CAIRN_MAPPER_MATCHED = 1,    /* scan matching succeeded */
     CAIRN_MAPPER_PREDICTED = 2,  /* no match: predicted by odometry or velocity */
-    CAIRN_MAPPER_NO_FEATURES = 3 /* predicted; the scan has no segments */
+    CAIRN_MAPPER_NO_FEATURES = 3 /* predicted: no surface point was fitted to the scan */
 };
 
 /* Pose of the last finished scan, and how it was found. */
@@ -165,8 +171,13 @@ typedef struct cairn_mapper_result {
     cairn_pose keyframe_scan;
     /* pose of the scan in the map at the time of the match, m and rad */
     cairn_pose map_scan;
-    /* covariance of the match, 3 x 3 row-major over (x, y, theta) in the map frame, m and rad;
-     * zeros for FIRST; always finite */
+    /* Covariance of the scan's registration against the local map, given that map, its prior from
+     * odometry or velocity included: not the uncertainty of the pose in the map, which grows with
+     * the path. 3 x 3 row-major over (x, y, theta) along the axes of the map at the time of the
+     * match, m and rad; later corrections do not rotate it. Inflated for a match of low confidence;
+     * without healthy odometry, or after a jump, also along a weakly observable direction. Always
+     * finite. All zeros without a match (FIRST,
+     * PREDICTED, NO_FEATURES), which means unknown, not exact: read the verdict first. */
     cairn_real covariance[9];
     /* share of the scan's points with a correspondence; 0 without a match */
     cairn_real overlap;
@@ -186,7 +197,7 @@ typedef struct cairn_mapper_state {
     int64_t odometry_rejected;
     /* scans whose match deviates from odometry by more than two standard deviations */
     int64_t odometry_contradicted;
-    /* scans whose match had low confidence and was searched for */
+    /* scans with a relocalization search, since their match had low confidence */
     int64_t searched;
     /* scans whose match still has low confidence; their covariance is inflated */
     int64_t low_confidence;
@@ -204,8 +215,9 @@ typedef struct cairn_mapper_state {
     int32_t pending_keyframes;
     /* number of graph optimizations */
     int32_t graph_solutions;
-    /* 1: the graph has no capacity for more links; 2: its factor has none for more blocks; 0:
-     * neither */
+    /* 1: the graph has no capacity for more links, and a loop closure was refused without an event;
+     * 2: its factor has none for more blocks, and the graph is not optimized until a keyframe is
+     * culled; 0: neither */
     int32_t capacity_exceeded;
     /* number of events of cairn_mapper_culling_at() */
     int32_t culled_keyframes;
@@ -216,7 +228,7 @@ typedef int32_t cairn_mapper_loop_verdict;
 enum {
     /* a link of the graph */
     CAIRN_MAPPER_LOOP_ACCEPTED = 0,
-    /* waits for consistent closures */
+    /* waits for consistent closures; there is no later event when it never finds them */
     CAIRN_MAPPER_LOOP_PENDING = 1,
     /* no match found, or below min_log_odds */
     CAIRN_MAPPER_LOOP_NO_MATCH = 2,
@@ -226,14 +238,17 @@ enum {
     CAIRN_MAPPER_LOOP_FREE_SPACE_VIOLATION = 4,
     /* accepted earlier, then removed as an outlier after a graph optimization */
     CAIRN_MAPPER_LOOP_OUTLIER = 5,
-    /* the log odds do not outweigh the squared Mahalanobis distance from the path prior */
+    /* below min_log_odds after subtraction of half the squared Mahalanobis distance from the prior
+     * of the path */
     CAIRN_MAPPER_LOOP_UNLIKELY = 6
 };
 
 /* A loop event: a candidate and its outcome. */
 typedef struct cairn_mapper_loop {
-    int32_t first, second;   /* keyframes, the older one first */
-    cairn_pose first_second; /* as matched; the identity for NO_MATCH */
+    int32_t first, second; /* keyframes, the older one first */
+    /* measured pose of second in the frame of first; the identity for NO_MATCH without any
+     * hypothesis, and for OUTLIER */
+    cairn_pose first_second;
     /* outcome of the candidate */
     cairn_mapper_loop_verdict verdict;
 } cairn_mapper_loop;
@@ -341,7 +356,7 @@ typedef struct cairn_mapper_link {
     /* measured pose of second in the frame of first */
     cairn_pose first_second;
     cairn_sym3 information; /* inverse covariance of first_second, in the frame of second */
-    /* 1: a loop closure; 1: removed as an outlier */
+    /* 1: a loop closure; 1: excluded from the graph as an outlier */
     int32_t is_loop, is_outlier;
 } cairn_mapper_link;
 

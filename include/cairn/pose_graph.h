@@ -158,7 +158,7 @@ typedef struct cairn_pose_graph_link {
     cairn_real chi2;     /* e^T Omega e */
     cairn_real weight;   /* weight by the robust kernel, 0 ... 1 */
     int32_t is_outlier;  /* 1: chi2 > params.max_chi2 */
-    int32_t is_excluded; /* 1: excluded by drop_link() */
+    int32_t is_excluded; /* 1: excluded by exclude_link() */
 } cairn_pose_graph_link;
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. solver: as in

@@ -35,19 +35,19 @@ enum {
     /* Parts of mode SHAPE, for ablation: */
     /* the common subsequence alone */
     CAIRN_SCAN_MATCH_SHAPE_COMMON = 3,
-    /* with the colinear filter in its strict form */
+    /* with the collinear filter in its strict form */
     CAIRN_SCAN_MATCH_SHAPE_COLINEAR = 4,
     /* with the segment filter and its translation: all but ICP */
     CAIRN_SCAN_MATCH_SHAPE_SEGMENTS = 5,
-    /* all but the colinear filter */
+    /* all but the collinear filter */
     CAIRN_SCAN_MATCH_SHAPE_LINES = 6,
     /* The same parts of mode AS_WRITTEN: */
     CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON = 7,
-    /* with the colinear filter */
+    /* with the collinear filter */
     CAIRN_SCAN_MATCH_AS_WRITTEN_COLINEAR = 8,
     /* with the segment filter and its translation */
     CAIRN_SCAN_MATCH_AS_WRITTEN_SEGMENTS = 9,
-    /* all but the colinear filter */
+    /* all but the collinear filter */
     CAIRN_SCAN_MATCH_AS_WRITTEN_LINES = 10
 };
 
@@ -72,12 +72,11 @@ typedef struct cairn_scan_match_params {
     /* 25 ... 65536 (65536): cells of 2 by 2 spacings in the vote accumulator: a larger window is
      * cut about its middle. See cairn_scan_match_cells(). */
     int32_t max_cells;
-    /* 0 or 1 (1): 1: in a search without a window a query point votes for a pose once, however many
-     * target parts show the surface there, so that poses on rarely seen surfaces are found, too; 0:
-     * once for each target point there */
+    /* 0 or 1 (1): search without a window: 1: each query point votes for a pose at most once, so
+     * that poses on rarely seen surfaces are found; 0: once for each target point there */
     int32_t vote_once;
-    /* m, >= 0.001 (0.10): spacing of the evenly spaced points; lengths of the search are multiples
-     * of it */
+    /* m, >= 0.001 (0.10): spacing of the evenly spaced points; cells and gates of the search are
+     * multiples of it */
     cairn_real spacing;
     /* m, > 0 (0.01): lower bound of the estimated standard deviation of a point across its line */
     cairn_real min_sigma;
@@ -92,17 +91,26 @@ cairn_scan_match_params cairn_scan_match_default(void);
 /* Returns the params of Adluru 2008, 6.2 to 6.4, as printed: points are the readings of
  * cairn_scan_match_readings(), target parts are whole scans in the order in which they were taken.
  * The heading is known to the window's angle about the start (2 degrees without a window), tried
- * every degree; the position is unknown, and the window's distance is not read. Thresholds are
- * those of the thesis: 10 degrees; 36 bins, 0.5 m, 2 bins, 0.25; 0.30 m, 2 d + 0.20 m; d + 0.40 m;
- * 20 iterations. Params: 4,812 target and 1,604 query points, one hypothesis, no dense points, no
- * views; otherwise as the default.
+ * every degree; the position is unknown, and the window's distance is not read. Params: 4,812
+ * target and 1,604 query points, one hypothesis, no dense points, no views; otherwise as the
+ * default.
+ *
+ * Thresholds of the thesis; d is the mean distance of the pairs of the segment whose translation is
+ * tried:
+ * - similar directions: within 10 degrees;
+ * - angular histogram: 36 bins, points within 0.5 m; similar when at most 2 bins differ by more
+ *   than 0.25;
+ * - segments: the list of pairs is cut at jumps of 0.30 m; a segment is dropped beyond
+ *   2 d + 0.20 m;
+ * - overlap: points within d + 0.40 m;
+ * - ICP: at most 20 iterations.
  *
  * Choices, where the text is silent:
  * - a histogram is divided by its fullest bin, in steps of 1/255, and counts bearings in the frame
  *   of the map;
- * - the query lies at the start's position when the colinear filter evaluates the directions of the
- *   correspondences' vectors (a vector of length 0 passes); the filter is applied once, before the
- *   list is cut into segments;
+ * - the query lies at the start's position when the collinear filter evaluates the directions of
+ *   the correspondences' vectors (a vector of length 0 passes); the filter is applied once, before
+ *   the list is cut into segments;
  * - the pairs of the segment whose translation is tried are compared with its mean distance like
  *   all others;
  * - a query point counts for the overlap when any target point of a direction within 10 degrees is
@@ -130,8 +138,9 @@ typedef struct cairn_scan_match_part {
     int32_t count, dense_count, beam_count;
 } cairn_scan_match_part;
 
-/* Search window: half sizes about the start pose. The prior is uniform in the window: unobservable
- * directions stay within it, and hypotheses outside are not reported. */
+/* Search window: half sizes about the start pose; hypotheses outside are not reported. The
+ * refinement at full resolution has a Gaussian prior of the variance of a uniform one: standard
+ * deviations of 0.577 times the half sizes, so that unobservable directions stay near the start. */
 typedef struct cairn_scan_match_window {
     cairn_real distance; /* m, >= 0, of the query's origin in x and in y of the target's frame */
     cairn_real angle;    /* rad, >= 0; >= pi: the full circle */
@@ -140,8 +149,11 @@ typedef struct cairn_scan_match_window {
 /* A pose at which query and target agree. */
 typedef struct cairn_scan_match_hypothesis {
     cairn_pose target_query; /* pose of the query's frame in the target's */
-    /* Row-major over (x, y, theta) of target_query in m and rad, in the target's frame. An
-     * unobservable direction has a standard deviation of 100 m. */
+    /* Row-major over (x, y, theta) of target_query in m and rad, in the target's frame: inverse of
+     * the scaled information of the observable directions, with a window also of its prior. An
+     * unobservable direction has the prior's standard deviation, without a window 100 m. A floor of
+     * 0.015 spacings is added in all directions. Valid for independent errors of the points; points
+     * of one fitted segment share its error, so that true errors are larger. */
     cairn_real covariance[9];
     /* share of the query's points on a target surface of their direction, 0 ... 1 */
     cairn_real overlap;
@@ -294,7 +306,7 @@ cairn_scan_match_measure cairn_scan_match_measured(const cairn_scan_match *match
 /* Filter that a correspondence passed or failed. */
 typedef int32_t cairn_scan_match_stage;
 enum {
-    /* in the common subsequence; rejected by the colinear filter */
+    /* in the common subsequence; rejected by the collinear filter */
     CAIRN_SCAN_MATCH_REJECTED_COLINEAR = 0,
     /* rejected with its segment */
     CAIRN_SCAN_MATCH_REJECTED_SEGMENT = 1,

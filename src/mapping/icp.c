@@ -2,8 +2,9 @@
  *
  * Method: motions are taken about the query's centroid, with the rotation multiplied by the query's
  * radius, so that all three components are metres and comparable. In these coordinates a pair of
- * mapped query point p and target point m with normal n has the residual e = n (p - m) and the
- * Jacobian J = (n_x, n_y, n R'(q - c) / r).
+ * mapped query point p = R q + t and target point m with normal n has the residual e = n . (p - m)
+ * and the Jacobian J = (n_x, n_y, n . R' (q - c) / r), where R' = dR/dtheta, c is the query's
+ * centroid and r its radius.
  * 1. Data association: every query point is paired with its nearest target point, and its terms are
  *    added to the normal equations at once; no pairs are stored.
  * 2. Degeneracy analysis: eigenvectors of the point-to-line information sum(w J J^T). Those of
@@ -11,7 +12,8 @@
  *    (solution remapping, Zhang, Kaess and Singh 2016). The prior decides there, or the pose stays.
  * 3. Iteratively reweighted least squares: Cauchy weights, 1 / (1 + (e / (2.385 sigma))^2), with
  *    sigma from the last iteration's residuals.
- * 4. The Gauss-Newton step is cut to the length of the gate, as pairs reach no farther.
+ * 4. The Gauss-Newton step is cut to the length of the gate, because associations beyond the gate
+ *    are not used.
  * 5. Covariance of an M-estimator (Huber 1981, section 7.6), with the weighted information in place
  *    of the plain one: sum(psi^2)/(n - 3) * (sum(w)/n) / (sum(psi')/n)^2 * (sum(w J J^T))^-1,
  *    psi(e) = w e.
@@ -38,8 +40,8 @@ struct sums {
     cairn_real gradient[3]; /* gradient of the mode's cost */
     /* sums of w and w e^2 over the residuals across the line */
     cairn_real weight, squares;
-    cairn_real psi_squares, slopes;         /* sums of (w e)^2 and d(w e)/de */
-    cairn_real point_weight, point_squares; /* sums of w and w d^2 over the point distances */
+    cairn_real psi_squares, psi_derivatives; /* sums of (w e)^2 and d(w e)/de */
+    cairn_real point_weight, point_squares;  /* sums of w and w d^2 over the point distances */
     cairn_real distance;
     int32_t pairs;
     cairn_sym3 parts[CAIRN_ICP_MAX_PARTS]; /* point-to-line information by target part */
@@ -63,14 +65,14 @@ struct cairn_icp {
     int32_t query_count;
     int32_t running;
     int32_t next_point; /* query point to pair; == query_count: the iteration is to be solved */
-    int32_t units_due;  /* units of finished items, not yet charged */
+    int32_t units_due;  /* units of finished work, not yet charged */
     int32_t has_prior;
     cairn_rigid_motion_pose_prior prior;
     cairn_rigid_motion motion; /* motion of the query about its centroid */
     cairn_real sigma, point_sigma;
     cairn_real gate; /* distance gate of this iteration, m */
     struct sums sums;
-    struct iteration before; /* last iteration, at the pose that it started from */
+    struct iteration previous; /* last iteration, at the pose that it started from */
     cairn_icp_result result;
 };
 
@@ -153,21 +155,21 @@ cairn_status cairn_icp_create(cairn_icp **icp, cairn_pool *pool, const cairn_icp
     size_t need = cairn_icp_memory(params);
     cairn_point_grid_params grid;
     cairn_vec2 *directions;
-    cairn_icp *made;
+    cairn_icp *object;
 
     if (icp == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pool_has_capacity(pool, need))
         return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    directions = made->directions;
-    memset(made, 0, sizeof *made);
-    made->directions = directions;
-    made->params = *params;
-    made->least_cosine = cairn_cos(params->direction_gate);
+    object = carve(pool, params);
+    directions = object->directions;
+    memset(object, 0, sizeof *object);
+    object->directions = directions;
+    object->params = *params;
+    object->least_cosine = cairn_cos(params->direction_gate);
     grid = grid_params(params);
-    *icp = made;
-    return cairn_point_grid_create(&made->grid, pool, &grid);
+    *icp = object;
+    return cairn_point_grid_create(&object->grid, pool, &grid);
 }
 
 void cairn_icp_clear_target(cairn_icp *icp)
@@ -324,10 +326,10 @@ static cairn_real cauchy_weight(cairn_real squared, cairn_real sigma)
     return 1 / (1 + squared / (scale * scale));
 }
 
-static void add_gradient(cairn_real gradient[3], const cairn_real row[3], cairn_real by)
+static void add_gradient(cairn_real gradient[3], const cairn_real jacobian[3], cairn_real factor)
 {
     for (int k = 0; k < 3; k++)
-        gradient[k] += by * row[k];
+        gradient[k] += factor * jacobian[k];
 }
 
 static void add_point_terms(cairn_icp *icp, const cairn_oriented_point *point,
@@ -335,12 +337,12 @@ static void add_point_terms(cairn_icp *icp, const cairn_oriented_point *point,
 {
     static const cairn_vec2 axes[2] = {{1, 0}, {0, 1}};
     struct sums *sums = &icp->sums;
-    cairn_real weight = cauchy_weight(squared, icp->point_sigma), row[3];
+    cairn_real weight = cauchy_weight(squared, icp->point_sigma), jacobian[3];
 
     for (int k = 0; k < 2; k++) {
-        cairn_rigid_motion_jacobian(&icp->motion, axes[k], point->position, row);
-        cairn_sym3_add_outer(&sums->points, row, weight);
-        add_gradient(sums->gradient, row, weight * cairn_vec2_dot(axes[k], difference));
+        cairn_rigid_motion_jacobian(&icp->motion, axes[k], point->position, jacobian);
+        cairn_sym3_add_outer(&sums->points, jacobian, weight);
+        add_gradient(sums->gradient, jacobian, weight * cairn_vec2_dot(axes[k], difference));
     }
     sums->point_weight += weight;
     sums->point_squares += weight * squared;
@@ -369,7 +371,7 @@ static void add_query_point(cairn_icp *icp, const cairn_oriented_point *point)
     int32_t target =
         find_pair(icp, p, cairn_transform_direction(icp->motion.transform, point->direction));
     cairn_vec2 difference, normal;
-    cairn_real error, squared, weight, row[3];
+    cairn_real error, squared, weight, jacobian[3];
 
     if (target < 0)
         return;
@@ -377,19 +379,19 @@ static void add_query_point(cairn_icp *icp, const cairn_oriented_point *point)
     normal = cairn_vec2_left_perp(icp->directions[target]);
     error = cairn_vec2_dot(normal, difference);
     weight = cauchy_weight(error * error, icp->sigma);
-    cairn_rigid_motion_jacobian(&icp->motion, normal, point->position, row);
-    cairn_sym3_add_outer(&sums->lines, row, weight);
-    cairn_sym3_add_outer(&sums->parts[part_of(icp, target)], row, weight);
+    cairn_rigid_motion_jacobian(&icp->motion, normal, point->position, jacobian);
+    cairn_sym3_add_outer(&sums->lines, jacobian, weight);
+    cairn_sym3_add_outer(&sums->parts[part_of(icp, target)], jacobian, weight);
     sums->weight += weight;
     sums->squares += weight * error * error;
     sums->psi_squares += weight * weight * error * error;
     /* psi = w e, 1 - (e / scale)^2 = 2 - 1 / w */
-    sums->slopes += weight * weight * (2 - 1 / weight);
+    sums->psi_derivatives += weight * weight * (2 - 1 / weight);
     squared = cairn_vec2_norm_squared(difference);
     sums->distance += cairn_sqrt(squared);
     sums->pairs++;
     if (icp->params.mode == CAIRN_ICP_POINT_TO_LINE)
-        add_gradient(sums->gradient, row, weight * error);
+        add_gradient(sums->gradient, jacobian, weight * error);
     else
         add_point_terms(icp, point, difference, squared);
 }
@@ -400,21 +402,25 @@ static void add_query_point(cairn_icp *icp, const cairn_oriented_point *point)
 static cairn_real information_scale(const cairn_icp *icp)
 {
     const struct sums *sums = &icp->sums;
-    cairn_real n = (cairn_real)sums->pairs, slope = cairn_max(sums->slopes / n, CAIRN_REAL(0.1));
-    cairn_real scale = sums->psi_squares / (n - 3) * (sums->weight / n) / (slope * slope);
+    cairn_real n = (cairn_real)sums->pairs,
+               psi_derivative = cairn_max(sums->psi_derivatives / n, CAIRN_REAL(0.1));
+    cairn_real scale =
+        sums->psi_squares / (n - 3) * (sums->weight / n) / (psi_derivative * psi_derivative);
 
     return 1 / cairn_max(scale, icp->params.min_sigma * icp->params.min_sigma);
 }
 
-static cairn_sym3 scaled(cairn_sym3 m, cairn_real by)
+static cairn_sym3 scaled(cairn_sym3 m, cairn_real factor)
 {
-    cairn_sym3 out = {m.xx * by, m.xy * by, m.xz * by, m.yy * by, m.yz * by, m.zz * by};
+    cairn_sym3 out = {m.xx * factor, m.xy * factor, m.xz * factor,
+                      m.yy * factor, m.yz * factor, m.zz * factor};
     return out;
 }
 
 /* Ends the alignment and writes the covariance. basis NULL: too few pairs, so that the covariance
  * is that of the prior. */
-static void stop(cairn_icp *icp, cairn_icp_verdict verdict, const cairn_rigid_motion_basis *basis)
+static void finish_alignment(cairn_icp *icp, cairn_icp_verdict verdict,
+                             const cairn_rigid_motion_basis *basis)
 {
     cairn_rigid_motion_equations prior;
     cairn_sym3 information = cairn_sym3_zero();
@@ -463,12 +469,12 @@ static int solve(const cairn_icp *icp, const cairn_rigid_motion_basis *basis, ca
  * raised the mean distance. */
 static int rolls_back(cairn_icp *icp)
 {
-    const struct iteration before = icp->before;
+    const struct iteration before = icp->previous;
     cairn_icp_result *result = &icp->result;
 
-    icp->before.motion = icp->motion;
-    icp->before.mean_distance = result->mean_distance;
-    icp->before.pairs = result->pairs;
+    icp->previous.motion = icp->motion;
+    icp->previous.mean_distance = result->mean_distance;
+    icp->previous.pairs = result->pairs;
     if (!icp->params.roll_back || result->iterations == 1 || result->pairs >= before.pairs ||
         result->mean_distance <= before.mean_distance)
         return 0;
@@ -494,7 +500,7 @@ static void end_iteration(cairn_icp *icp)
     result->gate = icp->gate;
     if (result->pairs < params->min_pairs) {
         result->observable_dof = 0;
-        stop(icp, CAIRN_ICP_TOO_FEW_PAIRS, NULL);
+        finish_alignment(icp, CAIRN_ICP_TOO_FEW_PAIRS, NULL);
         return;
     }
     result->mean_distance = icp->sums.distance / (cairn_real)result->pairs;
@@ -505,11 +511,11 @@ static void end_iteration(cairn_icp *icp)
     result->weak_ratio = basis.inverse_condition;
     memcpy(result->weak_direction, basis.vectors[0], sizeof result->weak_direction);
     if (rolls_back(icp)) {
-        stop(icp, CAIRN_ICP_ROLLED_BACK, &basis);
+        finish_alignment(icp, CAIRN_ICP_ROLLED_BACK, &basis);
         return;
     }
     if (!solve(icp, &basis, step)) {
-        stop(icp, CAIRN_ICP_UNOBSERVABLE, &basis);
+        finish_alignment(icp, CAIRN_ICP_UNOBSERVABLE, &basis);
         return;
     }
     cairn_rigid_motion_move(&icp->motion, step);
@@ -523,8 +529,9 @@ static void end_iteration(cairn_icp *icp)
     if (converged || result->iterations == params->max_iterations) {
         cairn_icp_verdict verdict = converged ? CAIRN_ICP_CONVERGED : CAIRN_ICP_OUT_OF_ITERATIONS;
 
-        stop(icp, basis.unobservable > 0 && !icp->has_prior ? CAIRN_ICP_UNOBSERVABLE : verdict,
-             &basis);
+        finish_alignment(
+            icp, basis.unobservable > 0 && !icp->has_prior ? CAIRN_ICP_UNOBSERVABLE : verdict,
+            &basis);
         return;
     }
     icp->gate = gate;
@@ -562,11 +569,11 @@ cairn_icp_result cairn_icp_read(const cairn_icp *icp)
 void cairn_icp_read_parts(const cairn_icp *icp, cairn_icp_parts *parts)
 {
     int32_t has_sums = !icp->running && icp->result.pairs >= icp->params.min_pairs;
-    cairn_real by = has_sums ? information_scale(icp) : 0;
+    cairn_real factor = has_sums ? information_scale(icp) : 0;
 
     memset(parts, 0, sizeof *parts);
     parts->motion = icp->motion;
     parts->count = icp->part_count;
     for (int32_t i = 0; i < parts->count; i++)
-        parts->information[i] = scaled(icp->sums.parts[i], by);
+        parts->information[i] = scaled(icp->sums.parts[i], factor);
 }

@@ -3,8 +3,9 @@
  * Method.
  *
  * 1. A match is against the whole local map, but its keyframes are not equally certain relative to
- *    each other. One that came along a bare wall is weakly constrained, and a later one with a
- *    better view must not depend on it. So mutually rigid keyframes form submaps.
+ *    each other. A keyframe that was matched to a single wall has a poorly observed position along
+ *    it, and later keyframes should not inherit that error. So mutually rigid keyframes form
+ *    submaps.
  * 2. The information matrix of a match is split by the submaps that its pairs lie in (icp).
  * 3. A keyframe is constrained to its predecessor by the pairs with the predecessor's submap and by
  *    the odometry since.

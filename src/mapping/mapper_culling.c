@@ -268,7 +268,7 @@ static cairn_status merge_link(cairn_mapper *mapper, int32_t link, int32_t from,
 /* Redirects a link of the culled keyframe to the neighbour and attaches it to the neighbour's
  * adjacency list. */
 static cairn_status redirect_link(cairn_mapper *mapper, int32_t link, int32_t keyframe,
-                                  int32_t neighbour, measurement neighbour_key)
+                                  int32_t neighbour, measurement neighbour_keyframe)
 {
     mapper_loop *loop = &mapper->loop;
     mapper_link *l = &loop->links[link];
@@ -281,7 +281,7 @@ static cairn_status redirect_link(cairn_mapper *mapper, int32_t link, int32_t ke
         return CAIRN_OK;
     if (!link_measurement(mapper, link, keyframe, &key_far))
         return CAIRN_BAD_ARGUMENT;
-    neighbour_far = compose(neighbour_key, key_far);
+    neighbour_far = compose(neighbour_keyframe, key_far);
     if (existing >= 0)
         return merge_link(mapper, existing, neighbour, far, neighbour_far, l->is_loop);
     if (l->is_loop && loop->link_count >= 2 * loop->graph_keyframes)
@@ -321,12 +321,12 @@ static void remove_links(cairn_mapper *mapper, int32_t keyframe)
 /* ---- Renumbering ---- */
 
 /* Maps the culled keyframe to its neighbour and decreases the indices after it. */
-static void renumber_keyframe(const cairn_mapper_culling *release, int32_t *keyframe)
+static void renumber_keyframe(const cairn_mapper_culling *culling, int32_t *keyframe)
 {
-    if (*keyframe == release->keyframe)
-        *keyframe = release->reference;
+    if (*keyframe == culling->keyframe)
+        *keyframe = culling->reference;
     else
-        *keyframe -= *keyframe > release->keyframe;
+        *keyframe -= *keyframe > culling->keyframe;
 }
 
 void cairn_mapper_reattach(cairn_mapper_culling culling, int32_t *keyframe,
@@ -354,21 +354,21 @@ static void renumber_submaps(cairn_mapper *mapper, int32_t culled)
 }
 
 /* Closes the gap in the arrays indexed by keyframes. */
-static void shift_indices(cairn_mapper *mapper, const cairn_mapper_culling *release)
+static void shift_indices(cairn_mapper *mapper, const cairn_mapper_culling *culling)
 {
     mapper_loop *loop = &mapper->loop;
 
     mapper->keyframe_count--;
     for (int32_t keyframe = 0; keyframe < mapper->keyframe_count; keyframe++) {
-        int32_t from = keyframe + (keyframe >= release->keyframe);
+        int32_t from = keyframe + (keyframe >= culling->keyframe);
 
         mapper->slot[keyframe] = mapper->slot[from];
         mapper->keyframe_pose[keyframe] = mapper->keyframe_pose[from];
         loop->constraints[keyframe] = loop->constraints[from];
         loop->constraints[keyframe].submap -=
-            loop->constraints[keyframe].submap > release->keyframe;
+            loop->constraints[keyframe].submap > culling->keyframe;
         for (int32_t i = 0; i < loop->constraints[keyframe].anchor_count; i++)
-            renumber_keyframe(release, &loop->constraints[keyframe].anchors[i]);
+            renumber_keyframe(culling, &loop->constraints[keyframe].anchors[i]);
         loop->redundancy.score[keyframe] = loop->redundancy.score[from];
         loop->redundancy.neighbour_radius2[keyframe] = loop->redundancy.neighbour_radius2[from];
     }
@@ -376,7 +376,7 @@ static void shift_indices(cairn_mapper *mapper, const cairn_mapper_culling *rele
 
 /* Reattaches pending closures to the neighbour. Those that end at the culled keyframe are
  * outdated. */
-static void renumber_pending(mapper_loop *loop, const cairn_mapper_culling *release)
+static void renumber_pending(mapper_loop *loop, const cairn_mapper_culling *culling)
 {
     int32_t count =
         loop->pending_count < MAPPER_MAX_PENDING ? loop->pending_count : MAPPER_MAX_PENDING;
@@ -384,30 +384,30 @@ static void renumber_pending(mapper_loop *loop, const cairn_mapper_culling *rele
     for (int32_t i = 0; i < count; i++) {
         mapper_pending *closure = &loop->pending[i];
 
-        cairn_mapper_reattach(*release, &closure->first, &closure->first_second);
-        closure->second -= closure->second >= release->keyframe;
+        cairn_mapper_reattach(*culling, &closure->first, &closure->first_second);
+        closure->second -= closure->second >= culling->keyframe;
     }
 }
 
-static void renumber_all(cairn_mapper *mapper, const cairn_mapper_culling *release)
+static void renumber_all(cairn_mapper *mapper, const cairn_mapper_culling *culling)
 {
     mapper_loop *loop = &mapper->loop;
 
-    renumber_submaps(mapper, release->keyframe);
-    shift_indices(mapper, release);
-    renumber_pending(loop, release);
+    renumber_submaps(mapper, culling->keyframe);
+    shift_indices(mapper, culling);
+    renumber_pending(loop, culling);
     for (int32_t i = 0; i < MAPPER_LOOP_EVENTS; i++) {
-        renumber_keyframe(release, &loop->events[i].first);
-        renumber_keyframe(release, &loop->events[i].second);
+        renumber_keyframe(culling, &loop->events[i].first);
+        renumber_keyframe(culling, &loop->events[i].second);
     }
     for (int32_t i = 0; i < mapper->local_count; i++)
-        renumber_keyframe(release, &mapper->local[i]);
-    cairn_mapper_reattach(*release, &mapper->result.keyframe, &mapper->result.keyframe_scan);
+        renumber_keyframe(culling, &mapper->local[i]);
+    cairn_mapper_reattach(*culling, &mapper->result.keyframe, &mapper->result.keyframe_scan);
     mapper->window_first--;
     mapper->window_end--;
     mapper->window_cursor--;
     loop->graph_keyframes--;
-    loop->redundancy.key = 1;
+    loop->redundancy.keyframe = 1;
     mapper->state.keyframes = mapper->keyframe_count;
 }
 
@@ -418,21 +418,21 @@ cairn_status cairn_mapper_cull_keyframe(cairn_mapper *mapper, int32_t keyframe,
 {
     mapper_loop *loop = &mapper->loop;
     int32_t best = most_informative_link(mapper, keyframe), neighbour, degree = 0, next;
-    cairn_mapper_culling *release =
+    cairn_mapper_culling *culling =
         &mapper->cullings[mapper->state.culled_keyframes % MAPPER_CULLING_EVENTS];
-    measurement neighbour_key;
+    measurement neighbour_keyframe;
     cairn_status status;
 
     /* The graph is connected without its closures. */
     CAIRN_ASSERT(best >= 0);
     neighbour = other_end(&loop->links[best], keyframe);
-    status =
-        link_measurement(mapper, best, neighbour, &neighbour_key) ? CAIRN_OK : CAIRN_BAD_ARGUMENT;
+    status = link_measurement(mapper, best, neighbour, &neighbour_keyframe) ? CAIRN_OK
+                                                                            : CAIRN_BAD_ARGUMENT;
 
     for (int32_t link = loop->first_link[keyframe]; link >= 0 && status == CAIRN_OK; link = next) {
         next = loop->links[link].next[loop->links[link].second == keyframe];
         if (link != best && !loop->links[link].dropped)
-            status = redirect_link(mapper, link, keyframe, neighbour, neighbour_key);
+            status = redirect_link(mapper, link, keyframe, neighbour, neighbour_keyframe);
         degree++;
     }
     if (status == CAIRN_OK)
@@ -442,15 +442,15 @@ cairn_status cairn_mapper_cull_keyframe(cairn_mapper *mapper, int32_t keyframe,
     if (status != CAIRN_OK)
         return status;
     budget->left -= 1 + 16 * degree + (mapper->keyframe_count + loop->link_count) / 8;
-    release->keyframe = keyframe;
-    release->reference = neighbour - (neighbour > keyframe);
-    release->reference_keyframe =
+    culling->keyframe = keyframe;
+    culling->reference = neighbour - (neighbour > keyframe);
+    culling->reference_keyframe =
         cairn_pose_between(mapper->keyframe_pose[neighbour], mapper->keyframe_pose[keyframe]);
     mapper->state.culled_keyframes =
         mapper->state.culled_keyframes == INT32_MAX ? 0 : mapper->state.culled_keyframes + 1;
     cairn_mapper_invalidate_redundancy_near(mapper, keyframe);
     remove_links(mapper, keyframe);
-    renumber_all(mapper, release);
+    renumber_all(mapper, culling);
     loop->factor_full = 0;
     return CAIRN_OK;
 }

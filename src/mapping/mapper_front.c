@@ -4,16 +4,17 @@
  *
  * 1. The pose is predicted from the odometry since the last scan, or by a constant-velocity model
  *    when there is no odometry or it is unhealthy. ICP starts there.
- * 2. Where a second motion hypothesis leads elsewhere, ICP also runs from it, and the better result
- *    stands. The second hypothesis is the other one of the two; without odometry it is standing
- *    still.
+ * 2. If the predictions by odometry and by constant velocity differ by more than MAPPER_DISTINCT_M
+ *    or MAPPER_DISTINCT_RAD, ICP also starts at the second one (without odometry: at zero motion),
+ *    and the better result is kept.
  * 3. A match has low confidence when it is clearly worse than earlier ones, when it is a jump, or
  *    when there is none. Then scan_match searches a window about the prediction (mapper_search.c).
- *    Where its best hypothesis is the current match, that stands. Otherwise ICP runs from the
+ *    Where its best hypothesis is the current match, that is kept. Otherwise ICP runs from the
  *    hypothesis of the best score, with a prior there.
  * 4. A jump in a weakly observable direction may come from a few points on a person who walks
- *    along. ICP then runs again with the odometry prior deciding in that direction. The two results
- *    compete: points that fit against standard deviations of odometry.
+ *    along. ICP then runs again with the odometry prior deciding in that direction. The result with
+ *    the better score is kept; the score trades the share of inliers for the Mahalanobis distance
+ *    from odometry.
  * 5. A match that keeps low confidence gets an inflated covariance.
  * 6. Odometry health is a smoothed rate of agreement with the matches. Unhealthy odometry is not
  *    used until it agrees again. After each disagreement its noise is scaled up for a while, since

@@ -17,9 +17,8 @@
  * keyframes. */
 enum { KEYFRAMES_PER_SOLVE = 48 };
 
-static const cairn_real URGENT_CHI2 =
-    /* chi-squared of a closure that triggers an optimization at once */
-    100;
+/* chi-squared of a closure that triggers an optimization at once */
+static const cairn_real URGENT_CHI2 = 100;
 
 cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_real covariance[9],
                                        cairn_real theta)

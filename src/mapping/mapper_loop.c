@@ -3,22 +3,24 @@
  * Method. For each keyframe, once the force field no longer moves it:
  *
  * 1. Accumulated drift: the path variance to every other keyframe is the least sum over all paths
- *    through the graph (Dijkstra 1959). A link adds its position variance, and its heading variance
- *    times the squared lever arm, the distance from the query keyframe.
- * 2. Candidates: older keyframes whose scan centroids lie within three standard deviations of the
- *    path, the nearest of each run of successive ones. Weakly constrained keyframes
+ *    in the pose graph (Dijkstra 1959); "the path" below is the one of least variance. A link adds
+ *    its position variance, and its heading variance times the squared lever arm, the distance from
+ *    the query keyframe.
+ * 2. Candidates: older keyframes whose scan centroids lie within candidate_radius plus the search
+ *    radius, the one of least cost of each group of successive ones. The search radius is three
+ *    standard deviations of the path, at most search_radius. Weakly constrained keyframes
  *    (mapper_constraint.c) are penalized: a match against them has little information on the
  *    rest of the map.
  * 3. Registration: scan_match against the union of the keyframes around the candidate, in the
  *    window given by 1.
  * 4. Verification: a match below the minimum log odds, an ambiguous one, or one with free-space
  *    violations is rejected. In a small window the match is accepted at once. In a wide window its
- *    log odds must also outweigh the squared Mahalanobis distance from the path prior (buildings
- *    repeat themselves, and the true place may not be mapped). It then waits until several closures
- *    are mutually consistent and outnumber the inconsistent ones, as in Olson (2009): wrong
- *    closures rarely agree.
+ *    log odds must also outweigh half the squared Mahalanobis distance from the prior of the path
+ *    (perceptual aliasing; the place may be new). It then waits until several closures are mutually
+ *    consistent and outnumber the inconsistent ones, as in Olson (2009): false closures are rarely
+ *    mutually consistent.
  *
- * Limits: a place is recognized only within the uncertainty of the path.
+ * Limits: accumulated drift of more than loop.search_radius in x or y is not closed.
  *
  * Source: E. Olson, Recognizing places using spectrally clustered local matches, RAS 57, 2009. */
 #include "src/core/build.h"
@@ -31,10 +33,27 @@ enum { KEYFRAMES_PER_UNIT = 16 };
 
 /* m: keyframes of a larger position standard deviation are left out of the target map */
 static const cairn_real MAX_TARGET_SIGMA_M = CAIRN_REAL(0.2);
-/* metres of extra distance of a candidate per metre of position standard deviation */
-static const cairn_real SIGMA_COST = 5;
+/* m of extra cost of a candidate per m of position standard deviation */
+static const cairn_real SIGMA_PENALTY = 5;
+/* weight of the distance of the poses in the cost of a candidate; that of the centroids has 1 */
+static const cairn_real POSE_DISTANCE_WEIGHT = CAIRN_REAL(0.5);
 /* m^2: variance without a path */
 static const cairn_real NO_PATH_VARIANCE = CAIRN_REAL(1e6);
+/* standard deviations of the path that the search window covers */
+static const cairn_real WINDOW_SIGMAS = 3;
+/* m and rad: added to the half sizes of the search window, which stays within search_radius */
+static const cairn_real WINDOW_MARGIN_M = CAIRN_REAL(0.2);
+static const cairn_real WINDOW_MARGIN_RAD = CAIRN_REAL(0.1);
+/* Ambiguity ratio: a match whose second hypothesis has more than this share of the best score is
+ * ambiguous. */
+static const cairn_real AMBIGUITY_RATIO = CAIRN_REAL(0.9);
+/* Consistency of two closures: maximum residual of the cycle through both, m and rad: errors of the
+ * two matches, ... */
+static const cairn_real CYCLE_TOLERANCE_M = CAIRN_REAL(0.15);
+static const cairn_real CYCLE_TOLERANCE_RAD = CAIRN_REAL(0.05);
+/* ... plus drift per keyframe of the two paths between them. */
+static const cairn_real CYCLE_DRIFT_M = CAIRN_REAL(0.01);
+static const cairn_real CYCLE_DRIFT_RAD = CAIRN_REAL(0.003);
 
 void cairn_mapper_record_loop(cairn_mapper *mapper, int32_t first, int32_t second,
                               cairn_pose first_second, cairn_mapper_loop_verdict verdict)
@@ -136,8 +155,8 @@ static void begin_distances(cairn_mapper *mapper)
     heap_set(loop, 0, loop->query);
 }
 
-/* Settles one keyframe of Dijkstra's algorithm; returns 1 when all are settled. */
-static int32_t distance_item(cairn_mapper *mapper, cairn_budget *budget)
+/* Expands the keyframe of least variance in the heap; returns 1 when the heap is empty. */
+static int32_t expand_keyframe(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
     int32_t keyframe, link;
@@ -167,59 +186,61 @@ static cairn_vec2 scan_centroid(const cairn_mapper *mapper, int32_t keyframe)
                             cairn_mapper_keyframe_record(mapper, keyframe)->centroid);
 }
 
-/* Inserts the best candidate of the finished run into the sorted candidates. */
-static void end_run(mapper_loop *loop)
+/* Inserts the best candidate of the finished group into the sorted candidates. */
+static void end_group(mapper_loop *loop)
 {
     int32_t at = loop->candidate_count;
 
-    if (!loop->in_run)
+    if (!loop->in_group)
         return;
-    loop->in_run = 0;
+    loop->in_group = 0;
     if (at == MAPPER_MAX_CANDIDATES) {
-        if (!(loop->best_of_run.distance < loop->candidates[at - 1].distance))
+        if (!(loop->best_of_group.cost < loop->candidates[at - 1].cost))
             return;
         at--;
     } else {
         loop->candidate_count++;
     }
-    for (; at > 0 && loop->best_of_run.distance < loop->candidates[at - 1].distance; at--)
+    for (; at > 0 && loop->best_of_group.cost < loop->candidates[at - 1].cost; at--)
         loop->candidates[at] = loop->candidates[at - 1];
-    loop->candidates[at] = loop->best_of_run;
+    loop->candidates[at] = loop->best_of_group;
 }
 
 /* Returns the search radius of a keyframe, m: three standard deviations, at most search_radius. */
 static cairn_real search_reach(const cairn_mapper *mapper, int32_t keyframe)
 {
-    return cairn_min(3 * cairn_sqrt(mapper->loop.variance[keyframe]),
+    return cairn_min(WINDOW_SIGMAS * cairn_sqrt(mapper->loop.variance[keyframe]),
                      mapper->params.loop.search_radius);
 }
 
-/* Looks at one keyframe; returns 1 when all have been looked at. */
-static int32_t choose_item(cairn_mapper *mapper)
+/* Tests one keyframe as a candidate; returns 1 when all have been tested. */
+static int32_t select_candidate(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
     int32_t keyframe = loop->cursor++;
     cairn_vec2 difference =
         cairn_vec2_sub(scan_centroid(mapper, keyframe), scan_centroid(mapper, loop->query));
-    cairn_real distance = cairn_vec2_norm(difference);
+    cairn_real centroid_distance = cairn_vec2_norm(difference);
 
     if (cairn_mapper_point_count(mapper, keyframe) > 0 &&
-        distance < mapper->params.loop.candidate_radius + search_reach(mapper, keyframe)) {
-        distance += cairn_sqrt(distance_squared(mapper->keyframe_pose[keyframe],
-                                                mapper->keyframe_pose[loop->query])) /
-                        2 +
-                    SIGMA_COST * loop->constraints[keyframe].position_sigma;
-        if (!loop->in_run || distance < loop->best_of_run.distance) {
-            loop->best_of_run.key = keyframe;
-            loop->best_of_run.distance = distance;
+        centroid_distance < mapper->params.loop.candidate_radius + search_reach(mapper, keyframe)) {
+        cairn_real pose_distance = cairn_sqrt(
+            distance_squared(mapper->keyframe_pose[keyframe], mapper->keyframe_pose[loop->query]));
+        cairn_real cost =
+            centroid_distance + (POSE_DISTANCE_WEIGHT * pose_distance +
+                                 SIGMA_PENALTY * loop->constraints[keyframe].position_sigma);
+
+        if (!loop->in_group || cost < loop->best_of_group.cost) {
+            loop->best_of_group.keyframe = keyframe;
+            loop->best_of_group.cost = cost;
         }
-        loop->in_run = 1;
+        loop->in_group = 1;
     } else {
-        end_run(loop);
+        end_group(loop);
     }
     if (loop->cursor < loop->query - mapper->params.loop.min_keyframe_gap)
         return 0;
-    end_run(loop);
+    end_group(loop);
     return 1;
 }
 
@@ -228,7 +249,7 @@ static int32_t choose_item(cairn_mapper *mapper)
 static void begin_candidate(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t keyframe = loop->candidates[loop->candidate].key,
+    int32_t keyframe = loop->candidates[loop->candidate].keyframe,
             half = mapper->params.loop.target_keyframes / 2;
     int32_t last = loop->query - mapper->params.loop.min_keyframe_gap;
 
@@ -241,8 +262,8 @@ static void begin_candidate(cairn_mapper *mapper)
     loop->phase = MAPPER_LOOP_BUILD_TARGET;
 }
 
-/* Returns 1 when a keyframe is farther from the candidate than the path between them can be. Those
- * between were culled, or the path is broken. */
+/* Returns 1 when a keyframe is farther from the candidate than target_keyframes steps between
+ * keyframes: keyframes between the two were culled, or the trajectory is broken there. */
 static int32_t is_off_path(const cairn_mapper *mapper, int32_t keyframe, int32_t candidate)
 {
     cairn_real most =
@@ -254,10 +275,10 @@ static int32_t is_off_path(const cairn_mapper *mapper, int32_t keyframe, int32_t
 
 /* Adds a keyframe to the target map around the candidate; the map is complete when scan_match is
  * full. */
-static void target_item(cairn_mapper *mapper, cairn_budget *budget)
+static void add_target_keyframe(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t keyframe = loop->target_from++, candidate = loop->candidates[loop->candidate].key;
+    int32_t keyframe = loop->target_from++, candidate = loop->candidates[loop->candidate].keyframe;
     cairn_scan_match_part part;
 
     budget->left -= 1;
@@ -271,16 +292,16 @@ static void target_item(cairn_mapper *mapper, cairn_budget *budget)
         loop->target_from = loop->target_end;
 }
 
-/* Starts the match. A candidate beyond the searchable range has no result. */
+/* Starts the match. When scan_match refuses the query, the match ends without hypotheses. */
 static void begin_match(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t keyframe = loop->candidates[loop->candidate].key;
+    int32_t keyframe = loop->candidates[loop->candidate].keyframe;
     cairn_scan_match_window window;
 
-    window.distance = cairn_min(search_reach(mapper, keyframe) + CAIRN_REAL(0.2),
+    window.distance = cairn_min(search_reach(mapper, keyframe) + WINDOW_MARGIN_M,
                                 mapper->params.loop.search_radius);
-    window.angle = 3 * cairn_sqrt(loop->heading_variance[keyframe]) + CAIRN_REAL(0.1);
+    window.angle = WINDOW_SIGMAS * cairn_sqrt(loop->heading_variance[keyframe]) + WINDOW_MARGIN_RAD;
     loop->phase = MAPPER_LOOP_MATCH;
     budget->left -= 2 + loop->query_part.count / 4;
     if (cairn_scan_match_begin(mapper->search, &loop->query_part,
@@ -296,8 +317,8 @@ void cairn_mapper_preempt_loop_match(cairn_mapper *mapper)
 
 /* ---- Verification ---- */
 
-/* Returns 1 when two closures are consistent: the cycle through both has a small residual, given
- * the drift allowed per keyframe of path. */
+/* Returns 1 when two closures are consistent: the cycle through both and the two paths between them
+ * has a small residual, given the drift allowed per keyframe. */
 static int32_t is_consistent(const cairn_mapper *mapper, const mapper_pending *a,
                              const mapper_pending *b)
 {
@@ -310,14 +331,15 @@ static int32_t is_consistent(const cairn_mapper *mapper, const mapper_pending *a
     cairn_pose difference = cairn_pose_between(composed_a, composed_b);
     int32_t path =
         b->second - a->second + (b->first > a->first ? b->first - a->first : a->first - b->first);
-    cairn_real distance = CAIRN_REAL(0.15) + CAIRN_REAL(0.01) * (cairn_real)path;
-    cairn_real angle = CAIRN_REAL(0.05) + CAIRN_REAL(0.003) * (cairn_real)path;
+    cairn_real distance = CYCLE_TOLERANCE_M + CYCLE_DRIFT_M * (cairn_real)path;
+    cairn_real angle = CYCLE_TOLERANCE_RAD + CYCLE_DRIFT_RAD * (cairn_real)path;
 
     return difference.x * difference.x + difference.y * difference.y < distance * distance &&
            cairn_abs(difference.theta) < angle;
 }
 
-/* Adds a closure to the graph and records the event. */
+/* Adds a closure to the graph and records the event; without capacity state.capacity_exceeded is
+ * set instead. */
 static void accept(cairn_mapper *mapper, mapper_pending *closure)
 {
     cairn_status status = cairn_mapper_add_closure(mapper, closure->first, closure->second,
@@ -344,13 +366,13 @@ static void check_consistency(cairn_mapper *mapper, const mapper_pending *closur
     int32_t consistent[MAPPER_MAX_PENDING], stored_count = 0;
 
     for (int32_t i = 0; i < count; i++) {
-        mapper_pending *composed_b = &loop->pending[i];
+        mapper_pending *earlier = &loop->pending[i];
 
-        if (closure->second - composed_b->second > mapper->params.loop.min_keyframe_gap)
+        if (closure->second - earlier->second > mapper->params.loop.min_keyframe_gap)
             continue;
-        if (is_consistent(mapper, composed_b, closure)) {
-            consistent_count += composed_b->second != closure->second && composed_b->second != last;
-            last = composed_b->second;
+        if (is_consistent(mapper, earlier, closure)) {
+            consistent_count += earlier->second != closure->second && earlier->second != last;
+            last = earlier->second;
             consistent[stored_count++] = i;
         } else {
             inconsistent_count++;
@@ -374,12 +396,12 @@ static void check_consistency(cairn_mapper *mapper, const mapper_pending *closur
 int32_t cairn_mapper_is_ambiguous(const cairn_scan_match_result *result)
 {
     return result->count > 1 &&
-           result->hypotheses[1].score > CAIRN_REAL(0.9) * result->hypotheses[0].score;
+           result->hypotheses[1].score > AMBIGUITY_RATIO * result->hypotheses[0].score;
 }
 
-/* Returns the negative log prior of a closure, nats: its squared Mahalanobis distance from the
- * path. */
-static cairn_real prior_cost(const cairn_mapper *mapper, const mapper_pending *closure)
+/* Returns the negative log prior of a closure, nats: half its squared Mahalanobis distance from the
+ * prior of the path, whose position variance (var x + var y) is taken as isotropic. */
+static cairn_real negative_log_prior(const cairn_mapper *mapper, const mapper_pending *closure)
 {
     const mapper_loop *loop = &mapper->loop;
     cairn_pose now = cairn_pose_between(mapper->keyframe_pose[closure->first],
@@ -415,7 +437,7 @@ static void verify(cairn_mapper *mapper)
     const cairn_mapper_loop_params *p = &mapper->params.loop;
     cairn_scan_match_result result = cairn_scan_match_read(mapper->search);
     const cairn_scan_match_hypothesis *h = result.hypotheses;
-    int32_t keyframe = loop->candidates[loop->candidate].key;
+    int32_t keyframe = loop->candidates[loop->candidate].keyframe;
     mapper_pending closure;
 
     memset(&closure, 0, sizeof closure);
@@ -438,7 +460,7 @@ static void verify(cairn_mapper *mapper)
                                  CAIRN_MAPPER_LOOP_FREE_SPACE_VIOLATION);
     else if (search_reach(mapper, keyframe) < p->local_search_radius)
         accept(mapper, &closure);
-    else if (h->log_odds - prior_cost(mapper, &closure) < p->min_log_odds)
+    else if (h->log_odds - negative_log_prior(mapper, &closure) < p->min_log_odds)
         cairn_mapper_record_loop(mapper, keyframe, loop->query, closure.first_second,
                                  CAIRN_MAPPER_LOOP_UNLIKELY);
     else
@@ -447,30 +469,31 @@ static void verify(cairn_mapper *mapper)
 
 /* ---- Steps ---- */
 
-/* Returns the number of keyframes that the force field no longer moves. */
-static int32_t settled_keyframes(const cairn_mapper *mapper)
+/* Returns the number of keyframes that have left the window of the force field: it no longer moves
+ * them. */
+static int32_t keyframes_outside_window(const cairn_mapper *mapper)
 {
-    int32_t keys = mapper->keyframe_count;
+    int32_t count = mapper->keyframe_count;
 
     if (mapper->params.window == 0 || mapper->loop.settling)
-        return keys;
-    return keys > mapper->params.window_free ? keys - mapper->params.window_free : 0;
+        return count;
+    return count > mapper->params.window_free ? count - mapper->params.window_free : 0;
 }
 
 /* Chooses the next task; CAIRN_OK with phase MAPPER_LOOP_IDLE: none. */
 static cairn_status begin_next(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t has_next = loop->graph_keyframes < settled_keyframes(mapper);
-    int32_t may_release = cairn_mapper_may_cull(mapper);
+    int32_t has_next = loop->graph_keyframes < keyframes_outside_window(mapper);
+    int32_t may_cull = cairn_mapper_may_cull(mapper);
     cairn_status status = CAIRN_OK;
 
     loop->cursor = 0;
-    if (may_release && (loop->unsolved_closures == 0 || loop->factor_full)) {
+    if (may_cull && (loop->unsolved_closures == 0 || loop->factor_full)) {
         cairn_mapper_begin_redundancy(mapper);
         budget->left -= 1;
         loop->phase = MAPPER_LOOP_REDUNDANCY;
-    } else if (may_release || cairn_mapper_needs_optimization(mapper) ||
+    } else if (may_cull || cairn_mapper_needs_optimization(mapper) ||
                (!has_next && loop->settling && loop->unsolved_closures > 0 && !loop->factor_full)) {
         loop->phase = MAPPER_LOOP_OPTIMIZE;
     } else if (has_next) {
@@ -485,7 +508,8 @@ static cairn_status begin_next(cairn_mapper *mapper, cairn_budget *budget)
     return status;
 }
 
-static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
+/* Processes one unit of work of the current phase. */
+static cairn_status advance_loop(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
     cairn_status status = CAIRN_OK;
@@ -497,14 +521,14 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
         loop->phase = MAPPER_LOOP_PATH_VARIANCE;
         break;
     case MAPPER_LOOP_PATH_VARIANCE:
-        if (distance_item(mapper, budget)) {
-            loop->candidate_count = loop->in_run = loop->cursor = 0;
+        if (expand_keyframe(mapper, budget)) {
+            loop->candidate_count = loop->in_group = loop->cursor = 0;
             loop->phase = MAPPER_LOOP_SELECT_CANDIDATES;
         }
         break;
     case MAPPER_LOOP_SELECT_CANDIDATES:
         budget->left -= 1;
-        if (!choose_item(mapper))
+        if (!select_candidate(mapper))
             break;
         loop->candidate = 0;
         loop->phase = MAPPER_LOOP_IDLE;
@@ -521,7 +545,7 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
         break;
     case MAPPER_LOOP_BUILD_TARGET:
         if (loop->target_from < loop->target_end)
-            target_item(mapper, budget);
+            add_target_keyframe(mapper, budget);
         else
             begin_match(mapper, budget);
         break;
@@ -566,12 +590,12 @@ cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget,
         if (loop->phase == MAPPER_LOOP_IDLE) {
             status = begin_next(mapper, budget);
             if (loop->phase == MAPPER_LOOP_IDLE &&
-                loop->graph_keyframes >= settled_keyframes(mapper))
+                loop->graph_keyframes >= keyframes_outside_window(mapper))
                 break;
         } else {
-            status = loop_item(mapper, budget);
+            status = advance_loop(mapper, budget);
         }
     }
-    mapper->state.pending_keyframes = settled_keyframes(mapper) - loop->graph_keyframes;
+    mapper->state.pending_keyframes = keyframes_outside_window(mapper) - loop->graph_keyframes;
     return status;
 }

@@ -87,9 +87,10 @@ static void find_neighbours(cairn_mapper *mapper)
     mapper_redundancy *redundancy = &mapper->loop.redundancy;
 
     redundancy->neighbour_count = redundancy->next_neighbour = 0;
-    for (int32_t keyframe = 0; keyframe < redundancy->key; keyframe++)
-        insert_neighbour(redundancy, keyframe, sensor_distance2(mapper, redundancy->key, keyframe));
-    redundancy->neighbour_radius2[redundancy->key] =
+    for (int32_t keyframe = 0; keyframe < redundancy->keyframe; keyframe++)
+        insert_neighbour(redundancy, keyframe,
+                         sensor_distance2(mapper, redundancy->keyframe, keyframe));
+    redundancy->neighbour_radius2[redundancy->keyframe] =
         redundancy->neighbour_count == MAPPER_REDUNDANCY_NEIGHBOURS
             ? redundancy->neighbour_distance2[MAPPER_REDUNDANCY_NEIGHBOURS - 1]
             : UNBOUNDED_RADIUS2;
@@ -117,18 +118,18 @@ static void count_observers(cairn_mapper *mapper, int32_t other)
 {
     mapper_redundancy *redundancy = &mapper->loop.redundancy;
     const uint16_t *visibility =
-        &mapper->visibility[(size_t)mapper->slot[redundancy->key] * MAPPER_BEARINGS];
-    cairn_transform other_key = cairn_transform_of(
-        cairn_pose_between(mapper->keyframe_pose[other], mapper->keyframe_pose[redundancy->key]));
-    cairn_vec2 sensor = cairn_mapper_keyframe_record(mapper, redundancy->key)->sensor;
+        &mapper->visibility[(size_t)mapper->slot[redundancy->keyframe] * MAPPER_BEARINGS];
+    cairn_transform other_keyframe = cairn_transform_of(cairn_pose_between(
+        mapper->keyframe_pose[other], mapper->keyframe_pose[redundancy->keyframe]));
+    cairn_vec2 sensor = cairn_mapper_keyframe_record(mapper, redundancy->keyframe)->sensor;
 
     for (int32_t i = 0; i < MAPPER_SAMPLES / 2; i++) {
         int32_t bearing = i * BEARING_STEP;
         cairn_vec2 way = cairn_vec2_scale(cairn_mapper_bearing_direction(bearing),
                                           (cairn_real)visibility[bearing] / 100);
-        cairn_vec2 end = cairn_transform_point(other_key, cairn_vec2_add(sensor, way));
+        cairn_vec2 end = cairn_transform_point(other_keyframe, cairn_vec2_add(sensor, way));
         cairn_vec2 half = cairn_transform_point(
-            other_key, cairn_vec2_add(sensor, cairn_vec2_scale(way, CAIRN_REAL(0.5))));
+            other_keyframe, cairn_vec2_add(sensor, cairn_vec2_scale(way, CAIRN_REAL(0.5))));
 
         if (visibility[bearing] == 0)
             continue;
@@ -142,7 +143,7 @@ static cairn_real coverage_loss(const cairn_mapper *mapper)
 {
     const mapper_redundancy *redundancy = &mapper->loop.redundancy;
     const uint16_t *visibility =
-        &mapper->visibility[(size_t)mapper->slot[redundancy->key] * MAPPER_BEARINGS];
+        &mapper->visibility[(size_t)mapper->slot[redundancy->keyframe] * MAPPER_BEARINGS];
     cairn_real redundancy_score = 0;
 
     for (int32_t i = 0; i < MAPPER_SAMPLES; i++)
@@ -155,7 +156,7 @@ static cairn_real coverage_loss(const cairn_mapper *mapper)
 
 void cairn_mapper_begin_redundancy(cairn_mapper *mapper)
 {
-    mapper->loop.redundancy.key = 1;
+    mapper->loop.redundancy.keyframe = 1;
     mapper->loop.redundancy.neighbour_count = mapper->loop.redundancy.next_neighbour = -1;
 }
 
@@ -170,17 +171,18 @@ int32_t cairn_mapper_redundancy_item(cairn_mapper *mapper, int32_t end, cairn_bu
         return 0;
     }
     if (redundancy->next_neighbour >= 0) {
-        redundancy->score[redundancy->key] = coverage_loss(mapper);
+        redundancy->score[redundancy->keyframe] = coverage_loss(mapper);
         budget->left -= 1 + MAPPER_SAMPLES / KEYFRAMES_PER_UNIT;
         redundancy->next_neighbour = -1;
     }
-    for (; redundancy->key < end && redundancy->score[redundancy->key] >= 0; redundancy->key++)
-        if (redundancy->key % KEYFRAMES_PER_UNIT == 0)
+    for (; redundancy->keyframe < end && redundancy->score[redundancy->keyframe] >= 0;
+         redundancy->keyframe++)
+        if (redundancy->keyframe % KEYFRAMES_PER_UNIT == 0)
             budget->left--;
-    if (redundancy->key >= end)
+    if (redundancy->keyframe >= end)
         return 1;
     find_neighbours(mapper);
-    budget->left -= 1 + redundancy->key / KEYFRAMES_PER_UNIT;
+    budget->left -= 1 + redundancy->keyframe / KEYFRAMES_PER_UNIT;
     return 0;
 }
 

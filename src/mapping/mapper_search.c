@@ -1,9 +1,9 @@
-/* Relocalization search: a match of low confidence is searched for around its prediction, by shape.
+/* Relocalization search: after a match of low confidence scan_match searches around the prediction.
  *
  * Method.
  *
  * 1. scan_match gets the nearby keyframes and searches a small window, then a wide one.
- * 2. Where its best hypothesis is the current match, that match stands.
+ * 2. Where its best hypothesis is the current match, that match is kept.
  * 3. A hypothesis far from healthy odometry competes with the prior against kidnapping: its log
  *    odds must exceed a cost that grows with the squared distance.
  * 4. A single scan that nearly does so leaves a pending relocalization hypothesis. When the next

@@ -105,8 +105,8 @@ typedef struct mapper_link {
 
 /* A loop-closure candidate: an older keyframe that may show the same place as the query. */
 typedef struct mapper_candidate {
-    int32_t key;
-    cairn_real distance; /* m, between the scan centroids, plus penalties */
+    int32_t keyframe;
+    cairn_real cost; /* m: distance of the scan centroids, plus penalties */
 } mapper_candidate;
 
 /* A closure that waits for consistent closures. */
@@ -137,7 +137,7 @@ typedef struct mapper_redundancy {
     cairn_real *score;
     /* [max_keyframes] m^2, squared distance to the farthest neighbour considered */
     cairn_real *neighbour_radius2;
-    int32_t key;
+    int32_t keyframe; /* the one whose score is computed */
     /* nearest keyframes before it, sorted by distance */
     int32_t neighbours[MAPPER_REDUNDANCY_NEIGHBOURS];
     cairn_real neighbour_distance2[MAPPER_REDUNDANCY_NEIGHBOURS];
@@ -153,13 +153,13 @@ typedef struct mapper_loop {
     int32_t *first_link;
     /* [max_keyframes] of the match that stored the keyframe */
     mapper_constraint *constraints;
-    /* [max_keyframes] m^2, accumulated along the path to the query */
+    /* [max_keyframes] m^2, accumulated along the path in the graph to the query */
     cairn_real *variance;
     /* [max_keyframes] rad^2, likewise */
     cairn_real *heading_variance;
     /* [max_keyframes] binary min-heap of keyframes by variance */
     int32_t *heap;
-    /* [max_keyframes] position in the heap; -1: not in it, -2: settled */
+    /* [max_keyframes] position in the heap; -1: not in it, -2: taken out, the variance is final */
     int32_t *heap_position;
     int32_t heap_count; /* keyframes in the heap */
     int32_t link_count;
@@ -174,8 +174,9 @@ typedef struct mapper_loop {
     cairn_scan_match_part query_part;
     mapper_candidate candidates[MAPPER_MAX_CANDIDATES];
     int32_t candidate_count, candidate;
-    mapper_candidate best_of_run;    /* best candidate of the current run of successive keyframes */
-    int32_t in_run;                  /* 1: a run of candidates is open */
+    mapper_candidate
+        best_of_group; /* best candidate of the current group of successive keyframes */
+    int32_t in_group;  /* 1: a group of candidates is open */
     int32_t target_from, target_end; /* keyframes to add to the target map */
 
     mapper_pending pending[MAPPER_MAX_PENDING];
@@ -184,7 +185,7 @@ typedef struct mapper_loop {
     int32_t keyframes_since_solve; /* keyframes added since the last optimization */
     cairn_real largest_chi2;       /* largest chi-squared of the unsolved closures */
     int32_t settling;              /* 1: settle() is running, all pending work is finished */
-    int32_t factor_full;           /* 1: the factor of the graph has no capacity */
+    int32_t factor_full;           /* 1: the factor of the graph has no capacity: no optimization */
     int32_t culling;               /* 1: keyframes are culled until there is some capacity again */
     mapper_redundancy redundancy;
     cairn_mapper_loop events[MAPPER_LOOP_EVENTS];
@@ -198,7 +199,7 @@ struct cairn_mapper {
     cairn_scan_set *keyframes;
     int32_t keyframe_count;
     int32_t *slot;             /* [max_keyframes] index of a keyframe in the set */
-    cairn_pose *keyframe_pose; /* [max_keyframes] map_key, m and rad */
+    cairn_pose *keyframe_pose; /* [max_keyframes] in the map, m and rad */
     /* Buffers of one keyframe on its way into the local map or the force field:
      * [scan.max_points] */
     cairn_oriented_point *points;
@@ -302,8 +303,8 @@ struct cairn_mapper {
 
 /* ---- mapper_create.c ---- */
 
-/* Returns the capacity for the points of `keys` keyframes together. */
-int32_t cairn_mapper_local_points(const cairn_mapper_params *params, int32_t keys);
+/* Returns the capacity for the points of `count` keyframes together. */
+int32_t cairn_mapper_local_points(const cairn_mapper_params *params, int32_t count);
 
 /* Returns the number of most recent keyframes that are never culled. */
 int32_t cairn_mapper_protected_count(const cairn_mapper_params *params);
@@ -471,8 +472,8 @@ void cairn_mapper_attach_link(mapper_loop *loop, int32_t link, int32_t end);
 cairn_real cairn_mapper_chi2(const cairn_mapper *mapper, int32_t first, int32_t second,
                              cairn_pose first_second, cairn_sym3 covariance);
 
-/* Rotates the row-major covariance of a pose from the map into the pose's own frame and adds the
- * common noise floor of links. */
+/* Returns the covariance of a link: rotates the row-major covariance of a pose from the map into
+ * the pose's own frame, and adds the noise floor of all links, loop.sigma and loop.sigma_theta. */
 cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_real covariance[9],
                                        cairn_real theta);
 

@@ -5,14 +5,14 @@
  *    points within 0.5 m, in 36 bins divided by the largest (6.2.1, 6.2.2).
  * 2. For each rotation of the query: longest common subsequence of the two point sequences by
  *    dynamic programming (6.2.3).
- * 3. Colinear filter: correspondences whose vector runs along the line of one of their points are
+ * 3. Collinear filter: correspondences whose vector runs along the line of one of their points are
  *    dropped (6.2.4).
  * 4. Segment filter: segments of the list that disagree with the best segment are dropped; the
  *    translation of the segment with most consistent pairs is taken (6.2.4).
  * 5. The rotation with the largest scan overlap wins (6.3).
  * 6. ICP with gates, rolled back when overlap and distance both get worse (6.4).
  *
- * The colinear filter exists because the shape of a straight line is ambiguous along it. While the
+ * The collinear filter exists because the shape of a straight line is ambiguous along it. While the
  * frames are not aligned, the direction of a vector has little information, and all points of walls
  * pass alike. Mode SHAPE therefore applies the filters twice, and the overlap decides as between
  * rotations: first without the points that have nothing but a straight line about them, then with
@@ -198,7 +198,7 @@ static cairn_vec2 vector_of(const cairn_scan_match *match, cairn_sequence_pair p
 }
 
 /* Returns 1 when the vector of the pair runs along the line of one of its points. */
-static int is_colinear(const cairn_scan_match *match, cairn_sequence_pair pair)
+static int is_collinear(const cairn_scan_match *match, cairn_sequence_pair pair)
 {
     cairn_vec2 along = cairn_vec2_unit(vector_of(match, pair));
 
@@ -225,16 +225,16 @@ static int32_t is_straight(const scan_match_shape_descriptor *descriptor, cairn_
     return 1;
 }
 
-/* Returns 1 when the colinear filter rejects the pair. */
+/* Returns 1 when the collinear filter rejects the pair. */
 static int32_t is_rejected(const cairn_scan_match *match, cairn_sequence_pair pair)
 {
     const scan_match_shape *shape = match->shape;
 
-    if (!cairn_scan_match_has_colinear_filter(match))
+    if (!cairn_scan_match_has_collinear_filter(match))
         return 0;
     if (cairn_scan_match_is_as_written(match))
-        return is_colinear(match, pair);
-    return is_colinear(match, pair) ||
+        return is_collinear(match, pair);
+    return is_collinear(match, pair) ||
            (!shape->with_lines &&
             (is_straight(&shape->query[pair.first], shape->rotated_query[pair.first].direction) ||
              is_straight(&shape->target[pair.second], match->target[pair.second].direction)));

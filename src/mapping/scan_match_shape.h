@@ -42,7 +42,7 @@ struct scan_match_shape {
     /* [max_query + 1] */
     scan_match_shape_segment *segments;
     int32_t pair_count, segment_count;
-    /* 1: the colinear filter passes points with nothing but a straight line about them, too */
+    /* 1: the collinear filter passes points with nothing but a straight line about them, too */
     int32_t with_lines;
     /* Rotations. */
     /* position of the start */
@@ -74,7 +74,7 @@ static inline int32_t cairn_scan_match_is_as_written(const cairn_scan_match *mat
            match->params.mode >= CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON;
 }
 
-static inline int32_t cairn_scan_match_has_colinear_filter(const cairn_scan_match *match)
+static inline int32_t cairn_scan_match_has_collinear_filter(const cairn_scan_match *match)
 {
     return match->params.mode != CAIRN_SCAN_MATCH_SHAPE_COMMON &&
            match->params.mode != CAIRN_SCAN_MATCH_SHAPE_LINES &&

@@ -139,7 +139,7 @@ enum {
     SCAN_MATCH_SHAPE_TARGET,    /* histograms of the target */
     SCAN_MATCH_SHAPE_TURN,      /* next rotation, histograms of the query */
     SCAN_MATCH_SHAPE_ALIGN,     /* longest common subsequence */
-    SCAN_MATCH_SHAPE_FILTER,    /* colinear filter */
+    SCAN_MATCH_SHAPE_FILTER,    /* collinear filter */
     SCAN_MATCH_SHAPE_SEGMENT,   /* segment filter */
     SCAN_MATCH_SHAPE_TRANSLATE, /* translation of the segments */
     SCAN_MATCH_SHAPE_OVERLAP,   /* scan overlap */
