@@ -27,7 +27,7 @@
  * two free ends. contrast_weight, edgel slopes, detection_probability and polarity_flip_probability
  * are unused.
  *
- * Choices where the thesis states nothing, contradicts itself or is misprinted:
+ * Choices where the thesis states nothing, or is contradictory or misprinted:
  * - (3.8) prints h = |...| - min(delta_t - delta_(t-1), 0), which penalizes an improving symmetry;
  *   + max(..., 0) is used, as in section 2.4.2. Angles between the normals n are angles between the
  *   vectors from the edgels to the CP.
@@ -45,8 +45,8 @@
  *   less likely, contrary to the thesis. For the same reason the log-likelihood of a step has the
  *   offset 0.5: exp(-0.5) of the maximum leaves the likelihood of a part unchanged.
  * - Delta_p ends a trajectory: it bounds (3.7) of the heaviest particle's last step, which is then
- *   excluded. p_min accepts a part: it bounds the product over its steps. The thesis uses one
- *   number for both, which would reject every part, since each ends where Delta_p is reached.
+ *   excluded. p_min accepts a part: it bounds the product over its steps. If both bounded the same
+ *   product, every part would end at Delta_p and a greater p_min reject it.
  * - N, D sigma, C sigma, R sigma, Delta_p and p_min are not given: see
  *   cairn_skeleton_grouping_as_written().
  *

@@ -26,7 +26,7 @@
 
 /* Share of the size: pieces of the outline of this length are treated as independent. */
 #define PIECE_LENGTH 0.08
-/* Probability that a piece of the contour has no edge. */
+/* Probability that a piece of the contour has no edge: 1 - detection probability. */
 #define OCCLUSION_PROBABILITY 0.25
 /* Cost (nats) of a relative shift of neighbouring samples, per object size. */
 #define STRETCH_COST 30.0
