@@ -127,7 +127,7 @@ static cairn_real tangent_deviation(const contour_search_fitted_outline *fitted,
     return cairn_max(0, sum) / (cairn_real)fitted->outline_count;
 }
 
-/* Least-squares affine map; 0: singular. */
+/* Least-squares affine transform; 0: singular. */
 static int32_t solve_map(const contour_search_fitted_outline *fitted,
                          const cairn_oriented_point *reference, cairn_real map[2][3])
 {
@@ -147,7 +147,7 @@ static int32_t solve_map(const contour_search_fitted_outline *fitted,
     return cairn_sym3_solve(sums, right[0], map[0]) && cairn_sym3_solve(sums, right[1], map[1]);
 }
 
-/* Root mean square residual of the affine map, relative to the mapped area's side. */
+/* Root mean square residual of the affine transform, relative to the mapped area's side. */
 static cairn_real deformation_of(const contour_search_fitted_outline *fitted,
                                  const cairn_oriented_point *reference)
 {

@@ -129,21 +129,21 @@ typedef struct object_detect_similarity {
     cairn_vec2 shift;
 } object_detect_similarity;
 
-/* Returns the rigid proximity: how much of an outline agrees on one similarity transform of the
- * original outline, 0 ... 1 (object_detect_agree.c). proximity: [outline_count] edge proximity of
- * each sample; weight: [outline_count] scratch. map: the transform with the greatest agreement,
+/* Returns the rigid (inlier) proximity: the mean weight of the inliers of one similarity transform
+ * of the model outline, 0 ... 1 (object_detect_agree.c). proximity: [outline_count] edge proximity
+ * of each sample; weight: [outline_count] scratch. map: the transform with the greatest agreement,
  * relative to the outline's origin and in its sizes, set when the result is > 0. Cost: about 40
  * passes over the samples. */
 cairn_real cairn_object_detect_rigid_proximity(const contour_search_fitted_outline *fitted,
-                                               const cairn_oriented_point *drawn,
-                                               const cairn_real *near, cairn_real *weight,
+                                               const cairn_oriented_point *reference,
+                                               const cairn_real *proximity, cairn_real *weight,
                                                object_detect_similarity *map);
 
-/* Replaces the deformed outline by the original outline at the transform; updates the detection's
+/* Replaces the deformed outline by the model outline at the transform; updates the detection's
  * origin and size. */
 void cairn_object_detect_place_outline(const object_detect_similarity *map,
-                                       const cairn_oriented_point *drawn, contour_search_fit *fit,
-                                       cairn_object_detection *detection);
+                                       const cairn_oriented_point *reference,
+                                       contour_search_fit *fit, cairn_object_detection *detection);
 
 /* Finds hypotheses by parts. CAIRN_NO_MEMORY; CAIRN_EMPTY: an outline of zero length. On failure
  * there is nothing to free. */
