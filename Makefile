@@ -51,7 +51,7 @@ CXX_FLAGS  = -std=c++17 $(WARN) $(WERROR) $(COMMON) $(TRAPS)
 
 # Modules. Box2D, libyaml, zlib, libpng, OpenCV and cmocka are searched in the Debian locations. A missing library disables
 # what needs it (tools/deps.sh installs it): without zlib the host library is left out, without libyaml map files cannot be read,
-# without libpng PNG images cannot.
+# without libpng PNG images cannot, without sqlite3, lz4, bzip2 or zstd bags that need them cannot (tools/deps.sh bags).
 INCLUDES   := $(if $(CROSS),/usr/$(CROSS:-=)/include,/usr/include /usr/local/include)
 has        = $(firstword $(wildcard $(addsuffix /$(1),$(INCLUDES))))
 CORE_SRC    := $(wildcard src/core/*.c)
@@ -63,6 +63,12 @@ HAVE_YAML   := $(call has,yaml.h)
 HAVE_PNG    := $(call has,png.h)
 HAVE_SIM    := $(call has,box2d/box2d.h)
 HAVE_TEST   := $(call has,cmocka.h)
+# Libraries for bags: header:library:macro, all optional.
+BAG_KINDS   := sqlite3.h:sqlite3:CAIRN_HAVE_SQLITE lz4frame.h:lz4:CAIRN_HAVE_LZ4 bzlib.h:bz2:CAIRN_HAVE_BZ2 zstd.h:zstd:CAIRN_HAVE_ZSTD
+BAG_FOUND   := $(foreach kind,$(BAG_KINDS),$(if $(call has,$(firstword $(subst :, ,$(kind)))),$(kind)))
+BAG_LIBS    := $(foreach kind,$(BAG_FOUND),-l$(word 2,$(subst :, ,$(kind))))
+BAG_DEFINES := $(foreach kind,$(BAG_FOUND),-D$(word 3,$(subst :, ,$(kind))))
+BAG_MISSING := $(foreach kind,$(filter-out $(BAG_FOUND),$(BAG_KINDS)),lib$(word 2,$(subst :, ,$(kind))))
 VISION_INC  := $(patsubst %/opencv2/imgcodecs.hpp,%,$(firstword $(call has,opencv4/opencv2/imgcodecs.hpp)))
 HOST_OTHER  := src/host/map_file_$(if $(HAVE_YAML),no_)yaml.c src/host/map_file_png$(if $(HAVE_PNG),_plain).c
 HOST_SRC    := $(if $(HAVE_HOST),$(filter-out $(HOST_OTHER),$(wildcard src/host/*.c)) src/host/report_player_page.c)
@@ -85,7 +91,7 @@ NEEDS_test_golden := $(filter-out tests/golden.c,$(GOLDEN))
 NEEDS_test_memory := tools/pool_objects.c
 NEEDS_test_outlines := sim/outlines.c
 NEEDS_test_long   := $(wildcard tests/long_*.c)
-HOST_LIBS   := $(if $(HAVE_YAML),-lyaml) $(if $(HAVE_PNG),-lpng) -lz $(if $(WINDOWS),-lpthread)
+HOST_LIBS   := $(if $(HAVE_YAML),-lyaml) $(if $(HAVE_PNG),-lpng) -lz $(if $(WINDOWS),-lpthread) $(BAG_LIBS)
 SIM_LIBS    := -lbox2d
 VISION_LIBS := -lopencv_imgcodecs -lopencv_imgproc -lopencv_core
 APPEARANCE_LIBS := -lopencv_features2d -lopencv_ml -lopencv_core
@@ -97,7 +103,7 @@ TOOLS    := $(if $(CAIRN_SRC),$(BUILD)/cairn$(EXE) $(BUILD)/cairn-float$(EXE)) $
 TESTS    := $(TEST_SRC:tests/%.c=%)
 BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
-.PHONY: all help code-objects test-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
+.PHONY: FORCE bag-libraries all help code-objects test-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
 .PHONY: windows windows-test check check-long check-freestanding mutate amalgamation coverage
 .PHONY: docs run-docs run-docs-test accuracy data run-data dist release-check abi thesis install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
 .DELETE_ON_ERROR:
@@ -137,6 +143,7 @@ missing:
 	@$(if $(HAVE_HOST),:,echo "cairn: no zlib: libcairn-host and the tools are left out$(call by_deps,build)")
 	@$(if $(HAVE_YAML),:,echo "cairn: no libyaml: map files are written$(,) but cannot be read$(call by_deps,build)")
 	@$(if $(HAVE_PNG),:,echo "cairn: no libpng: PNG images are written$(,) but cannot be read$(call by_deps,build)")
+	@$(if $(and $(HAVE_HOST),$(strip $(BAG_MISSING))),echo "cairn: no $(strip $(BAG_MISSING)): bags that need it are refused$(call by_deps,bags)",:)
 	@$(if $(HAVE_SIM),:,echo "cairn: no Box2D: sim and cairn-arena are left out$(call by_deps,build)")
 	@$(if $(and $(HAVE_TEST),$(strip $(TEST_LACKS))),echo "cairn: tests that need what is missing are left out$(,) $(words $(TEST_SRC)) of $(words $(wildcard tests/test_*.c)) run",:)
 	@$(if $(VISION_INC),:,echo "cairn: no OpenCV: libcairn-vision is left out, images are read as PGM and PNG only$(call by_deps,vision)")
@@ -149,6 +156,15 @@ $(BUILD)/double/src/%.c.o: src/%.c
 $(BUILD)/float/src/%.c.o: src/%.c
 	@mkdir -p $(@D)
 	$(CC) -DCAIRN_FLOAT $(if $(filter host/%,$*),$(HOST_FLAGS),$(LIB_FLAGS)) $(CFLAGS) -c $< -o $@
+# What decompresses bags, and its test, are compiled again when one of the libraries comes or goes.
+bag_objects := $(foreach real,double float,$(foreach file,src/host/unpack src/host/bag_file_sqlite tests/test_scan_log,$(BUILD)/$(real)/$(file).c.o))
+$(bag_objects): $(BUILD)/bag-libraries.txt
+$(bag_objects): HOST_FLAGS += $(BAG_DEFINES)
+$(BUILD)/bag-libraries.txt: FORCE
+	@mkdir -p $(@D); echo '$(BAG_LIBS)' | cmp -s - $@ || echo '$(BAG_LIBS)' >$@
+FORCE:
+bag-libraries:
+	@echo '$(BAG_LIBS)'
 # The page of the player is generated from its HTML.
 $(BUILD)/src/host/report_player_page.c: src/host/report_player.html tools/page.sh
 	@mkdir -p $(@D)

@@ -63,6 +63,7 @@
 #include "cairn/report.h"
 #include "cairn/rigid_motion.h"
 #include "cairn/scan.h"
+#include "cairn/scan_log.h"
 #include "cairn/scan_match.h"
 #include "cairn/scan_redundancy.h"
 #include "cairn/scan_set.h"
@@ -1667,6 +1668,18 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_scan_measure, fit_iterations, 24, 24)},
     {FIELD(cairn_scan_measure, fit_converged, 28, 28)},
     {FIELD(cairn_scan_measure, dropped_segments, 32, 32)},
+    {SIZE(cairn_scan_log_params, 48, 48)},
+    {FIELD(cairn_scan_log_params, range_max, 0, 0)},
+    {FIELD(cairn_scan_log_params, range_sigma, 8, 8)},
+    {FIELD(cairn_scan_log_params, on_fault, 16, 16)},
+    {FIELD(cairn_scan_log_params, context, 24, 24)},
+    {FIELD(cairn_scan_log_params, scan_topic, 32, 32)},
+    {FIELD(cairn_scan_log_params, odometry_topic, 40, 40)},
+    {SIZE(cairn_scan_log, 696, 680)},
+    {FIELD(cairn_scan_log, scans, 0, 0)},
+    {FIELD(cairn_scan_log, kind, 176, 160)},
+    {FIELD(cairn_scan_log, has_odometry, 180, 164)},
+    {FIELD(cairn_scan_log, taken, 184, 168)},
     {SIZE(cairn_scan_match_params, 64, 48)},
     {FIELD(cairn_scan_match_params, mode, 0, 0)},
     {FIELD(cairn_scan_match_params, max_target, 4, 4)},

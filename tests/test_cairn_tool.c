@@ -1,4 +1,7 @@
 /* The cairn command, run as a program: output, errors, exit codes. */
+#include <math.h>
+
+#include "tests/bag_writer.h"
 #include "tests/programs.h"
 
 static void test_frame(void **state)
@@ -92,12 +95,120 @@ static void test_bad_input(void **state)
     assert_string_equal(o.out, "");
 }
 
+/* A bag of ROS 1 with two scans on each of `topics` topics and odometry; odometry 0: without. */
+static void write_bag(const char *name, int topics, int odometry)
+{
+    static const char *const topic[] = {"/scan", "/rear"};
+    float range[25];
+    bag_recording recording = {.encoding = BAG_ROS1};
+    bag_bytes file;
+
+    /* a wall ahead, and nothing to its left */
+    for (int i = 0; i < 25; i++)
+        range[i] = i < 20 ? 2 / cosf(-0.5F + 0.05F * (float)i) : 30;
+    for (int i = 0; i < topics; i++)
+        (void)bag_topic(&recording, topic[i], "sensor_msgs/LaserScan");
+    (void)bag_topic(&recording, "/odom", "nav_msgs/Odometry");
+    for (int k = 0; k < 2; k++) {
+        int64_t time = (5 + k) * INT64_C(1000000000);
+        bag_scan scan = {.stamp_ns = time,
+                         .frame = "base_link",
+                         .angle_min = -0.5F,
+                         .angle_step = 0.05F,
+                         .range_max = 30,
+                         .range = range,
+                         .count = 25};
+        bag_transform pose = {time, "odom", "base_link", {k, 0, 0, 0, 0, 0, 1}};
+
+        for (int i = 0; i < topics; i++)
+            bag_record(&recording, i, time, bag_laser_scan(BAG_ROS1, &scan));
+        if (odometry)
+            bag_record(&recording, topics, time, bag_odometry(BAG_ROS1, &pose));
+    }
+    file = bag_write_ros1(&recording, BAG_NONE);
+    (void)files_write(name, file.data, file.count);
+    bag_free(&file);
+    bag_recording_free(&recording);
+}
+
+static void test_bags(void **state)
+{
+    static const char taken[] = "scan /scan (2), odometry /odom, sensor at 0.00 0.00 "
+                                "0.0\302\260, the robot's frame\n";
+    outcome o;
+
+    (void)state;
+    write_bag("one.bag", 1, 1);
+    o = programs_run("cairn info @/one.bag");
+    assert_int_equal(o.code, 0);
+    assert_string_equal(o.err, "");
+    assert_holds(o.out, "taken        ");
+    assert_holds(o.out, taken);
+    assert_holds(o.out, "scans        2 in 4 messages\n");
+    assert_holds(o.out, "bearings     -28.65 to 40.11 degrees");
+    assert_holds(o.out, "of beams     80.0 % returns, 20.0 % without return");
+    assert_holds(o.out, "messages     2 odometry messages, 0 of other kinds, 0 damaged\n");
+    /* said by every command that reads it, unless it is to be quiet */
+    o = programs_run("cairn map @/one.bag -o @/one");
+    assert_int_equal(o.code, 0);
+    assert_holds(o.err, taken);
+    o = programs_run("cairn map @/one.bag -o @/one --quiet");
+    assert_int_equal(o.code, 0);
+    assert_string_equal(o.err, "");
+    o = programs_run("cairn align @/one.bag -o @/aligned");
+    assert_int_equal(o.code, 0);
+    assert_holds(o.err, taken);
+    o = programs_run("cairn eval map @/one.bag");
+    assert_int_equal(o.code, 0);
+    assert_holds(o.err, taken);
+}
+
+static void test_topics(void **state)
+{
+    static const char *const commands[] = {"info", "map -o @/two", "align -o @/two", "eval map",
+                                           "match -o @/two @/one.bag"};
+    char line[256];
+    outcome o;
+
+    (void)state;
+    write_bag("two.bag", 2, 1);
+    write_bag("none.bag", 1, 0);
+    for (size_t i = 0; i < sizeof commands / sizeof *commands; i++) {
+        (void)snprintf(line, sizeof line, "cairn %s @/two.bag", commands[i]);
+        o = programs_run(line);
+        assert_int_equal(o.code, 2);
+        assert_holds(o.err, "two.bag: 2 topics of scans, expected one named by --scan: /scan "
+                            "(sensor_msgs/LaserScan, 2), /rear (sensor_msgs/LaserScan, 2)\n");
+        assert_string_equal(o.out, "");
+    }
+    assert_true(access(files_path("two"), F_OK) != 0);
+    o = programs_run("cairn info @/two.bag --scan /rear --odom odom");
+    assert_int_equal(o.code, 0);
+    assert_holds(o.out, "scan /rear (2), odometry /odom, ");
+    o = programs_run("cairn info @/two.bag --scan /front");
+    assert_int_equal(o.code, 2);
+    assert_holds(o.err, "two.bag: no topic /front of scans, expected one of: /scan ");
+    o = programs_run("cairn info @/a.log --scan /scan");
+    assert_int_equal(o.code, 2);
+    assert_holds(o.err, "a.log: no bag, expected one with the topic /scan\n");
+    /* poses of scans that have none */
+    o = programs_run("cairn align @/none.bag -o @/two");
+    assert_int_equal(o.code, 2);
+    assert_holds(o.err, "none.bag has no odometry, expected poses of its scans\n");
+    o = programs_run("cairn eval map @/none.bag");
+    assert_int_equal(o.code, 2);
+    assert_holds(o.err, "none.bag has no odometry, expected poses of its scans\n");
+    o = programs_run("cairn map @/none.bag -o @/two");
+    assert_int_equal(o.code, 0);
+    assert_holds(o.err, "scan /scan (2), no odometry, ");
+}
+
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_frame),
-        cmocka_unit_test(test_info),
-        cmocka_unit_test(test_bad_input),
+        cmocka_unit_test(test_frame),     cmocka_unit_test(test_info),
+        cmocka_unit_test(test_bad_input), cmocka_unit_test(test_bags),
+        cmocka_unit_test(test_topics),
     };
 
     programs_find(argc, argv);

@@ -528,7 +528,7 @@ static void refuses_bad_params(void **state)
     TAKEN(motion_turn, 0);
     TAKEN(min_overlap, 0);
     TAKEN(min_overlap, 1);
-    /* Features that the inner mapper does not use take no memory. */
+    /* Parameters that the front-end mapper does not use are not checked. */
     TAKEN(front.window, 1);
     TAKEN(front.loop.max_loops, -1);
     /* 2^28 nodes at most. */

@@ -428,7 +428,7 @@ static void bad_params_are_refused(void **state)
     REFUSED(max_keyframes, (1 << 20) + 1);
     REFUSED(max_keyframe_points, 0);
     REFUSED(max_keyframe_segments, 0);
-    /* relative to the first keyframe, the reference of all scans */
+    /* below the points and segments of one keyframe */
     REFUSED(max_keyframe_points, good.scan.max_points - 1);
     REFUSED(max_keyframe_segments, good.scan.max_segments - 1);
     REFUSED(local_keyframes, 0);

@@ -157,7 +157,7 @@ static void test_a_failing_commit_takes_all_back(void **state)
     assert_file(folder, "c.txt", "old c");
     assert_int_equal(count_in(folder), 2);
 
-    /* A folder blocks the path in between. */
+    /* A folder takes the name of a file before the commit. */
     assert_ok(cairn_output_set_open(&set, files_path(folder), names, FILES, NULL));
     write_all(set, "x");
     assert_int_equal(mkdir(in_folder(folder, "b.txt"), 0777), 0);

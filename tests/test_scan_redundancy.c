@@ -196,7 +196,7 @@ static void the_most_redundant_scan_is_culled(void **state)
     assert_true(cairn_scan_redundancy_loss(cover, 0) == cairn_scan_redundancy_loss(cover, 4));
     assert_int_equal(cairn_scan_redundancy_most_redundant(cover, -1), 0);
     assert_int_equal(cairn_scan_redundancy_most_redundant(cover, 0), 2);
-    /* When two of the three are gone the pair has the lowest loss; empty slots have none. */
+    /* With two of the three removed the first of the pair is chosen; empty slots have no loss. */
     assert_ok(cairn_scan_set_remove(w.set, 0));
     assert_ok(cairn_scan_set_remove(w.set, 2));
     w.pose[0].x = (cairn_real)NAN;

@@ -1284,7 +1284,7 @@ static void scans_that_are_none(void **state)
     (void)files_write_text("nan.json", "{\"nrays\":1,\"theta\":[0],\"readings\":[nan]}");
     refuse_scan("nan.json", "nan.json:1: 'n' within an array, expected a value");
     assert_int_equal(mkdir(files_path("folder.json"), 0777), 0);
-    refuse_scan("folder.json", "is a folder, expected a regular file");
+    refuse_scan("folder.json", "a folder without metadata.yaml, expected a bag of ROS 2 or a file");
     {
         outcome o = programs_run("cairn match @/missing.json @/drive/scans.log -o @/refused");
 
@@ -1346,7 +1346,8 @@ static void logs_that_are_none(void **state)
     (void)files_write_text("prose.log", "Call me Ishmael.\n");
     refuse_log("prose.log", 0, "", "no whole scan in 1 lines (0 damaged), expected FLASER");
     assert_int_equal(mkdir(files_path("folder.log"), 0777), 0);
-    refuse_log("folder.log", 0, "", "folder.log: is a folder, expected a regular file\n");
+    refuse_log("folder.log", 0, "",
+               "folder.log: a folder without metadata.yaml, expected a bag of ROS 2 or a file\n");
 
     /* A truncated gzip file: the readable part is used; when that is empty it is refused. */
     zip = gzopen(files_path("whole.log.gz"), "wb");

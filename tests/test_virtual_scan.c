@@ -133,7 +133,7 @@ static void walls_of_two_scans_make_a_line(void **state)
         wall(&one, 5, 5, 5 + 2 * dx, 5 + 2 * dy);
         put(&f, &one);
         (void)detect(&f, 0.2, &count);
-        assert_int_equal(count, 0); /* a wall of one scan makes no hypothesis for it */
+        assert_int_equal(count, 0); /* a wall of a single scan makes none */
         wall(&other, 5 + 6 * dx, 5 + 6 * dy, 5 + 8 * dx, 5 + 8 * dy);
         put(&f, &other);
         h = detect(&f, 0.2, &count);

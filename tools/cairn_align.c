@@ -157,6 +157,7 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
                       "maximum range of beams entered into the map, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from this value on count as no return, m (from the log)"),
+        TOOL_LOG_OPTIONS(&s->scan_topic, &s->odometry_topic),
         OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N",
                        "seed of random methods; these are deterministic"),
         OPTION_TEXT("--report", &s->report, "FILE", PLAYER_HELP),
@@ -166,8 +167,8 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
     };
     const option_set set = {
         ALIGN_PROGRAM, "LOG -o DIR [options]",
-        "Aligns all scans of a CARMEN log (plain or gzipped) at once. Their "
-        "order does not matter; the\n"
+        "Aligns all scans of a log (CARMEN, table of ranges, CSM, bag of ROS) at once. Their order "
+        "does not matter; the\n"
         "poses in the log are the initial estimates. With --no-poses they only group the scans "
         "into\n"
         "places and give their relative poses there (with --headings they are not used).",
@@ -366,7 +367,8 @@ int tool_align(int argc, char **argv)
                         .spread = {SPREAD_M, SPREAD_DEG}};
     cairn_file_error error;
     option_result result;
-    cairn_carmen_log_scans log;
+    tool_log_options log_options;
+    cairn_scan_log log;
     align_job job;
     int code;
 
@@ -377,27 +379,32 @@ int tool_align(int argc, char **argv)
         (s.pictures &&
          cairn_output_set_check(s.folder, align_picture_names, 2, &error) != CAIRN_OK))
         return tool_report(&error);
-    code = tool_load(&log, s.log, s.range_max, s.quiet);
+    log_options = (tool_log_options){.range_max = s.range_max,
+                                     .scan_topic = s.scan_topic,
+                                     .odometry_topic = s.odometry_topic,
+                                     .quiet = s.quiet};
+    code = s.headings > 0 ? tool_load(&log, s.log, &log_options)
+                          : tool_load_with_poses(&log, ALIGN_PROGRAM, s.log, &log_options);
     if (code != TOOL_OK)
         return code;
     memset(&job, 0, sizeof job);
     job.settings = &s;
-    job.log = &log;
-    if (log.count > s.max_scans) {
+    job.log = &log.scans;
+    if (log.scans.count > s.max_scans) {
         code = options_refuse(ALIGN_PROGRAM,
                               "%s holds %" PRId32 " scans, expected at most %" PRId64
                               ": raise --max-scans, or use cairn map, which goes scan by scan",
-                              s.log, log.count, s.max_scans);
+                              s.log, log.scans.count, s.max_scans);
     } else {
-        job.scans = map_scans_new(log.count);
+        job.scans = map_scans_new(log.scans.count);
         if (job.scans == NULL) {
-            (void)options_refuse(ALIGN_PROGRAM, "no memory for %" PRId32 " scans", log.count);
+            (void)options_refuse(ALIGN_PROGRAM, "no memory for %" PRId32 " scans", log.scans.count);
             code = TOOL_FAILED;
         } else {
             code = run(&job);
         }
-        map_scans_free(job.scans, log.count);
+        map_scans_free(job.scans, log.scans.count);
     }
-    cairn_carmen_log_scans_free(&log);
+    cairn_scan_log_free(&log);
     return code;
 }

@@ -31,6 +31,8 @@ typedef struct align_settings {
     int32_t pictures;
     /* scans per place; 0: grouped by the poses of the log */
     int64_t headings;
+    /* of a bag; NULL: the only one */
+    const char *scan_topic, *odometry_topic;
 } align_settings;
 
 typedef struct align_job {

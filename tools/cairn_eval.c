@@ -245,39 +245,40 @@ static int poses_of_table(const char *path, timed_poses *t)
 }
 
 /* Reads the poses of the sensors from a log; relations are between sensors. */
-static int poses_of_log(const char *path, timed_poses *t)
+static int poses_of_log(const char *path, const tool_log_options *options, timed_poses *t)
 {
-    cairn_carmen_log_scans log;
-    int code = tool_load(&log, path, 0, 0);
+    cairn_scan_log log;
+    int code = tool_load_with_poses(&log, RELATIONS_PROGRAM, path, options);
 
     if (code != TOOL_OK)
         return code;
-    code = new_timed(t, log.count);
-    for (int32_t i = 0; i < log.count && code == TOOL_OK; i++) {
-        t->pose[i] = cairn_pose_compose(log.record[i].robot, log.record[i].scan.base_sensor);
-        t->stamp_ns[i] = log.record[i].stamp_ns;
+    code = new_timed(t, log.scans.count);
+    for (int32_t i = 0; i < log.scans.count && code == TOOL_OK; i++) {
+        t->pose[i] =
+            cairn_pose_compose(log.scans.record[i].robot, log.scans.record[i].scan.base_sensor);
+        t->stamp_ns[i] = log.scans.record[i].stamp_ns;
         t->known[i] = 1;
     }
-    cairn_carmen_log_scans_free(&log);
+    cairn_scan_log_free(&log);
     return code;
 }
 
 /* Converts poses of the robot to poses of the sensor by the mounting in the log. */
-static int move_to_sensors(const char *path, timed_poses *t)
+static int move_to_sensors(const char *path, const tool_log_options *options, timed_poses *t)
 {
-    cairn_carmen_log_scans log;
-    int code = tool_load(&log, path, 0, 0);
+    cairn_scan_log log;
+    int code = tool_load(&log, path, options);
 
     if (code != TOOL_OK)
         return code;
-    if (t->count > log.count)
+    if (t->count > log.scans.count)
         code =
             options_refuse(RELATIONS_PROGRAM,
                            "%s holds %" PRId32 " scans, expected one for each of %" PRId32 " poses",
-                           path, log.count, t->count);
+                           path, log.scans.count, t->count);
     for (int32_t i = 0; i < t->count && code == TOOL_OK; i++)
-        t->pose[i] = cairn_pose_compose(t->pose[i], log.record[i].scan.base_sensor);
-    cairn_carmen_log_scans_free(&log);
+        t->pose[i] = cairn_pose_compose(t->pose[i], log.scans.record[i].scan.base_sensor);
+    cairn_scan_log_free(&log);
     return code;
 }
 
@@ -342,11 +343,13 @@ static int compare_relations(const char *const arguments[2], const timed_poses *
 
 int eval_relations(int argc, char **argv)
 {
+    tool_log_options log_options = {.range_max = 0};
     const char *log = NULL;
     int32_t json = 0;
     const option table[] = {
         OPTION_TEXT("--log", &log, "LOG",
                     "log of the table, for the pose of the sensor on the robot (its origin)"),
+        TOOL_LOG_OPTIONS(&log_options.scan_topic, &log_options.odometry_topic),
         OPTION_FLAG("--json", &json, "prints one JSON object instead of text"),
     };
     const option_set set = {
@@ -375,9 +378,9 @@ int eval_relations(int argc, char **argv)
     if (cairn_relation_table_read(&row, &rows, arguments[1], &error) != CAIRN_OK)
         return tool_report(&error);
     code = is_table(arguments[0]) ? poses_of_table(arguments[0], &poses)
-                                  : poses_of_log(arguments[0], &poses);
+                                  : poses_of_log(arguments[0], &log_options, &poses);
     if (code == TOOL_OK && log != NULL && is_table(arguments[0]))
-        code = move_to_sensors(log, &poses);
+        code = move_to_sensors(log, &log_options, &poses);
     if (code == TOOL_OK)
         code = compare_relations(arguments, &poses, row, rows, json);
     free_timed(&poses);

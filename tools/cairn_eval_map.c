@@ -15,6 +15,7 @@ typedef struct settings {
     const char *log, *poses, *map;
     double resolution, range, range_max, least;
     int32_t json, quiet;
+    const char *scan_topic, *odometry_topic;
 } settings;
 
 typedef struct figures {
@@ -39,13 +40,14 @@ static option_result read_settings(settings *s, int argc, char **argv)
                       "maximum range of beams entered into the grid, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from this value on count as no return, m (from the log)"),
+        TOOL_LOG_OPTIONS(&s->scan_topic, &s->odometry_topic),
         OPTION_NUMBER("--least", &s->least, 1e-9, 0.5, "P", "probability of an outlier beam"),
         OPTION_FLAG("--json", &s->json, "prints one JSON object instead of text"),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no warnings"),
     };
     const option_set set = {
         PROGRAM, "LOG [POSES.csv] [options]",
-        "Enters all beams of a CARMEN log at the poses of a table, or at those of the log, into "
+        "Enters all beams of a log at the poses of a table, or at those of the log, into "
         "an\n"
         "occupancy grid with beam penetration. Prints its entropy (lower is better; compare maps "
         "of "
@@ -259,32 +261,38 @@ static int evaluate(const settings *s, const map_output *output)
 
 int eval_map(int argc, char **argv)
 {
-    settings s = {NULL, NULL, NULL, 0.05, 30, 0, 1e-3, 0, 0};
+    settings s = {.resolution = 0.05, .range = 30, .least = 1e-3};
     option_result result = read_settings(&s, argc, argv);
-    cairn_carmen_log_scans log;
+    tool_log_options log_options;
+    cairn_scan_log log;
     map_output output = {0};
     int code;
 
     if (result != OPTIONS_READ)
         return (int)result;
-    code = tool_load(&log, s.log, s.range_max, s.quiet);
+    log_options = (tool_log_options){.range_max = s.range_max,
+                                     .scan_topic = s.scan_topic,
+                                     .odometry_topic = s.odometry_topic,
+                                     .quiet = s.quiet};
+    code = s.poses != NULL ? tool_load(&log, s.log, &log_options)
+                           : tool_load_with_poses(&log, PROGRAM, s.log, &log_options);
     if (code != TOOL_OK)
         return code;
-    output.scan = map_scans_new(log.count);
-    output.count = log.count;
+    output.scan = map_scans_new(log.scans.count);
+    output.count = log.scans.count;
     output.resolution = s.resolution;
     output.range = s.range;
     if (output.scan == NULL) {
-        (void)options_refuse(PROGRAM, "no memory for %" PRId32 " scans", log.count);
+        (void)options_refuse(PROGRAM, "no memory for %" PRId32 " scans", log.scans.count);
         code = TOOL_FAILED;
     }
     if (code == TOOL_OK)
-        code = set_poses(&s, &log, output.scan);
+        code = set_poses(&s, &log.scans, output.scan);
     if (code == TOOL_OK)
-        code = keep_beams(&s, &log, output.scan);
+        code = keep_beams(&s, &log.scans, output.scan);
     if (code == TOOL_OK)
         code = evaluate(&s, &output);
     map_scans_free(output.scan, output.count);
-    cairn_carmen_log_scans_free(&log);
+    cairn_scan_log_free(&log);
     return code;
 }

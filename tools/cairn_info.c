@@ -1,4 +1,4 @@
-/* cairn info: summary of a CARMEN log. */
+/* cairn info: summary of a log of any format. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -16,13 +16,15 @@ typedef struct beam_counts {
     float range_max;             /* m, the largest limit of any scan */
 } beam_counts;
 
-static void count_beams(beam_counts *counts, const cairn_carmen_log_record *record, int first)
+/* Returns the bearing of a beam, rad. */
+static float bearing(const cairn_scan_input *scan, int32_t beam)
 {
-    if (first) {
-        counts->angle_min = record->scan.angle_min;
-        counts->angle_last =
-            record->scan.angle_min + (float)(record->count - 1) * record->scan.angle_step;
-    }
+    return scan->angle != NULL ? scan->angle[beam]
+                               : scan->angle_min + (float)beam * scan->angle_step;
+}
+
+static void count_beams(beam_counts *counts, const cairn_carmen_log_record *record)
+{
     counts->range_max = fmaxf(counts->range_max, record->scan.range_max);
     for (int32_t i = 0; i < record->count; i++) {
         float range = record->range[i];
@@ -38,23 +40,15 @@ static void count_beams(beam_counts *counts, const cairn_carmen_log_record *reco
     }
 }
 
-static int read_beams(cairn_carmen_log *log, beam_counts *counts, int32_t quiet)
+static beam_counts count_all(const cairn_carmen_log_scans *scans)
 {
-    tool_progress progress =
-        tool_progress_begin("reading", cairn_carmen_log_info(log).scans, quiet);
-    cairn_carmen_log_record record;
-    cairn_file_error error;
-    cairn_status status;
-    int64_t scans = 0;
+    const cairn_scan_input *first = &scans->record[0].scan;
+    beam_counts counts = {.angle_min = bearing(first, 0),
+                          .angle_last = bearing(first, first->count - 1)};
 
-    while ((status = cairn_carmen_log_next(log, &record, &error)) == CAIRN_OK) {
-        if (record.kind != CAIRN_CARMEN_LOG_SCAN)
-            continue;
-        count_beams(counts, &record, scans == 0);
-        tool_progress_at(&progress, ++scans);
-    }
-    tool_progress_end(&progress);
-    return status == CAIRN_EMPTY ? TOOL_OK : tool_report(&error);
+    for (int32_t i = 0; i < scans->count; i++)
+        count_beams(&counts, &scans->record[i]);
+    return counts;
 }
 
 /* Returns x, or 0 when x would print as -0. */
@@ -76,14 +70,19 @@ static void print_range(const char *label, int64_t least, int64_t most, const ch
         printf("%-12s %" PRId64 " to %" PRId64 " %s\n", label, least, most, unit);
 }
 
-static void print_text(const char *path, const cairn_carmen_log_summary *info,
-                       const beam_counts *beams)
+static void print_text(const char *path, const cairn_scan_log *log, const beam_counts *beams)
 {
+    const cairn_carmen_log_summary *info = &log->scans.info;
+    const char *unit = log->kind == CAIRN_SCAN_LOG_BAG   ? "messages"
+                       : log->kind == CAIRN_SCAN_LOG_CSM ? "objects"
+                                                         : "lines";
     char first[CAIRN_NUMBER_TEXT_BYTES], last[CAIRN_NUMBER_TEXT_BYTES];
     double seconds = (double)(info->latest_ns - info->earliest_ns) * 1e-9;
 
     printf("%-12s %s\n", "log", path);
-    printf("%-12s %" PRId64 " in %" PRId64 " lines\n", "scans", info->scans, info->lines);
+    if (log->taken[0] != 0)
+        printf("%-12s %s\n", "taken", log->taken);
+    printf("%-12s %" PRId64 " in %" PRId64 " %s\n", "scans", info->scans, info->lines, unit);
     print_range("beams", info->min_beams, info->max_beams, "a scan");
     printf("%-12s %.2f to %.2f degrees in the first scan\n", "bearings",
            (double)beams->angle_min * DEGREES, (double)beams->angle_last * DEGREES);
@@ -109,31 +108,28 @@ static void print_text(const char *path, const cairn_carmen_log_summary *info,
                without_negative_zero((double)info->base_sensor.theta * DEGREES));
     else
         printf("%-12s no fixed mounting on the robot\n", "sensor");
-    printf("%-12s %" PRId64 " odometry lines, %" PRId64 " of other kinds, %" PRId64 " damaged\n",
-           "messages", info->odometry, info->ignored, info->faults);
+    printf("%-12s %" PRId64 " odometry %s, %" PRId64 " of other kinds, %" PRId64 " damaged\n",
+           "messages", info->odometry, unit, info->ignored, info->faults);
 }
 
 int tool_info(int argc, char **argv)
 {
-    cairn_carmen_log_params params = cairn_carmen_log_default();
-    tool_faults faults = {0, 0};
-    int32_t quiet = 0;
+    tool_log_options log_options = {.prints_taken = 1};
     const option table[] = {
-        OPTION_NUMBER("--range-max", &params.range_max, 1e-3, 1e5, "M",
+        OPTION_NUMBER("--range-max", &log_options.range_max, 1e-3, 1e5, "M",
                       "ranges from this value on count as no return, m (found in the log)"),
-        OPTION_FLAG("--quiet", &quiet, "no progress bar, no warnings"),
+        TOOL_LOG_OPTIONS(&log_options.scan_topic, &log_options.odometry_topic),
+        OPTION_FLAG("--quiet", &log_options.quiet, "no warnings"),
     };
     const option_set set = {"cairn info", "LOG [options]",
-                            "Summarizes a CARMEN log (plain or gzipped): scans, beams, time, path, "
-                            "the sensor's mounting, and\n"
-                            "which lines are damaged.",
+                            "Summarizes a log (CARMEN, table of ranges, CSM, bag of ROS): scans, "
+                            "beams, time, path, the\n"
+                            "sensor's mounting, and what is damaged.",
                             table, sizeof table / sizeof *table};
     const char *words[1] = {NULL};
     size_t word_count = 1;
-    beam_counts beams = {0, 0, 0, 0, 0, 0, 0};
-    cairn_carmen_log *log;
-    cairn_carmen_log_summary info;
-    cairn_file_error error;
+    cairn_scan_log log;
+    beam_counts beams;
     option_result result;
     int code;
 
@@ -142,18 +138,11 @@ int tool_info(int argc, char **argv)
         return result;
     if (word_count < 1)
         return options_refuse("cairn info", "no log, expected %s", set.synopsis);
-    faults.quiet = quiet;
-    params.on_fault = tool_on_fault;
-    params.context = &faults;
-    if (cairn_carmen_log_open(&log, words[0], &params, &error) != CAIRN_OK) {
-        tool_faults_end(&faults);
-        return tool_report(&error);
-    }
-    tool_faults_end(&faults);
-    info = cairn_carmen_log_info(log);
-    code = read_beams(log, &beams, quiet);
-    cairn_carmen_log_close(log);
-    if (code == TOOL_OK)
-        print_text(words[0], &info, &beams);
-    return code;
+    code = tool_load(&log, words[0], &log_options);
+    if (code != TOOL_OK)
+        return code;
+    beams = count_all(&log.scans);
+    print_text(words[0], &log, &beams);
+    cairn_scan_log_free(&log);
+    return TOOL_OK;
 }

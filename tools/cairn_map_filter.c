@@ -56,7 +56,7 @@ static cairn_status map_scan_at(filter_run *run, int32_t index, map_scan *scan, 
 {
     const map_settings *s = run->settings;
     const cairn_mapper *front = cairn_filter_mapper_front(run->mapper);
-    cairn_scan_input input = map_scan_input(s, run->input, index);
+    cairn_scan_input input = map_scan_input(s, &run->input->record[index]);
     cairn_status status = cairn_filter_mapper_add(
         run->mapper, &input, s->no_odometry ? NULL : map_input_odometry(run->input, index), fault);
 
@@ -67,7 +67,7 @@ static cairn_status map_scan_at(filter_run *run, int32_t index, map_scan *scan, 
             status = cairn_filter_mapper_step(run->mapper, &budget);
         } while (status == CAIRN_MORE);
     }
-    if (status == CAIRN_OK && !map_copy_result(run->input, front, index, scan, place))
+    if (status == CAIRN_OK && !map_copy_result(&run->input->record[index], front, scan, place))
         status = CAIRN_NO_MEMORY;
     if (status == CAIRN_OK && run->player != NULL && cairn_mapper_read(front).is_keyframe) {
         status = player_add_scan(run->player, scan, index);
@@ -169,11 +169,13 @@ static void print_summary(const filter_run *run, double seconds, double seconds_
 }
 
 int map_by_filter(const map_settings *s, const map_input *input, const cairn_mapper_params *front,
-                  map_scan *scans, map_place *places, int32_t *full)
+                  int32_t *full)
 {
     cairn_filter_mapper_params params = cairn_filter_mapper_default();
     filter_run run = {s, input, NULL, {0}, NULL, NULL, front->max_keyframes};
     double start = tool_seconds(), fed;
+    map_place *places;
+    map_scan *scans;
     cairn_status status;
     int code;
 
@@ -185,8 +187,11 @@ int map_by_filter(const map_settings *s, const map_input *input, const cairn_map
     if (code != TOOL_OK)
         return code;
     run.path = malloc((size_t)front->max_keyframes * sizeof *run.path);
-    status = run.path == NULL ? CAIRN_NO_MEMORY
-                              : cairn_filter_mapper_create(&run.mapper, &run.pool, &params);
+    scans = map_scans_new(input->count);
+    places = calloc((size_t)input->count, sizeof *places);
+    status = run.path == NULL || scans == NULL || places == NULL
+                 ? CAIRN_NO_MEMORY
+                 : cairn_filter_mapper_create(&run.mapper, &run.pool, &params);
     if (status == CAIRN_OK)
         status = open_player(&run);
     if (status == CAIRN_OK) {
@@ -201,6 +206,8 @@ int map_by_filter(const map_settings *s, const map_input *input, const cairn_map
         code = tool_exit_code(status);
     }
     cairn_report_player_free(run.player);
+    map_scans_free(scans, input->count);
+    free(places);
     free(run.path);
     tool_pool_close(&run.pool);
     return code;

@@ -4,62 +4,35 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "cairn/range_table.h"
-#include "tools/cairn_tool.h"
-
-static int load_log(map_log *log, double range_max, int32_t quiet)
-{
-    cairn_carmen_log_params params = cairn_carmen_log_default();
-    tool_faults faults = {0, quiet};
-    cairn_range_table_kind kind;
-    cairn_file_error error;
-    cairn_status status;
-
-    params.range_max = range_max;
-    params.on_fault = tool_on_fault;
-    params.context = &faults;
-    status = cairn_range_table_find_kind(&kind, log->path, &error);
-    if (status != CAIRN_OK)
-        return tool_report(&error);
-    log->has_odometry = 1;
-    if (kind == CAIRN_RANGE_TABLE_NONE)
-        status = cairn_carmen_log_load(&log->scans, log->path, &params, &error);
-    else
-        status = cairn_range_table_load(&log->scans, &log->has_odometry, log->path, kind, &params,
-                                        &error);
-    tool_faults_end(&faults);
-    return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
-}
-
 /* Moves the records of all logs into one array. 0 when there is no memory. */
 static int join(map_input *input)
 {
     int64_t count = 0;
 
     for (int32_t i = 0; i < input->log_count; i++)
-        count += input->log[i].scans.count;
+        count += input->log[i].log.scans.count;
     input->record = count <= INT32_MAX ? malloc(((size_t)count + 1) * sizeof *input->record) : NULL;
     if (input->record == NULL)
         return 0;
     for (int32_t i = 0; i < input->log_count; i++) {
         map_log *log = &input->log[i];
-        const cairn_carmen_log_summary *info = &log->scans.info;
+        const cairn_carmen_log_scans *scans = &log->log.scans;
 
         log->first = input->count;
-        memcpy(&input->record[input->count], log->scans.record,
-               (size_t)log->scans.count * sizeof *input->record);
-        input->count += log->scans.count;
+        memcpy(&input->record[input->count], scans->record,
+               (size_t)scans->count * sizeof *input->record);
+        input->count += scans->count;
         input->beams_most =
-            info->max_beams > input->beams_most ? info->max_beams : input->beams_most;
-        input->has_odometry |= log->has_odometry;
-        input->faults += info->faults;
-        input->stamps_back += info->backward_stamps;
+            scans->info.max_beams > input->beams_most ? scans->info.max_beams : input->beams_most;
+        input->has_odometry |= log->log.has_odometry;
+        input->faults += scans->info.faults;
+        input->stamps_back += scans->info.backward_stamps;
     }
     return 1;
 }
 
-int map_input_load(map_input *input, const char *const *path, int32_t count, double range_max,
-                   int32_t quiet)
+int map_input_load(map_input *input, const char *const *path, int32_t count,
+                   const tool_log_options *options)
 {
     int code = TOOL_OK;
 
@@ -68,7 +41,7 @@ int map_input_load(map_input *input, const char *const *path, int32_t count, dou
         map_log *log = &input->log[input->log_count];
 
         log->path = path[input->log_count];
-        code = load_log(log, range_max, quiet);
+        code = tool_load(&log->log, log->path, options);
         input->log_count += code == TOOL_OK;
     }
     if (code == TOOL_OK && !join(input)) {
@@ -83,7 +56,7 @@ int map_input_load(map_input *input, const char *const *path, int32_t count, dou
 void map_input_free(map_input *input)
 {
     for (int32_t i = 0; i < input->log_count; i++)
-        cairn_carmen_log_scans_free(&input->log[i].scans);
+        cairn_scan_log_free(&input->log[i].log);
     free(input->record);
     memset(input, 0, sizeof *input);
 }
@@ -101,7 +74,7 @@ const cairn_pose *map_input_odometry(const map_input *input, int32_t scan)
 {
     const map_log *log = map_input_log(input, scan);
 
-    if (!log->has_odometry || (scan > 0 && scan == log->first))
+    if (!log->log.has_odometry || (scan > 0 && scan == log->first))
         return NULL;
     return &input->record[scan].robot;
 }

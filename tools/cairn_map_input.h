@@ -2,15 +2,14 @@
 #ifndef CAIRN_TOOLS_CAIRN_MAP_INPUT_H
 #define CAIRN_TOOLS_CAIRN_MAP_INPUT_H
 
-#include "cairn/carmen_log.h"
+#include "tools/cairn_tool.h"
 
 enum { MAP_MAX_LOGS = 64 };
 
 typedef struct map_log {
     const char *path;
-    cairn_carmen_log_scans scans; /* its records are moved to map_input.record */
-    int32_t has_odometry;
-    int32_t first; /* index of its first scan among all */
+    cairn_scan_log log; /* its records are copied to map_input.record */
+    int32_t first;      /* index of its first scan among all */
 } map_log;
 
 typedef struct map_input {
@@ -25,8 +24,8 @@ typedef struct map_input {
 
 /* Reads logs of any format and prints their faults. TOOL_OK, or another exit code after a line on
  * standard error; then there is nothing to free. */
-int map_input_load(map_input *input, const char *const *path, int32_t count, double range_max,
-                   int32_t quiet);
+int map_input_load(map_input *input, const char *const *path, int32_t count,
+                   const tool_log_options *options);
 void map_input_free(map_input *input);
 
 /* The log of a scan. */

@@ -1,7 +1,9 @@
-/* Shared by both methods of cairn map: the mapper (cairn_map.c) and the particle filter
- * (cairn_map_filter.c). */
+/* Shared by the parts of cairn map: the mapper on files (cairn_map.c) and on a stream
+ * (cairn_map_live.c), its runs (cairn_map_run.c), and the particle filter (cairn_map_filter.c). */
 #ifndef CAIRN_TOOLS_CAIRN_MAP_WORK_H
 #define CAIRN_TOOLS_CAIRN_MAP_WORK_H
+
+#include <stdio.h>
 
 #include "cairn/mapper.h"
 #include "tools/cairn_map_input.h"
@@ -9,15 +11,19 @@
 
 #define MAP_PROGRAM "cairn map"
 
+/* Maximum number of points, and of segments, of all keyframes together. */
+#define MAP_MAX_KEYFRAME_ELEMENTS (1 << 24)
+
 typedef struct map_settings {
     const char *log; /* the first one */
     const char *logs[MAP_MAX_LOGS];
-    const char *folder, *pool, *report;
+    const char *folder, *pool, *report, *scan_topic, *odometry_topic;
     int32_t log_count;
     int64_t max_keyframes, window, seed, particles;
     double resolution, range, range_max;
     double sweep; /* s; 0: as the log says */
-    int32_t no_odometry, quiet, cull_keyframes;
+    double watch; /* s; 0: the map is written at the end only */
+    int32_t no_odometry, quiet, cull_keyframes, live;
 } map_settings;
 
 /* Pose of a scan relative to its reference keyframe. */
@@ -26,12 +32,69 @@ typedef struct map_place {
     int32_t keyframe;
 } map_place;
 
-/* Copies the mapper's result for scan `index`. Returns 0 when there is no memory. */
-int map_copy_result(const map_input *input, const cairn_mapper *mapper, int32_t index,
+/* All keyframes ever created, by number, and the current ones of the mapper. */
+typedef struct keyframe_list {
+    int32_t *scan;   /* [total] of [capacity] scan index in the log, by keyframe number */
+    int32_t *number; /* [present] of [capacity] keyframe number, by index in the mapper */
+    int32_t total, present, releases, capacity;
+} keyframe_list;
+
+/* A run of the mapper with the results of its scans. */
+typedef struct map_run {
+    const map_settings *settings;
+    cairn_pool pool;
+    cairn_mapper *mapper;
+    map_scan *scans; /* [count] of [capacity]; NULL unless keeps */
+    map_place *places;
+    int32_t count, capacity;
+    int32_t keeps; /* 1: results are kept to be written */
+    keyframe_list keys;
+    cairn_report_player *player; /* NULL: no report */
+    int32_t shown;               /* loop events added to the player */
+} map_run;
+
+/* Begins a run with a mapper of the params. scans: their number, for the report. TOOL_OK, or
+ * another exit code after a line on standard error; then there is nothing to close. */
+int map_run_open(map_run *run, const map_settings *s, const cairn_mapper_params *params,
+                 int32_t scans);
+
+/* Maps the next scan; odometry NULL: none. is_last 1: the report gets a frame in any case. Statuses
+ * of cairn_mapper_add() and cairn_mapper_step(), CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status map_run_add(map_run *run, const cairn_carmen_log_record *record,
+                                       const cairn_pose *odometry, int32_t is_last,
+                                       cairn_fault *fault);
+
+/* Steps the mapper until all pending loop closures are decided. An exit code. */
+int map_run_settle(map_run *run);
+
+/* Writes all files by the current poses. An exit code. */
+int map_run_write(map_run *run);
+
+/* Prints the summary. seconds: of the whole run, and of it those of mapping. */
+void map_run_print(const map_run *run, FILE *file, int64_t faults, int32_t stamps_back,
+                   double seconds, double seconds_to_map);
+
+void map_run_close(map_run *run);
+
+/* Returns the mapper's params with a capacity of `points` points per keyframe. */
+cairn_mapper_params map_params(const map_settings *s, int32_t scans, int32_t beams, int32_t points);
+
+/* Returns the exit code of params that the mapper refuses, after a line on standard error; TOOL_OK
+ * for others. */
+int map_check_params(const map_settings *s, const cairn_mapper_params *params);
+
+/* Maps the stream on standard input: cairn map -. An exit code. */
+int map_live(map_settings *s);
+
+/* The name of a verdict in poses.csv. */
+const char *map_verdict_text(cairn_mapper_verdict verdict);
+
+/* Copies the mapper's result for a scan. Returns 0 when there is no memory. */
+int map_copy_result(const cairn_carmen_log_record *record, const cairn_mapper *mapper,
                     map_scan *scan, map_place *place);
 
-/* Returns scan `index` as the mapper's input. */
-cairn_scan_input map_scan_input(const map_settings *s, const map_input *input, int32_t index);
+/* Returns a scan as the mapper's input. */
+cairn_scan_input map_scan_input(const map_settings *s, const cairn_carmen_log_record *record);
 
 /* Returns the output description of cairn map without graph and player. */
 map_output map_output_of(const map_settings *s, map_scan *scans, int32_t count);
@@ -42,6 +105,6 @@ int map_refuse_keys(const map_settings *s, int32_t max_keys);
 /* Maps and writes by the particle filter; front: params of its front-end mapper. *full is set, and
  * no line printed, when the keyframes exceed its capacity of points or segments. */
 int map_by_filter(const map_settings *s, const map_input *input, const cairn_mapper_params *front,
-                  map_scan *scans, map_place *places, int32_t *full);
+                  int32_t *full);
 
 #endif

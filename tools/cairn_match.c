@@ -24,7 +24,7 @@ static const char *const file_names[FILES] = {"match.json",    "match.svg", "tan
                                               "histogram.svg", "pairs.svg", "filters.svg"};
 
 typedef struct settings {
-    const char *word[2], *folder, *method, *start_text, *pool;
+    const char *word[2], *folder, *method, *start_text, *pool, *scan_topic, *odometry_topic;
     double window[2]; /* m, degrees */
     double spacing, range_max;
     double start[3]; /* m, m, degrees */
@@ -114,6 +114,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
                       "spacing of the points along walls, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from this value on count as no return, m (from the log; CSM: 80)"),
+        TOOL_LOG_OPTIONS(&s->scan_topic, &s->odometry_topic),
         OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the match (exactly the memory needed)"),
         OPTION_FLAG("--json", &s->json, "prints JSON instead of text"),
         OPTION_FLAG("--quiet", &s->quiet, "prints only errors"),
@@ -123,8 +124,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
                             "frame of A, best first, with standard\n"
                             "deviations, and a verdict: found, ambiguous (competing hypotheses, or "
                             "an unobservable direction) or none.\n"
-                            "A and B: FILE or FILE:INDEX, a CARMEN log or scans of CSM (JSON), "
-                            "plain or gzipped; INDEX counts\n"
+                            "A and B: FILE or FILE:INDEX, a log (CARMEN, table of ranges, CSM, bag "
+                            "of ROS); INDEX counts\n"
                             "the scans of the file from 0, which is also the default.",
                             table, sizeof table / sizeof *table};
     size_t count = 2;
@@ -358,6 +359,7 @@ int tool_match(int argc, char **argv)
     settings s = {.method = "default", .window = {1, 30}, .spacing = 0.1};
     match_record record;
     option_result result = read_settings(&s, argc, argv);
+    tool_log_options log_options;
     cairn_file_error error;
     int code;
 
@@ -372,9 +374,13 @@ int tool_match(int argc, char **argv)
     record.start.x = (cairn_real)s.start[0];
     record.start.y = (cairn_real)s.start[1];
     record.start.theta = (cairn_real)remainder(s.start[2] * RADIANS, 2 * 3.14159265358979323846);
-    code = match_input_load(&record.target.input, PROGRAM, s.word[0], s.range_max, s.quiet);
+    log_options = (tool_log_options){.range_max = s.range_max,
+                                     .scan_topic = s.scan_topic,
+                                     .odometry_topic = s.odometry_topic,
+                                     .quiet = s.quiet};
+    code = match_input_load(&record.target.input, PROGRAM, s.word[0], &log_options);
     if (code == TOOL_OK)
-        code = match_input_load(&record.query.input, PROGRAM, s.word[1], s.range_max, s.quiet);
+        code = match_input_load(&record.query.input, PROGRAM, s.word[1], &log_options);
     if (code == TOOL_OK)
         code = run(&s, &record);
     match_input_free(&record.target.input);

@@ -2,7 +2,9 @@
 #include "tools/cairn_match_input.h"
 
 #include <inttypes.h>
-#include <zlib.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
 
 #include "cairn/number_text.h"
 #include "src/host/posix.h"
@@ -24,21 +26,6 @@ static int split(match_input *input, const char *word)
     return 1;
 }
 
-/* Returns 1 when the first character that is no white space opens a JSON object or array.
- * Unreadable files are reported by the readers. */
-static int is_json(const char *path)
-{
-    gzFile file = gzopen(path, "rb");
-    int byte = ' ';
-
-    if (file == NULL)
-        return 0;
-    while (byte == ' ' || byte == '\n' || byte == '\r' || byte == '\t')
-        byte = gzgetc(file);
-    (void)gzclose(file);
-    return byte == '{' || byte == '[';
-}
-
 static int refuse_index(const match_input *input, const char *program, int32_t count)
 {
     return options_refuse(program,
@@ -47,50 +34,29 @@ static int refuse_index(const match_input *input, const char *program, int32_t c
                           input->path, count, count - 1, input->index);
 }
 
-static int load_csm(match_input *input, const char *program, double range_max)
+int match_input_load(match_input *input, const char *program, const char *word,
+                     const tool_log_options *options)
 {
-    cairn_csm_scan_params params = cairn_csm_scan_default();
-    cairn_file_error error;
+    const cairn_carmen_log_scans *scans = &input->log.scans;
+    int code;
 
-    if (range_max > 0)
-        params.range_max = range_max;
-    if (cairn_csm_scan_load(&input->csm, input->path, &params, &error) != CAIRN_OK)
-        return tool_report(&error);
-    if (input->index >= input->csm.count)
-        return refuse_index(input, program, input->csm.count);
-    input->scan = input->csm.scan[input->index].scan;
-    input->line = input->csm.scan[input->index].line;
-    return TOOL_OK;
-}
-
-static int load_carmen(match_input *input, const char *program, double range_max, int32_t quiet)
-{
-    int code = tool_load(&input->carmen, input->path, range_max, quiet);
-
-    if (code != TOOL_OK)
-        return code;
-    if (input->index >= input->carmen.count)
-        return refuse_index(input, program, input->carmen.count);
-    input->scan = input->carmen.record[input->index].scan;
-    input->line = input->carmen.record[input->index].line;
-    return TOOL_OK;
-}
-
-int match_input_load(match_input *input, const char *program, const char *word, double range_max,
-                     int32_t quiet)
-{
     memset(input, 0, sizeof *input);
     if (!split(input, word)) {
         (void)options_refuse(program, "no memory");
         return TOOL_FAILED;
     }
-    return is_json(input->path) ? load_csm(input, program, range_max)
-                                : load_carmen(input, program, range_max, quiet);
+    code = tool_load(&input->log, input->path, options);
+    if (code != TOOL_OK)
+        return code;
+    if (input->index >= scans->count)
+        return refuse_index(input, program, scans->count);
+    input->scan = scans->record[input->index].scan;
+    input->line = scans->record[input->index].line;
+    return TOOL_OK;
 }
 
 void match_input_free(match_input *input)
 {
     free(input->path);
-    cairn_csm_scan_list_free(&input->csm);
-    cairn_carmen_log_scans_free(&input->carmen);
+    cairn_scan_log_free(&input->log);
 }

@@ -69,19 +69,36 @@ void tool_faults_end(const tool_faults *faults)
                 faults->count - MAX_SHOWN_FAULTS);
 }
 
-int tool_load(cairn_carmen_log_scans *scans, const char *path, double range_max, int32_t quiet)
+int tool_load(cairn_scan_log *log, const char *path, const tool_log_options *options)
 {
-    cairn_carmen_log_params params = cairn_carmen_log_default();
-    tool_faults faults = {0, quiet};
+    cairn_scan_log_params params = cairn_scan_log_default();
+    tool_faults faults = {0, options->quiet};
     cairn_file_error error;
     cairn_status status;
 
-    params.range_max = range_max;
+    params.range_max = options->range_max;
+    params.scan_topic = options->scan_topic;
+    params.odometry_topic = options->odometry_topic;
     params.on_fault = tool_on_fault;
     params.context = &faults;
-    status = cairn_carmen_log_load(scans, path, &params, &error);
+    status = cairn_scan_log_load(log, path, &params, &error);
     tool_faults_end(&faults);
-    return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
+    if (status != CAIRN_OK)
+        return tool_report(&error);
+    if (!options->quiet && !options->prints_taken && log->taken[0] != 0)
+        fprintf(stderr, "%s: %s\n", path, log->taken);
+    return TOOL_OK;
+}
+
+int tool_load_with_poses(cairn_scan_log *log, const char *program, const char *path,
+                         const tool_log_options *options)
+{
+    int code = tool_load(log, path, options);
+
+    if (code != TOOL_OK || log->has_odometry)
+        return code;
+    cairn_scan_log_free(log);
+    return options_refuse(program, "%s has no odometry, expected poses of its scans", path);
 }
 
 tool_progress tool_progress_begin(const char *label, int64_t total, int32_t quiet)

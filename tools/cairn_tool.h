@@ -6,9 +6,9 @@
 #ifndef CAIRN_TOOLS_CAIRN_TOOL_H
 #define CAIRN_TOOLS_CAIRN_TOOL_H
 
-#include "cairn/carmen_log.h"
 #include "cairn/file_error.h"
 #include "cairn/pool.h"
+#include "cairn/scan_log.h"
 #include "tools/options.h"
 
 enum {
@@ -58,13 +58,33 @@ typedef struct tool_faults {
     int32_t quiet; /* 1: no fault is printed */
 } tool_faults;
 
-/* For cairn_carmen_log_params.on_fault; the context is a tool_faults. */
+/* For cairn_scan_log_params.on_fault; the context is a tool_faults. */
 void tool_on_fault(void *context, const cairn_file_error *fault);
 void tool_faults_end(const tool_faults *faults);
 
-/* Loads a log and prints its faults. range_max: m, ranges from this value on count as no return; 0:
- * the limit of the log. TOOL_OK, or another exit code after a line on standard error. */
-int tool_load(cairn_carmen_log_scans *scans, const char *path, double range_max, int32_t quiet);
+/* How a log is read. */
+typedef struct tool_log_options {
+    double range_max; /* m, ranges from this value on count as no return; 0: the limit of the log */
+    const char *scan_topic, *odometry_topic; /* of a bag; NULL: the only one */
+    int32_t quiet;                           /* 1: neither faults nor what was taken are printed */
+    int32_t prints_taken;                    /* 1: the command prints what was taken itself */
+} tool_log_options;
+
+/* The options of all commands that read logs. */
+#define TOOL_LOG_SCAN_HELP "bag: topic of the scans (the only one)"
+#define TOOL_LOG_ODOM_HELP                                                                         \
+    "bag: topic of the odometry; /tf: the transform odom to base (the only one, else /tf)"
+#define TOOL_LOG_OPTIONS(scan, odom)                                                               \
+    OPTION_TEXT("--scan", scan, "TOPIC", TOOL_LOG_SCAN_HELP),                                      \
+        OPTION_TEXT("--odom", odom, "TOPIC", TOOL_LOG_ODOM_HELP)
+
+/* Loads a log of any format, prints its faults, and of a bag what was taken. TOOL_OK, or another
+ * exit code after a line on standard error; then there is nothing to free. */
+int tool_load(cairn_scan_log *log, const char *path, const tool_log_options *options);
+
+/* The same, and refuses a log without odometry: "program: path has no odometry, expected ...". */
+int tool_load_with_poses(cairn_scan_log *log, const char *program, const char *path,
+                         const tool_log_options *options);
 
 /* Monotonic time in s. */
 double tool_seconds(void);

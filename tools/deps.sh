@@ -1,5 +1,5 @@
 #!/bin/sh
-# Installs the dependencies of cairn on Debian: tools/deps.sh [build|test|solver|vision|appearance|firmware|check|docs|windows]...   (default: build)
+# Installs the dependencies of cairn on Debian: tools/deps.sh [build|bags|test|solver|vision|appearance|firmware|check|docs|windows]...   (default: build)
 #
 # Prints nothing and exits with 0 when all are installed. As root it installs with apt-get; otherwise it prompts on a
 # terminal and installs with sudo after a yes. When it cannot install, it prints the command and exits with 3.
@@ -14,6 +14,10 @@ build    libyaml-dev             yaml.h
 build    zlib1g-dev              zlib.h
 build    libpng-dev              png.h
 build    pkg-config              pkg-config
+bags     libsqlite3-dev          sqlite3.h
+bags     liblz4-dev              lz4frame.h
+bags     libbz2-dev              bzlib.h
+bags     libzstd-dev             zstd.h
 test     libcmocka-dev           cmocka.h
 solver   libsuitesparse-dev      suitesparse/ldl.h
 vision   libopencv-core-dev      opencv4/opencv2/core.hpp
@@ -67,9 +71,9 @@ installed()
 [ $# -gt 0 ] || set -- build
 for use in "$@"; do
     case $use in
-    build | test | solver | vision | appearance | firmware | check | docs | windows) ;;
+    build | bags | test | solver | vision | appearance | firmware | check | docs | windows) ;;
     *)
-        echo "tools/deps.sh: unknown use '$use', expected build, test, solver, vision, appearance, firmware, check, docs or windows" >&2
+        echo "tools/deps.sh: unknown use '$use', expected build, bags, test, solver, vision, appearance, firmware, check, docs or windows" >&2
         exit 2
         ;;
     esac

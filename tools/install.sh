@@ -1,7 +1,7 @@
 #!/bin/sh
 # Installs the library (make install): tools/install.sh BUILD DESTINATION PREFIX VERSION SOVERSION HOST_LIBS
 #
-# DESTINATION: folder of the files (DESTDIR and PREFIX); PREFIX: installed location.
+# DESTINATION: folder of the files (DESTDIR and PREFIX); PREFIX: installed location; LIBRARIES: what bags are read by (-lzstd ...).
 set -e
 build=$1 to=$2 prefix=$3 version=$4 soversion=$5 host_libs=$6
 mkdir -p "$to/include/cairn" "$to/lib/pkgconfig" "$to/bin"

@@ -41,7 +41,6 @@ struct cairn_line_reader {
 cairn_status cairn_line_reader_open(cairn_line_reader **reader, const char *path,
                                     cairn_file_error *error)
 {
-    cairn_line_reader *created;
     struct stat about;
     int file = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
 
@@ -54,19 +53,27 @@ cairn_status cairn_line_reader_open(cairn_line_reader **reader, const char *path
                                     "is a %s, expected a regular file",
                                     S_ISDIR(about.st_mode) ? "folder" : "pipe or device");
     }
-    created = calloc(1, sizeof *created);
+    return cairn_line_reader_open_file(reader, file, path, error);
+}
+
+cairn_status cairn_line_reader_open_file(cairn_line_reader **reader, int file, const char *name,
+                                         cairn_file_error *error)
+{
+    cairn_line_reader *created = calloc(1, sizeof *created);
+
+    *reader = NULL;
     if (created == NULL) {
         (void)close(file);
-        return cairn_file_error_system(error, path, "open", ENOMEM);
+        return cairn_file_error_system(error, name, "open", ENOMEM);
     }
     created->file = file;
-    created->path = strdup(path);
+    created->path = strdup(name);
     created->buffer = malloc(FIRST_CAPACITY);
     created->input = malloc(INPUT_BYTES);
     created->capacity = FIRST_CAPACITY;
     if (created->path == NULL || created->buffer == NULL || created->input == NULL) {
         cairn_line_reader_close(created);
-        return cairn_file_error_system(error, path, "open", ENOMEM);
+        return cairn_file_error_system(error, name, "open", ENOMEM);
     }
     *reader = created;
     return CAIRN_OK;

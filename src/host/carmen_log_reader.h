@@ -17,6 +17,12 @@ typedef struct cairn_line_reader cairn_line_reader;
 CAIRN_CHECKED cairn_status cairn_line_reader_open(cairn_line_reader **reader, const char *path,
                                                   cairn_file_error *error);
 
+/* The same for an open file, which may be a pipe; a line is returned as soon as it has come. The
+ * file is closed with the reader; it cannot be rewound unless it is a regular file. name: for error
+ * texts. CAIRN_NO_MEMORY: the file is closed. */
+CAIRN_CHECKED cairn_status cairn_line_reader_open_file(cairn_line_reader **reader, int file,
+                                                       const char *name, cairn_file_error *error);
+
 /* Returns the next line without its end ("\n" or "\r\n") in *line and *length; valid until the next
  * call. CAIRN_EMPTY: the end of the file. CAIRN_FULL: the line was longer than
  * CAIRN_LINE_READER_MAX_BYTES and was skipped; *length is its length. After the last readable

@@ -19,6 +19,7 @@
 #include "cairn/number_text.h"
 #include "cairn/range_table.h"
 #include "src/host/carmen_log_reader.h"
+#include "src/host/carmen_log_summary.h"
 
 /* URG: fields of a line, the first range, the range that points ahead. */
 enum { URG_FIELDS = 707, URG_FIRST = 25, URG_MIDDLE = 341, PROBED_LINES = 100 };
@@ -284,26 +285,6 @@ static int reserve_scan(range_loader *loader)
     return record != NULL && range != NULL;
 }
 
-/* Updates the log's summary by a record; previous: the record before, or NULL. */
-static void update_summary(cairn_carmen_log_summary *info, const cairn_carmen_log_record *record,
-                           const cairn_carmen_log_record *previous)
-{
-    if (previous == NULL) {
-        info->first_ns = info->earliest_ns = info->latest_ns = record->stamp_ns;
-    } else {
-        cairn_pose step = cairn_pose_between(previous->robot, record->robot);
-
-        info->backward_stamps += record->stamp_ns < previous->stamp_ns;
-        info->odometry_length += hypot((double)step.x, (double)step.y);
-        info->odometry_turn += fabs((double)step.theta);
-    }
-    info->last_ns = record->stamp_ns;
-    info->earliest_ns = record->stamp_ns < info->earliest_ns ? record->stamp_ns : info->earliest_ns;
-    info->latest_ns = record->stamp_ns > info->latest_ns ? record->stamp_ns : info->latest_ns;
-    info->scans++;
-    info->beams += record->count;
-}
-
 /* Integrates the wheel ticks since the previous scan: differential-drive odometry on an arc
  * (midpoint rule). The pose is accumulated in double. */
 static void integrate_ticks(range_table *table, double *named)
@@ -360,7 +341,6 @@ static cairn_status append_scan(range_loader *loader, cairn_file_error *error)
     record->robot.y = (cairn_real)named[CONTENT_Y];
     record->robot.theta = cairn_wrap_angle((cairn_real)named[CONTENT_THETA]);
     record->laser = cairn_pose_compose(record->robot, scans->info.base_sensor);
-    update_summary(&scans->info, record, scans->count > 0 ? record - 1 : NULL);
     scans->count++;
     return CAIRN_OK;
 }
@@ -422,12 +402,12 @@ static void finish(range_loader *loader)
     const range_table *table = &loader->table;
     cairn_carmen_log_summary *info = &scans->info;
 
+    cairn_carmen_log_summarize(scans);
     for (int32_t i = scans->count - 1; i >= 0 && table->kind == CAIRN_RANGE_TABLE_URG; i--) {
         scans->record[i].robot =
             odometry_at(scans->record, i, scans->record[i].stamp_ns - URG_LATENCY_NS);
         scans->record[i].laser = cairn_pose_compose(scans->record[i].robot, info->base_sensor);
     }
-    info->min_beams = info->max_beams = table->beams;
     info->fixed_mounting = 1;
     memcpy(scans->range, table->bearing, (size_t)table->beams * sizeof *scans->range);
     for (int32_t i = 0; i < scans->count; i++) {

@@ -1,0 +1,178 @@
+/* cairn map -: online SLAM on a stream, while it comes.
+ *
+ * Method: each scan is mapped as soon as its line has come, and its pose printed (--live). The
+ * files are rewritten every N seconds (--watch), and written at the end of the stream. SIGINT
+ * ends the stream: it puts /dev/null in the place of standard input, so that neither a read that
+ * waits nor a later one blocks. A second SIGINT ends the program.
+ *
+ * Limits: the beams of a scan are at most four times those of the first one, or 2048; keyframes
+ * have 640 points on average. Without -o no scan is kept. */
+#include <fcntl.h>
+#include <inttypes.h>
+#include <math.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "cairn/number_text.h"
+#include "tools/cairn_map_work.h"
+#include "tools/cairn_tool.h"
+
+/* Points of a keyframe, on average, for which there is memory. */
+enum { KEYFRAME_POINTS = 640, LEAST_BEAMS = 2048 };
+
+/* /dev/null, for the handler. */
+static int null_file = -1;
+
+static void on_interrupt(int number)
+{
+    (void)number;
+    (void)dup2(null_file, STDIN_FILENO);
+}
+
+/* Lets SIGINT end the stream; 0 when the system refuses. */
+static int catch_interrupt(void)
+{
+    struct sigaction action;
+
+    null_file = open("/dev/null", O_RDONLY | O_CLOEXEC);
+    memset(&action, 0, sizeof action);
+    action.sa_handler = on_interrupt;
+    action.sa_flags = SA_RESTART | (int)SA_RESETHAND;
+    return null_file >= 0 && sigaction(SIGINT, &action, NULL) == 0;
+}
+
+/* A number of JSON; null when it is not finite. */
+static const char *number(char text[CAIRN_NUMBER_TEXT_BYTES], cairn_real value)
+{
+    return cairn_abs(value) <= CAIRN_REAL_MAX ? cairn_number_write(text, value) : "null";
+}
+
+/* Prints the pose of the scan that was mapped last, and flushes. */
+static void print_pose(const map_run *run, const cairn_carmen_log_record *record)
+{
+    static const int entry[6] = {0, 1, 2, 4, 5, 8};
+    cairn_mapper_result result = cairn_mapper_read(run->mapper);
+    char x[CAIRN_NUMBER_TEXT_BYTES], y[CAIRN_NUMBER_TEXT_BYTES], theta[CAIRN_NUMBER_TEXT_BYTES];
+
+    printf("{\"scan\":%" PRId32 ",\"stamp_ns\":%" PRId64 ",\"x\":%s,\"y\":%s,\"theta\":%s,"
+           "\"covariance\":[",
+           run->count - 1, record->stamp_ns, number(x, result.map_scan.x),
+           number(y, result.map_scan.y), number(theta, result.map_scan.theta));
+    for (int i = 0; i < 6; i++)
+        printf("%s%s", i > 0 ? "," : "",
+               result.verdict == CAIRN_MAPPER_MATCHED ? number(x, result.covariance[entry[i]])
+                                                      : "null");
+    printf("],\"verdict\":\"%s\"}\n", map_verdict_text(result.verdict));
+    (void)fflush(stdout);
+}
+
+/* Begins the run with the first scan. */
+static int begin(map_run *run, const map_settings *s, const cairn_carmen_log_record *record)
+{
+    int32_t beams = 4 * record->count > LEAST_BEAMS ? 4 * record->count : LEAST_BEAMS;
+    cairn_mapper_params params = map_params(
+        s, INT32_MAX, beams < CAIRN_CARMEN_LOG_MAX_BEAMS ? beams : CAIRN_CARMEN_LOG_MAX_BEAMS,
+        KEYFRAME_POINTS);
+    int code = map_check_params(s, &params);
+
+    return code == TOOL_OK ? map_run_open(run, s, &params, 0) : code;
+}
+
+/* Reports a scan that the mapper refused; the exit code. */
+static int refuse(const map_run *run, const cairn_carmen_log_record *record, cairn_status status,
+                  const cairn_fault *fault)
+{
+    if (status == CAIRN_FULL && fault->message == NULL)
+        return map_refuse_keys(run->settings, (int32_t)run->settings->max_keyframes);
+    return tool_report_scan("-", record->line, status, fault);
+}
+
+/* Maps one scan. */
+static int map_scan_of(map_run *run, const cairn_carmen_log_record *record, int32_t has_odometry,
+                       double *written)
+{
+    const map_settings *s = run->settings;
+    cairn_fault fault = {-1, NULL};
+    cairn_status status = map_run_add(run, record, has_odometry ? &record->robot : NULL, 0, &fault);
+
+    if (status != CAIRN_OK)
+        return refuse(run, record, status, &fault);
+    if (s->live)
+        print_pose(run, record);
+    if (!(s->watch > 0) || tool_seconds() - *written < s->watch)
+        return TOOL_OK;
+    *written = tool_seconds();
+    return map_run_write(run);
+}
+
+/* Ends the run: decides what is pending, writes, prints the summary. */
+static int finish(map_run *run, int64_t faults, double seconds)
+{
+    const map_settings *s = run->settings;
+    int code = map_run_settle(run);
+
+    if (code == TOOL_OK && s->folder != NULL)
+        code = map_run_write(run);
+    if (code == TOOL_OK && !s->quiet)
+        map_run_print(run, s->live ? stderr : stdout, faults, 0, seconds, seconds);
+    return code;
+}
+
+/* Maps all scans of the stream. */
+static int map_stream(const map_settings *s, cairn_scan_log_stream *stream)
+{
+    double start = tool_seconds(), written = start;
+    cairn_carmen_log_record record;
+    cairn_file_error error;
+    map_run run;
+    int32_t is_open = 0, has_odometry;
+    int code = TOOL_OK;
+
+    while (code == TOOL_OK) {
+        cairn_status status = cairn_scan_log_stream_next(stream, &record, &has_odometry, &error);
+
+        if (status == CAIRN_EMPTY)
+            break;
+        if (status != CAIRN_OK)
+            code = tool_report(&error);
+        if (code == TOOL_OK && !is_open)
+            is_open = (code = begin(&run, s, &record)) == TOOL_OK;
+        if (code == TOOL_OK)
+            code = map_scan_of(&run, &record, has_odometry, &written);
+    }
+    if (!is_open)
+        return code != TOOL_OK
+                   ? code
+                   : options_refuse(MAP_PROGRAM, "-: no scan, expected a CARMEN log or a LaserScan "
+                                                 "as JSON a line");
+    if (code == TOOL_OK)
+        code = finish(&run, cairn_scan_log_stream_faults(stream), tool_seconds() - start);
+    map_run_close(&run);
+    return code;
+}
+
+int map_live(map_settings *s)
+{
+    cairn_scan_log_params params = cairn_scan_log_default();
+    tool_faults faults = {0, s->quiet};
+    cairn_scan_log_stream *stream;
+    cairn_file_error error;
+    int code;
+
+    params.range_max = s->range_max;
+    params.on_fault = tool_on_fault;
+    params.context = &faults;
+    if (!catch_interrupt()) {
+        (void)options_refuse(MAP_PROGRAM, "-: cannot catch SIGINT");
+        return TOOL_FAILED;
+    }
+    if (cairn_scan_log_stream_open(&stream, STDIN_FILENO, "-", &params, &error) != CAIRN_OK)
+        return tool_report(&error);
+    code = map_stream(s, stream);
+    tool_faults_end(&faults);
+    cairn_scan_log_stream_close(stream);
+    (void)close(null_file);
+    return code;
+}
