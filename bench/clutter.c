@@ -9,7 +9,7 @@
  * - hit50: its box overlaps the object's by half;
  * - boundary80: 80 % of the whole boundary lie within 3 px of its segments or, where there are
  *   none,
- *   of the fitted outline of the model;
+ *   of the deformed outline of the model;
  * - visible80: 80 % of the visible boundary lie within 3 px of its segments alone;
  * - segments80: 80 % of the whole boundary, by segments alone;
  * - boundary_f: F measure of the segments; labels: F measure by lengths of segments;
@@ -373,7 +373,7 @@ static void draw(const char *folder, int64_t index, const scene *s, const uint8_
     (void)fclose(file);
 }
 
-/* The same of a detection: its fitted outline where it has no segment. */
+/* The same of a detection: its deformed outline where it has no segment. */
 static void complete_detection(uint8_t *pixels, const cairn_contour_search_place *outline,
                                int32_t count)
 {

@@ -122,7 +122,7 @@ static void finds_two_shapes(void **state)
 /* ---- Reference implementation ---- */
 
 /* Agreement of the edges nearest to a cell with a direction. */
-static double likely_at(const cairn_contour_search_tokens *tokens, const object_detect_plane *p,
+static double likely_at(const cairn_contour_search_tokens *tokens, const object_detect_level *p,
                         int32_t x, int32_t y, int32_t bin)
 {
     double least = 30;
@@ -150,7 +150,7 @@ static void weighs_edges_as_the_reference_does(void **state)
     cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
     cairn_contour_search_tokens tokens;
     cairn_object_detect_field *field;
-    const object_detect_plane *p;
+    const object_detect_level *p;
     double *likely;
 
     (void)state;
@@ -160,8 +160,8 @@ static void weighs_edges_as_the_reference_does(void **state)
     tokens = find_tokens(0);
     params.min_size = params.max_size = 250;
     assert_ok(cairn_object_detect_field_make(&field, &tokens, &params, "edges", &error));
-    assert_int_equal(field->planes, 1);
-    p = &field->plane[0];
+    assert_int_equal(field->levels, 1);
+    p = &field->level[0];
     likely = malloc((size_t)(p->width * p->height) * sizeof *likely);
     assert_non_null(likely);
     for (int32_t bin = 0; bin < OBJECT_DETECT_BINS; bin += 5) {
@@ -192,7 +192,7 @@ static void weighs_edges_as_the_reference_does(void **state)
 }
 
 /* The mean log-likelihood ratio of a flag's samples at a cell. */
-static double mean_llr(const object_detect_plane *p, const cairn_shape_model *m, double aspect,
+static double mean_llr(const object_detect_level *p, const cairn_shape_model *m, double aspect,
                        int32_t x, int32_t y)
 {
     double sum = 0;
@@ -237,9 +237,9 @@ static void examines_every_place(void **state)
     params.min_score = -100;
     assert_ok(cairn_object_detect_field_make(&field, &tokens, &params, "edges", &error));
     for (int32_t k = 0; k < 5; k++)
-        for (int32_t y = 0; y < field->plane[0].height; y++)
-            for (int32_t x = 0; x < field->plane[0].width; x++)
-                best = fmax(best, mean_llr(&field->plane[0], &model.model, aspects[k], x, y));
+        for (int32_t y = 0; y < field->level[0].height; y++)
+            for (int32_t x = 0; x < field->level[0].width; x++)
+                best = fmax(best, mean_llr(&field->level[0], &model.model, aspects[k], x, y));
     assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));
     assert_int_equal(found.count, 1);
     assert_near(found.found[0].rigid_evidence, best, 1e-4);
@@ -720,9 +720,9 @@ static void takes_sizes_up_to_the_bounds(void **state)
     params.min_size = 8;
     params.max_size = 16384;
     assert_ok(cairn_object_detect_field_make(&field, &tokens, &params, "edges", &error));
-    assert_int_equal(field->planes, OBJECT_DETECT_MAX_PLANES);
-    assert_true(field->plane[OBJECT_DETECT_MAX_PLANES - 1].size <= 16384 &&
-                field->plane[OBJECT_DETECT_MAX_PLANES - 1].size * CAIRN_REAL(1.2) > 16384);
+    assert_int_equal(field->levels, OBJECT_DETECT_MAX_LEVELS);
+    assert_true(field->level[OBJECT_DETECT_MAX_LEVELS - 1].size <= 16384 &&
+                field->level[OBJECT_DETECT_MAX_LEVELS - 1].size * CAIRN_REAL(1.2) > 16384);
     cairn_object_detect_field_free(field);
 }
 

@@ -129,10 +129,10 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_FLAG("--no-mirror", &s->no_mirror,
                     "does not search for the mirror image of the model"),
         OPTION_NUMBER("--min-score", &s->score, 0, 1, "S",
-                      "minimum score of a reported object (library default)"),
+                      "minimum matched share of a reported object's outline (0.3)"),
         OPTION_NUMBER("--min-evidence", &s->evidence, 0, 1000, "E",
-                      "minimum log-likelihood ratio of a reported object, per unit of outline "
-                      "length (library default)"),
+                      "minimum score (evidence) of a reported object, a linear score in nats, not "
+                      "calibrated (34)"),
         OPTION_INTEGER("--min-strength", &s->strength, 1, 255, "N", "minimum strength of edges"),
         OPTION_NUMBER("--sigma", &s->sigma, 0, 50, "PX",
                       "standard deviation of the Gaussian blur (Canny), px"),

@@ -2,7 +2,11 @@
  *
  * The pipeline runs edge_chain, edge_segment and contour_grouping, with heap memory that fits the
  * image: first the image's tokens are extracted, then the model and, on request, its mirror image
- * are searched among them. Image coordinates, pixels. */
+ * are searched among them. Image coordinates, pixels.
+ *
+ * Limits: one size per position is found in each band of sizes. A part of an object that is farther
+ * from its predicted position than 0.16 sizes is not found. Of objects closer to each other than
+ * 0.3 sizes only the best is reported (non-maximum suppression). */
 #ifndef CAIRN_CONTOUR_SEARCH_H
 #define CAIRN_CONTOUR_SEARCH_H
 
@@ -20,7 +24,8 @@ extern "C" {
 #define CAIRN_CONTOUR_SEARCH_MAX_SIDE   8192
 #define CAIRN_CONTOUR_SEARCH_MAX_TOKENS 32768
 
-/* The tokens of an image: straight edge segments. */
+/* The tokens of an image: straight edge segments, uncut. contour_grouping cuts them into pieces,
+ * which its default mode calls tokens. */
 typedef struct cairn_contour_search_tokens {
     cairn_segment *lines; /* [count] */
     int32_t *chain;       /* [count] chain index of each segment */
@@ -33,7 +38,7 @@ typedef struct cairn_contour_search_tokens {
     size_t pool_bytes;      /* bytes of pool memory used */
     /* Set by cairn_contour_search_tokens_find_written() only. */
     cairn_real look_ahead; /* px, look-ahead L */
-    cairn_vec2 *ends;      /* [end_count] px: end points of the strong chains */
+    cairn_vec2 *ends;      /* [end_count] px: end points of chains of high mean edge strength */
     /* number of end points */
     int32_t end_count;
 } cairn_contour_search_tokens;
@@ -96,19 +101,22 @@ typedef struct cairn_contour_search_place {
 
 /* Quality of the fit of a deformed outline, independent of its surroundings. */
 typedef struct cairn_contour_search_shape {
-    /* 0 ... 1, mean edge proximity over the deformed outline, counting edges of its direction */
+    /* 0 ... 1, mean over the samples of the deformed outline of exp(-d^2 / 2 - s^2 / 2) of the best
+     * edge; d: distance in units of 0.012 sizes, s: sine of the angle in units of 0.35 */
     cairn_real edge_proximity;
-    /* 0 ... 2, mean of 1 - cos of the angle between the deformed and the original outline */
+    /* 0 ... 2, mean of 1 - cos of the angle between the deformed and the model outline */
     cairn_real tangent_deviation;
-    /* 0 ... 1, rms residual of the best affine map from the original to the deformed outline, in
-     * object sizes */
+    /* 0 ... 1, rms residual of the best affine transform from the model outline to the deformed
+     * one, in object sizes */
     cairn_real deformation;
 } cairn_contour_search_shape;
 
-/* One detected object. found.evidence: approximate log-likelihood ratio (nats) of its edges, object
- * against background, per object size of outline length. It includes the shape fit and the score;
- * the tangent deviation is measured against the model rotated as the object is. found.score: the
- * matched share of the outline. */
+/* One detected object. found.evidence: score of the grouping, a linear combination in nats that was
+ * fitted to images and is not calibrated: deformed_evidence + 2 rigid_evidence + 20 edge_proximity
+ * - 100 tangent_deviation - 4500 deformation^2 + 60 found.score - 58. It is no log-likelihood
+ * ratio, and not comparable with the evidence of contour_grouping, which is. The tangent deviation
+ * is measured against the model rotated as the object is. found.score: the matched share of the
+ * outline. As written both are those of contour_grouping. */
 typedef struct cairn_contour_search_object {
     /* found.first: index of its first segment in segments[] below; found.first_outline: 0 */
     cairn_contour_grouping_object found;
@@ -122,7 +130,9 @@ typedef struct cairn_contour_search_object {
     int32_t first_outline;
     /* the model's; 0 in the mode as written, which deforms no outline */
     int32_t outline_count;
-    /* nats, evidence of the outline before and after deformation */
+    /* nats: log-likelihood ratio of the edges along the outline, before deformation (similarity
+     * transform of the model) and after it, less the deformation cost; both divided by the
+     * outline's length over the object's size */
     cairn_real rigid_evidence, deformed_evidence;
     /* how the outline was deformed */
     cairn_contour_search_shape shape;
@@ -130,7 +140,7 @@ typedef struct cairn_contour_search_object {
 
 /* The objects found in an image, and diagnostics of the search. Arrays are on the heap. */
 typedef struct cairn_contour_search_result {
-    /* [object_count] by descending evidence */
+    /* [object_count] by descending found.evidence, after non-maximum suppression */
     cairn_contour_search_object *objects;
     /* [segment_count] indices of the tokens' lines, object by object, in the order of the model's
      * outline */
@@ -148,9 +158,9 @@ typedef struct cairn_contour_search_result {
     int32_t steps[2], hypothesis_counts[2];
     /* lengths of the arrays above */
     int32_t object_count, segment_count, disc_count, outline_count;
-    /* the best score of all hypotheses, reported or not */
+    /* greatest matched share of all hypotheses, reported or not */
     cairn_real best_score;
-    /* nats, the most evidence of all hypotheses */
+    /* nats, greatest found.evidence of all hypotheses */
     cairn_real best_evidence;
     /* bytes of pool memory, the larger of both searches */
     size_t pool_bytes;
@@ -173,7 +183,8 @@ const char *cairn_contour_search_end_text(int32_t end);
 typedef struct cairn_contour_search_params {
     /* the search sets its capacities and refines its objects */
     cairn_contour_grouping_params grouping;
-    /* nats per object size of outline length, any (34): least evidence of a reported object */
+    /* nats, any (34): least found.evidence of a reported object, its score, which is not
+     * calibrated */
     cairn_real min_evidence;
     /* 0 ... 1 (0.3): least matched share of a reported object */
     cairn_real min_score;

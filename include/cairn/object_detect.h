@@ -1,12 +1,16 @@
 /* object_detect: detection of objects of a class in the edges of an image, from one model of the
  * outline.
  *
- * Method EVIDENCE is a sliding-window search over all positions and sizes: each window's score is
- * the log-likelihood ratio of the edges along the outline against background clutter. The best
+ * Method EVIDENCE is template matching over a scale pyramid, a probabilistic form of oriented
+ * chamfer matching: at every position, size and aspect ratio the template's score is the
+ * log-likelihood ratio of the edges along the model's outline against background clutter. The best
  * candidates are refined by deforming the outline to the edges (contour_search), and verified by
  * contour grouping. Method PARTS generates candidates as the thesis does: fragments of the outline
  * are matched to edge chains and vote for the object's position (generalized Hough transform).
- * Image coordinates, pixels.
+ * Image coordinates, pixels. Formula and constants of the score: docs/architecture.md.
+ *
+ * Limits: objects are upright, within the given sizes, and have an aspect ratio of about 0.64 to
+ * 1.56 times the model's; the deformation starts from there.
  *
  * As written (CAIRN_MODE_AS_WRITTEN): the hypotheses are all configurations of the K nearest of all
  * votes, pruned by their summed similarity. They are ranked by the shape context distance of their
@@ -43,7 +47,7 @@ extern "C" {
 /* Method of detection. */
 typedef int32_t cairn_object_detect_method;
 enum {
-    /* sliding window over all positions and sizes, scored by log-likelihood ratio */
+    /* template matching at all positions and sizes, scored by log-likelihood ratio */
     CAIRN_OBJECT_DETECT_EVIDENCE = 0,
     /* configurations of parts, ranked by shape contexts (Adluru 2008, chapter 5) */
     CAIRN_OBJECT_DETECT_PARTS = 1
@@ -64,7 +68,7 @@ enum {
  * mirror image. */
 typedef int32_t cairn_object_detect_stage;
 enum {
-    CAIRN_OBJECT_DETECT_VOTES = 0,  /* candidates are generated, fragments matched */
+    CAIRN_OBJECT_DETECT_VOTES = 0,  /* candidates are generated; PARTS: by votes of fragments */
     CAIRN_OBJECT_DETECT_SCORES = 1, /* outlines deformed to the edges; PARTS: shapes compared */
     CAIRN_OBJECT_DETECT_BOXES = 2   /* non-maximum suppression; PARTS: outlines deformed, too */
 };
@@ -80,8 +84,8 @@ typedef struct cairn_object_detect_params {
     /* 1 ... 64 (30): candidates that are refined */
     int32_t candidates;
     /* 0 ... 1 (0.2): non-maximum suppression threshold. Of two detections whose intersection over
-     * union is greater the better one stays; so it does when most of the smaller box lies in the
-     * other. */
+     * union is greater, the lower-scoring one is suppressed. It is also suppressed when more than
+     * 0.8 of the smaller box is covered by the other; not as written. */
     cairn_real overlap;
     /* finite (0): least score of a reported detection, before appearance counts; as written -100:
      * all are reported */
@@ -103,21 +107,23 @@ typedef struct cairn_object_detect_params {
     int32_t modes_only;
     /* any (NULL): appearance of the same image, for the score of a box; NULL: not used */
     const cairn_appearance_field *appearance;
-    /* 0 ... 1000 (8): weight of the appearance distance, lambda of the thesis */
+    /* 0 ... 1000 (8): weight of the appearance distance, lambda of the thesis. 8 suits the shape
+     * distances of PARTS, 0 to 1; with EVIDENCE 1 and 2 were measured (docs/lab/detect.md). */
     cairn_real appearance_weight;
     /* any (NULL): called when a stage begins; NULL: no callback */
     void (*on_stage)(void *context, cairn_object_detect_stage stage);
     /* any (NULL): passed to on_stage */
     void *on_stage_context;
     /* 0 or 1 (0): 1, method EVIDENCE: objects may be partly occluded and have the model's own
-     * shape. Only edges that agree on one similarity map of the original outline count
-     * (rigid_proximity). The evidence of a contour grouped there is added. Grouped contours add up
-     * to `candidates` more candidates. Outlines are fitted by that map and not deformed. In clutter
-     * it raises the number of false positives. */
+     * shape. Only inliers of one similarity transform of the model's outline count
+     * (rigid_proximity). The log-likelihood ratio of a contour grouped there is added. Grouped
+     * contours add up to `candidates` more candidates. Outlines are placed by that transform and
+     * not deformed. In clutter it raises the number of false positives. */
     int32_t occluded;
-    /* 0 ... 100 (0.08): method EVIDENCE: weight in the score of the evidence of a contour grouped
-     * at the detection (grouped_evidence; contour_grouping). Grouping takes more than half the time
-     * of a search. 0: no grouping, except with `occluded`, which has its own weight for it. */
+    /* 0 ... 100 (0.08): method EVIDENCE: weight in the score of the log-likelihood ratio of a
+     * contour grouped at the detection (grouped_evidence; contour_grouping). Grouping takes more
+     * than half the time of a search. 0: no grouping, except with `occluded`, which has its own
+     * weight for it. */
     cairn_real verify;
     /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): as written: method PARTS
      * only */
@@ -140,31 +146,34 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
  * width, height: size of the image, px */
 cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t height);
 
-/* One detection. rigid_evidence and deformed_evidence: mean log-likelihood ratio (nats) of the
- * edges over the outline's samples, object against background, at the initial rigid pose and after
- * deformation, less the deformation cost. */
+/* One detection. rigid_evidence: mean log-likelihood ratio (nats) of the edges over the samples of
+ * the model's outline, object against background, before deformation; position, size and aspect
+ * ratio alone are fitted. deformed_evidence: the same after deformation, less the deformation
+ * cost. */
 typedef struct cairn_object_detection {
     cairn_real left, top, right, bottom; /* px, bounding box of the deformed outline */
-    /* Linear score of rigid_evidence, deformed_evidence, edge_proximity, tangent_deviation,
+    /* Linear combination of rigid_evidence, deformed_evidence, edge_proximity, tangent_deviation,
      * deformation, the box's aspect ratio, the size over the image's diagonal, and
-     * grouped_evidence. With `occluded`: of rigid_proximity, grouped_evidence and that size. */
+     * grouped_evidence; not a probability, not calibrated. With `occluded`: of rigid_proximity,
+     * grouped_evidence and that size. Formula: docs/architecture.md. */
     cairn_real score;
-    /* nats, evidence of the outline before and after deformation */
+    /* nats, log-likelihood ratio of the outline before and after deformation */
     cairn_real rigid_evidence, deformed_evidence;
     /* total length of the segments over that of the outline */
     cairn_real outline_coverage;
-    /* 0 ... 1, mean edge proximity over the deformed outline, counting edges of its direction */
+    /* 0 ... 1, mean over the samples of the deformed outline of exp(-d^2 / 2 - s^2 / 2) of the best
+     * edge; d: distance in units of 0.012 sizes, s: sine of the angle in units of 0.35 */
     cairn_real edge_proximity;
-    /* 0 ... 2, mean of 1 - cos of the angle between the deformed and the original outline */
+    /* 0 ... 2, mean of 1 - cos of the angle between the deformed and the model outline */
     cairn_real tangent_deviation;
-    /* 0 ... 1, rms residual of the best affine map from the original to the deformed outline, in
-     * object sizes */
+    /* 0 ... 1, rms residual of the best affine transform from the model outline to the deformed
+     * one, in object sizes */
     cairn_real deformation;
-    /* 0 ... 1, edge proximity of the edges that also agree with one similarity map of the original
-     * outline: observed without deformation */
+    /* 0 ... 1, inlier proximity: edge_proximity times the weight of each sample as an inlier of one
+     * similarity transform of the model outline (position, size, rotation; no aspect ratio) */
     cairn_real rigid_proximity;
-    /* nats, greatest evidence of a contour found by grouping that coincides with this box
-     * (intersection over union of at least a half). All sizes and rotations of up to 15 degrees
+    /* nats, greatest log-likelihood ratio of a contour found by grouping that coincides with this
+     * box (intersection over union of at least a half). All sizes and rotations of up to 15 degrees
      * either way are searched. 0: none, or no grouping. */
     cairn_real grouped_evidence;
     /* px, position of the model's origin */
@@ -185,7 +194,7 @@ typedef struct cairn_object_detection {
      * = 1 - shape_distance. Appearance reduces a score by appearance_weight (1 - appearance). */
     /* shape context distance of the parts to the outline, with a penalty for missing parts */
     cairn_real shape_distance;
-    /* score of the configuration (part_configuration) */
+    /* sum of the similarities of the parts less the spread of their votes (part_configuration) */
     cairn_real configuration_score;
     /* parts[first_part ... first_part + part_count - 1] */
     int32_t first_part, part_count;

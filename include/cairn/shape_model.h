@@ -1,5 +1,5 @@
-/* shape_model: symmetry-set model of an object's shape: medial-axis paths with the radii of their
- * maximal discs.
+/* shape_model: symmetry-set model of an object's shape: paths in its symmetry set, with the radii
+ * of their bitangent discs.
  *
  * Method:
  * 1. Input is the outline of one object (a silhouette or a drawing).
@@ -10,7 +10,13 @@
  *    path at the branch point.
  *
  * All lengths of a model are in units of its size, the diagonal of the bounding box of its
- * outlines. */
+ * outlines.
+ *
+ * The medial axis is the subset of the symmetry set whose discs are maximal, that is within the
+ * shape. Discs of a model need not be: min_clearance sets how far the outline may enter them.
+ *
+ * Limits: the outlines of an object are processed independently; a hole is treated like another
+ * outline, with its interior as object. */
 #ifndef CAIRN_SHAPE_MODEL_H
 #define CAIRN_SHAPE_MODEL_H
 
@@ -27,9 +33,9 @@ extern "C" {
 /* Greatest number of stored gaps of a drawing. */
 #define CAIRN_SHAPE_MODEL_MAX_GAPS 8
 
-/* One maximal disc on a path. The origin of the frame is the centre of the bounding box of the
- * outlines. Contact 0 lies to the left of the path from its first to its last sample in image
- * coordinates (y down), contact 1 to the right. */
+/* One bitangent disc on a path. The origin of the frame is the centre of the bounding box of the
+ * outlines. Contact 0 lies to the left of the path from its first to its last sample as the image
+ * is seen (y down), contact 1 to the right. */
 typedef struct cairn_shape_model_sample {
     /* Centre of the disc, units of the size. */
     cairn_vec2 centre;
@@ -61,7 +67,7 @@ typedef struct cairn_shape_model {
     const cairn_shape_model_sample *samples; /* [sample_count] */
     const cairn_shape_model_path *paths;     /* [path_count] */
     /* Equidistant samples of all outlines, each oriented with its interior on the side of
-     * cairn_vec2_left_perp(direction). */
+     * cairn_vec2_left_perp(direction): to the right as the image is seen (y down). */
     const cairn_oriented_point *outline; /* [outline_count] */
     /* number of samples, of paths and of outline samples */
     int32_t sample_count, path_count, outline_count;

@@ -2,45 +2,51 @@
  * locally symmetric parts, without a shape model. Image coordinates, px.
  *
  * Method (default):
- * 1. Centre points (CPs): symmetric points of pairs of edgels that face each other across a disc.
+ * 1. Centre points (CPs), as chapter 3 calls symmetric points: centres of discs that touch a pair
+ *    of edgels that face each other.
  * 2. Expectation-maximization fits lines to the CPs in (x, y, radius).
  * 3. Seeding: lines whose edgels are mirror symmetric about them.
- * 4. A particle filter walks along the axis, disc by disc, and extends the contour on both sides.
+ * 4. A particle filter follows the axis, disc by disc, and extends the contour on both sides.
  *    The gain of a step is the log-likelihood ratio of its edgels, symmetric contour against
  *    uniform background clutter.
  * 5. Parts are ranked by the sum of their gains. Parts that share contours compete for them.
  * 6. Parts whose axes continue into each other are joined to an object.
  *
- * Limits: the number of particles matters little. One particle finds the same parts as 16, with
- * radius errors of 1.4 % instead of 0.9 % (docs/lab/skeleton.md).
+ * Ablation (docs/lab/skeleton.md): the number of particles matters little. One particle finds the
+ * same parts as 16, with radius errors of 1.4 % instead of 0.9 %.
  *
- * CAIRN_MODE_AS_WRITTEN follows the chapter as printed. CPs come from all pairs of edgels. Each
+ * Limits: an axis is found from its two sides, so round blobs, which have no axis direction, are
+ * found only in part. Contours closer to each other than two steps merge.
+ *
+ * CAIRN_MODE_AS_WRITTEN follows the chapter. CPs come from all pairs of edgels. Each
  * mirror-symmetric line has two filters, one in each direction, whose first particles are the CPs
- * near the line. Successors are all pairs of edgels in two circles of radius C sigma, equally
- * likely, with weights (3.7) to (3.9). The N heaviest successors keep their weights; residual
- * resampling follows when N_eff < N / 2. The walk of the heaviest particle is the part. Parts do
- * not compete for edgels and are neither smoothed nor joined: each is an object with two free ends.
- * contrast_weight, edgel slopes, detection_probability and polarity_flip_probability are unused.
+ * near the line. Followers are all pairs of edgels in two circles of radius C sigma, equally
+ * likely, with weights (3.7) to (3.9). The N heaviest followers keep their weights; residual
+ * resampling comes after that when N_eff < N / 2. The trajectory of the heaviest particle is the
+ * part. Parts do not compete for edgels and are neither smoothed nor joined: each is an object with
+ * two free ends. contrast_weight, edgel slopes, detection_probability and polarity_flip_probability
+ * are unused.
  *
- * Choices where the text is silent, contradictory or misprinted:
+ * Choices where the thesis states nothing, or is contradictory or misprinted:
  * - (3.8) prints h = |...| - min(delta_t - delta_(t-1), 0), which penalizes an improving symmetry;
  *   + max(..., 0) is used, as in section 2.4.2. Angles between the normals n are angles between the
  *   vectors from the edgels to the CP.
  * - "Approximately tangential": the mean deviation of a pair is at most symmetry_sigma, each normal
  *   within 75 degrees of the chord.
- * - Beyond max_centres every other CP is dropped. Circles of more than 48 edgels, and particles
- *   with more than 256 successors, are subsampled evenly.
+ * - Beyond max_centres every other CP is dropped and the stride doubles: one in 2^k is kept.
+ *   Circles of more than 48 edgels, and particles with more than 256 followers, are subsampled
+ *   evenly.
  * - The first pose has no heading: the line's direction is used, once each way.
  * - The contour is extended by C sigma; the search circle is centred at the extended end. The
  *   explored region is the interior of the polygon of both contours.
  * - "By a wide margin": 3 R sigma outside the range. A range that is not given is proposed from the
- *   radii of the CPs (set by hand in the text).
+ *   radii of the CPs (set by hand in the thesis).
  * - Gaussians are relative to their maximum: their units (1 / (rad px^2)) would make a longer part
- *   less likely, contrary to the text. For the same reason the log-likelihood of a step has the
+ *   less likely, contrary to the thesis. For the same reason the log-likelihood of a step has the
  *   offset 0.5: exp(-0.5) of the maximum leaves the likelihood of a part unchanged.
- * - Delta_p bounds (3.7) of the heaviest particle's last step, which is then excluded from the
- *   walk; p_min bounds the product over a part. They cannot be one number: every part ends when
- *   Delta_p is reached.
+ * - Delta_p ends a trajectory: it bounds (3.7) of the heaviest particle's last step, which is then
+ *   excluded. p_min accepts a part: it bounds the product over its steps. If both bounded the same
+ *   product, every part would end at Delta_p and a greater p_min reject it.
  * - N, D sigma, C sigma, R sigma, Delta_p and p_min are not given: see
  *   cairn_skeleton_grouping_as_written().
  *
@@ -63,23 +69,24 @@ typedef struct cairn_skeleton_grouping_params {
     int32_t max_width, max_height;
     /* 1 ... 2^24 (40,000): capacity of edgels */
     int32_t max_edgels;
-    /* 1 ... 2^20 (4000): capacity of CPs; more CPs are subsampled, one in N */
+    /* 1 ... 2^20 (4000): capacity of CPs. Of more edgels than half of it one in N is paired; as
+     * written one CP in 2^k is kept. */
     int32_t max_centres;
     /* 1 ... 4096 (256): capacity of lines through CPs, also during fitting, and of seeds */
     int32_t max_lines;
     /* 1 ... 4096 (256): capacity of parts */
     int32_t max_parts;
-    /* 1 ... 2^20 (8192): capacity of axis points of all parts. A walk needs 2 max_steps + 1 free
-     * points. */
+    /* 1 ... 2^20 (8192): capacity of axis points of all parts. A trajectory needs 2 max_steps + 1
+     * free points. */
     int32_t max_points;
-    /* 1 ... 1024 (96): greatest number of steps of a walk */
+    /* 1 ... 1024 (96): greatest number of steps of a trajectory */
     int32_t max_steps;
     /* 1 ... 1024 (16): particles of a filter */
     int32_t particle_count;
     /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN (CAIRN_MODE_DEFAULT): method, see above */
     int32_t mode;
-    /* rad, > 0 (20 degrees): D sigma: standard deviation of directions and of the loss of
-     * symmetry */
+    /* rad, > 0 (20 degrees): D sigma: standard deviation of contour directions and of the loss of
+     * symmetry per step; the thesis calls the relation of contour and skeleton duality */
     cairn_real duality_sigma;
     /* px, > 0 (8): C sigma: standard deviation of the step length and search radius of a step */
     cairn_real step_sigma;
@@ -89,15 +96,16 @@ typedef struct cairn_skeleton_grouping_params {
     /* rad, > 0 (8 degrees): standard deviation of the angle between an edgel's normal and the
      * vector to its CP; as written the greatest mean angle */
     cairn_real symmetry_sigma;
-    /* > 0, < 1 (0.9): detection probability: share of a contour that has edgels */
+    /* > 0, < 1 (0.9): detection probability: share of a contour that has edgels; 1 - probability of
+     * occlusion */
     cairn_real detection_probability;
     /* > 0, < 1 (0.05): probability that the contrast polarity changes from one contour point to the
      * next */
     cairn_real polarity_flip_probability;
-    /* >= 0 (6): log odds of an edgel e times as steep as the mean; unused as written */
+    /* >= 0 (6): log odds per unit of ln(slope / mean slope) of an edgel; unused as written */
     cairn_real contrast_weight;
-    /* nats, > 0 (10): a walk stops when its log odds fall this much below their maximum; as written
-     * -log Delta_p */
+    /* nats, > 0 (10): a trajectory ends when its log odds fall this much below their maximum; as
+     * written -log Delta_p */
     cairn_real stop_log_odds;
     /* nats, >= 0 (20): least log odds of a reported part; as written log p_min */
     cairn_real min_log_odds;
@@ -166,7 +174,9 @@ typedef struct cairn_skeleton_grouping_point {
     cairn_vec2 centre;
     /* Radius of the disc, px. */
     cairn_real radius;
-    /* Contact points on the contour, left and right of the walking direction (y up). */
+    /* Contact points on the contour. With x along the axis, from point to point, contact[0] has the
+     * greater y: as the image is seen (y down), contact[0] is to the right and contact[1] to the
+     * left. */
     cairn_vec2 contact[2];
     /* Edgel indices at the contact points; -1: undetected, the contour is interpolated. */
     int32_t edgel[2];
@@ -201,9 +211,9 @@ typedef struct cairn_skeleton_grouping_result {
     const cairn_skeleton_grouping_object *objects;
     /* Numbers of points, parts and objects. */
     int32_t point_count, part_count, object_count;
-    /* Number of CPs, of lines through CPs, and of seeds of walks. */
+    /* Number of CPs, of lines through CPs, and of seeds of trajectories. */
     int32_t centre_count, line_count, seed_count;
-    /* Seeds whose walks exceeded max_parts or max_points. */
+    /* Seeds dropped for lack of capacity: max_parts or max_points. */
     int32_t dropped_seed_count;
     /* The given or proposed range of radii, px. */
     cairn_real min_radius, max_radius;
@@ -213,7 +223,8 @@ typedef struct cairn_skeleton_grouping_result {
 cairn_skeleton_grouping_result
 cairn_skeleton_grouping_read(const cairn_skeleton_grouping *skeleton);
 
-/* The seeds of the walks (Adluru 2008, fig. 3.3); valid as long as the result. */
+/* Diagnostics (Adluru 2008, fig. 3.3): CPs and mirror-symmetric lines; valid as long as the
+ * result. */
 
 /* Writes CP number index of the line fit, in no order, px; returns 0 beyond the last one.
  *

@@ -1,5 +1,6 @@
-/* Contour grouping by contour-skeleton duality: pose hypotheses, particle filter and outline
- * matching.
+/* Contour grouping: pose hypotheses from pairs of edge segments, matching of the model's outline by
+ * dynamic programming, and a particle filter between them, whose weights hardly matter
+ * (docs/lab/group.md). As written: the filter alone (contour_grouping_written.c).
  *
  * Method:
  * 1. Segments are cut into tokens, which are sorted into a grid.
@@ -16,8 +17,8 @@
  * two states of each trajectory, the segments found.
  *
  * Limits: objects of one image closer to each other than a third of their size are merged. A
- * segment that is symmetric with itself is cut into tokens; a segment shorter than a token is not
- * cut.
+ * segment whose own pieces are symmetric is handled as separate tokens; a segment shorter than a
+ * token is not cut.
  *
  * Source: Adluru 2008, chapter 2. This project's additions: the similarity transform in place of
  * the displacement from the start, the search over sizes, and starts within the path. */

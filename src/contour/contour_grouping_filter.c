@@ -6,8 +6,9 @@
  *
  * Method:
  * 1. Proposal: for the next model sample, all pairs of tokens near both predicted contact points,
- *    each side possibly unmatched. Masses by the loss of symmetry and by how far the advance along
- *    the contour differs from the model's spacing (after 2.11, whose g is the gap itself).
+ *    each side possibly unmatched. Proposal weights by the loss of symmetry and by how far the
+ *    advance along the contour differs from the model's spacing (after 2.11, whose g is the gap
+ *    itself).
  * 2. Likelihood: position of the skeleton point and radius (2.13), and the fit of both sides.
  * 3. Update: the new points are added to the fit.
  *

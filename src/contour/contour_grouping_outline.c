@@ -1,16 +1,18 @@
 /* Matching of the model's whole outline to the tokens, and refinement of the pose.
  *
- * Method: dynamic programming along the outline (Viterbi algorithm).
+ * Method: dynamic programming along the outline with an occlusion state (Viterbi algorithm).
  * 1. States: an outline sample is matched to one of the tokens near it, or occluded.
- * 2. Score: an approximate log-likelihood ratio of the tokens, object against chance. A matched
- *    piece of outline scores more the closer it lies, by the better of two tolerances: that of the
- *    same object and that of another object of its class. A straight piece scores less than a
- *    curved one. Following a chain round a curve scores more, since few chains curve there by
- *    chance.
- * 3. Transition costs: to begin, to end, and to switch chains. Leaving a chain that continues
- *    elsewhere costs most, because an object's own contour does not do so. Occlusion costs little:
- *    a visible part of an object is evidence as well.
- * 4. Refinement: alternates matching and a least-squares fit of the pose, with pruning of poor
+ * 2. Data term: an approximate log-likelihood ratio of the token, object against background
+ *    clutter. It decreases with the distance, by the better of two tolerances: that of the same
+ *    object and that of another object of its class. It is less for a straight piece than for a
+ *    curved one. A chain that is followed round a curve has a reward, since chains of the
+ *    background rarely curve there.
+ * 3. Transition term: costs to begin a matched run, to end it, and to switch chains. The greatest
+ *    is that of a switch away from a chain that continues elsewhere, which a contour of the object
+ *    rarely does.
+ * 4. Occlusion state: a small cost per piece, since a visible part of an object is evidence as
+ *    well.
+ * 5. Refinement: alternates matching and a least-squares fit of the pose, with pruning of poor
  *    poses.
  *
  * Source: the dynamic program over a whole path is this project's, in place of the likelihood of

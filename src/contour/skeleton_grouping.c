@@ -8,14 +8,14 @@
  * 3. Expectation-maximization fits lines to the CPs in (x, y, radius). Lines of mirror-symmetric
  *    CPs are seeds (skeleton_grouping_seed.c).
  * 4. From each seed a particle filter follows the axis to both ends (skeleton_grouping_walk.c).
- * 5. Walks compete for edgels by log odds; the selected parts that continue into each other form
- *    objects (skeleton_grouping_part.c).
+ * 5. Trajectories compete for edgels by log odds; the selected parts that continue into each other
+ *    form objects (skeleton_grouping_part.c).
  *
  * As written: CPs of all pairs (skeleton_grouping_written.c), and a filter for each line
  * (skeleton_grouping_written_walk.c).
  *
- * Memory layout: edgels sorted by cell, CPs, seeds, the filter with the history of its walks, the
- * discs of all walks.
+ * Memory layout: edgels sorted by cell, CPs, seeds, the filter with the histories of its particles,
+ * the discs of all trajectories.
  *
  * Limits: an axis is found from its two sides, so round blobs, which have no axis direction, are
  * found only in part. Contours closer than two steps merge.

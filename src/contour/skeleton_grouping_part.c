@@ -1,9 +1,9 @@
 /* Selection of parts (greedy, by log odds) and joining of parts to objects.
  *
  * Method:
- * 1. In each round every walk is scored by its stretch of greatest log odds (maximum-sum subarray).
- *    Discs whose contour is already assigned to a part count as losses.
- * 2. The best walk becomes a part and its edgels are assigned to it. The rounds end when no walk
+ * 1. In each round every trajectory is scored by its stretch of greatest log odds (maximum-sum
+ *    subarray). Discs whose contour is already assigned to a part count as losses.
+ * 2. The best trajectory becomes a part and its edgels are assigned to it. The rounds end when none
  *    reaches min_log_odds.
  * 3. Parts are smoothed along their axes.
  * 4. Parts whose axes continue into each other are united to objects (union-find), sorted by log
@@ -48,7 +48,7 @@ static int is_written(const cairn_skeleton_grouping *skeleton)
     return skeleton->params.mode == CAIRN_MODE_AS_WRITTEN;
 }
 
-/* As written: scores the whole walk, without competition. */
+/* As written: scores the whole trajectory, without competition. */
 static void score_whole(const cairn_skeleton_grouping *skeleton, skeleton_grouping_part *part)
 {
     part->kept_first = part->first;
@@ -116,7 +116,7 @@ static void assign_along(cairn_skeleton_grouping *skeleton, cairn_segment line)
     }
 }
 
-/* Assigns the edgels of a walk to its part. */
+/* Assigns the edgels of a trajectory to its part. */
 static void assign_edgels(cairn_skeleton_grouping *skeleton, const skeleton_grouping_part *part)
 {
     for (int32_t i = part->kept_first; i < part->kept_end; i++)
@@ -153,7 +153,7 @@ static cairn_skeleton_grouping_point smoothed_point(const cairn_skeleton_groupin
     return q;
 }
 
-/* Appends a selected walk to the reported parts. */
+/* Appends a selected trajectory to the reported parts. */
 static void report_part(cairn_skeleton_grouping *skeleton, const skeleton_grouping_part *p)
 {
     cairn_skeleton_grouping_part *part = &skeleton->parts[skeleton->part_count];
@@ -175,7 +175,7 @@ static void report_part(cairn_skeleton_grouping *skeleton, const skeleton_groupi
     skeleton->part_count++;
 }
 
-/* Returns the unselected walk of greatest log odds; -1: none. */
+/* Returns the unselected trajectory of greatest log odds; -1: none. */
 static int32_t best_of(const cairn_skeleton_grouping *skeleton)
 {
     int32_t best = -1;

@@ -1,5 +1,5 @@
-/* Particle filter along an axis: proposal, likelihood, and the runs from each seed to both ends of
- * its axis.
+/* Particle filter along an axis: proposal, likelihood, and the trajectories from each seed to both
+ * ends of its axis.
  *
  * Method:
  * 1. Proposal: edgels are searched ahead of both contour ends, along their tangents; a side without
@@ -11,7 +11,7 @@
  *    constant curvature has t = 2 b. A steep slope is evidence as well, since clutter edgels are
  *    rarely steep.
  * 4. Gain of a pair: log-likelihood ratio of its symmetry and its change of radius against
- *    chance. */
+ *    background clutter. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -377,7 +377,7 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     return CAIRN_OK;
 }
 
-/* Stores the walk up to a state's maximum if it is the best so far. */
+/* Stores the trajectory up to a state's maximum if it is the best so far. */
 static void update_best_path(cairn_skeleton_grouping *skeleton, const skeleton_grouping_state *last)
 {
     const skeleton_grouping_state *s = last;
@@ -433,7 +433,7 @@ static skeleton_grouping_state first_state(const cairn_skeleton_grouping *skelet
     return s;
 }
 
-/* Returns 1 if a walk from another seed covers the CP. */
+/* Returns 1 if a trajectory from another seed covers the CP. */
 static int is_covered(const cairn_skeleton_grouping *skeleton,
                       const skeleton_grouping_centre *centre)
 {
@@ -448,7 +448,8 @@ static int is_covered(const cairn_skeleton_grouping *skeleton,
     return 0;
 }
 
-/* Appends the discs of the walk to one end. The first run is reversed and precedes the seed. */
+/* Appends the discs of the trajectory to one end. The first one is reversed and precedes the
+ * seed. */
 static void append_discs(cairn_skeleton_grouping *skeleton)
 {
     int32_t reversed = skeleton->direction == 0;
@@ -505,7 +506,7 @@ static cairn_status run(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* Assembles a candidate from the first run, the seed and the second run. */
+/* Assembles a candidate from the first trajectory, the seed and the second one. */
 static void end_run(cairn_skeleton_grouping *skeleton)
 {
     skeleton_grouping_part *p = &skeleton->candidates[skeleton->candidate_count];

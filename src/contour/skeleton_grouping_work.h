@@ -45,7 +45,7 @@ typedef struct skeleton_grouping_seed {
     int32_t support; /* Mirror-symmetric CPs of the line; 0: a single CP. */
 } skeleton_grouping_seed;
 
-/* One state of a walk. */
+/* One state of a trajectory. */
 typedef struct skeleton_grouping_state {
     /* On the left and right of the heading; inward: normal towards the axis. */
     cairn_vec2 contact[2], inward[2];
@@ -53,7 +53,7 @@ typedef struct skeleton_grouping_state {
     cairn_vec2 centre, heading;
     /* As in skeleton_grouping_centre. */
     cairn_real radius, deviation;
-    /* Log odds of this step, of the walk, and the walk's maximum so far, nats. */
+    /* Log odds of this step, of the trajectory, and their maximum so far, nats. */
     cairn_real gain, log_odds, best_log_odds;
     /* edgel: -1: undetected. */
     int32_t edgel[2], polarity[2];
@@ -96,7 +96,7 @@ struct cairn_skeleton_grouping {
     skeleton_grouping_centre *centres;
     /* [max_lines] */
     skeleton_grouping_seed *seeds;
-    /* [max_steps + 1] The best walk; NULL as written. */
+    /* [max_steps + 1] The best trajectory; NULL as written. */
     skeleton_grouping_state *best_path;
     /* NULL unless as written. */
     skeleton_grouping_written *written;
@@ -123,13 +123,14 @@ struct cairn_skeleton_grouping {
     cairn_real min_search_radius, max_search_radius;
     /* Grid cells, numbers of edgels and of those with a known slope, subsampling stride. */
     int32_t columns, rows, edgel_count, slope_count, stride;
-    /* Stored and found CPs; seeds, seeds from lines; fitted lines; started walks. */
+    /* Stored and found CPs; seeds, seeds from lines; fitted lines; started
+     * trajectories. */
     int32_t centre_count, centres_found, seed_count, line_seeds, line_count, walk_count;
     int32_t disc_count, candidate_count, point_count, part_count, object_count;
-    /* Length of the best walk in states. */
+    /* Length of the best trajectory in states. */
     int32_t best_path_length;
     cairn_real best_path_log_odds;
-    /* Current seed and walking direction; 1: the filter is running. */
+    /* Current seed and direction along the axis; 1: the filter is running. */
     int32_t seed_index, direction, is_walking;
     /* Loop counters of the current phase. */
     int32_t cursor, second_cursor, polarity_cursor, phase_counter;

@@ -19,7 +19,7 @@ typedef struct skeleton_grouping_written_pair {
     /* Radius, px. */
     cairn_real radius;
     int32_t edgel[2];
-    int32_t is_crossing; /* 1: its axis or contour crosses the walk so far. */
+    int32_t is_crossing; /* 1: its axis or contour crosses the trajectory so far. */
 } skeleton_grouping_written_pair;
 
 /* Conditions on a pair of edgels. */
@@ -30,9 +30,10 @@ typedef struct skeleton_grouping_written_limits {
     cairn_real min_cosine;
 } skeleton_grouping_written_limits;
 
-/* One pose of the virtual robot, x_t. */
+/* One state of a trajectory, x_t: a pose of the thesis's "virtual robot". */
 typedef struct skeleton_grouping_written_state {
-    /* contact[0] belongs to one contour, contact[1] to the other, along the whole walk. */
+    /* contact[0] belongs to one contour, contact[1] to the other, along the whole
+     * trajectory. */
     skeleton_grouping_written_pair pair;
     /* Unit vector: direction of the sum of the four vectors between the previous and the new
      * edgels. */

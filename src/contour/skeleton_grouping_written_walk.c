@@ -1,5 +1,5 @@
-/* Particle filter of the virtual robot (Adluru 2008, sections 3.4 and 3.5): proposal, weights, and
- * the runs from each line.
+/* Particle filter along an axis, the thesis's "virtual robot" (Adluru 2008, sections 3.4 and 3.5):
+ * proposal, weights, and the trajectories from each line.
  *
  * Method, for each line in each direction:
  * 1. The first particles are the mirror-symmetric CPs of the line (N at most, evenly subsampled).
@@ -7,11 +7,11 @@
  *    orientation. Edgels within C sigma of the extended ends and outside the contour so far are
  *    paired, all with all. Culled are pairs without a CP, with a radius more than
  *    RADIUS_MARGIN_SIGMAS R sigma outside the range, and with a contour or axis that crosses the
- *    walk so far. All others are followers, equally likely.
+ *    trajectory so far. All others are followers, equally likely.
  * 3. Weights: (3.7) to (3.9). The N heaviest followers survive with their weights; resampling when
  *    N_eff < N / 2.
- * 4. The run ends when no particle has a follower, after max_steps, or when (3.7) of the heaviest
- *    particle, relative to its maximum, is below Delta_p. Its walk is the part.
+ * 4. The filter ends when no particle has a follower, after max_steps, or when (3.7) of the
+ *    heaviest particle, relative to its maximum, is below Delta_p. Its trajectory is the part.
  *
  * Limits: circles of more than SKELETON_GROUPING_WRITTEN_MAX_EDGELS edgels and particles with more
  * than SKELETON_GROUPING_WRITTEN_MAX_FOLLOWERS followers are subsampled evenly. */
@@ -510,7 +510,7 @@ static cairn_status run(cairn_skeleton_grouping *skeleton, cairn_budget *budget)
     }
 }
 
-/* Stores the walk of the heaviest particle, without the last step if that step ended the run. */
+/* Stores the trajectory of the heaviest particle, without the last step if that step ended it. */
 static void end_run(cairn_skeleton_grouping *skeleton)
 {
     skeleton_grouping_part *part = &skeleton->candidates[skeleton->candidate_count];

@@ -253,11 +253,11 @@ static cairn_contour_search_shape shape_of(const contour_searcher *searcher,
                                            const contour_search_fitted_outline *fitted,
                                            cairn_real turn, const cairn_shape_model *model)
 {
-    const contour_search_reference drawn = {
+    const contour_search_reference reference = {
         model->outline, {(cairn_real)cos((double)turn), (cairn_real)sin((double)turn)}};
 
     return cairn_contour_search_shape_of(searcher->tokens, fitted, searcher->fit.outline_index,
-                                         &drawn, searcher->scratch, NULL);
+                                         &reference, searcher->scratch, NULL);
 }
 
 static cairn_real evidence_of(const cairn_contour_search_object *object)

@@ -8,7 +8,7 @@
  *    across junctions to other chains that start there. The offset from the outline may grow slowly
  *    on the way.
  * 4. Where edges leave the outline they are followed for a limited length. Near the gaps of the
- *    drawing, where the object continues beyond the drawn outline, they are followed round any
+ *    drawing, where the object continues beyond the model outline, they are followed round any
  *    corner. */
 #include "src/core/build.h"
 

@@ -3,8 +3,8 @@
  * Method:
  * 1. A window around the object has cells that are a share of its size, so that all objects cost
  *    the same.
- * 2. Every segment is entered into the direction bins near its own, at a cost by angle and
- *    strength.
+ * 2. Every segment is rasterized in the direction bins near its own, at a cost by angle and
+ *    strength rank.
  * 3. Minimum costs are propagated a few sigmas along rows, then along columns (separable distance
  *    transform).
  * 4. The background likelihood of a direction is its mean over the window. */
@@ -25,8 +25,8 @@
 #define MAX_ANGLE_SIGMAS 2.2
 /* Propagation radius of a cost, cells. */
 enum { SPREAD_CELLS = 5 };
-/* An edge stronger than a share s of all edges is 2 s times as likely on an object as elsewhere;
- * lower bound of this ratio. */
+/* Lower bound of the likelihood ratio 2 s of an edge of strength rank s in [0, 1], object against
+ * background. */
 #define MIN_STRENGTH_RATIO 0.2
 /* Least background likelihood. */
 #define MIN_BACKGROUND 0.02
@@ -41,8 +41,8 @@ static void clear_costs(cairn_real *cost)
 }
 
 /* Rasterizes a line into the cells of one direction. */
-static void mark_line(contour_search_field *field, cairn_segment line, cairn_real *cost,
-                      cairn_real line_cost)
+static void rasterize_line(contour_search_field *field, cairn_segment line, cairn_real *cost,
+                           cairn_real line_cost)
 {
     cairn_real length = cairn_segment_length(line);
     int32_t steps = 1 + (int32_t)(2 * length / field->cell_size);
@@ -68,26 +68,27 @@ static int is_outside(const contour_search_field *field, cairn_segment line)
            cairn_min(line.a.y, line.b.y) > field->corner.y + side;
 }
 
-/* Enters a segment into all direction bins near its own. */
-static void enter_segment(contour_search_field *field, cairn_segment line, cairn_real strength)
+/* Rasterizes a segment in all direction bins near its own. */
+static void rasterize_segment(contour_search_field *field, cairn_segment line, cairn_real strength)
 {
     double angle = atan2((double)(line.b.y - line.a.y), (double)(line.b.x - line.a.x));
-    double strong = -log(fmax(MIN_STRENGTH_RATIO, 2 * (double)strength));
+    double strength_cost = -log(fmax(MIN_STRENGTH_RATIO, 2 * (double)strength));
 
     for (int32_t bin = 0; bin < DIRECTION_BINS; bin++) {
-        double turn = remainder(angle - ((double)bin + 0.5) * ((double)CAIRN_PI / DIRECTION_BINS),
-                                (double)CAIRN_PI) /
-                      ANGLE_SIGMA;
+        double deviation =
+            remainder(angle - ((double)bin + 0.5) * ((double)CAIRN_PI / DIRECTION_BINS),
+                      (double)CAIRN_PI) /
+            ANGLE_SIGMA;
 
-        if (fabs(turn) <= MAX_ANGLE_SIGMAS)
-            mark_line(field, line, &field->cost[(size_t)bin * FIELD_SIDE * FIELD_SIDE],
-                      (cairn_real)(strong + turn * turn / 2));
+        if (fabs(deviation) <= MAX_ANGLE_SIGMAS)
+            rasterize_line(field, line, &field->cost[(size_t)bin * FIELD_SIDE * FIELD_SIDE],
+                           (cairn_real)(strength_cost + deviation * deviation / 2));
     }
 }
 
 /* One-dimensional distance transform of FIELD_SIDE cells: minimum over up to SPREAD_CELLS steps to
  * either side. */
-static void spread_line(cairn_real *cost, const cairn_real *previous, int32_t step)
+static void distance_transform_1d(cairn_real *cost, const cairn_real *previous, int32_t step)
 {
     memcpy(cost, previous, FIELD_SIDE * sizeof *cost);
     for (int32_t k = 1; k <= SPREAD_CELLS; k++) {
@@ -123,14 +124,15 @@ static void spread_both(cairn_real *cost, cairn_real *plane)
     for (int32_t i = 0; i < FIELD_SIDE; i++) {
         memcpy(&line[SPREAD_CELLS], &cost[i * FIELD_SIDE], FIELD_SIDE * sizeof *line);
         if (has_edge(&line[SPREAD_CELLS], FIELD_SIDE))
-            spread_line(&cost[i * FIELD_SIDE], &line[SPREAD_CELLS], 1);
+            distance_transform_1d(&cost[i * FIELD_SIDE], &line[SPREAD_CELLS], 1);
     }
     for (int32_t i = 0; i < SPREAD_CELLS * FIELD_SIDE; i++)
         plane[i] = plane[(FIELD_SIDE + SPREAD_CELLS) * FIELD_SIDE + i] =
             CONTOUR_SEARCH_FIELD_MAX_COST;
     memcpy(&plane[SPREAD_CELLS * FIELD_SIDE], cost, sizeof *plane * FIELD_SIDE * FIELD_SIDE);
     for (int32_t i = 0; i < FIELD_SIDE; i++)
-        spread_line(&cost[i * FIELD_SIDE], &plane[(SPREAD_CELLS + i) * FIELD_SIDE], FIELD_SIDE);
+        distance_transform_1d(&cost[i * FIELD_SIDE], &plane[(SPREAD_CELLS + i) * FIELD_SIDE],
+                              FIELD_SIDE);
 }
 
 /* Transforms one direction's costs, and returns the mean likelihood. */
@@ -187,7 +189,7 @@ void cairn_contour_search_field_fill(contour_search_field *field,
         clear_costs(&field->cost[(size_t)bin * FIELD_SIDE * FIELD_SIDE]);
     for (int32_t i = 0; i < tokens->count; i++)
         if (!is_outside(field, tokens->lines[i]))
-            enter_segment(field, tokens->lines[i], tokens->strength_rank[i]);
+            rasterize_segment(field, tokens->lines[i], tokens->strength_rank[i]);
     for (int32_t bin = 0; bin < DIRECTION_BINS; bin++)
         field->background[bin] =
             spread(&field->cost[(size_t)bin * FIELD_SIDE * FIELD_SIDE], field->plane);

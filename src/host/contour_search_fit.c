@@ -7,7 +7,7 @@
  *    Different shifts of neighbours cost in proportion to the difference.
  * 2. Dynamic programming finds the best shifts of a whole outline. An outline is closed: it is
  *    traversed twice, and the middle of both rounds is read.
- * 3. The first round is coarse. The least-squares affine map of its result is the next base.
+ * 3. The first round is coarse. The least-squares affine transform of its result is the next base.
  * 4. Later rounds start from the smoothed deformed outline, on finer grids.
  *
  * Limits: a part farther from its predicted position than the widest grid is not found. The
@@ -26,11 +26,11 @@
 
 /* Share of the size: pieces of the outline of this length are treated as independent. */
 #define PIECE_LENGTH 0.08
-/* Probability that a piece of the contour has no edge. */
+/* Probability that a piece of the contour has no edge: 1 - detection probability. */
 #define OCCLUSION_PROBABILITY 0.25
 /* Cost (nats) of a relative shift of neighbouring samples, per object size. */
 #define STRETCH_COST 30.0
-/* Standard deviation of the logarithm of an affine map's anisotropy. */
+/* Standard deviation of the logarithm of an affine transform's anisotropy. */
 #define ASPECT_SIGMA 0.25
 /* Weight of the previous base in the affine fit, relative to a sample with an edge. */
 #define PRIOR_WEIGHT 0.15
@@ -353,7 +353,7 @@ static void score_samples(outline_deformer *deformer)
                    cairn_contour_search_field_bin(deformer->fit->outline[i].direction));
 }
 
-/* Cost of an affine map's anisotropy. */
+/* Cost of an affine transform's anisotropy. */
 static cairn_real aspect_cost(cairn_real map[2][3])
 {
     double p = (double)map[0][0], q = (double)map[0][1], r = (double)map[1][0],
@@ -366,7 +366,7 @@ static cairn_real aspect_cost(cairn_real map[2][3])
     return (cairn_real)(aspect * aspect / 2);
 }
 
-/* Fits an affine map from the model to the outline (weighted least squares) as the next base;
+/* Fits an affine transform from the model to the outline (weighted least squares) as the next base;
  * returns the cost of its anisotropy. */
 static cairn_real fit_affine_map(outline_deformer *deformer)
 {

@@ -59,7 +59,7 @@ int cairn_contour_search_fit_run(contour_search_fit *fit, const contour_search_f
 int cairn_contour_search_fit_new(contour_search_fit *fit, int32_t outline_count);
 void cairn_contour_search_fit_free(contour_search_fit *fit);
 
-/* The original outline that a deformed outline is compared with. */
+/* The model outline that a deformed outline is compared with. */
 typedef struct contour_search_reference {
     /* [outline_count] of the model, mirrored if the object is */
     const cairn_oriented_point *outline;

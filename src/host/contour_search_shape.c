@@ -5,9 +5,9 @@
  * computed.
  * 1. Edge proximity: how near an edge of the sample's direction is, on a finer scale than that of
  *    the deformation.
- * 2. Tangent deviation: the rotation of the outline's tangents against the drawing.
- * 3. Deformation: the residual of the least-squares affine map from the drawing. It is large for a
- *    part displaced against the others, or a new bend.
+ * 2. Tangent deviation: the rotation of the outline's tangents against the model outline.
+ * 3. Deformation: the residual of the least-squares affine transform from the model outline. It is
+ *    large for a part displaced against the others, or a new bend.
  *
  * Source: this project's. */
 #include "src/core/build.h"
@@ -33,10 +33,10 @@ static cairn_real cost_of(cairn_segment line, cairn_oriented_point point, cairn_
     cairn_vec2 along = cairn_vec2_unit(cairn_vec2_sub(line.b, line.a));
     cairn_real distance = cairn_contour_search_point_distance(line, point.position) /
                           ((cairn_real)DISTANCE_SIGMA * size);
-    cairn_real turn = cairn_vec2_cross(along, point.direction) / (cairn_real)SINE_SIGMA;
+    cairn_real sine = cairn_vec2_cross(along, point.direction) / (cairn_real)SINE_SIGMA;
 
-    return distance <= MAX_DISTANCE_SIGMAS && cairn_abs(turn) <= MAX_SINE_SIGMAS
-               ? (distance * distance + turn * turn) / 2
+    return distance <= MAX_DISTANCE_SIGMAS && cairn_abs(sine) <= MAX_SINE_SIGMAS
+               ? (distance * distance + sine * sine) / 2
                : CAIRN_REAL_MAX;
 }
 
@@ -94,7 +94,8 @@ static int32_t end_of_outline(const int32_t *outline_index, int32_t first, int32
     return end;
 }
 
-/* Mean of 1 - cos of the angle between the rotated drawing's tangents and those of the outline. */
+/* Mean of 1 - cos of the angle between the tangents of the rotated model outline and those of the
+ * deformed one. */
 static cairn_real tangent_deviation(const contour_search_fitted_outline *fitted,
                                     const int32_t *outline_index,
                                     const contour_search_reference *reference)
@@ -126,7 +127,7 @@ static cairn_real tangent_deviation(const contour_search_fitted_outline *fitted,
     return cairn_max(0, sum) / (cairn_real)fitted->outline_count;
 }
 
-/* Least-squares affine map; 0: singular. */
+/* Least-squares affine transform; 0: singular. */
 static int32_t solve_map(const contour_search_fitted_outline *fitted,
                          const cairn_oriented_point *reference, cairn_real map[2][3])
 {
@@ -146,7 +147,7 @@ static int32_t solve_map(const contour_search_fitted_outline *fitted,
     return cairn_sym3_solve(sums, right[0], map[0]) && cairn_sym3_solve(sums, right[1], map[1]);
 }
 
-/* Root mean square residual of the affine map, relative to the mapped area's side. */
+/* Root mean square residual of the affine transform, relative to the mapped area's side. */
 static cairn_real deformation_of(const contour_search_fitted_outline *fitted,
                                  const cairn_oriented_point *reference)
 {

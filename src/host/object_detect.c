@@ -1,15 +1,16 @@
 /* Detection of objects of a class by their outlines.
  *
  * Method:
- * 1. Candidates by sliding window: a score map for each size and variant of the model (mirrored or
- *    not, five aspect ratios). It holds the mean log-likelihood ratio of the outline's samples
+ * 1. Candidates by template matching over a scale pyramid (a probabilistic oriented chamfer
+ *    distance): a score map for each size and variant of the model (mirrored or not, five aspect
+ *    ratios). It holds the mean log-likelihood ratio of the outline's samples
  *    (object_detect_field.c) at every position of the origin, a correlation by sums of shifted
- *    planes. The peaks of all maps after non-maximum suppression are the candidates
+ *    levels. The peaks of all maps after non-maximum suppression are the candidates
  *    (object_detect_candidates.c).
  * 2. Refinement: the outline is deformed to the edges around each candidate (contour_search_fit.c).
- * 3. Score: a linear combination of the evidence before and after deformation, the shape quality
- *    (contour_search_shape.c), and the evidence of contour grouping at the same position
- *    (object_detect_group.c). Boxes are those of the deformed outlines.
+ * 3. Score: a linear combination of the log-likelihood ratios before and after deformation, the
+ *    shape quality (contour_search_shape.c), and the log-likelihood ratio of contour grouping at
+ *    the same position (object_detect_group.c). Boxes are those of the deformed outlines.
  * 4. Non-maximum suppression of overlapping detections.
  *
  * PARTS: the candidates are configurations of parts (object_detect_parts.c) and keep their scores;
@@ -32,8 +33,8 @@
  * (contour_search_fit.c). */
 #define PIECE_LENGTH 0.08
 /* Score weights: evidence before deformation, and log of the size over the image's diagonal;
- * evidence after deformation has weight 1. A piece of a small outline is a few pixels, where chance
- * edges are more likely. */
+ * evidence after deformation has weight 1. A piece of a small outline is a few pixels, where edges
+ * of background clutter are more likely. */
 #define RIGID_EVIDENCE_WEIGHT 2
 #define SIZE_WEIGHT           1
 /* Score weights: edge proximity, tangent deviation and deformation (contour_search_shape.c). */
@@ -45,8 +46,8 @@
 #define SCORE_OFFSET 10.7
 /* Score weight of the squared log ratio of the box's aspect ratio to the model's. */
 #define ASPECT_WEIGHT 1
-/* Score weights with `occluded`: rigid proximity, grouped evidence and size only, because occluded
- * parts were deformed to the occluder. Scores keep the same zero. */
+/* Score weights with `occluded`: rigid proximity, grouped evidence and size only, because
+ * deformation would snap occluded samples to the occluder's edges. Scores keep the same zero. */
 #define OCCLUDED_PROXIMITY_WEIGHT 20
 #define OCCLUDED_GROUPING_WEIGHT  CAIRN_REAL(0.5)
 #define OCCLUDED_SIZE_WEIGHT      2
@@ -113,7 +114,8 @@ static float contained_share(const cairn_object_detection *a, const cairn_object
 }
 
 /* Groups contours; with `occluded` grouped objects become additional candidates, at most
- * `candidates`. MAX_PEAKS leaves capacity for them. */
+ * `candidates`. They bypass the non-maximum suppression of candidates, but not that of detections.
+ * MAX_PEAKS leaves capacity for them. */
 static cairn_status group_contours(object_detector *detector)
 {
     const cairn_object_detect_params *params = &detector->field->params;
@@ -215,7 +217,7 @@ static int append_segments(const object_detector *detector, cairn_object_detecti
     return 1;
 }
 
-/* The original outline, mirrored if the detection is. */
+/* The model outline, mirrored if the detection is. */
 static const cairn_oriented_point *model_outline(const object_detector *detector,
                                                  const cairn_object_detection *detection)
 {
@@ -461,7 +463,7 @@ static cairn_status check_model(const cairn_shape_model *model, cairn_fault *fau
         status = cairn_refuse(
             fault, -1, "an outline along one straight line, expected one with a width and a height",
             CAIRN_BAD_ARGUMENT);
-    if (status == CAIRN_OK && !cairn_object_detect_variants_fit(model))
+    if (status == CAIRN_OK && !cairn_object_detect_variants_are_inside_margin(model))
         status = cairn_refuse(
             fault, -1,
             "the outline extends farther from its origin than half its size, expected it within",

@@ -1,5 +1,5 @@
-/* Rigid proximity: how much of a deformed outline agrees on one similarity transform of the
- * original outline, and that transform. For objects of the model's own shape that are partly
+/* Rigid proximity: the inliers of a deformed outline under one similarity transform of the model
+ * outline, and that transform. For objects of the model's own shape that are partly
  * occluded.
  *
  * Method: robust fitting by iteratively reweighted least squares from several starts.

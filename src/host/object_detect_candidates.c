@@ -57,7 +57,7 @@ int cairn_object_detect_variants_add(object_detector *detector)
     return 1;
 }
 
-int cairn_object_detect_variants_fit(const cairn_shape_model *model)
+int cairn_object_detect_variants_are_inside_margin(const cairn_shape_model *model)
 {
     for (int32_t k = 0; k < OBJECT_DETECT_ASPECTS; k++)
         for (int32_t i = 0; i < model->outline_count; i++) {
@@ -99,14 +99,14 @@ static object_detect_peak *next_peak(object_detector *detector)
 }
 
 /* Adds the local maxima of a score map to the peaks. */
-static void add_peaks(object_detector *detector, const object_detect_plane *plane, const float *sum,
+static void add_peaks(object_detector *detector, const object_detect_level *level, const float *sum,
                       int32_t index)
 {
-    int32_t w = plane->width, h = plane->height;
+    int32_t w = level->width, h = level->height;
     float share = 1 / (float)detector->model->outline_count;
-    float bonus = CANDIDATE_SIZE_WEIGHT *
-                  logf((float)plane->size / hypotf((float)detector->field->tokens->width,
-                                                   (float)detector->field->tokens->height));
+    float size_prior = CANDIDATE_SIZE_WEIGHT *
+                       logf((float)level->size / hypotf((float)detector->field->tokens->width,
+                                                        (float)detector->field->tokens->height));
 
     for (int32_t y = 0; y < h; y++)
         for (int32_t x = 0; x < w; x++) {
@@ -122,11 +122,11 @@ static void add_peaks(object_detector *detector, const object_detect_plane *plan
             if (is_peak) {
                 object_detect_peak *peak = next_peak(detector);
 
-                peak->score = value * share + bonus;
+                peak->score = value * share + size_prior;
                 peak->rigid = value * share;
-                peak->x = ((float)x + 0.5F) * (float)plane->cell_size;
-                peak->y = ((float)y + 0.5F) * (float)plane->cell_size;
-                peak->size = (float)plane->size;
+                peak->x = ((float)x + 0.5F) * (float)level->cell_size;
+                peak->y = ((float)y + 0.5F) * (float)level->cell_size;
+                peak->size = (float)level->size;
                 peak->turn = 0;
                 peak->variant = index;
                 peak->hypothesis = -1;
@@ -134,11 +134,12 @@ static void add_peaks(object_detector *detector, const object_detect_plane *plan
         }
 }
 
-/* Correlates an outline with a plane: sums over its samples for every position of its origin. */
-static void correlate(const object_detector *detector, const object_detect_plane *plane,
+/* Correlates an outline with a level of the pyramid: sums over its samples for every position of
+ * its origin. */
+static void correlate(const object_detector *detector, const object_detect_level *level,
                       const object_detect_variant *variant, float *sum)
 {
-    int32_t w = plane->width, h = plane->height;
+    int32_t w = level->width, h = level->height;
 
     memset(sum, 0, (size_t)w * (size_t)h * sizeof *sum);
     for (int32_t i = 0; i < detector->model->outline_count; i++) {
@@ -147,11 +148,11 @@ static void correlate(const object_detector *detector, const object_detect_plane
             (int32_t)lrint((double)variant->outline[i].position.x * OBJECT_DETECT_CELLS_PER_SIZE);
         int32_t dy =
             (int32_t)lrint((double)variant->outline[i].position.y * OBJECT_DETECT_CELLS_PER_SIZE);
-        const float *layer = &plane->llr[(size_t)bin * cairn_object_detect_layer(plane)];
+        const float *layer = &level->llr[(size_t)bin * cairn_object_detect_layer(level)];
 
         for (int32_t y = 0; y < h; y++) {
             const float *from = &layer[(size_t)(y + dy + OBJECT_DETECT_MARGIN_CELLS) *
-                                           cairn_object_detect_row(plane) +
+                                           cairn_object_detect_row(level) +
                                        (size_t)(OBJECT_DETECT_MARGIN_CELLS + dx)];
             float *to = &sum[y * w];
 
@@ -223,15 +224,15 @@ int cairn_object_detect_candidates_find(object_detector *detector)
     float *sum = NULL;
 
     detector->peaks = malloc(MAX_PEAKS * sizeof *detector->peaks);
-    for (int32_t k = 0; k < detector->field->planes && detector->peaks != NULL; k++) {
-        const object_detect_plane *plane = &detector->field->plane[k];
+    for (int32_t k = 0; k < detector->field->levels && detector->peaks != NULL; k++) {
+        const object_detect_level *level = &detector->field->level[k];
 
-        sum = malloc((size_t)plane->width * (size_t)plane->height * sizeof *sum);
+        sum = malloc((size_t)level->width * (size_t)level->height * sizeof *sum);
         if (sum == NULL)
             return 0;
         for (int32_t i = 0; i < detector->variant_count; i++) {
-            correlate(detector, plane, &detector->variants[i], sum);
-            add_peaks(detector, plane, sum, i);
+            correlate(detector, level, &detector->variants[i], sum);
+            add_peaks(detector, level, sum, i);
         }
         free(sum);
     }

@@ -17,8 +17,11 @@ typedef struct object_detect_variant {
     int32_t mirrored;
 } object_detect_variant;
 
+/* A candidate. */
 typedef struct object_detect_peak {
-    float score, rigid, x, y, size; /* A candidate. score, rigid: nats; x, y, size: px */
+    /* nats: score with the size prior, and log-likelihood ratio of the undeformed outline */
+    float score, rigid;
+    float x, y, size; /* px */
     int32_t variant;
     float turn;         /* rad, rotation */
     int32_t hypothesis; /* hypothesis by parts; -1: none */
@@ -43,8 +46,8 @@ typedef struct object_detector {
 
 /* Creates the variants of the model and its mirror image. Returns 0 when out of memory. */
 int cairn_object_detect_variants_add(object_detector *detector);
-/* Returns 1 when no variant of the outline exceeds the margins of a field. */
-int cairn_object_detect_variants_fit(const cairn_shape_model *model);
+/* Returns 1 when all variants of the outline are inside the margins of a field. */
+int cairn_object_detect_variants_are_inside_margin(const cairn_shape_model *model);
 
 /* Computes detector->peaks: the best candidates over all sizes and variants after non-maximum
  * suppression. Returns 0 when out of memory. */

@@ -2,8 +2,8 @@
  *
  * Method:
  * 1. For each size a grid of cells, which are a share of the size (scale pyramid).
- * 2. Every segment is entered into the direction bins near its own, at a cost by angle and
- *    strength.
+ * 2. Every segment is rasterized in the direction bins near its own, at a cost by angle and
+ *    strength rank.
  * 3. Minimum costs are propagated a few sigmas along rows, then along columns (separable distance
  *    transform), and converted to likelihoods.
  * 4. The background likelihood is the mean over a window somewhat larger than the object
@@ -28,10 +28,11 @@
 #define MAX_ANGLE_SIGMAS 2.2
 /* Propagation radius of a cost, and half the window's side, cells. */
 enum { SPREAD_CELLS = 3, WINDOW_CELLS = 30 };
-/* An edge stronger than a share s of all edges is 2 s times as likely on an object as elsewhere;
- * lower bound of this ratio. */
+/* Lower bound of the likelihood ratio 2 s of an edge of strength rank s in [0, 1], object against
+ * background. */
 #define MIN_STRENGTH_RATIO 0.2
-/* Least background likelihood, and probability that a piece of an outline has no edge. */
+/* Least background likelihood, and probability that a piece of an outline has no edge: 1 -
+ * detection probability. */
 #define MIN_BACKGROUND        0.02
 #define OCCLUSION_PROBABILITY 0.25
 /* Log-likelihood ratio outside the image, nats. */
@@ -52,50 +53,52 @@ enum {
     MAX_GROUPING_WEIGHT = 100
 };
 
-typedef struct plane_buffers {
+typedef struct level_buffers {
     float *cost;  /* [DIRECTION_BINS][height][width] */
     double *sums; /* [(height + 1)][width + 1] summed-area table */
     float *strip; /* scratch: a row or column with its margins */
-} plane_buffers;
+} level_buffers;
 
-static void mark_line(const object_detect_plane *plane, cairn_segment line, float *cost,
-                      float line_cost)
+/* Rasterizes a line into the cells of one direction. */
+static void rasterize_line(const object_detect_level *level, cairn_segment line, float *cost,
+                           float line_cost)
 {
     double length = (double)cairn_segment_length(line);
-    int32_t steps = 1 + (int32_t)(2 * length / (double)plane->cell_size);
+    int32_t steps = 1 + (int32_t)(2 * length / (double)level->cell_size);
 
     for (int32_t k = 0; k <= steps; k++) {
         double t = (double)k / steps;
         int32_t x = (int32_t)floor(((double)line.a.x + t * (double)(line.b.x - line.a.x)) /
-                                   (double)plane->cell_size);
+                                   (double)level->cell_size);
         int32_t y = (int32_t)floor(((double)line.a.y + t * (double)(line.b.y - line.a.y)) /
-                                   (double)plane->cell_size);
+                                   (double)level->cell_size);
 
-        if (x >= 0 && y >= 0 && x < plane->width && y < plane->height &&
-            line_cost < cost[y * plane->width + x])
-            cost[y * plane->width + x] = line_cost;
+        if (x >= 0 && y >= 0 && x < level->width && y < level->height &&
+            line_cost < cost[y * level->width + x])
+            cost[y * level->width + x] = line_cost;
     }
 }
 
-static void enter_segment(const object_detect_plane *plane, cairn_segment line, cairn_real strength,
-                          float *cost)
+/* Rasterizes a segment in all direction bins near its own. */
+static void rasterize_segment(const object_detect_level *level, cairn_segment line,
+                              cairn_real strength, float *cost)
 {
     double angle = atan2((double)(line.b.y - line.a.y), (double)(line.b.x - line.a.x));
-    double strong = -log(fmax(MIN_STRENGTH_RATIO, 2 * (double)strength));
+    double strength_cost = -log(fmax(MIN_STRENGTH_RATIO, 2 * (double)strength));
 
     for (int32_t bin = 0; bin < DIRECTION_BINS; bin++) {
-        double turn =
+        double deviation =
             remainder(angle - (bin + 0.5) * ((double)CAIRN_PI / DIRECTION_BINS), (double)CAIRN_PI) /
             ANGLE_SIGMA;
 
-        if (fabs(turn) <= MAX_ANGLE_SIGMAS)
-            mark_line(plane, line, &cost[(size_t)bin * (size_t)(plane->width * plane->height)],
-                      (float)(strong + turn * turn / 2));
+        if (fabs(deviation) <= MAX_ANGLE_SIGMAS)
+            rasterize_line(level, line, &cost[(size_t)bin * (size_t)(level->width * level->height)],
+                           (float)(strength_cost + deviation * deviation / 2));
     }
 }
 
 /* One-dimensional distance transform of a row or column of `count` cells, `step` apart. */
-static void spread_line(float *strip, float *cost, int32_t count, int32_t step)
+static void distance_transform_1d(float *strip, float *cost, int32_t count, int32_t step)
 {
     for (int32_t i = 0; i < SPREAD_CELLS; i++)
         strip[i] = strip[count + SPREAD_CELLS + i] = MAX_COST;
@@ -117,12 +120,12 @@ static void spread_line(float *strip, float *cost, int32_t count, int32_t step)
 }
 
 /* Converts costs to likelihoods, and computes their summed-area table. */
-static void integrate(const object_detect_plane *plane, float *cost, double *sums)
+static void summed_area_table(const object_detect_level *level, float *cost, double *sums)
 {
-    int32_t w = plane->width;
+    int32_t w = level->width;
 
     memset(sums, 0, (size_t)(w + 1) * sizeof *sums);
-    for (int32_t y = 0; y < plane->height; y++) {
+    for (int32_t y = 0; y < level->height; y++) {
         double row = 0;
 
         sums[(y + 1) * (w + 1)] = 0;
@@ -135,16 +138,16 @@ static void integrate(const object_detect_plane *plane, float *cost, double *sum
 }
 
 /* Log-likelihood ratio of every cell against the mean of its window. */
-static void compute_llr(const object_detect_plane *plane, const float *likelihood,
+static void compute_llr(const object_detect_level *level, const float *likelihood,
                         const double *sums, float *llr)
 {
-    int32_t w = plane->width, h = plane->height;
+    int32_t w = level->width, h = level->height;
 
     for (int32_t y = 0; y < h; y++) {
         int32_t above = y > WINDOW_CELLS ? y - WINDOW_CELLS : 0,
                 below = y + WINDOW_CELLS < h ? y + WINDOW_CELLS : h;
         float *row =
-            &llr[(size_t)(y + MARGIN_CELLS) * cairn_object_detect_row(plane) + MARGIN_CELLS];
+            &llr[(size_t)(y + MARGIN_CELLS) * cairn_object_detect_row(level) + MARGIN_CELLS];
 
         for (int32_t x = 0; x < w; x++) {
             int32_t left = x > WINDOW_CELLS ? x - WINDOW_CELLS : 0,
@@ -161,36 +164,36 @@ static void compute_llr(const object_detect_plane *plane, const float *likelihoo
     }
 }
 
-/* Computes the plane of one size. Returns 0 when out of memory. */
-static int make_plane(object_detect_plane *plane, const cairn_contour_search_tokens *tokens,
-                      plane_buffers *buffers)
+/* Computes the level of one object size. Returns 0 when out of memory. */
+static int make_level(object_detect_level *level, const cairn_contour_search_tokens *tokens,
+                      level_buffers *buffers)
 {
-    int32_t w = plane->width, h = plane->height, longest = w > h ? w : h;
+    int32_t w = level->width, h = level->height, longest = w > h ? w : h;
     size_t cells = (size_t)w * (size_t)h;
 
-    plane->llr = malloc(DIRECTION_BINS * cairn_object_detect_layer(plane) * sizeof *plane->llr);
+    level->llr = malloc(DIRECTION_BINS * cairn_object_detect_layer(level) * sizeof *level->llr);
     buffers->cost = calloc(DIRECTION_BINS * cells, sizeof *buffers->cost);
     buffers->sums = malloc(((size_t)w + 1) * ((size_t)h + 1) * sizeof *buffers->sums);
     buffers->strip = malloc(((size_t)longest + 2 * SPREAD_CELLS) * sizeof *buffers->strip);
-    if (plane->llr == NULL || buffers->cost == NULL || buffers->sums == NULL ||
+    if (level->llr == NULL || buffers->cost == NULL || buffers->sums == NULL ||
         buffers->strip == NULL)
         return 0;
     for (size_t i = 0; i < DIRECTION_BINS * cells; i++)
         buffers->cost[i] = MAX_COST;
-    for (size_t i = 0; i < DIRECTION_BINS * cairn_object_detect_layer(plane); i++)
-        plane->llr[i] = OUTSIDE_LLR;
+    for (size_t i = 0; i < DIRECTION_BINS * cairn_object_detect_layer(level); i++)
+        level->llr[i] = OUTSIDE_LLR;
     for (int32_t i = 0; i < tokens->count; i++)
-        enter_segment(plane, tokens->lines[i], tokens->strength_rank[i], buffers->cost);
+        rasterize_segment(level, tokens->lines[i], tokens->strength_rank[i], buffers->cost);
     for (int32_t bin = 0; bin < DIRECTION_BINS; bin++) {
         float *cost = &buffers->cost[(size_t)bin * cells];
 
         for (int32_t y = 0; y < h; y++)
-            spread_line(buffers->strip, &cost[y * w], w, 1);
+            distance_transform_1d(buffers->strip, &cost[y * w], w, 1);
         for (int32_t x = 0; x < w; x++)
-            spread_line(buffers->strip, &cost[x], h, w);
-        integrate(plane, cost, buffers->sums);
-        compute_llr(plane, cost, buffers->sums,
-                    &plane->llr[(size_t)bin * cairn_object_detect_layer(plane)]);
+            distance_transform_1d(buffers->strip, &cost[x], h, w);
+        summed_area_table(level, cost, buffers->sums);
+        compute_llr(level, cost, buffers->sums,
+                    &level->llr[(size_t)bin * cairn_object_detect_layer(level)]);
     }
     return 1;
 }
@@ -273,13 +276,13 @@ static cairn_status check_params(const cairn_object_detect_params *params,
 }
 
 /* Number of sizes in the range. */
-static int32_t plane_count_of(const cairn_object_detect_params *params)
+static int32_t level_count_of(const cairn_object_detect_params *params)
 {
-    int32_t planes =
+    int32_t levels =
         1 + (int32_t)(log((double)(params->max_size / params->min_size)) / log(SIZE_STEP) + 1e-6);
 
-    CAIRN_ASSERT(planes <= OBJECT_DETECT_MAX_PLANES);
-    return planes;
+    CAIRN_ASSERT(levels <= OBJECT_DETECT_MAX_LEVELS);
+    return levels;
 }
 
 cairn_status cairn_object_detect_field_make(cairn_object_detect_field **field,
@@ -302,15 +305,15 @@ cairn_status cairn_object_detect_field_make(cairn_object_detect_field **field,
     if (params->method == CAIRN_OBJECT_DETECT_PARTS)
         ok = cairn_object_detect_chains_make(&made->chains, tokens);
     for (int32_t k = 0;
-         params->method == CAIRN_OBJECT_DETECT_EVIDENCE && k < plane_count_of(params) && ok; k++) {
-        object_detect_plane *plane = &made->plane[made->planes++];
-        plane_buffers buffers = {.cost = NULL};
+         params->method == CAIRN_OBJECT_DETECT_EVIDENCE && k < level_count_of(params) && ok; k++) {
+        object_detect_level *level = &made->level[made->levels++];
+        level_buffers buffers = {.cost = NULL};
 
-        plane->size = params->min_size * (cairn_real)pow(SIZE_STEP, k);
-        plane->cell_size = plane->size / OBJECT_DETECT_CELLS_PER_SIZE;
-        plane->width = 1 + (int32_t)((double)tokens->width / (double)plane->cell_size);
-        plane->height = 1 + (int32_t)((double)tokens->height / (double)plane->cell_size);
-        ok = make_plane(plane, tokens, &buffers);
+        level->size = params->min_size * (cairn_real)pow(SIZE_STEP, k);
+        level->cell_size = level->size / OBJECT_DETECT_CELLS_PER_SIZE;
+        level->width = 1 + (int32_t)((double)tokens->width / (double)level->cell_size);
+        level->height = 1 + (int32_t)((double)tokens->height / (double)level->cell_size);
+        ok = make_level(level, tokens, &buffers);
         free(buffers.cost);
         free(buffers.sums);
         free(buffers.strip);
@@ -325,8 +328,8 @@ cairn_status cairn_object_detect_field_make(cairn_object_detect_field **field,
 
 void cairn_object_detect_field_free(cairn_object_detect_field *field)
 {
-    for (int32_t k = 0; field != NULL && k < field->planes; k++)
-        free(field->plane[k].llr);
+    for (int32_t k = 0; field != NULL && k < field->levels; k++)
+        free(field->level[k].llr);
     if (field != NULL)
         cairn_object_detect_chains_free(&field->chains);
     free(field);

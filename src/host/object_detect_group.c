@@ -20,7 +20,8 @@
 /* Greatest ratio of sizes within one band, because a search keeps only the best size at one
  * position. */
 #define BAND_FACTOR 2.2
-/* Least evidence of a kept object, nats; chance objects near every detection have more. */
+/* Least evidence of a kept object, nats. Deliberately low: spurious groupings near a detection
+ * usually exceed it, so that it only bounds the list. */
 #define MIN_EVIDENCE 2
 /* rad: greatest rotation either way. */
 #define MAX_ROTATION (15 * (CAIRN_PI / 180))

@@ -8,23 +8,24 @@
 #include "src/host/contour_search_fit.h"
 
 /* Direction bins over half a turn; cells per object size; margin around the image, cells, without
- * known edges; greatest number of sizes; greatest number of cells along an image's side. */
+ * known edges; greatest number of levels of the scale pyramid; greatest number of cells along an
+ * image's side. */
 enum {
     OBJECT_DETECT_BINS = CONTOUR_SEARCH_FIELD_BINS,
     OBJECT_DETECT_CELLS_PER_SIZE = 40,
     OBJECT_DETECT_MARGIN_CELLS = 28,
-    OBJECT_DETECT_MAX_PLANES = 42,
+    OBJECT_DETECT_MAX_LEVELS = 42,
     OBJECT_DETECT_MAX_SIDE_CELLS = 2000
 };
 
 /* Log-likelihood ratios of edges for objects of one size: one level of the scale pyramid. */
-typedef struct object_detect_plane {
+typedef struct object_detect_level {
     cairn_real size, cell_size; /* px, object size and cell size */
     int32_t width, height;      /* cells of the image; rows have margins on both sides */
     /* [BINS][height + 2 MARGIN][width + 2 MARGIN] nats, log-likelihood ratio of an outline
      * sample */
     float *llr;
-} object_detect_plane;
+} object_detect_level;
 
 /* Method PARTS: the edge chains as polylines, by chain index; chains too short for segments have no
  * points. */
@@ -38,20 +39,20 @@ typedef struct object_detect_chains {
 struct cairn_object_detect_field {
     const cairn_contour_search_tokens *tokens;
     cairn_object_detect_params params;
-    object_detect_plane plane[OBJECT_DETECT_MAX_PLANES];
-    int32_t planes;
+    object_detect_level level[OBJECT_DETECT_MAX_LEVELS];
+    int32_t levels;
     object_detect_chains chains;
 };
 
-static inline size_t cairn_object_detect_row(const object_detect_plane *plane)
+static inline size_t cairn_object_detect_row(const object_detect_level *level)
 {
-    return (size_t)plane->width + 2 * OBJECT_DETECT_MARGIN_CELLS;
+    return (size_t)level->width + 2 * OBJECT_DETECT_MARGIN_CELLS;
 }
 
-static inline size_t cairn_object_detect_layer(const object_detect_plane *plane)
+static inline size_t cairn_object_detect_layer(const object_detect_level *level)
 {
-    return cairn_object_detect_row(plane) *
-           ((size_t)plane->height + 2 * OBJECT_DETECT_MARGIN_CELLS);
+    return cairn_object_detect_row(level) *
+           ((size_t)level->height + 2 * OBJECT_DETECT_MARGIN_CELLS);
 }
 
 /* Reports the start of a stage to the callback. */
@@ -128,21 +129,21 @@ typedef struct object_detect_similarity {
     cairn_vec2 shift;
 } object_detect_similarity;
 
-/* Returns the rigid proximity: how much of an outline agrees on one similarity transform of the
- * original outline, 0 ... 1 (object_detect_agree.c). proximity: [outline_count] edge proximity of
- * each sample; weight: [outline_count] scratch. map: the transform with the greatest agreement,
+/* Returns the rigid (inlier) proximity: the mean weight of the inliers of one similarity transform
+ * of the model outline, 0 ... 1 (object_detect_agree.c). proximity: [outline_count] edge proximity
+ * of each sample; weight: [outline_count] scratch. map: the transform with the greatest agreement,
  * relative to the outline's origin and in its sizes, set when the result is > 0. Cost: about 40
  * passes over the samples. */
 cairn_real cairn_object_detect_rigid_proximity(const contour_search_fitted_outline *fitted,
-                                               const cairn_oriented_point *drawn,
-                                               const cairn_real *near, cairn_real *weight,
+                                               const cairn_oriented_point *reference,
+                                               const cairn_real *proximity, cairn_real *weight,
                                                object_detect_similarity *map);
 
-/* Replaces the deformed outline by the original outline at the transform; updates the detection's
+/* Replaces the deformed outline by the model outline at the transform; updates the detection's
  * origin and size. */
 void cairn_object_detect_place_outline(const object_detect_similarity *map,
-                                       const cairn_oriented_point *drawn, contour_search_fit *fit,
-                                       cairn_object_detection *detection);
+                                       const cairn_oriented_point *reference,
+                                       contour_search_fit *fit, cairn_object_detection *detection);
 
 /* Finds hypotheses by parts. CAIRN_NO_MEMORY; CAIRN_EMPTY: an outline of zero length. On failure
  * there is nothing to free. */

@@ -200,7 +200,7 @@ static void append_lines(cairn_object_detections *found, cairn_object_detection 
     detection->segment_count = found->segment_count - detection->first_segment;
 }
 
-/* Appends the original outline at the voted pose; all samples are unmatched. Outline index 1: all
+/* Appends the model outline at the voted pose; all samples are unmatched. Outline index 1: all
  * outlines after the first. */
 static void append_outline(cairn_object_detections *found, cairn_object_detection *detection,
                            const cairn_shape_model *model)
