@@ -7,7 +7,14 @@
  * on the robustly weighted residuals (Besl and McKay 1992; Chen and Medioni 1992). Unobservable
  * directions (degeneracy: along a corridor, rotation in a round room) are found from the
  * eigenvalues of the information matrix. They are constrained by the prior, or left at the start
- * pose without one. */
+ * pose without one.
+ *
+ *     add_target(points) for each scan -> begin(query, start) -> step(budget) until CAIRN_OK ->
+ *     read(), begin() ... ; clear_target() before another target
+ *
+ * Limits: converges to the nearest minimum only, so the start must lie within about gate_start of
+ * the true pose (with the defaults about 0.3 m and 15 degrees). From farther away it can end as
+ * CONVERGED at a wrong pose: check overlap and sigma, or use scan_match. */
 #ifndef CAIRN_ICP_H
 #define CAIRN_ICP_H
 
@@ -80,7 +87,8 @@ enum {
     CAIRN_ICP_OUT_OF_ITERATIONS = 2,
     /* the pose is that of the last iteration with enough pairs */
     CAIRN_ICP_TOO_FEW_PAIRS = 3,
-    /* without a prior: the pose did not move in the unobservable directions; see weak_direction */
+    /* without a prior, in place of the two above: the pose did not move in the unobservable
+     * directions, see weak_direction. With a prior read observable_dof instead. */
     CAIRN_ICP_UNOBSERVABLE = 4,
     /* the pose is that before the last iteration; the covariance is of the last iteration's
      * pairs */

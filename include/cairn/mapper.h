@@ -6,7 +6,8 @@
  * 2. The scan is registered against a local map of nearby keyframes by ICP (module icp). The
  *    initial pose comes from odometry, or from a constant-velocity model without odometry. After a
  *    match of low confidence the scan is relocalized in a window (module scan_match).
- * 3. A scan that shows enough new surface becomes a keyframe.
+ * 3. A scan becomes a keyframe when the robot has moved or turned enough since the last keyframe,
+ *    or when the scan overlaps too little with the local map.
  * 4. A new keyframe starts a sliding-window refinement over the last keyframes by force field
  *    simulation (Adluru 2008, section 7.3.6, online FFS).
  * 5. Keyframes are the nodes of a pose_graph. Each new keyframe is searched for at older keyframes
@@ -42,18 +43,21 @@ extern "C" {
  * brackets. */
 typedef struct cairn_mapper_loop_params {
     /* 0 ... 2^22 (4096): maximum number of links besides those between successive keyframes: loop
-     * closures, and sequential constraints to other submaps; 0: no loop closure, no pose graph */
+     * closures, and sequential constraints to other submaps. Further ones are dropped, see
+     * state.capacity_exceeded. 0: no loop closure, no pose graph */
     int32_t max_loops;
     /* 0 ... 2^26 (32768): maximum number of blocks in the graph's sparse Cholesky factor, see
-     * block_solver */
+     * block_solver. Beyond it the graph is no longer optimized, until a keyframe is culled. */
     int32_t max_fill;
-    /* >= 1 (8000): work units that loop closure and graph optimization may use per scan */
+    /* >= 1 (8000): work units that loop closure and graph optimization may use per scan;
+     * fewer delay closures (state.pending_keyframes) */
     int32_t units_per_scan;
     /* 1 ... 64 (9): keyframes around a candidate that form the target map of the match */
     int32_t target_keyframes;
     /* >= 1 (25): a loop closure joins keyframes whose indices differ by more than this */
     int32_t min_keyframe_gap;
-    /* 1 ... 8 (3): number of consistent closures that a wide search requires */
+    /* 1 ... 8 (3): number of consistent closures that a wide search requires; fewer accept
+     * returns sooner, and more false ones */
     int32_t min_consistent;
     /* m, > 0 (3): maximum distance between the scan centroids of a candidate and the query, beyond
      * the search radius */
@@ -176,8 +180,8 @@ typedef struct cairn_mapper_result {
      * the path. 3 x 3 row-major over (x, y, theta) along the axes of the map at the time of the
      * match, m and rad; later corrections do not rotate it. Inflated for a match of low confidence;
      * without healthy odometry, or after a jump, also along a weakly observable direction. Always
-     * finite. All zeros without a match (FIRST,
-     * PREDICTED, NO_FEATURES), which means unknown, not exact: read the verdict first. */
+     * finite. All zeros without a match (FIRST, PREDICTED, NO_FEATURES), which means unknown, not
+     * exact: read the verdict first. */
     cairn_real covariance[9];
     /* share of the scan's points with a correspondence; 0 without a match */
     cairn_real overlap;

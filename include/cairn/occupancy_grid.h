@@ -3,10 +3,18 @@
  * Each cell holds the number of beams that ended in it (hits h) and the total length of beam
  * through it (d, in m). d / h is the mean distance that a beam travels in the cell's material
  * before it stops. The probability that a beam stops on a chord of length l is 1 - exp(-l h / d)
- * (Eliazar and Parr 2004, DP-SLAM 2.0).
+ * (Eliazar and Parr 2004, DP-SLAM 2.0). Unlike log odds, it needs no constants of a sensor model,
+ * and a cell that stops only some beams (an edge, a hedge) keeps a probability in between.
+ *
+ *     begin_scan(cairn_scan_read().beams, pose) -> step(budget) until CAIRN_OK ->
+ *     begin_scan() ... ; probability(), classify()
  *
  * Cell (0, 0) is lower left; cells are closed below and to the left. Beams that lie partly outside
- * are clipped; unknown beams are ignored. Memory: 8 bytes a cell. */
+ * are clipped; unknown beams are ignored. Memory: 8 bytes a cell.
+ *
+ * Limits: counts do not age, so a surface that was moved stays until enough beams have crossed its
+ * cells. Hits saturate at INT32_MAX; lengths stop growing when a cell holds 1.6e7 times its
+ * chord. */
 #ifndef CAIRN_OCCUPANCY_GRID_H
 #define CAIRN_OCCUPANCY_GRID_H
 

@@ -66,9 +66,11 @@ typedef struct cairn_particle_filter_params {
 cairn_particle_filter_params cairn_particle_filter_default(void);
 
 /* Motion model: offers the candidates of particle `index` by cairn_particle_filter_offer().
- * CAIRN_OK: all candidates are offered. CAIRN_MORE: the budget is used up, call again. Negative:
- * the step ends with this status. Called for all particles in turn before any candidate is
- * weighted, so scores may be normalized over all particles.
+ * CAIRN_OK: all candidates are offered. CAIRN_MORE: the budget is used up, call again (for the same
+ * particle; candidates offered so far stay). Negative: the step ends with this status and is
+ * undone, so CAIRN_FULL of offer() (one candidate is lost) is not to be passed on. Called for all
+ * particles in turn before any candidate is weighted, so scores may be normalized over all
+ * particles.
  *
  * context: that of the model
  * index: index of the particle */

@@ -5,7 +5,10 @@
  * allocator hands out aligned allocations one behind the other from one region. Objects are created
  * in the region and never freed one by one. A mark records the state of the pool; a release frees
  * all allocations since the mark. A split makes a child pool with a lifetime of its own. Under
- * AddressSanitizer every allocation is followed by a poisoned redzone, which _memory() counts. */
+ * AddressSanitizer every allocation is followed by a poisoned redzone, which _memory() counts.
+ *
+ *     init(array) -> _create() of each object ... -> steps for ever
+ *     mark() -> _create() of objects for one job -> ... -> release(): all of them are gone */
 #ifndef CAIRN_POOL_H
 #define CAIRN_POOL_H
 
@@ -69,9 +72,11 @@ typedef struct cairn_mark {
 #endif
 
 /* Makes the `bytes` bytes at `memory` a pool. The start is rounded up and the size down to a
- * multiple of CAIRN_ALIGN. CAIRN_BAD_ARGUMENT: NULL, or less than CAIRN_ALIGN aligned bytes.
- * CAIRN_BAD_BUILD: the library was compiled with contracted multiply-adds or flushes subnormal
- * numbers to zero, so its results would differ from the documented ones. */
+ * multiple of CAIRN_ALIGN: an array declared _Alignas(CAIRN_ALIGN), of _memory() bytes, loses none.
+ * The memory must outlive the pool and all objects in it. CAIRN_BAD_ARGUMENT: NULL, or less than
+ * CAIRN_ALIGN aligned bytes. CAIRN_BAD_BUILD: the library was compiled with contracted
+ * multiply-adds or flushes subnormal numbers to zero, so its results would differ from the
+ * documented ones. */
 CAIRN_CHECKED cairn_status cairn_pool_init(cairn_pool *pool, void *memory, size_t bytes);
 
 /* Makes *pool a counting pool: allocations return NULL and only their sizes are added to `used`,
@@ -119,7 +124,8 @@ CAIRN_CHECKED int32_t cairn_pool_has_capacity(cairn_pool *pool, size_t bytes);
  * mark: set to the state */
 CAIRN_CHECKED cairn_status cairn_pool_mark(cairn_pool *pool, cairn_mark *mark);
 
-/* Frees all allocations since the mark. Marks are released last in, first out. CAIRN_BAD_ARGUMENT:
+/* Frees all allocations since the mark. Objects and child pools made since must not be used again;
+ * only AddressSanitizer notices. Marks are released last in, first out. CAIRN_BAD_ARGUMENT:
  * NULL, a later mark is not yet released, or this mark is already released. Constant time. */
 CAIRN_CHECKED cairn_status cairn_pool_release(cairn_pool *pool, cairn_mark mark);
 
