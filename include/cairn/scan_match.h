@@ -301,8 +301,7 @@ cairn_scan_match_measure cairn_scan_match_measured(const cairn_scan_match *match
 /* ---- Correspondences of the shape modes, for pictures, once step() has returned CAIRN_OK. They
  * are those of the winning rotation of the query, before ICP. Without any overlap they are those of
  * the last rotation tried. Modes SHAPE and SHAPE_SEGMENTS apply the filters twice, without and with
- * the points that have only a straight line about them; the winning application is reported. ----
- */
+ * the points that have only a straight line about them. The better application is reported. ---- */
 
 /* Filter that a correspondence passed or failed. */
 typedef int32_t cairn_scan_match_stage;
