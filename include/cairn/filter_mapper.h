@@ -87,10 +87,10 @@ cairn_filter_mapper_params cairn_filter_mapper_default(void);
 /* Returns the defaults sized for max_keyframes keyframes of a scanner with max_beams beams, and
  * `particles` particles; see cairn_mapper_default_for().
  *
- * max_keys: capacity for keyframes, >= 1
+ * max_keyframes: capacity for keyframes, >= 1
  * max_beams: most beams of a scan, >= 1
  * particles: number of particles, >= 1 */
-cairn_filter_mapper_params cairn_filter_mapper_default_for(int32_t max_keys, int32_t max_beams,
+cairn_filter_mapper_params cairn_filter_mapper_default_for(int32_t max_keyframes, int32_t max_beams,
                                                            int32_t particles);
 
 /* Returns the bytes that create() takes from the pool; 0 for invalid params. */

@@ -268,9 +268,9 @@ cairn_mapper_params cairn_mapper_default(void);
  * points, 40 segments, 4 loop closures and 40 factor blocks per keyframe. The memory is then a
  * constant plus a multiple of max_keyframes, see docs/memory.md.
  *
- * max_keys: capacity for keyframes, >= 1
+ * max_keyframes: capacity for keyframes, >= 1
  * max_beams: most beams of a scan, >= 1 */
-cairn_mapper_params cairn_mapper_default_for(int32_t max_keys, int32_t max_beams);
+cairn_mapper_params cairn_mapper_default_for(int32_t max_keyframes, int32_t max_beams);
 
 /* Returns the bytes that create() takes from the pool; 0 for invalid params. */
 size_t cairn_mapper_memory(const cairn_mapper_params *params);

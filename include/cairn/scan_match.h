@@ -298,10 +298,10 @@ cairn_scan_match_result cairn_scan_match_read(const cairn_scan_match *match);
 /* Returns the statistics of the last match. */
 cairn_scan_match_measure cairn_scan_match_measured(const cairn_scan_match *match);
 
-/* ---- Correspondences of the shape modes, for pictures, once step() has returned CAIRN_OK: those
- * of the winning rotation of the query, before ICP; without any overlap, of the last rotation
- * tried. Modes SHAPE and SHAPE_SEGMENTS apply the filters twice, without and with the points that
- * have only a straight line about them; the winning application is reported. ---- */
+/* ---- Correspondences of the shape modes, for pictures, once step() has returned CAIRN_OK. They
+ * are those of the winning rotation of the query, before ICP. Without any overlap they are those of
+ * the last rotation tried. Modes SHAPE and SHAPE_SEGMENTS apply the filters twice, without and with
+ * the points that have only a straight line about them. The better application is reported. ---- */
 
 /* Filter that a correspondence passed or failed. */
 typedef int32_t cairn_scan_match_stage;

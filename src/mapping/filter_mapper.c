@@ -57,12 +57,12 @@ cairn_filter_mapper_params cairn_filter_mapper_default(void)
     return params;
 }
 
-cairn_filter_mapper_params cairn_filter_mapper_default_for(int32_t max_keys, int32_t max_beams,
+cairn_filter_mapper_params cairn_filter_mapper_default_for(int32_t max_keyframes, int32_t max_beams,
                                                            int32_t particles)
 {
     cairn_filter_mapper_params params = cairn_filter_mapper_default();
 
-    params.front = cairn_mapper_default_for(max_keys, max_beams);
+    params.front = cairn_mapper_default_for(max_keyframes, max_beams);
     params.particles = particles;
     return params;
 }

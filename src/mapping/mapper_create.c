@@ -71,24 +71,25 @@ cairn_mapper_params cairn_mapper_default(void)
     return params;
 }
 
-static int32_t in_proportion(int32_t keys, int32_t each, int32_t rest, int32_t most)
+static int32_t in_proportion(int32_t count, int32_t each, int32_t rest, int32_t most)
 {
-    int64_t all = (int64_t)keys * each + rest;
+    int64_t all = (int64_t)count * each + rest;
 
     return all < most ? (int32_t)all : most;
 }
 
-cairn_mapper_params cairn_mapper_default_for(int32_t max_keys, int32_t max_beams)
+cairn_mapper_params cairn_mapper_default_for(int32_t max_keyframes, int32_t max_beams)
 {
     cairn_mapper_params params = cairn_mapper_default();
 
     params.scan.max_beams = max_beams;
-    params.max_keyframes = max_keys;
-    params.max_keyframe_points = in_proportion(max_keys, 160, params.scan.max_points, MAX_CAPACITY);
+    params.max_keyframes = max_keyframes;
+    params.max_keyframe_points =
+        in_proportion(max_keyframes, 160, params.scan.max_points, MAX_CAPACITY);
     params.max_keyframe_segments =
-        in_proportion(max_keys, 40, params.scan.max_segments, MAX_CAPACITY);
-    params.loop.max_loops = in_proportion(max_keys, 4, 0, MAX_LOOPS);
-    params.loop.max_fill = in_proportion(max_keys, 40, 0, MAX_FILL);
+        in_proportion(max_keyframes, 40, params.scan.max_segments, MAX_CAPACITY);
+    params.loop.max_loops = in_proportion(max_keyframes, 4, 0, MAX_LOOPS);
+    params.loop.max_fill = in_proportion(max_keyframes, 40, 0, MAX_FILL);
     return params;
 }
 
@@ -101,9 +102,9 @@ int32_t cairn_mapper_protected_count(const cairn_mapper_params *params)
     return kept > of_loops ? kept : of_loops;
 }
 
-int32_t cairn_mapper_local_points(const cairn_mapper_params *params, int32_t keys)
+int32_t cairn_mapper_local_points(const cairn_mapper_params *params, int32_t count)
 {
-    int64_t most = (int64_t)keys * params->scan.max_points;
+    int64_t most = (int64_t)count * params->scan.max_points;
     int32_t capacity = params->max_local_points;
 
     if (capacity < params->scan.max_points)
@@ -132,14 +133,14 @@ static cairn_force_field_params field_params(const cairn_mapper_params *params)
 
 static cairn_scan_set_params keyframe_params(const cairn_mapper_params *params)
 {
-    cairn_scan_set_params keys = {
+    cairn_scan_set_params keyframes = {
         .max_scans = params->max_keyframes,
         .max_segments = params->max_keyframe_segments,
         .max_points = params->max_keyframe_points,
         .spacing = 0,
     };
 
-    return keys;
+    return keyframes;
 }
 
 static int32_t has_loops(const cairn_mapper_params *params)
@@ -156,17 +157,17 @@ static int32_t has_match(const cairn_mapper_params *params)
 static cairn_scan_match_params match_params(const cairn_mapper_params *params)
 {
     cairn_scan_match_params match = cairn_scan_match_default();
-    int32_t keys = params->search ? MAPPER_SEARCH_KEYFRAMES : 1;
+    int32_t keyframes = params->search ? MAPPER_SEARCH_KEYFRAMES : 1;
     cairn_real half = MAPPER_WIDE_SEARCH_M;
 
-    if (has_loops(params) && params->loop.target_keyframes > keys)
-        keys = params->loop.target_keyframes;
+    if (has_loops(params) && params->loop.target_keyframes > keyframes)
+        keyframes = params->loop.target_keyframes;
     if (has_loops(params))
         half = cairn_max(half, params->loop.search_radius);
-    match.max_target = cairn_mapper_local_points(params, keys);
+    match.max_target = cairn_mapper_local_points(params, keyframes);
     match.max_dense = 0;
     match.max_candidates = MAPPER_SEARCH_CANDIDATES;
-    match.max_views = keys;
+    match.max_views = keyframes;
     match.max_query = params->scan.max_points;
     match.spacing = params->scan.spacing;
     match.max_cells = cairn_scan_match_cells(half, match.spacing);
@@ -250,11 +251,11 @@ static void count_modules(cairn_pool *counting, const cairn_mapper_params *param
 {
     cairn_icp_params icp = icp_params(params);
     cairn_force_field_params field = field_params(params);
-    cairn_scan_set_params keys = keyframe_params(params);
+    cairn_scan_set_params keyframes = keyframe_params(params);
 
     cairn_pool_count(counting, cairn_scan_memory(&params->scan));
     cairn_pool_count(counting, cairn_icp_memory(&icp));
-    cairn_pool_count(counting, cairn_scan_set_memory(&keys));
+    cairn_pool_count(counting, cairn_scan_set_memory(&keyframes));
     if (params->window)
         cairn_pool_count(counting, cairn_force_field_memory(&field));
     if (has_match(params)) {
@@ -272,33 +273,33 @@ static void count_modules(cairn_pool *counting, const cairn_mapper_params *param
 /* Takes the arrays of loop closure from the pool; loop NULL: the pool only counts. */
 static void take_loop_memory(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_params *params)
 {
-    size_t keys = (size_t)params->max_keyframes,
-           scored_keyframes = params->cull_keyframes ? keys : 0;
+    size_t keyframes = (size_t)params->max_keyframes,
+           scored_keyframes = params->cull_keyframes ? keyframes : 0;
     mapper_link *links =
-        cairn_pool_take(pool, keys + (size_t)params->loop.max_loops, sizeof *links);
-    int32_t *first_link = cairn_pool_take(pool, keys, sizeof *first_link);
-    mapper_constraint *ties = cairn_pool_take(pool, keys, sizeof *ties);
-    cairn_real *variance = cairn_pool_take(pool, keys, sizeof *variance);
-    cairn_real *heading_variance = cairn_pool_take(pool, keys, sizeof *heading_variance);
-    int32_t *heap = cairn_pool_take(pool, keys, sizeof *heap);
-    int32_t *heap_at = cairn_pool_take(pool, keys, sizeof *heap_at);
+        cairn_pool_take(pool, keyframes + (size_t)params->loop.max_loops, sizeof *links);
+    int32_t *first_link = cairn_pool_take(pool, keyframes, sizeof *first_link);
+    mapper_constraint *constraints = cairn_pool_take(pool, keyframes, sizeof *constraints);
+    cairn_real *variance = cairn_pool_take(pool, keyframes, sizeof *variance);
+    cairn_real *heading_variance = cairn_pool_take(pool, keyframes, sizeof *heading_variance);
+    int32_t *heap = cairn_pool_take(pool, keyframes, sizeof *heap);
+    int32_t *heap_position = cairn_pool_take(pool, keyframes, sizeof *heap_position);
     cairn_oriented_point *points =
         cairn_pool_take(pool, (size_t)params->scan.max_points, sizeof *points);
     cairn_scan_beam *beams = cairn_pool_take(pool, MAPPER_BEARINGS, sizeof *beams);
-    cairn_real *loss = cairn_pool_take(pool, scored_keyframes, sizeof *loss);
+    cairn_real *score = cairn_pool_take(pool, scored_keyframes, sizeof *score);
     cairn_real *reach = cairn_pool_take(pool, scored_keyframes, sizeof *reach);
 
     if (loop == NULL)
         return;
-    loop->redundancy.score = loss;
+    loop->redundancy.score = score;
     loop->redundancy.neighbour_radius2 = reach;
     loop->links = links;
     loop->first_link = first_link;
-    loop->constraints = ties;
+    loop->constraints = constraints;
     loop->variance = variance;
     loop->heading_variance = heading_variance;
     loop->heap = heap;
-    loop->heap_position = heap_at;
+    loop->heap_position = heap_position;
     loop->query_points = points;
     loop->query_beams = beams;
 }
@@ -353,7 +354,7 @@ cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool *pool,
     size_t need = cairn_mapper_memory(params);
     cairn_icp_params icp;
     cairn_force_field_params field;
-    cairn_scan_set_params keys;
+    cairn_scan_set_params keyframes;
     cairn_mapper *made;
     cairn_status status;
 
@@ -363,14 +364,14 @@ cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool *pool,
         return CAIRN_NO_MEMORY;
     icp = icp_params(params);
     field = field_params(params);
-    keys = keyframe_params(params);
+    keyframes = keyframe_params(params);
     made = take_memory(pool, params);
     made->params = *params;
     status = cairn_scan_create(&made->scan, pool, &params->scan);
     if (status == CAIRN_OK)
         status = cairn_icp_create(&made->icp, pool, &icp);
     if (status == CAIRN_OK)
-        status = cairn_scan_set_create(&made->keyframes, pool, &keys);
+        status = cairn_scan_set_create(&made->keyframes, pool, &keyframes);
     if (status == CAIRN_OK && params->window)
         status = cairn_force_field_create(&made->field, pool, &field);
     CAIRN_ASSERT(status == CAIRN_OK);

@@ -43,12 +43,12 @@ static int32_t has_capacity(const cairn_mapper *mapper, int32_t others)
 {
     const cairn_mapper_params *p = &mapper->params;
     const cairn_scan_set *set = mapper->keyframes;
-    int64_t keys = mapper->keyframe_count > 0 ? mapper->keyframe_count : 1;
+    int64_t count = mapper->keyframe_count > 0 ? mapper->keyframe_count : 1;
 
     return mapper->keyframe_count + others < p->max_keyframes &&
-           set->segment_count + others * (set->segment_count / keys) <=
+           set->segment_count + others * (set->segment_count / count) <=
                p->max_keyframe_segments - p->scan.max_segments &&
-           set->point_count + others * (set->point_count / keys) <=
+           set->point_count + others * (set->point_count / count) <=
                p->max_keyframe_points - p->scan.max_points;
 }
 
@@ -340,15 +340,15 @@ void cairn_mapper_reattach(cairn_mapper_culling culling, int32_t *keyframe,
 /* A submap whose first keyframe is culled gets the index of its next keyframe. */
 static void renumber_submaps(cairn_mapper *mapper, int32_t culled)
 {
-    mapper_constraint *ties = mapper->loop.constraints;
+    mapper_constraint *constraints = mapper->loop.constraints;
     int32_t successor = -1;
 
     for (int32_t keyframe = culled + 1; keyframe < mapper->keyframe_count; keyframe++) {
-        if (ties[keyframe].submap == culled) {
+        if (constraints[keyframe].submap == culled) {
             if (successor < 0)
-                ties[keyframe].low_confidence = ties[culled].low_confidence;
+                constraints[keyframe].low_confidence = constraints[culled].low_confidence;
             successor = successor < 0 ? keyframe : successor;
-            ties[keyframe].submap = successor;
+            constraints[keyframe].submap = successor;
         }
     }
 }

@@ -449,7 +449,7 @@ cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget,
 int32_t cairn_mapper_choose_reference(const cairn_mapper *mapper);
 
 /* Computes the sequential constraints of the current scan, the last keyframe stored. */
-void cairn_mapper_constrain_keyframe(const cairn_mapper *mapper, mapper_constraint *tie);
+void cairn_mapper_constrain_keyframe(const cairn_mapper *mapper, mapper_constraint *constraint);
 
 /* ---- mapper_graph.c ---- */
 
