@@ -268,12 +268,23 @@ static int run_log(const settings *s, const char *log_path, const char *relation
     return seconds >= 0 ? 0 : 3;
 }
 
+/* A log of the data sets by its name: DIR/slam/NAME.clf.gz with NAME.relations. */
+static int run_named(const settings *s, const char *name)
+{
+    char log[4096], relations[4096];
+
+    snprintf(log, sizeof log, "%s/slam/%s.clf.gz", s->data, name);
+    snprintf(relations, sizeof relations, "%s/slam/%s.relations", s->data, name);
+    return run_log(s, log, relations);
+}
+
 int main(int argc, char **argv)
 {
     static const char *const names[] = {"intel", "fr079", "aces"};
     settings s = {NULL, NULL, "../shared/data", 1, 8, 0, 0, 0, 0};
     const option table[] = {
-        OPTION_TEXT("--log", &s.log, "FILE", "one CARMEN log (all of DIR/slam)"),
+        OPTION_TEXT("--log", &s.log, "FILE",
+                    "one CARMEN log; without --relations the name of one in DIR/slam (all three)"),
         OPTION_TEXT("--relations", &s.relations, "FILE", "its reference relations"),
         OPTION_TEXT("--data", &s.data, "DIR", "folder of the data sets (../shared/data)"),
         OPTION_FLAG("--no-odometry", &s.no_odometry,
@@ -288,7 +299,7 @@ int main(int argc, char **argv)
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N",
                        "seed of that noise and of the particle filter"),
     };
-    const option_set set = {"bench/slam", "[--log FILE --relations FILE] [options]",
+    const option_set set = {"bench/slam", "[--log NAME | --log FILE --relations FILE] [options]",
                             "Absolute errors of mapped logs over their reference relations.", table,
                             sizeof table / sizeof *table};
     size_t words = 0;
@@ -298,18 +309,13 @@ int main(int argc, char **argv)
     result = options_read(&set, argc, argv, NULL, &words);
     if (result != OPTIONS_READ)
         return result;
-    if ((s.log == NULL) != (s.relations == NULL))
-        return options_refuse("bench/slam", "--log or --relations alone, expected both or neither");
+    if (s.log == NULL && s.relations != NULL)
+        return options_refuse("bench/slam", "--relations without --log, expected both");
     if (s.window == 1)
         return options_refuse("bench/slam", "--window is '1', expected 0 or 2 to 64");
     if (s.log != NULL)
-        return run_log(&s, s.log, s.relations);
-    for (size_t i = 0; i < sizeof names / sizeof *names && code == 0; i++) {
-        char log[4096], relations[4096];
-
-        snprintf(log, sizeof log, "%s/slam/%s.clf.gz", s.data, names[i]);
-        snprintf(relations, sizeof relations, "%s/slam/%s.relations", s.data, names[i]);
-        code = run_log(&s, log, relations);
-    }
+        return s.relations != NULL ? run_log(&s, s.log, s.relations) : run_named(&s, s.log);
+    for (size_t i = 0; i < sizeof names / sizeof *names && code == 0; i++)
+        code = run_named(&s, names[i]);
     return code;
 }
