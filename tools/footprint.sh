@@ -22,6 +22,18 @@ table=$fw/footprint.md
 export LC_ALL=C
 cc -std=c11 -DCAIRN_FLOAT -I. -Iinclude tools/pool_formulas.c tools/pool_objects.c "$1/libcairn-float.a" -lm -o "$fw/pool_formulas" || exit 1
 
+# code_bytes ELF: bytes of code and constants, without the scans that a mission carries
+code_bytes()
+{
+    arm-none-eabi-nm -S "$1" | awk '
+        function value(hex,    i, n) { n = 0; for (i = 1; i <= length(hex); i++) n = 16 * n + index("0123456789abcdef", substr(hex, i, 1)) - 1; return n }
+        NF == 4 && $3 ~ /[tTrR]/ && $4 !~ /^(range_|recorded)/ { sum += value($2) } END { print sum }'
+}
+
+# What the linker keeps of the library for a program of icp alone.
+arm-none-eabi-gcc -std=c11 -DCAIRN_FLOAT -Os -mthumb -mcpu=cortex-m7 -mfpu=fpv5-sp-d16 -mfloat-abi=hard -ffunction-sections -fdata-sections -fno-math-errno \
+    -ffp-contract=off -I. -Iinclude tools/icp_program.c "$fw"/m7/float/src/*/*.c.o -nostartfiles -Wl,--gc-sections -Wl,-e,main -lm -o "$fw/icp.elf" || exit 1
+
 # name of the module of an object: the longest module whose name begins it (modules.txt); parts belong to their modules.
 {
     echo
@@ -30,11 +42,10 @@ cc -std=c11 -DCAIRN_FLOAT -I. -Iinclude tools/pool_formulas.c tools/pool_objects
     for elf in "$fw"/m7/*.elf; do
         name=$(basename "$elf" .elf)
         case $name in golden-*) continue ;; esac
-        code=$(arm-none-eabi-nm -S "$elf" | awk '
-            function value(hex,    i, n) { n = 0; for (i = 1; i <= length(hex); i++) n = 16 * n + index("0123456789abcdef", substr(hex, i, 1)) - 1; return n }
-            NF == 4 && $3 ~ /[tTrR]/ && $4 !~ /^(range_|recorded)/ { sum += value($2) } END { print sum }')
+        code=$(code_bytes "$elf")
         awk -v name="$name" -v code="$code" '/^measure pool_peak/ { print "| " name " | " code " | " $(NF - 3) " | " $(NF - 1) " | " $NF " |" }' "$fw/m7/$name.txt"
     done
+    echo "| icp alone | $(code_bytes "$fw/icp.elf") | – | – | – |"
     echo
     echo '| tick | ticks | mean instructions | worst | most units |'
     echo '|---|---|---|---|---|'
