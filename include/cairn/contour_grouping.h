@@ -214,7 +214,8 @@ cairn_contour_grouping_create(cairn_contour_grouping **grouping, cairn_pool *poo
 
 /* Starts the search in one image and discards earlier results. CAIRN_BAD_ARGUMENT: NULL, an empty
  * range, an invalid model. CAIRN_FULL: an image or a model beyond the params; as written also more
- * than max_tokens segments or 2 max_tokens ends of chains. CAIRN_NOT_FINITE: a number of the input. Cost: linear in the model. */
+ * than max_tokens segments or 2 max_tokens ends of chains. CAIRN_NOT_FINITE: a number of the input.
+ * Cost: linear in the model. */
 CAIRN_CHECKED cairn_status cairn_contour_grouping_begin(cairn_contour_grouping *grouping,
                                                         const cairn_contour_grouping_input *input);
 
@@ -227,7 +228,7 @@ CAIRN_CHECKED cairn_status cairn_contour_grouping_begin(cairn_contour_grouping *
  * units per outline sample for every hypothesis and every final pose, up to five times, and for
  * every object nine times. Cost as written: that of cairn_symmetric_point_step(); two path samples
  * per start; per particle and step 60 units, 12 for each earlier step, one per segment end in the
- * look-ahead circles and one per pair of the nearest ten; more for long trajectories. */
+ * look-ahead circles and one per pair of the nearest 31; more for long trajectories. */
 CAIRN_CHECKED cairn_status cairn_contour_grouping_step(cairn_contour_grouping *grouping,
                                                        cairn_budget *budget);
 

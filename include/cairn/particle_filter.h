@@ -32,9 +32,9 @@ enum {
     /* Optimal proposal: all candidates are weighted, and drawn by prior mass times likelihood. */
     CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL = 1,
     /* Prior boosting: candidates are drawn by prior mass, each at most once as a follower. Its
-     * weight is that of the particle times its likelihood, which therefore has to contain what the
-     * prior mass is to count. Copies of a resampled particle remain one particle of their total
-     * weight, so that all particles differ. */
+     * weight is that of the particle times its likelihood. When the prior mass is to count in the
+     * weights, the likelihood has to include it. Copies of a resampled particle remain one particle
+     * of their total weight, so that all particles differ. */
     CAIRN_PARTICLE_FILTER_PROPOSAL_BOOSTED = 2
 };
 
