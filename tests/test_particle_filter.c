@@ -256,7 +256,7 @@ static void test_params_are_refused(void **state)
     REFUSED(state_bytes, 0);
     REFUSED(state_bytes, (1 << 20) + 1);
     REFUSED(proposal, -1);
-    REFUSED(proposal, 2);
+    REFUSED(proposal, 3);
     REFUSED(adaptive_followers, -1);
     REFUSED(adaptive_followers, 2);
     REFUSED(max_history, -1);
@@ -808,6 +808,48 @@ static int32_t followers_of(const double masses[SYMBOLS], int32_t most, int32_t 
     return followers;
 }
 
+/* Boosted: a follower's weight is its likelihood, whatever its prior mass; after a resampling, which
+ * gives each whole eighths, no two particles are alike. */
+static void test_boosted_followers_differ(void **state)
+{
+    static const double masses[] = {0.4, 0.3, 0.2, 0.1}, seen[] = {1, 0.5, 0.25, 0.25};
+
+    (void)state;
+    for (int resampled = 0; resampled < 2; resampled++) {
+        chain c = new_chain(1);
+        cairn_particle_filter_params p = chain_params(8);
+        int32_t symbols[SYMBOLS] = {0};
+        double sum = 0;
+        struct fixture f;
+
+        for (int j = 0; j < SYMBOLS; j++) {
+            c.move[0][j] = masses[j];
+            c.log_seen[0][j] = log(seen[j]);
+        }
+        p.adaptive_followers = 0;
+        p.resample_ratio = resampled;
+        p.proposal = CAIRN_PARTICLE_FILTER_PROPOSAL_BOOSTED;
+        f = filter_with(&p, &c);
+        start_at(f.filter, 0, 1);
+        assert_ok(run(f.filter, CAIRN_UNBOUNDED));
+        assert_int_equal(cairn_particle_filter_read(f.filter).resampled, resampled);
+        for (int32_t i = 0; i < cairn_particle_filter_count(f.filter); i++) {
+            double w = exp((double)cairn_particle_filter_particle(f.filter, i).log_weight);
+
+            sum += w;
+            symbols[symbol_of(f.filter, i)]++;
+            if (resampled)
+                assert_near(remainder(8 * w, 1), 0, NUMBER(1e-9, 1e-5));
+            else
+                assert_near(w, seen[symbol_of(f.filter, i)] / 2, NUMBER(1e-12, 1e-6));
+        }
+        assert_near(sum, 1, NUMBER(1e-12, 1e-6));
+        for (int j = 0; j < SYMBOLS; j++)
+            assert_int_equal(symbols[j], 1);
+        test_pool_free(&f.pool);
+    }
+}
+
 static void test_as_many_followers_as_modes(void **state)
 {
     static const double even[] = {1, 1, 1, 1}, two[] = {3, 3, 0, 0},
@@ -1205,6 +1247,7 @@ int main(void)
         cmocka_unit_test(test_even_weights_are_left_alone),
         cmocka_unit_test(test_weights_do_not_underflow),
         cmocka_unit_test(test_as_many_followers_as_modes),
+        cmocka_unit_test(test_boosted_followers_differ),
         cmocka_unit_test(test_lost_and_extinct),
         cmocka_unit_test(test_failures_undo_the_step),
         cmocka_unit_test(test_blocks_run_out_in_a_full_population),

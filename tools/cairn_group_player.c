@@ -13,9 +13,8 @@
 #define BEST_STRENGTH  1
 #define OTHER_STRENGTH 0.25
 /* Line strength of the skeleton in the mode as written. */
-#define SKELETON_STRENGTH 0.6
-#define PI                3.14159265358979323846
-enum { MAX_SHOWN_MODELS = 6, CIRCLE_SIDES = 48 };
+#define SKELETON_STRENGTH 0.3
+enum { MAX_SHOWN_MODELS = 6 };
 
 void group_record_step(void *context, const cairn_contour_grouping_particle *particles,
                        int32_t count, int32_t mirrored)
@@ -99,7 +98,8 @@ static cairn_vec2 flipped(cairn_vec2 p)
     return up;
 }
 
-/* Adds the edges as scan 0, which does not move, and an empty scan per particle. */
+/* Adds the edges as scan 0, which does not move and has no marker, and an empty scan per
+ * particle. */
 static cairn_status add_scans(cairn_report_player *player,
                               const cairn_contour_search_tokens *tokens, int32_t most)
 {
@@ -112,7 +112,7 @@ static cairn_status add_scans(cairn_report_player *player,
         lines[i].b = flipped(tokens->lines[i].b);
     }
     if (status == CAIRN_OK)
-        status = cairn_report_player_add_scan(player, &scan, 0);
+        status = cairn_report_player_add_scan(player, &scan, -1);
     free(lines);
     memset(&scan, 0, sizeof scan);
     for (int32_t i = 1; i <= most && status == CAIRN_OK; i++)
@@ -152,10 +152,10 @@ static int32_t add_dash(cairn_report_hypothesis *guess, cairn_vec2 a, cairn_vec2
     return 1;
 }
 
-/* The walk of the heaviest particle: its contour and skeleton, and the circles about both open
- * ends in which it looks ahead; their number. */
+/* The trajectory of the particle of largest weight: its contour and skeleton as lines, their
+ * number. open_end[2]: the centres of the look-ahead circles. */
 static int32_t add_walk(const group_record *r, const cairn_contour_file_picture *p, int32_t step,
-                        cairn_report_hypothesis *guesses)
+                        cairn_report_hypothesis *guesses, cairn_vec2 *open_end)
 {
     const cairn_contour_grouping_disc *d = &r->discs[r->walk[step]];
     int32_t n = 0, count = r->walk[step + 1] - r->walk[step];
@@ -170,16 +170,7 @@ static int32_t add_walk(const group_record *r, const cairn_contour_file_picture 
             n += add_dash(&guesses[n], d[i - 1].centre, d[i].centre, SKELETON_STRENGTH);
     }
     for (int32_t k = 0; k < 2 && count > 0; k++)
-        for (int32_t i = 0; i < CIRCLE_SIDES; i += 2) {
-            double from = 2 * PI * i / CIRCLE_SIDES, to = 2 * PI * (i + 1) / CIRCLE_SIDES;
-            cairn_vec2 at = d[count - 1].open_end[k];
-            cairn_vec2 a = {at.x + (cairn_real)(r->look_ahead * cos(from)),
-                            at.y + (cairn_real)(r->look_ahead * sin(from))};
-            cairn_vec2 b = {at.x + (cairn_real)(r->look_ahead * cos(to)),
-                            at.y + (cairn_real)(r->look_ahead * sin(to))};
-
-            n += add_dash(&guesses[n], a, b, OTHER_STRENGTH);
-        }
+        open_end[k] = flipped(d[count - 1].open_end[k]);
     return n;
 }
 
@@ -219,6 +210,7 @@ static cairn_status add_frame(cairn_report_player *player, const group_record *r
                                 .value = values,
                                 .hypothesis = memory->hypothesis,
                                 .pose_count = count + 1};
+    cairn_vec2 open_end[2];
     char label[96];
 
     memset(&memory->pose[0], 0, sizeof memory->pose[0]);
@@ -228,8 +220,11 @@ static cairn_status add_frame(cairn_report_player *player, const group_record *r
         memory->low_confidence[i + 1] = particles[i].matched_sides == 0;
         best = particles[i].log_weight > particles[best].log_weight ? i : best;
     }
-    if (r->walks > 0)
-        frame.hypothesis_count = add_walk(r, p, step, memory->hypothesis);
+    if (r->walks > 0) {
+        frame.hypothesis_count = add_walk(r, p, step, memory->hypothesis, open_end);
+        frame.region = open_end;
+        frame.region_count = frame.hypothesis_count > 0 ? 2 : 0;
+    }
     for (int32_t k = 1; k < MAX_SHOWN_MODELS && count > MAX_SHOWN_MODELS && r->walks == 0; k++)
         frame.hypothesis_count +=
             add_outline(p->model, &particles[k * (count / MAX_SHOWN_MODELS)], mirrored,
@@ -238,10 +233,10 @@ static cairn_status add_frame(cairn_report_player *player, const group_record *r
         frame.hypothesis_count += add_outline(p->model, &particles[best], mirrored, BEST_STRENGTH,
                                               &memory->hypothesis[frame.hypothesis_count]);
     if (r->walks > 0)
-        (void)snprintf(label, sizeof label, "%d symmetric points, sample %d%s",
-                       (int)(r->walk[step + 1] - r->walk[step]),
-                       count > 0 ? (int)particles[best].sample : 0,
-                       t->resampled ? ", resampled" : "");
+        (void)snprintf(
+            label, sizeof label, "%d symmetric points, sample %d (largest weight); %d particles%s",
+            (int)(r->walk[step + 1] - r->walk[step]), count > 0 ? (int)particles[best].sample : 0,
+            (int)count, t->resampled ? ", resampled" : "");
     else
         (void)snprintf(
             label, sizeof label, "%s, sample %d%s", mirrored ? "mirrored model" : "model",
@@ -261,9 +256,9 @@ static cairn_status add_frames(cairn_report_player *player, const group_record *
     for (int32_t step = 0; step < r->walks; step++)
         discs =
             r->walk[step + 1] - r->walk[step] > discs ? r->walk[step + 1] - r->walk[step] : discs;
-    memory.hypothesis = malloc(((size_t)MAX_SHOWN_MODELS * (size_t)p->model->outline_count +
-                                3 * (size_t)discs + CIRCLE_SIDES) *
-                               sizeof *memory.hypothesis);
+    memory.hypothesis =
+        malloc(((size_t)MAX_SHOWN_MODELS * (size_t)p->model->outline_count + 3 * (size_t)discs) *
+               sizeof *memory.hypothesis);
     status = memory.pose != NULL && memory.low_confidence != NULL && memory.hypothesis != NULL
                  ? CAIRN_OK
                  : CAIRN_NO_MEMORY;
@@ -327,12 +322,18 @@ cairn_status group_record_write(const group_record *r, const cairn_contour_file_
     };
     cairn_report_player_params params = cairn_report_player_default();
     cairn_report_player *player;
-    char subtitle[256];
+    char subtitle[320];
     cairn_status status;
 
     (void)snprintf(subtitle, sizeof subtitle,
-                   "%.120s: each robot is a particle on the axis of the object; 1 m is %d px",
-                   picture->model_name, (int)picture->shrink);
+                   "%.120s: each robot is a particle on the axis of the object%s; 1 m is %d px",
+                   picture->model_name,
+                   r->walks > 0 ? "; of the particle of largest weight: contour (thick dashes), "
+                                  "skeleton (thin), look-ahead circles (regions of interest)"
+                                : "",
+                   (int)picture->shrink);
+    if (r->walks > 0)
+        params.region_radius = (cairn_real)r->look_ahead;
     params.title = picture->image;
     params.subtitle = subtitle;
     params.curve = curves;

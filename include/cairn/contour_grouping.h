@@ -17,24 +17,28 @@
  * result, unchanged. One size is searched, the geometric mean of min_size and max_size. Objects are
  * neither rotated nor mirrored. Choices where the text leaves details open:
  * - ds of (2.12) is the angle between the displacements, rad, plus the difference of their lengths
- *   in mean radii of the model. For displacements shorter than a mean radius the angle is scaled by
- *   the length. r and R of (2.13) are in mean radii of the model, too.
- * - N is 1 at its mean. The posterior of a trajectory is the product over its steps of (2.13)
- *   divided by Delta_p (stop_likelihood, 0.5). The filter ends when the greatest posterior is below
- *   1. Of each mode the trajectory of the greatest posterior over all steps is kept. Two
+ *   in 0.3 sizes. D_1 is 0 and has no direction: only the first point is compared with it. r and R
+ *   of (2.13) are in mean radii of the model.
+ * - N is 1 at its mean. The posterior of a trajectory is the product over its steps of (2.11) times
+ *   (2.13), divided by Delta_p (stop_likelihood, 0.5). The filter ends when the greatest posterior
+ *   is below 1. Of each mode the trajectory of the greatest posterior over all steps is kept. Two
  *   trajectories belong to one mode when they share half of the segments of the shorter one.
- * - Initial particles: symmetric points of pairs with at least one segment that ends within L of an
- *   end point of a strong chain. Each is used in both directions of travel and of the model's path.
- *   They are sampled in proportion to (2.10) times (2.13).
- * - Both sides grow in every step, each by one of the 32 segments nearest to its open end, entered
- *   at the nearer end. A segment counts as explored when its midpoint lies in the polygon between
- *   both sides. Self-intersection: of the skeleton with itself or a side, of a side with itself or
- *   the other side, of the new pieces of both sides with each other.
- * - Symmetric points: normals deviate by at most 60 degrees from the line between both edgels, in
+ * - Initial particles: symmetric points within L of an end point of a strong chain. Each is used in
+ *   both directions of travel and of the model's path. They are sampled in proportion to (2.10)
+ *   times (2.13).
+ * - Each side grows by one of the 31 segments nearest to its open end, entered at the nearer end.
+ *   One of the sides may keep its segment, whose gap is 0: at a concave corner one side has many
+ *   segments where the other has a point. The mass of such a step is multiplied by Delta_p.
+ * - A segment is explored when its midpoint lies in the polygon between both sides, a symmetric
+ *   point when it lies there itself. Self-intersection: of the skeleton with itself or a side, of a
+ *   side with itself or the other side, of the new pieces of both sides with each other.
+ * - Symmetric points: normals deviate by at most 75 degrees from the line between both edgels, in
  *   the mean by at most 45 degrees (symmetric_point.h).
  * - Radii may leave the model's range by at most R_sigma.
- * - A particle has exp(H) followers, at most 8; they share its weight in (2.9), so that a particle
- *   does not gain weight by having many followers. */
+ * - A particle has exp(H) followers, at most 16, each of them once. So the draws do not represent
+ *   the prior, which cancels from the weights only when they do: the weights are those of (2.8)
+ *   with equal draws, w times (2.13) times (2.11). Copies of a resampled particle remain one
+ *   particle of their total weight. */
 #ifndef CAIRN_CONTOUR_GROUPING_H
 #define CAIRN_CONTOUR_GROUPING_H
 
@@ -119,8 +123,8 @@ typedef struct cairn_contour_grouping_input {
     /* px, > 0: look-ahead L, mean + half the standard deviation of the segment lengths before
      * cutting, as computed by edge_segment */
     cairn_real look_ahead;
-    /* [end_count] px, end points of strong chains, where trajectories start; must stay valid,
-     * too */
+    /* [end_count] px, end points of strong chains, where trajectories start, at most 2 max_tokens;
+     * must stay valid, too */
     const cairn_vec2 *ends;
     /* number of end points */
     int32_t end_count;
@@ -216,7 +220,7 @@ cairn_contour_grouping_params cairn_contour_grouping_as_written(void);
 
 /* Returns the bytes that create() takes from the pool; 0 for params that create() would refuse.
  * Default mode: about 5 KB per particle, independent of the length of the paths, and 100 bytes per
- * token. As written: about 13 KB per particle, 90 bytes per token, 80 per symmetric point, and 110
+ * token. As written: about 13 KB per particle, 110 bytes per token, 80 per symmetric point, and 110
  * per object and step. */
 size_t cairn_contour_grouping_memory(const cairn_contour_grouping_params *params);
 
@@ -227,7 +231,8 @@ cairn_contour_grouping_create(cairn_contour_grouping **grouping, cairn_pool *poo
 
 /* Starts the search in one image and discards earlier results. CAIRN_BAD_ARGUMENT: NULL, an empty
  * range, an invalid model. CAIRN_FULL: an image or a model beyond the params; as written also more
- * than max_tokens segments. CAIRN_NOT_FINITE: a number of the input. Cost: linear in the model.
+ * than max_tokens segments or 2 max_tokens ends of chains. CAIRN_NOT_FINITE: a number of the
+ * input. Cost: linear in the model.
  *
  * input: tokens, model and ranges of the pose */
 CAIRN_CHECKED cairn_status cairn_contour_grouping_begin(cairn_contour_grouping *grouping,
@@ -242,7 +247,7 @@ CAIRN_CHECKED cairn_status cairn_contour_grouping_begin(cairn_contour_grouping *
  * units per outline sample for every hypothesis and every final pose, up to five times, and for
  * every object nine times. Cost as written: that of cairn_symmetric_point_step(); two path samples
  * per start; per particle and step 60 units, 12 for each earlier step, one per segment end in the
- * look-ahead circles and one per pair of the nearest ten; more for long trajectories. */
+ * look-ahead circles and one per pair of the nearest 31; more for long trajectories. */
 CAIRN_CHECKED cairn_status cairn_contour_grouping_step(cairn_contour_grouping *grouping,
                                                        cairn_budget *budget);
 
@@ -288,7 +293,7 @@ typedef struct cairn_contour_grouping_disc {
     int32_t segment[2];
     /* sample of the model's longest path that is nearest by (2.12) */
     int32_t sample;
-    /* nats, of the trajectory up to this step: sum of the logarithms of (2.13) over
+    /* nats, of the trajectory up to this step: sum of the logarithms of (2.11) times (2.13) over
      * stop_likelihood */
     cairn_real log_posterior;
 } cairn_contour_grouping_disc;

@@ -30,7 +30,12 @@ enum {
      * likelihood. */
     CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR = 0,
     /* Optimal proposal: all candidates are weighted, and drawn by prior mass times likelihood. */
-    CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL = 1
+    CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL = 1,
+    /* Prior boosting: candidates are drawn by prior mass, each at most once as a follower. Its
+     * weight is that of the particle times its likelihood. When the prior mass is to count in the
+     * weights, the likelihood has to include it. Copies of a resampled particle remain one particle
+     * of their total weight, so that all particles differ. */
+    CAIRN_PARTICLE_FILTER_PROPOSAL_BOOSTED = 2
 };
 
 /* Parameters; defaults in brackets. */

@@ -267,7 +267,8 @@ cairn_report_player_params cairn_report_player_default(void);
 CAIRN_CHECKED cairn_status cairn_report_player_open(cairn_report_player **player,
                                                     const cairn_report_player_params *params);
 
-/* Adds a scan; its points and segments are copied. index: the number that the page displays.
+/* Adds a scan; its points and segments are copied. index: the number that the page displays; below
+ * 0: the pose has no marker, as that of a background.
  * CAIRN_BAD_ARGUMENT: NULL, a negative count; CAIRN_NOT_FINITE; CAIRN_NO_MEMORY: the player is
  * unchanged.
  *

@@ -4,7 +4,7 @@
  * Method:
  * 1. The symmetric point of every pair of segments whose disc has a radius within the model's range
  *    (cairn_symmetric_point_set) is stored in a hash table by pair.
- * 2. Initial particles: points of segments near the end points of strong chains, in both directions
+ * 2. Initial particles: symmetric points near the end points of strong chains, in both directions
  *    of travel and of the model's path, sampled by quality (2.10) times likelihood (2.13).
  * 3. Filter steps (contour_grouping_written_filter.c): prior proposal, prior boosting, residual
  *    resampling when N_eff < N / 2.
@@ -21,7 +21,9 @@
 
 /* Capacity of history states per particle (shared trajectories are stored once); greatest number of
  * followers. */
-enum { BLOCKS_PER_PARTICLE = 24, MAX_FOLLOWERS = 8 };
+enum { BLOCKS_PER_PARTICLE = 24, MAX_FOLLOWERS = 16 };
+/* Greatest angle between an edge normal and the line between both edgels, degrees. */
+#define MAX_CHORD_ANGLE_DEG 75
 /* Side of a cell of the grid of ends, px. */
 #define END_GRID_CELL_PX 8
 enum { STARTS_PER_POINT = 4, UNITS_PER_START = 6, UNITS_PER_RECORD = 4, OBJECTS_PER_UNIT = 8 };
@@ -50,6 +52,7 @@ symmetric_point_params(const cairn_contour_grouping_params *params)
     cairn_symmetric_point_params settings = cairn_symmetric_point_as_written();
 
     settings.max_segments = params->max_tokens;
+    settings.max_angle = MAX_CHORD_ANGLE_DEG * (CAIRN_PI / 180);
     settings.max_points = params->max_points;
     return settings;
 }
@@ -59,7 +62,7 @@ static cairn_particle_filter_params filter_params(const cairn_contour_grouping_p
     cairn_particle_filter_params settings = cairn_particle_filter_default();
 
     settings.particles = settings.max_particles = params->particles;
-    settings.proposal = CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR;
+    settings.proposal = CAIRN_PARTICLE_FILTER_PROPOSAL_BOOSTED;
     settings.max_followers = MAX_FOLLOWERS;
     settings.max_candidates = params->particles * CONTOUR_GROUPING_WRITTEN_CANDIDATES_PER_PARTICLE;
     settings.max_history = 0;
@@ -84,12 +87,15 @@ static void create_members(cairn_pool *pool, const cairn_contour_grouping_params
     if (pool->base == NULL) {
         cairn_pool_count(pool, cairn_symmetric_point_memory(&points));
         cairn_pool_count(pool, cairn_point_grid_memory(&ends));
+        cairn_pool_count(pool, cairn_point_grid_memory(&ends));
         cairn_pool_count(pool, cairn_particle_filter_memory(&filter));
         return;
     }
     status = cairn_symmetric_point_create(&written->set, pool, &points);
     if (status == CAIRN_OK)
         status = cairn_point_grid_create(&written->ends, pool, &ends);
+    if (status == CAIRN_OK)
+        status = cairn_point_grid_create(&written->chain_ends, pool, &ends);
     if (status == CAIRN_OK)
         status = cairn_particle_filter_create(&grouping->filter, pool, &filter, &model);
     CAIRN_ASSERT(status == CAIRN_OK);
@@ -103,7 +109,6 @@ cairn_contour_grouping_written_carve(cairn_pool *pool, const cairn_contour_group
     struct contour_grouping_written *written = cairn_pool_take_one(pool, sizeof *written);
     int32_t *pair_slots =
         cairn_pool_take(pool, (size_t)slot_count_of(params->max_points), sizeof *pair_slots);
-    uint8_t *is_start = cairn_pool_take(pool, (size_t)params->max_tokens, 1);
     int32_t *segment_stamp =
         cairn_pool_take(pool, (size_t)params->max_tokens, sizeof *segment_stamp);
     cairn_contour_grouping_disc *trajectories = cairn_pool_take(
@@ -128,7 +133,6 @@ cairn_contour_grouping_written_carve(cairn_pool *pool, const cairn_contour_group
         memset(segment_stamp, 0, (size_t)params->max_tokens * sizeof *segment_stamp);
         written->pair_slots = pair_slots;
         written->slot_count = slot_count_of(params->max_points);
-        written->is_start = is_start;
         written->segment_stamp = segment_stamp;
         written->trajectories = trajectories;
         written->trajectory_slot = trajectory_slot;
@@ -154,7 +158,10 @@ cairn_status cairn_contour_grouping_written_check(const cairn_contour_grouping *
         return CAIRN_NOT_FINITE;
     if (!(in->look_ahead > 0) || in->end_count < 0 || (in->ends == NULL && in->end_count > 0))
         return CAIRN_BAD_ARGUMENT;
-    return in->count > grouping->params.max_tokens ? CAIRN_FULL : CAIRN_OK;
+    return in->count > grouping->params.max_tokens ||
+                   in->end_count > 2 * grouping->params.max_tokens
+               ? CAIRN_FULL
+               : CAIRN_OK;
 }
 
 /* Computes the mean radius of the path, and the range of radii widened by R_sigma on both sides. */
@@ -240,8 +247,19 @@ cairn_contour_grouping_written_point(const cairn_contour_grouping *grouping, int
     return NULL;
 }
 
-/* Fills the hash table and the grid of ends; marks the segments near the ends of strong chains.
- * `cursor` and `second_cursor` count all items. */
+/* Empties a grid. */
+static cairn_status clear_grid(cairn_contour_grouping *grouping, cairn_point_grid *grid,
+                               cairn_budget *budget)
+{
+    while (cairn_point_grid_count(grid) > 0) {
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
+            return CAIRN_MORE;
+        cairn_point_grid_remove_last(grid);
+    }
+    return CAIRN_OK;
+}
+
+/* Fills the hash table and both grids of ends. `cursor` and `second_cursor` count all items. */
 cairn_status cairn_contour_grouping_written_index(cairn_contour_grouping *grouping,
                                                   cairn_budget *budget)
 {
@@ -264,10 +282,13 @@ cairn_status cairn_contour_grouping_written_index(cairn_contour_grouping *groupi
             at = (at + 1) & (written->slot_count - 1);
         written->pair_slots[at] = grouping->cursor - slots;
     }
-    while (grouping->second_cursor == 0 && cairn_point_grid_count(written->ends) > 0) {
-        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
-            return CAIRN_MORE;
-        cairn_point_grid_remove_last(written->ends);
+    if (grouping->second_cursor == 0) {
+        cairn_status status = clear_grid(grouping, written->ends, budget);
+
+        if (status == CAIRN_OK)
+            status = clear_grid(grouping, written->chain_ends, budget);
+        if (status != CAIRN_OK)
+            return status;
     }
     for (; grouping->second_cursor < ends; grouping->second_cursor++) {
         const cairn_segment *s = &grouping->input.segments[grouping->second_cursor / 2];
@@ -275,24 +296,20 @@ cairn_status cairn_contour_grouping_written_index(cairn_contour_grouping *groupi
 
         if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
             return CAIRN_MORE;
-        written->is_start[grouping->second_cursor / 2] = 0;
         written->segment_stamp[grouping->second_cursor / 2] = 0;
         status = cairn_point_grid_insert(written->ends, grouping->second_cursor % 2 ? s->b : s->a);
         if (status != CAIRN_OK)
             return status;
     }
     for (; grouping->second_cursor < ends + grouping->input.end_count; grouping->second_cursor++) {
-        cairn_point_grid_cursor search = cairn_point_grid_begin(
-            written->ends, grouping->input.ends[grouping->second_cursor - ends],
-            grouping->input.look_ahead);
+        cairn_status status;
 
-        if (!cairn_budget_charge(budget, &grouping->units_charged, UNITS_PER_START))
+        if (!cairn_budget_charge(budget, &grouping->units_charged, 1))
             return CAIRN_MORE;
-        if (!cairn_is_finite(search.centre.x) || !cairn_is_finite(search.centre.y))
-            return CAIRN_NOT_FINITE;
-        for (int32_t e = cairn_point_grid_next(written->ends, &search); e >= 0;
-             e = cairn_point_grid_next(written->ends, &search))
-            written->is_start[e / 2] = 1;
+        status = cairn_point_grid_insert(written->chain_ends,
+                                         grouping->input.ends[grouping->second_cursor - ends]);
+        if (status != CAIRN_OK)
+            return status;
     }
     return CAIRN_OK;
 }
@@ -335,10 +352,14 @@ static cairn_real make_start(const cairn_contour_grouping *grouping,
                 : 0);
 }
 
-static int is_start_point(const struct contour_grouping_written *written,
+/* Returns 1 when a point lies within L of an end of a strong chain. */
+static int is_start_point(const cairn_contour_grouping *grouping,
                           const cairn_symmetric_point *point)
 {
-    return written->is_start[point->first] || written->is_start[point->second];
+    cairn_point_grid_cursor search = cairn_point_grid_begin(
+        grouping->written->chain_ends, point->centre, grouping->input.look_ahead);
+
+    return cairn_point_grid_next(grouping->written->chain_ends, &search) >= 0;
 }
 
 /* Sums the masses of all start states; then systematic sampling of as many particles, at even steps
@@ -357,12 +378,12 @@ cairn_status cairn_contour_grouping_written_start(cairn_contour_grouping *groupi
         contour_grouping_written_state state;
 
         if (!cairn_budget_charge(budget, &grouping->units_charged,
-                                 is_start_point(written, point)
+                                 is_start_point(grouping, point)
                                      ? UNITS_PER_START +
                                            cairn_contour_grouping_written_likelihood_units(grouping)
                                      : 1))
             return CAIRN_MORE;
-        if (!is_start_point(written, point))
+        if (!is_start_point(grouping, point))
             continue;
         written->mass_sum +=
             cairn_exp(make_start(grouping, point, grouping->cursor % STARTS_PER_POINT, &state));
@@ -383,12 +404,12 @@ cairn_status cairn_contour_grouping_written_start(cairn_contour_grouping *groupi
         contour_grouping_written_state state;
 
         if (!cairn_budget_charge(budget, &grouping->units_charged,
-                                 is_start_point(written, point)
+                                 is_start_point(grouping, point)
                                      ? UNITS_PER_START +
                                            cairn_contour_grouping_written_likelihood_units(grouping)
                                      : 1))
             return CAIRN_MORE;
-        if (!is_start_point(written, point))
+        if (!is_start_point(grouping, point))
             continue;
         written->passed_mass += cairn_exp(
             make_start(grouping, point, grouping->second_cursor % STARTS_PER_POINT, &state));
@@ -491,13 +512,13 @@ cairn_status cairn_contour_grouping_written_run_filter(cairn_contour_grouping *g
 }
 
 void cairn_contour_grouping_written_read(const cairn_contour_grouping *grouping,
-                                         cairn_contour_grouping_result *result)
+                                         cairn_contour_grouping_result *r)
 {
     const struct contour_grouping_written *written = grouping->written;
 
-    (void)cairn_symmetric_point_list(written->set, &result->point_count);
-    result->points_dropped = cairn_symmetric_point_dropped(written->set);
-    result->candidates_dropped = written->dropped_candidates;
-    result->token_count = grouping->input.count;
-    result->end_reason = written->end_reason;
+    (void)cairn_symmetric_point_list(written->set, &r->point_count);
+    r->points_dropped = cairn_symmetric_point_dropped(written->set);
+    r->candidates_dropped = written->dropped_candidates;
+    r->token_count = grouping->input.count;
+    r->end_reason = written->end_reason;
 }

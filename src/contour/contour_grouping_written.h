@@ -5,10 +5,10 @@
 #include "cairn/symmetric_point.h"
 #include "src/contour/contour_grouping_work.h"
 
-/* Greatest number of segments considered for extending a side, the nearest ones; candidates that
- * there is memory for, for each particle on average. */
+/* Greatest number of new segments considered for extending a side, the nearest ones; candidates
+ * that there is memory for, for each particle on average. */
 enum {
-    CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS = 32,
+    CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS = 31,
     CONTOUR_GROUPING_WRITTEN_CANDIDATES_PER_PARTICLE = 100
 };
 
@@ -18,8 +18,11 @@ typedef struct contour_grouping_written_state {
     cairn_vec2 centre, start;
     /* px, rad */
     cairn_real radius, deviation;
-    /* nats, sum over the trajectory of the logarithms of (2.13) over stop_likelihood */
+    /* nats, sum over the trajectory of the logarithms of (2.11) times (2.13) over
+     * stop_likelihood */
     cairn_real log_posterior;
+    /* nats, mass (2.11) of the last step; 0 for the first point */
+    cairn_real log_mass;
     /* segment indices on the left and right of the direction of travel */
     int32_t segment[2];
     /* open ends: twice the segment index, plus one for its second end */
@@ -40,16 +43,17 @@ typedef struct contour_grouping_written_side {
 typedef struct contour_grouping_written_extension {
     cairn_real gap;   /* px, distance from the side's open end */
     int32_t open_end; /* index of the new open end */
+    int32_t is_kept;  /* 1: the side keeps its segment */
 } contour_grouping_written_extension;
 
 struct contour_grouping_written {
     cairn_symmetric_point_set *set;
     /* grid of all segment ends: 2 i and 2 i + 1 belong to segment i */
     cairn_point_grid *ends;
+    /* grid of the ends of strong chains */
+    cairn_point_grid *chain_ends;
     /* [slot_count] hash table from pairs of segments to symmetric points, -1: empty */
     int32_t *pair_slots;
-    /* [max_tokens] 1: an end lies near an end of a strong chain */
-    uint8_t *is_start;
     /* [max_tokens] latest stamp of each segment (mark by generation) */
     int32_t *segment_stamp;
     /* [max_objects * max_steps] recorded trajectories, by slot */
@@ -132,9 +136,9 @@ cairn_particle_filter_model cairn_contour_grouping_written_model(cairn_contour_g
 /* Work units of one likelihood evaluation. */
 int32_t cairn_contour_grouping_written_likelihood_units(const cairn_contour_grouping *grouping);
 
-/* Log-likelihood (2.13) of a state; *sample is k of (2.12). */
+/* Log-likelihood (2.13) of a state, without the mass of its step; *sample is k of (2.12). */
 cairn_real cairn_contour_grouping_written_likelihood(const cairn_contour_grouping *grouping,
-                                                     const contour_grouping_written_state *state,
+                                                     const contour_grouping_written_state *s,
                                                      int32_t *sample);
 
 /* Symmetric point of two segments, NULL: none. */

@@ -2,11 +2,13 @@
  *
  * Method:
  * 1. Proposal: a particle looks ahead around the open ends of both sides (2.4.2). Segments with an
- *    end within L of the open one, outside the region that its contour encloses, are paired. Pairs
- *    are rejected when they cross the contour or the skeleton, or have no symmetric point within
- *    the model's radii. Masses: gaps and loss of symmetry (2.11).
- * 2. Likelihood: displacement and radius (2.12, 2.13), which the proposal does not use. The past of
- *    a particle is read from its history.
+ *    end within L of the open one, outside the region that its contour encloses, are paired; one of
+ *    the sides may keep its segment. Pairs are rejected when they cross the contour or the
+ *    skeleton, or have no symmetric point within the model's radii outside that region. Masses:
+ *    gaps and loss of symmetry (2.11).
+ * 2. Likelihood: displacement and radius (2.12, 2.13), which the proposal does not use, times the
+ *    mass, which the draws of prior boosting do not represent. The past of a particle is read from
+ *    its history.
  *
  * Source: Adluru 2008, sections 2.3 to 2.5. */
 #include "src/core/build.h"
@@ -21,6 +23,9 @@ enum {
     STEPS_PER_END_UNIT = 1,
     STEPS_PER_PAIR_UNIT = 2
 };
+
+/* Unit of differences of lengths in the dissimilarity of displacements, share of the size. */
+#define LENGTH_UNIT CAIRN_REAL(0.3)
 
 /* ---- The model ---- */
 
@@ -51,17 +56,13 @@ static cairn_vec2 displacement_of(const cairn_shape_model *model, int32_t is_rev
 }
 
 /* Dissimilarity ds of (2.12) of two displacements, in sizes: the angle between them, rad, plus the
- * difference of their lengths in mean radii of the model. For displacements shorter than a mean
- * radius the angle is scaled by the length. */
-static cairn_real dissimilarity(const struct contour_grouping_written *written, cairn_vec2 model,
-                                cairn_vec2 displacement)
+ * difference of their lengths in LENGTH_UNIT. */
+static cairn_real dissimilarity(cairn_vec2 model, cairn_vec2 displacement)
 {
-    cairn_real length = cairn_vec2_norm(displacement), expected = cairn_vec2_norm(model);
     cairn_real angle = cairn_abs(
         cairn_atan2(cairn_vec2_cross(model, displacement), cairn_vec2_dot(model, displacement)));
 
-    return angle * cairn_min(1, cairn_min(length, expected) / written->mean_radius) +
-           cairn_abs(length - expected) / written->mean_radius;
+    return angle + cairn_abs(cairn_vec2_norm(displacement) - cairn_vec2_norm(model)) / LENGTH_UNIT;
 }
 
 cairn_real cairn_contour_grouping_written_likelihood(const cairn_contour_grouping *grouping,
@@ -73,11 +74,13 @@ cairn_real cairn_contour_grouping_written_likelihood(const cairn_contour_groupin
     cairn_vec2 displacement =
         cairn_vec2_scale(cairn_vec2_sub(state->centre, state->start), 1 / written->size);
     cairn_real smallest = CAIRN_REAL_MAX, radius_error;
+    int32_t is_first = displacement.x == 0 && displacement.y == 0,
+            first_sample = is_first || model->paths[0].count == 1 ? 0 : 1;
 
-    *sample = 0;
-    for (int32_t k = 0; k < model->paths[0].count; k++) {
-        cairn_real d =
-            dissimilarity(written, displacement_of(model, state->is_reversed, k), displacement);
+    /* D_1 = 0 has no direction, so only the first point is compared with it. */
+    *sample = first_sample;
+    for (int32_t k = first_sample; k < model->paths[0].count; k++) {
+        cairn_real d = dissimilarity(displacement_of(model, state->is_reversed, k), displacement);
 
         if (d < smallest) {
             smallest = d;
@@ -189,8 +192,8 @@ static void insert_extension(contour_grouping_written_extension *list, int32_t *
     list[index] = e;
 }
 
-/* Finds the extensions of side s within the look-ahead circle around its open end:
- * list[CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS]. Returns their number. */
+/* Finds the extensions of side s within the look-ahead circle around its open end, the kept segment
+ * last: list[CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS + 1]. Returns their number. */
 static int32_t find_extensions(const cairn_contour_grouping *grouping,
                                const contour_grouping_written_state *previous, int32_t s,
                                contour_grouping_written_extension *list)
@@ -204,8 +207,8 @@ static int32_t find_extensions(const cairn_contour_grouping *grouping,
     for (int32_t e = cairn_point_grid_next(written->ends, &search); e >= 0;
          e = cairn_point_grid_next(written->ends, &search)) {
         contour_grouping_written_extension x = {
-            cairn_vec2_norm(cairn_vec2_sub(contour_grouping_written_end(grouping, e), open)),
-            e ^ 1};
+            cairn_vec2_norm(cairn_vec2_sub(contour_grouping_written_end(grouping, e), open)), e ^ 1,
+            0};
 
         if (written->segment_stamp[e / 2] == written->stamp ||
             (count == CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS && x.gap >= list[count - 1].gap))
@@ -213,6 +216,9 @@ static int32_t find_extensions(const cairn_contour_grouping *grouping,
         if (is_feasible_extension(grouping, s, previous->end[s], e))
             insert_extension(list, &count, x);
     }
+    list[count].gap = 0;
+    list[count].open_end = previous->end[s];
+    list[count++].is_kept = 1;
     return count;
 }
 
@@ -243,6 +249,8 @@ static int cross_each_other(const cairn_contour_grouping *grouping,
     cairn_segment line[2][2];
     const contour_grouping_written_extension *e[2] = {left, right};
 
+    if (left->is_kept || right->is_kept)
+        return 0;
     for (int32_t s = 0; s < 2; s++) {
         line[s][0].a = contour_grouping_written_end(grouping, previous->end[s]);
         line[s][0].b = line[s][1].a = contour_grouping_written_end(grouping, e[s]->open_end ^ 1);
@@ -254,13 +262,20 @@ static int cross_each_other(const cairn_contour_grouping *grouping,
     return 0;
 }
 
-/* Log mass of the proposal (2.11). */
+/* Log mass of the proposal (2.11). A step that extends only one side counts as no further step: its
+ * mass is multiplied by stop_likelihood. */
 static cairn_real log_mass(const cairn_contour_grouping *grouping,
                            const contour_grouping_written_state *previous,
-                           const contour_grouping_written_state *state, cairn_real gap)
+                           const contour_grouping_written_state *s,
+                           const contour_grouping_written_extension *left,
+                           const contour_grouping_written_extension *right)
 {
-    cairn_real loss = cairn_max(state->deviation - previous->deviation, 0);
+    cairn_real loss = cairn_max(s->deviation - previous->deviation, 0);
+    cairn_real gap = CAIRN_REAL(0.5) * (left->gap + right->gap);
     cairn_real mass = -cairn_half_square(gap / grouping->input.mean_length);
+
+    if (left->is_kept || right->is_kept)
+        mass += grouping->written->log_stop;
 
     return grouping->params.use_skeleton
                ? mass - cairn_half_square(loss / grouping->params.symmetry_sigma)
@@ -278,7 +293,10 @@ static cairn_status offer(cairn_contour_grouping *grouping, cairn_particle_filte
     contour_grouping_written_state next = *previous;
     cairn_status status;
 
-    if (point == NULL || crosses_history(grouping, previous, point->centre) ||
+    if (point == NULL ||
+        cairn_polygon_contains(grouping->written->polygon, grouping->written->polygon_count,
+                               point->centre) ||
+        crosses_history(grouping, previous, point->centre) ||
         cross_each_other(grouping, previous, left, right))
         return CAIRN_OK;
     next.centre = point->centre;
@@ -288,9 +306,8 @@ static cairn_status offer(cairn_contour_grouping *grouping, cairn_particle_filte
     next.end[1] = right->open_end;
     next.segment[0] = left->open_end / 2;
     next.segment[1] = right->open_end / 2;
-    status = cairn_particle_filter_offer(
-        filter, &next,
-        log_mass(grouping, previous, &next, CAIRN_REAL(0.5) * (left->gap + right->gap)));
+    next.log_mass = log_mass(grouping, previous, &next, left, right);
+    status = cairn_particle_filter_offer(filter, &next, next.log_mass);
     if (status != CAIRN_FULL)
         return status;
     grouping->written->dropped_candidates++;
@@ -317,11 +334,12 @@ static int32_t proposal_units(const cairn_contour_grouping *grouping,
 {
     int32_t left = count_ends_ahead(grouping, previous, 0),
             right = count_ends_ahead(grouping, previous, 1);
-    int32_t pairs =
-        (left < CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS ? left
-                                                        : CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS) *
-        (right < CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS ? right
-                                                         : CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS);
+    int32_t pairs = (1 + (left < CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS
+                              ? left
+                              : CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS)) *
+                    (1 + (right < CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS
+                              ? right
+                              : CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS));
     int64_t units = UNITS_PER_PROPOSAL + UNITS_PER_STEP * steps +
                     pairs * (1 + steps / STEPS_PER_PAIR_UNIT) +
                     ((int64_t)left + right) * (1 + steps / STEPS_PER_END_UNIT);
@@ -335,7 +353,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     cairn_contour_grouping *grouping = context;
     cairn_particle particle = cairn_particle_filter_particle(filter, index);
     const contour_grouping_written_state *previous = particle.state;
-    contour_grouping_written_extension list[2][CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS];
+    contour_grouping_written_extension list[2][CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS + 1];
     int32_t count[2];
 
     if (grouping->callback_units_charged == 0)
@@ -350,7 +368,8 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
         for (int32_t j = 0; j < count[1]; j++) {
             cairn_status status = CAIRN_OK;
 
-            if (list[0][i].open_end / 2 != list[1][j].open_end / 2)
+            if (list[0][i].open_end / 2 != list[1][j].open_end / 2 &&
+                !(list[0][i].is_kept && list[1][j].is_kept))
                 status = offer(grouping, filter, previous, &list[0][i], &list[1][j]);
             if (status != CAIRN_OK)
                 return status;
@@ -362,6 +381,7 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
                                const void *state, cairn_real *log_likelihood, cairn_budget *budget)
 {
     cairn_contour_grouping *grouping = context;
+    const contour_grouping_written_state *s = state;
     int32_t sample;
 
     (void)filter;
@@ -370,7 +390,7 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     if (!cairn_budget_charge(budget, &grouping->callback_units_charged,
                              2 * cairn_contour_grouping_written_likelihood_units(grouping)))
         return CAIRN_MORE;
-    *log_likelihood = cairn_contour_grouping_written_likelihood(grouping, state, &sample);
+    *log_likelihood = s->log_mass + cairn_contour_grouping_written_likelihood(grouping, s, &sample);
     return CAIRN_OK;
 }
 
@@ -381,7 +401,8 @@ static void append(void *context, const cairn_particle_filter *filter, int32_t i
 
     (void)filter;
     (void)index;
-    s->log_posterior += cairn_contour_grouping_written_likelihood(grouping, s, &s->sample) -
+    s->log_posterior += s->log_mass +
+                        cairn_contour_grouping_written_likelihood(grouping, s, &s->sample) -
                         grouping->written->log_stop;
 }
 

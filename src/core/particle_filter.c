@@ -8,6 +8,7 @@
  *
  *        prior proposal:    w m_k / n p(z | x_k)
  *        optimal proposal:  w m_k / n sum_l p(z | x_l) p(x_l | x)
+ *        prior boosting:    w p(z | x_k)
  *
  *    which is unbiased, because E[m_k] is n times the mass of k. When there are at most n
  *    candidates none is drawn: each becomes a follower of weight w p(z | x_k) p(x_k | x).
@@ -64,7 +65,7 @@ static int params_are_valid(const cairn_particle_filter_params *params)
            is_count(params->max_candidates) && params->max_blocks >= 1 &&
            params->max_blocks <= MAX_BLOCKS && is_count(params->state_bytes) &&
            params->proposal >= CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR &&
-           params->proposal <= CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL &&
+           params->proposal <= CAIRN_PARTICLE_FILTER_PROPOSAL_BOOSTED &&
            params->adaptive_followers >= 0 && params->adaptive_followers <= 1 &&
            params->max_history >= 0 && params->max_history <= MAX_COUNT &&
            params->resample_ratio >= 0 && params->resample_ratio <= 1;

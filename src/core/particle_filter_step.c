@@ -166,10 +166,16 @@ static cairn_status step_priors(cairn_particle_filter *filter, cairn_budget *bud
     return CAIRN_OK;
 }
 
+/* 1 when the proposal does not use the likelihoods. */
+static int is_prior_proposal(const cairn_particle_filter *filter)
+{
+    return filter->params.proposal != CAIRN_PARTICLE_FILTER_PROPOSAL_OPTIMAL;
+}
+
 /* 1 when followers are drawn before their likelihoods are known. */
 static int is_drawn_by_prior(const cairn_particle_filter *filter)
 {
-    return filter->params.proposal == CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR && filter->is_drawn;
+    return is_prior_proposal(filter) && filter->is_drawn;
 }
 
 /* Phase LIKELIHOODS. */
@@ -257,7 +263,9 @@ static cairn_status step_follow(cairn_particle_filter *filter, cairn_budget *bud
             continue;
         if (!cairn_budget_charge(budget, &filter->units_charged, cost))
             return CAIRN_MORE;
-        if (!filter->is_drawn)
+        if (filter->params.proposal == CAIRN_PARTICLE_FILTER_PROPOSAL_BOOSTED)
+            follower.log_weight += candidate->log_likelihood;
+        else if (!filter->is_drawn)
             follower.log_weight += candidate->log_prior + candidate->log_likelihood;
         else if (filter->params.proposal == CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR)
             follower.log_weight +=
@@ -282,7 +290,7 @@ static cairn_status step_follow(cairn_particle_filter *filter, cairn_budget *bud
 static void advance_group(cairn_particle_filter *filter)
 {
     int32_t count = candidate_count(filter);
-    int by_prior = filter->params.proposal == CAIRN_PARTICLE_FILTER_PROPOSAL_PRIOR;
+    int by_prior = is_prior_proposal(filter);
 
     switch (filter->phase) {
     case PARTICLE_FILTER_PRIORS:
@@ -388,7 +396,8 @@ static cairn_status step_normalise(cairn_particle_filter *filter, cairn_budget *
     return CAIRN_OK;
 }
 
-/* Phase COPY: the copies drawn become a population of equal weights. */
+/* Phase COPY: the copies drawn become a population of equal weights; when boosted, one particle of
+ * their total weight. */
 static cairn_status step_copies(cairn_particle_filter *filter, cairn_budget *budget)
 {
     cairn_real log_weight = -cairn_log((cairn_real)filter->params.particles);
@@ -404,8 +413,13 @@ static cairn_status step_copies(cairn_particle_filter *filter, cairn_budget *bud
             return CAIRN_MORE;
         if (filter->cursor == filter->max_weight_index)
             filter->step_trace.best = filter->resampled.count;
-        filter->copies[filter->cursor]--;
         particle.log_weight = log_weight;
+        if (filter->params.proposal == CAIRN_PARTICLE_FILTER_PROPOSAL_BOOSTED) {
+            particle.log_weight += cairn_log((cairn_real)filter->copies[filter->cursor]);
+            filter->copies[filter->cursor] = 0;
+        } else {
+            filter->copies[filter->cursor]--;
+        }
         particle.leaf->references++;
         filter->resampled.list[filter->resampled.count++] = particle;
     }

@@ -12,6 +12,8 @@
 /* Least length of a segment in the mode as written, px; shorter ones give too many candidate
  * extensions. */
 #define WRITTEN_MIN_PIECE_PX 10
+/* Greatest distance of a chain's pixel from its polyline in the mode as written, px. */
+#define WRITTEN_TOLERANCE_PX CAIRN_REAL(2.5)
 /* Spacing of edgels in chain pixels; each has the direction between the pixels EDGEL_SPAN_PIXELS
  * before and after it. */
 enum { EDGEL_STEP_PIXELS = 3, EDGEL_SPAN_PIXELS = 3 };
@@ -247,8 +249,10 @@ static cairn_status find_tokens(cairn_contour_search_tokens *tokens, cairn_raste
     chain.max_height = strengths.height;
     chain.max_edges = chain.max_chains = edges + 1;
     chain.min_strength = min_strength;
-    if (kind->written && !kind->edgels)
+    if (kind->written && !kind->edgels) {
         segment.min_piece = WRITTEN_MIN_PIECE_PX;
+        segment.tolerance = WRITTEN_TOLERANCE_PX;
+    }
     segment.max_lines = kind->edgels ? 1 : edges + 1;
     segment.max_segments = kind->edgels ? 1 : 3 * (edges + 1);
     tokens->pool_bytes =

@@ -13,10 +13,9 @@
 enum { POINTS_PER_SEGMENT = 640, MAX_POINTS = 1 << 21, MIN_TOKENS = 64 };
 /* Greatest number of segments of a search. */
 enum { MAX_TOKENS = 1 << 20 };
-/* Work units between observations, and at most per particle. A filter step costs more than 50 units
- * per particle, and fewer than N / 2 are resampled, so that two steps never fall between two
- * observations. */
-enum { UNITS_PER_CALLBACK = 2000, CALLBACK_UNITS_PER_PARTICLE = 25 };
+/* Work units between observations. A filter step costs more than 50 units, also that of a single
+ * particle, so that two steps never fall between two observations. */
+enum { UNITS_PER_CALLBACK = 25 };
 
 cairn_contour_search_params cairn_contour_search_as_written(int32_t width, int32_t height)
 {
@@ -153,17 +152,14 @@ static cairn_status run(written_run *search, cairn_pool *pool,
                         const cairn_contour_grouping_params *params,
                         const cairn_contour_grouping_input *input)
 {
-    int32_t units;
     cairn_status status = cairn_contour_grouping_create(&search->grouping, pool, params);
 
     if (status == CAIRN_OK)
         status = cairn_contour_grouping_begin(search->grouping, input);
     if (status != CAIRN_OK)
         return status;
-    units = CALLBACK_UNITS_PER_PARTICLE * params->particles;
-    units = units < UNITS_PER_CALLBACK ? units : UNITS_PER_CALLBACK;
     do {
-        cairn_budget budget = {units};
+        cairn_budget budget = {UNITS_PER_CALLBACK};
 
         status = cairn_contour_grouping_step(search->grouping, &budget);
         if (status >= 0)
@@ -238,6 +234,9 @@ cairn_status cairn_contour_search_written(cairn_contour_search_result *result,
     grouping.max_width = tokens->width;
     grouping.max_height = tokens->height;
     grouping.max_tokens = tokens->count < MIN_TOKENS ? MIN_TOKENS : tokens->count;
+    /* Two chain ends per segment at most; a chain whose pixels give no edgel has ends, too. */
+    if (grouping.max_tokens < tokens->end_count / 2)
+        grouping.max_tokens = tokens->end_count / 2;
     grouping.max_samples = model->sample_count;
     grouping.max_outline = model->outline_count > 0 ? model->outline_count : 1;
     grouping.max_points = points < 1 ? 1 : points > MAX_POINTS ? MAX_POINTS : (int32_t)points;
