@@ -1,5 +1,5 @@
-/* The mode as written of contour_grouping: what it finds; each step of a walk against its
- * definition, by a slow reference implementation; bad input. */
+/* contour_grouping as written: results; each step of a walk compared with its definition by a
+ * reference implementation; bad input. */
 #include "tests/contour_scene.h"
 
 #include "cairn/symmetric_point.h"
@@ -16,7 +16,7 @@ static void add_end(scene *s, double x, double y)
     s->ends[s->end_count++] = end;
 }
 
-/* The sides of the flask in pieces of some 8 px; its upper corners are ends of strong chains. */
+/* The sides of the flask as segments of about 8 px; its upper corners are ends of strong chains. */
 static void add_flask(scene *s, double x, double y)
 {
     for (int i = 0; i < SIDES; i++) {
@@ -34,7 +34,7 @@ static cairn_contour_grouping_params small_params(void)
 
     p.max_width = WIDTH;
     p.max_height = HEIGHT;
-    p.max_tokens = MOST;
+    p.max_tokens = MAX_COUNT;
     p.max_points = 8192;
     p.max_steps = STEPS;
     p.particles = 60;
@@ -196,7 +196,7 @@ static double apart(cairn_vec2 a, cairn_vec2 b)
     return hypot((double)(a.x - b.x), (double)(a.y - b.y));
 }
 
-/* The range of the model's radii, a fifth of their mean wider on both sides. */
+/* The range of the model's radii, widened by a fifth of their mean on both sides. */
 static void model_radii(const finder *f, cairn_real radii[2])
 {
     const cairn_shape_model_path *path = &f->model.paths[0];
@@ -266,7 +266,7 @@ static int32_t assert_is_walk(const finder *f, const scene *s, const cairn_conto
     return single;
 }
 
-static void walks_are_what_they_are_defined_to_be(void **state)
+static void walks_agree_with_their_definition(void **state)
 {
     cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
@@ -294,7 +294,7 @@ static void walks_are_what_they_are_defined_to_be(void **state)
                  i < cairn_contour_grouping_particles(f.grouping, particles, 60, &steps); i += 7) {
                 int32_t count = cairn_contour_grouping_history(f.grouping, i, d, STEPS);
 
-                /* The step after may have been made, and not yet been counted. */
+                /* The next step may have been made, but not yet counted. */
                 assert_in_range(count, steps + 1, steps + 2);
                 single += assert_is_walk(&f, &s, d, count);
                 assert_near(apart(particles[i].centre, d[count - 1].centre), 0, 0);
@@ -450,7 +450,7 @@ static void bad_input_is_refused(void **state)
     REFUSED(in.look_ahead = (cairn_real)NAN, CAIRN_NOT_FINITE);
     REFUSED(in.end_count = -1, CAIRN_BAD_ARGUMENT);
     REFUSED(in.ends = NULL, CAIRN_BAD_ARGUMENT);
-    REFUSED(in.count = MOST + 1, CAIRN_FULL);
+    REFUSED(in.count = MAX_COUNT + 1, CAIRN_FULL);
     REFUSED(in.model = &pathless, CAIRN_BAD_ARGUMENT);
     REFUSED(in.min_size = 0, CAIRN_BAD_ARGUMENT);
 #undef REFUSED
@@ -465,7 +465,7 @@ static void bad_input_is_refused(void **state)
     test_pool_free(&f.pool);
 }
 
-static void no_start_is_told(void **state)
+static void no_start_is_reported(void **state)
 {
     cairn_contour_grouping_params params = small_params();
     finder f = new_finder(&params);
@@ -482,7 +482,7 @@ static void no_start_is_told(void **state)
     assert_int_equal(r.end_reason, CAIRN_CONTOUR_GROUPING_NO_START);
     assert_int_equal(r.object_count + r.steps + r.hypothesis_count, 0);
     assert_int_equal(cairn_contour_grouping_particles(f.grouping, &p, 1, NULL), 0);
-    /* Nor is there one in an image without a chain. */
+    /* An image without a chain has no start either. */
     in = input_of(&f, &none);
     r = group(&f, &in);
     assert_int_equal(r.end_reason, CAIRN_CONTOUR_GROUPING_NO_START);
@@ -490,8 +490,7 @@ static void no_start_is_told(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Two segments face each other, and nothing else is near: 500 particles start, and none can go
- * on. */
+/* Two facing segments and nothing else nearby: 500 particles start, and none can continue. */
 static void all_particles_may_die(void **state)
 {
     cairn_contour_grouping_params params = small_params();
@@ -512,7 +511,7 @@ static void all_particles_may_die(void **state)
     assert_int_equal(r.hypothesis_count, 4);
     assert_int_equal(r.end_reason, CAIRN_CONTOUR_GROUPING_NO_FOLLOWER);
     assert_int_equal(r.object_count + r.steps, 0);
-    /* Again with what can be found. */
+    /* Again with an object. */
     s.count = s.end_count = 0;
     add_flask(&s, 130, 100);
     in = input_of(&f, &s);
@@ -520,7 +519,7 @@ static void all_particles_may_die(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Parallel lines all over: more than ten thousand symmetric points, of which max_points are
+/* Parallel lines everywhere: more than ten thousand symmetric points, of which max_points are
  * kept. */
 static void ten_thousand_points(void **state)
 {
@@ -546,7 +545,7 @@ static void ten_thousand_points(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Two steps are all that there is memory for. */
+/* Memory suffices for two steps only. */
 static void steps_are_bounded(void **state)
 {
     cairn_contour_grouping_params params = small_params();
@@ -567,9 +566,9 @@ static void steps_are_bounded(void **state)
     test_pool_free(&f.pool);
 }
 
-/* A corridor whose sides are cut into pieces of 4 px, of which only the next two are ahead: no
- * walk dies and none is resampled, so the histories share nothing. When their memory is used up
- * the walk ends; what was found until then is the result. */
+/* A corridor whose sides are cut into segments of 4 px, of which only the next two are within
+ * reach: no walk dies and none is resampled, so the histories share nothing. When their memory is
+ * used up the walk ends; its result until then is reported. */
 static void histories_are_bounded(void **state)
 {
     cairn_contour_grouping_params params = small_params();
@@ -607,12 +606,12 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_flask_in_clutter_is_walked_along),
         cmocka_unit_test(terms_can_be_switched_off),
-        cmocka_unit_test(walks_are_what_they_are_defined_to_be),
+        cmocka_unit_test(walks_agree_with_their_definition),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(every_pool_size),
         cmocka_unit_test(bad_params_are_refused),
         cmocka_unit_test(bad_input_is_refused),
-        cmocka_unit_test(no_start_is_told),
+        cmocka_unit_test(no_start_is_reported),
         cmocka_unit_test(all_particles_may_die),
         cmocka_unit_test(ten_thousand_points),
         cmocka_unit_test(steps_are_bounded),

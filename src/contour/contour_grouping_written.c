@@ -512,13 +512,13 @@ cairn_status cairn_contour_grouping_written_run_filter(cairn_contour_grouping *g
 }
 
 void cairn_contour_grouping_written_read(const cairn_contour_grouping *grouping,
-                                         cairn_contour_grouping_result *r)
+                                         cairn_contour_grouping_result *result)
 {
     const struct contour_grouping_written *written = grouping->written;
 
-    (void)cairn_symmetric_point_list(written->set, &r->point_count);
-    r->points_dropped = cairn_symmetric_point_dropped(written->set);
-    r->candidates_dropped = written->dropped_candidates;
-    r->token_count = grouping->input.count;
-    r->end_reason = written->end_reason;
+    (void)cairn_symmetric_point_list(written->set, &result->point_count);
+    result->points_dropped = cairn_symmetric_point_dropped(written->set);
+    result->candidates_dropped = written->dropped_candidates;
+    result->token_count = grouping->input.count;
+    result->end_reason = written->end_reason;
 }

@@ -138,7 +138,7 @@ int32_t cairn_contour_grouping_written_likelihood_units(const cairn_contour_grou
 
 /* Log-likelihood (2.13) of a state, without the mass of its step; *sample is k of (2.12). */
 cairn_real cairn_contour_grouping_written_likelihood(const cairn_contour_grouping *grouping,
-                                                     const contour_grouping_written_state *s,
+                                                     const contour_grouping_written_state *state,
                                                      int32_t *sample);
 
 /* Symmetric point of two segments, NULL: none. */
