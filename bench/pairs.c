@@ -408,10 +408,27 @@ static int is_start(const char *name)
     return 0;
 }
 
+/* Default of --partners; the reference poses of fr079 lie closer. */
+enum { PARTNERS = 10, FR079_PARTNERS = 59 };
+
+/* A log of the data sets by its name: DIR/slam/NAME.clf.gz with NAME.corrected.txt. */
+static int run_named(const settings *s, const char *name)
+{
+    char log[4096], truth[4096];
+    settings one = *s;
+
+    snprintf(log, sizeof log, "%s/slam/%s.clf.gz", s->data, name);
+    snprintf(truth, sizeof truth, "%s/slam/%s.corrected.txt", s->data, name);
+    one.of.log = log;
+    one.of.truth = truth;
+    if (one.of.partners == 0)
+        one.of.partners = strcmp(name, "fr079") == 0 ? FR079_PARTNERS : PARTNERS;
+    return run_data(&one, name);
+}
+
 int main(int argc, char **argv)
 {
     static const char *const names[] = {"intel", "fr079", "aces"};
-    static const int64_t partners[] = {10, 59, 10};
     settings s = {.of = {.pairs = 500, .seed = 1, .overlap = 0.3},
                   .data = "../shared/data",
                   .method = "correlative"};
@@ -425,7 +442,8 @@ int main(int argc, char **argv)
                     "simulated: every one of the 16 places with all others of its arena"),
         OPTION_TEXT("--scene", &s.of.scene, "NAME",
                     "scene of the arenas (rescue, apartment and office in turn)"),
-        OPTION_TEXT("--log", &s.of.log, "FILE", "one CARMEN log (all of DIR/slam)"),
+        OPTION_TEXT("--log", &s.of.log, "FILE",
+                    "one CARMEN log; without --truth the name of one in DIR/slam (all three)"),
         OPTION_TEXT("--truth", &s.of.truth, "FILE",
                     "its reference poses, \"scan x y theta\" a line"),
         OPTION_TEXT("--data", &s.data, "DIR", "folder of the data sets (../shared/data)"),
@@ -443,7 +461,8 @@ int main(int argc, char **argv)
         OPTION_FLAG("--ablate", &s.ablate, "the method shape after each of its stages"),
         OPTION_FLAG("--each", &s.each, "a line for every pair"),
     };
-    const option_set set = {"bench/pairs", "--simulated | [--log FILE --truth FILE] [options]",
+    const option_set set = {"bench/pairs",
+                            "--simulated | [--log NAME | --log FILE --truth FILE] [options]",
                             "Scan matching of two scans, with or without a prior.", table,
                             sizeof table / sizeof *table};
     size_t words = 0;
@@ -458,8 +477,8 @@ int main(int argc, char **argv)
     if (strcmp(s.method, "shape") == 0)
         s.mode = CAIRN_SCAN_MATCH_SHAPE;
     s.of.places |= s.of.unions;
-    if ((s.of.log == NULL) != (s.of.truth == NULL))
-        return options_refuse("bench/pairs", "--log or --truth alone, expected both or neither");
+    if (s.of.log == NULL && s.of.truth != NULL)
+        return options_refuse("bench/pairs", "--truth without --log, expected both");
     if (s.start != NULL && !is_start(s.start))
         return options_refuse("bench/pairs", "--start is '%s', expected E, T, X or none", s.start);
     if (strcmp(s.method, "correlative") != 0 && strcmp(s.method, "shape") != 0)
@@ -468,23 +487,16 @@ int main(int argc, char **argv)
     if (s.of.scene != NULL && sim_scene_find(s.of.scene) < 0)
         return options_refuse("bench/pairs", "--scene is '%s', expected one of cairn-arena's",
                               s.of.scene);
+    if (s.of.log != NULL && s.of.truth == NULL && !s.of.simulated && !s.of.places)
+        return run_named(&s, s.of.log);
     if (s.of.simulated || s.of.places || s.of.log != NULL) {
-        s.of.partners = s.of.partners > 0 ? s.of.partners : 10;
+        s.of.partners = s.of.partners > 0 ? s.of.partners : PARTNERS;
         return run_data(&s, s.of.unions      ? "unions"
                             : s.of.places    ? "places"
                             : s.of.simulated ? "simulated"
                                              : cairn_output_path_name(s.of.log));
     }
-    for (size_t i = 0; i < sizeof names / sizeof *names && code == 0; i++) {
-        char log[4096], truth[4096];
-        settings one = s;
-
-        snprintf(log, sizeof log, "%s/slam/%s.clf.gz", s.data, names[i]);
-        snprintf(truth, sizeof truth, "%s/slam/%s.corrected.txt", s.data, names[i]);
-        one.of.log = log;
-        one.of.truth = truth;
-        one.of.partners = s.of.partners > 0 ? s.of.partners : partners[i];
-        code = run_data(&one, names[i]);
-    }
+    for (size_t i = 0; i < sizeof names / sizeof *names && code == 0; i++)
+        code = run_named(&s, names[i]);
     return code;
 }
