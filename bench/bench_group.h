@@ -59,7 +59,7 @@ typedef struct group_found {
     int32_t count;
     double best;
     /* Mode as written: results of the searches on this image, in order. */
-    int32_t searches, end[GROUP_INSTANCES]; /* CAIRN_GROUPING_... */
+    int32_t searches, end[GROUP_INSTANCES]; /* CAIRN_CONTOUR_GROUPING_... */
     int32_t points_dropped;                 /* of all together */
 } group_found;
 

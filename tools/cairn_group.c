@@ -27,7 +27,7 @@ typedef struct settings {
     uint64_t seed;
     double least_size, most_size, least_turn, most_turn;
     int32_t no_mirror, report, quiet, as_written;
-    int32_t strong_given;
+    int32_t strong_given, paths_given;
 } settings;
 
 /* Parses "A:B" or "A". Returns 0 when the text is invalid or A exceeds B. */
@@ -50,6 +50,7 @@ static option_result check_written(const settings *s)
     const char *other = s->rotation != NULL ? "--rotation"
                         : s->score >= 0     ? "--min-score"
                         : s->evidence >= 0  ? "--min-evidence"
+                        : s->paths_given    ? "--paths"
                                             : NULL;
 
     if (s->as_written && other != NULL)
@@ -156,9 +157,12 @@ static option_result read_settings(settings *s, int argc, char **argv)
         table, sizeof table / sizeof *table};
     option_result result;
 
-    for (size_t k = 0; k < set.count; k++)
+    for (size_t k = 0; k < set.count; k++) {
         if (strcmp(table[k].name, "--strong") == 0)
             table[k].given = &s->strong_given;
+        if (strcmp(table[k].name, "--paths") == 0)
+            table[k].given = &s->paths_given;
+    }
     s->count = MAX_IMAGES;
     result = options_read(&set, argc, argv, s->images, &s->count);
     return result == OPTIONS_READ ? check_settings(s) : result;

@@ -191,7 +191,7 @@ typedef struct cairn_contour_grouping_result {
     int32_t point_count, points_dropped; /* symmetric points; those dropped beyond max_points */
     /* states that were not proposed because the memory for 100 per particle was used up */
     int32_t candidates_dropped;
-    /* CAIRN_GROUPING_...: termination reason of the filter */
+    /* CAIRN_CONTOUR_GROUPING_...: termination reason of the filter */
     int32_t end_reason;
 } cairn_contour_grouping_result;
 

@@ -169,11 +169,11 @@ typedef struct cairn_contour_search_result {
     /* Mode as written only. */
     /* symmetric points; those dropped beyond the capacity, the least symmetric ones */
     int32_t point_count, points_dropped;
-    /* CAIRN_GROUPING_...: termination reason of the filter */
+    /* CAIRN_CONTOUR_GROUPING_...: termination reason of the filter */
     int32_t end_reason;
 } cairn_contour_search_result;
 
-/* Returns the name of a CAIRN_GROUPING_... termination reason: "no start", "posterior", "no
+/* Returns the name of a CAIRN_CONTOUR_GROUPING_... termination reason: "no start", "posterior", "no
  * follower", "steps", "histories"; "" for other values.
  *
  * end: any number */

@@ -461,7 +461,7 @@ static int record_step(cairn_contour_grouping *grouping)
     return 1;
 }
 
-/* Termination reason after a step (CAIRN_GROUPING_...); 0: the filter continues. */
+/* Termination reason after a step (CAIRN_CONTOUR_GROUPING_...); 0: the filter continues. */
 static int32_t end_reason(const cairn_contour_grouping *grouping)
 {
     if (greatest_posterior(grouping) < 0)

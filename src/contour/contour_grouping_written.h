@@ -74,7 +74,7 @@ struct contour_grouping_written {
     int32_t is_sampling;
     /* 1: the search of symmetric points has begun */
     int32_t has_segments;
-    /* CAIRN_GROUPING_...: termination reason */
+    /* CAIRN_CONTOUR_GROUPING_...: termination reason */
     int32_t end_reason;
     /* work units of the current proposal */
     int32_t proposal_units;
