@@ -1,6 +1,9 @@
 /* Several files that come all or none. */
 #include "tests/files.h"
 
+#include <fcntl.h>
+#include <sys/sysmacros.h>
+
 #include "cairn/output.h"
 #include "cairn/output_set.h"
 
@@ -253,6 +256,73 @@ static void test_names_without_a_folder_above(void **state)
     assert_int_equal(chdir(here), 0);
 }
 
+/* A target that is no regular file keeps its kind; one that is keeps its mode. */
+static void test_targets_keep_kind_and_mode(void **state)
+{
+    static const char folder[] = "kinds";
+    struct stat about;
+    cairn_output_set *set;
+    int fifo;
+    char text[8] = "";
+
+    (void)state;
+    assert_int_equal(mkdir(files_path(folder), 0777), 0);
+    assert_int_equal(mkdir(files_path("elsewhere"), 0777), 0);
+    write_to(in_folder("elsewhere", "real"), "old");
+    assert_int_equal(symlink("../elsewhere/real", in_folder(folder, "a.txt")), 0);
+    assert_int_equal(mkfifo(in_folder(folder, "b.txt"), 0666), 0);
+    write_to(in_folder(folder, "c.txt"), "old");
+    assert_int_equal(chmod(in_folder(folder, "c.txt"), 0600), 0);
+
+    fifo = open(in_folder(folder, "b.txt"), O_RDONLY | O_NONBLOCK);
+    assert_true(fifo >= 0);
+    assert_ok(cairn_output_set_check(files_path(folder), names, FILES, NULL));
+    assert_ok(cairn_output_set_open(&set, files_path(folder), names, FILES, NULL));
+    write_all(set, "new");
+    assert_file("elsewhere", "real", "old");
+    assert_ok(cairn_output_set_commit(set, NULL));
+    assert_int_equal(lstat(in_folder(folder, "a.txt"), &about), 0);
+    assert_true(S_ISLNK(about.st_mode));
+    assert_file("elsewhere", "real", "new");
+    assert_int_equal(lstat(in_folder(folder, "b.txt"), &about), 0);
+    assert_true(S_ISFIFO(about.st_mode));
+    assert_int_equal(read(fifo, text, sizeof text), 3);
+    assert_string_equal(text, "new");
+    (void)close(fifo);
+    assert_file(folder, "c.txt", "new");
+    assert_int_equal(stat(in_folder(folder, "c.txt"), &about), 0);
+    assert_int_equal(about.st_mode & 07777, 0600);
+    assert_int_equal(count_in(folder), FILES);
+    assert_int_equal(count_in("elsewhere"), 1);
+}
+
+/* A device alone needs no staging folder; a link that leads nowhere is told. */
+static void test_a_device_and_a_link_to_nothing(void **state)
+{
+    static const char *const null_name[] = {"null"};
+    cairn_output_set *set;
+    cairn_file_error error;
+    struct stat about;
+
+    (void)state;
+    assert_int_equal(mkdir(files_path("devices"), 0777), 0);
+    /* The twin of /dev/null; only root can make it. */
+    if (mknod(in_folder("devices", "null"), S_IFCHR | 0666, makedev(1, 3)) == 0) {
+        assert_ok(cairn_output_set_check(files_path("devices"), null_name, 1, NULL));
+        assert_ok(cairn_output_set_open(&set, files_path("devices"), null_name, 1, NULL));
+        assert_int_equal(count_in("devices"), 1);
+        write_to(cairn_output_set_path(set, 0), "gone");
+        assert_ok(cairn_output_set_commit(set, NULL));
+        assert_int_equal(lstat(in_folder("devices", "null"), &about), 0);
+        assert_true(S_ISCHR(about.st_mode));
+    }
+
+    assert_int_equal(mkdir(files_path("dangling"), 0777), 0);
+    assert_int_equal(symlink("nothing", in_folder("dangling", "b.txt")), 0);
+    assert_status(cairn_output_set_check(files_path("dangling"), names, FILES, &error), CAIRN_IO);
+    assert_non_null(strstr(error.text, "/dangling/b.txt: is a symbolic link to nothing"));
+}
+
 /* All memory comes back, whatever the end. */
 static void test_heap(void **state)
 {
@@ -285,6 +355,8 @@ int main(void)
         cmocka_unit_test(test_a_failing_commit_takes_all_back),
         cmocka_unit_test(test_bad_places),
         cmocka_unit_test(test_names_without_a_folder_above),
+        cmocka_unit_test(test_targets_keep_kind_and_mode),
+        cmocka_unit_test(test_a_device_and_a_link_to_nothing),
         cmocka_unit_test(test_heap),
     };
 

@@ -1,9 +1,9 @@
 /* output: atomic file output. A file is either complete or unchanged.
  *
  * An output is written to a temporary file in the target's folder. The commit renames it onto the
- * target (write, fsync, rename); until then the target is unchanged. If the target is a symbolic
- * link, the file that it refers to is replaced. If the target is a device or a pipe, it is written
- * directly. */
+ * target (write, fsync, rename); until then the target is unchanged. The new file has the mode of
+ * the one that it replaces. If the target is a symbolic link, the file that it refers to is
+ * replaced. If the target is a device or a pipe, it is written directly. */
 #ifndef CAIRN_OUTPUT_H
 #define CAIRN_OUTPUT_H
 
@@ -19,7 +19,7 @@ extern "C" {
 typedef struct cairn_output cairn_output;
 
 /* Opens an output for `path`. CAIRN_IO: the folder is missing or not writable, or the path is a
- * folder; CAIRN_NO_MEMORY. */
+ * folder or a symbolic link to nothing; CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_output_open(cairn_output **output, const char *path,
                                              cairn_file_error *error);
 

@@ -3,6 +3,7 @@
  * Method
  * 1. The staging folder is "<folder>/.cairn-<process>-<n>.part". It is on the file system of the
  *    targets, so that every file is moved by one rename.
+ *    Targets that are devices or pipes are written directly.
  * 2. Before a target is replaced, the staging folder gets a hard link to it as a backup.
  * 3. If a later rename fails, the targets are restored from their backups (rollback).
  *
@@ -19,13 +20,16 @@
 
 #include "cairn/output.h"
 #include "cairn/output_set.h"
+#include "src/host/output_target.h"
 
 /* Bytes of the staging folder's name beyond the target folder. */
 #define STAGE_BYTES 48
 
 /* One file: its target, its staged file, and the backup of the file that it replaces. */
 typedef struct staged_file {
-    char *target, *staged, *backup;
+    char *name; /* the path in the set's folder, for error texts */
+    output_target target;
+    char *staged, *backup; /* NULL: the target is written directly */
     /* 1: a backup exists; 0: the target did not exist; -1: the file system has no hard links */
     int32_t has_backup;
     /* the staged file has replaced the target */
@@ -92,15 +96,21 @@ static cairn_status check_folder(const char *path, cairn_file_error *error)
     return CAIRN_OK;
 }
 
-/* Checks that a target is not a folder. */
-static cairn_status check_target(const char *path, cairn_file_error *error)
+/* Checks that a target can be replaced or written. *staged becomes true when it is written by way
+ * of the staging folder. */
+static cairn_status check_target(const char *path, bool *staged, cairn_file_error *error)
 {
-    struct stat about;
+    output_target target;
+    cairn_status status = output_target_find(&target, path, error);
 
-    if (lstat(path, &about) == 0 && S_ISDIR(about.st_mode))
-        return cairn_file_error_set(error, CAIRN_IO, path, 0,
-                                    "is a folder, expected a file or nothing");
-    return CAIRN_OK;
+    if (status != CAIRN_OK)
+        return status;
+    if (!target.direct)
+        *staged = true;
+    else if (access(path, W_OK) != 0)
+        status = cairn_file_error_system(error, path, "write", errno);
+    free(target.path);
+    return status;
 }
 
 cairn_status cairn_output_set_check(const char *folder, const char *const *names, int32_t count,
@@ -108,7 +118,8 @@ cairn_status cairn_output_set_check(const char *folder, const char *const *names
 {
     char *path = strdup(folder);
     size_t missing, existing;
-    cairn_status status;
+    cairn_status status = CAIRN_OK;
+    bool staged = count == 0;
     int32_t i;
 
     if (path == NULL)
@@ -120,15 +131,16 @@ cairn_status cairn_output_set_check(const char *folder, const char *const *names
     }
     existing = find_existing(path, &missing);
     path[existing] = 0;
-    status = check_folder(existing > 0 ? path : ".", error);
-    free(path);
     for (i = 0; i < count && missing == 0 && status == CAIRN_OK; i++) {
         char *target = cairn_output_path_join(folder, names[i]);
 
-        status = target != NULL ? check_target(target, error)
+        status = target != NULL ? check_target(target, &staged, error)
                                 : cairn_file_error_system(error, folder, "write", ENOMEM);
         free(target);
     }
+    if (status == CAIRN_OK && (staged || missing != 0))
+        status = check_folder(existing > 0 ? path : ".", error);
+    free(path);
     return status;
 }
 
@@ -140,7 +152,8 @@ static int32_t make_stage(cairn_output_set *set)
     for (attempt = 0; attempt < 100; attempt++) {
         (void)snprintf(set->stage, strlen(set->folder) + STAGE_BYTES, "%s/.cairn-%ld-%d.part",
                        set->folder, (long)getpid(), (int)attempt);
-        if (mkdir(set->stage, 0777) == 0) {
+        /* Private: a staged file gets the mode of the file that it replaces at the commit only. */
+        if (mkdir(set->stage, 0700) == 0) {
             set->has_stage = true;
             return 0;
         }
@@ -160,22 +173,31 @@ static char *backup_name(const char *staged)
     return backup;
 }
 
-/* Builds the paths of all files. */
-static cairn_status name_files(cairn_output_set *set, const char *const *names)
+/* Finds the targets of all files and creates the staging folder if one of them needs it. */
+static cairn_status stage_files(cairn_output_set *set, const char *const *names,
+                                cairn_file_error *error)
 {
-    int32_t i;
+    cairn_status status = CAIRN_OK;
+    int32_t i, code = 0;
 
-    for (i = 0; i < set->count; i++) {
+    for (i = 0; i < set->count && status == CAIRN_OK && code == 0; i++) {
         staged_file *file = &set->file[i];
 
-        file->target = cairn_output_path_join(set->folder, names[i]);
+        file->name = cairn_output_path_join(set->folder, names[i]);
+        if (file->name == NULL)
+            return cairn_file_error_system(error, set->folder, "write", ENOMEM);
+        status = output_target_find(&file->target, file->name, error);
+        if (status != CAIRN_OK || file->target.direct)
+            continue;
+        if (!set->has_stage)
+            code = make_stage(set);
         file->staged = cairn_output_path_join(set->stage, names[i]);
         if (file->staged != NULL)
             file->backup = backup_name(file->staged);
-        if (file->target == NULL || file->backup == NULL)
-            return CAIRN_NO_MEMORY;
+        if (file->backup == NULL)
+            code = ENOMEM;
     }
-    return CAIRN_OK;
+    return code == 0 ? status : cairn_file_error_system(error, set->folder, "write", code);
 }
 
 cairn_status cairn_output_set_open(cairn_output_set **set, const char *folder,
@@ -183,7 +205,6 @@ cairn_status cairn_output_set_open(cairn_output_set **set, const char *folder,
 {
     cairn_output_set *created;
     cairn_status status;
-    int32_t code;
 
     *set = NULL;
     if (count < 1 || count > CAIRN_OUTPUT_SET_MAX_FILES)
@@ -205,13 +226,8 @@ cairn_status cairn_output_set_open(cairn_output_set **set, const char *folder,
     }
     (void)find_existing(created->folder, &created->created_prefix);
     status = cairn_output_folder(folder, error);
-    if (status == CAIRN_OK) {
-        code = make_stage(created);
-        if (code == 0 && name_files(created, names) != CAIRN_OK)
-            code = ENOMEM;
-        if (code != 0)
-            status = cairn_file_error_system(error, folder, "write", code);
-    }
+    if (status == CAIRN_OK)
+        status = stage_files(created, names, error);
     if (status != CAIRN_OK) {
         cairn_output_set_discard(created);
         return status;
@@ -222,7 +238,9 @@ cairn_status cairn_output_set_open(cairn_output_set **set, const char *folder,
 
 const char *cairn_output_set_path(const cairn_output_set *set, int32_t index)
 {
-    return set->file[index].staged;
+    const staged_file *file = &set->file[index];
+
+    return file->staged != NULL ? file->staged : file->target.path;
 }
 
 /* Removes the staging folder with its files. */
@@ -245,7 +263,8 @@ static void free_set(cairn_output_set *set)
     int32_t i;
 
     for (i = 0; i < set->count; i++) {
-        free(set->file[i].target);
+        free(set->file[i].name);
+        free(set->file[i].target.path);
         free(set->file[i].staged);
         free(set->file[i].backup);
     }
@@ -286,31 +305,73 @@ static void roll_back(cairn_output_set *set)
         staged_file *file = &set->file[i];
 
         if (file->moved && file->has_backup > 0)
-            (void)rename(file->backup, file->target);
+            (void)rename(file->backup, file->target.path);
         else if (file->moved && file->has_backup == 0)
-            (void)unlink(file->target);
+            (void)unlink(file->target.path);
     }
+}
+
+/* Copies a staged file over its target, which is on another file system. */
+static cairn_status copy_over(const staged_file *file, cairn_file_error *error)
+{
+    FILE *source = fopen(file->staged, "rb");
+    cairn_output *output;
+    char bytes[4096];
+    cairn_status status;
+    size_t count;
+    int32_t code;
+
+    if (source == NULL)
+        return cairn_file_error_system(error, file->name, "write", errno);
+    status = cairn_output_open(&output, file->target.path, error);
+    if (status == CAIRN_OK) {
+        while ((count = fread(bytes, 1, sizeof bytes, source)) > 0)
+            cairn_output_bytes(output, bytes, count);
+        code = ferror(source) ? errno : 0;
+        if (code == 0) {
+            status = cairn_output_commit(output, error);
+        } else {
+            cairn_output_discard(output);
+            status = cairn_file_error_system(error, file->name, "write", code);
+        }
+    }
+    (void)fclose(source);
+    return status;
+}
+
+/* Replaces the target of one file. */
+static cairn_status replace(staged_file *file, cairn_file_error *error)
+{
+    struct stat about;
+    int32_t code = output_target_keep_mode(&file->target, file->staged);
+
+    file->has_backup = link(file->target.path, file->backup) == 0 ? 1
+                       : lstat(file->target.path, &about) == 0    ? -1
+                                                                  : 0;
+    if (code == 0 && rename(file->staged, file->target.path) != 0)
+        code = errno;
+    if (code == EXDEV)
+        return copy_over(file, error);
+    if (code != 0)
+        return cairn_file_error_system(error, file->name, "write", code);
+    file->moved = true;
+    return CAIRN_OK;
 }
 
 cairn_status cairn_output_set_commit(cairn_output_set *set, cairn_file_error *error)
 {
+    cairn_status status;
     int32_t i;
 
     for (i = 0; i < set->count; i++) {
-        staged_file *file = &set->file[i];
-        struct stat about;
-
-        file->has_backup = link(file->target, file->backup) == 0 ? 1
-                           : lstat(file->target, &about) == 0    ? -1
-                                                                 : 0;
-        if (rename(file->staged, file->target) != 0) {
-            cairn_status status = cairn_file_error_system(error, file->target, "write", errno);
-
+        if (set->file[i].staged == NULL)
+            continue;
+        status = replace(&set->file[i], error);
+        if (status != CAIRN_OK) {
             roll_back(set);
             cairn_output_set_discard(set);
             return status;
         }
-        file->moved = true;
     }
     remove_stage(set);
     free_set(set);
