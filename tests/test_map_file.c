@@ -370,8 +370,29 @@ static void test_bad_images(void **state)
     }
     assert_status(cairn_image_read(&image, files_path("none.pgm"), &error), CAIRN_IO);
     assert_holds(error.text, "none.pgm: cannot open: No such file");
-    assert_status(cairn_image_read(&image, files_folder, &error), CAIRN_IO);
-    assert_holds(error.text, "cannot read: Is a directory");
+    assert_status(cairn_image_read(&image, files_folder, &error), CAIRN_UNSUPPORTED);
+    assert_holds(error.text, ": is a folder, expected a regular file");
+}
+
+/* A pipe that nobody writes to ends no reader: it is refused. */
+static void test_pipes(void **state)
+{
+    cairn_file_error error;
+    cairn_image image;
+    cairn_map_file map;
+
+    (void)state;
+    assert_int_equal(mkfifo(files_path("pipe"), 0666), 0);
+    (void)alarm(60);
+    assert_status(cairn_image_read(&image, files_path("pipe"), &error), CAIRN_UNSUPPORTED);
+    assert_holds(error.text, "/pipe: is a pipe or device, expected a regular file");
+    assert_status(cairn_map_file_read(&map, files_path("pipe"), &error), CAIRN_UNSUPPORTED);
+    assert_holds(error.text, "/pipe: is a pipe or device, expected a regular file");
+    assert_status(
+        cairn_map_file_read(&map, files_write_text("p.yaml", "image: pipe\n" NUMBERS), &error),
+        CAIRN_UNSUPPORTED);
+    assert_holds(error.text, "/pipe: is a pipe or device, expected a regular file");
+    (void)alarm(0);
 }
 
 /* A PNG cut or damaged anywhere is refused or, where what is left suffices, read whole. */
@@ -503,7 +524,7 @@ static void test_bad_descriptions(void **state)
         assert_null(map.occupancy);
     }
     assert_status(cairn_map_file_read(&map, files_path("none.yaml"), &error), CAIRN_IO);
-    assert_status(cairn_map_file_read(&map, files_folder, &error), CAIRN_IO);
+    assert_status(cairn_map_file_read(&map, files_folder, &error), CAIRN_UNSUPPORTED);
     /* Keys of others, one that is no word, and an absolute path are all right. */
     {
         char text[1024];
@@ -707,6 +728,7 @@ int main(void)
         cmocka_unit_test(test_png_kinds),
         cmocka_unit_test(test_transparent_is_unknown),
         cmocka_unit_test(test_bad_images),
+        cmocka_unit_test(test_pipes),
         cmocka_unit_test(test_cut_png),
         cmocka_unit_test(test_bad_descriptions),
         cmocka_unit_test(test_maps_that_cannot_be_written),

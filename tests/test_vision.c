@@ -356,6 +356,10 @@ static void test_what_is_no_image(void **state)
     (void)state;
     assert_refused(files_path("missing.png"), CAIRN_IO, "open");
     assert_refused(files_folder, CAIRN_UNSUPPORTED, "folder");
+    assert_int_equal(mkfifo(files_path("pipe.png"), 0666), 0);
+    (void)alarm(60);
+    assert_refused(files_path("pipe.png"), CAIRN_UNSUPPORTED, "is a pipe or device");
+    (void)alarm(0);
     assert_refused(files_write_text("empty", ""), CAIRN_TRUNCATED, "0 bytes");
     assert_refused(files_write_text("text", "hello, world"), CAIRN_BAD_FORMAT, "0x6865");
     assert_refused(files_write_text("p4", "P4\n8 8\n00000000"), CAIRN_BAD_FORMAT, "0x5034");

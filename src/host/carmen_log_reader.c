@@ -6,16 +6,15 @@
 #include "src/core/build.h"
 
 #include <errno.h>
-#include <fcntl.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <unistd.h>
 #include <zlib.h>
 
 #include "src/host/carmen_log_reader.h"
+#include "src/host/regular_file.h"
 
 /* Initial capacity of the line buffer and size of the input buffer, in bytes. */
 #define FIRST_CAPACITY (256 * 1024)
@@ -46,18 +45,12 @@ cairn_status cairn_line_reader_open(cairn_line_reader **reader, const char *path
                                     cairn_file_error *error)
 {
     cairn_line_reader *created;
-    struct stat about;
-    int file = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    int file;
+    cairn_status status = regular_file_descriptor(&file, path, error);
 
     *reader = NULL;
-    if (file == -1)
-        return cairn_file_error_system(error, path, "open", errno);
-    if (fstat(file, &about) != 0 || !S_ISREG(about.st_mode)) {
-        (void)close(file);
-        return cairn_file_error_set(error, CAIRN_UNSUPPORTED, path, 0,
-                                    "is a %s, expected a regular file",
-                                    S_ISDIR(about.st_mode) ? "folder" : "pipe or device");
-    }
+    if (status != CAIRN_OK)
+        return status;
     created = calloc(1, sizeof *created);
     if (created == NULL) {
         (void)close(file);

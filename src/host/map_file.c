@@ -13,6 +13,7 @@
 #include "cairn/output.h"
 #include "src/host/map_file_image.h"
 #include "src/host/carmen_log_reader.h"
+#include "src/host/regular_file.h"
 
 /* Grey levels of free and unknown cells, as map_server writes them. */
 #define PIXEL_FREE    254
@@ -358,11 +359,12 @@ cairn_status cairn_map_file_read(cairn_map_file *map, const char *yaml_path,
     cairn_map_file read = cairn_map_file_default();
     yaml_view view;
     cairn_status status;
-    FILE *file = fopen(yaml_path, "rb");
+    FILE *file;
 
     *map = read;
-    if (file == NULL)
-        return cairn_file_error_system(error, yaml_path, "open", errno);
+    status = regular_file_open(&file, yaml_path, error);
+    if (status != CAIRN_OK)
+        return status;
     memset(&view, 0, sizeof view);
     view.path = yaml_path;
     view.error = error;

@@ -17,6 +17,7 @@
 
 #include "cairn/vision.h"
 #include "src/host/map_file_image.h"
+#include "src/host/regular_file.h"
 #include "src/host/shim.h"
 #include "src/host/vision_format.h"
 #include "src/host/vision_shim.h"
@@ -63,7 +64,7 @@ static cairn_status report_opencv_error(cairn_status status, const char *path, c
 
 /* ---- Reading ---- */
 
-/* Reads a regular file into memory. */
+/* Reads a file of at most MAX_FILE_BYTES into memory. */
 static cairn_status read_open_file(FILE *file, const char *path, uint8_t **bytes, size_t *count,
                                    cairn_file_error *error)
 {
@@ -72,9 +73,6 @@ static cairn_status read_open_file(FILE *file, const char *path, uint8_t **bytes
 
     if (fstat(fileno(file), &about) != 0)
         return cairn_file_error_system(error, path, "read", errno);
-    if (!S_ISREG(about.st_mode))
-        return cairn_file_error_set(error, CAIRN_UNSUPPORTED, path, 0,
-                                    "a folder, pipe or device, expected an image file");
     if (about.st_size > MAX_FILE_BYTES)
         return cairn_file_error_set(error, CAIRN_FULL, path, 0,
                                     "%lld bytes, expected an image of at most %lld",
@@ -94,13 +92,13 @@ static cairn_status read_open_file(FILE *file, const char *path, uint8_t **bytes
 static cairn_status read_file(const char *path, uint8_t **bytes, size_t *count,
                               cairn_file_error *error)
 {
-    FILE *file = fopen(path, "rb");
-    cairn_status status;
+    FILE *file;
+    cairn_status status = regular_file_open(&file, path, error);
 
     *bytes = NULL;
     *count = 0;
-    if (file == NULL)
-        return cairn_file_error_system(error, path, "open", errno);
+    if (status != CAIRN_OK)
+        return status;
     status = read_open_file(file, path, bytes, count, error);
     (void)fclose(file);
     return status;
