@@ -57,6 +57,15 @@ static void test_info(void **state)
     assert_holds(o.err, "... and 2 more damaged lines\n");
     assert_null(strstr(o.err, "%"));
 
+    /* The widest span of time, and one beyond it. */
+    (void)files_write_text("wide.log", "FLASER 1 1 0 0 0 0 0 0 -4e9 h 1\n"
+                                       "FLASER 1 1 0 0 0 0 0 0 9e9 h 1\n"
+                                       "FLASER 1 1 0 0 0 0 0 0 4e9 h 1\n");
+    o = programs_run("cairn info @/wide.log");
+    assert_int_equal(o.code, 0);
+    assert_holds(o.out, "time         -4000000000 to 4000000000, 8000000000.0 s");
+    assert_holds(o.err, "wide.log:2: the stamp is \"9e9\", expected seconds within 4e9");
+
     o = programs_run("cairn info --quiet --range-max=2 @/a.log");
     assert_int_equal(o.code, 0);
     assert_string_equal(o.err, "");

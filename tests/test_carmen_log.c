@@ -621,6 +621,8 @@ static void test_damaged_lines(void **state)
         {"FLASER 1 1 0 0 0 0 0 0", CAIRN_TRUNCATED, "expected the stamp"},
         {"FLASER 1 1 0 0 0 0 0 0 late h 1", CAIRN_BAD_FORMAT, "the stamp is \"late\""},
         {"FLASER 1 1 0 0 0 0 0 0 1e11 h 1", CAIRN_BAD_FORMAT, "the stamp is \"1e11\""},
+        {"FLASER 1 1 0 0 0 0 0 0 -9e9 h 1", CAIRN_BAD_FORMAT,
+         "the stamp is \"-9e9\", expected seconds within 4e9"},
         {"FLASER 1 1 0 0 0 0 0 0 1", CAIRN_TRUNCATED, "expected the host"},
         {"FLASER 1 1 0 0 0 0 0 0 1 h", CAIRN_TRUNCATED, "expected the logger's stamp"},
         {"FLASER 1 1 0 0 0 0 0 0 1 h x", CAIRN_BAD_FORMAT, "the logger's stamp is \"x\""},

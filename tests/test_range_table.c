@@ -123,18 +123,19 @@ static void damaged_lines_are_told_and_left_out(void **state)
 
     (void)state;
     assert_ok(load(&s, &has_odometry,
-                   "time,0,1\n1,2,3\n2,3\n3,4,5,6\n4,x,5\ninf,1,1\n,1,1\n5,6,7\n",
+                   "time,0,1\n1,2,3\n2,3\n3,4,5,6\n4,x,5\ninf,1,1\n,1,1\n-9e9,1,1\n5,6,7\n",
                    CAIRN_RANGE_TABLE_CSV, 0, NULL));
     assert_int_equal(s.count, 2);
-    assert_int_equal(s.info.faults, 5);
-    assert_int_equal(told_count, 5);
-    for (int i = 0; i < 5; i++)
+    assert_int_equal(s.info.faults, 6);
+    assert_int_equal(told_count, 6);
+    for (int i = 0; i < 6; i++)
         assert_int_equal(told[i].line, 3 + i);
     assert_non_null(strstr(told[0].text, "too few fields, expected 3 numbers"));
     assert_non_null(strstr(told[1].text, "too many fields"));
     assert_non_null(strstr(told[2].text, "not a number"));
     assert_non_null(strstr(told[3].text, "not finite"));
     assert_non_null(strstr(told[4].text, "not a number"));
+    assert_non_null(strstr(told[5].text, "a time beyond 4e9 s"));
     cairn_carmen_log_scans_free(&s);
 }
 

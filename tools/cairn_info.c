@@ -80,7 +80,7 @@ static void print_text(const char *path, const cairn_carmen_log_summary *info,
                        const beam_counts *beams)
 {
     char first[CAIRN_NUMBER_TEXT_BYTES], last[CAIRN_NUMBER_TEXT_BYTES];
-    double seconds = (double)(info->latest_ns - info->earliest_ns) * 1e-9;
+    double seconds = (double)cairn_time_difference(info->latest_ns, info->earliest_ns) * 1e-9;
 
     printf("%-12s %s\n", "log", path);
     printf("%-12s %" PRId64 " in %" PRId64 " lines\n", "scans", info->scans, info->lines);

@@ -18,8 +18,8 @@
 /* Largest accepted magnitude of angles and poses, in rad and m. */
 #define MAX_COORDINATE 1e9
 
-/* Largest magnitude of a stamp in seconds whose nanoseconds fit into int64. */
-#define MAX_SECONDS 9e9
+/* Largest magnitude of a stamp in seconds: CAIRN_SCAN_MAX_STAMP_NS. */
+#define MAX_SECONDS 4e9
 
 cairn_csm_scan_params cairn_csm_scan_default(void)
 {
@@ -321,10 +321,11 @@ static cairn_status read_stamp(const csm_loader *loader, cairn_csm_scan *scan)
         return check_count(loader, TIMESTAMP, 2);
     seconds = field->value[0];
     micros = field->is_list ? field->value[1] : 0;
-    if (!(fabs(seconds) <= MAX_SECONDS) || !(fabs(micros) <= MAX_SECONDS))
+    if (!(fabs(seconds) <= MAX_SECONDS) || !(fabs(micros) <= MAX_SECONDS) ||
+        !(fabs(seconds + micros * 1e-6) <= MAX_SECONDS))
         return cairn_file_error_set(loader->error, CAIRN_BAD_FORMAT, loader->path, field->line,
-                                    "timestamp holds %g, expected s and us within 9e9",
-                                    fabs(seconds) <= MAX_SECONDS ? micros : seconds);
+                                    "timestamp holds %g, expected s and us within 4e9",
+                                    fabs(micros) <= MAX_SECONDS ? seconds : micros);
     scan->has_stamp = 1;
     scan->scan.stamp_ns = (int64_t)floor(seconds) * 1000000000 +
                           (int64_t)rint((seconds - floor(seconds)) * 1e9) +

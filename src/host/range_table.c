@@ -246,6 +246,9 @@ static const char *read_values(range_table *table, const char *line, size_t leng
             return "a field is not a number";
         if (table->column[count] < BEARING && !(fabs(table->value[count]) <= 1e15))
             return "a time, pose or tick that is not finite";
+        if (table->column[count] == TIME &&
+            !(fabs(table->value[count]) * table->time_unit <= (double)CAIRN_SCAN_MAX_STAMP_NS))
+            return "a time beyond 4e9 s";
     }
     return count < table->fields ? "too few fields" : NULL;
 }
@@ -391,7 +394,8 @@ static cairn_pose odometry_at(const cairn_carmen_log_record *record, int32_t ind
 
     while (before > 0 && record[before].stamp_ns > time &&
            record[before - 1].stamp_ns < record[before].stamp_ns &&
-           record[before].stamp_ns - record[before - 1].stamp_ns <= 2 * SCAN_PERIOD_NS)
+           cairn_time_difference(record[before].stamp_ns, record[before - 1].stamp_ns) <=
+               2 * SCAN_PERIOD_NS)
         before--;
     if (before == index || record[before].stamp_ns > time)
         return record[before].robot;
@@ -399,8 +403,9 @@ static cairn_pose odometry_at(const cairn_carmen_log_record *record, int32_t ind
     return cairn_pose_compose(
         record[before].robot,
         cairn_twist_exp(cairn_twist_log(step),
-                        (cairn_real)(time - record[before].stamp_ns) /
-                            (cairn_real)(record[before + 1].stamp_ns - record[before].stamp_ns)));
+                        (cairn_real)cairn_time_difference(time, record[before].stamp_ns) /
+                            (cairn_real)cairn_time_difference(record[before + 1].stamp_ns,
+                                                              record[before].stamp_ns)));
 }
 
 /* Completes the scans: shifts URG odometry by the latency, sets the pointers to the ranges. */

@@ -78,7 +78,7 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
 
     last = last_pose(mapper);
     mapper->has_odometry = has_odometry;
-    mapper->last_span = input->stamp_ns - mapper->last_stamp;
+    mapper->last_span = cairn_time_difference(input->stamp_ns, mapper->last_stamp);
     mapper->last_stamp = input->stamp_ns;
     if (mapper->state.scans == 0 && odometry != NULL)
         /* The odometry frame defines the map frame. */
