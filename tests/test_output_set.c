@@ -28,7 +28,7 @@ static void write_all(cairn_output_set *set, const char *text)
 
 static const char *in_folder(const char *folder, const char *name)
 {
-    char inner[128];
+    char inner[320];
 
     (void)snprintf(inner, sizeof inner, "%s/%s", folder, name);
     return files_path(inner);
@@ -99,6 +99,24 @@ static void test_all_come_at_the_commit(void **state)
         assert_file(folder, names[i], "second");
     assert_file(folder, "other", "kept");
     assert_int_equal(count_in(folder), FILES + 1);
+}
+
+/* Names of as many bytes as there may be. */
+static void test_long_names(void **state)
+{
+    static char deep[256];
+    const char *const deep_name[] = {deep};
+    cairn_output_set *set;
+
+    (void)state;
+    memset(deep, 'n', sizeof deep - 1);
+    for (int round = 0; round < 2; round++) {
+        assert_ok(cairn_output_set_open(&set, files_path("long"), deep_name, 1, NULL));
+        write_to(cairn_output_set_path(set, 0), "whole");
+        assert_ok(cairn_output_set_commit(set, NULL));
+        assert_file("long", deep, "whole");
+        assert_int_equal(count_in("long"), 1);
+    }
 }
 
 static void test_discard_leaves_nothing(void **state)
@@ -351,6 +369,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_all_come_at_the_commit),
+        cmocka_unit_test(test_long_names),
         cmocka_unit_test(test_discard_leaves_nothing),
         cmocka_unit_test(test_a_failing_commit_takes_all_back),
         cmocka_unit_test(test_bad_places),

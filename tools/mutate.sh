@@ -18,6 +18,12 @@ seed=${2:-1}
 export LC_ALL=C
 unset MAKEFLAGS MFLAGS MAKELEVEL
 [ $# -gt 0 ] || set -- $(ls src/core/*.c src/contour/*.c src/mapping/*.c src/host/*.c 2>/dev/null)
+case ${BUILD:-build} in
+/*)
+    echo "tools/mutate.sh: BUILD is \"$BUILD\", expected a path from this folder" >&2
+    exit 2
+    ;;
+esac
 build=${BUILD:-build}/mutants
 mkdir -p "$build/tests"
 work=$(mktemp -d)
@@ -218,6 +224,7 @@ mkdir -p "$work/uses/tests"
         }
         echo "$t $((($(date +%s%N) - start) / 100000000 + 3))" # ten times its time, and three seconds
     done | sort -n -k 2 >"$work/times"
+    [ -s "$work/times" ]
 ) || {
     echo "tools/mutate.sh: the tests must build and pass first" >&2
     exit 2

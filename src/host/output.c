@@ -14,6 +14,9 @@
 #include "src/host/c_locale.h"
 #include "src/host/output_target.h"
 
+/* Temporary files of one process in one folder. */
+#define MAX_ATTEMPTS 1000
+
 struct cairn_output {
     FILE *stream;
     char *path; /* the caller's path, for error texts */
@@ -63,20 +66,23 @@ static void free_output(cairn_output *output)
  * default ones. Returns its descriptor; -1 and errno on failure. */
 static int open_temporary(cairn_output *output)
 {
-    size_t length = strlen(output->target.path);
+    size_t bytes = strlen(output->target.path) + 48;
+    const char *name = cairn_output_path_name(output->target.path);
+    int folder_length = (int)(name - output->target.path);
     /* nobody reads it before it has the target's mode */
     mode_t mode = output->target.exists ? 0600 : 0666;
     int file = -1, attempt;
     int32_t code;
 
-    output->temporary = malloc(length + 40);
+    output->temporary = malloc(bytes);
     if (output->temporary == NULL) {
         errno = ENOMEM;
         return -1;
     }
-    for (attempt = 0; attempt < 100 && file == -1; attempt++) {
-        (void)snprintf(output->temporary, length + 40, "%s.%ld-%d.part", output->target.path,
-                       (long)getpid(), attempt);
+    /* Its name does not contain the target's, which may be as long as a name can be. */
+    for (attempt = 0; attempt < MAX_ATTEMPTS && file == -1; attempt++) {
+        (void)snprintf(output->temporary, bytes, "%.*s.cairn-%ld-%d.part", folder_length,
+                       output->target.path, (long)getpid(), attempt);
         file = open(output->temporary, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
         if (file == -1 && errno != EEXIST)
             break;

@@ -163,13 +163,14 @@ static int32_t make_stage(cairn_output_set *set)
     return errno;
 }
 
-static char *backup_name(const char *staged)
+/* The backup's name does not contain the target's, which may be as long as a name can be. */
+static char *backup_name(const cairn_output_set *set, int32_t index)
 {
-    size_t bytes = strlen(staged) + sizeof ".old";
+    size_t bytes = strlen(set->stage) + sizeof "/.old-" + 11;
     char *backup = malloc(bytes);
 
     if (backup != NULL)
-        (void)snprintf(backup, bytes, "%s.old", staged);
+        (void)snprintf(backup, bytes, "%s/.old-%d", set->stage, (int)index);
     return backup;
 }
 
@@ -193,7 +194,7 @@ static cairn_status stage_files(cairn_output_set *set, const char *const *names,
             code = make_stage(set);
         file->staged = cairn_output_path_join(set->stage, names[i]);
         if (file->staged != NULL)
-            file->backup = backup_name(file->staged);
+            file->backup = backup_name(set, i);
         if (file->backup == NULL)
             code = ENOMEM;
     }

@@ -14,7 +14,9 @@ cairn_status output_target_find(output_target *target, const char *path, cairn_f
     struct stat link;
 
     target->exists = stat(path, &target->about) == 0;
-    if (!target->exists && errno == ENOENT && lstat(path, &link) == 0)
+    if (!target->exists && errno != ENOENT && errno != ENOTDIR)
+        return cairn_file_error_system(error, path, "write", errno);
+    if (!target->exists && lstat(path, &link) == 0)
         return cairn_file_error_set(error, CAIRN_IO, path, 0, "is a symbolic link to nothing");
     if (target->exists && S_ISDIR(target->about.st_mode))
         return cairn_file_error_set(error, CAIRN_IO, path, 0,
