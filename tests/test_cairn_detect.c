@@ -451,6 +451,14 @@ static void test_quoted_names(void **state)
     assert_int_not_equal(text[strlen(row)], '"');
     free(text);
     free(read_in("quoted/b,c.json"));
+
+    /* A name is no formula where a table is opened by a spreadsheet. */
+    write_grey_as_text("=1+1.pgm");
+    assert_done(programs_run("cairn detect '@/=1+1.pgm' --edges @/edges.png --model @/bottle.shape "
+                             "-o @/formula --detections @/formula.csv"));
+    text = read_in("formula.csv");
+    assert_non_null(strstr(text, "\n./=1+1.pgm,bottle.shape,"));
+    free(text);
 }
 
 static void test_refusals(void **state)

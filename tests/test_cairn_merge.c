@@ -2,6 +2,7 @@
 #include "tests/test.h"
 
 #include <inttypes.h>
+#include <yaml.h>
 
 #include "cairn/map_file.h"
 #include "cairn/pose_table.h"
@@ -159,6 +160,30 @@ static void three_maps_and_a_stranger(void **state)
     free(picture);
 }
 
+/* Names with control characters, or that are not UTF-8, leave the YAML as it must be. */
+static void odd_names(void **state)
+{
+    char *yaml, *a = files_read(files_path("a.yaml"), NULL);
+    yaml_parser_t parser;
+    yaml_document_t document;
+    outcome o;
+
+    (void)state;
+    (void)files_write_text("a\n\t\x01\x7f\xff\"\\.yaml", a);
+    free(a);
+    o = programs_run("cairn merge '@/a\n\t\x01\x7f\xff\"\\.yaml' @/b.yaml -o @/odd --quiet");
+    assert_int_equal(o.code, 0);
+    yaml = files_read(files_path("odd/transforms.yaml"), NULL);
+    assert_non_null(yaml);
+    assert_int_equal(yaml_parser_initialize(&parser), 1);
+    yaml_parser_set_input_string(&parser, (const unsigned char *)yaml, strlen(yaml));
+    assert_int_equal(yaml_parser_load(&parser, &document), 1);
+    assert_non_null(strstr(yaml, "a\\u000a\\u0009\\u0001\\u007f\xEF\xBF\xBD\\u0022\\u005c.yaml\""));
+    yaml_document_delete(&document);
+    yaml_parser_delete(&parser);
+    free(yaml);
+}
+
 /* A later merging with the same maps keeps what it is told, and order and reference may be asked
  * for. */
 static void a_warm_start(void **state)
@@ -266,8 +291,11 @@ static void help_is_printed(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(three_maps_and_a_stranger), cmocka_unit_test(a_warm_start),
-        cmocka_unit_test(by_images_and_as_written),  cmocka_unit_test(command_lines_are_refused),
+        cmocka_unit_test(three_maps_and_a_stranger),
+        cmocka_unit_test(odd_names),
+        cmocka_unit_test(a_warm_start),
+        cmocka_unit_test(by_images_and_as_written),
+        cmocka_unit_test(command_lines_are_refused),
         cmocka_unit_test(help_is_printed),
     };
 

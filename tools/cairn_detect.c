@@ -252,14 +252,17 @@ static cairn_status write_all(const settings *s, const work *w, cairn_file_error
     return status;
 }
 
-/* Writes a field of the CSV table: quoted, with quotes in it doubled, when it contains a comma or a
- * quote. */
-static void print_field(const char *text, FILE *record)
+/* Writes a file's name as a field of the CSV table: quoted, with quotes in it doubled, when it
+ * contains a comma, a quote or a line end. A name that a spreadsheet would take for a formula gets
+ * "./" before it. */
+static void print_name(const char *text, FILE *record)
 {
-    int is_quoted = strpbrk(text, ",\"") != NULL;
+    int is_quoted = strpbrk(text, ",\"\r\n") != NULL;
 
     if (is_quoted)
         fputc('"', record);
+    if (*text != '\0' && strchr("=+-@\t\r", *text) != NULL)
+        fputs("./", record);
     for (; *text != '\0'; text++) {
         if (*text == '"')
             fputc('"', record);
@@ -273,8 +276,8 @@ static void print_field(const char *text, FILE *record)
 static void print_row(const settings *s, const work *w, const cairn_object_detection *d,
                       const double box[4], FILE *record)
 {
-    print_field(cairn_output_path_name(w->path), record);
-    print_field(cairn_output_path_name(s->model), record);
+    print_name(cairn_output_path_name(w->path), record);
+    print_name(cairn_output_path_name(s->model), record);
     fprintf(record, "%.2f,%.2f,%.2f,%.2f,%.6f,%" PRId32 "\n", box[0], box[1], box[2], box[3],
             (double)d->score, d->mirrored);
 }

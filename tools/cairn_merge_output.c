@@ -7,6 +7,7 @@
 
 #include "cairn/output.h"
 #include "cairn/report.h"
+#include "src/host/report_text.h"
 #include "tools/cairn_merge.h"
 
 static int is_placed(const merge_job *job, int32_t i)
@@ -114,18 +115,6 @@ cairn_status merge_draw_map(const merge_job *job, cairn_map_file *merged, cairn_
 
 /* ---- Transforms ---- */
 
-/* A text between double quotes, as YAML reads it. */
-static void print_quoted(cairn_output *out, const char *text)
-{
-    cairn_output_bytes(out, "\"", 1);
-    for (; *text != 0; text++) {
-        if (*text == '"' || *text == '\\')
-            cairn_output_bytes(out, "\\", 1);
-        cairn_output_bytes(out, text, 1);
-    }
-    cairn_output_bytes(out, "\"", 1);
-}
-
 cairn_status merge_write_yaml(const merge_job *job, const char *path, cairn_file_error *error)
 {
     const merge_settings *s = job->settings;
@@ -147,7 +136,7 @@ cairn_status merge_write_yaml(const merge_job *job, const char *path, cairn_file
         const cairn_map_merge_placed *p = &job->map[i].placed;
 
         cairn_output_print(out, "  - map: ");
-        print_quoted(out, s->map[i]);
+        cairn_report_print_json(out, s->map[i]);
         cairn_output_print(out, "\n    placed: %s\n", is_placed(job, i) ? "true" : "false");
         if (is_placed(job, i))
             cairn_output_print(out,
