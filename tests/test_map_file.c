@@ -12,6 +12,20 @@
     "resolution: 0.05\norigin: [-10, 5.5, 0.25]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: "  \
     "0.196\n"
 
+/* Take the place of libyaml's: no memory after so many. */
+static int64_t yaml_left = INT64_MAX;
+void *yaml_malloc(size_t size);
+void *yaml_malloc(size_t size)
+{
+    return yaml_left-- > 0 ? malloc(size > 0 ? size : 1) : NULL;
+}
+
+void *yaml_realloc(void *bytes, size_t size);
+void *yaml_realloc(void *bytes, size_t size)
+{
+    return yaml_left-- > 0 ? realloc(bytes, size > 0 ? size : 1) : NULL;
+}
+
 static void assert_holds(const char *string, const char *piece)
 {
     if (strstr(string, piece) == NULL)
@@ -684,6 +698,29 @@ static void test_locale(void **state)
     cairn_map_file_free(&map);
 }
 
+/* Out of memory within libyaml is told as that, not as a fault of the file. */
+static void test_no_memory(void **state)
+{
+    const char *path = files_write_text("m.yaml", "image: m.pgm\nname: [a, {b: c}]\n" NUMBERS);
+    cairn_status status = CAIRN_NO_MEMORY;
+    cairn_file_error error;
+    cairn_map_file map;
+    int64_t most;
+
+    (void)state;
+    (void)files_write_text("m.pgm", "P5 1 1 255\n\xFF");
+    for (most = 0; status == CAIRN_NO_MEMORY && most < 10000; most++) {
+        yaml_left = most;
+        status = cairn_map_file_read(&map, path, &error);
+        yaml_left = INT64_MAX;
+        if (status == CAIRN_NO_MEMORY)
+            assert_holds(error.text, "m.yaml: cannot read: Cannot allocate memory");
+    }
+    assert_ok(status);
+    assert_true(most > 10);
+    cairn_map_file_free(&map);
+}
+
 /* All memory comes back, whatever the end. */
 static void test_heap(void **state)
 {
@@ -728,6 +765,7 @@ int main(void)
         cmocka_unit_test(test_png_kinds),
         cmocka_unit_test(test_transparent_is_unknown),
         cmocka_unit_test(test_bad_images),
+        cmocka_unit_test(test_no_memory),
         cmocka_unit_test(test_pipes),
         cmocka_unit_test(test_cut_png),
         cmocka_unit_test(test_bad_descriptions),

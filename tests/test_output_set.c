@@ -2,7 +2,9 @@
 #include "tests/files.h"
 
 #include <fcntl.h>
+#include <signal.h>
 #include <sys/sysmacros.h>
+#include <sys/wait.h>
 
 #include "cairn/output.h"
 #include "cairn/output_set.h"
@@ -10,6 +12,15 @@
 static const char *const names[] = {"a.txt", "b.txt", "c.txt"};
 
 enum { FILES = 3 };
+
+/* Takes the place of the system's: kills the process instead of the renaming after so many. */
+static int renames_left = -1;
+int rename(const char *from, const char *to)
+{
+    if (renames_left-- == 0)
+        (void)raise(SIGKILL);
+    return renameat(AT_FDCWD, from, AT_FDCWD, to);
+}
 
 static void write_to(const char *path, const char *text)
 {
@@ -341,6 +352,82 @@ static void test_a_device_and_a_link_to_nothing(void **state)
     assert_non_null(strstr(error.text, "/dangling/b.txt: is a symbolic link to nothing"));
 }
 
+/* Runs a set in a process of its own: `renames` of its commit, then it is killed; -1: by `signal`
+ * before the commit. */
+static void run_killed(const char *folder, int renames, int signal)
+{
+    pid_t child = fork();
+    int status;
+
+    if (child == 0) {
+        cairn_output_set *set;
+        cairn_output *half;
+
+        cairn_output_clean_up_on_signals();
+        if (cairn_output_set_open(&set, files_path(folder), names, FILES, NULL) != CAIRN_OK)
+            _exit(1);
+        write_all(set, "new");
+        if (renames >= 0) {
+            renames_left = renames;
+            _exit(cairn_output_set_commit(set, NULL) != CAIRN_OK);
+        }
+        if (cairn_output_open(&half, in_folder(folder, "alone.txt"), NULL) != CAIRN_OK)
+            _exit(1);
+        (void)raise(signal);
+        _exit(1);
+    }
+    assert_true(child > 0);
+    assert_int_equal(waitpid(child, &status, 0), child);
+    assert_true(WIFSIGNALED(status));
+    assert_int_equal(WTERMSIG(status), renames >= 0 ? SIGKILL : signal);
+}
+
+/* A process that is killed amid its commit has committed: the next set in the folder completes it;
+ * one that is killed before has not. */
+static void test_killed(void **state)
+{
+    static const char folder[] = "killed";
+
+    (void)state;
+    assert_int_equal(mkdir(files_path(folder), 0777), 0);
+    for (int renames = -1; renames < FILES; renames++) {
+        cairn_output_set *set;
+
+        for (int32_t i = 0; i < FILES; i++)
+            write_to(in_folder(folder, names[i]), "old");
+        run_killed(folder, renames, SIGKILL);
+        assert_ok(cairn_output_set_open(&set, files_path(folder), names, FILES, NULL));
+        for (int32_t i = 0; i < FILES; i++)
+            assert_file(folder, names[i], renames >= 0 ? "new" : "old");
+        /* What lives is left alone. */
+        if (renames == 0) {
+            cairn_output_set *other;
+
+            assert_ok(cairn_output_set_open(&other, files_path(folder), names, FILES, NULL));
+            cairn_output_set_discard(other);
+            write_all(set, "third");
+            assert_ok(cairn_output_set_commit(set, NULL));
+            assert_file(folder, "c.txt", "third");
+        } else {
+            cairn_output_set_discard(set);
+        }
+        files_remove(in_folder(folder, "alone.txt"));
+    }
+}
+
+/* A program that is asked to end leaves no temporary file behind. */
+static void test_signals(void **state)
+{
+    static const int signals[] = {SIGINT, SIGTERM, SIGHUP};
+
+    (void)state;
+    assert_int_equal(mkdir(files_path("signals"), 0777), 0);
+    for (int k = 0; k < 3; k++) {
+        run_killed("signals", -1, signals[k]);
+        assert_int_equal(count_in("signals"), 0);
+    }
+}
+
 /* All memory comes back, whatever the end. */
 static void test_heap(void **state)
 {
@@ -376,6 +463,8 @@ int main(void)
         cmocka_unit_test(test_names_without_a_folder_above),
         cmocka_unit_test(test_targets_keep_kind_and_mode),
         cmocka_unit_test(test_a_device_and_a_link_to_nothing),
+        cmocka_unit_test(test_killed),
+        cmocka_unit_test(test_signals),
         cmocka_unit_test(test_heap),
     };
 

@@ -2,6 +2,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "cairn/output.h"
 #include "cairn/version.h"
 #include "tools/cairn_tool.h"
 
@@ -57,6 +58,7 @@ int main(int argc, char **argv)
 {
     const char *name = argc > 1 ? argv[1] : "";
 
+    cairn_output_clean_up_on_signals();
     if (strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0 || strcmp(name, "help") == 0) {
         print_help(stdout);
         return close_output(TOOL_OK);

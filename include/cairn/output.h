@@ -38,6 +38,11 @@ CAIRN_CHECKED cairn_status cairn_output_commit(cairn_output *output, cairn_file_
 /* Frees the output and leaves the target unchanged. NULL is allowed. */
 void cairn_output_discard(cairn_output *output);
 
+/* Makes SIGINT, SIGTERM and SIGHUP, where the program has left them as they are, remove the
+ * temporary files and staging folders of this process before they end it. For programs; without
+ * it, they stay behind. */
+void cairn_output_clean_up_on_signals(void);
+
 /* Creates a folder and its missing parents. CAIRN_OK also when it exists already; CAIRN_IO. */
 CAIRN_CHECKED cairn_status cairn_output_folder(const char *path, cairn_file_error *error);
 

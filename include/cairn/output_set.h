@@ -40,7 +40,9 @@ const char *cairn_output_set_path(const cairn_output_set *set, int32_t index);
 /* Moves all files to their targets and frees the set, also on failure. CAIRN_OK: all files are in
  * place. CAIRN_IO: a file was not written or cannot be replaced, and the folder is unchanged. Files
  * that were replaced before the failure stay replaced where no hard link to them can be made: on a
- * file system without hard links, or by way of a symbolic link to another file system. */
+ * file system without hard links, or by way of a symbolic link to another file system. When the
+ * process is killed amid the renames, the next cairn_output_set_open() in the folder completes
+ * them. */
 CAIRN_CHECKED cairn_status cairn_output_set_commit(cairn_output_set *set, cairn_file_error *error);
 
 /* Frees the set and leaves all files unchanged. Folders that cairn_output_set_open() created are

@@ -344,6 +344,8 @@ static cairn_status read_document(yaml_view *view, FILE *file)
     if (!yaml_parser_load(&parser, &view->document)) {
         if (ferror(file))
             status = cairn_file_error_system(view->error, view->path, "read", errno);
+        else if (parser.error == YAML_MEMORY_ERROR)
+            status = cairn_file_error_system(view->error, view->path, "read", ENOMEM);
         else
             status = cairn_file_error_set(
                 view->error, CAIRN_BAD_FORMAT, view->path, (int64_t)parser.problem_mark.line + 1,

@@ -12,6 +12,7 @@
 
 #include "cairn/output.h"
 #include "src/host/c_locale.h"
+#include "src/host/output_pending.h"
 #include "src/host/output_target.h"
 
 /* Temporary files of one process in one folder. */
@@ -57,6 +58,7 @@ char *cairn_output_path_join(const char *folder, const char *name)
 static void free_output(cairn_output *output)
 {
     free(output->path);
+    output_pending_take(output->temporary);
     free(output->target.path);
     free(output->temporary);
     free(output);
@@ -94,6 +96,8 @@ static int open_temporary(cairn_output *output)
         file = -1;
         errno = code;
     }
+    if (file != -1)
+        output_pending_add(output->temporary);
     return file;
 }
 

@@ -6,24 +6,35 @@
  *    Targets that are devices or pipes are written directly.
  * 2. Before a target is replaced, the staging folder gets a hard link to it as a backup.
  * 3. If a later rename fails, the targets are restored from their backups (rollback).
+ * 4. A mark in the staging folder says that all staged files are whole: the commit has begun.
+ * 5. The owner of a staging folder holds a lock on it. The next set in the same folder finds those
+ *    that nobody holds: with a mark it completes the commit, else it removes the files (recovery).
  *
- * Limits: a process that is killed leaves its staging folder behind. */
+ * Limits: a process that is killed leaves its staging folder until then, without locks (some network
+ * file systems) for ever. Killed amid a rollback, what was replaced stays replaced. */
 #include "src/core/build.h"
 
+#include <dirent.h>
 #include <errno.h>
+#include <fcntl.h>
+#include <signal.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "cairn/output.h"
 #include "cairn/output_set.h"
+#include "src/host/output_pending.h"
 #include "src/host/output_target.h"
 
 /* Bytes of the staging folder's name beyond the target folder. */
 #define STAGE_BYTES 48
+/* The mark of a commit that has begun, in the staging folder. */
+#define MARK ".commit"
 
 /* One file: its target, its staged file, and the backup of the file that it replaces. */
 typedef struct staged_file {
@@ -37,7 +48,8 @@ typedef struct staged_file {
 } staged_file;
 
 struct cairn_output_set {
-    char *folder, *stage;
+    char *folder, *stage, *mark;
+    int lock; /* descriptor of the staging folder, locked */
     /* length of the shortest prefix of `folder` that was created; 0: the folder existed */
     size_t created_prefix;
     staged_file file[CAIRN_OUTPUT_SET_MAX_FILES];
@@ -144,23 +156,107 @@ cairn_status cairn_output_set_check(const char *folder, const char *const *names
     return status;
 }
 
+/* Locks the staging folder that was just made. Returns 0 when a recovery has removed it before. */
+static int lock_stage(cairn_output_set *set)
+{
+    struct stat locked, named;
+
+    set->lock = open(set->stage, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (set->lock == -1)
+        return 0;
+    (void)flock(set->lock, LOCK_EX);
+    if (fstat(set->lock, &locked) == 0 && stat(set->stage, &named) == 0 &&
+        locked.st_ino == named.st_ino)
+        return 1;
+    (void)close(set->lock);
+    set->lock = -1;
+    return 0;
+}
+
 /* Creates the staging folder under an unused name. Returns 0, or errno. */
 static int32_t make_stage(cairn_output_set *set)
 {
     int32_t attempt;
 
-    for (attempt = 0; attempt < 100; attempt++) {
+    for (attempt = 0; attempt < 1000; attempt++) {
         (void)snprintf(set->stage, strlen(set->folder) + STAGE_BYTES, "%s/.cairn-%ld-%d.part",
                        set->folder, (long)getpid(), (int)attempt);
         /* Private: a staged file gets the mode of the file that it replaces at the commit only. */
         if (mkdir(set->stage, 0700) == 0) {
+            if (!lock_stage(set))
+                continue;
             set->has_stage = true;
+            output_pending_add(set->stage);
             return 0;
         }
         if (errno != EEXIST)
             break;
     }
     return errno;
+}
+
+/* Completes or removes what a killed process has left in a staging folder. */
+static void recover_stage(const char *folder, const char *stage)
+{
+    char *mark = cairn_output_path_join(stage, MARK);
+    bool has_begun = mark != NULL && access(mark, F_OK) == 0;
+    DIR *entries = mark != NULL ? opendir(stage) : NULL;
+    struct dirent *entry;
+
+    while (entries != NULL && (entry = readdir(entries)) != NULL) {
+        char *staged = cairn_output_path_join(stage, entry->d_name),
+             *name = cairn_output_path_join(folder, entry->d_name);
+        output_target target = {.path = NULL};
+
+        if (has_begun && entry->d_name[0] != '.' && staged != NULL && name != NULL &&
+            output_target_find(&target, name, NULL) == CAIRN_OK && !target.direct)
+            (void)rename(staged, target.path);
+        free(target.path);
+        free(staged);
+        free(name);
+    }
+    if (entries != NULL)
+        rewinddir(entries);
+    while (entries != NULL && (entry = readdir(entries)) != NULL) {
+        char *left = cairn_output_path_join(stage, entry->d_name);
+
+        /* The mark goes last: a recovery may be killed, too. */
+        if (left != NULL && strcmp(entry->d_name, MARK) != 0)
+            (void)unlink(left);
+        free(left);
+    }
+    if (entries != NULL)
+        (void)closedir(entries);
+    if (mark != NULL)
+        (void)unlink(mark);
+    (void)rmdir(stage);
+    free(mark);
+}
+
+/* Recovers the staging folders in `folder` that nobody holds. */
+static void recover(const char *folder)
+{
+    DIR *entries = opendir(folder);
+    struct dirent *entry;
+
+    while (entries != NULL && (entry = readdir(entries)) != NULL) {
+        size_t length = strlen(entry->d_name);
+        char *stage;
+        int lock;
+
+        if (strncmp(entry->d_name, ".cairn-", 7) != 0 || length < 12 ||
+            strcmp(entry->d_name + length - 5, ".part") != 0)
+            continue;
+        stage = cairn_output_path_join(folder, entry->d_name);
+        lock = stage != NULL ? open(stage, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC) : -1;
+        if (lock != -1 && flock(lock, LOCK_EX | LOCK_NB) == 0)
+            recover_stage(folder, stage);
+        if (lock != -1)
+            (void)close(lock);
+        free(stage);
+    }
+    if (entries != NULL)
+        (void)closedir(entries);
 }
 
 /* The backup's name does not contain the target's, which may be as long as a name can be. */
@@ -192,11 +288,14 @@ static cairn_status stage_files(cairn_output_set *set, const char *const *names,
             continue;
         if (!set->has_stage)
             code = make_stage(set);
+        if (code == 0 && set->mark == NULL)
+            set->mark = cairn_output_path_join(set->stage, MARK);
         file->staged = cairn_output_path_join(set->stage, names[i]);
         if (file->staged != NULL)
             file->backup = backup_name(set, i);
-        if (file->backup == NULL)
+        if (code == 0 && (file->backup == NULL || set->mark == NULL))
             code = ENOMEM;
+        output_pending_add(file->staged);
     }
     return code == 0 ? status : cairn_file_error_system(error, set->folder, "write", code);
 }
@@ -221,14 +320,17 @@ cairn_status cairn_output_set_open(cairn_output_set **set, const char *folder,
     created->count = count;
     created->folder = strdup(folder);
     created->stage = malloc(strlen(folder) + STAGE_BYTES);
+    created->lock = -1;
     if (created->folder == NULL || created->stage == NULL) {
         cairn_output_set_discard(created);
         return cairn_file_error_system(error, folder, "write", ENOMEM);
     }
     (void)find_existing(created->folder, &created->created_prefix);
     status = cairn_output_folder(folder, error);
-    if (status == CAIRN_OK)
+    if (status == CAIRN_OK) {
+        recover(folder);
         status = stage_files(created, names, error);
+    }
     if (status != CAIRN_OK) {
         cairn_output_set_discard(created);
         return status;
@@ -255,6 +357,8 @@ static void remove_stage(cairn_output_set *set)
         if (set->file[i].backup != NULL)
             (void)unlink(set->file[i].backup);
     }
+    if (set->mark != NULL)
+        (void)unlink(set->mark);
     if (set->has_stage)
         (void)rmdir(set->stage);
 }
@@ -263,7 +367,11 @@ static void free_set(cairn_output_set *set)
 {
     int32_t i;
 
+    if (set->lock != -1)
+        (void)close(set->lock);
+    output_pending_take(set->stage);
     for (i = 0; i < set->count; i++) {
+        output_pending_take(set->file[i].staged);
         free(set->file[i].name);
         free(set->file[i].target.path);
         free(set->file[i].staged);
@@ -271,6 +379,7 @@ static void free_set(cairn_output_set *set)
     }
     free(set->folder);
     free(set->stage);
+    free(set->mark);
     free(set);
 }
 
@@ -302,6 +411,7 @@ static void roll_back(cairn_output_set *set)
 {
     int32_t i;
 
+    (void)unlink(set->mark);
     for (i = set->count - 1; i >= 0; i--) {
         staged_file *file = &set->file[i];
 
@@ -344,12 +454,12 @@ static cairn_status copy_over(const staged_file *file, cairn_file_error *error)
 static cairn_status replace(staged_file *file, cairn_file_error *error)
 {
     struct stat about;
-    int32_t code = output_target_keep_mode(&file->target, file->staged);
+    int32_t code = 0;
 
     file->has_backup = link(file->target.path, file->backup) == 0 ? 1
                        : lstat(file->target.path, &about) == 0    ? -1
                                                                   : 0;
-    if (code == 0 && rename(file->staged, file->target.path) != 0)
+    if (rename(file->staged, file->target.path) != 0)
         code = errno;
     if (code == EXDEV)
         return copy_over(file, error);
@@ -359,22 +469,58 @@ static cairn_status replace(staged_file *file, cairn_file_error *error)
     return CAIRN_OK;
 }
 
+/* Gives the staged files, which must all be there, the modes of their targets and writes the
+ * mark. */
+static cairn_status begin_commit(cairn_output_set *set, cairn_file_error *error)
+{
+    int mark;
+
+    for (int32_t i = 0; i < set->count; i++) {
+        const staged_file *file = &set->file[i];
+        int32_t code = 0;
+
+        if (file->staged != NULL && access(file->staged, F_OK) != 0)
+            code = errno;
+        else if (file->staged != NULL)
+            code = output_target_keep_mode(&file->target, file->staged);
+        if (code != 0)
+            return cairn_file_error_system(error, file->name, "write", code);
+    }
+    if (!set->has_stage)
+        return CAIRN_OK;
+    mark = open(set->mark, O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
+    if (mark == -1 || fsync(mark) != 0 || fsync(set->lock) != 0) {
+        cairn_status status = cairn_file_error_system(error, set->folder, "write", errno);
+
+        if (mark != -1)
+            (void)close(mark);
+        return status;
+    }
+    return close(mark) == 0 ? CAIRN_OK
+                            : cairn_file_error_system(error, set->folder, "write", errno);
+}
+
 cairn_status cairn_output_set_commit(cairn_output_set *set, cairn_file_error *error)
 {
     cairn_status status;
+    sigset_t all, before;
     int32_t i;
 
-    for (i = 0; i < set->count; i++) {
-        if (set->file[i].staged == NULL)
-            continue;
-        status = replace(&set->file[i], error);
-        if (status != CAIRN_OK) {
+    /* A signal waits until all files are replaced. */
+    (void)sigfillset(&all);
+    (void)sigprocmask(SIG_BLOCK, &all, &before);
+    status = begin_commit(set, error);
+    for (i = 0; i < set->count && status == CAIRN_OK; i++)
+        if (set->file[i].staged != NULL)
+            status = replace(&set->file[i], error);
+    if (status == CAIRN_OK) {
+        remove_stage(set);
+        free_set(set);
+    } else {
+        if (set->has_stage)
             roll_back(set);
-            cairn_output_set_discard(set);
-            return status;
-        }
+        cairn_output_set_discard(set);
     }
-    remove_stage(set);
-    free_set(set);
-    return CAIRN_OK;
+    (void)sigprocmask(SIG_SETMASK, &before, NULL);
+    return status;
 }
