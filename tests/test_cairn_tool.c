@@ -27,6 +27,36 @@ static void test_frame(void **state)
     }
 }
 
+/* Libraries are looked for beside the program and in the lib beside its folder, not above it,
+ * where anybody may have put one. */
+static void test_planted_library(void **state)
+{
+    outcome o;
+    char command[1400];
+
+    (void)state;
+    assert_int_equal(mkdir(files_path("planted"), 0777), 0);
+    assert_int_equal(mkdir(files_path("planted/bin"), 0777), 0);
+    (void)files_write_text("planted/libcairn-vision.so", "no library");
+    (void)files_write_text("four.pgm", "P5 2 2 255\n....");
+    (void)snprintf(command, sizeof command, "cp '%s/cairn' '%s/planted/bin/cairn'", programs_folder,
+                   files_folder);
+    assert_int_equal(system(command), 0);
+    (void)snprintf(
+        command, sizeof command,
+        "LD_DEBUG=files '%s/planted/bin/cairn' skeleton '%s/four.pgm' -o '%s/planted/out' "
+        ">'%s/out' 2>'%s/err'",
+        files_folder, files_folder, files_folder, files_folder, files_folder);
+    (void)system(command);
+    programs_read("err", o.err, sizeof o.err);
+    if (strstr(o.err, "libc.so") == NULL)
+        skip(); /* not glibc */
+    command[0] = '\0';
+    (void)snprintf(command, sizeof command, "grep -q 'file=.*/bin/../libcairn-vision.so' '%s/err'",
+                   files_folder);
+    assert_int_not_equal(system(command), 0);
+}
+
 static void test_info(void **state)
 {
     char log[8192] = "";
@@ -105,6 +135,7 @@ int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_frame),
+        cmocka_unit_test(test_planted_library),
         cmocka_unit_test(test_info),
         cmocka_unit_test(test_bad_input),
     };

@@ -201,7 +201,7 @@ mkdir -p "$work/uses/tests"
     # shellcheck disable=SC2046,SC2086
     mutate_make -j2 $libraries $shims $(objects $common $(for t in $tests; do echo "tests/$t.c"; needs_of "$t"; done) $cairn $arena) || exit 2
     # shellcheck disable=SC2086
-    c++ -shared -o "$build/libfaulty.so" -Wl,--whole-archive $libraries -Wl,--no-whole-archive $system_libs || exit 2
+    c++ -shared -o "$build/libfaulty.so" -Wl,--whole-archive $libraries -Wl,--no-whole-archive -Wl,-rpath,"\$ORIGIN" $system_libs || exit 2
     # shellcheck disable=SC2086
     program cairn $cairn && program cairn-arena $arena || exit 2
     for t in $tests; do

@@ -2,7 +2,7 @@
  *
  * OpenCV is wrapped by a plug-in library, libcairn-vision.so (`make vision`), which is loaded on
  * first use. cairn itself neither links nor loads OpenCV, and this header has no type of it. The
- * library is searched at $CAIRN_VISION, beside the program, in the folder above it, in lib beside
+ * library is searched at $CAIRN_VISION, beside the program, in lib beside
  * that, and in the system's library path. Without the library, PGM and PNG files can still be read
  * as 8-bit grey; all other functions fail with an error that names the missing library.
  *
