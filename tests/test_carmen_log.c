@@ -1016,6 +1016,32 @@ static void test_a_file_that_changes(void **state)
     }
 }
 
+/* What is nothing but one byte over and over is no log: it ends where 32 MiB are unpacked from less
+ * than a hundredth of that. */
+static void test_gzip_of_nothing(void **state)
+{
+    const char *path = files_path("nothing.log.gz");
+    gzFile file = gzopen(path, "wb1");
+    text t = small_log();
+    static char lines[1 << 20];
+    cairn_carmen_log_scans scans;
+    faults f;
+    cairn_carmen_log_params params = with_faults(&f);
+
+    (void)state;
+    memset(lines, '\n', sizeof lines);
+    assert_non_null(file);
+    assert_int_equal(gzwrite(file, t.bytes, (unsigned)t.count), t.count);
+    for (int i = 0; i < 40; i++)
+        assert_int_equal(gzwrite(file, lines, sizeof lines), sizeof lines);
+    assert_int_equal(gzclose(file), Z_OK);
+    assert_ok(cairn_carmen_log_load(&scans, path, &params, NULL));
+    assert_int_equal(scans.info.faults, 1);
+    assert_holds(f.text[0], "the gzip data expand more than 100 times, expected those of a log");
+    cairn_carmen_log_scans_free(&scans);
+    free(t.bytes);
+}
+
 /* Gzip files that were put together by cat, and with something else behind them. */
 static void test_gzip_members(void **state)
 {
@@ -1215,6 +1241,7 @@ int main(void)
         cmocka_unit_test(test_cut_and_damaged_gzip),
         cmocka_unit_test(test_a_file_that_changes),
         cmocka_unit_test(test_gzip_members),
+        cmocka_unit_test(test_gzip_of_nothing),
         cmocka_unit_test(test_mutations),
         cmocka_unit_test(test_locale),
         cmocka_unit_test(test_heap),

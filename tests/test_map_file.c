@@ -660,6 +660,51 @@ static void test_huge_png(void **state)
                  "huge.png: the image has 65536 x 4097 pixels, expected at most 268435456");
 }
 
+/* Colours and alpha count: the decoder holds all samples. */
+static void test_huge_rgba(void **state)
+{
+    unsigned char bytes[] =
+        "\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\x20\0\0\0\x20\0\x08\x06\0\0\0....\0\0\0\0IDAT....";
+    cairn_file_error error;
+    cairn_image image;
+
+    (void)state;
+    for (int over = 0; over < 2; over++) {
+        uint32_t sum;
+
+        bytes[23] =
+            (unsigned char)over; /* 2^13 columns and 2^13 rows or one more, 4 samples each */
+        sum = (uint32_t)crc32(0, bytes + 12, 17);
+        for (int i = 0; i < 4; i++)
+            bytes[29 + i] = (unsigned char)(sum >> (24 - 8 * i));
+        assert_status(
+            cairn_image_read(&image, files_write("rgba.png", bytes, sizeof bytes - 1), &error),
+            over ? CAIRN_FULL : CAIRN_BAD_FORMAT);
+        assert_null(image.pixel);
+    }
+    assert_holds(error.text, "rgba.png: the image has 8192 x 8193 pixels of 4 samples, expected at "
+                             "most 268435456 samples");
+}
+
+/* The library that parses YAML takes quadratic time. */
+static void test_long_yaml(void **state)
+{
+    char *text = malloc(20000);
+    cairn_file_error error;
+    cairn_map_file map;
+
+    (void)state;
+    assert_non_null(text);
+    memset(text, '[', 20000);
+    assert_status(cairn_map_file_read(&map, files_write("long.yaml", text, 16385), &error),
+                  CAIRN_FULL);
+    assert_holds(error.text,
+                 "long.yaml: 16385 bytes, expected the description of a map of at most 16384");
+    assert_status(cairn_map_file_read(&map, files_write("long.yaml", text, 16384), &error),
+                  CAIRN_BAD_FORMAT);
+    free(text);
+}
+
 /* Names that YAML could misread, and a name without an ending. */
 static void test_odd_names(void **state)
 {
@@ -772,6 +817,8 @@ int main(void)
         cmocka_unit_test(test_maps_that_cannot_be_written),
         cmocka_unit_test(test_encode_png),
         cmocka_unit_test(test_huge_png),
+        cmocka_unit_test(test_huge_rgba),
+        cmocka_unit_test(test_long_yaml),
         cmocka_unit_test(test_odd_names),
         cmocka_unit_test(test_heap),
         cmocka_unit_test(test_locale),

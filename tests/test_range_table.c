@@ -116,6 +116,25 @@ static void csv_of_ranges_alone(void **state)
     free(text);
 }
 
+/* One scan more than there may be. */
+static void too_many_scans_are_refused(void **state)
+{
+    enum { MANY = CAIRN_CARMEN_LOG_MAX_SCANS + 1 };
+    char *text = malloc(2 * MANY + 3);
+    cairn_carmen_log_scans s;
+    cairn_file_error error;
+    int32_t has_odometry;
+
+    (void)state;
+    assert_non_null(text);
+    for (int i = 0; i <= MANY; i++)
+        memcpy(text + 2 * (size_t)i, i == 0 ? "0\n" : "1\n", 3);
+    assert_status(load(&s, &has_odometry, text, CAIRN_RANGE_TABLE_CSV, 0, &error), CAIRN_FULL);
+    assert_non_null(strstr(error.text, "more than 1048576 scans"));
+    assert_null(s.record);
+    free(text);
+}
+
 static void damaged_lines_are_told_and_left_out(void **state)
 {
     cairn_carmen_log_scans s;
@@ -321,6 +340,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(csv_fields),
         cmocka_unit_test(csv_of_ranges_alone),
+        cmocka_unit_test(too_many_scans_are_refused),
         cmocka_unit_test(damaged_lines_are_told_and_left_out),
         cmocka_unit_test(bad_heads_and_files_are_refused),
         cmocka_unit_test(urg_fields),

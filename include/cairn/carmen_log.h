@@ -61,6 +61,9 @@ extern "C" {
 /* The maximum number of ranges, and of remissions, of one scan. */
 #define CAIRN_CARMEN_LOG_MAX_BEAMS 100000
 
+/* The maximum number of scans that are loaded at once: seven hours at 40 scans/s. */
+#define CAIRN_CARMEN_LOG_MAX_SCANS 1048576
+
 /* Parameters of the reader. */
 typedef struct cairn_carmen_log_params {
     /* m; ranges at or above it are no returns. 0: estimated by rules 2 to 5. Default 0 */

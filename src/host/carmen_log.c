@@ -452,9 +452,9 @@ cairn_status cairn_carmen_log_load(cairn_carmen_log_scans *scans, const char *pa
     if (log == NULL)
         return status;
     scans->info = log->info;
-    if (log->info.scans > INT32_MAX) {
+    if (log->info.scans > CAIRN_CARMEN_LOG_MAX_SCANS) {
         status = cairn_file_error_set(error, CAIRN_FULL, path, 0, "%lld scans, expected at most %d",
-                                      (long long)log->info.scans, INT32_MAX);
+                                      (long long)log->info.scans, CAIRN_CARMEN_LOG_MAX_SCANS);
     } else {
         scans->record = calloc((size_t)log->info.scans, sizeof *scans->record);
         scans->range = calloc((size_t)log->info.beams, sizeof *scans->range);

@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <yaml.h>
 
 #include "cairn/map_file.h"
@@ -18,6 +19,9 @@
 /* Grey levels of free and unknown cells, as map_server writes them. */
 #define PIXEL_FREE    254
 #define PIXEL_UNKNOWN 205
+
+/* The maximum size of the YAML file: libyaml takes quadratic time for nested and anchored nodes. */
+#define MAX_YAML_BYTES 16384
 
 enum { KEY_IMAGE, KEY_RESOLUTION, KEY_ORIGIN, KEY_NEGATE, KEY_OCCUPIED, KEY_FREE, KEY_MODE, KEYS };
 
@@ -337,7 +341,14 @@ static cairn_status read_document(yaml_view *view, FILE *file)
 {
     yaml_parser_t parser;
     cairn_status status = CAIRN_OK;
+    struct stat about;
 
+    if (fstat(fileno(file), &about) != 0)
+        return cairn_file_error_system(view->error, view->path, "read", errno);
+    if (about.st_size > MAX_YAML_BYTES)
+        return cairn_file_error_set(view->error, CAIRN_FULL, view->path, 0,
+                                    "%lld bytes, expected the description of a map of at most %d",
+                                    (long long)about.st_size, MAX_YAML_BYTES);
     if (!yaml_parser_initialize(&parser))
         return cairn_file_error_system(view->error, view->path, "read", ENOMEM);
     yaml_parser_set_input_file(&parser, file);

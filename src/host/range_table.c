@@ -264,8 +264,6 @@ static int reserve_scan(range_loader *loader)
 
     if (scans->count < loader->capacity)
         return 1;
-    if (loader->capacity > INT32_MAX / 2)
-        return 0;
     record = realloc(scans->record, (size_t)capacity * sizeof *record);
     if (record != NULL)
         scans->record = record;
@@ -325,6 +323,10 @@ static cairn_status append_scan(range_loader *loader, cairn_file_error *error)
     float *range;
     double named[BEARING] = {0};
 
+    if (scans->count == CAIRN_CARMEN_LOG_MAX_SCANS)
+        return cairn_file_error_set(
+            error, CAIRN_FULL, loader->path, cairn_line_reader_number(loader->reader),
+            "more than %d scans, expected at most so many", CAIRN_CARMEN_LOG_MAX_SCANS);
     if (!reserve_scan(loader))
         return cairn_file_error_system(error, loader->path, "read", ENOMEM);
     record = &scans->record[scans->count];
