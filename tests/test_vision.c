@@ -338,7 +338,24 @@ static void test_giants_are_refused_unread(void **state)
                                  "\0\0\0\x08\0\x02\x01\0\0\x04\0\0\0\x01\0\0\x40\0\x01\x01\0\x03\0"
                                  "\0\0\x01\x40\0\0\0\0\0\0\0";
 
+    static const uint8_t twice[] =
+        "II*\0\x08\0\0\0\x03\0\0\x01\x04\0\x01\0\0\0\0\x20\0\0\0\x01\x03\0\x01\0\0\0\x10\0\0\0"
+        "\x01\x01\x03\0\x01\0\0\0\x10\0\0\0\0\0\0\0";
+    static const uint8_t long8[] = "II*\0\x08\0\0\0\x02\0\0\x01\x10\0\x01\0\0\0\x10\0\0\0"
+                                   "\x01\x01\x03\0\x01\0\0\0\x10\0\0\0\0\0\0\0";
+    static uint8_t hidden[65536] = "\xFF\xD8\xFF\x01\xFF\xC0\0\x0B\x08\xFF\xFF\xFF\xFE"
+                                   "\x01\x01\x11";
+
     (void)state;
+    /* What a decoder takes for the size must be what was looked at. */
+    assert_refused(files_write("twice.tif", twice, sizeof twice - 1), CAIRN_BAD_FORMAT,
+                   "the width or height is there twice, expected it once");
+    assert_refused(files_write("long8.tif", long8, sizeof long8 - 1), CAIRN_BAD_FORMAT,
+                   "the width or height is of type 16, expected one SHORT or LONG");
+    memcpy(hidden + 2 + 0xFFC0 + 2,
+           "\xFF\xC0\0\x0B\x08\0\x10\0\x10\x01\x01\x11\0\xFF\xDA\0\x02xx\xFF\xD9", 21);
+    assert_refused(files_write("hidden.jpg", hidden, 2 + 0xFFC0 + 2 + 21), CAIRN_BAD_FORMAT,
+                   "expected a JPEG image");
     assert_refused(files_write("a.png", png, sizeof png - 1), CAIRN_FULL, "32769 x 1");
     assert_refused(files_write("a.jpg", jpeg, sizeof jpeg - 1), CAIRN_FULL, "65534 x 65535");
     assert_refused(files_write("a.tif", little, sizeof little - 1), CAIRN_FULL, "32784 x 5");

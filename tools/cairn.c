@@ -1,9 +1,11 @@
 /* The cairn command: looks up the subcommand by name and runs it. One file for each subcommand. */
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "cairn/output.h"
 #include "cairn/version.h"
+#include "cairn/vision.h"
 #include "tools/cairn_tool.h"
 
 typedef struct tool_command {
@@ -57,8 +59,12 @@ static int close_output(int code)
 int main(int argc, char **argv)
 {
     const char *name = argc > 1 ? argv[1] : "";
+    char pixels[16];
 
     cairn_output_clean_up_on_signals();
+    /* OpenCV's decoders have the limit of those before them. */
+    (void)snprintf(pixels, sizeof pixels, "%d", CAIRN_VISION_MAX_PIXELS);
+    (void)setenv("OPENCV_IO_MAX_IMAGE_PIXELS", pixels, 0);
     if (strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0 || strcmp(name, "help") == 0) {
         print_help(stdout);
         return close_output(TOOL_OK);

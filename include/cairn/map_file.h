@@ -67,7 +67,8 @@ CAIRN_CHECKED cairn_status cairn_map_file_draw(cairn_map_file *map);
 
 /* Reads a YAML file and its image. CAIRN_BAD_FORMAT: not in the format above, the error has file
  * and line; CAIRN_TRUNCATED, CAIRN_UNSUPPORTED (a maximum grey level other than 255; a folder, pipe
- * or device), CAIRN_FULL, CAIRN_IO, CAIRN_NO_MEMORY. On failure there is nothing to free. */
+ * or device), CAIRN_FULL (more than 16 KiB of YAML or 2^28 samples of the image), CAIRN_IO,
+ * CAIRN_NO_MEMORY. On failure there is nothing to free. */
 CAIRN_CHECKED cairn_status cairn_map_file_read(cairn_map_file *map, const char *yaml_path,
                                                cairn_file_error *error);
 

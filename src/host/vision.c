@@ -149,6 +149,14 @@ static cairn_status decode(cairn_vision_image *image, const uint8_t *bytes, size
     status = shim->decode(bytes, count, &decoded, message, sizeof message);
     if (status != CAIRN_OK)
         return report_opencv_error(status, path, "a whole image of 8 or 16 bits", message, error);
+    if (decoded.width != header.width || decoded.height != header.height) {
+        free(decoded.samples);
+        return cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, 0,
+                                    "OpenCV: decoded to %d x %d pixels, expected %lld x %lld as in "
+                                    "the header",
+                                    (int)decoded.width, (int)decoded.height,
+                                    (long long)header.width, (long long)header.height);
+    }
     image->width = decoded.width;
     image->height = decoded.height;
     image->channels = decoded.channels;

@@ -71,9 +71,19 @@ static cairn_status read_jpeg(cairn_vision_header *header, const byte_reader *re
         while (read_unsigned(reader, at, 2) == 0xFFFF)
             at++;
         marker = read_unsigned(reader, at + 1, 1);
+        /* Markers without a length, which belong into the data of a scan alone. */
+        if (marker >= 0 && (marker <= 0x01 || (marker >= 0xD0 && marker <= 0xD9)))
+            return cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, 0,
+                                        "marker 0xff%02x before the first scan, expected a JPEG "
+                                        "image",
+                                        (unsigned)marker);
         length = read_unsigned(reader, at + 2, 2);
         if (length < 2 || read_unsigned(reader, at, 1) != 0xFF)
             return report_truncated(path, "JPEG image", error);
+        if (is_start_of_frame(marker) && header->width > 0)
+            return cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, 0,
+                                        "two start-of-frame markers, expected a JPEG image with "
+                                        "one");
         if (is_start_of_frame(marker)) {
             header->height = read_unsigned(reader, at + 5, 2);
             header->width = read_unsigned(reader, at + 7, 2);
@@ -88,26 +98,37 @@ static cairn_status read_jpeg(cairn_vision_header *header, const byte_reader *re
     return report_truncated(path, "JPEG image", error);
 }
 
-/* Reads the size from the first image file directory: entries of tag, type, count and value. */
+/* Reads the size from the first image file directory: entries of tag, type, count and value. A
+ * decoder might take another of two widths than is taken here, or a type that is not known here:
+ * both are refused. */
 static cairn_status read_tiff(cairn_vision_header *header, const byte_reader *reader,
                               const char *path, cairn_file_error *error)
 {
-    enum { WIDTH = 256, HEIGHT = 257, IS_SHORT = 3 };
+    enum { WIDTH = 256, HEIGHT = 257, IS_SHORT = 3, IS_LONG = 4 };
     uint64_t at = (uint64_t)(read_unsigned(reader, 4, 4) > 0 ? read_unsigned(reader, 4, 4) : 0);
     int64_t entries = read_unsigned(reader, at, 2);
 
     if (at < 8 || entries < 0 || read_unsigned(reader, at + 2 + 12 * (uint64_t)entries, 4) < 0)
         return report_truncated(path, "TIFF image", error);
+    header->width = -1;
+    header->height = -1;
     for (at += 2; entries-- > 0; at += 12) {
-        int64_t tag = read_unsigned(reader, at, 2),
-                value = read_unsigned(reader, at + 8,
-                                      read_unsigned(reader, at + 2, 2) == IS_SHORT ? 2 : 4);
+        int64_t tag = read_unsigned(reader, at, 2), type = read_unsigned(reader, at + 2, 2),
+                *side = tag == WIDTH ? &header->width : &header->height;
 
-        if (tag == WIDTH)
-            header->width = value;
-        if (tag == HEIGHT)
-            header->height = value;
+        if (tag != WIDTH && tag != HEIGHT)
+            continue;
+        if (*side >= 0)
+            return cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, 0,
+                                        "the width or height is there twice, expected it once");
+        if ((type != IS_SHORT && type != IS_LONG) || read_unsigned(reader, at + 4, 4) != 1)
+            return cairn_file_error_set(
+                error, CAIRN_BAD_FORMAT, path, 0,
+                "the width or height is of type %d, expected one SHORT or LONG", (int)type);
+        *side = read_unsigned(reader, at + 8, type == IS_SHORT ? 2 : 4);
     }
+    header->width = header->width < 0 ? 0 : header->width;
+    header->height = header->height < 0 ? 0 : header->height;
     return CAIRN_OK;
 }
 
