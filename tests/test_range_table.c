@@ -116,6 +116,35 @@ static void csv_of_ranges_alone(void **state)
     free(text);
 }
 
+/* A first line of ranges is no header, in m or in mm. */
+static void a_table_without_a_header_is_refused(void **state)
+{
+    static const char *const tables[] = {
+        "1.5,1.6,1.6,2.5\n1.5,1.6,1.6,2.5\n", "2.5,inf,1.5,2\n1.5,1.6,1.6,2.5\n",
+        "1500,1600,1600,2500\n1500,1600,1600,2500\n", "# x\n\n3,,2.5,2\n3,1,2.5,2\n"};
+    cairn_carmen_log_scans s;
+    cairn_file_error error;
+    int32_t has_odometry;
+
+    (void)state;
+    for (int k = 0; k < 4; k++) {
+        cairn_range_table_kind kind;
+
+        assert_ok(cairn_range_table_find_kind(&kind, files_write_text("table", tables[k]), NULL));
+        assert_int_equal(kind, CAIRN_RANGE_TABLE_CSV);
+        assert_status(load(&s, &has_odometry, tables[k], CAIRN_RANGE_TABLE_CSV, 0, &error),
+                      CAIRN_BAD_FORMAT);
+        assert_int_equal(error.line, k == 3 ? 3 : 1);
+        assert_non_null(strstr(error.text,
+                               "the first line has no header, expected the names of the "
+                               "columns and bearings in degrees, rising or falling: "
+                               "time,x,y,theta,-90,-89,...,90"));
+    }
+    /* Bearings alone may fall, too. */
+    assert_ok(load(&s, &has_odometry, "90,0,-90.5\n1,2,3\n", CAIRN_RANGE_TABLE_CSV, 0, &error));
+    cairn_carmen_log_scans_free(&s);
+}
+
 /* One scan more than there may be. */
 static void too_many_scans_are_refused(void **state)
 {
@@ -340,6 +369,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(csv_fields),
         cmocka_unit_test(csv_of_ranges_alone),
+        cmocka_unit_test(a_table_without_a_header_is_refused),
         cmocka_unit_test(too_many_scans_are_refused),
         cmocka_unit_test(damaged_lines_are_told_and_left_out),
         cmocka_unit_test(bad_heads_and_files_are_refused),

@@ -132,23 +132,42 @@ static int32_t find_column(const char *name, size_t length, double *degrees)
     return cairn_number_read(name, length, degrees) && fabs(*degrees) <= 360 ? BEARING : -1;
 }
 
-/* Returns 1 when a line can be a CSV header. */
-static int is_header(const char *line, size_t length)
+/* Returns 1 when a line can be a CSV header, or one of ranges in a table without a header. */
+static int is_csv(const char *line, size_t length)
 {
     const char *at = line, *cell;
-    int32_t fields = 0, bearings = 0;
-    double degrees;
+    int32_t fields = 0, numbers = 0;
+    double value;
     size_t n;
 
     while (next_cell(&at, line + length, &cell, &n)) {
-        int32_t column = find_column(cell, n, &degrees);
+        int number = n == 0 || cairn_number_read(cell, n, &value);
 
-        if (column < 0)
+        if (!number && find_column(cell, n, &value) < 0)
             return 0;
         fields++;
-        bearings += column == BEARING;
+        numbers += number;
     }
-    return bearings > 0 && fields > 1;
+    return numbers > 0 && fields > 1;
+}
+
+/* Returns 1 when a line is a CSV header: with a name in it, or bearings that rise or fall. */
+static int is_header(const char *line, size_t length)
+{
+    const char *at = line, *cell;
+    int32_t bearings = 0, rising = 0, falling = 0;
+    double degrees = 0, before;
+    size_t n;
+
+    while (next_cell(&at, line + length, &cell, &n)) {
+        before = degrees;
+        if (find_column(cell, n, &degrees) != BEARING)
+            return n > 0 && !cairn_number_read(cell, n, &degrees);
+        rising += bearings > 0 && degrees > before;
+        falling += bearings > 0 && degrees < before;
+        bearings++;
+    }
+    return rising == bearings - 1 || falling == bearings - 1;
 }
 
 static int32_t count_fields(const char *line, size_t length)
@@ -171,6 +190,11 @@ static cairn_status read_header(range_loader *loader, const char *line, size_t l
     int32_t seen[NAMED] = {0}, fields = 1;
     size_t n;
 
+    if (!is_header(line, length))
+        return cairn_file_error_set(error, CAIRN_BAD_FORMAT, loader->path, number,
+                                    "the first line has no header, expected the names of the "
+                                    "columns and bearings in degrees, rising or falling: "
+                                    "time,x,y,theta,-90,-89,...,90");
     for (size_t i = 0; i < length; i++)
         fields += line[i] == ',';
     if (!make_table(table, fields))
@@ -529,7 +553,7 @@ cairn_status cairn_range_table_find_kind(cairn_range_table_kind *kind, const cha
             break;
         if (!has_content(line, length))
             continue;
-        if (is_header(line, length))
+        if (is_csv(line, length))
             *kind = CAIRN_RANGE_TABLE_CSV;
         else if (count_fields(line, length) == URG_FIELDS &&
                  (line[0] == '-' || (line[0] >= '0' && line[0] <= '9')))
