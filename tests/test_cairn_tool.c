@@ -1,4 +1,7 @@
 /* The cairn command as a user meets it: output, errors, exit codes. */
+#include <math.h>
+
+#include "cairn/map_file.h"
 #include "tests/programs.h"
 
 static void test_frame(void **state)
@@ -55,6 +58,74 @@ static void test_planted_library(void **state)
     (void)snprintf(command, sizeof command, "grep -q 'file=.*/bin/../libcairn-vision.so' '%s/err'",
                    files_folder);
     assert_int_not_equal(system(command), 0);
+}
+
+/* The most occupied of the cells of a map about a point: -1 unknown, -2 outside the map. */
+static int cell_at(const cairn_map_file *map, double x, double y)
+{
+    int column = (int)floor((x - (double)map->origin.x) / (double)map->resolution),
+        row = (int)floor((y - (double)map->origin.y) / (double)map->resolution), most = -2;
+
+    for (int v = row - 1; v <= row + 1; v++)
+        for (int u = column - 1; u <= column + 1; u++)
+            if (u >= 0 && v >= 0 && u < map->width && v < map->height &&
+                map->occupancy[v * map->width + u] > most)
+                most = map->occupancy[v * map->width + u];
+    return most;
+}
+
+/* Beams without return clear what they pass only of a scanner that sees no farther than --clear,
+ * those that return all that they pass; the picture covers all that was seen, be it once. */
+static void test_free_space(void **state)
+{
+    static const struct {
+        const char *option;
+        double free_m, unknown_m; /* on the beams without return */
+        int sees_wall;            /* that 6 m to the left */
+    } cases[] = {{"", 0, 1, 1},
+                 {"--clear 79", 0, 1, 1},
+                 {"--clear 85", 29, 31, 1},
+                 {"--clear 85 --range 20", 19, 21, 1},
+                 {"--range-max 5", 4.5, 5.5, 0},
+                 {"--range-max 5 --clear 4", 0, 1, 0}};
+    char *log = calloc(1, 200000), *at = log;
+
+    (void)state;
+    assert_non_null(log);
+    /* No return on the right, a wall 6 m to the left, and once a far point of it. */
+    for (int scan = 0; scan < 30; scan++) {
+        at += sprintf(at, "FLASER 181");
+        for (int i = 0; i <= 180; i++) {
+            double angle = (i - 90) * 3.14159265358979 / 180, range = 6 / sin(angle);
+
+            at += sprintf(at, " %.3f",
+                          i <= 90 || (i < 104 && (i != 103 || scan != 7)) ? 81.9 : range);
+        }
+        at += sprintf(at, " 0 0 0 0 0 0 %d.0 h %d.0\n", scan, scan);
+    }
+    (void)files_write_text("open.log", log);
+    free(log);
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        outcome o = programs_run("cairn map --quiet %s @/open.log -o @/open", cases[k].option);
+        cairn_map_file map;
+        cairn_file_error error;
+
+        assert_int_equal(o.code, 0);
+        assert_ok(cairn_map_file_read(&map, files_path("open/map.yaml"), &error));
+        if (cases[k].free_m > 0)
+            assert_int_equal(cell_at(&map, 0, -cases[k].free_m), 0);
+        assert_true(cell_at(&map, 0, -cases[k].unknown_m) < 0);
+        assert_int_equal(cell_at(&map, 0, 6) == 100, cases[k].sees_wall);
+        if (cases[k].sees_wall) {
+            assert_int_equal(cell_at(&map, 0, 5), 0);
+            /* 6 / tan(13 degrees), seen once; the beams of other scans clear it if they may. */
+            assert_int_equal(cell_at(&map, 25.989, 6), strstr(cases[k].option, "--range 20") != NULL
+                                                           ? -2
+                                                       : cases[k].free_m > 0 ? 0
+                                                                             : 100);
+        }
+        cairn_map_file_free(&map);
+    }
 }
 
 static void test_info(void **state)
@@ -134,9 +205,8 @@ static void test_bad_input(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_frame),
-        cmocka_unit_test(test_planted_library),
-        cmocka_unit_test(test_info),
+        cmocka_unit_test(test_frame),      cmocka_unit_test(test_planted_library),
+        cmocka_unit_test(test_free_space), cmocka_unit_test(test_info),
         cmocka_unit_test(test_bad_input),
     };
 

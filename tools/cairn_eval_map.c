@@ -274,6 +274,7 @@ int eval_map(int argc, char **argv)
     output.count = log.count;
     output.resolution = s.resolution;
     output.range = s.range;
+    output.clear = HUGE_VAL;
     if (output.scan == NULL) {
         (void)options_refuse(PROGRAM, "no memory for %" PRId32 " scans", log.count);
         code = TOOL_FAILED;

@@ -34,6 +34,8 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
         OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "cell size of the map, m"),
         OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M",
                       "maximum range of beams entered into the map, m"),
+        OPTION_NUMBER("--clear", &s->clear, 0, 1000, "M",
+                      "beams without return free cells when the scanner sees no farther, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from this value on count as no return, m (from the log)"),
         OPTION_NUMBER("--sweep", &s->sweep, 0, 2, "S",
@@ -390,6 +392,7 @@ map_output map_output_of(const map_settings *s, map_scan *scans, int32_t count)
     output.grid_panel = 1;
     output.resolution = s->resolution;
     output.range = s->range;
+    output.clear = s->clear;
     output.report = s->report;
     return output;
 }
@@ -560,6 +563,7 @@ int tool_map(int argc, char **argv)
     s.seed = 1;
     s.resolution = 0.05;
     s.range = 30;
+    s.clear = 5;
     result = read_settings(&s, argc, argv);
     if (result != OPTIONS_READ)
         return result;

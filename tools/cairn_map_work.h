@@ -15,7 +15,7 @@ typedef struct map_settings {
     const char *folder, *pool, *report;
     int32_t log_count;
     int64_t max_keyframes, window, seed, particles;
-    double resolution, range, range_max;
+    double resolution, range, clear, range_max;
     double sweep; /* s; 0: as the log says */
     int32_t no_odometry, quiet, cull_keyframes;
 } map_settings;
