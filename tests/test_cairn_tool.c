@@ -128,6 +128,50 @@ static void test_free_space(void **state)
     }
 }
 
+/* A log in coordinates of a national grid maps as one at 0, in double and in float, and says so. */
+static void test_far_coordinates(void **state)
+{
+    static const char *const programs[] = {"cairn", "cairn-float"};
+
+    (void)state;
+    for (int far = 0; far < 2; far++) {
+        char *log = calloc(1, 200000), *at = log;
+
+        assert_non_null(log);
+        for (int scan = 0; scan < 12; scan++) {
+            double x = 0.25 * scan + far * 500000.0, y = far * 5400000.0;
+
+            at += sprintf(at, "FLASER 181");
+            for (int i = 0; i <= 180; i++) {
+                double angle = (i - 90) * 3.14159265358979 / 180,
+                       side = (angle < 0 ? 3.0 : 4.0) / fmax(fabs(sin(angle)), 1e-9),
+                       ahead = (9 - 0.25 * scan) / fmax(cos(angle), 1e-9);
+
+                at += sprintf(at, " %.3f", fmin(side, ahead));
+            }
+            at += sprintf(at, " %.2f %.2f 0 %.2f %.2f 0 %d.0 h %d.0\n", x, y, x, y, scan, scan);
+        }
+        (void)files_write_text(far ? "far.log" : "near.log", log);
+        free(log);
+    }
+    for (int k = 0; k < 2; k++) {
+        char *near_poses, *far_poses;
+        outcome o = programs_run("%s map --quiet @/near.log -o @/near", programs[k]);
+
+        assert_int_equal(o.code, 0);
+        o = programs_run("%s map @/far.log -o @/far", programs[k]);
+        assert_int_equal(o.code, 0);
+        assert_holds(o.err, "far.log: coordinates are taken from 500000 5400000");
+        near_poses = files_read(files_path("near/poses.csv"), NULL);
+        far_poses = files_read(files_path("far/poses.csv"), NULL);
+        assert_string_equal(far_poses, near_poses);
+        free(near_poses);
+        free(far_poses);
+        o = programs_run("%s align --quiet @/far.log -o @/far", programs[k]);
+        assert_int_equal(o.code, 0);
+    }
+}
+
 static void test_info(void **state)
 {
     char log[8192] = "";
@@ -206,8 +250,8 @@ int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_frame),      cmocka_unit_test(test_planted_library),
-        cmocka_unit_test(test_free_space), cmocka_unit_test(test_info),
-        cmocka_unit_test(test_bad_input),
+        cmocka_unit_test(test_free_space), cmocka_unit_test(test_far_coordinates),
+        cmocka_unit_test(test_info),       cmocka_unit_test(test_bad_input),
     };
 
     programs_find(argc, argv);

@@ -145,6 +145,26 @@ static void a_table_without_a_header_is_refused(void **state)
     cairn_carmen_log_scans_free(&s);
 }
 
+/* Coordinates far away are taken from the first pose, as in CARMEN logs. */
+static void far_coordinates(void **state)
+{
+    cairn_carmen_log_scans s;
+    int32_t has_odometry;
+
+    (void)state;
+    assert_ok(load(&s, &has_odometry,
+                   "x,y,theta,0\n500000.25,5400000,0,1\n500001.5,5400000.5,0,1\n9e8,0,0,1\n",
+                   CAIRN_RANGE_TABLE_CSV, 0, NULL));
+    assert_int_equal(s.count, 2);
+    assert_near(s.info.origin[0], 500000, 0);
+    assert_near(s.record[0].robot.x, 0.25, 0);
+    assert_near(s.record[1].laser.y, 0.5, 0);
+    assert_int_equal(told_count, 1);
+    assert_int_equal(told[0].line, 4);
+    assert_non_null(strstr(told[0].text, "a pose farther than 1e6 m from the first"));
+    cairn_carmen_log_scans_free(&s);
+}
+
 /* One scan more than there may be. */
 static void too_many_scans_are_refused(void **state)
 {
@@ -370,6 +390,7 @@ int main(void)
         cmocka_unit_test(csv_fields),
         cmocka_unit_test(csv_of_ranges_alone),
         cmocka_unit_test(a_table_without_a_header_is_refused),
+        cmocka_unit_test(far_coordinates),
         cmocka_unit_test(too_many_scans_are_refused),
         cmocka_unit_test(damaged_lines_are_told_and_left_out),
         cmocka_unit_test(bad_heads_and_files_are_refused),

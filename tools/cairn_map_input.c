@@ -28,6 +28,7 @@ static int load_log(map_log *log, double range_max, int32_t quiet)
         status = cairn_range_table_load(&log->scans, &log->has_odometry, log->path, kind, &params,
                                         &error);
     tool_faults_end(&faults);
+    tool_tell_origin(log->path, &log->scans.info, quiet || status != CAIRN_OK);
     return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
 }
 

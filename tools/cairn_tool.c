@@ -72,6 +72,13 @@ void tool_faults_end(const tool_faults *faults)
                 faults->count - MAX_SHOWN_FAULTS);
 }
 
+void tool_tell_origin(const char *path, const cairn_carmen_log_summary *info, int32_t quiet)
+{
+    if (!quiet && (info->origin[0] != 0 || info->origin[1] != 0))
+        fprintf(stderr, "%s: coordinates are taken from %.0f %.0f (m), where the log begins\n",
+                path, info->origin[0], info->origin[1]);
+}
+
 int tool_load(cairn_carmen_log_scans *scans, const char *path, double range_max, int32_t quiet)
 {
     cairn_carmen_log_params params = cairn_carmen_log_default();
@@ -84,6 +91,7 @@ int tool_load(cairn_carmen_log_scans *scans, const char *path, double range_max,
     params.context = &faults;
     status = cairn_carmen_log_load(scans, path, &params, &error);
     tool_faults_end(&faults);
+    tool_tell_origin(path, &scans->info, quiet || status != CAIRN_OK);
     return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
 }
 

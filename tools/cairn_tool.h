@@ -62,6 +62,9 @@ typedef struct tool_faults {
 void tool_on_fault(void *context, const cairn_file_error *fault);
 void tool_faults_end(const tool_faults *faults);
 
+/* Tells on standard error from where the coordinates of a log are taken that is far from 0. */
+void tool_tell_origin(const char *path, const cairn_carmen_log_summary *info, int32_t quiet);
+
 /* Loads a log and prints its faults. range_max: m, ranges from this value on count as no return; 0:
  * the limit of the log. TOOL_OK, or another exit code after a line on standard error. */
 int tool_load(cairn_carmen_log_scans *scans, const char *path, double range_max, int32_t quiet);

@@ -112,6 +112,8 @@ typedef struct cairn_carmen_log_summary {
     int32_t fixed_mounting;
     /* the sensor's pose in the robot frame */
     cairn_pose base_sensor;
+    /* m, x and y: all poses are taken from here; 0 unless the first pose is farther than 1e5 m */
+    double origin[2];
 } cairn_carmen_log_summary;
 
 /* The kind of a record. */

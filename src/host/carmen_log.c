@@ -21,6 +21,7 @@
 #include "cairn/carmen_log.h"
 #include "src/host/carmen_log_message.h"
 #include "src/host/carmen_log_reader.h"
+#include "src/host/log_origin.h"
 
 /* Range histogram. */
 #define BINS             100000
@@ -57,6 +58,7 @@ struct cairn_carmen_log {
     cairn_carmen_log_params params;
     cairn_carmen_log_summary info;
     cairn_carmen_log_message message;
+    bool has_origin;
     float *range; /* [range_capacity] storage of the record's ranges */
     int32_t range_capacity;
 };
@@ -215,6 +217,29 @@ static void report_fault(cairn_carmen_log *log, const cairn_file_error *fault)
         log->params.on_fault(log->params.context, fault);
 }
 
+/* Takes the poses of a message from the log's origin, which is that of the first one. */
+static cairn_status take_from_origin(cairn_carmen_log *log, const char *path,
+                                     cairn_file_error *fault)
+{
+    cairn_carmen_log_message *message = &log->message;
+    double distance, laser;
+
+    if (message->kind != CAIRN_MESSAGE_SCAN && message->kind != CAIRN_MESSAGE_ODOMETRY)
+        return CAIRN_OK;
+    if (!log->has_origin)
+        log_origin_set(log->info.origin, message->robot);
+    log->has_origin = true;
+    distance = log_origin_take(log->info.origin, message->robot);
+    laser = log_origin_take(log->info.origin, message->laser);
+    if (message->kind == CAIRN_MESSAGE_SCAN && laser > distance)
+        distance = laser;
+    if (distance <= LOG_ORIGIN_EXTENT)
+        return CAIRN_OK;
+    return cairn_file_error_set(
+        fault, CAIRN_BAD_FORMAT, path, cairn_line_reader_number(log->reader),
+        "the pose is %.9g m from the first, expected at most 1e6", distance);
+}
+
 /* Parses the next well-formed line. Malformed lines are reported in the first pass. CAIRN_EMPTY at
  * the end. */
 static cairn_status next_message(cairn_carmen_log *log, int32_t first_pass, cairn_file_error *error)
@@ -233,6 +258,8 @@ static cairn_status next_message(cairn_carmen_log *log, int32_t first_pass, cair
         if (status == CAIRN_OK)
             status = cairn_carmen_log_message_read(&log->message, line, length, path,
                                                    cairn_line_reader_number(log->reader), &fault);
+        if (status == CAIRN_OK)
+            status = take_from_origin(log, path, &fault);
         if (status == CAIRN_OK || status == CAIRN_EMPTY)
             return status;
         if (status == CAIRN_IO || status == CAIRN_NO_MEMORY) {
