@@ -455,8 +455,8 @@ static void test_quoted_names(void **state)
     /* A name is no formula where a table is opened by a spreadsheet. */
     write_grey_as_text("=1+1.pgm");
     assert_done(programs_run("cairn detect '@/=1+1.pgm' --edges @/edges.png --model @/bottle.shape "
-                             "-o @/formula --detections @/formula.csv"));
-    text = read_in("formula.csv");
+                             "-o @/formula --detections @/made/for/it/formula.csv"));
+    text = read_in("made/for/it/formula.csv");
     assert_non_null(strstr(text, "\n./=1+1.pgm,bottle.shape,"));
     free(text);
 }
@@ -512,8 +512,8 @@ static void test_refusals(void **state)
          "no.csv: cannot open"},
         /* Before anything is searched. */
         {"@/bottle0.png --edges @/edges.png --model @/bottle.shape -o @/refused --detections "
-         "@/nowhere/table.csv",
-         "nowhere"},
+         "@/bottle0.png/table.csv",
+         "bottle0.png"},
     };
 
     (void)state;

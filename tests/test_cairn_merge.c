@@ -184,6 +184,34 @@ static void odd_names(void **state)
     free(yaml);
 }
 
+/* Maps of one name in two folders are two in the legend. */
+static void two_of_one_name(void **state)
+{
+    char *yaml = files_read(files_path("b.yaml"), NULL), *picture;
+    char image[64], second[80], *pgm;
+    size_t bytes;
+    outcome o;
+
+    (void)state;
+    assert_int_equal(mkdir(files_path("second"), 0777), 0);
+    (void)files_write_text("second/a.yaml", yaml);
+    assert_int_equal(sscanf(strstr(yaml, "image: "), "image: '%63[^']", image), 1);
+    pgm = files_read(files_path(image), &bytes);
+    assert_non_null(pgm);
+    free(yaml);
+    (void)snprintf(second, sizeof second, "second/%s", image);
+    (void)files_write(second, pgm, bytes);
+    free(pgm);
+    o = programs_run("cairn merge @/a.yaml @/second/a.yaml -o @/twins --quiet");
+    assert_string_equal(o.err, "");
+    assert_int_equal(o.code, 0);
+    picture = files_read(files_path("twins/map.svg"), NULL);
+    assert_non_null(picture);
+    assert_non_null(strstr(picture, "second/a.yaml"));
+    assert_null(strstr(picture, "#c83232")); /* red beside green */
+    free(picture);
+}
+
 /* A later merging with the same maps keeps what it is told, and order and reference may be asked
  * for. */
 static void a_warm_start(void **state)
@@ -291,11 +319,9 @@ static void help_is_printed(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(three_maps_and_a_stranger),
-        cmocka_unit_test(odd_names),
-        cmocka_unit_test(a_warm_start),
-        cmocka_unit_test(by_images_and_as_written),
-        cmocka_unit_test(command_lines_are_refused),
+        cmocka_unit_test(three_maps_and_a_stranger), cmocka_unit_test(odd_names),
+        cmocka_unit_test(two_of_one_name),           cmocka_unit_test(a_warm_start),
+        cmocka_unit_test(by_images_and_as_written),  cmocka_unit_test(command_lines_are_refused),
         cmocka_unit_test(help_is_printed),
     };
 

@@ -226,6 +226,12 @@ static void test_bad_input(void **state)
     o = programs_run("cairn info");
     assert_int_equal(o.code, 2);
     assert_holds(o.err, "cairn info: no log, expected LOG");
+    o = programs_run("cairn help info");
+    assert_int_equal(o.code, 0);
+    assert_holds(o.out, "usage: cairn info LOG");
+    o = programs_run("cairn help no-command");
+    assert_int_equal(o.code, 2);
+    assert_holds(o.err, "cairn: unknown command 'no-command'");
     o = programs_run("cairn info --help");
     assert_int_equal(o.code, 0);
     assert_holds(o.out, "usage: cairn info LOG");

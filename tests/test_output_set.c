@@ -112,6 +112,36 @@ static void test_all_come_at_the_commit(void **state)
     assert_int_equal(count_in(folder), FILES + 1);
 }
 
+/* What an earlier set has written and this one does not goes with the commit, if it is a file. */
+static void test_files_that_go(void **state)
+{
+    static const char folder[] = "going";
+    cairn_output_set *set;
+
+    (void)state;
+    assert_int_equal(mkdir(files_path(folder), 0777), 0);
+    for (int round = 0; round < 2; round++) {
+        write_to(in_folder(folder, "d.txt"), "old");
+        assert_ok(cairn_output_set_open(&set, files_path(folder), names, FILES, NULL));
+        assert_ok(cairn_output_set_remove(set, "d.txt", NULL));
+        assert_ok(cairn_output_set_remove(set, "not-there.txt", NULL));
+        write_all(set, "new");
+        assert_file(folder, "d.txt", "old");
+        if (round == 0)
+            cairn_output_set_discard(set);
+        else
+            assert_ok(cairn_output_set_commit(set, NULL));
+        assert_file(folder, "d.txt", round == 0 ? "old" : NULL);
+        assert_int_equal(count_in(folder), round == 0 ? 1 : FILES);
+    }
+    assert_int_equal(mkfifo(in_folder(folder, "d.txt"), 0666), 0);
+    assert_ok(cairn_output_set_open(&set, files_path(folder), names, FILES, NULL));
+    assert_ok(cairn_output_set_remove(set, "d.txt", NULL));
+    write_all(set, "new");
+    assert_ok(cairn_output_set_commit(set, NULL));
+    assert_int_equal(count_in(folder), FILES + 1);
+}
+
 /* Names of as many bytes as there may be. */
 static void test_long_names(void **state)
 {
@@ -457,6 +487,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_all_come_at_the_commit),
         cmocka_unit_test(test_long_names),
+        cmocka_unit_test(test_files_that_go),
         cmocka_unit_test(test_discard_leaves_nothing),
         cmocka_unit_test(test_a_failing_commit_takes_all_back),
         cmocka_unit_test(test_bad_places),

@@ -153,15 +153,12 @@ static void far_coordinates(void **state)
 
     (void)state;
     assert_ok(load(&s, &has_odometry,
-                   "x,y,theta,0\n500000.25,5400000,0,1\n500001.5,5400000.5,0,1\n9e8,0,0,1\n",
+                   "x,y,theta,0\n500000.25,5400000,0,1\n500001.5,5400000.5,0,1\n",
                    CAIRN_RANGE_TABLE_CSV, 0, NULL));
     assert_int_equal(s.count, 2);
     assert_near(s.info.origin[0], 500000, 0);
     assert_near(s.record[0].robot.x, 0.25, 0);
     assert_near(s.record[1].laser.y, 0.5, 0);
-    assert_int_equal(told_count, 1);
-    assert_int_equal(told[0].line, 4);
-    assert_non_null(strstr(told[0].text, "a pose farther than 1e6 m from the first"));
     cairn_carmen_log_scans_free(&s);
 }
 

@@ -444,6 +444,20 @@ static int run_all(const settings *s, const cairn_shape_model *model, cairn_outp
     return code;
 }
 
+/* Opens the table; its folder is made when it is missing, as that of -o. */
+static cairn_status open_table(cairn_output **table, const char *path, cairn_file_error *error)
+{
+    char *folder = cairn_output_path_folder(path);
+    cairn_status status = CAIRN_OK;
+
+    if (folder == NULL)
+        return cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0, "no memory");
+    if (*folder != '\0')
+        status = cairn_output_folder(folder, error);
+    free(folder);
+    return status == CAIRN_OK ? cairn_output_open(table, path, error) : status;
+}
+
 /* Runs the detection. The table is opened first, so that an unwritable path fails at once and not
  * after all images. */
 static int run(const settings *s, const cairn_shape_model *model, detect_truth *truth)
@@ -452,7 +466,7 @@ static int run(const settings *s, const cairn_shape_model *model, detect_truth *
     cairn_output *table = NULL;
     int code;
 
-    if (s->table != NULL && cairn_output_open(&table, s->table, &error) != CAIRN_OK)
+    if (s->table != NULL && open_table(&table, s->table, &error) != CAIRN_OK)
         return tool_report(&error);
     code = run_all(s, model, table, truth);
     if (code == TOOL_OK && s->curves != NULL &&

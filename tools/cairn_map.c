@@ -203,7 +203,8 @@ static cairn_status add_frame(cairn_report_player *player, const cairn_mapper *m
     for (int32_t i = 0; i < keys->total; i++)
         pose[i] = current_pose(mapper, &places[keys->scan[i]]);
     memset(&frame, 0, sizeof frame);
-    snprintf(label, sizeof label, "%" PRId32 " keyframes", state.keyframes);
+    snprintf(label, sizeof label, "%" PRId32 " keyframe%s", state.keyframes,
+             state.keyframes == 1 ? "" : "s");
     frame.step = index;
     frame.label = label;
     frame.pose = pose;

@@ -371,6 +371,8 @@ cairn_status map_output_write(const map_output *output, const char *folder, cair
         return status;
     status = cairn_output_set_open(&files, folder, file_names,
                                    output->graph != NULL ? FILES_WITH_GRAPH : FILES, error);
+    for (int i = FILES; i < FILES_WITH_GRAPH && status == CAIRN_OK && output->graph == NULL; i++)
+        status = cairn_output_set_remove(files, file_names[i], error);
     if (status == CAIRN_OK)
         status = write_poses(output, cairn_output_set_path(files, POSES), error);
     if (status == CAIRN_OK)

@@ -37,6 +37,12 @@ CAIRN_CHECKED cairn_status cairn_output_set_open(cairn_output_set **set, const c
  * set is committed or discarded. */
 const char *cairn_output_set_path(const cairn_output_set *set, int32_t index);
 
+/* Names a file that this set does not write but an earlier one may have: the commit removes it, if
+ * it is a regular file, after all others are in place. At most CAIRN_OUTPUT_SET_MAX_FILES.
+ * CAIRN_FULL, CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status cairn_output_set_remove(cairn_output_set *set, const char *name,
+                                                   cairn_file_error *error);
+
 /* Moves all files to their targets and frees the set, also on failure. CAIRN_OK: all files are in
  * place. CAIRN_IO: a file was not written or cannot be replaced, and the folder is unchanged. Files
  * that were replaced before the failure stay replaced where no hard link to them can be made: on a

@@ -218,26 +218,17 @@ static void report_fault(cairn_carmen_log *log, const cairn_file_error *fault)
 }
 
 /* Takes the poses of a message from the log's origin, which is that of the first one. */
-static cairn_status take_from_origin(cairn_carmen_log *log, const char *path,
-                                     cairn_file_error *fault)
+static void take_from_origin(cairn_carmen_log *log)
 {
     cairn_carmen_log_message *message = &log->message;
-    double distance, laser;
 
     if (message->kind != CAIRN_MESSAGE_SCAN && message->kind != CAIRN_MESSAGE_ODOMETRY)
-        return CAIRN_OK;
+        return;
     if (!log->has_origin)
         log_origin_set(log->info.origin, message->robot);
     log->has_origin = true;
-    distance = log_origin_take(log->info.origin, message->robot);
-    laser = log_origin_take(log->info.origin, message->laser);
-    if (message->kind == CAIRN_MESSAGE_SCAN && laser > distance)
-        distance = laser;
-    if (distance <= LOG_ORIGIN_EXTENT)
-        return CAIRN_OK;
-    return cairn_file_error_set(
-        fault, CAIRN_BAD_FORMAT, path, cairn_line_reader_number(log->reader),
-        "the pose is %.9g m from the first, expected at most 1e6", distance);
+    log_origin_take(log->info.origin, message->robot);
+    log_origin_take(log->info.origin, message->laser);
 }
 
 /* Parses the next well-formed line. Malformed lines are reported in the first pass. CAIRN_EMPTY at
@@ -259,7 +250,7 @@ static cairn_status next_message(cairn_carmen_log *log, int32_t first_pass, cair
             status = cairn_carmen_log_message_read(&log->message, line, length, path,
                                                    cairn_line_reader_number(log->reader), &fault);
         if (status == CAIRN_OK)
-            status = take_from_origin(log, path, &fault);
+            take_from_origin(log);
         if (status == CAIRN_OK || status == CAIRN_EMPTY)
             return status;
         if (status == CAIRN_IO || status == CAIRN_NO_MEMORY) {

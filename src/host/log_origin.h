@@ -7,10 +7,8 @@
 #include <math.h>
 #include <stdint.h>
 
-/* m: a first pose beyond this is far; a pose farther than LOG_ORIGIN_EXTENT from the origin is
- * none. */
-#define LOG_ORIGIN_FAR    1e5
-#define LOG_ORIGIN_EXTENT 1e6
+/* m: a first pose beyond this is far. */
+#define LOG_ORIGIN_FAR 1e5
 
 /* Sets the origin by the first pose of a log: whole metres. */
 static inline void log_origin_set(double origin[2], const double pose[2])
@@ -21,12 +19,11 @@ static inline void log_origin_set(double origin[2], const double pose[2])
         origin[k] = far ? rint(pose[k]) : 0;
 }
 
-/* Takes a pose from the origin. Returns its distance from there, the greater of both axes. */
-static inline double log_origin_take(const double origin[2], double pose[2])
+/* Takes a pose from the origin. */
+static inline void log_origin_take(const double origin[2], double pose[2])
 {
     for (int32_t k = 0; k < 2; k++)
         pose[k] -= origin[k];
-    return fmax(fabs(pose[0]), fabs(pose[1]));
 }
 
 #endif

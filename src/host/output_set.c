@@ -54,6 +54,8 @@ struct cairn_output_set {
     size_t created_prefix;
     staged_file file[CAIRN_OUTPUT_SET_MAX_FILES];
     int32_t count;
+    char *old[CAIRN_OUTPUT_SET_MAX_FILES]; /* paths of files that go at the commit */
+    int32_t old_count;
     bool has_stage; /* the staging folder exists */
 };
 
@@ -346,6 +348,22 @@ const char *cairn_output_set_path(const cairn_output_set *set, int32_t index)
     return file->staged != NULL ? file->staged : file->target.path;
 }
 
+cairn_status cairn_output_set_remove(cairn_output_set *set, const char *name,
+                                     cairn_file_error *error)
+{
+    char *path;
+
+    if (set->old_count == CAIRN_OUTPUT_SET_MAX_FILES)
+        return cairn_file_error_set(error, CAIRN_FULL, set->folder, 0,
+                                    "more than %d files to be removed, expected at most so many",
+                                    CAIRN_OUTPUT_SET_MAX_FILES);
+    path = cairn_output_path_join(set->folder, name);
+    if (path == NULL)
+        return cairn_file_error_system(error, set->folder, "write", ENOMEM);
+    set->old[set->old_count++] = path;
+    return CAIRN_OK;
+}
+
 /* Removes the staging folder with its files. */
 static void remove_stage(cairn_output_set *set)
 {
@@ -377,6 +395,8 @@ static void free_set(cairn_output_set *set)
         free(set->file[i].staged);
         free(set->file[i].backup);
     }
+    for (i = 0; i < set->old_count; i++)
+        free(set->old[i]);
     free(set->folder);
     free(set->stage);
     free(set->mark);
@@ -500,6 +520,17 @@ static cairn_status begin_commit(cairn_output_set *set, cairn_file_error *error)
                             : cairn_file_error_system(error, set->folder, "write", errno);
 }
 
+/* Removes the files of an earlier set. */
+static cairn_status remove_old(const cairn_output_set *set, cairn_file_error *error)
+{
+    struct stat about;
+
+    for (int32_t i = 0; i < set->old_count; i++)
+        if (lstat(set->old[i], &about) == 0 && S_ISREG(about.st_mode) && unlink(set->old[i]) != 0)
+            return cairn_file_error_system(error, set->old[i], "remove", errno);
+    return CAIRN_OK;
+}
+
 cairn_status cairn_output_set_commit(cairn_output_set *set, cairn_file_error *error)
 {
     cairn_status status;
@@ -514,6 +545,7 @@ cairn_status cairn_output_set_commit(cairn_output_set *set, cairn_file_error *er
         if (set->file[i].staged != NULL)
             status = replace(&set->file[i], error);
     if (status == CAIRN_OK) {
+        status = remove_old(set, error);
         remove_stage(set);
         free_set(set);
     } else {

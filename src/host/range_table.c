@@ -254,21 +254,9 @@ static cairn_status set_urg_layout(range_loader *loader, cairn_file_error *error
 
 /* ---- Scans ---- */
 
-/* Returns 1 for a place within the extent about the origin, which is that of the first. */
-static int place_is_near(range_loader *loader, double place[2])
-{
-    double *origin = loader->scans->info.origin;
-
-    if (loader->scans->count == 0)
-        log_origin_set(origin, place);
-    return log_origin_take(origin, place) <= LOG_ORIGIN_EXTENT;
-}
-
 /* Parses the fields of a line into table->value. Returns NULL, or the description of a fault. */
-static const char *read_values(range_loader *loader, const char *line, size_t length)
+static const char *read_values(range_table *table, const char *line, size_t length)
 {
-    range_table *table = &loader->table;
-    double place[2] = {0, 0};
     const char *at = line, *field;
     int32_t count = 0;
     size_t n;
@@ -283,15 +271,11 @@ static const char *read_values(range_loader *loader, const char *line, size_t le
             return "a field is not a number";
         if (table->column[count] < BEARING && !(fabs(table->value[count]) <= 1e15))
             return "a time, pose or tick that is not finite";
-        if (table->column[count] == X || table->column[count] == Y)
-            place[table->column[count] - X] = table->value[count];
         if (table->column[count] == TIME &&
             !(fabs(table->value[count]) * table->time_unit <= (double)CAIRN_SCAN_MAX_STAMP_NS))
             return "a time beyond 4e9 s";
     }
-    if (count < table->fields)
-        return "too few fields";
-    return place_is_near(loader, place) ? NULL : "a pose farther than 1e6 m from the first";
+    return count < table->fields ? "too few fields" : NULL;
 }
 
 /* Makes space for one more scan; 0 when out of memory. */
@@ -390,7 +374,9 @@ static cairn_status append_scan(range_loader *loader, cairn_file_error *error)
                                        : scans->count * SCAN_PERIOD_NS;
     if (table->kind == CAIRN_RANGE_TABLE_URG)
         integrate_ticks(&loader->table, named);
-    (void)log_origin_take(scans->info.origin, &named[X]);
+    if (scans->count == 0)
+        log_origin_set(scans->info.origin, &named[X]);
+    log_origin_take(scans->info.origin, &named[X]);
     record->robot.x = (cairn_real)named[X];
     record->robot.y = (cairn_real)named[Y];
     record->robot.theta = cairn_wrap_angle((cairn_real)named[THETA]);
@@ -422,7 +408,7 @@ static cairn_status read_line(range_loader *loader, const char *line, size_t len
         return CAIRN_OK;
     if (loader->table.column == NULL)
         return read_header(loader, line, length, error);
-    what = read_values(loader, line, length);
+    what = read_values(&loader->table, line, length);
     if (what == NULL)
         return append_scan(loader, error);
     report_fault(loader, what);
