@@ -166,6 +166,66 @@ static void test_grey(void **state)
     assert_status(cairn_vision_make_grey(NULL), CAIRN_BAD_ARGUMENT);
 }
 
+/* What is transparent is ground: white behind dark, black behind light. */
+static void test_alpha(void **state)
+{
+    (void)state;
+    for (int32_t bytes = 1; bytes <= 2; bytes++)
+        for (int32_t light = 0; light < 2; light++) {
+            cairn_vision_image image = {4, 1, 4, bytes, calloc(16, 2)};
+            /* opaque, opaque, half, none; all of one colour */
+            static const int32_t alpha[4] = {255, 255, 51, 0};
+
+            for (int32_t i = 0; i < 16; i++) {
+                int32_t value = i % 4 == 3 ? alpha[i / 4] : light * 255;
+
+                if (bytes == 1)
+                    ((uint8_t *)image.samples)[i] = (uint8_t)value;
+                else
+                    ((uint16_t *)image.samples)[i] = (uint16_t)(257 * value);
+            }
+            assert_ok(cairn_vision_make_grey(&image));
+            for (int32_t i = 0; i < 4; i++)
+                assert_int_equal(((uint8_t *)image.samples)[i], light ? alpha[i] : 255 - alpha[i]);
+            cairn_vision_free(&image);
+        }
+    /* Without OpenCV the same, from a file: grey and alpha. */
+    {
+        static const uint8_t samples[] = {0, 0, 255, 255};
+        cairn_vision_image image;
+        uint8_t rgba[16], *png;
+        size_t count;
+
+        for (int32_t i = 0; i < 16; i++)
+            rgba[i] = i % 4 == 3 ? (uint8_t)(255 - samples[i / 4]) : 0;
+        assert_ok(cairn_image_encode_png(&png, &count, rgba, 4, 1, 4));
+        (void)files_write("icon.png", png, count);
+        free(png);
+        (void)setenv("CAIRN_VISION", "/nowhere", 1);
+        assert_ok(cairn_vision_read_grey(&image, files_path("icon.png"), &error));
+        (void)unsetenv("CAIRN_VISION");
+        assert_memory_equal(image.samples, samples, 4);
+        cairn_vision_free(&image);
+    }
+}
+
+/* 10 and 12 bits in samples of 16 are told by the greatest one. */
+static void test_few_bits_in_16(void **state)
+{
+    static const int32_t most[] = {1023, 4095, 4096, 65535}, wanted[] = {255, 255, 16, 255};
+
+    (void)state;
+    for (int k = 0; k < 4; k++) {
+        cairn_vision_image image = {2, 1, 1, 2, calloc(2, 2)};
+
+        ((uint16_t *)image.samples)[1] = (uint16_t)most[k];
+        assert_ok(cairn_vision_make_grey(&image));
+        assert_int_equal(((uint8_t *)image.samples)[0], 0);
+        assert_int_equal(((uint8_t *)image.samples)[1], wanted[k]);
+        cairn_vision_free(&image);
+    }
+}
+
 /* ---- Edges ---- */
 
 /* A step of `rise` between columns 9 and 10. */
@@ -379,6 +439,15 @@ static void test_what_is_no_image(void **state)
     (void)alarm(0);
     assert_refused(files_write_text("empty", ""), CAIRN_TRUNCATED, "0 bytes");
     assert_refused(files_write_text("text", "hello, world"), CAIRN_BAD_FORMAT, "0x6865");
+    assert_refused(files_write_text("a.webp", "RIFF....WEBPVP8 "), CAIRN_BAD_FORMAT,
+                   "is a WebP image");
+    assert_refused(files_write_text("a.gif", "GIF89a......"), CAIRN_BAD_FORMAT, "is a GIF image");
+    assert_refused(files_write_text("a.bmp", "BM.........."), CAIRN_BAD_FORMAT, "is a BMP image");
+    assert_refused(files_write_text("a.heic", "...$ftypheic...."), CAIRN_BAD_FORMAT,
+                   "is a HEIF image");
+    assert_refused(files_write_text("a.svg", "<svg xmlns=\"\">"), CAIRN_BAD_FORMAT,
+                   "is an SVG or XML file");
+    assert_refused(files_write_text("a.pdf", "%PDF-1.4...."), CAIRN_BAD_FORMAT, "is a PDF file");
     assert_refused(files_write_text("p4", "P4\n8 8\n00000000"), CAIRN_BAD_FORMAT, "0x5034");
     assert_refused(files_write_text("p7", "P7\n8 8\n00000000"), CAIRN_BAD_FORMAT, "0x5037");
     assert_refused(files_write_text("a.pgm", "P5\nwide 4\n255\n"), CAIRN_BAD_FORMAT, "0x77");
@@ -482,6 +551,8 @@ int main(void)
         cmocka_unit_test(test_jpeg_comes_back_nearly),
         cmocka_unit_test(test_nothing_half_written),
         cmocka_unit_test(test_grey),
+        cmocka_unit_test(test_alpha),
+        cmocka_unit_test(test_few_bits_in_16),
         cmocka_unit_test(test_edges_of_a_step),
         cmocka_unit_test(test_slopes_of_a_ramp),
         cmocka_unit_test(test_refused_edges),

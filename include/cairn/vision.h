@@ -40,7 +40,8 @@ CAIRN_CHECKED cairn_status cairn_vision_read(cairn_vision_image *image, const ch
                                              cairn_file_error *error);
 
 /* The same, converted to 8-bit grey: luma 0.299 red + 0.587 green + 0.114 blue (BT.601), of 16 bits
- * the upper 8. */
+ * the upper 8, of 10 or 12 in 16 (no sample has more) the upper 8 of these. What is transparent is
+ * white behind a dark picture, black behind a light one. */
 CAIRN_CHECKED cairn_status cairn_vision_read_grey(cairn_vision_image *image, const char *path,
                                                   cairn_file_error *error);
 

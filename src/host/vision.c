@@ -104,6 +104,25 @@ static cairn_status read_file(const char *path, uint8_t **bytes, size_t *count,
     return status;
 }
 
+/* Lays what is transparent on a ground: white behind a dark picture, black behind a light one, so
+ * that a silhouette stays one. */
+static void lay_on_ground(uint8_t *grey, const uint8_t *alpha, size_t pixels)
+{
+    uint64_t sum = 0, weight = 0;
+    uint32_t ground;
+
+    for (size_t i = 0; i < pixels; i++) {
+        sum += (uint64_t)grey[i] * alpha[i];
+        weight += alpha[i];
+    }
+    if (weight == 0)
+        return; /* nothing would be seen: no alpha is meant */
+    ground = sum < 128 * weight ? 255 : 0;
+    for (size_t i = 0; i < pixels; i++)
+        grey[i] =
+            (uint8_t)((grey[i] * (uint32_t)alpha[i] + ground * (255u - alpha[i]) + 127) / 255);
+}
+
 /* Reads PGM and PNG without OpenCV. */
 static cairn_status read_without_opencv(cairn_vision_image *image, const char *path,
                                         cairn_file_error *error)
@@ -116,6 +135,8 @@ static cairn_status read_without_opencv(cairn_vision_image *image, const char *p
     image->width = plain.width;
     image->height = plain.height;
     image->channels = image->sample_bytes = 1;
+    if (plain.alpha != NULL)
+        lay_on_ground(plain.pixel, plain.alpha, (size_t)plain.width * (size_t)plain.height);
     image->samples = plain.pixel;
     plain.pixel = NULL;
     cairn_image_free(&plain);
@@ -222,10 +243,26 @@ static uint32_t sample_of(const cairn_vision_image *image, size_t index)
                                     : ((const uint16_t *)image->samples)[index];
 }
 
+/* Returns how many bits the samples of 16 are shifted to 8: fewer where no sample uses more than 10
+ * or 12, as scanners and cameras write them. */
+static int32_t shift_of(const cairn_vision_image *image)
+{
+    size_t count = (size_t)image->width * (size_t)image->height * (size_t)image->channels;
+    uint32_t most = 0;
+
+    if (image->sample_bytes == 1)
+        return 0;
+    for (size_t i = 0; i < count; i++)
+        if (image->channels < 4 || i % 4 != 3)
+            most = sample_of(image, i) > most ? sample_of(image, i) : most;
+    return most < 256 ? 0 : most < 1024 ? 2 : most < 4096 ? 4 : 8;
+}
+
 cairn_status cairn_vision_make_grey(cairn_vision_image *image)
 {
     size_t pixels;
-    uint8_t *grey;
+    uint8_t *grey, *alpha = NULL;
+    int32_t shift;
 
     if (!is_image(image))
         return CAIRN_BAD_ARGUMENT;
@@ -233,8 +270,14 @@ cairn_status cairn_vision_make_grey(cairn_vision_image *image)
         return CAIRN_OK;
     pixels = (size_t)image->width * (size_t)image->height;
     grey = malloc(pixels);
-    if (grey == NULL)
+    if (image->channels == 4)
+        alpha = malloc(pixels);
+    if (grey == NULL || (image->channels == 4 && alpha == NULL)) {
+        free(grey);
+        free(alpha);
         return CAIRN_NO_MEMORY;
+    }
+    shift = shift_of(image);
     for (size_t i = 0; i < pixels; i++) {
         size_t at = i * (size_t)image->channels;
         uint32_t value = sample_of(image, at);
@@ -243,8 +286,13 @@ cairn_status cairn_vision_make_grey(cairn_vision_image *image)
             value = (114 * value + 587 * sample_of(image, at + 1) + 299 * sample_of(image, at + 2) +
                      500) /
                     1000;
-        grey[i] = (uint8_t)(image->sample_bytes == 1 ? value : value >> 8);
+        grey[i] = (uint8_t)(value >> shift);
+        if (alpha != NULL)
+            alpha[i] = (uint8_t)(sample_of(image, at + 3) >> (image->sample_bytes == 1 ? 0 : 8));
     }
+    if (alpha != NULL)
+        lay_on_ground(grey, alpha, pixels);
+    free(alpha);
     free(image->samples);
     image->samples = grey;
     image->channels = image->sample_bytes = 1;

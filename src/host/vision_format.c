@@ -173,6 +173,34 @@ static cairn_status read_pnm(cairn_vision_header *header, const byte_reader *rea
     return CAIRN_OK;
 }
 
+/* Names a file of another kind. */
+static cairn_status report_other_format(const byte_reader *reader, const char *path,
+                                        cairn_file_error *error)
+{
+    static const struct {
+        const char *magic, *name;
+        size_t at; /* where it stands */
+    } known[] = {{"GIF8", "a GIF image", 0},     {"BM", "a BMP image", 0},
+                 {"WEBP", "a WebP image", 8},    {"ftyphei", "a HEIF image", 4},
+                 {"ftypmif", "a HEIF image", 4}, {"ftypavif", "an AVIF image", 4},
+                 {"<", "an SVG or XML file", 0}, {"%PDF", "a PDF file", 0},
+                 {"\x1F\x8B", "a gzip file", 0}, {"II+", "a BigTIFF image", 0}};
+
+    for (size_t i = 0; i < sizeof known / sizeof *known; i++) {
+        size_t length = strlen(known[i].magic);
+
+        if (known[i].at + length <= reader->count &&
+            memcmp(reader->bytes + known[i].at, known[i].magic, length) == 0)
+            return cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, 0,
+                                        "is %s, expected a TIFF, PNG, JPEG or PGM image",
+                                        known[i].name);
+    }
+    return cairn_file_error_set(
+        error, CAIRN_BAD_FORMAT, path, 0,
+        "begins with the bytes 0x%02x%02x, expected a TIFF, PNG, JPEG or PGM image",
+        reader->bytes[0], reader->bytes[1]);
+}
+
 cairn_status cairn_vision_header_read(cairn_vision_header *header, const uint8_t *bytes,
                                       size_t count, const char *path, cairn_file_error *error)
 {
@@ -197,10 +225,7 @@ cairn_status cairn_vision_header_read(cairn_vision_header *header, const uint8_t
         header->format = CAIRN_VISION_PNM;
         status = read_pnm(header, &reader, path, error);
     } else {
-        status = cairn_file_error_set(
-            error, CAIRN_BAD_FORMAT, path, 0,
-            "begins with the bytes 0x%02x%02x, expected a TIFF, PNG, JPEG or PGM image", bytes[0],
-            bytes[1]);
+        status = report_other_format(&reader, path, error);
     }
     if (status == CAIRN_OK && (header->width < 1 || header->height < 1))
         status = cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, 0,
