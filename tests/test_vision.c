@@ -104,6 +104,51 @@ static void test_jpeg_comes_back_nearly(void **state)
     cairn_vision_free(&got);
 }
 
+/* A camera that was held upright or upside down says so in its EXIF data. */
+static void test_orientation(void **state)
+{
+    enum { WIDE = 32, HIGH = 16 };
+    /* Where the brightest and the second quadrant of 1 (left and right above) go: right, below. */
+    static const int32_t places[8][4] = {{0, 0, 1, 0}, {1, 0, 0, 0}, {1, 1, 0, 1}, {0, 1, 1, 1},
+                                         {0, 0, 0, 1}, {1, 0, 1, 1}, {1, 1, 1, 0}, {0, 1, 0, 0}};
+    static uint8_t exif[] = "\xFF\xE1\0\x22"
+                            "Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x01\0\0"
+                            "\0\0\0";
+    static uint8_t samples[WIDE * HIGH];
+    cairn_vision_image image = {WIDE, HIGH, 1, 1, samples};
+    uint8_t *bytes, *said;
+    size_t size;
+
+    (void)state;
+    need_opencv();
+    for (int32_t i = 0; i < WIDE * HIGH; i++)
+        samples[i] = i / WIDE >= HIGH / 2 ? 0 : i % WIDE < WIDE / 2 ? 250 : 120;
+    assert_ok(cairn_vision_write(&image, files_path("held.jpg"), &error));
+    bytes = (uint8_t *)files_read(files_path("held.jpg"), &size);
+    said = malloc(size + 36);
+    assert_non_null(said);
+    for (int32_t k = 0; k < 8; k++) {
+        cairn_vision_image read;
+
+        exif[29] = (uint8_t)(k + 1);
+        memcpy(said, bytes, 2);
+        memcpy(said + 2, exif, 36);
+        memcpy(said + 38, bytes + 2, size - 2);
+        assert_ok(cairn_vision_read_grey(&read, files_write("said.jpg", said, size + 36), &error));
+        assert_int_equal(read.width, k < 4 ? WIDE : HIGH);
+        assert_int_equal(read.height, k < 4 ? HIGH : WIDE);
+        for (int32_t mark = 0; mark < 2; mark++) {
+            int32_t u = read.width / 4 + places[k][2 * mark] * read.width / 2,
+                    v = read.height / 4 + places[k][2 * mark + 1] * read.height / 2;
+
+            assert_near(((uint8_t *)read.samples)[v * read.width + u], mark == 0 ? 250 : 120, 12);
+        }
+        cairn_vision_free(&read);
+    }
+    free(said);
+    free(bytes);
+}
+
 static void test_nothing_half_written(void **state)
 {
     cairn_vision_image image = make(1, 1), deep = make(1, 2), colour = make(3, 1);
@@ -549,6 +594,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_what_is_written_comes_back),
         cmocka_unit_test(test_jpeg_comes_back_nearly),
+        cmocka_unit_test(test_orientation),
         cmocka_unit_test(test_nothing_half_written),
         cmocka_unit_test(test_grey),
         cmocka_unit_test(test_alpha),

@@ -33,9 +33,10 @@ typedef struct cairn_vision_image {
 CAIRN_CHECKED cairn_status cairn_vision_load(cairn_file_error *error);
 
 /* Reads a TIFF, PNG, JPEG or PGM (PPM), detected by its first bytes; of a file with several images
- * the first. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED, CAIRN_FULL (beyond the limits above),
- * CAIRN_UNSUPPORTED (no libcairn-vision, or samples that are neither 8 nor 16 bits), CAIRN_IO,
- * CAIRN_NO_MEMORY. Errors of OpenCV have its text. On failure there is nothing to free. */
+ * the first; a JPEG turned as its EXIF orientation says. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED,
+ * CAIRN_FULL (beyond the limits above), CAIRN_UNSUPPORTED (no libcairn-vision, or samples that are
+ * neither 8 nor 16 bits), CAIRN_IO, CAIRN_NO_MEMORY. Errors of OpenCV have its text. On failure
+ * there is nothing to free. */
 CAIRN_CHECKED cairn_status cairn_vision_read(cairn_vision_image *image, const char *path,
                                              cairn_file_error *error);
 

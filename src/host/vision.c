@@ -143,6 +143,41 @@ static cairn_status read_without_opencv(cairn_vision_image *image, const char *p
     return CAIRN_OK;
 }
 
+/* Turns and mirrors an image as its EXIF orientation says. Returns 0 when there is no memory. */
+static int orient(cairn_vision_image *image, int32_t orientation)
+{
+    int32_t swapped = orientation > 4, width = swapped ? image->height : image->width,
+            height = swapped ? image->width : image->height;
+    /* Sides of the stored picture along which it is read from the end. */
+    int32_t from_right =
+                orientation == 2 || orientation == 3 || orientation == 7 || orientation == 8,
+            from_below =
+                orientation == 3 || orientation == 4 || orientation == 6 || orientation == 7;
+    size_t bytes = (size_t)image->channels * (size_t)image->sample_bytes;
+    const uint8_t *from = image->samples;
+    uint8_t *turned, *to;
+
+    if (orientation == 1)
+        return 1;
+    turned = malloc((size_t)width * (size_t)height * bytes);
+    if (turned == NULL)
+        return 0;
+    to = turned;
+    for (int32_t v = 0; v < height; v++)
+        for (int32_t u = 0; u < width; u++, to += bytes) {
+            int32_t x = swapped ? v : u, y = swapped ? u : v;
+
+            x = from_right ? image->width - 1 - x : x;
+            y = from_below ? image->height - 1 - y : y;
+            memcpy(to, from + ((size_t)y * (size_t)image->width + (size_t)x) * bytes, bytes);
+        }
+    free(image->samples);
+    image->samples = turned;
+    image->width = width;
+    image->height = height;
+    return 1;
+}
+
 /* Decodes an image from memory after a check of its header. */
 static cairn_status decode(cairn_vision_image *image, const uint8_t *bytes, size_t count,
                            const char *path, cairn_file_error *error)
@@ -183,7 +218,10 @@ static cairn_status decode(cairn_vision_image *image, const uint8_t *bytes, size
     image->channels = decoded.channels;
     image->sample_bytes = decoded.sample_bytes;
     image->samples = decoded.samples;
-    return CAIRN_OK;
+    if (orient(image, header.orientation))
+        return CAIRN_OK;
+    cairn_vision_free(image);
+    return cairn_file_error_system(error, path, "read", ENOMEM);
 }
 
 cairn_status cairn_vision_read(cairn_vision_image *image, const char *path, cairn_file_error *error)

@@ -58,6 +58,32 @@ static int is_start_of_frame(int64_t marker)
     return marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC;
 }
 
+/* Returns the orientation of the EXIF data of an APP1 segment, a TIFF without a picture; 1 when it
+ * has none. */
+static int32_t read_orientation(const byte_reader *reader, uint64_t at, uint64_t end)
+{
+    enum { ORIENTATION = 0x0112, IS_SHORT = 3 };
+    byte_reader inner = {.bytes = reader->bytes + at, .count = (size_t)(end - at)};
+    uint64_t entry;
+    int64_t entries, value;
+
+    if (end > reader->count || end - at < 14 || memcmp(inner.bytes, "Exif\0", 6) != 0)
+        return 1;
+    inner.bytes += 6;
+    inner.count -= 6;
+    inner.little_endian = inner.bytes[0] == 'I';
+    entry = (uint64_t)read_unsigned(&inner, 4, 4);
+    entries = read_unsigned(&inner, entry, 2);
+    for (entry += 2; entries-- > 0; entry += 12) {
+        if (read_unsigned(&inner, entry, 2) != ORIENTATION ||
+            read_unsigned(&inner, entry + 2, 2) != IS_SHORT)
+            continue;
+        value = read_unsigned(&inner, entry + 8, 2);
+        return value >= 1 && value <= 8 ? (int32_t)value : 1;
+    }
+    return 1;
+}
+
 /* Follows the segments (marker, length) to the start of scan, then finds the end-of-image
  * marker. */
 static cairn_status read_jpeg(cairn_vision_header *header, const byte_reader *reader,
@@ -88,6 +114,8 @@ static cairn_status read_jpeg(cairn_vision_header *header, const byte_reader *re
             header->height = read_unsigned(reader, at + 5, 2);
             header->width = read_unsigned(reader, at + 7, 2);
         }
+        if (marker == 0xE1 && header->orientation == 1)
+            header->orientation = read_orientation(reader, at + 4, at + (uint64_t)length + 2);
         if (marker == 0xDA)
             break;
         at += (uint64_t)length + 2;
@@ -208,6 +236,7 @@ cairn_status cairn_vision_header_read(cairn_vision_header *header, const uint8_t
     cairn_status status;
 
     memset(header, 0, sizeof *header);
+    header->orientation = 1;
     if (count < 8)
         return cairn_file_error_set(error, CAIRN_TRUNCATED, path, 0,
                                     "the file has %zu bytes, expected an image", count);
