@@ -74,8 +74,8 @@ typedef struct map_grid {
     void *memory;
 } map_grid;
 
-/* Sets the grid's params to contain all poses and beams, at the output's resolution. CAIRN_FULL: too
- * many cells. */
+/* Sets the grid's params to contain all poses and beams, at the output's resolution. CAIRN_FULL:
+ * too many cells. */
 CAIRN_CHECKED cairn_status map_grid_layout(const map_output *output,
                                            cairn_occupancy_grid_params *params,
                                            cairn_file_error *error);

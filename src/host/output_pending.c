@@ -3,7 +3,8 @@
  * Method: a fixed table of paths, each an atomic pointer, which a signal handler may read. A slot
  * has the process that took it: a child of fork() leaves its parent's files alone.
  *
- * Limits: 64 paths at once; the files of further ones stay behind when a signal ends the process. */
+ * Limits: 64 paths at once; the files of further ones stay behind when a signal ends the
+ * process. */
 #include "src/core/build.h"
 
 #include <signal.h>
