@@ -287,7 +287,8 @@ static void print_row(const settings *s, const work *w, const cairn_object_detec
 static cairn_status print_record(const settings *s, const work *w, FILE *record,
                                  cairn_file_error *error)
 {
-    cairn_detection_file_picture p = {.shrink = w->picture.shrink, .detections = &w->detections};
+    cairn_detection_file_picture p = {
+        .shrink = w->picture.shrink, .tokens = &w->tokens, .detections = &w->detections};
     cairn_status status = CAIRN_OK;
 
     fprintf(record, "%s: %" PRId32 " detection%s; %" PRId32 " segments of %" PRId32 " chains\n",

@@ -21,7 +21,8 @@ typedef struct cairn_detection_file_picture {
     const cairn_object_detections *detections;
 } cairn_detection_file_picture;
 
-/* Computes the box of a detection in pixels of the original image: left, top, right, bottom. */
+/* Computes the box of a detection in pixels of the original image: left, top, right, bottom, clipped
+ * to the image. */
 void cairn_detection_file_box(const cairn_detection_file_picture *picture,
                               const cairn_object_detection *detection, double box[4]);
 

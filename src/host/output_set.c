@@ -10,8 +10,8 @@
  * 5. The owner of a staging folder holds a lock on it. The next set in the same folder finds those
  *    that nobody holds: with a mark it completes the commit, else it removes the files (recovery).
  *
- * Limits: a process that is killed leaves its staging folder until then, without locks (some network
- * file systems) for ever. Killed amid a rollback, what was replaced stays replaced. */
+ * Limits: a process that is killed leaves its staging folder until then, without locks (some
+ * network file systems) for ever. Killed amid a rollback, what was replaced stays replaced. */
 #include "src/core/build.h"
 
 #include <dirent.h>
