@@ -20,13 +20,19 @@ static inline uint64_t add_vector(uint64_t hash, const cairn_real *x, int32_t co
 }
 
 /* Calls step(object, ...) with `each` units until it has ended, and hashes the units left each
- * time. */
+ * time. In between it is called with budgets below 0, which must change nothing. */
 #define LONG_RUN(hash, step, object, each)                                                         \
     do {                                                                                           \
         cairn_budget long_budget;                                                                  \
         cairn_status long_status;                                                                  \
                                                                                                    \
         do {                                                                                       \
+            for (int64_t long_below = -1; long_below >= INT32_MIN;                                 \
+                 long_below *= INT64_C(1) << 31) {                                                 \
+                long_budget.left = (int32_t)long_below;                                            \
+                assert_true(step(object, &long_budget) >= 0);                                      \
+                assert_int_equal(long_budget.left, long_below);                                    \
+            }                                                                                      \
             long_budget.left = (each);                                                             \
             long_status = step(object, &long_budget);                                              \
             (hash) = add_int(hash, long_budget.left);                                              \

@@ -449,6 +449,14 @@ static void test_quoted_names(void **state)
     assert_int_not_equal(text[strlen(row)], '"');
     free(text);
     free(read_in("quoted/b,c.json"));
+
+    /* A name is no formula where a table is opened by a spreadsheet. */
+    write_grey_as_text("=1+1.pgm");
+    assert_done(programs_run("cairn detect '@/=1+1.pgm' --edges @/edges.png --model @/bottle.shape "
+                             "-o @/formula --detections @/made/for/it/formula.csv"));
+    text = read_in("made/for/it/formula.csv");
+    assert_non_null(strstr(text, "\n./=1+1.pgm,bottle.shape,"));
+    free(text);
 }
 
 static void test_refusals(void **state)
@@ -502,8 +510,8 @@ static void test_refusals(void **state)
          "no.csv: cannot open"},
         /* Before any search. */
         {"@/bottle0.png --edges @/edges.png --model @/bottle.shape -o @/refused --detections "
-         "@/nowhere/table.csv",
-         "nowhere"},
+         "@/bottle0.png/table.csv",
+         "bottle0.png"},
     };
 
     (void)state;

@@ -195,7 +195,9 @@ static void test_no_object(void **state)
         "cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape --scale 120:220 "
         "--min-evidence 999 -o @/much");
     assert_done(o);
-    assert_holds(o.out, "no object, best score");
+    assert_holds(o.out, "no object, best score ");
+    assert_holds(o.out, " of at least 0.30, best evidence ");
+    assert_holds(o.out, " of at least 999.00; ");
     assert_done(programs_run(
         "cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape --scale 120:220 "
         "--min-evidence 0 -o @/little"));

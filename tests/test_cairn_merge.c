@@ -2,6 +2,7 @@
 #include "tests/test.h"
 
 #include <inttypes.h>
+#include <yaml.h>
 
 #include "cairn/map_file.h"
 #include "cairn/pose_table.h"
@@ -159,6 +160,58 @@ static void three_maps_and_an_unrelated_one(void **state)
     free(picture);
 }
 
+/* Names with control characters, or that are not UTF-8, leave the YAML valid. */
+static void odd_names(void **state)
+{
+    char *yaml, *a = files_read(files_path("a.yaml"), NULL);
+    yaml_parser_t parser;
+    yaml_document_t document;
+    outcome o;
+
+    (void)state;
+    (void)files_write_text("a\n\t\x01\x7f\xff\"\\.yaml", a);
+    free(a);
+    o = programs_run("cairn merge '@/a\n\t\x01\x7f\xff\"\\.yaml' @/b.yaml -o @/odd --quiet");
+    assert_int_equal(o.code, 0);
+    yaml = files_read(files_path("odd/transforms.yaml"), NULL);
+    assert_non_null(yaml);
+    assert_int_equal(yaml_parser_initialize(&parser), 1);
+    yaml_parser_set_input_string(&parser, (const unsigned char *)yaml, strlen(yaml));
+    assert_int_equal(yaml_parser_load(&parser, &document), 1);
+    assert_non_null(strstr(yaml, "a\\u000a\\u0009\\u0001\\u007f\xEF\xBF\xBD\\u0022\\u005c.yaml\""));
+    yaml_document_delete(&document);
+    yaml_parser_delete(&parser);
+    free(yaml);
+}
+
+/* Maps of one name in two folders are two in the legend. */
+static void two_of_one_name(void **state)
+{
+    char *yaml = files_read(files_path("b.yaml"), NULL), *picture;
+    char image[64], second[80], *pgm;
+    size_t bytes;
+    outcome o;
+
+    (void)state;
+    assert_int_equal(mkdir(files_path("second"), 0777), 0);
+    (void)files_write_text("second/a.yaml", yaml);
+    assert_int_equal(sscanf(strstr(yaml, "image: "), "image: '%63[^']", image), 1);
+    pgm = files_read(files_path(image), &bytes);
+    assert_non_null(pgm);
+    free(yaml);
+    (void)snprintf(second, sizeof second, "second/%s", image);
+    (void)files_write(second, pgm, bytes);
+    free(pgm);
+    o = programs_run("cairn merge @/a.yaml @/second/a.yaml -o @/twins --quiet");
+    assert_string_equal(o.err, "");
+    assert_int_equal(o.code, 0);
+    picture = files_read(files_path("twins/map.svg"), NULL);
+    assert_non_null(picture);
+    assert_non_null(strstr(picture, "second/a.yaml"));
+    assert_null(strstr(picture, "#c83232")); /* red beside green */
+    free(picture);
+}
+
 /* A later merging of the same maps accepts the earlier result; order and reference may be given. */
 static void a_warm_start(void **state)
 {
@@ -266,6 +319,8 @@ int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(three_maps_and_an_unrelated_one),
+        cmocka_unit_test(odd_names),
+        cmocka_unit_test(two_of_one_name),
         cmocka_unit_test(a_warm_start),
         cmocka_unit_test(by_images_and_as_written),
         cmocka_unit_test(command_lines_are_refused),

@@ -621,6 +621,8 @@ static void test_damaged_lines(void **state)
         {"FLASER 1 1 0 0 0 0 0 0", CAIRN_TRUNCATED, "expected the stamp"},
         {"FLASER 1 1 0 0 0 0 0 0 late h 1", CAIRN_BAD_FORMAT, "the stamp is \"late\""},
         {"FLASER 1 1 0 0 0 0 0 0 1e11 h 1", CAIRN_BAD_FORMAT, "the stamp is \"1e11\""},
+        {"FLASER 1 1 0 0 0 0 0 0 -9e9 h 1", CAIRN_BAD_FORMAT,
+         "the stamp is \"-9e9\", expected seconds within 4e9"},
         {"FLASER 1 1 0 0 0 0 0 0 1", CAIRN_TRUNCATED, "expected the host"},
         {"FLASER 1 1 0 0 0 0 0 0 1 h", CAIRN_TRUNCATED, "expected the logger's stamp"},
         {"FLASER 1 1 0 0 0 0 0 0 1 h x", CAIRN_BAD_FORMAT, "the logger's stamp is \"x\""},
@@ -1014,6 +1016,63 @@ static void test_a_file_that_changes(void **state)
     }
 }
 
+/* Coordinates of a national grid keep their digits in float: they are taken from the first pose. */
+static void test_far_origin(void **state)
+{
+    const char *path = files_write_text(
+        "far.log", "FLASER 1 1 500000.75 5400000.5 0 500000.25 5400000.5 0 1 h 1\n"
+                   "FLASER 1 1 500002.125 5400001.5 0 500001.625 5400001.5 0 2 h 2\n"
+                   "ODOM 500003.5 5400000 0 0 0 0 4 h 4\n");
+    cairn_carmen_log_scans scans;
+    faults f;
+    cairn_carmen_log_params params = with_faults(&f);
+
+    (void)state;
+    assert_ok(cairn_carmen_log_load(&scans, path, &params, NULL));
+    assert_int_equal(scans.count, 2);
+    assert_near(scans.info.origin[0], 500000, 0);
+    assert_near(scans.info.origin[1], 5400000, 0);
+    assert_near(scans.record[0].robot.x, 0.25, 0);
+    assert_near(scans.record[0].laser.x, 0.75, 0);
+    assert_near(scans.record[1].robot.x, 1.625, 0);
+    assert_near(scans.record[1].robot.y, 1.5, 0);
+    assert_near(scans.record[1].scan.base_sensor.x, 0.5, 0);
+    assert_int_equal(scans.info.faults, 0);
+    cairn_carmen_log_scans_free(&scans);
+    /* Near ones stay as they are. */
+    path = files_write_text("near.log", "FLASER 1 1 99999 -3.5 0 99999 -3.5 0 1 h 1\n");
+    assert_ok(cairn_carmen_log_load(&scans, path, NULL, NULL));
+    assert_near(scans.info.origin[0], 0, 0);
+    assert_near(scans.record[0].robot.x, 99999, 0);
+    cairn_carmen_log_scans_free(&scans);
+}
+
+/* One byte repeated over and over is no log: it ends where 32 MiB are unpacked from less than a
+ * hundredth of that. */
+static void test_gzip_of_nothing(void **state)
+{
+    const char *path = files_path("nothing.log.gz");
+    gzFile file = gzopen(path, "wb1");
+    text t = small_log();
+    static char lines[1 << 20];
+    cairn_carmen_log_scans scans;
+    faults f;
+    cairn_carmen_log_params params = with_faults(&f);
+
+    (void)state;
+    memset(lines, '\n', sizeof lines);
+    assert_non_null(file);
+    assert_int_equal(gzwrite(file, t.bytes, (unsigned)t.count), t.count);
+    for (int i = 0; i < 40; i++)
+        assert_int_equal(gzwrite(file, lines, sizeof lines), sizeof lines);
+    assert_int_equal(gzclose(file), Z_OK);
+    assert_ok(cairn_carmen_log_load(&scans, path, &params, NULL));
+    assert_int_equal(scans.info.faults, 1);
+    assert_holds(f.text[0], "the gzip data expand more than 100 times, expected those of a log");
+    cairn_carmen_log_scans_free(&scans);
+    free(t.bytes);
+}
+
 /* Gzip files concatenated by cat, and with trailing bytes. */
 static void test_gzip_members(void **state)
 {
@@ -1213,6 +1272,8 @@ int main(void)
         cmocka_unit_test(test_cut_and_damaged_gzip),
         cmocka_unit_test(test_a_file_that_changes),
         cmocka_unit_test(test_gzip_members),
+        cmocka_unit_test(test_far_origin),
+        cmocka_unit_test(test_gzip_of_nothing),
         cmocka_unit_test(test_mutations),
         cmocka_unit_test(test_locale),
         cmocka_unit_test(test_heap),

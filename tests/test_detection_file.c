@@ -179,9 +179,32 @@ static void refuses_places_that_are_not_there(void **state)
     assert_status(cairn_detection_file_write(&p, files_path("no/found.json"), &error), CAIRN_IO);
 }
 
+/* An outline may leave the image, its box does not. */
+static void test_boxes_are_clipped(void **state)
+{
+    cairn_object_detection beyond = found[0];
+    cairn_detection_file_picture p = picture_of(&detections);
+    double box[4];
+
+    (void)state;
+    cairn_detection_file_box(&p, &beyond, box);
+    assert_near(box[0], 2, 1);
+    assert_near(box[3], 30, 1);
+    beyond.left = -3;
+    beyond.top = CAIRN_REAL(-0.75);
+    beyond.right = 65;
+    beyond.bottom = 70;
+    cairn_detection_file_box(&p, &beyond, box);
+    assert_near(box[0], 0, 0);
+    assert_near(box[1], 0, 0);
+    assert_near(box[2], 128, 0);
+    assert_near(box[3], 96, 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_boxes_are_clipped),
         cmocka_unit_test(writes_json),
         cmocka_unit_test(writes_parts),
         cmocka_unit_test(draws),

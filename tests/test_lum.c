@@ -985,6 +985,13 @@ static void refusals(void **state)
     assert_ok(cairn_lum_add_scan(lum, &point, 1, pose, NULL));
     point.direction.x = CAIRN_REAL(1.008);
     assert_ok(cairn_lum_add_scan(lum, &point, 1, pose, NULL));
+    /* Indices outside read no array. */
+    for (int k = 0; k < 4; k++) {
+        const int32_t outside[] = {-1, 2, INT32_MIN, INT32_MAX};
+
+        assert_near(cairn_lum_pose(lum, outside[k]).x, 0, 0);
+        assert_int_equal(cairn_lum_is_connected(lum, outside[k]), 0);
+    }
     test_pool_free(&pool);
 }
 

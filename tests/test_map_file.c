@@ -23,6 +23,20 @@ CAIRN_CHECKED cairn_status plain_encode_png(uint8_t **bytes, size_t *count, cons
     "resolution: 0.05\norigin: [-10, 5.5, 0.25]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: "  \
     "0.196\n"
 
+/* Take the place of libyaml's: no memory after a number of calls. */
+static int64_t yaml_left = INT64_MAX;
+void *yaml_malloc(size_t size);
+void *yaml_malloc(size_t size)
+{
+    return yaml_left-- > 0 ? malloc(size > 0 ? size : 1) : NULL;
+}
+
+void *yaml_realloc(void *bytes, size_t size);
+void *yaml_realloc(void *bytes, size_t size)
+{
+    return yaml_left-- > 0 ? realloc(bytes, size > 0 ? size : 1) : NULL;
+}
+
 static void assert_holds(const char *string, const char *piece)
 {
     if (strstr(string, piece) == NULL)
@@ -381,8 +395,29 @@ static void test_bad_images(void **state)
     }
     assert_status(cairn_image_read(&image, files_path("none.pgm"), &error), CAIRN_IO);
     assert_holds(error.text, "none.pgm: cannot open: No such file");
-    assert_status(cairn_image_read(&image, files_folder, &error), CAIRN_IO);
-    assert_holds(error.text, "cannot read: Is a directory");
+    assert_status(cairn_image_read(&image, files_folder, &error), CAIRN_UNSUPPORTED);
+    assert_holds(error.text, ": is a folder, expected a regular file");
+}
+
+/* A pipe without a writer would block a reader: it is refused. */
+static void test_pipes(void **state)
+{
+    cairn_file_error error;
+    cairn_image image;
+    cairn_map_file map;
+
+    (void)state;
+    assert_int_equal(mkfifo(files_path("pipe"), 0666), 0);
+    (void)alarm(60);
+    assert_status(cairn_image_read(&image, files_path("pipe"), &error), CAIRN_UNSUPPORTED);
+    assert_holds(error.text, "/pipe: is a pipe or device, expected a regular file");
+    assert_status(cairn_map_file_read(&map, files_path("pipe"), &error), CAIRN_UNSUPPORTED);
+    assert_holds(error.text, "/pipe: is a pipe or device, expected a regular file");
+    assert_status(
+        cairn_map_file_read(&map, files_write_text("p.yaml", "image: pipe\n" NUMBERS), &error),
+        CAIRN_UNSUPPORTED);
+    assert_holds(error.text, "/pipe: is a pipe or device, expected a regular file");
+    (void)alarm(0);
 }
 
 /* A PNG truncated or damaged anywhere is refused or, where the rest suffices, read whole. */
@@ -514,7 +549,7 @@ static void test_bad_descriptions(void **state)
         assert_null(map.occupancy);
     }
     assert_status(cairn_map_file_read(&map, files_path("none.yaml"), &error), CAIRN_IO);
-    assert_status(cairn_map_file_read(&map, files_folder, &error), CAIRN_IO);
+    assert_status(cairn_map_file_read(&map, files_folder, &error), CAIRN_UNSUPPORTED);
     /* Foreign keys, one that is not a word, and an absolute path are accepted. */
     {
         char text[1024];
@@ -654,6 +689,51 @@ static void test_huge_png(void **state)
                  "huge.png: the image has 65536 x 4097 pixels, expected at most 268435456");
 }
 
+/* Colours and alpha count: the decoder holds all samples. */
+static void test_huge_rgba(void **state)
+{
+    unsigned char bytes[] =
+        "\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\x20\0\0\0\x20\0\x08\x06\0\0\0....\0\0\0\0IDAT....";
+    cairn_file_error error;
+    cairn_image image;
+
+    (void)state;
+    for (int over = 0; over < 2; over++) {
+        uint32_t sum;
+
+        bytes[23] =
+            (unsigned char)over; /* 2^13 columns and 2^13 rows or one more, 4 samples each */
+        sum = (uint32_t)crc32(0, bytes + 12, 17);
+        for (int i = 0; i < 4; i++)
+            bytes[29 + i] = (unsigned char)(sum >> (24 - 8 * i));
+        assert_status(
+            cairn_image_read(&image, files_write("rgba.png", bytes, sizeof bytes - 1), &error),
+            over ? CAIRN_FULL : CAIRN_BAD_FORMAT);
+        assert_null(image.pixel);
+    }
+    assert_holds(error.text, "rgba.png: the image has 8192 x 8193 pixels of 4 samples, expected at "
+                             "most 268435456 samples");
+}
+
+/* The library that parses YAML takes quadratic time. */
+static void test_long_yaml(void **state)
+{
+    char *text = malloc(20000);
+    cairn_file_error error;
+    cairn_map_file map;
+
+    (void)state;
+    assert_non_null(text);
+    memset(text, '[', 20000);
+    assert_status(cairn_map_file_read(&map, files_write("long.yaml", text, 16385), &error),
+                  CAIRN_FULL);
+    assert_holds(error.text,
+                 "long.yaml: 16385 bytes, expected the description of a map of at most 16384");
+    assert_status(cairn_map_file_read(&map, files_write("long.yaml", text, 16384), &error),
+                  CAIRN_BAD_FORMAT);
+    free(text);
+}
+
 /* Names that YAML could misread, and a name without an extension. */
 static void test_odd_names(void **state)
 {
@@ -689,6 +769,29 @@ static void test_locale(void **state)
     assert_ok(cairn_map_file_read(&map, path, NULL));
     assert_near(map.resolution, 0.05, 1e-8);
     assert_near(map.origin.y, 5.5, 0);
+    cairn_map_file_free(&map);
+}
+
+/* Out of memory within libyaml is reported as that, not as a fault of the file. */
+static void test_no_memory(void **state)
+{
+    const char *path = files_write_text("m.yaml", "image: m.pgm\nname: [a, {b: c}]\n" NUMBERS);
+    cairn_status status = CAIRN_NO_MEMORY;
+    cairn_file_error error;
+    cairn_map_file map;
+    int64_t most;
+
+    (void)state;
+    (void)files_write_text("m.pgm", "P5 1 1 255\n\xFF");
+    for (most = 0; status == CAIRN_NO_MEMORY && most < 10000; most++) {
+        yaml_left = most;
+        status = cairn_map_file_read(&map, path, &error);
+        yaml_left = INT64_MAX;
+        if (status == CAIRN_NO_MEMORY)
+            assert_holds(error.text, "m.yaml: cannot read: Cannot allocate memory");
+    }
+    assert_ok(status);
+    assert_true(most > 10);
     cairn_map_file_free(&map);
 }
 
@@ -736,12 +839,16 @@ int main(void)
         cmocka_unit_test(test_png_kinds),
         cmocka_unit_test(test_transparent_is_unknown),
         cmocka_unit_test(test_bad_images),
+        cmocka_unit_test(test_no_memory),
+        cmocka_unit_test(test_pipes),
         cmocka_unit_test(test_cut_png),
         cmocka_unit_test(test_bad_descriptions),
         cmocka_unit_test(test_maps_that_cannot_be_written),
         cmocka_unit_test(test_encode_png),
         cmocka_unit_test(test_huge_png),
         cmocka_unit_test(test_no_libpng),
+        cmocka_unit_test(test_huge_rgba),
+        cmocka_unit_test(test_long_yaml),
         cmocka_unit_test(test_odd_names),
         cmocka_unit_test(test_heap),
         cmocka_unit_test(test_locale),

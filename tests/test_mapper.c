@@ -124,6 +124,16 @@ static void maps_without_odometry(void **state)
     /* The map's frame is then that of the first scan. */
     assert_near(one.poses[0].x, 0, 0);
     assert_near(one.poses[0].theta, 0, 0);
+    /* Indices outside read no array. */
+    for (int k = 0; k < 4; k++) {
+        const int32_t outside[] = {-1, 100000, INT32_MIN, INT32_MAX};
+
+        assert_near(cairn_mapper_keyframe_pose(mapper, outside[k]).x, 0, 0);
+        assert_int_equal(cairn_mapper_keyframe_slot(mapper, outside[k]), -1);
+        assert_int_equal(cairn_mapper_link_at(mapper, outside[k]).first, -1);
+        assert_int_equal(cairn_mapper_loop_at(mapper, outside[k]).first, -1);
+        assert_int_equal(cairn_mapper_culling_at(mapper, outside[k]).keyframe, -1);
+    }
     test_pool_free(&pool);
     end_drive(&d);
 }

@@ -31,9 +31,9 @@ static void test_commit_and_discard(void **state)
     cairn_output_bytes(output, "abc", 0);
     cairn_output_print(output, "%s", "");
     assert_file(path, "old");
-    (void)snprintf(part, sizeof part, "%s.%ld-0.part", path, (long)getpid());
+    (void)snprintf(part, sizeof part, "%s/.cairn-%ld-0.part", files_folder, (long)getpid());
     assert_int_equal(access(part, F_OK), 0);
-    assert_int_equal(files_count(), entries + 1);
+    assert_int_equal(files_count(), entries);
     assert_ok(cairn_output_commit(output, &error));
     assert_file(path, "new 7 ab");
     assert_int_equal(files_count(), entries);
@@ -54,6 +54,13 @@ static void test_commit_and_discard(void **state)
     assert_int_equal(stat(path, &about), 0);
     assert_int_equal(about.st_mode & 0777, 0640);
     assert_int_equal(about.st_size, 0);
+
+    /* One that is replaced keeps the mode that it had. */
+    assert_int_equal(chmod(path, 0600), 0);
+    assert_ok(cairn_output_open(&output, path, &error));
+    assert_ok(cairn_output_commit(output, &error));
+    assert_int_equal(stat(path, &about), 0);
+    assert_int_equal(about.st_mode & 07777, 0600);
 }
 
 static void test_two_at_once(void **state)
@@ -75,6 +82,7 @@ static void test_two_at_once(void **state)
 static void test_links_stay_links(void **state)
 {
     const char *path = files_write_text("real.txt", "old"), *link = files_path("link.txt");
+    cairn_file_error error;
     cairn_output *output;
     struct stat about;
 
@@ -86,6 +94,9 @@ static void test_links_stay_links(void **state)
     assert_file(path, "new");
     assert_int_equal(lstat(link, &about), 0);
     assert_true(S_ISLNK(about.st_mode));
+    assert_int_equal(remove(path), 0);
+    assert_status(cairn_output_open(&output, link, &error), CAIRN_IO);
+    assert_non_null(strstr(error.text, "/link.txt: is a symbolic link to nothing"));
 }
 
 static void test_devices_are_written_directly(void **state)
@@ -126,7 +137,7 @@ static void test_refusals(void **state)
     (void)state;
     assert_status(cairn_output_open(&output, files_folder, &error), CAIRN_IO);
     assert_null(output);
-    assert_non_null(strstr(error.text, ": cannot write: Is a directory"));
+    assert_non_null(strstr(error.text, ": is a folder, expected a file or nothing"));
     assert_status(cairn_output_open(&output, files_path("missing/file.txt"), &error), CAIRN_IO);
     assert_non_null(strstr(error.text, "missing/file.txt: cannot write: No such file"));
     assert_int_equal(error.line, 0);
@@ -134,6 +145,11 @@ static void test_refusals(void **state)
     memset(deep, 'n', sizeof deep);
     deep[sizeof deep - 1] = 0;
     assert_status(cairn_output_open(&output, files_path(deep), &error), CAIRN_IO);
+    /* A name of the maximum length. */
+    deep[255] = 0;
+    assert_ok(cairn_output_open(&output, files_path(deep), &error));
+    assert_ok(cairn_output_commit(output, &error));
+    assert_int_equal(access(files_path(deep), F_OK), 0);
     /* The folder is removed during the writing. */
     assert_ok(cairn_output_folder(files_path("going"), &error));
     assert_ok(cairn_output_open(&output, files_path("going/file.txt"), &error));

@@ -1168,6 +1168,44 @@ static void every_pool_size(void **state)
     test_every_pool_size(create_one, &params, cairn_pose_graph_memory(&params, NULL));
 }
 
+/* Indices outside read no array: the identity, a link of no poses. */
+static void indices_outside_read_nothing(void **state)
+{
+    static const int32_t outside[] = {-1, 1, INT32_MIN, INT32_MAX};
+    const cairn_sym3 one = {1, 0, 0, 1, 0, 1};
+    const cairn_pose far = {7, 8, 1};
+    cairn_pose_graph_params params = small_params();
+    cairn_pose_graph *graph;
+    cairn_pool pool = test_pool(cairn_pose_graph_memory(&params, NULL));
+
+    (void)state;
+    assert_ok(cairn_pose_graph_create(&graph, &pool, &params, NULL));
+    for (int i = 0; i < 3; i++)
+        assert_ok(cairn_pose_graph_add_pose(graph, far));
+    assert_ok(cairn_pose_graph_add_link(graph, 0, 1, far, one));
+    assert_ok(cairn_pose_graph_add_link(graph, 1, 2, far, one));
+    /* What is taken away stays behind in the arrays. */
+    assert_ok(cairn_pose_graph_remove_pose(graph, 2));
+    assert_ok(cairn_pose_graph_remove_pose(graph, 1));
+    assert_ok(cairn_pose_graph_add_pose(graph, far));
+    assert_ok(cairn_pose_graph_add_link(graph, 0, 1, far, one));
+    for (int k = 0; k < 4; k++) {
+        cairn_pose_graph_link link = cairn_pose_graph_link_of(graph, outside[k]);
+        cairn_sym3 information = one;
+        cairn_pose pose = cairn_pose_graph_measurement(graph, outside[k], &information);
+
+        assert_int_equal(link.first, -1);
+        assert_int_equal(link.second, -1);
+        assert_near(link.weight, 0, 0);
+        assert_near(pose.x, 0, 0);
+        assert_near(information.xx, 0, 0);
+        pose = cairn_pose_graph_pose(graph, outside[k] == 1 ? 2 : outside[k]);
+        assert_near(pose.x, 0, 0);
+        assert_near(pose.theta, 0, 0);
+    }
+    test_pool_free(&pool);
+}
+
 static void refused_graphs(void **state)
 {
     const cairn_real bad[2] = {(cairn_real)NAN, (cairn_real)INFINITY};
@@ -1371,6 +1409,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(paths_stay_as_they_are),
+        cmocka_unit_test(indices_outside_read_nothing),
         cmocka_unit_test(every_kernel_finds_its_minimum),
         cmocka_unit_test(chordal_start_needs_no_guess),
         cmocka_unit_test(outliers_are_named),

@@ -116,6 +116,71 @@ static void csv_of_ranges_alone(void **state)
     free(text);
 }
 
+/* A first line of ranges is no header, in m or in mm. */
+static void a_table_without_a_header_is_refused(void **state)
+{
+    static const char *const tables[] = {
+        "1.5,1.6,1.6,2.5\n1.5,1.6,1.6,2.5\n", "2.5,inf,1.5,2\n1.5,1.6,1.6,2.5\n",
+        "1500,1600,1600,2500\n1500,1600,1600,2500\n", "# x\n\n3,,2.5,2\n3,1,2.5,2\n"};
+    cairn_carmen_log_scans s;
+    cairn_file_error error;
+    int32_t has_odometry;
+
+    (void)state;
+    for (int k = 0; k < 4; k++) {
+        cairn_range_table_kind kind;
+
+        assert_ok(cairn_range_table_find_kind(&kind, files_write_text("table", tables[k]), NULL));
+        assert_int_equal(kind, CAIRN_RANGE_TABLE_CSV);
+        assert_status(load(&s, &has_odometry, tables[k], CAIRN_RANGE_TABLE_CSV, 0, &error),
+                      CAIRN_BAD_FORMAT);
+        assert_int_equal(error.line, k == 3 ? 3 : 1);
+        assert_non_null(strstr(error.text,
+                               "the first line has no header, expected the names of the "
+                               "columns and bearings in degrees, rising or falling: "
+                               "time,x,y,theta,-90,-89,...,90"));
+    }
+    /* Bearings alone may fall, too. */
+    assert_ok(load(&s, &has_odometry, "90,0,-90.5\n1,2,3\n", CAIRN_RANGE_TABLE_CSV, 0, &error));
+    cairn_carmen_log_scans_free(&s);
+}
+
+/* Coordinates far away are taken from the first pose, as in CARMEN logs. */
+static void far_coordinates(void **state)
+{
+    cairn_carmen_log_scans s;
+    int32_t has_odometry;
+
+    (void)state;
+    assert_ok(load(&s, &has_odometry,
+                   "x,y,theta,0\n500000.25,5400000,0,1\n500001.5,5400000.5,0,1\n",
+                   CAIRN_RANGE_TABLE_CSV, 0, NULL));
+    assert_int_equal(s.count, 2);
+    assert_near(s.info.origin[0], 500000, 0);
+    assert_near(s.record[0].robot.x, 0.25, 0);
+    assert_near(s.record[1].laser.y, 0.5, 0);
+    cairn_carmen_log_scans_free(&s);
+}
+
+/* One scan more than there may be. */
+static void too_many_scans_are_refused(void **state)
+{
+    enum { MANY = CAIRN_CARMEN_LOG_MAX_SCANS + 1 };
+    char *text = malloc(2 * MANY + 3);
+    cairn_carmen_log_scans s;
+    cairn_file_error error;
+    int32_t has_odometry;
+
+    (void)state;
+    assert_non_null(text);
+    for (int i = 0; i <= MANY; i++)
+        memcpy(text + 2 * (size_t)i, i == 0 ? "0\n" : "1\n", 3);
+    assert_status(load(&s, &has_odometry, text, CAIRN_RANGE_TABLE_CSV, 0, &error), CAIRN_FULL);
+    assert_non_null(strstr(error.text, "more than 1048576 scans"));
+    assert_null(s.record);
+    free(text);
+}
+
 static void damaged_lines_are_reported_and_left_out(void **state)
 {
     cairn_carmen_log_scans s;
@@ -123,18 +188,19 @@ static void damaged_lines_are_reported_and_left_out(void **state)
 
     (void)state;
     assert_ok(load(&s, &has_odometry,
-                   "time,0,1\n1,2,3\n2,3\n3,4,5,6\n4,x,5\ninf,1,1\n,1,1\n5,6,7\n",
+                   "time,0,1\n1,2,3\n2,3\n3,4,5,6\n4,x,5\ninf,1,1\n,1,1\n-9e9,1,1\n5,6,7\n",
                    CAIRN_RANGE_TABLE_CSV, 0, NULL));
     assert_int_equal(s.count, 2);
-    assert_int_equal(s.info.faults, 5);
-    assert_int_equal(fault_count, 5);
-    for (int i = 0; i < 5; i++)
+    assert_int_equal(s.info.faults, 6);
+    assert_int_equal(fault_count, 6);
+    for (int i = 0; i < 6; i++)
         assert_int_equal(fault_list[i].line, 3 + i);
     assert_non_null(strstr(fault_list[0].text, "too few fields, expected 3 numbers"));
     assert_non_null(strstr(fault_list[1].text, "too many fields"));
     assert_non_null(strstr(fault_list[2].text, "not a number"));
     assert_non_null(strstr(fault_list[3].text, "not finite"));
     assert_non_null(strstr(fault_list[4].text, "not a number"));
+    assert_non_null(strstr(fault_list[5].text, "a time beyond 4e9 s"));
     cairn_carmen_log_scans_free(&s);
 }
 
@@ -320,6 +386,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(csv_fields),
         cmocka_unit_test(csv_of_ranges_alone),
+        cmocka_unit_test(a_table_without_a_header_is_refused),
+        cmocka_unit_test(far_coordinates),
+        cmocka_unit_test(too_many_scans_are_refused),
         cmocka_unit_test(damaged_lines_are_reported_and_left_out),
         cmocka_unit_test(bad_heads_and_files_are_refused),
         cmocka_unit_test(urg_fields),

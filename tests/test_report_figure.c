@@ -93,7 +93,7 @@ static void test_map(void **state)
     /* 1 m is 92 pixels, 2 m more than 120. */
     assert_holds(svg, "M870.0 799.0v7h92.0v-7");
     assert_holds(svg, ">1 m</text>");
-    assert_holds(svg, "<title>&lt;T></title>");
+    assert_holds(svg, "<title>&lt;T&gt;</title>");
     assert_holds(svg, ">S &amp; s</text>");
     assert_holds(svg, ">plot</text>");
     assert_holds(svg, "text-anchor=\"end\">note</text>");

@@ -421,7 +421,7 @@ static void test_texts(void **state)
     p = write_page(player);
     assert_string_equal(p->title,
                         "a</script><b>\"&\\\x01 \xC3\xA9 \xEF\xBF\xBD \xEF\xBF\xBD\xEF\xBF\xBD");
-    assert_non_null(strstr(p->html, "<title>\na&lt;/script>&lt;b>&quot;&amp;\\ \xC3\xA9 "
+    assert_non_null(strstr(p->html, "<title>\na&lt;/script&gt;&lt;b&gt;&quot;&amp;\\ \xC3\xA9 "
                                     "\xEF\xBF\xBD \xEF\xBF\xBD\xEF\xBF\xBD</title>"));
 #define BAD "\xEF\xBF\xBD"
     assert_string_equal(p->subtitle, BAD BAD BAD "|" BAD BAD "|" BAD BAD BAD BAD "|" BAD BAD BAD BAD

@@ -646,6 +646,18 @@ static void damaged_recordings_are_refused(void **state)
             assert_true(o.code != 0);
         }
     }
+    /* More ticks than a run may have. */
+    {
+        uint32_t ticks[3] = {'T', (1u << 24) + 1, 0};
+
+        memcpy(s.bytes + sweep_at, ticks, sizeof ticks);
+        files_write("flight.rec", s.bytes, sweep_at + sizeof ticks);
+        o = programs_run("%s replay @/flight.rec",
+                         sizeof(cairn_real) == 8 ? "cairn" : "cairn-float");
+        assert_int_equal(o.code, 2);
+        assert_holds(o.err, "more than 16777216 ticks");
+    }
+    (void)fly(&w, 7, 300, 120, &s);
     for (uint32_t cut = 0; cut < s.used; cut += 1 + s.used / 17) {
         files_write("flight.rec", s.bytes, cut);
         o = programs_run("cairn replay @/flight.rec");

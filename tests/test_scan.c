@@ -755,6 +755,8 @@ static void test_begin_statuses(void **state)
     BAD(base_sensor.y, -far, CAIRN_BAD_ARGUMENT);
     BAD(motion.x, -far, CAIRN_BAD_ARGUMENT);
     BAD(motion.y, far, CAIRN_BAD_ARGUMENT);
+    BAD(stamp_ns, INT64_C(4000000000000000001), CAIRN_BAD_ARGUMENT);
+    BAD(stamp_ns, INT64_MIN, CAIRN_BAD_ARGUMENT);
     BAD(angle_min, NAN, CAIRN_NOT_FINITE);
     BAD(angle_step, INFINITY, CAIRN_NOT_FINITE);
     for (int i = 0; i < 181; i++)
@@ -772,8 +774,23 @@ static void test_begin_statuses(void **state)
     s.input.range_min = 0;
     s.input.base_sensor.x = CAIRN_SCAN_EXTENT;
     s.input.motion.y = -CAIRN_SCAN_EXTENT;
+    s.input.stamp_ns = -INT64_C(4000000000000000000);
     assert_ok(cairn_scan_begin(scanner, &s.input, NULL));
     assert_int_equal(cairn_scan_read(scanner).first_point[0], 0);
+}
+
+/* Differences of times do not overflow. */
+static void test_time_difference(void **state)
+{
+    (void)state;
+    assert_int_equal(cairn_time_difference(7, -5), 12);
+    assert_int_equal(cairn_time_difference(-1, INT64_MAX), INT64_MIN);
+    assert_int_equal(cairn_time_difference(-2, INT64_MAX), INT64_MIN);
+    assert_int_equal(cairn_time_difference(INT64_MIN, INT64_MAX), INT64_MIN);
+    assert_int_equal(cairn_time_difference(0, INT64_MIN), INT64_MAX);
+    assert_int_equal(cairn_time_difference(-1, INT64_MIN), INT64_MAX);
+    assert_int_equal(cairn_time_difference(INT64_MAX, INT64_MIN), INT64_MAX);
+    assert_int_equal(cairn_time_difference(INT64_MIN, INT64_MIN), 0);
 }
 
 /* The largest number of beams; the input's arrays may be freed after begin(). */
@@ -910,6 +927,7 @@ int main(void)
         cmocka_unit_test(test_memory),
         cmocka_unit_test(test_params),
         cmocka_unit_test(test_begin_statuses),
+        cmocka_unit_test(test_time_difference),
         cmocka_unit_test(test_hundred_thousand_beams),
         cmocka_unit_test(test_same_bits),
     };

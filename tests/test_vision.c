@@ -104,6 +104,51 @@ static void test_jpeg_comes_back_nearly(void **state)
     cairn_vision_free(&got);
 }
 
+/* A camera that was held upright or upside down says so in its EXIF data. */
+static void test_orientation(void **state)
+{
+    enum { WIDE = 32, HIGH = 16 };
+    /* Where the brightest and the second quadrant of 1 (left and right above) go: right, below. */
+    static const int32_t places[8][4] = {{0, 0, 1, 0}, {1, 0, 0, 0}, {1, 1, 0, 1}, {0, 1, 1, 1},
+                                         {0, 0, 0, 1}, {1, 0, 1, 1}, {1, 1, 1, 0}, {0, 1, 0, 0}};
+    static uint8_t exif[] = "\xFF\xE1\0\x22"
+                            "Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x01\0\0"
+                            "\0\0\0";
+    static uint8_t samples[WIDE * HIGH];
+    cairn_vision_image image = {WIDE, HIGH, 1, 1, samples};
+    uint8_t *bytes, *said;
+    size_t size;
+
+    (void)state;
+    need_opencv();
+    for (int32_t i = 0; i < WIDE * HIGH; i++)
+        samples[i] = i / WIDE >= HIGH / 2 ? 0 : i % WIDE < WIDE / 2 ? 250 : 120;
+    assert_ok(cairn_vision_write(&image, files_path("held.jpg"), &error));
+    bytes = (uint8_t *)files_read(files_path("held.jpg"), &size);
+    said = malloc(size + 36);
+    assert_non_null(said);
+    for (int32_t k = 0; k < 8; k++) {
+        cairn_vision_image read;
+
+        exif[29] = (uint8_t)(k + 1);
+        memcpy(said, bytes, 2);
+        memcpy(said + 2, exif, 36);
+        memcpy(said + 38, bytes + 2, size - 2);
+        assert_ok(cairn_vision_read_grey(&read, files_write("said.jpg", said, size + 36), &error));
+        assert_int_equal(read.width, k < 4 ? WIDE : HIGH);
+        assert_int_equal(read.height, k < 4 ? HIGH : WIDE);
+        for (int32_t mark = 0; mark < 2; mark++) {
+            int32_t u = read.width / 4 + places[k][2 * mark] * read.width / 2,
+                    v = read.height / 4 + places[k][2 * mark + 1] * read.height / 2;
+
+            assert_near(((uint8_t *)read.samples)[v * read.width + u], mark == 0 ? 250 : 120, 12);
+        }
+        cairn_vision_free(&read);
+    }
+    free(said);
+    free(bytes);
+}
+
 static void test_nothing_half_written(void **state)
 {
     cairn_vision_image image = make(1, 1), deep = make(1, 2), colour = make(3, 1);
@@ -164,6 +209,66 @@ static void test_grey(void **state)
             cairn_vision_free(&image);
         }
     assert_status(cairn_vision_make_grey(NULL), CAIRN_BAD_ARGUMENT);
+}
+
+/* What is transparent is ground: white behind dark, black behind light. */
+static void test_alpha(void **state)
+{
+    (void)state;
+    for (int32_t bytes = 1; bytes <= 2; bytes++)
+        for (int32_t light = 0; light < 2; light++) {
+            cairn_vision_image image = {4, 1, 4, bytes, calloc(16, 2)};
+            /* opaque, opaque, half, none; all of one colour */
+            static const int32_t alpha[4] = {255, 255, 51, 0};
+
+            for (int32_t i = 0; i < 16; i++) {
+                int32_t value = i % 4 == 3 ? alpha[i / 4] : light * 255;
+
+                if (bytes == 1)
+                    ((uint8_t *)image.samples)[i] = (uint8_t)value;
+                else
+                    ((uint16_t *)image.samples)[i] = (uint16_t)(257 * value);
+            }
+            assert_ok(cairn_vision_make_grey(&image));
+            for (int32_t i = 0; i < 4; i++)
+                assert_int_equal(((uint8_t *)image.samples)[i], light ? alpha[i] : 255 - alpha[i]);
+            cairn_vision_free(&image);
+        }
+    /* Without OpenCV the same, from a file: grey and alpha. */
+    {
+        static const uint8_t samples[] = {0, 0, 255, 255};
+        cairn_vision_image image;
+        uint8_t rgba[16], *png;
+        size_t count;
+
+        for (int32_t i = 0; i < 16; i++)
+            rgba[i] = i % 4 == 3 ? (uint8_t)(255 - samples[i / 4]) : 0;
+        assert_ok(cairn_image_encode_png(&png, &count, rgba, 4, 1, 4));
+        (void)files_write("icon.png", png, count);
+        free(png);
+        (void)setenv("CAIRN_VISION", "/nowhere", 1);
+        assert_ok(cairn_vision_read_grey(&image, files_path("icon.png"), &error));
+        (void)unsetenv("CAIRN_VISION");
+        assert_memory_equal(image.samples, samples, 4);
+        cairn_vision_free(&image);
+    }
+}
+
+/* 10 and 12 bits in samples of 16 are recognized by the greatest one. */
+static void test_few_bits_in_16(void **state)
+{
+    static const int32_t most[] = {1023, 4095, 4096, 65535}, wanted[] = {255, 255, 16, 255};
+
+    (void)state;
+    for (int k = 0; k < 4; k++) {
+        cairn_vision_image image = {2, 1, 1, 2, calloc(2, 2)};
+
+        ((uint16_t *)image.samples)[1] = (uint16_t)most[k];
+        assert_ok(cairn_vision_make_grey(&image));
+        assert_int_equal(((uint8_t *)image.samples)[0], 0);
+        assert_int_equal(((uint8_t *)image.samples)[1], wanted[k]);
+        cairn_vision_free(&image);
+    }
 }
 
 /* ---- Edges ---- */
@@ -338,7 +443,24 @@ static void test_giants_are_refused_unread(void **state)
                                  "\0\0\0\x08\0\x02\x01\0\0\x04\0\0\0\x01\0\0\x40\0\x01\x01\0\x03\0"
                                  "\0\0\x01\x40\0\0\0\0\0\0\0";
 
+    static const uint8_t twice[] =
+        "II*\0\x08\0\0\0\x03\0\0\x01\x04\0\x01\0\0\0\0\x20\0\0\0\x01\x03\0\x01\0\0\0\x10\0\0\0"
+        "\x01\x01\x03\0\x01\0\0\0\x10\0\0\0\0\0\0\0";
+    static const uint8_t long8[] = "II*\0\x08\0\0\0\x02\0\0\x01\x10\0\x01\0\0\0\x10\0\0\0"
+                                   "\x01\x01\x03\0\x01\0\0\0\x10\0\0\0\0\0\0\0";
+    static uint8_t hidden[65536] = "\xFF\xD8\xFF\x01\xFF\xC0\0\x0B\x08\xFF\xFF\xFF\xFE"
+                                   "\x01\x01\x11";
+
     (void)state;
+    /* What a decoder takes for the size must be what was looked at. */
+    assert_refused(files_write("twice.tif", twice, sizeof twice - 1), CAIRN_BAD_FORMAT,
+                   "the width or height is there twice, expected it once");
+    assert_refused(files_write("long8.tif", long8, sizeof long8 - 1), CAIRN_BAD_FORMAT,
+                   "the width or height is of type 16, expected one SHORT or LONG");
+    memcpy(hidden + 2 + 0xFFC0 + 2,
+           "\xFF\xC0\0\x0B\x08\0\x10\0\x10\x01\x01\x11\0\xFF\xDA\0\x02xx\xFF\xD9", 21);
+    assert_refused(files_write("hidden.jpg", hidden, 2 + 0xFFC0 + 2 + 21), CAIRN_BAD_FORMAT,
+                   "expected a JPEG image");
     assert_refused(files_write("a.png", png, sizeof png - 1), CAIRN_FULL, "32769 x 1");
     assert_refused(files_write("a.jpg", jpeg, sizeof jpeg - 1), CAIRN_FULL, "65534 x 65535");
     assert_refused(files_write("a.tif", little, sizeof little - 1), CAIRN_FULL, "32784 x 5");
@@ -356,8 +478,21 @@ static void test_what_is_no_image(void **state)
     (void)state;
     assert_refused(files_path("missing.png"), CAIRN_IO, "open");
     assert_refused(files_folder, CAIRN_UNSUPPORTED, "folder");
+    assert_int_equal(mkfifo(files_path("pipe.png"), 0666), 0);
+    (void)alarm(60);
+    assert_refused(files_path("pipe.png"), CAIRN_UNSUPPORTED, "is a pipe or device");
+    (void)alarm(0);
     assert_refused(files_write_text("empty", ""), CAIRN_TRUNCATED, "0 bytes");
     assert_refused(files_write_text("text", "hello, world"), CAIRN_BAD_FORMAT, "0x6865");
+    assert_refused(files_write_text("a.webp", "RIFF....WEBPVP8 "), CAIRN_BAD_FORMAT,
+                   "is a WebP image");
+    assert_refused(files_write_text("a.gif", "GIF89a......"), CAIRN_BAD_FORMAT, "is a GIF image");
+    assert_refused(files_write_text("a.bmp", "BM.........."), CAIRN_BAD_FORMAT, "is a BMP image");
+    assert_refused(files_write_text("a.heic", "...$ftypheic...."), CAIRN_BAD_FORMAT,
+                   "is a HEIF image");
+    assert_refused(files_write_text("a.svg", "<svg xmlns=\"\">"), CAIRN_BAD_FORMAT,
+                   "is an SVG or XML file");
+    assert_refused(files_write_text("a.pdf", "%PDF-1.4...."), CAIRN_BAD_FORMAT, "is a PDF file");
     assert_refused(files_write_text("p4", "P4\n8 8\n00000000"), CAIRN_BAD_FORMAT, "0x5034");
     assert_refused(files_write_text("p7", "P7\n8 8\n00000000"), CAIRN_BAD_FORMAT, "0x5037");
     assert_refused(files_write_text("a.pgm", "P5\nwide 4\n255\n"), CAIRN_BAD_FORMAT, "0x77");
@@ -459,8 +594,11 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_what_is_written_comes_back),
         cmocka_unit_test(test_jpeg_comes_back_nearly),
+        cmocka_unit_test(test_orientation),
         cmocka_unit_test(test_nothing_half_written),
         cmocka_unit_test(test_grey),
+        cmocka_unit_test(test_alpha),
+        cmocka_unit_test(test_few_bits_in_16),
         cmocka_unit_test(test_edges_of_a_step),
         cmocka_unit_test(test_slopes_of_a_ramp),
         cmocka_unit_test(test_refused_edges),

@@ -1,8 +1,11 @@
 /* The cairn command: looks up the subcommand by name and runs it. One file for each subcommand. */
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
+#include "cairn/output.h"
 #include "cairn/version.h"
+#include "cairn/vision.h"
 #include "tools/cairn_tool.h"
 
 typedef struct tool_command {
@@ -36,7 +39,7 @@ static void print_help(FILE *stream)
     for (size_t i = 0; i < COMMANDS; i++)
         fprintf(stream, "  %-10s %s\n", commands[i].name, commands[i].summary);
     fprintf(stream,
-            "\n  cairn COMMAND --help   what a command takes\n"
+            "\n  cairn COMMAND --help   what a command takes (or cairn help COMMAND)\n"
             "  cairn --version        the version\n\n"
             "exit codes: 0 done, 1 out of memory or standard output failed, 2 bad input, output "
             "folder or command line\n");
@@ -56,7 +59,19 @@ static int close_output(int code)
 int main(int argc, char **argv)
 {
     const char *name = argc > 1 ? argv[1] : "";
+    char pixels[16], help[] = "--help";
 
+    cairn_output_clean_up_on_signals();
+    /* OpenCV's decoders have the limit of those before them. */
+    (void)snprintf(pixels, sizeof pixels, "%d", CAIRN_VISION_MAX_PIXELS);
+    (void)setenv("OPENCV_IO_MAX_IMAGE_PIXELS", pixels, 0);
+    if (strcmp(name, "help") == 0 && argc > 2) {
+        /* cairn help COMMAND is cairn COMMAND --help. */
+        name = argv[2];
+        argv[1] = argv[2];
+        argv[2] = help;
+        argc = 3;
+    }
     if (strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0 || strcmp(name, "help") == 0) {
         print_help(stdout);
         return close_output(TOOL_OK);

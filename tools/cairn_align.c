@@ -157,6 +157,8 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
         OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "cell size of the map, m"),
         OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M",
                       "maximum range of beams entered into the map, m"),
+        OPTION_NUMBER("--clear", &s->clear, 0, 1000, "M",
+                      "beams without return free cells when the scanner sees no farther, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from this value on count as no return, m (from the log)"),
         TOOL_LOG_OPTIONS(&s->scan_topic, &s->odometry_topic),
@@ -323,6 +325,7 @@ static int write_all(const align_job *job)
     output.count = job->log->count;
     output.resolution = s->resolution;
     output.range = s->range;
+    output.clear = s->clear;
     output.player = job->player;
     output.report = s->report;
     output.before = s->chain ? "places matched by shape" : NULL;
@@ -365,6 +368,7 @@ int tool_align(int argc, char **argv)
                         .seed = 1,
                         .resolution = 0.05,
                         .range = 30,
+                        .clear = 5,
                         .spacing = (double)NAN,
                         .spread = {SPREAD_M, SPREAD_DEG}};
     cairn_file_error error;

@@ -17,7 +17,7 @@
 typedef struct align_settings {
     const char *log, *folder, *method, *pool, *report;
     int64_t max_scans, steps, seed;
-    double resolution, range, range_max, spacing;
+    double resolution, range, clear, range_max, spacing;
     /* m, degrees: bound of the error of the poses in the log */ double spread[2];
     int32_t quiet, by_hypotheses;
     int32_t no_poses;

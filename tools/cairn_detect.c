@@ -251,14 +251,17 @@ static cairn_status write_all(const settings *s, const work *w, cairn_file_error
     return status;
 }
 
-/* Writes a field of the CSV table: quoted, with quotes in it doubled, when it contains a comma or a
- * quote. */
-static void print_field(const char *text, FILE *record)
+/* Writes a file's name as a field of the CSV table: quoted, with quotes in it doubled, when it
+ * contains a comma, a quote or a line end. A name that a spreadsheet would take for a formula gets
+ * "./" before it. */
+static void print_name(const char *text, FILE *record)
 {
-    int is_quoted = strpbrk(text, ",\"") != NULL;
+    int is_quoted = strpbrk(text, ",\"\r\n") != NULL;
 
     if (is_quoted)
         fputc('"', record);
+    if (*text != '\0' && strchr("=+-@\t\r", *text) != NULL)
+        fputs("./", record);
     for (; *text != '\0'; text++) {
         if (*text == '"')
             fputc('"', record);
@@ -272,8 +275,8 @@ static void print_field(const char *text, FILE *record)
 static void print_row(const settings *s, const work *w, const cairn_object_detection *d,
                       const double box[4], FILE *record)
 {
-    print_field(cairn_output_path_name(w->path), record);
-    print_field(cairn_output_path_name(s->model), record);
+    print_name(cairn_output_path_name(w->path), record);
+    print_name(cairn_output_path_name(s->model), record);
     fprintf(record, "%.2f,%.2f,%.2f,%.2f,%.6f,%" PRId32 "\n", box[0], box[1], box[2], box[3],
             (double)d->score, d->mirrored);
 }
@@ -283,7 +286,8 @@ static void print_row(const settings *s, const work *w, const cairn_object_detec
 static cairn_status print_record(const settings *s, const work *w, FILE *record,
                                  cairn_file_error *error)
 {
-    cairn_detection_file_picture p = {.shrink = w->picture.shrink, .detections = &w->detections};
+    cairn_detection_file_picture p = {
+        .shrink = w->picture.shrink, .tokens = &w->tokens, .detections = &w->detections};
     cairn_status status = CAIRN_OK;
 
     fprintf(record, "%s: %" PRId32 " detection%s; %" PRId32 " segments of %" PRId32 " chains\n",
@@ -448,6 +452,20 @@ static int run_all(const settings *s, const cairn_shape_model *model, cairn_outp
     return code;
 }
 
+/* Opens the table; its folder is made when it is missing, as that of -o. */
+static cairn_status open_table(cairn_output **table, const char *path, cairn_file_error *error)
+{
+    char *folder = cairn_output_path_folder(path);
+    cairn_status status = CAIRN_OK;
+
+    if (folder == NULL)
+        return cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0, "no memory");
+    if (*folder != '\0')
+        status = cairn_output_folder(folder, error);
+    free(folder);
+    return status == CAIRN_OK ? cairn_output_open(table, path, error) : status;
+}
+
 /* Runs the detection. The table is opened first, so that an unwritable path fails at once and not
  * after all images. */
 static int run(const settings *s, const cairn_shape_model *model, detect_truth *truth)
@@ -456,7 +474,7 @@ static int run(const settings *s, const cairn_shape_model *model, detect_truth *
     cairn_output *table = NULL;
     int code;
 
-    if (s->table != NULL && cairn_output_open(&table, s->table, &error) != CAIRN_OK)
+    if (s->table != NULL && open_table(&table, s->table, &error) != CAIRN_OK)
         return tool_report(&error);
     code = run_all(s, model, table, truth);
     if (code == TOOL_OK && s->curves != NULL &&

@@ -282,6 +282,7 @@ int eval_map(int argc, char **argv)
     output.count = log.scans.count;
     output.resolution = s.resolution;
     output.range = s.range;
+    output.clear = HUGE_VAL;
     if (output.scan == NULL) {
         (void)options_refuse(PROGRAM, "no memory for %" PRId32 " scans", log.scans.count);
         code = TOOL_FAILED;

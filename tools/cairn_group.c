@@ -176,6 +176,7 @@ typedef struct work {
     cairn_contour_search_tokens tokens;
     cairn_contour_search_result result;
     group_record record;
+    double min_score, min_evidence; /* of an object */
 } work;
 
 static void free_work(work *w)
@@ -220,6 +221,8 @@ static cairn_status search(const settings *s, work *w, const cairn_shape_model *
         p.min_score = (cairn_real)s->score;
     if (s->evidence >= 0)
         p.min_evidence = (cairn_real)s->evidence;
+    w->min_score = (double)p.min_score;
+    w->min_evidence = (double)p.min_evidence;
     if (s->report) {
         p.on_step = group_record_step;
         p.on_walk = group_record_walk;
@@ -270,7 +273,10 @@ static void print_summary(const work *w, double seconds)
     const cairn_contour_search_result *r = &w->result;
 
     if (r->object_count == 0)
-        printf("%s: no object, best score %.2f", w->path, (double)r->best_score);
+        printf("%s: no object, best score %.2f of at least %.2f, best evidence %.2f of at least "
+               "%.2f",
+               w->path, (double)r->best_score, w->min_score, (double)r->best_evidence,
+               w->min_evidence);
     else
         printf("%s: %" PRId32 " object%s, best score %.2f", w->path, r->object_count,
                r->object_count > 1 ? "s" : "", (double)r->best_score);

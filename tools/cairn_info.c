@@ -77,7 +77,7 @@ static void print_text(const char *path, const cairn_scan_log *log, const beam_c
                        : log->kind == CAIRN_SCAN_LOG_CSM ? "objects"
                                                          : "lines";
     char first[CAIRN_NUMBER_TEXT_BYTES], last[CAIRN_NUMBER_TEXT_BYTES];
-    double seconds = (double)(info->latest_ns - info->earliest_ns) * 1e-9;
+    double seconds = (double)cairn_time_difference(info->latest_ns, info->earliest_ns) * 1e-9;
 
     printf("%-12s %s\n", "log", path);
     if (log->taken[0] != 0)

@@ -59,6 +59,8 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
         OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "cell size of the map, m"),
         OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M",
                       "maximum range of beams entered into the map, m"),
+        OPTION_NUMBER("--clear", &s->clear, 0, 1000, "M",
+                      "beams without return free cells when the scanner sees no farther, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from this value on count as no return, m (from the log)"),
         TOOL_LOG_OPTIONS(&s->scan_topic, &s->odometry_topic),
@@ -221,6 +223,7 @@ int tool_map(int argc, char **argv)
     s.seed = 1;
     s.resolution = 0.05;
     s.range = 30;
+    s.clear = 5;
     result = read_settings(&s, argc, argv);
     if (result != OPTIONS_READ)
         return result;

@@ -41,7 +41,8 @@ static cairn_status add_frame(filter_run *run, int32_t index)
     char label[64];
 
     memset(&frame, 0, sizeof frame);
-    snprintf(label, sizeof label, "%" PRId32 " keyframes", state.keyframes);
+    snprintf(label, sizeof label, "%" PRId32 " keyframe%s", state.keyframes,
+             state.keyframes == 1 ? "" : "s");
     frame.step = index;
     frame.label = label;
     frame.pose = run->path;

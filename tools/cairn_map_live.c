@@ -127,7 +127,7 @@ static int map_stream(const map_settings *s, cairn_scan_log_stream *stream)
     cairn_carmen_log_record record;
     cairn_file_error error;
     map_run run;
-    int32_t is_open = 0, has_odometry;
+    int32_t is_open = 0, has_odometry, has_origin = 0;
     int code = TOOL_OK;
 
     while (code == TOOL_OK) {
@@ -137,10 +137,17 @@ static int map_stream(const map_settings *s, cairn_scan_log_stream *stream)
             break;
         if (status != CAIRN_OK)
             code = tool_report(&error);
+        if (code == TOOL_OK && has_odometry && !has_origin && !s->quiet) {
+            double origin[2];
+
+            cairn_scan_log_stream_origin(stream, origin);
+            tool_print_origin("-", origin);
+        }
         if (code == TOOL_OK && !is_open)
             is_open = (code = begin(&run, s, &record)) == TOOL_OK;
         if (code == TOOL_OK)
             code = map_scan_of(&run, &record, has_odometry, &written);
+        has_origin |= code == TOOL_OK && has_odometry;
     }
     if (!is_open)
         return code != TOOL_OK

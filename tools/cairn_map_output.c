@@ -14,6 +14,8 @@
 
 /* Maximum number of cells of a map: 512 MB of grid. */
 #define MAX_CELLS (1 << 26)
+/* m: the ends of beams are corrected for the motion during the scan, their common start is not. */
+#define CLEAR_TOLERANCE_M CAIRN_REAL(0.1)
 
 map_scan *map_scans_new(int32_t count)
 {
@@ -80,11 +82,13 @@ int32_t map_beam(const map_output *output, const map_scan *scan, int32_t i, cair
 {
     cairn_vec2 end = {(cairn_real)scan->beam[2 * i], (cairn_real)scan->beam[2 * i + 1]};
     cairn_vec2 along = cairn_vec2_sub(end, scan->sensor);
-    cairn_real length = cairn_vec2_norm(along), range = (cairn_real)output->range;
+    cairn_real length = cairn_vec2_norm(along), limit = (cairn_real)output->range;
 
     *hit = scan->hit[i];
-    if (length > range) {
-        end = cairn_vec2_add(scan->sensor, cairn_vec2_scale(along, range / length));
+    if (!*hit && length > (cairn_real)output->clear + CLEAR_TOLERANCE_M)
+        return 0;
+    if (length > limit) {
+        end = cairn_vec2_add(scan->sensor, cairn_vec2_scale(along, limit / length));
         *hit = 0;
     }
     *from = cairn_transform_point(map_s, scan->sensor);
@@ -92,60 +96,23 @@ int32_t map_beam(const map_output *output, const map_scan *scan, int32_t i, cair
     return length > 0;
 }
 
-static int compare(const void *a, const void *b)
+/* Computes the bounding box of all that was seen: poses and beams as they enter the grid. */
+static cairn_box map_box(const map_output *output)
 {
-    float x = *(const float *)a, y = *(const float *)b;
+    cairn_box box = cairn_box_empty();
 
-    return (x > y) - (x < y);
-}
-
-/* Widens [*low, *high] to the middle 99.8 % of the values. */
-static void widen(float *values, size_t count, cairn_real *low, cairn_real *high)
-{
-    qsort(values, count, sizeof *values, compare);
-    *low = cairn_min(*low, (cairn_real)values[count / 1000]);
-    *high = cairn_max(*high, (cairn_real)values[count - 1 - count / 1000]);
-}
-
-/* Computes the bounding box of all poses and of 99.8 % of the hits. Returns 0 when there is no
- * memory. */
-static int map_box(const map_output *output, cairn_box *box)
-{
-    size_t hits = 0, n = 0;
-    float *x, *y;
-
-    *box = cairn_box_empty();
-    for (int32_t s = 0; s < output->count; s++)
-        for (int32_t i = 0; i < output->scan[s].beam_count; i++)
-            hits += output->scan[s].hit[i];
-    x = malloc((hits + 1) * sizeof *x);
-    y = malloc((hits + 1) * sizeof *y);
-    if (x == NULL || y == NULL) {
-        free(x);
-        free(y);
-        return 0;
-    }
     for (int32_t s = 0; s < output->count; s++) {
         const map_scan *scan = &output->scan[s];
         cairn_transform t = cairn_transform_of(scan->after);
         cairn_vec2 from, to;
         int32_t hit;
 
-        *box = cairn_box_extend(*box, cairn_transform_point(t, scan->sensor));
+        box = cairn_box_extend(box, cairn_transform_point(t, scan->sensor));
         for (int32_t i = 0; i < scan->beam_count; i++)
-            if (map_beam(output, scan, i, t, &from, &to, &hit) && hit) {
-                x[n] = (float)to.x;
-                y[n++] = (float)to.y;
-            }
+            if (map_beam(output, scan, i, t, &from, &to, &hit))
+                box = cairn_box_extend(box, to);
     }
-    if (n > 0) {
-        widen(x, n, &box->min.x, &box->max.x);
-        widen(y, n, &box->min.y, &box->max.y);
-    }
-    *box = cairn_box_grow(*box, 1);
-    free(x);
-    free(y);
-    return 1;
+    return cairn_box_grow(box, 1);
 }
 
 static cairn_status fill_grid(const map_output *output, cairn_occupancy_grid *grid)
@@ -191,18 +158,16 @@ static cairn_status read_grid(const cairn_occupancy_grid *grid, cairn_map_file *
 cairn_status map_grid_layout(const map_output *output, cairn_occupancy_grid_params *params,
                              cairn_file_error *error)
 {
-    double width, height;
-    cairn_box box;
+    cairn_box box = map_box(output);
+    double width = ceil((double)(box.max.x - box.min.x) / output->resolution),
+           height = ceil((double)(box.max.y - box.min.y) / output->resolution);
 
-    if (!map_box(output, &box))
-        return cairn_file_error_set(error, CAIRN_NO_MEMORY, "map", 0, "no memory for the map");
-    width = ceil((double)(box.max.x - box.min.x) / output->resolution);
-    height = ceil((double)(box.max.y - box.min.y) / output->resolution);
     if (!(width * height <= MAX_CELLS) || width > CAIRN_RASTER_MAX_SIDE ||
         height > CAIRN_RASTER_MAX_SIDE)
         return cairn_file_error_set(
             error, CAIRN_FULL, "map", 0,
-            "%.0f x %.0f cells are too many, expected up to %d: choose a coarser --resolution",
+            "%.0f x %.0f cells are too many, expected up to %d: choose a coarser --resolution or a "
+            "shorter --range",
             width, height, MAX_CELLS);
     *params = cairn_occupancy_grid_default();
     params->resolution = (cairn_real)output->resolution;
@@ -406,6 +371,8 @@ cairn_status map_output_write(const map_output *output, const char *folder, cair
         return status;
     status = cairn_output_set_open(&files, folder, file_names,
                                    output->graph != NULL ? FILES_WITH_GRAPH : FILES, error);
+    for (int i = FILES; i < FILES_WITH_GRAPH && status == CAIRN_OK && output->graph == NULL; i++)
+        status = cairn_output_set_remove(files, file_names[i], error);
     if (status == CAIRN_OK)
         status = write_poses(output, cairn_output_set_path(files, POSES), error);
     if (status == CAIRN_OK)

@@ -43,6 +43,9 @@ typedef struct map_output {
     double resolution;
     /* m, maximum range of beams entered into the grid */
     double range;
+    /* m: beams without return free what they passed when the scanner sees no farther than this.
+     * One that sees farther would have seen the room's wall: there is glass, or the beam is lost */
+    double clear;
     /* player that receives the grid; NULL: no page */
     cairn_report_player *player;
     /* path of the page, in any folder */
@@ -60,7 +63,8 @@ void map_scans_free(map_scan *scan, int32_t count);
 int32_t map_scan_copy(map_scan *scan, const cairn_scan_view *view);
 
 /* Transforms beam i of a scan to the map and clips it at the output's range; *hit: 1 when its end
- * is a hit within the range. Returns 0 for a beam of zero length. */
+ * is a hit within the range. Returns 0 for a beam that says nothing: of zero length, or without
+ * return and longer than `clear`. */
 int32_t map_beam(const map_output *output, const map_scan *scan, int32_t i, cairn_transform map_s,
                  cairn_vec2 *from, cairn_vec2 *to, int32_t *hit);
 
@@ -70,8 +74,8 @@ typedef struct map_grid {
     void *memory;
 } map_grid;
 
-/* Sets the grid's params to contain all poses and 99.8 % of the hits, at the output's resolution.
- * CAIRN_FULL: too many cells; CAIRN_NO_MEMORY. */
+/* Sets the grid's params to contain all poses and beams, at the output's resolution. CAIRN_FULL:
+ * too many cells. */
 CAIRN_CHECKED cairn_status map_grid_layout(const map_output *output,
                                            cairn_occupancy_grid_params *params,
                                            cairn_file_error *error);

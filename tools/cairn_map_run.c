@@ -132,7 +132,8 @@ static cairn_status add_frame(cairn_report_player *player, const cairn_mapper *m
     for (int32_t i = 0; i < keys->total; i++)
         pose[i] = current_pose(mapper, &places[keys->scan[i]]);
     memset(&frame, 0, sizeof frame);
-    snprintf(label, sizeof label, "%" PRId32 " keyframes", state.keyframes);
+    snprintf(label, sizeof label, "%" PRId32 " keyframe%s", state.keyframes,
+             state.keyframes == 1 ? "" : "s");
     frame.step = index;
     frame.label = label;
     frame.pose = pose;
@@ -320,6 +321,7 @@ map_output map_output_of(const map_settings *s, map_scan *scans, int32_t count)
     output.grid_panel = 1;
     output.resolution = s->resolution;
     output.range = s->range;
+    output.clear = s->clear;
     output.report = s->report;
     return output;
 }

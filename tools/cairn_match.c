@@ -270,6 +270,8 @@ static cairn_status write_files(const settings *s, const match_record *record, c
     cairn_status status =
         cairn_output_set_open(&files, s->folder, file_names, file_count(s), error);
 
+    for (int32_t i = file_count(s); i < FILES && status == CAIRN_OK; i++)
+        status = cairn_output_set_remove(files, file_names[i], error);
     if (status == CAIRN_OK)
         status = write_json(cairn_output_set_path(files, JSON), json, error);
     for (int32_t i = OVERLAY; i < file_count(s) && status == CAIRN_OK; i++)

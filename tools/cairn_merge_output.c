@@ -7,6 +7,7 @@
 
 #include "cairn/output.h"
 #include "cairn/report.h"
+#include "src/host/report_text.h"
 #include "tools/cairn_merge.h"
 
 static int is_placed(const merge_job *job, int32_t i)
@@ -114,18 +115,6 @@ cairn_status merge_draw_map(const merge_job *job, cairn_map_file *merged, cairn_
 
 /* ---- Transforms ---- */
 
-/* A text between double quotes, as YAML reads it. */
-static void print_quoted(cairn_output *out, const char *text)
-{
-    cairn_output_bytes(out, "\"", 1);
-    for (; *text != 0; text++) {
-        if (*text == '"' || *text == '\\')
-            cairn_output_bytes(out, "\\", 1);
-        cairn_output_bytes(out, text, 1);
-    }
-    cairn_output_bytes(out, "\"", 1);
-}
-
 cairn_status merge_write_yaml(const merge_job *job, const char *path, cairn_file_error *error)
 {
     const merge_settings *s = job->settings;
@@ -147,7 +136,7 @@ cairn_status merge_write_yaml(const merge_job *job, const char *path, cairn_file
         const cairn_map_merge_placed *p = &job->map[i].placed;
 
         cairn_output_print(out, "  - map: ");
-        print_quoted(out, s->map[i]);
+        cairn_report_print_json(out, s->map[i]);
         cairn_output_print(out, "\n    placed: %s\n", is_placed(job, i) ? "true" : "false");
         if (is_placed(job, i))
             cairn_output_print(out,
@@ -193,18 +182,30 @@ cairn_status merge_write_csv(const merge_job *job, const char *path, cairn_file_
 
 /* ---- The picture ---- */
 
-/* Hues a golden angle apart, in three depths. */
+/* The colours of Okabe and Ito, which the colour-blind can distinguish, and grey shades of them for
+ * more maps. */
 static void colour_of(int32_t index, char colour[8])
 {
-    double hue = fmod(index * 137.508, 360) / 60, value = index % 3 == 0   ? 200
-                                                          : index % 3 == 1 ? 150
-                                                                           : 225;
-    double low = value * 0.25, x = low + (value - low) * (1 - fabs(fmod(hue, 2) - 1));
-    const double table[6][3] = {{value, x, low}, {x, value, low}, {low, value, x},
-                                {low, x, value}, {x, low, value}, {value, low, x}};
-    const double *c = table[(int)hue % 6];
+    static const uint8_t table[][3] = {{0, 114, 178},   {230, 159, 0},  {0, 158, 115},
+                                       {204, 121, 167}, {86, 180, 233}, {213, 94, 0},
+                                       {60, 60, 60},    {200, 188, 30}};
+    enum { COLOURS = sizeof table / sizeof *table };
+    const uint8_t *c = table[index % COLOURS];
+    unsigned share = 4 / (1 + (unsigned)(index / COLOURS) % 4);
 
-    snprintf(colour, 8, "#%02x%02x%02x", (unsigned)c[0], (unsigned)c[1], (unsigned)c[2]);
+    snprintf(colour, 8, "#%02x%02x%02x", c[0] * share / 4, c[1] * share / 4, c[2] * share / 4);
+}
+
+/* Returns the name of a map in the legend: that of its file, or the path when another one has the
+ * same name. */
+static const char *legend_name(const merge_job *job, int32_t map)
+{
+    const char *path = job->settings->map[map], *name = cairn_output_path_name(path);
+
+    for (int32_t i = 0; i < job->settings->count; i++)
+        if (i != map && strcmp(cairn_output_path_name(job->settings->map[i]), name) == 0)
+            return path;
+    return name;
 }
 
 /* Returns the centres of the occupied cells of a map in the frame of the reference; NULL: no
@@ -234,9 +235,9 @@ static void list_refused(const merge_job *job, char *text, size_t size)
 
     for (int32_t i = 0; i < job->settings->count && used < size; i++)
         if (!is_placed(job, i))
-            used += (size_t)snprintf(text + used, size - used, "; %s rejected: %s",
-                                     cairn_output_path_name(job->settings->map[i]),
-                                     cairn_map_merge_verdict_text(job->map[i].placed.verdict));
+            used +=
+                (size_t)snprintf(text + used, size - used, "; %s rejected: %s", legend_name(job, i),
+                                 cairn_map_merge_verdict_text(job->map[i].placed.verdict));
 }
 
 cairn_status merge_write_picture(const merge_job *job, const char *path, cairn_file_error *error)
@@ -257,7 +258,7 @@ cairn_status merge_write_picture(const merge_job *job, const char *path, cairn_f
             continue;
         memset(l, 0, sizeof *l);
         colour_of(i, colour[i]);
-        l->name = cairn_output_path_name(job->settings->map[i]);
+        l->name = legend_name(job, i);
         l->colour = colour[i];
         l->mark = CAIRN_REPORT_DOTS;
         l->width = 1.5;

@@ -10,6 +10,10 @@
 
 /* Maximum number of beams of a sweep; ranges are kept until the end of the run. */
 #define MAX_BEAMS 100000
+/* Maximum number of ticks, and of work units of all of them, so that a few bytes cannot take
+ * years: hours of a control loop, and of this machine. */
+#define MAX_TICKS (1u << 24)
+#define MAX_UNITS (INT64_C(1) << 36)
 
 typedef struct settings {
     const char *path;
@@ -28,6 +32,7 @@ typedef struct run {
     void *memory;
     float *range[ROBOT_SCANS];
     uint32_t hash, recorded_ticks, recorded_hash;
+    int64_t units; /* of all ticks so far */
 } run;
 
 static option_result read_settings(settings *s, int argc, char **argv)
@@ -169,6 +174,8 @@ static int play_ticks(run *r, recording *in)
 
     if (!read_word(in, &count) || !read_bytes(in, &units, sizeof units))
         return refuse(in, "truncated in the ticks");
+    if (count > MAX_TICKS - r->robot.ticks)
+        return refuse(in, "more than 16777216 ticks, expected the recording of a run");
     for (; count > 0; count--) {
         cairn_budget budget = {units};
         robot_work work;
@@ -176,6 +183,9 @@ static int play_ticks(run *r, recording *in)
 
         if (status < 0)
             return refuse(in, cairn_status_text(status));
+        r->units += (int64_t)units - budget.left;
+        if (r->units > MAX_UNITS)
+            return refuse(in, "more than 2^36 units of work, expected the recording of a run");
         r->hash = robot_hash(&r->robot, r->hash);
     }
     return TOOL_OK;

@@ -173,6 +173,7 @@ int main(int argc, char **argv)
 
     for (int32_t i = 0; i < OUTLINE_OBJECTS && used < sizeof text; i++)
         used += (size_t)snprintf(text + used, sizeof text - used, " %s", outline_name(i));
+    cairn_output_clean_up_on_signals();
     result = options_read(&set, argc, argv, &name, &given);
     if (result != OPTIONS_READ)
         return result;

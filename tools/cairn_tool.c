@@ -69,6 +69,13 @@ void tool_faults_end(const tool_faults *faults)
                 faults->count - MAX_SHOWN_FAULTS);
 }
 
+void tool_print_origin(const char *path, const double origin[2])
+{
+    if (origin[0] != 0 || origin[1] != 0)
+        fprintf(stderr, "%s: coordinates are taken from %.0f %.0f (m), where the log begins\n",
+                path, origin[0], origin[1]);
+}
+
 int tool_load(cairn_scan_log *log, const char *path, const tool_log_options *options)
 {
     cairn_scan_log_params params = cairn_scan_log_default();
@@ -85,6 +92,8 @@ int tool_load(cairn_scan_log *log, const char *path, const tool_log_options *opt
     tool_faults_end(&faults);
     if (status != CAIRN_OK)
         return tool_report(&error);
+    if (!options->quiet)
+        tool_print_origin(path, log->scans.info.origin);
     if (!options->quiet && !options->prints_taken && log->taken[0] != 0)
         fprintf(stderr, "%s: %s\n", path, log->taken);
     return TOOL_OK;

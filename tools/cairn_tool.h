@@ -78,8 +78,12 @@ typedef struct tool_log_options {
     OPTION_TEXT("--scan", scan, "TOPIC", TOOL_LOG_SCAN_HELP),                                      \
         OPTION_TEXT("--odom", odom, "TOPIC", TOOL_LOG_ODOM_HELP)
 
-/* Loads a log of any format, prints its faults, and of a bag what was taken. TOOL_OK, or another
- * exit code after a line on standard error; then there is nothing to free. */
+/* Prints on standard error from where the coordinates of a log are taken that is far from 0. */
+void tool_print_origin(const char *path, const double origin[2]);
+
+/* Loads a log of any format, prints its faults, of a log far from 0 the origin of its coordinates,
+ * and of a bag what was taken. TOOL_OK, or another exit code after a line on standard error; then
+ * there is nothing to free. */
 int tool_load(cairn_scan_log *log, const char *path, const tool_log_options *options);
 
 /* The same, and refuses a log without odometry: "program: path has no odometry, expected ...". */

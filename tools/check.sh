@@ -158,7 +158,7 @@ step_analyzer()
 
 step_freestanding()
 {
-    sh tools/check-freestanding-test.sh || return 1
+    sh tools/check-freestanding-test.sh && sh tools/refusals-test.sh || return 1
     gcc_build "$out/gcc/libcairn.a" "$out/gcc/libcairn-float.a" >"$out/freestanding.log" 2>&1 || {
         said "freestanding: the library does not build" 1 "$out/freestanding.log"
         return 1

@@ -18,6 +18,12 @@ seed=${2:-1}
 export LC_ALL=C
 unset MAKEFLAGS MFLAGS MAKELEVEL
 [ $# -gt 0 ] || set -- $(ls src/core/*.c src/contour/*.c src/mapping/*.c src/host/*.c 2>/dev/null)
+case ${BUILD:-build} in
+/*)
+    echo "tools/mutate.sh: BUILD is \"$BUILD\", expected a path from this folder" >&2
+    exit 2
+    ;;
+esac
 build=${BUILD:-build}/mutants
 mkdir -p "$build/tests"
 work=$(mktemp -d)
@@ -195,7 +201,7 @@ mkdir -p "$work/uses/tests"
     # shellcheck disable=SC2046,SC2086
     mutate_make -j2 $libraries $shims $(objects $common $(for t in $tests; do echo "tests/$t.c"; needs_of "$t"; done) $cairn $arena) || exit 2
     # shellcheck disable=SC2086
-    c++ -shared -o "$build/libfaulty.so" -Wl,--whole-archive $libraries -Wl,--no-whole-archive $system_libs || exit 2
+    c++ -shared -o "$build/libfaulty.so" -Wl,--whole-archive $libraries -Wl,--no-whole-archive -Wl,-rpath,"\$ORIGIN" $system_libs || exit 2
     # shellcheck disable=SC2086
     program cairn $cairn && program cairn-arena $arena || exit 2
     for t in $tests; do
@@ -218,6 +224,7 @@ mkdir -p "$work/uses/tests"
         }
         echo "$t $((($(date +%s%N) - start) / 100000000 + 3))" # ten times its time, and three seconds
     done | sort -n -k 2 >"$work/times"
+    [ -s "$work/times" ]
 ) || {
     echo "tools/mutate.sh: the tests must build and pass first" >&2
     exit 2

@@ -61,6 +61,9 @@ extern "C" {
 /* The maximum number of ranges, and of remissions, of one scan. */
 #define CAIRN_CARMEN_LOG_MAX_BEAMS 100000
 
+/* The maximum number of scans that are loaded at once: seven hours at 40 scans/s. */
+#define CAIRN_CARMEN_LOG_MAX_SCANS 1048576
+
 /* Parameters of the reader. */
 typedef struct cairn_carmen_log_params {
     /* m, 0 ... CAIRN_SCAN_EXTENT (0): ranges at or above it are no returns; 0: estimated by rules 2
@@ -112,6 +115,8 @@ typedef struct cairn_carmen_log_summary {
     int32_t fixed_mounting;
     /* the sensor's pose in the robot frame */
     cairn_pose base_sensor;
+    /* m, x and y: all poses are taken from here; 0 unless the first pose is farther than 1e5 m */
+    double origin[2];
 } cairn_carmen_log_summary;
 
 /* The kind of a record. */

@@ -51,6 +51,8 @@ typedef struct cairn_csm_scan_list {
     /* number of scans */
     int32_t count;
     int32_t max_rays; /* most rays of one scan */
+    /* m, x and y: all poses are relative to it; 0 unless the first pose is farther than 1e5 m */
+    double origin[2];
 } cairn_csm_scan_list;
 
 /* Reads a whole file. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED: not in the format above, the error has

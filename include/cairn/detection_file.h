@@ -24,9 +24,10 @@ typedef struct cairn_detection_file_picture {
     const cairn_object_detections *detections;
 } cairn_detection_file_picture;
 
-/* Computes the box of a detection in pixels of the original image: left, top, right, bottom.
+/* Computes the box of a detection in pixels of the original image: left, top, right, bottom,
+ * clipped to the image.
  *
- * picture: gives the downscaling factor
+ * picture: gives the downscaling factor and the size of the image
  * detection: one of the detections
  * box: set to left, top, right, bottom */
 void cairn_detection_file_box(const cairn_detection_file_picture *picture,

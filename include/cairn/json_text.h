@@ -122,8 +122,8 @@ size_t cairn_json_copy(const cairn_json_token *token, char *buffer, size_t size)
 
 /* Escapes the next character of a 0-terminated text that is not empty for the inside of a JSON
  * string, and returns the bytes written to `form`. *at advances behind the character. Control
- * characters and " \ < > & become \u escapes, so that the string is safe within HTML. Bytes that
- * are not UTF-8 become U+FFFD.
+ * characters, U+2028, U+2029, U+FFFE, U+FFFF and " \ < > & become \u escapes, so that the string is
+ * safe within HTML and is valid in YAML. Bytes that are not UTF-8 become U+FFFD.
  *
  * form: set to the escaped character, not 0-terminated */
 size_t cairn_json_character(const char **at, char form[CAIRN_JSON_CHARACTER_BYTES]);

@@ -154,11 +154,13 @@ CAIRN_CHECKED cairn_status cairn_lum_iterate(cairn_lum *lum, cairn_budget *budge
 /* Returns the state after the last complete iteration. */
 cairn_lum_state cairn_lum_read(const cairn_lum *lum);
 
-/* Returns the pose of scan < scans after the last complete iteration. */
+/* Returns the pose of scan < scans after the last complete iteration; outside the identity.
+ *
+ * scan: index of the scan */
 cairn_pose cairn_lum_pose(const cairn_lum *lum, int32_t scan);
 
-/* Returns 1 when scan < scans is in the connected component of the first scan. Valid once links
- * have been searched for.
+/* Returns 1 when scan < scans is in the connected component of the first scan; outside 0. Valid
+ * once links have been searched for.
  *
  * scan: index of the scan */
 int32_t cairn_lum_is_connected(const cairn_lum *lum, int32_t scan);

@@ -84,9 +84,10 @@ CAIRN_CHECKED cairn_status cairn_map_file_allocate(cairn_map_file *map, int32_t 
 CAIRN_CHECKED cairn_status cairn_map_file_draw(cairn_map_file *map);
 
 /* Reads a YAML file and its image. CAIRN_BAD_FORMAT: not in the format above, the error has file
- * and line; CAIRN_TRUNCATED, CAIRN_UNSUPPORTED (a maximum grey level other than 255; a build
- * without libyaml, or a PNG and a build without libpng), CAIRN_FULL, CAIRN_IO, CAIRN_NO_MEMORY. On
- * failure there is nothing to free.
+ * and line; CAIRN_TRUNCATED, CAIRN_UNSUPPORTED (a maximum grey level other than 255; a folder, pipe
+ * or device; a build without libyaml, or a PNG and a build without libpng), CAIRN_FULL (more than
+ * 16 KiB of YAML or 2^28 samples of the image), CAIRN_IO, CAIRN_NO_MEMORY. On failure there is
+ * nothing to free.
  *
  * map: set to the map
  * yaml_path: the YAML file */

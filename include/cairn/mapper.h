@@ -311,7 +311,8 @@ cairn_pose cairn_mapper_map_odom(const cairn_mapper *mapper);
 /* Returns the last scan as points and segments in its own frame; valid until the next add. */
 cairn_scan_view cairn_mapper_view(const cairn_mapper *mapper);
 
-/* Returns the current pose of a keyframe in the map, 0 <= keyframe < keyframes.
+/* Returns the current pose of a keyframe in the map, 0 <= keyframe < keyframes; outside the
+ * identity.
  *
  * keyframe: index of the keyframe */
 cairn_pose cairn_mapper_keyframe_pose(const cairn_mapper *mapper, int32_t keyframe);
@@ -335,7 +336,8 @@ typedef struct cairn_mapper_culling {
 } cairn_mapper_culling;
 
 /* Returns culling event 0 <= index < state.culled_keyframes. Only the last 64 are stored: index is
- * taken modulo 64. Few keyframes are culled per step(), so reading after each step misses none. */
+ * taken modulo 64. Outside: keyframe -1. Few keyframes are culled per step(), so reading after each
+ * step misses none. */
 cairn_mapper_culling cairn_mapper_culling_at(const cairn_mapper *mapper, int32_t index);
 
 /* Reattaches a relative pose after a culling: maps the keyframe index and, for the culled keyframe,
@@ -348,7 +350,7 @@ void cairn_mapper_reattach(cairn_mapper_culling culling, int32_t *keyframe,
                            cairn_pose *keyframe_scan);
 
 /* Returns loop event 0 <= index < state.loop_events. Only the last 64 are stored: index is taken
- * modulo 64. */
+ * modulo 64. Outside: first and second are -1. */
 cairn_mapper_loop cairn_mapper_loop_at(const cairn_mapper *mapper, int32_t index);
 
 /* A link (edge, relative-pose constraint) of the keyframe graph: a sequential constraint, a
@@ -368,7 +370,7 @@ typedef struct cairn_mapper_link {
  * settle(). */
 int32_t cairn_mapper_link_count(const cairn_mapper *mapper);
 
-/* Returns link 0 <= index < link_count. */
+/* Returns link 0 <= index < link_count; outside first and second are -1. */
 cairn_mapper_link cairn_mapper_link_at(const cairn_mapper *mapper, int32_t index);
 
 /* Returns the counters. */

@@ -1,9 +1,9 @@
 /* output: atomic file output. A file is either complete or unchanged.
  *
  * An output is written to a temporary file in the target's folder. The commit renames it onto the
- * target (write, fsync, rename); until then the target is unchanged. If the target is a symbolic
- * link, the file that it refers to is replaced. If the target is a device or a pipe, it is written
- * directly. */
+ * target (write, fsync, rename); until then the target is unchanged. The new file has the mode of
+ * the one that it replaces. If the target is a symbolic link, the file that it refers to is
+ * replaced. If the target is a device or a pipe, it is written directly. */
 #ifndef CAIRN_OUTPUT_H
 #define CAIRN_OUTPUT_H
 
@@ -19,7 +19,7 @@ extern "C" {
 typedef struct cairn_output cairn_output;
 
 /* Opens an output for `path`. CAIRN_IO: the folder is missing or not writable, or the path is a
- * folder; CAIRN_NO_MEMORY.
+ * folder or a symbolic link to nothing; CAIRN_NO_MEMORY.
  *
  * path: target */
 CAIRN_CHECKED cairn_status cairn_output_open(cairn_output **output, const char *path,
@@ -43,6 +43,11 @@ CAIRN_CHECKED cairn_status cairn_output_commit(cairn_output *output, cairn_file_
 
 /* Frees the output and leaves the target unchanged. NULL is allowed. */
 void cairn_output_discard(cairn_output *output);
+
+/* Makes SIGINT, SIGTERM and SIGHUP, where the program has left them as they are, remove the
+ * temporary files and staging folders of this process before they end it. For programs; without
+ * it, they stay behind. On Windows it has no effect. */
+void cairn_output_clean_up_on_signals(void);
 
 /* Creates a folder and its missing parents. CAIRN_OK also when it exists already; CAIRN_IO.
  *

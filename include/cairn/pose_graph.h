@@ -261,14 +261,16 @@ CAIRN_CHECKED cairn_status cairn_pose_graph_step(cairn_pose_graph *graph, cairn_
 /* Returns the state after the last iteration. */
 cairn_pose_graph_state cairn_pose_graph_read(const cairn_pose_graph *graph);
 
-/* Returns the last accepted pose of an index below `poses`. */
+/* Returns the last accepted pose of an index below `poses`; the identity outside. */
 cairn_pose cairn_pose_graph_pose(const cairn_pose_graph *graph, int32_t pose);
 
-/* Returns the residual of a link of an index below `links`. */
+/* Returns the residual of a link of an index below `links`; outside a link of the poses -1 and -1.
+ *
+ * link: index of the link */
 cairn_pose_graph_link cairn_pose_graph_link_of(const cairn_pose_graph *graph, int32_t link);
 
 /* Returns the measured pose of a link of an index below `links`, as it was added, and its
- * information (up to rounding).
+ * information (up to rounding); outside the identity and 0.
  *
  * link: index of the link
  * information: set to the information matrix */

@@ -25,7 +25,7 @@ typedef struct cairn_scan_input {
     float angle_min, angle_step, range_min, range_max, range_sigma;
     /* s from beam to beam, 0: unknown. Only mapper reads it, which estimates the motion itself */
     float time_step;
-    /* time of the first beam, ns */
+    /* time of the first beam, ns, within CAIRN_SCAN_MAX_STAMP_NS */
     int64_t stamp_ns;
     /* mounting pose of the sensor on the robot */
     cairn_pose base_sensor;
@@ -82,6 +82,16 @@ typedef struct cairn_scan_view {
 /* m: limit of ranges, sensor positions and motions. */
 #define CAIRN_SCAN_EXTENT CAIRN_REAL(1e5)
 
+/* ns: limit of stamps, 4e9 s to both sides of 0 (from 1970: 126 years). Their differences fit into
+ * 64 bits. */
+#define CAIRN_SCAN_MAX_STAMP_NS INT64_C(4000000000000000000)
+
+/* Returns a - b; the nearest 64-bit integer where the difference exceeds these.
+ *
+ * a: time, ns
+ * b: time, ns */
+int64_t cairn_time_difference(int64_t a, int64_t b);
+
 /* Preprocessing of one laser scan. */
 typedef struct cairn_scan cairn_scan;
 
@@ -120,7 +130,8 @@ CAIRN_CHECKED cairn_status cairn_scan_create(cairn_scan **scan, cairn_pool *pool
  * its s in proportion.
  *
  * CAIRN_BAD_ARGUMENT: NULL, count < 1, range_min < 0, range_max not above it or beyond
- * CAIRN_SCAN_EXTENT, range_sigma < 0, time_step < 0, a position or motion beyond CAIRN_SCAN_EXTENT.
+ * CAIRN_SCAN_EXTENT, range_sigma < 0, time_step < 0, a position or motion beyond CAIRN_SCAN_EXTENT,
+ * a stamp beyond CAIRN_SCAN_MAX_STAMP_NS.
  * CAIRN_FULL: count > max_beams. CAIRN_NOT_FINITE: any field but a range is NaN or infinite.
  * *fault, when not NULL, names the field, and the index in an array. A refused call changes
  * nothing.

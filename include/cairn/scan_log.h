@@ -143,6 +143,13 @@ CAIRN_CHECKED cairn_status cairn_scan_log_stream_next(cairn_scan_log_stream *str
                                                       int32_t *has_odometry,
                                                       cairn_file_error *error);
 
+/* Returns the origin of the coordinates: 0 unless the first pose of the odometry is farther than
+ * 1e5 m from 0; then all poses are relative to it. Valid once a scan with odometry has come.
+ *
+ * stream: the stream
+ * origin: set to x and y, m */
+void cairn_scan_log_stream_origin(const cairn_scan_log_stream *stream, double origin[2]);
+
 /* Returns the number of faulty lines so far. */
 int64_t cairn_scan_log_stream_faults(const cairn_scan_log_stream *stream);
 

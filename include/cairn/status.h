@@ -74,7 +74,8 @@ typedef struct cairn_fault {
 cairn_status cairn_refuse(cairn_fault *fault, int64_t index, const char *what, cairn_status status);
 
 /* Work that a step may still do, counted down by the step. Several objects may share one budget.
- * With a budget of 0 a step does nothing and returns CAIRN_MORE or CAIRN_OK. */
+ * With a budget of 0 or less, which a last expensive operation may leave, a step does nothing,
+ * leaves the budget as it is and returns CAIRN_MORE or CAIRN_OK. */
 typedef struct cairn_budget {
     /* Work units left. One unit is at most about 200 instructions of a Cortex-M7. Expensive
      * operations are charged several units. */

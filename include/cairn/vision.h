@@ -2,7 +2,7 @@
  *
  * OpenCV is wrapped by a plug-in library, libcairn-vision.so (`make vision`), which is loaded on
  * first use. cairn itself neither links nor loads OpenCV, and this header has no type of it. The
- * library is searched at $CAIRN_VISION, beside the program, in the folder above it, in lib beside
+ * library is searched at $CAIRN_VISION, beside the program, in lib beside
  * that, and in the system's library path. Without the library, PGM and PNG files can still be read
  * as 8-bit grey; all other functions fail with an error that names the missing library.
  *
@@ -33,9 +33,10 @@ typedef struct cairn_vision_image {
 CAIRN_CHECKED cairn_status cairn_vision_load(cairn_file_error *error);
 
 /* Reads a TIFF, PNG, JPEG or PGM (PPM), detected by its first bytes; of a file with several images
- * the first. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED, CAIRN_FULL (beyond the limits above),
- * CAIRN_UNSUPPORTED (no libcairn-vision, or samples that are neither 8 nor 16 bits), CAIRN_IO,
- * CAIRN_NO_MEMORY. Errors of OpenCV have its text. On failure there is nothing to free.
+ * the first; a JPEG is turned as its EXIF orientation says. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED,
+ * CAIRN_FULL (beyond the limits above), CAIRN_UNSUPPORTED (no libcairn-vision, not a regular file,
+ * or samples that are neither 8 nor 16 bits), CAIRN_IO, CAIRN_NO_MEMORY. Errors of OpenCV have its
+ * text. On failure there is nothing to free.
  *
  * image: set to the image
  * path: file */
@@ -43,7 +44,9 @@ CAIRN_CHECKED cairn_status cairn_vision_read(cairn_vision_image *image, const ch
                                              cairn_file_error *error);
 
 /* Reads an image as cairn_vision_read(), with its statuses, and converts the image to 8-bit grey:
- * luma 0.299 red + 0.587 green + 0.114 blue (BT.601), of 16 bits the upper 8.
+ * luma 0.299 red + 0.587 green + 0.114 blue (BT.601), of 16 bits the upper 8, of 10 or 12 bits in 16
+ * (no sample has more) the upper 8 of these. What is transparent is white behind a dark picture,
+ * black behind a light one.
  *
  * image: set to the image
  * path: file */

@@ -5,14 +5,27 @@
 
 #ifdef __FAST_MATH__
 #error "cairn gives the same bits everywhere; -ffast-math does not"
+#elif defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__
+#error "cairn gives the same bits everywhere; -ffinite-math-only does not"
+#elif defined(__ASSOCIATIVE_MATH__)
+#error "cairn gives the same bits everywhere; -fassociative-math does not"
+#elif defined(__RECIPROCAL_MATH__)
+#error "cairn gives the same bits everywhere; -freciprocal-math does not"
+#elif defined(__NO_SIGNED_ZEROS__)
+#error "cairn gives the same bits everywhere; -fno-signed-zeros does not"
 #endif
 
 /* FLT_EVAL_METHOD 16 and 32 equal 0, except that half precision is evaluated apart
  * (AVX512-FP16). */
 #if defined(__FLT_EVAL_METHOD__) && __FLT_EVAL_METHOD__ != 0 && __FLT_EVAL_METHOD__ != 16 &&       \
     __FLT_EVAL_METHOD__ != 32
+#if defined(__i386__) || defined(__x86_64__)
 #error                                                                                             \
     "cairn gives the same bits everywhere; excess precision (x87) does not: use -msse2 -mfpmath=sse"
+#else
+#error                                                                                             \
+    "cairn gives the same bits everywhere; excess precision does not: use -fexcess-precision=fast"
+#endif
 #endif
 
 #if defined(__clang__)

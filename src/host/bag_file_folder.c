@@ -16,6 +16,7 @@
 #include <yaml.h>
 
 #include "src/host/bag_file_work.h"
+#include "src/host/regular_file.h"
 
 static const int64_t MAX_METADATA_BYTES = 16 * 1024 * 1024;
 
@@ -117,7 +118,9 @@ static cairn_status parse(cairn_bag_files *files, const char *folder, const char
     if (!yaml_parser_initialize(&parser))
         return cairn_file_error_system(error, metadata, "read", ENOMEM);
     yaml_parser_set_input_file(&parser, file);
-    if (!yaml_parser_load(&parser, &document)) {
+    if (!yaml_parser_load(&parser, &document) && parser.error == YAML_MEMORY_ERROR) {
+        status = cairn_file_error_system(error, metadata, "read", ENOMEM);
+    } else if (parser.error != YAML_NO_ERROR) {
         status = cairn_file_error_set(error, CAIRN_BAD_FORMAT, metadata,
                                       (int64_t)parser.problem_mark.line + 1, "%s, expected YAML",
                                       parser.problem != NULL ? parser.problem : "damaged");
@@ -140,18 +143,17 @@ cairn_status cairn_bag_list_files(cairn_bag_files *files, const char *folder,
     memset(files, 0, sizeof *files);
     if (metadata == NULL)
         return cairn_file_error_system(error, folder, "read", ENOMEM);
-    file = fopen(metadata, "rbe");
-    if (file == NULL && errno == ENOENT)
+    status = regular_file_open(&file, metadata, error);
+    if (status != CAIRN_OK && access(metadata, F_OK) != 0 && errno == ENOENT)
         status = cairn_file_error_set(error, CAIRN_BAD_FORMAT, folder, 0,
                                       "a folder without metadata.yaml, expected a bag of ROS 2 or "
                                       "a file");
-    else if (file == NULL)
-        status = cairn_file_error_system(error, metadata, "open", errno);
-    else if (fstat(fileno(file), &about) != 0 || about.st_size > MAX_METADATA_BYTES)
+    else if (status == CAIRN_OK &&
+             (fstat(fileno(file), &about) != 0 || about.st_size > MAX_METADATA_BYTES))
         status = cairn_file_error_set(error, CAIRN_FULL, metadata, 0,
                                       "more than %" PRId64 " bytes, expected at most that",
                                       MAX_METADATA_BYTES);
-    else
+    else if (status == CAIRN_OK)
         status = parse(files, folder, metadata, file, error);
     if (file != NULL)
         (void)fclose(file);

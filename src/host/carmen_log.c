@@ -21,6 +21,7 @@
 #include "cairn/carmen_log.h"
 #include "src/host/carmen_log_message.h"
 #include "src/host/carmen_log_reader.h"
+#include "src/host/log_origin.h"
 
 /* Range histogram. */
 #define RANGE_BINS       100000
@@ -57,6 +58,7 @@ struct cairn_carmen_log {
     cairn_carmen_log_params params;
     cairn_carmen_log_summary info;
     cairn_carmen_log_message message;
+    bool has_origin;
     float *range; /* [range_capacity] storage of the record's ranges */
     int32_t range_capacity;
 };
@@ -215,6 +217,20 @@ static void report_fault(cairn_carmen_log *log, const cairn_file_error *fault)
         log->params.on_fault(log->params.context, fault);
 }
 
+/* Takes the poses of a message from the log's origin, which is that of the first one. */
+static void take_from_origin(cairn_carmen_log *log)
+{
+    cairn_carmen_log_message *message = &log->message;
+
+    if (message->kind != CAIRN_MESSAGE_SCAN && message->kind != CAIRN_MESSAGE_ODOMETRY)
+        return;
+    if (!log->has_origin)
+        log_origin_set(log->info.origin, message->robot);
+    log->has_origin = true;
+    log_origin_take(log->info.origin, message->robot);
+    log_origin_take(log->info.origin, message->laser);
+}
+
 /* Parses the next well-formed line. Malformed lines are reported in the first pass. CAIRN_EMPTY at
  * the end. */
 static cairn_status next_message(cairn_carmen_log *log, int32_t first_pass, cairn_file_error *error)
@@ -233,6 +249,8 @@ static cairn_status next_message(cairn_carmen_log *log, int32_t first_pass, cair
         if (status == CAIRN_OK)
             status = cairn_carmen_log_message_read(&log->message, line, length, path,
                                                    cairn_line_reader_number(log->reader), &fault);
+        if (status == CAIRN_OK)
+            take_from_origin(log);
         if (status == CAIRN_OK || status == CAIRN_EMPTY)
             return status;
         if (status == CAIRN_IO || status == CAIRN_NO_MEMORY) {
@@ -452,9 +470,9 @@ cairn_status cairn_carmen_log_load(cairn_carmen_log_scans *scans, const char *pa
     if (log == NULL)
         return status;
     scans->info = log->info;
-    if (log->info.scans > INT32_MAX) {
+    if (log->info.scans > CAIRN_CARMEN_LOG_MAX_SCANS) {
         status = cairn_file_error_set(error, CAIRN_FULL, path, 0, "%lld scans, expected at most %d",
-                                      (long long)log->info.scans, INT32_MAX);
+                                      (long long)log->info.scans, CAIRN_CARMEN_LOG_MAX_SCANS);
     } else {
         scans->record = calloc((size_t)log->info.scans, sizeof *scans->record);
         scans->range = calloc((size_t)log->info.beams, sizeof *scans->range);

@@ -132,8 +132,10 @@ static void read_tail(line_parser *parser, int64_t *stamp_ns)
     size_t length;
 
     token = next_token(parser, "the stamp", 0, &length);
-    if (token != NULL && !cairn_number_read_stamp(token, length, stamp_ns))
-        report_bad_token(parser, token, length, "seconds, at most 9223372036");
+    if (token != NULL &&
+        (!cairn_number_read_stamp(token, length, stamp_ns) || *stamp_ns > CAIRN_SCAN_MAX_STAMP_NS ||
+         *stamp_ns < -CAIRN_SCAN_MAX_STAMP_NS))
+        report_bad_token(parser, token, length, "seconds within 4e9");
     (void)next_token(parser, "the host", 0, &length);
     read_number(parser, "the logger's stamp", 0, &logger_stamp);
     length = cairn_token_next(&parser->at, parser->end, &token);

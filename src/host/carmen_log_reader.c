@@ -10,12 +10,18 @@
 
 #include "src/host/carmen_log_reader.h"
 #include "src/host/posix.h"
+#include "src/host/regular_file.h"
 
 /* Initial capacity of the line buffer and size of the input buffer, in bytes. */
 #define FIRST_CAPACITY (256 * 1024)
 #define INPUT_BYTES    (64 * 1024)
 /* Most bytes that are read at once: read() of Windows counts in unsigned int. */
 #define MAX_READ_BYTES ((size_t)1 << 30)
+
+/* Bytes to which any gzip data may unpack, and beyond these the maximum ratio to their packed size.
+ * Logs are packed five- to twentyfold. */
+#define UNPACKED_BYTES (INT64_C(32) << 20)
+#define UNPACKED_TIMES 100
 
 /* zlib's windowBits for a window of 32 KiB and a gzip header. */
 #define GZIP_WINDOW (15 + 16)
@@ -35,25 +41,18 @@ struct cairn_line_reader {
     bool is_gzip;      /* `stream` is initialised */
     bool between;      /* between two gzip members */
     z_stream stream;
-    unsigned char *input; /* [INPUT_BYTES] */
+    unsigned char *input;     /* [INPUT_BYTES] */
+    int64_t packed, unpacked; /* bytes inflated so far */
 };
 
 cairn_status cairn_line_reader_open(cairn_line_reader **reader, const char *path,
                                     cairn_file_error *error)
 {
-    struct stat about;
-    int file = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    int file;
+    cairn_status status = regular_file_descriptor(&file, path, error);
 
     *reader = NULL;
-    if (file == -1)
-        return cairn_file_error_system(error, path, "open", errno);
-    if (fstat(file, &about) != 0 || !S_ISREG(about.st_mode)) {
-        (void)close(file);
-        return cairn_file_error_set(error, CAIRN_UNSUPPORTED, path, 0,
-                                    "is a %s, expected a regular file",
-                                    S_ISDIR(about.st_mode) ? "folder" : "pipe or device");
-    }
-    return cairn_line_reader_open_file(reader, file, path, error);
+    return status == CAIRN_OK ? cairn_line_reader_open_file(reader, file, path, error) : status;
 }
 
 cairn_status cairn_line_reader_open_file(cairn_line_reader **reader, int file, const char *name,
@@ -169,9 +168,16 @@ static bool ensure_input(cairn_line_reader *reader)
         return true;
     reader->stream.next_in = reader->input;
     reader->stream.avail_in = (uInt)read_bytes(reader, reader->input, INPUT_BYTES);
+    reader->packed += reader->stream.avail_in;
     if (reader->at_end && reader->end_status == CAIRN_OK && !reader->between)
         reader->end_status = CAIRN_TRUNCATED;
     return !reader->at_end;
+}
+
+static bool expands_too_much(const cairn_line_reader *reader)
+{
+    return reader->unpacked > UNPACKED_BYTES &&
+           reader->unpacked / UNPACKED_TIMES > reader->packed - reader->stream.avail_in;
 }
 
 /* Inflates into the free space behind `end`. Concatenated members are read; other bytes behind a
@@ -198,6 +204,9 @@ static void inflate_more(cairn_line_reader *reader)
         }
     }
     reader->end += space - reader->stream.avail_out;
+    reader->unpacked += (int64_t)(space - reader->stream.avail_out);
+    if (!reader->at_end && expands_too_much(reader))
+        end_input(reader, CAIRN_BAD_FORMAT);
 }
 
 /* Detects the format by the first bytes. Plain text is copied to the buffer; gzip becomes the
@@ -215,6 +224,8 @@ static void begin_reading(cairn_line_reader *reader)
     memset(&reader->stream, 0, sizeof reader->stream);
     reader->stream.next_in = reader->input;
     reader->stream.avail_in = (uInt)count;
+    reader->packed = (int64_t)count;
+    reader->unpacked = 0;
     if (inflateInit2(&reader->stream, GZIP_WINDOW) == Z_OK) {
         reader->is_gzip = true;
         return;
@@ -247,6 +258,11 @@ static cairn_status report_end(cairn_line_reader *reader, cairn_file_error *erro
         return cairn_file_error_set(
             error, status, reader->path, reader->number,
             "the gzip data end after this line, expected the end of the stream: the file is cut");
+    if (status == CAIRN_BAD_FORMAT && expands_too_much(reader))
+        return cairn_file_error_set(error, status, reader->path, reader->number,
+                                    "the gzip data expand more than %d times, expected those of a "
+                                    "log: what follows this line is left out",
+                                    UNPACKED_TIMES);
     if (status == CAIRN_BAD_FORMAT)
         return cairn_file_error_set(
             error, status, reader->path, reader->number,

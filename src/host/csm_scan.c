@@ -14,12 +14,13 @@
 #include "cairn/csm_scan.h"
 #include "cairn/json_text.h"
 #include "src/host/carmen_log_reader.h"
+#include "src/host/log_origin.h"
 
 /* Largest accepted magnitude of angles and poses, in rad and m. */
 #define MAX_COORDINATE 1e9
 
-/* Largest magnitude of a stamp in seconds whose nanoseconds fit into int64. */
-#define MAX_SECONDS 9e9
+/* Largest magnitude of a stamp in seconds: CAIRN_SCAN_MAX_STAMP_NS. */
+#define MAX_SECONDS 4e9
 
 cairn_csm_scan_params cairn_csm_scan_default(void)
 {
@@ -125,6 +126,7 @@ typedef struct csm_loader {
     cairn_json json;
     csm_field field[FIELD_COUNT];
     cairn_csm_scan_list *scans;
+    int32_t has_origin;
     int32_t capacity; /* of scans->scan */
     cairn_file_error *error;
 } csm_loader;
@@ -299,14 +301,22 @@ static cairn_status check_object(const csm_loader *loader, int64_t line)
 }
 
 /* Reads a pose; 1 when all its numbers are known, otherwise 0 and the identity. */
-static int32_t read_pose(const csm_field *field, cairn_pose *pose)
+static int32_t read_pose(csm_loader *loader, int32_t key, cairn_pose *pose)
 {
+    const csm_field *field = &loader->field[key];
+    double position[2];
+
     *pose = cairn_pose_identity();
     if (!field->given || !(fabs(field->value[0]) >= 0) || !(fabs(field->value[1]) >= 0) ||
         !(fabs(field->value[2]) >= 0))
         return 0;
-    pose->x = (cairn_real)field->value[0];
-    pose->y = (cairn_real)field->value[1];
+    memcpy(position, field->value, sizeof position);
+    if (!loader->has_origin)
+        log_origin_set(loader->scans->origin, position);
+    loader->has_origin = 1;
+    log_origin_take(loader->scans->origin, position);
+    pose->x = (cairn_real)position[0];
+    pose->y = (cairn_real)position[1];
     pose->theta = (cairn_real)remainder(field->value[2], 2 * (double)CAIRN_PI);
     return 1;
 }
@@ -323,10 +333,11 @@ static cairn_status read_stamp(const csm_loader *loader, cairn_csm_scan *scan)
         return check_count(loader, FIELD_TIMESTAMP, 2);
     seconds = field->value[0];
     micros = field->is_list ? field->value[1] : 0;
-    if (!(fabs(seconds) <= MAX_SECONDS) || !(fabs(micros) <= MAX_SECONDS))
+    if (!(fabs(seconds) <= MAX_SECONDS) || !(fabs(micros) <= MAX_SECONDS) ||
+        !(fabs(seconds + micros * 1e-6) <= MAX_SECONDS))
         return cairn_file_error_set(loader->error, CAIRN_BAD_FORMAT, loader->path, field->line,
-                                    "timestamp holds %g, expected s and us within 9e9",
-                                    fabs(seconds) <= MAX_SECONDS ? micros : seconds);
+                                    "timestamp holds %g, expected s and us within 4e9",
+                                    fabs(micros) <= MAX_SECONDS ? seconds : micros);
     scan->has_stamp = 1;
     scan->scan.stamp_ns = (int64_t)floor(seconds) * 1000000000 +
                           (int64_t)rint((seconds - floor(seconds)) * 1e9) +
@@ -393,9 +404,9 @@ static cairn_status add_scan(csm_loader *loader, int64_t line)
     scan.scan.count = rays;
     scan.scan.range_max = (float)loader->params->range_max;
     scan.scan.range_sigma = (float)loader->params->range_sigma;
-    scan.has_odometry = read_pose(&loader->field[FIELD_ODOMETRY], &scan.odometry);
-    scan.has_estimate = read_pose(&loader->field[FIELD_ESTIMATE], &scan.estimate);
-    scan.has_true_pose = read_pose(&loader->field[TRUE_POSE], &scan.true_pose);
+    scan.has_odometry = read_pose(loader, FIELD_ODOMETRY, &scan.odometry);
+    scan.has_estimate = read_pose(loader, FIELD_ESTIMATE, &scan.estimate);
+    scan.has_true_pose = read_pose(loader, TRUE_POSE, &scan.true_pose);
     scans->scan[scans->count++] = scan;
     scans->max_rays = rays > scans->max_rays ? rays : scans->max_rays;
     return CAIRN_OK;

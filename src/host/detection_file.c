@@ -1,6 +1,7 @@
 /* Writers of detections as JSON and as SVG over their image. */
 #include "src/core/build.h"
 
+#include <math.h>
 #include <stdio.h>
 
 #include "cairn/detection_file.h"
@@ -16,10 +17,13 @@ static double image_x(const cairn_detection_file_picture *picture, cairn_real x)
 void cairn_detection_file_box(const cairn_detection_file_picture *picture,
                               const cairn_object_detection *detection, double box[4])
 {
-    box[0] = image_x(picture, detection->left);
-    box[1] = image_x(picture, detection->top);
-    box[2] = image_x(picture, detection->right);
-    box[3] = image_x(picture, detection->bottom);
+    const double right = (double)picture->tokens->width * picture->shrink,
+                 bottom = (double)picture->tokens->height * picture->shrink;
+
+    box[0] = fmax(0, image_x(picture, detection->left));
+    box[1] = fmax(0, image_x(picture, detection->top));
+    box[2] = fmin(right, image_x(picture, detection->right));
+    box[3] = fmin(bottom, image_x(picture, detection->bottom));
 }
 
 /* ---- JSON ---- */

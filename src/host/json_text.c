@@ -447,21 +447,30 @@ size_t cairn_json_copy(const cairn_json_token *token, char *buffer, size_t size)
     return need;
 }
 
+/* Control characters, line ends of Unicode and what is no character break YAML, in which JSON
+ * strings are written too; the others are those of JSON and of HTML about it. */
+static int is_escaped(uint32_t code)
+{
+    return code < ' ' || (code >= 0x7F && code < 0xA0) || code == 0x2028 || code == 0x2029 ||
+           code == 0xFFFE || code == 0xFFFF ||
+           (code < 0x7F && strchr("\"\\<>&", (char)code) != NULL);
+}
+
 size_t cairn_json_character(const char **at, char form[CAIRN_JSON_CHARACTER_BYTES])
 {
-    static const char digits[] = "0123456789abcdef", escape[] = {'\\', 'u', '0', '0'};
+    static const char digits[] = "0123456789abcdef";
     const char *character = *at;
-    uint8_t first = (uint8_t) * *at;
     size_t length = cairn_utf8_length(*at);
+    uint32_t code = cairn_utf8_code_point(*at, length);
 
-    if (first < ' ' || strchr("\"\\<>&", (char)first) != NULL) {
-        memcpy(form, escape, sizeof escape);
-        form[4] = digits[first >> 4];
-        form[5] = digits[first & 15];
-        (*at)++;
+    *at += length > 0 ? length : 1;
+    if (length > 0 && is_escaped(code)) {
+        form[0] = '\\';
+        form[1] = 'u';
+        for (int32_t i = 0; i < 4; i++)
+            form[2 + i] = digits[code >> (12 - 4 * i) & 15];
         return 6;
     }
-    *at += length > 0 ? length : 1;
     if (length == 0) {
         character = CAIRN_UTF8_REPLACEMENT;
         length = strlen(character);

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "src/host/map_file_image.h"
+#include "src/host/regular_file.h"
 
 cairn_status cairn_image_allocate(cairn_image *image, int64_t width, int64_t height,
                                   const char *path, int64_t line, cairn_file_error *error)
@@ -123,15 +124,16 @@ static cairn_status read_pgm(cairn_image *image, pgm_reader *reader, int plain)
 
 cairn_status cairn_image_read(cairn_image *image, const char *path, cairn_file_error *error)
 {
-    FILE *file = fopen(path, "rb");
-    pgm_reader pgm = {.file = file, .path = path, .line = 1, .error = error};
+    FILE *file;
+    pgm_reader pgm = {.path = path, .line = 1, .error = error};
     uint8_t magic[2];
-    cairn_status status;
+    cairn_status status = regular_file_open(&file, path, error);
     size_t read_count;
 
     memset(image, 0, sizeof *image);
-    if (file == NULL)
-        return cairn_file_error_system(error, path, "open", errno);
+    if (status != CAIRN_OK)
+        return status;
+    pgm.file = file;
     read_count = fread(magic, 1, 2, file);
     if (ferror(file)) {
         status = cairn_file_error_system(error, path, "read", errno);

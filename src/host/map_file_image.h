@@ -6,7 +6,7 @@
 
 #include "cairn/output.h"
 
-/* The maximum number of pixels of an image. */
+/* The maximum number of pixels of an image, and of samples of all its channels. */
 #define CAIRN_IMAGE_MAX_PIXELS (INT32_C(1) << 28)
 
 /* A grey image on the heap. Row 0 is the topmost. */

@@ -78,6 +78,11 @@ static cairn_status decode_png(cairn_image *image, png_work *work, FILE *file, c
     (void)png_set_interlace_handling(work->png);
     png_read_update_info(work->png, work->info);
     channels = png_get_channels(work->png, work->info);
+    if (image->height > CAIRN_IMAGE_MAX_PIXELS / channels / image->width)
+        return cairn_file_error_set(
+            error, CAIRN_FULL, path, 0,
+            "the image has %d x %d pixels of %d samples, expected at most %d samples",
+            (int)image->width, (int)image->height, (int)channels, CAIRN_IMAGE_MAX_PIXELS);
     stride = png_get_rowbytes(work->png, work->info);
     work->samples = calloc((size_t)image->height, stride);
     work->row = malloc((size_t)image->height * sizeof *work->row);

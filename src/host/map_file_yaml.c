@@ -6,12 +6,17 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <yaml.h>
 
 #include "cairn/number_text.h"
 #include "cairn/output.h"
 #include "src/host/map_file_work.h"
 #include "src/host/carmen_log_reader.h"
+#include "src/host/regular_file.h"
+
+/* The maximum size of the YAML file: libyaml takes quadratic time for nested and anchored nodes. */
+#define MAX_YAML_BYTES 16384
 
 enum {
     KEY_IMAGE,
@@ -218,13 +223,22 @@ static cairn_status read_document(yaml_view *view, FILE *file)
 {
     yaml_parser_t parser;
     cairn_status status = CAIRN_OK;
+    struct stat about;
 
+    if (fstat(fileno(file), &about) != 0)
+        return cairn_file_error_system(view->error, view->path, "read", errno);
+    if (about.st_size > MAX_YAML_BYTES)
+        return cairn_file_error_set(view->error, CAIRN_FULL, view->path, 0,
+                                    "%lld bytes, expected the description of a map of at most %d",
+                                    (long long)about.st_size, MAX_YAML_BYTES);
     if (!yaml_parser_initialize(&parser))
         return cairn_file_error_system(view->error, view->path, "read", ENOMEM);
     yaml_parser_set_input_file(&parser, file);
     if (!yaml_parser_load(&parser, &view->document)) {
         if (ferror(file))
             status = cairn_file_error_system(view->error, view->path, "read", errno);
+        else if (parser.error == YAML_MEMORY_ERROR)
+            status = cairn_file_error_system(view->error, view->path, "read", ENOMEM);
         else
             status = cairn_file_error_set(
                 view->error, CAIRN_BAD_FORMAT, view->path, (int64_t)parser.problem_mark.line + 1,
@@ -240,11 +254,12 @@ cairn_status cairn_map_file_read(cairn_map_file *map, const char *yaml_path,
     cairn_map_file read = cairn_map_file_default();
     yaml_view view;
     cairn_status status;
-    FILE *file = fopen(yaml_path, "rb");
+    FILE *file;
 
     *map = read;
-    if (file == NULL)
-        return cairn_file_error_system(error, yaml_path, "open", errno);
+    status = regular_file_open(&file, yaml_path, error);
+    if (status != CAIRN_OK)
+        return status;
     memset(&view, 0, sizeof view);
     view.path = yaml_path;
     view.error = error;

@@ -1,18 +1,22 @@
 /* Atomic file output: a temporary file in the target's folder, then fsync and rename. */
-#define _XOPEN_SOURCE 700 /* realpath */
 #include "src/core/build.h"
 
 #include <stdarg.h>
 
 #include "cairn/output.h"
 #include "src/host/c_locale.h"
+#include "src/host/output_pending.h"
+#include "src/host/output_target.h"
 #include "src/host/posix.h"
+
+/* Temporary files of one process in one folder. */
+#define MAX_ATTEMPTS 1000
 
 struct cairn_output {
     FILE *stream;
-    char *path;         /* the caller's path, for error texts */
-    char *target;       /* the path with symbolic links resolved */
-    char *temporary;    /* NULL: the target is a device or pipe, written directly */
+    char *path; /* the caller's path, for error texts */
+    output_target target;
+    char *temporary;    /* NULL: the target is written directly */
     int32_t error_code; /* errno of the first failure */
 };
 
@@ -48,57 +52,75 @@ char *cairn_output_path_join(const char *folder, const char *name)
 static void free_output(cairn_output *output)
 {
     free(output->path);
-    free(output->target);
+    output_pending_take(output->temporary);
+    free(output->target.path);
     free(output->temporary);
     free(output);
 }
 
-/* Creates a new temporary file beside the target with the user's default permissions. Returns its
- * descriptor; -1 and errno on failure. */
+/* Creates a new temporary file beside the target, with the target's permissions or the user's
+ * default ones. Returns its descriptor; -1 and errno on failure. */
 static int open_temporary(cairn_output *output)
 {
-    size_t length = strlen(output->target);
+    size_t bytes = strlen(output->target.path) + 48;
+    const char *name = cairn_output_path_name(output->target.path);
+    int folder_length = (int)(name - output->target.path);
+    /* private until it has the target's mode */
+    mode_t mode = output->target.exists ? 0600 : 0666;
     int file = -1, attempt;
+    int32_t code;
 
-    output->temporary = malloc(length + 40);
+    output->temporary = malloc(bytes);
     if (output->temporary == NULL) {
         errno = ENOMEM;
         return -1;
     }
-    for (attempt = 0; attempt < 100 && file == -1; attempt++) {
-        (void)snprintf(output->temporary, length + 40, "%s.%ld-%d.part", output->target,
-                       (long)getpid(), attempt);
-        file = open(output->temporary, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    /* Its name does not contain the target's, which may be as long as a name can be. */
+    for (attempt = 0; attempt < MAX_ATTEMPTS && file == -1; attempt++) {
+        (void)snprintf(output->temporary, bytes, "%.*s.cairn-%ld-%d.part", folder_length,
+                       output->target.path, (long)getpid(), attempt);
+        file = open(output->temporary, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
         if (file == -1 && errno != EEXIST)
             break;
     }
+    code = file == -1 ? 0 : output_target_keep_mode(&output->target, output->temporary);
+    if (code != 0) {
+        (void)close(file);
+        (void)unlink(output->temporary);
+        file = -1;
+        errno = code;
+    }
+    if (file != -1)
+        output_pending_add(output->temporary);
     return file;
 }
 
 cairn_status cairn_output_open(cairn_output **output, const char *path, cairn_file_error *error)
 {
     cairn_output *created = calloc(1, sizeof *created);
-    struct stat about;
-    int file = -1, exists = stat(path, &about) == 0;
+    cairn_status status;
+    int32_t code;
+    int file;
 
     *output = NULL;
     if (created == NULL)
         return cairn_file_error_system(error, path, "write", ENOMEM);
+    status = output_target_find(&created->target, path, error);
+    if (status != CAIRN_OK) {
+        free_output(created);
+        return status;
+    }
     created->path = strdup(path);
-    created->target = exists ? realpath(path, NULL) : strdup(path);
-    if (created->path == NULL || created->target == NULL)
-        errno = ENOMEM;
-    else if (exists && S_ISDIR(about.st_mode))
-        errno = EISDIR;
-    else if (exists && !S_ISREG(about.st_mode))
-        file = open(created->target, O_WRONLY | O_CLOEXEC);
+    if (created->path == NULL)
+        file = -1;
+    else if (created->target.direct)
+        file = open(created->target.path, O_WRONLY | O_CLOEXEC);
     else
         file = open_temporary(created);
     if (file != -1)
         created->stream = fdopen(file, "wb");
     if (created->stream == NULL) {
-        int32_t code = errno;
-
+        code = errno;
         if (file != -1)
             (void)close(file);
         if (file != -1 && created->temporary != NULL)
@@ -145,7 +167,7 @@ cairn_status cairn_output_commit(cairn_output *output, cairn_file_error *error)
         store_error(output, fsync(fileno(output->stream)) != 0);
     store_error(output, fclose(output->stream) != 0);
     if (output->error_code == 0 && output->temporary != NULL)
-        store_error(output, rename(output->temporary, output->target) != 0);
+        store_error(output, rename(output->temporary, output->target.path) != 0);
     if (output->error_code != 0) {
         if (output->temporary != NULL)
             (void)unlink(output->temporary);

@@ -5,6 +5,39 @@
 
 #ifndef _WIN32
 
+#include <sys/file.h>
+
+void cairn_on_end_signals(void (*handler)(int number))
+{
+    static const int numbers[] = {SIGINT, SIGTERM, SIGHUP};
+    struct sigaction action, before;
+
+    memset(&action, 0, sizeof action);
+    action.sa_handler = handler;
+    action.sa_flags = (int)SA_RESETHAND;
+    (void)sigemptyset(&action.sa_mask);
+    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
+        if (sigaction(numbers[i], NULL, &before) == 0 && before.sa_handler == SIG_DFL)
+            (void)sigaction(numbers[i], &action, NULL);
+}
+
+int cairn_folder_lock(const char *path, int waits)
+{
+    int folder = open(path, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC), code;
+
+    if (folder == -1 || flock(folder, waits ? LOCK_EX : LOCK_EX | LOCK_NB) == 0 || waits)
+        return folder;
+    code = errno;
+    (void)close(folder);
+    errno = code;
+    return -1;
+}
+
+int cairn_folder_sync(int lock)
+{
+    return fsync(lock);
+}
+
 int cairn_text_stream_open(cairn_text_stream *text)
 {
     text->text = NULL;
@@ -69,6 +102,26 @@ static int result_of(BOOL done)
         errno = EIO;
     }
     return -1;
+}
+
+void cairn_on_end_signals(void (*handler)(int number))
+{
+    (void)handler;
+}
+
+int cairn_folder_lock(const char *path, int waits)
+{
+    (void)path;
+    if (waits)
+        return open("NUL", O_RDONLY | O_CLOEXEC);
+    errno = ENOSYS;
+    return -1;
+}
+
+int cairn_folder_sync(int lock)
+{
+    (void)lock;
+    return 0;
 }
 
 int cairn_windows_mkdir(const char *path)

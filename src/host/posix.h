@@ -6,7 +6,7 @@
  *
  * Limits on Windows: paths are in the system's code page, with "/" between their names; all files
  * and standard streams are binary; the locale of a thread stays as it is ("C" unless the program
- * changes it); fork() always fails with ENOSYS. */
+ * changes it); fork() always fails with ENOSYS; signals are not blocked. */
 #ifndef CAIRN_HOST_POSIX_H
 #define CAIRN_HOST_POSIX_H
 
@@ -22,6 +22,7 @@
 
 #ifndef _WIN32
 #include <dlfcn.h>
+#include <signal.h>
 #include <sys/mman.h>
 #include <sys/wait.h>
 #else
@@ -41,7 +42,12 @@
 #define mkdir(path, mode)             cairn_windows_mkdir(path)
 #define lstat(path, about)            stat(path, about)
 #define fsync(file)                   _commit(file)
-#define realpath(path, resolved)      _fullpath(resolved, path, 0)
+#define realpath(path, resolved)      ((void)(resolved), strdup(path))
+#define chown(path, user, group)      ((void)(path), (void)(user), (void)(group), 0)
+#define sigfillset(set)               (*(set) = 0)
+#define sigprocmask(how, set, before) ((void)(how), (void)(set), (void)(before), 0)
+#define SIG_BLOCK                     0
+#define SIG_SETMASK                   0
 #define rename(from, to)              cairn_windows_rename(from, to)
 #define newlocale(mask, name, base)   ((void)(base), (locale_t)0)
 #define uselocale(locale)             (locale)
@@ -53,7 +59,7 @@
 /* One job at a time, for there is no fork(). */
 #define sysconf(name)                 1L
 
-typedef int locale_t;
+typedef int locale_t, sigset_t;
 
 /* As on POSIX systems. aligned_alloc(): alignments up to that of malloc() (16) only. */
 char *strndup(const char *text, size_t max_length);
@@ -72,6 +78,18 @@ int cairn_windows_execvp(const char *path, char *const *argv);
 int cairn_windows_rename(const char *from, const char *to);
 
 #endif
+
+/* Calls the handler on SIGINT, SIGTERM and SIGHUP, once each, where the program has left them as
+ * they are. On Windows it has no effect. */
+void cairn_on_end_signals(void (*handler)(int number));
+
+/* Opens a folder and locks it. waits 0: fails when another process holds the lock. Returns the
+ * descriptor, whose closing releases the lock, or -1 and errno. Folders cannot be locked on
+ * Windows: there it succeeds when it may wait, and fails otherwise. */
+int cairn_folder_lock(const char *path, int waits);
+
+/* Writes the entries of a locked folder to the disk; 0, or -1 and errno. */
+int cairn_folder_sync(int lock);
 
 /* A stream whose bytes become a text on the heap. */
 typedef struct cairn_text_stream {

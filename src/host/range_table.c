@@ -20,6 +20,7 @@
 #include "cairn/range_table.h"
 #include "src/host/carmen_log_reader.h"
 #include "src/host/carmen_log_summary.h"
+#include "src/host/log_origin.h"
 
 /* URG: fields of a line, the first range, the range that points ahead. */
 enum { URG_FIELDS = 707, URG_FIRST = 25, URG_MIDDLE = 341, PROBED_LINES = 100 };
@@ -143,23 +144,42 @@ static int32_t find_column(const char *name, size_t length, double *degrees)
     return cairn_number_read(name, length, degrees) && fabs(*degrees) <= 360 ? CONTENT_BEARING : -1;
 }
 
-/* Returns 1 when a line can be a CSV header. */
-static int is_header(const char *line, size_t length)
+/* Returns 1 when a line can be a CSV header, or one of ranges in a table without a header. */
+static int is_csv(const char *line, size_t length)
 {
     const char *at = line, *cell;
-    int32_t fields = 0, bearings = 0;
-    double degrees;
+    int32_t fields = 0, numbers = 0;
+    double value;
     size_t n;
 
     while (next_cell(&at, line + length, &cell, &n)) {
-        int32_t column = find_column(cell, n, &degrees);
+        int number = n == 0 || cairn_number_read(cell, n, &value);
 
-        if (column < 0)
+        if (!number && find_column(cell, n, &value) < 0)
             return 0;
         fields++;
-        bearings += column == CONTENT_BEARING;
+        numbers += number;
     }
-    return bearings > 0 && fields > 1;
+    return numbers > 0 && fields > 1;
+}
+
+/* Returns 1 when a line is a CSV header: with a name in it, or bearings that rise or fall. */
+static int is_header(const char *line, size_t length)
+{
+    const char *at = line, *cell;
+    int32_t bearings = 0, rising = 0, falling = 0;
+    double degrees = 0, before;
+    size_t n;
+
+    while (next_cell(&at, line + length, &cell, &n)) {
+        before = degrees;
+        if (find_column(cell, n, &degrees) != CONTENT_BEARING)
+            return n > 0 && !cairn_number_read(cell, n, &degrees);
+        rising += bearings > 0 && degrees > before;
+        falling += bearings > 0 && degrees < before;
+        bearings++;
+    }
+    return rising == bearings - 1 || falling == bearings - 1;
 }
 
 static int32_t count_fields(const char *line, size_t length)
@@ -182,6 +202,11 @@ static cairn_status read_header(range_loader *loader, const char *line, size_t l
     int32_t seen[CONTENT_NAMED] = {0}, fields = 1;
     size_t n;
 
+    if (!is_header(line, length))
+        return cairn_file_error_set(error, CAIRN_BAD_FORMAT, loader->path, number,
+                                    "the first line has no header, expected the names of the "
+                                    "columns and bearings in degrees, rising or falling: "
+                                    "time,x,y,theta,-90,-89,...,90");
     for (size_t i = 0; i < length; i++)
         fields += line[i] == ',';
     if (!make_table(table, fields))
@@ -258,6 +283,9 @@ static const char *read_values(range_table *table, const char *line, size_t leng
             return "a field is not a number";
         if (table->column[count] < CONTENT_BEARING && !(fabs(table->value[count]) <= 1e15))
             return "a time, pose or tick that is not finite";
+        if (table->column[count] == CONTENT_TIME &&
+            !(fabs(table->value[count]) * table->time_unit <= (double)CAIRN_SCAN_MAX_STAMP_NS))
+            return "a time beyond 4e9 s";
     }
     return count < table->fields ? "too few fields" : NULL;
 }
@@ -273,8 +301,6 @@ static int reserve_scan(range_loader *loader)
 
     if (scans->count < loader->capacity)
         return 1;
-    if (loader->capacity > INT32_MAX / 2)
-        return 0;
     record = realloc(scans->record, (size_t)capacity * sizeof *record);
     if (record != NULL)
         scans->record = record;
@@ -315,6 +341,10 @@ static cairn_status append_scan(range_loader *loader, cairn_file_error *error)
     float *range;
     double named[CONTENT_BEARING] = {0};
 
+    if (scans->count == CAIRN_CARMEN_LOG_MAX_SCANS)
+        return cairn_file_error_set(
+            error, CAIRN_FULL, loader->path, cairn_line_reader_number(loader->reader),
+            "more than %d scans, expected at most that", CAIRN_CARMEN_LOG_MAX_SCANS);
     if (!reserve_scan(loader))
         return cairn_file_error_system(error, loader->path, "read", ENOMEM);
     record = &scans->record[scans->count];
@@ -337,6 +367,9 @@ static cairn_status append_scan(range_loader *loader, cairn_file_error *error)
                                        : scans->count * SCAN_PERIOD_NS;
     if (table->kind == CAIRN_RANGE_TABLE_URG)
         integrate_ticks(&loader->table, named);
+    if (scans->count == 0)
+        log_origin_set(scans->info.origin, &named[CONTENT_X]);
+    log_origin_take(scans->info.origin, &named[CONTENT_X]);
     record->robot.x = (cairn_real)named[CONTENT_X];
     record->robot.y = (cairn_real)named[CONTENT_Y];
     record->robot.theta = cairn_wrap_angle((cairn_real)named[CONTENT_THETA]);
@@ -383,7 +416,8 @@ static cairn_pose odometry_at(const cairn_carmen_log_record *record, int32_t ind
 
     while (before > 0 && record[before].stamp_ns > time &&
            record[before - 1].stamp_ns < record[before].stamp_ns &&
-           record[before].stamp_ns - record[before - 1].stamp_ns <= 2 * SCAN_PERIOD_NS)
+           cairn_time_difference(record[before].stamp_ns, record[before - 1].stamp_ns) <=
+               2 * SCAN_PERIOD_NS)
         before--;
     if (before == index || record[before].stamp_ns > time)
         return record[before].robot;
@@ -391,8 +425,9 @@ static cairn_pose odometry_at(const cairn_carmen_log_record *record, int32_t ind
     return cairn_pose_compose(
         record[before].robot,
         cairn_twist_exp(cairn_twist_log(step),
-                        (cairn_real)(time - record[before].stamp_ns) /
-                            (cairn_real)(record[before + 1].stamp_ns - record[before].stamp_ns)));
+                        (cairn_real)cairn_time_difference(time, record[before].stamp_ns) /
+                            (cairn_real)cairn_time_difference(record[before + 1].stamp_ns,
+                                                              record[before].stamp_ns)));
 }
 
 /* Completes the scans: shifts URG odometry by the latency, sets the pointers to the ranges. */
@@ -514,7 +549,7 @@ cairn_status cairn_range_table_find_kind(cairn_range_table_kind *kind, const cha
             break;
         if (!has_content(line, length))
             continue;
-        if (is_header(line, length))
+        if (is_csv(line, length))
             *kind = CAIRN_RANGE_TABLE_CSV;
         else if (count_fields(line, length) == URG_FIELDS &&
                  (line[0] == '-' || (line[0] >= '0' && line[0] <= '9')))

@@ -7,6 +7,7 @@
 
 #include "cairn/number_text.h"
 #include "cairn/relation_table.h"
+#include "cairn/scan.h"
 #include "src/host/carmen_log_reader.h"
 
 /* Words of the two kinds of lines; tolerance of a time in ns. */
@@ -178,10 +179,10 @@ static int compare_stamped(const void *a, const void *b)
     return (first->scan > second->scan) - (first->scan < second->scan);
 }
 
-/* Returns the absolute difference of two stamps in ns, without overflow. */
-static uint64_t time_difference(int64_t a, int64_t b)
+/* Returns the time between two stamps in ns. */
+static int64_t time_between(int64_t a, int64_t b)
 {
-    return a > b ? (uint64_t)a - (uint64_t)b : (uint64_t)b - (uint64_t)a;
+    return a > b ? cairn_time_difference(a, b) : cairn_time_difference(b, a);
 }
 
 /* Returns the scan with the nearest stamp within the tolerance, the first of equals; -1: none. */
@@ -198,12 +199,12 @@ static int64_t find_scan(const stamped *table, int32_t count, int64_t stamp_ns)
             high = middle;
     }
     best = low;
-    if (low > 0 && (low == count || time_difference(table[low - 1].stamp_ns, stamp_ns) <=
-                                        time_difference(table[low].stamp_ns, stamp_ns)))
+    if (low > 0 && (low == count || time_between(table[low - 1].stamp_ns, stamp_ns) <=
+                                        time_between(table[low].stamp_ns, stamp_ns)))
         best = low - 1;
     while (best > 0 && table[best - 1].stamp_ns == table[best].stamp_ns)
         best--;
-    return count > 0 && time_difference(table[best].stamp_ns, stamp_ns) <= TIME_TOLERANCE_NS
+    return count > 0 && time_between(table[best].stamp_ns, stamp_ns) <= TIME_TOLERANCE_NS
                ? table[best].scan
                : -1;
 }

@@ -15,11 +15,13 @@ void cairn_report_print_escaped(cairn_output *output, const char *text)
         length = cairn_utf8_length(text);
         if (*text == '<')
             cairn_output_print(output, "&lt;");
+        else if (*text == '>') /* "]]>" must not stand in XML */
+            cairn_output_print(output, "&gt;");
         else if (*text == '&')
             cairn_output_print(output, "&amp;");
         else if (*text == '"')
             cairn_output_print(output, "&quot;");
-        else if (length == 0)
+        else if (length == 0 || (cairn_utf8_code_point(text, length) & ~1u) == 0xFFFE)
             cairn_output_print(output, CAIRN_UTF8_REPLACEMENT);
         else if ((unsigned char)*text >= ' ')
             cairn_output_bytes(output, text, length);

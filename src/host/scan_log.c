@@ -79,6 +79,7 @@ static cairn_status convert_csm(cairn_scan_log *log, const cairn_csm_scan_list *
         at += 2 * (size_t)list->scan[scans->count].scan.count;
     }
     cairn_carmen_log_summarize(scans);
+    memcpy(scans->info.origin, list->origin, sizeof list->origin);
     scans->info.lines = list->count;
     scans->info.fixed_mounting = 1;
     return CAIRN_OK;

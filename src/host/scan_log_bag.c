@@ -180,6 +180,8 @@ static const char *check_scan(const cairn_scan_log_bag *bag, const cairn_ros_sca
         return "bearings that are not finite, expected angle_min and angle_increment in rad";
     if ((double)scan->range_min >= limit_of(bag, scan))
         return "range_min at or above range_max, expected it below";
+    if (scan->header.stamp_ns > CAIRN_SCAN_MAX_STAMP_NS)
+        return "a stamp beyond 4e9 s, expected one within it";
     return NULL;
 }
 

@@ -15,6 +15,7 @@
 
 #include "src/host/c_locale.h"
 #include "src/host/carmen_log_summary.h"
+#include "src/host/log_origin.h"
 #include "src/host/scan_log_bag.h"
 
 /* A tilt of the scan's plane that is mentioned, rad. */
@@ -115,9 +116,9 @@ static int by_recording(const void *first, const void *second)
 
 /* What the scans are placed by. */
 typedef struct bag_placing {
-    const cairn_scan_log_track *odometry; /* NULL: none */
-    const cairn_scan_log_link *link;      /* of the odometry; NULL: a topic */
-    const char *base;                     /* NULL: unknown */
+    cairn_scan_log_track *odometry;  /* NULL: none */
+    const cairn_scan_log_link *link; /* of the odometry; NULL: a topic */
+    const char *base;                /* NULL: unknown */
     cairn_scan_log_mounting mounting;
     int32_t is_mounted; /* 0: no links lead to the sensor, it is taken to be at the base */
 } bag_placing;
@@ -146,6 +147,21 @@ static bag_placing choose_placing(cairn_scan_log_bag *bag)
     if (!placing.is_mounted)
         placing.mounting.pose = cairn_pose_identity();
     return placing;
+}
+
+/* Takes the odometry from the log's origin, which is that of its first pose. */
+static void take_from_origin(cairn_scan_log_track *odometry, double origin[2])
+{
+    for (int32_t i = 0; odometry != NULL && i < odometry->count; i++) {
+        cairn_scan_log_sample *sample = &odometry->sample[i];
+        double pose[2] = {sample->x, sample->y};
+
+        if (i == 0)
+            log_origin_set(origin, pose);
+        log_origin_take(origin, pose);
+        sample->x = pose[0];
+        sample->y = pose[1];
+    }
 }
 
 /* Returns a number, or 0 when it would print as -0. */
@@ -238,6 +254,7 @@ cairn_status cairn_scan_log_bag_finish(cairn_scan_log_bag *bag, cairn_scan_log *
         return cairn_file_error_set(bag->error, CAIRN_BAD_ARGUMENT, bag->path, 0,
                                     "no transform from odom above %s on /tf, expected one",
                                     bag->sensor);
+    take_from_origin(placing.odometry, info->origin);
     qsort(bag->scan, (size_t)bag->scan_count, sizeof *bag->scan, by_recording);
     log->scans.record = calloc((size_t)bag->scan_count, sizeof *log->scans.record);
     if (log->scans.record == NULL)

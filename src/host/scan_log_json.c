@@ -134,6 +134,23 @@ static cairn_status read_fields(json_parser *parser,
     return status;
 }
 
+/* Refuses a stamp that no scan may have. */
+static cairn_status check_stamp(const json_parser *parser)
+{
+    int64_t stamp_ns = parser->scan->stamp_ns;
+
+    return stamp_ns <= CAIRN_SCAN_MAX_STAMP_NS && stamp_ns >= -CAIRN_SCAN_MAX_STAMP_NS
+               ? CAIRN_OK
+               : refuse(parser, "a stamp beyond 4e9 s, expected one within it");
+}
+
+static cairn_status read_stamp_ns(json_parser *parser)
+{
+    cairn_status status = read_integer(parser, &parser->scan->stamp_ns);
+
+    return status == CAIRN_OK ? check_stamp(parser) : status;
+}
+
 /* A field of header.stamp; secs and nsecs are those of ROS 1. */
 static cairn_status read_stamp_field(json_parser *parser, const cairn_json_token *name)
 {
@@ -146,8 +163,10 @@ static cairn_status read_stamp_field(json_parser *parser, const cairn_json_token
     status = read_integer(parser, &value);
     if (status == CAIRN_OK && (value < 0 || value > INT32_MAX))
         status = refuse(parser, "a stamp beyond 2038 or below 0, expected sec and nanosec");
+    if (status != CAIRN_OK)
+        return status;
     parser->scan->stamp_ns += is_seconds ? value * 1000000000 : value;
-    return status;
+    return check_stamp(parser);
 }
 
 static cairn_status read_header_field(json_parser *parser, const cairn_json_token *name)
@@ -177,7 +196,7 @@ static cairn_status read_field(json_parser *parser, const cairn_json_token *name
     if (cairn_json_is(name, "ranges"))
         return read_ranges(parser);
     if (cairn_json_is(name, "stamp_ns"))
-        return read_integer(parser, &scan->stamp_ns);
+        return read_stamp_ns(parser);
     if (cairn_json_is(name, "header"))
         return read_fields(parser, read_header_field);
     if (cairn_json_is(name, "sensor"))

@@ -14,6 +14,7 @@
 
 #include "src/host/carmen_log_message.h"
 #include "src/host/carmen_log_reader.h"
+#include "src/host/log_origin.h"
 #include "src/host/scan_log_work.h"
 
 /* Maximum range of a scan without one, m. */
@@ -30,7 +31,8 @@ struct cairn_scan_log_stream {
     cairn_scan_log_json json;
     cairn_scan_log_beams beams; /* of JSON */
     double param_max;           /* m, by the last PARAM; 0: none */
-    int32_t has_mounting;
+    int32_t has_mounting, has_origin;
+    double origin[2];    /* m, x and y */
     cairn_pose mounting; /* of CARMEN */
     float *range;        /* [range_capacity] of the record */
     int32_t range_capacity;
@@ -68,6 +70,12 @@ int64_t cairn_scan_log_stream_faults(const cairn_scan_log_stream *stream)
     return stream->faults;
 }
 
+void cairn_scan_log_stream_origin(const cairn_scan_log_stream *stream, double origin[2])
+{
+    origin[0] = stream->origin[0];
+    origin[1] = stream->origin[1];
+}
+
 void cairn_scan_log_stream_close(cairn_scan_log_stream *stream)
 {
     if (stream == NULL)
@@ -85,6 +93,15 @@ static cairn_pose pose_of(const double pose[3])
 
     wrapped.theta = cairn_wrap_angle(wrapped.theta);
     return wrapped;
+}
+
+/* Takes a pose of the odometry from the stream's origin, which is that of the first one. */
+static void take_from_origin(cairn_scan_log_stream *stream, double pose[3])
+{
+    if (!stream->has_origin)
+        log_origin_set(stream->origin, pose);
+    stream->has_origin = 1;
+    log_origin_take(stream->origin, pose);
 }
 
 /* Returns the maximum range of a scan; own: that of its message, 0 or NaN: none. */
@@ -126,12 +143,14 @@ static cairn_status fill_ranges(cairn_scan_log_stream *stream, cairn_carmen_log_
 /* Converts the CARMEN message. */
 static cairn_status convert_message(cairn_scan_log_stream *stream, cairn_carmen_log_record *record)
 {
-    const cairn_carmen_log_message *message = &stream->message;
+    cairn_carmen_log_message *message = &stream->message;
     cairn_status status = fill_ranges(stream, record, message->range, message->count,
                                       limit_of(stream, message->range_max));
 
     if (status != CAIRN_OK)
         return status;
+    take_from_origin(stream, message->robot);
+    take_from_origin(stream, message->laser);
     record->robot = pose_of(message->robot);
     record->laser = pose_of(message->laser);
     if (!stream->has_mounting) {
@@ -153,12 +172,14 @@ static cairn_status convert_message(cairn_scan_log_stream *stream, cairn_carmen_
 /* Converts the JSON scan. */
 static cairn_status convert_json(cairn_scan_log_stream *stream, cairn_carmen_log_record *record)
 {
-    const cairn_scan_log_json *json = &stream->json;
+    cairn_scan_log_json *json = &stream->json;
     cairn_status status = fill_ranges(stream, record, stream->beams.range, stream->beams.count,
                                       limit_of(stream, json->range_max));
 
     if (status != CAIRN_OK)
         return status;
+    if (json->has_odometry)
+        take_from_origin(stream, json->odometry);
     record->robot = pose_of(json->odometry);
     record->scan.base_sensor = pose_of(json->sensor);
     record->laser = cairn_pose_compose(record->robot, record->scan.base_sensor);

@@ -39,7 +39,7 @@ static void find_program_folder(char folder[PATH_BYTES])
 const void *cairn_shim_find(const char *library, const char *variable, const char *function,
                             int32_t version)
 {
-    static const char *const folders[] = {"", "/..", "/../lib"};
+    static const char *const folders[] = {"", "/../lib"};
     const char *override = getenv(variable);
     const void *table = NULL;
     char folder[PATH_BYTES], path[PATH_BYTES + 64];

@@ -11,7 +11,8 @@
 /* Returns the function table of a plug-in, or NULL when it is missing or has another version.
  *
  * Search order: the path in the environment variable `variable`, if set, and no other; the
- * program's folder; the folder above it; lib/ in that folder; the system's library path. */
+ * program's folder; lib/ beside that folder; the system's library path, with the program's
+ * rpath. */
 const void *cairn_shim_find(const char *library, const char *variable, const char *function,
                             int32_t version);
 

@@ -31,4 +31,15 @@ static inline size_t cairn_utf8_length(const char *text)
     return length;
 }
 
+/* Returns the code point of the valid character of `length` bytes at the start of a text. */
+static inline uint32_t cairn_utf8_code_point(const char *text, size_t length)
+{
+    const uint8_t *byte = (const uint8_t *)text;
+    uint32_t code = length > 1 ? byte[0] & (0x7Fu >> length) : byte[0];
+
+    for (size_t i = 1; i < length; i++)
+        code = code << 6 | (byte[i] & 0x3Fu);
+    return code;
+}
+
 #endif

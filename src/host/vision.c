@@ -17,6 +17,7 @@
 
 #include "cairn/vision.h"
 #include "src/host/map_file_image.h"
+#include "src/host/regular_file.h"
 #include "src/host/shim.h"
 #include "src/host/vision_format.h"
 #include "src/host/vision_shim.h"
@@ -63,7 +64,7 @@ static cairn_status report_opencv_error(cairn_status status, const char *path, c
 
 /* ---- Reading ---- */
 
-/* Reads a regular file into memory. */
+/* Reads a file of at most MAX_FILE_BYTES into memory. */
 static cairn_status read_open_file(FILE *file, const char *path, uint8_t **bytes, size_t *count,
                                    cairn_file_error *error)
 {
@@ -72,9 +73,6 @@ static cairn_status read_open_file(FILE *file, const char *path, uint8_t **bytes
 
     if (fstat(fileno(file), &about) != 0)
         return cairn_file_error_system(error, path, "read", errno);
-    if (!S_ISREG(about.st_mode))
-        return cairn_file_error_set(error, CAIRN_UNSUPPORTED, path, 0,
-                                    "a folder, pipe or device, expected an image file");
     if (about.st_size > MAX_FILE_BYTES)
         return cairn_file_error_set(error, CAIRN_FULL, path, 0,
                                     "%lld bytes, expected an image of at most %lld",
@@ -94,16 +92,35 @@ static cairn_status read_open_file(FILE *file, const char *path, uint8_t **bytes
 static cairn_status read_file(const char *path, uint8_t **bytes, size_t *count,
                               cairn_file_error *error)
 {
-    FILE *file = fopen(path, "rb");
-    cairn_status status;
+    FILE *file;
+    cairn_status status = regular_file_open(&file, path, error);
 
     *bytes = NULL;
     *count = 0;
-    if (file == NULL)
-        return cairn_file_error_system(error, path, "open", errno);
+    if (status != CAIRN_OK)
+        return status;
     status = read_open_file(file, path, bytes, count, error);
     (void)fclose(file);
     return status;
+}
+
+/* Fills what is transparent by a background: white behind a dark picture, black behind a light one,
+ * so that a silhouette stays one. */
+static void fill_background(uint8_t *grey, const uint8_t *alpha, size_t pixels)
+{
+    uint64_t sum = 0, weight = 0;
+    uint32_t background;
+
+    for (size_t i = 0; i < pixels; i++) {
+        sum += (uint64_t)grey[i] * alpha[i];
+        weight += alpha[i];
+    }
+    if (weight == 0)
+        return; /* nothing would be seen: no alpha is meant */
+    background = sum < 128 * weight ? 255 : 0;
+    for (size_t i = 0; i < pixels; i++)
+        grey[i] =
+            (uint8_t)((grey[i] * (uint32_t)alpha[i] + background * (255u - alpha[i]) + 127) / 255);
 }
 
 /* Reads PGM and PNG without OpenCV. */
@@ -118,10 +135,47 @@ static cairn_status read_without_opencv(cairn_vision_image *image, const char *p
     image->width = plain.width;
     image->height = plain.height;
     image->channels = image->sample_bytes = 1;
+    if (plain.alpha != NULL)
+        fill_background(plain.pixel, plain.alpha, (size_t)plain.width * (size_t)plain.height);
     image->samples = plain.pixel;
     plain.pixel = NULL;
     cairn_image_free(&plain);
     return CAIRN_OK;
+}
+
+/* Turns and mirrors an image as its EXIF orientation says. Returns 0 when there is no memory. */
+static int orient(cairn_vision_image *image, int32_t orientation)
+{
+    int32_t swapped = orientation > 4, width = swapped ? image->height : image->width,
+            height = swapped ? image->width : image->height;
+    /* Sides of the stored picture along which it is read from the end. */
+    int32_t from_right =
+                orientation == 2 || orientation == 3 || orientation == 7 || orientation == 8,
+            from_below =
+                orientation == 3 || orientation == 4 || orientation == 6 || orientation == 7;
+    size_t bytes = (size_t)image->channels * (size_t)image->sample_bytes;
+    const uint8_t *from = image->samples;
+    uint8_t *turned, *to;
+
+    if (orientation == 1)
+        return 1;
+    turned = malloc((size_t)width * (size_t)height * bytes);
+    if (turned == NULL)
+        return 0;
+    to = turned;
+    for (int32_t v = 0; v < height; v++)
+        for (int32_t u = 0; u < width; u++, to += bytes) {
+            int32_t x = swapped ? v : u, y = swapped ? u : v;
+
+            x = from_right ? image->width - 1 - x : x;
+            y = from_below ? image->height - 1 - y : y;
+            memcpy(to, from + ((size_t)y * (size_t)image->width + (size_t)x) * bytes, bytes);
+        }
+    free(image->samples);
+    image->samples = turned;
+    image->width = width;
+    image->height = height;
+    return 1;
 }
 
 /* Decodes an image from memory after a check of its header. */
@@ -151,12 +205,23 @@ static cairn_status decode(cairn_vision_image *image, const uint8_t *bytes, size
     status = shim->decode(bytes, count, &decoded, message, sizeof message);
     if (status != CAIRN_OK)
         return report_opencv_error(status, path, "a whole image of 8 or 16 bits", message, error);
+    if (decoded.width != header.width || decoded.height != header.height) {
+        free(decoded.samples);
+        return cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, 0,
+                                    "OpenCV: decoded to %d x %d pixels, expected %lld x %lld as in "
+                                    "the header",
+                                    (int)decoded.width, (int)decoded.height,
+                                    (long long)header.width, (long long)header.height);
+    }
     image->width = decoded.width;
     image->height = decoded.height;
     image->channels = decoded.channels;
     image->sample_bytes = decoded.sample_bytes;
     image->samples = decoded.samples;
-    return CAIRN_OK;
+    if (orient(image, header.orientation))
+        return CAIRN_OK;
+    cairn_vision_free(image);
+    return cairn_file_error_system(error, path, "read", ENOMEM);
 }
 
 cairn_status cairn_vision_read(cairn_vision_image *image, const char *path, cairn_file_error *error)
@@ -216,10 +281,26 @@ static uint32_t sample_of(const cairn_vision_image *image, size_t index)
                                     : ((const uint16_t *)image->samples)[index];
 }
 
+/* Returns how many bits the samples of 16 are shifted to 8: fewer where no sample uses more than 10
+ * or 12, as scanners and cameras write them. */
+static int32_t shift_of(const cairn_vision_image *image)
+{
+    size_t count = (size_t)image->width * (size_t)image->height * (size_t)image->channels;
+    uint32_t most = 0;
+
+    if (image->sample_bytes == 1)
+        return 0;
+    for (size_t i = 0; i < count; i++)
+        if (image->channels < 4 || i % 4 != 3)
+            most = sample_of(image, i) > most ? sample_of(image, i) : most;
+    return most < 256 ? 0 : most < 1024 ? 2 : most < 4096 ? 4 : 8;
+}
+
 cairn_status cairn_vision_make_grey(cairn_vision_image *image)
 {
     size_t pixels;
-    uint8_t *grey;
+    uint8_t *grey, *alpha = NULL;
+    int32_t shift;
 
     if (!is_image(image))
         return CAIRN_BAD_ARGUMENT;
@@ -227,8 +308,14 @@ cairn_status cairn_vision_make_grey(cairn_vision_image *image)
         return CAIRN_OK;
     pixels = (size_t)image->width * (size_t)image->height;
     grey = malloc(pixels);
-    if (grey == NULL)
+    if (image->channels == 4)
+        alpha = malloc(pixels);
+    if (grey == NULL || (image->channels == 4 && alpha == NULL)) {
+        free(grey);
+        free(alpha);
         return CAIRN_NO_MEMORY;
+    }
+    shift = shift_of(image);
     for (size_t i = 0; i < pixels; i++) {
         size_t at = i * (size_t)image->channels;
         uint32_t value = sample_of(image, at);
@@ -237,8 +324,13 @@ cairn_status cairn_vision_make_grey(cairn_vision_image *image)
             value = (114 * value + 587 * sample_of(image, at + 1) + 299 * sample_of(image, at + 2) +
                      500) /
                     1000;
-        grey[i] = (uint8_t)(image->sample_bytes == 1 ? value : value >> 8);
+        grey[i] = (uint8_t)(value >> shift);
+        if (alpha != NULL)
+            alpha[i] = (uint8_t)(sample_of(image, at + 3) >> (image->sample_bytes == 1 ? 0 : 8));
     }
+    if (alpha != NULL)
+        fill_background(grey, alpha, pixels);
+    free(alpha);
     free(image->samples);
     image->samples = grey;
     image->channels = image->sample_bytes = 1;

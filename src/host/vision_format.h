@@ -18,7 +18,9 @@ typedef enum cairn_vision_format {
 /* Header of an image file. */
 typedef struct cairn_vision_header {
     cairn_vision_format format;
-    int64_t width, height; /* pixels */
+    int64_t width, height; /* pixels, as they are stored */
+    /* how they are to be shown: 1 ... 8 as in EXIF; 1: as stored */
+    int32_t orientation;
 } cairn_vision_header;
 
 /* Reads the format and the size of an image from its first bytes. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED

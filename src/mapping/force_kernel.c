@@ -199,6 +199,8 @@ static inline cairn_status add_strips(const cairn_force_kernel *kernel,
     cairn_force_kernel_pull pull = cursor->pull;
     int32_t left = budget->left, row = cursor->row, next = cursor->next;
 
+    if (left <= 0)
+        return row < a->count ? CAIRN_MORE : CAIRN_OK;
     for (; row < a->count; row++) {
         cairn_vec2 p = a->position[row];
         cairn_real mass = a->mass[row];

@@ -562,12 +562,17 @@ cairn_lum_state cairn_lum_read(const cairn_lum *lum)
     return lum->state;
 }
 
+static int has_scan(const cairn_lum *lum, int32_t scan)
+{
+    return scan >= 0 && scan < lum->state.scans;
+}
+
 cairn_pose cairn_lum_pose(const cairn_lum *lum, int32_t scan)
 {
-    return lum->scans[scan].pose;
+    return has_scan(lum, scan) ? lum->scans[scan].pose : cairn_pose_identity();
 }
 
 int32_t cairn_lum_is_connected(const cairn_lum *lum, int32_t scan)
 {
-    return lum->root[scan] == 0;
+    return has_scan(lum, scan) && lum->root[scan] == 0;
 }

@@ -78,7 +78,7 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
 
     last = last_pose(mapper);
     mapper->has_odometry = has_odometry;
-    mapper->last_span = input->stamp_ns - mapper->last_stamp;
+    mapper->last_span = cairn_time_difference(input->stamp_ns, mapper->last_stamp);
     mapper->last_stamp = input->stamp_ns;
     if (mapper->state.scans == 0 && odometry != NULL)
         /* The odometry frame defines the map frame. */
@@ -396,9 +396,15 @@ cairn_scan_view cairn_mapper_view(const cairn_mapper *mapper)
     return cairn_scan_read(mapper->scan);
 }
 
+static int is_below(int32_t index, int32_t count)
+{
+    return index >= 0 && index < count;
+}
+
 cairn_pose cairn_mapper_keyframe_pose(const cairn_mapper *mapper, int32_t keyframe)
 {
-    return mapper->keyframe_pose[keyframe];
+    return is_below(keyframe, mapper->keyframe_count) ? mapper->keyframe_pose[keyframe]
+                                                      : cairn_pose_identity();
 }
 
 const cairn_scan_set *cairn_mapper_keyframes(const cairn_mapper *mapper)
@@ -415,7 +421,11 @@ cairn_pose cairn_mapper_map_odom(const cairn_mapper *mapper)
 
 cairn_mapper_loop cairn_mapper_loop_at(const cairn_mapper *mapper, int32_t index)
 {
-    return mapper->loop.events[index % MAPPER_LOOP_EVENTS];
+    const cairn_mapper_loop none = {.first = -1, .second = -1};
+
+    return is_below(index, mapper->state.loop_events)
+               ? mapper->loop.events[index % MAPPER_LOOP_EVENTS]
+               : none;
 }
 
 int32_t cairn_mapper_link_count(const cairn_mapper *mapper)
@@ -425,20 +435,26 @@ int32_t cairn_mapper_link_count(const cairn_mapper *mapper)
 
 int32_t cairn_mapper_keyframe_slot(const cairn_mapper *mapper, int32_t keyframe)
 {
-    return mapper->slot[keyframe];
+    return is_below(keyframe, mapper->keyframe_count) ? mapper->slot[keyframe] : -1;
 }
 
 cairn_mapper_culling cairn_mapper_culling_at(const cairn_mapper *mapper, int32_t index)
 {
-    return mapper->cullings[index % MAPPER_CULLING_EVENTS];
+    const cairn_mapper_culling none = {.keyframe = -1, .reference = -1};
+
+    return is_below(index, mapper->state.culled_keyframes)
+               ? mapper->cullings[index % MAPPER_CULLING_EVENTS]
+               : none;
 }
 
 cairn_mapper_link cairn_mapper_link_at(const cairn_mapper *mapper, int32_t index)
 {
-    const mapper_link *link = &mapper->loop.links[index];
-    cairn_mapper_link out;
+    cairn_mapper_link out = {.first = -1, .second = -1};
+    const mapper_link *link;
 
-    memset(&out, 0, sizeof out);
+    if (!is_below(index, mapper->loop.link_count))
+        return out;
+    link = &mapper->loop.links[index];
     out.first = link->first;
     out.second = link->second;
     out.first_second = cairn_pose_graph_measurement(mapper->loop.graph, index, &out.information);

@@ -79,7 +79,8 @@ cairn_pose cairn_mapper_sweep_motion(const cairn_mapper *mapper, const cairn_sca
                                      const cairn_pose *by_odometry)
 {
     int32_t uses_odometry = by_odometry != NULL && mapper->odometry_health > MIN_ODOMETRY_HEALTH;
-    int64_t span = uses_odometry ? input->stamp_ns - mapper->last_stamp : mapper->last_span;
+    int64_t span = uses_odometry ? cairn_time_difference(input->stamp_ns, mapper->last_stamp)
+                                 : mapper->last_span;
     cairn_real sweep =
         (cairn_real)input->time_step * (cairn_real)(input->count - 1) * CAIRN_REAL(1e9);
 

@@ -274,6 +274,11 @@ static int has_pose(const cairn_pose_graph *graph, int32_t pose)
     return pose >= 0 && pose < graph->state.poses;
 }
 
+static int has_link(const cairn_pose_graph *graph, int32_t link)
+{
+    return link >= 0 && link < graph->state.links;
+}
+
 cairn_status cairn_pose_graph_set_pose(cairn_pose_graph *graph, int32_t pose, cairn_pose map_pose)
 {
     if (!may_change(graph) || !has_pose(graph, pose))
@@ -351,7 +356,7 @@ cairn_status cairn_pose_graph_set_link(cairn_pose_graph *graph, int32_t link, in
 
     if (status != CAIRN_OK)
         return status;
-    if (link < 0 || link >= graph->state.links)
+    if (!has_link(graph, link))
         return CAIRN_BAD_ARGUMENT;
     write_link(graph, link, first, second, first_second, information);
     return CAIRN_OK;
@@ -386,7 +391,7 @@ cairn_status cairn_pose_graph_remove_pose(cairn_pose_graph *graph, int32_t pose)
 
 cairn_status cairn_pose_graph_exclude_link(cairn_pose_graph *graph, int32_t link, int32_t excluded)
 {
-    if (!may_change(graph) || link < 0 || link >= graph->state.links)
+    if (!may_change(graph) || !has_link(graph, link))
         return CAIRN_BAD_ARGUMENT;
     graph->links[link].is_excluded = excluded != 0;
     invalidate_solution(graph);
@@ -419,29 +424,36 @@ cairn_pose_graph_state cairn_pose_graph_read(const cairn_pose_graph *graph)
 
 cairn_pose cairn_pose_graph_pose(const cairn_pose_graph *graph, int32_t pose)
 {
-    return graph->poses[pose];
+    return has_pose(graph, pose) ? graph->poses[pose] : cairn_pose_identity();
 }
 
 cairn_pose_graph_link cairn_pose_graph_link_of(const cairn_pose_graph *graph, int32_t link)
 {
-    const struct pose_graph_link *l = &graph->links[link];
-    cairn_pose_graph_link out = {
-        .first = l->first,
-        .second = l->second,
-        .chi2 = l->chi2,
-        .weight = l->weight,
-        .is_outlier = l->chi2 > graph->params.max_chi2,
-        .is_excluded = l->is_excluded,
-    };
+    cairn_pose_graph_link out = {.first = -1, .second = -1};
+    const struct pose_graph_link *l;
 
+    if (!has_link(graph, link))
+        return out;
+    l = &graph->links[link];
+    out.first = l->first;
+    out.second = l->second;
+    out.chi2 = l->chi2;
+    out.weight = l->weight;
+    out.is_outlier = l->chi2 > graph->params.max_chi2;
+    out.is_excluded = l->is_excluded;
     return out;
 }
 
 cairn_pose cairn_pose_graph_measurement(const cairn_pose_graph *graph, int32_t link,
                                         cairn_sym3 *information)
 {
-    const struct pose_graph_link *l = &graph->links[link];
+    const cairn_sym3 none = {0, 0, 0, 0, 0, 0};
+    const struct pose_graph_link *l;
 
+    *information = none;
+    if (!has_link(graph, link))
+        return cairn_pose_identity();
+    l = &graph->links[link];
     *information = cairn_pose_graph_rotate_information(l->information, -l->measured.theta);
     return l->measured;
 }

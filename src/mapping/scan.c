@@ -14,6 +14,15 @@
 
 #include "src/mapping/scan_work.h"
 
+int64_t cairn_time_difference(int64_t a, int64_t b)
+{
+    if (b < 0 && a > INT64_MAX + b)
+        return INT64_MAX;
+    if (b > 0 && a < INT64_MIN + b)
+        return INT64_MIN;
+    return a - b;
+}
+
 cairn_scan_params cairn_scan_default(void)
 {
     cairn_scan_params params;
@@ -162,6 +171,9 @@ static cairn_status check_input(const cairn_scan *scan, const cairn_scan_input *
         return CAIRN_NOT_FINITE;
     fault->message = "time_step: expected >= 0";
     if (in->time_step < 0)
+        return CAIRN_BAD_ARGUMENT;
+    fault->message = "stamp_ns: beyond CAIRN_SCAN_MAX_STAMP_NS";
+    if (in->stamp_ns > CAIRN_SCAN_MAX_STAMP_NS || in->stamp_ns < -CAIRN_SCAN_MAX_STAMP_NS)
         return CAIRN_BAD_ARGUMENT;
     fault->message = "base_sensor, motion: expected finite numbers";
     if (!cairn_pose_is_finite(in->base_sensor) || !cairn_pose_is_finite(in->motion))
