@@ -220,7 +220,7 @@ cairn_contour_grouping_params cairn_contour_grouping_as_written(void);
 
 /* Returns the bytes that create() takes from the pool; 0 for params that create() would refuse.
  * Default mode: about 5 KB per particle, independent of the length of the paths, and 100 bytes per
- * token. As written: about 130 KB per particle, 110 bytes per token, 80 per symmetric point, and 110
+ * token. As written: about 13 KB per particle, 110 bytes per token, 80 per symmetric point, and 110
  * per object and step. */
 size_t cairn_contour_grouping_memory(const cairn_contour_grouping_params *params);
 

@@ -21,7 +21,7 @@
 
 /* Capacity of history states per particle (shared trajectories are stored once); greatest number of
  * followers. */
-enum { BLOCKS_PER_PARTICLE = 24, MAX_FOLLOWERS = 16, MAX_CANDIDATES = 1 << 20 };
+enum { BLOCKS_PER_PARTICLE = 24, MAX_FOLLOWERS = 16 };
 /* Greatest angle between an edge normal and the line between both edgels, degrees. */
 #define MAX_CHORD_ANGLE_DEG 75
 /* Side of a cell of the grid of ends, px. */
@@ -64,10 +64,7 @@ static cairn_particle_filter_params filter_params(const cairn_contour_grouping_p
     settings.particles = settings.max_particles = params->particles;
     settings.proposal = CAIRN_PARTICLE_FILTER_PROPOSAL_BOOSTED;
     settings.max_followers = MAX_FOLLOWERS;
-    settings.max_candidates =
-        params->particles < MAX_CANDIDATES / CONTOUR_GROUPING_WRITTEN_CANDIDATES_PER_PARTICLE
-            ? params->particles * CONTOUR_GROUPING_WRITTEN_CANDIDATES_PER_PARTICLE
-            : MAX_CANDIDATES;
+    settings.max_candidates = params->particles * CONTOUR_GROUPING_WRITTEN_CANDIDATES_PER_PARTICLE;
     settings.max_history = 0;
     settings.max_blocks = BLOCKS_PER_PARTICLE * params->particles + params->max_steps;
     settings.state_bytes = (int32_t)sizeof(contour_grouping_written_state);

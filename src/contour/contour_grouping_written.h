@@ -5,11 +5,11 @@
 #include "cairn/symmetric_point.h"
 #include "src/contour/contour_grouping_work.h"
 
-/* Greatest number of new segments considered for extending a side, the nearest ones, with the
- * side's own 32; memory for a candidate of each pair of a particle. */
+/* Greatest number of new segments considered for extending a side, the nearest ones; candidates
+ * that there is memory for, for each particle on average. */
 enum {
     CONTOUR_GROUPING_WRITTEN_MAX_EXTENSIONS = 31,
-    CONTOUR_GROUPING_WRITTEN_CANDIDATES_PER_PARTICLE = 1024
+    CONTOUR_GROUPING_WRITTEN_CANDIDATES_PER_PARTICLE = 100
 };
 
 /* State of a particle: the current symmetric point, its two segments and their open ends. */
