@@ -169,6 +169,8 @@ typedef struct cairn_contour_search_result {
     /* Mode as written only. */
     /* symmetric points; those dropped beyond the capacity, the least symmetric ones */
     int32_t point_count, points_dropped;
+    /* extensions of trajectories beyond the memory for candidates, dropped */
+    int32_t candidates_dropped;
     /* CAIRN_CONTOUR_GROUPING_...: termination reason of the filter */
     int32_t end_reason;
 } cairn_contour_search_result;

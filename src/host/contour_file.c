@@ -146,9 +146,11 @@ static void print_trace(cairn_output *output, const cairn_contour_search_result 
     cairn_output_print(output, "  {\"mirrored\": %s, \"starts\": %d, ", mirrored ? "true" : "false",
                        (int)result->hypothesis_counts[mirrored]);
     if (result->mode == CAIRN_MODE_AS_WRITTEN)
-        cairn_output_print(output, "\"points\": %d, \"points_dropped\": %d, \"end\": \"%s\", ",
-                           (int)result->point_count, (int)result->points_dropped,
-                           cairn_contour_search_end_text(result->end_reason));
+        cairn_output_print(
+            output,
+            "\"points\": %d, \"points_dropped\": %d, \"candidates_dropped\": %d, \"end\": \"%s\", ",
+            (int)result->point_count, (int)result->points_dropped, (int)result->candidates_dropped,
+            cairn_contour_search_end_text(result->end_reason));
     cairn_output_print(output, "\"steps\": [");
     for (int32_t i = 0; i < result->steps[mirrored]; i++) {
         const cairn_contour_grouping_trace *step = &result->trace[mirrored][i];

@@ -142,6 +142,7 @@ static cairn_status copy_result(written_run *search)
     result->mode = CAIRN_MODE_AS_WRITTEN;
     result->point_count = found.point_count;
     result->points_dropped = found.points_dropped;
+    result->candidates_dropped = found.candidates_dropped;
     result->end_reason = found.end_reason;
     for (int32_t i = 0; i < found.object_count; i++)
         append_object(search, &found, i);
