@@ -54,10 +54,7 @@ CXX_FLAGS  = -std=c++17 $(WARN) $(WERROR) $(COMMON) $(TRAPS)
 # without libpng PNG images cannot, without sqlite3, lz4, bzip2 or zstd bags that need them cannot (tools/deps.sh bags).
 INCLUDES   := $(if $(CROSS),/usr/$(CROSS:-=)/include,/usr/include /usr/local/include)
 has        = $(firstword $(wildcard $(addsuffix /$(1),$(INCLUDES))))
-CORE_SRC    := $(wildcard src/core/*.c)
-CONTOUR_SRC := $(wildcard src/contour/*.c)
-MAPPING_SRC := $(wildcard src/mapping/*.c)
-LIB_SRC     := $(CORE_SRC) $(CONTOUR_SRC) $(MAPPING_SRC)
+LIB_SRC     := $(wildcard src/*/*.c)
 HAVE_HOST   := $(call has,zlib.h)
 HAVE_YAML   := $(call has,yaml.h)
 HAVE_PNG    := $(call has,png.h)
@@ -70,10 +67,10 @@ BAG_LIBS    := $(foreach kind,$(BAG_FOUND),-l$(word 2,$(subst :, ,$(kind))))
 BAG_DEFINES := $(foreach kind,$(BAG_FOUND),-D$(word 3,$(subst :, ,$(kind))))
 BAG_MISSING := $(foreach kind,$(filter-out $(BAG_FOUND),$(BAG_KINDS)),lib$(word 2,$(subst :, ,$(kind))))
 VISION_INC  := $(patsubst %/opencv2/imgcodecs.hpp,%,$(firstword $(call has,opencv4/opencv2/imgcodecs.hpp)))
-HOST_OTHER  := src/host/map_file_$(if $(HAVE_YAML),no_)yaml.c src/host/map_file_png$(if $(HAVE_PNG),_plain).c
-HOST_SRC    := $(if $(HAVE_HOST),$(filter-out $(HOST_OTHER),$(wildcard src/host/*.c)) src/host/report_player_page.c)
-VISION_SRC  := $(if $(VISION_INC),src/host/vision_shim.cpp)
-APPEARANCE_SRC := $(if $(and $(VISION_INC),$(call has,opencv4/opencv2/features2d.hpp),$(call has,opencv4/opencv2/ml.hpp)),src/host/appearance_shim.cpp)
+HOST_OTHER  := src/host/files/map_file_$(if $(HAVE_YAML),no_)yaml.c src/host/files/map_file_png$(if $(HAVE_PNG),_plain).c
+HOST_SRC    := $(if $(HAVE_HOST),$(filter-out $(HOST_OTHER),$(wildcard src/host/*/*.c)) src/host/pictures/report_player_page.c)
+VISION_SRC  := $(if $(VISION_INC),src/host/images/vision_shim.cpp)
+APPEARANCE_SRC := $(if $(and $(VISION_INC),$(call has,opencv4/opencv2/features2d.hpp),$(call has,opencv4/opencv2/ml.hpp)),src/host/images/appearance_shim.cpp)
 SIM_SRC     := $(if $(HAVE_SIM),$(wildcard sim/*.cpp))
 TEST_LACKS  := $(if $(HAVE_SIM),,sim) $(if $(HAVE_HOST),,host) $(if $(HAVE_YAML),,yaml) $(if $(HAVE_PNG),,png)
 TEST_SRC    := $(if $(HAVE_TEST),$(if $(strip $(TEST_LACKS)),$(shell sh tools/free-tests.sh $(TEST_LACKS)),$(wildcard tests/test_*.c)))
@@ -157,7 +154,7 @@ $(BUILD)/float/src/%.c.o: src/%.c
 	@mkdir -p $(@D)
 	$(CC) -DCAIRN_FLOAT $(if $(filter host/%,$*),$(HOST_FLAGS),$(LIB_FLAGS)) $(CFLAGS) -c $< -o $@
 # What decompresses bags, and its test, are compiled again when one of the libraries comes or goes.
-bag_objects := $(foreach real,double float,$(foreach file,src/host/unpack src/host/bag_file_sqlite tests/test_scan_log,$(BUILD)/$(real)/$(file).c.o))
+bag_objects := $(foreach real,double float,$(foreach file,src/host/logs/unpack src/host/logs/bag_file_sqlite tests/test_scan_log,$(BUILD)/$(real)/$(file).c.o))
 $(bag_objects): $(BUILD)/bag-libraries.txt
 $(bag_objects): HOST_FLAGS += $(BAG_DEFINES)
 $(BUILD)/bag-libraries.txt: FORCE
@@ -166,10 +163,10 @@ FORCE:
 bag-libraries:
 	@echo '$(BAG_LIBS)'
 # The page of the player is generated from its HTML.
-$(BUILD)/src/host/report_player_page.c: src/host/report_player.html tools/page.sh
+$(BUILD)/src/host/pictures/report_player_page.c: src/host/pictures/report_player.html tools/page.sh
 	@mkdir -p $(@D)
 	sh tools/page.sh >$@.part && mv $@.part $@
-$(BUILD)/%/src/host/report_player_page.c.o: $(BUILD)/src/host/report_player_page.c
+$(BUILD)/%/src/host/pictures/report_player_page.c.o: $(BUILD)/src/host/pictures/report_player_page.c
 	@mkdir -p $(@D)
 	$(CC) $(if $(filter float,$*),-DCAIRN_FLOAT) $(HOST_FLAGS) $(CFLAGS) -c $< -o $@
 # Everything else.
@@ -207,7 +204,7 @@ $(BUILD)/libcairn.so.$(SOVERSION): $(call object,double,$(LIB_SRC)) $(BUILD)/lib
 	$(CC) -shared -Wl,-soname,$(@F) -Wl,--version-script=$(BUILD)/libcairn.map $(SAN) $(LDFLAGS) -o $@ $(filter %.o,$^) -lm
 
 # Warnings are disabled for the headers of OpenCV.
-$(BUILD)/double/src/host/vision_shim.cpp.o $(BUILD)/double/src/host/appearance_shim.cpp.o: CXXFLAGS += -isystem $(VISION_INC)
+$(BUILD)/double/src/host/images/vision_shim.cpp.o $(BUILD)/double/src/host/images/appearance_shim.cpp.o: CXXFLAGS += -isystem $(VISION_INC)
 $(BUILD)/libcairn-vision.so: $(call object,double,$(VISION_SRC))
 	$(CXX) -shared -Wl,-soname,$(@F) $(SAN) $(LDFLAGS) -o $@ $^ $(VISION_LIBS)
 $(BUILD)/libcairn-appearance.so: $(call object,double,$(APPEARANCE_SRC))
@@ -359,7 +356,7 @@ check-long:
 	@sh tools/check-long.sh $(BUILD)
 
 # All objects of library, tools and benches, those of the tests, and both, for the checks of warnings.
-CODE_SRC = $(LIB_SRC) $(HOST_SRC) $(if $(HAVE_YAML),src/host/map_file_no_yaml.c) $(SIM_SRC) $(FW_LOOP) $(FW_SURVEY) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC) $(SCENE_SRC)
+CODE_SRC = $(LIB_SRC) $(HOST_SRC) $(if $(HAVE_YAML),src/host/files/map_file_no_yaml.c) $(SIM_SRC) $(FW_LOOP) $(FW_SURVEY) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC) $(SCENE_SRC)
 ALL_TEST_SRC = $(TEST_SRC) $(filter tests/%,$(TEST_COMMON)) $(GOLDEN) $(NEEDS_test_long) $(NEEDS_test_memory)
 code-objects: $(call object,double,$(CODE_SRC) $(VISION_SRC) $(APPEARANCE_SRC)) $(call object,float,$(CODE_SRC))
 test-objects: $(call object,double,$(ALL_TEST_SRC)) $(call object,float,$(ALL_TEST_SRC))
@@ -446,10 +443,10 @@ mutate:
 	@sh tools/mutate.sh $(or $(N),40) $(or $(SEED),1)
 
 format:
-	clang-format -i $(wildcard src/*/*.[ch] include/cairn/*.h sim/*.cpp sim/*.h tools/*.[ch] tests/*.[ch] bench/*.[ch] firmware/*.[ch])
+	clang-format -i $(wildcard src/*/*.[ch] src/host/*/*.[ch] include/cairn/*.h sim/*.cpp sim/*.h tools/*.[ch] tests/*.[ch] bench/*.[ch] firmware/*.[ch])
 
 amalgamation: $(BUILD)/amalgamation/cairn.c
-$(BUILD)/amalgamation/cairn.c: $(LIB_SRC) $(wildcard src/*/*.h include/cairn/*.h) tools/amalgamate.sh
+$(BUILD)/amalgamation/cairn.c: $(LIB_SRC) $(wildcard src/*/*.h include/cairn/*.h) tools/amalgamate.sh tools/modules.txt
 	sh tools/amalgamate.sh $(@D)
 
 coverage:

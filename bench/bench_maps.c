@@ -9,7 +9,7 @@
 
 #include "bench/bench_json.h"
 #include "cairn/map_merge.h"
-#include "src/host/map_file_image.h"
+#include "src/host/files/map_file_image.h"
 
 /* Pixels: the largest fitting error of annotated pairs that are used, and the tolerance of a placed
  * map. */

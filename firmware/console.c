@@ -1,5 +1,5 @@
 /* Output of the loops and cost statistics of their ticks. */
-#include "src/core/build.h"
+#include "src/base/build.h"
 
 #include "firmware/board.h"
 #include "firmware/console.h"

@@ -11,7 +11,7 @@
  *
  * Limits: errors of points count as independent, so that covariances hold for well-fitted segments;
  * a wrong correspondence within the gate is not rejected. */
-#include "src/core/build.h"
+#include "src/base/build.h"
 
 #include <string.h>
 

@@ -2,7 +2,7 @@
  *
  * Prints the poses, the hash of all states, and the cost of the ticks; writes the flight
  * recorder's stream. */
-#include "src/core/build.h"
+#include "src/base/build.h"
 
 #include "firmware/board.h"
 #include "firmware/console.h"

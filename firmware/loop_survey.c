@@ -6,7 +6,7 @@
  * second lap; at the end the poses of the keyframes, the numbers of sweeps taken, rejected and
  * lost, the hash of all states, and the cost of the ticks. Ends with status 1 when a sweep was
  * rejected, lost, or mapped more than 0.5 m from its pose in the second lap. */
-#include "src/core/build.h"
+#include "src/base/build.h"
 
 #include "cairn/random.h"
 #include "firmware/board.h"

@@ -1,5 +1,5 @@
 /* A rescue arena: 60 scans of 401 beams from 15 places, a grid of 0.2 m. */
-#include "src/core/build.h"
+#include "src/base/build.h"
 
 #include "arena_scans.h"
 

@@ -1,5 +1,5 @@
 /* A maze: 16 full scans of 181 beams, a grid of 0.3 m. */
-#include "src/core/build.h"
+#include "src/base/build.h"
 
 #include "maze_scans.h"
 

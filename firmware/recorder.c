@@ -1,5 +1,5 @@
 /* Flight recorder. Words are written in memory order: the boards are little-endian. */
-#include "src/core/build.h"
+#include "src/base/build.h"
 
 #include "firmware/recorder.h"
 

@@ -3,7 +3,7 @@
  *
  * Limits: the initial poses of the sweeps must lie within the force field's basin of convergence.
  * The grid is redrawn repeatedly; between two complete drawings it is partial. */
-#include "src/core/build.h"
+#include "src/base/build.h"
 
 #include <string.h>
 

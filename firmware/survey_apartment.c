@@ -1,7 +1,7 @@
 /* Drives through an apartment and back: sweeps of 241 beams over 240 degrees with drifting
  * odometry, mapped in external RAM, with a capacity of a third of the keyframes of one way
  * (keyframe culling). */
-#include "src/core/build.h"
+#include "src/base/build.h"
 
 #include "apartment_scans.h"
 #include "firmware/survey.h"

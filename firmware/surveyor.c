@@ -1,5 +1,5 @@
 /* The mapper in the main loop of a robot. */
-#include "src/core/build.h"
+#include "src/base/build.h"
 
 #include <string.h>
 

@@ -2,7 +2,7 @@
  * options, tools/firmware-test.sh between machines; tests/test_golden.c runs the scenes, too. A
  * scene computes with seeded inputs and hashes all bits of its results. A NaN is never hashed; 0 is
  * a scene that failed. Output goes through the board, so that it runs on a bare microcontroller. */
-#include "src/core/build.h"
+#include "src/base/build.h"
 
 #include "firmware/board.h"
 #include "tests/golden.h"

@@ -1,6 +1,6 @@
 /* Golden scenes of contours: from edges to symmetric points, from an outline to grouped
  * segments. */
-#include "src/core/build.h"
+#include "src/base/build.h"
 
 #include "cairn/contour_grouping.h"
 #include "cairn/curve.h"

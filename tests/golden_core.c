@@ -1,5 +1,5 @@
 /* Golden scenes of the core modules and of pose graphs. */
-#include "src/core/build.h"
+#include "src/base/build.h"
 
 #include "cairn/geometry.h"
 #include "cairn/pose_consensus.h"

@@ -1,6 +1,6 @@
 /* Golden scenes of mapping: lines and rectangles, particles, registration, hypotheses, place maps,
  * merged maps. */
-#include "src/core/build.h"
+#include "src/base/build.h"
 
 #include "cairn/filter_mapper.h"
 #include "cairn/hough.h"

@@ -1,5 +1,5 @@
 /* Golden scenes of scans of a room. */
-#include "src/core/build.h"
+#include "src/base/build.h"
 
 #include "cairn/aligner.h"
 #include "cairn/force_field.h"

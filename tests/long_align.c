@@ -1,5 +1,5 @@
 /* Long scenes of scan alignment: the aligner, the force field, Lu and Milios, hypotheses. */
-#include "src/core/build.h"
+#include "src/base/build.h"
 
 #include "cairn/lum.h"
 #include "cairn/scan_redundancy.h"

@@ -1,5 +1,5 @@
 /* Long scenes of graphs, consensus and particles. */
-#include "src/core/build.h"
+#include "src/base/build.h"
 
 #include "cairn/particle_filter.h"
 #include "cairn/pose_consensus.h"

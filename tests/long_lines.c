@@ -1,5 +1,5 @@
 /* Long scenes of lines, surfaces and images. */
-#include "src/core/build.h"
+#include "src/base/build.h"
 
 #include "cairn/corner.h"
 #include "cairn/curve.h"

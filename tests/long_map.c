@@ -1,6 +1,6 @@
 /* Long scenes of maps: the mapper on drives, grids and their quality, merged maps of several
  * robots. */
-#include "src/core/build.h"
+#include "src/base/build.h"
 
 #include "cairn/map_merge.h"
 #include "cairn/map_quality.h"

@@ -1,6 +1,6 @@
 /* Long scenes of scan matching: scan_match in all its modes, icp, places without a guess,
  * sequences. */
-#include "src/core/build.h"
+#include "src/base/build.h"
 
 #include "cairn/icp.h"
 #include "cairn/place_map.h"

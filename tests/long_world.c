@@ -1,5 +1,5 @@
 /* The world of the long scenes, and scans of it. */
-#include "src/core/build.h"
+#include "src/base/build.h"
 
 #include "tests/long.h"
 

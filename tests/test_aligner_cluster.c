@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-#include "src/mapping/aligner_work.h"
+#include "src/alignment/aligner_work.h"
 #include "tests/rooms.h"
 
 enum { SCANS = 12 };

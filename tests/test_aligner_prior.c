@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#include "src/mapping/aligner_work.h"
+#include "src/alignment/aligner_work.h"
 
 enum { SCANS = 12, FIRST_CLUSTER = 7 };
 

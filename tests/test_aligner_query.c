@@ -2,7 +2,7 @@
 #include "tests/test.h"
 
 #include "cairn/aligner.h"
-#include "src/mapping/aligner_work.h"
+#include "src/alignment/aligner_work.h"
 #include "tests/rooms.h"
 
 #define DEGREE (CAIRN_PI / 180)

@@ -1,7 +1,7 @@
 /* Walls of the aligner: the search by tiles compared with a linear search. */
 #include "tests/test.h"
 
-#include "src/mapping/aligner_work.h"
+#include "src/alignment/aligner_work.h"
 
 enum { SEGMENTS = 900, SCANS = 12 };
 

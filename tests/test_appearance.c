@@ -5,7 +5,7 @@
 #include <math.h>
 
 #include "cairn/random.h"
-#include "src/host/appearance_work.h"
+#include "src/host/images/appearance_work.h"
 #include "tests/files.h"
 
 enum { WIDTH = 220, HEIGHT = 160, LEFT = 40, TOP = 30, SIDE = 80 };

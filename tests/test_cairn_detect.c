@@ -5,7 +5,7 @@
 #include "cairn/appearance.h"
 #include "cairn/json_text.h"
 #include "cairn/vision.h"
-#include "src/host/map_file_image.h"
+#include "src/host/files/map_file_image.h"
 #include "tests/xml.h"
 
 enum { WIDTH = 240, HEIGHT = 200, IMAGES = 5 };

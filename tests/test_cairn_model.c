@@ -2,7 +2,7 @@
 #include "tests/programs.h"
 
 #include "cairn/shape_model_file.h"
-#include "src/host/map_file_image.h"
+#include "src/host/files/map_file_image.h"
 #include "tests/xml.h"
 
 enum { WIDTH = 160, HEIGHT = 120 };

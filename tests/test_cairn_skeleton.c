@@ -6,7 +6,7 @@
 
 #include "cairn/json_text.h"
 #include "cairn/vision.h"
-#include "src/host/map_file_image.h"
+#include "src/host/files/map_file_image.h"
 #include "tests/xml.h"
 
 enum { WIDTH = 200, HEIGHT = 120 };

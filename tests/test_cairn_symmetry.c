@@ -4,7 +4,7 @@
 #include <math.h>
 
 #include "cairn/json_text.h"
-#include "src/host/map_file_image.h"
+#include "src/host/files/map_file_image.h"
 #include "tests/xml.h"
 
 enum { SIDE = 160 };

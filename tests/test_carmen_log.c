@@ -6,7 +6,7 @@
 #include <zlib.h>
 
 #include "cairn/carmen_log.h"
-#include "src/host/carmen_log_reader.h"
+#include "src/host/logs/carmen_log_reader.h"
 
 /* A text that grows. */
 typedef struct text {

@@ -3,7 +3,7 @@
  * large ones. */
 #include "tests/flag_picture.h"
 
-#include "src/host/contour_search_work.h"
+#include "src/host/detection/contour_search_work.h"
 
 static int32_t samples; /* of the model searched last */
 

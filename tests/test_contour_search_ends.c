@@ -1,7 +1,7 @@
 /* contour_search_ends: the meeting segments are those found by comparing all pairs. */
 #include "tests/test.h"
 
-#include "src/host/contour_search_ends.h"
+#include "src/host/detection/contour_search_ends.h"
 
 enum { LINES = 400, END_DISTANCE_PX = 4 };
 

@@ -5,7 +5,7 @@
 #include <math.h>
 
 #include "cairn/shape_model_file.h"
-#include "src/host/contour_search_fit.h"
+#include "src/host/detection/contour_search_fit.h"
 
 enum { LINES_MOST = 64 };
 

@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-#include "src/host/contour_search_fit.h"
+#include "src/host/detection/contour_search_fit.h"
 
 enum { SIDE = 16, SAMPLES = 4 * SIDE, LINES = 8 };
 

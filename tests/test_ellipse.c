@@ -5,7 +5,7 @@
 
 #include "cairn/ellipse.h"
 #include "cairn/random.h"
-#include "src/core/ellipse_work.h"
+#include "src/shapes/ellipse_work.h"
 
 #define PI     3.14159265358979323846
 #define DEGREE (PI / 180)

@@ -6,7 +6,7 @@
 #include <zlib.h>
 
 #include "cairn/map_file.h"
-#include "src/host/map_file_image.h"
+#include "src/host/files/map_file_image.h"
 
 /* What builds without libpng have, beside what this build has. */
 CAIRN_CHECKED cairn_status plain_decode_png(cairn_image *image, FILE *file, const char *path,
@@ -15,7 +15,7 @@ CAIRN_CHECKED cairn_status plain_encode_png(uint8_t **bytes, size_t *count, cons
                                             int32_t width, int32_t height, int32_t channels);
 #define cairn_image_decode_png plain_decode_png
 #define cairn_image_encode_png plain_encode_png
-#include "src/host/map_file_png_plain.c"
+#include "src/host/files/map_file_png_plain.c"
 #undef cairn_image_decode_png
 #undef cairn_image_encode_png
 

@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-#include "src/mapping/mapper_work.h"
+#include "src/maps/mapper_work.h"
 
 enum {
     SCANS = 150,

@@ -2,8 +2,8 @@
  * reference implementation; images with nothing and with edges everywhere. */
 #include "tests/flag_picture.h"
 
-#include "src/host/contour_search_fit.h"
-#include "src/host/object_detect_work.h"
+#include "src/host/detection/contour_search_fit.h"
+#include "src/host/detection/object_detect_work.h"
 
 static cairn_object_detections detect(const cairn_contour_search_tokens *tokens,
                                       const cairn_object_detect_params *params)

@@ -3,7 +3,7 @@
 #include "tests/flag_picture.h"
 
 #include "cairn/part_bundle.h"
-#include "src/host/object_detect_work.h"
+#include "src/host/detection/object_detect_work.h"
 
 static cairn_object_detect_params parts_params(void)
 {

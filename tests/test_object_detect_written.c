@@ -3,7 +3,7 @@
 #include "tests/flag_picture.h"
 
 #include "cairn/part_bundle.h"
-#include "src/host/object_detect_work.h"
+#include "src/host/detection/object_detect_work.h"
 
 /* The bounding box of all lines of the chains of the parts. */
 static void assert_box(const cairn_contour_search_tokens *tokens,

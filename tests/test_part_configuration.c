@@ -2,7 +2,7 @@
  * empty input, coincident votes, very many. */
 #include "tests/voting.h"
 
-#include "src/contour/part_configuration_work.h"
+#include "src/parts/part_configuration_work.h"
 
 enum { NEAREST = 64 };
 

@@ -5,7 +5,7 @@
 #include <math.h>
 
 #include "sim/arena.h"
-#include "src/mapping/place_map_work.h"
+#include "src/alignment/place_map_work.h"
 #include "tests/rooms.h"
 
 enum { MAX_SCANS = 64 };

@@ -6,7 +6,7 @@
 #include <math.h>
 
 #include "cairn/report.h"
-#include "src/host/map_file_image.h"
+#include "src/host/files/map_file_image.h"
 
 static void assert_holds(const char *string, const char *piece)
 {

@@ -6,7 +6,7 @@
 
 #include "cairn/json_text.h"
 #include "cairn/report.h"
-#include "src/host/map_file_image.h"
+#include "src/host/files/map_file_image.h"
 
 /* ---- Decoding of a page ---- */
 

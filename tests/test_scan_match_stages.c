@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#include "src/mapping/scan_match_work.h"
+#include "src/scans/scan_match_work.h"
 
 enum { ITEM_COUNT = 1024 };
 

@@ -5,7 +5,7 @@
 #include <math.h>
 
 #include "cairn/shape_model_file.h"
-#include "src/host/map_file_image.h"
+#include "src/host/files/map_file_image.h"
 #include "tests/files.h"
 #include "tests/xml.h"
 

@@ -1,5 +1,5 @@
 /* Libraries loaded on demand: zlib is the example, its "table" is the text of its version. */
-#include "src/host/shim.h"
+#include "src/host/images/shim.h"
 
 #include <stdlib.h>
 #include <zlib.h>

@@ -5,7 +5,7 @@
 #include <math.h>
 
 #include "cairn/vision.h"
-#include "src/host/map_file_image.h"
+#include "src/host/files/map_file_image.h"
 #include "tests/files.h"
 
 enum { WIDTH = 23, HEIGHT = 17, PIXELS = WIDTH * HEIGHT, CHANNELS_MOST = 4 };

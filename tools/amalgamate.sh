@@ -1,7 +1,7 @@
 #!/bin/sh
 # Writes the library as two files, cairn.h and cairn.c, into a directory: tools/amalgamate.sh DIRECTORY
 #
-# The public headers and the .c files of core, contour and mapping are concatenated in the order of tools/modules.txt.
+# The public headers and the .c files of the library are concatenated in the order of tools/modules.txt.
 # Macros of a .c are undefined at its end. A file-level name (static function or variable, type, tag, enum constant) that several
 # files use is renamed in each .c by a macro, to <module>_<name>.
 set -e
@@ -9,9 +9,9 @@ export LC_ALL=C
 out=${1:?usage: tools/amalgamate.sh DIRECTORY}
 mkdir -p "$out"
 
-modules=$(awk '$1 == "core" || $1 == "contour" || $1 == "mapping" { print $1 "/" $2 }' tools/modules.txt)
+modules=$(awk '!/^#/ && NF == 2 && $1 !~ /^host/ { print $1 "/" $2 }' tools/modules.txt)
 # The .c files in the order of their modules; parts (<module>_<part>.c) follow their module.
-sources=$(ls src/core/*.c src/contour/*.c src/mapping/*.c 2>/dev/null | awk '
+sources=$(ls src/*/*.c | awk '
     BEGIN {
         while ((getline line < "tools/modules.txt") > 0)
             if (line !~ /^#/ && split(line, word, " ") == 2) place["src/" word[1] "/" word[2]] = ++modules
@@ -124,13 +124,13 @@ names()
     }' "$@"
 }
 # shellcheck disable=SC2086
-names $sources $(ls src/core/*.h src/contour/*.h src/mapping/*.h 2>/dev/null) | sort -u >"$out/names"
+names $sources $(ls src/*/*.h) | sort -u >"$out/names"
 
 {
     banner "the whole library in one file; #define CAIRN_FLOAT for it and for all users of cairn.h to compute in float"
-    body src/core/build.h
+    body src/base/build.h
     echo '#include "cairn.h"'
-    cat include/cairn/*.h src/core/*.h src/contour/*.h src/mapping/*.h 2>/dev/null >"$out/headers" || true
+    cat include/cairn/*.h src/*/*.h >"$out/headers"
     # shellcheck disable=SC2086
     awk -v names="$out/names" -v headers="$out/headers" '
     function emit_header(path,    line, other, inner, i, count, guard, last) # with the private headers that it includes
@@ -158,7 +158,7 @@ names $sources $(ls src/core/*.h src/contour/*.h src/mapping/*.h 2>/dev/null) | 
         for (i = 1; i < last; i++) print text[i]
     }
     BEGIN {
-        emitted["src/core/build.h"] = 1
+        emitted["src/base/build.h"] = 1
         while ((getline line < headers) > 0)
             if (line ~ /^    [a-z].*;/) members = members line "\n"
         while ((getline line < names) > 0) {

@@ -10,7 +10,7 @@
 #include "cairn/output_set.h"
 #include "cairn/part_cut_file.h"
 #include "cairn/shape_model_file.h"
-#include "src/host/posix.h"
+#include "src/host/base/posix.h"
 #include "tools/cairn_detect_truth.h"
 #include "tools/cairn_picture.h"
 #include "tools/cairn_tool.h"

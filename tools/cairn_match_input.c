@@ -7,7 +7,7 @@
 #include <unistd.h>
 
 #include "cairn/number_text.h"
-#include "src/host/posix.h"
+#include "src/host/base/posix.h"
 
 /* Splits FILE:INDEX, unless a file of the complete name exists. Returns 0 when there is no
  * memory. */

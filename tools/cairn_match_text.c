@@ -3,7 +3,7 @@
 #include <math.h>
 
 #include "cairn/json_text.h"
-#include "src/host/posix.h"
+#include "src/host/base/posix.h"
 #include "tools/cairn_match.h"
 
 #define DEGREES (180 / 3.14159265358979323846)

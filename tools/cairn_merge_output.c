@@ -7,7 +7,7 @@
 
 #include "cairn/output.h"
 #include "cairn/report.h"
-#include "src/host/report_text.h"
+#include "src/host/pictures/report_text.h"
 #include "tools/cairn_merge.h"
 
 static int is_placed(const merge_job *job, int32_t i)

@@ -3,7 +3,7 @@
 
 #include "firmware/recorder.h"
 #include "firmware/robot.h"
-#include "src/host/posix.h"
+#include "src/host/base/posix.h"
 #include "tools/cairn_tool.h"
 
 #define PROGRAM "cairn replay"

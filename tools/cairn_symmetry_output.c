@@ -3,7 +3,7 @@
 #include <stdio.h>
 
 #include "cairn/output.h"
-#include "src/host/report_text.h"
+#include "src/host/pictures/report_text.h"
 #include "tools/cairn_symmetry.h"
 
 #define DEGREES    57.29577951308232

@@ -3,7 +3,7 @@
 #include <time.h>
 
 #include "cairn/number_text.h"
-#include "src/host/posix.h"
+#include "src/host/base/posix.h"
 #include "tools/cairn_tool.h"
 
 #define MAX_SHOWN_FAULTS 10

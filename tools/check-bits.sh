@@ -3,7 +3,7 @@
 #
 # Builds the library with tests/golden*.c with many compilers and options, in double and in float, and compares their output with each other
 # and with tests/golden-double.txt and tests/golden-float.txt, which an intended change of results must update. The options
-# do not contain -ffp-contract=off: src/core/build.h alone must ensure it. -std=c11 -O2 is what tests/test_golden.c is built with.
+# do not contain -ffp-contract=off: src/base/build.h alone must ensure it. -std=c11 -O2 is what tests/test_golden.c is built with.
 # Without an optimizer a compiler spends its time on headers: there it gets the amalgamation, which must give the same bits, too.
 # Missing compilers are skipped with a message; aarch64 runs under qemu-user. Bare Cortex-M, -Os:
 # tools/firmware-test.sh. rest: the variants of tools/check-long.sh.
@@ -11,7 +11,7 @@ work=$1/bits${2:+-$2}
 rm -rf "$work"
 mkdir -p "$work" && sh tools/amalgamate.sh "$work" || exit 1
 scenes="firmware/board_host.c $(ls tests/golden*.c | tr '\n' ' ')"
-library=$(ls src/core/*.c src/contour/*.c src/mapping/*.c 2>/dev/null | tr '\n' ' ')
+library=$(ls src/*/*.c | tr '\n' ' ')
 
 variants="gcc -std=gnu11 -O3 -march=native
 clang -std=gnu11 -O3 -march=native

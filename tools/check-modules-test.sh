@@ -4,18 +4,18 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 failed=0
 
-# A source tree of four modules in valid order; file $1 is replaced by standard input (none: -).
+# A small source tree in valid order; file $1 is replaced by standard input (none: -).
 house()
 {
     rm -rf "${work:?}/house"
-    for folder in src/core src/contour src/mapping src/host include/cairn tests tools; do
+    for folder in src/base src/numerics src/edges src/maps src/host/files src/host/pictures include/cairn tests tools; do
         mkdir -p "$work/house/$folder"
     done
-    printf 'core base\ncore top\ncontour edge\nmapping map\nhost file\n' >"$work/house/tools/modules.txt"
-    : >"$work/house/src/core/build.h"
-    for module in core/base core/top contour/edge mapping/map host/file; do
-        name=${module#*/}
-        printf '#include "src/core/build.h"\n#include "cairn/%s.h"\n' "$name" >"$work/house/src/$module.c"
+    printf 'apart edges\napart maps\nbase base\nnumerics top\nedges edge\nmaps map\nhost/files file\nhost/pictures picture\n' >"$work/house/tools/modules.txt"
+    : >"$work/house/src/base/build.h"
+    for module in base/base numerics/top edges/edge maps/map host/files/file host/pictures/picture; do
+        name=${module##*/}
+        printf '#include "src/base/build.h"\n#include "cairn/%s.h"\n' "$name" >"$work/house/src/$module.c"
         printf '#include <stdint.h>\n' >"$work/house/include/cairn/$name.h"
         : >"$work/house/tests/test_$name.c"
     done
@@ -40,33 +40,37 @@ house -
 expect ""
 echo '#include "cairn/base.h"' | house include/cairn/map.h
 expect ""
-echo '#include <stdio.h>' | house src/host/file.c
+echo '#include <stdio.h>' | house src/host/files/file.c
 expect ""
 echo '#include "cairn/top.h"' | house include/cairn/base.h
 expect "include/cairn/base.h:1: base may not know top"
-echo '#include "cairn/file.h"' | house src/core/top.c
-expect "src/core/top.c:1: top may not know file"
-echo '#include "cairn/edge.h"' | house src/mapping/map.c
-expect "contour and mapping may not know each other"
-echo '#include "cairn/map.h"' | house src/contour/edge.c
+echo '#include "cairn/file.h"' | house src/numerics/top.c
+expect "src/numerics/top.c:1: top may not know file"
+echo '#include "cairn/edge.h"' | house src/maps/map.c
+expect "maps and edges may not know each other"
+echo '#include "cairn/map.h"' | house src/edges/edge.c
 expect "edge may not know map"
-printf '#include "cairn/top.h"\n#include "src/core/build.h"\n' | house src/core/top.c
-expect "src/core/top.c:1: expected #include .src/core/build.h. first"
-echo '#include <stdlib.h>' | house src/core/top.c
+printf '#include "cairn/top.h"\n#include "src/base/build.h"\n' | house src/numerics/top.c
+expect "src/numerics/top.c:1: expected #include .src/base/build.h. first"
+echo '#include <stdlib.h>' | house src/numerics/top.c
 expect "<stdlib.h> is not for the freestanding library"
-echo '#include "base.h"' | house src/core/top.c
+printf '#include "src/base/build.h"\n#include "src/edges/edge_work.h"\n' | house src/numerics/top.c
+expect "src/numerics/top.c:2: src/edges/edge_work.h is private to edges"
+echo '#include "src/host/files/file_work.h"' | house src/host/pictures/picture.c
+expect ""
+echo '#include "base.h"' | house src/numerics/top.c
 expect 'expected "cairn/'
-echo | house src/core/extra.c
+echo | house src/numerics/extra.c
 expect "does not list the module extra"
 echo | house include/cairn/extra.h
 expect "does not list the module extra"
-echo '#include "src/core/build.h"' | house src/core/top_part.c
+echo '#include "src/base/build.h"' | house src/numerics/top_part.c
 expect ""
-printf '#include "src/core/build.h"\n#include "cairn/top.h"\n' | house src/core/base_part.c
-expect "src/core/base_part.c:2: base may not know top"
+printf '#include "src/base/build.h"\n#include "cairn/top.h"\n' | house src/base/base_part.c
+expect "src/base/base_part.c:2: base may not know top"
 house -
-rm "$work/house/src/core/top.c"
-expect "module top: no src/core/top.c"
+rm "$work/house/src/numerics/top.c"
+expect "module top: no src/numerics/top.c"
 house -
 rm "$work/house/include/cairn/top.h"
 expect "module top: no header"
@@ -74,8 +78,13 @@ house -
 rm "$work/house/tests/test_map.c"
 expect "module map: no tests/test_map.c"
 house -
-awk 'BEGIN { for (i = 0; i < 501; i++) print "" }' >"$work/house/src/core/top.c"
-sh tools/check-modules.sh "$work/house" | grep -q "src/core/top.c has 501 lines" || {
+for i in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30; do
+    echo '#include "src/base/build.h"' >"$work/house/src/maps/map_part$i.c"
+done
+expect "src/maps has more than 30 files"
+house -
+awk 'BEGIN { for (i = 0; i < 501; i++) print "" }' >"$work/house/src/numerics/top.c"
+sh tools/check-modules.sh "$work/house" | grep -q "src/numerics/top.c has 501 lines" || {
     echo "FAILED module order test: 501 lines were not reported"
     failed=1
 }

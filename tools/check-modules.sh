@@ -1,31 +1,37 @@
 #!/bin/sh
 # Checks the dependency order of the modules: tools/check-modules.sh [ROOT]
 #
-# Checks the includes of src/*/*.[ch] and include/cairn/*.h against tools/modules.txt. A module is src/<layer>/<module>.c with the
-# header include/cairn/<module>.h, or src/<layer>/<module>.h when only its own layer may use it. A file <module>_<part>.[ch] in
-# src/ that is not listed itself is a part of that module. Refused are: an include of a
-# module below, contour and mapping including each other, a header of libc that is not freestanding in the library, a module
-# that is not listed, has no header, no .c or no test, a .c of the library that does not include src/core/build.h first.
-# Reported: modules of more than 500 lines.
+# Checks the includes of src/ and include/cairn/*.h against tools/modules.txt, whose lines are "FOLDER MODULE" in order. A module is
+# src/FOLDER/MODULE.c with the header include/cairn/MODULE.h, or src/FOLDER/MODULE.h when only its own folder (of src/host: the
+# folders of the host) may use it. A file MODULE_PART.[ch] that is not listed itself is a part of that module. Refused are: an
+# include of a module below, of a folder that is apart, or of a private header of another folder, a header of libc that is not
+# freestanding in the library, a module that is not listed, has no header, no .c or no test, a .c of the library that does not
+# include src/base/build.h first, a folder of more than 30 files. Reported: files of more than 500 lines.
 cd "${1:-.}" || exit 2
 export LC_ALL=C
-ls src/*/*.c src/*/*.h include/cairn/*.h tests/test_*.c 2>/dev/null | awk '
+ls src/*/*.[ch] src/host/*/*.[ch] include/cairn/*.h tests/test_*.c 2>/dev/null | awk '
 function refuse(text) { print text; bad = 1 }
 function base_of(path) { sub(/^.*\//, "", path); sub(/\.[ch]$/, "", path); return path }
+function folder_of(path) { sub(/^src\//, "", path); sub(/\/[^\/]*$/, "", path); return path }
+function is_host(folder) { return folder ~ /^host\// }
 # The listed module of a file, or its bare name; of a part the listed module with the longest name.
 function module_of(path,    base, module)
 {
     base = module = base_of(path)
     if (path ~ /^src/)
-        while (!((module in place) && layer[module] == layer_of(path)) && sub(/_[^_]*$/, "", module)) {}
-    return path !~ /^src/ || ((module in place) && layer[module] == layer_of(path)) ? module : base
+        while (!((module in place) && folder[module] == folder_of(path)) && sub(/_[^_]*$/, "", module)) {}
+    return path !~ /^src/ || ((module in place) && folder[module] == folder_of(path)) ? module : base
 }
-function layer_of(path) { sub(/^src\//, "", path); sub(/\/.*/, "", path); return path }
 BEGIN {
     while ((getline line < "tools/modules.txt") > 0) {
-        if (line ~ /^#/ || split(line, word, " ") != 2) continue
+        words = split(line, word, " ")
+        if (word[1] == "apart") {
+            side++
+            for (i = 2; i <= words; i++) side_of[word[i]] = side
+        }
+        if (word[1] == "apart" || line ~ /^#/ || words != 2) continue
         place[word[2]] = ++modules
-        layer[word[2]] = word[1]
+        folder[word[2]] = word[1]
         name[modules] = word[2]
         lowest[word[1]] = modules
     }
@@ -37,11 +43,12 @@ BEGIN {
 {
     file[++files] = $0
     module = module_of($0)
+    if ($0 ~ /^src/ && ++size[folder_of($0)] == 31) refuse("src/" folder_of($0) " has more than 30 files: expected a folder a capability")
     if ($0 ~ /\.c$/) {
         if (base_of($0) == module) source[module] = $0
         else parts[module]++
         if (!(module in place)) refuse($0 ": tools/modules.txt does not list the module " module)
-        else if (layer[module] != layer_of($0)) refuse($0 ": tools/modules.txt has " module " on the layer " layer[module])
+        else if (folder[module] != folder_of($0)) refuse($0 ": tools/modules.txt has " module " in the folder " folder[module])
     } else if ($0 ~ /^include/) {
         public[module] = 1
         if (!(module in place)) refuse($0 ": tools/modules.txt does not list the module " module)
@@ -52,16 +59,16 @@ END {
     if (bad == 2) exit 2
     for (i = 1; i <= modules; i++) {
         module = name[i]
-        if (!(module in source)) refuse("module " module ": no src/" layer[module] "/" module ".c")
+        if (!(module in source)) refuse("module " module ": no src/" folder[module] "/" module ".c")
         if (!(module in public) && !(module in inner)) refuse("module " module ": no header of its name")
         if ((module in public) && !(module in tested)) refuse("module " module ": no tests/test_" module ".c")
     }
     for (i = 1; i <= files; i++) {
         path = file[i]
         module = module_of(path)
-        # A header without a .c (such as build.h) belongs to its layer and may include what the layer may.
+        # A header without a .c (such as build.h) belongs to its folder and may include what the folder may.
         if (!(module in place) && (path ~ /\.c$/ || (module in source) || (module in public))) continue
-        where = path ~ /^src/ ? layer_of(path) : layer[module]
+        where = path ~ /^src/ ? folder_of(path) : folder[module]
         own = (module in place) ? place[module] : lowest[where]
         lines = 0
         first = ""
@@ -70,28 +77,28 @@ END {
             if (line !~ /^[ \t]*#[ \t]*include/) continue
             if (first == "") {
                 first = line
-                if (path ~ /\.c$/ && where != "host" && line !~ /"src\/core\/build\.h"/)
-                    refuse(path ":" lines ": expected #include \"src/core/build.h\" first")
+                if (path ~ /\.c$/ && !is_host(where) && line !~ /"src\/base\/build\.h"/)
+                    refuse(path ":" lines ": expected #include \"src/base/build.h\" first")
             }
             at = path ":" lines ": "
             if (match(line, /<[^>]*>/)) {
                 header = substr(line, RSTART + 1, RLENGTH - 2)
-                if (where != "host" && !(header in freestanding)) refuse(at "<" header "> is not for the freestanding library")
+                if (!is_host(where) && !(header in freestanding)) refuse(at "<" header "> is not for the freestanding library")
                 continue
             }
             if (!match(line, /"[^"]*"/)) continue
             header = substr(line, RSTART + 1, RLENGTH - 2)
             other = module_of(header)
-            if (header !~ /^(cairn|src\/[a-z]+)\/[a-z0-9_]+\.h$/) {
+            if (header !~ /^(cairn|src\/[a-z]+(\/[a-z]+)?)\/[a-z0-9_]+\.h$/) {
                 refuse(at "\"" header "\": expected \"cairn/...\" or \"src/...\"")
                 continue
             }
-            if (header ~ /^src/ && layer_of(header) != where && header != "src/core/build.h")
-                refuse(at header " is private to " layer_of(header))
+            if (header ~ /^src/ && folder_of(header) != where && !(is_host(folder_of(header)) && is_host(where)) && header != "src/base/build.h")
+                refuse(at header " is private to " folder_of(header))
             if (other in place) {
                 if (place[other] > own && other != module) refuse(at module " may not know " other ", which is below it")
-                if ((where == "mapping" && layer[other] == "contour") || (where == "contour" && layer[other] == "mapping"))
-                    refuse(at "contour and mapping may not know each other (" other ")")
+                if (side_of[where] && side_of[folder[other]] && side_of[where] != side_of[folder[other]])
+                    refuse(at where " and " folder[other] " may not know each other (" other ")")
             } else if (header ~ /^cairn/)
                 refuse(at "no module " other)
         }

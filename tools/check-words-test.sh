@@ -3,18 +3,18 @@
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 failed=0
-mkdir -p "$work/tools" "$work/src/core" "$work/docs"
+mkdir -p "$work/tools" "$work/src/base" "$work/docs"
 
 list='key scans? | keyframe
 twins? | reference implementation
 at hand | current
-allow twin engines? | src/core/[a-z]+\.c | ordinary English'
+allow twin engines? | src/base/[a-z]+\.c | ordinary English'
 
-# expect LIST TEXT MESSAGE: what the check must print of src/core/part.c with TEXT, or "" when it must pass
+# expect LIST TEXT MESSAGE: what the check must print of src/base/part.c with TEXT, or "" when it must pass
 expect()
 {
     printf '%s\n' "$1" >"$work/tools/words.txt"
-    printf '%s\n' "$2" >"$work/src/core/part.c"
+    printf '%s\n' "$2" >"$work/src/base/part.c"
     said=$(sh tools/check-words.sh -C "$work")
     status=$?
     if [ -z "$3" ] && [ $status -ne 0 ]; then
@@ -31,16 +31,16 @@ expect "$list" "$used" ""
 expect "$list" "$used
 /* Monkey scan, twinned. */" ""
 expect "$list" "$used
-/* The Key-scan. */" 'src/core/part.c:2: "key scan": expected keyframe'
+/* The Key-scan. */" 'src/base/part.c:2: "key scan": expected keyframe'
 expect "$list" "$used
-int32_t key_scans;" 'src/core/part.c:2: "key_scans": expected keyframe'
+int32_t key_scans;" 'src/base/part.c:2: "key_scans": expected keyframe'
 expect "$list" "$used
-static int slow_twin(void);" 'src/core/part.c:2: "twin": expected reference implementation'
+static int slow_twin(void);" 'src/base/part.c:2: "twin": expected reference implementation'
 expect "$list" "$used
 /* The scan at
- * hand. */" 'src/core/part.c:3: "at hand": expected current'
+ * hand. */" 'src/base/part.c:3: "at hand": expected current'
 expect "$list" "$used
-/* The twin engine has a twin. */" 'src/core/part.c:2: "twin": expected reference implementation'
+/* The twin engine has a twin. */" 'src/base/part.c:2: "twin": expected reference implementation'
 expect "$list" "" 'tools/words.txt:4: the exception has no words in any file'
 expect "$list
 twins" "$used" 'tools/words.txt:5: expected: PATTERN | term'
@@ -49,7 +49,7 @@ allow twin | src/.*" "$used" 'tools/words.txt:5: expected: allow PATTERN | FILE 
 
 # Each word is reported once, an exception holds in its files only, and documents that quote old names are not read.
 printf '%s\n' "$list" >"$work/tools/words.txt"
-printf '%s\n' "$used" >"$work/src/core/part.c"
+printf '%s\n' "$used" >"$work/src/base/part.c"
 printf 'A twin.\nMore.\n' >"$work/docs/part.md"
 printf 'A twin.\n' >"$work/docs/renamed.md"
 [ "$(sh tools/check-words.sh -C "$work")" = 'docs/part.md:1: "twin": expected reference implementation' ] || {

@@ -11,10 +11,10 @@ make=${MAKE:-make}
 export LC_ALL=C
 unset MAKEFLAGS MFLAGS MAKELEVEL
 
-library=$(ls src/core/*.c src/contour/*.c src/mapping/*.c 2>/dev/null)
-c_files=$(ls src/*/*.c tools/*.c tests/*.c bench/*.c firmware/*.c 2>/dev/null)
-cpp_files=$(ls sim/*.cpp src/host/*.cpp 2>/dev/null)
-headers=$(ls src/*/*.h include/cairn/*.h sim/*.h tools/*.h tests/*.h bench/*.h firmware/*.h 2>/dev/null)
+library=$(ls src/*/*.c)
+c_files=$(ls src/*/*.c src/host/*/*.c tools/*.c tests/*.c bench/*.c firmware/*.c 2>/dev/null)
+cpp_files=$(ls sim/*.cpp src/host/*/*.cpp 2>/dev/null)
+headers=$(ls src/*/*.h src/host/*/*.h include/cairn/*.h sim/*.h tools/*.h tests/*.h bench/*.h firmware/*.h 2>/dev/null)
 
 # said NAME STATUS LOG: prints the line of a step, with the output of its tools when it failed.
 said()
@@ -80,8 +80,8 @@ lint()
         */vision_shim.cpp | */appearance_shim.cpp) clang-tidy --quiet "$1" -- -std=c++17 -I. -Iinclude -isystem "$OPENCV" ;;
         *.cpp) clang-tidy --quiet "$1" -- -std=c++17 -I. -Iinclude ;;
         tests/* | bench/*) clang-tidy --quiet --checks="$TEST_CHECKS" "$1" -- $FLAGS ;;
-        src/core/* | src/contour/* | src/mapping/*) clang-tidy --quiet --checks="$LIBRARY" "$1" -- $FLAGS ;;
-        *) clang-tidy --quiet "$1" -- $FLAGS ;;
+        src/host/* | tools/* | firmware/*) clang-tidy --quiet "$1" -- $FLAGS ;;
+        *) clang-tidy --quiet --checks="$LIBRARY" "$1" -- $FLAGS ;;
         esac || exit 1' tidy >"$log" 2>&1
     status=$?
     sed -i '/^[0-9]* warnings\{0,1\} generated\.$/d' "$log" # and left out, for they are those of the system's headers

@@ -1,7 +1,7 @@
 #!/bin/sh
 # The API reference as HTML, by Doxygen from the public headers: tools/docs.sh BUILD [INCLUDE]
 #
-# A group for each layer and each module, in the order of tools/modules.txt. tools/docs.awk turns the plain comments of the
+# A group for each folder of src/ and each module, in the order of tools/modules.txt. tools/docs.awk turns the plain comments of the
 # headers into those of Doxygen. A public symbol, parameter or return value without documentation is an error, and so is
 # a field of a parameter struct without range and default. INCLUDE: the folder of the headers, include/cairn.
 set -e
@@ -39,18 +39,36 @@ END
     awk -F '\t' '!seen[$2]++ { printf "%s * #%s", n++ ? ",\n" : "", $2 } END { print "." }' "$out/params.tsv"
     printf ' */\n'
     awk 'BEGIN {
-        title["core"] = "Core"
-        title["contour"] = "Contours in images"
-        title["mapping"] = "Maps from range scans"
-        title["host"] = "Files, pictures and images (libcairn-host)"
+        title["base"] = "Statuses, numbers, memory, geometry"
+        title["containers"] = "Containers"
+        title["numerics"] = "Numerics"
+        title["shapes"] = "Lines, curves, rasters"
+        title["edges"] = "Edges in images"
+        title["outlines"] = "Contours of objects"
+        title["parts"] = "Symmetry and parts of shapes"
+        title["scans"] = "Range scans and their registration"
+        title["poses"] = "Pose graphs"
+        title["alignment"] = "Alignment of many scans"
+        title["fields"] = "Force fields and virtual scans"
+        title["maps"] = "Maps"
+        title["host_base"] = "Host: text and files (libcairn-host)"
+        title["host_logs"] = "Host: logs and bags"
+        title["host_files"] = "Host: maps and tables"
+        title["host_solver"] = "Host: SuiteSparse"
+        title["host_pictures"] = "Host: pictures and pages"
+        title["host_images"] = "Host: images and shape models"
+        title["host_detection"] = "Host: detection in images"
+        title["host_results"] = "Host: files of results"
     }
     !/^#/ && NF == 2 {
-        if ($1 != layer) {
-            layer = $1
-            printf "/** \\defgroup layer_%s %s */\n", layer, title[layer]
+        sub("/", "_", $1)
+        if ($1 != folder) {
+            folder = $1
+            if (!(folder in title)) { print "tools/docs.sh: no title for the folder " folder >"/dev/stderr"; exit 1 }
+            printf "/** \\defgroup folder_%s %s */\n", folder, title[folder]
         }
         if ((getline line < ("include/cairn/" $2 ".h")) > 0)
-            printf "/** \\defgroup %s %s\n * \\ingroup layer_%s */\n", $2, $2, layer
+            printf "/** \\defgroup %s %s\n * \\ingroup folder_%s */\n", $2, $2, folder
     }' tools/modules.txt
 } >"$out/groups.dox"
 

@@ -65,9 +65,9 @@ if $cc -std=c11 "$work/program.c" $(pkg-config --cflags cairn) "$lib/libcairn-fl
     fail "a double program linked with the float library"
 fi
 
-if [ -f "$lib/libcairn-host.a" ] && ls src/host/*.c >/dev/null 2>&1; then
+if [ -f "$lib/libcairn-host.a" ] && ls src/host/*/*.c >/dev/null 2>&1; then
     echo '#include <cairn/version.h>' >"$work/host.c"
-    awk '$1 == "host" { print "#include <cairn/" $2 ".h>" }' tools/modules.txt | while read -r line; do
+    awk '$1 ~ /^host/ { print "#include <cairn/" $2 ".h>" }' tools/modules.txt | while read -r line; do
         header=${line#*<}
         [ ! -f "$work/root/opt/cairn/include/${header%>}" ] || echo "$line"
     done >>"$work/host.c"

@@ -9,7 +9,7 @@ mkdir -p "$to/include/cairn" "$to/lib/pkgconfig" "$to/bin"
 for header in include/cairn/*.h; do
     # Headers of the host library are installed only with it.
     module=${header##*/}
-    if [ -f "$build/libcairn-host.a" ] || ! grep -q "^host ${module%.h}\$" tools/modules.txt; then
+    if [ -f "$build/libcairn-host.a" ] || ! grep -q "^host/[a-z]* ${module%.h}\$" tools/modules.txt; then
         install -m 644 "$header" "$to/include/cairn/"
     fi
 done

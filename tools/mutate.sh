@@ -17,7 +17,7 @@ seed=${2:-1}
 [ $# -lt 1 ] || shift
 export LC_ALL=C
 unset MAKEFLAGS MFLAGS MAKELEVEL
-[ $# -gt 0 ] || set -- $(ls src/core/*.c src/contour/*.c src/mapping/*.c src/host/*.c 2>/dev/null)
+[ $# -gt 0 ] || set -- $(ls src/*/*.c src/host/*/*.c)
 case ${BUILD:-build} in
 /*)
     echo "tools/mutate.sh: BUILD is \"$BUILD\", expected a path from this folder" >&2

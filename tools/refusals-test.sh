@@ -15,7 +15,7 @@ refused()
     fi
 }
 
-compile="gcc -std=c11 -I. -Iinclude -fsyntax-only src/core/real.c"
+compile="gcc -std=c11 -I. -Iinclude -fsyntax-only src/base/real.c"
 $compile || failed=1
 for option in -ffast-math -ffinite-math-only -fassociative-math\ -fno-signed-zeros\ -fno-trapping-math -freciprocal-math -fno-signed-zeros; do
     # shellcheck disable=SC2086
@@ -24,5 +24,5 @@ done
 # Excess precision: x87, and gcc's for s390x and m68k.
 refused "use -msse2 -mfpmath=sse" $compile -m32 -mfpmath=387
 refused "use -fexcess-precision=fast" $compile -U__FLT_EVAL_METHOD__ -D__FLT_EVAL_METHOD__=1 -U__i386__ -U__x86_64__
-refused "BUILD is \"/tmp/absolute\", expected a path from this folder" env BUILD=/tmp/absolute sh tools/mutate.sh 1 1 src/core/status.c
+refused "BUILD is \"/tmp/absolute\", expected a path from this folder" env BUILD=/tmp/absolute sh tools/mutate.sh 1 1 src/base/status.c
 exit $failed

@@ -1,0 +1,535 @@
+/* aligner: joint alignment of many scans; the object, its input, steps and results.
+ *
+ * Method:
+ * 1. aligner_neighbour.c: candidate pairs (neighbours) of scans.
+ * 2. aligner_pairs.c: pairwise registration, hypotheses of relative poses.
+ * 3. aligner_merge.c, aligner_cluster.c: agglomerative clustering by the most certain hypothesis.
+ * 4. aligner_relocalize.c: relocalization of single scans against all others.
+ * 5. aligner_joint.c, aligner_wall.c: joint least squares over all poses and shared walls.
+ * 6. aligner_translate.c: translation of scans along their weakly observable direction.
+ * aligner_beams.c stores scans; aligner_scan.c evaluates pairs of scans; aligner_prior.c evaluates
+ * the initial poses; aligner_query.c answers queries about the result.
+ *
+ * Layout: scans keep segments with the moments of their hits, points along them, and a visibility
+ * profile. The work is a sequence of items that charge their units to the budgets. A scan is only
+ * compared with its neighbours, the nearest by the initial poses, so that the cost is near linear
+ * in the scans of one density.
+ * Limits: a scan without a segment is not aligned. Two scans without a common surface or view are
+ * connected through others only. Segments beyond the 255th of a scan are missing in its profile.
+ * Source: joint treatment of all scans after Adluru 2008, chapter 7; free-space tests and growth by
+ * competing hypotheses are original; robust weights after Geman and McClure 1987. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/alignment/aligner_work.h"
+
+enum { MAX_SCANS = 1 << 16, MAX_COUNT = 1 << 24, MIN_CELLS = 64 };
+
+#define MAX_COORDINATE_M CAIRN_REAL(1e6)
+
+cairn_aligner_params cairn_aligner_default(void)
+{
+    cairn_aligner_params params = {
+        .max_scans = 64,
+        .max_segments = 1024,
+        .max_short_segments = 256,
+        .max_points = 4096,
+        .max_hypotheses = 1536,
+        .max_fill = 2048,
+        .max_cells = 25600,
+        .max_initial_error = CAIRN_REAL(0.6),
+        .max_initial_angle_error = 35 * CAIRN_PI / 180,
+        .max_range = 30,
+        .range_sigma = CAIRN_REAL(0.01),
+        .free_space_penalty = CAIRN_REAL(1.5),
+        .oriented = 1,
+        .max_relocalizations = 2,
+        .max_iterations = 10,
+        .min_log_likelihood_ratio = 1,
+        .observable_sigma = CAIRN_REAL(0.05),
+        .observable_sigma_theta = CAIRN_PI / 180,
+    };
+    return params;
+}
+
+static int is_positive(cairn_real value)
+{
+    return value > 0 && value <= CAIRN_REAL_MAX;
+}
+
+static int is_capacity(int32_t count, int32_t most)
+{
+    return count >= 1 && count <= most;
+}
+
+static int params_are_valid(const cairn_aligner_params *params)
+{
+    return params != NULL && is_capacity(params->max_scans, MAX_SCANS) &&
+           is_capacity(params->max_segments, MAX_COUNT) && params->max_short_segments >= 0 &&
+           params->max_short_segments <= MAX_COUNT && is_capacity(params->max_points, MAX_COUNT) &&
+           is_capacity(params->max_hypotheses, MAX_COUNT) &&
+           is_capacity(params->max_fill, MAX_COUNT) && is_capacity(params->max_cells, MAX_COUNT) &&
+           params->max_cells >= MIN_CELLS && is_positive(params->max_initial_error) &&
+           is_positive(params->max_initial_angle_error) &&
+           params->max_initial_angle_error <= CAIRN_PI && is_positive(params->max_range) &&
+           params->max_range <= MAX_COORDINATE_M && is_positive(params->range_sigma) &&
+           params->free_space_penalty >= 0 && params->free_space_penalty <= CAIRN_REAL_MAX &&
+           params->max_relocalizations >= 0 && params->max_iterations >= 0 &&
+           is_positive(params->min_log_likelihood_ratio) && is_positive(params->observable_sigma) &&
+           is_positive(params->observable_sigma_theta);
+}
+
+static cairn_block_solver_params solver_params(const cairn_aligner_params *p)
+{
+    int32_t segments = p->max_segments + p->max_short_segments;
+    cairn_block_solver_params params = {
+        .max_poses = p->max_scans + (segments + 1) / 2,
+        .max_links = segments,
+        .max_fill = p->max_fill,
+    };
+
+    return params;
+}
+
+/* Returns the bytes of an array, rounded up; the sum of two cannot overflow. */
+static size_t bytes_of(size_t count, size_t size)
+{
+    return count > SIZE_MAX / 4 / size
+               ? SIZE_MAX / 4
+               : (count * size + CAIRN_ALIGN - 1) / CAIRN_ALIGN * CAIRN_ALIGN;
+}
+
+/* Raster and walls share memory: walls are built when relocalization has ended. */
+static void carve_shared(cairn_aligner *aligner, cairn_pool *pool, size_t segments, size_t cells)
+{
+    size_t drawn = bytes_of(cells, sizeof *aligner->cells),
+           built = bytes_of(segments, sizeof *aligner->walls);
+    size_t raster = drawn + bytes_of(cells / ALIGNER_CELLS_PER_SHIFT, sizeof *aligner->votes);
+    size_t walls = built + bytes_of(segments, sizeof *aligner->order);
+    unsigned char *shared = cairn_pool_take(pool, raster > walls ? raster : walls, 1);
+
+    if (shared == NULL)
+        return;
+    aligner->cells = (void *)shared;
+    aligner->votes = (void *)(shared + drawn);
+    aligner->walls = (void *)shared;
+    aligner->order = (void *)(shared + built);
+}
+
+static cairn_aligner *carve(cairn_pool *pool, const cairn_aligner_params *params)
+{
+    size_t scans = (size_t)params->max_scans,
+           segments = (size_t)params->max_segments + (size_t)params->max_short_segments;
+    cairn_aligner *made = cairn_pool_take_one(pool, sizeof *made), arrays;
+
+    memset(&arrays, 0, sizeof arrays);
+    arrays.scans = cairn_pool_take(pool, scans, sizeof *arrays.scans);
+    arrays.poses = cairn_pool_take(pool, scans + 1, sizeof *arrays.poses);
+    arrays.visibility = cairn_pool_take(pool, scans, sizeof *arrays.visibility);
+    arrays.clusters = cairn_pool_take(pool, scans + 1, sizeof *arrays.clusters);
+    arrays.prior_sums = cairn_pool_take(pool, scans + 1, sizeof *arrays.prior_sums);
+    arrays.segments = cairn_pool_take(pool, segments, sizeof *arrays.segments);
+    arrays.points = cairn_pool_take(pool, (size_t)params->max_points, sizeof *arrays.points);
+    arrays.neighbours =
+        cairn_pool_take(pool, scans * ALIGNER_MAX_NEIGHBOURS, sizeof *arrays.neighbours);
+    arrays.patches = cairn_pool_take(
+        pool, (size_t)params->max_points / ALIGNER_PATCH_POINTS + scans, sizeof *arrays.patches);
+    arrays.hypotheses =
+        cairn_pool_take(pool, (size_t)params->max_hypotheses, sizeof *arrays.hypotheses);
+    arrays.links = cairn_pool_take(pool, scans, sizeof *arrays.links);
+    arrays.best_of_block =
+        cairn_pool_take(pool, (size_t)params->max_hypotheses / ALIGNER_HYPOTHESIS_BLOCK + 1,
+                        sizeof *arrays.best_of_block);
+    carve_shared(&arrays, pool, segments, (size_t)params->max_cells);
+    arrays.rhs = cairn_pool_take(pool, 3 * (scans + (segments + 1) / 2), sizeof *arrays.rhs);
+    arrays.bearings = cairn_pool_take(pool, ALIGNER_PROFILE_BINS, sizeof *arrays.bearings);
+    arrays.results = cairn_pool_take(pool, scans, sizeof *arrays.results);
+    if (made != NULL)
+        *made = arrays;
+    return made;
+}
+
+size_t cairn_aligner_memory(const cairn_aligner_params *params)
+{
+    cairn_block_solver_params solver;
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    solver = solver_params(params);
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    cairn_pool_count(&counting, cairn_block_solver_memory(&solver));
+    return cairn_pool_counted(&counting);
+}
+
+/* Fills the unit directions of the bins' middles on the diamond. */
+static void fill_bearings(cairn_vec2 *bearings)
+{
+    for (int32_t bin = 0; bin < ALIGNER_PROFILE_BINS; bin++) {
+        cairn_real place = ((cairn_real)bin + CAIRN_REAL(0.5)) * 4 / ALIGNER_PROFILE_BINS;
+        cairn_vec2 p;
+
+        p.x = cairn_abs(place - 2) - 1;
+        p.y = place < 2 ? 1 - cairn_abs(p.x) : cairn_abs(p.x) - 1;
+        bearings[bin] = cairn_vec2_unit(p);
+    }
+}
+
+cairn_status cairn_aligner_create(cairn_aligner **aligner, cairn_pool *pool,
+                                  const cairn_aligner_params *params)
+{
+    size_t need = cairn_aligner_memory(params);
+    cairn_block_solver_params solver;
+    cairn_aligner *made;
+
+    if (aligner == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, need))
+        return CAIRN_NO_MEMORY;
+    made = carve(pool, params);
+    made->params = *params;
+    made->phase = ALIGNER_DONE;
+    made->result.anchor = -1;
+    fill_bearings(made->bearings);
+    solver = solver_params(params);
+    *aligner = made;
+    return cairn_block_solver_create(&made->solver, pool, &solver);
+}
+
+/* ---- Input ---- */
+
+static cairn_status refuse(cairn_fault *fault, int32_t index, const char *what, cairn_status status)
+{
+    if (fault != NULL) {
+        fault->index = index;
+        fault->message = what;
+    }
+    return status;
+}
+
+static int is_finite(cairn_vec2 v)
+{
+    return cairn_is_finite(v.x) && cairn_is_finite(v.y);
+}
+
+static int is_within_limit(cairn_vec2 v)
+{
+    return cairn_abs(v.x) <= MAX_COORDINATE_M && cairn_abs(v.y) <= MAX_COORDINATE_M;
+}
+
+static cairn_status check_arrays(const cairn_scan_view *view, cairn_fault *fault)
+{
+    if (view->beam_count < 0 || view->segment_count < 0 || view->point_count < 0)
+        return refuse(fault, -1, "a count is below 0", CAIRN_BAD_ARGUMENT);
+    if ((view->beam_count > 0 && view->beams == NULL) ||
+        (view->point_count > 0 && view->points == NULL) ||
+        (view->segment_count > 0 && (view->segments == NULL || view->first_point == NULL)))
+        return refuse(fault, -1, "a count without its array", CAIRN_BAD_ARGUMENT);
+    if (view->point_count > 0 && view->segment_count == 0)
+        return refuse(fault, 0, "a point without a segment", CAIRN_BAD_ARGUMENT);
+    for (int32_t i = 0; i < view->segment_count; i++)
+        if (view->first_point[i] > view->first_point[i + 1] ||
+            (i == 0 && view->first_point[0] != 0))
+            return refuse(fault, i, "first_point does not rise from 0", CAIRN_BAD_ARGUMENT);
+    if (view->segment_count > 0 && view->first_point[view->segment_count] != view->point_count)
+        return refuse(fault, view->segment_count, "first_point does not end at point_count",
+                      CAIRN_BAD_ARGUMENT);
+    return CAIRN_OK;
+}
+
+static cairn_status check_coordinates(const cairn_scan_view *view, cairn_fault *fault)
+{
+    if (!is_finite(view->sensor))
+        return refuse(fault, -1, "the sensor's position is not finite", CAIRN_NOT_FINITE);
+    if (!is_within_limit(view->sensor))
+        return refuse(fault, -1, "the sensor is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
+    for (int32_t i = 0; i < view->segment_count; i++) {
+        if (!is_finite(view->segments[i].a) || !is_finite(view->segments[i].b))
+            return refuse(fault, i, "a segment is not finite", CAIRN_NOT_FINITE);
+        if (!is_within_limit(view->segments[i].a) || !is_within_limit(view->segments[i].b))
+            return refuse(fault, i, "a segment ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
+    }
+    for (int32_t i = 0; i < view->point_count; i++) {
+        if (!is_finite(view->points[i].position))
+            return refuse(fault, i, "a point is not finite", CAIRN_NOT_FINITE);
+        if (!is_within_limit(view->points[i].position))
+            return refuse(fault, i, "a point is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
+    }
+    for (int32_t i = 0; i < view->beam_count; i++) {
+        if (!is_finite(view->beams[i].from) || !is_finite(view->beams[i].to))
+            return refuse(fault, i, "a beam is not finite", CAIRN_NOT_FINITE);
+        if (!is_within_limit(view->beams[i].from) || !is_within_limit(view->beams[i].to))
+            return refuse(fault, i, "a beam ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
+    }
+    return CAIRN_OK;
+}
+
+/* Sets a scan's result to its initial pose. */
+static void set_initial_result(cairn_aligner *aligner, int32_t i)
+{
+    cairn_aligner_pose *r = &aligner->results[i];
+
+    memset(r, 0, sizeof *r);
+    r->map_scan = aligner->scans[i].initial;
+    r->covariance[0] = r->covariance[4] =
+        2 * aligner->params.max_initial_error * aligner->params.max_initial_error / 3;
+    r->covariance[8] =
+        2 * aligner->params.max_initial_angle_error * aligner->params.max_initial_angle_error / 3;
+    r->component = i;
+}
+
+/* Discards the result and ends an alignment. */
+static void discard_result(cairn_aligner *aligner)
+{
+    aligner->phase = ALIGNER_DONE;
+    aligner->has_ended = 0;
+    aligner->units_due = 0;
+    aligner->evaluation.active = aligner->relax.active = 0;
+    memset(&aligner->result, 0, sizeof aligner->result);
+    aligner->result.anchor = -1;
+    for (int32_t i = 0; i < aligner->scan_count; i++)
+        set_initial_result(aligner, i);
+}
+
+cairn_status cairn_aligner_add_scan(cairn_aligner *aligner, const cairn_scan_view *view,
+                                    cairn_pose map_scan, cairn_fault *fault)
+{
+    cairn_vec2 place = {map_scan.x, map_scan.y};
+    cairn_status status;
+
+    if (aligner == NULL || view == NULL)
+        return refuse(fault, -1, "no aligner or no scan", CAIRN_BAD_ARGUMENT);
+    status = check_arrays(view, fault);
+    if (status == CAIRN_OK)
+        status = check_coordinates(view, fault);
+    if (status != CAIRN_OK)
+        return status;
+    if (!cairn_pose_is_finite(map_scan))
+        return refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
+    if (!is_within_limit(place))
+        return refuse(fault, -1, "the pose is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
+    if (aligner->scan_count == aligner->params.max_scans)
+        return refuse(fault, -1, "more than max_scans scans", CAIRN_FULL);
+    if (view->segment_count >
+        aligner->params.max_segments - (aligner->segment_count - aligner->short_segment_count))
+        return refuse(fault, -1, "more than max_segments segments", CAIRN_FULL);
+    if (view->point_count > aligner->params.max_points - aligner->point_count)
+        return refuse(fault, -1, "more than max_points points", CAIRN_FULL);
+    map_scan.theta = cairn_wrap_angle(map_scan.theta);
+    cairn_aligner_fill_scan(aligner, view, map_scan);
+    discard_result(aligner);
+    return refuse(fault, -1, NULL, CAIRN_OK);
+}
+
+cairn_status cairn_aligner_set_initial_pose(cairn_aligner *aligner, int32_t scan,
+                                            cairn_pose map_scan)
+{
+    cairn_vec2 place = {map_scan.x, map_scan.y};
+
+    if (aligner == NULL || scan < 0 || scan >= aligner->scan_count)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pose_is_finite(map_scan))
+        return CAIRN_NOT_FINITE;
+    if (!is_within_limit(place))
+        return CAIRN_BAD_ARGUMENT;
+    map_scan.theta = cairn_wrap_angle(map_scan.theta);
+    aligner->scans[scan].initial = map_scan;
+    if (cairn_aligner_running(aligner) || aligner->result.units > 0)
+        discard_result(aligner);
+    else
+        set_initial_result(aligner, scan);
+    return CAIRN_OK;
+}
+
+void cairn_aligner_clear(cairn_aligner *aligner)
+{
+    aligner->scan_count = aligner->segment_count = aligner->short_segment_count = 0;
+    aligner->point_count = aligner->patch_count = 0;
+    discard_result(aligner);
+}
+
+/* ---- Steps ---- */
+
+cairn_status cairn_aligner_begin(cairn_aligner *aligner)
+{
+    if (aligner == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    if (aligner->scan_count == 0)
+        return CAIRN_EMPTY;
+    memset(&aligner->result, 0, sizeof aligner->result);
+    aligner->result.anchor = -1;
+    aligner->hypothesis_count = aligner->wall_count = 0;
+    aligner->change_count = aligner->reported_commit = 0;
+    cairn_aligner_begin_clusters(aligner);
+    aligner->evaluation.active = aligner->relax.active = 0;
+    aligner->phase = ALIGNER_FIND_NEIGHBOURS;
+    aligner->units_due = 0;
+    aligner->scan_index = aligner->neighbour_index = aligner->item_index = aligner->inner_index =
+        aligner->nearest_count = 0;
+    aligner->trial_count = aligner->relocalization_rounds = aligner->translation_passes = 0;
+    aligner->is_warm_start = aligner->has_ended = 0;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_aligner_begin_warm(cairn_aligner *aligner, const cairn_pose *map_scan)
+{
+    if (aligner == NULL || map_scan == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    if (!aligner->has_ended)
+        return CAIRN_EMPTY;
+    for (int32_t i = 0; i < aligner->scan_count; i++) {
+        cairn_vec2 place = {map_scan[i].x, map_scan[i].y};
+
+        if (!aligner->scans[i].was_placed && !cairn_pose_is_finite(map_scan[i]))
+            return CAIRN_NOT_FINITE;
+        if (!aligner->scans[i].was_placed && !is_within_limit(place))
+            return CAIRN_BAD_ARGUMENT;
+    }
+    for (int32_t i = 0; i < aligner->scan_count; i++)
+        if (!aligner->scans[i].was_placed) {
+            aligner->scans[i].initial = map_scan[i];
+            aligner->scans[i].initial.theta = cairn_wrap_angle(map_scan[i].theta);
+        }
+    for (int32_t c = 0; c <= aligner->scan_count; c++)
+        aligner->prior_sums[c].stamp = -1; /* computed for the previous initial poses */
+    aligner->hypothesis_count = 0;
+    aligner->relocalization_rounds = aligner->translation_passes = aligner->changed_scans = 0;
+    aligner->scan_index = aligner->neighbour_index = aligner->item_index = aligner->inner_index = 0;
+    aligner->units_due = 0;
+    aligner->is_warm_start = 1;
+    aligner->has_ended = 0;
+    aligner->phase = ALIGNER_RELOCALIZE;
+    return CAIRN_OK;
+}
+
+static int32_t next_item(cairn_aligner *aligner)
+{
+    if (aligner->evaluation.active)
+        return cairn_aligner_evaluation_item(aligner);
+    if (aligner->relax.active)
+        return cairn_aligner_relax_item(aligner);
+    if (aligner->phase <= ALIGNER_SYMMETRIZE_NEIGHBOURS)
+        return cairn_aligner_neighbour_item(aligner);
+    if (aligner->phase <= ALIGNER_REFINE_TRIALS)
+        return cairn_aligner_pairs_item(aligner);
+    if (aligner->phase <= ALIGNER_REJECT_MERGED)
+        return cairn_aligner_merge_item(aligner);
+    if (aligner->phase <= ALIGNER_PLACE)
+        return cairn_aligner_relocalize_item(aligner);
+    if (aligner->phase == ALIGNER_TRANSLATE || aligner->phase == ALIGNER_TRY_TRANSLATIONS)
+        return cairn_aligner_translate_item(aligner);
+    return cairn_aligner_joint_item(aligner);
+}
+
+/* Continues the solver with the same budget. */
+static int run_solver(cairn_aligner *aligner, cairn_budget *budget)
+{
+    int32_t before = budget->left;
+    cairn_status status;
+
+    if (aligner->phase < ALIGNER_SOLVE || !cairn_block_solver_read(aligner->solver).running)
+        return 0;
+    status = cairn_block_solver_step(aligner->solver, budget);
+    aligner->result.units += before - budget->left;
+    if (status < 0)
+        cairn_aligner_skip_joint_solution(aligner, status);
+    return status == CAIRN_MORE;
+}
+
+/* Returns a count that changes with every commit point. */
+static int32_t commits_of(const cairn_aligner *aligner)
+{
+    return aligner->change_count + aligner->result.iterations;
+}
+
+/* Returns 1 when the poses are consistent: no evaluation or relaxation is running, no scan is being
+ * relocalized. */
+static int is_consistent(const cairn_aligner *aligner)
+{
+    return !aligner->evaluation.active && !aligner->relax.active &&
+           aligner->clusters[aligner->scan_count].size == 0;
+}
+
+static cairn_status run(cairn_aligner *aligner, cairn_budget *budget, int to_commit)
+{
+    if (aligner == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (aligner->phase != ALIGNER_DONE || aligner->units_due > 0) {
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        if (aligner->units_due > 0) {
+            int32_t charged = aligner->units_due < budget->left ? aligner->units_due : budget->left;
+
+            aligner->units_due -= charged;
+            aligner->result.units += charged;
+            budget->left -= charged;
+        } else if (to_commit && commits_of(aligner) != aligner->reported_commit &&
+                   is_consistent(aligner)) {
+            aligner->reported_commit = commits_of(aligner);
+            return CAIRN_OK;
+        } else if (!run_solver(aligner, budget) && aligner->phase != ALIGNER_DONE) {
+            aligner->units_due += next_item(aligner);
+            if (aligner->units_due > aligner->result.worst_step)
+                aligner->result.worst_step = aligner->units_due;
+        }
+    }
+    return CAIRN_OK;
+}
+
+cairn_status cairn_aligner_step(cairn_aligner *aligner, cairn_budget *budget)
+{
+    return run(aligner, budget, 0);
+}
+
+cairn_status cairn_aligner_iterate(cairn_aligner *aligner, cairn_budget *budget)
+{
+    return run(aligner, budget, 1);
+}
+
+int32_t cairn_aligner_running(const cairn_aligner *aligner)
+{
+    return aligner->phase != ALIGNER_DONE || aligner->units_due > 0;
+}
+
+/* ---- Results ---- */
+
+int32_t cairn_aligner_scan_count(const cairn_aligner *aligner)
+{
+    return aligner->scan_count;
+}
+
+cairn_aligner_result cairn_aligner_read(const cairn_aligner *aligner)
+{
+    return aligner->result;
+}
+
+cairn_aligner_pose cairn_aligner_pose_of(const cairn_aligner *aligner, int32_t scan)
+{
+    cairn_aligner_pose none;
+
+    memset(&none, 0, sizeof none);
+    return scan >= 0 && scan < aligner->scan_count ? aligner->results[scan] : none;
+}
+
+cairn_pose cairn_aligner_current_pose(const cairn_aligner *aligner, int32_t scan, int32_t *part)
+{
+    cairn_transform gauge;
+    int32_t known = scan >= 0 && scan < aligner->scan_count, own;
+
+    if (part != NULL)
+        *part = known ? scan : -1;
+    if (!known)
+        return cairn_pose_identity();
+    own = aligner->scans[scan].cluster;
+    if (!cairn_aligner_running(aligner) &&
+        aligner->result.verdict == CAIRN_ALIGNER_RUNNING) /* not begun */
+        return aligner->results[scan].map_scan;
+    if (part != NULL && own < aligner->scan_count)
+        *part = own;
+    if (!cairn_aligner_running(aligner))
+        return aligner->results[scan].map_scan;
+    gauge = cairn_aligner_gauge(aligner, own);
+    return cairn_aligner_to_pose(cairn_aligner_compose(gauge, aligner->poses[scan]));
+}

@@ -1,0 +1,657 @@
+/* aligner: joint least squares over the poses of the largest cluster and the walls that its scans
+ * share, with marginal covariances.
+ *
+ * Method: each wall (aligner_wall.c) has an unknown offset and angle.
+ * 1. Normal equations by moments: a hit at p has the residual e = n p - rho, whose Jacobian J is
+ *    linear in p. The sums of J J^T and J e over all hits of a segment therefore follow from its
+ *    weight, mean and scatter matrix. Every beam counts, and none is stored.
+ * 2. Robust weights (Geman and McClure) of segments, with a scale that falls from iteration to
+ *    iteration.
+ * 3. The estimated variances of the initial poses are a weak prior at the current pose.
+ * 4. Sparse Cholesky (block_solver), update, until convergence.
+ * 5. Marginal covariances: the inverse of the same system, with one scan as anchor, is the
+ *    Cramer-Rao bound of the poses at the solution. It decides about observability. The covariances
+ *    are the bound times chi-squared per degree of freedom, since misassociated walls are not
+ *    noise. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/alignment/aligner_work.h"
+
+static const cairn_real ANCHOR_INFORMATION = CAIRN_REAL(1e10);
+static const cairn_real CONVERGED_STEP_M = CAIRN_REAL(5e-4); /* m: converged below this step */
+static const cairn_real MIN_SUPPORT_NATS = 2; /* nats: least support of a placed scan */
+
+/* Robust scale: chi-squared at which a segment loses weight, per iteration. */
+static const cairn_real tolerances[] = {1000, 300, 100, 50, 25, 15, 12};
+
+enum { RESUME_ITERATION = 6 };     /* iteration to resume from when scans were translated */
+enum { COVARIANCE_ITERATION = 4 }; /* iteration whose robust scale the covariances use */
+enum { TERMS_PER_ITEM = 64 };      /* segments, scans or walls that one item adds */
+
+/* Sets the robust scale: in standard deviations, and in early iterations also in metres, however
+ * well a long segment is known. */
+static void set_tolerance(cairn_aligner *aligner, int32_t round)
+{
+    static const cairn_real metres[] = {CAIRN_REAL(0.08), CAIRN_REAL(0.08), CAIRN_REAL(0.05),
+                                        CAIRN_REAL(0.03)};
+
+    aligner->robust_chi2 = tolerances[round < 6 ? round : 6];
+    aligner->robust_squared_distance = round < 4 ? metres[round] * metres[round] : 0;
+}
+
+/* ---- The linear system ---- */
+
+/* Numbers the nodes of shared walls behind the scans. */
+static void number_walls(cairn_aligner *aligner)
+{
+    aligner->node_count = aligner->scan_count;
+    aligner->result.walls = 0;
+    for (int32_t w = 0; w < aligner->wall_count; w++) {
+        aligner->walls[w].node = aligner->walls[w].scan_count > 1 ? aligner->node_count++ : -1;
+        aligner->result.walls += aligner->walls[w].scan_count > 1;
+    }
+}
+
+static int is_shared(const cairn_aligner *aligner, const aligner_segment *segment)
+{
+    return segment->wall >= 0 && aligner->walls[segment->wall].node >= 0;
+}
+
+/* Numbers the nodes, adds the links of some segments, then starts the symbolic analysis; all are
+ * unchanged with a fixed association. */
+static int32_t link_item(cairn_aligner *aligner)
+{
+    cairn_status status = CAIRN_OK;
+    int32_t end = aligner->at + TERMS_PER_ITEM < aligner->segment_count
+                      ? aligner->at + TERMS_PER_ITEM
+                      : aligner->segment_count,
+            units = 1;
+
+    if (aligner->at == 0) {
+        number_walls(aligner);
+        units += aligner->wall_count / 32 + aligner->node_count / 8;
+        if (cairn_aligner_has_fixed_association(aligner)) {
+            aligner->phase = ALIGNER_SOLVE;
+            return units;
+        }
+        status = cairn_block_solver_begin(aligner->solver, aligner->node_count);
+    }
+    for (; aligner->at < end && status == CAIRN_OK; aligner->at++) {
+        const aligner_segment *s = &aligner->segments[aligner->at];
+
+        if (is_shared(aligner, s))
+            status =
+                cairn_block_solver_add_link(aligner->solver, s->scan, aligner->walls[s->wall].node);
+    }
+    if (end == aligner->segment_count) {
+        if (status == CAIRN_OK)
+            status = cairn_block_solver_analyze(aligner->solver);
+        units += cairn_block_solver_read(aligner->solver).links / 8 + aligner->node_count / 8;
+        aligner->phase = ALIGNER_SOLVE;
+        aligner->at = aligner->stage = 0;
+    }
+    if (status != CAIRN_OK)
+        cairn_aligner_skip_joint_solution(aligner, status);
+    return units + TERMS_PER_ITEM / 8;
+}
+
+/* Residual and Jacobian of a segment on its wall. */
+typedef struct term {
+    /* m: residual of the mean of its hits */
+    cairn_real error;
+    /* Jacobian by its scan's pose, ... */
+    cairn_real row[3];
+    /* ... and by its wall's offset and angle */
+    cairn_real column[3];
+    /* scatter along the wall, and mixed; these act on the angles only */
+    cairn_real along, oblique;
+    /* chi-squared, and the robust weight */
+    cairn_real chi, scale;
+} term;
+
+static term term_of(const cairn_aligner *aligner, const aligner_segment *segment)
+{
+    const aligner_wall *wall = &aligner->walls[segment->wall];
+    cairn_transform pose = aligner->poses[segment->scan];
+    cairn_vec2 mean = cairn_transform_point(pose, segment->mean), along = cairn_aligner_along(wall),
+               n, t;
+    cairn_vec2 arm = {mean.x - pose.x, mean.y - pose.y};
+    cairn_real across;
+    term m;
+
+    /* The wall'segment axes in the scan'segment frame. */
+    n.x = pose.cosine * wall->normal.x + pose.sine * wall->normal.y;
+    n.y = pose.cosine * wall->normal.y - pose.sine * wall->normal.x;
+    t.x = n.y;
+    t.y = -n.x;
+    m.along = segment->scatter.xx * t.x * t.x + 2 * segment->scatter.xy * t.x * t.y +
+              segment->scatter.yy * t.y * t.y;
+    across = segment->scatter.xx * n.x * n.x + 2 * segment->scatter.xy * n.x * n.y +
+             segment->scatter.yy * n.y * n.y;
+    m.oblique = segment->scatter.xx * t.x * n.x + segment->scatter.xy * (t.x * n.y + t.y * n.x) +
+                segment->scatter.yy * t.y * n.y;
+    m.error = cairn_vec2_dot(wall->normal, mean) - wall->offset;
+    m.chi = segment->weight * m.error * m.error + cairn_max(across - segment->min_scatter, 0);
+    m.scale = 1 / (1 + m.chi / cairn_max(aligner->robust_chi2,
+                                         segment->weight * aligner->robust_squared_distance));
+    m.scale *= m.scale;
+    m.row[0] = wall->normal.x;
+    m.row[1] = wall->normal.y;
+    m.row[2] = cairn_vec2_dot(along, arm);
+    m.column[0] = -1;
+    m.column[1] = -(cairn_vec2_dot(along, mean) - cairn_vec2_dot(along, wall->middle));
+    m.column[2] = 0;
+    return m;
+}
+
+/* Rotates a translation (or a row over it) into a frame, and back into the map. */
+static void into_frame(cairn_vec2 frame, cairn_real shift[2])
+{
+    cairn_real along = frame.x * shift[0] + frame.y * shift[1];
+
+    shift[1] = frame.x * shift[1] - frame.y * shift[0];
+    shift[0] = along;
+}
+
+static void out_of_frame(cairn_vec2 frame, cairn_real shift[2])
+{
+    cairn_real first = frame.x * shift[0] - frame.y * shift[1];
+
+    shift[1] = frame.y * shift[0] + frame.x * shift[1];
+    shift[0] = first;
+}
+
+/* Returns the direction of a scan's first unknown: its least observable translation. A scan of one
+ * wall is known ten thousand times better across than along. With skew axes, all entries of its
+ * block's inverse would be of the larger magnitude, and the smaller one would be lost to rounding
+ * in float. */
+static cairn_vec2 frame_of(const cairn_aligner *aligner, int32_t scan)
+{
+    cairn_sym3 own = cairn_aligner_own_information(aligner, scan);
+    cairn_sym2 shifts = {own.xx, own.xy, own.yy};
+    cairn_real values[2];
+    cairn_vec2 least, most;
+
+    cairn_sym2_eigen(shifts, values, &least, &most);
+    return least;
+}
+
+static cairn_status add_segment(cairn_aligner *aligner, const aligner_segment *segment,
+                                int32_t link)
+{
+    int32_t node = aligner->walls[segment->wall].node;
+    term m = term_of(aligner, segment);
+    cairn_real *b = &aligner->rhs[3 * segment->scan], *c = &aligner->rhs[3 * node], block[9],
+               weight = m.scale * segment->weight;
+    cairn_sym3 own = cairn_sym3_zero(), walls = cairn_sym3_zero();
+    cairn_status status;
+
+    into_frame(aligner->scans[segment->scan].first_axis, m.row);
+    cairn_sym3_add_outer(&own, m.row, weight);
+    own.zz += m.scale * m.along;
+    cairn_sym3_add_outer(&walls, m.column, weight);
+    walls.yy += m.scale * m.along;
+    for (int r = 0; r < 3; r++) {
+        b[r] -= weight * m.error * m.row[r];
+        c[r] -= weight * m.error * m.column[r];
+        for (int k = 0; k < 3; k++)
+            block[3 * r + k] = weight * m.row[r] * m.column[k];
+    }
+    block[7] -= m.scale * m.along;
+    b[2] -= m.scale * m.oblique;
+    c[1] += m.scale * m.oblique;
+    status = cairn_block_solver_add_pose_block(aligner->solver, segment->scan, own);
+    if (status == CAIRN_OK)
+        status = cairn_block_solver_add_pose_block(aligner->solver, node, walls);
+    return status == CAIRN_OK ? cairn_block_solver_add_link_block(aligner->solver, link, block)
+                              : status;
+}
+
+cairn_sym3 cairn_aligner_own_information(const cairn_aligner *aligner, int32_t scan)
+{
+    cairn_sym3 own = cairn_sym3_zero();
+
+    for (int32_t k = aligner->scans[scan].first_segment; k < aligner->scans[scan].end_segment;
+         k++) {
+        const aligner_segment *s = &aligner->segments[k];
+        term m;
+
+        if (!is_shared(aligner, s))
+            continue;
+        m = term_of(aligner, s);
+        cairn_sym3_add_outer(&own, m.row, m.scale * s->weight);
+        own.zz += m.scale * m.along;
+    }
+    return own;
+}
+
+/* Adds the prior of a scan, and fixes the anchor. */
+static cairn_status add_prior(cairn_aligner *aligner, int32_t i, int32_t anchor)
+{
+    cairn_real weight = 1 / (aligner->sigma * aligner->sigma),
+               turn = 1 / (aligner->sigma_angle * aligner->sigma_angle);
+    cairn_sym3 block = {weight, 0, 0, weight, 0, turn};
+
+    if (i == anchor)
+        block.xx = block.yy = block.zz = ANCHOR_INFORMATION;
+    return cairn_block_solver_add_pose_block(aligner->solver, i, block);
+}
+
+/* Adds a weak prior of a wall, and its unused third unknown. */
+static cairn_status add_wall_prior(cairn_aligner *aligner, const aligner_wall *wall)
+{
+    cairn_real prior_weight = CAIRN_REAL_EPSILON * 256 * wall->weight + CAIRN_REAL(0.01);
+    cairn_sym3 block = {prior_weight, 0, 0, prior_weight + 1, 0, 1};
+
+    return wall->node >= 0 ? cairn_block_solver_add_pose_block(aligner->solver, wall->node, block)
+                           : CAIRN_OK;
+}
+
+/* Adds the k-th term: segments, then scans, then walls. */
+static cairn_status add_value(cairn_aligner *aligner, int32_t k, int32_t anchor)
+{
+    if (k < aligner->segment_count) {
+        int32_t scan = aligner->segments[k].scan;
+
+        if (k == aligner->scans[scan].first_segment) {
+            aligner->scans[scan].first_axis = frame_of(aligner, scan);
+            aligner->units_due += (aligner->scans[scan].end_segment - k) / 2;
+        }
+        return is_shared(aligner, &aligner->segments[k])
+                   ? add_segment(aligner, &aligner->segments[k], aligner->link++)
+                   : CAIRN_OK;
+    }
+    k -= aligner->segment_count;
+    return k < aligner->scan_count
+               ? add_prior(aligner, k, anchor)
+               : add_wall_prior(aligner, &aligner->walls[k - aligner->scan_count]);
+}
+
+/* Adds some terms; after the last the factorization starts. The anchor is fixed for the marginals
+ * only. */
+static int32_t build_item(cairn_aligner *aligner, int32_t anchor)
+{
+    int32_t count = aligner->segment_count + aligner->scan_count + aligner->wall_count;
+    int32_t end = aligner->at + TERMS_PER_ITEM < count ? aligner->at + TERMS_PER_ITEM : count,
+            units = 1;
+    cairn_status status = CAIRN_OK;
+
+    if (aligner->at == 0) {
+        status = cairn_block_solver_clear(aligner->solver);
+        memset(aligner->rhs, 0, 3 * (size_t)aligner->node_count * sizeof *aligner->rhs);
+        aligner->link = 0;
+        units += aligner->result.fill / 32 + aligner->node_count / 32;
+    }
+    for (; aligner->at < end && status == CAIRN_OK; aligner->at++, units++)
+        status = add_value(aligner, aligner->at, anchor);
+    if (end == count && status == CAIRN_OK) {
+        status = cairn_block_solver_factor(aligner->solver);
+        aligner->at = 0;
+        aligner->stage = 1;
+    }
+    if (status != CAIRN_OK)
+        cairn_aligner_skip_joint_solution(aligner, status);
+    return units;
+}
+
+static void move_scans(cairn_aligner *aligner)
+{
+    aligner->max_step = 0;
+    for (int32_t i = 0; i < aligner->scan_count; i++) {
+        cairn_transform *pose = &aligner->poses[i];
+        cairn_vec2 centre = {pose->x, pose->y};
+        cairn_real motion[3];
+
+        if (aligner->scans[i].cluster != aligner->home ||
+            cairn_block_solver_solution(aligner->solver, i, motion) != CAIRN_OK)
+            continue;
+        out_of_frame(aligner->scans[i].first_axis, motion);
+        aligner->max_step =
+            cairn_max(aligner->max_step, cairn_max(cairn_abs(motion[0]), cairn_abs(motion[1])));
+        *pose = cairn_aligner_moved(*pose, centre, motion);
+    }
+    aligner->clusters[aligner->home].stamp = ++aligner->change_count;
+}
+
+/* ---- Results ---- */
+
+/* Returns the anchor: the scan with the greatest information determinant, the walls given. */
+static int32_t choose_anchor(const cairn_aligner *aligner)
+{
+    int32_t best = -1;
+    cairn_real most = -1;
+
+    for (int32_t i = 0; i < aligner->scan_count; i++) {
+        cairn_sym3 own;
+        cairn_real determinant;
+
+        if (aligner->scans[i].cluster != aligner->home)
+            continue;
+        own = cairn_aligner_own_information(aligner, i);
+        determinant = own.xx * (own.yy * own.zz - own.yz * own.yz) -
+                      own.xy * (own.xy * own.zz - own.yz * own.xz) +
+                      own.xz * (own.xy * own.yz - own.yy * own.xz);
+        if (determinant > most) {
+            most = determinant;
+            best = i;
+        }
+    }
+    return best;
+}
+
+/* Rotates a covariance m of a scan by the gauge into the map. */
+static void rotate_covariance(cairn_transform gauge, const cairn_real m[9], cairn_real out[9])
+{
+    cairn_real r[9] = {gauge.cosine, -gauge.sine, 0, gauge.sine, gauge.cosine, 0, 0, 0, 1}, half[9];
+
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            half[3 * i + j] = r[3 * i] * m[j] + r[3 * i + 1] * m[3 + j] + r[3 * i + 2] * m[6 + j];
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            out[3 * i + j] = half[3 * i] * r[3 * j] + half[3 * i + 1] * r[3 * j + 1] +
+                             half[3 * i + 2] * r[3 * j + 2];
+}
+
+static void set_observability(cairn_aligner *aligner, int32_t i)
+{
+    cairn_aligner_pose *r = &aligner->results[i];
+    const cairn_real *c = r->covariance;
+    cairn_real far = aligner->params.observable_sigma,
+               turned = aligner->params.observable_sigma_theta;
+
+    r->observable = (cairn_sqrt(c[0]) < far ? CAIRN_ALIGNER_X : 0) |
+                    (cairn_sqrt(c[4]) < far ? CAIRN_ALIGNER_Y : 0) |
+                    (cairn_sqrt(c[8]) < turned ? CAIRN_ALIGNER_THETA : 0);
+    r->placed = r->component == 0 && r->support >= MIN_SUPPORT_NATS &&
+                cairn_sqrt(c[0] + c[4]) < far && cairn_sqrt(c[8]) < turned;
+}
+
+/* Returns the component number of a scan's cluster: by size, ties by index. */
+static int32_t component_of(const cairn_aligner *aligner, int32_t i)
+{
+    int32_t own = aligner->scans[i].cluster, before = 0;
+
+    for (int32_t c = 0; c < aligner->scan_count; c++)
+        before += aligner->clusters[c].size > aligner->clusters[own].size ||
+                  (aligner->clusters[c].size == aligner->clusters[own].size &&
+                   aligner->clusters[c].size > 0 && c < own);
+    return own == aligner->home ? 0 : before;
+}
+
+/* Counts the components, without scans that have no points. */
+static int32_t count_components(const cairn_aligner *aligner)
+{
+    int32_t parts = 0;
+
+    for (int32_t c = 0; c < aligner->scan_count; c++)
+        parts += aligner->clusters[c].size > 1 ||
+                 (aligner->clusters[c].size == 1 &&
+                  cairn_aligner_points_of(aligner, aligner->clusters[c].head) > 0);
+    return parts;
+}
+
+static void read_covariance(const cairn_aligner *aligner, int32_t i, cairn_transform gauge,
+                            cairn_real covariance[9])
+{
+    cairn_real block[9], prior = 2 * aligner->sigma * aligner->sigma,
+                         turn = 2 * aligner->sigma_angle * aligner->sigma_angle;
+
+    memset(covariance, 0, 9 * sizeof *covariance);
+    covariance[0] = covariance[4] = prior;
+    covariance[8] = turn;
+    if (aligner->scans[i].cluster != aligner->home || aligner->result.anchor < 0)
+        return;
+    if (i == aligner->result.anchor)
+        memset(covariance, 0, 9 * sizeof *covariance);
+    else if (cairn_block_solver_covariance(aligner->solver, i, i, block) == CAIRN_OK) {
+        cairn_vec2 frame = aligner->scans[i].first_axis;
+        cairn_transform own = {0, 0, frame.x, frame.y};
+
+        rotate_covariance(cairn_aligner_compose(gauge, own), block, covariance);
+    }
+}
+
+/* Adds up chi-squared of some segments on shared walls; after the last divides by the degrees of
+ * freedom. */
+static int32_t add_chi2(cairn_aligner *aligner)
+{
+    int32_t end = aligner->at + TERMS_PER_ITEM < aligner->segment_count
+                      ? aligner->at + TERMS_PER_ITEM
+                      : aligner->segment_count;
+
+    if (aligner->at == 0) {
+        aligner->chi2_per_dof = 0;
+        aligner->dof = -3 * aligner->clusters[aligner->home].size - 2 * aligner->result.walls;
+    }
+    for (; aligner->at < end; aligner->at++)
+        if (is_shared(aligner, &aligner->segments[aligner->at])) {
+            term m = term_of(aligner, &aligner->segments[aligner->at]);
+
+            aligner->chi2_per_dof += m.chi * m.scale;
+            aligner->dof += 2;
+        }
+    if (end == aligner->segment_count) {
+        aligner->chi2_per_dof =
+            aligner->dof > 0 ? cairn_max(aligner->chi2_per_dof / (cairn_real)aligner->dof, 1) : 1;
+        aligner->gauge_part = -1;
+        aligner->result.placed = 0;
+        aligner->stage = 4;
+        aligner->scan_index = 0;
+    }
+    return TERMS_PER_ITEM;
+}
+
+static int32_t finish(cairn_aligner *aligner)
+{
+    aligner->result.components = count_components(aligner);
+    aligner->result.largest_size = aligner->clusters[aligner->home].size;
+    aligner->result.initial_sigma = aligner->sigma;
+    aligner->result.initial_sigma_theta = aligner->sigma_angle;
+    if (aligner->result.verdict == CAIRN_ALIGNER_RUNNING) {
+        aligner->result.verdict = aligner->max_step <= CONVERGED_STEP_M
+                                      ? CAIRN_ALIGNER_CONVERGED
+                                      : CAIRN_ALIGNER_OUT_OF_ITERATIONS;
+        if (aligner->result.components > 1 || aligner->result.largest_size < 2)
+            aligner->result.verdict = CAIRN_ALIGNER_DISCONNECTED;
+    }
+    aligner->has_ended = 1;
+    aligner->phase = ALIGNER_DONE;
+    return 1 + aligner->scan_count / 16;
+}
+
+/* Writes the result of one scan. */
+static int32_t report_scan(cairn_aligner *aligner, int32_t i)
+{
+    cairn_aligner_pose *r = &aligner->results[i];
+    int32_t units = 8 + aligner->scan_count / 16;
+
+    if (aligner->scans[i].cluster != aligner->gauge_part) {
+        aligner->gauge_part = aligner->scans[i].cluster;
+        aligner->gauge = cairn_aligner_gauge(aligner, aligner->gauge_part);
+        units += aligner->clusters[aligner->gauge_part].size;
+    }
+    r->component = component_of(aligner, i);
+    r->map_scan = cairn_aligner_to_pose(cairn_aligner_compose(aligner->gauge, aligner->poses[i]));
+    r->support = aligner->scans[i].support;
+    read_covariance(aligner, i, aligner->gauge, r->covariance);
+    set_observability(aligner, i);
+    for (int k = 0; k < 9; k++)
+        r->covariance[k] *= aligner->chi2_per_dof;
+    aligner->result.placed += r->placed;
+    aligner->scans[i].was_placed = r->placed;
+    return units;
+}
+
+/* No joint solution: the covariances are those of the initial poses. */
+void cairn_aligner_skip_joint_solution(cairn_aligner *aligner, cairn_status status)
+{
+    if (status == CAIRN_FULL)
+        aligner->result.verdict = CAIRN_ALIGNER_FILL_EXCEEDED;
+    aligner->result.anchor = -1;
+    aligner->phase = ALIGNER_MARGINALS;
+    aligner->stage = 2;
+    aligner->scan_index = aligner->neighbour_index = 0;
+}
+
+/* Adds the log-likelihood ratio of one pair of scans to the support of both. */
+static int32_t support_item(cairn_aligner *aligner)
+{
+    aligner_count count = {0, 0, 0};
+    int32_t i = aligner->scan_index, j, work;
+    cairn_real evidence;
+
+    if (i == aligner->scan_count) {
+        aligner->stage = 3;
+        aligner->at = 0;
+        return 1;
+    }
+    if (aligner->neighbour_index == aligner->scans[i].neighbour_count) {
+        aligner->scan_index++;
+        aligner->neighbour_index = 0;
+        return 1;
+    }
+    j = cairn_aligner_neighbour(aligner, i, aligner->neighbour_index++);
+    if (j > i || aligner->scans[i].cluster != aligner->scans[j].cluster ||
+        !cairn_aligner_may_overlap(aligner, i, j, aligner->poses[i], aligner->poses[j]))
+        return 1;
+    work = cairn_aligner_count_pair(aligner, i, j,
+                                    cairn_aligner_between(aligner->poses[j], aligner->poses[i]),
+                                    CAIRN_REAL(0.07), &count);
+    evidence = cairn_aligner_log_likelihood_ratio(aligner, count);
+    aligner->scans[i].support += evidence;
+    aligner->scans[j].support += evidence;
+    return 1 + work / ALIGNER_POINTS_PER_UNIT;
+}
+
+/* ---- Phases ---- */
+
+static int32_t sort_segments(cairn_aligner *aligner)
+{
+    if (aligner->stage == 0 && aligner->at == 0) {
+        aligner->home = cairn_aligner_largest(aligner);
+        aligner->translations_done = 0;
+        if (aligner->segment_count == 0 || aligner->params.max_iterations == 0) {
+            aligner->max_step = 0;
+            cairn_aligner_skip_joint_solution(aligner, CAIRN_OK);
+            return 1;
+        }
+    }
+    return cairn_aligner_sort_item(aligner);
+}
+
+/* Starts the marginals at the final poses and walls. */
+static void begin_marginals(cairn_aligner *aligner)
+{
+    aligner->robust_chi2 = tolerances[COVARIANCE_ITERATION];
+    aligner->robust_squared_distance = 0;
+    aligner->result.anchor = choose_anchor(aligner);
+    aligner->phase = ALIGNER_MARGINALS;
+}
+
+static int has_ended(const cairn_aligner *aligner)
+{
+    return aligner->round >= aligner->params.max_iterations ||
+           (cairn_aligner_has_fixed_association(aligner) && aligner->max_step <= CONVERGED_STEP_M);
+}
+
+void cairn_aligner_end_translations(cairn_aligner *aligner, int32_t changed)
+{
+    aligner->at = aligner->stage = 0;
+    aligner->phase = ALIGNER_ASSOCIATE;
+    aligner->translations_done = changed == 0;
+    if (!aligner->translations_done)
+        aligner->round = RESUME_ITERATION < aligner->params.max_iterations
+                             ? RESUME_ITERATION
+                             : aligner->params.max_iterations - 1;
+    else if (has_ended(aligner))
+        begin_marginals(aligner);
+}
+
+/* While translations may follow, the iterations end with the fixed association; only then must they
+ * converge. */
+static void end_round(cairn_aligner *aligner)
+{
+    aligner->at = aligner->stage = 0;
+    aligner->phase = ALIGNER_ASSOCIATE;
+    aligner->round++;
+    aligner->result.iterations++;
+    if (!aligner->translations_done && (aligner->round >= aligner->params.max_iterations ||
+                                        cairn_aligner_has_fixed_association(aligner)))
+        cairn_aligner_begin_translations(aligner);
+    else if (aligner->translations_done && has_ended(aligner))
+        begin_marginals(aligner);
+}
+
+/* The solver has ended a phase; starts the next. */
+static int32_t solve(cairn_aligner *aligner)
+{
+    cairn_block_solver_result state = cairn_block_solver_read(aligner->solver);
+
+    if (aligner->stage == 0) {
+        set_tolerance(aligner, aligner->round);
+        return build_item(aligner, -1);
+    }
+    if (aligner->stage == 1) {
+        cairn_status status = state.state == CAIRN_BLOCK_SOLVER_FACTORED
+                                  ? cairn_block_solver_solve(aligner->solver, aligner->rhs)
+                                  : CAIRN_UNSUPPORTED;
+
+        aligner->stage = 2;
+        if (status != CAIRN_OK)
+            cairn_aligner_skip_joint_solution(aligner, status);
+        return 1 + aligner->node_count / 8;
+    }
+    move_scans(aligner);
+    if (state.fill > aligner->result.fill)
+        aligner->result.fill = state.fill;
+    end_round(aligner);
+    return aligner->scan_count;
+}
+
+static int32_t marginals(cairn_aligner *aligner)
+{
+    if (aligner->stage == 0)
+        return build_item(aligner, aligner->result.anchor);
+    if (aligner->stage == 1) {
+        cairn_status status =
+            cairn_block_solver_read(aligner->solver).state == CAIRN_BLOCK_SOLVER_FACTORED
+                ? cairn_block_solver_invert(aligner->solver)
+                : CAIRN_UNSUPPORTED;
+
+        aligner->stage = 2;
+        aligner->scan_index = aligner->neighbour_index = 0;
+        if (status != CAIRN_OK)
+            cairn_aligner_skip_joint_solution(aligner, status);
+        return 1;
+    }
+    if (aligner->stage == 2)
+        return support_item(aligner);
+    if (aligner->stage == 3)
+        return add_chi2(aligner);
+    if (aligner->scan_index < aligner->scan_count)
+        return report_scan(aligner, aligner->scan_index++);
+    return finish(aligner);
+}
+
+int32_t cairn_aligner_joint_item(cairn_aligner *aligner)
+{
+    switch (aligner->phase) {
+    case ALIGNER_SORT_SEGMENTS:
+        return sort_segments(aligner);
+    case ALIGNER_ASSOCIATE:
+        if (aligner->at < aligner->segment_count)
+            return cairn_aligner_associate_item(aligner);
+        aligner->phase = ALIGNER_LINK;
+        aligner->at = 0;
+        return 1;
+    case ALIGNER_LINK:
+        return link_item(aligner);
+    case ALIGNER_SOLVE:
+        return solve(aligner);
+    default:
+        return marginals(aligner);
+    }
+}

@@ -1,0 +1,127 @@
+/* aligner: neighbours of the scans: candidate pairs for all comparisons.
+ *
+ * Method: nearness of two scans by their initial poses: the number of patches of either that may be
+ * visible to the other, then the distance of what they see.
+ * 1. Each scan's neighbours are the nearest scans.
+ * 2. The relation is made symmetric within the capacity, so that isolated scans have neighbours and
+ *    scans among many others not more than the limit. */
+#include "src/base/build.h"
+
+#include "src/alignment/aligner_work.h"
+
+static int may_ever_overlap(const cairn_aligner *aligner, int32_t i, int32_t j)
+{
+    const aligner_scan *a = &aligner->scans[i], *b = &aligner->scans[j];
+    cairn_real dx = a->initial.x - b->initial.x, dy = a->initial.y - b->initial.y;
+    cairn_real reach = a->extent + b->extent + 2 * aligner->params.max_initial_error;
+
+    return dx * dx + dy * dy <= reach * reach;
+}
+
+/* Returns the nearness of two scans by their initial poses; negative: no overlap, or not above
+ * `least`. */
+static cairn_real nearness_of(const cairn_aligner *aligner, int32_t i, int32_t j, cairn_real least)
+{
+    cairn_transform map_i = aligner->poses[i], map_j = aligner->poses[j];
+    cairn_vec2 p, q;
+    int32_t shown = 0;
+
+    if (!may_ever_overlap(aligner, i, j))
+        return -1;
+    if (cairn_aligner_may_overlap(aligner, i, j, map_i, map_j))
+        shown = cairn_aligner_visible_patches(aligner, i, j, cairn_aligner_between(map_i, map_j));
+    if ((cairn_real)shown + 1 <= least)
+        return -1;
+    p = cairn_transform_point(map_i, aligner->scans[i].middle);
+    q = cairn_transform_point(map_j, aligner->scans[j].middle);
+    return (cairn_real)shown + 1 / (1 + cairn_vec2_norm_squared(cairn_vec2_sub(p, q)));
+}
+
+/* Inserts into the list of the nearest scans. */
+static void insert_nearest(cairn_aligner *aligner, cairn_real nearness, int32_t scan)
+{
+    int32_t at = aligner->nearest_count;
+
+    if (at < ALIGNER_NEAREST_SCANS)
+        aligner->nearest_count++;
+    else if (nearness <= aligner->nearest[--at].nearness)
+        return;
+    for (; at > 0 && aligner->nearest[at - 1].nearness < nearness; at--)
+        aligner->nearest[at] = aligner->nearest[at - 1];
+    aligner->nearest[at].nearness = nearness;
+    aligner->nearest[at].scan = scan;
+}
+
+/* Tests some scans as neighbours of the current one; stores the nearest at the end. */
+static int32_t find_nearest(cairn_aligner *aligner)
+{
+    enum { SCANS_OF_ITEM = 8 };
+    uint16_t *neighbours = &aligner->neighbours[ALIGNER_MAX_NEIGHBOURS * aligner->scan_index];
+    int32_t units = 1;
+
+    for (int32_t k = 0; k < SCANS_OF_ITEM && aligner->neighbour_index < aligner->scan_count;
+         k++, aligner->neighbour_index++)
+        if (aligner->neighbour_index != aligner->scan_index) {
+            cairn_real least = aligner->nearest_count == ALIGNER_NEAREST_SCANS
+                                   ? aligner->nearest[ALIGNER_NEAREST_SCANS - 1].nearness
+                                   : -1;
+            cairn_real nearness =
+                nearness_of(aligner, aligner->scan_index, aligner->neighbour_index, least);
+
+            units += nearness < 1 ? 1 : 4;
+            if (nearness >= 0)
+                insert_nearest(aligner, nearness, aligner->neighbour_index);
+        }
+    if (aligner->neighbour_index < aligner->scan_count)
+        return units;
+    for (int32_t k = 0; k < aligner->nearest_count; k++)
+        neighbours[k] = (uint16_t)aligner->nearest[k].scan;
+    aligner->scans[aligner->scan_index].neighbour_count = aligner->nearest_count;
+    aligner->nearest_count = aligner->neighbour_index = 0;
+    if (++aligner->scan_index == aligner->scan_count) {
+        aligner->scan_index = 0;
+        aligner->phase = ALIGNER_SYMMETRIZE_NEIGHBOURS;
+    }
+    return units;
+}
+
+int cairn_aligner_has_neighbour(const cairn_aligner *aligner, int32_t scan, int32_t neighbour,
+                                int32_t most)
+{
+    for (int32_t k = 0; k < aligner->scans[scan].neighbour_count && k < most; k++)
+        if (cairn_aligner_neighbour(aligner, scan, k) == neighbour)
+            return 1;
+    return 0;
+}
+
+/* Makes the neighbour relation of the current scan symmetric; it loses neighbours without
+ * capacity. */
+static int32_t symmetrize(cairn_aligner *aligner)
+{
+    aligner_scan *scan = &aligner->scans[aligner->scan_index];
+    uint16_t *neighbours = &aligner->neighbours[ALIGNER_MAX_NEIGHBOURS * aligner->scan_index];
+    int32_t kept = 0;
+
+    for (int32_t k = 0; k < scan->neighbour_count; k++) {
+        int32_t j = neighbours[k];
+
+        if (!cairn_aligner_has_neighbour(aligner, j, aligner->scan_index, ALIGNER_MAX_NEIGHBOURS)) {
+            if (aligner->scans[j].neighbour_count == ALIGNER_MAX_NEIGHBOURS)
+                continue;
+            aligner->neighbours[ALIGNER_MAX_NEIGHBOURS * j + aligner->scans[j].neighbour_count++] =
+                (uint16_t)aligner->scan_index;
+        }
+        neighbours[kept++] = (uint16_t)j;
+    }
+    scan->neighbour_count = kept;
+    if (++aligner->scan_index == aligner->scan_count) {
+        aligner->scan_index = 0;
+        aligner->phase = ALIGNER_PAIRS;
+    }
+    return ALIGNER_MAX_NEIGHBOURS / 4;
+}
+
+int32_t cairn_aligner_neighbour_item(cairn_aligner *aligner)
+{
+    return aligner->phase == ALIGNER_FIND_NEIGHBOURS ? find_nearest(aligner) : symmetrize(aligner);
+}

@@ -1,0 +1,589 @@
+/* aligner: relocalization of scans that fit badly, or nowhere, against all others (correlative
+ * matching on a raster).
+ *
+ * Method:
+ * 1. The largest cluster is drawn into a raster about the predicted pose: a bit for each surface
+ *    direction, one for free space.
+ * 2. For every rotation, all translations within the window are scored by votes: one per point on a
+ *    surface of its direction, minus two per point in free space.
+ * 3. The best peaks, after non-maximum suppression, are refined and compared by their
+ *    log-likelihood ratio, also with the previous pose.
+ * 4. All scans are searched once, later the badly fitting ones. In a warm start the initial poses
+ *    come from methods that align walls in parallel: fewer rotations and every second point.
+ * 5. A smaller cluster is relocalized as a whole, by each of its scans; in the last round its scans
+ *    one by one. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/alignment/aligner_work.h"
+
+enum { DIRECTION_BITS = 15, FREE_CELL = 1 << DIRECTION_BITS, REFINEMENT_ROUNDS = 3 };
+/* Per item of the search: votes, and cells whose votes are counted. */
+enum {
+    VOTES_PER_ITEM = 2400,
+    VOTES_PER_UNIT = 24,
+    CELLS_PER_UNIT = 16,
+    UNITS_PER_PEAK = 3,
+    MAX_COUNT_UNITS = 100
+};
+
+/* Least votes of a peak, in half points; in a warm start every second point votes, with double
+ * weight, and a peak may have one vote less. */
+enum { MIN_VOTES = 3, WARM_START_STRIDE = 2 };
+
+/* m: least side of a raster cell */
+static const cairn_real MIN_CELL_M = CAIRN_REAL(0.1);
+/* m: margin before a surface that is not drawn free */
+static const cairn_real CLEARANCE_M = CAIRN_REAL(0.2);
+/* rad: rotation step, 2 degrees */
+static const cairn_real ROTATION_STEP_RAD = CAIRN_REAL(0.0349);
+/* standard deviations: half size of the search window */
+static const cairn_real WINDOW_SIGMAS = CAIRN_REAL(2.2);
+/* factor on the params' error bounds: greatest window */
+static const cairn_real MAX_WINDOW_FACTOR = CAIRN_REAL(1.875);
+/* factor on the rotations in a warm start */
+static const cairn_real WARM_START_ROTATIONS = CAIRN_REAL(0.4);
+/* nats: thresholds of the log-likelihood ratio */
+static const cairn_real WELL_PLACED_NATS = 10, CERTAIN_NATS = 40, MIN_GAIN_NATS = 2,
+                        MIN_ATTACHED_NATS = -2, MIN_DETACHED_NATS = 4, MIN_MERGED_NATS = 4,
+                        MIN_MARGIN_NATS = 3, MIN_NATS = -40;
+
+/* ---- Selection of the scan ---- */
+
+static cairn_transform single(void)
+{
+    cairn_transform same = {0, 0, 1, 0};
+
+    return same;
+}
+
+static int are_duplicates(cairn_pose a, cairn_pose b)
+{
+    cairn_real dx = cairn_abs(a.x - b.x), dy = cairn_abs(a.y - b.y);
+    cairn_real turn = cairn_abs(cairn_wrap_angle(a.theta - b.theta));
+
+    return cairn_max(dx, dy) / CAIRN_REAL(0.25) + turn / CAIRN_REAL(0.12) < 1;
+}
+
+/* Inserts a peak, with non-maximum suppression. */
+static void insert_peak(cairn_aligner *aligner, cairn_pose pose, cairn_real score)
+{
+    int32_t to = -1, end = 0;
+
+    for (int32_t i = 0; i < aligner->peak_count; i++)
+        if (are_duplicates(aligner->peaks[i].pose, pose)) {
+            if (aligner->peaks[i].score >= score)
+                return;
+            to = to < 0 ? i : to;
+        }
+    if (to < 0) {
+        if (aligner->peak_count < ALIGNER_MAX_PEAKS) {
+            to = aligner->peak_count++;
+        } else {
+            to = 0;
+            for (int32_t i = 1; i < aligner->peak_count; i++)
+                if (aligner->peaks[i].score < aligner->peaks[to].score)
+                    to = i;
+            if (aligner->peaks[to].score >= score)
+                return;
+        }
+    }
+    aligner->peaks[to].pose = pose;
+    aligner->peaks[to].score = score;
+    for (int32_t i = 0; i < aligner->peak_count; i++)
+        if (i == to || !are_duplicates(aligner->peaks[i].pose, pose))
+            aligner->peaks[end++] = aligner->peaks[i];
+    aligner->peak_count = end;
+}
+
+/* Predicts the scan's pose by the gauge of the rest, and sets up the raster about it. */
+static void predict(cairn_aligner *aligner, int32_t rest)
+{
+    const aligner_scan *scan = &aligner->scans[aligner->scan_index];
+    cairn_transform gauge = cairn_aligner_inverse(cairn_aligner_gauge(aligner, rest));
+    cairn_real factor = cairn_sqrt(1 / (cairn_real)aligner->clusters[aligner->moving].size +
+                                   1 / (cairn_real)aligner->clusters[rest].size);
+    cairn_real window = cairn_min(WINDOW_SIGMAS * aligner->sigma * factor,
+                                  MAX_WINDOW_FACTOR * aligner->params.max_initial_error);
+    cairn_real turned = cairn_min(WINDOW_SIGMAS * aligner->sigma_angle * factor,
+                                  MAX_WINDOW_FACTOR * aligner->params.max_initial_angle_error);
+    cairn_real half = scan->radius + cairn_vec2_norm(scan->middle) + window + CAIRN_REAL(0.3);
+    int32_t most = cairn_real_to_int(cairn_sqrt((cairn_real)aligner->params.max_cells)),
+            most_window = most / 4 - 1;
+
+    if (aligner->moving == aligner->scan_count)
+        gauge = cairn_aligner_compose(gauge, cairn_transform_of(scan->initial));
+    else
+        gauge = cairn_aligner_compose(
+            gauge, cairn_aligner_compose(cairn_aligner_gauge(aligner, aligner->moving),
+                                         aligner->poses[aligner->scan_index]));
+    aligner->predicted = cairn_aligner_to_pose(gauge);
+    aligner->cell = cairn_max(MIN_CELL_M, 2 * half / (cairn_real)(most - 1));
+    aligner->side_cells = cairn_real_to_int(cairn_ceil(2 * half / aligner->cell));
+    aligner->half_window =
+        cairn_real_to_int(cairn_min(cairn_ceil(window / aligner->cell), (cairn_real)most_window));
+    if (aligner->is_warm_start)
+        turned *= WARM_START_ROTATIONS;
+    aligner->turns = cairn_real_to_int(cairn_ceil(cairn_min(turned, CAIRN_PI) / ROTATION_STEP_RAD));
+    aligner->corner.x = aligner->predicted.x - (cairn_real)aligner->side_cells * aligner->cell / 2;
+    aligner->corner.y = aligner->predicted.y - (cairn_real)aligner->side_cells * aligner->cell / 2;
+    memset(aligner->cells, 0,
+           (size_t)aligner->side_cells * (size_t)aligner->side_cells * sizeof *aligner->cells);
+    aligner->neighbour_index = aligner->item_index = aligner->inner_index = 0;
+    aligner->turn = -aligner->turns;
+    aligner->peak_count = aligner->peak_index = 0;
+    insert_peak(aligner, aligner->predicted, 0);
+    aligner->best_score = aligner->second_best_score = -CAIRN_REAL_MAX;
+}
+
+/* Removes the scan from its cluster for the search; returns 0 when no search is needed. */
+static int remove_for_search(cairn_aligner *aligner)
+{
+    int32_t rest = cairn_aligner_largest(aligner),
+            home = aligner->scans[aligner->scan_index].cluster,
+            points = cairn_aligner_points_of(aligner, aligner->scan_index);
+
+    aligner->largest = rest;
+    aligner->home = home == rest ? -1 : home;
+    if (points == 0 || aligner->clusters[rest].size < 3 ||
+        (aligner->home < 0 &&
+         aligner->scans[aligner->scan_index].log_likelihood_ratio > CERTAIN_NATS))
+        return 0;
+    aligner->previous_pose = aligner->poses[aligner->scan_index];
+    aligner->moving = home;
+    if (aligner->home >= 0 && aligner->clusters[home].size > 1 &&
+        aligner->relocalization_rounds + 1 < aligner->params.max_relocalizations)
+        return 1;
+    aligner->moving = aligner->scan_count;
+    cairn_aligner_remove(aligner, aligner->scan_index);
+    aligner->poses[aligner->scan_index] = single();
+    cairn_aligner_insert(aligner, aligner->scan_index, aligner->scan_count);
+    cairn_aligner_estimate_sigmas(aligner);
+    return 1;
+}
+
+void cairn_aligner_put_back(cairn_aligner *aligner, int32_t cluster, cairn_transform pose)
+{
+    cairn_aligner_remove(aligner, aligner->scan_index);
+    aligner->poses[aligner->scan_index] = pose;
+    cairn_aligner_insert(aligner, aligner->scan_index, cluster);
+}
+
+static void end_round(cairn_aligner *aligner)
+{
+    aligner->relocalization_rounds++;
+    if (aligner->is_warm_start && aligner->changed_scans > 0)
+        aligner->result.verdict = CAIRN_ALIGNER_RUNNING;
+    if (aligner->is_warm_start && aligner->result.verdict != CAIRN_ALIGNER_RUNNING) {
+        aligner->has_ended = 1;
+        aligner->phase = ALIGNER_DONE;
+        return;
+    }
+    /* All scans once; later those that were relocalized, and their neighbours. */
+    cairn_aligner_begin_relax(aligner, cairn_aligner_largest(aligner), CAIRN_REAL(0.07), 5,
+                              !aligner->is_warm_start && aligner->relocalization_rounds == 1);
+    if (aligner->changed_scans == 0 ||
+        aligner->relocalization_rounds >= aligner->params.max_relocalizations) {
+        aligner->phase = ALIGNER_SORT_SEGMENTS;
+        aligner->round = aligner->stage = aligner->at = 0;
+        return;
+    }
+    cairn_aligner_begin_merging(aligner, 1);
+}
+
+static int32_t choose_scan(cairn_aligner *aligner)
+{
+    if (aligner->scan_index == aligner->scan_count || aligner->params.max_relocalizations == 0) {
+        end_round(aligner);
+        return 1;
+    }
+    if ((aligner->is_warm_start && aligner->scans[aligner->scan_index].was_placed) ||
+        !remove_for_search(aligner)) {
+        aligner->scan_index++;
+        return 1 + aligner->scan_count / 16;
+    }
+    aligner->before_score = -CAIRN_REAL_MAX;
+    if (aligner->home < 0)
+        cairn_aligner_begin_evaluation(aligner, aligner->scan_count, aligner->largest,
+                                       aligner->previous_pose, 0, -CAIRN_REAL_MAX);
+    aligner->phase = ALIGNER_DRAW_RASTER;
+    aligner->stage = 0;
+    return 1;
+}
+
+/* ---- The raster ---- */
+
+static int32_t direction_bin(cairn_vec2 direction, cairn_real *rest)
+{
+    cairn_real place =
+        cairn_atan2(direction.y, direction.x) * (DIRECTION_BITS / (2 * CAIRN_PI)) + DIRECTION_BITS;
+    cairn_real whole = cairn_floor(place);
+
+    *rest = place - whole;
+    return (int32_t)((uint32_t)cairn_real_to_int(whole) % DIRECTION_BITS);
+}
+
+/* Returns the bits of the directions within about 20 degrees. */
+static int32_t direction_bits(cairn_vec2 direction)
+{
+    cairn_real rest;
+    int32_t bin = direction_bin(direction, &rest),
+            bits = 1 << bin | 1 << (bin + 1) % DIRECTION_BITS;
+
+    if (rest < CAIRN_REAL(0.3))
+        bits |= 1 << (bin + DIRECTION_BITS - 1) % DIRECTION_BITS;
+    if (rest > CAIRN_REAL(0.7))
+        bits |= 1 << (bin + 2) % DIRECTION_BITS;
+    return bits;
+}
+
+/* Returns the cells of a ray until it enters 0 ... side along one axis. */
+static cairn_real cells_to(cairn_real from, cairn_real step, cairn_real side)
+{
+    if (from < 0)
+        return step > 0 ? -from / step : CAIRN_REAL_MAX;
+    if (from >= side)
+        return step < 0 ? (side - from) / step : CAIRN_REAL_MAX;
+    return 0;
+}
+
+/* Draws the cells of one ray from `from` on, cells first ... last - 1; returns their number. */
+static int32_t draw_ray(cairn_aligner *aligner, cairn_vec2 from, cairn_vec2 step, int32_t first,
+                        int32_t last)
+{
+    cairn_real side = (cairn_real)aligner->side_cells;
+    cairn_real enter = cairn_max(cells_to(from.x, step.x, side), cells_to(from.y, step.y, side));
+    int32_t k = enter > (cairn_real)first ? cairn_real_to_int(cairn_ceil(enter)) : first, begin = k;
+    cairn_vec2 p;
+
+    if (k >= last)
+        return 0;
+    p = cairn_vec2_add(from, cairn_vec2_scale(step, (cairn_real)k));
+    for (; k < last && p.x >= 0 && p.y >= 0 && p.x < side && p.y < side; k++) {
+        int32_t at = (int32_t)p.y * aligner->side_cells + (int32_t)p.x;
+
+        aligner->cells[at] = (uint16_t)(aligner->cells[at] | FREE_CELL);
+        p = cairn_vec2_add(p, step);
+    }
+    return k - begin;
+}
+
+/* Draws the free space of scan j along its bearings, near the sensor along every second or fourth;
+ * returns units. */
+static int32_t draw_free(cairn_aligner *aligner, int32_t j)
+{
+    /* in cells: bearings are a cell apart from there on */
+    static const int32_t first[4] = {0, 45, 22, 45};
+    const aligner_visibility *table = &aligner->visibility[j];
+    cairn_vec2 sensor = cairn_transform_point(aligner->poses[j], aligner->scans[j].sensor);
+    cairn_vec2 from = {(sensor.x - aligner->corner.x) / aligner->cell,
+                       (sensor.y - aligner->corner.y) / aligner->cell};
+    cairn_real cells = aligner->params.max_range / CAIRN_REAL(65535.0) / aligner->cell;
+    int32_t work = 0;
+
+    for (int32_t bin = 0; bin < ALIGNER_PROFILE_BINS; bin++) {
+        uint16_t before = table->range[(bin - 1) & (ALIGNER_PROFILE_BINS - 1)];
+        uint16_t least = table->range[bin],
+                 after = table->range[(bin + 1) & (ALIGNER_PROFILE_BINS - 1)];
+        int32_t steps;
+
+        least = before < least ? before : least;
+        least = after < least ? after : least;
+        if (least == 0)
+            continue;
+        steps = cairn_real_to_int((cairn_real)least * cells - CLEARANCE_M / aligner->cell);
+        work += 2;
+        if (steps > first[bin & 3])
+            work +=
+                2 + draw_ray(aligner, from,
+                             cairn_transform_direction(aligner->poses[j], aligner->bearings[bin]),
+                             first[bin & 3], steps);
+    }
+    return 8 + work / 16;
+}
+
+/* Draws the points of scan j, each with its neighbouring cells; a surface is never free. */
+static int32_t draw_points(cairn_aligner *aligner, int32_t j)
+{
+    int32_t side = aligner->side_cells, segment = -1, bits = 0;
+
+    for (int32_t i = aligner->scans[j].first_point; i < aligner->scans[j].end_point; i++) {
+        const aligner_point *point = &aligner->points[i];
+        cairn_vec2 p = cairn_transform_point(aligner->poses[j], point->position);
+        int32_t ix = cairn_real_to_int(cairn_floor((p.x - aligner->corner.x) / aligner->cell));
+        int32_t iy = cairn_real_to_int(cairn_floor((p.y - aligner->corner.y) / aligner->cell));
+
+        if (point->segment != segment) {
+            cairn_vec2 direction = cairn_transform_direction(
+                aligner->poses[j], aligner->segments[point->segment].direction);
+
+            segment = point->segment;
+            bits = direction_bits(direction);
+            if (!aligner->params.oriented)
+                bits |= direction_bits(cairn_vec2_scale(direction, -1));
+        }
+        for (int32_t v = iy > 0 ? iy - 1 : 0; v <= iy + 1 && v < side; v++)
+            for (int32_t u = ix > 0 ? ix - 1 : 0; u <= ix + 1 && u < side; u++)
+                aligner->cells[v * side + u] =
+                    (uint16_t)((aligner->cells[v * side + u] & ~FREE_CELL) | bits);
+    }
+    return 4 + cairn_aligner_points_of(aligner, j) / ALIGNER_POINTS_PER_UNIT;
+}
+
+/* Returns 1 when scan j may overlap the search window of the current scan. */
+static int is_drawn(const cairn_aligner *aligner, int32_t j)
+{
+    const aligner_scan *scan = &aligner->scans[aligner->scan_index], *other = &aligner->scans[j];
+    cairn_vec2 middle = cairn_transform_point(aligner->poses[j], other->middle);
+    cairn_real window = (cairn_real)aligner->half_window * aligner->cell;
+    cairn_real far = scan->radius + cairn_vec2_norm(scan->middle) + other->radius + window;
+
+    return cairn_abs(middle.x - aligner->predicted.x) <= far &&
+           cairn_abs(middle.y - aligner->predicted.y) <= far &&
+           cairn_aligner_may_see(scan, cairn_transform_of(aligner->predicted),
+                                 (cairn_real)aligner->turns * ROTATION_STEP_RAD, middle,
+                                 other->radius + window * CAIRN_REAL(1.5));
+}
+
+/* Draws one scan of the rest: first the free space of all, then the points of all. */
+static int32_t draw(cairn_aligner *aligner)
+{
+    int32_t rest = aligner->largest, passed = 0, count, j = 0;
+
+    if (aligner->stage == 0) {
+        if (aligner->home < 0) {
+            aligner->before_score =
+                aligner->evaluation.log_likelihood_ratio + aligner->evaluation.log_prior;
+            aligner->scans[aligner->scan_index].log_likelihood_ratio =
+                aligner->evaluation.log_likelihood_ratio;
+            if (aligner->evaluation.log_likelihood_ratio >
+                (aligner->relocalization_rounds > 0 ? WELL_PLACED_NATS : CERTAIN_NATS)) {
+                cairn_aligner_put_back(aligner, rest, aligner->previous_pose);
+                aligner->scan_index++;
+                aligner->phase = ALIGNER_RELOCALIZE;
+                return 1;
+            }
+        }
+        predict(aligner, rest);
+        aligner->stage = 1;
+        return 4 + aligner->side_cells * aligner->side_cells / 256 +
+               aligner->clusters[rest].size / 4;
+    }
+    count = aligner->scans[aligner->scan_index].neighbour_count;
+    if (aligner->neighbour_index == count) {
+        aligner->phase = aligner->item_index == 1 ? ALIGNER_SEARCH : aligner->phase;
+        aligner->item_index = !aligner->item_index; /* all drawn: no votes have been counted */
+        aligner->neighbour_index = 0;
+        return 1;
+    }
+    for (; aligner->neighbour_index < count; aligner->neighbour_index++, passed++) {
+        j = cairn_aligner_neighbour(aligner, aligner->scan_index, aligner->neighbour_index);
+        if (aligner->scans[j].cluster == rest && is_drawn(aligner, j))
+            break;
+    }
+    if (aligner->neighbour_index == count)
+        return 1 + passed / ALIGNER_FAR_PAIRS_PER_UNIT;
+    aligner->neighbour_index++;
+    passed /= ALIGNER_FAR_PAIRS_PER_UNIT;
+    if (aligner->item_index == 0)
+        return passed + (aligner->params.free_space_penalty > 0 ? draw_free(aligner, j) : 1);
+    return passed + draw_points(aligner, j);
+}
+
+/* ---- The search ---- */
+
+/* Returns the stride over the voting points. */
+static int32_t stride_of(const cairn_aligner *aligner)
+{
+    return aligner->is_warm_start ? WARM_START_STRIDE : 1;
+}
+
+/* Adds the votes of some points of the current scan. */
+static void vote(cairn_aligner *aligner, cairn_transform pose, int32_t width, int32_t first,
+                 int32_t end)
+{
+    int32_t side = aligner->side_cells;
+
+    for (int32_t i = first; i < end; i += stride_of(aligner)) {
+        const aligner_point *point = &aligner->points[i];
+        cairn_vec2 p = cairn_transform_point(pose, point->position);
+        cairn_vec2 direction =
+            cairn_transform_direction(pose, aligner->segments[point->segment].direction);
+        int32_t ix = cairn_real_to_int(cairn_floor((p.x - aligner->corner.x) / aligner->cell)) -
+                     aligner->half_window;
+        int32_t iy = cairn_real_to_int(cairn_floor((p.y - aligner->corner.y) / aligner->cell)) -
+                     aligner->half_window;
+        cairn_real rest;
+        int32_t bin = direction_bin(direction, &rest),
+                mask = 1 << (bin + (rest >= CAIRN_REAL(0.5))) % DIRECTION_BITS;
+
+        if (ix < 0 || iy < 0 || ix + width > side || iy + width > side)
+            continue;
+        for (int32_t v = 0; v < width; v++) {
+            const uint16_t *cell = &aligner->cells[(iy + v) * side + ix];
+            int32_t *to = &aligner->votes[v * width];
+
+            for (int32_t u = 0; u < width; u++)
+                to[u] += (cell[u] & mask) != 0 ? 1 : -((cell[u] >> DIRECTION_BITS) << 1);
+        }
+    }
+}
+
+/* Inserts a peak of one rotation, its prior added. */
+static void insert_vote_peak(cairn_aligner *aligner, cairn_pose at, int32_t cell, int32_t width,
+                             int32_t votes)
+{
+    int32_t column = cell % width - aligner->half_window, row = cell / width - aligner->half_window;
+    cairn_real dx = (cairn_real)column * aligner->cell, dy = (cairn_real)row * aligner->cell,
+               turned = (cairn_real)aligner->turn * ROTATION_STEP_RAD;
+    cairn_real off = (dx * dx + dy * dy) / (aligner->sigma * aligner->sigma) +
+                     turned * turned / (aligner->sigma_angle * aligner->sigma_angle);
+    cairn_pose pose = {at.x + dx, at.y + dy, at.theta};
+
+    insert_peak(aligner, pose, (cairn_real)votes / 2 - off / 2);
+}
+
+/* Tests some translations of one rotation for peaks; at the end starts the next rotation. */
+static int32_t count_votes(cairn_aligner *aligner, cairn_pose at, int32_t width)
+{
+    int32_t stride = stride_of(aligner), units = 1, begin = aligner->item_index;
+
+    for (; aligner->item_index < width * width &&
+           units + (aligner->item_index - begin) / CELLS_PER_UNIT < MAX_COUNT_UNITS;
+         aligner->item_index++) {
+        int32_t votes = aligner->votes[aligner->item_index] * stride;
+
+        if (votes <= MIN_VOTES - stride)
+            continue;
+        insert_vote_peak(aligner, at, aligner->item_index, width, votes);
+        units += UNITS_PER_PEAK;
+    }
+    units += (aligner->item_index - begin) / CELLS_PER_UNIT;
+    if (aligner->item_index == width * width) {
+        aligner->turn++;
+        aligner->item_index = aligner->inner_index = 0;
+    }
+    return units;
+}
+
+/* One rotation: votes of some points, then tests of some translations. */
+static int32_t search_turn(cairn_aligner *aligner)
+{
+    int32_t width = 2 * aligner->half_window + 1,
+            first = aligner->scans[aligner->scan_index].first_point + aligner->inner_index,
+            last = aligner->scans[aligner->scan_index].end_point;
+    int32_t stride = stride_of(aligner),
+            end = first + stride * (1 + VOTES_PER_ITEM / (width * width)), voted;
+    cairn_pose at = aligner->predicted;
+
+    if (aligner->turn > aligner->turns) {
+        aligner->phase = ALIGNER_TRY_PEAKS;
+        return 1;
+    }
+    at.theta = cairn_wrap_angle(at.theta + (cairn_real)aligner->turn * ROTATION_STEP_RAD);
+    if (first >= last)
+        return count_votes(aligner, at, width);
+    if (aligner->inner_index == 0)
+        memset(aligner->votes, 0, (size_t)width * (size_t)width * sizeof *aligner->votes);
+    end = end < last ? end : last;
+    vote(aligner, cairn_transform_of(at), width, first, end);
+    aligner->inner_index += end - first;
+    voted = (end - first + stride - 1) / stride;
+    return 1 + voted + voted * width * width / VOTES_PER_UNIT;
+}
+
+/* Updates the best pose, and the best score of another pose. */
+static void update_best(cairn_aligner *aligner)
+{
+    cairn_real score = aligner->evaluation.log_likelihood_ratio + aligner->evaluation.log_prior;
+    cairn_transform found =
+        cairn_aligner_compose(aligner->evaluation.pose, aligner->poses[aligner->scan_index]);
+    cairn_transform best =
+        cairn_aligner_compose(aligner->best_pose, aligner->poses[aligner->scan_index]);
+    int same = aligner->best_score > -CAIRN_REAL_MAX &&
+               cairn_aligner_is_near(found, best, CAIRN_REAL(0.15), CAIRN_REAL(0.9986));
+
+    if (score > aligner->best_score) {
+        aligner->second_best_score = same ? aligner->second_best_score : aligner->best_score;
+        aligner->best_score = score;
+        aligner->best_pose = aligner->evaluation.pose;
+    } else if (!same) {
+        aligner->second_best_score = cairn_max(aligner->second_best_score, score);
+    }
+}
+
+/* Evaluates the peaks one by one; the scan alone or its whole cluster moves. */
+static int32_t try_peak(cairn_aligner *aligner)
+{
+    cairn_transform found;
+
+    if (aligner->peak_index > 0)
+        update_best(aligner);
+    if (aligner->peak_index == aligner->peak_count) {
+        aligner->phase = ALIGNER_PLACE;
+        return 1;
+    }
+    found = cairn_transform_of(aligner->peaks[aligner->peak_index++].pose);
+    cairn_aligner_begin_evaluation(
+        aligner, aligner->moving, aligner->largest,
+        cairn_aligner_compose(found, cairn_aligner_inverse(aligner->poses[aligner->scan_index])),
+        REFINEMENT_ROUNDS, MIN_NATS);
+    return 1;
+}
+
+/* Returns 1 when the best peak is accepted. */
+static int is_better(const cairn_aligner *aligner)
+{
+    if (aligner->moving != aligner->scan_count)
+        return aligner->best_score > MIN_MERGED_NATS &&
+               aligner->best_score > aligner->second_best_score + MIN_MARGIN_NATS;
+    if (aligner->home >= 0)
+        return aligner->best_score >
+               (aligner->clusters[aligner->home].size > 0 ? MIN_DETACHED_NATS : MIN_ATTACHED_NATS);
+    return aligner->best_score > aligner->before_score + MIN_GAIN_NATS &&
+           !cairn_aligner_is_near(aligner->best_pose, aligner->previous_pose, CAIRN_REAL(0.1),
+                                  CAIRN_REAL(0.9994));
+}
+
+static int32_t place(cairn_aligner *aligner)
+{
+    int32_t rest = aligner->largest;
+    int better = is_better(aligner);
+
+    if (aligner->moving != aligner->scan_count) {
+        if (better)
+            (void)cairn_aligner_merge_clusters(aligner, aligner->moving, rest, aligner->best_pose);
+    } else {
+        cairn_aligner_put_back(aligner, better || aligner->home < 0 ? rest : aligner->home,
+                               better ? aligner->best_pose : aligner->previous_pose);
+        if (better) {
+            memset(&aligner->scans[aligner->scan_index].normal_equations, 0,
+                   sizeof aligner->scans[aligner->scan_index].normal_equations);
+            aligner->scans[aligner->scan_index].relax_state = ALIGNER_RELAX_MERGED;
+            aligner->scans[aligner->scan_index].merge_event = aligner->change_count;
+        }
+    }
+    aligner->scans[aligner->scan_index].log_likelihood_ratio = 0;
+    aligner->changed_scans += better;
+    aligner->result.relocalized += better;
+    aligner->scan_index++;
+    aligner->phase = ALIGNER_RELOCALIZE;
+    return 1;
+}
+
+int32_t cairn_aligner_relocalize_item(cairn_aligner *aligner)
+{
+    switch (aligner->phase) {
+    case ALIGNER_RELOCALIZE:
+        return choose_scan(aligner);
+    case ALIGNER_DRAW_RASTER:
+        return draw(aligner);
+    case ALIGNER_SEARCH:
+        return search_turn(aligner);
+    case ALIGNER_TRY_PEAKS:
+        return try_peak(aligner);
+    default:
+        return place(aligner);
+    }
+}

@@ -1,0 +1,458 @@
+/* aligner: pairwise evaluation of scans by their visibility profiles: point counts, log-likelihood
+ * ratio, normal equations.
+ *
+ * Method: a scan's visibility profile has range and segment by bearing.
+ * 1. A point of another scan is looked up by its bearing from the scan's sensor, in constant time.
+ *    - Same surface: its distance from the segment's line is within a gate, and the directions
+ *      agree.
+ *    - Free space: the scan measured well beyond it (free-space violation).
+ *    - Else it is on another surface, or occluded.
+ * 2. Bearings are positions on the diamond |x| + |y| = 1: one division, no arc tangent.
+ * 3. The count of one segment saturates: points of one surface are correlated, so the
+ *    information of a long wall is little more than that of a short one. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/alignment/aligner_work.h"
+
+/* Result of a lookup. */
+typedef int32_t lookup_result;
+enum {
+    LOOKUP_UNKNOWN = 0,
+    LOOKUP_SAME_SURFACE = 1,
+    LOOKUP_OTHER_SURFACE = 2,
+    LOOKUP_OCCLUDED = 3,
+    LOOKUP_FREE_SPACE = 4
+};
+
+static const cairn_real SAME_SURFACE_NATS = CAIRN_REAL(0.5), OTHER_SURFACE_NATS = CAIRN_REAL(0.15);
+/* points that may still change the decision */
+static const cairn_real LOOKAHEAD_POINTS = 8;
+static const cairn_real SATURATION_POINTS = 6, SATURATED_WEIGHT = CAIRN_REAL(0.1);
+/* of the directions of one surface */
+static const cairn_real MIN_COSINE = CAIRN_REAL(0.85);
+/* m */
+static const cairn_real END_MARGIN_M = CAIRN_REAL(0.1);
+/* m, and share of the range: least free distance behind a point in free space */
+static const cairn_real MIN_CLEARANCE_M = CAIRN_REAL(0.12);
+/* share of the range */
+static const cairn_real MIN_CLEARANCE_RATIO = CAIRN_REAL(0.02);
+/* m */
+static const cairn_real SURFACE_DEPTH_M = CAIRN_REAL(0.15);
+/* sine of the narrowest sector's width, ... */
+static const cairn_real SINE_OF_SECTOR = CAIRN_REAL(0.14);
+/* ... and of two */
+static const cairn_real SINE_OF_TWO = CAIRN_REAL(0.27);
+/* m: beyond this behind the greatest range no point is on a surface */
+static const cairn_real MAX_BEHIND_M = CAIRN_REAL(0.35);
+
+/* ---- Poses as transforms ---- */
+
+cairn_transform cairn_aligner_compose(cairn_transform a_b, cairn_transform b_c)
+{
+    cairn_transform a_c;
+
+    a_c.cosine = a_b.cosine * b_c.cosine - a_b.sine * b_c.sine;
+    a_c.sine = a_b.sine * b_c.cosine + a_b.cosine * b_c.sine;
+    a_c.x = a_b.cosine * b_c.x - a_b.sine * b_c.y + a_b.x;
+    a_c.y = a_b.sine * b_c.x + a_b.cosine * b_c.y + a_b.y;
+    return a_c;
+}
+
+cairn_transform cairn_aligner_inverse(cairn_transform a_b)
+{
+    cairn_transform b_a;
+
+    b_a.cosine = a_b.cosine;
+    b_a.sine = -a_b.sine;
+    b_a.x = -(a_b.cosine * a_b.x + a_b.sine * a_b.y);
+    b_a.y = a_b.sine * a_b.x - a_b.cosine * a_b.y;
+    return b_a;
+}
+
+cairn_transform cairn_aligner_between(cairn_transform a_b, cairn_transform a_c)
+{
+    return cairn_aligner_compose(cairn_aligner_inverse(a_b), a_c);
+}
+
+cairn_pose cairn_aligner_to_pose(cairn_transform t)
+{
+    cairn_pose pose = {t.x, t.y, cairn_atan2(t.sine, t.cosine)};
+
+    return pose;
+}
+
+int32_t cairn_aligner_is_near(cairn_transform a, cairn_transform b, cairn_real metres,
+                              cairn_real cosine)
+{
+    cairn_real dx = a.x - b.x, dy = a.y - b.y;
+
+    return dx * dx + dy * dy < metres * metres && a.cosine * b.cosine + a.sine * b.sine > cosine;
+}
+
+cairn_transform cairn_aligner_moved(cairn_transform pose, cairn_vec2 centre,
+                                    const cairn_real motion[3])
+{
+    cairn_transform turn = {0, 0, 1, 0}, moved;
+    cairn_real norm;
+
+    cairn_sincos(motion[2], &turn.sine, &turn.cosine);
+    turn.x = centre.x + motion[0] - (turn.cosine * centre.x - turn.sine * centre.y);
+    turn.y = centre.y + motion[1] - (turn.sine * centre.x + turn.cosine * centre.y);
+    moved = cairn_aligner_compose(turn, pose);
+    norm = 1 / cairn_sqrt(moved.cosine * moved.cosine + moved.sine * moved.sine);
+    moved.cosine *= norm;
+    moved.sine *= norm;
+    return moved;
+}
+
+/* ---- Visibility profiles ---- */
+
+static cairn_real range_of(const cairn_aligner *aligner, uint16_t range)
+{
+    return (cairn_real)range * (aligner->params.max_range / CAIRN_REAL(65535.0));
+}
+
+int32_t cairn_aligner_points_of(const cairn_aligner *aligner, int32_t scan)
+{
+    return aligner->scans[scan].end_point - aligner->scans[scan].first_point;
+}
+
+/* ---- Pairs ---- */
+
+static int is_in_cone(const aligner_scan *scan, cairn_transform map_scan, cairn_real cosine,
+                      cairn_real sine, cairn_vec2 middle, cairn_real radius)
+{
+    cairn_vec2 sensor = cairn_transform_point(map_scan, scan->sensor);
+    cairn_vec2 axis = cairn_transform_direction(map_scan, scan->axis),
+               to = cairn_vec2_sub(middle, sensor);
+    cairn_real along = cairn_vec2_dot(axis, to), across = cairn_abs(cairn_vec2_cross(axis, to));
+
+    /* Distance from the nearer side of the cone. */
+    return cosine <= 0 || cosine * across - sine * along < radius;
+}
+
+int cairn_aligner_may_see(const aligner_scan *scan, cairn_transform map_scan, cairn_real turned,
+                          cairn_vec2 middle, cairn_real radius)
+{
+    cairn_real cosine, sine;
+
+    if (scan->view_cosine <= 0 || turned >= CAIRN_PI / 2)
+        return 1;
+    cairn_sincos(turned, &sine, &cosine);
+    return is_in_cone(scan, map_scan, scan->view_cosine * cosine - scan->view_sine * sine,
+                      scan->view_sine * cosine + scan->view_cosine * sine, middle, radius);
+}
+
+static int may_see(const aligner_scan *a, cairn_transform map_a, cairn_vec2 middle,
+                   cairn_real radius)
+{
+    return is_in_cone(a, map_a, a->view_cosine, a->view_sine, middle, radius);
+}
+
+int32_t cairn_aligner_may_overlap(const cairn_aligner *aligner, int32_t i, int32_t j,
+                                  cairn_transform map_i, cairn_transform map_j)
+{
+    const aligner_scan *a = &aligner->scans[i], *b = &aligner->scans[j];
+    cairn_vec2 p = cairn_transform_point(map_i, a->middle),
+               q = cairn_transform_point(map_j, b->middle);
+    cairn_real sum = a->radius + b->radius + CAIRN_REAL(0.2);
+
+    if (cairn_vec2_norm_squared(cairn_vec2_sub(p, q)) >= sum * sum)
+        return 0;
+    return may_see(a, map_i, q, b->radius) || may_see(b, map_j, p, a->radius);
+}
+
+static int have_same_direction(const cairn_aligner *aligner, cairn_vec2 a, cairn_vec2 b)
+{
+    cairn_real cosine = cairn_vec2_dot(a, b);
+
+    return (aligner->params.oriented ? cosine : cairn_abs(cosine)) >= MIN_COSINE;
+}
+
+/* Returns the surface near a bin whose line is nearest to p and within the gate; -1: none. */
+static int32_t surface_at(const cairn_aligner *aligner, int32_t scan, int32_t bin, cairn_vec2 p,
+                          cairn_vec2 direction, cairn_real gate, cairn_real *error)
+{
+    const aligner_visibility *table = &aligner->visibility[scan];
+    int32_t best = -1, before = ALIGNER_NO_SEGMENT;
+    cairn_real margin = END_MARGIN_M + gate / 2;
+
+    *error = gate;
+    for (int32_t k = -1; k <= 1; k++) {
+        int32_t id = table->segment[(bin + k) & (ALIGNER_PROFILE_BINS - 1)];
+        const aligner_segment *s;
+        cairn_vec2 from;
+        cairn_real across, along;
+
+        if (id == ALIGNER_NO_SEGMENT || id == before)
+            continue;
+        before = id;
+        s = &aligner->segments[aligner->scans[scan].first_segment + id];
+        if (!have_same_direction(aligner, s->direction, direction))
+            continue;
+        from = cairn_vec2_sub(p, s->a);
+        across = cairn_vec2_cross(s->direction, from);
+        along = cairn_vec2_dot(s->direction, from);
+        if (cairn_abs(across) < cairn_abs(*error) && along > -margin &&
+            along < s->length + margin) {
+            *error = across;
+            best = aligner->scans[scan].first_segment + id;
+        }
+    }
+    return best;
+}
+
+/* Looks up a point with a direction in a scan's visibility profile, both in its frame. */
+static lookup_result look_up(const cairn_aligner *aligner, int32_t scan, cairn_vec2 p,
+                             cairn_vec2 direction, cairn_real gate)
+{
+    const aligner_visibility *table = &aligner->visibility[scan];
+    cairn_vec2 ray = cairn_vec2_sub(p, aligner->scans[scan].sensor);
+    int32_t bin = cairn_aligner_bin_of(ray.x, ray.y);
+    uint16_t before = table->range[(bin - 1) & (ALIGNER_PROFILE_BINS - 1)];
+    uint16_t here = table->range[bin], after = table->range[(bin + 1) & (ALIGNER_PROFILE_BINS - 1)];
+    cairn_real error, range, clear, squared;
+
+    if (here == 0)
+        return LOOKUP_UNKNOWN;
+    if (surface_at(aligner, scan, bin, p, direction, gate, &error) >= 0)
+        return LOOKUP_SAME_SURFACE;
+    squared = cairn_vec2_norm_squared(ray);
+    range = range_of(aligner, here);
+    if (before > 0 && after > 0) {
+        uint16_t least = before < after ? before : after;
+
+        clear = range_of(aligner, least < here ? least : here) - MIN_CLEARANCE_M -
+                MIN_CLEARANCE_RATIO * range - gate;
+        if (clear > 0 && squared < clear * clear)
+            return LOOKUP_FREE_SPACE;
+    }
+    if (aligner->params.oriented && cairn_vec2_cross(direction, ray) > 0 && squared > range * range)
+        return LOOKUP_OCCLUDED; /* it faces away */
+    range += SURFACE_DEPTH_M;
+    return squared < range * range ? LOOKUP_OTHER_SURFACE : LOOKUP_OCCLUDED;
+}
+
+/* Returns 1 when a circle, in the frame of the scan, may contain visible points. */
+static int may_be_visible(const cairn_aligner *aligner, int32_t scan, cairn_vec2 middle,
+                          cairn_real radius)
+{
+    cairn_vec2 ray = cairn_vec2_sub(middle, aligner->scans[scan].sensor);
+    cairn_real squared = cairn_vec2_norm_squared(ray), reach;
+    const uint16_t *sectors = aligner->visibility[scan].sector_max;
+    int32_t sector =
+        cairn_aligner_bin_of(ray.x, ray.y) / (ALIGNER_PROFILE_BINS / ALIGNER_PROFILE_SECTORS);
+    uint16_t farthest = sectors[sector];
+
+    if (radius * radius > SINE_OF_SECTOR * SINE_OF_SECTOR * squared) {
+        uint16_t before = sectors[(sector - 1) & (ALIGNER_PROFILE_SECTORS - 1)];
+        uint16_t after = sectors[(sector + 1) & (ALIGNER_PROFILE_SECTORS - 1)];
+
+        if (radius * radius > SINE_OF_TWO * SINE_OF_TWO * squared)
+            return 1;
+        farthest = farthest > before ? farthest : before;
+        farthest = farthest > after ? farthest : after;
+    }
+    reach = range_of(aligner, farthest) + radius + MAX_BEHIND_M;
+    return farthest > 0 && squared < reach * reach;
+}
+
+/* Iterator over the patches of a scan that another one may see. */
+typedef struct patch_walk {
+    const cairn_aligner *aligner;
+    /* the other scan, and the next patch */
+    int32_t to, patch;
+    /* points [at, end) of the current patch, and the end of the scan's points */
+    int32_t at, end, last;
+    /* lookups; skipped patches are counted in part */
+    int32_t work;
+} patch_walk;
+
+static patch_walk begin_patches(const cairn_aligner *aligner, int32_t from, int32_t to)
+{
+    const aligner_scan *scan = &aligner->scans[from];
+    patch_walk w = {
+        .aligner = aligner,
+        .to = to,
+        .patch = scan->first_patch,
+        .at = scan->first_point,
+        .end = scan->first_point,
+        .last = scan->end_point,
+    };
+
+    return w;
+}
+
+/* Advances to the next visible patch; 0: none is left. */
+static int next_patch(patch_walk *walk, cairn_transform to_from)
+{
+    while (walk->end < walk->last) {
+        const aligner_patch *patch = &walk->aligner->patches[walk->patch++];
+
+        walk->at = walk->end;
+        walk->end = walk->at + ALIGNER_PATCH_POINTS < walk->last ? walk->at + ALIGNER_PATCH_POINTS
+                                                                 : walk->last;
+        walk->work += walk->patch & 1;
+        if (may_be_visible(walk->aligner, walk->to, cairn_transform_point(to_from, patch->middle),
+                           patch->radius)) {
+            walk->work += walk->end - walk->at;
+            return 1;
+        }
+    }
+    return 0;
+}
+
+static int32_t visible_patches_of(const cairn_aligner *aligner, int32_t from, int32_t to,
+                                  cairn_transform to_from)
+{
+    int32_t first = aligner->scans[from].first_patch, shown = 0;
+    int32_t end = first + (cairn_aligner_points_of(aligner, from) + ALIGNER_PATCH_POINTS - 1) /
+                              ALIGNER_PATCH_POINTS;
+
+    for (int32_t k = first; k < end; k++)
+        shown +=
+            may_be_visible(aligner, to, cairn_transform_point(to_from, aligner->patches[k].middle),
+                           aligner->patches[k].radius);
+    return shown;
+}
+
+int32_t cairn_aligner_visible_patches(const cairn_aligner *aligner, int32_t i, int32_t j,
+                                      cairn_transform i_j)
+{
+    return visible_patches_of(aligner, j, i, i_j) +
+           visible_patches_of(aligner, i, j, cairn_aligner_inverse(i_j));
+}
+
+static cairn_real saturated(int32_t points)
+{
+    cairn_real n = (cairn_real)points;
+
+    return n <= SATURATION_POINTS ? n
+                                  : SATURATION_POINTS + SATURATED_WEIGHT * (n - SATURATION_POINTS);
+}
+
+/* Returns 1 when the log-likelihood ratio stays at `least` or below even if the next points are all
+ * inliers. */
+static int is_pruned(const cairn_aligner *aligner, aligner_count count, int32_t left,
+                     cairn_real least)
+{
+    count.same_surface += cairn_min((cairn_real)left, LOOKAHEAD_POINTS);
+    return cairn_aligner_log_likelihood_ratio(aligner, count) <= least;
+}
+
+int32_t cairn_aligner_count_points(const cairn_aligner *aligner, int32_t from, int32_t to,
+                                   cairn_transform to_from, cairn_real gate, cairn_real least,
+                                   aligner_count *count)
+{
+    patch_walk w = begin_patches(aligner, from, to);
+    int32_t segment = -1, same = 0;
+    cairn_vec2 direction = {0, 0};
+
+    while (!is_pruned(aligner, *count, same + w.last - w.end, least) && next_patch(&w, to_from))
+        for (int32_t i = w.at; i < w.end; i++) {
+            const aligner_point *point = &aligner->points[i];
+
+            if (point->segment != segment) {
+                count->same_surface += saturated(same);
+                same = 0;
+                segment = point->segment;
+                direction =
+                    cairn_transform_direction(to_from, aligner->segments[segment].direction);
+            }
+            switch (look_up(aligner, to, cairn_transform_point(to_from, point->position), direction,
+                            gate)) {
+            case LOOKUP_SAME_SURFACE:
+                same++;
+                break;
+            case LOOKUP_OTHER_SURFACE:
+                count->other_surface += 1;
+                break;
+            case LOOKUP_FREE_SPACE:
+                count->free_space += 1;
+                break;
+            default:
+                break;
+            }
+        }
+    count->same_surface += saturated(same);
+    return w.work;
+}
+
+cairn_real cairn_aligner_log_likelihood_ratio(const cairn_aligner *aligner, aligner_count count)
+{
+    return SAME_SURFACE_NATS * count.same_surface - OTHER_SURFACE_NATS * count.other_surface -
+           aligner->params.free_space_penalty * count.free_space;
+}
+
+int32_t cairn_aligner_count_pair(const cairn_aligner *aligner, int32_t first, int32_t second,
+                                 cairn_transform second_first, cairn_real gate,
+                                 aligner_count *count)
+{
+    const cairn_real least = -CAIRN_REAL_MAX;
+    int32_t work =
+        cairn_aligner_count_points(aligner, first, second, second_first, gate, least, count);
+
+    return work + cairn_aligner_count_points(aligner, second, first,
+                                             cairn_aligner_inverse(second_first), gate, least,
+                                             count);
+}
+
+/* Adds the normal equations of a point of `from` against its surface of `to`, if any. */
+static void add_point(const cairn_aligner *aligner, const aligner_point *point, int32_t to,
+                      cairn_transform to_from, cairn_transform map_to, cairn_real gate,
+                      cairn_real sign, cairn_vec2 centre, aligner_sums *sums)
+{
+    cairn_vec2 p = cairn_transform_point(to_from, point->position), normal, arm;
+    cairn_vec2 ray = cairn_vec2_sub(p, aligner->scans[to].sensor);
+    cairn_vec2 direction =
+        cairn_transform_direction(to_from, aligner->segments[point->segment].direction);
+    cairn_real error, weight, row[3];
+    int32_t surface =
+        surface_at(aligner, to, cairn_aligner_bin_of(ray.x, ray.y), p, direction, gate, &error);
+
+    if (surface < 0)
+        return;
+    normal = cairn_transform_direction(map_to,
+                                       cairn_vec2_left_perp(aligner->segments[surface].direction));
+    arm = cairn_vec2_sub(cairn_transform_point(map_to, p), centre);
+    weight = 1 / (1 + 4 / (gate * gate) * error * error);
+    row[0] = normal.x;
+    row[1] = normal.y;
+    row[2] = cairn_vec2_cross(arm, normal);
+    cairn_sym3_add_outer(&sums->equations.information, row, weight);
+    for (int k = 0; k < 3; k++)
+        sums->equations.gradient[k] += sign * weight * error * row[k];
+    sums->pairs++;
+}
+
+int32_t cairn_aligner_add_normal_equations(const cairn_aligner *aligner, int32_t from, int32_t to,
+                                           cairn_transform map_from, cairn_transform map_to,
+                                           cairn_real gate, cairn_real sign, cairn_vec2 centre,
+                                           aligner_sums *sums)
+{
+    cairn_transform to_from = cairn_aligner_between(map_to, map_from);
+    patch_walk w = begin_patches(aligner, from, to);
+
+    while (next_patch(&w, to_from))
+        for (int32_t i = w.at; i < w.end; i++)
+            add_point(aligner, &aligner->points[i], to, to_from, map_to, gate, sign, centre, sums);
+    return w.work;
+}
+
+int32_t cairn_aligner_solve(const aligner_sums *sums, cairn_real motion[3])
+{
+    cairn_sym3 m = sums->equations.information;
+    cairn_real b[3];
+    const cairn_real damping = CAIRN_REAL(0.5);
+
+    if (sums->pairs < 3)
+        return 0;
+    m.xx += damping;
+    m.yy += damping;
+    m.zz += damping;
+    for (int k = 0; k < 3; k++)
+        b[k] = -sums->equations.gradient[k];
+    return cairn_sym3_solve(m, b, motion);
+}

@@ -1,0 +1,529 @@
+/* place_map: global map of places without odometry; the object, its params, scans and results.
+ *
+ * Method:
+ * 1. Visibility grid of each place (place_map_visibility.c).
+ * 2. Round 0: global scan matching of all pairs of places, over the full circle and all positions.
+ * 3. Each hypothesis is moved to the nearest local maximum of its likelihood: matches align faces
+ *    of walls, and opposite faces, rough surfaces and bodies determine the pose where few faces are
+ *    shared. Its log-likelihood ratio becomes its score.
+ * 4. Consensus (pose_consensus). The same likelihood evaluates pairs without an agreeing
+ *    hypothesis, so that no place gets a pose that contradicts places it was never matched with. A
+ *    place in a map is evaluated against all others of its component jointly, each surface once
+ *    (place_map_joint_likelihood.c).
+ * 5. Further rounds, while the map changes: every place, and every smaller component as a whole, is
+ *    matched with the map of all others, which shows more of the place than any single one. The
+ *    results become hypotheses of the pairs that support them; back to 3.
+ * 6. ICP refinement of each place with all others, in turn; on request of each scan, sequentially
+ *    or jointly.
+ *
+ * Layout: points and beams of all scans side by side, in the frames of the scans. Scratch for one
+ * query.
+ * Limits: the number of pairs grows with the square of the places. The likelihood counts every
+ * point as independent, though points of one wall are correlated: nats can be compared, but are no
+ * odds; about four of them are one.
+ * Source: Adluru 2008, chapter 6; the sequential mode is its order of matching, mode as written all
+ * of it (place_map_written.c). */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/alignment/place_map_work.h"
+
+enum { MAX_PLACES = 256, MAX_COUNT = 1 << 16, MAX_MATCHED_POINTS = 1 << 20 };
+
+cairn_place_map_params cairn_place_map_default(void)
+{
+    cairn_place_map_params params;
+
+    memset(&params, 0, sizeof params);
+    params.max_places = 16;
+    params.max_scans = 64;
+    params.max_place_points = 1024;
+    params.max_place_beams = 2048;
+    params.recent_places = 3;
+    params.rematch_rounds = 4;
+    params.refinement_sweeps = 10;
+    params.visibility_reach = 8;
+    params.visibility_cell = CAIRN_REAL(0.05);
+    params.visibility_margin = CAIRN_REAL(0.1);
+    params.surface_nats = CAIRN_REAL(0.05);
+    params.dynamic_nats = CAIRN_REAL(0.25);
+    params.opposite_face_nats = CAIRN_REAL(0.3);
+    params.rough_surface_nats = CAIRN_REAL(0.65);
+    params.free_area_nats = CAIRN_REAL(1.6);
+    params.free_space_penalty = CAIRN_REAL(0.6);
+    params.dynamic_factor = CAIRN_REAL(0.05);
+    params.chance_nats = 0;
+    params.match = cairn_scan_match_default();
+    params.match.max_candidates = 768;
+    params.match.max_hypotheses = 40;
+    /* with this many candidates, sharper peaks are better */
+    params.match.vote_once = 0;
+    params.consensus = cairn_pose_consensus_default();
+    params.consensus.max_hypotheses = 4096;
+    /* nats of correlated points overstate the likelihood */
+    params.consensus.min_ambiguous_weight = CAIRN_REAL(1e-5);
+    params.consensus.significant_support = 12;
+    params.aligner = cairn_aligner_default();
+    params.aligner.max_segments = 4096;
+    params.aligner.max_fill = 8192;
+    return params;
+}
+
+cairn_place_map_params cairn_place_map_as_written(void)
+{
+    cairn_place_map_params params = cairn_place_map_default();
+
+    params.mode = CAIRN_PLACE_MAP_AS_WRITTEN;
+    params.match = cairn_scan_match_as_written();
+    params.max_place_points = 2048;
+    params.decoupled = CAIRN_PLACE_MAP_BY_ICP;
+    return params;
+}
+
+static int is_written(const cairn_place_map_params *params)
+{
+    return params->mode == CAIRN_PLACE_MAP_AS_WRITTEN;
+}
+
+/* Returns 1 when the match mode is one as written, and scans are decoupled by its ICP or not at
+ * all. */
+static int written_is_valid(const cairn_place_map_params *params)
+{
+    cairn_scan_match_mode match = params->match.mode;
+    int has_icp =
+        match == CAIRN_SCAN_MATCH_AS_WRITTEN || match == CAIRN_SCAN_MATCH_AS_WRITTEN_LINES;
+
+    return (has_icp || (match >= CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON &&
+                        match <= CAIRN_SCAN_MATCH_AS_WRITTEN_LINES)) &&
+           (params->decoupled == CAIRN_PLACE_MAP_COUPLED ||
+            (has_icp && params->decoupled == CAIRN_PLACE_MAP_BY_ICP));
+}
+
+static int is_positive(cairn_real x)
+{
+    return x > 0 && x <= CAIRN_REAL(1e6);
+}
+
+static int counts_are_valid(const cairn_place_map_params *params)
+{
+    return params->mode >= CAIRN_PLACE_MAP_CONSENSUS &&
+           params->mode <= CAIRN_PLACE_MAP_SEQUENTIAL && params->max_places >= 2 &&
+           params->max_places <= MAX_PLACES && params->max_scans >= params->max_places &&
+           params->max_scans <= MAX_COUNT && params->max_place_points >= 1 &&
+           params->max_place_points <= MAX_MATCHED_POINTS / params->max_places &&
+           params->max_place_beams >= 1 &&
+           params->max_place_beams <= MAX_MATCHED_POINTS / params->max_places &&
+           params->recent_places >= 1 && params->rematch_rounds >= 0 &&
+           params->refinement_sweeps >= 0 && params->decoupled >= CAIRN_PLACE_MAP_COUPLED &&
+           params->decoupled <= CAIRN_PLACE_MAP_JOINTLY;
+}
+
+static int params_are_valid(const cairn_place_map_params *params)
+{
+    return params != NULL && counts_are_valid(params) &&
+           (!is_written(params) || written_is_valid(params)) &&
+           is_positive(params->visibility_reach) && is_positive(params->visibility_cell) &&
+           is_positive(params->visibility_margin) &&
+           params->visibility_margin <= 20 * params->visibility_cell &&
+           is_positive(params->surface_nats) && is_positive(params->dynamic_nats) &&
+           is_positive(params->opposite_face_nats) && is_positive(params->rough_surface_nats) &&
+           is_positive(params->free_space_penalty) && params->free_area_nats >= 0 &&
+           params->free_area_nats <= CAIRN_REAL(1e6) && params->dynamic_factor >= 0 &&
+           params->dynamic_factor <= 1 && params->chance_nats >= 0 &&
+           params->chance_nats <= CAIRN_REAL(1e6) && cairn_place_map_side(params) > 0;
+}
+
+/* Returns the number of places that mode AS_WRITTEN matches with. */
+static int32_t written_target(const cairn_place_map_params *params)
+{
+    return params->recent_places < params->max_places - 1 ? params->recent_places
+                                                          : params->max_places - 1;
+}
+
+/* Params of the inner objects: capacities follow from those of the map. */
+static cairn_scan_match_params match_params(const cairn_place_map_params *params)
+{
+    cairn_scan_match_params match = params->match;
+
+    if (is_written(params)) {
+        match.max_target = written_target(params) * params->max_place_points;
+        match.max_query = params->max_place_points;
+        match.max_dense = match.max_views = 0;
+        return match;
+    }
+    match.max_target = params->max_places * params->max_place_points;
+    match.max_query = match.max_target;
+    match.max_dense = 0;
+    match.max_views = params->max_scans < 4096 ? params->max_scans : 4096;
+    return match;
+}
+
+static cairn_pose_consensus_params consensus_params(const cairn_place_map_params *params)
+{
+    cairn_pose_consensus_params consensus = params->consensus;
+
+    consensus.max_nodes = params->max_places;
+    return consensus;
+}
+
+static cairn_icp_params icp_params(const cairn_place_map_params *params)
+{
+    cairn_icp_params icp = cairn_icp_default();
+
+    icp.max_target = params->max_places * params->max_place_points;
+    icp.max_iterations = 15;
+    icp.gate_start = CAIRN_REAL(0.4);
+    icp.direction_gate = CAIRN_PI / 6;
+    icp.roll_back = 1;
+    return icp;
+}
+
+static cairn_aligner_params aligner_params(const cairn_place_map_params *params)
+{
+    cairn_aligner_params aligner = params->aligner;
+
+    aligner.max_scans = params->max_scans;
+    aligner.max_points = params->max_places * params->max_place_points;
+    return aligner;
+}
+
+static cairn_place_map *carve(cairn_pool *pool, const cairn_place_map_params *params)
+{
+    size_t places = (size_t)params->max_places, side = (size_t)cairn_place_map_side(params);
+    size_t sampled =
+        (side + PLACE_MAP_VISIBILITY_SAMPLE_STRIDE - 1) / PLACE_MAP_VISIBILITY_SAMPLE_STRIDE;
+    size_t points = (size_t)params->max_place_points, beams = (size_t)params->max_place_beams;
+    cairn_place_map *map = cairn_pool_take_one(pool, sizeof *map);
+    cairn_place_map made;
+
+    memset(&made, 0, sizeof made);
+    made.params = *params;
+    made.visibility_side = (int32_t)side;
+    made.places = cairn_pool_take(pool, places, sizeof *made.places);
+    made.scans = cairn_pool_take(pool, (size_t)params->max_scans, sizeof *made.scans);
+    made.points = cairn_pool_take(pool, places * points, sizeof *made.points);
+    if (is_written(params)) {
+        made.query_points = cairn_pool_take(pool, points, sizeof *made.query_points);
+        if (map != NULL)
+            *map = made;
+        return map;
+    }
+    made.point_class = cairn_pool_take(pool, places * points, sizeof *made.point_class);
+    made.hypotheses =
+        cairn_pool_take(pool, (size_t)params->consensus.max_hypotheses, sizeof *made.hypotheses);
+    made.beams = cairn_pool_take(pool, places * beams, sizeof *made.beams);
+    made.visibility = cairn_pool_take(pool, places * side, side);
+    made.free_cells = cairn_pool_take(pool, places * sampled, sampled * sizeof *made.free_cells);
+    made.observing_places = cairn_pool_take(pool, places, sizeof *made.observing_places);
+    made.observer_map = cairn_pool_take(pool, places, sizeof *made.observer_map);
+    made.query_points = cairn_pool_take(pool, places * points, sizeof *made.query_points);
+    made.query_beams = cairn_pool_take(pool, beams, sizeof *made.query_beams);
+    if (map != NULL)
+        *map = made;
+    return map;
+}
+
+/* Returns 0 when an inner object refuses its params. */
+static int count_objects(cairn_pool *counting, const cairn_place_map_params *params)
+{
+    cairn_scan_match_params match = match_params(params);
+    cairn_pose_consensus_params consensus = consensus_params(params);
+    cairn_icp_params icp = icp_params(params);
+    cairn_aligner_params aligner = aligner_params(params);
+    int jointly = params->decoupled == CAIRN_PLACE_MAP_JOINTLY;
+    size_t bytes[] = {cairn_scan_match_memory(&match), cairn_pose_consensus_memory(&consensus),
+                      cairn_icp_memory(&icp), jointly ? cairn_aligner_memory(&aligner) : 0};
+    int count = is_written(params) ? 1 : jointly ? 4 : 3;
+
+    for (int i = 0; i < count; i++) {
+        if (bytes[i] == 0)
+            return 0;
+        cairn_pool_count(counting, bytes[i]);
+    }
+    return 1;
+}
+
+size_t cairn_place_map_memory(const cairn_place_map_params *params)
+{
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return count_objects(&counting, params) ? cairn_pool_counted(&counting) : 0;
+}
+
+cairn_status cairn_place_map_create(cairn_place_map **map, cairn_pool *pool,
+                                    const cairn_place_map_params *params)
+{
+    size_t need = cairn_place_map_memory(params);
+    cairn_scan_match_params match;
+    cairn_pose_consensus_params consensus;
+    cairn_icp_params icp;
+    cairn_aligner_params aligner;
+    cairn_place_map *made;
+    cairn_status status;
+
+    if (map == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, need))
+        return CAIRN_NO_MEMORY;
+    match = match_params(params);
+    consensus = consensus_params(params);
+    icp = icp_params(params);
+    aligner = aligner_params(params);
+    made = carve(pool, params);
+    for (int32_t k = 0; k < PLACE_MAP_VISIBILITY_DIRECTIONS; k++)
+        cairn_sincos((cairn_real)k * 2 * CAIRN_PI / PLACE_MAP_VISIBILITY_DIRECTIONS,
+                     &made->directions[k].y, &made->directions[k].x);
+    status = cairn_scan_match_create(&made->match, pool, &match);
+    if (is_written(params)) {
+        CAIRN_ASSERT(status == CAIRN_OK);
+        *map = made;
+        return status;
+    }
+    if (status == CAIRN_OK)
+        status = cairn_pose_consensus_create(&made->consensus, pool, &consensus);
+    if (status == CAIRN_OK)
+        status = cairn_icp_create(&made->icp, pool, &icp);
+    if (status == CAIRN_OK && params->decoupled == CAIRN_PLACE_MAP_JOINTLY)
+        status = cairn_aligner_create(&made->aligner, pool, &aligner);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    *map = made;
+    return status;
+}
+
+void cairn_place_map_clear(cairn_place_map *map)
+{
+    map->place_count = map->scan_count = map->point_count = map->beam_count = 0;
+    map->phase = CAIRN_PLACE_MAP_IDLE;
+    map->place = map->units_due = 0;
+    if (map->aligner != NULL)
+        cairn_aligner_clear(map->aligner);
+}
+
+/* Points and beams stored of a scan: as written, its readings. */
+static int32_t points_of(const cairn_place_map *map, const cairn_scan_view *view)
+{
+    int32_t count = 0;
+
+    if (!is_written(&map->params))
+        return view->point_count;
+    for (int32_t i = 0; i < view->beam_count && view->segment_count > 0; i++)
+        count += view->beams[i].kind == CAIRN_SCAN_BEAM_HIT;
+    return count;
+}
+
+static int32_t beams_of(const cairn_place_map *map, const cairn_scan_view *view)
+{
+    return is_written(&map->params) ? 0 : view->beam_count;
+}
+
+static cairn_status check_scan(const cairn_place_map *map, int32_t place,
+                               const cairn_scan_view *view, cairn_pose place_scan,
+                               cairn_fault *fault)
+{
+    const cairn_place_map_params *params = &map->params;
+    int is_new = place == map->place_count;
+    int32_t points = is_new ? 0 : map->places[place].point_count,
+            beams = is_new ? 0 : map->places[place].beam_count;
+
+    if (!cairn_pose_is_finite(place_scan))
+        return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
+    if (!(cairn_abs(place_scan.x) <= CAIRN_SCAN_EXTENT &&
+          cairn_abs(place_scan.y) <= CAIRN_SCAN_EXTENT))
+        return cairn_refuse(fault, -1, "the pose is too far off", CAIRN_BAD_ARGUMENT);
+    if (place == params->max_places || map->scan_count == params->max_scans)
+        return cairn_refuse(fault, -1, "more places or scans than max_places and max_scans",
+                            CAIRN_FULL);
+    if (points_of(map, view) > params->max_place_points - points ||
+        beams_of(map, view) > params->max_place_beams - beams)
+        return cairn_refuse(fault, -1,
+                            "more points or beams than max_place_points and max_place_beams",
+                            CAIRN_FULL);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place,
+                                      const cairn_scan_view *view, cairn_pose place_scan,
+                                      cairn_fault *fault)
+{
+    place_map_place_scan *scan;
+    cairn_status status;
+
+    if (map == NULL || view == NULL || place < 0 || place < map->place_count - 1 ||
+        place > map->place_count)
+        return cairn_refuse(fault, -1, "no object, no scan, or not the last place or the next",
+                            CAIRN_BAD_ARGUMENT);
+    status = check_scan(map, place, view, place_scan, fault);
+    if (status == CAIRN_OK && map->aligner != NULL)
+        status = cairn_aligner_add_scan(map->aligner, view, place_scan, fault);
+    if (status != CAIRN_OK)
+        return status;
+    if (place == map->place_count) {
+        memset(&map->places[place], 0, sizeof map->places[place]);
+        map->places[place].first_scan = map->scan_count;
+        map->place_count++;
+    }
+    scan = &map->scans[map->scan_count];
+    memset(scan, 0, sizeof *scan);
+    scan->place = place;
+    scan->place_scan = place_scan;
+    scan->first_point = map->point_count;
+    scan->first_beam = map->beam_count;
+    scan->point_count = points_of(map, view);
+    scan->beam_count = beams_of(map, view);
+    if (is_written(&map->params)) {
+        (void)cairn_scan_match_readings(view, map->points + map->point_count);
+        /* the place may have been mapped before */
+        scan->map_scan = cairn_pose_compose(map->places[place].map_place, place_scan);
+    } else {
+        memcpy(map->points + map->point_count, view->points,
+               (size_t)view->point_count * sizeof *map->points);
+        memcpy(map->beams + map->beam_count, view->beams,
+               (size_t)view->beam_count * sizeof *map->beams);
+        cairn_place_map_find_dynamic_candidates(map, scan, view);
+    }
+    map->point_count += scan->point_count;
+    map->beam_count += scan->beam_count;
+    map->places[place].scan_count++;
+    map->places[place].point_count += scan->point_count;
+    map->places[place].beam_count += scan->beam_count;
+    map->scan_count++;
+    map->phase = CAIRN_PLACE_MAP_IDLE;
+    map->units_due = 0;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_place_map_begin(cairn_place_map *map)
+{
+    if (map == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    if (map->scan_count == 0)
+        return CAIRN_EMPTY;
+    memset(&map->result, 0, sizeof map->result);
+    map->phase = is_written(&map->params) ? CAIRN_PLACE_MAP_TARGET : CAIRN_PLACE_MAP_VISIBILITY;
+    for (int32_t i = 0; i < map->point_count && map->point_class != NULL; i++)
+        map->point_class[i] &= PLACE_MAP_POINT_DYNAMIC_CANDIDATE;
+    map->hypothesis_count = map->optimized_hypotheses = 0;
+    map->item = map->place = map->query = map->round = map->sweep = map->inner_running =
+        map->submaps_found = map->units_due = 0;
+    if (is_written(&map->params))
+        map->query = 1; /* the first place is the origin of the map */
+    for (int32_t i = 0; i < map->place_count; i++) {
+        map->places[i].map_place = cairn_pose_identity();
+        map->places[i].component = 0;
+    }
+    return CAIRN_OK;
+}
+
+cairn_status cairn_place_map_extend(cairn_place_map *map)
+{
+    if (map == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    if (!is_written(&map->params))
+        return CAIRN_UNSUPPORTED;
+    if (map->place == 0)
+        return cairn_place_map_begin(map);
+    cairn_place_map_written_extend(map);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_place_map_move_scan(cairn_place_map *map, int32_t scan, cairn_pose map_scan)
+{
+    if (map == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    if (!is_written(&map->params))
+        return CAIRN_UNSUPPORTED;
+    if (scan < 0 || scan >= map->scan_count || map->scans[scan].place >= map->place)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pose_is_finite(map_scan))
+        return CAIRN_NOT_FINITE;
+    if (!(cairn_abs(map_scan.x) <= CAIRN_SCAN_EXTENT && cairn_abs(map_scan.y) <= CAIRN_SCAN_EXTENT))
+        return CAIRN_BAD_ARGUMENT;
+    map->scans[scan].map_scan = map_scan;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budget *budget)
+{
+    if (map == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while ((map->phase != CAIRN_PLACE_MAP_IDLE && map->phase != CAIRN_PLACE_MAP_DONE) ||
+           map->units_due > 0) {
+        int32_t before = budget->left;
+
+        if (before <= 0)
+            return CAIRN_MORE;
+        if (map->units_due > 0) {
+            int32_t charged = map->units_due < before ? map->units_due : before;
+
+            map->units_due -= charged;
+            budget->left -= charged;
+        } else {
+            cairn_place_map_item(map, budget);
+        }
+        map->result.units += before - budget->left;
+    }
+    return CAIRN_OK;
+}
+
+/* ---- Results ---- */
+
+static int has_result(const cairn_place_map *map)
+{
+    return map->phase == CAIRN_PLACE_MAP_DONE && map->units_due == 0;
+}
+
+cairn_place_map_result cairn_place_map_read(const cairn_place_map *map)
+{
+    cairn_place_map_result none;
+
+    memset(&none, 0, sizeof none);
+    return has_result(map) ? map->result : none;
+}
+
+cairn_place_map_place cairn_place_map_place_of(const cairn_place_map *map, int32_t place)
+{
+    cairn_place_map_place out;
+
+    memset(&out, 0, sizeof out);
+    if (!has_result(map) || place < 0 || place >= map->place_count)
+        return out;
+    out.map_place = map->places[place].map_place;
+    out.component = map->places[place].component;
+    if (map->params.mode == CAIRN_PLACE_MAP_CONSENSUS) {
+        cairn_pose_consensus_estimate node = cairn_pose_consensus_node(map->consensus, place);
+
+        out.support = node.support;
+        out.ambiguous = node.ambiguous;
+        out.submap = node.submap;
+        out.alternatives = node.alternatives;
+    }
+    return out;
+}
+
+cairn_pose_consensus_competing_pose cairn_place_map_alternative(const cairn_place_map *map,
+                                                                int32_t place, int32_t index)
+{
+    cairn_pose_consensus_competing_pose none;
+
+    memset(&none, 0, sizeof none);
+    return index < cairn_place_map_place_of(map, place).alternatives
+               ? cairn_pose_consensus_alternative(map->consensus, place, index)
+               : none;
+}
+
+cairn_pose cairn_place_map_scan_pose(const cairn_place_map *map, int32_t scan)
+{
+    return has_result(map) && scan >= 0 && scan < map->scan_count ? map->scans[scan].map_scan
+                                                                  : cairn_pose_identity();
+}
+
+int32_t cairn_place_map_scan_is_aligned(const cairn_place_map *map, int32_t scan)
+{
+    return has_result(map) && scan >= 0 && scan < map->scan_count && map->aligner != NULL &&
+           cairn_aligner_pose_of(map->aligner, scan).placed;
+}

@@ -1,0 +1,45 @@
+/* Texts of statuses, and the return of a fault. */
+#include "src/base/build.h"
+
+#include "cairn/status.h"
+
+const char *cairn_status_text(cairn_status status)
+{
+    switch (status) {
+    case CAIRN_OK:
+        return "done";
+    case CAIRN_MORE:
+        return "budget used up, work left";
+    case CAIRN_BAD_ARGUMENT:
+        return "argument out of range";
+    case CAIRN_NOT_FINITE:
+        return "not a finite number";
+    case CAIRN_NO_MEMORY:
+        return "out of pool memory";
+    case CAIRN_FULL:
+        return "capacity used up";
+    case CAIRN_EMPTY:
+        return "nothing to work on";
+    case CAIRN_BAD_FORMAT:
+        return "bad format";
+    case CAIRN_TRUNCATED:
+        return "input ends too early";
+    case CAIRN_UNSUPPORTED:
+        return "not supported by this build";
+    case CAIRN_IO:
+        return "input or output failed";
+    case CAIRN_BAD_BUILD:
+        return "built with options that change results";
+    default:
+        return "unknown status";
+    }
+}
+
+cairn_status cairn_refuse(cairn_fault *fault, int64_t index, const char *what, cairn_status status)
+{
+    if (fault != NULL) {
+        fault->index = index;
+        fault->message = what;
+    }
+    return status;
+}

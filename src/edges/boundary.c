@@ -1,0 +1,302 @@
+/* Contour detection by region segmentation: the module's interface and phases.
+ *
+ * Method:
+ * 1. CIE L, a, b colours; for each feature map its box filters and its gradient tensor; edge
+ *    strengths (boundary_strength.c).
+ * 2. Watershed regions and their borders (boundary_region.c).
+ * 3. Spectral cue of the region graph (boundary_spectral.c).
+ * 4. Region merging, once for each merge criterion (boundary_merge.c).
+ * 5. Contour tracing and ranking (boundary_contour.c).
+ *
+ * Memory layout: images of reals for the colours, a feature map and its filtered copy, and the
+ * tensors; labels and queues; borders and regions; vectors.
+ *
+ * Limits: the watershed does not distinguish strengths above 8. Contours run along pixel sides:
+ * the position of a sharp edge is accurate to half a pixel, of a soft edge to about the
+ * half-width of the windows. Module edgel has sub-pixel accuracy. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/edges/boundary_work.h"
+
+enum { MAX_SIDE_PX = 8192, MAX_REGIONS = 1 << 22, MAX_POINTS = 1 << 28, MAX_HALF_WIDTH_PX = 32 };
+/* Upper bound of the borders per region of a planar graph, and of the border chains between
+ * junctions. Counting the image's border, every junction has degree three. With V junctions, E
+ * chains and C connected components: 3 V <= 2 E, and Euler's formula V - E + regions = C gives E
+ * <= 3 regions. */
+enum { MAX_BORDERS_PER_REGION = 3 };
+
+cairn_boundary_params cairn_boundary_default(void)
+{
+    cairn_boundary_params params = {
+        .max_width = 640,
+        .max_height = 480,
+        .max_regions = 8192,
+        .max_corners = 262144,
+        .fine_half_width = 2,
+        .coarse_half_width = 5,
+        .histogram_weight = 8,
+        .spectral_weight = CAIRN_REAL(0.3),
+        .size_exponent = CAIRN_REAL(0.1),
+        .contrast_exponent = CAIRN_REAL(0.15),
+        .min_strength = 0,
+    };
+    return params;
+}
+
+/* Returns whether a value lies in 1 ... upper. */
+static int is_within(int32_t value, int32_t upper)
+{
+    return value >= 1 && value <= upper;
+}
+
+static int params_are_valid(const cairn_boundary_params *params)
+{
+    return params != NULL && is_within(params->max_width, MAX_SIDE_PX) &&
+           is_within(params->max_height, MAX_SIDE_PX) &&
+           is_within(params->max_regions, MAX_REGIONS) &&
+           is_within(params->max_corners, MAX_POINTS) &&
+           is_within(params->fine_half_width, MAX_HALF_WIDTH_PX) &&
+           is_within(params->coarse_half_width, MAX_HALF_WIDTH_PX) &&
+           params->histogram_weight >= 0 && cairn_is_finite(params->histogram_weight) &&
+           params->spectral_weight >= 0 && cairn_is_finite(params->spectral_weight) &&
+           params->size_exponent >= 0 && params->size_exponent <= 1 &&
+           params->contrast_exponent >= 0 && params->contrast_exponent <= 1 &&
+           params->min_strength >= 0 && cairn_is_finite(params->min_strength);
+}
+
+/* Returns a power of two that keeps the hash table at most half full. */
+static int32_t table_size_of(const cairn_boundary_params *params)
+{
+    int32_t size = 1;
+
+    while (size < 2 * MAX_BORDERS_PER_REGION * params->max_regions)
+        size *= 2;
+    return size;
+}
+
+/* Allocates the object from a pool; with a counting pool only the memory is counted. */
+static cairn_boundary *carve(cairn_pool *pool, const cairn_boundary_params *params)
+{
+    size_t pixels = (size_t)params->max_width * (size_t)params->max_height,
+           regions = (size_t)params->max_regions;
+    size_t borders = MAX_BORDERS_PER_REGION * regions;
+    cairn_boundary *made = cairn_pool_take_one(pool, sizeof *made), taken;
+
+    memset(&taken, 0, sizeof taken);
+    taken.params = *params;
+    taken.max_borders = (int32_t)borders;
+    taken.table_size = table_size_of(params);
+    taken.colour = cairn_pool_take(pool, BOUNDARY_CHANNELS * pixels, sizeof *taken.colour);
+    taken.strength = cairn_pool_take(pool, pixels, sizeof *taken.strength);
+    taken.scratch = cairn_pool_take(pool, pixels, sizeof *taken.scratch);
+    taken.tensor = cairn_pool_take(pool, pixels, sizeof *taken.tensor);
+    taken.row_buffer =
+        cairn_pool_take(pool, 2 * (size_t)params->max_width, sizeof *taken.row_buffer);
+    taken.label = cairn_pool_take(pool, pixels, sizeof *taken.label);
+    taken.next_in_queue = cairn_pool_take(pool, pixels, sizeof *taken.next_in_queue);
+    taken.next_of_level = cairn_pool_take(pool, pixels, sizeof *taken.next_of_level);
+    taken.traced_sides = cairn_pool_take(pool, pixels, sizeof *taken.traced_sides);
+    taken.queue_head = cairn_pool_take(pool, BOUNDARY_LEVELS, sizeof *taken.queue_head);
+    taken.queue_tail = cairn_pool_take(pool, BOUNDARY_LEVELS, sizeof *taken.queue_tail);
+    taken.level_first = cairn_pool_take(pool, BOUNDARY_LEVELS, sizeof *taken.level_first);
+    taken.regions = cairn_pool_take(pool, regions, sizeof *taken.regions);
+    taken.initial_histogram =
+        cairn_pool_take(pool, BOUNDARY_BINS * regions, sizeof *taken.initial_histogram);
+    taken.histogram = cairn_pool_take(pool, BOUNDARY_BINS * regions, sizeof *taken.histogram);
+    taken.inverse_sqrt_degree = cairn_pool_take(pool, regions, sizeof *taken.inverse_sqrt_degree);
+    taken.vectors =
+        cairn_pool_take(pool, (BOUNDARY_BLOCK_SIZE + 2) * regions, sizeof *taken.vectors);
+    taken.borders = cairn_pool_take(pool, borders, sizeof *taken.borders);
+    taken.border_table =
+        cairn_pool_take(pool, (size_t)taken.table_size, sizeof *taken.border_table);
+    taken.heap = cairn_pool_take(pool, borders, sizeof *taken.heap);
+    taken.traced = cairn_pool_take(pool, borders, sizeof *taken.traced);
+    taken.ranked = cairn_pool_take(pool, borders, sizeof *taken.ranked);
+    taken.corners = cairn_pool_take(pool, (size_t)params->max_corners, sizeof *taken.corners);
+    if (made != NULL)
+        *made = taken;
+    return made;
+}
+
+size_t cairn_boundary_memory(const cairn_boundary_params *params)
+{
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
+/* Returns the linear intensity of an sRGB sample, 0 ... 1. */
+static cairn_real srgb_to_linear(int32_t sample)
+{
+    cairn_real s = (cairn_real)sample / 255;
+
+    return s <= CAIRN_REAL(0.04045)
+               ? s / CAIRN_REAL(12.92)
+               : cairn_exp(CAIRN_REAL(2.4) *
+                           cairn_log((s + CAIRN_REAL(0.055)) / CAIRN_REAL(1.055)));
+}
+
+cairn_status cairn_boundary_create(cairn_boundary **boundary, cairn_pool *pool,
+                                   const cairn_boundary_params *params)
+{
+    size_t need = cairn_boundary_memory(params);
+
+    if (boundary == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, need))
+        return CAIRN_NO_MEMORY;
+    *boundary = carve(pool, params);
+    for (int32_t i = 0; i < 256; i++)
+        (*boundary)->linear[i] = srgb_to_linear(i);
+    return CAIRN_OK;
+}
+
+/* Row offsets are computed in 64 bits, since strides are unrestricted. */
+static int image_is_valid(const cairn_boundary_image *image)
+{
+    ptrdiff_t stride;
+
+    if (image == NULL || image->samples == NULL ||
+        !is_within(image->width, CAIRN_RASTER_MAX_SIDE) ||
+        !is_within(image->height, CAIRN_RASTER_MAX_SIDE) ||
+        (image->channels != 1 && image->channels != 3 && image->channels != 4))
+        return 0;
+    stride = image->stride;
+    return image->height == 1 || (stride >= (ptrdiff_t)image->width * image->channels &&
+                                  stride <= PTRDIFF_MAX / image->height);
+}
+
+cairn_status cairn_boundary_begin(cairn_boundary *boundary, const cairn_boundary_image *image)
+{
+    if (boundary == NULL || !image_is_valid(image))
+        return CAIRN_BAD_ARGUMENT;
+    if (image->width > boundary->params.max_width || image->height > boundary->params.max_height)
+        return CAIRN_FULL;
+    boundary->image = *image;
+    boundary->pixels = image->width * image->height;
+    boundary->channels = image->channels > 1 ? BOUNDARY_CHANNELS : 1;
+    boundary->map_index = boundary->row = boundary->pass = boundary->map_nonzero = 0;
+    boundary->region_count = boundary->border_count = boundary->heap_count = boundary->cursor = 0;
+    boundary->contour_count = boundary->corner_count = boundary->ranked_count = 0;
+    boundary->scan_x = boundary->scan_y = boundary->closed_pass = boundary->is_tracing = 0;
+    boundary->merge_level = 0;
+    boundary->criterion = boundary->spectral_stage = 0;
+    boundary->units_charged = 0;
+    for (int32_t i = 0; i < boundary->table_size; i++)
+        boundary->border_table[i] = -1;
+    cairn_boundary_flood_begin(boundary);
+    boundary->phase = BOUNDARY_COLOUR;
+    return CAIRN_OK;
+}
+
+/* Returns the cost of the next work item in units. */
+static int32_t next_item_cost(const cairn_boundary *boundary)
+{
+    int32_t cost;
+
+    if (boundary->phase < BOUNDARY_WATERSHED)
+        return cairn_boundary_measure_cost(boundary);
+    if (boundary->phase == BOUNDARY_BORDERS)
+        return boundary->image.width;
+    if (boundary->phase == BOUNDARY_SPECTRAL)
+        return cairn_boundary_spectral_cost(boundary);
+    if (boundary->phase != BOUNDARY_MERGE)
+        return 1;
+    cost = cairn_boundary_merge_cost(boundary);
+    return cost > 0 ? cost : 1;
+}
+
+/* Selects the phase after a run of the merging. */
+static void end_merging(cairn_boundary *boundary)
+{
+    boundary->cursor = 0;
+    boundary->phase =
+        cairn_boundary_has_criteria(boundary) ? BOUNDARY_RECORD_LEVELS : BOUNDARY_TRACE;
+}
+
+/* Processes one work item of the phase. CAIRN_MORE: continue. */
+static cairn_status process_item(cairn_boundary *boundary)
+{
+    cairn_status status;
+
+    if (boundary->phase < BOUNDARY_WATERSHED) {
+        cairn_boundary_measure_row(boundary);
+    } else if (boundary->phase == BOUNDARY_WATERSHED) {
+        if (!cairn_boundary_flood_pixel(boundary)) {
+            boundary->row = 0;
+            boundary->phase = BOUNDARY_BORDERS;
+        }
+    } else if (boundary->phase == BOUNDARY_BORDERS) {
+        cairn_boundary_border_row(boundary);
+        if (boundary->row == boundary->image.height) {
+            cairn_boundary_spectral_begin(boundary);
+            boundary->phase = BOUNDARY_SPECTRAL;
+        }
+    } else if (boundary->phase == BOUNDARY_SPECTRAL) {
+        if (!cairn_boundary_spectral_next(boundary))
+            boundary->phase = BOUNDARY_RESET;
+    } else if (boundary->phase == BOUNDARY_RESET) {
+        if (!cairn_boundary_reset_next(boundary))
+            boundary->phase = BOUNDARY_MERGE;
+    } else if (boundary->phase == BOUNDARY_MERGE) {
+        if (cairn_boundary_merge_cost(boundary) > 0)
+            cairn_boundary_merge_next(boundary);
+        else
+            end_merging(boundary);
+    } else if (boundary->phase == BOUNDARY_RECORD_LEVELS) {
+        if (!cairn_boundary_record_next(boundary))
+            boundary->phase = BOUNDARY_RESET;
+    } else if (boundary->phase == BOUNDARY_TRACE) {
+        status = cairn_boundary_trace_side(boundary);
+        if (status < CAIRN_OK)
+            return status;
+        if (status == CAIRN_OK)
+            boundary->phase = BOUNDARY_RANK;
+    } else if (!cairn_boundary_rank_next(boundary)) {
+        boundary->phase = BOUNDARY_DONE;
+    }
+    return CAIRN_MORE;
+}
+
+cairn_status cairn_boundary_step(cairn_boundary *boundary, cairn_budget *budget)
+{
+    if (boundary == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (boundary->phase != BOUNDARY_IDLE && boundary->phase != BOUNDARY_DONE) {
+        cairn_status status;
+
+        if (!cairn_budget_charge(budget, &boundary->units_charged, next_item_cost(boundary)))
+            return CAIRN_MORE;
+        status = process_item(boundary);
+        if (status < CAIRN_OK) {
+            boundary->phase = BOUNDARY_IDLE;
+            return status;
+        }
+    }
+    return CAIRN_OK;
+}
+
+cairn_boundary_result cairn_boundary_read(const cairn_boundary *boundary)
+{
+    cairn_boundary_result r;
+
+    memset(&r, 0, sizeof r);
+    if (boundary == NULL || boundary->phase != BOUNDARY_DONE)
+        return r;
+    r.contours = boundary->ranked;
+    r.corners = boundary->corners;
+    r.contour_count = boundary->ranked_count;
+    r.corner_count = boundary->corner_count;
+    r.region_count = boundary->region_count;
+    r.strengths.data = boundary->strength;
+    r.strengths.width = boundary->image.width;
+    r.strengths.height = boundary->image.height;
+    r.strengths.stride = boundary->image.width;
+    return r;
+}

@@ -1,0 +1,253 @@
+/* Contour tracing along the pixel sides between regions, and ranking.
+ *
+ * Method:
+ * 1. From each junction or end at the image's border, every untraced side is followed to the next
+ *    such corner.
+ * 2. The remaining sides form closed contours.
+ * 3. A contour takes the ultrametric level of its border, and the mean edge strength of the
+ *    stronger of the two pixels of each side.
+ * 4. Heap sort by strength. */
+#include "src/base/build.h"
+
+#include "src/edges/boundary_work.h"
+
+enum { HEADING_RIGHT, HEADING_DOWN, HEADING_LEFT, HEADING_UP, HEADING_COUNT };
+enum { TRACED_ABOVE = 1, TRACED_LEFT = 2 };
+
+/* A pixel side that starts at a corner. */
+typedef struct side {
+    int32_t pixel, other; /* Its two pixels: `pixel` is below the side or right of it. */
+    uint8_t walked;       /* Its flag in traced_sides[pixel]. */
+} side;
+
+/* Finds the pixel side from a corner in a heading; returns 0 if it does not lie between two
+ * pixels of the image. */
+static int pixel_side(const cairn_boundary *boundary, int32_t x, int32_t y, int32_t heading,
+                      side *s)
+{
+    int32_t width = boundary->image.width;
+
+    x -= heading == HEADING_LEFT;
+    y -= heading == HEADING_UP;
+    if (x < 0 || y < 0 || x >= width || y >= boundary->image.height)
+        return 0;
+    s->pixel = y * width + x;
+    if (heading == HEADING_RIGHT || heading == HEADING_LEFT) {
+        s->other = s->pixel - width;
+        s->walked = TRACED_ABOVE;
+        return y > 0;
+    }
+    s->other = s->pixel - 1;
+    s->walked = TRACED_LEFT;
+    return x > 0;
+}
+
+/* Returns whether the pixel side from a corner in a heading is on a border between two regions. */
+static int is_border(const cairn_boundary *boundary, int32_t x, int32_t y, int32_t heading, side *s)
+{
+    return pixel_side(boundary, x, y, heading, s) &&
+           boundary->label[s->pixel] != boundary->label[s->other];
+}
+
+/* Returns the number of border sides that meet at a corner. */
+static int32_t border_sides_at(const cairn_boundary *boundary, int32_t x, int32_t y)
+{
+    int32_t count = 0;
+    side s;
+
+    for (int32_t heading = 0; heading < HEADING_COUNT; heading++)
+        count += is_border(boundary, x, y, heading, &s);
+    return count;
+}
+
+/* ---- Tracing ---- */
+
+/* Appends the current corner. CAIRN_FULL: more than max_corners. */
+static cairn_status add_corner(cairn_boundary *boundary)
+{
+    if (boundary->corner_count == boundary->params.max_corners)
+        return CAIRN_FULL;
+    boundary->corners[boundary->corner_count].x = (int16_t)boundary->x;
+    boundary->corners[boundary->corner_count++].y = (int16_t)boundary->y;
+    return CAIRN_OK;
+}
+
+/* Sets the start of a contour at the scanned corner; returns 0 if there is none. */
+static int find_start(cairn_boundary *boundary)
+{
+    int32_t sides = border_sides_at(boundary, boundary->scan_x, boundary->scan_y);
+    side s;
+
+    if (boundary->closed_pass ? sides != 2 : sides == 2)
+        return 0;
+    for (int32_t heading = 0; heading < HEADING_COUNT; heading++)
+        if (is_border(boundary, boundary->scan_x, boundary->scan_y, heading, &s) &&
+            !(boundary->traced_sides[s.pixel] & s.walked)) {
+            boundary->heading = heading;
+            boundary->x = boundary->scan_x;
+            boundary->y = boundary->scan_y;
+            return 1;
+        }
+    return 0;
+}
+
+/* Advances the scanned corner in row order, and once more for closed contours; returns 0 at the
+ * end. */
+static int next_corner(cairn_boundary *boundary)
+{
+    if (++boundary->scan_x <= boundary->image.width)
+        return 1;
+    boundary->scan_x = 0;
+    if (++boundary->scan_y <= boundary->image.height)
+        return 1;
+    boundary->scan_y = 0;
+    return !boundary->closed_pass++;
+}
+
+/* Finds the next side of the traced contour. */
+static void side_ahead(const cairn_boundary *boundary, side *s)
+{
+    int there = is_border(boundary, boundary->x, boundary->y, boundary->heading, s);
+
+    CAIRN_ASSERT(there);
+    (void)there;
+}
+
+/* Begins a contour at the current corner. */
+static cairn_status begin_trace(cairn_boundary *boundary)
+{
+    cairn_boundary_contour none = {
+        .first = boundary->corner_count,
+        .closed = boundary->closed_pass,
+    };
+    side s;
+
+    CAIRN_ASSERT(boundary->contour_count < boundary->max_borders);
+    side_ahead(boundary, &s);
+    none.level = boundary
+                     ->borders[cairn_boundary_border_of(boundary, boundary->label[s.pixel],
+                                                        boundary->label[s.other])]
+                     .level;
+    boundary->traced[boundary->contour_count] = none;
+    boundary->trace_strength_sum = 0;
+    boundary->is_tracing = 1;
+    return add_corner(boundary);
+}
+
+/* Completes a contour; contours below min_strength are dropped. */
+static void end_trace(cairn_boundary *boundary)
+{
+    cairn_boundary_contour *c = &boundary->traced[boundary->contour_count];
+
+    boundary->is_tracing = 0;
+    c->count = boundary->corner_count - c->first;
+    c->mean_strength =
+        boundary->trace_strength_sum / (cairn_real)(c->closed ? c->count : c->count - 1);
+    c->strength = c->level * cairn_sqrt(c->mean_strength);
+    if (c->strength >= boundary->params.min_strength)
+        boundary->contour_count++;
+    else
+        boundary->corner_count = c->first;
+}
+
+/* Sets the heading of the contour at a corner where exactly two border sides meet. */
+static void continue_border(cairn_boundary *boundary)
+{
+    int32_t back = (boundary->heading + 2) % HEADING_COUNT;
+    side s;
+
+    for (int32_t heading = 0; heading < HEADING_COUNT; heading++)
+        if (heading != back && is_border(boundary, boundary->x, boundary->y, heading, &s)) {
+            boundary->heading = heading;
+            return;
+        }
+}
+
+/* Traces one side of the current contour. */
+static cairn_status trace_step(cairn_boundary *boundary)
+{
+    cairn_status status;
+    side s;
+
+    side_ahead(boundary, &s);
+    boundary->traced_sides[s.pixel] |= s.walked;
+    boundary->trace_strength_sum +=
+        cairn_max(boundary->strength[s.pixel], boundary->strength[s.other]);
+    boundary->x += (boundary->heading == HEADING_RIGHT) - (boundary->heading == HEADING_LEFT);
+    boundary->y += (boundary->heading == HEADING_DOWN) - (boundary->heading == HEADING_UP);
+    if (boundary->closed_pass && boundary->x == boundary->scan_x &&
+        boundary->y == boundary->scan_y) {
+        end_trace(boundary);
+        return CAIRN_MORE;
+    }
+    status = add_corner(boundary);
+    if (status != CAIRN_OK)
+        return status;
+    if (border_sides_at(boundary, boundary->x, boundary->y) != 2)
+        end_trace(boundary);
+    else
+        continue_border(boundary);
+    return CAIRN_MORE;
+}
+
+cairn_status cairn_boundary_trace_side(cairn_boundary *boundary)
+{
+    if (boundary->is_tracing)
+        return trace_step(boundary);
+    if (find_start(boundary)) {
+        cairn_status status = begin_trace(boundary);
+
+        return status == CAIRN_OK ? CAIRN_MORE : status;
+    }
+    return next_corner(boundary) ? CAIRN_MORE : CAIRN_OK;
+}
+
+/* ---- Ranking ---- */
+
+/* Ties: the contour found first ranks before the other. */
+static int ranks_before(const cairn_boundary *boundary, int32_t p, int32_t q)
+{
+    return boundary->traced[p].strength > boundary->traced[q].strength ||
+           (p < q && boundary->traced[p].strength >= boundary->traced[q].strength);
+}
+
+/* Restores the heap order upwards from a new last element. */
+static void heap_sift_up(const cairn_boundary *boundary, int32_t contour)
+{
+    int32_t at = contour;
+
+    for (; at > 0 && ranks_before(boundary, contour, boundary->heap[(at - 1) / 2]);
+         at = (at - 1) / 2)
+        boundary->heap[at] = boundary->heap[(at - 1) / 2];
+    boundary->heap[at] = contour;
+}
+
+/* Restores the heap order downwards from the root. */
+static void heap_sift_down(const cairn_boundary *boundary, int32_t contour)
+{
+    int32_t at = 0;
+
+    for (int32_t child = 1; child < boundary->heap_count; child = 2 * at + 1) {
+        child += child + 1 < boundary->heap_count &&
+                 ranks_before(boundary, boundary->heap[child + 1], boundary->heap[child]);
+        if (!ranks_before(boundary, boundary->heap[child], contour))
+            break;
+        boundary->heap[at] = boundary->heap[child];
+        at = child;
+    }
+    boundary->heap[at] = contour;
+}
+
+int cairn_boundary_rank_next(cairn_boundary *boundary)
+{
+    if (boundary->ranked_count == 0 && boundary->heap_count < boundary->contour_count) {
+        heap_sift_up(boundary, boundary->heap_count++);
+        return 1;
+    }
+    if (boundary->heap_count == 0)
+        return 0;
+    boundary->ranked[boundary->ranked_count++] = boundary->traced[boundary->heap[0]];
+    if (--boundary->heap_count > 0)
+        heap_sift_down(boundary, boundary->heap[boundary->heap_count]);
+    return 1;
+}

@@ -1,0 +1,465 @@
+/* Symmetric points (SP) of edgels and of segments.
+ *
+ * Method:
+ * 1. SP of two edgels: let u be the direction of the chord from the first to the second, v the left
+ *    normal of u, c the chord's length. The normals, oriented towards each other, form the angles a
+ *    and b with the chord, measured towards v. The centre lies on the bisector at c/2 tan((a + b) /
+ *    2) from the chord's midpoint. There both normals deviate equally, by |a - b| / 2. The thesis
+ *    prints the mean of both tangents, which deviates as much on average but unevenly, and has
+ *    poles.
+ * 2. SP of two segments: the most symmetric one over all pairs of sampled edgels.
+ * 3. Candidate pairs (sweep and prune): the bounding boxes of the segments, grown by the largest
+ *    radius, overlap wherever one disc can touch both.
+ * 4. The best points are selected by a bounded heap with the least symmetric at its root, and
+ *    heap-sorted.
+ *
+ * Memory layout: the boxes of the segments, the heap, the sweep.
+ *
+ * Limits: one SP per pair of segments; a long pair that is symmetric at two places must be cut
+ * first.
+ *
+ * Source: Adluru 2008, section 2.3, equation 2.10. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "cairn/symmetric_point.h"
+
+enum {
+    MAX_SEGMENTS = 1 << 26,
+    MAX_POINTS = 1 << 28,
+    MAX_SAMPLES = 16,
+    UNITS_PER_SAMPLE_PAIR = 3,
+    UNITS_PER_HEAP_OPERATION = 4
+};
+
+/* Factor on the growth of boxes, for rounding errors. */
+#define BOX_GROWTH CAIRN_REAL(1.001)
+
+typedef int32_t symmetric_point_phase;
+enum { PHASE_IDLE, PHASE_BOXES, PHASE_PAIRS, PHASE_SORT, PHASE_DONE };
+
+struct cairn_symmetric_point_set {
+    cairn_symmetric_point_params params;
+    cairn_box_sweep *sweep;
+    cairn_box *boxes;            /* [max_segments] */
+    cairn_symmetric_point *heap; /* [max_points] */
+    const cairn_segment *segments;
+    int32_t segment_count, count, dropped;
+    int32_t cursor;        /* PHASE_BOXES: segment; PHASE_SORT: end of the heap */
+    int32_t first, second; /* PHASE_PAIRS: the current pair; first -1: none */
+    symmetric_point_phase phase;
+    int32_t units_charged;
+};
+
+cairn_symmetric_point_params cairn_symmetric_point_default(void)
+{
+    cairn_symmetric_point_params params = {
+        .max_segments = 4096,
+        .max_points = 8192,
+        .samples = 5,
+        .sample_step = 4,
+        .min_radius = 2,
+        .max_radius = 100,
+        .max_angle = 60 * (CAIRN_PI / 180),
+        .max_deviation = 45 * (CAIRN_PI / 180),
+    };
+    return params;
+}
+
+cairn_symmetric_point_params cairn_symmetric_point_as_written(void)
+{
+    cairn_symmetric_point_params params = cairn_symmetric_point_default();
+
+    params.mode = CAIRN_MODE_AS_WRITTEN;
+    return params;
+}
+
+static int params_are_valid(const cairn_symmetric_point_params *params)
+{
+    return params != NULL && params->max_segments >= 1 && params->max_segments <= MAX_SEGMENTS &&
+           params->max_points >= 1 && params->max_points <= MAX_POINTS && params->samples >= 1 &&
+           params->samples <= MAX_SAMPLES && params->mode >= CAIRN_MODE_DEFAULT &&
+           params->mode <= CAIRN_MODE_AS_WRITTEN && params->sample_step > 0 &&
+           cairn_is_finite(params->sample_step) && params->min_radius >= 0 &&
+           params->max_radius >= params->min_radius && cairn_is_finite(params->max_radius) &&
+           params->max_angle > 0 && params->max_angle < CAIRN_PI / 2 &&
+           params->max_deviation >= 0 && cairn_is_finite(params->max_deviation);
+}
+
+static cairn_box_sweep *carve_sweep(cairn_pool *pool, int32_t max_boxes)
+{
+    cairn_box_sweep_params params = {.max_boxes = max_boxes};
+    size_t need = cairn_box_sweep_memory(&params);
+    cairn_box_sweep *sweep = NULL;
+    cairn_status status;
+
+    if (pool->base == NULL) {
+        cairn_pool_count(pool, need);
+        return NULL;
+    }
+    status = cairn_box_sweep_create(&sweep, pool, &params);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    return sweep;
+}
+
+static cairn_symmetric_point_set *carve(cairn_pool *pool,
+                                        const cairn_symmetric_point_params *params)
+{
+    cairn_symmetric_point_set *set = cairn_pool_take_one(pool, sizeof *set);
+    cairn_box *boxes = cairn_pool_take(pool, (size_t)params->max_segments, sizeof *boxes);
+    cairn_symmetric_point *heap = cairn_pool_take(pool, (size_t)params->max_points, sizeof *heap);
+    cairn_box_sweep *sweep = carve_sweep(pool, params->max_segments);
+
+    if (set != NULL) {
+        memset(set, 0, sizeof *set);
+        set->boxes = boxes;
+        set->heap = heap;
+        set->sweep = sweep;
+    }
+    return set;
+}
+
+size_t cairn_symmetric_point_memory(const cairn_symmetric_point_params *params)
+{
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status cairn_symmetric_point_create(cairn_symmetric_point_set **set, cairn_pool *pool,
+                                          const cairn_symmetric_point_params *params)
+{
+    size_t need = cairn_symmetric_point_memory(params);
+    cairn_symmetric_point_set *made;
+
+    if (set == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, need))
+        return CAIRN_NO_MEMORY;
+    made = carve(pool, params);
+    made->params = *params;
+    *set = made;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_symmetric_point_set_radii(cairn_symmetric_point_set *set, cairn_real min_radius,
+                                             cairn_real max_radius)
+{
+    cairn_symmetric_point_params params;
+
+    if (set == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    params = set->params;
+    params.min_radius = min_radius;
+    params.max_radius = max_radius;
+    if (!params_are_valid(&params))
+        return CAIRN_BAD_ARGUMENT;
+    set->params = params;
+    set->phase = PHASE_IDLE;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_symmetric_point_begin(cairn_symmetric_point_set *set,
+                                         const cairn_segment *segments, int32_t count)
+{
+    cairn_status status;
+
+    if (set == NULL || count < 0 || (segments == NULL && count > 0))
+        return CAIRN_BAD_ARGUMENT;
+    if (count > set->params.max_segments)
+        return CAIRN_FULL;
+    set->segments = segments;
+    set->segment_count = count;
+    set->count = set->dropped = 0;
+    set->cursor = 0;
+    set->first = -1;
+    set->units_charged = 0;
+    set->phase = PHASE_BOXES;
+    /* The segments are new, so the order of the previous sweep is discarded. */
+    status = cairn_box_sweep_begin(set->sweep, NULL, 0);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    return CAIRN_OK;
+}
+
+/* ---- One pair ---- */
+
+/* Angle of an edgel's normal with the chord, from u towards v, in (-pi/2, pi/2). Returns 0 beyond
+ * max_angle. */
+static int angle_with_chord(cairn_vec2 direction, cairn_vec2 u, cairn_real cos_max,
+                            cairn_real *angle)
+{
+    cairn_real across = cairn_vec2_cross(direction, u), parallel = cairn_vec2_dot(direction, u);
+
+    /* Components along u and v of the normal, which is the direction rotated to the left. */
+    if (across < 0) {
+        across = -across;
+        parallel = -parallel;
+    }
+    if (across < cos_max)
+        return 0;
+    *angle = cairn_atan2(parallel, across);
+    return 1;
+}
+
+static cairn_real tangent(cairn_real angle)
+{
+    cairn_real sine, cosine;
+
+    cairn_sincos(angle, &sine, &cosine);
+    return sine / cosine;
+}
+
+static int point_of(cairn_oriented_point first, cairn_oriented_point second, cairn_real cos_max,
+                    int32_t mode, cairn_symmetric_point *point)
+{
+    cairn_vec2 chord = cairn_vec2_sub(second.position, first.position), u, bisector;
+    cairn_real half = CAIRN_REAL(0.5) * cairn_vec2_norm(chord), a, b, height;
+
+    if (half == 0)
+        return 0;
+    u = cairn_vec2_scale(chord, CAIRN_REAL(0.5) / half);
+    /* The second angle is measured from -u. Reversing its normal turns an angle from u to v into
+     * one from v to u. */
+    if (!angle_with_chord(first.direction, u, cos_max, &a) ||
+        !angle_with_chord(second.direction, u, cos_max, &b))
+        return 0;
+    if (mode == CAIRN_MODE_AS_WRITTEN) {
+        height = CAIRN_REAL(0.5) * half * (tangent(a) - tangent(b));
+    } else {
+        height = half * tangent(CAIRN_REAL(0.5) * (a - b));
+    }
+    bisector = cairn_vec2_left_perp(u);
+    point->centre = cairn_vec2_add(cairn_vec2_add(first.position, cairn_vec2_scale(u, half)),
+                                   cairn_vec2_scale(bisector, height));
+    point->radius = cairn_sqrt(half * half + height * height);
+    point->deviation = CAIRN_REAL(0.5) * cairn_abs(a + b);
+    point->contact[0] = first.position;
+    point->contact[1] = second.position;
+    point->first = 0;
+    point->second = 1;
+    return 1;
+}
+
+int32_t cairn_symmetric_point_of(cairn_oriented_point first, cairn_oriented_point second,
+                                 cairn_real max_angle, cairn_symmetric_point *point)
+{
+    return point_of(first, second, cairn_cos(max_angle), CAIRN_MODE_DEFAULT, point);
+}
+
+/* Number of samples of a segment: one per sample_step, up to `samples`. 0: zero length. */
+static int32_t sample_count(const cairn_symmetric_point_params *params, cairn_real length)
+{
+    int32_t most = params->samples;
+
+    if (!(length > 0))
+        return 0;
+    if (length > params->sample_step * (cairn_real)most)
+        return most;
+    return cairn_real_to_int(cairn_max(cairn_ceil(length / params->sample_step), 1));
+}
+
+/* Edgel at the midpoint of part i of `count` equal parts of a segment. */
+static cairn_oriented_point sample(cairn_segment segment, cairn_real length, int32_t i,
+                                   int32_t count)
+{
+    cairn_vec2 along = cairn_vec2_sub(segment.b, segment.a);
+    cairn_real share = ((cairn_real)i + CAIRN_REAL(0.5)) / (cairn_real)count;
+    cairn_oriented_point edgel = {cairn_vec2_add(segment.a, cairn_vec2_scale(along, share)),
+                                  cairn_vec2_scale(along, 1 / length)};
+
+    return edgel;
+}
+
+/* Squared distance of the centre from the midpoint of the chord, px^2. */
+static cairn_real squared_chord_offset(const cairn_symmetric_point *point)
+{
+    cairn_vec2 middle =
+        cairn_vec2_scale(cairn_vec2_add(point->contact[0], point->contact[1]), CAIRN_REAL(0.5));
+
+    return cairn_vec2_norm_squared(cairn_vec2_sub(point->centre, middle));
+}
+
+int32_t cairn_symmetric_point_of_segments(const cairn_symmetric_point_params *params,
+                                          cairn_segment first, cairn_segment second,
+                                          cairn_symmetric_point *point)
+{
+    cairn_real length = cairn_segment_length(first), other_length = cairn_segment_length(second);
+    cairn_real cos_max = cairn_cos(params->max_angle);
+    int32_t count = sample_count(params, length), other_count = sample_count(params, other_length),
+            found = 0;
+
+    for (int32_t i = 0; i < count; i++)
+        for (int32_t j = 0; j < other_count; j++) {
+            cairn_symmetric_point p;
+
+            if (!point_of(sample(first, length, i, count),
+                          sample(second, other_length, j, other_count), cos_max, params->mode,
+                          &p) ||
+                p.radius < params->min_radius || p.radius > params->max_radius ||
+                p.deviation > params->max_deviation)
+                continue;
+            if (!found || p.deviation < point->deviation ||
+                (p.deviation == point->deviation &&
+                 squared_chord_offset(&p) < squared_chord_offset(point)))
+                *point = p;
+            found = 1;
+        }
+    return found;
+}
+
+cairn_real cairn_symmetric_point_quality(const cairn_symmetric_point *point, cairn_real sigma)
+{
+    cairn_real scaled = point->deviation / sigma;
+
+    return cairn_exp(CAIRN_REAL(-0.5) * scaled * scaled);
+}
+
+/* ---- All pairs ---- */
+
+/* Order of the result; total, because every pair of segments has at most one point. */
+static int is_better(const cairn_symmetric_point *a, const cairn_symmetric_point *b)
+{
+    if (a->deviation != b->deviation)
+        return a->deviation < b->deviation;
+    return a->first != b->first ? a->first < b->first : a->second < b->second;
+}
+
+/* Inserts a point into the heap of `count` at the vacant node `hole` or below (sift down); no point
+ * is worse than its parent. */
+static void sift_down(cairn_symmetric_point *heap, int32_t count, int32_t hole,
+                      const cairn_symmetric_point *point)
+{
+    for (int32_t child = 2 * hole + 1; child < count; child = 2 * hole + 1) {
+        if (child + 1 < count && is_better(&heap[child], &heap[child + 1]))
+            child++;
+        if (!is_better(point, &heap[child]))
+            break;
+        heap[hole] = heap[child];
+        hole = child;
+    }
+    heap[hole] = *point;
+}
+
+static void insert_point(cairn_symmetric_point_set *set, const cairn_symmetric_point *point)
+{
+    int32_t hole = set->count;
+
+    if (set->count == set->params.max_points) {
+        set->dropped++;
+        if (is_better(point, &set->heap[0]))
+            sift_down(set->heap, set->count, 0, point);
+        return;
+    }
+    for (; hole > 0 && is_better(&set->heap[(hole - 1) / 2], point); hole = (hole - 1) / 2)
+        set->heap[hole] = set->heap[(hole - 1) / 2];
+    set->heap[hole] = *point;
+    set->count++;
+}
+
+static cairn_status step_boxes(cairn_symmetric_point_set *set, cairn_budget *budget)
+{
+    for (; set->cursor < set->segment_count; set->cursor++) {
+        cairn_segment s = set->segments[set->cursor];
+        cairn_box box = {s.a, s.a};
+
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        budget->left--;
+        if (!cairn_is_finite(s.a.x) || !cairn_is_finite(s.a.y) || !cairn_is_finite(s.b.x) ||
+            !cairn_is_finite(s.b.y))
+            return CAIRN_NOT_FINITE;
+        set->boxes[set->cursor] =
+            cairn_box_grow(cairn_box_extend(box, s.b), set->params.max_radius * BOX_GROWTH);
+    }
+    set->cursor = 0;
+    return cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count);
+}
+
+static int32_t pair_cost(const cairn_symmetric_point_set *set)
+{
+    return UNITS_PER_HEAP_OPERATION +
+           UNITS_PER_SAMPLE_PAIR *
+               sample_count(&set->params, cairn_segment_length(set->segments[set->first])) *
+               sample_count(&set->params, cairn_segment_length(set->segments[set->second]));
+}
+
+static cairn_status step_pairs(cairn_symmetric_point_set *set, cairn_budget *budget)
+{
+    for (;;) {
+        cairn_symmetric_point point;
+
+        if (set->first < 0) {
+            cairn_status status =
+                cairn_box_sweep_next(set->sweep, budget, &set->first, &set->second);
+
+            if (status != CAIRN_OK) {
+                set->first = -1;
+                return status == CAIRN_EMPTY ? CAIRN_OK : status;
+            }
+        }
+        if (!cairn_budget_charge(budget, &set->units_charged, pair_cost(set)))
+            return CAIRN_MORE;
+        if (cairn_symmetric_point_of_segments(&set->params, set->segments[set->first],
+                                              set->segments[set->second], &point)) {
+            point.first = set->first;
+            point.second = set->second;
+            insert_point(set, &point);
+        }
+        set->first = -1;
+    }
+}
+
+/* Heap sort: moves the worst point behind the heap until all are in order. */
+static cairn_status step_sort(cairn_symmetric_point_set *set, cairn_budget *budget)
+{
+    for (; set->cursor < set->count; set->cursor++) {
+        int32_t last = set->count - 1 - set->cursor;
+        cairn_symmetric_point worst = set->heap[0], moved = set->heap[last];
+
+        if (!cairn_budget_charge(budget, &set->units_charged, UNITS_PER_HEAP_OPERATION))
+            return CAIRN_MORE;
+        sift_down(set->heap, last, 0, &moved);
+        set->heap[last] = worst;
+    }
+    return CAIRN_OK;
+}
+
+cairn_status cairn_symmetric_point_step(cairn_symmetric_point_set *set, cairn_budget *budget)
+{
+    if (set == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (set->phase != PHASE_IDLE && set->phase != PHASE_DONE) {
+        cairn_status status = set->phase == PHASE_BOXES   ? step_boxes(set, budget)
+                              : set->phase == PHASE_PAIRS ? step_pairs(set, budget)
+                                                          : step_sort(set, budget);
+
+        if (status < 0)
+            set->phase = PHASE_IDLE;
+        if (status != CAIRN_OK)
+            return status;
+        set->phase++;
+    }
+    return CAIRN_OK;
+}
+
+const cairn_symmetric_point *cairn_symmetric_point_list(const cairn_symmetric_point_set *set,
+                                                        int32_t *count)
+{
+    int has = set != NULL && set->phase == PHASE_DONE;
+
+    if (count != NULL)
+        *count = has ? set->count : 0;
+    return has ? set->heap : NULL;
+}
+
+int32_t cairn_symmetric_point_dropped(const cairn_symmetric_point_set *set)
+{
+    return set != NULL && set->phase == PHASE_DONE ? set->dropped : 0;
+}

@@ -1,0 +1,571 @@
+/* Force field simulation: memory, inputs and readers. Parameters are in force_field_params.c; an
+ * iteration is in force_field_iteration.c, force_field_pairs.c, force_field_springs.c and
+ * force_field_move.c.
+ *
+ * Layout: the scans are in a scan set. Arrays of segments and, unless generated on demand, points
+ * hold them in the map. Poses and motions are double-buffered: readers see one buffer, the current
+ * iteration fills the other. Scans added during an iteration lie behind those in use. Removed ones
+ * are compacted between iterations. External points are double-buffered as well.
+ *
+ * Limits: in float the map should not be larger than about 100 m. The time of an iteration grows
+ * with the pairs of points within reach. The force on a single point is not stored:
+ * cairn_force_field_point_force computes it again.
+ *
+ * Source: Adluru 2008, chapter 7. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/fields/force_field_iteration.h"
+
+/* maximum magnitude of parameters and poses, m */
+#define MAX_VALUE CAIRN_REAL(1e6)
+
+/* ---- Memory ---- */
+
+static int is_not_negative(cairn_real x)
+{
+    return x >= 0 && x <= MAX_VALUE;
+}
+
+static cairn_scan_set_params set_params(const cairn_force_field_params *p)
+{
+    cairn_scan_set_params params = {
+        .max_scans = p->max_scans,
+        .max_segments = p->max_segments,
+        .max_points = p->max_points,
+        .spacing = p->spacing,
+    };
+    return params;
+}
+
+static cairn_corner_params corner_params(const cairn_force_field_params *p)
+{
+    cairn_corner_params params = {.max_segments = p->max_segments,
+                                  .max_corners = p->max_corners,
+                                  .min_opening = p->corner_min_opening,
+                                  .max_opening = p->corner_max_opening,
+                                  .end_distance = p->corner_distance,
+                                  .crossings = p->roi == CAIRN_FORCE_FIELD_ROI_CROSSINGS};
+    return params;
+}
+
+static cairn_point_grid_params grid_params(const cairn_force_field_params *p)
+{
+    cairn_point_grid_params params = {
+        .max_points = p->max_corners,
+        .cell_size = 2 * p->roi_radius,
+    };
+    return params;
+}
+
+/* Counts an object's memory and returns 1 on a counting pool; returns 0 on a real one, whose
+ * capacity has been checked. */
+static int only_counted(cairn_pool *pool, size_t need)
+{
+    if (pool->base != NULL)
+        return 0;
+    cairn_pool_count(pool, need);
+    return 1;
+}
+
+static void must_be_ok(cairn_status status)
+{
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+}
+
+static cairn_scan_set *carve_set(cairn_pool *pool, const cairn_force_field_params *params)
+{
+    cairn_scan_set_params p = set_params(params);
+    cairn_scan_set *set = NULL;
+
+    if (!only_counted(pool, cairn_scan_set_memory(&p)))
+        must_be_ok(cairn_scan_set_create(&set, pool, &p));
+    return set;
+}
+
+static cairn_box_sweep *carve_sweep(cairn_pool *pool, const cairn_force_field_params *params)
+{
+    cairn_box_sweep_params p = {
+        .max_boxes = params->max_extra + params->max_segments,
+    };
+    cairn_box_sweep *sweep = NULL;
+
+    if (!only_counted(pool, cairn_box_sweep_memory(&p)))
+        must_be_ok(cairn_box_sweep_create(&sweep, pool, &p));
+    return sweep;
+}
+
+static cairn_corner_set *carve_corners(cairn_pool *pool, const cairn_force_field_params *params)
+{
+    cairn_corner_params p = corner_params(params);
+    cairn_corner_set *corners = NULL;
+
+    if (!only_counted(pool, cairn_corner_memory(&p)))
+        must_be_ok(cairn_corner_create(&corners, pool, &p));
+    return corners;
+}
+
+static cairn_point_grid *carve_grid(cairn_pool *pool, const cairn_force_field_params *params)
+{
+    cairn_point_grid_params p = grid_params(params);
+    cairn_point_grid *grid = NULL;
+
+    if (!only_counted(pool, cairn_point_grid_memory(&p)))
+        must_be_ok(cairn_point_grid_create(&grid, pool, &p));
+    return grid;
+}
+
+static struct cairn_force_field_extra carve_extra(cairn_pool *pool, size_t count)
+{
+    struct cairn_force_field_extra extra = {NULL, NULL, NULL, NULL, 0, 0};
+
+    if (count > 0) {
+        extra.position = cairn_pool_take(pool, count, sizeof *extra.position);
+        extra.weight = cairn_pool_take(pool, count, sizeof *extra.weight);
+        extra.direction = cairn_pool_take(pool, count, sizeof *extra.direction);
+        extra.first = cairn_pool_take(pool, count + 1, sizeof *extra.first);
+    }
+    return extra;
+}
+
+static cairn_force_field *carve(cairn_pool *pool, const cairn_force_field_params *params)
+{
+    size_t scans = (size_t)params->max_scans, points = (size_t)params->max_points;
+    size_t extra_count = (size_t)params->max_extra, segment_count = (size_t)params->max_segments;
+    int32_t is_kept = !(params->spacing > 0), has_masses = is_kept && params->roi,
+            has_bits = !is_kept && params->roi;
+    cairn_force_field *field = cairn_pool_take_one(pool, sizeof *field);
+    struct cairn_force_field_placement *front = cairn_pool_take(pool, scans, sizeof *front);
+    struct cairn_force_field_placement *back = cairn_pool_take(pool, scans, sizeof *back);
+    struct cairn_force_field_body *bodies = cairn_pool_take(pool, scans, sizeof *bodies);
+    cairn_segment *segments = cairn_pool_take(pool, segment_count, sizeof *segments);
+    cairn_vec2 *directions = cairn_pool_take(pool, segment_count, sizeof *directions);
+    cairn_box *boxes = cairn_pool_take(pool, extra_count + segment_count, sizeof *boxes);
+    cairn_vec2 *position = is_kept ? cairn_pool_take(pool, points, sizeof *position) : NULL;
+    cairn_real *mass = has_masses ? cairn_pool_take(pool, points, sizeof *mass) : NULL;
+    uint32_t *in_region =
+        has_bits ? cairn_pool_take(pool, points / 32 + 1, sizeof *in_region) : NULL;
+    struct cairn_force_field_extra extra[2] = {carve_extra(pool, extra_count),
+                                               carve_extra(pool, extra_count)};
+    cairn_scan_set *set = carve_set(pool, params);
+    cairn_box_sweep *sweep = carve_sweep(pool, params);
+    cairn_corner_set *corners = params->roi ? carve_corners(pool, params) : NULL;
+    cairn_point_grid *grid = params->roi ? carve_grid(pool, params) : NULL;
+    struct cairn_force_field_unknown *unknowns = NULL;
+    struct cairn_force_field_bond *bonds = NULL;
+
+    if (params->mode == CAIRN_FORCE_FIELD_SPRINGS) {
+        unknowns = cairn_pool_take(pool, scans, sizeof *unknowns);
+        bonds = cairn_pool_take(pool, (size_t)params->max_bonds, sizeof *bonds);
+    }
+
+    if (field != NULL) {
+        memset(field, 0, sizeof *field);
+        field->placements[0] = front;
+        field->placements[1] = back;
+        field->bodies = bodies;
+        field->segments = segments;
+        field->directions = directions;
+        field->boxes = boxes;
+        field->position = position;
+        field->mass = has_masses ? mass : set->mass;
+        field->in_region = in_region;
+        field->extra[0] = extra[0];
+        field->extra[1] = extra[1];
+        field->set = set;
+        field->sweep = sweep;
+        field->corners = corners;
+        field->grid = grid;
+        field->unknowns = unknowns;
+        field->bonds = bonds;
+    }
+    return field;
+}
+
+size_t cairn_force_field_memory(const cairn_force_field_params *params)
+{
+    cairn_scan_set_params p;
+    cairn_pool counting;
+
+    if (!cairn_force_field_params_are_valid(params))
+        return 0;
+    p = set_params(params);
+    if (cairn_scan_set_memory(&p) == 0)
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status cairn_force_field_create(cairn_force_field **field, cairn_pool *pool,
+                                      const cairn_force_field_params *params)
+{
+    size_t need = cairn_force_field_memory(params);
+    cairn_force_field *made;
+
+    if (field == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, need))
+        return CAIRN_NO_MEMORY;
+    made = carve(pool, params);
+    made->params = *params;
+    if (made->unknowns != NULL && params->alignment_torque > 0)
+        made->params.potential = 1;
+    cairn_force_kernel_init(&made->kernel);
+    if (made->in_region != NULL)
+        memset(made->in_region, 0, ((size_t)params->max_points / 32 + 1) * sizeof *made->in_region);
+    else if (params->roi)
+        memset(made->mass, 0, (size_t)params->max_points * sizeof *made->mass);
+    cairn_force_field_clear(made);
+    *field = made;
+    return CAIRN_OK;
+}
+
+/* ---- Inputs ---- */
+
+/* Returns the commit point at which an input takes effect. */
+static uint32_t next_commit(const cairn_force_field *field)
+{
+    return cairn_force_field_iteration_is_between(field) ? field->commits : field->commits + 1;
+}
+
+cairn_status cairn_force_field_add_scan(cairn_force_field *field, const cairn_scan_view *view,
+                                        const cairn_real *mass, cairn_pose map_scan,
+                                        cairn_fault *fault)
+{
+    cairn_fault pose_fault = {-1, NULL};
+    cairn_status status = CAIRN_OK;
+    struct cairn_force_field_body *body;
+    int32_t slot;
+
+    if (field == NULL) {
+        pose_fault.message = "no field";
+        status = CAIRN_BAD_ARGUMENT;
+    } else if (!cairn_pose_is_finite(map_scan)) {
+        pose_fault.message = "the pose is not finite";
+        status = CAIRN_NOT_FINITE;
+    } else if (!(cairn_abs(map_scan.x) <= MAX_VALUE && cairn_abs(map_scan.y) <= MAX_VALUE)) {
+        pose_fault.message = "the pose is farther than 1e6 m";
+        status = CAIRN_BAD_ARGUMENT;
+    }
+    if (status != CAIRN_OK) {
+        if (fault != NULL)
+            *fault = pose_fault;
+        return status;
+    }
+    slot = cairn_scan_set_next(field->set);
+    status = cairn_scan_set_add(field->set, view, mass, fault);
+    if (status != CAIRN_OK)
+        return status;
+
+    map_scan.theta = cairn_wrap_angle(map_scan.theta);
+    for (int i = 0; i < 2; i++) {
+        struct cairn_force_field_placement *placement = &field->placements[i][slot];
+
+        memset(placement, 0, sizeof *placement);
+        placement->map_scan = map_scan;
+    }
+    body = &field->bodies[slot];
+    memset(body, 0, sizeof *body);
+    body->is_new = 1;
+    body->active_from = next_commit(field);
+    field->scan_count++;
+    if (cairn_force_field_iteration_is_between(field))
+        cairn_force_field_iteration_take_in(field);
+    return CAIRN_OK;
+}
+
+int32_t cairn_force_field_next(const cairn_force_field *field)
+{
+    return cairn_scan_set_next(field->set);
+}
+
+static int is_there(const cairn_force_field *field, int32_t scan)
+{
+    return field != NULL && scan >= 0 && scan < field->set->scan_count &&
+           field->set->scans[scan].in_use && !field->bodies[scan].is_leaving;
+}
+
+cairn_status cairn_force_field_fix(cairn_force_field *field, int32_t scan, int32_t yes)
+{
+    struct cairn_force_field_body *body;
+
+    if (!is_there(field, scan))
+        return CAIRN_BAD_ARGUMENT;
+    body = &field->bodies[scan];
+    body->fixed_before = cairn_force_field_iteration_is_fixed(field, scan) != 0;
+    body->fixed_after = yes != 0;
+    body->fixed_from = field->clock + 1;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_force_field_place(cairn_force_field *field, int32_t scan, cairn_pose map_scan)
+{
+    if (!is_there(field, scan) || !cairn_force_field_iteration_is_between(field))
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pose_is_finite(map_scan))
+        return CAIRN_NOT_FINITE;
+    if (cairn_abs(map_scan.x) > MAX_VALUE || cairn_abs(map_scan.y) > MAX_VALUE)
+        return CAIRN_BAD_ARGUMENT;
+    map_scan.theta = cairn_wrap_angle(map_scan.theta);
+    for (int i = 0; i < 2; i++)
+        field->placements[i][scan].map_scan = map_scan;
+    field->revision++;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_force_field_remove(cairn_force_field *field, int32_t scan)
+{
+    struct cairn_force_field_body *body;
+
+    if (!is_there(field, scan))
+        return CAIRN_BAD_ARGUMENT;
+    body = &field->bodies[scan];
+    body->is_leaving = 1;
+    body->active_until = next_commit(field);
+    body->next_leaving = field->last_leaving;
+    field->last_leaving = scan;
+    field->scan_count--;
+    if (cairn_force_field_iteration_is_between(field))
+        field->revision++;
+    return CAIRN_OK;
+}
+
+static cairn_status check_extra(const cairn_force_field *field, const cairn_oriented_point *points,
+                                const cairn_real *weights, int32_t count)
+{
+    if (field == NULL || count < 0 || (count > 0 && (points == NULL || weights == NULL)))
+        return CAIRN_BAD_ARGUMENT;
+    if (count > field->params.max_extra)
+        return CAIRN_FULL;
+    for (int32_t i = 0; i < count; i++) {
+        cairn_vec2 p = points[i].position, d = points[i].direction;
+
+        if (!cairn_is_finite(p.x) || !cairn_is_finite(p.y) || !cairn_is_finite(d.x) ||
+            !cairn_is_finite(d.y) || !cairn_is_finite(weights[i]))
+            return CAIRN_NOT_FINITE;
+        if (cairn_abs(p.x) > MAX_VALUE || cairn_abs(p.y) > MAX_VALUE ||
+            cairn_abs(d.x) > MAX_VALUE || cairn_abs(d.y) > MAX_VALUE ||
+            !is_not_negative(weights[i]))
+            return CAIRN_BAD_ARGUMENT;
+    }
+    return CAIRN_OK;
+}
+
+/* Copies the points, cut into runs of one direction, which are processed like the points of a
+ * segment. */
+static void copy_extra(struct cairn_force_field_extra *extra, const cairn_oriented_point *points,
+                       const cairn_real *weights, int32_t count)
+{
+    extra->runs = 0;
+    extra->count = count;
+    for (int32_t i = 0; i < count; i++) {
+        cairn_vec2 d = points[i].direction;
+
+        extra->position[i] = points[i].position;
+        extra->weight[i] = weights[i];
+        if (i > 0 && d.x == points[i - 1].direction.x && d.y == points[i - 1].direction.y)
+            continue;
+        extra->direction[extra->runs] = cairn_vec2_unit(d);
+        extra->first[extra->runs++] = i;
+    }
+    if (count > 0)
+        extra->first[extra->runs] = count;
+}
+
+cairn_status cairn_force_field_set_extra(cairn_force_field *field,
+                                         const cairn_oriented_point *points,
+                                         const cairn_real *weights, int32_t count)
+{
+    cairn_status status = check_extra(field, points, weights, count);
+
+    if (status != CAIRN_OK)
+        return status;
+    copy_extra(&field->extra[1 - field->extra_front], points, weights, count);
+    field->extra_pending = 1;
+    return CAIRN_OK;
+}
+
+void cairn_force_field_restart(cairn_force_field *field)
+{
+    if (cairn_force_field_iteration_is_between(field))
+        cairn_force_field_iteration_start_cooling(field);
+    else
+        field->restart = 1;
+}
+
+void cairn_force_field_clear(cairn_force_field *field)
+{
+    cairn_scan_set_clear(field->set);
+    for (int i = 0; i < 2; i++)
+        field->extra[i].count = field->extra[i].runs = 0;
+    field->extra_pending = 0;
+    field->last_leaving = -1;
+    field->scan_count = 0;
+    field->has_forces = 0;
+    field->phase = FORCE_FIELD_AT_COMMIT;
+    field->units_charged = 0;
+    field->clock = field->commits = 0;
+    field->placed_sigma = 0;
+    field->placed_segments = 0;
+    memset(&field->state, 0, sizeof field->state);
+    cairn_force_field_iteration_take_in(field);
+    cairn_force_field_iteration_start_cooling(field);
+}
+
+/* ---- Steps ---- */
+
+static int is_untidy(const cairn_force_field *field)
+{
+    return field->last_leaving >= 0 || field->set->needs_packing;
+}
+
+static cairn_status run(cairn_force_field *field, cairn_budget *budget, int one)
+{
+    do {
+        cairn_status status;
+
+        if (field->phase == FORCE_FIELD_AT_COMMIT && is_untidy(field)) {
+            field->phase = FORCE_FIELD_PACK;
+            field->has_forces = 0;
+        }
+        if (field->phase == FORCE_FIELD_PACK) {
+            status = cairn_force_field_iteration_step(field, budget);
+            if (status != CAIRN_OK)
+                return status;
+        }
+        if (field->phase == FORCE_FIELD_AT_COMMIT) {
+            if (field->scan_count == 0)
+                return CAIRN_EMPTY;
+            if (field->state.verdict != CAIRN_FORCE_FIELD_RUNNING)
+                return CAIRN_OK;
+            if (budget->left <= 0)
+                return CAIRN_MORE;
+            cairn_force_field_iteration_begin(field);
+        }
+        while (field->phase != FORCE_FIELD_AT_COMMIT) {
+            status = cairn_force_field_iteration_step(field, budget);
+            if (status != CAIRN_OK)
+                return status;
+        }
+    } while (!one);
+    return CAIRN_OK;
+}
+
+static cairn_status run_counted(cairn_force_field *field, cairn_budget *budget, int one)
+{
+    cairn_status status;
+    int32_t before, used;
+
+    if (field == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    before = budget->left;
+    status = run(field, budget, one);
+    used = before - budget->left;
+    field->state.units += used;
+    if (used > field->state.max_step_units)
+        field->state.max_step_units = used;
+    return status;
+}
+
+cairn_status cairn_force_field_step(cairn_force_field *field, cairn_budget *budget)
+{
+    return run_counted(field, budget, 0);
+}
+
+cairn_status cairn_force_field_iterate(cairn_force_field *field, cairn_budget *budget)
+{
+    return run_counted(field, budget, 1);
+}
+
+/* ---- Readers ---- */
+
+uint32_t cairn_force_field_revision(const cairn_force_field *field)
+{
+    return field->revision;
+}
+
+int32_t cairn_force_field_pose_count(const cairn_force_field *field)
+{
+    return field->slots;
+}
+
+cairn_pose cairn_force_field_pose(const cairn_force_field *field, int32_t scan)
+{
+    CAIRN_ASSERT(scan >= 0 && scan < field->slots);
+    return field->placements[field->front][scan].map_scan;
+}
+
+cairn_force_field_motion cairn_force_field_motion_of(const cairn_force_field *field, int32_t scan)
+{
+    CAIRN_ASSERT(scan >= 0 && scan < field->slots);
+    return field->placements[field->front][scan].motion;
+}
+
+cairn_force_field_state cairn_force_field_read(const cairn_force_field *field)
+{
+    return field->state;
+}
+
+cairn_real cairn_force_field_potential(const cairn_force_field *field)
+{
+    return field->state.potential;
+}
+
+const cairn_scan_set *cairn_force_field_scans(const cairn_force_field *field)
+{
+    return field->set;
+}
+
+int32_t cairn_force_field_has(const cairn_force_field *field, int32_t scan)
+{
+    return scan >= 0 && scan < field->slots && cairn_force_field_iteration_has(field, scan);
+}
+
+/* Returns the segment of a scan that contains a point; segments are sorted by their points. */
+static int32_t segment_of(const cairn_scan_set *set, const cairn_scan_set_scan *scan, int32_t point)
+{
+    int32_t low = scan->first_segment, high = scan->end_segment;
+
+    while (high - low > 1) {
+        int32_t middle = low + (high - low) / 2;
+
+        if (set->segments[middle].first_point <= point)
+            low = middle;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+cairn_status cairn_force_field_point_force(const cairn_force_field *field, int32_t scan,
+                                           int32_t index, cairn_vec2 *force, cairn_real *mass)
+{
+    const cairn_scan_set_scan *from;
+    int32_t point, segment;
+
+    if (field == NULL || force == NULL || mass == NULL || !cairn_force_field_has(field, scan) ||
+        index < 0 ||
+        index >= field->set->scans[scan].end_point - field->set->scans[scan].first_point)
+        return CAIRN_BAD_ARGUMENT;
+    if (field->phase != FORCE_FIELD_AT_COMMIT || !field->has_forces ||
+        !field->bodies[scan].has_forces)
+        return CAIRN_EMPTY;
+    from = &field->set->scans[scan];
+    point = from->first_point + index;
+    segment = segment_of(field->set, from, point);
+    *force = cairn_force_field_at(field, segment, point - field->set->segments[segment].first_point,
+                                  mass);
+    return CAIRN_OK;
+}
+
+const cairn_corner *cairn_force_field_corners(const cairn_force_field *field, int32_t *count)
+{
+    if (field->corners == NULL) {
+        *count = 0;
+        return NULL;
+    }
+    return cairn_corner_list(field->corners, count);
+}

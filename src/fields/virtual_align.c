@@ -1,0 +1,323 @@
+/* Alignment with virtual scans: parameters, memory and result.
+ *
+ * Method.
+ *
+ * 1. When the aligner has ended, the poses of all scans go to the force field. Fixed there are the
+ *    scans that it has placed, those with an unobservable translation, and those whose walls have
+ *    one direction only, which hypotheses cannot constrain.
+ * 2. Hypotheses are derived from the fixed scans alone, since moving scans would generate
+ *    hypotheses that hold them in place. Where all scans move, they are derived from all, anew
+ *    every few iterations. They enter the field as external points.
+ * 3. From the field's poses the aligner searches for the scans that it had not placed; without any
+ *    match before it starts anew.
+ * 4. When it then places more scans than before, these enter the result, transformed by the motion
+ *    that maps the previously placed scans to their former poses; those stay there. Otherwise the
+ *    former result stands, and only scans that share no surface with the largest component keep the
+ *    field's poses.
+ * 5. Last, weakly observable submaps of the largest component are translated along their walls
+ *    (weak_direction).
+ *
+ * Layout: the aligner, the field, the hypotheses and the search along weak directions in one pool.
+ * A scan has the same index in the aligner and in the field. The best result of the aligner is
+ * stored beside it.
+ *
+ * Limits: a scan moved by the field keeps the covariance of its initial pose, and one translated
+ * along walls that of its previous pose.
+ *
+ * Source: Adluru 2008, chapter 8. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/fields/virtual_align_work.h"
+
+cairn_virtual_align_params cairn_virtual_align_default(void)
+{
+    cairn_virtual_align_params params = {
+        .aligner = cairn_aligner_default(),
+        .field = cairn_force_field_springs(CAIRN_REAL(0.9), 15),
+        .hypotheses = cairn_virtual_scan_default(),
+        .weak_direction = cairn_weak_direction_default(),
+        .rebuild_interval = 8,
+        .max_rounds = 2,
+        .use_aligner = 1,
+        .mode = CAIRN_MODE_DEFAULT,
+    };
+
+    params.field.oriented_below = params.field.sigma_start;
+    params.field.potential = 0;
+    params.hypotheses.spacing = CAIRN_REAL(0.30);
+    params.hypotheses.weight = 3;
+    return params;
+}
+
+/* maximum iterations of algorithm 2, those of fig. 8.12 */
+enum { MAX_ITERATIONS_AS_WRITTEN = 100 };
+
+/* Returns the params with the values that the mode prescribes. */
+static cairn_virtual_align_params in_mode(const cairn_virtual_align_params *params)
+{
+    cairn_virtual_align_params p = *params;
+
+    if (p.mode == CAIRN_MODE_AS_WRITTEN) {
+        p.field.mode = CAIRN_FORCE_FIELD_GRADIENT;
+        p.field.roi = CAIRN_FORCE_FIELD_ROI_NONE;
+        p.field.oriented_below = 0;
+        p.hypotheses.mode = CAIRN_MODE_AS_WRITTEN;
+        p.weak_direction = cairn_weak_direction_default();
+        p.rebuild_interval = 1;
+        p.max_rounds = 1;
+        p.use_aligner = 0;
+    }
+    return p;
+}
+
+cairn_virtual_align_params cairn_virtual_align_as_written(void)
+{
+    cairn_virtual_align_params params = cairn_virtual_align_default();
+
+    params.mode = CAIRN_MODE_AS_WRITTEN;
+    params.field = cairn_force_field_as_written();
+    params.field.max_steps = MAX_ITERATIONS_AS_WRITTEN;
+    params.hypotheses = cairn_virtual_scan_as_written();
+    return in_mode(&params);
+}
+
+/* Returns the number of bonds: each scan with 32 others, including the virtual one. */
+static int32_t bonds_of(int32_t scans)
+{
+    return scans < 64 ? scans * (scans + 1) / 2 : 32 * scans;
+}
+
+/* Returns the field's params: the aligner's capacities; the points of the map are thinned by the
+ * stride, rounded up per segment. */
+static cairn_force_field_params field_of(const cairn_virtual_align_params *params)
+{
+    cairn_force_field_params field = params->field;
+
+    field.max_scans = params->aligner.max_scans;
+    field.max_segments = params->aligner.max_segments;
+    field.max_points = params->aligner.max_points;
+    field.max_extra = params->hypotheses.max_virtual;
+    field.max_bonds = bonds_of(field.max_scans);
+    return field;
+}
+
+static cairn_virtual_scan_params hypotheses_of(const cairn_virtual_align_params *params)
+{
+    cairn_virtual_scan_params hypotheses = params->hypotheses;
+
+    hypotheses.max_scans = params->aligner.max_scans;
+    hypotheses.max_segments = params->aligner.max_segments;
+    hypotheses.max_points = params->aligner.max_points;
+    return hypotheses;
+}
+
+static cairn_weak_direction_params weak_params_of(const cairn_virtual_align_params *params)
+{
+    cairn_weak_direction_params weak = params->weak_direction;
+
+    weak.max_scans = params->aligner.max_scans;
+    return weak;
+}
+
+/* Takes its own arrays; NULL where the pool only counts. */
+static cairn_virtual_align *take_memory(cairn_pool *pool, const cairn_virtual_align_params *params)
+{
+    size_t scans = (size_t)params->aligner.max_scans;
+    cairn_virtual_align *made = cairn_pool_take_one(pool, sizeof *made), arrays;
+
+    memset(&arrays, 0, sizeof arrays);
+    arrays.params = *params;
+    arrays.places = cairn_pool_take(pool, scans, sizeof *arrays.places);
+    arrays.poses = cairn_pool_take(pool, scans, sizeof *arrays.poses);
+    arrays.stored_poses = cairn_pool_take(pool, scans, sizeof *arrays.stored_poses);
+    if (made != NULL)
+        *made = arrays;
+    return made;
+}
+
+size_t cairn_virtual_align_memory(const cairn_virtual_align_params *params)
+{
+    cairn_force_field_params field;
+    cairn_virtual_scan_params hypotheses;
+    cairn_virtual_align_params used;
+    cairn_weak_direction_params weak;
+    cairn_pool counting;
+
+    if (params == NULL ||
+        (params->mode != CAIRN_MODE_DEFAULT && params->mode != CAIRN_MODE_AS_WRITTEN))
+        return 0;
+    used = in_mode(params);
+    if (used.rebuild_interval < 1 || used.max_rounds < 1 ||
+        cairn_aligner_memory(&used.aligner) == 0)
+        return 0;
+    field = field_of(&used);
+    hypotheses = hypotheses_of(&used);
+    weak = weak_params_of(&used);
+    cairn_pool_init_counting(&counting);
+    (void)take_memory(&counting, &used);
+    cairn_pool_count(&counting, cairn_aligner_memory(&used.aligner));
+    cairn_pool_count(&counting, cairn_force_field_memory(&field));
+    cairn_pool_count(&counting, cairn_virtual_scan_memory(&hypotheses));
+    cairn_pool_count(&counting, cairn_weak_direction_memory(&weak));
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status cairn_virtual_align_create(cairn_virtual_align **align, cairn_pool *pool,
+                                        const cairn_virtual_align_params *params)
+{
+    size_t need = cairn_virtual_align_memory(params);
+    cairn_force_field_params field;
+    cairn_virtual_scan_params hypotheses;
+    cairn_virtual_align_params used;
+    cairn_weak_direction_params weak;
+    cairn_virtual_align *made;
+
+    if (align == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, need))
+        return CAIRN_NO_MEMORY;
+    used = in_mode(params);
+    field = field_of(&used);
+    hypotheses = hypotheses_of(&used);
+    weak = weak_params_of(&used);
+    made = take_memory(pool, &used);
+    cairn_virtual_align_must(cairn_aligner_create(&made->aligner, pool, &used.aligner));
+    cairn_virtual_align_must(cairn_force_field_create(&made->field, pool, &field));
+    cairn_virtual_align_must(cairn_virtual_scan_create(&made->hypotheses, pool, &hypotheses));
+    cairn_virtual_align_must(cairn_weak_direction_create(&made->weak_direction, pool, &weak));
+    *align = made;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_virtual_align_add_scan(cairn_virtual_align *align, const cairn_scan_view *view,
+                                          cairn_pose map_scan, cairn_fault *fault)
+{
+    struct virtual_align_place *place;
+    cairn_status status;
+
+    if (align == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    status = cairn_aligner_add_scan(align->aligner, view, map_scan, fault);
+    if (status != CAIRN_OK)
+        return status;
+    align->phase = VIRTUAL_ALIGN_IDLE;
+    cairn_virtual_align_must(cairn_force_field_add_scan(align->field, view, NULL, map_scan, fault));
+    place = &align->places[align->scan_count];
+    place->start = map_scan;
+    place->aligned = cairn_aligner_pose_of(align->aligner, align->scan_count++);
+    place->moves = 0;
+    return CAIRN_OK;
+}
+
+cairn_status
+cairn_virtual_align_add_detector(cairn_virtual_align *align,
+                                 const cairn_virtual_scan_hypothesis_detector *detector)
+{
+    return align == NULL ? CAIRN_BAD_ARGUMENT
+                         : cairn_virtual_scan_add_detector(align->hypotheses, detector);
+}
+
+void cairn_virtual_align_clear(cairn_virtual_align *align)
+{
+    cairn_aligner_clear(align->aligner);
+    cairn_force_field_clear(align->field);
+    align->phase = VIRTUAL_ALIGN_IDLE;
+    align->scan_count = 0;
+    align->is_iterating = 0;
+    memset(&align->result, 0, sizeof align->result);
+}
+
+cairn_status cairn_virtual_align_begin(cairn_virtual_align *align)
+{
+    if (align == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    if (align->scan_count == 0)
+        return CAIRN_EMPTY;
+    memset(&align->result, 0, sizeof align->result);
+    for (int32_t i = 0; i < align->scan_count; i++) {
+        cairn_virtual_align_must(
+            cairn_aligner_set_initial_pose(align->aligner, i, align->places[i].start));
+        align->places[i].moves = 0;
+    }
+    cairn_virtual_align_must(cairn_aligner_begin(align->aligner));
+    align->phase = align->params.use_aligner ? VIRTUAL_ALIGN_FIRST : VIRTUAL_ALIGN_STORE;
+    align->is_done = 0;
+    align->cursor = 0;
+    align->units_charged = 0;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_virtual_align_step(cairn_virtual_align *align, cairn_budget *budget)
+{
+    if (align == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (align->phase != VIRTUAL_ALIGN_IDLE) {
+        cairn_status status = cairn_virtual_align_run_phase(align, budget);
+
+        if (status != CAIRN_OK)
+            return status;
+    }
+    return CAIRN_OK;
+}
+
+cairn_status cairn_virtual_align_iterate(cairn_virtual_align *align, cairn_budget *budget)
+{
+    if (align == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (align->phase != VIRTUAL_ALIGN_IDLE) {
+        virtual_align_phase done = align->phase;
+        cairn_status status = cairn_virtual_align_run_phase(align, budget);
+
+        if (status != CAIRN_OK)
+            return status;
+        if ((done == VIRTUAL_ALIGN_STORE && align->params.use_aligner) ||
+            done == VIRTUAL_ALIGN_ITERATE)
+            return CAIRN_OK;
+    }
+    return CAIRN_OK;
+}
+
+int32_t cairn_virtual_align_running(const cairn_virtual_align *align)
+{
+    return align->phase != VIRTUAL_ALIGN_IDLE;
+}
+
+/* ---- Result ---- */
+
+cairn_virtual_align_result cairn_virtual_align_read(const cairn_virtual_align *align)
+{
+    return align->result;
+}
+
+cairn_virtual_align_pose cairn_virtual_align_pose_of(const cairn_virtual_align *align, int32_t scan)
+{
+    cairn_virtual_align_pose pose;
+
+    memset(&pose, 0, sizeof pose);
+    if (scan < 0 || scan >= align->scan_count)
+        return pose;
+    pose.aligned = align->phase == VIRTUAL_ALIGN_FIRST || align->phase == VIRTUAL_ALIGN_STORE
+                       ? cairn_aligner_pose_of(align->aligner, scan)
+                       : align->places[scan].aligned;
+    pose.moved = align->places[scan].moves;
+    if (pose.moved && (align->phase >= VIRTUAL_ALIGN_GATHER || !align->params.use_aligner))
+        pose.aligned.map_scan = cairn_force_field_pose(align->field, scan);
+    return pose;
+}
+
+const cairn_aligner *cairn_virtual_align_aligner(const cairn_virtual_align *align)
+{
+    return align->aligner;
+}
+
+const cairn_force_field *cairn_virtual_align_field(const cairn_virtual_align *align)
+{
+    return align->field;
+}
+
+const cairn_virtual_scan *cairn_virtual_align_hypotheses(const cairn_virtual_align *align)
+{
+    return align->hypotheses;
+}

@@ -1,0 +1,147 @@
+/* Rigid proximity: the inliers of a deformed outline under one similarity transform of the model
+ * outline, and that transform. For objects of the model's own shape that are partly
+ * occluded.
+ *
+ * Method: robust fitting by iteratively reweighted least squares from several starts.
+ * 1. A transform is fitted to each half of the outline, and to all of it.
+ * 2. Samples are reweighted by edge proximity and by their distance from the transformed outline,
+ *    and the transform is fitted again.
+ * 3. The transform of greatest mean weight wins. Samples deformed to an occluder, or matched only
+ *    by deformation, get no weight.
+ *
+ * Source: this project's. */
+#include "src/base/build.h"
+
+#include "src/host/detection/object_detect_work.h"
+
+/* Standard deviation of a sample's distance from the transformed outline, in sizes, in the last
+ * rounds; and factors on it per round. */
+#define POSITION_SIGMA 0.012
+static const double sigma_factor[] = {4, 2, 1, 1};
+/* Number of halves of the outline used as starts, besides the whole; and limit of the transform's
+ * scale either way. */
+enum { HALF_STARTS = 8, ROUND_COUNT = sizeof sigma_factor / sizeof *sigma_factor };
+#define MAX_SCALE_RATIO 2
+
+static cairn_vec2 apply_similarity(const object_detect_similarity *map, cairn_vec2 p)
+{
+    cairn_vec2 mapped = {map->a * p.x - map->b * p.y + map->shift.x,
+                         map->b * p.x + map->a * p.y + map->shift.y};
+
+    return mapped;
+}
+
+/* Position of a deformed sample relative to the outline's origin, in sizes. */
+static cairn_vec2 normalized_position(const contour_search_fitted_outline *fitted, int32_t i)
+{
+    return cairn_vec2_scale(cairn_vec2_sub(fitted->outline[i].position, fitted->origin),
+                            1 / fitted->size);
+}
+
+/* Weighted least-squares similarity transform; 0: none within MAX_SCALE_RATIO. */
+static int32_t solve_similarity(const contour_search_fitted_outline *fitted,
+                                const cairn_oriented_point *reference, const cairn_real *weight,
+                                object_detect_similarity *map)
+{
+    cairn_vec2 from = {0, 0}, to = {0, 0};
+    cairn_real sum = 0, spread = 0, scale;
+
+    for (int32_t i = 0; i < fitted->outline_count; i++) {
+        sum += weight[i];
+        from = cairn_vec2_add(from, cairn_vec2_scale(reference[i].position, weight[i]));
+        to = cairn_vec2_add(to, cairn_vec2_scale(normalized_position(fitted, i), weight[i]));
+    }
+    if (!(sum > 0))
+        return 0;
+    from = cairn_vec2_scale(from, 1 / sum);
+    to = cairn_vec2_scale(to, 1 / sum);
+    map->a = map->b = 0;
+    for (int32_t i = 0; i < fitted->outline_count; i++) {
+        cairn_vec2 p = cairn_vec2_sub(reference[i].position, from),
+                   q = cairn_vec2_sub(normalized_position(fitted, i), to);
+
+        map->a += weight[i] * cairn_vec2_dot(p, q);
+        map->b += weight[i] * cairn_vec2_cross(p, q);
+        spread += weight[i] * cairn_vec2_norm_squared(p);
+    }
+    if (!(spread > 0))
+        return 0;
+    map->a /= spread;
+    map->b /= spread;
+    map->shift.x = map->shift.y = 0;
+    map->shift = cairn_vec2_sub(to, apply_similarity(map, from));
+    scale = map->a * map->a + map->b * map->b;
+    return scale > (cairn_real)1 / (MAX_SCALE_RATIO * MAX_SCALE_RATIO) &&
+           scale < MAX_SCALE_RATIO * MAX_SCALE_RATIO;
+}
+
+/* Reweights the samples by edge proximity times a Gaussian of their distance from the transformed
+ * outline; returns the mean weight. */
+static cairn_real reweight(const contour_search_fitted_outline *fitted,
+                           const cairn_oriented_point *reference,
+                           const object_detect_similarity *map, cairn_real sigma,
+                           const cairn_real *proximity, cairn_real *weight)
+{
+    cairn_real sum = 0, denominator = 2 * sigma * sigma * (map->a * map->a + map->b * map->b);
+
+    for (int32_t i = 0; i < fitted->outline_count; i++) {
+        cairn_vec2 residual = cairn_vec2_sub(normalized_position(fitted, i),
+                                             apply_similarity(map, reference[i].position));
+
+        weight[i] = proximity[i] * cairn_exp(-cairn_vec2_norm_squared(residual) / denominator);
+        sum += weight[i];
+    }
+    return sum / (cairn_real)fitted->outline_count;
+}
+
+cairn_real cairn_object_detect_rigid_proximity(const contour_search_fitted_outline *fitted,
+                                               const cairn_oriented_point *reference,
+                                               const cairn_real *proximity, cairn_real *weight,
+                                               object_detect_similarity *map)
+{
+    cairn_real best = 0;
+
+    for (int32_t half = 0; half <= HALF_STARTS; half++) {
+        int32_t count = fitted->outline_count,
+                first = (int32_t)((int64_t)half * count / HALF_STARTS),
+                is_whole = half == HALF_STARTS;
+        cairn_real share = 0;
+        object_detect_similarity fit;
+
+        for (int32_t i = 0; i < count; i++)
+            weight[i] = is_whole || (i - first + count) % count < count / 2 ? proximity[i] : 0;
+        for (int32_t round = 0; round < ROUND_COUNT; round++) {
+            if (!solve_similarity(fitted, reference, weight, &fit)) {
+                share = 0;
+                break;
+            }
+            share = reweight(fitted, reference, &fit,
+                             (cairn_real)(POSITION_SIGMA * sigma_factor[round]), proximity, weight);
+        }
+        if (share > best) {
+            best = share;
+            *map = fit;
+        }
+    }
+    return best;
+}
+
+void cairn_object_detect_place_outline(const object_detect_similarity *map,
+                                       const cairn_oriented_point *reference,
+                                       contour_search_fit *fit, cairn_object_detection *detection)
+{
+    const cairn_vec2 none = {0, 0};
+    cairn_vec2 middle = apply_similarity(map, none);
+
+    for (int32_t i = 0; i < detection->outline_count; i++) {
+        cairn_vec2 position =
+            cairn_vec2_scale(apply_similarity(map, reference[i].position), detection->size);
+
+        fit->outline[i].position = cairn_vec2_add(detection->origin, position);
+        fit->outline[i].direction =
+            cairn_vec2_unit(cairn_vec2_sub(apply_similarity(map, reference[i].direction), middle));
+    }
+    detection->origin =
+        cairn_vec2_add(detection->origin, cairn_vec2_scale(middle, detection->size));
+    detection->size *= cairn_sqrt(map->a * map->a + map->b * map->b);
+}

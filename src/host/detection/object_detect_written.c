@@ -1,0 +1,241 @@
+/* Detection by parts as written: hypotheses are sets of whole edge fragments; boxes are the
+ * bounding boxes of the fragments.
+ *
+ * Choices, where the text leaves details open:
+ * - The shape of a hypothesis is that of its whole edge fragments, as linked (section 5.3.1:
+ *   configurations are groups of edge fragments), sampled at 64 even steps, as many as the outline.
+ *   So it is the same for all configurations of the same edge fragments, and only the one of the
+ *   greatest sum of similarities is evaluated.
+ * - It is not warped onto the model before the comparison: the text mentions no warp, and a
+ *   straight edge warps onto anything.
+ * - The distance is the sum of both directions' mean costs of the best matches.
+ * - With appearance, lambda times the distance to the nearest training histogram is added (eq. 5.1,
+ *   section 5.4.2: "each configuration finds its nearest neighbor"): half of chi-squared.
+ *   Alternative: 1 - probability (section 5.3.2: the confidence of the support vector machine).
+ * - Non-maximum suppression: of hypotheses whose intersection over union exceeds `overlap` the one
+ *   of the least distance stays, because images hold several objects or none.
+ *
+ * Source: Adluru 2008, section 5.3. */
+#include "src/base/build.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "src/host/detection/object_detect_work.h"
+
+/* Constants of the hash of a set of chains (FNV-1a by words). */
+#define HASH_PRIME UINT32_C(16777619)
+enum { HASH_FOLD_BITS = 15 };
+
+/* Below every score: the text names no threshold for hypotheses. */
+#define ALL_SCORES (-100)
+
+cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t height)
+{
+    cairn_object_detect_params params = cairn_object_detect_default(width, height);
+
+    params.mode = CAIRN_MODE_AS_WRITTEN;
+    params.method = CAIRN_OBJECT_DETECT_PARTS;
+    params.verify = 0;
+    params.min_score = ALL_SCORES;
+    params.appearance_nearest = 1;
+    return params;
+}
+
+/* ---- The shape of a hypothesis ---- */
+
+/* Samples the even steps that fall on a chain; *at: px from its first point to the next step. */
+static int32_t sample_chain(const cairn_curve *chain, cairn_real step, cairn_real *next,
+                            cairn_vec2 *points, int32_t capacity)
+{
+    int32_t sides = chain->closed ? chain->count : chain->count - 1, count = 0;
+
+    for (int32_t i = 0; i < sides; i++) {
+        cairn_segment side = {chain->points[i], chain->points[(i + 1) % chain->count]};
+        cairn_real length = cairn_segment_length(side);
+
+        while (*next < length && count < capacity) {
+            points[count++] = cairn_vec2_add(
+                side.a, cairn_vec2_scale(cairn_vec2_sub(side.b, side.a), *next / length));
+            *next += step;
+        }
+        *next -= length;
+    }
+    return count;
+}
+
+int cairn_object_detect_written_sample(const cairn_object_detect_field *field,
+                                       object_detect_hypothesis *hypothesis,
+                                       const cairn_object_detect_part *parts, cairn_vec2 *points,
+                                       int32_t count)
+{
+    cairn_real length = 0, step, next;
+    cairn_box box = cairn_box_empty();
+    int32_t sampled = 0;
+
+    for (int32_t i = 0; i < hypothesis->part_count; i++) {
+        const cairn_curve *chain = &field->chains.curves[parts[i].chain];
+
+        length += cairn_curve_length(chain);
+        for (int32_t k = 0; k < chain->count; k++)
+            box = cairn_box_extend(box, chain->points[k]);
+    }
+    if (!(length > 0))
+        return 0;
+    hypothesis->left = box.min.x;
+    hypothesis->top = box.min.y;
+    hypothesis->right = box.max.x;
+    hypothesis->bottom = box.max.y;
+    step = length / (cairn_real)count;
+    next = step / 2;
+    for (int32_t i = 0; i < hypothesis->part_count; i++)
+        sampled += sample_chain(&field->chains.curves[parts[i].chain], step, &next,
+                                points + sampled, count - sampled);
+    for (; sampled < count && sampled > 0; sampled++)
+        points[sampled] = points[sampled - 1];
+    return sampled == count;
+}
+
+/* ---- Sets of chains ---- */
+
+int cairn_object_detect_chain_sets_begin(object_detect_chain_sets *sets, int32_t capacity)
+{
+    size_t slots = 2;
+
+    while (slots < 2 * (size_t)capacity)
+        slots *= 2;
+    sets->chains = malloc(((size_t)capacity + 1) * sizeof *sets->chains);
+    sets->slots = malloc(slots * sizeof *sets->slots);
+    sets->mask = (uint32_t)slots - 1;
+    sets->count = 0;
+    if (sets->chains == NULL || sets->slots == NULL)
+        return 0;
+    memset(sets->slots, -1, slots * sizeof *sets->slots);
+    return 1;
+}
+
+void cairn_object_detect_chain_sets_free(object_detect_chain_sets *sets)
+{
+    free(sets->chains);
+    free(sets->slots);
+    memset(sets, 0, sizeof *sets);
+}
+
+int cairn_object_detect_chain_sets_add(object_detect_chain_sets *sets,
+                                       const cairn_object_detect_part *parts, int32_t count)
+{
+    int32_t *chains = sets->chains[sets->count];
+    uint32_t hash = 0, index;
+
+    for (int32_t i = 0; i < CAIRN_PART_MAX_BUNDLES; i++) {
+        int32_t chain = i < count ? parts[i].chain : -1, k = i;
+
+        for (; i < count && k > 0 && chains[k - 1] > chain; k--)
+            chains[k] = chains[k - 1];
+        chains[k] = chain;
+    }
+    for (int32_t i = 0; i < CAIRN_PART_MAX_BUNDLES; i++)
+        hash = (hash ^ (uint32_t)chains[i]) * HASH_PRIME;
+    for (index = (hash ^ hash >> HASH_FOLD_BITS) & sets->mask; sets->slots[index] >= 0;
+         index = (index + 1) & sets->mask)
+        if (memcmp(sets->chains[sets->slots[index]], chains, sizeof *sets->chains) == 0)
+            return 0;
+    sets->slots[index] = sets->count++;
+    return 1;
+}
+
+/* ---- Detections ---- */
+
+cairn_status cairn_object_detect_written_add(cairn_object_detections *found,
+                                             const object_detect_hypotheses *made,
+                                             const cairn_object_detect_field *field)
+{
+    const cairn_object_detect_params *params = &field->params;
+
+    found->found = malloc(((size_t)made->count + 1) * sizeof *found->found);
+    if (found->found == NULL)
+        return CAIRN_NO_MEMORY;
+    for (int32_t i = 0; i < made->count; i++) {
+        const object_detect_hypothesis *hypothesis = &made->list[i];
+        const double box[4] = {(double)hypothesis->left, (double)hypothesis->top,
+                               (double)hypothesis->right, (double)hypothesis->bottom};
+        cairn_object_detection *detection = &found->found[found->count];
+
+        memset(detection, 0, sizeof *detection);
+        detection->left = hypothesis->left;
+        detection->top = hypothesis->top;
+        detection->right = hypothesis->right;
+        detection->bottom = hypothesis->bottom;
+        detection->origin = hypothesis->origin;
+        detection->size = hypothesis->size;
+        detection->mirrored = hypothesis->mirrored;
+        detection->score = hypothesis->score;
+        detection->shape_distance = hypothesis->distance;
+        detection->configuration_score = hypothesis->agreement;
+        detection->first_part = hypothesis->first_part;
+        detection->part_count = hypothesis->part_count;
+        found->count += detection->score >= params->min_score;
+        if (params->appearance != NULL) {
+            detection->appearance =
+                (cairn_real)(params->appearance_nearest
+                                 ? 1 - cairn_appearance_distance(params->appearance, box)
+                                 : cairn_appearance_probability(params->appearance, box));
+            detection->score -= params->appearance_weight * (1 - detection->appearance);
+        }
+    }
+    return CAIRN_OK;
+}
+
+/* Appends all lines of the fragments' chains. */
+static void append_lines(cairn_object_detections *found, cairn_object_detection *detection,
+                         const cairn_contour_search_tokens *tokens)
+{
+    detection->first_segment = found->segment_count;
+    for (int32_t i = 0; i < tokens->count; i++)
+        for (int32_t k = 0; k < detection->part_count; k++)
+            if (found->parts[detection->first_part + k].chain == tokens->chain[i]) {
+                found->segments[found->segment_count++] = i;
+                break;
+            }
+    detection->segment_count = found->segment_count - detection->first_segment;
+}
+
+/* Appends the model outline at the voted pose; all samples are unmatched. Outline index 1: all
+ * outlines after the first. */
+static void append_outline(cairn_object_detections *found, cairn_object_detection *detection,
+                           const cairn_shape_model *model)
+{
+    detection->first_outline = found->outline_count;
+    detection->outline_count = model->outline_count;
+    for (int32_t i = 0; i < model->outline_count; i++) {
+        cairn_contour_search_place *sample = &found->outline[found->outline_count++];
+        cairn_oriented_point position = model->outline[i];
+
+        position.position.x *= detection->mirrored ? -1 : 1;
+        position.direction.x *= detection->mirrored ? -1 : 1;
+        sample->point.position =
+            cairn_vec2_add(detection->origin, cairn_vec2_scale(position.position, detection->size));
+        sample->point.direction = position.direction;
+        sample->outline_index = i >= cairn_shape_model_first_outline(model);
+        sample->segment = -1;
+    }
+}
+
+cairn_status cairn_object_detect_written_outlines(cairn_object_detections *found,
+                                                  const cairn_object_detect_field *field,
+                                                  const cairn_shape_model *model)
+{
+    size_t kept = (size_t)found->count + 1;
+
+    found->segments = malloc((kept * (size_t)field->tokens->count + 1) * sizeof *found->segments);
+    found->outline = malloc(kept * (size_t)model->outline_count * sizeof *found->outline);
+    if (found->segments == NULL || found->outline == NULL)
+        return CAIRN_NO_MEMORY;
+    for (int32_t i = 0; i < found->count; i++) {
+        cairn_object_detection *detection = &found->found[i];
+
+        append_lines(found, detection, field->tokens);
+        append_outline(found, detection, model);
+    }
+    return CAIRN_OK;
+}

@@ -1,0 +1,386 @@
+/* Parameters and memory of the particle-filter mapper, and its processing scan by scan.
+ *
+ * Method.
+ *
+ * 1. A front-end mapper turns scans into keyframes and motions between them: scan matching gives a
+ *    better odometry (Haehnel et al. 2003).
+ * 2. Every keyframe is a step of the particle filter. The proposal of a particle is in
+ *    filter_mapper_propose.c.
+ * 3. The result is the particle of the largest likelihood along its own path.
+ *
+ * Layout: a particle's map consists of keyframes only. The points of a keyframe are stored once, in
+ * the front-end mapper. A particle adds one pose per keyframe to the filter's tree of histories, in
+ * which particles share common ancestors. So resampling copies nothing, a keyframe costs at most
+ * one node per particle, and the pool is sized in advance. Occupancy grids, even with shared tiles,
+ * would need an unknown amount of memory for their differences and would be rewritten for every
+ * candidate.
+ *
+ * Limits: the evidence of a keyframe is used twice, for the motion and for the weight; the motion
+ * covariance is widened for that. A step is linear in the length of the path. A pose that no
+ * particle draws is not found: with too few particles a long loop stays open.
+ *
+ * Source: Murphy 1999; Grisetti, Stachniss and Burgard 2007 (improved proposals); Haehnel, Burgard,
+ * Fox and Thrun 2003; the filter is that of Adluru 2008, sections 2.3 and 9.2.2, the match against
+ * a map by shape and points its chapter 6. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/maps/filter_mapper_work.h"
+
+enum { MAX_PARTICLES = 4096, MAX_NODES = 1 << 28, MAX_LOCAL_POINTS = 1 << 20 };
+
+cairn_filter_mapper_params cairn_filter_mapper_default(void)
+{
+    cairn_filter_mapper_params params;
+
+    memset(&params, 0, sizeof params);
+    params.front = cairn_mapper_default();
+    params.particles = 30;
+    params.candidates = 6;
+    params.scored_points = 60;
+    params.local_keyframes = 10;
+    params.max_local_points = 2048;
+    params.recent_keyframes = 25;
+    params.local_radius = 4;
+    params.motion_distance = CAIRN_REAL(0.05);
+    params.motion_turn = CAIRN_REAL(0.05);
+    params.motion_distance_min = CAIRN_REAL(0.02);
+    params.motion_turn_min = CAIRN_REAL(0.01);
+    params.match_sigma = CAIRN_REAL(0.0025);
+    params.match_sigma_theta = CAIRN_REAL(0.001);
+    params.min_overlap = CAIRN_REAL(0.3);
+    params.sigma = CAIRN_REAL(0.07);
+    params.max_point_cost = 3;
+    params.independent_points = 8;
+    params.seed = 1;
+    return params;
+}
+
+cairn_filter_mapper_params cairn_filter_mapper_default_for(int32_t max_keyframes, int32_t max_beams,
+                                                           int32_t particles)
+{
+    cairn_filter_mapper_params params = cairn_filter_mapper_default();
+
+    params.front = cairn_mapper_default_for(max_keyframes, max_beams);
+    params.particles = particles;
+    return params;
+}
+
+/* ---- Parameters of the modules ---- */
+
+static cairn_mapper_params front_params(const cairn_filter_mapper_params *params)
+{
+    cairn_mapper_params front = params->front;
+
+    front.window = 0;
+    front.loop.max_loops = 0;
+    return front;
+}
+
+static cairn_icp_params icp_params(const cairn_filter_mapper_params *params)
+{
+    cairn_icp_params icp = params->front.icp;
+
+    icp.max_target = params->max_local_points;
+    return icp;
+}
+
+static cairn_point_grid_params grid_params(const cairn_filter_mapper_params *params)
+{
+    cairn_point_grid_params grid = {
+        .max_points = params->max_local_points,
+        .cell_size = 2 * params->sigma,
+    };
+
+    return grid;
+}
+
+/* Returns the filter's params: one follower per particle, nodes for all particles in all steps. */
+static cairn_particle_filter_params filter_params(const cairn_filter_mapper_params *params)
+{
+    cairn_particle_filter_params filter = cairn_particle_filter_default();
+
+    filter.particles = filter.max_particles = params->particles;
+    filter.max_followers = 1;
+    filter.max_candidates = params->particles * params->candidates;
+    filter.max_blocks = params->particles * params->front.max_keyframes;
+    filter.state_bytes = (int32_t)sizeof(filter_mapper_path_state);
+    filter.adaptive_followers = 0;
+    return filter;
+}
+
+/* Checks the params that the modules do not check themselves. */
+static int is_valid(const cairn_filter_mapper_params *params)
+{
+    return params != NULL && params->particles >= 1 && params->particles <= MAX_PARTICLES &&
+           params->front.max_keyframes >= 1 &&
+           params->front.max_keyframes <= MAX_NODES / params->particles &&
+           params->candidates >= 1 && params->candidates <= CAIRN_FILTER_MAPPER_MAX_CANDIDATES &&
+           params->scored_points >= 1 && params->local_keyframes >= 1 &&
+           params->local_keyframes <= CAIRN_FILTER_MAPPER_MAX_LOCAL_KEYFRAMES &&
+           params->max_local_points >= 1 && params->max_local_points <= MAX_LOCAL_POINTS &&
+           params->recent_keyframes >= 1 && params->local_radius > 0 &&
+           params->motion_distance >= 0 && params->motion_turn >= 0 &&
+           params->motion_distance_min > 0 && params->motion_turn_min > 0 &&
+           params->match_sigma > 0 && params->match_sigma_theta > 0 && params->min_overlap >= 0 &&
+           params->min_overlap <= 1 && params->sigma > 0 && params->max_point_cost > 0 &&
+           params->independent_points > 0;
+}
+
+/* ---- Memory ---- */
+
+static void count_parts(cairn_pool *counting, const cairn_filter_mapper_params *params)
+{
+    cairn_mapper_params front = front_params(params);
+    cairn_icp_params icp = icp_params(params);
+    cairn_point_grid_params grid = grid_params(params);
+    cairn_particle_filter_params filter = filter_params(params);
+
+    cairn_pool_count(counting, cairn_mapper_memory(&front));
+    cairn_pool_count(counting, cairn_icp_memory(&icp));
+    for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++)
+        cairn_pool_count(counting, cairn_point_grid_memory(&grid));
+    cairn_pool_count(counting, cairn_particle_filter_memory(&filter));
+}
+
+static cairn_filter_mapper *carve(cairn_pool *pool, const cairn_filter_mapper_params *params)
+{
+    cairn_filter_mapper *mapper = cairn_pool_take_one(pool, sizeof *mapper);
+    cairn_oriented_point *oriented =
+        cairn_pool_take(pool, (size_t)params->front.scan.max_points, sizeof *oriented);
+    cairn_vec2 *direction[FILTER_MAPPER_LOCAL_MAPS];
+
+    for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++)
+        direction[which] =
+            cairn_pool_take(pool, (size_t)params->max_local_points, sizeof *direction[which]);
+    if (mapper == NULL)
+        return NULL;
+    memset(mapper, 0, sizeof *mapper);
+    mapper->points = oriented;
+    for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++)
+        mapper->proposal.maps[which].direction = direction[which];
+    return mapper;
+}
+
+size_t cairn_filter_mapper_memory(const cairn_filter_mapper_params *params)
+{
+    cairn_pool counting;
+
+    if (!is_valid(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    count_parts(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
+static cairn_status create_parts(cairn_filter_mapper *made, cairn_pool *pool,
+                                 const cairn_filter_mapper_params *params)
+{
+    cairn_mapper_params front = front_params(params);
+    cairn_icp_params icp = icp_params(params);
+    cairn_point_grid_params grid = grid_params(params);
+    cairn_particle_filter_params filter = filter_params(params);
+    cairn_particle_filter_model model = cairn_filter_mapper_model(made);
+    cairn_status status = cairn_mapper_create(&made->front, pool, &front);
+
+    if (status == CAIRN_OK)
+        status = cairn_icp_create(&made->icp, pool, &icp);
+    for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS && status == CAIRN_OK; which++)
+        status = cairn_point_grid_create(&made->proposal.maps[which].points, pool, &grid);
+    if (status == CAIRN_OK)
+        status = cairn_particle_filter_create(&made->filter, pool, &filter, &model);
+    if (status == CAIRN_OK)
+        status = cairn_particle_filter_clear(made->filter, params->seed);
+    return status;
+}
+
+cairn_status cairn_filter_mapper_create(cairn_filter_mapper **mapper, cairn_pool *pool,
+                                        const cairn_filter_mapper_params *params)
+{
+    size_t need = cairn_filter_mapper_memory(params);
+    cairn_filter_mapper *made;
+    cairn_status status;
+
+    if (mapper == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, need))
+        return CAIRN_NO_MEMORY;
+    made = carve(pool, params);
+    made->params = *params;
+    made->random = cairn_random_seed(params->seed, 1);
+    status = create_parts(made, pool, params);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    *mapper = made;
+    return status;
+}
+
+/* ---- Scan by scan ---- */
+
+cairn_status cairn_filter_mapper_add(cairn_filter_mapper *mapper, const cairn_scan_input *input,
+                                     const cairn_pose *odometry, cairn_fault *fault)
+{
+    cairn_status status;
+
+    if (mapper == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    if (mapper->front_is_active || mapper->proposal.stage != FILTER_MAPPER_PROPOSE_IDLE)
+        return CAIRN_MORE;
+    status = cairn_mapper_add(mapper->front, input, odometry, fault);
+    mapper->front_is_active = status == CAIRN_OK;
+    return status;
+}
+
+/* Adds the first keyframe, at which all paths begin. */
+static cairn_status start_paths(cairn_filter_mapper *mapper)
+{
+    filter_mapper_path_state first = {
+        .map_keyframe = cairn_mapper_keyframe_pose(mapper->front, 0),
+        .log_weight = 0,
+        .keyframe = 0,
+    };
+    cairn_status status = CAIRN_OK;
+
+    for (int32_t i = 0; i < mapper->params.particles && status == CAIRN_OK; i++)
+        status = cairn_particle_filter_start(mapper->filter, &first, 0);
+    mapper->keyframe_count = 1;
+    return status;
+}
+
+/* Sets the motion to the current keyframe and its standard deviations. */
+static void find_motion(cairn_filter_mapper *mapper, const cairn_mapper_result *result)
+{
+    const cairn_filter_mapper_params *p = &mapper->params;
+    cairn_pose motion = cairn_pose_between(
+        cairn_mapper_keyframe_pose(mapper->front, result->keyframe - 1), result->map_scan);
+    cairn_real way = cairn_sqrt(motion.x * motion.x + motion.y * motion.y),
+               turn = cairn_abs(motion.theta);
+
+    mapper->motion = motion;
+    mapper->sigma_distance = p->motion_distance_min + p->motion_distance * way;
+    mapper->sigma_theta = p->motion_turn_min + p->motion_turn * turn;
+    if (result->verdict != CAIRN_MAPPER_MATCHED) {
+        mapper->sigma_distance += p->front.motion_distance_min + p->front.motion_distance * way;
+        mapper->sigma_theta += p->front.motion_turn_min + p->front.motion_turn * turn;
+    }
+}
+
+/* Called when the front-end mapper has finished the scan: a keyframe starts a filter step. */
+static cairn_status begin_filter(cairn_filter_mapper *mapper)
+{
+    cairn_mapper_result result = cairn_mapper_read(mapper->front);
+
+    mapper->front_is_active = 0;
+    if (!result.is_keyframe)
+        return CAIRN_OK;
+    if (result.keyframe == 0)
+        return start_paths(mapper);
+    find_motion(mapper, &result);
+    mapper->proposal.stage = FILTER_MAPPER_PROPOSE_BEGIN;
+    return cairn_particle_filter_begin(mapper->filter);
+}
+
+static cairn_status run(cairn_filter_mapper *mapper, cairn_budget *budget)
+{
+    cairn_status status = CAIRN_OK;
+
+    if (mapper->front_is_active) {
+        status = cairn_mapper_step(mapper->front, budget);
+        if (status == CAIRN_MORE)
+            return status;
+        if (status == CAIRN_OK)
+            status = begin_filter(mapper);
+        mapper->front_is_active = 0;
+    }
+    if (status != CAIRN_OK || mapper->proposal.stage == FILTER_MAPPER_PROPOSE_IDLE)
+        return status;
+    status = cairn_particle_filter_step(mapper->filter, budget);
+    if (status == CAIRN_MORE)
+        return status;
+    CAIRN_ASSERT(status == CAIRN_OK);
+    mapper->proposal.stage = FILTER_MAPPER_PROPOSE_IDLE;
+    mapper->keyframe_count++;
+    return status;
+}
+
+cairn_status cairn_filter_mapper_step(cairn_filter_mapper *mapper, cairn_budget *budget)
+{
+    cairn_status status;
+    int32_t before;
+
+    if (mapper == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    before = budget->left;
+    status = run(mapper, budget);
+    mapper->units += (int64_t)before - budget->left;
+    return status;
+}
+
+/* ---- Readers ---- */
+
+const cairn_mapper *cairn_filter_mapper_front(const cairn_filter_mapper *mapper)
+{
+    return mapper->front;
+}
+
+int32_t cairn_filter_mapper_count(const cairn_filter_mapper *mapper)
+{
+    return cairn_particle_filter_count(mapper->filter);
+}
+
+int32_t cairn_filter_mapper_best(const cairn_filter_mapper *mapper)
+{
+    int32_t count = cairn_particle_filter_count(mapper->filter), best = -1;
+    cairn_real most = 0;
+
+    for (int32_t i = 0; i < count; i++) {
+        cairn_real value = cairn_particle_filter_particle(mapper->filter, i).log_likelihood;
+
+        if (best < 0 || value > most) {
+            best = i;
+            most = value;
+        }
+    }
+    return best;
+}
+
+cairn_pose cairn_filter_mapper_last(const cairn_filter_mapper *mapper, int32_t particle)
+{
+    const filter_mapper_path_state *state =
+        cairn_particle_filter_particle(mapper->filter, particle).state;
+
+    return state == NULL ? cairn_pose_identity() : state->map_keyframe;
+}
+
+int32_t cairn_filter_mapper_path(const cairn_filter_mapper *mapper, int32_t particle,
+                                 cairn_pose *poses, int32_t capacity)
+{
+    const filter_mapper_path_state *state =
+        cairn_particle_filter_particle(mapper->filter, particle).state;
+    int32_t count = 0;
+
+    for (; state != NULL; state = cairn_particle_filter_state_before(state)) {
+        if (state->keyframe >= capacity)
+            continue;
+        poses[state->keyframe] = state->map_keyframe;
+        count++;
+    }
+    return count;
+}
+
+cairn_filter_mapper_state cairn_filter_mapper_measure(const cairn_filter_mapper *mapper)
+{
+    cairn_particle_filter_trace trace = cairn_particle_filter_read(mapper->filter);
+    cairn_filter_mapper_state state;
+
+    memset(&state, 0, sizeof state);
+    state.keyframes = mapper->keyframe_count;
+    state.resamplings = trace.resamplings;
+    state.n_eff = trace.n_eff;
+    state.revisit_matches = mapper->revisit_matches;
+    state.nodes = trace.blocks;
+    state.nodes_peak = trace.blocks_peak;
+    state.units = mapper->units;
+    return state;
+}

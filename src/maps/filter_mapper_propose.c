@@ -1,0 +1,453 @@
+/* Proposal distribution and importance weight of a particle at a keyframe.
+ *
+ * Method.
+ *
+ * 1. The path is walked back. Of the keyframes near the expected pose the most recent ones form the
+ *    recent map, the others the old map.
+ * 2. The scan is matched against each map alone by ICP, with the motion as prior. Against both
+ *    together the nearer, recent map would always win when a particle returns to a known place.
+ * 3. Candidates x are drawn from a Gaussian around each match, with its covariance (a mixture
+ *    proposal).
+ * 4. Each candidate is weighted by p(z | recent map, x) p(z | old map, x) p(x | motion). Their mean
+ *    is the weight of the particle, as in Grisetti et al., eq. 18: the candidates represent the
+ *    region of the product's mass.
+ * 5. p(z | map, x) is a likelihood field (Thrun, Burgard and Fox 2005, section 6.4) of the
+ *    distances along the normals of the nearest points. A scan of n points counts as
+ *    `independent_points` independent ones.
+ *
+ * Dividing by the proposal density would make the weight an unbiased but noisy importance weight. A
+ * few draws from narrow distributions would then decide which particles survive. Measured: half of
+ * all steps resampled, against less than one in ten without. The scan of a path whose ends do not
+ * meet fits one of the maps, never both.
+ *
+ * Source: Grisetti, Stachniss and Burgard 2007, section III-B, with the mixture of Adluru 2008,
+ * section 9.2.2. */
+#include "src/base/build.h"
+
+#include "src/maps/filter_mapper_work.h"
+
+enum {
+    WALKED_PER_UNIT = 8,
+    POINTS_PER_UNIT = 2,
+    CLEARED_PER_UNIT = 64,
+    EMPTIED_PER_UNIT = 4,
+    DRAW_COST = 8
+};
+
+/* maximum distance of a correspondence, in sigmas */
+static const cairn_real GATE_SIGMAS = 3;
+/* minimum cosine between directions on the same side of a wall */
+static const cairn_real MIN_COSINE = CAIRN_REAL(0.5);
+
+static int charge(filter_mapper_proposal *work, cairn_budget *budget, int32_t cost)
+{
+    return cairn_budget_charge(budget, &work->units_charged, cost);
+}
+
+/* ---- The local maps ---- */
+
+static void begin(cairn_filter_mapper *mapper, const filter_mapper_path_state *leaf)
+{
+    filter_mapper_proposal *work = &mapper->proposal;
+
+    work->ancestor = leaf;
+    work->expected = cairn_pose_compose(leaf->map_keyframe, mapper->motion);
+    work->maps[FILTER_MAPPER_RECENT_MAP].count = work->maps[FILTER_MAPPER_OLD_MAP].count = 0;
+    work->mode_count = 0;
+    work->map_index = FILTER_MAPPER_RECENT_MAP;
+}
+
+/* Removes the previous particle's points. Returns 1 when both grids are empty. */
+static int empty_maps(cairn_filter_mapper *mapper, cairn_budget *budget)
+{
+    for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++) {
+        cairn_point_grid *points = mapper->proposal.maps[which].points;
+
+        while (cairn_point_grid_count(points) > 0) {
+            if (!charge(&mapper->proposal, budget, 1))
+                return 0;
+            for (int k = 0; k < EMPTIED_PER_UNIT; k++)
+                cairn_point_grid_remove_last(points);
+        }
+    }
+    return 1;
+}
+
+/* Inserts a keyframe into the list of nearest ones; of equal distances the later goes first. */
+static void insert_nearest(filter_mapper_local_map *map, int32_t most,
+                           filter_mapper_local_keyframe keyframe)
+{
+    int32_t k = map->count;
+
+    if (k == most && !(keyframe.distance < map->nearest[most - 1].distance))
+        return;
+    if (k == most)
+        k--;
+    else
+        map->count++;
+    for (; k > 0 && keyframe.distance < map->nearest[k - 1].distance; k--)
+        map->nearest[k] = map->nearest[k - 1];
+    map->nearest[k] = keyframe;
+}
+
+/* Walks back along the path. Returns 1 at its beginning. */
+static int walk_path(cairn_filter_mapper *mapper, cairn_budget *budget)
+{
+    const cairn_filter_mapper_params *p = &mapper->params;
+    filter_mapper_proposal *work = &mapper->proposal;
+
+    while (work->ancestor != NULL) {
+        if (!charge(work, budget, 1))
+            return 0;
+        for (int k = 0; k < WALKED_PER_UNIT && work->ancestor != NULL; k++) {
+            const filter_mapper_path_state *s = work->ancestor;
+            cairn_real x = s->map_keyframe.x - work->expected.x,
+                       y = s->map_keyframe.y - work->expected.y;
+            filter_mapper_local_keyframe keyframe = {s->map_keyframe, x * x + y * y, s->keyframe};
+
+            if (keyframe.distance <= p->local_radius * p->local_radius)
+                insert_nearest(
+                    &work->maps[s->keyframe < mapper->keyframe_count - p->recent_keyframes
+                                    ? FILTER_MAPPER_OLD_MAP
+                                    : FILTER_MAPPER_RECENT_MAP],
+                    p->local_keyframes, keyframe);
+            work->ancestor = cairn_particle_filter_state_before(s);
+        }
+    }
+    return 1;
+}
+
+/* Copies the points of a keyframe, in its own frame; returns their number. */
+static int32_t read_key(cairn_filter_mapper *mapper, int32_t keyframe)
+{
+    const cairn_scan_set *keys = cairn_mapper_keyframes(mapper->front);
+    const cairn_scan_set_scan *scan = &keys->scans[keyframe];
+    int32_t count = 0;
+
+    for (int32_t s = scan->first_segment; s < scan->end_segment; s++)
+        for (int32_t p = keys->segments[s].first_point; p < keys->segments[s].end_point; p++) {
+            mapper->points[count].position = keys->points[p];
+            mapper->points[count].direction = keys->segments[s].direction;
+            count++;
+        }
+    return count;
+}
+
+/* Adds a keyframe to the target of the match and to the grid. Returns 0 without capacity. */
+static int add_key(cairn_filter_mapper *mapper, filter_mapper_local_map *map,
+                   const filter_mapper_local_keyframe *keyframe)
+{
+    int32_t count = read_key(mapper, keyframe->keyframe);
+    cairn_transform map_key = cairn_transform_of(keyframe->map_keyframe);
+    cairn_status status;
+
+    if (count > mapper->params.max_local_points - cairn_point_grid_count(map->points))
+        return 0;
+    status = cairn_icp_add_target(mapper->icp, mapper->points, count, keyframe->map_keyframe, NULL);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    for (int32_t i = 0; i < count; i++) {
+        map->direction[cairn_point_grid_count(map->points)] =
+            cairn_transform_direction(map_key, mapper->points[i].direction);
+        status = cairn_point_grid_insert(
+            map->points, cairn_transform_point(map_key, mapper->points[i].position));
+        CAIRN_ASSERT(status == CAIRN_OK);
+    }
+    (void)status;
+    return 1;
+}
+
+static int32_t points_of(const cairn_filter_mapper *mapper, int32_t keyframe)
+{
+    const cairn_scan_set_scan *scan = &cairn_mapper_keyframes(mapper->front)->scans[keyframe];
+
+    return scan->end_point - scan->first_point;
+}
+
+static int fill_map(cairn_filter_mapper *mapper, cairn_budget *budget)
+{
+    filter_mapper_proposal *work = &mapper->proposal;
+    filter_mapper_local_map *map = &work->maps[work->map_index];
+
+    for (; work->cursor < map->count; work->cursor++) {
+        const filter_mapper_local_keyframe *keyframe = &map->nearest[work->cursor];
+
+        if (!charge(work, budget, 1 + points_of(mapper, keyframe->keyframe) / POINTS_PER_UNIT))
+            return 0;
+        if (!add_key(mapper, map, keyframe))
+            work->cursor = map->count - 1;
+    }
+    return 1;
+}
+
+/* ---- The matches ---- */
+
+/* Begins the match against the current local map; returns 0 when that is empty. */
+static int begin_match(cairn_filter_mapper *mapper)
+{
+    cairn_scan_view view = cairn_mapper_view(mapper->front);
+    cairn_rigid_motion_pose_prior prior = {mapper->proposal.expected, mapper->sigma_distance,
+                                           mapper->sigma_distance, mapper->sigma_theta};
+
+    return cairn_icp_begin(mapper->icp, view.points, view.point_count, mapper->proposal.expected,
+                           &prior, NULL) == CAIRN_OK;
+}
+
+static void add_mode(cairn_filter_mapper *mapper, cairn_pose mean, cairn_sym3 covariance)
+{
+    filter_mapper_proposal_mode *p = &mapper->proposal.modes[mapper->proposal.mode_count++];
+    cairn_real variance[3];
+
+    p->mean = mean;
+    cairn_sym3_eigen(covariance, variance, p->axis);
+    for (int k = 0; k < 3; k++)
+        p->sigma[k] = cairn_sqrt(variance[k]);
+}
+
+/* Adds a valid match as a mode of the proposal. */
+static void end_match(cairn_filter_mapper *mapper)
+{
+    const cairn_filter_mapper_params *p = &mapper->params;
+    cairn_icp_result match = cairn_icp_read(mapper->icp);
+    const cairn_real *c = match.covariance;
+    cairn_sym3 covariance = {c[0] + p->match_sigma * p->match_sigma,
+                             c[1],
+                             c[2],
+                             c[4] + p->match_sigma * p->match_sigma,
+                             c[5],
+                             c[8] + p->match_sigma_theta * p->match_sigma_theta};
+
+    if (match.verdict == CAIRN_ICP_TOO_FEW_PAIRS || match.overlap < p->min_overlap)
+        return;
+    add_mode(mapper, match.target_query, covariance);
+    mapper->revisit_matches += mapper->proposal.map_index == FILTER_MAPPER_OLD_MAP;
+}
+
+/* ---- The candidates ---- */
+
+/* Without a valid match the motion model alone is the proposal. */
+static void end_matches(cairn_filter_mapper *mapper)
+{
+    cairn_real distance = mapper->sigma_distance * mapper->sigma_distance,
+               turn = mapper->sigma_theta * mapper->sigma_theta;
+    cairn_sym3 motion = {distance, 0, 0, distance, 0, turn};
+
+    if (mapper->proposal.mode_count == 0)
+        add_mode(mapper, mapper->proposal.expected, motion);
+}
+
+static cairn_pose draw_from(cairn_filter_mapper *mapper, const filter_mapper_proposal_mode *from)
+{
+    cairn_real e[3] = {0, 0, 0};
+    cairn_pose pose;
+
+    for (int k = 0; k < 3; k++) {
+        cairn_real step = from->sigma[k] * cairn_random_normal(&mapper->random);
+
+        for (int i = 0; i < 3; i++)
+            e[i] += step * from->axis[k][i];
+    }
+    pose.x = from->mean.x + e[0];
+    pose.y = from->mean.y + e[1];
+    pose.theta = cairn_wrap_angle(from->mean.theta + e[2]);
+    return pose;
+}
+
+/* Returns the log density of a motion up to a common constant, nats. */
+static cairn_real log_motion(const cairn_filter_mapper *mapper, cairn_pose x)
+{
+    cairn_pose e = cairn_pose_between(mapper->proposal.expected, x);
+    cairn_real distance = mapper->sigma_distance, turn = e.theta / mapper->sigma_theta;
+
+    return -((e.x * e.x + e.y * e.y) / (distance * distance) + turn * turn) / 2;
+}
+
+static int draw_candidates(cairn_filter_mapper *mapper, cairn_budget *budget)
+{
+    filter_mapper_proposal *work = &mapper->proposal;
+
+    for (; work->cursor < mapper->params.candidates; work->cursor++) {
+        filter_mapper_path_state *s = &work->candidates[work->cursor];
+
+        if (!charge(work, budget, DRAW_COST))
+            return 0;
+        s->keyframe = mapper->keyframe_count;
+        s->map_keyframe = draw_from(mapper, &work->modes[work->cursor % work->mode_count]);
+        s->log_weight = log_motion(mapper, s->map_keyframe);
+    }
+    return 1;
+}
+
+/* ---- Their weights ---- */
+
+/* Returns n where every n-th point of the scan is scored. */
+static int32_t stride_of(const cairn_filter_mapper *mapper, int32_t count)
+{
+    return (count + mapper->params.scored_points - 1) / mapper->params.scored_points;
+}
+
+/* Returns the cost of a point against a map: half the squared normalized distance along the normal,
+ * 0 ... max_point_cost. */
+static cairn_real point_cost(const cairn_filter_mapper *mapper, const filter_mapper_local_map *map,
+                             cairn_transform map_scan, cairn_oriented_point point)
+{
+    cairn_vec2 p = cairn_transform_point(map_scan, point.position);
+    cairn_vec2 direction = cairn_transform_direction(map_scan, point.direction);
+    int32_t nearest =
+        cairn_point_grid_nearest(map->points, p, GATE_SIGMAS * mapper->params.sigma, NULL);
+    cairn_real across;
+
+    if (nearest < 0 || cairn_vec2_dot(direction, map->direction[nearest]) < MIN_COSINE)
+        return mapper->params.max_point_cost;
+    across = cairn_vec2_cross(map->direction[nearest],
+                              cairn_vec2_sub(p, cairn_point_grid_point(map->points, nearest))) /
+             mapper->params.sigma;
+    return cairn_min(across * across / 2, mapper->params.max_point_cost);
+}
+
+/* Continues scoring the current candidate. Returns 1 when done. */
+static int weigh_candidate(cairn_filter_mapper *mapper, cairn_scan_view view, cairn_budget *budget)
+{
+    filter_mapper_proposal *work = &mapper->proposal;
+    filter_mapper_path_state *s = &work->candidates[work->candidate];
+    cairn_transform map_scan = cairn_transform_of(s->map_keyframe);
+    int32_t stride = stride_of(mapper, view.point_count),
+            weighed = (view.point_count + stride - 1) / stride;
+
+    for (; work->cursor < view.point_count; work->cursor += stride) {
+        if (!charge(work, budget, 2 * FILTER_MAPPER_LOCAL_MAPS))
+            return 0;
+        for (int which = 0; which < FILTER_MAPPER_LOCAL_MAPS; which++)
+            work->cost +=
+                point_cost(mapper, &work->maps[which], map_scan, view.points[work->cursor]);
+    }
+    s->log_weight -= work->cost * mapper->params.independent_points / (cairn_real)weighed;
+    work->cursor = 0;
+    work->cost = 0;
+    return 1;
+}
+
+/* Returns 1 when all candidates are scored. */
+static int weigh_candidates(cairn_filter_mapper *mapper, cairn_budget *budget)
+{
+    cairn_scan_view view = cairn_mapper_view(mapper->front);
+
+    for (; mapper->proposal.candidate < mapper->params.candidates; mapper->proposal.candidate++)
+        if (!weigh_candidate(mapper, view, budget))
+            return 0;
+    return 1;
+}
+
+/* ---- Stages of a particle ---- */
+
+static void enter(filter_mapper_proposal *work, filter_mapper_propose_stage stage)
+{
+    work->stage = stage;
+    work->cursor = 0;
+}
+
+/* Continues with the match against the other map, after both with drawing the candidates. */
+static void next_map(cairn_filter_mapper *mapper)
+{
+    if (++mapper->proposal.map_index < FILTER_MAPPER_LOCAL_MAPS) {
+        enter(&mapper->proposal, FILTER_MAPPER_PROPOSE_CLEAR);
+        return;
+    }
+    end_matches(mapper);
+    enter(&mapper->proposal, FILTER_MAPPER_PROPOSE_DRAW);
+}
+
+/* Processes one stage. Returns 0 when the budget is used up. */
+static int advance(cairn_filter_mapper *mapper, cairn_budget *budget)
+{
+    filter_mapper_proposal *work = &mapper->proposal;
+
+    switch (work->stage) {
+    case FILTER_MAPPER_PROPOSE_EMPTY:
+        if (!empty_maps(mapper, budget))
+            return 0;
+        enter(work, FILTER_MAPPER_PROPOSE_WALK);
+        return 1;
+    case FILTER_MAPPER_PROPOSE_WALK:
+        if (!walk_path(mapper, budget))
+            return 0;
+        enter(work, FILTER_MAPPER_PROPOSE_CLEAR);
+        return 1;
+    case FILTER_MAPPER_PROPOSE_CLEAR:
+        if (!charge(work, budget, 1 + mapper->params.max_local_points / CLEARED_PER_UNIT))
+            return 0;
+        cairn_icp_clear_target(mapper->icp);
+        enter(work, FILTER_MAPPER_PROPOSE_FILL);
+        return 1;
+    case FILTER_MAPPER_PROPOSE_FILL:
+        if (!fill_map(mapper, budget))
+            return 0;
+        if (begin_match(mapper))
+            enter(work, FILTER_MAPPER_PROPOSE_MATCH);
+        else
+            next_map(mapper);
+        return 1;
+    case FILTER_MAPPER_PROPOSE_MATCH:
+        if (cairn_icp_step(mapper->icp, budget) == CAIRN_MORE)
+            return 0;
+        end_match(mapper);
+        next_map(mapper);
+        return 1;
+    case FILTER_MAPPER_PROPOSE_DRAW:
+        if (!draw_candidates(mapper, budget))
+            return 0;
+        enter(work, FILTER_MAPPER_PROPOSE_WEIGH);
+        work->candidate = 0;
+        work->cost = 0;
+        return 1;
+    default:
+        if (!weigh_candidates(mapper, budget))
+            return 0;
+        enter(work, FILTER_MAPPER_PROPOSE_OFFER);
+        return 1;
+    }
+}
+
+static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
+                            cairn_budget *budget)
+{
+    cairn_filter_mapper *mapper = context;
+
+    if (mapper->proposal.stage == FILTER_MAPPER_PROPOSE_BEGIN) {
+        begin(mapper, cairn_particle_filter_particle(filter, index).state);
+        enter(&mapper->proposal, FILTER_MAPPER_PROPOSE_EMPTY);
+    }
+    while (mapper->proposal.stage != FILTER_MAPPER_PROPOSE_OFFER)
+        if (!advance(mapper, budget))
+            return CAIRN_MORE;
+    for (int32_t k = 0; k < mapper->params.candidates; k++) {
+        cairn_status status =
+            cairn_particle_filter_offer(filter, &mapper->proposal.candidates[k], 0);
+
+        CAIRN_ASSERT(status == CAIRN_OK);
+        (void)status;
+    }
+    mapper->proposal.stage = FILTER_MAPPER_PROPOSE_BEGIN;
+    return CAIRN_OK;
+}
+
+/* Likelihood callback: returns the weight computed when the candidate was drawn, since the local
+ * maps are those of one particle at a time. */
+static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
+                               const void *state, cairn_real *log_likelihood, cairn_budget *budget)
+{
+    const filter_mapper_path_state *s = state;
+
+    (void)context;
+    (void)filter;
+    (void)index;
+    (void)budget;
+    *log_likelihood = s->log_weight;
+    return CAIRN_OK;
+}
+
+cairn_particle_filter_model cairn_filter_mapper_model(cairn_filter_mapper *mapper)
+{
+    cairn_particle_filter_model model = {mapper, propose, likelihood, NULL, NULL};
+
+    return model;
+}

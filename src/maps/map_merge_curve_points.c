@@ -1,0 +1,131 @@
+/* Registration by points of curved walls, the third structure of maps.
+ *
+ * Method.
+ *
+ * 1. Curved walls have no corners, and no direction that many lines share. So points off all lines
+ *    are sampled, evenly spread in each map.
+ * 2. A surface point and its normal, matched with one of another map, fix a rigid motion, as two
+ *    corners do. Every pair of points is tried; most are rejected after the first few look-ups.
+ * 3. Such points also refine a pose: the position of a wall along their normals is known to a
+ *    fraction of a cell on average, whatever the wall's shape. */
+#include "src/base/build.h"
+
+#include "src/maps/map_merge_work.h"
+
+/* quarters of a cell: search range of a surface on either side */
+enum { SURFACE_SEARCH_QUARTER_CELLS = 10 };
+
+int cairn_map_merge_surface_along(const map_merge_map *map, cairn_vec2 p, cairn_vec2 normal,
+                                  cairn_real *along)
+{
+    cairn_real cell = map->input.resolution, step = cell / 4;
+    int32_t class = MAP_MERGE_UNKNOWN, before;
+
+    for (int32_t i = SURFACE_SEARCH_QUARTER_CELLS; i >= -SURFACE_SEARCH_QUARTER_CELLS; i--) {
+        cairn_vec2 at = cairn_vec2_sub(
+            cairn_vec2_add(p, cairn_vec2_scale(normal, (cairn_real)i * step)), map->corner);
+
+        before = class;
+        class = map_merge_class(map_merge_cell_at(map, at.x / cell, at.y / cell));
+        if (class != MAP_MERGE_OCCUPIED)
+            continue;
+        *along = ((cairn_real)i + CAIRN_REAL(0.5)) * step;
+        return before == MAP_MERGE_FREE;
+    }
+    return 0;
+}
+
+cairn_status cairn_map_merge_select_curve_points(cairn_map_merge *merge, map_merge_map *map,
+                                                 cairn_budget *budget)
+{
+    for (; merge->cursor < map->point_count; merge->cursor++) {
+        const map_merge_point *p = &map->points[merge->cursor];
+        map_merge_curve_point curve_point = {p->position, p->normal};
+        cairn_real along;
+
+        if (!cairn_budget_charge(budget, &merge->units_charged, 2))
+            return CAIRN_MORE;
+        if (!p->is_curved || cairn_vec2_norm_squared(p->normal) < CAIRN_REAL(0.5))
+            continue;
+        map->curved_wall += map->spacing;
+        if (map->curve_point_count == MAP_MERGE_MAX_CURVE_POINTS ||
+            !cairn_map_merge_surface_along(map, p->position, p->normal, &along))
+            continue;
+        curve_point.position = cairn_vec2_add(p->position, cairn_vec2_scale(p->normal, along));
+        map->curve_points[map->curve_point_count++] = curve_point;
+    }
+    return CAIRN_OK;
+}
+
+/* Returns the motion that maps point b onto point a and aligns their normals. */
+static cairn_transform motion_of(const map_merge_curve_point *a, const map_merge_curve_point *b)
+{
+    cairn_transform t = {0, 0, cairn_vec2_dot(b->normal, a->normal),
+                         cairn_vec2_cross(b->normal, a->normal)};
+    cairn_vec2 turned = cairn_transform_point(t, b->position);
+
+    t.x = a->position.x - turned.x;
+    t.y = a->position.y - turned.y;
+    return t;
+}
+
+static cairn_transform inverse_of(cairn_transform t)
+{
+    cairn_transform back = {-(t.cosine * t.x + t.sine * t.y), t.sine * t.x - t.cosine * t.y,
+                            t.cosine, -t.sine};
+
+    return back;
+}
+
+/* Looks up points of each map in the grid of the other until the pose is rejected; merge->inner
+ * counts them. Returns 1 when done; merge->search.sums holds the counts. */
+static int step_comparison(cairn_map_merge *merge, cairn_transform t, cairn_budget *budget)
+{
+    const map_merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
+    cairn_transform back = inverse_of(t);
+    map_merge_sums *s = &merge->search.sums;
+
+    while (merge->inner < MAP_MERGE_COARSE_POINTS) {
+        int32_t end = merge->inner + MAP_MERGE_POINTS_PER_UNIT;
+
+        if (!cairn_budget_charge(budget, &merge->units_charged, 2))
+            return 0;
+        cairn_map_merge_sum(merge, first, second, &t, merge->inner,
+                            end < second->point_count ? end : second->point_count, s);
+        cairn_map_merge_sum(merge, second, first, &back, merge->inner,
+                            end < first->point_count ? end : first->point_count, s);
+        merge->inner = map_merge_is_rejected(s) ? MAP_MERGE_COARSE_POINTS : end;
+    }
+    return 1;
+}
+
+cairn_status cairn_map_merge_register_curve_points(cairn_map_merge *merge, cairn_budget *budget)
+{
+    const map_merge_map *first = &merge->maps[merge->map], *second = &merge->maps[merge->other];
+    const map_merge_sums none = {0, 0, 0, 0, {0, 0}, 0};
+    cairn_real wall = map_merge_search_wall(first, second);
+
+    for (; merge->cursor < first->curve_point_count * second->curve_point_count; merge->cursor++) {
+        cairn_transform t =
+            motion_of(&first->curve_points[merge->cursor / second->curve_point_count],
+                      &second->curve_points[merge->cursor % second->curve_point_count]);
+        map_merge_mode mode;
+
+        if (merge->inner == 0)
+            merge->search.sums = none;
+        if (!step_comparison(merge, t, budget))
+            return CAIRN_MORE;
+        mode.log_ratio = map_merge_search_score(&merge->search.sums, wall);
+        merge->inner = 0;
+        merge->tried_count++;
+        if (mode.log_ratio > 0) {
+            mode.first_second.x = t.x;
+            mode.first_second.y = t.y;
+            mode.first_second.theta = cairn_atan2(t.sine, t.cosine);
+            cairn_map_merge_insert_mode(merge->hypotheses, &merge->hypothesis_count,
+                                        MAP_MERGE_MAX_HYPOTHESES, mode, MAP_MERGE_COARSE_M,
+                                        MAP_MERGE_COARSE_RAD);
+        }
+    }
+    return CAIRN_OK;
+}

@@ -1,0 +1,398 @@
+/* Particle filter over the poses of the maps (the virtual robot).
+ *
+ * Method.
+ *
+ * 1. A state is the pose of one map in the merged frame.
+ * 2. Proposal: a particle proposes the next map, the one whose best mode has the largest
+ *    log-likelihood ratio (or the next of a given order). Candidates are its competing modes
+ *    relative to the maps placed so far, and deferral until all others had their turn.
+ * 3. Likelihood: the log-likelihood ratio against all placed maps, tempered because errors of
+ *    neighbouring walls are correlated.
+ * 4. Scores of pairs are cached, since most particles agree. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/maps/map_merge_work.h"
+
+/* nats of log-likelihood ratio per nat of log-likelihood */
+#define LIKELIHOOD_TEMPERATURE CAIRN_REAL(4.0)
+/* nats: minimum log-likelihood ratio of a candidate; weakly supported maps are cut off in the
+ * end */
+#define MIN_LOG_RATIO CAIRN_REAL(2.0)
+/* maximum steps of a candidate's refinement by lines */
+enum { MAX_LINE_STEPS = 4 };
+/* filter steps per map: placed or deferred, twice, since its pose may be found once others are
+ * placed */
+enum { STEPS_PER_MAP = 2 };
+
+cairn_particle_filter_params cairn_map_merge_filter_params(const cairn_map_merge_params *params)
+{
+    cairn_particle_filter_params f = cairn_particle_filter_default();
+
+    f.particles = f.max_particles = params->particles;
+    f.max_followers = MAP_MERGE_MAX_CANDIDATES;
+    f.max_candidates = params->particles * MAP_MERGE_MAX_CANDIDATES;
+    f.max_blocks = params->particles * (STEPS_PER_MAP * params->max_maps + 2) + 1;
+    f.state_bytes = (int32_t)sizeof(map_merge_state);
+    f.adaptive_followers = 0;
+    return f;
+}
+
+/* ---- Proposal ---- */
+
+int cairn_map_merge_collect_neighbours(cairn_map_merge *merge, const void *state)
+{
+    int ended = 0;
+
+    merge->neighbour_count = 0;
+    memset(merge->deferrals, 0, sizeof merge->deferrals);
+    for (const map_merge_state *s = state; s != NULL; s = cairn_particle_filter_state_before(s)) {
+        if (s->map < 0) {
+            ended |= s->map == MAP_MERGE_ENDED;
+            if (s->map != MAP_MERGE_ENDED)
+                merge->deferrals[MAP_MERGE_DEFERRED - s->map]++;
+            continue;
+        }
+        merge->neighbours[merge->neighbour_count] = s->map;
+        merge->neighbour_poses[merge->neighbour_count] = s->reference_map;
+        merge->neighbour_count++;
+    }
+    return ended;
+}
+
+static int is_near(const cairn_map_merge *merge, int32_t map)
+{
+    for (int32_t i = 0; i < merge->neighbour_count; i++)
+        if (merge->neighbours[i] == map)
+            return 1;
+    return 0;
+}
+
+/* Gets mode `index` of map b relative to map a; returns 0 beyond the last. */
+static int mode_of(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index,
+                   map_merge_mode *mode)
+{
+    int32_t pair = a < b ? map_merge_pair(a, b) : map_merge_pair(b, a);
+
+    if (index >= merge->mode_count[pair])
+        return 0;
+    *mode = merge->modes[(size_t)pair * (size_t)merge->params.max_modes + (size_t)index];
+    if (a > b)
+        mode->first_second = cairn_pose_inverse(mode->first_second);
+    return 1;
+}
+
+/* Returns the next map among those with this number of deferrals: by the order, or the one with the
+ * best mode relative to any placed map; -1: none. */
+static int32_t next_map(const cairn_map_merge *merge, int32_t deferrals)
+{
+    cairn_real best = 0;
+    int32_t next = -1;
+
+    for (int32_t n = 0; n < merge->map_count && !(merge->has_order && next >= 0); n++) {
+        int32_t map = merge->has_order ? merge->order[n] : n;
+
+        for (int32_t i = 0; i < merge->neighbour_count && merge->deferrals[map] == deferrals &&
+                            !is_near(merge, map);
+             i++) {
+            map_merge_mode mode;
+
+            if (mode_of(merge, merge->neighbours[i], map, 0, &mode) && mode.log_ratio > best) {
+                best = mode.log_ratio;
+                next = map;
+            }
+        }
+    }
+    return next;
+}
+
+int32_t cairn_map_merge_places(const cairn_map_merge *merge, int32_t map, map_merge_mode *list,
+                               int32_t most)
+{
+    int32_t count = 0;
+
+    for (int32_t i = 0; i < merge->neighbour_count; i++) {
+        map_merge_mode mode;
+
+        for (int32_t k = 0; mode_of(merge, merge->neighbours[i], map, k, &mode); k++) {
+            mode.first_second = cairn_pose_compose(merge->neighbour_poses[i], mode.first_second);
+            cairn_map_merge_insert_mode(list, &count, most, mode, MAP_MERGE_SAME_M,
+                                        MAP_MERGE_SAME_RAD);
+        }
+    }
+    if (merge->maps[map].has_guess) {
+        map_merge_mode guess = {merge->maps[map].guess, CAIRN_REAL_MAX};
+
+        cairn_map_merge_insert_mode(list, &count, most, guess, CAIRN_REAL(0.05), CAIRN_REAL(0.02));
+    }
+    return count;
+}
+
+static void list_candidates(cairn_map_merge *merge, map_merge_proposal *offer)
+{
+    map_merge_mode places[MAP_MERGE_MAX_CANDIDATES - 1];
+    map_merge_state none = {
+        .map = MAP_MERGE_ENDED,
+        .source_map = -1,
+        .reference_map = {0, 0, 0},
+        .log_ratio = MIN_LOG_RATIO,
+        .psi = 0,
+        .gamma = 0,
+    };
+    int32_t map = next_map(merge, 0), count;
+
+    if (map < 0)
+        map = next_map(merge, 1);
+    if (map >= 0)
+        none.map = MAP_MERGE_DEFERRED - map;
+    count = map < 0 ? 0 : cairn_map_merge_places(merge, map, places, MAP_MERGE_MAX_CANDIDATES - 1);
+
+    for (int32_t i = 0; i < count; i++) {
+        map_merge_state *s = &offer->candidates[i];
+
+        *s = none;
+        s->map = map;
+        s->reference_map = places[i].first_second;
+    }
+    offer->candidates[count] = none;
+    offer->count = count + 1;
+}
+
+static void add_image_scores(cairn_map_merge *merge, const map_merge_state *state)
+{
+    merge->proposals.psi_sum += state->psi;
+    merge->proposals.gamma_sum += state->gamma;
+    merge->proposals.gamma_min = merge->proposals.emitted == 0
+                                     ? state->gamma
+                                     : cairn_min(merge->proposals.gamma_min, state->gamma);
+    merge->proposals.emitted++;
+}
+
+/* Computes Psi and gamma relative to the neighbour of largest overlap. */
+static void score_images(cairn_map_merge *merge, map_merge_state *state)
+{
+    cairn_real most = -1;
+
+    state->psi = state->gamma = 0;
+    for (int32_t i = 0; i < merge->neighbour_count && state->map >= 0; i++) {
+        cairn_map_merge_pair_score score;
+
+        cairn_map_merge_score_at(
+            merge, merge->neighbours[i], state->map,
+            cairn_pose_between(merge->neighbour_poses[i], state->reference_map), &score);
+        if (score.overlap > most) {
+            most = score.overlap;
+            state->psi = score.psi;
+            state->gamma = score.gamma;
+        }
+    }
+}
+
+static int is_same_pose(cairn_pose a, cairn_pose b)
+{
+    return a.x == b.x && a.y == b.y && a.theta == b.theta;
+}
+
+int cairn_map_merge_is_same_history(const map_merge_state *a, const map_merge_state *b)
+{
+    while (a != NULL && b != NULL && a != b) {
+        if (a->map != b->map || !is_same_pose(a->reference_map, b->reference_map))
+            return 0;
+        a = cairn_particle_filter_state_before(a);
+        b = cairn_particle_filter_state_before(b);
+    }
+    return a == b;
+}
+
+/* Returns the cached proposal of an equal particle, or an empty one in place of the oldest. */
+static map_merge_proposal *proposal_for(cairn_map_merge *merge, const map_merge_state *state)
+{
+    map_merge_proposal *fresh;
+
+    for (int32_t i = 0; i < MAP_MERGE_CACHED_PROPOSALS; i++)
+        if (merge->proposals.cached[i].state != NULL &&
+            cairn_map_merge_is_same_history(merge->proposals.cached[i].state, state))
+            return &merge->proposals.cached[i];
+    fresh = &merge->proposals.cached[merge->proposals.count++ % MAP_MERGE_CACHED_PROPOSALS];
+    fresh->state = state;
+    fresh->count = 0;
+    return fresh;
+}
+
+static void begin_proposal(cairn_map_merge *merge, const map_merge_state *state)
+{
+    merge->proposals.current = proposal_for(merge, state);
+    merge->proposals.at = 0;
+    merge->proposals.stage = 1;
+    if (merge->proposals.current->count > 0) {
+        merge->proposals.at = merge->proposals.current->count;
+    } else if (cairn_map_merge_collect_neighbours(merge, state)) {
+        merge->proposals.current->candidates[0] = *state;
+        merge->proposals.current->count = 1;
+    } else {
+        list_candidates(merge, merge->proposals.current);
+    }
+}
+
+/* Processes one candidate: refined against all placed maps, then scored. */
+static int step_candidate(cairn_map_merge *merge, map_merge_state *state, cairn_budget *budget)
+{
+    if (merge->proposals.stage == 1) {
+        cairn_map_merge_begin_lines(merge, state->map, state->reference_map, state->reference_map,
+                                    MAX_LINE_STEPS);
+        merge->proposals.stage = 2;
+    }
+    if (merge->proposals.stage == 2) {
+        if (!cairn_map_merge_step_lines(merge, budget))
+            return 0;
+        state->reference_map = merge->climb.best;
+        cairn_map_merge_begin_total(merge, state->map, state->reference_map,
+                                    merge->params.max_points);
+        merge->proposals.stage = 3;
+    }
+    if (!cairn_map_merge_step_total(merge, budget))
+        return 0;
+    state->log_ratio = merge->total.log_ratio;
+    if (merge->params.perception == CAIRN_MAP_MERGE_IMAGES)
+        score_images(merge, state);
+    merge->proposals.stage = 1;
+    return 1;
+}
+
+static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
+                            cairn_budget *budget)
+{
+    cairn_map_merge *merge = context;
+    map_merge_proposal *offer;
+
+    if (merge->proposals.stage == 0) {
+        if (!cairn_budget_charge(budget, &merge->units_charged, 1 + merge->map_count))
+            return CAIRN_MORE;
+        begin_proposal(merge, cairn_particle_filter_particle(filter, index).state);
+    }
+    offer = merge->proposals.current;
+    for (; merge->proposals.at < offer->count; merge->proposals.at++)
+        if (offer->candidates[merge->proposals.at].map >= 0 &&
+            !step_candidate(merge, &offer->candidates[merge->proposals.at], budget))
+            return CAIRN_MORE;
+    for (int32_t i = 0; i < offer->count; i++) {
+        cairn_status status = cairn_particle_filter_offer(filter, &offer->candidates[i], 0);
+
+        CAIRN_ASSERT(status == CAIRN_OK);
+        (void)status;
+        if (offer->candidates[i].map >= 0)
+            add_image_scores(merge, &offer->candidates[i]);
+    }
+    merge->proposals.stage = 0;
+    return CAIRN_OK;
+}
+
+/* Returns log(Psi~ gamma~) (9.5, 9.6), each normalized over all candidates of the step; a single
+ * one has 0. */
+static cairn_real log_images(const cairn_map_merge *merge, const map_merge_state *state)
+{
+    cairn_real gammas = merge->proposals.gamma_sum -
+                        (cairn_real)merge->proposals.emitted * merge->proposals.gamma_min;
+    cairn_real psi = state->psi / merge->proposals.psi_sum,
+               gamma = (state->gamma - merge->proposals.gamma_min) / gammas;
+
+    if (merge->proposals.emitted < 2 || !(gammas > 0) || !(merge->proposals.psi_sum > 0))
+        return 0;
+    return psi * gamma > 0 ? cairn_log(psi * gamma) : -CAIRN_REAL_MAX;
+}
+
+static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
+                               const void *state, cairn_real *log_likelihood, cairn_budget *budget)
+{
+    const cairn_map_merge *merge = context;
+    const map_merge_state *s = state;
+
+    (void)filter;
+    (void)index;
+    (void)budget;
+    if (merge->params.perception == CAIRN_MAP_MERGE_IMAGES && s->map >= 0)
+        *log_likelihood = log_images(merge, s);
+    else if (merge->params.perception == CAIRN_MAP_MERGE_IMAGES)
+        *log_likelihood = -20;
+    else
+        *log_likelihood = s->log_ratio / LIKELIHOOD_TEMPERATURE;
+    return CAIRN_OK;
+}
+
+cairn_particle_filter_model cairn_map_merge_model(cairn_map_merge *merge)
+{
+    cairn_particle_filter_model model = {merge, propose, likelihood, NULL, NULL};
+
+    return model;
+}
+
+/* Returns the first map: the reference when an order or an initial pose is given, otherwise one of
+ * the pair with the largest log-likelihood ratio. Weak maps are then compared with many maps at
+ * once. */
+static int32_t first_map(const cairn_map_merge *merge)
+{
+    int32_t first = merge->reference;
+    cairn_real best = 0;
+
+    for (int32_t map = 0; map < merge->map_count; map++)
+        if (merge->has_order || merge->maps[map].has_guess)
+            return merge->reference;
+    for (int32_t b = 1; b < merge->map_count; b++)
+        for (int32_t a = 0; a < b; a++) {
+            map_merge_mode mode;
+
+            if (mode_of(merge, a, b, 0, &mode) && mode.log_ratio > best) {
+                best = mode.log_ratio;
+                first = b == merge->reference ? b : a;
+            }
+        }
+    return first;
+}
+
+static void begin_filter(cairn_map_merge *merge)
+{
+    const map_merge_state first = {
+        .map = first_map(merge),
+        .source_map = -1,
+        .reference_map = {0, 0, 0},
+        .log_ratio = 0,
+        .psi = 0,
+        .gamma = 0,
+    };
+    cairn_status status = cairn_particle_filter_clear(merge->filter, merge->params.seed);
+
+    CAIRN_ASSERT(status == CAIRN_OK);
+    status = cairn_particle_filter_start(merge->filter, &first, 0);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    merge->filter_steps = 0;
+    merge->phase = MAP_MERGE_FILTER;
+    merge->cursor = 0;
+}
+
+cairn_status cairn_map_merge_run_filter(cairn_map_merge *merge, cairn_budget *budget)
+{
+    if (merge->phase != MAP_MERGE_FILTER)
+        begin_filter(merge);
+    for (; merge->filter_steps < STEPS_PER_MAP * (merge->map_count - 1);
+         merge->filter_steps++, merge->cursor = 0) {
+        cairn_status status;
+
+        if (merge->cursor == 0) {
+            status = cairn_particle_filter_begin(merge->filter);
+            CAIRN_ASSERT(status == CAIRN_OK);
+            memset(merge->proposals.cached, 0, sizeof merge->proposals.cached);
+            merge->proposals.count = 0;
+            merge->proposals.stage = 0;
+            merge->proposals.psi_sum = merge->proposals.gamma_sum = 0;
+            merge->proposals.emitted = 0;
+            merge->cursor = 1;
+        }
+        status = cairn_particle_filter_step(merge->filter, budget);
+        if (status == CAIRN_MORE)
+            return status;
+        CAIRN_ASSERT(status == CAIRN_OK);
+    }
+    return CAIRN_OK;
+}

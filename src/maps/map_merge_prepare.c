@@ -1,0 +1,523 @@
+/* Preparation of a map: distance maps to walls and to free space, surface points with normals,
+ * lines and corners.
+ *
+ * Method.
+ *
+ * 1. Distance maps to occupied and to free cells are computed and packed.
+ * 2. The surface consists of occupied cells next to free ones, sampled evenly. A normal is the
+ *    minor axis of the occupied cells around, on their free side.
+ * 3. Lines grow from cell to neighbouring cell of the same normal (region growing), so the two
+ *    faces of a thin wall stay separate. They are refitted while growing.
+ * 4. Corners are intersections of lines (module corner).
+ * 5. Points and free cells are shuffled so that every prefix is an evenly spread sample. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "cairn/line.h"
+#include "src/maps/map_merge_work.h"
+
+/* cells: half sides of the windows for normals and for the neighbours of a line's cell; minimum
+ * points of a line */
+enum { NORMAL_WINDOW = 3, LINE_WINDOW = 2, MIN_LINE_POINTS = 5 };
+
+/* minimum cosine between normals of a line */
+#define LINE_MIN_COSINE CAIRN_REAL(0.92)
+/* minimum ratio of the difference to the sum of the principal spreads of cells along a line */
+#define MIN_ELONGATION CAIRN_REAL(0.5)
+/* cells: maximum distance of a line's points from its first one, and their root mean square
+ * residual */
+#define LINE_WIDTH_CELLS CAIRN_REAL(2.6)
+#define LINE_RMS_CELLS   CAIRN_REAL(0.9)
+/* cells from a point to its free-space sample */
+#define FRONT_CELLS CAIRN_REAL(3.0)
+/* cells: points farther off a line are not fitted */
+#define TRIM_CELLS CAIRN_REAL(0.8)
+/* m: the weight of a longer straight wall grows only by the root of its length */
+#define SATURATED_WALL_M CAIRN_REAL(0.7)
+/* m: minimum length of a line that forms corners */
+#define MIN_LINE_M CAIRN_REAL(0.20)
+
+static map_merge_map *current(cairn_map_merge *merge)
+{
+    return &merge->maps[merge->map];
+}
+
+static int32_t width_of(const map_merge_map *map)
+{
+    return map->input.cells.width;
+}
+
+static int32_t height_of(const map_merge_map *map)
+{
+    return map->input.cells.height;
+}
+
+static cairn_status begin_distance(cairn_map_merge *merge, const map_merge_map *map, uint8_t match)
+{
+    cairn_distance_map_input input;
+
+    input.pixels = map->input.cells;
+    input.distances.data = merge->scratch;
+    input.distances.width = width_of(map);
+    input.distances.height = height_of(map);
+    input.distances.stride = width_of(map);
+    input.mask = 0xFF;
+    input.match = match;
+    input.metric = CAIRN_DISTANCE_MAP_L1;
+    return cairn_distance_map_begin(merge->distances, &input);
+}
+
+cairn_status cairn_map_merge_measure(cairn_map_merge *merge, const map_merge_map *map,
+                                     uint8_t match, int32_t *cursor, cairn_budget *budget)
+{
+    if (*cursor == 0) {
+        cairn_status status = begin_distance(merge, map, match);
+
+        CAIRN_ASSERT(status == CAIRN_OK);
+        (void)status;
+        *cursor = 1;
+    }
+    return cairn_distance_map_step(merge->distances, budget);
+}
+
+static uint16_t class_of(uint8_t value)
+{
+    return value == CAIRN_OCCUPANCY_GRID_OCCUPIED ? MAP_MERGE_OCCUPIED
+           : value == CAIRN_OCCUPANCY_GRID_FREE   ? MAP_MERGE_FREE
+                                                  : MAP_MERGE_UNKNOWN;
+}
+
+cairn_status cairn_map_merge_pack(cairn_map_merge *merge, map_merge_map *map, int32_t shift,
+                                  int32_t *cursor, cairn_budget *budget)
+{
+    int32_t count = width_of(map) * height_of(map);
+
+    for (; *cursor < count; ++*cursor) {
+        int32_t at = *cursor, d = merge->scratch[at];
+        uint16_t packed = (uint16_t)(d < MAP_MERGE_MAX_DISTANCE ? d : MAP_MERGE_MAX_DISTANCE);
+
+        if (at % 16 == 0 && !cairn_budget_charge(budget, &merge->units_charged, 1))
+            return CAIRN_MORE;
+        if (shift == 0) {
+            int32_t x = at % width_of(map), y = at / width_of(map);
+            uint16_t class = class_of(map->input.cells.data[y * map->input.cells.stride + x]);
+
+            map->grid[at] = (uint16_t)(packed | class << 14);
+            map->occupied_count += class == MAP_MERGE_OCCUPIED;
+            map->free_count += class == MAP_MERGE_FREE;
+        } else {
+            map->grid[at] = (uint16_t)(map->grid[at] | packed << shift);
+        }
+    }
+    return CAIRN_OK;
+}
+
+/* Returns the class of a cell; MAP_MERGE_UNKNOWN outside. */
+static int32_t class_at(const map_merge_map *map, int32_t x, int32_t y)
+{
+    if (x < 0 || y < 0 || x >= width_of(map) || y >= height_of(map))
+        return MAP_MERGE_UNKNOWN;
+    return map_merge_class(map->grid[y * width_of(map) + x]);
+}
+
+static int is_surface(uint16_t cell)
+{
+    return map_merge_class(cell) == MAP_MERGE_OCCUPIED && map_merge_to_free(cell) == 1;
+}
+
+static cairn_vec2 centre_of_cell(const map_merge_map *map, int32_t cell)
+{
+    int32_t column = cell % width_of(map), row = cell / width_of(map);
+    cairn_real x = (cairn_real)column + CAIRN_REAL(0.5), y = (cairn_real)row + CAIRN_REAL(0.5);
+    cairn_vec2 p = {map->corner.x + x * map->input.resolution,
+                    map->corner.y + y * map->input.resolution};
+
+    return p;
+}
+
+/* Returns 1 for `most` of `count` items, evenly spread, when there are more. */
+static int is_chosen(int32_t index, int32_t count, int32_t most)
+{
+    return count <= most || count <= 0 ||
+           (int64_t)(index + 1) * most / count > (int64_t)index * most / count;
+}
+
+/* Two passes over the cells: count, then sample. Free cells are sampled on the way. */
+static cairn_status step_surface(cairn_map_merge *merge, cairn_budget *budget)
+{
+    map_merge_map *map = current(merge);
+    int32_t count = width_of(map) * height_of(map);
+
+    for (; merge->cursor < 2 * count; merge->cursor++) {
+        int32_t cell = merge->cursor < count ? merge->cursor : merge->cursor - count;
+
+        if (merge->cursor % 16 == 0 && !cairn_budget_charge(budget, &merge->units_charged, 1))
+            return CAIRN_MORE;
+        if (merge->cursor < count) {
+            merge->scratch[cell] = 0;
+            merge->surface += is_surface(map->grid[cell]);
+        } else if (is_surface(map->grid[cell])) {
+            if (is_chosen(merge->seen_surface++, merge->surface, merge->params.max_points)) {
+                map_merge_point p = {centre_of_cell(map, cell), {0, 0}, {0, 0}, 1, cell, 1};
+
+                map->points[map->point_count++] = p;
+                merge->scratch[cell] = map->point_count;
+            }
+        } else if (map_merge_class(map->grid[cell]) == MAP_MERGE_FREE) {
+            if (is_chosen(merge->seen_free++, map->free_count, merge->params.max_points / 2))
+                map->free_cells[map->free_cell_count++] = centre_of_cell(map, cell);
+        }
+    }
+    if (map->point_count > 0)
+        map->spacing =
+            map->input.resolution * (cairn_real)merge->surface / (cairn_real)map->point_count;
+    return CAIRN_OK;
+}
+
+/* Returns the mean direction to the free cells around, weighted by proximity. */
+static cairn_vec2 free_side(const map_merge_map *map, int32_t x0, int32_t y0)
+{
+    cairn_vec2 sum = {0, 0};
+
+    for (int32_t dy = -NORMAL_WINDOW; dy <= NORMAL_WINDOW; dy++)
+        for (int32_t dx = -NORMAL_WINDOW; dx <= NORMAL_WINDOW; dx++) {
+            cairn_real squared = (cairn_real)(dx * dx + dy * dy);
+
+            if (class_at(map, x0 + dx, y0 + dy) != MAP_MERGE_FREE)
+                continue;
+            sum.x += (cairn_real)dx / (squared * squared);
+            sum.y += (cairn_real)dy / (squared * squared);
+        }
+    return cairn_vec2_unit(sum);
+}
+
+/* Returns the normal: the minor axis of the occupied cells around when they are elongated, on the
+ * free side. */
+static cairn_vec2 normal_at(const map_merge_map *map, int32_t cell)
+{
+    int32_t x0 = cell % width_of(map), y0 = cell / width_of(map), n = 0, x = 0, y = 0, xx = 0,
+            xy = 0, yy = 0;
+    cairn_vec2 side = free_side(map, x0, y0), normal;
+    cairn_real a, b, c, spread;
+
+    for (int32_t dy = -NORMAL_WINDOW; dy <= NORMAL_WINDOW; dy++)
+        for (int32_t dx = -NORMAL_WINDOW; dx <= NORMAL_WINDOW; dx++) {
+            if (class_at(map, x0 + dx, y0 + dy) != MAP_MERGE_OCCUPIED)
+                continue;
+            n++;
+            x += dx;
+            y += dy;
+            xx += dx * dx;
+            xy += dx * dy;
+            yy += dy * dy;
+        }
+    a = (cairn_real)(n * xx - x * x);
+    b = (cairn_real)(n * xy - x * y);
+    c = (cairn_real)(n * yy - y * y);
+    spread = cairn_sqrt((a - c) * (a - c) + 4 * b * b);
+    if (!(spread > MIN_ELONGATION * (a + c)))
+        return side;
+    /* The major axis, rotated by a right angle; of its two forms the one without cancellation. */
+    if (a >= c) {
+        normal.x = -2 * b;
+        normal.y = a - c + spread;
+    } else {
+        normal.x = -(c - a + spread);
+        normal.y = 2 * b;
+    }
+    normal = cairn_vec2_unit(normal);
+    return cairn_vec2_dot(normal, side) < 0 ? cairn_vec2_scale(normal, -1) : normal;
+}
+
+static cairn_status step_normals(cairn_map_merge *merge, cairn_budget *budget)
+{
+    map_merge_map *map = current(merge);
+
+    for (; merge->cursor < map->point_count; merge->cursor++) {
+        map_merge_point *p = &map->points[merge->cursor];
+
+        if (!cairn_budget_charge(budget, &merge->units_charged, 4))
+            return CAIRN_MORE;
+        p->normal = normal_at(map, p->cell);
+        p->free_side = cairn_vec2_add(
+            p->position, cairn_vec2_scale(p->normal, FRONT_CELLS * map->input.resolution));
+        merge->label[merge->cursor] = 0;
+    }
+    return CAIRN_OK;
+}
+
+/* Adds the matching neighbours of the queue's next point to the line. */
+static void grow_line(cairn_map_merge *merge)
+{
+    map_merge_map *map = current(merge);
+    const map_merge_point *p = &map->points[merge->queue[merge->inner++]];
+    int32_t x0 = p->cell % width_of(map), y0 = p->cell / width_of(map);
+
+    for (int32_t y = y0 - LINE_WINDOW; y <= y0 + LINE_WINDOW; y++)
+        for (int32_t x = x0 - LINE_WINDOW; x <= x0 + LINE_WINDOW; x++) {
+            const map_merge_point *q;
+            int32_t index;
+
+            if (x < 0 || y < 0 || x >= width_of(map) || y >= height_of(map))
+                continue;
+            index = merge->scratch[y * width_of(map) + x] - 1;
+            if (index < 0 || merge->label[index] != 0)
+                continue;
+            q = &map->points[index];
+            if (cairn_vec2_dot(q->normal, merge->line_normal) < LINE_MIN_COSINE ||
+                cairn_abs(cairn_vec2_dot(cairn_vec2_sub(q->position, merge->line_at),
+                                         merge->line_normal)) >
+                    LINE_WIDTH_CELLS * map->input.resolution)
+                continue;
+            merge->label[index] = 1;
+            merge->queue[merge->queued++] = index;
+        }
+}
+
+/* Fits a line to the points in the queue, then again to the inliers: ends of walls have normals of
+ * both sides. */
+static int fit_line(cairn_map_merge *merge, cairn_line *line)
+{
+    const map_merge_map *map = current(merge);
+    int32_t kept = 0;
+
+    for (int32_t i = 0; i < merge->queued; i++)
+        merge->line[i] = map->points[merge->queue[i]].position;
+    if (cairn_line_fit(merge->line, NULL, merge->queued, line) != CAIRN_OK)
+        return 0;
+    for (int32_t i = 0; i < merge->queued; i++)
+        if (cairn_abs(
+                cairn_vec2_cross(line->direction, cairn_vec2_sub(merge->line[i], line->mean))) <=
+            TRIM_CELLS * map->input.resolution)
+            merge->line[kept++] = merge->line[i];
+    return kept >= MIN_LINE_POINTS && cairn_line_fit(merge->line, NULL, kept, line) == CAIRN_OK;
+}
+
+/* Converts the points in the queue into a segment with the free side on its left, when they lie on
+ * a line of sufficient length. */
+static void end_line(cairn_map_merge *merge, int32_t seed)
+{
+    map_merge_map *map = current(merge);
+    cairn_segment segment;
+    cairn_line line;
+
+    if (merge->queued < MIN_LINE_POINTS || map->line_count == merge->params.max_segments)
+        return;
+    if (!fit_line(merge, &line) || line.high - line.low < MIN_LINE_M ||
+        line.rms > LINE_RMS_CELLS * map->input.resolution)
+        return;
+    segment = cairn_line_segment(&line);
+    for (int32_t i = 0; i < merge->queued; i++) {
+        map_merge_point *p = &map->points[merge->queue[i]];
+
+        p->weight = 1 / cairn_sqrt(cairn_max(1, (line.high - line.low) / SATURATED_WALL_M));
+        p->is_curved &= line.high - line.low < MAP_MERGE_MIN_LINE_M;
+    }
+    if (cairn_vec2_dot(cairn_vec2_left_perp(line.direction), map->points[seed].normal) < 0) {
+        cairn_vec2 a = segment.a;
+
+        segment.a = segment.b;
+        segment.b = a;
+    }
+    map->lines[map->line_count] = segment;
+    {
+        cairn_vec2 along = cairn_vec2_sub(segment.b, segment.a);
+        map_merge_direction way = {cairn_atan2(along.y, along.x), cairn_vec2_norm(along)};
+
+        map->directions[map->line_count++] = way;
+    }
+}
+
+static void begin_line(cairn_map_merge *merge, int32_t seed)
+{
+    const map_merge_point *first = &current(merge)->points[seed];
+
+    merge->label[seed] = 1;
+    merge->queue[0] = seed;
+    merge->queued = 1;
+    merge->fitted = MIN_LINE_POINTS;
+    merge->inner = 0;
+    merge->line_at = first->position;
+    merge->line_normal = first->normal;
+}
+
+/* Refits a line that has grown by half since its last fit and resumes growing: the normal of the
+ * first point alone is too inaccurate after a metre. Returns 1 when it grows on. */
+static int refit_line(cairn_map_merge *merge)
+{
+    cairn_line line;
+    cairn_vec2 normal;
+
+    if (merge->queued < merge->fitted + merge->fitted / 2 || !fit_line(merge, &line))
+        return 0;
+    normal = cairn_vec2_left_perp(line.direction);
+    merge->fitted = merge->queued;
+    merge->inner = 0;
+    merge->line_at = line.mean;
+    merge->line_normal =
+        cairn_vec2_dot(normal, merge->line_normal) < 0 ? cairn_vec2_scale(normal, -1) : normal;
+    return 1;
+}
+
+static cairn_status step_segments(cairn_map_merge *merge, cairn_budget *budget)
+{
+    map_merge_map *map = current(merge);
+
+    while (merge->cursor < map->point_count) {
+        if (merge->queued == 0) {
+            if (merge->label[merge->cursor] != 0 ||
+                cairn_vec2_norm_squared(map->points[merge->cursor].normal) < CAIRN_REAL(0.5)) {
+                if (!cairn_budget_charge(budget, &merge->units_charged, 1))
+                    return CAIRN_MORE;
+                merge->cursor++;
+                continue;
+            }
+            begin_line(merge, merge->cursor);
+        }
+        for (; merge->inner < merge->queued;) {
+            if (!cairn_budget_charge(budget, &merge->units_charged, 2))
+                return CAIRN_MORE;
+            grow_line(merge);
+        }
+        if (!cairn_budget_charge(budget, &merge->units_charged, 1 + merge->queued / 4))
+            return CAIRN_MORE;
+        if (refit_line(merge))
+            continue;
+        end_line(merge, merge->cursor);
+        merge->queued = 0;
+        merge->cursor++;
+    }
+    return CAIRN_OK;
+}
+
+static cairn_status step_corners(cairn_map_merge *merge, cairn_budget *budget)
+{
+    map_merge_map *map = current(merge);
+    cairn_status status;
+    const cairn_corner *list;
+
+    if (merge->cursor == 0) {
+        status = cairn_corner_begin(merge->corners, map->lines, map->line_count);
+        CAIRN_ASSERT(status == CAIRN_OK);
+        merge->cursor = 1;
+    }
+    status = cairn_corner_step(merge->corners, budget);
+    if (status != CAIRN_OK)
+        return status;
+    list = cairn_corner_list(merge->corners, &map->corner_count);
+    memcpy(map->corners, list, (size_t)map->corner_count * sizeof *list);
+    return CAIRN_OK;
+}
+
+/* Returns a step coprime to `count` of about 0.618 count: a golden-ratio sequence that visits all
+ * items. */
+static int32_t golden_step(int32_t count)
+{
+    int32_t step = cairn_real_to_int((cairn_real)count * CAIRN_REAL(0.6180339887));
+
+    for (step = step > 0 ? step : 1;; step++) {
+        int32_t a = count, b = step;
+
+        while (b != 0) {
+            int32_t rest = a % b;
+
+            a = b;
+            b = rest;
+        }
+        if (a == 1)
+            return step;
+    }
+}
+
+/* Shuffles the points and the free cells so that every prefix is an evenly spread sample;
+ * merge->line and merge->queue are buffers. */
+static void shuffle(cairn_map_merge *merge)
+{
+    map_merge_map *map = current(merge);
+    int32_t n = map->point_count, step = golden_step(n > 0 ? n : 1), at = 0;
+    map_merge_point *from = merge->shuffled;
+
+    memcpy(from, map->points, (size_t)n * sizeof *from);
+    for (int32_t i = 0; i < n; i++, at = (at + step) % n)
+        map->points[i] = from[at];
+    n = map->free_cell_count;
+    step = golden_step(n > 0 ? n : 1);
+    at = 0;
+    memcpy(merge->line, map->free_cells, (size_t)n * sizeof *merge->line);
+    for (int32_t i = 0; i < n; i++, at = (at + step) % n)
+        map->free_cells[i] = merge->line[at];
+}
+
+static void begin_phase(cairn_map_merge *merge, map_merge_phase phase)
+{
+    map_merge_map *map = current(merge);
+
+    merge->phase = phase;
+    merge->cursor = 0;
+    merge->inner = 0;
+    if (phase == MAP_MERGE_SURFACE) {
+        merge->surface = merge->seen_surface = merge->seen_free = 0;
+        map->point_count = map->free_cell_count = 0;
+    } else if (phase == MAP_MERGE_SEGMENTS) {
+        map->line_count = 0;
+        merge->queued = 0;
+    } else if (phase == MAP_MERGE_CURVE_POINTS) {
+        map->curve_point_count = 0;
+        map->curved_wall = 0;
+    }
+}
+
+static cairn_status step_phase(cairn_map_merge *merge, cairn_budget *budget)
+{
+    switch (merge->phase) {
+    case MAP_MERGE_OCCUPIED_DISTANCE:
+        return cairn_map_merge_measure(merge, current(merge), CAIRN_OCCUPANCY_GRID_OCCUPIED,
+                                       &merge->cursor, budget);
+    case MAP_MERGE_OCCUPIED_PACK:
+        return cairn_map_merge_pack(merge, current(merge), 0, &merge->cursor, budget);
+    case MAP_MERGE_FREE_DISTANCE:
+        return cairn_map_merge_measure(merge, current(merge), CAIRN_OCCUPANCY_GRID_FREE,
+                                       &merge->cursor, budget);
+    case MAP_MERGE_FREE_PACK:
+        return cairn_map_merge_pack(merge, current(merge), 7, &merge->cursor, budget);
+    case MAP_MERGE_SURFACE:
+        return step_surface(merge, budget);
+    case MAP_MERGE_NORMALS:
+        return step_normals(merge, budget);
+    case MAP_MERGE_SEGMENTS:
+        return step_segments(merge, budget);
+    case MAP_MERGE_CORNERS:
+        return step_corners(merge, budget);
+    case MAP_MERGE_CURVE_POINTS:
+        return cairn_map_merge_select_curve_points(merge, current(merge), budget);
+    default:
+        if (!cairn_budget_charge(
+                budget, &merge->units_charged,
+                1 + (current(merge)->point_count + current(merge)->free_cell_count) / 8))
+            return CAIRN_MORE;
+        shuffle(merge);
+        return CAIRN_OK;
+    }
+}
+
+cairn_status cairn_map_merge_prepare(cairn_map_merge *merge, cairn_budget *budget)
+{
+    while (merge->map < merge->map_count) {
+        cairn_status status;
+
+        if (merge->phase == MAP_MERGE_OCCUPIED_DISTANCE && merge->cursor == 0)
+            current(merge)->occupied_count = current(merge)->free_count = 0;
+        status = step_phase(merge, budget);
+        if (status != CAIRN_OK)
+            return status;
+        if (merge->phase < MAP_MERGE_CURVE_POINTS) {
+            begin_phase(merge, merge->phase + 1);
+        } else {
+            merge->map++;
+            merge->phase = MAP_MERGE_OCCUPIED_DISTANCE;
+            merge->cursor = 0;
+        }
+    }
+    return CAIRN_OK;
+}

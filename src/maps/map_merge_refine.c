@@ -1,0 +1,281 @@
+/* Sub-cell refinement of a pose by lines, and by surface points where there are none
+ * (Gauss-Newton).
+ *
+ * Method. Normal equations of the point-to-line residuals between one map and its neighbours:
+ *
+ * 1. Lines that are nearly parallel, close and overlapping correspond. Both ends of the common part
+ *    are residuals, and the difference of directions is another. Lines are fitted to many cells and
+ *    are more accurate than single cells.
+ * 2. Curve points are projected along their normals onto the neighbour's surface.
+ * 3. Directions that neither observes are held by a prior at the start. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/maps/map_merge_work.h"
+
+/* maximum sine of the angle, and maximum distance in cells, between corresponding lines */
+#define MAX_SINE           CAIRN_REAL(0.14)
+#define MAX_DISTANCE_CELLS CAIRN_REAL(1.6)
+/* m: minimum common length of corresponding lines */
+#define MIN_SHARED_M CAIRN_REAL(0.15)
+/* m: standard deviation of a line, and the length of wall that has it once */
+#define LINE_SIGMA_M        CAIRN_REAL(0.02)
+#define LINE_SIGMA_LENGTH_M CAIRN_REAL(0.2)
+/* rad: minimum standard deviation of the direction difference of one straight wall in two maps, and
+ * that where there may be two walls */
+#define MIN_DIRECTION_SIGMA_RAD    CAIRN_REAL(0.002)
+#define CURVED_DIRECTION_SIGMA_RAD CAIRN_REAL(0.03)
+/* m and rad: prior standard deviations of the current pose */
+#define PRIOR_SIGMA_M   CAIRN_REAL(0.03)
+#define PRIOR_SIGMA_RAD CAIRN_REAL(0.01)
+/* m: body radius that relates rotation and translation */
+#define BODY_RADIUS_M CAIRN_REAL(3.0)
+/* m: a step shorter than this ends the iteration; a longer one is limited */
+#define CONVERGED_M CAIRN_REAL(2e-4)
+#define MAX_STEP_M  CAIRN_REAL(0.1)
+
+enum { LINES_PER_UNIT = 6, UNITS_PER_CURVE_POINT = 2 };
+
+static cairn_segment mapped(cairn_transform t, cairn_segment s)
+{
+    cairn_segment moved = {cairn_transform_point(t, s.a), cairn_transform_point(t, s.b)};
+
+    return moved;
+}
+
+/* Adds a point-to-line residual: the body's point `body` at p, and the line through `at` with
+ * normal n. */
+static void add_end(map_merge_fit *fit, cairn_vec2 p, cairn_vec2 at, cairn_vec2 n, cairn_vec2 body,
+                    cairn_real weight)
+{
+    cairn_real r = cairn_vec2_dot(n, cairn_vec2_sub(p, at)), row[3];
+
+    weight /= 1 + r * r / (fit->cell * fit->cell);
+    cairn_rigid_motion_jacobian(&fit->motion, n, body, row);
+    cairn_sym3_add_outer(&fit->equations.information, row, weight);
+    for (int i = 0; i < 3; i++)
+        fit->equations.gradient[i] += weight * row[i] * r;
+}
+
+/* Returns the variance of the direction of a line fitted to a length in m, rad^2. */
+static cairn_real variance_of(cairn_real length)
+{
+    return 12 * LINE_SIGMA_M * LINE_SIGMA_M * LINE_SIGMA_LENGTH_M / (length * length * length);
+}
+
+/* Adds the residual of the directions of two lines: long walls give it far better than their common
+ * part does. */
+static void add_direction(map_merge_fit *fit, cairn_real turn, cairn_real length,
+                          cairn_real own_length)
+{
+    cairn_real row = 1 / fit->motion.radius;
+    cairn_real weight = 1 / (variance_of(length) + variance_of(own_length) +
+                             MIN_DIRECTION_SIGMA_RAD * MIN_DIRECTION_SIGMA_RAD);
+
+    weight /= 1 + turn * turn / (CURVED_DIRECTION_SIGMA_RAD * CURVED_DIRECTION_SIGMA_RAD);
+    fit->equations.information.zz += weight * row * row;
+    fit->equations.gradient[2] += weight * row * turn;
+}
+
+/* Adds the residuals of line `own` of the map and line `t` of the neighbour. */
+static void add_lines(map_merge_fit *fit, cairn_segment own, cairn_segment t)
+{
+    cairn_segment s = mapped(fit->motion.transform, own);
+    cairn_vec2 along = cairn_vec2_sub(t.b, t.a), way = cairn_vec2_sub(s.b, s.a);
+    cairn_real length = cairn_vec2_norm(along), own_length = cairn_vec2_norm(way), low, high, from,
+               to, share, weight;
+    cairn_vec2 u = cairn_vec2_scale(along, 1 / length), v = cairn_vec2_scale(way, 1 / own_length),
+               n = cairn_vec2_left_perp(u);
+    int near = 0;
+
+    if (length < MAP_MERGE_MIN_LINE_M || own_length < MAP_MERGE_MIN_LINE_M)
+        return;
+    if (cairn_vec2_dot(u, v) <= 0 || cairn_abs(cairn_vec2_cross(u, v)) > MAX_SINE)
+        return;
+    from = cairn_vec2_dot(u, cairn_vec2_sub(s.a, t.a));
+    to = cairn_vec2_dot(u, cairn_vec2_sub(s.b, t.a));
+    low = cairn_max(from, 0);
+    high = cairn_min(to, length);
+    if (high - low < MIN_SHARED_M)
+        return;
+    weight = (high - low) / (2 * LINE_SIGMA_LENGTH_M * LINE_SIGMA_M * LINE_SIGMA_M);
+    for (int end = 0; end < 2; end++) {
+        share = ((end == 0 ? low : high) - from) / (to - from);
+        {
+            cairn_vec2 body =
+                cairn_vec2_add(own.a, cairn_vec2_scale(cairn_vec2_sub(own.b, own.a), share));
+            cairn_vec2 p = cairn_transform_point(fit->motion.transform, body);
+
+            if (cairn_abs(cairn_vec2_dot(n, cairn_vec2_sub(p, t.a))) >=
+                MAX_DISTANCE_CELLS * fit->cell)
+                continue;
+            add_end(fit, p, t.a, n, body, weight);
+            near++;
+        }
+    }
+    if (near == 2)
+        add_direction(fit, cairn_vec2_cross(u, v), length, own_length);
+}
+
+/* Adds line `index` of the current neighbour against all lines of the map. */
+static void add_line(map_merge_fit *fit, const map_merge_map *body, const map_merge_map *other,
+                     int32_t index)
+{
+    cairn_segment line = mapped(fit->neighbour_transform, other->lines[index]);
+
+    for (int32_t k = 0; k < body->line_count; k++)
+        add_lines(fit, body->lines[k], line);
+}
+
+static cairn_real curve_point_weight(const map_merge_map *map)
+{
+    return cairn_min(map->curved_wall / ((cairn_real)map->curve_point_count * LINE_SIGMA_LENGTH_M),
+                     1) /
+           (2 * LINE_SIGMA_M * LINE_SIGMA_M);
+}
+
+/* Adds a curve point of the map against the surface of the neighbour. */
+static void add_curve_point(map_merge_fit *fit, const map_merge_map *body,
+                            const map_merge_map *other, int32_t index)
+{
+    const map_merge_curve_point *curve_point = &body->curve_points[index];
+    cairn_vec2 p = cairn_transform_point(fit->to_neighbour, curve_point->position),
+               n = cairn_transform_direction(fit->to_neighbour, curve_point->normal);
+    cairn_real along;
+
+    if (cairn_map_merge_surface_along(other, p, n, &along))
+        add_end(fit, cairn_transform_point(fit->neighbour_transform, p),
+                cairn_transform_point(fit->neighbour_transform,
+                                      cairn_vec2_add(p, cairn_vec2_scale(n, along))),
+                cairn_transform_direction(fit->neighbour_transform, n), curve_point->position,
+                curve_point_weight(body));
+}
+
+/* Adds a curve point of the neighbour against the surface of the map. */
+static void add_curve_point_of_neighbour(map_merge_fit *fit, const map_merge_map *body,
+                                         const map_merge_map *other, int32_t index)
+{
+    const map_merge_curve_point *curve_point = &other->curve_points[index];
+    cairn_vec2 p = cairn_transform_point(fit->to_map, curve_point->position),
+               n = cairn_transform_direction(fit->to_map, curve_point->normal);
+    cairn_real along;
+
+    if (cairn_map_merge_surface_along(body, p, n, &along)) {
+        p = cairn_vec2_add(p, cairn_vec2_scale(n, along));
+        add_end(fit, cairn_transform_point(fit->motion.transform, p),
+                cairn_transform_point(fit->neighbour_transform, curve_point->position),
+                cairn_transform_direction(fit->neighbour_transform, curve_point->normal), p,
+                curve_point_weight(other));
+    }
+}
+
+static void begin_fit(cairn_map_merge *merge)
+{
+    const cairn_vec2 centre = {0, 0};
+    map_merge_fit *f = &merge->fit;
+
+    memset(f, 0, sizeof *f);
+    f->motion = cairn_rigid_motion_at(merge->climb.best, centre, BODY_RADIUS_M);
+    f->neighbour = -1;
+}
+
+/* Advances to the next neighbour that can overlap; returns 0 when there is none. */
+static int next_neighbour(cairn_map_merge *merge)
+{
+    map_merge_fit *f = &merge->fit;
+
+    while (++f->neighbour < merge->neighbour_count) {
+        cairn_pose pose = merge->neighbour_poses[f->neighbour];
+        const map_merge_map *body = &merge->maps[merge->total.map],
+                            *other = &merge->maps[merge->neighbours[f->neighbour]];
+
+        if (cairn_map_merge_is_disjoint(merge, merge->neighbours[f->neighbour], merge->total.map,
+                                        cairn_pose_between(pose, merge->climb.best)))
+            continue;
+        f->neighbour_transform = cairn_transform_of(pose);
+        f->to_neighbour = cairn_transform_of(cairn_pose_between(pose, merge->climb.best));
+        f->to_map = cairn_transform_of(cairn_pose_between(merge->climb.best, pose));
+        f->cell = cairn_max(body->input.resolution, other->input.resolution);
+        f->item = 0;
+        return 1;
+    }
+    return 0;
+}
+
+/* Adds the lines and curve points of the current neighbour. */
+static int add_neighbour(cairn_map_merge *merge, cairn_budget *budget)
+{
+    map_merge_fit *f = &merge->fit;
+    const map_merge_map *body = &merge->maps[merge->total.map],
+                        *other = &merge->maps[merge->neighbours[f->neighbour]];
+    int32_t curve_points = other->line_count + body->curve_point_count,
+            count = curve_points + other->curve_point_count;
+
+    for (; f->item < count; f->item++) {
+        if (!cairn_budget_charge(budget, &merge->units_charged,
+                                 f->item < other->line_count ? 1 + body->line_count / LINES_PER_UNIT
+                                                             : UNITS_PER_CURVE_POINT))
+            return 0;
+        if (f->item < other->line_count)
+            add_line(f, body, other, f->item);
+        else if (f->item < curve_points)
+            add_curve_point(f, body, other, f->item - other->line_count);
+        else
+            add_curve_point_of_neighbour(f, body, other, f->item - curve_points);
+    }
+    return 1;
+}
+
+/* Solves the normal equations and applies the step; returns 1 on convergence. */
+static int end_fit(cairn_map_merge *merge)
+{
+    map_merge_fit *f = &merge->fit;
+    cairn_rigid_motion_pose_prior prior = {merge->climb.start, PRIOR_SIGMA_M, PRIOR_SIGMA_M,
+                                           PRIOR_SIGMA_RAD};
+    cairn_rigid_motion_equations before;
+    cairn_rigid_motion_basis basis;
+    cairn_real step[3];
+
+    if (!(f->equations.information.xx + f->equations.information.yy > 0))
+        return 1;
+    before = cairn_rigid_motion_prior(&f->motion, &prior);
+    basis = cairn_rigid_motion_basis_of(f->equations.information, 0);
+    if (!cairn_rigid_motion_solve(&basis, &f->equations, &before, MAX_STEP_M, step))
+        return 1;
+    cairn_rigid_motion_move(&f->motion, step);
+    merge->climb.best = f->motion.map_body;
+    return step[0] * step[0] + step[1] * step[1] + step[2] * step[2] < CONVERGED_M * CONVERGED_M;
+}
+
+void cairn_map_merge_begin_lines(cairn_map_merge *merge, int32_t map, cairn_pose start,
+                                 cairn_pose pose, int32_t rounds)
+{
+    merge->total.map = map;
+    merge->climb.best = pose;
+    merge->climb.rounds = rounds;
+    merge->climb.start = start;
+    merge->fit.under_way = 0;
+}
+
+int cairn_map_merge_step_lines(cairn_map_merge *merge, cairn_budget *budget)
+{
+    for (; merge->climb.rounds > 0; merge->climb.rounds--) {
+        int more = 1;
+
+        if (!merge->fit.under_way) {
+            if (!cairn_budget_charge(budget, &merge->units_charged, 8 + merge->neighbour_count))
+                return 0;
+            begin_fit(merge);
+            more = next_neighbour(merge);
+            merge->fit.under_way = 1;
+        }
+        for (; more; more = next_neighbour(merge))
+            if (!add_neighbour(merge, budget))
+                return 0;
+        merge->fit.under_way = 0;
+        if (end_fit(merge))
+            return 1;
+    }
+    return 1;
+}

@@ -1,0 +1,469 @@
+/* State machine of the mapper: per scan, predict the pose, fit lines, match, store the result.
+ *
+ * Method.
+ *
+ * 1. The front end (mapper_front.c) predicts and matches the scan. Its points are evenly spaced
+ *    along the surfaces. One point per beam would let near walls dominate the normal equations, and
+ *    their small systematic errors would rotate the map.
+ * 2. The local map consists of the most recent keyframes and of the nearest ones among the last
+ *    local_span. Older keyframes are joined by loop closures (mapper_loop.c, mapper_graph.c), which
+ *    distribute the error over the path. A match against them would put all of it into one link.
+ * 3. A keyframe is stored with its visibility profile and its sequential constraints.
+ * 4. Force field, loop closure and graph optimization then work in the background, each within its
+ *    share of units.
+ *
+ * Layout: keyframes in a scan_set with a pose each. The local map is in the icp object. It is
+ * rebuilt when a keyframe was added or moved, or the robot has left the place for which it was
+ * built.
+ *
+ * Limits: keyframes are removed only by culling (mapper_culling.c). */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/maps/mapper_work.h"
+
+enum {
+    MIN_SCANS_BETWEEN_KEYFRAMES = 2, /* before a keyframe for low overlap */
+    CONSTRAINT_UNITS = 8             /* per keyframe of the local map */
+};
+
+/* m: maximum distance of odometry from its origin. */
+static const cairn_real MAX_ODOMETRY_M = CAIRN_REAL(1e9);
+
+/* ---- Input ---- */
+
+/* Returns the current pose of the previous scan. */
+static cairn_pose last_pose(const cairn_mapper *mapper)
+{
+    if (mapper->state.scans == 0)
+        return cairn_pose_identity();
+    return cairn_pose_compose(mapper->keyframe_pose[mapper->result.keyframe],
+                              mapper->result.keyframe_scan);
+}
+
+cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *input,
+                              const cairn_pose *odometry, cairn_fault *fault)
+{
+    cairn_pose last, by_odometry = cairn_pose_identity();
+    cairn_scan_input sweep;
+    int32_t has_odometry;
+    cairn_status status;
+
+    if (mapper == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    if (mapper->phase != MAPPER_IDLE)
+        return CAIRN_MORE;
+    if (mapper->full)
+        return CAIRN_FULL;
+    if (odometry != NULL && !cairn_pose_is_finite(*odometry))
+        return CAIRN_NOT_FINITE;
+    if (odometry != NULL &&
+        !(cairn_abs(odometry->x) <= MAX_ODOMETRY_M && cairn_abs(odometry->y) <= MAX_ODOMETRY_M))
+        return CAIRN_BAD_ARGUMENT;
+    has_odometry = odometry != NULL && (mapper->had_odometry || mapper->state.scans == 0);
+    if (has_odometry && mapper->state.scans > 0)
+        by_odometry = cairn_pose_between(mapper->last_odometry, *odometry);
+    if (!(cairn_mapper_translation(by_odometry) <= CAIRN_SCAN_EXTENT)) {
+        by_odometry = cairn_pose_identity(); /* a jump of odometry is ignored */
+        has_odometry = 0;
+    }
+    if (input == NULL)
+        return cairn_scan_begin(mapper->scan, NULL, fault);
+    sweep = *input;
+    sweep.motion = cairn_mapper_sweep_motion(mapper, input, has_odometry ? &by_odometry : NULL);
+    status = cairn_scan_begin(mapper->scan, &sweep, fault);
+    if (status != CAIRN_OK)
+        return status;
+
+    last = last_pose(mapper);
+    mapper->has_odometry = has_odometry;
+    mapper->last_span = cairn_time_difference(input->stamp_ns, mapper->last_stamp);
+    mapper->last_stamp = input->stamp_ns;
+    if (mapper->state.scans == 0 && odometry != NULL)
+        /* The odometry frame defines the map frame. */
+        last = *odometry;
+    cairn_mapper_predict(mapper, last, by_odometry);
+    mapper->had_odometry = odometry != NULL;
+    if (odometry != NULL)
+        mapper->last_odometry = *odometry;
+    mapper->loop.settling = 0;
+    mapper->phase = MAPPER_FIT_LINES;
+    mapper->cursor = 0;
+    return CAIRN_OK;
+}
+
+/* ---- The match ---- */
+
+/* The lines are fitted: chooses the next phase of pose estimation. */
+static cairn_status begin_pose(cairn_mapper *mapper)
+{
+    if (cairn_scan_read(mapper->scan).point_count == 0 || mapper->keyframes->point_count == 0) {
+        mapper->phase = MAPPER_STORE;
+        return CAIRN_OK;
+    }
+    if (cairn_mapper_needs_local(mapper)) {
+        mapper->phase = MAPPER_SELECT_LOCAL;
+        cairn_mapper_begin_local(mapper);
+        return CAIRN_OK;
+    }
+    return cairn_mapper_begin_match(mapper);
+}
+
+/* ---- The result ---- */
+
+/* Returns 1 when a relocalization hypothesis is pending that the next scan may confirm. */
+static int has_new_hypothesis(const cairn_mapper *mapper)
+{
+    return !mapper->has_match && mapper->hypothesis_is_new &&
+           mapper->hypothesis_scan == mapper->state.scans + 1;
+}
+
+/* Returns 1 when the scan shows what the local map does not: it has moved, or its overlap is
+ * low. */
+static int is_keyframe(const cairn_mapper *mapper, cairn_pose map_scan)
+{
+    cairn_pose step;
+
+    if (mapper->keyframe_count == 0)
+        return 1;
+    if (has_new_hypothesis(mapper))
+        return 0;
+    if (mapper->result.overlap < mapper->params.keyframe_min_overlap &&
+        mapper->scans_since_keyframe >= MIN_SCANS_BETWEEN_KEYFRAMES)
+        return 1;
+    step = cairn_pose_between(mapper->keyframe_pose[mapper->keyframe_count - 1], map_scan);
+    return step.x * step.x + step.y * step.y >
+               mapper->params.keyframe_distance * mapper->params.keyframe_distance ||
+           cairn_abs(step.theta) > mapper->params.keyframe_angle;
+}
+
+/* Stores the current scan as a keyframe. A force field run in progress ends with the poses reached
+ * so far, and the scan moves with its predecessor. */
+static cairn_status store_keyframe(cairn_mapper *mapper, const cairn_scan_view *view)
+{
+    cairn_mapper_result *result = &mapper->result;
+    int32_t keyframe = mapper->keyframe_count, slot = cairn_scan_set_next(mapper->keyframes);
+    cairn_status status = cairn_scan_set_add(mapper->keyframes, view, NULL, NULL);
+
+    if (status != CAIRN_OK) {
+        result->is_keyframe = 0;
+        mapper->full = 1;
+        return status;
+    }
+    if (mapper->window_phase == MAPPER_WINDOW_RUN) {
+        cairn_pose step = cairn_pose_between(mapper->keyframe_pose[keyframe - 1], result->map_scan);
+
+        cairn_mapper_read_window(mapper);
+        result->map_scan = cairn_pose_compose(mapper->keyframe_pose[keyframe - 1], step);
+    }
+    mapper->slot[keyframe] = slot;
+    mapper->keyframe_count++;
+    mapper->keyframe_pose[keyframe] = result->map_scan;
+    mapper->target_stale = 1;
+    if (mapper->visibility != NULL)
+        cairn_mapper_store_visibility(mapper, keyframe, view);
+    if (mapper->loop.graph != NULL)
+        cairn_mapper_constrain_keyframe(mapper, &mapper->loop.constraints[keyframe]);
+    if (mapper->params.cull_keyframes)
+        mapper->loop.redundancy.score[keyframe] = -1;
+    mapper->window_phase = MAPPER_WINDOW_IDLE;
+    if (mapper->params.window && keyframe > 0 && !cairn_mapper_loops_lag(mapper))
+        cairn_mapper_begin_window(mapper);
+    return status;
+}
+
+/* Fills in the result and stores the scan if it is a keyframe. CAIRN_FULL: no capacity for it. */
+static cairn_status store_result(cairn_mapper *mapper)
+{
+    cairn_scan_view view = cairn_scan_read(mapper->scan);
+    cairn_mapper_result *result = &mapper->result;
+    cairn_pose last = last_pose(mapper);
+    cairn_status status = CAIRN_OK;
+    int32_t first = mapper->keyframe_count == 0;
+
+    if (mapper->state.scans == 0)
+        last = mapper->predicted;
+    if (!mapper->had_odometry && mapper->finished_has_odometry) {
+        mapper->map_odom = cairn_mapper_map_odom(mapper);
+        mapper->finished_has_odometry = 0;
+    }
+    cairn_mapper_update_motion_model(mapper);
+    result->map_scan = mapper->has_match ? mapper->match.target_query : mapper->predicted;
+    result->overlap = mapper->has_match ? mapper->match.overlap : 0;
+    memset(result->covariance, 0, sizeof result->covariance);
+    if (mapper->has_match)
+        memcpy(result->covariance, mapper->match.covariance, sizeof result->covariance);
+    if (mapper->has_match)
+        result->verdict = CAIRN_MAPPER_MATCHED;
+    else if (view.point_count == 0)
+        result->verdict = CAIRN_MAPPER_NO_FEATURES;
+    else
+        result->verdict = first ? CAIRN_MAPPER_FIRST : CAIRN_MAPPER_PREDICTED;
+    mapper->state.predicted +=
+        result->verdict == CAIRN_MAPPER_PREDICTED || result->verdict == CAIRN_MAPPER_NO_FEATURES;
+
+    mapper->last_motion =
+        cairn_mapper_next_motion(mapper, cairn_pose_between(last, result->map_scan));
+    /* The first scan is a keyframe even without features: other scans need a reference. */
+    result->is_keyframe = (first || view.point_count > 0) && is_keyframe(mapper, result->map_scan);
+    if (result->is_keyframe)
+        status = store_keyframe(mapper, &view);
+    result->keyframe =
+        result->is_keyframe ? mapper->keyframe_count - 1 : cairn_mapper_choose_reference(mapper);
+    result->keyframe_scan =
+        cairn_pose_between(mapper->keyframe_pose[result->keyframe], result->map_scan);
+    mapper->scans_since_keyframe =
+        result->is_keyframe
+            ? 0
+            : mapper->scans_since_keyframe + (mapper->scans_since_keyframe < INT32_MAX);
+    if (mapper->had_odometry) {
+        mapper->finished_has_odometry = 1;
+        mapper->finished_odometry = mapper->last_odometry;
+    }
+    mapper->state.scans++;
+    mapper->state.keyframes = mapper->keyframe_count;
+    return status;
+}
+
+/* ---- Steps ---- */
+
+/* Returns the work units left for the next background task; the force field goes first. Unbounded
+ * while a keyframe must be culled. */
+static int32_t quota_left(const cairn_mapper *mapper)
+{
+    if (cairn_mapper_must_cull(mapper))
+        return CAIRN_UNBOUNDED;
+    if (mapper->window_phase != MAPPER_WINDOW_IDLE)
+        return mapper->window_quota;
+    return mapper->loop.graph != NULL ? mapper->loop.quota : 0;
+}
+
+/* Sets the shares of work units of force field and loop closure, less the units that the search of
+ * this scan has used. */
+static void begin_background(cairn_mapper *mapper)
+{
+    mapper->window_quota = mapper->params.window_units - mapper->search_units_used;
+    mapper->loop.quota = mapper->params.loop.units_per_scan - mapper->search_units_used;
+    if (cairn_mapper_loops_lag(mapper))
+        mapper->loop.quota = mapper->window_quota;
+    if (cairn_mapper_must_cull(mapper))
+        cairn_mapper_end_window(mapper);
+    mapper->phase = quota_left(mapper) > 0 ? MAPPER_BACKGROUND : MAPPER_IDLE;
+}
+
+/* Continues force field, loop closure and graph until nothing is left to do or the scan's share of
+ * units is used up. */
+static cairn_status background_step(cairn_mapper *mapper, cairn_budget *budget)
+{
+    int32_t quota = quota_left(mapper), most = budget->left < quota ? budget->left : quota;
+    int32_t is_window = mapper->window_phase != MAPPER_WINDOW_IDLE;
+    cairn_budget share = {most};
+    cairn_status status =
+        is_window ? cairn_mapper_window_step(mapper, &share)
+                  : cairn_mapper_loop_step(mapper, &share, cairn_mapper_must_cull(mapper));
+
+    budget->left -= most - share.left;
+    mapper->window_quota -= most - share.left;
+    mapper->loop.quota -= most - share.left;
+    if (quota_left(mapper) <= 0 || (status == CAIRN_OK && !is_window))
+        mapper->phase = MAPPER_IDLE;
+    return status == CAIRN_MORE ? CAIRN_OK : status;
+}
+
+static cairn_status match_step(cairn_mapper *mapper, cairn_budget *budget)
+{
+    int32_t before = budget->left;
+    cairn_status status = cairn_icp_step(mapper->icp, budget);
+
+    mapper->match_units_used += before - budget->left;
+    return status;
+}
+
+/* Processes one unit of work of the current phase. CAIRN_OK: the phase may have changed.
+ * CAIRN_MORE: the budget ended within a stepped object. */
+static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
+{
+    cairn_status status = CAIRN_OK;
+
+    switch (mapper->phase) {
+    case MAPPER_FIT_LINES:
+        status = cairn_scan_step(mapper->scan, budget);
+        if (status == CAIRN_OK)
+            status = begin_pose(mapper);
+        break;
+    case MAPPER_SELECT_LOCAL:
+        budget->left--;
+        if (cairn_mapper_select_local(mapper)) {
+            cairn_icp_clear_target(mapper->icp);
+            budget->left -=
+                1 + cairn_mapper_local_points(&mapper->params, mapper->params.local_keyframes) / 64;
+            mapper->phase = MAPPER_BUILD_TARGET;
+            mapper->cursor = 0;
+        }
+        break;
+    case MAPPER_BUILD_TARGET:
+        status = cairn_mapper_add_local(mapper, budget);
+        if (status == CAIRN_OK && mapper->cursor == mapper->local_count) {
+            mapper->target_stale = 0;
+            mapper->target_pose = mapper->predicted;
+            mapper->search_target_count = 0;
+            mapper->phase = MAPPER_STORE;
+            if (cairn_icp_target_count(mapper->icp) > 0)
+                status = cairn_mapper_begin_match(mapper);
+        }
+        break;
+    case MAPPER_MATCH:
+    case MAPPER_MATCH_ALTERNATIVE:
+    case MAPPER_MATCH_FOUND:
+    case MAPPER_MATCH_CONSTRAINED:
+        status = match_step(mapper, budget);
+        if (status == CAIRN_OK)
+            status = cairn_mapper_end_match(mapper);
+        break;
+    case MAPPER_BUILD_SEARCH_TARGET:
+        status = cairn_mapper_search_target(mapper, budget);
+        break;
+    case MAPPER_SEARCH:
+        status = cairn_mapper_search_step(mapper, budget);
+        break;
+    case MAPPER_STORE:
+        budget->left -= 4 + cairn_scan_read(mapper->scan).point_count / 4;
+        if (mapper->loop.graph != NULL)
+            budget->left -= CONSTRAINT_UNITS * mapper->local_count;
+        status = store_result(mapper);
+        begin_background(mapper);
+        if (status != CAIRN_OK)
+            mapper->phase = MAPPER_IDLE;
+        break;
+    default:
+        status = background_step(mapper, budget);
+        break;
+    }
+    return status;
+}
+
+cairn_status cairn_mapper_step(cairn_mapper *mapper, cairn_budget *budget)
+{
+    cairn_status status = CAIRN_OK;
+    int32_t before;
+
+    if (mapper == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    before = budget->left;
+    while (status == CAIRN_OK && mapper->phase != MAPPER_IDLE) {
+        if (budget->left <= 0) {
+            status = CAIRN_MORE;
+            break;
+        }
+        status = advance(mapper, budget);
+    }
+    mapper->state.units += (int64_t)before - budget->left;
+    return status;
+}
+
+cairn_status cairn_mapper_settle(cairn_mapper *mapper, cairn_budget *budget)
+{
+    cairn_status status;
+    int32_t before;
+
+    if (mapper == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    status = cairn_mapper_step(mapper, budget);
+    if (status != CAIRN_OK)
+        return status;
+    before = budget->left;
+    status = cairn_mapper_window_step(mapper, budget);
+    if (status == CAIRN_OK && mapper->loop.graph != NULL) {
+        mapper->loop.settling = 1;
+        status = cairn_mapper_loop_step(mapper, budget, 0);
+        if (status != CAIRN_MORE)
+            mapper->loop.settling = 0;
+    }
+    mapper->state.units += (int64_t)before - budget->left;
+    return status;
+}
+
+/* ---- Readers ---- */
+
+cairn_mapper_result cairn_mapper_read(const cairn_mapper *mapper)
+{
+    return mapper->result;
+}
+
+cairn_scan_view cairn_mapper_view(const cairn_mapper *mapper)
+{
+    return cairn_scan_read(mapper->scan);
+}
+
+static int is_below(int32_t index, int32_t count)
+{
+    return index >= 0 && index < count;
+}
+
+cairn_pose cairn_mapper_keyframe_pose(const cairn_mapper *mapper, int32_t keyframe)
+{
+    return is_below(keyframe, mapper->keyframe_count) ? mapper->keyframe_pose[keyframe]
+                                                      : cairn_pose_identity();
+}
+
+const cairn_scan_set *cairn_mapper_keyframes(const cairn_mapper *mapper)
+{
+    return mapper->keyframes;
+}
+
+cairn_pose cairn_mapper_map_odom(const cairn_mapper *mapper)
+{
+    if (!mapper->finished_has_odometry)
+        return mapper->map_odom;
+    return cairn_pose_compose(last_pose(mapper), cairn_pose_inverse(mapper->finished_odometry));
+}
+
+cairn_mapper_loop cairn_mapper_loop_at(const cairn_mapper *mapper, int32_t index)
+{
+    const cairn_mapper_loop none = {.first = -1, .second = -1};
+
+    return is_below(index, mapper->state.loop_events)
+               ? mapper->loop.events[index % MAPPER_LOOP_EVENTS]
+               : none;
+}
+
+int32_t cairn_mapper_link_count(const cairn_mapper *mapper)
+{
+    return mapper->loop.link_count;
+}
+
+int32_t cairn_mapper_keyframe_slot(const cairn_mapper *mapper, int32_t keyframe)
+{
+    return is_below(keyframe, mapper->keyframe_count) ? mapper->slot[keyframe] : -1;
+}
+
+cairn_mapper_culling cairn_mapper_culling_at(const cairn_mapper *mapper, int32_t index)
+{
+    const cairn_mapper_culling none = {.keyframe = -1, .reference = -1};
+
+    return is_below(index, mapper->state.culled_keyframes)
+               ? mapper->cullings[index % MAPPER_CULLING_EVENTS]
+               : none;
+}
+
+cairn_mapper_link cairn_mapper_link_at(const cairn_mapper *mapper, int32_t index)
+{
+    cairn_mapper_link out = {.first = -1, .second = -1};
+    const mapper_link *link;
+
+    if (!is_below(index, mapper->loop.link_count))
+        return out;
+    link = &mapper->loop.links[index];
+    out.first = link->first;
+    out.second = link->second;
+    out.first_second = cairn_pose_graph_measurement(mapper->loop.graph, index, &out.information);
+    out.is_loop = link->is_loop;
+    out.is_outlier = link->dropped;
+    return out;
+}
+
+cairn_mapper_state cairn_mapper_measure(const cairn_mapper *mapper)
+{
+    return mapper->state;
+}

@@ -1,0 +1,198 @@
+/* Redundancy scores of keyframes: which keyframe can be culled with the least loss of coverage?
+ *
+ * Method.
+ *
+ * 1. Every fourth bearing of a keyframe's visibility profile gives two samples: the surface point
+ *    at the end of the free range, and a free-space point at half of it.
+ * 2. Another keyframe observes a sample when its own profile is free there, or has a surface within
+ *    SURFACE_TOLERANCE_M along that bearing.
+ * 3. Score = sum over the samples of 1 / (1 + n), where n of the nearest earlier keyframes observe
+ *    the sample. The keyframe of the least score is the most redundant.
+ *
+ * Only earlier keyframes count. Of two that show the same, the older one stays, because the map was
+ * built from it: a robot that repeats a route is always matched against the first round.
+ *
+ * Layout: scores are cached until keyframes move or one of their observers is culled.
+ *
+ * Limits: outdated views of a changed environment stay beside current ones as long as memory
+ * lasts. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/maps/mapper_work.h"
+
+enum {
+    BEARING_STEP = MAPPER_BEARINGS / (MAPPER_SAMPLES / 2),
+    KEYFRAMES_PER_UNIT = 16,
+    SAMPLES_PER_UNIT = 2 /* of one observing keyframe */
+};
+
+/* m: maximum difference of two views of one surface */
+static const cairn_real SURFACE_TOLERANCE_M = CAIRN_REAL(0.2);
+static const cairn_real UNBOUNDED_RADIUS2 = CAIRN_REAL(1e30); /* m^2 */
+
+static cairn_vec2 sensor_in_map(const cairn_mapper *mapper, int32_t keyframe)
+{
+    return cairn_pose_point(mapper->keyframe_pose[keyframe],
+                            cairn_mapper_keyframe_record(mapper, keyframe)->sensor);
+}
+
+static cairn_real sensor_distance2(const cairn_mapper *mapper, int32_t a, int32_t b)
+{
+    return cairn_vec2_norm_squared(
+        cairn_vec2_sub(sensor_in_map(mapper, a), sensor_in_map(mapper, b)));
+}
+
+void cairn_mapper_invalidate_redundancy(cairn_mapper *mapper)
+{
+    for (int32_t keyframe = 0; keyframe < mapper->keyframe_count; keyframe++)
+        mapper->loop.redundancy.score[keyframe] = -1;
+}
+
+void cairn_mapper_invalidate_redundancy_near(cairn_mapper *mapper, int32_t culled)
+{
+    mapper_redundancy *redundancy = &mapper->loop.redundancy;
+
+    for (int32_t keyframe = culled + 1; keyframe < mapper->keyframe_count; keyframe++)
+        if (redundancy->score[keyframe] >= 0 &&
+            !(sensor_distance2(mapper, keyframe, culled) > redundancy->neighbour_radius2[keyframe]))
+            redundancy->score[keyframe] = -1;
+}
+
+/* ---- Neighbours that may observe the same samples ---- */
+
+/* Inserts a keyframe into the sorted list of nearest neighbours. */
+static void insert_neighbour(mapper_redundancy *redundancy, int32_t keyframe, cairn_real distance)
+{
+    int32_t at = redundancy->neighbour_count;
+
+    if (at == MAPPER_REDUNDANCY_NEIGHBOURS) {
+        if (!(distance < redundancy->neighbour_distance2[at - 1]))
+            return;
+        at--;
+    } else {
+        redundancy->neighbour_count++;
+    }
+    for (; at > 0 && distance < redundancy->neighbour_distance2[at - 1]; at--) {
+        redundancy->neighbours[at] = redundancy->neighbours[at - 1];
+        redundancy->neighbour_distance2[at] = redundancy->neighbour_distance2[at - 1];
+    }
+    redundancy->neighbours[at] = keyframe;
+    redundancy->neighbour_distance2[at] = distance;
+}
+
+static void find_neighbours(cairn_mapper *mapper)
+{
+    mapper_redundancy *redundancy = &mapper->loop.redundancy;
+
+    redundancy->neighbour_count = redundancy->next_neighbour = 0;
+    for (int32_t keyframe = 0; keyframe < redundancy->keyframe; keyframe++)
+        insert_neighbour(redundancy, keyframe,
+                         sensor_distance2(mapper, redundancy->keyframe, keyframe));
+    redundancy->neighbour_radius2[redundancy->keyframe] =
+        redundancy->neighbour_count == MAPPER_REDUNDANCY_NEIGHBOURS
+            ? redundancy->neighbour_distance2[MAPPER_REDUNDANCY_NEIGHBOURS - 1]
+            : UNBOUNDED_RADIUS2;
+    memset(redundancy->observer_counts, 0, sizeof redundancy->observer_counts);
+}
+
+/* ---- Samples ---- */
+
+/* Returns 1 when a keyframe observes a point in its frame as surface, or as free space. */
+static int32_t observes(const cairn_mapper *mapper, int32_t keyframe, cairn_vec2 point,
+                        int32_t surface)
+{
+    const uint16_t *visibility =
+        &mapper->visibility[(size_t)mapper->slot[keyframe] * MAPPER_BEARINGS];
+    cairn_vec2 d = cairn_vec2_sub(point, cairn_mapper_keyframe_record(mapper, keyframe)->sensor);
+    cairn_real range = (cairn_real)visibility[cairn_mapper_bearing_of(d)] / 100,
+               distance = cairn_vec2_norm(d);
+
+    return surface ? range > 0 && cairn_abs(range - distance) <= SURFACE_TOLERANCE_M
+                   : distance <= range;
+}
+
+/* Adds another keyframe's observations of the current keyframe's samples. */
+static void count_observers(cairn_mapper *mapper, int32_t other)
+{
+    mapper_redundancy *redundancy = &mapper->loop.redundancy;
+    const uint16_t *visibility =
+        &mapper->visibility[(size_t)mapper->slot[redundancy->keyframe] * MAPPER_BEARINGS];
+    cairn_transform other_keyframe = cairn_transform_of(cairn_pose_between(
+        mapper->keyframe_pose[other], mapper->keyframe_pose[redundancy->keyframe]));
+    cairn_vec2 sensor = cairn_mapper_keyframe_record(mapper, redundancy->keyframe)->sensor;
+
+    for (int32_t i = 0; i < MAPPER_SAMPLES / 2; i++) {
+        int32_t bearing = i * BEARING_STEP;
+        cairn_vec2 way = cairn_vec2_scale(cairn_mapper_bearing_direction(bearing),
+                                          (cairn_real)visibility[bearing] / 100);
+        cairn_vec2 end = cairn_transform_point(other_keyframe, cairn_vec2_add(sensor, way));
+        cairn_vec2 half = cairn_transform_point(
+            other_keyframe, cairn_vec2_add(sensor, cairn_vec2_scale(way, CAIRN_REAL(0.5))));
+
+        if (visibility[bearing] == 0)
+            continue;
+        redundancy->observer_counts[2 * i] += (uint8_t)observes(mapper, other, end, 1);
+        redundancy->observer_counts[2 * i + 1] += (uint8_t)observes(mapper, other, half, 0);
+    }
+}
+
+/* Returns the redundancy score of the current keyframe. */
+static cairn_real coverage_loss(const cairn_mapper *mapper)
+{
+    const mapper_redundancy *redundancy = &mapper->loop.redundancy;
+    const uint16_t *visibility =
+        &mapper->visibility[(size_t)mapper->slot[redundancy->keyframe] * MAPPER_BEARINGS];
+    cairn_real redundancy_score = 0;
+
+    for (int32_t i = 0; i < MAPPER_SAMPLES; i++)
+        if (visibility[i / 2 * BEARING_STEP] > 0)
+            redundancy_score += 1 / (cairn_real)(1 + redundancy->observer_counts[i]);
+    return redundancy_score;
+}
+
+/* ---- Steps ---- */
+
+void cairn_mapper_begin_redundancy(cairn_mapper *mapper)
+{
+    mapper->loop.redundancy.keyframe = 1;
+    mapper->loop.redundancy.neighbour_count = mapper->loop.redundancy.next_neighbour = -1;
+}
+
+int32_t cairn_mapper_redundancy_item(cairn_mapper *mapper, int32_t end, cairn_budget *budget)
+{
+    mapper_redundancy *redundancy = &mapper->loop.redundancy;
+
+    if (redundancy->next_neighbour >= 0 &&
+        redundancy->next_neighbour < redundancy->neighbour_count) {
+        count_observers(mapper, redundancy->neighbours[redundancy->next_neighbour++]);
+        budget->left -= MAPPER_SAMPLES / SAMPLES_PER_UNIT;
+        return 0;
+    }
+    if (redundancy->next_neighbour >= 0) {
+        redundancy->score[redundancy->keyframe] = coverage_loss(mapper);
+        budget->left -= 1 + MAPPER_SAMPLES / KEYFRAMES_PER_UNIT;
+        redundancy->next_neighbour = -1;
+    }
+    for (; redundancy->keyframe < end && redundancy->score[redundancy->keyframe] >= 0;
+         redundancy->keyframe++)
+        if (redundancy->keyframe % KEYFRAMES_PER_UNIT == 0)
+            budget->left--;
+    if (redundancy->keyframe >= end)
+        return 1;
+    find_neighbours(mapper);
+    budget->left -= 1 + redundancy->keyframe / KEYFRAMES_PER_UNIT;
+    return 0;
+}
+
+int32_t cairn_mapper_most_redundant(const cairn_mapper *mapper, int32_t end)
+{
+    const cairn_real *redundancy_score = mapper->loop.redundancy.score;
+    int32_t best = 1;
+
+    for (int32_t keyframe = 2; keyframe < end; keyframe++)
+        if (!(redundancy_score[keyframe] > redundancy_score[best]))
+            best = keyframe;
+    return best;
+}

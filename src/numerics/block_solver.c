@@ -1,0 +1,403 @@
+/* Sparse LDL^T solver for systems of 3 x 3 blocks: structure, values and steps.
+ *
+ * Method:
+ * 1. Fill-reducing ordering (block_solver_order.c) and pattern of the factor
+ *    (block_solver_pattern.c).
+ * 2. Every link stores the index of the factor's block that holds its own block, and values are
+ *    added there directly: H is not stored separately, the factor and later the inverse overwrite
+ *    H.
+ * 3. Numeric factorization and substitution (block_solver_factor.c).
+ * 4. Selected inverse (block_solver_inverse.c).
+ *
+ * Limits: no pivoting and no iterative refinement, which positive definite systems do not need. In
+ * float a system whose pivots fall below 1e-5 of its diagonal is refused. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/numerics/block_solver_work.h"
+
+enum { MAX_POSES = 1 << 22, MAX_LINKS = 1 << 24, MAX_FILL = 1 << 26 };
+
+cairn_block_solver_params cairn_block_solver_default(void)
+{
+    cairn_block_solver_params params = {.max_poses = 1000, .max_links = 3000, .max_fill = 12000};
+    return params;
+}
+
+/* 1 when all params are in range. */
+static int params_are_valid(const cairn_block_solver_params *params)
+{
+    return params != NULL && params->max_poses >= 1 && params->max_poses <= MAX_POSES &&
+           params->max_links >= 0 && params->max_links <= MAX_LINKS && params->max_fill >= 0 &&
+           params->max_fill <= MAX_FILL;
+}
+
+/* Allocates the arrays of the ordering. */
+static void carve_order(struct block_solver_order *ordering, cairn_pool *pool,
+                        const cairn_block_solver_params *params)
+{
+    size_t poses = (size_t)params->max_poses;
+    int32_t **const arrays[] = {&ordering->length,      &ordering->elements, &ordering->degree,
+                                &ordering->size,        &ordering->mark,     &ordering->next_member,
+                                &ordering->last_member, &ordering->head,     &ordering->next,
+                                &ordering->previous,    &ordering->hash_head};
+
+    ordering->graph =
+        cairn_pool_take(pool, 2 * (size_t)params->max_links + poses, sizeof *ordering->graph);
+    ordering->start = cairn_pool_take(pool, poses + 1, sizeof *ordering->start);
+    for (size_t k = 0; k < sizeof arrays / sizeof *arrays; k++)
+        *arrays[k] = cairn_pool_take(pool, poses, sizeof(int32_t));
+}
+
+/* Allocates the arrays whose size is the fill. */
+static void carve_fill(cairn_block_solver *solver, cairn_pool *pool, size_t fill)
+{
+    solver->rows = cairn_pool_take(pool, fill, sizeof *solver->rows);
+    solver->blocks = cairn_pool_take(pool, fill, sizeof *solver->blocks);
+}
+
+/* Allocates the object and its arrays and sets the pointers of *solver, which the caller then
+ * copies to the object. Returns the object, NULL from a counting pool. */
+static cairn_block_solver *carve(cairn_block_solver *solver, cairn_pool *pool,
+                                 const cairn_block_solver_params *params)
+{
+    size_t poses = (size_t)params->max_poses, links = (size_t)params->max_links,
+           fill = (size_t)params->max_fill;
+    cairn_block_solver *made = cairn_pool_take_one(pool, sizeof *made);
+
+    solver->first = cairn_pool_take(pool, links, sizeof *solver->first);
+    solver->second = cairn_pool_take(pool, links, sizeof *solver->second);
+    solver->slot = cairn_pool_take(pool, links, sizeof *solver->slot);
+    solver->order = cairn_pool_take(pool, poses, sizeof *solver->order);
+    solver->position = cairn_pool_take(pool, poses, sizeof *solver->position);
+    solver->column = cairn_pool_take(pool, poses + 1, sizeof *solver->column);
+    carve_fill(solver, pool, fill);
+    solver->diagonal = cairn_pool_take(pool, poses, sizeof *solver->diagonal);
+    solver->x = cairn_pool_take(pool, poses, sizeof *solver->x);
+    solver->sums = cairn_pool_take(pool, poses, sizeof *solver->sums);
+    solver->panel.factor =
+        cairn_pool_take(pool, BLOCK_SOLVER_PANEL_REALS, sizeof *solver->panel.factor);
+    carve_order(&solver->ordering, pool, params);
+    solver->ordering.score = solver->column;
+    return made;
+}
+
+size_t cairn_block_solver_memory(const cairn_block_solver_params *params)
+{
+    cairn_block_solver layout;
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&layout, &counting, params);
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status cairn_block_solver_create(cairn_block_solver **solver, cairn_pool *pool,
+                                       const cairn_block_solver_params *params)
+{
+    size_t need = cairn_block_solver_memory(params);
+    cairn_block_solver layout;
+    cairn_block_solver *made;
+
+    if (solver == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, need))
+        return CAIRN_NO_MEMORY;
+    memset(&layout, 0, sizeof layout);
+    made = carve(&layout, pool, params);
+    layout.params = *params;
+    layout.result.failed_pose = -1;
+    layout.is_closed = 1;
+    *made = layout;
+    *solver = made;
+    return CAIRN_OK;
+}
+
+/* ---- Structure ---- */
+
+cairn_status cairn_block_solver_begin(cairn_block_solver *solver, int32_t poses)
+{
+    int64_t units;
+
+    if (solver == NULL || poses < 1)
+        return CAIRN_BAD_ARGUMENT;
+    if (poses > solver->params.max_poses)
+        return CAIRN_FULL;
+    units = solver->result.units;
+    memset(&solver->result, 0, sizeof solver->result);
+    solver->result.poses = poses;
+    solver->result.failed_pose = -1;
+    solver->result.units = units;
+    solver->phase = BLOCK_SOLVER_IDLE;
+    solver->units_due = 0;
+    solver->is_closed = 0;
+    solver->solved = 0;
+    solver->outcome = CAIRN_OK;
+    return CAIRN_OK;
+}
+
+/* 1 while step() has work left. */
+static int is_running(const cairn_block_solver *solver)
+{
+    return solver->phase != BLOCK_SOLVER_IDLE || solver->units_due > 0 ||
+           solver->outcome != CAIRN_OK;
+}
+
+/* 1 when no stage runs and the solver is in a state. */
+static int is_in(const cairn_block_solver *solver, cairn_block_solver_state state)
+{
+    return solver != NULL && !is_running(solver) && solver->result.state == state;
+}
+
+/* 1 when the structure has a pose. */
+static int has_pose(const cairn_block_solver *solver, int32_t pose)
+{
+    return pose >= 0 && pose < solver->result.poses;
+}
+
+cairn_status cairn_block_solver_add_link(cairn_block_solver *solver, int32_t first, int32_t second)
+{
+    int32_t link;
+
+    if (solver == NULL || solver->is_closed || !has_pose(solver, first) ||
+        !has_pose(solver, second) || first == second)
+        return CAIRN_BAD_ARGUMENT;
+    link = solver->result.links;
+    if (link == solver->params.max_links)
+        return CAIRN_FULL;
+    solver->first[link] = first;
+    solver->second[link] = second;
+    solver->result.links++;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_block_solver_analyze(cairn_block_solver *solver)
+{
+    if (solver == NULL || solver->is_closed)
+        return CAIRN_BAD_ARGUMENT;
+    solver->is_closed = 1;
+    cairn_block_solver_order_begin(solver);
+    return CAIRN_OK;
+}
+
+size_t cairn_block_solver_extend_memory(int32_t max_fill)
+{
+    cairn_block_solver layout;
+    cairn_pool counting;
+
+    if (max_fill < 1 || max_fill > MAX_FILL)
+        return 0;
+    cairn_pool_init_counting(&counting);
+    carve_fill(&layout, &counting, (size_t)max_fill);
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status cairn_block_solver_extend(cairn_block_solver *solver, cairn_pool *pool,
+                                       int32_t max_fill)
+{
+    size_t need = cairn_block_solver_extend_memory(max_fill);
+
+    if (pool == NULL || need == 0 || !is_in(solver, CAIRN_BLOCK_SOLVER_NEW) || !solver->is_closed ||
+        solver->result.fill <= solver->params.max_fill || solver->result.fill > max_fill)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, need))
+        return CAIRN_NO_MEMORY;
+    carve_fill(solver, pool, (size_t)max_fill);
+    solver->params.max_fill = max_fill;
+    cairn_block_solver_pattern_resume(solver);
+    return CAIRN_OK;
+}
+
+/* ---- Values ---- */
+
+/* Sets all values to 0. */
+static void clear_values(cairn_block_solver *solver)
+{
+    memset(solver->diagonal, 0, (size_t)solver->result.poses * sizeof *solver->diagonal);
+    memset(solver->blocks, 0, (size_t)solver->result.fill * sizeof *solver->blocks);
+    solver->is_zero = 1;
+    solver->solved = 0;
+    solver->is_coupled = 0;
+    solver->result.failed_pose = -1;
+    solver->result.state = CAIRN_BLOCK_SOLVER_ANALYZED;
+}
+
+cairn_status cairn_block_solver_clear(cairn_block_solver *solver)
+{
+    if (solver == NULL || is_running(solver) || solver->result.state == CAIRN_BLOCK_SOLVER_NEW)
+        return CAIRN_BAD_ARGUMENT;
+    if (!solver->is_zero)
+        clear_values(solver);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_block_solver_add_pose_block(cairn_block_solver *solver, int32_t pose,
+                                               cairn_sym3 block)
+{
+    cairn_sym3 *sum;
+
+    if (!is_in(solver, CAIRN_BLOCK_SOLVER_ANALYZED) || !has_pose(solver, pose))
+        return CAIRN_BAD_ARGUMENT;
+    if (!(cairn_is_finite(block.xx) && cairn_is_finite(block.xy) && cairn_is_finite(block.xz) &&
+          cairn_is_finite(block.yy) && cairn_is_finite(block.yz) && cairn_is_finite(block.zz)))
+        return CAIRN_NOT_FINITE;
+    solver->is_zero = 0;
+    sum = &solver->diagonal[solver->position[pose]];
+    sum->xx += block.xx;
+    sum->xy += block.xy;
+    sum->xz += block.xz;
+    sum->yy += block.yy;
+    sum->yz += block.yz;
+    sum->zz += block.zz;
+    solver->is_coupled |= block.xz != 0 || block.yz != 0;
+    return CAIRN_OK;
+}
+
+/* a += b, or a += b^T. */
+static void add_block(cairn_real a[9], const cairn_real b[9], int transposed)
+{
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++)
+            a[3 * r + c] += transposed ? b[3 * c + r] : b[3 * r + c];
+}
+
+cairn_status cairn_block_solver_add_link_block(cairn_block_solver *solver, int32_t link,
+                                               const cairn_real block[9])
+{
+    if (!is_in(solver, CAIRN_BLOCK_SOLVER_ANALYZED) || link < 0 || link >= solver->result.links ||
+        block == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    for (int k = 0; k < 9; k++)
+        if (!cairn_is_finite(block[k]))
+            return CAIRN_NOT_FINITE;
+    solver->is_zero = 0;
+    add_block(solver->blocks[solver->slot[link]], block,
+              solver->position[solver->first[link]] < solver->position[solver->second[link]]);
+    solver->is_coupled |=
+        block[2] != 0 || block[5] != 0 || block[6] != 0 || block[7] != 0 || block[8] != 0;
+    return CAIRN_OK;
+}
+
+/* ---- Stages ---- */
+
+cairn_status cairn_block_solver_factor(cairn_block_solver *solver)
+{
+    if (!is_in(solver, CAIRN_BLOCK_SOLVER_ANALYZED))
+        return CAIRN_BAD_ARGUMENT;
+    solver->is_zero = 0;
+    cairn_block_solver_factor_begin(solver);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_block_solver_solve(cairn_block_solver *solver, const cairn_real *b)
+{
+    if (!is_in(solver, CAIRN_BLOCK_SOLVER_FACTORED) || b == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    for (int32_t i = 0; i < 3 * solver->result.poses; i++)
+        if (!cairn_is_finite(b[i]))
+            return CAIRN_NOT_FINITE;
+    for (int32_t i = 0; i < solver->result.poses; i++)
+        memcpy(solver->x[solver->position[i]], &b[3 * i], sizeof *solver->x);
+    solver->solved = 0;
+    solver->current = 0;
+    solver->phase = BLOCK_SOLVER_FORWARD;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_block_solver_solution(const cairn_block_solver *solver, int32_t pose,
+                                         cairn_real x[3])
+{
+    if (solver == NULL || x == NULL || !has_pose(solver, pose))
+        return CAIRN_BAD_ARGUMENT;
+    if (!solver->solved)
+        return CAIRN_EMPTY;
+    memcpy(x, solver->x[solver->position[pose]], sizeof *solver->x);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_block_solver_invert(cairn_block_solver *solver)
+{
+    if (!is_in(solver, CAIRN_BLOCK_SOLVER_FACTORED))
+        return CAIRN_BAD_ARGUMENT;
+    cairn_block_solver_inverse_begin(solver);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_block_solver_covariance(const cairn_block_solver *solver, int32_t first,
+                                           int32_t second, cairn_real block[9])
+{
+    int32_t a, b, block_index;
+
+    if (solver == NULL || block == NULL || !has_pose(solver, first) || !has_pose(solver, second))
+        return CAIRN_BAD_ARGUMENT;
+    if (!is_in(solver, CAIRN_BLOCK_SOLVER_INVERTED))
+        return CAIRN_EMPTY;
+    a = solver->position[first];
+    b = solver->position[second];
+    if (a == b) {
+        cairn_sym3 d = solver->diagonal[a];
+        const cairn_real rows[9] = {d.xx, d.xy, d.xz, d.xy, d.yy, d.yz, d.xz, d.yz, d.zz};
+
+        memcpy(block, rows, sizeof rows);
+        return CAIRN_OK;
+    }
+    block_index = cairn_block_solver_find_block(solver, a > b ? a : b, a > b ? b : a);
+    if (block_index < 0)
+        return CAIRN_UNSUPPORTED;
+    memset(block, 0, sizeof *solver->blocks);
+    add_block(block, solver->blocks[block_index], a < b);
+    return CAIRN_OK;
+}
+
+/* One operation of the stage that runs. Returns its work units. */
+static int32_t advance(cairn_block_solver *solver)
+{
+    if (solver->phase <= BLOCK_SOLVER_FINISH)
+        return cairn_block_solver_order_advance(solver);
+    if (solver->phase <= BLOCK_SOLVER_FIND_SLOTS) {
+        int32_t units = cairn_block_solver_pattern_advance(solver);
+
+        if (solver->result.state != CAIRN_BLOCK_SOLVER_ANALYZED)
+            return units;
+        clear_values(solver);
+        return units + (solver->result.poses + solver->result.fill) / BLOCK_SOLVER_ENTRIES_PER_UNIT;
+    }
+    if (solver->phase <= BLOCK_SOLVER_SUBTRACT)
+        return cairn_block_solver_factor_advance(solver);
+    if (solver->phase <= BLOCK_SOLVER_BACKWARD)
+        return cairn_block_solver_solve_advance(solver);
+    return cairn_block_solver_inverse_advance(solver);
+}
+
+cairn_status cairn_block_solver_step(cairn_block_solver *solver, cairn_budget *budget)
+{
+    cairn_status outcome;
+
+    while (solver->phase != BLOCK_SOLVER_IDLE || solver->units_due > 0) {
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        if (solver->units_due > 0) {
+            int32_t charged = solver->units_due < budget->left ? solver->units_due : budget->left;
+
+            solver->units_due -= charged;
+            budget->left -= charged;
+        } else {
+            solver->units_due = advance(solver);
+            solver->result.units += solver->units_due;
+        }
+    }
+    outcome = solver->outcome;
+    solver->outcome = CAIRN_OK;
+    return outcome;
+}
+
+cairn_block_solver_result cairn_block_solver_read(const cairn_block_solver *solver)
+{
+    cairn_block_solver_result result = solver->result;
+
+    result.running = is_running(solver);
+    return result;
+}

@@ -1,0 +1,489 @@
+/* Sequence alignment by dynamic programming in linear memory.
+ *
+ * Method:
+ * 1. Nodes (i, j), 0 <= i <= n, 0 <= j <= m, are prefixes of i and j elements. A move arrives at a
+ *    node diagonally (elements i - 1 and j - 1 are paired), from above, or from the left, with a
+ *    gain. LCS: 1 for a matching pair. LOCAL: the score of the pair, or minus the gap cost. DTW:
+ *    minus the distance of the elements i - 1 and j - 1, for any move. The best path has the
+ *    greatest sum of gains.
+ * 2. LOCAL only: the end of the best local alignment is the node of the greatest sum that is never
+ *    below 0; its start is found by the backward sums from there.
+ * 3. Divide and conquer (Hirschberg 1975): best sums from the start to the nodes of the middle row,
+ *    best sums from there to the end. The node with the greatest total is on the path and splits
+ *    the table into two jobs. Jobs wait on a stack; the upper one is done first, so pairs come out
+ *    in ascending order.
+ * 4. In a job of one row of elements the path is traced directly.
+ *
+ * Layout: one row of forward sums and one of backward sums. A backward sum of DTW includes the gain
+ * of arriving at its own node, because all moves to a node have the same gain.
+ *
+ * Limits: no affine gap costs, no band.
+ *
+ * Source: Hirschberg 1975; Smith and Waterman 1981; Sakoe and Chiba 1978. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "cairn/sequence.h"
+
+/* Largest number of elements of a sequence, and of jobs on the stack. */
+enum { MAX_ELEMENTS = 1 << 24, MAX_JOBS = 32 };
+
+/* Gain of a forbidden move. */
+static const cairn_real IMPOSSIBLE_GAIN = CAIRN_REAL(-1e30);
+
+/* Part of the table between two nodes of the path, of at least one row of elements. */
+typedef struct sequence_job {
+    int32_t first_row, last_row, first_column, last_column;
+} sequence_job;
+
+/* Phases. */
+typedef int32_t sequence_phase;
+enum {
+    SEQUENCE_IDLE,
+    /* LOCAL: end and start of the best local alignment. */
+    SEQUENCE_FIND_END,
+    SEQUENCE_FIND_START,
+    /* Takes the next job off the stack. */
+    SEQUENCE_TAKE_JOB,
+    /* Sums from the start of the job to its middle row. */
+    SEQUENCE_FORWARD,
+    /* Sums from the row below the middle row, or from the middle row itself, to the end of the
+     * job. */
+    SEQUENCE_BACKWARD,
+    /* Node of the middle row that is on the path. */
+    SEQUENCE_FIND_SPLIT,
+    /* Path of a job of one row of elements. */
+    SEQUENCE_TRACE_PATH,
+    SEQUENCE_DONE
+};
+
+struct cairn_sequence {
+    cairn_sequence_params params;
+    /* [max_first + max_second] Pairs of the path so far. */
+    cairn_sequence_pair *pairs;
+    /* [max_second + 1] Best sums from the start, and to the end. */
+    cairn_real *forward, *backward;
+    cairn_sequence_compare compare;
+    const void *context;
+    int32_t first_count, second_count;
+    sequence_phase phase;
+    /* Stack of jobs, and current job. */
+    sequence_job jobs[MAX_JOBS];
+    int32_t job_count;
+    sequence_job job;
+    /* Rows of the forward and the backward sums at the split: the same, or adjacent rows. */
+    int32_t middle_row, below_row;
+    /* Current node. */
+    int32_t row, column;
+    /* Sum of the diagonal neighbour, which its row has overwritten. */
+    cairn_real diagonal;
+    /* Best sum so far, and its node. */
+    cairn_real best;
+    int32_t best_row, best_column;
+    /* 1: the path moves diagonally between the adjacent rows of the split. */
+    int32_t best_is_diagonal;
+    /* Score of the path, and number of pairs so far. */
+    cairn_real score;
+    int32_t pair_count;
+};
+
+cairn_sequence_params cairn_sequence_default(void)
+{
+    cairn_sequence_params params = {
+        .kind = CAIRN_SEQUENCE_LCS, .max_first = 1024, .max_second = 1024, .gap_cost = 1};
+
+    return params;
+}
+
+/* 1 when all params are in range. */
+static int params_are_valid(const cairn_sequence_params *params)
+{
+    return params != NULL && params->kind >= CAIRN_SEQUENCE_LCS &&
+           params->kind <= CAIRN_SEQUENCE_DTW && params->max_first >= 1 &&
+           params->max_first <= MAX_ELEMENTS && params->max_second >= 1 &&
+           params->max_second <= MAX_ELEMENTS && params->gap_cost >= 0 &&
+           params->gap_cost <= CAIRN_REAL(1e9);
+}
+
+/* Allocates the object and its arrays; NULL from a counting pool. */
+static cairn_sequence *carve(cairn_pool *pool, const cairn_sequence_params *params)
+{
+    cairn_sequence *sequence = cairn_pool_take(pool, 1, sizeof *sequence);
+    cairn_sequence_pair *pairs = cairn_pool_take(
+        pool, (size_t)params->max_first + (size_t)params->max_second, sizeof *pairs);
+    cairn_real *forward = cairn_pool_take(pool, (size_t)params->max_second + 1, sizeof *forward);
+    cairn_real *backward = cairn_pool_take(pool, (size_t)params->max_second + 1, sizeof *backward);
+
+    if (sequence == NULL)
+        return NULL;
+    memset(sequence, 0, sizeof *sequence);
+    sequence->params = *params;
+    sequence->pairs = pairs;
+    sequence->forward = forward;
+    sequence->backward = backward;
+    return sequence;
+}
+
+size_t cairn_sequence_memory(const cairn_sequence_params *params)
+{
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return counting.used == SIZE_MAX ? 0 : counting.used;
+}
+
+cairn_status cairn_sequence_create(cairn_sequence **sequence, cairn_pool *pool,
+                                   const cairn_sequence_params *params)
+{
+    size_t need = cairn_sequence_memory(params);
+
+    if (sequence == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, need))
+        return CAIRN_NO_MEMORY;
+    *sequence = carve(pool, params);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_sequence_begin(cairn_sequence *sequence, int32_t first_count,
+                                  int32_t second_count, cairn_sequence_compare compare,
+                                  const void *context)
+{
+    if (sequence == NULL || compare == NULL || first_count < 0 || second_count < 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (first_count > sequence->params.max_first || second_count > sequence->params.max_second)
+        return CAIRN_FULL;
+    sequence->compare = compare;
+    sequence->context = context;
+    sequence->first_count = first_count;
+    sequence->second_count = second_count;
+    sequence->pair_count = sequence->job_count = 0;
+    sequence->score = 0;
+    sequence->row = sequence->column = 0;
+    if (first_count == 0 || second_count == 0) {
+        sequence->phase = SEQUENCE_DONE;
+        return CAIRN_OK;
+    }
+    sequence->jobs[0].first_row = sequence->jobs[0].first_column = 0;
+    sequence->jobs[0].last_row = first_count;
+    sequence->jobs[0].last_column = second_count;
+    sequence->best = 0;
+    sequence->best_row = sequence->best_column = 0;
+    if (sequence->params.kind == CAIRN_SEQUENCE_LOCAL) {
+        sequence->phase = SEQUENCE_FIND_END;
+    } else {
+        sequence->job_count = 1;
+        sequence->phase = SEQUENCE_TAKE_JOB;
+    }
+    return CAIRN_OK;
+}
+
+/* Gains of the moves that arrive at node (i, j): diagonally, and from above or the left. */
+static void move_gains(const cairn_sequence *sequence, int32_t i, int32_t j, cairn_real *pair_gain,
+                       cairn_real *skip_gain)
+{
+    cairn_real value = i > 0 && j > 0 ? sequence->compare(sequence->context, i - 1, j - 1) : 0;
+
+    switch (sequence->params.kind) {
+    case CAIRN_SEQUENCE_LCS:
+        *pair_gain = value > 0 ? 1 : IMPOSSIBLE_GAIN;
+        *skip_gain = 0;
+        break;
+    case CAIRN_SEQUENCE_LOCAL:
+        *pair_gain = value;
+        *skip_gain = -sequence->params.gap_cost;
+        break;
+    default:
+        *pair_gain = *skip_gain = i > 0 && j > 0 ? -value : IMPOSSIBLE_GAIN;
+        break;
+    }
+}
+
+/* Best sum from the start of a job to the current node, over the moves that arrive there. */
+static cairn_real best_arriving(cairn_sequence *sequence, int32_t first_row, int32_t first_column)
+{
+    int32_t i = sequence->row, j = sequence->column;
+    cairn_real pair_gain, skip_gain, above = i > first_row ? sequence->forward[j] : IMPOSSIBLE_GAIN,
+                                     best = IMPOSSIBLE_GAIN;
+
+    move_gains(sequence, i, j, &pair_gain, &skip_gain);
+    if (i > first_row && j > first_column)
+        best = sequence->diagonal + pair_gain;
+    if (i > first_row)
+        best = cairn_max(best, above + skip_gain);
+    if (j > first_column)
+        best = cairn_max(best, sequence->forward[j - 1] + skip_gain);
+    sequence->diagonal = above;
+    return cairn_max(best, IMPOSSIBLE_GAIN);
+}
+
+/* Best sum from the current node to the end of a job, over the moves that leave; backward[j + 1] is
+ * final. */
+static cairn_real best_leaving(cairn_sequence *sequence, int32_t last_row, int32_t last_column)
+{
+    int32_t i = sequence->row, j = sequence->column;
+    int32_t is_dtw = sequence->params.kind == CAIRN_SEQUENCE_DTW;
+    cairn_real pair_gain = 0, skip_gain = 0,
+               below = i < last_row ? sequence->backward[j] : IMPOSSIBLE_GAIN,
+               best = i == last_row && j == last_column ? 0 : IMPOSSIBLE_GAIN;
+
+    if (is_dtw)
+        move_gains(sequence, i, j, &pair_gain, &skip_gain);
+    else if (i < last_row || j < last_column)
+        move_gains(sequence, i + 1 <= last_row ? i + 1 : i, j + 1 <= last_column ? j + 1 : j,
+                   &pair_gain, &skip_gain);
+    if (i < last_row && j < last_column)
+        best = sequence->diagonal + (is_dtw ? 0 : pair_gain);
+    if (i < last_row)
+        best = cairn_max(best, below + (is_dtw ? 0 : skip_gain));
+    if (j < last_column)
+        best = cairn_max(best, sequence->backward[j + 1] + (is_dtw ? 0 : skip_gain));
+    if (is_dtw)
+        best += skip_gain;
+    sequence->diagonal = below;
+    return cairn_max(best, IMPOSSIBLE_GAIN);
+}
+
+/* ---- LOCAL: end and start of the best local alignment ---- */
+
+/* Phase FIND_END: one node, in ascending order. */
+static void find_end(cairn_sequence *sequence)
+{
+    cairn_real sum = cairn_max(best_arriving(sequence, 0, 0), 0);
+
+    sequence->forward[sequence->column] = sum;
+    if (sum > sequence->best) {
+        sequence->best = sum;
+        sequence->best_row = sequence->row;
+        sequence->best_column = sequence->column;
+    }
+    if (sequence->column++ < sequence->second_count)
+        return;
+    sequence->column = 0;
+    if (sequence->row++ < sequence->first_count)
+        return;
+    sequence->score = sequence->best;
+    sequence->job.last_row = sequence->row = sequence->best_row;
+    sequence->job.last_column = sequence->column = sequence->best_column;
+    sequence->best = 0;
+    sequence->phase = sequence->score > 0 ? SEQUENCE_FIND_START : SEQUENCE_DONE;
+}
+
+/* Phase FIND_START: one node, in descending order. */
+static void find_start(cairn_sequence *sequence)
+{
+    cairn_real sum = best_leaving(sequence, sequence->job.last_row, sequence->job.last_column);
+
+    sequence->backward[sequence->column] = sum;
+    if (sum > sequence->best) {
+        sequence->best = sum;
+        sequence->best_row = sequence->row;
+        sequence->best_column = sequence->column;
+    }
+    if (sequence->column-- > 0)
+        return;
+    sequence->column = sequence->job.last_column;
+    if (sequence->row-- > 0)
+        return;
+    sequence->job.first_row = sequence->best_row;
+    sequence->job.first_column = sequence->best_column;
+    sequence->jobs[0] = sequence->job;
+    sequence->job_count = 1;
+    sequence->phase = SEQUENCE_TAKE_JOB;
+}
+
+/* ---- The path ---- */
+
+/* Phase TAKE_JOB. */
+static void take_job(cairn_sequence *sequence)
+{
+    if (sequence->job_count == 0) {
+        sequence->phase = SEQUENCE_DONE;
+        return;
+    }
+    sequence->job = sequence->jobs[--sequence->job_count];
+    sequence->middle_row =
+        sequence->job.first_row + (sequence->job.last_row - sequence->job.first_row) / 2;
+    sequence->below_row = sequence->job.last_row - sequence->job.first_row == 1
+                              ? sequence->job.last_row
+                              : sequence->middle_row;
+    sequence->row = sequence->job.first_row;
+    sequence->column = sequence->job.first_column;
+    sequence->best = 2 * IMPOSSIBLE_GAIN;
+    sequence->best_column = sequence->job.first_column;
+    sequence->best_is_diagonal = 0;
+    sequence->phase = SEQUENCE_FORWARD;
+}
+
+/* Phase FORWARD: one node. */
+static void sum_forward(cairn_sequence *sequence)
+{
+    int32_t is_start =
+        sequence->row == sequence->job.first_row && sequence->column == sequence->job.first_column;
+
+    sequence->forward[sequence->column] =
+        is_start ? 0 : best_arriving(sequence, sequence->job.first_row, sequence->job.first_column);
+    if (sequence->column++ < sequence->job.last_column)
+        return;
+    sequence->column = sequence->job.first_column;
+    if (sequence->row++ < sequence->middle_row)
+        return;
+    sequence->row = sequence->job.last_row;
+    sequence->column = sequence->job.last_column;
+    sequence->phase = SEQUENCE_BACKWARD;
+}
+
+/* Phase BACKWARD: one node. */
+static void sum_backward(cairn_sequence *sequence)
+{
+    sequence->backward[sequence->column] =
+        best_leaving(sequence, sequence->job.last_row, sequence->job.last_column);
+    if (sequence->column-- > sequence->job.first_column)
+        return;
+    sequence->column = sequence->job.last_column;
+    if (sequence->row-- > sequence->below_row)
+        return;
+    sequence->column = sequence->job.first_column;
+    sequence->phase = SEQUENCE_FIND_SPLIT;
+}
+
+/* Keeps the current column as the split if its sum is greater than the best so far. */
+static void consider_split(cairn_sequence *sequence, cairn_real sum, int32_t is_diagonal)
+{
+    if (sum <= sequence->best)
+        return;
+    sequence->best = sum;
+    sequence->best_column = sequence->column;
+    sequence->best_is_diagonal = is_diagonal;
+}
+
+/* Pushes a job. */
+static void push_job(cairn_sequence *sequence, int32_t first_row, int32_t last_row,
+                     int32_t first_column, int32_t last_column)
+{
+    sequence_job job = {first_row, last_row, first_column, last_column};
+
+    CAIRN_ASSERT(sequence->job_count < MAX_JOBS);
+    sequence->jobs[sequence->job_count++] = job;
+}
+
+/* Phase FIND_SPLIT: one node of the middle row, or one move between the two adjacent rows. */
+static void find_split(cairn_sequence *sequence)
+{
+    const sequence_job *job = &sequence->job;
+    int32_t is_dtw = sequence->params.kind == CAIRN_SEQUENCE_DTW, j = sequence->column;
+    cairn_real pair_gain, skip_gain;
+
+    if (sequence->below_row == sequence->middle_row) {
+        move_gains(sequence, sequence->middle_row, j, &pair_gain, &skip_gain);
+        consider_split(sequence,
+                       sequence->forward[j] + sequence->backward[j] - (is_dtw ? skip_gain : 0), 0);
+    } else {
+        move_gains(sequence, sequence->below_row, j + 1 <= job->last_column ? j + 1 : j, &pair_gain,
+                   &skip_gain);
+        if (j < job->last_column)
+            consider_split(
+                sequence,
+                sequence->forward[j] + sequence->backward[j + 1] + (is_dtw ? 0 : pair_gain), 1);
+        consider_split(sequence,
+                       sequence->forward[j] + sequence->backward[j] + (is_dtw ? 0 : skip_gain), 0);
+    }
+    if (sequence->column++ < job->last_column)
+        return;
+    if (job->first_row == 0 && job->first_column == 0 && job->last_row == sequence->first_count &&
+        job->last_column == sequence->second_count && sequence->params.kind != CAIRN_SEQUENCE_LOCAL)
+        sequence->score = is_dtw ? -sequence->best : sequence->best;
+    sequence->row = job->first_row;
+    sequence->column = job->first_column;
+    sequence->phase = SEQUENCE_TRACE_PATH;
+    if (sequence->below_row != sequence->middle_row)
+        return;
+    push_job(sequence, sequence->middle_row, job->last_row, sequence->best_column,
+             job->last_column);
+    push_job(sequence, job->first_row, sequence->middle_row, job->first_column,
+             sequence->best_column);
+    sequence->phase = SEQUENCE_TAKE_JOB;
+}
+
+/* Appends the pair of the current node. */
+static void append_pair(cairn_sequence *sequence)
+{
+    if (sequence->row > 0 && sequence->column > 0) {
+        sequence->pairs[sequence->pair_count].first = sequence->row - 1;
+        sequence->pairs[sequence->pair_count++].second = sequence->column - 1;
+    }
+}
+
+/* Phase TRACE_PATH: one move of a path through two adjacent rows: along the first, down at the
+ * split, along the second. */
+static void trace_path(cairn_sequence *sequence)
+{
+    const sequence_job *job = &sequence->job;
+    int32_t is_dtw = sequence->params.kind == CAIRN_SEQUENCE_DTW,
+            moves_down = sequence->row < job->last_row && sequence->column == sequence->best_column;
+
+    if (sequence->row == job->last_row && sequence->column == job->last_column) {
+        sequence->phase = SEQUENCE_TAKE_JOB;
+        return;
+    }
+    sequence->row += moves_down;
+    sequence->column += moves_down ? sequence->best_is_diagonal : 1;
+    if (is_dtw || (moves_down && sequence->best_is_diagonal))
+        append_pair(sequence);
+}
+
+/* One operation of the current phase. */
+static void advance(cairn_sequence *sequence)
+{
+    switch (sequence->phase) {
+    case SEQUENCE_FIND_END:
+        find_end(sequence);
+        break;
+    case SEQUENCE_FIND_START:
+        find_start(sequence);
+        break;
+    case SEQUENCE_TAKE_JOB:
+        take_job(sequence);
+        break;
+    case SEQUENCE_FORWARD:
+        sum_forward(sequence);
+        break;
+    case SEQUENCE_BACKWARD:
+        sum_backward(sequence);
+        break;
+    case SEQUENCE_FIND_SPLIT:
+        find_split(sequence);
+        break;
+    default:
+        trace_path(sequence);
+        break;
+    }
+}
+
+cairn_status cairn_sequence_step(cairn_sequence *sequence, cairn_budget *budget)
+{
+    if (sequence == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    for (; sequence->phase != SEQUENCE_IDLE && sequence->phase != SEQUENCE_DONE; budget->left--) {
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        advance(sequence);
+    }
+    return CAIRN_OK;
+}
+
+cairn_sequence_result cairn_sequence_read(const cairn_sequence *sequence)
+{
+    cairn_sequence_result result = {0};
+
+    if (sequence->phase == SEQUENCE_DONE) {
+        result.pairs = sequence->pairs;
+        result.count = sequence->pair_count;
+        result.score = sequence->score;
+    }
+    return result;
+}

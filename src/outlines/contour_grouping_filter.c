@@ -1,0 +1,313 @@
+/* Callbacks of the particle filter in the default mode.
+ *
+ * State: a similarity transform that fits the model to the points matched so far, and the offset of
+ * the contour from the model on either side. The sums of the fit summarize the trajectory, so that
+ * the history need not be read.
+ *
+ * Method:
+ * 1. Proposal: for the next model sample, all pairs of tokens near both predicted contact points,
+ *    each side possibly unmatched. Proposal weights by the loss of symmetry and by how far the
+ *    advance along the contour differs from the model's spacing (after 2.11, whose g is the gap
+ *    itself).
+ * 2. Likelihood: position of the skeleton point and radius (2.13), and the fit of both sides.
+ * 3. Update: the new points are added to the fit.
+ *
+ * A trajectory starts at its hypothesis' sample and runs to the end of the path, then back from
+ * there to the path's start, then along the other paths, each from its branch point. After equally
+ * many steps all particles have covered equally much of the model. */
+#include "src/base/build.h"
+
+#include "cairn/symmetric_point.h"
+#include "src/outlines/contour_grouping_work.h"
+
+/* Decay of the predicted offset from the model per step. */
+#define OFFSET_DECAY CAIRN_REAL(0.8)
+/* Weight of the initial pose in the fit, points. */
+#define PRIOR_WEIGHT 4
+/* Standard deviations of the disc's position and radius in (2.13), in units of the
+ * deformation's. */
+#define POSITION_SIGMA CAIRN_REAL(1.5)
+#define RADIUS_SIGMA   CAIRN_REAL(1.5)
+/* Tempering of initial weights: the log-likelihood ratio is divided by this temperature. */
+#define START_TEMPERATURE 8
+enum { UNITS_PER_PROPOSAL = 60 };
+
+/* Model sample of step `step` of a trajectory from `start`; -1: past the end. */
+static int32_t sample_of_step(const cairn_shape_model *model, int32_t start, int32_t step)
+{
+    int32_t path = 0, first, end;
+
+    while (path < model->path_count - 1 &&
+           (start < model->paths[path].first ||
+            start >= model->paths[path].first + model->paths[path].count))
+        path++;
+    first = model->paths[path].first;
+    end = first + model->paths[path].count;
+    if (start + step < end)
+        return start + step;
+    if (step < model->paths[path].count)
+        return end - 1 - step;
+    step -= model->paths[path].count;
+    for (int32_t other = 0; other < model->path_count; other++) {
+        if (other == path)
+            continue;
+        if (step < model->paths[other].count)
+            return model->paths[other].first + step;
+        step -= model->paths[other].count;
+    }
+    return -1;
+}
+
+/* Updates a state for the tokens matched to the sides of its sample. */
+static void match_sides(const cairn_contour_grouping *grouping, contour_grouping_state *state,
+                        const cairn_vec2 predicted[2])
+{
+    const cairn_shape_model_sample *model_sample = &grouping->input.model->samples[state->sample];
+    cairn_oriented_point edgel[2] = {{{0, 0}, {0, 0}}, {{0, 0}, {0, 0}}};
+    cairn_symmetric_point sp;
+
+    state->gap = 0;
+    for (int32_t side = 0; side < 2; side++) {
+        if (state->token[side] < 0)
+            continue;
+        edgel[side].position =
+            cairn_contour_grouping_nearest_point(grouping, state->token[side], predicted[side]);
+        edgel[side].direction = grouping->tokens[state->token[side]].direction;
+        /* The position of a token along the contour carries no information; only its offset across
+         * does. */
+        state->offset[side] = cairn_vec2_sub(
+            edgel[side].position,
+            contour_grouping_transform_point(&state->pose, model_sample->contact[side].position));
+        state->gap +=
+            CAIRN_REAL(0.5) *
+            cairn_abs(
+                cairn_vec2_norm(cairn_vec2_sub(edgel[side].position, state->last_point[side])) -
+                cairn_vec2_norm(cairn_vec2_sub(predicted[side], state->last_point[side])));
+        state->last_point[side] = edgel[side].position;
+    }
+    state->centre = contour_grouping_transform_point(&state->pose, model_sample->centre);
+    state->radius = contour_grouping_size(&state->pose) * model_sample->radius;
+    if (state->token[0] >= 0 && state->token[1] >= 0 &&
+        cairn_symmetric_point_of(edgel[0], edgel[1], CAIRN_REAL(1.5), &sp)) {
+        state->centre = sp.centre;
+        state->radius = sp.radius;
+        state->deviation = sp.deviation;
+    }
+}
+
+/* Log mass of the proposal (2.11): gaps, and loss of symmetry. */
+static cairn_real log_mass(const cairn_contour_grouping *grouping,
+                           const contour_grouping_state *previous,
+                           const contour_grouping_state *state)
+{
+    cairn_real loss = cairn_max(state->deviation - previous->deviation, 0);
+    cairn_real mass = -cairn_half_square(state->gap / grouping->input.mean_length);
+
+    return grouping->params.use_skeleton
+               ? mass - cairn_half_square(loss / grouping->params.symmetry_sigma)
+               : mass;
+}
+
+/* Proposal: offers all pairs of token matches of the next sample as candidate states. */
+static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index,
+                            cairn_budget *budget)
+{
+    cairn_contour_grouping *grouping = context;
+    const contour_grouping_state *previous = cairn_particle_filter_particle(filter, index).state;
+    int32_t token[2][CONTOUR_GROUPING_MAX_SIDE_TOKENS + 1], count[2];
+    cairn_real cost[2][CONTOUR_GROUPING_MAX_SIDE_TOKENS + 1];
+    contour_grouping_state s = *previous;
+    const cairn_shape_model_sample *model_sample;
+    cairn_vec2 predicted[2];
+
+    if (!cairn_budget_charge(budget, &grouping->callback_units_charged, UNITS_PER_PROPOSAL))
+        return CAIRN_MORE;
+    s.sample = sample_of_step(grouping->input.model, s.start, grouping->step_count + 1);
+    model_sample = &grouping->input.model->samples[s.sample];
+    for (int32_t side = 0; side < 2; side++) {
+        s.offset[side] = cairn_vec2_scale(previous->offset[side], OFFSET_DECAY);
+        predicted[side] = cairn_vec2_add(
+            contour_grouping_transform_point(&s.pose, model_sample->contact[side].position),
+            s.offset[side]);
+        count[side] = cairn_contour_grouping_match_tokens(
+            grouping, predicted[side],
+            contour_grouping_transform_vector(&s.pose, model_sample->contact[side].direction),
+            grouping->params.deform_sigma * contour_grouping_size(&s.pose),
+            CONTOUR_GROUPING_MAX_SIDE_TOKENS, token[side], cost[side]);
+        token[side][count[side]] = -1;
+    }
+    for (int32_t i = 0; i <= count[0]; i++)
+        for (int32_t j = 0; j <= count[1]; j++) {
+            contour_grouping_state next = s;
+            cairn_status status;
+
+            next.token[0] = token[0][i];
+            next.token[1] = token[1][j];
+            if (next.token[0] >= 0 && next.token[0] == next.token[1])
+                continue;
+            match_sides(grouping, &next, predicted);
+            status =
+                cairn_particle_filter_offer(filter, &next, log_mass(grouping, previous, &next));
+            if (status != CAIRN_OK && status != CAIRN_FULL)
+                return status;
+        }
+    return CAIRN_OK;
+}
+
+/* Cost of a matched side: half the squared offset across the model and sine of the angle, in
+ * sigmas. */
+static cairn_real side_cost(const cairn_contour_grouping *grouping,
+                            const contour_grouping_state *state, int32_t side)
+{
+    cairn_vec2 direction = contour_grouping_transform_vector(
+        &state->pose, grouping->input.model->samples[state->sample].contact[side].direction);
+    cairn_real size = contour_grouping_size(&state->pose),
+               sigma = grouping->params.deform_sigma * size;
+    cairn_real across = cairn_vec2_cross(direction, state->offset[side]) / (size * sigma);
+    cairn_real sine = cairn_vec2_cross(direction, grouping->tokens[state->token[side]].direction) /
+                      (size * grouping->params.turn_sigma);
+
+    return cairn_half_square(across * CAIRN_REAL(0.5)) + cairn_half_square(sine);
+}
+
+/* Log-likelihood: (2.13) where both sides are matched, and the fit of each side; an unmatched side
+ * has a constant cost. */
+static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
+                               const void *state, cairn_real *log_likelihood, cairn_budget *budget)
+{
+    cairn_contour_grouping *grouping = context;
+    const contour_grouping_state *s = state;
+    const cairn_shape_model_sample *model_sample = &grouping->input.model->samples[s->sample];
+    cairn_real log_missing = grouping->log_missing,
+               sigma = grouping->params.deform_sigma * contour_grouping_size(&s->pose),
+               position_error, radius_error;
+
+    (void)filter;
+    (void)index;
+    (void)budget;
+    *log_likelihood = 0;
+    for (int32_t side = 0; side < 2; side++)
+        *log_likelihood +=
+            CAIRN_REAL(0.5) * (s->token[side] < 0
+                                   ? log_missing
+                                   : cairn_max(-side_cost(grouping, s, side), log_missing));
+    if (!grouping->params.use_model) {
+        *log_likelihood =
+            CAIRN_REAL(0.5) * log_missing * (cairn_real)((s->token[0] < 0) + (s->token[1] < 0));
+        return CAIRN_OK;
+    }
+    if (s->token[0] < 0 || s->token[1] < 0)
+        return CAIRN_OK;
+    position_error =
+        cairn_vec2_norm(cairn_vec2_sub(
+            s->centre, contour_grouping_transform_point(&s->pose, model_sample->centre))) /
+        (POSITION_SIGMA * 2 * sigma);
+    radius_error = (s->radius - model_sample->radius * contour_grouping_size(&s->pose)) /
+                   (RADIUS_SIGMA * sigma);
+    *log_likelihood +=
+        cairn_max(cairn_log(CAIRN_REAL(0.5) * cairn_exp(-cairn_half_square(position_error)) +
+                            CAIRN_REAL(0.5) * cairn_exp(-cairn_half_square(radius_error))),
+                  log_missing);
+    return CAIRN_OK;
+}
+
+/* Refits the pose with the new points. */
+static void append(void *context, const cairn_particle_filter *filter, int32_t index, void *state)
+{
+    cairn_contour_grouping *grouping = context;
+    contour_grouping_state *s = state;
+    const cairn_shape_model_sample *model_sample = &grouping->input.model->samples[s->sample];
+    contour_grouping_pose previous = s->pose;
+
+    (void)filter;
+    (void)index;
+    for (int32_t side = 0; side < 2; side++)
+        if (s->token[side] >= 0)
+            cairn_contour_grouping_add_point(&s->sums, model_sample->contact[side].position,
+                                             s->last_point[side], 1);
+    s->pose = cairn_contour_grouping_fit_pose(&s->sums, &previous);
+    /* Offsets are measured from the refitted pose. */
+    for (int32_t side = 0; side < 2; side++)
+        if (s->token[side] >= 0)
+            s->offset[side] = cairn_vec2_sub(
+                s->last_point[side],
+                contour_grouping_transform_point(&s->pose, model_sample->contact[side].position));
+}
+
+cairn_particle_filter_model cairn_contour_grouping_filter_model(cairn_contour_grouping *grouping)
+{
+    cairn_particle_filter_model model = {
+        .context = grouping, .propose = propose, .likelihood = likelihood, .append = append};
+
+    return model;
+}
+
+/* Initializes the particles from the hypotheses, weighted by their tempered evidence. */
+cairn_status cairn_contour_grouping_begin_filter(cairn_contour_grouping *grouping)
+{
+    cairn_status status = cairn_particle_filter_clear(grouping->filter, grouping->params.seed);
+
+    grouping->step_count = grouping->callback_units_charged = 0;
+    grouping->log_missing = cairn_log(grouping->params.missing_likelihood);
+    grouping->has_particles = grouping->hypothesis_count > 0;
+    for (int32_t i = 0; i < grouping->hypothesis_count && status == CAIRN_OK; i++) {
+        const cairn_shape_model_sample *model_sample =
+            &grouping->input.model->samples[grouping->hypotheses[i].sample];
+        contour_grouping_state s = {.pose = grouping->hypotheses[i].pose,
+                                    .sample = grouping->hypotheses[i].sample,
+                                    .start = grouping->hypotheses[i].sample};
+
+        s.sums = cairn_contour_grouping_pose_prior(&s.pose, PRIOR_WEIGHT);
+        s.centre = contour_grouping_transform_point(&s.pose, model_sample->centre);
+        s.radius = model_sample->radius * contour_grouping_size(&s.pose);
+        s.deviation = model_sample->deviation;
+        s.token[0] = s.token[1] = -1;
+        for (int32_t side = 0; side < 2; side++)
+            s.last_point[side] =
+                contour_grouping_transform_point(&s.pose, model_sample->contact[side].position);
+        status = cairn_particle_filter_start(
+            grouping->filter, &s,
+            (grouping->hypotheses[i].score - grouping->max_evidence) / START_TEMPERATURE);
+    }
+    if (status == CAIRN_OK && grouping->hypothesis_count > 0)
+        status = cairn_particle_filter_begin(grouping->filter);
+    return status;
+}
+
+/* Best mean log-likelihood per step over all particles. */
+static cairn_real best_mean_log_likelihood(const cairn_contour_grouping *grouping)
+{
+    cairn_real best = -CAIRN_REAL_MAX;
+
+    for (int32_t i = 0; i < cairn_particle_filter_count(grouping->filter); i++)
+        best = cairn_max(best, cairn_particle_filter_particle(grouping->filter, i).log_likelihood);
+    return best / (cairn_real)(grouping->step_count > 0 ? grouping->step_count : 1);
+}
+
+cairn_status cairn_contour_grouping_run_filter(cairn_contour_grouping *grouping,
+                                               cairn_budget *budget)
+{
+    while (grouping->hypothesis_count > 0) {
+        cairn_status status = cairn_particle_filter_step(grouping->filter, budget);
+        cairn_particle_filter_trace t;
+
+        if (status != CAIRN_OK)
+            return status;
+        t = cairn_particle_filter_read(grouping->filter);
+        grouping->trace[grouping->step_count].n_eff = t.n_eff;
+        grouping->trace[grouping->step_count].followers = t.followers;
+        grouping->trace[grouping->step_count].resampled = t.resampled;
+        grouping->trace[grouping->step_count].particles = t.particles;
+        grouping->step_count++;
+        grouping->trace[grouping->step_count - 1].log_likelihood =
+            best_mean_log_likelihood(grouping);
+        if (grouping->step_count + 1 >= grouping->input.model->sample_count ||
+            grouping->trace[grouping->step_count - 1].log_likelihood <
+                cairn_log(grouping->params.stop_likelihood))
+            break;
+        status = cairn_particle_filter_begin(grouping->filter);
+        if (status != CAIRN_OK)
+            return status;
+    }
+    return CAIRN_OK;
+}

@@ -1,0 +1,34 @@
+/* Read access to the particles of the running filter. */
+#include "src/base/build.h"
+
+#include "src/outlines/contour_grouping_written.h"
+
+int32_t cairn_contour_grouping_particles(const cairn_contour_grouping *grouping,
+                                         cairn_contour_grouping_particle *particles, int32_t most,
+                                         int32_t *steps)
+{
+    int32_t count = grouping != NULL && grouping->has_particles
+                        ? cairn_particle_filter_count(grouping->filter)
+                        : 0;
+
+    if (steps != NULL)
+        *steps = count > 0 ? grouping->step_count : 0;
+    for (int32_t i = 0; i < count && i < most && particles != NULL; i++) {
+        cairn_particle p = cairn_particle_filter_particle(grouping->filter, i);
+        const contour_grouping_state *s = p.state;
+
+        if (grouping->written != NULL) {
+            particles[i] = cairn_contour_grouping_written_particle(grouping, &p);
+            continue;
+        }
+        particles[i].origin = s->pose.t;
+        particles[i].size = contour_grouping_size(&s->pose);
+        particles[i].turn = cairn_atan2(s->pose.b, s->pose.a);
+        particles[i].centre = s->centre;
+        particles[i].radius = s->radius;
+        particles[i].log_weight = p.log_weight;
+        particles[i].sample = s->sample;
+        particles[i].matched_sides = (s->token[0] >= 0) + (s->token[1] >= 0);
+    }
+    return count;
+}

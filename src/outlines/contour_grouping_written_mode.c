@@ -1,0 +1,304 @@
+/* Modes of the posterior: the best trajectory of each mode over all steps, and the resulting
+ * objects. contour_grouping_written.c describes the method.
+ *
+ * Two trajectories belong to one mode when at least half of the segments of the shorter one also
+ * belong to the other. A trajectory is recorded unless a better one of its mode is recorded; worse
+ * ones of its mode are removed (non-maximum suppression). */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/outlines/contour_grouping_written.h"
+
+/* First index in segments[] of a slot's trajectory. */
+static int32_t first_of(const cairn_contour_grouping *grouping, int32_t slot)
+{
+    return 2 * grouping->params.max_steps * slot;
+}
+
+static int32_t slot_of(const cairn_contour_grouping *grouping,
+                       const cairn_contour_grouping_object *object)
+{
+    return object->first / (2 * grouping->params.max_steps);
+}
+
+/* Returns 1 when a trajectory whose `count` segments are stamped belongs to the mode of a recorded
+ * one. */
+static int is_same_mode(const cairn_contour_grouping *grouping,
+                        const cairn_contour_grouping_object *object, int32_t count)
+{
+    const struct contour_grouping_written *written = grouping->written;
+    int32_t shared = 0;
+
+    for (int32_t i = 0; i < object->count; i++)
+        shared += written->segment_stamp[grouping->segments[object->first + i]] == written->stamp;
+    return 2 * shared >= (count < object->count ? count : object->count);
+}
+
+static void remove_object(cairn_contour_grouping *grouping, int32_t index)
+{
+    grouping->object_count--;
+    for (; index < grouping->object_count; index++)
+        grouping->objects[index] = grouping->objects[index + 1];
+}
+
+static int32_t free_slot(const cairn_contour_grouping *grouping)
+{
+    for (int32_t slot = 0;; slot++) {
+        int32_t i = 0;
+
+        while (i < grouping->object_count && slot_of(grouping, &grouping->objects[i]) != slot)
+            i++;
+        if (i == grouping->object_count)
+            return slot;
+    }
+}
+
+static void set_disc(const cairn_contour_grouping *grouping, cairn_contour_grouping_disc *disc,
+                     const contour_grouping_written_state *state)
+{
+    disc->centre = state->centre;
+    disc->radius = state->radius;
+    disc->deviation = state->deviation;
+    disc->sample = state->sample;
+    disc->log_posterior = state->log_posterior;
+    for (int32_t k = 0; k < 2; k++) {
+        disc->segment[k] = state->segment[k];
+        disc->open_end[k] = contour_grouping_written_end(grouping, state->end[k]);
+    }
+    if (state->is_reversed)
+        disc->sample = grouping->input.model->paths[0].count - 1 - state->sample;
+}
+
+/* Stamps the segments of a trajectory; returns their number. */
+static int32_t stamp_segments(cairn_contour_grouping *grouping,
+                              const contour_grouping_written_state *last)
+{
+    struct contour_grouping_written *written = grouping->written;
+    int32_t count = 0;
+
+    written->stamp++;
+    for (; last != NULL; last = cairn_particle_filter_state_before(last))
+        for (int32_t k = 0; k < 2; k++) {
+            count += written->segment_stamp[last->segment[k]] != written->stamp;
+            written->segment_stamp[last->segment[k]] = written->stamp;
+        }
+    return count;
+}
+
+/* Lists the segments of a trajectory, each once: the left side in order, then the right side
+ * backwards. */
+static void list_segments(cairn_contour_grouping *grouping, cairn_contour_grouping_object *object,
+                          const cairn_contour_grouping_disc *trajectory)
+{
+    struct contour_grouping_written *written = grouping->written;
+    int32_t steps = object->matched_samples;
+
+    object->count = 0;
+    written->stamp++;
+    for (int32_t i = 0; i < 2 * steps; i++) {
+        int32_t segment =
+            i < steps ? trajectory[i].segment[0] : trajectory[2 * steps - 1 - i].segment[1];
+
+        if (written->segment_stamp[segment] != written->stamp)
+            grouping->segments[object->first + object->count++] = segment;
+        written->segment_stamp[segment] = written->stamp;
+    }
+}
+
+/* Writes a trajectory into its slot. */
+static void write_trajectory(cairn_contour_grouping *grouping,
+                             cairn_contour_grouping_object *object,
+                             const contour_grouping_written_state *last, int32_t steps)
+{
+    cairn_contour_grouping_disc *trajectory =
+        &grouping->written->trajectories[grouping->params.max_steps * slot_of(grouping, object)];
+
+    object->matched_samples = steps;
+    for (int32_t i = steps - 1; i >= 0; i--) {
+        set_disc(grouping, &trajectory[i], last);
+        last = cairn_particle_filter_state_before(last);
+    }
+    list_segments(grouping, object, trajectory);
+}
+
+void cairn_contour_grouping_written_record(cairn_contour_grouping *grouping, int32_t index)
+{
+    cairn_particle p = cairn_particle_filter_particle(grouping->filter, index);
+    const contour_grouping_written_state *state = p.state;
+    cairn_contour_grouping_object object = {.evidence = state->log_posterior};
+    int32_t count, rank;
+
+    if (grouping->object_count == grouping->params.max_objects &&
+        grouping->objects[grouping->object_count - 1].evidence >= object.evidence)
+        return;
+    count = stamp_segments(grouping, state);
+    for (int32_t i = grouping->object_count - 1; i >= 0; i--)
+        if (grouping->objects[i].evidence >= object.evidence &&
+            is_same_mode(grouping, &grouping->objects[i], count))
+            return;
+    for (int32_t i = grouping->object_count - 1; i >= 0; i--)
+        if (is_same_mode(grouping, &grouping->objects[i], count))
+            remove_object(grouping, i);
+    if (grouping->object_count == grouping->params.max_objects)
+        grouping->object_count--;
+    object.first = first_of(grouping, free_slot(grouping));
+    write_trajectory(grouping, &object, state, p.steps + 1);
+    for (rank = grouping->object_count++;
+         rank > 0 && grouping->objects[rank - 1].evidence < object.evidence; rank--)
+        grouping->objects[rank] = grouping->objects[rank - 1];
+    grouping->objects[rank] = object;
+}
+
+/* ---- Result ---- */
+
+/* Assigns segments to the model's outline samples: the segment of each disc's side to the outline
+ * sample nearest to that side. */
+static void set_outline_segments(cairn_contour_grouping *grouping,
+                                 cairn_contour_grouping_object *object,
+                                 const cairn_contour_grouping_disc *trajectory, int32_t steps)
+{
+    const cairn_shape_model *model = grouping->input.model;
+    int32_t is_backwards = trajectory[0].sample > trajectory[steps - 1].sample;
+
+    for (int32_t i = 0; i < model->outline_count; i++)
+        grouping->along[object->first_outline + i] = -1;
+    for (int32_t i = 0; i < steps; i++)
+        for (int32_t k = 0; k < 2; k++) {
+            cairn_vec2 position = model->samples[model->paths[0].first + trajectory[i].sample]
+                                      .contact[is_backwards ? 1 - k : k]
+                                      .position;
+            cairn_real smallest = CAIRN_REAL_MAX;
+            int32_t nearest = 0;
+
+            for (int32_t j = 0; j < model->outline_count; j++) {
+                cairn_real squared =
+                    cairn_vec2_norm_squared(cairn_vec2_sub(model->outline[j].position, position));
+
+                if (squared < smallest) {
+                    smallest = squared;
+                    nearest = j;
+                }
+            }
+            grouping->along[object->first_outline + nearest] = trajectory[i].segment[k];
+        }
+}
+
+/* Pose of the model: the mean translation that maps its samples to the trajectory's discs. */
+static void set_pose(cairn_contour_grouping *grouping, cairn_contour_grouping_object *object,
+                     int32_t index)
+{
+    struct contour_grouping_written *written = grouping->written;
+    const cairn_shape_model *model = grouping->input.model;
+    const cairn_contour_grouping_disc *trajectory =
+        &written->trajectories[grouping->params.max_steps * written->trajectory_slot[index]];
+    int32_t steps = object->matched_samples, first_sample = model->paths[0].count, last_sample = 0;
+
+    for (int32_t i = 0; i < steps; i++) {
+        cairn_vec2 c = model->samples[model->paths[0].first + trajectory[i].sample].centre;
+
+        object->origin =
+            cairn_vec2_add(object->origin, cairn_vec2_sub(trajectory[i].centre,
+                                                          cairn_vec2_scale(c, written->size)));
+        first_sample = trajectory[i].sample < first_sample ? trajectory[i].sample : first_sample;
+        last_sample = trajectory[i].sample > last_sample ? trajectory[i].sample : last_sample;
+    }
+    object->origin = cairn_vec2_scale(object->origin, 1 / (cairn_real)steps);
+    object->size = written->size;
+    object->start_sample = model->paths[0].first + trajectory[0].sample;
+    object->score =
+        (cairn_real)(last_sample - first_sample + 1) / (cairn_real)model->paths[0].count;
+    object->first_outline = index * model->outline_count;
+    set_outline_segments(grouping, object, trajectory, steps);
+}
+
+cairn_status cairn_contour_grouping_written_finish(cairn_contour_grouping *grouping,
+                                                   cairn_budget *budget)
+{
+    struct contour_grouping_written *written = grouping->written;
+
+    while (grouping->cursor == 0 && grouping->object_count > 0 &&
+           grouping->objects[grouping->object_count - 1].evidence < 0)
+        grouping->object_count--;
+    for (; grouping->cursor < grouping->object_count; grouping->cursor++) {
+        cairn_contour_grouping_object *object = &grouping->objects[grouping->cursor];
+
+        if (!cairn_budget_charge(budget, &grouping->units_charged,
+                                 1 + object->matched_samples *
+                                         grouping->input.model->outline_count / 16))
+            return CAIRN_MORE;
+        /* The segment lists are rewritten contiguously, which overwrites the slots' lists. The
+         * slots of the trajectories remain valid. */
+        for (int32_t i = 0; i < grouping->object_count && grouping->cursor == 0; i++)
+            written->trajectory_slot[i] = slot_of(grouping, &grouping->objects[i]);
+        object->first = grouping->segment_count;
+        list_segments(grouping, object,
+                      &written->trajectories[grouping->params.max_steps *
+                                             written->trajectory_slot[grouping->cursor]]);
+        grouping->segment_count += object->count;
+        set_pose(grouping, object, grouping->cursor);
+        if (grouping->cursor == 0) {
+            grouping->best_score = object->score;
+            grouping->best_evidence = object->evidence;
+        }
+    }
+    return CAIRN_OK;
+}
+
+/* ---- Reading ---- */
+
+cairn_contour_grouping_particle
+cairn_contour_grouping_written_particle(const cairn_contour_grouping *grouping,
+                                        const cairn_particle *p)
+{
+    const contour_grouping_written_state *s = p->state;
+    const cairn_shape_model *model = grouping->input.model;
+    const cairn_shape_model_path *path = &model->paths[0];
+    cairn_contour_grouping_particle particle = {.size = grouping->written->size,
+                                                .centre = s->centre,
+                                                .radius = s->radius,
+                                                .log_weight = p->log_weight,
+                                                .matched_sides = 2};
+
+    particle.sample = path->first + (s->is_reversed ? path->count - 1 - s->sample : s->sample);
+    particle.origin =
+        cairn_vec2_sub(s->centre, cairn_vec2_scale(model->samples[particle.sample].centre,
+                                                   grouping->written->size));
+    return particle;
+}
+
+int32_t cairn_contour_grouping_history(const cairn_contour_grouping *grouping, int32_t particle,
+                                       cairn_contour_grouping_disc *discs, int32_t most)
+{
+    const contour_grouping_written_state *state;
+    int32_t count;
+
+    if (grouping == NULL || grouping->written == NULL || !grouping->has_particles || particle < 0 ||
+        particle >= cairn_particle_filter_count(grouping->filter))
+        return 0;
+    count = cairn_particle_filter_particle(grouping->filter, particle).steps + 1;
+    state = cairn_particle_filter_particle(grouping->filter, particle).state;
+    for (int32_t i = count - 1; i >= 0 && discs != NULL; i--) {
+        if (i < most)
+            set_disc(grouping, &discs[i], state);
+        state = cairn_particle_filter_state_before(state);
+    }
+    return count;
+}
+
+int32_t cairn_contour_grouping_skeleton(const cairn_contour_grouping *grouping, int32_t object,
+                                        cairn_contour_grouping_disc *discs, int32_t most)
+{
+    cairn_contour_grouping_result result = cairn_contour_grouping_read(grouping);
+    int32_t count;
+
+    if (grouping == NULL || grouping->written == NULL || object < 0 ||
+        object >= result.object_count)
+        return 0;
+    count = result.objects[object].matched_samples;
+    for (int32_t i = 0; i < count && i < most && discs != NULL; i++)
+        discs[i] = grouping->written->trajectories[grouping->params.max_steps *
+                                                       grouping->written->trajectory_slot[object] +
+                                                   i];
+    return count;
+}

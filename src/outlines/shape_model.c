@@ -1,0 +1,470 @@
+/* Symmetry-set model of a shape from its outlines.
+ *
+ * Method:
+ * 1. An outline is sampled evenly. Two samples and the disc that touches the outline at both are a
+ *    point of the symmetry set.
+ * 2. A path through the set steps from pair to pair: one sample moves forward and the other
+ *    backward, or one of them stays. Its value is the passed outline length times the symmetry of
+ *    the pairs, minus a constant cost per length. Asymmetric stretches are passed only if symmetric
+ *    ones follow.
+ * 3. The path of greatest value is found by dynamic programming over (position, gap).
+ * 4. Stretches passed on one side alone, and the remainders beyond the ends of the path, are
+ *    searched in the same way, the longest first.
+ *
+ * Memory layout: outlines, the matrix of gains, three rows of values, the matrix of moves, samples,
+ * paths.
+ *
+ * Limits: the outlines of an object are processed independently; a hole is treated like any other
+ * outline, with its interior as object. The length of a path is the passed outline, not the length
+ * of the medial axis, so a disc, whose centre is fixed, has a path as well.
+ *
+ * Source: Adluru 2008, sections 2.3.2 and 2.5. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "cairn/symmetric_point.h"
+#include "src/outlines/shape_model_work.h"
+
+enum { PHASE_IDLE, PHASE_PAIRS, PHASE_SEARCH, PHASE_DONE };
+enum { UNITS_PER_PATH = 32 };
+
+/* Least quality of a symmetric point with positive gain (cost per length). */
+#define MIN_QUALITY CAIRN_REAL(0.3)
+/* Samples to either side over which tangents are estimated. */
+enum { TANGENT_HALF_WIDTH = 2 };
+/* Greatest angle between a normal and the chord; close to the tip of a path two samples are
+ * ambiguous. */
+#define MAX_ANGLE_RAD (80 * (CAIRN_PI / 180))
+/* A step longer than this multiple of the mean step begins another outline. */
+#define MAX_STEP_RATIO CAIRN_REAL(3.0)
+
+cairn_shape_model_builder_params cairn_shape_model_builder_default(void)
+{
+    cairn_shape_model_builder_params params = {
+        .outline_samples = 128,
+        .path_samples = 32,
+        .max_paths = CAIRN_SHAPE_MODEL_MAX_PATHS,
+        .max_deviation = 20 * (CAIRN_PI / 180),
+        .deviation_sigma = 10 * (CAIRN_PI / 180),
+        .min_clearance = CAIRN_REAL(0.8),
+        .min_outline_share = CAIRN_REAL(0.08),
+    };
+    return params;
+}
+
+static int params_are_valid(const cairn_shape_model_builder_params *params)
+{
+    return params != NULL && params->outline_samples >= SHAPE_MODEL_MIN_OUTLINE_SAMPLES &&
+           params->outline_samples <= 1024 && params->path_samples >= 4 &&
+           params->path_samples <= 256 && params->max_paths >= 1 &&
+           params->max_paths <= CAIRN_SHAPE_MODEL_MAX_PATHS && params->max_deviation > 0 &&
+           params->max_deviation < CAIRN_PI / 2 && params->deviation_sigma > 0 &&
+           cairn_is_finite(params->deviation_sigma) && params->min_clearance >= 0 &&
+           params->min_clearance <= 1 && params->min_outline_share > 0 &&
+           params->min_outline_share <= 1;
+}
+
+/* Paths share an outline, and each has a least number of samples. */
+int32_t cairn_shape_model_max_samples(const cairn_shape_model_builder_params *params)
+{
+    return params->path_samples + CAIRN_SHAPE_MODEL_MAX_PATHS * (SHAPE_MODEL_MIN_PATH_SAMPLES + 1);
+}
+
+/* Returns the greatest number of samples of all outlines. */
+static int32_t max_outline_samples(const cairn_shape_model_builder_params *params)
+{
+    return params->outline_samples +
+           CAIRN_SHAPE_MODEL_MAX_OUTLINES * (SHAPE_MODEL_MIN_OUTLINE_SAMPLES + 1);
+}
+
+static cairn_shape_model_builder *carve(cairn_pool *pool,
+                                        const cairn_shape_model_builder_params *params)
+{
+    size_t side = (size_t)params->outline_samples + SHAPE_MODEL_MIN_OUTLINE_SAMPLES;
+    cairn_shape_model_builder *builder = cairn_pool_take_one(pool, sizeof *builder);
+    cairn_oriented_point *outline =
+        cairn_pool_take(pool, (size_t)max_outline_samples(params), sizeof *outline);
+    cairn_real *gain = cairn_pool_take(pool, side * side, sizeof *gain);
+    cairn_real *dp_value = cairn_pool_take(pool, 3 * side, sizeof *dp_value);
+    uint8_t *dp_move = cairn_pool_take(pool, side * side, sizeof *dp_move);
+    shape_model_pair *path_pairs = cairn_pool_take(pool, 2 * side, sizeof *path_pairs);
+    cairn_shape_model_sample *samples =
+        cairn_pool_take(pool, (size_t)cairn_shape_model_max_samples(params), sizeof *samples);
+    cairn_shape_model_path *paths =
+        cairn_pool_take(pool, CAIRN_SHAPE_MODEL_MAX_PATHS, sizeof *paths);
+
+    if (builder != NULL) {
+        memset(builder, 0, sizeof *builder);
+        builder->outline = outline;
+        builder->gain = gain;
+        builder->dp_value = dp_value;
+        builder->dp_move = dp_move;
+        builder->path_pairs = path_pairs;
+        builder->samples = samples;
+        builder->paths = paths;
+    }
+    return builder;
+}
+
+size_t cairn_shape_model_builder_memory(const cairn_shape_model_builder_params *params)
+{
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status cairn_shape_model_builder_create(cairn_shape_model_builder **builder, cairn_pool *pool,
+                                              const cairn_shape_model_builder_params *params)
+{
+    size_t need = cairn_shape_model_builder_memory(params);
+    cairn_shape_model_builder *made;
+
+    if (builder == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, need))
+        return CAIRN_NO_MEMORY;
+    made = carve(pool, params);
+    made->params = *params;
+    *builder = made;
+    return CAIRN_OK;
+}
+
+/* ---- Outlines ---- */
+
+static cairn_status check_outlines(const cairn_curve *outlines, int32_t count, cairn_box *box,
+                                   cairn_real *whole)
+{
+    *box = cairn_box_empty();
+    *whole = 0;
+    for (int32_t i = 0; i < count; i++) {
+        const cairn_curve *c = &outlines[i];
+
+        if (c->points == NULL || c->count < 3 || !c->closed)
+            return CAIRN_BAD_ARGUMENT;
+        for (int32_t k = 0; k < c->count; k++) {
+            if (!cairn_is_finite(c->points[k].x) || !cairn_is_finite(c->points[k].y))
+                return CAIRN_NOT_FINITE;
+            *box = cairn_box_extend(*box, c->points[k]);
+        }
+        *whole += cairn_curve_length(c);
+        if (!cairn_is_finite(cairn_vec2_norm_squared(cairn_vec2_sub(box->max, box->min))) ||
+            !cairn_is_finite(*whole))
+            return CAIRN_NOT_FINITE;
+        if (!(cairn_abs(cairn_polygon_area(c->points, c->count)) > 0))
+            return CAIRN_EMPTY;
+    }
+    return CAIRN_OK;
+}
+
+/* Samples one outline into outline[outline_first ...], in units of the size, oriented with its
+ * interior to the left. */
+static void sample_outline(cairn_shape_model_builder *builder, const cairn_curve *curve,
+                           cairn_oriented_point *to, int32_t count)
+{
+    int turned = cairn_polygon_area(curve->points, curve->count) < 0;
+    cairn_vec2 *even = (cairn_vec2 *)(void *)builder->gain, *tangent = even + count;
+    cairn_curve sampled = {even, count, 1};
+    cairn_status status = cairn_curve_resample(curve, even, NULL, count);
+
+    CAIRN_ASSERT(status == CAIRN_OK);
+    for (int32_t i = 0; i < count; i++)
+        even[i] = cairn_vec2_scale(cairn_vec2_sub(even[i], builder->origin), 1 / builder->size);
+    status = cairn_curve_tangents(&sampled, TANGENT_HALF_WIDTH, tangent);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    for (int32_t i = 0; i < count; i++) {
+        int32_t from = turned ? count - 1 - i : i;
+
+        to[i].position = even[from];
+        to[i].direction = cairn_vec2_scale(tangent[from], turned ? -1 : 1);
+    }
+}
+
+cairn_status cairn_shape_model_builder_begin(cairn_shape_model_builder *builder,
+                                             const cairn_curve *outlines, int32_t count)
+{
+    cairn_real whole;
+    cairn_status status;
+    cairn_box box;
+
+    if (builder == NULL || outlines == NULL || count < 1 || count > CAIRN_SHAPE_MODEL_MAX_OUTLINES)
+        return CAIRN_BAD_ARGUMENT;
+    status = check_outlines(outlines, count, &box, &whole);
+    if (status != CAIRN_OK)
+        return status;
+    builder->size = cairn_vec2_norm(cairn_vec2_sub(box.max, box.min));
+    builder->origin = cairn_vec2_scale(cairn_vec2_add(box.min, box.max), CAIRN_REAL(0.5));
+    builder->total_length = whole / builder->size;
+    builder->outline_count = count;
+    builder->sample_count = builder->path_count = builder->arc_count = builder->outline_index =
+        builder->cursor = builder->units_charged = 0;
+    builder->outline_first[0] = 0;
+    for (int32_t i = 0; i < count; i++) {
+        cairn_real length = cairn_curve_length(&outlines[i]);
+        int32_t points = cairn_real_to_int(
+            cairn_rint((cairn_real)builder->params.outline_samples * (length / whole)));
+
+        points =
+            points < SHAPE_MODEL_MIN_OUTLINE_SAMPLES ? SHAPE_MODEL_MIN_OUTLINE_SAMPLES : points;
+        builder->outline_length[i] = length / builder->size;
+        sample_outline(builder, &outlines[i], &builder->outline[builder->outline_first[i]], points);
+        builder->outline_first[i + 1] = builder->outline_first[i] + points;
+    }
+    builder->phase = PHASE_PAIRS;
+    return CAIRN_OK;
+}
+
+/* ---- Symmetry set ---- */
+
+int cairn_shape_model_disc(const cairn_shape_model_builder *builder, int32_t low, int32_t high,
+                           cairn_shape_model_sample *disc)
+{
+    cairn_oriented_point p = builder->outline[low], q = builder->outline[high];
+    cairn_symmetric_point sp;
+
+    if (!cairn_symmetric_point_of(p, q, MAX_ANGLE_RAD, &sp) ||
+        sp.deviation > builder->params.max_deviation ||
+        cairn_vec2_dot(cairn_vec2_left_perp(p.direction), cairn_vec2_sub(sp.centre, p.position)) <=
+            0 ||
+        cairn_vec2_dot(cairn_vec2_left_perp(q.direction), cairn_vec2_sub(sp.centre, q.position)) <=
+            0)
+        return 0;
+    disc->centre = sp.centre;
+    disc->radius = sp.radius;
+    disc->deviation = sp.deviation;
+    disc->contact[0] = q;
+    disc->contact[1].position = p.position;
+    disc->contact[1].direction = cairn_vec2_scale(p.direction, -1);
+    disc->outline_share[0] = disc->outline_share[1] = 0;
+    return 1;
+}
+
+cairn_real cairn_shape_model_gain(const cairn_shape_model_builder *builder, int32_t low,
+                                  int32_t high)
+{
+    cairn_shape_model_sample disc;
+    cairn_real clear, scaled;
+
+    if (!cairn_shape_model_disc(builder, low, high, &disc))
+        return -MIN_QUALITY;
+    clear = builder->params.min_clearance * disc.radius;
+    for (int32_t i = builder->outline_first[builder->outline_index];
+         i < builder->outline_first[builder->outline_index + 1]; i++)
+        if (cairn_vec2_norm_squared(cairn_vec2_sub(builder->outline[i].position, disc.centre)) <
+            clear * clear)
+            return -MIN_QUALITY;
+    scaled = disc.deviation / builder->params.deviation_sigma;
+    return cairn_exp(CAIRN_REAL(-0.5) * scaled * scaled) - MIN_QUALITY;
+}
+
+/* Computes the gains of all pairs of the current outline. */
+static cairn_status step_pairs(cairn_shape_model_builder *builder, cairn_budget *budget)
+{
+    int32_t n = shape_model_points(builder), first = builder->outline_first[builder->outline_index];
+    shape_model_arc whole = {0, n, 1, -1, -1};
+
+    for (; builder->cursor < n * n; builder->cursor++) {
+        int32_t low = builder->cursor / n, high = builder->cursor % n;
+
+        if (!cairn_budget_charge(budget, &builder->units_charged, low == high ? 1 : 4 + n / 16))
+            return CAIRN_MORE;
+        builder->gain[builder->cursor] =
+            low == high ? -MIN_QUALITY : cairn_shape_model_gain(builder, first + low, first + high);
+    }
+    builder->arc_count = 0;
+    if (builder->outline_index > 0 && builder->path_count > 0)
+        whole.parent = 0;
+    cairn_shape_model_add_arc(builder, whole);
+    cairn_shape_model_search_begin(builder);
+    return CAIRN_OK;
+}
+
+void cairn_shape_model_add_arc(cairn_shape_model_builder *builder, shape_model_arc arc)
+{
+    int32_t i = builder->arc_count;
+
+    if ((cairn_real)arc.count <
+        builder->params.min_outline_share * (cairn_real)shape_model_points(builder))
+        return;
+    if (builder->arc_count == CAIRN_SHAPE_MODEL_MAX_PATHS) {
+        if (builder->arcs[i - 1].count >= arc.count)
+            return;
+        i--;
+    } else {
+        builder->arc_count++;
+    }
+    for (; i > 0 && builder->arcs[i - 1].count < arc.count; i--)
+        builder->arcs[i] = builder->arcs[i - 1];
+    builder->arcs[i] = arc;
+}
+
+/* Searches the path of the longest waiting arc. */
+static cairn_status step_search(cairn_shape_model_builder *builder, cairn_budget *budget)
+{
+    while (builder->arc_count > 0 && builder->path_count < builder->params.max_paths) {
+        shape_model_arc arc = builder->arcs[0];
+        cairn_status status = cairn_shape_model_search_step(builder, &arc, budget);
+
+        if (status != CAIRN_OK ||
+            !cairn_budget_charge(budget, &builder->units_charged, UNITS_PER_PATH))
+            return CAIRN_MORE;
+        memmove(&builder->arcs[0], &builder->arcs[1],
+                (size_t)(builder->arc_count - 1) * sizeof builder->arcs[0]);
+        builder->arc_count--;
+        cairn_shape_model_add_path(builder, &arc);
+        cairn_shape_model_search_begin(builder);
+    }
+    return CAIRN_OK;
+}
+
+cairn_status cairn_shape_model_builder_step(cairn_shape_model_builder *builder,
+                                            cairn_budget *budget)
+{
+    if (builder == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (builder->phase == PHASE_PAIRS || builder->phase == PHASE_SEARCH) {
+        cairn_status status = builder->phase == PHASE_PAIRS ? step_pairs(builder, budget)
+                                                            : step_search(builder, budget);
+
+        if (status != CAIRN_OK)
+            return status;
+        if (builder->phase == PHASE_SEARCH)
+            builder->outline_index++;
+        builder->phase = builder->phase == PHASE_PAIRS                     ? PHASE_SEARCH
+                         : builder->outline_index < builder->outline_count ? PHASE_PAIRS
+                                                                           : PHASE_DONE;
+        builder->cursor = builder->phase == PHASE_PAIRS ? 0 : builder->cursor;
+    }
+    if (builder->phase == PHASE_DONE && builder->path_count == 0) {
+        builder->phase = PHASE_IDLE;
+        return CAIRN_EMPTY;
+    }
+    return CAIRN_OK;
+}
+
+cairn_shape_model cairn_shape_model_builder_read(const cairn_shape_model_builder *builder)
+{
+    cairn_shape_model model;
+
+    memset(&model, 0, sizeof model);
+    if (builder == NULL || builder->phase != PHASE_DONE)
+        return model;
+    model.samples = builder->samples;
+    model.paths = builder->paths;
+    model.outline = builder->outline;
+    model.sample_count = builder->sample_count;
+    model.path_count = builder->path_count;
+    model.outline_count = builder->outline_first[builder->outline_count];
+    model.size = builder->size;
+    model.origin = builder->origin;
+    return model;
+}
+
+/* ---- Validation ---- */
+
+static int is_share(cairn_real x)
+{
+    return x >= 0 && x <= 1;
+}
+
+/* Returns 0 if not finite, too. */
+static int is_valid_point(cairn_oriented_point p)
+{
+    return cairn_is_finite(p.position.x) && cairn_is_finite(p.position.y) &&
+           cairn_abs(cairn_vec2_norm(p.direction) - 1) <= CAIRN_REAL(1e-3);
+}
+
+static cairn_status check_sample(const cairn_shape_model_sample *s, int64_t index,
+                                 cairn_fault *fault)
+{
+    if (!cairn_is_finite(s->centre.x) || !cairn_is_finite(s->centre.y) ||
+        !cairn_is_finite(s->radius) || !cairn_is_finite(s->deviation))
+        return cairn_refuse(fault, index, "a sample that is not finite, expected finite ones",
+                            CAIRN_NOT_FINITE);
+    if (!(s->radius > 0) || s->deviation < 0 || !is_share(s->outline_share[0]) ||
+        !is_share(s->outline_share[1]))
+        return cairn_refuse(
+            fault, index, "a sample out of range, expected a radius above 0 and shares from 0 to 1",
+            CAIRN_BAD_ARGUMENT);
+    if (!is_valid_point(s->contact[0]) || !is_valid_point(s->contact[1]))
+        return cairn_refuse(
+            fault, index,
+            "a contact point out of range, expected a finite position and a unit direction",
+            CAIRN_BAD_ARGUMENT);
+    return CAIRN_OK;
+}
+
+static cairn_status check_path(const cairn_shape_model *model, int32_t index, cairn_fault *fault)
+{
+    const cairn_shape_model_path *p = &model->paths[index];
+
+    if (p->first < 0 || p->count < 1 || p->first > model->sample_count ||
+        p->count > model->sample_count - p->first)
+        return cairn_refuse(fault, index,
+                            "a path beyond the samples, expected at least one of them",
+                            CAIRN_BAD_ARGUMENT);
+    if (p->parent < -1 || p->parent >= index || (p->parent < 0) != (p->branch < 0) ||
+        (p->parent >= 0 && p->branch >= model->paths[p->parent].count) ||
+        !is_share(p->outline_share))
+        return cairn_refuse(
+            fault, index, "a path that branches off nowhere, expected a sample of a path before it",
+            CAIRN_BAD_ARGUMENT);
+    return CAIRN_OK;
+}
+
+/* Validates the gaps of a model. */
+static int gaps_are_valid(const cairn_shape_model *model)
+{
+    int32_t good = model->gap_count >= 0 && model->gap_count <= CAIRN_SHAPE_MODEL_MAX_GAPS;
+
+    for (int32_t i = 0; good && i < model->gap_count; i++)
+        good = cairn_is_finite(model->gaps[i].x) && cairn_is_finite(model->gaps[i].y);
+    return good;
+}
+
+cairn_status cairn_shape_model_check(const cairn_shape_model *m, cairn_fault *fault)
+{
+    cairn_status status = CAIRN_OK;
+
+    if (m == NULL || m->samples == NULL || m->paths == NULL || m->outline == NULL ||
+        m->sample_count < 1 || m->path_count < 1 || m->path_count > CAIRN_SHAPE_MODEL_MAX_PATHS ||
+        m->outline_count < 1 || !(m->size > 0) || !cairn_is_finite(m->size) ||
+        !cairn_is_finite(m->origin.x) || !cairn_is_finite(m->origin.y))
+        return cairn_refuse(fault, -1, "no model, expected a size, paths, samples and an outline",
+                            CAIRN_BAD_ARGUMENT);
+    if (!gaps_are_valid(m))
+        return cairn_refuse(fault, -1, "gaps out of range, expected at most 8 finite positions",
+                            CAIRN_BAD_ARGUMENT);
+    for (int32_t i = 0; i < m->sample_count && status == CAIRN_OK; i++)
+        status = check_sample(&m->samples[i], i, fault);
+    for (int32_t i = 0; i < m->path_count && status == CAIRN_OK; i++)
+        status = check_path(m, i, fault);
+    for (int32_t i = 0; i < m->outline_count && status == CAIRN_OK; i++)
+        if (!is_valid_point(m->outline[i]))
+            status = cairn_refuse(
+                fault, i, "an outline out of range, expected finite positions and unit directions",
+                CAIRN_BAD_ARGUMENT);
+    return status;
+}
+
+int32_t cairn_shape_model_first_outline(const cairn_shape_model *model)
+{
+    cairn_real mean = 0;
+    int32_t count = model->outline_count > 0;
+
+    for (int32_t i = 1; i < model->outline_count; i++)
+        mean += cairn_vec2_norm(
+                    cairn_vec2_sub(model->outline[i].position, model->outline[i - 1].position)) /
+                (cairn_real)model->outline_count;
+    while (count < model->outline_count &&
+           cairn_vec2_norm(cairn_vec2_sub(model->outline[count].position,
+                                          model->outline[count - 1].position)) <=
+               MAX_STEP_RATIO * mean)
+        count++;
+    return count;
+}

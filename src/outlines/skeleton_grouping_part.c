@@ -1,0 +1,429 @@
+/* Selection of parts (greedy, by log odds) and joining of parts to objects.
+ *
+ * Method:
+ * 1. In each round every trajectory is scored by its stretch of greatest log odds (maximum-sum
+ *    subarray). Discs whose contour is already assigned to a part count as losses.
+ * 2. The best trajectory becomes a part and its edgels are assigned to it. The rounds end when none
+ *    reaches min_log_odds.
+ * 3. Parts are smoothed along their axes.
+ * 4. Parts whose axes continue into each other are united to objects (union-find), sorted by log
+ *    odds (heap sort). */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/outlines/skeleton_grouping_work.h"
+
+/* Gain of a disc whose contour is assigned to another part on one side, and on both, nats. */
+#define ONE_SIDE_ASSIGNED_GAIN   CAIRN_REAL(-1.0)
+#define BOTH_SIDES_ASSIGNED_GAIN CAIRN_REAL(-3.0)
+/* Edgels within this distance of a part's contour and this cosine of its direction are assigned
+ * to the part. */
+#define ASSIGN_DISTANCE_PX CAIRN_REAL(2.5)
+#define ASSIGN_MIN_COSINE  CAIRN_REAL(0.7)
+/* An end is joined to an axis within the other disc's radius plus this multiple of its own
+ * radius, and within this cosine of its heading. */
+#define JOINT_DISTANCE_RADII CAIRN_REAL(1.2)
+#define JOINT_MIN_COSINE     CAIRN_REAL(0.5)
+/* Edgels within this distance of a connection cross it; the least number of edgels that block
+ * it. */
+#define CROSSING_DISTANCE_PX CAIRN_REAL(1.5)
+enum { MIN_DISCS = 3, MIN_CROSSING_EDGELS = 2 };
+
+/* Returns the gain of a disc after assignments to other parts, nats. */
+static cairn_real remaining_gain(const cairn_skeleton_grouping *skeleton,
+                                 const skeleton_grouping_disc *d)
+{
+    int32_t assigned = 0;
+
+    for (int32_t side = 0; side < 2; side++)
+        assigned += d->edgel[side] >= 0 && skeleton->edgels[d->edgel[side]].assigned;
+    return assigned == 0   ? d->gain
+           : assigned == 1 ? cairn_min(d->gain, ONE_SIDE_ASSIGNED_GAIN)
+                           : BOTH_SIDES_ASSIGNED_GAIN;
+}
+
+static int is_written(const cairn_skeleton_grouping *skeleton)
+{
+    return skeleton->params.mode == CAIRN_MODE_AS_WRITTEN;
+}
+
+/* As written: scores the whole trajectory, without competition. */
+static void score_whole(const cairn_skeleton_grouping *skeleton, skeleton_grouping_part *part)
+{
+    part->kept_first = part->first;
+    part->kept_end = part->first + part->count;
+    part->log_odds = 0;
+    for (int32_t i = part->kept_first; i < part->kept_end; i++)
+        part->log_odds += skeleton->discs[i].gain;
+}
+
+/* Finds the stretch of discs of maximum sum (Kadane's algorithm). */
+static void score_best_stretch(const cairn_skeleton_grouping *skeleton,
+                               skeleton_grouping_part *part)
+{
+    cairn_real sum = 0;
+    int32_t from = part->first;
+
+    if (is_written(skeleton)) {
+        score_whole(skeleton, part);
+        return;
+    }
+    part->log_odds = 0;
+    part->kept_first = part->kept_end = part->first;
+    for (int32_t i = part->first; i < part->first + part->count; i++) {
+        if (sum <= 0) {
+            sum = 0;
+            from = i;
+        }
+        sum += remaining_gain(skeleton, &skeleton->discs[i]);
+        if (sum > part->log_odds) {
+            part->log_odds = sum;
+            part->kept_first = from;
+            part->kept_end = i + 1;
+        }
+    }
+}
+
+/* Charges the next work item for the edgels of these cells. */
+static void charge_cells(cairn_skeleton_grouping *skeleton, int32_t x0, int32_t x1, int32_t y0,
+                         int32_t y1)
+{
+    skeleton->units_charged -= skeleton_grouping_cells_cost(skeleton, x0, x1, y0, y1);
+}
+
+/* Assigns the edgels along a contour segment to the part. */
+static void assign_along(cairn_skeleton_grouping *skeleton, cairn_segment line)
+{
+    cairn_vec2 unit = cairn_vec2_unit(cairn_vec2_sub(line.b, line.a));
+    cairn_box box = {line.a, line.a};
+    int32_t x0, x1, y1;
+
+    box = cairn_box_grow(cairn_box_extend(box, line.b), ASSIGN_DISTANCE_PX);
+    x0 = cairn_skeleton_grouping_column(skeleton, box.min.x);
+    x1 = cairn_skeleton_grouping_column(skeleton, box.max.x);
+    y1 = cairn_skeleton_grouping_row(skeleton, box.max.y);
+    charge_cells(skeleton, x0, x1, cairn_skeleton_grouping_row(skeleton, box.min.y), y1);
+    for (int32_t y = cairn_skeleton_grouping_row(skeleton, box.min.y); y <= y1; y++) {
+        int32_t from, end;
+
+        skeleton_grouping_cells_of_row(skeleton, y, x0, x1, &from, &end);
+        for (int32_t i = from; i < end; i++)
+            if (cairn_abs(cairn_vec2_cross(skeleton->edgels[i].normal, unit)) >=
+                    ASSIGN_MIN_COSINE &&
+                cairn_segment_distance(line, skeleton->edgels[i].position) <= ASSIGN_DISTANCE_PX)
+                skeleton->edgels[i].assigned = 1;
+    }
+}
+
+/* Assigns the edgels of a trajectory to its part. */
+static void assign_edgels(cairn_skeleton_grouping *skeleton, const skeleton_grouping_part *part)
+{
+    for (int32_t i = part->kept_first; i < part->kept_end; i++)
+        for (int32_t side = 0; side < 2; side++) {
+            const skeleton_grouping_disc *d = &skeleton->discs[i],
+                                         *next = i + 1 < part->kept_end ? d + 1 : d;
+            cairn_segment line = {d->contact[side], next->contact[side]};
+
+            if (d->edgel[side] >= 0)
+                skeleton->edgels[d->edgel[side]].assigned = 1;
+            if (d->edgel[side] >= 0 && next->edgel[side] >= 0)
+                assign_along(skeleton, line);
+        }
+}
+
+/* Returns the disc, smoothed along the axis; as written unsmoothed. */
+static cairn_skeleton_grouping_point smoothed_point(const cairn_skeleton_grouping *skeleton,
+                                                    const skeleton_grouping_part *part, int32_t i)
+{
+    const skeleton_grouping_disc *d = &skeleton->discs[i], *a = i > part->kept_first ? d - 1 : d,
+                                 *b = i + 1 < part->kept_end ? d + 1 : d;
+    cairn_skeleton_grouping_point q;
+
+    if (a == d || b == d || is_written(skeleton))
+        a = b = d;
+    q.centre =
+        cairn_vec2_add(cairn_vec2_scale(d->centre, CAIRN_REAL(0.5)),
+                       cairn_vec2_scale(cairn_vec2_add(a->centre, b->centre), CAIRN_REAL(0.25)));
+    q.radius = CAIRN_REAL(0.5) * d->radius + CAIRN_REAL(0.25) * (a->radius + b->radius);
+    for (int32_t side = 0; side < 2; side++) {
+        q.contact[side] = d->contact[side];
+        q.edgel[side] = d->edgel[side] >= 0 ? skeleton->edgels[d->edgel[side]].input_index : -1;
+    }
+    return q;
+}
+
+/* Appends a selected trajectory to the reported parts. */
+static void report_part(cairn_skeleton_grouping *skeleton, const skeleton_grouping_part *p)
+{
+    cairn_skeleton_grouping_part *part = &skeleton->parts[skeleton->part_count];
+
+    part->first = skeleton->point_count;
+    part->count = p->kept_end - p->kept_first;
+    part->object = skeleton->part_count;
+    part->joint[0] = part->joint[1] = -1;
+    part->log_odds = p->log_odds;
+    skeleton->union_find[skeleton->part_count] = skeleton->part_count;
+    skeleton->polarity_sum[skeleton->part_count] = 0;
+    for (int32_t i = p->kept_first; i < p->kept_end; i++) {
+        skeleton->points[skeleton->point_count++] = smoothed_point(skeleton, p, i);
+        for (int32_t side = 0; side < 2; side++)
+            if (skeleton->discs[i].edgel[side] >= 0)
+                skeleton->polarity_sum[skeleton->part_count] +=
+                    skeleton->discs[i].polarity[side] == SKELETON_GROUPING_BRIGHTER ? 1 : -1;
+    }
+    skeleton->part_count++;
+}
+
+/* Returns the unselected trajectory of greatest log odds; -1: none. */
+static int32_t best_of(const cairn_skeleton_grouping *skeleton)
+{
+    int32_t best = -1;
+
+    for (int32_t i = 0; i < skeleton->candidate_count; i++)
+        if (skeleton->candidates[i].state == 0 &&
+            (best < 0 || skeleton->candidates[i].log_odds > skeleton->candidates[best].log_odds))
+            best = i;
+    return best;
+}
+
+/* One round after the other. The cursor counts candidates; it is beyond them while the work
+ * units of the best one's part are charged. */
+cairn_status cairn_skeleton_grouping_select_parts(cairn_skeleton_grouping *skeleton,
+                                                  cairn_budget *budget)
+{
+    for (;;) {
+        for (; skeleton->cursor < skeleton->candidate_count; skeleton->cursor++) {
+            skeleton_grouping_part *p = &skeleton->candidates[skeleton->cursor];
+
+            if (p->state != 0)
+                continue;
+            if (!cairn_budget_charge(budget, &skeleton->units_charged, 1 + p->count / 8))
+                return CAIRN_MORE;
+            score_best_stretch(skeleton, p);
+            if (p->log_odds < skeleton->params.min_log_odds ||
+                (!is_written(skeleton) && p->kept_end - p->kept_first < MIN_DISCS))
+                p->state = -1;
+        }
+        if (skeleton->cursor == skeleton->candidate_count) {
+            if (!cairn_budget_charge(budget, &skeleton->units_charged,
+                                     1 + skeleton->candidate_count / 32))
+                return CAIRN_MORE;
+            skeleton->second_cursor = best_of(skeleton);
+            if (skeleton->second_cursor < 0)
+                return CAIRN_OK;
+            skeleton->cursor++;
+        }
+        if (!cairn_budget_charge(
+                budget, &skeleton->units_charged,
+                1 + 8 * (skeleton->candidates[skeleton->second_cursor].kept_end -
+                         skeleton->candidates[skeleton->second_cursor].kept_first)))
+            return CAIRN_MORE;
+        if (!is_written(skeleton))
+            assign_edgels(skeleton, &skeleton->candidates[skeleton->second_cursor]);
+        report_part(skeleton, &skeleton->candidates[skeleton->second_cursor]);
+        skeleton->candidates[skeleton->second_cursor].state = 1;
+        skeleton->cursor = 0;
+    }
+}
+
+/* ---- Objects ---- */
+
+/* Returns the root of a group (union-find with path halving). */
+static int32_t find_root(const cairn_skeleton_grouping *skeleton, int32_t part)
+{
+    while (skeleton->union_find[part] != part) {
+        skeleton->union_find[part] = skeleton->union_find[skeleton->union_find[part]];
+        part = skeleton->union_find[part];
+    }
+    return part;
+}
+
+/* Returns the part of a point by binary search; parts' points are consecutive. */
+static int32_t part_of(const cairn_skeleton_grouping *skeleton, int32_t point)
+{
+    int32_t low = 0, high = skeleton->part_count - 1;
+
+    while (low < high) {
+        int32_t middle = (low + high) / 2;
+
+        if (point >= skeleton->parts[middle].first + skeleton->parts[middle].count)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+/* Returns 1 if the parts have opposite contrast polarity. */
+static int are_opposite(const cairn_skeleton_grouping *skeleton, int32_t a, int32_t b)
+{
+    return skeleton->polarity_sum[a] * skeleton->polarity_sum[b] < 0;
+}
+
+/* Returns 1 if an edge crosses the connection of two axis points. */
+static int is_crossed(cairn_skeleton_grouping *skeleton, cairn_vec2 from, cairn_vec2 to)
+{
+    cairn_segment connection = {from, to};
+    cairn_vec2 unit = cairn_vec2_unit(cairn_vec2_sub(to, from));
+    cairn_box box = cairn_box_grow(cairn_box_extend(cairn_box_extend(cairn_box_empty(), from), to),
+                                   CROSSING_DISTANCE_PX);
+    int32_t x0 = cairn_skeleton_grouping_column(skeleton, box.min.x),
+            x1 = cairn_skeleton_grouping_column(skeleton, box.max.x);
+    int32_t y1 = cairn_skeleton_grouping_row(skeleton, box.max.y), count = 0;
+
+    charge_cells(skeleton, x0, x1, cairn_skeleton_grouping_row(skeleton, box.min.y), y1);
+    for (int32_t y = cairn_skeleton_grouping_row(skeleton, box.min.y); y <= y1; y++) {
+        int32_t begin, end;
+
+        skeleton_grouping_cells_of_row(skeleton, y, x0, x1, &begin, &end);
+        for (int32_t i = begin; i < end; i++) {
+            const skeleton_grouping_edgel *e = &skeleton->edgels[i];
+
+            count += cairn_abs(cairn_vec2_dot(e->normal, unit)) >= ASSIGN_MIN_COSINE &&
+                     cairn_segment_distance(connection, e->position) <= CROSSING_DISTANCE_PX;
+        }
+    }
+    return count >= MIN_CROSSING_EDGELS;
+}
+
+/* Returns the point of another part into which an end of this part continues; -1: a free end. */
+static int32_t joint_of(cairn_skeleton_grouping *skeleton, const cairn_skeleton_grouping_part *part,
+                        int32_t end)
+{
+    const cairn_skeleton_grouping_point *last =
+        &skeleton->points[end ? part->first + part->count - 1 : part->first];
+    const cairn_skeleton_grouping_point *before =
+        end ? last - (part->count > 3 ? 3 : part->count - 1)
+            : last + (part->count > 3 ? 3 : part->count - 1);
+    cairn_vec2 heading = cairn_vec2_unit(cairn_vec2_sub(last->centre, before->centre));
+    cairn_real nearest = CAIRN_REAL_MAX;
+    int32_t joint = -1;
+
+    for (int32_t k = 0; k < skeleton->part_count; k++) {
+        const cairn_skeleton_grouping_part *other = &skeleton->parts[k];
+
+        if (other == part || are_opposite(skeleton, skeleton->cursor, k))
+            continue;
+        for (int32_t i = other->first; i < other->first + other->count; i++) {
+            cairn_vec2 displacement = cairn_vec2_sub(skeleton->points[i].centre, last->centre);
+            cairn_real distance = cairn_vec2_norm(displacement);
+
+            if (distance < nearest &&
+                distance <= skeleton->points[i].radius + JOINT_DISTANCE_RADII * last->radius &&
+                cairn_vec2_dot(displacement, heading) >= JOINT_MIN_COSINE * distance &&
+                !is_crossed(skeleton, last->centre, skeleton->points[i].centre)) {
+                nearest = distance;
+                joint = i;
+            }
+        }
+    }
+    return joint;
+}
+
+/* Collects the groups into objects. */
+static void collect_objects(cairn_skeleton_grouping *skeleton)
+{
+    for (int32_t i = 0; i < skeleton->part_count; i++) {
+        int32_t home = find_root(skeleton, i);
+        cairn_skeleton_grouping_object *o;
+
+        if (home == i) {
+            o = &skeleton->objects[skeleton->object_count];
+            memset(o, 0, sizeof *o);
+            skeleton->parts[i].object = skeleton->object_count++;
+        }
+        skeleton->parts[i].object = skeleton->parts[home].object;
+        o = &skeleton->objects[skeleton->parts[i].object];
+        o->part_count++;
+        o->log_odds += skeleton->parts[i].log_odds;
+        o->free_end_count += (skeleton->parts[i].joint[0] < 0) + (skeleton->parts[i].joint[1] < 0);
+    }
+}
+
+/* Returns 1 if object a ranks after object b; ties: the later one. */
+static int ranks_after(const cairn_skeleton_grouping *skeleton, int32_t a, int32_t b)
+{
+    cairn_real x = skeleton->objects[a].log_odds, y = skeleton->objects[b].log_odds;
+
+    return x < y || (x <= y && a > b);
+}
+
+/* Restores the heap order of union_find[0 ... count - 1] below an index; its root ranks last. */
+static void heap_sift_down(cairn_skeleton_grouping *skeleton, int32_t place, int32_t count)
+{
+    for (;;) {
+        int32_t child = 2 * place + 1, moved = skeleton->union_find[place];
+
+        if (child >= count)
+            return;
+        if (child + 1 < count &&
+            ranks_after(skeleton, skeleton->union_find[child + 1], skeleton->union_find[child]))
+            child++;
+        if (!ranks_after(skeleton, skeleton->union_find[child], moved))
+            return;
+        skeleton->union_find[place] = skeleton->union_find[child];
+        skeleton->union_find[child] = moved;
+        place = child;
+    }
+}
+
+/* Sorts the objects by decreasing log odds: union_find[] becomes their order, polarity_sum[] the
+ * rank of each. */
+static void sort_objects(cairn_skeleton_grouping *skeleton)
+{
+    for (int32_t i = 0; i < skeleton->object_count; i++)
+        skeleton->union_find[i] = i;
+    for (int32_t i = skeleton->object_count / 2 - 1; i >= 0; i--)
+        heap_sift_down(skeleton, i, skeleton->object_count);
+    for (int32_t count = skeleton->object_count - 1; count > 0; count--) {
+        int32_t last = skeleton->union_find[0];
+
+        skeleton->union_find[0] = skeleton->union_find[count];
+        skeleton->union_find[count] = last;
+        heap_sift_down(skeleton, 0, count);
+    }
+    for (int32_t i = 0; i < skeleton->object_count; i++)
+        skeleton->polarity_sum[skeleton->union_find[i]] = i;
+    for (int32_t p = 0; p < skeleton->part_count; p++)
+        skeleton->parts[p].object = skeleton->polarity_sum[skeleton->parts[p].object];
+    for (int32_t i = 0; i < skeleton->object_count; i++)
+        while (skeleton->polarity_sum[i] != i) {
+            int32_t place = skeleton->polarity_sum[i];
+            cairn_skeleton_grouping_object moved = skeleton->objects[place];
+
+            skeleton->objects[place] = skeleton->objects[i];
+            skeleton->objects[i] = moved;
+            skeleton->polarity_sum[i] = skeleton->polarity_sum[place];
+            skeleton->polarity_sum[place] = place;
+        }
+}
+
+/* Unites two groups; the part of lower index becomes the root. */
+static void unite(cairn_skeleton_grouping *skeleton, int32_t first, int32_t second)
+{
+    int32_t a = find_root(skeleton, first), b = find_root(skeleton, second);
+
+    skeleton->union_find[a < b ? b : a] = a < b ? a : b;
+}
+
+cairn_status cairn_skeleton_grouping_join_parts(cairn_skeleton_grouping *skeleton,
+                                                cairn_budget *budget)
+{
+    for (; skeleton->cursor < skeleton->part_count; skeleton->cursor++) {
+        cairn_skeleton_grouping_part *p = &skeleton->parts[skeleton->cursor];
+
+        if (!cairn_budget_charge(budget, &skeleton->units_charged, 2 + skeleton->point_count / 4))
+            return CAIRN_MORE;
+        for (int32_t end = 0; end < 2 && !is_written(skeleton); end++) {
+            p->joint[end] = joint_of(skeleton, p, end);
+            if (p->joint[end] >= 0)
+                unite(skeleton, skeleton->cursor, part_of(skeleton, p->joint[end]));
+        }
+    }
+    if (!cairn_budget_charge(budget, &skeleton->units_charged, 1 + 2 * skeleton->part_count))
+        return CAIRN_MORE;
+    collect_objects(skeleton);
+    sort_objects(skeleton);
+    return CAIRN_OK;
+}

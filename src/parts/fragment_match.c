@@ -1,0 +1,323 @@
+/* Local alignment of outline fragments and edge chains.
+ *
+ * Method:
+ * 1. Chains are sampled evenly at steps in a geometric series. At each step a fragment of n samples
+ *    has one scale, at which both have equal sampling distances.
+ * 2. Directions are central differences, quantized to 1024 per turn. A pair scores 1 - |turn| /
+ *    zero_score_angle in fixed point, so that sums are exact.
+ * 3. Smith-Waterman: the table is filled one chain sample after the other with one stored column;
+ *    only the best end of each chain is recorded. Chains too short for the least similarity are
+ *    skipped, since each sample scores 1 at most.
+ * 4. The alignment of each recorded end is traced back (module sequence) in the 3 n samples before
+ *    the end: n pairs score n at most, and 2 n gaps of at least 0.5 cost as much.
+ * 5. Least-squares scale and centroid.
+ *
+ * A closed chain of at least n samples is extended by n - 1 samples beyond its first point; an
+ * alignment longer than one turn is dropped. A shorter closed chain is treated as open.
+ *
+ * Memory layout: direction codes of the fragments in both orientations and of one chain; a column;
+ * the matches of each fragment in order; the aligner.
+ *
+ * Limits: one alignment for each fragment, chain, orientation and step; one match for each fragment
+ * and chain. No rotation.
+ *
+ * Source: Adluru 2008, section 5.2.2; steps, ties and closed chains: this project's. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/parts/fragment_match_work.h"
+
+enum {
+    MAX_FRAGMENTS = 1 << 16,
+    MAX_CHAINS = 1 << 24,
+    MAX_CHAIN_SAMPLES = 1 << 20,
+    MAX_MATCHES = 64
+};
+
+static const cairn_real MAX_COORDINATE = CAIRN_REAL(1e6);
+
+cairn_fragment_match_params cairn_fragment_match_default(void)
+{
+    cairn_fragment_match_params params = {
+        .max_fragments = CAIRN_PART_MAX_FRAGMENTS,
+        .samples_per_fragment = 20,
+        .max_chains = 10000,
+        .max_samples = 4096,
+        .matches_per_fragment = 2,
+        .min_scale = 24,
+        .max_scale = 800,
+        .min_step = CAIRN_REAL(1.5),
+        .step_ratio = CAIRN_REAL(1.19),
+        .zero_score_angle = CAIRN_PI / 8,
+        .gap_cost = CAIRN_REAL(0.5),
+        .min_similarity = CAIRN_REAL(0.5),
+    };
+
+    return params;
+}
+
+/* Validates the capacities. */
+static int capacities_are_valid(const cairn_fragment_match_params *params)
+{
+    return params->max_fragments >= 1 && params->max_fragments <= MAX_FRAGMENTS &&
+           params->samples_per_fragment >= 2 &&
+           params->samples_per_fragment <= FRAGMENT_MATCH_MAX_SAMPLES && params->max_chains >= 1 &&
+           params->max_chains <= MAX_CHAINS && params->max_samples >= 4 &&
+           params->max_samples <= MAX_CHAIN_SAMPLES && params->matches_per_fragment >= 1 &&
+           params->matches_per_fragment <= MAX_MATCHES;
+}
+
+static int params_are_valid(const cairn_fragment_match_params *params)
+{
+    return params != NULL && capacities_are_valid(params) && params->min_scale > 0 &&
+           params->max_scale >= params->min_scale && params->max_scale <= MAX_COORDINATE &&
+           params->min_step >= CAIRN_REAL(0.5) && params->min_step <= MAX_COORDINATE &&
+           params->step_ratio >= CAIRN_REAL(1.05) && params->step_ratio <= 2 &&
+           params->zero_score_angle >= CAIRN_REAL(0.02) && params->zero_score_angle <= CAIRN_PI &&
+           params->gap_cost >= CAIRN_REAL(0.5) && params->gap_cost <= 4 &&
+           params->min_similarity > 0 && params->min_similarity <= 1;
+}
+
+static cairn_sequence_params aligner_params(const cairn_fragment_match_params *p)
+{
+    cairn_sequence_params params = {
+        .kind = CAIRN_SEQUENCE_LOCAL,
+        .max_first = p->samples_per_fragment,
+        .max_second = FRAGMENT_MATCH_WINDOW_RATIO * p->samples_per_fragment,
+        .gap_cost = (cairn_real)cairn_real_to_int(p->gap_cost * FRAGMENT_MATCH_SCORE_UNIT),
+    };
+
+    return params;
+}
+
+/* Allocates everything but the aligner. */
+static cairn_fragment_matcher *carve(cairn_pool *pool, const cairn_fragment_match_params *params)
+{
+    size_t fragments = (size_t)params->max_fragments, samples = (size_t)params->max_samples,
+           matches = fragments * (size_t)params->matches_per_fragment;
+    cairn_fragment_matcher *matcher = cairn_pool_take_one(pool, sizeof *matcher);
+    cairn_real *length = cairn_pool_take(pool, (size_t)params->max_chains, sizeof *length);
+    int16_t *fragment_code = cairn_pool_take(
+        pool, 2 * fragments * (size_t)params->samples_per_fragment, sizeof *fragment_code);
+    cairn_vec2 *positions = cairn_pool_take(pool, 2 * samples, sizeof *positions);
+    int16_t *chain_code = cairn_pool_take(pool, samples, sizeof *chain_code);
+    fragment_match_alignment_end *ends = cairn_pool_take(pool, matches, sizeof *ends);
+    int32_t *end_count = cairn_pool_take(pool, fragments, sizeof *end_count);
+    cairn_fragment_match *found = cairn_pool_take(pool, matches, sizeof *found);
+
+    if (matcher != NULL) {
+        memset(matcher, 0, sizeof *matcher);
+        matcher->length = length;
+        matcher->fragment_code = fragment_code;
+        matcher->positions = positions;
+        matcher->direction = positions + samples;
+        matcher->chain_code = chain_code;
+        matcher->ends = ends;
+        matcher->end_count = end_count;
+        matcher->matches = found;
+    }
+    return matcher;
+}
+
+size_t cairn_fragment_match_memory(const cairn_fragment_match_params *params)
+{
+    cairn_sequence_params aligner;
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    aligner = aligner_params(params);
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    cairn_pool_count(&counting, cairn_sequence_memory(&aligner));
+    return cairn_pool_counted(&counting);
+}
+
+/* Fills the table of pair scores by quantized direction difference. */
+static void fill_gains(cairn_fragment_matcher *matcher)
+{
+    for (int32_t k = 0; k < FRAGMENT_MATCH_DIRECTIONS; k++) {
+        int32_t parts = k <= FRAGMENT_MATCH_DIRECTIONS / 2 ? k : FRAGMENT_MATCH_DIRECTIONS - k;
+        cairn_real turn = (cairn_real)parts * (2 * CAIRN_PI / FRAGMENT_MATCH_DIRECTIONS);
+
+        matcher->gain[k] = cairn_real_to_int(
+            cairn_rint(FRAGMENT_MATCH_SCORE_UNIT * (1 - turn / matcher->params.zero_score_angle)));
+    }
+    matcher->gap_score = cairn_real_to_int(matcher->params.gap_cost * FRAGMENT_MATCH_SCORE_UNIT);
+}
+
+cairn_status cairn_fragment_match_create(cairn_fragment_matcher **matcher, cairn_pool *pool,
+                                         const cairn_fragment_match_params *params)
+{
+    size_t need = cairn_fragment_match_memory(params);
+    cairn_sequence_params aligner;
+
+    if (matcher == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, need))
+        return CAIRN_NO_MEMORY;
+    *matcher = carve(pool, params);
+    (*matcher)->params = *params;
+    (*matcher)->scale_slack =
+        cairn_sqrt(cairn_max(1, params->step_ratio * params->min_scale / params->max_scale));
+    fill_gains(*matcher);
+    aligner = aligner_params(params);
+    return cairn_sequence_create(&(*matcher)->aligner, pool, &aligner);
+}
+
+/* ---- Direction codes ---- */
+
+/* Computes the direction codes of a fragment in both orientations. */
+static void code_fragment(cairn_fragment_matcher *matcher, int32_t fragment)
+{
+    int32_t n = matcher->model.samples_each;
+    const cairn_oriented_point *samples =
+        &matcher->model.samples[matcher->model.fragments[fragment].first];
+    int16_t *ahead = cairn_fragment_match_codes(matcher, fragment, 0),
+            *back = cairn_fragment_match_codes(matcher, fragment, 1);
+    cairn_vec2 positions[FRAGMENT_MATCH_MAX_SAMPLES], directions[FRAGMENT_MATCH_MAX_SAMPLES];
+    cairn_curve curve = {positions, n, 0};
+    cairn_status status;
+
+    for (int32_t i = 0; i < n; i++)
+        positions[i] = samples[i].position;
+    status = cairn_curve_tangents(&curve, 1, directions);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    for (int32_t i = 0; i < n; i++)
+        ahead[i] = cairn_fragment_match_quantize(directions[i]);
+    for (int32_t i = 0; i < n; i++)
+        back[i] = (int16_t)((ahead[n - 1 - i] + FRAGMENT_MATCH_DIRECTIONS / 2) &
+                            (FRAGMENT_MATCH_DIRECTIONS - 1));
+}
+
+/* ---- Interface ---- */
+
+static int are_finite(const cairn_vec2 *points, int32_t count)
+{
+    for (int32_t i = 0; i < count; i++)
+        if (!(cairn_abs(points[i].x) <= MAX_COORDINATE) ||
+            !(cairn_abs(points[i].y) <= MAX_COORDINATE))
+            return 0;
+    return 1;
+}
+
+/* Validates the model. */
+static cairn_status check_model(const cairn_fragment_matcher *matcher,
+                                const cairn_part_bundle_model *model)
+{
+    if (model->fragment_count < 0 || model->samples_each < 2 ||
+        (model->fragment_count > 0 && (model->fragments == NULL || model->samples == NULL)))
+        return CAIRN_BAD_ARGUMENT;
+    if (model->fragment_count > matcher->params.max_fragments ||
+        model->samples_each > matcher->params.samples_per_fragment)
+        return CAIRN_FULL;
+    if (!are_finite(&model->centroid, 1))
+        return CAIRN_NOT_FINITE;
+    for (int32_t i = 0; i < model->fragment_count; i++) {
+        if (model->fragments[i].first < 0)
+            return CAIRN_BAD_ARGUMENT;
+        if (!(model->fragments[i].length >= 0 && model->fragments[i].length <= MAX_COORDINATE))
+            return CAIRN_NOT_FINITE;
+        for (int32_t k = 0; k < model->samples_each; k++)
+            if (!are_finite(&model->samples[model->fragments[i].first + k].position, 1))
+                return CAIRN_NOT_FINITE;
+    }
+    return CAIRN_OK;
+}
+
+/* Validates the chains and their lengths. */
+static cairn_status check_chains(const cairn_fragment_matcher *matcher, const cairn_curve *chains,
+                                 int32_t count)
+{
+    cairn_real most = (cairn_real)(matcher->params.max_samples - 1) * matcher->params.min_step;
+
+    if (count < 0 || (count > 0 && chains == NULL))
+        return CAIRN_BAD_ARGUMENT;
+    if (count > matcher->params.max_chains)
+        return CAIRN_FULL;
+    for (int32_t i = 0; i < count; i++)
+        if (chains[i].count < 0 || (chains[i].count > 0 && chains[i].points == NULL))
+            return CAIRN_BAD_ARGUMENT;
+    for (int32_t i = 0; i < count; i++)
+        if (!are_finite(chains[i].points, chains[i].count))
+            return CAIRN_NOT_FINITE;
+    for (int32_t i = 0; i < count; i++)
+        if (chains[i].count > 1 && cairn_curve_length(&chains[i]) >= most)
+            return CAIRN_FULL;
+    return CAIRN_OK;
+}
+
+/* Sets the range of sampling steps, from the first to the last that any fragment needs. */
+static void begin_steps(cairn_fragment_matcher *matcher)
+{
+    cairn_real last = 0, first = matcher->params.max_scale * MAX_COORDINATE;
+
+    for (int32_t i = 0; i < matcher->model.fragment_count; i++)
+        if (matcher->model.fragments[i].length > 0) {
+            first =
+                cairn_min(first, matcher->model.fragments[i].length * matcher->params.min_scale);
+            last = cairn_max(last, matcher->model.fragments[i].length * matcher->params.max_scale);
+        }
+    first /= (cairn_real)(matcher->model.samples_each - 1) * matcher->scale_slack;
+    matcher->last_step =
+        last / (cairn_real)(matcher->model.samples_each - 1) * matcher->scale_slack;
+    matcher->level = 0;
+    matcher->step = matcher->params.min_step;
+    while (matcher->step * matcher->params.step_ratio < first &&
+           matcher->step <= matcher->last_step) {
+        matcher->step *= matcher->params.step_ratio;
+        matcher->level++;
+    }
+}
+
+cairn_status cairn_fragment_match_begin(cairn_fragment_matcher *matcher,
+                                        const cairn_part_bundle_model *model,
+                                        const cairn_curve *chains, int32_t chain_count)
+{
+    cairn_status status;
+
+    if (matcher == NULL || model == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    status = check_model(matcher, model);
+    if (status == CAIRN_OK)
+        status = check_chains(matcher, chains, chain_count);
+    if (status != CAIRN_OK)
+        return status;
+    matcher->model = *model;
+    matcher->chains = chains;
+    matcher->chain_count = chain_count;
+    for (int32_t i = 0; i < chain_count; i++)
+        matcher->length[i] = chains[i].count > 1 ? cairn_curve_length(&chains[i]) : 0;
+    for (int32_t i = 0; i < model->fragment_count; i++) {
+        code_fragment(matcher, i);
+        matcher->end_count[i] = 0;
+    }
+    matcher->min_score = cairn_real_to_int(
+        cairn_ceil(matcher->params.min_similarity *
+                   (cairn_real)(FRAGMENT_MATCH_SCORE_UNIT * model->samples_each)));
+    matcher->min_samples =
+        (matcher->min_score + FRAGMENT_MATCH_SCORE_UNIT - 1) / FRAGMENT_MATCH_SCORE_UNIT;
+    matcher->min_samples = matcher->min_samples > 2 ? matcher->min_samples : 2;
+    begin_steps(matcher);
+    matcher->chain = matcher->fragment = matcher->next_end = matcher->match_count =
+        matcher->candidate_count = matcher->units_charged = 0;
+    matcher->cell_count = 0;
+    matcher->phase = chain_count > 0 && matcher->step <= matcher->last_step ? FRAGMENT_MATCH_SAMPLE
+                                                                            : FRAGMENT_MATCH_DONE;
+    return CAIRN_OK;
+}
+
+cairn_fragment_match_result cairn_fragment_match_read(const cairn_fragment_matcher *matcher)
+{
+    cairn_fragment_match_result result = {0};
+
+    if (matcher != NULL && matcher->phase == FRAGMENT_MATCH_DONE) {
+        result.matches = matcher->matches;
+        result.count = matcher->match_count;
+        result.candidate_count = matcher->candidate_count;
+        result.cell_count = matcher->cell_count;
+    }
+    return result;
+}

@@ -1,0 +1,389 @@
+/* Phases of module fragment_match: chain sampling, alignment, traceback, fit. See
+ * fragment_match.c. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/parts/fragment_match_work.h"
+
+/* Chain samples per work item; cells, pairs and chain points per work unit. */
+enum { COLUMNS_PER_ITEM = 16, CELLS_PER_UNIT = 8, PAIRS_PER_UNIT = 4, POINTS_PER_UNIT = 4 };
+/* Least number of samples of a closed chain. */
+enum { MIN_CLOSED_SAMPLES = 3 };
+
+/* ---- Chains ---- */
+
+/* Sets the number of samples of a chain at the current step, and whether it is closed. */
+static void measure_chain(cairn_fragment_matcher *matcher)
+{
+    int32_t steps = cairn_real_to_int(matcher->length[matcher->chain] / matcher->step);
+
+    matcher->closed = matcher->chains[matcher->chain].closed && steps >= MIN_CLOSED_SAMPLES &&
+                      steps >= matcher->model.samples_each;
+    matcher->sample_count = matcher->closed ? steps : steps + 1;
+}
+
+/* Returns the distance of consecutive chain samples, px. */
+static cairn_real sample_distance(const cairn_fragment_matcher *matcher)
+{
+    return matcher->length[matcher->chain] /
+           (cairn_real)(matcher->closed ? matcher->sample_count : matcher->sample_count - 1);
+}
+
+static int32_t sampling_cost(const cairn_fragment_matcher *matcher)
+{
+    return matcher->sample_count + matcher->chains[matcher->chain].count / POINTS_PER_UNIT;
+}
+
+/* Samples a chain at the current step and computes its direction codes. */
+static void sample_chain(cairn_fragment_matcher *matcher)
+{
+    int32_t wrapped = matcher->model.samples_each - 1,
+            opened = matcher->chains[matcher->chain].closed && !matcher->closed;
+    const cairn_curve *chain = &matcher->chains[matcher->chain];
+    cairn_curve samples = {matcher->positions, matcher->sample_count, matcher->closed};
+    cairn_status status;
+
+    status = cairn_curve_resample(chain, matcher->positions, NULL,
+                                  opened ? matcher->sample_count - 1 : matcher->sample_count);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    if (opened)
+        matcher->positions[matcher->sample_count - 1] = chain->points[0];
+    status = cairn_curve_tangents(&samples, 1, matcher->direction);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    for (int32_t i = 0; i < matcher->sample_count; i++)
+        matcher->chain_code[i] = cairn_fragment_match_quantize(matcher->direction[i]);
+    matcher->column_count =
+        matcher->closed ? matcher->sample_count + wrapped : matcher->sample_count;
+}
+
+/* ---- Alignments ---- */
+
+/* Returns 1 if a is better than b. */
+static int is_better(const fragment_match_alignment_end *a, const fragment_match_alignment_end *b)
+{
+    if (a->score != b->score)
+        return a->score > b->score;
+    if (a->level != b->level)
+        return a->level > b->level;
+    return a->chain != b->chain ? a->chain < b->chain : a->reversed < b->reversed;
+}
+
+/* Inserts an alignment end into the fragment's sorted list, unless a better one is on the same
+ * chain or the list is full of better ones. */
+static void insert_end(cairn_fragment_matcher *matcher, const fragment_match_alignment_end *found)
+{
+    fragment_match_alignment_end *ends =
+        &matcher->ends[(size_t)matcher->fragment * (size_t)matcher->params.matches_per_fragment];
+    int32_t *count = &matcher->end_count[matcher->fragment], at = 0;
+
+    while (at < *count && ends[at].chain != found->chain)
+        at++;
+    if (at == *count && *count < matcher->params.matches_per_fragment) {
+        (*count)++;
+    } else {
+        at = at < *count ? at : at - 1;
+        if (!is_better(found, &ends[at]))
+            return;
+    }
+    for (; at > 0 && is_better(found, &ends[at - 1]); at--)
+        ends[at] = ends[at - 1];
+    ends[at] = *found;
+}
+
+/* Fills one column of the Smith-Waterman table: one chain sample against the fragment. */
+static void align_column(cairn_fragment_matcher *matcher, const int16_t *codes, int32_t n)
+{
+    int32_t code = matcher->chain_code[matcher->current_column < matcher->sample_count
+                                           ? matcher->current_column
+                                           : matcher->current_column - matcher->sample_count];
+    int32_t diagonal = 0, above = 0, best = 0, gap = matcher->gap_score,
+            *column = matcher->dp_column;
+
+    for (int32_t i = 0; i < n; i++) {
+        int32_t sum =
+            diagonal + matcher->gain[(uint32_t)(codes[i] - code) & (FRAGMENT_MATCH_DIRECTIONS - 1)];
+
+        diagonal = column[i];
+        sum = sum > diagonal - gap ? sum : diagonal - gap;
+        sum = sum > above - gap ? sum : above - gap;
+        above = sum > 0 ? sum : 0;
+        column[i] = above;
+        best = above > best ? above : best;
+    }
+    if (best > matcher->best_score) {
+        matcher->best_score = best;
+        matcher->best_column = matcher->current_column;
+    }
+}
+
+/* Returns the scale at which a fragment has the current step, px per unit of the model; 0: none. */
+static cairn_real scale_of(const cairn_fragment_matcher *matcher, int32_t fragment)
+{
+    cairn_real length = matcher->model.fragments[fragment].length;
+
+    return length > 0 ? matcher->step * (cairn_real)(matcher->model.samples_each - 1) / length : 0;
+}
+
+/* Returns whether a scale lies in the range; a range narrower than step_ratio is widened to it. */
+static int is_scale_allowed(const cairn_fragment_matcher *matcher, cairn_real scale)
+{
+    return scale * matcher->scale_slack >= matcher->params.min_scale &&
+           scale <= matcher->params.max_scale * matcher->scale_slack;
+}
+
+/* ---- Phases ---- */
+
+/* Clears the column of the alignment table. */
+static void start_alignment(cairn_fragment_matcher *matcher)
+{
+    memset(matcher->dp_column, 0, sizeof matcher->dp_column);
+    matcher->current_column = matcher->best_score = 0;
+    matcher->best_column = -1;
+}
+
+/* Advances to the next chain, or to the first chain at the next step. */
+static void next_chain(cairn_fragment_matcher *matcher)
+{
+    matcher->phase = FRAGMENT_MATCH_SAMPLE;
+    if (++matcher->chain < matcher->chain_count)
+        return;
+    matcher->chain = 0;
+    matcher->step *= matcher->params.step_ratio;
+    matcher->level++;
+    if (matcher->step <= matcher->last_step)
+        return;
+    matcher->fragment = matcher->next_end = 0;
+    matcher->phase = FRAGMENT_MATCH_TRACE;
+}
+
+/* Advances to the next orientation, fragment or chain. */
+static void next_alignment(cairn_fragment_matcher *matcher)
+{
+    start_alignment(matcher);
+    if (matcher->reversed++ == 0)
+        return;
+    matcher->reversed = 0;
+    if (++matcher->fragment == matcher->model.fragment_count)
+        next_chain(matcher);
+}
+
+/* Samples a chain; returns 0 if the budget is used up. */
+static int step_sample(cairn_fragment_matcher *matcher, cairn_budget *budget)
+{
+    int is_long;
+
+    matcher->sample_count = 0;
+    if (matcher->length[matcher->chain] > 0)
+        measure_chain(matcher);
+    is_long = matcher->sample_count >= matcher->min_samples;
+    if (!cairn_budget_charge(budget, &matcher->units_charged,
+                             1 + (is_long ? sampling_cost(matcher) : 0)))
+        return 0;
+    if (!is_long) {
+        next_chain(matcher);
+        return 1;
+    }
+    sample_chain(matcher);
+    matcher->fragment = matcher->reversed = 0;
+    start_alignment(matcher);
+    matcher->phase = FRAGMENT_MATCH_ALIGN;
+    return 1;
+}
+
+/* Aligns a block of chain samples; returns 0 if the budget is used up. */
+static int step_align(cairn_fragment_matcher *matcher, cairn_budget *budget)
+{
+    int32_t n = matcher->model.samples_each, left = matcher->column_count - matcher->current_column,
+            block = left < COLUMNS_PER_ITEM ? left : COLUMNS_PER_ITEM;
+    const int16_t *codes =
+        cairn_fragment_match_codes(matcher, matcher->fragment, matcher->reversed);
+
+    if (!is_scale_allowed(matcher, scale_of(matcher, matcher->fragment))) {
+        if (!cairn_budget_charge(budget, &matcher->units_charged, 1))
+            return 0;
+        next_alignment(matcher);
+        return 1;
+    }
+    if (!cairn_budget_charge(budget, &matcher->units_charged, 1 + block * n / CELLS_PER_UNIT))
+        return 0;
+    for (int32_t k = 0; k < block; k++, matcher->current_column++)
+        align_column(matcher, codes, n);
+    matcher->cell_count += (int64_t)block * n;
+    if (matcher->current_column == matcher->column_count) {
+        fragment_match_alignment_end found = {matcher->best_score, matcher->level, matcher->chain,
+                                              matcher->reversed, matcher->best_column};
+
+        if (matcher->best_score >= matcher->min_score)
+            insert_end(matcher, &found);
+        next_alignment(matcher);
+    }
+    return 1;
+}
+
+/* ---- Traceback and fit ---- */
+
+/* Returns the first sample of the traceback window of an alignment end. */
+static int32_t window_start(const cairn_fragment_matcher *matcher,
+                            const fragment_match_alignment_end *end)
+{
+    int32_t from = end->column + 1 - FRAGMENT_MATCH_WINDOW_RATIO * matcher->model.samples_each;
+
+    return from > 0 ? from : 0;
+}
+
+/* Returns the current alignment end. */
+static const fragment_match_alignment_end *current_end(const cairn_fragment_matcher *matcher)
+{
+    return &matcher->ends[(size_t)matcher->fragment * (size_t)matcher->params.matches_per_fragment +
+                          (size_t)matcher->next_end];
+}
+
+/* The score of a pair for the traceback. */
+static cairn_real pair_score(const void *context, int32_t i, int32_t j)
+{
+    const cairn_fragment_matcher *matcher = context;
+    const fragment_match_alignment_end *end = current_end(matcher);
+    int32_t at = window_start(matcher, end) + j,
+            code =
+                matcher->chain_code[at < matcher->sample_count ? at : at - matcher->sample_count];
+
+    return (cairn_real)matcher
+        ->gain[(uint32_t)(cairn_fragment_match_codes(matcher, matcher->fragment, end->reversed)[i] -
+                          code) &
+               (FRAGMENT_MATCH_DIRECTIONS - 1)];
+}
+
+/* Samples the chain of the next alignment end again, at its step, and begins the traceback. */
+static int step_trace(cairn_fragment_matcher *matcher, cairn_budget *budget)
+{
+    const fragment_match_alignment_end *end;
+    cairn_status status;
+    cairn_real step = matcher->params.min_step;
+
+    if (matcher->next_end == matcher->end_count[matcher->fragment]) {
+        if (!cairn_budget_charge(budget, &matcher->units_charged, 1))
+            return 0;
+        matcher->next_end = 0;
+        if (++matcher->fragment == matcher->model.fragment_count)
+            matcher->phase = FRAGMENT_MATCH_DONE;
+        return 1;
+    }
+    end = current_end(matcher);
+    for (int32_t i = 0; i < end->level; i++)
+        step *= matcher->params.step_ratio;
+    matcher->step = step;
+    matcher->chain = end->chain;
+    measure_chain(matcher);
+    if (!cairn_budget_charge(budget, &matcher->units_charged, 1 + sampling_cost(matcher)))
+        return 0;
+    sample_chain(matcher);
+    status =
+        cairn_sequence_begin(matcher->aligner, matcher->model.samples_each,
+                             end->column + 1 - window_start(matcher, end), pair_score, matcher);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    matcher->phase = FRAGMENT_MATCH_PAIR;
+    return 1;
+}
+
+/* Sets the fragment's sample and the chain position of a pair. */
+static void positions_of(const cairn_fragment_matcher *matcher,
+                         const fragment_match_alignment_end *end, cairn_sequence_pair pair,
+                         cairn_vec2 positions[2])
+{
+    int32_t n = matcher->model.samples_each, own = end->reversed ? n - 1 - pair.first : pair.first;
+    int32_t at = window_start(matcher, end) + pair.second;
+
+    positions[0] =
+        matcher->model.samples[matcher->model.fragments[matcher->fragment].first + own].position;
+    positions[1] = matcher->positions[at < matcher->sample_count ? at : at - matcher->sample_count];
+}
+
+/* Least-squares scale and centroid (Adluru 2008, section 5.2.2, without rotation): s = sum (f -
+ * mean)(e - mean) / sum (f - mean)^2. */
+static void fit(const cairn_fragment_matcher *matcher, const fragment_match_alignment_end *end,
+                const cairn_sequence_result *result, cairn_fragment_match *match)
+{
+    cairn_vec2 position[2], mean[2] = {{0, 0}, {0, 0}};
+    cairn_real both = 0, own = 0, squared_sum = 0;
+
+    for (int32_t i = 0; i < result->count; i++) {
+        positions_of(matcher, end, result->pairs[i], position);
+        mean[0] = cairn_vec2_add(mean[0], position[0]);
+        mean[1] = cairn_vec2_add(mean[1], position[1]);
+    }
+    mean[0] = cairn_vec2_scale(mean[0], 1 / (cairn_real)result->count);
+    mean[1] = cairn_vec2_scale(mean[1], 1 / (cairn_real)result->count);
+    for (int32_t i = 0; i < result->count; i++) {
+        cairn_vec2 f;
+
+        positions_of(matcher, end, result->pairs[i], position);
+        f = cairn_vec2_sub(position[0], mean[0]);
+        both += cairn_vec2_dot(f, cairn_vec2_sub(position[1], mean[1]));
+        own += cairn_vec2_norm_squared(f);
+    }
+    match->scale = own > 0 ? both / own : 0;
+    match->centroid = cairn_vec2_add(
+        mean[1], cairn_vec2_scale(cairn_vec2_sub(matcher->model.centroid, mean[0]), match->scale));
+    for (int32_t i = 0; i < result->count; i++) {
+        positions_of(matcher, end, result->pairs[i], position);
+        squared_sum += cairn_vec2_norm_squared(
+            cairn_vec2_sub(cairn_vec2_sub(position[1], mean[1]),
+                           cairn_vec2_scale(cairn_vec2_sub(position[0], mean[0]), match->scale)));
+    }
+    match->rms_residual = cairn_sqrt(squared_sum / (cairn_real)result->count);
+}
+
+static int step_pair(cairn_fragment_matcher *matcher, cairn_budget *budget)
+{
+    if (cairn_sequence_step(matcher->aligner, budget) != CAIRN_OK)
+        return 0;
+    matcher->phase = FRAGMENT_MATCH_FIT;
+    return 1;
+}
+
+static int step_fit(cairn_fragment_matcher *matcher, cairn_budget *budget)
+{
+    cairn_fragment_match *match = &matcher->matches[matcher->match_count];
+    const fragment_match_alignment_end *end = current_end(matcher);
+    cairn_sequence_result r = cairn_sequence_read(matcher->aligner);
+    int32_t first, last;
+
+    if (!cairn_budget_charge(budget, &matcher->units_charged, 1 + r.count / PAIRS_PER_UNIT))
+        return 0;
+    first = window_start(matcher, end) + r.pairs[0].second;
+    last = window_start(matcher, end) + r.pairs[r.count - 1].second;
+    fit(matcher, end, &r, match);
+    if (last - first < matcher->sample_count && is_scale_allowed(matcher, match->scale)) {
+        match->fragment = matcher->fragment;
+        match->chain = end->chain;
+        match->reversed = end->reversed;
+        match->pair_count = r.count;
+        match->similarity = (cairn_real)end->score /
+                            (cairn_real)(FRAGMENT_MATCH_SCORE_UNIT * matcher->model.samples_each);
+        match->from = (cairn_real)first * sample_distance(matcher);
+        match->to = (cairn_real)last * sample_distance(matcher);
+        matcher->match_count++;
+    }
+    matcher->candidate_count++;
+    matcher->next_end++;
+    matcher->phase = FRAGMENT_MATCH_TRACE;
+    return 1;
+}
+
+cairn_status cairn_fragment_match_step(cairn_fragment_matcher *matcher, cairn_budget *budget)
+{
+    int more = 1;
+
+    if (matcher == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (more && matcher->phase != FRAGMENT_MATCH_IDLE && matcher->phase != FRAGMENT_MATCH_DONE)
+        more = matcher->phase == FRAGMENT_MATCH_SAMPLE  ? step_sample(matcher, budget)
+               : matcher->phase == FRAGMENT_MATCH_ALIGN ? step_align(matcher, budget)
+               : matcher->phase == FRAGMENT_MATCH_TRACE ? step_trace(matcher, budget)
+               : matcher->phase == FRAGMENT_MATCH_PAIR  ? step_pair(matcher, budget)
+                                                        : step_fit(matcher, budget);
+    return more ? CAIRN_OK : CAIRN_MORE;
+}

@@ -1,0 +1,440 @@
+/* Shape contexts (log-polar histograms) and their chi-squared matching.
+ *
+ * Method:
+ * 1. Ring radii are in geometric progression from inner_radius to outer_radius, in units of the
+ *    mean distance of two points. For a part the mean distance of the whole shape is used, since a
+ *    part's own does not determine the whole's size.
+ * 2. The first ring extends to the point itself; points beyond the last ring are not counted.
+ *    Histograms are normalized. Sectors begin at the x axis.
+ * 3. Costs: half the chi-squared distance of two histograms.
+ * 4. WHOLE: minimum-cost assignment and nearest neighbours in both directions. PART: nearest
+ *    neighbours of the first shape.
+ *
+ * Memory layout: points and histograms of both shapes, the cost matrix, the assignment.
+ *
+ * Limits: not invariant to rotation; rounding may move points on a sector bound to the adjacent
+ * bin.
+ *
+ * Source: Belongie, Malik and Puzicha 2002; the asymmetric form: this project's, for Adluru
+ * 2008, section 5.3.1. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "cairn/assignment.h"
+#include "cairn/shape_context.h"
+
+enum {
+    MAX_POINTS = 1024,
+    RING_COUNT = CAIRN_SHAPE_CONTEXT_RINGS,
+    SECTOR_COUNT = CAIRN_SHAPE_CONTEXT_SECTORS
+};
+enum { BIN_COUNT = CAIRN_SHAPE_CONTEXT_BINS };
+/* Work units of a row: distances, costs, column minima. */
+enum { DISTANCES_PER_UNIT = 6, UNITS_PER_COST = 3, MINIMA_PER_UNIT = 16 };
+typedef int32_t shape_context_phase;
+enum {
+    PHASE_IDLE,
+    PHASE_MEAN_DISTANCE,
+    PHASE_HISTOGRAM,
+    PHASE_COST,
+    PHASE_NEAREST,
+    PHASE_ASSIGN,
+    PHASE_DONE
+};
+
+static const cairn_real MAX_COORDINATE = CAIRN_REAL(1e9);
+
+struct cairn_shape_context {
+    cairn_shape_context_params params;
+    cairn_shape_context_kind kind;
+    cairn_vec2 *points[2];  /* [max_points] */
+    cairn_real *context[2]; /* [max_points * BIN_COUNT] */
+    cairn_real *cost;       /* [count[0] * count[1]] */
+    int32_t *match;         /* [max_points] */
+    cairn_assignment *assignment;
+    int32_t count[2];
+    /* Mean distance of two points, in the units of the input; sums during PHASE_MEAN_DISTANCE. */
+    cairn_real mean_distance[2];
+    cairn_real missing_share, distance, symmetric_distance;
+    shape_context_phase phase;
+    int32_t shape, row, units_charged;
+};
+
+cairn_shape_context_params cairn_shape_context_default(void)
+{
+    cairn_shape_context_params params = {
+        .max_points = 128,
+        .inner_radius = CAIRN_REAL(0.125),
+        .outer_radius = 2,
+        .missing_cost = 1,
+    };
+
+    return params;
+}
+
+static int params_are_valid(const cairn_shape_context_params *params)
+{
+    return params != NULL && params->max_points >= 2 && params->max_points <= MAX_POINTS &&
+           params->inner_radius > 0 && params->outer_radius > params->inner_radius &&
+           params->outer_radius <= MAX_COORDINATE && params->missing_cost >= 0 &&
+           params->missing_cost <= MAX_COORDINATE;
+}
+
+static cairn_assignment_params assignment_params(const cairn_shape_context_params *p)
+{
+    cairn_assignment_params params = {
+        .max_rows = p->max_points,
+        .max_columns = p->max_points,
+    };
+
+    return params;
+}
+
+/* Allocates everything but the assignment. */
+static cairn_shape_context *carve(cairn_pool *pool, const cairn_shape_context_params *params)
+{
+    size_t n = (size_t)params->max_points;
+    cairn_shape_context *shape_context = cairn_pool_take_one(pool, sizeof *shape_context);
+    cairn_vec2 *points = cairn_pool_take(pool, 2 * n, sizeof *points);
+    cairn_real *context = cairn_pool_take(pool, 2 * n * BIN_COUNT, sizeof *context);
+    cairn_real *cost = cairn_pool_take(pool, n * n, sizeof *cost);
+    int32_t *match = cairn_pool_take(pool, n, sizeof *match);
+
+    if (shape_context != NULL) {
+        memset(shape_context, 0, sizeof *shape_context);
+        shape_context->points[0] = points;
+        shape_context->points[1] = points + n;
+        shape_context->context[0] = context;
+        shape_context->context[1] = context + n * BIN_COUNT;
+        shape_context->cost = cost;
+        shape_context->match = match;
+    }
+    return shape_context;
+}
+
+size_t cairn_shape_context_memory(const cairn_shape_context_params *params)
+{
+    cairn_assignment_params assignment;
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    assignment = assignment_params(params);
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    cairn_pool_count(&counting, cairn_assignment_memory(&assignment));
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status cairn_shape_context_create(cairn_shape_context **context, cairn_pool *pool,
+                                        const cairn_shape_context_params *params)
+{
+    size_t need = cairn_shape_context_memory(params);
+    cairn_assignment_params assignment;
+
+    if (context == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, need))
+        return CAIRN_NO_MEMORY;
+    *context = carve(pool, params);
+    (*context)->params = *params;
+    assignment = assignment_params(params);
+    return cairn_assignment_create(&(*context)->assignment, pool, &assignment);
+}
+
+static int are_usable(const cairn_vec2 *points, int32_t count)
+{
+    for (int32_t i = 0; i < count; i++)
+        if (!(cairn_abs(points[i].x) <= MAX_COORDINATE) ||
+            !(cairn_abs(points[i].y) <= MAX_COORDINATE))
+            return 0;
+    return 1;
+}
+
+cairn_status cairn_shape_context_begin(cairn_shape_context *shape_context,
+                                       const cairn_shape_context_input *input)
+{
+    if (shape_context == NULL || input == NULL || input->first == NULL || input->second == NULL ||
+        input->first_count < 2 || input->second_count < 2 ||
+        !(input->missing_share >= 0 && input->missing_share <= 1) ||
+        input->kind < CAIRN_SHAPE_CONTEXT_WHOLE || input->kind > CAIRN_SHAPE_CONTEXT_PART)
+        return CAIRN_BAD_ARGUMENT;
+    if (input->first_count > shape_context->params.max_points ||
+        input->second_count > shape_context->params.max_points)
+        return CAIRN_FULL;
+    if (!are_usable(input->first, input->first_count) ||
+        !are_usable(input->second, input->second_count))
+        return CAIRN_NOT_FINITE;
+    memcpy(shape_context->points[0], input->first,
+           (size_t)input->first_count * sizeof *input->first);
+    memcpy(shape_context->points[1], input->second,
+           (size_t)input->second_count * sizeof *input->second);
+    shape_context->count[0] = input->first_count;
+    shape_context->count[1] = input->second_count;
+    shape_context->kind = input->kind;
+    shape_context->missing_share = input->missing_share;
+    shape_context->mean_distance[0] = shape_context->mean_distance[1] = shape_context->distance =
+        shape_context->symmetric_distance = 0;
+    shape_context->shape = shape_context->row = shape_context->units_charged = 0;
+    shape_context->phase = PHASE_MEAN_DISTANCE;
+    return CAIRN_OK;
+}
+
+/* Sums the distances from a point to all later points. */
+static void sum_distances(cairn_shape_context *shape_context)
+{
+    const cairn_vec2 *p = shape_context->points[shape_context->shape];
+
+    for (int32_t k = shape_context->row + 1; k < shape_context->count[shape_context->shape]; k++)
+        shape_context->mean_distance[shape_context->shape] +=
+            cairn_vec2_norm(cairn_vec2_sub(p[k], p[shape_context->row]));
+}
+
+/* Divides the sums by their counts; returns 0 if all points coincide. */
+static int set_mean_distances(cairn_shape_context *shape_context)
+{
+    for (int32_t k = 0; k < 2; k++)
+        shape_context->mean_distance[k] /=
+            (cairn_real)shape_context->count[k] * (cairn_real)(shape_context->count[k] - 1) / 2;
+    if (shape_context->kind == CAIRN_SHAPE_CONTEXT_PART)
+        shape_context->mean_distance[0] = shape_context->mean_distance[1];
+    return shape_context->mean_distance[0] > 0 && shape_context->mean_distance[1] > 0;
+}
+
+/* Returns the histogram bin of a displacement; -1: beyond the last ring. */
+static int32_t bin_of(const cairn_shape_context *shape_context, cairn_vec2 d, cairn_real mean)
+{
+    cairn_real distance = cairn_vec2_norm(d) / mean, angle = cairn_atan2(d.y, d.x);
+    cairn_real step = cairn_sqrt(cairn_sqrt(shape_context->params.outer_radius /
+                                            shape_context->params.inner_radius)),
+               bound = shape_context->params.inner_radius;
+    int32_t ring = 0, sector = cairn_real_to_int((angle < 0 ? angle + 2 * CAIRN_PI : angle) *
+                                                 (SECTOR_COUNT / (2 * CAIRN_PI)));
+
+    while (ring < RING_COUNT && distance >= bound) {
+        ring++;
+        bound *= step;
+    }
+    return ring < RING_COUNT
+               ? ring * SECTOR_COUNT + (sector < SECTOR_COUNT ? sector : SECTOR_COUNT - 1)
+               : -1;
+}
+
+/* Computes the shape context of a point. */
+static void histogram_row(cairn_shape_context *shape_context)
+{
+    cairn_real *context =
+                   &shape_context
+                        ->context[shape_context->shape][(size_t)shape_context->row * BIN_COUNT],
+               counted = 0;
+    const cairn_vec2 *p = shape_context->points[shape_context->shape];
+
+    for (int32_t k = 0; k < BIN_COUNT; k++)
+        context[k] = 0;
+    for (int32_t k = 0; k < shape_context->count[shape_context->shape]; k++) {
+        int32_t bin = k != shape_context->row
+                          ? bin_of(shape_context, cairn_vec2_sub(p[k], p[shape_context->row]),
+                                   shape_context->mean_distance[shape_context->shape])
+                          : -1;
+
+        if (bin >= 0) {
+            context[bin] += 1;
+            counted += 1;
+        }
+    }
+    for (int32_t k = 0; k < BIN_COUNT && counted > 0; k++)
+        context[k] /= counted;
+}
+
+/* Returns half the chi-squared distance of two histograms, 0 ... 1. */
+static cairn_real chi_squared_cost(const cairn_real *a, const cairn_real *b)
+{
+    cairn_real sum = 0;
+
+    for (int32_t k = 0; k < BIN_COUNT; k++)
+        if (a[k] + b[k] > 0)
+            sum += (a[k] - b[k]) * (a[k] - b[k]) / (a[k] + b[k]);
+    return sum / 2;
+}
+
+/* The non-empty bins of a histogram. */
+typedef struct sparse_histogram {
+    int32_t bin[BIN_COUNT], count;
+    cairn_real value[BIN_COUNT];
+} sparse_histogram;
+
+static sparse_histogram sparse_histogram_of(const cairn_real *context)
+{
+    sparse_histogram sparse = {.count = 0};
+
+    for (int32_t k = 0; k < BIN_COUNT; k++)
+        if (context[k] > 0) {
+            sparse.bin[sparse.count] = k;
+            sparse.value[sparse.count++] = context[k];
+        }
+    return sparse;
+}
+
+/* Equals chi_squared_cost() up to rounding: (a - b)^2 / (a + b) = a + b - 4 a b / (a + b), and
+ * non-empty histograms sum to 1, so that only bins common to both contribute. */
+static cairn_real sparse_chi_squared_cost(const sparse_histogram *a, const cairn_real *b)
+{
+    cairn_real both = 0;
+
+    for (int32_t k = 0; k < a->count; k++) {
+        cairn_real other = b[a->bin[k]];
+
+        if (other > 0)
+            both += a->value[k] * other / (a->value[k] + other);
+    }
+    if (!(both > 0))
+        return ((cairn_real)(a->count > 0) + (cairn_real)(sparse_histogram_of(b).count > 0)) / 2;
+    return cairn_max(0, 1 - 2 * both);
+}
+
+/* Computes the costs of a point of the first shape; the cheapest is its match. */
+static void cost_row(cairn_shape_context *shape_context)
+{
+    cairn_real *cost =
+        &shape_context->cost[(size_t)shape_context->row * (size_t)shape_context->count[1]];
+    const cairn_real *own = &shape_context->context[0][(size_t)shape_context->row * BIN_COUNT];
+    sparse_histogram sparse = sparse_histogram_of(own);
+    int32_t least = 0;
+
+    for (int32_t k = 0; k < shape_context->count[1]; k++) {
+        const cairn_real *other = &shape_context->context[1][(size_t)k * BIN_COUNT];
+
+        cost[k] = shape_context->kind == CAIRN_SHAPE_CONTEXT_PART
+                      ? chi_squared_cost(own, other)
+                      : sparse_chi_squared_cost(&sparse, other);
+        if (cost[k] < cost[least])
+            least = k;
+    }
+    shape_context->match[shape_context->row] = least;
+    shape_context->distance += cost[least];
+}
+
+/* WHOLE: adds the least cost of a point of the second shape (a column minimum). */
+static void find_nearest(cairn_shape_context *shape_context)
+{
+    cairn_real least = shape_context->cost[shape_context->row];
+
+    for (int32_t i = 1; i < shape_context->count[0]; i++)
+        least = cairn_min(least, shape_context->cost[(size_t)i * (size_t)shape_context->count[1] +
+                                                     (size_t)shape_context->row]);
+    shape_context->symmetric_distance += least / (cairn_real)shape_context->count[1];
+}
+
+/* WHOLE: computes the distance from the optimal assignment. */
+static void finish_assignment(cairn_shape_context *shape_context)
+{
+    cairn_assignment_result pairs = cairn_assignment_read(shape_context->assignment);
+    int32_t more = shape_context->count[0] > shape_context->count[1] ? shape_context->count[0]
+                                                                     : shape_context->count[1];
+
+    memcpy(shape_context->match, pairs.column,
+           (size_t)shape_context->count[0] * sizeof *shape_context->match);
+    shape_context->distance =
+        (pairs.total_cost + shape_context->params.missing_cost * (cairn_real)(more - pairs.pairs)) /
+        (cairn_real)more;
+    shape_context->phase = PHASE_DONE;
+}
+
+/* Completes the last row of a phase and advances the phase. */
+static cairn_status end_rows(cairn_shape_context *shape_context)
+{
+    shape_context->row = 0;
+    if ((shape_context->phase == PHASE_MEAN_DISTANCE || shape_context->phase == PHASE_HISTOGRAM) &&
+        shape_context->shape == 0) {
+        shape_context->shape = 1;
+        return CAIRN_OK;
+    }
+    shape_context->shape = 0;
+    if (shape_context->phase == PHASE_MEAN_DISTANCE) {
+        shape_context->phase = set_mean_distances(shape_context) ? PHASE_HISTOGRAM : PHASE_IDLE;
+        return shape_context->phase == PHASE_HISTOGRAM ? CAIRN_OK : CAIRN_EMPTY;
+    }
+    if (shape_context->phase == PHASE_HISTOGRAM) {
+        shape_context->phase = PHASE_COST;
+        return CAIRN_OK;
+    }
+    if (shape_context->kind == CAIRN_SHAPE_CONTEXT_PART) {
+        shape_context->distance = shape_context->distance / (cairn_real)shape_context->count[0] +
+                                  shape_context->params.missing_cost * shape_context->missing_share;
+        shape_context->phase = PHASE_DONE;
+        return CAIRN_OK;
+    }
+    if (shape_context->phase == PHASE_COST) {
+        shape_context->symmetric_distance =
+            shape_context->distance / (cairn_real)shape_context->count[0];
+        shape_context->phase = PHASE_NEAREST;
+        return CAIRN_OK;
+    }
+    shape_context->phase = PHASE_ASSIGN;
+    return cairn_assignment_begin(shape_context->assignment, shape_context->cost,
+                                  shape_context->count[0], shape_context->count[1]);
+}
+
+static int32_t row_cost(const cairn_shape_context *shape_context)
+{
+    return shape_context->phase == PHASE_MEAN_DISTANCE
+               ? 1 + shape_context->count[shape_context->shape] / DISTANCES_PER_UNIT
+           : shape_context->phase == PHASE_HISTOGRAM ? shape_context->count[shape_context->shape]
+           : shape_context->phase == PHASE_COST      ? UNITS_PER_COST * shape_context->count[1]
+                                                : 1 + shape_context->count[0] / MINIMA_PER_UNIT;
+}
+
+static void run_row(cairn_shape_context *shape_context)
+{
+    if (shape_context->phase == PHASE_MEAN_DISTANCE)
+        sum_distances(shape_context);
+    else if (shape_context->phase == PHASE_HISTOGRAM)
+        histogram_row(shape_context);
+    else if (shape_context->phase == PHASE_COST)
+        cost_row(shape_context);
+    else
+        find_nearest(shape_context);
+}
+
+/* Returns the number of rows of the phase: points of the current shape, in PHASE_NEAREST of the
+ * second. */
+static int32_t row_count(const cairn_shape_context *shape_context)
+{
+    return shape_context->count[shape_context->phase == PHASE_NEAREST ? 1 : shape_context->shape];
+}
+
+cairn_status cairn_shape_context_step(cairn_shape_context *shape_context, cairn_budget *budget)
+{
+    cairn_status status = CAIRN_OK;
+
+    if (shape_context == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (status == CAIRN_OK && shape_context->phase >= PHASE_MEAN_DISTANCE &&
+           shape_context->phase <= PHASE_NEAREST) {
+        if (!cairn_budget_charge(budget, &shape_context->units_charged, row_cost(shape_context)))
+            return CAIRN_MORE;
+        run_row(shape_context);
+        if (++shape_context->row == row_count(shape_context))
+            status = end_rows(shape_context);
+    }
+    if (status == CAIRN_OK && shape_context->phase == PHASE_ASSIGN) {
+        status = cairn_assignment_step(shape_context->assignment, budget);
+        if (status == CAIRN_OK)
+            finish_assignment(shape_context);
+    }
+    return status;
+}
+
+cairn_shape_context_result cairn_shape_context_read(const cairn_shape_context *shape_context)
+{
+    cairn_shape_context_result result = {0};
+
+    if (shape_context != NULL && shape_context->phase == PHASE_DONE) {
+        result.match = shape_context->match;
+        result.count = shape_context->count[0];
+        result.distance = shape_context->distance;
+        result.symmetric_distance = shape_context->symmetric_distance;
+    }
+    return result;
+}

@@ -1,0 +1,578 @@
+/* lum: Lu and Milios, a linearized pose graph of closest-point links.
+ *
+ * Method: a small motion xi = (t, phi) of a scan about the map's centre c moves its point p to
+ * first order by M xi, with M = [1 0 -y; 0 1 x] at (x, y) = p - c. The pairs (a_k, b_k) of the
+ * scans i and j lie at m_k = (a_k + b_k) / 2 and have the differences z_k = a_k - b_k. They measure
+ * the difference of the motions of both scans: D = -(M^T M)^-1 M^T Z, covariance C = s^2 (M^T
+ * M)^-1, s^2 = |Z + M D|^2 / (2 n - 3) W = sum (xi_i - xi_j - D)^T C^-1 (xi_i - xi_j - D) is
+ * minimised by the solution of the normal equations G xi = B. G has the C^-1 of the links, B the
+ * C^-1 D = -M^T Z / s^2. D itself is needed for s^2 alone.
+ *
+ * 1. Optional sequential registration (lum_register.c); not part of Lu and Milios.
+ * 2. Links: closest points of every pair of scans whose circles meet.
+ * 3. Per iteration: closest points of each link, normal equations, sparse Cholesky, update.
+ *
+ * Layout: the points of each scan are in hash buckets of their grid cells, in the scan's own frame,
+ * so that they never move: heads[2 first ... ] of a scan whose points begin at `first`, two buckets
+ * a point.
+ * Limits: closest points need not be true correspondences. A link whose wrong pairs agree by chance
+ * has full weight. From errors of more than a few degrees the solution often converges to a local
+ * minimum. Evenly spaced points lock into each other at half their spacing.
+ * Source: Lu and Milios, Globally consistent range scan alignment for environment mapping, 1997;
+ * Adluru 2008, chapter 10. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/poses/lum_work.h"
+
+enum { MAX_SCANS = 1 << 16, MAX_POINTS = 1 << 24, MAX_LINKS = 1 << 24 };
+
+static const cairn_real MAX_COORDINATE_M = CAIRN_REAL(1e6);
+
+/* m: lower bound of a pair's standard deviation, as written: exact pairs have none. */
+static const cairn_real MIN_SIGMA_M = CAIRN_REAL(0.0001);
+
+cairn_lum_params cairn_lum_default(void)
+{
+    cairn_lum_params params = {
+        .max_scans = 64,
+        .max_points = 8192,
+        .max_links = 2016,
+        .max_fill = 2016,
+        .min_pairs = 5,
+        .max_iterations = 500,
+        .rebuild_interval = 0,
+        .max_pair_distance = CAIRN_REAL(0.2),
+        .direction_gate = CAIRN_PI / 3,
+        .min_sigma = CAIRN_REAL(0.02),
+        .converged_distance = CAIRN_REAL(0.0001),
+        .sequential_registration = 0,
+        .mode = CAIRN_MODE_DEFAULT,
+        .registration_gate = CAIRN_REAL(0.7),
+        .registration_angle = CAIRN_PI / 18,
+        .registration_spacing = CAIRN_REAL(0.08),
+    };
+    return params;
+}
+
+/* Returns the params with those that the mode fixes. */
+static cairn_lum_params apply_mode(const cairn_lum_params *params)
+{
+    cairn_lum_params p = *params;
+
+    if (p.mode == CAIRN_MODE_AS_WRITTEN) {
+        p.rebuild_interval = 0;
+        p.direction_gate = CAIRN_PI;
+        p.min_sigma = MIN_SIGMA_M;
+        p.sequential_registration = 0;
+    }
+    return p;
+}
+
+cairn_lum_params cairn_lum_as_written(void)
+{
+    cairn_lum_params params = cairn_lum_default();
+
+    params.mode = CAIRN_MODE_AS_WRITTEN;
+    return apply_mode(&params);
+}
+
+/* ---- Creation ---- */
+
+static int is_length(cairn_real x)
+{
+    return x > 0 && x <= MAX_COORDINATE_M;
+}
+
+static int params_are_valid(const cairn_lum_params *params)
+{
+    return params->max_scans >= 1 && params->max_scans <= MAX_SCANS && params->max_points >= 1 &&
+           params->max_points <= MAX_POINTS && params->max_links >= 1 &&
+           params->max_links <= MAX_LINKS && params->min_pairs >= 2 &&
+           params->max_iterations >= 1 && params->rebuild_interval >= 0 &&
+           is_length(params->max_pair_distance) && params->direction_gate > 0 &&
+           params->direction_gate <= CAIRN_PI && is_length(params->min_sigma) &&
+           is_length(params->converged_distance) &&
+           (params->sequential_registration == 0 || params->sequential_registration == 1) &&
+           (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN) &&
+           params->registration_gate >= params->max_pair_distance &&
+           is_length(params->registration_gate) && params->registration_angle >= 0 &&
+           params->registration_angle <= CAIRN_PI && params->registration_spacing >= 0 &&
+           params->registration_spacing <= MAX_COORDINATE_M;
+}
+
+static cairn_block_solver_params solver_params(const cairn_lum_params *params)
+{
+    cairn_block_solver_params solver = {
+        .max_poses = params->max_scans,
+        .max_links = params->max_links,
+        .max_fill = params->max_fill,
+    };
+    return solver;
+}
+
+/* Sets the pointers of *layout, which is then copied to the first piece that was taken. */
+static cairn_lum *carve(cairn_lum *lum, cairn_pool *pool, const cairn_lum_params *params)
+{
+    size_t scans = (size_t)params->max_scans, points = (size_t)params->max_points;
+    cairn_lum *made = cairn_pool_take(pool, 1, sizeof *made);
+
+    lum->scans = cairn_pool_take(pool, scans, sizeof *lum->scans);
+    lum->root = cairn_pool_take(pool, scans, sizeof *lum->root);
+    lum->points = cairn_pool_take(pool, points, sizeof *lum->points);
+    lum->directions = cairn_pool_take(pool, points, sizeof *lum->directions);
+    lum->heads = cairn_pool_take(pool, 2 * points, sizeof *lum->heads);
+    lum->next = cairn_pool_take(pool, points, sizeof *lum->next);
+    lum->links = cairn_pool_take(pool, (size_t)params->max_links, sizeof *lum->links);
+    lum->right = cairn_pool_take(pool, scans, sizeof *lum->right);
+    if (params->sequential_registration)
+        cairn_lum_register_carve(&lum->registration, pool, params);
+    return made;
+}
+
+size_t cairn_lum_memory(const cairn_lum_params *params)
+{
+    cairn_block_solver_params inner;
+    cairn_icp_params icp;
+    cairn_pool counting;
+    cairn_lum_params used;
+    cairn_lum layout;
+    size_t bytes, more = 0;
+
+    if (params == NULL)
+        return 0;
+    used = apply_mode(params);
+    if (!params_are_valid(&used))
+        return 0;
+    inner = solver_params(&used);
+    bytes = cairn_block_solver_memory(&inner);
+    if (used.sequential_registration) {
+        icp = cairn_lum_register_icp(&used);
+        more = cairn_icp_memory(&icp);
+    }
+    cairn_pool_init_counting(&counting);
+    (void)carve(&layout, &counting, &used);
+    if (bytes == 0 || (used.sequential_registration && more == 0) || more > SIZE_MAX - bytes ||
+        counting.used >= SIZE_MAX - bytes - more)
+        return 0;
+    return counting.used + bytes + more;
+}
+
+cairn_status cairn_lum_create(cairn_lum **lum, cairn_pool *pool, const cairn_lum_params *params)
+{
+    size_t need = cairn_lum_memory(params);
+    cairn_block_solver_params inner;
+    cairn_icp_params icp;
+    cairn_lum layout, *made;
+    cairn_status status;
+
+    if (lum == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, need))
+        return CAIRN_NO_MEMORY;
+    memset(&layout, 0, sizeof layout);
+    layout.params = apply_mode(params);
+    made = carve(&layout, pool, &layout.params);
+    /* As written: any direction; below -1, so that rounding of two opposite directions excludes no
+     * pair. */
+    layout.least_cosine =
+        params->mode == CAIRN_MODE_AS_WRITTEN ? -2 : cairn_cos(params->direction_gate);
+    inner = solver_params(&layout.params);
+    status = cairn_block_solver_create(&layout.solver, pool, &inner);
+    if (status == CAIRN_OK && layout.params.sequential_registration) {
+        icp = cairn_lum_register_icp(&layout.params);
+        status = cairn_icp_create(&layout.registration.icp, pool, &icp);
+    }
+    CAIRN_ASSERT(status == CAIRN_OK);
+    *made = layout;
+    *lum = made;
+    return status;
+}
+
+void cairn_lum_clear(cairn_lum *lum)
+{
+    memset(&lum->state, 0, sizeof lum->state);
+    lum->point_count = 0;
+    lum->stage = LUM_IDLE;
+    lum->units_due = 0;
+    lum->outcome = CAIRN_OK;
+}
+
+/* ---- Scans and their buckets ---- */
+
+static int is_running(const cairn_lum *lum)
+{
+    return lum->stage != LUM_IDLE || lum->units_due > 0 || lum->outcome != CAIRN_OK;
+}
+
+static cairn_status check_points(const cairn_oriented_point *points, int32_t count,
+                                 cairn_fault *fault)
+{
+    for (int32_t k = 0; k < count; k++) {
+        cairn_vec2 p = points[k].position;
+        cairn_real norm = cairn_vec2_norm_squared(points[k].direction);
+
+        if (!cairn_is_finite(p.x) || !cairn_is_finite(p.y))
+            return cairn_refuse(fault, k, "a coordinate is not finite", CAIRN_NOT_FINITE);
+        if (cairn_abs(p.x) > MAX_COORDINATE_M || cairn_abs(p.y) > MAX_COORDINATE_M)
+            return cairn_refuse(fault, k, "a coordinate beyond 1e6 m", CAIRN_BAD_ARGUMENT);
+        if (norm != norm)
+            return cairn_refuse(fault, k, "a direction is not finite", CAIRN_NOT_FINITE);
+        if (!(norm > CAIRN_REAL(0.98) && norm < CAIRN_REAL(1.02)))
+            return cairn_refuse(fault, k, "a direction is not of length 1", CAIRN_BAD_ARGUMENT);
+    }
+    return CAIRN_OK;
+}
+
+cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *points, int32_t count,
+                                cairn_pose map_scan, cairn_fault *fault)
+{
+    struct lum_scan *scan;
+    cairn_status status;
+
+    if (lum == NULL || count < 0 || (points == NULL && count > 0))
+        return cairn_refuse(fault, -1, "no object or no points", CAIRN_BAD_ARGUMENT);
+    if (is_running(lum))
+        return cairn_refuse(fault, -1, "an alignment is running", CAIRN_BAD_ARGUMENT);
+    if (!cairn_pose_is_finite(map_scan))
+        return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
+    if (cairn_abs(map_scan.x) > MAX_COORDINATE_M || cairn_abs(map_scan.y) > MAX_COORDINATE_M)
+        return cairn_refuse(fault, -1, "the pose is beyond 1e6 m", CAIRN_BAD_ARGUMENT);
+    if (lum->state.scans == lum->params.max_scans)
+        return cairn_refuse(fault, -1, "more scans than max_scans", CAIRN_FULL);
+    if (count > lum->params.max_points - lum->point_count)
+        return cairn_refuse(fault, -1, "more points than max_points", CAIRN_FULL);
+    status = check_points(points, count, fault);
+    if (status != CAIRN_OK)
+        return status;
+    scan = &lum->scans[lum->state.scans];
+    scan->first = lum->point_count;
+    scan->pose = map_scan;
+    scan->radius = 0;
+    for (int32_t k = 0; k < count; k++) {
+        lum->directions[lum->point_count] = points[k].direction;
+        lum->points[lum->point_count++] = points[k].position;
+        scan->radius = cairn_max(scan->radius, cairn_vec2_norm(points[k].position));
+    }
+    scan->end = lum->point_count;
+    cairn_lum_fill_buckets(lum, scan);
+    lum->root[lum->state.scans] = lum->state.scans;
+    lum->state.scans++;
+    if (lum->params.sequential_registration)
+        cairn_lum_register_add(lum, points, count);
+    return CAIRN_OK;
+}
+
+/* ---- Stages ---- */
+
+static void end(cairn_lum *lum, cairn_lum_verdict verdict, cairn_status outcome)
+{
+    lum->stage = LUM_IDLE;
+    lum->state.verdict = verdict;
+    lum->outcome = outcome;
+    lum->committed = 1;
+}
+
+static int32_t root_of(int32_t *root, int32_t scan)
+{
+    while (root[scan] != scan) {
+        root[scan] = root[root[scan]];
+        scan = root[scan];
+    }
+    return scan;
+}
+
+/* Advances (first, second) to the next two scans whose circles meet, from the current pair on; 0:
+ * none. */
+static int next_pair(cairn_lum *lum)
+{
+    for (; lum->first < lum->state.scans; lum->first++, lum->second = lum->first + 1)
+        for (; lum->second < lum->state.scans; lum->second++) {
+            const struct lum_scan *a = &lum->scans[lum->first], *b = &lum->scans[lum->second];
+            cairn_real dx = a->pose.x - b->pose.x, dy = a->pose.y - b->pose.y;
+            cairn_real reach = a->radius + b->radius + lum->params.max_pair_distance;
+
+            if (a->end > a->first && b->end > b->first && dx * dx + dy * dy <= reach * reach)
+                return 1;
+        }
+    return 0;
+}
+
+static void begin_search(cairn_lum *lum)
+{
+    lum->state.links = 0;
+    lum->first = 0;
+    lum->second = 1;
+    lum->stage = LUM_SEARCH;
+    if (next_pair(lum))
+        cairn_lum_begin_pairs(lum, lum->first, lum->second);
+}
+
+static void begin_structure(cairn_lum *lum)
+{
+    cairn_status status = cairn_block_solver_begin(lum->solver, lum->state.scans);
+
+    for (int32_t i = 0; i < lum->state.scans; i++)
+        lum->root[i] = i;
+    for (int32_t k = 0; k < lum->state.links && status == CAIRN_OK; k++) {
+        int32_t a = root_of(lum->root, lum->links[k].first),
+                b = root_of(lum->root, lum->links[k].second);
+
+        lum->root[a > b ? a : b] = a > b ? b : a;
+        status =
+            cairn_block_solver_add_link(lum->solver, lum->links[k].first, lum->links[k].second);
+    }
+    lum->state.components = 0;
+    for (int32_t i = 0; i < lum->state.scans; i++) {
+        lum->root[i] = root_of(lum->root, i);
+        lum->state.components += lum->root[i] == i;
+    }
+    if (status == CAIRN_OK)
+        status = cairn_block_solver_analyze(lum->solver);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    lum->stage = LUM_ANALYZE;
+}
+
+/* Adds a link when the pair of scans has enough pairs of points, and goes to the next pair. */
+static void end_search_pair(cairn_lum *lum)
+{
+    if (lum->sums.pairs > lum->params.min_pairs) {
+        if (lum->state.links == lum->params.max_links) {
+            end(lum, CAIRN_LUM_RUNNING, CAIRN_FULL);
+            return;
+        }
+        lum->links[lum->state.links].first = lum->first;
+        lum->links[lum->state.links++].second = lum->second;
+    }
+    lum->second++;
+    if (next_pair(lum))
+        cairn_lum_begin_pairs(lum, lum->first, lum->second);
+}
+
+static void begin_measure(cairn_lum *lum)
+{
+    lum->index = 0;
+    lum->pairs = 0;
+    lum->chi2 = 0;
+    memset(lum->right, 0, (size_t)lum->state.scans * sizeof *lum->right);
+    lum->stage = LUM_MEASURE;
+    if (lum->state.links > 0)
+        cairn_lum_begin_pairs(lum, lum->links[0].first, lum->links[0].second);
+}
+
+/* All links have been measured: fixed scans get the identity, and the factorization starts. */
+static void begin_factor(cairn_lum *lum)
+{
+    const cairn_sym3 one = {1, 0, 0, 1, 0, 1};
+    cairn_status status = CAIRN_OK;
+
+    for (int32_t i = 0; i < lum->state.scans && status == CAIRN_OK; i++)
+        if (lum->root[i] == i) {
+            status = cairn_block_solver_add_pose_block(lum->solver, i, one);
+            memset(lum->right[i], 0, sizeof lum->right[i]);
+        }
+    if (status == CAIRN_OK)
+        status = cairn_block_solver_factor(lum->solver);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    lum->stage = LUM_FACTOR;
+}
+
+static void begin_move(cairn_lum *lum)
+{
+    lum->index = 0;
+    lum->max_motion = 0;
+    lum->stage = LUM_MOVE;
+}
+
+static void move_scan(cairn_lum *lum, int32_t index)
+{
+    cairn_pose *pose = &lum->scans[index].pose;
+    cairn_vec2 step;
+    cairn_real x[3];
+    cairn_status status = cairn_block_solver_solution(lum->solver, index, x);
+
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    if (lum->root[index] == index)
+        return;
+    step.x = x[0] - x[2] * (pose->y - lum->centre.y);
+    step.y = x[1] + x[2] * (pose->x - lum->centre.x);
+    lum->max_motion = cairn_max(lum->max_motion, cairn_vec2_norm(step) + cairn_abs(x[2]));
+    pose->x += step.x;
+    pose->y += step.y;
+    pose->theta = cairn_wrap_angle(pose->theta + x[2]);
+}
+
+static void end_iteration(cairn_lum *lum)
+{
+    lum->state.iterations++;
+    lum->state.pairs = lum->pairs;
+    lum->state.chi2 = lum->chi2;
+    lum->state.max_motion = lum->max_motion;
+    lum->committed = 1;
+    if (lum->max_motion <= lum->params.converged_distance)
+        end(lum, CAIRN_LUM_CONVERGED, CAIRN_OK);
+    else if (lum->state.iterations >= lum->params.max_iterations)
+        end(lum, CAIRN_LUM_OUT_OF_ITERATIONS, CAIRN_OK);
+    else if (lum->params.rebuild_interval > 0 &&
+             lum->state.iterations % lum->params.rebuild_interval == 0)
+        begin_search(lum);
+    else if (cairn_block_solver_clear(lum->solver) == CAIRN_OK)
+        begin_measure(lum);
+}
+
+/* The solver has ended a phase. */
+static void end_solver_phase(cairn_lum *lum, cairn_status status)
+{
+    if (status != CAIRN_OK && lum->stage == LUM_ANALYZE) {
+        end(lum, CAIRN_LUM_RUNNING, CAIRN_FULL);
+    } else if (lum->stage == LUM_ANALYZE) {
+        begin_measure(lum);
+    } else if (status != CAIRN_OK ||
+               cairn_block_solver_read(lum->solver).state == CAIRN_BLOCK_SOLVER_NOT_POSITIVE) {
+        end(lum, CAIRN_LUM_SINGULAR, CAIRN_OK);
+    } else if (lum->stage == LUM_FACTOR) {
+        status = cairn_block_solver_solve(lum->solver, lum->right[0]);
+        CAIRN_ASSERT(status == CAIRN_OK);
+        lum->stage = LUM_SOLVE;
+    } else {
+        begin_move(lum);
+    }
+}
+
+/* Executes one item of a stage other than the solver's; returns its units. */
+static int32_t do_item(cairn_lum *lum)
+{
+    int more = lum->point < lum->scans[lum->second < lum->state.scans ? lum->second : 0].end;
+    int32_t units;
+
+    if (lum->stage == LUM_REGISTER) {
+        if (cairn_lum_register_next(lum, &units)) {
+            lum->committed = 1;
+            begin_search(lum);
+        }
+        return units;
+    }
+    if (lum->stage == LUM_SEARCH) {
+        if (lum->first >= lum->state.scans) {
+            begin_structure(lum);
+            return 1 + lum->state.links / LUM_UNITS_PER_LINK;
+        }
+        if (more) {
+            cairn_lum_add_pair(lum);
+            return LUM_UNITS_PER_POINT;
+        }
+        end_search_pair(lum);
+        return LUM_UNITS_PER_LINK;
+    }
+    if (lum->stage == LUM_MEASURE) {
+        if (lum->index == lum->state.links) {
+            begin_factor(lum);
+            return 1 + lum->state.scans / LUM_UNITS_PER_LINK;
+        }
+        if (more) {
+            cairn_lum_add_pair(lum);
+            return LUM_UNITS_PER_POINT;
+        }
+        if (cairn_lum_add_link(lum, lum->index++) != CAIRN_OK)
+            end(lum, CAIRN_LUM_SINGULAR, CAIRN_OK);
+        else if (lum->index < lum->state.links)
+            cairn_lum_begin_pairs(lum, lum->links[lum->index].first, lum->links[lum->index].second);
+        return LUM_UNITS_PER_LINK;
+    }
+    if (lum->index < lum->state.scans)
+        move_scan(lum, lum->index++);
+    else
+        end_iteration(lum);
+    return 1;
+}
+
+cairn_status cairn_lum_begin(cairn_lum *lum)
+{
+    if (lum == NULL || is_running(lum))
+        return CAIRN_BAD_ARGUMENT;
+    if (lum->state.scans == 0)
+        return CAIRN_EMPTY;
+    lum->state.verdict = CAIRN_LUM_RUNNING;
+    lum->state.iterations = 0;
+    lum->centre.x = lum->scans[0].pose.x;
+    lum->centre.y = lum->scans[0].pose.y;
+    lum->state.registered_scans = 0;
+    if (lum->params.sequential_registration) {
+        cairn_lum_register_begin(lum);
+        lum->stage = LUM_REGISTER;
+    } else {
+        begin_search(lum);
+    }
+    return CAIRN_OK;
+}
+
+static int is_solver_stage(int32_t stage)
+{
+    return stage == LUM_ANALYZE || stage == LUM_FACTOR || stage == LUM_SOLVE;
+}
+
+cairn_status cairn_lum_iterate(cairn_lum *lum, cairn_budget *budget)
+{
+    cairn_status outcome;
+
+    lum->committed = 0;
+    while (lum->units_due > 0 || (lum->stage != LUM_IDLE && !lum->committed)) {
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        if (lum->units_due > 0) {
+            int32_t charged = lum->units_due < budget->left ? lum->units_due : budget->left;
+
+            lum->units_due -= charged;
+            budget->left -= charged;
+        } else if (is_solver_stage(lum->stage)) {
+            cairn_status status = cairn_block_solver_step(lum->solver, budget);
+
+            if (status == CAIRN_MORE)
+                return CAIRN_MORE;
+            end_solver_phase(lum, status);
+        } else if (lum->stage == LUM_REGISTER && lum->registration.icp_running) {
+            if (cairn_icp_step(lum->registration.icp, budget) == CAIRN_MORE)
+                return CAIRN_MORE;
+            cairn_lum_register_matched(lum);
+        } else {
+            lum->units_due = do_item(lum);
+        }
+    }
+    outcome = lum->outcome;
+    lum->outcome = CAIRN_OK;
+    return outcome;
+}
+
+cairn_status cairn_lum_step(cairn_lum *lum, cairn_budget *budget)
+{
+    cairn_status status;
+
+    do
+        status = cairn_lum_iterate(lum, budget);
+    while (status == CAIRN_OK && lum->stage != LUM_IDLE);
+    return status;
+}
+
+cairn_lum_state cairn_lum_read(const cairn_lum *lum)
+{
+    return lum->state;
+}
+
+static int has_scan(const cairn_lum *lum, int32_t scan)
+{
+    return scan >= 0 && scan < lum->state.scans;
+}
+
+cairn_pose cairn_lum_pose(const cairn_lum *lum, int32_t scan)
+{
+    return has_scan(lum, scan) ? lum->scans[scan].pose : cairn_pose_identity();
+}
+
+int32_t cairn_lum_is_connected(const cairn_lum *lum, int32_t scan)
+{
+    return has_scan(lum, scan) && lum->root[scan] == 0;
+}

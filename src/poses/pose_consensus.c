@@ -1,0 +1,427 @@
+/* pose_consensus: consensus over competing relative poses; the object, its hypotheses and links.
+ *
+ * Method: an inlier hypothesis earns its score times 1 - chi^2 / max_chi2; a pair earns the best of
+ * its hypotheses. The support of a node is the sum over the pairs with the placed nodes of its
+ * component; the total of a map is the sum over all pairs.
+ * 1. Cycle consistency: each hypothesis gets a score from the agreeing cycles through third nodes.
+ *    With few nodes placed, it separates true hypotheses from strong wrong ones.
+ * 2. Greedy growth from one seed: the candidate of the greatest support and cycle score is placed.
+ *    After each placement the poses are relaxed node by node (Gauss-Seidel), so that errors do not
+ *    accumulate along chains.
+ * 3. Components that single nodes could not join are merged as wholes.
+ * 4. Every node is reassigned given all others (iterated conditional modes, Besag 1986) until
+ *    nothing changes.
+ * 5. Seeds: the next growth starts from the strongest hypothesis that no map found so far agrees
+ *    with; the total decides between the maps.
+ * 6. Block moves: the best map is cut at every edge of its maximum spanning tree, and the smaller
+ *    side is moved to its best supported pose (pose_consensus_block.c). Nodes that support each
+ *    other never move alone.
+ *
+ * Layout: hypotheses in the order of add(); links sorted by node, other node and hypothesis, so
+ * that the links of a node are contiguous, and those of a pair within them. Three maps: the growing
+ * one, the best, and the best competing one.
+ * Limits: the total has many local maxima and the search is greedy. A map is found when from one of
+ * the seeds every step finds more support for the true candidate than for false ones. The caller
+ * must ensure that the scores of several pairs are independent: weights are as good as the scores.
+ * Source: after the pairwise consistent measurement sets of Mangelson et al. 2018 and the growth by
+ * voting of map merging (Adluru 2008, chapter 9), with competing hypotheses of one pair. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/poses/pose_consensus_work.h"
+
+enum { MAX_NODES = 1 << 16, MAX_HYPOTHESES = 1 << 20, MAX_LISTED = 32 };
+
+/* Limit of coordinates, variances and scores, so that no square overflows in float. */
+static const cairn_real MAX_COORDINATE_M = CAIRN_REAL(1e6);
+
+cairn_pose_consensus_params cairn_pose_consensus_default(void)
+{
+    cairn_pose_consensus_params params = {
+        .max_nodes = 64,
+        .max_hypotheses = 1024,
+        .max_starts = 16,
+        .max_rounds = 10,
+        .max_candidates = 8,
+        .max_alternatives = 4,
+        .sigma = CAIRN_REAL(0.03),
+        .sigma_theta = CAIRN_PI / 300,
+        .max_chi2 = 16,
+        .conflict_penalty = 0,
+        .min_support = 3,
+        .min_ambiguous_weight = CAIRN_REAL(0.02),
+        .significant_support = 0,
+    };
+    return params;
+}
+
+static int is_positive(cairn_real x)
+{
+    return x > 0 && x <= MAX_COORDINATE_M;
+}
+
+static int params_are_valid(const cairn_pose_consensus_params *params)
+{
+    return params != NULL && params->max_nodes >= 1 && params->max_nodes <= MAX_NODES &&
+           params->max_hypotheses >= 1 && params->max_hypotheses <= MAX_HYPOTHESES &&
+           params->max_starts >= 1 && params->max_rounds >= 0 && params->max_candidates >= 1 &&
+           params->max_candidates <= MAX_LISTED && params->max_alternatives >= 0 &&
+           params->max_alternatives <= MAX_LISTED && is_positive(params->sigma) &&
+           is_positive(params->sigma_theta) && is_positive(params->max_chi2) &&
+           params->conflict_penalty >= 0 && params->conflict_penalty <= MAX_COORDINATE_M &&
+           is_positive(params->min_support) && params->min_ambiguous_weight > 0 &&
+           params->min_ambiguous_weight < 1 && params->significant_support >= 0 &&
+           params->significant_support <= MAX_COORDINATE_M;
+}
+
+static cairn_pose_consensus *carve(cairn_pool *pool, const cairn_pose_consensus_params *params)
+{
+    size_t nodes = (size_t)params->max_nodes, hypotheses = (size_t)params->max_hypotheses;
+    cairn_pose_consensus *consensus = cairn_pool_take_one(pool, sizeof *consensus);
+    cairn_pose_consensus made;
+
+    memset(&made, 0, sizeof made);
+    made.params = *params;
+    made.hypotheses = cairn_pool_take(pool, hypotheses, sizeof *made.hypotheses);
+    made.links = cairn_pool_take(pool, 2 * hypotheses, sizeof *made.links);
+    made.first_link = cairn_pool_take(pool, nodes + 1, sizeof *made.first_link);
+    made.next_free = cairn_pool_take(pool, nodes, sizeof *made.next_free);
+    made.bounds = cairn_pool_take(pool, nodes, sizeof *made.bounds);
+    made.current = cairn_pool_take(pool, nodes, sizeof *made.current);
+    made.best = cairn_pool_take(pool, nodes, sizeof *made.best);
+    made.competing = cairn_pool_take(pool, nodes, sizeof *made.competing);
+    made.tree = cairn_pool_take(pool, nodes, sizeof *made.tree);
+    made.nodes = cairn_pool_take(pool, nodes, sizeof *made.nodes);
+    made.alternatives =
+        cairn_pool_take(pool, nodes * (size_t)params->max_alternatives, sizeof *made.alternatives);
+    made.joint_poses = cairn_pool_take(pool, nodes, sizeof *made.joint_poses);
+    made.joint_components = cairn_pool_take(pool, nodes, sizeof *made.joint_components);
+    made.candidates =
+        cairn_pool_take(pool, (size_t)params->max_candidates, sizeof *made.candidates);
+    if (consensus != NULL)
+        *consensus = made;
+    return consensus;
+}
+
+size_t cairn_pose_consensus_memory(const cairn_pose_consensus_params *params)
+{
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status cairn_pose_consensus_create(cairn_pose_consensus **consensus, cairn_pool *pool,
+                                         const cairn_pose_consensus_params *params)
+{
+    size_t need = cairn_pose_consensus_memory(params);
+
+    if (consensus == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, need))
+        return CAIRN_NO_MEMORY;
+    *consensus = carve(pool, params);
+    return CAIRN_OK;
+}
+
+/* Discards the result and cancels the search. */
+static void cancel(cairn_pose_consensus *consensus)
+{
+    consensus->phase = POSE_CONSENSUS_IDLE;
+    consensus->units_due = 0;
+    memset(&consensus->result, 0, sizeof consensus->result);
+}
+
+cairn_status cairn_pose_consensus_clear(cairn_pose_consensus *consensus, int32_t nodes)
+{
+    if (consensus == NULL || nodes < 1)
+        return CAIRN_BAD_ARGUMENT;
+    if (nodes > consensus->params.max_nodes)
+        return CAIRN_FULL;
+    cancel(consensus);
+    consensus->node_count = nodes;
+    consensus->hypothesis_count = consensus->bound_count = 0;
+    consensus->pair_likelihood = NULL;
+    consensus->joint_likelihood = NULL;
+    memset(consensus->bounds, 0, (size_t)nodes * sizeof *consensus->bounds);
+    return CAIRN_OK;
+}
+
+static int is_beyond_limit(cairn_pose pose)
+{
+    return !(cairn_abs(pose.x) <= MAX_COORDINATE_M && cairn_abs(pose.y) <= MAX_COORDINATE_M);
+}
+
+static cairn_status check_hypothesis(const cairn_pose_consensus *consensus,
+                                     const cairn_pose_consensus_relative_pose *h,
+                                     cairn_fault *fault)
+{
+    if (h->first < 0 || h->second < 0 || h->first >= consensus->node_count ||
+        h->second >= consensus->node_count || h->first == h->second)
+        return cairn_refuse(fault, -1, "the hypothesis is not about two of the nodes",
+                            CAIRN_BAD_ARGUMENT);
+    if (!cairn_pose_is_finite(h->first_second))
+        return cairn_refuse(fault, -1, "the relative pose is not finite", CAIRN_NOT_FINITE);
+    for (int k = 0; k < 9; k++)
+        if (!cairn_is_finite(h->covariance[k]))
+            return cairn_refuse(fault, -1, "the covariance is not finite", CAIRN_NOT_FINITE);
+    if (!is_positive(h->score) || is_beyond_limit(h->first_second))
+        return cairn_refuse(fault, -1, "the score must be positive, and score and pose at most 1e6",
+                            CAIRN_BAD_ARGUMENT);
+    return CAIRN_OK;
+}
+
+/* Returns the information: inverse of the covariance plus the nodes' model noise; 0 when it is
+ * singular. */
+static int32_t information_of(const cairn_pose_consensus_params *params,
+                              const cairn_pose_consensus_relative_pose *pose,
+                              cairn_sym3 *information)
+{
+    const cairn_real *c = pose->covariance;
+    cairn_real x = pose->first_second.x, y = pose->first_second.y,
+               turn = params->sigma_theta * params->sigma_theta;
+    cairn_real shift = params->sigma * params->sigma + turn * (x * x + y * y);
+    cairn_sym3 sum = {c[0] + shift, (c[1] + c[3]) / 2, (c[2] + c[6]) / 2,
+                      c[4] + shift, (c[5] + c[7]) / 2, c[8] + turn};
+
+    return c[0] <= MAX_COORDINATE_M && c[4] <= MAX_COORDINATE_M && c[8] <= MAX_COORDINATE_M &&
+           cairn_sym3_inverse(sum, information);
+}
+
+cairn_status cairn_pose_consensus_add(cairn_pose_consensus *consensus,
+                                      const cairn_pose_consensus_relative_pose *hypothesis,
+                                      cairn_fault *fault)
+{
+    cairn_pose_consensus_hypothesis kept;
+    cairn_status status;
+
+    if (consensus == NULL || hypothesis == NULL)
+        return cairn_refuse(fault, -1, "no object or no hypothesis", CAIRN_BAD_ARGUMENT);
+    status = check_hypothesis(consensus, hypothesis, fault);
+    if (status != CAIRN_OK)
+        return status;
+    if (!information_of(&consensus->params, hypothesis, &kept.information))
+        return cairn_refuse(fault, -1, "the covariance is not positive, or above 1e6",
+                            CAIRN_BAD_ARGUMENT);
+    if (consensus->hypothesis_count == consensus->params.max_hypotheses)
+        return cairn_refuse(fault, -1, "more hypotheses than max_hypotheses", CAIRN_FULL);
+    kept.first = hypothesis->first;
+    kept.second = hypothesis->second;
+    kept.first_second = cairn_pose_consensus_pose_of(hypothesis->first_second);
+    kept.second_first = cairn_pose_consensus_inverse(kept.first_second);
+    kept.score = hypothesis->score;
+    kept.cycle_score = 0;
+    kept.is_explained = 0;
+    consensus->hypotheses[consensus->hypothesis_count++] = kept;
+    cancel(consensus);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_pose_consensus_set_bound(cairn_pose_consensus *consensus, int32_t node,
+                                            cairn_pose map_node, cairn_real metres,
+                                            cairn_real radians)
+{
+    cairn_pose_consensus_bound bound = {map_node, metres, radians};
+
+    if (consensus == NULL || node < 0 || node >= consensus->node_count)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pose_is_finite(map_node) || !cairn_is_finite(metres) || !cairn_is_finite(radians))
+        return CAIRN_NOT_FINITE;
+    if (!is_positive(metres) || !is_positive(radians) || is_beyond_limit(map_node))
+        return CAIRN_BAD_ARGUMENT;
+    consensus->bound_count += !(consensus->bounds[node].metres > 0);
+    consensus->bounds[node] = bound;
+    cancel(consensus);
+    return CAIRN_OK;
+}
+
+void cairn_pose_consensus_set_pair_likelihood(cairn_pose_consensus *consensus,
+                                              cairn_pose_pair_likelihood likelihood, void *context)
+{
+    consensus->pair_likelihood = likelihood;
+    consensus->pair_context = context;
+    cancel(consensus);
+}
+
+void cairn_pose_consensus_set_joint_likelihood(cairn_pose_consensus *consensus,
+                                               cairn_pose_joint_likelihood likelihood,
+                                               void *context)
+{
+    consensus->joint_likelihood = likelihood;
+    consensus->joint_context = context;
+    cancel(consensus);
+}
+
+/* ---- Links ---- */
+
+/* Computes the first link of each node. */
+static void count_links(cairn_pose_consensus *consensus)
+{
+    memset(consensus->first_link, 0,
+           ((size_t)consensus->node_count + 1) * sizeof *consensus->first_link);
+    for (int32_t i = 0; i < consensus->hypothesis_count; i++) {
+        consensus->first_link[consensus->hypotheses[i].first + 1]++;
+        consensus->first_link[consensus->hypotheses[i].second + 1]++;
+    }
+    for (int32_t i = 0; i < consensus->node_count; i++)
+        consensus->first_link[i + 1] += consensus->first_link[i];
+}
+
+static int comes_before(const cairn_pose_consensus_link *a, const cairn_pose_consensus_link *b)
+{
+    return a->other != b->other ? a->other < b->other : a->hypothesis < b->hypothesis;
+}
+
+/* Heap sort: fixed memory, worst case n log n. */
+static void sort_links(cairn_pose_consensus_link *links, int32_t count)
+{
+    for (int32_t begin = count / 2, end = count; end > 1;) {
+        cairn_pose_consensus_link link;
+        int32_t hole;
+
+        if (begin > 0) {
+            link = links[--begin];
+        } else {
+            link = links[--end];
+            links[end] = links[0];
+        }
+        hole = begin;
+        for (int32_t child = 2 * hole + 1; child < end; child = 2 * hole + 1) {
+            child += child + 1 < end && comes_before(&links[child], &links[child + 1]);
+            if (!comes_before(&link, &links[child]))
+                break;
+            links[hole] = links[child];
+            hole = child;
+        }
+        links[hole] = link;
+    }
+}
+
+static void build_links(cairn_pose_consensus *consensus)
+{
+    count_links(consensus);
+    for (int32_t i = 0; i < consensus->node_count; i++)
+        consensus->next_free[i] = consensus->first_link[i];
+    for (int32_t i = 0; i < consensus->hypothesis_count; i++) {
+        const cairn_pose_consensus_hypothesis *h = &consensus->hypotheses[i];
+        cairn_pose_consensus_link from_first = {h->second, i}, from_second = {h->first, i};
+
+        consensus->links[consensus->next_free[h->first]++] = from_first;
+        consensus->links[consensus->next_free[h->second]++] = from_second;
+    }
+    for (int32_t i = 0; i < consensus->node_count; i++)
+        sort_links(&consensus->links[consensus->first_link[i]],
+                   consensus->first_link[i + 1] - consensus->first_link[i]);
+}
+
+cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)
+{
+    const cairn_pose_consensus_assignment unplaced = {{{0, 0, 1, 0}, 0}, -1, -1};
+
+    if (consensus == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    if (consensus->node_count == 0)
+        return CAIRN_EMPTY;
+    cancel(consensus);
+    build_links(consensus);
+    memset(consensus->nodes, 0, (size_t)consensus->node_count * sizeof *consensus->nodes);
+    for (int32_t i = 0; i < consensus->node_count; i++)
+        consensus->current[i] = consensus->best[i] = consensus->competing[i] = unplaced;
+    for (int32_t i = 0; i < consensus->hypothesis_count; i++)
+        consensus->hypotheses[i].is_explained = 0;
+    consensus->block_passes = consensus->is_final = 0;
+    consensus->phase = POSE_CONSENSUS_CYCLES;
+    consensus->next = 0;
+    consensus->end = consensus->hypothesis_count;
+    return CAIRN_OK;
+}
+
+static int has_result(const cairn_pose_consensus *consensus)
+{
+    return consensus->phase == POSE_CONSENSUS_IDLE && consensus->units_due == 0 &&
+           consensus->result.nodes > 0;
+}
+
+cairn_status cairn_pose_consensus_find_submaps(cairn_pose_consensus *consensus)
+{
+    if (consensus == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    if (!has_result(consensus))
+        return CAIRN_EMPTY;
+    if (!(consensus->params.significant_support > 0))
+        return CAIRN_OK;
+    consensus->is_final = 1;
+    cairn_pose_consensus_begin_tree(consensus);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_pose_consensus_step(cairn_pose_consensus *consensus, cairn_budget *budget)
+{
+    if (consensus == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (consensus->phase != POSE_CONSENSUS_IDLE || consensus->units_due > 0) {
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        if (consensus->units_due > 0) {
+            int32_t charged =
+                consensus->units_due < budget->left ? consensus->units_due : budget->left;
+
+            consensus->units_due -= charged;
+            budget->left -= charged;
+            consensus->result.units += charged;
+        } else {
+            cairn_pose_consensus_item(consensus);
+        }
+    }
+    return CAIRN_OK;
+}
+
+/* ---- Results ---- */
+
+cairn_pose_consensus_result cairn_pose_consensus_read(const cairn_pose_consensus *consensus)
+{
+    cairn_pose_consensus_result none;
+
+    memset(&none, 0, sizeof none);
+    return has_result(consensus) ? consensus->result : none;
+}
+
+cairn_pose_consensus_estimate cairn_pose_consensus_node(const cairn_pose_consensus *consensus,
+                                                        int32_t node)
+{
+    cairn_pose_consensus_estimate none;
+
+    memset(&none, 0, sizeof none);
+    return has_result(consensus) && node >= 0 && node < consensus->node_count
+               ? consensus->nodes[node]
+               : none;
+}
+
+cairn_pose_consensus_competing_pose
+cairn_pose_consensus_alternative(const cairn_pose_consensus *consensus, int32_t node, int32_t index)
+{
+    cairn_pose_consensus_competing_pose none;
+
+    memset(&none, 0, sizeof none);
+    if (index < 0 || index >= cairn_pose_consensus_node(consensus, node).alternatives)
+        return none;
+    return consensus->alternatives[node * consensus->params.max_alternatives + index];
+}
+
+int32_t cairn_pose_consensus_is_inlier(const cairn_pose_consensus *consensus, int32_t hypothesis)
+{
+    const cairn_pose_consensus_hypothesis *h;
+
+    if (!has_result(consensus) || hypothesis < 0 || hypothesis >= consensus->hypothesis_count)
+        return 0;
+    h = &consensus->hypotheses[hypothesis];
+    return consensus->nodes[h->first].component == consensus->nodes[h->second].component &&
+           cairn_pose_consensus_chi2(
+               h, cairn_pose_consensus_pose_of(consensus->nodes[h->first].map_node),
+               cairn_pose_consensus_pose_of(consensus->nodes[h->second].map_node),
+               NULL) < consensus->params.max_chi2;
+}

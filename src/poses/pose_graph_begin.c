@@ -1,0 +1,111 @@
+/* pose_graph: start of a solution: connectivity by union-find, and the solver's sparsity
+ * structure. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/poses/pose_graph_work.h"
+
+static int32_t find_root(int32_t *root, int32_t pose)
+{
+    while (root[pose] != pose) {
+        root[pose] = root[root[pose]];
+        pose = root[pose];
+    }
+    return pose;
+}
+
+/* Union; the lower pose becomes the root. */
+static void unite(int32_t *root, int32_t a, int32_t b)
+{
+    a = find_root(root, a);
+    b = find_root(root, b);
+    if (a < b)
+        root[b] = a;
+    else
+        root[a] = b;
+}
+
+/* Returns the first pose that is not connected to a fixed one; -1: none. */
+static int32_t find_disconnected(cairn_pose_graph *graph)
+{
+    int32_t stays = -1;
+
+    for (int32_t i = 0; i < graph->state.poses; i++)
+        graph->root[i] = i;
+    for (int32_t i = 0; i < graph->state.poses; i++)
+        if (cairn_pose_graph_is_fixed(graph, i)) {
+            if (stays >= 0)
+                unite(graph->root, stays, i);
+            stays = i;
+        }
+    for (int32_t l = 0; l < graph->state.links; l++)
+        if (!graph->links[l].is_excluded)
+            unite(graph->root, graph->links[l].first, graph->links[l].second);
+    for (int32_t i = 0; i < graph->state.poses; i++)
+        if (find_root(graph->root, i) != find_root(graph->root, stays))
+            return i;
+    return -1;
+}
+
+/* Gives the solver the sparsity structure. */
+static cairn_status begin_structure(cairn_pose_graph *graph)
+{
+    cairn_status status = graph->solver.begin(graph->solver.context, graph->state.poses);
+
+    for (int32_t l = 0; l < graph->state.links && status == CAIRN_OK; l++)
+        status = graph->solver.add_link(graph->solver.context, graph->links[l].first,
+                                        graph->links[l].second);
+    return status == CAIRN_OK ? graph->solver.analyze(graph->solver.context) : status;
+}
+
+void cairn_pose_graph_resume(cairn_pose_graph *graph)
+{
+    cairn_pose_graph_enter(graph, POSE_GRAPH_INITIAL_COST, POSE_GRAPH_ANALYZE);
+}
+
+cairn_status cairn_pose_graph_solve(cairn_pose_graph *graph)
+{
+    cairn_pose_graph_state fresh;
+
+    if (graph == NULL || !cairn_pose_graph_is_idle(graph))
+        return CAIRN_BAD_ARGUMENT;
+    if (graph->state.poses == 0)
+        return CAIRN_EMPTY;
+    memset(&fresh, 0, sizeof fresh);
+    fresh.poses = graph->state.poses;
+    fresh.links = graph->state.links;
+    fresh.fill = graph->analyzed ? graph->state.fill : 0;
+    fresh.pose = find_disconnected(graph);
+    graph->is_solution = 0;
+    graph->has_marginals = 0;
+    if (fresh.pose >= 0) {
+        fresh.verdict = CAIRN_POSE_GRAPH_DISCONNECTED;
+        graph->state = fresh;
+        return CAIRN_OK;
+    }
+    if (!graph->analyzed) {
+        cairn_status status = begin_structure(graph);
+
+        if (status != CAIRN_OK)
+            return status;
+    }
+    graph->state = fresh;
+    graph->kernel_scale = 1;
+    graph->step_fraction = 1;
+    graph->is_watchdog_step = 0;
+    memcpy(graph->trial, graph->poses, (size_t)fresh.poses * sizeof *graph->trial);
+    cairn_pose_graph_enter(graph, POSE_GRAPH_INITIAL_COST,
+                           graph->analyzed ? POSE_GRAPH_COST : POSE_GRAPH_ANALYZE);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_pose_graph_marginals(cairn_pose_graph *graph)
+{
+    if (graph == NULL || !cairn_pose_graph_is_idle(graph) || !graph->is_solution)
+        return CAIRN_BAD_ARGUMENT;
+    graph->has_marginals = 0;
+    graph->kernel_scale = 1;
+    cairn_pose_graph_enter(graph, POSE_GRAPH_COVARIANCE, POSE_GRAPH_CLEAR);
+    return CAIRN_OK;
+}

@@ -1,0 +1,264 @@
+/* pose_graph: links: residuals, Jacobians, robust weights, and their blocks of the normal
+ * equations. The method is described in pose_graph_solve.c. chi-squared of a link is the square of
+ * its normalized residual: e^T Omega e. */
+#include "src/base/build.h"
+
+#include "src/poses/pose_graph_work.h"
+
+/* Returns the information rotated by an angle of sine s and cosine c. */
+static cairn_sym3 rotate_by(cairn_sym3 information, cairn_real s, cairn_real c)
+{
+    cairn_sym3 m = information;
+
+    m.xx = c * c * information.xx - 2 * c * s * information.xy + s * s * information.yy;
+    m.yy = s * s * information.xx + 2 * c * s * information.xy + c * c * information.yy;
+    m.xy = c * s * (information.xx - information.yy) + (c * c - s * s) * information.xy;
+    m.xz = c * information.xz - s * information.yz;
+    m.yz = s * information.xz + c * information.yz;
+    return m;
+}
+
+cairn_sym3 cairn_pose_graph_rotate_information(cairn_sym3 information, cairn_real theta)
+{
+    cairn_real s, c;
+
+    cairn_sincos(theta, &s, &c);
+    return rotate_by(information, s, c);
+}
+
+/* Returns rho(s) and its derivative, the weight; with c^2 scaled by graduated non-convexity. */
+static cairn_real rho(const cairn_pose_graph *graph, cairn_real s, cairn_real *weight)
+{
+    cairn_real c2 = graph->params.kernel_width * graph->params.kernel_width, share;
+
+    *weight = 1;
+    switch (graph->params.kernel) {
+    case CAIRN_POSE_GRAPH_HUBER:
+        if (s <= c2)
+            return s;
+        *weight = graph->params.kernel_width / cairn_sqrt(s);
+        return 2 * graph->params.kernel_width * cairn_sqrt(s) - c2;
+    case CAIRN_POSE_GRAPH_CAUCHY:
+        *weight = 1 / (1 + s / c2);
+        return c2 * cairn_log(1 + s / c2);
+    case CAIRN_POSE_GRAPH_GEMAN_MCCLURE:
+        c2 *= graph->kernel_scale;
+        share = c2 / (c2 + s);
+        *weight = share * share;
+        return s * share;
+    case CAIRN_POSE_GRAPH_DCS:
+        if (s <= c2)
+            return s;
+        share = 2 * c2 / (c2 + s);
+        *weight = share * share;
+        return 3 * c2 - 2 * c2 * share;
+    default:
+        return s;
+    }
+}
+
+/* Residual and information of a link in the map frame. */
+static void residual(const struct pose_graph_link *link, const cairn_pose *poses, cairn_real e[3],
+                     cairn_sym3 *w)
+{
+    cairn_pose a = poses[link->first], b = poses[link->second];
+    cairn_real s, c;
+
+    cairn_sincos(a.theta, &s, &c);
+    e[0] = b.x - a.x - (c * link->measured.x - s * link->measured.y);
+    e[1] = b.y - a.y - (s * link->measured.x + c * link->measured.y);
+    e[2] = cairn_wrap_angle(b.theta - a.theta - link->measured.theta);
+    *w = rotate_by(link->information, s, c);
+}
+
+/* Residual and information of the unit vectors of headings; *turn is R_z. */
+static void heading_residual(const struct pose_graph_link *link, const cairn_pose *poses,
+                             cairn_real e[3], cairn_sym3 *w, cairn_real turn[9])
+{
+    cairn_transform a = cairn_transform_of(poses[link->first]),
+                    b = cairn_transform_of(poses[link->second]);
+    cairn_real s, c;
+
+    cairn_sincos(link->measured.theta, &s, &c);
+    e[0] = b.cosine - (c * a.cosine - s * a.sine);
+    e[1] = b.sine - (s * a.cosine + c * a.sine);
+    e[2] = 0;
+    *w = cairn_sym3_zero();
+    w->xx = w->yy = link->information.zz;
+    turn[0] = turn[4] = c;
+    turn[1] = -s;
+    turn[3] = s;
+}
+
+/* Enters the lever arm v into the Jacobian of the first pose. */
+static void set_lever(cairn_real a[9], cairn_real x, cairn_real y)
+{
+    a[2] = -y;
+    a[5] = x;
+}
+
+static cairn_sym3 scale(cairn_sym3 m, cairn_real by)
+{
+    cairn_sym3 product = {by * m.xx, by * m.xy, by * m.xz, by * m.yy, by * m.yz, by * m.zz};
+    return product;
+}
+
+static void add_matrix(cairn_sym3 *to, cairn_sym3 m)
+{
+    to->xx += m.xx;
+    to->xy += m.xy;
+    to->xz += m.xz;
+    to->yy += m.yy;
+    to->yz += m.yz;
+    to->zz += m.zz;
+}
+
+/* product = A^T W, where the third row of A is (0 0 1). */
+static void multiply_transposed(const cairn_real a[9], cairn_sym3 w, cairn_real product[9])
+{
+    const cairn_real rows[3][3] = {{w.xx, w.xy, w.xz}, {w.xy, w.yy, w.yz}, {w.xz, w.yz, w.zz}};
+
+    for (int c = 0; c < 3; c++) {
+        product[c] = a[0] * rows[0][c] + a[3] * rows[1][c];
+        product[3 + c] = a[1] * rows[0][c] + a[4] * rows[1][c];
+        product[6 + c] = a[2] * rows[0][c] + a[5] * rows[1][c] + rows[2][c];
+    }
+}
+
+/* Returns the symmetric product m A. */
+static cairn_sym3 multiply(const cairn_real m[9], const cairn_real a[9])
+{
+    cairn_sym3 product = {m[0] * a[0] + m[1] * a[3],        m[0] * a[1] + m[1] * a[4],
+                          m[0] * a[2] + m[1] * a[5] + m[2], m[3] * a[1] + m[4] * a[4],
+                          m[3] * a[2] + m[4] * a[5] + m[5], m[6] * a[2] + m[7] * a[5] + m[8]};
+    return product;
+}
+
+/* Adds W, A^T W A and -A^T W of a link to the normal equations. */
+static void add_blocks(cairn_pose_graph *graph, int32_t index, cairn_sym3 w, const cairn_real a[9])
+{
+    const struct pose_graph_link *link = &graph->links[index];
+    cairn_real aw[9];
+    int moves_first = !cairn_pose_graph_is_fixed(graph, link->first),
+        moves_second = !cairn_pose_graph_is_fixed(graph, link->second);
+
+    multiply_transposed(a, w, aw);
+    if (moves_second)
+        add_matrix(&graph->diagonal[link->second], w);
+    if (moves_first)
+        add_matrix(&graph->diagonal[link->first], multiply(aw, a));
+    if (moves_first && moves_second) {
+        for (int k = 0; k < 9; k++)
+            aw[k] = -aw[k];
+        if (graph->solver.add_link_block(graph->solver.context, index, aw) != CAIRN_OK)
+            graph->outcome = CAIRN_NOT_FINITE;
+    }
+}
+
+static void add_right_side(cairn_pose_graph *graph, const struct pose_graph_link *link,
+                           const cairn_real e[3], cairn_sym3 w, const cairn_real a[9])
+{
+    const cairn_real we[3] = {w.xx * e[0] + w.xy * e[1] + w.xz * e[2],
+                              w.xy * e[0] + w.yy * e[1] + w.yz * e[2],
+                              w.xz * e[0] + w.yz * e[1] + w.zz * e[2]};
+
+    if (!cairn_pose_graph_is_fixed(graph, link->second))
+        for (int k = 0; k < 3; k++)
+            graph->right[link->second][k] -= we[k];
+    if (!cairn_pose_graph_is_fixed(graph, link->first))
+        for (int k = 0; k < 3; k++)
+            graph->right[link->first][k] += a[k] * we[0] + a[3 + k] * we[1] + a[6 + k] * we[2];
+}
+
+/* Adds a link to the right-hand side and to the matrix. */
+static void add_link(cairn_pose_graph *graph, int32_t index, const cairn_real e[3], cairn_sym3 w,
+                     const cairn_real a[9])
+{
+    add_right_side(graph, &graph->links[index], e, w, a);
+    add_blocks(graph, index, w, a);
+}
+
+const cairn_pose *cairn_pose_graph_linearization_poses(const cairn_pose_graph *graph)
+{
+    return graph->mode == POSE_GRAPH_JOINT || graph->is_watchdog_step ? graph->trial : graph->poses;
+}
+
+void cairn_pose_graph_assemble_link(cairn_pose_graph *graph, int32_t index)
+{
+    struct pose_graph_link *link = &graph->links[index];
+    const cairn_pose *poses = cairn_pose_graph_linearization_poses(graph);
+    cairn_real a[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, e[3], v[2], chi2;
+    cairn_sym3 w;
+
+    if (link->is_excluded)
+        return;
+    if (graph->mode == POSE_GRAPH_HEADINGS) {
+        heading_residual(link, poses, e, &w, a);
+        add_link(graph, index, e, w, a);
+        return;
+    }
+    residual(link, poses, e, &w);
+    v[0] = poses[link->second].x - poses[link->first].x;
+    v[1] = poses[link->second].y - poses[link->first].y;
+    if (graph->mode == POSE_GRAPH_JOINT) {
+        set_lever(a, v[0] - e[0], v[1] - e[1]);
+        add_link(graph, index, e, w, a);
+        return;
+    }
+    chi2 = cairn_sym3_form(w, e);
+    graph->cost += rho(graph, chi2, &link->weight);
+    set_lever(a, v[0], v[1]);
+    add_link(graph, index, e, scale(w, link->weight), a);
+}
+
+cairn_real cairn_pose_graph_curvature_of_link(const cairn_pose_graph *graph, int32_t index)
+{
+    const struct pose_graph_link *link = &graph->links[index];
+    const cairn_pose *poses = cairn_pose_graph_linearization_poses(graph);
+    const cairn_real *first = graph->direction[link->first],
+                     *second = graph->direction[link->second];
+    cairn_pose a = poses[link->first], b = poses[link->second];
+    const cairn_real e[3] = {second[0] - first[0] + (b.y - a.y) * first[2],
+                             second[1] - first[1] - (b.x - a.x) * first[2], second[2] - first[2]};
+
+    if (link->is_excluded)
+        return 0;
+    return link->weight *
+           cairn_sym3_form(cairn_pose_graph_rotate_information(link->information, a.theta), e);
+}
+
+static void cost_of_link(cairn_pose_graph *graph, struct pose_graph_link *link,
+                         const cairn_pose *poses, cairn_real e[3], cairn_sym3 *w)
+{
+    residual(link, poses, e, w);
+    link->chi2 = cairn_sym3_form(*w, e);
+    if (link->is_excluded) {
+        link->weight = 0;
+        return;
+    }
+    graph->chi2 += link->chi2;
+    graph->cost += rho(graph, link->chi2, &link->weight);
+    graph->max_chi2 = cairn_max(graph->max_chi2, link->chi2);
+}
+
+void cairn_pose_graph_cost_of_link(cairn_pose_graph *graph, int32_t index)
+{
+    cairn_real e[3];
+    cairn_sym3 w;
+
+    cost_of_link(graph, &graph->links[index], graph->poses, e, &w);
+}
+
+void cairn_pose_graph_try_link(cairn_pose_graph *graph, int32_t index)
+{
+    struct pose_graph_link *link = &graph->links[index];
+    cairn_real a[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, e[3];
+    cairn_sym3 w;
+
+    cost_of_link(graph, link, graph->trial, e, &w);
+    if (link->is_excluded || graph->mode != POSE_GRAPH_NEWTON)
+        return;
+    set_lever(a, graph->trial[link->second].x - graph->trial[link->first].x,
+              graph->trial[link->second].y - graph->trial[link->first].y);
+    add_right_side(graph, link, e, scale(w, link->weight), a);
+}

@@ -1,0 +1,579 @@
+/* icp: iterative closest points with a robust kernel and a degeneracy analysis.
+ *
+ * Method: motions are taken about the query's centroid, with the rotation multiplied by the query's
+ * radius, so that all three components are metres and comparable. In these coordinates a pair of
+ * mapped query point p = R q + t and target point m with normal n has the residual e = n . (p - m)
+ * and the Jacobian J = (n_x, n_y, n . R' (q - c) / r), where R' = dR/dtheta, c is the query's
+ * centroid and r its radius.
+ * 1. Data association: every query point is paired with its nearest target point, and its terms are
+ *    added to the normal equations at once; no pairs are stored.
+ * 2. Degeneracy analysis: eigenvectors of the point-to-line information sum(w J J^T). Those of
+ *    small eigenvalue, its numerical null-space, are projected out of the normal equations
+ *    (solution remapping, Zhang, Kaess and Singh 2016). The prior decides there, or the pose stays.
+ * 3. Iteratively reweighted least squares: Cauchy weights, 1 / (1 + (e / (2.385 sigma))^2), with
+ *    sigma from the last iteration's residuals.
+ * 4. The Gauss-Newton step is cut to the length of the gate, because associations beyond the gate
+ *    are not used.
+ * 5. Covariance of an M-estimator (Huber 1981, section 7.6), with the weighted information in place
+ *    of the plain one: sum(psi^2)/(n - 3) * (sum(w)/n) / (sum(psi')/n)^2 * (sum(w J J^T))^-1,
+ *    psi(e) = w e.
+ *
+ * Limits: local convergence only; the start must lie within about a gate of the true pose. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "cairn/icp.h"
+#include "cairn/neighbours.h"
+
+enum { MAX_TARGET = 1 << 24, UNITS_PER_PAIR = 5, VISITS_PER_UNIT = 6, UNITS_PER_SOLVE = 12 };
+
+/* Scale of the Cauchy weights at which normal residuals keep 95 % of their information; the
+ * weighted mean square of the residuals is then 1 / 1.26 of their variance. */
+static const cairn_real CAUCHY_SCALE = CAIRN_REAL(2.385);
+static const cairn_real CAUCHY_VARIANCE = CAIRN_REAL(1.26);
+
+/* Normal equations and statistics of one iteration. */
+struct sums {
+    cairn_sym3 lines;       /* point-to-line information */
+    cairn_sym3 points;      /* point-to-point information, in mode POINT_TO_POINT */
+    cairn_real gradient[3]; /* gradient of the mode's cost */
+    /* sums of w and w e^2 over the residuals across the line */
+    cairn_real weight, squares;
+    cairn_real psi_squares, psi_derivatives; /* sums of (w e)^2 and d(w e)/de */
+    cairn_real point_weight, point_squares;  /* sums of w and w d^2 over the point distances */
+    cairn_real distance;
+    int32_t pairs;
+    cairn_sym3 parts[CAIRN_ICP_MAX_PARTS]; /* point-to-line information by target part */
+};
+
+/* State of an iteration at the pose that it started from. */
+struct iteration {
+    cairn_rigid_motion motion;
+    cairn_real mean_distance;
+    int32_t pairs;
+};
+
+struct cairn_icp {
+    cairn_point_grid *grid;
+    cairn_vec2 *directions; /* [max_target] directions of the target points */
+    int32_t part_end[CAIRN_ICP_MAX_PARTS];
+    int32_t part_count;
+    cairn_icp_params params;
+    cairn_real least_cosine; /* cosine of the direction gate */
+    const cairn_oriented_point *query;
+    int32_t query_count;
+    int32_t running;
+    int32_t next_point; /* query point to pair; == query_count: the iteration is to be solved */
+    int32_t units_due;  /* units of finished work, not yet charged */
+    int32_t has_prior;
+    cairn_rigid_motion_pose_prior prior;
+    cairn_rigid_motion motion; /* motion of the query about its centroid */
+    cairn_real sigma, point_sigma;
+    cairn_real gate; /* distance gate of this iteration, m */
+    struct sums sums;
+    struct iteration previous; /* last iteration, at the pose that it started from */
+    cairn_icp_result result;
+};
+
+cairn_icp_params cairn_icp_default(void)
+{
+    cairn_icp_params params;
+
+    /* including the padding, so that defaults compare as bytes */
+    memset(&params, 0, sizeof params);
+    params.max_target = 4096;
+    params.max_iterations = 40;
+    params.min_pairs = 10;
+    params.mode = CAIRN_ICP_POINT_TO_LINE;
+    params.cell_size = CAIRN_REAL(0.2);
+    params.gate_start = CAIRN_REAL(0.5);
+    params.gate_end = CAIRN_REAL(0.1);
+    params.gate_factor = 3;
+    params.direction_gate = CAIRN_PI / 3;
+    params.min_sigma = CAIRN_REAL(0.01);
+    params.converged_distance = CAIRN_REAL(1e-4);
+    params.converged_angle = CAIRN_REAL(1e-4);
+    params.weak_ratio = CAIRN_REAL(0.01);
+    return params;
+}
+
+static int is_positive_finite(cairn_real x)
+{
+    return x > 0 && x <= CAIRN_REAL_MAX;
+}
+
+static int params_are_valid(const cairn_icp_params *params)
+{
+    return params != NULL && params->max_target >= 1 && params->max_target <= MAX_TARGET &&
+           params->max_iterations >= 1 && params->min_pairs >= 4 &&
+           (params->mode == CAIRN_ICP_POINT_TO_POINT || params->mode == CAIRN_ICP_POINT_TO_LINE) &&
+           is_positive_finite(params->gate_start) && is_positive_finite(params->gate_end) &&
+           params->gate_end <= params->gate_start && is_positive_finite(params->gate_factor) &&
+           is_positive_finite(params->direction_gate) && params->direction_gate <= CAIRN_PI &&
+           is_positive_finite(params->min_sigma) &&
+           is_positive_finite(params->converged_distance) &&
+           is_positive_finite(params->converged_angle) && params->weak_ratio >= 0 &&
+           params->weak_ratio < 1 && (params->roll_back == 0 || params->roll_back == 1);
+}
+
+static cairn_icp *carve(cairn_pool *pool, const cairn_icp_params *params)
+{
+    cairn_icp *icp = cairn_pool_take_one(pool, sizeof *icp);
+    cairn_vec2 *directions = cairn_pool_take(pool, (size_t)params->max_target, sizeof *directions);
+
+    if (icp != NULL)
+        icp->directions = directions;
+    return icp;
+}
+
+static cairn_point_grid_params grid_params(const cairn_icp_params *params)
+{
+    cairn_point_grid_params grid = {
+        .max_points = params->max_target,
+        .cell_size = params->cell_size,
+    };
+    return grid;
+}
+
+size_t cairn_icp_memory(const cairn_icp_params *params)
+{
+    cairn_point_grid_params grid;
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    grid = grid_params(params);
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    cairn_pool_count(&counting, cairn_point_grid_memory(&grid));
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status cairn_icp_create(cairn_icp **icp, cairn_pool *pool, const cairn_icp_params *params)
+{
+    size_t need = cairn_icp_memory(params);
+    cairn_point_grid_params grid;
+    cairn_vec2 *directions;
+    cairn_icp *object;
+
+    if (icp == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, need))
+        return CAIRN_NO_MEMORY;
+    object = carve(pool, params);
+    directions = object->directions;
+    memset(object, 0, sizeof *object);
+    object->directions = directions;
+    object->params = *params;
+    object->least_cosine = cairn_cos(params->direction_gate);
+    grid = grid_params(params);
+    *icp = object;
+    return cairn_point_grid_create(&object->grid, pool, &grid);
+}
+
+void cairn_icp_clear_target(cairn_icp *icp)
+{
+    cairn_point_grid_clear(icp->grid);
+    icp->part_count = 0;
+    icp->running = 0;
+}
+
+static cairn_status check_points(const cairn_oriented_point *points, int32_t count,
+                                 cairn_fault *fault)
+{
+    for (int32_t i = 0; i < count; i++) {
+        cairn_real norm = cairn_vec2_norm_squared(points[i].direction);
+
+        if (!cairn_is_finite(points[i].position.x) || !cairn_is_finite(points[i].position.y) ||
+            norm != norm)
+            return cairn_refuse(fault, i, "a coordinate is not finite", CAIRN_NOT_FINITE);
+        if (!(norm > CAIRN_REAL(0.98) && norm < CAIRN_REAL(1.02)))
+            return cairn_refuse(fault, i, "a direction is not of length 1", CAIRN_BAD_ARGUMENT);
+    }
+    return CAIRN_OK;
+}
+
+cairn_status cairn_icp_add_target(cairn_icp *icp, const cairn_oriented_point *points, int32_t count,
+                                  cairn_pose target_points, cairn_fault *fault)
+{
+    cairn_transform transform;
+    cairn_status status;
+
+    if (icp == NULL || count < 0 || (points == NULL && count > 0))
+        return cairn_refuse(fault, -1, "no object or no points", CAIRN_BAD_ARGUMENT);
+    if (icp->running)
+        return cairn_refuse(fault, -1, "an alignment is running", CAIRN_BAD_ARGUMENT);
+    if (!cairn_pose_is_finite(target_points))
+        return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
+    if (count > icp->params.max_target - cairn_point_grid_count(icp->grid))
+        return cairn_refuse(fault, -1, "more target points than max_target", CAIRN_FULL);
+    status = check_points(points, count, fault);
+    if (status != CAIRN_OK)
+        return status;
+    transform = cairn_transform_of(target_points);
+    for (int32_t i = 0; i < count; i++) {
+        cairn_vec2 p = cairn_transform_point(transform, points[i].position);
+
+        if (!cairn_is_finite(p.x) || !cairn_is_finite(p.y))
+            return cairn_refuse(fault, i, "a coordinate overflows", CAIRN_NOT_FINITE);
+    }
+    for (int32_t i = 0; i < count; i++) {
+        int32_t index = cairn_point_grid_count(icp->grid);
+
+        status = cairn_point_grid_insert(icp->grid,
+                                         cairn_transform_point(transform, points[i].position));
+        CAIRN_ASSERT(status == CAIRN_OK);
+        icp->directions[index] = cairn_transform_direction(transform, points[i].direction);
+    }
+    if (icp->part_count < CAIRN_ICP_MAX_PARTS)
+        icp->part_count++;
+    icp->part_end[icp->part_count - 1] = cairn_point_grid_count(icp->grid);
+    return status;
+}
+
+int32_t cairn_icp_target_count(const cairn_icp *icp)
+{
+    return cairn_point_grid_count(icp->grid);
+}
+
+static cairn_status check_prior(const cairn_rigid_motion_pose_prior *prior, cairn_fault *fault)
+{
+    if (prior == NULL)
+        return CAIRN_OK;
+    if (!cairn_pose_is_finite(prior->mean))
+        return cairn_refuse(fault, -1, "the prior's pose is not finite", CAIRN_NOT_FINITE);
+    if (!is_positive_finite(prior->sigma_x) || !is_positive_finite(prior->sigma_y) ||
+        !is_positive_finite(prior->sigma_theta))
+        return cairn_refuse(fault, -1, "the prior's sigmas must be positive", CAIRN_BAD_ARGUMENT);
+    return CAIRN_OK;
+}
+
+/* Returns the query's motion at its start pose: about its centroid, with its root mean square
+ * distance as radius. */
+static cairn_rigid_motion measure_query(const cairn_icp *icp, cairn_pose start)
+{
+    cairn_real count = (cairn_real)icp->query_count, squares = 0;
+    cairn_vec2 centroid = {0, 0};
+
+    for (int32_t i = 0; i < icp->query_count; i++)
+        centroid = cairn_vec2_add(centroid, cairn_vec2_scale(icp->query[i].position, 1 / count));
+    for (int32_t i = 0; i < icp->query_count; i++)
+        squares += cairn_vec2_norm_squared(cairn_vec2_sub(icp->query[i].position, centroid));
+    return cairn_rigid_motion_at(start, centroid,
+                                 cairn_max(cairn_sqrt(squares / count), icp->params.min_sigma));
+}
+
+cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, int32_t count,
+                             cairn_pose start, const cairn_rigid_motion_pose_prior *prior,
+                             cairn_fault *fault)
+{
+    cairn_status status;
+
+    if (icp == NULL || count < 0 || (query == NULL && count > 0))
+        return cairn_refuse(fault, -1, "no object or no query", CAIRN_BAD_ARGUMENT);
+    if (count == 0 || cairn_point_grid_count(icp->grid) == 0)
+        return cairn_refuse(fault, -1, "no query points or no target points", CAIRN_EMPTY);
+    if (!cairn_pose_is_finite(start))
+        return cairn_refuse(fault, -1, "the start pose is not finite", CAIRN_NOT_FINITE);
+    status = check_prior(prior, fault);
+    if (status == CAIRN_OK)
+        status = check_points(query, count, fault);
+    if (status != CAIRN_OK)
+        return status;
+    icp->query = query;
+    icp->query_count = count;
+    icp->running = 1;
+    icp->next_point = 0;
+    icp->units_due = 0;
+    icp->has_prior = prior != NULL;
+    if (prior != NULL)
+        icp->prior = *prior;
+    icp->gate = icp->sigma = icp->point_sigma = icp->params.gate_start;
+    memset(&icp->sums, 0, sizeof icp->sums);
+    memset(&icp->result, 0, sizeof icp->result);
+    icp->result.target_query = start;
+    icp->motion = measure_query(icp, start);
+    icp->result.radius = icp->motion.radius;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_icp_set_weak_ratio(cairn_icp *icp, cairn_real weak_ratio)
+{
+    if (icp == NULL || icp->running || !(weak_ratio >= 0 && weak_ratio < 1))
+        return CAIRN_BAD_ARGUMENT;
+    icp->params.weak_ratio = weak_ratio;
+    return CAIRN_OK;
+}
+
+/* ---- Data association ---- */
+
+/* Returns the nearest target point within the distance gate and the direction gate; -1: none. */
+static int32_t find_pair(cairn_icp *icp, cairn_vec2 p, cairn_vec2 direction)
+{
+    const cairn_point_grid_facing facing = {icp->directions, direction, icp->least_cosine};
+    int32_t looked_at,
+        best = cairn_point_grid_nearest_facing(icp->grid, p, icp->gate, &facing, &looked_at);
+
+    icp->units_due += looked_at / VISITS_PER_UNIT;
+    return best;
+}
+
+static cairn_real cauchy_weight(cairn_real squared, cairn_real sigma)
+{
+    cairn_real scale = CAUCHY_SCALE * sigma;
+
+    return 1 / (1 + squared / (scale * scale));
+}
+
+static void add_gradient(cairn_real gradient[3], const cairn_real jacobian[3], cairn_real factor)
+{
+    for (int k = 0; k < 3; k++)
+        gradient[k] += factor * jacobian[k];
+}
+
+static void add_point_terms(cairn_icp *icp, const cairn_oriented_point *point,
+                            cairn_vec2 difference, cairn_real squared)
+{
+    static const cairn_vec2 axes[2] = {{1, 0}, {0, 1}};
+    struct sums *sums = &icp->sums;
+    cairn_real weight = cauchy_weight(squared, icp->point_sigma), jacobian[3];
+
+    for (int k = 0; k < 2; k++) {
+        cairn_rigid_motion_jacobian(&icp->motion, axes[k], point->position, jacobian);
+        cairn_sym3_add_outer(&sums->points, jacobian, weight);
+        add_gradient(sums->gradient, jacobian, weight * cairn_vec2_dot(axes[k], difference));
+    }
+    sums->point_weight += weight;
+    sums->point_squares += weight * squared;
+}
+
+/* Returns the target part of a point, by binary search. */
+static int32_t part_of(const cairn_icp *icp, int32_t point)
+{
+    int32_t first = 0, last = icp->part_count - 1;
+
+    while (first < last) {
+        int32_t middle = (first + last) / 2;
+
+        if (point < icp->part_end[middle])
+            last = middle;
+        else
+            first = middle + 1;
+    }
+    return first;
+}
+
+static void add_query_point(cairn_icp *icp, const cairn_oriented_point *point)
+{
+    struct sums *sums = &icp->sums;
+    cairn_vec2 p = cairn_transform_point(icp->motion.transform, point->position);
+    int32_t target =
+        find_pair(icp, p, cairn_transform_direction(icp->motion.transform, point->direction));
+    cairn_vec2 difference, normal;
+    cairn_real error, squared, weight, jacobian[3];
+
+    if (target < 0)
+        return;
+    difference = cairn_vec2_sub(p, cairn_point_grid_point(icp->grid, target));
+    normal = cairn_vec2_left_perp(icp->directions[target]);
+    error = cairn_vec2_dot(normal, difference);
+    weight = cauchy_weight(error * error, icp->sigma);
+    cairn_rigid_motion_jacobian(&icp->motion, normal, point->position, jacobian);
+    cairn_sym3_add_outer(&sums->lines, jacobian, weight);
+    cairn_sym3_add_outer(&sums->parts[part_of(icp, target)], jacobian, weight);
+    sums->weight += weight;
+    sums->squares += weight * error * error;
+    sums->psi_squares += weight * weight * error * error;
+    /* psi = w e, 1 - (e / scale)^2 = 2 - 1 / w */
+    sums->psi_derivatives += weight * weight * (2 - 1 / weight);
+    squared = cairn_vec2_norm_squared(difference);
+    sums->distance += cairn_sqrt(squared);
+    sums->pairs++;
+    if (icp->params.mode == CAIRN_ICP_POINT_TO_LINE)
+        add_gradient(sums->gradient, jacobian, weight * error);
+    else
+        add_point_terms(icp, point, difference, squared);
+}
+
+/* ---- Normal equations ---- */
+
+/* Returns the reciprocal of the M-estimator's variance factor, step 5 of the method. */
+static cairn_real information_scale(const cairn_icp *icp)
+{
+    const struct sums *sums = &icp->sums;
+    cairn_real n = (cairn_real)sums->pairs,
+               psi_derivative = cairn_max(sums->psi_derivatives / n, CAIRN_REAL(0.1));
+    cairn_real scale =
+        sums->psi_squares / (n - 3) * (sums->weight / n) / (psi_derivative * psi_derivative);
+
+    return 1 / cairn_max(scale, icp->params.min_sigma * icp->params.min_sigma);
+}
+
+static cairn_sym3 scaled(cairn_sym3 m, cairn_real factor)
+{
+    cairn_sym3 out = {m.xx * factor, m.xy * factor, m.xz * factor,
+                      m.yy * factor, m.yz * factor, m.zz * factor};
+    return out;
+}
+
+/* Ends the alignment and writes the covariance. basis NULL: too few pairs, so that the covariance
+ * is that of the prior. */
+static void finish_alignment(cairn_icp *icp, cairn_icp_verdict verdict,
+                             const cairn_rigid_motion_basis *basis)
+{
+    cairn_rigid_motion_equations prior;
+    cairn_sym3 information = cairn_sym3_zero();
+
+    if (icp->has_prior)
+        prior = cairn_rigid_motion_prior(&icp->motion, &icp->prior);
+    if (basis != NULL)
+        information = scaled(icp->sums.lines, information_scale(icp));
+    cairn_rigid_motion_covariance(&icp->motion, basis, &information, icp->has_prior ? &prior : NULL,
+                                  icp->result.covariance);
+    icp->result.verdict = verdict;
+    icp->running = 0;
+}
+
+/* Updates the robust scales from this iteration's residuals. */
+static void update_sigmas(cairn_icp *icp)
+{
+    const struct sums *sums = &icp->sums;
+
+    icp->sigma = cairn_max(icp->params.min_sigma,
+                           cairn_sqrt(CAUCHY_VARIANCE * sums->squares / sums->weight));
+    if (icp->params.mode == CAIRN_ICP_POINT_TO_POINT)
+        icp->point_sigma =
+            cairn_max(icp->params.min_sigma,
+                      cairn_sqrt(CAUCHY_VARIANCE * sums->point_squares / (2 * sums->point_weight)));
+}
+
+/* Solves for the Gauss-Newton step; returns 0 when no direction is observable and there is no
+ * prior. */
+static int solve(const cairn_icp *icp, const cairn_rigid_motion_basis *basis, cairn_real step[3])
+{
+    int to_line = icp->params.mode == CAIRN_ICP_POINT_TO_LINE;
+    cairn_real sigma = to_line ? icp->sigma : icp->point_sigma, by = 1 / (sigma * sigma);
+    cairn_rigid_motion_equations observed, prior;
+
+    observed.information = scaled(to_line ? icp->sums.lines : icp->sums.points, by);
+    for (int k = 0; k < 3; k++)
+        observed.gradient[k] = by * icp->sums.gradient[k];
+    if (icp->has_prior)
+        prior = cairn_rigid_motion_prior(&icp->motion, &icp->prior);
+    return cairn_rigid_motion_solve(basis, &observed, icp->has_prior ? &prior : NULL, icp->gate,
+                                    step);
+}
+
+/* Returns 1 and restores the pose before the last step when that step lowered the overlap and
+ * raised the mean distance. */
+static int rolls_back(cairn_icp *icp)
+{
+    const struct iteration before = icp->previous;
+    cairn_icp_result *result = &icp->result;
+
+    icp->previous.motion = icp->motion;
+    icp->previous.mean_distance = result->mean_distance;
+    icp->previous.pairs = result->pairs;
+    if (!icp->params.roll_back || result->iterations == 1 || result->pairs >= before.pairs ||
+        result->mean_distance <= before.mean_distance)
+        return 0;
+    icp->motion = before.motion;
+    result->target_query = before.motion.map_body;
+    result->mean_distance = before.mean_distance;
+    result->pairs = before.pairs;
+    result->overlap = (cairn_real)before.pairs / (cairn_real)icp->query_count;
+    return 1;
+}
+
+static void end_iteration(cairn_icp *icp)
+{
+    const cairn_icp_params *params = &icp->params;
+    cairn_icp_result *result = &icp->result;
+    cairn_rigid_motion_basis basis;
+    cairn_real step[3], gate, moved, sigma = icp->sigma;
+    int32_t converged;
+
+    result->iterations++;
+    result->pairs = icp->sums.pairs;
+    result->overlap = (cairn_real)result->pairs / (cairn_real)icp->query_count;
+    result->gate = icp->gate;
+    if (result->pairs < params->min_pairs) {
+        result->observable_dof = 0;
+        finish_alignment(icp, CAIRN_ICP_TOO_FEW_PAIRS, NULL);
+        return;
+    }
+    result->mean_distance = icp->sums.distance / (cairn_real)result->pairs;
+    update_sigmas(icp);
+    result->sigma = icp->sigma;
+    basis = cairn_rigid_motion_basis_of(icp->sums.lines, params->weak_ratio);
+    result->observable_dof = 3 - basis.unobservable;
+    result->weak_ratio = basis.inverse_condition;
+    memcpy(result->weak_direction, basis.vectors[0], sizeof result->weak_direction);
+    if (rolls_back(icp)) {
+        finish_alignment(icp, CAIRN_ICP_ROLLED_BACK, &basis);
+        return;
+    }
+    if (!solve(icp, &basis, step)) {
+        finish_alignment(icp, CAIRN_ICP_UNOBSERVABLE, &basis);
+        return;
+    }
+    cairn_rigid_motion_move(&icp->motion, step);
+    result->target_query = icp->motion.map_body;
+    moved = cairn_sqrt(step[0] * step[0] + step[1] * step[1]);
+    gate = cairn_min(icp->gate,
+                     cairn_max(params->gate_end, params->gate_factor * result->mean_distance));
+    converged = moved < params->converged_distance &&
+                cairn_abs(step[2]) < params->converged_angle * icp->motion.radius &&
+                gate > CAIRN_REAL(0.99) * icp->gate && icp->sigma > CAIRN_REAL(0.9) * sigma;
+    if (converged || result->iterations == params->max_iterations) {
+        cairn_icp_verdict verdict = converged ? CAIRN_ICP_CONVERGED : CAIRN_ICP_OUT_OF_ITERATIONS;
+
+        finish_alignment(
+            icp, basis.unobservable > 0 && !icp->has_prior ? CAIRN_ICP_UNOBSERVABLE : verdict,
+            &basis);
+        return;
+    }
+    icp->gate = gate;
+    icp->next_point = 0;
+    memset(&icp->sums, 0, sizeof icp->sums);
+}
+
+cairn_status cairn_icp_step(cairn_icp *icp, cairn_budget *budget)
+{
+    while (icp->running || icp->units_due > 0) {
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        if (icp->units_due > 0) {
+            int32_t charged = icp->units_due < budget->left ? icp->units_due : budget->left;
+
+            icp->units_due -= charged;
+            budget->left -= charged;
+        } else if (icp->next_point < icp->query_count) {
+            icp->units_due = UNITS_PER_PAIR;
+            add_query_point(icp, &icp->query[icp->next_point]);
+            icp->next_point++;
+        } else {
+            icp->units_due = UNITS_PER_SOLVE;
+            end_iteration(icp);
+        }
+    }
+    return CAIRN_OK;
+}
+
+cairn_icp_result cairn_icp_read(const cairn_icp *icp)
+{
+    return icp->result;
+}
+
+void cairn_icp_read_parts(const cairn_icp *icp, cairn_icp_parts *parts)
+{
+    int32_t has_sums = !icp->running && icp->result.pairs >= icp->params.min_pairs;
+    cairn_real factor = has_sums ? information_scale(icp) : 0;
+
+    memset(parts, 0, sizeof *parts);
+    parts->motion = icp->motion;
+    parts->count = icp->part_count;
+    for (int32_t i = 0; i < parts->count; i++)
+        parts->information[i] = scaled(icp->sums.parts[i], factor);
+}

@@ -1,0 +1,336 @@
+/* scan: deskewed beams and a line fit of one laser scan; the object of the module.
+ *
+ * Method:
+ * 1. Deskewing: the base moves on an arc of constant twist. With (v, w) the logarithm of the motion
+ *    in SE(2), the base is at exp(f (v, w)) at the fraction f of the scan.
+ * 2. The line fit of the polyline module segments the hits.
+ * 3. scan_points.c orients and resamples the segments.
+ *
+ * Layout: one pool piece per array, the polyline object behind them. Limits: the motion turns by at
+ * most half a turn. Source: Adluru 2008, sections 6.2 and 7.3 (pre-processing). */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/scans/scan_work.h"
+
+int64_t cairn_time_difference(int64_t a, int64_t b)
+{
+    if (b < 0 && a > INT64_MAX + b)
+        return INT64_MAX;
+    if (b > 0 && a < INT64_MIN + b)
+        return INT64_MIN;
+    return a - b;
+}
+
+cairn_scan_params cairn_scan_default(void)
+{
+    cairn_scan_params params;
+
+    memset(&params, 0, sizeof params);
+    params.max_beams = 1024;
+    params.max_segments = 128;
+    params.max_points = 2048;
+    params.spacing = CAIRN_REAL(0.10);
+    params.support_distance = CAIRN_REAL(0.20);
+    params.fit = cairn_polyline_default();
+    return params;
+}
+
+static int is_positive(cairn_real value)
+{
+    return value > 0 && cairn_is_finite(value);
+}
+
+static cairn_polyline_params fit_params(const cairn_scan_params *params)
+{
+    cairn_polyline_params step_fit = params->fit;
+
+    step_fit.dim = 2;
+    step_fit.max_points = params->max_beams;
+    step_fit.max_segments = params->max_segments;
+    return step_fit;
+}
+
+static int params_are_valid(const cairn_scan_params *params)
+{
+    cairn_polyline_params step_fit;
+
+    if (params == NULL || params->max_beams < 1 || params->max_beams > 100000 ||
+        params->max_points < 1 || params->max_points >= INT32_MAX ||
+        !is_positive(params->spacing) || !is_positive(params->support_distance))
+        return 0;
+    step_fit = fit_params(params);
+    return cairn_polyline_memory(&step_fit) > 0;
+}
+
+static cairn_scan *carve(cairn_pool *pool, const cairn_scan_params *params)
+{
+    size_t n = (size_t)params->max_beams, m = (size_t)params->max_segments,
+           k = (size_t)params->max_points;
+    cairn_scan *scan = cairn_pool_take_one(pool, sizeof *scan);
+    float *range = cairn_pool_take(pool, n, sizeof *range);
+    float *angle = cairn_pool_take(pool, n, sizeof *angle);
+    cairn_scan_beam *beams = cairn_pool_take(pool, n, sizeof *beams);
+    int32_t *hit = cairn_pool_take(pool, n, sizeof *hit);
+    scan_segment *walls = cairn_pool_take(pool, m, sizeof *walls);
+    int32_t *order = cairn_pool_take(pool, m, sizeof *order);
+    int32_t *support = cairn_pool_take(pool, k + 1, sizeof *support);
+    cairn_segment *segments = cairn_pool_take(pool, m, sizeof *segments);
+    int32_t *first_point = cairn_pool_take(pool, m + 1, sizeof *first_point);
+    cairn_oriented_point *points = cairn_pool_take(pool, k, sizeof *points);
+
+    if (scan != NULL) {
+        memset(scan, 0, sizeof *scan);
+        scan->params = *params;
+        scan->range = range;
+        scan->angle = angle;
+        scan->beams = beams;
+        scan->hit = hit;
+        scan->fitted = walls;
+        scan->order = order;
+        scan->support = support;
+        scan->segments = segments;
+        scan->first_point = first_point;
+        scan->points = points;
+        scan->first_point[0] = 0;
+        scan->view.beams = beams;
+        scan->view.segments = segments;
+        scan->view.first_point = first_point;
+        scan->view.points = points;
+        scan->phase = SCAN_DONE;
+    }
+    return scan;
+}
+
+size_t cairn_scan_memory(const cairn_scan_params *params)
+{
+    cairn_polyline_params step_fit;
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    step_fit = fit_params(params);
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    cairn_pool_count(&counting, cairn_polyline_memory(&step_fit));
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status cairn_scan_create(cairn_scan **scan, cairn_pool *pool, const cairn_scan_params *params)
+{
+    size_t need = cairn_scan_memory(params);
+    cairn_polyline_params step_fit;
+
+    if (scan == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, need))
+        return CAIRN_NO_MEMORY;
+    step_fit = fit_params(params);
+    *scan = carve(pool, params);
+    return cairn_polyline_create(&(*scan)->polyline, pool, &step_fit);
+}
+
+static int within_extent(cairn_pose pose)
+{
+    return cairn_abs(pose.x) <= CAIRN_SCAN_EXTENT && cairn_abs(pose.y) <= CAIRN_SCAN_EXTENT;
+}
+
+static int is_finite_float(float value)
+{
+    return cairn_is_finite((cairn_real)value);
+}
+
+static cairn_status check_input(const cairn_scan *scan, const cairn_scan_input *in,
+                                cairn_fault *fault)
+{
+    fault->index = -1;
+    fault->message = "scan: NULL, expected an object, an input and its ranges";
+    if (scan == NULL || in == NULL || in->range == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    fault->message = "count: expected at least 1";
+    if (in->count < 1)
+        return CAIRN_BAD_ARGUMENT;
+    fault->message = "count: more beams than max_beams";
+    if (in->count > scan->params.max_beams)
+        return CAIRN_FULL;
+    fault->message = "range_min, range_max, range_sigma: expected finite numbers";
+    if (!is_finite_float(in->range_min) || !is_finite_float(in->range_max) ||
+        !is_finite_float(in->range_sigma))
+        return CAIRN_NOT_FINITE;
+    fault->message =
+        "range_min, range_max: expected 0 <= range_min < range_max <= CAIRN_SCAN_EXTENT";
+    if (in->range_min < 0 || in->range_max <= in->range_min ||
+        (cairn_real)in->range_max > CAIRN_SCAN_EXTENT)
+        return CAIRN_BAD_ARGUMENT;
+    fault->message = "range_sigma: expected >= 0";
+    if (in->range_sigma < 0)
+        return CAIRN_BAD_ARGUMENT;
+    fault->message = "time_step: expected a finite number";
+    if (!is_finite_float(in->time_step))
+        return CAIRN_NOT_FINITE;
+    fault->message = "time_step: expected >= 0";
+    if (in->time_step < 0)
+        return CAIRN_BAD_ARGUMENT;
+    fault->message = "stamp_ns: beyond CAIRN_SCAN_MAX_STAMP_NS";
+    if (in->stamp_ns > CAIRN_SCAN_MAX_STAMP_NS || in->stamp_ns < -CAIRN_SCAN_MAX_STAMP_NS)
+        return CAIRN_BAD_ARGUMENT;
+    fault->message = "base_sensor, motion: expected finite numbers";
+    if (!cairn_pose_is_finite(in->base_sensor) || !cairn_pose_is_finite(in->motion))
+        return CAIRN_NOT_FINITE;
+    fault->message = "base_sensor, motion: beyond CAIRN_SCAN_EXTENT";
+    if (!within_extent(in->base_sensor) || !within_extent(in->motion))
+        return CAIRN_BAD_ARGUMENT;
+    fault->message = "angle_min, angle_step: expected finite numbers";
+    if (in->angle == NULL && !(is_finite_float(in->angle_min) && is_finite_float(in->angle_step)))
+        return CAIRN_NOT_FINITE;
+    fault->message = "angle: not a finite number";
+    for (int32_t i = 0; in->angle != NULL && i < in->count; i++) {
+        fault->index = i;
+        if (!is_finite_float(in->angle[i]))
+            return CAIRN_NOT_FINITE;
+    }
+    fault->index = -1;
+    fault->message = NULL;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_scan_begin(cairn_scan *scan, const cairn_scan_input *input, cairn_fault *fault)
+{
+    cairn_fault found;
+    cairn_status status = check_input(scan, input, &found);
+
+    if (fault != NULL)
+        *fault = found;
+    if (status != CAIRN_OK)
+        return status;
+    scan->input = *input;
+    scan->input.range = scan->input.angle = NULL;
+    memcpy(scan->range, input->range, (size_t)input->count * sizeof *scan->range);
+    if (input->angle != NULL)
+        memcpy(scan->angle, input->angle, (size_t)input->count * sizeof *scan->angle);
+    else
+        for (int32_t i = 0; i < input->count; i++)
+            scan->angle[i] = input->angle_min + (float)i * input->angle_step;
+    scan->twist = cairn_twist_log(input->motion);
+    scan->hit_count = scan->fitted_count = scan->position_count = scan->segment_count =
+        scan->point_count = 0;
+    scan->view.beam_count = scan->view.segment_count = scan->view.point_count = 0;
+    scan->first_point[0] = 0;
+    memset(&scan->measure, 0, sizeof scan->measure);
+    scan->eighths = 0;
+    scan->phase = SCAN_BEAMS;
+    scan->item_index = scan->inner_index = scan->stage = scan->support_count = 0;
+    return cairn_polyline_clear(
+        scan->polyline, cairn_max(1, (cairn_real)input->range_sigma / scan->params.fit.sigma));
+}
+
+static int32_t *kind_count(cairn_scan *scan, cairn_scan_beam_kind kind)
+{
+    if (kind == CAIRN_SCAN_BEAM_HIT)
+        return &scan->measure.hits;
+    return kind == CAIRN_SCAN_BEAM_FREE ? &scan->measure.free : &scan->measure.unknown;
+}
+
+static cairn_scan_beam beam_of(const cairn_scan *scan, int32_t i)
+{
+    float range = scan->range[i], length = range;
+    cairn_real f = scan->input.count > 1 ? (cairn_real)i / (cairn_real)(scan->input.count - 1) : 0;
+    cairn_pose sensor =
+        cairn_pose_compose(cairn_twist_exp(scan->twist, f), scan->input.base_sensor);
+    cairn_scan_beam beam = {{sensor.x, sensor.y}, {sensor.x, sensor.y}, CAIRN_SCAN_BEAM_HIT};
+    cairn_vec2 direction;
+
+    if (!(range > 0) || range < scan->input.range_min) {
+        beam.kind = CAIRN_SCAN_BEAM_UNKNOWN;
+        return beam;
+    }
+    if (range > scan->input.range_max) {
+        beam.kind = CAIRN_SCAN_BEAM_FREE;
+        length = scan->input.range_max;
+    }
+    cairn_sincos(sensor.theta + (cairn_real)scan->angle[i], &direction.y, &direction.x);
+    beam.to = cairn_vec2_add(beam.from, cairn_vec2_scale(direction, (cairn_real)length));
+    return beam;
+}
+
+static cairn_status make_beams(cairn_scan *scan, cairn_budget *budget)
+{
+    for (; scan->item_index < scan->input.count; scan->item_index++) {
+        cairn_scan_beam *beam = &scan->beams[scan->item_index];
+        cairn_real point[2];
+        cairn_status status;
+
+        if (!cairn_scan_charge(scan, budget, 42))
+            return CAIRN_MORE;
+        *beam = beam_of(scan, scan->item_index);
+        (*kind_count(scan, beam->kind))++;
+        if (beam->kind != CAIRN_SCAN_BEAM_HIT)
+            continue;
+        scan->hit[scan->hit_count++] = scan->item_index;
+        point[0] = beam->to.x;
+        point[1] = beam->to.y;
+        status = cairn_polyline_add(scan->polyline, point);
+        if (status != CAIRN_OK)
+            return status;
+    }
+    return CAIRN_OK;
+}
+
+static cairn_status step_fit(cairn_scan *scan, cairn_budget *budget)
+{
+    cairn_status status = cairn_polyline_step(scan->polyline, budget);
+
+    if (status == CAIRN_OK) {
+        cairn_polyline_measure cost = cairn_polyline_measured(scan->polyline);
+
+        scan->measure.units += cost.units;
+        scan->measure.fit_iterations = cost.iterations;
+    }
+    return status;
+}
+
+static cairn_status run_phase(cairn_scan *scan, cairn_budget *budget)
+{
+    switch (scan->phase) {
+    case SCAN_BEAMS:
+        return make_beams(scan, budget);
+    case SCAN_FIT:
+        return step_fit(scan, budget);
+    case SCAN_ATTRIBUTE:
+        return cairn_scan_attribute(scan, budget);
+    case SCAN_TURN:
+        return cairn_scan_turn(scan, budget);
+    case SCAN_CHOOSE:
+        return cairn_scan_choose(scan, budget);
+    case SCAN_MARK:
+        return cairn_scan_mark(scan, budget);
+    default:
+        return cairn_scan_emit(scan, budget);
+    }
+}
+
+cairn_status cairn_scan_step(cairn_scan *scan, cairn_budget *budget)
+{
+    if (scan == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (scan->phase != SCAN_DONE) {
+        cairn_status status = run_phase(scan, budget);
+
+        if (status != CAIRN_OK)
+            return status;
+        scan->phase++;
+        scan->item_index = scan->inner_index = scan->stage = scan->support_count = 0;
+    }
+    return CAIRN_OK;
+}
+
+cairn_scan_view cairn_scan_read(const cairn_scan *scan)
+{
+    return scan->view;
+}
+
+cairn_scan_measure cairn_scan_measured(const cairn_scan *scan)
+{
+    return scan->measure;
+}

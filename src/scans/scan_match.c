@@ -1,0 +1,475 @@
+/* scan_match: correlative scan matching by voting with multi-stage refinement; the object, its
+ * target and its query.
+ *
+ * Method:
+ * 1. Hough voting: all pairs of points of equal direction vote for a position of the query's
+ *    origin, heading by heading (scan_match_vote.c).
+ * 2. Non-maximum suppression of the peaks over positions and headings (scan_match_rank.c).
+ * 3. Refinement in stages by robust point-to-line ICP (scan_match_fit.c): few points and wide gates
+ *    first, at the end every beam.
+ * 4. After each stage the hypotheses are scored by inliers and free-space violations, duplicates
+ *    are removed, and the worse ones are pruned.
+ * 5. Decision: found, ambiguous or none by a logistic regression over the final scores.
+ *
+ * Layout: the target's points in the order of add_target(); sorted by cell (scan_match_index.c);
+ * their quantized positions sorted by direction and strip (scan_match_positions.c). Both sorted
+ * copies are built at the first match after the target changed. Beams are reduced to a
+ * visibility profile (scan_match_visibility.c). The number of operations is bounded: by the
+ * voting points of query and target, by the number of headings, and by fixed numbers of
+ * candidates, iterations and points of each stage. Limits: positions farther than 256 cells of
+ * two spacings apart are not searched. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/scans/scan_match_shape.h"
+
+enum { MAX_POINTS = 1 << 20, MAX_VIEWS = 4096, MAX_HYPOTHESES = 64, MAX_CANDIDATES = 1024 };
+
+enum { WRITTEN_READINGS = 1604 }; /* readings of a scan in the thesis: 4 x 401 */
+
+/* m: least spacing, so that cell coordinates fit their integers */
+static const cairn_real MIN_SPACING_M = CAIRN_REAL(1e-3);
+
+cairn_scan_match_params cairn_scan_match_default(void)
+{
+    cairn_scan_match_params params = {
+        .mode = CAIRN_SCAN_MATCH_CORRELATIVE,
+        .max_target = 2048,
+        .max_dense = 4096,
+        .max_views = 16,
+        .max_query = 1024,
+        .max_hypotheses = 8,
+        .max_candidates = 128,
+        .max_cells = SCAN_MATCH_MAX_CELLS,
+        .vote_once = 1,
+        .spacing = CAIRN_REAL(0.1),
+        .min_sigma = CAIRN_REAL(0.01),
+        .weak_ratio = CAIRN_REAL(0.001),
+    };
+    return params;
+}
+
+cairn_scan_match_params cairn_scan_match_as_written(void)
+{
+    cairn_scan_match_params params = cairn_scan_match_default();
+
+    params.mode = CAIRN_SCAN_MATCH_AS_WRITTEN;
+    params.max_target = 3 * WRITTEN_READINGS;
+    params.max_query = WRITTEN_READINGS;
+    params.max_dense = params.max_views = 0;
+    params.max_hypotheses = params.max_candidates = 1;
+    return params;
+}
+
+static int is_positive(cairn_real v)
+{
+    return v > 0 && v <= CAIRN_SCAN_EXTENT;
+}
+
+static int is_within(int32_t n, int32_t least, int32_t most)
+{
+    return n >= least && n <= most;
+}
+
+static int params_are_valid(const cairn_scan_match_params *params)
+{
+    return params != NULL &&
+           is_within(params->mode, CAIRN_SCAN_MATCH_CORRELATIVE,
+                     CAIRN_SCAN_MATCH_AS_WRITTEN_LINES) &&
+           is_within(params->max_target, 1, MAX_POINTS) &&
+           is_within(params->max_dense, 0, MAX_POINTS) &&
+           is_within(params->max_views, 0, MAX_VIEWS) &&
+           is_within(params->max_query, 1, MAX_POINTS) &&
+           is_within(params->max_hypotheses, 1, MAX_HYPOTHESES) &&
+           is_within(params->max_candidates, 1, MAX_CANDIDATES) &&
+           is_within(params->max_cells, SCAN_MATCH_MIN_CELLS, SCAN_MATCH_MAX_CELLS) &&
+           is_within(params->vote_once, 0, 1) && is_positive(params->spacing) &&
+           params->spacing >= MIN_SPACING_M && is_positive(params->min_sigma) &&
+           params->weak_ratio >= 0 && params->weak_ratio < 1;
+}
+
+static cairn_sequence_params sequence_params(const cairn_scan_match_params *p)
+{
+    cairn_sequence_params params = {
+        .kind = CAIRN_SEQUENCE_LCS,
+        .max_first = p->max_query,
+        .max_second = p->max_target,
+        .gap_cost = 0,
+    };
+
+    return params;
+}
+
+/* Takes the arrays of the shape modes, but for the sequence; NULL from a counting pool. */
+static scan_match_shape *carve_shape(cairn_pool *pool, const cairn_scan_match_params *params)
+{
+    scan_match_shape *shape = cairn_pool_take(pool, 1, sizeof *shape);
+    scan_match_shape made;
+
+    memset(&made, 0, sizeof made);
+    made.target = cairn_pool_take(pool, (size_t)params->max_target, sizeof *made.target);
+    made.query = cairn_pool_take(pool, (size_t)params->max_query, sizeof *made.query);
+    made.target_part = cairn_pool_take(pool, (size_t)params->max_target, sizeof *made.target_part);
+    made.rotated_query =
+        cairn_pool_take(pool, (size_t)params->max_query, sizeof *made.rotated_query);
+    made.pairs = cairn_pool_take(pool, (size_t)params->max_query, sizeof *made.pairs);
+    made.segments = cairn_pool_take(pool, (size_t)params->max_query + 1, sizeof *made.segments);
+    if (shape != NULL)
+        *shape = made;
+    return shape;
+}
+
+/* Takes the object with its arrays; NULL from a counting pool. */
+static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *params)
+{
+    size_t cells = params->mode == CAIRN_SCAN_MATCH_CORRELATIVE ? (size_t)params->max_cells : 0;
+    cairn_scan_match *match = cairn_pool_take_one(pool, sizeof *match);
+    cairn_scan_match made;
+
+    memset(&made, 0, sizeof made);
+    made.params = *params;
+    made.target = cairn_pool_take(pool, (size_t)params->max_target, sizeof *made.target);
+    made.dense = cairn_pool_take(pool, (size_t)params->max_dense, sizeof *made.dense);
+    made.dense_index.points =
+        cairn_pool_take(pool, (size_t)params->max_dense, sizeof *made.dense_index.points);
+    made.dense_index.start = cairn_pool_take(
+        pool, cairn_scan_match_index_cells(params->max_dense) + 1, sizeof *made.dense_index.start);
+    made.views = cairn_pool_take(pool, (size_t)params->max_views, sizeof *made.views);
+    made.query_profile = cairn_pool_take_one(pool, sizeof *made.query_profile);
+    made.index.points =
+        cairn_pool_take(pool, (size_t)params->max_target, sizeof *made.index.points);
+    made.index.start = cairn_pool_take(pool, cairn_scan_match_index_cells(params->max_target) + 1,
+                                       sizeof *made.index.start);
+    made.by_direction = cairn_pool_take(pool, cells > 0 ? (size_t)params->max_target : 0,
+                                        sizeof *made.by_direction);
+    made.query_angle = cairn_pool_take(pool, cells > 0 ? SCAN_MATCH_MAX_QUERY_POINTS : 0,
+                                       sizeof *made.query_angle);
+    made.votes.cell = cairn_pool_take(pool, cells, sizeof *made.votes.cell);
+    made.votes.touched = cairn_pool_take(pool, cells, sizeof *made.votes.touched);
+    made.candidates =
+        cairn_pool_take(pool, (size_t)params->max_candidates, sizeof *made.candidates);
+    made.hypotheses =
+        cairn_pool_take(pool, (size_t)params->max_candidates, sizeof *made.hypotheses);
+    if (params->mode != CAIRN_SCAN_MATCH_CORRELATIVE)
+        made.shape = carve_shape(pool, params);
+    if (match != NULL)
+        *match = made;
+    return match;
+}
+
+size_t cairn_scan_match_memory(const cairn_scan_match_params *params)
+{
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    if (params->mode != CAIRN_SCAN_MATCH_CORRELATIVE) {
+        cairn_sequence_params sequence = sequence_params(params);
+
+        cairn_pool_count(&counting, cairn_sequence_memory(&sequence));
+    }
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status cairn_scan_match_create(cairn_scan_match **match, cairn_pool *pool,
+                                     const cairn_scan_match_params *params)
+{
+    size_t need = cairn_scan_match_memory(params);
+    cairn_sequence_params sequence;
+    cairn_scan_match *made;
+
+    if (match == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, need))
+        return CAIRN_NO_MEMORY;
+    made = carve(pool, params);
+    if (made->shape == NULL)
+        memset(made->votes.cell, 0, (size_t)params->max_cells * sizeof *made->votes.cell);
+    cairn_scan_match_clear_target(made);
+    *match = made;
+    if (made->shape == NULL)
+        return CAIRN_OK;
+    sequence = sequence_params(params);
+    return cairn_sequence_create(&made->shape->sequence, pool, &sequence);
+}
+
+cairn_scan_match_part cairn_scan_match_part_of(const cairn_scan_view *view)
+{
+    cairn_scan_match_part part = {
+        .points = view->points,
+        .dense = NULL,
+        .beams = view->beams,
+        .count = view->point_count,
+        .dense_count = 0,
+        .beam_count = view->beam_count,
+    };
+
+    return part;
+}
+
+static void cancel(cairn_scan_match *match)
+{
+    for (int32_t i = 0; i < match->votes.touched_count; i++)
+        match->votes.cell[match->votes.touched[i]] = 0;
+    match->votes.touched_count = 0;
+    match->phase = SCAN_MATCH_IDLE;
+    match->parts_due = 0;
+    memset(&match->result, 0, sizeof match->result);
+}
+
+void cairn_scan_match_clear_target(cairn_scan_match *match)
+{
+    cancel(match);
+    match->target_count = match->dense_count = match->view_count = match->part_count = 0;
+    match->lacks_dense = 0;
+    match->is_indexed = 0;
+    if (match->shape != NULL)
+        match->shape->overlap_gate = 0;
+    match->target_low.x = match->target_low.y = CAIRN_SCAN_EXTENT;
+    match->target_high.x = match->target_high.y = -CAIRN_SCAN_EXTENT;
+    match->target_sum.x = match->target_sum.y = 0;
+}
+
+/* ---- Target and query ---- */
+
+static int is_within_extent(cairn_vec2 p)
+{
+    return cairn_abs(p.x) <= CAIRN_SCAN_EXTENT && cairn_abs(p.y) <= CAIRN_SCAN_EXTENT;
+}
+
+static cairn_status check_points(const cairn_oriented_point *points, int32_t count,
+                                 cairn_fault *fault)
+{
+    for (int32_t i = 0; i < count; i++) {
+        cairn_real norm = cairn_vec2_norm_squared(points[i].direction);
+
+        if (!is_within_extent(points[i].position) || norm != norm)
+            return cairn_refuse(fault, i, "a point is not finite or too far away",
+                                CAIRN_NOT_FINITE);
+        if (!(norm > CAIRN_REAL(0.98) && norm < CAIRN_REAL(1.02)))
+            return cairn_refuse(fault, i, "a direction is not of length 1", CAIRN_BAD_ARGUMENT);
+    }
+    return CAIRN_OK;
+}
+
+static int is_array(const void *array, int32_t count)
+{
+    return count >= 0 && (array != NULL || count == 0);
+}
+
+static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pose,
+                               cairn_fault *fault)
+{
+    cairn_status status;
+
+    if (!is_array(part->points, part->count) || !is_array(part->dense, part->dense_count) ||
+        !is_array(part->beams, part->beam_count))
+        return cairn_refuse(fault, -1, "a negative count, or no array", CAIRN_BAD_ARGUMENT);
+    if (!cairn_pose_is_finite(pose) || cairn_abs(pose.x) > CAIRN_SCAN_EXTENT ||
+        cairn_abs(pose.y) > CAIRN_SCAN_EXTENT)
+        return cairn_refuse(fault, -1, "the pose is not finite or too far away", CAIRN_NOT_FINITE);
+    status = check_points(part->points, part->count, fault);
+    if (status == CAIRN_OK)
+        status = check_points(part->dense, part->dense_count, fault);
+    for (int32_t i = 0; i < part->beam_count && status == CAIRN_OK; i++)
+        if (!is_within_extent(part->beams[i].from) || !is_within_extent(part->beams[i].to))
+            status = cairn_refuse(fault, i, "a beam is not finite or too long", CAIRN_NOT_FINITE);
+    return status;
+}
+
+/* Builds the visibility profile of a part; returns 0 when none of its beams has a range. */
+static int32_t make_profile(scan_match_visibility_profile *profile,
+                            const cairn_scan_match_part *part, cairn_transform transform)
+{
+    int32_t known = 0;
+
+    for (int32_t i = 0; i < part->beam_count; i++) {
+        const cairn_scan_beam *beam = &part->beams[i];
+
+        if (beam->kind == CAIRN_SCAN_BEAM_UNKNOWN)
+            continue;
+        if (!known)
+            cairn_scan_match_profile_clear(profile, cairn_transform_point(transform, beam->from));
+        known = 1;
+        cairn_scan_match_profile_add(profile, cairn_transform_point(transform, beam->to));
+    }
+    return known;
+}
+
+cairn_status cairn_scan_match_add_target(cairn_scan_match *match, const cairn_scan_match_part *part,
+                                         cairn_pose target_part, cairn_fault *fault)
+{
+    cairn_transform transform;
+    cairn_status status;
+
+    if (match == NULL || part == NULL)
+        return cairn_refuse(fault, -1, "no object or no part", CAIRN_BAD_ARGUMENT);
+    if (match->phase != SCAN_MATCH_IDLE && match->phase != SCAN_MATCH_DONE)
+        return cairn_refuse(fault, -1, "a match is running", CAIRN_BAD_ARGUMENT);
+    status = check_part(part, target_part, fault);
+    if (status != CAIRN_OK)
+        return status;
+    if (part->count > match->params.max_target - match->target_count)
+        return cairn_refuse(fault, -1, "more target points than max_target", CAIRN_FULL);
+    if (match->params.max_dense > 0 &&
+        part->dense_count > match->params.max_dense - match->dense_count)
+        return cairn_refuse(fault, -1, "more dense target points than max_dense", CAIRN_FULL);
+    if (part->beam_count > 0 && match->params.max_views > 0 &&
+        match->view_count == match->params.max_views)
+        return cairn_refuse(fault, -1, "more parts with beams than max_views", CAIRN_FULL);
+    transform = cairn_transform_of(target_part);
+    for (int32_t i = 0; i < part->count; i++) {
+        cairn_oriented_point *p = &match->target[match->target_count];
+
+        if (match->shape != NULL)
+            match->shape->target_part[match->target_count] = match->part_count;
+        match->target_count++;
+        p->position = cairn_transform_point(transform, part->points[i].position);
+        p->direction = cairn_transform_direction(transform, part->points[i].direction);
+        match->target_low.x = cairn_min(match->target_low.x, p->position.x);
+        match->target_low.y = cairn_min(match->target_low.y, p->position.y);
+        match->target_high.x = cairn_max(match->target_high.x, p->position.x);
+        match->target_high.y = cairn_max(match->target_high.y, p->position.y);
+        match->target_sum = cairn_vec2_add(match->target_sum, p->position);
+    }
+    for (int32_t i = 0; i < part->dense_count && match->params.max_dense > 0; i++) {
+        cairn_oriented_point *p = &match->dense[match->dense_count++];
+
+        p->position = cairn_transform_point(transform, part->dense[i].position);
+        p->direction = cairn_transform_direction(transform, part->dense[i].direction);
+    }
+    if (match->params.max_views > 0)
+        match->view_count += make_profile(&match->views[match->view_count], part, transform);
+    if (part->dense_count == 0 && part->count > 0)
+        match->lacks_dense = 1;
+    match->part_count++;
+    match->is_indexed = 0;
+    return CAIRN_OK;
+}
+
+/* Computes centroid, radius and extent of the query. */
+static void measure_query(cairn_scan_match *match)
+{
+    const cairn_scan_match_part *q = &match->query;
+    cairn_real n = (cairn_real)q->count, squares = 0;
+
+    match->centroid.x = match->centroid.y = 0;
+    match->query_extent = 0;
+    for (int32_t i = 0; i < q->count; i++) {
+        match->centroid =
+            cairn_vec2_add(match->centroid, cairn_vec2_scale(q->points[i].position, 1 / n));
+        match->query_extent =
+            cairn_max(match->query_extent, cairn_vec2_norm(q->points[i].position));
+    }
+    for (int32_t i = 0; i < q->count; i++)
+        squares += cairn_vec2_norm_squared(cairn_vec2_sub(q->points[i].position, match->centroid));
+    match->radius = cairn_max(cairn_sqrt(squares / cairn_max(n, 1)), match->params.spacing);
+}
+
+/* Sets the prior from the window: the uniform distribution's variance, so that unobservable
+ * directions stay at the start. */
+static void set_window(cairn_scan_match *match, cairn_pose start,
+                       const cairn_scan_match_window *window)
+{
+    const cairn_real share = CAIRN_REAL(0.577), least = CAIRN_REAL(0.1) * match->params.spacing;
+
+    match->has_window = window != NULL;
+    if (window == NULL)
+        return;
+    match->window = *window;
+    match->start = start;
+    match->prior.mean = start;
+    match->prior.sigma_x = match->prior.sigma_y =
+        cairn_max(share * cairn_min(window->distance, CAIRN_SCAN_EXTENT), least);
+    match->prior.sigma_theta =
+        cairn_max(share * cairn_min(window->angle, CAIRN_PI), CAIRN_REAL(0.01));
+}
+
+/* Validates and stores a query; the phase is SCAN_MATCH_DONE when there is nothing to match. */
+static cairn_status set_query(cairn_scan_match *match, const cairn_scan_match_part *query,
+                              cairn_pose start, cairn_fault *fault)
+{
+    cairn_status status = check_part(query, start, fault);
+
+    if (status != CAIRN_OK)
+        return status;
+    if (query->count > match->params.max_query)
+        return cairn_refuse(fault, -1, "more query points than max_query", CAIRN_FULL);
+    cancel(match);
+    memset(&match->measure, 0, sizeof match->measure);
+    match->query = *query;
+    match->query_has_profile =
+        make_profile(match->query_profile, query, cairn_transform_of(cairn_pose_identity()));
+    match->candidate_count = match->hypothesis_count = 0;
+    match->index_in_phase = match->hypothesis_index = match->stage = 0;
+    if (query->count == 0 || match->target_count == 0) {
+        match->result.hypotheses = match->hypotheses;
+        match->result.verdict = CAIRN_SCAN_MATCH_NONE;
+        match->phase = SCAN_MATCH_DONE;
+    }
+    return CAIRN_OK;
+}
+
+cairn_status cairn_scan_match_begin(cairn_scan_match *match, const cairn_scan_match_part *query,
+                                    cairn_pose start, const cairn_scan_match_window *window,
+                                    cairn_fault *fault)
+{
+    cairn_status status;
+
+    if (match == NULL || query == NULL)
+        return cairn_refuse(fault, -1, "no object or no query", CAIRN_BAD_ARGUMENT);
+    if (window != NULL && !(window->distance >= 0 && window->angle >= 0))
+        return cairn_refuse(fault, -1, "a window is negative or not a number", CAIRN_BAD_ARGUMENT);
+    if (window == NULL)
+        start = cairn_pose_identity();
+    status = set_query(match, query, start, fault);
+    if (status != CAIRN_OK)
+        return status;
+    if (match->phase == SCAN_MATCH_DONE)
+        return CAIRN_OK;
+    measure_query(match);
+    set_window(match, start, window);
+    cairn_scan_match_start(match);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_scan_match_begin_icp(cairn_scan_match *match, const cairn_scan_match_part *query,
+                                        cairn_pose start, cairn_fault *fault)
+{
+    cairn_status status;
+
+    if (match == NULL || query == NULL)
+        return cairn_refuse(fault, -1, "no object or no query", CAIRN_BAD_ARGUMENT);
+    if (!cairn_scan_match_is_as_written(match) || !cairn_scan_match_has_icp(match))
+        return cairn_refuse(fault, -1, "the mode has no ICP of its own", CAIRN_BAD_ARGUMENT);
+    status = set_query(match, query, start, fault);
+    if (status != CAIRN_OK)
+        return status;
+    if (match->phase == SCAN_MATCH_DONE)
+        return CAIRN_OK;
+    measure_query(match);
+    set_window(match, start, NULL);
+    cairn_scan_match_start_icp(match, start);
+    return CAIRN_OK;
+}
+
+cairn_scan_match_result cairn_scan_match_read(const cairn_scan_match *match)
+{
+    cairn_scan_match_result running = {
+        .hypotheses = NULL,
+        .count = 0,
+        .verdict = CAIRN_SCAN_MATCH_RUNNING,
+    };
+
+    return match->phase == SCAN_MATCH_DONE && match->parts_due < SCAN_MATCH_PARTS_PER_UNIT
+               ? match->result
+               : running;
+}
+
+cairn_scan_match_measure cairn_scan_match_measured(const cairn_scan_match *match)
+{
+    return match->measure;
+}

@@ -1,0 +1,358 @@
+/* scan_match: refinement of one hypothesis by robust point-to-line ICP, and its inlier and
+ * free-space-violation counts.
+ *
+ * Method:
+ * 1. Gauss-Newton as in icp: Cauchy weights with the scale of the residuals; unobservable
+ *    directions are not moved.
+ * 2. Stages of more and more points, the last with one point per beam, so that every range has
+ *    equal weight.
+ * 3. Covariance of an M-estimator (Huber 1981, section 7.6). Its information is formed from the
+ *    products of the normals of both points of a pair. Plain Gauss-Newton uses one normal twice:
+ *    the squared noise of the normals of a bare wall is then false information along the wall.
+ *    Products of independent normals cancel it. Errors that do not average out
+ *    (bent surfaces, the choice of pairs) are a floor: with a thousand beams they dominate.
+ * 4. Scoring: query points on a target surface are inliers, those in its free space are violations;
+ *    target samples are tested in the query's visibility profile. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/scans/scan_match_work.h"
+
+static const cairn_real CAUCHY_SCALE = CAIRN_REAL(2.385);
+static const cairn_real CAUCHY_VARIANCE = CAIRN_REAL(1.26);
+/* direction gate of a pair */
+static const cairn_real MIN_PAIR_COSINE = CAIRN_REAL(0.7);
+/* direction gate of an inlier */
+static const cairn_real MIN_INLIER_COSINE = CAIRN_REAL(0.85);
+/* spacings: distance gate of an inlier */
+static const cairn_real INLIER_GATE = CAIRN_REAL(1.5);
+/* spacings: distance from the surface at which a point has half weight */
+static const cairn_real HALF_WEIGHT_DISTANCE = CAIRN_REAL(0.3);
+/* spacings: standard deviation of the covariance floor */
+static const cairn_real COVARIANCE_FLOOR = CAIRN_REAL(0.015);
+/* least information ratio of a direction that a step may move */
+static const cairn_real MIN_STEP_RATIO = CAIRN_REAL(3e-4);
+/* spacings: least distance before a surface of a free-space violation */
+static const cairn_real FREE_SPACE_MARGIN = 1;
+
+enum { MIN_PAIRS = 4 };
+
+/* Points, iterations, hypotheses kept (at least twice max_hypotheses; 0: max_hypotheses), dense,
+ * gates. */
+static const scan_match_stage STAGES[SCAN_MATCH_STAGES + 1] = {
+    {48, 3, 16, 0, 5, 3},
+    {128, 6, 0, 0, 3, CAIRN_REAL(1.5)},
+    {1 << 20, 8, 0, 1, 2, 1},
+    {1 << 20, 0, 0, 1, 2, 2}, /* evaluation only */
+};
+
+const scan_match_stage *cairn_scan_match_current_stage(const cairn_scan_match *match)
+{
+    return &STAGES[match->stage];
+}
+
+void cairn_scan_match_fit_begin(cairn_scan_match *match, cairn_pose pose)
+{
+    const scan_match_stage *stage = &STAGES[match->stage];
+    scan_match_fit *fit = &match->fit;
+    int32_t dense = stage->dense && match->query.dense_count > 0;
+    int32_t both = dense && match->dense_count > 0 && !match->lacks_dense;
+
+    memset(fit, 0, sizeof *fit);
+    fit->points = dense ? match->query.dense : match->query.points;
+    fit->count = dense ? match->query.dense_count : match->query.count;
+    fit->index = both ? &match->dense_index : &match->index;
+    fit->stride = (fit->count + stage->points - 1) / stage->points;
+    fit->motion = cairn_rigid_motion_at(pose, match->centroid, match->radius);
+    fit->gate = stage->gate_start * match->params.spacing;
+    fit->sigma = match->stage == 0 ? fit->gate / 2 : match->params.spacing / 2;
+    match->index_in_phase = 0;
+}
+
+/* Adds the symmetric product of a pair's two Jacobian rows, one per normal. */
+static void add_cross(cairn_scan_match *match, const cairn_real row[3], cairn_vec2 direction,
+                      cairn_vec2 position, cairn_real weight)
+{
+    cairn_real other[3], sum[3], difference[3];
+
+    cairn_rigid_motion_jacobian(&match->fit.motion, cairn_vec2_left_perp(direction), position,
+                                other);
+    for (int k = 0; k < 3; k++) {
+        sum[k] = row[k] + other[k];
+        difference[k] = row[k] - other[k];
+    }
+    cairn_sym3_add_outer(&match->fit.sums.cross, sum, weight / 4);
+    cairn_sym3_add_outer(&match->fit.sums.cross, difference, -weight / 4);
+}
+
+static void add_pair(cairn_scan_match *match, const cairn_oriented_point *point)
+{
+    scan_match_fit *fit = &match->fit;
+    scan_match_sums *sums = &fit->sums;
+    scan_match_search search;
+    const cairn_oriented_point *m;
+    cairn_real error, squared, weight, scale = CAUCHY_SCALE * fit->sigma, row[3];
+    cairn_vec2 normal;
+    int32_t parts = 20;
+
+    search.p = cairn_transform_point(fit->motion.transform, point->position);
+    search.direction = cairn_transform_direction(fit->motion.transform, point->direction);
+    search.cosine = MIN_PAIR_COSINE;
+    m = cairn_scan_match_index_nearest(fit->index, &search, fit->gate, &parts);
+    cairn_scan_match_charge(match, parts);
+    if (m == NULL)
+        return;
+    normal = cairn_vec2_left_perp(m->direction);
+    error = cairn_vec2_dot(normal, cairn_vec2_sub(search.p, m->position));
+    squared = error * error;
+    weight = 1 / (1 + squared / (scale * scale));
+    cairn_rigid_motion_jacobian(&fit->motion, normal, point->position, row);
+    cairn_sym3_add_outer(&sums->lines, row, weight);
+    if (STAGES[match->stage].dense)
+        add_cross(match, row, search.direction, point->position, weight);
+    for (int k = 0; k < 3; k++)
+        sums->gradient[k] += weight * error * row[k];
+    sums->weight += weight;
+    sums->residual_squares += weight * squared;
+    sums->psi_squares += weight * weight * squared;
+    /* psi = w e, psi' = 1 - (e / scale)^2 over (...)^2 */
+    sums->slopes += weight * weight * (2 - 1 / weight);
+    sums->pairs++;
+}
+
+/* Returns the reciprocal variance of a residual. */
+static cairn_real information_scale(const cairn_scan_match *match)
+{
+    const scan_match_sums *sums = &match->fit.sums;
+    cairn_real n = (cairn_real)sums->pairs, slope = cairn_max(sums->slopes / n, CAIRN_REAL(0.1));
+    cairn_real scale =
+        sums->psi_squares / cairn_max(n - 3, 1) * (sums->weight / n) / (slope * slope);
+
+    return 1 / cairn_max(scale, match->params.min_sigma * match->params.min_sigma);
+}
+
+static cairn_sym3 scaled(cairn_sym3 m, cairn_real by)
+{
+    cairn_sym3 out = {m.xx * by, m.xy * by, m.xz * by, m.yy * by, m.yz * by, m.zz * by};
+    return out;
+}
+
+/* Adds the covariance floor: COVARIANCE_FLOOR spacings of any motion about the centroid. */
+static void add_covariance_floor(const cairn_scan_match *match, cairn_real covariance[9])
+{
+    cairn_real by = 1 / (COVARIANCE_FLOOR * match->params.spacing *
+                         (COVARIANCE_FLOOR * match->params.spacing)),
+               more[9];
+    cairn_sym3 information = {by, 0, 0, by, 0, by};
+    cairn_rigid_motion_basis basis = cairn_rigid_motion_basis_of(information, 0);
+
+    cairn_rigid_motion_covariance(&match->fit.motion, &basis, &information, NULL, more);
+    for (int k = 0; k < 9; k++)
+        covariance[k] += more[k];
+}
+
+/* Stores the refined pose; of the last stage also its covariance and observability. */
+static void store_hypothesis(cairn_scan_match *match, const cairn_rigid_motion_basis *basis)
+{
+    cairn_scan_match_hypothesis *h = &match->hypotheses[match->hypothesis_index];
+    cairn_rigid_motion_basis seen;
+    cairn_rigid_motion_equations prior;
+    cairn_sym3 information = cairn_sym3_zero();
+
+    h->target_query = match->fit.motion.map_body;
+    if (!STAGES[match->stage].dense)
+        return;
+    cairn_scan_match_charge(match, 40 * SCAN_MATCH_PARTS_PER_UNIT);
+    h->pairs = match->fit.sums.pairs;
+    h->sigma = match->fit.sigma;
+    h->radius = match->radius;
+    h->observable_dof = 0;
+    h->weak_ratio = 0;
+    memset(h->weak_direction, 0, sizeof h->weak_direction);
+    if (match->has_window)
+        prior = cairn_rigid_motion_prior(&match->fit.motion, &match->prior);
+    if (basis != NULL) {
+        seen = cairn_rigid_motion_basis_of(match->fit.sums.cross, match->params.weak_ratio);
+        basis = &seen;
+        information = scaled(match->fit.sums.cross, information_scale(match));
+        h->observable_dof = 3 - basis->unobservable;
+        h->weak_ratio = basis->inverse_condition;
+        memcpy(h->weak_direction, basis->vectors[0], sizeof h->weak_direction);
+    }
+    cairn_rigid_motion_covariance(&match->fit.motion, basis, basis == NULL ? NULL : &information,
+                                  match->has_window ? &prior : NULL, h->covariance);
+    add_covariance_floor(match, h->covariance);
+}
+
+/* Returns 1 when the prior is used. In the early stages the residual scale is that of the search,
+ * and the prior would attract the candidates of a wide window to its centre. There it is used only
+ * when the whole window lies within the gate. */
+static int32_t uses_prior(const cairn_scan_match *match)
+{
+    const scan_match_stage *stage = &STAGES[match->stage];
+
+    return match->has_window && (stage->dense || 2 * match->window.distance <=
+                                                     stage->gate_start * match->params.spacing);
+}
+
+/* One Gauss-Newton step; returns 1 at the end of the refinement. */
+static int32_t end_iteration(cairn_scan_match *match)
+{
+    int32_t use_prior = uses_prior(match);
+    const scan_match_stage *stage = &STAGES[match->stage];
+    scan_match_fit *fit = &match->fit;
+    cairn_rigid_motion_equations equations, prior;
+    cairn_rigid_motion_basis basis;
+    cairn_real step[3], moved, by, gate_end = stage->gate_end * match->params.spacing,
+                                   sigma = fit->sigma;
+
+    cairn_scan_match_charge(match, 24 * SCAN_MATCH_PARTS_PER_UNIT);
+    fit->iteration++;
+    if (fit->sums.pairs < MIN_PAIRS) {
+        store_hypothesis(match, NULL);
+        return 1;
+    }
+    fit->sigma =
+        cairn_max(match->params.min_sigma,
+                  cairn_sqrt(CAUCHY_VARIANCE * fit->sums.residual_squares / fit->sums.weight));
+    by = 1 / (2 * fit->sigma * fit->sigma);
+    basis = cairn_rigid_motion_basis_of(fit->sums.lines, MIN_STEP_RATIO);
+    if (stage->iterations == 0) {
+        store_hypothesis(match, &basis);
+        return 1;
+    }
+    equations.information = scaled(fit->sums.lines, by);
+    for (int k = 0; k < 3; k++)
+        equations.gradient[k] = by * fit->sums.gradient[k];
+    if (use_prior)
+        prior = cairn_rigid_motion_prior(&fit->motion, &match->prior);
+    if (!cairn_rigid_motion_solve(&basis, &equations, use_prior ? &prior : NULL, fit->gate, step)) {
+        store_hypothesis(match, &basis);
+        return 1;
+    }
+    cairn_rigid_motion_move(&fit->motion, step);
+    moved = cairn_sqrt(step[0] * step[0] + step[1] * step[1] + step[2] * step[2]);
+    if (fit->iteration == stage->iterations ||
+        (moved < CAIRN_REAL(1e-3) * match->params.spacing && fit->gate <= gate_end &&
+         fit->sigma > CAIRN_REAL(0.95) * sigma)) {
+        store_hypothesis(match, &basis);
+        return 1;
+    }
+    fit->gate = cairn_max(gate_end, CAIRN_REAL(0.7) * fit->gate);
+    memset(&fit->sums, 0, sizeof fit->sums);
+    match->index_in_phase = 0;
+    return 0;
+}
+
+int32_t cairn_scan_match_fit_item(cairn_scan_match *match)
+{
+    if (match->index_in_phase >= match->fit.count)
+        return end_iteration(match);
+    add_pair(match, &match->fit.points[match->index_in_phase]);
+    match->index_in_phase += match->fit.stride;
+    return 0;
+}
+
+/* ---- Inliers and free-space violations ---- */
+
+void cairn_scan_match_score_begin(cairn_scan_match *match)
+{
+    const scan_match_stage *stage = &STAGES[match->stage];
+    int32_t target_samples;
+
+    memset(&match->inlier_count, 0, sizeof match->inlier_count);
+    match->target_query =
+        cairn_transform_of(match->hypotheses[match->hypothesis_index].target_query);
+    match->query_target = cairn_transform_of(
+        cairn_pose_inverse(match->hypotheses[match->hypothesis_index].target_query));
+    match->query_stride = match->fit.stride;
+    target_samples = stage->points < SCAN_MATCH_MAX_TARGET_SAMPLES ? stage->points
+                                                                   : SCAN_MATCH_MAX_TARGET_SAMPLES;
+    match->target_stride = (match->target_count + target_samples - 1) / target_samples;
+    match->index_in_phase = 0;
+}
+
+static void test_query_point(cairn_scan_match *match, const cairn_oriented_point *point)
+{
+    const cairn_oriented_point *m;
+    scan_match_search search;
+    int32_t parts = 20;
+
+    search.p = cairn_transform_point(match->target_query, point->position);
+    search.direction = cairn_transform_direction(match->target_query, point->direction);
+    search.cosine = MIN_INLIER_COSINE;
+    match->inlier_count.query_points++;
+    m = cairn_scan_match_index_nearest(match->fit.index, &search,
+                                       INLIER_GATE * match->params.spacing, &parts);
+    if (m != NULL) {
+        cairn_real e = cairn_vec2_dot(cairn_vec2_left_perp(m->direction),
+                                      cairn_vec2_sub(search.p, m->position)) /
+                       (HALF_WEIGHT_DISTANCE * match->params.spacing);
+
+        match->inlier_count.fit_sum += 1 / (1 + e * e);
+        match->inlier_count.inliers++;
+        cairn_scan_match_charge(match, parts);
+        return;
+    }
+    for (int32_t i = 0; i < match->view_count; i++) {
+        parts += 8;
+        if (cairn_scan_match_profile_lookup(&match->views[i], search.p,
+                                            FREE_SPACE_MARGIN * match->params.spacing) > 0) {
+            match->inlier_count.violations++;
+            break;
+        }
+    }
+    cairn_scan_match_charge(match, parts);
+}
+
+static void test_target_point(cairn_scan_match *match, const cairn_oriented_point *point)
+{
+    int32_t says = cairn_scan_match_profile_lookup(
+        match->query_profile, cairn_transform_point(match->query_target, point->position),
+        FREE_SPACE_MARGIN * match->params.spacing);
+
+    match->inlier_count.target_inliers += says < 0;
+    match->inlier_count.target_violations += says > 0;
+    cairn_scan_match_charge(match, 12);
+}
+
+static cairn_real share(cairn_real part, int32_t rest)
+{
+    return part > 0 ? part / (part + (cairn_real)rest) : 0;
+}
+
+static void score(cairn_scan_match *match)
+{
+    cairn_scan_match_hypothesis *h = &match->hypotheses[match->hypothesis_index];
+    const scan_match_inlier_count *t = &match->inlier_count;
+    cairn_real query_points = (cairn_real)(t->query_points > 0 ? t->query_points : 1), agreement;
+
+    h->overlap = (cairn_real)t->inliers / query_points;
+    h->fit = t->fit_sum / query_points;
+    h->free_space_violation = share((cairn_real)t->violations, t->inliers);
+    h->target_free_space_violation = share((cairn_real)t->target_violations, t->target_inliers);
+    agreement = (1 - h->free_space_violation) * (1 - h->target_free_space_violation);
+    h->score = h->fit * agreement * agreement * agreement;
+}
+
+int32_t cairn_scan_match_score_item(cairn_scan_match *match)
+{
+    int32_t queries = match->fit.count,
+            target_samples = match->query_has_profile ? match->target_count : 0;
+
+    if (match->index_in_phase < queries) {
+        test_query_point(match, &match->fit.points[match->index_in_phase]);
+        match->index_in_phase += match->query_stride;
+        if (match->index_in_phase < queries)
+            return 0;
+        match->index_in_phase = queries;
+    } else if (match->index_in_phase - queries < target_samples) {
+        test_target_point(match, &match->target[match->index_in_phase - queries]);
+        match->index_in_phase += match->target_stride;
+    }
+    if (match->index_in_phase - queries < target_samples)
+        return 0;
+    score(match);
+    return 1;
+}

@@ -1,0 +1,204 @@
+/* scan_match: ranking, non-maximum suppression and decision. scan_match.c describes the method.
+ *
+ * The log odds are a logistic regression of "correct" against "places without overlap": simulated
+ * half and full circles and real logs of half circles, 0.10 m spacing. A chance similarity has
+ * fewer inliers, more free-space violations, and competing hypotheses of nearly the same score. */
+#include "src/base/build.h"
+
+#include "src/scans/scan_match_work.h"
+
+/* Duplicates: hypotheses within this distance and angle. */
+static const cairn_real DUPLICATE_DISTANCE = 2; /* spacings */
+static const cairn_real DUPLICATE_ANGLE_RAD = CAIRN_REAL(0.06);
+/* Peaks of neighbouring headings within this distance are one. */
+static const cairn_real PEAK_DISTANCE = CAIRN_REAL(1.5); /* spacings */
+static const cairn_real PEAK_HEADING_STEPS = CAIRN_REAL(1.5);
+/* Competing hypotheses: beyond this distance or angle. */
+static const cairn_real COMPETING_DISTANCE = 4; /* spacings */
+static const cairn_real COMPETING_ANGLE_RAD = CAIRN_REAL(0.15);
+/* Coefficients of the log odds, see the head of this file. */
+static const cairn_real LOG_ODDS_BIAS = CAIRN_REAL(-4.2), LOG_ODDS_PER_LOG_FIT = 3,
+                        LOG_ODDS_PER_VIOLATION = -16, LOG_ODDS_PER_TARGET_VIOLATION = -17;
+static const cairn_real LOG_ODDS_PER_LOG_POINTS = CAIRN_REAL(2.9),
+                        LOG_ODDS_PER_COMPETING_RATIO = -5;
+static const cairn_real MIN_LOG_ODDS = CAIRN_REAL(0.5);
+/* ratio of the second score to the best from which a match is ambiguous */
+static const cairn_real AMBIGUITY_RATIO = CAIRN_REAL(0.9);
+
+int32_t cairn_scan_match_ranks_before(const scan_match_candidate *a, const scan_match_candidate *b)
+{
+    return a->score > b->score || (!(b->score > a->score) && a->order < b->order);
+}
+
+/* Heap sift-down of the candidate at the root of heap[0 ... count-1], the worst on top. */
+static void sift_down(scan_match_candidate *heap, int32_t count, int32_t root)
+{
+    scan_match_candidate moving = heap[root];
+
+    for (;;) {
+        int32_t child = 2 * root + 1;
+
+        if (child >= count)
+            break;
+        if (child + 1 < count && cairn_scan_match_ranks_before(&heap[child], &heap[child + 1]))
+            child++;
+        if (!cairn_scan_match_ranks_before(&moving, &heap[child]))
+            break;
+        heap[root] = heap[child];
+        root = child;
+    }
+    heap[root] = moving;
+}
+
+void cairn_scan_match_insert_candidate(cairn_scan_match *match,
+                                       const scan_match_candidate *candidate, int32_t most)
+{
+    scan_match_candidate *heap = match->candidates;
+
+    if (match->candidate_count == most) {
+        heap[0] = *candidate;
+        sift_down(heap, most, 0);
+        return;
+    }
+    {
+        int32_t at = match->candidate_count++;
+
+        for (; at > 0 && cairn_scan_match_ranks_before(&heap[(at - 1) / 2], candidate);
+             at = (at - 1) / 2)
+            heap[at] = heap[(at - 1) / 2];
+        heap[at] = *candidate;
+    }
+}
+
+void cairn_scan_match_sort_candidates(cairn_scan_match *match)
+{
+    for (int32_t count = match->candidate_count - 1; count > 0; count--) {
+        scan_match_candidate worst = match->candidates[0];
+
+        match->candidates[0] = match->candidates[count];
+        match->candidates[count] = worst;
+        sift_down(match->candidates, count, 0);
+    }
+}
+
+static int is_near(const cairn_scan_match *match, cairn_pose a, cairn_pose b, cairn_real spacings,
+                   cairn_real angle)
+{
+    cairn_real reach = spacings * match->params.spacing;
+    cairn_vec2 pa, pb;
+
+    if (!(cairn_abs(cairn_wrap_angle(a.theta - b.theta)) < angle))
+        return 0;
+    pa = cairn_pose_point(a, match->centroid);
+    pb = cairn_pose_point(b, match->centroid);
+    return cairn_vec2_norm_squared(cairn_vec2_sub(pa, pb)) < reach * reach;
+}
+
+/* Non-maximum suppression: the next candidate becomes a hypothesis unless a better peak at the same
+ * or a neighbouring heading exists. Returns 1 when all candidates have been tested. */
+int32_t cairn_scan_match_suppress_item(cairn_scan_match *match)
+{
+    cairn_real angle = PEAK_HEADING_STEPS * match->votes.angle_step;
+    int32_t beside = 0;
+
+    if (match->index_in_phase == match->candidate_count)
+        return 1;
+    for (int32_t k = 0; k < match->hypothesis_count && !beside; k++)
+        beside = is_near(match, match->hypotheses[k].target_query,
+                         match->candidates[match->index_in_phase].pose, PEAK_DISTANCE, angle);
+    cairn_scan_match_charge(match, 8 + 3 * match->hypothesis_count);
+    if (!beside)
+        match->hypotheses[match->hypothesis_count++].target_query =
+            match->candidates[match->index_in_phase].pose;
+    match->index_in_phase++;
+    return 0;
+}
+
+/* Returns 1 when the pose lies in the window, up to the resolution of the search; the shape modes
+ * have no window of positions. */
+static int is_inside(const cairn_scan_match *match, cairn_pose pose)
+{
+    cairn_real reach = match->window.distance + match->params.spacing;
+
+    return !match->has_window || match->shape != NULL ||
+           (cairn_abs(pose.x - match->start.x) <= reach &&
+            cairn_abs(pose.y - match->start.y) <= reach &&
+            cairn_abs(cairn_wrap_angle(pose.theta - match->start.theta)) <=
+                match->window.angle + DUPLICATE_ANGLE_RAD);
+}
+
+/* Sorts the hypotheses by score and removes duplicates and those outside the window; keeps at most
+ * `keep`. */
+void cairn_scan_match_select(cairn_scan_match *match, int32_t keep)
+{
+    int32_t kept = 0;
+
+    for (int32_t i = 1; i < match->hypothesis_count; i++) {
+        cairn_scan_match_hypothesis moving = match->hypotheses[i];
+        int32_t at = i;
+
+        for (; at > 0 && match->hypotheses[at - 1].score < moving.score; at--)
+            match->hypotheses[at] = match->hypotheses[at - 1];
+        match->hypotheses[at] = moving;
+    }
+    for (int32_t i = 0; i < match->hypothesis_count && kept < keep; i++) {
+        int32_t is_dropped = !is_inside(match, match->hypotheses[i].target_query);
+
+        for (int32_t k = 0; k < kept && !is_dropped; k++)
+            is_dropped =
+                is_near(match, match->hypotheses[k].target_query, match->hypotheses[i].target_query,
+                        DUPLICATE_DISTANCE, DUPLICATE_ANGLE_RAD);
+        if (!is_dropped)
+            match->hypotheses[kept++] = match->hypotheses[i];
+    }
+    match->hypothesis_count = kept;
+}
+
+/* Returns the score of the best competing hypothesis of hypothesis i. */
+static cairn_real competing_score(const cairn_scan_match *match, int32_t i)
+{
+    for (int32_t k = 0; k < match->hypothesis_count; k++)
+        if (k != i &&
+            !is_near(match, match->hypotheses[k].target_query, match->hypotheses[i].target_query,
+                     COMPETING_DISTANCE, COMPETING_ANGLE_RAD))
+            return match->hypotheses[k].score;
+    return 0;
+}
+
+static cairn_real log_odds_of(const cairn_scan_match *match, int32_t i)
+{
+    const cairn_scan_match_hypothesis *h = &match->hypotheses[i];
+    cairn_real least = CAIRN_REAL(0.01), points = h->fit * (cairn_real)match->query.count;
+
+    return LOG_ODDS_BIAS + LOG_ODDS_PER_LOG_FIT * cairn_log(h->fit + least) +
+           LOG_ODDS_PER_VIOLATION * h->free_space_violation +
+           LOG_ODDS_PER_TARGET_VIOLATION * h->target_free_space_violation +
+           LOG_ODDS_PER_LOG_POINTS * cairn_log(points + 1) +
+           LOG_ODDS_PER_COMPETING_RATIO *
+               cairn_min(competing_score(match, i) / (h->score + least), 1);
+}
+
+/* Returns 1 when the second hypothesis is nearly as good, or acceptable by itself: the target may
+ * show less of the true place than of a similar one, and fewer inliers are not violations. */
+static int is_as_good(const cairn_scan_match_hypothesis *second,
+                      const cairn_scan_match_hypothesis *best)
+{
+    return second->score > AMBIGUITY_RATIO * best->score || second->log_odds >= MIN_LOG_ODDS;
+}
+
+void cairn_scan_match_decide(cairn_scan_match *match)
+{
+    cairn_scan_match_hypothesis *h = match->hypotheses;
+
+    for (int32_t i = 0; i < match->hypothesis_count; i++)
+        h[i].log_odds = log_odds_of(match, i);
+    cairn_scan_match_charge(match, match->hypothesis_count * (40 + 4 * match->hypothesis_count));
+    match->result.hypotheses = h;
+    match->result.count = match->hypothesis_count;
+    if (match->hypothesis_count == 0 || h[0].log_odds < MIN_LOG_ODDS)
+        match->result.verdict = CAIRN_SCAN_MATCH_NONE;
+    else if (h[0].observable_dof < 3 || (match->hypothesis_count > 1 && is_as_good(&h[1], &h[0])))
+        match->result.verdict = CAIRN_SCAN_MATCH_AMBIGUOUS;
+    else
+        match->result.verdict = CAIRN_SCAN_MATCH_FOUND;
+}

@@ -1,0 +1,477 @@
+/* Hough transform for circle centres, and the peaks that become ellipses.
+ *
+ * Method:
+ * 1. A point votes for all centres along its normal between the least and the largest radius, in a
+ *    square accumulator. Rooms have their centre on the free side of the point, columns on the
+ *    other side; each kind has its own accumulator.
+ * 2. The accumulator is smoothed, because normals are inaccurate far from their points.
+ * 3. Peaks are local maxima (non-maximum suppression). Around each a histogram of the distances of
+ *    the points whose normals pass close to the peak gives a circle (ellipse_refine.c).
+ * 4. Three least-squares fits of a conic (ellipse_fit.c), with narrowing gates, refine the circle
+ *    to an ellipse; a last pass measures its inliers and coverage.
+ * 5. Ellipses that coincide with one of more votes are suppressed.
+ *
+ * Layout: the accumulators one after the other; the peaks; two lists of ellipses, one of the search
+ * that runs and one of the last result.
+ *
+ * Limits: one radius per peak and kind; of concentric walls the one with the most points. With an
+ * axis ratio above 2 the normals pass too far from the centre for a peak there. Cells are larger
+ * when the points extend too far.
+ *
+ * Source: Duda and Hart 1972; Ballard 1981. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/shapes/ellipse_work.h"
+
+/* Largest absolute coordinate and length in m, and largest weight. */
+#define MAX_MAGNITUDE CAIRN_REAL(1e6)
+
+cairn_ellipse_params cairn_ellipse_default(void)
+{
+    cairn_ellipse_params params = {
+        .max_ellipses = 32,
+        .cells = 96,
+        .cell_size = CAIRN_REAL(0.15),
+        .oriented = 1,
+        .min_radius = CAIRN_REAL(0.15),
+        .max_radius = 6,
+        .max_axis_ratio = 2,
+        .angle_tolerance = 15 * (CAIRN_PI / 180),
+        .support_distance = CAIRN_REAL(0.05),
+        .spacing = CAIRN_REAL(0.10),
+        .min_votes = 8,
+        .min_coverage = CAIRN_REAL(0.5),
+        .separation = CAIRN_REAL(0.3),
+    };
+    return params;
+}
+
+/* 1 for a length in m that is allowed. */
+static int is_length(cairn_real x)
+{
+    return x > 0 && x <= MAX_MAGNITUDE;
+}
+
+/* 1 when all params are in range. */
+static int params_are_valid(const cairn_ellipse_params *params)
+{
+    return params != NULL && params->max_ellipses >= 1 && params->max_ellipses <= 256 &&
+           params->cells >= 8 && params->cells <= 1024 && is_length(params->cell_size) &&
+           is_length(params->min_radius) && params->max_radius > params->min_radius &&
+           is_length(params->max_radius) && params->max_axis_ratio >= 1 &&
+           params->max_axis_ratio <= MAX_MAGNITUDE && params->angle_tolerance > 0 &&
+           params->angle_tolerance <= CAIRN_PI / 4 && is_length(params->support_distance) &&
+           is_length(params->spacing) && params->min_votes > 0 &&
+           cairn_is_finite(params->min_votes) && params->min_coverage >= 0 &&
+           params->min_coverage <= 1 && is_length(params->separation);
+}
+
+/* Number of cells of all accumulators. */
+static int32_t cells_of(const cairn_ellipse_params *params)
+{
+    return (params->oriented ? 2 : 1) * params->cells * params->cells;
+}
+
+/* Allocates the object and its arrays; NULL from a counting pool. */
+static cairn_ellipse_set *carve(cairn_pool *pool, const cairn_ellipse_params *params)
+{
+    size_t ellipses = (size_t)params->max_ellipses;
+    cairn_ellipse_set *set = cairn_pool_take_one(pool, sizeof *set);
+    cairn_real *accumulator = cairn_pool_take(pool, (size_t)cells_of(params), sizeof *accumulator);
+    ellipse_peak *peaks = cairn_pool_take(pool, ellipses, sizeof *peaks);
+    cairn_ellipse *found = cairn_pool_take(pool, ellipses, sizeof *found);
+    cairn_ellipse *result = cairn_pool_take(pool, ellipses, sizeof *result);
+
+    if (set != NULL) {
+        memset(set, 0, sizeof *set);
+        set->accumulator = accumulator;
+        set->peaks = peaks;
+        set->found = found;
+        set->result = result;
+    }
+    return set;
+}
+
+size_t cairn_ellipse_memory(const cairn_ellipse_params *params)
+{
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
+/* Copies the params, and computes the sine. */
+static void set_params(cairn_ellipse_set *set, const cairn_ellipse_params *params)
+{
+    set->params = *params;
+    set->max_sine = cairn_sin(params->angle_tolerance);
+}
+
+cairn_status cairn_ellipse_create(cairn_ellipse_set **set, cairn_pool *pool,
+                                  const cairn_ellipse_params *params)
+{
+    size_t need = cairn_ellipse_memory(params);
+    cairn_ellipse_set *made;
+
+    if (set == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, need))
+        return CAIRN_NO_MEMORY;
+    made = carve(pool, params);
+    set_params(made, params);
+    made->accumulator_count = params->oriented ? 2 : 1;
+    *set = made;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_ellipse_adjust(cairn_ellipse_set *set, const cairn_ellipse_params *params)
+{
+    if (set == NULL || !params_are_valid(params) ||
+        params->max_ellipses != set->params.max_ellipses || params->cells != set->params.cells ||
+        (params->oriented != 0) != (set->params.oriented != 0))
+        return CAIRN_BAD_ARGUMENT;
+    set->phase = ELLIPSE_IDLE;
+    set_params(set, params);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_ellipse_begin(cairn_ellipse_set *set, const cairn_oriented_point *points,
+                                 const cairn_real *weights, int32_t count)
+{
+    if (set == NULL || count < 0 || (points == NULL && count > 0))
+        return CAIRN_BAD_ARGUMENT;
+    set->points = points;
+    set->weights = weights;
+    set->count = count;
+    set->cursor = set->units_charged = 0;
+    set->box = cairn_box_empty();
+    set->peak_count = set->found_count = set->found_dropped = 0;
+    set->phase = ELLIPSE_BOUNDS;
+    return CAIRN_OK;
+}
+
+/* ---- Bounds ---- */
+
+/* CAIRN_OK when a point and its weight are in range. */
+static cairn_status check_point(const cairn_oriented_point *point, cairn_real weight)
+{
+    if (!cairn_is_finite(point->position.x) || !cairn_is_finite(point->position.y) ||
+        !cairn_is_finite(point->direction.x) || !cairn_is_finite(point->direction.y) ||
+        !cairn_is_finite(weight))
+        return CAIRN_NOT_FINITE;
+    if (cairn_abs(point->position.x) > MAX_MAGNITUDE ||
+        cairn_abs(point->position.y) > MAX_MAGNITUDE || weight < 0 || weight > MAX_MAGNITUDE)
+        return CAIRN_BAD_ARGUMENT;
+    return CAIRN_OK;
+}
+
+/* Sets the cells of the accumulators, which cover the bounding box of the points, and the
+ * suppression radius. */
+static void set_up_cells(cairn_ellipse_set *set)
+{
+    const cairn_ellipse_params *params = &set->params;
+    cairn_vec2 size = {0, 0}, centre = {0, 0};
+    cairn_real half;
+
+    if (set->count > 0) {
+        size = cairn_vec2_sub(set->box.max, set->box.min);
+        centre = cairn_vec2_scale(cairn_vec2_add(set->box.max, set->box.min), CAIRN_REAL(0.5));
+    }
+    set->cell_size =
+        cairn_max(params->cell_size, cairn_max(size.x, size.y) / (cairn_real)(params->cells - 3));
+    half = set->cell_size * (cairn_real)(params->cells - 1) / 2;
+    set->first_cell.x = centre.x - half;
+    set->first_cell.y = centre.y - half;
+    set->nms_radius = cairn_real_to_int(
+        cairn_min(cairn_ceil(params->separation / set->cell_size), (cairn_real)params->cells));
+}
+
+/* Phase BOUNDS: checks the points and computes their bounding box. */
+static cairn_status step_bounds(cairn_ellipse_set *set, cairn_budget *budget)
+{
+    while (set->cursor < set->count) {
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        budget->left--;
+        for (int32_t i = 0; i < 4 && set->cursor < set->count; i++, set->cursor++) {
+            const cairn_oriented_point *point = &set->points[set->cursor];
+            cairn_status status = check_point(point, cairn_ellipse_weight(set, set->cursor));
+
+            if (status != CAIRN_OK)
+                return status;
+            set->box = cairn_box_extend(set->box, point->position);
+        }
+    }
+    set_up_cells(set);
+    return CAIRN_OK;
+}
+
+/* ---- Votes ---- */
+
+/* Phase CLEAR: sets the accumulators to 0. */
+static cairn_status step_clear(cairn_ellipse_set *set, cairn_budget *budget)
+{
+    int32_t cells = cells_of(&set->params);
+
+    while (set->cursor < cells) {
+        int32_t chunk = cells - set->cursor < 128 ? cells - set->cursor : 128;
+
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        budget->left--;
+        memset(&set->accumulator[set->cursor], 0, (size_t)chunk * sizeof *set->accumulator);
+        set->cursor += chunk;
+    }
+    return CAIRN_OK;
+}
+
+/* Number of centres along a normal that a point votes for. */
+static int32_t votes_per_point(const cairn_ellipse_set *set)
+{
+    cairn_real steps = (set->params.max_radius - set->params.min_radius) / set->cell_size;
+
+    return cairn_real_to_int(cairn_min(steps, (cairn_real)(2 * set->params.cells))) + 1;
+}
+
+/* Votes for the centres along a unit normal from a point, a cell apart. */
+static void vote_along(cairn_ellipse_set *set, int32_t layer, cairn_vec2 from, cairn_vec2 normal,
+                       cairn_real weight)
+{
+    int32_t cells = set->params.cells, steps = votes_per_point(set);
+    cairn_real *accumulator = &set->accumulator[layer * cells * cells],
+               min_radius = set->params.min_radius / set->cell_size;
+    cairn_real x =
+        (from.x - set->first_cell.x) / set->cell_size + CAIRN_REAL(0.5) + normal.x * min_radius;
+    cairn_real y =
+        (from.y - set->first_cell.y) / set->cell_size + CAIRN_REAL(0.5) + normal.y * min_radius;
+
+    for (int32_t k = 0; k < steps; k++) {
+        if (x >= 0 && y >= 0 && x < (cairn_real)cells && y < (cairn_real)cells)
+            accumulator[(int32_t)y * cells + (int32_t)x] += weight;
+        x += normal.x;
+        y += normal.y;
+    }
+}
+
+/* Phase VOTE. */
+static cairn_status step_vote(cairn_ellipse_set *set, cairn_budget *budget)
+{
+    for (; set->cursor < set->count; set->cursor++) {
+        const cairn_oriented_point *point = &set->points[set->cursor];
+        cairn_vec2 normal = cairn_vec2_left_perp(cairn_vec2_unit(point->direction));
+        cairn_real weight = cairn_ellipse_weight(set, set->cursor);
+
+        if (!cairn_budget_charge(budget, &set->units_charged, 1 + votes_per_point(set) / 4))
+            return CAIRN_MORE;
+        if (!(weight > 0) || !(cairn_vec2_norm_squared(normal) > 0))
+            continue;
+        vote_along(set, 0, point->position, normal, weight);
+        vote_along(set, set->accumulator_count - 1, point->position, cairn_vec2_scale(normal, -1),
+                   weight);
+    }
+    return CAIRN_OK;
+}
+
+/* ---- Peaks ---- */
+
+/* Smooths a line of cells with the kernel (1, 2, 1). */
+static void smooth_line(cairn_real *first, int32_t stride, int32_t count)
+{
+    cairn_real before = 0;
+
+    for (int32_t i = 0; i < count; i++) {
+        cairn_real *cell = &first[i * stride], value = *cell,
+                   after = i + 1 < count ? cell[stride] : 0;
+
+        *cell = before + 2 * value + after;
+        before = value;
+    }
+}
+
+/* Phase SMOOTH: the rows, then the columns of each accumulator (separable filter). */
+static cairn_status step_smooth(cairn_ellipse_set *set, cairn_budget *budget)
+{
+    int32_t cells = set->params.cells;
+
+    for (; set->cursor < 2 * cells * set->accumulator_count; set->cursor++) {
+        cairn_real *layer = &set->accumulator[set->cursor / (2 * cells) * cells * cells];
+        int32_t line = set->cursor % (2 * cells);
+
+        if (!cairn_budget_charge(budget, &set->units_charged, 1 + cells / 16))
+            return CAIRN_MORE;
+        if (line < cells)
+            smooth_line(&layer[line * cells], 1, cells);
+        else
+            smooth_line(&layer[line - cells], cells, cells);
+    }
+    return CAIRN_OK;
+}
+
+/* 1 when a cell is a local maximum: no cell within the suppression radius has more votes, or as
+ * many and a lower index. */
+static int is_peak(const cairn_ellipse_set *set, int32_t cell)
+{
+    int32_t cells = set->params.cells, layer = cell - cell % (cells * cells);
+    int32_t row = (cell - layer) / cells, column = (cell - layer) % cells;
+    int32_t left = column > set->nms_radius ? column - set->nms_radius : 0;
+    int32_t right = cells - 1 - column > set->nms_radius ? column + set->nms_radius : cells - 1;
+    int32_t low = row > set->nms_radius ? row - set->nms_radius : 0;
+    int32_t high = cells - 1 - row > set->nms_radius ? row + set->nms_radius : cells - 1;
+
+    for (int32_t i = low; i <= high; i++)
+        for (int32_t k = layer + i * cells + left; k <= layer + i * cells + right; k++)
+            if (set->accumulator[k] > set->accumulator[cell] ||
+                (k < cell && set->accumulator[k] == set->accumulator[cell]))
+                return 0;
+    return 1;
+}
+
+/* Inserts a peak into the list by decreasing votes, behind equal ones. */
+static void insert_peak(cairn_ellipse_set *set, int32_t cell)
+{
+    int32_t cells = set->params.cells, at = set->peak_count;
+    ellipse_peak p = {set->accumulator[cell], cell / (cells * cells), cell / cells % cells,
+                      cell % cells};
+
+    if (at == set->params.max_ellipses) {
+        set->found_dropped++;
+        if (set->peaks[at - 1].votes >= p.votes)
+            return;
+        at--;
+    } else {
+        set->peak_count++;
+    }
+    for (; at > 0 && set->peaks[at - 1].votes < p.votes; at--)
+        set->peaks[at] = set->peaks[at - 1];
+    set->peaks[at] = p;
+}
+
+/* 1 when a cell has enough votes for a peak. The smoothing multiplies votes within one cell by 4,
+ * and votes spread over 4 x 4 cells by 1. */
+static int is_above_threshold(const cairn_ellipse_set *set, int32_t cell)
+{
+    return set->accumulator[cell] >= set->params.min_votes;
+}
+
+/* Phase PEAKS: finds the local maxima of the accumulators. */
+static cairn_status step_peaks(cairn_ellipse_set *set, cairn_budget *budget)
+{
+    int32_t cells = cells_of(&set->params),
+            window_cells = (2 * set->nms_radius + 1) * (2 * set->nms_radius + 1);
+
+    while (set->cursor < cells) {
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        if (!is_above_threshold(set, set->cursor)) {
+            budget->left--;
+            for (int32_t i = 0;
+                 i < 32 && set->cursor < cells && !is_above_threshold(set, set->cursor); i++)
+                set->cursor++;
+            continue;
+        }
+        if (!cairn_budget_charge(budget, &set->units_charged, 1 + window_cells / 32))
+            return CAIRN_MORE;
+        if (is_peak(set, set->cursor)) {
+            /* Charged together with the next operation. */
+            set->units_charged -= 1 + set->peak_count / 8;
+            insert_peak(set, set->cursor);
+        }
+        set->cursor++;
+    }
+    return CAIRN_OK;
+}
+
+/* ---- Search ---- */
+
+/* 1 when two ellipses of a kind coincide. */
+static int is_duplicate(const cairn_ellipse_set *set, const cairn_ellipse *a,
+                        const cairn_ellipse *b)
+{
+    cairn_vec2 offset = {a->centre.x - b->centre.x, a->centre.y - b->centre.y};
+
+    return a->kind == b->kind && cairn_vec2_norm(offset) < set->params.separation &&
+           cairn_abs(a->half_length - b->half_length) < set->params.separation &&
+           cairn_abs(a->half_width - b->half_width) < set->params.separation;
+}
+
+/* Phase SUPPRESS: non-maximum suppression. Drops ellipses that coincide with one of more votes, and
+ * publishes the rest as the result. */
+static cairn_status step_suppress(cairn_ellipse_set *set, cairn_budget *budget)
+{
+    cairn_ellipse *list = set->result;
+    int32_t kept = 0;
+
+    if (!cairn_budget_charge(budget, &set->units_charged,
+                             1 + set->found_count * set->found_count / 8))
+        return CAIRN_MORE;
+    for (int32_t i = 0; i < set->found_count; i++) {
+        int is_suppressed = 0;
+
+        for (int32_t k = 0; k < kept && !is_suppressed; k++)
+            is_suppressed = is_duplicate(set, &set->found[k], &set->found[i]);
+        if (!is_suppressed)
+            set->found[kept++] = set->found[i];
+    }
+    set->result = set->found;
+    set->result_count = kept;
+    set->result_dropped = set->found_dropped;
+    set->found = list;
+    return CAIRN_OK;
+}
+
+/* Works on the current phase. CAIRN_OK: the phase has ended. */
+static cairn_status step_phase(cairn_ellipse_set *set, cairn_budget *budget)
+{
+    switch (set->phase) {
+    case ELLIPSE_BOUNDS:
+        return step_bounds(set, budget);
+    case ELLIPSE_CLEAR:
+        return step_clear(set, budget);
+    case ELLIPSE_VOTE:
+        return step_vote(set, budget);
+    case ELLIPSE_SMOOTH:
+        return step_smooth(set, budget);
+    case ELLIPSE_PEAKS:
+        return step_peaks(set, budget);
+    case ELLIPSE_FIT:
+        return cairn_ellipse_refine(set, budget);
+    default:
+        return step_suppress(set, budget);
+    }
+}
+
+cairn_status cairn_ellipse_step(cairn_ellipse_set *set, cairn_budget *budget)
+{
+    if (set == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (set->phase != ELLIPSE_IDLE) {
+        cairn_status status = step_phase(set, budget);
+
+        if (status == CAIRN_MORE)
+            return status;
+        set->phase = status < 0 || set->phase == ELLIPSE_SUPPRESS ? ELLIPSE_IDLE : set->phase + 1;
+        if (status < 0)
+            return status;
+        set->cursor = 0;
+        set->current_peak = 0;
+        if (set->phase == ELLIPSE_FIT && set->peak_count > 0)
+            cairn_ellipse_start_peak(set);
+    }
+    return CAIRN_OK;
+}
+
+const cairn_ellipse *cairn_ellipse_list(const cairn_ellipse_set *set, int32_t *count)
+{
+    *count = set->result_count;
+    return set->result;
+}
+
+int32_t cairn_ellipse_dropped(const cairn_ellipse_set *set)
+{
+    return set->result_dropped;
+}

@@ -1,0 +1,240 @@
+/* Support of the components: extent, splits at gaps and bends, and removal of components with too
+ * few points.
+ *
+ * Method: the points are sorted by component and position. A run without a gap is summed. Then
+ * every split of the run into two is tested by the sum of squared residuals of two lines. The
+ * moments right of a split are those of the run minus those left of the split. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "src/shapes/polyline_work.h"
+
+/* Reduction of the sum of squares that a split needs, relative to the limit of merging. */
+#define SPLIT_FACTOR CAIRN_REAL(1.5)
+
+/* Position of the i-th sorted point along its component, in m. */
+static cairn_real position_of(const cairn_polyline *polyline, int32_t i)
+{
+    return polyline->position[polyline->order[i]];
+}
+
+/* Largest allowed gap, in m, next to points of a spacing. */
+static cairn_real reach_of(const cairn_polyline *polyline, cairn_real spacing)
+{
+    return cairn_min(cairn_max(polyline->params.gap, polyline->params.gap_factor * spacing),
+                     polyline->params.gap_max);
+}
+
+/* Longer one of the up to two distances between the points from ... from + 2 * way within [first,
+ * last), in m; -1 when there is none. */
+static cairn_real spacing(const cairn_polyline *polyline, int32_t from, int32_t way, int32_t first,
+                          int32_t last)
+{
+    cairn_real longest = -1;
+
+    for (int32_t i = 1; i <= 2 && from + i * way >= first && from + i * way < last; i++)
+        longest = cairn_max(longest, cairn_abs(position_of(polyline, from + i * way) -
+                                               position_of(polyline, from + (i - 1) * way)));
+    return longest;
+}
+
+/* 1 when there is a gap between points i and i + 1 of a run of points first ... last - 1: the
+ * distance exceeds the reach by the spacing of the points on either side. */
+static int is_gap(const cairn_polyline *polyline, int32_t i, int32_t first, int32_t last)
+{
+    cairn_real distance = position_of(polyline, i + 1) - position_of(polyline, i),
+               reach = polyline->params.gap_max, side;
+
+    if (distance <= polyline->params.gap)
+        return 0;
+    side = spacing(polyline, i, -1, first, last);
+    if (side >= 0)
+        reach = cairn_min(reach, reach_of(polyline, side));
+    side = spacing(polyline, i + 1, 1, first, last);
+    if (side >= 0)
+        reach = cairn_min(reach, reach_of(polyline, side));
+    return distance > reach;
+}
+
+/* Component of the i-th sorted point, -1: outlier or past the end. */
+static int32_t component_at(const cairn_polyline *polyline, int32_t i)
+{
+    return i < polyline->point_count ? polyline->component_of[polyline->order[i]] : -1;
+}
+
+/* Makes the points first ... last - 1 of a component, with their moments, a component of the next
+ * iteration. is_split: 1 when they are one side of a split. */
+static void emit_component(cairn_polyline *polyline, int32_t component, int32_t first, int32_t last,
+                           const polyline_sums *sums, int is_split)
+{
+    const polyline_component *parent = &polyline->components[component];
+
+    polyline->made_component = *parent;
+    polyline->made_component.low = position_of(polyline, first);
+    polyline->made_component.high = position_of(polyline, last - 1);
+    polyline->made_component.reach_low =
+        reach_of(polyline, spacing(polyline, first, 1, first, last));
+    polyline->made_component.reach_high =
+        reach_of(polyline, spacing(polyline, last - 1, -1, first, last));
+    if (is_split) {
+        cairn_polyline_fit_own(&polyline->made_component, sums, polyline->params.dim);
+    } else {
+        /* The line of the M-step is kept; the own points give the mean and the sums of squares. */
+        for (int j = 0; j < 3; j++)
+            polyline->made_component.own_mean[j] = sums->v[j] / sums->weight;
+        polyline->made_component.tt =
+            sums->vv.xx - sums->v[0] * polyline->made_component.own_mean[0];
+        polyline->made_component.sse =
+            cairn_max(sums->vv.yy - sums->v[1] * polyline->made_component.own_mean[1] +
+                          sums->vv.zz - sums->v[2] * polyline->made_component.own_mean[2],
+                      0);
+        polyline->made_component.count = last - first;
+        polyline->max_end_motion =
+            cairn_max(polyline->max_end_motion,
+                      cairn_max(cairn_abs(polyline->made_component.low - parent->low),
+                                cairn_abs(polyline->made_component.high - parent->high)));
+    }
+    if (is_split || polyline->other == component + 1) {
+        polyline->measure.splits++;
+        polyline->has_changed = 1;
+    }
+    polyline->other = component + 1;
+    cairn_polyline_insert(polyline, polyline->next, &polyline->next_count,
+                          &polyline->made_component);
+}
+
+/* Moments of the points right of a split: all minus left. */
+static polyline_sums sums_right_of(const polyline_sums *all, const polyline_sums *left)
+{
+    polyline_sums rest = *all;
+
+    rest.weight -= left->weight;
+    for (int j = 0; j < 3; j++)
+        rest.v[j] -= left->v[j];
+    rest.vv.xx -= left->vv.xx;
+    rest.vv.xy -= left->vv.xy;
+    rest.vv.xz -= left->vv.xz;
+    rest.vv.yy -= left->vv.yy;
+    rest.vv.yz -= left->vv.yz;
+    rest.vv.zz -= left->vv.zz;
+    return rest;
+}
+
+/* Tests the split between point `inner` and the next one. */
+static void try_split(cairn_polyline *polyline)
+{
+    const cairn_polyline_params *params = &polyline->params;
+    int32_t i = polyline->inner;
+    polyline_sums rest;
+    cairn_real sse;
+
+    if (i + 1 - polyline->first < params->min_points ||
+        polyline->last - i - 1 < params->min_points ||
+        position_of(polyline, i) - position_of(polyline, polyline->first) < params->min_length ||
+        position_of(polyline, polyline->last - 1) - position_of(polyline, i + 1) <
+            params->min_length)
+        return;
+    rest = sums_right_of(&polyline->sums, &polyline->left_sums);
+    sse = cairn_polyline_residual(&polyline->left_sums) + cairn_polyline_residual(&rest);
+    if (polyline->best_split < 0 || sse < polyline->best_sse) {
+        polyline->best_split = i;
+        polyline->best_sse = sse;
+        polyline->best_left_sums = polyline->left_sums;
+    }
+}
+
+/* Finds the end (last) of the run without a gap that starts at `first`. */
+static int find_run(cairn_polyline *polyline, cairn_budget *budget, int32_t component)
+{
+    for (; component_at(polyline, polyline->last) == component; polyline->last++) {
+        /* End of the points to the right, as many as the test of a gap needs. */
+        int32_t known_end = polyline->last + 1;
+
+        if (!polyline_charge(polyline, budget, 9))
+            return 0;
+        while (known_end < polyline->last + 3 && component_at(polyline, known_end) == component)
+            known_end++;
+        if (is_gap(polyline, polyline->last - 1, polyline->first, known_end))
+            break;
+    }
+    return 1;
+}
+
+/* Phase SUPPORT. cursor: first point of the run. Stage 0 starts a run, 1 finds its end, 2 sums its
+ * points, 3 tests all splits, 4 makes one or two components. */
+int cairn_polyline_support(cairn_polyline *polyline, cairn_budget *budget)
+{
+    while (component_at(polyline, polyline->cursor) >= 0) {
+        int32_t component = component_at(polyline, polyline->cursor);
+        cairn_real local[3], sse;
+
+        if (polyline->stage == 0) {
+            polyline->first = polyline->cursor;
+            polyline->last = polyline->cursor + 1;
+            memset(&polyline->sums, 0, sizeof polyline->sums);
+            memset(&polyline->left_sums, 0, sizeof polyline->left_sums);
+            polyline->best_split = -1;
+            polyline->stage = 1;
+        }
+        if (polyline->stage == 1) {
+            if (!find_run(polyline, budget, component))
+                return 0;
+            polyline->inner = polyline->first;
+            polyline->stage = 2;
+            if (polyline->last - polyline->first < polyline->params.min_points ||
+                position_of(polyline, polyline->last - 1) - position_of(polyline, polyline->first) <
+                    polyline->params.min_length) {
+                polyline->cursor = polyline->last;
+                polyline->stage = 0;
+                continue;
+            }
+        }
+        for (; polyline->stage == 2 && polyline->inner < polyline->last; polyline->inner++) {
+            if (!polyline_charge_four(polyline, budget, polyline->inner - polyline->first,
+                                      polyline->last - polyline->first, 8))
+                return 0;
+            cairn_polyline_to_local(&polyline->components[component], polyline->params.dim,
+                                    polyline->points[polyline->order[polyline->inner]], local);
+            cairn_polyline_add_point(&polyline->sums, local, 1);
+        }
+        sse = cairn_polyline_residual(&polyline->sums);
+        if (polyline->stage == 2) {
+            /* No split can reduce the sum of squares by more than the whole. */
+            polyline->stage = polyline->measure.iterations < polyline->params.max_iterations / 2 &&
+                                      sse > SPLIT_FACTOR * cairn_polyline_split_penalty(
+                                                               polyline, polyline->sums.weight, 0)
+                                  ? 3
+                                  : 4;
+            polyline->inner = polyline->first;
+        }
+        for (; polyline->stage == 3 && polyline->inner < polyline->last; polyline->inner++) {
+            if (!polyline_charge(polyline, budget, 21))
+                return 0;
+            cairn_polyline_to_local(&polyline->components[component], polyline->params.dim,
+                                    polyline->points[polyline->order[polyline->inner]], local);
+            cairn_polyline_add_point(&polyline->left_sums, local, 1);
+            try_split(polyline);
+        }
+        polyline->stage = 4;
+        if (!polyline_charge(polyline, budget, 52))
+            return 0;
+        if (polyline->best_split >= 0 &&
+            sse - polyline->best_sse >
+                SPLIT_FACTOR * cairn_polyline_split_penalty(polyline, polyline->sums.weight,
+                                                            polyline->best_sse)) {
+            polyline_sums rest = sums_right_of(&polyline->sums, &polyline->best_left_sums);
+
+            emit_component(polyline, component, polyline->first, polyline->best_split + 1,
+                           &polyline->best_left_sums, 1);
+            emit_component(polyline, component, polyline->best_split + 1, polyline->last, &rest, 1);
+        } else {
+            emit_component(polyline, component, polyline->first, polyline->last, &polyline->sums,
+                           0);
+        }
+        polyline->cursor = polyline->last;
+        polyline->stage = 0;
+    }
+    polyline->outliers_start = polyline->cursor;
+    return 1;
+}

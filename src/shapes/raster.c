@@ -1,0 +1,360 @@
+/* Checks of raster views, and distance transforms.
+ *
+ * Method (Meijster, Roerdink and Hesselink 2000), all in integers:
+ * 1. A pass down and a pass up leave in each pixel the distance g to the nearest match in its
+ *    column.
+ * 2. For each row and L1, a pass to the right and one to the left: d = min(d, d' + 1).
+ * 3. For each row and L2, the lower envelope of the parabolas (x - i)^2 + g(i)^2 is built from the
+ *    left, on a stack of columns i with the first x at which each is the lowest. The distances are
+ *    read off from the right.
+ *
+ * The passes run along rows, in memory order, and can stop after any pixel.
+ *
+ * Limits: sides of at most 32768 keep (x - i)^2 + g^2 below 2^31. Columns without a match are not
+ * part of the envelope, so CAIRN_DISTANCE_MAP_FAR is never added to.
+ *
+ * Source: Meijster, Roerdink and Hesselink, A general algorithm for computing distance transforms
+ * in linear time, 2000; L1: Rosenfeld and Pfaltz 1966. */
+#include "src/base/build.h"
+
+#include "cairn/raster.h"
+
+/* ---- Views ---- */
+
+/* Checks a view of elements of `element` bytes. */
+static cairn_status check_view(const void *data, int32_t width, int32_t height, ptrdiff_t stride,
+                               size_t element)
+{
+    ptrdiff_t limit = PTRDIFF_MAX / (ptrdiff_t)element;
+    ptrdiff_t step;
+
+    if (data == NULL || width < 1 || width > CAIRN_RASTER_MAX_SIDE || height < 1 ||
+        height > CAIRN_RASTER_MAX_SIDE)
+        return CAIRN_BAD_ARGUMENT;
+    if (height == 1)
+        return CAIRN_OK;
+    if (stride == PTRDIFF_MIN)
+        return CAIRN_BAD_ARGUMENT;
+    step = stride < 0 ? -stride : stride;
+    return step >= width && step <= (limit - width) / (height - 1) ? CAIRN_OK : CAIRN_BAD_ARGUMENT;
+}
+
+cairn_status cairn_raster_u8_check(cairn_raster_u8_view view)
+{
+    return check_view(view.data, view.width, view.height, view.stride, sizeof *view.data);
+}
+
+cairn_status cairn_raster_i32_check(cairn_raster_i32_view view)
+{
+    return check_view(view.data, view.width, view.height, view.stride, sizeof *view.data);
+}
+
+cairn_status cairn_raster_real_check(cairn_raster_real_view view)
+{
+    return check_view(view.data, view.width, view.height, view.stride, sizeof *view.data);
+}
+
+/* ---- Distance maps ---- */
+
+/* Distance without a match, and operations per work unit. */
+enum { DISTANCE_FAR = CAIRN_DISTANCE_MAP_FAR, OPERATIONS_PER_UNIT = 6 };
+
+/* Passes, in order; the passes from PASS_RIGHT on repeat for every row. */
+typedef int32_t distance_map_pass;
+enum {
+    PASS_DOWN,
+    PASS_UP,
+    PASS_RIGHT,
+    PASS_LEFT,
+    PASS_BUILD_ENVELOPE,
+    PASS_READ_ENVELOPE,
+    PASS_DONE
+};
+
+struct cairn_distance_map {
+    /* [max_width] Distances g in the columns of the current row, in pixels. */
+    int32_t *column;
+    /* [max_width] Columns of the lower envelope, a stack. */
+    int32_t *stack;
+    /* [max_width] First x at which each of them is the lowest. */
+    int32_t *start;
+    cairn_distance_map_input input;
+    int32_t max_width;
+    /* Current pass, and the next pixel of the pass. */
+    distance_map_pass pass;
+    int32_t x, y;
+    /* Columns on the stack. */
+    int32_t stack_count;
+    /* Operations that are charged to the budget but not done yet. */
+    int32_t credit;
+};
+
+/* 1 when all params are in range. */
+static int params_are_valid(const cairn_distance_map_params *params)
+{
+    return params != NULL && params->max_width >= 1 && params->max_width <= CAIRN_RASTER_MAX_SIDE;
+}
+
+/* Allocates the object and its arrays; NULL from a counting pool. */
+static cairn_distance_map *carve(cairn_pool *pool, const cairn_distance_map_params *params)
+{
+    cairn_distance_map *map = cairn_pool_take_one(pool, sizeof *map);
+    int32_t *column = cairn_pool_take(pool, (size_t)params->max_width, sizeof *column);
+    int32_t *stack = cairn_pool_take(pool, (size_t)params->max_width, sizeof *stack);
+    int32_t *start = cairn_pool_take(pool, (size_t)params->max_width, sizeof *start);
+
+    if (map != NULL) {
+        map->column = column;
+        map->stack = stack;
+        map->start = start;
+    }
+    return map;
+}
+
+size_t cairn_distance_map_memory(const cairn_distance_map_params *params)
+{
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status cairn_distance_map_create(cairn_distance_map **map, cairn_pool *pool,
+                                       const cairn_distance_map_params *params)
+{
+    size_t need = cairn_distance_map_memory(params);
+    cairn_distance_map *made;
+
+    if (map == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, need))
+        return CAIRN_NO_MEMORY;
+    made = carve(pool, params);
+    made->max_width = params->max_width;
+    made->pass = PASS_DONE;
+    *map = made;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_distance_map_begin(cairn_distance_map *map,
+                                      const cairn_distance_map_input *input)
+{
+    if (map == NULL || input == NULL || cairn_raster_u8_check(input->pixels) != CAIRN_OK ||
+        cairn_raster_i32_check(cairn_raster_i32_as_view(input->distances)) != CAIRN_OK ||
+        input->pixels.width != input->distances.width ||
+        input->pixels.height != input->distances.height ||
+        (input->metric != CAIRN_DISTANCE_MAP_L1 && input->metric != CAIRN_DISTANCE_MAP_L2_SQUARED))
+        return CAIRN_BAD_ARGUMENT;
+    if (input->pixels.width > map->max_width)
+        return CAIRN_FULL;
+    map->input = *input;
+    map->pass = PASS_DOWN;
+    map->x = map->y = 0;
+    map->stack_count = 0;
+    map->credit = 0;
+    return CAIRN_OK;
+}
+
+/* Row y of the distances. */
+static int32_t *distance_row(const cairn_distance_map *map, int32_t y)
+{
+    return map->input.distances.data + y * map->input.distances.stride;
+}
+
+/* distance + 1; DISTANCE_FAR stays. */
+static int32_t plus_one(int32_t distance)
+{
+    return distance == DISTANCE_FAR ? DISTANCE_FAR : distance + 1;
+}
+
+/* Pass down, pixels x ... end - 1: distance to the nearest match above in the column. */
+static void run_down(cairn_distance_map *map, int32_t end)
+{
+    const uint8_t *pixel = map->input.pixels.data + map->y * map->input.pixels.stride;
+    int32_t *d = distance_row(map, map->y);
+    const int32_t *above = map->y > 0 ? distance_row(map, map->y - 1) : NULL;
+
+    for (int32_t x = map->x; x < end; x++) {
+        if ((pixel[x] & map->input.mask) == map->input.match)
+            d[x] = 0;
+        else
+            d[x] = above == NULL ? DISTANCE_FAR : plus_one(above[x]);
+    }
+}
+
+/* Pass up: distance to the nearest match in the column. */
+static void run_up(cairn_distance_map *map, int32_t end)
+{
+    int32_t *d = distance_row(map, map->y);
+    const int32_t *below = distance_row(map, map->y + 1);
+
+    for (int32_t x = map->x; x < end; x++)
+        if (plus_one(below[x]) < d[x])
+            d[x] = below[x] + 1;
+}
+
+/* L1 pass to the right. */
+static void run_right(cairn_distance_map *map, int32_t end)
+{
+    int32_t *d = distance_row(map, map->y);
+
+    for (int32_t x = map->x > 0 ? map->x : 1; x < end; x++)
+        if (plus_one(d[x - 1]) < d[x])
+            d[x] = d[x - 1] + 1;
+}
+
+/* L1 pass to the left; x counts columns from the right. */
+static void run_left(cairn_distance_map *map, int32_t end)
+{
+    int32_t last = map->input.pixels.width - 1;
+    int32_t *d = distance_row(map, map->y);
+
+    for (int32_t x = map->x > 0 ? map->x : 1; x < end; x++)
+        if (plus_one(d[last - x + 1]) < d[last - x])
+            d[last - x] = d[last - x + 1] + 1;
+}
+
+/* Height at x of the parabola of column i. */
+static int32_t parabola(const cairn_distance_map *map, int32_t x, int32_t i)
+{
+    return (x - i) * (x - i) + map->column[i] * map->column[i];
+}
+
+/* Builds the lower envelope by at most `operations` pushes, pops and skips. Returns the operations
+ * left. */
+static int64_t build_envelope(cairn_distance_map *map, int64_t operations)
+{
+    const int32_t *d = distance_row(map, map->y);
+    int32_t width = map->input.pixels.width;
+
+    for (; map->x < width && operations > 0; operations--) {
+        int32_t x = map->x, top = map->stack_count - 1, i;
+
+        map->column[x] = d[x];
+        if (d[x] == DISTANCE_FAR) {
+            map->x++;
+            continue;
+        }
+        if (map->stack_count == 0) {
+            map->stack[0] = x;
+            map->start[0] = 0;
+            map->stack_count++;
+            map->x++;
+            continue;
+        }
+        i = map->stack[top];
+        if (parabola(map, map->start[top], i) > parabola(map, map->start[top], x)) {
+            map->stack_count--;
+            continue;
+        }
+        /* The parabola of x is at or above that of i at start[top], so their intersection lies
+         * there or to the right, not below 0. */
+        i = (x * x - i * i + d[x] * d[x] - map->column[i] * map->column[i]) / (2 * (x - i)) + 1;
+        if (i < width) {
+            map->stack[map->stack_count] = x;
+            map->start[map->stack_count] = i;
+            map->stack_count++;
+        }
+        map->x++;
+    }
+    return operations;
+}
+
+/* Reads the distances off the lower envelope; x counts columns from the right. */
+static void read_envelope(cairn_distance_map *map, int32_t end)
+{
+    int32_t last = map->input.pixels.width - 1;
+    int32_t *d = distance_row(map, map->y);
+
+    for (int32_t x = map->x; x < end; x++) {
+        if (map->stack_count == 0) {
+            d[last - x] = DISTANCE_FAR;
+            continue;
+        }
+        d[last - x] = parabola(map, last - x, map->stack[map->stack_count - 1]);
+        if (last - x == map->start[map->stack_count - 1])
+            map->stack_count--;
+    }
+}
+
+/* Starts the next row of the pass, or the next pass, after the last pixel of a row. */
+static void next_row(cairn_distance_map *map)
+{
+    int32_t height = map->input.pixels.height;
+    int32_t first = map->input.metric == CAIRN_DISTANCE_MAP_L1 ? PASS_RIGHT : PASS_BUILD_ENVELOPE;
+
+    map->x = 0;
+    switch (map->pass) {
+    case PASS_DOWN:
+        map->y++;
+        if (map->y == height) {
+            map->y = height - 2;
+            map->pass = PASS_UP;
+        }
+        break;
+    case PASS_UP:
+        map->y--;
+        break;
+    case PASS_RIGHT:
+    case PASS_BUILD_ENVELOPE:
+        map->pass++;
+        break;
+    default:
+        map->y++;
+        map->pass = map->y == height ? PASS_DONE : first;
+        break;
+    }
+    if (map->pass == PASS_UP && map->y < 0) {
+        map->y = 0;
+        map->pass = first;
+    }
+}
+
+cairn_status cairn_distance_map_step(cairn_distance_map *map, cairn_budget *budget)
+{
+    while (map->pass != PASS_DONE) {
+        int32_t width = map->input.pixels.width;
+        int64_t affordable =
+            budget->left > 0 ? map->credit + (int64_t)budget->left * OPERATIONS_PER_UNIT : 0;
+        int64_t used, units;
+        int32_t end;
+
+        if (affordable == 0)
+            return CAIRN_MORE;
+        end = affordable < width - map->x ? map->x + (int32_t)affordable : width;
+        used = end - map->x;
+        switch (map->pass) {
+        case PASS_DOWN:
+            run_down(map, end);
+            break;
+        case PASS_UP:
+            run_up(map, end);
+            break;
+        case PASS_RIGHT:
+            run_right(map, end);
+            break;
+        case PASS_LEFT:
+            run_left(map, end);
+            break;
+        case PASS_BUILD_ENVELOPE:
+            used = affordable - build_envelope(map, affordable);
+            end = map->x;
+            break;
+        default:
+            read_envelope(map, end);
+            break;
+        }
+        units = used > map->credit
+                    ? (used - map->credit + OPERATIONS_PER_UNIT - 1) / OPERATIONS_PER_UNIT
+                    : 0;
+        map->credit += (int32_t)(units * OPERATIONS_PER_UNIT - used);
+        budget->left -= (int32_t)units;
+        map->x = end;
+        if (map->x == width)
+            next_row(map);
+    }
+    return CAIRN_OK;
+}

@@ -1,0 +1,514 @@
+/* Rectangles from segments: the object, the merging of segments into sides, and pairs of sides.
+ *
+ * Method:
+ * 1. The segments are sorted by length. The longest first, each is merged into the closest
+ *    collinear side, which becomes the regression of both, or starts a new side.
+ * 2. The sides are sorted by slope. Nearly parallel sides that face each other make pairs.
+ * 3. The pairs are sorted by slope. Two nearly perpendicular pairs whose sides extend far enough
+ *    make a candidate, whose coverage by the segments is measured (rectangle_match.c).
+ * 4. Non-maximum suppression among the rectangles.
+ *
+ * Layout: an order of the segments, first by length, then by side; the side of each segment; sides
+ * and pairs with their orders; two lists of rectangles, one of the search that runs and one of the
+ * last result.
+ *
+ * Limits: a side is straight; segments that bend away from a side start another one.
+ *
+ * Source: Lagunovsky and Ablameyko 1997; Lakaemper and Latecki 2006; Adluru 2008, section 8.4.2. */
+#include "src/base/build.h"
+
+#include <string.h>
+
+#include "cairn/line.h"
+#include "src/shapes/rectangle_work.h"
+
+/* Largest absolute coordinate and length, in m. */
+#define MAX_MAGNITUDE CAIRN_REAL(1e6)
+
+cairn_rectangle_params cairn_rectangle_default(void)
+{
+    cairn_rectangle_params params = {
+        .max_segments = 1024,
+        .max_sides = 256,
+        .max_pairs = 2048,
+        .max_rectangles = 32,
+        .oriented = 1,
+        .merge_distance = CAIRN_REAL(0.10),
+        .merge_angle = 10 * (CAIRN_PI / 180),
+        .merge_gap = 2,
+        .max_angle_error = 8 * (CAIRN_PI / 180),
+        .min_side = CAIRN_REAL(0.3),
+        .min_side_coverage = CAIRN_REAL(0.15),
+        .min_coverage = CAIRN_REAL(0.5),
+        .separation = CAIRN_REAL(0.3),
+    };
+    return params;
+}
+
+/* 1 for a capacity in range. */
+static int is_count(int32_t count, int32_t max)
+{
+    return count >= 1 && count <= max;
+}
+
+/* 1 for a length in m that is allowed. */
+static int is_length(cairn_real x)
+{
+    return x > 0 && x <= MAX_MAGNITUDE;
+}
+
+/* 1 for an angle in rad that is allowed. */
+static int is_angle(cairn_real x)
+{
+    return x > 0 && x < CAIRN_PI / 4;
+}
+
+/* 1 for a fraction. */
+static int is_share(cairn_real x)
+{
+    return x >= 0 && x <= 1;
+}
+
+/* 1 when all params are in range. */
+static int params_are_valid(const cairn_rectangle_params *params)
+{
+    return params != NULL && is_count(params->max_segments, 1 << 20) &&
+           is_count(params->max_sides, 1 << 16) && is_count(params->max_pairs, 1 << 20) &&
+           is_count(params->max_rectangles, 256) && is_length(params->merge_distance) &&
+           is_angle(params->merge_angle) && params->merge_gap >= 0 &&
+           params->merge_gap <= MAX_MAGNITUDE && is_angle(params->max_angle_error) &&
+           is_length(params->min_side) && is_share(params->min_side_coverage) &&
+           is_share(params->min_coverage) && is_length(params->separation);
+}
+
+/* Allocates the object and its arrays; NULL from a counting pool. */
+static cairn_rectangle_set *carve(cairn_pool *pool, const cairn_rectangle_params *params)
+{
+    size_t segments = (size_t)params->max_segments, sides = (size_t)params->max_sides;
+    size_t pairs = (size_t)params->max_pairs, rectangles = (size_t)params->max_rectangles;
+    cairn_rectangle_set *set = cairn_pool_take_one(pool, sizeof *set);
+    int32_t *order = cairn_pool_take(pool, segments, sizeof *order);
+    int32_t *side_of_segment = cairn_pool_take(pool, segments, sizeof *side_of_segment);
+    cairn_real *length_key = cairn_pool_take(pool, segments, sizeof *length_key);
+    rectangle_side *sides_array = cairn_pool_take(pool, sides, sizeof *sides_array);
+    int32_t *side_order = cairn_pool_take(pool, sides, sizeof *side_order);
+    cairn_real *side_key = cairn_pool_take(pool, sides, sizeof *side_key);
+    rectangle_pair *pair_array = cairn_pool_take(pool, pairs, sizeof *pair_array);
+    int32_t *pair_order = cairn_pool_take(pool, pairs, sizeof *pair_order);
+    cairn_real *pair_key = cairn_pool_take(pool, pairs, sizeof *pair_key);
+    cairn_rectangle *found = cairn_pool_take(pool, rectangles, sizeof *found);
+    cairn_rectangle *result = cairn_pool_take(pool, rectangles, sizeof *result);
+
+    if (set != NULL) {
+        memset(set, 0, sizeof *set);
+        set->order = order;
+        set->side_of_segment = side_of_segment;
+        set->length_key = length_key;
+        set->sides = sides_array;
+        set->side_order = side_order;
+        set->side_key = side_key;
+        set->pairs = pair_array;
+        set->pair_order = pair_order;
+        set->pair_key = pair_key;
+        set->found = found;
+        set->result = result;
+    }
+    return set;
+}
+
+size_t cairn_rectangle_memory(const cairn_rectangle_params *params)
+{
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status cairn_rectangle_create(cairn_rectangle_set **set, cairn_pool *pool,
+                                    const cairn_rectangle_params *params)
+{
+    size_t need = cairn_rectangle_memory(params);
+    cairn_rectangle_set *made;
+
+    if (set == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_capacity(pool, need))
+        return CAIRN_NO_MEMORY;
+    made = carve(pool, params);
+    made->params = *params;
+    made->sine_merge_angle = cairn_sin(params->merge_angle);
+    made->sine_max_angle_error = cairn_sin(params->max_angle_error);
+    *set = made;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_rectangle_begin(cairn_rectangle_set *set, const cairn_segment *segments,
+                                   int32_t count)
+{
+    if (set == NULL || count < 0 || (segments == NULL && count > 0))
+        return CAIRN_BAD_ARGUMENT;
+    if (count > set->params.max_segments)
+        return CAIRN_FULL;
+    set->segments = segments;
+    set->segment_count = count;
+    set->ordered_count = 0;
+    set->side_count = 0;
+    set->pair_count = 0;
+    set->found_count = 0;
+    set->found_dropped = 0;
+    set->cursor = 0;
+    set->best = -1;
+    set->has_candidate = 0;
+    set->phase = RECTANGLE_LENGTHS;
+    return CAIRN_OK;
+}
+
+/* ---- Sorting ---- */
+
+/* Starts a sort. */
+static rectangle_sorter begin_sort(int32_t *index, const cairn_real *key, int32_t count)
+{
+    rectangle_sorter sorter = {index, key, count, count / 2, count};
+
+    return sorter;
+}
+
+/* 1 when a comes before b in the sorted order. */
+static int comes_before(const rectangle_sorter *sorter, int32_t a, int32_t b)
+{
+    return sorter->key[a] < sorter->key[b] || (!(sorter->key[b] < sorter->key[a]) && a < b);
+}
+
+/* Sifts index[hole] down in the heap index[0 ... end-1], in which parents come after children in
+ * the sorted order. */
+static void sift_down(rectangle_sorter *sorter, int32_t hole, int32_t end)
+{
+    int32_t sifted = sorter->index[hole];
+
+    for (;;) {
+        int32_t child = 2 * hole + 1;
+
+        if (child >= end)
+            break;
+        if (child + 1 < end && comes_before(sorter, sorter->index[child], sorter->index[child + 1]))
+            child++;
+        if (!comes_before(sorter, sifted, sorter->index[child]))
+            break;
+        sorter->index[hole] = sorter->index[child];
+        hole = child;
+    }
+    sorter->index[hole] = sifted;
+}
+
+/* Works on the sort: 3 units per sift, the cost in a heap of a million. */
+static cairn_status step_sort(rectangle_sorter *sorter, int32_t *charged, cairn_budget *budget)
+{
+    while (sorter->build > 0) {
+        if (!cairn_budget_charge(budget, charged, 3))
+            return CAIRN_MORE;
+        sorter->build--;
+        sift_down(sorter, sorter->build, sorter->count);
+    }
+    while (sorter->end > 1) {
+        int32_t last;
+
+        if (!cairn_budget_charge(budget, charged, 3))
+            return CAIRN_MORE;
+        sorter->end--;
+        last = sorter->index[0];
+        sorter->index[0] = sorter->index[sorter->end];
+        sorter->index[sorter->end] = last;
+        sift_down(sorter, 0, sorter->end);
+    }
+    return CAIRN_OK;
+}
+
+/* ---- Merging of segments into sides ---- */
+
+/* CAIRN_OK when a segment is in range. */
+static cairn_status check_segment(cairn_segment segment)
+{
+    if (!cairn_is_finite(segment.a.x) || !cairn_is_finite(segment.a.y) ||
+        !cairn_is_finite(segment.b.x) || !cairn_is_finite(segment.b.y))
+        return CAIRN_NOT_FINITE;
+    if (cairn_abs(segment.a.x) > MAX_MAGNITUDE || cairn_abs(segment.a.y) > MAX_MAGNITUDE ||
+        cairn_abs(segment.b.x) > MAX_MAGNITUDE || cairn_abs(segment.b.y) > MAX_MAGNITUDE)
+        return CAIRN_BAD_ARGUMENT;
+    return CAIRN_OK;
+}
+
+/* Phase LENGTHS: checks the segments and computes their lengths. */
+static cairn_status step_lengths(cairn_rectangle_set *set, cairn_budget *budget)
+{
+    for (; set->cursor < set->segment_count; set->cursor++) {
+        cairn_segment segment = set->segments[set->cursor];
+        cairn_status status = check_segment(segment);
+        cairn_real length;
+
+        if (status != CAIRN_OK)
+            return status;
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        budget->left--;
+        length = cairn_segment_length(segment);
+        set->length_key[set->cursor] = -length;
+        set->side_of_segment[set->cursor] = -1;
+        if (length > 0)
+            set->order[set->ordered_count++] = set->cursor;
+    }
+    return CAIRN_OK;
+}
+
+/* Distance in m of a segment's farther end from the line of a side; CAIRN_REAL_MAX when the
+ * direction or the gap excludes merging. */
+static cairn_real distance_to_side(const cairn_rectangle_set *set, const rectangle_side *side,
+                                   cairn_segment segment)
+{
+    cairn_vec2 a = cairn_vec2_sub(segment.a, side->segment.a),
+               b = cairn_vec2_sub(segment.b, side->segment.a);
+    cairn_vec2 run = cairn_vec2_sub(b, a);
+    cairn_real length = cairn_vec2_norm(run), along = cairn_vec2_dot(side->direction, run);
+    cairn_real from = cairn_vec2_dot(side->direction, a), to = cairn_vec2_dot(side->direction, b);
+    cairn_real extent =
+        cairn_vec2_dot(side->direction, cairn_vec2_sub(side->segment.b, side->segment.a));
+    cairn_real gap = cairn_max(cairn_min(from, to) - extent, -cairn_max(from, to));
+
+    if (cairn_abs(cairn_vec2_cross(side->direction, run)) > set->sine_merge_angle * length ||
+        gap > set->params.merge_gap || (set->params.oriented && along < 0))
+        return CAIRN_REAL_MAX;
+    return cairn_max(cairn_abs(cairn_vec2_cross(side->direction, a)),
+                     cairn_abs(cairn_vec2_cross(side->direction, b)));
+}
+
+/* Sets segment and direction of a side. */
+static void set_segment(rectangle_side *side, cairn_segment segment)
+{
+    side->segment = segment;
+    side->direction = cairn_vec2_unit(cairn_vec2_sub(segment.b, segment.a));
+}
+
+/* Merges a segment into a side. */
+static void merge_into_side(cairn_rectangle_set *set, int32_t segment, int32_t side_index)
+{
+    rectangle_side *side = &set->sides[side_index];
+    cairn_real length = -set->length_key[segment];
+    cairn_segment merged = side->segment;
+    cairn_status status =
+        cairn_line_merge(side->segment, side->mass, set->segments[segment], length, &merged);
+
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    set_segment(side, merged);
+    side->mass += length;
+    side->count++;
+    set->side_of_segment[segment] = side_index;
+}
+
+/* Starts a new side with a segment. */
+static void begin_side(cairn_rectangle_set *set, int32_t segment)
+{
+    rectangle_side *side = &set->sides[set->side_count];
+
+    if (set->side_count == set->params.max_sides) {
+        set->found_dropped++;
+        return;
+    }
+    set_segment(side, set->segments[segment]);
+    side->mass = -set->length_key[segment];
+    side->count = 1;
+    set->side_of_segment[segment] = set->side_count++;
+}
+
+/* Phase MERGE: merges every segment into the closest side, or starts a new side. */
+static cairn_status step_merge(cairn_rectangle_set *set, cairn_budget *budget)
+{
+    while (set->cursor < set->ordered_count) {
+        int32_t segment = set->order[set->cursor];
+
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        budget->left--;
+        for (int32_t i = 0; i < 2 && set->compared < set->side_count; i++, set->compared++) {
+            cairn_real distance =
+                distance_to_side(set, &set->sides[set->compared], set->segments[segment]);
+
+            if (distance < set->params.merge_distance &&
+                (set->best < 0 || distance < set->best_distance)) {
+                set->best = set->compared;
+                set->best_distance = distance;
+            }
+        }
+        if (set->compared < set->side_count)
+            continue;
+        if (set->best >= 0)
+            merge_into_side(set, segment, set->best);
+        else
+            begin_side(set, segment);
+        set->best = -1;
+        set->compared = 0;
+        set->cursor++;
+    }
+    return CAIRN_OK;
+}
+
+/* Phase MEMBERS: slopes of the sides, and the segments in the order of their sides. */
+static cairn_status step_members(cairn_rectangle_set *set, cairn_budget *budget)
+{
+    for (; set->compared < set->side_count; set->compared++) {
+        rectangle_side *side = &set->sides[set->compared];
+
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        budget->left--;
+        side->first = set->compared > 0 ? side[-1].first + side[-1].count : 0;
+        side->slope = cairn_atan2(side->direction.y, side->direction.x);
+        side->slope = side->slope < 0 ? side->slope + CAIRN_PI : side->slope;
+        side->slope = side->slope >= CAIRN_PI ? side->slope - CAIRN_PI : side->slope;
+        set->side_key[set->compared] = side->slope;
+        set->side_order[set->compared] = set->compared;
+    }
+    for (; set->cursor < set->segment_count; set->cursor++) {
+        int32_t side_index = set->side_of_segment[set->cursor];
+
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        budget->left--;
+        if (side_index >= 0)
+            set->order[set->sides[side_index].first++] = set->cursor;
+    }
+    return CAIRN_OK;
+}
+
+/* ---- Pairs ---- */
+
+/* Phase PAIRS: pairs every side with the following sides in the cyclic order of slopes that are
+ * nearly parallel. */
+static cairn_status step_pairs(cairn_rectangle_set *set, cairn_budget *budget)
+{
+    while (set->cursor < set->side_count) {
+        const rectangle_side *side = &set->sides[set->side_order[set->cursor]];
+        int32_t is_last = 0;
+
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        budget->left--;
+        for (int32_t i = 0; i < 4 && !is_last; i++) {
+            int32_t position = set->cursor + ++set->compared,
+                    next = set->side_order[position % set->side_count];
+            rectangle_pair made;
+
+            is_last = (position >= set->side_count && set->sides[next].slope >= side->slope) ||
+                      cairn_rectangle_angle_difference(set->sides[next].slope, side->slope) >
+                          set->params.max_angle_error;
+            if (is_last ||
+                !cairn_rectangle_make_pair(set, set->side_order[set->cursor], next, &made))
+                continue;
+            if (set->pair_count == set->params.max_pairs) {
+                set->found_dropped++;
+                continue;
+            }
+            set->pair_key[set->pair_count] = made.slope;
+            set->pair_order[set->pair_count] = set->pair_count;
+            set->pairs[set->pair_count++] = made;
+        }
+        if (is_last) {
+            set->cursor++;
+            set->compared = 0;
+        }
+    }
+    return CAIRN_OK;
+}
+
+/* ---- Search ---- */
+
+/* Initializes the phase that starts. */
+static void begin_phase(cairn_rectangle_set *set)
+{
+    set->cursor = 0;
+    set->compared = 0;
+    set->units_charged = 0;
+    if (set->phase == RECTANGLE_BY_LENGTH)
+        set->sort = begin_sort(set->order, set->length_key, set->ordered_count);
+    else if (set->phase == RECTANGLE_BY_SLOPE)
+        set->sort = begin_sort(set->side_order, set->side_key, set->side_count);
+    else if (set->phase == RECTANGLE_BY_PAIR_SLOPE)
+        set->sort = begin_sort(set->pair_order, set->pair_key, set->pair_count);
+}
+
+/* Works on the current phase. CAIRN_OK: the phase has ended. */
+static cairn_status step_phase(cairn_rectangle_set *set, cairn_budget *budget)
+{
+    switch (set->phase) {
+    case RECTANGLE_LENGTHS:
+        return step_lengths(set, budget);
+    case RECTANGLE_MERGE:
+        return step_merge(set, budget);
+    case RECTANGLE_MEMBERS:
+        return step_members(set, budget);
+    case RECTANGLE_PAIRS:
+        return step_pairs(set, budget);
+    case RECTANGLE_MATCH:
+        return cairn_rectangle_match(set, budget);
+    default:
+        return step_sort(&set->sort, &set->units_charged, budget);
+    }
+}
+
+/* Makes the rectangles found the result. */
+static void publish_result(cairn_rectangle_set *set)
+{
+    cairn_rectangle *list = set->result;
+
+    set->result = set->found;
+    set->result_count = set->found_count;
+    set->result_dropped = set->found_dropped;
+    set->found = list;
+}
+
+cairn_status cairn_rectangle_step(cairn_rectangle_set *set, cairn_budget *budget)
+{
+    if (set == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (set->phase != RECTANGLE_IDLE) {
+        cairn_status status = step_phase(set, budget);
+
+        if (status == CAIRN_MORE)
+            return status;
+        if (status < 0) {
+            set->phase = RECTANGLE_IDLE;
+            return status;
+        }
+        if (set->phase == RECTANGLE_MATCH)
+            publish_result(set);
+        set->phase = set->phase == RECTANGLE_MATCH ? RECTANGLE_IDLE : set->phase + 1;
+        begin_phase(set);
+    }
+    return CAIRN_OK;
+}
+
+const cairn_rectangle *cairn_rectangle_list(const cairn_rectangle_set *set, int32_t *count)
+{
+    *count = set->result_count;
+    return set->result;
+}
+
+int32_t cairn_rectangle_dropped(const cairn_rectangle_set *set)
+{
+    return set->result_dropped;
+}
+
+void cairn_rectangle_corners(const cairn_rectangle *rectangle, cairn_vec2 corners[4])
+{
+    static const int8_t signs[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
+    cairn_transform t = cairn_transform_of(rectangle->centre);
+
+    for (int32_t i = 0; i < 4; i++) {
+        cairn_vec2 corner = {signs[i][0] * rectangle->half_length,
+                             signs[i][1] * rectangle->half_width};
+
+        corners[i] = cairn_transform_point(t, corner);
+    }
+}
