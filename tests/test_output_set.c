@@ -393,6 +393,8 @@ static void run_killed(const char *folder, int renames, int signal)
         cairn_output_set *set;
         cairn_output *half;
 
+        /* A shell starts what runs in the background with SIGINT ignored. */
+        (void)sigaction(signal, &(struct sigaction){.sa_handler = SIG_DFL}, NULL);
         cairn_output_clean_up_on_signals();
         if (cairn_output_set_open(&set, files_path(folder), names, FILES, NULL) != CAIRN_OK)
             _exit(1);
