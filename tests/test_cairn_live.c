@@ -227,6 +227,23 @@ static void refused(void **state)
     }
 }
 
+/* The origin of coordinates far from 0 is printed once. */
+static void far_coordinates(void **state)
+{
+    static const char *const options[] = {"--live", NULL};
+    session s = start(options);
+    char text[8192];
+
+    (void)state;
+    for (int k = 0; k < 2; k++)
+        (void)fprintf(s.in, "FLASER 1 1 500000.25 5400000 0 500000.25 5400000 0 %d h %d\n", k, k);
+    assert_int_equal(end(&s, text, sizeof text), 0);
+    assert_holds(text, "{\"scan\":1,");
+    programs_read("err", text, sizeof text);
+    assert_true(strncmp(text, "-: coordinates are taken from 500000 5400000 (m)", 48) == 0);
+    assert_null(strstr(text + 1, "-: coordinates"));
+}
+
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
@@ -235,6 +252,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(files_while_it_runs),
         cmocka_unit_test(faults_are_reported),
         cmocka_unit_test(refused),
+        cmocka_unit_test(far_coordinates),
     };
 
     programs_find(argc, argv);

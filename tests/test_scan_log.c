@@ -985,6 +985,21 @@ static void bad_folders(void **state)
     }
 }
 
+/* A pipe in place of the list of files would block the reader: it is refused. */
+static void piped_folder(void **state)
+{
+    cairn_file_error error;
+    cairn_scan_log log;
+
+    (void)state;
+    assert_int_equal(mkdir(files_path("piped"), 0777), 0);
+    assert_int_equal(mkfifo(files_path("piped/metadata.yaml"), 0666), 0);
+    (void)alarm(60);
+    assert_status(load(&log, files_path("piped"), &error), CAIRN_UNSUPPORTED);
+    assert_non_null(strstr(error.text, "metadata.yaml: is a pipe or device"));
+    (void)alarm(0);
+}
+
 /* ---- Other formats ---- */
 
 static void formats_of_text(void **state)
@@ -1230,6 +1245,83 @@ static void streams_of_json(void **state)
     cairn_scan_log_stream_close(stream);
 }
 
+/* Coordinates far from 0 are relative to the first pose, also in float. */
+static void far_coordinates(void **state)
+{
+    static const char *const streams[] = {
+        "FLASER 1 1 500000.75 5400000.5 0 500000.25 5400000.5 0 1 h 1\n"
+        "FLASER 1 1 500002.125 5400001.5 0 500001.625 5400001.5 0 2 h 2\n",
+        "{\"angle_min\":0,\"angle_increment\":1,\"ranges\":[1],\"odometry\":[500000.25,5400000.5,0]"
+        ","
+        "\"sensor\":[0.5,0,0]}\n"
+        "{\"angle_min\":0,\"angle_increment\":1,\"ranges\":[1],\"odometry\":[500001.625,5400001.5,"
+        "0],"
+        "\"sensor\":[0.5,0,0]}\n"};
+    bag_recording recording = {.encoding = BAG_ROS1};
+    int scans = bag_topic(&recording, "/scan", scan_type);
+    int odometry = bag_topic(&recording, "/odom", odometry_type);
+    cairn_carmen_log_record record;
+    double origin[2] = {1, 1};
+    int32_t has_odometry;
+    cairn_scan_log log;
+
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        cairn_scan_log_stream *stream = open_stream(streams[i], NULL);
+
+        assert_ok(cairn_scan_log_stream_next(stream, &record, &has_odometry, NULL));
+        assert_near(record.robot.x, 0.25, 0);
+        assert_near(record.laser.x, 0.75, 0);
+        assert_near(record.scan.base_sensor.x, 0.5, 0);
+        assert_ok(cairn_scan_log_stream_next(stream, &record, &has_odometry, NULL));
+        assert_near(record.robot.x, 1.625, 0);
+        assert_near(record.robot.y, 1.5, 0);
+        cairn_scan_log_stream_origin(stream, origin);
+        assert_near(origin[0], 500000, 0);
+        assert_near(origin[1], 5400000, 0);
+        cairn_scan_log_stream_close(stream);
+    }
+    record_odometry(&recording, odometry, SECOND, 500000.25, 5400000.5, 0);
+    record_odometry(&recording, odometry, 2 * SECOND, 500001.625, 5400001.5, 0);
+    record_scan(&recording, scans, SECOND, plain_scan(SECOND));
+    record_scan(&recording, scans, 2 * SECOND, plain_scan(2 * SECOND));
+    assert_ok(load_recording(&log, &recording, NULL, NULL));
+    assert_near(log.scans.info.origin[0], 500000, 0);
+    assert_near(log.scans.info.origin[1], 5400000, 0);
+    assert_near(log.scans.record[0].robot.x, 0.25, 0);
+    assert_near(log.scans.record[1].robot.x, 1.625, 0);
+    assert_near(log.scans.record[1].laser.y, 1.5, 0);
+    cairn_scan_log_free(&log);
+    assert_ok(cairn_scan_log_load(
+        &log,
+        files_write_text("far.csm", "{\"nrays\":1,\"theta\":[0],\"readings\":[1],\"valid\":[1],"
+                                    "\"min_theta\":-1,\"max_theta\":1,"
+                                    "\"odometry\":[500000.25,5400000.5,0]}\n"),
+        NULL, NULL));
+    assert_near(log.scans.info.origin[0], 500000, 0);
+    assert_near(log.scans.record[0].robot.x, 0.25, 0);
+    assert_near(log.scans.record[0].robot.y, 0.5, 0);
+    cairn_scan_log_free(&log);
+}
+
+/* A stamp of ROS 1 may lie beyond what a scan may have. */
+static void late_stamps(void **state)
+{
+    cairn_scan_log_params params = reported_params();
+    bag_recording recording = {.encoding = BAG_ROS1};
+    int scans = bag_topic(&recording, "/scan", scan_type);
+    cairn_scan_log log;
+
+    (void)state;
+    record_scan(&recording, scans, SECOND, plain_scan(4000000000 * SECOND));
+    record_scan(&recording, scans, SECOND, plain_scan(4000000001 * SECOND));
+    assert_ok(load_recording(&log, &recording, &params, NULL));
+    assert_int_equal(log.scans.count, 1);
+    assert_int_equal(reported_count, 1);
+    assert_non_null(strstr(reported[0].text, "a stamp beyond 4e9 s"));
+    cairn_scan_log_free(&log);
+}
+
 static void bad_json(void **state)
 {
     static const struct {
@@ -1246,6 +1338,10 @@ static void bad_json(void **state)
         {"{\"odometry\":[1,2]}", "no number up to 1e9"},
         {"{\"odometry\":[1,2,3,4]}", "a pose of more than three numbers"},
         {"{\"stamp_ns\":1.5}", "no whole number"},
+        {"{\"stamp_ns\":4000000000000000001}", "a stamp beyond 4e9 s"},
+        {"{\"stamp_ns\":-4000000000000000001}", "a stamp beyond 4e9 s"},
+        {"{\"header\":{\"stamp\":{\"sec\":2147483647,\"sec\":2147483647}}}",
+         "a stamp beyond 4e9 s"},
         {"{\"header\":1}", "not an object"},
         {"{\"header\":{\"stamp\":{\"sec\":-1}}}", "below 0"},
         {"{\"angle_min\":0,\"angle_increment\":1,\"ranges\":[1]} 2", "more than one value"},
@@ -1351,22 +1447,41 @@ static int print_scans(const char *path)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(all_containers),     cmocka_unit_test(whole_files),
-        cmocka_unit_test(order_of_recording), cmocka_unit_test(latched_transform),
-        cmocka_unit_test(upside_down),        cmocka_unit_test(odometry_of_transforms),
-        cmocka_unit_test(tree_of_frames),     cmocka_unit_test(mountings_that_move_or_tilt),
-        cmocka_unit_test(topics_are_named),   cmocka_unit_test(no_transforms),
-        cmocka_unit_test(no_scans),           cmocka_unit_test(first_echoes),
-        cmocka_unit_test(bad_messages),       cmocka_unit_test(range_limits),
-        cmocka_unit_test(giant_lengths),      cmocka_unit_test(cuts),
-        cmocka_unit_test(cut_is_reported),    cmocka_unit_test(damaged_bytes),
-        cmocka_unit_test(checksums),          cmocka_unit_test(giant_records),
-        cmocka_unit_test(not_a_bag),          cmocka_unit_test(bounds_of_decompression),
-        cmocka_unit_test(split_bags),         cmocka_unit_test(bad_folders),
-        cmocka_unit_test(formats_of_text),    cmocka_unit_test(csm_scans),
-        cmocka_unit_test(bad_arguments),      cmocka_unit_test(examples_of_the_docs),
-        cmocka_unit_test(streams_of_carmen),  cmocka_unit_test(streams_of_json),
-        cmocka_unit_test(bad_json),           cmocka_unit_test(frees_all),
+        cmocka_unit_test(all_containers),
+        cmocka_unit_test(whole_files),
+        cmocka_unit_test(order_of_recording),
+        cmocka_unit_test(latched_transform),
+        cmocka_unit_test(upside_down),
+        cmocka_unit_test(odometry_of_transforms),
+        cmocka_unit_test(tree_of_frames),
+        cmocka_unit_test(mountings_that_move_or_tilt),
+        cmocka_unit_test(topics_are_named),
+        cmocka_unit_test(no_transforms),
+        cmocka_unit_test(no_scans),
+        cmocka_unit_test(first_echoes),
+        cmocka_unit_test(bad_messages),
+        cmocka_unit_test(range_limits),
+        cmocka_unit_test(giant_lengths),
+        cmocka_unit_test(cuts),
+        cmocka_unit_test(cut_is_reported),
+        cmocka_unit_test(damaged_bytes),
+        cmocka_unit_test(checksums),
+        cmocka_unit_test(giant_records),
+        cmocka_unit_test(not_a_bag),
+        cmocka_unit_test(bounds_of_decompression),
+        cmocka_unit_test(split_bags),
+        cmocka_unit_test(bad_folders),
+        cmocka_unit_test(piped_folder),
+        cmocka_unit_test(formats_of_text),
+        cmocka_unit_test(csm_scans),
+        cmocka_unit_test(bad_arguments),
+        cmocka_unit_test(examples_of_the_docs),
+        cmocka_unit_test(streams_of_carmen),
+        cmocka_unit_test(streams_of_json),
+        cmocka_unit_test(far_coordinates),
+        cmocka_unit_test(late_stamps),
+        cmocka_unit_test(bad_json),
+        cmocka_unit_test(frees_all),
         cmocka_unit_test(same_as_rosbags),
     };
 
