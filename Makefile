@@ -67,7 +67,8 @@ BAG_LIBS    := $(foreach kind,$(BAG_FOUND),-l$(word 2,$(subst :, ,$(kind))))
 BAG_DEFINES := $(foreach kind,$(BAG_FOUND),-D$(word 3,$(subst :, ,$(kind))))
 BAG_MISSING := $(foreach kind,$(filter-out $(BAG_FOUND),$(BAG_KINDS)),lib$(word 2,$(subst :, ,$(kind))))
 VISION_INC  := $(patsubst %/opencv2/imgcodecs.hpp,%,$(firstword $(call has,opencv4/opencv2/imgcodecs.hpp)))
-HOST_OTHER  := src/host/files/map_file_$(if $(HAVE_YAML),no_)yaml.c src/host/files/map_file_png$(if $(HAVE_PNG),_plain).c
+HOST_OTHER  := src/host/files/map_file_$(if $(HAVE_YAML),no_)yaml.c src/host/bags/bag_file_$(if $(HAVE_YAML),no_yaml,folder).c \
+               src/host/files/map_file_png$(if $(HAVE_PNG),_plain).c
 HOST_SRC    := $(if $(HAVE_HOST),$(filter-out $(HOST_OTHER),$(wildcard src/host/*/*.c)) src/host/pictures/report_player_page.c)
 VISION_SRC  := $(if $(VISION_INC),src/host/images/vision_shim.cpp)
 APPEARANCE_SRC := $(if $(and $(VISION_INC),$(call has,opencv4/opencv2/features2d.hpp),$(call has,opencv4/opencv2/ml.hpp)),src/host/images/appearance_shim.cpp)
@@ -154,7 +155,7 @@ $(BUILD)/float/src/%.c.o: src/%.c
 	@mkdir -p $(@D)
 	$(CC) -DCAIRN_FLOAT $(if $(filter host/%,$*),$(HOST_FLAGS),$(LIB_FLAGS)) $(CFLAGS) -c $< -o $@
 # What decompresses bags, and its test, are compiled again when one of the libraries comes or goes.
-bag_objects := $(foreach real,double float,$(foreach file,src/host/logs/unpack src/host/logs/bag_file_sqlite tests/test_scan_log,$(BUILD)/$(real)/$(file).c.o))
+bag_objects := $(foreach real,double float,$(foreach file,src/host/bags/unpack src/host/bags/bag_file_sqlite tests/test_scan_log,$(BUILD)/$(real)/$(file).c.o))
 $(bag_objects): $(BUILD)/bag-libraries.txt
 $(bag_objects): HOST_FLAGS += $(BAG_DEFINES)
 $(BUILD)/bag-libraries.txt: FORCE
@@ -356,7 +357,7 @@ check-long:
 	@sh tools/check-long.sh $(BUILD)
 
 # All objects of library, tools and benches, those of the tests, and both, for the checks of warnings.
-CODE_SRC = $(LIB_SRC) $(HOST_SRC) $(if $(HAVE_YAML),src/host/files/map_file_no_yaml.c) $(SIM_SRC) $(FW_LOOP) $(FW_SURVEY) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC) $(SCENE_SRC)
+CODE_SRC = $(LIB_SRC) $(HOST_SRC) $(if $(HAVE_YAML),src/host/files/map_file_no_yaml.c src/host/bags/bag_file_no_yaml.c) $(SIM_SRC) $(FW_LOOP) $(FW_SURVEY) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC) $(SCENE_SRC)
 ALL_TEST_SRC = $(TEST_SRC) $(filter tests/%,$(TEST_COMMON)) $(GOLDEN) $(NEEDS_test_long) $(NEEDS_test_memory)
 code-objects: $(call object,double,$(CODE_SRC) $(VISION_SRC) $(APPEARANCE_SRC)) $(call object,float,$(CODE_SRC))
 test-objects: $(call object,double,$(ALL_TEST_SRC)) $(call object,float,$(ALL_TEST_SRC))

@@ -827,7 +827,7 @@ static void test_boosted_followers_differ(void **state)
             c.log_seen[0][j] = log(seen[j]);
         }
         p.adaptive_followers = 0;
-        p.resample_ratio = resampled;
+        p.resample_ratio = (cairn_real)resampled;
         p.proposal = CAIRN_PARTICLE_FILTER_PROPOSAL_BOOSTED;
         f = filter_with(&p, &c);
         start_at(f.filter, 0, 1);

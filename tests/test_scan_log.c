@@ -10,7 +10,7 @@
 #include <math.h>
 
 #include "cairn/scan_log.h"
-#include "src/host/logs/unpack.h"
+#include "src/host/bags/unpack.h"
 
 enum { ROS1_FILE, MCAP_FILE, MCAP_CHUNKS, SQLITE_FILE, CONTAINERS };
 

@@ -2,27 +2,25 @@
  *
  * Method: each scan is mapped as soon as its line has come, and its pose printed (--live). The
  * files are rewritten every N seconds (--watch), and written at the end of the stream. SIGINT
- * ends the stream: it puts /dev/null in the place of standard input, so that neither a read that
+ * ends the stream: it puts the null device in the place of standard input, so that neither a read that
  * waits nor a later one blocks. A second SIGINT ends the program.
  *
  * Limits: the beams of a scan are at most four times those of the first one, or 2048; keyframes
  * have 640 points on average. Without -o no scan is kept. */
-#include <fcntl.h>
 #include <inttypes.h>
 #include <math.h>
-#include <signal.h>
 #include <stdio.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "cairn/number_text.h"
+#include "src/host/base/posix.h"
 #include "tools/cairn_map_work.h"
 #include "tools/cairn_tool.h"
 
 /* Points of a keyframe, on average, for which there is memory. */
 enum { KEYFRAME_POINTS = 640, LEAST_BEAMS = 2048 };
 
-/* /dev/null, for the handler. */
+/* The null device, for the handler. */
 static int null_file = -1;
 
 static void on_interrupt(int number)
@@ -34,13 +32,8 @@ static void on_interrupt(int number)
 /* Lets SIGINT end the stream; 0 when the system refuses. */
 static int catch_interrupt(void)
 {
-    struct sigaction action;
-
-    null_file = open("/dev/null", O_RDONLY | O_CLOEXEC);
-    memset(&action, 0, sizeof action);
-    action.sa_handler = on_interrupt;
-    action.sa_flags = SA_RESTART | (int)SA_RESETHAND;
-    return null_file >= 0 && sigaction(SIGINT, &action, NULL) == 0;
+    null_file = open(NULL_DEVICE, O_RDONLY | O_CLOEXEC);
+    return null_file >= 0 && cairn_on_interrupt(on_interrupt);
 }
 
 /* A number of JSON; null when it is not finite. */

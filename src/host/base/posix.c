@@ -21,6 +21,17 @@ void cairn_on_end_signals(void (*handler)(int number))
             (void)sigaction(numbers[i], &action, NULL);
 }
 
+int cairn_on_interrupt(void (*handler)(int number))
+{
+    struct sigaction action;
+
+    memset(&action, 0, sizeof action);
+    action.sa_handler = handler;
+    action.sa_flags = SA_RESTART | (int)SA_RESETHAND;
+    (void)sigemptyset(&action.sa_mask);
+    return sigaction(SIGINT, &action, NULL) == 0;
+}
+
 int cairn_folder_lock(const char *path, int waits)
 {
     int folder = open(path, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC), code;
@@ -65,7 +76,9 @@ void cairn_program_path(char *path, size_t size)
 
 #else
 
+#include <io.h>
 #include <process.h>
+#include <signal.h>
 #include <windows.h>
 
 /* Without conversion of line ends, as elsewhere. Runs before main(). */
@@ -102,6 +115,18 @@ static int result_of(BOOL done)
         errno = EIO;
     }
     return -1;
+}
+
+int cairn_on_interrupt(void (*handler)(int number))
+{
+    return signal(SIGINT, handler) != SIG_ERR;
+}
+
+ssize_t pread(int file, void *bytes, size_t count, int64_t offset)
+{
+    if (_lseeki64(file, offset, SEEK_SET) < 0)
+        return -1;
+    return read(file, bytes, (unsigned)(count < INT32_MAX ? count : INT32_MAX));
 }
 
 void cairn_on_end_signals(void (*handler)(int number))

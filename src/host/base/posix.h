@@ -13,6 +13,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <locale.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -25,6 +26,8 @@
 #include <signal.h>
 #include <sys/mman.h>
 #include <sys/wait.h>
+
+#define NULL_DEVICE "/dev/null"
 #else
 #include <direct.h>
 
@@ -32,6 +35,7 @@
 #define O_CLOEXEC  _O_NOINHERIT
 #undef X_OK
 #define X_OK                 0
+#define NULL_DEVICE          "NUL"
 #define RTLD_NOW             0
 #define RTLD_LOCAL           0
 #define LC_ALL_MASK          0
@@ -67,6 +71,8 @@ void *aligned_alloc(size_t alignment, size_t bytes);
 int link(const char *from, const char *to);
 void *dlopen(const char *path, int flags);
 void *dlsym(void *library, const char *name);
+/* Moves the position of the file, unlike that of POSIX systems. */
+ssize_t pread(int file, void *bytes, size_t count, int64_t offset);
 
 /* mkdir(); a drive ("C:") exists and can be made "again". */
 int cairn_windows_mkdir(const char *path);
@@ -82,6 +88,10 @@ int cairn_windows_rename(const char *from, const char *to);
 /* Calls the handler on SIGINT, SIGTERM and SIGHUP, once each, where the program has left them as
  * they are. On Windows it has no effect. */
 void cairn_on_end_signals(void (*handler)(int number));
+
+/* Calls the handler on the first SIGINT, without interrupting a read; the next one ends the
+ * program. 0: refused by the system. */
+int cairn_on_interrupt(void (*handler)(int number));
 
 /* Opens a folder and locks it. waits 0: fails when another process holds the lock. Returns the
  * descriptor, whose closing releases the lock, or -1 and errno. Folders cannot be locked on

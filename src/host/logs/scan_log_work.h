@@ -3,7 +3,7 @@
 #define CAIRN_HOST_SCAN_LOG_WORK_H
 
 #include "cairn/scan_log.h"
-#include "src/host/logs/bag_file.h"
+#include "src/host/bags/bag_file.h"
 
 /* A pose by time. */
 typedef struct cairn_scan_log_sample {

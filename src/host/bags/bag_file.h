@@ -8,7 +8,7 @@
 #define CAIRN_HOST_BAG_FILE_H
 
 #include "cairn/file_error.h"
-#include "src/host/logs/ros_message.h"
+#include "src/host/bags/ros_message.h"
 
 /* The format of a recording. */
 typedef int32_t cairn_bag_kind;

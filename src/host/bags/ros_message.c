@@ -11,7 +11,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "src/host/logs/ros_message.h"
+#include "src/host/bags/ros_message.h"
 
 /* Bytes of the encapsulation before CDR, and its representations. */
 enum { ENCAPSULATION_BYTES = 4, CDR_BIG_ENDIAN = 0, CDR_LITTLE_ENDIAN = 1 };

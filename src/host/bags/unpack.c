@@ -21,7 +21,7 @@
 #include <zstd.h>
 #endif
 
-#include "src/host/logs/unpack.h"
+#include "src/host/bags/unpack.h"
 
 /* Initial capacity of the buffer, bytes. */
 #define FIRST_CAPACITY ((size_t)64 * 1024)

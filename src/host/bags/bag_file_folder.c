@@ -15,7 +15,7 @@
 #include <unistd.h>
 #include <yaml.h>
 
-#include "src/host/logs/bag_file_work.h"
+#include "src/host/bags/bag_file_work.h"
 #include "src/host/base/regular_file.h"
 
 static const int64_t MAX_METADATA_BYTES = 16 * 1024 * 1024;

@@ -16,7 +16,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "src/host/logs/bag_file_work.h"
+#include "src/host/bags/bag_file_work.h"
 
 #ifdef CAIRN_HAVE_SQLITE
 #include <sqlite3.h>

@@ -2,8 +2,8 @@
 #ifndef CAIRN_HOST_BAG_FILE_WORK_H
 #define CAIRN_HOST_BAG_FILE_WORK_H
 
-#include "src/host/logs/bag_file.h"
-#include "src/host/logs/unpack.h"
+#include "src/host/bags/bag_file.h"
+#include "src/host/bags/unpack.h"
 
 /* Bytes that are read by position: a window into a file, or memory. */
 typedef struct cairn_bag_source {

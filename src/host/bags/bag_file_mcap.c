@@ -17,7 +17,7 @@
 #include <string.h>
 #include <zlib.h>
 
-#include "src/host/logs/bag_file_work.h"
+#include "src/host/bags/bag_file_work.h"
 
 static const uint8_t magic[8] = {0x89, 'M', 'C', 'A', 'P', '0', '\r', '\n'};
 

@@ -11,17 +11,11 @@
  * whole, 4096 topics. The size of a file is that at its opening. Indexes are not read. */
 #include "src/base/build.h"
 
-#include <errno.h>
-#include <fcntl.h>
 #include <inttypes.h>
 #include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
-#include "src/host/logs/bag_file_work.h"
+#include "src/host/base/posix.h"
+#include "src/host/bags/bag_file_work.h"
 
 /* Bytes that are read at once, at least. */
 #define WINDOW_BYTES ((uint64_t)256 * 1024)

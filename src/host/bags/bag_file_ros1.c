@@ -12,7 +12,7 @@
 #include <inttypes.h>
 #include <string.h>
 
-#include "src/host/logs/bag_file_work.h"
+#include "src/host/bags/bag_file_work.h"
 
 static const char first_line[] = "#ROSBAG V2.0\n";
 
