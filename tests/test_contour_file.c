@@ -160,7 +160,7 @@ static void test_picture(void **state)
     assert_int_equal(count_of(text, "class=\"left\""), f.result.object_count);
     assert_int_equal(count_of(text, "class=\"right\""), f.result.object_count);
     assert_int_equal(count_of(text, "class=\"model\""), f.result.object_count);
-    assert_non_null(strstr(text, "&lt;image>"));
+    assert_non_null(strstr(text, "&lt;image&gt;"));
     free(text);
     drop(&f);
 }

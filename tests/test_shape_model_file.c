@@ -431,7 +431,7 @@ static void test_drawn(void **state)
     text = files_read(files_path("cross.svg"), NULL);
     assert_non_null(text);
     assert_well_formed(text);
-    assert_non_null(strstr(text, "a &lt;cross>"));
+    assert_non_null(strstr(text, "a &lt;cross&gt;"));
     assert_int_equal(count_of(text, "class=\"axis\""), made.model.path_count);
     assert_int_equal(count_of(text, "class=\"at-left\""), made.model.sample_count);
     assert_int_equal(count_of(text, "class=\"at-right\""), made.model.sample_count);

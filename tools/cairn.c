@@ -1,11 +1,11 @@
 /* The cairn command: looks up the subcommand by name and runs it. One file for each subcommand. */
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "cairn/output.h"
 #include "cairn/version.h"
 #include "cairn/vision.h"
+#include "src/host/base/posix.h"
 #include "tools/cairn_tool.h"
 
 typedef struct tool_command {

@@ -34,7 +34,9 @@
 #define O_NONBLOCK 0
 #define O_CLOEXEC  _O_NOINHERIT
 #undef X_OK
-#define X_OK                 0
+#define X_OK 0
+#define setenv(name, value, overwrite)                                                             \
+    ((overwrite) || getenv(name) == NULL ? _putenv_s(name, value) : 0)
 #define NULL_DEVICE          "NUL"
 #define RTLD_NOW             0
 #define RTLD_LOCAL           0
