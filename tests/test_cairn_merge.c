@@ -189,7 +189,7 @@ static void two_of_one_name(void **state)
 {
     char *yaml = files_read(files_path("b.yaml"), NULL), *picture;
     char image[64], second[80], *pgm;
-    size_t bytes;
+    size_t bytes = 0;
     outcome o;
 
     (void)state;
