@@ -117,7 +117,7 @@ static void test_orientation(void **state)
     static uint8_t samples[WIDE * HIGH];
     cairn_vision_image image = {WIDE, HIGH, 1, 1, samples};
     uint8_t *bytes, *said;
-    size_t size;
+    size_t size = 0;
 
     (void)state;
     need_opencv();
