@@ -7,16 +7,16 @@ set -e
 build=${1:?usage: tools/docs-defaults.sh BUILD [OUT]}
 out=${2:-$build/docs}
 export LC_ALL=C
-layers='core|contour|mapping'
+without='^host'
 libraries="$build/libcairn.a -lm"
 if [ -f "$build/libcairn-host.a" ]; then
-    layers="$layers|host"
+    without='^$'
     libraries="$build/libcairn-host.a $build/libcairn.a ${HOST_LIBS--lyaml -lpng -lz} -lm"
 else
     echo "skipped defaults of the host library: not built"
 fi
 headers=
-for module in $(awk -v layers="^($layers)$" '!/^#/ && NF == 2 && $1 ~ layers { print $2 }' tools/modules.txt); do
+for module in $(awk -v without="$without" '!/^#/ && NF == 2 && $1 !~ without { print $2 }' tools/modules.txt); do
     [ ! -f "include/cairn/$module.h" ] || headers="$headers include/cairn/$module.h"
 done
 
@@ -96,8 +96,9 @@ END {
         } else
             print "    same(" label ", (double)" what ", " expression(value) ");"
     }
-    print "    if (faults == 0)\n        printf(\"ok     %d defaults in comments\\n\", compared);"
-    print "    return faults != 0;\n}"
+    print "    if (compared == 0)\n        printf(\"no default was compared: none of the modules has any\\n\");"
+    print "    else if (faults == 0)\n        printf(\"ok     %d defaults in comments\\n\", compared);"
+    print "    return faults != 0 || compared == 0;\n}"
     exit failed
 }' $headers "$out/params.tsv" >"$out/defaults.c"
 # shellcheck disable=SC2086

@@ -19,7 +19,8 @@
 
 #include "src/host/bags/bag_file_work.h"
 
-static const uint8_t magic[8] = {0x89, 'M', 'C', 'A', 'P', '0', '\r', '\n'};
+/* The file begins and ends with 0x89 "MCAP0\r\n". */
+enum { MAGIC_BYTES = 8 };
 
 /* Opcodes. */
 enum {
@@ -311,7 +312,7 @@ static cairn_status read_record(mcap_reader *reader, uint64_t *at)
 cairn_status cairn_bag_read_mcap(cairn_bag_reader *bag)
 {
     mcap_reader reader = {.bag = bag};
-    uint64_t at = sizeof magic;
+    uint64_t at = MAGIC_BYTES;
     cairn_status status = CAIRN_OK;
 
     while (at < bag->source.size && status == CAIRN_OK && !reader.at_end)
