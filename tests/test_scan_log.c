@@ -617,7 +617,7 @@ static void bad_messages(void **state)
         scan.count = cases[i].count;
         record_scan(&recording, scans, SECOND, scan);
     }
-    record_odometry(&recording, odometry, SECOND, NAN, 0, 0);
+    record_odometry(&recording, odometry, SECOND, (double)NAN, 0, 0);
     record_odometry(&recording, odometry, SECOND, 0, 2e9, 0);
     record_transform(&recording, links, SECOND, "base_link", "laser", 1, 0, nothing);
     record_transform(&recording, links, SECOND, "base_link", "laser", 2, 0, level);
