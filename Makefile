@@ -212,7 +212,7 @@ $(BUILD)/libcairn-appearance.so: $(call object,double,$(APPEARANCE_SRC))
 	$(CXX) -shared -Wl,-soname,$(@F) $(SAN) $(LDFLAGS) -o $@ $^ $(APPEARANCE_LIBS)
 
 # Tests and benches find the libraries that are loaded on demand in the folder above theirs.
-$(BUILD)/tests/% $(BUILD)/tests-float/% $(BUILD)/bench/% $(BUILD)/bench-float/%: ABOVE = -Wl,-rpath,'$$ORIGIN/..'
+$(BUILD)/tests/% $(BUILD)/tests-float/% $(BUILD)/bench/% $(BUILD)/bench-float/%: ABOVE = -Wl,--disable-new-dtags,-rpath,'$$ORIGIN/..'
 link = @mkdir -p $(@D); $(CXX) $(SAN) $(if $(WINDOWS),,$(ABOVE)) $(if $(COVERAGE),--coverage) $(LDFLAGS) $(if $(WINDOWS),-static) -o $@ -Wl,--start-group $^ -Wl,--end-group
 DOUBLE_LIBS := $(if $(SIM_SRC),$(BUILD)/libcairn-sim.a) $(if $(HOST_SRC),$(BUILD)/libcairn-host.a) $(BUILD)/libcairn.a
 FLOAT_LIBS  := $(if $(SIM_SRC),$(BUILD)/float/libcairn-sim.a) $(if $(HOST_SRC),$(BUILD)/float/libcairn-host.a) $(BUILD)/libcairn-float.a

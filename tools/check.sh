@@ -72,7 +72,7 @@ lint()
     log=$out/$1.log
     export LIBRARY=$2
     shift 2
-    export FLAGS='-std=c11 -D_POSIX_C_SOURCE=200809L -I. -Iinclude'
+    export FLAGS='-std=c11 -D_POSIX_C_SOURCE=200809L -D_DEFAULT_SOURCE -I. -Iinclude'
     export TEST_CHECKS='-cert-*,-clang-analyzer-*,-misc-no-recursion,-bugprone-not-null-terminated-result,-bugprone-suspicious-memory-comparison,-bugprone-suspicious-include'
     export OPENCV="$opencv"
     printf '%s\n' "$@" | xargs -P 2 -n 1 sh -c '
