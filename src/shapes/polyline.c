@@ -114,7 +114,7 @@ static cairn_polyline *carve(cairn_pool *pool, const cairn_polyline_params *para
         polyline->candidate_weight = candidate_weight;
         polyline->candidate_local = candidate_local;
         polyline->segments = segments;
-        polyline->phase = POLYLINE_DONE;
+        polyline->is_complete = 1;
         polyline->converged = 1;
     }
     return polyline;
@@ -194,14 +194,14 @@ cairn_status cairn_polyline_clear(cairn_polyline *polyline, cairn_real scale)
     polyline->point_count = 0;
     polyline->component_count = polyline->next_count = 0;
     polyline->result_points = polyline->result_segments = 0;
-    polyline->initial_round = 0;
     polyline->list_start = 0;
     polyline->max_end_motion = 0;
     polyline->has_changed = polyline->converged = polyline->dropped = 0;
     memset(&polyline->measure, 0, sizeof polyline->measure);
     polyline->eighths_used = 0;
-    polyline->phase = POLYLINE_KEYS;
-    polyline->stage = polyline->cursor = 0;
+    polyline->resume = polyline->phase_resume = 0;
+    polyline->is_open = 1;
+    polyline->is_complete = 0;
     return CAIRN_OK;
 }
 
@@ -229,8 +229,7 @@ cairn_status cairn_polyline_add(cairn_polyline *polyline, const cairn_real *poin
     const char *what;
     cairn_status status;
 
-    if (polyline == NULL || point == NULL || polyline->phase != POLYLINE_KEYS ||
-        polyline->cursor > 0)
+    if (polyline == NULL || point == NULL || !polyline->is_open)
         return CAIRN_BAD_ARGUMENT;
     if (polyline->point_count == polyline->params.max_points)
         return CAIRN_FULL;
@@ -256,96 +255,108 @@ cairn_status cairn_polyline_begin(cairn_polyline *polyline, const cairn_real *po
     return status;
 }
 
-/* Phase PROJECT: positions of the points along their components. cursor: point. */
+/* Positions of the points along their components. */
 static int project_points(cairn_polyline *polyline, cairn_budget *budget)
 {
-    for (; polyline->cursor < polyline->point_count; polyline->cursor++) {
-        cairn_real local[3];
+    CAIRN_STEP_BEGIN(polyline->phase_resume);
+    for (polyline->cursor = 0; polyline->cursor < polyline->point_count; polyline->cursor++) {
+        POLYLINE_PAY_FOUR(polyline, budget, polyline->cursor, polyline->point_count, 6);
+        if (polyline->component_of[polyline->cursor] >= 0) {
+            cairn_real local[3];
 
-        if (!polyline_charge_four(polyline, budget, polyline->cursor, polyline->point_count, 6))
-            return 0;
-        if (polyline->component_of[polyline->cursor] < 0)
-            continue;
-        cairn_polyline_to_local(&polyline->components[polyline->component_of[polyline->cursor]],
-                                polyline->params.dim, polyline->points[polyline->cursor], local);
-        polyline->position[polyline->cursor] = local[0];
+            cairn_polyline_to_local(&polyline->components[polyline->component_of[polyline->cursor]],
+                                    polyline->params.dim, polyline->points[polyline->cursor],
+                                    local);
+            polyline->position[polyline->cursor] = local[0];
+        }
     }
-    polyline->list_start = 0;
-    return 1;
+    CAIRN_STEP_END(polyline->phase_resume);
 }
 
-/* Phase COMPACT: removes the components that merging emptied. cursor, other: read and write
- * position. */
+/* Removes the components that merging emptied. */
 static int remove_empty(cairn_polyline *polyline, cairn_budget *budget)
 {
-    for (; polyline->cursor < polyline->next_count; polyline->cursor++) {
-        if (!polyline_charge(polyline, budget, 24))
-            return 0;
+    CAIRN_STEP_BEGIN(polyline->phase_resume);
+    polyline->other = 0;
+    for (polyline->cursor = 0; polyline->cursor < polyline->next_count; polyline->cursor++) {
+        POLYLINE_PAY(polyline, budget, 24);
         if (polyline->next[polyline->cursor].count > 0)
             polyline->next[polyline->other++] = polyline->next[polyline->cursor];
     }
     polyline->next_count = polyline->other;
-    return 1;
+    CAIRN_STEP_END(polyline->phase_resume);
 }
 
-/* Phase WRITE: the segments with their inliers, and the labels in the order of the input. Stages:
- * ends, labels, residuals; cursor: component or point. */
+/* Ends of a component as a segment without points. */
+static void write_ends(cairn_polyline *polyline, int32_t component)
+{
+    const polyline_component *from = &polyline->components[component];
+    cairn_polyline_segment *segment = &polyline->segments[component];
+
+    cairn_polyline_point_at(from, from->low, segment->a);
+    cairn_polyline_point_at(from, from->high, segment->b);
+    segment->count = 0;
+    segment->rms = 0;
+}
+
+/* Labels a point, and adds its squared residual to that of its segment. */
+static void write_label(cairn_polyline *polyline, int32_t point)
+{
+    int32_t component = polyline->component_of[point];
+    cairn_real local[3];
+
+    polyline->label[polyline->raw_index[point]] = component;
+    if (component < 0)
+        return;
+    cairn_polyline_to_local(&polyline->components[component], polyline->params.dim,
+                            polyline->points[point], local);
+    polyline->segments[component].count++;
+    polyline->segments[component].rms += local[1] * local[1] + local[2] * local[2];
+}
+
+/* The segments with their inliers, and the labels in the order of the input. */
 static int write_result(cairn_polyline *polyline, cairn_budget *budget)
 {
-    if (polyline->stage == 0) {
-        for (; polyline->cursor < polyline->component_count; polyline->cursor++) {
-            cairn_polyline_segment *segment = &polyline->segments[polyline->cursor];
-
-            if (!polyline_charge(polyline, budget, 12))
-                return 0;
-            cairn_polyline_point_at(&polyline->components[polyline->cursor],
-                                    polyline->components[polyline->cursor].low, segment->a);
-            cairn_polyline_point_at(&polyline->components[polyline->cursor],
-                                    polyline->components[polyline->cursor].high, segment->b);
-            segment->count = 0;
-            segment->rms = 0;
-        }
-        polyline->stage = 1;
-        polyline->cursor = 0;
+    CAIRN_STEP_BEGIN(polyline->phase_resume);
+    for (polyline->cursor = 0; polyline->cursor < polyline->component_count; polyline->cursor++) {
+        POLYLINE_PAY(polyline, budget, 12);
+        write_ends(polyline, polyline->cursor);
     }
-    if (polyline->stage == 1) {
-        for (; polyline->cursor < polyline->point_count; polyline->cursor++) {
-            int32_t component = polyline->component_of[polyline->cursor];
-            cairn_real local[3];
-
-            if (!polyline_charge(polyline, budget, 8))
-                return 0;
-            polyline->label[polyline->raw_index[polyline->cursor]] = component;
-            if (component < 0)
-                continue;
-            cairn_polyline_to_local(&polyline->components[component], polyline->params.dim,
-                                    polyline->points[polyline->cursor], local);
-            polyline->segments[component].count++;
-            polyline->segments[component].rms += local[1] * local[1] + local[2] * local[2];
-        }
-        polyline->stage = 2;
-        polyline->cursor = 0;
+    for (polyline->cursor = 0; polyline->cursor < polyline->point_count; polyline->cursor++) {
+        POLYLINE_PAY(polyline, budget, 8);
+        write_label(polyline, polyline->cursor);
     }
-    for (; polyline->cursor < polyline->component_count; polyline->cursor++) {
-        cairn_polyline_segment *segment = &polyline->segments[polyline->cursor];
+    for (polyline->cursor = 0; polyline->cursor < polyline->component_count; polyline->cursor++) {
+        cairn_polyline_segment *segment;
 
-        if (!polyline_charge(polyline, budget, 4))
-            return 0;
+        POLYLINE_PAY(polyline, budget, 4);
+        segment = &polyline->segments[polyline->cursor];
         if (segment->count > 0)
             segment->rms = cairn_sqrt(segment->rms / (cairn_real)segment->count);
     }
     polyline->result_segments = polyline->component_count;
     polyline->result_points = polyline->point_count;
-    return 1;
+    CAIRN_STEP_END(polyline->phase_resume);
 }
 
-/* Ends an iteration: the components left by merging become those of the next one. Returns the next
- * phase. When the width has reached its last value, the outliers are searched twice for further
- * initial components, in shifted cells. */
-static polyline_phase end_iteration(cairn_polyline *polyline)
+/* 1 after the last iteration. */
+static int is_exhausted(const cairn_polyline *polyline)
+{
+    return polyline->measure.iterations >= polyline->params.max_iterations;
+}
+
+/* 1 when the outliers are searched for further initial components, which is done twice, once the
+ * width has reached its last value. */
+static int searches_outliers(const cairn_polyline *polyline)
+{
+    return !is_exhausted(polyline) && polyline->width <= polyline->width_last &&
+           polyline->initial_round < POLYLINE_INITIAL_ROUNDS - 1;
+}
+
+/* Ends an iteration: the components left by merging become those of the next one. */
+static void end_iteration(cairn_polyline *polyline)
 {
     polyline_component *swap = polyline->components;
-    int settled;
 
     polyline->components = polyline->next;
     polyline->next = swap;
@@ -354,78 +365,61 @@ static polyline_phase end_iteration(cairn_polyline *polyline)
     polyline->component_count = polyline->next_count;
     polyline->next_count = 0;
     polyline->measure.iterations++;
-    settled = !polyline->has_changed && polyline->max_end_motion <= polyline->params.tolerance &&
-              polyline->width <= polyline->width_last;
+    polyline->converged = !is_exhausted(polyline) && !searches_outliers(polyline) &&
+                          !polyline->has_changed &&
+                          polyline->max_end_motion <= polyline->params.tolerance &&
+                          polyline->width <= polyline->width_last;
     polyline->max_end_motion = 0;
     polyline->has_changed = 0;
-    if (polyline->measure.iterations >= polyline->params.max_iterations)
-        return POLYLINE_ASSIGN;
-    if (polyline->width <= polyline->width_last &&
-        polyline->initial_round < POLYLINE_INITIAL_ROUNDS - 1) {
-        polyline->initial_round++;
-        polyline->list_start = polyline->outliers_start;
-        return POLYLINE_LIST_OUTLIERS;
-    }
-    if (settled) {
-        polyline->converged = 1;
-        return POLYLINE_ASSIGN;
-    }
-    polyline->width =
-        cairn_max(polyline->width * polyline->params.width_decay, polyline->width_last);
-    return POLYLINE_EXPECT;
 }
 
-/* Works on the current phase. 1 when done. */
-static int run_phase(cairn_polyline *polyline, cairn_budget *budget)
+/* The fit: see Method in the head of this file. */
+static int fit(cairn_polyline *polyline, cairn_budget *budget)
 {
-    switch (polyline->phase) {
-    case POLYLINE_KEYS:
-        return cairn_polyline_keys(polyline, budget);
-    case POLYLINE_SORT_POINTS:
-    case POLYLINE_SORT_OUTLIERS:
-    case POLYLINE_SORT_SUPPORT:
-        return cairn_polyline_sort(polyline, budget);
-    case POLYLINE_GATHER:
-        return cairn_polyline_gather(polyline, budget);
-    case POLYLINE_LIST_OUTLIERS:
-        return cairn_polyline_list_outliers(polyline, budget);
-    case POLYLINE_INITIAL:
-        return cairn_polyline_initial(polyline, budget);
-    case POLYLINE_EXPECT:
-    case POLYLINE_ASSIGN:
-        return cairn_polyline_expect(polyline, budget);
-    case POLYLINE_MAXIMIZE:
-        return cairn_polyline_maximize(polyline, budget);
-    case POLYLINE_PROJECT:
-        return project_points(polyline, budget);
-    case POLYLINE_SUPPORT:
-        return cairn_polyline_support(polyline, budget);
-    case POLYLINE_MERGE:
-        return cairn_polyline_merge(polyline, budget);
-    case POLYLINE_COMPACT:
-        return remove_empty(polyline, budget);
-    default:
-        return write_result(polyline, budget);
+    CAIRN_STEP_BEGIN(polyline->resume);
+    CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_keys(polyline, budget));
+    CAIRN_STEP_UNTIL(polyline->resume,
+                     cairn_polyline_sort(polyline, budget, cairn_polyline_point_before));
+    CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_gather(polyline, budget));
+    polyline->list_start = 0;
+    for (polyline->initial_round = 0;; polyline->initial_round++) {
+        CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_list_outliers(polyline, budget));
+        CAIRN_STEP_UNTIL(polyline->resume,
+                         cairn_polyline_sort(polyline, budget, cairn_polyline_outlier_before));
+        CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_initial(polyline, budget));
+        for (;;) {
+            CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_expect(polyline, budget));
+            CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_maximize(polyline, budget));
+            CAIRN_STEP_UNTIL(polyline->resume, project_points(polyline, budget));
+            polyline->list_start = 0;
+            CAIRN_STEP_UNTIL(polyline->resume,
+                             cairn_polyline_sort(polyline, budget, cairn_polyline_support_before));
+            CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_support(polyline, budget));
+            CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_merge(polyline, budget));
+            CAIRN_STEP_UNTIL(polyline->resume, remove_empty(polyline, budget));
+            end_iteration(polyline);
+            if (is_exhausted(polyline) || searches_outliers(polyline) || polyline->converged)
+                break;
+            polyline->width =
+                cairn_max(polyline->width * polyline->params.width_decay, polyline->width_last);
+        }
+        if (!searches_outliers(polyline))
+            break;
+        polyline->list_start = polyline->outliers_start;
     }
+    CAIRN_STEP_UNTIL(polyline->resume, cairn_polyline_assign(polyline, budget));
+    CAIRN_STEP_UNTIL(polyline->resume, write_result(polyline, budget));
+    CAIRN_STEP_END(polyline->resume);
 }
 
 cairn_status cairn_polyline_step(cairn_polyline *polyline, cairn_budget *budget)
 {
     if (polyline == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (polyline->phase != POLYLINE_DONE) {
-        if (!run_phase(polyline, budget))
-            return CAIRN_MORE;
-        if (polyline->phase == POLYLINE_COMPACT)
-            polyline->phase = end_iteration(polyline);
-        else
-            polyline->phase++;
-        polyline->stage = polyline->cursor = polyline->other = polyline->inner = 0;
-        polyline->level = 0;
-        memset(&polyline->sort, 0, sizeof polyline->sort);
-        polyline->sort.middle = 1;
-    }
-    return CAIRN_OK;
+    polyline->is_open = 0;
+    if (!polyline->is_complete)
+        polyline->is_complete = fit(polyline, budget);
+    return polyline->is_complete ? CAIRN_OK : CAIRN_MORE;
 }
 
 cairn_polyline_view cairn_polyline_read(const cairn_polyline *polyline)

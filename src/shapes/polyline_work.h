@@ -5,6 +5,7 @@
 
 #include "cairn/polyline.h"
 #include "cairn/small_matrix.h"
+#include "src/base/step.h"
 
 /* Points per block; the points of a block share one list of candidate components. */
 #define POLYLINE_BLOCK_POINTS 8
@@ -50,31 +51,6 @@ typedef struct polyline_component {
     polyline_sums soft_sums;
 } polyline_component;
 
-/* Phases, in order. */
-typedef int32_t polyline_phase;
-enum {
-    /* Canonical order of the points, by Morton code. */
-    POLYLINE_KEYS,
-    POLYLINE_SORT_POINTS,
-    POLYLINE_GATHER,
-    /* Initial components. */
-    POLYLINE_LIST_OUTLIERS,
-    POLYLINE_SORT_OUTLIERS,
-    POLYLINE_INITIAL,
-    /* E-step, M-step, splits and merges; POLYLINE_COMPACT is followed by POLYLINE_EXPECT. */
-    POLYLINE_EXPECT,
-    POLYLINE_MAXIMIZE,
-    POLYLINE_PROJECT,
-    POLYLINE_SORT_SUPPORT,
-    POLYLINE_SUPPORT,
-    POLYLINE_MERGE,
-    POLYLINE_COMPACT,
-    /* Final hard assignment of the points, and the result. */
-    POLYLINE_ASSIGN,
-    POLYLINE_WRITE,
-    POLYLINE_DONE
-};
-
 struct cairn_polyline {
     cairn_polyline_params params;
     /* [max_points] Points as given, and in canonical order, in m. */
@@ -119,23 +95,28 @@ struct cairn_polyline {
     cairn_real sigma, width, width_first, width_last;
     /* Cosine of merge_angle. */
     cairn_real merge_cosine;
+    /* 1: this pass over the pairs of components merged a pair. */
+    int32_t has_merged;
     /* Largest motion of an end in this iteration, in m. */
     cairn_real max_end_motion;
     /* 1: this iteration split, merged or dropped components; 1: the fit converged; components
      * dropped. */
     int32_t has_changed, converged, dropped;
-    /* Round of the search for initial components. */
-    int32_t initial_round;
+    /* Round of the search for initial components, and its pass over a cell. */
+    int32_t initial_round, pass;
     /* Start of the part of order[] that is sorted or searched. */
     int32_t list_start;
     /* Start of the outliers in order[]. */
     int32_t outliers_start;
     cairn_polyline_measure measure;
 
-    /* Position within the current phase. The cursors start at 0; the functions that use them say
-     * what they count. */
-    polyline_phase phase;
-    int32_t stage, cursor, other, inner, first, last, level;
+    /* 1: points may be added; 1: the result is complete. */
+    int32_t is_open, is_complete;
+    /* Resume points of the fit, and of its current phase. */
+    int32_t resume, phase_resume;
+    /* Cursors of the current phase: a point, component or block, and another one; first and
+     * behind the last point of a cell, run or block; level of a cell. */
+    int32_t cursor, other, first, last, level;
     /* Eighths of a work unit that are used but not yet charged. */
     int32_t eighths_used;
     /* E-step: number of candidates, closest candidate, candidate that may grow to the current
@@ -152,12 +133,22 @@ struct cairn_polyline {
     int32_t best_split;
     /* Component that is made. */
     polyline_component made_component;
-    /* State of the merge sort: stage; 1: the sorted runs are in merge_buffer; bounds of the two
-     * runs that are merged; positions in both runs and in the output. */
+    /* State of the merge sort: the sorted runs and the buffer to which they are merged; items;
+     * bounds of the two runs that are merged; positions in both runs and in the output. */
     struct {
-        int32_t stage, is_swapped, start, middle, end, left, right, out;
+        int32_t *from, *to;
+        int32_t count, start, middle, end, left, right, out;
     } sort;
 };
+
+/* Place of return of a phase: goes on when an operation of `eighths` of a work unit is charged. */
+#define POLYLINE_PAY(polyline, budget, eighths)                                                    \
+    CAIRN_STEP_UNTIL((polyline)->phase_resume, polyline_charge(polyline, budget, eighths))
+
+/* The same, for operation i of those before `end`, charged up to four at a time. */
+#define POLYLINE_PAY_FOUR(polyline, budget, i, end, eighths)                                       \
+    CAIRN_STEP_UNTIL((polyline)->phase_resume,                                                     \
+                     polyline_charge_four(polyline, budget, i, end, eighths))
 
 /* Charges an operation of `eighths` of a work unit. 0 when the budget is used up and the operation
  * must wait. */
@@ -219,16 +210,49 @@ cairn_real cairn_polyline_split_penalty(const cairn_polyline *polyline, cairn_re
 void cairn_polyline_insert(cairn_polyline *polyline, polyline_component *list, int32_t *count,
                            const polyline_component *component);
 
+/* 1 when point a comes before point b in an order of the points. */
+typedef int (*polyline_order)(const cairn_polyline *polyline, int32_t a, int32_t b);
+
+/* Canonical order of raw points. The order of equal points has no effect on the result. */
+int cairn_polyline_point_before(const cairn_polyline *polyline, int32_t a, int32_t b);
+
+/* Order of outliers by Morton code. */
+int cairn_polyline_outlier_before(const cairn_polyline *polyline, int32_t a, int32_t b);
+
+/* Order of points by component (outliers last), then by position. */
+int cairn_polyline_support_before(const cairn_polyline *polyline, int32_t a, int32_t b);
+
 /* ---- Phases: each returns 1 when done and 0 when the budget is used up ---- */
 
+/* Morton codes of the raw points. */
 int cairn_polyline_keys(cairn_polyline *polyline, cairn_budget *budget);
-int cairn_polyline_sort(cairn_polyline *polyline, cairn_budget *budget);
+
+/* Sorts order[list_start ... point_count - 1]. */
+int cairn_polyline_sort(cairn_polyline *polyline, cairn_budget *budget, polyline_order before);
+
+/* Points in canonical order, and the bounding boxes of the blocks. */
 int cairn_polyline_gather(cairn_polyline *polyline, cairn_budget *budget);
+
+/* Morton codes of the listed points in the shifted cells of the round. */
 int cairn_polyline_list_outliers(cairn_polyline *polyline, cairn_budget *budget);
+
+/* Initial components of the listed points. */
 int cairn_polyline_initial(cairn_polyline *polyline, cairn_budget *budget);
+
+/* E-step, with growth of the components in the first half of the iterations. */
 int cairn_polyline_expect(cairn_polyline *polyline, cairn_budget *budget);
+
+/* Assigns each point to the closest component; none grows. */
+int cairn_polyline_assign(cairn_polyline *polyline, cairn_budget *budget);
+
+/* M-step. */
 int cairn_polyline_maximize(cairn_polyline *polyline, cairn_budget *budget);
+
+/* Runs without a gap of each component, each split in two where that pays: the components of the
+ * next iteration. */
 int cairn_polyline_support(cairn_polyline *polyline, cairn_budget *budget);
+
+/* Merges pairs of components that one line fits. */
 int cairn_polyline_merge(cairn_polyline *polyline, cairn_budget *budget);
 
 #endif
