@@ -15,13 +15,20 @@
  *         CAIRN_STEP_END(object->resume);
  *     }
  *
- * Limits: what is needed after a place of return is kept in the object; local variables lose their
- * value there. Two such places may not share a line. Case labels inside of blocks are the one
- * deviation from MISRA C 2012, rules 16.1 and 16.2.
+ * Limits: what is needed after a place of return is kept in the object: a block with such a place
+ * declares no variables, since they lose their values there. Between BEGIN and END there is no
+ * `return`, no `break` outside of a loop, and no further switch with a place of return; a step that
+ * is run by another one has a resume point of its own. Two places of return do not share a line.
+ * begin() of an object sets its resume points to 0, and so drops a step that is under way.
+ *
+ * Deviations from MISRA C 2012: case labels inside of blocks, and what follows from them (rules
+ * 14.3, 16.1 to 16.3).
  *
  * Source: Duff 1983; Dunkels et al. 2006, Protothreads. */
 #ifndef CAIRN_CORE_STEP_H
 #define CAIRN_CORE_STEP_H
+
+#include "src/base/build.h"
 
 /* Opens the body of a step, which goes on where it returned last.
  *
@@ -45,8 +52,11 @@
 
 /* Closes the body of a step, which returns 1 and starts anew when it is called again. */
 #define CAIRN_STEP_END(resume)                                                                     \
-    }                                                                                              \
-    (resume) = 0;                                                                                  \
-    return 1
+    break;                                                                                         \
+    default:                                                                                       \
+        CAIRN_ASSERT((resume) == 0);                                                               \
+        }                                                                                          \
+        (resume) = 0;                                                                              \
+        return 1
 
 #endif

@@ -65,9 +65,9 @@ static void weigh_candidate(cairn_polyline *polyline, int32_t candidate, const c
     if (squared <= limit * limit) {
         polyline->candidate_weight[candidate] = approximate_exp(squared * half);
         polyline->weight_sum += polyline->candidate_weight[candidate];
-        if (polyline->best < 0 || squared < polyline->limit) {
+        if (polyline->best < 0 || squared < polyline->best_squared) {
             polyline->best = candidate;
-            polyline->limit = squared;
+            polyline->best_squared = squared;
         }
     } else if (polyline->is_growing &&
                across <= GROWTH_GATE * GROWTH_GATE * polyline->width * polyline->width &&

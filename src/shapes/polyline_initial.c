@@ -151,9 +151,10 @@ int cairn_polyline_initial(cairn_polyline *polyline, cairn_budget *budget)
             fit_line(polyline);
             for (polyline->cursor = polyline->first; polyline->cursor < polyline->last;
                  polyline->cursor++) {
-                if (polyline->cursor > polyline->first)
+                if (polyline->cursor > polyline->first) {
                     POLYLINE_PAY_FOUR(polyline, budget, polyline->cursor - polyline->first,
                                       polyline->last - polyline->first, 8);
+                }
                 add_point_in_band(polyline, polyline->cursor);
             }
         }

@@ -44,7 +44,6 @@ static uint64_t morton_code(const cairn_polyline *polyline, const cairn_real p[3
 int cairn_polyline_keys(cairn_polyline *polyline, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(polyline->phase_resume);
-    polyline->initial_round = 0;
     for (polyline->cursor = 0; polyline->cursor < polyline->point_count; polyline->cursor++) {
         POLYLINE_PAY(polyline, budget, 12);
         polyline->morton[polyline->cursor] =
@@ -54,17 +53,20 @@ int cairn_polyline_keys(cairn_polyline *polyline, cairn_budget *budget)
     CAIRN_STEP_END(polyline->phase_resume);
 }
 
+/* Sets the Morton code of a point in canonical order. */
+static void recode(cairn_polyline *polyline, int32_t point)
+{
+    polyline->morton[point] = morton_code(polyline, polyline->points[point]);
+}
+
 /* In round 0 the codes are those by which all points are already sorted. */
 int cairn_polyline_list_outliers(cairn_polyline *polyline, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(polyline->phase_resume);
     for (polyline->cursor = polyline->list_start; polyline->cursor < polyline->point_count;
          polyline->cursor++) {
-        int32_t i;
-
         POLYLINE_PAY(polyline, budget, 12);
-        i = polyline->order[polyline->cursor];
-        polyline->morton[i] = morton_code(polyline, polyline->points[i]);
+        recode(polyline, polyline->order[polyline->cursor]);
     }
     CAIRN_STEP_END(polyline->phase_resume);
 }

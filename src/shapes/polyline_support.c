@@ -95,11 +95,11 @@ static void emit_component(cairn_polyline *polyline, int32_t component, int32_t 
                       cairn_max(cairn_abs(polyline->made_component.low - parent->low),
                                 cairn_abs(polyline->made_component.high - parent->high)));
     }
-    if (is_split || polyline->other == component + 1) {
+    if (is_split || polyline->next_component == component + 1) {
         polyline->measure.splits++;
         polyline->has_changed = 1;
     }
-    polyline->other = component + 1;
+    polyline->next_component = component + 1;
     cairn_polyline_insert(polyline, polyline->next, &polyline->next_count,
                           &polyline->made_component);
 }
@@ -201,7 +201,7 @@ static void emit_run(cairn_polyline *polyline)
 int cairn_polyline_support(cairn_polyline *polyline, cairn_budget *budget)
 {
     CAIRN_STEP_BEGIN(polyline->phase_resume);
-    polyline->other = 0;
+    polyline->next_component = 0;
     for (polyline->first = 0; component_at(polyline, polyline->first) >= 0;
          polyline->first = polyline->last) {
         for (polyline->last = polyline->first + 1;

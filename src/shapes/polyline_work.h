@@ -5,7 +5,11 @@
 
 #include "cairn/polyline.h"
 #include "cairn/small_matrix.h"
+#include "src/base/object.h"
 #include "src/base/step.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_polyline_parameters;
 
 /* Points per block; the points of a block share one list of candidate components. */
 #define POLYLINE_BLOCK_POINTS 8
@@ -95,15 +99,13 @@ struct cairn_polyline {
     cairn_real sigma, width, width_first, width_last;
     /* Cosine of merge_angle. */
     cairn_real merge_cosine;
-    /* 1: this pass over the pairs of components merged a pair. */
-    int32_t has_merged;
     /* Largest motion of an end in this iteration, in m. */
     cairn_real max_end_motion;
     /* 1: this iteration split, merged or dropped components; 1: the fit converged; components
      * dropped. */
     int32_t has_changed, converged, dropped;
-    /* Round of the search for initial components, and its pass over a cell. */
-    int32_t initial_round, pass;
+    /* Round of the search for initial components. */
+    int32_t initial_round;
     /* Start of the part of order[] that is sorted or searched. */
     int32_t list_start;
     /* Start of the outliers in order[]. */
@@ -112,33 +114,48 @@ struct cairn_polyline {
 
     /* 1: points may be added; 1: the result is complete. */
     int32_t is_open, is_complete;
-    /* Resume points of the fit, and of its current phase. */
-    int32_t resume, phase_resume;
-    /* Cursors of the current phase: a point, component or block, and another one; first and
-     * behind the last point of a cell, run or block; level of a cell. */
-    int32_t cursor, other, first, last, level;
+    /* Resume points of the fit, and of its current phase; what follows on the last iteration. */
+    int32_t resume, phase_resume, follows;
     /* Eighths of a work unit that are used but not yet charged. */
     int32_t eighths_used;
-    /* E-step: number of candidates, closest candidate, candidate that may grow to the current
-     * point, and 1 while components may grow. */
-    int32_t candidate_count, best, growing, is_growing;
-    /* E-step: sum of the weights, squared distances of the closest and of the growing candidate, in
-     * m^2. Initial components: `limit` is the half width of the band, in m. */
-    cairn_real weight_sum, limit, growing_squared;
-    /* Moments of a run, of its points left of the tried split, and left of the best split. */
-    polyline_sums sums, left_sums, best_left_sums;
-    /* Sum of squares of both sides of the best split, in m^2, and the point before the split, -1:
-     * none. */
-    cairn_real best_sse;
-    int32_t best_split;
-    /* Component that is made. */
-    polyline_component made_component;
-    /* State of the merge sort: the sorted runs and the buffer to which they are merged; items;
-     * bounds of the two runs that are merged; positions in both runs and in the output. */
-    struct {
-        int32_t *from, *to;
-        int32_t count, start, middle, end, left, right, out;
-    } sort;
+    /* Cursors of the current phase: a point or component, and a component; first and behind the
+     * last point of a cell, run or block. */
+    int32_t cursor, other, first, last;
+
+    /* State of a phase; no two of these phases are under way at a time. */
+    union {
+        /* Merge sort: the sorted runs and the buffer to which they are merged; items; bounds of the
+         * two runs that are merged; positions in both runs and in the output. */
+        struct {
+            int32_t *from, *to;
+            int32_t count, start, middle, end, left, right, out;
+        } sort;
+        /* E-step: number of candidates, closest candidate, candidate that may grow to the current
+         * point, and 1 while components may grow; sum of the weights; squared distances of the
+         * closest and of the growing candidate, in m^2. */
+        struct {
+            int32_t candidate_count, best, growing, is_growing;
+            cairn_real weight_sum, best_squared, growing_squared;
+        };
+        /* Initial components and runs: moments of the points, in the frame of the component that is
+         * made. */
+        struct {
+            polyline_sums sums;
+            polyline_component made_component;
+            /* Initial components: level of the cell, pass over it, and half width of the band, in
+             * m. */
+            int32_t level, pass;
+            cairn_real limit;
+            /* Runs: moments of the points left of the tried split, and left of the best split; sum
+             * of squares of both sides of the best split, in m^2, and the point before the split,
+             * -1: none; component of the next run in order when none was split, 0 at first. */
+            polyline_sums left_sums, best_left_sums;
+            cairn_real best_sse;
+            int32_t best_split, next_component;
+        };
+        /* 1: this pass over the pairs of components merged a pair. */
+        int32_t has_merged;
+    };
 };
 
 /* Place of return of a phase: goes on when an operation of `eighths` of a work unit is charged. */
