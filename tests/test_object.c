@@ -30,12 +30,12 @@ static void set_number(param_bed *bed, cairn_real value)
 /* The defaults, with the row in use. */
 static void set_default(param_bed *bed)
 {
-    const int32_t one = 1;
+    const int32_t in_use = bed->row->when_is == 0 ? 1 : bed->row->when_is;
 
     assert_true(bed->object->parameters->size <= MAX_PARAMS_BYTES);
     bed->object->set_default(bed->params);
     if (bed->row->when != CAIRN_ALWAYS)
-        memcpy(bed->params + bed->row->when, &one, sizeof one);
+        memcpy(bed->params + bed->row->when, &in_use, sizeof in_use);
 }
 
 /* The params must be refused by name, by all three functions, and leave the pool as it was. */

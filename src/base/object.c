@@ -79,6 +79,17 @@ static cairn_object_fault fault_of(const cairn_parameters *table, const cairn_pa
     return fault;
 }
 
+/* 1 when a parameter is in use. */
+static int is_in_use(const cairn_parameter *row, const void *params)
+{
+    int32_t is;
+
+    if (row->when == CAIRN_ALWAYS)
+        return 1;
+    is = integer_at(params, row->when);
+    return row->when_is == 0 ? is != 0 : is == row->when_is;
+}
+
 cairn_status cairn_parameters_check(const cairn_parameters *table, const void *params,
                                     cairn_object_fault *fault)
 {
@@ -87,8 +98,7 @@ cairn_status cairn_parameters_check(const cairn_parameters *table, const void *p
     for (int32_t i = 0; i < table->count; i++) {
         const cairn_parameter *row = &table->rows[i];
 
-        if ((row->when == CAIRN_ALWAYS || integer_at(params, row->when) != 0) &&
-            !is_in_range(row, params)) {
+        if (is_in_use(row, params) && !is_in_range(row, params)) {
             if (fault != NULL)
                 *fault = fault_of(table, row, params);
             return CAIRN_BAD_ARGUMENT;

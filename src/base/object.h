@@ -39,15 +39,16 @@ typedef union cairn_parameter_value {
 /* Parameter: a field of a params struct. */
 typedef struct cairn_parameter {
     const char *field;
-    /* Offset of the field, and of an int32_t that is not 0 where the parameter is in use;
-     * CAIRN_ALWAYS. */
+    /* Offset of the field, and of the int32_t that says whether it is in use; CAIRN_ALWAYS. */
     uint16_t at, when;
+    /* Value of that int32_t where the parameter is in use; 0: any but 0. */
+    int16_t when_is;
     /* CAIRN_PARAMETER_... */
-    int32_t type;
+    int16_t type;
     cairn_parameter_value preset, lowest, highest;
 } cairn_parameter;
 
-/* `when` of a parameter that is always in use. */
+/* `in_use` and `when` of a parameter that is always in use. */
 #define CAIRN_ALWAYS UINT16_MAX
 
 /* Table of the parameters of an object. */
@@ -66,11 +67,12 @@ typedef struct cairn_parameters {
         .size = sizeof(params)                                                                     \
     }
 
-/* Rows: the field of a params struct, its default, and its range. The second of each kind is in use
- * only where another field, an int32_t, is not 0. */
+/* Rows: the field of a params struct, its default, and its range. Those with `in_use` are in use
+ * only where another field, an int32_t, is not 0 (CAIRN_WHEN) or has a value (CAIRN_WHEN_IS). */
 #define CAIRN_INTEGER_IF(params, name, in_use, is, from, to)                                       \
     {                                                                                              \
-        .field = #name, .at = (uint16_t)offsetof(params, name), .when = (in_use),                  \
+        .field = #name, .at = (uint16_t)offsetof(params, name), .when = (uint16_t)(in_use),        \
+        .when_is = (int16_t)((in_use) >> 16),                                                      \
         .type = _Generic(((params *)0)->name, int32_t                                              \
                          : CAIRN_PARAMETER_INTEGER),                                               \
         .preset = {.integer = (is)}, .lowest = {.integer = (from)}, .highest = {                   \
@@ -79,7 +81,8 @@ typedef struct cairn_parameters {
     }
 #define CAIRN_NUMBER_ROW(params, name, in_use, kind, is, from, to)                                 \
     {                                                                                              \
-        .field = #name, .at = (uint16_t)offsetof(params, name), .when = (in_use),                  \
+        .field = #name, .at = (uint16_t)offsetof(params, name), .when = (uint16_t)(in_use),        \
+        .when_is = (int16_t)((in_use) >> 16),                                                      \
         .type = _Generic(((params *)0)->name, cairn_real                                           \
                          : (kind)),                                                                \
         .preset = {.number = (is)}, .lowest = {.number = (from)}, .highest = {                     \
@@ -95,8 +98,10 @@ typedef struct cairn_parameters {
 #define CAIRN_NUMBER_BELOW(params, name, is, from, to)                                             \
     CAIRN_NUMBER_ROW(params, name, CAIRN_ALWAYS, CAIRN_PARAMETER_NUMBER_BELOW, is, from, to)
 
-/* `when`: in use where the field is not 0. */
-#define CAIRN_WHEN(params, name) ((uint16_t)offsetof(params, name))
+/* `in_use`: where the field is not 0; where it has a value, 1 ... INT16_MAX. */
+#define CAIRN_WHEN(params, name) ((uint32_t)offsetof(params, name))
+#define CAIRN_WHEN_IS(params, name, value)                                                         \
+    ((uint32_t)offsetof(params, name) | (uint32_t)(value) << 16)
 
 /* Sets a params struct to its defaults; padding and fields without a row to 0. */
 void cairn_parameters_preset(const cairn_parameters *table, void *params);
