@@ -114,7 +114,7 @@ MODULE(boundary)
 MODULE(curve_evolution)
 MODULE(inner_distance)
 MODULE(self_similarity)
-MODULE(force_field)
+DECLARED(force_field)
 MODULE(hough)
 MODULE(icp)
 MODULE(lum)
@@ -281,7 +281,8 @@ const pool_object pool_objects[] = {
      4,
      {HAS(force_field, "scan", max_scans), HAS(force_field, "segment", max_segments),
       HAS(force_field, "point", max_points), HAS(force_field, "corner", max_corners),
-      HAS(force_field, "bond", max_bonds), HAS(force_field, "extra point", max_extra)}},
+      HAS(force_field, "bond", max_bonds), HAS(force_field, "extra point", max_extra)},
+     DECLARATION(force_field)},
     {OBJECT(aligner),
      5,
      {HAS(aligner, "scan", max_scans), HAS(aligner, "segment", max_segments),

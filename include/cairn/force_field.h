@@ -32,6 +32,7 @@
 
 #include "cairn/corner.h"
 #include "cairn/force_kernel.h"
+#include "cairn/object.h"
 #include "cairn/scan_set.h"
 
 #ifdef __cplusplus
@@ -263,6 +264,13 @@ cairn_force_field_params cairn_force_field_spaced(cairn_real spacing);
  * sigma_start: sigma in the first iteration, m, > 0
  * steps: iterations in which sigma falls, >= 1 */
 cairn_force_field_params cairn_force_field_springs(cairn_real sigma_start, int32_t steps);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_force_field_check(const cairn_force_field_params *params,
+                                                   cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes from the pool; 0 for invalid params. */
 size_t cairn_force_field_memory(const cairn_force_field_params *params);

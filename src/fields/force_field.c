@@ -59,168 +59,112 @@ static cairn_point_grid_params grid_params(const cairn_force_field_params *p)
     return params;
 }
 
-/* Counts an object's memory and returns 1 on a counting pool; returns 0 on a real one, whose
- * capacity has been checked. */
-static int only_counted(cairn_pool *pool, size_t need)
+/* The arrays of the external points. */
+static void take_extra(struct cairn_force_field_extra *extra, cairn_pool *pool, size_t count)
 {
-    if (pool->base != NULL)
-        return 0;
-    cairn_pool_count(pool, need);
-    return 1;
+    if (count == 0)
+        return;
+    CAIRN_TAKE(extra, pool, position, count);
+    CAIRN_TAKE(extra, pool, weight, count);
+    CAIRN_TAKE(extra, pool, direction, count);
+    CAIRN_TAKE(extra, pool, first, count + 1);
 }
 
-static void must_be_ok(cairn_status status)
+/* The arrays of positions and masses of the points, or of the bits of those in a region. */
+static void take_points(cairn_force_field *field, cairn_pool *pool,
+                        const cairn_force_field_params *params)
 {
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-}
+    size_t points = (size_t)params->max_points;
 
-static cairn_scan_set *carve_set(cairn_pool *pool, const cairn_force_field_params *params)
-{
-    cairn_scan_set_params p = set_params(params);
-    cairn_scan_set *set = NULL;
-
-    if (!only_counted(pool, cairn_scan_set_memory(&p)))
-        must_be_ok(cairn_scan_set_create(&set, pool, &p));
-    return set;
-}
-
-static cairn_box_sweep *carve_sweep(cairn_pool *pool, const cairn_force_field_params *params)
-{
-    cairn_box_sweep_params p = {
-        .max_boxes = params->max_extra + params->max_segments,
-    };
-    cairn_box_sweep *sweep = NULL;
-
-    if (!only_counted(pool, cairn_box_sweep_memory(&p)))
-        must_be_ok(cairn_box_sweep_create(&sweep, pool, &p));
-    return sweep;
-}
-
-static cairn_corner_set *carve_corners(cairn_pool *pool, const cairn_force_field_params *params)
-{
-    cairn_corner_params p = corner_params(params);
-    cairn_corner_set *corners = NULL;
-
-    if (!only_counted(pool, cairn_corner_memory(&p)))
-        must_be_ok(cairn_corner_create(&corners, pool, &p));
-    return corners;
-}
-
-static cairn_point_grid *carve_grid(cairn_pool *pool, const cairn_force_field_params *params)
-{
-    cairn_point_grid_params p = grid_params(params);
-    cairn_point_grid *grid = NULL;
-
-    if (!only_counted(pool, cairn_point_grid_memory(&p)))
-        must_be_ok(cairn_point_grid_create(&grid, pool, &p));
-    return grid;
-}
-
-static struct cairn_force_field_extra carve_extra(cairn_pool *pool, size_t count)
-{
-    struct cairn_force_field_extra extra = {NULL, NULL, NULL, NULL, 0, 0};
-
-    if (count > 0) {
-        extra.position = cairn_pool_take(pool, count, sizeof *extra.position);
-        extra.weight = cairn_pool_take(pool, count, sizeof *extra.weight);
-        extra.direction = cairn_pool_take(pool, count, sizeof *extra.direction);
-        extra.first = cairn_pool_take(pool, count + 1, sizeof *extra.first);
+    if (!(params->spacing > 0)) {
+        CAIRN_TAKE(field, pool, position, points);
+        if (params->roi)
+            CAIRN_TAKE(field, pool, mass, points);
+    } else if (params->roi) {
+        CAIRN_TAKE(field, pool, in_region, points / 32 + 1);
     }
-    return extra;
 }
 
-static cairn_force_field *carve(cairn_pool *pool, const cairn_force_field_params *params)
+/* The nested objects. */
+static void take_objects(cairn_force_field *field, cairn_pool *pool,
+                         const cairn_force_field_params *params)
 {
-    size_t scans = (size_t)params->max_scans, points = (size_t)params->max_points;
-    size_t extra_count = (size_t)params->max_extra, segment_count = (size_t)params->max_segments;
-    int32_t is_kept = !(params->spacing > 0), has_masses = is_kept && params->roi,
-            has_bits = !is_kept && params->roi;
-    cairn_force_field *field = cairn_pool_take_one(pool, sizeof *field);
-    struct cairn_force_field_placement *front = cairn_pool_take(pool, scans, sizeof *front);
-    struct cairn_force_field_placement *back = cairn_pool_take(pool, scans, sizeof *back);
-    struct cairn_force_field_body *bodies = cairn_pool_take(pool, scans, sizeof *bodies);
-    cairn_segment *segments = cairn_pool_take(pool, segment_count, sizeof *segments);
-    cairn_vec2 *directions = cairn_pool_take(pool, segment_count, sizeof *directions);
-    cairn_box *boxes = cairn_pool_take(pool, extra_count + segment_count, sizeof *boxes);
-    cairn_vec2 *position = is_kept ? cairn_pool_take(pool, points, sizeof *position) : NULL;
-    cairn_real *mass = has_masses ? cairn_pool_take(pool, points, sizeof *mass) : NULL;
-    uint32_t *in_region =
-        has_bits ? cairn_pool_take(pool, points / 32 + 1, sizeof *in_region) : NULL;
-    struct cairn_force_field_extra extra[2] = {carve_extra(pool, extra_count),
-                                               carve_extra(pool, extra_count)};
-    cairn_scan_set *set = carve_set(pool, params);
-    cairn_box_sweep *sweep = carve_sweep(pool, params);
-    cairn_corner_set *corners = params->roi ? carve_corners(pool, params) : NULL;
-    cairn_point_grid *grid = params->roi ? carve_grid(pool, params) : NULL;
-    struct cairn_force_field_unknown *unknowns = NULL;
-    struct cairn_force_field_bond *bonds = NULL;
+    cairn_scan_set_params set = set_params(params);
+    cairn_box_sweep_params sweep = {.max_boxes = params->max_extra + params->max_segments};
+    cairn_corner_params corners = corner_params(params);
+    cairn_point_grid_params grid = grid_params(params);
 
+    CAIRN_TAKE_OBJECT(field, pool, set, scan_set, &set);
+    CAIRN_TAKE_OBJECT(field, pool, sweep, box_sweep, &sweep);
+    if (params->roi) {
+        CAIRN_TAKE_OBJECT(field, pool, corners, corner, &corners);
+        CAIRN_TAKE_OBJECT(field, pool, grid, point_grid, &grid);
+    }
+}
+
+/* Sets a new field, whose arrays are allocated. */
+static void initialize(cairn_force_field *field, const cairn_force_field_params *params)
+{
+    size_t points = (size_t)params->max_points;
+
+    field->params = *params;
+    if (field->unknowns != NULL && params->alignment_torque > 0)
+        field->params.potential = 1;
+    if (field->mass != NULL)
+        memset(field->mass, 0, points * sizeof *field->mass);
+    else
+        field->mass = field->set->mass;
+    if (field->in_region != NULL)
+        memset(field->in_region, 0, (points / 32 + 1) * sizeof *field->in_region);
+    cairn_force_kernel_init(&field->kernel);
+    cairn_force_field_clear(field);
+}
+
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_force_field *build(cairn_pool *pool, const cairn_force_field_params *params)
+{
+    size_t scans = (size_t)params->max_scans, segments = (size_t)params->max_segments,
+           extra = (size_t)params->max_extra;
+    cairn_force_field *field = cairn_object_take(pool, sizeof *field);
+
+    CAIRN_TAKE(field, pool, placements[0], scans);
+    CAIRN_TAKE(field, pool, placements[1], scans);
+    CAIRN_TAKE(field, pool, bodies, scans);
+    CAIRN_TAKE(field, pool, segments, segments);
+    CAIRN_TAKE(field, pool, directions, segments);
+    CAIRN_TAKE(field, pool, boxes, extra + segments);
+    take_points(field, pool, params);
+    for (int i = 0; i < 2; i++)
+        take_extra(field != NULL ? &field->extra[i] : NULL, pool, extra);
+    take_objects(field, pool, params);
     if (params->mode == CAIRN_FORCE_FIELD_SPRINGS) {
-        unknowns = cairn_pool_take(pool, scans, sizeof *unknowns);
-        bonds = cairn_pool_take(pool, (size_t)params->max_bonds, sizeof *bonds);
+        CAIRN_TAKE(field, pool, unknowns, scans);
+        CAIRN_TAKE(field, pool, bonds, params->max_bonds);
     }
-
-    if (field != NULL) {
-        memset(field, 0, sizeof *field);
-        field->placements[0] = front;
-        field->placements[1] = back;
-        field->bodies = bodies;
-        field->segments = segments;
-        field->directions = directions;
-        field->boxes = boxes;
-        field->position = position;
-        field->mass = has_masses ? mass : set->mass;
-        field->in_region = in_region;
-        field->extra[0] = extra[0];
-        field->extra[1] = extra[1];
-        field->set = set;
-        field->sweep = sweep;
-        field->corners = corners;
-        field->grid = grid;
-        field->unknowns = unknowns;
-        field->bonds = bonds;
-    }
+    if (field != NULL)
+        initialize(field, params);
     return field;
 }
 
 size_t cairn_force_field_memory(const cairn_force_field_params *params)
 {
-    cairn_scan_set_params p;
     cairn_pool counting;
 
-    if (!cairn_force_field_params_are_valid(params))
-        return 0;
-    p = set_params(params);
-    if (cairn_scan_set_memory(&p) == 0)
+    if (cairn_force_field_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_force_field_create(cairn_force_field **field, cairn_pool *pool,
                                       const cairn_force_field_params *params)
 {
-    size_t need = cairn_force_field_memory(params);
-    cairn_force_field *made;
+    cairn_status status = cairn_object_admit(field, pool, cairn_force_field_memory(params));
 
-    if (field == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    made->params = *params;
-    if (made->unknowns != NULL && params->alignment_torque > 0)
-        made->params.potential = 1;
-    cairn_force_kernel_init(&made->kernel);
-    if (made->in_region != NULL)
-        memset(made->in_region, 0, ((size_t)params->max_points / 32 + 1) * sizeof *made->in_region);
-    else if (params->roi)
-        memset(made->mass, 0, (size_t)params->max_points * sizeof *made->mass);
-    cairn_force_field_clear(made);
-    *field = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *field = build(pool, params);
+    return status;
 }
 
 /* ---- Inputs ---- */
@@ -228,7 +172,7 @@ cairn_status cairn_force_field_create(cairn_force_field **field, cairn_pool *poo
 /* Returns the commit point at which an input takes effect. */
 static uint32_t next_commit(const cairn_force_field *field)
 {
-    return cairn_force_field_iteration_is_between(field) ? field->commits : field->commits + 1;
+    return force_field_is_between(field) ? field->commits : field->commits + 1;
 }
 
 cairn_status cairn_force_field_add_scan(cairn_force_field *field, const cairn_scan_view *view,
@@ -272,7 +216,7 @@ cairn_status cairn_force_field_add_scan(cairn_force_field *field, const cairn_sc
     body->is_new = 1;
     body->active_from = next_commit(field);
     field->scan_count++;
-    if (cairn_force_field_iteration_is_between(field))
+    if (force_field_is_between(field))
         cairn_force_field_iteration_take_in(field);
     return CAIRN_OK;
 }
@@ -295,7 +239,7 @@ cairn_status cairn_force_field_fix(cairn_force_field *field, int32_t scan, int32
     if (!is_there(field, scan))
         return CAIRN_BAD_ARGUMENT;
     body = &field->bodies[scan];
-    body->fixed_before = cairn_force_field_iteration_is_fixed(field, scan) != 0;
+    body->fixed_before = force_field_is_fixed(field, scan) != 0;
     body->fixed_after = yes != 0;
     body->fixed_from = field->clock + 1;
     return CAIRN_OK;
@@ -303,7 +247,7 @@ cairn_status cairn_force_field_fix(cairn_force_field *field, int32_t scan, int32
 
 cairn_status cairn_force_field_place(cairn_force_field *field, int32_t scan, cairn_pose map_scan)
 {
-    if (!is_there(field, scan) || !cairn_force_field_iteration_is_between(field))
+    if (!is_there(field, scan) || !force_field_is_between(field))
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pose_is_finite(map_scan))
         return CAIRN_NOT_FINITE;
@@ -328,7 +272,7 @@ cairn_status cairn_force_field_remove(cairn_force_field *field, int32_t scan)
     body->next_leaving = field->last_leaving;
     field->last_leaving = scan;
     field->scan_count--;
-    if (cairn_force_field_iteration_is_between(field))
+    if (force_field_is_between(field))
         field->revision++;
     return CAIRN_OK;
 }
@@ -390,7 +334,7 @@ cairn_status cairn_force_field_set_extra(cairn_force_field *field,
 
 void cairn_force_field_restart(cairn_force_field *field)
 {
-    if (cairn_force_field_iteration_is_between(field))
+    if (force_field_is_between(field))
         cairn_force_field_iteration_start_cooling(field);
     else
         field->restart = 1;
@@ -405,7 +349,7 @@ void cairn_force_field_clear(cairn_force_field *field)
     field->last_leaving = -1;
     field->scan_count = 0;
     field->has_forces = 0;
-    field->phase = FORCE_FIELD_AT_COMMIT;
+    field->resume = field->phase_resume = field->pair_resume = 0;
     field->units_charged = 0;
     field->clock = field->commits = 0;
     field->placed_sigma = 0;
@@ -417,39 +361,28 @@ void cairn_force_field_clear(cairn_force_field *field)
 
 /* ---- Steps ---- */
 
+/* 1 when scans were removed, or their removal is under way. */
 static int is_untidy(const cairn_force_field *field)
 {
-    return field->last_leaving >= 0 || field->set->needs_packing;
+    return field->last_leaving >= 0 || field->set->needs_packing || field->phase_resume != 0;
 }
 
+/* Runs iterations until the simulation has stopped; one: only the next. */
 static cairn_status run(cairn_force_field *field, cairn_budget *budget, int one)
 {
     do {
-        cairn_status status;
-
-        if (field->phase == FORCE_FIELD_AT_COMMIT && is_untidy(field)) {
-            field->phase = FORCE_FIELD_PACK;
-            field->has_forces = 0;
-        }
-        if (field->phase == FORCE_FIELD_PACK) {
-            status = cairn_force_field_iteration_step(field, budget);
-            if (status != CAIRN_OK)
-                return status;
-        }
-        if (field->phase == FORCE_FIELD_AT_COMMIT) {
+        if (force_field_is_between(field)) {
+            if (is_untidy(field) && !cairn_force_field_pack(field, budget))
+                return CAIRN_MORE;
             if (field->scan_count == 0)
                 return CAIRN_EMPTY;
             if (field->state.verdict != CAIRN_FORCE_FIELD_RUNNING)
                 return CAIRN_OK;
             if (budget->left <= 0)
                 return CAIRN_MORE;
-            cairn_force_field_iteration_begin(field);
         }
-        while (field->phase != FORCE_FIELD_AT_COMMIT) {
-            status = cairn_force_field_iteration_step(field, budget);
-            if (status != CAIRN_OK)
-                return status;
-        }
+        if (!cairn_force_field_iteration(field, budget))
+            return CAIRN_MORE;
     } while (!one);
     return CAIRN_OK;
 }
@@ -521,7 +454,7 @@ const cairn_scan_set *cairn_force_field_scans(const cairn_force_field *field)
 
 int32_t cairn_force_field_has(const cairn_force_field *field, int32_t scan)
 {
-    return scan >= 0 && scan < field->slots && cairn_force_field_iteration_has(field, scan);
+    return scan >= 0 && scan < field->slots && force_field_has_scan(field, scan);
 }
 
 /* Returns the segment of a scan that contains a point; segments are sorted by their points. */
@@ -550,8 +483,7 @@ cairn_status cairn_force_field_point_force(const cairn_force_field *field, int32
         index < 0 ||
         index >= field->set->scans[scan].end_point - field->set->scans[scan].first_point)
         return CAIRN_BAD_ARGUMENT;
-    if (field->phase != FORCE_FIELD_AT_COMMIT || !field->has_forces ||
-        !field->bodies[scan].has_forces)
+    if (!force_field_is_between(field) || !field->has_forces || !field->bodies[scan].has_forces)
         return CAIRN_EMPTY;
     from = &field->set->scans[scan];
     point = from->first_point + index;

@@ -1,23 +1,20 @@
 /* One iteration of force field simulation.
  *
- * Method (Adluru 2008, algorithm 1), one phase after the other, each in bounded steps:
+ * Method (Adluru 2008, algorithm 1).
  *
- * 1. COMPARE: finds the scans that have moved since the last iteration.
- * 2. PLACE: transforms their segments and points into the map; bounding boxes of the points of each
- *    segment.
- * 3. CORNERS: corner detection over all segments. UNGRID, GRID: the corners into a hash grid.
- * 4. MASSES: points near a corner are in a region of interest.
- * 5. PAIRS: forces between the points of near segments (force_field_pairs.c).
- * 6. SOLVE: in mode SPRINGS, motions to the equilibrium (force_field_springs.c).
- * 7. MOVE: moves each scan from rest (eqs. 7.6 to 7.9; force_field_move.c).
- * 8. Commit: swaps buffers, cooling (section 7.3.2), verdict.
- *
- * Without regions of interest CORNERS to MASSES are left out.
+ * 1. Finds the scans that have moved since the last iteration.
+ * 2. Places their segments and points in the map; bounding boxes of the points of each segment.
+ * 3. Regions of interest, if any: corner detection over all segments; the corners into a hash grid;
+ *    points near a corner are in a region.
+ * 4. Forces between the points of near segments (force_field_pairs.c).
+ * 5. In mode SPRINGS, motions to the equilibrium (force_field_springs.c).
+ * 6. Moves each scan from rest (eqs. 7.6 to 7.9; force_field_move.c).
+ * 7. Commit: swaps buffers, cooling (section 7.3.2), verdict.
  *
  * The forces of a scan are cached while its neighbours rest. Neighbours are the scans with segments
- * in near boxes. MARK_OLD traverses the previous boxes, MARK_NEW the current ones; every scan near
- * one that has moved is dirty. Only dirty scans are recomputed. When sigma has changed, as during
- * cooling, all are.
+ * in near boxes. Before scans are placed the previous boxes are swept, then the current ones; every
+ * scan near one that has moved is dirty. Only dirty scans are recomputed. When sigma has changed, as
+ * during cooling, all are.
  *
  * Source: Adluru 2008, chapter 7. */
 #include "src/base/build.h"
@@ -30,26 +27,6 @@ enum { POINTS_PER_GROUP = 8, ITEMS_PER_GROUP = 4 };
 
 /* relative growth of boxes beyond exact arithmetic */
 #define BOX_GROWTH_FACTOR CAIRN_REAL(1.001)
-
-int32_t cairn_force_field_iteration_is_between(const cairn_force_field *field)
-{
-    return field->phase == FORCE_FIELD_AT_COMMIT || field->phase == FORCE_FIELD_PACK;
-}
-
-int32_t cairn_force_field_iteration_has(const cairn_force_field *field, int32_t scan)
-{
-    const struct cairn_force_field_body *body = &field->bodies[scan];
-
-    return field->set->scans[scan].in_use && field->commits >= body->active_from &&
-           !(body->is_leaving && field->commits >= body->active_until);
-}
-
-int32_t cairn_force_field_iteration_is_fixed(const cairn_force_field *field, int32_t scan)
-{
-    const struct cairn_force_field_body *body = &field->bodies[scan];
-
-    return field->clock >= body->fixed_from ? body->fixed_after : body->fixed_before;
-}
 
 void cairn_force_field_iteration_take_in(cairn_force_field *field)
 {
@@ -68,7 +45,16 @@ void cairn_force_field_iteration_start_cooling(cairn_force_field *field)
     field->state.verdict = CAIRN_FORCE_FIELD_RUNNING;
 }
 
-void cairn_force_field_iteration_begin(cairn_force_field *field)
+/* External points in use. */
+static const struct cairn_force_field_extra *extra_of(const cairn_force_field *field)
+{
+    return &field->extra[field->extra_front];
+}
+
+/* ---- Scans that have moved ---- */
+
+/* Begins an iteration at a commit point. */
+static void begin(cairn_force_field *field)
 {
     const cairn_force_field_params *p = &field->params;
 
@@ -79,29 +65,18 @@ void cairn_force_field_iteration_begin(cairn_force_field *field)
         field->extra_pending = 0;
         field->placed_sigma = 0;
     }
-    field->recomputes_all =
-        field->sigma != field->placed_sigma || cairn_force_field_has_springs(field);
+    field->recomputes_all = field->sigma != field->placed_sigma || force_field_has_springs(field);
     field->placed_sigma = field->sigma;
     if (field->recomputes_all)
         field->free_box = cairn_box_empty();
     /* The threshold is slightly lower, so that rounding does not decide at equality. */
     field->rotates_about_sensor =
-        cairn_force_field_has_springs(field) ||
+        force_field_has_springs(field) ||
         field->sigma < p->sensor_below * p->sigma_start * CAIRN_REAL(0.9999);
     field->margin = p->reach * field->sigma / 2 * BOX_GROWTH_FACTOR;
     cairn_force_kernel_set(&field->kernel, field->sigma, p->reach);
-    field->scan = 0;
     field->moved_count = field->still_count = 0;
     field->units_charged = 0;
-    field->phase = FORCE_FIELD_COMPARE;
-}
-
-/* ---- Phases; each returns CAIRN_OK when it is done ---- */
-
-static void must_be_ok(cairn_status status)
-{
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
 }
 
 static int is_same_pose(cairn_pose a, cairn_pose b)
@@ -109,45 +84,33 @@ static int is_same_pose(cairn_pose a, cairn_pose b)
     return a.x == b.x && a.y == b.y && a.theta == b.theta;
 }
 
-static cairn_status step_pack(cairn_force_field *field, cairn_budget *budget)
+/* Notes whether a scan has moved since the last iteration. */
+static void compare_scan(cairn_force_field *field, int32_t scan)
 {
-    while (field->last_leaving >= 0) {
-        struct cairn_force_field_body *body = &field->bodies[field->last_leaving];
-        const cairn_scan_set_scan *scan = &field->set->scans[field->last_leaving];
+    struct cairn_force_field_body *body = &field->bodies[scan];
+    uint8_t is_fixed = force_field_is_fixed(field, scan) != 0;
 
-        if (!cairn_budget_charge(budget, &field->units_charged,
-                                 1 + (scan->end_segment - scan->first_segment) / 16))
-            return CAIRN_MORE;
-        must_be_ok(cairn_scan_set_remove(field->set, field->last_leaving));
-        field->last_leaving = body->next_leaving;
-    }
-    return cairn_scan_set_pack(field->set, budget);
+    if (!force_field_has_scan(field, scan))
+        return;
+    body->moved = field->recomputes_all || body->is_new || is_fixed != body->is_fixed ||
+                  !is_same_pose(body->placed, field->placements[field->front][scan].map_scan);
+    body->is_fixed = is_fixed;
+    body->dirty = body->moved;
+    field->moved_count += body->moved;
+    field->still_count += !body->moved;
 }
 
-static cairn_status step_compare(cairn_force_field *field, cairn_budget *budget)
+static int compare_scans(cairn_force_field *field, cairn_budget *budget)
 {
-    while (field->scan < field->slots) {
-        if (!cairn_budget_charge(budget, &field->units_charged, 1))
-            return CAIRN_MORE;
-        for (int32_t i = 0; i < ITEMS_PER_GROUP && field->scan < field->slots; i++, field->scan++) {
-            struct cairn_force_field_body *body = &field->bodies[field->scan];
-            uint8_t is_fixed = cairn_force_field_iteration_is_fixed(field, field->scan) != 0;
-
-            if (!cairn_force_field_iteration_has(field, field->scan))
-                continue;
-            body->moved =
-                field->recomputes_all || body->is_new || is_fixed != body->is_fixed ||
-                !is_same_pose(body->placed, field->placements[field->front][field->scan].map_scan);
-            body->is_fixed = is_fixed;
-            body->dirty = body->moved;
-            field->moved_count += body->moved;
-            field->still_count += !body->moved;
-        }
+    CAIRN_STEP_BEGIN(field->phase_resume);
+    for (field->scan = 0; field->scan < field->slots; field->scan++) {
+        FORCE_FIELD_PAY_EVERY(field, budget, field->scan, ITEMS_PER_GROUP, 1);
+        compare_scan(field, field->scan);
     }
-    field->is_partly_still = field->moved_count > 0 && field->still_count > 0;
-    field->scan = 0;
-    return CAIRN_OK;
+    CAIRN_STEP_END(field->phase_resume);
 }
+
+/* ---- Placing ---- */
 
 static void extend(cairn_box *box, cairn_vec2 p)
 {
@@ -165,43 +128,93 @@ static void grow(cairn_box *box, cairn_real by)
     box->max.y += by;
 }
 
-/* Finishes the box of the current segment when all its points are in it. */
-static void end_box(cairn_force_field *field)
+/* First point of the current run of external points, and the one behind its last. */
+static int32_t run_first(const cairn_force_field *field)
 {
-    cairn_box *box = &field->boxes[field->extra[field->extra_front].runs + field->segment];
-
-    grow(box, field->margin);
-    if (!field->bodies[field->set->segments[field->segment].scan].is_fixed) {
-        extend(&field->free_box, box->min);
-        extend(&field->free_box, box->max);
-    }
+    return extra_of(field)->first[field->segment];
 }
 
-/* Transforms a segment without its points. */
+static int32_t run_end(const cairn_force_field *field)
+{
+    return extra_of(field)->first[field->segment + 1];
+}
+
+/* Boxes of the runs of external points. */
+static int place_extra(cairn_force_field *field, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(field->phase_resume);
+    for (field->segment = 0; field->segment < extra_of(field)->runs; field->segment++) {
+        field->boxes[field->segment] = cairn_box_empty();
+        for (field->point = run_first(field); field->point < run_end(field); field->point++) {
+            FORCE_FIELD_PAY_EVERY(field, budget, field->point - run_first(field), POINTS_PER_GROUP,
+                                  1);
+            extend(&field->boxes[field->segment], extra_of(field)->position[field->point]);
+        }
+        grow(&field->boxes[field->segment], field->margin);
+    }
+    CAIRN_STEP_END(field->phase_resume);
+}
+
+/* The current segment, in the frame of its scan. */
+static const cairn_scan_set_segment *segment_of(const cairn_force_field *field)
+{
+    return &field->set->segments[field->segment];
+}
+
+/* Number of points of the current segment. */
+static int32_t point_count(const cairn_force_field *field)
+{
+    return segment_of(field)->end_point - segment_of(field)->first_point;
+}
+
+/* 1 when the current segment is the first of its scan. */
+static int is_first_segment(const cairn_force_field *field)
+{
+    return field->set->scans[segment_of(field)->scan].first_segment == field->segment;
+}
+
+/* Box of the current segment. */
+static cairn_box *box_of(cairn_force_field *field)
+{
+    return &field->boxes[extra_of(field)->runs + field->segment];
+}
+
+/* Transforms the current segment without its points, the first of a scan with the scan. */
 static void place_segment(cairn_force_field *field)
 {
-    const cairn_scan_set_segment *from = &field->set->segments[field->segment];
-    cairn_transform transform = field->bodies[from->scan].transform;
-    cairn_vec2 a = cairn_transform_point(transform, from->segment.a);
-    cairn_vec2 b = cairn_transform_point(transform, from->segment.b);
-    cairn_box box = {a, a};
+    const cairn_scan_set_segment *from = segment_of(field);
+    cairn_transform transform;
+    cairn_box *box = box_of(field);
+    cairn_vec2 a, b;
 
-    extend(&box, b);
+    if (is_first_segment(field))
+        cairn_force_field_place_scan(field, from->scan);
+    transform = field->bodies[from->scan].transform;
+    a = cairn_transform_point(transform, from->segment.a);
+    b = cairn_transform_point(transform, from->segment.b);
     field->segments[field->segment].a = a;
     field->segments[field->segment].b = b;
     field->directions[field->segment] = cairn_transform_direction(transform, from->direction);
-    field->boxes[field->extra[field->extra_front].runs + field->segment] = box;
+    box->min = box->max = a;
+    extend(box, b);
 }
 
-/* Transforms the next points of the current segment. */
+/* Number of points of the current segment that are transformed together from `point` on. */
+static int32_t strip_count(const cairn_force_field *field)
+{
+    int32_t left = point_count(field) - field->point;
+
+    return left < CAIRN_FORCE_STRIP_POINTS ? left : CAIRN_FORCE_STRIP_POINTS;
+}
+
+/* Transforms points of the current segment from `point` on. */
 static void place_points(cairn_force_field *field)
 {
-    const cairn_scan_set_segment *from = &field->set->segments[field->segment];
+    const cairn_scan_set_segment *from = segment_of(field);
     cairn_transform transform = field->bodies[from->scan].transform;
-    cairn_box *box = &field->boxes[field->extra[field->extra_front].runs + field->segment];
+    cairn_box *box = box_of(field);
     cairn_vec2 points[CAIRN_FORCE_STRIP_POINTS];
-    int32_t left = from->end_point - from->first_point - field->point;
-    int32_t count = left < CAIRN_FORCE_STRIP_POINTS ? left : CAIRN_FORCE_STRIP_POINTS;
+    int32_t count = strip_count(field);
 
     cairn_scan_set_read(field->set, field->segment, field->point, count, points);
     for (int32_t i = 0; i < count; i++) {
@@ -211,99 +224,79 @@ static void place_points(cairn_force_field *field)
         if (field->position != NULL)
             field->position[from->first_point + field->point + i] = p;
     }
-    field->point += count;
-    if (field->point == from->end_point - from->first_point)
-        end_box(field);
 }
 
-/* Returns the units for the next points of a segment, of which `left` are left. */
-static int32_t place_cost(int32_t left)
+/* Finishes the box of the current segment, with all its points. */
+static void end_box(cairn_force_field *field)
 {
-    return 1 + (left < CAIRN_FORCE_STRIP_POINTS ? left : CAIRN_FORCE_STRIP_POINTS) / 2;
-}
+    cairn_box *box = box_of(field);
 
-static cairn_status step_place_extra(cairn_force_field *field, cairn_budget *budget)
-{
-    const struct cairn_force_field_extra *extra = &field->extra[field->extra_front];
-
-    for (; field->recomputes_all && field->segment < extra->runs; field->segment++) {
-        cairn_box *box = &field->boxes[field->segment];
-
-        if (field->point == extra->first[field->segment])
-            *box = cairn_box_empty();
-        while (field->point < extra->first[field->segment + 1]) {
-            int32_t end = field->point + POINTS_PER_GROUP;
-
-            if (!cairn_budget_charge(budget, &field->units_charged, 1))
-                return CAIRN_MORE;
-            for (; field->point < end && field->point < extra->first[field->segment + 1];
-                 field->point++)
-                extend(box, extra->position[field->point]);
-        }
-        grow(box, field->margin);
+    grow(box, field->margin);
+    if (!field->bodies[segment_of(field)->scan].is_fixed) {
+        extend(&field->free_box, box->min);
+        extend(&field->free_box, box->max);
     }
-    field->segment = 0;
-    field->point = -1;
-    return CAIRN_OK;
 }
 
-/* Processes segments in storage order; `point` is -1 before the segment's ends are transformed. */
-static cairn_status step_place(cairn_force_field *field, cairn_budget *budget)
+/* Segments, points and boxes of the scans that have moved, in storage order. */
+static int place(cairn_force_field *field, cairn_budget *budget)
 {
-    for (; field->segment < field->segment_count; field->segment++, field->point = -1) {
-        const cairn_scan_set_segment *from = &field->set->segments[field->segment];
-        int32_t count = from->end_point - from->first_point, slot = from->scan;
-
-        if (field->point < 0) {
-            int32_t is_first = field->set->scans[slot].first_segment == field->segment;
-
-            if (!cairn_budget_charge(budget, &field->units_charged, is_first ? 4 : 2))
-                return CAIRN_MORE;
-            if (!field->bodies[slot].moved)
-                continue;
-            if (is_first)
-                cairn_force_field_place_scan(field, slot);
-            place_segment(field);
-            field->point = 0;
-            if (count == 0)
-                end_box(field);
-        }
-        while (field->point < count) {
-            if (!cairn_budget_charge(budget, &field->units_charged,
-                                     place_cost(count - field->point)))
-                return CAIRN_MORE;
+    CAIRN_STEP_BEGIN(field->phase_resume);
+    for (field->segment = 0; field->segment < field->segment_count; field->segment++) {
+        FORCE_FIELD_PAY(field, budget, is_first_segment(field) ? 4 : 2);
+        if (!field->bodies[segment_of(field)->scan].moved)
+            continue;
+        place_segment(field);
+        for (field->point = 0; field->point < point_count(field);
+             field->point += CAIRN_FORCE_STRIP_POINTS) {
+            FORCE_FIELD_PAY(field, budget, 1 + strip_count(field) / 2);
             place_points(field);
         }
+        end_box(field);
     }
     field->placed_segments = field->segment_count;
-    return CAIRN_OK;
+    CAIRN_STEP_END(field->phase_resume);
 }
 
-static cairn_status step_ungrid(cairn_force_field *field, cairn_budget *budget)
+/* ---- Regions of interest ---- */
+
+static int32_t corner_count(const cairn_force_field *field)
 {
-    while (cairn_point_grid_count(field->grid) > 0) {
-        if (!cairn_budget_charge(budget, &field->units_charged, 2 * ITEMS_PER_GROUP))
-            return CAIRN_MORE;
-        for (int32_t i = 0; i < ITEMS_PER_GROUP; i++)
-            cairn_point_grid_remove_last(field->grid);
-    }
-    return CAIRN_OK;
+    int32_t count;
+
+    (void)cairn_corner_list(field->corners, &count);
+    return count;
 }
 
-static cairn_status step_grid(cairn_force_field *field, cairn_budget *budget)
+/* Inserts a corner into the hash grid, whose capacity is max_corners. */
+static void insert_corner(cairn_force_field *field, int32_t corner)
 {
     int32_t count;
     const cairn_corner *corners = cairn_corner_list(field->corners, &count);
 
-    while (cairn_point_grid_count(field->grid) < count) {
-        if (!cairn_budget_charge(budget, &field->units_charged, 2))
-            return CAIRN_MORE;
-        /* The capacity is max_corners. */
-        must_be_ok(cairn_point_grid_insert(field->grid,
-                                           corners[cairn_point_grid_count(field->grid)].position));
+    force_field_must_be_ok(cairn_point_grid_insert(field->grid, corners[corner].position));
+}
+
+/* Removes a few corners from the hash grid. */
+static void remove_corners(cairn_force_field *field)
+{
+    for (int32_t i = 0; i < ITEMS_PER_GROUP; i++)
+        cairn_point_grid_remove_last(field->grid);
+}
+
+/* The corners into the hash grid, in place of those of the last iteration. */
+static int fill_grid(cairn_force_field *field, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(field->phase_resume);
+    while (cairn_point_grid_count(field->grid) > 0) {
+        FORCE_FIELD_PAY(field, budget, 2 * ITEMS_PER_GROUP);
+        remove_corners(field);
     }
-    field->segment = field->point = 0;
-    return CAIRN_OK;
+    while (cairn_point_grid_count(field->grid) < corner_count(field)) {
+        FORCE_FIELD_PAY(field, budget, 2);
+        insert_corner(field, cairn_point_grid_count(field->grid));
+    }
+    CAIRN_STEP_END(field->phase_resume);
 }
 
 /* Sets the mass of a point; returns 1 when it has changed. */
@@ -325,92 +318,95 @@ static int set_mass(cairn_force_field *field, int32_t point, int is_in_region)
     return had != is_in_region;
 }
 
-/* Tests the next points of the current segment; returns 1 when a mass has changed. */
-static int find_regions(cairn_force_field *field)
+/* Masses of a few points of the current segment from `point` on. A scan with a mass that has changed
+ * counts as moved. */
+static void set_masses(cairn_force_field *field)
 {
-    const cairn_scan_set_segment *segment = &field->set->segments[field->segment];
+    const cairn_scan_set_segment *segment = segment_of(field);
     cairn_vec2 points[ITEMS_PER_GROUP];
-    int32_t left = segment->end_point - segment->first_point - field->point,
+    int32_t left = point_count(field) - field->point,
             count = left < ITEMS_PER_GROUP ? left : ITEMS_PER_GROUP;
-    int changed = 0;
+    int has_changed = 0;
 
     cairn_force_field_points(field, field->segment, field->point, count, points);
     for (int32_t i = 0; i < count; i++)
-        changed |= set_mass(
+        has_changed |= set_mass(
             field, segment->first_point + field->point + i,
             cairn_point_grid_has_near(field->grid, points[i], field->params.roi_radius) != 0);
-    field->point += count;
-    return changed;
+    if (has_changed)
+        field->bodies[segment->scan].moved = field->bodies[segment->scan].dirty = 1;
 }
 
-static cairn_status step_masses(cairn_force_field *field, cairn_budget *budget)
+/* The points near a corner. */
+static int find_regions(cairn_force_field *field, cairn_budget *budget)
 {
-    for (; field->segment < field->segment_count; field->segment++, field->point = 0) {
-        const cairn_scan_set_segment *segment = &field->set->segments[field->segment];
-        int32_t count = segment->end_point - segment->first_point;
-
-        while (field->point < count) {
-            if (!cairn_budget_charge(budget, &field->units_charged, 12))
-                return CAIRN_MORE;
-            if (find_regions(field)) {
-                field->bodies[segment->scan].moved = 1;
-                field->bodies[segment->scan].dirty = 1;
-            }
+    CAIRN_STEP_BEGIN(field->phase_resume);
+    for (field->segment = 0; field->segment < field->segment_count; field->segment++)
+        for (field->point = 0; field->point < point_count(field); field->point += ITEMS_PER_GROUP) {
+            FORCE_FIELD_PAY(field, budget, 12);
+            set_masses(field);
         }
-    }
-    return CAIRN_OK;
+    CAIRN_STEP_END(field->phase_resume);
 }
 
-static cairn_status step_reset(cairn_force_field *field, cairn_budget *budget)
+/* ---- Forces ---- */
+
+/* Sets the forces of a scan to 0 when they are recomputed. */
+static void reset_scan(cairn_force_field *field, int32_t scan)
 {
     const cairn_vec2 none = {0, 0};
+    struct cairn_force_field_body *body = &field->bodies[scan];
 
-    while (field->scan < field->slots) {
-        if (!cairn_budget_charge(budget, &field->units_charged,
-                                 cairn_force_field_has_springs(field) ? POINTS_PER_GROUP
-                                                                      : POINTS_PER_GROUP / 2))
-            return CAIRN_MORE;
-        for (int32_t i = 0; i < POINTS_PER_GROUP && field->scan < field->slots;
-             i++, field->scan++) {
-            struct cairn_force_field_body *body = &field->bodies[field->scan];
-
-            if (cairn_force_field_has_springs(field))
-                cairn_force_field_remove_springs(field, field->scan);
-            if (!body->dirty)
-                continue;
-            body->force = none;
-            body->torque = 0;
-            body->potential = 0;
-            body->pairs = 0;
-            body->segment_pairs = 0;
-        }
-    }
-    return CAIRN_OK;
+    if (force_field_has_springs(field))
+        cairn_force_field_remove_springs(field, scan);
+    if (!body->dirty)
+        return;
+    body->force = none;
+    body->torque = 0;
+    body->potential = 0;
+    body->pairs = 0;
+    body->segment_pairs = 0;
 }
 
+static int reset(cairn_force_field *field, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(field->phase_resume);
+    for (field->scan = 0; field->scan < field->slots; field->scan++) {
+        FORCE_FIELD_PAY_EVERY(field, budget, field->scan, POINTS_PER_GROUP,
+                              force_field_has_springs(field) ? POINTS_PER_GROUP
+                                                             : POINTS_PER_GROUP / 2);
+        reset_scan(field, field->scan);
+    }
+    CAIRN_STEP_END(field->phase_resume);
+}
+
+/* ---- The iteration ---- */
+
+/* Commit point: the result of the iteration, and the cooling for the next one. */
 static void commit(cairn_force_field *field)
 {
     const cairn_force_field_params *p = &field->params;
+    const struct cairn_force_field_totals *totals = &field->totals;
     cairn_force_field_state *state = &field->state;
 
     state->iterations++;
     state->start_iterations++;
     /* Both scans of a pair have counted it. */
-    state->pairs = field->pairs / 2;
-    state->segment_pairs = (int32_t)(field->segment_pairs / 2);
-    state->potential = field->potential / 2;
+    state->pairs = totals->pairs / 2;
+    state->segment_pairs = (int32_t)(totals->segment_pairs / 2);
+    state->potential = totals->potential / 2;
     if (p->roi) {
         (void)cairn_corner_list(field->corners, &state->corners);
         state->corners_dropped = cairn_corner_dropped(field->corners);
     }
-    if (cairn_force_field_has_springs(field)) {
+    if (force_field_has_springs(field)) {
         state->bonds = field->bond_count;
         state->bonds_dropped = field->bonds_dropped;
     }
     state->sigma = field->sigma;
     state->dt = field->dt;
     state->mean_relocation =
-        field->free_scans > 0 ? field->relocation / (cairn_real)field->free_scans : 0;
+        totals->free_scans > 0 ? totals->relocation / (cairn_real)totals->free_scans : 0;
     if (state->mean_relocation < p->stop_relocation)
         state->verdict = CAIRN_FORCE_FIELD_CONVERGED;
     else if (state->start_iterations >= p->max_steps)
@@ -423,10 +419,55 @@ static void commit(cairn_force_field *field)
     field->front = 1 - field->front;
     field->commits++;
     field->has_forces = 1;
-    field->phase = FORCE_FIELD_AT_COMMIT;
     cairn_force_field_iteration_take_in(field);
     if (field->restart)
         cairn_force_field_iteration_start_cooling(field);
+}
+
+/* 1 when the forces of some scans are those of the last iteration. */
+static int is_partly_still(const cairn_force_field *field)
+{
+    return field->moved_count > 0 && field->still_count > 0;
+}
+
+int cairn_force_field_iteration(cairn_force_field *field, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(field->resume);
+    begin(field);
+    CAIRN_STEP_UNTIL(field->resume, compare_scans(field, budget));
+    if (field->moved_count > 0) {
+        if (is_partly_still(field))
+            CAIRN_STEP_UNTIL(field->resume, cairn_force_field_mark_dirty(field, budget));
+        if (field->recomputes_all)
+            CAIRN_STEP_UNTIL(field->resume, place_extra(field, budget));
+        CAIRN_STEP_UNTIL(field->resume, place(field, budget));
+        if (field->params.roi) {
+            force_field_must_be_ok(
+                cairn_corner_begin(field->corners, field->segments, field->segment_count));
+            CAIRN_STEP_UNTIL(field->resume, cairn_corner_step(field->corners, budget) == CAIRN_OK);
+            CAIRN_STEP_UNTIL(field->resume, fill_grid(field, budget));
+            CAIRN_STEP_UNTIL(field->resume, find_regions(field, budget));
+        }
+        if (is_partly_still(field))
+            CAIRN_STEP_UNTIL(field->resume, cairn_force_field_mark_dirty(field, budget));
+        CAIRN_STEP_UNTIL(field->resume, reset(field, budget));
+        CAIRN_STEP_UNTIL(field->resume, cairn_force_field_pairs(field, budget));
+        if (force_field_has_springs(field))
+            CAIRN_STEP_UNTIL(field->resume, cairn_force_field_solve(field, budget));
+    }
+    CAIRN_STEP_UNTIL(field->resume, cairn_force_field_move(field, budget));
+    commit(field);
+    CAIRN_STEP_END(field->resume);
+}
+
+/* ---- Between iterations ---- */
+
+/* Units of removing the scan that was removed last. */
+static int32_t remove_cost(const cairn_force_field *field)
+{
+    const cairn_scan_set_scan *scan = &field->set->scans[field->last_leaving];
+
+    return 1 + (scan->end_segment - scan->first_segment) / 16;
 }
 
 /* Invalidates cached positions after compaction: order and indices of the segments have changed. */
@@ -435,122 +476,21 @@ static void end_pack(cairn_force_field *field)
     field->segment_count = field->set->segment_count;
     field->placed_segments = 0;
     field->placed_sigma = 0;
-    field->phase = FORCE_FIELD_AT_COMMIT;
-    must_be_ok(cairn_box_sweep_begin(field->sweep, NULL, 0));
+    force_field_must_be_ok(cairn_box_sweep_begin(field->sweep, NULL, 0));
     if (field->corners != NULL)
-        must_be_ok(cairn_corner_begin(field->corners, NULL, 0));
+        force_field_must_be_ok(cairn_corner_begin(field->corners, NULL, 0));
 }
 
-static cairn_status run_phase(cairn_force_field *field, cairn_budget *budget)
+int cairn_force_field_pack(cairn_force_field *field, cairn_budget *budget)
 {
-    switch (field->phase) {
-    case FORCE_FIELD_PACK:
-        return step_pack(field, budget);
-    case FORCE_FIELD_COMPARE:
-        return step_compare(field, budget);
-    case FORCE_FIELD_PLACE_EXTRA:
-        return step_place_extra(field, budget);
-    case FORCE_FIELD_PLACE:
-        return step_place(field, budget);
-    case FORCE_FIELD_CORNERS:
-        return cairn_corner_step(field->corners, budget);
-    case FORCE_FIELD_UNGRID:
-        return step_ungrid(field, budget);
-    case FORCE_FIELD_GRID:
-        return step_grid(field, budget);
-    case FORCE_FIELD_MASSES:
-        return step_masses(field, budget);
-    case FORCE_FIELD_RESET:
-        return step_reset(field, budget);
-    case FORCE_FIELD_PAIRS:
-        return cairn_force_field_pairs(field, budget);
-    case FORCE_FIELD_SOLVE:
-        return cairn_force_field_solve_step(field, budget);
-    case FORCE_FIELD_MOVE:
-        return cairn_force_field_move(field, budget);
-    default:
-        return cairn_force_field_mark_dirty(field, budget);
+    CAIRN_STEP_BEGIN(field->phase_resume);
+    field->has_forces = 0;
+    while (field->last_leaving >= 0) {
+        FORCE_FIELD_PAY(field, budget, remove_cost(field));
+        force_field_must_be_ok(cairn_scan_set_remove(field->set, field->last_leaving));
+        field->last_leaving = field->bodies[field->last_leaving].next_leaving;
     }
-}
-
-static force_field_phase phase_after(const cairn_force_field *field)
-{
-    switch (field->phase) {
-    case FORCE_FIELD_PACK:
-        return FORCE_FIELD_AT_COMMIT;
-    case FORCE_FIELD_COMPARE:
-        if (field->moved_count == 0)
-            return FORCE_FIELD_MOVE;
-        return field->is_partly_still ? FORCE_FIELD_MARK_OLD : FORCE_FIELD_PLACE_EXTRA;
-    case FORCE_FIELD_PLACE:
-        if (field->params.roi)
-            return FORCE_FIELD_CORNERS;
-        return field->is_partly_still ? FORCE_FIELD_MARK_NEW : FORCE_FIELD_RESET;
-    case FORCE_FIELD_MASSES:
-        return field->is_partly_still ? FORCE_FIELD_MARK_NEW : FORCE_FIELD_RESET;
-    case FORCE_FIELD_PAIRS:
-        return cairn_force_field_has_springs(field) ? FORCE_FIELD_SOLVE : FORCE_FIELD_MOVE;
-    default:
-        return field->phase + 1;
-    }
-}
-
-/* Returns the number of boxes of runs and transformed segments. */
-static int32_t boxes_of(const cairn_force_field *field)
-{
-    return field->extra[field->extra_front].runs + field->placed_segments;
-}
-
-static cairn_status begin_phase(cairn_force_field *field)
-{
-    switch (field->phase) {
-    case FORCE_FIELD_PLACE_EXTRA:
-        field->segment = field->point = 0;
-        return CAIRN_OK;
-    case FORCE_FIELD_CORNERS:
-        return cairn_corner_begin(field->corners, field->segments, field->segment_count);
-    case FORCE_FIELD_MARK_OLD:
-    case FORCE_FIELD_MARK_NEW:
-        field->pair.is_begun = 0;
-        return cairn_box_sweep_begin(field->sweep, field->boxes, boxes_of(field));
-    case FORCE_FIELD_PAIRS:
-        field->pair.is_begun = field->pair.units_due = 0;
-        memset(&field->pair.cursor, 0, sizeof field->pair.cursor);
-        field->tiles[0].line = field->tiles[1].line = -1;
-        field->bond_count = field->bonds_dropped = 0;
-        return cairn_box_sweep_begin_in(field->sweep, field->boxes, boxes_of(field),
-                                        field->free_box);
-    case FORCE_FIELD_SOLVE:
-        cairn_force_field_solve_begin(field);
-        return CAIRN_OK;
-    case FORCE_FIELD_MOVE:
-        field->scan = 0;
-        field->pairs = 0;
-        field->segment_pairs = 0;
-        field->potential = 0;
-        field->relocation = 0;
-        field->free_scans = 0;
-        return CAIRN_OK;
-    default:
-        field->scan = 0;
-        return CAIRN_OK;
-    }
-}
-
-cairn_status cairn_force_field_iteration_step(cairn_force_field *field, cairn_budget *budget)
-{
-    cairn_status status = run_phase(field, budget);
-
-    if (status != CAIRN_OK)
-        return status;
-    if (field->phase == FORCE_FIELD_MOVE) {
-        commit(field);
-        return CAIRN_OK;
-    }
-    field->phase = phase_after(field);
-    if (field->phase == FORCE_FIELD_AT_COMMIT) {
-        end_pack(field);
-        return CAIRN_OK;
-    }
-    return begin_phase(field);
+    CAIRN_STEP_UNTIL(field->phase_resume, cairn_scan_set_pack(field->set, budget) == CAIRN_OK);
+    end_pack(field);
+    CAIRN_STEP_END(field->phase_resume);
 }

@@ -5,27 +5,11 @@
 
 #include "cairn/force_field.h"
 #include "cairn/small_matrix.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
 
-/* Phases of an iteration, in their order. Between iterations the field is AT_COMMIT or, after a
- * removal of scans, in PACK. */
-typedef int32_t force_field_phase;
-enum {
-    FORCE_FIELD_AT_COMMIT,
-    FORCE_FIELD_PACK,
-    FORCE_FIELD_COMPARE,
-    FORCE_FIELD_MARK_OLD,
-    FORCE_FIELD_PLACE_EXTRA,
-    FORCE_FIELD_PLACE,
-    FORCE_FIELD_CORNERS,
-    FORCE_FIELD_UNGRID,
-    FORCE_FIELD_GRID,
-    FORCE_FIELD_MASSES,
-    FORCE_FIELD_MARK_NEW,
-    FORCE_FIELD_RESET,
-    FORCE_FIELD_PAIRS,
-    FORCE_FIELD_SOLVE,
-    FORCE_FIELD_MOVE
-};
+/* Table of the parameters. */
+extern const cairn_parameters cairn_force_field_parameters;
 
 struct cairn_force_field_placement {
     cairn_pose map_scan;
@@ -95,10 +79,12 @@ struct cairn_force_field_unknown {
 
 /* State of the conjugate gradient method. */
 struct cairn_force_field_solver {
-    int32_t stage, next_item, iteration;
-    cairn_real residual2, next_residual2,
-        min_residual2;    /* squared residual norms, preconditioned */
-    cairn_real curvature; /* direction^T A direction */
+    /* current bond or scan; iteration of the solver */
+    int32_t item, iteration;
+    /* squared residual norms, preconditioned */
+    cairn_real residual2, next_residual2, min_residual2;
+    /* direction^T A direction */
+    cairn_real curvature;
 };
 
 /* External points, in runs of one direction. */
@@ -131,15 +117,24 @@ struct cairn_force_field_line {
 /* A pair of lines in progress. */
 struct cairn_force_field_pair {
     struct cairn_force_field_line line[2];
-    int32_t is_begun;
-    int32_t units_due;     /* units for finding and finishing the pair, charged first */
-    int32_t tile_first[2]; /* first points of the current tiles */
-    int32_t loaded;        /* number of these tiles loaded */
+    /* 0: there are no more pairs */
+    int32_t is_found;
+    /* first points of the current tiles */
+    int32_t tile_first[2];
     cairn_force_kernel_cursor cursor;
-    int32_t is_summed;
-    cairn_real cosine; /* direction factor: |cos| or max(0, cos) */
+    /* direction factor: |cos| or max(0, cos) */
+    cairn_real cosine;
     cairn_force_kernel_sum sum;
     cairn_force_kernel_springs springs;
+};
+
+/* Sums over the scans that are moved. */
+struct cairn_force_field_totals {
+    int64_t pairs, segment_pairs;
+    cairn_real potential;
+    /* over the free scans with points, and their number */
+    cairn_real relocation;
+    int32_t free_scans;
 };
 
 struct cairn_force_field {
@@ -188,8 +183,9 @@ struct cairn_force_field {
     uint32_t commits;              /* iterations committed */
     cairn_force_field_state state; /* as committed, except units and max_step_units */
 
-    /* The current iteration. */
-    force_field_phase phase;
+    /* The current iteration: resume points of the iteration, of its phase, or of the removal of
+     * scans between iterations, and of the current pair of lines. */
+    int32_t resume, phase_resume, pair_resume;
     /* units charged towards the current item */
     int32_t units_charged;
     /* segments of the scans that have taken effect */
@@ -198,8 +194,8 @@ struct cairn_force_field {
     int32_t placed_segments;
     /* all forces are recomputed */
     int32_t recomputes_all;
-    /* some scans have moved, some have not */
-    int32_t is_partly_still;
+    /* numbers of scans that have moved, and that have not */
+    int32_t moved_count, still_count;
     /* rotations are about the sensor */
     int32_t rotates_about_sensor;
     cairn_real sigma, dt;
@@ -211,26 +207,70 @@ struct cairn_force_field {
     cairn_real margin;
     /* bounding box of free scans: forces exist only inside it */
     cairn_box free_box;
-    /* indices of the current items */
+    /* current scan, segment or run, and point of it */
     int32_t scan, segment, point;
-    /* COMPARE: number of scans */
-    int32_t moved_count, still_count;
-    /* PAIRS; MARK_OLD and MARK_NEW: scans and is_begun */
-    struct cairn_force_field_pair pair;
-    struct cairn_force_field_tile tiles[2];
-    /* PAIRS */
+    /* springs of the current iteration */
     int32_t bond_count, bonds_dropped;
-    /* SOLVE */
-    struct cairn_force_field_solver solver;
-    /* MOVE: sums over the scans */
-    int64_t pairs;
-    int64_t segment_pairs;
-    cairn_real potential;
-    /* over the free scans */
-    cairn_real relocation;
-    /* free scans with points */
-    int32_t free_scans;
+
+    /* State of a phase; no two of these phases are under way at a time. */
+    union {
+        /* pairs of lines; marks of the dirty scans */
+        struct {
+            struct cairn_force_field_pair pair;
+            struct cairn_force_field_tile tiles[2];
+        };
+        struct cairn_force_field_solver solver;
+        struct cairn_force_field_totals totals;
+    };
 };
+
+/* Place of return of a phase: goes on when an operation of `units` is charged. */
+#define FORCE_FIELD_PAY(field, budget, units)                                                      \
+    CAIRN_STEP_UNTIL((field)->phase_resume,                                                        \
+                     cairn_budget_charge(budget, &(field)->units_charged, units))
+
+/* The same, for operation i of those that are charged `each` at a time. */
+#define FORCE_FIELD_PAY_EVERY(field, budget, i, each, units)                                       \
+    CAIRN_STEP_UNTIL((field)->phase_resume,                                                        \
+                     (i) % (each) != 0 ||                                                          \
+                         cairn_budget_charge(budget, &(field)->units_charged, units))
+
+static inline void force_field_must_be_ok(cairn_status status)
+{
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+}
+
+/* 1 between iterations, when inputs take effect at once. */
+static inline int32_t force_field_is_between(const cairn_force_field *field)
+{
+    return field->resume == 0;
+}
+
+/* 1 when a scan has taken effect and was not removed. */
+static inline int32_t force_field_has_scan(const cairn_force_field *field, int32_t scan)
+{
+    const struct cairn_force_field_body *body = &field->bodies[scan];
+
+    return field->set->scans[scan].in_use && field->commits >= body->active_from &&
+           !(body->is_leaving && field->commits >= body->active_until);
+}
+
+/* 1 when a scan is fixed in the current iteration. */
+static inline int32_t force_field_is_fixed(const cairn_force_field *field, int32_t scan)
+{
+    const struct cairn_force_field_body *body = &field->bodies[scan];
+
+    return field->clock >= body->fixed_from ? body->fixed_after : body->fixed_before;
+}
+
+/* 1 in mode SPRINGS. */
+static inline int32_t force_field_has_springs(const cairn_force_field *field)
+{
+    return field->bonds != NULL;
+}
+
+/* ---- force_field_iteration: a phase returns 1 when it is done, 0 when the budget is used up ---- */
 
 /* Activates all scans that were added. */
 void cairn_force_field_iteration_take_in(cairn_force_field *field);
@@ -238,52 +278,33 @@ void cairn_force_field_iteration_take_in(cairn_force_field *field);
 /* Resets sigma, dt and the count against max_steps. */
 void cairn_force_field_iteration_start_cooling(cairn_force_field *field);
 
-/* Returns 1 between iterations, when inputs take effect at once. */
-int32_t cairn_force_field_iteration_is_between(const cairn_force_field *field);
+/* One iteration, from commit point to commit point. */
+int cairn_force_field_iteration(cairn_force_field *field, cairn_budget *budget);
 
-/* Returns 1 when a scan has taken effect and was not removed. */
-int32_t cairn_force_field_iteration_has(const cairn_force_field *field, int32_t scan);
-
-int32_t cairn_force_field_iteration_is_fixed(const cairn_force_field *field, int32_t scan);
-
-/* Begins an iteration at a commit point. */
-void cairn_force_field_iteration_begin(cairn_force_field *field);
-
-/* Processes one phase, or as much as the budget allows (CAIRN_MORE); the last phase commits. */
-CAIRN_CHECKED cairn_status cairn_force_field_iteration_step(cairn_force_field *field,
-                                                            cairn_budget *budget);
-
-/* ---- force_field_params ---- */
-
-int32_t cairn_force_field_params_are_valid(const cairn_force_field_params *params);
+/* Between iterations: frees the memory of the scans that were removed. */
+int cairn_force_field_pack(cairn_force_field *field, cairn_budget *budget);
 
 /* ---- force_field_move ---- */
 
 /* Moves all scans and sums the statistics of the iteration. */
-CAIRN_CHECKED cairn_status cairn_force_field_move(cairn_force_field *field, cairn_budget *budget);
+int cairn_force_field_move(cairn_force_field *field, cairn_budget *budget);
 
 /* Transforms the centre and pose of a scan into the map. */
 void cairn_force_field_place_scan(cairn_force_field *field, int32_t scan);
 
 /* ---- force_field_springs ---- */
 
-/* Returns 1 in mode SPRINGS. */
-int32_t cairn_force_field_has_springs(const cairn_force_field *field);
-
 /* Removes the springs of a scan. */
 void cairn_force_field_remove_springs(cairn_force_field *field, int32_t scan);
 
-/* Returns the units of adding the current pair of lines. */
+/* Units of adding the current pair of lines. */
 int32_t cairn_force_field_add_springs_cost(const cairn_force_field *field);
 
 /* Adds the springs of the current pair of lines to the bond of their scans. */
 void cairn_force_field_add_springs(cairn_force_field *field);
 
-void cairn_force_field_solve_begin(cairn_force_field *field);
-
-/* Computes the motions to the equilibrium of all springs, to the solver's accuracy. */
-CAIRN_CHECKED cairn_status cairn_force_field_solve_step(cairn_force_field *field,
-                                                        cairn_budget *budget);
+/* Motions to the equilibrium of all springs, to the solver's accuracy. */
+int cairn_force_field_solve(cairn_force_field *field, cairn_budget *budget);
 
 /* ---- force_field_pairs ---- */
 
@@ -293,11 +314,10 @@ void cairn_force_field_points(const cairn_force_field *field, int32_t segment, i
                               int32_t count, cairn_vec2 *points);
 
 /* Marks the scans near one that has moved as dirty. */
-CAIRN_CHECKED cairn_status cairn_force_field_mark_dirty(cairn_force_field *field,
-                                                        cairn_budget *budget);
+int cairn_force_field_mark_dirty(cairn_force_field *field, cairn_budget *budget);
 
-/* Computes the forces of all pairs of lines that involve a dirty scan. */
-CAIRN_CHECKED cairn_status cairn_force_field_pairs(cairn_force_field *field, cairn_budget *budget);
+/* Forces of all pairs of lines that involve a dirty scan. */
+int cairn_force_field_pairs(cairn_force_field *field, cairn_budget *budget);
 
 /* Returns the force on a point of a segment in the last iteration, and its mass. */
 cairn_vec2 cairn_force_field_at(const cairn_force_field *field, int32_t segment, int32_t index,

@@ -5,6 +5,8 @@
  * system. */
 #include "src/base/build.h"
 
+#include <string.h>
+
 #include "src/fields/force_field_iteration.h"
 
 /* m^2: a scan with a smaller mean squared distance from the centre does not rotate */
@@ -85,8 +87,8 @@ static void move_scan(cairn_force_field *field, int32_t index)
     report->relocation = 0;
     if (body->is_fixed || scan->end_point == scan->first_point)
         return;
-    motion = cairn_force_field_has_springs(field) ? springs_motion(field, index)
-                                                  : thesis_motion(field, index);
+    motion =
+        force_field_has_springs(field) ? springs_motion(field, index) : thesis_motion(field, index);
 
     /* A scan without force keeps its pose exactly. */
     if (motion.shift.x != 0 || motion.shift.y != 0 || motion.turn != 0) {
@@ -99,28 +101,35 @@ static void move_scan(cairn_force_field *field, int32_t index)
         placement->map_scan.y = centre.y - arm.y;
     }
     report->relocation = motion.relocation;
-    field->relocation += motion.relocation;
-    field->free_scans++;
+    field->totals.relocation += motion.relocation;
+    field->totals.free_scans++;
 }
 
-cairn_status cairn_force_field_move(cairn_force_field *field, cairn_budget *budget)
+/* Moves a scan that is present, and adds its statistics. */
+static void move_present(cairn_force_field *field, int32_t index)
 {
-    for (; field->scan < field->slots; field->scan++) {
-        struct cairn_force_field_body *body = &field->bodies[field->scan];
+    const cairn_scan_set_scan *scan = &field->set->scans[index];
+    struct cairn_force_field_body *body = &field->bodies[index];
 
-        if (!cairn_budget_charge(budget, &field->units_charged, 4))
-            return CAIRN_MORE;
-        body->has_forces = cairn_force_field_iteration_has(field, field->scan) != 0;
-        if (!body->has_forces)
-            continue;
-        /* A scan without segments was not transformed. */
-        if (body->moved && field->set->scans[field->scan].first_segment ==
-                               field->set->scans[field->scan].end_segment)
-            cairn_force_field_place_scan(field, field->scan);
-        move_scan(field, field->scan);
-        field->pairs += body->pairs;
-        field->segment_pairs += body->segment_pairs;
-        field->potential += body->potential;
+    body->has_forces = force_field_has_scan(field, index) != 0;
+    if (!body->has_forces)
+        return;
+    /* A scan without segments was not transformed. */
+    if (body->moved && scan->first_segment == scan->end_segment)
+        cairn_force_field_place_scan(field, index);
+    move_scan(field, index);
+    field->totals.pairs += body->pairs;
+    field->totals.segment_pairs += body->segment_pairs;
+    field->totals.potential += body->potential;
+}
+
+int cairn_force_field_move(cairn_force_field *field, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(field->phase_resume);
+    memset(&field->totals, 0, sizeof field->totals);
+    for (field->scan = 0; field->scan < field->slots; field->scan++) {
+        FORCE_FIELD_PAY(field, budget, 4);
+        move_present(field, field->scan);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(field->phase_resume);
 }

@@ -183,30 +183,30 @@ static cairn_real direction_factor(const cairn_force_field *field,
     return uses_orientation(field) ? cairn_max(cosine, 0) : cairn_abs(cosine);
 }
 
-static void begin_pair(cairn_force_field *field, int32_t first, int32_t second)
+/* 1 when the current pair of lines has forces to be computed; sets its direction factor. */
+static int has_forces(cairn_force_field *field)
+{
+    const struct cairn_force_field_line *a = &field->pair.line[0], *b = &field->pair.line[1];
+
+    if (!can_attract(field, a, b) || !(is_dirty(field, a->scan) || is_dirty(field, b->scan)))
+        return 0;
+    field->pair.cosine = direction_factor(field, a, b);
+    /* The faces of opposite sides have none. */
+    return field->pair.cosine != 0 || !uses_orientation(field);
+}
+
+/* Begins the sum of the current pair of lines. */
+static void begin_sum(cairn_force_field *field)
 {
     struct cairn_force_field_pair *pair = &field->pair;
-    const struct cairn_force_field_line *a = &pair->line[0], *b = &pair->line[1];
 
-    pair->line[0] = line_of(field, first);
-    pair->line[1] = line_of(field, second);
-    pair->units_due = FOUND_UNITS;
-    if (!can_attract(field, a, b) || !(is_dirty(field, a->scan) || is_dirty(field, b->scan)))
-        return;
-    pair->cosine = direction_factor(field, a, b);
-    /* faces of opposite sides */
-    if (pair->cosine == 0 && uses_orientation(field))
-        return;
-    pair->units_due = PAIR_UNITS;
-    pair->is_begun = 1;
-    pair->is_summed = 0;
-    pair->tile_first[0] = pair->tile_first[1] = pair->loaded = pair->cursor.row = 0;
     memset(&pair->sum, 0, sizeof pair->sum);
-    if (cairn_force_field_has_springs(field)) {
+    if (force_field_has_springs(field)) {
         memset(&pair->springs, 0, sizeof pair->springs);
         pair->sum.springs = &pair->springs;
     }
-    pair->sum.centre = field->bodies[b->scan].centre; /* runs come first: b is a segment */
+    /* Runs come first: the second line is a segment. */
+    pair->sum.centre = field->bodies[pair->line[1].scan].centre;
 }
 
 /* Adds the sum of a pair of lines to one of its two scans; sign: of its force. */
@@ -227,6 +227,7 @@ static void add_to_scan(cairn_force_field *field, int32_t scan, cairn_real sign,
     body->segment_pairs += shares;
 }
 
+/* Adds the sum of the current pair of lines to its scans. */
 static void end_pair(cairn_force_field *field)
 {
     int32_t a = field->pair.line[0].scan, b = field->pair.line[1].scan;
@@ -235,29 +236,30 @@ static void end_pair(cairn_force_field *field)
         add_to_scan(field, a, 1, b);
     if (is_dirty(field, b))
         add_to_scan(field, b, -1, a);
-    if (cairn_force_field_has_springs(field))
+    if (force_field_has_springs(field))
         cairn_force_field_add_springs(field);
-    field->pair.is_begun = 0;
 }
 
-/* Loads the tiles that the pair still needs; returns 0 when the budget is used up. */
-static int load_tiles(cairn_force_field *field, cairn_budget *budget)
+/* 1 when the tile of a line of the current pair is loaded. */
+static int is_loaded(const cairn_force_field *field, int32_t of)
 {
-    struct cairn_force_field_pair *pair = &field->pair;
+    return field->tiles[of].line == field->pair.line[of].index &&
+           field->tiles[of].first == field->pair.tile_first[of];
+}
 
-    for (; pair->loaded < 2; pair->loaded++) {
-        const struct cairn_force_field_line *line = &pair->line[pair->loaded];
-        struct cairn_force_field_tile *tile = &field->tiles[pair->loaded];
-        int32_t first = pair->tile_first[pair->loaded],
-                is_there = tile->line == line->index && tile->first == first;
+/* Units of the tile of a line of the current pair. */
+static int32_t tile_units(const cairn_force_field *field, int32_t of)
+{
+    return is_loaded(field, of)
+               ? TILE_UNITS
+               : tile_cost(field, &field->pair.line[of], field->pair.tile_first[of]);
+}
 
-        if (!cairn_budget_charge(budget, &field->units_charged,
-                                 is_there ? TILE_UNITS : tile_cost(field, line, first)))
-            return 0;
-        if (!is_there)
-            load_tile(field, line, first, tile);
-    }
-    return 1;
+/* Loads the tile of a line of the current pair. */
+static void load(cairn_force_field *field, int32_t of)
+{
+    if (!is_loaded(field, of))
+        load_tile(field, &field->pair.line[of], field->pair.tile_first[of], &field->tiles[of]);
 }
 
 static cairn_real gap(cairn_real low, cairn_real high, cairn_real other_low, cairn_real other_high)
@@ -281,73 +283,93 @@ static int are_out_of_reach(const cairn_force_field *field)
     return x * x + y * y > 4 * field->margin * field->margin;
 }
 
-/* Advances to the next two tiles; returns 0 after the last. */
-static int next_tiles(struct cairn_force_field_pair *pair)
+/* Sum of the current pair of lines, tile by tile. */
+static int sum_pair(cairn_force_field *field, cairn_budget *budget)
 {
-    pair->loaded = pair->cursor.row = 0;
-    pair->tile_first[1] += CAIRN_FORCE_STRIP_POINTS;
-    if (pair->tile_first[1] < pair->line[1].count)
-        return 1;
-    pair->tile_first[1] = 0;
-    pair->tile_first[0] += CAIRN_FORCE_STRIP_POINTS;
-    return pair->tile_first[0] < pair->line[0].count;
-}
-
-static cairn_status sum_up(cairn_force_field *field, cairn_budget *budget)
-{
-    struct cairn_force_field_pair *pair = &field->pair;
-
-    do {
-        cairn_status status = CAIRN_OK;
-
-        if (!load_tiles(field, budget))
-            return CAIRN_MORE;
-        if (!are_out_of_reach(field))
-            status = cairn_force_kernel_strips(&field->kernel, &field->tiles[0].strip,
-                                               &field->tiles[1].strip, &pair->cursor,
-                                               field->params.potential, &pair->sum, budget);
-        if (status != CAIRN_OK)
-            return status;
-    } while (next_tiles(pair));
-    pair->is_summed = 1;
-    return CAIRN_OK;
-}
-
-static cairn_status step_pair(cairn_force_field *field, cairn_budget *budget)
-{
-    cairn_status status = field->pair.is_summed ? CAIRN_OK : sum_up(field, budget);
-
-    if (status != CAIRN_OK)
-        return status;
-    if (cairn_force_field_has_springs(field) &&
-        !cairn_budget_charge(budget, &field->units_charged,
-                             cairn_force_field_add_springs_cost(field)))
-        return CAIRN_MORE;
-    end_pair(field);
-    return CAIRN_OK;
-}
-
-cairn_status cairn_force_field_pairs(cairn_force_field *field, cairn_budget *budget)
-{
-    for (;;) {
-        int32_t first, second;
-        cairn_status status;
-
-        if (field->pair.units_due > 0 &&
-            !cairn_budget_charge(budget, &field->units_charged, field->pair.units_due))
-            return CAIRN_MORE;
-        field->pair.units_due = 0;
-        if (field->pair.is_begun) {
-            status = step_pair(field, budget);
-            if (status != CAIRN_OK)
-                return status;
+    CAIRN_STEP_BEGIN(field->pair_resume);
+    begin_sum(field);
+    for (field->pair.tile_first[0] = 0; field->pair.tile_first[0] < field->pair.line[0].count;
+         field->pair.tile_first[0] += CAIRN_FORCE_STRIP_POINTS)
+        for (field->pair.tile_first[1] = 0; field->pair.tile_first[1] < field->pair.line[1].count;
+             field->pair.tile_first[1] += CAIRN_FORCE_STRIP_POINTS) {
+            CAIRN_STEP_UNTIL(field->pair_resume, cairn_budget_charge(budget, &field->units_charged,
+                                                                     tile_units(field, 0)));
+            load(field, 0);
+            CAIRN_STEP_UNTIL(field->pair_resume, cairn_budget_charge(budget, &field->units_charged,
+                                                                     tile_units(field, 1)));
+            load(field, 1);
+            if (are_out_of_reach(field))
+                continue;
+            field->pair.cursor.row = 0;
+            CAIRN_STEP_UNTIL(field->pair_resume,
+                             cairn_force_kernel_strips(&field->kernel, &field->tiles[0].strip,
+                                                       &field->tiles[1].strip, &field->pair.cursor,
+                                                       field->params.potential, &field->pair.sum,
+                                                       budget) == CAIRN_OK);
         }
-        status = cairn_box_sweep_next(field->sweep, budget, &first, &second);
-        if (status != CAIRN_OK)
-            return status == CAIRN_EMPTY ? CAIRN_OK : status;
-        begin_pair(field, first, second);
-    }
+    CAIRN_STEP_END(field->pair_resume);
 }
+
+/* Advances the sweep to the next pair of near boxes; is_found: 0 when there are no more. */
+static int next_boxes(cairn_force_field *field, cairn_budget *budget, int32_t *first,
+                      int32_t *second)
+{
+    cairn_status status = cairn_box_sweep_next(field->sweep, budget, first, second);
+
+    field->pair.is_found = status == CAIRN_OK;
+    return status != CAIRN_MORE;
+}
+
+/* Number of boxes of runs and placed segments. */
+static int32_t box_count(const cairn_force_field *field)
+{
+    return field->extra[field->extra_front].runs + field->placed_segments;
+}
+
+/* Begins the pairs of lines in the box of the free scans. */
+static void begin_pairs(cairn_force_field *field)
+{
+    memset(&field->pair.cursor, 0, sizeof field->pair.cursor);
+    field->tiles[0].line = field->tiles[1].line = -1;
+    field->bond_count = field->bonds_dropped = 0;
+    force_field_must_be_ok(
+        cairn_box_sweep_begin_in(field->sweep, field->boxes, box_count(field), field->free_box));
+}
+
+/* The next pair of lines. */
+static int next_pair(cairn_force_field *field, cairn_budget *budget)
+{
+    int32_t first, second, is_done = next_boxes(field, budget, &first, &second);
+
+    if (is_done && field->pair.is_found) {
+        field->pair.line[0] = line_of(field, first);
+        field->pair.line[1] = line_of(field, second);
+    }
+    return is_done;
+}
+
+int cairn_force_field_pairs(cairn_force_field *field, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(field->phase_resume);
+    begin_pairs(field);
+    for (;;) {
+        CAIRN_STEP_UNTIL(field->phase_resume, next_pair(field, budget));
+        if (!field->pair.is_found)
+            break;
+        if (!has_forces(field)) {
+            FORCE_FIELD_PAY(field, budget, FOUND_UNITS);
+            continue;
+        }
+        FORCE_FIELD_PAY(field, budget, PAIR_UNITS);
+        CAIRN_STEP_UNTIL(field->phase_resume, sum_pair(field, budget));
+        if (force_field_has_springs(field))
+            FORCE_FIELD_PAY(field, budget, cairn_force_field_add_springs_cost(field));
+        end_pair(field);
+    }
+    CAIRN_STEP_END(field->phase_resume);
+}
+
+/* ---- Dirty scans ---- */
 
 static int32_t scan_of(const cairn_force_field *field, int32_t line)
 {
@@ -356,11 +378,23 @@ static int32_t scan_of(const cairn_force_field *field, int32_t line)
     return segment < 0 ? FORCE_FIELD_NO_SCAN : field->set->segments[segment].scan;
 }
 
+/* The scans of the next pair of lines. */
+static int next_scans(cairn_force_field *field, cairn_budget *budget)
+{
+    int32_t first, second, is_done = next_boxes(field, budget, &first, &second);
+
+    if (is_done && field->pair.is_found) {
+        field->pair.line[0].scan = scan_of(field, first);
+        field->pair.line[1].scan = scan_of(field, second);
+    }
+    return is_done;
+}
+
+/* Marks the scans of the current pair of lines, near each other. */
 static void mark_pair(cairn_force_field *field)
 {
     int32_t a = field->pair.line[0].scan, b = field->pair.line[1].scan;
 
-    field->pair.is_begun = 0;
     if (a == FORCE_FIELD_NO_SCAN || b == FORCE_FIELD_NO_SCAN)
         return;
     if (field->bodies[b].moved)
@@ -369,26 +403,18 @@ static void mark_pair(cairn_force_field *field)
         field->bodies[b].dirty = 1;
 }
 
-cairn_status cairn_force_field_mark_dirty(cairn_force_field *field, cairn_budget *budget)
+int cairn_force_field_mark_dirty(cairn_force_field *field, cairn_budget *budget)
 {
-    struct cairn_force_field_pair *pair = &field->pair;
-
+    CAIRN_STEP_BEGIN(field->phase_resume);
+    force_field_must_be_ok(cairn_box_sweep_begin(field->sweep, field->boxes, box_count(field)));
     for (;;) {
-        int32_t first, second;
-        cairn_status status;
-
-        if (pair->is_begun) {
-            if (!cairn_budget_charge(budget, &field->units_charged, FOUND_UNITS))
-                return CAIRN_MORE;
-            mark_pair(field);
-        }
-        status = cairn_box_sweep_next(field->sweep, budget, &first, &second);
-        if (status != CAIRN_OK)
-            return status == CAIRN_EMPTY ? CAIRN_OK : status;
-        pair->line[0].scan = scan_of(field, first);
-        pair->line[1].scan = scan_of(field, second);
-        pair->is_begun = 1;
+        CAIRN_STEP_UNTIL(field->phase_resume, next_scans(field, budget));
+        if (!field->pair.is_found)
+            break;
+        FORCE_FIELD_PAY(field, budget, FOUND_UNITS);
+        mark_pair(field);
     }
+    CAIRN_STEP_END(field->phase_resume);
 }
 
 /* ---- Readers ---- */

@@ -3,51 +3,65 @@
  * Source: Adluru 2008, section 7.4.2. */
 #include "src/base/build.h"
 
-#include <stddef.h>
-#include <string.h>
-
 #include "src/fields/force_field_iteration.h"
 
-enum { MAX_CORNERS = 1 << 24, MAX_EXTRA = 1 << 24, MAX_BONDS = 1 << 24 };
+enum { MAX_SCANS = 1 << 20, MAX_ITEMS = 1 << 24 };
 
-/* maximum value of a parameter */
+/* Maximum of a value without another one. */
 #define MAX_VALUE CAIRN_REAL(1e6)
+
+#define WITH_ROI     CAIRN_WHEN(cairn_force_field_params, roi)
+#define WITH_SPRINGS CAIRN_WHEN_IS(cairn_force_field_params, mode, CAIRN_FORCE_FIELD_SPRINGS)
+
+#define INTEGER(field, is, from, to) CAIRN_INTEGER(cairn_force_field_params, field, is, from, to)
+#define NUMBER(field, is, from, to)  CAIRN_NUMBER(cairn_force_field_params, field, is, from, to)
+#define POSITIVE(field, is, to)      CAIRN_NUMBER_ABOVE(cairn_force_field_params, field, is, 0, to)
+#define ROW(field, in_use, kind, is, from, to)                                                     \
+    CAIRN_NUMBER_ROW(cairn_force_field_params, field, in_use, CAIRN_PARAMETER_##kind, is, from, to)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(mode, CAIRN_FORCE_FIELD_GRADIENT, CAIRN_FORCE_FIELD_GRADIENT,
+            CAIRN_FORCE_FIELD_SPRINGS),
+    INTEGER(max_scans, 64, 1, MAX_SCANS),
+    INTEGER(max_segments, 1024, 1, MAX_ITEMS),
+    INTEGER(max_points, 8192, 1, MAX_ITEMS),
+    CAIRN_INTEGER_IF(cairn_force_field_params, max_corners, WITH_ROI, 1024, 1, MAX_ITEMS),
+    POSITIVE(sigma_start, CAIRN_REAL(0.15), MAX_VALUE),
+    POSITIVE(sigma_end, CAIRN_REAL(0.04), MAX_VALUE),
+    NUMBER(sigma_step, CAIRN_REAL(0.0025), 0, MAX_VALUE),
+    NUMBER(sigma_factor, 1, 0, 1),
+    NUMBER(oriented_below, 0, 0, MAX_VALUE),
+    POSITIVE(dt_start, CAIRN_REAL(0.05), MAX_VALUE),
+    POSITIVE(dt_end, CAIRN_REAL(0.01), MAX_VALUE),
+    NUMBER(dt_factor, CAIRN_REAL(0.96), 0, 1),
+    POSITIVE(reach, 4, CAIRN_FORCE_KERNEL_MAX_REACH),
+    NUMBER(sensor_below, CAIRN_REAL(0.5), 0, MAX_VALUE),
+    INTEGER(roi, CAIRN_FORCE_FIELD_ROI_ENDS, INT32_MIN, INT32_MAX),
+    ROW(roi_radius, WITH_ROI, NUMBER_ABOVE, CAIRN_REAL(0.05), 0, MAX_VALUE),
+    ROW(roi_mass, WITH_ROI, NUMBER_ABOVE, 4, 0, MAX_VALUE),
+    ROW(corner_distance, WITH_ROI, NUMBER_ABOVE, CAIRN_REAL(0.30), 0, CAIRN_REAL_MAX),
+    ROW(corner_min_opening, WITH_ROI, NUMBER_ABOVE, 80 * (CAIRN_PI / 180), 0, CAIRN_PI),
+    ROW(corner_max_opening, WITH_ROI, NUMBER_BELOW, 100 * (CAIRN_PI / 180), 0, CAIRN_PI),
+    INTEGER(potential, 1, INT32_MIN, INT32_MAX),
+    INTEGER(max_steps, 50, 1, INT32_MAX),
+    NUMBER(stop_relocation, CAIRN_REAL(0.0001), 0, MAX_VALUE),
+    NUMBER(spacing, 0, 0, MAX_VALUE),
+    INTEGER(max_extra, 0, 0, MAX_ITEMS),
+    CAIRN_INTEGER_IF(cairn_force_field_params, max_bonds, WITH_SPRINGS, 0, 0, MAX_ITEMS),
+    ROW(tangential_stiffness, WITH_SPRINGS, NUMBER, CAIRN_REAL(0.1), 0, 1),
+    ROW(damping_sigma, WITH_SPRINGS, NUMBER, CAIRN_REAL(0.35), 0, MAX_VALUE),
+    ROW(alignment_torque, WITH_SPRINGS, NUMBER, 0, 0, MAX_VALUE),
+    ROW(max_relocation, WITH_SPRINGS, NUMBER_ABOVE, CAIRN_REAL(0.3), 0, MAX_VALUE),
+};
+const cairn_parameters cairn_force_field_parameters =
+    CAIRN_PARAMETERS("force_field", cairn_force_field_params, rows);
 
 cairn_force_field_params cairn_force_field_default(void)
 {
-    cairn_force_field_params params = {
-        .mode = CAIRN_FORCE_FIELD_GRADIENT,
-        .max_scans = 64,
-        .max_segments = 1024,
-        .max_points = 8192,
-        .max_corners = 1024,
-        .sigma_start = CAIRN_REAL(0.15),
-        .sigma_end = CAIRN_REAL(0.04),
-        .sigma_step = CAIRN_REAL(0.0025),
-        .sigma_factor = 1,
-        .oriented_below = 0,
-        .dt_start = CAIRN_REAL(0.05),
-        .dt_end = CAIRN_REAL(0.01),
-        .dt_factor = CAIRN_REAL(0.96),
-        .reach = 4,
-        .sensor_below = CAIRN_REAL(0.5),
-        .roi = CAIRN_FORCE_FIELD_ROI_ENDS,
-        .roi_radius = CAIRN_REAL(0.05),
-        .roi_mass = 4,
-        .corner_distance = CAIRN_REAL(0.30),
-        .corner_min_opening = 80 * (CAIRN_PI / 180),
-        .corner_max_opening = 100 * (CAIRN_PI / 180),
-        .potential = 1,
-        .max_steps = 50,
-        .stop_relocation = CAIRN_REAL(0.0001),
-        .spacing = 0,
-        .max_extra = 0,
-        .max_bonds = 0,
-        .tangential_stiffness = CAIRN_REAL(0.1),
-        .damping_sigma = CAIRN_REAL(0.35),
-        .alignment_torque = 0,
-        .max_relocation = CAIRN_REAL(0.3),
-    };
+    cairn_force_field_params params;
+
+    cairn_parameters_preset(&cairn_force_field_parameters, &params);
     return params;
 }
 
@@ -94,59 +108,20 @@ cairn_force_field_params cairn_force_field_springs(cairn_real sigma_start, int32
     return params;
 }
 
-/* Conditions of a value besides 0 ... MAX_VALUE, and the modes in which it is validated. */
-enum { IS_POSITIVE = 1, IN_UNIT_INTERVAL = 2, WITH_ROI = 4, WITH_SPRINGS = 8 };
-
-/* A table: separate comparisons take three times the code size. */
-#define OFFSET_OF(field) (uint16_t) offsetof(cairn_force_field_params, field)
-static const struct {
-    uint16_t at, conditions;
-} ranges[] = {
-    {OFFSET_OF(sigma_start), IS_POSITIVE},
-    {OFFSET_OF(sigma_end), IS_POSITIVE},
-    {OFFSET_OF(sigma_step), 0},
-    {OFFSET_OF(sigma_factor), IN_UNIT_INTERVAL},
-    {OFFSET_OF(oriented_below), 0},
-    {OFFSET_OF(dt_start), IS_POSITIVE},
-    {OFFSET_OF(dt_end), IS_POSITIVE},
-    {OFFSET_OF(dt_factor), IN_UNIT_INTERVAL},
-    {OFFSET_OF(reach), IS_POSITIVE},
-    {OFFSET_OF(sensor_below), 0},
-    {OFFSET_OF(stop_relocation), 0},
-    {OFFSET_OF(spacing), 0},
-    {OFFSET_OF(roi_radius), WITH_ROI | IS_POSITIVE},
-    {OFFSET_OF(roi_mass), WITH_ROI | IS_POSITIVE},
-    {OFFSET_OF(tangential_stiffness), WITH_SPRINGS | IN_UNIT_INTERVAL},
-    {OFFSET_OF(damping_sigma), WITH_SPRINGS},
-    {OFFSET_OF(alignment_torque), WITH_SPRINGS},
-    {OFFSET_OF(max_relocation), WITH_SPRINGS | IS_POSITIVE},
-};
-
-static int are_in_range(const cairn_force_field_params *params)
+cairn_status cairn_force_field_check(const cairn_force_field_params *params,
+                                     cairn_object_fault *fault)
 {
-    int32_t unused = (params->roi ? 0 : WITH_ROI) |
-                     (params->mode == CAIRN_FORCE_FIELD_SPRINGS ? 0 : WITH_SPRINGS);
+    cairn_status status = cairn_parameters_check(&cairn_force_field_parameters, params, fault);
 
-    for (size_t i = 0; i < sizeof ranges / sizeof *ranges; i++) {
-        int32_t conditions = ranges[i].conditions;
-        cairn_real value, most = conditions & IN_UNIT_INTERVAL ? 1 : MAX_VALUE;
-
-        memcpy(&value, (const unsigned char *)params + ranges[i].at, sizeof value);
-        if (!(conditions & unused) &&
-            !((conditions & IS_POSITIVE ? value > 0 : value >= 0) && value <= most))
-            return 0;
-    }
-    return 1;
-}
-
-int32_t cairn_force_field_params_are_valid(const cairn_force_field_params *params)
-{
-    return params != NULL && params->mode >= CAIRN_FORCE_FIELD_GRADIENT &&
-           params->mode <= CAIRN_FORCE_FIELD_SPRINGS && are_in_range(params) &&
-           params->sigma_end <= params->sigma_start && params->dt_end <= params->dt_start &&
-           params->reach <= CAIRN_FORCE_KERNEL_MAX_REACH &&
-           (!params->roi || params->max_corners <= MAX_CORNERS) && params->max_steps >= 1 &&
-           params->max_extra >= 0 && params->max_extra <= MAX_EXTRA &&
-           (params->mode == CAIRN_FORCE_FIELD_GRADIENT ||
-            (params->max_bonds >= 0 && params->max_bonds <= MAX_BONDS));
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(params->sigma_end <= params->sigma_start, "force_field",
+                                          "sigma_end: at most sigma_start", fault);
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(params->dt_end <= params->dt_start, "force_field",
+                                          "dt_end: at most dt_start", fault);
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(
+            !params->roi || params->corner_max_opening >= params->corner_min_opening, "force_field",
+            "corner_max_opening: at least corner_min_opening", fault);
+    return status;
 }

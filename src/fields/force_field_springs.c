@@ -36,21 +36,6 @@ enum { MAX_ITERATIONS = 48, BONDS_PER_UNIT = 8 };
 #define CONVERGED_RATIO CAIRN_REAL(1e-8)
 #define DAMPING_SHARE   CAIRN_REAL(0.001)
 
-enum {
-    STAGE_ASSEMBLE,  /* bonds into the diagonal blocks and the right-hand side */
-    STAGE_PREPARE,   /* damping and preconditioner of each scan */
-    STAGE_PRODUCT,   /* product = A direction, bond by bond */
-    STAGE_CURVATURE, /* direction^T product */
-    STAGE_MOTION,    /* step along the direction; new residual */
-    STAGE_DIRECTION, /* next conjugate direction */
-    STAGE_DONE
-};
-
-int32_t cairn_force_field_has_springs(const cairn_force_field *field)
-{
-    return field->bonds != NULL;
-}
-
 /* ---- Bonds ---- */
 
 void cairn_force_field_remove_springs(cairn_force_field *field, int32_t scan)
@@ -319,78 +304,44 @@ static void add_curvature(cairn_force_field *field, const struct cairn_force_fie
     field->solver.curvature += dot(unknown->direction, unknown->product);
 }
 
-/* Processes one bond or scan in the current stage. */
-static void process_item(cairn_force_field *field, int32_t index)
+int cairn_force_field_solve(cairn_force_field *field, cairn_budget *budget)
 {
-    switch (field->solver.stage) {
-    case STAGE_ASSEMBLE:
-        assemble(field, &field->bonds[index]);
-        break;
-    case STAGE_PREPARE:
-        prepare_unknown(field, index);
-        break;
-    case STAGE_PRODUCT:
-        add_product(field, &field->bonds[index]);
-        break;
-    case STAGE_CURVATURE:
-        add_curvature(field, &field->unknowns[index]);
-        break;
-    case STAGE_MOTION:
-        update_motion(field, &field->unknowns[index]);
-        break;
-    default:
-        update_direction(field, &field->unknowns[index]);
-        break;
-    }
-}
-
-/* Returns the stage after the current one. */
-static int32_t next_stage(struct cairn_force_field_solver *solver)
-{
-    switch (solver->stage) {
-    case STAGE_PREPARE:
-        solver->min_residual2 = CONVERGED_RATIO * solver->residual2;
-        return solver->residual2 > 0 ? STAGE_PRODUCT : STAGE_DONE;
-    case STAGE_PRODUCT:
-        solver->curvature = 0;
-        return STAGE_CURVATURE;
-    case STAGE_CURVATURE:
-        solver->next_residual2 = 0;
-        return solver->curvature > 0 ? STAGE_MOTION : STAGE_DONE;
-    case STAGE_MOTION:
-        return ++solver->iteration < MAX_ITERATIONS &&
-                       solver->next_residual2 > solver->min_residual2
-                   ? STAGE_DIRECTION
-                   : STAGE_DONE;
-    case STAGE_DIRECTION:
-        solver->residual2 = solver->next_residual2;
-        return STAGE_PRODUCT;
-    default:
-        return solver->stage + 1;
-    }
-}
-
-void cairn_force_field_solve_begin(cairn_force_field *field)
-{
+    CAIRN_STEP_BEGIN(field->phase_resume);
     memset(&field->solver, 0, sizeof field->solver);
-}
-
-cairn_status cairn_force_field_solve_step(cairn_force_field *field, cairn_budget *budget)
-{
-    struct cairn_force_field_solver *solver = &field->solver;
-
-    while (solver->stage != STAGE_DONE) {
-        int32_t is_of_bonds = solver->stage == STAGE_ASSEMBLE || solver->stage == STAGE_PRODUCT;
-        int32_t count = is_of_bonds ? field->bond_count : field->slots;
-
-        for (; solver->next_item < count; solver->next_item++) {
-            if (!cairn_budget_charge(budget, &field->units_charged,
-                                     solver->stage <= STAGE_PREPARE ? 3 : 1))
-                return CAIRN_MORE;
-            process_item(field, solver->next_item);
-        }
-        solver->next_item = 0;
-        solver->stage = next_stage(solver);
+    for (field->solver.item = 0; field->solver.item < field->bond_count; field->solver.item++) {
+        FORCE_FIELD_PAY(field, budget, 3);
+        assemble(field, &field->bonds[field->solver.item]);
     }
-    return CAIRN_OK;
+    for (field->solver.item = 0; field->solver.item < field->slots; field->solver.item++) {
+        FORCE_FIELD_PAY(field, budget, 3);
+        prepare_unknown(field, field->solver.item);
+    }
+    field->solver.min_residual2 = CONVERGED_RATIO * field->solver.residual2;
+    while (field->solver.residual2 > 0) {
+        for (field->solver.item = 0; field->solver.item < field->bond_count; field->solver.item++) {
+            FORCE_FIELD_PAY(field, budget, 1);
+            add_product(field, &field->bonds[field->solver.item]);
+        }
+        field->solver.curvature = 0;
+        for (field->solver.item = 0; field->solver.item < field->slots; field->solver.item++) {
+            FORCE_FIELD_PAY(field, budget, 1);
+            add_curvature(field, &field->unknowns[field->solver.item]);
+        }
+        if (!(field->solver.curvature > 0))
+            break;
+        field->solver.next_residual2 = 0;
+        for (field->solver.item = 0; field->solver.item < field->slots; field->solver.item++) {
+            FORCE_FIELD_PAY(field, budget, 1);
+            update_motion(field, &field->unknowns[field->solver.item]);
+        }
+        if (++field->solver.iteration == MAX_ITERATIONS ||
+            !(field->solver.next_residual2 > field->solver.min_residual2))
+            break;
+        for (field->solver.item = 0; field->solver.item < field->slots; field->solver.item++) {
+            FORCE_FIELD_PAY(field, budget, 1);
+            update_direction(field, &field->unknowns[field->solver.item]);
+        }
+        field->solver.residual2 = field->solver.next_residual2;
+    }
+    CAIRN_STEP_END(field->phase_resume);
 }
