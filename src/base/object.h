@@ -131,6 +131,16 @@ void *cairn_object_take(cairn_pool *pool, size_t size);
             (object)->field = taken_;                                                              \
     } while (0)
 
+/* Allocates a table of `rows` rows of `length` elements, likewise; their product may exceed SIZE_MAX. */
+#define CAIRN_TAKE_ROWS(object, pool, field, rows, length)                                         \
+    do {                                                                                           \
+        void *taken_ =                                                                             \
+            cairn_pool_take(pool, (size_t)(rows), (size_t)(length) * sizeof *(object)->field);     \
+                                                                                                   \
+        if ((object) != NULL)                                                                      \
+            (object)->field = taken_;                                                              \
+    } while (0)
+
 /* Creates a nested object of a module for the pointer object->field; from a counting pool, where
  * object is NULL, counts only its bytes. */
 #define CAIRN_TAKE_OBJECT(object, pool, field, module, params)                                     \
