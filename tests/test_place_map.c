@@ -807,58 +807,20 @@ static void memory_is_exact(void **state)
         assert_true(cairn_place_map_memory(&good) > 0);                                            \
     } while (0)
 
+/* Rules between parameters; tests/test_object.c has the ranges. */
 static void bad_params_are_refused(void **state)
 {
-    const cairn_real nan = (cairn_real)NAN, infinity = (cairn_real)INFINITY;
     cairn_place_map_params params = small_params(2);
     cairn_pool pool = test_pool(cairn_place_map_memory(&params));
     cairn_place_map *map;
 
     (void)state;
-    REFUSED(mode, -1);
     REFUSED(mode, CAIRN_PLACE_MAP_AS_WRITTEN); /* with a match that is not as written */
-    REFUSED(mode, CAIRN_PLACE_MAP_SEQUENTIAL + 1);
-    REFUSED(max_places, 1);
-    REFUSED(max_places, 257);
     REFUSED(max_scans, 1);
-    REFUSED(max_scans, (1 << 16) + 1);
-    REFUSED(max_place_points, 0);
     REFUSED(max_place_points, (1 << 19) + 1);
-    REFUSED(max_place_beams, 0);
     REFUSED(max_place_beams, (1 << 19) + 1);
-    REFUSED(recent_places, 0);
-    REFUSED(rematch_rounds, -1);
-    REFUSED(refinement_sweeps, -1);
-    REFUSED(decoupled, 3);
-    REFUSED(decoupled, -1);
-    REFUSED(visibility_reach, 0);
-    REFUSED(visibility_reach, nan);
-    REFUSED(visibility_reach, infinity);
-    REFUSED(visibility_cell, 0);
-    REFUSED(visibility_cell, nan);
     REFUSED(visibility_cell, CAIRN_REAL(0.001));
-    REFUSED(visibility_margin, 0);
-    REFUSED(visibility_margin, nan);
     REFUSED(visibility_margin, 2);
-    REFUSED(surface_nats, 0);
-    REFUSED(surface_nats, nan);
-    REFUSED(dynamic_nats, 0);
-    REFUSED(dynamic_nats, nan);
-    REFUSED(opposite_face_nats, 0);
-    REFUSED(opposite_face_nats, nan);
-    REFUSED(rough_surface_nats, 0);
-    REFUSED(rough_surface_nats, nan);
-    REFUSED(free_area_nats, -1);
-    REFUSED(free_area_nats, nan);
-    REFUSED(free_area_nats, infinity);
-    REFUSED(free_space_penalty, 0);
-    REFUSED(free_space_penalty, nan);
-    REFUSED(dynamic_factor, -1);
-    REFUSED(dynamic_factor, 2);
-    REFUSED(dynamic_factor, nan);
-    REFUSED(chance_nats, -1);
-    REFUSED(chance_nats, nan);
-    REFUSED(chance_nats, infinity);
     REFUSED(match.max_hypotheses, 0);
     REFUSED(consensus.max_hypotheses, 0);
     TAKEN(recent_places, 1);

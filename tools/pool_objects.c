@@ -103,7 +103,7 @@ typedef union any_params {
         return cairn_##module##_create(&object, pool, params);                                     \
     }
 
-MODULE(aligner)
+DECLARED(aligner)
 MODULE(assignment)
 MODULE(block_solver)
 MODULE(corner)
@@ -124,7 +124,7 @@ MODULE(fragment_match)
 MODULE(part_bundle)
 MODULE(part_configuration)
 MODULE(particle_filter)
-MODULE(place_map)
+DECLARED(place_map)
 DECLARED(polyline)
 MODULE(pose_consensus)
 MODULE(rectangle)
@@ -139,7 +139,7 @@ MODULE(skeleton_grouping)
 MODULE(symmetric_point)
 MODULE(virtual_align)
 MODULE(virtual_scan)
-MODULE(weak_direction)
+DECLARED(weak_direction)
 
 /* Objects without _default(): all capacities are set here. */
 MEMORY_OF(point_grid)
@@ -288,7 +288,8 @@ const pool_object pool_objects[] = {
      {HAS(aligner, "scan", max_scans), HAS(aligner, "segment", max_segments),
       HAS(aligner, "point", max_points), HAS(aligner, "hypothesis", max_hypotheses),
       HAS(aligner, "block of fill", max_fill), HAS(aligner, "short segment", max_short_segments),
-      HAS(aligner, "cell", max_cells)}},
+      HAS(aligner, "cell", max_cells)},
+     DECLARATION(aligner)},
     {OBJECT(occupancy_grid), 1, {HAS(occupancy_grid, "cell", width)}},
     {OBJECT(mapper),
      3,
@@ -385,11 +386,13 @@ const pool_object pool_objects[] = {
       HAS(place_map, "beam of a place", max_place_beams),
       HAS(place_map, "place to match with", recent_places),
       HAS(place_map, "hypothesis", consensus.max_hypotheses),
-      HAS(place_map, "decoupling", decoupled)}},
+      HAS(place_map, "decoupling", decoupled)},
+     DECLARATION(place_map)},
     {OBJECT(weak_direction),
      0,
      {HAS(weak_direction, "scan", max_scans), HAS(weak_direction, "wall", max_walls),
-      HAS(weak_direction, "part", max_submaps)}},
+      HAS(weak_direction, "part", max_submaps)},
+     DECLARATION(weak_direction)},
     {OBJECT(virtual_scan),
      0,
      {HAS(virtual_scan, "scan", max_scans), HAS(virtual_scan, "point", max_points),

@@ -18,6 +18,7 @@
 #define CAIRN_ALIGNER_H
 
 #include "cairn/block_solver.h"
+#include "cairn/object.h"
 #include "cairn/scan.h"
 
 #ifdef __cplusplus
@@ -37,7 +38,7 @@ typedef struct cairn_aligner_params {
     int32_t max_points;
     /* 1 ... 2^24 (1536): hypotheses of relative poses; beyond the limit the best ones are kept */
     int32_t max_hypotheses;
-    /* 0 ... 2^24 (2048): blocks of the Cholesky factor, as in cairn_block_solver_params */
+    /* 1 ... 2^24 (2048): blocks of the Cholesky factor, as in cairn_block_solver_params */
     int32_t max_fill;
     /* 64 ... 2^24 (25600): cells of the search raster of a relocalization; fewer cells are
      * coarser */
@@ -151,6 +152,13 @@ typedef struct cairn_aligner cairn_aligner;
 
 /* Returns the default parameters. */
 cairn_aligner_params cairn_aligner_default(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_aligner_check(const cairn_aligner_params *params,
+                                               cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_aligner_memory(const cairn_aligner_params *params);

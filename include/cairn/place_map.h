@@ -16,6 +16,7 @@
 
 #include "cairn/aligner.h"
 #include "cairn/icp.h"
+#include "cairn/object.h"
 #include "cairn/pose_consensus.h"
 #include "cairn/scan_match.h"
 
@@ -128,6 +129,13 @@ cairn_place_map_params cairn_place_map_default(void);
  * - a place without any correspondence left is a component of its own, and no target of another.
  * The thesis reports no ambiguity: `ambiguous` and `support` are 0. */
 cairn_place_map_params cairn_place_map_as_written(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_place_map_check(const cairn_place_map_params *params,
+                                                 cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_place_map_memory(const cairn_place_map_params *params);

@@ -19,6 +19,7 @@
 #define CAIRN_WEAK_DIRECTION_H
 
 #include "cairn/aligner.h"
+#include "cairn/object.h"
 #include "cairn/scan_set.h"
 
 #ifdef __cplusplus
@@ -67,6 +68,13 @@ typedef struct cairn_weak_direction cairn_weak_direction;
 
 /* Returns the default parameters. */
 cairn_weak_direction_params cairn_weak_direction_default(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_weak_direction_check(const cairn_weak_direction_params *params,
+                                                      cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes; 0 for params that create() would refuse. */
 size_t cairn_weak_direction_memory(const cairn_weak_direction_params *params);

@@ -28,56 +28,39 @@ enum { MAX_SCANS = 1 << 16, MAX_COUNT = 1 << 24, MIN_CELLS = 64 };
 
 #define MAX_COORDINATE_M CAIRN_REAL(1e6)
 
+#define INTEGER(field, is, from, to) CAIRN_INTEGER(cairn_aligner_params, field, is, from, to)
+#define POSITIVE(field, is, to)      CAIRN_NUMBER_ABOVE(cairn_aligner_params, field, is, 0, to)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_scans, 64, 1, MAX_SCANS),
+    INTEGER(max_segments, 1024, 1, MAX_COUNT),
+    INTEGER(max_short_segments, 256, 0, MAX_COUNT),
+    INTEGER(max_points, 4096, 1, MAX_COUNT),
+    INTEGER(max_hypotheses, 1536, 1, MAX_COUNT),
+    INTEGER(max_fill, 2048, 1, MAX_COUNT),
+    INTEGER(max_cells, 25600, MIN_CELLS, MAX_COUNT),
+    POSITIVE(max_initial_error, CAIRN_REAL(0.6), CAIRN_REAL_MAX),
+    POSITIVE(max_initial_angle_error, 35 * CAIRN_PI / 180, CAIRN_PI),
+    POSITIVE(max_range, 30, MAX_COORDINATE_M),
+    POSITIVE(range_sigma, CAIRN_REAL(0.01), CAIRN_REAL_MAX),
+    CAIRN_NUMBER(cairn_aligner_params, free_space_penalty, CAIRN_REAL(1.5), 0, CAIRN_REAL_MAX),
+    INTEGER(oriented, 1, INT32_MIN, INT32_MAX),
+    INTEGER(max_relocalizations, 2, 0, INT32_MAX),
+    INTEGER(max_iterations, 10, 0, INT32_MAX),
+    POSITIVE(min_log_likelihood_ratio, 1, CAIRN_REAL_MAX),
+    POSITIVE(observable_sigma, CAIRN_REAL(0.05), CAIRN_REAL_MAX),
+    POSITIVE(observable_sigma_theta, CAIRN_PI / 180, CAIRN_REAL_MAX),
+};
+const cairn_parameters cairn_aligner_parameters =
+    CAIRN_PARAMETERS("aligner", cairn_aligner_params, rows);
+
 cairn_aligner_params cairn_aligner_default(void)
 {
-    cairn_aligner_params params = {
-        .max_scans = 64,
-        .max_segments = 1024,
-        .max_short_segments = 256,
-        .max_points = 4096,
-        .max_hypotheses = 1536,
-        .max_fill = 2048,
-        .max_cells = 25600,
-        .max_initial_error = CAIRN_REAL(0.6),
-        .max_initial_angle_error = 35 * CAIRN_PI / 180,
-        .max_range = 30,
-        .range_sigma = CAIRN_REAL(0.01),
-        .free_space_penalty = CAIRN_REAL(1.5),
-        .oriented = 1,
-        .max_relocalizations = 2,
-        .max_iterations = 10,
-        .min_log_likelihood_ratio = 1,
-        .observable_sigma = CAIRN_REAL(0.05),
-        .observable_sigma_theta = CAIRN_PI / 180,
-    };
+    cairn_aligner_params params;
+
+    cairn_parameters_preset(&cairn_aligner_parameters, &params);
     return params;
-}
-
-static int is_positive(cairn_real value)
-{
-    return value > 0 && value <= CAIRN_REAL_MAX;
-}
-
-static int is_capacity(int32_t count, int32_t most)
-{
-    return count >= 1 && count <= most;
-}
-
-static int params_are_valid(const cairn_aligner_params *params)
-{
-    return params != NULL && is_capacity(params->max_scans, MAX_SCANS) &&
-           is_capacity(params->max_segments, MAX_COUNT) && params->max_short_segments >= 0 &&
-           params->max_short_segments <= MAX_COUNT && is_capacity(params->max_points, MAX_COUNT) &&
-           is_capacity(params->max_hypotheses, MAX_COUNT) &&
-           is_capacity(params->max_fill, MAX_COUNT) && is_capacity(params->max_cells, MAX_COUNT) &&
-           params->max_cells >= MIN_CELLS && is_positive(params->max_initial_error) &&
-           is_positive(params->max_initial_angle_error) &&
-           params->max_initial_angle_error <= CAIRN_PI && is_positive(params->max_range) &&
-           params->max_range <= MAX_COORDINATE_M && is_positive(params->range_sigma) &&
-           params->free_space_penalty >= 0 && params->free_space_penalty <= CAIRN_REAL_MAX &&
-           params->max_relocalizations >= 0 && params->max_iterations >= 0 &&
-           is_positive(params->min_log_likelihood_ratio) && is_positive(params->observable_sigma) &&
-           is_positive(params->observable_sigma_theta);
 }
 
 static cairn_block_solver_params solver_params(const cairn_aligner_params *p)
@@ -92,6 +75,19 @@ static cairn_block_solver_params solver_params(const cairn_aligner_params *p)
     return params;
 }
 
+cairn_status cairn_aligner_check(const cairn_aligner_params *params, cairn_object_fault *fault)
+{
+    cairn_status status = cairn_parameters_check(&cairn_aligner_parameters, params, fault);
+    cairn_block_solver_params solver;
+
+    if (status != CAIRN_OK)
+        return status;
+    solver = solver_params(params);
+    return cairn_parameters_require(cairn_block_solver_memory(&solver) > 0, "aligner",
+                                    "max_scans, max_segments: within the limits of block_solver",
+                                    fault);
+}
+
 /* Returns the bytes of an array, rounded up; the sum of two cannot overflow. */
 static size_t bytes_of(size_t count, size_t size)
 {
@@ -101,7 +97,7 @@ static size_t bytes_of(size_t count, size_t size)
 }
 
 /* Raster and walls share memory: walls are built when relocalization has ended. */
-static void carve_shared(cairn_aligner *aligner, cairn_pool *pool, size_t segments, size_t cells)
+static void take_shared(cairn_aligner *aligner, cairn_pool *pool, size_t segments, size_t cells)
 {
     size_t drawn = bytes_of(cells, sizeof *aligner->cells),
            built = bytes_of(segments, sizeof *aligner->walls);
@@ -117,53 +113,6 @@ static void carve_shared(cairn_aligner *aligner, cairn_pool *pool, size_t segmen
     aligner->order = (void *)(shared + built);
 }
 
-static cairn_aligner *carve(cairn_pool *pool, const cairn_aligner_params *params)
-{
-    size_t scans = (size_t)params->max_scans,
-           segments = (size_t)params->max_segments + (size_t)params->max_short_segments;
-    cairn_aligner *made = cairn_pool_take_one(pool, sizeof *made), arrays;
-
-    memset(&arrays, 0, sizeof arrays);
-    arrays.scans = cairn_pool_take(pool, scans, sizeof *arrays.scans);
-    arrays.poses = cairn_pool_take(pool, scans + 1, sizeof *arrays.poses);
-    arrays.visibility = cairn_pool_take(pool, scans, sizeof *arrays.visibility);
-    arrays.clusters = cairn_pool_take(pool, scans + 1, sizeof *arrays.clusters);
-    arrays.prior_sums = cairn_pool_take(pool, scans + 1, sizeof *arrays.prior_sums);
-    arrays.segments = cairn_pool_take(pool, segments, sizeof *arrays.segments);
-    arrays.points = cairn_pool_take(pool, (size_t)params->max_points, sizeof *arrays.points);
-    arrays.neighbours =
-        cairn_pool_take(pool, scans * ALIGNER_MAX_NEIGHBOURS, sizeof *arrays.neighbours);
-    arrays.patches = cairn_pool_take(
-        pool, (size_t)params->max_points / ALIGNER_PATCH_POINTS + scans, sizeof *arrays.patches);
-    arrays.hypotheses =
-        cairn_pool_take(pool, (size_t)params->max_hypotheses, sizeof *arrays.hypotheses);
-    arrays.links = cairn_pool_take(pool, scans, sizeof *arrays.links);
-    arrays.best_of_block =
-        cairn_pool_take(pool, (size_t)params->max_hypotheses / ALIGNER_HYPOTHESIS_BLOCK + 1,
-                        sizeof *arrays.best_of_block);
-    carve_shared(&arrays, pool, segments, (size_t)params->max_cells);
-    arrays.rhs = cairn_pool_take(pool, 3 * (scans + (segments + 1) / 2), sizeof *arrays.rhs);
-    arrays.bearings = cairn_pool_take(pool, ALIGNER_PROFILE_BINS, sizeof *arrays.bearings);
-    arrays.results = cairn_pool_take(pool, scans, sizeof *arrays.results);
-    if (made != NULL)
-        *made = arrays;
-    return made;
-}
-
-size_t cairn_aligner_memory(const cairn_aligner_params *params)
-{
-    cairn_block_solver_params solver;
-    cairn_pool counting;
-
-    if (!params_are_valid(params))
-        return 0;
-    solver = solver_params(params);
-    cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
-    cairn_pool_count(&counting, cairn_block_solver_memory(&solver));
-    return cairn_pool_counted(&counting);
-}
-
 /* Fills the unit directions of the bins' middles on the diamond. */
 static void fill_bearings(cairn_vec2 *bearings)
 {
@@ -177,25 +126,60 @@ static void fill_bearings(cairn_vec2 *bearings)
     }
 }
 
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_aligner *build(cairn_pool *pool, const cairn_aligner_params *params)
+{
+    size_t scans = (size_t)params->max_scans, points = (size_t)params->max_points,
+           hypotheses = (size_t)params->max_hypotheses,
+           segments = (size_t)params->max_segments + (size_t)params->max_short_segments;
+    cairn_block_solver_params solver = solver_params(params);
+    cairn_aligner *aligner = cairn_object_take(pool, sizeof *aligner);
+
+    CAIRN_TAKE(aligner, pool, scans, scans);
+    CAIRN_TAKE(aligner, pool, poses, scans + 1);
+    CAIRN_TAKE(aligner, pool, visibility, scans);
+    CAIRN_TAKE(aligner, pool, clusters, scans + 1);
+    CAIRN_TAKE(aligner, pool, prior_sums, scans + 1);
+    CAIRN_TAKE(aligner, pool, segments, segments);
+    CAIRN_TAKE(aligner, pool, points, points);
+    CAIRN_TAKE(aligner, pool, neighbours, scans * ALIGNER_MAX_NEIGHBOURS);
+    CAIRN_TAKE(aligner, pool, patches, points / ALIGNER_PATCH_POINTS + scans);
+    CAIRN_TAKE(aligner, pool, hypotheses, hypotheses);
+    CAIRN_TAKE(aligner, pool, links, scans);
+    CAIRN_TAKE(aligner, pool, best_of_block, hypotheses / ALIGNER_HYPOTHESIS_BLOCK + 1);
+    take_shared(aligner, pool, segments, (size_t)params->max_cells);
+    CAIRN_TAKE(aligner, pool, rhs, 3 * (scans + (segments + 1) / 2));
+    CAIRN_TAKE(aligner, pool, bearings, ALIGNER_PROFILE_BINS);
+    CAIRN_TAKE(aligner, pool, results, scans);
+    CAIRN_TAKE_OBJECT(aligner, pool, solver, block_solver, &solver);
+    if (aligner != NULL) {
+        aligner->params = *params;
+        aligner->phase = ALIGNER_DONE;
+        aligner->result.anchor = -1;
+        fill_bearings(aligner->bearings);
+    }
+    return aligner;
+}
+
+size_t cairn_aligner_memory(const cairn_aligner_params *params)
+{
+    cairn_pool counting;
+
+    if (cairn_aligner_check(params, NULL) != CAIRN_OK)
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)build(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
 cairn_status cairn_aligner_create(cairn_aligner **aligner, cairn_pool *pool,
                                   const cairn_aligner_params *params)
 {
-    size_t need = cairn_aligner_memory(params);
-    cairn_block_solver_params solver;
-    cairn_aligner *made;
+    cairn_status status = cairn_object_admit(aligner, pool, cairn_aligner_memory(params));
 
-    if (aligner == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    made->params = *params;
-    made->phase = ALIGNER_DONE;
-    made->result.anchor = -1;
-    fill_bearings(made->bearings);
-    solver = solver_params(params);
-    *aligner = made;
-    return cairn_block_solver_create(&made->solver, pool, &solver);
+    if (status == CAIRN_OK)
+        *aligner = build(pool, params);
+    return status;
 }
 
 /* ---- Input ---- */

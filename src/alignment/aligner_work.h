@@ -4,6 +4,10 @@
 
 #include "cairn/aligner.h"
 #include "cairn/rigid_motion.h"
+#include "src/base/object.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_aligner_parameters;
 
 enum {
     /* bearing bins of a visibility profile, evenly over the diamond |x| + |y| = 1 */

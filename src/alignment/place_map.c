@@ -31,29 +31,44 @@
 
 enum { MAX_PLACES = 256, MAX_COUNT = 1 << 16, MAX_MATCHED_POINTS = 1 << 20 };
 
+/* Maximum of a value without another one. */
+#define MAX_VALUE CAIRN_REAL(1e6)
+
+#define INTEGER(field, is, from, to) CAIRN_INTEGER(cairn_place_map_params, field, is, from, to)
+#define NUMBER(field, is, to)        CAIRN_NUMBER(cairn_place_map_params, field, is, 0, to)
+#define POSITIVE(field, is)          CAIRN_NUMBER_ABOVE(cairn_place_map_params, field, is, 0, MAX_VALUE)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(mode, CAIRN_PLACE_MAP_CONSENSUS, CAIRN_PLACE_MAP_CONSENSUS, CAIRN_PLACE_MAP_SEQUENTIAL),
+    INTEGER(max_places, 16, 2, MAX_PLACES),
+    INTEGER(max_scans, 64, 2, MAX_COUNT),
+    INTEGER(max_place_points, 1024, 1, MAX_MATCHED_POINTS / 2),
+    INTEGER(max_place_beams, 2048, 1, MAX_MATCHED_POINTS / 2),
+    INTEGER(recent_places, 3, 1, INT32_MAX),
+    INTEGER(rematch_rounds, 4, 0, INT32_MAX),
+    INTEGER(refinement_sweeps, 10, 0, INT32_MAX),
+    INTEGER(decoupled, CAIRN_PLACE_MAP_COUPLED, CAIRN_PLACE_MAP_COUPLED, CAIRN_PLACE_MAP_JOINTLY),
+    POSITIVE(visibility_reach, 8),
+    POSITIVE(visibility_cell, CAIRN_REAL(0.05)),
+    POSITIVE(visibility_margin, CAIRN_REAL(0.1)),
+    POSITIVE(surface_nats, CAIRN_REAL(0.05)),
+    POSITIVE(dynamic_nats, CAIRN_REAL(0.25)),
+    POSITIVE(opposite_face_nats, CAIRN_REAL(0.3)),
+    POSITIVE(rough_surface_nats, CAIRN_REAL(0.65)),
+    NUMBER(free_area_nats, CAIRN_REAL(1.6), MAX_VALUE),
+    POSITIVE(free_space_penalty, CAIRN_REAL(0.6)),
+    NUMBER(dynamic_factor, CAIRN_REAL(0.05), 1),
+    NUMBER(chance_nats, 0, MAX_VALUE),
+};
+const cairn_parameters cairn_place_map_parameters =
+    CAIRN_PARAMETERS("place_map", cairn_place_map_params, rows);
+
 cairn_place_map_params cairn_place_map_default(void)
 {
     cairn_place_map_params params;
 
-    memset(&params, 0, sizeof params);
-    params.max_places = 16;
-    params.max_scans = 64;
-    params.max_place_points = 1024;
-    params.max_place_beams = 2048;
-    params.recent_places = 3;
-    params.rematch_rounds = 4;
-    params.refinement_sweeps = 10;
-    params.visibility_reach = 8;
-    params.visibility_cell = CAIRN_REAL(0.05);
-    params.visibility_margin = CAIRN_REAL(0.1);
-    params.surface_nats = CAIRN_REAL(0.05);
-    params.dynamic_nats = CAIRN_REAL(0.25);
-    params.opposite_face_nats = CAIRN_REAL(0.3);
-    params.rough_surface_nats = CAIRN_REAL(0.65);
-    params.free_area_nats = CAIRN_REAL(1.6);
-    params.free_space_penalty = CAIRN_REAL(0.6);
-    params.dynamic_factor = CAIRN_REAL(0.05);
-    params.chance_nats = 0;
+    cairn_parameters_preset(&cairn_place_map_parameters, &params);
     params.match = cairn_scan_match_default();
     params.match.max_candidates = 768;
     params.match.max_hypotheses = 40;
@@ -86,6 +101,12 @@ static int is_written(const cairn_place_map_params *params)
     return params->mode == CAIRN_PLACE_MAP_AS_WRITTEN;
 }
 
+/* 1 when the scans are aligned jointly in the end. */
+static int is_joint(const cairn_place_map_params *params)
+{
+    return !is_written(params) && params->decoupled == CAIRN_PLACE_MAP_JOINTLY;
+}
+
 /* Returns 1 when the match mode is one as written, and scans are decoupled by its ICP or not at
  * all. */
 static int written_is_valid(const cairn_place_map_params *params)
@@ -98,40 +119,6 @@ static int written_is_valid(const cairn_place_map_params *params)
                         match <= CAIRN_SCAN_MATCH_AS_WRITTEN_LINES)) &&
            (params->decoupled == CAIRN_PLACE_MAP_COUPLED ||
             (has_icp && params->decoupled == CAIRN_PLACE_MAP_BY_ICP));
-}
-
-static int is_positive(cairn_real x)
-{
-    return x > 0 && x <= CAIRN_REAL(1e6);
-}
-
-static int counts_are_valid(const cairn_place_map_params *params)
-{
-    return params->mode >= CAIRN_PLACE_MAP_CONSENSUS &&
-           params->mode <= CAIRN_PLACE_MAP_SEQUENTIAL && params->max_places >= 2 &&
-           params->max_places <= MAX_PLACES && params->max_scans >= params->max_places &&
-           params->max_scans <= MAX_COUNT && params->max_place_points >= 1 &&
-           params->max_place_points <= MAX_MATCHED_POINTS / params->max_places &&
-           params->max_place_beams >= 1 &&
-           params->max_place_beams <= MAX_MATCHED_POINTS / params->max_places &&
-           params->recent_places >= 1 && params->rematch_rounds >= 0 &&
-           params->refinement_sweeps >= 0 && params->decoupled >= CAIRN_PLACE_MAP_COUPLED &&
-           params->decoupled <= CAIRN_PLACE_MAP_JOINTLY;
-}
-
-static int params_are_valid(const cairn_place_map_params *params)
-{
-    return params != NULL && counts_are_valid(params) &&
-           (!is_written(params) || written_is_valid(params)) &&
-           is_positive(params->visibility_reach) && is_positive(params->visibility_cell) &&
-           is_positive(params->visibility_margin) &&
-           params->visibility_margin <= 20 * params->visibility_cell &&
-           is_positive(params->surface_nats) && is_positive(params->dynamic_nats) &&
-           is_positive(params->opposite_face_nats) && is_positive(params->rough_surface_nats) &&
-           is_positive(params->free_space_penalty) && params->free_area_nats >= 0 &&
-           params->free_area_nats <= CAIRN_REAL(1e6) && params->dynamic_factor >= 0 &&
-           params->dynamic_factor <= 1 && params->chance_nats >= 0 &&
-           params->chance_nats <= CAIRN_REAL(1e6) && cairn_place_map_side(params) > 0;
 }
 
 /* Returns the number of places that mode AS_WRITTEN matches with. */
@@ -188,110 +175,145 @@ static cairn_aligner_params aligner_params(const cairn_place_map_params *params)
     return aligner;
 }
 
-static cairn_place_map *carve(cairn_pool *pool, const cairn_place_map_params *params)
+/* Rules between parameters. */
+static cairn_status check_rules(const cairn_place_map_params *params, cairn_object_fault *fault)
 {
-    size_t places = (size_t)params->max_places, side = (size_t)cairn_place_map_side(params);
-    size_t sampled =
-        (side + PLACE_MAP_VISIBILITY_SAMPLE_STRIDE - 1) / PLACE_MAP_VISIBILITY_SAMPLE_STRIDE;
-    size_t points = (size_t)params->max_place_points, beams = (size_t)params->max_place_beams;
-    cairn_place_map *map = cairn_pool_take_one(pool, sizeof *map);
-    cairn_place_map made;
+    const struct {
+        int holds;
+        const char *rule;
+    } rules[] = {
+        {params->max_scans >= params->max_places, "max_scans: at least max_places"},
+        {params->max_place_points <= MAX_MATCHED_POINTS / params->max_places,
+         "max_place_points: at most 2^20 / max_places"},
+        {params->max_place_beams <= MAX_MATCHED_POINTS / params->max_places,
+         "max_place_beams: at most 2^20 / max_places"},
+        {!is_written(params) || written_is_valid(params),
+         "mode AS_WRITTEN: match.mode as written, and decoupled by its ICP or not at all"},
+        {params->visibility_margin <= 20 * params->visibility_cell,
+         "visibility_margin: at most 20 visibility_cell"},
+        {cairn_place_map_side(params) > 0,
+         "visibility_reach: at most 2048 visibility_cell"},
+    };
+    cairn_status status = CAIRN_OK;
 
-    memset(&made, 0, sizeof made);
-    made.params = *params;
-    made.visibility_side = (int32_t)side;
-    made.places = cairn_pool_take(pool, places, sizeof *made.places);
-    made.scans = cairn_pool_take(pool, (size_t)params->max_scans, sizeof *made.scans);
-    made.points = cairn_pool_take(pool, places * points, sizeof *made.points);
-    if (is_written(params)) {
-        made.query_points = cairn_pool_take(pool, points, sizeof *made.query_points);
-        if (map != NULL)
-            *map = made;
-        return map;
-    }
-    made.point_class = cairn_pool_take(pool, places * points, sizeof *made.point_class);
-    made.hypotheses =
-        cairn_pool_take(pool, (size_t)params->consensus.max_hypotheses, sizeof *made.hypotheses);
-    made.beams = cairn_pool_take(pool, places * beams, sizeof *made.beams);
-    made.visibility = cairn_pool_take(pool, places * side, side);
-    made.free_cells = cairn_pool_take(pool, places * sampled, sampled * sizeof *made.free_cells);
-    made.observing_places = cairn_pool_take(pool, places, sizeof *made.observing_places);
-    made.observer_map = cairn_pool_take(pool, places, sizeof *made.observer_map);
-    made.query_points = cairn_pool_take(pool, places * points, sizeof *made.query_points);
-    made.query_beams = cairn_pool_take(pool, beams, sizeof *made.query_beams);
-    if (map != NULL)
-        *map = made;
-    return map;
+    for (size_t i = 0; i < sizeof rules / sizeof *rules && status == CAIRN_OK; i++)
+        status = cairn_parameters_require(rules[i].holds, "place_map", rules[i].rule, fault);
+    return status;
 }
 
-/* Returns 0 when an inner object refuses its params. */
-static int count_objects(cairn_pool *counting, const cairn_place_map_params *params)
+/* Parameters of the nested objects. */
+static cairn_status check_objects(const cairn_place_map_params *params, cairn_object_fault *fault)
 {
     cairn_scan_match_params match = match_params(params);
     cairn_pose_consensus_params consensus = consensus_params(params);
     cairn_icp_params icp = icp_params(params);
     cairn_aligner_params aligner = aligner_params(params);
-    int jointly = params->decoupled == CAIRN_PLACE_MAP_JOINTLY;
-    size_t bytes[] = {cairn_scan_match_memory(&match), cairn_pose_consensus_memory(&consensus),
-                      cairn_icp_memory(&icp), jointly ? cairn_aligner_memory(&aligner) : 0};
-    int count = is_written(params) ? 1 : jointly ? 4 : 3;
+    cairn_status status = cairn_parameters_require(cairn_scan_match_memory(&match) > 0, "place_map",
+                                                   "match: params of scan_match", fault);
 
-    for (int i = 0; i < count; i++) {
-        if (bytes[i] == 0)
-            return 0;
-        cairn_pool_count(counting, bytes[i]);
+    if (status == CAIRN_OK && !is_written(params))
+        status = cairn_parameters_require(cairn_pose_consensus_memory(&consensus) > 0, "place_map",
+                                          "consensus: params of pose_consensus", fault);
+    if (status == CAIRN_OK && !is_written(params))
+        status = cairn_parameters_require(cairn_icp_memory(&icp) > 0, "place_map",
+                                          "max_places, max_place_points: within the limits of icp",
+                                          fault);
+    if (status == CAIRN_OK && is_joint(params))
+        status = cairn_aligner_check(&aligner, fault);
+    return status;
+}
+
+cairn_status cairn_place_map_check(const cairn_place_map_params *params, cairn_object_fault *fault)
+{
+    cairn_status status = cairn_parameters_check(&cairn_place_map_parameters, params, fault);
+
+    if (status == CAIRN_OK)
+        status = check_rules(params, fault);
+    if (status == CAIRN_OK)
+        status = check_objects(params, fault);
+    return status;
+}
+
+/* The arrays and objects of all modes but that as written. */
+static void take_consensus(cairn_place_map *map, cairn_pool *pool,
+                           const cairn_place_map_params *params)
+{
+    size_t places = (size_t)params->max_places, points = (size_t)params->max_place_points,
+           beams = (size_t)params->max_place_beams, side = (size_t)cairn_place_map_side(params);
+    size_t sampled =
+        (side + PLACE_MAP_VISIBILITY_SAMPLE_STRIDE - 1) / PLACE_MAP_VISIBILITY_SAMPLE_STRIDE;
+
+    CAIRN_TAKE(map, pool, point_class, places * points);
+    CAIRN_TAKE(map, pool, hypotheses, params->consensus.max_hypotheses);
+    CAIRN_TAKE(map, pool, beams, places * beams);
+    CAIRN_TAKE_ROWS(map, pool, visibility, places * side, side);
+    CAIRN_TAKE_ROWS(map, pool, free_cells, places * sampled, sampled);
+    CAIRN_TAKE(map, pool, observing_places, places);
+    CAIRN_TAKE(map, pool, observer_map, places);
+    CAIRN_TAKE(map, pool, query_points, places * points);
+    CAIRN_TAKE(map, pool, query_beams, beams);
+}
+
+/* The nested objects; as written scan matching alone. */
+static void take_objects(cairn_place_map *map, cairn_pool *pool,
+                         const cairn_place_map_params *params)
+{
+    cairn_scan_match_params match = match_params(params);
+    cairn_pose_consensus_params consensus = consensus_params(params);
+    cairn_icp_params icp = icp_params(params);
+    cairn_aligner_params aligner = aligner_params(params);
+
+    CAIRN_TAKE_OBJECT(map, pool, match, scan_match, &match);
+    if (is_written(params))
+        return;
+    CAIRN_TAKE_OBJECT(map, pool, consensus, pose_consensus, &consensus);
+    CAIRN_TAKE_OBJECT(map, pool, icp, icp, &icp);
+    if (is_joint(params))
+        CAIRN_TAKE_OBJECT(map, pool, aligner, aligner, &aligner);
+}
+
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_place_map *build(cairn_pool *pool, const cairn_place_map_params *params)
+{
+    size_t places = (size_t)params->max_places, points = (size_t)params->max_place_points;
+    cairn_place_map *map = cairn_object_take(pool, sizeof *map);
+
+    CAIRN_TAKE(map, pool, places, places);
+    CAIRN_TAKE(map, pool, scans, params->max_scans);
+    CAIRN_TAKE(map, pool, points, places * points);
+    if (is_written(params))
+        CAIRN_TAKE(map, pool, query_points, points);
+    else
+        take_consensus(map, pool, params);
+    take_objects(map, pool, params);
+    if (map != NULL) {
+        map->params = *params;
+        map->visibility_side = cairn_place_map_side(params);
+        for (int32_t k = 0; k < PLACE_MAP_VISIBILITY_DIRECTIONS; k++)
+            cairn_sincos((cairn_real)k * 2 * CAIRN_PI / PLACE_MAP_VISIBILITY_DIRECTIONS,
+                         &map->directions[k].y, &map->directions[k].x);
     }
-    return 1;
+    return map;
 }
 
 size_t cairn_place_map_memory(const cairn_place_map_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_place_map_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
-    return count_objects(&counting, params) ? cairn_pool_counted(&counting) : 0;
+    (void)build(&counting, params);
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_place_map_create(cairn_place_map **map, cairn_pool *pool,
                                     const cairn_place_map_params *params)
 {
-    size_t need = cairn_place_map_memory(params);
-    cairn_scan_match_params match;
-    cairn_pose_consensus_params consensus;
-    cairn_icp_params icp;
-    cairn_aligner_params aligner;
-    cairn_place_map *made;
-    cairn_status status;
+    cairn_status status = cairn_object_admit(map, pool, cairn_place_map_memory(params));
 
-    if (map == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    match = match_params(params);
-    consensus = consensus_params(params);
-    icp = icp_params(params);
-    aligner = aligner_params(params);
-    made = carve(pool, params);
-    for (int32_t k = 0; k < PLACE_MAP_VISIBILITY_DIRECTIONS; k++)
-        cairn_sincos((cairn_real)k * 2 * CAIRN_PI / PLACE_MAP_VISIBILITY_DIRECTIONS,
-                     &made->directions[k].y, &made->directions[k].x);
-    status = cairn_scan_match_create(&made->match, pool, &match);
-    if (is_written(params)) {
-        CAIRN_ASSERT(status == CAIRN_OK);
-        *map = made;
-        return status;
-    }
     if (status == CAIRN_OK)
-        status = cairn_pose_consensus_create(&made->consensus, pool, &consensus);
-    if (status == CAIRN_OK)
-        status = cairn_icp_create(&made->icp, pool, &icp);
-    if (status == CAIRN_OK && params->decoupled == CAIRN_PLACE_MAP_JOINTLY)
-        status = cairn_aligner_create(&made->aligner, pool, &aligner);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    *map = made;
+        *map = build(pool, params);
     return status;
 }
 

@@ -3,6 +3,10 @@
 #define CAIRN_MAPPING_PLACE_MAP_WORK_H
 
 #include "cairn/place_map.h"
+#include "src/base/object.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_place_map_parameters;
 
 typedef struct place_map_place_scan {
     int32_t place;

@@ -32,40 +32,33 @@ static const cairn_real MIN_AXIS_COSINE = CAIRN_REAL(0.99); /* cosine */
 static const cairn_real MAX_SIGMA_DIFFERENCE =
     CAIRN_REAL(0.03); /* relative difference of the deviations */
 
+#define INTEGER(field, is, from, to) CAIRN_INTEGER(cairn_weak_direction_params, field, is, from, to)
+#define LENGTH(field, is)                                                                          \
+    CAIRN_NUMBER_ABOVE(cairn_weak_direction_params, field, is, 0, MAX_COORDINATE_M)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_scans, 64, 1, 1 << 16),        INTEGER(max_walls, 1024, 1, 1 << 16),
+    INTEGER(max_submaps, 24, 1, 64),           INTEGER(use_thickness, 1, INT32_MIN, INT32_MAX),
+    LENGTH(weak_sigma, CAIRN_REAL(0.03)),      LENGTH(max_cross_sigma, CAIRN_REAL(0.05)),
+    LENGTH(max_sigma_theta, CAIRN_PI / 180),   LENGTH(translation_step, CAIRN_REAL(0.02)),
+    LENGTH(thickness_sigma, CAIRN_REAL(0.02)),
+};
+const cairn_parameters cairn_weak_direction_parameters =
+    CAIRN_PARAMETERS("weak_direction", cairn_weak_direction_params, rows);
+
 cairn_weak_direction_params cairn_weak_direction_default(void)
 {
-    cairn_weak_direction_params params = {
-        .max_scans = 64,
-        .max_walls = 1024,
-        .max_submaps = 24,
-        .use_thickness = 1,
-        .weak_sigma = CAIRN_REAL(0.03),
-        .max_cross_sigma = CAIRN_REAL(0.05),
-        .max_sigma_theta = CAIRN_PI / 180,
-        .translation_step = CAIRN_REAL(0.02),
-        .thickness_sigma = CAIRN_REAL(0.02),
-    };
+    cairn_weak_direction_params params;
 
+    cairn_parameters_preset(&cairn_weak_direction_parameters, &params);
     return params;
 }
 
-static int is_count(int32_t count, int32_t least, int32_t most)
+cairn_status cairn_weak_direction_check(const cairn_weak_direction_params *params,
+                                        cairn_object_fault *fault)
 {
-    return count >= least && count <= most;
-}
-
-static int is_length(cairn_real length)
-{
-    return length > 0 && length <= MAX_COORDINATE_M;
-}
-
-static int params_are_valid(const cairn_weak_direction_params *params)
-{
-    return params != NULL && is_count(params->max_scans, 1, 1 << 16) &&
-           is_count(params->max_walls, 1, 1 << 16) && is_count(params->max_submaps, 1, 64) &&
-           is_length(params->weak_sigma) && is_length(params->max_cross_sigma) &&
-           is_length(params->max_sigma_theta) && is_length(params->translation_step) &&
-           is_length(params->thickness_sigma);
+    return cairn_parameters_check(&cairn_weak_direction_parameters, params, fault);
 }
 
 static size_t pairs_of(int32_t parts)
@@ -73,28 +66,26 @@ static size_t pairs_of(int32_t parts)
     return (size_t)(parts * (parts + 1) / 2);
 }
 
-static cairn_weak_direction *carve(cairn_pool *pool, const cairn_weak_direction_params *params)
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_weak_direction *build(cairn_pool *pool, const cairn_weak_direction_params *params)
 {
-    cairn_weak_direction *weak_direction = cairn_pool_take_one(pool, sizeof *weak_direction), made;
     size_t scans = (size_t)params->max_scans;
+    cairn_weak_direction *weak_direction = cairn_object_take(pool, sizeof *weak_direction);
 
-    memset(&made, 0, sizeof made);
-    made.scans = cairn_pool_take(pool, scans, sizeof *made.scans);
-    made.fixed_initial = cairn_pool_take(pool, scans, sizeof *made.fixed_initial);
-    made.fixed_map = cairn_pool_take(pool, scans, sizeof *made.fixed_map);
-    made.walls = cairn_pool_take(pool, (size_t)params->max_walls, sizeof *made.walls);
-    made.submaps = cairn_pool_take(pool, (size_t)params->max_submaps + 1, sizeof *made.submaps);
-    made.pairs = cairn_pool_take(pool, pairs_of(params->max_submaps), sizeof *made.pairs);
-    made.trials = cairn_pool_take(pool, WEAK_DIRECTION_MAX_TRIALS + 1, sizeof *made.trials);
-    made.fits = cairn_pool_take(pool, WEAK_DIRECTION_MAX_TRIALS + 1, sizeof *made.fits);
-    made.thickness_weight =
-        cairn_pool_take(pool, WEAK_DIRECTION_THICKNESS_BINS, sizeof *made.thickness_weight);
-    made.thickness_sum =
-        cairn_pool_take(pool, WEAK_DIRECTION_THICKNESS_BINS, sizeof *made.thickness_sum);
-    made.phase = WEAK_DIRECTION_DONE;
-    made.params = *params;
-    if (weak_direction != NULL)
-        *weak_direction = made;
+    CAIRN_TAKE(weak_direction, pool, scans, scans);
+    CAIRN_TAKE(weak_direction, pool, fixed_initial, scans);
+    CAIRN_TAKE(weak_direction, pool, fixed_map, scans);
+    CAIRN_TAKE(weak_direction, pool, walls, params->max_walls);
+    CAIRN_TAKE(weak_direction, pool, submaps, params->max_submaps + 1);
+    CAIRN_TAKE(weak_direction, pool, pairs, pairs_of(params->max_submaps));
+    CAIRN_TAKE(weak_direction, pool, trials, WEAK_DIRECTION_MAX_TRIALS + 1);
+    CAIRN_TAKE(weak_direction, pool, fits, WEAK_DIRECTION_MAX_TRIALS + 1);
+    CAIRN_TAKE(weak_direction, pool, thickness_weight, WEAK_DIRECTION_THICKNESS_BINS);
+    CAIRN_TAKE(weak_direction, pool, thickness_sum, WEAK_DIRECTION_THICKNESS_BINS);
+    if (weak_direction != NULL) {
+        weak_direction->params = *params;
+        weak_direction->phase = WEAK_DIRECTION_DONE;
+    }
     return weak_direction;
 }
 
@@ -102,24 +93,22 @@ size_t cairn_weak_direction_memory(const cairn_weak_direction_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_weak_direction_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_weak_direction_create(cairn_weak_direction **weak_direction, cairn_pool *pool,
                                          const cairn_weak_direction_params *params)
 {
-    size_t need = cairn_weak_direction_memory(params);
+    cairn_status status =
+        cairn_object_admit(weak_direction, pool, cairn_weak_direction_memory(params));
 
-    if (weak_direction == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    *weak_direction = carve(pool, params);
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *weak_direction = build(pool, params);
+    return status;
 }
 
 /* ---- Scans ---- */
@@ -130,7 +119,7 @@ cairn_status cairn_weak_direction_begin(cairn_weak_direction *weak_direction,
 {
     if (weak_direction == NULL || aligner == NULL || set == NULL ||
         cairn_aligner_running(aligner) || cairn_aligner_scan_count(aligner) != set->scan_count ||
-        !is_length(spread))
+        !(spread > 0 && spread <= MAX_COORDINATE_M))
         return CAIRN_BAD_ARGUMENT;
     if (set->scan_count > weak_direction->params.max_scans)
         return CAIRN_FULL;

@@ -3,6 +3,10 @@
 #define CAIRN_MAPPING_WEAK_DIRECTION_WORK_H
 
 #include "cairn/weak_direction.h"
+#include "src/base/object.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_weak_direction_parameters;
 
 /* Trial translations, and bins of the thickness histogram. */
 enum { WEAK_DIRECTION_MAX_TRIALS = 401, WEAK_DIRECTION_THICKNESS_BINS = 100 };
