@@ -538,21 +538,6 @@ static void test_grid_refusals(void **state)
     assert_near(params.origin.y + 10, 0, 0);
     assert_true(cairn_occupancy_grid_memory(&params) <= CAIRN_OCCUPANCY_GRID_BYTES(400, 400));
     assert_true(cairn_occupancy_grid_memory(&params) > 400 * 400 * 8);
-    for (int k = 0; k < 12; k++) {
-        bad = params;
-        if (k < 3)
-            bad.width = k == 0 ? 0 : k == 1 ? -3 : CAIRN_RASTER_MAX_SIDE + 1;
-        else if (k < 6)
-            bad.height = k == 3 ? 0 : k == 4 ? -3 : CAIRN_RASTER_MAX_SIDE + 1;
-        else if (k < 9)
-            bad.resolution = k == 6 ? 0 : k == 7 ? (cairn_real)NAN : CAIRN_REAL_MAX;
-        else if (k < 11)
-            *(k == 9 ? &bad.origin.x : &bad.origin.y) = (cairn_real)NAN;
-        else
-            bad.resolution = -1;
-        assert_int_equal(cairn_occupancy_grid_memory(&bad), 0);
-        assert_status(cairn_occupancy_grid_create(&grid, &pool, &bad), CAIRN_BAD_ARGUMENT);
-    }
     /* The reciprocal overflows, or just does not. */
     bad = params;
     bad.resolution = CAIRN_REAL(1.5) / CAIRN_REAL_MAX;

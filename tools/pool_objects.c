@@ -88,9 +88,8 @@ typedef union any_params {
     }                                                                                              \
     MEMORY_OF(module)
 
-/* Module whose parameters are declared in a table. */
-#define DECLARED(module)                                                                           \
-    MODULE(module)                                                                                 \
+/* Table of a module's parameters, their check, and creation. */
+#define TABLE_OF(module)                                                                           \
     extern const cairn_parameters cairn_##module##_parameters;                                     \
     static cairn_status module##_check(const void *params, cairn_object_fault *fault)              \
     {                                                                                              \
@@ -102,6 +101,11 @@ typedef union any_params {
                                                                                                    \
         return cairn_##module##_create(&object, pool, params);                                     \
     }
+
+/* Module whose parameters are declared in a table. */
+#define DECLARED(module)                                                                           \
+    MODULE(module)                                                                                 \
+    TABLE_OF(module)
 
 DECLARED(aligner)
 MODULE(assignment)
@@ -147,6 +151,7 @@ MEMORY_OF(box_sweep)
 MEMORY_OF(distance_map)
 MEMORY_OF(scan_set)
 MEMORY_OF(occupancy_grid)
+TABLE_OF(occupancy_grid)
 
 static void point_grid_set_default(void *params)
 {
@@ -290,7 +295,7 @@ const pool_object pool_objects[] = {
       HAS(aligner, "block of fill", max_fill), HAS(aligner, "short segment", max_short_segments),
       HAS(aligner, "cell", max_cells)},
      DECLARATION(aligner)},
-    {OBJECT(occupancy_grid), 1, {HAS(occupancy_grid, "cell", width)}},
+    {OBJECT(occupancy_grid), 1, {HAS(occupancy_grid, "cell", width)}, DECLARATION(occupancy_grid)},
     {OBJECT(mapper),
      3,
      {HAS(mapper, "keyframe", max_keyframes),

@@ -18,6 +18,7 @@
 #ifndef CAIRN_OCCUPANCY_GRID_H
 #define CAIRN_OCCUPANCY_GRID_H
 
+#include "cairn/object.h"
 #include "cairn/raster.h"
 #include "cairn/scan.h"
 
@@ -44,6 +45,13 @@ cairn_occupancy_grid_params cairn_occupancy_grid_default(void);
 /* Upper bound of cairn_occupancy_grid_memory() as a constant expression. */
 #define CAIRN_OCCUPANCY_GRID_BYTES(width, height)                                                  \
     (CAIRN_ALLOCATION_BYTES(1, 256) + CAIRN_ALLOCATION_BYTES((size_t)(width) * (size_t)(height), 8))
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_occupancy_grid_check(const cairn_occupancy_grid_params *params,
+                                                      cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes from the pool; 0 for invalid params. */
 size_t cairn_occupancy_grid_memory(const cairn_occupancy_grid_params *params);

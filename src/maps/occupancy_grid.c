@@ -19,6 +19,8 @@
 #include <string.h>
 
 #include "cairn/occupancy_grid.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
 
 enum { CELLS_PER_UNIT = 2, CLEARED_PER_UNIT = 64 };
 
@@ -32,38 +34,65 @@ struct cairn_occupancy_grid {
     const cairn_scan_beam *beams; /* [beams_left] */
     int32_t beams_left;
     cairn_transform map_scan;
-    cairn_occupancy_grid_ray walk; /* of the first of them, while is_walking */
-    int32_t is_walking;            /* 1: a traversal is in progress */
+    cairn_occupancy_grid_ray walk; /* of the first of them */
+    int32_t resume, units_charged;
 };
+
+#define INTEGER(field, is, from, to) CAIRN_INTEGER(cairn_occupancy_grid_params, field, is, from, to)
+#define COORDINATE(field, is)                                                                      \
+    CAIRN_NUMBER(cairn_occupancy_grid_params, field, is, -CAIRN_REAL_MAX, CAIRN_REAL_MAX)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(width, 400, 1, CAIRN_RASTER_MAX_SIDE),
+    INTEGER(height, 400, 1, CAIRN_RASTER_MAX_SIDE),
+    CAIRN_NUMBER_ABOVE(cairn_occupancy_grid_params, resolution, CAIRN_REAL(0.05), 0,
+                       CAIRN_REAL_MAX),
+    COORDINATE(origin.x, -10),
+    COORDINATE(origin.y, -10),
+};
+extern const cairn_parameters cairn_occupancy_grid_parameters;
+const cairn_parameters cairn_occupancy_grid_parameters =
+    CAIRN_PARAMETERS("occupancy_grid", cairn_occupancy_grid_params, rows);
 
 cairn_occupancy_grid_params cairn_occupancy_grid_default(void)
 {
-    cairn_occupancy_grid_params params = {
-        .width = 400,
-        .height = 400,
-        .resolution = CAIRN_REAL(0.05),
-        .origin = {-10, -10},
-    };
+    cairn_occupancy_grid_params params;
+
+    cairn_parameters_preset(&cairn_occupancy_grid_parameters, &params);
     return params;
 }
 
-static int params_are_good(const cairn_occupancy_grid_params *params)
+cairn_status cairn_occupancy_grid_check(const cairn_occupancy_grid_params *params,
+                                        cairn_object_fault *fault)
 {
-    return params != NULL && params->width >= 1 && params->width <= CAIRN_RASTER_MAX_SIDE &&
-           params->height >= 1 && params->height <= CAIRN_RASTER_MAX_SIDE &&
-           params->resolution > 0 && 1 / params->resolution <= CAIRN_REAL_MAX &&
-           cairn_is_finite(params->origin.x + (cairn_real)params->width * params->resolution) &&
-           cairn_is_finite(params->origin.y + (cairn_real)params->height * params->resolution);
+    cairn_status status = cairn_parameters_check(&cairn_occupancy_grid_parameters, params, fault);
+
+    if (status == CAIRN_OK)
+        status =
+            cairn_parameters_require(1 / params->resolution <= CAIRN_REAL_MAX, "occupancy_grid",
+                                     "resolution: of a finite inverse", fault);
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(
+            cairn_is_finite(params->origin.x + (cairn_real)params->width * params->resolution) &&
+                cairn_is_finite(params->origin.y + (cairn_real)params->height * params->resolution),
+            "occupancy_grid", "origin: the upper right corner of the grid is finite", fault);
+    return status;
 }
 
-static cairn_occupancy_grid *carve(cairn_pool *pool, const cairn_occupancy_grid_params *params)
+/* The object and its cells; NULL from a counting pool. */
+static cairn_occupancy_grid *build(cairn_pool *pool, const cairn_occupancy_grid_params *params)
 {
-    cairn_occupancy_grid *grid = cairn_pool_take_one(pool, sizeof *grid);
-    cairn_occupancy_grid_cell_state *cells =
-        cairn_pool_take(pool, (size_t)params->width * (size_t)params->height, sizeof *cells);
+    size_t cells = (size_t)params->width * (size_t)params->height;
+    cairn_occupancy_grid *grid = cairn_object_take(pool, sizeof *grid);
 
-    if (grid != NULL)
-        grid->cells = cells;
+    CAIRN_TAKE(grid, pool, cells, cells);
+    if (grid != NULL) {
+        grid->params = *params;
+        grid->inverse_resolution = 1 / params->resolution;
+        grid->count = grid->cleared = params->width * params->height;
+        memset(grid->cells, 0, cells * sizeof *grid->cells);
+    }
     return grid;
 }
 
@@ -71,32 +100,21 @@ size_t cairn_occupancy_grid_memory(const cairn_occupancy_grid_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_good(params))
+    if (cairn_occupancy_grid_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_occupancy_grid_create(cairn_occupancy_grid **grid, cairn_pool *pool,
                                          const cairn_occupancy_grid_params *params)
 {
-    size_t need = cairn_occupancy_grid_memory(params);
-    cairn_occupancy_grid *made;
+    cairn_status status = cairn_object_admit(grid, pool, cairn_occupancy_grid_memory(params));
 
-    if (grid == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    made->params = *params;
-    made->inverse_resolution = 1 / params->resolution;
-    made->count = params->width * params->height;
-    memset(made->cells, 0, (size_t)made->count * sizeof *made->cells);
-    made->cleared = made->count;
-    made->beams_left = 0;
-    *grid = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *grid = build(pool, params);
+    return status;
 }
 
 cairn_occupancy_grid_params cairn_occupancy_grid_read(const cairn_occupancy_grid *grid)
@@ -284,7 +302,7 @@ cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid *grid,
     grid->beams = beams;
     grid->beams_left = count;
     grid->map_scan = transform;
-    grid->is_walking = 0;
+    grid->resume = grid->units_charged = 0;
     return CAIRN_OK;
 }
 
@@ -292,55 +310,55 @@ void cairn_occupancy_grid_clear(cairn_occupancy_grid *grid)
 {
     grid->cleared = 0;
     grid->beams_left = 0;
+    grid->resume = grid->units_charged = 0;
 }
 
-static void clear_some(cairn_occupancy_grid *grid, cairn_budget *budget)
+/* Clears as many cells as the budget has units for; 1 when all are cleared. */
+static int clear_cells(cairn_occupancy_grid *grid, cairn_budget *budget)
 {
     int32_t left = grid->count - grid->cleared;
     int32_t units = left / CLEARED_PER_UNIT + (left % CLEARED_PER_UNIT > 0);
 
     if (units > budget->left) {
-        units = budget->left;
+        units = budget->left > 0 ? budget->left : 0;
         left = units * CLEARED_PER_UNIT;
     }
     memset(grid->cells + grid->cleared, 0, (size_t)left * sizeof *grid->cells);
     grid->cleared += left;
     budget->left -= units;
+    return grid->cleared == grid->count;
 }
 
-/* Processes one unit of the scan: the start of a beam, or a few cells of it. */
-static void add_some(cairn_occupancy_grid *grid)
+/* Begins the traversal of the current beam; 0 when it has no cell. */
+static int begin_beam(cairn_occupancy_grid *grid)
 {
     const cairn_scan_beam *beam = grid->beams;
 
-    if (grid->is_walking) {
-        if (!add_cells(grid, &grid->walk, beam->kind == CAIRN_SCAN_BEAM_HIT, CELLS_PER_UNIT))
-            return;
-    } else if (beam->kind != CAIRN_SCAN_BEAM_UNKNOWN &&
-               cairn_occupancy_grid_walk(grid, cairn_transform_point(grid->map_scan, beam->from),
-                                         cairn_transform_point(grid->map_scan, beam->to),
-                                         &grid->walk) == CAIRN_OK) {
-        grid->is_walking = 1;
-        return;
+    return beam->kind != CAIRN_SCAN_BEAM_UNKNOWN &&
+           cairn_occupancy_grid_walk(grid, cairn_transform_point(grid->map_scan, beam->from),
+                                     cairn_transform_point(grid->map_scan, beam->to),
+                                     &grid->walk) == CAIRN_OK;
+}
+
+/* Adds the beams of the scan. */
+static int add_beams(cairn_occupancy_grid *grid, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(grid->resume);
+    for (; grid->beams_left > 0; grid->beams++, grid->beams_left--) {
+        CAIRN_STEP_UNTIL(grid->resume, cairn_budget_charge(budget, &grid->units_charged, 1));
+        if (!begin_beam(grid))
+            continue;
+        do {
+            CAIRN_STEP_UNTIL(grid->resume, cairn_budget_charge(budget, &grid->units_charged, 1));
+        } while (!add_cells(grid, &grid->walk, grid->beams->kind == CAIRN_SCAN_BEAM_HIT,
+                            CELLS_PER_UNIT));
     }
-    grid->is_walking = 0;
-    grid->beams++;
-    grid->beams_left--;
+    CAIRN_STEP_END(grid->resume);
 }
 
 cairn_status cairn_occupancy_grid_step(cairn_occupancy_grid *grid, cairn_budget *budget)
 {
-    while (is_busy(grid)) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        if (grid->cleared < grid->count) {
-            clear_some(grid, budget);
-        } else {
-            add_some(grid);
-            budget->left--;
-        }
-    }
-    return CAIRN_OK;
+    return clear_cells(grid, budget) && add_beams(grid, budget) ? CAIRN_OK : CAIRN_MORE;
 }
 
 /* ---- Reading ---- */
