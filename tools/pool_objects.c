@@ -142,7 +142,7 @@ MODULE(shape_context)
 MODULE(skeleton_grouping)
 MODULE(symmetric_point)
 MODULE(virtual_align)
-MODULE(virtual_scan)
+DECLARED(virtual_scan)
 DECLARED(weak_direction)
 
 /* Objects without _default(): all capacities are set here. */
@@ -403,7 +403,8 @@ const pool_object pool_objects[] = {
      {HAS(virtual_scan, "scan", max_scans), HAS(virtual_scan, "point", max_points),
       HAS(virtual_scan, "segment", max_segments), HAS(virtual_scan, "hypothesis", max_hypotheses),
       HAS(virtual_scan, "virtual point", max_virtual),
-      HAS(virtual_scan, "detector", max_detectors)}},
+      HAS(virtual_scan, "detector", max_detectors)},
+     DECLARATION(virtual_scan)},
     {OBJECT(virtual_align),
      0,
      {HAS(virtual_align, "scan", aligner.max_scans),

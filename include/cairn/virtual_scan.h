@@ -35,6 +35,7 @@
 
 #include "cairn/ellipse.h"
 #include "cairn/hough.h"
+#include "cairn/object.h"
 #include "cairn/rectangle.h"
 #include "cairn/scan_set.h"
 
@@ -179,6 +180,13 @@ cairn_virtual_scan_params cairn_virtual_scan_default(void);
 
 /* Returns the params of the mode as written, see above. */
 cairn_virtual_scan_params cairn_virtual_scan_as_written(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_virtual_scan_check(const cairn_virtual_scan_params *params,
+                                                    cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes from the pool; 0 for invalid params. */
 size_t cairn_virtual_scan_memory(const cairn_virtual_scan_params *params);

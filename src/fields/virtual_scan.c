@@ -24,31 +24,39 @@
 
 #define MAX_VALUE CAIRN_REAL(1e6)
 
+#define INTEGER(field, is, from, to) CAIRN_INTEGER(cairn_virtual_scan_params, field, is, from, to)
+#define NUMBER(field, is)            CAIRN_NUMBER(cairn_virtual_scan_params, field, is, 0, MAX_VALUE)
+#define POSITIVE(field, is, to)      CAIRN_NUMBER_ABOVE(cairn_virtual_scan_params, field, is, 0, to)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_scans, 64, 1, 1 << 20),
+    INTEGER(max_points, 4096, 1, 1 << 24),
+    INTEGER(max_segments, 1024, 1, 1 << 20),
+    INTEGER(max_hypotheses, 64, 1, 1024),
+    INTEGER(max_virtual, 4096, 1, 1 << 24),
+    INTEGER(max_detectors, 2, 0, 16),
+    INTEGER(lines, 1, INT32_MIN, INT32_MAX),
+    INTEGER(rectangles, 1, INT32_MIN, INT32_MAX),
+    INTEGER(ellipses, 1, INT32_MIN, INT32_MAX),
+    INTEGER(stride, 2, 1, INT32_MAX),
+    POSITIVE(spacing, CAIRN_REAL(0.10), MAX_VALUE),
+    NUMBER(weight, 1),
+    POSITIVE(distance_per_sigma, CAIRN_REAL(0.3), 1),
+    POSITIVE(angle_per_sigma, CAIRN_REAL(0.2), MAX_VALUE),
+    INTEGER(min_scans, 2, 1, INT32_MAX),
+    INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
+    NUMBER(min_wall_length, CAIRN_REAL(0.5)),
+};
+const cairn_parameters cairn_virtual_scan_parameters =
+    CAIRN_PARAMETERS("virtual_scan", cairn_virtual_scan_params, rows);
+
 cairn_virtual_scan_params cairn_virtual_scan_default(void)
 {
-    cairn_virtual_scan_params params = {
-        .max_scans = 64,
-        .max_points = 4096,
-        .max_segments = 1024,
-        .max_hypotheses = 64,
-        .max_virtual = 4096,
-        .max_detectors = 2,
-        .lines = 1,
-        .rectangles = 1,
-        .ellipses = 1,
-        .stride = 2,
-        .spacing = CAIRN_REAL(0.10),
-        .weight = 1,
-        .distance_per_sigma = CAIRN_REAL(0.3),
-        .angle_per_sigma = CAIRN_REAL(0.2),
-        .min_scans = 2,
-        .mode = CAIRN_MODE_DEFAULT,
-        .min_wall_length = CAIRN_REAL(0.5),
-        .hough = cairn_hough_default(),
-        .rectangle = cairn_rectangle_default(),
-        .ellipse = cairn_ellipse_default(),
-    };
+    cairn_virtual_scan_params params;
 
+    cairn_parameters_preset(&cairn_virtual_scan_parameters, &params);
+    params.hough = cairn_hough_default();
     params.hough.angles = 72;
     params.hough.distances = 128;
     params.hough.distance_step = CAIRN_REAL(0.10);
@@ -56,12 +64,14 @@ cairn_virtual_scan_params cairn_virtual_scan_default(void)
     params.hough.separation_angle = 6 * (CAIRN_PI / 180);
     params.hough.spacing = CAIRN_REAL(0.20);
     params.hough.min_votes = 10;
+    params.rectangle = cairn_rectangle_default();
     params.rectangle.merge_distance = CAIRN_REAL(0.15);
     params.rectangle.merge_gap = 3;
     params.rectangle.max_angle_error = 10 * (CAIRN_PI / 180);
     params.rectangle.min_side = 1;
     params.rectangle.min_side_coverage = CAIRN_REAL(0.3);
     params.rectangle.min_coverage = CAIRN_REAL(0.55);
+    params.ellipse = cairn_ellipse_default();
     return params;
 }
 
@@ -102,26 +112,6 @@ cairn_virtual_scan_params cairn_virtual_scan_as_written(void)
     return in_mode(&params);
 }
 
-static int is_count(int32_t count, int32_t least, int32_t most)
-{
-    return count >= least && count <= most;
-}
-
-static int params_are_valid(const cairn_virtual_scan_params *params)
-{
-    return is_count(params->max_scans, 1, 1 << 20) && is_count(params->max_points, 1, 1 << 24) &&
-           is_count(params->max_segments, 1, 1 << 20) &&
-           is_count(params->max_hypotheses, 1, 1024) && is_count(params->max_virtual, 1, 1 << 24) &&
-           is_count(params->max_detectors, 0, 16) && params->stride >= 1 && params->spacing > 0 &&
-           params->spacing <= MAX_VALUE && params->weight >= 0 && params->weight <= MAX_VALUE &&
-           params->distance_per_sigma > 0 && params->distance_per_sigma <= 1 &&
-           params->angle_per_sigma > 0 && params->angle_per_sigma <= MAX_VALUE &&
-           params->min_scans >= 1 && params->min_wall_length >= 0 &&
-           params->min_wall_length <= MAX_VALUE &&
-           (params->mode == CAIRN_MODE_DEFAULT || params->mode == CAIRN_MODE_AS_WRITTEN) &&
-           cairn_hough_memory(&params->hough) > 0 && cairn_ellipse_memory(&params->ellipse) > 0;
-}
-
 static cairn_rectangle_params rectangles_of(const cairn_virtual_scan_params *params)
 {
     cairn_rectangle_params rectangle = params->rectangle;
@@ -130,116 +120,81 @@ static cairn_rectangle_params rectangles_of(const cairn_virtual_scan_params *par
     return rectangle;
 }
 
-static cairn_hough *take_hough(cairn_pool *pool, const cairn_hough_params *params)
+cairn_status cairn_virtual_scan_check(const cairn_virtual_scan_params *params,
+                                      cairn_object_fault *fault)
 {
-    cairn_hough *hough = NULL;
+    cairn_virtual_scan_params used;
+    cairn_rectangle_params rectangle;
     cairn_status status;
 
-    if (pool->base == NULL) {
-        cairn_pool_count(pool, cairn_hough_memory(params));
-        return NULL;
-    }
-    status = cairn_hough_create(&hough, pool, params);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-    return hough;
+    if (params == NULL)
+        return cairn_parameters_check(&cairn_virtual_scan_parameters, NULL, fault);
+    used = in_mode(params);
+    rectangle = rectangles_of(&used);
+    status = cairn_parameters_check(&cairn_virtual_scan_parameters, &used, fault);
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(cairn_hough_memory(&used.hough) > 0, "virtual_scan",
+                                          "hough: params of hough", fault);
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(cairn_rectangle_memory(&rectangle) > 0, "virtual_scan",
+                                          "rectangle: params of rectangle", fault);
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(cairn_ellipse_memory(&used.ellipse) > 0, "virtual_scan",
+                                          "ellipse: params of ellipse", fault);
+    return status;
 }
 
-static cairn_rectangle_set *take_rectangles(cairn_pool *pool,
-                                            const cairn_virtual_scan_params *params)
+/* The arrays of a result. */
+static void take_result(virtual_scan_result *result, cairn_pool *pool,
+                        const cairn_virtual_scan_params *params)
 {
-    cairn_rectangle_params rectangle = rectangles_of(params);
-    cairn_rectangle_set *set = NULL;
-    cairn_status status;
-
-    if (pool->base == NULL) {
-        cairn_pool_count(pool, cairn_rectangle_memory(&rectangle));
-        return NULL;
-    }
-    status = cairn_rectangle_create(&set, pool, &rectangle);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-    return set;
+    CAIRN_TAKE(result, pool, hypotheses, params->max_hypotheses);
+    CAIRN_TAKE(result, pool, points, params->max_virtual);
+    CAIRN_TAKE(result, pool, weights, params->max_virtual);
 }
 
-static cairn_ellipse_set *take_ellipses(cairn_pool *pool, const cairn_ellipse_params *params)
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_virtual_scan *build(cairn_pool *pool, const cairn_virtual_scan_params *params)
 {
-    cairn_ellipse_set *set = NULL;
-    cairn_status status;
+    cairn_virtual_scan_params used = in_mode(params);
+    cairn_rectangle_params rectangle = rectangles_of(&used);
+    cairn_virtual_scan *virtual_scan = cairn_object_take(pool, sizeof *virtual_scan);
 
-    if (pool->base == NULL) {
-        cairn_pool_count(pool, cairn_ellipse_memory(params));
-        return NULL;
-    }
-    status = cairn_ellipse_create(&set, pool, params);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
-    return set;
-}
-
-static virtual_scan_result take_result(cairn_pool *pool, const cairn_virtual_scan_params *params)
-{
-    virtual_scan_result r = {0};
-
-    r.hypotheses = cairn_pool_take(pool, (size_t)params->max_hypotheses, sizeof *r.hypotheses);
-    r.points = cairn_pool_take(pool, (size_t)params->max_virtual, sizeof *r.points);
-    r.weights = cairn_pool_take(pool, (size_t)params->max_virtual, sizeof *r.weights);
-    return r;
-}
-
-static cairn_virtual_scan *take_memory(cairn_pool *pool, const cairn_virtual_scan_params *params)
-{
-    size_t points = (size_t)params->max_points, segments = (size_t)params->max_segments;
-    cairn_virtual_scan *virtual_scan = cairn_pool_take_one(pool, sizeof *virtual_scan), made;
-
-    memset(&made, 0, sizeof made);
-    made.points = cairn_pool_take(pool, points, sizeof *made.points);
-    made.point_scan = cairn_pool_take(pool, points, sizeof *made.point_scan);
-    made.segments = cairn_pool_take(pool, segments, sizeof *made.segments);
-    made.segment_scan = cairn_pool_take(pool, segments, sizeof *made.segment_scan);
-    made.scan_inliers = cairn_pool_take(pool, (size_t)params->max_scans, sizeof *made.scan_inliers);
-    made.detectors = cairn_pool_take(pool, (size_t)params->max_detectors, sizeof *made.detectors);
-    made.work = take_result(pool, params);
-    made.done = take_result(pool, params);
-    made.hough = take_hough(pool, &params->hough);
-    made.rectangles = take_rectangles(pool, params);
-    made.ellipses = take_ellipses(pool, &params->ellipse);
+    CAIRN_TAKE(virtual_scan, pool, points, used.max_points);
+    CAIRN_TAKE(virtual_scan, pool, point_scan, used.max_points);
+    CAIRN_TAKE(virtual_scan, pool, segments, used.max_segments);
+    CAIRN_TAKE(virtual_scan, pool, segment_scan, used.max_segments);
+    CAIRN_TAKE(virtual_scan, pool, scan_inliers, used.max_scans);
+    CAIRN_TAKE(virtual_scan, pool, detectors, used.max_detectors);
+    take_result(virtual_scan != NULL ? &virtual_scan->work : NULL, pool, &used);
+    take_result(virtual_scan != NULL ? &virtual_scan->done : NULL, pool, &used);
+    CAIRN_TAKE_OBJECT(virtual_scan, pool, hough, hough, &used.hough);
+    CAIRN_TAKE_OBJECT(virtual_scan, pool, rectangles, rectangle, &rectangle);
+    CAIRN_TAKE_OBJECT(virtual_scan, pool, ellipses, ellipse, &used.ellipse);
     if (virtual_scan != NULL)
-        *virtual_scan = made;
+        virtual_scan->params = used;
     return virtual_scan;
 }
 
 size_t cairn_virtual_scan_memory(const cairn_virtual_scan_params *params)
 {
-    cairn_virtual_scan_params used;
     cairn_pool counting;
 
-    if (params == NULL)
-        return 0;
-    used = in_mode(params);
-    if (!params_are_valid(&used))
+    if (cairn_virtual_scan_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)take_memory(&counting, &used);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_virtual_scan_create(cairn_virtual_scan **virtual_scan, cairn_pool *pool,
                                        const cairn_virtual_scan_params *params)
 {
-    size_t need = cairn_virtual_scan_memory(params);
-    cairn_virtual_scan_params used;
-    cairn_virtual_scan *made;
+    cairn_status status = cairn_object_admit(virtual_scan, pool, cairn_virtual_scan_memory(params));
 
-    if (virtual_scan == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    used = in_mode(params);
-    made = take_memory(pool, &used);
-    made->params = used;
-    *virtual_scan = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *virtual_scan = build(pool, params);
+    return status;
 }
 
 cairn_status cairn_virtual_scan_add_detector(cairn_virtual_scan *virtual_scan,
@@ -311,10 +266,18 @@ cairn_status cairn_virtual_scan_begin(cairn_virtual_scan *virtual_scan, cairn_re
     virtual_scan->map.segment_scan = virtual_scan->segment_scan;
     virtual_scan->map.sigma = sigma;
     virtual_scan->work.count = virtual_scan->work.point_count = virtual_scan->work.dropped = 0;
-    virtual_scan->phase = VIRTUAL_SCAN_GATHER;
+    virtual_scan->status = CAIRN_MORE;
+    virtual_scan->resume = virtual_scan->phase_resume = virtual_scan->count_resume = 0;
+    virtual_scan->units_charged = 0;
     adjust_lines(virtual_scan, sigma);
     adjust_ellipses(virtual_scan, sigma);
     return CAIRN_OK;
+}
+
+/* 1 between begin() and the first step. */
+static int is_open(const cairn_virtual_scan *virtual_scan)
+{
+    return virtual_scan->status == CAIRN_MORE && virtual_scan->resume == 0;
 }
 
 static int has_scan(const cairn_virtual_scan *virtual_scan, const cairn_scan_set *set, int32_t scan)
@@ -360,7 +323,7 @@ cairn_status cairn_virtual_scan_add_scan(cairn_virtual_scan *virtual_scan,
     cairn_transform t;
     int32_t points = 0;
 
-    if (virtual_scan == NULL || set == NULL || virtual_scan->phase != VIRTUAL_SCAN_GATHER ||
+    if (virtual_scan == NULL || set == NULL || !is_open(virtual_scan) ||
         !has_scan(virtual_scan, set, scan) || !cairn_pose_is_finite(map_scan) ||
         cairn_abs(map_scan.x) > MAX_VALUE / 2 || cairn_abs(map_scan.y) > MAX_VALUE / 2)
         return CAIRN_BAD_ARGUMENT;
@@ -379,76 +342,82 @@ cairn_status cairn_virtual_scan_add_scan(cairn_virtual_scan *virtual_scan,
 
 /* ---- Detection ---- */
 
-/* Begins the phase after the current one. */
-static cairn_status begin_next_phase(cairn_virtual_scan *virtual_scan)
+static void must_be_ok(cairn_status status)
 {
-    virtual_scan->cursor = 0;
-    virtual_scan->inliers_cleared = virtual_scan->scans_counted = 0;
-    virtual_scan->item = 0;
-    virtual_scan->detector_begun = 0;
-    virtual_scan->units_charged = 0;
-    virtual_scan->phase = virtual_scan->phase == VIRTUAL_SCAN_CALLER_DETECTORS
-                              ? VIRTUAL_SCAN_IDLE
-                              : virtual_scan->phase + 1;
-    if (virtual_scan->phase == VIRTUAL_SCAN_LINES)
-        return cairn_hough_begin(virtual_scan->hough, virtual_scan->points, NULL,
-                                 virtual_scan->params.lines ? virtual_scan->map.point_count : 0);
-    if (virtual_scan->phase == VIRTUAL_SCAN_RECTANGLES)
-        return cairn_rectangle_begin(
-            virtual_scan->rectangles, virtual_scan->segments,
-            virtual_scan->params.rectangles ? virtual_scan->map.segment_count : 0);
-    if (virtual_scan->phase == VIRTUAL_SCAN_ELLIPSES)
-        return cairn_ellipse_begin(virtual_scan->ellipses, virtual_scan->points, NULL,
-                                   virtual_scan->params.ellipses ? virtual_scan->map.point_count
-                                                                 : 0);
-    if (virtual_scan->phase == VIRTUAL_SCAN_IDLE) {
-        virtual_scan_result work = virtual_scan->work;
-
-        virtual_scan->work = virtual_scan->done;
-        virtual_scan->done = work;
-    }
-    return CAIRN_OK;
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
 }
 
-static cairn_status step_phase(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
+/* Lines by their votes. */
+static void begin_lines(cairn_virtual_scan *virtual_scan)
 {
-    switch (virtual_scan->phase) {
-    case VIRTUAL_SCAN_LINES:
-        return cairn_hough_step(virtual_scan->hough, budget);
-    case VIRTUAL_SCAN_SAMPLE_LINES:
-        return cairn_virtual_scan_sample_lines(virtual_scan, budget);
-    case VIRTUAL_SCAN_RECTANGLES:
-        return cairn_rectangle_step(virtual_scan->rectangles, budget);
-    case VIRTUAL_SCAN_SAMPLE_RECTANGLES:
-        return cairn_virtual_scan_sample_rectangles(virtual_scan, budget);
-    case VIRTUAL_SCAN_ELLIPSES:
-        return cairn_ellipse_step(virtual_scan->ellipses, budget);
-    case VIRTUAL_SCAN_SAMPLE_ELLIPSES:
-        return cairn_virtual_scan_sample_ellipses(virtual_scan, budget);
-    case VIRTUAL_SCAN_CALLER_DETECTORS:
-        return cairn_virtual_scan_run_detectors(virtual_scan, budget);
-    default:
-        return CAIRN_OK;
-    }
+    must_be_ok(cairn_hough_begin(virtual_scan->hough, virtual_scan->points, NULL,
+                                 virtual_scan->params.lines ? virtual_scan->map.point_count : 0));
+}
+
+/* Rectangles, from the segments. */
+static void begin_rectangles(cairn_virtual_scan *virtual_scan)
+{
+    must_be_ok(cairn_rectangle_begin(
+        virtual_scan->rectangles, virtual_scan->segments,
+        virtual_scan->params.rectangles ? virtual_scan->map.segment_count : 0));
+}
+
+/* Ellipses by their votes. */
+static void begin_ellipses(cairn_virtual_scan *virtual_scan)
+{
+    must_be_ok(
+        cairn_ellipse_begin(virtual_scan->ellipses, virtual_scan->points, NULL,
+                            virtual_scan->params.ellipses ? virtual_scan->map.point_count : 0));
+}
+
+/* The commit point: the list in work becomes the one that readers see. */
+static void commit(cairn_virtual_scan *virtual_scan)
+{
+    virtual_scan_result work = virtual_scan->work;
+
+    virtual_scan->work = virtual_scan->done;
+    virtual_scan->done = work;
+}
+
+/* The detection: see Method in the head of this file. */
+static int detect(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(virtual_scan->resume);
+    begin_lines(virtual_scan);
+    CAIRN_STEP_UNTIL(
+        virtual_scan->resume,
+        virtual_scan_has_ended(virtual_scan, cairn_hough_step(virtual_scan->hough, budget)));
+    CAIRN_STEP_UNTIL(virtual_scan->resume, cairn_virtual_scan_sample_lines(virtual_scan, budget));
+    begin_rectangles(virtual_scan);
+    CAIRN_STEP_UNTIL(virtual_scan->resume,
+                     virtual_scan_has_ended(
+                         virtual_scan, cairn_rectangle_step(virtual_scan->rectangles, budget)));
+    CAIRN_STEP_UNTIL(virtual_scan->resume,
+                     cairn_virtual_scan_sample_rectangles(virtual_scan, budget));
+    begin_ellipses(virtual_scan);
+    CAIRN_STEP_UNTIL(
+        virtual_scan->resume,
+        virtual_scan_has_ended(virtual_scan, cairn_ellipse_step(virtual_scan->ellipses, budget)));
+    CAIRN_STEP_UNTIL(virtual_scan->resume,
+                     cairn_virtual_scan_sample_ellipses(virtual_scan, budget));
+    CAIRN_STEP_UNTIL(virtual_scan->resume, cairn_virtual_scan_run_detectors(virtual_scan, budget));
+    commit(virtual_scan);
+    CAIRN_STEP_END(virtual_scan->resume);
 }
 
 cairn_status cairn_virtual_scan_step(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
 {
+    cairn_status status;
+
     if (virtual_scan == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (virtual_scan->phase != VIRTUAL_SCAN_IDLE) {
-        cairn_status status = step_phase(virtual_scan, budget);
-
-        if (status == CAIRN_MORE)
-            return status;
-        if (status == CAIRN_OK)
-            status = begin_next_phase(virtual_scan);
-        if (status < 0) {
-            virtual_scan->phase = VIRTUAL_SCAN_IDLE;
-            return status;
-        }
-    }
-    return CAIRN_OK;
+    if (virtual_scan->status == CAIRN_MORE && detect(virtual_scan, budget))
+        virtual_scan->status = CAIRN_OK;
+    status = virtual_scan->status;
+    if (status < 0)
+        virtual_scan->status = CAIRN_OK;
+    return status;
 }
 
 const cairn_virtual_scan_hypothesis *

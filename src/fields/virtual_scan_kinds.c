@@ -6,6 +6,14 @@
 
 #include "src/fields/virtual_scan_work.h"
 
+/* Place of return of a phase: goes on when an operation of `units` is charged. */
+#define PAY(virtual_scan, budget, units)                                                           \
+    CAIRN_STEP_UNTIL((virtual_scan)->phase_resume,                                                 \
+                     cairn_budget_charge(budget, &(virtual_scan)->units_charged, units))
+
+/* Points of the map that are tested for a unit. */
+enum { POINTS_PER_UNIT = 4 };
+
 /* ---- Outlines ---- */
 
 /* Adds a hypothesis without points; NULL, and counted as dropped, beyond the capacity. */
@@ -65,11 +73,87 @@ static int32_t sample_cost(const cairn_virtual_scan *virtual_scan, cairn_real le
     return 2 + cairn_real_to_int(points / 4);
 }
 
+/* ---- Scans on a line or ellipse ---- */
+
+/* 1 when a point lies on the current line or ellipse. */
+typedef int (*is_on)(const cairn_virtual_scan *virtual_scan, const cairn_oriented_point *point);
+
+static void clear_inliers(cairn_virtual_scan *virtual_scan)
+{
+    memset(virtual_scan->scan_inliers, 0,
+           (size_t)virtual_scan->params.max_scans * sizeof *virtual_scan->scan_inliers);
+}
+
+/* Adds a few points of the map from `cursor` on to the inliers of their scans. */
+static void add_inliers(cairn_virtual_scan *virtual_scan, is_on is_on_it)
+{
+    int32_t end = virtual_scan->cursor + POINTS_PER_UNIT;
+
+    for (int32_t i = virtual_scan->cursor; i < end && i < virtual_scan->map.point_count; i++)
+        virtual_scan->scan_inliers[virtual_scan->point_scan[i]] +=
+            is_on_it(virtual_scan, &virtual_scan->points[i]);
+}
+
+/* Number of scans with enough wall. */
+static int32_t scans_with_walls(const cairn_virtual_scan *virtual_scan)
+{
+    int32_t count = 0;
+
+    for (int32_t i = 0; i < virtual_scan->params.max_scans; i++)
+        count += virtual_scan->scan_inliers[i] > 0 &&
+                 (cairn_real)virtual_scan->scan_inliers[i] * virtual_scan->params.hough.spacing >=
+                     virtual_scan->params.min_wall_length;
+    return count;
+}
+
+/* Counts the scans with walls on the current line or ellipse. */
+static int count_scans(cairn_virtual_scan *virtual_scan, is_on is_on_it, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(virtual_scan->count_resume);
+    CAIRN_STEP_UNTIL(virtual_scan->count_resume,
+                     cairn_budget_charge(budget, &virtual_scan->units_charged,
+                                         1 + virtual_scan->params.max_scans / 64));
+    clear_inliers(virtual_scan);
+    for (virtual_scan->cursor = 0; virtual_scan->cursor < virtual_scan->map.point_count;
+         virtual_scan->cursor += POINTS_PER_UNIT) {
+        CAIRN_STEP_UNTIL(virtual_scan->count_resume,
+                         cairn_budget_charge(budget, &virtual_scan->units_charged, 1));
+        add_inliers(virtual_scan, is_on_it);
+    }
+    CAIRN_STEP_UNTIL(virtual_scan->count_resume,
+                     cairn_budget_charge(budget, &virtual_scan->units_charged,
+                                         1 + virtual_scan->params.max_scans / 32));
+    virtual_scan->scan_count = scans_with_walls(virtual_scan);
+    CAIRN_STEP_END(virtual_scan->count_resume);
+}
+
 /* ---- Lines ---- */
 
-static int is_on(const cairn_virtual_scan *virtual_scan, const cairn_hough_line *line,
-                 const cairn_oriented_point *point)
+static int is_as_written(const cairn_virtual_scan *virtual_scan)
 {
+    return virtual_scan->params.mode == CAIRN_MODE_AS_WRITTEN;
+}
+
+static int32_t line_count(const cairn_virtual_scan *virtual_scan)
+{
+    int32_t count;
+
+    (void)cairn_hough_list(virtual_scan->hough, &count);
+    return count;
+}
+
+/* The current line. */
+static const cairn_hough_line *line_of(const cairn_virtual_scan *virtual_scan)
+{
+    int32_t count;
+
+    return &cairn_hough_list(virtual_scan->hough, &count)[virtual_scan->item];
+}
+
+/* 1 when a point lies on the current line. */
+static int is_on_line(const cairn_virtual_scan *virtual_scan, const cairn_oriented_point *point)
+{
+    const cairn_hough_line *line = line_of(virtual_scan);
     cairn_vec2 from = cairn_vec2_sub(point->position, line->point);
     cairn_real along = cairn_vec2_dot(line->direction, point->direction);
 
@@ -81,113 +165,87 @@ static int is_on(const cairn_virtual_scan *virtual_scan, const cairn_hough_line 
                virtual_scan->sine_angle;
 }
 
-static int is_on_line(const cairn_virtual_scan *virtual_scan, const cairn_oriented_point *point)
+/* Strength of the current line. As written: its inliers divided by those of the first line, which
+ * has the most; else the covered share. */
+static cairn_real strength_of(const cairn_virtual_scan *virtual_scan)
 {
-    int32_t count;
+    const cairn_hough_line *line = line_of(virtual_scan);
 
-    return is_on(virtual_scan, &cairn_hough_list(virtual_scan->hough, &count)[virtual_scan->item],
-                 point);
+    return is_as_written(virtual_scan) ? line->votes / line[-virtual_scan->item].votes
+                                       : line->covered_length / (line->high - line->low);
 }
 
-static int is_on_ellipse(const cairn_virtual_scan *virtual_scan, const cairn_oriented_point *point)
+/* Samples the current line. */
+static void sample_line(cairn_virtual_scan *virtual_scan)
 {
-    int32_t count;
+    cairn_virtual_scan_hypothesis *h =
+        add_hypothesis(virtual_scan, CAIRN_VIRTUAL_SCAN_LINE, strength_of(virtual_scan));
 
-    return cairn_ellipse_is_inlier(
-        &cairn_ellipse_list(virtual_scan->ellipses, &count)[virtual_scan->item], point,
-        virtual_scan->ellipse_support, virtual_scan->sine_tangent);
+    if (h == NULL)
+        return;
+    h->observing_scans = virtual_scan->scan_count;
+    sample_segment(virtual_scan, h, cairn_hough_segment(line_of(virtual_scan)));
 }
 
-/* Counts the scans with walls on the current line or ellipse. */
-static cairn_status count_scans(cairn_virtual_scan *virtual_scan,
-                                int (*is_on_it)(const cairn_virtual_scan *,
-                                                const cairn_oriented_point *),
-                                cairn_budget *budget)
+int cairn_virtual_scan_sample_lines(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
 {
-    int32_t used = virtual_scan->params.max_scans;
-
-    if (!virtual_scan->inliers_cleared) {
-        if (!cairn_budget_charge(budget, &virtual_scan->units_charged, 1 + used / 64))
-            return CAIRN_MORE;
-        memset(virtual_scan->scan_inliers, 0, (size_t)used * sizeof *virtual_scan->scan_inliers);
-        virtual_scan->inliers_cleared = 1;
-    }
-    while (virtual_scan->cursor < virtual_scan->map.point_count) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        for (int32_t i = 0; i < 4 && virtual_scan->cursor < virtual_scan->map.point_count;
-             i++, virtual_scan->cursor++)
-            virtual_scan->scan_inliers[virtual_scan->point_scan[virtual_scan->cursor]] +=
-                is_on_it(virtual_scan, &virtual_scan->points[virtual_scan->cursor]);
-    }
-    if (!cairn_budget_charge(budget, &virtual_scan->units_charged, 1 + used / 32))
-        return CAIRN_MORE;
+    CAIRN_STEP_BEGIN(virtual_scan->phase_resume);
     virtual_scan->scan_count = 0;
-    for (int32_t i = 0; i < used; i++)
-        virtual_scan->scan_count +=
-            virtual_scan->scan_inliers[i] > 0 &&
-            (cairn_real)virtual_scan->scan_inliers[i] * virtual_scan->params.hough.spacing >=
-                virtual_scan->params.min_wall_length;
-    virtual_scan->scans_counted = 1;
-    return CAIRN_OK;
-}
-
-static void next_item(cairn_virtual_scan *virtual_scan)
-{
-    virtual_scan->cursor = 0;
-    virtual_scan->inliers_cleared = virtual_scan->scans_counted = 0;
-    virtual_scan->item++;
-}
-
-/* Returns the strength. As written: inliers of the line divided by those of the first, which has
- * the most; else the covered share. */
-static cairn_real strength_of(const cairn_virtual_scan *virtual_scan, const cairn_hough_line *lines,
-                              const cairn_hough_line *line)
-{
-    return virtual_scan->params.mode == CAIRN_MODE_AS_WRITTEN
-               ? line->votes / lines->votes
-               : line->covered_length / (line->high - line->low);
-}
-
-cairn_status cairn_virtual_scan_sample_lines(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
-{
-    int32_t count, is_as_written = virtual_scan->params.mode == CAIRN_MODE_AS_WRITTEN;
-    const cairn_hough_line *lines = cairn_hough_list(virtual_scan->hough, &count);
-
-    for (; virtual_scan->item < count; next_item(virtual_scan)) {
-        const cairn_hough_line *l = &lines[virtual_scan->item];
-        cairn_virtual_scan_hypothesis *h;
-
-        if (!is_as_written && !virtual_scan->scans_counted &&
-            count_scans(virtual_scan, is_on_line, budget) != CAIRN_OK)
-            return CAIRN_MORE;
-        if (!is_as_written && virtual_scan->scan_count < virtual_scan->params.min_scans)
-            continue;
-        if (!cairn_budget_charge(budget, &virtual_scan->units_charged,
-                                 sample_cost(virtual_scan, l->high - l->low)))
-            return CAIRN_MORE;
-        h = add_hypothesis(virtual_scan, CAIRN_VIRTUAL_SCAN_LINE,
-                           strength_of(virtual_scan, lines, l));
-        if (h != NULL) {
-            h->observing_scans = is_as_written ? 0 : virtual_scan->scan_count;
-            sample_segment(virtual_scan, h, cairn_hough_segment(l));
+    for (virtual_scan->item = 0; virtual_scan->item < line_count(virtual_scan);
+         virtual_scan->item++) {
+        if (!is_as_written(virtual_scan)) {
+            CAIRN_STEP_UNTIL(virtual_scan->phase_resume,
+                             count_scans(virtual_scan, is_on_line, budget));
+            if (virtual_scan->scan_count < virtual_scan->params.min_scans)
+                continue;
         }
+        PAY(virtual_scan, budget,
+            sample_cost(virtual_scan, line_of(virtual_scan)->high - line_of(virtual_scan)->low));
+        sample_line(virtual_scan);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(virtual_scan->phase_resume);
 }
 
 /* ---- Ellipses ---- */
 
-/* Samples the outline of an ellipse, about `spacing` apart, at even angles of its circle. */
-static void sample_ellipse(cairn_virtual_scan *virtual_scan,
-                           cairn_virtual_scan_hypothesis *hypothesis, const cairn_ellipse *ellipse)
+static int32_t ellipse_count(const cairn_virtual_scan *virtual_scan)
 {
+    int32_t count;
+
+    (void)cairn_ellipse_list(virtual_scan->ellipses, &count);
+    return count;
+}
+
+/* The current ellipse. */
+static const cairn_ellipse *ellipse_of(const cairn_virtual_scan *virtual_scan)
+{
+    int32_t count;
+
+    return &cairn_ellipse_list(virtual_scan->ellipses, &count)[virtual_scan->item];
+}
+
+/* 1 when a point lies on the current ellipse. */
+static int is_on_ellipse(const cairn_virtual_scan *virtual_scan, const cairn_oriented_point *point)
+{
+    return cairn_ellipse_is_inlier(ellipse_of(virtual_scan), point, virtual_scan->ellipse_support,
+                                   virtual_scan->sine_tangent);
+}
+
+/* Samples the outline of the current ellipse, about `spacing` apart, at even angles of its
+ * circle. */
+static void sample_ellipse(cairn_virtual_scan *virtual_scan)
+{
+    const cairn_ellipse *ellipse = ellipse_of(virtual_scan);
+    cairn_virtual_scan_hypothesis *h =
+        add_hypothesis(virtual_scan, CAIRN_VIRTUAL_SCAN_ELLIPSE, ellipse->score);
     cairn_real length = cairn_ellipse_length(ellipse);
     int32_t count =
         cairn_real_to_int(cairn_max(cairn_ceil(length / virtual_scan->params.spacing), 8));
     int32_t capacity = virtual_scan->params.max_virtual - virtual_scan->work.point_count;
 
+    if (h == NULL)
+        return;
+    h->observing_scans = virtual_scan->scan_count;
     if (count > capacity) {
         virtual_scan->work.dropped += count - capacity;
         count = capacity;
@@ -195,36 +253,25 @@ static void sample_ellipse(cairn_virtual_scan *virtual_scan,
     for (int32_t i = 0; i < count; i++) {
         virtual_scan->work.points[virtual_scan->work.point_count] =
             cairn_ellipse_point(ellipse, 2 * CAIRN_PI * (cairn_real)i / (cairn_real)count);
-        virtual_scan->work.weights[virtual_scan->work.point_count++] = hypothesis->weight;
+        virtual_scan->work.weights[virtual_scan->work.point_count++] = h->weight;
     }
-    hypothesis->end_point = virtual_scan->work.point_count;
+    h->end_point = virtual_scan->work.point_count;
 }
 
-cairn_status cairn_virtual_scan_sample_ellipses(cairn_virtual_scan *virtual_scan,
-                                                cairn_budget *budget)
+int cairn_virtual_scan_sample_ellipses(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
 {
-    int32_t count;
-    const cairn_ellipse *ellipses = cairn_ellipse_list(virtual_scan->ellipses, &count);
-
-    for (; virtual_scan->item < count; next_item(virtual_scan)) {
-        const cairn_ellipse *e = &ellipses[virtual_scan->item];
-        cairn_virtual_scan_hypothesis *h;
-
-        if (!virtual_scan->scans_counted &&
-            count_scans(virtual_scan, is_on_ellipse, budget) != CAIRN_OK)
-            return CAIRN_MORE;
+    CAIRN_STEP_BEGIN(virtual_scan->phase_resume);
+    for (virtual_scan->item = 0; virtual_scan->item < ellipse_count(virtual_scan);
+         virtual_scan->item++) {
+        CAIRN_STEP_UNTIL(virtual_scan->phase_resume,
+                         count_scans(virtual_scan, is_on_ellipse, budget));
         if (virtual_scan->scan_count < virtual_scan->params.min_scans)
             continue;
-        if (!cairn_budget_charge(budget, &virtual_scan->units_charged,
-                                 4 * sample_cost(virtual_scan, cairn_ellipse_length(e))))
-            return CAIRN_MORE;
-        h = add_hypothesis(virtual_scan, CAIRN_VIRTUAL_SCAN_ELLIPSE, e->score);
-        if (h != NULL) {
-            h->observing_scans = virtual_scan->scan_count;
-            sample_ellipse(virtual_scan, h, e);
-        }
+        PAY(virtual_scan, budget,
+            4 * sample_cost(virtual_scan, cairn_ellipse_length(ellipse_of(virtual_scan))));
+        sample_ellipse(virtual_scan);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(virtual_scan->phase_resume);
 }
 
 /* ---- Rectangles ---- */
@@ -245,31 +292,87 @@ static cairn_segment side_of(const cairn_rectangle *rectangle, int32_t i)
     return side;
 }
 
-cairn_status cairn_virtual_scan_sample_rectangles(cairn_virtual_scan *virtual_scan,
-                                                  cairn_budget *budget)
+static int32_t rectangle_count(const cairn_virtual_scan *virtual_scan)
 {
     int32_t count;
-    const cairn_rectangle *list = cairn_rectangle_list(virtual_scan->rectangles, &count);
 
-    for (; virtual_scan->item < count; virtual_scan->item++) {
-        const cairn_rectangle *r = &list[virtual_scan->item];
-        cairn_virtual_scan_hypothesis *h;
+    (void)cairn_rectangle_list(virtual_scan->rectangles, &count);
+    return count;
+}
 
-        if (!cairn_budget_charge(budget, &virtual_scan->units_charged,
-                                 sample_cost(virtual_scan, 4 * (r->half_length + r->half_width))))
-            return CAIRN_MORE;
-        h = add_hypothesis(virtual_scan, CAIRN_VIRTUAL_SCAN_RECTANGLE, r->score);
-        for (int32_t i = 0; i < 4 && h != NULL; i++)
-            sample_segment(virtual_scan, h, side_of(r, i));
+/* The current rectangle. */
+static const cairn_rectangle *rectangle_of(const cairn_virtual_scan *virtual_scan)
+{
+    int32_t count;
+
+    return &cairn_rectangle_list(virtual_scan->rectangles, &count)[virtual_scan->item];
+}
+
+/* Length of the outline of the current rectangle, in m. */
+static cairn_real rectangle_length(const cairn_virtual_scan *virtual_scan)
+{
+    const cairn_rectangle *rectangle = rectangle_of(virtual_scan);
+
+    return 4 * (rectangle->half_length + rectangle->half_width);
+}
+
+/* Samples the sides of the current rectangle. */
+static void sample_rectangle(cairn_virtual_scan *virtual_scan)
+{
+    const cairn_rectangle *rectangle = rectangle_of(virtual_scan);
+    cairn_virtual_scan_hypothesis *h =
+        add_hypothesis(virtual_scan, CAIRN_VIRTUAL_SCAN_RECTANGLE, rectangle->score);
+
+    for (int32_t i = 0; i < 4 && h != NULL; i++)
+        sample_segment(virtual_scan, h, side_of(rectangle, i));
+}
+
+int cairn_virtual_scan_sample_rectangles(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(virtual_scan->phase_resume);
+    for (virtual_scan->item = 0; virtual_scan->item < rectangle_count(virtual_scan);
+         virtual_scan->item++) {
+        PAY(virtual_scan, budget, sample_cost(virtual_scan, rectangle_length(virtual_scan)));
+        sample_rectangle(virtual_scan);
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(virtual_scan->phase_resume);
 }
 
 /* ---- The caller's kinds ---- */
 
-static void take_outline(cairn_virtual_scan *virtual_scan,
-                         const cairn_virtual_scan_hypothesis_detector *detector, int32_t index)
+/* The current detector. */
+static const cairn_virtual_scan_hypothesis_detector *
+detector_of(const cairn_virtual_scan *virtual_scan)
 {
+    return &virtual_scan->detectors[virtual_scan->item];
+}
+
+/* Begins the current detector; 0 when that ends the detection. */
+static int begin_detector(cairn_virtual_scan *virtual_scan)
+{
+    cairn_status status =
+        detector_of(virtual_scan)->begin(detector_of(virtual_scan)->state, &virtual_scan->map);
+
+    return virtual_scan_has_ended(virtual_scan, status) || status > 0;
+}
+
+/* Continues the current detector; 1 when it has ended. */
+static int run_detector(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
+{
+    const cairn_virtual_scan_hypothesis_detector *detector = detector_of(virtual_scan);
+
+    return virtual_scan_has_ended(virtual_scan, detector->step(detector->state, budget));
+}
+
+static int32_t outline_count(const cairn_virtual_scan *virtual_scan)
+{
+    return detector_of(virtual_scan)->count(detector_of(virtual_scan)->state);
+}
+
+/* Takes the current outline of the current detector. */
+static void take_outline(cairn_virtual_scan *virtual_scan)
+{
+    const cairn_virtual_scan_hypothesis_detector *detector = detector_of(virtual_scan);
     cairn_virtual_scan_hypothesis *h =
         add_hypothesis(virtual_scan, CAIRN_VIRTUAL_SCAN_CALLER + virtual_scan->item, 0);
     int32_t capacity = virtual_scan->params.max_virtual - virtual_scan->work.point_count, count;
@@ -277,7 +380,7 @@ static void take_outline(cairn_virtual_scan *virtual_scan,
 
     if (h == NULL)
         return;
-    count = detector->outline(detector->state, index, virtual_scan->params.spacing,
+    count = detector->outline(detector->state, virtual_scan->cursor, virtual_scan->params.spacing,
                               &virtual_scan->work.points[virtual_scan->work.point_count], capacity,
                               &strength);
     CAIRN_ASSERT(count >= 0 && count <= capacity && strength >= 0 && strength <= 1);
@@ -288,30 +391,18 @@ static void take_outline(cairn_virtual_scan *virtual_scan,
     h->end_point = virtual_scan->work.point_count;
 }
 
-cairn_status cairn_virtual_scan_run_detectors(cairn_virtual_scan *virtual_scan,
-                                              cairn_budget *budget)
+int cairn_virtual_scan_run_detectors(cairn_virtual_scan *virtual_scan, cairn_budget *budget)
 {
-    while (virtual_scan->item < virtual_scan->detector_count) {
-        const cairn_virtual_scan_hypothesis_detector *d =
-            &virtual_scan->detectors[virtual_scan->item];
-        cairn_status status = CAIRN_OK;
-
-        if (!virtual_scan->detector_begun)
-            status = d->begin(d->state, &virtual_scan->map);
-        virtual_scan->detector_begun = 1;
-        if (status == CAIRN_OK)
-            status = d->step(d->state, budget);
-        if (status != CAIRN_OK)
-            return status;
-        for (; virtual_scan->cursor < d->count(d->state); virtual_scan->cursor++) {
-            if (!cairn_budget_charge(budget, &virtual_scan->units_charged,
-                                     sample_cost(virtual_scan, CAIRN_REAL(1e6))))
-                return CAIRN_MORE;
-            take_outline(virtual_scan, d, virtual_scan->cursor);
+    CAIRN_STEP_BEGIN(virtual_scan->phase_resume);
+    for (virtual_scan->item = 0; virtual_scan->item < virtual_scan->detector_count;
+         virtual_scan->item++) {
+        CAIRN_STEP_UNTIL(virtual_scan->phase_resume, begin_detector(virtual_scan));
+        CAIRN_STEP_UNTIL(virtual_scan->phase_resume, run_detector(virtual_scan, budget));
+        for (virtual_scan->cursor = 0; virtual_scan->cursor < outline_count(virtual_scan);
+             virtual_scan->cursor++) {
+            PAY(virtual_scan, budget, sample_cost(virtual_scan, CAIRN_REAL(1e6)));
+            take_outline(virtual_scan);
         }
-        virtual_scan->item++;
-        virtual_scan->cursor = 0;
-        virtual_scan->detector_begun = 0;
     }
-    return CAIRN_OK;
+    CAIRN_STEP_END(virtual_scan->phase_resume);
 }

@@ -3,19 +3,11 @@
 #define CAIRN_MAPPING_VIRTUAL_SCAN_WORK_H
 
 #include "cairn/virtual_scan.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
 
-typedef int32_t virtual_scan_phase;
-enum {
-    VIRTUAL_SCAN_IDLE,
-    VIRTUAL_SCAN_GATHER,
-    VIRTUAL_SCAN_LINES,
-    VIRTUAL_SCAN_SAMPLE_LINES,
-    VIRTUAL_SCAN_RECTANGLES,
-    VIRTUAL_SCAN_SAMPLE_RECTANGLES,
-    VIRTUAL_SCAN_ELLIPSES,
-    VIRTUAL_SCAN_SAMPLE_ELLIPSES,
-    VIRTUAL_SCAN_CALLER_DETECTORS
-};
+/* Table of the parameters. */
+extern const cairn_parameters cairn_virtual_scan_parameters;
 
 /* Result of a detection. */
 typedef struct virtual_scan_result {
@@ -40,28 +32,36 @@ struct cairn_virtual_scan {
     int32_t detector_count;
     cairn_virtual_scan_map map;
     virtual_scan_result work, done;
-    virtual_scan_phase phase;
-    int32_t cursor;          /* current point of the map, or of an outline */
-    int32_t item;            /* current line, rectangle, ellipse or detector */
-    int32_t inliers_cleared; /* 1: scan_inliers is cleared */
-    int32_t scans_counted;   /* 1: scan_count is that of the current line or ellipse */
-    int32_t scan_count;      /* scans with walls on it */
-    int32_t detector_begun;  /* VIRTUAL_SCAN_CALLER_DETECTORS: 1: the current detector has begun */
+    /* CAIRN_MORE while a detection is under way; below 0: how a detector ends it */
+    cairn_status status;
+    /* resume points of the detection, of its phase, and of the scans on a line or ellipse */
+    int32_t resume, phase_resume, count_resume;
+    /* current line, rectangle, ellipse or detector; current point of the map, or outline */
+    int32_t item, cursor;
+    /* scans with walls on the current line or ellipse */
+    int32_t scan_count;
     int32_t units_charged;
     /* tolerances of lines: m, sine of the angle, at this sigma */
     cairn_real support, sine_angle;
     cairn_real ellipse_support, sine_tangent; /* likewise of ellipses */
 };
 
-/* Samples the hypotheses that the detector of a phase has found, and runs the caller's detectors;
- * CAIRN_OK when all are sampled. */
-cairn_status cairn_virtual_scan_sample_lines(cairn_virtual_scan *virtual_scan,
-                                             cairn_budget *budget);
-cairn_status cairn_virtual_scan_sample_rectangles(cairn_virtual_scan *virtual_scan,
-                                                  cairn_budget *budget);
-cairn_status cairn_virtual_scan_sample_ellipses(cairn_virtual_scan *virtual_scan,
-                                                cairn_budget *budget);
-cairn_status cairn_virtual_scan_run_detectors(cairn_virtual_scan *virtual_scan,
-                                              cairn_budget *budget);
+/* 1 when a detector's step has ended; 0: it goes on, or its status below 0 ends the detection. */
+static inline int virtual_scan_has_ended(cairn_virtual_scan *virtual_scan, cairn_status status)
+{
+    if (status < 0)
+        virtual_scan->status = status;
+    return status == CAIRN_OK;
+}
+
+/* ---- virtual_scan_kinds: each returns 1 when done and 0 when it goes on ---- */
+
+/* Sample the hypotheses that a detector has found. */
+int cairn_virtual_scan_sample_lines(cairn_virtual_scan *virtual_scan, cairn_budget *budget);
+int cairn_virtual_scan_sample_rectangles(cairn_virtual_scan *virtual_scan, cairn_budget *budget);
+int cairn_virtual_scan_sample_ellipses(cairn_virtual_scan *virtual_scan, cairn_budget *budget);
+
+/* Runs the caller's detectors. */
+int cairn_virtual_scan_run_detectors(cairn_virtual_scan *virtual_scan, cairn_budget *budget);
 
 #endif
