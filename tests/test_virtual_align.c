@@ -588,6 +588,10 @@ static void does_what_is_done_by_hand(void **state)
 
 static void bad_calls_are_refused(void **state)
 {
+    static const char *const modules[] = {"virtual_align", "virtual_align", "aligner",
+                                          "force_field",   "virtual_scan",  "virtual_align",
+                                          "weak_direction"};
+    cairn_object_fault refused;
     cairn_virtual_align_params p = small_params(), bad;
     cairn_pool pool = test_pool(cairn_virtual_align_memory(&p));
     cairn_virtual_align *align = NULL;
@@ -606,6 +610,9 @@ static void bad_calls_are_refused(void **state)
         bad.field.sigma_end = i == 3 ? 0 : bad.field.sigma_end;
         bad.hypotheses.stride = i == 4 ? 0 : 1;
         bad.weak_direction.translation_step = i == 6 ? 0 : 1;
+        assert_status(cairn_virtual_align_check(i == 5 ? NULL : &bad, &refused),
+                      CAIRN_BAD_ARGUMENT);
+        assert_string_equal(refused.module, modules[i]);
         assert_int_equal(cairn_virtual_align_memory(i == 5 ? NULL : &bad), 0);
         assert_status(cairn_virtual_align_create(&align, &pool, i == 5 ? NULL : &bad),
                       CAIRN_BAD_ARGUMENT);

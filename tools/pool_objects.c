@@ -141,7 +141,7 @@ MODULE(shape_model_builder)
 MODULE(shape_context)
 MODULE(skeleton_grouping)
 MODULE(symmetric_point)
-MODULE(virtual_align)
+DECLARED(virtual_align)
 DECLARED(virtual_scan)
 DECLARED(weak_direction)
 
@@ -410,7 +410,8 @@ const pool_object pool_objects[] = {
      {HAS(virtual_align, "scan", aligner.max_scans),
       HAS(virtual_align, "segment", aligner.max_segments),
       HAS(virtual_align, "point", aligner.max_points),
-      HAS(virtual_align, "virtual point", hypotheses.max_virtual)}},
+      HAS(virtual_align, "virtual point", hypotheses.max_virtual)},
+     DECLARATION(virtual_align)},
     {OBJECT(map_merge),
      0,
      {HAS(map_merge, "map", max_maps), HAS(map_merge, "cell", max_cells),

@@ -35,6 +35,7 @@
 
 #include "cairn/aligner.h"
 #include "cairn/force_field.h"
+#include "cairn/object.h"
 #include "cairn/virtual_scan.h"
 #include "cairn/weak_direction.h"
 
@@ -112,6 +113,13 @@ enum {
     /* bins of the distance of a line */
     CAIRN_VIRTUAL_ALIGN_WRITTEN_DISTANCES = 512
 };
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_virtual_align_check(const cairn_virtual_align_params *params,
+                                                     cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes from the pool; 0 for invalid params. */
 size_t cairn_virtual_align_memory(const cairn_virtual_align_params *params);

@@ -31,23 +31,31 @@
 
 #include "src/fields/virtual_align_work.h"
 
+#define INTEGER(field, is, from, to) CAIRN_INTEGER(cairn_virtual_align_params, field, is, from, to)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(rebuild_interval, 8, 1, INT32_MAX),
+    INTEGER(max_rounds, 2, 1, INT32_MAX),
+    INTEGER(use_aligner, 1, INT32_MIN, INT32_MAX),
+    INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
+};
+const cairn_parameters cairn_virtual_align_parameters =
+    CAIRN_PARAMETERS("virtual_align", cairn_virtual_align_params, rows);
+
 cairn_virtual_align_params cairn_virtual_align_default(void)
 {
-    cairn_virtual_align_params params = {
-        .aligner = cairn_aligner_default(),
-        .field = cairn_force_field_springs(CAIRN_REAL(0.9), 15),
-        .hypotheses = cairn_virtual_scan_default(),
-        .weak_direction = cairn_weak_direction_default(),
-        .rebuild_interval = 8,
-        .max_rounds = 2,
-        .use_aligner = 1,
-        .mode = CAIRN_MODE_DEFAULT,
-    };
+    cairn_virtual_align_params params;
 
+    cairn_parameters_preset(&cairn_virtual_align_parameters, &params);
+    params.aligner = cairn_aligner_default();
+    params.field = cairn_force_field_springs(CAIRN_REAL(0.9), 15);
     params.field.oriented_below = params.field.sigma_start;
     params.field.potential = 0;
+    params.hypotheses = cairn_virtual_scan_default();
     params.hypotheses.spacing = CAIRN_REAL(0.30);
     params.hypotheses.weight = 3;
+    params.weak_direction = cairn_weak_direction_default();
     return params;
 }
 
@@ -121,74 +129,85 @@ static cairn_weak_direction_params weak_params_of(const cairn_virtual_align_para
     return weak;
 }
 
-/* Takes its own arrays; NULL where the pool only counts. */
-static cairn_virtual_align *take_memory(cairn_pool *pool, const cairn_virtual_align_params *params)
+cairn_status cairn_virtual_align_check(const cairn_virtual_align_params *params,
+                                       cairn_object_fault *fault)
 {
-    size_t scans = (size_t)params->aligner.max_scans;
-    cairn_virtual_align *made = cairn_pool_take_one(pool, sizeof *made), arrays;
+    cairn_virtual_align_params used;
+    cairn_force_field_params field;
+    cairn_virtual_scan_params hypotheses;
+    cairn_weak_direction_params weak;
+    cairn_status status;
 
-    memset(&arrays, 0, sizeof arrays);
-    arrays.params = *params;
-    arrays.places = cairn_pool_take(pool, scans, sizeof *arrays.places);
-    arrays.poses = cairn_pool_take(pool, scans, sizeof *arrays.poses);
-    arrays.stored_poses = cairn_pool_take(pool, scans, sizeof *arrays.stored_poses);
-    if (made != NULL)
-        *made = arrays;
-    return made;
+    if (params == NULL)
+        return cairn_parameters_check(&cairn_virtual_align_parameters, NULL, fault);
+    used = in_mode(params);
+    status = cairn_parameters_check(&cairn_virtual_align_parameters, &used, fault);
+    if (status == CAIRN_OK)
+        status = cairn_aligner_check(&used.aligner, fault);
+    if (status != CAIRN_OK)
+        return status;
+    field = field_of(&used);
+    hypotheses = hypotheses_of(&used);
+    weak = weak_params_of(&used);
+    status = cairn_force_field_check(&field, fault);
+    if (status == CAIRN_OK)
+        status = cairn_virtual_scan_check(&hypotheses, fault);
+    if (status == CAIRN_OK)
+        status = cairn_weak_direction_check(&weak, fault);
+    return status;
+}
+
+/* Drops an alignment that is under way. */
+static void stop(cairn_virtual_align *align)
+{
+    align->resume = align->phase_resume = 0;
+    align->is_complete = align->is_stored = 1;
+    align->is_field_ahead = align->has_stopped = 0;
+    align->units_charged = 0;
+}
+
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_virtual_align *build(cairn_pool *pool, const cairn_virtual_align_params *params)
+{
+    cairn_virtual_align_params used = in_mode(params);
+    cairn_force_field_params field = field_of(&used);
+    cairn_virtual_scan_params hypotheses = hypotheses_of(&used);
+    cairn_weak_direction_params weak = weak_params_of(&used);
+    cairn_virtual_align *align = cairn_object_take(pool, sizeof *align);
+
+    CAIRN_TAKE(align, pool, places, used.aligner.max_scans);
+    CAIRN_TAKE(align, pool, poses, used.aligner.max_scans);
+    CAIRN_TAKE(align, pool, stored_poses, used.aligner.max_scans);
+    CAIRN_TAKE_OBJECT(align, pool, aligner, aligner, &used.aligner);
+    CAIRN_TAKE_OBJECT(align, pool, field, force_field, &field);
+    CAIRN_TAKE_OBJECT(align, pool, hypotheses, virtual_scan, &hypotheses);
+    CAIRN_TAKE_OBJECT(align, pool, weak_direction, weak_direction, &weak);
+    if (align != NULL) {
+        align->params = used;
+        stop(align);
+    }
+    return align;
 }
 
 size_t cairn_virtual_align_memory(const cairn_virtual_align_params *params)
 {
-    cairn_force_field_params field;
-    cairn_virtual_scan_params hypotheses;
-    cairn_virtual_align_params used;
-    cairn_weak_direction_params weak;
     cairn_pool counting;
 
-    if (params == NULL ||
-        (params->mode != CAIRN_MODE_DEFAULT && params->mode != CAIRN_MODE_AS_WRITTEN))
+    if (cairn_virtual_align_check(params, NULL) != CAIRN_OK)
         return 0;
-    used = in_mode(params);
-    if (used.rebuild_interval < 1 || used.max_rounds < 1 ||
-        cairn_aligner_memory(&used.aligner) == 0)
-        return 0;
-    field = field_of(&used);
-    hypotheses = hypotheses_of(&used);
-    weak = weak_params_of(&used);
     cairn_pool_init_counting(&counting);
-    (void)take_memory(&counting, &used);
-    cairn_pool_count(&counting, cairn_aligner_memory(&used.aligner));
-    cairn_pool_count(&counting, cairn_force_field_memory(&field));
-    cairn_pool_count(&counting, cairn_virtual_scan_memory(&hypotheses));
-    cairn_pool_count(&counting, cairn_weak_direction_memory(&weak));
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_virtual_align_create(cairn_virtual_align **align, cairn_pool *pool,
                                         const cairn_virtual_align_params *params)
 {
-    size_t need = cairn_virtual_align_memory(params);
-    cairn_force_field_params field;
-    cairn_virtual_scan_params hypotheses;
-    cairn_virtual_align_params used;
-    cairn_weak_direction_params weak;
-    cairn_virtual_align *made;
+    cairn_status status = cairn_object_admit(align, pool, cairn_virtual_align_memory(params));
 
-    if (align == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    used = in_mode(params);
-    field = field_of(&used);
-    hypotheses = hypotheses_of(&used);
-    weak = weak_params_of(&used);
-    made = take_memory(pool, &used);
-    cairn_virtual_align_must(cairn_aligner_create(&made->aligner, pool, &used.aligner));
-    cairn_virtual_align_must(cairn_force_field_create(&made->field, pool, &field));
-    cairn_virtual_align_must(cairn_virtual_scan_create(&made->hypotheses, pool, &hypotheses));
-    cairn_virtual_align_must(cairn_weak_direction_create(&made->weak_direction, pool, &weak));
-    *align = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *align = build(pool, params);
+    return status;
 }
 
 cairn_status cairn_virtual_align_add_scan(cairn_virtual_align *align, const cairn_scan_view *view,
@@ -202,7 +221,7 @@ cairn_status cairn_virtual_align_add_scan(cairn_virtual_align *align, const cair
     status = cairn_aligner_add_scan(align->aligner, view, map_scan, fault);
     if (status != CAIRN_OK)
         return status;
-    align->phase = VIRTUAL_ALIGN_IDLE;
+    stop(align);
     cairn_virtual_align_must(cairn_force_field_add_scan(align->field, view, NULL, map_scan, fault));
     place = &align->places[align->scan_count];
     place->start = map_scan;
@@ -223,7 +242,7 @@ void cairn_virtual_align_clear(cairn_virtual_align *align)
 {
     cairn_aligner_clear(align->aligner);
     cairn_force_field_clear(align->field);
-    align->phase = VIRTUAL_ALIGN_IDLE;
+    stop(align);
     align->scan_count = 0;
     align->is_iterating = 0;
     memset(&align->result, 0, sizeof align->result);
@@ -242,46 +261,39 @@ cairn_status cairn_virtual_align_begin(cairn_virtual_align *align)
         align->places[i].moves = 0;
     }
     cairn_virtual_align_must(cairn_aligner_begin(align->aligner));
-    align->phase = align->params.use_aligner ? VIRTUAL_ALIGN_FIRST : VIRTUAL_ALIGN_STORE;
+    stop(align);
+    align->is_complete = align->is_stored = 0;
     align->is_done = 0;
-    align->cursor = 0;
-    align->units_charged = 0;
     return CAIRN_OK;
+}
+
+/* Continues the alignment; stops: until its next result. */
+static cairn_status run(cairn_virtual_align *align, cairn_budget *budget, int32_t stops)
+{
+    if (align == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    align->stops_at_result = stops;
+    align->status = CAIRN_OK;
+    if (!align->is_complete)
+        align->is_complete = cairn_virtual_align_run(align, budget);
+    if (align->is_complete || align->has_stopped)
+        return CAIRN_OK;
+    return align->status < 0 ? align->status : CAIRN_MORE;
 }
 
 cairn_status cairn_virtual_align_step(cairn_virtual_align *align, cairn_budget *budget)
 {
-    if (align == NULL || budget == NULL)
-        return CAIRN_BAD_ARGUMENT;
-    while (align->phase != VIRTUAL_ALIGN_IDLE) {
-        cairn_status status = cairn_virtual_align_run_phase(align, budget);
-
-        if (status != CAIRN_OK)
-            return status;
-    }
-    return CAIRN_OK;
+    return run(align, budget, 0);
 }
 
 cairn_status cairn_virtual_align_iterate(cairn_virtual_align *align, cairn_budget *budget)
 {
-    if (align == NULL || budget == NULL)
-        return CAIRN_BAD_ARGUMENT;
-    while (align->phase != VIRTUAL_ALIGN_IDLE) {
-        virtual_align_phase done = align->phase;
-        cairn_status status = cairn_virtual_align_run_phase(align, budget);
-
-        if (status != CAIRN_OK)
-            return status;
-        if ((done == VIRTUAL_ALIGN_STORE && align->params.use_aligner) ||
-            done == VIRTUAL_ALIGN_ITERATE)
-            return CAIRN_OK;
-    }
-    return CAIRN_OK;
+    return run(align, budget, 1);
 }
 
 int32_t cairn_virtual_align_running(const cairn_virtual_align *align)
 {
-    return align->phase != VIRTUAL_ALIGN_IDLE;
+    return !align->is_complete;
 }
 
 /* ---- Result ---- */
@@ -298,11 +310,10 @@ cairn_virtual_align_pose cairn_virtual_align_pose_of(const cairn_virtual_align *
     memset(&pose, 0, sizeof pose);
     if (scan < 0 || scan >= align->scan_count)
         return pose;
-    pose.aligned = align->phase == VIRTUAL_ALIGN_FIRST || align->phase == VIRTUAL_ALIGN_STORE
-                       ? cairn_aligner_pose_of(align->aligner, scan)
-                       : align->places[scan].aligned;
+    pose.aligned = align->is_stored ? align->places[scan].aligned
+                                    : cairn_aligner_pose_of(align->aligner, scan);
     pose.moved = align->places[scan].moves;
-    if (pose.moved && (align->phase >= VIRTUAL_ALIGN_GATHER || !align->params.use_aligner))
+    if (pose.moved && (align->is_field_ahead || !align->params.use_aligner))
         pose.aligned.map_scan = cairn_force_field_pose(align->field, scan);
     return pose;
 }

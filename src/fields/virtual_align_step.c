@@ -4,6 +4,11 @@
 #include "cairn/small_matrix.h"
 #include "src/fields/virtual_align_work.h"
 
+/* Place of return of a phase: goes on when an operation of `units` is charged. */
+#define PAY(align, budget, units)                                                                  \
+    CAIRN_STEP_UNTIL((align)->phase_resume,                                                        \
+                     cairn_budget_charge(budget, &(align)->units_charged, units))
+
 /* minimum scans of the aligner's largest component for a search of others in it */
 enum { MIN_COMPONENT_SCANS = 3 };
 
@@ -23,27 +28,30 @@ static int has_matches(const cairn_virtual_align *align)
     return align->params.use_aligner && align->result.aligner.placed >= 2;
 }
 
-/* Runs the first alignment. It alone gets the initial error of the poses. */
-static cairn_status step_align(cairn_virtual_align *align, cairn_budget *budget)
+/* Keeps the status of a nested step; 1 when that has ended. */
+static int has_ended(cairn_virtual_align *align, cairn_status status)
 {
-    cairn_status status = cairn_aligner_step(align->aligner, budget);
+    align->status = status;
+    return status == CAIRN_OK;
+}
 
-    if (status == CAIRN_OK)
-        align->initial_spread =
-            cairn_min(cairn_aligner_read(align->aligner).initial_sigma, CAIRN_REAL(1e6));
-    return status;
+/* Runs the aligner. */
+static int run_aligner(cairn_virtual_align *align, cairn_budget *budget)
+{
+    return has_ended(align, cairn_aligner_step(align->aligner, budget));
 }
 
 /* Stores the aligner's result. */
-static cairn_status step_store(cairn_virtual_align *align, cairn_budget *budget)
+static int store(cairn_virtual_align *align, cairn_budget *budget)
 {
-    for (; align->cursor < align->scan_count; align->cursor++) {
-        if (!cairn_budget_charge(budget, &align->units_charged, 2))
-            return CAIRN_MORE;
+    CAIRN_STEP_BEGIN(align->phase_resume);
+    for (align->cursor = 0; align->cursor < align->scan_count; align->cursor++) {
+        PAY(align, budget, 2);
         align->places[align->cursor].aligned = cairn_aligner_pose_of(align->aligner, align->cursor);
     }
     align->result.aligner = cairn_aligner_read(align->aligner);
-    return CAIRN_OK;
+    align->is_stored = 1;
+    CAIRN_STEP_END(align->phase_resume);
 }
 
 /* Returns 1 when the aligner has resumed from its former result, 0 when it has started anew. */
@@ -69,33 +77,44 @@ static cairn_pose motion_to_former_map(cairn_virtual_align *align)
     return cairn_pose_fit(align->poses, align->stored_poses, NULL, count, 1);
 }
 
-/* Adds the newly placed scans; those placed before keep their poses. */
-static cairn_status step_apply(cairn_virtual_align *align, cairn_budget *budget)
+/* Adds a scan to the result when it is newly placed. */
+static void add_placed(cairn_virtual_align *align, int32_t scan, cairn_pose former)
 {
-    cairn_pose former;
+    cairn_aligner_pose found = cairn_aligner_pose_of(align->aligner, scan);
 
-    if (!cairn_budget_charge(budget, &align->units_charged, 1 + align->scan_count))
-        return CAIRN_MORE;
-    former = motion_to_former_map(align);
-    for (int32_t i = 0; i < align->scan_count; i++) {
-        cairn_aligner_pose found = cairn_aligner_pose_of(align->aligner, i);
-
-        if (align->places[i].aligned.placed)
-            continue;
-        found.map_scan = cairn_pose_compose(former, found.map_scan);
-        align->places[i].aligned = found;
-    }
-    align->result.aligner = cairn_aligner_read(align->aligner);
-    return CAIRN_OK;
+    if (align->places[scan].aligned.placed)
+        return;
+    found.map_scan = cairn_pose_compose(former, found.map_scan);
+    align->places[scan].aligned = found;
 }
 
-/* Compares the result of the realignment with the former one and keeps the better. */
-static cairn_status step_compare(cairn_virtual_align *align, cairn_budget *budget)
+/* Adds the newly placed scans; those placed before keep their poses. */
+static void add_all_placed(cairn_virtual_align *align)
 {
-    if (cairn_aligner_read(align->aligner).placed > align->result.aligner.placed)
-        return has_resumed(align) ? step_apply(align, budget) : step_store(align, budget);
-    if (!cairn_budget_charge(budget, &align->units_charged, 1 + align->scan_count / 2))
-        return CAIRN_MORE;
+    cairn_pose former = motion_to_former_map(align);
+
+    for (int32_t i = 0; i < align->scan_count; i++)
+        add_placed(align, i, former);
+    align->result.aligner = cairn_aligner_read(align->aligner);
+}
+
+static int apply(cairn_virtual_align *align, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(align->phase_resume);
+    PAY(align, budget, 1 + align->scan_count);
+    add_all_placed(align);
+    CAIRN_STEP_END(align->phase_resume);
+}
+
+/* 1 when the aligner has placed more scans than in the former result. */
+static int is_better(const cairn_virtual_align *align)
+{
+    return cairn_aligner_read(align->aligner).placed > align->result.aligner.placed;
+}
+
+/* Keeps the poses of the field where the former result has none. */
+static void keep_former_poses(cairn_virtual_align *align)
+{
     align->is_done = 1;
     for (int32_t i = 0; i < align->scan_count; i++) {
         struct virtual_align_place *place = &align->places[i];
@@ -104,7 +123,14 @@ static cairn_status step_compare(cairn_virtual_align *align, cairn_budget *budge
         if (place->moves)
             place->aligned.map_scan = cairn_force_field_pose(align->field, i);
     }
-    return CAIRN_OK;
+}
+
+static int keep_former(cairn_virtual_align *align, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(align->phase_resume);
+    PAY(align, budget, 1 + align->scan_count / 2);
+    keep_former_poses(align);
+    CAIRN_STEP_END(align->phase_resume);
 }
 
 /* ---- Force field and hypotheses ---- */
@@ -137,250 +163,313 @@ static cairn_real transverse_wall(const cairn_virtual_align *align, int32_t scan
     return values[0];
 }
 
-/* Places all scans in the field at the aligner's poses. An iteration left by an earlier alignment
- * is finished first. */
-static cairn_status step_place(cairn_virtual_align *align, cairn_budget *budget)
+/* Finishes an iteration left by an earlier alignment. */
+static int finish_iteration(cairn_virtual_align *align, cairn_budget *budget)
 {
-    struct virtual_align_place *place;
+    align->is_iterating = cairn_force_field_iterate(align->field, budget) == CAIRN_MORE;
+    return !align->is_iterating;
+}
 
-    if (align->is_iterating) {
-        if (cairn_force_field_iterate(align->field, budget) == CAIRN_MORE)
-            return CAIRN_MORE;
-        align->is_iterating = 0;
-    }
-    if (align->cursor == 0)
-        align->result.moved_scans = 0;
-    for (; align->cursor < align->scan_count; align->cursor++) {
-        if (!cairn_budget_charge(budget, &align->units_charged,
-                                 2 + segments_of(align, align->cursor) / 4))
-            return CAIRN_MORE;
-        place = &align->places[align->cursor];
-        place->moves = !has_matches(align) ||
-                       (!place->aligned.placed &&
-                        !cairn_weak_direction_is_weak(align->weak_direction, &place->aligned) &&
-                        transverse_wall(align, align->cursor) >= MIN_TRANSVERSE_WALL_M);
-        align->result.moved_scans += place->moves;
-        cairn_virtual_align_must(
-            cairn_force_field_place(align->field, align->cursor, place->aligned.map_scan));
-        cairn_virtual_align_must(cairn_force_field_fix(align->field, align->cursor, !place->moves));
-    }
+/* Places a scan in the field at the aligner's pose. */
+static void place_scan(cairn_virtual_align *align, int32_t scan)
+{
+    struct virtual_align_place *place = &align->places[scan];
+
+    place->moves = !has_matches(align) ||
+                   (!place->aligned.placed &&
+                    !cairn_weak_direction_is_weak(align->weak_direction, &place->aligned) &&
+                    transverse_wall(align, scan) >= MIN_TRANSVERSE_WALL_M);
+    align->result.moved_scans += place->moves;
+    cairn_virtual_align_must(cairn_force_field_place(align->field, scan, place->aligned.map_scan));
+    cairn_virtual_align_must(cairn_force_field_fix(align->field, scan, !place->moves));
+}
+
+/* Begins a run of the field. As written the first virtual scan is empty. */
+static void begin_field(cairn_virtual_align *align)
+{
     cairn_force_field_restart(align->field);
-    if (is_as_written(align)) /* The first virtual scan is empty. */
+    if (is_as_written(align))
         cairn_virtual_align_must(cairn_force_field_set_extra(align->field, NULL, NULL, 0));
     align->iterations_since_scan = 0;
     align->result.rounds += align->result.moved_scans > 0;
-    return CAIRN_OK;
 }
 
-static cairn_status step_gather(cairn_virtual_align *align, cairn_budget *budget)
+/* Places all scans in the field. */
+static int place(cairn_virtual_align *align, cairn_budget *budget)
 {
-    const cairn_scan_set *set = cairn_force_field_scans(align->field);
-    cairn_real sigma = cairn_force_field_read(align->field).sigma;
-
-    if (align->cursor == 0)
-        cairn_virtual_align_must(cairn_virtual_scan_begin(
-            align->hypotheses,
-            align->iterations_since_scan > 0 ? sigma : align->params.field.sigma_start));
-    for (; align->cursor < align->scan_count; align->cursor++) {
-        const cairn_scan_set_scan *scan = &set->scans[align->cursor];
-
-        if (!cairn_budget_charge(budget, &align->units_charged,
-                                 1 + (scan->end_point - scan->first_point) / 4))
-            return CAIRN_MORE;
-        if (!has_matches(align) || !align->places[align->cursor].moves)
-            cairn_virtual_align_must(
-                cairn_virtual_scan_add_scan(align->hypotheses, set, align->cursor,
-                                            cairn_force_field_pose(align->field, align->cursor)));
+    CAIRN_STEP_BEGIN(align->phase_resume);
+    if (align->is_iterating)
+        CAIRN_STEP_UNTIL(align->phase_resume, finish_iteration(align, budget));
+    align->result.moved_scans = 0;
+    for (align->cursor = 0; align->cursor < align->scan_count; align->cursor++) {
+        PAY(align, budget, 2 + segments_of(align, align->cursor) / 4);
+        place_scan(align, align->cursor);
     }
-    return CAIRN_OK;
+    begin_field(align);
+    CAIRN_STEP_END(align->phase_resume);
 }
 
-static cairn_status step_detect(cairn_virtual_align *align, cairn_budget *budget)
+/* 1 when hypotheses are due before the next iteration: at first, and every few iterations while
+ * all scans move. */
+static int needs_hypotheses(const cairn_virtual_align *align)
 {
-    const cairn_oriented_point *points;
+    if (align->iterations_since_scan == 0)
+        return !is_as_written(align);
+    return !has_matches(align) &&
+           align->iterations_since_scan % align->params.rebuild_interval == 0;
+}
+
+/* Begins the map that the hypotheses are derived from. */
+static void begin_map(cairn_virtual_align *align)
+{
+    cairn_real sigma = align->iterations_since_scan > 0 ? cairn_force_field_read(align->field).sigma
+                                                        : align->params.field.sigma_start;
+
+    cairn_virtual_align_must(cairn_virtual_scan_begin(align->hypotheses, sigma));
+}
+
+/* Number of points of a scan. */
+static int32_t points_of(const cairn_virtual_align *align, int32_t scan)
+{
+    const cairn_scan_set_scan *of = &cairn_force_field_scans(align->field)->scans[scan];
+
+    return of->end_point - of->first_point;
+}
+
+/* Adds a scan to the map when hypotheses are derived from it. */
+static void add_to_map(cairn_virtual_align *align, int32_t scan)
+{
+    if (!has_matches(align) || !align->places[scan].moves)
+        cairn_virtual_align_must(
+            cairn_virtual_scan_add_scan(align->hypotheses, cairn_force_field_scans(align->field),
+                                        scan, cairn_force_field_pose(align->field, scan)));
+}
+
+/* The map that the hypotheses are derived from. */
+static int gather(cairn_virtual_align *align, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(align->phase_resume);
+    begin_map(align);
+    for (align->cursor = 0; align->cursor < align->scan_count; align->cursor++) {
+        PAY(align, budget, 1 + points_of(align, align->cursor) / 4);
+        add_to_map(align, align->cursor);
+    }
+    CAIRN_STEP_END(align->phase_resume);
+}
+
+/* Number of points of the virtual scan. */
+static int32_t virtual_points(const cairn_virtual_align *align)
+{
     const cairn_real *weights;
     int32_t count;
 
-    if (cairn_virtual_scan_step(align->hypotheses, budget) == CAIRN_MORE)
-        return CAIRN_MORE;
-    points = cairn_virtual_scan_points(align->hypotheses, &weights, &count);
-    if (!cairn_budget_charge(budget, &align->units_charged, 1 + count / 8))
-        return CAIRN_MORE;
+    (void)cairn_virtual_scan_points(align->hypotheses, &weights, &count);
+    return count;
+}
+
+/* The virtual scan as external points of the field. */
+static void enter_virtual_scan(cairn_virtual_align *align)
+{
+    const cairn_real *weights;
+    int32_t count;
+    const cairn_oriented_point *points =
+        cairn_virtual_scan_points(align->hypotheses, &weights, &count);
+
     cairn_virtual_align_must(cairn_force_field_set_extra(align->field, points, weights, count));
     (void)cairn_virtual_scan_hypotheses(align->hypotheses, &align->result.hypotheses);
-    return CAIRN_OK;
 }
 
-static cairn_status step_iteration(cairn_virtual_align *align, cairn_budget *budget)
+/* The hypotheses; without new ones after an error of a detector. */
+static int detect(cairn_virtual_align *align, cairn_budget *budget)
 {
-    cairn_status status = cairn_force_field_iterate(align->field, budget);
-
-    align->is_iterating = status == CAIRN_MORE;
-    if (status != CAIRN_OK)
-        return status;
-    align->iterations_since_scan++;
-    align->result.iterations++;
-    align->result.active_iterations +=
-        align->result.hypotheses > 0 && align->params.hypotheses.weight > 0;
-    return CAIRN_OK;
+    CAIRN_STEP_BEGIN(align->phase_resume);
+    CAIRN_STEP_UNTIL(align->phase_resume,
+                     cairn_virtual_scan_step(align->hypotheses, budget) != CAIRN_MORE);
+    PAY(align, budget, 1 + virtual_points(align) / 8);
+    enter_virtual_scan(align);
+    CAIRN_STEP_END(align->phase_resume);
 }
 
-/* Passes the field's poses to the aligner as initial poses. */
-static cairn_status step_return_poses(cairn_virtual_align *align, cairn_budget *budget)
+/* An iteration of the field. */
+static int iterate(cairn_virtual_align *align, cairn_budget *budget)
 {
-    cairn_status status;
+    int is_done = has_ended(align, cairn_force_field_iterate(align->field, budget));
 
-    if (!cairn_budget_charge(budget, &align->units_charged, 1 + align->scan_count))
-        return CAIRN_MORE;
+    align->is_iterating = align->status == CAIRN_MORE;
+    if (is_done) {
+        align->iterations_since_scan++;
+        align->result.iterations++;
+        align->result.active_iterations +=
+            align->result.hypotheses > 0 && align->params.hypotheses.weight > 0;
+    }
+    return is_done;
+}
+
+/* Begins the next run of the aligner, from the poses of the field. */
+static void begin_realign(cairn_virtual_align *align)
+{
     for (int32_t i = 0; i < align->scan_count; i++)
         align->poses[i] = cairn_force_field_pose(align->field, i);
     if (has_resumed(align)) {
-        status = cairn_aligner_begin_warm(align->aligner, align->poses);
-    } else {
-        for (int32_t i = 0; i < align->scan_count; i++)
-            cairn_virtual_align_must(
-                cairn_aligner_set_initial_pose(align->aligner, i, align->poses[i]));
-        status = cairn_aligner_begin(align->aligner);
+        cairn_virtual_align_must(cairn_aligner_begin_warm(align->aligner, align->poses));
+        return;
     }
-    CAIRN_ASSERT(status == CAIRN_OK);
-    return status;
+    for (int32_t i = 0; i < align->scan_count; i++)
+        cairn_virtual_align_must(
+            cairn_aligner_set_initial_pose(align->aligner, i, align->poses[i]));
+    cairn_virtual_align_must(cairn_aligner_begin(align->aligner));
+}
+
+static int return_poses(cairn_virtual_align *align, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(align->phase_resume);
+    PAY(align, budget, 1 + align->scan_count);
+    begin_realign(align);
+    CAIRN_STEP_END(align->phase_resume);
 }
 
 /* ---- Translation along walls ---- */
 
-static cairn_status step_begin_translation(cairn_virtual_align *align, cairn_budget *budget)
+/* Adds a scan to the search along weak directions. */
+static void add_to_translation(cairn_virtual_align *align, int32_t scan)
 {
-    if (align->cursor == 0)
-        cairn_virtual_align_must(cairn_weak_direction_begin(align->weak_direction, align->aligner,
-                                                            cairn_force_field_scans(align->field),
-                                                            align->initial_spread));
-    for (; align->cursor < align->scan_count; align->cursor++) {
-        const struct virtual_align_place *place = &align->places[align->cursor];
+    const struct virtual_align_place *of = &align->places[scan];
 
-        if (!cairn_budget_charge(budget, &align->units_charged, 2))
-            return CAIRN_MORE;
-        cairn_virtual_align_must(
-            cairn_weak_direction_add(align->weak_direction, place->start, &place->aligned));
-    }
-    return CAIRN_OK;
+    cairn_virtual_align_must(
+        cairn_weak_direction_add(align->weak_direction, of->start, &of->aligned));
 }
 
-static cairn_status step_apply_translation(cairn_virtual_align *align, cairn_budget *budget)
+static int begin_translation(cairn_virtual_align *align, cairn_budget *budget)
 {
-    if (!cairn_budget_charge(budget, &align->units_charged, 1 + align->scan_count / 8))
-        return CAIRN_MORE;
+    CAIRN_STEP_BEGIN(align->phase_resume);
+    cairn_virtual_align_must(cairn_weak_direction_begin(align->weak_direction, align->aligner,
+                                                        cairn_force_field_scans(align->field),
+                                                        align->initial_spread));
+    for (align->cursor = 0; align->cursor < align->scan_count; align->cursor++) {
+        PAY(align, budget, 2);
+        add_to_translation(align, align->cursor);
+    }
+    CAIRN_STEP_END(align->phase_resume);
+}
+
+/* Searches along weak directions. */
+static int translate(cairn_virtual_align *align, cairn_budget *budget)
+{
+    return has_ended(align, cairn_weak_direction_step(align->weak_direction, budget));
+}
+
+/* Translates the scans by what was found. */
+static void translate_scans(cairn_virtual_align *align)
+{
     align->result.weak_direction = cairn_weak_direction_read(align->weak_direction);
     for (int32_t i = 0; i < align->scan_count; i++) {
-        struct virtual_align_place *place = &align->places[i];
+        struct virtual_align_place *of = &align->places[i];
         cairn_vec2 shift = cairn_weak_direction_translation(align->weak_direction, i);
 
         if (shift.x == 0 && shift.y == 0)
             continue;
-        place->aligned.map_scan.x += shift.x;
-        place->aligned.map_scan.y += shift.y;
-        place->moves = 1;
-    }
-    return CAIRN_OK;
-}
-
-static cairn_status step_phase(cairn_virtual_align *align, cairn_budget *budget)
-{
-    switch (align->phase) {
-    case VIRTUAL_ALIGN_RETURN_POSES:
-        return step_return_poses(align, budget);
-    case VIRTUAL_ALIGN_FIRST:
-        return step_align(align, budget);
-    case VIRTUAL_ALIGN_REALIGN:
-        return cairn_aligner_step(align->aligner, budget);
-    case VIRTUAL_ALIGN_STORE:
-        return step_store(align, budget);
-    case VIRTUAL_ALIGN_COMPARE:
-        return step_compare(align, budget);
-    case VIRTUAL_ALIGN_PLACE:
-        return step_place(align, budget);
-    case VIRTUAL_ALIGN_BEGIN_SLIDE:
-        return step_begin_translation(align, budget);
-    case VIRTUAL_ALIGN_SLIDE:
-        return cairn_weak_direction_step(align->weak_direction, budget);
-    case VIRTUAL_ALIGN_APPLY_SLIDE:
-        return step_apply_translation(align, budget);
-    case VIRTUAL_ALIGN_GATHER:
-        return step_gather(align, budget);
-    case VIRTUAL_ALIGN_DETECT:
-        return step_detect(align, budget);
-    default:
-        return step_iteration(align, budget);
+        of->aligned.map_scan.x += shift.x;
+        of->aligned.map_scan.y += shift.y;
+        of->moves = 1;
     }
 }
 
-/* Returns the last phase: scans that the field could not place may still be translated along
- * walls. */
-static virtual_align_phase last_phase(const cairn_virtual_align *align)
+static int apply_translation(cairn_virtual_align *align, cairn_budget *budget)
 {
-    return has_matches(align) ? VIRTUAL_ALIGN_BEGIN_SLIDE : VIRTUAL_ALIGN_IDLE;
+    CAIRN_STEP_BEGIN(align->phase_resume);
+    PAY(align, budget, 1 + align->scan_count / 8);
+    translate_scans(align);
+    CAIRN_STEP_END(align->phase_resume);
 }
 
-static virtual_align_phase next_phase(const cairn_virtual_align *align)
-{
-    switch (align->phase) {
-    case VIRTUAL_ALIGN_FIRST:
-        return VIRTUAL_ALIGN_STORE;
-    case VIRTUAL_ALIGN_STORE:
-        return VIRTUAL_ALIGN_PLACE;
-    case VIRTUAL_ALIGN_PLACE:
-        if (is_as_written(align))
-            return VIRTUAL_ALIGN_ITERATE;
-        return align->result.moved_scans > 0 ? VIRTUAL_ALIGN_GATHER : last_phase(align);
-    case VIRTUAL_ALIGN_BEGIN_SLIDE:
-        return VIRTUAL_ALIGN_SLIDE;
-    case VIRTUAL_ALIGN_SLIDE:
-        return VIRTUAL_ALIGN_APPLY_SLIDE;
-    case VIRTUAL_ALIGN_APPLY_SLIDE:
-        return VIRTUAL_ALIGN_IDLE;
-    case VIRTUAL_ALIGN_GATHER:
-        return VIRTUAL_ALIGN_DETECT;
-    case VIRTUAL_ALIGN_DETECT:
-        return VIRTUAL_ALIGN_ITERATE;
-    case VIRTUAL_ALIGN_RETURN_POSES:
-        return VIRTUAL_ALIGN_REALIGN;
-    case VIRTUAL_ALIGN_REALIGN:
-        return VIRTUAL_ALIGN_COMPARE;
-    case VIRTUAL_ALIGN_COMPARE:
-        return !align->is_done && align->result.rounds < align->params.max_rounds
-                   ? VIRTUAL_ALIGN_PLACE
-                   : last_phase(align);
-    default:
-        if (cairn_force_field_read(align->field).verdict != CAIRN_FORCE_FIELD_RUNNING)
-            return align->params.use_aligner ? VIRTUAL_ALIGN_RETURN_POSES : VIRTUAL_ALIGN_IDLE;
-        return !has_matches(align) &&
-                       align->iterations_since_scan % align->params.rebuild_interval == 0
-                   ? VIRTUAL_ALIGN_GATHER
-                   : VIRTUAL_ALIGN_ITERATE;
-    }
-}
+/* ---- The alignment ---- */
 
-static int64_t *units_of(cairn_virtual_align *align)
-{
-    if (align->phase == VIRTUAL_ALIGN_FIRST || align->phase == VIRTUAL_ALIGN_REALIGN)
-        return &align->result.align_units;
-    if (align->phase == VIRTUAL_ALIGN_GATHER || align->phase == VIRTUAL_ALIGN_DETECT ||
-        align->phase == VIRTUAL_ALIGN_BEGIN_SLIDE || align->phase == VIRTUAL_ALIGN_SLIDE ||
-        align->phase == VIRTUAL_ALIGN_APPLY_SLIDE)
-        return &align->result.hypothesis_units;
-    return &align->result.field_units;
-}
-
-cairn_status cairn_virtual_align_run_phase(cairn_virtual_align *align, cairn_budget *budget)
+/* Continues a phase, and adds its units to *units. */
+static int run(cairn_virtual_align *align, cairn_budget *budget,
+               int (*phase)(cairn_virtual_align *align, cairn_budget *budget), int64_t *units)
 {
     int32_t left = budget->left;
-    int64_t *units = units_of(align);
-    cairn_status status = step_phase(align, budget);
+    int is_done = phase(align, budget);
 
     *units += left - budget->left;
-    if (status != CAIRN_OK)
-        return status;
-    align->phase = next_phase(align);
-    align->cursor = 0;
-    align->units_charged = 0;
-    return CAIRN_OK;
+    return is_done;
+}
+
+/* Places of return: run a phase of the aligner, of the field, or of hypotheses to its end. */
+#define RUN(align, budget, phase, units)                                                           \
+    CAIRN_STEP_UNTIL((align)->resume, run(align, budget, phase, &(align)->result.units))
+
+/* A result that iterate() returns at; 0 once when it must. */
+static int go_on(cairn_virtual_align *align)
+{
+    align->has_stopped = align->stops_at_result && !align->has_stopped;
+    return !align->has_stopped;
+}
+
+/* 1 while the field has not stopped. */
+static int field_runs(const cairn_virtual_align *align)
+{
+    return cairn_force_field_read(align->field).verdict == CAIRN_FORCE_FIELD_RUNNING;
+}
+
+/* 1 after the last iteration of all, without an aligner. */
+static int is_last(const cairn_virtual_align *align)
+{
+    return !align->params.use_aligner && !field_runs(align);
+}
+
+/* 1 when scans move in the field. */
+static int has_field(const cairn_virtual_align *align)
+{
+    return align->result.moved_scans > 0 || is_as_written(align);
+}
+
+/* Error of the initial poses; the first alignment alone gets them. */
+static cairn_real spread_of(const cairn_virtual_align *align)
+{
+    return cairn_min(cairn_aligner_read(align->aligner).initial_sigma, CAIRN_REAL(1e6));
+}
+
+int cairn_virtual_align_run(cairn_virtual_align *align, cairn_budget *budget)
+{
+    CAIRN_STEP_BEGIN(align->resume);
+    if (align->params.use_aligner) {
+        RUN(align, budget, run_aligner, align_units);
+        align->initial_spread = spread_of(align);
+    }
+    RUN(align, budget, store, field_units);
+    if (align->params.use_aligner)
+        CAIRN_STEP_UNTIL(align->resume, go_on(align));
+    do {
+        RUN(align, budget, place, field_units);
+        if (!has_field(align))
+            break;
+        align->is_field_ahead = 1;
+        do {
+            if (needs_hypotheses(align)) {
+                RUN(align, budget, gather, hypothesis_units);
+                RUN(align, budget, detect, hypothesis_units);
+            }
+            RUN(align, budget, iterate, field_units);
+            CAIRN_STEP_UNTIL(align->resume, is_last(align) || go_on(align));
+        } while (field_runs(align));
+        if (!align->params.use_aligner)
+            break;
+        RUN(align, budget, return_poses, field_units);
+        RUN(align, budget, run_aligner, align_units);
+        if (!is_better(align))
+            RUN(align, budget, keep_former, field_units);
+        else if (has_resumed(align))
+            RUN(align, budget, apply, field_units);
+        else
+            RUN(align, budget, store, field_units);
+        align->is_field_ahead = 0;
+    } while (!align->is_done && align->result.rounds < align->params.max_rounds);
+    /* Scans that the field could not place may still be translated along walls. */
+    if (has_matches(align)) {
+        RUN(align, budget, begin_translation, hypothesis_units);
+        RUN(align, budget, translate, hypothesis_units);
+        RUN(align, budget, apply_translation, hypothesis_units);
+    }
+    CAIRN_STEP_END(align->resume);
 }

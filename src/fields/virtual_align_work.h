@@ -3,24 +3,11 @@
 #define CAIRN_MAPPING_VIRTUAL_ALIGN_WORK_H
 
 #include "cairn/virtual_align.h"
+#include "src/base/object.h"
+#include "src/base/step.h"
 
-/* Phases in their order. */
-typedef int32_t virtual_align_phase;
-enum {
-    VIRTUAL_ALIGN_IDLE,
-    VIRTUAL_ALIGN_FIRST, /* first run of the aligner */
-    VIRTUAL_ALIGN_STORE, /* store its result */
-    VIRTUAL_ALIGN_PLACE, /* scans into the field */
-    VIRTUAL_ALIGN_BEGIN_SLIDE,
-    VIRTUAL_ALIGN_SLIDE,
-    VIRTUAL_ALIGN_APPLY_SLIDE,
-    VIRTUAL_ALIGN_GATHER,       /* map of the hypotheses */
-    VIRTUAL_ALIGN_DETECT,       /* hypotheses */
-    VIRTUAL_ALIGN_ITERATE,      /* iterations of the field */
-    VIRTUAL_ALIGN_RETURN_POSES, /* poses of the field to the aligner */
-    VIRTUAL_ALIGN_REALIGN,      /* next run of the aligner */
-    VIRTUAL_ALIGN_COMPARE       /* with the stored result */
-};
+/* Table of the parameters. */
+extern const cairn_parameters cairn_virtual_align_parameters;
 
 /* A scan: its initial pose, the aligner's result, and whether the field moves it. */
 struct virtual_align_place {
@@ -41,7 +28,15 @@ struct cairn_virtual_align {
     cairn_pose *poses;
     /* [max_scans] poses in the stored result */
     cairn_pose *stored_poses;
-    virtual_align_phase phase;
+    /* Resume points of the alignment and of its phase, 0 and is_complete before begin(). */
+    int32_t resume, phase_resume;
+    int32_t is_complete;
+    /* status of the last step of a nested object; below 0 it ends a call of a step */
+    cairn_status status;
+    /* 1: iterate() is to return at the next result; 1: it has returned there */
+    int32_t stops_at_result, has_stopped;
+    /* 1: `places` have the result of the first alignment; 1: the field is ahead of them */
+    int32_t is_stored, is_field_ahead;
     /* current scan */
     int32_t cursor;
     /* iterations of the field since the last virtual scan */
@@ -65,8 +60,8 @@ static inline void cairn_virtual_align_must(cairn_status status)
 
 /* ---- virtual_align_step.c ---- */
 
-/* Processes the current phase to its end and advances to the next. CAIRN_MORE: the budget is used
- * up. */
-cairn_status cairn_virtual_align_run_phase(cairn_virtual_align *align, cairn_budget *budget);
+/* The alignment; 1 when it has ended, 0 when the budget is used up, iterate() is to return, or a
+ * status is below 0. */
+int cairn_virtual_align_run(cairn_virtual_align *align, cairn_budget *budget);
 
 #endif
