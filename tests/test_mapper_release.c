@@ -852,8 +852,6 @@ static void params_are_checked(void **state)
         bad.cull_keyframes = 0;                                                                    \
         assert_true(cairn_mapper_memory(&bad) > 0);                                                \
     } while (0)
-    REFUSED(cull_keyframes, -1);
-    REFUSED(cull_keyframes, 2);
     REFUSED(loop.max_loops, 0);
     REFUSED(local_span, 0);
     REFUSED(max_keyframes, 11);

@@ -122,8 +122,8 @@ DECLARED(force_field)
 MODULE(hough)
 MODULE(icp)
 MODULE(lum)
-MODULE(map_merge)
-MODULE(mapper)
+DECLARED(map_merge)
+DECLARED(mapper)
 MODULE(fragment_match)
 MODULE(part_bundle)
 MODULE(part_configuration)
@@ -302,7 +302,8 @@ const pool_object pool_objects[] = {
       HAS(mapper, "keyframe segment", max_keyframe_segments),
       HAS(mapper, "key point", max_keyframe_points), HAS(mapper, "local point", max_local_points),
       HAS(mapper, "closure", loop.max_loops), HAS(mapper, "block of fill", loop.max_fill),
-      HAS(mapper, "beam", scan.max_beams)}},
+      HAS(mapper, "beam", scan.max_beams)},
+     DECLARATION(mapper)},
     {OBJECT(edge_chain),
      2,
      {HAS(edge_chain, "edge pixel", max_edges), HAS(edge_chain, "chain", max_chains)}},
@@ -417,7 +418,8 @@ const pool_object pool_objects[] = {
      {HAS(map_merge, "map", max_maps), HAS(map_merge, "cell", max_cells),
       HAS(map_merge, "cell of a map", max_map_cells), HAS(map_merge, "point", max_points),
       HAS(map_merge, "segment", max_segments), HAS(map_merge, "corner", max_corners),
-      HAS(map_merge, "mode", max_modes), HAS(map_merge, "particle", particles)}},
+      HAS(map_merge, "mode", max_modes), HAS(map_merge, "particle", particles)},
+     DECLARATION(map_merge)},
     {.name = "map_merge_as_written",
      .set_default = written_map_merge_set_default,
      .memory = map_merge_memory,

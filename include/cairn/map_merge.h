@@ -45,6 +45,7 @@
 #define CAIRN_MAP_MERGE_H
 
 #include "cairn/corner.h"
+#include "cairn/object.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/particle_filter.h"
 
@@ -107,6 +108,13 @@ cairn_map_merge_params cairn_map_merge_default(void);
 /* Returns chapter 9 as written: as above, but image similarity, 50 particles (the thesis: 50 to 100
  * in the mean) and 12 modes, the pairs of similar corners of two maps. */
 cairn_map_merge_params cairn_map_merge_as_written(void);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_map_merge_check(const cairn_map_merge_params *params,
+                                                 cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes from the pool; 0 for invalid params. */
 size_t cairn_map_merge_memory(const cairn_map_merge_params *params);

@@ -27,6 +27,7 @@
 
 #include "cairn/force_field.h"
 #include "cairn/icp.h"
+#include "cairn/object.h"
 #include "cairn/scan.h"
 #include "cairn/scan_set.h"
 
@@ -271,6 +272,13 @@ cairn_mapper_params cairn_mapper_default(void);
  * max_keyframes: capacity for keyframes, >= 1
  * max_beams: most beams of a scan, >= 1 */
 cairn_mapper_params cairn_mapper_default_for(int32_t max_keyframes, int32_t max_beams);
+
+/* Whether params are in range. CAIRN_BAD_ARGUMENT: NULL, or the parameter that *fault names is out
+ * of range.
+ *
+ * fault: when not NULL, filled in when the params are refused */
+CAIRN_CHECKED cairn_status cairn_mapper_check(const cairn_mapper_params *params,
+                                              cairn_object_fault *fault);
 
 /* Returns the bytes that create() takes from the pool; 0 for invalid params. */
 size_t cairn_mapper_memory(const cairn_mapper_params *params);

@@ -25,23 +25,35 @@ enum { MAX_CELLS = 1 << 28, MIN_POINTS = 64, MAX_POINTS = 1 << 16 };
 /* Cells: distance at which the weight of an agreement is a half during the search. */
 #define SOFT_DISTANCE_CELLS CAIRN_REAL(2.0)
 
+#define INTEGER(field, is, from, to) CAIRN_INTEGER(cairn_map_merge_params, field, is, from, to)
+#define POSITIVE(field, is)          CAIRN_NUMBER_ABOVE(cairn_map_merge_params, field, is, 0, CAIRN_REAL_MAX)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(max_maps, 16, 1, MAP_MERGE_MAX_MAPS),
+    INTEGER(max_cells, 16 * 400 * 400, 1, MAX_CELLS),
+    INTEGER(max_map_cells, 400 * 400, 1, MAX_CELLS),
+    INTEGER(max_points, 4096, MIN_POINTS, MAX_POINTS),
+    INTEGER(max_segments, 256, 1, 4096),
+    INTEGER(max_corners, 48, 1, 1024),
+    INTEGER(max_modes, 6, 1, 32),
+    INTEGER(particles, 100, 1, 4096),
+    INTEGER(perception, CAIRN_MAP_MERGE_LIKELIHOOD_RATIO, CAIRN_MAP_MERGE_LIKELIHOOD_RATIO,
+            CAIRN_MAP_MERGE_IMAGES),
+    INTEGER(mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN),
+    POSITIVE(correlation_length, 10),
+    POSITIVE(min_score, 6),
+    CAIRN_NUMBER(cairn_map_merge_params, min_margin, 3, 0, CAIRN_REAL_MAX),
+};
+const cairn_parameters cairn_map_merge_parameters =
+    CAIRN_PARAMETERS("map_merge", cairn_map_merge_params, rows);
+
 cairn_map_merge_params cairn_map_merge_default(void)
 {
-    cairn_map_merge_params params = {
-        .max_maps = 16,
-        .max_cells = 16 * 400 * 400,
-        .max_map_cells = 400 * 400,
-        .max_points = 4096,
-        .max_segments = 256,
-        .max_corners = 48,
-        .max_modes = 6,
-        .particles = 100,
-        .perception = CAIRN_MAP_MERGE_LIKELIHOOD_RATIO,
-        .correlation_length = 10,
-        .min_score = 6,
-        .min_margin = 3,
-        .seed = 1,
-    };
+    cairn_map_merge_params params;
+
+    cairn_parameters_preset(&cairn_map_merge_parameters, &params);
+    params.seed = 1;
     return params;
 }
 
@@ -54,28 +66,6 @@ cairn_map_merge_params cairn_map_merge_as_written(void)
     params.particles = 50;
     params.max_modes = 12;
     return params;
-}
-
-static int is_count(int32_t n, int32_t least, int32_t most)
-{
-    return n >= least && n <= most;
-}
-
-static int params_are_valid(const cairn_map_merge_params *params)
-{
-    return params != NULL && is_count(params->max_maps, 1, MAP_MERGE_MAX_MAPS) &&
-           is_count(params->max_cells, 1, MAX_CELLS) &&
-           is_count(params->max_map_cells, 1, params->max_cells) &&
-           is_count(params->max_points, MIN_POINTS, MAX_POINTS) &&
-           is_count(params->max_segments, 1, 4096) && is_count(params->max_corners, 1, 1024) &&
-           is_count(params->max_modes, 1, 32) && is_count(params->particles, 1, 4096) &&
-           is_count(params->mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN) &&
-           (params->mode == CAIRN_MODE_DEFAULT || params->perception == CAIRN_MAP_MERGE_IMAGES) &&
-           params->perception >= CAIRN_MAP_MERGE_LIKELIHOOD_RATIO &&
-           params->perception <= CAIRN_MAP_MERGE_IMAGES && params->correlation_length > 0 &&
-           cairn_is_finite(params->correlation_length) && params->min_score > 0 &&
-           cairn_is_finite(params->min_score) && params->min_margin >= 0 &&
-           cairn_is_finite(params->min_margin);
 }
 
 static cairn_corner_params corner_params(const cairn_map_merge_params *params)
@@ -129,7 +119,27 @@ static size_t pairs_of(const cairn_map_merge_params *params)
     return n * (n - 1) / 2 + 1;
 }
 
-/* Creates the objects inside; NULL from a counting pool. */
+cairn_status cairn_map_merge_check(const cairn_map_merge_params *params, cairn_object_fault *fault)
+{
+    cairn_status status = cairn_parameters_check(&cairn_map_merge_parameters, params, fault);
+    cairn_particle_filter_params filter;
+
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(params->max_map_cells <= params->max_cells, "map_merge",
+                                          "max_map_cells: at most max_cells", fault);
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(
+            !map_merge_is_written(params) || params->perception == CAIRN_MAP_MERGE_IMAGES,
+            "map_merge", "perception: as written CAIRN_MAP_MERGE_IMAGES", fault);
+    if (status != CAIRN_OK)
+        return status;
+    filter = filter_params(params);
+    return cairn_parameters_require(
+        cairn_particle_filter_memory(&filter) > 0, "map_merge",
+        "max_maps, max_modes, particles: within the limits of particle_filter", fault);
+}
+
+/* The nested objects. */
 static void take_objects(cairn_map_merge *merge, cairn_pool *pool,
                          const cairn_map_merge_params *params)
 {
@@ -139,103 +149,95 @@ static void take_objects(cairn_map_merge *merge, cairn_pool *pool,
     cairn_particle_filter_model model;
     cairn_status status;
 
+    CAIRN_TAKE_OBJECT(merge, pool, corners, corner, &corners);
+    CAIRN_TAKE_OBJECT(merge, pool, distances, distance_map, &distances);
     if (merge == NULL) {
-        cairn_pool_count(pool, cairn_corner_memory(&corners));
-        cairn_pool_count(pool, cairn_distance_map_memory(&distances));
         cairn_pool_count(pool, cairn_particle_filter_memory(&filter));
         return;
     }
     model = map_merge_is_written(params) ? cairn_map_merge_written_model(merge)
                                          : cairn_map_merge_model(merge);
-    status = cairn_corner_create(&merge->corners, pool, &corners);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    status = cairn_distance_map_create(&merge->distances, pool, &distances);
-    CAIRN_ASSERT(status == CAIRN_OK);
     status = cairn_particle_filter_create(&merge->filter, pool, &filter, &model);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
 }
 
-/* Takes the memory of the mode as written. */
-static map_merge_written *take_written(cairn_pool *pool, const cairn_map_merge_params *params)
+/* The memory of the mode as written. */
+static void take_written(cairn_map_merge *merge, cairn_pool *pool,
+                         const cairn_map_merge_params *params)
 {
     cairn_particle_filter_params filter = cairn_map_merge_written_params(params);
-    size_t cells = (size_t)merged_cells(params), listed = (size_t)filter.max_candidates;
-    map_merge_written *w = cairn_pool_take_one(pool, sizeof *w);
-    uint16_t *grid = cairn_pool_take(pool, cells, sizeof *grid);
-    uint8_t *classes = cairn_pool_take(pool, cells, 1);
-    map_merge_state *list = cairn_pool_take(pool, listed, sizeof *list);
-    map_merge_places *places = cairn_pool_take(pool, (size_t)filter.max_particles, sizeof *places);
+    map_merge_written *written = cairn_object_take(pool, sizeof *written);
+    map_merge_map *merged = written != NULL ? &written->merged : NULL;
 
-    if (w != NULL) {
-        memset(w, 0, sizeof *w);
-        w->merged.grid = grid;
-        w->cells = classes;
-        w->max_cells = merged_cells(params);
-        w->candidates = list;
-        w->max_candidates = filter.max_candidates;
-        w->places = places;
-        cairn_map_merge_set_kernel(w->kernel);
+    CAIRN_TAKE(merged, pool, grid, merged_cells(params));
+    CAIRN_TAKE(written, pool, cells, merged_cells(params));
+    CAIRN_TAKE(written, pool, candidates, filter.max_candidates);
+    CAIRN_TAKE(written, pool, places, filter.max_particles);
+    if (written != NULL) {
+        written->max_cells = merged_cells(params);
+        written->max_candidates = filter.max_candidates;
+        cairn_map_merge_set_kernel(written->kernel);
+        merge->written = written;
     }
-    return w;
 }
 
-static cairn_map_merge *take_memory(cairn_pool *pool, const cairn_map_merge_params *params)
+/* Sets a new object, whose arrays are allocated; all: the arrays of all maps. */
+static void initialize(cairn_map_merge *merge, const cairn_map_merge_params *params,
+                       const map_merge_map *all)
 {
-    size_t maps = (size_t)params->max_maps, points = (size_t)params->max_points;
-    cairn_map_merge *merge = cairn_pool_take_one(pool, sizeof *merge);
-    map_merge_map *list = cairn_pool_take(pool, maps, sizeof *list);
-    uint16_t *grid = cairn_pool_take(pool, (size_t)params->max_cells, sizeof *grid);
-    int32_t *scratch = cairn_pool_take(pool, (size_t)image_cells(params), sizeof *scratch);
-    map_merge_point *surface = cairn_pool_take(pool, (maps + 1) * points, sizeof *surface);
-    cairn_vec2 *open = cairn_pool_take(pool, maps * (points / 2), sizeof *open);
-    cairn_corner *corners =
-        cairn_pool_take(pool, maps * (size_t)params->max_corners, sizeof *corners);
-    map_merge_direction *ways =
-        cairn_pool_take(pool, maps * (size_t)params->max_segments, sizeof *ways);
-    int32_t *queue = cairn_pool_take(pool, 2 * points, sizeof *queue);
-    cairn_vec2 *line = cairn_pool_take(pool, points, sizeof *line);
-    map_merge_curve_point *curve_points =
-        cairn_pool_take(pool, maps * MAP_MERGE_MAX_CURVE_POINTS, sizeof *curve_points);
-    cairn_segment *lines =
-        cairn_pool_take(pool, maps * (size_t)params->max_segments, sizeof *lines);
-    map_merge_mode *modes =
-        cairn_pool_take(pool, pairs_of(params) * (size_t)params->max_modes, sizeof *modes);
-    int32_t *mode_count = cairn_pool_take(pool, pairs_of(params), sizeof *mode_count);
-    map_merge_cache_entry *memory =
-        map_merge_is_written(params) ? NULL
-                                     : cairn_pool_take(pool, MAP_MERGE_CACHE_SLOTS, sizeof *memory);
+    size_t maps = (size_t)params->max_maps, points = (size_t)params->max_points,
+           lines = (size_t)params->max_segments;
 
-    if (merge != NULL) {
-        memset(merge, 0, sizeof *merge);
-        merge->params = *params;
-        merge->maps = list;
-        merge->grid = grid;
-        merge->scratch = scratch;
-        merge->shuffled = surface + maps * points;
-        merge->queue = queue;
-        merge->label = queue + points;
-        merge->line = line;
-        merge->modes = modes;
-        merge->mode_count = mode_count;
-        merge->cache = memory;
-        for (size_t i = 0; i < maps; i++) {
-            memset(&list[i], 0, sizeof list[i]);
-            list[i].points = surface + i * points;
-            list[i].free_cells = open + i * (points / 2);
-            list[i].corners = corners + i * (size_t)params->max_corners;
-            list[i].lines = lines + i * (size_t)params->max_segments;
-            list[i].curve_points = curve_points + i * MAP_MERGE_MAX_CURVE_POINTS;
-            list[i].directions = ways + i * (size_t)params->max_segments;
-        }
+    merge->params = *params;
+    merge->shuffled = all->points + maps * points;
+    merge->label = merge->queue + points;
+    memset(merge->maps, 0, maps * sizeof *merge->maps);
+    for (size_t i = 0; i < maps; i++) {
+        map_merge_map *map = &merge->maps[i];
+
+        map->points = all->points + i * points;
+        map->free_cells = all->free_cells + i * (points / 2);
+        map->corners = all->corners + i * (size_t)params->max_corners;
+        map->lines = all->lines + i * lines;
+        map->curve_points = all->curve_points + i * MAP_MERGE_MAX_CURVE_POINTS;
+        map->directions = all->directions + i * lines;
     }
+    for (int32_t d = 0; d <= MAP_MERGE_MAX_DISTANCE; d++) {
+        cairn_real x = (cairn_real)d / SOFT_DISTANCE_CELLS;
+
+        merge->soft_kernel[d] = cairn_exp(-x * x / 2);
+    }
+}
+
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_map_merge *build(cairn_pool *pool, const cairn_map_merge_params *params)
+{
+    size_t maps = (size_t)params->max_maps, points = (size_t)params->max_points,
+           lines = (size_t)params->max_segments;
+    cairn_map_merge *merge = cairn_object_take(pool, sizeof *merge);
+    map_merge_map shared, *all = &shared;
+
+    CAIRN_TAKE(merge, pool, maps, maps);
+    CAIRN_TAKE(merge, pool, grid, params->max_cells);
+    CAIRN_TAKE(merge, pool, scratch, image_cells(params));
+    CAIRN_TAKE(all, pool, points, (maps + 1) * points);
+    CAIRN_TAKE(all, pool, free_cells, maps * (points / 2));
+    CAIRN_TAKE(all, pool, corners, maps * (size_t)params->max_corners);
+    CAIRN_TAKE(all, pool, directions, maps * lines);
+    CAIRN_TAKE(merge, pool, queue, 2 * points);
+    CAIRN_TAKE(merge, pool, line, points);
+    CAIRN_TAKE(all, pool, curve_points, maps * MAP_MERGE_MAX_CURVE_POINTS);
+    CAIRN_TAKE(all, pool, lines, maps * lines);
+    CAIRN_TAKE(merge, pool, modes, pairs_of(params) * (size_t)params->max_modes);
+    CAIRN_TAKE(merge, pool, mode_count, pairs_of(params));
+    if (!map_merge_is_written(params))
+        CAIRN_TAKE(merge, pool, cache, MAP_MERGE_CACHE_SLOTS);
+    if (merge != NULL)
+        initialize(merge, params, all);
     take_objects(merge, pool, params);
-    if (map_merge_is_written(params)) {
-        map_merge_written *written = take_written(pool, params);
-
-        if (merge != NULL)
-            merge->written = written;
-    }
+    if (map_merge_is_written(params))
+        take_written(merge, pool, params);
     return merge;
 }
 
@@ -243,31 +245,21 @@ size_t cairn_map_merge_memory(const cairn_map_merge_params *params)
 {
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (cairn_map_merge_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)take_memory(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_map_merge_create(cairn_map_merge **merge, cairn_pool *pool,
                                     const cairn_map_merge_params *params)
 {
-    size_t need = cairn_map_merge_memory(params);
-    cairn_map_merge *made;
+    cairn_status status = cairn_object_admit(merge, pool, cairn_map_merge_memory(params));
 
-    if (merge == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    made = take_memory(pool, params);
-    for (int32_t d = 0; d <= MAP_MERGE_MAX_DISTANCE; d++) {
-        cairn_real x = (cairn_real)d / SOFT_DISTANCE_CELLS;
-
-        made->soft_kernel[d] = cairn_exp(-x * x / 2);
-    }
-    *merge = made;
-    return CAIRN_OK;
+    if (status == CAIRN_OK)
+        *merge = build(pool, params);
+    return status;
 }
 
 cairn_status cairn_map_merge_coarsen(cairn_raster_u8_view cells, int32_t k, cairn_raster_u8 out)
@@ -453,7 +445,7 @@ static cairn_status step_default(cairn_map_merge *merge, cairn_budget *budget)
     return merge->stage == MAP_MERGE_PREPARING  ? cairn_map_merge_prepare(merge, budget)
            : merge->stage == MAP_MERGE_PAIRING  ? cairn_map_merge_find_modes(merge, budget)
            : merge->stage == MAP_MERGE_VISITING ? cairn_map_merge_run_filter(merge, budget)
-                                                : cairn_map_merge_check(merge, budget);
+                                                : cairn_map_merge_verify(merge, budget);
 }
 
 static cairn_status step_written(cairn_map_merge *merge, cairn_budget *budget)

@@ -349,7 +349,7 @@ static cairn_status step_verdicts(cairn_map_merge *merge, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-cairn_status cairn_map_merge_check(cairn_map_merge *merge, cairn_budget *budget)
+cairn_status cairn_map_merge_verify(cairn_map_merge *merge, cairn_budget *budget)
 {
     if (merge->phase != MAP_MERGE_CHECK)
         begin_check(merge);

@@ -18,6 +18,10 @@
 
 #include "cairn/map_merge.h"
 #include "cairn/rigid_motion.h"
+#include "src/base/object.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_map_merge_parameters;
 
 enum {
     MAP_MERGE_MAX_MAPS = 64,
@@ -589,6 +593,6 @@ cairn_status cairn_map_merge_end_written(cairn_map_merge *merge, cairn_budget *b
 
 /* ---- map_merge_check.c ---- */
 
-cairn_status cairn_map_merge_check(cairn_map_merge *merge, cairn_budget *budget);
+cairn_status cairn_map_merge_verify(cairn_map_merge *merge, cairn_budget *budget);
 
 #endif

@@ -10,13 +10,82 @@
 
 #include "src/maps/mapper_work.h"
 
-enum { MAX_KEYFRAMES = 1 << 20, MAX_CAPACITY = 1 << 24, MAX_LOOPS = 1 << 22, MAX_FILL = 1 << 26 };
+enum {
+    MAX_KEYFRAMES = 1 << 20,
+    MAX_CAPACITY = 1 << 24,
+    MAX_LOOPS = 1 << 22,
+    MAX_FILL = 1 << 26,
+    MAX_WINDOW = 64,
+    MAX_SCAN_ITEMS = 1 << 17
+};
+
+#define WITH_LOOPS  CAIRN_WHEN(cairn_mapper_params, loop.max_loops)
+#define WITH_WINDOW CAIRN_WHEN(cairn_mapper_params, window)
+#define WITH_SEARCH CAIRN_WHEN(cairn_mapper_params, search)
+
+#define INTEGER(field, is, from, to) CAIRN_INTEGER(cairn_mapper_params, field, is, from, to)
+#define INTEGER_IF(field, in_use, is, from, to)                                                    \
+    CAIRN_INTEGER_IF(cairn_mapper_params, field, in_use, is, from, to)
+#define NUMBER(field, is, to) CAIRN_NUMBER(cairn_mapper_params, field, CAIRN_REAL(is), 0, to)
+#define POSITIVE(field, is)                                                                        \
+    CAIRN_NUMBER_ABOVE(cairn_mapper_params, field, CAIRN_REAL(is), 0, CAIRN_REAL_MAX)
+#define LOOP_POSITIVE(field, is)                                                                   \
+    CAIRN_NUMBER_ROW(cairn_mapper_params, field, WITH_LOOPS, CAIRN_PARAMETER_NUMBER_ABOVE,         \
+                     CAIRN_REAL(is), 0, CAIRN_REAL_MAX)
+
+/* Default, lowest and highest value. */
+static const cairn_parameter rows[] = {
+    INTEGER(loop.max_loops, 4096, 0, MAX_LOOPS),
+    INTEGER_IF(loop.max_fill, WITH_LOOPS, 32768, 0, MAX_FILL),
+    INTEGER_IF(loop.units_per_scan, WITH_LOOPS, 8000, 1, INT32_MAX),
+    INTEGER_IF(loop.target_keyframes, WITH_LOOPS, 9, 1, 64),
+    INTEGER_IF(loop.min_keyframe_gap, WITH_LOOPS, 25, 1, INT32_MAX),
+    INTEGER_IF(loop.min_consistent, WITH_LOOPS, 3, 1, 8),
+    LOOP_POSITIVE(loop.candidate_radius, 3.0),
+    LOOP_POSITIVE(loop.search_radius, 4.0),
+    LOOP_POSITIVE(loop.local_search_radius, 0.6),
+    CAIRN_NUMBER_ROW(cairn_mapper_params, loop.min_log_odds, WITH_LOOPS, CAIRN_PARAMETER_NUMBER, 2,
+                     -CAIRN_REAL_MAX, CAIRN_REAL_MAX),
+    CAIRN_NUMBER_ROW(cairn_mapper_params, loop.max_free_space_violation, WITH_LOOPS,
+                     CAIRN_PARAMETER_NUMBER, CAIRN_REAL(0.1), 0, 1),
+    LOOP_POSITIVE(loop.sigma, 0.01),
+    LOOP_POSITIVE(loop.sigma_theta, 0.004),
+    LOOP_POSITIVE(loop.max_chi2, 50.0),
+    INTEGER(max_keyframes, 1024, 1, MAX_KEYFRAMES),
+    INTEGER(max_keyframe_segments, 32768, 1, MAX_CAPACITY),
+    INTEGER(max_keyframe_points, 131072, 1, MAX_CAPACITY),
+    INTEGER(cull_keyframes, 0, 0, 1),
+    INTEGER(max_local_points, 4096, 1, 1 << 20),
+    INTEGER(local_keyframes, 15, 1, CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES),
+    INTEGER(local_recent, 3, 1, CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES),
+    INTEGER(local_span, 25, 0, INT32_MAX),
+    POSITIVE(local_radius, 4.0),
+    POSITIVE(keyframe_distance, 0.5),
+    POSITIVE(keyframe_angle, 0.5),
+    NUMBER(keyframe_min_overlap, 0.6, 1),
+    INTEGER(window, 8, 0, MAX_WINDOW),
+    INTEGER_IF(window_free, WITH_WINDOW, 3, 1, MAX_WINDOW - 1),
+    INTEGER_IF(window_units, WITH_WINDOW, 32000, 1, INT32_MAX),
+    NUMBER(odometry_distance, 0.3, CAIRN_REAL_MAX),
+    NUMBER(odometry_turn, 0.3, CAIRN_REAL_MAX),
+    POSITIVE(odometry_distance_min, 0.01),
+    POSITIVE(odometry_turn_min, 0.005),
+    NUMBER(motion_distance, 0.3, CAIRN_REAL_MAX),
+    NUMBER(motion_turn, 0.3, CAIRN_REAL_MAX),
+    POSITIVE(motion_distance_min, 0.03),
+    POSITIVE(motion_turn_min, 0.02),
+    NUMBER(min_overlap, 0.3, 1),
+    INTEGER(search, 1, 0, 1),
+    INTEGER_IF(search_units, WITH_SEARCH, 155000, 1, INT32_MAX),
+};
+const cairn_parameters cairn_mapper_parameters =
+    CAIRN_PARAMETERS("mapper", cairn_mapper_params, rows);
 
 cairn_mapper_params cairn_mapper_default(void)
 {
     cairn_mapper_params params;
 
-    memset(&params, 0, sizeof params);
+    cairn_parameters_preset(&cairn_mapper_parameters, &params);
     params.scan = cairn_scan_default();
     params.scan.max_points = 1024;
     params.icp = cairn_icp_default();
@@ -29,45 +98,6 @@ cairn_mapper_params cairn_mapper_default(void)
     params.field.dt_end = CAIRN_REAL(0.005);
     params.field.roi = CAIRN_FORCE_FIELD_ROI_NONE;
     params.field.max_steps = 10;
-    params.loop.max_loops = 4096;
-    params.loop.max_fill = 32768;
-    params.loop.units_per_scan = 8000;
-    params.loop.target_keyframes = 9;
-    params.loop.min_keyframe_gap = 25;
-    params.loop.min_consistent = 3;
-    params.loop.candidate_radius = 3;
-    params.loop.search_radius = 4;
-    params.loop.local_search_radius = CAIRN_REAL(0.6);
-    params.loop.min_log_odds = 2;
-    params.loop.max_free_space_violation = CAIRN_REAL(0.1);
-    params.loop.sigma = CAIRN_REAL(0.01);
-    params.loop.sigma_theta = CAIRN_REAL(0.004);
-    params.loop.max_chi2 = 50;
-    params.max_keyframes = 1024;
-    params.max_keyframe_segments = 32768;
-    params.max_keyframe_points = 131072;
-    params.max_local_points = 4096;
-    params.local_keyframes = 15;
-    params.local_recent = 3;
-    params.local_span = 25;
-    params.local_radius = 4;
-    params.keyframe_distance = CAIRN_REAL(0.5);
-    params.keyframe_angle = CAIRN_REAL(0.5);
-    params.keyframe_min_overlap = CAIRN_REAL(0.6);
-    params.window = 8;
-    params.window_free = 3;
-    params.window_units = 32000;
-    params.odometry_distance = CAIRN_REAL(0.3);
-    params.odometry_turn = CAIRN_REAL(0.3);
-    params.odometry_distance_min = CAIRN_REAL(0.01);
-    params.odometry_turn_min = CAIRN_REAL(0.005);
-    params.motion_distance = CAIRN_REAL(0.3);
-    params.motion_turn = CAIRN_REAL(0.3);
-    params.motion_distance_min = CAIRN_REAL(0.03);
-    params.motion_turn_min = CAIRN_REAL(0.02);
-    params.min_overlap = CAIRN_REAL(0.3);
-    params.search = 1;
-    params.search_units = 155000;
     return params;
 }
 
@@ -188,151 +218,163 @@ static cairn_pose_graph_params graph_params(const cairn_mapper_params *params)
     return graph;
 }
 
-static int loop_is_valid(const cairn_mapper_params *params)
+/* 1 when culling is off or possible. It needs the graph, which joins the neighbours of a culled
+ * keyframe. The most recent keyframes are in use and are never culled. */
+static int can_cull(const cairn_mapper_params *params)
 {
-    const cairn_mapper_loop_params *p = &params->loop;
-
-    if (p->max_loops == 0)
-        return 1;
-    return p->max_loops > 0 && p->max_loops <= MAX_LOOPS && p->max_fill >= 0 &&
-           p->max_fill <= MAX_FILL && p->units_per_scan >= 1 && p->target_keyframes >= 1 &&
-           p->target_keyframes <= 64 && p->min_keyframe_gap >= 1 && p->min_consistent >= 1 &&
-           p->min_consistent <= 8 && p->candidate_radius > 0 && p->search_radius > 0 &&
-           p->local_search_radius > 0 && p->min_log_odds == p->min_log_odds &&
-           p->max_free_space_violation >= 0 && p->max_free_space_violation <= 1 && p->sigma > 0 &&
-           p->sigma_theta > 0 && p->max_chi2 > 0;
+    return !params->cull_keyframes ||
+           (has_loops(params) && params->local_span > 0 &&
+            params->max_keyframes > cairn_mapper_protected_count(params) + 1);
 }
 
-/* Culling needs the graph, which joins the neighbours of a culled keyframe. The most recent
- * keyframes are in use and are never culled. */
-static int culling_is_valid(const cairn_mapper_params *params)
+static int is_scan_count(int32_t count)
 {
-    if (params->cull_keyframes == 0)
-        return 1;
-    return params->cull_keyframes == 1 && has_loops(params) && params->local_span > 0 &&
-           params->max_keyframes > cairn_mapper_protected_count(params) + 1;
+    return count >= 1 && count <= MAX_SCAN_ITEMS;
 }
 
-static int is_valid(const cairn_mapper_params *params)
+/* Rules between parameters. */
+static cairn_status check_rules(const cairn_mapper_params *params, cairn_object_fault *fault)
 {
-    if (params == NULL || params->max_keyframes < 1 || params->max_keyframes > MAX_KEYFRAMES)
-        return 0;
-    if (params->local_keyframes < 1 || params->local_keyframes > CAIRN_MAPPER_MAX_LOCAL_KEYFRAMES ||
-        params->local_recent < 1 || params->local_recent > params->local_keyframes)
-        return 0;
-    if (!loop_is_valid(params) || params->local_span < 0 ||
-        (params->local_span > 0 && params->local_span < params->local_recent))
-        return 0;
-    if (params->scan.max_points < 1 || params->scan.max_points > 1 << 17 ||
-        params->scan.max_segments < 1 || params->scan.max_segments > 1 << 17)
-        return 0;
-    if (params->window != 0 &&
-        (params->window < 2 || params->window > 64 || params->window_free < 1 ||
-         params->window_free >= params->window || params->window_units < 1))
-        return 0;
-    if (params->max_local_points < 1 || params->max_local_points > 1 << 20)
-        return 0;
-    /* The first scan must fit: all others are stored relative to it. */
-    if (params->max_keyframe_points < params->scan.max_points ||
-        params->max_keyframe_segments < params->scan.max_segments)
-        return 0;
-    return culling_is_valid(params) && params->local_radius > 0 && params->keyframe_distance > 0 &&
-           params->keyframe_angle > 0 && params->keyframe_min_overlap >= 0 &&
-           params->keyframe_min_overlap <= 1 && params->odometry_distance >= 0 &&
-           params->odometry_turn >= 0 && params->odometry_distance_min > 0 &&
-           params->odometry_turn_min > 0 && params->motion_distance >= 0 &&
-           params->motion_turn >= 0 && params->motion_distance_min > 0 &&
-           params->motion_turn_min > 0 && params->min_overlap >= 0 && params->min_overlap <= 1 &&
-           (params->search == 0 || (params->search == 1 && params->search_units >= 1));
+    const struct {
+        int holds;
+        const char *rule;
+    } rules[] = {
+        {params->local_recent <= params->local_keyframes, "local_recent: at most local_keyframes"},
+        {params->local_span == 0 || params->local_span >= params->local_recent,
+         "local_span: 0, or at least local_recent"},
+        {is_scan_count(params->scan.max_points) && is_scan_count(params->scan.max_segments),
+         "scan.max_points, scan.max_segments: 1 ... 2^17"},
+        {params->window == 0 || (params->window >= 2 && params->window_free < params->window),
+         "window: 0, or at least 2 and above window_free"},
+        /* The first scan must fit: all others are stored relative to it. */
+        {params->max_keyframe_points >= params->scan.max_points,
+         "max_keyframe_points: at least scan.max_points"},
+        {params->max_keyframe_segments >= params->scan.max_segments,
+         "max_keyframe_segments: at least scan.max_segments"},
+        {can_cull(params), "cull_keyframes: with loop closure, local_span above 0, and enough "
+                           "keyframes that may be culled"},
+    };
+    cairn_status status = CAIRN_OK;
+
+    for (size_t i = 0; i < sizeof rules / sizeof *rules && status == CAIRN_OK; i++)
+        status = cairn_parameters_require(rules[i].holds, "mapper", rules[i].rule, fault);
+    return status;
 }
 
-/* Counts the memory of the objects that the mapper creates. */
-static void count_modules(cairn_pool *counting, const cairn_mapper_params *params)
+/* Parameters of the nested objects. */
+static cairn_status check_objects(const cairn_mapper_params *params, cairn_object_fault *fault)
+{
+    cairn_icp_params icp = icp_params(params);
+    cairn_force_field_params field = field_params(params);
+    cairn_scan_match_params match = match_params(params);
+    cairn_pose_graph_params graph = graph_params(params);
+    cairn_status status = cairn_parameters_require(cairn_scan_memory(&params->scan) > 0, "mapper",
+                                                   "scan: params of scan", fault);
+
+    if (status == CAIRN_OK)
+        status = cairn_parameters_require(cairn_icp_memory(&icp) > 0, "mapper",
+                                          "icp: params of icp", fault);
+    if (status == CAIRN_OK && params->window)
+        status = cairn_force_field_check(&field, fault);
+    if (status == CAIRN_OK && has_match(params))
+        status = cairn_parameters_require(
+            cairn_scan_match_memory(&match) > 0, "mapper",
+            "scan.spacing, loop.search_radius: within the limits of scan_match", fault);
+    if (status == CAIRN_OK && has_loops(params))
+        status = cairn_parameters_require(
+            cairn_pose_graph_memory(&graph, NULL) > 0, "mapper",
+            "loop.max_loops, loop.max_fill: within the limits of pose_graph", fault);
+    return status;
+}
+
+cairn_status cairn_mapper_check(const cairn_mapper_params *params, cairn_object_fault *fault)
+{
+    cairn_status status = cairn_parameters_check(&cairn_mapper_parameters, params, fault);
+
+    if (status == CAIRN_OK)
+        status = check_rules(params, fault);
+    if (status == CAIRN_OK)
+        status = check_objects(params, fault);
+    return status;
+}
+
+/* The arrays of loop closure. */
+static void take_loop(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_params *params)
+{
+    size_t keyframes = (size_t)params->max_keyframes,
+           scored_keyframes = params->cull_keyframes ? keyframes : 0;
+
+    CAIRN_TAKE(loop, pool, links, keyframes + (size_t)params->loop.max_loops);
+    CAIRN_TAKE(loop, pool, first_link, keyframes);
+    CAIRN_TAKE(loop, pool, constraints, keyframes);
+    CAIRN_TAKE(loop, pool, variance, keyframes);
+    CAIRN_TAKE(loop, pool, heading_variance, keyframes);
+    CAIRN_TAKE(loop, pool, heap, keyframes);
+    CAIRN_TAKE(loop, pool, heap_position, keyframes);
+    CAIRN_TAKE(loop, pool, query_points, params->scan.max_points);
+    CAIRN_TAKE(loop, pool, query_beams, MAPPER_BEARINGS);
+    CAIRN_TAKE(loop, pool, redundancy.score, scored_keyframes);
+    CAIRN_TAKE(loop, pool, redundancy.neighbour_radius2, scored_keyframes);
+}
+
+/* The pose graph of loop closure. */
+static void take_graph(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_params *params)
+{
+    cairn_pose_graph_params graph = graph_params(params);
+    cairn_status status;
+
+    if (loop == NULL) {
+        cairn_pool_count(pool, cairn_pose_graph_memory(&graph, NULL));
+        return;
+    }
+    status = cairn_pose_graph_create(&loop->graph, pool, &graph, NULL);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+}
+
+/* The nested objects. */
+static void take_objects(cairn_mapper *mapper, cairn_pool *pool, const cairn_mapper_params *params)
 {
     cairn_icp_params icp = icp_params(params);
     cairn_force_field_params field = field_params(params);
     cairn_scan_set_params keyframes = keyframe_params(params);
+    cairn_scan_match_params match = match_params(params);
 
-    cairn_pool_count(counting, cairn_scan_memory(&params->scan));
-    cairn_pool_count(counting, cairn_icp_memory(&icp));
-    cairn_pool_count(counting, cairn_scan_set_memory(&keyframes));
+    CAIRN_TAKE_OBJECT(mapper, pool, scan, scan, &params->scan);
+    CAIRN_TAKE_OBJECT(mapper, pool, icp, icp, &icp);
+    CAIRN_TAKE_OBJECT(mapper, pool, keyframes, scan_set, &keyframes);
     if (params->window)
-        cairn_pool_count(counting, cairn_force_field_memory(&field));
-    if (has_match(params)) {
-        cairn_scan_match_params match = match_params(params);
-
-        cairn_pool_count(counting, cairn_scan_match_memory(&match));
-    }
-    if (has_loops(params)) {
-        cairn_pose_graph_params graph = graph_params(params);
-
-        cairn_pool_count(counting, cairn_pose_graph_memory(&graph, NULL));
-    }
+        CAIRN_TAKE_OBJECT(mapper, pool, field, force_field, &field);
+    if (has_match(params))
+        CAIRN_TAKE_OBJECT(mapper, pool, search, scan_match, &match);
+    if (has_loops(params))
+        take_graph(mapper != NULL ? &mapper->loop : NULL, pool, params);
 }
 
-/* Takes the arrays of loop closure from the pool; loop NULL: the pool only counts. */
-static void take_loop_memory(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_params *params)
+/* The object and its arrays; NULL from a counting pool. */
+static cairn_mapper *build(cairn_pool *pool, const cairn_mapper_params *params)
 {
     size_t keyframes = (size_t)params->max_keyframes,
-           scored_keyframes = params->cull_keyframes ? keyframes : 0;
-    mapper_link *links =
-        cairn_pool_take(pool, keyframes + (size_t)params->loop.max_loops, sizeof *links);
-    int32_t *first_link = cairn_pool_take(pool, keyframes, sizeof *first_link);
-    mapper_constraint *constraints = cairn_pool_take(pool, keyframes, sizeof *constraints);
-    cairn_real *variance = cairn_pool_take(pool, keyframes, sizeof *variance);
-    cairn_real *heading_variance = cairn_pool_take(pool, keyframes, sizeof *heading_variance);
-    int32_t *heap = cairn_pool_take(pool, keyframes, sizeof *heap);
-    int32_t *heap_position = cairn_pool_take(pool, keyframes, sizeof *heap_position);
-    cairn_oriented_point *points =
-        cairn_pool_take(pool, (size_t)params->scan.max_points, sizeof *points);
-    cairn_scan_beam *beams = cairn_pool_take(pool, MAPPER_BEARINGS, sizeof *beams);
-    cairn_real *score = cairn_pool_take(pool, scored_keyframes, sizeof *score);
-    cairn_real *reach = cairn_pool_take(pool, scored_keyframes, sizeof *reach);
+           bearings = has_match(params) ? MAPPER_BEARINGS : 0;
+    cairn_mapper *mapper = cairn_object_take(pool, sizeof *mapper);
 
-    if (loop == NULL)
-        return;
-    loop->redundancy.score = score;
-    loop->redundancy.neighbour_radius2 = reach;
-    loop->links = links;
-    loop->first_link = first_link;
-    loop->constraints = constraints;
-    loop->variance = variance;
-    loop->heading_variance = heading_variance;
-    loop->heap = heap;
-    loop->heap_position = heap_position;
-    loop->query_points = points;
-    loop->query_beams = beams;
-}
-
-static cairn_mapper *take_memory(cairn_pool *pool, const cairn_mapper_params *params)
-{
-    cairn_mapper *mapper = cairn_pool_take_one(pool, sizeof *mapper);
-    int32_t *slot = cairn_pool_take(pool, (size_t)params->max_keyframes, sizeof *slot);
-    cairn_pose *key_pose = cairn_pool_take(pool, (size_t)params->max_keyframes, sizeof *key_pose);
-    cairn_oriented_point *oriented =
-        cairn_pool_take(pool, (size_t)params->scan.max_points, sizeof *oriented);
-    cairn_segment *segments =
-        cairn_pool_take(pool, (size_t)params->scan.max_segments, sizeof *segments);
-    int32_t *first_point =
-        cairn_pool_take(pool, (size_t)params->scan.max_segments + 1, sizeof *first_point);
-    size_t bearings = has_match(params) ? MAPPER_BEARINGS : 0;
-    uint16_t *visibility =
-        cairn_pool_take(pool, (size_t)params->max_keyframes * bearings, sizeof *visibility);
-    cairn_scan_beam *beams = cairn_pool_take(pool, bearings, sizeof *beams);
-
-    if (mapper != NULL) {
-        memset(mapper, 0, sizeof *mapper);
-        mapper->slot = slot;
-        mapper->keyframe_pose = key_pose;
-        mapper->points = oriented;
-        mapper->segments = segments;
-        mapper->first_point = first_point;
-        mapper->visibility = has_match(params) ? visibility : NULL;
-        mapper->beams = beams;
-        mapper->odometry_health = mapper->odometry_noise_scale = 1;
-    }
+    CAIRN_TAKE(mapper, pool, slot, keyframes);
+    CAIRN_TAKE(mapper, pool, keyframe_pose, keyframes);
+    CAIRN_TAKE(mapper, pool, points, params->scan.max_points);
+    CAIRN_TAKE(mapper, pool, segments, params->scan.max_segments);
+    CAIRN_TAKE(mapper, pool, first_point, params->scan.max_segments + 1);
+    CAIRN_TAKE(mapper, pool, visibility, keyframes * bearings);
+    CAIRN_TAKE(mapper, pool, beams, bearings);
     if (has_loops(params))
-        take_loop_memory(mapper != NULL ? &mapper->loop : NULL, pool, params);
+        take_loop(mapper != NULL ? &mapper->loop : NULL, pool, params);
+    take_objects(mapper, pool, params);
+    if (mapper != NULL) {
+        mapper->params = *params;
+        mapper->odometry_health = mapper->odometry_noise_scale = 1;
+        mapper->target_stale = 1;
+        if (!has_match(params))
+            mapper->visibility = NULL;
+    }
     return mapper;
 }
 
@@ -340,52 +382,19 @@ size_t cairn_mapper_memory(const cairn_mapper_params *params)
 {
     cairn_pool counting;
 
-    if (!is_valid(params))
+    if (cairn_mapper_check(params, NULL) != CAIRN_OK)
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)take_memory(&counting, params);
-    count_modules(&counting, params);
+    (void)build(&counting, params);
     return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool *pool,
                                  const cairn_mapper_params *params)
 {
-    size_t need = cairn_mapper_memory(params);
-    cairn_icp_params icp;
-    cairn_force_field_params field;
-    cairn_scan_set_params keyframes;
-    cairn_mapper *made;
-    cairn_status status;
+    cairn_status status = cairn_object_admit(mapper, pool, cairn_mapper_memory(params));
 
-    if (mapper == NULL || pool == NULL || need == 0)
-        return CAIRN_BAD_ARGUMENT;
-    if (!cairn_pool_has_capacity(pool, need))
-        return CAIRN_NO_MEMORY;
-    icp = icp_params(params);
-    field = field_params(params);
-    keyframes = keyframe_params(params);
-    made = take_memory(pool, params);
-    made->params = *params;
-    status = cairn_scan_create(&made->scan, pool, &params->scan);
     if (status == CAIRN_OK)
-        status = cairn_icp_create(&made->icp, pool, &icp);
-    if (status == CAIRN_OK)
-        status = cairn_scan_set_create(&made->keyframes, pool, &keyframes);
-    if (status == CAIRN_OK && params->window)
-        status = cairn_force_field_create(&made->field, pool, &field);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    if (status == CAIRN_OK && has_match(params)) {
-        cairn_scan_match_params match = match_params(params);
-
-        status = cairn_scan_match_create(&made->search, pool, &match);
-    }
-    if (status == CAIRN_OK && has_loops(params)) {
-        cairn_pose_graph_params graph = graph_params(params);
-
-        status = cairn_pose_graph_create(&made->loop.graph, pool, &graph, NULL);
-    }
-    made->target_stale = 1;
-    *mapper = made;
+        *mapper = build(pool, params);
     return status;
 }

@@ -17,6 +17,10 @@
 #include "cairn/mapper.h"
 #include "cairn/pose_graph.h"
 #include "cairn/scan_match.h"
+#include "src/base/object.h"
+
+/* Table of the parameters. */
+extern const cairn_parameters cairn_mapper_parameters;
 
 enum {
     /* sectors of a visibility profile (range by bearing) */
